@@ -1,0 +1,7 @@
+/// \file
+/// Everything public.
+#pragma once
+
+#include "espalier/matrix.hpp"
+#include "espalier/solver.hpp"
+#include "espalier/types.hpp"

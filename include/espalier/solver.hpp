@@ -1,0 +1,142 @@
+/// \file
+/// The solver: analyze(pattern), factorize(values), solve(rhs).
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "espalier/matrix.hpp"
+#include "espalier/types.hpp"
+
+namespace espalier {
+
+/// Receives one line of log text (no newline). May be called from the thread that called the solver only.
+using LogCallback = std::function<void(const std::string& line)>;
+
+/// What the caller may choose. Every field has a default that suits mechanics.
+struct Options {
+  Kind kind = Kind::automatic;            ///< the factorization
+  Precision precision = Precision::fp64;  ///< precision of the factor
+  std::string device = "auto";            ///< auto | cpu | host:N | host:N,M (threads per host device) | gpu:all | gpu:0,1
+  Offset device_memory_bytes = 0;         ///< budget per device; 0: what is free
+  Offset host_memory_bytes = 0;           ///< budget on the host; 0: what is free
+  int threads = 0;                        ///< host threads; 0: all cores this process may use
+  Index max_block_size = 0;               ///< widest block column (= tile) of a front; 0: by front size
+  double pivot_threshold = 0.01;          ///< u of threshold pivoting: entries of L stay below 1/u
+  double perturbation = 0;                ///< relative size of a perturbed pivot; 0: sqrt(eps) of the factor's precision
+  bool matching = true;                   ///< maximum product matching and scaling for ldlt and lu
+  int refinement_steps = 10;              ///< most steps of iterative refinement
+  double required_backward_error = 1e-10; ///< a normwise backward error above it ends in accuracy_not_reached
+  bool record_timeline = false;           ///< keep one event per task for write_trace()
+  std::vector<Index> permutation;         ///< the caller's own elimination order (old index of the k-th); empty: ours
+  LogCallback log;                        ///< where log lines go; empty: nowhere
+};
+
+/// Inertia of the factored matrix: counts of eigenvalues by sign (exact for ldlt and llt, -1 for lu).
+struct Inertia {
+  Index positive = -1;
+  Index negative = -1;
+  Index zero = -1;
+};
+
+/// One device's part in the last factorization.
+struct DeviceReport {
+  std::string name;          ///< for instance "host (2 threads)" or "NVIDIA H200 #0"
+  double busy_seconds = 0;   ///< sum over its workers of time inside tasks, divided by the number of workers
+  double idle_fraction = 0;  ///< 1 - busy / wall
+  Offset peak_bytes = 0;     ///< most bytes of factor and work arrays that it held
+};
+
+/// What analyze() found out.
+struct AnalysisResult {
+  Status status;
+  Kind kind = Kind::automatic;     ///< the kind that factorize() will use
+  double seconds = 0;              ///< whole call
+  double matching_seconds = 0;     ///< matching and scaling
+  double ordering_seconds = 0;     ///< compression, nested dissection, minimum degree
+  double plan_seconds = 0;         ///< elimination tree, supernodes and plan
+  Offset nonzeros_factor = 0;      ///< entries of L (of L + U for lu) in the fronts' pivot columns, without padding
+  double flops = 0;                ///< floating-point operations of the factorization (multiply and add count as two)
+  Index fronts = 0;                ///< number of fronts
+  Index tiers = 0;                 ///< height of the assembly tree
+  Index largest_front = 0;         ///< rows of the largest front
+  Offset predicted_bytes = 0;      ///< peak memory of factor and work arrays that factorize() will take
+  double predicted_seconds = 0;    ///< time of the numeric factorization by the cost model
+};
+
+/// What factorize() or refactorize() did.
+struct FactorResult {
+  Status status;
+  double seconds = 0;              ///< whole call
+  double flops_per_second = 0;     ///< flops of the analysis over seconds
+  Inertia inertia;
+  Index two_by_two = 0;            ///< 2x2 pivots taken
+  Index perturbed = 0;             ///< pivots that were too small and were replaced
+  Index delayed = 0;               ///< columns whose elimination was moved to a later front by re-analysis
+  double determinant_sign = 0;     ///< -1, 0 or 1
+  double determinant_log = 0;      ///< natural logarithm of |det A|
+  Offset peak_host_bytes = 0;      ///< most bytes that this solver held on the host
+  std::vector<DeviceReport> devices;
+};
+
+/// What solve() did.
+struct SolveResult {
+  Status status;
+  double seconds = 0;              ///< whole call, refinement included
+  double solve_seconds = 0;        ///< the first forward and backward substitution alone
+  int refinement_steps = 0;        ///< steps of refinement (or of FGMRES / CG) taken
+  double backward_error = 0;       ///< normwise: max over rhs of |b - A x|_inf / (|A|_inf |x|_inf + |b|_inf)
+  double componentwise_error = 0;  ///< componentwise (Oettli-Prager): max |b - A x|_i / (|A| |x| + |b|)_i
+};
+
+/// The direct solver. One object serves one pattern at a time; objects are independent of each other. Not safe for
+/// concurrent calls on one object.
+class Solver {
+ public:
+  enum class State { empty, analyzed, factorized };
+
+  explicit Solver(Options options = {});
+  ~Solver();
+  Solver(Solver&&) noexcept;
+  Solver& operator=(Solver&&) noexcept;
+
+  /// Orders the matrix and lays out the plan. `a` must be square. Values are used (where present) for matching and
+  /// scaling and for the choice of kind. A copy of pattern and values is kept.
+  AnalysisResult analyze(const MatrixView& a);
+  /// Factorizes `a`, whose pattern must be the analyzed one (checked). @pre state() != empty
+  FactorResult factorize(const MatrixView& a);
+  /// Same pattern, new values in the order of the analyzed matrix; allocates nothing. @pre state() != empty
+  FactorResult refactorize(std::span<const double> values);
+  /// Solves for `columns` right-hand sides stored column by column, n values each; x may alias b.
+  /// @pre state() == factorized
+  SolveResult solve(std::span<const double> b, std::span<double> x, Index columns = 1,
+                    Transpose transpose = Transpose::no);
+
+  [[nodiscard]] State state() const;
+  [[nodiscard]] const Options& options() const;
+  [[nodiscard]] const AnalysisResult& analysis() const;
+  /// 1-norm condition estimate of the factored matrix (Hager-Higham); costs a few solves. @pre state() == factorized
+  [[nodiscard]] double condition_estimate();
+  /// The tree as figures per tier, for people: one row per tier from the root.
+  struct TierRow {
+    Index tier = 0, fronts = 0, largest_front = 0;
+    double flops = 0;
+    Offset factor_entries = 0;
+  };
+  [[nodiscard]] std::vector<TierRow> tiers() const;
+
+  /// Saves the analysis of the current pattern; load_analysis() of the same pattern then needs no ordering.
+  Status save_analysis(const std::string& path) const;
+  AnalysisResult load_analysis(const std::string& path, const MatrixView& a);
+  /// Writes the recorded tasks as a Chrome trace that Perfetto opens (options.record_timeline must be set).
+  Status write_trace(const std::string& path) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace espalier

@@ -1,0 +1,40 @@
+/// \file
+/// Maximum product matching and scaling (Duff and Koster 2001), and its symmetric form (Duff and Pralet 2005).
+#pragma once
+
+#include <vector>
+
+#include "base/thread_pool.hpp"
+#include "espalier/matrix.hpp"
+
+namespace espalier::analysis {
+
+/// Row and column scaling r, c such that |r_i a_ij c_j| <= 1 with equality on the matching, and the matching.
+struct Matching {
+  std::vector<double> row_scale;  ///< n, positive
+  std::vector<double> col_scale;  ///< n, positive; equal to row_scale for a symmetric matrix
+  std::vector<Index> row_of_col;  ///< n; the row matched to each column, -1 when unmatched
+  Index structural_rank = 0;      ///< number of matched columns
+};
+
+/// Matching of a square general matrix (storage general; duplicates must have been summed). Rows and columns that
+/// cannot be matched get the scaling that bounds their entries by 1.
+Matching maximum_product_matching(const MatrixView& a);
+
+/// For a symmetric matrix (any symmetric storage): symmetric scaling s = sqrt(r c) of the unsymmetric matching, and the
+/// pairs of Duff and Pralet: pair[v] == w means that v and w are a 2x2 pivot candidate, pair[v] == v a 1x1.
+struct SymmetricMatching {
+  std::vector<double> scale;  ///< n, positive
+  std::vector<Index> pair;    ///< n
+  Index structural_rank = 0;
+};
+SymmetricMatching symmetric_matching(const MatrixView& a);
+
+/// Symmetric or two-sided equilibration in the infinity norm (Ruiz 2001), powers of two: for llt and wherever matching
+/// is switched off. row_scale == col_scale for symmetric storage.
+struct Scaling {
+  std::vector<double> row, col;
+};
+Scaling equilibrate(const MatrixView& a);
+
+}  // namespace espalier::analysis

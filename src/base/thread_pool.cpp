@@ -1,0 +1,152 @@
+#include "base/thread_pool.hpp"
+
+#include <sched.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace espalier::base {
+
+namespace {
+// Spins before sleeping: about 20 microseconds, the order of a futex wake-up.
+constexpr int kSpins = 4000;
+
+void relax() {
+#if defined(__x86_64__)
+  __builtin_ia32_pause();
+#else
+  std::this_thread::yield();
+#endif
+}
+}  // namespace
+
+int available_cores() {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  if (sched_getaffinity(0, sizeof set, &set) == 0) return std::max(1, CPU_COUNT(&set));
+  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
+ThreadPool::ThreadPool(int threads) {
+  const int extra = std::max(1, threads) - 1;
+  errors_.resize(static_cast<std::size_t>(extra) + 1);
+  threads_.reserve(static_cast<std::size_t>(extra));
+  for (int t = 0; t < extra; ++t) threads_.emplace_back([this, t] { work(t + 1); });
+}
+
+ThreadPool::~ThreadPool() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+    generation_.fetch_add(1, std::memory_order_release);
+  }
+  wake_.notify_all();
+  for (auto& t : threads_) t.join();
+}
+
+void ThreadPool::work(int worker) {
+  std::uint64_t seen = 0;
+  for (;;) {
+    for (int s = 0; s < kSpins && generation_.load(std::memory_order_acquire) == seen; ++s) relax();
+    if (generation_.load(std::memory_order_acquire) == seen) {
+      std::unique_lock lock(mutex_);
+      wake_.wait(lock, [&] { return generation_.load(std::memory_order_acquire) != seen; });
+    }
+    seen = generation_.load(std::memory_order_acquire);
+    if (stop_) return;
+    try {
+      (*body_)(worker);
+    } catch (...) {
+      errors_[static_cast<std::size_t>(worker)] = std::current_exception();
+    }
+    if (running_.fetch_sub(1, std::memory_order_acq_rel) == 1) {
+      const std::lock_guard lock(mutex_);
+      done_.notify_one();
+    }
+  }
+}
+
+void ThreadPool::run(const std::function<void(int)>& body) {
+  std::fill(errors_.begin(), errors_.end(), nullptr);
+  body_ = &body;
+  running_.store(static_cast<int>(threads_.size()), std::memory_order_relaxed);
+  {
+    const std::lock_guard lock(mutex_);
+    generation_.fetch_add(1, std::memory_order_release);
+  }
+  wake_.notify_all();
+  try {
+    body(0);
+  } catch (...) {
+    errors_[0] = std::current_exception();
+  }
+  for (int s = 0; s < kSpins && running_.load(std::memory_order_acquire) != 0; ++s) relax();
+  {
+    std::unique_lock lock(mutex_);
+    done_.wait(lock, [&] { return running_.load(std::memory_order_acquire) == 0; });
+  }
+  for (auto& e : errors_)
+    if (e) std::rethrow_exception(e);
+}
+
+void ThreadPool::for_each_piece(std::int64_t n, std::int64_t grain,
+                                const std::function<void(std::int64_t, std::int64_t)>& body) {
+  grain = std::max<std::int64_t>(1, grain);
+  if (threads_.empty() || n <= grain) {
+    for (std::int64_t b = 0; b < n; b += grain) body(b, std::min(n, b + grain));
+    return;
+  }
+  std::atomic<std::int64_t> next{0};
+  run([&](int) {
+    for (;;) {
+      const std::int64_t b = next.fetch_add(grain, std::memory_order_relaxed);
+      if (b >= n) return;
+      body(b, std::min(n, b + grain));
+    }
+  });
+}
+
+void Recursion::spawn(Task task) {
+  {
+    const std::lock_guard lock(mutex_);
+    tasks_.push_back(std::move(task));
+    ++open_;
+  }
+  available_.notify_one();
+}
+
+bool Recursion::take_and_run() {
+  Task task;
+  {
+    std::unique_lock lock(mutex_);
+    available_.wait(lock, [&] { return !tasks_.empty() || open_ == 0; });
+    if (tasks_.empty()) return false;
+    task = std::move(tasks_.back());
+    tasks_.pop_back();
+    if (error_) {  // a task failed: the rest is dropped
+      if (--open_ == 0) available_.notify_all();
+      return true;
+    }
+  }
+  try {
+    task(*this);
+  } catch (...) {
+    const std::lock_guard lock(mutex_);
+    if (!error_) error_ = std::current_exception();
+  }
+  const std::lock_guard lock(mutex_);
+  if (--open_ == 0) available_.notify_all();
+  return true;
+}
+
+void Recursion::run(ThreadPool& pool, Task root) {
+  Recursion recursion;
+  recursion.spawn(std::move(root));
+  pool.run([&](int) {
+    while (recursion.take_and_run()) {
+    }
+  });
+  if (recursion.error_) std::rethrow_exception(recursion.error_);
+}
+
+}  // namespace espalier::base

@@ -1,0 +1,78 @@
+/// \file
+/// A fixed team of threads: parallel regions, parallel loops, and fork-join task groups for recursions.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <exception>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace espalier::base {
+
+/// Cores that this process may use (its affinity mask), at least 1.
+int available_cores();
+
+/// `size()` workers: the calling thread is worker 0, the others sleep between calls (after spinning for a short while,
+/// so that a sequence of short calls does not pay for a wake-up each time). One parallel call at a time.
+class ThreadPool {
+ public:
+  explicit ThreadPool(int threads);
+  ~ThreadPool();
+  ThreadPool(const ThreadPool&) = delete;
+  ThreadPool& operator=(const ThreadPool&) = delete;
+
+  [[nodiscard]] int size() const { return static_cast<int>(threads_.size()) + 1; }
+
+  /// Runs body(worker) once on every worker at the same time and returns when all have returned. The first exception
+  /// (by worker number) is rethrown. Must not be nested.
+  void run(const std::function<void(int worker)>& body);
+
+  /// body(begin, end) over pieces of [0, n) of at most `grain` indices, taken by whoever is free. The pieces are the
+  /// same for every number of threads.
+  void for_each_piece(std::int64_t n, std::int64_t grain,
+                      const std::function<void(std::int64_t begin, std::int64_t end)>& body);
+
+  /// body(i) for each i in [0, n), taken one by one in rising order.
+  void for_each(std::int64_t n, const std::function<void(std::int64_t i)>& body) {
+    for_each_piece(n, 1, [&](std::int64_t begin, std::int64_t) { body(begin); });
+  }
+
+ private:
+  void work(int worker);
+
+  std::vector<std::thread> threads_;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  std::condition_variable done_;
+  const std::function<void(int)>* body_ = nullptr;
+  std::vector<std::exception_ptr> errors_;
+  std::atomic<std::uint64_t> generation_{0};
+  std::atomic<int> running_{0};
+  std::atomic<bool> stop_{false};
+};
+
+/// Runs a recursion in parallel: `root(recursion)` may spawn() further tasks from any worker; recurse() returns when
+/// all tasks have ended. The order in which tasks run is not defined; results must not depend on it.
+class Recursion {
+ public:
+  using Task = std::function<void(Recursion&)>;
+  /// Runs `root` and everything that it spawns on the pool. Rethrows the first exception.
+  static void run(ThreadPool& pool, Task root);
+  /// Adds a task; any worker may take it.
+  void spawn(Task task);
+
+ private:
+  bool take_and_run();
+  std::mutex mutex_;
+  std::condition_variable available_;
+  std::deque<Task> tasks_;
+  int open_ = 0;  // tasks waiting or running
+  std::exception_ptr error_;
+};
+
+}  // namespace espalier::base
