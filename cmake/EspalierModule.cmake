@@ -1,0 +1,35 @@
+# espalier_module(name DEPENDS other modules... LIBRARIES external targets...)
+# One object library per folder src/<name>, made of all sources in that folder (sub-folders are named by SUBFOLDERS).
+# A module sees the headers of the modules below it as "module/header.hpp".
+function(espalier_flags target)
+  target_compile_features(${target} PUBLIC cxx_std_20)
+  target_compile_options(${target} PRIVATE
+    $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Wpedantic -Wshadow -Wno-unknown-pragmas>
+    $<$<AND:$<BOOL:${ESPALIER_WERROR}>,$<COMPILE_LANGUAGE:CXX>>:-Werror>)
+  if(ESPALIER_SANITIZE)
+    target_compile_options(${target} PUBLIC -fsanitize=${ESPALIER_SANITIZE} -fno-omit-frame-pointer -g)
+    target_link_options(${target} PUBLIC -fsanitize=${ESPALIER_SANITIZE})
+  endif()
+endfunction()
+
+function(espalier_module name)
+  cmake_parse_arguments(ARG "" "" "SUBFOLDERS;DEPENDS;LIBRARIES" ${ARGN})
+  set(globs ${CMAKE_CURRENT_SOURCE_DIR}/${name}/*.cpp)
+  foreach(sub IN LISTS ARG_SUBFOLDERS)
+    list(APPEND globs ${CMAKE_CURRENT_SOURCE_DIR}/${name}/${sub}/*.cpp)
+  endforeach()
+  file(GLOB sources CONFIGURE_DEPENDS ${globs})
+  if(NOT sources)
+    file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/${name}_empty.cpp "")
+    set(sources ${CMAKE_CURRENT_BINARY_DIR}/${name}_empty.cpp)
+  endif()
+  add_library(espalier_${name} STATIC ${sources})
+  set_target_properties(espalier_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  espalier_flags(espalier_${name})
+  target_include_directories(espalier_${name} PUBLIC ${PROJECT_SOURCE_DIR}/src
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>)
+  foreach(dependency IN LISTS ARG_DEPENDS)
+    target_link_libraries(espalier_${name} PUBLIC espalier_${dependency})
+  endforeach()
+  target_link_libraries(espalier_${name} PUBLIC ${ARG_LIBRARIES})
+endfunction()
