@@ -1,0 +1,156 @@
+#include "analysis/task_list.hpp"
+
+#include <algorithm>
+#include <vector>
+
+namespace espalier::analysis {
+
+namespace {
+
+class TaskLister {
+ public:
+  explicit TaskLister(Plan& plan) : plan_(plan), fronts_(plan.fronts()) {}
+
+  void list() {
+    measure_subtrees();
+    plan_.tasks.clear();
+    plan_.first_task.assign(static_cast<std::size_t>(fronts_), 0);
+    plan_.last_task.assign(static_cast<std::size_t>(fronts_), 0);
+    // Trees of a forest that fit into one group together are taken together.
+    std::vector<Index> roots;
+    for (Index f = 0; f < fronts_; ++f)
+      if (plan_.tree.parent[f] < 0) roots.push_back(f);
+    walk_children(roots);
+  }
+
+ private:
+  // For every front: the first front of its sub-tree, the sub-tree's work and contributions, whether it is one range.
+  void measure_subtrees() {
+    const auto n = static_cast<std::size_t>(fronts_);
+    subtree_begin_.resize(n);
+    is_range_.assign(n, 0);
+    entries_.assign(n, 0);
+    std::vector<double> flops(n);
+    for (Index f = 0; f < fronts_; ++f) {
+      subtree_begin_[f] = f;
+      bool all_ranges = true;
+      double work = front_flops(plan_.layout[f].pivots, plan_.layout[f].rows, plan_.options.unsymmetric);
+      for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c) {
+        const Index child = plan_.children[c];
+        subtree_begin_[f] = std::min(subtree_begin_[f], subtree_begin_[child]);
+        all_ranges = all_ranges && is_range_[child] != 0;
+        work += flops[child];
+        entries_[f] += entries_[child];
+      }
+      flops[f] = work;
+      is_range_[f] = static_cast<char>(all_ranges && plan_.whole[f] != 0 && work <= plan_.options.range_flops);
+      if (is_range_[f] != 0) entries_[f] = 0;
+      entries_[f] += plan_.layout[f].contribution_size();
+    }
+  }
+
+  // Sub-trees side by side: small ones are gathered into groups, a large one is walked alone. An explicit stack keeps
+  // deep trees (chains) from exhausting the thread's.
+  void walk_children(const std::vector<Index>& roots) {
+    struct Step {
+      Index front;
+      bool children_done;
+    };
+    std::vector<Step> stack;
+    std::vector<Index> group;
+    const auto push = [&](const auto& list) {
+      for (auto it = list.rbegin(); it != list.rend(); ++it) stack.push_back({*it, false});
+    };
+    push(roots);
+    Offset gathered = 0;
+    const auto flush = [&] {
+      if (!group.empty()) emit_group(group);
+      group.clear();
+      gathered = 0;
+    };
+    while (!stack.empty()) {
+      const Step step = stack.back();
+      stack.pop_back();
+      const Index f = step.front;
+      if (step.children_done) {
+        flush();
+        emit_tier({f});
+      } else if (entries_[f] <= plan_.options.group_entries || is_range_[f] != 0) {
+        if (gathered + entries_[f] > plan_.options.group_entries) flush();
+        group.push_back(f);
+        gathered += entries_[f];
+      } else {
+        stack.push_back({f, true});
+        push(std::vector<Index>(plan_.children.begin() + plan_.child_ptr[f], plan_.children.begin() + plan_.child_ptr[f + 1]));
+      }
+    }
+    flush();
+  }
+
+  // All fronts of the sub-trees under `roots`, deepest tier first.
+  void emit_group(const std::vector<Index>& roots) {
+    std::vector<std::vector<Index>> tiers;
+    std::vector<Index> now = roots;
+    while (!now.empty()) {
+      std::vector<Index> below;
+      for (const Index f : now)
+        if (is_range_[f] == 0)
+          below.insert(below.end(), plan_.children.begin() + plan_.child_ptr[f], plan_.children.begin() + plan_.child_ptr[f + 1]);
+      tiers.push_back(std::move(now));
+      now = std::move(below);
+    }
+    for (auto t = tiers.rbegin(); t != tiers.rend(); ++t) emit_tier(*t);
+  }
+
+  void emit_tier(const std::vector<Index>& tier) {
+    std::vector<Index> tiled;
+    for (const Index f : tier)
+      if (plan_.whole[f] != 0)
+        emit_range(f);
+      else
+        tiled.push_back(f);
+    // Largest first, so that the last ones to finish are small; the number decides among equals.
+    std::stable_sort(tiled.begin(), tiled.end(), [&](Index a, Index b) {
+      return plan_.layout[a].tile_count() > plan_.layout[b].tile_count();
+    });
+    const auto step = static_cast<std::size_t>(std::max<Index>(1, plan_.options.interleave));
+    for (std::size_t b = 0; b < tiled.size(); b += step)
+      emit_tiles({tiled.begin() + static_cast<std::ptrdiff_t>(b),
+                  tiled.begin() + static_cast<std::ptrdiff_t>(std::min(tiled.size(), b + step))});
+  }
+
+  void emit_range(Index f) {
+    const auto at = static_cast<Index>(plan_.tasks.size());
+    const Index begin = is_range_[f] != 0 ? subtree_begin_[f] : f;
+    for (Index g = begin; g <= f; ++g) plan_.first_task[g] = plan_.last_task[g] = at;
+    plan_.tasks.push_back({f, begin, 0, 0});
+  }
+
+  void emit_tiles(const std::vector<Index>& fronts) {
+    Index columns = 0;
+    for (const Index f : fronts) {
+      columns = std::max(columns, plan_.layout[f].tiles);
+      plan_.first_task[f] = -1;
+    }
+    for (Index j = 0; j < columns; ++j)
+      for (const Index f : fronts)
+        for (Index i = j; i < plan_.layout[f].tiles; ++i) {
+          const auto at = static_cast<Index>(plan_.tasks.size());
+          if (plan_.first_task[f] < 0) plan_.first_task[f] = at;
+          plan_.last_task[f] = at;
+          plan_.tasks.push_back({f, -1, i, j});
+        }
+  }
+
+  Plan& plan_;
+  Index fronts_;
+  std::vector<Index> subtree_begin_;
+  std::vector<char> is_range_;
+  std::vector<Offset> entries_;  // contribution entries of a sub-tree that its group holds
+};
+
+}  // namespace
+
+void list_tasks(Plan& plan) { TaskLister(plan).list(); }
+
+}  // namespace espalier::analysis
