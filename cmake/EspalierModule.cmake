@@ -1,5 +1,5 @@
 # espalier_module(name DEPENDS other modules... LIBRARIES external targets...)
-# One object library per folder src/<name>, made of all sources in that folder (sub-folders are named by SUBFOLDERS).
+# One static library espalier_<name> per folder src/<name>, made of all sources in that folder (sub-folders are named by SUBFOLDERS).
 # A module sees the headers of the modules below it as "module/header.hpp".
 function(espalier_flags target)
   target_compile_features(${target} PUBLIC cxx_std_20)
@@ -9,6 +9,9 @@ function(espalier_flags target)
   if(ESPALIER_SANITIZE)
     target_compile_options(${target} PUBLIC -fsanitize=${ESPALIER_SANITIZE} -fno-omit-frame-pointer -g)
     target_link_options(${target} PUBLIC -fsanitize=${ESPALIER_SANITIZE})
+  endif()
+  if(ESPALIER_FUZZERS)
+    target_compile_options(${target} PUBLIC -fsanitize=fuzzer-no-link)
   endif()
 endfunction()
 
@@ -32,4 +35,28 @@ function(espalier_module name)
     target_link_libraries(espalier_${name} PUBLIC espalier_${dependency})
   endforeach()
   target_link_libraries(espalier_${name} PUBLIC ${ARG_LIBRARIES})
+  set_property(GLOBAL APPEND PROPERTY ESPALIER_EXTERNAL_LIBRARIES ${ARG_LIBRARIES})
+endfunction()
+
+# espalier_combine(modules...): the library that is installed, espalier::espalier, made of the objects of these modules.
+# Static unless BUILD_SHARED_LIBS is set. What the modules link stays private: public headers need the standard library
+# alone.
+function(espalier_combine)
+  set(objects)
+  foreach(module IN LISTS ARGN)
+    list(APPEND objects $<TARGET_OBJECTS:espalier_${module}>)
+  endforeach()
+  add_library(espalier_library ${objects})
+  add_library(espalier::espalier ALIAS espalier_library)
+  set_target_properties(espalier_library PROPERTIES OUTPUT_NAME espalier EXPORT_NAME espalier LINKER_LANGUAGE CXX VERSION ${PROJECT_VERSION}
+    SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
+  target_compile_features(espalier_library INTERFACE cxx_std_20)
+  target_include_directories(espalier_library INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  get_property(libraries GLOBAL PROPERTY ESPALIER_EXTERNAL_LIBRARIES)
+  list(REMOVE_DUPLICATES libraries)
+  target_link_libraries(espalier_library PRIVATE ${libraries})
+  if(ESPALIER_SANITIZE)
+    target_link_options(espalier_library PUBLIC $<BUILD_INTERFACE:-fsanitize=${ESPALIER_SANITIZE}>)
+  endif()
 endfunction()

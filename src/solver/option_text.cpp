@@ -1,0 +1,203 @@
+#include "solver/option_text.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+namespace espalier::solver {
+
+namespace {
+
+[[noreturn]] void reject(std::string_view what, std::string_view value, std::string_view expected) {
+  throw Error(StatusCode::invalid_input, fmt::format("{}: '{}' is not understood; give {}", what, value, expected));
+}
+
+template <class T>
+T parse_number(std::string_view key, std::string_view value, T least, T most, std::string_view expected) {
+  T number{};
+  const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
+  const bool whole = error == std::errc{} && end == value.data() + value.size();
+  if (!whole || !(number >= least && number <= most)) reject(key, value, expected);
+  return number;
+}
+
+bool parse_switch(std::string_view key, std::string_view value) {
+  for (const std::string_view yes : {"1", "on", "true", "yes"}) {
+    if (value == yes) return true;
+  }
+  for (const std::string_view no : {"0", "off", "false", "no"}) {
+    if (value == no) return false;
+  }
+  reject(key, value, "on or off");
+}
+
+/// "0,1,2": numbers from `least` on, separated by commas.
+bool is_number_list(std::string_view text, int least) {
+  while (true) {
+    const std::size_t comma = std::min(text.find(','), text.size());
+    int number = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + comma, number);
+    if (error != std::errc{} || end != text.data() + comma || number < least) return false;
+    if (comma == text.size()) return true;
+    text.remove_prefix(comma + 1);
+  }
+}
+
+bool is_device(std::string_view text) {
+  if (text == "auto" || text == "cpu" || text == "gpu:all") return true;
+  if (text.starts_with("host:")) return is_number_list(text.substr(5), 1);
+  return text.starts_with("gpu:") && is_number_list(text.substr(4), 0);
+}
+
+template <class T, std::size_t N>
+T parse_name(std::string_view key, std::string_view value, const std::array<std::pair<std::string_view, T>, N>& names) {
+  std::string expected;
+  for (std::size_t i = 0; i < N; ++i) {
+    if (value == names[i].first) return names[i].second;
+    expected += fmt::format("{}{}", i == 0 ? "" : (i + 1 == N ? " or " : ", "), names[i].first);
+  }
+  reject(key, value, expected);
+}
+
+constexpr std::array<std::pair<std::string_view, Kind>, 4> kKinds{
+    {{"auto", Kind::automatic}, {"llt", Kind::llt}, {"ldlt", Kind::ldlt}, {"lu", Kind::lu}}};
+constexpr std::array<std::pair<std::string_view, Precision>, 3> kPrecisions{
+    {{"fp64", Precision::fp64}, {"fp32", Precision::fp32}, {"mixed", Precision::mixed}}};
+
+using Setter = void (*)(Options&, std::string_view key, std::string_view value);
+struct Entry {
+  std::string_view key;
+  Setter set;
+};
+
+constexpr Index kMost = std::numeric_limits<Index>::max();
+
+Offset parse_budget(std::string_view key, std::string_view value) {
+  try {
+    return parse_bytes(value);
+  } catch (const Error& e) {
+    throw Error(StatusCode::invalid_input, fmt::format("{}: {}", key, e.what()));
+  }
+}
+
+void set_device(Options& options, std::string_view key, std::string_view value) {
+  if (!is_device(value))
+    reject(key, value, "auto, cpu, host:N, host:N,M (threads per host device), gpu:all or gpu:0,1");
+  options.device = value;
+}
+
+constexpr std::array<Entry, 13> kEntries{{
+    {"kind", [](Options& o, std::string_view k, std::string_view v) { o.kind = parse_name(k, v, kKinds); }},
+    {"precision",
+     [](Options& o, std::string_view k, std::string_view v) { o.precision = parse_name(k, v, kPrecisions); }},
+    {"device", set_device},
+    {"device_memory",
+     [](Options& o, std::string_view k, std::string_view v) { o.device_memory_bytes = parse_budget(k, v); }},
+    {"host_memory",
+     [](Options& o, std::string_view k, std::string_view v) { o.host_memory_bytes = parse_budget(k, v); }},
+    {"threads",
+     [](Options& o, std::string_view k, std::string_view v) {
+       o.threads = parse_number<int>(k, v, 0, 4096, "a number of threads from 1 to 4096, or 0 for all cores");
+     }},
+    {"max_block_size",
+     [](Options& o, std::string_view k, std::string_view v) {
+       o.max_block_size = parse_number<Index>(k, v, 0, kMost, "a whole number of columns, or 0 for our choice");
+     }},
+    {"pivot_threshold",
+     [](Options& o, std::string_view k, std::string_view v) {
+       o.pivot_threshold = parse_number<double>(k, v, 0, 1, "a number from 0 to 1");
+     }},
+    {"perturbation",
+     [](Options& o, std::string_view k, std::string_view v) {
+       o.perturbation = parse_number<double>(k, v, 0, 1, "a number from 0 (our choice) to 1");
+     }},
+    {"matching", [](Options& o, std::string_view k, std::string_view v) { o.matching = parse_switch(k, v); }},
+    {"refinement_steps",
+     [](Options& o, std::string_view k, std::string_view v) {
+       o.refinement_steps = parse_number<int>(k, v, 0, 1000, "a whole number from 0 to 1000");
+     }},
+    {"required_backward_error",
+     [](Options& o, std::string_view k, std::string_view v) {
+       o.required_backward_error = parse_number<double>(k, v, 0, 1, "a number from 0 to 1");
+     }},
+    {"record_timeline",
+     [](Options& o, std::string_view k, std::string_view v) { o.record_timeline = parse_switch(k, v); }},
+}};
+
+/// 1024 to this power for a unit; -1 for text that is no unit.
+int power_of(std::string_view unit) {
+  if (unit.empty()) return 0;
+  std::string lower(unit);
+  std::transform(lower.begin(), lower.end(), lower.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  if (lower == "b") return 0;
+  const std::size_t power = std::string_view("kmgt").find(lower[0]);
+  const std::string_view rest = std::string_view(lower).substr(1);
+  if (power == std::string_view::npos || !(rest.empty() || rest == "b" || rest == "ib")) return -1;
+  return static_cast<int>(power) + 1;
+}
+
+}  // namespace
+
+Offset parse_bytes(std::string_view text) {
+  constexpr std::string_view expected = "a size such as 4096, 512M, 2GiB or 1.5G";
+  double number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number, std::chars_format::fixed);
+  if (error != std::errc{}) reject("size", text, expected);
+  std::string_view unit = text.substr(static_cast<std::size_t>(end - text.data()));
+  while (unit.starts_with(' ')) unit.remove_prefix(1);
+  const int power = power_of(unit);
+  const double bytes = std::ldexp(number, 10 * std::max(power, 0));
+  // 2^62 leaves room for sums of budgets in 64 bits.
+  if (power < 0 || !(bytes >= 0 && bytes <= std::ldexp(1.0, 62))) reject("size", text, expected);
+  return static_cast<Offset>(bytes);
+}
+
+void set_option(Options& options, std::string_view key, std::string_view value) {
+  std::string name(key);
+  std::replace(name.begin(), name.end(), '-', '_');
+  const auto* entry = std::find_if(kEntries.begin(), kEntries.end(), [&](const Entry& e) { return e.key == name; });
+  if (entry == kEntries.end()) {
+    throw Error(StatusCode::invalid_input,
+                fmt::format("there is no option '{}'; the options are {}", key, fmt::join(option_keys(), ", ")));
+  }
+  entry->set(options, key, value);
+}
+
+std::vector<std::string_view> option_keys() {
+  std::vector<std::string_view> keys;
+  for (const Entry& entry : kEntries) keys.push_back(entry.key);
+  return keys;
+}
+
+std::string_view name_of(Kind kind) { return kKinds[static_cast<std::size_t>(kind)].first; }
+
+std::string_view name_of(Precision precision) { return kPrecisions[static_cast<std::size_t>(precision)].first; }
+
+std::string_view name_of(StatusCode code) {
+  switch (code) {
+    case StatusCode::ok:
+      return "ok";
+    case StatusCode::invalid_input:
+      return "invalid_input";
+    case StatusCode::singular:
+      return "singular";
+    case StatusCode::not_positive_definite:
+      return "not_positive_definite";
+    case StatusCode::out_of_memory:
+      return "out_of_memory";
+    case StatusCode::device_error:
+      return "device_error";
+    case StatusCode::accuracy_not_reached:
+      return "accuracy_not_reached";
+    case StatusCode::cancelled:
+      return "cancelled";
+  }
+  return "unknown";
+}
+
+}  // namespace espalier::solver
