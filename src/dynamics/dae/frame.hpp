@@ -1,0 +1,57 @@
+/// \file
+/// A frame carried by a body: the only thing that joints and forces know of a body. Rigid bodies, ground, flexible
+/// nodes and averaged faces implement it, so every joint and every force works between any of them.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+
+#include "dynamics/dae/system.hpp"
+
+namespace espalier::dynamics {
+
+using Vec3 = Eigen::Vector3d;
+using Mat3 = Eigen::Matrix3d;
+using Vec6 = Eigen::Matrix<double, 6, 1>;
+
+/// Motion of a frame, all in global components. The twist is [dr/dt; omega] = J v; its derivative J a + bias.
+struct FrameMotion {
+  Vec3 r = Vec3::Zero();           ///< position of the origin
+  Mat3 rot = Mat3::Identity();     ///< columns: axes of the frame
+  Vec3 vel = Vec3::Zero();         ///< velocity of the origin
+  Vec3 omega = Vec3::Zero();       ///< angular velocity
+  Vec3 bias_acc = Vec3::Zero();    ///< part of the origin's acceleration that does not contain a
+  Vec3 bias_alpha = Vec3::Zero();  ///< part of the angular acceleration that does not contain a
+};
+
+/// A frame that depends on a fixed, ordered list of nd velocity coordinates.
+class Frame {
+ public:
+  virtual ~Frame() = default;
+  /// The global indices of the nd velocity coordinates. Valid after the body was placed; empty for the ground.
+  [[nodiscard]] virtual std::span<const Index> coordinates() const = 0;
+  /// False for a plain node, whose rotation no joint may use (jacobian() then has zero rotation rows).
+  [[nodiscard]] virtual bool has_rotation() const { return true; }
+  /// Position and rotation; velocities and biases too where v is not empty.
+  virtual void motion(ConstSpan q, ConstSpan v, FrameMotion& out) const = 0;
+  /// J, 6 x nd column by column: [delta r; delta phi] = J dq, delta phi the spatial rotation increment (global axes).
+  virtual void jacobian(ConstSpan q, double* j) const = 0;
+  /// Adds scale * d(J^T wrench)/dq (nd x nd, column by column) for a wrench [force; moment] held constant in global
+  /// axes. Zero for frames whose J is constant.
+  virtual void wrench_stiffness(ConstSpan q, const Vec6& wrench, double scale, double* k) const;
+};
+
+/// A frame at rest in the global system.
+class GroundFrame final : public Frame {
+ public:
+  explicit GroundFrame(Vec3 r = Vec3::Zero(), Mat3 rot = Mat3::Identity()) : r_(r), rot_(rot) {}
+  [[nodiscard]] std::span<const Index> coordinates() const override { return {}; }
+  void motion(ConstSpan q, ConstSpan v, FrameMotion& out) const override;
+  void jacobian(ConstSpan q, double* j) const override;
+
+ private:
+  Vec3 r_;
+  Mat3 rot_;
+};
+
+}  // namespace espalier::dynamics

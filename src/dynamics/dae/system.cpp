@@ -1,0 +1,237 @@
+#include "dynamics/dae/system.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "dynamics/dae/frame.hpp"
+
+namespace espalier::dynamics {
+
+Offset find_entry(const SparsePattern& pattern, Index major, Index minor) {
+  const auto first = pattern.ind.begin() + pattern.ptr[static_cast<std::size_t>(major)];
+  const auto last = pattern.ind.begin() + pattern.ptr[static_cast<std::size_t>(major) + 1];
+  const auto it = std::lower_bound(first, last, minor);
+  if (it == last || *it != minor) {
+    throw std::logic_error("entry (" + std::to_string(major) + ", " + std::to_string(minor) +
+                           ") was not declared in the pattern");
+  }
+  return it - pattern.ind.begin();
+}
+
+PatternBuilder::PatternBuilder(Index rows, Index cols, bool by_columns)
+    : rows_(rows), cols_(cols), by_columns_(by_columns), lists_(static_cast<std::size_t>(by_columns ? cols : rows)) {}
+
+void PatternBuilder::add(Index row, Index col) {
+  if (row < 0 || col < 0) return;
+  if (row >= rows_ || col >= cols_) throw std::logic_error("pattern entry outside of the matrix");
+  auto& list = lists_[static_cast<std::size_t>(by_columns_ ? col : row)];
+  // Duplicates are dropped when the list is about to grow, so memory stays within twice the final pattern.
+  if (list.size() == list.capacity() && list.size() >= 32) {
+    std::sort(list.begin(), list.end());
+    list.erase(std::unique(list.begin(), list.end()), list.end());
+    if (list.size() * 2 > list.capacity()) list.reserve(list.capacity() * 2);
+  }
+  list.push_back(by_columns_ ? row : col);
+}
+
+void PatternBuilder::add_block(std::span<const Index> rows, std::span<const Index> cols) {
+  for (const Index c : cols) {
+    for (const Index r : rows) add(r, c);
+  }
+}
+
+SparsePattern PatternBuilder::build() const {
+  SparsePattern p{rows_, cols_, {}, {}};
+  p.ptr.reserve(lists_.size() + 1);
+  p.ptr.push_back(0);
+  for (auto& list : lists_) {
+    std::sort(list.begin(), list.end());
+    list.erase(std::unique(list.begin(), list.end()), list.end());
+    p.ptr.push_back(p.ptr.back() + static_cast<Offset>(list.size()));
+  }
+  p.ind.reserve(static_cast<std::size_t>(p.ptr.back()));
+  for (const auto& list : lists_) p.ind.insert(p.ind.end(), list.begin(), list.end());
+  return p;
+}
+
+// ---- System: defaults of a vector space
+
+std::string System::constraint_name(Index row) const { return "constraint " + std::to_string(row); }
+std::string System::coordinate_name(Index coordinate) const { return "coordinate " + std::to_string(coordinate); }
+
+void System::retract(ConstSpan q, ConstSpan dq, Span q_out) const {
+  for (std::size_t i = 0; i < q.size(); ++i) q_out[i] = q[i] + dq[i];
+}
+
+void System::local(ConstSpan base, ConstSpan q, Span theta) const {
+  for (std::size_t i = 0; i < q.size(); ++i) theta[i] = q[i] - base[i];
+}
+
+void System::velocity_of_rate(ConstSpan /*theta*/, ConstSpan theta_dot, Span v) const {
+  if (v.data() != theta_dot.data()) std::copy(theta_dot.begin(), theta_dot.end(), v.begin());
+}
+
+void System::magnitude(ConstSpan q, Span out) const {
+  for (std::size_t i = 0; i < q.size(); ++i) out[i] = std::abs(q[i]);
+}
+
+Energy System::energy(const StateView& /*s*/) { return {}; }
+
+// ---- Component: defaults of a vector space on its own range
+
+namespace {
+
+struct Range {
+  std::size_t q, v, n;
+};
+
+Range own_range(const Component& c) {
+  return {static_cast<std::size_t>(c.placement().q), static_cast<std::size_t>(c.placement().v),
+          static_cast<std::size_t>(c.sizes().velocity)};
+}
+
+}  // namespace
+
+std::string Component::constraint_name(Index local_row) const {
+  return "\"" + name_ + "\", equation " + std::to_string(local_row);
+}
+
+std::string Component::coordinate_name(Index local_coordinate) const {
+  return "\"" + name_ + "\", coordinate " + std::to_string(local_coordinate);
+}
+
+void Component::initial(Span q, Span v) const {
+  const Range o = own_range(*this);
+  std::fill_n(q.begin() + at_.q, sizes().configuration, 0.0);
+  std::fill_n(v.begin() + at_.v, o.n, 0.0);
+}
+
+void Component::retract(ConstSpan q, ConstSpan dq, Span q_out) const {
+  const Range o = own_range(*this);
+  for (std::size_t i = 0; i < o.n; ++i) q_out[o.q + i] = q[o.q + i] + dq[o.v + i];
+}
+
+void Component::local(ConstSpan base, ConstSpan q, Span theta) const {
+  const Range o = own_range(*this);
+  for (std::size_t i = 0; i < o.n; ++i) theta[o.v + i] = q[o.q + i] - base[o.q + i];
+}
+
+void Component::velocity_of_rate(ConstSpan /*theta*/, ConstSpan theta_dot, Span v) const {
+  const Range o = own_range(*this);
+  for (std::size_t i = 0; i < o.n; ++i) v[o.v + i] = theta_dot[o.v + i];
+}
+
+void Component::magnitude(ConstSpan q, Span out) const {
+  const Range o = own_range(*this);
+  for (std::size_t i = 0; i < o.n; ++i) out[o.v + i] = std::abs(q[o.q + i]);
+}
+
+void Component::constraints(double /*t*/, ConstSpan /*q*/, ConstSpan /*v*/, const ConstraintBuffers& /*out*/) {}
+Energy Component::energy(const StateView& /*s*/) { return {}; }
+
+// ---- AssembledSystem
+
+void AssembledSystem::insert(std::unique_ptr<Component> component) {
+  component->place({sizes_.configuration, sizes_.velocity, sizes_.constraints});
+  const Sizes own = component->sizes();
+  sizes_.configuration += own.configuration;
+  sizes_.velocity += own.velocity;
+  sizes_.constraints += own.constraints;
+  if (own.velocity > 0) owners_of_coordinates_.push_back(component.get());
+  if (own.constraints > 0) owners_of_constraints_.push_back(component.get());
+  components_.push_back(std::move(component));
+}
+
+void AssembledSystem::finish() {
+  PatternBuilder w(sizes_.velocity, sizes_.velocity, true);
+  PatternBuilder phi_q(sizes_.constraints, sizes_.velocity, false);
+  for (Index i = 0; i < sizes_.velocity; ++i) w.add(i, i);
+  for (const auto& c : components_) c->declare(w, phi_q);
+  w_pattern_ = w.build();
+  phi_q_pattern_ = phi_q.build();
+  for (const auto& c : components_) c->bind(w_pattern_, phi_q_pattern_);
+  ++version_;
+}
+
+void AssembledSystem::initial(Span q, Span v) const {
+  for (const auto& c : components_) c->initial(q, v);
+}
+
+namespace {
+
+/// The component whose range of `count(sizes)` unknowns starting at `first(placement)` contains the index.
+template <class First>
+const Component& owner(const std::vector<Component*>& owners, Index index, First first) {
+  const auto it = std::upper_bound(owners.begin(), owners.end(), index,
+                                   [&](Index i, const Component* c) { return i < first(c->placement()); });
+  if (it == owners.begin()) throw std::invalid_argument("no component owns index " + std::to_string(index));
+  return **(it - 1);
+}
+
+}  // namespace
+
+std::string AssembledSystem::constraint_name(Index row) const {
+  const Component& c = owner(owners_of_constraints_, row, [](const Placement& p) { return p.c; });
+  return c.constraint_name(row - c.placement().c);
+}
+
+std::string AssembledSystem::coordinate_name(Index coordinate) const {
+  const Component& c = owner(owners_of_coordinates_, coordinate, [](const Placement& p) { return p.v; });
+  return c.coordinate_name(coordinate - c.placement().v);
+}
+
+void AssembledSystem::retract(ConstSpan q, ConstSpan dq, Span q_out) const {
+  for (const Component* c : owners_of_coordinates_) c->retract(q, dq, q_out);
+}
+
+void AssembledSystem::local(ConstSpan base, ConstSpan q, Span theta) const {
+  for (const Component* c : owners_of_coordinates_) c->local(base, q, theta);
+}
+
+void AssembledSystem::velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const {
+  for (const Component* c : owners_of_coordinates_) c->velocity_of_rate(theta, theta_dot, v);
+}
+
+void AssembledSystem::magnitude(ConstSpan q, Span out) const {
+  for (const Component* c : owners_of_coordinates_) c->magnitude(q, out);
+}
+
+void AssembledSystem::residual(const StateView& s, Span f) {
+  std::fill(f.begin(), f.end(), 0.0);
+  for (const auto& c : components_) c->residual(s, f);
+}
+
+void AssembledSystem::constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) {
+  std::fill(out.phi_q_values.begin(), out.phi_q_values.end(), 0.0);
+  for (Component* c : owners_of_constraints_) c->constraints(t, q, v, out);
+}
+
+Energy AssembledSystem::energy(const StateView& s) {
+  Energy sum;
+  for (const auto& c : components_) {
+    const Energy e = c->energy(s);
+    sum.kinetic += e.kinetic;
+    sum.potential += e.potential;
+  }
+  return sum;
+}
+
+void AssembledSystem::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
+  std::fill(w_values.begin(), w_values.end(), 0.0);
+  for (const auto& c : components_) c->tangent(s, weights, w_values);
+}
+
+// ---- Frame
+
+void Frame::wrench_stiffness(ConstSpan /*q*/, const Vec6& /*wrench*/, double /*scale*/, double* /*k*/) const {}
+
+void GroundFrame::motion(ConstSpan /*q*/, ConstSpan /*v*/, FrameMotion& out) const {
+  out = FrameMotion{};
+  out.r = r_;
+  out.rot = rot_;
+}
+
+void GroundFrame::jacobian(ConstSpan /*q*/, double* /*j*/) const {}
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,233 @@
+/// \file
+/// The seam of the dynamics module: a mechanical system as a set of equations in the unknowns x = [a, v, q, lambda].
+///
+/// Words used everywhere below
+///   v        velocity coordinates, n of them; a = dv/dt
+///   q        configuration, n_q numbers (n_q >= n; a rigid body has 7 for 6 velocity coordinates: position, unit
+///   quaternion) dq       an increment of the configuration: a tangent vector with n entries, in the same coordinates
+///   as v dt q (+) dq the configuration reached from q by the increment dq (retract); plain addition in a vector space
+///   m        number of constraint equations
+/// The equations
+///   F(q, v, a, lambda, t) + Phi_q^T lambda = 0    motion; residual() gives F, the layer itself adds Phi_q^T lambda
+///   Phi(q, t) = 0                                 position level
+///   Phi_q v   - nu = 0       nu = -Phi_t          velocity level
+///   Phi_q a   - gamma = 0                         acceleration level, gamma = -(d/dt Phi_q) v - d/dt Phi_t
+/// where Phi_q is the derivative with respect to increments: Phi(q (+) dq) = Phi(q) + Phi_q dq + O(dq^2).
+/// Derivatives of F with respect to q are meant in the same way, and contain the derivative of Phi_q^T lambda.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "espalier/types.hpp"
+
+namespace espalier::dynamics {
+
+using Span = std::span<double>;
+using ConstSpan = std::span<const double>;
+
+/// Where the motion stands. Views only; `a` and `lambda` may be empty where a function does not use them.
+struct StateView {
+  double t = 0;      ///< time
+  ConstSpan q;       ///< configuration, n_q
+  ConstSpan v;       ///< velocities, n
+  ConstSpan a;       ///< accelerations, n
+  ConstSpan lambda;  ///< multipliers, m
+};
+
+/// Weights of the three derivatives in a tangent: W = a F_a + v F_v + q F_q.
+struct TangentWeights {
+  double a = 1;
+  double v = 0;
+  double q = 0;
+};
+
+/// What a call of constraints() shall fill in. An empty span is not wanted (and then not computed).
+struct ConstraintBuffers {
+  Span phi;           ///< m: Phi(q, t)
+  Span nu;            ///< m: right side of the velocity level
+  Span gamma;         ///< m: right side of the acceleration level (needs v)
+  Span phi_q_values;  ///< entries of Phi_q in the order of its pattern
+};
+
+/// Energies in joule (in the units of the model). Work of external and dissipative forces is not counted.
+struct Energy {
+  double kinetic = 0;
+  double potential = 0;
+  [[nodiscard]] double total() const { return kinetic + potential; }
+};
+
+/// A fixed sparsity pattern in compressed form with sorted, unique indices. `ptr` runs over columns for W (compressed
+/// sparse column) and over rows for Phi_q (compressed sparse row); `ind` holds the other index.
+struct SparsePattern {
+  Index rows = 0;
+  Index cols = 0;
+  std::vector<Offset> ptr;
+  std::vector<Index> ind;
+  [[nodiscard]] Offset nonzeros() const { return ptr.empty() ? 0 : ptr.back(); }
+};
+
+/// Position of entry (major, minor) in a pattern's values: major is the column of W or the row of Phi_q.
+/// @throws std::logic_error if the entry was never declared.
+[[nodiscard]] Offset find_entry(const SparsePattern& pattern, Index major, Index minor);
+
+/// Collects declared entries and makes the pattern of them. Duplicates are merged; negative indices (ground, fixed
+/// coordinates) are skipped.
+class PatternBuilder {
+ public:
+  PatternBuilder(Index rows, Index cols, bool by_columns);
+  void add(Index row, Index col);
+  /// Declares every (row, col) pair of the two lists.
+  void add_block(std::span<const Index> rows, std::span<const Index> cols);
+  /// The pattern of all entries declared so far.
+  [[nodiscard]] SparsePattern build() const;
+
+ private:
+  Index rows_, cols_;
+  bool by_columns_;
+  mutable std::vector<std::vector<Index>> lists_;  // minor indices of every major index, compacted lazily
+};
+
+struct Sizes {
+  Index configuration = 0;  ///< n_q
+  Index velocity = 0;       ///< n
+  Index constraints = 0;    ///< m
+};
+
+/// A system of equations that the integrators can integrate. All arrays are global. Implementations need not be safe
+/// for concurrent calls on one object.
+class System {
+ public:
+  virtual ~System() = default;
+
+  [[nodiscard]] virtual Sizes sizes() const = 0;
+  /// Name of a constraint equation for people, for instance: revolute "hinge-3", rotation about y.
+  [[nodiscard]] virtual std::string constraint_name(Index row) const;
+  /// Name of a velocity coordinate for people.
+  [[nodiscard]] virtual std::string coordinate_name(Index coordinate) const;
+
+  // The manifold of configurations; the defaults are those of a vector space (n_q = n).
+  /// q_out = q (+) dq. q_out may alias q.
+  virtual void retract(ConstSpan q, ConstSpan dq, Span q_out) const;
+  /// theta with q = base (+) theta (the inverse of retract in its second argument).
+  virtual void local(ConstSpan base, ConstSpan q, Span theta) const;
+  /// v of a motion base (+) theta(t): v = T(theta) theta_dot. v may alias theta_dot.
+  virtual void velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const;
+  /// Magnitude of each coordinate for relative tolerances: |q_i| by default, 1 for a rotation. n entries.
+  virtual void magnitude(ConstSpan q, Span out) const;
+
+  // Equations.
+  /// F(q, v, a, lambda, t) without Phi_q^T lambda; overwrites f (n).
+  virtual void residual(const StateView& s, Span f) = 0;
+  /// Constraint quantities at (t, q, v); v may be empty unless gamma is wanted. Does nothing where m = 0.
+  virtual void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) = 0;
+  [[nodiscard]] virtual Energy energy(const StateView& s);
+
+  // Jacobians. The patterns are fixed while pattern_version() stays the same.
+  [[nodiscard]] virtual const SparsePattern& tangent_pattern() const = 0;     ///< n x n, by columns
+  [[nodiscard]] virtual const SparsePattern& constraint_pattern() const = 0;  ///< m x n, by rows
+  [[nodiscard]] virtual std::uint64_t pattern_version() const { return 0; }
+  /// W = weights.a F_a + weights.v F_v + weights.q (F + Phi_q^T lambda)_q; overwrites the values.
+  virtual void tangent(const StateView& s, const TangentWeights& weights, Span w_values) = 0;
+};
+
+/// Where a component's own unknowns stand in the global arrays.
+struct Placement {
+  Index q = 0;  ///< first configuration number
+  Index v = 0;  ///< first velocity coordinate
+  Index c = 0;  ///< first constraint equation
+};
+
+/// A part of a mechanical system: a set of rigid bodies, a flexible body, a joint, a force. It may own coordinates,
+/// own constraint equations, both or none, and contributes to the global equations. Every function gets global arrays
+/// and touches its own ranges of them (and, for the sums F and W, the coordinates that it acts on).
+class Component {
+ public:
+  explicit Component(std::string name) : name_(std::move(name)) {}
+  virtual ~Component() = default;
+  Component(const Component&) = delete;
+  Component& operator=(const Component&) = delete;
+
+  [[nodiscard]] const std::string& name() const { return name_; }
+  /// Numbers of unknowns and equations that it owns. Must not change after it was added.
+  [[nodiscard]] virtual Sizes sizes() const = 0;
+  /// Called once when it is added to a system.
+  virtual void place(const Placement& at) { at_ = at; }
+  [[nodiscard]] const Placement& placement() const { return at_; }
+  [[nodiscard]] virtual std::string constraint_name(Index local_row) const;
+  [[nodiscard]] virtual std::string coordinate_name(Index local_coordinate) const;
+
+  /// Writes the initial values of its own coordinates.
+  virtual void initial(Span q, Span v) const;
+
+  // Manifold operations on its own ranges; the defaults are those of a vector space.
+  virtual void retract(ConstSpan q, ConstSpan dq, Span q_out) const;
+  virtual void local(ConstSpan base, ConstSpan q, Span theta) const;
+  virtual void velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const;
+  virtual void magnitude(ConstSpan q, Span out) const;
+
+  /// Declares the entries of W (rows, columns: global velocity coordinates) and of Phi_q (rows: global constraints)
+  /// that it will ever touch.
+  virtual void declare(PatternBuilder& w, PatternBuilder& phi_q) const = 0;
+  /// Called when the patterns stand: look up (find_entry) the positions of the entries, once.
+  virtual void bind(const SparsePattern& w, const SparsePattern& phi_q) = 0;
+
+  /// Adds its part of F.
+  virtual void residual(const StateView& s, Span f) = 0;
+  /// Writes its own constraint rows; entries of Phi_q were zeroed before.
+  virtual void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out);
+  /// Adds its part of W.
+  virtual void tangent(const StateView& s, const TangentWeights& weights, Span w_values) = 0;
+  [[nodiscard]] virtual Energy energy(const StateView& s);
+
+ private:
+  std::string name_;
+  Placement at_;
+};
+
+/// A system made of components. Add all components, then call finish() once; adding more later and calling finish()
+/// again raises pattern_version().
+class AssembledSystem final : public System {
+ public:
+  /// Adds a component and places its unknowns after those of its predecessors. Returns a reference of its own type.
+  template <class T>
+  T& add(std::unique_ptr<T> component) {
+    T& reference = *component;
+    insert(std::move(component));
+    return reference;
+  }
+  void finish();
+  /// Initial configuration and velocities as the components state them (not yet consistent with the constraints).
+  void initial(Span q, Span v) const;
+  [[nodiscard]] const std::vector<std::unique_ptr<Component>>& components() const { return components_; }
+
+  [[nodiscard]] Sizes sizes() const override { return sizes_; }
+  [[nodiscard]] std::string constraint_name(Index row) const override;
+  [[nodiscard]] std::string coordinate_name(Index coordinate) const override;
+  void retract(ConstSpan q, ConstSpan dq, Span q_out) const override;
+  void local(ConstSpan base, ConstSpan q, Span theta) const override;
+  void velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const override;
+  void magnitude(ConstSpan q, Span out) const override;
+  void residual(const StateView& s, Span f) override;
+  void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) override;
+  [[nodiscard]] Energy energy(const StateView& s) override;
+  [[nodiscard]] const SparsePattern& tangent_pattern() const override { return w_pattern_; }
+  [[nodiscard]] const SparsePattern& constraint_pattern() const override { return phi_q_pattern_; }
+  [[nodiscard]] std::uint64_t pattern_version() const override { return version_; }
+  void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
+
+ private:
+  void insert(std::unique_ptr<Component> component);
+
+  std::vector<std::unique_ptr<Component>> components_;
+  std::vector<Component*> owners_of_coordinates_;  // components with velocity coordinates
+  std::vector<Component*> owners_of_constraints_;
+  Sizes sizes_;
+  SparsePattern w_pattern_, phi_q_pattern_;
+  std::uint64_t version_ = 0;
+};
+
+}  // namespace espalier::dynamics
