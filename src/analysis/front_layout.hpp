@@ -9,13 +9,14 @@
 namespace espalier::analysis {
 
 /// A front of `rows` rows whose first `pivots` columns are eliminated. Tile rows (and columns) 0 .. pivot_tiles-1 hold
-/// the pivots, the others the rows below. Tile (i, j), i >= j, has the rows of tile row i and the columns of tile row j.
-/// All offsets are in elements, 0-based.
+/// the pivots, the others the rows below. Tile (i, j), i >= j, has the rows of tile row i and the columns of tile row
+/// j. All offsets are in elements, 0-based.
 ///
 /// Two arrays belong to a front:
 ///  - the *factor*: block columns j < pivot_tiles one after another, each a sequence of tiles i = j .. tiles-1 with
 ///    `width(j)` columns and padded rows (see device/host/kernels.hpp, panels);
-///  - the *contribution*: block columns j >= pivot_tiles, each column-major with the rows from its first column's row to
+///  - the *contribution*: block columns j >= pivot_tiles, each column-major with the rows from its first column's row
+///  to
 ///    the last row of the front; only entries with row >= column are meaningful.
 struct FrontLayout {
   Index pivots = 0;
@@ -23,8 +24,8 @@ struct FrontLayout {
   Index pivot_width = 1;  ///< columns of every pivot tile but the last; a multiple of the panel when pivot_tiles > 1
   Index below_width = 1;  ///< rows of every tile below but the last; a multiple of the panel when there are several
   Index pivot_tiles = 0;
-  Index tiles = 0;        ///< pivot_tiles + tiles below
-  Index panel = 8;        ///< rows of a tile are padded to a multiple of it
+  Index tiles = 0;  ///< pivot_tiles + tiles below
+  Index panel = 8;  ///< rows of a tile are padded to a multiple of it
 
   [[nodiscard]] Index below() const { return rows - pivots; }
   [[nodiscard]] Offset padded(Offset x) const { return (x + panel - 1) / panel * panel; }
@@ -46,7 +47,8 @@ struct FrontLayout {
   /// First row of tile row i when every tile row is padded to whole panels.
   [[nodiscard]] Offset padded_begin(Index i) const {
     if (i < pivot_tiles) return static_cast<Offset>(i) * pivot_width;
-    const Offset pivot_end = pivot_tiles == 0 ? 0 : static_cast<Offset>(pivot_tiles - 1) * pivot_width + padded(width(pivot_tiles - 1));
+    const Offset pivot_end =
+        pivot_tiles == 0 ? 0 : static_cast<Offset>(pivot_tiles - 1) * pivot_width + padded(width(pivot_tiles - 1));
     if (i >= tiles) {
       const Index last = tiles - 1;
       return last < pivot_tiles ? pivot_end : padded_begin(last) + padded(width(last));
@@ -56,7 +58,8 @@ struct FrontLayout {
   /// Start of tile (i, j), j < pivot_tiles, in the factor array.
   [[nodiscard]] Offset tile_offset(Index i, Index j) const {
     const Offset total = padded_begin(tiles);
-    const Offset column = static_cast<Offset>(pivot_width) * (j * total - static_cast<Offset>(pivot_width) * j * (j - 1) / 2);
+    const Offset column =
+        static_cast<Offset>(pivot_width) * (j * total - static_cast<Offset>(pivot_width) * j * (j - 1) / 2);
     return column + width(j) * (padded_begin(i) - padded_begin(j));
   }
   /// Elements of the factor array.
@@ -67,7 +70,8 @@ struct FrontLayout {
   }
   /// Start of block column j (0-based among the tiles below) in the contribution array.
   [[nodiscard]] Offset contribution_offset(Index j) const {
-    return static_cast<Offset>(below_width) * (j * static_cast<Offset>(below()) - static_cast<Offset>(below_width) * j * (j - 1) / 2);
+    return static_cast<Offset>(below_width) *
+           (j * static_cast<Offset>(below()) - static_cast<Offset>(below_width) * j * (j - 1) / 2);
   }
   /// Rows of block column j of the contribution: its leading dimension.
   [[nodiscard]] Offset contribution_ld(Index j) const { return below() - static_cast<Offset>(j) * below_width; }

@@ -138,9 +138,8 @@ class FrontEntries {
       const Index col = c - t.first[f];
       const Index j = layout.tile_of(col);
       raw_.assign(columns_.list.begin() + columns_.ptr[c], columns_.list.begin() + columns_.ptr[c + 1]);
-      std::sort(raw_.begin(), raw_.end(), [](const Raw& x, const Raw& y) {
-        return x.row != y.row ? x.row < y.row : x.source < y.source;
-      });
+      std::sort(raw_.begin(), raw_.end(),
+                [](const Raw& x, const Raw& y) { return x.row != y.row ? x.row < y.row : x.source < y.source; });
       for (const Raw& e : raw_) {
         const Index row = e.row < t.first[f + 1] ? e.row - t.first[f] : local_[e.row];
         const Index i = plan_.whole[f] ? 0 : layout.tile_of(row);

@@ -1,6 +1,6 @@
 /// \file
-/// The plan: everything about a factorization that the pattern alone decides. Executors (host, CUDA, simulator) carry it
-/// out; none of them decides anything of its own.
+/// The plan: everything about a factorization that the pattern alone decides. Executors (host, CUDA, simulator) carry
+/// it out; none of them decides anything of its own.
 #pragma once
 
 #include <cstdint>
@@ -15,8 +15,8 @@ namespace espalier::analysis {
 
 /// One unit of work. A *tile task* makes tile (i, j) of front `front`, left-looking: it gathers entries of A and the
 /// children's contributions, subtracts the products of the finished tiles to its left, then factors it (i == j, pivot
-/// column), solves with the diagonal tile (j a pivot column), or leaves it as contribution. A *range task* (`begin` >= 0)
-/// eliminates the fronts begin .. front, a set of whole small fronts, one after another on one worker.
+/// column), solves with the diagonal tile (j a pivot column), or leaves it as contribution. A *range task* (`begin` >=
+/// 0) eliminates the fronts begin .. front, a set of whole small fronts, one after another on one worker.
 struct Task {
   Index front = 0;   ///< the front; the last one of a range
   Index begin = -1;  ///< first front of a range; -1 for a tile task
@@ -25,9 +25,9 @@ struct Task {
   [[nodiscard]] bool is_range() const { return begin >= 0; }
 };
 
-/// An entry of the caller's matrix on its way into a tile: values[source] is added at (row, column) of the tile. For lu, an
-/// entry of U stands transposed, in the tile of U^T (`transposed`), except in diagonal tiles, which are full squares.
-/// Packed into 64 bits: up to 2^40 values, tiles up to 2,047 wide.
+/// An entry of the caller's matrix on its way into a tile: values[source] is added at (row, column) of the tile. For
+/// lu, an entry of U stands transposed, in the tile of U^T (`transposed`), except in diagonal tiles, which are full
+/// squares. Packed into 64 bits: up to 2^40 values, tiles up to 2,047 wide.
 class Entry {
  public:
   Entry() = default;
@@ -46,18 +46,19 @@ class Entry {
 /// What shapes the plan besides the tree.
 struct PlanOptions {
   TileRule tiles;
-  bool unsymmetric = false;     ///< lu: two factor arrays per front
-  bool ldlt = false;            ///< keeps L D of a front beside L while the front is worked on
-  double range_flops = 2e5;        ///< sub-trees of whole small fronts with at most that much work become one range task
-  Offset group_entries = 4 << 20;  ///< sub-trees whose contributions all fit here are taken tier by tier, others branch by branch
-  Index interleave = 4;            ///< that many fronts of a tier advance together, block column by block column
-  Index reuse_distance = 64;       ///< a dead region is reused only by fronts that start so many tasks later
+  bool unsymmetric = false;  ///< lu: two factor arrays per front
+  bool ldlt = false;         ///< keeps L D of a front beside L while the front is worked on
+  double range_flops = 2e5;  ///< sub-trees of whole small fronts with at most that much work become one range task
+  Offset group_entries =
+      4 << 20;           ///< sub-trees whose contributions all fit here are taken tier by tier, others branch by branch
+  Index interleave = 4;  ///< that many fronts of a tier advance together, block column by block column
+  Index reuse_distance = 64;  ///< a dead region is reused only by fronts that start so many tasks later
 };
 
-/// Places in the arena that holds factors, contributions and work arrays of one device; elements, not bytes. A region is
-/// reused once its content is dead; since tasks overlap in time, the front that reuses it first waits for the fronts in
-/// `wait_fronts` to be finished (they stand earlier in the task list, so the wait ends). Contributions inside a range task
-/// never leave the worker: they live on a stack of its own.
+/// Places in the arena that holds factors, contributions and work arrays of one device; elements, not bytes. A region
+/// is reused once its content is dead; since tasks overlap in time, the front that reuses it first waits for the fronts
+/// in `wait_fronts` to be finished (they stand earlier in the task list, so the wait ends). Contributions inside a
+/// range task never leave the worker: they live on a stack of its own.
 struct MemoryPlan {
   Offset size = 0;                    ///< elements of the arena
   Offset factor_size = 0;             ///< elements of it that hold factors at the end
@@ -74,28 +75,29 @@ struct MemoryPlan {
 struct Plan {
   AssemblyTree tree;
   PlanOptions options;
-  std::vector<FrontLayout> layout;      ///< fronts
-  std::vector<char> whole;              ///< fronts; 1: taken whole, by a range task
-  std::vector<Offset> child_ptr;        ///< fronts + 1
-  std::vector<Index> children;          ///< in the order in which their contributions are added
-  std::vector<Index> relative;          ///< like tree.rows: the row's place (0-based row) in the parent's front
-  std::vector<Offset> first_tile;       ///< fronts + 1; number of the front's first tile among all tiles
-  std::vector<Offset> entry_ptr;        ///< tiles + 1 (whole fronts: all entries at their first tile)
-  std::vector<Entry> entries;           ///< sorted by tile, then column, then row
-  std::vector<Task> tasks;              ///< in topological order
-  std::vector<Index> first_task;        ///< fronts; number of the front's first task
-  std::vector<Index> last_task;         ///< fronts; number of the front's last task
-  std::vector<Index> tier;              ///< fronts; distance from the root
+  std::vector<FrontLayout> layout;  ///< fronts
+  std::vector<char> whole;          ///< fronts; 1: taken whole, by a range task
+  std::vector<Offset> child_ptr;    ///< fronts + 1
+  std::vector<Index> children;      ///< in the order in which their contributions are added
+  std::vector<Index> relative;      ///< like tree.rows: the row's place (0-based row) in the parent's front
+  std::vector<Offset> first_tile;   ///< fronts + 1; number of the front's first tile among all tiles
+  std::vector<Offset> entry_ptr;    ///< tiles + 1 (whole fronts: all entries at their first tile)
+  std::vector<Entry> entries;       ///< sorted by tile, then column, then row
+  std::vector<Task> tasks;          ///< in topological order
+  std::vector<Index> first_task;    ///< fronts; number of the front's first task
+  std::vector<Index> last_task;     ///< fronts; number of the front's last task
+  std::vector<Index> tier;          ///< fronts; distance from the root
   MemoryPlan memory;
-  Offset nonzeros_factor = 0;           ///< entries of L (L + U for lu), no padding
-  double flops = 0;                     ///< multiply and add count as two
+  Offset nonzeros_factor = 0;  ///< entries of L (L + U for lu), no padding
+  double flops = 0;            ///< multiply and add count as two
 
   [[nodiscard]] Index fronts() const { return tree.fronts(); }
   [[nodiscard]] Offset tiles() const { return first_tile.back(); }
 };
 
-/// Lays out the plan of a matrix with the pattern of `a` (symmetric storage: either triangle or both; duplicates allowed).
-/// For lu, row_of_col[c] is the row matched to column c (empty: c itself): the plan is that of the row-permuted matrix.
+/// Lays out the plan of a matrix with the pattern of `a` (symmetric storage: either triangle or both; duplicates
+/// allowed). For lu, row_of_col[c] is the row matched to column c (empty: c itself): the plan is that of the
+/// row-permuted matrix.
 Plan make_plan(AssemblyTree tree, const MatrixView& a, const std::vector<Index>& row_of_col, const PlanOptions& options,
                base::ThreadPool& pool);
 

@@ -81,7 +81,8 @@ class TaskLister {
         gathered += entries_[f];
       } else {
         stack.push_back({f, true});
-        push(std::vector<Index>(plan_.children.begin() + plan_.child_ptr[f], plan_.children.begin() + plan_.child_ptr[f + 1]));
+        push(std::vector<Index>(plan_.children.begin() + plan_.child_ptr[f],
+                                plan_.children.begin() + plan_.child_ptr[f + 1]));
       }
     }
     flush();
@@ -95,7 +96,8 @@ class TaskLister {
       std::vector<Index> below;
       for (const Index f : now)
         if (is_range_[f] == 0)
-          below.insert(below.end(), plan_.children.begin() + plan_.child_ptr[f], plan_.children.begin() + plan_.child_ptr[f + 1]);
+          below.insert(below.end(), plan_.children.begin() + plan_.child_ptr[f],
+                       plan_.children.begin() + plan_.child_ptr[f + 1]);
       tiers.push_back(std::move(now));
       now = std::move(below);
     }
@@ -110,9 +112,8 @@ class TaskLister {
       else
         tiled.push_back(f);
     // Largest first, so that the last ones to finish are small; the number decides among equals.
-    std::stable_sort(tiled.begin(), tiled.end(), [&](Index a, Index b) {
-      return plan_.layout[a].tile_count() > plan_.layout[b].tile_count();
-    });
+    std::stable_sort(tiled.begin(), tiled.end(),
+                     [&](Index a, Index b) { return plan_.layout[a].tile_count() > plan_.layout[b].tile_count(); });
     const auto step = static_cast<std::size_t>(std::max<Index>(1, plan_.options.interleave));
     for (std::size_t b = 0; b < tiled.size(); b += step)
       emit_tiles({tiled.begin() + static_cast<std::ptrdiff_t>(b),

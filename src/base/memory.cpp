@@ -20,10 +20,11 @@ void MemoryBudget::take(std::int64_t bytes) {
   const std::int64_t now = held_.fetch_add(bytes, std::memory_order_relaxed) + bytes;
   if (limit_ > 0 && now > limit_) {
     held_.fetch_sub(bytes, std::memory_order_relaxed);
-    throw Error(StatusCode::out_of_memory, fmt::format("{}: {} more are needed, {} are in use, the budget is {}; a budget of "
-                                                       "at least {} would do",
-                                                       name_, format_bytes(bytes), format_bytes(now - bytes),
-                                                       format_bytes(limit_), format_bytes(now)));
+    throw Error(
+        StatusCode::out_of_memory,
+        fmt::format("{}: {} more are needed, {} are in use, the budget is {}; a budget of "
+                    "at least {} would do",
+                    name_, format_bytes(bytes), format_bytes(now - bytes), format_bytes(limit_), format_bytes(now)));
   }
   std::int64_t peak = peak_.load(std::memory_order_relaxed);
   while (now > peak && !peak_.compare_exchange_weak(peak, now, std::memory_order_relaxed)) {
@@ -34,12 +35,15 @@ void* allocate_aligned(std::size_t bytes) {
   const bool huge = bytes >= kHugeFrom;
   const std::size_t alignment = huge ? kHugePage : kAlignment;
   const std::size_t rounded = (bytes + alignment - 1) / alignment * alignment;
-  if (rounded < bytes) throw Error(StatusCode::out_of_memory, "an array of more bytes than a pointer can address was asked for");
+  if (rounded < bytes)
+    throw Error(StatusCode::out_of_memory, "an array of more bytes than a pointer can address was asked for");
   void* p = std::aligned_alloc(alignment, rounded);
   if (p == nullptr)
-    throw Error(StatusCode::out_of_memory,
-                fmt::format("the machine refused {} of memory; use a smaller system, or set a memory budget so that the "
-                            "factor is kept outside", format_bytes(static_cast<std::int64_t>(bytes))));
+    throw Error(
+        StatusCode::out_of_memory,
+        fmt::format("the machine refused {} of memory; use a smaller system, or set a memory budget so that the "
+                    "factor is kept outside",
+                    format_bytes(static_cast<std::int64_t>(bytes))));
   if (huge) (void)madvise(p, rounded, MADV_HUGEPAGE);
   return p;
 }

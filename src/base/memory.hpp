@@ -17,8 +17,7 @@ class MemoryBudget {
  public:
   /// @param name appears in error messages, for instance "host memory"
   /// @param limit_bytes 0: no limit but the machine's
-  explicit MemoryBudget(std::string name, std::int64_t limit_bytes = 0)
-      : name_(std::move(name)), limit_(limit_bytes) {}
+  explicit MemoryBudget(std::string name, std::int64_t limit_bytes = 0) : name_(std::move(name)), limit_(limit_bytes) {}
   /// Counts `bytes` more. @throws Error(out_of_memory) naming the budget needed when the limit would be passed
   void take(std::int64_t bytes);
   void give_back(std::int64_t bytes) { held_.fetch_sub(bytes, std::memory_order_relaxed); }

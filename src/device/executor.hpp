@@ -1,0 +1,51 @@
+/// \file
+/// The device seam: an executor carries out a plan on one backend and keeps the numeric factor.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "analysis/plan.hpp"
+#include "base/memory.hpp"
+#include "espalier/types.hpp"
+
+namespace espalier::device {
+
+/// Pivoting inside a diagonal tile.
+struct PivotRule {
+  double threshold = 0.01;  ///< u: a pivot column with an entry of L above 1/u is reported as failed
+  double tiny = 0;          ///< a pivot smaller in magnitude is replaced by +-tiny (absolute; matrix scaled to about 1)
+};
+
+/// What one numeric factorization came to. Positions are those of the plan's elimination order.
+struct FactorOutcome {
+  Index not_positive = -1;        ///< llt: lowest position whose pivot was not positive (or NaN); -1: none
+  Index negative = 0;             ///< negative eigenvalues of D (ldlt)
+  Index two_by_two = 0;           ///< 2x2 pivots
+  std::vector<Index> replaced;    ///< positions of pivots that were smaller than tiny, ascending
+  std::vector<Index> failed;      ///< positions whose column of L exceeds 1/threshold, ascending
+  double determinant_sign = 1;    ///< of the factored (scaled, permuted) matrix
+  double determinant_log = 0;     ///< natural logarithm of the magnitude
+  double busy_seconds = 0;        ///< mean over workers of the time inside tasks
+  double seconds = 0;             ///< wall time
+};
+
+/// One backend's numeric factor of a matrix with the pattern of a plan. All memory is taken in the constructor; factorize()
+/// and solve() allocate nothing on the device. T = double or float.
+template <class T>
+class Executor {
+ public:
+  virtual ~Executor() = default;
+  /// @param values  the caller's value array (plan.entries index it), scaled so that entries are about 1 at most
+  /// @throws Error(device_error) with the failing call; the executor stays usable
+  virtual FactorOutcome factorize(std::span<const T> values) = 0;
+  /// Solves in place: x holds the right-hand sides on entry and the solutions on return, n rows in elimination order,
+  /// row-major with `columns` values per row. transpose: solves with the transposed matrix.
+  virtual void solve(T* x, Index columns, bool transpose) = 0;
+  [[nodiscard]] virtual std::string name() const = 0;
+  [[nodiscard]] virtual Offset peak_bytes() const = 0;
+};
+
+}  // namespace espalier::device
