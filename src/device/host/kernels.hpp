@@ -11,10 +11,11 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 namespace espalier::device::host {
 
-/// Rows in a panel: one cache line.
+/// Rows in a panel: one cache line. Pointers to panels and to scratch should be 64-byte aligned (for speed only).
 template <class T>
 inline constexpr int kPanel = static_cast<int>(64 / sizeof(T));
 
@@ -26,9 +27,9 @@ constexpr std::int64_t padded(std::int64_t n) {
 
 /// Outcome of a factorization with pivoting inside a tile.
 struct PivotCounts {
-  int two_by_two = 0;   ///< 2x2 pivots
-  int perturbed = 0;    ///< pivots replaced because they were below `tiny`
-  int negative = 0;     ///< negative eigenvalues of D (ldlt)
+  int two_by_two = 0;  ///< 2x2 pivots
+  int perturbed = 0;   ///< pivots replaced because they were below `tiny`
+  int negative = 0;    ///< negative eigenvalues of D (ldlt)
 };
 
 /// The table of kernels for one instruction set. All sizes may be zero.
@@ -54,27 +55,46 @@ struct Kernels {
   /// pivot x_k = d1[k] * b_k; for a 2x2 pivot at (k, k+1), marked by e[k] != 0,
   /// x_k = d1[k] b_k + e[k] b_(k+1), x_(k+1) = e[k] b_k + d1[k+1] b_(k+1). d1, e hold the inverse of D. x may equal b.
   void (*scale_columns)(std::int64_t m, std::int64_t n, const T* b, const T* d1, const T* e, T* x);
-  /// Largest |x| of each of the n columns of a panel tile: out[j] = max(out[j], max_i |x(i, j)|). NaN counts as infinity.
+  /// Largest |x| of each of the n columns of a panel tile: out[j] = max(out[j], max_i |x(i, j)|). NaN counts as
+  /// infinity.
   void (*column_max)(std::int64_t m, std::int64_t n, const T* x, T* out);
 
   // ---- factorizations of a diagonal tile (column-major scratch, lower triangle given for the symmetric kinds) ------
   /// C = L L^T in place (lower). @returns n when positive definite, else the first column whose pivot is not positive
   /// (or is NaN).
   std::int64_t (*potrf)(std::int64_t n, T* c, std::int64_t ld);
-  /// P^T C P = L D L^T with Bunch-Kaufman pivoting (rook search) inside the tile. On return the strict lower triangle of C
-  /// holds unit L, perm[k] the row of the given C that stands at k, d and e the diagonal and subdiagonal of D (e[k] != 0
-  /// marks a 2x2 pivot at k, k+1). A pivot smaller than `tiny` in magnitude is replaced by +-tiny; replaced[k] = 1 there
-  /// (else 0; array of n).
+  /// P^T C P = L D L^T with Bunch-Kaufman pivoting (rook search) inside the tile. On return the strict lower triangle
+  /// of C holds unit L, perm[k] the row of the given C that stands at k, d and e the diagonal and subdiagonal of D
+  /// (e[k] != 0 marks a 2x2 pivot at k, k+1). A pivot smaller than `tiny` in magnitude is replaced by +-tiny;
+  /// replaced[k] = 1 there (else 0; array of n).
   PivotCounts (*ldlt)(std::int64_t n, T* c, std::int64_t ld, T tiny, std::int32_t* perm, T* d, T* e, char* replaced);
-  /// P C = L U with row pivoting; unit L strictly below, U on and above the diagonal; perm[k] the row of the given C that
-  /// stands at k. Replacement as in ldlt.
+  /// P C = L U with row pivoting; unit L strictly below, U on and above the diagonal; perm[k] the row of the given C
+  /// that stands at k. Replacement as in ldlt.
   PivotCounts (*getrf)(std::int64_t n, T* c, std::int64_t ld, T tiny, std::int32_t* perm, char* replaced);
   /// W (n x n panels) = inverse of the lower triangle of C (unit diagonal when `unit`), zeros above the diagonal.
   void (*invert_lower)(std::int64_t n, const T* c, std::int64_t ld, bool unit, T* w);
   /// W (n x n panels) = transpose of the inverse of the upper triangle U of C (lower triangular panels).
   void (*invert_upper_transposed)(std::int64_t n, const T* c, std::int64_t ld, T* w);
 
-  // ---- substitution: right-hand sides in row-major groups of `nr` columns (nr == 1, or a multiple of kPanel, ld == nr) ----
+  // ---- small fronts: a whole front in column-major scratch, m x m with m <= 512 and 0 <= k <= m pivot columns
+  // ------------ The first k columns are eliminated from all m rows; rows and columns from k on are updated but never
+  // pivots. n-by-n factorizations above are the case k = m. For the symmetric kinds the part above the diagonal is
+  // undefined on return.
+  /// Columns 0..k-1 become those of L (all m rows), the trailing lower triangle is reduced by L21 L21^T.
+  /// @returns k, or the first column whose pivot is not positive (or is NaN); the front is then undefined
+  std::int64_t (*partial_potrf)(std::int64_t m, std::int64_t k, T* c, std::int64_t ld);
+  /// Like ldlt with pivots chosen among the first k rows: columns 0..k-1 become unit L (strictly below the diagonal,
+  /// all m rows; what stands on the diagonal is undefined), the trailing lower triangle is reduced by L21 D L21^T.
+  /// perm, d, e, replaced: k entries each. Only |L| inside the pivot block is bounded.
+  PivotCounts (*partial_ldlt)(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, T tiny, std::int32_t* perm, T* d,
+                              T* e, char* replaced);
+  /// Like getrf with row pivots chosen among the first k rows: L in columns 0..k-1 (all m rows), U in rows 0..k-1 (all
+  /// m columns), the trailing square is reduced by L21 U12. perm, replaced: k entries each.
+  PivotCounts (*partial_getrf)(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, T tiny, std::int32_t* perm,
+                               char* replaced);
+
+  // ---- substitution: right-hand sides in row-major groups of `nr` columns (nr == 1, or a multiple of kPanel, ld ==
+  // nr) ----
   /// Y (m x nr) -= A X; A: m x n panels, X: n x nr. Y has room for padded(m) rows, the padding is undefined.
   void (*apply)(std::int64_t m, std::int64_t n, std::int64_t nr, const T* a, const T* x, T* y);
   /// Y (n x nr) -= A^T X; A: m x n panels, X: m x nr with padded(m) rows, whose padding must be finite.
@@ -88,6 +108,14 @@ struct Kernels {
 /// The kernels for this processor, chosen once. T = double or float.
 template <class T>
 const Kernels<T>& kernels();
+
+/// One table per instruction set that was compiled in and that this processor runs, the best first. For tests and
+/// measurements only: it changes the dispatch of the process while it runs, so no other thread may use Highway then.
+template <class T>
+std::vector<Kernels<T>> all_kernels();
+
+/// Rate in flop/s of gemm_nt<double> on operands that stay in cache, on one thread, measured for about `seconds`.
+double measure_gemm_rate(double seconds);
 
 /// C (m x n) = alpha op(A) op(B) + beta C on column-major arrays like BLAS gemm, on one thread, through the packed
 /// kernels. Serves measurement against a BLAS and code outside the tile engine.
