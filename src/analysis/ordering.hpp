@@ -7,21 +7,15 @@
 #include <vector>
 
 #include "analysis/assembly_tree.hpp"
+#include "analysis/graph.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::analysis {
 
-/// A symmetric pattern without its diagonal, both triangles, rows sorted within a column, no duplicates. 0-based.
-struct Graph {
-  Index n = 0;
-  std::vector<Offset> ptr;  ///< n + 1
-  std::vector<Index> adj;   ///< ptr[n]
-};
-
 /// What the caller of build_tree may choose.
 struct TreeOptions {
-  std::span<const Index> permutation;      ///< the caller's elimination order; empty: nested dissection
+  std::span<const Index> permutation;  ///< the caller's elimination order; empty: nested dissection
   /// n entries or empty: pair[v] == w and pair[w] == v when v and w should be eliminated next to each other in one
   /// front (a 2x2 pivot candidate), pair[v] == v otherwise
   std::span<const Index> pair;

@@ -1,0 +1,199 @@
+#include <algorithm>
+#include <cstdint>
+#include <numeric>
+
+#include "analysis/graph.hpp"
+
+namespace espalier::analysis {
+
+namespace {
+
+constexpr std::int64_t kVertices = 2048;  // vertices per piece of a parallel loop
+
+std::uint64_t mix(Index v) {  // the finalizer of splitmix64 (Steele, Lea, Flood 2014)
+  std::uint64_t x = (static_cast<std::uint64_t>(v) + 1) * 0x9e3779b97f4a7c15ULL;
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
+  return x ^ (x >> 31);
+}
+
+/// Vertices that are their own leaders, numbered in rising order; -1 for the others.
+struct Numbering {
+  std::vector<Index> number;   ///< n
+  std::vector<Index> leaders;  ///< one per group
+};
+
+Numbering number_leaders(std::span<const Index> leader) {
+  Numbering out;
+  out.number.assign(leader.size(), -1);
+  for (Index v = 0; v < static_cast<Index>(leader.size()); ++v)
+    if (leader[static_cast<std::size_t>(v)] == v) {
+      out.number[static_cast<std::size_t>(v)] = static_cast<Index>(out.leaders.size());
+      out.leaders.push_back(v);
+    }
+  return out;
+}
+
+/// Fills weight, member_ptr and members from the leader of each vertex; members rise within a vertex.
+void list_members(std::span<const Index> leader, const Numbering& numbering, CompressedGraph& out) {
+  const std::size_t vertices = numbering.leaders.size();
+  out.weight.assign(vertices, 0);
+  out.member_ptr.assign(vertices + 1, 0);
+  const auto group = [&](std::size_t v) {
+    return static_cast<std::size_t>(numbering.number[static_cast<std::size_t>(leader[v])]);
+  };
+  for (std::size_t v = 0; v < leader.size(); ++v) ++out.weight[group(v)];
+  std::partial_sum(out.weight.begin(), out.weight.end(), out.member_ptr.begin() + 1);
+  out.members.resize(leader.size());
+  std::vector<Index> next(out.member_ptr.begin(), out.member_ptr.end() - 1);
+  for (std::size_t v = 0; v < leader.size(); ++v)
+    out.members[static_cast<std::size_t>(next[group(v)]++)] = static_cast<Index>(v);
+}
+
+/// Writes the graph whose vertex k has the neighbours list(k, buffer), sorted and unique.
+template <class List>
+Graph build_graph(Index n, base::ThreadPool& pool, const List& list) {
+  Graph g{n, std::vector<Offset>(static_cast<std::size_t>(n) + 1, 0), {}};
+  pool.for_each_piece(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+    std::vector<Index> buffer;
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+      buffer.clear();
+      list(k, buffer);
+      g.ptr[k + 1] = static_cast<Offset>(buffer.size());
+    }
+  });
+  std::partial_sum(g.ptr.begin(), g.ptr.end(), g.ptr.begin());
+  g.adj.resize(static_cast<std::size_t>(g.ptr.back()));
+  pool.for_each_piece(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+    std::vector<Index> buffer;
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+      buffer.clear();
+      list(k, buffer);
+      std::copy(buffer.begin(), buffer.end(), g.adj.begin() + g.ptr[k]);
+    }
+  });
+  return g;
+}
+
+bool same_closed_neighbourhood(const Graph& g, Index u, Index v) {  // for neighbours u < v
+  const auto a = g.neighbours(u), b = g.neighbours(v);
+  if (a.size() != b.size()) return false;
+  std::size_t i = 0, k = 0;
+  for (;;) {
+    if (i < a.size() && a[i] == v) ++i;
+    if (k < b.size() && b[k] == u) ++k;
+    if (i == a.size() || k == b.size()) return i == a.size() && k == b.size();
+    if (a[i++] != b[k++]) return false;
+  }
+}
+
+/// leader[v]: the lowest vertex with the closed neighbourhood of v (they are neighbours of each other, so only
+/// neighbours are looked at; hashes first, as in Ashcraft 1995).
+std::vector<Index> find_leaders(const Graph& g, base::ThreadPool& pool) {
+  const auto n = static_cast<std::size_t>(g.n);
+  std::vector<std::uint64_t> hash(n);
+  pool.for_each_piece(g.n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t v = begin; v < end; ++v) {
+      std::uint64_t sum = mix(static_cast<Index>(v));
+      for (const Index u : g.neighbours(static_cast<Index>(v))) sum += mix(u);
+      hash[static_cast<std::size_t>(v)] = sum;
+    }
+  });
+  std::vector<Index> leader(n);
+  pool.for_each_piece(g.n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+    for (Index v = static_cast<Index>(begin); v < static_cast<Index>(end); ++v) {
+      Index found = v;
+      for (const Index u : g.neighbours(v)) {
+        if (u > v) break;
+        if (hash[static_cast<std::size_t>(u)] != hash[static_cast<std::size_t>(v)]) continue;
+        if (!same_closed_neighbourhood(g, u, v)) continue;
+        found = u;
+        break;
+      }
+      leader[static_cast<std::size_t>(v)] = found;
+    }
+  });
+  return leader;
+}
+
+/// The members of `outer`, whose vertices are groups of vertices of `inner`, replaced by the members of those.
+void expand_members(CompressedGraph& outer, const CompressedGraph& inner) {
+  std::vector<Index> members;
+  members.reserve(inner.members.size());
+  std::vector<Index> ptr{0};
+  for (std::size_t v = 0; v + 1 < outer.member_ptr.size(); ++v) {
+    for (Index k = outer.member_ptr[v]; k < outer.member_ptr[v + 1]; ++k) {
+      const auto w = static_cast<std::size_t>(outer.members[static_cast<std::size_t>(k)]);
+      members.insert(members.end(), inner.members.begin() + inner.member_ptr[w],
+                     inner.members.begin() + inner.member_ptr[w + 1]);
+    }
+    ptr.push_back(static_cast<Index>(members.size()));
+    outer.weight[v] = ptr[v + 1] - ptr[v];
+  }
+  outer.member_ptr = std::move(ptr);
+  outer.members = std::move(members);
+}
+
+CompressedGraph merge_twins(const Graph& g, base::ThreadPool& pool) {
+  const std::vector<Index> leader = find_leaders(g, pool);
+  const Numbering numbering = number_leaders(leader);
+  CompressedGraph out;
+  // A neighbour of v stands for its group only if it leads it; the leader of every neighbour is a neighbour too.
+  out.graph = build_graph(static_cast<Index>(numbering.leaders.size()), pool, [&](std::size_t k, auto& buffer) {
+    for (const Index u : g.neighbours(numbering.leaders[k]))
+      if (numbering.number[static_cast<std::size_t>(u)] >= 0)
+        buffer.push_back(numbering.number[static_cast<std::size_t>(u)]);
+  });
+  list_members(leader, numbering, out);
+  return out;
+}
+
+bool has_pairs(std::span<const Index> pair) {
+  for (std::size_t v = 0; v < pair.size(); ++v)
+    if (pair[v] != static_cast<Index>(v)) return true;
+  return false;
+}
+
+CompressedGraph singletons(const Graph& g) {
+  CompressedGraph out{g, std::vector<Index>(static_cast<std::size_t>(g.n), 1),
+                      std::vector<Index>(static_cast<std::size_t>(g.n) + 1),
+                      std::vector<Index>(static_cast<std::size_t>(g.n))};
+  std::iota(out.member_ptr.begin(), out.member_ptr.end(), 0);
+  std::iota(out.members.begin(), out.members.end(), 0);
+  return out;
+}
+
+}  // namespace
+
+CompressedGraph compress_pairs(const Graph& graph, std::span<const Index> pair, base::ThreadPool& pool) {
+  if (!has_pairs(pair)) return singletons(graph);
+  std::vector<Index> leader(pair.size());
+  for (std::size_t v = 0; v < pair.size(); ++v) leader[v] = std::min(static_cast<Index>(v), pair[v]);
+  const Numbering numbering = number_leaders(leader);
+  CompressedGraph out;
+  list_members(leader, numbering, out);
+  out.graph = build_graph(static_cast<Index>(numbering.leaders.size()), pool, [&](std::size_t k, auto& buffer) {
+    const auto append = [&](Index v) {
+      for (const Index u : graph.neighbours(v)) {
+        const Index w = numbering.number[static_cast<std::size_t>(leader[static_cast<std::size_t>(u)])];
+        if (w != static_cast<Index>(k)) buffer.push_back(w);
+      }
+    };
+    const Index v = numbering.leaders[k];
+    append(v);
+    if (pair[static_cast<std::size_t>(v)] != v) append(pair[static_cast<std::size_t>(v)]);
+    if (!std::is_sorted(buffer.begin(), buffer.end())) std::sort(buffer.begin(), buffer.end());
+    buffer.erase(std::unique(buffer.begin(), buffer.end()), buffer.end());
+  });
+  return out;
+}
+
+CompressedGraph compress(const Graph& graph, std::span<const Index> pair, base::ThreadPool& pool) {
+  if (!has_pairs(pair)) return merge_twins(graph, pool);
+  const CompressedGraph paired = compress_pairs(graph, pair, pool);
+  CompressedGraph out = merge_twins(paired.graph, pool);
+  expand_members(out, paired);
+  return out;
+}
+
+}  // namespace espalier::analysis

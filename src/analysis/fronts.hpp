@@ -1,0 +1,54 @@
+/// \file
+/// Supernodes of an elimination tree, their amalgamation to fronts, and the rows of the fronts.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "analysis/graph.hpp"
+
+namespace espalier::analysis {
+
+/// A tree of fronts by their sizes alone. Fronts stand in postorder.
+struct FrontTree {
+  std::vector<Index> parent;  ///< fronts; -1 for a root
+  std::vector<Index> first;   ///< fronts + 1; front f eliminates the vertices order[first[f]] .. order[first[f+1]-1]
+  std::vector<Index> order;   ///< vertices in elimination order
+  std::vector<Index> width;   ///< fronts; unknowns eliminated
+  std::vector<Index> below;   ///< fronts; unknowns among the rows below the pivots
+
+  [[nodiscard]] Index fronts() const { return static_cast<Index>(parent.size()); }
+};
+
+/// Time of one small front as the amalgamation sees it: seconds = front + entry * (entries of its columns) +
+/// contribution
+/// * (entries handed to the parent) + flop * flops * (1 + narrow / width).
+struct AmalgamationCost {
+  double front = 1.5e-6;       ///< seconds per front: tasks, bookkeeping
+  double entry = 0.4e-9;       ///< seconds per entry of the factor: cleared, assembled, written
+  double contribution = 1e-9;  ///< seconds per entry of the contribution block: written, read, added
+  double flop = 1.0 / 40e9;    ///< seconds per flop of a wide front on one core
+  double narrow = 12;          ///< width at which a front runs at half that rate
+};
+
+/// Fundamental supernodes (Liu, Ng, Peyton 1993).
+/// @param count total weight of the rows of each column of L, itself included (column_weights)
+FrontTree fundamental_supernodes(std::span<const Index> parent, std::span<const Index> weight,
+                                 std::span<const Index> count);
+
+/// Merges fronts into their parents wherever that saves time by `cost`, and puts the children of each front into the
+/// order of Liu (1986) that needs the smallest stack of contribution blocks.
+FrontTree amalgamate(const FrontTree& tree, const AmalgamationCost& cost);
+
+/// The rows of the fronts in vertices: places in tree.order, ascending, all above the front's own.
+struct FrontRows {
+  std::vector<std::vector<Index>> rows;  ///< fronts
+};
+FrontRows front_rows(const Graph& graph, const FrontTree& tree, base::ThreadPool& pool);
+
+/// Entries of L, diagonal included, in a front of `width` pivots with `below` rows under them.
+double front_entries(double width, double below);
+/// Sum over its columns of (entries of the column)^2: the flops of L L^T.
+double front_flops(double width, double below);
+
+}  // namespace espalier::analysis

@@ -1,0 +1,16 @@
+/// \file
+/// A slow, independent check of assembly trees, for tests and for `espalier analyze --check`.
+#pragma once
+
+#include <string>
+
+#include "analysis/assembly_tree.hpp"
+#include "analysis/graph.hpp"
+
+namespace espalier::analysis {
+
+/// Checks everything that assembly_tree.hpp promises, and that every edge of `graph` and every contribution has its
+/// place. O(entries of L) time. @return an empty text, or what is wrong first
+std::string verify_tree(const Graph& graph, const AssemblyTree& tree);
+
+}  // namespace espalier::analysis
