@@ -1,0 +1,128 @@
+# The steps of .ci/run, one function each.
+
+# The newest tools first: Debian 12 and Ubuntu 24.04 both have version 14 under this name, and formats must not differ.
+clang_tool() { command -v "$1-14" || command -v "$1"; }
+
+source_files() { git ls-files -- 'include/*' 'src/*' 'apps/*' 'tests/*' 'bench/*' 'examples/*' | grep -E '\.(cpp|hpp|h|c|cu|cuh)$'; }
+
+check_format() {
+  local tool
+  tool=$(clang_tool clang-format) || { echo "clang-format is missing"; return 1; }
+  source_files | xargs -r "$tool" --dry-run -Werror
+}
+
+# With CUDA where nvcc is found, so that the CUDA sources are compiled (the sanitizer builds are without).
+build_release() {
+  local nvcc
+  nvcc=$(find_nvcc)
+  if [[ -n $nvcc ]]; then
+    echo "with CUDA: $nvcc"
+    configure_and_build release -DESPALIER_CUDA=ON "-DCMAKE_CUDA_COMPILER=$nvcc"
+  else
+    echo "without CUDA: no nvcc here"
+    configure_and_build release
+  fi
+}
+
+# Sources of the library and the command line, those changed last first.
+tidy_files() {
+  { git log --format= --name-only -n 300; git ls-files; } |
+    awk '/^(src|apps)\/.*\.cpp$/ && !seen[$0]++' | while read -r file; do [[ -f $file ]] && echo "$file"; done
+}
+
+tidy_one() {
+  local tool=$1 deadline=$2 file=$3 out
+  [[ $(date +%s) -lt $deadline ]] || return 0
+  out=$(mktemp)
+  if "$tool" -p build/release --quiet "$file" >"$out" 2>/dev/null; then
+    echo "checked" >>build/tidy.count
+  else
+    cat "$out"
+    echo "failed" >>build/tidy.count
+  fi
+  rm -f "$out"
+}
+
+check_tidy() {
+  local tool deadline
+  tool=$(clang_tool clang-tidy) || { echo "clang-tidy is missing"; return 1; }
+  deadline=$(($(date +%s) + tidy_seconds))
+  : >build/tidy.count
+  export -f tidy_one
+  tidy_files | xargs -r -P "$(nproc)" -I{} bash -c 'tidy_one "$@"' tidy "$tool" "$deadline" {}
+  local checked bad
+  checked=$(wc -l <build/tidy.count)
+  bad=$(grep -c failed build/tidy.count)
+  echo "$checked of $(tidy_files | wc -l) files checked in $tidy_seconds s, $bad with findings"
+  [[ $checked -gt 0 && $bad == 0 ]]
+}
+
+# Installs, builds examples/ from the installed package and runs them; then the bundle, from a folder of its own.
+check_package() {
+  local root=$PWD/build/package
+  rm -rf "$root" && mkdir -p "$root"
+  set -e
+  cmake --install build/release --prefix "$root/prefix" >"$root/install.log"
+  cmake -S examples -B "$root/examples" -G Ninja "-DCMAKE_PREFIX_PATH=$root/prefix" -DCMAKE_BUILD_TYPE=Release \
+    >"$root/configure.log" || { tail -20 "$root/configure.log"; return 1; }
+  cmake --build "$root/examples"
+  ctest --test-dir "$root/examples" --output-on-failure --no-tests=error
+  # The same C example through pkg-config, without CMake.
+  export PKG_CONFIG_PATH="$(dirname "$(find "$root/prefix" -name espalier.pc)")"
+  # shellcheck disable=SC2046 -- flags
+  cc examples/solve_c.c -o "$root/solve_c" $(pkg-config --cflags --libs espalier)
+  "$root/solve_c"
+  cmake --build build/release --target bundle >"$root/bundle.log" || { tail -20 "$root/bundle.log"; return 1; }
+  tar -xzf build/release/espalier-*.tar.gz -C "$root"
+  local binary
+  binary=$(ls "$root"/espalier-*/bin/espalier)
+  ! ldd "$binary" | grep 'not found'
+  # Found beside the binary, not on the system: the packages may be absent where the bundle is used.
+  ldd "$binary" | grep -E 'lib(metis|fmt|hwy|amd)\.' | { ! grep -v "$root"; }
+  env -i "$binary" info
+}
+
+sanitizer_options() {
+  export ASAN_OPTIONS="allocator_may_return_null=1:detect_stack_use_after_return=1:strict_string_checks=1"
+  export UBSAN_OPTIONS="print_stacktrace=1:halt_on_error=1"
+  export TSAN_OPTIONS="allocator_may_return_null=1:halt_on_error=1:second_deadlock_stack=1"
+}
+
+test_asan() {
+  sanitizer_options
+  PRESET=asan ./test
+}
+
+# GCC's thread sanitizer cannot place its shadow when addresses are randomised over 32 bits, as kernels from 6.6 on do.
+test_tsan() {
+  sanitizer_options
+  local fixed=()
+  setarch "$(uname -m)" -R true 2>/dev/null && fixed=(setarch "$(uname -m)" -R)
+  PRESET=tsan "${fixed[@]}" ./test
+}
+
+run_fuzzers() {
+  sanitizer_options
+  local clang
+  clang=$(clang_tool clang) || { echo "clang is missing"; return 1; }
+  configure_and_build fuzz "-DCMAKE_C_COMPILER=$clang" "-DCMAKE_CXX_COMPILER=${clang/clang/clang++}" || return 1
+  local target name status=0 count=0
+  for target in build/fuzz/tests/fuzz/fuzz_*; do
+    [[ -f $target && -x $target ]] || continue
+    name=$(basename "$target")
+    name=${name#fuzz_}
+    local seeds=tests/fuzz/corpus/$name found=build/fuzz/found/$name log=build/fuzz/$name.log
+    mkdir -p "$found"
+    count=$((count + 1))
+    if "$target" -max_total_time="$fuzz_seconds" -timeout=20 -rss_limit_mb=4096 -print_final_stats=1 \
+         -artifact_prefix="build/fuzz/$name-" "$found" $([[ -d $seeds ]] && echo "$seeds") >"$log" 2>&1; then
+      echo "$name: $(sed -nE 's/^stat::number_of_executed_units: *//p' "$log") inputs"
+    else
+      tail -40 "$log"
+      echo "$name: FAILED; the input stands in build/fuzz/$name-*"
+      status=1
+    fi
+  done
+  [[ $count -gt 0 ]] || { echo "no fuzz targets were built"; return 1; }
+  return $status
+}

@@ -1,0 +1,185 @@
+/** \file
+ * The C interface of Espalier: a sparse direct solver for mechanics.
+ *
+ *     espalier_solver *solver;
+ *     espalier_create(&solver);
+ *     espalier_matrix_i32 a = {sizeof a};
+ *     a.rows = n; a.cols = n; a.pointers = ...; a.indices = ...; a.values = ...; a.nonzeros = ...;
+ *     a.layout = ESPALIER_CSR; a.storage = ESPALIER_SYMMETRIC_UPPER; a.index_base = 1;
+ *     if (espalier_analyze_i32(solver, &a, NULL) || espalier_factorize_i32(solver, &a, NULL) ||
+ *         espalier_solve(solver, b, x, 1, ESPALIER_NO_TRANSPOSE, NULL))
+ *       fprintf(stderr, "%s\n", espalier_last_error(solver));
+ *     espalier_destroy(solver);
+ *
+ * Every function that can fail returns a status; 0 is success. No C++ exception leaves a function. A solver may be used
+ * from any thread; calls on one solver wait for each other, calls on different solvers run at the same time.
+ *
+ * Structs begin with `size`, which the caller sets to sizeof of the struct as he compiled it: later versions append
+ * fields and stay compatible with what is compiled today.
+ */
+#ifndef ESPALIER_ESPALIER_H
+#define ESPALIER_ESPALIER_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/** How a call ended. The numbers are those of espalier::StatusCode and stay as they are. */
+typedef enum espalier_status {
+  ESPALIER_OK = 0,
+  ESPALIER_MISUSE = 1,                /**< a null pointer, a wrong size, or a call out of order */
+  ESPALIER_INVALID_INPUT = 2,         /**< an inconsistent matrix, an unknown option, an unreadable file */
+  ESPALIER_SINGULAR = 3,              /**< structurally or numerically singular */
+  ESPALIER_NOT_POSITIVE_DEFINITE = 4, /**< kind llt met a pivot that is not positive */
+  ESPALIER_OUT_OF_MEMORY = 5,         /**< a budget or the machine's memory is too small */
+  ESPALIER_DEVICE_ERROR = 6,          /**< a device failed */
+  ESPALIER_ACCURACY_NOT_REACHED = 7,  /**< the solution is returned, its backward error is above what was required */
+  ESPALIER_CANCELLED = 8,
+  ESPALIER_INTERNAL_ERROR = 99 /**< a bug of ours; the message says what is known */
+} espalier_status;
+
+/** How the arrays of a matrix run. */
+typedef enum espalier_layout {
+  ESPALIER_CSC = 0, /**< by columns: pointers has cols + 1 entries, indices are rows */
+  ESPALIER_CSR = 1  /**< by rows: pointers has rows + 1 entries, indices are columns */
+} espalier_layout;
+
+/** Which entries of the matrix the arrays hold; lower and upper are those of the matrix, whatever the layout. */
+typedef enum espalier_storage {
+  ESPALIER_GENERAL = 0,
+  ESPALIER_SYMMETRIC_LOWER = 1, /**< symmetric, entries with row >= column */
+  ESPALIER_SYMMETRIC_UPPER = 2, /**< symmetric, entries with row <= column */
+  ESPALIER_SYMMETRIC_BOTH = 3   /**< symmetric, both triangles */
+} espalier_storage;
+
+typedef enum espalier_transpose { ESPALIER_NO_TRANSPOSE = 0, ESPALIER_TRANSPOSE = 1 } espalier_transpose;
+
+/**
+ * A square sparse matrix in the caller's arrays, which are read during the call only. Indices within a row or column
+ * may stand in any order; repeated entries are summed. At most 2^31 - 1 rows.
+ */
+typedef struct espalier_matrix_i32 {
+  size_t size; /**< sizeof(espalier_matrix_i32) */
+  int64_t rows;
+  int64_t cols;
+  int64_t nonzeros;        /**< length of indices and values; checked against pointers */
+  const int32_t* pointers; /**< rows or cols + 1, the first is index_base, the last nonzeros + index_base */
+  const int32_t* indices;  /**< nonzeros, from index_base on */
+  const double* values;    /**< nonzeros; may be NULL for espalier_analyze */
+  int32_t layout;          /**< espalier_layout */
+  int32_t storage;         /**< espalier_storage */
+  int32_t index_base;      /**< 0 or 1 */
+} espalier_matrix_i32;
+
+/** The same with 64-bit pointers and indices. */
+typedef struct espalier_matrix_i64 {
+  size_t size;
+  int64_t rows;
+  int64_t cols;
+  int64_t nonzeros;
+  const int64_t* pointers;
+  const int64_t* indices;
+  const double* values;
+  int32_t layout;
+  int32_t storage;
+  int32_t index_base;
+} espalier_matrix_i64;
+
+/** What the analysis found out. */
+typedef struct espalier_analysis_info {
+  size_t size;    /**< set by the caller to sizeof(espalier_analysis_info); so in the structs below */
+  double seconds; /**< the whole call */
+  double ordering_seconds;
+  double flops;             /**< of the factorization; a multiplication and an addition count as two */
+  double predicted_seconds; /**< of the factorization */
+  int64_t predicted_bytes;  /**< peak memory of the factorization */
+  int64_t nonzeros_factor;
+  int64_t fronts;
+  int64_t tiers;
+  int64_t largest_front; /**< rows */
+} espalier_analysis_info;
+
+/** What the factorization did. */
+typedef struct espalier_factor_info {
+  size_t size;
+  double seconds;
+  double flops_per_second;
+  int64_t positive; /**< inertia: eigenvalues by sign; -1 for lu */
+  int64_t negative;
+  int64_t zero;
+  int64_t two_by_two;      /**< 2x2 pivots */
+  int64_t perturbed;       /**< pivots that were too small and were replaced */
+  double determinant_sign; /**< -1, 0 or 1 */
+  double determinant_log;  /**< natural logarithm of |det A| */
+  int64_t peak_host_bytes;
+} espalier_factor_info;
+
+/** What the solve did. */
+typedef struct espalier_solve_info {
+  size_t size;
+  double seconds;
+  int64_t refinement_steps;
+  double backward_error;      /**< normwise, the largest over the right-hand sides */
+  double componentwise_error; /**< componentwise (Oettli-Prager) */
+} espalier_solve_info;
+
+/** One solver for one pattern at a time. */
+typedef struct espalier_solver espalier_solver;
+
+/** Receives one line of log text without newline, from the thread that called. It must not call back into the solver.
+ */
+typedef void (*espalier_log_callback)(const char* line, void* user);
+
+/** "major.minor.patch"; a static string. */
+const char* espalier_version(void);
+/** The name of a status, for instance "singular"; a static string. */
+const char* espalier_status_name(int status);
+
+/** Makes a solver with default options. *solver is NULL on failure. */
+int espalier_create(espalier_solver** solver);
+/** Ends a solver; NULL is allowed. */
+void espalier_destroy(espalier_solver* solver);
+/** Why the last call on this solver failed, and what to do; "" after success. Valid until the next call on it. */
+const char* espalier_last_error(const espalier_solver* solver);
+/** The row of the caller's matrix that the last failure concerns, from 0 on; -1 when none does. */
+int64_t espalier_last_error_row(const espalier_solver* solver);
+
+/**
+ * Sets an option by name, for instance ("kind", "ldlt"), ("threads", "8"), ("host_memory", "2GiB"); the names and
+ * values are those of the command line, with '-' or '_'. Takes effect at the next analysis.
+ */
+int espalier_set_option(espalier_solver* solver, const char* key, const char* value);
+/** Where log lines go; NULL: nowhere. Takes effect at the next analysis. */
+int espalier_set_log(espalier_solver* solver, espalier_log_callback log, void* user);
+
+/** Orders the matrix and lays out the factorization. `info` may be NULL, here and below. */
+int espalier_analyze_i32(espalier_solver* solver, const espalier_matrix_i32* a, espalier_analysis_info* info);
+int espalier_analyze_i64(espalier_solver* solver, const espalier_matrix_i64* a, espalier_analysis_info* info);
+/** Factorizes a matrix of the analysed pattern, given in the same arrays or equal ones. */
+int espalier_factorize_i32(espalier_solver* solver, const espalier_matrix_i32* a, espalier_factor_info* info);
+int espalier_factorize_i64(espalier_solver* solver, const espalier_matrix_i64* a, espalier_factor_info* info);
+/** New values for the analysed pattern, in the order of its indices. @param count their number, checked */
+int espalier_refactorize(espalier_solver* solver, const double* values, int64_t count, espalier_factor_info* info);
+/**
+ * Solves A X = B (or A^T X = B) for `columns` right-hand sides, stored column by column, rows values each. x may be b.
+ * With ESPALIER_ACCURACY_NOT_REACHED x holds the best solution that was found.
+ */
+int espalier_solve(espalier_solver* solver, const double* b, double* x, int64_t columns, int transpose,
+                   espalier_solve_info* info);
+/** Estimates the condition number of the factored matrix (1-norm; infinity norm for a general matrix given by rows). */
+int espalier_condition_estimate(espalier_solver* solver, double* estimate);
+/** Saves the analysis to a file, for espalier_load_analysis of the same pattern. */
+int espalier_save_analysis(espalier_solver* solver, const char* path);
+int espalier_load_analysis_i32(espalier_solver* solver, const char* path, const espalier_matrix_i32* a,
+                               espalier_analysis_info* info);
+int espalier_load_analysis_i64(espalier_solver* solver, const char* path, const espalier_matrix_i64* a,
+                               espalier_analysis_info* info);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
