@@ -21,19 +21,19 @@ struct PivotRule {
 
 /// What one numeric factorization came to. Positions are those of the plan's elimination order.
 struct FactorOutcome {
-  Index not_positive = -1;        ///< llt: lowest position whose pivot was not positive (or NaN); -1: none
-  Index negative = 0;             ///< negative eigenvalues of D (ldlt)
-  Index two_by_two = 0;           ///< 2x2 pivots
-  std::vector<Index> replaced;    ///< positions of pivots that were smaller than tiny, ascending
-  std::vector<Index> failed;      ///< positions whose column of L exceeds 1/threshold, ascending
-  double determinant_sign = 1;    ///< of the factored (scaled, permuted) matrix
-  double determinant_log = 0;     ///< natural logarithm of the magnitude
-  double busy_seconds = 0;        ///< mean over workers of the time inside tasks
-  double seconds = 0;             ///< wall time
+  Index not_positive = -1;      ///< llt: lowest position whose pivot was not positive (or NaN); -1: none
+  Index negative = 0;           ///< negative eigenvalues of D (ldlt)
+  Index two_by_two = 0;         ///< 2x2 pivots
+  std::vector<Index> replaced;  ///< positions of pivots that were smaller than tiny, ascending
+  std::vector<Index> failed;    ///< positions whose column of L exceeds 1/threshold, ascending
+  double determinant_sign = 1;  ///< of the factored (scaled, permuted) matrix
+  double determinant_log = 0;   ///< natural logarithm of the magnitude
+  double busy_seconds = 0;      ///< mean over workers of the time inside tasks
+  double seconds = 0;           ///< wall time
 };
 
-/// One backend's numeric factor of a matrix with the pattern of a plan. All memory is taken in the constructor; factorize()
-/// and solve() allocate nothing on the device. T = double or float.
+/// One backend's numeric factor of a matrix with the pattern of a plan. All memory is taken in the constructor;
+/// factorize() and solve() allocate nothing on the device. T = double or float.
 template <class T>
 class Executor {
  public:

@@ -1,0 +1,76 @@
+#include "base/timeline.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <utility>
+
+#include "espalier/types.hpp"
+
+namespace espalier::base {
+
+int Timeline::add_track(std::string device, std::string name) {
+  tracks_.push_back({std::move(device), std::move(name), {}});
+  return static_cast<int>(tracks_.size()) - 1;
+}
+
+void Timeline::clear() {
+  for (auto& t : tracks_) t.events.clear();
+}
+
+std::int64_t Timeline::size() const {
+  std::int64_t n = 0;
+  for (const auto& t : tracks_) n += static_cast<std::int64_t>(t.events.size());
+  return n;
+}
+
+void Timeline::write(const std::string& path) const {
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "w"), &std::fclose);
+  if (!file)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("{}: cannot be written; check the folder and its permissions", path));
+  double start = 0;
+  bool any = false;
+  for (const auto& t : tracks_)
+    for (const auto& e : t.events) {
+      start = any ? std::min(start, e.begin) : e.begin;
+      any = true;
+    }
+  std::string text = "{\"displayTimeUnit\":\"ms\",\"traceEvents\":[\n";
+  std::vector<std::string> devices;
+  const char* separator = "";
+  for (std::size_t k = 0; k < tracks_.size(); ++k) {
+    const Track& t = tracks_[k];
+    auto device = std::find(devices.begin(), devices.end(), t.device);
+    const auto pid = device - devices.begin();
+    if (device == devices.end()) {
+      devices.push_back(t.device);
+      text += fmt::format("{}{{\"ph\":\"M\",\"pid\":{},\"name\":\"process_name\",\"args\":{{\"name\":\"{}\"}}}}",
+                          separator, pid, t.device);
+      separator = ",\n";
+    }
+    text +=
+        fmt::format("{}{{\"ph\":\"M\",\"pid\":{},\"tid\":{},\"name\":\"thread_name\",\"args\":{{\"name\":\"{}\"}}}}",
+                    separator, pid, k, t.name);
+    separator = ",\n";
+    for (const auto& e : t.events) {
+      text += fmt::format(
+          ",\n{{\"ph\":\"X\",\"pid\":{},\"tid\":{},\"ts\":{:.3f},\"dur\":{:.3f},\"name\":\"{}\",\"args\":{{\"front\":{}"
+          ",\"row\":{},"
+          "\"col\":{},\"flops\":{:.0f},\"bytes\":{:.0f}}}}}",
+          pid, k, (e.begin - start) * 1e6, (e.end - e.begin) * 1e6, e.kind, e.front, e.row, e.col, e.flops, e.bytes);
+      if (text.size() > (1U << 20)) {
+        std::fwrite(text.data(), 1, text.size(), file.get());
+        text.clear();
+      }
+    }
+  }
+  text += "\n]}\n";
+  if (std::fwrite(text.data(), 1, text.size(), file.get()) != text.size())
+    throw Error(StatusCode::invalid_input,
+                fmt::format("{}: the trace could not be written whole; is the disk full?", path));
+}
+
+}  // namespace espalier::base

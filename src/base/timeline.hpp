@@ -1,0 +1,51 @@
+/// \file
+/// A record of who did what when, in a form that Perfetto and chrome://tracing open.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace espalier::base {
+
+/// Seconds since an arbitrary fixed point.
+inline double now_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+/// One finished task.
+struct TimelineEvent {
+  const char* kind = "";    ///< what was done: a string literal
+  std::int32_t front = -1;  ///< the front concerned
+  std::int32_t row = 0;     ///< tile row
+  std::int32_t col = 0;     ///< tile column
+  double begin = 0;         ///< now_seconds() when it was taken
+  double end = 0;           ///< ... and when it was finished
+  double flops = 0;         ///< arithmetic of the task
+  double bytes = 0;         ///< bytes that it wrote
+};
+
+/// Events by track (a worker of a device, or a stream). Each track is written by one thread at a time.
+class Timeline {
+ public:
+  /// Adds a track and returns its number. Not thread-safe.
+  int add_track(std::string device, std::string name);
+  void record(int track, const TimelineEvent& event) {
+    tracks_[static_cast<std::size_t>(track)].events.push_back(event);
+  }
+  /// Forgets the events, keeps the tracks.
+  void clear();
+  [[nodiscard]] std::int64_t size() const;
+  /// Writes the Chrome trace-event JSON format. @throws Error(invalid_input) when the file cannot be written
+  void write(const std::string& path) const;
+
+ private:
+  struct Track {
+    std::string device, name;
+    std::vector<TimelineEvent> events;
+  };
+  std::vector<Track> tracks_;
+};
+
+}  // namespace espalier::base

@@ -1,0 +1,88 @@
+/// \file
+/// The numeric factor on a host device and what its workers share.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "analysis/plan.hpp"
+#include "base/memory.hpp"
+#include "device/executor.hpp"
+#include "device/host/kernels.hpp"
+#include "device/host/progress.hpp"
+
+namespace espalier::device::host {
+
+/// What one front contributes to the outcome; summed in the order of fronts, so that the result does not depend on
+/// threads.
+struct FrontOutcome {
+  Index not_positive = -1;  ///< position; -1: none
+  Index negative = 0;
+  Index two_by_two = 0;
+  double determinant_sign = 1;
+  double determinant_log = 0;
+};
+
+/// Bits of NumericState::column_state.
+enum ColumnState : char { kColumnFine = 0, kColumnReplaced = 1, kColumnFailed = 2 };
+
+/// Arrays of the numeric factor. Diagonal tiles hold inverses: of L_jj (unit for ldlt and lu) in `factor`, of U_jj
+/// transposed in `factor2` (lu).
+template <class T>
+struct NumericState {
+  NumericState(const analysis::Plan& the_plan, Kind the_kind, const PivotRule& the_rule, base::MemoryBudget* budget)
+      : plan(the_plan),
+        kind(the_kind),
+        rule(the_rule),
+        dense(kernels<T>()),
+        arena(the_plan.memory.size, budget),
+        pivot_order(the_kind == Kind::llt ? 0 : the_plan.tree.n, budget),
+        d_inverse(the_kind == Kind::ldlt ? the_plan.tree.n : 0, budget),
+        e_inverse(the_kind == Kind::ldlt ? the_plan.tree.n : 0, budget),
+        column_state(static_cast<std::size_t>(the_plan.tree.n), kColumnFine),
+        fronts(static_cast<std::size_t>(the_plan.fronts())),
+        tile_done(the_plan.tiles()),
+        front_done(the_plan.fronts()),
+        open_tiles(std::make_unique<std::atomic<Index>[]>(static_cast<std::size_t>(the_plan.fronts()))) {}
+
+  const analysis::Plan& plan;
+  Kind kind;
+  PivotRule rule;
+  const Kernels<T>& dense;
+  std::span<const T> values;  ///< of the current factorize() call
+
+  base::Buffer<T> arena;                   ///< places: plan.memory
+  base::Buffer<std::int32_t> pivot_order;  ///< n; by position: the row within its tile that the pivoting put there
+  base::Buffer<T> d_inverse;               ///< n; diagonal of D^-1 (ldlt)
+  base::Buffer<T> e_inverse;               ///< n; subdiagonal of D^-1, nonzero at the first column of a 2x2 pivot
+  std::vector<char> column_state;          ///< n; ColumnState bits
+  std::vector<FrontOutcome> fronts;
+
+  Progress tile_done;                                ///< by global tile number
+  Progress front_done;                               ///< by front
+  std::unique_ptr<std::atomic<Index>[]> open_tiles;  ///< by front: tile tasks not yet finished
+  std::atomic<bool> abort{false};
+
+  [[nodiscard]] T* factor(Index f) { return arena.data() + plan.memory.factor[f]; }
+  [[nodiscard]] T* factor2(Index f) { return arena.data() + plan.memory.factor2[f]; }
+};
+
+/// One worker's own memory.
+template <class T>
+struct Workspace {
+  Workspace(const analysis::Plan& plan, Kind kind, base::MemoryBudget* budget);
+
+  base::Buffer<T> c;         ///< a tile or a whole small front, column-major
+  base::Buffer<T> c2;        ///< the U^T part of a tile (lu); the column-permuted tile (ldlt)
+  base::Buffer<T> panels;    ///< a tile in panels
+  base::Buffer<T> stack;     ///< contributions inside a range task
+  base::Buffer<T> column;    ///< two values per column of a tile: d and e, or growth
+  base::Buffer<char> marks;  ///< one per column of a tile: replaced pivots
+  std::vector<Index> runs;   ///< (first row of the child, length, destination) of consecutive rows
+  double waited_seconds = 0;
+  double task_seconds = 0;
+};
+
+}  // namespace espalier::device::host

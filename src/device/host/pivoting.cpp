@@ -1,0 +1,121 @@
+#include "device/host/pivoting.hpp"
+
+#include <cmath>
+
+namespace espalier::device::host {
+
+namespace {
+
+// D^-1 of the 1x1 and 2x2 blocks; returns sign and logarithm of det D in the front's outcome.
+template <class T>
+void invert_d(NumericState<T>& s, Index at, Index n, const T* d, const T* e, FrontOutcome& out) {
+  T* di = s.d_inverse.data() + at;
+  T* ei = s.e_inverse.data() + at;
+  for (Index k = 0; k < n; ++k) {
+    if (k + 1 < n && e[k] != T(0)) {
+      // [a b; b c]^-1 scaled by b, which is the largest: det / b = (a / b) c - b
+      const T a = d[k];
+      const T b = e[k];
+      const T c = d[k + 1];
+      const T det_over_b = (a / b) * c - b;
+      di[k] = c / b / det_over_b;
+      di[k + 1] = a / b / det_over_b;
+      ei[k] = T(-1) / det_over_b;
+      ei[k + 1] = T(0);
+      out.determinant_sign *=
+          std::copysign(1.0, static_cast<double>(det_over_b)) * std::copysign(1.0, static_cast<double>(b));
+      out.determinant_log +=
+          std::log(std::abs(static_cast<double>(det_over_b))) + std::log(std::abs(static_cast<double>(b)));
+      ++k;
+    } else {
+      di[k] = T(1) / d[k];
+      ei[k] = T(0);
+      out.determinant_sign *= d[k] < T(0) ? -1.0 : 1.0;
+      out.determinant_log += std::log(std::abs(static_cast<double>(d[k])));
+    }
+  }
+}
+
+// Sign of a permutation: each cycle of even length flips it.
+double permutation_sign(const std::int32_t* perm, Index n) {
+  double sign = 1;
+  std::vector<char> seen(static_cast<std::size_t>(n), 0);
+  for (Index k = 0; k < n; ++k)
+    for (Index q = perm[k]; seen[q] == 0 && q != k; q = perm[q]) {
+      seen[q] = 1;
+      sign = -sign;
+    }
+  return sign;
+}
+
+}  // namespace
+
+template <class T>
+void book_pivots(NumericState<T>& s, Workspace<T>& w, Index f, Index at, Index n, const T* c, Offset ld,
+                 const PivotCounts& counts, const char* replaced) {
+  FrontOutcome& out = s.fronts[f];
+  out.two_by_two += counts.two_by_two;
+  out.negative += counts.negative;
+  if (s.kind == Kind::ldlt) {
+    invert_d(s, at, n, w.column.data(), w.column.data() + n, out);
+  } else {
+    for (Index k = 0; k < n; ++k) {
+      const auto d = static_cast<double>(c[k * ld + k]);
+      out.determinant_sign *= d < 0 ? -1.0 : 1.0;
+      out.determinant_log += (s.kind == Kind::llt ? 2 : 1) * std::log(std::abs(d));
+    }
+    if (s.kind == Kind::lu) out.determinant_sign *= permutation_sign(s.pivot_order.data() + at, n);
+  }
+  if (replaced != nullptr)
+    for (Index k = 0; k < n; ++k)
+      // The mark belongs to the column that the pivoting moved there.
+      if (replaced[k] != 0) s.column_state[at + s.pivot_order[at + k]] |= kColumnReplaced;
+}
+
+template <class T>
+void factor_diagonal(NumericState<T>& s, Workspace<T>& w, Index f, Index at, Index n, Offset ld, T* inverse,
+                     T* inverse2) {
+  T* c = w.c.data();
+  char* replaced = w.marks.data();
+  const auto tiny = static_cast<T>(s.rule.tiny);
+  PivotCounts counts;
+  if (s.kind == Kind::llt) {
+    const auto good = static_cast<Index>(s.dense.potrf(n, c, ld));
+    FrontOutcome& out = s.fronts[f];
+    if (good < n && out.not_positive < 0) out.not_positive = at + good;
+    book_pivots(s, w, f, at, n, c, ld, counts, nullptr);
+    s.dense.invert_lower(n, c, ld, false, inverse);
+    return;
+  }
+  std::int32_t* perm = s.pivot_order.data() + at;
+  if (s.kind == Kind::ldlt) {
+    counts = s.dense.ldlt(n, c, ld, tiny, perm, w.column.data(), w.column.data() + n, replaced);
+  } else {
+    counts = s.dense.getrf(n, c, ld, tiny, perm, replaced);
+    s.dense.invert_upper_transposed(n, c, ld, inverse2);
+  }
+  book_pivots(s, w, f, at, n, c, ld, counts, replaced);
+  s.dense.invert_lower(n, c, ld, true, inverse);
+}
+
+template <class T>
+void mark_growth(NumericState<T>& s, Index at, Index n, const T* growth) {
+  const T limit = static_cast<T>(1.0 / s.rule.threshold);
+  for (Index k = 0; k < n; ++k)
+    if (!(growth[k] <= limit)) {
+      // Tiles of one block column are made by several workers.
+      std::atomic_ref<char> state(s.column_state[at + s.pivot_order[at + k]]);
+      state.fetch_or(kColumnFailed, std::memory_order_relaxed);
+    }
+}
+
+template void book_pivots(NumericState<double>&, Workspace<double>&, Index, Index, Index, const double*, Offset,
+                          const PivotCounts&, const char*);
+template void book_pivots(NumericState<float>&, Workspace<float>&, Index, Index, Index, const float*, Offset,
+                          const PivotCounts&, const char*);
+template void factor_diagonal(NumericState<double>&, Workspace<double>&, Index, Index, Index, Offset, double*, double*);
+template void factor_diagonal(NumericState<float>&, Workspace<float>&, Index, Index, Index, Offset, float*, float*);
+template void mark_growth(NumericState<double>&, Index, Index, const double*);
+template void mark_growth(NumericState<float>&, Index, Index, const float*);
+
+}  // namespace espalier::device::host

@@ -1,0 +1,134 @@
+#include <algorithm>
+#include <cstring>
+
+#include "device/host/assembly.hpp"
+#include "device/host/pivoting.hpp"
+#include "device/host/tile_factor.hpp"
+
+namespace espalier::device::host {
+
+namespace {
+
+using analysis::FrontLayout;
+using analysis::Task;
+
+// One whole small front: assembled, eliminated and left in column-major scratch of m columns.
+template <class T>
+class WholeFront {
+ public:
+  WholeFront(NumericState<T>& state, Workspace<T>& work, Index f)
+      : s_(state),
+        w_(work),
+        plan_(state.plan),
+        f_(f),
+        layout_(plan_.layout[f]),
+        m_(layout_.rows),
+        k_(layout_.pivots),
+        ld_(padded<T>(m_)),
+        lu_(state.kind == Kind::lu) {}
+
+  void run() {
+    assemble();
+    eliminate();
+    store_factor();
+    leave_contribution();
+  }
+
+ private:
+  [[nodiscard]] T* contribution(Index f, bool upper) {
+    const auto& m = plan_.memory;
+    return (m.on_stack[f] != 0 ? w_.stack.data() : s_.arena.data()) + (upper ? m.contribution2[f] : m.contribution[f]);
+  }
+
+  void assemble() {
+    std::memset(w_.c.data(), 0, static_cast<std::size_t>(ld_ * m_) * sizeof(T));
+    const Offset tile = plan_.first_tile[f_];
+    const std::span<const analysis::Entry> entries(
+        plan_.entries.data() + plan_.entry_ptr[tile],
+        static_cast<std::size_t>(plan_.entry_ptr[plan_.first_tile[f_ + 1]] - plan_.entry_ptr[tile]));
+    add_entries(entries, s_.values, w_.c.data(), ld_, EntryPart::square);
+    const Part<T> all{w_.c.data(), ld_, 0, m_, 0, m_};
+    for (Offset c = plan_.child_ptr[f_]; c < plan_.child_ptr[f_ + 1]; ++c) {
+      const Index child = plan_.children[c];
+      if (plan_.memory.on_stack[child] == 0) s_.front_done.wait(child, s_.abort, &w_.waited_seconds);
+      add_contribution(plan_, child, contribution(child, false), all, false, w_.runs);
+      if (lu_) add_contribution(plan_, child, contribution(child, true), all, true, w_.runs);
+    }
+  }
+
+  void eliminate() {
+    T* c = w_.c.data();
+    const Index at = plan_.tree.first[f_];
+    const auto tiny = static_cast<T>(s_.rule.tiny);
+    char* replaced = w_.marks.data();
+    if (s_.kind == Kind::llt) {
+      const auto good = static_cast<Index>(s_.dense.partial_potrf(m_, k_, c, ld_));
+      if (good < k_) s_.fronts[f_].not_positive = at + good;
+      book_pivots(s_, w_, f_, at, k_, c, ld_, PivotCounts{}, nullptr);
+      return;
+    }
+    std::int32_t* perm = s_.pivot_order.data() + at;
+    const PivotCounts counts =
+        s_.kind == Kind::ldlt
+            ? s_.dense.partial_ldlt(m_, k_, c, ld_, tiny, perm, w_.column.data(), w_.column.data() + k_, replaced)
+            : s_.dense.partial_getrf(m_, k_, c, ld_, tiny, perm, replaced);
+    book_pivots(s_, w_, f_, at, k_, c, ld_, counts, replaced);
+  }
+
+  void store_factor() {
+    T* c = w_.c.data();
+    T* l = s_.factor(f_);
+    const Offset below = layout_.tiles > layout_.pivot_tiles ? layout_.tile_offset(1, 0) : 0;
+    s_.dense.invert_lower(k_, c, ld_, s_.kind != Kind::llt, l);
+    if (m_ > k_) s_.dense.pack(m_ - k_, k_, c + k_, ld_, l + below);
+    if (lu_) {
+      T* u = s_.factor2(f_);
+      s_.dense.invert_upper_transposed(k_, c, ld_, u);
+      if (m_ > k_) s_.dense.pack_transposed(k_, m_ - k_, c + k_ * ld_, ld_, u + below);
+    }
+    if (s_.kind == Kind::llt || m_ == k_) return;
+    std::fill_n(w_.column.data(), k_, T(0));
+    s_.dense.column_max(m_ - k_, k_, l + below, w_.column.data());
+    mark_growth(s_, plan_.tree.first[f_], k_, w_.column.data());
+  }
+
+  void leave_contribution() {
+    if (plan_.tree.parent[f_] < 0) return;
+    const Index below = m_ - k_;
+    T* lower = contribution(f_, false);
+    T* upper = lu_ ? contribution(f_, true) : nullptr;
+    for (Index c = 0; c < below; ++c) {
+      const T* column = w_.c.data() + (k_ + c) * ld_ + k_;
+      std::copy(column + c, column + below, lower + static_cast<Offset>(c) * below + c);
+      if (lu_)
+        for (Index r = c + 1; r < below; ++r) upper[static_cast<Offset>(c) * below + r] = w_.c[(k_ + r) * ld_ + k_ + c];
+    }
+  }
+
+  NumericState<T>& s_;
+  Workspace<T>& w_;
+  const analysis::Plan& plan_;
+  Index f_;
+  const FrontLayout& layout_;
+  Index m_, k_;
+  Offset ld_;
+  bool lu_;
+};
+
+}  // namespace
+
+template <class T>
+void eliminate_range(NumericState<T>& state, Workspace<T>& work, const Task& task) {
+  const auto& m = state.plan.memory;
+  for (Offset q = m.wait_ptr[task.front]; q < m.wait_ptr[task.front + 1]; ++q)
+    state.front_done.wait(m.wait_fronts[q], state.abort, &work.waited_seconds);
+  for (Index f = task.begin; f <= task.front; ++f) {
+    WholeFront<T>(state, work, f).run();
+    state.front_done.set(f);
+  }
+}
+
+template void eliminate_range(NumericState<double>&, Workspace<double>&, const Task&);
+template void eliminate_range(NumericState<float>&, Workspace<float>&, const Task&);
+
+}  // namespace espalier::device::host

@@ -1,0 +1,215 @@
+#include "device/host/tile_factor.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+
+#include "device/host/assembly.hpp"
+#include "device/host/pivoting.hpp"
+
+namespace espalier::device::host {
+
+namespace {
+
+using analysis::FrontLayout;
+using analysis::Task;
+
+// One tile task. The scratch c (and c2 for the U^T part) gathers the tile; ld is its padded height.
+template <class T>
+class TileTask {
+ public:
+  TileTask(NumericState<T>& state, Workspace<T>& work, const Task& task)
+      : s_(state),
+        w_(work),
+        plan_(state.plan),
+        f_(task.front),
+        i_(task.i),
+        j_(task.j),
+        layout_(plan_.layout[f_]),
+        rows_(layout_.width(i_)),
+        cols_(layout_.width(j_)),
+        ld_(padded<T>(rows_)),
+        lu_(state.kind == Kind::lu) {}
+
+  void run() {
+    wait_for_memory();
+    gather();
+    subtract_products();
+    if (j_ >= layout_.pivot_tiles)
+      leave_contribution();
+    else if (i_ == j_)
+      factor_diagonal(s_, w_, f_, position(j_), cols_, ld_, tile(i_, j_), lu_ ? tile2(i_, j_) : nullptr);
+    else
+      solve_with_diagonal();
+    finish();
+  }
+
+ private:
+  [[nodiscard]] Index position(Index j) const { return plan_.tree.first[f_] + layout_.begin(j); }
+  [[nodiscard]] Offset number(Index i, Index j) const { return plan_.first_tile[f_] + layout_.tile_index(i, j); }
+  [[nodiscard]] T* tile(Index i, Index j) { return s_.factor(f_) + layout_.tile_offset(i, j); }
+  // L D of ldlt, U^T of lu
+  [[nodiscard]] T* tile2(Index i, Index j) { return s_.factor2(f_) + layout_.tile_offset(i, j); }
+  [[nodiscard]] bool two_parts() const { return lu_ && i_ != j_; }
+
+  void wait_for_memory() {
+    const auto& m = plan_.memory;
+    for (Offset q = m.wait_ptr[f_]; q < m.wait_ptr[f_ + 1]; ++q)
+      s_.front_done.wait(m.wait_fronts[q], s_.abort, &w_.waited_seconds);
+  }
+
+  void gather() {
+    const auto size = static_cast<std::size_t>(ld_ * cols_) * sizeof(T);
+    std::memset(w_.c.data(), 0, size);
+    if (two_parts()) std::memset(w_.c2.data(), 0, size);
+    const Offset me = number(i_, j_);
+    const std::span<const analysis::Entry> entries(
+        plan_.entries.data() + plan_.entry_ptr[me],
+        static_cast<std::size_t>(plan_.entry_ptr[me + 1] - plan_.entry_ptr[me]));
+    if (!entries.empty()) {
+      add_entries(entries, s_.values, w_.c.data(), ld_, lu_ && i_ == j_ ? EntryPart::square : EntryPart::lower);
+      if (two_parts()) add_entries(entries, s_.values, w_.c2.data(), ld_, EntryPart::transposed);
+    }
+    for (Offset c = plan_.child_ptr[f_]; c < plan_.child_ptr[f_ + 1]; ++c) gather_child(plan_.children[c]);
+  }
+
+  void gather_child(Index child) {
+    wait_for_child(child);
+    const Index rb = layout_.begin(i_);
+    const Index cb = layout_.begin(j_);
+    Part<T> part{w_.c.data(), ld_, rb, rb + rows_, cb, cb + cols_};
+    const T* lower = s_.arena.data() + plan_.memory.contribution[child];
+    add_contribution(plan_, child, lower, part, false, w_.runs);
+    if (!lu_) return;
+    const T* upper = s_.arena.data() + plan_.memory.contribution2[child];
+    if (i_ == j_) {
+      add_contribution(plan_, child, upper, part, true, w_.runs);
+    } else {
+      part.data = w_.c2.data();
+      add_contribution(plan_, child, upper, part, false, w_.runs);
+    }
+  }
+
+  // Waits for those contribution tiles of the child that reach into this tile.
+  void wait_for_child(Index child) {
+    if (plan_.whole[child] != 0 || s_.front_done.is_set(child)) {
+      s_.front_done.wait(child, s_.abort, &w_.waited_seconds);
+      return;
+    }
+    const FrontLayout& l = plan_.layout[child];
+    const Index* relative = plan_.relative.data() + plan_.tree.row_ptr[child];
+    const auto range = [&](Index begin, Index width, Index& first, Index& last) {
+      const auto b = std::lower_bound(relative, relative + l.below(), begin) - relative;
+      const auto e = std::lower_bound(relative, relative + l.below(), begin + width) - relative;
+      first = static_cast<Index>(b) / l.below_width;
+      last = b < e ? static_cast<Index>(e - 1) / l.below_width : first - 1;
+    };
+    Index r0 = 0, r1 = 0, c0 = 0, c1 = 0;
+    range(layout_.begin(i_), rows_, r0, r1);
+    range(layout_.begin(j_), cols_, c0, c1);
+    for (Index c = c0; c <= c1; ++c)
+      for (Index r = std::max(r0, c); r <= r1; ++r)
+        s_.tile_done.wait(plan_.first_tile[child] + l.tile_index(l.pivot_tiles + r, l.pivot_tiles + c), s_.abort,
+                          &w_.waited_seconds);
+  }
+
+  void subtract_products() {
+    const Index last = std::min(j_, layout_.pivot_tiles);
+    T* c = w_.c.data();
+    for (Index k = 0; k < last; ++k) {
+      s_.tile_done.wait(number(i_, k), s_.abort, &w_.waited_seconds);
+      s_.tile_done.wait(number(j_, k), s_.abort, &w_.waited_seconds);
+      const Index depth = layout_.width(k);
+      switch (s_.kind) {
+        case Kind::lu:
+          s_.dense.gemm_nt(rows_, cols_, depth, tile(i_, k), tile2(j_, k), c, ld_);
+          if (i_ != j_) s_.dense.gemm_nt(rows_, cols_, depth, tile2(i_, k), tile(j_, k), w_.c2.data(), ld_);
+          break;
+        default: {
+          const T* a = s_.kind == Kind::ldlt ? tile2(i_, k) : tile(i_, k);
+          if (i_ == j_)
+            s_.dense.syrk_nt(rows_, cols_, depth, a, tile(j_, k), c, ld_);
+          else
+            s_.dense.gemm_nt(rows_, cols_, depth, a, tile(j_, k), c, ld_);
+        }
+      }
+    }
+  }
+
+  void leave_contribution() {
+    const Index i = i_ - layout_.pivot_tiles;
+    const Index j = j_ - layout_.pivot_tiles;
+    const Offset ld = layout_.contribution_ld(j);
+    const Offset at = layout_.contribution_offset(j) + static_cast<Offset>(i - j) * layout_.below_width;
+    T* lower = s_.arena.data() + plan_.memory.contribution[f_] + at;
+    T* upper = lu_ ? s_.arena.data() + plan_.memory.contribution2[f_] + at : nullptr;
+    for (Index c = 0; c < cols_; ++c) {
+      const Index skip = i_ == j_ ? c : 0;
+      std::copy(w_.c.data() + c * ld_ + skip, w_.c.data() + c * ld_ + rows_, lower + c * ld + skip);
+      if (!lu_) continue;
+      if (i_ != j_)
+        std::copy(w_.c2.data() + c * ld_, w_.c2.data() + c * ld_ + rows_, upper + c * ld);
+      else
+        for (Index r = c + 1; r < rows_; ++r) upper[c * ld + r] = w_.c[r * ld_ + c];
+    }
+  }
+
+  // Packs the columns of scratch in the pivot order of the diagonal tile.
+  void pack_pivoted(const base::Buffer<T>& from, base::Buffer<T>& to) {
+    const std::int32_t* perm = s_.pivot_order.data() + position(j_);
+    for (Index k = 0; k < cols_; ++k)
+      std::memcpy(to.data() + k * ld_, from.data() + perm[k] * ld_, static_cast<std::size_t>(rows_) * sizeof(T));
+    s_.dense.pack(rows_, cols_, to.data(), ld_, w_.panels.data());
+  }
+
+  void solve_with_diagonal() {
+    s_.tile_done.wait(number(j_, j_), s_.abort, &w_.waited_seconds);
+    const T* inverse = tile(j_, j_);
+    if (s_.kind == Kind::llt) {
+      s_.dense.pack(rows_, cols_, w_.c.data(), ld_, w_.panels.data());
+      s_.dense.trmm_nt(rows_, cols_, w_.panels.data(), inverse, tile(i_, j_));
+      return;
+    }
+    const Index at = position(j_);
+    if (s_.kind == Kind::ldlt) {
+      pack_pivoted(w_.c, w_.c2);
+      s_.dense.trmm_nt(rows_, cols_, w_.panels.data(), inverse, tile2(i_, j_));
+      s_.dense.scale_columns(rows_, cols_, tile2(i_, j_), s_.d_inverse.data() + at, s_.e_inverse.data() + at,
+                             tile(i_, j_));
+    } else {
+      s_.dense.pack(rows_, cols_, w_.c.data(), ld_, w_.panels.data());
+      s_.dense.trmm_nt(rows_, cols_, w_.panels.data(), tile2(j_, j_), tile(i_, j_));
+      pack_pivoted(w_.c2, w_.c);
+      s_.dense.trmm_nt(rows_, cols_, w_.panels.data(), inverse, tile2(i_, j_));
+    }
+    std::fill_n(w_.column.data(), cols_, T(0));
+    s_.dense.column_max(rows_, cols_, tile(i_, j_), w_.column.data());
+    mark_growth(s_, at, cols_, w_.column.data());
+  }
+
+  void finish() {
+    s_.tile_done.set(number(i_, j_));
+    if (s_.open_tiles[f_].fetch_sub(1, std::memory_order_acq_rel) == 1) s_.front_done.set(f_);
+  }
+
+  NumericState<T>& s_;
+  Workspace<T>& w_;
+  const analysis::Plan& plan_;
+  Index f_, i_, j_;
+  const FrontLayout& layout_;
+  Index rows_, cols_;
+  Offset ld_;
+  bool lu_;
+};
+
+}  // namespace
+
+template <class T>
+void make_tile(NumericState<T>& state, Workspace<T>& work, const Task& task) {
+  TileTask<T>(state, work, task).run();
+}
+
+template void make_tile(NumericState<double>&, Workspace<double>&, const Task&);
+template void make_tile(NumericState<float>&, Workspace<float>&, const Task&);
+
+}  // namespace espalier::device::host

@@ -1,0 +1,342 @@
+#include "device/host/triangular_solve.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+namespace espalier::device::host {
+
+namespace {
+
+using analysis::FrontLayout;
+
+// Sub-trees whose factors have at most that many entries are one task; larger fronts are split into tiles: half a
+// megabyte is some 30 microseconds of memory traffic, a hundred times what handing out a task costs.
+constexpr Offset kTaskEntries = 1 << 16;
+constexpr Offset kSplitEntries = 1 << 18;
+
+// Row of the padded front at which row r of the front stands.
+Offset padded_row(const FrontLayout& l, Index r) {
+  return r < l.pivots ? r : l.padded_begin(l.pivot_tiles) + (r - l.pivots);
+}
+
+}  // namespace
+
+template <class T>
+TriangularSolve<T>::TriangularSolve(NumericState<T>& state, base::ThreadPool& pool, base::MemoryBudget* budget)
+    : s_(state),
+      plan_(state.plan),
+      pool_(pool),
+      budget_(budget),
+      tile_done_(plan_.tiles()),
+      front_done_(plan_.fronts()),
+      open_(std::make_unique<std::atomic<Index>[]>(static_cast<std::size_t>(plan_.fronts()))) {
+  list_tasks();
+  prepare(1);
+}
+
+template <class T>
+void TriangularSolve<T>::list_tasks() {
+  const Index fronts = plan_.fronts();
+  std::vector<Offset> entries(static_cast<std::size_t>(fronts), 0);
+  std::vector<Index> begin(static_cast<std::size_t>(fronts));
+  front_tiles_.assign(static_cast<std::size_t>(fronts), 1);
+  for (Index f = 0; f < fronts; ++f) {
+    const FrontLayout& l = plan_.layout[f];
+    largest_front_rows_ = std::max(largest_front_rows_, static_cast<Index>(l.padded_begin(l.tiles)));
+    for (Index i = 0; i < l.tiles; ++i)
+      largest_tile_ = std::max(largest_tile_, static_cast<Index>(l.padded(l.width(i))));
+    entries[f] += l.factor_size();
+    begin[f] = f;
+    for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c) {
+      begin[f] = std::min(begin[f], begin[plan_.children[c]]);
+      entries[f] += entries[plan_.children[c]];
+    }
+  }
+  const auto small = [&](Index f) { return entries[f] <= kTaskEntries; };
+  for (Index f = 0; f < fronts; ++f) {
+    const Index parent = plan_.tree.parent[f];
+    const FrontLayout& l = plan_.layout[f];
+    if (small(f)) {
+      if (parent < 0 || !small(parent)) forward_.push_back({f, begin[f], -1});
+    } else if (l.factor_size() <= kSplitEntries || l.tiles < 3) {
+      forward_.push_back({f, f, -1});
+    } else {
+      front_tiles_[f] = l.tiles;
+      for (Index i = 0; i < l.tiles; ++i) forward_.push_back({f, f, i});
+    }
+  }
+  // Deepest tier first: what is ready together stands together.
+  std::stable_sort(forward_.begin(), forward_.end(),
+                   [&](const SolveTask& a, const SolveTask& b) { return plan_.tier[a.front] > plan_.tier[b.front]; });
+  // Backwards, only the pivot columns of a split front have work.
+  for (auto t = forward_.rbegin(); t != forward_.rend(); ++t)
+    if (t->tile < plan_.layout[t->front].pivot_tiles) backward_.push_back(*t);
+}
+
+template <class T>
+void TriangularSolve<T>::prepare(Index nr) {
+  if (nr <= allocated_nr_) return;
+  contributions_ = base::Buffer<T>();
+  contributions_ = base::Buffer<T>(static_cast<Offset>(plan_.tree.rows.size()) * nr, budget_);
+  workers_.clear();
+  for (int t = 0; t < pool_.size(); ++t) {
+    Worker w;
+    w.front = base::Buffer<T>((static_cast<Offset>(largest_front_rows_) + kPanel<T>)*nr, budget_);
+    w.tile = base::Buffer<T>(2 * static_cast<Offset>(largest_tile_) * nr, budget_);
+    workers_.push_back(std::move(w));
+  }
+  allocated_nr_ = nr;
+}
+
+template <class T>
+void TriangularSolve<T>::run(T* x, Index nr, bool transpose) {
+  prepare(nr);
+  x_ = x;
+  nr_ = nr;
+  transpose_ = transpose && s_.kind == Kind::lu;
+  const auto reset = [&](bool back) {
+    tile_done_.reset();
+    front_done_.reset();
+    for (Index f = 0; f < plan_.fronts(); ++f)
+      open_[f].store(back && front_tiles_[f] > 1 ? plan_.layout[f].pivot_tiles : front_tiles_[f],
+                     std::memory_order_relaxed);
+  };
+  reset(false);
+  sweep(forward_, &TriangularSolve::forward);
+  reset(true);
+  sweep(backward_, &TriangularSolve::backward);
+}
+
+template <class T>
+void TriangularSolve<T>::sweep(const std::vector<SolveTask>& tasks,
+                               void (TriangularSolve::*one)(const SolveTask&, Worker&)) {
+  std::atomic<std::size_t> next{0};
+  pool_.run([&](int t) {
+    Worker& w = workers_[static_cast<std::size_t>(t)];
+    for (std::size_t at = next++; at < tasks.size(); at = next++) (this->*one)(tasks[at], w);
+  });
+}
+
+template <class T>
+void TriangularSolve<T>::forward(const SolveTask& task, Worker& w) {
+  if (task.tile >= 0) return forward_tile(task.front, task.tile, w);
+  for (Index f = task.begin; f <= task.front; ++f) {
+    forward_front(f, w);
+    front_done_.set(f);
+  }
+}
+
+template <class T>
+void TriangularSolve<T>::backward(const SolveTask& task, Worker& w) {
+  if (task.tile >= 0) return backward_tile(task.front, task.tile, w);
+  for (Index f = task.front; f >= task.begin; --f) {
+    backward_front(f, w);
+    front_done_.set(f);
+  }
+}
+
+template <class T>
+const T* TriangularSolve<T>::lower(Index f, Index i, Index j) const {
+  return (transpose_ ? s_.factor2(f) : s_.factor(f)) + plan_.layout[f].tile_offset(i, j);
+}
+
+template <class T>
+const T* TriangularSolve<T>::upper(Index f, Index i, Index j) const {
+  return (s_.kind == Kind::lu && !transpose_ ? s_.factor2(f) : s_.factor(f)) + plan_.layout[f].tile_offset(i, j);
+}
+
+template <class T>
+void TriangularSolve<T>::finish_tile(Index f, Index tile) {
+  tile_done_.set(plan_.first_tile[f] + tile);
+  if (open_[f].fetch_sub(1, std::memory_order_acq_rel) == 1) front_done_.set(f);
+}
+
+// Adds the children's contributions for the rows [begin, end) of front f to `to`, whose row r - begin is row r.
+template <class T>
+void TriangularSolve<T>::add_children(Index f, Index begin, Index end, T* to) const {
+  for (Offset q = plan_.child_ptr[f]; q < plan_.child_ptr[f + 1]; ++q) {
+    const Index child = plan_.children[q];
+    front_done_.wait(child, s_.abort);
+    const Index* relative = plan_.relative.data() + plan_.tree.row_ptr[child];
+    const Index below = plan_.layout[child].below();
+    const auto first = static_cast<Index>(std::lower_bound(relative, relative + below, begin) - relative);
+    const T* from = contributions_.data() + plan_.tree.row_ptr[child] * nr_;
+    for (Index r = first; r < below && relative[r] < end; ++r) {
+      T* row = to + static_cast<Offset>(relative[r] - begin) * nr_;
+      for (Index c = 0; c < nr_; ++c) row[c] += from[static_cast<Offset>(r) * nr_ + c];
+    }
+  }
+}
+
+// y = (diagonal block of the forward matrix)^-1 b for tile j. `scratch` has room for the tile.
+template <class T>
+void TriangularSolve<T>::divide_forward(Index f, Index j, const T* b, T* y, T* scratch) const {
+  const FrontLayout& l = plan_.layout[f];
+  const Index n = l.width(j);
+  if (s_.kind != Kind::llt && !transpose_) {
+    const std::int32_t* perm = s_.pivot_order.data() + plan_.tree.first[f] + l.begin(j);
+    for (Index k = 0; k < n; ++k)
+      std::copy_n(b + static_cast<Offset>(perm[k]) * nr_, nr_, scratch + static_cast<Offset>(k) * nr_);
+    b = scratch;
+  }
+  s_.dense.apply_lower(n, nr_, lower(f, j, j), b, y);
+}
+
+// z = D^-1 y in place (ldlt).
+template <class T>
+void TriangularSolve<T>::start_backward(Index f, Index j, T* y) const {
+  if (s_.kind != Kind::ldlt) return;
+  const FrontLayout& l = plan_.layout[f];
+  const Index at = plan_.tree.first[f] + l.begin(j);
+  const T* d = s_.d_inverse.data() + at;
+  const T* e = s_.e_inverse.data() + at;
+  const Index n = l.width(j);
+  for (Index k = 0; k < n; ++k) {
+    T* row = y + static_cast<Offset>(k) * nr_;
+    if (e[k] != T(0)) {
+      for (Index c = 0; c < nr_; ++c) {
+        const T y0 = row[c];
+        const T y1 = row[nr_ + c];
+        row[c] = d[k] * y0 + e[k] * y1;
+        row[nr_ + c] = e[k] * y0 + d[k + 1] * y1;
+      }
+      ++k;
+    } else {
+      for (Index c = 0; c < nr_; ++c) row[c] *= d[k];
+    }
+  }
+}
+
+// x = (diagonal block of the backward matrix)^-1 b, stored at the tile's rows of x_. `y` has room for the tile.
+template <class T>
+void TriangularSolve<T>::divide_backward(Index f, Index j, const T* b, T* y) const {
+  const FrontLayout& l = plan_.layout[f];
+  const Index n = l.width(j);
+  const Index at = plan_.tree.first[f] + l.begin(j);
+  s_.dense.apply_lower_transposed(n, nr_, upper(f, j, j), b, y);
+  T* x = x_ + static_cast<Offset>(at) * nr_;
+  if (s_.kind == Kind::llt || (s_.kind == Kind::lu && !transpose_)) {
+    std::copy_n(y, static_cast<Offset>(n) * nr_, x);
+    return;
+  }
+  const std::int32_t* perm = s_.pivot_order.data() + at;
+  for (Index k = 0; k < n; ++k)
+    std::copy_n(y + static_cast<Offset>(k) * nr_, nr_, x + static_cast<Offset>(perm[k]) * nr_);
+}
+
+// A whole front at once, one block column after another: the factor is read in the order in which it is stored.
+template <class T>
+void TriangularSolve<T>::forward_front(Index f, Worker& w) {
+  const FrontLayout& l = plan_.layout[f];
+  T* t = w.front.data();
+  T* x = x_ + static_cast<Offset>(plan_.tree.first[f]) * nr_;
+  const Offset below_at = l.padded_begin(l.pivot_tiles);
+  const Offset rows = l.padded_begin(l.tiles);
+  std::copy_n(x, static_cast<Offset>(l.pivots) * nr_, t);
+  std::fill_n(t + static_cast<Offset>(l.pivots) * nr_, (rows - l.pivots) * nr_, T(0));
+  add_children(f, 0, l.pivots, t);
+  add_children(f, l.pivots, l.rows, t + below_at * nr_);
+  T* y = w.tile.data();
+  T* scratch = y + static_cast<Offset>(largest_tile_) * nr_;
+  for (Index j = 0; j < l.pivot_tiles; ++j) {
+    const Index n = l.width(j);
+    divide_forward(f, j, t + static_cast<Offset>(l.begin(j)) * nr_, y, scratch);
+    std::copy_n(y, static_cast<Offset>(n) * nr_, x + static_cast<Offset>(l.begin(j)) * nr_);
+    if (j + 1 < l.tiles)
+      s_.dense.apply(rows - l.padded_begin(j + 1), n, nr_, lower(f, j + 1, j), y, t + l.padded_begin(j + 1) * nr_);
+  }
+  std::copy_n(t + below_at * nr_, static_cast<Offset>(l.below()) * nr_,
+              contributions_.data() + plan_.tree.row_ptr[f] * nr_);
+}
+
+template <class T>
+void TriangularSolve<T>::backward_front(Index f, Worker& w) {
+  const FrontLayout& l = plan_.layout[f];
+  if (plan_.tree.parent[f] >= 0) front_done_.wait(plan_.tree.parent[f], s_.abort);
+  T* t = w.front.data();
+  T* x = x_ + static_cast<Offset>(plan_.tree.first[f]) * nr_;
+  const Offset rows = l.padded_begin(l.tiles);
+  std::fill_n(t + static_cast<Offset>(l.pivots) * nr_, (rows - l.pivots) * nr_, T(0));
+  std::copy_n(x, static_cast<Offset>(l.pivots) * nr_, t);
+  const Index* below = plan_.tree.rows.data() + plan_.tree.row_ptr[f];
+  for (Index r = 0; r < l.below(); ++r)
+    std::copy_n(x_ + static_cast<Offset>(below[r]) * nr_, nr_, t + padded_row(l, l.pivots + r) * nr_);
+  T* y = w.tile.data();
+  for (Index j = l.pivot_tiles - 1; j >= 0; --j) {
+    const Index n = l.width(j);
+    T* tj = t + static_cast<Offset>(l.begin(j)) * nr_;
+    start_backward(f, j, tj);
+    if (j + 1 < l.tiles)
+      s_.dense.apply_transposed(rows - l.padded_begin(j + 1), n, nr_, upper(f, j + 1, j),
+                                t + l.padded_begin(j + 1) * nr_, tj);
+    divide_backward(f, j, tj, y);
+    std::copy_n(x + static_cast<Offset>(l.begin(j)) * nr_, static_cast<Offset>(n) * nr_, tj);
+  }
+}
+
+// One tile row of a split front: t = b_i + contributions - sum over k of L(i, k) y_k.
+template <class T>
+void TriangularSolve<T>::forward_tile(Index f, Index i, Worker& w) {
+  const FrontLayout& l = plan_.layout[f];
+  const Index n = l.width(i);
+  const Index begin = l.begin(i);
+  T* t = w.front.data();
+  T* x = x_ + static_cast<Offset>(plan_.tree.first[f]) * nr_;
+  const bool pivot = i < l.pivot_tiles;
+  if (pivot)
+    std::copy_n(x + static_cast<Offset>(begin) * nr_, static_cast<Offset>(n) * nr_, t);
+  else
+    std::fill_n(t, static_cast<Offset>(n) * nr_, T(0));
+  add_children(f, begin, begin + n, t);
+  for (Index k = 0; k < std::min(i, l.pivot_tiles); ++k) {
+    tile_done_.wait(plan_.first_tile[f] + k, s_.abort);
+    s_.dense.apply(n, l.width(k), nr_, lower(f, i, k), x + static_cast<Offset>(l.begin(k)) * nr_, t);
+  }
+  if (pivot) {
+    T* y = w.tile.data();
+    divide_forward(f, i, t, y, y + static_cast<Offset>(largest_tile_) * nr_);
+    std::copy_n(y, static_cast<Offset>(n) * nr_, x + static_cast<Offset>(begin) * nr_);
+  } else {
+    std::copy_n(t, static_cast<Offset>(n) * nr_,
+                contributions_.data() + (plan_.tree.row_ptr[f] + begin - l.pivots) * nr_);
+  }
+  finish_tile(f, i);
+}
+
+// One tile column of a split front: t = z_j - sum over i > j of U(j, i) x_i; the rows below the pivots come first,
+// since they are known from the start.
+template <class T>
+void TriangularSolve<T>::backward_tile(Index f, Index j, Worker& w) {
+  const FrontLayout& l = plan_.layout[f];
+  if (plan_.tree.parent[f] >= 0) front_done_.wait(plan_.tree.parent[f], s_.abort);
+  const Index n = l.width(j);
+  T* x = x_ + static_cast<Offset>(plan_.tree.first[f]) * nr_;
+  T* t = w.tile.data();
+  T* from = w.front.data();
+  std::copy_n(x + static_cast<Offset>(l.begin(j)) * nr_, static_cast<Offset>(n) * nr_, t);
+  start_backward(f, j, t);
+  const Offset below_rows = l.padded_begin(l.tiles) - l.padded_begin(l.pivot_tiles);
+  if (below_rows > 0) {
+    const Index* below = plan_.tree.rows.data() + plan_.tree.row_ptr[f];
+    for (Index r = 0; r < l.below(); ++r)
+      std::copy_n(x_ + static_cast<Offset>(below[r]) * nr_, nr_, from + static_cast<Offset>(r) * nr_);
+    std::fill_n(from + static_cast<Offset>(l.below()) * nr_, (below_rows - l.below()) * nr_, T(0));
+    s_.dense.apply_transposed(below_rows, n, nr_, upper(f, l.pivot_tiles, j), from, t);
+  }
+  for (Index i = l.pivot_tiles - 1; i > j; --i) {
+    tile_done_.wait(plan_.first_tile[f] + i, s_.abort);
+    const Index m = l.width(i);
+    std::copy_n(x + static_cast<Offset>(l.begin(i)) * nr_, static_cast<Offset>(m) * nr_, from);
+    std::fill_n(from + static_cast<Offset>(m) * nr_, (l.padded(m) - m) * nr_, T(0));
+    s_.dense.apply_transposed(m, n, nr_, upper(f, i, j), from, t);
+  }
+  // The padding of t is read by the transposed inverse and must be finite.
+  std::fill_n(t + static_cast<Offset>(n) * nr_, (l.padded(n) - n) * nr_, T(0));
+  divide_backward(f, j, t, t + static_cast<Offset>(largest_tile_) * nr_);
+  finish_tile(f, j);
+}
+
+template class TriangularSolve<double>;
+template class TriangularSolve<float>;
+
+}  // namespace espalier::device::host

@@ -1,0 +1,70 @@
+/// \file
+/// Forward and backward substitution with the numeric factor, in parallel over sub-trees, fronts and tiles.
+#pragma once
+
+#include <vector>
+
+#include "base/thread_pool.hpp"
+#include "device/host/numeric_state.hpp"
+
+namespace espalier::device::host {
+
+/// One unit of work of a substitution: a range of fronts (begin .. front, a sub-tree), one front (begin == front), or
+/// one tile row (forward) or tile column (backward) of a front (tile >= 0).
+struct SolveTask {
+  Index front;
+  Index begin;
+  Index tile;
+};
+
+/// The solve phase. Right-hand sides are row-major with `nr` values per row, nr == 1 or a multiple of kPanel<T>.
+template <class T>
+class TriangularSolve {
+ public:
+  TriangularSolve(NumericState<T>& state, base::ThreadPool& pool, base::MemoryBudget* budget);
+
+  /// x (n x nr, elimination order) holds b on entry and the solution on return.
+  void run(T* x, Index nr, bool transpose);
+
+ private:
+  struct Worker {
+    base::Buffer<T> front;  // rows of a front in padded order
+    base::Buffer<T> tile;   // rows of one tile
+  };
+
+  void list_tasks();
+  void prepare(Index nr);
+  void sweep(const std::vector<SolveTask>& tasks, void (TriangularSolve::*one)(const SolveTask&, Worker&));
+  void forward(const SolveTask& task, Worker& w);
+  void backward(const SolveTask& task, Worker& w);
+  void forward_front(Index f, Worker& w);
+  void forward_tile(Index f, Index i, Worker& w);
+  void backward_front(Index f, Worker& w);
+  void backward_tile(Index f, Index j, Worker& w);
+
+  void add_children(Index f, Index begin, Index end, T* to) const;
+  void divide_forward(Index f, Index j, const T* b, T* y, T* scratch) const;
+  void start_backward(Index f, Index j, T* y) const;
+  void divide_backward(Index f, Index j, const T* b, T* y) const;
+  [[nodiscard]] const T* lower(Index f, Index i, Index j) const;  // tile of the matrix of the forward sweep
+  [[nodiscard]] const T* upper(Index f, Index i, Index j) const;  // tile whose transpose the backward sweep applies
+  void finish_tile(Index f, Index tile);
+
+  NumericState<T>& s_;
+  const analysis::Plan& plan_;
+  base::ThreadPool& pool_;
+  base::MemoryBudget* budget_;
+  std::vector<SolveTask> forward_, backward_;
+  std::vector<Index> front_tiles_;  // fronts: number of tile tasks of a split front, 1 otherwise
+  Index largest_front_rows_ = 0, largest_tile_ = 0;
+  base::Buffer<T> contributions_;  // tree.rows.size() x nr
+  std::vector<Worker> workers_;
+  Index allocated_nr_ = 0;
+  Progress tile_done_, front_done_;
+  std::unique_ptr<std::atomic<Index>[]> open_;
+  T* x_ = nullptr;
+  Index nr_ = 1;
+  bool transpose_ = false;
+};
+
+}  // namespace espalier::device::host
