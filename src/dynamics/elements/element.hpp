@@ -1,0 +1,54 @@
+/// \file
+/// What every deformable element offers to the bodies that are made of it.
+///
+/// A body's coordinates are 3-vectors, called vertices here: the positions of its nodes and, for ANCF elements, the
+/// gradient vectors that stand beside them. Every force and every tangent is therefore made of 3 x 3 blocks, and the
+/// mass matrix of one number per pair of vertices (times the 3 x 3 identity).
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "espalier/types.hpp"
+
+namespace espalier::dynamics {
+
+/// The state of one element; arrays of 3 * vertices numbers, x y z of vertex 0 first.
+struct ElementInput {
+  const double* reference;     ///< coordinates in the stress-free state
+  const double* position;      ///< coordinates now
+  const double* velocity;      ///< their rates; may be null (then taken as zero)
+  double damping = 0;          ///< stiffness-proportional (Kelvin-Voigt) factor beta in seconds: stress(E + beta dE/dt)
+  double position_weight = 1;  ///< the tangent is position_weight * df/dq + velocity_weight * df/dv
+  double velocity_weight = 0;
+};
+
+/// What an evaluation writes. n = 3 * vertices.
+struct ElementOutput {
+  double* force;              ///< n: internal force f, the gradient of the strain energy plus the damping force
+  double* tangent = nullptr;  ///< n x n column by column, or null when not wanted
+  double energy = 0;          ///< strain energy (written, not added)
+};
+
+/// A set of elements of one kind. Stateless: evaluate() is a function of its arguments alone, so that calls from
+/// several threads, in any order, give the same bits.
+class ElementGroup {
+ public:
+  virtual ~ElementGroup() = default;
+  [[nodiscard]] virtual Index count() const = 0;
+  [[nodiscard]] virtual int vertices_per_element() const = 0;
+  /// The body's vertex indices of element e.
+  [[nodiscard]] virtual std::span<const Index> vertices(Index e) const = 0;
+  /// Internal force, tangent and energy. @return false when the element has turned inside out (output undefined)
+  [[nodiscard]] virtual bool evaluate(Index e, const ElementInput& in, ElementOutput& out) const = 0;
+  /// Consistent mass, vertices x vertices, one number per pair: integral of density * N_a * N_b.
+  virtual void mass(Index e, const double* reference, double* m) const = 0;
+  /// Number of the element in messages (its number in the mesh file, or its position counted from 1).
+  [[nodiscard]] virtual std::int64_t label(Index e) const { return e + 1; }
+};
+
+/// Largest number of vertices of any element (hex20).
+inline constexpr int kMaxVertices = 20;
+inline constexpr int kMaxElementDofs = 3 * kMaxVertices;
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,33 @@
+/// \file
+/// Displacement-based solids (tet4, tet10, hex8, hex20), total Lagrangian.
+///
+/// Internal force and its exact tangent at finite displacements; see PointResponse for the algebra. The locking-free
+/// hex8 is in hex8_strain.hpp.
+#pragma once
+
+#include "dynamics/elements/element.hpp"
+#include "dynamics/elements/material.hpp"
+#include "dynamics/elements/shape_functions.hpp"
+
+namespace espalier::dynamics {
+
+/// Internal force, tangent and energy of one solid of `type` (arrays as ElementInput and ElementOutput say).
+/// @return false when the volume at an integration point is not positive (output undefined)
+[[nodiscard]] bool evaluate_solid(ElementType type, Rule rule, const Material& material, const ElementInput& in,
+                                  ElementOutput& out);
+
+/// Consistent mass of one solid, nodes x nodes: integral of density * N_a * N_b (Rule::mass).
+void solid_mass(ElementType type, double density, const double* reference, double* m);
+
+/// Lumped mass, one number per node: the diagonal of the consistent mass scaled to the element's mass (Hinton, Rock,
+/// Zienkiewicz 1976). Equals the row sums for tet4 and for parallelepiped hex8.
+void solid_lumped_mass(ElementType type, double density, const double* reference, double* m);
+
+/// Volume in the reference state (Rule::mass).
+double solid_volume(ElementType type, const double* reference);
+
+/// Smallest Jacobian determinant over the corners and the integration points of Rule::stiffness and Rule::mass: not
+/// positive for an element that is inverted or folded.
+double smallest_jacobian(ElementType type, const double* reference);
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,139 @@
+#include "dynamics/mesh/mesh.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace espalier::dynamics {
+namespace {
+
+template <class Sets>
+const auto& find_set(const Sets& sets, const std::string& set, const char* kind, const std::string& mesh) {
+  const auto found = sets.find(set);
+  if (found != sets.end()) return found->second;
+  std::vector<std::string> names;
+  for (const auto& entry : sets) names.push_back(entry.first);
+  throw Error(StatusCode::invalid_input,
+              fmt::format("mesh '{}' has no {} set '{}'; it has: {}", mesh, kind, set,
+                          names.empty() ? std::string("none") : fmt::format("{}", fmt::join(names, ", "))));
+}
+
+/// A face as its sorted corner nodes, with -1 for the missing fourth of a triangle.
+struct FaceKey {
+  std::array<Index, 4> corners;
+  MeshFace face;
+};
+
+FaceKey key_of(const Mesh& mesh, MeshFace face) {
+  FaceKey key{{-1, -1, -1, -1}, face};
+  const auto nodes = mesh.element(face.element);
+  const auto& shape = shape_of(mesh.type(face.element)).faces[static_cast<std::size_t>(face.face)];
+  const int corners = shape_of(shape.type).corners;
+  for (int c = 0; c < corners; ++c) key.corners[c] = nodes[static_cast<std::size_t>(shape.nodes[c])];
+  std::sort(key.corners.begin(), key.corners.end());
+  return key;
+}
+
+}  // namespace
+
+void sort_unique(std::vector<Index>& list) {
+  std::sort(list.begin(), list.end());
+  list.erase(std::unique(list.begin(), list.end()), list.end());
+}
+
+Index Mesh::add_element(ElementType element_type, std::span<const Index> element_nodes) {
+  if (element_nodes.size() != static_cast<std::size_t>(shape_of(element_type).nodes))
+    throw std::invalid_argument(fmt::format("Mesh::add_element: {} nodes given, {} has {}", element_nodes.size(),
+                                            shape_of(element_type).name, shape_of(element_type).nodes));
+  types_.push_back(element_type);
+  connectivity_.insert(connectivity_.end(), element_nodes.begin(), element_nodes.end());
+  start_.push_back(static_cast<Offset>(connectivity_.size()));
+  return element_count() - 1;
+}
+
+std::span<const Index> Mesh::element(Index e) const {
+  const auto i = static_cast<std::size_t>(e);
+  return {connectivity_.data() + start_[i], static_cast<std::size_t>(start_[i + 1] - start_[i])};
+}
+
+std::vector<Index> Mesh::face_nodes(MeshFace face) const {
+  const auto& faces = shape_of(type(face.element)).faces;
+  if (face.face < 0 || static_cast<std::size_t>(face.face) >= faces.size())
+    throw std::invalid_argument(fmt::format("Mesh::face_nodes: element {} ({}) has no face {}",
+                                            element_label(face.element), shape_of(type(face.element)).name,
+                                            face.face + 1));
+  const auto nodes_of_element = element(face.element);
+  std::vector<Index> result;
+  for (const int n : faces[static_cast<std::size_t>(face.face)].nodes)
+    result.push_back(nodes_of_element[static_cast<std::size_t>(n)]);
+  return result;
+}
+
+std::int64_t Mesh::node_label(Index node) const {
+  return node_labels.empty() ? node + 1 : node_labels[static_cast<std::size_t>(node)];
+}
+std::int64_t Mesh::element_label(Index e) const {
+  return element_labels.empty() ? e + 1 : element_labels[static_cast<std::size_t>(e)];
+}
+
+const std::vector<Index>& Mesh::node_set(const std::string& set) const {
+  return find_set(node_sets, set, "node", name);
+}
+const std::vector<Index>& Mesh::element_set(const std::string& set) const {
+  return find_set(element_sets, set, "element", name);
+}
+const std::vector<MeshFace>& Mesh::face_set(const std::string& set) const {
+  return find_set(face_sets, set, "face", name);
+}
+
+std::vector<Index> Mesh::nodes_of_faces(std::span<const MeshFace> faces) const {
+  std::vector<Index> result;
+  for (const MeshFace& face : faces)
+    for (const Index n : face_nodes(face)) result.push_back(n);
+  sort_unique(result);
+  return result;
+}
+
+std::vector<MeshFace> Mesh::boundary_faces() const {
+  std::vector<FaceKey> keys;
+  for (Index e = 0; e < element_count(); ++e)
+    for (int f = 0; f < static_cast<int>(shape_of(type(e)).faces.size()); ++f) keys.push_back(key_of(*this, {e, f}));
+  std::sort(keys.begin(), keys.end(), [](const FaceKey& a, const FaceKey& b) {
+    return a.corners != b.corners ? a.corners < b.corners : a.face < b.face;
+  });
+  std::vector<MeshFace> result;
+  for (std::size_t i = 0; i < keys.size();) {
+    std::size_t j = i + 1;
+    while (j < keys.size() && keys[j].corners == keys[i].corners) ++j;
+    if (j == i + 1) result.push_back(keys[i].face);
+    i = j;
+  }
+  std::sort(result.begin(), result.end());
+  return result;
+}
+
+Index Mesh::drop_unused_nodes() {
+  std::vector<Index> renumbered(nodes.size(), -1);
+  for (const Index n : connectivity_) renumbered[static_cast<std::size_t>(n)] = 0;
+  Index kept = 0;
+  for (std::size_t n = 0; n < nodes.size(); ++n) {
+    if (renumbered[n] < 0) continue;
+    renumbered[n] = kept;
+    nodes[static_cast<std::size_t>(kept)] = nodes[n];
+    if (!node_labels.empty()) node_labels[static_cast<std::size_t>(kept)] = node_labels[n];
+    ++kept;
+  }
+  const Index dropped = static_cast<Index>(nodes.size()) - kept;
+  nodes.resize(static_cast<std::size_t>(kept));
+  if (!node_labels.empty()) node_labels.resize(static_cast<std::size_t>(kept));
+  for (Index& n : connectivity_) n = renumbered[static_cast<std::size_t>(n)];
+  for (auto& entry : node_sets) {
+    for (Index& n : entry.second) n = renumbered[static_cast<std::size_t>(n)];
+    std::erase(entry.second, -1);
+  }
+  return dropped;
+}
+
+}  // namespace espalier::dynamics
