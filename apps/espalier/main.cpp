@@ -1,1 +1,80 @@
-int main() { return 0; }
+/// \file
+/// The command line `espalier`: reads the arguments, runs one subcommand, turns every failure into a message on stderr
+/// and an exit code.
+#include <CLI/CLI.hpp>
+#include <exception>
+#include <new>
+
+#include "command.hpp"
+#include "solver/build_info.hpp"
+#include "terminal.hpp"
+
+namespace espalier::cli {
+
+namespace {
+
+constexpr const char* kFooter =
+    "Try:\n"
+    "  espalier solve --generate \"elasticity 20 20 20\"   a generated mechanical system\n"
+    "  espalier solve A.mtx --rhs b.mtx --out x.mtx      your own (Matrix Market, Rutherford-Boeing)\n"
+    "  espalier COMMAND --help                           all options of a command\n"
+    "\n"
+    "Exit codes: 0 solved, 2 wrong usage or unreadable input, 3 singular or not positive definite, 4 memory,\n"
+    "5 device, 6 accuracy not reached.";
+
+/// Wrong usage: what CLI11 found, in one line, and where help is. --help and --version come here too.
+int report_usage(const CLI::App& app, const CLI::ParseError& error) {
+  if (error.get_exit_code() == 0) return app.exit(error);
+  const CLI::App* command = &app;
+  if (!app.get_subcommands().empty()) command = app.get_subcommands().front();
+  print_error(error.what());
+  print_hint(fmt::format("see '{}{} --help'", command == &app ? "" : "espalier ", command->get_name()));
+  return kBadInput;
+}
+
+/// Runs the chosen action; nothing escapes.
+int run_guarded(const Action& action) {
+  try {
+    return action();
+  } catch (const Error& error) {
+    print_error(error.what());
+    return exit_code(error.status().code);
+  } catch (const std::bad_alloc&) {
+    print_error("the machine's memory is too small for this; use a smaller system or more memory");
+    return kMemory;
+  } catch (const std::exception& error) {
+    print_error(fmt::format("internal error: {}", error.what()));
+    print_hint("this is a bug of ours; please report it with the command and `espalier info --json`");
+    return kInternalError;
+  }
+}
+
+int run(int argc, char** argv) {
+  CLI::App app{"espalier: a sparse direct solver for mechanics", "espalier"};
+  Action action;
+  app.set_version_flag("--version", std::string("espalier ") + solver::version());
+  app.require_subcommand(1);
+  app.footer(kFooter);
+  add_solve(app, action);
+  add_analyze(app, action);
+  add_generate(app, action);
+  add_info(app, action);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return report_usage(app, error);
+  }
+  return run_guarded(action);
+}
+
+}  // namespace
+
+}  // namespace espalier::cli
+
+int main(int argc, char** argv) {
+  try {
+    return espalier::cli::run(argc, argv);
+  } catch (...) {  // only what fails while the command line itself is set up
+    return espalier::cli::kInternalError;
+  }
+}

@@ -1,0 +1,91 @@
+/// \file
+/// `espalier analyze`: ordering and plan only; what the factorization would take; the tree by tier.
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "base/memory.hpp"
+#include "command.hpp"
+#include "input.hpp"
+#include "solver_flags.hpp"
+#include "summary.hpp"
+#include "terminal.hpp"
+
+namespace espalier::cli {
+
+namespace {
+
+struct AnalyzeCommand {
+  MatrixSource source;
+  SolverFlags flags;
+  std::string save_file, report_file;
+  bool json = false, dry_run = false;
+
+  int run() const;
+};
+
+void fill_record(const AnalyzeCommand& command, Solver& solver, RunRecord& record) {
+  Progress progress(!command.json);
+  base::ThreadPool pool(solver.options().threads > 0 ? solver.options().threads : base::available_cores());
+  progress.begin("reading");
+  const SparseMatrix matrix = command.source.load(record, pool);
+  progress.end(duration(record.read_seconds));
+  progress.begin("analysis");
+  record.analysis = solver.analyze(matrix);
+  record.status = record.analysis->status;
+  if (!record.status.ok()) return;
+  progress.end(duration(record.analysis->seconds));
+  if (!command.save_file.empty()) record.status = solver.save_analysis(command.save_file);
+}
+
+/// A dry run answers "would it fit?": with a budget on the host that is too small it ends like the factorization would.
+Status check_budget(const AnalysisResult& analysis, Offset budget) {
+  if (budget == 0 || analysis.predicted_bytes <= budget) return {};
+  return {StatusCode::out_of_memory,
+          fmt::format("the factorization needs {} on the host, --host-memory allows {}",
+                      base::format_bytes(analysis.predicted_bytes), base::format_bytes(budget)),
+          -1};
+}
+
+int AnalyzeCommand::run() const {
+  Solver solver(flags.options());
+  RunRecord record;
+  record.precision = solver.options().precision;
+  try {
+    fill_record(*this, solver, record);
+  } catch (const Error& error) {
+    record.status = error.status();
+  }
+  const Offset budget = solver.options().host_memory_bytes;
+  const bool analyzed = record.analysis && record.analysis->status.ok();
+  if (analyzed && dry_run && record.status.ok()) record.status = check_budget(*record.analysis, budget);
+  const auto tiers = analyzed ? solver.tiers() : std::vector<Solver::TierRow>{};
+  auto report = to_json(record);
+  report["tree"] = to_json(tiers);
+  if (!report_file.empty()) write_report(report_file, report);
+  if (json) {
+    fmt::print("{}\n", report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+  } else if (analyzed) {
+    fmt::print("{}", analysis_summary(record, tiers));
+    if (dry_run) fmt::print("\n{}", forecast_summary(*record.analysis, budget));
+  }
+  if (!record.status.ok()) print_error(record.status.message);
+  return exit_code(record.status.code);
+}
+
+}  // namespace
+
+void add_analyze(CLI::App& app, Action& action) {
+  auto command = std::make_shared<AnalyzeCommand>();
+  CLI::App* sub = app.add_subcommand("analyze", "Order the matrix and show the tree; nothing is factorized");
+  command->source.add_to(*sub);
+  sub->add_flag("--dry-run", command->dry_run, "also say what the factorization would take: work, time, memory");
+  sub->add_option("--save", command->save_file, "save the analysis for `solve --analysis`")->type_name("FILE");
+  sub->add_option("--report", command->report_file, "write the report as JSON here")->type_name("FILE");
+  sub->add_flag("--json", command->json, "print the report as JSON instead of the tables");
+  command->flags.add_to(*sub);
+  sub->footer(generator_help());
+  sub->callback([command, &action] { action = [command] { return command->run(); }; });
+}
+
+}  // namespace espalier::cli

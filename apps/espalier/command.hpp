@@ -1,0 +1,35 @@
+/// \file
+/// What every subcommand is made of: how it joins the command line and how it ends.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+#include "espalier/types.hpp"
+
+namespace espalier::cli {
+
+/// Exit codes, documented in docs/cli.md.
+enum ExitCode : int {
+  kSolved = 0,
+  kInternalError = 1,  ///< a bug of ours
+  kBadInput = 2,       ///< wrong usage, unreadable input
+  kSingular = 3,       ///< singular, or not positive definite for llt
+  kMemory = 4,
+  kDevice = 5,
+  kAccuracy = 6,  ///< backward error above what was asked for
+};
+
+/// The exit code for a status of the library.
+int exit_code(StatusCode code);
+
+/// What main() runs once the command line is understood; returns the exit code.
+using Action = std::function<int()>;
+
+/// Each adds its subcommand to `app`; `action` is set when the user chose it.
+void add_solve(CLI::App& app, Action& action);
+void add_analyze(CLI::App& app, Action& action);
+void add_generate(CLI::App& app, Action& action);
+void add_info(CLI::App& app, Action& action);
+
+}  // namespace espalier::cli

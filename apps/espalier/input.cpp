@@ -1,0 +1,69 @@
+#include "input.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <sstream>
+
+#include "matrix/read.hpp"
+
+namespace espalier::cli {
+
+namespace {
+
+/// A solver needs a square matrix with at least one row, and its values.
+void check_solvable(const SparseMatrix& a, const std::string& name) {
+  if (a.rows != a.cols) {
+    throw Error(StatusCode::invalid_input,
+                fmt::format("{}: the matrix is {} x {}; a linear system needs a square one", name, a.rows, a.cols));
+  }
+  if (a.rows == 0) throw Error(StatusCode::invalid_input, fmt::format("{}: the matrix is empty (0 x 0)", name));
+}
+
+std::vector<std::string> split(const std::string& text) {
+  std::istringstream stream(text);
+  std::vector<std::string> words;
+  for (std::string word; stream >> word;) words.push_back(word);
+  return words;
+}
+
+}  // namespace
+
+void MatrixSource::add_to(CLI::App& command) {
+  CLI::Option* file = command.add_option("matrix", file_, "matrix file: Matrix Market or Rutherford-Boeing, also .gz")
+                          ->type_name("FILE");
+  command.add_option("--generate", generator_, "generate the matrix instead, for instance \"elasticity 20 20 20\"")
+      ->type_name("\"SPEC\"")
+      ->excludes(file);
+}
+
+SparseMatrix MatrixSource::load(RunRecord& record, base::ThreadPool& pool) const {
+  if (file_.empty() == generator_.empty()) {
+    throw Error(StatusCode::invalid_input, "give a matrix file or --generate \"SPEC\" (see --help)");
+  }
+  const auto start = std::chrono::steady_clock::now();
+  record.input = file_.empty() ? generator_ : file_;
+  SparseMatrix a =
+      file_.empty() ? generate_matrix(split(generator_), pool) : matrix::read_matrix(file_, {&pool, false});
+  record.read_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  check_solvable(a, record.input);
+  record.rows = a.rows;
+  record.nonzeros = a.nonzeros();
+  record.storage = a.storage;
+  return a;
+}
+
+DenseColumns read_columns(const std::string& path, Index rows, base::ThreadPool& pool) {
+  auto vectors = matrix::read_vectors(path, {&pool, false});
+  if (vectors.rows != rows || vectors.cols < 1) {
+    throw Error(StatusCode::invalid_input, fmt::format("{}: the right-hand side is {} x {}; the matrix has {} rows",
+                                                       path, vectors.rows, vectors.cols, rows));
+  }
+  return {vectors.cols, std::move(vectors.values)};
+}
+
+void write_columns(const std::string& path, Index rows, const DenseColumns& columns) {
+  matrix::write_matrix_market_vectors(path, rows, columns.columns, columns.values, "solution by espalier");
+}
+
+}  // namespace espalier::cli

@@ -1,0 +1,48 @@
+/// \file
+/// Where matrices and vectors of the command line come from and go to: files and generators.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "base/thread_pool.hpp"
+#include "espalier/matrix.hpp"
+#include "report.hpp"
+
+namespace espalier::cli {
+
+/// The positional file or --generate "SPEC" of a command; exactly one of them must be given.
+class MatrixSource {
+ public:
+  void add_to(CLI::App& command);
+  /// Reads or makes the matrix and notes its name, size and the time taken in `record`.
+  /// @throws Error(invalid_input) for a file or generator text that cannot be understood, a matrix that is not square,
+  /// is empty, or has no values
+  [[nodiscard]] SparseMatrix load(RunRecord& record, base::ThreadPool& pool) const;
+
+ private:
+  std::string file_;
+  std::string generator_;
+};
+
+/// What `--generate` and `espalier generate` take, one line per generator, for the help text.
+std::string generator_help();
+
+/// Right-hand sides stored column by column.
+struct DenseColumns {
+  Index columns = 1;
+  std::vector<double> values;  ///< columns * rows
+};
+
+/// Reads dense columns of `rows` values each from a Matrix Market file (array, or coordinate: absent entries are zero).
+/// @throws Error(invalid_input) naming the file and what is wrong
+DenseColumns read_columns(const std::string& path, Index rows, base::ThreadPool& pool);
+
+/// Writes dense columns as a Matrix Market array with all digits. @throws Error(invalid_input) when it cannot
+void write_columns(const std::string& path, Index rows, const DenseColumns& columns);
+
+/// Makes the matrix that `words` ("elasticity", "20", "20", "20", "seed=3", ...) describe. @throws Error(invalid_input)
+SparseMatrix generate_matrix(const std::vector<std::string>& words, base::ThreadPool& pool);
+
+}  // namespace espalier::cli

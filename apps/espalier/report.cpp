@@ -1,0 +1,134 @@
+#include "report.hpp"
+
+#include <algorithm>
+
+#include "command.hpp"
+#include "matrix/file.hpp"
+#include "solver/build_info.hpp"
+#include "solver/option_text.hpp"
+
+namespace espalier::cli {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json matrix_json(const RunRecord& record) {
+  return {{"source", record.input},
+          {"rows", record.rows},
+          {"nonzeros", record.nonzeros},
+          {"symmetric", record.symmetric()},
+          {"read_seconds", record.read_seconds}};
+}
+
+Json analysis_json(const AnalysisResult& analysis) {
+  return {{"seconds", analysis.seconds},
+          {"matching_seconds", analysis.matching_seconds},
+          {"ordering_seconds", analysis.ordering_seconds},
+          {"plan_seconds", analysis.plan_seconds},
+          {"nonzeros_factor", analysis.nonzeros_factor},
+          {"flops", analysis.flops},
+          {"fronts", analysis.fronts},
+          {"tiers", analysis.tiers},
+          {"largest_front", analysis.largest_front},
+          {"predicted_seconds", analysis.predicted_seconds}};
+}
+
+Json factor_json(const RunRecord& record) {
+  const auto refactor = record.best_refactor_seconds();
+  return {{"seconds", record.first_factor_seconds},
+          {"flops_per_second", record.best_rate()},
+          {"refactor_seconds", refactor ? Json(*refactor) : Json(nullptr)},
+          {"refactorizations", record.refactor_seconds.size()}};
+}
+
+Json solve_json(const RunRecord& record) {
+  return {{"seconds", record.solve->seconds},
+          {"substitution_seconds", record.solve->solve_seconds},
+          {"columns", record.columns},
+          {"refinement_steps", record.solve->refinement_steps}};
+}
+
+Json devices_json(const std::vector<DeviceReport>& devices) {
+  Json list = Json::array();
+  for (const DeviceReport& device : devices) {
+    list.push_back({{"name", device.name},
+                    {"busy_seconds", device.busy_seconds},
+                    {"idle_fraction", device.idle_fraction},
+                    {"peak_bytes", device.peak_bytes}});
+  }
+  return list;
+}
+
+/// The parts that need a factorization; null when there was none.
+void add_factor_parts(Json& report, const RunRecord& record) {
+  const auto& factor = record.factor;
+  report["factor"] = factor ? factor_json(record) : Json(nullptr);
+  report["solve"] = record.solve ? solve_json(record) : Json(nullptr);
+  report["backward_error"] = nullptr;
+  if (record.solve) {
+    report["backward_error"] = {{"normwise", record.solve->backward_error},
+                                {"componentwise", record.solve->componentwise_error}};
+  }
+  report["inertia"] = nullptr;
+  report["pivots"] = nullptr;
+  report["determinant"] = nullptr;
+  if (factor) {
+    report["inertia"] = {
+        {"positive", factor->inertia.positive}, {"negative", factor->inertia.negative}, {"zero", factor->inertia.zero}};
+    report["pivots"] = {
+        {"two_by_two", factor->two_by_two}, {"perturbed", factor->perturbed}, {"delayed", factor->delayed}};
+    report["determinant"] = {{"sign", factor->determinant_sign}, {"log", factor->determinant_log}};
+  }
+  report["condition_estimate"] = record.condition_estimate ? Json(*record.condition_estimate) : Json(nullptr);
+}
+
+}  // namespace
+
+std::optional<double> RunRecord::best_refactor_seconds() const {
+  if (refactor_seconds.empty()) return std::nullopt;
+  return *std::min_element(refactor_seconds.begin(), refactor_seconds.end());
+}
+
+double RunRecord::best_rate() const {
+  const double seconds = best_refactor_seconds().value_or(first_factor_seconds);
+  return analysis && seconds > 0 ? analysis->flops / seconds : 0;
+}
+
+Json to_json(const RunRecord& record) {
+  Json report;
+  report["espalier"] = solver::version();
+  report["status"] = solver::name_of(record.status.code);
+  report["message"] = record.status.message;
+  report["row"] = record.status.row >= 0 ? Json(record.status.row) : Json(nullptr);
+  report["exit_code"] = exit_code(record.status.code);
+  report["matrix"] = matrix_json(record);
+  report["kind"] = record.analysis ? Json(solver::name_of(record.analysis->kind)) : Json(nullptr);
+  report["precision"] = solver::name_of(record.precision);
+  report["analysis"] = record.analysis ? analysis_json(*record.analysis) : Json(nullptr);
+  add_factor_parts(report, record);
+  report["memory"] = {{"predicted_bytes", record.analysis ? Json(record.analysis->predicted_bytes) : Json(nullptr)},
+                      {"peak_host_bytes", record.factor ? Json(record.factor->peak_host_bytes) : Json(nullptr)}};
+  report["devices"] = record.factor ? devices_json(record.factor->devices) : Json::array();
+  return report;
+}
+
+Json to_json(const std::vector<Solver::TierRow>& tiers) {
+  Json list = Json::array();
+  for (const auto& tier : tiers) {
+    list.push_back({{"tier", tier.tier},
+                    {"fronts", tier.fronts},
+                    {"largest_front", tier.largest_front},
+                    {"flops", tier.flops},
+                    {"factor_entries", tier.factor_entries}});
+  }
+  return list;
+}
+
+void write_report(const std::string& path, const Json& report) {
+  matrix::OutputFile file(path);
+  file.write(report.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  file.commit();
+}
+
+}  // namespace espalier::cli

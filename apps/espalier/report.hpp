@@ -1,0 +1,47 @@
+/// \file
+/// What one run of the solver was and found, and its JSON form (docs/cli.md lists the fields).
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "espalier/solver.hpp"
+
+namespace espalier::cli {
+
+/// Filled phase by phase; what a failed run did not reach stays empty.
+struct RunRecord {
+  std::string input;  ///< file name or generator
+  Index rows = 0;
+  Offset nonzeros = 0;  ///< stored entries
+  Storage storage = Storage::general;
+  Precision precision = Precision::fp64;
+  Status status;
+  double read_seconds = 0;
+  std::optional<AnalysisResult> analysis;
+  std::optional<FactorResult> factor;    ///< the last factorization
+  double first_factor_seconds = 0;       ///< of the first factorization
+  std::vector<double> refactor_seconds;  ///< of each refactorization
+  std::optional<SolveResult> solve;
+  Index columns = 1;  ///< right-hand sides
+  std::optional<double> condition_estimate;
+
+  [[nodiscard]] bool symmetric() const { return storage != Storage::general; }
+  /// Of the refactorizations; empty when there were none.
+  [[nodiscard]] std::optional<double> best_refactor_seconds() const;
+  /// Flops of the analysis over the best time of any factorization.
+  [[nodiscard]] double best_rate() const;
+};
+
+/// The report: always an object with the same keys; null where the run did not get that far.
+nlohmann::ordered_json to_json(const RunRecord& record);
+
+/// The report of an analysis with its tree by tier.
+nlohmann::ordered_json to_json(const std::vector<Solver::TierRow>& tiers);
+
+/// Writes `report` to a file. @throws Error(invalid_input) when the file cannot be written
+void write_report(const std::string& path, const nlohmann::ordered_json& report);
+
+}  // namespace espalier::cli

@@ -1,0 +1,164 @@
+#include "summary.hpp"
+
+#include <fmt/format.h>
+
+#include "base/memory.hpp"
+#include "solver/option_text.hpp"
+#include "terminal.hpp"
+
+namespace espalier::cli {
+
+namespace {
+
+std::string method_name(Kind kind) {
+  switch (kind) {
+    case Kind::llt:
+      return "L L^T";
+    case Kind::ldlt:
+      return "L D L^T";
+    case Kind::lu:
+      return "L U";
+    case Kind::automatic:
+      break;
+  }
+  return "automatic";
+}
+
+std::string storage_name(Storage storage) {
+  switch (storage) {
+    case Storage::general:
+      return "unsymmetric";
+    case Storage::symmetric_lower:
+      return "symmetric, lower triangle stored";
+    case Storage::symmetric_upper:
+      return "symmetric, upper triangle stored";
+    case Storage::symmetric_both:
+      return "symmetric, both triangles stored";
+  }
+  return "";
+}
+
+std::string counted(std::int64_t number, std::string_view one, std::string_view many) {
+  return fmt::format("{} {}", grouped(number), number == 1 ? one : many);
+}
+
+std::string bytes(Offset number) { return base::format_bytes(number); }
+
+std::string analysis_parts(const AnalysisResult& a) {
+  return fmt::format("ordering {}, matching {}, plan {}", duration(a.ordering_seconds), duration(a.matching_seconds),
+                     duration(a.plan_seconds));
+}
+
+/// Entries of the factor over the entries that it would have without fill (one triangle for a symmetric matrix).
+double fill(const RunRecord& record) {
+  Offset entries = record.nonzeros;
+  if (record.storage == Storage::symmetric_both) entries = (entries + record.rows) / 2;
+  return entries > 0 ? static_cast<double>(record.analysis->nonzeros_factor) / static_cast<double>(entries) : 0;
+}
+
+std::string factor_line(const RunRecord& record) {
+  const auto& a = *record.analysis;
+  return fmt::format("{} entries, fill {:.1f}; {} in {}, the largest with {}", grouped(a.nonzeros_factor), fill(record),
+                     counted(a.fronts, "front", "fronts"), counted(a.tiers, "tier", "tiers"),
+                     counted(a.largest_front, "row", "rows"));
+}
+
+std::string inertia_line(const Inertia& inertia) {
+  return fmt::format("{} positive, {} negative, {} zero", grouped(inertia.positive), grouped(inertia.negative),
+                     grouped(inertia.zero));
+}
+
+std::string pivot_line(const FactorResult& factor) {
+  std::string line = fmt::format("{} of 2x2, {} perturbed", grouped(factor.two_by_two), grouped(factor.perturbed));
+  if (factor.delayed > 0) line += fmt::format(", {} delayed", grouped(factor.delayed));
+  return line;
+}
+
+Table phase_table(const RunRecord& record) {
+  Table table("<>><");
+  const auto& a = *record.analysis;
+  table.add({"phase", "time", "rate", ""}, Tone::quiet);
+  if (record.read_seconds > 0) table.add({"reading", duration(record.read_seconds), "", record.input});
+  table.add({"analysis", duration(a.seconds), "", analysis_parts(a)});
+  if (!record.factor) return table;
+  const double first = record.first_factor_seconds;
+  table.add({"factorization", duration(first), rate(first > 0 ? a.flops / first : 0), operations(a.flops)});
+  if (const auto best = record.best_refactor_seconds()) {
+    table.add({"refactorization", duration(*best), rate(record.best_rate()),
+               fmt::format("best of {}", record.refactor_seconds.size())});
+  }
+  if (!record.solve) return table;
+  table.add({"solve", duration(record.solve->seconds), "",
+             fmt::format("{}, {}", counted(record.columns, "right-hand side", "right-hand sides"),
+                         counted(record.solve->refinement_steps, "step of refinement", "steps of refinement"))});
+  return table;
+}
+
+Table result_table(const RunRecord& record) {
+  Table table("<<");
+  table.add({"factor", factor_line(record)});
+  if (!record.factor) return table;
+  const FactorResult& factor = *record.factor;
+  table.add({"memory", fmt::format("{} used at most, {} predicted", bytes(factor.peak_host_bytes),
+                                   bytes(record.analysis->predicted_bytes))});
+  for (const DeviceReport& device : factor.devices) {
+    table.add(
+        {"device", fmt::format("{}: busy {}, idle {:.0f} %, {} at most", device.name, duration(device.busy_seconds),
+                               100 * device.idle_fraction, bytes(device.peak_bytes))});
+  }
+  if (record.symmetric() && factor.inertia.positive >= 0) table.add({"inertia", inertia_line(factor.inertia)});
+  if (record.analysis->kind != Kind::llt) table.add({"pivots", pivot_line(factor)});
+  if (record.condition_estimate) table.add({"condition", fmt::format("{:.1e} (estimate)", *record.condition_estimate)});
+  if (record.solve) {
+    table.add({"accuracy", fmt::format("backward error {} normwise, {} componentwise",
+                                       small(record.solve->backward_error), small(record.solve->componentwise_error))});
+  }
+  return table;
+}
+
+}  // namespace
+
+std::string matrix_summary(const RunRecord& record) {
+  Table table("<<");
+  table.add({"matrix", fmt::format("{}, {}, {}", counted(record.rows, "unknown", "unknowns"),
+                                   counted(record.nonzeros, "entry", "entries"), storage_name(record.storage))});
+  if (record.analysis && record.analysis->kind != Kind::automatic) {
+    table.add({"method", fmt::format("{}, {}", method_name(record.analysis->kind), solver::name_of(record.precision))});
+  }
+  return toned(Tone::strong, record.input) + "\n" + table.text();
+}
+
+std::string solve_summary(const RunRecord& record) {
+  std::string text = "\n" + matrix_summary(record);
+  if (record.analysis && record.analysis->status.ok()) {
+    text += "\n" + phase_table(record).text() + "\n" + result_table(record).text();
+  }
+  return text;
+}
+
+std::string analysis_summary(const RunRecord& record, const std::vector<Solver::TierRow>& tiers) {
+  Table tree(">>>>>>");
+  tree.add({"tier", "fronts", "largest front", "entries of the factor", "work", "share"}, Tone::quiet);
+  for (const auto& row : tiers) {
+    const double share = record.analysis->flops > 0 ? 100 * row.flops / record.analysis->flops : 0;
+    tree.add({fmt::format("{}", row.tier), grouped(row.fronts), grouped(row.largest_front), grouped(row.factor_entries),
+              operations(row.flops), fmt::format("{:.1f} %", share)});
+  }
+  return "\n" + matrix_summary(record) + "\n" + phase_table(record).text() + "\n" + result_table(record).text() + "\n" +
+         tree.text();
+}
+
+std::string forecast_summary(const AnalysisResult& analysis, Offset budget_bytes) {
+  Table table("<<");
+  table.add({"work to come", operations(analysis.flops)});
+  table.add({"time", fmt::format("about {}", duration(analysis.predicted_seconds))});
+  std::string memory = bytes(analysis.predicted_bytes);
+  if (budget_bytes > 0) {
+    memory += fmt::format(" ({} {})", analysis.predicted_bytes <= budget_bytes ? "fits" : "does not fit",
+                          bytes(budget_bytes));
+  }
+  table.add({"memory", memory});
+  return table.text();
+}
+
+}  // namespace espalier::cli

@@ -1,0 +1,87 @@
+/// \file
+/// What people see: colour, errors, numbers in words, tables, and the progress line.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+namespace espalier::cli {
+
+enum class Tone { plain, strong, quiet, good, bad };
+
+/// `text` in a tone when stdout is a terminal, NO_COLOR is not set and TERM is not dumb; else unchanged.
+std::string toned(Tone tone, std::string_view text);
+
+/// "espalier: error: ..." on stderr.
+void print_error(std::string_view message);
+/// An indented second line on stderr that says what to do.
+void print_hint(std::string_view message);
+
+/// 1234567 -> "1,234,567".
+std::string grouped(std::int64_t number);
+/// "12.3 ms", "1.24 s", "3 min 20 s"; "-" for a negative number.
+std::string duration(double seconds);
+/// "98.4 GFLOP/s"; "-" where there is nothing to say.
+std::string rate(double flops_per_second);
+/// "1.26e+10 flop" in words: "12.6 GFLOP".
+std::string operations(double flops);
+/// "1.2e-16".
+std::string small(double number);
+
+/// Rows of cells in aligned columns; the first column is left-aligned, the others by `align` ('<' or '>').
+class Table {
+ public:
+  explicit Table(std::string align) : align_(std::move(align)) {}
+  void add(std::vector<std::string> cells, Tone tone = Tone::plain);
+  /// All rows, each indented by two blanks, with a newline after each.
+  [[nodiscard]] std::string text() const;
+
+ private:
+  struct Row {
+    std::vector<std::string> cells;
+    Tone tone;
+  };
+  std::string align_;
+  std::vector<Row> rows_;
+};
+
+/// Says on stderr which phase is running: on a terminal one line, rewritten while the phase lasts, with a bar when its
+/// time is predicted; elsewhere one plain line when the phase has ended.
+class Progress {
+ public:
+  /// @param enabled false: says nothing
+  explicit Progress(bool enabled);
+  ~Progress();
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+
+  /// Starts a phase. @param predicted_seconds 0: not known
+  void begin(std::string phase, double predicted_seconds = 0);
+  /// Ends it; `outcome` ("1.2 s, 97 GFLOP/s") may be empty.
+  void end(std::string_view outcome);
+
+ private:
+  void repaint_until_stopped();
+  void paint(double elapsed) const;
+
+  bool enabled_ = false;
+  bool live_ = false;
+  bool running_ = false;
+  bool stop_ = false;
+  std::string phase_;
+  double predicted_ = 0;
+  std::chrono::steady_clock::time_point start_;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  std::thread painter_;
+};
+
+}  // namespace espalier::cli
