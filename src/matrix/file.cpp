@@ -1,0 +1,180 @@
+#include "matrix/file.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "base/memory.hpp"
+
+namespace espalier::matrix {
+
+namespace {
+
+constexpr std::size_t kChunk = std::size_t{1} << 20;  // bytes per read from a pipe and per step of zlib's output
+
+[[noreturn]] void cannot_read(const std::string& path, const char* reason) {
+  throw Error(StatusCode::invalid_input, fmt::format("{}: cannot be read: {}", path, reason));
+}
+
+struct Descriptor {
+  int fd;
+  ~Descriptor() { ::close(fd); }
+};
+
+// Owns zlib's state of one unpacking.
+struct Inflater {
+  z_stream stream{};
+  Inflater() {
+    constexpr int kGzipOnly = 16 + MAX_WBITS;
+    if (inflateInit2(&stream, kGzipOnly) != Z_OK) throw Error(StatusCode::out_of_memory, "zlib: no memory to unpack");
+  }
+  ~Inflater() { inflateEnd(&stream); }
+  Inflater(const Inflater&) = delete;
+  Inflater& operator=(const Inflater&) = delete;
+};
+
+// zlib counts in 32 bits: hands over the next part of `rest` when the last one has been used up.
+void feed(z_stream& stream, std::string_view& rest) {
+  if (stream.avail_in > 0) return;
+  const std::size_t part = std::min<std::size_t>(rest.size(), std::size_t{1} << 30);
+  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(rest.data()));
+  stream.avail_in = static_cast<uInt>(part);
+  rest.remove_prefix(part);
+}
+
+}  // namespace
+
+FileBytes::FileBytes(const std::string& path) {
+  const Descriptor file{::open(path.c_str(), O_RDONLY | O_CLOEXEC)};
+  if (file.fd < 0) cannot_read(path, std::strerror(errno));
+  struct stat info {};
+  if (::fstat(file.fd, &info) != 0) cannot_read(path, std::strerror(errno));
+  if (S_ISDIR(info.st_mode)) cannot_read(path, "it is a directory");
+  if (S_ISREG(info.st_mode) && info.st_size > 0) {
+    const auto size = static_cast<std::size_t>(info.st_size);
+    void* p = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file.fd, 0);
+    if (p != MAP_FAILED) {
+      (void)::madvise(p, size, MADV_WILLNEED);
+      mapping_ = p;
+      bytes_ = {static_cast<const char*>(p), size};
+      return;
+    }
+  }
+  read_all(file.fd, path);
+}
+
+FileBytes::~FileBytes() {
+  if (mapping_ != nullptr) ::munmap(mapping_, bytes_.size());
+}
+
+void FileBytes::read_all(int descriptor, const std::string& path) {
+  for (;;) {
+    const std::size_t old = buffer_.size();
+    buffer_.resize(old + kChunk);
+    const ssize_t got = ::read(descriptor, buffer_.data() + old, kChunk);
+    if (got < 0 && errno != EINTR) cannot_read(path, std::strerror(errno));
+    buffer_.resize(old + static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
+    if (got == 0) break;
+  }
+  bytes_ = buffer_;
+}
+
+bool is_gzip(std::string_view bytes) { return bytes.size() >= 2 && bytes[0] == '\x1f' && bytes[1] == '\x8b'; }
+
+Offset machine_memory() { return static_cast<Offset>(::sysconf(_SC_PHYS_PAGES)) * ::sysconf(_SC_PAGE_SIZE); }
+
+std::string gunzip(std::string_view bytes, const std::string& name) {
+  const auto limit = static_cast<std::size_t>(machine_memory() / 2);
+  Inflater inflater;
+  z_stream& stream = inflater.stream;
+  std::string_view rest = bytes;
+  std::string text;
+  std::size_t used = 0;
+  for (;;) {
+    feed(stream, rest);
+    if (text.size() == used) text.resize(std::max(kChunk, used + used / 2));
+    const std::size_t room = std::min<std::size_t>(text.size() - used, std::size_t{1} << 30);
+    stream.next_out = reinterpret_cast<Bytef*>(text.data() + used);
+    stream.avail_out = static_cast<uInt>(room);
+    const int result = inflate(&stream, Z_NO_FLUSH);
+    used += room - stream.avail_out;
+    if (used > limit)
+      throw Error(StatusCode::out_of_memory, fmt::format("{}: unpacks to more than {}, half of this machine's memory",
+                                                         name, base::format_bytes(static_cast<std::int64_t>(limit))));
+    if (result == Z_STREAM_END) {
+      feed(stream, rest);
+      const bool another = stream.avail_in >= 2 && stream.next_in[0] == 0x1f && stream.next_in[1] == 0x8b;
+      if (!another) break;  // what follows the last member is padding
+      inflateReset(&stream);
+    } else if (result == Z_BUF_ERROR ||
+               (result == Z_OK && stream.avail_in == 0 && rest.empty() && stream.avail_out > 0)) {
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("{}: the gzip stream is truncated; fetch the file again", name));
+    } else if (result != Z_OK) {
+      throw Error(StatusCode::invalid_input, fmt::format("{}: the gzip stream is broken ({}); fetch the file again",
+                                                         name, stream.msg != nullptr ? stream.msg : "no reason given"));
+    }
+  }
+  text.resize(used);
+  return text;
+}
+
+OutputFile::OutputFile(std::string path) : path_(std::move(path)) {
+  struct stat info {};
+  const bool special = ::stat(path_.c_str(), &info) == 0 && !S_ISREG(info.st_mode);  // a pipe, /dev/stdout
+  temporary_ = special ? path_ : fmt::format("{}.{}.part", path_, ::getpid());
+  const bool pack = path_.size() > 3 && path_.compare(path_.size() - 3, 3, ".gz") == 0;
+  errno = 0;
+  if (pack) {
+    packed_ = gzopen(temporary_.c_str(), "wb6");
+  } else {
+    plain_ = std::fopen(temporary_.c_str(), "wb");
+  }
+  if (plain_ == nullptr && packed_ == nullptr) fail("cannot be written");
+}
+
+OutputFile::~OutputFile() {
+  const bool open = plain_ != nullptr || packed_ != nullptr;
+  if (plain_ != nullptr) std::fclose(plain_);
+  if (packed_ != nullptr) gzclose(static_cast<gzFile>(packed_));
+  if (open && temporary_ != path_) std::remove(temporary_.c_str());
+}
+
+void OutputFile::fail(const char* what) const {
+  throw Error(StatusCode::invalid_input,
+              fmt::format("{}: {}: {}", path_, what, errno != 0 ? std::strerror(errno) : "unknown reason"));
+}
+
+void OutputFile::write(std::string_view bytes) {
+  errno = 0;
+  if (plain_ != nullptr) {
+    if (std::fwrite(bytes.data(), 1, bytes.size(), plain_) != bytes.size()) fail("writing failed");
+    return;
+  }
+  while (!bytes.empty()) {
+    const auto part = std::min<std::size_t>(bytes.size(), std::size_t{1} << 30);
+    if (gzwrite(static_cast<gzFile>(packed_), bytes.data(), static_cast<unsigned>(part)) <= 0) fail("writing failed");
+    bytes.remove_prefix(part);
+  }
+}
+
+void OutputFile::commit() {
+  errno = 0;
+  const bool closed = plain_ != nullptr ? std::fclose(plain_) == 0 : gzclose(static_cast<gzFile>(packed_)) == Z_OK;
+  plain_ = nullptr;
+  packed_ = nullptr;
+  if (!closed) {
+    if (temporary_ != path_) std::remove(temporary_.c_str());
+    fail("writing failed");
+  }
+  if (temporary_ != path_ && std::rename(temporary_.c_str(), path_.c_str()) != 0) fail("cannot be renamed");
+}
+
+}  // namespace espalier::matrix

@@ -1,0 +1,64 @@
+/// \file
+/// Whole files in memory: mapped where possible, unpacked where compressed; and files written all or not at all.
+#pragma once
+
+#include <cstdio>
+#include <string>
+#include <string_view>
+
+#include "espalier/types.hpp"
+
+namespace espalier::matrix {
+
+/// The bytes of a file. A regular file is mapped into memory (it must not shrink meanwhile), a pipe is read to its end.
+class FileBytes {
+ public:
+  /// @throws Error(invalid_input) when the file cannot be opened or read, with the system's reason
+  explicit FileBytes(const std::string& path);
+  ~FileBytes();
+  FileBytes(const FileBytes&) = delete;
+  FileBytes& operator=(const FileBytes&) = delete;
+  [[nodiscard]] std::string_view bytes() const { return bytes_; }
+
+ private:
+  void read_all(int descriptor, const std::string& path);
+
+  std::string_view bytes_;
+  void* mapping_ = nullptr;
+  std::string buffer_;
+};
+
+/// True for the two magic bytes of gzip.
+bool is_gzip(std::string_view bytes);
+
+/// Unpacks all members of a gzip stream. @param name for messages
+/// @throws Error(invalid_input) when the stream is broken or truncated
+/// @throws Error(out_of_memory) when it unpacks to more than half of the machine's memory
+std::string gunzip(std::string_view bytes, const std::string& name);
+
+/// Bytes of physical memory of this machine.
+Offset machine_memory();
+
+/// A file being written under a temporary name beside `path`; commit() gives it its name, the destructor of an
+/// uncommitted one removes it. A path that ends in ".gz" is compressed.
+class OutputFile {
+ public:
+  /// @throws Error(invalid_input) when the file cannot be made
+  explicit OutputFile(std::string path);
+  ~OutputFile();
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+  /// @throws Error(invalid_input) when the medium is full or fails
+  void write(std::string_view bytes);
+  void commit();
+
+ private:
+  [[noreturn]] void fail(const char* what) const;
+
+  std::string path_;
+  std::string temporary_;
+  std::FILE* plain_ = nullptr;
+  void* packed_ = nullptr;  // gzFile
+};
+
+}  // namespace espalier::matrix

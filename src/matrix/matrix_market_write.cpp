@@ -1,0 +1,120 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <functional>
+
+#include "matrix/file.hpp"
+#include "matrix/matrix_market.hpp"
+#include "matrix/parallel.hpp"
+
+namespace espalier::matrix {
+
+namespace {
+
+constexpr Offset kEntriesPerPiece = 1 << 16;  // about 2 MB of text
+
+// Appends numbers to a text without a detour over streams.
+class Text {
+ public:
+  void reserve(std::size_t bytes) { text_.reserve(bytes); }
+  template <class Number>
+  void number(Number v, char behind) {
+    constexpr std::size_t kLongest = 32;
+    char digits[kLongest];
+    const auto [stop, code] = std::to_chars(digits, digits + kLongest, v);
+    (void)code;  // 32 characters hold every double and every 64-bit integer
+    *stop = behind;
+    text_.append(digits, static_cast<std::size_t>(stop - digits) + 1);
+  }
+  [[nodiscard]] const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+};
+
+std::string banner(const char* kind, const std::string& comment) {
+  std::string head = fmt::format("%%MatrixMarket matrix {}\n", kind);
+  for (std::size_t begin = 0; begin < comment.size();) {
+    const std::size_t end = std::min(comment.find('\n', begin), comment.size());
+    head += fmt::format("% {}\n", comment.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return head;
+}
+
+// Formats pieces [0, n) with as many threads as there are and writes them in order, a wave of a few per thread at a
+// time.
+void write_pieces(OutputFile& file, Offset n, base::ThreadPool* pool,
+                  const std::function<void(Offset, Text&)>& format) {
+  const Offset wave = 4 * threads_of(pool);
+  for (Offset begin = 0; begin < n; begin += wave) {
+    const Offset size = std::min(wave, n - begin);
+    std::vector<Text> texts(static_cast<std::size_t>(size));
+    for_each(pool, size, [&](std::int64_t i) { format(begin + i, texts[static_cast<std::size_t>(i)]); });
+    for (const auto& text : texts) file.write(text.text());
+  }
+}
+
+// The triangle or the whole: is the entry (i, j) written?
+bool written(Storage storage, Index i, Index j) { return storage != Storage::symmetric_both || i >= j; }
+
+Offset count_written(const MatrixView& a) {
+  if (a.storage != Storage::symmetric_both) return a.nonzeros();
+  Offset count = 0;
+  for (Index j = 0; j < a.cols; ++j)
+    for (Offset p = a.col_ptr[static_cast<std::size_t>(j)]; p < a.col_ptr[static_cast<std::size_t>(j) + 1]; ++p)
+      count += a.row_ind[static_cast<std::size_t>(p)] >= j ? 1 : 0;
+  return count;
+}
+
+// Writes the entries at positions [begin, end) of the arrays.
+void format_entries(const MatrixView& a, Offset begin, Offset end, Text& text) {
+  constexpr std::size_t kBytesPerEntry = 40;
+  text.reserve(static_cast<std::size_t>(end - begin) * kBytesPerEntry);
+  auto j = static_cast<Index>(std::upper_bound(a.col_ptr.begin(), a.col_ptr.end(), begin) - a.col_ptr.begin() - 1);
+  for (Offset p = begin; p < end; ++p) {
+    while (a.col_ptr[static_cast<std::size_t>(j) + 1] <= p) ++j;
+    const Index i = a.row_ind[static_cast<std::size_t>(p)];
+    if (!written(a.storage, i, j)) continue;
+    const bool mirror = a.storage == Storage::symmetric_upper;
+    text.number((mirror ? j : i) + 1, ' ');
+    text.number((mirror ? i : j) + 1, a.values.empty() ? '\n' : ' ');
+    if (!a.values.empty()) text.number(a.values[static_cast<std::size_t>(p)], '\n');
+  }
+}
+
+}  // namespace
+
+void write_matrix_market(const std::string& path, const MatrixView& a, const std::string& comment,
+                         base::ThreadPool* pool) {
+  const bool pattern = a.values.empty() && a.nonzeros() > 0;
+  const std::string kind =
+      fmt::format("coordinate {} {}", pattern ? "pattern" : "real", a.symmetric() ? "symmetric" : "general");
+  OutputFile file(path);
+  file.write(banner(kind.c_str(), comment));
+  file.write(fmt::format("{} {} {}\n", a.rows, a.cols, count_written(a)));
+  const Offset pieces = (a.nonzeros() + kEntriesPerPiece - 1) / kEntriesPerPiece;
+  write_pieces(file, pieces, pool, [&](Offset i, Text& text) {
+    format_entries(a, i * kEntriesPerPiece, std::min(a.nonzeros(), (i + 1) * kEntriesPerPiece), text);
+  });
+  file.commit();
+}
+
+void write_matrix_market_vectors(const std::string& path, Index rows, Index cols, std::span<const double> values,
+                                 const std::string& comment, base::ThreadPool* pool) {
+  const Offset count = static_cast<Offset>(rows) * cols;
+  if (static_cast<Offset>(values.size()) != count)
+    throw std::invalid_argument(
+        fmt::format("write_matrix_market_vectors: {} values for {} x {}", values.size(), rows, cols));
+  OutputFile file(path);
+  file.write(banner("array real general", comment));
+  file.write(fmt::format("{} {}\n", rows, cols));
+  write_pieces(file, (count + kEntriesPerPiece - 1) / kEntriesPerPiece, pool, [&](Offset i, Text& text) {
+    const Offset end = std::min(count, (i + 1) * kEntriesPerPiece);
+    for (Offset k = i * kEntriesPerPiece; k < end; ++k) text.number(values[static_cast<std::size_t>(k)], '\n');
+  });
+  file.commit();
+}
+
+}  // namespace espalier::matrix

@@ -1,0 +1,124 @@
+#include "matrix/norms.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "matrix/transform.hpp"
+#include "matrix/triplets.hpp"
+
+namespace espalier::matrix {
+
+namespace {
+
+std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
+
+bool half_stored(const MatrixView& a) {
+  return a.storage == Storage::symmetric_lower || a.storage == Storage::symmetric_upper;
+}
+
+// Largest of non-negative numbers; NaN counts as infinity instead of being lost in a comparison.
+double largest(const std::vector<double>& values) {
+  double most = 0;
+  for (const double v : values) {
+    if (std::isnan(v)) return std::numeric_limits<double>::infinity();
+    most = std::max(most, v);
+  }
+  return most;
+}
+
+std::vector<double> absolute_sums(const MatrixView& a, bool of_rows) {
+  std::vector<double> sums(at(of_rows ? a.rows : a.cols), 0.0);
+  for (Index j = 0; j < a.cols; ++j)
+    for (Offset p = a.col_ptr[at(j)]; p < a.col_ptr[at(j) + 1]; ++p) {
+      const Index i = a.row_ind[at(p)];
+      const double v = std::abs(a.values[at(p)]);
+      sums[at(of_rows ? i : j)] += v;
+      if (half_stored(a) && i != j) sums[at(of_rows ? j : i)] += v;
+    }
+  return sums;
+}
+
+// `a` itself if its columns are sorted and unique, else a sorted copy kept in `storage`.
+MatrixView sorted(const MatrixView& a, SparseMatrix& copy) {
+  if (is_sorted_unique(a)) return a;
+  copy = {a.rows,
+          a.cols,
+          {a.col_ptr.begin(), a.col_ptr.end()},
+          {a.row_ind.begin(), a.row_ind.end()},
+          {a.values.begin(), a.values.end()},
+          a.storage};
+  sum_duplicates_sorted(copy);
+  return copy;
+}
+
+}  // namespace
+
+double norm_inf(const MatrixView& a) { return largest(absolute_sums(a, true)); }
+
+double norm_one(const MatrixView& a) { return largest(absolute_sums(a, false)); }
+
+double norm_max(const MatrixView& a) {
+  double most = 0;
+  for (const double v : a.values) {
+    if (std::isnan(v)) return std::numeric_limits<double>::infinity();
+    most = std::max(most, std::abs(v));
+  }
+  return most;
+}
+
+bool structure_is_symmetric(const MatrixView& a) {
+  if (a.rows != a.cols) return false;
+  if (half_stored(a)) return true;
+  SparseMatrix copy;
+  const MatrixView s = sorted(a, copy);
+  // Going through the columns in order, the entries (j, i) with j > i of column i must be met one after another by
+  // the entries (i, j) above the diagonal of columns j.
+  std::vector<Offset> below(at(s.cols));
+  for (Index j = 0; j < s.cols; ++j) {
+    const auto begin = s.row_ind.begin() + s.col_ptr[at(j)], end = s.row_ind.begin() + s.col_ptr[at(j) + 1];
+    for (auto p = begin; p != end && *p < j; ++p) {
+      Offset& next = below[at(*p)];
+      if (next == s.col_ptr[at(*p) + 1] || s.row_ind[at(next)] != j) return false;
+      ++next;
+    }
+    below[at(j)] = std::upper_bound(begin, end, j) - s.row_ind.begin();
+  }
+  for (Index j = 0; j < s.cols; ++j)
+    if (below[at(j)] != s.col_ptr[at(j) + 1]) return false;
+  return true;
+}
+
+bool values_are_symmetric(const MatrixView& a) {
+  if (a.rows != a.cols) return false;
+  if (half_stored(a)) return true;
+  if (a.values.empty() && a.nonzeros() > 0) return a.symmetric();
+  SparseMatrix copy;
+  const MatrixView s = sorted(a, copy);
+  std::vector<Offset> below(at(s.cols));
+  const auto all_zero = [&](Offset from, Offset to) {
+    return std::all_of(s.values.begin() + from, s.values.begin() + to, [](double v) { return v == 0; });
+  };
+  for (Index j = 0; j < s.cols; ++j) {
+    Offset p = s.col_ptr[at(j)];
+    for (; p < s.col_ptr[at(j) + 1] && s.row_ind[at(p)] < j; ++p) {
+      const Index i = s.row_ind[at(p)];
+      Offset& next = below[at(i)];
+      const Offset skipped = next;  // entries (k, i) with k < j that no (i, k) has met: their mirror images are absent
+      while (next < s.col_ptr[at(i) + 1] && s.row_ind[at(next)] < j) ++next;
+      if (!all_zero(skipped, next)) return false;
+      const bool present = next < s.col_ptr[at(i) + 1] && s.row_ind[at(next)] == j;
+      if (s.values[at(p)] != (present ? s.values[at(next)] : 0.0)) return false;
+      if (present) ++next;
+    }
+    if (p < s.col_ptr[at(j) + 1] && s.row_ind[at(p)] == j) ++p;
+    below[at(j)] = p;
+  }
+  for (Index j = 0; j < s.cols; ++j)
+    if (!all_zero(below[at(j)], s.col_ptr[at(j) + 1])) return false;
+  return true;
+}
+
+}  // namespace espalier::matrix

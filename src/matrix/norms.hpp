@@ -1,0 +1,27 @@
+/// \file
+/// Norms and symmetry of sparse matrices of any storage; duplicates count as their sum would only if summed before:
+/// the arrays are taken entry by entry, so norms of matrices with duplicates are upper bounds.
+#pragma once
+
+#include <span>
+
+#include "base/thread_pool.hpp"
+#include "espalier/matrix.hpp"
+
+namespace espalier::matrix {
+
+/// max_i sum_j |a_ij|; infinite when an entry is not finite. 0 for a matrix without rows.
+double norm_inf(const MatrixView& a);
+/// max_j sum_i |a_ij|.
+double norm_one(const MatrixView& a);
+/// max_ij |a_ij|.
+double norm_max(const MatrixView& a);
+
+/// Is (j, i) an entry wherever (i, j) is one? Explicit zeros are entries. Symmetric storage: true. Not square: false.
+bool structure_is_symmetric(const MatrixView& a);
+
+/// Is a_ij == a_ji for all entries, bit for bit (an absent entry equals an explicit zero; duplicates are summed first)?
+/// lower and upper storage: true; both: checked. Not square, or without values: false (true for symmetric storage).
+bool values_are_symmetric(const MatrixView& a);
+
+}  // namespace espalier::matrix

@@ -1,0 +1,59 @@
+#include "matrix/read.hpp"
+
+#include <fmt/format.h>
+
+#include <new>
+#include <optional>
+
+#include "matrix/binary.hpp"
+#include "matrix/file.hpp"
+#include "matrix/rutherford_boeing.hpp"
+
+namespace espalier::matrix {
+
+namespace {
+
+constexpr std::size_t kParallelBytes = std::size_t{8} << 20;  // 40 ms of one core: then threads are worth starting
+
+// Calls parse(text, options) with the file's text and a pool.
+template <class Parse>
+auto with_text(const std::string& path, ReadOptions options, const Parse& parse) {
+  try {
+    const FileBytes file(path);
+    std::string unpacked;
+    std::string_view text = file.bytes();
+    if (is_gzip(text)) {
+      unpacked = gunzip(text, path);
+      text = unpacked;
+    }
+    std::optional<base::ThreadPool> own;
+    if (options.pool == nullptr && text.size() >= kParallelBytes) options.pool = &own.emplace(base::available_cores());
+    return parse(text, options);
+  } catch (const std::bad_alloc&) {
+    throw Error(StatusCode::out_of_memory, fmt::format("{}: this machine's memory is too small for the matrix", path));
+  }
+}
+
+}  // namespace
+
+SparseMatrix read_matrix(const std::string& path, const ReadOptions& options) {
+  return with_text(path, options, [&](std::string_view text, const ReadOptions& with_pool) {
+    const Source source{path, text};
+    if (text.empty()) fail(source, "the file is empty");
+    if (is_matrix_market(text)) return parse_matrix_market(text, path, with_pool);
+    if (is_binary_matrix(text)) return parse_binary(text, path);
+    if (is_rutherford_boeing(text)) return parse_rutherford_boeing(text, path, with_pool);
+    fail_at(source, text.data(),
+            "neither Matrix Market ('%%MatrixMarket matrix ...'), nor Rutherford-Boeing, nor Espalier's binary format");
+  });
+}
+
+DenseVectors read_vectors(const std::string& path, const ReadOptions& options) {
+  return with_text(path, options, [&](std::string_view text, const ReadOptions& with_pool) {
+    const Source source{path, text};
+    if (text.empty()) fail(source, "the file is empty");
+    return parse_matrix_market_vectors(text, path, with_pool);
+  });
+}
+
+}  // namespace espalier::matrix

@@ -1,0 +1,23 @@
+/// \file
+/// Matrices and right-hand sides out of files of any supported format.
+#pragma once
+
+#include <string>
+
+#include "matrix/entries.hpp"
+#include "matrix/matrix_market.hpp"
+
+namespace espalier::matrix {
+
+/// Reads a matrix. The format is recognised by the content, not by the name: Matrix Market (matrix_market.hpp),
+/// Rutherford-Boeing and Harwell-Boeing (rutherford_boeing.hpp), Espalier's binary format (binary.hpp); each also
+/// packed by gzip. The result is sorted and free of duplicates; symmetric files give symmetric_lower.
+/// @throws Error(invalid_input) "path:line: what is wrong"; Error(out_of_memory)
+SparseMatrix read_matrix(const std::string& path, const ReadOptions& options = {});
+
+/// Reads right-hand sides or solutions, n x k: a Matrix Market array, or a Matrix Market coordinate file whose absent
+/// entries are zero; also packed by gzip.
+/// @throws Error(invalid_input) "path:line: what is wrong"; Error(out_of_memory)
+DenseVectors read_vectors(const std::string& path, const ReadOptions& options = {});
+
+}  // namespace espalier::matrix
