@@ -1,0 +1,42 @@
+/// \file
+/// Improving a solution with the factor as preconditioner: iterative refinement, and FGMRES or CG where it stalls.
+#pragma once
+
+#include <functional>
+#include <span>
+
+#include "solve/residual.hpp"
+
+namespace espalier::solve {
+
+/// y = M x, an approximate inverse of op(A) (the factor's substitution), for one vector of n values; y may equal x.
+using Preconditioner = std::function<void(const double* x, double* y)>;
+
+struct RefinementOptions {
+  int steps = 10;       ///< most steps
+  bool krylov = false;  ///< go on with FGMRES (or CG) when refinement stalls: for a factor of lower precision
+  bool positive_definite = false;  ///< CG instead of FGMRES
+  int krylov_steps = 100;          ///< most products in the Krylov phase
+  double target = 2e-16;           ///< a componentwise backward error at most this is as good as it gets
+};
+
+struct RefinementResult {
+  BackwardError error;   ///< of the x returned: the best seen
+  int steps = 0;         ///< corrections applied
+  int krylov_steps = 0;  ///< products with A in the Krylov phase
+};
+
+/// Fixed-precision refinement with residuals of twice the precision (Wilkinson; Arioli, Demmel and Duff 1989): corrects
+/// x until the componentwise backward error no longer halves, and keeps the best x.
+/// @param x on entry the first solution, on return the best
+RefinementResult refine(const ResidualOperator& a, const Preconditioner& m, const double* b, double* x, bool transpose,
+                        const RefinementOptions& options);
+
+/// Solves A d = r to a relative residual of `tolerance`, d = 0 at the start: conjugate gradients (positive definite A)
+/// or flexible GMRES (Saad 1993). @returns the number of products with A
+int solve_cg(const ResidualOperator& a, const Preconditioner& m, std::span<const double> r, std::span<double> d,
+             double tolerance, int most_steps);
+int solve_fgmres(const ResidualOperator& a, const Preconditioner& m, std::span<const double> r, std::span<double> d,
+                 bool transpose, double tolerance, int most_steps);
+
+}  // namespace espalier::solve

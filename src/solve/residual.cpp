@@ -1,0 +1,144 @@
+#include "solve/residual.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace espalier::solve {
+
+namespace {
+
+constexpr std::int64_t kRowsPerPiece = 2048;
+
+// A sum of products in twice the working precision: TwoProduct by fused multiply-add, TwoSum of Knuth.
+class LongSum {
+ public:
+  explicit LongSum(double start) : high_(start) {}
+  void subtract_product(double a, double b) {
+    const double p = -a * b;
+    const double error = std::fma(-a, b, -p);
+    const double s = high_ + p;
+    const double z = s - high_;
+    low_ += ((high_ - (s - z)) + (p - z)) + error;
+    high_ = s;
+  }
+  [[nodiscard]] double value() const { return high_ + low_; }
+
+ private:
+  double high_;
+  double low_ = 0;
+};
+
+double ratio(double above, double below) {
+  if (below > 0) return above / below;
+  return above == 0 ? 0 : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+ResidualOperator::ResidualOperator(const MatrixView& a, base::ThreadPool& pool)
+    : a_(a), values_(a.values), pool_(&pool) {
+  if (a.storage == Storage::symmetric_both) return;  // a column is the row
+  const bool triangle = a.storage != Storage::general;
+  row_ptr_.assign(static_cast<std::size_t>(a.rows) + 1, 0);
+  for (Index c = 0; c < a.cols; ++c)
+    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
+      if (!triangle || a.row_ind[q] != c) ++row_ptr_[a.row_ind[q] + 1];
+  for (Index r = 0; r < a.rows; ++r) row_ptr_[r + 1] += row_ptr_[r];
+  col_.resize(static_cast<std::size_t>(row_ptr_.back()));
+  source_.resize(col_.size());
+  std::vector<Offset> next(row_ptr_.begin(), row_ptr_.end() - 1);
+  for (Index c = 0; c < a.cols; ++c)
+    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
+      if (triangle && a.row_ind[q] == c) continue;
+      const Offset at = next[a.row_ind[q]]++;
+      col_[at] = c;
+      source_[at] = q;
+    }
+}
+
+// Calls use(value, column) for every entry of a row of op(A), in a fixed order.
+template <class Use>
+void ResidualOperator::visit_row(Index row, bool transpose, Use&& use) const {
+  const bool general = a_.storage == Storage::general;
+  if (!general || transpose)
+    for (Offset q = a_.col_ptr[row]; q < a_.col_ptr[row + 1]; ++q) use(values_[q], a_.row_ind[q]);
+  if (row_ptr_.empty() || (general && transpose)) return;
+  for (Offset q = row_ptr_[row]; q < row_ptr_[row + 1]; ++q) use(values_[source_[q]], col_[q]);
+}
+
+void ResidualOperator::set_values(std::span<const double> values) {
+  values_ = values;
+  const auto largest_sum = [&](bool transpose) {
+    std::vector<double> piece_max(static_cast<std::size_t>((a_.rows + kRowsPerPiece - 1) / kRowsPerPiece), 0);
+    pool_->for_each_piece(a_.rows, kRowsPerPiece, [&](std::int64_t b, std::int64_t e) {
+      double most = 0;
+      for (auto r = static_cast<Index>(b); r < e; ++r) {
+        double sum = 0;
+        visit_row(r, transpose, [&](double v, Index) { sum += std::abs(v); });
+        most = std::max(most, sum);
+      }
+      piece_max[static_cast<std::size_t>(b / kRowsPerPiece)] = most;
+    });
+    return piece_max.empty() ? 0.0 : *std::max_element(piece_max.begin(), piece_max.end());
+  };
+  norm_inf_ = largest_sum(false);
+  norm_one_ = a_.storage == Storage::general ? largest_sum(true) : norm_inf_;
+}
+
+BackwardError ResidualOperator::compute(const double* b, const double* x, double* r, bool transpose) const {
+  struct Piece {
+    double residual = 0, componentwise = 0, x = 0, b = 0;
+    bool finite = true;
+  };
+  std::vector<Piece> pieces(static_cast<std::size_t>((a_.rows + kRowsPerPiece - 1) / kRowsPerPiece));
+  pool_->for_each_piece(a_.rows, kRowsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+    Piece& piece = pieces[static_cast<std::size_t>(begin / kRowsPerPiece)];
+    for (auto i = static_cast<Index>(begin); i < end; ++i) {
+      LongSum sum(b[i]);
+      double scale = std::abs(b[i]);
+      visit_row(i, transpose, [&](double v, Index c) {
+        sum.subtract_product(v, x[c]);
+        scale += std::abs(v * x[c]);
+      });
+      const double value = sum.value();
+      const double residual = std::abs(value);
+      if (r != nullptr) r[i] = value;
+      piece.finite = piece.finite && std::isfinite(residual) && std::isfinite(x[i]);
+      piece.residual = std::max(piece.residual, residual);
+      piece.componentwise = std::max(piece.componentwise, ratio(residual, scale));
+      piece.x = std::max(piece.x, std::abs(x[i]));
+      piece.b = std::max(piece.b, std::abs(b[i]));
+    }
+  });
+  Piece all;
+  for (const Piece& p : pieces) {
+    all.residual = std::max(all.residual, p.residual);
+    all.componentwise = std::max(all.componentwise, p.componentwise);
+    all.x = std::max(all.x, p.x);
+    all.b = std::max(all.b, p.b);
+    all.finite = all.finite && p.finite;
+  }
+  if (!all.finite) {
+    const double infinity = std::numeric_limits<double>::infinity();
+    return {infinity, infinity};
+  }
+  return {ratio(all.residual, (transpose ? norm_one_ : norm_inf_) * all.x + all.b), all.componentwise};
+}
+
+void ResidualOperator::multiply(const double* x, double* y, bool transpose) const {
+  pool_->for_each_piece(a_.rows, kRowsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+    for (auto i = static_cast<Index>(begin); i < end; ++i) {
+      double sum = 0;
+      visit_row(i, transpose, [&](double v, Index c) { sum += v * x[c]; });
+      y[i] = sum;
+    }
+  });
+}
+
+Offset ResidualOperator::bytes() const {
+  return static_cast<Offset>(row_ptr_.size() * sizeof(Offset) + col_.size() * sizeof(Index) +
+                             source_.size() * sizeof(Offset));
+}
+
+}  // namespace espalier::solve

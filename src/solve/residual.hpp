@@ -1,0 +1,56 @@
+/// \file
+/// Residuals in extended precision and backward errors, threaded row by row, with the same bits for any number of
+/// threads.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "base/thread_pool.hpp"
+#include "espalier/matrix.hpp"
+
+namespace espalier::solve {
+
+/// Backward errors of an approximate solution.
+struct BackwardError {
+  double normwise = 0;       ///< |b - A x|_inf / (|A|_inf |x|_inf + |b|_inf)  (Rigal and Gaches 1967)
+  double componentwise = 0;  ///< max_i |b - A x|_i / (|A| |x| + |b|)_i  (Oettli and Prager 1964); 0/0 counts as 0
+};
+
+/// Computes b - A x and b - A^T x for one pattern and changing values. Products are accumulated in twice the working
+/// precision (error-free transformations of Ogita, Rump and Oishi 2005).
+class ResidualOperator {
+ public:
+  ResidualOperator() = default;
+  /// Indexes the pattern of `a` (any storage; duplicates allowed) by rows. @param a must outlive the operator
+  ResidualOperator(const MatrixView& a, base::ThreadPool& pool);
+
+  /// New values, in the order of `a`; computes |A|_inf and |A|_1. The span must stay valid while the operator is used.
+  void set_values(std::span<const double> values);
+
+  /// r = b - op(A) x for one right-hand side (n values each); r may be null when only the errors are wanted.
+  BackwardError compute(const double* b, const double* x, double* r, bool transpose) const;
+  /// y = op(A) x in plain double precision.
+  void multiply(const double* x, double* y, bool transpose) const;
+
+  [[nodiscard]] double norm_inf() const { return norm_inf_; }
+  [[nodiscard]] double norm_one() const { return norm_one_; }
+  [[nodiscard]] Index size() const { return a_.rows; }
+  [[nodiscard]] Offset bytes() const;
+
+ private:
+  template <class Use>
+  void visit_row(Index row, bool transpose, Use&& use) const;
+
+  MatrixView a_;
+  std::span<const double> values_;
+  base::ThreadPool* pool_ = nullptr;
+  // Row-wise index: of all entries (general), of the entries off the diagonal (a triangle), empty (both triangles).
+  std::vector<Offset> row_ptr_;
+  std::vector<Index> col_;
+  std::vector<Offset> source_;
+  double norm_inf_ = 0;
+  double norm_one_ = 0;
+};
+
+}  // namespace espalier::solve
