@@ -20,7 +20,8 @@ std::vector<Index> dense_column_counts(const Graph& g, const std::vector<Index>&
   for (std::size_t k = 0; k < n; ++k) position[static_cast<std::size_t>(order[k])] = k;
   std::vector<std::vector<char>> a(n, std::vector<char>(n, 0));
   for (Index v = 0; v < g.n; ++v)
-    for (const Index u : g.neighbours(v)) a[position[static_cast<std::size_t>(v)]][position[static_cast<std::size_t>(u)]] = 1;
+    for (const Index u : g.neighbours(v))
+      a[position[static_cast<std::size_t>(v)]][position[static_cast<std::size_t>(u)]] = 1;
   std::vector<Index> count(n, 1);
   for (std::size_t k = 0; k < n; ++k)
     for (std::size_t i = k + 1; i < n; ++i) {
@@ -43,7 +44,8 @@ TEST(BuildTree, CountsAgreeWithDenseEliminationOnRandomPatterns) {
   for (unsigned seed = 0; seed < 120; ++seed) {
     std::mt19937 random(seed);
     const Index n = 1 + static_cast<Index>(random() % 60);
-    const Graph g = graph_of_edges(n, random_edges(n, static_cast<Index>(random() % (3 * static_cast<unsigned>(n))), random));
+    const Graph g =
+        graph_of_edges(n, random_edges(n, static_cast<Index>(random() % (3 * static_cast<unsigned>(n))), random));
     TreeStatistics statistics;
     const AssemblyTree tree = build_tree(g, {}, pool, &statistics);
     ASSERT_EQ(verify_tree(g, tree), "") << "seed " << seed;

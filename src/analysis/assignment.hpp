@@ -1,0 +1,84 @@
+/// \file
+/// The assignment problem behind matching.hpp: shortest augmenting paths on sparse columns.
+#pragma once
+
+#include <cmath>
+#include <span>
+#include <vector>
+
+#include "espalier/types.hpp"
+
+namespace espalier::analysis {
+
+/// Sparse columns of a square matrix; somebody else owns the arrays. Zeros and entries that are not finite do not
+/// count.
+struct EntryView {
+  Index n = 0;
+  std::span<const Offset> ptr;
+  std::span<const Index> row;
+  std::span<const double> value;
+
+  /// |value[k]|, brought into 2^-400 .. 2^400 so that products with two scaling factors do not overflow; 0: no entry.
+  [[nodiscard]] double magnitude(Offset k) const {
+    const double v = std::abs(value[static_cast<std::size_t>(k)]);
+    if (!(v > 0) || !std::isfinite(v)) return 0;
+    return v < kLeast ? kLeast : v > kMost ? kMost : v;
+  }
+  static constexpr double kLeast = 0x1p-400, kMost = 0x1p400;
+};
+
+/// Maximises the product of |a_ij| over the matched entries (Duff and Koster 2001, "MC64" with job 5).
+///
+/// With scaling factors r, c > 0 such that r_i |a_ij| c_j <= 1, an entry is *tight* where equality holds; a matching of
+/// tight entries is optimal. The start is r_i = |a_ii|^(-1/2), which makes every diagonal entry of a positive definite
+/// matrix tight at once; then columns and rows are scaled to maximum 1, tight entries are matched greedily, and every
+/// column left is matched by a shortest augmenting path in the reduced costs -log(r_i |a_ij| c_j) (Dijkstra).
+class Assignment {
+ public:
+  explicit Assignment(const EntryView& a);
+  void run();
+
+  std::vector<double> row_scale, col_scale;   ///< n, positive
+  std::vector<Index> row_of_col, col_of_row;  ///< n, -1 when unmatched
+  Index rank = 0;
+
+ private:
+  struct Reached {
+    double distance;
+    Index row;
+    bool operator<(const Reached& o) const {  // a max-heap gives the nearest; ties by row for reproducibility
+      return distance != o.distance ? distance > o.distance : row > o.row;
+    }
+  };
+
+  void scale_by_diagonal();
+  void scale_columns();
+  void scale_rows();
+  void match_tight_diagonal();
+  void match_tight();
+  bool match_tight_column(Index j);
+  void match(Index i, Index j);
+  void search(Index root);
+  void scan(Index j, double base);
+  void augment(Index root);
+  void update_duals(Index root);
+  void repair_deficient();
+  [[nodiscard]] double product(Offset k, Index j) const;
+
+  EntryView a_;
+  std::vector<double> log_row_, log_col_;  // logarithms of the scaling factors, from the first search on
+  // One search: distances of rows, the columns they were reached from, the rows whose distance is final.
+  std::vector<double> distance_;
+  std::vector<Index> via_;
+  std::vector<char> final_;
+  std::vector<Index> touched_, finished_;
+  std::vector<Reached> heap_;
+  double best_ = 0;
+  Index best_row_ = -1;
+  // A search that fails visits a closed set: its columns have entries in its rows only. Such rows are never reached
+  // again. deficient_row_[i] and deficient_col_[j] number the set, 0: none.
+  std::vector<Index> deficient_row_, deficient_col_;
+  Index deficient_sets_ = 0;
+};
+
+}  // namespace espalier::analysis

@@ -1,0 +1,79 @@
+#include "analysis/symbolic.hpp"
+
+#include <utility>
+
+#include "analysis/elimination_tree.hpp"
+#include "analysis/fronts.hpp"
+
+namespace espalier::analysis {
+
+namespace {
+
+auto at(Index k) { return static_cast<std::size_t>(k); }
+
+/// Fronts of vertices -> fronts of unknowns.
+AssemblyTree expand(const CompressedGraph& graph, std::span<const Index> order, const FrontTree& tree,
+                    const FrontRows& rows) {
+  AssemblyTree out;
+  out.n = graph.member_ptr.back();
+  out.parent = tree.parent;
+  out.order.reserve(graph.members.size());
+  std::vector<Index> begin(order.size() + 1, 0);  // first position of each vertex in elimination order
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    const std::size_t v = at(order[at(tree.order[k])]);
+    out.order.insert(out.order.end(), graph.members.begin() + graph.member_ptr[v],
+                     graph.members.begin() + graph.member_ptr[v + 1]);
+    begin[k + 1] = static_cast<Index>(out.order.size());
+  }
+  const auto fronts = at(tree.fronts());
+  out.first.resize(fronts + 1);
+  out.row_ptr.assign(fronts + 1, 0);
+  for (std::size_t f = 0; f <= fronts; ++f) out.first[f] = begin[at(tree.first[f])];
+  for (std::size_t f = 0; f < fronts; ++f) out.row_ptr[f + 1] = out.row_ptr[f] + tree.below[f];
+  out.rows.resize(static_cast<std::size_t>(out.row_ptr.back()));
+  for (std::size_t f = 0; f < fronts; ++f) {
+    Index* to = out.rows.data() + out.row_ptr[f];
+    for (const Index k : rows.rows[f])
+      for (Index p = begin[at(k)]; p < begin[at(k) + 1]; ++p) *to++ = p;
+  }
+  return out;
+}
+
+void count(const FrontTree& tree, double& entries, double& flops) {
+  for (Index f = 0; f < tree.fronts(); ++f) {
+    entries += front_entries(tree.width[at(f)], tree.below[at(f)]);
+    flops += front_flops(tree.width[at(f)], tree.below[at(f)]);
+  }
+}
+
+std::vector<Index> gather(std::span<const Index> values, std::span<const Index> order) {
+  std::vector<Index> out(order.size());
+  for (std::size_t k = 0; k < order.size(); ++k) out[k] = values[at(order[k])];
+  return out;
+}
+
+}  // namespace
+
+AssemblyTree symbolic_tree(const CompressedGraph& graph, std::vector<Index> order, base::ThreadPool& pool,
+                           TreeStatistics& statistics) {
+  std::vector<Index> parent = elimination_tree(graph.graph, order);
+  const std::vector<Index> post = postorder(parent);
+  const std::vector<Index> place = inverse(post);
+  order = gather(order, post);
+  parent = gather(parent, post);
+  for (Index& p : parent)
+    if (p >= 0) p = place[at(p)];
+  const Graph permuted = permute(graph.graph, order, pool);
+  const std::vector<Index> weight = gather(graph.weight, order);
+  const std::vector<Index> columns = column_weights(permuted, parent, weight);
+  const FrontTree exact = fundamental_supernodes(parent, weight, columns);
+  double entries = 0;
+  count(exact, entries, statistics.flops_exact);
+  const FrontTree tree = amalgamate(exact, AmalgamationCost{});
+  entries = 0;
+  count(tree, entries, statistics.flops);
+  statistics.nonzeros_factor = static_cast<Offset>(entries);
+  return expand(graph, order, tree, front_rows(permuted, tree, pool));
+}
+
+}  // namespace espalier::analysis

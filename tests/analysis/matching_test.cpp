@@ -1,0 +1,234 @@
+#include "analysis/matching.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <numeric>
+#include <random>
+
+namespace espalier::analysis {
+namespace {
+
+using Dense = std::vector<std::vector<double>>;  // [row][column]; 0: no entry
+
+SparseMatrix sparse_of(const Dense& d, Storage storage = Storage::general) {
+  const auto n = static_cast<Index>(d.size());
+  SparseMatrix m{n, n, {0}, {}, {}, storage};
+  for (Index j = 0; j < n; ++j) {
+    for (Index i = 0; i < n; ++i) {
+      const bool stored = storage == Storage::general || storage == Storage::symmetric_both ||
+                          (storage == Storage::symmetric_lower ? i >= j : i <= j);
+      if (!stored || d[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)] == 0) continue;
+      m.row_ind.push_back(i);
+      m.values.push_back(d[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)]);
+    }
+    m.col_ptr.push_back(static_cast<Offset>(m.row_ind.size()));
+  }
+  return m;
+}
+
+/// Entries with probability `density`, magnitudes 10^-spread .. 10^spread, both signs.
+Dense random_dense(std::size_t n, double density, double spread, std::mt19937& random, bool symmetric = false) {
+  std::uniform_real_distribution<double> unit(0, 1), exponent(-spread, spread);
+  Dense d(n, std::vector<double>(n, 0));
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t j = 0; j < n; ++j) {
+      if (unit(random) < density) d[i][j] = (unit(random) < 0.5 ? -1 : 1) * std::pow(10, exponent(random));
+      if (symmetric && j < i) d[i][j] = d[j][i];
+    }
+  return d;
+}
+
+/// Largest sum of logarithms over all permutations; -infinity when there is none. The truth for small n.
+double best_by_enumeration(const Dense& d) {
+  std::vector<std::size_t> p(d.size());
+  std::iota(p.begin(), p.end(), std::size_t{0});
+  double best = -std::numeric_limits<double>::infinity();
+  do {
+    double sum = 0;
+    for (std::size_t j = 0; j < p.size(); ++j) sum += std::log(std::abs(d[p[j]][j]));
+    best = std::max(best, sum);
+  } while (std::next_permutation(p.begin(), p.end()));
+  return best;
+}
+
+/// Size of a largest matching by plain augmenting paths: the truth for the structural rank.
+Index rank_by_augmenting_paths(const Dense& d) {
+  const std::size_t n = d.size();
+  std::vector<std::size_t> column_of(n, n);
+  Index rank = 0;
+  for (std::size_t j = 0; j < n; ++j) {
+    std::vector<char> seen(n, 0);
+    const std::function<bool(std::size_t)> grow = [&](std::size_t c) {
+      for (std::size_t i = 0; i < n; ++i) {
+        if (d[i][c] == 0 || seen[i] != 0) continue;
+        seen[i] = 1;
+        if (column_of[i] == n || grow(column_of[i])) {
+          column_of[i] = c;
+          return true;
+        }
+      }
+      return false;
+    };
+    rank += grow(j) ? 1 : 0;
+  }
+  return rank;
+}
+
+/// Dual feasibility and complementary slackness: |r a c| <= 1, equal to 1 on the matching; matched rows are distinct.
+void expect_optimal(const Dense& d, const Matching& m, unsigned seed) {
+  const double n = static_cast<double>(d.size());
+  // Each dual is a sum of at most n path lengths, themselves sums of logarithms below 2000.
+  const double tolerance = 2000 * (n + 10) * std::numeric_limits<double>::epsilon();
+  for (std::size_t j = 0; j < d.size(); ++j)
+    for (std::size_t i = 0; i < d.size(); ++i) {
+      const double scaled = std::abs(m.row_scale[i] * d[i][j] * m.col_scale[j]);
+      ASSERT_LE(scaled, 1 + tolerance) << "seed " << seed << " entry " << i << "," << j;
+      if (m.row_of_col[j] == static_cast<Index>(i)) {
+        ASSERT_NEAR(scaled, 1, tolerance) << "seed " << seed;
+      }
+    }
+  std::vector<char> used(d.size(), 0);
+  Index matched = 0;
+  for (std::size_t j = 0; j < d.size(); ++j) {
+    ASSERT_GT(m.row_scale[j], 0);
+    ASSERT_GT(m.col_scale[j], 0);
+    if (m.row_of_col[j] < 0) continue;
+    const auto i = static_cast<std::size_t>(m.row_of_col[j]);
+    ASSERT_NE(d[i][j], 0) << "seed " << seed;
+    ASSERT_EQ(used[i], 0) << "seed " << seed;
+    used[i] = 1;
+    ++matched;
+  }
+  ASSERT_EQ(matched, m.structural_rank);
+}
+
+TEST(Matching, ProductEqualsTheBestOverAllPermutations) {
+  int nonsingular = 0;
+  for (unsigned seed = 0; seed < 300; ++seed) {
+    std::mt19937 random(seed);
+    const std::size_t n = 1 + random() % 7;
+    const Dense d = random_dense(n, 0.5, 4, random);
+    const Matching m = maximum_product_matching(sparse_of(d));
+    expect_optimal(d, m, seed);
+    const double best = best_by_enumeration(d);
+    ASSERT_EQ(std::isfinite(best), m.structural_rank == static_cast<Index>(n)) << "seed " << seed;
+    if (!std::isfinite(best)) continue;
+    ++nonsingular;
+    double sum = 0;
+    for (std::size_t j = 0; j < n; ++j) sum += std::log(std::abs(d[static_cast<std::size_t>(m.row_of_col[j])][j]));
+    EXPECT_NEAR(sum, best, 1e3 * static_cast<double>(n) * std::numeric_limits<double>::epsilon()) << "seed " << seed;
+  }
+  EXPECT_GT(nonsingular, 50);
+}
+
+TEST(Matching, DualityHoldsOnLargerAndSingularMatrices) {
+  int singular = 0;
+  for (unsigned seed = 0; seed < 120; ++seed) {
+    std::mt19937 random(seed);
+    const std::size_t n = 20 + random() % 80;
+    const Dense d =
+        random_dense(n, (0.5 + 4 * static_cast<double>(seed % 10) / 10) / static_cast<double>(n), 8, random);
+    const Matching m = maximum_product_matching(sparse_of(d));
+    expect_optimal(d, m, seed);
+    ASSERT_EQ(m.structural_rank, rank_by_augmenting_paths(d)) << "seed " << seed;
+    singular += m.structural_rank < static_cast<Index>(n) ? 1 : 0;
+  }
+  EXPECT_GT(singular, 20);
+}
+
+TEST(Matching, EmptyAndZeroMatrices) {
+  const Matching none = maximum_product_matching(sparse_of({}));
+  EXPECT_EQ(none.structural_rank, 0);
+  const Matching zero = maximum_product_matching(sparse_of(Dense(3, std::vector<double>(3, 0))));
+  EXPECT_EQ(zero.structural_rank, 0);
+  EXPECT_EQ(zero.row_scale, std::vector<double>(3, 1));
+  EXPECT_EQ(zero.row_of_col, std::vector<Index>(3, -1));
+}
+
+TEST(SymmetricMatching, PairsAreEntriesAndScalingBoundsThem) {
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    std::mt19937 random(seed);
+    const std::size_t n = 1 + random() % 40;
+    Dense d = random_dense(n, 3.0 / static_cast<double>(n), 5, random, true);
+    for (std::size_t k = 0; k < n; ++k)
+      if (random() % 2 == 0) d[k][k] = 0;
+    const Storage storage = seed % 3 == 0   ? Storage::symmetric_lower
+                            : seed % 3 == 1 ? Storage::symmetric_upper
+                                            : Storage::symmetric_both;
+    const SymmetricMatching m = symmetric_matching(sparse_of(d, storage));
+    ASSERT_EQ(m.structural_rank, rank_by_augmenting_paths(d)) << "seed " << seed;
+    const double tolerance = 2000 * (static_cast<double>(n) + 10) * std::numeric_limits<double>::epsilon();
+    for (std::size_t v = 0; v < n; ++v) {
+      const auto w = static_cast<std::size_t>(m.pair[v]);
+      ASSERT_EQ(static_cast<std::size_t>(m.pair[w]), v) << "seed " << seed;
+      if (w != v) {
+        ASSERT_NE(d[v][w], 0) << "seed " << seed;
+      }
+      for (std::size_t u = 0; u < n; ++u)
+        ASSERT_LE(std::abs(m.scale[v] * d[v][u] * m.scale[u]), 1 + tolerance) << "seed " << seed;
+    }
+  }
+}
+
+TEST(SymmetricMatching, PositiveDefiniteMatrixStaysOnItsDiagonal) {
+  // |a_ij| < sqrt(a_ii a_jj), so no permutation has a larger product than the identity, and s_i = a_ii^(-1/2).
+  std::mt19937 random(3);
+  const std::size_t n = 30;
+  const Dense b = random_dense(n, 0.3, 2, random);
+  Dense d(n, std::vector<double>(n, 0));
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t j = 0; j < n; ++j)
+      for (std::size_t k = 0; k < n; ++k) d[i][j] += b[i][k] * b[j][k] + (i == j ? 1e-3 : 0);
+  const SymmetricMatching m = symmetric_matching(sparse_of(d, Storage::symmetric_lower));
+  for (std::size_t v = 0; v < n; ++v) {
+    EXPECT_EQ(m.pair[v], static_cast<Index>(v));
+    EXPECT_NEAR(m.scale[v] * m.scale[v] * d[v][v], 1, 16 * std::numeric_limits<double>::epsilon());
+  }
+}
+
+TEST(SymmetricMatching, MultipliersArePairedWithWhatTheyTouch) {
+  // K = [D B^T; B 0], B with entries in distinct columns: every multiplier must be matched off its diagonal.
+  std::mt19937 random(11);
+  const std::size_t n = 40, m = 10;
+  Dense d(n + m, std::vector<double>(n + m, 0));
+  for (std::size_t k = 0; k < n; ++k) d[k][k] = 2 + static_cast<double>(random() % 5);
+  for (std::size_t k = 0; k < m; ++k)
+    for (std::size_t u : {4 * k, 4 * k + 1, (4 * k + 7) % n})
+      d[n + k][u] = d[u][n + k] = 1 + static_cast<double>(random() % 3);
+  const SymmetricMatching matching = symmetric_matching(sparse_of(d, Storage::symmetric_lower));
+  EXPECT_EQ(matching.structural_rank, static_cast<Index>(n + m));
+  for (std::size_t k = n; k < n + m; ++k) {
+    ASSERT_NE(matching.pair[k], static_cast<Index>(k));
+    EXPECT_NE(d[k][static_cast<std::size_t>(matching.pair[k])], 0);
+  }
+}
+
+TEST(Equilibrate, BringsTheLargestEntriesOfRowsAndColumnsNearOne) {
+  for (const Storage storage : {Storage::general, Storage::symmetric_lower}) {
+    std::mt19937 random(5);
+    Dense d = random_dense(50, 0.2, 3, random, storage != Storage::general);
+    std::vector<double> wild(50);
+    for (double& w : wild) w = std::pow(10.0, static_cast<double>(random() % 13) - 6);
+    for (std::size_t i = 0; i < 50; ++i)
+      for (std::size_t j = 0; j < 50; ++j) d[i][j] = (i == j ? 1.0 : d[i][j]) * wild[i] * wild[j];
+    const Scaling s = equilibrate(sparse_of(d, storage));
+    for (std::size_t i = 0; i < 50; ++i) {
+      double row = 0;
+      for (std::size_t j = 0; j < 50; ++j) row = std::max(row, std::abs(s.row[i] * d[i][j] * s.col[j]));
+      // Three sweeps leave spread^(1/8); the spread is at most 1e27 here, powers of two add a factor of 2.
+      EXPECT_LE(row, 2 * std::pow(1e27, 0.125));
+      EXPECT_GE(row, 0.5 / std::pow(1e27, 0.125));
+      EXPECT_EQ(std::exp2(std::round(std::log2(s.row[i]))), s.row[i]);
+    }
+    if (storage != Storage::general) {
+      EXPECT_EQ(s.row, s.col);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace espalier::analysis
