@@ -1,0 +1,151 @@
+#include "dynamics/dae/equations.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <stdexcept>
+
+namespace espalier::dynamics {
+
+namespace {
+
+/// Adds the time of its life to a counter.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double& sum) : sum_(sum), start_(std::chrono::steady_clock::now()) {}
+  ~Stopwatch() { sum_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+
+ private:
+  double& sum_;
+  std::chrono::steady_clock::time_point start_;
+};
+
+}  // namespace
+
+double max_norm(ConstSpan x) {
+  double largest = 0;
+  for (const double value : x) {
+    if (!(std::abs(value) <= largest)) largest = std::abs(value);  // a NaN gets through
+    if (std::isnan(largest)) return largest;
+  }
+  return largest;
+}
+
+std::unique_ptr<LinearSolver> make_linear_solver(Index unknowns) {
+  // Dense LU of 60 unknowns takes about 30 us, as long as the bookkeeping of the sparse one (2-core x86 server).
+  constexpr Index kLargestDense = 60;
+  return unknowns <= kLargestDense ? make_dense_solver() : make_eigen_solver();
+}
+
+Equations::Equations(System& system, std::unique_ptr<LinearSolver> solver)
+    : system_(system),
+      sizes_(system.sizes()),
+      kkt_(solver ? std::move(solver) : make_linear_solver(sizes_.velocity + sizes_.constraints)) {
+  update_pattern();
+}
+
+bool Equations::update_pattern() {
+  if (have_pattern_ && version_ == system_.pattern_version()) return false;
+  sizes_ = system_.sizes();
+  const auto n = static_cast<std::size_t>(sizes_.velocity);
+  const auto m = static_cast<std::size_t>(sizes_.constraints);
+  if (system_.tangent_pattern().cols != sizes_.velocity || system_.constraint_pattern().rows != sizes_.constraints) {
+    throw std::logic_error("the patterns of the system do not fit its sizes (was finish() called?)");
+  }
+  kkt_.set_pattern(system_.tangent_pattern(), system_.constraint_pattern());
+  if (dropped_.size() != m) dropped_.assign(m, 0);
+  kkt_.set_dropped(dropped_);
+  phi_.assign(m, 0.0);
+  nu_.assign(m, 0.0);
+  gamma_.assign(m, 0.0);
+  work_m_.assign(m, 0.0);
+  work_n_.assign(n, 0.0);
+  phi_q_.assign(static_cast<std::size_t>(system_.constraint_pattern().nonzeros()), 0.0);
+  version_ = system_.pattern_version();
+  have_pattern_ = true;
+  first_factorization_ = true;
+  return true;
+}
+
+void Equations::set_dropped(std::vector<char> dropped) {
+  if (!dropped.empty() && dropped.size() != phi_.size())
+    throw std::invalid_argument("one mark per constraint is needed");
+  dropped_ = std::move(dropped);
+  dropped_.resize(phi_.size(), 0);
+  kkt_.set_dropped(dropped_);
+}
+
+void Equations::evaluate_constraints(double t, ConstSpan q, ConstSpan v) {
+  if (phi_.empty()) return;
+  const Stopwatch watch(counts_.assembly_seconds);
+  ++counts_.constraints;
+  system_.constraints(t, q, v, {phi_, nu_, v.empty() ? Span{} : Span(gamma_), phi_q_});
+  for (std::size_t i = 0; i < dropped_.size(); ++i) {
+    if (dropped_[i]) phi_[i] = 0;
+  }
+}
+
+void Equations::level(ConstSpan x, ConstSpan shift, Span out) const {
+  if (out.empty()) return;
+  multiply_by_rows(system_.constraint_pattern(), phi_q_, x, out);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (!shift.empty()) out[i] -= shift[i];
+    if (dropped_[i]) out[i] = 0;
+  }
+}
+
+void Equations::motion(const StateView& s, Span f) {
+  const Stopwatch watch(counts_.assembly_seconds);
+  ++counts_.residuals;
+  system_.residual(s, f);
+  if (!phi_.empty()) add_transposed(system_.constraint_pattern(), phi_q_, s.lambda, f);
+}
+
+Levels Equations::levels(const StateView& s) {
+  Levels result;
+  evaluate_constraints(s.t, s.q, s.v);
+  motion(s, work_n_);
+  result.motion = max_norm(work_n_);
+  result.position = max_norm(phi_);
+  level(s.v, nu_, work_m_);
+  result.velocity = max_norm(work_m_);
+  level(s.a, gamma_, work_m_);
+  result.acceleration = max_norm(work_m_);
+  return result;
+}
+
+void Equations::factorize(const StateView& s, const TangentWeights& weights) {
+  update_pattern();
+  {
+    const Stopwatch watch(counts_.assembly_seconds);
+    ++counts_.tangents;
+    system_.tangent(s, weights, kkt_.w_values());
+    std::copy(phi_q_.begin(), phi_q_.end(), kkt_.phi_q_values().begin());
+  }
+  const Stopwatch watch(first_factorization_ ? counts_.analysis_seconds : counts_.factor_seconds);
+  ++counts_.factorizations;
+  if (first_factorization_) ++counts_.analyses;
+  try {
+    kkt_.factorize();
+  } catch (const Error& error) {
+    Status status = error.status();
+    if (status.row >= 0) {
+      status.message += status.row < sizes_.velocity
+                            ? " (" + system_.coordinate_name(status.row) + ")"
+                            : " (" + system_.constraint_name(status.row - sizes_.velocity) + ")";
+    }
+    status.message = "the matrix of the Newton step is singular at t = " + std::to_string(s.t) + ": " + status.message;
+    throw Error(status);
+  }
+  first_factorization_ = false;
+}
+
+void Equations::solve(Span b, Index columns) {
+  const Stopwatch watch(counts_.solve_seconds);
+  counts_.solves += columns;
+  kkt_.solve(b, columns);
+}
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,106 @@
+/// \file
+/// A system together with its Newton matrix: what every integrator works with.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "dynamics/dae/kkt.hpp"
+#include "dynamics/dae/system.hpp"
+
+namespace espalier::dynamics {
+
+/// A state that owns its arrays.
+struct State {
+  double t = 0;
+  std::vector<double> q, v, a, lambda;
+  State() = default;
+  explicit State(const Sizes& s)
+      : q(static_cast<std::size_t>(s.configuration)),
+        v(static_cast<std::size_t>(s.velocity)),
+        a(static_cast<std::size_t>(s.velocity)),
+        lambda(static_cast<std::size_t>(s.constraints)) {}
+  [[nodiscard]] StateView view() const { return {t, q, v, a, lambda}; }
+};
+
+/// Largest violations of the four sets of equations, dropped constraints left out.
+struct Levels {
+  double motion = 0;        ///< |F + Phi_q^T lambda|
+  double position = 0;      ///< |Phi|
+  double velocity = 0;      ///< |Phi_q v - nu|
+  double acceleration = 0;  ///< |Phi_q a - gamma|
+};
+
+/// Counts and wall times since construction.
+struct EquationCounts {
+  long residuals = 0;       ///< evaluations of F
+  long constraints = 0;     ///< evaluations of constraint quantities
+  long tangents = 0;        ///< assemblies of W
+  long analyses = 0;        ///< symbolic analyses
+  long factorizations = 0;  ///< numeric factorizations
+  long solves = 0;          ///< right sides solved for
+  double assembly_seconds = 0;
+  double analysis_seconds = 0;  ///< the first factorization of a pattern, which contains the analysis
+  double factor_seconds = 0;
+  double solve_seconds = 0;
+};
+
+/// Evaluates the levels of the equations at a trial state and solves with K. One object serves one system; not safe for
+/// concurrent calls.
+class Equations {
+ public:
+  /// Takes the default solver for the size of the system, or `solver`.
+  explicit Equations(System& system, std::unique_ptr<LinearSolver> solver = nullptr);
+
+  [[nodiscard]] System& system() { return system_; }
+  [[nodiscard]] const Sizes& sizes() const { return sizes_; }
+  /// Looks at pattern_version() and lays K out anew if it changed; true if it did.
+  bool update_pattern();
+  /// Constraints to be left out (m entries, non-zero = out); empty: none.
+  void set_dropped(std::vector<char> dropped);
+  [[nodiscard]] const std::vector<char>& dropped() const { return dropped_; }
+
+  /// Fills phi(), nu(), phi_q() at (t, q), and gamma() too where v is not empty.
+  void evaluate_constraints(double t, ConstSpan q, ConstSpan v);
+  [[nodiscard]] ConstSpan phi() const { return phi_; }
+  [[nodiscard]] ConstSpan nu() const { return nu_; }
+  [[nodiscard]] ConstSpan gamma() const { return gamma_; }
+  [[nodiscard]] ConstSpan phi_q() const { return phi_q_; }
+  /// out = Phi_q x - shift with the last evaluated Phi_q; zero in dropped rows. shift may be empty.
+  void level(ConstSpan x, ConstSpan shift, Span out) const;
+  /// f = F + Phi_q^T lambda with the last evaluated Phi_q.
+  void motion(const StateView& s, Span f);
+  /// All four levels at a state (evaluates everything).
+  [[nodiscard]] Levels levels(const StateView& s);
+
+  /// Factorizes K with W = weights.a F_a + ... at the state and the last evaluated Phi_q.
+  /// @throws espalier::Error that names the coordinate or constraint if K is singular.
+  void factorize(const StateView& s, const TangentWeights& weights);
+  /// Factorizes [identity-like metric; Phi_q]: K with W = F_a, for projections. Same as factorize with {1, 0, 0}.
+  [[nodiscard]] KktSolver& kkt() { return kkt_; }
+  /// Solves with K in place; b holds `columns` pieces of n + m numbers.
+  void solve(Span b, Index columns = 1);
+
+  [[nodiscard]] const EquationCounts& counts() const { return counts_; }
+
+ private:
+  System& system_;
+  Sizes sizes_;
+  KktSolver kkt_;
+  std::uint64_t version_ = 0;
+  bool have_pattern_ = false;
+  bool first_factorization_ = true;
+  std::vector<char> dropped_;
+  std::vector<double> phi_, nu_, gamma_, phi_q_;
+  std::vector<double> work_n_, work_m_;
+  EquationCounts counts_;
+};
+
+/// Largest absolute value; 0 for an empty span.
+[[nodiscard]] double max_norm(ConstSpan x);
+
+/// The solver that suits a system of `unknowns` = n + m rows.
+[[nodiscard]] std::unique_ptr<LinearSolver> make_linear_solver(Index unknowns);
+
+}  // namespace espalier::dynamics

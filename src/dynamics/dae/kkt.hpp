@@ -1,0 +1,65 @@
+/// \file
+/// The matrix of every Newton step, K = [W Phi_q^T; Phi_q 0], with its scaling and its factor.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "dynamics/dae/linear_solver.hpp"
+#include "dynamics/dae/system.hpp"
+
+namespace espalier::dynamics {
+
+/// y = A x for A stored by rows (ptr over rows).
+void multiply_by_rows(const SparsePattern& p, ConstSpan values, ConstSpan x, Span y);
+/// y += A^T x for A stored by rows; with A stored by columns the same loop is y += A x.
+void add_transposed(const SparsePattern& p, ConstSpan values, ConstSpan x, Span y);
+
+/// Assembles, scales and solves with K (n + m unknowns). A dropped constraint keeps its row and column, emptied, with a
+/// one on the diagonal: its multiplier is zero and the pattern does not change.
+///
+/// Scaling: the unknowns are accelerations and multipliers, with W = F_a + c_v F_v + c_q F_q, so that W and Phi_q do
+/// not grow or vanish with the step size (the scaling of Bottasso, Dopico and Trainelli, Multibody Syst. Dyn. 19
+/// (2008), in the variables of index-3 integrators). On top of it K is equilibrated symmetrically, S K S, with s_i =
+/// |W_ii|^-1/2 for motion and s_j = 1 / max_i |Phi_ji s_i| for constraints, which takes out units and masses.
+class KktSolver {
+ public:
+  explicit KktSolver(std::unique_ptr<LinearSolver> solver) : solver_(std::move(solver)) {}
+
+  /// Lays out K for the two patterns and analyses it (symbolic phase). Both patterns must stay alive.
+  void set_pattern(const SparsePattern& w, const SparsePattern& phi_q);
+  /// Marks dropped constraints (m entries, non-zero = dropped).
+  void set_dropped(const std::vector<char>& dropped);
+
+  /// Entries of W and Phi_q to be written by the caller before factorize(); they stay readable (the values of the
+  /// factor).
+  [[nodiscard]] Span w_values() { return w_values_; }
+  [[nodiscard]] Span phi_q_values() { return phi_q_values_; }
+  /// @throws espalier::Error if K is singular; Status.row is the row of K (>= n: constraint row - n).
+  void factorize();
+  /// Solves K [x_v; x_c] = [b_v; b_c] for `columns` right sides held in `b` (each n + m numbers), in place.
+  void solve(Span b, Index columns);
+  /// y = Phi_q x with the Phi_q of the factor.
+  void multiply_phi_q(ConstSpan x, Span y) const { multiply_by_rows(*phi_q_, phi_q_values_, x, y); }
+  [[nodiscard]] const SparsePattern& w_pattern() const { return *w_; }
+  [[nodiscard]] const SparsePattern& phi_q_pattern() const { return *phi_q_; }
+  [[nodiscard]] MatrixView matrix() const;  ///< K, scaled, as last factorized
+
+ private:
+  void layout();
+  void compute_scaling();
+
+  std::unique_ptr<LinearSolver> solver_;
+  const SparsePattern* w_ = nullptr;
+  const SparsePattern* phi_q_ = nullptr;
+  Index n_ = 0, m_ = 0;
+  bool analyzed_ = false;
+  std::vector<char> dropped_;  // m
+  std::vector<double> w_values_, phi_q_values_;
+  std::vector<Offset> k_ptr_;  // n + m + 1
+  std::vector<Index> k_ind_;
+  std::vector<double> k_values_, scale_;  // scale_: n + m
+  std::vector<Offset> phi_position_;      // position in K of each entry of Phi_q (lower left block)
+};
+
+}  // namespace espalier::dynamics

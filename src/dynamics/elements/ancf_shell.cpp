@@ -1,0 +1,79 @@
+#include "dynamics/elements/ancf_shell.hpp"
+
+#include <algorithm>
+
+#include "dynamics/elements/hex8_strain.hpp"
+#include "dynamics/elements/solid.hpp"
+
+namespace espalier::dynamics {
+namespace {
+
+constexpr int kNodes = 4;
+constexpr int kDofs = 24;
+
+/// Nodes of the hexahedron: x_a = r_a - half d_a, x_(a+4) = r_a + half d_a.
+void to_hexahedron(const double* shell, double half, double* hex) {
+  for (int a = 0; a < kNodes; ++a)
+    for (int i = 0; i < 3; ++i) {
+      const double r = shell[6 * a + i], d = half * shell[6 * a + 3 + i];
+      hex[3 * a + i] = r - d;
+      hex[3 * (a + kNodes) + i] = r + d;
+    }
+}
+
+/// The transposed map, for forces: f_r = f_bottom + f_top, f_d = half (f_top - f_bottom).
+void from_hexahedron(const double* hex, double half, double* shell) {
+  for (int a = 0; a < kNodes; ++a)
+    for (int i = 0; i < 3; ++i) {
+      const double bottom = hex[3 * a + i], top = hex[3 * (a + kNodes) + i];
+      shell[6 * a + i] = bottom + top;
+      shell[6 * a + 3 + i] = half * (top - bottom);
+    }
+}
+
+}  // namespace
+
+bool evaluate_shell(const Material& material, double thickness, const ElementInput& in, ElementOutput& out) {
+  const double half = 0.5 * thickness;
+  double reference[kDofs], position[kDofs], velocity[kDofs], force[kDofs], tangent[kDofs * kDofs];
+  to_hexahedron(in.reference, half, reference);
+  to_hexahedron(in.position, half, position);
+  if (in.velocity != nullptr) to_hexahedron(in.velocity, half, velocity);
+  ElementInput hex = in;
+  hex.reference = reference;
+  hex.position = position;
+  hex.velocity = in.velocity == nullptr ? nullptr : velocity;
+  ElementOutput result{force, out.tangent == nullptr ? nullptr : tangent, 0};
+  if (!evaluate_hex8(Hex8Formulation::shell, material, hex, result)) return false;
+  out.energy = result.energy;
+  from_hexahedron(force, half, out.force);
+  if (out.tangent == nullptr) return true;
+  double rows[kDofs * kDofs];  // rows of the tangent in shell coordinates, columns in those of the hexahedron
+  for (int col = 0; col < kDofs; ++col) from_hexahedron(tangent + col * kDofs, half, rows + col * kDofs);
+  for (int row = 0; row < kDofs; ++row) {
+    double line[kDofs], turned[kDofs];
+    for (int col = 0; col < kDofs; ++col) line[col] = rows[col * kDofs + row];
+    from_hexahedron(line, half, turned);
+    for (int col = 0; col < kDofs; ++col) out.tangent[col * kDofs + row] = turned[col];
+  }
+  return true;
+}
+
+void shell_mass(double density, double thickness, const double* reference, double* m) {
+  constexpr int kVertices = 2 * kNodes;
+  double hex[kDofs], mass[kVertices * kVertices], half = 0.5 * thickness;
+  to_hexahedron(reference, half, hex);
+  solid_mass(ElementType::hex8, density, hex, mass);
+  const auto entry = [&](int a, int b) { return mass[b * kVertices + a]; };
+  for (int a = 0; a < kNodes; ++a)
+    for (int b = 0; b < kNodes; ++b) {
+      const double bb = entry(a, b), bt = entry(a, b + kNodes), tb = entry(a + kNodes, b), tt = entry(a + kNodes, b + kNodes);
+      double* block = m + 2 * b * kVertices + 2 * a;
+      block[0] = bb + bt + tb + tt;                            // (r_a, r_b)
+      block[1] = half * (tt + tb - bt - bb);                   // (d_a, r_b)
+      block[kVertices] = half * (tt - tb + bt - bb);           // (r_a, d_b)
+      block[kVertices + 1] = half * half * (tt - tb - bt + bb);  // (d_a, d_b)
+    }
+}
+
+}  // namespace espalier::dynamics

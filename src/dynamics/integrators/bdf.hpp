@@ -1,0 +1,123 @@
+/// \file
+/// BDF on the over-determined DAE: all three levels of the constraints hold at every step, and the BDF equations hold
+/// in the parameter space of the constraint manifold (Yen, Haug, Tak 1991; Fuehrer, Leimkuhler 1991; Hairer, Wanner II,
+/// VII.2).
+#pragma once
+
+#include <limits>
+#include <optional>
+
+#include "dynamics/integrators/history.hpp"
+#include "dynamics/integrators/integrator.hpp"
+
+namespace espalier::dynamics {
+
+/// How the nonlinear equations of a step are solved.
+enum class BdfIteration {
+  reduced,       ///< three solves with K of size n + m per iteration; U = W^T N is implied by K (the default)
+  full_matched,  ///< Newton on the 3n + m system with explicit U = W^T N of the same K: must agree with `reduced`
+  full_tangent,  ///< Newton on the 3n + m system, U = orthonormal basis of the tangent space (QR of Phi_q^T)
+  full_boolean,  ///< Newton on the 3n + m system, U = independent coordinates (LU of Phi_q with full pivoting)
+};
+
+struct BdfOptions {
+  int max_order = 5;             ///< 1 to 5; 2 is wise for lightly damped flexible modes (BDF 3 to 5 are not A-stable)
+  double relative = 1e-6;        ///< relative tolerance of q and v
+  double absolute = 1e-8;        ///< absolute tolerance of q
+  double absolute_velocity = 0;  ///< absolute tolerance of v; 0: the one of q
+  bool test_velocity = true;     ///< v takes part in the error test
+  double initial_step = 0;       ///< 0: from the accelerations
+  double max_step = std::numeric_limits<double>::infinity();
+  double min_step = 0;    ///< 0: 1e-14 of the time scale
+  double fixed_step = 0;  ///< > 0: constant step, no error test
+  int fixed_order = 0;    ///< > 0: this order as soon as the history allows
+  double constraint_tolerance =
+      1e-10;            ///< of Phi; of the velocity and acceleration levels times max(1, |v|) and max(1, |a|)
+  int max_newton = 12;  ///< iterations before a step is given up
+  double newton_tolerance = 0.01;  ///< Newton error allowed, in units of the error tolerance
+  double refactor_rate = 0.25;     ///< a slower convergence rate asks for a new factor at the next step
+  double refactor_step = 0.3;      ///< so does a relative change of h/b0 since the factor
+  BdfIteration iteration = BdfIteration::reduced;
+  bool measure_blocks = false;  ///< evaluate every block of H after each step (dense; small systems)
+};
+
+/// The integrator. Reduced iteration (docs/design.md): with h' = h/b0, W = F_a + h' F_v + h'^2 F_q and
+/// K = [W Phi_q^T; Phi_q 0] of some recent state
+///   R2 = a - (v - v^)/h',  dv = h' R2 + x,          K [x; .] = [0; -(Phi_q v - nu) - h' Phi_q,K R2]
+///   R1 = v - theta_dot,    dq = h' (R1 + dv) + y,   K [y; .] = [0; -Phi - h' Phi_q,K R1 + h' (Phi_q v - nu)]
+///   at the new q, v:       K [da; dl] = [-F; -(Phi_q a - gamma)],  v += h' da, q (+)= h'^2 da
+/// which equals K [dv; mu] = [h' W R2; ...] and so on, but needs no product with W and solves the first two together.
+class BdfIntegrator final : public Integrator {
+ public:
+  BdfIntegrator(Equations& equations, const BdfOptions& options);
+
+  void start(const State& state) override;
+  /// Begins with known past points (oldest first, the last one is the current state): full order from the first step.
+  void start(const std::vector<State>& past);
+  StepReport step(double t_limit) override;
+  [[nodiscard]] const State& state() const override { return state_; }
+  /// The solution at a time within the last step (polynomial of the order of the step).
+  void interpolate(double t, Span q, Span v) const;
+  [[nodiscard]] int order() const { return order_; }
+  /// Max norms of all blocks of H, with the dense U of the iteration in use.
+  struct Blocks {
+    double motion = 0, acceleration = 0, velocity = 0, position = 0;
+    double tangential_v = 0;  ///< |h' U^T R2|: the BDF equation of v in the parameter space
+    double tangential_q = 0;  ///< |h' U^T R1|
+  };
+  /// The blocks at the end of the last step. @pre options.measure_blocks
+  [[nodiscard]] const Blocks& blocks() const { return blocks_; }
+
+ private:
+  enum class Outcome { converged, slow, diverged };
+  struct Formula {
+    int order = 1;
+    double t = 0;   // end of the step
+    double h = 0;   // its length
+    double hp = 0;  // h' = h / b0
+  };
+
+  void allocate();
+  void set_formula(double h, int order);
+  void predict();
+  void ensure_factor(bool retry);
+  void error_weights();
+  [[nodiscard]] double norm(ConstSpan x, ConstSpan weight) const;
+  Outcome solve_step(StepReport& report);
+  Outcome solve_reduced(StepReport& report);
+  Outcome solve_full(StepReport& report);
+  double iterate_reduced(StepReport& report);
+  void stage_residuals(const State& s);
+  [[nodiscard]] bool constraints_hold(StepReport& report);
+  [[nodiscard]] double error_estimate(int order);
+  void accept(StepReport& report);
+  void choose_step(double error);
+  [[nodiscard]] double first_step() const;
+  [[nodiscard]] double clip(double h, double t_limit) const;
+  void reject(double error, int failures);
+  // Reference iteration (bdf_full.cpp)
+  void measure_blocks();
+  void parametrise();
+  void full_residual(const State& s, std::vector<double>& out);
+  void move(const State& from, ConstSpan dx, State& to) const;
+
+  Equations& equations_;
+  BdfOptions options_;
+  History history_;
+  State state_;  // accepted
+  State trial_;
+  Formula formula_;
+  int order_ = 1;
+  double h_ = 0;
+  int steps_at_order_ = 0;
+  double factor_hp_ = 0;       // h' of the factor; 0: none
+  bool factor_fresh_ = false;  // the factor belongs to this very attempt
+  bool rate_poor_ = false;
+  double rate_ = 0.5;
+  std::vector<double> theta_, theta_hat_, v_hat_, theta_pred_, v_pred_, weight_q_, weight_v_;
+  std::vector<double> r1_, r2_, dq_, dv_, f_, level_, work_n_, rhs_;
+  Blocks blocks_;
+  std::vector<double> u_;  // n x (n - m), column by column, for the reference iterations
+};
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,222 @@
+#include "dynamics/integrators/initial.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace espalier::dynamics {
+
+namespace {
+
+struct Work {
+  explicit Work(const Sizes& s)
+      : n(static_cast<std::size_t>(s.velocity)), m(static_cast<std::size_t>(s.constraints)), b(n + m), f(n), level(m) {}
+  [[nodiscard]] Span upper() { return Span(b).first(n); }
+  [[nodiscard]] Span lower() { return Span(b).subspan(n); }
+  std::size_t n, m;
+  std::vector<double> b, f, level;
+};
+
+[[noreturn]] void fail_level(Equations& eq, ConstSpan violation, const char* what, double t) {
+  std::size_t worst = 0;
+  for (std::size_t i = 0; i < violation.size(); ++i) {
+    if (!(std::abs(violation[i]) <= std::abs(violation[worst]))) worst = i;
+  }
+  throw Error(StatusCode::invalid_input, std::string(what) + " cannot be satisfied at t = " + std::to_string(t) + ": " +
+                                             eq.system().constraint_name(static_cast<Index>(worst)) +
+                                             " keeps a violation of " +
+                                             std::to_string(violation.empty() ? 0.0 : violation[worst]) +
+                                             "; check initial positions and contradictory joints");
+}
+
+double project_position(Equations& eq, State& s, const ConsistencyOptions& o, Work& w, int& iterations) {
+  std::vector<double> total(w.n, 0.0);
+  double previous = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < o.max_iterations; ++k) {
+    eq.evaluate_constraints(s.t, s.q, {});
+    const double violation = max_norm(eq.phi());
+    // Round-off ends the iteration a little above a very small tolerance.
+    if (violation <= o.tolerance && (violation == 0 || violation > 0.5 * previous || violation < 1e-3 * o.tolerance)) {
+      return max_norm(total);
+    }
+    if (violation <= o.tolerance) previous = violation;
+    if (!std::isfinite(violation)) break;
+    ++iterations;
+    eq.factorize(s.view(), {1, 0, 0});
+    std::fill(w.b.begin(), w.b.end(), 0.0);
+    for (std::size_t i = 0; i < w.m; ++i) w.lower()[i] = -eq.phi()[i];
+    eq.solve(w.b);
+    eq.system().retract(s.q, w.upper(), s.q);
+    for (std::size_t i = 0; i < w.n; ++i) total[i] += w.b[i];
+  }
+  fail_level(eq, eq.phi(), "the position constraints", s.t);
+}
+
+double project_velocity(Equations& eq, State& s, const ConsistencyOptions& o, Work& w) {
+  std::vector<double> total(w.n, 0.0);
+  for (int k = 0; k < 3; ++k) {
+    eq.level(s.v, eq.nu(), w.level);
+    std::fill(w.b.begin(), w.b.end(), 0.0);
+    for (std::size_t i = 0; i < w.m; ++i) w.lower()[i] = -w.level[i];
+    eq.solve(w.b);
+    for (std::size_t i = 0; i < w.n; ++i) {
+      s.v[i] += w.b[i];
+      total[i] += w.b[i];
+    }
+  }
+  eq.level(s.v, eq.nu(), w.level);
+  if (!(max_norm(w.level) <= o.tolerance * 10 * std::max(1.0, max_norm(s.v)))) {
+    fail_level(eq, w.level, "the velocity constraints", s.t);
+  }
+  return max_norm(total);
+}
+
+void solve_accelerations(Equations& eq, State& s, const ConsistencyOptions& o, Work& w) {
+  double previous = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < o.max_iterations; ++k) {
+    eq.motion(s.view(), w.f);
+    eq.level(s.a, eq.gamma(), w.level);
+    for (std::size_t i = 0; i < w.n; ++i) w.b[i] = -w.f[i];
+    for (std::size_t i = 0; i < w.m; ++i) w.lower()[i] = -w.level[i];
+    const double size = std::max(max_norm(w.f), max_norm(w.level));
+    if (!std::isfinite(size))
+      throw Error(StatusCode::invalid_input, "forces are not finite at t = " + std::to_string(s.t));
+    if (size == 0 || (k > 1 && size >= 0.5 * previous)) return;
+    previous = size;
+    eq.solve(w.b);
+    for (std::size_t i = 0; i < w.n; ++i) s.a[i] += w.b[i];
+    for (std::size_t i = 0; i < w.m; ++i) s.lambda[i] += w.b[w.n + i];
+  }
+}
+
+void refuse(double change, double allowed, const char* what) {
+  if (change > allowed) {
+    throw Error(StatusCode::invalid_input, std::string("the given ") + what +
+                                               " contradict the constraints: they had to change by " +
+                                               std::to_string(change) + ", allowed are " + std::to_string(allowed));
+  }
+}
+
+}  // namespace
+
+ConsistencyResult make_consistent(Equations& equations, State& state, const ConsistencyOptions& options) {
+  Work w(equations.sizes());
+  ConsistencyResult result;
+  if (w.m > 0) {
+    result.position_change = project_position(equations, state, options, w, result.iterations);
+    refuse(result.position_change, options.allowed_position, "positions");
+  }
+  equations.evaluate_constraints(state.t, state.q, {});
+  equations.factorize(state.view(), {1, 0, 0});
+  if (w.m > 0) {
+    result.velocity_change = project_velocity(equations, state, options, w);
+    refuse(result.velocity_change, options.allowed_velocity, "velocities");
+  }
+  for (std::size_t i = 0; i < w.m; ++i) {
+    if (equations.dropped()[i]) state.lambda[i] = 0;
+  }
+  equations.evaluate_constraints(state.t, state.q, state.v);
+  solve_accelerations(equations, state, options, w);
+  result.levels = equations.levels(state.view());
+  return result;
+}
+
+StaticsResult static_equilibrium(Equations& equations, State& state, const StaticsOptions& options) {
+  Work w(equations.sizes());
+  std::fill(state.v.begin(), state.v.end(), 0.0);
+  std::fill(state.a.begin(), state.a.end(), 0.0);
+  StaticsResult result;
+  double stiffening = 1 / (options.pseudo_time * options.pseudo_time), previous = 0, scale = 0;
+  for (int k = 0; k < options.max_iterations; ++k) {
+    equations.evaluate_constraints(state.t, state.q, {});
+    if (k == 0) {  // the scale of the forces: without multipliers
+      std::fill(state.lambda.begin(), state.lambda.end(), 0.0);
+      equations.motion(state.view(), w.f);
+      scale = max_norm(w.f);
+    }
+    equations.motion(state.view(), w.f);
+    result = {k, max_norm(w.f), max_norm(equations.phi())};
+    if (!std::isfinite(result.residual)) break;
+    scale = std::max(scale, 1e-300);
+    if (result.residual <= options.tolerance * scale && result.position <= options.tolerance) return result;
+    if (k > 1 && previous > 0) stiffening *= std::clamp(result.residual / previous, 0.05, 4.0);
+    previous = result.residual;
+    equations.factorize(state.view(), {stiffening, 0, 1});
+    for (std::size_t i = 0; i < w.n; ++i) w.b[i] = -w.f[i];
+    for (std::size_t i = 0; i < w.m; ++i) w.lower()[i] = -equations.phi()[i];
+    equations.solve(w.b);
+    equations.system().retract(state.q, w.upper(), state.q);
+    for (std::size_t i = 0; i < w.m; ++i) state.lambda[i] += w.lower()[i];
+  }
+  throw Error(StatusCode::accuracy_not_reached,
+              "no static equilibrium after " + std::to_string(result.iterations) + " iterations: residual " +
+                  std::to_string(result.residual) + ", constraints " + std::to_string(result.position) +
+                  "; give a start nearer to it, or add damping and let it swing down");
+}
+
+namespace {
+
+Eigen::MatrixXd dense_w(const SparsePattern& p, ConstSpan values) {
+  Eigen::MatrixXd a = Eigen::MatrixXd::Zero(p.rows, p.cols);
+  for (Index j = 0; j < p.cols; ++j) {
+    for (auto k = static_cast<std::size_t>(p.ptr[static_cast<std::size_t>(j)]);
+         k < static_cast<std::size_t>(p.ptr[static_cast<std::size_t>(j) + 1]); ++k) {
+      a(p.ind[k], j) = values[k];
+    }
+  }
+  return a;
+}
+
+// Orthonormal basis of the null space of Phi_q, by QR with column pivoting of its transpose (redundant rows allowed).
+Eigen::MatrixXd null_space(const SparsePattern& p, ConstSpan values) {
+  if (p.rows == 0) return Eigen::MatrixXd::Identity(p.cols, p.cols);
+  Eigen::MatrixXd g = Eigen::MatrixXd::Zero(p.rows, p.cols);
+  for (Index i = 0; i < p.rows; ++i) {
+    for (auto k = static_cast<std::size_t>(p.ptr[static_cast<std::size_t>(i)]);
+         k < static_cast<std::size_t>(p.ptr[static_cast<std::size_t>(i) + 1]); ++k) {
+      g(i, p.ind[k]) = values[k];
+    }
+  }
+  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(g.transpose());
+  qr.setThreshold(1e-10);
+  const Eigen::MatrixXd q = qr.householderQ() * Eigen::MatrixXd::Identity(p.cols, p.cols);
+  return q.rightCols(p.cols - qr.rank());
+}
+
+}  // namespace
+
+std::vector<Mode> eigenfrequencies(Equations& equations, const State& state) {
+  System& system = equations.system();
+  const SparsePattern& p = system.tangent_pattern();
+  std::vector<double> values(static_cast<std::size_t>(p.nonzeros()));
+  const auto part = [&](const TangentWeights& weights) {
+    system.tangent(state.view(), weights, values);
+    return dense_w(p, values);
+  };
+  equations.evaluate_constraints(state.t, state.q, {});
+  const Eigen::MatrixXd basis = null_space(system.constraint_pattern(), equations.phi_q());
+  const Eigen::MatrixXd mass = basis.transpose() * part({1, 0, 0}) * basis;
+  const Eigen::MatrixXd damping = basis.transpose() * part({0, 1, 0}) * basis;
+  const Eigen::MatrixXd stiffness = basis.transpose() * part({0, 0, 1}) * basis;
+  const Eigen::Index n = basis.cols();
+  if (n == 0) return {};
+  const Eigen::PartialPivLU<Eigen::MatrixXd> lu(mass);
+  Eigen::MatrixXd companion = Eigen::MatrixXd::Zero(2 * n, 2 * n);
+  companion.topRightCorner(n, n).setIdentity();
+  companion.bottomLeftCorner(n, n) = -lu.solve(stiffness);
+  companion.bottomRightCorner(n, n) = -lu.solve(damping);
+  const Eigen::VectorXcd eigenvalues = companion.eigenvalues();
+  std::vector<Mode> modes;
+  const double largest = eigenvalues.cwiseAbs().maxCoeff();
+  for (const std::complex<double>& e : eigenvalues) {
+    if (e.imag() < -1e-14 * largest) continue;
+    const double modulus = std::abs(e);
+    modes.push_back({e, std::abs(e.imag()) / (2 * std::numbers::pi), modulus > 0 ? -e.real() / modulus : 0.0});
+  }
+  std::sort(modes.begin(), modes.end(),
+            [](const Mode& a, const Mode& b) { return std::abs(a.eigenvalue) < std::abs(b.eigenvalue); });
+  return modes;
+}
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,60 @@
+/// \file
+/// What all time integrators have in common.
+#pragma once
+
+#include <functional>
+
+#include "dynamics/dae/equations.hpp"
+
+namespace espalier::dynamics {
+
+/// One accepted step, for the log line and for statistics.
+struct StepReport {
+  long index = 0;             ///< number of the step, from 1
+  double t = 0;               ///< time at its end
+  double h = 0;               ///< its length
+  int order = 0;              ///< order of the formula
+  int newton_iterations = 0;  ///< of the successful attempt
+  int factorizations = 0;     ///< all attempts together
+  int error_failures = 0;     ///< attempts rejected by the error test
+  int newton_failures = 0;    ///< attempts in which Newton did not converge
+  double residual = 0;        ///< largest residual of the equations of motion at the last evaluation
+  double error = 0;           ///< local error estimate in units of the tolerance (accepted below 1); 0 when not tested
+  double newton_rate = 0;     ///< convergence rate of the last iteration, 0 when there was only one
+  Levels levels;              ///< constraint violations at the end of the step (motion = residual)
+};
+
+/// Sums over all steps.
+struct IntegratorCounts {
+  long steps = 0;
+  long newton_iterations = 0;
+  long error_failures = 0;
+  long newton_failures = 0;
+  long refactor_first = 0;   ///< factorizations because there was none yet
+  long refactor_step = 0;    ///< ... because the step size left the band of the factor
+  long refactor_rate = 0;    ///< ... because Newton slowed down
+  long refactor_failed = 0;  ///< ... because Newton failed with an old factor
+  double largest_position = 0, largest_velocity = 0, largest_acceleration = 0;  ///< constraint violations
+};
+
+/// Advances a state in time. Not safe for concurrent calls.
+class Integrator {
+ public:
+  virtual ~Integrator() = default;
+  /// Takes a consistent state (see make_consistent) as the beginning.
+  virtual void start(const State& state) = 0;
+  /// Takes one step, not beyond t_limit.
+  /// @throws espalier::Error with time and cause if no step succeeds
+  virtual StepReport step(double t_limit) = 0;
+  [[nodiscard]] virtual const State& state() const = 0;
+  [[nodiscard]] const IntegratorCounts& counts() const { return counts_; }
+
+  /// Steps until t_end; `observe`, if given, is called after every step and stops the run by returning false.
+  void integrate(double t_end, const std::function<bool(const StepReport&)>& observe = {});
+
+ protected:
+  void count(const StepReport& report);
+  IntegratorCounts counts_;
+};
+
+}  // namespace espalier::dynamics
