@@ -54,6 +54,8 @@ class HostExecutor final : public Executor<T> {
     }
   }
 
+  void set_pivot_rule(const PivotRule& rule) override { state_.rule = rule; }
+
   FactorOutcome factorize(std::span<const T> values) override {
     const double start = base::now_seconds();
     reset(values);

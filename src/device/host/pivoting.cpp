@@ -69,7 +69,10 @@ void book_pivots(NumericState<T>& s, Workspace<T>& w, Index f, Index at, Index n
   if (replaced != nullptr)
     for (Index k = 0; k < n; ++k)
       // The mark belongs to the column that the pivoting moved there.
-      if (replaced[k] != 0) s.column_state[at + s.pivot_order[at + k]] |= kColumnReplaced;
+      if (replaced[k] != 0) {
+        s.column_state[at + s.pivot_order[at + k]] |= kColumnReplaced;
+        if (s.kind == Kind::ldlt && w.column[k] < T(0)) --out.negative;  // its sign means nothing
+      }
 }
 
 template <class T>

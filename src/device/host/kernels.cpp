@@ -1,0 +1,88 @@
+#include "device/host/kernels.hpp"
+
+#include <new>
+
+#include "device/host/kernel_parts.hpp"
+#include "device/host/scratch.hpp"
+#include "hwy/highway.h"
+
+namespace espalier::device::host {
+
+namespace {
+
+template <class T>
+Kernels<T> make_table() {
+  Kernels<T> table{};
+  fill_products(table);
+  fill_layout(table);
+  fill_substitution(table);
+  fill_cholesky(table);
+  fill_ldlt(table);
+  fill_lu(table);
+  fill_inverse(table);
+  return table;
+}
+
+/// One thread's buffer.
+class Scratch {
+ public:
+  Scratch() = default;
+  Scratch(const Scratch&) = delete;
+  Scratch& operator=(const Scratch&) = delete;
+  ~Scratch() { release(); }
+
+  void* take(std::int64_t bytes) {
+    if (bytes > size_) {
+      release();
+      data_ = ::operator new (static_cast<std::size_t>(bytes), std::align_val_t{64});
+      size_ = bytes;
+    }
+    return data_;
+  }
+
+ private:
+  void release() {
+    ::operator delete (data_, std::align_val_t{64});
+    data_ = nullptr;
+    size_ = 0;
+  }
+
+  void* data_ = nullptr;
+  std::int64_t size_ = 0;
+};
+
+}  // namespace
+
+void* scratch_bytes(std::int64_t bytes) {
+  thread_local Scratch scratch;
+  return scratch.take(bytes);
+}
+
+template <class T>
+const Kernels<T>& kernels() {
+  static const Kernels<T> table = make_table<T>();
+  return table;
+}
+
+template <class T>
+std::vector<Kernels<T>> all_kernels() {
+  std::vector<Kernels<T>> tables;
+  std::int64_t left = hwy::SupportedTargets() & HWY_TARGETS;
+  while (left != 0) {
+    const std::int64_t target = left & -left;  // the lowest bit is the best target
+    left ^= target;
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    tables.push_back(make_table<T>());
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  return tables;
+}
+
+template const Kernels<double>& kernels();
+template const Kernels<float>& kernels();
+template std::vector<Kernels<double>> all_kernels();
+template std::vector<Kernels<float>> all_kernels();
+
+}  // namespace espalier::device::host

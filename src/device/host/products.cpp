@@ -1,0 +1,75 @@
+/// \file
+/// Products of panel tiles: gemm_nt, syrk_nt, trmm_nt.
+#include "device/host/kernel_parts.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "device/host/products.cpp"
+#include "hwy/foreach_target.h"  // must precede highway.h
+// clang-format off: the order matters
+#include "device/host/micro_kernel-inl.hpp"
+// clang-format on
+
+HWY_BEFORE_NAMESPACE();
+namespace espalier::device::host::HWY_NAMESPACE {
+namespace {
+
+template <class T>
+void gemm_nt(std::int64_t m, std::int64_t n, std::int64_t k, const T* a, const T* b, T* c, std::int64_t ld) {
+  const Operand<T> left = panels_of(a, k), right = panels_of(b, k);
+  const Result<T> result = scratch_of(c, ld);
+  constexpr std::int64_t p = kPanel<T>;
+  for (std::int64_t i = 0; i < m;) {
+    const int panels = group_panels((m - i + p - 1) / p);
+    group_product<T, false>(panels, n, k, left.at(i, 0), right, result.at(i, 0));
+    i += panels * p;
+  }
+}
+
+template <class T>
+void syrk_nt(std::int64_t m, std::int64_t n, std::int64_t k, const T* a, const T* b, T* c, std::int64_t ld) {
+  lower_product<T>(m, 0, n, k, panels_of(a, k), panels_of(b, k), scratch_of(c, ld));
+}
+
+template <class T>
+void trmm_nt(std::int64_t m, std::int64_t n, const T* b, const T* w, T* x) {
+  const Operand<T> left = panels_of(b, n), right = panels_of(w, n);
+  const Result<T> result = panels_of(x, n);
+  constexpr std::int64_t p = kPanel<T>;
+  for (std::int64_t i = 0; i < m;) {
+    const int panels = group_panels((m - i + p - 1) / p);
+    for (std::int64_t j = 0; j < n; j += p) {
+      const std::int64_t end = std::min(n, j + p);  // W is zero beyond
+      group_product<T, true>(panels, end - j, end, left.at(i, 0), right.at(j, 0), result.at(i, j));
+    }
+    i += panels * p;
+  }
+}
+
+template <class T>
+void fill(Kernels<T>& table) {
+  table.target = hwy::TargetName(HWY_TARGET);
+  table.gemm_nt = gemm_nt<T>;
+  table.syrk_nt = syrk_nt<T>;
+  table.trmm_nt = trmm_nt<T>;
+}
+void fill_double(Kernels<double>& table) { fill(table); }
+void fill_float(Kernels<float>& table) { fill(table); }
+
+}  // namespace
+}  // namespace espalier::device::host::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace espalier::device::host {
+HWY_EXPORT(fill_double);
+HWY_EXPORT(fill_float);
+template <>
+void fill_products(Kernels<double>& table) {
+  HWY_DYNAMIC_DISPATCH(fill_double)(table);
+}
+template <>
+void fill_products(Kernels<float>& table) {
+  HWY_DYNAMIC_DISPATCH(fill_float)(table);
+}
+}  // namespace espalier::device::host
+#endif
