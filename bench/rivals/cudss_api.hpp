@@ -1,0 +1,105 @@
+/// \file
+/// What this benchmark uses of the cuDSS 1.0 and CUDA runtime interfaces, declared here so that neither header nor
+/// library is needed to build. cudss_check.cpp compares every number with NVIDIA's header where that is found.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "rivals/shared_library.hpp"
+
+namespace espalier::bench::cudss {
+
+using Handle = struct cudssContext*;
+using Matrix = struct cudssMatrix*;
+using Data = struct cudssData*;
+using Config = struct cudssConfig*;
+using Stream = struct CUstream_st*;
+
+enum Status : int {
+  kSuccess = 0,
+  kNotInitialized,
+  kAllocFailed,
+  kInvalidValue,
+  kNotSupported,
+  kExecutionFailed,
+  kInternalError,
+  kRefinementFailed
+};
+enum ConfigParam : int {
+  kMatchingAlg = 3,
+  kHybridMemoryMode = 11,
+  kHybridDeviceMemoryLimit = 12,
+  kHostThreads = 14,
+  kDeviceCount = 21,
+  kDeviceIndices = 22,
+  kDeterministicMode = 24,
+};
+enum DataParam : int {
+  kInfo = 0,
+  kFactorNonzeros = 1,
+  kPivots = 2,
+  kInertia = 3,
+  kHybridDeviceMemoryMin = 10,
+  kMemoryEstimates = 13,
+  kRefinementSteps = 24,
+  kFlops = 26,
+};
+enum Phase : int { kAnalysis = 3, kFactorization = 4, kRefactorization = 8, kSolve = 1008 };
+enum MatrixType : int { kGeneral = 0, kSymmetric = 1, kPositiveDefinite = 3 };
+enum MatrixPart : int { kFull = 0, kLower = 1, kUpper = 2 };
+enum Matching : int { kNoMatching = 0, kMaxDiagProduct = 5, kMatchingAuto = 6 };
+constexpr int kBaseZero = 0;
+constexpr int kColumnMajor = 0;
+constexpr int kReal64 = 1;      ///< cudaDataType: 64-bit floating point
+constexpr int kInteger32 = 10;  ///< cudaDataType: 32-bit integer
+constexpr int kMemcpyHostToDevice = 1, kMemcpyDeviceToHost = 2;
+
+/// The CUDA runtime, loaded at run time. Functions return 0 on success.
+struct Cuda {
+  SharedLibrary library{{"libcudart.so.13", "libcudart.so.12", "libcudart.so"}, SharedLibrary::Scope::global};
+  int (*get_device_count)(int*) = library.function<int (*)(int*)>("cudaGetDeviceCount");
+  int (*set_device)(int) = library.function<int (*)(int)>("cudaSetDevice");
+  int (*malloc)(void**, std::size_t) = library.function<int (*)(void**, std::size_t)>("cudaMalloc");
+  int (*free)(void*) = library.function<int (*)(void*)>("cudaFree");
+  int (*memcpy)(void*, const void*, std::size_t,
+                int) = library.function<int (*)(void*, const void*, std::size_t, int)>("cudaMemcpy");
+  int (*synchronize)() = library.function<int (*)()>("cudaDeviceSynchronize");
+  int (*memory_info)(std::size_t*,
+                     std::size_t*) = library.function<int (*)(std::size_t*, std::size_t*)>("cudaMemGetInfo");
+  const char* (*error_string)(int) = library.function<const char* (*)(int)>("cudaGetErrorString");
+};
+
+/// cuDSS, loaded at run time together with the libraries that it needs.
+struct Api {
+  SharedLibrary blas_lt{{"libcublasLt.so.13", "libcublasLt.so.12"}, SharedLibrary::Scope::global};
+  SharedLibrary blas{{"libcublas.so.13", "libcublas.so.12"}, SharedLibrary::Scope::global};
+  SharedLibrary nvrtc{{"libnvrtc.so.13", "libnvrtc.so.12"}, SharedLibrary::Scope::global};
+  SharedLibrary library{{"libcudss.so.1", "libcudss.so.0"}, SharedLibrary::Scope::global};
+  int (*create)(Handle*) = library.function<int (*)(Handle*)>("cudssCreate");
+  int (*create_mg)(Handle*, int, const int*) = library.function<int (*)(Handle*, int, const int*)>("cudssCreateMg");
+  int (*destroy)(Handle) = library.function<int (*)(Handle)>("cudssDestroy");
+  int (*set_threading_layer)(Handle,
+                             const char*) = library.function<int (*)(Handle, const char*)>("cudssSetThreadingLayer");
+  int (*config_create)(Config*) = library.function<int (*)(Config*)>("cudssConfigCreate");
+  int (*config_destroy)(Config) = library.function<int (*)(Config)>("cudssConfigDestroy");
+  int (*config_set)(Config, int, const void*,
+                    std::size_t) = library.function<int (*)(Config, int, const void*, std::size_t)>("cudssConfigSet");
+  int (*data_create)(Handle, Data*) = library.function<int (*)(Handle, Data*)>("cudssDataCreate");
+  int (*data_destroy)(Handle, Data) = library.function<int (*)(Handle, Data)>("cudssDataDestroy");
+  int (*data_get)(Handle, Data, int, void*, std::size_t, std::size_t*) =
+      library.function<int (*)(Handle, Data, int, void*, std::size_t, std::size_t*)>("cudssDataGet");
+  int (*execute)(Handle, int, Config, Data, Matrix, Matrix,
+                 Matrix) = library.function<int (*)(Handle, int, Config, Data, Matrix, Matrix, Matrix)>("cudssExecute");
+  int (*create_dense)(Matrix*, std::int64_t, std::int64_t, std::int64_t, const void*, int, int) =
+      library.function<int (*)(Matrix*, std::int64_t, std::int64_t, std::int64_t, const void*, int, int)>(
+          "cudssMatrixCreateDn");
+  int (*create_csr)(Matrix*, std::int64_t, std::int64_t, std::int64_t, const void*, const void*, const void*,
+                    const void*, int, int, int, int, int, int) =
+      library.function<int (*)(Matrix*, std::int64_t, std::int64_t, std::int64_t, const void*, const void*, const void*,
+                               const void*, int, int, int, int, int, int)>("cudssMatrixCreateCsr");
+  int (*matrix_destroy)(Matrix) = library.function<int (*)(Matrix)>("cudssMatrixDestroy");
+  int (*get_property)(int, int*) = library.function<int (*)(int, int*)>("cudssGetProperty");
+};
+
+}  // namespace espalier::bench::cudss

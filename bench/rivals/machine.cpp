@@ -1,0 +1,110 @@
+#include "rivals/machine.hpp"
+
+#include <sched.h>
+#include <sys/utsname.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+namespace espalier::bench {
+namespace {
+
+/// Text behind the first "key ... :" in a file of such lines; empty where there is none.
+std::string field(const std::string& path, const std::string& key) {
+  std::ifstream file(path);
+  std::string line;
+  while (std::getline(file, line)) {
+    const std::size_t colon = line.find(':');
+    if (colon == std::string::npos || line.substr(0, line.find_last_not_of(" \t", colon - 1) + 1) != key) continue;
+    const std::size_t start = line.find_first_not_of(" \t", colon + 1);
+    return start == std::string::npos ? "" : line.substr(start);
+  }
+  return "";
+}
+
+/// First line of what `command` prints; empty where it fails.
+std::string first_line(const std::string& command) {
+  const std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen((command + " 2>/dev/null").c_str(), "r"), pclose);
+  char text[256] = "";
+  if (!pipe || std::fgets(text, sizeof text, pipe.get()) == nullptr) return "";
+  const std::string line = text;
+  return line.substr(0, line.find('\n'));
+}
+
+std::vector<std::string> gpu_names() {
+  std::vector<std::string> names;
+  std::error_code none;
+  for (const auto& gpu : std::filesystem::directory_iterator("/proc/driver/nvidia/gpus", none))
+    names.push_back(field(gpu.path() / "information", "Model"));
+  return names;
+}
+
+/// The core type of OpenBLAS for this processor; empty where its own choice can be trusted.
+std::string openblas_core_type() {
+#if defined(__x86_64__)
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
+      __builtin_cpu_supports("avx512vl"))
+    return "SkylakeX";
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+    return __builtin_cpu_is("amd") ? "Zen" : "Haswell";
+#endif
+  return "";
+}
+
+}  // namespace
+
+int usable_cores() {
+  cpu_set_t cores;
+  CPU_ZERO(&cores);
+  return sched_getaffinity(0, sizeof cores, &cores) == 0 ? CPU_COUNT(&cores) : 1;
+}
+
+nlohmann::json machine_record() {
+  utsname system{};
+  uname(&system);
+  double load = 0;
+  getloadavg(&load, 1);
+  const double page = static_cast<double>(sysconf(_SC_PAGESIZE));
+  return {{"processor", field("/proc/cpuinfo", "model name")},
+          {"family", field("/proc/cpuinfo", "cpu family")},
+          {"model", field("/proc/cpuinfo", "model")},
+          {"cores", usable_cores()},
+          {"memory_bytes", page * static_cast<double>(sysconf(_SC_PHYS_PAGES))},
+          {"kernel", std::string(system.sysname) + " " + system.release + " " + system.machine},
+          {"load_average_before", load},
+          {"gpus", gpu_names()},
+          {"compiler", std::string("g++-compatible ") + __VERSION__}};
+}
+
+std::string source_commit() {
+  const std::string commit = first_line("git -C '" ESPALIER_SOURCE_DIR "' describe --always --dirty --abbrev=12");
+  return commit.empty() ? "unknown" : commit;
+}
+
+std::string utc_now() {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
+  return text;
+}
+
+std::vector<std::string> rival_environment(int threads) {
+  std::vector<std::string> environment;
+  for (const char* name : {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"})
+    environment.push_back(std::string(name) + "=" + std::to_string(threads));
+  environment.emplace_back("MKL_DYNAMIC=FALSE");
+  const char* chosen = std::getenv("OPENBLAS_CORETYPE");
+  const std::string core = chosen != nullptr ? chosen : openblas_core_type();
+  if (!core.empty()) environment.push_back("OPENBLAS_CORETYPE=" + core);
+  return environment;
+}
+
+}  // namespace espalier::bench

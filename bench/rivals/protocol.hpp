@@ -1,0 +1,59 @@
+/// \file
+/// What the benchmark and a rival's process say to each other: one line of JSON per command and per answer.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "rivals/rival.hpp"
+
+namespace espalier::bench {
+
+/// File descriptors that the rival's process finds open.
+inline constexpr int kCommandDescriptor = 100;   ///< commands come in
+inline constexpr int kAnswerDescriptor = 101;    ///< answers go out
+inline constexpr int kSystemDescriptor = 102;    ///< SharedSystem
+inline constexpr int kSolutionDescriptor = 103;  ///< SharedMemory with the solutions, as many as right-hand sides
+
+NLOHMANN_JSON_SERIALIZE_ENUM(Outcome, {{Outcome::ok, "ok"},
+                                       {Outcome::missing, "missing"},
+                                       {Outcome::not_offered, "not offered"},
+                                       {Outcome::failed, "failed"},
+                                       {Outcome::out_of_memory, "out of memory"},
+                                       {Outcome::wrong_answer, "wrong answer"},
+                                       {Outcome::crashed, "crashed"},
+                                       {Outcome::timed_out, "timed out"}})
+
+/// What the rival's process says when it is ready.
+struct Hello {
+  Verdict verdict;
+  std::string name, version;
+};
+/// Memory of the rival's process, bytes.
+struct MemoryReport {
+  Offset peak_bytes = -1;  ///< VmHWM less what was resident before the first analysis and less the bench's own maps
+};
+
+void to_json(nlohmann::json& json, const Hello& hello);
+void from_json(const nlohmann::json& json, Hello& hello);
+void to_json(nlohmann::json& json, const AnalyzeReport& report);
+void from_json(const nlohmann::json& json, AnalyzeReport& report);
+void to_json(nlohmann::json& json, const FactorReport& report);
+void from_json(const nlohmann::json& json, FactorReport& report);
+void to_json(nlohmann::json& json, const SolveReport& report);
+void from_json(const nlohmann::json& json, SolveReport& report);
+void to_json(nlohmann::json& json, const MemoryReport& report);
+void from_json(const nlohmann::json& json, MemoryReport& report);
+
+/// "llt", "ldlt", "lu", "automatic" and back. kind_named() throws std::invalid_argument.
+std::string kind_name(Kind kind);
+Kind kind_named(const std::string& name);
+
+}  // namespace espalier::bench
+
+namespace espalier {
+
+void to_json(nlohmann::json& json, const Inertia& inertia);
+void from_json(const nlohmann::json& json, Inertia& inertia);
+
+}  // namespace espalier

@@ -1,0 +1,165 @@
+#include "rivals/session.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <memory>
+#include <random>
+#include <thread>
+
+namespace espalier::bench {
+namespace {
+
+constexpr std::uint32_t kSeed = 20180;  ///< of the right-hand sides
+
+/// One rival in the race.
+struct Runner {
+  std::unique_ptr<Child> child;
+  Row row;
+  [[nodiscard]] bool alive() const { return row.verdict.ok(); }
+};
+
+class Session {
+ public:
+  Session(const MatrixView& a, const Plan& plan, const Progress& progress)
+      : plan_(plan),
+        progress_(progress),
+        original_(a.values.begin(), a.values.end()),
+        lower_only_(a.storage == Storage::general && plan.kind != Kind::lu),
+        system_(a, std::max<Index>(plan.columns, 1)) {
+    std::mt19937_64 generator(kSeed);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    for (double& b : system_.right_hand_sides()) b = uniform(generator);
+  }
+
+  std::vector<Row> run(const std::vector<std::string>& specs) {
+    std::vector<Runner> runners;
+    for (const std::string& spec : specs) runners.push_back(start(spec));
+    for (int round = 0; round < plan_.analyses; ++round) turn(runners, round, [&](Runner& runner) { analyze(runner); });
+    set_round(0);
+    turn(runners, 0, [&](Runner& runner) { factorize(runner); });
+    for (int round = 0; round <= plan_.repetitions; ++round) {
+      set_round(round);
+      turn(runners, round, [&](Runner& runner) { repeat(runner, round); });
+    }
+    std::vector<Row> rows;
+    for (Runner& runner : runners) {
+      runner.row.peak_bytes = runner.child->memory().peak_bytes;
+      rows.push_back(std::move(runner.row));
+    }
+    return rows;
+  }
+
+ private:
+  Runner start(const std::string& spec) {
+    progress_(spec + ": start");
+    Runner runner;
+    runner.child = std::make_unique<Child>(spec, system_, plan_.child);
+    runner.row.spec = spec;
+    runner.row.version = runner.child->hello().version;
+    runner.row.verdict = runner.child->hello().verdict;
+    return runner;
+  }
+
+  /// Gives every rival that is alive one turn; who begins changes from round to round.
+  template <typename Step>
+  void turn(std::vector<Runner>& runners, int round, Step&& step) {
+    for (std::size_t k = 0; k < runners.size(); ++k) {
+      Runner& runner = runners[(k + static_cast<std::size_t>(round)) % runners.size()];
+      if (!runner.alive()) continue;
+      std::this_thread::sleep_for(std::chrono::duration<double>(plan_.pause_seconds));
+      step(runner);
+    }
+  }
+
+  /// Values of round k: the original ones times 1 + k / 16, which no rival can know beforehand.
+  void set_round(int round) {
+    const double factor = 1 + round / 16.0;
+    const std::span<double> values = system_.values();
+    for (std::size_t k = 0; k < values.size(); ++k) values[k] = factor * original_[k];
+  }
+
+  void analyze(Runner& runner) {
+    progress_(runner.row.spec + ": analysis");
+    const AnalyzeReport report = runner.child->analyze(plan_.kind, plan_.threads);
+    runner.row.verdict = report.verdict;
+    if (!report.verdict.ok()) return;
+    runner.row.analysis.seconds.push_back(report.seconds);
+    runner.row.nonzeros_factor = report.nonzeros_factor;
+    runner.row.flops = report.flops;
+  }
+
+  void factorize(Runner& runner) {
+    progress_(runner.row.spec + ": first factorization");
+    take(runner.row, runner.child->factorize(), runner.row.first_factorization);
+  }
+
+  /// One round: refactorization, solve with one and with many right-hand sides. Round 0 warms up and is checked in
+  /// full; later rounds are timed, and the first column of each answer is checked.
+  void repeat(Runner& runner, int round) {
+    progress_(runner.row.spec + (round == 0 ? ": warm-up" : ": round " + std::to_string(round)));
+    Samples warm_up;
+    Row& row = runner.row;
+    take(row, runner.child->refactorize(), round == 0 ? warm_up : row.refactorization);
+    if (row.verdict.ok()) solve(runner, 1, 1, round == 0 ? warm_up : row.solve_one);
+    if (row.verdict.ok() && plan_.columns > 1)
+      solve(runner, plan_.columns, round == 0 ? plan_.columns : 1, round == 0 ? warm_up : row.solve_many);
+  }
+
+  static void take(Row& row, const FactorReport& report, Samples& samples) {
+    row.verdict = report.verdict;
+    if (!report.verdict.ok()) return;
+    samples.seconds.push_back(report.seconds);
+    row.inertia = report.inertia;
+    row.perturbed = report.perturbed;
+    row.device_bytes = std::max(row.device_bytes, report.device_bytes);
+    if (report.nonzeros_factor >= 0) row.nonzeros_factor = report.nonzeros_factor;
+    if (report.flops >= 0) row.flops = report.flops;
+  }
+
+  void solve(Runner& runner, Index columns, Index checked, Samples& samples) {
+    const SolveReport report = runner.child->solve(columns);
+    Row& row = runner.row;
+    row.verdict = report.verdict;
+    if (!report.verdict.ok()) return;
+    samples.seconds.push_back(report.seconds);
+    row.refinement_steps = std::max(row.refinement_steps, report.refinement_steps);
+    const BackwardError error =
+        backward_error(system_.matrix(), lower_only_, runner.child->solutions(), system_.right_hand_sides(), checked);
+    row.error.normwise = std::max(row.error.normwise, error.normwise);
+    row.error.componentwise = std::max(row.error.componentwise, error.componentwise);
+    if (!(error.normwise <= plan_.wrong_above))
+      row.verdict = {Outcome::wrong_answer, "normwise backward error " + std::to_string(error.normwise) + " above " +
+                                                std::to_string(plan_.wrong_above)};
+  }
+
+  const Plan& plan_;
+  const Progress& progress_;
+  std::vector<double> original_;
+  bool lower_only_;
+  SharedSystem system_;
+};
+
+}  // namespace
+
+double Samples::median() const {
+  if (seconds.empty()) return std::numeric_limits<double>::quiet_NaN();
+  std::vector<double> sorted = seconds;
+  std::sort(sorted.begin(), sorted.end());
+  const std::size_t half = sorted.size() / 2;
+  return sorted.size() % 2 == 1 ? sorted[half] : (sorted[half - 1] + sorted[half]) / 2;
+}
+
+double Samples::least() const {
+  if (seconds.empty()) return std::numeric_limits<double>::quiet_NaN();
+  return *std::min_element(seconds.begin(), seconds.end());
+}
+
+std::vector<Row> compare(const MatrixView& a, const Plan& plan, const Progress& progress) {
+  Session session(a, plan, progress);
+  if (!plan.one_at_a_time) return session.run(plan.rivals);
+  std::vector<Row> rows;
+  for (const std::string& rival : plan.rivals) rows.push_back(session.run({rival}).front());
+  return rows;
+}
+
+}  // namespace espalier::bench

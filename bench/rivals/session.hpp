@@ -1,0 +1,59 @@
+/// \file
+/// One system, all rivals: who does what when, and what comes out.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "rivals/child.hpp"
+#include "rivals/residual.hpp"
+
+namespace espalier::bench {
+
+/// How the rivals are compared.
+struct Plan {
+  std::vector<std::string> rivals;  ///< name or name:variant
+  Kind kind = Kind::llt;            ///< not automatic
+  int threads = 1;
+  int repetitions = 5;          ///< rounds of refactorization and solves after one round of warm-up
+  int analyses = 3;             ///< rounds of analysis
+  Index columns = 32;           ///< right-hand sides of the second solve
+  bool one_at_a_time = false;   ///< a rival's process ends before the next starts (for systems that fill the memory)
+  double wrong_above = 1e-8;    ///< a normwise backward error above it is a wrong answer
+  double pause_seconds = 0.05;  ///< before each turn: spinning threads of the last rival go to sleep
+  ChildSettings child;
+};
+
+/// All samples of one phase, seconds.
+struct Samples {
+  std::vector<double> seconds;
+  [[nodiscard]] bool empty() const { return seconds.empty(); }
+  [[nodiscard]] double median() const;  ///< of an even number: the mean of the middle two; NaN when empty
+  [[nodiscard]] double least() const;   ///< NaN when empty
+};
+
+/// What is known of one rival in the end. Figures are valid up to the phase that ended the verdict.
+struct Row {
+  std::string spec;  ///< as asked for
+  std::string version;
+  Verdict verdict;
+  Samples analysis, first_factorization, refactorization, solve_one, solve_many;
+  Offset nonzeros_factor = -1;
+  double flops = -1;
+  Inertia inertia;
+  Index perturbed = -1;
+  int refinement_steps = -1;
+  BackwardError error;  ///< the worst of all checked answers
+  Offset peak_bytes = -1, device_bytes = -1;
+};
+
+/// Called before each step with what is about to happen.
+using Progress = std::function<void(const std::string& what)>;
+
+/// Runs the plan on `a`, whose values must be present. Each round takes the rivals in turn, the first one changing from
+/// round to round; values change every round by a common factor; right-hand sides are random (seeded) and the same for
+/// all. Never throws for what a rival does.
+std::vector<Row> compare(const MatrixView& a, const Plan& plan, const Progress& progress);
+
+}  // namespace espalier::bench

@@ -1,0 +1,100 @@
+// Truth: a plug-in that misbehaves on request, and diagonal systems whose solution is b / a.
+#include "rivals/session.hpp"
+
+#include <gtest/gtest.h>
+
+namespace espalier::bench {
+namespace {
+
+SparseMatrix diagonal_matrix(Index n) {
+  SparseMatrix a;
+  a.rows = a.cols = n;
+  a.storage = Storage::symmetric_lower;
+  a.col_ptr.push_back(0);
+  for (Index k = 0; k < n; ++k) {
+    a.row_ind.push_back(k);
+    a.values.push_back(2.0 + k);
+    a.col_ptr.push_back(k + 1);
+  }
+  return a;
+}
+
+Plan plan_for(const std::vector<std::string>& rivals) {
+  Plan plan;
+  plan.rivals = rivals;
+  plan.kind = Kind::llt;
+  plan.repetitions = 3;
+  plan.analyses = 2;
+  plan.columns = 4;
+  plan.pause_seconds = 0;
+  plan.child.folder = ESPALIER_RIVALS_FOLDER;
+  plan.child.timeout_seconds = 20;
+  return plan;
+}
+
+std::vector<Row> run(const Plan& plan) {
+  return compare(diagonal_matrix(50), plan, [](const std::string&) {});
+}
+
+TEST(Session, TakesEverySampleOfARivalThatBehaves) {
+  const Row row = run(plan_for({"faulty"})).front();
+  EXPECT_EQ(row.verdict.outcome, Outcome::ok) << row.verdict.message;
+  EXPECT_EQ(row.analysis.seconds.size(), 2U);
+  EXPECT_EQ(row.first_factorization.seconds.size(), 1U);
+  EXPECT_EQ(row.refactorization.seconds.size(), 3U);
+  EXPECT_EQ(row.solve_one.seconds.size(), 3U);
+  EXPECT_EQ(row.solve_many.seconds.size(), 3U);
+  EXPECT_LE(row.error.componentwise, 1e-15);
+  EXPECT_GE(row.peak_bytes, 0);
+}
+
+TEST(Session, GoesOnWhateverOneRivalDoes) {
+  const struct {
+    const char* spec;
+    Outcome outcome;
+  } cases[] = {{"nobody", Outcome::missing},
+               {"faulty:missing", Outcome::missing},
+               {"faulty:crash", Outcome::crashed},
+               {"faulty:exit", Outcome::crashed},
+               {"faulty:memory", Outcome::out_of_memory},
+               {"faulty:wrong", Outcome::wrong_answer},
+               {"faulty:refuse", Outcome::failed},
+               {"faulty:unheard", Outcome::failed},
+               {"faulty", Outcome::ok}};
+  for (const bool one_at_a_time : {false, true}) {
+    Plan plan = plan_for({});
+    plan.one_at_a_time = one_at_a_time;
+    for (const auto& one : cases) plan.rivals.emplace_back(one.spec);
+    const std::vector<Row> rows = run(plan);
+    ASSERT_EQ(rows.size(), std::size(cases));
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      EXPECT_EQ(rows[k].spec, cases[k].spec);
+      EXPECT_EQ(rows[k].verdict.outcome, cases[k].outcome) << cases[k].spec << ": " << rows[k].verdict.message;
+      EXPECT_EQ(rows[k].verdict.message.empty(), rows[k].verdict.ok());
+    }
+  }
+}
+
+TEST(Session, EndsARivalThatHangs) {
+  Plan plan = plan_for({"faulty:hang", "faulty"});
+  plan.child.timeout_seconds = 0.5;
+  const std::vector<Row> rows = run(plan);
+  EXPECT_EQ(rows[0].verdict.outcome, Outcome::timed_out) << rows[0].verdict.message;
+  EXPECT_EQ(rows[1].verdict.outcome, Outcome::ok) << rows[1].verdict.message;
+}
+
+TEST(Session, SaysWhatARivalDoesNotOffer) {
+  Plan plan = plan_for({"faulty"});
+  plan.kind = Kind::lu;
+  EXPECT_EQ(run(plan).front().verdict.outcome, Outcome::not_offered);
+}
+
+TEST(Samples, MedianAndLeast) {
+  EXPECT_EQ((Samples{{3, 1, 2}}).median(), 2);
+  EXPECT_EQ((Samples{{4, 1, 2, 3}}).median(), 2.5);
+  EXPECT_EQ((Samples{{4, 1, 2, 3}}).least(), 1);
+  EXPECT_TRUE(std::isnan(Samples{}.median()));
+}
+
+}  // namespace
+}  // namespace espalier::bench
