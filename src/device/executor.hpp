@@ -22,7 +22,7 @@ struct PivotRule {
 /// What one numeric factorization came to. Positions are those of the plan's elimination order.
 struct FactorOutcome {
   Index not_positive = -1;      ///< llt: lowest position whose pivot was not positive (or NaN); -1: none
-  Index negative = 0;           ///< negative eigenvalues of D (ldlt)
+  Index negative = 0;           ///< negative eigenvalues of D (ldlt), replaced pivots left out
   Index two_by_two = 0;         ///< 2x2 pivots
   std::vector<Index> replaced;  ///< positions of pivots that were smaller than tiny, ascending
   std::vector<Index> failed;    ///< positions whose column of L exceeds 1/threshold, ascending
@@ -38,6 +38,8 @@ template <class T>
 class Executor {
  public:
   virtual ~Executor() = default;
+  /// For the factorizations to come; `tiny` depends on the values.
+  virtual void set_pivot_rule(const PivotRule& rule) = 0;
   /// @param values  the caller's value array (plan.entries index it), scaled so that entries are about 1 at most
   /// @throws Error(device_error) with the failing call; the executor stays usable
   virtual FactorOutcome factorize(std::span<const T> values) = 0;

@@ -1,0 +1,140 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "matrix/validate.hpp"
+#include "solver/analysis_file.hpp"
+#include "solver/option_text.hpp"
+#include "solver/solver_impl.hpp"
+
+namespace espalier {
+
+namespace {
+
+// Rates of the cost model on the host, per thread: what the tile kernels reach on large fronts, and what a front costs
+// beyond its arithmetic (docs/performance.md, "cost model").
+constexpr double kFlopsPerSecond = 6.5e10;
+constexpr double kSecondsPerFront = 1.5e-6;
+
+void check_matrix(const MatrixView& a, base::ThreadPool& pool) {
+  if (a.rows != a.cols)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("the matrix is {} x {}; a linear system needs a square one", a.rows, a.cols));
+  if (a.rows == 0) throw Error(StatusCode::invalid_input, "the matrix has no rows; there is nothing to solve");
+  matrix::validate(a, &pool);
+}
+
+Offset plan_bytes(const analysis::Plan& p) {
+  const auto of = [](const auto& v) { return static_cast<Offset>(v.size() * sizeof(v[0])); };
+  return of(p.tree.order) + of(p.tree.rows) + of(p.relative) + of(p.layout) + of(p.entry_ptr) + of(p.entries) +
+         of(p.tasks) + of(p.memory.factor) * 4 + of(p.tree.parent) * 6;
+}
+
+}  // namespace
+
+Offset Solver::Impl::held_bytes() const {
+  return equations.bytes() + residual.bytes() + plan_bytes(plan) + budget.peak();
+}
+
+void Solver::Impl::analyze(const MatrixView& a) {
+  const double start = base::now_seconds();
+  state = State::empty;
+  check_matrix(a, pool);
+  const Kind wish = options.kind;
+  const Kind chosen = solver::choose_kind(a, wish);
+  kind_may_change = wish == Kind::automatic && chosen == Kind::llt;
+  moved_pivots = 0;
+  pattern_hash = solver::pattern_hash(a);
+  analyze_as(a, chosen);
+  describe_plan(start);
+}
+
+void Solver::Impl::analyze_as(const MatrixView& a, Kind chosen) {
+  numeric.reset();
+  kind = chosen;
+  analysis = AnalysisResult{};
+  equations = solver::copy_equations(a, kind);
+  const double copied = base::now_seconds();
+  solver::scale_and_match(equations, kind, options);
+  const double matched = base::now_seconds();
+  analysis.matching_seconds = matched - copied;
+
+  analysis::TreeOptions tree_options;
+  tree_options.permutation = options.permutation;
+  tree_options.pair = equations.pair;
+  tree_options.zero_diagonal = equations.zero_diagonal;
+  analysis::TreeStatistics statistics;
+  analysis::AssemblyTree tree;
+  {
+    const analysis::Graph graph = analysis::graph_of(equations.a, pool, equations.row_of_col);
+    tree = analysis::build_tree(graph, tree_options, pool, &statistics);
+  }
+  const double ordered = base::now_seconds();
+  analysis.ordering_seconds = ordered - matched;
+  lay_out_plan(std::move(tree));
+  residual = solve::ResidualOperator(equations.a, pool);
+  analysis.plan_seconds = base::now_seconds() - ordered;
+}
+
+void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
+  analysis::PlanOptions plan_options;
+  plan_options.tiles.panel = static_cast<Index>(single() ? 64 / sizeof(float) : 64 / sizeof(double));
+  plan_options.tiles.max_block_size = options.max_block_size;
+  plan_options.unsymmetric = kind == Kind::lu;
+  plan_options.ldlt = kind == Kind::ldlt;
+  plan_options.interleave = static_cast<Index>(std::max(2, pool.size()));
+  plan_options.reuse_distance = static_cast<Index>(16 * pool.size());
+  plan = analysis::make_plan(std::move(tree), equations.a, equations.row_of_col, plan_options, pool);
+}
+
+void Solver::Impl::describe_plan(double start) {
+  AnalysisResult& r = analysis;
+  r.kind = kind;
+  r.nonzeros_factor = plan.nonzeros_factor;
+  r.flops = plan.flops;
+  r.fronts = plan.fronts();
+  for (Index f = 0; f < plan.fronts(); ++f) {
+    r.tiers = std::max(r.tiers, plan.tier[f] + 1);
+    r.largest_front = std::max(r.largest_front, plan.layout[f].rows);
+  }
+  const Offset value_bytes = single() ? sizeof(float) : sizeof(double);
+  r.predicted_bytes =
+      (plan.memory.size + equations.a.nonzeros() + equations.n() + static_cast<Offset>(plan.tree.rows.size())) *
+          value_bytes +
+      held_bytes() - budget.peak();
+  r.predicted_seconds = plan.flops / (kFlopsPerSecond * (single() ? 2 : 1) * pool.size()) +
+                        kSecondsPerFront * plan.fronts() / pool.size();
+  state = State::analyzed;
+  r.seconds = base::now_seconds() - start;
+  log(fmt::format("analysis: {} fronts in {} tiers, largest {}, {:.3g} entries of the factor, {:.3g} flops, {:.3f} s",
+                  r.fronts, r.tiers, r.largest_front, static_cast<double>(r.nonzeros_factor), r.flops, r.seconds));
+}
+
+void Solver::Impl::load_analysis(const std::string& path, const MatrixView& a) {
+  const double start = base::now_seconds();
+  state = State::empty;
+  check_matrix(a, pool);
+  solver::SavedAnalysis saved = solver::read_analysis(path, solver::pattern_hash(a));
+  pattern_hash = solver::pattern_hash(a);
+  moved_pivots = 0;
+  if (options.kind != Kind::automatic && options.kind != saved.kind)
+    throw Error(StatusCode::invalid_input, fmt::format("{}: the saved analysis is for {}, but {} was asked for", path,
+                                                       solver::name_of(saved.kind), solver::name_of(options.kind)));
+  (void)solver::choose_kind(a, saved.kind);  // llt and ldlt need a symmetric matrix
+  numeric.reset();
+  kind = saved.kind;
+  kind_may_change = false;
+  analysis = AnalysisResult{};
+  equations = solver::copy_equations(a, kind);
+  if (saved.tree.n != equations.n())
+    throw Error(StatusCode::invalid_input, path + ": the analysis belongs to a matrix of another size");
+  equations.row_scale = std::move(saved.row_scale);
+  equations.col_scale = std::move(saved.col_scale);
+  equations.row_of_col = std::move(saved.row_of_col);
+  lay_out_plan(std::move(saved.tree));
+  residual = solve::ResidualOperator(equations.a, pool);
+  analysis.plan_seconds = base::now_seconds() - start;
+  describe_plan(start);
+}
+
+}  // namespace espalier

@@ -1,0 +1,186 @@
+#include "solver/analysis_file.hpp"
+
+#include <fmt/format.h>
+
+#include <cstring>
+#include <fstream>
+#include <type_traits>
+
+namespace espalier::solver {
+
+namespace {
+
+constexpr char kMagic[8] = {'E', 'S', 'P', 'A', 'N', 'A', 'L', '1'};
+
+class Fnv {
+ public:
+  void add(const void* data, std::size_t bytes) {
+    const auto* p = static_cast<const unsigned char*>(data);
+    for (std::size_t k = 0; k < bytes; ++k) hash_ = (hash_ ^ p[k]) * 0x100000001b3ULL;
+  }
+  template <class T>
+  void add_words(std::span<const T> v) {  // eight bytes at a time: a pattern has many
+    std::size_t k = 0;
+    for (const T x : v) {
+      hash_ = (hash_ ^ static_cast<std::uint64_t>(x)) * 0x100000001b3ULL;
+      hash_ ^= hash_ >> 29;
+      ++k;
+    }
+  }
+  [[nodiscard]] std::uint64_t value() const { return hash_; }
+
+ private:
+  std::uint64_t hash_ = 0xcbf29ce484222325ULL;
+};
+
+class Writer {
+ public:
+  explicit Writer(const std::string& path) : path_(path), out_(path, std::ios::binary) {}
+  void bytes(const void* p, std::size_t n) {
+    out_.write(static_cast<const char*>(p), static_cast<std::streamsize>(n));
+    hash_.add(p, n);
+  }
+  template <class T>
+  void value(const T& v) {
+    bytes(&v, sizeof v);
+  }
+  template <class T>
+  void array(const std::vector<T>& v) {
+    value(static_cast<std::uint64_t>(v.size()));
+    bytes(v.data(), v.size() * sizeof(T));
+  }
+  void finish() {
+    const std::uint64_t h = hash_.value();
+    out_.write(reinterpret_cast<const char*>(&h), sizeof h);
+    out_.flush();
+    if (!out_)
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("{}: the analysis could not be written; check folder, permissions and space", path_));
+  }
+
+ private:
+  std::string path_;
+  std::ofstream out_;
+  Fnv hash_;
+};
+
+class Reader {
+ public:
+  explicit Reader(const std::string& path) : path_(path), in_(path, std::ios::binary) {
+    if (!in_) fail("cannot be opened");
+    in_.seekg(0, std::ios::end);
+    left_ = static_cast<std::uint64_t>(in_.tellg());
+    in_.seekg(0);
+  }
+  [[noreturn]] void fail(const std::string& why) const {
+    throw Error(StatusCode::invalid_input,
+                fmt::format("{}: {}; analyze the matrix and save the analysis again", path_, why));
+  }
+  void bytes(void* p, std::size_t n) {
+    if (n > left_) fail("the file ends too early");
+    in_.read(static_cast<char*>(p), static_cast<std::streamsize>(n));
+    if (!in_) fail("the file cannot be read");
+    left_ -= n;
+    hash_.add(p, n);
+  }
+  template <class T>
+  T value() {
+    T v{};
+    bytes(&v, sizeof v);
+    return v;
+  }
+  template <class T>
+  void array(std::vector<T>& v) {
+    const auto size = value<std::uint64_t>();
+    if (size > left_ / sizeof(T)) fail("the file ends too early");
+    v.resize(static_cast<std::size_t>(size));
+    bytes(v.data(), v.size() * sizeof(T));
+  }
+  void finish() {
+    const std::uint64_t expected = hash_.value();
+    std::uint64_t h = 0;
+    if (left_ != sizeof h) fail("the file has a wrong length");
+    in_.read(reinterpret_cast<char*>(&h), sizeof h);
+    if (h != expected) fail("the checksum does not match: the file is damaged");
+  }
+
+ private:
+  std::string path_;
+  std::ifstream in_;
+  std::uint64_t left_ = 0;
+  Fnv hash_;
+};
+
+// The file passed its checksum; this guards against files made by something else.
+void check(const SavedAnalysis& s, const Reader& file) {
+  const auto& t = s.tree;
+  const auto n = static_cast<std::size_t>(t.n);
+  const std::size_t fronts = t.parent.size();
+  const auto scale_ok = [&](const auto& v) { return v.empty() || v.size() == n; };
+  bool ok = t.n >= 0 && t.order.size() == n && t.first.size() == fronts + 1 && t.row_ptr.size() == fronts + 1 &&
+            scale_ok(s.row_scale) && scale_ok(s.col_scale) && scale_ok(s.row_of_col) && t.first.front() == 0 &&
+            t.first.back() == t.n && t.row_ptr.front() == 0 && t.row_ptr.back() == static_cast<Offset>(t.rows.size());
+  for (std::size_t f = 0; ok && f < fronts; ++f)
+    ok = t.first[f] < t.first[f + 1] && t.row_ptr[f] <= t.row_ptr[f + 1] &&
+         (t.parent[f] == -1 || (t.parent[f] > static_cast<Index>(f) && t.parent[f] < static_cast<Index>(fronts)));
+  const auto in_range = [&](Index i) { return i >= 0 && i < t.n; };
+  for (const Index i : t.order) ok = ok && in_range(i);
+  for (const Index i : t.rows) ok = ok && in_range(i);
+  for (const Index i : s.row_of_col) ok = ok && in_range(i);
+  if (!ok) file.fail("the file is not a valid analysis");
+}
+
+}  // namespace
+
+std::uint64_t pattern_hash(const MatrixView& a) {
+  Fnv h;
+  const std::int64_t head[] = {a.rows, a.cols, static_cast<std::int64_t>(a.storage)};
+  h.add(head, sizeof head);
+  h.add_words(a.col_ptr);
+  h.add_words(a.row_ind);
+  return h.value();
+}
+
+void write_analysis(const std::string& path, const SavedAnalysis& s, std::uint64_t hash) {
+  Writer w(path);
+  w.bytes(kMagic, sizeof kMagic);
+  w.value(hash);
+  w.value(static_cast<std::int32_t>(s.kind));
+  w.value(s.tree.n);
+  w.array(s.tree.order);
+  w.array(s.tree.first);
+  w.array(s.tree.parent);
+  w.array(s.tree.row_ptr);
+  w.array(s.tree.rows);
+  w.array(s.row_scale);
+  w.array(s.col_scale);
+  w.array(s.row_of_col);
+  w.finish();
+}
+
+SavedAnalysis read_analysis(const std::string& path, std::uint64_t hash) {
+  Reader r(path);
+  char magic[sizeof kMagic];
+  r.bytes(magic, sizeof magic);
+  if (std::memcmp(magic, kMagic, sizeof magic) != 0) r.fail("the file is not a saved analysis (or of another version)");
+  if (r.value<std::uint64_t>() != hash) r.fail("the analysis belongs to a matrix with another pattern");
+  SavedAnalysis s;
+  const auto kind = r.value<std::int32_t>();
+  if (kind < static_cast<std::int32_t>(Kind::llt) || kind > static_cast<std::int32_t>(Kind::lu))
+    r.fail("the file is not a valid analysis");
+  s.kind = static_cast<Kind>(kind);
+  s.tree.n = r.value<Index>();
+  r.array(s.tree.order);
+  r.array(s.tree.first);
+  r.array(s.tree.parent);
+  r.array(s.tree.row_ptr);
+  r.array(s.tree.rows);
+  r.array(s.row_scale);
+  r.array(s.col_scale);
+  r.array(s.row_of_col);
+  r.finish();
+  check(s, r);
+  return s;
+}
+
+}  // namespace espalier::solver

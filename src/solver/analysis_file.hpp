@@ -1,0 +1,27 @@
+/// \file
+/// An analysis on disk: the tree and the scaling, from which the plan is laid out again without any ordering.
+#pragma once
+
+#include <string>
+
+#include "analysis/assembly_tree.hpp"
+#include "solver/equations.hpp"
+
+namespace espalier::solver {
+
+struct SavedAnalysis {
+  Kind kind = Kind::automatic;
+  analysis::AssemblyTree tree;
+  std::vector<double> row_scale, col_scale;
+  std::vector<Index> row_of_col;
+};
+
+/// A number that differs for different patterns (FNV-1a over sizes, pointers and indices).
+std::uint64_t pattern_hash(const MatrixView& a);
+
+/// @throws Error(invalid_input) when the file cannot be written
+void write_analysis(const std::string& path, const SavedAnalysis& saved, std::uint64_t hash);
+/// @throws Error(invalid_input) when the file is not an analysis of a pattern with this hash, or damaged
+SavedAnalysis read_analysis(const std::string& path, std::uint64_t hash);
+
+}  // namespace espalier::solver

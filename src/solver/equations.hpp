@@ -1,0 +1,60 @@
+/// \file
+/// The linear system as the solver keeps it: a copy of the matrix, its scaling and matching.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "analysis/assembly_tree.hpp"
+#include "base/thread_pool.hpp"
+#include "espalier/solver.hpp"
+
+namespace espalier::solver {
+
+/// A copy of the caller's matrix in the form that the factorization kind needs, and the transformation to the scaled,
+/// row-permuted matrix B = R P A C that is factored: B(c', c) = r_i a_ic c_c with i = row_of_col[c'].
+struct Equations {
+  SparseMatrix a;                   ///< general storage for lu, a symmetric one otherwise
+  std::vector<Offset> source;       ///< position in the caller's values of each entry of `a`; empty: the same position
+  Offset caller_nonzeros = 0;       ///< length of the caller's value array
+  std::vector<double> row_scale;    ///< n; empty: 1
+  std::vector<double> col_scale;    ///< n; empty: 1
+  std::vector<Index> row_of_col;    ///< n; empty: identity
+  std::vector<Index> pair;          ///< n; 2x2 pivot candidates; empty: none
+  std::vector<char> zero_diagonal;  ///< n; empty: none
+
+  [[nodiscard]] Index n() const { return a.cols; }
+  [[nodiscard]] Index row_of(Index col) const {
+    return row_of_col.empty() ? col : row_of_col[static_cast<std::size_t>(col)];
+  }
+  /// Bytes of all arrays.
+  [[nodiscard]] Offset bytes() const;
+};
+
+/// The kind for `a`: the wish, or by symmetry and diagonal when automatic.
+/// @throws Error(invalid_input) when the wish contradicts the matrix (llt or ldlt of an unsymmetric one)
+Kind choose_kind(const MatrixView& a, Kind wish);
+
+/// Copies the matrix for `kind`. A general matrix with symmetric values becomes symmetric_both for llt and ldlt; a
+/// symmetric one is expanded for lu.
+Equations copy_equations(const MatrixView& a, Kind kind);
+
+/// Takes new values from the caller's array. @pre values.size() == e.caller_nonzeros
+void copy_values(Equations& e, std::span<const double> values);
+
+/// Whether `a` has the pattern from which `e` was copied.
+bool same_pattern(const Equations& e, const MatrixView& a);
+
+/// Scaling and, with options.matching, the maximum product matching (ldlt, lu). llt is scaled only for factors of low
+/// precision (in FP64 Cholesky's error does not depend on scaling: van der Sluis 1969).
+/// @throws Error(singular) for a structurally singular matrix
+void scale_and_match(Equations& e, Kind kind, const Options& options);
+
+/// scaled[q] = r_i a_ij c_j for the entries of e.a in their order. @returns the largest magnitude
+template <class T>
+double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool);
+
+/// "row 17", "rows 3, 8, 9 and 14 more" (0-based rows of the caller's matrix), ascending.
+std::string name_rows(std::vector<Index> rows);
+
+}  // namespace espalier::solver

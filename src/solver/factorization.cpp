@@ -1,0 +1,162 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "solver/solver_impl.hpp"
+
+namespace espalier {
+
+namespace {
+
+// Rounds of moving failed pivots to later fronts; each doubles the distance, so that any depth is reached.
+constexpr int kMostMoves = 24;
+
+// A pivot below this, relative to the largest scaled entry, carries no digit: it is rounding error of a zero.
+double zero_pivot(Index n, bool single) {
+  const double epsilon = single ? std::numeric_limits<float>::epsilon() : std::numeric_limits<double>::epsilon();
+  return 4 * epsilon * std::sqrt(static_cast<double>(n));
+}
+
+// Sign of the permutation p, n entries.
+double permutation_sign(const std::vector<Index>& p) {
+  std::vector<char> seen(p.size(), 0);
+  double sign = 1;
+  for (std::size_t k = 0; k < p.size(); ++k) {
+    if (seen[k] != 0) continue;
+    seen[k] = 1;
+    for (auto q = static_cast<std::size_t>(p[k]); q != k; q = static_cast<std::size_t>(p[q])) {
+      seen[q] = 1;
+      sign = -sign;
+    }
+  }
+  return sign;
+}
+
+double sum_of_logs(const std::vector<double>& scale) {
+  double sum = 0;
+  for (const double s : scale) sum += std::log(s);
+  return sum;
+}
+
+}  // namespace
+
+void Solver::Impl::make_numeric() {
+  solver::NumericOptions o;
+  o.kind = kind;
+  o.threshold = options.pivot_threshold;
+  o.smallest_pivot = options.perturbation > 0 ? options.perturbation : zero_pivot(plan.tree.n, single());
+  numeric.reset();  // its memory goes before new memory comes
+  numeric = solver::make_numeric(plan, equations, o, single(), pool, budget, timeline.get());
+}
+
+void Solver::Impl::factorize(std::span<const double> values) {
+  const double start = base::now_seconds();
+  state = State::analyzed;
+  factor = FactorResult{};
+  solver::copy_values(equations, values);
+  residual.set_values(equations.a.values);
+  if (timeline) timeline->clear();
+  if (!numeric) make_numeric();
+  device::FactorOutcome outcome = factorize_moving_pivots();
+  if (kind == Kind::llt && outcome.not_positive >= 0 && kind_may_change) {
+    log("a pivot is not positive: going on with ldlt");
+    kind_may_change = false;
+    const SparseMatrix copy = equations.a;
+    const double again = base::now_seconds();
+    analyze_as(copy, Kind::ldlt);
+    describe_plan(again);
+    residual.set_values(equations.a.values);
+    make_numeric();
+    outcome = factorize_moving_pivots();
+  }
+  report(outcome);
+  factor.seconds = base::now_seconds() - start;
+  factor.flops_per_second = plan.flops / factor.seconds;
+  if (factor.status.ok()) state = State::factorized;
+}
+
+device::FactorOutcome Solver::Impl::factorize_moving_pivots() {
+  device::FactorOutcome outcome = numeric->factorize();
+  if (kind == Kind::llt) return outcome;
+  for (int round = 0; round < kMostMoves && move_pivots(outcome); ++round) {
+    make_numeric();
+    outcome = numeric->factorize();
+  }
+  return outcome;
+}
+
+// Delayed pivoting by re-analysis: columns that could not be eliminated stably in their front go to its parent. Only
+// the lowest failures are moved: what failed above them was computed from their debris.
+bool Solver::Impl::move_pivots(const device::FactorOutcome& outcome) {
+  if (outcome.failed.empty() && outcome.replaced.empty()) return false;
+  std::vector<Index> bad(outcome.failed);
+  bad.insert(bad.end(), outcome.replaced.begin(), outcome.replaced.end());
+  std::sort(bad.begin(), bad.end());
+  bad.erase(std::unique(bad.begin(), bad.end()), bad.end());
+  const auto& tree = plan.tree;
+  std::vector<char> below(static_cast<std::size_t>(tree.fronts()), 0);  // 1: a failure in the sub-tree below
+  std::vector<Index> moved;
+  std::size_t at = 0;
+  for (Index f = 0; f < tree.fronts(); ++f) {
+    bool any = below[f] != 0;
+    for (; at < bad.size() && bad[at] < tree.first[f + 1]; ++at) {
+      if (below[f] == 0 && tree.parent[f] >= 0) moved.push_back(bad[at]);
+      any = true;
+    }
+    if (any && tree.parent[f] >= 0) below[tree.parent[f]] = 1;
+  }
+  if (moved.empty()) return false;
+  moved_pivots += static_cast<Index>(moved.size());
+  log(fmt::format("{} pivot{} moved to a later front", moved.size(), moved.size() == 1 ? " is" : "s are"));
+  analysis::AssemblyTree changed = plan.tree;
+  analysis::relocate_pivots(changed, moved);
+  numeric.reset();
+  lay_out_plan(std::move(changed));
+  return true;
+}
+
+void Solver::Impl::report(const device::FactorOutcome& outcome) {
+  FactorResult& r = factor;
+  const Index n = plan.tree.n;
+  r.two_by_two = outcome.two_by_two;
+  r.perturbed = static_cast<Index>(outcome.replaced.size());
+  r.delayed = moved_pivots;
+  r.peak_host_bytes = held_bytes();
+  const double busy = outcome.busy_seconds;
+  r.devices = {{numeric->device_name(), busy, outcome.seconds > 0 ? std::max(0.0, 1 - busy / outcome.seconds) : 0,
+                budget.peak()}};
+  const auto rows_of = [&](const std::vector<Index>& positions) {
+    std::vector<Index> rows;
+    for (const Index p : positions) rows.push_back(equations.row_of(plan.tree.order[static_cast<std::size_t>(p)]));
+    std::sort(rows.begin(), rows.end());
+    return rows;
+  };
+  if (outcome.not_positive >= 0) {
+    const Index row = rows_of({outcome.not_positive}).front();
+    r.status = {
+        StatusCode::not_positive_definite,
+        fmt::format("the matrix is not positive definite: the pivot of row {} is not positive; use kind ldlt (or auto)",
+                    row),
+        row};
+    return;
+  }
+  const double sign = equations.row_of_col.empty() ? 1 : permutation_sign(equations.row_of_col);
+  r.determinant_sign = outcome.determinant_sign * sign;
+  r.determinant_log = outcome.determinant_log - sum_of_logs(equations.row_scale) - sum_of_logs(equations.col_scale);
+  if (kind == Kind::llt) r.inertia = {n, 0, 0};
+  if (kind == Kind::ldlt) r.inertia = {n - outcome.negative - r.perturbed, outcome.negative, r.perturbed};
+  if (r.perturbed > 0 && options.perturbation <= 0) {
+    const std::vector<Index> rows = rows_of(outcome.replaced);
+    r.determinant_sign = 0;
+    r.determinant_log = -std::numeric_limits<double>::infinity();
+    r.status = {
+        StatusCode::singular,
+        fmt::format("the matrix is numerically singular: {} of {} pivots vanish, at {}; remove or fix dependent rows",
+                    r.perturbed, n, solver::name_rows(rows)),
+        rows.front()};
+  }
+}
+
+}  // namespace espalier

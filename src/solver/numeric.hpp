@@ -1,0 +1,36 @@
+/// \file
+/// The numeric factor of one system in one precision, with scaling and permutation around the executor.
+#pragma once
+
+#include <memory>
+
+#include "analysis/plan.hpp"
+#include "base/timeline.hpp"
+#include "device/executor.hpp"
+#include "solver/equations.hpp"
+
+namespace espalier::solver {
+
+/// Hides the precision of the factor from the solver.
+class Numeric {
+ public:
+  virtual ~Numeric() = default;
+  /// Factors the values in `equations`. Pivots below `smallest_pivot` times the largest scaled entry are replaced.
+  virtual device::FactorOutcome factorize() = 0;
+  /// Solves op(A) x = b for `columns` right-hand sides, column-major, n values each; x may alias b.
+  virtual void solve(const double* b, double* x, Index columns, bool transpose) = 0;
+  [[nodiscard]] virtual std::string device_name() const = 0;
+};
+
+struct NumericOptions {
+  Kind kind = Kind::llt;
+  double threshold = 0.01;
+  double smallest_pivot = 0;  ///< relative to the largest scaled entry
+};
+
+/// @param single  FP32 instead of FP64
+std::unique_ptr<Numeric> make_numeric(const analysis::Plan& plan, const Equations& equations,
+                                      const NumericOptions& options, bool single, base::ThreadPool& pool,
+                                      base::MemoryBudget& budget, base::Timeline* timeline);
+
+}  // namespace espalier::solver

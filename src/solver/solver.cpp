@@ -1,0 +1,153 @@
+#include "espalier/solver.hpp"
+
+#include <fmt/format.h>
+
+#include <new>
+#include <stdexcept>
+#include <utility>
+
+#include "matrix/validate.hpp"
+#include "solver/analysis_file.hpp"
+#include "solver/solver_impl.hpp"
+
+namespace espalier {
+
+namespace {
+
+// Runs body() and turns its failure into a value.
+template <class Body>
+Status guarded(Body&& body) {
+  try {
+    body();
+    return {};
+  } catch (const Error& e) {
+    return e.status();
+  } catch (const std::bad_alloc&) {
+    return {StatusCode::out_of_memory, "the machine refused memory; use a smaller system or a machine with more memory",
+            -1};
+  } catch (const std::length_error&) {
+    return {StatusCode::out_of_memory, "an array longer than the machine can address was needed", -1};
+  }
+}
+
+int threads_of(const Options& o) {
+  if (o.threads < 0) throw std::invalid_argument("Options::threads is negative");
+  return o.threads > 0 ? o.threads : base::available_cores();
+}
+
+}  // namespace
+
+Solver::Impl::Impl(Options the_options)
+    : options(std::move(the_options)), pool(threads_of(options)), budget("host memory", options.host_memory_bytes) {
+  if (options.record_timeline) timeline = std::make_unique<base::Timeline>();
+}
+
+Solver::Solver(Options options) : impl_(std::make_unique<Impl>(std::move(options))) {}
+Solver::~Solver() = default;
+Solver::Solver(Solver&&) noexcept = default;
+Solver& Solver::operator=(Solver&&) noexcept = default;
+
+AnalysisResult Solver::analyze(const MatrixView& a) {
+  impl_->analysis = AnalysisResult{};
+  const Status status = guarded([&] { impl_->analyze(a); });
+  if (!status.ok()) impl_->state = State::empty;
+  impl_->analysis.status = status;
+  return impl_->analysis;
+}
+
+FactorResult Solver::factorize(const MatrixView& a) {
+  if (impl_->state == State::empty) throw std::logic_error("Solver::factorize: call analyze() first");
+  Status status = guarded([&] {
+    matrix::validate(a, &impl_->pool);
+    if (!solver::same_pattern(impl_->equations, a))
+      throw Error(StatusCode::invalid_input,
+                  "the matrix has another pattern than the one analyzed; call analyze() again");
+    if (a.values.empty())
+      throw Error(StatusCode::invalid_input, "the matrix has no values; a pattern cannot be factorized");
+  });
+  if (!status.ok()) {
+    FactorResult r;
+    r.status = std::move(status);
+    return r;
+  }
+  return refactorize(a.values);
+}
+
+FactorResult Solver::refactorize(std::span<const double> values) {
+  if (impl_->state == State::empty) throw std::logic_error("Solver::refactorize: call analyze() first");
+  if (static_cast<Offset>(values.size()) != impl_->equations.caller_nonzeros)
+    throw std::invalid_argument(fmt::format("Solver::refactorize: {} values for a pattern of {} entries", values.size(),
+                                            impl_->equations.caller_nonzeros));
+  Status status = guarded([&] { impl_->factorize(values); });
+  if (!status.ok()) {
+    impl_->factor.status = std::move(status);
+    impl_->numeric.reset();
+  }
+  return impl_->factor;
+}
+
+SolveResult Solver::solve(std::span<const double> b, std::span<double> x, Index columns, Transpose transpose) {
+  if (impl_->state != State::factorized) throw std::logic_error("Solver::solve: there is no factorization");
+  const auto size =
+      static_cast<std::size_t>(impl_->plan.tree.n) * static_cast<std::size_t>(std::max<Index>(columns, 0));
+  if (columns < 1 || b.size() != size || x.size() != size)
+    throw std::invalid_argument(
+        fmt::format("Solver::solve: {} right-hand sides of {} rows need {} values; b has {}, x has {}", columns,
+                    impl_->plan.tree.n, size, b.size(), x.size()));
+  const Status status = guarded([&] { impl_->solve(b, x, columns, transpose == Transpose::yes); });
+  if (!status.ok()) impl_->solution.status = status;
+  return impl_->solution;
+}
+
+Solver::State Solver::state() const { return impl_->state; }
+const Options& Solver::options() const { return impl_->options; }
+const AnalysisResult& Solver::analysis() const { return impl_->analysis; }
+
+double Solver::condition_estimate() {
+  if (impl_->state != State::factorized)
+    throw std::logic_error("Solver::condition_estimate: there is no factorization");
+  return impl_->condition_estimate();
+}
+
+std::vector<Solver::TierRow> Solver::tiers() const {
+  std::vector<TierRow> rows;
+  if (impl_->state == State::empty) return rows;
+  const analysis::Plan& p = impl_->plan;
+  rows.resize(static_cast<std::size_t>(impl_->analysis.tiers));
+  for (Index f = 0; f < p.fronts(); ++f) {
+    if (static_cast<std::size_t>(p.tier[f]) >= rows.size()) rows.resize(static_cast<std::size_t>(p.tier[f]) + 1);
+    TierRow& r = rows[static_cast<std::size_t>(p.tier[f])];
+    const double k = p.layout[f].pivots;
+    const double m = p.layout[f].rows;
+    r.tier = p.tier[f];
+    ++r.fronts;
+    r.largest_front = std::max(r.largest_front, p.layout[f].rows);
+    r.flops += analysis::front_flops(p.layout[f].pivots, p.layout[f].rows, p.options.unsymmetric);
+    r.factor_entries += static_cast<Offset>(k * m - k * (k - 1) / 2) * (p.options.unsymmetric ? 2 : 1);
+  }
+  return rows;
+}
+
+Status Solver::save_analysis(const std::string& path) const {
+  if (impl_->state == State::empty) throw std::logic_error("Solver::save_analysis: there is no analysis");
+  return guarded([&] {
+    const auto& e = impl_->equations;
+    solver::write_analysis(path, {impl_->kind, impl_->plan.tree, e.row_scale, e.col_scale, e.row_of_col},
+                           impl_->pattern_hash);
+  });
+}
+
+AnalysisResult Solver::load_analysis(const std::string& path, const MatrixView& a) {
+  impl_->analysis = AnalysisResult{};
+  const Status status = guarded([&] { impl_->load_analysis(path, a); });
+  if (!status.ok()) impl_->state = State::empty;
+  impl_->analysis.status = status;
+  return impl_->analysis;
+}
+
+Status Solver::write_trace(const std::string& path) const {
+  if (!impl_->timeline) throw std::logic_error("Solver::write_trace: Options::record_timeline was not set");
+  return guarded([&] { impl_->timeline->write(path); });
+}
+
+}  // namespace espalier

@@ -1,0 +1,66 @@
+/// \file
+/// The state behind espalier::Solver.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "analysis/ordering.hpp"
+#include "analysis/plan.hpp"
+#include "base/memory.hpp"
+#include "base/thread_pool.hpp"
+#include "base/timeline.hpp"
+#include "espalier/solver.hpp"
+#include "solve/residual.hpp"
+#include "solver/equations.hpp"
+#include "solver/numeric.hpp"
+
+namespace espalier {
+
+/// What analyze(), factorize() and solve() share. Methods throw Error; Solver turns it into a Status.
+struct Solver::Impl {
+  explicit Impl(Options the_options);
+
+  // analysis.cpp
+  void analyze(const MatrixView& a);
+  void analyze_as(const MatrixView& a, Kind kind);
+  void load_analysis(const std::string& path, const MatrixView& a);
+  void lay_out_plan(analysis::AssemblyTree tree);
+  void describe_plan(double start);
+
+  // factorization.cpp
+  void factorize(std::span<const double> values);
+  void make_numeric();
+  device::FactorOutcome factorize_moving_pivots();
+  bool move_pivots(const device::FactorOutcome& outcome);
+  void report(const device::FactorOutcome& outcome);
+
+  // substitution.cpp
+  void solve(std::span<const double> b, std::span<double> x, Index columns, bool transpose);
+  double condition_estimate();
+
+  void log(const std::string& line) const {
+    if (options.log) options.log(line);
+  }
+  [[nodiscard]] bool single() const { return options.precision != Precision::fp64; }
+  [[nodiscard]] Offset held_bytes() const;
+
+  Options options;
+  State state = State::empty;
+  base::ThreadPool pool;
+  base::MemoryBudget budget;
+  std::unique_ptr<base::Timeline> timeline;
+  std::uint64_t pattern_hash = 0;  // of the caller's matrix
+  Kind kind = Kind::automatic;     // of the current analysis
+  bool kind_may_change = false;    // automatic took llt: ldlt when a pivot is not positive
+  solver::Equations equations;
+  solve::ResidualOperator residual;
+  analysis::Plan plan;
+  std::unique_ptr<solver::Numeric> numeric;  // made by the first factorize()
+  Index moved_pivots = 0;                    // columns moved to later fronts since analyze()
+  AnalysisResult analysis;
+  FactorResult factor;
+  SolveResult solution;
+};
+
+}  // namespace espalier

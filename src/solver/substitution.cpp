@@ -1,0 +1,56 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "solve/refinement.hpp"
+#include "solver/condition.hpp"
+#include "solver/solver_impl.hpp"
+
+namespace espalier {
+
+void Solver::Impl::solve(std::span<const double> b, std::span<double> x, Index columns, bool transpose) {
+  const double start = base::now_seconds();
+  solution = SolveResult{};
+  const auto n = static_cast<std::size_t>(plan.tree.n);
+  // b is needed after x has been written.
+  std::vector<double> copy;
+  if (b.data() < x.data() + x.size() && x.data() < b.data() + b.size()) {
+    copy.assign(b.begin(), b.end());
+    b = copy;
+  }
+  numeric->solve(b.data(), x.data(), columns, transpose);
+  solution.solve_seconds = base::now_seconds() - start;
+
+  solve::RefinementOptions refinement;
+  refinement.steps = options.refinement_steps;
+  refinement.krylov = options.precision == Precision::mixed;
+  refinement.positive_definite = kind == Kind::llt;
+  if (options.precision == Precision::fp32) refinement.steps = 0;
+  const solve::Preconditioner apply = [&](const double* from, double* to) { numeric->solve(from, to, 1, transpose); };
+  for (std::size_t c = 0; c < static_cast<std::size_t>(columns); ++c) {
+    const solve::RefinementResult r =
+        solve::refine(residual, apply, b.data() + c * n, x.data() + c * n, transpose, refinement);
+    solution.refinement_steps = std::max(solution.refinement_steps, r.steps + r.krylov_steps);
+    solution.backward_error = std::max(solution.backward_error, r.error.normwise);
+    solution.componentwise_error = std::max(solution.componentwise_error, r.error.componentwise);
+  }
+  solution.seconds = base::now_seconds() - start;
+  const double limit = options.precision == Precision::fp32 ? std::max(options.required_backward_error, 1e-5)
+                                                            : options.required_backward_error;
+  if (!(solution.backward_error <= limit))
+    solution.status = {StatusCode::accuracy_not_reached,
+                       fmt::format("the backward error is {:.1e} after {} steps of refinement, above the {:.1e} asked "
+                                   "for; use precision fp64, "
+                                   "matching, or a larger pivot_threshold",
+                                   solution.backward_error, solution.refinement_steps, limit),
+                       -1};
+}
+
+double Solver::Impl::condition_estimate() {
+  const double inverse = solver::estimate_inverse_norm(
+      plan.tree.n, [&](const double* x, double* y, bool transpose) { numeric->solve(x, y, 1, transpose); });
+  return inverse * residual.norm_one();
+}
+
+}  // namespace espalier
