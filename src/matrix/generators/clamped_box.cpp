@@ -1,0 +1,51 @@
+#include "matrix/generators/families.hpp"
+#include "matrix/generators/hex8.hpp"
+
+namespace espalier::matrix {
+
+namespace {
+
+constexpr double kYoung = 1.0;
+constexpr double kPoisson = 0.3;
+
+class ClampedBox final : public GroupModel {
+ public:
+  ClampedBox(HexGrid grid, double height, Randomness random)
+      : grid_(grid),
+        stiffness_(hex8_stiffness(hex_box(1, 1, height), kYoung, kPoisson)),
+        factors_(element_factors(grid.elements(), random.seed)),
+        clamped_((grid.ny + 1) * (grid.nz + 1)) {}
+
+  [[nodiscard]] Index groups() const override { return static_cast<Index>(grid_.nodes()) - clamped_; }
+
+  void neighbours(Index group, std::vector<Neighbour>& out) const override {
+    grid_.for_each_neighbour(place(group), [&](GridPlace q) {
+      if (q.x > 0) out.push_back({grid_.node(q) - clamped_, BlockShape::full});
+    });
+  }
+
+  void block(Index row, Index col, BlockValues& values) const override {
+    values.fill(0);
+    grid_.for_each_shared_element(place(row), place(col), [&](GridPlace e, std::size_t a, std::size_t b) {
+      const double factor = factors_[static_cast<std::size_t>(grid_.element(e))];
+      for (std::size_t i = 0; i < 3; ++i)
+        for (std::size_t k = 0; k < 3; ++k) values[3 * i + k] += factor * stiffness_[(3 * a + i) * 24 + 3 * b + k];
+    });
+  }
+
+ private:
+  [[nodiscard]] GridPlace place(Index group) const { return grid_.node_place(group + clamped_); }
+
+  HexGrid grid_;
+  HexStiffness stiffness_;
+  std::vector<double> factors_;
+  Index clamped_;  // nodes of the face x = 0, the first ones of the grid
+};
+
+}  // namespace
+
+std::unique_ptr<GroupModel> make_clamped_box(HexGrid grid, double height, Randomness random) {
+  return std::make_unique<ClampedBox>(grid, height, random);
+}
+
+}  // namespace espalier::matrix
