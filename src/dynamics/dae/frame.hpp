@@ -16,12 +16,14 @@ using Vec6 = Eigen::Matrix<double, 6, 1>;
 
 /// Motion of a frame, all in global components. The twist is [dr/dt; omega] = J v; its derivative J a + bias.
 struct FrameMotion {
-  Vec3 r = Vec3::Zero();           ///< position of the origin
-  Mat3 rot = Mat3::Identity();     ///< columns: axes of the frame
-  Vec3 vel = Vec3::Zero();         ///< velocity of the origin
-  Vec3 omega = Vec3::Zero();       ///< angular velocity
-  Vec3 bias_acc = Vec3::Zero();    ///< part of the origin's acceleration that does not contain a
-  Vec3 bias_alpha = Vec3::Zero();  ///< part of the angular acceleration that does not contain a
+  Vec3 r = Vec3::Zero();             ///< position of the origin
+  Mat3 rot = Mat3::Identity();       ///< columns: axes of the frame
+  Vec3 vel = Vec3::Zero();           ///< velocity of the origin
+  Vec3 omega = Vec3::Zero();         ///< angular velocity
+  Vec3 bias_acc = Vec3::Zero();      ///< part of the origin's acceleration that does not contain a
+  Vec3 bias_alpha = Vec3::Zero();    ///< part of the angular acceleration that does not contain a
+  Mat3 body_rot = Mat3::Identity();  ///< scratch of the frame's own: what project() may want to know again
+  Vec3 arm = Vec3::Zero();           ///< scratch of the frame's own
 };
 
 /// A frame that depends on a fixed, ordered list of nd velocity coordinates.
@@ -36,6 +38,13 @@ class Frame {
   virtual void motion(ConstSpan q, ConstSpan v, FrameMotion& out) const = 0;
   /// J, 6 x nd column by column: [delta r; delta phi] = J dq, delta phi the spatial rotation increment (global axes).
   virtual void jacobian(ConstSpan q, double* j) const = 0;
+  /// out = J^T c for `count` vectors c of 6 numbers, one after the other; out: count x nd. `motion` is what motion()
+  /// gave at the same q. The default multiplies with jacobian().
+  virtual void project(ConstSpan q, const FrameMotion& motion, const double* c, int count, double* out) const;
+  /// False if coordinate k of the list never turns the frame (its column of J has no rotation part).
+  [[nodiscard]] virtual bool turns(std::size_t /*k*/) const { return true; }
+  /// False if J does not depend on q, so that wrench_stiffness() adds nothing.
+  [[nodiscard]] virtual bool has_wrench_stiffness() const { return false; }
   /// Adds scale * d(J^T wrench)/dq (nd x nd, column by column) for a wrench [force; moment] held constant in global
   /// axes. Zero for frames whose J is constant.
   virtual void wrench_stiffness(ConstSpan q, const Vec6& wrench, double scale, double* k) const;

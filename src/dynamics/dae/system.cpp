@@ -226,6 +226,19 @@ void AssembledSystem::tangent(const StateView& s, const TangentWeights& weights,
 
 void Frame::wrench_stiffness(ConstSpan /*q*/, const Vec6& /*wrench*/, double /*scale*/, double* /*k*/) const {}
 
+void Frame::project(ConstSpan q, const FrameMotion& /*motion*/, const double* c, int count, double* out) const {
+  const std::size_t nd = coordinates().size();
+  std::vector<double> j(6 * nd);
+  jacobian(q, j.data());
+  for (std::size_t r = 0; r < static_cast<std::size_t>(count); ++r) {
+    for (std::size_t k = 0; k < nd; ++k) {
+      double sum = 0;
+      for (std::size_t i = 0; i < 6; ++i) sum += c[6 * r + i] * j[6 * k + i];
+      out[r * nd + k] = sum;
+    }
+  }
+}
+
 void GroundFrame::motion(ConstSpan /*q*/, ConstSpan /*v*/, FrameMotion& out) const {
   out = FrameMotion{};
   out.r = r_;
