@@ -1,0 +1,238 @@
+#include "dynamics/elements/assembly.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <mutex>
+#include <stdexcept>
+
+namespace espalier::dynamics {
+
+Offset VertexPattern::entry(Index row, Index column) const {
+  const auto begin = ind.begin() + ptr[static_cast<std::size_t>(column)];
+  const auto end = ind.begin() + ptr[static_cast<std::size_t>(column) + 1];
+  const auto found = std::lower_bound(begin, end, row);
+  if (found == end || *found != row)
+    throw std::logic_error(fmt::format("vertices {} and {} share no element", row, column));
+  return found - ind.begin();
+}
+
+ElementAssembly::ElementAssembly(Index vertices, std::vector<std::unique_ptr<ElementGroup>> groups)
+    : groups_(std::move(groups)) {
+  for (const auto& group : groups_) elements_ += group->count();
+  build_pattern(vertices);
+  build_pairs();
+  build_chunks();
+  colour_chunks();
+}
+
+void ElementAssembly::build_pattern(Index vertices) {
+  // Elements at every vertex, as (group, element) pairs in compressed form.
+  struct Reference {
+    std::int32_t group;
+    Index element;
+  };
+  std::vector<Offset> start(static_cast<std::size_t>(vertices) + 1, 0);
+  for (const auto& group : groups_)
+    for (Index e = 0; e < group->count(); ++e)
+      for (const Index v : group->vertices(e)) {
+        if (v < 0 || v >= vertices)
+          throw std::invalid_argument(fmt::format("element {} uses vertex {}, the body has {}", group->label(e), v, vertices));
+        ++start[static_cast<std::size_t>(v) + 1];
+      }
+  for (std::size_t v = 0; v < static_cast<std::size_t>(vertices); ++v) start[v + 1] += start[v];
+  std::vector<Reference> at(static_cast<std::size_t>(start.back()));
+  std::vector<Offset> next(start.begin(), start.end() - 1);
+  for (std::size_t g = 0; g < groups_.size(); ++g)
+    for (Index e = 0; e < groups_[g]->count(); ++e)
+      for (const Index v : groups_[g]->vertices(e))
+        at[static_cast<std::size_t>(next[static_cast<std::size_t>(v)]++)] = {static_cast<std::int32_t>(g), e};
+  pattern_.ptr.assign(1, 0);
+  std::vector<Index> rows;
+  for (std::size_t v = 0; v < static_cast<std::size_t>(vertices); ++v) {
+    rows.assign(1, static_cast<Index>(v));
+    for (Offset k = start[v]; k < start[v + 1]; ++k) {
+      const Reference& r = at[static_cast<std::size_t>(k)];
+      const auto list = groups_[static_cast<std::size_t>(r.group)]->vertices(r.element);
+      rows.insert(rows.end(), list.begin(), list.end());
+    }
+    std::sort(rows.begin(), rows.end());
+    rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+    pattern_.ind.insert(pattern_.ind.end(), rows.begin(), rows.end());
+    pattern_.ptr.push_back(static_cast<Offset>(pattern_.ind.size()));
+  }
+}
+
+void ElementAssembly::build_pairs() {
+  for (const auto& group : groups_)
+    for (Index e = 0; e < group->count(); ++e) {
+      const auto list = group->vertices(e);
+      for (const Index column : list)
+        for (const Index row : list)
+          pairs_.push_back(
+              static_cast<std::int32_t>(pattern_.entry(row, column) - pattern_.ptr[static_cast<std::size_t>(column)]));
+    }
+}
+
+void ElementAssembly::build_chunks() {
+  // Large enough that neighbouring elements are reused from cache, small enough that a colour has many chunks.
+  constexpr Index kSmallest = 1, kLargest = 32, kWantedChunks = 512;
+  const Index size = std::clamp(elements_ / kWantedChunks, kSmallest, kLargest);
+  Offset element = 0, pair = 0;
+  for (std::size_t g = 0; g < groups_.size(); ++g) {
+    const Offset pairs = static_cast<Offset>(groups_[g]->vertices_per_element()) * groups_[g]->vertices_per_element();
+    for (Index begin = 0; begin < groups_[g]->count(); begin += size) {
+      const Index end = std::min(begin + size, groups_[g]->count());
+      chunks_.push_back({static_cast<std::int32_t>(g), begin, end, element, pair});
+      element += end - begin;
+      pair += pairs * (end - begin);
+    }
+  }
+}
+
+void ElementAssembly::colour_chunks() {
+  // First fit in order of the chunks; a vertex remembers its colours in a bit set of growing width.
+  const std::size_t n = chunks_.size();
+  std::vector<int> colour(n, 0);
+  int colours = 0;
+  std::vector<std::vector<std::uint64_t>> used(static_cast<std::size_t>(vertices()));
+  for (std::size_t c = 0; c < n; ++c) {
+    std::vector<std::uint64_t> taken(static_cast<std::size_t>(colours) / 64 + 1, 0);
+    const auto visit = [&](const auto& body) {
+      const ElementGroup& group = *groups_[static_cast<std::size_t>(chunks_[c].group)];
+      for (Index e = chunks_[c].begin; e < chunks_[c].end; ++e)
+        for (const Index v : group.vertices(e)) body(used[static_cast<std::size_t>(v)]);
+    };
+    visit([&](const std::vector<std::uint64_t>& bits) {
+      for (std::size_t w = 0; w < bits.size(); ++w) taken[w] |= bits[w];
+    });
+    int pick = 0;
+    while (taken[static_cast<std::size_t>(pick) / 64] >> (pick % 64) & 1) ++pick;
+    colour[c] = pick;
+    colours = std::max(colours, pick + 1);
+    visit([&](std::vector<std::uint64_t>& bits) {
+      bits.resize(std::max(bits.size(), static_cast<std::size_t>(pick) / 64 + 1), 0);
+      bits[static_cast<std::size_t>(pick) / 64] |= std::uint64_t{1} << (pick % 64);
+    });
+  }
+  colour_ptr_.assign(static_cast<std::size_t>(colours) + 1, 0);
+  for (const int k : colour) ++colour_ptr_[static_cast<std::size_t>(k) + 1];
+  for (std::size_t k = 0; k < static_cast<std::size_t>(colours); ++k) colour_ptr_[k + 1] += colour_ptr_[k];
+  std::vector<Chunk> sorted(n);
+  std::vector<Index> next(colour_ptr_.begin(), colour_ptr_.end() - 1);
+  for (std::size_t c = 0; c < n; ++c)
+    sorted[static_cast<std::size_t>(next[static_cast<std::size_t>(colour[c])]++)] = chunks_[c];
+  chunks_ = std::move(sorted);
+}
+
+template <class Body>
+void ElementAssembly::for_each_chunk(base::ThreadPool* pool, const Body& body) const {
+  for (int k = 0; k < colours(); ++k) {
+    const Index begin = colour_ptr_[static_cast<std::size_t>(k)], end = colour_ptr_[static_cast<std::size_t>(k) + 1];
+    if (pool == nullptr || pool->size() == 1 || end - begin == 1) {
+      for (Index c = begin; c < end; ++c) body(chunks_[static_cast<std::size_t>(c)]);
+    } else {
+      pool->for_each(end - begin, [&](std::int64_t c) { body(chunks_[static_cast<std::size_t>(begin + c)]); });
+    }
+  }
+}
+
+/// Gathers the state of every element, calls body(group, e, number, pairs, input) and reports the first element (by
+/// number) for which it returns false.
+template <class Body>
+std::int64_t ElementAssembly::for_each_element(base::ThreadPool* pool, const AssemblyState& state,
+                                               const Body& body) const {
+  std::mutex mutex;
+  Offset first_bad = std::numeric_limits<Offset>::max();
+  std::int64_t label = -1;
+  for_each_chunk(pool, [&](const Chunk& chunk) {
+    const ElementGroup& group = *groups_[static_cast<std::size_t>(chunk.group)];
+    const int n = group.vertices_per_element();
+    double reference[kMaxElementDofs], position[kMaxElementDofs], velocity[kMaxElementDofs];
+    for (Index e = chunk.begin; e < chunk.end; ++e) {
+      const auto list = group.vertices(e);
+      for (int a = 0; a < n; ++a)
+        for (int i = 0; i < 3; ++i) {
+          const std::size_t from = 3 * static_cast<std::size_t>(list[static_cast<std::size_t>(a)]) + static_cast<std::size_t>(i);
+          reference[3 * a + i] = state.reference[from];
+          position[3 * a + i] = state.position[from];
+          if (state.velocity != nullptr) velocity[3 * a + i] = state.velocity[from];
+        }
+      const ElementInput in{reference, position, state.velocity == nullptr ? nullptr : velocity, state.damping, 1, 0};
+      const Offset number = chunk.first_element + (e - chunk.begin);
+      const Offset pairs = chunk.first_pair + static_cast<Offset>(e - chunk.begin) * n * n;
+      if (body(group, e, number, pairs, in)) continue;
+      const std::lock_guard lock(mutex);
+      if (number >= first_bad) continue;
+      first_bad = number;
+      label = group.label(e);
+    }
+  });
+  return label;
+}
+
+std::int64_t ElementAssembly::add_forces(base::ThreadPool* pool, const AssemblyState& state, double* f,
+                                         double& energy) const {
+  std::vector<double> energies(static_cast<std::size_t>(elements_));
+  const std::int64_t bad = for_each_element(
+      pool, state, [&](const ElementGroup& group, Index e, Offset number, Offset, const ElementInput& in) {
+        double force[kMaxElementDofs];
+        ElementOutput out{force, nullptr, 0};
+        const bool ok = group.evaluate(e, in, out);
+        if (!ok) std::fill_n(force, 3 * group.vertices_per_element(), std::numeric_limits<double>::quiet_NaN());
+        const auto list = group.vertices(e);
+        for (std::size_t a = 0; a < list.size(); ++a)
+          for (std::size_t i = 0; i < 3; ++i) f[3 * static_cast<std::size_t>(list[a]) + i] += force[3 * a + i];
+        energies[static_cast<std::size_t>(number)] = ok ? out.energy : std::numeric_limits<double>::quiet_NaN();
+        return ok;
+      });
+  for (const double value : energies) energy += value;  // in order of the elements
+  return bad;
+}
+
+std::int64_t ElementAssembly::add_tangent(base::ThreadPool* pool, const AssemblyState& state, double position_weight,
+                                          double velocity_weight, const BlockTarget& target) const {
+  return for_each_element(pool, state, [&](const ElementGroup& group, Index e, Offset, Offset pairs, const ElementInput& state_in) {
+    double force[kMaxElementDofs], tangent[kMaxElementDofs * kMaxElementDofs];
+    ElementInput in = state_in;
+    in.position_weight = position_weight;
+    in.velocity_weight = velocity_weight;
+    ElementOutput out{force, tangent, 0};
+    const bool ok = group.evaluate(e, in, out);
+    const auto list = group.vertices(e);
+    const std::size_t n = list.size();
+    if (!ok) std::fill_n(tangent, 9 * n * n, std::numeric_limits<double>::quiet_NaN());
+    const std::int32_t* pair = pairs_.data() + pairs;
+    for (std::size_t b = 0; b < n; ++b) {
+      const std::size_t column = static_cast<std::size_t>(list[b]);
+      for (std::size_t a = 0; a < n; ++a) {
+        const std::size_t entry = static_cast<std::size_t>(pattern_.ptr[column]) + static_cast<std::size_t>(*pair++);
+        for (std::size_t j = 0; j < 3; ++j) {
+          double* to = target.values + target.column_start[3 * column + j] + target.shift[3 * entry + j];
+          const double* from = tangent + (3 * b + j) * 3 * n + 3 * a;
+          to[0] += from[0];
+          to[1] += from[1];
+          to[2] += from[2];
+        }
+      }
+    }
+    return ok;
+  });
+}
+
+std::vector<double> ElementAssembly::mass(const double* reference) const {
+  std::vector<double> values(pattern_.ind.size(), 0.0);
+  const AssemblyState state{reference, reference, nullptr, 0};
+  for_each_element(nullptr, state, [&](const ElementGroup& group, Index e, Offset, Offset pairs, const ElementInput& in) {
+    double m[kMaxVertices * kMaxVertices];
+    group.mass(e, in.reference, m);
+    const auto list = group.vertices(e);
+    for (std::size_t k = 0; k < list.size() * list.size(); ++k)
+      values[static_cast<std::size_t>(pattern_.ptr[static_cast<std::size_t>(list[k / list.size()])] + pairs_[static_cast<std::size_t>(pairs) + k])] += m[k];
+    return true;
+  });
+  return values;
+}
+
+}  // namespace espalier::dynamics

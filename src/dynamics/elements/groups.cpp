@@ -1,0 +1,193 @@
+#include "dynamics/elements/groups.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <stdexcept>
+
+#include "dynamics/elements/ancf_shell.hpp"
+#include "dynamics/elements/solid.hpp"
+
+namespace espalier::dynamics {
+namespace {
+
+class SolidGroup final : public ElementGroup {
+ public:
+  SolidGroup(ElementType type, const Material& material, const SolidOptions& options)
+      : type_(type), material_(material), options_(options), nodes_(shape_of(type).nodes) {}
+  void add(std::span<const Index> nodes, std::int64_t label) {
+    connectivity_.insert(connectivity_.end(), nodes.begin(), nodes.end());
+    labels_.push_back(label);
+  }
+  [[nodiscard]] Index count() const override { return static_cast<Index>(labels_.size()); }
+  [[nodiscard]] int vertices_per_element() const override { return nodes_; }
+  [[nodiscard]] std::span<const Index> vertices(Index e) const override {
+    return std::span(connectivity_).subspan(static_cast<std::size_t>(e) * nodes_, nodes_);
+  }
+  [[nodiscard]] bool evaluate(Index, const ElementInput& in, ElementOutput& out) const override {
+    if (type_ == ElementType::hex8 && options_.hex8 != Hex8Formulation::full)
+      return evaluate_hex8(options_.hex8, material_, in, out);
+    return evaluate_solid(type_, options_.reduced_hex20 ? Rule::reduced : Rule::stiffness, material_, in, out);
+  }
+  void mass(Index, const double* reference, double* m) const override {
+    solid_mass(type_, material_.density, reference, m);
+  }
+  [[nodiscard]] std::int64_t label(Index e) const override { return labels_[static_cast<std::size_t>(e)]; }
+
+ private:
+  ElementType type_;
+  Material material_;
+  SolidOptions options_;
+  int nodes_;
+  std::vector<Index> connectivity_;
+  std::vector<std::int64_t> labels_;
+};
+
+/// Elements with their vertices given one by one.
+template <int kVertices>
+class VertexGroup : public ElementGroup {
+ public:
+  [[nodiscard]] Index count() const override { return static_cast<Index>(vertices_.size()); }
+  [[nodiscard]] int vertices_per_element() const override { return kVertices; }
+  [[nodiscard]] std::span<const Index> vertices(Index e) const override {
+    return vertices_[static_cast<std::size_t>(e)];
+  }
+
+ protected:
+  std::vector<std::array<Index, kVertices>> vertices_;
+};
+
+/// A chain of line elements with kPerNode vertices per node.
+template <int kPerNode>
+class ChainGroup : public VertexGroup<2 * kPerNode> {
+ public:
+  ChainGroup(const std::vector<Index>& nodes, std::vector<double> length) : length_(std::move(length)) {
+    if (nodes.size() != length_.size() + 1)
+      throw std::invalid_argument(
+          fmt::format("chain of line elements: {} nodes need {} lengths, got {}", nodes.size(), nodes.size() - 1, length_.size()));
+    for (std::size_t e = 0; e < length_.size(); ++e) {
+      if (!(length_[e] > 0))
+        throw std::invalid_argument(fmt::format("line element {}: its length {} is not positive", e + 1, length_[e]));
+      std::array<Index, 2 * kPerNode> vertices{};
+      for (int k = 0; k < kPerNode; ++k) {
+        vertices[static_cast<std::size_t>(k)] = kPerNode * nodes[e] + k;
+        vertices[static_cast<std::size_t>(kPerNode + k)] = kPerNode * nodes[e + 1] + k;
+      }
+      this->vertices_.push_back(vertices);
+    }
+  }
+
+ protected:
+  [[nodiscard]] double length(Index e) const { return length_[static_cast<std::size_t>(e)]; }
+
+ private:
+  std::vector<double> length_;
+};
+
+class CableGroup final : public ChainGroup<2> {
+ public:
+  CableGroup(const CableSection& section, const std::vector<Index>& nodes, std::vector<double> length)
+      : ChainGroup(nodes, std::move(length)), section_(section) {}
+  [[nodiscard]] bool evaluate(Index e, const ElementInput& in, ElementOutput& out) const override {
+    return evaluate_cable(section_, length(e), in, out);
+  }
+  void mass(Index e, const double*, double* m) const override { cable_mass(section_, length(e), m); }
+
+ private:
+  CableSection section_;
+};
+
+class BeamGroup final : public ChainGroup<4> {
+ public:
+  BeamGroup(const BeamSection& section, const std::vector<Index>& nodes, std::vector<double> length)
+      : ChainGroup(nodes, std::move(length)), section_(section) {}
+  [[nodiscard]] bool evaluate(Index e, const ElementInput& in, ElementOutput& out) const override {
+    return evaluate_beam(section_, length(e), in, out);
+  }
+  void mass(Index e, const double*, double* m) const override { beam_mass(section_, length(e), m); }
+
+ private:
+  BeamSection section_;
+};
+
+class ShellGroup final : public VertexGroup<8> {
+ public:
+  ShellGroup(const Material& material, double thickness, const std::vector<std::array<Index, 4>>& quads)
+      : material_(material), thickness_(thickness) {
+    check_material(material);
+    if (!(thickness > 0)) throw std::invalid_argument(fmt::format("shell: thickness {} is not positive", thickness));
+    for (const auto& quad : quads) {
+      std::array<Index, 8> vertices{};
+      for (std::size_t a = 0; a < 4; ++a) {
+        vertices[2 * a] = 2 * quad[a];
+        vertices[2 * a + 1] = 2 * quad[a] + 1;
+      }
+      vertices_.push_back(vertices);
+    }
+  }
+  [[nodiscard]] bool evaluate(Index, const ElementInput& in, ElementOutput& out) const override {
+    return evaluate_shell(material_, thickness_, in, out);
+  }
+  void mass(Index, const double* reference, double* m) const override {
+    shell_mass(material_.density, thickness_, reference, m);
+  }
+
+ private:
+  Material material_;
+  double thickness_;
+};
+
+void check_element(const Mesh& mesh, Index e) {
+  const ElementType type = mesh.type(e);
+  if (!is_simulated_solid(type))
+    throw Error(StatusCode::invalid_input,
+                fmt::format("mesh '{}', element {}: {} is not simulated (tet4, tet10, hex8, hex20 are)", mesh.name,
+                            mesh.element_label(e), shape_of(type).name));
+  double x[3 * kMaxElementNodes];
+  const auto nodes = mesh.element(e);
+  for (std::size_t a = 0; a < nodes.size(); ++a)
+    for (std::size_t i = 0; i < 3; ++i) x[3 * a + i] = mesh.nodes[static_cast<std::size_t>(nodes[a])][i];
+  if (const double det = smallest_jacobian(type, x); !(det > 0))
+    throw Error(StatusCode::invalid_input,
+                fmt::format("mesh '{}', element {} ({}) is inverted or folded: smallest Jacobian determinant {:.3g}; "
+                            "check the order of its nodes and their coordinates",
+                            mesh.name, mesh.element_label(e), shape_of(type).name, det));
+}
+
+}  // namespace
+
+std::vector<std::unique_ptr<ElementGroup>> make_solid_groups(const Mesh& mesh, std::span<const Index> elements,
+                                                             const Material& material, const SolidOptions& options) {
+  check_material(material);
+  std::vector<Index> all;
+  if (elements.empty()) {
+    for (Index e = 0; e < mesh.element_count(); ++e) all.push_back(e);
+    elements = all;
+  }
+  std::array<std::unique_ptr<SolidGroup>, kElementTypes> by_type;
+  for (const Index e : elements) {
+    check_element(mesh, e);
+    auto& group = by_type[static_cast<std::size_t>(mesh.type(e))];
+    if (!group) group = std::make_unique<SolidGroup>(mesh.type(e), material, options);
+    group->add(mesh.element(e), mesh.element_label(e));
+  }
+  std::vector<std::unique_ptr<ElementGroup>> groups;
+  for (auto& group : by_type)
+    if (group) groups.push_back(std::move(group));
+  return groups;
+}
+
+std::unique_ptr<ElementGroup> make_cable_group(const CableSection& section, const std::vector<Index>& nodes,
+                                               std::vector<double> length) {
+  return std::make_unique<CableGroup>(section, nodes, std::move(length));
+}
+std::unique_ptr<ElementGroup> make_beam_group(const BeamSection& section, const std::vector<Index>& nodes,
+                                              std::vector<double> length) {
+  return std::make_unique<BeamGroup>(section, nodes, std::move(length));
+}
+std::unique_ptr<ElementGroup> make_shell_group(const Material& material, double thickness,
+                                               const std::vector<std::array<Index, 4>>& quads) {
+  return std::make_unique<ShellGroup>(material, thickness, quads);
+}
+
+}  // namespace espalier::dynamics
