@@ -3,10 +3,10 @@
 // Contestants alternate within each row and the best of many rounds counts, since a shared machine only ever slows a
 // round down. Operands stay in cache unless the row says "stream". Each product is checked once against the other.
 #include <dlfcn.h>
+#include <time.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -24,7 +24,6 @@ using espalier::base::Buffer;
 using espalier::device::host::Kernels;
 using espalier::device::host::kernels;
 using espalier::device::host::padded;
-using Clock = std::chrono::steady_clock;
 using Array = Buffer<double>;
 
 /// Fortran entry points of a BLAS and LAPACK with 32-bit integers; null where missing.
@@ -75,10 +74,17 @@ Array random_array(std::int64_t size, unsigned seed, double low = -1) {
   return x;
 }
 
+/// Processor time of this thread: what other processes take away does not count.
+double processor_seconds() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
 double seconds_of(const std::function<void()>& body, std::int64_t calls) {
-  const auto start = Clock::now();
+  const double start = processor_seconds();
   for (std::int64_t i = 0; i < calls; ++i) body();
-  return std::chrono::duration<double>(Clock::now() - start).count() / static_cast<double>(calls);
+  return (processor_seconds() - start) / static_cast<double>(calls);
 }
 
 /// Best time of each body in alternating rounds of about `seconds` altogether.
@@ -90,10 +96,10 @@ std::vector<double> best_times(const std::vector<std::function<void()>>& bodies,
     const double once = std::max(1e-8, seconds_of(bodies[i], 1));
     calls[i] = std::clamp<std::int64_t>(static_cast<std::int64_t>(1e-4 / once), 1, 10000);
   }
-  const auto start = Clock::now();
+  const double start = processor_seconds();
   do {
     for (std::size_t i = 0; i < bodies.size(); ++i) best[i] = std::min(best[i], seconds_of(bodies[i], calls[i]));
-  } while (std::chrono::duration<double>(Clock::now() - start).count() < seconds);
+  } while (processor_seconds() - start < seconds);
   return best;
 }
 
