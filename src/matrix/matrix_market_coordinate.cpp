@@ -141,7 +141,7 @@ void parse_piece(Piece& piece, const MatrixMarketHeader& header, RawEntries& raw
 Offset count_lines(std::vector<Piece>& pieces, base::ThreadPool* pool) {
   for_each(pool, static_cast<std::int64_t>(pieces.size()), [&](std::int64_t i) {
     Piece& piece = pieces[static_cast<std::size_t>(i)];
-    piece.lines = std::count(piece.begin, piece.end, '\n') + (piece.end[-1] == '\n' ? 0 : 1);
+    piece.lines = count_newlines(piece.begin, piece.end) + (piece.end[-1] == '\n' ? 0 : 1);
   });
   Offset total = 0;
   for (auto& piece : pieces) {

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "matrix/transform.hpp"
+#include "matrix/column_sweep.hpp"
 #include "matrix/triplets.hpp"
 
 namespace espalier::matrix {
@@ -29,16 +29,22 @@ double largest(const std::vector<double>& values) {
   return most;
 }
 
-std::vector<double> absolute_sums(const MatrixView& a, bool of_rows) {
-  std::vector<double> sums(at(of_rows ? a.rows : a.cols), 0.0);
-  for (Index j = 0; j < a.cols; ++j)
-    for (Offset p = a.col_ptr[at(j)]; p < a.col_ptr[at(j) + 1]; ++p) {
-      const Index i = a.row_ind[at(p)];
-      const double v = std::abs(a.values[at(p)]);
-      sums[at(of_rows ? i : j)] += v;
-      if (half_stored(a) && i != j) sums[at(of_rows ? j : i)] += v;
-    }
-  return sums;
+// Sums of magnitudes; the vector x is not used.
+struct Magnitudes {
+  double value = 0;
+  void add(double a, double) { value += std::abs(a); }
+  void merge(const Magnitudes& other) { value += other.value; }
+};
+
+// Largest sum of magnitudes over the rows of op(A).
+double largest_sum(const MatrixView& a, Transpose transpose, base::ThreadPool* pool) {
+  std::vector<double> sums(at(rows_of(a, transpose)));
+  const std::vector<double> unused(at(cols_of(a, transpose)));
+  sum_columns<Magnitudes>(
+      a, rows_of(a, transpose), pool,
+      [&](Index begin, Index end, Magnitudes* m) { sweep_columns(a, transpose, unused.data(), begin, end, m); },
+      [&](Index i, const Magnitudes& m) { sums[at(i)] = m.value; });
+  return largest(sums);
 }
 
 // `a` itself if its columns are sorted and unique, else a sorted copy kept in `storage`.
@@ -56,9 +62,9 @@ MatrixView sorted(const MatrixView& a, SparseMatrix& copy) {
 
 }  // namespace
 
-double norm_inf(const MatrixView& a) { return largest(absolute_sums(a, true)); }
+double norm_inf(const MatrixView& a, base::ThreadPool* pool) { return largest_sum(a, Transpose::no, pool); }
 
-double norm_one(const MatrixView& a) { return largest(absolute_sums(a, false)); }
+double norm_one(const MatrixView& a, base::ThreadPool* pool) { return largest_sum(a, Transpose::yes, pool); }
 
 double norm_max(const MatrixView& a) {
   double most = 0;

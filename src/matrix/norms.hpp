@@ -1,6 +1,6 @@
 /// \file
-/// Norms and symmetry of sparse matrices of any storage; duplicates count as their sum would only if summed before:
-/// the arrays are taken entry by entry, so norms of matrices with duplicates are upper bounds.
+/// Norms and symmetry of sparse matrices of any storage. Norms take the arrays entry by entry: where duplicates have
+/// not been summed, they are upper bounds.
 #pragma once
 
 #include <span>
@@ -11,9 +11,9 @@
 namespace espalier::matrix {
 
 /// max_i sum_j |a_ij|; infinite when an entry is not finite. 0 for a matrix without rows.
-double norm_inf(const MatrixView& a);
+double norm_inf(const MatrixView& a, base::ThreadPool* pool = nullptr);
 /// max_j sum_i |a_ij|.
-double norm_one(const MatrixView& a);
+double norm_one(const MatrixView& a, base::ThreadPool* pool = nullptr);
 /// max_ij |a_ij|.
 double norm_max(const MatrixView& a);
 

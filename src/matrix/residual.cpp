@@ -124,7 +124,7 @@ BackwardErrors backward_errors(const MatrixView& a, std::span<const double> x, s
   const Shape s = check(a, x, b, columns, transpose);
   std::vector<double> r(b.size()), bound(s.rows);
   residual(a, x, b, r, columns, transpose, pool);
-  const double norm = transpose == Transpose::no ? norm_inf(a) : norm_one(a);
+  const double norm = transpose == Transpose::no ? norm_inf(a, pool) : norm_one(a, pool);
   BackwardErrors errors;
   for (std::size_t c = 0; c < s.columns; ++c) {
     const auto xc = x.subspan(c * s.cols, s.cols), bc = b.subspan(c * s.rows, s.rows);

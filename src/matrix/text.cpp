@@ -36,8 +36,26 @@ ScanError scan_difficult(const char* begin, const char* end, double& value) {
 
 }  // namespace
 
+Offset count_newlines(const char* begin, const char* end) {
+  constexpr std::uint64_t kOnes = 0x0101010101010101u, kLow = 0x7f7f7f7f7f7f7f7fu;
+  constexpr int kMostWords = 255;  // so that no byte of `counts` overflows
+  Offset total = 0;
+  while (end - begin >= 8) {
+    const int words = static_cast<int>(std::min<std::ptrdiff_t>(kMostWords, (end - begin) / 8));
+    std::uint64_t counts = 0;
+    for (int w = 0; w < words; ++w, begin += 8) {
+      std::uint64_t x = 0;
+      std::memcpy(&x, begin, 8);
+      x ^= kOnes * '\n';                                    // zero bytes are newlines
+      counts += ~((((x & kLow) + kLow) | x) >> 7) & kOnes;  // 1 in every zero byte
+    }
+    for (; counts != 0; counts >>= 8) total += static_cast<Offset>(counts & 0xff);
+  }
+  return total + std::count(begin, end, '\n');
+}
+
 Offset line_number(const Source& source, const char* position) {
-  return 1 + std::count(source.text.data(), position, '\n');
+  return 1 + count_newlines(source.text.data(), position);
 }
 
 void fail_at(const Source& source, const char* position, const std::string& message) {
