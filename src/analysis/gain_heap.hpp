@@ -1,0 +1,78 @@
+/// \file
+/// A priority queue for local improvement.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "espalier/types.hpp"
+
+namespace espalier::analysis {
+
+/// A binary max-heap of vertices by gain that finds its members.
+class GainHeap {
+ public:
+  explicit GainHeap(std::size_t n) : place_(n, -1) {}
+
+  [[nodiscard]] bool empty() const { return heap_.empty(); }
+  [[nodiscard]] Index top() const { return heap_.front().vertex; }
+  [[nodiscard]] Index top_gain() const { return heap_.front().gain; }
+  [[nodiscard]] bool contains(Index v) const { return place_[static_cast<std::size_t>(v)] >= 0; }
+
+  void clear() {
+    for (const Entry& e : heap_) place_[static_cast<std::size_t>(e.vertex)] = -1;
+    heap_.clear();
+  }
+  void insert(Index v, Index gain) {
+    heap_.push_back({gain, v});
+    up(heap_.size() - 1);
+  }
+  void change(Index v, Index difference) {
+    const std::size_t k = static_cast<std::size_t>(place_[static_cast<std::size_t>(v)]);
+    heap_[k].gain += difference;
+    difference > 0 ? up(k) : down(k);
+  }
+  void remove(Index v) {
+    const std::size_t k = static_cast<std::size_t>(place_[static_cast<std::size_t>(v)]);
+    place_[static_cast<std::size_t>(v)] = -1;
+    const Entry last = heap_.back();
+    heap_.pop_back();
+    if (k == heap_.size()) return;
+    heap_[k] = last;
+    place_[static_cast<std::size_t>(last.vertex)] = static_cast<Index>(k);
+    up(k);
+    down(static_cast<std::size_t>(place_[static_cast<std::size_t>(last.vertex)]));
+  }
+
+ private:
+  struct Entry {
+    Index gain, vertex;
+    bool operator<(const Entry& o) const { return gain != o.gain ? gain < o.gain : vertex > o.vertex; }
+  };
+  void put(std::size_t k, Entry e) {
+    heap_[k] = e;
+    place_[static_cast<std::size_t>(e.vertex)] = static_cast<Index>(k);
+  }
+  void up(std::size_t k) {
+    const Entry e = heap_[k];
+    for (; k > 0 && heap_[(k - 1) / 2] < e; k = (k - 1) / 2) put(k, heap_[(k - 1) / 2]);
+    put(k, e);
+  }
+  void down(std::size_t k) {
+    const Entry e = heap_[k];
+    for (;;) {
+      std::size_t child = 2 * k + 1;
+      if (child >= heap_.size()) break;
+      if (child + 1 < heap_.size() && heap_[child] < heap_[child + 1]) ++child;
+      if (!(e < heap_[child])) break;
+      put(k, heap_[child]);
+      k = child;
+    }
+    put(k, e);
+  }
+
+  std::vector<Entry> heap_;
+  std::vector<Index> place_;
+};
+
+}  // namespace espalier::analysis

@@ -1,0 +1,16 @@
+/// \file
+/// Multilevel vertex separators.
+#pragma once
+
+#include <cstdint>
+
+#include "analysis/coarsen.hpp"
+#include "analysis/refine.hpp"
+
+namespace espalier::analysis {
+
+/// A small, balanced vertex separator of a connected graph, the same for the same graph and seed. Both sides are
+/// non-empty wherever the graph is not complete.
+Separation find_separator(const PartGraph& graph, std::uint64_t seed);
+
+}  // namespace espalier::analysis
