@@ -17,14 +17,14 @@ namespace espalier::dynamics {
 
 /// Stiffness and inertia of a cross-section; y and z are its principal axes, x the axis of the beam.
 struct BeamSection {
-  double axial = 0;           ///< E A
-  double shear_y = 0;         ///< k_y G A, force along y
-  double shear_z = 0;         ///< k_z G A, force along z
-  double torsion = 0;         ///< G J
-  double bending_y = 0;       ///< E I_y, I_y = integral of z^2: bending about y, deflection along z
-  double bending_z = 0;       ///< E I_z, I_z = integral of y^2: bending about z, deflection along y
-  double section_normal = 0;  ///< stiffness against stretch of r_y and of r_z (E A for a solid section)
-  double section_shear = 0;   ///< stiffness against shear between r_y and r_z (G A)
+  double axial = 0;            ///< E A
+  double shear_y = 0;          ///< k_y G A, force along y
+  double shear_z = 0;          ///< k_z G A, force along z
+  double torsion = 0;          ///< G J
+  double bending_y = 0;        ///< E I_y, I_y = integral of z^2: bending about y, deflection along z
+  double bending_z = 0;        ///< E I_z, I_z = integral of y^2: bending about z, deflection along y
+  double section_normal = 0;   ///< stiffness against stretch of r_y and of r_z (E A for a solid section)
+  double section_shear = 0;    ///< stiffness against shear between r_y and r_z (G A)
   double mass_per_length = 0;  ///< rho A
   double inertia_y = 0;        ///< rho * integral of y^2 (rotary inertia of r_y)
   double inertia_z = 0;        ///< rho * integral of z^2
@@ -40,8 +40,7 @@ BeamSection circular_section(const Material& material, double radius);
 /// r_z of length 1 there. The reference (curved and twisted allowed) is free of stress. Six strains at 3 Gauss points
 /// (forces) and 2 (moments), section strains at the nodes.
 /// @return false when r_y and r_z become parallel or vanish (output undefined)
-[[nodiscard]] bool evaluate_beam(const BeamSection& section, double length, const ElementInput& in,
-                                 ElementOutput& out);
+[[nodiscard]] bool evaluate_beam(const BeamSection& section, double length, const ElementInput& in, ElementOutput& out);
 
 /// Consistent mass, 8 x 8 (exact).
 void beam_mass(const BeamSection& section, double length, double* m);

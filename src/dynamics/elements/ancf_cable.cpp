@@ -11,8 +11,7 @@ constexpr int kVertices = 4;
 using Tangent = PointVectors<1, kVertices>;
 using TangentAndCurvature = PointVectors<2, kVertices>;
 
-ESPALIER_CLONES bool evaluate(const CableSection& section, double length, const ElementInput& in,
-                              ElementOutput& out) {
+ESPALIER_CLONES bool evaluate(const CableSection& section, double length, const ElementInput& in, ElementOutput& out) {
   std::fill_n(out.force, 3 * kVertices, 0.0);
   if (out.tangent != nullptr) std::fill_n(out.tangent, 9 * kVertices * kVertices, 0.0);
   out.energy = 0;

@@ -10,8 +10,8 @@ namespace espalier::dynamics {
 
 /// Section of a cable that is straight in its natural state.
 struct CableSection {
-  double axial = 0;           ///< E A
-  double bending = 0;         ///< E I, the same in every direction
+  double axial = 0;            ///< E A
+  double bending = 0;          ///< E I, the same in every direction
   double mass_per_length = 0;  ///< rho A
 };
 

@@ -67,11 +67,12 @@ void shell_mass(double density, double thickness, const double* reference, doubl
   const auto entry = [&](int a, int b) { return mass[b * kVertices + a]; };
   for (int a = 0; a < kNodes; ++a)
     for (int b = 0; b < kNodes; ++b) {
-      const double bb = entry(a, b), bt = entry(a, b + kNodes), tb = entry(a + kNodes, b), tt = entry(a + kNodes, b + kNodes);
+      const double bb = entry(a, b), bt = entry(a, b + kNodes), tb = entry(a + kNodes, b),
+                   tt = entry(a + kNodes, b + kNodes);
       double* block = m + 2 * b * kVertices + 2 * a;
-      block[0] = bb + bt + tb + tt;                            // (r_a, r_b)
-      block[1] = half * (tt + tb - bt - bb);                   // (d_a, r_b)
-      block[kVertices] = half * (tt - tb + bt - bb);           // (r_a, d_b)
+      block[0] = bb + bt + tb + tt;                              // (r_a, r_b)
+      block[1] = half * (tt + tb - bt - bb);                     // (d_a, r_b)
+      block[kVertices] = half * (tt - tb + bt - bb);             // (r_a, d_b)
       block[kVertices + 1] = half * half * (tt - tb - bt + bb);  // (d_a, d_b)
     }
 }

@@ -38,7 +38,8 @@ void ElementAssembly::build_pattern(Index vertices) {
     for (Index e = 0; e < group->count(); ++e)
       for (const Index v : group->vertices(e)) {
         if (v < 0 || v >= vertices)
-          throw std::invalid_argument(fmt::format("element {} uses vertex {}, the body has {}", group->label(e), v, vertices));
+          throw std::invalid_argument(
+              fmt::format("element {} uses vertex {}, the body has {}", group->label(e), v, vertices));
         ++start[static_cast<std::size_t>(v) + 1];
       }
   for (std::size_t v = 0; v < static_cast<std::size_t>(vertices); ++v) start[v + 1] += start[v];
@@ -154,7 +155,8 @@ std::int64_t ElementAssembly::for_each_element(base::ThreadPool* pool, const Ass
       const auto list = group.vertices(e);
       for (int a = 0; a < n; ++a)
         for (int i = 0; i < 3; ++i) {
-          const std::size_t from = 3 * static_cast<std::size_t>(list[static_cast<std::size_t>(a)]) + static_cast<std::size_t>(i);
+          const std::size_t from =
+              3 * static_cast<std::size_t>(list[static_cast<std::size_t>(a)]) + static_cast<std::size_t>(i);
           reference[3 * a + i] = state.reference[from];
           position[3 * a + i] = state.position[from];
           if (state.velocity != nullptr) velocity[3 * a + i] = state.velocity[from];
@@ -193,45 +195,49 @@ std::int64_t ElementAssembly::add_forces(base::ThreadPool* pool, const AssemblyS
 
 std::int64_t ElementAssembly::add_tangent(base::ThreadPool* pool, const AssemblyState& state, double position_weight,
                                           double velocity_weight, const BlockTarget& target) const {
-  return for_each_element(pool, state, [&](const ElementGroup& group, Index e, Offset, Offset pairs, const ElementInput& state_in) {
-    double force[kMaxElementDofs], tangent[kMaxElementDofs * kMaxElementDofs];
-    ElementInput in = state_in;
-    in.position_weight = position_weight;
-    in.velocity_weight = velocity_weight;
-    ElementOutput out{force, tangent, 0};
-    const bool ok = group.evaluate(e, in, out);
-    const auto list = group.vertices(e);
-    const std::size_t n = list.size();
-    if (!ok) std::fill_n(tangent, 9 * n * n, std::numeric_limits<double>::quiet_NaN());
-    const std::int32_t* pair = pairs_.data() + pairs;
-    for (std::size_t b = 0; b < n; ++b) {
-      const std::size_t column = static_cast<std::size_t>(list[b]);
-      for (std::size_t a = 0; a < n; ++a) {
-        const std::size_t entry = static_cast<std::size_t>(pattern_.ptr[column]) + static_cast<std::size_t>(*pair++);
-        for (std::size_t j = 0; j < 3; ++j) {
-          double* to = target.values + target.column_start[3 * column + j] + target.shift[3 * entry + j];
-          const double* from = tangent + (3 * b + j) * 3 * n + 3 * a;
-          to[0] += from[0];
-          to[1] += from[1];
-          to[2] += from[2];
+  return for_each_element(
+      pool, state, [&](const ElementGroup& group, Index e, Offset, Offset pairs, const ElementInput& state_in) {
+        double force[kMaxElementDofs], tangent[kMaxElementDofs * kMaxElementDofs];
+        ElementInput in = state_in;
+        in.position_weight = position_weight;
+        in.velocity_weight = velocity_weight;
+        ElementOutput out{force, tangent, 0};
+        const bool ok = group.evaluate(e, in, out);
+        const auto list = group.vertices(e);
+        const std::size_t n = list.size();
+        if (!ok) std::fill_n(tangent, 9 * n * n, std::numeric_limits<double>::quiet_NaN());
+        const std::int32_t* pair = pairs_.data() + pairs;
+        for (std::size_t b = 0; b < n; ++b) {
+          const std::size_t column = static_cast<std::size_t>(list[b]);
+          for (std::size_t a = 0; a < n; ++a) {
+            const std::size_t entry =
+                static_cast<std::size_t>(pattern_.ptr[column]) + static_cast<std::size_t>(*pair++);
+            for (std::size_t j = 0; j < 3; ++j) {
+              double* to = target.values + target.column_start[3 * column + j] + target.shift[3 * entry + j];
+              const double* from = tangent + (3 * b + j) * 3 * n + 3 * a;
+              to[0] += from[0];
+              to[1] += from[1];
+              to[2] += from[2];
+            }
+          }
         }
-      }
-    }
-    return ok;
-  });
+        return ok;
+      });
 }
 
 std::vector<double> ElementAssembly::mass(const double* reference) const {
   std::vector<double> values(pattern_.ind.size(), 0.0);
   const AssemblyState state{reference, reference, nullptr, 0};
-  for_each_element(nullptr, state, [&](const ElementGroup& group, Index e, Offset, Offset pairs, const ElementInput& in) {
-    double m[kMaxVertices * kMaxVertices];
-    group.mass(e, in.reference, m);
-    const auto list = group.vertices(e);
-    for (std::size_t k = 0; k < list.size() * list.size(); ++k)
-      values[static_cast<std::size_t>(pattern_.ptr[static_cast<std::size_t>(list[k / list.size()])] + pairs_[static_cast<std::size_t>(pairs) + k])] += m[k];
-    return true;
-  });
+  for_each_element(nullptr, state,
+                   [&](const ElementGroup& group, Index e, Offset, Offset pairs, const ElementInput& in) {
+                     double m[kMaxVertices * kMaxVertices];
+                     group.mass(e, in.reference, m);
+                     const auto list = group.vertices(e);
+                     for (std::size_t k = 0; k < list.size() * list.size(); ++k)
+                       values[static_cast<std::size_t>(pattern_.ptr[static_cast<std::size_t>(list[k / list.size()])] +
+                                                       pairs_[static_cast<std::size_t>(pairs) + k])] += m[k];
+                     return true;
+                   });
   return values;
 }
 

@@ -63,8 +63,8 @@ class ChainGroup : public VertexGroup<2 * kPerNode> {
  public:
   ChainGroup(const std::vector<Index>& nodes, std::vector<double> length) : length_(std::move(length)) {
     if (nodes.size() != length_.size() + 1)
-      throw std::invalid_argument(
-          fmt::format("chain of line elements: {} nodes need {} lengths, got {}", nodes.size(), nodes.size() - 1, length_.size()));
+      throw std::invalid_argument(fmt::format("chain of line elements: {} nodes need {} lengths, got {}", nodes.size(),
+                                              nodes.size() - 1, length_.size()));
     for (std::size_t e = 0; e < length_.size(); ++e) {
       if (!(length_[e] > 0))
         throw std::invalid_argument(fmt::format("line element {}: its length {} is not positive", e + 1, length_[e]));

@@ -25,7 +25,8 @@ struct SolidOptions {
 /// @throws Error(invalid_input) that names the first element that is not a simulated solid, or that is inverted in
 /// the mesh; std::invalid_argument on a bad material
 std::vector<std::unique_ptr<ElementGroup>> make_solid_groups(const Mesh& mesh, std::span<const Index> elements,
-                                                             const Material& material, const SolidOptions& options = {});
+                                                             const Material& material,
+                                                             const SolidOptions& options = {});
 
 /// A chain of cables: element e joins nodes nodes[e] and nodes[e + 1]; node k has the vertices 2k (r), 2k + 1 (r_x).
 /// @param length undeformed length of every element

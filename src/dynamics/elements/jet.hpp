@@ -61,8 +61,7 @@ ESPALIER_INLINE Jet<kN> operator*(const Jet<kN>& a, const Jet<kN>& b) {
   c.v = a.v * b.v;
   for (int i = 0; i < kN; ++i) c.g[i] = a.v * b.g[i] + b.v * a.g[i];
   for (int i = 0; i < kN; ++i)
-    for (int j = 0; j < kN; ++j)
-      c.h[i][j] = a.v * b.h[i][j] + b.v * a.h[i][j] + a.g[i] * b.g[j] + b.g[i] * a.g[j];
+    for (int j = 0; j < kN; ++j) c.h[i][j] = a.v * b.h[i][j] + b.v * a.h[i][j] + a.g[i] * b.g[j] + b.g[i] * a.g[j];
   return c;
 }
 

@@ -14,8 +14,8 @@ struct LinePoint {
 };
 inline constexpr LinePoint kGauss1[1] = {{0, 2}};
 inline constexpr LinePoint kGauss2[2] = {{-0.57735026918962576451, 1}, {0.57735026918962576451, 1}};
-inline constexpr LinePoint kGauss3[3] = {{-0.77459666924148337704, 5.0 / 9}, {0, 8.0 / 9},
-                                         {0.77459666924148337704, 5.0 / 9}};
+inline constexpr LinePoint kGauss3[3] = {
+    {-0.77459666924148337704, 5.0 / 9}, {0, 8.0 / 9}, {0.77459666924148337704, 5.0 / 9}};
 inline constexpr LinePoint kGauss5[5] = {{-0.90617984593866399280, 0.23692688505618908751},
                                          {-0.53846931010568309104, 0.47862867049936646804},
                                          {0, 0.56888888888888888889},
@@ -100,7 +100,8 @@ ESPALIER_INLINE void add_line_point(const PointVectors<kPv, kV>& vectors, const 
         for (int i = 0; i < kN; ++i) column[i] += vectors.c[p][b] * hessian[i][3 * p + j];
       for (int a = 0; a < kV; ++a)
         for (int p = 0; p < kPv; ++p)
-          for (int i = 0; i < 3; ++i) out.tangent[(3 * b + j) * 3 * kV + 3 * a + i] += vectors.c[p][a] * column[3 * p + i];
+          for (int i = 0; i < 3; ++i)
+            out.tangent[(3 * b + j) * 3 * kV + 3 * a + i] += vectors.c[p][a] * column[3 * p + i];
     }
 }
 

@@ -1,0 +1,281 @@
+#include "dynamics/bodies/flexible_body.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <stdexcept>
+
+#include "dynamics/elements/pressure.hpp"
+
+namespace espalier::dynamics {
+namespace {
+
+constexpr std::int64_t kPiece = 2048;  // vertices per piece of a threaded loop over vertices
+
+/// Adds the seconds of its life to a sum.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double& sum) : sum_(sum) {}
+  ~Stopwatch() { sum_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+
+ private:
+  double& sum_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+FlexibleBody::FlexibleBody(std::string name, int vertices_per_node, std::vector<double> reference,
+                           std::vector<std::unique_ptr<ElementGroup>> groups)
+    : Component(std::move(name)),
+      vertices_per_node_(vertices_per_node),
+      reference_(std::move(reference)),
+      initial_position_(reference_),
+      initial_velocity_(reference_.size(), 0.0),
+      assembly_(static_cast<Index>(reference_.size() / 3), std::move(groups)),
+      mass_(assembly_.mass(reference_.data())),
+      weight_(reference_.size(), 0.0) {
+  const VertexPattern& p = assembly_.pattern();
+  for (Index v = 0; v < assembly_.vertices(); ++v)
+    if (!(mass_[at(p.entry(v, v))] > 0))
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("flexible body '{}': node {} has no mass (no element uses it, or the density is 0)",
+                              this->name(), v / vertices_per_node_ + 1));
+}
+
+void FlexibleBody::set_gravity(const Point& gravity) {
+  gravity_ = gravity;
+  const VertexPattern& p = assembly_.pattern();
+  std::fill(weight_.begin(), weight_.end(), 0.0);
+  for (Index b = 0; b < assembly_.vertices(); ++b)
+    for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e)
+      if (is_position(p.ind[at(e)]))
+        for (std::size_t i = 0; i < 3; ++i) weight_[3 * at(b) + i] += mass_[at(e)] * gravity[i];
+}
+
+void FlexibleBody::set_initial(std::vector<double> position, std::vector<double> velocity) {
+  if (position.size() != reference_.size() || velocity.size() != reference_.size())
+    throw std::invalid_argument(fmt::format("flexible body '{}': initial state needs {} numbers, got {} and {}", name(),
+                                            reference_.size(), position.size(), velocity.size()));
+  initial_position_ = std::move(position);
+  initial_velocity_ = std::move(velocity);
+}
+
+void FlexibleBody::set_initial_motion(const std::array<double, 9>& r, const Point& translation, const Point& velocity,
+                                      const Point& w) {
+  for (Index v = 0; v < assembly_.vertices(); ++v) {
+    const double* from = reference_.data() + 3 * v;
+    double* x = initial_position_.data() + 3 * v;
+    double* rate = initial_velocity_.data() + 3 * v;
+    const double shift = is_position(v) ? 1 : 0;
+    for (std::size_t i = 0; i < 3; ++i)
+      x[i] = r[3 * i] * from[0] + r[3 * i + 1] * from[1] + r[3 * i + 2] * from[2] + shift * translation[i];
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
+      rate[i] = shift * velocity[i] + w[j] * x[k] - w[k] * x[j];
+    }
+  }
+}
+
+void FlexibleBody::add_pressure(const Mesh& mesh, std::span<const MeshFace> faces,
+                                std::function<double(double)> pressure) {
+  if (vertices_per_node_ != 1)
+    throw std::invalid_argument(fmt::format("flexible body '{}': pressure acts on solids only", name()));
+  pressures_.push_back(std::move(pressure));
+  for (const MeshFace& face : faces) {
+    const auto& shape = shape_of(mesh.type(face.element)).faces[static_cast<std::size_t>(face.face)];
+    pressure_faces_.push_back({shape.type, mesh.face_nodes(face), static_cast<int>(pressures_.size()) - 1});
+  }
+}
+
+MassProperties FlexibleBody::mass_properties(ConstSpan q, ConstSpan v) const {
+  const VertexPattern& p = assembly_.pattern();
+  const double* x = q.data() + placement().q;
+  const double* rate = v.empty() ? nullptr : v.data() + placement().v;
+  MassProperties result;
+  for (Index b = 0; b < assembly_.vertices(); ++b)
+    for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e) {
+      const Index a = p.ind[at(e)];
+      const double m = mass_[at(e)];
+      const double* xa = x + 3 * a;
+      const double* vb = rate == nullptr ? nullptr : rate + 3 * b;
+      if (is_position(a) && is_position(b)) result.mass += m;
+      for (std::size_t i = 0; i < 3; ++i) {
+        const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
+        if (is_position(b)) result.centre[i] += m * xa[i];
+        if (vb == nullptr) continue;
+        if (is_position(a)) result.momentum[i] += m * vb[i];
+        result.angular_momentum[i] += m * (xa[j] * vb[k] - xa[k] * vb[j]);
+      }
+    }
+  for (double& c : result.centre) c /= result.mass;
+  return result;
+}
+
+Sizes FlexibleBody::sizes() const {
+  const Index n = static_cast<Index>(reference_.size());
+  return {n, n, 0};
+}
+
+std::string FlexibleBody::coordinate_name(Index local) const {
+  static constexpr std::array<const char*, 4> kVertex = {"position", "gradient 1", "gradient 2", "gradient 3"};
+  const Index vertex = local / 3;
+  return fmt::format("{} of node {} of '{}', {}", kVertex[at(vertex % vertices_per_node_)],
+                     vertex / vertices_per_node_ + 1, name(), "xyz"[local % 3]);
+}
+
+void FlexibleBody::initial(Span q, Span v) const {
+  std::copy(initial_position_.begin(), initial_position_.end(), q.begin() + placement().q);
+  std::copy(initial_velocity_.begin(), initial_velocity_.end(), v.begin() + placement().v);
+}
+
+/// Positions are measured by the size of the body, not by the distance from the origin; gradients by 1.
+void FlexibleBody::magnitude(ConstSpan, Span out) const {
+  double low[3], high[3];
+  for (std::size_t i = 0; i < 3; ++i) low[i] = high[i] = reference_[i];
+  for (Index v = 0; v < assembly_.vertices(); v += vertices_per_node_)
+    for (std::size_t i = 0; i < 3; ++i) {
+      low[i] = std::min(low[i], reference_[3 * at(v) + i]);
+      high[i] = std::max(high[i], reference_[3 * at(v) + i]);
+    }
+  const double size = std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2]});
+  for (Index v = 0; v < assembly_.vertices(); ++v)
+    for (Index i = 0; i < 3; ++i) out[at(coordinate(v) + i)] = is_position(v) ? size : 1.0;
+}
+
+void FlexibleBody::declare(PatternBuilder& w, PatternBuilder&) const {
+  const VertexPattern& p = assembly_.pattern();
+  for (Index b = 0; b < assembly_.vertices(); ++b)
+    for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e) {
+      const Index row = coordinate(p.ind[at(e)]), column = coordinate(b);
+      const Index rows[3] = {row, row + 1, row + 2}, columns[3] = {column, column + 1, column + 2};
+      w.add_block(rows, columns);
+    }
+  for (const PressureLoad& load : pressure_faces_)  // fails early when the faces belong to another mesh
+    for (const Index a : load.nodes) static_cast<void>(p.entry(a, load.nodes.front()));
+}
+
+void FlexibleBody::bind(const SparsePattern& w, const SparsePattern&) {
+  const VertexPattern& p = assembly_.pattern();
+  column_start_.resize(reference_.size());
+  shift_.resize(3 * p.ind.size());
+  for (Index b = 0; b < assembly_.vertices(); ++b)
+    for (Index j = 0; j < 3; ++j) {
+      const Index column = coordinate(b) + j;
+      const Offset start = w.ptr[at(column)];
+      column_start_[at(3 * b + j)] = start;
+      for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e)
+        shift_[at(3 * e + j)] = static_cast<std::int32_t>(find_entry(w, column, coordinate(p.ind[at(e)])) - start);
+    }
+}
+
+AssemblyState FlexibleBody::state(const StateView& s) const {
+  const bool damped = damping_.stiffness != 0 && !s.v.empty();
+  return {reference_.data(), s.q.data() + placement().q, damped ? s.v.data() + placement().v : nullptr,
+          damping_.stiffness};
+}
+
+/// f += M (a + alpha v) - M g
+void FlexibleBody::add_inertia(const double* a, const double* v, double* f) const {
+  const VertexPattern& p = assembly_.pattern();
+  const double alpha = v == nullptr ? 0.0 : damping_.mass;
+  const auto body = [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t b = begin; b < end; ++b) {
+      double sum[3] = {};
+      for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1] && (a != nullptr || alpha != 0); ++e)
+        for (std::size_t i = 0; i < 3; ++i) {
+          const std::size_t from = 3 * at(p.ind[at(e)]) + i;
+          sum[i] += mass_[at(e)] * ((a == nullptr ? 0.0 : a[from]) + (alpha == 0 ? 0.0 : alpha * v[from]));
+        }
+      for (std::size_t i = 0; i < 3; ++i) f[3 * at(b) + i] += sum[i] - weight_[3 * at(b) + i];
+    }
+  };
+  if (pool_ == nullptr)
+    body(0, assembly_.vertices());
+  else
+    pool_->for_each_piece(assembly_.vertices(), kPiece, body);
+}
+
+void FlexibleBody::add_pressures(double t, const double* q, double* f) const {
+  for (const PressureLoad& load : pressure_faces_) {
+    const double p = pressures_[at(load.law)](t);
+    double x[24], force[24] = {};
+    for (std::size_t a = 0; a < load.nodes.size(); ++a)
+      for (std::size_t i = 0; i < 3; ++i) x[3 * a + i] = q[3 * at(load.nodes[a]) + i];
+    add_pressure_force(load.type, p, x, force);
+    for (std::size_t a = 0; a < load.nodes.size(); ++a)
+      for (std::size_t i = 0; i < 3; ++i) f[3 * at(load.nodes[a]) + i] -= force[3 * a + i];
+  }
+}
+
+void FlexibleBody::add_pressure_tangents(double t, const double* q, double weight, const BlockTarget& target) const {
+  for (const PressureLoad& load : pressure_faces_) {
+    const double p = pressures_[at(load.law)](t);
+    const std::size_t n = load.nodes.size();
+    double x[24], k[24 * 24] = {};
+    for (std::size_t a = 0; a < n; ++a)
+      for (std::size_t i = 0; i < 3; ++i) x[3 * a + i] = q[3 * at(load.nodes[a]) + i];
+    add_pressure_tangent(load.type, p, -weight, x, k);
+    for (std::size_t b = 0; b < n; ++b)
+      for (std::size_t a = 0; a < n; ++a) {
+        const std::size_t entry = at(assembly_.pattern().entry(load.nodes[a], load.nodes[b]));
+        for (std::size_t j = 0; j < 3; ++j)
+          for (std::size_t i = 0; i < 3; ++i)
+            target.values[at(target.column_start[3 * at(load.nodes[b]) + j] + target.shift[3 * entry + j]) + i] +=
+                k[(3 * b + j) * 3 * n + 3 * a + i];
+      }
+  }
+}
+
+void FlexibleBody::residual(const StateView& s, Span f) {
+  const Stopwatch watch(times_.force_seconds);
+  ++times_.forces;
+  double* own = f.data() + placement().v;
+  const double* q = s.q.data() + placement().q;
+  double energy = 0;
+  inverted_ = assembly_.add_forces(pool_, state(s), own, energy);
+  add_inertia(s.a.empty() ? nullptr : s.a.data() + placement().v, s.v.empty() ? nullptr : s.v.data() + placement().v,
+              own);
+  add_pressures(s.t, q, own);
+}
+
+void FlexibleBody::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
+  const Stopwatch watch(times_.tangent_seconds);
+  ++times_.tangents;
+  const BlockTarget target{w_values.data(), column_start_.data(), shift_.data()};
+  const VertexPattern& p = assembly_.pattern();
+  const double mass_weight = weights.a + damping_.mass * weights.v;
+  for (Index b = 0; b < assembly_.vertices() && mass_weight != 0; ++b)
+    for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e)
+      for (std::size_t j = 0; j < 3; ++j)
+        w_values[at(column_start_[3 * at(b) + j] + shift_[3 * at(e) + j]) + j] += mass_weight * mass_[at(e)];
+  const bool rates = weights.v != 0 && damping_.stiffness != 0;
+  if (weights.q == 0 && !rates) return;
+  inverted_ = assembly_.add_tangent(pool_, state(s), weights.q, weights.v, target);
+  if (weights.q != 0) add_pressure_tangents(s.t, s.q.data() + placement().q, weights.q, target);
+}
+
+Energy FlexibleBody::energy(const StateView& s) {
+  Energy result;
+  const std::size_t n = reference_.size();
+  std::vector<double> scratch(n, 0.0);
+  static_cast<void>(assembly_.add_forces(pool_, state(s), scratch.data(), result.potential));
+  const double* q = s.q.data() + placement().q;
+  for (std::size_t i = 0; i < n; ++i) result.potential -= weight_[i] * q[i];
+  if (s.v.empty()) return result;
+  const double* v = s.v.data() + placement().v;
+  const VertexPattern& p = assembly_.pattern();
+  for (Index b = 0; b < assembly_.vertices(); ++b)
+    for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e)
+      for (std::size_t i = 0; i < 3; ++i)
+        result.kinetic += 0.5 * mass_[at(e)] * v[3 * at(p.ind[at(e)]) + i] * v[3 * at(b) + i];
+  return result;
+}
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,137 @@
+/// \file
+/// A deformable body in absolute nodal coordinates: solids from a mesh, or chains of ANCF cables or beams, or shells.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/thread_pool.hpp"
+#include "dynamics/dae/system.hpp"
+#include "dynamics/elements/assembly.hpp"
+#include "dynamics/elements/groups.hpp"
+#include "dynamics/mesh/mesh.hpp"
+
+namespace espalier::dynamics {
+
+/// Damping force mass * M v + stiffness * (Kelvin-Voigt stress, which is K v at small strain). The stiffness part is
+/// frame-indifferent: rigid motion is not damped by it. The mass part damps every motion, rigid motion too.
+struct RayleighDamping {
+  double mass = 0;       ///< alpha in 1/s
+  double stiffness = 0;  ///< beta in s
+};
+
+/// What assembling has cost so far.
+struct AssemblyTimes {
+  double force_seconds = 0;
+  double tangent_seconds = 0;
+  std::int64_t forces = 0;    ///< number of residual evaluations
+  std::int64_t tangents = 0;  ///< number of tangent evaluations
+};
+
+/// Mass, centre and momenta of a body in a given state.
+struct MassProperties {
+  double mass = 0;
+  Point centre{};            ///< centre of mass
+  Point momentum{};          ///< linear momentum
+  Point angular_momentum{};  ///< about the origin
+};
+
+/// Equations: M a + alpha M v + f_int(q, v) - M g - f_pressure(q, t) = 0. M is constant (consistent mass).
+/// The configuration holds 3 numbers per vertex: node positions and, for ANCF bodies, the gradient vectors of the
+/// node behind its position (`vertices_per_node` vertices per node: solids 1, cables and shells 2, beams 4).
+class FlexibleBody final : public Component {
+ public:
+  /// @param reference coordinates of all vertices in the stress-free state, 3 each; also the initial configuration
+  FlexibleBody(std::string name, int vertices_per_node, std::vector<double> reference,
+               std::vector<std::unique_ptr<ElementGroup>> groups);
+
+  // Settings; all before the first evaluation.
+  void set_damping(const RayleighDamping& damping) { damping_ = damping; }
+  /// Acceleration of gravity in global axes.
+  void set_gravity(const Point& gravity);
+  /// Threads for assembly; not owned, may be null (then the calling thread assembles).
+  void set_pool(base::ThreadPool* pool) { pool_ = pool; }
+  /// Initial state: the reference turned by `rotation` (row by row), moved by `translation`, with the velocities of a
+  /// rigid motion: velocity of the point at the origin, angular velocity, global axes.
+  void set_initial_motion(const std::array<double, 9>& rotation, const Point& translation, const Point& velocity,
+                          const Point& angular_velocity);
+  /// Initial configuration and velocities as such, 3 numbers per vertex.
+  void set_initial(std::vector<double> position, std::vector<double> velocity);
+  /// Pressure p(t) on faces of the mesh that the body was made of (solids only); follows the deformed surface.
+  void add_pressure(const Mesh& mesh, std::span<const MeshFace> faces, std::function<double(double)> pressure);
+
+  [[nodiscard]] Index nodes() const { return assembly_.vertices() / vertices_per_node_; }
+  [[nodiscard]] Index vertices() const { return assembly_.vertices(); }
+  [[nodiscard]] int vertices_per_node() const { return vertices_per_node_; }
+  [[nodiscard]] std::span<const double> reference() const { return reference_; }
+  [[nodiscard]] const ElementAssembly& assembly() const { return assembly_; }
+  /// Global index of the first velocity coordinate of vertex `vertex`; valid after place().
+  [[nodiscard]] Index coordinate(Index vertex) const { return placement().v + 3 * vertex; }
+  /// Position in the global configuration of the first number of vertex `vertex`; valid after place().
+  [[nodiscard]] Index configuration(Index vertex) const { return placement().q + 3 * vertex; }
+  [[nodiscard]] MassProperties mass_properties(ConstSpan q, ConstSpan v) const;
+  [[nodiscard]] const AssemblyTimes& times() const { return times_; }
+  /// Label of the element that the last evaluation found inverted, or -1. Its forces were NaN.
+  [[nodiscard]] std::int64_t inverted_element() const { return inverted_; }
+
+  // Component
+  [[nodiscard]] Sizes sizes() const override;
+  [[nodiscard]] std::string coordinate_name(Index local_coordinate) const override;
+  void initial(Span q, Span v) const override;
+  void magnitude(ConstSpan q, Span out) const override;
+  void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;
+  void bind(const SparsePattern& w, const SparsePattern& phi_q) override;
+  void residual(const StateView& s, Span f) override;
+  void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
+  [[nodiscard]] Energy energy(const StateView& s) override;
+
+ private:
+  struct PressureLoad {
+    ElementType type;
+    std::vector<Index> nodes;
+    int law;  // position in pressures_
+  };
+  void add_inertia(const double* a, const double* v, double* f) const;
+  void add_pressures(double t, const double* q, double* f) const;
+  void add_pressure_tangents(double t, const double* q, double weight, const BlockTarget& target) const;
+  [[nodiscard]] AssemblyState state(const StateView& s) const;
+  [[nodiscard]] bool is_position(Index vertex) const { return vertex % vertices_per_node_ == 0; }
+
+  int vertices_per_node_;
+  std::vector<double> reference_, initial_position_, initial_velocity_;
+  ElementAssembly assembly_;
+  std::vector<double> mass_;    // per entry of the vertex pattern
+  std::vector<double> weight_;  // M g, 3 per vertex
+  Point gravity_{};
+  RayleighDamping damping_;
+  std::vector<PressureLoad> pressure_faces_;
+  std::vector<std::function<double(double)>> pressures_;
+  base::ThreadPool* pool_ = nullptr;
+  std::vector<Offset> column_start_;  // per velocity coordinate: start of its column in W
+  std::vector<std::int32_t> shift_;   // see BlockTarget
+  AssemblyTimes times_;
+  std::int64_t inverted_ = -1;
+};
+
+/// A solid body of the elements of one mesh (an empty list: all of its elements).
+std::unique_ptr<FlexibleBody> make_solid_body(std::string name, const Mesh& mesh, const Material& material,
+                                              const SolidOptions& options = {}, std::span<const Index> elements = {});
+/// A straight chain of `elements` beams from `start` to `end`; the section's y axis lies in the plane of the axis
+/// and `y_direction`.
+std::unique_ptr<FlexibleBody> make_beam_body(std::string name, const Point& start, const Point& end,
+                                             const Point& y_direction, Index elements, const BeamSection& section);
+/// A straight chain of `elements` cables from `start` to `end`.
+std::unique_ptr<FlexibleBody> make_cable_body(std::string name, const Point& start, const Point& end, Index elements,
+                                              const CableSection& section);
+/// Shells: positions and unit directors of the nodes, quadrilaterals.
+std::unique_ptr<FlexibleBody> make_shell_body(std::string name, const std::vector<Point>& positions,
+                                              const std::vector<Point>& directors,
+                                              const std::vector<std::array<Index, 4>>& quads, const Material& material,
+                                              double thickness);
+
+}  // namespace espalier::dynamics
