@@ -84,7 +84,6 @@ void add_analyze(CLI::App& app, Action& action) {
   sub->add_option("--report", command->report_file, "write the report as JSON here")->type_name("FILE");
   sub->add_flag("--json", command->json, "print the report as JSON instead of the tables");
   command->flags.add_to(*sub);
-  sub->footer(generator_help());
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }
 

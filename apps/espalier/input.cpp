@@ -5,6 +5,7 @@
 #include <chrono>
 #include <sstream>
 
+#include "matrix/generators/generate.hpp"
 #include "matrix/read.hpp"
 
 namespace espalier::cli {
@@ -32,9 +33,10 @@ std::vector<std::string> split(const std::string& text) {
 void MatrixSource::add_to(CLI::App& command) {
   CLI::Option* file = command.add_option("matrix", file_, "matrix file: Matrix Market or Rutherford-Boeing, also .gz")
                           ->type_name("FILE");
-  command.add_option("--generate", generator_, "generate the matrix instead, for instance \"elasticity 20 20 20\"")
+  command.add_option("--generate", generator_, "generate the matrix instead (see below)")
       ->type_name("\"SPEC\"")
       ->excludes(file);
+  command.footer("Systems for --generate, for instance \"elasticity 20 20 20\":\n" + matrix::generator_usage());
 }
 
 SparseMatrix MatrixSource::load(RunRecord& record, base::ThreadPool& pool) const {

@@ -26,9 +26,6 @@ class MatrixSource {
   std::string generator_;
 };
 
-/// What `--generate` and `espalier generate` take, one line per generator, for the help text.
-std::string generator_help();
-
 /// Right-hand sides stored column by column.
 struct DenseColumns {
   Index columns = 1;
@@ -41,8 +38,5 @@ DenseColumns read_columns(const std::string& path, Index rows, base::ThreadPool&
 
 /// Writes dense columns as a Matrix Market array with all digits. @throws Error(invalid_input) when it cannot
 void write_columns(const std::string& path, Index rows, const DenseColumns& columns);
-
-/// Makes the matrix that `words` ("elasticity", "20", "20", "20", "seed=3", ...) describe. @throws Error(invalid_input)
-SparseMatrix generate_matrix(const std::vector<std::string>& words, base::ThreadPool& pool);
 
 }  // namespace espalier::cli

@@ -170,7 +170,6 @@ void add_solve(CLI::App& app, Action& action) {
   sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
   sub->add_flag("-v,--verbose", command->verbose, "print the solver's log on stderr");
   command->flags.add_to(*sub);
-  sub->footer(generator_help());
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }
 
