@@ -1,3 +1,4 @@
+# shellcheck shell=bash
 # The steps of .ci/run, one function each.
 
 # The newest tools first: Debian 12 and Ubuntu 24.04 both have version 14 under this name, and formats must not differ.
@@ -46,7 +47,7 @@ tidy_one() {
 check_tidy() {
   local tool deadline
   tool=$(clang_tool clang-tidy) || { echo "clang-tidy is missing"; return 1; }
-  deadline=$(($(date +%s) + tidy_seconds))
+  deadline=$(($(date +%s) + ${tidy_seconds:?}))
   : >build/tidy.count
   export -f tidy_one
   tidy_files | xargs -r -P "$(nproc)" -I{} bash -c 'tidy_one "$@"' tidy "$tool" "$deadline" {}
@@ -68,17 +69,20 @@ check_package() {
   cmake --build "$root/examples"
   ctest --test-dir "$root/examples" --output-on-failure --no-tests=error
   # The same C example through pkg-config, without CMake.
-  export PKG_CONFIG_PATH="$(dirname "$(find "$root/prefix" -name espalier.pc)")"
-  # shellcheck disable=SC2046 -- flags
+  PKG_CONFIG_PATH=$(dirname "$(find "$root/prefix" -name espalier.pc)")
+  export PKG_CONFIG_PATH
+  # shellcheck disable=SC2046 # flags
   cc examples/solve_c.c -o "$root/solve_c" $(pkg-config --cflags --libs espalier)
   "$root/solve_c"
   cmake --build build/release --target bundle >"$root/bundle.log" || { tail -20 "$root/bundle.log"; return 1; }
   tar -xzf build/release/espalier-*.tar.gz -C "$root"
   local binary
   binary=$(ls "$root"/espalier-*/bin/espalier)
-  ! ldd "$binary" | grep 'not found'
   # Found beside the binary, not on the system: the packages may be absent where the bundle is used.
-  ldd "$binary" | grep -E 'lib(metis|fmt|hwy|amd)\.' | { ! grep -v "$root"; }
+  if ldd "$binary" | grep -E 'not found|lib(metis|fmt|hwy|c?amd)\.' | grep -v "$root"; then
+    echo "the bundle does not bring these libraries"
+    return 1
+  fi
   env -i "$binary" info
 }
 
@@ -111,11 +115,12 @@ run_fuzzers() {
     [[ -f $target && -x $target ]] || continue
     name=$(basename "$target")
     name=${name#fuzz_}
-    local seeds=tests/fuzz/corpus/$name found=build/fuzz/found/$name log=build/fuzz/$name.log
-    mkdir -p "$found"
+    local folders=("build/fuzz/found/$name") log=build/fuzz/$name.log
+    [[ -d tests/fuzz/corpus/$name ]] && folders+=("tests/fuzz/corpus/$name")
+    mkdir -p "${folders[0]}"
     count=$((count + 1))
-    if "$target" -max_total_time="$fuzz_seconds" -timeout=20 -rss_limit_mb=4096 -print_final_stats=1 \
-         -artifact_prefix="build/fuzz/$name-" "$found" $([[ -d $seeds ]] && echo "$seeds") >"$log" 2>&1; then
+    if "$target" -max_total_time="${fuzz_seconds:?}" -timeout=20 -rss_limit_mb=4096 -print_final_stats=1 \
+         -artifact_prefix="build/fuzz/$name-" "${folders[@]}" >"$log" 2>&1; then
       echo "$name: $(sed -nE 's/^stat::number_of_executed_units: *//p' "$log") inputs"
     else
       tail -40 "$log"

@@ -1,3 +1,4 @@
+# shellcheck shell=bash
 # Sourced by ./run, ./test and .ci/run: makes sure that the packages of some groups of packages.txt are there.
 # Usage: need_packages GROUP...
 
@@ -39,7 +40,7 @@ need_packages() {
   echo "installing: $missing"
   local log
   log=$(mktemp)
-  # shellcheck disable=SC2086 -- a list of names
+  # shellcheck disable=SC2086 # a list of names
   if ! { as_root apt-get update -q && as_root env DEBIAN_FRONTEND=noninteractive \
            apt-get install -q -y --no-install-recommends $missing; } >"$log" 2>&1 </dev/null; then
     tail -5 "$log" >&2
