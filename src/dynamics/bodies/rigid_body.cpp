@@ -162,6 +162,16 @@ void RigidFrame::project(ConstSpan /*q*/, const FrameMotion& motion, const doubl
   }
 }
 
+void RigidFrame::rate_jacobian(ConstSpan q, ConstSpan v, double* jv) const {
+  // omega = R omega_body and omega x arm turn with the body: d(x) = dphi x x, dphi = R dtheta
+  const Mat3 rot = rotation_matrix(body_->quaternion(q));
+  const Vec3 omega = rot * body_->angular(v);
+  Eigen::Map<Eigen::Matrix<double, 6, 6>> out(jv);
+  out.setZero();
+  out.topRightCorner<3, 3>() = -skew(omega.cross(rot * point_)) * rot;
+  out.bottomRightCorner<3, 3>() = -skew(omega) * rot;
+}
+
 void RigidFrame::wrench_stiffness(ConstSpan q, const Vec6& wrench, double scale, double* k) const {
   // J^T w = [f; R^T m + s x R^T f]; d(R^T x) = (R^T x)~ dtheta
   const Mat3 rot = rotation_matrix(body_->quaternion(q));

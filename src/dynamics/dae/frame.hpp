@@ -41,6 +41,8 @@ class Frame {
   /// out = J^T c for `count` vectors c of 6 numbers, one after the other; out: count x nd. `motion` is what motion()
   /// gave at the same q. The default multiplies with jacobian().
   virtual void project(ConstSpan q, const FrameMotion& motion, const double* c, int count, double* out) const;
+  /// d(J v)/dq at constant v, 6 x nd column by column; overwrites. Zero by default (constant J).
+  virtual void rate_jacobian(ConstSpan q, ConstSpan v, double* jv) const;
   /// False if coordinate k of the list never turns the frame (its column of J has no rotation part).
   [[nodiscard]] virtual bool turns(std::size_t /*k*/) const { return true; }
   /// False if J does not depend on q, so that wrench_stiffness() adds nothing.

@@ -239,6 +239,10 @@ void Frame::project(ConstSpan q, const FrameMotion& /*motion*/, const double* c,
   }
 }
 
+void Frame::rate_jacobian(ConstSpan /*q*/, ConstSpan /*v*/, double* jv) const {
+  std::fill_n(jv, 6 * coordinates().size(), 0.0);
+}
+
 void GroundFrame::motion(ConstSpan /*q*/, ConstSpan /*v*/, FrameMotion& out) const {
   out = FrameMotion{};
   out.r = r_;

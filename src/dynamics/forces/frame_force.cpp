@@ -1,0 +1,96 @@
+#include "dynamics/forces/frame_force.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace espalier::dynamics {
+
+FrameForce::FrameForce(std::string name, FramePtr a, FramePtr b)
+    : Component(std::move(name)), frames_{std::move(a), std::move(b)} {
+  if (!frames_[0] || !frames_[1]) throw std::invalid_argument("force \"" + this->name() + "\": a frame is missing");
+}
+
+void FrameForce::declare(PatternBuilder& w, PatternBuilder& /*phi_q*/) const {
+  for (const auto& f : frames_) {
+    for (const auto& g : frames_) w.add_block(f->coordinates(), g->coordinates());
+  }
+}
+
+void FrameForce::bind(const SparsePattern& w, const SparsePattern& /*phi_q*/) {
+  std::vector<Index> all;
+  for (const auto& f : frames_) all.insert(all.end(), f->coordinates().begin(), f->coordinates().end());
+  w_position_.clear();
+  for (const Index c : all) {
+    for (const Index r : all) w_position_.push_back(r < 0 || c < 0 ? -1 : find_entry(w, c, r));
+  }
+  jacobian_.assign(12 * all.size(), 0.0);
+  rate_jacobian_.assign(12 * all.size(), 0.0);
+  block_.assign(all.size() * all.size(), 0.0);
+  projected_.assign(all.size(), 0.0);
+}
+
+FrameForce::Pair FrameForce::pair(const StateView& s) const {
+  Pair p;
+  p.t = s.t;
+  frames_[0]->motion(s.q, s.v, p.a);
+  frames_[1]->motion(s.q, s.v, p.b);
+  return p;
+}
+
+void FrameForce::residual(const StateView& s, Span f) {
+  const Pair p = pair(s);
+  const Vec12 wrench = law(p);
+  for (std::size_t k = 0; k < 2; ++k) {
+    const auto coordinates = frames_[k]->coordinates();
+    if (coordinates.empty()) continue;
+    frames_[k]->project(s.q, k == 0 ? p.a : p.b, wrench.data() + 6 * k, 1, projected_.data());
+    for (std::size_t i = 0; i < coordinates.size(); ++i) {
+      if (coordinates[i] >= 0) f[static_cast<std::size_t>(coordinates[i])] -= projected_[i];
+    }
+  }
+}
+
+// F = -J^T w(x, J v):  F_v = -J^T d J,  F_q = -J^T (k J + d d(J v)/dq) - d(J^T)/dq w
+void FrameForce::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
+  const Pair p = pair(s);
+  Mat12 k = Mat12::Zero(), d = Mat12::Zero();
+  law_derivatives(p, k, d);
+  const auto n0 = static_cast<Eigen::Index>(frames_[0]->coordinates().size());
+  const auto n1 = static_cast<Eigen::Index>(frames_[1]->coordinates().size());
+  const Eigen::Index n = n0 + n1;
+  Eigen::Map<Eigen::Matrix<double, 12, Eigen::Dynamic>> jac(jacobian_.data(), 12, n),
+      rate(rate_jacobian_.data(), 12, n);
+  jac.setZero();
+  rate.setZero();
+  Eigen::Matrix<double, 6, Eigen::Dynamic> part(6, std::max(n0, n1));
+  for (int f = 0; f < 2; ++f) {
+    const Eigen::Index nf = f == 0 ? n0 : n1, first = f == 0 ? 0 : n0;
+    if (nf == 0) continue;
+    frames_[static_cast<std::size_t>(f)]->jacobian(s.q, part.data());
+    jac.block(6 * f, first, 6, nf) = part.leftCols(nf);
+    frames_[static_cast<std::size_t>(f)]->rate_jacobian(s.q, s.v, part.data());
+    rate.block(6 * f, first, 6, nf) = part.leftCols(nf);
+  }
+  Eigen::Map<Eigen::MatrixXd> block(block_.data(), n, n);
+  block.noalias() = jac.transpose() * ((weights.q * k + weights.v * d) * jac + weights.q * (d * rate));
+  const Vec12 wrench = law(p);
+  for (int f = 0; f < 2; ++f) {
+    const Eigen::Index nf = f == 0 ? n0 : n1, first = f == 0 ? 0 : n0;
+    if (nf == 0 || !frames_[static_cast<std::size_t>(f)]->has_wrench_stiffness()) continue;
+    Eigen::MatrixXd own = Eigen::MatrixXd::Zero(nf, nf);
+    frames_[static_cast<std::size_t>(f)]->wrench_stiffness(s.q, wrench.segment<6>(6 * f), weights.q, own.data());
+    block.block(first, first, nf, nf) += own;
+  }
+  for (std::size_t e = 0; e < w_position_.size(); ++e) {
+    if (w_position_[e] >= 0) w_values[static_cast<std::size_t>(w_position_[e])] -= block_[e];
+  }
+}
+
+Energy FrameForce::energy(const StateView& s) { return {0, potential(pair(s))}; }
+
+Wrench FrameForce::applied(const StateView& s, int f) const {
+  const Vec12 w = law(pair(s));
+  return {w.segment<3>(6 * f), w.segment<3>(6 * f + 3)};
+}
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,84 @@
+/// \file
+/// Forces between frames: what all of them share, and the kinds.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "dynamics/joints/joint.hpp"
+
+namespace espalier::dynamics {
+
+using Vec12 = Eigen::Matrix<double, 12, 1>;
+
+/// A force element that acts on two frames (the second may be the ground). Its law is stated in twist coordinates
+/// [A; B]; the assembly to the bodies' coordinates is done here.
+class FrameForce : public Component {
+ public:
+  FrameForce(std::string name, FramePtr a, FramePtr b);
+
+  [[nodiscard]] Sizes sizes() const override { return {}; }
+  void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;
+  void bind(const SparsePattern& w, const SparsePattern& phi_q) override;
+  void residual(const StateView& s, Span f) override;
+  void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
+  [[nodiscard]] Energy energy(const StateView& s) override;
+  /// Force and moment on frame A (0) or B (1) at its origin, in global axes.
+  [[nodiscard]] Wrench applied(const StateView& s, int f) const;
+
+ protected:
+  struct Pair {
+    double t = 0;
+    FrameMotion a, b;
+  };
+  /// The wrenches [force; moment] on A and on B at the origins of the frames, global axes.
+  [[nodiscard]] virtual Vec12 law(const Pair& p) const = 0;
+  /// Derivatives of the wrenches with respect to the twist increments (k) and the twists (d); both come in as zero.
+  virtual void law_derivatives(const Pair& p, Mat12& k, Mat12& d) const = 0;
+  [[nodiscard]] virtual double potential(const Pair& /*p*/) const { return 0; }
+
+ private:
+  [[nodiscard]] Pair pair(const StateView& s) const;
+
+  std::array<FramePtr, 2> frames_;
+  std::vector<Offset> w_position_;
+  std::vector<double> jacobian_, rate_jacobian_, block_, projected_;
+};
+
+/// Law of a spring with damper on a relative coordinate g: force s along g (positive pulls g down).
+struct SpringLaw {
+  double stiffness = 0;   ///< N/m or N m/rad
+  double damping = 0;     ///< N s/m or N m s/rad
+  double rest = 0;        ///< g at which the spring is free
+  double preload = 0;     ///< added to s
+  TimeFunction actuator;  ///< added to s when `active`
+  bool active = false;
+};
+
+/// Spring-damper on a relative coordinate: distance (point to point), along (on an axis), angle (rotational).
+[[nodiscard]] std::unique_ptr<FrameForce> spring_damper(std::string name, FramePtr a, FramePtr b, SpringLaw law);
+[[nodiscard]] std::unique_ptr<FrameForce> axial_spring(std::string name, FramePtr a, FramePtr b, SpringLaw law);
+[[nodiscard]] std::unique_ptr<FrameForce> rotational_spring(std::string name, FramePtr a, FramePtr b, SpringLaw law);
+
+/// Bushing: six stiffnesses and dampings along and about the axes of frame A. The rotation is measured by the rotation
+/// vector of A^T B; the elastic moment is the gradient of its quadratic energy, so it conserves energy at any angle.
+struct BushingLaw {
+  Vec3 stiffness = Vec3::Zero();          ///< N/m
+  Vec3 damping = Vec3::Zero();            ///< N s/m
+  Vec3 angular_stiffness = Vec3::Zero();  ///< N m/rad
+  Vec3 angular_damping = Vec3::Zero();    ///< N m s/rad
+};
+[[nodiscard]] std::unique_ptr<FrameForce> bushing(std::string name, FramePtr a, FramePtr b, BushingLaw law);
+
+/// Force and moment on a frame: direction times f(t). Global axes, or the frame's own (follower).
+struct LoadLaw {
+  Vec3 force = Vec3::Zero();
+  Vec3 moment = Vec3::Zero();
+  TimeFunction factor = TimeFunction::constant(1);
+  bool follower = false;
+};
+[[nodiscard]] std::unique_ptr<FrameForce> load(std::string name, FramePtr a, LoadLaw law);
+
+}  // namespace espalier::dynamics

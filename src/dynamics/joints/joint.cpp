@@ -1,0 +1,243 @@
+#include "dynamics/joints/joint.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <stdexcept>
+
+namespace espalier::dynamics {
+
+namespace {
+
+constexpr double kTwoPi = 2 * std::numbers::pi;
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+Joint::Joint(std::string kind, std::string name, std::vector<std::unique_ptr<Frame>> frames, std::vector<JointRow> rows)
+    : Component(std::move(name)), kind_(std::move(kind)), rows_(std::move(rows)) {
+  for (auto& frame : frames) {
+    if (!frame) throw std::invalid_argument(kind_ + " \"" + this->name() + "\": a frame is missing");
+    frames_.push_back({std::move(frame), {}, {}, {}});
+  }
+  for (const JointRow& row : rows_) {
+    last_angle_.emplace_back(row.terms.size(), std::numeric_limits<double>::quiet_NaN());
+    for (const JointRow::Term& term : row.terms) {
+      couples_translation_ = couples_translation_ || curves_in_translation(term.kind);
+      couples_rotation_ = couples_rotation_ || term.kind == Relative::dot || term.kind == Relative::angle;
+      const bool turns_a = term.kind != Relative::global && term.kind != Relative::distance;
+      const bool turns_b = term.kind == Relative::dot || term.kind == Relative::angle;
+      if ((turns_a && !frames_.at(at(term.a)).frame->has_rotation()) ||
+          (turns_b && !frames_.at(at(term.b)).frame->has_rotation())) {
+        throw std::invalid_argument(
+            kind_ + " \"" + this->name() +
+            "\" needs a frame with axes; attach it to a rigid body or to a face, not to a node");
+      }
+    }
+  }
+}
+
+std::string Joint::constraint_name(Index local_row) const {
+  return kind_ + " \"" + name() + "\", " + rows_.at(static_cast<std::size_t>(local_row)).label;
+}
+
+bool Joint::coupled(std::size_t f, std::size_t k, std::size_t g, std::size_t l) const {
+  if (couples_translation_) return true;
+  const Frame &a = *frames_[f].frame, &b = *frames_[g].frame;
+  if (!a.turns(k) || !b.turns(l)) return false;
+  return couples_rotation_ || (f == g && a.has_wrench_stiffness());
+}
+
+void Joint::declare(PatternBuilder& w, PatternBuilder& phi_q) const {
+  for (std::size_t f = 0; f < frames_.size(); ++f) {
+    const auto rows_of_f = frames_[f].frame->coordinates();
+    for (Index r = 0; r < sizes().constraints; ++r) {
+      for (const Index c : rows_of_f) phi_q.add(placement().c + r, c);
+    }
+    for (std::size_t g = 0; g < frames_.size(); ++g) {
+      const auto cols = frames_[g].frame->coordinates();
+      for (std::size_t l = 0; l < cols.size(); ++l) {
+        for (std::size_t k = 0; k < rows_of_f.size(); ++k) {
+          if (coupled(f, k, g, l)) w.add(rows_of_f[k], cols[l]);
+        }
+      }
+    }
+  }
+}
+
+void Joint::bind(const SparsePattern& w, const SparsePattern& phi_q) {
+  std::size_t widest = 0, total = 0;
+  w_position_.clear();
+  for (std::size_t f = 0; f < frames_.size(); ++f) {
+    Attached& own = frames_[f];
+    const auto coordinates = own.frame->coordinates();
+    widest = std::max(widest, coordinates.size());
+    total += 6 * coordinates.size();
+    own.projected.assign(coordinates.size(), 0.0);
+    own.position.clear();
+    for (Index r = 0; r < sizes().constraints; ++r) {
+      for (const Index c : coordinates) {
+        own.position.push_back(c < 0 ? 0 : static_cast<std::size_t>(find_entry(phi_q, placement().c + r, c)));
+      }
+    }
+    for (std::size_t g = 0; g < frames_.size(); ++g) {
+      const auto cols = frames_[g].frame->coordinates();
+      for (std::size_t l = 0; l < cols.size(); ++l) {
+        for (std::size_t k = 0; k < coordinates.size(); ++k) {
+          const bool use = coupled(f, k, g, l) && coordinates[k] >= 0 && cols[l] >= 0;
+          w_position_.push_back(use ? find_entry(w, cols[l], coordinates[k]) : -1);
+        }
+      }
+    }
+  }
+  jacobians_.assign(total, 0.0);
+  stiffness_.assign(36 * frames_.size() * frames_.size(), 0.0);
+  block_.assign(widest * std::max<std::size_t>(widest, 6), 0.0);
+}
+
+void Joint::evaluate_frames(ConstSpan q, ConstSpan v) {
+  for (Attached& f : frames_) f.frame->motion(q, v, f.motion);
+}
+
+void Joint::residual(const StateView& /*s*/, Span /*f*/) {}
+
+// Couplings of angles need the number of turns: the branch nearest to the last value, so a step must turn less than pi.
+double Joint::unwrapped(std::size_t row, std::size_t term, double angle) {
+  double& last = last_angle_[row][term];
+  if (!std::isnan(last)) angle += kTwoPi * std::round((last - angle) / kTwoPi);
+  last = angle;
+  return angle;
+}
+
+void Joint::constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) {
+  const bool rates = !out.gamma.empty();
+  evaluate_frames(q, rates ? v : ConstSpan{});
+  RelativeValue value;
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    JointRow& row = rows_[r];
+    const std::size_t global = static_cast<std::size_t>(placement().c) + r;
+    double phi = -row.offset, curvature = 0;
+    for (std::size_t k = 0; k < row.terms.size(); ++k) {
+      const JointRow::Term& term = row.terms[k];
+      Attached &a = frames_[at(term.a)], &b = frames_[at(term.b)];
+      evaluate(term.kind, term.i, term.j, a.motion, b.motion, rates, value);
+      const bool counted = term.kind == Relative::angle && row.terms.size() > 1;
+      phi += term.factor * (counted ? unwrapped(r, k, value.value) : value.value);
+      if (rates) {
+        const Row12& c = value.c;
+        double bias = 0;
+        for (std::size_t i = 0; i < 3; ++i) {
+          const auto e = static_cast<Eigen::Index>(i);
+          bias += c[i] * a.motion.bias_acc[e] + c[3 + i] * a.motion.bias_alpha[e] + c[6 + i] * b.motion.bias_acc[e] +
+                  c[9 + i] * b.motion.bias_alpha[e];
+        }
+        curvature += term.factor * (value.curvature + bias);
+      }
+      if (!out.phi_q_values.empty()) {
+        for (const auto& [attached, c] : {std::pair{&a, value.c.data()}, std::pair{&b, value.c.data() + 6}}) {
+          const std::size_t nd = attached->projected.size();
+          if (nd == 0) continue;
+          attached->frame->project(q, attached->motion, c, 1, attached->projected.data());
+          for (std::size_t i = 0; i < nd; ++i) {
+            out.phi_q_values[attached->position[r * nd + i]] += term.factor * attached->projected[i];
+          }
+        }
+      }
+    }
+    if (row.measure_offset) {
+      row.offset = phi;
+      row.measure_offset = false;
+      phi = 0;
+    }
+    if (row.driven) phi -= row.function.value(t);
+    // A driven angle means the same angle plus any number of turns.
+    if (row.terms.size() == 1 && row.terms[0].kind == Relative::angle) phi -= kTwoPi * std::round(phi / kTwoPi);
+    if (!out.phi.empty()) out.phi[global] = phi;
+    if (!out.nu.empty()) out.nu[global] = row.driven ? row.function.rate(t) : 0.0;
+    if (rates) out.gamma[global] = (row.driven ? row.function.acceleration(t) : 0.0) - curvature;
+  }
+}
+
+// d(Phi_q^T lambda)/dq = J^T (sum lambda dc/dx) J + derivative of J^T at constant wrench.
+void Joint::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
+  if (weights.q == 0 || rows_.empty()) return;
+  evaluate_frames(s.q, {});
+  const std::size_t count = frames_.size();
+  std::fill(stiffness_.begin(), stiffness_.end(), 0.0);
+  std::array<Vec6, 4> wrench;
+  wrench.fill(Vec6::Zero());
+  RelativeValue value;
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    const double lambda = s.lambda[static_cast<std::size_t>(placement().c) + r];
+    if (lambda == 0) continue;
+    for (const JointRow::Term& term : rows_[r].terms) {
+      const FrameMotion &a = frames_[at(term.a)].motion, &b = frames_[at(term.b)].motion;
+      evaluate(term.kind, term.i, term.j, a, b, false, value);
+      wrench[at(term.a)] += lambda * term.factor * Eigen::Map<const Vec6>(value.c.data());
+      wrench[at(term.b)] += lambda * term.factor * Eigen::Map<const Vec6>(value.c.data() + 6);
+      Mat12 k = Mat12::Zero();
+      add_curvature(term.kind, term.i, term.j, a, b, lambda * term.factor, k);
+      for (const auto& [p, bp] : {std::pair{at(term.a), 0}, std::pair{at(term.b), 6}}) {
+        for (const auto& [g, bg] : {std::pair{at(term.a), 0}, std::pair{at(term.b), 6}}) {
+          Eigen::Map<Eigen::Matrix<double, 6, 6>>(&stiffness_[36 * (p * count + g)]) += k.block<6, 6>(bp, bg);
+        }
+      }
+    }
+  }
+  std::size_t offset = 0;
+  std::array<const double*, 4> jacobian{};
+  for (std::size_t f = 0; f < count; ++f) {
+    jacobian[f] = jacobians_.data() + offset;
+    frames_[f].frame->jacobian(s.q, jacobians_.data() + offset);
+    offset += 6 * frames_[f].frame->coordinates().size();
+  }
+  auto position = w_position_.begin();
+  using Columns = Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>;
+  for (std::size_t f = 0; f < count; ++f) {
+    const auto nf = static_cast<Eigen::Index>(frames_[f].frame->coordinates().size());
+    for (std::size_t g = 0; g < count; ++g) {
+      const auto ng = static_cast<Eigen::Index>(frames_[g].frame->coordinates().size());
+      if (nf == 0 || ng == 0) continue;
+      Eigen::Map<Eigen::MatrixXd> block(block_.data(), nf, ng);
+      block.noalias() = Columns(jacobian[f], 6, nf).transpose() *
+                        (Eigen::Map<const Eigen::Matrix<double, 6, 6>>(&stiffness_[36 * (f * count + g)]) *
+                         Columns(jacobian[g], 6, ng));
+      if (f == g) frames_[f].frame->wrench_stiffness(s.q, wrench[f], 1.0, block_.data());
+      for (Eigen::Index e = 0; e < nf * ng; ++e, ++position) {
+        if (*position >= 0)
+          w_values[static_cast<std::size_t>(*position)] += weights.q * block_[static_cast<std::size_t>(e)];
+      }
+    }
+  }
+}
+
+FrameMotion Joint::frame_motion(ConstSpan q, ConstSpan v, int f) const {
+  FrameMotion motion;
+  frames_.at(at(f)).frame->motion(q, v, motion);
+  return motion;
+}
+
+Wrench Joint::reaction(const StateView& s, int f) const {
+  Vec6 sum = Vec6::Zero();
+  RelativeValue value;
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    const double lambda = s.lambda[static_cast<std::size_t>(placement().c) + r];
+    for (const JointRow::Term& term : rows_[r].terms) {
+      if (term.a != f && term.b != f) continue;
+      const FrameMotion a = frame_motion(s.q, {}, term.a), b = frame_motion(s.q, {}, term.b);
+      evaluate(term.kind, term.i, term.j, a, b, false, value);
+      sum -= lambda * term.factor * Eigen::Map<const Vec6>(value.c.data() + (term.b == f ? 6 : 0));
+    }
+  }
+  return {sum.head<3>(), sum.tail<3>()};
+}
+
+double Joint::coordinate(ConstSpan q, int row) const {
+  const JointRow::Term& term = rows_.at(at(row)).terms.at(0);
+  RelativeValue value;
+  evaluate(term.kind, term.i, term.j, frame_motion(q, {}, term.a), frame_motion(q, {}, term.b), false, value);
+  return value.value;
+}
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,114 @@
+/// \file
+/// Joints: every one a list of scalar equations in relative coordinates of frames.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "dynamics/joints/relative.hpp"
+#include "dynamics/joints/time_function.hpp"
+
+namespace espalier::dynamics {
+
+/// One constraint equation: sum of factor * coordinate - offset - function(t) = 0.
+struct JointRow {
+  struct Term {
+    Relative kind = Relative::global;
+    int i = 0, j = 0;  ///< axes (see Relative)
+    int a = 0, b = 1;  ///< frames of the joint
+    double factor = 1;
+  };
+  std::string label;  ///< for people: "rotation about y"
+  std::vector<Term> terms;
+  double offset = 0;
+  TimeFunction function;
+  bool driven = false;          ///< function is in use
+  bool measure_offset = false;  ///< take the value at the first evaluation as the offset
+};
+
+/// The force and moment that a joint exerts on a frame, at the frame's origin, in global axes.
+struct Wrench {
+  Vec3 force = Vec3::Zero();
+  Vec3 moment = Vec3::Zero();
+};
+
+/// A joint between frames (two for nearly all kinds). Made by the functions below or from rows of one's own.
+class Joint final : public Component {
+ public:
+  /// `kind` is the word used in names, for instance "revolute".
+  /// @throws std::invalid_argument if a row uses the rotation of a frame that has none
+  Joint(std::string kind, std::string name, std::vector<std::unique_ptr<Frame>> frames, std::vector<JointRow> rows);
+
+  [[nodiscard]] const std::string& kind() const { return kind_; }
+  /// Reaction on frame `f` of the joint.
+  [[nodiscard]] Wrench reaction(const StateView& s, int f) const;
+  /// Value of the relative coordinate of a row's first term (an angle: the unwrapped one of the last evaluation).
+  [[nodiscard]] double coordinate(ConstSpan q, int row) const;
+  /// Motion of frame f at a state.
+  [[nodiscard]] FrameMotion frame_motion(ConstSpan q, ConstSpan v, int f) const;
+
+  [[nodiscard]] Sizes sizes() const override { return {0, 0, static_cast<Index>(rows_.size())}; }
+  [[nodiscard]] std::string constraint_name(Index local_row) const override;
+  void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;
+  void bind(const SparsePattern& w, const SparsePattern& phi_q) override;
+  void residual(const StateView& s, Span f) override;
+  void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) override;
+  void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
+
+ private:
+  struct Attached {
+    std::unique_ptr<Frame> frame;
+    FrameMotion motion;
+    std::vector<double> projected;      // nd numbers
+    std::vector<std::size_t> position;  // rows x nd: entries of Phi_q
+  };
+  [[nodiscard]] bool coupled(std::size_t f, std::size_t k, std::size_t g, std::size_t l) const;
+  void evaluate_frames(ConstSpan q, ConstSpan v);
+  double unwrapped(std::size_t row, std::size_t term, double angle);
+
+  std::string kind_;
+  std::vector<Attached> frames_;
+  std::vector<JointRow> rows_;
+  std::vector<std::vector<double>> last_angle_;  // rows x terms: continuous angles of couplings
+  bool couples_translation_ = false, couples_rotation_ = false;
+  std::vector<std::ptrdiff_t> w_position_;  // of all coupled pairs in the order of tangent(); -1: not declared
+  std::vector<double> jacobians_, stiffness_, block_;
+};
+
+/// Frames of a two-frame joint.
+using FramePtr = std::unique_ptr<Frame>;
+
+// The kinds. Axis convention: z of the frames is the joint's axis; frames coincide (or agree as the kind asks) when the
+// joint is assembled.
+[[nodiscard]] std::unique_ptr<Joint> fixed_joint(std::string name, FramePtr a, FramePtr b);
+[[nodiscard]] std::unique_ptr<Joint> revolute_joint(std::string name, FramePtr a, FramePtr b);
+[[nodiscard]] std::unique_ptr<Joint> spherical_joint(std::string name, FramePtr a, FramePtr b);
+/// Cross axes: x of frame A and y of frame B, which stay perpendicular.
+[[nodiscard]] std::unique_ptr<Joint> universal_joint(std::string name, FramePtr a, FramePtr b);
+[[nodiscard]] std::unique_ptr<Joint> cylindrical_joint(std::string name, FramePtr a, FramePtr b);
+[[nodiscard]] std::unique_ptr<Joint> prismatic_joint(std::string name, FramePtr a, FramePtr b);
+/// The origin of B stays in the plane z_A = 0 and z_B stays parallel to z_A.
+[[nodiscard]] std::unique_ptr<Joint> planar_joint(std::string name, FramePtr a, FramePtr b);
+/// The origin of B stays on the line z_A.
+[[nodiscard]] std::unique_ptr<Joint> point_on_line(std::string name, FramePtr a, FramePtr b);
+/// |r_B - r_A| = length (> 0).
+[[nodiscard]] std::unique_ptr<Joint> distance_joint(std::string name, FramePtr a, FramePtr b, double length);
+/// A massless link of the given length, revolute about z_A at A and spherical at B.
+[[nodiscard]] std::unique_ptr<Joint> revolute_spherical_joint(std::string name, FramePtr a, FramePtr b, double length);
+/// Motor: the angle about z_A from x_A to x_B is f(t).
+[[nodiscard]] std::unique_ptr<Joint> rotation_motor(std::string name, FramePtr a, FramePtr b, TimeFunction f);
+/// Linear actuator: (r_B - r_A) . z_A is f(t).
+[[nodiscard]] std::unique_ptr<Joint> translation_motor(std::string name, FramePtr a, FramePtr b, TimeFunction f);
+/// (r_B - r_A) . e_i = f(t) for the global axis i.
+[[nodiscard]] std::unique_ptr<Joint> prescribed_coordinate(std::string name, FramePtr a, FramePtr b, int axis,
+                                                           TimeFunction f);
+/// Gear: angle of B about z_A times `ratio` + angle of D about z_C = const (as at the first evaluation). The wheels
+/// need their own revolute joints.
+[[nodiscard]] std::unique_ptr<Joint> gear_joint(std::string name, FramePtr a, FramePtr b, FramePtr c, FramePtr d,
+                                                double ratio);
+/// Rack and pinion: displacement of D along z_C = radius * angle of B about z_A + const (as at the first evaluation).
+[[nodiscard]] std::unique_ptr<Joint> rack_and_pinion(std::string name, FramePtr a, FramePtr b, FramePtr c, FramePtr d,
+                                                     double radius);
+
+}  // namespace espalier::dynamics

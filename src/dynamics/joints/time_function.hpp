@@ -1,0 +1,26 @@
+/// \file
+/// Functions of time with two derivatives, for motors and prescribed motions.
+#pragma once
+
+#include <functional>
+
+namespace espalier::dynamics {
+
+/// f(t), f'(t), f''(t). Default: zero.
+struct TimeFunction {
+  std::function<double(double)> value = [](double) { return 0.0; };
+  std::function<double(double)> rate = [](double) { return 0.0; };
+  std::function<double(double)> acceleration = [](double) { return 0.0; };
+
+  [[nodiscard]] static TimeFunction constant(double c);
+  /// c + s t
+  [[nodiscard]] static TimeFunction linear(double c, double s);
+  /// c + a sin(w t + p)
+  [[nodiscard]] static TimeFunction harmonic(double c, double a, double w, double p);
+  /// From `from` at t0 to `to` at t1 by the quintic with zero rates and accelerations at both ends; constant outside.
+  [[nodiscard]] static TimeFunction smooth_step(double t0, double from, double t1, double to);
+  /// Any function; derivatives by differences of O(step^4), where f is smooth.
+  [[nodiscard]] static TimeFunction of(std::function<double(double)> f, double step = 1e-3);
+};
+
+}  // namespace espalier::dynamics
