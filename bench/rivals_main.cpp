@@ -99,6 +99,13 @@ nlohmann::json settings_record(const Plan& plan) {
           {"environment", plan.child.environment}};
 }
 
+/// Says so where other programs take the cores: the figures are theirs as much as the rivals'.
+void warn_of_load(const nlohmann::json& machine) {
+  const double load = machine.at("load_average_before");
+  if (load > 0.25 * machine.at("cores").get<double>())
+    std::cout << fmt::format("Note: load average {:.1f} before the start; wall-clock times are disturbed.\n\n", load);
+}
+
 int run(Arguments& arguments, const std::string& command) {
   Plan& plan = arguments.plan;
   plan.rivals = arguments.rivals;
@@ -109,6 +116,7 @@ int run(Arguments& arguments, const std::string& command) {
       {"program", "espalier_bench_rivals"}, {"command", command},          {"date", utc_now()},
       {"commit", source_commit()},          {"machine", machine_record()}, {"settings", settings_record(plan)},
       {"systems", nlohmann::json::array()}};
+  warn_of_load(record["machine"]);
   for (const std::string& words : arguments.systems) record["systems"].push_back(run_system(words, arguments));
   if (arguments.json.empty()) return 0;
   std::ofstream file(arguments.json);

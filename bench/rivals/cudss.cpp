@@ -297,8 +297,8 @@ class Cudss : public Rival {
 
   std::string text_;
   Variant variant_;
+  Api api_;  // before the machine: a missing library is told even where no GPU is
   Machine machine_;
-  Api api_;
   bool symmetric_ = false;
   std::unique_ptr<System> system_;
 };

@@ -85,8 +85,8 @@ class Rival {
   /// Library, its version, its BLAS and every setting that differs from the library's defaults.
   [[nodiscard]] virtual std::string version() const = 0;
 
-  /// Pattern of `a` (values present: matching and scaling may use them). `kind` is llt, ldlt or lu; for llt and ldlt of
-  /// a matrix in general storage the lower triangle counts. May be called again: everything earlier is dropped.
+  /// Pattern of `a` (values present: matching and scaling may use them). `kind` is llt, ldlt or lu. May be called
+  /// again: everything earlier is dropped.
   virtual AnalyzeReport analyze(const MatrixView& a, Kind kind, int threads) = 0;
   /// First numbers for the analyzed pattern. @pre analyze() ended ok
   virtual FactorReport factorize(const MatrixView& a) = 0;

@@ -1,9 +1,12 @@
 #include "rivals/session.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <limits>
 #include <memory>
 #include <random>
+#include <stdexcept>
 #include <thread>
 
 namespace espalier::bench {
@@ -24,7 +27,6 @@ class Session {
       : plan_(plan),
         progress_(progress),
         original_(a.values.begin(), a.values.end()),
-        lower_only_(a.storage == Storage::general && plan.kind != Kind::lu),
         system_(a, std::max<Index>(plan.columns, 1)) {
     std::mt19937_64 generator(kSeed);
     std::uniform_real_distribution<double> uniform(-1, 1);
@@ -123,19 +125,19 @@ class Session {
     if (!report.verdict.ok()) return;
     samples.seconds.push_back(report.seconds);
     row.refinement_steps = std::max(row.refinement_steps, report.refinement_steps);
-    const BackwardError error =
-        backward_error(system_.matrix(), lower_only_, runner.child->solutions(), system_.right_hand_sides(), checked);
+    const std::size_t count = static_cast<std::size_t>(checked) * static_cast<std::size_t>(system_.matrix().rows);
+    const matrix::BackwardErrors error = matrix::backward_errors(
+        system_.matrix(), runner.child->solutions().first(count), system_.right_hand_sides().first(count), checked);
     row.error.normwise = std::max(row.error.normwise, error.normwise);
     row.error.componentwise = std::max(row.error.componentwise, error.componentwise);
     if (!(error.normwise <= plan_.wrong_above))
-      row.verdict = {Outcome::wrong_answer, "normwise backward error " + std::to_string(error.normwise) + " above " +
-                                                std::to_string(plan_.wrong_above)};
+      row.verdict = {Outcome::wrong_answer,
+                     fmt::format("normwise backward error {:.1e} is above {:.1e}", error.normwise, plan_.wrong_above)};
   }
 
   const Plan& plan_;
   const Progress& progress_;
   std::vector<double> original_;
-  bool lower_only_;
   SharedSystem system_;
 };
 
@@ -155,6 +157,8 @@ double Samples::least() const {
 }
 
 std::vector<Row> compare(const MatrixView& a, const Plan& plan, const Progress& progress) {
+  if (plan.kind != Kind::lu && !a.symmetric())
+    throw std::invalid_argument("compare: llt and ldlt need a matrix in symmetric storage");
   Session session(a, plan, progress);
   if (!plan.one_at_a_time) return session.run(plan.rivals);
   std::vector<Row> rows;

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "matrix/residual.hpp"
 #include "rivals/child.hpp"
-#include "rivals/residual.hpp"
 
 namespace espalier::bench {
 
@@ -44,7 +44,7 @@ struct Row {
   Inertia inertia;
   Index perturbed = -1;
   int refinement_steps = -1;
-  BackwardError error;  ///< the worst of all checked answers
+  matrix::BackwardErrors error;  ///< the worst of all checked answers
   Offset peak_bytes = -1, device_bytes = -1;
 };
 
@@ -54,6 +54,7 @@ using Progress = std::function<void(const std::string& what)>;
 /// Runs the plan on `a`, whose values must be present. Each round takes the rivals in turn, the first one changing from
 /// round to round; values change every round by a common factor; right-hand sides are random (seeded) and the same for
 /// all. Never throws for what a rival does.
+/// @throws std::invalid_argument when the kind is llt or ldlt and `a` is not stored as symmetric
 std::vector<Row> compare(const MatrixView& a, const Plan& plan, const Progress& progress);
 
 }  // namespace espalier::bench

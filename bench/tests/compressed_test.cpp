@@ -5,8 +5,6 @@
 
 #include <random>
 
-#include "rivals/residual.hpp"
-
 namespace espalier::bench {
 namespace {
 
@@ -84,35 +82,6 @@ INSTANTIATE_TEST_SUITE_P(All, Compressed,
                                             ::testing::Values(Shape::lower_by_column, Shape::full_by_column,
                                                               Shape::full_by_row),
                                             ::testing::Values(0, 1)));
-
-// Truth: b - A x and |A| |x| + |b| by dense sums.
-TEST(Residual, AgreesWithDenseSums) {
-  for (const Storage storage : {Storage::general, Storage::symmetric_lower, Storage::symmetric_upper}) {
-    const SparseMatrix a = random_matrix(storage, 11);
-    const Dense dense = dense_of(a);
-    std::vector<double> x(kSize), b(kSize);
-    for (Index i = 0; i < kSize; ++i) x[i] = std::sin(i + 1.0), b[i] = std::cos(3.0 * i);
-    double worst = 0, componentwise = 0, norm_a = 0, norm_x = 0, norm_b = 0;
-    for (Index i = 0; i < kSize; ++i) {
-      double residual = b[i], scale = std::abs(b[i]), row = 0;
-      for (Index j = 0; j < kSize; ++j) {
-        residual -= dense[i][j] * x[j];
-        scale += std::abs(dense[i][j] * x[j]);
-        row += std::abs(dense[i][j]);
-      }
-      worst = std::max(worst, std::abs(residual));
-      componentwise = std::max(componentwise, std::abs(residual) / scale);
-      norm_a = std::max(norm_a, row), norm_x = std::max(norm_x, std::abs(x[i])),
-      norm_b = std::max(norm_b, std::abs(b[i]));
-    }
-    const BackwardError error = backward_error(a, false, x, b, 1);
-    // Duplicates of opposite sign make the entrywise norm of the sparse sum larger: an upper bound of the dense one.
-    EXPECT_LE(error.normwise, worst / (norm_a * norm_x + norm_b) * (1 + 1e-12));
-    EXPECT_GE(error.normwise, 0.5 * worst / (norm_a * norm_x + norm_b));
-    EXPECT_LE(error.componentwise, componentwise * (1 + 1e-12));
-    EXPECT_GE(error.componentwise, 0.3 * componentwise);
-  }
-}
 
 }  // namespace
 }  // namespace espalier::bench

@@ -89,6 +89,12 @@ TEST(Session, SaysWhatARivalDoesNotOffer) {
   EXPECT_EQ(run(plan).front().verdict.outcome, Outcome::not_offered);
 }
 
+TEST(Session, RefusesASymmetricKindForAGeneralMatrix) {
+  SparseMatrix a = diagonal_matrix(5);
+  a.storage = Storage::general;
+  EXPECT_THROW(compare(a, plan_for({"faulty"}), [](const std::string&) {}), std::invalid_argument);
+}
+
 TEST(Samples, MedianAndLeast) {
   EXPECT_EQ((Samples{{3, 1, 2}}).median(), 2);
   EXPECT_EQ((Samples{{4, 1, 2, 3}}).median(), 2.5);
