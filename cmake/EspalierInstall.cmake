@@ -10,12 +10,12 @@ install(EXPORT espalier NAMESPACE espalier:: FILE espalierTargets.cmake DESTINAT
 configure_package_config_file(cmake/espalierConfig.cmake.in ${PROJECT_BINARY_DIR}/espalierConfig.cmake
   INSTALL_DESTINATION ${package_dir})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/espalierConfigVersion.cmake COMPATIBILITY SameMinorVersion)
-install(FILES ${PROJECT_BINARY_DIR}/espalierConfig.cmake ${PROJECT_BINARY_DIR}/espalierConfigVersion.cmake
-  cmake/FindMETIS.cmake cmake/FindAMD.cmake cmake/FindHWY.cmake DESTINATION ${package_dir})
+install(FILES ${PROJECT_BINARY_DIR}/espalierConfig.cmake ${PROJECT_BINARY_DIR}/espalierConfigVersion.cmake cmake/FindHWY.cmake
+  DESTINATION ${package_dir})
 
 # pkg-config: a static library needs what it was built with on every link line, a shared one does not.
 set(requirements "fmt zlib")
-set(link_line "-lmetis -lamd -lcamd -lsuitesparseconfig -lhwy -lstdc++ -lm -pthread")
+set(link_line "-lhwy -lstdc++ -lm -pthread")
 if(BUILD_SHARED_LIBS)
   set(PC_REQUIRES_PRIVATE "${requirements}")
   set(PC_LIBS_PRIVATE "${link_line}")

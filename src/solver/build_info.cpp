@@ -1,10 +1,8 @@
 #include "solver/build_info.hpp"
 
-#include <amd.h>
 #include <fmt/format.h>
 #include <hwy/base.h>
 #include <hwy/highway.h>
-#include <metis.h>
 #include <zlib.h>
 
 namespace espalier::solver {
@@ -35,8 +33,6 @@ BuildInfo build_info() {
   info.sanitizers = ESPALIER_SANITIZE;
   info.cuda = ESPALIER_WITH_CUDA != 0;
   info.libraries = {
-      {"METIS", fmt::format("{}.{}.{}", METIS_VER_MAJOR, METIS_VER_MINOR, METIS_VER_SUBMINOR)},
-      {"AMD", fmt::format("{}.{}.{}", AMD_MAIN_VERSION, AMD_SUB_VERSION, AMD_SUBSUB_VERSION)},
       {"Highway", fmt::format("{}.{}.{}", HWY_MAJOR, HWY_MINOR, HWY_PATCH)},
       {"fmt", fmt::format("{}.{}.{}", FMT_VERSION / 10000, FMT_VERSION / 100 % 100, FMT_VERSION % 100)},
       {"zlib", ZLIB_VERSION},

@@ -118,7 +118,7 @@ class Usage(Cli):
         self.assertRegex(info["version"], r"^\d+\.\d+\.\d+$")
         self.assertGreater(info["kernels"]["gemm_flops_per_second"], 0)
         self.assertGreaterEqual(info["machine"]["cores"], 1)
-        self.assertIn("METIS", info["libraries"])
+        self.assertIn("Highway", info["libraries"])
         self.assertIn("kernels", self.expect(0, "info").stdout)
 
 
