@@ -267,7 +267,7 @@ int espalier_solve(espalier_solver* solver, const double* b, double* x, int64_t 
                    espalier_solve_info* info) {
   return guarded(solver, [&](espalier_solver& s) {
     espalier::Solver& cpp = factorized(s);
-    require(columns >= 0 && columns <= INT32_MAX, "the number of right-hand sides must lie from 0 to 2^31 - 1");
+    require(columns >= 1 && columns <= INT32_MAX, "the number of right-hand sides must lie from 1 to 2^31 - 1");
     require(transpose == ESPALIER_NO_TRANSPOSE || transpose == ESPALIER_TRANSPOSE, "transpose must be 0 or 1");
     const auto size = static_cast<std::size_t>(columns) * static_cast<std::size_t>(s.rows);
     require(size == 0 || (b != nullptr && x != nullptr), "the right-hand side or the solution is null");
