@@ -38,6 +38,12 @@ int take_scale(std::string_view& text) {
   return negative ? -scale : scale;
 }
 
+// The repeat count at the front, 1 when there is none.
+int take_repeat(std::string_view& text) {
+  const int repeat = take_number(text);
+  return repeat < 0 ? 1 : repeat;
+}
+
 // Without the blanks of `field`.
 std::string squeeze(std::string_view field) {
   std::string word;
@@ -57,31 +63,28 @@ void insert_exponent_letter(std::string& word) {
 }  // namespace
 
 std::optional<FortranFormat> parse_fortran_format(std::string_view text) {
-  std::string squeezed = lower_case(squeeze(text));
-  squeezed.erase(std::remove_if(squeezed.begin(), squeezed.end(), [](char c) { return c == '(' || c == ')'; }),
-                 squeezed.end());
+  const std::string squeezed = lower_case(squeeze(text));
   std::string_view rest = squeezed;
+  while (!rest.empty() && rest.back() == ')') rest.remove_suffix(1);
+  (void)take(rest, '(');
   FortranFormat format;
   format.scale = take_scale(rest);
-  const int repeat = take_number(rest);
-  format.per_line = repeat < 0 ? 1 : repeat;
-  if (const int scale = take_scale(rest); scale != 0) {  // 3(1PE25.16)
-    format.scale = scale;
-    const int inner = take_number(rest);
-    if (inner > 0) format.per_line *= inner;
+  format.per_line = take_repeat(rest);
+  if (take(rest, '(')) {  // 3(1PE25.16)
+    format.scale = take_scale(rest);
+    format.per_line *= take_repeat(rest);
   }
   if (rest.empty()) return std::nullopt;
   const char letter = rest[0];
   rest.remove_prefix(1);
   format.real = letter == 'd' || letter == 'e' || letter == 'f' || letter == 'g';
   if (!format.real && letter != 'i') return std::nullopt;
-  if (letter == 'e' && (take(rest, 's') || take(rest, 'n'))) {  // ES and EN read like E
-  }
+  if (letter == 'e' && !take(rest, 's')) (void)take(rest, 'n');  // ES and EN read like E
   format.width = take_number(rest);
   if (take(rest, '.')) format.decimals = std::max(0, take_number(rest));
   if (format.real && take(rest, 'e')) (void)take_number(rest);
   const bool sane = rest.empty() && format.width > 0 && format.per_line > 0 && format.width < kLargest &&
-                    format.per_line <= kLargest && format.decimals < kLargest && std::abs(format.scale) < kLargest;
+                    format.per_line < kLargest && format.decimals < kLargest && std::abs(format.scale) < kLargest;
   return sane ? std::optional(format) : std::nullopt;
 }
 

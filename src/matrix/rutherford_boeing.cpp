@@ -118,7 +118,8 @@ void read_section(Lines& lines, const FortranFormat& format, Offset count, const
   // A field is at least one character unless it is blank at the end of its line; a line holds per_line fields.
   if (count > lines.bytes_left() * format.per_line)
     fail_at(lines.source(), lines.position(),
-            fmt::format("the header promises {} {}, but only {} characters follow", count, what, lines.bytes_left()));
+            fmt::format("the header promises {} {}, but only {} characters follow: truncated?", count, what,
+                        lines.bytes_left()));
   for (Offset k = 0; k < count;) {
     const std::string_view line = lines.take(what);
     for (int f = 0; f < format.per_line && k < count; ++f, ++k) {
@@ -207,7 +208,7 @@ SparseMatrix parse_rutherford_boeing(std::string_view text, const std::string& n
   const char* indices = lines.position();
   if (header.entries > lines.bytes_left() * header.indices.per_line)
     fail_at(source, indices,
-            fmt::format("the header promises {} entries, but only {} characters follow", header.entries,
+            fmt::format("the header promises {} entries, but only {} characters follow: truncated?", header.entries,
                         lines.bytes_left()));
   RawEntries raw;
   raw.rows = static_cast<Index>(header.rows);
