@@ -1,0 +1,240 @@
+#include "dynamics/constraints/redundancy.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <queue>
+
+namespace espalier::dynamics {
+
+namespace {
+
+std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
+
+struct Entry {
+  Index index;
+  double value;
+};
+
+/// The elimination. Kept rows are stored reduced; lower_ remembers the multipliers, to express a dependent row in terms
+/// of the original ones.
+class RowElimination {
+ public:
+  RowElimination(const SparsePattern& p, ConstSpan values, double tolerance)
+      : p_(p),
+        values_(values),
+        tolerance_(tolerance),
+        work_(at(p.cols), 0.0),
+        queued_(at(p.rows), 0),
+        rank_of_(at(p.cols), -1) {}
+
+  std::vector<DependentRow> run() {
+    for (Index row = 0; row < p_.rows; ++row) eliminate(row);
+    return std::move(dependent_);
+  }
+
+ private:
+  void scatter(Index column, double value) {
+    if (work_[at(column)] == 0 && value != 0) touched_.push_back(column);
+    work_[at(column)] += value;
+    const Index k = rank_of_[at(column)];
+    if (k >= 0 && !queued_[at(k)]) {
+      queued_[at(k)] = 1;
+      queue_.push(k);
+    }
+  }
+
+  void eliminate(Index row) {
+    double size = 0;
+    touched_.clear();
+    for (Offset e = p_.ptr[at(row)]; e < p_.ptr[at(row) + 1]; ++e) {
+      size = std::max(size, std::abs(values_[at(e)]));
+      scatter(p_.ind[at(e)], values_[at(e)]);
+    }
+    std::vector<Entry> lower;
+    while (!queue_.empty()) {  // earlier pivots first
+      const Index k = queue_.top();
+      queue_.pop();
+      queued_[at(k)] = 0;
+      const double factor = work_[at(pivot_column_[at(k)])] / reduced_[at(k)].front().value;
+      if (factor == 0) continue;
+      lower.push_back({k, factor});
+      for (const Entry& e : reduced_[at(k)]) scatter(e.index, -factor * e.value);
+      work_[at(pivot_column_[at(k)])] = 0;
+    }
+    Index pivot = -1;
+    double largest = 0;
+    for (const Index c : touched_) {
+      if (rank_of_[at(c)] < 0 && std::abs(work_[at(c)]) > largest) {
+        largest = std::abs(work_[at(c)]);
+        pivot = c;
+      }
+    }
+    if (largest <= tolerance_ * size || pivot < 0) {
+      note_dependent(row, size > 0 ? largest / size : 0.0, lower);
+    } else {
+      keep(row, pivot, size, std::move(lower));
+    }
+    for (const Index c : touched_) work_[at(c)] = 0;
+  }
+
+  void keep(Index row, Index pivot, double size, std::vector<Entry> lower) {
+    std::vector<Entry> reduced = {{pivot, work_[at(pivot)]}};
+    for (const Index c : touched_) {
+      const double value = work_[at(c)];
+      work_[at(c)] = 0;
+      // Entries at round-off of the row are dropped, or they would fill the rows to come.
+      if (c != pivot && rank_of_[at(c)] < 0 && std::abs(value) > 1e-15 * size) reduced.push_back({c, value});
+    }
+    rank_of_[at(pivot)] = static_cast<Index>(reduced_.size());
+    pivot_column_.push_back(pivot);
+    reduced_.push_back(std::move(reduced));
+    lower_.push_back(std::move(lower));
+    row_of_.push_back(row);
+  }
+
+  // row = sum_k l_k reduced_k, and reduced_k = row_k - sum_j l_kj reduced_j: back substitution from the last pivot.
+  void note_dependent(Index row, double remainder, const std::vector<Entry>& lower) {
+    std::vector<double> weight(reduced_.size(), 0.0);
+    std::priority_queue<Index> open;
+    const auto add = [&](Index k, double value) {
+      if (weight[at(k)] == 0 && value != 0) open.push(k);
+      weight[at(k)] += value;
+    };
+    for (const Entry& e : lower) add(e.index, e.value);
+    std::vector<Entry> partners;
+    Index last = -1;
+    while (!open.empty()) {
+      const Index k = open.top();
+      open.pop();
+      if (k == last) continue;
+      last = k;
+      const double value = weight[at(k)];
+      if (value == 0) continue;
+      partners.push_back({row_of_[at(k)], value});
+      for (const Entry& e : lower_[at(k)]) add(e.index, -value * e.value);
+    }
+    std::sort(partners.begin(), partners.end(), [](const Entry& a, const Entry& b) {
+      return std::abs(a.value) != std::abs(b.value) ? std::abs(a.value) > std::abs(b.value) : a.index < b.index;
+    });
+    DependentRow d{row, remainder, {}, {}};
+    for (const Entry& e : partners) {
+      if (std::abs(e.value) <= 1e-9 * std::abs(partners.front().value)) break;
+      d.partners.push_back(e.index);
+      d.weights.push_back(e.value);
+    }
+    dependent_.push_back(std::move(d));
+  }
+
+  const SparsePattern& p_;
+  ConstSpan values_;
+  double tolerance_;
+  std::vector<double> work_;
+  std::vector<char> queued_;
+  std::vector<Index> rank_of_;       // pivot number of a column, -1: none
+  std::vector<Index> pivot_column_;  // column of a pivot
+  std::vector<Index> row_of_;        // original row of a pivot
+  std::vector<std::vector<Entry>> reduced_, lower_;
+  std::vector<Index> touched_;
+  std::priority_queue<Index, std::vector<Index>, std::greater<>> queue_;
+  std::vector<DependentRow> dependent_;
+};
+
+}  // namespace
+
+std::vector<DependentRow> find_dependent_rows(const SparsePattern& phi_q, ConstSpan values, double tolerance) {
+  return RowElimination(phi_q, values, tolerance).run();
+}
+
+std::vector<DependentRow> RedundancyGuard::dependent_at(double t, ConstSpan q) {
+  System& system = equations_.system();
+  std::vector<double> values(static_cast<std::size_t>(system.constraint_pattern().nonzeros()));
+  system.constraints(t, q, {}, {{}, {}, {}, values});
+  return find_dependent_rows(system.constraint_pattern(), values, options_.tolerance);
+}
+
+void RedundancyGuard::analyze(const State& state) {
+  std::vector<char> dropped(state.lambda.size(), 0);
+  const auto mark = [&](const std::vector<DependentRow>& rows) {
+    std::fill(dropped.begin(), dropped.end(), 0);
+    redundant_.clear();
+    for (const DependentRow& d : rows) {
+      dropped[static_cast<std::size_t>(d.row)] = 1;
+      RedundantConstraint r;
+      r.row = d.row;
+      r.name = equations_.system().constraint_name(d.row);
+      for (std::size_t k = 0; k < std::min<std::size_t>(4, d.partners.size()); ++k) {
+        r.partners.push_back(equations_.system().constraint_name(d.partners[k]));
+      }
+      redundant_.push_back(std::move(r));
+    }
+    equations_.set_dropped(dropped);
+  };
+  const std::vector<DependentRow> here = dependent_at(state.t, state.q);
+  mark(here);
+  if (here.empty() || here.size() == state.lambda.size()) return;
+  // Beside the configuration: a step of 1e-3 in a fixed pseudo-random direction, brought back to the constraints that
+  // are kept. If fewer rows depend there, the configuration given was singular.
+  State beside = state;
+  std::vector<double> step(state.v.size());
+  for (std::size_t i = 0; i < step.size(); ++i) step[i] = 1e-3 * std::sin(12.9898 * static_cast<double>(i + 1));
+  equations_.system().retract(state.q, step, beside.q);
+  std::fill(beside.v.begin(), beside.v.end(), 0.0);
+  try {
+    ConsistencyOptions options;
+    options.tolerance = 1e-10;
+    make_consistent(equations_, beside, options);
+  } catch (const Error&) {
+    return;  // no neighbour found: the decision at the given configuration stands
+  }
+  const std::vector<DependentRow> there = dependent_at(beside.t, beside.q);
+  if (there.size() < here.size()) mark(there);
+}
+
+ConsistencyResult RedundancyGuard::prepare(State& state, const ConsistencyOptions& options) {
+  analyze(state);
+  const ConsistencyResult result = make_consistent(equations_, state, options);
+  check(state);
+  return result;
+}
+
+void RedundancyGuard::check(const State& state) {
+  if (redundant_.empty()) return;
+  System& system = equations_.system();
+  const std::size_t m = state.lambda.size();
+  std::vector<double> phi(m), nu(m), values(static_cast<std::size_t>(system.constraint_pattern().nonzeros())), rate(m);
+  system.constraints(state.t, state.q, {}, {phi, nu, {}, values});
+  multiply_by_rows(system.constraint_pattern(), values, state.v, rate);
+  const double speed = std::max(1.0, max_norm(state.v));
+  for (RedundantConstraint& r : redundant_) {
+    const auto i = static_cast<std::size_t>(r.row);
+    r.violation = std::abs(phi[i]);
+    const double slip = std::abs(rate[i] - nu[i]) / speed;
+    if (r.violation <= options_.inconsistency && slip <= options_.inconsistency) continue;
+    const std::string partner = r.partners.empty() ? "the other constraints" : r.partners.front();
+    const bool position = r.violation > options_.inconsistency;
+    throw Error(StatusCode::invalid_input,
+                r.name + " contradicts " + partner + " at t = " + std::to_string(state.t) + ": " +
+                    (position ? "position differs by " + std::to_string(r.violation)
+                              : "velocity differs by " + std::to_string(slip * speed)) +
+                    "; correct the geometry (or the prescribed motion) of one of the two, or remove one",
+                r.row);
+  }
+}
+
+std::vector<std::string> RedundancyGuard::notices() const {
+  std::vector<std::string> lines;
+  for (const RedundantConstraint& r : redundant_) {
+    std::string line = r.name + " is redundant and is left out; it follows from ";
+    for (std::size_t k = 0; k < r.partners.size(); ++k) line += (k == 0 ? "" : ", ") + r.partners[k];
+    lines.push_back(r.partners.empty() ? r.name + " is redundant and is left out" : line);
+  }
+  return lines;
+}
+
+Index RedundancyGuard::degrees_of_freedom() const {
+  const Sizes s = equations_.sizes();
+  return s.velocity - s.constraints + static_cast<Index>(redundant_.size());
+}
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,57 @@
+/// \file
+/// The generalized-alpha method on a Lie group, index 3.
+#pragma once
+
+#include "dynamics/integrators/integrator.hpp"
+
+namespace espalier::dynamics {
+
+struct AlphaOptions {
+  double step = 1e-3;            ///< constant step size
+  double spectral_radius = 0.8;  ///< at infinite frequency (rho): 1 no damping, 0 annihilation; order 2 for any
+  double hht_alpha = 1;          ///< in [-1/3, 0]: the HHT method with this alpha instead (1: not used)
+  double tolerance = 1e-8;  ///< Newton: weighted change of q and h v relative to (relative |q| + absolute), see below
+  double relative = 1.0;    ///< weights of the Newton test: tolerance * (relative * |q_i| + absolute)
+  double absolute = 1.0;
+  double constraint_tolerance = 1e-10;  ///< of Phi
+  int max_newton = 15;
+  double refactor_rate = 0.25;  ///< a slower convergence rate asks for a new factor at the next step
+};
+
+/// Chung and Hulbert 1993, on Lie groups and for constraints as Arnold and Bruels 2007, Bruels, Cardona, Arnold 2012:
+///   q_(n+1) = q_n (+) (h v_n + h^2 (1/2 - beta) a_n + h^2 beta a_(n+1))
+///   v_(n+1) = v_n + h (1 - gamma) a_n + h gamma a_(n+1)
+///   (1 - alpha_m) a_(n+1) + alpha_m a_n = (1 - alpha_f) v'_(n+1) + alpha_f v'_n
+/// with F and Phi = 0 at t_(n+1); v' and lambda are the accelerations and multipliers of the state. The velocity and
+/// acceleration levels of the constraints are not enforced (index 3): their violations are reported, of order h^2.
+class GeneralizedAlpha final : public Integrator {
+ public:
+  GeneralizedAlpha(Equations& equations, const AlphaOptions& options);
+
+  void start(const State& state) override;
+  StepReport step(double t_limit) override;
+  [[nodiscard]] const State& state() const override { return state_; }
+
+ private:
+  enum class Outcome { converged, slow, diverged };
+  void coefficients(double h);
+  void predict();
+  void factorize(long& reason);
+  Outcome solve(StepReport& report);
+  double iterate(StepReport& report);
+
+  Equations& equations_;
+  AlphaOptions options_;
+  State state_, trial_;
+  double alpha_m_ = 0, alpha_f_ = 0, beta_ = 0, gamma_ = 0;
+  double h_ = 0;
+  double c_v_ = 0, c_q_ = 0;  // dv/da', dq/da' of the trial state (a': true acceleration)
+  double factor_c_q_ = 0;     // of the factor; 0: none
+  bool rate_poor_ = false, fresh_ = false;
+  double rate_ = 0.5;
+  std::vector<double> a_old_, a_base_, v_base_,
+      delta_base_;  // algorithmic acceleration; constant parts of the formulas
+  std::vector<double> delta_, weight_, f_, rhs_, change_;
+};
+
+}  // namespace espalier::dynamics
