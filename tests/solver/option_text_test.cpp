@@ -1,0 +1,88 @@
+// Options as text. Truth: the values that the units define, and that whatever is not understood is refused by name.
+#include "solver/option_text.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace espalier::solver {
+namespace {
+
+TEST(OptionText, BytesWithUnits) {
+  EXPECT_EQ(parse_bytes("0"), 0);
+  EXPECT_EQ(parse_bytes("4096"), 4096);
+  EXPECT_EQ(parse_bytes("4096B"), 4096);
+  EXPECT_EQ(parse_bytes("3k"), 3 * 1024);
+  EXPECT_EQ(parse_bytes("3KB"), 3 * 1024);
+  EXPECT_EQ(parse_bytes("512M"), Offset{512} << 20);
+  EXPECT_EQ(parse_bytes("2GiB"), Offset{2} << 30);
+  EXPECT_EQ(parse_bytes("2 gib"), Offset{2} << 30);
+  EXPECT_EQ(parse_bytes("1.5G"), Offset{3} << 29);
+  EXPECT_EQ(parse_bytes("4T"), Offset{4} << 40);
+}
+
+TEST(OptionText, BytesThatAreNone) {
+  for (const char* text : {"", " ", "G", "-1", "-0.5G", "2GG", "2GiBs", "2 G B", "1e3", "0x10", "nan", "inf",
+                           "99999999999T", "2,5G", "+2G"}) {
+    EXPECT_THROW(static_cast<void>(parse_bytes(text)), Error) << "'" << text << "'";
+  }
+}
+
+TEST(OptionText, EveryKeyIsKnownAndRefusesNonsense) {
+  ASSERT_GE(option_keys().size(), 13u);
+  for (const auto key : option_keys()) {
+    Options options;
+    try {
+      set_option(options, key, "nonsense");
+      FAIL() << key << " took nonsense";
+    } catch (const Error& e) {
+      EXPECT_EQ(e.status().code, StatusCode::invalid_input);
+      EXPECT_NE(std::string(e.what()).find(key), std::string::npos) << e.what();
+    }
+  }
+}
+
+TEST(OptionText, ValuesArrive) {
+  Options options;
+  set_option(options, "kind", "ldlt");
+  set_option(options, "precision", "mixed");
+  set_option(options, "device-memory", "64M");
+  set_option(options, "host_memory", "1G");
+  set_option(options, "threads", "3");
+  set_option(options, "max-block-size", "96");
+  set_option(options, "pivot_threshold", "0.125");
+  set_option(options, "matching", "off");
+  set_option(options, "refinement_steps", "0");
+  EXPECT_EQ(options.kind, Kind::ldlt);
+  EXPECT_EQ(options.precision, Precision::mixed);
+  EXPECT_EQ(options.device_memory_bytes, Offset{64} << 20);
+  EXPECT_EQ(options.host_memory_bytes, Offset{1} << 30);
+  EXPECT_EQ(options.threads, 3);
+  EXPECT_EQ(options.max_block_size, 96);
+  EXPECT_EQ(options.pivot_threshold, 0.125);
+  EXPECT_FALSE(options.matching);
+  EXPECT_EQ(options.refinement_steps, 0);
+}
+
+TEST(OptionText, Devices) {
+  for (const char* good : {"auto", "cpu", "host:1", "host:2,2,1", "gpu:all", "gpu:0", "gpu:0,3"}) {
+    Options options;
+    set_option(options, "device", good);
+    EXPECT_EQ(options.device, good);
+  }
+  for (const char* bad :
+       {"", "CPU!", "host", "host:", "host:0", "host:-1", "host:1,", "host:,1", "gpu", "gpu:a", "gpu:0;1"}) {
+    Options options;
+    EXPECT_THROW(set_option(options, "device", bad), Error) << "'" << bad << "'";
+  }
+}
+
+TEST(OptionText, Names) {
+  EXPECT_EQ(name_of(Kind::automatic), "auto");
+  EXPECT_EQ(name_of(Kind::lu), "lu");
+  EXPECT_EQ(name_of(Precision::mixed), "mixed");
+  EXPECT_EQ(name_of(StatusCode::accuracy_not_reached), "accuracy_not_reached");
+}
+
+}  // namespace
+}  // namespace espalier::solver
