@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "analysis/lazy_vector.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::analysis {
@@ -30,8 +31,8 @@ class Random {
 /// A graph with vertex and edge weights; adjacency lists without the vertex itself, not sorted.
 struct PartGraph {
   std::vector<Offset> ptr;    ///< n + 1
-  std::vector<Index> adj;     ///< ptr[n]
-  std::vector<Index> edge;    ///< ptr[n]; number of edges of the finest graph that this edge stands for
+  LazyVector<Index> adj;      ///< ptr[n]
+  LazyVector<Index> edge;     ///< ptr[n]; number of edges of the finest graph that this edge stands for
   std::vector<Index> weight;  ///< n; number of unknowns in each vertex
   Offset total = 0;           ///< sum of weight
 

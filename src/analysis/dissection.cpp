@@ -16,7 +16,9 @@ namespace {
 auto at(Index k) { return static_cast<std::size_t>(k); }
 auto at(Offset k) { return static_cast<std::size_t>(k); }
 
-constexpr Index kLeaf = 120;        // domains of at most so many vertices are ordered by minimum degree
+// Domains of at most so many vertices are ordered by minimum degree. Mean flops over six graphs against 60 vertices: 40
+// -0.3 %, 120 +1.1 %, 200 +2.7 %; 60 takes a tenth more time than 120.
+constexpr Index kLeaf = 60;
 constexpr Index kHaloLimit = 2000;  // a leaf with more vertices, halo included, goes without its halo
 
 /// A part of the graph that is still to be ordered, and its places in the elimination order.

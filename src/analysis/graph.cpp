@@ -17,7 +17,7 @@ struct Columns {
   std::span<const Offset> ptr;
   std::span<const Index> ind;
   std::vector<Offset> own_ptr;
-  std::vector<Index> own_ind;
+  LazyVector<Index> own_ind;
 
   [[nodiscard]] std::span<const Index> operator[](std::int64_t j) const {
     const auto k = static_cast<std::size_t>(j);
@@ -78,7 +78,7 @@ bool symmetric_pattern(const Columns& c, Index n, base::ThreadPool& pool) {
 /// A copy with row i renamed to name[i] (or i where `name` is empty), sorted, duplicates removed.
 Columns sort_columns(const Columns& c, Index n, std::span<const Index> name, base::ThreadPool& pool) {
   Columns out;
-  std::vector<Index> all(c.ind.size());
+  LazyVector<Index> all(c.ind.size());
   out.own_ptr.assign(static_cast<std::size_t>(n) + 1, 0);
   pool.for_each_piece(n, kColumns, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j) {

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "analysis/lazy_vector.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
 
@@ -14,7 +15,7 @@ namespace espalier::analysis {
 struct Graph {
   Index n = 0;
   std::vector<Offset> ptr;  ///< n + 1
-  std::vector<Index> adj;   ///< ptr[n]
+  LazyVector<Index> adj;    ///< ptr[n]
 
   [[nodiscard]] std::span<const Index> neighbours(Index v) const {
     const auto k = static_cast<std::size_t>(v);

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "analysis/assignment.hpp"
+#include "analysis/lazy_vector.hpp"
 
 namespace espalier::analysis {
 
@@ -16,8 +17,8 @@ auto at(Offset k) { return static_cast<std::size_t>(k); }
 /// Both triangles of a symmetric matrix of which one is stored.
 struct FullMatrix {
   std::vector<Offset> ptr;
-  std::vector<Index> row;
-  std::vector<double> value;
+  LazyVector<Index> row;
+  LazyVector<double> value;
 
   explicit FullMatrix(const MatrixView& a) : ptr(at(a.cols) + 1, 0) {
     for (Index j = 0; j < a.cols; ++j)

@@ -1,10 +1,17 @@
 #include "analysis/ordering.hpp"
 
 #include <gtest/gtest.h>
+#ifdef ESPALIER_TEST_METIS
+#include <metis.h>
+#endif
 
+#include <algorithm>
+#include <cstdlib>
 #include <numeric>
 #include <random>
 
+#include "analysis/relocation.hpp"
+#include "analysis/symbolic.hpp"
 #include "analysis/verify.hpp"
 #include "graphs.hpp"
 
@@ -39,6 +46,10 @@ double flops_of(const std::vector<Index>& counts) {
   return sum;
 }
 
+Index front_of(const AssemblyTree& tree, Index position) {
+  return static_cast<Index>(std::upper_bound(tree.first.begin(), tree.first.end(), position) - tree.first.begin()) - 1;
+}
+
 TEST(BuildTree, CountsAgreeWithDenseEliminationOnRandomPatterns) {
   base::ThreadPool pool(2);
   for (unsigned seed = 0; seed < 120; ++seed) {
@@ -56,6 +67,221 @@ TEST(BuildTree, CountsAgreeWithDenseEliminationOnRandomPatterns) {
     EXPECT_EQ(entries, statistics.nonzeros_factor) << "seed " << seed;
     EXPECT_GE(statistics.flops, statistics.flops_exact) << "seed " << seed;
   }
+}
+
+TEST(BuildTree, ClosedForms) {
+  base::ThreadPool pool(2);
+  TreeStatistics s;
+  // A chain of n fills nothing in a nested order of vertices of degree 2 beyond one entry per inner vertex: every
+  // elimination order costs at least 2 entries per column but the last.
+  ASSERT_EQ(verify_tree(chain(1000), build_tree(chain(1000), {}, pool, &s)), "");
+  EXPECT_GE(s.flops_exact, 4.0 * 999 + 1);
+  EXPECT_LE(s.flops_exact, 9.0 * 1000);
+  // A star: the leaves go first, two entries per column.
+  ASSERT_EQ(verify_tree(star(500), build_tree(star(500), {}, pool, &s)), "");
+  EXPECT_EQ(s.flops_exact, 4.0 * 499 + 1);
+  // A complete graph: one dense front.
+  const AssemblyTree full = build_tree(complete(40), {}, pool, &s);
+  EXPECT_EQ(full.fronts(), 1);
+  EXPECT_EQ(full.pivots(0), 40);
+  EXPECT_EQ(s.flops, 40.0 * 41 * 81 / 6);
+  EXPECT_EQ(s.nonzeros_factor, 40 * 41 / 2);
+}
+
+TEST(BuildTree, EmptySingleAndDiagonal) {
+  base::ThreadPool pool(2);
+  const AssemblyTree none = build_tree(graph_of_edges(0, {}), {}, pool);
+  EXPECT_EQ(none.n, 0);
+  EXPECT_EQ(none.fronts(), 0);
+  const AssemblyTree one = build_tree(graph_of_edges(1, {}), {}, pool);
+  EXPECT_EQ(verify_tree(graph_of_edges(1, {}), one), "");
+  EXPECT_EQ(one.fronts(), 1);
+  const Graph diagonal = graph_of_edges(1000000, {});
+  EXPECT_EQ(verify_tree(diagonal, build_tree(diagonal, {}, pool)), "");
+}
+
+TEST(BuildTree, DenseRowGoesLast) {
+  base::ThreadPool pool(2);
+  const Index n = 40000;
+  Edges e;
+  for (Index k = 1; k < n; ++k) e.emplace_back(0, k);
+  for (Index k = 2; k < n; ++k) e.emplace_back(k - 1, k);
+  const Graph g = graph_of_edges(n, e);
+  TreeStatistics s;
+  const AssemblyTree tree = build_tree(g, {}, pool, &s);
+  ASSERT_EQ(verify_tree(g, tree), "");
+  EXPECT_EQ(tree.order.back(), 0);
+  EXPECT_LE(s.flops_exact, 16.0 * n);  // a chain with one more entry per column
+}
+
+TEST(BuildTree, DisconnectedPartsKeepTheirFill) {
+  base::ThreadPool pool(2);
+  const Graph one = brick(12, 12, 12, 1);
+  Edges e;
+  for (Index c = 0; c < 3; ++c)
+    for (Index v = 0; v < one.n; ++v)
+      for (const Index u : one.neighbours(v)) e.emplace_back(3 * u + c, 3 * v + c);
+  const Graph three = graph_of_edges(3 * one.n, e);
+  TreeStatistics s1, s3;
+  build_tree(one, {}, pool, &s1);
+  ASSERT_EQ(verify_tree(three, build_tree(three, {}, pool, &s3)), "");
+  EXPECT_LE(s3.flops_exact, 3.3 * s1.flops_exact);  // other seeds, a tenth to spare
+}
+
+TEST(BuildTree, SameForEveryNumberOfThreads) {
+  for (const Graph& g : {brick(24, 20, 16, 3), brick(70, 60, 1, 2), star(3000)}) {
+    AssemblyTree first;
+    for (const int threads : {1, 2, 4}) {
+      base::ThreadPool pool(threads);
+      for (int repeat = 0; repeat < 2; ++repeat) {
+        const AssemblyTree tree = build_tree(g, {}, pool);
+        if (first.n == 0) first = tree;
+        ASSERT_EQ(tree.order, first.order) << threads << " threads";
+        ASSERT_EQ(tree.first, first.first);
+        ASSERT_EQ(tree.parent, first.parent);
+        ASSERT_EQ(tree.row_ptr, first.row_ptr);
+        ASSERT_EQ(tree.rows, first.rows);
+      }
+    }
+  }
+}
+
+TEST(BuildTree, NeedsNoMoreWorkThanMetis) {
+#ifndef ESPALIER_TEST_METIS
+  GTEST_SKIP() << "METIS was not found";
+#else
+  base::ThreadPool pool(2);
+  for (const Graph& g : {brick(20, 21, 21, 3), brick(120, 121, 2, 3), brick(60, 12, 12, 3)}) {
+    TreeStatistics ours, metis;
+    ASSERT_EQ(verify_tree(g, build_tree(g, {}, pool, &ours)), "");
+    const CompressedGraph c = compress(g, {}, pool);
+    std::vector<idx_t> ptr(c.graph.ptr.begin(), c.graph.ptr.end()), adj(c.graph.adj.begin(), c.graph.adj.end());
+    std::vector<idx_t> weight(c.weight), order(c.weight.size()), position(c.weight.size());
+    idx_t n = c.graph.n;
+    ASSERT_EQ(METIS_NodeND(&n, ptr.data(), adj.data(), weight.data(), nullptr, order.data(), position.data()),
+              METIS_OK);
+    symbolic_tree(c, order, pool, metis);
+    EXPECT_LE(ours.flops_exact, 1.03 * metis.flops_exact);  // the bound that the project sets
+    EXPECT_LE(ours.flops, 1.1 * ours.flops_exact);          // what amalgamation may add on systems of this size
+  }
+#endif
+}
+
+TEST(BuildTree, CallersPermutation) {
+  base::ThreadPool pool(2);
+  for (unsigned seed = 0; seed < 40; ++seed) {
+    std::mt19937 random(seed);
+    const Index n = 1 + static_cast<Index>(random() % 50);
+    const Graph g = graph_of_edges(n, random_edges(n, 2 * n, random));
+    std::vector<Index> order(static_cast<std::size_t>(n));
+    std::iota(order.begin(), order.end(), 0);
+    std::shuffle(order.begin(), order.end(), random);
+    TreeOptions options;
+    options.permutation = order;
+    TreeStatistics s;
+    ASSERT_EQ(verify_tree(g, build_tree(g, options, pool, &s)), "") << "seed " << seed;
+    EXPECT_EQ(s.flops_exact, flops_of(dense_column_counts(g, order))) << "seed " << seed;
+  }
+  const std::vector<Index> wrong{0, 2, 2};
+  TreeOptions options;
+  options.permutation = wrong;
+  EXPECT_THROW(build_tree(chain(3), options, pool), Error);
+  EXPECT_THROW(build_tree(chain(4), options, pool), Error);
+}
+
+TEST(BuildTree, PairsShareAFront) {
+  base::ThreadPool pool(2);
+  for (unsigned seed = 0; seed < 60; ++seed) {
+    std::mt19937 random(seed);
+    const Index n = 20 + static_cast<Index>(random() % 400);
+    const Graph g = graph_of_edges(n, random_edges(n, 2 * n, random));
+    std::vector<Index> pair(static_cast<std::size_t>(n));
+    std::iota(pair.begin(), pair.end(), 0);
+    for (Index v = 0; v < n; ++v)
+      for (const Index u : g.neighbours(v))
+        if (pair[static_cast<std::size_t>(v)] == v && pair[static_cast<std::size_t>(u)] == u && random() % 2 == 0)
+          std::swap(pair[static_cast<std::size_t>(v)], pair[static_cast<std::size_t>(u)]);
+    std::vector<Index> own(static_cast<std::size_t>(n));
+    std::iota(own.begin(), own.end(), 0);
+    std::shuffle(own.begin(), own.end(), random);
+    TreeOptions options;
+    options.pair = pair;
+    if (seed % 2 == 0) options.permutation = own;
+    const AssemblyTree tree = build_tree(g, options, pool);
+    ASSERT_EQ(verify_tree(g, tree), "") << "seed " << seed;
+    std::vector<Index> position(static_cast<std::size_t>(n));
+    for (Index k = 0; k < n; ++k) position[static_cast<std::size_t>(tree.order[static_cast<std::size_t>(k)])] = k;
+    for (std::size_t v = 0; v < pair.size(); ++v) {
+      const Index a = position[v], b = position[static_cast<std::size_t>(pair[v])];
+      EXPECT_LE(std::abs(a - b), 1) << "seed " << seed;
+      EXPECT_EQ(front_of(tree, a), front_of(tree, b)) << "seed " << seed;
+    }
+  }
+}
+
+TEST(BuildTree, MultipliersComeAfterWhatTheyTouch) {
+  base::ThreadPool pool(2);
+  for (unsigned seed = 0; seed < 60; ++seed) {
+    std::mt19937 random(seed);
+    const Index n = 30 + static_cast<Index>(random() % 500), multipliers = n / 6;
+    Edges e = random_edges(n - multipliers, 2 * n, random);
+    for (Index m = n - multipliers; m < n; ++m)
+      for (int k = 0; k < 4; ++k)
+        e.emplace_back(m, static_cast<Index>(random() % static_cast<unsigned>(n - multipliers)));
+    const Graph g = graph_of_edges(n, e);
+    std::vector<char> zero(static_cast<std::size_t>(n), 0);
+    std::fill(zero.end() - multipliers, zero.end(), 1);
+    TreeOptions options;
+    options.zero_diagonal = zero;
+    const AssemblyTree tree = build_tree(g, options, pool);
+    ASSERT_EQ(verify_tree(g, tree), "") << "seed " << seed;
+    std::vector<Index> position(static_cast<std::size_t>(n));
+    for (Index k = 0; k < n; ++k) position[static_cast<std::size_t>(tree.order[static_cast<std::size_t>(k)])] = k;
+    for (Index m = n - multipliers; m < n; ++m)
+      for (const Index u : g.neighbours(m)) {
+        const Index a = position[static_cast<std::size_t>(m)], b = position[static_cast<std::size_t>(u)];
+        EXPECT_TRUE(a > b || front_of(tree, a) == front_of(tree, b)) << "seed " << seed << " multiplier " << m;
+      }
+  }
+}
+
+TEST(RelocatePivots, TreeStaysValidAndColumnsMoveOneFrontUp) {
+  base::ThreadPool pool(2);
+  int moved_up = 0, vanished = 0;
+  for (unsigned seed = 0; seed < 150; ++seed) {
+    std::mt19937 random(seed);
+    const Index n = 2 + static_cast<Index>(random() % 300);
+    const Graph g = graph_of_edges(n, random_edges(n, n + n / 2, random));
+    AssemblyTree tree = build_tree(g, {}, pool);
+    for (int round = 0; round < 3; ++round) {
+      const AssemblyTree before = tree;
+      std::vector<Index> positions;
+      const unsigned share = 2 + seed % 9;
+      for (Index p = 0; p < n; ++p)
+        if (random() % share == 0 || (round == 1 && front_of(tree, p) % 3 == 0)) positions.push_back(p);
+      relocate_pivots(tree, positions);
+      ASSERT_EQ(verify_tree(g, tree), "") << "seed " << seed << " round " << round;
+      vanished += before.fronts() - tree.fronts();
+      std::vector<Index> place(static_cast<std::size_t>(n));
+      for (Index k = 0; k < n; ++k) place[static_cast<std::size_t>(tree.order[static_cast<std::size_t>(k)])] = k;
+      for (const Index p : positions) {
+        // It now shares a front with the old parent's last pivot that stayed, and stands behind all of those.
+        const Index f = front_of(before, p), parent = before.parent[static_cast<std::size_t>(f)];
+        const Index home = parent < 0 ? f : parent;
+        moved_up += parent >= 0 ? 1 : 0;
+        const Index now = place[static_cast<std::size_t>(before.order[static_cast<std::size_t>(p)])];
+        for (Index q = before.first[static_cast<std::size_t>(home)];
+             q < before.first[static_cast<std::size_t>(home) + 1]; ++q) {
+          if (std::find(positions.begin(), positions.end(), q) != positions.end()) continue;
+          const Index there = place[static_cast<std::size_t>(before.order[static_cast<std::size_t>(q)])];
+          ASSERT_EQ(front_of(tree, now), front_of(tree, there));
+          ASSERT_GT(now, there);
+        }
+      }
+    }
+  }
+  EXPECT_GT(moved_up, 100);
+  EXPECT_GT(vanished, 10);
 }
 
 }  // namespace
