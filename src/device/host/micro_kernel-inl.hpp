@@ -138,9 +138,9 @@ struct Tile {
       b += step;
     }
   }
-  /// The same with B(j, k) at b[j * P + k]: k runs along the rows of a panel.
+  /// The same with B(j, k) at b[j * stride + k].
   template <bool kAdd>
-  HWY_INLINE void multiply_rows(std::int64_t k, Operand<T> a, const T* HWY_RESTRICT b) {
+  HWY_INLINE void multiply_rows(std::int64_t k, Operand<T> a, const T* HWY_RESTRICT b, std::int64_t stride) {
     const Tag<T> tag;
     const T* HWY_RESTRICT pa = a.p;
     for (std::int64_t l = 0; l < k; ++l) {
@@ -149,7 +149,7 @@ struct Tile {
       for (int i = 0; i < kRows; ++i) x[i] = hn::LoadU(tag, pa + offset(i, a.panel));
       HWY_UNROLL(8)
       for (int j = 0; j < NR; ++j) {
-        const Vector<T> y = hn::Set(tag, b[j * kPanel<T> + l]);
+        const Vector<T> y = hn::Set(tag, b[j * stride + l]);
         HWY_UNROLL(24)
         for (int i = 0; i < kRows; ++i) v[j][i] = kAdd ? hn::MulAdd(x[i], y, v[j][i]) : hn::NegMulAdd(x[i], y, v[j][i]);
       }
@@ -160,7 +160,7 @@ struct Tile {
 
 /// C -= A B^T (kAdd false) or C = A B^T (kAdd true) for one register tile.
 template <class T, int MP, int NR, bool kAdd>
-HWY_NOINLINE void tile_product(std::int64_t k, Operand<T> a, const T* b, std::int64_t b_step, Result<T> c) {
+HWY_INLINE void tile_product(std::int64_t k, Operand<T> a, const T* b, std::int64_t b_step, Result<T> c) {
   Tile<T, MP, NR> tile;
   if constexpr (kAdd) {
     tile.zero();
@@ -171,15 +171,23 @@ HWY_NOINLINE void tile_product(std::int64_t k, Operand<T> a, const T* b, std::in
   tile.store(c);
 }
 
-/// tile_product for 1 <= columns <= kTileColumns.
-template <class T, int MP, bool kAdd, int NR = kTileColumns>
-HWY_INLINE void tile_product(std::int64_t columns, std::int64_t k, Operand<T> a, const T* b, std::int64_t b_step,
-                             Result<T> c) {
-  if (columns == NR) {
-    tile_product<T, MP, NR, kAdd>(k, a, b, b_step, c);
-  } else if constexpr (NR > 1) {
-    tile_product<T, MP, kAdd, NR - 1>(columns, k, a, b, b_step, c);
+/// The last 1 <= columns < kTileColumns of a row group.
+template <class T, int MP, bool kAdd, int NR = kTileColumns - 1>
+HWY_NOINLINE void narrow_product(std::int64_t columns, std::int64_t k, Operand<T> a, const T* b, std::int64_t b_step,
+                                 Result<T> c) {
+  if constexpr (NR > 0) {
+    if (columns == NR) return tile_product<T, MP, NR, kAdd>(k, a, b, b_step, c);
+    return narrow_product<T, MP, kAdd, NR - 1>(columns, k, a, b, b_step, c);
   }
+}
+
+/// MP row panels against n columns.
+template <class T, int MP, bool kAdd>
+HWY_NOINLINE void group_product(std::int64_t n, std::int64_t k, Operand<T> a, Operand<T> b, Result<T> c) {
+  std::int64_t j = 0;
+  for (; j + kTileColumns <= n; j += kTileColumns)
+    tile_product<T, MP, kTileColumns, kAdd>(k, a, b.element(j, 0), b.step, c.at(0, j));
+  if (j < n) narrow_product<T, MP, kAdd>(n - j, k, a, b.element(j, 0), b.step, c.at(0, j));
 }
 
 /// Panels of the next row group when `left` panels are left: as many as fit a register tile, without leaving a single
@@ -189,26 +197,17 @@ inline int group_panels(std::int64_t left) {
   return static_cast<int>(left + 1) / 2;
 }
 
-/// One row group of 1..kTilePanels panels against `n` columns: C op A B^T.
+/// One row group of 1..kTilePanels panels against n columns: C -= A B^T or (kAdd) C = A B^T.
 template <class T, bool kAdd>
-void group_product(int panels, std::int64_t n, std::int64_t k, Operand<T> a, Operand<T> b, Result<T> c) {
-  for (std::int64_t j = 0; j < n; j += kTileColumns) {
-    const std::int64_t columns = std::min<std::int64_t>(kTileColumns, n - j);
-    const Result<T> cj = c.at(0, j);
-    if constexpr (kTilePanels > 2) {
-      if (panels == 3) {
-        tile_product<T, 3, kAdd>(columns, k, a, b.element(j, 0), b.step, cj);
-        continue;
-      }
-    }
-    if constexpr (kTilePanels > 1) {
-      if (panels == 2) {
-        tile_product<T, 2, kAdd>(columns, k, a, b.element(j, 0), b.step, cj);
-        continue;
-      }
-    }
-    tile_product<T, 1, kAdd>(columns, k, a, b.element(j, 0), b.step, cj);
+HWY_INLINE void group_product(int panels, std::int64_t n, std::int64_t k, const Operand<T>& a, const Operand<T>& b,
+                              const Result<T>& c) {
+  if constexpr (kTilePanels > 2) {
+    if (panels == 3) return group_product<T, 3, kAdd>(n, k, a, b, c);
   }
+  if constexpr (kTilePanels > 1) {
+    if (panels == 2) return group_product<T, 2, kAdd>(n, k, a, b, c);
+  }
+  group_product<T, 1, kAdd>(n, k, a, b, c);
 }
 
 /// C(i, j) -= A B^T for j in [begin, end) and i in [j, m) at least (whole panels of rows are updated); indices count in

@@ -13,21 +13,36 @@ HWY_BEFORE_NAMESPACE();
 namespace espalier::device::host::HWY_NAMESPACE {
 namespace {
 
+/// Depth of one pass over C: a row group of 24 x 160 doubles and its column panels stay in a 48 KiB first-level cache.
+inline constexpr std::int64_t kDepth = 160;
+
+/// Length of each of the fewest equal passes of at most kDepth.
+std::int64_t pass_depth(std::int64_t k) {
+  const std::int64_t passes = std::max<std::int64_t>(1, (k + kDepth - 1) / kDepth);
+  return (k + passes - 1) / passes;
+}
+
 template <class T>
 void gemm_nt(std::int64_t m, std::int64_t n, std::int64_t k, const T* a, const T* b, T* c, std::int64_t ld) {
   const Operand<T> left = panels_of(a, k), right = panels_of(b, k);
   const Result<T> result = scratch_of(c, ld);
   constexpr std::int64_t p = kPanel<T>;
-  for (std::int64_t i = 0; i < m;) {
-    const int panels = group_panels((m - i + p - 1) / p);
-    group_product<T, false>(panels, n, k, left.at(i, 0), right, result.at(i, 0));
-    i += panels * p;
+  const std::int64_t depth = pass_depth(k);
+  for (std::int64_t l = 0; l < k; l += depth) {
+    for (std::int64_t i = 0; i < m;) {
+      const int panels = group_panels((m - i + p - 1) / p);
+      group_product<T, false>(panels, n, std::min(depth, k - l), left.at(i, l), right.at(0, l), result.at(i, 0));
+      i += panels * p;
+    }
   }
 }
 
 template <class T>
 void syrk_nt(std::int64_t m, std::int64_t n, std::int64_t k, const T* a, const T* b, T* c, std::int64_t ld) {
-  lower_product<T>(m, 0, n, k, panels_of(a, k), panels_of(b, k), scratch_of(c, ld));
+  const Operand<T> left = panels_of(a, k), right = panels_of(b, k);
+  const std::int64_t depth = pass_depth(k);
+  for (std::int64_t l = 0; l < k; l += depth)
+    lower_product<T>(m, 0, n, std::min(depth, k - l), left.at(0, l), right.at(0, l), scratch_of(c, ld));
 }
 
 template <class T>

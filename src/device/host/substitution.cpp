@@ -84,7 +84,7 @@ HWY_NOINLINE void transposed_tile(std::int64_t panels, std::int64_t depth, std::
     tile.load(result);
   }
   for (std::int64_t q = 0; q < panels; ++q, a += depth * kPanel<T>, x += kPanel<T> * nr)
-    tile.template multiply_rows<kAssign>(kPanel<T>, scratch_of(x, nr), a);
+    tile.template multiply_rows<kAssign>(kPanel<T>, scratch_of(x, nr), a, kPanel<T>);
   tile.store(result);
 }
 
