@@ -94,6 +94,8 @@ struct TileRule {
   Index whole_rows = 96;     ///< a front of at most that many rows and ...
   Index whole_pivots = 64;   ///< ... at most that many pivots is one task with one pivot tile
   Index max_block_size = 0;  ///< widest tile; 0: by front size
+  Index narrow_rows = 0;     ///< fronts of at most that many rows are cut into tiles of at most ...
+  Index narrow_width = 0;    ///< ... this width; 0: no such rule
   bool even = true;          ///< true: tiles of a front are of even width; false: all but the last as wide as allowed
 };
 

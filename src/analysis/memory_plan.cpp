@@ -117,7 +117,8 @@ struct Region {
 
 class MemoryPlanner {
  public:
-  explicit MemoryPlanner(Plan& plan) : plan_(plan), m_(plan.memory), fronts_(plan.fronts()) {}
+  MemoryPlanner(Plan& plan, const ArraySizes* sizes)
+      : plan_(plan), sizes_(sizes), m_(plan.memory), fronts_(plan.fronts()) {}
 
   void run() {
     m_ = MemoryPlan{};
@@ -140,8 +141,12 @@ class MemoryPlanner {
     const Offset p = plan_.options.tiles.panel;
     return (x + p - 1) / p * p;
   }
-  [[nodiscard]] Offset factor_entries(Index f) const { return round(plan_.layout[f].factor_size()); }
-  [[nodiscard]] Offset contribution_entries(Index f) const { return round(plan_.layout[f].contribution_size()); }
+  [[nodiscard]] Offset factor_entries(Index f) const {
+    return sizes_ != nullptr ? sizes_->factor[f] : round(plan_.layout[f].factor_size());
+  }
+  [[nodiscard]] Offset contribution_entries(Index f) const {
+    return sizes_ != nullptr ? sizes_->contribution[f] : round(plan_.layout[f].contribution_size());
+  }
 
   void place_stack(const Task& task) {
     Offset top = 0;
@@ -260,6 +265,7 @@ class MemoryPlanner {
   };
 
   Plan& plan_;
+  const ArraySizes* sizes_;
   MemoryPlan& m_;
   Index fronts_;
   Heap heap_;
@@ -271,6 +277,6 @@ class MemoryPlanner {
 
 }  // namespace
 
-void plan_memory(Plan& plan) { MemoryPlanner(plan).run(); }
+void plan_memory(Plan& plan, const ArraySizes* sizes) { MemoryPlanner(plan, sizes).run(); }
 
 }  // namespace espalier::analysis

@@ -101,8 +101,14 @@ struct Plan {
 Plan make_plan(AssemblyTree tree, const MatrixView& a, const std::vector<Index>& row_of_col, const PlanOptions& options,
                base::ThreadPool& pool);
 
-/// Memory for a task list: fills plan.memory from plan.tasks.
-void plan_memory(Plan& plan);
+/// Sizes of a front's arrays in elements, where a backend lays them out differently from FrontLayout.
+struct ArraySizes {
+  std::vector<Offset> factor;        ///< fronts; of L alone
+  std::vector<Offset> contribution;  ///< fronts; of the lower part alone
+};
+
+/// Memory for a task list: fills plan.memory from plan.tasks. sizes: null for those of FrontLayout.
+void plan_memory(Plan& plan, const ArraySizes* sizes = nullptr);
 
 /// Work of one front: L L^T or L D L^T; twice that for L U.
 double front_flops(Index pivots, Index rows, bool unsymmetric);

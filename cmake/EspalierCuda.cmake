@@ -1,0 +1,17 @@
+# espalier_add_cuda(module): adds src/<module>/cuda/*.cu to the module where ESPALIER_CUDA is on; else the module's stubs
+# stand in. The runtime is linked statically, so the same binary works where there is no driver.
+function(espalier_add_cuda module)
+  set(folder ${CMAKE_CURRENT_SOURCE_DIR}/${module}/cuda)
+  set_source_files_properties(${folder}/cuda_absent.cpp ${folder}/cuda_executor.cpp PROPERTIES
+    COMPILE_DEFINITIONS ESPALIER_WITH_CUDA=$<BOOL:${ESPALIER_CUDA}>)
+  if(NOT ESPALIER_CUDA)
+    return()
+  endif()
+  file(GLOB sources CONFIGURE_DEPENDS ${folder}/*.cu)
+  target_sources(espalier_${module} PRIVATE ${sources})
+  # CMake 3.25 does not know that nvcc 13 speaks C++20.
+  target_compile_options(espalier_${module} PRIVATE $<$<COMPILE_LANGUAGE:CUDA>:-std=c++20 -lineinfo>)
+  set_target_properties(espalier_${module} PROPERTIES CUDA_RUNTIME_LIBRARY Static)
+  target_link_libraries(espalier_${module} PUBLIC CUDA::cudart_static)
+  set_property(GLOBAL APPEND PROPERTY ESPALIER_EXTERNAL_LIBRARIES CUDA::cudart_static)
+endfunction()

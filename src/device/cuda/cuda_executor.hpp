@@ -1,0 +1,61 @@
+/// \file
+/// The CUDA backend: carries out a plan on one GPU. The header needs no CUDA; where the backend was not built, every
+/// call but available_devices() throws.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "device/cuda/device_plan.hpp"
+#include "device/executor.hpp"
+
+namespace espalier::device::cuda {
+
+struct DeviceInfo {
+  std::string name;
+  std::string driver;  ///< "13.0": the newest CUDA that the driver speaks
+  int compute_major = 0, compute_minor = 0;
+  int multiprocessors = 0;
+  Offset total_bytes = 0;
+  Offset free_bytes = 0;
+};
+
+/// The GPUs that this process can use, and, when there are none, why.
+struct Availability {
+  std::vector<DeviceInfo> devices;
+  std::string reason;
+};
+Availability available_devices();
+
+struct CudaOptions {
+  int device = 0;
+  Offset memory_bytes = 0;       ///< budget; 0: what is free
+  double patience_seconds = 30;  ///< a wait between blocks that lasts longer ends the run with an error
+};
+
+/// Executor with calls for values and right-hand sides that already lie in device memory. Every call returns when the
+/// GPU has finished. Refactorizations and solves replay CUDA graphs and take no memory.
+template <class T>
+class CudaExecutor : public Executor<T> {
+ public:
+  /// Like factorize(); `values` is device memory.
+  virtual FactorOutcome factorize_device(const T* values) = 0;
+  /// Repeats the numeric work on the values of the last call; no check of the outcome. @returns seconds on the GPU
+  virtual double refactorize_again() = 0;
+  /// Like solve(); x is device memory. @returns seconds on the GPU
+  virtual double solve_device(T* x, Index columns, bool transpose) = 0;
+  /// A device buffer of the executor for n x columns right-hand sides, and copies to and from it.
+  virtual T* device_rhs(Index columns) = 0;
+  virtual void to_device(T* to, const T* from, Offset count) = 0;
+  virtual void from_device(T* to, const T* from, Offset count) = 0;
+};
+
+/// Takes all device memory that the factorization needs.
+/// @param plan  made with cuda_plan_options(kind); must outlive the executor
+/// @throws Error(out_of_memory) naming the bytes needed; Error(device_error) with the failing call
+template <class T>
+std::unique_ptr<CudaExecutor<T>> make_cuda_executor(const analysis::Plan& plan, Kind kind, const PivotRule& rule,
+                                                    const CudaOptions& options = {});
+
+}  // namespace espalier::device::cuda

@@ -1,0 +1,145 @@
+/// \file
+/// Owners of CUDA objects, and the check that turns a failed call into an Error.
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/memory.hpp"
+#include "espalier/types.hpp"
+
+namespace espalier::device::cuda {
+
+/// @throws Error(device_error) "<call>: <name> (<text>)"
+inline void check(cudaError_t e, const char* call) {
+  if (e == cudaSuccess) return;
+  (void)cudaGetLastError();
+  throw Error(StatusCode::device_error,
+              std::string(call) + ": " + cudaGetErrorName(e) + " (" + cudaGetErrorString(e) + ")");
+}
+
+/// Device memory of one executor, counted against its budget.
+class DeviceBudget {
+ public:
+  explicit DeviceBudget(Offset limit) : limit_(limit) {}
+  void take(Offset bytes, Offset in_all) {
+    if (held_ + bytes > limit_)
+      throw Error(StatusCode::out_of_memory, "the factorization needs " + base::format_bytes(in_all) +
+                                                 " of device memory, but " + base::format_bytes(limit_) +
+                                                 " are available; give it more with --device-memory or use the host");
+    held_ += bytes;
+  }
+  [[nodiscard]] Offset held() const { return held_; }
+
+ private:
+  Offset limit_;
+  Offset held_ = 0;
+};
+
+/// An array in device memory.
+template <class T>
+class DeviceArray {
+ public:
+  DeviceArray() = default;
+  DeviceArray(Offset size, DeviceBudget& budget, Offset in_all) : size_(size) {
+    if (size == 0) return;
+    budget.take(bytes(), in_all);
+    check(cudaMalloc(reinterpret_cast<void**>(&data_), static_cast<std::size_t>(bytes())), "cudaMalloc");
+  }
+  DeviceArray(DeviceArray&& o) noexcept : data_(std::exchange(o.data_, nullptr)), size_(std::exchange(o.size_, 0)) {}
+  DeviceArray& operator=(DeviceArray&& o) noexcept {
+    std::swap(data_, o.data_);
+    std::swap(size_, o.size_);
+    return *this;
+  }
+  DeviceArray(const DeviceArray&) = delete;
+  DeviceArray& operator=(const DeviceArray&) = delete;
+  ~DeviceArray() {
+    if (data_ != nullptr) (void)cudaFree(data_);
+  }
+  [[nodiscard]] T* data() const { return data_; }
+  [[nodiscard]] Offset size() const { return size_; }
+  [[nodiscard]] Offset bytes() const { return size_ * static_cast<Offset>(sizeof(T)); }
+
+ private:
+  T* data_ = nullptr;
+  Offset size_ = 0;
+};
+
+/// A stream, an event pair for timing, and graphs, released without throwing.
+class Stream {
+ public:
+  Stream() {
+    check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "cudaStreamCreate");
+    check(cudaEventCreate(&begin_), "cudaEventCreate");
+    check(cudaEventCreate(&end_), "cudaEventCreate");
+  }
+  Stream(const Stream&) = delete;
+  Stream& operator=(const Stream&) = delete;
+  ~Stream() {
+    (void)cudaEventDestroy(begin_);
+    (void)cudaEventDestroy(end_);
+    (void)cudaStreamDestroy(stream_);
+  }
+  [[nodiscard]] cudaStream_t get() const { return stream_; }
+  void wait() const { check(cudaStreamSynchronize(stream_), "cudaStreamSynchronize"); }
+  /// Runs `work` between two events and waits. @returns seconds between them
+  template <class Work>
+  double timed(Work&& work) const {
+    check(cudaEventRecord(begin_, stream_), "cudaEventRecord");
+    work();
+    check(cudaEventRecord(end_, stream_), "cudaEventRecord");
+    check(cudaEventSynchronize(end_), "cudaEventSynchronize");
+    float milliseconds = 0;
+    check(cudaEventElapsedTime(&milliseconds, begin_, end_), "cudaEventElapsedTime");
+    return 1e-3 * static_cast<double>(milliseconds);
+  }
+
+ private:
+  cudaStream_t stream_ = nullptr;
+  cudaEvent_t begin_ = nullptr;
+  cudaEvent_t end_ = nullptr;
+};
+
+class Graph {
+ public:
+  Graph() = default;
+  Graph(Graph&& o) noexcept : exec_(std::exchange(o.exec_, nullptr)) {}
+  Graph& operator=(Graph&& o) noexcept {
+    std::swap(exec_, o.exec_);
+    return *this;
+  }
+  Graph(const Graph&) = delete;
+  Graph& operator=(const Graph&) = delete;
+  ~Graph() {
+    if (exec_ != nullptr) (void)cudaGraphExecDestroy(exec_);
+  }
+  /// Records what `work` enqueues on the stream.
+  template <class Work>
+  static Graph record(cudaStream_t stream, Work&& work) {
+    check(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal), "cudaStreamBeginCapture");
+    cudaGraph_t graph = nullptr;
+    try {
+      work();
+    } catch (...) {
+      (void)cudaStreamEndCapture(stream, &graph);
+      if (graph != nullptr) (void)cudaGraphDestroy(graph);
+      throw;
+    }
+    check(cudaStreamEndCapture(stream, &graph), "cudaStreamEndCapture");
+    Graph g;
+    const auto e = cudaGraphInstantiate(&g.exec_, graph, 0);
+    (void)cudaGraphDestroy(graph);
+    check(e, "cudaGraphInstantiate");
+    return g;
+  }
+  void launch(cudaStream_t stream) const { check(cudaGraphLaunch(exec_, stream), "cudaGraphLaunch"); }
+
+ private:
+  cudaGraphExec_t exec_ = nullptr;
+};
+
+}  // namespace espalier::device::cuda

@@ -1,0 +1,42 @@
+/// \file
+/// From a plan to the tables of the CUDA backend: its own arena, row blocks instead of tiles, and the order of tasks.
+#pragma once
+
+#include <vector>
+
+#include "analysis/plan.hpp"
+#include "device/cuda/tables.hpp"
+
+namespace espalier::device::cuda {
+
+/// Knobs of the plan that were chosen by measurement (docs/performance.md, "GPU tile widths").
+struct DeviceTuning {
+  Index narrow_rows = 1024;  ///< fronts of at most that many rows have tile columns of 32, larger ones of 64
+  Index whole_rows = 80;     ///< a front of at most that many rows and ...
+  Index whole_pivots = 48;   ///< ... at most that many pivots is one task
+  Offset group_entries = Offset{1} << 27;  ///< see PlanOptions
+  Index reuse_distance = 4096;             ///< see PlanOptions
+};
+
+/// How a plan for this backend is to be made. The executor accepts no other plan.
+analysis::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning = {});
+
+/// The tables. Tasks [0, narrow_tasks) touch only fronts that, with all below them, have narrow tiles; they are run by
+/// a kernel with more blocks on each multiprocessor.
+struct DevicePlan {
+  std::vector<Front> fronts;
+  std::vector<Link> links;           ///< children, in the order in which their contributions are added
+  std::vector<std::int32_t> bounds;  ///< see Link
+  std::vector<std::int32_t> waits;   ///< fronts whose memory is reused: they must be finished first
+  std::vector<FactorTask> tasks;     ///< in topological order
+  std::int64_t narrow_tasks = 0;
+  std::vector<SolveTask> up;    ///< forward substitution, in topological order
+  std::vector<SolveTask> down;  ///< backward substitution, in topological order
+  std::int64_t flags = 0;
+  std::int64_t arena = 0;  ///< elements
+};
+
+/// @throws std::invalid_argument when the plan was not made with cuda_plan_options()
+DevicePlan make_device_plan(const analysis::Plan& plan, Kind kind);
+
+}  // namespace espalier::device::cuda

@@ -1,0 +1,352 @@
+/// \file
+/// The three kinds of tasks of the factorization. Each is carried out by one block of threads; all of its shared memory
+/// is one area that serves in turn as scratch for assembly, as pipeline, and as operands of the last product.
+#pragma once
+
+#include "device/cuda/assemble.cuh"
+#include "device/cuda/diagonal.cuh"
+#include "espalier/types.hpp"
+
+namespace espalier::device::cuda {
+
+/// What a task works with.
+template <class T>
+struct Workshop {
+  const FactorState<T>* state;
+  Pipeline<T> pipe;  ///< pipe.stages is the area
+  AssembleScratch* scratch;
+  int n;
+};
+
+/// Makes the task's writes visible and sets its flags.
+template <class T>
+__device__ void finish_task(const FactorState<T>& s, int front, std::int64_t flag, int part, bool both) {
+  fence_copies();
+  __syncthreads();
+  if (threadIdx.x == 0) {
+    store_release(s.flags(part) + flag, 1);
+    if (both) store_release(s.flags(1) + flag, 1);
+    add_release(s.finished + front, 1);
+  }
+}
+
+/// Memory that this front takes over must no longer be read by those that had it before.
+template <class T>
+__device__ void wait_for_memory(const FactorState<T>& s, const Front& f) {
+  for (int w = f.wait_begin + static_cast<int>(threadIdx.x); w < f.wait_end; w += kThreads)
+    wait_for(s.finished + s.waits[w], s.fronts[s.waits[w]].tasks, s.control, s.patience);
+  __syncthreads();
+}
+
+template <class T>
+__device__ inline void zero_area(T* area, int count) {
+  for (int x = threadIdx.x; x < count; x += kThreads) area[x] = T(0);
+}
+
+/// Array that holds A's operand (which 0) or B's (which 1) of a product for `part`; array 0 is L, array 1 the second
+/// one.
+template <Kind K>
+__device__ constexpr int operand_array(int part, int which) {
+  if (K == Kind::lu) return which == 0 ? part : 1 - part;
+  return K == Kind::ldlt && which == 0 ? 1 : 0;
+}
+template <class T>
+__device__ inline T* array_of(const FactorState<T>& s, const Front& f, int array) {
+  return s.arena + (array == 0 ? f.factor : f.second);
+}
+
+/// acc = -(entries and children) for the target, through the area; zero where there is nothing to gather.
+template <class T, Kind K, class S>
+__device__ void gather(Accumulator<T, S>& acc, Workshop<T>& w, const Front& f, const Target<T>& x) {
+  const Corner<S> at;
+  const bool any = x.tile_col < f.pivot_tiles || f.link_begin < f.link_end;
+  if (any) {
+    zero_area(w.pipe.stages, S::kLd * S::kWidth);
+    __syncthreads();
+    assemble<T, K == Kind::lu>(*w.state, f, x, *w.scratch);
+  }
+  for_each_element<S>(at,
+                      [&](int m, int n, int e, int r, int c) { acc[m][n][e] = any ? -x.to[c * S::kLd + r] : T(0); });
+  fence_copies();
+  __syncthreads();
+}
+
+/// Largest magnitudes of L are compared with the bound; the columns that exceed it are marked.
+template <class T>
+__device__ inline void check_growth(const FactorState<T>& s, T l, int position) {
+  if (l > s.growth() || l < -s.growth() || l != l) {
+    s.failed[position] = 1;
+    s.control[kFailed] = 1;
+  }
+}
+
+/// x = D^-1 applied to column c of a row vector: d[c] v(c) + e[c] v(c + 1) + e[c - 1] v(c - 1).
+template <class T, class Value>
+__device__ inline T apply_inverse_d(const FactorState<T>& s, int position, int c, int pivots, Value&& v) {
+  if (c >= pivots) return v(c);
+  T x = __ldcg(s.inverse_d + position + c) * v(c);
+  const T e = __ldcg(s.inverse_e + position + c);
+  if (e != T(0)) x += e * v(c + 1);
+  const T before = c > 0 ? __ldcg(s.inverse_e + position + c - 1) : T(0);
+  if (before != T(0)) x += before * v(c - 1);
+  return x;
+}
+
+/// acc = X M^T with X = -acc, through the area; M is the inverse of the diagonal tile, `cols` wide, at `inverse`.
+template <class T, class S>
+__device__ void multiply_by_inverse(Accumulator<T, S>& acc, Workshop<T>& w, const T* inverse, std::int64_t chunk_stride,
+                                    int rows, int cols, const int* flag) {
+  const Corner<S> at;
+  const FactorState<T>& s = *w.state;
+  T* x = w.pipe.stages;
+  T* m = x + S::kRows * S::kWidth;
+  if (threadIdx.x == 0) wait_for(flag, 1, s.control, s.patience);
+#if ESPALIER_BULK_COPIES
+  if (threadIdx.x == 0) {
+    fence_copies();
+    barrier_expect(w.pipe.barriers, cols * cols * sizeof(T));
+    for (int q = 0; q < cols / kChunk; ++q)
+      bulk_copy(m + q * cols * kChunk, inverse + q * chunk_stride, cols * kChunk * sizeof(T), w.pipe.barriers);
+  }
+#else
+  __syncthreads();
+  for (int y = threadIdx.x; y < cols * cols; y += kThreads)
+    m[y] = inverse[y / (cols * kChunk) * chunk_stride + y % (cols * kChunk)];
+#endif
+  store_panels<T, S>(acc, T(-1), x, S::kRows * kChunk, rows, cols, at);
+#pragma unroll
+  for (int i = 0; i < S::kM; ++i)
+#pragma unroll
+    for (int j = 0; j < S::kN; ++j)
+#pragma unroll
+      for (int e = 0; e < 4; ++e) acc[i][j][e] = T(0);
+#if ESPALIER_BULK_COPIES
+  w.pipe.wait(0);
+#endif
+  __syncthreads();
+  if (at.row < rows && at.col < cols)
+    for (int q = 0; q < cols / kChunk; ++q)
+      multiply_chunk<T, S>(acc, x + q * S::kRows * kChunk, m + q * cols * kChunk, at);
+}
+
+/// One row block of a tile column, in S::kRows x S::kWidth at most.
+template <class T, Kind K, class S>
+__device__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& task, int row, int rows) {
+  const FactorState<T>& s = *w.state;
+  const Corner<S> at;
+  const int j = task.column, a = task.block, part = task.part;
+  const bool pivot = j < f.pivot_tiles;
+  const int col = f.column_begin(j), cols = f.column_end(j) - col;
+  const int per_block = kRowBlock / f.width;
+  const int first = a < f.pivot_blocks ? a * per_block : f.pivot_tiles + (a - f.pivot_blocks) * per_block;
+  Target<T> x{};
+  x.to = w.pipe.stages;
+  x.ld = S::kLd;
+  x.tile_row = max(first, pivot ? j + 1 : j);
+  x.tile_row_end = min(first + per_block, a < f.pivot_blocks ? f.pivot_tiles : f.tiles);
+  x.tile_col = j;
+  x.tile_col_end = j + 1;
+  x.row0 = tile_begin(f, x.tile_row);
+  x.col0 = tile_begin(f, j);
+  x.part = part;
+  T acc[S::kM][S::kN][4];
+  gather<T, K, S>(acc, w, f, x);
+
+  const int from_a = operand_array<K>(part, 0), from_b = operand_array<K>(part, 1);
+  const int* flag_a = s.flags(K == Kind::lu ? from_a : 0) + f.flag(a, 0);
+  const int* flag_b = s.flags(K == Kind::lu ? from_b : 0) + f.flag(f.block_of_column(j), 0);
+  const Operand<T> left{array_of(s, f, from_a), row, rows}, right{array_of(s, f, from_b), col, cols};
+  sum_products<T, S>(acc, f, left, right, false, (pivot ? col : f.pivot_pad) / kChunk, flag_a, flag_b, f.blocks, w.pipe,
+                     s.control, s.patience);
+  if (!pivot) {
+    T* to = s.arena + (part == 0 ? f.contribution : f.contribution_up);
+    const int r0 = row - f.pivot_pad, c0 = col - f.pivot_pad;
+    const std::int64_t ld = f.below_ld - c0;
+    to += f.contribution_offset(c0, c0);
+    for_each_element<S>(at, [&](int m, int n, int e, int r, int c) {
+      if (r < rows && c < cols && r0 + r < f.below && c0 + c < f.below && r0 + r >= c0 + c)
+        to[c * ld + (r0 - c0) + r] = -acc[m][n][e];
+    });
+  } else {
+    const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - j * f.width) * kChunk;
+    const int q = col / kChunk;
+    const int inverse = K == Kind::lu ? 1 - part : 0;  // L = C inverse(U), U^T = C P^T inverse(L)^T
+    multiply_by_inverse<T, S>(acc, w, array_of(s, f, inverse) + f.chunk_offset(q, col), stride, rows, cols,
+                              s.flags(0) + f.diagonal_flag(j));
+    T* to = array_of(s, f, part) + f.chunk_offset(q, row);
+    if constexpr (K == Kind::ldlt) {
+      store_panels<T, S>(acc, T(1), array_of(s, f, 1) + f.chunk_offset(q, row), stride, rows, cols, at);
+      __syncthreads();
+      T* y = w.pipe.stages;
+      for_each_element<S>(at, [&](int m, int n, int e, int r, int c) { y[c * S::kLd + r] = acc[m][n][e]; });
+      __syncthreads();
+      for_each_element<S>(at, [&](int m, int n, int e, int r, int c) {
+        acc[m][n][e] =
+            apply_inverse_d(s, f.position + col, c, f.pivots - col, [&](int k) { return y[k * S::kLd + r]; });
+      });
+    }
+    if constexpr (K != Kind::llt)
+      if (part == 0)
+        for_each_element<S>(at, [&](int m, int n, int e, int r, int c) {
+          if (r < rows && col + c < f.pivots && c < cols) check_growth(s, acc[m][n][e], f.position + col + c);
+        });
+    store_panels<T, S>(acc, T(1), to, stride, rows, cols, at);
+  }
+  finish_task(s, task.front, f.flag(a, j), part, false);
+}
+
+/// Inverses of a diagonal tile's factors, in shared memory: A (size x size) is destroyed, M goes to the factor array,
+/// the transposed inverse of U (lu) to the second one. On return m holds the last one written; between the two,
+/// use_lower().
+template <class T, Kind K, class Use>
+__device__ void invert_pivot_block(const FactorState<T>& s, const Front& f, int col, T* a, int lda, int size, T* m,
+                                   int ldm, int n, Use&& use_lower) {
+  const int pivots = min(f.pivots - col, size), q = col / kChunk;
+  const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - col) * kChunk;
+  const PivotSink<T> sink{&s, f.position + col, n};
+  if constexpr (K == Kind::llt) {
+    for (int x = pivots + static_cast<int>(threadIdx.x); x < size; x += kThreads) a[x * lda + x] = T(1);
+    __syncthreads();
+    invert_cholesky(a, lda, size, pivots, m, ldm, sink);
+  } else if constexpr (K == Kind::ldlt) {
+    for (int x = threadIdx.x; x < size * size; x += kThreads)
+      if (x / size > x % size) a[x / size * lda + x % size] = a[x % size * lda + x / size];
+    __syncthreads();
+    invert_ldlt(a, lda, size, pivots, m, ldm, sink);
+  } else {
+    invert_lower_lu(a, lda, size, pivots, m, ldm, sink);
+  }
+  write_panels(m, 1, ldm, size, size, array_of(s, f, 0) + f.chunk_offset(q, col), stride);
+  use_lower();
+  if constexpr (K == Kind::lu) {
+    __syncthreads();
+    invert_upper_lu(a, lda, size, pivots, m, ldm);
+    write_panels(m, 1, ldm, size, size, array_of(s, f, 1) + f.chunk_offset(q, col), stride);
+  }
+}
+
+/// The diagonal tile of a pivot column.
+template <class T, Kind K, int Width>
+__device__ void diagonal_task(Workshop<T>& w, const Front& f, const FactorTask& task) {
+  using S = Shape<Width, Width>;
+  const FactorState<T>& s = *w.state;
+  const Corner<S> at;
+  const int j = task.column, col = f.column_begin(j), size = f.column_end(j) - col;
+  Target<T> x{};
+  x.to = w.pipe.stages;
+  x.ld = S::kLd;
+  x.tile_row = x.tile_col = j;
+  x.tile_row_end = x.tile_col_end = j + 1;
+  x.row0 = x.col0 = tile_begin(f, j);
+  x.square = K == Kind::lu;
+  T acc[S::kM][S::kN][4];
+  gather<T, K, S>(acc, w, f, x);
+  const int a = f.block_of_column(j);
+  const int from_a = operand_array<K>(0, 0), from_b = operand_array<K>(0, 1);
+  const int* flag_a = s.flags(0) + f.flag(a, 0);
+  const int* flag_b = s.flags(K == Kind::lu ? 1 : 0) + f.flag(a, 0);
+  const Operand<T> left{array_of(s, f, from_a), col, size}, right{array_of(s, f, from_b), col, size};
+  sum_products<T, S>(acc, f, left, right, K == Kind::llt, col / kChunk, flag_a, flag_b, f.blocks, w.pipe, s.control,
+                     s.patience);
+  T* c = w.pipe.stages;
+  for_each_element<S>(at, [&](int m, int n, int e, int r, int k) {
+    if (r < size && k < size) c[k * S::kLd + r] = -acc[m][n][e];
+  });
+  __syncthreads();
+  invert_pivot_block<T, K>(s, f, col, c, S::kLd, size, c + S::kLd * Width, S::kLd, w.n, [] {});
+  finish_task(s, task.front, f.diagonal_flag(j), 0, false);
+}
+
+/// out = in M^T for the strip of 16 rows at `strip` (element (r, k) at strip[r * sr + k * sk]), in place, by one warp.
+template <class T>
+__device__ void strip_times_inverse(T* strip, int sr, int sk, const T* m, int ldm, int size) {
+  T c[8][4] = {};
+#pragma unroll
+  for (int n = 0; n < 8; ++n)
+    if (8 * n < size)
+      for (int k = 0; k < size; k += 16) multiply_shared(c[n], strip + k * sk, sr, sk, m + k * ldm + 8 * n, ldm, 1);
+  __syncwarp();
+#pragma unroll
+  for (int n = 0; n < 8; ++n)
+    if (8 * n < size) put_shared(c[n], T(1), false, strip + 8 * n * sk, sr, sk);
+  __syncwarp();
+}
+
+/// Writes a whole front's contribution from its scratch tile.
+template <class T, Kind K>
+__device__ void write_contribution(const FactorState<T>& s, const Front& f, const T* a, int ld) {
+  const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31, p = f.pivot_pad;
+  for (int c = warp; c < f.below; c += 4) {
+    T* to = s.arena + f.contribution + static_cast<std::int64_t>(c) * f.below_ld;
+    for (int r = c + lane; r < f.below; r += 32) to[r] = a[(p + c) * ld + p + r];
+    if constexpr (K == Kind::lu) {
+      T* up = s.arena + f.contribution_up + static_cast<std::int64_t>(c) * f.below_ld;
+      for (int r = c + 1 + lane; r < f.below; r += 32) up[r] = a[(p + r) * ld + p + c];
+    }
+  }
+}
+
+/// A whole small front in shared memory.
+template <class T, Kind K>
+__device__ void whole_task(Workshop<T>& w, const Front& f, const FactorTask& task) {
+  const FactorState<T>& s = *w.state;
+  const int warp = static_cast<int>(threadIdx.x) >> 5;
+  const int p = f.pivot_pad, size = f.total_pad, ld = size + 4, ldm = p + 4, strips = (size - p) / 16;
+  T* a = w.pipe.stages;
+  T* m = a + ld * size;
+  zero_area(a, ld * size);
+  __syncthreads();
+  Target<T> x{};
+  x.to = a;
+  x.ld = ld;
+  x.tile_row_end = x.tile_col_end = f.tiles;
+  x.gap = p - f.pivots;
+  x.square = K == Kind::lu;
+  assemble<T, K == Kind::lu>(s, f, x, *w.scratch);
+  T* low = a + p;      // rows below, pivot columns: element (r, k) at low[k * ld + r]
+  T* up = a + p * ld;  // pivot rows, columns below: element (k, c) at up[c * ld + k]
+  invert_pivot_block<T, K>(s, f, 0, a, ld, p, m, ldm, w.n, [&] {
+    if constexpr (K == Kind::lu) {  // U12^T = A12^T P^T inverse(L)^T
+      for (int i = warp; i < strips; i += 4) strip_times_inverse(up + 16 * i * ld, ld, 1, m, ldm, p);
+    }
+  });
+  __syncthreads();
+  for (int i = warp; i < strips; i += 4) strip_times_inverse(low + 16 * i, 1, ld, m, ldm, p);
+  __syncthreads();
+  if constexpr (K == Kind::ldlt) {  // up = (L D D^-1)^T
+    for (int y = threadIdx.x; y < p * (size - p); y += kThreads) {
+      const int r = y / p, k = y % p;
+      up[r * ld + k] = apply_inverse_d(s, f.position, k, f.pivots, [&](int c) { return low[c * ld + r]; });
+    }
+    __syncthreads();
+  }
+  if constexpr (K != Kind::llt)
+    for (int y = threadIdx.x; y < f.pivots * f.below; y += kThreads) {
+      const int r = y % f.below, k = y / f.below;
+      check_growth(s, K == Kind::ldlt ? up[r * ld + k] : low[k * ld + r], f.position + k);
+    }
+  const std::int64_t stride = static_cast<std::int64_t>(size) * kChunk;
+  if (strips > 0) {
+    write_panels(K == Kind::ldlt ? up : low, K == Kind::ldlt ? ld : 1, K == Kind::ldlt ? 1 : ld, size - p, p,
+                 array_of(s, f, 0) + f.chunk_offset(0, p), stride);
+    if constexpr (K == Kind::lu) write_panels(up, ld, 1, size - p, p, array_of(s, f, 1) + f.chunk_offset(0, p), stride);
+  }
+  // A22 -= A21 B12: L L^T, (L D) L^T or L U.
+  for (int y = warp; y < strips * strips; y += 4) {
+    const int i = y / strips, j = y % strips;
+    if (K != Kind::lu && j > i) continue;
+    T c[2][4] = {};
+    for (int h = 0; h < 2; ++h) {
+      for (int k = 0; k < p; k += 16) {
+        const T* right = K == Kind::llt ? low + k * ld + 16 * j + 8 * h : up + (16 * j + 8 * h) * ld + k;
+        multiply_shared(c[h], low + k * ld + 16 * i, 1, ld, right, K == Kind::llt ? ld : 1, K == Kind::llt ? 1 : ld);
+      }
+      put_shared(c[h], T(-1), true, a + (p + 16 * j + 8 * h) * ld + p + 16 * i, 1, ld);
+    }
+  }
+  __syncthreads();
+  if (f.below > 0) write_contribution<T, K>(s, f, a, ld);
+  finish_task(s, task.front, f.flag(f.pivot_blocks, f.pivot_tiles), 0, K == Kind::lu);
+}
+
+}  // namespace espalier::device::cuda
