@@ -1,0 +1,215 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <unordered_map>
+
+#include "dynamics/mesh/inp_model.hpp"
+#include "dynamics/mesh/read.hpp"
+
+namespace espalier::dynamics {
+namespace {
+
+/// Labels of one instance (or part, or the file) and what they became.
+struct Labels {
+  std::unordered_map<std::int64_t, Index> nodes, elements;
+  std::vector<const InpScope*> scopes;  // where sets of this name space are defined
+};
+
+/// First translated, then turned by `degrees` about the axis (Rodrigues' formula).
+Point moved(const InpInstance& i, Point p) {
+  for (std::size_t d = 0; d < 3; ++d) p[d] += i.translation[d];
+  if (!i.turned) return p;
+  Point axis{}, r{};
+  for (std::size_t d = 0; d < 3; ++d) {
+    axis[d] = i.axis_to[d] - i.axis_from[d];
+    r[d] = p[d] - i.axis_from[d];
+  }
+  const double length = std::hypot(axis[0], axis[1], axis[2]), angle = i.degrees * std::numbers::pi / 180;
+  const double c = std::cos(angle), s = std::sin(angle);
+  double along = 0;
+  for (std::size_t d = 0; d < 3; ++d) along += (axis[d] /= length) * r[d];
+  for (std::size_t d = 0; d < 3; ++d) {
+    const std::size_t e = (d + 1) % 3, f = (d + 2) % 3;
+    p[d] = i.axis_from[d] + c * r[d] + s * (axis[e] * r[f] - axis[f] * r[e]) + (1 - c) * along * axis[d];
+  }
+  return p;
+}
+
+class Flattener {
+ public:
+  explicit Flattener(const InpModel& model) : model_(model) { mesh_.name = model.path; }
+
+  Mesh run() {
+    const auto keep = [](const Point& p) { return p; };
+    if (model_.instances.empty())
+      for (const InpScope& part : model_.parts) add_scope(part, space_[part.name], keep);
+    for (const InpInstance& i : model_.instances) add_instance(i);
+    if (model_.instances.empty()) merge_into_root();
+    add_scope(model_.root, space_[""], keep);
+    if (mesh_.nodes.empty())
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("{}: the file has no nodes that belong to the model", model_.path));
+    add_sets();
+    mesh_.materials = model_.materials;
+    return std::move(mesh_);
+  }
+
+ private:
+  [[noreturn]] void fail(std::int64_t line, const std::string& message) const {
+    throw Error(StatusCode::invalid_input, fmt::format("{}:{}: {}", model_.path, line, message));
+  }
+
+  template <class Move>
+  void add_scope(const InpScope& scope, Labels& labels, const Move& move) {
+    labels.scopes.push_back(&scope);
+    for (const InpNode& n : scope.nodes) {
+      labels.nodes[n.label] = static_cast<Index>(mesh_.nodes.size());  // a later definition replaces an earlier one
+      mesh_.nodes.push_back(move(n.at));
+      mesh_.node_labels.push_back(n.label);
+    }
+    for (const InpElement& e : scope.elements) {
+      std::array<Index, kMaxElementNodes> nodes{};
+      const std::size_t count = static_cast<std::size_t>(shape_of(e.type).nodes);
+      for (std::size_t a = 0; a < count; ++a) {
+        const auto found = labels.nodes.find(e.nodes[a]);
+        if (found == labels.nodes.end())
+          fail(e.line, fmt::format("element {} uses node {}, which is not defined", e.label, e.nodes[a]));
+        nodes[a] = found->second;
+      }
+      const Index index = mesh_.add_element(e.type, std::span(nodes).first(count));
+      if (!labels.elements.emplace(e.label, index).second)
+        fail(e.line, fmt::format("element {} is defined twice", e.label));
+      mesh_.element_labels.push_back(e.label);
+    }
+  }
+
+  void add_instance(const InpInstance& i) {
+    const auto move = [&](const Point& p) { return moved(i, p); };
+    Labels& labels = space_[i.own.name];
+    for (const InpScope& part : model_.parts)
+      if (part.name == i.part) add_scope(part, labels, move);
+    if (labels.scopes.empty() && i.own.nodes.empty())
+      fail(i.line, fmt::format("instance {} refers to part {}, which is not defined", i.own.name, i.part));
+    add_scope(i.own, labels, move);
+    order_.push_back(i.own.name);
+  }
+
+  /// Without instances all parts share one name space with the rest of the file.
+  void merge_into_root() {
+    Labels& root = space_[""];
+    for (const InpScope& part : model_.parts) {
+      const Labels& labels = space_[part.name];
+      root.nodes.insert(labels.nodes.begin(), labels.nodes.end());
+      root.elements.insert(labels.elements.begin(), labels.elements.end());
+      root.scopes.insert(root.scopes.end(), labels.scopes.begin(), labels.scopes.end());
+    }
+  }
+
+  /// Calls body(name space) for the one that an entry belongs to.
+  const Labels& space_of(const InpEntry& entry, const Labels& home) const {
+    if (entry.instance.empty()) return home;
+    const auto found = space_.find(entry.instance);
+    if (found == space_.end()) fail(entry.line, fmt::format("instance {} is not defined", entry.instance));
+    return found->second;
+  }
+
+  /// Resolves one entry to indices, nested sets included.
+  void resolve(const InpEntry& entry, const Labels& home, bool nodes, int depth, std::vector<Index>& out) const {
+    const char* kind = nodes ? "node" : "element";
+    const Labels& space = space_of(entry, home);
+    if (entry.name.empty()) {
+      const auto& labels = nodes ? space.nodes : space.elements;
+      const auto found = labels.find(entry.label);
+      if (found == labels.end()) {
+        if (!order_.empty() && &space == &space_.at("") && resolve_in_instances(entry, nodes, out)) return;
+        fail(entry.line, fmt::format("{} {} is not defined", kind, entry.label));
+      }
+      out.push_back(found->second);
+      return;
+    }
+    if (depth > 32) fail(entry.line, fmt::format("{} set {} contains itself", kind, entry.name));
+    bool found = false;
+    for (const InpScope* scope : space.scopes) {
+      const InpSets& sets = nodes ? scope->node_sets : scope->element_sets;
+      const auto set = sets.find(entry.name);
+      if (set == sets.end()) continue;
+      found = true;
+      for (const InpEntry& inner : set->second.entries) resolve(inner, space, nodes, depth + 1, out);
+    }
+    if (!found) fail(entry.line, fmt::format("{} set {} is not defined", kind, entry.name));
+  }
+
+  /// A bare label at assembly level is unique when there is a single instance.
+  bool resolve_in_instances(const InpEntry& entry, bool nodes, std::vector<Index>& out) const {
+    if (order_.size() != 1) return false;
+    const Labels& only = space_.at(order_.front());
+    const auto& labels = nodes ? only.nodes : only.elements;
+    const auto found = labels.find(entry.label);
+    if (found == labels.end()) return false;
+    out.push_back(found->second);
+    return true;
+  }
+
+  void add_sets() {
+    for (const std::string& instance : order_) add_sets_of(space_.at(instance), order_.size() > 1 ? instance : "");
+    add_sets_of(space_.at(""), "");
+    for (auto& [name, set] : mesh_.node_sets) sort_unique(set);
+    for (auto& [name, set] : mesh_.element_sets) sort_unique(set);
+  }
+
+  void add_sets_of(const Labels& space, const std::string& instance) {
+    for (const InpScope* scope : space.scopes) {
+      for (const bool nodes : {true, false})
+        for (const auto& [key, set] : nodes ? scope->node_sets : scope->element_sets) {
+          std::vector<Index> members;
+          for (const InpEntry& entry : set.entries) resolve(entry, space, nodes, 0, members);
+          auto& sets = nodes ? mesh_.node_sets : mesh_.element_sets;
+          append(sets[spelling(nodes ? node_names_ : element_names_, set.spelling)], members);
+          if (!instance.empty()) append(sets[instance + "." + set.spelling], members);
+        }
+      for (const auto& [key, surface] : scope->surfaces) add_surface(space, surface);
+      for (const auto& [key, material] : scope->section_material)
+        mesh_.section_material[spelling(element_names_, key)] = material;
+    }
+  }
+
+  void add_surface(const Labels& space, const InpSet& surface) {
+    auto& faces = mesh_.face_sets[surface.spelling];
+    for (const InpEntry& entry : surface.entries) {
+      std::vector<Index> elements;
+      resolve(entry, space, false, 0, elements);
+      for (const Index e : elements) {
+        const auto count = shape_of(mesh_.type(e)).faces.size();
+        if (static_cast<std::size_t>(entry.face) >= count)
+          fail(entry.line, fmt::format("element {} ({}) has no face S{}", mesh_.element_label(e),
+                                       shape_of(mesh_.type(e)).name, entry.face + 1));
+        faces.push_back({e, entry.face});
+      }
+    }
+    if (faces.empty()) mesh_.face_sets.erase(surface.spelling);
+  }
+
+  /// Names are not case-sensitive: the first spelling stays.
+  static std::string spelling(std::map<std::string, std::string>& names, const std::string& name) {
+    return names.emplace(upper(name), name).first->second;
+  }
+  static void append(std::vector<Index>& to, const std::vector<Index>& from) {
+    to.insert(to.end(), from.begin(), from.end());
+  }
+
+  const InpModel& model_;
+  Mesh mesh_;
+  std::map<std::string, Labels> space_;  // by upper-case instance or part; "": the file
+  std::vector<std::string> order_;       // instances in order of the file
+  std::map<std::string, std::string> node_names_, element_names_;
+};
+
+}  // namespace
+
+Mesh flatten_inp(const InpModel& model) { return Flattener(model).run(); }
+
+Mesh read_inp(const std::string& path) { return flatten_inp(parse_inp(path)); }
+
+}  // namespace espalier::dynamics

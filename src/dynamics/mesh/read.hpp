@@ -1,0 +1,33 @@
+/// \file
+/// Readers of mesh files. All throw espalier::Error(invalid_input) with "file:line: what, and what to do".
+#pragma once
+
+#include <string>
+
+#include "dynamics/mesh/mesh.hpp"
+
+namespace espalier::dynamics {
+
+/// Reads a mesh by the ending of its name (.msh: Gmsh, .inp: Abaqus/CalculiX; each may be followed by .gz).
+Mesh read_mesh(const std::string& path);
+
+/// Gmsh .msh, versions 2.0 to 2.2 and 4.1, ASCII and binary (both byte orders are told apart, only the machine's own
+/// is read). Kept: nodes, elements of the shapes of ElementType (higher-order and unknown shapes are errors that name
+/// the shape), physical groups. A physical group of dimension 3 becomes an element set; of dimension 2 a node set
+/// and, where its elements are faces of solids, a face set; of dimensions 1 and 0 a node set. Where solids are
+/// present, surface, line and point elements are not kept as elements. Groups without a name are called "dim-tag",
+/// for instance "2-7". Not read: periodic data, post-processing data, partitions.
+Mesh read_gmsh(const std::string& path);
+
+/// Abaqus/CalculiX .inp, the subset
+///   *NODE [NSET], *ELEMENT TYPE= [ELSET], *NSET / *ELSET [GENERATE] [INSTANCE], *SURFACE TYPE=ELEMENT with S1..S6 or a
+///   plain node list (TYPE=NODE), *MATERIAL, *DENSITY, *ELASTIC (isotropic, first line), *SOLID SECTION, *PART,
+///   *ASSEMBLY, *INSTANCE (with translation and rotation lines), *INCLUDE INPUT=, continuation lines, comments.
+/// Keywords and names are not case-sensitive; sets and materials keep the spelling of their first appearance.
+/// Element types: C3D4, C3D10(M), C3D8(R, I), C3D20(R), C3D6, C3D15, and shells, membranes
+/// and surfaces with 3, 4, 6, 8 nodes, two- and three-node beams and trusses (kept as elements, not simulated).
+/// Other keywords (steps, loads, outputs) are skipped with their data lines.
+/// A set that is defined more than once is the union. Node and element labels are kept.
+Mesh read_inp(const std::string& path);
+
+}  // namespace espalier::dynamics
