@@ -90,7 +90,8 @@ SparseMatrix generate(const System& s) {
 }
 
 std::vector<Index> metis_order(const CompressedGraph& c) {
-  std::vector<idx_t> ptr(c.graph.ptr.begin(), c.graph.ptr.end()), adj(c.graph.adj.begin(), c.graph.adj.end()), weight(c.weight);
+  std::vector<idx_t> ptr(c.graph.ptr.begin(), c.graph.ptr.end()), adj(c.graph.adj.begin(), c.graph.adj.end()),
+      weight(c.weight);
   std::vector<idx_t> order(c.weight.size()), position(c.weight.size());
   idx_t n = c.graph.n;
   METIS_NodeND(&n, ptr.data(), adj.data(), weight.data(), nullptr, order.data(), position.data());

@@ -132,7 +132,11 @@ int main(int count, char** texts) {
   CLI::App app("Every solver on the same matrix in the same run: analysis, refactorization, solve, memory, error.");
   espalier::bench::Arguments arguments;
   espalier::bench::declare(app, arguments);
-  CLI11_PARSE(app, count, texts);
+  try {
+    app.parse(count, texts);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
   std::string command;
   for (int k = 0; k < count; ++k) {
     const std::string text = texts[k];
