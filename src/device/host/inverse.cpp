@@ -13,30 +13,126 @@ HWY_BEFORE_NAMESPACE();
 namespace espalier::device::host::HWY_NAMESPACE {
 namespace {
 
-/// w = inverse of the lower triangular matrix with elements at c[i * rows + j * columns].
+/// How the entries of the lower triangular factor L are found: L(i, j) at p[i * row + j * column], where one of the
+/// strides is 1.
 template <class T>
-void invert(std::int64_t n, const T* c, std::int64_t rows, std::int64_t columns, bool unit, T* w) {
+struct Factor {
+  const T* p;
+  std::int64_t row;
+  std::int64_t column;
+};
+
+/// Diagonal block of L as register tiles need it.
+template <class T>
+struct Block {
+  T lower[kTileColumns][kTileColumns];  ///< lower[j][l] = L(j, l) for l < j
+  T inverse[kTileColumns];              ///< 1 / L(l, l)
+};
+
+template <class T>
+Block<T> diagonal_block(const Factor<T>& f, std::int64_t begin, int width, bool unit) {
+  Block<T> block;
+  const T* d = f.p + begin * (f.row + f.column);
+  for (int l = 0; l < width; ++l) {
+    block.inverse[l] = unit ? T(1) : T(1) / d[l * (f.row + f.column)];
+    for (int j = l + 1; j < width; ++j) block.lower[j][l] = d[j * f.row + l * f.column];
+  }
+  return block;
+}
+
+/// tile = the columns begin .. begin + kTileColumns of the identity in the rows of the tile, which start at `row`.
+template <class T, int MP>
+HWY_INLINE void load_identity(Tile<T, MP, kTileColumns>& tile, std::int64_t row, std::int64_t begin) {
+  const Tag<T> tag;
+  HWY_UNROLL(8)
+  for (int j = 0; j < kTileColumns; ++j) {
+    HWY_UNROLL(24)
+    for (int i = 0; i < Tile<T, MP, kTileColumns>::kRows; ++i) {
+      const Vector<T> rows = hn::Iota(tag, static_cast<T>(row - begin + i * kLanes<T>));
+      tile.v[j][i] = hn::IfThenElseZero(hn::Eq(rows, hn::Set(tag, static_cast<T>(j))), hn::Set(tag, T(1)));
+    }
+  }
+}
+
+/// tile = tile L^-1 for the diagonal block L of `width` columns, from the last column to the first.
+template <class T, int MP>
+HWY_INLINE void solve(Tile<T, MP, kTileColumns>& tile, int width, const Block<T>& block) {
+  const Tag<T> tag;
+  HWY_UNROLL(8)
+  for (int j = kTileColumns - 1; j >= 0; --j) {
+    if (j >= width) continue;
+    const Vector<T> inverse = hn::Set(tag, block.inverse[j]);
+    HWY_UNROLL(24)
+    for (int i = 0; i < Tile<T, MP, kTileColumns>::kRows; ++i) tile.v[j][i] = hn::Mul(tile.v[j][i], inverse);
+    HWY_UNROLL(8)
+    for (int l = 0; l < j; ++l) {
+      const Vector<T> row = hn::Set(tag, block.lower[j][l]);
+      HWY_UNROLL(24)
+      for (int i = 0; i < Tile<T, MP, kTileColumns>::kRows; ++i)
+        tile.v[l][i] = hn::NegMulAdd(tile.v[j][i], row, tile.v[l][i]);
+    }
+  }
+}
+
+/// Rows of MP panels from `row` on of the block column [begin, begin + width) of W, whose columns to the right are
+/// known: W(:, block) = (E - W(:, right) L(right, block)) L(block, block)^-1, where W ends at its diagonal.
+template <class T, int MP>
+HWY_NOINLINE void inverse_rows(std::int64_t n, std::int64_t row, std::int64_t begin, int width, const Factor<T>& f,
+                               const Block<T>& block, T* w) {
+  Tile<T, MP, kTileColumns> tile;
+  const std::int64_t right = begin + width, depth = std::min(n, row + MP * kPanel<T>) - right;
+  load_identity(tile, row, begin);
+  const Result<T> result = panels_of(w, n).at(row, 0);
+  const Operand<T> a{result.p + right * kPanel<T>, result.panel, result.step};
+  const T* b = f.p + right * f.row + begin * f.column;
+  if (f.row == 1) {
+    tile.template multiply_rows<false>(depth, a, b, f.column);
+  } else {
+    tile.template multiply<false>(depth, a, b, f.row);
+  }
+  const Result<T> out = result.at(0, begin);
+  if (width == kTileColumns) {
+    solve(tile, kTileColumns, block);
+    tile.store(out);
+  } else {
+    solve(tile, width, block);
+    tile.store_columns(width, out);
+  }
+}
+
+/// w = L^-1 in panels, by block columns from the last to the first.
+template <class T>
+void invert(std::int64_t n, const Factor<T>& f, bool unit, T* w) {
   constexpr std::int64_t p = kPanel<T>;
-  for (std::int64_t i = 0; i < padded<T>(n) * n; ++i) w[i] = T(0);
-  const auto at = [&](std::int64_t i, std::int64_t j) -> T& { return w[i / p * p * n + j * p + i % p]; };
-  for (std::int64_t j = 0; j < n; ++j) {
-    at(j, j) = unit ? T(1) : T(1) / c[j * rows + j * columns];
-    for (std::int64_t i = j + 1; i < n; ++i) {
-      T sum = T(0);
-      for (std::int64_t l = j; l < i; ++l) sum -= c[i * rows + l * columns] * at(l, j);
-      at(i, j) = unit ? sum : sum / c[i * rows + i * columns];
+  for (std::int64_t begin = (n - 1) / kTileColumns * kTileColumns; begin >= 0; begin -= kTileColumns) {
+    const int width = static_cast<int>(std::min<std::int64_t>(kTileColumns, n - begin));
+    const Block<T> block = diagonal_block(f, begin, width, unit);
+    for (std::int64_t i = 0; i < begin / p * p; i += p)
+      std::fill(w + i * n + begin * p, w + i * n + (begin + width) * p, T(0));
+    for (std::int64_t i = begin / p * p; i < n;) {
+      const int panels = group_panels((n - i + p - 1) / p);
+      if (panels == 1) {
+        inverse_rows<T, 1>(n, i, begin, width, f, block, w);
+      } else if constexpr (kTilePanels == 3) {
+        if (panels == 2) {
+          inverse_rows<T, 2>(n, i, begin, width, f, block, w);
+        } else {
+          inverse_rows<T, 3>(n, i, begin, width, f, block, w);
+        }
+      }
+      i += panels * p;
     }
   }
 }
 
 template <class T>
 void invert_lower(std::int64_t n, const T* c, std::int64_t ld, bool unit, T* w) {
-  invert(n, c, 1, ld, unit, w);
+  if (n > 0) invert(n, Factor<T>{c, 1, ld}, unit, w);
 }
 
 template <class T>
 void invert_upper_transposed(std::int64_t n, const T* c, std::int64_t ld, T* w) {
-  invert(n, c, ld, 1, false, w);
+  if (n > 0) invert(n, Factor<T>{c, ld, 1}, false, w);
 }
 
 template <class T>

@@ -119,6 +119,15 @@ struct Tile {
       for (int i = 0; i < kRows; ++i) hn::StoreU(v[j][i], Tag<T>(), c.p + offset(i, c.panel) + j * c.step);
     }
   }
+  /// Stores the first `columns` columns.
+  HWY_INLINE void store_columns(int columns, Result<T> c) const {
+    HWY_UNROLL(8)
+    for (int j = 0; j < NR; ++j) {
+      if (j >= columns) break;
+      HWY_UNROLL(24)
+      for (int i = 0; i < kRows; ++i) hn::StoreU(v[j][i], Tag<T>(), c.p + offset(i, c.panel) + j * c.step);
+    }
+  }
   /// v -= (or, when kAdd, +=) sum over k of A(:, k) B(j, k) with B(j, k) at b[k * step + j].
   template <bool kAdd>
   HWY_INLINE void multiply(std::int64_t k, Operand<T> a, const T* HWY_RESTRICT b, std::int64_t step) {
