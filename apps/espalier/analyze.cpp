@@ -2,7 +2,9 @@
 /// `espalier analyze`: ordering and plan only; what the factorization would take; the tree by tier.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "base/memory.hpp"
 #include "command.hpp"
@@ -64,7 +66,7 @@ int AnalyzeCommand::run() const {
   report["tree"] = to_json(tiers);
   if (!report_file.empty()) write_report(report_file, report);
   if (json) {
-    fmt::print("{}\n", report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+    fmt::print("{}\n", to_text(report));
   } else if (analyzed) {
     fmt::print("{}", analysis_summary(record, tiers));
     if (dry_run) fmt::print("\n{}", forecast_summary(*record.analysis, budget));

@@ -2,10 +2,13 @@
 /// What every subcommand is made of: how it joins the command line and how it ends.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
 
 #include "espalier/types.hpp"
+
+namespace CLI {
+class App;
+}
 
 namespace espalier::cli {
 

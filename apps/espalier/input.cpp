@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <sstream>
 
@@ -44,9 +45,15 @@ SparseMatrix MatrixSource::load(RunRecord& record, base::ThreadPool& pool) const
     throw Error(StatusCode::invalid_input, "give a matrix file or --generate \"SPEC\" (see --help)");
   }
   const auto start = std::chrono::steady_clock::now();
-  record.input = file_.empty() ? generator_ : file_;
-  SparseMatrix a =
-      file_.empty() ? generate_matrix(split(generator_), pool) : matrix::read_matrix(file_, {&pool, false});
+  SparseMatrix a;
+  if (file_.empty()) {
+    const auto spec = matrix::parse_generator(split(generator_));
+    record.input = matrix::describe(spec);
+    a = matrix::generate(spec, &pool);
+  } else {
+    record.input = file_;
+    a = matrix::read_matrix(file_, {&pool, false});
+  }
   record.read_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   check_solvable(a, record.input);
   record.rows = a.rows;

@@ -2,13 +2,16 @@
 /// Where matrices and vectors of the command line come from and go to: files and generators.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
 
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
 #include "report.hpp"
+
+namespace CLI {
+class App;
+}
 
 namespace espalier::cli {
 

@@ -1,6 +1,7 @@
 #include "report.hpp"
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "command.hpp"
 #include "matrix/file.hpp"
@@ -125,9 +126,11 @@ Json to_json(const std::vector<Solver::TierRow>& tiers) {
   return list;
 }
 
+std::string to_text(const Json& report) { return report.dump(2, ' ', false, Json::error_handler_t::replace); }
+
 void write_report(const std::string& path, const Json& report) {
   matrix::OutputFile file(path);
-  file.write(report.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  file.write(to_text(report) + "\n");
   file.commit();
 }
 

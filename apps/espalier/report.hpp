@@ -2,7 +2,7 @@
 /// What one run of the solver was and found, and its JSON form (docs/cli.md lists the fields).
 #pragma once
 
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -40,6 +40,9 @@ nlohmann::ordered_json to_json(const RunRecord& record);
 
 /// The report of an analysis with its tree by tier.
 nlohmann::ordered_json to_json(const std::vector<Solver::TierRow>& tiers);
+
+/// The report as text, indented.
+std::string to_text(const nlohmann::ordered_json& report);
 
 /// Writes `report` to a file. @throws Error(invalid_input) when the file cannot be written
 void write_report(const std::string& path, const nlohmann::ordered_json& report);

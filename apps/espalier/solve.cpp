@@ -2,7 +2,9 @@
 /// `espalier solve`: analyze, factorize, solve, report.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "command.hpp"
 #include "input.hpp"
@@ -43,6 +45,7 @@ class SolveRun {
     } catch (const std::bad_alloc&) {
       record_.status = {StatusCode::out_of_memory, "the machine's memory is too small for this system", -1};
     }
+    progress_.abandon();
   }
 
   [[nodiscard]] const RunRecord& record() const { return record_; }
@@ -139,7 +142,7 @@ int SolveCommand::run() const {
   const auto report = to_json(record);
   if (!report_file.empty()) write_report(report_file, report);
   if (json) {
-    fmt::print("{}\n", report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+    fmt::print("{}\n", to_text(report));
     if (!record.status.ok()) print_error(record.status.message);
   } else {
     print_outcome(*this, record);

@@ -1,5 +1,7 @@
 #include "solver_flags.hpp"
 
+#include <CLI/CLI.hpp>
+
 #include "solver/option_text.hpp"
 
 namespace espalier::cli {

@@ -2,11 +2,14 @@
 /// The options of the solver on the command line, the same for every subcommand that uses it.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <map>
 #include <string>
 
 #include "espalier/solver.hpp"
+
+namespace CLI {
+class App;
+}
 
 namespace espalier::cli {
 

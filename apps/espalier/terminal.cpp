@@ -116,12 +116,11 @@ Progress::Progress(bool enabled) : enabled_(enabled) {
 }
 
 Progress::~Progress() {
+  abandon();
   if (!live_) return;
   {
     const std::lock_guard lock(mutex_);
     stop_ = true;
-    if (running_) fmt::print(stderr, "\r\x1b[K");  // a failure ended the phase: leave a clean line for its message
-    running_ = false;
   }
   wake_.notify_all();
   painter_.join();
@@ -143,6 +142,12 @@ void Progress::end(std::string_view outcome) {
   running_ = false;
   if (!enabled_) return;
   fmt::print(stderr, "{}{}{}{}\n", live_ ? "\r\x1b[K" : "", phase_, outcome.empty() ? "" : ": ", outcome);
+}
+
+void Progress::abandon() {
+  const std::lock_guard lock(mutex_);
+  if (running_ && live_) fmt::print(stderr, "\r\x1b[K");
+  running_ = false;
 }
 
 void Progress::repaint_until_stopped() {

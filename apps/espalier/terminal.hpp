@@ -67,6 +67,8 @@ class Progress {
   void begin(std::string phase, double predicted_seconds = 0);
   /// Ends it; `outcome` ("1.2 s, 97 GFLOP/s") may be empty.
   void end(std::string_view outcome);
+  /// Ends a phase that failed, if one is running: leaves a clean line for the message.
+  void abandon();
 
  private:
   void repaint_until_stopped();
