@@ -34,7 +34,7 @@ int solve_cg(const ResidualOperator& a, const Preconditioner& m, std::span<const
   const double target = tolerance * norm(r);
   double rho = 0;
   for (int step = 0; step < most_steps; ++step) {
-    m(r.data(), z.data());
+    m(r.data(), z.data(), 1);
     const double rho_new = dot(r, z);
     if (!(rho_new > 0)) return step;  // the preconditioner is not positive definite, or the residual is zero
     const double beta = step == 0 ? 0 : rho_new / rho;
@@ -69,7 +69,7 @@ int solve_fgmres(const ResidualOperator& a, const Preconditioner& m, std::span<c
   int k = 0;
   for (; k < basis && std::abs(g[static_cast<std::size_t>(k)]) > tolerance * beta; ++k) {
     z.emplace_back(n);
-    m(v[static_cast<std::size_t>(k)].data(), z.back().data());
+    m(v[static_cast<std::size_t>(k)].data(), z.back().data(), 1);
     std::vector<double> w(n);
     a.multiply(z.back().data(), w.data(), transpose);
     for (int i = 0; i <= k; ++i) {  // modified Gram-Schmidt

@@ -9,8 +9,9 @@
 
 namespace espalier::solve {
 
-/// y = M x, an approximate inverse of op(A) (the factor's substitution), for one vector of n values; y may equal x.
-using Preconditioner = std::function<void(const double* x, double* y)>;
+/// Y = M X, an approximate inverse of op(A) (the factor's substitution), for `columns` vectors of n values each; Y may
+/// equal X.
+using Preconditioner = std::function<void(const double* x, double* y, Index columns)>;
 
 struct RefinementOptions {
   int steps = 10;       ///< most steps

@@ -39,6 +39,11 @@ class ResidualOperator {
   [[nodiscard]] Offset bytes() const;
 
  private:
+  struct Piece;
+  void residual_rows(Index begin, Index end, const double* b, const double* x, double* r, bool transpose,
+                     Piece& piece) const;
+  void residual_rows_fma(Index begin, Index end, const double* b, const double* x, double* r, bool transpose,
+                         Piece& piece) const;
   template <class Use>
   void visit_row(Index row, bool transpose, Use&& use) const;
 

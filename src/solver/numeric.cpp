@@ -31,6 +31,8 @@ class NumericOf final : public Numeric {
     return executor_->factorize(values_.span());
   }
 
+  void set_smallest_pivot(double smallest_pivot) override { options_.smallest_pivot = smallest_pivot; }
+
   void solve(const double* b, double* x, Index columns, bool transpose) override {
     const Index n = plan_.tree.n;
     constexpr Index kGroup = static_cast<Index>(64 / sizeof(T));

@@ -17,6 +17,7 @@ class Numeric {
   virtual ~Numeric() = default;
   /// Factors the values in `equations`. Pivots below `smallest_pivot` times the largest scaled entry are replaced.
   virtual device::FactorOutcome factorize() = 0;
+  virtual void set_smallest_pivot(double smallest_pivot) = 0;
   /// Solves op(A) x = b for `columns` right-hand sides, column-major, n values each; x may alias b.
   virtual void solve(const double* b, double* x, Index columns, bool transpose) = 0;
   [[nodiscard]] virtual std::string device_name() const = 0;

@@ -57,6 +57,7 @@ struct Solver::Impl {
   solve::ResidualOperator residual;
   analysis::Plan plan;
   std::unique_ptr<solver::Numeric> numeric;  // made by the first factorize()
+  double smallest_pivot = 0;                 // relative; a smaller pivot counts as zero
   Index moved_pivots = 0;                    // columns moved to later fronts since analyze()
   AnalysisResult analysis;
   FactorResult factor;

@@ -12,7 +12,6 @@ namespace espalier {
 void Solver::Impl::solve(std::span<const double> b, std::span<double> x, Index columns, bool transpose) {
   const double start = base::now_seconds();
   solution = SolveResult{};
-  const auto n = static_cast<std::size_t>(plan.tree.n);
   // b is needed after x has been written.
   std::vector<double> copy;
   if (b.data() < x.data() + x.size() && x.data() < b.data() + b.size()) {
@@ -27,14 +26,13 @@ void Solver::Impl::solve(std::span<const double> b, std::span<double> x, Index c
   refinement.krylov = options.precision == Precision::mixed;
   refinement.positive_definite = kind == Kind::llt;
   if (options.precision == Precision::fp32) refinement.steps = 0;
-  const solve::Preconditioner apply = [&](const double* from, double* to) { numeric->solve(from, to, 1, transpose); };
-  for (std::size_t c = 0; c < static_cast<std::size_t>(columns); ++c) {
-    const solve::RefinementResult r =
-        solve::refine(residual, apply, b.data() + c * n, x.data() + c * n, transpose, refinement);
-    solution.refinement_steps = std::max(solution.refinement_steps, r.steps + r.krylov_steps);
-    solution.backward_error = std::max(solution.backward_error, r.error.normwise);
-    solution.componentwise_error = std::max(solution.componentwise_error, r.error.componentwise);
-  }
+  const solve::Preconditioner apply = [&](const double* from, double* to, Index count) {
+    numeric->solve(from, to, count, transpose);
+  };
+  const solve::RefinementResult r = solve::refine(residual, apply, b.data(), x.data(), columns, transpose, refinement);
+  solution.refinement_steps = r.steps + r.krylov_steps;
+  solution.backward_error = r.error.normwise;
+  solution.componentwise_error = r.error.componentwise;
   solution.seconds = base::now_seconds() - start;
   const double limit = options.precision == Precision::fp32 ? std::max(options.required_backward_error, 1e-5)
                                                             : options.required_backward_error;
