@@ -12,12 +12,12 @@ namespace espalier {
 /// A sparse matrix in CSC form that somebody else owns. Indices are 0-based. Rows within a column may stand in any
 /// order and may repeat (duplicates are summed). The arrays must outlive every call that takes the view.
 struct MatrixView {
-  Index rows = 0;                       ///< number of rows
-  Index cols = 0;                       ///< number of columns
-  std::span<const Offset> col_ptr;      ///< cols + 1 positions into row_ind and values; col_ptr[0] == 0
-  std::span<const Index> row_ind;       ///< col_ptr[cols] row indices
-  std::span<const double> values;       ///< col_ptr[cols] values; empty for a pattern
-  Storage storage = Storage::general;   ///< which entries are stored
+  Index rows = 0;                      ///< number of rows
+  Index cols = 0;                      ///< number of columns
+  std::span<const Offset> col_ptr;     ///< cols + 1 positions into row_ind and values; col_ptr[0] == 0
+  std::span<const Index> row_ind;      ///< col_ptr[cols] row indices
+  std::span<const double> values;      ///< col_ptr[cols] values; empty for a pattern
+  Storage storage = Storage::general;  ///< which entries are stored
 
   [[nodiscard]] Offset nonzeros() const { return col_ptr.empty() ? 0 : col_ptr.back(); }
   [[nodiscard]] bool symmetric() const { return storage != Storage::general; }

@@ -20,19 +20,19 @@ using LogCallback = std::function<void(const std::string& line)>;
 struct Options {
   Kind kind = Kind::automatic;            ///< the factorization
   Precision precision = Precision::fp64;  ///< precision of the factor
-  std::string device = "auto";            ///< auto | cpu | host:N | host:N,M (threads per host device) | gpu:all | gpu:0,1
-  Offset device_memory_bytes = 0;         ///< budget per device; 0: what is free
-  Offset host_memory_bytes = 0;           ///< budget on the host; 0: what is free
-  int threads = 0;                        ///< host threads; 0: all cores this process may use
-  Index max_block_size = 0;               ///< widest block column (= tile) of a front; 0: by front size
-  double pivot_threshold = 0.01;          ///< u of threshold pivoting: entries of L stay below 1/u
-  double perturbation = 0;                ///< relative size of a perturbed pivot; 0: sqrt(eps) of the factor's precision
-  bool matching = true;                   ///< maximum product matching and scaling for ldlt and lu
-  int refinement_steps = 10;              ///< most steps of iterative refinement
-  double required_backward_error = 1e-10; ///< a normwise backward error above it ends in accuracy_not_reached
-  bool record_timeline = false;           ///< keep one event per task for write_trace()
-  std::vector<Index> permutation;         ///< the caller's own elimination order (old index of the k-th); empty: ours
-  LogCallback log;                        ///< where log lines go; empty: nowhere
+  std::string device = "auto";     ///< auto | cpu | host:N | host:N,M (threads per host device) | gpu:all | gpu:0,1
+  Offset device_memory_bytes = 0;  ///< budget per device; 0: what is free
+  Offset host_memory_bytes = 0;    ///< budget on the host; 0: what is free
+  int threads = 0;                 ///< host threads; 0: all cores this process may use
+  Index max_block_size = 0;        ///< widest block column (= tile) of a front; 0: by front size
+  double pivot_threshold = 0.01;   ///< u of threshold pivoting: entries of L stay below 1/u
+  double perturbation = 0;         ///< relative size of a perturbed pivot; 0: sqrt(eps) of the factor's precision
+  bool matching = true;            ///< maximum product matching and scaling for ldlt and lu
+  int refinement_steps = 10;       ///< most steps of iterative refinement
+  double required_backward_error = 1e-10;  ///< a normwise backward error above it ends in accuracy_not_reached
+  bool record_timeline = false;            ///< keep one event per task for write_trace()
+  std::vector<Index> permutation;          ///< the caller's own elimination order (old index of the k-th); empty: ours
+  LogCallback log;                         ///< where log lines go; empty: nowhere
 };
 
 /// Inertia of the factored matrix: counts of eigenvalues by sign (exact for ldlt and llt, -1 for lu).
@@ -53,32 +53,32 @@ struct DeviceReport {
 /// What analyze() found out.
 struct AnalysisResult {
   Status status;
-  Kind kind = Kind::automatic;     ///< the kind that factorize() will use
-  double seconds = 0;              ///< whole call
-  double matching_seconds = 0;     ///< matching and scaling
-  double ordering_seconds = 0;     ///< compression, nested dissection, minimum degree
-  double plan_seconds = 0;         ///< elimination tree, supernodes and plan
-  Offset nonzeros_factor = 0;      ///< entries of L (of L + U for lu) in the fronts' pivot columns, without padding
-  double flops = 0;                ///< floating-point operations of the factorization (multiply and add count as two)
-  Index fronts = 0;                ///< number of fronts
-  Index tiers = 0;                 ///< height of the assembly tree
-  Index largest_front = 0;         ///< rows of the largest front
-  Offset predicted_bytes = 0;      ///< peak memory of factor and work arrays that factorize() will take
-  double predicted_seconds = 0;    ///< time of the numeric factorization by the cost model
+  Kind kind = Kind::automatic;   ///< the kind that factorize() will use
+  double seconds = 0;            ///< whole call
+  double matching_seconds = 0;   ///< matching and scaling
+  double ordering_seconds = 0;   ///< compression, nested dissection, minimum degree
+  double plan_seconds = 0;       ///< elimination tree, supernodes and plan
+  Offset nonzeros_factor = 0;    ///< entries of L (of L + U for lu) in the fronts' pivot columns, without padding
+  double flops = 0;              ///< floating-point operations of the factorization (multiply and add count as two)
+  Index fronts = 0;              ///< number of fronts
+  Index tiers = 0;               ///< height of the assembly tree
+  Index largest_front = 0;       ///< rows of the largest front
+  Offset predicted_bytes = 0;    ///< peak memory of factor and work arrays that factorize() will take
+  double predicted_seconds = 0;  ///< time of the numeric factorization by the cost model
 };
 
 /// What factorize() or refactorize() did.
 struct FactorResult {
   Status status;
-  double seconds = 0;              ///< whole call
-  double flops_per_second = 0;     ///< flops of the analysis over seconds
+  double seconds = 0;           ///< whole call
+  double flops_per_second = 0;  ///< flops of the analysis over seconds
   Inertia inertia;
-  Index two_by_two = 0;            ///< 2x2 pivots taken
-  Index perturbed = 0;             ///< pivots that were too small and were replaced
-  Index delayed = 0;               ///< columns whose elimination was moved to a later front by re-analysis
-  double determinant_sign = 0;     ///< -1, 0 or 1
-  double determinant_log = 0;      ///< natural logarithm of |det A|
-  Offset peak_host_bytes = 0;      ///< most bytes that this solver held on the host
+  Index two_by_two = 0;         ///< 2x2 pivots taken
+  Index perturbed = 0;          ///< pivots that were too small and were replaced
+  Index delayed = 0;            ///< columns whose elimination was moved to a later front by re-analysis
+  double determinant_sign = 0;  ///< -1, 0 or 1
+  double determinant_log = 0;   ///< natural logarithm of |det A|
+  Offset peak_host_bytes = 0;   ///< most bytes that this solver held on the host
   std::vector<DeviceReport> devices;
 };
 

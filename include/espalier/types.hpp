@@ -34,13 +34,13 @@ enum class Transpose { no, yes };
 /// How a call ended. The numbers are stable (they are part of the C interface).
 enum class StatusCode {
   ok = 0,
-  invalid_input = 2,           ///< unreadable or inconsistent input (file, line or row is in the message)
-  singular = 3,                ///< structurally or numerically singular
-  not_positive_definite = 4,   ///< llt met a pivot that is not positive
-  out_of_memory = 5,           ///< the budget or the machine's memory is too small; the message names what is needed
-  device_error = 6,            ///< a device failed; the call and its error name are in the message
-  accuracy_not_reached = 7,    ///< refinement stopped above the requested backward error; the solution is returned
-  cancelled = 8,               ///< the caller asked to stop
+  invalid_input = 2,          ///< unreadable or inconsistent input (file, line or row is in the message)
+  singular = 3,               ///< structurally or numerically singular
+  not_positive_definite = 4,  ///< llt met a pivot that is not positive
+  out_of_memory = 5,          ///< the budget or the machine's memory is too small; the message names what is needed
+  device_error = 6,           ///< a device failed; the call and its error name are in the message
+  accuracy_not_reached = 7,   ///< refinement stopped above the requested backward error; the solution is returned
+  cancelled = 8,              ///< the caller asked to stop
 };
 
 /// An expected failure is a value of this type; misuse (wrong sizes, wrong state) throws std::invalid_argument or

@@ -11,13 +11,13 @@ namespace espalier::analysis {
 /// Fronts in postorder (every child stands before its parent). A *position* is a place in the elimination order; a
 /// front's pivots occupy consecutive positions.
 struct AssemblyTree {
-  Index n = 0;                     ///< unknowns
-  std::vector<Index> order;        ///< n; order[k] is the caller's column eliminated at position k
-  std::vector<Index> first;        ///< fronts + 1; front f eliminates the positions first[f] .. first[f + 1] - 1
-  std::vector<Index> parent;       ///< fronts; the parent front, -1 for a root; parent[f] > f
-  std::vector<Offset> row_ptr;     ///< fronts + 1; into `rows`
-  std::vector<Index> rows;         ///< positions of the rows below the pivots of each front, ascending; all of them are
-                                   ///< pivots of ancestors, and contained in the parent's pivots and rows
+  Index n = 0;                  ///< unknowns
+  std::vector<Index> order;     ///< n; order[k] is the caller's column eliminated at position k
+  std::vector<Index> first;     ///< fronts + 1; front f eliminates the positions first[f] .. first[f + 1] - 1
+  std::vector<Index> parent;    ///< fronts; the parent front, -1 for a root; parent[f] > f
+  std::vector<Offset> row_ptr;  ///< fronts + 1; into `rows`
+  std::vector<Index> rows;      ///< positions of the rows below the pivots of each front, ascending; all of them are
+                                ///< pivots of ancestors, and contained in the parent's pivots and rows
 
   [[nodiscard]] Index fronts() const { return static_cast<Index>(parent.size()); }
   [[nodiscard]] Index pivots(Index f) const { return first[f + 1] - first[f]; }
