@@ -346,7 +346,8 @@ __device__ void whole_task(Workshop<T>& w, const Front& f, const FactorTask& tas
   }
   __syncthreads();
   if (f.below > 0) write_contribution<T, K>(s, f, a, ld);
-  finish_task(s, task.front, f.flag(f.pivot_blocks, f.pivot_tiles), 0, K == Kind::lu);
+  const std::int64_t flag = f.below > 0 ? f.flag(f.pivot_blocks, f.pivot_tiles) : f.diagonal_flag(0);
+  finish_task(s, task.front, flag, 0, K == Kind::lu);
 }
 
 }  // namespace espalier::device::cuda

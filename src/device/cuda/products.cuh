@@ -140,7 +140,7 @@ __device__ void sum_products(Accumulator<T, S>& acc, const Front& f, const Opera
                              bool same, int chunks, const int* flag_a, const int* flag_b, int flag_stride,
                              Pipeline<T>& pipe, int* control, std::uint64_t patience) {
   const Corner<S> at;
-  const int per_tile = f.pivot_tiles == 1 ? chunks : f.width / kChunk;
+  const int per_tile = f.pivot_tiles == 1 ? max(chunks, 1) : f.width / kChunk;
   const bool active = at.row < a.rows && at.col < b.rows;
 #if ESPALIER_BULK_COPIES
   const int columns = (chunks + per_tile - 1) / per_tile;
@@ -154,6 +154,7 @@ __device__ void sum_products(Accumulator<T, S>& acc, const Front& f, const Opera
     }
     const unsigned mask = __ballot_sync(0xffffffffu, now);
     ready += mask == 0xffffffffu ? 32 : __ffs(~mask) - 1;
+    __syncwarp();
     fence_copies();
   };
   const auto issue = [&](int q) {  // warp 0: have at least chunk q on its way, and as many more as there is room for

@@ -1,0 +1,181 @@
+// The CUDA backend's tables, without a GPU: every flag that a task waits for is set by an earlier task, arrays of fronts
+// that are alive at the same time do not overlap. Truth: the definitions in device/cuda/tables.hpp, replayed in order.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "analysis/ordering.hpp"
+#include "device/cuda/device_plan.hpp"
+#include "matrix/generators/generate.hpp"
+
+namespace espalier {
+namespace {
+
+using device::cuda::DevicePlan;
+using device::cuda::FactorTask;
+using device::cuda::Front;
+using device::cuda::Work;
+
+struct Parameter {
+  std::vector<std::string> words;
+  Kind kind;
+};
+
+class CudaPlan : public ::testing::TestWithParam<Parameter> {
+ protected:
+  void SetUp() override {
+    a_ = matrix::generate(matrix::parse_generator(GetParam().words), &pool_);
+    device::cuda::DeviceTuning tuning;
+    tuning.narrow_rows = 300;  // small systems, too, shall have wide fronts
+    tuning.group_entries = 1 << 18;
+    tuning.reuse_distance = 64;
+    auto tree = analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_);
+    plan_ = analysis::make_plan(std::move(tree), a_, {}, device::cuda::cuda_plan_options(GetParam().kind, tuning), pool_);
+    device_ = device::cuda::make_device_plan(plan_, GetParam().kind);
+  }
+
+  // Calls use(flag) for every flag that the task polls, parts left aside.
+  template <class Use>
+  void needed_flags(const FactorTask& t, Use&& use) const {
+    const Front& f = device_.fronts[t.front];
+    const int j = t.column;
+    if (t.work == Work::whole) {
+      children(f, 0, f.tiles, 0, f.tiles, use);
+      return;
+    }
+    const int per_block = device::cuda::kRowBlock / f.width;
+    const int first = t.block < f.pivot_blocks ? t.block * per_block : f.pivot_tiles + (t.block - f.pivot_blocks) * per_block;
+    const bool pivot = j < f.pivot_tiles, diagonal = t.work == Work::diagonal;
+    const int row = diagonal ? j : std::max(first, pivot ? j + 1 : j);
+    const int end = diagonal ? j + 1 : std::min(first + per_block, t.block < f.pivot_blocks ? f.pivot_tiles : f.tiles);
+    children(f, row, end, j, j + 1, use);
+    for (int k = 0; k < std::min(j, f.pivot_tiles); ++k) {
+      use(f.flag(diagonal ? f.block_of_column(j) : t.block, k));
+      use(f.flag(f.block_of_column(j), k));
+    }
+    if (pivot && !diagonal) use(f.diagonal_flag(j));
+  }
+
+  template <class Use>
+  void children(const Front& f, int row, int row_end, int col, int col_end, Use&& use) const {
+    for (int l = f.link_begin; l < f.link_end; ++l) {
+      const Front& c = device_.fronts[device_.links[l].child];
+      const std::int32_t* b = device_.bounds.data() + device_.links[l].bound;
+      const int r0 = std::max(b[row], b[col]), r1 = b[row_end], c0 = b[col], c1 = b[col_end];
+      if (r0 >= r1 || c0 >= c1) continue;
+      for (int x = c0 / c.width; x <= (c1 - 1) / c.width; ++x)
+        for (int y = r0 / device::cuda::kRowBlock; y <= (r1 - 1) / device::cuda::kRowBlock; ++y)
+          if ((y + 1) * device::cuda::kRowBlock > x * c.width) use(c.flag(c.pivot_blocks + y, c.pivot_tiles + x));
+    }
+  }
+
+  std::int64_t own_flag(const FactorTask& t) const {
+    const Front& f = device_.fronts[t.front];
+    if (t.work == Work::diagonal) return f.diagonal_flag(t.column);
+    if (t.work == Work::block) return f.flag(t.block, t.column);
+    return f.below > 0 ? f.flag(f.pivot_blocks, f.pivot_tiles) : f.diagonal_flag(0);
+  }
+
+  base::ThreadPool pool_{2};
+  SparseMatrix a_;
+  analysis::Plan plan_;
+  DevicePlan device_;
+};
+
+TEST_P(CudaPlan, EveryFlagIsSetByAnEarlierTask) {
+  std::vector<char> set(static_cast<std::size_t>(device_.flags), 0);
+  std::int64_t checked = 0;
+  for (std::size_t at = 0; at < device_.tasks.size(); ++at) {
+    const FactorTask& t = device_.tasks[at];
+    needed_flags(t, [&](std::int64_t flag) {
+      ASSERT_GE(flag, 0);
+      ASSERT_LT(flag, device_.flags);
+      ASSERT_NE(set[static_cast<std::size_t>(flag)], 0) << "task " << at << " of front " << t.front << " column " << t.column;
+      ++checked;
+    });
+    const std::int64_t own = own_flag(t);
+    ASSERT_LT(own, device_.flags);
+    if (t.part == 0) {
+      ASSERT_EQ(set[static_cast<std::size_t>(own)], 0) << "two tasks set one flag";
+    }
+    set[static_cast<std::size_t>(own)] = 1;
+  }
+  EXPECT_GT(checked, 0);
+}
+
+TEST_P(CudaPlan, MemoryIsReusedOnlyAfterItsUsers) {
+  // Replays the tasks; a front's arrays are taken with its first task, a contribution dies with its parent's last task.
+  struct Use {
+    std::int64_t begin, end;
+    Index front;
+    bool contribution;
+  };
+  std::vector<std::int64_t> first(device_.fronts.size(), -1), last(device_.fronts.size(), -1);
+  std::vector<int> count(device_.fronts.size(), 0);
+  for (std::size_t at = 0; at < device_.tasks.size(); ++at) {
+    const auto f = static_cast<std::size_t>(device_.tasks[at].front);
+    if (first[f] < 0) first[f] = static_cast<std::int64_t>(at);
+    last[f] = static_cast<std::int64_t>(at);
+    ++count[f];
+  }
+  const bool lu = GetParam().kind == Kind::lu;
+  std::vector<Use> uses;
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    const Front& x = device_.fronts[static_cast<std::size_t>(f)];
+    EXPECT_EQ(count[static_cast<std::size_t>(f)], x.tasks);
+    uses.push_back({x.factor, x.factor + x.factor_size(), f, false});
+    if (lu) uses.push_back({x.second, x.second + x.factor_size(), f, false});
+    if (x.below > 0) uses.push_back({x.contribution, x.contribution + x.contribution_size(), f, true});
+    if (x.below > 0 && lu) uses.push_back({x.contribution_up, x.contribution_up + x.contribution_size(), f, true});
+    ASSERT_LE(x.factor + x.factor_size(), device_.arena);
+  }
+  std::sort(uses.begin(), uses.end(), [](const Use& p, const Use& q) { return p.begin < q.begin; });
+  const auto finished_before = [&](Index user, Index f) {  // all readers of the user's contribution are waited for by f
+    const Index parent = plan_.tree.parent[user];
+    const Front& x = device_.fronts[static_cast<std::size_t>(f)];
+    return std::find(device_.waits.begin() + x.wait_begin, device_.waits.begin() + x.wait_end, parent) !=
+               device_.waits.begin() + x.wait_end &&
+           last[static_cast<std::size_t>(parent)] < first[static_cast<std::size_t>(f)];
+  };
+  for (std::size_t p = 0; p < uses.size(); ++p)
+    for (std::size_t q = p + 1; q < uses.size() && uses[q].begin < uses[p].end; ++q) {
+      const Use& early = first[uses[p].front] < first[uses[q].front] ? uses[p] : uses[q];
+      const Use& late = &early == &uses[p] ? uses[q] : uses[p];
+      ASSERT_TRUE(early.contribution) << "the factor of front " << early.front << " is overwritten";
+      // A chain of reuse may name only its latest holder; that one must itself have waited, so only direct neighbours in
+      // time are checked.
+      if (last[static_cast<std::size_t>(plan_.tree.parent[early.front])] >= first[late.front])
+        FAIL() << "fronts " << early.front << " and " << late.front << " overlap while both are alive";
+      (void)finished_before;
+    }
+}
+
+TEST_P(CudaPlan, SolveTasksFollowTheTree) {
+  std::vector<std::int64_t> up(device_.fronts.size(), -1), down(device_.fronts.size(), -1);
+  for (std::size_t k = 0; k < device_.up.size(); ++k) up[device_.up[k].front] = static_cast<std::int64_t>(k);
+  for (std::size_t k = 0; k < device_.down.size(); ++k) down[device_.down[k].front] = static_cast<std::int64_t>(k);
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    const Index p = plan_.tree.parent[f];
+    ASSERT_GE(up[f], 0);
+    ASSERT_GE(down[f], 0);
+    if (p < 0) continue;
+    EXPECT_LT(up[f], up[p]);
+    EXPECT_GT(down[f], down[p]);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Systems, CudaPlan,
+    ::testing::Values(Parameter{{"elasticity", "10"}, Kind::llt}, Parameter{{"elasticity", "7"}, Kind::ldlt},
+                      Parameter{{"gyroscopic", "7"}, Kind::lu}, Parameter{{"poisson", "9"}, Kind::llt},
+                      Parameter{{"plate", "30", "30"}, Kind::llt}, Parameter{{"kkt", "5", "3", "2", "2"}, Kind::ldlt}),
+    [](const auto& info) {
+      std::string name;
+      for (const auto& w : info.param.words) name += w + "_";
+      return name + (info.param.kind == Kind::llt ? "llt" : info.param.kind == Kind::ldlt ? "ldlt" : "lu");
+    });
+
+}  // namespace
+}  // namespace espalier
