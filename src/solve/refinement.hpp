@@ -29,9 +29,11 @@ struct RefinementResult {
 
 /// Fixed-precision refinement with residuals of twice the precision (Wilkinson; Arioli, Demmel and Duff 1989): corrects
 /// x until the componentwise backward error no longer halves, and keeps the best x.
-/// @param x on entry the first solution, on return the best
-RefinementResult refine(const ResidualOperator& a, const Preconditioner& m, const double* b, double* x, bool transpose,
-                        const RefinementOptions& options);
+/// Right-hand sides are refined side by side, at most 32 at a time, each until it stalls.
+/// @param b, x  n x columns, column-major; x: on entry the first solutions, on return the best
+/// @returns the largest errors and the most steps of any column
+RefinementResult refine(const ResidualOperator& a, const Preconditioner& m, const double* b, double* x, Index columns,
+                        bool transpose, const RefinementOptions& options);
 
 /// Solves A d = r to a relative residual of `tolerance`, d = 0 at the start: conjugate gradients (positive definite A)
 /// or flexible GMRES (Saad 1993). @returns the number of products with A
