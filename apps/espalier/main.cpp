@@ -2,6 +2,9 @@
 /// The command line `espalier`: reads the arguments, runs one subcommand, turns every failure into a message on stderr
 /// and an exit code.
 #include <CLI/CLI.hpp>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
 #include <exception>
 #include <new>
 
@@ -32,10 +35,17 @@ int report_usage(const CLI::App& app, const CLI::ParseError& error) {
   return kBadInput;
 }
 
+/// A full disk or a closed pipe must not look like success.
+int flush_output(int code) {
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return code;
+  print_error(fmt::format("cannot write to standard output: {}", std::strerror(errno)));
+  return code == kSolved ? kBadInput : code;
+}
+
 /// Runs the chosen action; nothing escapes.
 int run_guarded(const Action& action) {
   try {
-    return action();
+    return flush_output(action());
   } catch (const Error& error) {
     print_error(error.what());
     return exit_code(error.status().code);

@@ -92,7 +92,7 @@ class Usage(Cli):
                 ("--kind", "qr", "ldlt"), ("--precision", "fp16", "mixed"), ("--device", "tpu", "host:N"),
                 ("--device", "host:", "host:N"), ("--device", "host:0", "host:N"), ("--device", "gpu:x", "gpu:all"),
                 ("--device-memory", "2GiBs", "2GiB"), ("--device-memory", "-2G", "2GiB"),
-                ("--host-memory", "lots", "512M"), ("--host-memory", "", "512M"), ("--host-memory", "1e400", "512M"),
+                ("--host-memory", "lots", "512M"), ("--host-memory", "1e400", "512M"),
                 ("--host-memory", "99999999999T", "512M"), ("--threads", "two", "number"),
                 ("--threads", "-3", "number"), ("--threads", "1.5", "number"), ("--max-block-size", "x", "number"),
                 ("--max-block-size", "99999999999", "number")):
@@ -174,6 +174,13 @@ class UnreadableInput(Cli):
         matrix = self.file("a.mtx", coordinate(1, [(1, 1, 1.0)]))
         for option in ("--out", "--report", "--trace"):
             self.expect(2, "solve", matrix, option, self.folder / "no" / "such.file", says="such.file")
+
+    def test_full_standard_output(self):
+        with open("/dev/full", "w") as full:
+            result = subprocess.run([BINARY, "info", "--json"], stdout=full, stderr=subprocess.PIPE, text=True,
+                                    timeout=60, check=False)
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("standard output", result.stderr)
 
     def test_generators(self):
         for spec in ("", "bicycle 3 3", "elasticity", "elasticity 3 3", "elasticity 3 3 x", "elasticity 0 3 3",
@@ -270,7 +277,7 @@ class Solutions(Cli):
         n = 200000
         body = "\n".join(f"{i} {i} 2" for i in range(1, n + 1))
         _, x = self.solve(f"%%MatrixMarket matrix coordinate real symmetric\n{n} {n} {n}\n{body}\n")
-        self.assertEqual(set(x), {0.5})
+        self.assertLessEqual(max(abs(value - 0.5) for value in x), 4 * EPS)
 
     def test_runs_are_bit_identical(self):
         spec = ("solve", "--generate", "elasticity 4 3 3", "--quiet", "--out")
