@@ -102,7 +102,7 @@ void measure(const std::string& name, const System& s, base::ThreadPool& pool) {
   const SparseMatrix a = generate(s);
   const double t0 = now();
   SymmetricMatching matching;
-  if (s.multipliers) matching = symmetric_matching(a);
+  if (s.multipliers) matching = symmetric_matching(a, pool);
   const double t1 = now();
   const Graph graph = graph_of(a, pool);
   const double t2 = now();

@@ -1,6 +1,8 @@
 #include "analysis/assignment.hpp"
 
 #include <algorithm>
+#include <atomic>
+#include <cstdint>
 #include <limits>
 
 namespace espalier::analysis {
@@ -11,11 +13,18 @@ auto at(Offset k) { return static_cast<std::size_t>(k); }
 
 // r |a| c of a tight entry is 1 up to the rounding of two divisions and two products.
 constexpr double kTight = 1 - 8 * std::numeric_limits<double>::epsilon();
+constexpr std::int64_t kColumns = 2048;  // columns per piece of a parallel loop
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 }  // namespace
 
-Assignment::Assignment(const EntryView& a)
-    : row_scale(at(a.n), 0), col_scale(at(a.n), 1), row_of_col(at(a.n), -1), col_of_row(at(a.n), -1), a_(a) {}
+Assignment::Assignment(const EntryView& a, bool symmetric, base::ThreadPool& pool)
+    : row_scale(at(a.n), 0),
+      col_scale(at(a.n), 1),
+      row_of_col(at(a.n), -1),
+      col_of_row(at(a.n), -1),
+      a_(a),
+      symmetric_(symmetric),
+      pool_(pool) {}
 
 double Assignment::product(Offset k, Index j) const {
   return a_.magnitude(k) * row_scale[at(a_.row[at(k)])] * col_scale[at(j)];
@@ -27,30 +36,45 @@ void Assignment::match(Index i, Index j) {
 }
 
 void Assignment::scale_by_diagonal() {
-  for (Index j = 0; j < a_.n; ++j)
-    for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
-      if (a_.row[at(k)] == j && a_.magnitude(k) > 0) row_scale[at(j)] = 1 / std::sqrt(a_.magnitude(k));
+  std::atomic<bool> complete{true};
+  pool_.for_each_piece(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j) {
+      for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
+        if (a_.row[at(k)] == j && a_.magnitude(k) > 0) row_scale[at(j)] = 1 / std::sqrt(a_.magnitude(k));
+      if (row_scale[at(j)] == 0) complete.store(false, std::memory_order_relaxed);
+    }
+  });
+  if (complete) return;
   // A row without a diagonal entry: as if its columns were scaled like their diagonals.
   std::vector<double> most(at(a_.n), 0);
-  for (Index j = 0; j < a_.n; ++j)
+  for (Index j = 0; j < a_.n; ++j) {
+    if (symmetric_ ? row_scale[at(j)] > 0 : row_scale[at(j)] == 0) continue;
     for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k) {
-      const std::size_t i = at(a_.row[at(k)]);
-      if (row_scale[i] == 0 && row_scale[at(j)] > 0) most[i] = std::max(most[i], a_.magnitude(k) * row_scale[at(j)]);
+      // Symmetric: (i, j) stands for (j, i), so that only the columns of such rows are looked at.
+      const std::size_t i = symmetric_ ? at(j) : at(a_.row[at(k)]), other = symmetric_ ? at(a_.row[at(k)]) : at(j);
+      if (row_scale[i] == 0 && row_scale[other] > 0) most[i] = std::max(most[i], a_.magnitude(k) * row_scale[other]);
     }
+  }
   for (std::size_t i = 0; i < most.size(); ++i)
     if (row_scale[i] == 0) row_scale[i] = most[i] > 0 ? 1 / most[i] : 1;
 }
 
-void Assignment::scale_columns() {
-  for (Index j = 0; j < a_.n; ++j) {
-    double most = 0;
-    for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
-      most = std::max(most, a_.magnitude(k) * row_scale[at(a_.row[at(k)])]);
-    if (most > 0) col_scale[at(j)] = 1 / most;
-  }
+/// scale_j = 1 / max_i |a_ij| factor_i wherever column j has an entry
+void Assignment::divide_by_column_maxima(const std::vector<double>& factor, std::vector<double>& scale) {
+  pool_.for_each_piece(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j) {
+      double most = 0;
+      for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
+        most = std::max(most, a_.magnitude(k) * factor[at(a_.row[at(k)])]);
+      if (most > 0) scale[at(j)] = 1 / most;
+    }
+  });
 }
 
+void Assignment::scale_columns() { divide_by_column_maxima(row_scale, col_scale); }
+
 void Assignment::scale_rows() {
+  if (symmetric_) return divide_by_column_maxima(col_scale, row_scale);
   std::vector<double> most(at(a_.n), 0);
   for (Index j = 0; j < a_.n; ++j)
     for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k) {
@@ -62,9 +86,11 @@ void Assignment::scale_rows() {
 }
 
 void Assignment::match_tight_diagonal() {
-  for (Index j = 0; j < a_.n; ++j)
-    for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
-      if (a_.row[at(k)] == j && product(k, j) >= kTight) match(j, j);
+  pool_.for_each_piece(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j)
+      for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
+        if (a_.row[at(k)] == j && product(k, j) >= kTight) match(j, j);
+  });
 }
 
 /// Matches column j by a tight entry in a free row, or by moving the column of a tight row to another free tight row.

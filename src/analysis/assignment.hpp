@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "base/thread_pool.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::analysis {
@@ -35,7 +36,8 @@ struct EntryView {
 /// column left is matched by a shortest augmenting path in the reduced costs -log(r_i |a_ij| c_j) (Dijkstra).
 class Assignment {
  public:
-  explicit Assignment(const EntryView& a);
+  /// @param symmetric values and pattern are symmetric: rows are read as columns, by all threads
+  Assignment(const EntryView& a, bool symmetric, base::ThreadPool& pool);
   void run();
 
   std::vector<double> row_scale, col_scale;   ///< n, positive
@@ -53,6 +55,7 @@ class Assignment {
 
   void scale_by_diagonal();
   void scale_columns();
+  void divide_by_column_maxima(const std::vector<double>& factor, std::vector<double>& scale);
   void scale_rows();
   void match_tight_diagonal();
   void match_tight();
@@ -66,6 +69,8 @@ class Assignment {
   [[nodiscard]] double product(Offset k, Index j) const;
 
   EntryView a_;
+  bool symmetric_;
+  base::ThreadPool& pool_;
   std::vector<double> log_row_, log_col_;  // logarithms of the scaling factors, from the first search on
   // One search: distances of rows, the columns they were reached from, the rows whose distance is final.
   std::vector<double> distance_;

@@ -23,8 +23,11 @@ class CutRefiner {
         most_side_(most_side),
         b_(b),
         queue_{GainHeap(at(g.n())), GainHeap(at(g.n()))},
-        gain_(at(g.n())),
-        moved_(at(g.n()), 0) {}
+        gain_(at(g.n()), 0),
+        degree_(at(g.n()), 0),
+        moved_(at(g.n()), 0) {
+    compute_gains();
+  }
   bool pass();
 
  private:
@@ -35,24 +38,19 @@ class CutRefiner {
   const PartGraph& g_;
   const Offset most_side_;
   Bisection& b_;
-  GainHeap queue_[2];        // boundary vertices of side 0, 1 that have not moved yet
-  std::vector<Index> gain_;  // by how much the cut falls when the vertex changes sides
+  GainHeap queue_[2];          // boundary vertices of side 0, 1 that have not moved yet
+  std::vector<Index> gain_;    // by how much the cut falls when the vertex changes sides
+  std::vector<Index> degree_;  // weight of all edges of the vertex
   std::vector<char> moved_;
   std::vector<Index> moves_;
 };
 
 void CutRefiner::compute_gains() {
-  for (Index v = 0; v < g_.n(); ++v) {
-    Index gain = 0;
-    bool boundary = false;
+  for (Index v = 0; v < g_.n(); ++v)
     for (Offset e = g_.ptr[at(v)]; e < g_.ptr[at(v) + 1]; ++e) {
-      const bool across = b_.side[at(g_.adj[at(e)])] != b_.side[at(v)];
-      gain += across ? g_.edge[at(e)] : -g_.edge[at(e)];
-      boundary = boundary || across;
+      degree_[at(v)] += g_.edge[at(e)];
+      gain_[at(v)] += b_.side[at(g_.adj[at(e)])] != b_.side[at(v)] ? g_.edge[at(e)] : -g_.edge[at(e)];
     }
-    gain_[at(v)] = gain;
-    if (boundary) queue_[at(b_.side[at(v)])].insert(v, gain);
-  }
 }
 
 /// The side that gives a vertex away: the one above the limit, else the one with the better gain.
@@ -91,7 +89,8 @@ void CutRefiner::flip(Index v, bool queued) {
 }
 
 bool CutRefiner::pass() {
-  compute_gains();
+  for (Index v = 0; v < g_.n(); ++v)
+    if (gain_[at(v)] > -degree_[at(v)]) queue_[at(b_.side[at(v)])].insert(v, gain_[at(v)]);
   const Offset start = b_.cut;
   const auto imbalance = [&] { return std::abs(b_.weight[0] - b_.weight[1]); };
   Offset best = start, best_imbalance = imbalance();

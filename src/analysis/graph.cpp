@@ -6,31 +6,13 @@
 #include <numeric>
 #include <utility>
 
+#include "analysis/columns.hpp"
+
 namespace espalier::analysis {
 
 namespace {
 
 constexpr std::int64_t kColumns = 2048;  // columns per piece of a parallel loop
-
-/// Columns of sorted row indices without duplicates, owned or seen.
-struct Columns {
-  std::span<const Offset> ptr;
-  std::span<const Index> ind;
-  std::vector<Offset> own_ptr;
-  LazyVector<Index> own_ind;
-
-  [[nodiscard]] std::span<const Index> operator[](std::int64_t j) const {
-    const auto k = static_cast<std::size_t>(j);
-    return ind.subspan(static_cast<std::size_t>(ptr[k]), static_cast<std::size_t>(ptr[k + 1] - ptr[k]));
-  }
-  void own() {
-    ptr = own_ptr;
-    ind = own_ind;
-  }
-};
-
-/// counts[j + 1] -> positions
-void accumulate(std::vector<Offset>& ptr) { std::partial_sum(ptr.begin(), ptr.end(), ptr.begin()); }
 
 Columns columns_of(const MatrixView& a) {
   Columns c;
@@ -101,77 +83,47 @@ Columns sort_columns(const Columns& c, Index n, std::span<const Index> name, bas
   return out;
 }
 
-/// The transpose; its columns come out sorted. Every chunk of columns counts and places its entries by itself, and the
-/// chunks follow each other within a row, so the result does not depend on their number.
-Columns transpose(const Columns& c, Index n, base::ThreadPool& pool) {
-  const auto size = static_cast<std::size_t>(n);
-  // The counters of the chunks stay below a quarter of the entries.
-  const Offset affordable = std::max<Offset>(1, static_cast<Offset>(c.ind.size()) / (4 * std::max<Index>(1, n)));
-  const auto chunks = static_cast<std::int64_t>(std::min<Offset>(pool.size(), affordable));
-  std::vector<std::vector<std::uint32_t>> count(static_cast<std::size_t>(chunks));
-  const auto begin_of = [&](std::int64_t chunk) {
-    const Offset wanted = static_cast<Offset>(c.ind.size()) * chunk / chunks;
-    return chunk == chunks ? n : std::lower_bound(c.ptr.begin(), c.ptr.end() - 1, wanted) - c.ptr.begin();
-  };
-  pool.for_each(chunks, [&](std::int64_t chunk) {
-    auto& mine = count[static_cast<std::size_t>(chunk)];
-    mine.assign(size, 0);
-    for (std::int64_t j = begin_of(chunk); j < begin_of(chunk + 1); ++j)
-      for (const Index i : c[j]) ++mine[static_cast<std::size_t>(i)];
-  });
-  Columns out;
-  out.own_ptr.assign(size + 1, 0);
-  pool.for_each_piece(n, 1 << 16, [&](std::int64_t begin, std::int64_t end) {
-    for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
-      std::uint32_t sum = 0;
-      for (auto& part : count) sum += std::exchange(part[i], sum);
-      out.own_ptr[i + 1] = sum;
-    }
-  });
-  accumulate(out.own_ptr);
-  out.own_ind.resize(c.ind.size());
-  pool.for_each(chunks, [&](std::int64_t chunk) {
-    auto& mine = count[static_cast<std::size_t>(chunk)];
-    for (std::int64_t j = begin_of(chunk); j < begin_of(chunk + 1); ++j)
-      for (const Index i : c[j]) {
-        const auto r = static_cast<std::size_t>(i);
-        out.own_ind[static_cast<std::size_t>(out.own_ptr[r] + mine[r]++)] = static_cast<Index>(j);
-      }
-  });
-  out.own();
-  return out;
-}
-
 /// The union of two columns without `skip`, written to out where out is not null. @return its size
 Offset merge_columns(std::span<const Index> a, std::span<const Index> b, Index skip, Index* out) {
   std::size_t i = 0, k = 0;
   Offset size = 0;
-  while (i < a.size() || k < b.size()) {
-    Index next = 0;
-    if (k == b.size() || (i < a.size() && a[i] <= b[k])) {
-      next = a[i++];
-      if (k < b.size() && b[k] == next) ++k;
-    } else {
-      next = b[k++];
-    }
-    if (next == skip) continue;
+  const auto put = [&](Index next) {
+    if (next == skip) return;
     if (out != nullptr) out[size] = next;
     ++size;
+  };
+  while (i < a.size() && k < b.size()) {
+    const Index next = std::min(a[i], b[k]);
+    i += a[i] == next ? 1 : 0;
+    k += b[k] == next ? 1 : 0;
+    put(next);
   }
+  for (; i < a.size(); ++i) put(a[i]);
+  for (; k < b.size(); ++k) put(b[k]);
   return size;
+}
+
+/// The same, fast where a stands before `skip` and b behind it, as in the two triangles of a symmetric matrix.
+Offset join_columns(std::span<const Index> a, std::span<const Index> b, Index skip, Index* out) {
+  if (!a.empty() && a.back() == skip) a = a.first(a.size() - 1);
+  if (!b.empty() && b.front() == skip) b = b.subspan(1);
+  const bool around = (a.empty() || a.back() < skip) && (b.empty() || b.front() > skip);
+  if (!around) return merge_columns(a, b, skip, out);
+  if (out != nullptr) std::copy(b.begin(), b.end(), std::copy(a.begin(), a.end(), out));
+  return static_cast<Offset>(a.size() + b.size());
 }
 
 Graph merged(const Columns& a, const Columns& b, Index n, base::ThreadPool& pool) {
   Graph g{n, std::vector<Offset>(static_cast<std::size_t>(n) + 1, 0), {}};
   pool.for_each_piece(n, kColumns, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j)
-      g.ptr[static_cast<std::size_t>(j) + 1] = merge_columns(a[j], b[j], static_cast<Index>(j), nullptr);
+      g.ptr[static_cast<std::size_t>(j) + 1] = join_columns(a[j], b[j], static_cast<Index>(j), nullptr);
   });
   accumulate(g.ptr);
   g.adj.resize(static_cast<std::size_t>(g.ptr.back()));
   pool.for_each_piece(n, kColumns, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j)
-      merge_columns(a[j], b[j], static_cast<Index>(j), g.adj.data() + g.ptr[static_cast<std::size_t>(j)]);
+      join_columns(a[j], b[j], static_cast<Index>(j), g.adj.data() + g.ptr[static_cast<std::size_t>(j)]);
   });
   return g;
 }
@@ -212,7 +164,9 @@ Graph graph_of(const MatrixView& a, base::ThreadPool& pool, std::span<const Inde
   if (!name.empty() || !strictly_sorted(columns, n, pool)) columns = sort_columns(columns, n, name, pool);
   const bool both = a.storage == Storage::general || a.storage == Storage::symmetric_both;
   if (both && symmetric_pattern(columns, n, pool)) return merged(columns, no_columns(n), n, pool);
-  return merged(columns, transpose(columns, n, pool), n, pool);
+  const Columns transposed = transpose(columns, n, pool);
+  if (a.storage == Storage::symmetric_lower) return merged(transposed, columns, n, pool);
+  return merged(columns, transposed, n, pool);
 }
 
 }  // namespace espalier::analysis

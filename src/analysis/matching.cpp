@@ -5,7 +5,7 @@
 #include <numeric>
 
 #include "analysis/assignment.hpp"
-#include "analysis/lazy_vector.hpp"
+#include "analysis/columns.hpp"
 
 namespace espalier::analysis {
 
@@ -13,36 +13,6 @@ namespace {
 
 auto at(Index k) { return static_cast<std::size_t>(k); }
 auto at(Offset k) { return static_cast<std::size_t>(k); }
-
-/// Both triangles of a symmetric matrix of which one is stored.
-struct FullMatrix {
-  std::vector<Offset> ptr;
-  LazyVector<Index> row;
-  LazyVector<double> value;
-
-  explicit FullMatrix(const MatrixView& a) : ptr(at(a.cols) + 1, 0) {
-    for (Index j = 0; j < a.cols; ++j)
-      for (Offset k = a.col_ptr[at(j)]; k < a.col_ptr[at(j) + 1]; ++k) {
-        ++ptr[at(j) + 1];
-        if (a.row_ind[at(k)] != j) ++ptr[at(a.row_ind[at(k)]) + 1];
-      }
-    std::partial_sum(ptr.begin(), ptr.end(), ptr.begin());
-    row.resize(at(ptr.back()));
-    value.resize(at(ptr.back()));
-    std::vector<Offset> next(ptr.begin(), ptr.end() - 1);
-    for (Index j = 0; j < a.cols; ++j)
-      for (Offset k = a.col_ptr[at(j)]; k < a.col_ptr[at(j) + 1]; ++k) {
-        const Index i = a.row_ind[at(k)];
-        put(next[at(j)]++, i, a.values[at(k)]);
-        if (i != j) put(next[at(i)]++, j, a.values[at(k)]);
-      }
-  }
-  void put(Offset k, Index i, double v) {
-    row[at(k)] = i;
-    value[at(k)] = v;
-  }
-  [[nodiscard]] EntryView view() const { return {static_cast<Index>(ptr.size()) - 1, ptr, row, value}; }
-};
 
 /// Cycles and paths of a matching of a symmetric matrix, split into pairs and single vertices (Duff and Pralet 2005).
 class PairChooser {
@@ -122,8 +92,8 @@ class PairChooser {
   std::vector<Index> pair_;
 };
 
-SymmetricMatching match_symmetric(const EntryView& entries) {
-  Assignment assignment(entries);
+SymmetricMatching match_symmetric(const EntryView& entries, base::ThreadPool& pool) {
+  Assignment assignment(entries, true, pool);
   assignment.run();
   SymmetricMatching out;
   out.structural_rank = assignment.rank;
@@ -137,18 +107,28 @@ SymmetricMatching match_symmetric(const EntryView& entries) {
 
 }  // namespace
 
-Matching maximum_product_matching(const MatrixView& a) {
-  Assignment assignment({a.cols, a.col_ptr, a.row_ind, a.values});
+Matching maximum_product_matching(const MatrixView& a, base::ThreadPool& pool) {
+  Assignment assignment({a.cols, a.col_ptr, a.row_ind, a.values}, a.symmetric(), pool);
   assignment.run();
   return {std::move(assignment.row_scale), std::move(assignment.col_scale), std::move(assignment.row_of_col),
           assignment.rank};
 }
 
-SymmetricMatching symmetric_matching(const MatrixView& a) {
+SymmetricMatching symmetric_matching(const MatrixView& a, base::ThreadPool& pool) {
   if (a.storage == Storage::general || a.storage == Storage::symmetric_both)
-    return match_symmetric({a.cols, a.col_ptr, a.row_ind, a.values});
-  const FullMatrix full(a);
-  return match_symmetric(full.view());
+    return match_symmetric({a.cols, a.col_ptr, a.row_ind, a.values}, pool);
+  const FullMatrix full = both_triangles(a, pool);
+  return match_symmetric({a.cols, full.ptr, full.row, full.value}, pool);
+}
+
+Matching maximum_product_matching(const MatrixView& a) {
+  base::ThreadPool alone(1);
+  return maximum_product_matching(a, alone);
+}
+
+SymmetricMatching symmetric_matching(const MatrixView& a) {
+  base::ThreadPool alone(1);
+  return symmetric_matching(a, alone);
 }
 
 }  // namespace espalier::analysis

@@ -19,7 +19,8 @@ struct Matching {
 
 /// Matching of a square general matrix (storage general; duplicates must have been summed). Rows and columns that
 /// cannot be matched get the scaling that bounds their entries by 1.
-Matching maximum_product_matching(const MatrixView& a);
+Matching maximum_product_matching(const MatrixView& a, base::ThreadPool& pool);
+Matching maximum_product_matching(const MatrixView& a);  ///< on the calling thread alone
 
 /// For a symmetric matrix (any symmetric storage): symmetric scaling s = sqrt(r c) of the unsymmetric matching, and the
 /// pairs of Duff and Pralet: pair[v] == w means that v and w are a 2x2 pivot candidate, pair[v] == v a 1x1.
@@ -28,7 +29,8 @@ struct SymmetricMatching {
   std::vector<Index> pair;    ///< n
   Index structural_rank = 0;
 };
-SymmetricMatching symmetric_matching(const MatrixView& a);
+SymmetricMatching symmetric_matching(const MatrixView& a, base::ThreadPool& pool);
+SymmetricMatching symmetric_matching(const MatrixView& a);  ///< on the calling thread alone
 
 /// Symmetric or two-sided equilibration in the infinity norm (Ruiz 2001), powers of two: for llt and wherever matching
 /// is switched off. row_scale == col_scale for symmetric storage.
