@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "base/memory.hpp"
-#include "matrix/file.hpp"
 #include "matrix/matrix_market_array.hpp"
 #include "matrix/matrix_market_coordinate.hpp"
 #include "matrix/transform.hpp"
@@ -38,12 +37,14 @@ RawEntries sparse_entries(const std::vector<double>& numbers, const MatrixMarket
   return raw;
 }
 
-DenseVectors zero_vectors(const Source& source, Index rows, Index cols) {
-  const Offset bytes = static_cast<Offset>(rows) * cols * static_cast<Offset>(sizeof(double));
-  if (bytes / static_cast<Offset>(sizeof(double)) > machine_memory() / 16)
-    fail(source, fmt::format("{} x {} as dense vectors would take {}, more than half of this machine's memory", rows,
-                             cols, base::format_bytes(bytes)));
-  return {rows, cols, std::vector<double>(static_cast<std::size_t>(rows) * static_cast<std::size_t>(cols), 0.0)};
+// A file of a few bytes must not make us take gigabytes: beyond 2^27 numbers (1 GiB) one in 64 must be in the file.
+DenseVectors zero_vectors(const Source& source, Index rows, Index cols, Offset entries) {
+  constexpr Offset kFree = Offset{1} << 27;
+  const Offset count = static_cast<Offset>(rows) * cols;
+  if (count > kFree && count / 64 > entries)
+    fail(source, fmt::format("{} x {} as dense vectors would take {} for {} entries; is this a right-hand side?", rows,
+                             cols, base::format_bytes(8 * std::min(count, Offset{1} << 59)), entries));
+  return {rows, cols, std::vector<double>(static_cast<std::size_t>(count), 0.0)};
 }
 
 SparseMatrix parse_coordinate(const Source& source, const MatrixMarketHeader& header, const ReadOptions& options) {
@@ -68,7 +69,7 @@ DenseVectors parse_matrix_market_vectors(std::string_view text, const std::strin
     return {header.rows, header.cols, parse_array_numbers(source, header, options)};
   if (header.array) {
     const std::vector<double> numbers = parse_array_numbers(source, header, options);
-    DenseVectors v = zero_vectors(source, header.rows, header.cols);
+    DenseVectors v = zero_vectors(source, header.rows, header.cols, header.count);
     const double sign = header.symmetry == Symmetry::skew ? -1.0 : 1.0;
     const auto n = static_cast<std::size_t>(header.rows);
     for_each_packed(header, [&](Index i, Index j, Offset k) {
@@ -81,7 +82,7 @@ DenseVectors parse_matrix_market_vectors(std::string_view text, const std::strin
   ReadOptions with_values = options;
   with_values.keep_pattern = false;
   const SparseMatrix a = to_general(parse_coordinate(source, header, with_values), options.pool);
-  DenseVectors v = zero_vectors(source, a.rows, a.cols);
+  DenseVectors v = zero_vectors(source, a.rows, a.cols, a.nonzeros());
   for (std::size_t j = 0; j < static_cast<std::size_t>(a.cols); ++j)
     for (Offset p = a.col_ptr[j]; p < a.col_ptr[j + 1]; ++p)
       v.values[j * static_cast<std::size_t>(a.rows) +

@@ -47,7 +47,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   options.keep_pattern = (data[0] & 2) != 0;
   const std::string_view text(reinterpret_cast<const char*>(data) + 1, size - 1);
   read_as_matrix(text, options);
-  // A dense block may rightly be large (rows times columns); here only small ones are asked for.
-  if (size < 64 || (data[0] & 4) != 0) read_as_vectors(text);
+  if ((data[0] & 4) != 0) read_as_vectors(text);
   return 0;
 }

@@ -170,7 +170,7 @@ TEST(MatrixMarket, LyingHeadersAllocateNothing) {
         (void)parse_matrix_market_vectors("%%MatrixMarket matrix coordinate real general\n4000000 4000000 1\n1 1 1\n",
                                           "b.mtx");
       },
-      {"b.mtx", "memory"});
+      {"b.mtx", "right-hand side"});
 }
 
 // Truth: strtod, on numbers that are hard to read.
