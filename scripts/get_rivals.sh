@@ -23,7 +23,7 @@ while [ $# -gt 0 ]; do
   shift
 done
 
-debian="libsuitesparse-dev libmumps-seq-dev libeigen3-dev libopenblas-pthread-dev"
+debian="libsuitesparse-dev libmumps-seq-dev libmetis-dev libeigen3-dev libopenblas-pthread-dev"
 missing=
 
 if [ $apt = yes ]; then
