@@ -1,0 +1,152 @@
+#include "dynamics/output/vtu.hpp"
+
+#include <fmt/format.h>
+
+#include <bit>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
+
+namespace espalier::dynamics {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "the files are declared as little-endian");
+
+std::string escaped(const std::string& text) {
+  std::string result;
+  for (const char c : text) {
+    if (c == '&')
+      result += "&amp;";
+    else if (c == '<')
+      result += "&lt;";
+    else if (c == '>')
+      result += "&gt;";
+    else if (c == '"')
+      result += "&quot;";
+    else
+      result += c;
+  }
+  return result;
+}
+
+/// Writes to `path`.part and renames at commit().
+class SafeFile {
+ public:
+  explicit SafeFile(std::string path) : path_(std::move(path)), part_(path_ + ".part"), out_(part_, std::ios::binary) {}
+  std::ofstream& stream() { return out_; }
+  void commit() {
+    out_.close();
+    std::error_code code;
+    if (out_.good()) std::filesystem::rename(part_, path_, code);
+    if (out_.fail() || code)
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("{}: cannot write the file (does its folder exist, is the disk full?)", path_));
+  }
+
+ private:
+  std::string path_, part_;
+  std::ofstream out_;
+};
+
+/// Collects arrays: their XML declarations with offsets now, their bytes at the end.
+class Appended {
+ public:
+  std::string declare(const char* type, const std::string& name, int components, const void* data, std::size_t bytes) {
+    const std::string xml = fmt::format(
+        "        <DataArray type=\"{}\" Name=\"{}\" NumberOfComponents=\"{}\" format=\"appended\" offset=\"{}\"/>\n",
+        type, escaped(name), components, offset_);
+    blocks_.push_back({data, bytes});
+    offset_ += sizeof(std::uint64_t) + bytes;
+    return xml;
+  }
+  void write(std::ostream& out) const {
+    for (const Block& block : blocks_) {
+      const std::uint64_t size = block.bytes;
+      out.write(reinterpret_cast<const char*>(&size), sizeof size);
+      out.write(static_cast<const char*>(block.data), static_cast<std::streamsize>(block.bytes));
+    }
+  }
+
+ private:
+  struct Block {
+    const void* data;
+    std::size_t bytes;
+  };
+  std::vector<Block> blocks_;
+  std::uint64_t offset_ = 0;
+};
+
+std::string declare_fields(Appended& appended, std::span<const OutputField> fields, std::size_t count,
+                           const char* what) {
+  std::string xml;
+  for (const OutputField& field : fields) {
+    if (field.values.size() != count * static_cast<std::size_t>(field.components))
+      throw std::invalid_argument(
+          fmt::format("write_vtu: field '{}' has {} numbers, {} {} times {} components are needed", field.name,
+                      field.values.size(), count, what, field.components));
+    xml += appended.declare("Float64", field.name, field.components, field.values.data(), field.values.size_bytes());
+  }
+  return xml;
+}
+
+}  // namespace
+
+Index VtuCells::add(ElementType type, std::span<const Index> points) {
+  if (points.size() != static_cast<std::size_t>(shape_of(type).nodes))
+    throw std::invalid_argument(fmt::format("VtuCells::add: {} points given, {} has {}", points.size(),
+                                            shape_of(type).name, shape_of(type).nodes));
+  connectivity_.insert(connectivity_.end(), points.begin(), points.end());
+  offsets_.push_back(static_cast<std::int64_t>(connectivity_.size()));
+  types_.push_back(static_cast<std::uint8_t>(shape_of(type).vtk_type));
+  return count() - 1;
+}
+
+void write_vtu(const std::string& path, std::span<const double> points, const VtuCells& cells,
+               std::span<const OutputField> point_fields, std::span<const OutputField> cell_fields) {
+  if (points.size() % 3 != 0) throw std::invalid_argument("write_vtu: points need 3 numbers each");
+  const std::size_t count = points.size() / 3, cell_count = static_cast<std::size_t>(cells.count());
+  Appended appended;
+  std::string xml = fmt::format(
+      "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
+      "header_type=\"UInt64\">\n  <UnstructuredGrid>\n    <Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">\n",
+      count, cell_count);
+  xml += "      <Points>\n" + appended.declare("Float64", "Points", 3, points.data(), points.size_bytes());
+  xml += "      </Points>\n      <Cells>\n";
+  xml += appended.declare("Int64", "connectivity", 1, cells.connectivity_.data(), 8 * cells.connectivity_.size());
+  xml += appended.declare("Int64", "offsets", 1, cells.offsets_.data(), 8 * cells.offsets_.size());
+  xml += appended.declare("UInt8", "types", 1, cells.types_.data(), cells.types_.size());
+  xml += "      </Cells>\n      <PointData>\n" + declare_fields(appended, point_fields, count, "points");
+  xml += "      </PointData>\n      <CellData>\n" + declare_fields(appended, cell_fields, cell_count, "cells");
+  xml += "      </CellData>\n    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n_";
+  SafeFile file(path);
+  file.stream() << xml;
+  appended.write(file.stream());
+  file.stream() << "\n  </AppendedData>\n</VTKFile>\n";
+  file.commit();
+}
+
+std::string PvdSeries::file_name(int part) const {
+  const std::size_t index = static_cast<std::size_t>(part);
+  const int number = index < next_.size() ? next_[index] : 0;
+  const std::filesystem::path pvd(path_);
+  return (pvd.parent_path() / fmt::format("{}_{}_{:06}.vtu", pvd.stem().string(), part, number)).string();
+}
+
+void PvdSeries::add(double t, int part) {
+  if (part < 0) throw std::invalid_argument(fmt::format("PvdSeries::add: part {} is negative", part));
+  entries_.push_back({t, part, std::filesystem::path(file_name(part)).filename().string()});
+  if (next_.size() <= static_cast<std::size_t>(part)) next_.resize(static_cast<std::size_t>(part) + 1, 0);
+  ++next_[static_cast<std::size_t>(part)];
+  SafeFile file(path_);
+  file.stream()
+      << "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n"
+         "  <Collection>\n";
+  for (const Entry& e : entries_)
+    file.stream() << fmt::format("    <DataSet timestep=\"{}\" part=\"{}\" file=\"{}\"/>\n", e.t, e.part,
+                                 escaped(e.file));
+  file.stream() << "  </Collection>\n</VTKFile>\n";
+  file.commit();
+}
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,64 @@
+/// \file
+/// Results for ParaView: .vtu files (VTK XML, unstructured grid, appended raw binary) and .pvd series.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "dynamics/mesh/element_type.hpp"
+#include "espalier/types.hpp"
+
+namespace espalier::dynamics {
+
+/// One named array over points or cells: `components` numbers for each.
+struct OutputField {
+  std::string name;
+  int components = 1;
+  std::span<const double> values;
+};
+
+/// The cells of a result file: fixed over a simulation.
+class VtuCells {
+ public:
+  /// Adds a cell of these points and returns its number.
+  Index add(ElementType type, std::span<const Index> points);
+  [[nodiscard]] Index count() const { return static_cast<Index>(types_.size()); }
+
+ private:
+  friend void write_vtu(const std::string&, std::span<const double>, const VtuCells&, std::span<const OutputField>,
+                        std::span<const OutputField>);
+  std::vector<std::int64_t> connectivity_, offsets_;
+  std::vector<std::uint8_t> types_;
+};
+
+/// Writes one .vtu file: points (3 numbers each), cells, fields over points and over cells. The file is written under
+/// another name and then renamed, so a reader never sees half a file.
+/// @throws std::invalid_argument when a field has the wrong length; Error(invalid_input) when the file cannot be
+/// written
+void write_vtu(const std::string& path, std::span<const double> points, const VtuCells& cells,
+               std::span<const OutputField> point_fields, std::span<const OutputField> cell_fields);
+
+/// A time series: a .pvd file that lists .vtu files. It is rewritten (and renamed) at every step, so it can be opened
+/// while the simulation runs.
+class PvdSeries {
+ public:
+  /// @param path name of the .pvd file; the .vtu files stand beside it
+  explicit PvdSeries(std::string path) : path_(std::move(path)) {}
+  /// The name of the .vtu file for the next step of part `part`: "<stem>_<part>_<number>.vtu" beside the .pvd file.
+  [[nodiscard]] std::string file_name(int part) const;
+  /// Takes up the file of that name at time t. Parts of one time are added one after the other.
+  void add(double t, int part);
+
+ private:
+  struct Entry {
+    double t;
+    int part;
+    std::string file;
+  };
+  std::string path_;
+  std::vector<Entry> entries_;
+  std::vector<int> next_;  // next number of every part
+};
+
+}  // namespace espalier::dynamics
