@@ -46,67 +46,113 @@ struct Choice {
   std::int64_t b;  ///< < 0 for a 1x1 pivot
 };
 
-/// w(j:m, t) -= L(j:m, panel) * w(row, panel)^T.
+/// Rows that a search looks at: begin <= row < end, row != skip.
+struct Range {
+  std::int64_t begin;
+  std::int64_t end;
+  std::int64_t skip;
+
+  [[nodiscard]] bool covers(std::int64_t row, std::int64_t rows) const {
+    return begin <= row && row + rows <= end && (skip < row || skip >= row + rows);
+  }
+};
+
+/// |x| in the lanes whose rows, from `row` on, lie in the range; zero elsewhere.
 template <class T>
-void update_column(const Elimination<T>& f, std::int64_t j, std::int64_t row, std::int64_t panel_columns, T* column) {
-  for (std::int64_t s = 0; s < panel_columns; ++s) {
-    const T x = f.w[s * f.ldw + row];
-    const T* l = f.c + (f.first + s) * f.ld;
-    for (std::int64_t i = j; i < f.m; ++i) column[i] -= l[i] * x;
+HWY_INLINE Vector<T> magnitudes(Vector<T> x, std::int64_t row, const Range& range) {
+  const Tag<T> tag;
+  const Vector<T> rows = hn::Iota(tag, static_cast<T>(row));
+  const auto inside = hn::And(hn::Ge(rows, hn::Set(tag, static_cast<T>(range.begin))),
+                              hn::Lt(rows, hn::Set(tag, static_cast<T>(range.end))));
+  const auto kept = hn::And(inside, hn::Ne(rows, hn::Set(tag, static_cast<T>(range.skip))));
+  return hn::IfThenElseZero(kept, hn::Abs(x));
+}
+
+/// N vectors from row i on of w(:, t) = source - L(:, panel) w(r, panel)^T; `largest` takes in their magnitudes.
+template <class T, int N>
+HWY_INLINE void update_rows(const Elimination<T>& f, std::int64_t i, std::int64_t r, std::int64_t columns,
+                            const T* source, T* target, const Range& range, Vector<T>& largest) {
+  const Tag<T> tag;
+  Vector<T> x[N];
+  HWY_UNROLL(8)
+  for (int v = 0; v < N; ++v) x[v] = hn::LoadU(tag, source + i + v * kLanes<T>);
+  const T* l = f.c + f.first * f.ld + i;
+  const T* w = f.w + r;
+  for (std::int64_t s = 0; s < columns; ++s, l += f.ld, w += f.ldw) {
+    const Vector<T> factor = hn::Set(tag, *w);
+    HWY_UNROLL(8)
+    for (int v = 0; v < N; ++v) x[v] = hn::NegMulAdd(hn::LoadU(tag, l + v * kLanes<T>), factor, x[v]);
+  }
+  const bool whole = range.covers(i, N * kLanes<T>);
+  HWY_UNROLL(8)
+  for (int v = 0; v < N; ++v) {
+    hn::StoreU(x[v], tag, target + i + v * kLanes<T>);
+    largest = hn::Max(largest, whole ? hn::Abs(x[v]) : magnitudes<T>(x[v], i + v * kLanes<T>, range));
   }
 }
 
-/// w(:, t) = the updated column r of the matrix that is left at step j (rows j..m).
+/// w(:, t) = the updated column r of the matrix that is left at step j (rows j..m; what stands above is undefined).
+/// @returns the largest magnitude among the rows [j, k) other than r
 template <class T>
-void load_column(const Elimination<T>& f, std::int64_t j, std::int64_t r, std::int64_t t) {
-  T* column = f.w + t * f.ldw;
-  for (std::int64_t i = j; i < r; ++i) column[i] = f.c[i * f.ld + r];
-  for (std::int64_t i = r; i < f.m; ++i) column[i] = f.c[r * f.ld + i];
-  update_column(f, j, r, j - f.first, column);
+T load_column(const Elimination<T>& f, std::int64_t j, std::int64_t r, std::int64_t t) {
+  T* target = f.w + t * f.ldw;
+  const T* source = f.c + r * f.ld;
+  if (r != j) {
+    for (std::int64_t i = j; i < r; ++i) target[i] = f.c[i * f.ld + r];
+    std::copy(source + r, source + f.m, target + r);
+    source = target;
+  }
+  const Range range{j, f.k, r};
+  const std::int64_t columns = j - f.first;
+  Vector<T> largest = hn::Zero(Tag<T>());
+  std::int64_t i = j / kPanel<T> * kPanel<T>;
+  for (; i + 7 * kLanes<T> < f.m; i += 8 * kLanes<T>)
+    update_rows<T, 8>(f, i, r, columns, source, target, range, largest);
+  for (; i + 3 * kLanes<T> < f.m; i += 4 * kLanes<T>)
+    update_rows<T, 4>(f, i, r, columns, source, target, range, largest);
+  for (; i < f.m; i += kLanes<T>) update_rows<T, 1>(f, i, r, columns, source, target, range, largest);
+  return hn::GetLane(hn::MaxOfLanes(Tag<T>(), largest));
 }
 
-/// Row of the largest |column| in [j, k) other than r; r when there is none.
+/// The first row in the range with this magnitude; range.skip when there is none (NaN).
 template <class T>
-std::int64_t largest_row(const T* column, std::int64_t j, std::int64_t k, std::int64_t r) {
-  std::int64_t row = r;
-  T largest = T(-1);
-  for (std::int64_t i = j; i < k; ++i) {
-    if (i != r && std::abs(column[i]) > largest) {
-      largest = std::abs(column[i]);
-      row = i;
-    }
+std::int64_t find_row(const T* column, T magnitude, const Range& range) {
+  const Tag<T> tag;
+  const Vector<T> value = hn::Set(tag, magnitude);
+  for (std::int64_t i = range.begin / kPanel<T> * kPanel<T>; i < range.end; i += kLanes<T>) {
+    const auto hits = hn::Eq(magnitudes<T>(hn::LoadU(tag, column + i), i, range), value);
+    const std::int64_t lane = hn::FindFirstTrue(tag, hits);
+    if (lane >= 0 && magnitude > T(0)) return i + lane;
   }
-  return row;
+  return range.skip;
 }
 
 /// Rook search (Ashcraft, Grimes, Lewis 1998, SIAM J. Matrix Anal. 20, section 2.4) at step j; alpha balances the
 /// growth of one 2x2 against two 1x1 steps (Bunch and Kaufman 1977).
 template <class T>
 Choice choose_pivot(const Elimination<T>& f, std::int64_t j) {
-  const T alpha = (T(1) + std::sqrt(T(17))) / T(8);
+  const T alpha = T(0.6403882032022076);  // (1 + sqrt(17)) / 8
   const std::int64_t t = j - f.first;
   T* here = f.w + t * f.ldw;
   T* there = here + f.ldw;
-  load_column(f, j, j, t);
-  std::int64_t p = j, q = largest_row(here, j, f.k, j);
-  T column_largest = q == j ? T(0) : std::abs(here[q]);
+  T column_largest = load_column(f, j, j, t);
   // NaN fails every comparison below and thus ends the search at once
   if (!(std::abs(here[j]) < alpha * column_largest) || !(column_largest >= f.tiny)) return {j, -1};
-  for (std::int64_t round = j; round < f.k; ++round) {
-    load_column(f, j, q, t + 1);
-    const std::int64_t r = largest_row(there, j, f.k, q);
-    const T row_largest = std::abs(there[r]);
+  std::int64_t p = j, q = find_row(here, column_largest, {j, f.k, j});
+  for (std::int64_t round = j; round < f.k && q != p; ++round) {
+    const T row_largest = load_column(f, j, q, t + 1);
     if (!(std::abs(there[q]) < alpha * row_largest)) {
       std::copy(there + j, there + f.m, here + j);
       return {q, -1};
     }
-    if (r == p || !(row_largest > column_largest)) break;
+    const std::int64_t r = find_row(there, row_largest, {j, f.k, q});
+    if (r == p || r == q || !(row_largest > column_largest)) break;
     std::copy(there + j, there + f.m, here + j);
     p = q;
     q = r;
     column_largest = row_largest;
   }
-  return {p, q};
+  return q == p ? Choice{j, -1} : Choice{p, q};
 }
 
 /// Exchanges rows and columns a < b of the whole front; the rows of w in its first `columns` columns follow.
@@ -136,9 +182,11 @@ void eliminate_one(Elimination<T>& f, std::int64_t j) {
   f.counts.negative += pivot < T(0) ? 1 : 0;
   f.d[j] = pivot;
   f.e[j] = T(0);
-  const T inverse = pivot == T(0) ? T(0) : T(1) / pivot;
+  const Tag<T> tag;
+  const Vector<T> inverse = hn::Set(tag, pivot == T(0) ? T(0) : T(1) / pivot);
   T* l = f.c + j * f.ld;
-  for (std::int64_t i = j + 1; i < f.m; ++i) l[i] = w[i] * inverse;
+  for (std::int64_t i = j / kPanel<T> * kPanel<T>; i < f.m; i += kLanes<T>)
+    hn::StoreU(hn::Mul(hn::LoadU(tag, w + i), inverse), tag, l + i);
 }
 
 /// Columns j and j + 1 of L and the 2x2 pivot there: L = W D^-1, with D scaled by its off-diagonal entry.
@@ -158,11 +206,14 @@ void eliminate_two(Elimination<T>& f, std::int64_t j) {
   f.counts.negative += d0 * d1 < T(1) ? 1 : (f.d[j] < T(0) ? 2 : 0);
   T* l0 = f.c + j * f.ld;
   T* l1 = l0 + f.ld;
-  l0[j + 1] = T(0);
-  for (std::int64_t i = j + 2; i < f.m; ++i) {
-    l0[i] = (d1 * w0[i] - w1[i]) * scale;
-    l1[i] = (d0 * w1[i] - w0[i]) * scale;
+  const Tag<T> tag;
+  const Vector<T> v0 = hn::Set(tag, d0), v1 = hn::Set(tag, d1), factor = hn::Set(tag, scale);
+  for (std::int64_t i = j / kPanel<T> * kPanel<T>; i < f.m; i += kLanes<T>) {
+    const Vector<T> x0 = hn::LoadU(tag, w0 + i), x1 = hn::LoadU(tag, w1 + i);
+    hn::StoreU(hn::Mul(hn::MulSub(v1, x0, x1), factor), tag, l0 + i);
+    hn::StoreU(hn::Mul(hn::MulSub(v0, x1, x0), factor), tag, l1 + i);
   }
+  l0[j + 1] = T(0);
 }
 
 /// Eliminates up to kStep + 1 columns from `f.first` on. @returns the column after the last one eliminated
