@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 #include <numeric>
+#include <span>
 #include <utility>
 
 #include "analysis/minimum_degree.hpp"
@@ -41,7 +42,6 @@ class Dissector {
 
   Domain without_dense_vertices();
   void dissect(const Task& domain, base::Recursion& recursion);
-  void dissect_components(const Task& domain, base::Recursion& recursion);
   void bisect(const Task& domain, base::Recursion& recursion);
   void order_leaf(const Domain& domain);
   void start(Domain domain, base::Recursion& recursion);
@@ -137,31 +137,42 @@ void Dissector::start(Domain domain, base::Recursion& recursion) {
   recursion.spawn([this, task = std::move(task)](base::Recursion& r) mutable { dissect(task, r); });
 }
 
+/// One component, given by its vertices in `domain`; `place` is scratch with room for all of the domain.
+Domain component_of(const Domain& domain, std::span<const Index> members, std::vector<Index>& place) {
+  Domain part;
+  const PartGraph& g = domain.graph;
+  for (std::size_t k = 0; k < members.size(); ++k) place[at(members[k])] = static_cast<Index>(k);
+  part.graph.ptr.assign(1, 0);
+  for (const Index v : members) {
+    for (Offset e = g.ptr[at(v)]; e < g.ptr[at(v) + 1]; ++e) part.graph.adj.push_back(place[at(g.adj[at(e)])]);
+    part.graph.ptr.push_back(static_cast<Offset>(part.graph.adj.size()));
+    part.graph.weight.push_back(g.weight[at(v)]);
+    part.graph.total += g.weight[at(v)];
+    part.vertices.push_back(domain.vertices[at(v)]);
+  }
+  part.graph.edge.assign(part.graph.adj.size(), 1);
+  return part;
+}
+
 void Dissector::dissect(const Task& domain, base::Recursion& recursion) {
   std::vector<Index> component;
   const Index count = components(domain->graph, component);
   if (count == 1) return bisect(domain, recursion);
-  // Group the vertices by component without touching the whole once per component.
-  std::vector<std::vector<Index>> members(at(count));
-  for (Index v = 0; v < domain->graph.n(); ++v) members[at(component[at(v)])].push_back(v);
-  Index begin = domain->begin;
-  std::vector<Index> place(component.size());
+  std::vector<Index> first(at(count) + 1, 0), members(component.size()), place(component.size());
+  for (const Index c : component) ++first[at(c) + 1];
+  std::partial_sum(first.begin(), first.end(), first.begin());
+  std::vector<Index> next(first.begin(), first.end() - 1);
+  for (std::size_t v = 0; v < component.size(); ++v) members[at(next[at(component[v])]++)] = static_cast<Index>(v);
   for (Index c = 0; c < count; ++c) {
-    Domain part;
-    const PartGraph& g = domain->graph;
-    for (std::size_t k = 0; k < members[at(c)].size(); ++k) place[at(members[at(c)][k])] = static_cast<Index>(k);
-    part.graph.ptr.assign(1, 0);
-    for (const Index v : members[at(c)]) {
-      for (Offset e = g.ptr[at(v)]; e < g.ptr[at(v) + 1]; ++e) part.graph.adj.push_back(place[at(g.adj[at(e)])]);
-      part.graph.ptr.push_back(static_cast<Offset>(part.graph.adj.size()));
-      part.graph.weight.push_back(g.weight[at(v)]);
-      part.graph.total += g.weight[at(v)];
-      part.vertices.push_back(domain->vertices[at(v)]);
+    const auto list = std::span(members).subspan(at(first[at(c)]), at(first[at(c) + 1] - first[at(c)]));
+    const Index begin = domain->begin + first[at(c)];
+    if (list.size() == 1) {
+      order_[at(begin)] = domain->vertices[at(list[0])];
+      continue;
     }
-    part.graph.edge.assign(part.graph.adj.size(), 1);
+    Domain part = component_of(*domain, list, place);
     part.begin = begin;
     part.seed = Random(domain->seed + at(c)).next();
-    begin += static_cast<Index>(members[at(c)].size());
     start(std::move(part), recursion);
   }
 }

@@ -44,12 +44,14 @@ class Merger {
 
   void run() {
     for (Index f = 0; f < tree_.fronts(); ++f) absorb_children(f);
+    join_roots();
   }
 
   [[nodiscard]] FrontTree result();
 
  private:
   void absorb_children(Index f);
+  void join_roots();
   [[nodiscard]] std::vector<Index> stack_order();
 
   const FrontTree& tree_;
@@ -89,6 +91,21 @@ void Merger::absorb_children(Index f) {
   kept = std::move(stay);
 }
 
+/// A root joins the next one while both together are tiny.
+void Merger::join_roots() {
+  constexpr Index kWidth = 8;  // a dense block of 8 holds 4.5 entries per column: memory for a diagonal matrix
+  Index open = -1;
+  for (Index root = children_.head.back(); root >= 0; root = children_.next[at(root)]) {
+    if (open >= 0 && width_[at(open)] + width_[at(root)] <= kWidth) {
+      into_[at(open)] = root;
+      width_[at(root)] += width_[at(open)];
+      kept_[at(root)].insert(kept_[at(root)].end(), kept_[at(open)].begin(), kept_[at(open)].end());
+      kept_[at(open)] = {};
+    }
+    open = root;
+  }
+}
+
 /// The fronts that stay, in postorder; the child whose sub-tree needs most beyond what it leaves goes first.
 std::vector<Index> Merger::stack_order() {
   const auto block = [](double rows) { return 0.5 * rows * (rows + 1); };
@@ -109,6 +126,7 @@ std::vector<Index> Merger::stack_order() {
   std::vector<Index> order, stack;
   std::vector<std::size_t> taken(tree_.width.size(), 0);
   for (Index root = children_.head.back(); root >= 0; root = children_.next[at(root)]) {
+    if (into_[at(root)] != root) continue;
     stack.push_back(root);
     while (!stack.empty()) {
       const Index f = stack.back();
@@ -216,25 +234,27 @@ std::vector<std::vector<Index>> heights(const FrontTree& tree) {
 
 }  // namespace
 
-FrontRows front_rows(const Graph& graph, const FrontTree& tree, base::ThreadPool& pool) {
+std::vector<Index> front_rows(const Graph& graph, const FrontTree& tree, std::span<const Offset> row_ptr,
+                              std::span<Index> rows, base::ThreadPool& pool) {
   const std::vector<Index> position = inverse(tree.order);
   const Children children(tree.parent);
-  FrontRows out;
-  out.rows.resize(tree.parent.size());
+  std::vector<Index> count(tree.parent.size(), 0);
   std::vector<std::vector<Index>> marks(static_cast<std::size_t>(pool.size()));
   const auto make = [&](Index f, std::vector<Index>& mark) {
-    auto& rows = out.rows[at(f)];
+    Index* const begin = rows.data() + row_ptr[at(f)];
+    Index* end = begin;
     const Index last = tree.first[at(f) + 1] - 1;
     const auto add = [&](Index p) {
       if (p <= last || mark[at(p)] == f) return;
       mark[at(p)] = f;
-      rows.push_back(p);
+      *end++ = p;
     };
     for (Index c = children.head[at(f)]; c >= 0; c = children.next[at(c)])
-      for (const Index p : out.rows[at(c)]) add(p);
+      for (const Index p : rows.subspan(static_cast<std::size_t>(row_ptr[at(c)]), at(count[at(c)]))) add(p);
     for (Index k = tree.first[at(f)]; k <= last; ++k)
       for (const Index u : graph.neighbours(tree.order[at(k)])) add(position[at(u)]);
-    std::sort(rows.begin(), rows.end());
+    std::sort(begin, end);
+    count[at(f)] = static_cast<Index>(end - begin);
   };
   constexpr std::int64_t kFronts = 16;  // fronts per draw
   for (const auto& tier : heights(tree)) {
@@ -255,7 +275,7 @@ FrontRows front_rows(const Graph& graph, const FrontTree& tree, base::ThreadPool
     else
       pool.run(work);
   }
-  return out;
+  return count;
 }
 
 }  // namespace espalier::analysis

@@ -36,15 +36,16 @@ struct AmalgamationCost {
 FrontTree fundamental_supernodes(std::span<const Index> parent, std::span<const Index> weight,
                                  std::span<const Index> count);
 
-/// Merges fronts into their parents wherever that saves time by `cost`, and puts the children of each front into the
-/// order of Liu (1986) that needs the smallest stack of contribution blocks.
+/// Merges fronts into their parents wherever that saves time by `cost`, and tiny roots with each other (a diagonal
+/// matrix would have a front per unknown); puts the children of each front into the order of Liu (1986) that needs the
+/// smallest stack of contribution blocks.
 FrontTree amalgamate(const FrontTree& tree, const AmalgamationCost& cost);
 
-/// The rows of the fronts in vertices: places in tree.order, ascending, all above the front's own.
-struct FrontRows {
-  std::vector<std::vector<Index>> rows;  ///< fronts
-};
-FrontRows front_rows(const Graph& graph, const FrontTree& tree, base::ThreadPool& pool);
+/// Writes the rows of front f below its pivots, as places in tree.order, ascending, from rows[row_ptr[f]] on.
+/// @param row_ptr fronts + 1; room for tree.below[f] entries each (as many as unknowns, so the vertices fit)
+/// @return how many there are of each front
+std::vector<Index> front_rows(const Graph& graph, const FrontTree& tree, std::span<const Offset> row_ptr,
+                              std::span<Index> rows, base::ThreadPool& pool);
 
 /// Entries of L, diagonal included, in a front of `width` pivots with `below` rows under them.
 double front_entries(double width, double below);

@@ -11,18 +11,18 @@ namespace {
 
 auto at(Index k) { return static_cast<std::size_t>(k); }
 
-/// Fronts of vertices -> fronts of unknowns.
-AssemblyTree expand(const CompressedGraph& graph, std::span<const Index> order, const FrontTree& tree,
-                    const FrontRows& rows) {
+/// Fronts of vertices -> fronts of unknowns. @param graph vertex k goes k-th in the order that `tree` refines
+AssemblyTree expand(const CompressedGraph& compressed, std::span<const Index> order, const Graph& graph,
+                    const FrontTree& tree, base::ThreadPool& pool) {
   AssemblyTree out;
-  out.n = graph.member_ptr.back();
+  out.n = compressed.member_ptr.back();
   out.parent = tree.parent;
-  out.order.reserve(graph.members.size());
+  out.order.reserve(compressed.members.size());
   std::vector<Index> begin(order.size() + 1, 0);  // first position of each vertex in elimination order
   for (std::size_t k = 0; k < order.size(); ++k) {
     const std::size_t v = at(order[at(tree.order[k])]);
-    out.order.insert(out.order.end(), graph.members.begin() + graph.member_ptr[v],
-                     graph.members.begin() + graph.member_ptr[v + 1]);
+    out.order.insert(out.order.end(), compressed.members.begin() + compressed.member_ptr[v],
+                     compressed.members.begin() + compressed.member_ptr[v + 1]);
     begin[k + 1] = static_cast<Index>(out.order.size());
   }
   const auto fronts = at(tree.fronts());
@@ -31,11 +31,17 @@ AssemblyTree expand(const CompressedGraph& graph, std::span<const Index> order, 
   for (std::size_t f = 0; f <= fronts; ++f) out.first[f] = begin[at(tree.first[f])];
   for (std::size_t f = 0; f < fronts; ++f) out.row_ptr[f + 1] = out.row_ptr[f] + tree.below[f];
   out.rows.resize(static_cast<std::size_t>(out.row_ptr.back()));
-  for (std::size_t f = 0; f < fronts; ++f) {
-    Index* to = out.rows.data() + out.row_ptr[f];
-    for (const Index k : rows.rows[f])
-      for (Index p = begin[at(k)]; p < begin[at(k) + 1]; ++p) *to++ = p;
-  }
+  const std::vector<Index> vertices = front_rows(graph, tree, out.row_ptr, out.rows, pool);
+  pool.for_each_piece(tree.fronts(), 256, [&](std::int64_t from, std::int64_t to) {
+    for (auto f = static_cast<std::size_t>(from); f < static_cast<std::size_t>(to); ++f) {
+      Index* const rows = out.rows.data() + out.row_ptr[f];
+      Index* end = rows + tree.below[f];
+      for (Index k = vertices[f]; k-- > 0;) {  // in place, last first: a vertex has at least one unknown
+        const Index v = rows[k];
+        for (Index p = begin[at(v) + 1]; p-- > begin[at(v)];) *--end = p;
+      }
+    }
+  });
   return out;
 }
 
@@ -73,7 +79,7 @@ AssemblyTree symbolic_tree(const CompressedGraph& graph, std::vector<Index> orde
   entries = 0;
   count(tree, entries, statistics.flops);
   statistics.nonzeros_factor = static_cast<Offset>(entries);
-  return expand(graph, order, tree, front_rows(permuted, tree, pool));
+  return expand(graph, order, permuted, tree, pool);
 }
 
 }  // namespace espalier::analysis
