@@ -15,9 +15,9 @@ namespace espalier::analysis {
 /// Two arrays belong to a front:
 ///  - the *factor*: block columns j < pivot_tiles one after another, each a sequence of tiles i = j .. tiles-1 with
 ///    `width(j)` columns and padded rows (see device/host/kernels.hpp, panels);
-///  - the *contribution*: block columns j >= pivot_tiles, each column-major with the rows from its first column's row
-///  to
-///    the last row of the front; only entries with row >= column are meaningful.
+///  - the *contribution*: block columns j >= pivot_tiles, each a sequence of column-major tiles i = j .. tiles-1 whose
+///    leading dimension is the padded number of rows and whose columns are padded likewise, so that the dense kernels
+///    work in place; only entries with row >= column are meaningful. Tiles below are counted from 0 here.
 struct FrontLayout {
   Index pivots = 0;
   Index rows = 0;
@@ -68,17 +68,21 @@ struct FrontLayout {
     const Index j = pivot_tiles - 1;
     return tile_offset(j, j) + width(j) * (padded_begin(tiles) - padded_begin(j));
   }
-  /// Start of block column j (0-based among the tiles below) in the contribution array.
-  [[nodiscard]] Offset contribution_offset(Index j) const {
-    return static_cast<Offset>(below_width) *
-           (j * static_cast<Offset>(below()) - static_cast<Offset>(below_width) * j * (j - 1) / 2);
+  [[nodiscard]] Index tiles_below() const { return tiles - pivot_tiles; }
+  /// Rows (columns) of tile row i below the pivots.
+  [[nodiscard]] Index below_rows(Index i) const { return width(pivot_tiles + i); }
+  /// Start of tile (i, j) below the pivots, i >= j, in the contribution array.
+  [[nodiscard]] Offset contribution_offset(Index i, Index j) const {
+    const Offset rows_padded = padded_begin(tiles) - padded_begin(pivot_tiles);
+    const Offset w = below_width;
+    return w * (j * rows_padded - w * j * (j - 1) / 2) + padded(below_rows(j)) * (i - j) * w;
   }
-  /// Rows of block column j of the contribution: its leading dimension.
-  [[nodiscard]] Offset contribution_ld(Index j) const { return below() - static_cast<Offset>(j) * below_width; }
+  /// Leading dimension of the tiles of row i below the pivots.
+  [[nodiscard]] Offset contribution_ld(Index i) const { return padded(below_rows(i)); }
   [[nodiscard]] Offset contribution_size() const {
-    const Index last = tiles - pivot_tiles - 1;
+    const Index last = tiles_below() - 1;
     if (last < 0) return 0;
-    return contribution_offset(last) + contribution_ld(last) * contribution_ld(last);
+    return contribution_offset(last, last) + padded(below_rows(last)) * padded(below_rows(last));
   }
   /// Number of tiles (i, j), tiles > i >= j: the tasks of the front when it is not taken whole.
   [[nodiscard]] Offset tile_count() const { return static_cast<Offset>(tiles) * (tiles + 1) / 2; }

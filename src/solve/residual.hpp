@@ -25,7 +25,7 @@ class ResidualOperator {
   /// Indexes the pattern of `a` (any storage; duplicates allowed) by rows. @param a must outlive the operator
   ResidualOperator(const MatrixView& a, base::ThreadPool& pool);
 
-  /// New values, in the order of `a`; computes |A|_inf and |A|_1. The span must stay valid while the operator is used.
+  /// New values, in the order of `a`. The span must stay valid while the operator is used.
   void set_values(std::span<const double> values);
 
   /// r = b - op(A) x for one right-hand side (n values each); r may be null when only the errors are wanted.
@@ -33,8 +33,8 @@ class ResidualOperator {
   /// y = op(A) x in plain double precision.
   void multiply(const double* x, double* y, bool transpose) const;
 
-  [[nodiscard]] double norm_inf() const { return norm_inf_; }
-  [[nodiscard]] double norm_one() const { return norm_one_; }
+  /// |op(A)|_inf; computed when first asked for after set_values(). Not safe for concurrent first calls.
+  [[nodiscard]] double norm(bool transpose) const;
   [[nodiscard]] Index size() const { return a_.rows; }
   [[nodiscard]] Offset bytes() const;
 
@@ -44,8 +44,8 @@ class ResidualOperator {
                      Piece& piece) const;
   void residual_rows_fma(Index begin, Index end, const double* b, const double* x, double* r, bool transpose,
                          Piece& piece) const;
-  template <class Use>
-  void visit_row(Index row, bool transpose, Use&& use) const;
+  template <class Use0, class Use1>
+  void visit_row(Index row, bool transpose, Use0&& use0, Use1&& use1) const;
 
   MatrixView a_;
   std::span<const double> values_;
@@ -54,8 +54,8 @@ class ResidualOperator {
   std::vector<Offset> row_ptr_;
   std::vector<Index> col_;
   std::vector<Offset> source_;
-  double norm_inf_ = 0;
-  double norm_one_ = 0;
+  mutable double norm_inf_ = -1;  // -1: not known yet
+  mutable double norm_one_ = -1;
 };
 
 }  // namespace espalier::solve

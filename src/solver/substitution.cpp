@@ -48,7 +48,7 @@ void Solver::Impl::solve(std::span<const double> b, std::span<double> x, Index c
 double Solver::Impl::condition_estimate() {
   const double inverse = solver::estimate_inverse_norm(
       plan.tree.n, [&](const double* x, double* y, bool transpose) { numeric->solve(x, y, 1, transpose); });
-  return inverse * residual.norm_one();
+  return inverse * residual.norm(true);
 }
 
 }  // namespace espalier

@@ -21,7 +21,7 @@ struct Part {
 ///                triangle of a square part (lu)
 template <class T>
 void add_contribution(const analysis::Plan& plan, Index child, const T* source, const Part<T>& part, bool mirror,
-                      std::vector<Index>& runs);
+                      std::vector<Run>& runs);
 
 /// Adds the entries of A that belong to the tile. transposed_part: the U^T part of an off-diagonal tile takes the
 /// transposed entries, its L part the others; a square part (diagonal tile or whole front) takes both.

@@ -15,6 +15,13 @@
 
 namespace espalier::device::host {
 
+/// Consecutive rows of a child that are consecutive in the parent's part too.
+struct Run {
+  Index begin;   ///< first row of the child's contribution
+  Index end;     ///< one past its last row
+  Index target;  ///< row of the part at which `begin` is added
+};
+
 /// What one front contributes to the outcome; summed in the order of fronts, so that the result does not depend on
 /// threads.
 struct FrontOutcome {
@@ -80,7 +87,7 @@ struct Workspace {
   base::Buffer<T> stack;     ///< contributions inside a range task
   base::Buffer<T> column;    ///< two values per column of a tile: d and e, or growth
   base::Buffer<char> marks;  ///< one per column of a tile: replaced pivots
-  std::vector<Index> runs;   ///< (first row of the child, length, destination) of consecutive rows
+  std::vector<Run> runs;     ///< of the child being added
   double waited_seconds = 0;
   double task_seconds = 0;
 };

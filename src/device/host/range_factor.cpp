@@ -93,15 +93,16 @@ class WholeFront {
   }
 
   void leave_contribution() {
-    if (plan_.tree.parent[f_] < 0) return;
+    if (plan_.tree.parent[f_] < 0 || m_ == k_) return;
     const Index below = m_ - k_;
     T* lower = contribution(f_, false);
     T* upper = lu_ ? contribution(f_, true) : nullptr;
+    const Offset ld = layout_.contribution_ld(0);
     for (Index c = 0; c < below; ++c) {
       const T* column = w_.c.data() + (k_ + c) * ld_ + k_;
-      std::copy(column + c, column + below, lower + static_cast<Offset>(c) * below + c);
+      std::copy(column + c, column + below, lower + c * ld + c);
       if (lu_)
-        for (Index r = c + 1; r < below; ++r) upper[static_cast<Offset>(c) * below + r] = w_.c[(k_ + r) * ld_ + k_ + c];
+        for (Index r = c + 1; r < below; ++r) upper[c * ld + r] = w_.c[(k_ + r) * ld_ + k_ + c];
     }
   }
 

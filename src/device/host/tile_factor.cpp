@@ -29,15 +29,24 @@ class TileTask {
         rows_(layout_.width(i_)),
         cols_(layout_.width(j_)),
         ld_(padded<T>(rows_)),
-        lu_(state.kind == Kind::lu) {}
+        lu_(state.kind == Kind::lu),
+        c_(work.c.data()),
+        c2_(work.c2.data()) {
+    // A contribution tile is made in its place; its columns are as high as the scratch's.
+    if (j_ >= layout_.pivot_tiles) {
+      const Offset at = layout_.contribution_offset(i_ - layout_.pivot_tiles, j_ - layout_.pivot_tiles);
+      c_ = s_.arena.data() + plan_.memory.contribution[f_] + at;
+      if (lu_) c2_ = s_.arena.data() + plan_.memory.contribution2[f_] + at;
+    }
+  }
 
   void run() {
     wait_for_memory();
     gather();
     subtract_products();
-    if (j_ >= layout_.pivot_tiles)
-      leave_contribution();
-    else if (i_ == j_)
+    if (j_ >= layout_.pivot_tiles) {
+      if (lu_ && i_ == j_) part_diagonal_contribution();
+    } else if (i_ == j_)
       factor_diagonal(s_, w_, f_, position(j_), cols_, ld_, tile(i_, j_), lu_ ? tile2(i_, j_) : nullptr);
     else
       solve_with_diagonal();
@@ -60,15 +69,15 @@ class TileTask {
 
   void gather() {
     const auto size = static_cast<std::size_t>(ld_ * cols_) * sizeof(T);
-    std::memset(w_.c.data(), 0, size);
-    if (two_parts()) std::memset(w_.c2.data(), 0, size);
+    std::memset(c_, 0, size);
+    if (two_parts()) std::memset(c2_, 0, size);
     const Offset me = number(i_, j_);
     const std::span<const analysis::Entry> entries(
         plan_.entries.data() + plan_.entry_ptr[me],
         static_cast<std::size_t>(plan_.entry_ptr[me + 1] - plan_.entry_ptr[me]));
     if (!entries.empty()) {
-      add_entries(entries, s_.values, w_.c.data(), ld_, lu_ && i_ == j_ ? EntryPart::square : EntryPart::lower);
-      if (two_parts()) add_entries(entries, s_.values, w_.c2.data(), ld_, EntryPart::transposed);
+      add_entries(entries, s_.values, c_, ld_, lu_ && i_ == j_ ? EntryPart::square : EntryPart::lower);
+      if (two_parts()) add_entries(entries, s_.values, c2_, ld_, EntryPart::transposed);
     }
     for (Offset c = plan_.child_ptr[f_]; c < plan_.child_ptr[f_ + 1]; ++c) gather_child(plan_.children[c]);
   }
@@ -77,7 +86,7 @@ class TileTask {
     wait_for_child(child);
     const Index rb = layout_.begin(i_);
     const Index cb = layout_.begin(j_);
-    Part<T> part{w_.c.data(), ld_, rb, rb + rows_, cb, cb + cols_};
+    Part<T> part{c_, ld_, rb, rb + rows_, cb, cb + cols_};
     const T* lower = s_.arena.data() + plan_.memory.contribution[child];
     add_contribution(plan_, child, lower, part, false, w_.runs);
     if (!lu_) return;
@@ -85,7 +94,7 @@ class TileTask {
     if (i_ == j_) {
       add_contribution(plan_, child, upper, part, true, w_.runs);
     } else {
-      part.data = w_.c2.data();
+      part.data = c2_;
       add_contribution(plan_, child, upper, part, false, w_.runs);
     }
   }
@@ -115,43 +124,30 @@ class TileTask {
 
   void subtract_products() {
     const Index last = std::min(j_, layout_.pivot_tiles);
-    T* c = w_.c.data();
     for (Index k = 0; k < last; ++k) {
       s_.tile_done.wait(number(i_, k), s_.abort, &w_.waited_seconds);
       s_.tile_done.wait(number(j_, k), s_.abort, &w_.waited_seconds);
       const Index depth = layout_.width(k);
       switch (s_.kind) {
         case Kind::lu:
-          s_.dense.gemm_nt(rows_, cols_, depth, tile(i_, k), tile2(j_, k), c, ld_);
-          if (i_ != j_) s_.dense.gemm_nt(rows_, cols_, depth, tile2(i_, k), tile(j_, k), w_.c2.data(), ld_);
+          s_.dense.gemm_nt(rows_, cols_, depth, tile(i_, k), tile2(j_, k), c_, ld_);
+          if (i_ != j_) s_.dense.gemm_nt(rows_, cols_, depth, tile2(i_, k), tile(j_, k), c2_, ld_);
           break;
         default: {
           const T* a = s_.kind == Kind::ldlt ? tile2(i_, k) : tile(i_, k);
           if (i_ == j_)
-            s_.dense.syrk_nt(rows_, cols_, depth, a, tile(j_, k), c, ld_);
+            s_.dense.syrk_nt(rows_, cols_, depth, a, tile(j_, k), c_, ld_);
           else
-            s_.dense.gemm_nt(rows_, cols_, depth, a, tile(j_, k), c, ld_);
+            s_.dense.gemm_nt(rows_, cols_, depth, a, tile(j_, k), c_, ld_);
         }
       }
     }
   }
 
-  void leave_contribution() {
-    const Index i = i_ - layout_.pivot_tiles;
-    const Index j = j_ - layout_.pivot_tiles;
-    const Offset ld = layout_.contribution_ld(j);
-    const Offset at = layout_.contribution_offset(j) + static_cast<Offset>(i - j) * layout_.below_width;
-    T* lower = s_.arena.data() + plan_.memory.contribution[f_] + at;
-    T* upper = lu_ ? s_.arena.data() + plan_.memory.contribution2[f_] + at : nullptr;
-    for (Index c = 0; c < cols_; ++c) {
-      const Index skip = i_ == j_ ? c : 0;
-      std::copy(w_.c.data() + c * ld_ + skip, w_.c.data() + c * ld_ + rows_, lower + c * ld + skip);
-      if (!lu_) continue;
-      if (i_ != j_)
-        std::copy(w_.c2.data() + c * ld_, w_.c2.data() + c * ld_ + rows_, upper + c * ld);
-      else
-        for (Index r = c + 1; r < rows_; ++r) upper[c * ld + r] = w_.c[r * ld_ + c];
-    }
+  // The upper triangle of a square contribution tile goes, transposed, where the upper contributions are.
+  void part_diagonal_contribution() {
+    for (Index c = 0; c < cols_; ++c)
+      for (Index r = c + 1; r < rows_; ++r) c2_[c * ld_ + r] = c_[r * ld_ + c];
   }
 
   // Packs the columns of scratch in the pivot order of the diagonal tile.
@@ -200,6 +196,8 @@ class TileTask {
   Index rows_, cols_;
   Offset ld_;
   bool lu_;
+  T* c_;   // the tile: in the scratch, or in its place among the contributions
+  T* c2_;  // its U^T part (lu)
 };
 
 }  // namespace
