@@ -127,20 +127,34 @@ class TaskLister {
     plan_.tasks.push_back({f, begin, 0, 0});
   }
 
+  // The fronts advance together, one block column a step. What the next step hangs on comes first: tile (s, s - 1), which
+  // completes the row of the next diagonal tile, that diagonal tile, and only then the rest of column s - 1, behind which
+  // the factorization of the diagonal tile hides.
   void emit_tiles(const std::vector<Index>& fronts) {
-    Index columns = 0;
+    Index steps = 0;
     for (const Index f : fronts) {
-      columns = std::max(columns, plan_.layout[f].tiles);
+      steps = std::max(steps, plan_.layout[f].pivot_tiles);
       plan_.first_task[f] = -1;
     }
-    for (Index j = 0; j < columns; ++j)
+    for (Index s = 0; s <= steps; ++s) {
       for (const Index f : fronts)
-        for (Index i = j; i < plan_.layout[f].tiles; ++i) {
-          const auto at = static_cast<Index>(plan_.tasks.size());
-          if (plan_.first_task[f] < 0) plan_.first_task[f] = at;
-          plan_.last_task[f] = at;
-          plan_.tasks.push_back({f, -1, i, j});
-        }
+        if (s > 0 && s <= plan_.layout[f].pivot_tiles && s < plan_.layout[f].tiles) emit_tile(f, s, s - 1);
+      for (const Index f : fronts)
+        if (s < plan_.layout[f].pivot_tiles) emit_tile(f, s, s);
+      for (const Index f : fronts)
+        if (s > 0 && s <= plan_.layout[f].pivot_tiles)
+          for (Index i = s + 1; i < plan_.layout[f].tiles; ++i) emit_tile(f, i, s - 1);
+    }
+    for (const Index f : fronts)
+      for (Index j = plan_.layout[f].pivot_tiles; j < plan_.layout[f].tiles; ++j)
+        for (Index i = j; i < plan_.layout[f].tiles; ++i) emit_tile(f, i, j);
+  }
+
+  void emit_tile(Index f, Index i, Index j) {
+    const auto at = static_cast<Index>(plan_.tasks.size());
+    if (plan_.first_task[f] < 0) plan_.first_task[f] = at;
+    plan_.last_task[f] = at;
+    plan_.tasks.push_back({f, -1, i, j});
   }
 
   Plan& plan_;

@@ -39,7 +39,7 @@ class Progress {
 
  private:
   void spin(Offset event, const std::atomic<bool>& abort) const {
-    constexpr int kSpinsBeforeYield = 2000;  // about 10 microseconds: the length of a short task
+    constexpr int kSpinsBeforeYield = 10000;  // some 0.3 ms: longer than most tasks, shorter than a time slice
     for (int spins = 0; !is_set(event); ++spins) {
       if (abort.load(std::memory_order_relaxed)) throw Aborted{};
       if (spins > kSpinsBeforeYield) {
