@@ -12,7 +12,7 @@ Index round_up(Index x, Index to) { return (x + to - 1) / to * to; }
 Index widest_tile(Index rows, const TileRule& rule) {
   if (rule.narrow_width > 0 && rows <= rule.narrow_rows) return rule.narrow_width;
   if (rule.max_block_size > 0) return round_up(std::max(rule.max_block_size, rule.panel), rule.panel);
-  if (rows <= 384) return 96;
+  if (rows <= 1024) return 128;
   if (rows <= 3072) return 144;
   return 192;
 }

@@ -95,8 +95,8 @@ struct FrontLayout {
 /// Widths of tiles by the size of the front.
 struct TileRule {
   Index panel = 8;           ///< rows of a panel (8 for FP64, 16 for FP32)
-  Index whole_rows = 96;     ///< a front of at most that many rows and ...
-  Index whole_pivots = 64;   ///< ... at most that many pivots is one task with one pivot tile
+  Index whole_rows = 128;    ///< a front of at most that many rows and ...
+  Index whole_pivots = 96;   ///< ... at most that many pivots is one task with one pivot tile
   Index max_block_size = 0;  ///< widest tile; 0: by front size
   Index narrow_rows = 0;     ///< fronts of at most that many rows are cut into tiles of at most ...
   Index narrow_width = 0;    ///< ... this width; 0: no such rule

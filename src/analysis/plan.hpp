@@ -48,7 +48,7 @@ struct PlanOptions {
   TileRule tiles;
   bool unsymmetric = false;  ///< lu: two factor arrays per front
   bool ldlt = false;         ///< keeps L D of a front beside L while the front is worked on
-  double range_flops = 2e5;  ///< sub-trees of whole small fronts with at most that much work become one range task
+  double range_flops = 1e6;  ///< sub-trees of whole small fronts with at most that much work become one range task
   Offset group_entries =
       4 << 20;           ///< sub-trees whose contributions all fit here are taken tier by tier, others branch by branch
   Index interleave = 4;  ///< that many fronts of a tier advance together, block column by block column
