@@ -7,6 +7,7 @@
 #include "hwy/foreach_target.h"  // must precede highway.h
 // clang-format off: the order matters
 #include "device/host/micro_kernel-inl.hpp"
+#include "device/host/pivot_search-inl.hpp"
 // clang-format on
 #include <cmath>
 #include <utility>
@@ -45,28 +46,6 @@ struct Choice {
   std::int64_t a;
   std::int64_t b;  ///< < 0 for a 1x1 pivot
 };
-
-/// Rows that a search looks at: begin <= row < end, row != skip.
-struct Range {
-  std::int64_t begin;
-  std::int64_t end;
-  std::int64_t skip;
-
-  [[nodiscard]] bool covers(std::int64_t row, std::int64_t rows) const {
-    return begin <= row && row + rows <= end && (skip < row || skip >= row + rows);
-  }
-};
-
-/// |x| in the lanes whose rows, from `row` on, lie in the range; zero elsewhere.
-template <class T>
-HWY_INLINE Vector<T> magnitudes(Vector<T> x, std::int64_t row, const Range& range) {
-  const Tag<T> tag;
-  const Vector<T> rows = hn::Iota(tag, static_cast<T>(row));
-  const auto inside = hn::And(hn::Ge(rows, hn::Set(tag, static_cast<T>(range.begin))),
-                              hn::Lt(rows, hn::Set(tag, static_cast<T>(range.end))));
-  const auto kept = hn::And(inside, hn::Ne(rows, hn::Set(tag, static_cast<T>(range.skip))));
-  return hn::IfThenElseZero(kept, hn::Abs(x));
-}
 
 /// N vectors from row i on of w(:, t) = source - L(:, panel) w(r, panel)^T; `largest` takes in their magnitudes.
 template <class T, int N>
@@ -112,19 +91,6 @@ T load_column(const Elimination<T>& f, std::int64_t j, std::int64_t r, std::int6
     update_rows<T, 4>(f, i, r, columns, source, target, range, largest);
   for (; i < f.m; i += kLanes<T>) update_rows<T, 1>(f, i, r, columns, source, target, range, largest);
   return hn::GetLane(hn::MaxOfLanes(Tag<T>(), largest));
-}
-
-/// The first row in the range with this magnitude; range.skip when there is none (NaN).
-template <class T>
-std::int64_t find_row(const T* column, T magnitude, const Range& range) {
-  const Tag<T> tag;
-  const Vector<T> value = hn::Set(tag, magnitude);
-  for (std::int64_t i = range.begin / kPanel<T> * kPanel<T>; i < range.end; i += kLanes<T>) {
-    const auto hits = hn::Eq(magnitudes<T>(hn::LoadU(tag, column + i), i, range), value);
-    const std::int64_t lane = hn::FindFirstTrue(tag, hits);
-    if (lane >= 0 && magnitude > T(0)) return i + lane;
-  }
-  return range.skip;
 }
 
 /// Rook search (Ashcraft, Grimes, Lewis 1998, SIAM J. Matrix Anal. 20, section 2.4) at step j; alpha balances the
