@@ -5,8 +5,7 @@
 #include <memory>
 #include <span>
 
-#include "espalier/matrix.hpp"
-#include "espalier/types.hpp"
+#include "espalier/solver.hpp"
 
 namespace espalier::dynamics {
 
@@ -25,6 +24,8 @@ class LinearSolver {
 /// Dense LU with partial pivoting: for systems of a few dozen unknowns, where sparse bookkeeping costs more than it
 /// saves.
 [[nodiscard]] std::unique_ptr<LinearSolver> make_dense_solver();
+/// Espalier's own direct solver; every option reaches through.
+[[nodiscard]] std::unique_ptr<LinearSolver> make_espalier_solver(Options options = {});
 /// Eigen's SparseLU with COLAMD ordering and partial pivoting: the independent second implementation for tests.
 [[nodiscard]] std::unique_ptr<LinearSolver> make_eigen_solver();
 
