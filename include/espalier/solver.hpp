@@ -64,6 +64,7 @@ struct AnalysisResult {
   Index tiers = 0;               ///< height of the assembly tree
   Index largest_front = 0;       ///< rows of the largest front
   Offset predicted_bytes = 0;    ///< peak memory of factor and work arrays that factorize() will take
+  std::string device;            ///< where factorize() will work, and why, in one sentence
   double predicted_seconds = 0;  ///< time of the numeric factorization by the cost model
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "device/cuda/device_plan.hpp"
 #include "matrix/validate.hpp"
 #include "solver/analysis_file.hpp"
 #include "solver/option_text.hpp"
@@ -10,11 +11,6 @@
 namespace espalier {
 
 namespace {
-
-// Rates of the cost model on the host, per thread: what the tile kernels reach on large fronts, and what a front costs
-// beyond its arithmetic (docs/performance.md, "cost model").
-constexpr double kFlopsPerSecond = 6.5e10;
-constexpr double kSecondsPerFront = 1.5e-6;
 
 void check_matrix(const MatrixView& a, base::ThreadPool& pool) {
   if (a.rows != a.cols)
@@ -77,6 +73,13 @@ void Solver::Impl::analyze_as(const MatrixView& a, Kind chosen) {
 }
 
 void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
+  predicted = solver::predict_time(tree, kind, single(), pool.size());
+  device = solver::choose_device(options, predicted);
+  if (device.backend == solver::DeviceChoice::Backend::cuda) {
+    plan = analysis::make_plan(std::move(tree), equations.a, equations.row_of_col,
+                               device::cuda::cuda_plan_options(kind), pool);
+    return;
+  }
   analysis::PlanOptions plan_options;
   plan_options.tiles.panel = static_cast<Index>(single() ? 64 / sizeof(float) : 64 / sizeof(double));
   plan_options.tiles.max_block_size = options.max_block_size;
@@ -102,8 +105,9 @@ void Solver::Impl::describe_plan(double start) {
       (plan.memory.size + equations.a.nonzeros() + equations.n() + static_cast<Offset>(plan.tree.rows.size())) *
           value_bytes +
       held_bytes() - budget.peak();
-  r.predicted_seconds = plan.flops / (kFlopsPerSecond * (single() ? 2 : 1) * pool.size()) +
-                        kSecondsPerFront * plan.fronts() / pool.size();
+  const bool on_gpu = device.backend == solver::DeviceChoice::Backend::cuda;
+  r.predicted_seconds = on_gpu ? predicted.gpu_seconds : predicted.host_seconds;
+  r.device = device.reason;
   state = State::analyzed;
   r.seconds = base::now_seconds() - start;
   log(fmt::format("analysis: {} fronts in {} tiers, largest {}, {:.3g} entries of the factor, {:.3g} flops, {:.3f} s",

@@ -49,10 +49,23 @@ double sum_of_logs(const std::vector<double>& scale) {
 void Solver::Impl::make_numeric() {
   solver::NumericOptions o;
   o.kind = kind;
+  o.device = device;
+  o.device_memory_bytes = options.device_memory_bytes;
   o.threshold = options.pivot_threshold;
   o.smallest_pivot = smallest_pivot;
   numeric.reset();  // its memory goes before new memory comes
-  numeric = solver::make_numeric(plan, equations, o, single(), pool, budget, timeline.get());
+  try {
+    numeric = solver::make_numeric(plan, equations, o, single(), pool, budget, timeline.get());
+  } catch (const Error& e) {
+    if (options.device != "auto" || device.backend == solver::DeviceChoice::Backend::host) throw;
+    // The choice was ours: the host takes over when the GPU cannot.
+    log(fmt::format("the GPU cannot take the factorization ({}): going on with the host", e.what()));
+    options.device = "cpu";
+    lay_out_plan(analysis::AssemblyTree(plan.tree));
+    analysis.device = fmt::format("host: {}", e.what());
+    o.device = device;
+    numeric = solver::make_numeric(plan, equations, o, single(), pool, budget, timeline.get());
+  }
 }
 
 void Solver::Impl::factorize(std::span<const double> values) {
@@ -141,7 +154,7 @@ void Solver::Impl::report(const device::FactorOutcome& outcome) {
   r.peak_host_bytes = held_bytes();
   const double busy = outcome.busy_seconds;
   r.devices = {{numeric->device_name(), busy, outcome.seconds > 0 ? std::max(0.0, 1 - busy / outcome.seconds) : 0,
-                budget.peak()}};
+                numeric->device_peak_bytes()}};
   const auto rows_of = [&](const std::vector<Index>& positions) {
     std::vector<Index> rows;
     for (const Index p : positions) rows.push_back(equations.row_of(plan.tree.order[static_cast<std::size_t>(p)]));

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "device/cuda/cuda_executor.hpp"
 #include "device/host/host_executor.hpp"
 
 namespace espalier::solver {
@@ -9,6 +10,18 @@ namespace espalier::solver {
 namespace {
 
 constexpr Index kMostColumnsAtOnce = 32;  // right-hand sides per sweep: 32 doubles are four cache lines per row
+
+template <class T>
+std::unique_ptr<device::Executor<T>> make_executor(const analysis::Plan& plan, const NumericOptions& options,
+                                                   const device::PivotRule& rule, base::ThreadPool& pool,
+                                                   base::MemoryBudget& budget, base::Timeline* timeline) {
+  if (options.device.backend == DeviceChoice::Backend::host)
+    return device::host::make_host_executor<T>(plan, options.kind, rule, pool, &budget, timeline);
+  device::cuda::CudaOptions cuda;
+  cuda.device = options.device.gpu;
+  cuda.memory_bytes = options.device_memory_bytes;
+  return device::cuda::make_cuda_executor<T>(plan, options.kind, rule, cuda);
+}
 
 template <class T>
 class NumericOf final : public Numeric {
@@ -22,7 +35,7 @@ class NumericOf final : public Numeric {
         budget_(budget),
         values_(equations.a.nonzeros(), &budget),
         rule_{options.threshold, 0},
-        executor_(device::host::make_host_executor<T>(plan, options.kind, rule_, pool, &budget, timeline)) {}
+        executor_(make_executor<T>(plan, options, rule_, pool, budget, timeline)) {}
 
   device::FactorOutcome factorize() override {
     const double largest = scale_values(equations_, values_.data(), pool_);
@@ -51,6 +64,7 @@ class NumericOf final : public Numeric {
   }
 
   [[nodiscard]] std::string device_name() const override { return executor_->name(); }
+  [[nodiscard]] Offset device_peak_bytes() const override { return executor_->peak_bytes(); }
 
  private:
   static double factor_of(const std::vector<double>& scale, Index i) {

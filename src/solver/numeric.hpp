@@ -7,6 +7,7 @@
 #include "analysis/plan.hpp"
 #include "base/timeline.hpp"
 #include "device/executor.hpp"
+#include "solver/device_choice.hpp"
 #include "solver/equations.hpp"
 
 namespace espalier::solver {
@@ -21,10 +22,14 @@ class Numeric {
   /// Solves op(A) x = b for `columns` right-hand sides, column-major, n values each; x may alias b.
   virtual void solve(const double* b, double* x, Index columns, bool transpose) = 0;
   [[nodiscard]] virtual std::string device_name() const = 0;
+  /// Most bytes of factor and work arrays that the device held.
+  [[nodiscard]] virtual Offset device_peak_bytes() const = 0;
 };
 
 struct NumericOptions {
   Kind kind = Kind::llt;
+  DeviceChoice device;
+  Offset device_memory_bytes = 0;  ///< budget of a GPU; 0: what is free
   double threshold = 0.01;
   double smallest_pivot = 0;  ///< relative to the largest scaled entry
 };

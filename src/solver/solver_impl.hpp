@@ -12,6 +12,7 @@
 #include "base/timeline.hpp"
 #include "espalier/solver.hpp"
 #include "solve/residual.hpp"
+#include "solver/device_choice.hpp"
 #include "solver/equations.hpp"
 #include "solver/numeric.hpp"
 
@@ -55,6 +56,8 @@ struct Solver::Impl {
   bool kind_may_change = false;    // automatic took llt: ldlt when a pivot is not positive
   solver::Equations equations;
   solve::ResidualOperator residual;
+  solver::DeviceChoice device;
+  solver::PredictedTime predicted;
   analysis::Plan plan;
   std::unique_ptr<solver::Numeric> numeric;  // made by the first factorize()
   double smallest_pivot = 0;                 // relative; a smaller pivot counts as zero

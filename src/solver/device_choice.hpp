@@ -1,0 +1,32 @@
+/// \file
+/// Which device carries out a plan: the caller's wish, or the one that the cost model predicts to be fastest.
+#pragma once
+
+#include <string>
+
+#include "analysis/assembly_tree.hpp"
+#include "espalier/solver.hpp"
+
+namespace espalier::solver {
+
+struct DeviceChoice {
+  enum class Backend { host, cuda };
+  Backend backend = Backend::host;
+  int gpu = 0;         ///< number of the GPU (cuda)
+  std::string reason;  ///< one sentence for the report
+};
+
+/// Work of a factorization by its assembly tree, and the seconds that the cost models predict.
+struct PredictedTime {
+  double flops = 0;
+  double host_seconds = 0;
+  double gpu_seconds = 0;
+};
+PredictedTime predict_time(const analysis::AssemblyTree& tree, Kind kind, bool single, int threads);
+
+/// Reads options.device: auto | cpu | gpu:0.
+/// @throws Error(invalid_input) for a text that is none of these; Error(device_error) for a GPU that is not there, with
+///         the reason
+DeviceChoice choose_device(const Options& options, const PredictedTime& predicted);
+
+}  // namespace espalier::solver
