@@ -5,10 +5,14 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <numeric>
+#include <utility>
 
 #include "analysis/matching.hpp"
 #include "matrix/norms.hpp"
+#include "matrix/transform.hpp"
+#include "solver/analysis_file.hpp"
 
 namespace espalier::solver {
 
@@ -28,12 +32,42 @@ std::vector<double> diagonal(const MatrixView& a) {
   return d;
 }
 
-// The general matrix of a symmetric one, with the position that each entry came from.
-void expand(const MatrixView& a, Equations& e) {
-  const auto n = static_cast<std::size_t>(a.cols);
+// Whether some entry of `a` stands twice.
+bool has_duplicates(const MatrixView& a) {
+  std::vector<Index> seen(static_cast<std::size_t>(a.rows), -1);  // the last column in which the row was met
+  for (Index c = 0; c < a.cols; ++c)
+    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
+      if (std::exchange(seen[a.row_ind[q]], c) == c) return true;
+  return false;
+}
+
+// The pattern of `a` with each entry once (in the order of first appearance), and where the caller's values go.
+void merge_duplicates(const MatrixView& a, Equations& e) {
+  std::vector<Offset> entry(static_cast<std::size_t>(a.rows), -1);  // of the row in the current column, if >= its start
+  e.a.col_ptr.assign(1, 0);
+  e.a.row_ind.clear();
+  e.target.resize(static_cast<std::size_t>(a.nonzeros()));
+  for (Index c = 0; c < a.cols; ++c) {
+    const Offset start = e.a.col_ptr.back();
+    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
+      Offset& at = entry[a.row_ind[q]];
+      if (at < start) {
+        at = static_cast<Offset>(e.a.row_ind.size());
+        e.a.row_ind.push_back(a.row_ind[q]);
+      }
+      e.target[q] = at;
+    }
+    e.a.col_ptr.push_back(static_cast<Offset>(e.a.row_ind.size()));
+  }
+}
+
+// Makes the symmetric pattern of `e` general and keeps the position that each entry came from.
+void expand(Equations& e) {
+  const SparseMatrix a = std::move(e.a);
+  e.a = {a.rows, a.cols, {}, {}, {}, Storage::general};
   const bool both = a.storage == Storage::symmetric_both;
   auto& ptr = e.a.col_ptr;
-  ptr.assign(n + 1, 0);
+  ptr.assign(static_cast<std::size_t>(a.cols) + 1, 0);
   const auto visit = [&](auto&& use) {
     for (Index c = 0; c < a.cols; ++c)
       for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
@@ -51,14 +85,33 @@ void expand(const MatrixView& a, Equations& e) {
     e.a.row_ind[at] = r;
     e.source[at] = q;
   });
-  e.a.storage = Storage::general;
+}
+
+// Rows that no column is matched to.
+std::vector<Index> unmatched_rows(const std::vector<Index>& row_of_col) {
+  std::vector<char> matched(row_of_col.size(), 0);
+  for (const Index r : row_of_col)
+    if (r >= 0) matched[r] = 1;
+  std::vector<Index> rows;
+  for (std::size_t r = 0; r < matched.size(); ++r)
+    if (matched[r] == 0) rows.push_back(static_cast<Index>(r));
+  return rows;
+}
+
+[[noreturn]] void refuse_unmatched(const std::vector<Index>& rows, Index n) {
+  throw Error(
+      StatusCode::singular,
+      fmt::format("the matrix is structurally singular: at most {} of its {} rows can be matched to columns with "
+                  "nonzero entries, without partner: {}; remove or complete them",
+                  n - static_cast<Index>(rows.size()), n, name_rows(rows)),
+      rows.empty() ? -1 : rows.front());
 }
 
 }  // namespace
 
 Offset Equations::bytes() const {
-  return bytes_of(a.col_ptr) + bytes_of(a.row_ind) + bytes_of(a.values) + bytes_of(source) + bytes_of(row_scale) +
-         bytes_of(col_scale) + bytes_of(row_of_col) + bytes_of(pair) + bytes_of(zero_diagonal);
+  return bytes_of(a.col_ptr) + bytes_of(a.row_ind) + bytes_of(a.values) + bytes_of(target) + bytes_of(source) +
+         bytes_of(row_scale) + bytes_of(col_scale) + bytes_of(row_of_col) + bytes_of(pair) + bytes_of(zero_diagonal);
 }
 
 Kind choose_kind(const MatrixView& a, Kind wish) {
@@ -83,58 +136,59 @@ Equations copy_equations(const MatrixView& a, Kind kind) {
   e.a.rows = a.rows;
   e.a.cols = a.cols;
   e.a.storage = a.storage;
-  if (kind == Kind::lu && a.symmetric()) {
-    expand(a, e);
+  if (has_duplicates(a)) {
+    merge_duplicates(a, e);
   } else {
     e.a.col_ptr.assign(a.col_ptr.begin(), a.col_ptr.end());
     e.a.row_ind.assign(a.row_ind.begin(), a.row_ind.end());
-    if (kind != Kind::lu && a.storage == Storage::general) e.a.storage = Storage::symmetric_both;
   }
+  if (kind == Kind::lu && a.symmetric()) expand(e);
+  e.symmetric_values = kind != Kind::lu && a.storage == Storage::general;
+  if (e.symmetric_values) e.a.storage = Storage::symmetric_both;
   e.a.values.assign(e.a.row_ind.size(), 1.0);
   if (!a.values.empty()) copy_values(e, a.values);
   return e;
 }
 
 void copy_values(Equations& e, std::span<const double> values) {
-  if (e.source.empty()) {
-    std::copy(values.begin(), values.end(), e.a.values.begin());
-    return;
+  std::vector<double> sums;
+  if (!e.target.empty()) {
+    sums.assign(e.source.empty() ? e.a.values.size() : static_cast<std::size_t>(e.a.nonzeros()), 0.0);
+    for (std::size_t q = 0; q < e.target.size(); ++q) sums[static_cast<std::size_t>(e.target[q])] += values[q];
+    values = sums;
   }
-  for (std::size_t q = 0; q < e.source.size(); ++q) e.a.values[q] = values[static_cast<std::size_t>(e.source[q])];
+  if (e.source.empty())
+    std::copy_n(values.begin(), e.a.values.size(), e.a.values.begin());
+  else
+    for (std::size_t q = 0; q < e.source.size(); ++q) e.a.values[q] = values[static_cast<std::size_t>(e.source[q])];
+  if (!e.symmetric_values) return;
+  MatrixView general = e.a;
+  general.storage = Storage::general;
+  if (!matrix::values_are_symmetric(general))
+    throw Error(
+        StatusCode::invalid_input,
+        "the matrix was analyzed as a symmetric one, but its new values are not symmetric; call analyze() again");
 }
 
-bool same_pattern(const Equations& e, const MatrixView& a) {
+bool same_pattern(const Equations& e, const MatrixView& a, std::uint64_t hash) {
   if (a.rows != e.a.rows || a.cols != e.a.cols || a.nonzeros() != e.caller_nonzeros) return false;
-  if (e.source.empty())
-    return std::equal(a.col_ptr.begin(), a.col_ptr.end(), e.a.col_ptr.begin()) &&
-           std::equal(a.row_ind.begin(), a.row_ind.end(), e.a.row_ind.begin());
-  for (Index c = 0; c < e.a.cols; ++c)
-    for (Offset q = e.a.col_ptr[c]; q < e.a.col_ptr[c + 1]; ++q) {
-      const Offset s = e.source[static_cast<std::size_t>(q)];
-      const Index r = e.a.row_ind[static_cast<std::size_t>(q)];
-      if (a.row_ind[s] != r && a.row_ind[s] != c) return false;
-    }
-  return true;
+  if (!e.source.empty() || !e.target.empty()) return pattern_hash(a) == hash;
+  return std::equal(a.col_ptr.begin(), a.col_ptr.end(), e.a.col_ptr.begin()) &&
+         std::equal(a.row_ind.begin(), a.row_ind.end(), e.a.row_ind.begin());
 }
 
 void scale_and_match(Equations& e, Kind kind, const Options& options) {
   if (kind == Kind::llt && options.precision == Precision::fp64) return;
-  const auto refuse = [&](Index rank) {
-    throw Error(
-        StatusCode::singular,
-        fmt::format("the matrix is structurally singular: at most {} of its {} rows can be matched to columns with "
-                    "nonzero entries; remove or complete the rows without partner",
-                    rank, e.n()));
-  };
   if (kind == Kind::ldlt && options.matching) {
     analysis::SymmetricMatching m = analysis::symmetric_matching(e.a);
-    if (m.structural_rank < e.n()) refuse(m.structural_rank);
+    if (m.structural_rank < e.n())
+      refuse_unmatched(unmatched_rows(analysis::maximum_product_matching(matrix::to_general(e.a)).row_of_col), e.n());
     e.row_scale = m.scale;
     e.col_scale = std::move(m.scale);
     e.pair = std::move(m.pair);
   } else if (kind == Kind::lu && options.matching) {
     analysis::Matching m = analysis::maximum_product_matching(e.a);
-    if (m.structural_rank < e.n()) refuse(m.structural_rank);
+    if (m.structural_rank < e.n()) refuse_unmatched(unmatched_rows(m.row_of_col), e.n());
     e.row_scale = std::move(m.row_scale);
     e.col_scale = std::move(m.col_scale);
     e.row_of_col = std::move(m.row_of_col);
@@ -150,25 +204,63 @@ void scale_and_match(Equations& e, Kind kind, const Options& options) {
   }
 }
 
+namespace {
+
+[[noreturn]] void refuse_entry(const Equations& e) {
+  for (Index c = 0; c < e.n(); ++c)
+    for (Offset q = e.a.col_ptr[c]; q < e.a.col_ptr[c + 1]; ++q)
+      if (!std::isfinite(e.a.values[q]))
+        throw Error(StatusCode::invalid_input, fmt::format("entry ({}, {}) is {}", e.a.row_ind[q], c, e.a.values[q]),
+                    e.a.row_ind[q]);
+  throw Error(StatusCode::invalid_input,
+              "the values are too large for the scaling of the analyzed ones; call analyze() with the new values");
+}
+
+}  // namespace
+
+namespace {
+
+[[noreturn]] void refuse_value(const Equations& e) {
+  for (Index c = 0; c < e.n(); ++c)
+    for (Offset q = e.a.col_ptr[c]; q < e.a.col_ptr[c + 1]; ++q)
+      if (!std::isfinite(e.a.values[static_cast<std::size_t>(q)])) {
+        const Index r = e.a.row_ind[static_cast<std::size_t>(q)];
+        throw Error(StatusCode::invalid_input, fmt::format("the entry in row {}, column {} is not finite", r, c), r);
+      }
+  throw Error(StatusCode::invalid_input, "an entry overflows when it is scaled; the values span too many decades");
+}
+
+}  // namespace
+
 template <class T>
 double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool) {
   constexpr std::int64_t kColumnsPerPiece = 4096;
-  std::vector<double> piece_max(static_cast<std::size_t>((e.n() + kColumnsPerPiece - 1) / kColumnsPerPiece), 0);
+  struct Piece {
+    double largest = 0;
+    bool finite = true;
+  };
+  std::vector<Piece> pieces(static_cast<std::size_t>((e.n() + kColumnsPerPiece - 1) / kColumnsPerPiece));
   pool.for_each_piece(e.n(), kColumnsPerPiece, [&](std::int64_t begin, std::int64_t end) {
-    double most = 0;
+    Piece piece;
     for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c) {
       const double s = e.col_scale.empty() ? 1.0 : e.col_scale[c];
       for (Offset q = e.a.col_ptr[c]; q < e.a.col_ptr[c + 1]; ++q) {
         const auto at = static_cast<std::size_t>(q);
         const double r = e.row_scale.empty() ? 1.0 : e.row_scale[static_cast<std::size_t>(e.a.row_ind[at])];
-        const double v = e.a.values[at] * s * r;
-        scaled[at] = static_cast<T>(v);
-        most = std::max(most, std::abs(v));
+        scaled[at] = static_cast<T>(e.a.values[at] * s * r);
+        const auto magnitude = std::abs(static_cast<double>(scaled[at]));
+        piece.largest = std::max(piece.largest, magnitude);
+        piece.finite = piece.finite && magnitude <= std::numeric_limits<double>::max();
       }
     }
-    piece_max[static_cast<std::size_t>(begin / kColumnsPerPiece)] = most;
+    pieces[static_cast<std::size_t>(begin / kColumnsPerPiece)] = piece;
   });
-  return piece_max.empty() ? 0 : *std::max_element(piece_max.begin(), piece_max.end());
+  double largest = 0;
+  for (const Piece& p : pieces) {
+    if (!p.finite) refuse_value(e);
+    largest = std::max(largest, p.largest);
+  }
+  return largest;
 }
 
 template double scale_values(const Equations&, double*, base::ThreadPool&);

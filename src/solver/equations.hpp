@@ -14,13 +14,15 @@ namespace espalier::solver {
 /// A copy of the caller's matrix in the form that the factorization kind needs, and the transformation to the scaled,
 /// row-permuted matrix B = R P A C that is factored: B(c', c) = r_i a_ic c_c with i = row_of_col[c'].
 struct Equations {
-  SparseMatrix a;                   ///< general storage for lu, a symmetric one otherwise
-  std::vector<Offset> source;       ///< position in the caller's values of each entry of `a`; empty: the same position
-  Offset caller_nonzeros = 0;       ///< length of the caller's value array
-  std::vector<double> row_scale;    ///< n; empty: 1
-  std::vector<double> col_scale;    ///< n; empty: 1
-  std::vector<Index> row_of_col;    ///< n; empty: identity
-  std::vector<Index> pair;          ///< n; 2x2 pivot candidates; empty: none
+  SparseMatrix a;                 ///< general storage for lu, a symmetric one otherwise
+  std::vector<Offset> target;     ///< entry to which each of the caller's values is added; empty: no duplicates
+  std::vector<Offset> source;     ///< lu of symmetric storage: entry before expansion of each entry of `a`; else empty
+  bool symmetric_values = false;  ///< stored in general, taken as symmetric: new values must be symmetric as well
+  Offset caller_nonzeros = 0;     ///< length of the caller's value array
+  std::vector<double> row_scale;  ///< n; empty: 1
+  std::vector<double> col_scale;  ///< n; empty: 1
+  std::vector<Index> row_of_col;  ///< n; empty: identity
+  std::vector<Index> pair;        ///< n; 2x2 pivot candidates; empty: none
   std::vector<char> zero_diagonal;  ///< n; empty: none
 
   [[nodiscard]] Index n() const { return a.cols; }
@@ -36,14 +38,15 @@ struct Equations {
 Kind choose_kind(const MatrixView& a, Kind wish);
 
 /// Copies the matrix for `kind`. A general matrix with symmetric values becomes symmetric_both for llt and ldlt; a
-/// symmetric one is expanded for lu.
+/// symmetric one is expanded for lu. Duplicates are summed, so that errors are measured against the entries themselves.
 Equations copy_equations(const MatrixView& a, Kind kind);
 
 /// Takes new values from the caller's array. @pre values.size() == e.caller_nonzeros
+/// @throws Error(invalid_input) when a matrix in general storage that was analyzed as symmetric is so no more
 void copy_values(Equations& e, std::span<const double> values);
 
-/// Whether `a` has the pattern from which `e` was copied.
-bool same_pattern(const Equations& e, const MatrixView& a);
+/// Whether `a` has the pattern from which `e` was copied; `hash` is the pattern_hash() of that matrix.
+bool same_pattern(const Equations& e, const MatrixView& a, std::uint64_t hash);
 
 /// Scaling and, with options.matching, the maximum product matching (ldlt, lu). llt is scaled only for factors of low
 /// precision (in FP64 Cholesky's error does not depend on scaling: van der Sluis 1969).
@@ -51,6 +54,8 @@ bool same_pattern(const Equations& e, const MatrixView& a);
 void scale_and_match(Equations& e, Kind kind, const Options& options);
 
 /// scaled[q] = r_i a_ij c_j for the entries of e.a in their order. @returns the largest magnitude
+/// @throws Error(invalid_input) for an entry that is not finite
+/// @throws Error(invalid_input) naming an entry that is not finite
 template <class T>
 double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool);
 
