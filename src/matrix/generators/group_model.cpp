@@ -65,7 +65,7 @@ class Assembler {
         for (Index i = begin; i < end; ++i) {
           const auto at = static_cast<std::size_t>(next[static_cast<std::size_t>(k)]++);
           a.row_ind[at] = size_ * b.place + i;
-          a.values[at] = values[static_cast<std::size_t>(3 * i + k)];
+          a.values[at] = values[3 * static_cast<std::size_t>(i) + static_cast<std::size_t>(k)];
         }
       }
     }

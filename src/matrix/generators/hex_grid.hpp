@@ -56,7 +56,8 @@ struct HexGrid {
 
  private:
   static std::size_t corner(GridPlace p, Index x, Index y, Index z) {
-    return static_cast<std::size_t>((p.x - x) + 2 * (p.y - y) + 4 * (p.z - z));
+    const Index number = (p.x - x) + 2 * (p.y - y) + 4 * (p.z - z);
+    return static_cast<std::size_t>(number);
   }
 };
 
