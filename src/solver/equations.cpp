@@ -218,20 +218,6 @@ namespace {
 
 }  // namespace
 
-namespace {
-
-[[noreturn]] void refuse_value(const Equations& e) {
-  for (Index c = 0; c < e.n(); ++c)
-    for (Offset q = e.a.col_ptr[c]; q < e.a.col_ptr[c + 1]; ++q)
-      if (!std::isfinite(e.a.values[static_cast<std::size_t>(q)])) {
-        const Index r = e.a.row_ind[static_cast<std::size_t>(q)];
-        throw Error(StatusCode::invalid_input, fmt::format("the entry in row {}, column {} is not finite", r, c), r);
-      }
-  throw Error(StatusCode::invalid_input, "an entry overflows when it is scaled; the values span too many decades");
-}
-
-}  // namespace
-
 template <class T>
 double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool) {
   constexpr std::int64_t kColumnsPerPiece = 4096;
@@ -257,7 +243,7 @@ double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool) {
   });
   double largest = 0;
   for (const Piece& p : pieces) {
-    if (!p.finite) refuse_value(e);
+    if (!p.finite) refuse_entry(e);
     largest = std::max(largest, p.largest);
   }
   return largest;
