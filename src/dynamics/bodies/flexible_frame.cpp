@@ -1,0 +1,212 @@
+#include "dynamics/bodies/flexible_frame.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <map>
+#include <stdexcept>
+
+#include "dynamics/elements/shape_functions.hpp"
+
+namespace espalier::dynamics {
+namespace {
+
+Mat3 cross_matrix(const Vec3& a) {
+  Mat3 m;
+  m << 0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0;
+  return m;
+}
+
+Mat3 g_of(const Mat3& u) { return u.trace() * Mat3::Identity() - u; }
+
+Vec3 reference_of(const FlexibleBody& body, Index vertex) {
+  return Eigen::Map<const Vec3>(body.reference().data() + 3 * vertex);
+}
+
+/// Area of one face in the reference state.
+double face_area(const FlexibleBody& body, ElementType type, const std::vector<Index>& nodes) {
+  double area = 0;
+  for (const QuadraturePoint& point : face_quadrature(type)) {
+    double dn[2 * kMaxElementNodes];
+    shape_gradients(type, point.xi.data(), dn);
+    Vec3 g1 = Vec3::Zero(), g2 = Vec3::Zero();
+    for (std::size_t a = 0; a < nodes.size(); ++a) {
+      g1 += dn[a] * reference_of(body, nodes[a]);
+      g2 += dn[nodes.size() + a] * reference_of(body, nodes[a]);
+    }
+    area += point.weight * g1.cross(g2).norm();
+  }
+  return area;
+}
+
+}  // namespace
+
+FlexibleFrame::FlexibleFrame(const FlexibleBody& body, std::vector<FrameVertex> vertices, const Mat3& axes)
+    : body_(body), vertices_(std::move(vertices)), axes_(axes) {
+  Mat3 a = Mat3::Zero();
+  double arms = 0;
+  for (const FrameVertex& vertex : vertices_) {
+    a += reference_of(body, vertex.vertex) * vertex.arm.transpose();
+    arms += vertex.arm.norm();
+  }
+  has_rotation_ = arms > 0;
+  if (!has_rotation_) return;
+  const Vec3 s = Eigen::JacobiSVD<Mat3>(a).singularValues();
+  if (!(s[1] > 1e-9 * s[0]))  // far above round-off, far below any face that could carry a moment
+    throw std::invalid_argument(
+        fmt::format("frame on '{}': its nodes lie on a line, so they have no rotation about it", body.name()));
+}
+
+std::span<const Index> FlexibleFrame::coordinates() const {
+  if (coordinates_.empty())
+    for (const FrameVertex& vertex : vertices_)
+      for (Index i = 0; i < 3; ++i) coordinates_.push_back(body_.coordinate(vertex.vertex) + i);
+  return coordinates_;
+}
+
+Vec3 FlexibleFrame::at(ConstSpan values, Index first, Index vertex) const {
+  return Eigen::Map<const Vec3>(values.data() + first + 3 * vertex);
+}
+
+FlexibleFrame::Fit FlexibleFrame::fit(ConstSpan q) const {
+  Mat3 a = Mat3::Zero();
+  for (const FrameVertex& vertex : vertices_) a += at(q, body_.placement().q, vertex.vertex) * vertex.arm.transpose();
+  const Eigen::JacobiSVD<Mat3> svd(a, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Fit result;
+  Vec3 signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
+  result.rotation = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  result.stretch = result.rotation.transpose() * a;
+  result.inverse_g = g_of(result.stretch).inverse();
+  return result;
+}
+
+void FlexibleFrame::motion(ConstSpan q, ConstSpan v, FrameMotion& out) const {
+  out = FrameMotion{};
+  for (const FrameVertex& vertex : vertices_) {
+    out.r += vertex.weight * at(q, body_.placement().q, vertex.vertex);
+    if (!v.empty()) out.vel += vertex.weight * at(v, body_.placement().v, vertex.vertex);
+  }
+  if (!has_rotation_) return;
+  const Fit f = fit(q);
+  out.rot = f.rotation * axes_;
+  if (v.empty()) return;
+  Vec3 spin = Vec3::Zero();
+  Mat3 rate = Mat3::Zero();
+  for (const FrameVertex& vertex : vertices_) {
+    const Vec3 turned = f.rotation.transpose() * at(v, body_.placement().v, vertex.vertex);
+    spin += vertex.arm.cross(turned);
+    rate += turned * vertex.arm.transpose();
+  }
+  const Vec3 omega = f.inverse_g * spin;
+  // G omega' = d/dt(sum B x R^T v) - G' omega with a = 0; U' = R^T A' - [omega] U
+  const Mat3 stretch_rate = rate - cross_matrix(omega) * f.stretch;
+  Vec3 right = -g_of(stretch_rate) * omega;
+  for (const FrameVertex& vertex : vertices_)
+    right -= vertex.arm.cross(omega.cross(f.rotation.transpose() * at(v, body_.placement().v, vertex.vertex)));
+  out.omega = f.rotation * omega;
+  out.bias_alpha = f.rotation * (f.inverse_g * right);
+}
+
+void FlexibleFrame::jacobian(ConstSpan q, double* j) const {
+  const auto n = static_cast<Eigen::Index>(3 * vertices_.size());
+  Eigen::Map<Eigen::Matrix<double, 6, Eigen::Dynamic>> result(j, 6, n);
+  result.setZero();
+  const Fit f = has_rotation_ ? fit(q) : Fit{Mat3::Identity(), Mat3::Identity(), Mat3::Zero()};
+  Eigen::Index column = 0;
+  for (const FrameVertex& vertex : vertices_) {
+    result.block<3, 3>(0, column) = vertex.weight * Mat3::Identity();
+    result.block<3, 3>(3, column) = f.rotation * f.inverse_g * cross_matrix(vertex.arm) * f.rotation.transpose();
+    column += 3;
+  }
+}
+
+/// The velocity of the origin has a constant J. omega = R w, G w = sum B x t with t = R^T v; for dx_b = e_j:
+/// d omega = R (phi x w + dw), G dw = -sum B x (phi x t) - dG w, and sum B x (phi x t) = (tr T) phi - T phi with
+/// T = sum t B^T.
+void FlexibleFrame::rate_jacobian(ConstSpan q, ConstSpan v, double* jv) const {
+  const auto n = static_cast<Eigen::Index>(3 * vertices_.size());
+  Eigen::Map<Eigen::Matrix<double, 6, Eigen::Dynamic>> result(jv, 6, n);
+  result.setZero();
+  if (!has_rotation_) return;
+  const Fit f = fit(q);
+  Vec3 spin = Vec3::Zero();
+  Mat3 rate = Mat3::Zero();
+  for (const FrameVertex& vertex : vertices_) {
+    const Vec3 turned = f.rotation.transpose() * at(v, body_.placement().v, vertex.vertex);
+    spin += vertex.arm.cross(turned);
+    rate += turned * vertex.arm.transpose();
+  }
+  const Vec3 omega = f.inverse_g * spin;
+  Eigen::Index column = 0;
+  for (const FrameVertex& b : vertices_)
+    for (int j = 0; j < 3; ++j, ++column) {
+      const Vec3 turned = f.rotation.row(j).transpose();  // R^T e_j
+      const Vec3 phi = f.inverse_g * b.arm.cross(turned);
+      const Mat3 d_stretch = turned * b.arm.transpose() - cross_matrix(phi) * f.stretch;
+      const Vec3 d_omega = f.inverse_g * (-g_of(rate) * phi - g_of(d_stretch) * omega);
+      result.block<3, 1>(3, column) = f.rotation * (phi.cross(omega) + d_omega);
+    }
+}
+
+/// J^T [0; m] has the vertex forces R (c x B_a), G c = R^T m; below it is differentiated for every dx_b = e_j.
+void FlexibleFrame::wrench_stiffness(ConstSpan q, const Vec6& wrench, double scale, double* k) const {
+  if (!has_rotation_) return;
+  const auto n = static_cast<Eigen::Index>(3 * vertices_.size());
+  Eigen::Map<Eigen::MatrixXd> result(k, n, n);
+  const Fit f = fit(q);
+  const Vec3 moment = f.rotation.transpose() * wrench.tail<3>();
+  const Vec3 c = f.inverse_g * moment;
+  Eigen::Index column = 0;
+  for (const FrameVertex& b : vertices_)
+    for (int j = 0; j < 3; ++j, ++column) {
+      const Vec3 turned = f.rotation.row(j).transpose();  // R^T e_j
+      const Vec3 phi = f.inverse_g * b.arm.cross(turned);
+      const Mat3 d_stretch = turned * b.arm.transpose() - cross_matrix(phi) * f.stretch;
+      const Vec3 dc = f.inverse_g * (-phi.cross(moment) - g_of(d_stretch) * c);
+      Eigen::Index row = 0;
+      for (const FrameVertex& a : vertices_) {
+        const Vec3 force = f.rotation * (phi.cross(c.cross(a.arm)) + dc.cross(a.arm));
+        result.block<3, 1>(row, column) += scale * force;
+        row += 3;
+      }
+    }
+}
+
+std::unique_ptr<Frame> make_node_frame(const FlexibleBody& body, Index node) {
+  return std::make_unique<FlexibleFrame>(body,
+                                         std::vector<FrameVertex>{{node * body.vertices_per_node(), 1, Vec3::Zero()}});
+}
+
+std::unique_ptr<Frame> make_face_frame(const FlexibleBody& body, const Mesh& mesh, std::span<const MeshFace> faces,
+                                       const Mat3& axes) {
+  if (faces.empty() || body.vertices_per_node() != 1)
+    throw std::invalid_argument(fmt::format("face frame on '{}': needs faces of a solid body", body.name()));
+  std::map<Index, double> weights;
+  double total = 0;
+  for (const MeshFace& face : faces) {
+    const auto nodes = mesh.face_nodes(face);
+    const auto& shape = shape_of(mesh.type(face.element)).faces[static_cast<std::size_t>(face.face)];
+    const double area = face_area(body, shape.type, nodes);
+    total += area;
+    for (const Index n : nodes) weights[n] += area / static_cast<double>(nodes.size());
+  }
+  Vec3 centre = Vec3::Zero();
+  for (const auto& [node, weight] : weights) centre += weight / total * reference_of(body, node);
+  std::vector<FrameVertex> vertices;
+  for (const auto& [node, weight] : weights)
+    vertices.push_back({node, weight / total, weight / total * (reference_of(body, node) - centre)});
+  return std::make_unique<FlexibleFrame>(body, std::move(vertices), axes);
+}
+
+std::unique_ptr<Frame> make_beam_frame(const FlexibleBody& body, Index node, const Mat3& axes) {
+  if (body.vertices_per_node() != 4)
+    throw std::invalid_argument(fmt::format("beam frame on '{}': it is not a beam body", body.name()));
+  const Index first = 4 * node;
+  return std::make_unique<FlexibleFrame>(body,
+                                         std::vector<FrameVertex>{{first, 1, Vec3::Zero()},
+                                                                  {first + 2, 0, reference_of(body, first + 2)},
+                                                                  {first + 3, 0, reference_of(body, first + 3)}},
+                                         axes);
+}
+
+}  // namespace espalier::dynamics

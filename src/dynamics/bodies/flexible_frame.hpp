@@ -1,0 +1,63 @@
+/// \file
+/// Frames on flexible bodies, for joints and forces: nodes, averaged faces, beam nodes.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/dae/frame.hpp"
+
+namespace espalier::dynamics {
+
+/// One vertex of a flexible body that a frame depends on.
+struct FrameVertex {
+  Index vertex = 0;
+  double weight = 0;        ///< share of the vertex in the origin; the weights of a frame add up to 1
+  Vec3 arm = Vec3::Zero();  ///< B_a: the frame's rotation is the polar rotation of A = sum_a x_a B_a^T
+};
+
+/// The frame r = sum w_a x_a, rotation R from the polar decomposition A = R U of A = sum x_a B_a^T, times fixed axes.
+/// With G = tr(U) I - U the angular velocity in turned axes is G^-1 sum B_a x R^T v_a (from R^T dA - dA^T R). All arms
+/// zero: a frame without rotation. The body must outlive the frame.
+class FlexibleFrame final : public Frame {
+ public:
+  /// @param axes columns: the frame's axes in the reference state, global components
+  FlexibleFrame(const FlexibleBody& body, std::vector<FrameVertex> vertices, const Mat3& axes = Mat3::Identity());
+
+  [[nodiscard]] std::span<const Index> coordinates() const override;
+  [[nodiscard]] bool has_rotation() const override { return has_rotation_; }
+  void motion(ConstSpan q, ConstSpan v, FrameMotion& out) const override;
+  void jacobian(ConstSpan q, double* j) const override;
+  void rate_jacobian(ConstSpan q, ConstSpan v, double* jv) const override;
+  [[nodiscard]] bool turns(std::size_t k) const override { return vertices_[k / 3].arm != Vec3::Zero(); }
+  [[nodiscard]] bool has_wrench_stiffness() const override { return has_rotation_; }
+  void wrench_stiffness(ConstSpan q, const Vec6& wrench, double scale, double* k) const override;
+
+ private:
+  struct Fit {
+    Mat3 rotation, stretch, inverse_g;
+  };
+  [[nodiscard]] Vec3 at(ConstSpan values, Index first, Index vertex) const;
+  [[nodiscard]] Fit fit(ConstSpan q) const;
+
+  const FlexibleBody& body_;
+  std::vector<FrameVertex> vertices_;
+  Mat3 axes_;
+  bool has_rotation_ = false;
+  mutable std::vector<Index> coordinates_;  // filled at the first call, when the body has its place
+};
+
+/// A node: position only.
+std::unique_ptr<Frame> make_node_frame(const FlexibleBody& body, Index node);
+
+/// The average of a face set: every face gives its reference area in equal parts to its nodes. Its rotation couples all
+/// nodes of the set in the tangent (a dense block), so sets should stay below some hundred nodes.
+/// @throws std::invalid_argument on an empty set or one whose nodes lie on a line
+std::unique_ptr<Frame> make_face_frame(const FlexibleBody& body, const Mesh& mesh, std::span<const MeshFace> faces,
+                                       const Mat3& axes = Mat3::Identity());
+
+/// A node of a beam body: rotation of the cross-section (polar rotation of r_y, r_z). @pre vertices_per_node() == 4
+std::unique_ptr<Frame> make_beam_frame(const FlexibleBody& body, Index node, const Mat3& axes = Mat3::Identity());
+
+}  // namespace espalier::dynamics
