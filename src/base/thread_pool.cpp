@@ -31,10 +31,17 @@ ThreadPool::ThreadPool(int threads) {
   const int extra = std::max(1, threads) - 1;
   errors_.resize(static_cast<std::size_t>(extra) + 1);
   threads_.reserve(static_cast<std::size_t>(extra));
-  for (int t = 0; t < extra; ++t) threads_.emplace_back([this, t] { work(t + 1); });
+  try {
+    for (int t = 0; t < extra; ++t) threads_.emplace_back([this, t] { work(t + 1); });
+  } catch (...) {  // the machine has no more threads: those that run must end before the exception may leave
+    stop_and_join();
+    throw;
+  }
 }
 
-ThreadPool::~ThreadPool() {
+ThreadPool::~ThreadPool() { stop_and_join(); }
+
+void ThreadPool::stop_and_join() {
   {
     const std::lock_guard lock(mutex_);
     stop_ = true;

@@ -30,12 +30,23 @@ class ThreadPool {
 
   /// Runs body(worker) once on every worker at the same time and returns when all have returned. The first exception
   /// (by worker number) is rethrown. Must not be nested.
+  /// A callable that is not a std::function yet is referred to, so that the call allocates nothing.
   void run(const std::function<void(int worker)>& body);
+  template <class Body>
+  void run(Body&& body) {
+    const std::function<void(int)> reference(std::ref(body));
+    run(reference);
+  }
 
   /// body(begin, end) over pieces of [0, n) of at most `grain` indices, taken by whoever is free. The pieces are the
   /// same for every number of threads.
   void for_each_piece(std::int64_t n, std::int64_t grain,
                       const std::function<void(std::int64_t begin, std::int64_t end)>& body);
+  template <class Body>
+  void for_each_piece(std::int64_t n, std::int64_t grain, Body&& body) {
+    const std::function<void(std::int64_t, std::int64_t)> reference(std::ref(body));
+    for_each_piece(n, grain, reference);
+  }
 
   /// body(i) for each i in [0, n), taken one by one in rising order.
   void for_each(std::int64_t n, const std::function<void(std::int64_t i)>& body) {
@@ -44,6 +55,7 @@ class ThreadPool {
 
  private:
   void work(int worker);
+  void stop_and_join();
 
   std::vector<std::thread> threads_;
   std::mutex mutex_;

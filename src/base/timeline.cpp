@@ -11,7 +11,26 @@
 
 namespace espalier::base {
 
+namespace {
+
+// The inside of a JSON string.
+std::string escaped(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    if (static_cast<unsigned char>(c) < 0x20)
+      out += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
+    else
+      out += c;
+  }
+  return out;
+}
+
+}  // namespace
+
 int Timeline::add_track(std::string device, std::string name) {
+  for (std::size_t k = 0; k < tracks_.size(); ++k)
+    if (tracks_[k].device == device && tracks_[k].name == name) return static_cast<int>(k);
   tracks_.push_back({std::move(device), std::move(name), {}});
   return static_cast<int>(tracks_.size()) - 1;
 }
@@ -48,12 +67,12 @@ void Timeline::write(const std::string& path) const {
     if (device == devices.end()) {
       devices.push_back(t.device);
       text += fmt::format("{}{{\"ph\":\"M\",\"pid\":{},\"name\":\"process_name\",\"args\":{{\"name\":\"{}\"}}}}",
-                          separator, pid, t.device);
+                          separator, pid, escaped(t.device));
       separator = ",\n";
     }
     text +=
         fmt::format("{}{{\"ph\":\"M\",\"pid\":{},\"tid\":{},\"name\":\"thread_name\",\"args\":{{\"name\":\"{}\"}}}}",
-                    separator, pid, k, t.name);
+                    separator, pid, k, escaped(t.name));
     separator = ",\n";
     for (const auto& e : t.events) {
       text += fmt::format(
@@ -68,7 +87,8 @@ void Timeline::write(const std::string& path) const {
     }
   }
   text += "\n]}\n";
-  if (std::fwrite(text.data(), 1, text.size(), file.get()) != text.size())
+  std::fwrite(text.data(), 1, text.size(), file.get());
+  if (std::fflush(file.get()) != 0 || std::ferror(file.get()) != 0)  // of any write
     throw Error(StatusCode::invalid_input,
                 fmt::format("{}: the trace could not be written whole; is the disk full?", path));
 }

@@ -29,7 +29,7 @@ struct TimelineEvent {
 /// Events by track (a worker of a device, or a stream). Each track is written by one thread at a time.
 class Timeline {
  public:
-  /// Adds a track and returns its number. Not thread-safe.
+  /// The number of the track of that device and name, which is added when there is none. Not thread-safe.
   int add_track(std::string device, std::string name);
   void record(int track, const TimelineEvent& event) {
     tracks_[static_cast<std::size_t>(track)].events.push_back(event);
