@@ -127,7 +127,7 @@ void Solver::Impl::load_analysis(const std::string& path, const MatrixView& a) {
   (void)solver::choose_kind(a, saved.kind);  // llt and ldlt need a symmetric matrix
   numeric.reset();
   kind = saved.kind;
-  kind_may_change = false;
+  kind_may_change = options.kind == Kind::automatic && kind == Kind::llt;
   analysis = AnalysisResult{};
   equations = solver::copy_equations(a, kind);
   if (saved.tree.n != equations.n())

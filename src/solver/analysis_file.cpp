@@ -2,9 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstring>
 #include <fstream>
+#include <functional>
+#include <limits>
 #include <type_traits>
+#include <utility>
 
 namespace espalier::solver {
 
@@ -111,6 +115,27 @@ class Reader {
   Fnv hash_;
 };
 
+// Whether p holds each of 0 .. n-1 once; an empty p stands for the identity.
+bool is_permutation(const std::vector<Index>& p, std::size_t n) {
+  if (p.empty()) return true;
+  std::vector<char> seen(n, 0);
+  for (const Index i : p)
+    if (i < 0 || static_cast<std::size_t>(i) >= n || std::exchange(seen[static_cast<std::size_t>(i)], 1) != 0)
+      return false;
+  return p.size() == n;
+}
+
+// Rows of a front ascend, lie above its pivots, and are pivots or rows of the parent.
+bool rows_are_valid(const analysis::AssemblyTree& t, Index f) {
+  const auto begin = t.rows.begin() + t.row_ptr[f], end = t.rows.begin() + t.row_ptr[f + 1];
+  if (begin == end) return true;
+  const Index p = t.parent[f];
+  if (p < 0 || *begin < t.first[f + 1] || std::adjacent_find(begin, end, std::greater_equal<>()) != end) return false;
+  const auto in_parent = std::lower_bound(begin, end, t.first[p + 1]);
+  return *begin >= t.first[p] &&
+         std::includes(t.rows.begin() + t.row_ptr[p], t.rows.begin() + t.row_ptr[p + 1], in_parent, end);
+}
+
 // The file passed its checksum; this guards against files made by something else.
 void check(const SavedAnalysis& s, const Reader& file) {
   const auto& t = s.tree;
@@ -123,10 +148,11 @@ void check(const SavedAnalysis& s, const Reader& file) {
   for (std::size_t f = 0; ok && f < fronts; ++f)
     ok = t.first[f] < t.first[f + 1] && t.row_ptr[f] <= t.row_ptr[f + 1] &&
          (t.parent[f] == -1 || (t.parent[f] > static_cast<Index>(f) && t.parent[f] < static_cast<Index>(fronts)));
-  const auto in_range = [&](Index i) { return i >= 0 && i < t.n; };
-  for (const Index i : t.order) ok = ok && in_range(i);
-  for (const Index i : t.rows) ok = ok && in_range(i);
-  for (const Index i : s.row_of_col) ok = ok && in_range(i);
+  for (std::size_t f = 0; ok && f < fronts; ++f) ok = rows_are_valid(t, static_cast<Index>(f));
+  ok = ok && is_permutation(t.order, n) && is_permutation(s.row_of_col, n);
+  const auto positive = [](double x) { return x > 0 && x < std::numeric_limits<double>::infinity(); };
+  ok = ok && std::all_of(s.row_scale.begin(), s.row_scale.end(), positive) &&
+       std::all_of(s.col_scale.begin(), s.col_scale.end(), positive);
   if (!ok) file.fail("the file is not a valid analysis");
 }
 

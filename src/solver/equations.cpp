@@ -221,13 +221,11 @@ namespace {
 template <class T>
 double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool) {
   constexpr std::int64_t kColumnsPerPiece = 4096;
-  struct Piece {
-    double largest = 0;
-    bool finite = true;
-  };
-  std::vector<Piece> pieces(static_cast<std::size_t>((e.n() + kColumnsPerPiece - 1) / kColumnsPerPiece));
+  std::atomic<double> largest{0};
+  std::atomic<bool> finite{true};
   pool.for_each_piece(e.n(), kColumnsPerPiece, [&](std::int64_t begin, std::int64_t end) {
-    Piece piece;
+    double most = 0;
+    bool fine = true;
     for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c) {
       const double s = e.col_scale.empty() ? 1.0 : e.col_scale[c];
       for (Offset q = e.a.col_ptr[c]; q < e.a.col_ptr[c + 1]; ++q) {
@@ -235,17 +233,16 @@ double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool) {
         const double r = e.row_scale.empty() ? 1.0 : e.row_scale[static_cast<std::size_t>(e.a.row_ind[at])];
         scaled[at] = static_cast<T>(e.a.values[at] * s * r);
         const auto magnitude = std::abs(static_cast<double>(scaled[at]));
-        piece.largest = std::max(piece.largest, magnitude);
-        piece.finite = piece.finite && magnitude <= std::numeric_limits<double>::max();
+        most = std::max(most, magnitude);
+        fine = fine && magnitude <= std::numeric_limits<double>::max();
       }
     }
-    pieces[static_cast<std::size_t>(begin / kColumnsPerPiece)] = piece;
+    if (!fine) finite = false;
+    double known = largest.load();
+    while (most > known && !largest.compare_exchange_weak(known, most)) {
+    }
   });
-  double largest = 0;
-  for (const Piece& p : pieces) {
-    if (!p.finite) refuse_entry(e);
-    largest = std::max(largest, p.largest);
-  }
+  if (!finite) refuse_entry(e);
   return largest;
 }
 

@@ -78,13 +78,7 @@ void Solver::Impl::factorize(std::span<const double> values) {
   if (!numeric) make_numeric();
   device::FactorOutcome outcome = factorize_moving_pivots();
   if (kind == Kind::llt && outcome.not_positive >= 0 && kind_may_change) {
-    log("a pivot is not positive: going on with ldlt");
-    kind_may_change = false;
-    const SparseMatrix copy = equations.a;
-    const double again = base::now_seconds();
-    analyze_as(copy, Kind::ldlt);
-    describe_plan(again);
-    residual.set_values(equations.a.values);
+    turn_to_ldlt();
     make_numeric();
     outcome = factorize_moving_pivots();
   }
@@ -92,6 +86,24 @@ void Solver::Impl::factorize(std::span<const double> values) {
   factor.seconds = base::now_seconds() - start;
   factor.flops_per_second = plan.flops / factor.seconds;
   if (factor.status.ok()) state = State::factorized;
+}
+
+// The matrix that llt gave up is analyzed again from the solver's copy; the caller's values still go where they went.
+void Solver::Impl::turn_to_ldlt() {
+  log("a pivot is not positive: going on with ldlt");
+  state = State::empty;  // a failure on the way leaves nothing to go on with
+  kind_may_change = false;
+  const double start = base::now_seconds();
+  const SparseMatrix copy = std::move(equations.a);
+  std::vector<Offset> target = std::move(equations.target);
+  const Offset caller_nonzeros = equations.caller_nonzeros;
+  const bool symmetric_values = equations.symmetric_values;
+  analyze_as(copy, Kind::ldlt);
+  equations.target = std::move(target);
+  equations.caller_nonzeros = caller_nonzeros;
+  equations.symmetric_values = symmetric_values;
+  residual.set_values(equations.a.values);
+  describe_plan(start);
 }
 
 device::FactorOutcome Solver::Impl::factorize_moving_pivots() {

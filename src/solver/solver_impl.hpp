@@ -32,6 +32,7 @@ struct Solver::Impl {
   // factorization.cpp
   void factorize(std::span<const double> values);
   void make_numeric();
+  void turn_to_ldlt();
   device::FactorOutcome factorize_moving_pivots();
   bool move_pivots(const device::FactorOutcome& outcome);
   void report(const device::FactorOutcome& outcome);
