@@ -36,16 +36,22 @@ void invert_d(NumericState<T>& s, Index at, Index n, const T* d, const T* e, Fro
   }
 }
 
-// Sign of a permutation: each cycle of even length flips it.
-double permutation_sign(const std::int32_t* perm, Index n) {
-  double sign = 1;
-  std::vector<char> seen(static_cast<std::size_t>(n), 0);
-  for (Index k = 0; k < n; ++k)
-    for (Index q = perm[k]; seen[q] == 0 && q != k; q = perm[q]) {
-      seen[q] = 1;
+// Sign of a permutation: each cycle of even length flips it. Visited entries are marked by their complement and
+// restored.
+double permutation_sign(std::int32_t* perm, Index n) {
+  double sign = -1;
+  for (Index k = 0; k < n; ++k) {
+    if (perm[k] < 0) continue;
+    for (Index q = k; perm[q] >= 0;) {
+      const Index next = perm[q];
+      perm[q] = ~next;
+      q = next;
       sign = -sign;
     }
-  return sign;
+    sign = -sign;  // a cycle of m entries is m - 1 exchanges
+  }
+  for (Index k = 0; k < n; ++k) perm[k] = ~perm[k];
+  return -sign;
 }
 
 }  // namespace

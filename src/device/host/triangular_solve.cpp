@@ -76,9 +76,11 @@ void TriangularSolve<T>::list_tasks() {
 template <class T>
 void TriangularSolve<T>::prepare(Index nr) {
   if (nr <= allocated_nr_) return;
+  allocated_nr_ = 0;  // until everything below has been taken
   contributions_ = base::Buffer<T>();
   contributions_ = base::Buffer<T>(static_cast<Offset>(plan_.tree.rows.size()) * nr, budget_);
   workers_.clear();
+  workers_.reserve(static_cast<std::size_t>(pool_.size()));
   for (int t = 0; t < pool_.size(); ++t) {
     Worker w;
     w.front = base::Buffer<T>((static_cast<Offset>(largest_front_rows_) + kPanel<T>)*nr, budget_);
@@ -111,9 +113,16 @@ template <class T>
 void TriangularSolve<T>::sweep(const std::vector<SolveTask>& tasks,
                                void (TriangularSolve::*one)(const SolveTask&, Worker&)) {
   std::atomic<std::size_t> next{0};
+  s_.abort = false;
   pool_.run([&](int t) {
     Worker& w = workers_[static_cast<std::size_t>(t)];
-    for (std::size_t at = next++; at < tasks.size(); at = next++) (this->*one)(tasks[at], w);
+    try {
+      for (std::size_t at = next++; at < tasks.size(); at = next++) (this->*one)(tasks[at], w);
+    } catch (const Aborted&) {
+    } catch (...) {  // others may wait for what this worker does not finish any more
+      s_.abort = true;
+      throw;
+    }
   });
 }
 
