@@ -217,6 +217,10 @@ Energy AssembledSystem::energy(const StateView& s) {
   return sum;
 }
 
+void AssembledSystem::accept(const StateView& s) {
+  for (const auto& c : components_) c->accept(s);
+}
+
 void AssembledSystem::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
   std::fill(w_values.begin(), w_values.end(), 0.0);
   for (const auto& c : components_) c->tangent(s, weights, w_values);

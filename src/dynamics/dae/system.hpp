@@ -125,6 +125,8 @@ class System {
   /// Constraint quantities at (t, q, v); v may be empty unless gamma is wanted. Does nothing where m = 0.
   virtual void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) = 0;
   [[nodiscard]] virtual Energy energy(const StateView& s);
+  /// Called by the integrators with every accepted state: the place to remember what has a history (turns of an angle).
+  virtual void accept(const StateView& /*s*/) {}
 
   // Jacobians. The patterns are fixed while pattern_version() stays the same.
   [[nodiscard]] virtual const SparsePattern& tangent_pattern() const = 0;     ///< n x n, by columns
@@ -182,6 +184,8 @@ class Component {
   /// Adds its part of W.
   virtual void tangent(const StateView& s, const TangentWeights& weights, Span w_values) = 0;
   [[nodiscard]] virtual Energy energy(const StateView& s);
+  /// Called with every accepted state.
+  virtual void accept(const StateView& /*s*/) {}
 
  private:
   std::string name_;
@@ -214,6 +218,7 @@ class AssembledSystem final : public System {
   void residual(const StateView& s, Span f) override;
   void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) override;
   [[nodiscard]] Energy energy(const StateView& s) override;
+  void accept(const StateView& s) override;
   [[nodiscard]] const SparsePattern& tangent_pattern() const override { return w_pattern_; }
   [[nodiscard]] const SparsePattern& constraint_pattern() const override { return phi_q_pattern_; }
   [[nodiscard]] std::uint64_t pattern_version() const override { return version_; }

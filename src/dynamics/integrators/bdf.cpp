@@ -48,6 +48,7 @@ void BdfIntegrator::start(const State& state) {
   }
   std::vector<double> q_past(state.q.size());
   equations_.system().retract(state.q, dq_, q_past);
+  equations_.system().accept(state.view());
   history_.push(state.t - h_, q_past, dv_, state.lambda);
   history_.push(state.t, state.q, state.v, state.lambda);
 }
@@ -63,8 +64,8 @@ void BdfIntegrator::start(const std::vector<State>& past) {
 
 double BdfIntegrator::first_step() const {
   if (options_.initial_step > 0) return options_.initial_step;
-  // Order 1: the local error h^2 |q''| / 2 and h^2 |v''| / 2 shall be a hundredth of the tolerance. v'' is unknown at
-  // the start; the change of v itself, |a| h, is kept within its own tolerance times 10.
+  // Order 1: the local error h^2 |q''| / 2 shall be a hundredth of the tolerance. v'' is unknown at the start; |a| over
+  // a millisecond stands in for it. The error test repairs a guess that was too large.
   double acceleration_q = 0, acceleration_v = 0;
   std::vector<double> size(state_.v.size());
   equations_.system().magnitude(state_.q, size);
@@ -76,7 +77,7 @@ double BdfIntegrator::first_step() const {
   }
   double h = std::min(options_.max_step, 1e-3);
   if (acceleration_q > 0) h = std::min(h, std::sqrt(0.02 / acceleration_q));
-  if (acceleration_v > 0 && options_.test_velocity) h = std::min(h, 10 / acceleration_v);
+  if (acceleration_v > 0 && options_.test_velocity) h = std::min(h, std::sqrt(0.02 * 1e-3 / acceleration_v));
   return h;
 }
 
@@ -254,9 +255,14 @@ BdfIntegrator::Outcome BdfIntegrator::solve_reduced(StepReport& report) {
       rate_poor_ = report.newton_rate > options_.refactor_rate && change > 1e-9;
       return Outcome::converged;
     }
-    // At round-off the change stops falling although nothing is wrong: 1e-6 of the tolerance is that region.
-    if (small && change < 1e-6 && report.newton_rate > 0.5) return Outcome::converged;
-    if (iteration > 2 && report.newton_rate > 2) return Outcome::diverged;
+    // At round-off the change stops falling although nothing is wrong. With a new factor that is the end of the road;
+    // with an old one a new factor is tried first.
+    const bool stagnant = iteration >= 3 && report.newton_rate > 0.7;
+    if (stagnant && change < (factor_fresh_ ? 0.1 : 1e-4)) {
+      static_cast<void>(constraints_hold(report));
+      return Outcome::converged;
+    }
+    if (iteration > 2 && report.newton_rate > 2 && change > 1) return Outcome::diverged;
     previous = change;
   }
   return Outcome::slow;
@@ -364,6 +370,7 @@ void BdfIntegrator::accept(StepReport& report) {
   }
   std::swap(state_, trial_);
   history_.push(state_.t, state_.q, state_.v, state_.lambda);
+  equations_.system().accept(state_.view());
   count(report);
   report.index = counts_.steps;
 }

@@ -30,6 +30,7 @@ GeneralizedAlpha::GeneralizedAlpha(Equations& equations, const AlphaOptions& opt
 void GeneralizedAlpha::start(const State& state) {
   state_ = trial_ = state;
   a_old_ = state.a;
+  equations_.system().accept(state.view());
   factor_c_q_ = 0;
 }
 
@@ -147,6 +148,7 @@ StepReport GeneralizedAlpha::step(double t_limit) {
   const double slope = (1 - alpha_f_) / (1 - alpha_m_);
   for (std::size_t i = 0; i < a_old_.size(); ++i) a_old_[i] = a_base_[i] + slope * trial_.a[i];
   std::swap(state_, trial_);
+  equations_.system().accept(state_.view());
   report.t = state_.t;
   report.h = h_;
   report.order = 2;

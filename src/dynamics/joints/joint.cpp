@@ -24,6 +24,7 @@ Joint::Joint(std::string kind, std::string name, std::vector<std::unique_ptr<Fra
   for (const JointRow& row : rows_) {
     last_angle_.emplace_back(row.terms.size(), std::numeric_limits<double>::quiet_NaN());
     for (const JointRow::Term& term : row.terms) {
+      counts_turns_ = counts_turns_ || (term.kind == Relative::angle && row.terms.size() > 1);
       couples_translation_ = couples_translation_ || curves_in_translation(term.kind);
       couples_rotation_ = couples_rotation_ || term.kind == Relative::dot || term.kind == Relative::angle;
       const bool turns_a = term.kind != Relative::global && term.kind != Relative::distance;
@@ -102,12 +103,25 @@ void Joint::evaluate_frames(ConstSpan q, ConstSpan v) {
 
 void Joint::residual(const StateView& /*s*/, Span /*f*/) {}
 
-// Couplings of angles need the number of turns: the branch nearest to the last value, so a step must turn less than pi.
-double Joint::unwrapped(std::size_t row, std::size_t term, double angle) {
-  double& last = last_angle_[row][term];
-  if (!std::isnan(last)) angle += kTwoPi * std::round((last - angle) / kTwoPi);
-  last = angle;
-  return angle;
+// Couplings of angles need the number of turns: the branch nearest to the angle of the last accepted state, so a step
+// must turn less than pi. Trial states do not count: a rejected one may lie on another branch.
+double Joint::unwrapped(std::size_t row, std::size_t term, double angle) const {
+  const double last = last_angle_[row][term];
+  return std::isnan(last) ? angle : angle + kTwoPi * std::round((last - angle) / kTwoPi);
+}
+
+void Joint::accept(const StateView& s) {
+  if (!counts_turns_) return;
+  evaluate_frames(s.q, {});
+  RelativeValue value;
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    for (std::size_t k = 0; k < rows_[r].terms.size(); ++k) {
+      const JointRow::Term& term = rows_[r].terms[k];
+      if (term.kind != Relative::angle) continue;
+      evaluate(term.kind, term.i, term.j, frames_[at(term.a)].motion, frames_[at(term.b)].motion, false, value);
+      last_angle_[r][k] = unwrapped(r, k, value.value);
+    }
+  }
 }
 
 void Joint::constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) {

@@ -43,7 +43,7 @@ class Joint final : public Component {
   [[nodiscard]] const std::string& kind() const { return kind_; }
   /// Reaction on frame `f` of the joint.
   [[nodiscard]] Wrench reaction(const StateView& s, int f) const;
-  /// Value of the relative coordinate of a row's first term (an angle: the unwrapped one of the last evaluation).
+  /// Value of the relative coordinate of a row's first term (an angle: in (-pi, pi]).
   [[nodiscard]] double coordinate(ConstSpan q, int row) const;
   /// Motion of frame f at a state.
   [[nodiscard]] FrameMotion frame_motion(ConstSpan q, ConstSpan v, int f) const;
@@ -55,6 +55,7 @@ class Joint final : public Component {
   void residual(const StateView& s, Span f) override;
   void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) override;
   void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
+  void accept(const StateView& s) override;
 
  private:
   struct Attached {
@@ -65,12 +66,13 @@ class Joint final : public Component {
   };
   [[nodiscard]] bool coupled(std::size_t f, std::size_t k, std::size_t g, std::size_t l) const;
   void evaluate_frames(ConstSpan q, ConstSpan v);
-  double unwrapped(std::size_t row, std::size_t term, double angle);
+  [[nodiscard]] double unwrapped(std::size_t row, std::size_t term, double angle) const;
 
   std::string kind_;
   std::vector<Attached> frames_;
   std::vector<JointRow> rows_;
   std::vector<std::vector<double>> last_angle_;  // rows x terms: continuous angles of couplings
+  bool counts_turns_ = false;                    // some row adds angles
   bool couples_translation_ = false, couples_rotation_ = false;
   std::vector<std::ptrdiff_t> w_position_;  // of all coupled pairs in the order of tangent(); -1: not declared
   std::vector<double> jacobians_, stiffness_, block_;
