@@ -17,6 +17,8 @@ namespace espalier::device {
 struct PivotRule {
   double threshold = 0.01;  ///< u: a pivot column with an entry of L above 1/u is reported as failed
   double tiny = 0;          ///< a pivot smaller in magnitude is replaced by +-tiny (absolute; matrix scaled to about 1)
+  /// llt: by position; a positive pivot not above it is kept, but reported as replaced. Empty: none is.
+  std::span<const double> smallest = {};
 };
 
 /// What one numeric factorization came to. Positions are those of the plan's elimination order.
@@ -29,7 +31,17 @@ struct FactorOutcome {
   double determinant_sign = 1;  ///< of the factored (scaled, permuted) matrix
   double determinant_log = 0;   ///< natural logarithm of the magnitude
   double busy_seconds = 0;      ///< mean over workers of the time inside tasks
+  double waiting_seconds = 0;   ///< mean over workers of the time inside tasks that wait for others
   double seconds = 0;           ///< wall time
+};
+
+/// One device's part in a factorization that several share.
+struct DeviceWork {
+  std::string name;
+  double busy_seconds = 0;     ///< mean over its workers of the time inside tasks, waits left out
+  double waiting_seconds = 0;  ///< likewise of the time inside tasks that wait for others
+  Index stolen_subtrees = 0;   ///< sub-trees of other devices that it did
+  Offset peak_bytes = 0;       ///< its part of factor and work arrays, and what its workers hold
 };
 
 /// One backend's numeric factor of a matrix with the pattern of a plan. All memory is taken in the constructor;
@@ -48,6 +60,8 @@ class Executor {
   virtual void solve(T* x, Index columns, bool transpose) = 0;
   [[nodiscard]] virtual std::string name() const = 0;
   [[nodiscard]] virtual Offset peak_bytes() const = 0;
+  /// The last factorization by devices; empty where there is one, for which the outcome tells all.
+  [[nodiscard]] virtual std::vector<DeviceWork> device_work() const { return {}; }
 };
 
 }  // namespace espalier::device

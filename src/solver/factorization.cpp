@@ -77,7 +77,7 @@ void Solver::Impl::factorize(std::span<const double> values) {
   if (timeline) timeline->clear();
   if (!numeric) make_numeric();
   device::FactorOutcome outcome = factorize_moving_pivots();
-  if (kind == Kind::llt && outcome.not_positive >= 0 && kind_may_change) {
+  if (kind == Kind::llt && (outcome.not_positive >= 0 || !outcome.replaced.empty()) && kind_may_change) {
     turn_to_ldlt();
     make_numeric();
     outcome = factorize_moving_pivots();
@@ -142,7 +142,10 @@ bool Solver::Impl::move_pivots(const device::FactorOutcome& outcome) {
   for (Index f = 0; f < tree.fronts(); ++f) {
     bool any = below[f] != 0;
     for (; at < bad.size() && bad[at] < tree.first[f + 1]; ++at) {
-      if (below[f] == 0 && tree.parent[f] >= 0) moved.push_back(bad[at]);
+      // In a root, a pivot may still find its partner in the last block column.
+      const auto& l = plan.layout[f];
+      const bool may_move = tree.parent[f] >= 0 || l.tile_of(bad[at] - tree.first[f]) + 1 < l.pivot_tiles;
+      if (below[f] == 0 && may_move) moved.push_back(bad[at]);
       any = true;
     }
     if (any && tree.parent[f] >= 0) below[tree.parent[f]] = 1;
@@ -164,9 +167,14 @@ void Solver::Impl::report(const device::FactorOutcome& outcome) {
   r.perturbed = static_cast<Index>(outcome.replaced.size());
   r.delayed = moved_pivots;
   r.peak_host_bytes = held_bytes();
-  const double busy = outcome.busy_seconds;
-  r.devices = {{numeric->device_name(), busy, outcome.seconds > 0 ? std::max(0.0, 1 - busy / outcome.seconds) : 0,
-                numeric->device_peak_bytes()}};
+  const auto add_device = [&](std::string name, double busy, double waiting, Index stolen, Offset peak) {
+    const double idle = outcome.seconds > 0 ? std::max(0.0, 1 - busy / outcome.seconds) : 0;
+    r.devices.push_back({std::move(name), busy, idle, peak, waiting, stolen});
+  };
+  for (device::DeviceWork& w : numeric->device_work())
+    add_device(std::move(w.name), w.busy_seconds, w.waiting_seconds, w.stolen_subtrees, w.peak_bytes);
+  if (r.devices.empty())
+    add_device(numeric->device_name(), outcome.busy_seconds, outcome.waiting_seconds, 0, numeric->device_peak_bytes());
   const auto rows_of = [&](const std::vector<Index>& positions) {
     std::vector<Index> rows;
     for (const Index p : positions) rows.push_back(equations.row_of(plan.tree.order[static_cast<std::size_t>(p)]));
@@ -185,7 +193,7 @@ void Solver::Impl::report(const device::FactorOutcome& outcome) {
   const double sign = equations.row_of_col.empty() ? 1 : permutation_sign(equations.row_of_col);
   r.determinant_sign = outcome.determinant_sign * sign;
   r.determinant_log = outcome.determinant_log - sum_of_logs(equations.row_scale) - sum_of_logs(equations.col_scale);
-  if (kind == Kind::llt) r.inertia = {n, 0, 0};
+  if (kind == Kind::llt) r.inertia = {n - r.perturbed, 0, r.perturbed};
   if (kind == Kind::ldlt) r.inertia = {n - outcome.negative - r.perturbed, outcome.negative, r.perturbed};
   if (r.perturbed > 0 && options.perturbation <= 0) {
     const std::vector<Index> rows = rows_of(outcome.replaced);

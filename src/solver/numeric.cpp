@@ -1,6 +1,8 @@
 #include "solver/numeric.hpp"
 
 #include <algorithm>
+#include <limits>
+#include <vector>
 
 #include "device/cuda/cuda_executor.hpp"
 #include "device/host/host_executor.hpp"
@@ -15,8 +17,11 @@ template <class T>
 std::unique_ptr<device::Executor<T>> make_executor(const analysis::Plan& plan, const NumericOptions& options,
                                                    const device::PivotRule& rule, base::ThreadPool& pool,
                                                    base::MemoryBudget& budget, base::Timeline* timeline) {
-  if (options.device.backend == DeviceChoice::Backend::host)
-    return device::host::make_host_executor<T>(plan, options.kind, rule, pool, &budget, timeline);
+  if (options.device.backend == DeviceChoice::Backend::host) {
+    device::host::HostOptions host;
+    if (options.device.devices > 1) host.device_memory_bytes = options.device_memory_bytes;
+    return device::host::make_host_executor<T>(plan, options.kind, rule, pool, &budget, timeline, std::move(host));
+  }
   device::cuda::CudaOptions cuda;
   cuda.device = options.device.gpu;
   cuda.memory_bytes = options.device_memory_bytes;
@@ -35,11 +40,16 @@ class NumericOf final : public Numeric {
         budget_(budget),
         values_(equations.a.nonzeros(), &budget),
         rule_{options.threshold, 0},
-        executor_(make_executor<T>(plan, options, rule_, pool, budget, timeline)) {}
+        executor_(make_executor<T>(plan, options, rule_, pool, budget, timeline)) {
+    if (options.kind == Kind::llt && sizeof(T) == sizeof(double)) find_diagonal();
+  }
 
   device::FactorOutcome factorize() override {
     const double largest = scale_values(equations_, values_.data(), pool_);
     rule_.tiny = options_.smallest_pivot * largest;
+    for (std::size_t k = 0; k < smallest_.size(); ++k)
+      smallest_[k] = kRoundingOfPivot * values_[diagonal_[static_cast<std::size_t>(k)]];
+    rule_.smallest = smallest_;
     executor_->set_pivot_rule(rule_);
     return executor_->factorize(values_.span());
   }
@@ -65,8 +75,23 @@ class NumericOf final : public Numeric {
 
   [[nodiscard]] std::string device_name() const override { return executor_->name(); }
   [[nodiscard]] Offset device_peak_bytes() const override { return executor_->peak_bytes(); }
+  [[nodiscard]] std::vector<device::DeviceWork> device_work() const override { return executor_->device_work(); }
 
  private:
+  // By position in the elimination order: where the diagonal entry stands among the values.
+  void find_diagonal() {
+    const auto n = static_cast<std::size_t>(plan_.tree.n);
+    std::vector<Offset> of_column(n, -1);
+    const MatrixView a = equations_.a;
+    for (Index c = 0; c < a.cols; ++c)
+      for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
+        if (a.row_ind[q] == c) of_column[c] = q;
+    if (std::find(of_column.begin(), of_column.end(), -1) != of_column.end()) return;  // not positive definite
+    diagonal_.resize(n);
+    for (std::size_t k = 0; k < n; ++k) diagonal_[k] = of_column[plan_.tree.order[k]];
+    smallest_.resize(n);
+  }
+
   static double factor_of(const std::vector<double>& scale, Index i) {
     return scale.empty() ? 1.0 : scale[static_cast<std::size_t>(i)];
   }
@@ -99,6 +124,8 @@ class NumericOf final : public Numeric {
     });
   }
 
+  // A Cholesky pivot that kept no more of its diagonal entry carries no digit: the error of one subtraction is eps / 2.
+  static constexpr double kRoundingOfPivot = 8 * std::numeric_limits<double>::epsilon();
   static constexpr std::int64_t kRows = 8192;  // rows per piece of work
 
   const analysis::Plan& plan_;
@@ -108,6 +135,8 @@ class NumericOf final : public Numeric {
   base::MemoryBudget& budget_;
   base::Buffer<T> values_;
   base::Buffer<T> rhs_;
+  std::vector<Offset> diagonal_;  // llt in FP64: n, by position
+  std::vector<double> smallest_;  // llt in FP64: n, by position: a pivot below counts as zero
   device::PivotRule rule_;
   std::unique_ptr<device::Executor<T>> executor_;
 };

@@ -30,6 +30,13 @@ void visit(const MatrixView& a, Use&& use) {
     }
 }
 
+// The entries of op(A) by (row, column); duplicates are summed before anything else happens to them.
+std::map<std::pair<Index, Index>, long double> summed(const MatrixView& a, bool transpose) {
+  std::map<std::pair<Index, Index>, long double> entries;
+  visit(a, [&](Index r, Index c, double v) { entries[transpose ? std::pair(c, r) : std::pair(r, c)] += v; });
+  return entries;
+}
+
 class Random {
  public:
   explicit Random(std::uint64_t seed) : seed_(seed) {}
@@ -60,12 +67,19 @@ std::vector<double> eigenvalues(const MatrixView& a) {
 }
 
 Signs signs(const MatrixView& a, double tolerance) {
-  const std::vector<double> e = eigenvalues(a);
-  double most = 0;
-  for (const double x : e) most = std::max(most, std::abs(x));
-  Signs s;
-  for (const double x : e) ++(std::abs(x) <= tolerance * most ? s.zero : x > 0 ? s.positive : s.negative);
-  return s;
+  const std::vector<double> d = dense(a);
+  Eigen::MatrixXd m = Map(d.data(), a.rows, a.cols);
+  for (int sweep = 0; sweep < 20; ++sweep) {  // Ruiz; a congruence keeps the signs (Sylvester)
+    const Eigen::VectorXd most = m.cwiseAbs().rowwise().maxCoeff();
+    const Eigen::VectorXd s = most.unaryExpr([](double x) { return x > 0 ? 1 / std::sqrt(x) : 1; });
+    m = s.asDiagonal() * m * s.asDiagonal();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(m, Eigen::EigenvaluesOnly);
+  const double most = solver.eigenvalues().cwiseAbs().maxCoeff();
+  Signs out;
+  for (const double x : solver.eigenvalues())
+    ++(std::abs(x) <= tolerance * most ? out.zero : x > 0 ? out.positive : out.negative);
+  return out;
 }
 
 Determinant determinant(const MatrixView& a) {
@@ -96,17 +110,13 @@ std::vector<double> solve(const MatrixView& a, const std::vector<double>& b, Ind
 
 std::vector<double> residual(const MatrixView& a, const double* b, const double* x, bool transpose) {
   std::vector<long double> sum(b, b + a.rows);
-  visit(a, [&](Index r, Index c, double v) {
-    if (transpose) std::swap(r, c);
-    sum[static_cast<std::size_t>(r)] -= static_cast<long double>(v) * x[c];
-  });
+  for (const auto& [at, v] : summed(a, transpose)) sum[static_cast<std::size_t>(at.first)] -= v * x[at.second];
   return {sum.begin(), sum.end()};
 }
 
 double backward_error(const MatrixView& a, const std::vector<double>& b, const std::vector<double>& x, Index columns,
                       bool transpose) {
-  std::map<std::pair<Index, Index>, long double> entries;  // duplicates are summed before magnitudes are taken
-  visit(a, [&](Index r, Index c, double v) { entries[transpose ? std::pair(c, r) : std::pair(r, c)] += v; });
+  const auto entries = summed(a, transpose);
   std::vector<long double> rows(static_cast<std::size_t>(a.rows), 0);
   for (const auto& [at, v] : entries) rows[static_cast<std::size_t>(at.first)] += std::abs(v);
   long double norm = 0;

@@ -13,7 +13,7 @@ namespace espalier::reference {
 std::vector<double> dense(const MatrixView& a);
 /// Eigenvalues of a symmetric matrix, rising (Eigen, tridiagonal QR).
 std::vector<double> eigenvalues(const MatrixView& a);
-/// Eigenvalues by sign; magnitudes up to `tolerance` times the largest count as zero.
+/// Eigenvalues of the equilibrated matrix by sign; magnitudes up to `tolerance` times the largest count as zero.
 struct Signs {
   Index positive = 0, negative = 0, zero = 0;
 };

@@ -65,20 +65,28 @@ void book_pivots(NumericState<T>& s, Workspace<T>& w, Index f, Index at, Index n
   if (s.kind == Kind::ldlt) {
     invert_d(s, at, n, w.column.data(), w.column.data() + n, out);
   } else {
+    const bool judged = s.kind == Kind::llt && !s.rule.smallest.empty();
     for (Index k = 0; k < n; ++k) {
       const auto d = static_cast<double>(c[k * ld + k]);
+      if (judged && d * d <= s.rule.smallest[static_cast<std::size_t>(at + k)])
+        s.column_state[at + k] |= kColumnReplaced;
       out.determinant_sign *= d < 0 ? -1.0 : 1.0;
       out.determinant_log += (s.kind == Kind::llt ? 2 : 1) * std::log(std::abs(d));
     }
     if (s.kind == Kind::lu) out.determinant_sign *= permutation_sign(s.pivot_order.data() + at, n);
   }
-  if (replaced != nullptr)
-    for (Index k = 0; k < n; ++k)
-      // The mark belongs to the column that the pivoting moved there.
-      if (replaced[k] != 0) {
-        s.column_state[at + s.pivot_order[at + k]] |= kColumnReplaced;
-        if (s.kind == Kind::ldlt && w.column[k] < T(0)) --out.negative;  // its sign means nothing
-      }
+  if (replaced == nullptr) return;
+  for (Index k = 0; k < n; ++k) {
+    if (replaced[k] == 0) continue;
+    const Index row = at + s.pivot_order[at + k];
+    if (s.kind == Kind::ldlt) {  // the unknown that the pivoting moved there
+      s.column_state[row] |= kColumnReplaced;
+      if (w.column[k] < T(0)) --out.negative;  // its sign means nothing
+    } else {  // the column stayed where it was; the row that was left over for it had better leave as well
+      s.column_state[at + k] |= kColumnReplaced;
+      s.column_state[row] |= kColumnFailed;
+    }
+  }
 }
 
 template <class T>
@@ -112,8 +120,8 @@ void mark_growth(NumericState<T>& s, Index at, Index n, const T* growth) {
   const T limit = static_cast<T>(1.0 / s.rule.threshold);
   for (Index k = 0; k < n; ++k)
     if (!(growth[k] <= limit)) {
-      // Tiles of one block column are made by several workers.
-      std::atomic_ref<char> state(s.column_state[at + s.pivot_order[at + k]]);
+      // Pivoting of lu exchanges rows, that of ldlt unknowns. Tiles of one block column are made by several workers.
+      std::atomic_ref<char> state(s.column_state[at + (s.kind == Kind::lu ? k : s.pivot_order[at + k])]);
       state.fetch_or(kColumnFailed, std::memory_order_relaxed);
     }
 }
