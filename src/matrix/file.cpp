@@ -153,6 +153,7 @@ void OutputFile::fail(const char* what) const {
 }
 
 void OutputFile::write(std::string_view bytes) {
+  if (bytes.empty()) return;  // its pointer may be null
   errno = 0;
   if (plain_ != nullptr) {
     if (std::fwrite(bytes.data(), 1, bytes.size(), plain_) != bytes.size()) fail("writing failed");
