@@ -20,9 +20,10 @@ struct FrontTree {
   [[nodiscard]] Index fronts() const { return static_cast<Index>(parent.size()); }
 };
 
-/// Time of one small front as the amalgamation sees it: seconds = front + entry * (entries of its columns) +
-/// contribution
-/// * (entries handed to the parent) + flop * flops * (1 + narrow / width).
+/// Time of one small front as the amalgamation sees it (assumed figures, of the order that small dense kernels and task
+/// queues have; to be fitted to the executor):
+///   seconds = front + entry * (entries of its columns) + contribution * (entries handed to the parent)
+///           + flop * flops * (1 + narrow / width).
 struct AmalgamationCost {
   double front = 1.5e-6;       ///< seconds per front: tasks, bookkeeping
   double entry = 0.4e-9;       ///< seconds per entry of the factor: cleared, assembled, written
