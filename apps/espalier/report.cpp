@@ -56,7 +56,9 @@ Json devices_json(const std::vector<DeviceReport>& devices) {
     list.push_back({{"name", device.name},
                     {"busy_seconds", device.busy_seconds},
                     {"idle_fraction", device.idle_fraction},
-                    {"peak_bytes", device.peak_bytes}});
+                    {"peak_bytes", device.peak_bytes},
+                    {"waiting_seconds", device.waiting_seconds},
+                    {"stolen_subtrees", device.stolen_subtrees}});
   }
   return list;
 }

@@ -44,10 +44,12 @@ struct Inertia {
 
 /// One device's part in the last factorization.
 struct DeviceReport {
-  std::string name;          ///< for instance "host (2 threads)" or "NVIDIA H200 #0"
-  double busy_seconds = 0;   ///< sum over its workers of time inside tasks, divided by the number of workers
-  double idle_fraction = 0;  ///< 1 - busy / wall
-  Offset peak_bytes = 0;     ///< most bytes of factor and work arrays that it held
+  std::string name;            ///< for instance "host (2 threads)" or "NVIDIA H200 #0"
+  double busy_seconds = 0;     ///< sum over its workers of time inside tasks, divided by the number of workers
+  double idle_fraction = 0;    ///< 1 - busy / wall
+  Offset peak_bytes = 0;       ///< most bytes of factor and work arrays that it held
+  double waiting_seconds = 0;  ///< like busy_seconds: time inside tasks that wait for other tasks
+  Index stolen_subtrees = 0;   ///< sub-trees of other devices that it did
 };
 
 /// What analyze() found out.

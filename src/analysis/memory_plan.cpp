@@ -27,6 +27,7 @@ class Heap {
     }
     const Offset at = extent_;
     extent_ += size;
+    high_ = std::max(high_, extent_);
     return at;
   }
   void give_back(Offset at, Offset size) {
@@ -51,6 +52,20 @@ class Heap {
       insert(at, size);
   }
   [[nodiscard]] Offset extent() const { return extent_; }
+  /// The largest extent so far.
+  [[nodiscard]] Offset high() const { return high_; }
+  /// Keeps all that is free from being taken before restore(): places are taken beyond high() from now on.
+  void set_aside() {
+    aside_.insert(aside_.end(), holes_.begin(), holes_.end());
+    holes_.clear();
+    by_size_.clear();
+    if (extent_ < high_) aside_.emplace_back(extent_, high_ - extent_);
+    extent_ = high_;
+  }
+  void restore() {
+    for (const auto& [at, size] : aside_) give_back(at, size);
+    aside_.clear();
+  }
 
  private:
   void insert(Offset at, Offset size) {
@@ -61,9 +76,11 @@ class Heap {
     holes_.erase(at);
     by_size_.erase({size, at});
   }
-  std::map<Offset, Offset> holes_;               // start -> size
-  std::set<std::pair<Offset, Offset>> by_size_;  // (size, start)
+  std::map<Offset, Offset> holes_;                // start -> size
+  std::set<std::pair<Offset, Offset>> by_size_;   // (size, start)
+  std::vector<std::pair<Offset, Offset>> aside_;  // (start, size)
   Offset extent_ = 0;
+  Offset high_ = 0;
 };
 
 // Remembers which front last emptied each place of the arena.
@@ -130,7 +147,9 @@ class MemoryPlanner {
     if (plan_.options.unsymmetric) m_.contribution2.assign(n, 0);
     contribution_.assign(n, {});
     work_.assign(n, {});
+    m_.device_size.assign(static_cast<std::size_t>(plan_.assignment.devices), 0);
     place();
+    share_memory();
     for (Index f = 0; f < fronts_; ++f) fix_addresses(f);
     find_waits();
   }
@@ -193,9 +212,50 @@ class MemoryPlanner {
     if (r.size > 0) waiting_.push_back({ready, r.at, r.size});
   }
 
+  // Several devices: the list goes on to another sub-tree, or from the last one to the top (-1).
+  void enter(Index subtree) {
+    for (const Waiting& w : waiting_) heap_.give_back(w.at, w.size);
+    waiting_.clear();
+    heap_.set_aside();
+    leave();
+    subtree_ = subtree;
+    if (subtree < 0) heap_.restore();
+  }
+  // Counts what the sub-tree took.
+  void leave() {
+    if (subtree_ >= 0)
+      m_.device_size[plan_.assignment.subtrees[subtree_].device] += factor_end_ + heap_.high() - counted_;
+    counted_ = factor_end_ + heap_.high();
+  }
+
+  // Several devices: nothing of one device's lies where another's factors go, and everybody has a part of the top.
+  void share_memory() {
+    const DeviceAssignment& a = plan_.assignment;
+    if (a.devices == 1) {
+      m_.device_size[0] = m_.size;
+      return;
+    }
+    if (subtree_ >= 0) leave();
+    m_.size = factor_end_ + heap_.high();
+    Offset rest = m_.size - counted_;
+    const Offset copies = plan_.options.unsymmetric ? 2 : 1;
+    for (Index f = 0; f < fronts_; ++f) {
+      if (a.subtree(f) >= 0) continue;
+      const FrontLayout& l = plan_.layout[f];
+      for (Index j = 0; j < l.pivot_tiles; ++j) {
+        const Offset end = j + 1 < l.pivot_tiles ? l.tile_offset(j + 1, j + 1) : l.factor_size();
+        const Offset column = copies * (end - l.tile_offset(j, j));
+        m_.device_size[a.owner(f, j)] += column;
+        rest -= column;
+      }
+    }
+    for (Offset& size : m_.device_size) size += (rest + a.devices - 1) / a.devices;
+  }
+
   void place() {
     for (Index at = 0; at < static_cast<Index>(plan_.tasks.size()); ++at) {
       const Task& task = plan_.tasks[at];
+      if (plan_.assignment.subtree(task.front) != subtree_) enter(plan_.assignment.subtree(task.front));
       while (!waiting_.empty() && waiting_.front().ready <= at) {
         heap_.give_back(waiting_.front().at, waiting_.front().size);
         waiting_.pop_front();
@@ -270,6 +330,8 @@ class MemoryPlanner {
   Index fronts_;
   Heap heap_;
   Offset factor_end_ = 0;
+  Index subtree_ = -1;                // of the task being placed; -1: the top
+  Offset counted_ = 0;                // elements that belong to sub-trees
   std::deque<Waiting> waiting_;       // dead regions that may not be reused yet, by rising `ready`
   std::vector<Region> contribution_;  // by front
   std::vector<Region> work_;          // by front: L D of ldlt

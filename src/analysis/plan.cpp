@@ -214,6 +214,7 @@ Plan make_plan(AssemblyTree tree, const MatrixView& a, const std::vector<Index>&
   cut_fronts(plan);
   relate_rows(plan, pool);
   place_entries(plan, a, row_of_col, pool);
+  plan.assignment = assign_devices(plan);
   list_tasks(plan);
   plan_memory(plan);
   return plan;

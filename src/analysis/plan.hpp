@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "analysis/assembly_tree.hpp"
+#include "analysis/device_assignment.hpp"
 #include "analysis/front_layout.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
@@ -53,12 +54,18 @@ struct PlanOptions {
       4 << 20;           ///< sub-trees whose contributions all fit here are taken tier by tier, others branch by branch
   Index interleave = 4;  ///< that many fronts of a tier advance together, block column by block column
   Index reuse_distance = 64;  ///< a dead region is reused only by fronts that start so many tasks later
+  Index devices = 1;          ///< devices that share the plan
+  /// Several devices: sub-trees per device beyond the first, so that what one device lacks another can give. More of
+  /// them balance better and leave more of the tree to the shared top.
+  double additional_subtrees = 3;
 };
 
-/// Places in the arena that holds factors, contributions and work arrays of one device; elements, not bytes. A region
+/// Places in the arena that holds factors, contributions and work arrays; elements, not bytes. A region
 /// is reused once its content is dead; since tasks overlap in time, the front that reuses it first waits for the fronts
 /// in `wait_fronts` to be finished (they stand earlier in the task list, so the wait ends). Contributions inside a
 /// range task never leave the worker: they live on a stack of its own.
+/// With several devices, a sub-tree reuses only places of its own, so that whoever works on it waits for nobody; the top
+/// reuses what the sub-trees leave.
 struct MemoryPlan {
   Offset size = 0;                    ///< elements of the arena
   Offset factor_size = 0;             ///< elements of it that hold factors at the end
@@ -70,6 +77,9 @@ struct MemoryPlan {
   std::vector<char> on_stack;         ///< fronts; 1: the contribution is on the worker's stack
   std::vector<Offset> wait_ptr;       ///< fronts + 1
   std::vector<Index> wait_fronts;     ///< fronts to wait for before the first write to this front's arrays
+  /// devices; elements that are a device's part of the arena: its sub-trees, its block columns of the top's factors, and
+  /// an even part of what the top needs besides. Their sum is `size` at least.
+  std::vector<Offset> device_size;
 };
 
 struct Plan {
@@ -87,6 +97,7 @@ struct Plan {
   std::vector<Index> first_task;    ///< fronts; number of the front's first task
   std::vector<Index> last_task;     ///< fronts; number of the front's last task
   std::vector<Index> tier;          ///< fronts; distance from the root
+  DeviceAssignment assignment;
   MemoryPlan memory;
   Offset nonzeros_factor = 0;  ///< entries of L (L + U for lu), no padding
   double flops = 0;            ///< multiply and add count as two

@@ -16,6 +16,10 @@ class TaskLister {
     plan_.tasks.clear();
     plan_.first_task.assign(static_cast<std::size_t>(fronts_), 0);
     plan_.last_task.assign(static_cast<std::size_t>(fronts_), 0);
+    if (plan_.assignment.devices > 1) {
+      list_for_devices();
+      return;
+    }
     // Trees of a forest that fit into one group together are taken together.
     std::vector<Index> roots;
     for (Index f = 0; f < fronts_; ++f)
@@ -24,6 +28,23 @@ class TaskLister {
   }
 
  private:
+  void list_for_devices() {
+    DeviceAssignment& a = plan_.assignment;
+    for (SubTree& s : a.subtrees) {
+      s.first_task = static_cast<Index>(plan_.tasks.size());
+      walk_children(s.roots);
+      s.end_task = static_cast<Index>(plan_.tasks.size());
+    }
+    a.top_task = static_cast<Index>(plan_.tasks.size());
+    std::vector<std::vector<Index>> tiers;
+    for (Index f = 0; f < fronts_; ++f) {
+      if (a.subtree(f) >= 0) continue;
+      tiers.resize(std::max(tiers.size(), static_cast<std::size_t>(plan_.tier[f]) + 1));
+      tiers[plan_.tier[f]].push_back(f);
+    }
+    for (auto t = tiers.rbegin(); t != tiers.rend(); ++t) emit_tier(*t);
+  }
+
   // For every front: the first front of its sub-tree, the sub-tree's work and contributions, whether it is one range.
   void measure_subtrees() {
     const auto n = static_cast<std::size_t>(fronts_);

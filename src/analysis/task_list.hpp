@@ -1,12 +1,14 @@
 /// \file
-/// The order of work: depth-first over groups of sub-trees, tier by tier inside a group.
+/// The order of work: depth-first over groups of sub-trees, tier by tier inside a group. With several devices: one such
+/// walk for each sub-tree of the assignment, then the top of the tree tier by tier.
 #pragma once
 
 #include "analysis/plan.hpp"
 
 namespace espalier::analysis {
 
-/// Fills plan.tasks, plan.first_task and plan.last_task. @pre layout, whole, children and tier are set.
+/// Fills plan.tasks, plan.first_task and plan.last_task, and the places of the sub-trees of plan.assignment in the list.
+/// @pre layout, whole, children, tier and assignment are set
 void list_tasks(Plan& plan);
 
 }  // namespace espalier::analysis

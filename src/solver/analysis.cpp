@@ -85,6 +85,7 @@ void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
   plan_options.tiles.max_block_size = options.max_block_size;
   plan_options.unsymmetric = kind == Kind::lu;
   plan_options.ldlt = kind == Kind::ldlt;
+  plan_options.devices = device.devices;
   plan_options.interleave = static_cast<Index>(2 * pool.size());
   plan_options.reuse_distance = static_cast<Index>(16 * pool.size());
   plan = analysis::make_plan(std::move(tree), equations.a, equations.row_of_col, plan_options, pool);

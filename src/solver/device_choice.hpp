@@ -2,6 +2,7 @@
 /// Which device carries out a plan: the caller's wish, or the one that the cost model predicts to be fastest.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "analysis/assembly_tree.hpp"
@@ -13,8 +14,18 @@ struct DeviceChoice {
   enum class Backend { host, cuda };
   Backend backend = Backend::host;
   int gpu = 0;         ///< number of the GPU (cuda)
+  int devices = 1;     ///< host devices that share the plan (host)
   std::string reason;  ///< one sentence for the report
 };
+
+/// N devices of M threads each.
+struct HostDevices {
+  int devices = 1;
+  int threads = 1;
+};
+/// Reads "host:N" or "host:N,M". Without M, a device has an even part of `threads`, at least one; N M threads in all.
+/// Empty for a text that is neither, or more than 4,096 threads.
+std::optional<HostDevices> host_devices(const std::string& device, int threads);
 
 /// Work of a factorization by its assembly tree, and the seconds that the cost models predict.
 struct PredictedTime {
@@ -24,7 +35,7 @@ struct PredictedTime {
 };
 PredictedTime predict_time(const analysis::AssemblyTree& tree, Kind kind, bool single, int threads);
 
-/// Reads options.device: auto | cpu | gpu:0.
+/// Reads options.device: auto | cpu | host:N | host:N,M | gpu:0.
 /// @throws Error(invalid_input) for a text that is none of these; Error(device_error) for a GPU that is not there, with
 ///         the reason
 DeviceChoice choose_device(const Options& options, const PredictedTime& predicted);

@@ -24,12 +24,14 @@ class Numeric {
   [[nodiscard]] virtual std::string device_name() const = 0;
   /// Most bytes of factor and work arrays that the device held.
   [[nodiscard]] virtual Offset device_peak_bytes() const = 0;
+  /// The last factorization by devices; empty where there is one.
+  [[nodiscard]] virtual std::vector<device::DeviceWork> device_work() const = 0;
 };
 
 struct NumericOptions {
   Kind kind = Kind::llt;
   DeviceChoice device;
-  Offset device_memory_bytes = 0;  ///< budget of a GPU; 0: what is free
+  Offset device_memory_bytes = 0;  ///< budget of a GPU or of each of several host devices; 0: what is free
   double threshold = 0.01;
   double smallest_pivot = 0;  ///< relative to the largest scaled entry
 };

@@ -32,7 +32,9 @@ Status guarded(Body&& body) {
 
 int threads_of(const Options& o) {
   if (o.threads < 0) throw std::invalid_argument("Options::threads is negative");
-  return o.threads > 0 ? o.threads : base::available_cores();
+  const int threads = o.threads > 0 ? o.threads : base::available_cores();
+  const auto host = solver::host_devices(o.device, threads);
+  return host ? host->devices * host->threads : threads;
 }
 
 }  // namespace

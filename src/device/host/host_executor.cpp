@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "device/host/numeric_state.hpp"
+#include "device/host/task_queues.hpp"
 #include "device/host/tile_factor.hpp"
 #include "device/host/triangular_solve.hpp"
 
@@ -41,16 +42,22 @@ template <class T>
 class HostExecutor final : public Executor<T> {
  public:
   HostExecutor(const analysis::Plan& plan, Kind kind, const PivotRule& rule, base::ThreadPool& pool,
-               base::MemoryBudget* budget, base::Timeline* timeline)
+               base::MemoryBudget* budget, base::Timeline* timeline, HostOptions options)
       : plan_(plan),
         pool_(pool),
+        options_(std::move(options)),
+        devices_(plan.assignment.devices),
         budget_(budget != nullptr ? budget : &own_budget_),
         timeline_(timeline),
+        queues_(plan),
+        work_(make_workspaces(kind)),
         state_(plan, kind, rule, budget_),
         solve_(state_, pool, budget_) {
+    if (timeline_ == nullptr) return;
     for (int t = 0; t < pool.size(); ++t) {
-      work_.emplace_back(plan, kind, budget_);
-      if (timeline_ != nullptr) tracks_.push_back(timeline_->add_track(name(), fmt::format("thread {}", t)));
+      const Index d = device_of(t);
+      const int first = team_begin(d);
+      tracks_.push_back(timeline_->add_track(device_name(d), fmt::format("thread {}", t - first)));
     }
   }
 
@@ -59,36 +66,105 @@ class HostExecutor final : public Executor<T> {
   FactorOutcome factorize(std::span<const T> values) override {
     const double start = base::now_seconds();
     reset(values);
-    std::atomic<std::size_t> next{0};
     pool_.run([&](int worker) {
       const double begin = base::now_seconds();
+      const Index device = device_of(worker);
       try {
-        for (std::size_t at = next++; at < plan_.tasks.size(); at = next++) execute(plan_.tasks[at], worker);
+        for (Offset at = queues_.next(device); at >= 0; at = queues_.next(device)) {
+          if (state_.abort.load(std::memory_order_relaxed)) break;
+          execute(plan_.tasks[static_cast<std::size_t>(at)], device, worker);
+        }
       } catch (const Aborted&) {
       } catch (...) {
         state_.abort = true;
-        throw;
+        fail(device);
       }
       work_[static_cast<std::size_t>(worker)].task_seconds = base::now_seconds() - begin;
     });
     FactorOutcome out = summarize();
     out.seconds = base::now_seconds() - start;
-    for (const auto& w : work_)
+    for (const auto& w : work_) {
       out.busy_seconds += (w.task_seconds - w.waited_seconds) / static_cast<double>(work_.size());
+      out.waiting_seconds += w.waited_seconds / static_cast<double>(work_.size());
+    }
     return out;
   }
 
   void solve(T* x, Index columns, bool transpose) override { solve_.run(x, columns, transpose); }
 
   [[nodiscard]] std::string name() const override {
-    return fmt::format("host ({} thread{})", pool_.size(), pool_.size() == 1 ? "" : "s");
+    const std::string threads = fmt::format("({} thread{})", pool_.size(), pool_.size() == 1 ? "" : "s");
+    return devices_ == 1 ? "host " + threads : fmt::format("{} host devices {}", devices_, threads);
   }
   [[nodiscard]] Offset peak_bytes() const override { return budget_->peak(); }
+  [[nodiscard]] std::vector<DeviceWork> device_work() const override {
+    std::vector<DeviceWork> list;
+    if (devices_ == 1) return list;
+    for (Index d = 0; d < devices_; ++d) {
+      DeviceWork work{device_name(d), 0, 0, queues_.stolen(d), device_bytes(work_, d)};
+      const double workers = team_begin(d + 1) - team_begin(d);
+      for (int t = team_begin(d); t < team_begin(d + 1); ++t) {
+        const Workspace<T>& w = work_[static_cast<std::size_t>(t)];
+        work.busy_seconds += (w.task_seconds - w.waited_seconds) / workers;
+        work.waiting_seconds += w.waited_seconds / workers;
+      }
+      list.push_back(std::move(work));
+    }
+    return list;
+  }
 
  private:
+  // Teams are neighbouring threads: device d has the workers team_begin(d) .. team_begin(d + 1) - 1.
+  [[nodiscard]] int team_begin(Index d) const {
+    return static_cast<int>((Offset{d} * pool_.size() + devices_ - 1) / devices_);
+  }
+  [[nodiscard]] Index device_of(int worker) const {
+    return static_cast<Index>(Offset{worker} * devices_ / pool_.size());
+  }
+  [[nodiscard]] std::string device_name(Index d) const {
+    if (devices_ == 1) return name();
+    const int threads = team_begin(d + 1) - team_begin(d);
+    return fmt::format("host device {} ({} thread{})", d, threads, threads == 1 ? "" : "s");
+  }
+  [[nodiscard]] Offset device_bytes(const std::vector<Workspace<T>>& work, Index d) const {
+    Offset bytes = plan_.memory.device_size[static_cast<std::size_t>(d)] * static_cast<Offset>(sizeof(T));
+    for (int t = team_begin(d); t < team_begin(d + 1); ++t) bytes += work[static_cast<std::size_t>(t)].bytes();
+    return bytes;
+  }
+
+  // The workers' own memory; with it, all that the devices need is known, and is held against their budgets.
+  [[nodiscard]] std::vector<Workspace<T>> make_workspaces(Kind kind) const {
+    if (pool_.size() < devices_)
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("{} host devices need as many threads, but there are {}", devices_, pool_.size()));
+    std::vector<Workspace<T>> work;
+    for (int t = 0; t < pool_.size(); ++t) work.emplace_back(plan_, kind, budget_);
+    if (options_.device_memory_bytes == 0) return work;
+    for (Index d = 0; d < devices_; ++d)
+      if (device_bytes(work, d) > options_.device_memory_bytes)
+        throw Error(StatusCode::out_of_memory,
+                    fmt::format("{}: {} bytes are needed, the budget of each device is {} bytes; give a larger one or "
+                                "more devices",
+                                device_name(d), device_bytes(work, d), options_.device_memory_bytes));
+    return work;
+  }
+
+  // Rethrows what a worker of the device threw; of several devices, with the name of the device.
+  [[noreturn]] void fail(Index device) const {
+    if (devices_ == 1) throw;
+    try {
+      throw;
+    } catch (const std::exception& e) {
+      throw Error(StatusCode::device_error, fmt::format("{} failed: {}", device_name(device), e.what()));
+    } catch (...) {
+      throw Error(StatusCode::device_error, device_name(device) + " failed for an unknown reason");
+    }
+  }
+
   void reset(std::span<const T> values) {
     state_.values = values;
     state_.abort = false;
+    queues_.reset();
     state_.tile_done.reset();
     state_.front_done.reset();
     std::fill(state_.column_state.begin(), state_.column_state.end(), kColumnFine);
@@ -98,7 +174,8 @@ class HostExecutor final : public Executor<T> {
     for (auto& w : work_) w.waited_seconds = w.task_seconds = 0;
   }
 
-  void execute(const analysis::Task& task, int worker) {
+  void execute(const analysis::Task& task, Index device, int worker) {
+    if (options_.before_task) options_.before_task(device, task);
     Workspace<T>& w = work_[static_cast<std::size_t>(worker)];
     const double begin = timeline_ != nullptr ? base::now_seconds() : 0;
     if (task.is_range())
@@ -149,12 +226,15 @@ class HostExecutor final : public Executor<T> {
 
   const analysis::Plan& plan_;
   base::ThreadPool& pool_;
+  HostOptions options_;
+  Index devices_;
   base::MemoryBudget own_budget_{"host memory"};
   base::MemoryBudget* budget_;
   base::Timeline* timeline_;
+  TaskQueues queues_;
+  std::vector<Workspace<T>> work_;
   NumericState<T> state_;
   TriangularSolve<T> solve_;
-  std::vector<Workspace<T>> work_;
   std::vector<int> tracks_;
 };
 
@@ -163,13 +243,15 @@ class HostExecutor final : public Executor<T> {
 template <class T>
 std::unique_ptr<Executor<T>> make_host_executor(const analysis::Plan& plan, Kind kind, const PivotRule& rule,
                                                 base::ThreadPool& pool, base::MemoryBudget* budget,
-                                                base::Timeline* timeline) {
-  return std::make_unique<HostExecutor<T>>(plan, kind, rule, pool, budget, timeline);
+                                                base::Timeline* timeline, HostOptions options) {
+  return std::make_unique<HostExecutor<T>>(plan, kind, rule, pool, budget, timeline, std::move(options));
 }
 
 template std::unique_ptr<Executor<double>> make_host_executor(const analysis::Plan&, Kind, const PivotRule&,
-                                                              base::ThreadPool&, base::MemoryBudget*, base::Timeline*);
+                                                              base::ThreadPool&, base::MemoryBudget*, base::Timeline*,
+                                                              HostOptions);
 template std::unique_ptr<Executor<float>> make_host_executor(const analysis::Plan&, Kind, const PivotRule&,
-                                                             base::ThreadPool&, base::MemoryBudget*, base::Timeline*);
+                                                             base::ThreadPool&, base::MemoryBudget*, base::Timeline*,
+                                                             HostOptions);
 
 }  // namespace espalier::device::host

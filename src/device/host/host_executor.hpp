@@ -1,7 +1,8 @@
 /// \file
-/// The host backend: carries out a plan on the threads of a pool.
+/// The host backend: carries out a plan on the threads of a pool, as one device or as several.
 #pragma once
 
+#include <functional>
 #include <memory>
 
 #include "base/thread_pool.hpp"
@@ -10,13 +11,30 @@
 
 namespace espalier::device::host {
 
+/// What only plans for several host devices, and tests, need.
+struct HostOptions {
+  Offset device_memory_bytes = 0;  ///< budget of each of several devices; 0: no limit
+  /// Called before each task by the worker that took it: may wait, so that devices differ in speed, and may throw, so
+  /// that one fails. All workers call it at the same time.
+  std::function<void(Index device, const analysis::Task& task)> before_task;
+};
+
+/// A plan for N devices (plan.assignment) is carried out by N teams of pool.size() / N threads, which take tasks and
+/// steal sub-trees by the rules of analysis::DeviceAssignment. The values of the factor do not depend on N, on the
+/// number of threads, or on what was stolen: every tile is made by one task, in a fixed order of operations.
+///
+/// factorize() of several devices throws Error(device_error) naming the device in whose task something was thrown; the
+/// others stop, and the executor can be used again.
+///
 /// @param plan      must outlive the executor
 /// @param pool      its threads do the work; must outlive the executor
 /// @param budget    counts all memory taken; may be null
 /// @param timeline  receives one event per task; may be null
+/// @throws Error(out_of_memory) naming the bytes that a device needs when its budget is smaller; Error(invalid_input)
+///         for fewer threads than devices
 template <class T>
 std::unique_ptr<Executor<T>> make_host_executor(const analysis::Plan& plan, Kind kind, const PivotRule& rule,
                                                 base::ThreadPool& pool, base::MemoryBudget* budget,
-                                                base::Timeline* timeline);
+                                                base::Timeline* timeline, HostOptions options = {});
 
 }  // namespace espalier::device::host

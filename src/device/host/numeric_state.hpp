@@ -80,6 +80,9 @@ struct NumericState {
 template <class T>
 struct Workspace {
   Workspace(const analysis::Plan& plan, Kind kind, base::MemoryBudget* budget);
+  [[nodiscard]] Offset bytes() const {
+    return c.bytes() + c2.bytes() + panels.bytes() + stack.bytes() + column.bytes() + marks.bytes();
+  }
 
   base::Buffer<T> c;         ///< a tile or a whole small front, column-major
   base::Buffer<T> c2;        ///< the U^T part of a tile (lu); the column-permuted tile (ldlt)

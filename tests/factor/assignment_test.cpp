@@ -1,0 +1,143 @@
+// Sub-trees over devices: the cut, the list of tasks and the memory of a plan for several devices. Truth: the rules of
+// analysis/device_assignment.hpp, checked task by task and front by front; Graham's bound for largest-first lists.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <numeric>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "analysis/ordering.hpp"
+#include "analysis/plan.hpp"
+#include "matrix/generators/generate.hpp"
+
+namespace espalier {
+namespace {
+
+struct Parameter {
+  std::vector<std::string> words;
+  Index devices;
+};
+
+class Assignment : public ::testing::TestWithParam<Parameter> {
+ protected:
+  void SetUp() override {
+    a_ = matrix::generate(matrix::parse_generator(GetParam().words), &pool_);
+    plan_ = plan_for(GetParam().devices);
+  }
+
+  analysis::Plan plan_for(Index devices) {
+    analysis::PlanOptions options;
+    options.devices = devices;
+    options.unsymmetric = a_.storage == Storage::general;
+    options.group_entries = 1 << 14;  // small systems, too, shall be walked branch by branch
+    return analysis::make_plan(analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_), a_, {}, options, pool_);
+  }
+
+  base::ThreadPool pool_{2};
+  SparseMatrix a_;
+  analysis::Plan plan_;
+};
+
+TEST_P(Assignment, EveryFrontIsInOneSubTreeOrAboveAll) {
+  const auto& a = plan_.assignment;
+  std::vector<int> roots(static_cast<std::size_t>(plan_.fronts()), 0);
+  for (std::size_t s = 0; s < a.subtrees.size(); ++s)
+    for (const Index f : a.subtrees[s].roots) {
+      EXPECT_EQ(a.subtree(f), static_cast<Index>(s));
+      ++roots[static_cast<std::size_t>(f)];
+    }
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    const Index parent = plan_.tree.parent[f];
+    const bool root = a.subtree(f) >= 0 && (parent < 0 || a.subtree(parent) < 0);
+    EXPECT_EQ(roots[static_cast<std::size_t>(f)], root ? 1 : 0);
+    if (parent >= 0 && a.subtree(parent) >= 0) {
+      EXPECT_EQ(a.subtree(f), a.subtree(parent));
+    }
+  }
+}
+
+TEST_P(Assignment, LargestFirstKeepsGrahamsBound) {
+  // A list schedule ends at most one piece after the mean: load <= total / N + (1 - 1/N) largest.
+  const auto& a = plan_.assignment;
+  std::vector<double> load(static_cast<std::size_t>(a.devices), 0);
+  double total = 0, largest = 0;
+  for (const auto& s : a.subtrees) {
+    load[static_cast<std::size_t>(s.device)] += s.seconds;
+    total += s.seconds;
+    largest = std::max(largest, s.seconds);
+  }
+  const double n = a.devices;
+  EXPECT_LE(*std::max_element(load.begin(), load.end()), (total / n + (1 - 1 / n) * largest) * (1 + 1e-12));
+  EXPECT_GE(static_cast<Index>(a.subtrees.size()), a.devices) << "every device has a sub-tree";
+}
+
+TEST_P(Assignment, ListHoldsSubTreesThenTheTop) {
+  const auto& a = plan_.assignment;
+  Index at = 0;
+  for (std::size_t s = 0; s < a.subtrees.size(); ++s) {
+    EXPECT_EQ(a.subtrees[s].first_task, at);
+    for (; at < a.subtrees[s].end_task; ++at) EXPECT_EQ(a.subtree(plan_.tasks[at].front), static_cast<Index>(s));
+  }
+  EXPECT_EQ(a.top_task, at);
+  for (; at < static_cast<Index>(plan_.tasks.size()); ++at) EXPECT_EQ(a.subtree(plan_.tasks[at].front), -1);
+  // Operands stand before their users: children end before a parent's last task, and begin before its first.
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    const Index parent = plan_.tree.parent[f];
+    if (parent >= 0) {
+      EXPECT_LE(plan_.last_task[f], plan_.first_task[parent]);
+    }
+  }
+}
+
+TEST_P(Assignment, SubTreesWaitForNobodyElse) {
+  const auto& m = plan_.memory;
+  for (Index f = 0; f < plan_.fronts(); ++f)
+    for (Offset q = m.wait_ptr[f]; q < m.wait_ptr[f + 1]; ++q) {
+      const Index g = m.wait_fronts[q];
+      EXPECT_LT(plan_.last_task[g], plan_.first_task[f]);
+      if (plan_.assignment.subtree(f) >= 0) {
+        EXPECT_EQ(plan_.assignment.subtree(g), plan_.assignment.subtree(f)) << "front " << f << " waits for " << g;
+      }
+    }
+}
+
+TEST_P(Assignment, ShardsOfMemoryAddUp) {
+  const auto& m = plan_.memory;
+  const Index n = plan_.assignment.devices;
+  ASSERT_EQ(static_cast<Index>(m.device_size.size()), n);
+  const Offset sum = std::accumulate(m.device_size.begin(), m.device_size.end(), Offset{0});
+  EXPECT_GE(sum, m.size);
+  EXPECT_LT(sum, m.size + n);  // rounding of even parts
+}
+
+TEST_P(Assignment, BlockColumnsOfTheTopAreDealtEvenly) {
+  const auto& a = plan_.assignment;
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    if (a.subtree(f) >= 0) continue;
+    std::vector<int> columns(static_cast<std::size_t>(a.devices), 0);
+    for (Index j = 0; j < plan_.layout[f].tiles; ++j) ++columns[static_cast<std::size_t>(a.owner(f, j))];
+    const auto [least, most] = std::minmax_element(columns.begin(), columns.end());
+    EXPECT_LE(*most - *least, 1);
+  }
+}
+
+TEST_P(Assignment, TasksAreThoseOfOneDevice) {
+  // The order changes, the work does not: the same tiles, and the same fronts in ranges.
+  const auto works = [](const analysis::Plan& plan) {
+    std::multiset<std::vector<Index>> set;
+    for (const auto& t : plan.tasks) set.insert({t.front, t.begin, t.i, t.j});
+    return set;
+  };
+  EXPECT_EQ(works(plan_), works(plan_for(1)));
+}
+
+INSTANTIATE_TEST_SUITE_P(Systems, Assignment,
+                         ::testing::Values(Parameter{{"elasticity", "9"}, 2}, Parameter{{"elasticity", "9"}, 8},
+                                           Parameter{{"plate", "40", "40"}, 3}, Parameter{{"plate", "40", "40"}, 5},
+                                           Parameter{{"kkt", "8", "4", "3", "3"}, 4}, Parameter{{"gyroscopic", "7"}, 4},
+                                           Parameter{{"poisson", "14"}, 7}));
+
+}  // namespace
+}  // namespace espalier
