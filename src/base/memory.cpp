@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <sys/mman.h>
 
-#include <cstdlib>
 #include <new>
 
 #include "espalier/types.hpp"
@@ -37,7 +36,7 @@ void* allocate_aligned(std::size_t bytes) {
   const std::size_t rounded = (bytes + alignment - 1) / alignment * alignment;
   if (rounded < bytes)
     throw Error(StatusCode::out_of_memory, "an array of more bytes than a pointer can address was asked for");
-  void* p = std::aligned_alloc(alignment, rounded);
+  void* p = ::operator new (rounded, std::align_val_t{alignment}, std::nothrow);
   if (p == nullptr)
     throw Error(
         StatusCode::out_of_memory,
@@ -48,7 +47,9 @@ void* allocate_aligned(std::size_t bytes) {
   return p;
 }
 
-void free_aligned(void* p, std::size_t) noexcept { std::free(p); }
+void free_aligned(void* p, std::size_t bytes) noexcept {
+  ::operator delete (p, std::align_val_t{bytes >= kHugeFrom ? kHugePage : kAlignment});
+}
 
 std::string format_bytes(std::int64_t bytes) {
   static constexpr const char* kUnits[] = {"B", "KiB", "MiB", "GiB", "TiB", "PiB"};

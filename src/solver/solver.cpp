@@ -30,6 +30,19 @@ Status guarded(Body&& body) {
   }
 }
 
+// The caller's copy of a result; without memory for it, a bare status.
+template <class Result>
+Result copy_of(const Result& result) {
+  try {
+    return result;
+  } catch (const std::bad_alloc&) {
+    Result bare;
+    bare.status.code = StatusCode::out_of_memory;
+    bare.status.message = "out of memory";  // short enough to need none
+    return bare;
+  }
+}
+
 int threads_of(const Options& o) {
   if (o.threads < 0) throw std::invalid_argument("Options::threads is negative");
   const int threads = o.threads > 0 ? o.threads : base::available_cores();
@@ -54,7 +67,7 @@ AnalysisResult Solver::analyze(const MatrixView& a) {
   const Status status = guarded([&] { impl_->analyze(a); });
   if (!status.ok()) impl_->state = State::empty;
   impl_->analysis.status = status;
-  return impl_->analysis;
+  return copy_of(impl_->analysis);
 }
 
 FactorResult Solver::factorize(const MatrixView& a) {
@@ -85,7 +98,7 @@ FactorResult Solver::refactorize(std::span<const double> values) {
     impl_->factor.status = std::move(status);
     impl_->numeric.reset();
   }
-  return impl_->factor;
+  return copy_of(impl_->factor);
 }
 
 SolveResult Solver::solve(std::span<const double> b, std::span<double> x, Index columns, Transpose transpose) {
@@ -98,7 +111,7 @@ SolveResult Solver::solve(std::span<const double> b, std::span<double> x, Index 
                     impl_->plan.tree.n, size, b.size(), x.size()));
   const Status status = guarded([&] { impl_->solve(b, x, columns, transpose == Transpose::yes); });
   if (!status.ok()) impl_->solution.status = status;
-  return impl_->solution;
+  return copy_of(impl_->solution);
 }
 
 Solver::State Solver::state() const { return impl_->state; }
@@ -144,7 +157,7 @@ AnalysisResult Solver::load_analysis(const std::string& path, const MatrixView& 
   const Status status = guarded([&] { impl_->load_analysis(path, a); });
   if (!status.ok()) impl_->state = State::empty;
   impl_->analysis.status = status;
-  return impl_->analysis;
+  return copy_of(impl_->analysis);
 }
 
 Status Solver::write_trace(const std::string& path) const {

@@ -1,0 +1,168 @@
+// Every allocation of a small system is made to fail once: each time a Status says so, nothing crashes or hangs, and
+// the solver works afterwards. And: a refactorization of the same pattern takes no memory that grows with the system.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <limits>
+#include <new>
+
+#include "espalier/espalier.hpp"
+#include "matrix/generators/generate.hpp"
+#include "reference/reference.hpp"
+
+namespace {
+
+constexpr long kNever = std::numeric_limits<long>::max();
+std::atomic<long> allocations_left{kNever};  // the allocation that finds 0 fails
+std::atomic<long> allocations{0};
+std::atomic<long> bytes_allocated{0};
+
+bool refused(std::size_t bytes) {
+  allocations.fetch_add(1, std::memory_order_relaxed);
+  bytes_allocated.fetch_add(static_cast<long>(bytes), std::memory_order_relaxed);
+  if (allocations_left.load(std::memory_order_relaxed) == kNever) return false;
+  return allocations_left.fetch_sub(1, std::memory_order_relaxed) == 0;
+}
+
+void* take(std::size_t bytes, std::size_t alignment) {
+  if (refused(bytes)) throw std::bad_alloc();
+  const std::size_t rounded = (std::max<std::size_t>(bytes, 1) + alignment - 1) / alignment * alignment;
+  void* p = alignment > alignof(std::max_align_t) ? std::aligned_alloc(alignment, rounded) : std::malloc(rounded);
+  if (p == nullptr) throw std::bad_alloc();
+  return p;
+}
+
+}  // namespace
+
+// Replacements of the whole program; the aligned buffers of base/memory.cpp come through operator new as well.
+void* operator new(std::size_t n) { return take(n, 1); }
+void* operator new[](std::size_t n) { return take(n, 1); }
+void* operator new(std::size_t n, std::align_val_t a) { return take(n, static_cast<std::size_t>(a)); }
+void* operator new[](std::size_t n, std::align_val_t a) { return take(n, static_cast<std::size_t>(a)); }
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete[](void* p) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+void operator delete[](void* p, std::size_t) noexcept { std::free(p); }
+void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
+void operator delete[](void* p, std::align_val_t) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
+void operator delete[](void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
+
+namespace espalier {
+namespace {
+
+struct Case {
+  const char* name;
+  SparseMatrix a;
+  Options options;
+};
+
+Options two_threads(Kind kind = Kind::automatic) {
+  Options o;
+  o.threads = 2;
+  o.kind = kind;
+  o.max_block_size = 16;
+  return o;
+}
+
+// Runs the three phases; the first failure ends it.
+StatusCode run(Solver& s, const Case& c, const std::vector<double>& b, std::vector<double>& x) {
+  const AnalysisResult analysis = s.analyze(c.a);
+  if (!analysis.status.ok()) return analysis.status.code;
+  const FactorResult factor = s.factorize(c.a);
+  if (!factor.status.ok()) return factor.status.code;
+  return s.solve(b, x, 2).status.code;
+}
+
+std::vector<Case> cases() {
+  std::vector<Case> list;
+  list.push_back({"llt", reference::random_system(150, 6, reference::Values::positive, 1), two_threads()});
+  list.push_back({"ldlt", reference::saddle_point(120, 30, 2), two_threads()});
+  list.push_back({"lu", reference::random_system(150, 6, reference::Values::general, 3), two_threads()});
+  // A positive diagonal, indefinite: the analysis is made again in the middle of factorize().
+  SparseMatrix turn = reference::random_system(80, 6, reference::Values::positive, 4);
+  for (std::size_t q = 0; q < turn.values.size(); ++q)
+    if (turn.row_ind[q] >= 60 && turn.values[q] < 0) turn.values[q] *= 40;
+  list.push_back({"llt to ldlt", turn, two_threads()});
+  // Multipliers first and no matching: pivots are moved and the plan is laid out again.
+  Case moved{"moved pivots", reference::saddle_point(60, 15, 5), two_threads(Kind::ldlt)};
+  moved.options.matching = false;
+  for (Index k = 0; k < 75; ++k) moved.options.permutation.push_back(74 - k);
+  list.push_back(std::move(moved));
+  Case mixed{"mixed", reference::random_system(100, 6, reference::Values::indefinite, 6), two_threads()};
+  mixed.options.precision = Precision::mixed;
+  list.push_back(std::move(mixed));
+  return list;
+}
+
+TEST(Allocation, EveryOneFailsOnce) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE(c.name);
+    const std::vector<double> b = reference::random_vector(2 * static_cast<std::int64_t>(c.a.rows), 7);
+    std::vector<double> x(b.size());
+    long total = 0;
+    {
+      Solver s(c.options);
+      allocations = 0;
+      ASSERT_EQ(run(s, c, b, x), StatusCode::ok);
+      total = allocations;
+    }
+    ASSERT_GT(total, 50);
+    const std::vector<double> good = x;
+    // All of the first 40, then a stride that keeps the test short and meets every phase.
+    const long step = std::max(1L, total / 150);
+    long failures = 0;
+    Solver s(c.options);
+    for (long k = 0; k < total; k += k < 40 ? 1 : step) {
+      allocations_left = k;
+      const StatusCode code = run(s, c, b, x);
+      allocations_left = kNever;
+      EXPECT_TRUE(code == StatusCode::out_of_memory || code == StatusCode::ok)
+          << "allocation " << k << " gave status " << static_cast<int>(code);
+      failures += code == StatusCode::out_of_memory ? 1 : 0;
+      // Whatever the state, one of the phases can be called without an exception of misuse ...
+      if (s.state() == Solver::State::analyzed) {
+        EXPECT_NO_THROW((void)s.refactorize(c.a.values));
+      }
+      if (s.state() == Solver::State::factorized) {
+        EXPECT_TRUE(s.solve(b, x, 2).status.ok());
+      }
+      if (k % 7 != 0) continue;
+      // ... and the whole gives the same bits as ever.
+      ASSERT_EQ(run(s, c, b, x), StatusCode::ok) << "after allocation " << k;
+      EXPECT_EQ(x, good);
+    }
+    EXPECT_GT(failures, 20);
+  }
+}
+
+TEST(Allocation, RefactorizationTakesNoMemoryThatGrows) {
+  for (const char* family : {"elasticity", "kkt", "gyroscopic"}) {
+    long before = -1;
+    for (const char* size : {"3", "5"}) {
+      std::vector<std::string> words{family, size};
+      if (std::string(family) == "kkt") words = {family, size, "4", "3", "3"};
+      const SparseMatrix a = matrix::generate(matrix::parse_generator(words));
+      Solver s(two_threads());
+      ASSERT_TRUE(s.analyze(a).status.ok());
+      ASSERT_TRUE(s.factorize(a).status.ok());
+      ASSERT_TRUE(s.refactorize(a.values).status.ok());
+      allocations = 0;
+      bytes_allocated = 0;
+      const FactorResult f = s.refactorize(a.values);
+      const long taken = allocations;
+      const long bytes = bytes_allocated;
+      ASSERT_TRUE(f.status.ok());
+      // The result itself holds a list of devices with names; nothing else may allocate.
+      EXPECT_LE(taken, 8) << family << ' ' << size;
+      EXPECT_LE(bytes, 2048) << family << ' ' << size;
+      EXPECT_TRUE(before < 0 || taken == before) << family << ": " << before << ", then " << taken;
+      before = taken;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace espalier
