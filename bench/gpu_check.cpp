@@ -2,7 +2,7 @@
 // judged by an independent residual and, for small systems, against the host executor.
 //   espalier_gpu_check [--small] [--kind llt|ldlt|lu] [--fp32] [--narrow ROWS] [--whole ROWS PIVOTS] [--host] [--repeat
 //   N]
-//                      [--out DIR] [--commit HASH] [--columns N] [SYSTEM ...]       SYSTEM: "elasticity 40", "kkt 20",
+//                      [--plan] [--out DIR] [--commit HASH] [--columns N] [SYSTEM ...]       SYSTEM: "elasticity 40", "kkt 20",
 //                      ...
 #include <fmt/format.h>
 
@@ -33,6 +33,7 @@ struct Settings {
   bool small = false;
   bool fp32 = false;
   bool host = false;
+  bool plan_only = false;
   int repeat = 5;
   Index columns = 1;
   Kind kind = Kind::automatic;
@@ -74,6 +75,8 @@ Settings parse(int argc, char** argv) {
       s.small = true;
     else if (a == "--fp32")
       s.fp32 = true;
+    else if (a == "--plan")
+      s.plan_only = true;
     else if (a == "--host")
       s.host = true;
     else if (a == "--repeat")
@@ -308,7 +311,21 @@ std::vector<Wish> wishes(const Settings& s) {
   return list;
 }
 
+// Without a GPU: what the plans would ask of one.
+int show_plans(const Settings& settings) {
+  base::ThreadPool pool(base::available_cores());
+  for (const Wish& wish : wishes(settings)) {
+    const Case c = prepare(wish.system, wish.kind, settings, false, pool);
+    const auto d = device::cuda::make_device_plan(c.plan, c.kind);
+    fmt::print("{:<18} {:<4} {} fronts, {} tasks ({} narrow), {} solve tasks, arena {:.3f} GB\n", c.name, name_of(c.kind),
+               c.plan.fronts(), d.tasks.size(), d.narrow_tasks, d.up.size() + d.down.size(),
+               static_cast<double>(d.arena) * (settings.fp32 ? 4e-9 : 8e-9));
+  }
+  return 0;
+}
+
 int run(const Settings& settings) {
+  if (settings.plan_only) return show_plans(settings);
   const auto available = device::cuda::available_devices();
   if (available.devices.empty()) {
     fmt::print("skipped: {}\n", available.reason);

@@ -21,11 +21,6 @@ struct Target {
   bool square;  ///< lu, rectangle on the diagonal: the upper part is added transposed
 };
 
-/// Scratch in shared memory for assemble().
-struct AssembleScratch {
-  unsigned char active[kThreads];
-};
-
 /// First front row (not padded) of tile row i.
 __device__ inline int tile_begin(const Front& f, int i) {
   if (i < f.pivot_tiles) return i * f.width;
@@ -34,93 +29,125 @@ __device__ inline int tile_begin(const Front& f, int i) {
 }
 
 template <class T>
-__device__ void add_entries(const FactorState<T>& s, const Front& f, const Target<T>& x) {
+__device__ void add_entries_of_tile(const FactorState<T>& s, const Front& f, const Target<T>& x, int i, int j) {
   constexpr std::uint64_t kPlace = ((1u << 22) - 1) << 1;  // row and column bits of an entry
-  for (int j = x.tile_col; j < x.tile_col_end; ++j)
-    for (int i = f.whole ? j : (x.tile_row > j ? x.tile_row : j); i < x.tile_row_end; ++i) {
-      if (f.whole && (i > 0 || j > 0)) continue;  // all entries of a whole front stand at its first tile
-      const std::int64_t tile =
-          f.tile0 + static_cast<std::int64_t>(j) * f.tiles - static_cast<std::int64_t>(j) * (j - 1) / 2 + (i - j);
-      const std::int64_t begin = s.entry_ptr[tile], end = s.entry_ptr[tile + 1];
-      const int dr = f.whole ? 0 : tile_begin(f, i) - x.row0, dc = f.whole ? 0 : tile_begin(f, j) - x.col0;
-      for (std::int64_t q = begin + threadIdx.x; q < end; q += kThreads) {
-        const std::uint64_t first = s.entries[q];
-        if (q > begin && ((s.entries[q - 1] ^ first) & kPlace) == 0) continue;  // its run has an owner
-        std::uint64_t e = first;
-        for (std::int64_t p = q;;) {
-          int r = static_cast<int>(e >> 12 & 2047), c = static_cast<int>(e >> 1 & 2047);
-          const int up = static_cast<int>(e & 1);
-          r += dr + (f.whole && r >= f.pivots ? x.gap : 0);
-          c += dc + (f.whole && c >= f.pivots ? x.gap : 0);
-          const T v = s.values[e >> 23];
-          if (x.square && up)
-            x.to[r * x.ld + c] += v;
-          else if (x.square || up == x.part)
-            x.to[c * x.ld + r] += v;
-          if (++p == end) break;
-          e = s.entries[p];
-          if (((e ^ first) & kPlace) != 0) break;
-        }
-      }
+  const std::int64_t tile =
+      f.tile0 + static_cast<std::int64_t>(j) * f.tiles - static_cast<std::int64_t>(j) * (j - 1) / 2 + (i - j);
+  const std::int64_t begin = s.entry_ptr[tile], end = s.entry_ptr[tile + 1];
+  const int dr = f.whole ? 0 : tile_begin(f, i) - x.row0, dc = f.whole ? 0 : tile_begin(f, j) - x.col0;
+  for (std::int64_t q = begin + threadIdx.x; q < end; q += kThreads) {
+    const std::uint64_t first = s.entries[q];
+    if (q > begin && ((s.entries[q - 1] ^ first) & kPlace) == 0) continue;  // its run has an owner
+    std::uint64_t e = first;
+    for (std::int64_t p = q;;) {
+      int r = static_cast<int>(e >> 12 & 2047), c = static_cast<int>(e >> 1 & 2047);
+      const int up = static_cast<int>(e & 1);
+      r += dr + (f.whole && r >= f.pivots ? x.gap : 0);
+      c += dc + (f.whole && c >= f.pivots ? x.gap : 0);
+      const T v = s.values[e >> 23];
+      if (x.square && up)
+        x.to[r * x.ld + c] += v;
+      else if (x.square || up == x.part)
+        x.to[c * x.ld + r] += v;
+      if (++p == end) break;
+      e = s.entries[p];
+      if (((e ^ first) & kPlace) != 0) break;
     }
+  }
 }
 
-/// Adds the rows [r0, r1) and columns [c0, c1) of a child's contribution (0-based among its rows below, only r >= c, or
-/// r > c for the strict part). A warp owns the target columns with its number modulo four.
+/// Rows [r0, r1) and columns [c0, c1) of a child's contribution (0-based among its rows below).
+struct Piece {
+  int child;
+  int r0, r1, c0, c1;
+};
+
+/// use(piece, number) for every child that has a part in the target, in order; every warp finds the same.
+template <class T, class Use>
+__device__ inline void for_each_piece(const FactorState<T>& s, const Front& f, const Target<T>& x, Use&& use) {
+  const int lane = static_cast<int>(threadIdx.x) & 31;
+  for (int base = f.link_begin; base < f.link_end; base += 32) {
+    Piece mine{};
+    if (base + lane < f.link_end) {
+      const Link link = s.links[base + lane];
+      const std::int32_t* b = s.bounds + link.bound;
+      mine.child = link.child;
+      mine.c0 = b[x.tile_col];
+      mine.c1 = b[x.tile_col_end];
+      mine.r0 = max(b[x.tile_row], mine.c0);
+      mine.r1 = b[x.tile_row_end];
+    }
+    unsigned mask = __ballot_sync(0xffffffffu, mine.r0 < mine.r1 && mine.c0 < mine.c1);
+    for (; mask != 0; mask &= mask - 1) {
+      const int k = __ffs(static_cast<int>(mask)) - 1;
+      Piece p;
+      p.child = __shfl_sync(0xffffffffu, mine.child, k);
+      p.r0 = __shfl_sync(0xffffffffu, mine.r0, k);
+      p.r1 = __shfl_sync(0xffffffffu, mine.r1, k);
+      p.c0 = __shfl_sync(0xffffffffu, mine.c0, k);
+      p.c1 = __shfl_sync(0xffffffffu, mine.c1, k);
+      use(p, k);
+    }
+  }
+}
+
+/// Adds a piece of the array `from` (only r >= c, or r > c for the strict part). A warp owns the target columns with
+/// its number modulo four (target rows where transposed).
 template <class T>
-__device__ void add_child(const FactorState<T>& s, const Front& f, const Front& child, const Target<T>& x, int r0,
-                          int r1, int c0, int c1, const T* from, bool transposed, bool strict) {
+__device__ void add_piece(const FactorState<T>& s, const Front& f, const Target<T>& x, const Piece& piece,
+                          const T* from, bool transposed, bool strict) {
+  const Front& child = s.fronts[piece.child];
   const std::int32_t* map = s.relative + child.rows;
+  const int shift = child.width_log2, child_ld = child.below_ld;
   const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31;
-  for (int rb = r0; rb < r1; rb += 128) {
+  const int row_step = transposed ? x.ld : 1, col_step = transposed ? 1 : x.ld;
+  for (int rb = piece.r0; rb < piece.r1; rb += 128) {
     int row[4];
 #pragma unroll
     for (int u = 0; u < 4; ++u) {
       const int r = rb + lane + 32 * u;
-      row[u] = -1;
-      if (r < r1) {
-        const int to = map[r];
-        row[u] = to - x.row0 + (to >= f.pivots ? x.gap : 0);
-      }
+      const int to = r < piece.r1 ? map[r] : 0;
+      row[u] = (to - x.row0 + (to >= f.pivots ? x.gap : 0)) * row_step;
     }
-    for (int cb = c0; cb < c1; cb += 32) {
+    for (int cb = piece.c0; cb < piece.c1; cb += 32) {
+      // Lane k prepares column cb + k: where it goes, and where its element of row 0 would stand.
       int col = 0;
+      const T* column = from;
       bool mine = false;
-      if (cb + lane < c1) {
-        const int to = map[cb + lane];
+      const int c = cb + lane;
+      if (c < piece.c1) {
+        const int to = map[c];
         col = to - x.col0 + (to >= f.pivots ? x.gap : 0);
         mine = (col & 3) == warp;
+        const int b = c >> shift, first = b << shift;
+        column +=
+            (static_cast<std::int64_t>(b) * child_ld - (static_cast<std::int64_t>(b) * (b - 1) << shift) / 2 << shift) +
+            static_cast<std::int64_t>(c - first) * (child_ld - first) - first;
       }
-      unsigned mask = __ballot_sync(0xffffffffu, mine);
-      while (mask != 0) {
-        int place[4];
+      for (unsigned mask = __ballot_sync(0xffffffffu, mine); mask != 0;) {
+        int place[4], lowest[4];
         T v[4][4];
 #pragma unroll
         for (int k = 0; k < 4; ++k) {
           const int bit = mask != 0 ? __ffs(static_cast<int>(mask)) - 1 : 0;
-          place[k] = mask != 0 ? __shfl_sync(0xffffffffu, col, bit) : -1;
-          const int c = cb + bit;
-          const T* column = from + child.contribution_offset(c / child.width * child.width, c);
-          const int first = c / child.width * child.width;
+          const bool any = mask != 0;
+          place[k] = __shfl_sync(0xffffffffu, col, bit) * col_step;
+          lowest[k] = any ? cb + bit + (strict ? 1 : 0) : piece.r1;
+          const T* at =
+              reinterpret_cast<const T*>(__shfl_sync(0xffffffffu, reinterpret_cast<unsigned long long>(column), bit));
 #pragma unroll
           for (int u = 0; u < 4; ++u) {
             const int r = rb + lane + 32 * u;
-            const bool wanted = place[k] >= 0 && r < r1 && (strict ? r > c : r >= c);
-            v[k][u] = wanted ? column[r - first] : T(0);
+            v[k][u] = r < piece.r1 && r >= lowest[k] ? at[r] : T(0);
           }
           mask &= mask - 1;
         }
 #pragma unroll
         for (int k = 0; k < 4; ++k)
-          if (place[k] >= 0) {
 #pragma unroll
-            for (int u = 0; u < 4; ++u)
-              if (row[u] >= 0) {
-                T* to = transposed ? x.to + row[u] * x.ld + place[k] : x.to + place[k] * x.ld + row[u];
-                // Where the rectangle holds only the lower triangle, what would fall above the diagonal was read as
-                // zero.
-                if (v[k][u] != T(0)) *to += v[k][u];
-              }
+          for (int u = 0; u < 4; ++u) {
+            const int r = rb + lane + 32 * u;
+            if (r < piece.r1 && r >= lowest[k]) x.to[place[k] + row[u]] += v[k][u];
           }
       }
     }
@@ -128,14 +155,13 @@ __device__ void add_child(const FactorState<T>& s, const Front& f, const Front& 
   __syncwarp();
 }
 
-/// Waits until the child's contribution blocks that cover these rows and columns are finished.
+/// Waits until the blocks of the child's contribution that hold the piece are finished; by one warp.
 template <class T>
-__device__ void wait_for_child(const FactorState<T>& s, const Front& child, int r0, int r1, int c0, int c1, int part) {
-  const int b0 = c0 / child.width, b1 = (c1 - 1) / child.width;
-  const int a0 = r0 / kRowBlock, a1 = (r1 - 1) / kRowBlock;
-  const int columns = b1 - b0 + 1;
-  const int count = columns * (a1 - a0 + 1);
-  for (int x = threadIdx.x; x < count; x += kThreads) {
+__device__ void wait_for_piece(const FactorState<T>& s, const Piece& piece, int part) {
+  const Front& child = s.fronts[piece.child];
+  const int b0 = piece.c0 / child.width, columns = (piece.c1 - 1) / child.width - b0 + 1;
+  const int a0 = piece.r0 / kRowBlock, count = columns * ((piece.r1 - 1) / kRowBlock - a0 + 1);
+  for (int x = static_cast<int>(threadIdx.x) & 31; x < count; x += 32) {
     const int b = b0 + x % columns, a = a0 + x / columns;
     if ((a + 1) * kRowBlock <= b * child.width) continue;  // above the diagonal: no such task
     const std::int64_t flag = child.flag(child.pivot_blocks + a, child.pivot_tiles + b);
@@ -145,40 +171,25 @@ __device__ void wait_for_child(const FactorState<T>& s, const Front& child, int 
 
 /// Fills the target (already zero) from A and the children. @pre all threads have passed a barrier after the zeroing
 template <class T, bool Lu>
-__device__ void assemble(const FactorState<T>& s, const Front& f, const Target<T>& x, AssembleScratch& scratch) {
-  add_entries(s, f, x);
+__device__ inline void assemble(const FactorState<T>& s, const Front& f, const Target<T>& x) {
+  const int warp = static_cast<int>(threadIdx.x) >> 5;
+  for_each_piece(s, f, x, [&](const Piece& piece, int k) {
+    if ((k & 3) != warp) return;
+    if (!Lu || x.part == 0 || x.square) wait_for_piece(s, piece, 0);
+    if (Lu && (x.part == 1 || x.square)) wait_for_piece(s, piece, 1);
+  });
+  if (f.whole)
+    add_entries_of_tile(s, f, x, 0, 0);  // all entries of a whole front stand at its first tile
+  else if (x.tile_col < f.pivot_tiles)
+    for (int i = x.tile_row; i < x.tile_row_end; ++i) add_entries_of_tile(s, f, x, i, x.tile_col);
   __syncthreads();
-  for (int base = f.link_begin; base < f.link_end; base += kThreads) {
-    const int count = min(kThreads, f.link_end - base);
-    if (static_cast<int>(threadIdx.x) < count) {
-      const Link link = s.links[base + threadIdx.x];
-      const std::int32_t* b = s.bounds + link.bound;
-      scratch.active[threadIdx.x] = static_cast<unsigned char>(max(b[x.tile_row], b[x.tile_col]) < b[x.tile_row_end] &&
-                                                               b[x.tile_col] < b[x.tile_col_end]);
-    }
-    __syncthreads();
-    const auto for_each_active = [&](auto&& use) {
-      for (int k = 0; k < count; ++k) {
-        if (scratch.active[k] == 0) continue;
-        const Link link = s.links[base + k];
-        const std::int32_t* b = s.bounds + link.bound;
-        const int c0 = b[x.tile_col];
-        use(s.fronts[link.child], max(b[x.tile_row], c0), b[x.tile_row_end], c0, b[x.tile_col_end]);
-      }
-    };
-    for_each_active([&](const Front& child, int r0, int r1, int c0, int c1) {
-      if (x.part == 0 || x.square) wait_for_child(s, child, r0, r1, c0, c1, 0);
-      if (Lu && (x.part == 1 || x.square)) wait_for_child(s, child, r0, r1, c0, c1, 1);
-    });
-    __syncthreads();
-    for_each_active([&](const Front& child, int r0, int r1, int c0, int c1) {
-      if (!Lu || x.square || x.part == 0)
-        add_child(s, f, child, x, r0, r1, c0, c1, s.arena + child.contribution, false, false);
-      if (Lu && (x.square || x.part == 1))
-        add_child(s, f, child, x, r0, r1, c0, c1, s.arena + child.contribution_up, x.square, true);
-    });
-    __syncthreads();
-  }
+  for_each_piece(s, f, x, [&](const Piece& piece, int) {
+    if (!Lu || x.square || x.part == 0)
+      add_piece(s, f, x, piece, s.arena + s.fronts[piece.child].contribution, false, false);
+    if (Lu && (x.square || x.part == 1))
+      add_piece(s, f, x, piece, s.arena + s.fronts[piece.child].contribution_up, x.square, true);
+  });
+  __syncthreads();
 }
 
 }  // namespace espalier::device::cuda

@@ -200,7 +200,7 @@ class ExecutorOnDevice final : public CudaExecutor<T> {
     marks_ = DeviceArray<unsigned char>(2 * n, budget_, needed_);
     limits_ = DeviceArray<T>(2, budget_, needed_);
     control_ = DeviceArray<int>(kFlagsAt + parts * tables_.flags + plan_.fronts(), budget_, needed_);
-    solve_control_ = DeviceArray<int>(2, budget_, needed_);
+    solve_control_ = DeviceArray<int>(8, budget_, needed_);
     upload(fronts_, tables_.fronts);
     upload(links_, tables_.links);
     upload(bounds_, tables_.bounds);
@@ -235,7 +235,7 @@ class ExecutorOnDevice final : public CudaExecutor<T> {
       check(dispatch([&](auto kernel) { return decltype(kernel)::shape_for(wide, whole, shape_[wide ? 1 : 0]); }),
             "launch shape of the factorization kernel");
     for (const bool many : {false, true})
-      check(SolveKernel<T>::resident(many, solve_blocks_[many ? 1 : 0]), "launch shape of the solve kernel");
+      check(SolveKernel<T>::resident(many, solve_shape_[many ? 1 : 0]), "launch shape of the solve kernel");
   }
 
   template <class Use>
@@ -303,6 +303,8 @@ class ExecutorOnDevice final : public CudaExecutor<T> {
                           down_.data(),
                           static_cast<int>(tables_.up.size()),
                           static_cast<int>(tables_.down.size()),
+                          static_cast<int>(tables_.small_up),
+                          static_cast<int>(tables_.small_down),
                           links_.data(),
                           bounds_.data(),
                           relative_.data(),
@@ -320,11 +322,12 @@ class ExecutorOnDevice final : public CudaExecutor<T> {
                           solve_control_.data(),
                           static_cast<std::uint64_t>(options_.patience_seconds * 1e9)};
     for (Index c = 0; c < columns; c += at_once) {
-      check(cudaMemsetAsync(solve_control_.data(), 0, 2 * sizeof(int), stream), "cudaMemsetAsync");
+      check(cudaMemsetAsync(solve_control_.data(), 0, static_cast<std::size_t>(solve_control_.bytes()), stream),
+            "cudaMemsetAsync");
       check(cudaMemsetAsync(vectors_.data(), 0xff, static_cast<std::size_t>((2 * n + below) * at_once) * sizeof(T),
                             stream),
             "cudaMemsetAsync");
-      check(SolveKernel<T>::launch(many, solve_blocks_[many ? 1 : 0], s, c, stream), "launch of the solve kernel");
+      check(SolveKernel<T>::launch(many, solve_shape_[many ? 1 : 0], s, c, stream), "launch of the solve kernel");
     }
   }
 
@@ -384,7 +387,7 @@ class ExecutorOnDevice final : public CudaExecutor<T> {
   DeviceArray<std::int64_t> entry_ptr_;
   DeviceArray<std::uint64_t> entries_;
   LaunchShape shape_[2];
-  int solve_blocks_[2] = {};
+  SolveShape solve_shape_[2];
   FactorState<T> state_{};
   T limits_host_[2] = {};
   bool limits_known_ = false;

@@ -1,6 +1,7 @@
 #include "device/cuda/device_plan.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <stdexcept>
 
 namespace espalier::device::cuda {
@@ -45,6 +46,7 @@ class Builder {
       x.below = layout.below();
       x.whole = plan_.whole[f];
       x.width = x.whole != 0 ? kRowBlock : width_of(layout);
+      x.width_log2 = std::countr_zero(static_cast<std::uint32_t>(x.width));
       x.pivot_pad = pad(x.pivots);
       x.total_pad = x.pivot_pad + pad(x.below);
       x.below_ld = (x.below + 3) / 4 * 4;
@@ -180,18 +182,30 @@ class Builder {
     if (d_.narrow_tasks < 0) d_.narrow_tasks = static_cast<std::int64_t>(d_.tasks.size());
   }
 
-  // Up: children before parents, tier by tier from the deepest; down: the reverse.
+  // Up: children before parents, tier by tier from the deepest; down: the reverse. Sub-trees in which every front is
+  // small are taken first on the way up and last on the way down.
   void list_solve_tasks() {
-    std::vector<Index> order(static_cast<std::size_t>(plan_.fronts()));
-    for (Index f = 0; f < plan_.fronts(); ++f) order[f] = f;
-    std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) { return plan_.tier[a] > plan_.tier[b]; });
-    for (const Index f : order)
+    std::vector<char> small(static_cast<std::size_t>(plan_.fronts()), 1);
+    std::vector<Index> order(small.size());
+    for (Index f = 0; f < plan_.fronts(); ++f) {
+      const Front& x = d_.fronts[f];
+      if (x.total_pad > kRowBlock || x.pivot_pad > kWide) small[f] = 0;
+      const Index p = plan_.tree.parent[f];
+      if (p >= 0 && small[f] == 0) small[p] = 0;
+      order[f] = f;
+    }
+    std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
+      return small[a] != small[b] ? small[a] > small[b] : plan_.tier[a] > plan_.tier[b];
+    });
+    for (const Index f : order) {
       if (d_.fronts[f].total_pad <= kRowBlock)
         d_.up.push_back({f, -1});
       else
         for (Index a = 0; a < d_.fronts[f].blocks; ++a) d_.up.push_back({f, a});
+    }
     for (auto it = order.rbegin(); it != order.rend(); ++it)
       for (Index a = d_.fronts[*it].pivot_blocks; a-- > 0;) d_.down.push_back({*it, a});
+    d_.small_up = d_.small_down = std::count(small.begin(), small.end(), 1);
   }
 
   const Plan& plan_;

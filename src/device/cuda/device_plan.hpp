@@ -12,9 +12,9 @@ namespace espalier::device::cuda {
 /// Knobs of the plan that were chosen by measurement (docs/performance.md, "GPU tile widths").
 struct DeviceTuning {
   Index narrow_rows = 1024;  ///< fronts of at most that many rows have tile columns of 32, larger ones of 64
-  Index whole_rows = 80;     ///< a front of at most that many rows and ...
+  Index whole_rows = 64;     ///< a front of at most that many rows and ...
   Index whole_pivots = 48;   ///< ... at most that many pivots is one task
-  Offset group_entries = Offset{1} << 27;  ///< see PlanOptions
+  Offset group_entries = Offset{1} << 30;  ///< see PlanOptions
   Index reuse_distance = 4096;             ///< see PlanOptions
 };
 
@@ -32,6 +32,8 @@ struct DevicePlan {
   std::int64_t narrow_tasks = 0;
   std::vector<SolveTask> up;    ///< forward substitution, in topological order
   std::vector<SolveTask> down;  ///< backward substitution, in topological order
+  std::int64_t small_up = 0;    ///< the first tasks of `up` belong to sub-trees of small fronts, ...
+  std::int64_t small_down = 0;  ///< ... the last ones of `down` likewise
   std::int64_t flags = 0;
   std::int64_t arena = 0;  ///< elements
 };

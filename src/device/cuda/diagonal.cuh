@@ -78,7 +78,7 @@ __device__ void factor_block16(const T* a, int lda, T* m, int ldm, int first, in
 
 /// M = inverse(L) of the lower triangle of A (size x size, a multiple of 16) = L L^T. A is destroyed.
 template <class T>
-__device__ void invert_cholesky(T* a, int lda, int size, int pivots, T* m, int ldm, const PivotSink<T>& sink) {
+__device__ inline void invert_cholesky(T* a, int lda, int size, int pivots, T* m, int ldm, const PivotSink<T>& sink) {
   const int warp = static_cast<int>(threadIdx.x) >> 5;
   const int blocks = size / 16;
   for (int x = threadIdx.x; x < size * size; x += kThreads) m[x / size * ldm + x % size] = T(0);
@@ -127,8 +127,12 @@ __device__ void invert_cholesky(T* a, int lda, int size, int pivots, T* m, int l
   }
 }
 
-/// Largest magnitude and its index among rows [begin, n) of a column, without row `skip`; every lane gets it. Ties: the
-/// lowest row. Without any row: 0 and -1.
+/// The leading 32 bits of |x|, which order magnitudes to within one part in 2^20 (double) or exactly (float).
+__device__ inline unsigned magnitude_key(double x) { return static_cast<unsigned>(__double2hiint(x)) & 0x7fffffffu; }
+__device__ inline unsigned magnitude_key(float x) { return __float_as_uint(x) & 0x7fffffffu; }
+
+/// The row of largest magnitude (by magnitude_key(); ties: the lowest) among rows [begin, n), n <= 64, of a column,
+/// without row `skip`, and that magnitude; every lane gets it. Without any row: 0 and -1.
 template <class T>
 struct Largest {
   T value;
@@ -137,19 +141,22 @@ struct Largest {
 template <class T>
 __device__ inline Largest<T> largest_in_column(const T* column, int begin, int n, int skip) {
   const int lane = static_cast<int>(threadIdx.x) & 31;
-  Largest<T> best{T(0), -1};
-  for (int r = begin + lane; r < n; r += 32) {
-    if (r == skip) continue;
-    const T v = column[r] < T(0) ? -column[r] : column[r];
-    if (best.row < 0 || v > best.value) best = {v, r};
-  }
+  unsigned key[2];  // 0: no row; the key of a row plus 1
 #pragma unroll
-  for (int step = 16; step > 0; step >>= 1) {
-    const T v = __shfl_xor_sync(0xffffffffu, best.value, step);
-    const int r = __shfl_xor_sync(0xffffffffu, best.row, step);
-    if (r >= 0 && (best.row < 0 || v > best.value || (v == best.value && r < best.row))) best = {v, r};
+  for (int h = 0; h < 2; ++h) {
+    const int r = lane + 32 * h;
+    key[h] = r >= begin && r < n && r != skip ? magnitude_key(column[r]) + 1 : 0;
   }
-  return best;
+#if defined(__CUDA_ARCH__)
+  const unsigned best = __reduce_max_sync(0xffffffffu, max(key[0], key[1]));
+#else
+  const unsigned best = 0;
+#endif
+  if (best == 0) return {T(0), -1};
+  const unsigned low = __ballot_sync(0xffffffffu, key[0] == best), high = __ballot_sync(0xffffffffu, key[1] == best);
+  const int row = low != 0 ? __ffs(static_cast<int>(low)) - 1 : 31 + __ffs(static_cast<int>(high));
+  const T v = column[row];
+  return {v < T(0) ? -v : v, row};
 }
 
 /// Exchanges rows p and q of A (columns [from, n)) and of M (all columns).
@@ -186,17 +193,30 @@ template <class T>
 __device__ inline void eliminate_rows(T* a, int lda, T* m, int ldm, int n, int k, int after, bool two, const T (&l1)[2],
                                       const T (&l2)[2]) {
   const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31;
-  const auto column = [&](T* x) {
-    const T p = x[k], q = two ? x[k + 1] : T(0);
-    if (p == T(0) && q == T(0)) return;
+  const int first = after + ((warp - after) & 3);  // A's columns of this warp, then M's
+  const int mine = first < n ? (n - first + 3) / 4 : 0, all = mine + (n - warp + 3) / 4;
+  constexpr int kAtOnce = 4;
+  for (int y = 0; y < all; y += kAtOnce) {
+    T* x[kAtOnce];
+    T p[kAtOnce], q[kAtOnce], v[kAtOnce][2];
 #pragma unroll
-    for (int h = 0; h < 2; ++h) {
-      const int r = lane + 32 * h;
-      if (r >= after && r < n) x[r] -= l1[h] * p + (two ? l2[h] * q : T(0));
+    for (int k2 = 0; k2 < kAtOnce; ++k2) {
+      const int z = min(y + k2, all - 1);
+      x[k2] = z < mine ? a + (first + 4 * z) * lda : m + (warp + 4 * (z - mine)) * ldm;
+      p[k2] = x[k2][k];
+      q[k2] = two ? x[k2][k + 1] : T(0);
+#pragma unroll
+      for (int h = 0; h < 2; ++h) v[k2][h] = lane + 32 * h < n ? x[k2][lane + 32 * h] : T(0);
     }
-  };
-  for (int c = after + ((warp - after) & 3); c < n; c += 4) column(a + c * lda);
-  for (int c = warp; c < n; c += 4) column(m + c * ldm);
+#pragma unroll
+    for (int k2 = 0; k2 < kAtOnce; ++k2)
+#pragma unroll
+      for (int h = 0; h < 2; ++h) {
+        const int r = lane + 32 * h;
+        const T change = l1[h] * p[k2] + (two ? l2[h] * q[k2] : T(0));
+        if (y + k2 < all && r >= after && r < n) x[k2][r] = v[k2][h] - change;
+      }
+  }
 }
 
 /// M = identity (size x size).
@@ -249,7 +269,7 @@ __device__ PivotChoice choose_pivot(const T* a, int lda, int n, int k, T tiny) {
 /// M = inverse(L) P with P A P^T = L D L^T; A (pivots x pivots) is given as a full square and destroyed; D^-1 goes to
 /// the state. M is size x size with ones on the diagonal of the padding.
 template <class T>
-__device__ void invert_ldlt(T* a, int lda, int size, int pivots, T* m, int ldm, const PivotSink<T>& sink) {
+__device__ inline void invert_ldlt(T* a, int lda, int size, int pivots, T* m, int ldm, const PivotSink<T>& sink) {
   const FactorState<T>& s = *sink.state;
   const int lane = static_cast<int>(threadIdx.x) & 31, n = pivots;
   set_identity(m, ldm, size);
@@ -266,10 +286,11 @@ __device__ void invert_ldlt(T* a, int lda, int size, int pivots, T* m, int ldm, 
       bool small = false;
       const T d = acceptable_pivot(column[k], k, sink, small);
       negative += d < T(0) && !small ? 1 : 0;
+      const T inverse = T(1) / d;
       for (int h = 0; h < 2; ++h)
-        if (lane + 32 * h < n) l1[h] = column[lane + 32 * h] / d;
+        if (lane + 32 * h < n) l1[h] = column[lane + 32 * h] * inverse;
       if (threadIdx.x == 0) {
-        s.inverse_d[sink.position + k] = T(1) / d;
+        s.inverse_d[sink.position + k] = inverse;
         s.inverse_e[sink.position + k] = T(0);
         s.pivot[sink.position + k] = d;
       }
@@ -309,7 +330,7 @@ __device__ void invert_ldlt(T* a, int lda, int size, int pivots, T* m, int ldm, 
 
 /// M = inverse(L) P with P A = L U by partial pivoting; U is left in the upper triangle of A.
 template <class T>
-__device__ void invert_lower_lu(T* a, int lda, int size, int pivots, T* m, int ldm, const PivotSink<T>& sink) {
+__device__ inline void invert_lower_lu(T* a, int lda, int size, int pivots, T* m, int ldm, const PivotSink<T>& sink) {
   const FactorState<T>& s = *sink.state;
   const int lane = static_cast<int>(threadIdx.x) & 31, n = pivots;
   set_identity(m, ldm, size);
@@ -327,8 +348,9 @@ __device__ void invert_lower_lu(T* a, int lda, int size, int pivots, T* m, int l
     const T given = column[k];
     const T d = acceptable_pivot(given, k, sink, small);
     T l1[2] = {}, l2[2] = {};
+    const T inverse = T(1) / d;
     for (int h = 0; h < 2; ++h)
-      if (lane + 32 * h < n) l1[h] = column[lane + 32 * h] / d;
+      if (lane + 32 * h < n) l1[h] = column[lane + 32 * h] * inverse;
     if (threadIdx.x == 0) s.pivot[sink.position + k] = row == k ? d : -d;
     eliminate_rows(a, lda, m, ldm, n, k, k + 1, false, l1, l2);
     if (small) {
@@ -341,7 +363,7 @@ __device__ void invert_lower_lu(T* a, int lda, int size, int pivots, T* m, int l
 
 /// V = transpose of inverse(U), lower triangular, from the upper triangle of A; ones on the diagonal of the padding.
 template <class T>
-__device__ void invert_upper_lu(const T* a, int lda, int size, int pivots, T* v, int ldv) {
+__device__ inline void invert_upper_lu(const T* a, int lda, int size, int pivots, T* v, int ldv) {
   const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31, n = pivots;
   set_identity(v, ldv, size);
   for (int k = n - 1; k >= 0; --k) {
@@ -366,7 +388,8 @@ __device__ void invert_upper_lu(const T* a, int lda, int size, int pivots, T* v,
 
 /// Writes a block of shared memory, element (r, c) at from[r * fr + c * fc], in panels; rows, cols multiples of 16.
 template <class T>
-__device__ void write_panels(const T* from, int fr, int fc, int rows, int cols, T* to, std::int64_t chunk_stride) {
+__device__ inline void write_panels(const T* from, int fr, int fc, int rows, int cols, T* to,
+                                    std::int64_t chunk_stride) {
   for (int x = threadIdx.x; x < rows * cols / 2; x += kThreads) {
     const int q = x / (rows * 8), rest = x % (rows * 8), panel = rest / 64, inner = rest % 64;
     const int lane = inner & 31, half = inner >> 5;

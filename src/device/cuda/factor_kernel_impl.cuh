@@ -16,19 +16,11 @@ namespace {
 constexpr int kMostStages = 8;
 
 template <class T, Kind K, int Width>
-__device__ void run_tiled(Workshop<T>& w, const Front& f, const FactorTask& task) {
-  if (task.work == Work::diagonal) {
-    diagonal_task<T, K, Width>(w, f, task);
-    return;
-  }
-  const int j = task.column;
-  const int from = j < f.pivot_tiles ? f.column_end(j) : f.column_begin(j);
-  const int row = max(f.block_begin(task.block), from);
-  const int rows = f.block_end(task.block) - row;
-  if (rows <= 64)
-    block_task<T, K, Shape<64, Width>>(w, f, task, row, rows);
+__device__ void run_block(Workshop<T>& w, const Front& f, const FactorTask& task, bool any) {
+  if (rows_of(f, task).rows <= 64)
+    block_task<T, K, Shape<64, Width>>(w, f, task, any);
   else
-    block_task<T, K, Shape<128, Width>>(w, f, task, row, rows);
+    block_task<T, K, Shape<128, Width>>(w, f, task, any);
 }
 
 template <class T, Kind K, bool Wide>
@@ -36,44 +28,34 @@ __global__ void __launch_bounds__(kThreads, Wide ? 2 : 3)
     factor_kernel(const __grid_constant__ FactorState<T> state, int first, int end, int stages, int n) {
   extern __shared__ __align__(128) unsigned char area[];
   __shared__ std::uint64_t barriers[kMostStages];
-  __shared__ AssembleScratch scratch;
-  __shared__ FactorTask next;
-  __shared__ Front front;
-  __shared__ int stop;
-  if (threadIdx.x == 0)
+  __shared__ TaskFeed feed;
+  if (threadIdx.x == 0) {
     for (int b = 0; b < kMostStages; ++b) barrier_init(barriers + b);
+    feed.first = first;
+    feed.end = end;
+    feed.counter = state.control + (Wide ? kNextWide : kNextNarrow);
+  }
   fence_copies();
-  Workshop<T> w{&state, {reinterpret_cast<T*>(area), barriers, stages, 0}, &scratch, n};
+  __syncthreads();
+  Workshop<T> w{&state, {reinterpret_cast<T*>(area), barriers, stages, 0}, &feed, n};
+  if (threadIdx.x < 32) {
+    int id = 0;
+    if (threadIdx.x == 0) id = first + atomicAdd(feed.counter, 1);
+    load_task(w, __shfl_sync(0xffffffffu, id, 0));
+  }
   for (;;) {
     __syncthreads();
-    if (threadIdx.x < 32) {
-      int id = 0;
-      if (threadIdx.x == 0) id = first + atomicAdd(state.control + (Wide ? kNextWide : kNextNarrow), 1);
-      id = __shfl_sync(0xffffffffu, id, 0);
-      const bool ends = id >= end || aborted(state.control);
-      if (threadIdx.x == 0) stop = ends;
-      if (!ends) {
-        const FactorTask task = state.tasks[id];
-        if (threadIdx.x == 0) next = task;
-        const int* from = reinterpret_cast<const int*>(state.fronts + task.front);
-        for (int x = threadIdx.x; x < static_cast<int>(sizeof(Front) / sizeof(int)); x += 32)
-          reinterpret_cast<int*>(&front)[x] = from[x];
-      }
-    }
-    __syncthreads();
-    if (stop) return;
-    const FactorTask task = next;
+    if (feed.stop) return;
+    const FactorTask task = feed.task;
+    const Front& front = feed.front;
     if (front.wait_begin < front.wait_end) wait_for_memory(state, front);
-    if (task.work == Work::whole) {
-      whole_task<T, K>(w, front, task);
-    } else if constexpr (Wide) {
-      if (front.width == 64)
-        run_tiled<T, K, 64>(w, front, task);
-      else
-        run_tiled<T, K, 32>(w, front, task);
-    } else {
-      run_tiled<T, K, 32>(w, front, task);
-    }
+    const bool any = gather<T, K>(state, front, task, w.pipe.stages);
+    if (task.work != Work::block)
+      pivot_task<T, K, Wide>(w, front, task);
+    else if (Wide && front.width == 64)
+      run_block<T, K, Wide ? 64 : 32>(w, front, task, any);
+    else
+      run_block<T, K, 32>(w, front, task, any);
   }
 }
 

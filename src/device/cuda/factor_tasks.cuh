@@ -9,25 +9,55 @@
 
 namespace espalier::device::cuda {
 
+/// Where tasks come from, in shared memory. A block takes its next task when it has finished the arithmetic of the one
+/// before, so the unfinished task with the lowest number is never held up by another.
+struct TaskFeed {
+  FactorTask task;
+  Front front;
+  int stop;
+  int first, end;
+  int* counter;
+};
+
 /// What a task works with.
 template <class T>
 struct Workshop {
   const FactorState<T>* state;
   Pipeline<T> pipe;  ///< pipe.stages is the area
-  AssembleScratch* scratch;
+  TaskFeed* feed;
   int n;
 };
 
-/// Makes the task's writes visible and sets its flags.
+/// One warp brings task `id` and its front.
 template <class T>
-__device__ void finish_task(const FactorState<T>& s, int front, std::int64_t flag, int part, bool both) {
+__device__ inline void load_task(Workshop<T>& w, int id) {
+  const FactorState<T>& s = *w.state;
+  TaskFeed& feed = *w.feed;
+  const int lane = static_cast<int>(threadIdx.x) & 31;
+  const bool ends = id >= feed.end || aborted(s.control);
+  if (lane == 0) feed.stop = ends;
+  if (ends) return;
+  const FactorTask task = s.tasks[id];
+  if (lane == 0) feed.task = task;
+  const int* from = reinterpret_cast<const int*>(s.fronts + task.front);
+  for (int x = lane; x < static_cast<int>(sizeof(Front) / sizeof(int)); x += 32)
+    reinterpret_cast<int*>(&feed.front)[x] = from[x];
+}
+
+/// Makes the task's writes visible and sets its flags; meanwhile warp 1 fetches the next task.
+template <class T>
+__device__ void finish_task(Workshop<T>& w, int front, std::int64_t flag, int part, bool both) {
+  const FactorState<T>& s = *w.state;
   fence_copies();
+  int id = 0;
+  if (threadIdx.x == 32) id = w.feed->first + atomicAdd(w.feed->counter, 1);
   __syncthreads();
   if (threadIdx.x == 0) {
     store_release(s.flags(part) + flag, 1);
     if (both) store_release(s.flags(1) + flag, 1);
     add_release(s.finished + front, 1);
   }
+  if (threadIdx.x >= 32 && threadIdx.x < 64) load_task(w, __shfl_sync(0xffffffffu, id, 0));
 }
 
 /// Memory that this front takes over must no longer be read by those that had it before.
@@ -55,18 +85,66 @@ __device__ inline T* array_of(const FactorState<T>& s, const Front& f, int array
   return s.arena + (array == 0 ? f.factor : f.second);
 }
 
-/// acc = -(entries and children) for the target, through the area; zero where there is nothing to gather.
-template <class T, Kind K, class S>
-__device__ void gather(Accumulator<T, S>& acc, Workshop<T>& w, const Front& f, const Target<T>& x) {
-  const Corner<S> at;
-  const bool any = x.tile_col < f.pivot_tiles || f.link_begin < f.link_end;
-  if (any) {
-    zero_area(w.pipe.stages, S::kLd * S::kWidth);
-    __syncthreads();
-    assemble<T, K == Kind::lu>(*w.state, f, x, *w.scratch);
+/// Rows of a block task: padded row and count.
+struct RowRange {
+  int row, rows;
+};
+__device__ inline RowRange rows_of(const Front& f, const FactorTask& task) {
+  const int j = task.column;
+  const int row = max(f.block_begin(task.block), j < f.pivot_tiles ? f.column_end(j) : f.column_begin(j));
+  return {row, f.block_end(task.block) - row};
+}
+
+/// What the task gathers, into the area.
+template <class T, Kind K>
+__device__ inline Target<T> target_of(const Front& f, const FactorTask& task, T* area) {
+  Target<T> x{};
+  const int j = task.column;
+  x.to = area;
+  if (task.work == Work::whole) {
+    x.ld = f.total_pad + 4;
+    x.tile_row_end = x.tile_col_end = f.tiles;
+    x.gap = f.pivot_pad - f.pivots;
+    x.square = K == Kind::lu;
+    return x;
   }
+  x.tile_col = j;
+  x.tile_col_end = j + 1;
+  x.col0 = tile_begin(f, j);
+  if (task.work == Work::diagonal) {
+    x.ld = f.width + 4;
+    x.tile_row = j;
+    x.tile_row_end = j + 1;
+    x.square = K == Kind::lu;
+  } else {
+    const int per_block = kRowBlock / f.width, a = task.block;
+    const int first = a < f.pivot_blocks ? a * per_block : f.pivot_tiles + (a - f.pivot_blocks) * per_block;
+    x.ld = (rows_of(f, task).rows <= 64 ? 64 : 128) + 4;
+    x.tile_row = max(first, j < f.pivot_tiles ? j + 1 : j);
+    x.tile_row_end = min(first + per_block, a < f.pivot_blocks ? f.pivot_tiles : f.tiles);
+    x.part = task.part;
+  }
+  x.row0 = tile_begin(f, x.tile_row);
+  return x;
+}
+
+/// Entries and children into the area. @returns whether there was anything; if not, the area is left as it is
+template <class T, Kind K>
+__device__ inline bool gather(const FactorState<T>& s, const Front& f, const FactorTask& task, T* area) {
+  const Target<T> x = target_of<T, K>(f, task, area);
+  if (x.tile_col >= f.pivot_tiles && f.link_begin == f.link_end) return false;
+  zero_area(area, x.ld * (task.work == Work::whole ? f.total_pad : f.width));
+  __syncthreads();
+  assemble<T, K == Kind::lu>(s, f, x);
+  return true;
+}
+
+/// acc = -(what was gathered); leaves the area to the copy engine.
+template <class T, class S>
+__device__ inline void take_gathered(Accumulator<T, S>& acc, const T* area, bool any) {
+  const Corner<S> at;
   for_each_element<S>(at,
-                      [&](int m, int n, int e, int r, int c) { acc[m][n][e] = any ? -x.to[c * S::kLd + r] : T(0); });
+                      [&](int m, int n, int e, int r, int c) { acc[m][n][e] = any ? -area[c * S::kLd + r] : T(0); });
   fence_copies();
   __syncthreads();
 }
@@ -131,27 +209,15 @@ __device__ void multiply_by_inverse(Accumulator<T, S>& acc, Workshop<T>& w, cons
 
 /// One row block of a tile column, in S::kRows x S::kWidth at most.
 template <class T, Kind K, class S>
-__device__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& task, int row, int rows) {
+__device__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& task, bool any) {
   const FactorState<T>& s = *w.state;
   const Corner<S> at;
   const int j = task.column, a = task.block, part = task.part;
   const bool pivot = j < f.pivot_tiles;
   const int col = f.column_begin(j), cols = f.column_end(j) - col;
-  const int per_block = kRowBlock / f.width;
-  const int first = a < f.pivot_blocks ? a * per_block : f.pivot_tiles + (a - f.pivot_blocks) * per_block;
-  Target<T> x{};
-  x.to = w.pipe.stages;
-  x.ld = S::kLd;
-  x.tile_row = max(first, pivot ? j + 1 : j);
-  x.tile_row_end = min(first + per_block, a < f.pivot_blocks ? f.pivot_tiles : f.tiles);
-  x.tile_col = j;
-  x.tile_col_end = j + 1;
-  x.row0 = tile_begin(f, x.tile_row);
-  x.col0 = tile_begin(f, j);
-  x.part = part;
+  const auto [row, rows] = rows_of(f, task);
   T acc[S::kM][S::kN][4];
-  gather<T, K, S>(acc, w, f, x);
-
+  take_gathered<T, S>(acc, w.pipe.stages, any);
   const int from_a = operand_array<K>(part, 0), from_b = operand_array<K>(part, 1);
   const int* flag_a = s.flags(K == Kind::lu ? from_a : 0) + f.flag(a, 0);
   const int* flag_b = s.flags(K == Kind::lu ? from_b : 0) + f.flag(f.block_of_column(j), 0);
@@ -192,7 +258,7 @@ __device__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& tas
         });
     store_panels<T, S>(acc, T(1), to, stride, rows, cols, at);
   }
-  finish_task(s, task.front, f.flag(a, j), part, false);
+  finish_task(w, task.front, f.flag(a, j), part, false);
 }
 
 /// Inverses of a diagonal tile's factors, in shared memory: A (size x size) is destroyed, M goes to the factor array,
@@ -225,22 +291,15 @@ __device__ void invert_pivot_block(const FactorState<T>& s, const Front& f, int 
   }
 }
 
-/// The diagonal tile of a pivot column.
+/// The diagonal tile of a pivot column, up to its factorization: what was gathered loses the products to its left.
 template <class T, Kind K, int Width>
-__device__ void diagonal_task(Workshop<T>& w, const Front& f, const FactorTask& task) {
+__device__ void subtract_from_diagonal(Workshop<T>& w, const Front& f, int j) {
   using S = Shape<Width, Width>;
   const FactorState<T>& s = *w.state;
   const Corner<S> at;
-  const int j = task.column, col = f.column_begin(j), size = f.column_end(j) - col;
-  Target<T> x{};
-  x.to = w.pipe.stages;
-  x.ld = S::kLd;
-  x.tile_row = x.tile_col = j;
-  x.tile_row_end = x.tile_col_end = j + 1;
-  x.row0 = x.col0 = tile_begin(f, j);
-  x.square = K == Kind::lu;
+  const int col = f.column_begin(j), size = f.column_end(j) - col;
   T acc[S::kM][S::kN][4];
-  gather<T, K, S>(acc, w, f, x);
+  take_gathered<T, S>(acc, w.pipe.stages, true);
   const int a = f.block_of_column(j);
   const int from_a = operand_array<K>(0, 0), from_b = operand_array<K>(0, 1);
   const int* flag_a = s.flags(0) + f.flag(a, 0);
@@ -253,8 +312,6 @@ __device__ void diagonal_task(Workshop<T>& w, const Front& f, const FactorTask& 
     if (r < size && k < size) c[k * S::kLd + r] = -acc[m][n][e];
   });
   __syncthreads();
-  invert_pivot_block<T, K>(s, f, col, c, S::kLd, size, c + S::kLd * Width, S::kLd, w.n, [] {});
-  finish_task(s, task.front, f.diagonal_flag(j), 0, false);
 }
 
 /// out = in M^T for the strip of 16 rows at `strip` (element (r, k) at strip[r * sr + k * sk]), in place, by one warp.
@@ -286,30 +343,16 @@ __device__ void write_contribution(const FactorState<T>& s, const Front& f, cons
   }
 }
 
-/// A whole small front in shared memory.
+/// The rest of a whole small front in shared memory, after its pivot block was inverted: M is the last inverse.
 template <class T, Kind K>
-__device__ void whole_task(Workshop<T>& w, const Front& f, const FactorTask& task) {
+__device__ void finish_whole(Workshop<T>& w, const Front& f, const FactorTask& task) {
   const FactorState<T>& s = *w.state;
   const int warp = static_cast<int>(threadIdx.x) >> 5;
   const int p = f.pivot_pad, size = f.total_pad, ld = size + 4, ldm = p + 4, strips = (size - p) / 16;
   T* a = w.pipe.stages;
-  T* m = a + ld * size;
-  zero_area(a, ld * size);
-  __syncthreads();
-  Target<T> x{};
-  x.to = a;
-  x.ld = ld;
-  x.tile_row_end = x.tile_col_end = f.tiles;
-  x.gap = p - f.pivots;
-  x.square = K == Kind::lu;
-  assemble<T, K == Kind::lu>(s, f, x, *w.scratch);
+  const T* m = a + ld * size;
   T* low = a + p;      // rows below, pivot columns: element (r, k) at low[k * ld + r]
   T* up = a + p * ld;  // pivot rows, columns below: element (k, c) at up[c * ld + k]
-  invert_pivot_block<T, K>(s, f, 0, a, ld, p, m, ldm, w.n, [&] {
-    if constexpr (K == Kind::lu) {  // U12^T = A12^T P^T inverse(L)^T
-      for (int i = warp; i < strips; i += 4) strip_times_inverse(up + 16 * i * ld, ld, 1, m, ldm, p);
-    }
-  });
   __syncthreads();
   for (int i = warp; i < strips; i += 4) strip_times_inverse(low + 16 * i, 1, ld, m, ldm, p);
   __syncthreads();
@@ -347,7 +390,35 @@ __device__ void whole_task(Workshop<T>& w, const Front& f, const FactorTask& tas
   __syncthreads();
   if (f.below > 0) write_contribution<T, K>(s, f, a, ld);
   const std::int64_t flag = f.below > 0 ? f.flag(f.pivot_blocks, f.pivot_tiles) : f.diagonal_flag(0);
-  finish_task(s, task.front, flag, 0, K == Kind::lu);
+  finish_task(w, task.front, flag, 0, K == Kind::lu);
+}
+
+/// A diagonal tile, or a whole front.
+template <class T, Kind K, bool Wide>
+__device__ void pivot_task(Workshop<T>& w, const Front& f, const FactorTask& task) {
+  const FactorState<T>& s = *w.state;
+  const bool whole = task.work == Work::whole;
+  const int j = task.column, col = f.column_begin(j), size = f.column_end(j) - col;
+  if (!whole) {
+    if (Wide && f.width == 64)
+      subtract_from_diagonal<T, K, 64>(w, f, j);
+    else
+      subtract_from_diagonal<T, K, 32>(w, f, j);
+  }
+  T* a = w.pipe.stages;
+  const int lda = whole ? f.total_pad + 4 : f.width + 4, ldm = whole ? size + 4 : f.width + 4;
+  T* m = a + lda * (whole ? f.total_pad : f.width);
+  invert_pivot_block<T, K>(s, f, col, a, lda, size, m, ldm, w.n, [&] {
+    if constexpr (K == Kind::lu) {  // U12^T = A12^T P^T inverse(L)^T
+      const int strips = whole ? (f.total_pad - size) / 16 : 0;
+      for (int i = static_cast<int>(threadIdx.x) >> 5; i < strips; i += 4)
+        strip_times_inverse(a + size * lda + 16 * i * lda, lda, 1, m, ldm, size);
+    }
+  });
+  if (whole)
+    finish_whole<T, K>(w, f, task);
+  else
+    finish_task(w, task.front, f.diagonal_flag(j), 0, false);
 }
 
 }  // namespace espalier::device::cuda

@@ -110,6 +110,15 @@ __device__ inline void store_panels(const Accumulator<T, S>& acc, T sign, T* to,
       }
 }
 
+/// Front::chunk_offset() for tile columns of a width that the compiler knows.
+template <int Width>
+__device__ inline std::int64_t chunk_offset(int total_pad, int chunk, int row) {
+  constexpr int kPerTile = Width / kChunk;
+  const int j = chunk / kPerTile, height = total_pad - j * Width;
+  return (static_cast<std::int64_t>(j) * total_pad - static_cast<std::int64_t>(Width) * j * (j - 1) / 2) * Width +
+         (static_cast<std::int64_t>(chunk % kPerTile) * height + (row - j * Width)) * kChunk;
+}
+
 /// Where one operand comes from: chunk q starts at base + front.chunk_offset(q, row).
 template <class T>
 struct Operand {
@@ -140,7 +149,7 @@ __device__ void sum_products(Accumulator<T, S>& acc, const Front& f, const Opera
                              bool same, int chunks, const int* flag_a, const int* flag_b, int flag_stride,
                              Pipeline<T>& pipe, int* control, std::uint64_t patience) {
   const Corner<S> at;
-  const int per_tile = f.pivot_tiles == 1 ? max(chunks, 1) : f.width / kChunk;
+  constexpr int per_tile = S::kWidth / kChunk;  // f.width == S::kWidth
   const bool active = at.row < a.rows && at.col < b.rows;
 #if ESPALIER_BULK_COPIES
   const int columns = (chunks + per_tile - 1) / per_tile;
@@ -176,8 +185,9 @@ __device__ void sum_products(Accumulator<T, S>& acc, const Front& f, const Opera
         T* to = pipe.stages + stage_in * S::kStage;
         const unsigned bytes_a = a.rows * kChunk * sizeof(T), bytes_b = same ? 0 : b.rows * kChunk * sizeof(T);
         barrier_expect(bar, bytes_a + bytes_b);
-        bulk_copy(to, a.base + f.chunk_offset(issued, a.row), bytes_a, bar);
-        if (!same) bulk_copy(to + S::kRows * kChunk, b.base + f.chunk_offset(issued, b.row), bytes_b, bar);
+        bulk_copy(to, a.base + chunk_offset<S::kWidth>(f.total_pad, issued, a.row), bytes_a, bar);
+        if (!same)
+          bulk_copy(to + S::kRows * kChunk, b.base + chunk_offset<S::kWidth>(f.total_pad, issued, b.row), bytes_b, bar);
       }
       ++issued;
       stage_in = stage_in + 1 == depth ? 0 : stage_in + 1;

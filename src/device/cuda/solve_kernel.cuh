@@ -20,6 +20,8 @@ struct SolveState {
   const SolveTask* down;
   int up_tasks;
   int down_tasks;
+  int small_up;    ///< the first tasks of `up`: sub-trees of small fronts only
+  int small_down;  ///< the last tasks of `down`: likewise
   const Link* links;
   const std::int32_t* bounds;
   const std::int32_t* relative;
@@ -34,16 +36,22 @@ struct SolveState {
   T* forward;        ///< n; filled with ones bits: solution of the forward substitution
   T* updates;        ///< rows below of all fronts; filled with ones bits
   T* solution;       ///< n; filled with ones bits
-  int* control;      ///< [0] next task, [1] aborted; zero
+  int* control;      ///< [1] aborted, [2 .. 4] next task of each phase; zero
   std::uint64_t patience;
+};
+
+/// Blocks of each phase (small fronts up, all others, small fronts down) that are resident at the same time.
+struct SolveShape {
+  int blocks[3] = {};
 };
 
 template <class T>
 struct SolveKernel {
-  /// Blocks that are resident at the same time on the current device.
-  static cudaError_t resident(bool many, int& blocks);
+  /// For the current device.
+  static cudaError_t resident(bool many, SolveShape& shape);
   /// One pass for columns first_column .. of the right-hand sides: one (many false), or up to kManyColumns.
-  static cudaError_t launch(bool many, int blocks, const SolveState<T>& state, int first_column, cudaStream_t stream);
+  static cudaError_t launch(bool many, const SolveShape& shape, const SolveState<T>& state, int first_column,
+                            cudaStream_t stream);
 };
 
 }  // namespace espalier::device::cuda

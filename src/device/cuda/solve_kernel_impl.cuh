@@ -38,7 +38,7 @@ __device__ inline void publish(float* p, float v) {
 
 /// The value at p once it is there. After an abort: whatever is there.
 template <class T>
-__device__ T await_slowly(const T* p, int* control, std::uint64_t patience) {
+__device__ __forceinline__ T await_slowly(const T* p, int* control, std::uint64_t patience) {
   const std::uint64_t start = global_nanoseconds();
   for (int n = 1;; ++n) {
     const T v = load_shared_value(p);
@@ -50,7 +50,7 @@ __device__ T await_slowly(const T* p, int* control, std::uint64_t patience) {
   }
 }
 template <class T>
-__device__ inline T await(const T* p, int* control, std::uint64_t patience) {
+__device__ __forceinline__ T await(const T* p, int* control, std::uint64_t patience) {
   const T v = load_shared_value(p);
   return is_missing(v) ? await_slowly(p, control, patience) : v;
 }
@@ -60,17 +60,32 @@ __device__ inline PairOf<T> stream_pair(const T* p) {
   return __ldcs(reinterpret_cast<const PairOf<T>*>(p));
 }
 
+constexpr int kLargeThreads = 256;  ///< of a block that takes row blocks: a warp has 16 rows, or 16 columns
+constexpr int kSmallThreads = 128;  ///< of a block that takes whole small fronts
+constexpr int kSmallPerMultiprocessor = 8;
+__device__ inline int threads() { return static_cast<int>(blockDim.x); }
+__device__ inline int warps() { return static_cast<int>(blockDim.x) / 32; }
+
 template <class T, int Columns>
 struct SolveBench {
-  T v[kRowBlock * Columns];  ///< the block's part of the vector
-  T x[kRowBlock * Columns];  ///< finished values of the block
-  unsigned char active[kThreads];
+  T v[kRowBlock * Columns];      ///< the block's part of the vector
+  T x[2 * kRowBlock * Columns];  ///< finished values of other blocks, two groups in turn; partial sums
+  T y[kRowBlock * Columns];      ///< finished values of the block
+  unsigned char active[kLargeThreads];
   int next;
   Front front;
 };
 
 __device__ inline int lane_of_thread() { return static_cast<int>(threadIdx.x) & 31; }
 __device__ inline int warp_of_thread() { return static_cast<int>(threadIdx.x) >> 5; }
+
+/// Asks for the lines of [p, p + count) to be brought into the L2 cache; by all threads.
+template <class T>
+__device__ inline void prefetch(const T* p, int count) {
+  constexpr int kLine = 128 / sizeof(T);
+  for (int k = static_cast<int>(threadIdx.x) * kLine; k < count; k += threads() * kLine)
+    asm volatile("prefetch.global.L2 [%0];" ::"l"(p + k));
+}
 
 /// Sum over the four lanes that share a row of a panel; all four get it.
 template <class T>
@@ -93,8 +108,8 @@ template <class T, int C>
 __device__ void gather_updates(const SolveState<T>& s, SolveBench<T, C>& b, int tile, int tile_end, int row0) {
   const Front& f = b.front;
   const int gap = f.pivot_pad - f.pivots;
-  for (int base = f.link_begin; base < f.link_end; base += kThreads) {
-    const int count = min(kThreads, f.link_end - base);
+  for (int base = f.link_begin; base < f.link_end; base += threads()) {
+    const int count = min(threads(), f.link_end - base);
     if (static_cast<int>(threadIdx.x) < count) {
       const std::int32_t* bound = s.bounds + s.links[base + threadIdx.x].bound;
       b.active[threadIdx.x] = static_cast<unsigned char>(bound[tile] < bound[tile_end]);
@@ -105,7 +120,7 @@ __device__ void gather_updates(const SolveState<T>& s, SolveBench<T, C>& b, int 
       const Link link = s.links[base + k];
       const int r0 = s.bounds[link.bound + tile], r1 = s.bounds[link.bound + tile_end];
       const std::int64_t first = s.fronts[link.child].rows;
-      for (int y = r0 * C + static_cast<int>(threadIdx.x); y < r1 * C; y += kThreads) {
+      for (int y = r0 * C + static_cast<int>(threadIdx.x); y < r1 * C; y += threads()) {
         const int to = s.relative[first + y / C];
         const T u = await(s.updates + first * C + y, s.control, s.patience);
         b.v[(to + (to >= f.pivots ? gap : 0) - row0) * C + y % C] += u;
@@ -115,49 +130,67 @@ __device__ void gather_updates(const SolveState<T>& s, SolveBench<T, C>& b, int 
   }
 }
 
-/// v -= L(rows of the block, columns before it) times the finished part of the forward solution.
+/// Brings the finished values at rows [first, first + 128) of `from`, as far as they are below `end`, to shared memory.
+template <class T, int C>
+__device__ inline void stage_values(const SolveState<T>& s, const T* from, int first, int end, T* to) {
+  for (int k = threadIdx.x; k < kRowBlock * C; k += threads())
+    to[k] = first + k / C < end ? await(from + static_cast<std::int64_t>(first) * C + k, s.control, s.patience) : T(0);
+}
+
+/// v -= L(rows of the block, columns before it) times the finished part of the forward solution. A warp has 16 rows;
+/// columns go by in groups of 128.
 template <class T, int C>
 __device__ void subtract_left(const SolveState<T>& s, SolveBench<T, C>& b, const T* factor, int row, int rows,
                               int chunks) {
   const Front& f = b.front;
-  const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3, top = warp_of_thread() * 32;
-  if (top >= rows || chunks == 0) return;
-  constexpr int kBatch = C == 1 ? 2 : 1;
-  T acc[4][C] = {};
-  for (int q0 = 0; q0 < chunks; q0 += kBatch) {
-    PairOf<T> l[kBatch][4][2];
+  const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3, top = warp_of_thread() * 16;
+  constexpr int kAtOnce = C == 1 ? 2 : 1;  // chunks in registers
+  constexpr int kPerGroup = kRowBlock / kChunk;
+  if (chunks == 0) return;
+  const bool mine = top < rows;
+  T acc[2][C] = {};
+  PairOf<T> l[kAtOnce][2][2];
+  const auto load = [&](int q0) {
+    if (!mine || q0 >= chunks) return;
 #pragma unroll
-    for (int q = 0; q < kBatch; ++q) {
+    for (int q = 0; q < kAtOnce; ++q) {
+      // Past the end the last chunk comes again; the values that it meets are zero.
       const T* from = factor + f.chunk_offset(min(q0 + q, chunks - 1), row) + top * kChunk + lane * 2;
 #pragma unroll
-      for (int p = 0; p < 4; ++p)
+      for (int p = 0; p < 2; ++p)
 #pragma unroll
-        for (int h = 0; h < 2; ++h)
-          if (top + 8 * p < rows) l[q][p][h] = stream_pair(from + p * 128 + h * 64);
+        for (int h = 0; h < 2; ++h) l[q][p][h] = stream_pair(from + p * 128 + h * 64);
     }
+  };
+  load(0);
+  for (int first = 0; first < chunks; first += kPerGroup) {
+    T* x = b.x + (first / kPerGroup & 1) * kRowBlock * C;
+    stage_values<T, C>(s, s.forward + static_cast<std::int64_t>(f.position) * C, first * kChunk,
+                       min(chunks * kChunk, f.pivots), x);
+    __syncthreads();
+    if (!mine) continue;
+#pragma unroll 1
+    for (int q0 = 0; q0 < kPerGroup; q0 += kAtOnce) {
 #pragma unroll
-    for (int q = 0; q < kBatch; ++q)
+      for (int q = 0; q < kAtOnce; ++q) {
 #pragma unroll
-      for (int u = 0; u < 4; ++u) {
-        const int col = (q0 + q) * kChunk + 4 * u + t;
-        const bool real = q0 + q < chunks && col < f.pivots;
+        for (int u = 0; u < 4; ++u)
 #pragma unroll
-        for (int c = 0; c < C; ++c) {
-          const T y =
-              real ? await(s.forward + static_cast<std::int64_t>(f.position + col) * C + c, s.control, s.patience)
-                   : T(0);
+          for (int c = 0; c < C; ++c) {
+            const T y = x[((q0 + q) * kChunk + 4 * u + t) * C + c];
 #pragma unroll
-          for (int p = 0; p < 4; ++p)
-            if (top + 8 * p < rows) acc[p][c] += ((u & 1) != 0 ? l[q][p][u >> 1].y : l[q][p][u >> 1].x) * y;
-        }
+            for (int p = 0; p < 2; ++p) acc[p][c] += ((u & 1) != 0 ? l[q][p][u >> 1].y : l[q][p][u >> 1].x) * y;
+          }
       }
+      load(first + q0 + kAtOnce);
+    }
   }
 #pragma unroll
-  for (int p = 0; p < 4; ++p)
+  for (int p = 0; p < 2; ++p)
 #pragma unroll
     for (int c = 0; c < C; ++c) {
       const T sum = sum_over_columns(acc[p][c]);
-      if (t == 0 && top + 8 * p < rows) b.v[(top + 8 * p + g) * C + c] -= sum;
+      if (t == 0 && mine) b.v[(top + 8 * p + g) * C + c] -= sum;
     }
 }
 
@@ -167,16 +200,23 @@ template <class T, int C>
 __device__ void multiply_panels(const T* a, std::int64_t stride, int rows, int cols, const T* in, T* out,
                                 bool subtract) {
   const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3;
-  for (int p = warp_of_thread(); p < rows / 8; p += 4) {
+  for (int p = warp_of_thread(); p < rows / 8; p += warps()) {
     T acc[C] = {};
-    for (int q = 0; q < cols / kChunk; ++q) {
-      const T* from = a + q * stride + p * 128 + lane * 2;
-      const auto lo = load_pair(from), hi = load_pair(from + 64);
-      const T* y = in + (q * kChunk + t) * C;
+    PairOf<T> l[4][2];
 #pragma unroll
-      for (int c = 0; c < C; ++c)
-        acc[c] += lo.x * y[c] + lo.y * y[4 * C + c] + hi.x * y[8 * C + c] + hi.y * y[12 * C + c];
-    }
+    for (int q = 0; q < 4; ++q)
+      if (q < cols / kChunk) {
+        l[q][0] = load_pair(a + q * stride + p * 128 + lane * 2);
+        l[q][1] = load_pair(a + q * stride + p * 128 + lane * 2 + 64);
+      }
+#pragma unroll
+    for (int q = 0; q < 4; ++q)
+      if (q < cols / kChunk) {
+        const T* y = in + (q * kChunk + t) * C;
+#pragma unroll
+        for (int c = 0; c < C; ++c)
+          acc[c] += l[q][0].x * y[c] + l[q][0].y * y[4 * C + c] + l[q][1].x * y[8 * C + c] + l[q][1].y * y[12 * C + c];
+      }
 #pragma unroll
     for (int c = 0; c < C; ++c) {
       const T sum = sum_over_columns(acc[c]);
@@ -188,7 +228,7 @@ __device__ void multiply_panels(const T* a, std::int64_t stride, int rows, int c
 
 template <class T, int C>
 __device__ void publish_rows(const T* from, T* to, int count) {
-  for (int y = threadIdx.x; y < count * C; y += kThreads) publish(to + y, from[y]);
+  for (int y = threadIdx.x; y < count * C; y += threads()) publish(to + y, from[y]);
 }
 
 /// One row block of a front; block < 0: a front of one block in all.
@@ -203,24 +243,27 @@ __device__ void go_up(const SolveState<T>& s, SolveBench<T, C>& b, int block, in
   const int tile = pivot ? a * per_block : f.pivot_tiles + (a - f.pivot_blocks) * per_block;
   const int tile_end = all ? f.tiles : min(tile + per_block, pivot ? f.pivot_tiles : f.tiles);
   const T* factor = s.arena + (s.up_second ? f.second : f.factor);
-  for (int y = threadIdx.x; y < kRowBlock * C; y += kThreads) {
+  for (int y = threadIdx.x; y < kRowBlock * C; y += threads()) {
     const int r = row + y / C, c = first_column + y % C;
     b.v[y] = pivot && r < f.pivots && c < s.columns ? s.rhs[static_cast<std::int64_t>(f.position + r) * s.columns + c]
                                                     : T(0);
   }
+  const int tiles_here = pivot ? (all ? f.pivot_tiles : tile_end) : tile;
+  for (int j = tile; j < tiles_here; ++j)  // what comes last, and is waited for by others
+    for (int q = f.column_begin(j) / kChunk; q < f.column_end(j) / kChunk; ++q)
+      prefetch(factor + f.chunk_offset(q, f.column_begin(j)), (end - f.column_begin(j)) * kChunk);
   __syncthreads();
   gather_updates(s, b, tile, tile_end, row);
   subtract_left(s, b, factor, row, rows, (pivot ? row : f.pivot_pad) / kChunk);
   __syncthreads();
-  const int tiles_here = pivot ? (all ? f.pivot_tiles : tile_end) : tile;
   for (int j = tile; j < tiles_here; ++j) {
     const int col = f.column_begin(j), last = f.column_end(j), size = last - col, q = col / kChunk;
     const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - j * f.width) * kChunk;
-    multiply_panels<T, C>(factor + f.chunk_offset(q, col), stride, size, size, b.v + (col - row) * C, b.x, false);
+    multiply_panels<T, C>(factor + f.chunk_offset(q, col), stride, size, size, b.v + (col - row) * C, b.y, false);
     __syncthreads();
-    publish_rows<T, C>(b.x, s.forward + static_cast<std::int64_t>(f.position + col) * C, min(size, f.pivots - col));
+    publish_rows<T, C>(b.y, s.forward + static_cast<std::int64_t>(f.position + col) * C, min(size, f.pivots - col));
     if (last < end)
-      multiply_panels<T, C>(factor + f.chunk_offset(q, last), stride, end - last, size, b.x, b.v + (last - row) * C,
+      multiply_panels<T, C>(factor + f.chunk_offset(q, last), stride, end - last, size, b.y, b.v + (last - row) * C,
                             true);
     __syncthreads();
   }
@@ -232,114 +275,107 @@ __device__ void go_up(const SolveState<T>& s, SolveBench<T, C>& b, int block, in
 
 // ---- down ----------------------------------------------------------------------------------------------------------
 
-/// acc[u] += sum over the rows of `Panels` panels of A(row, 4 u + t) x(row); value(p, c): x of this lane's row of panel
-/// p.
-template <class T, int C, int Panels>
-__device__ inline void add_transposed(T (&acc)[4][C], const PairOf<T> (&l)[Panels][2], const T (&x)[Panels][C]) {
-#pragma unroll
-  for (int p = 0; p < Panels; ++p)
-#pragma unroll
-    for (int c = 0; c < C; ++c) {
-      acc[0][c] += l[p][0].x * x[p][c];
-      acc[1][c] += l[p][0].y * x[p][c];
-      acc[2][c] += l[p][1].x * x[p][c];
-      acc[3][c] += l[p][1].y * x[p][c];
-    }
+/// Place of padded row r of the front in the solution; -1 for padding.
+template <class T>
+__device__ inline int position_of_row(const SolveState<T>& s, const Front& f, int r) {
+  if (r < f.pivot_pad) return r < f.pivots ? f.position + r : -1;
+  return r - f.pivot_pad < f.below ? s.rows[f.rows + r - f.pivot_pad] : -1;
 }
 
-/// x of padded row r of the front; zero for padding.
-template <class T, int C>
-__device__ inline void await_row(const SolveState<T>& s, const Front& f, int r, T (&x)[C]) {
-  int position = -1;
-  if (r < f.pivot_pad) {
-    if (r < f.pivots) position = f.position + r;
-  } else if (r - f.pivot_pad < f.below) {
-    position = s.rows[f.rows + r - f.pivot_pad];
-  }
-#pragma unroll
-  for (int c = 0; c < C; ++c)
-    x[c] = position < 0 ? T(0) : await(s.solution + static_cast<std::int64_t>(position) * C + c, s.control, s.patience);
-}
-
-/// v -= L(rows from `from` on, columns of the block)^T x, from the last row up: what is known first comes first.
+/// v -= L(rows from `from` on, columns of the block)^T x, from the last group of 128 rows up: what is known first comes
+/// first. A warp has 16 columns.
 template <class T, int C>
 __device__ void subtract_below(const SolveState<T>& s, SolveBench<T, C>& b, const T* factor, int col, int cols,
                                int from) {
   const Front& f = b.front;
-  const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3;
-  constexpr int kAtOnce = C == 1 ? 2 : 1;  // chunks of this warp in one sweep
-  constexpr int kPanels = C == 1 ? 4 : 2;
-  const int panels = (f.total_pad - from) / 8;
+  const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3, warp = warp_of_thread();
+  constexpr int kAtOnce = C == 1 ? 4 : 2;  // panels in registers
+  constexpr int kPerGroup = kRowBlock / kPanel;
+  const int panels = (f.total_pad - from) / kPanel;
   if (panels == 0) return;
-  for (int q0 = warp_of_thread(); q0 < cols / kChunk; q0 += 4 * kAtOnce) {
-    T acc[kAtOnce][4][C] = {};
-    const T* base[kAtOnce];
-    bool wanted[kAtOnce];
+  const bool mine = warp * kChunk < cols;
+  const T* base = factor + f.chunk_offset(col / kChunk + (mine ? warp : 0), from) + lane * 2;
+  T acc[4][C] = {};
+  PairOf<T> l[kAtOnce][2];
+  const auto load = [&](int p0) {
+    if (!mine || p0 < 0) return;
 #pragma unroll
-    for (int k = 0; k < kAtOnce; ++k) {
-      wanted[k] = q0 + 4 * k < cols / kChunk;
-      base[k] = factor + f.chunk_offset(col / kChunk + (wanted[k] ? q0 + 4 * k : q0), from) + lane * 2;
+    for (int p = 0; p < kAtOnce; ++p)
+#pragma unroll
+      for (int h = 0; h < 2; ++h)
+        l[p][h] = stream_pair(base + static_cast<std::int64_t>(min(p0 + p, panels - 1)) * 128 + h * 64);
+  };
+  const int groups = (panels + kPerGroup - 1) / kPerGroup;
+  load(groups * kPerGroup - kAtOnce);
+  for (int k = groups - 1; k >= 0; --k) {
+    T* x = b.x + (k & 1) * kRowBlock * C;
+    for (int y = threadIdx.x; y < kRowBlock * C; y += threads()) {
+      const int r = from + k * kRowBlock + y / C, at = r < f.total_pad ? position_of_row(s, f, r) : -1;
+      x[y] = at >= 0 ? await(s.solution + static_cast<std::int64_t>(at) * C + y % C, s.control, s.patience) : T(0);
     }
-    for (int top = panels; top > 0; top -= kPanels) {
-      PairOf<T> l[kAtOnce][kPanels][2];
-      T x[kPanels][C];
+    __syncthreads();
+    if (!mine) continue;
+#pragma unroll 1
+    for (int p0 = kPerGroup - kAtOnce; p0 >= 0; p0 -= kAtOnce) {
 #pragma unroll
-      for (int k = 0; k < kAtOnce; ++k)
-#pragma unroll
-        for (int p = 0; p < kPanels; ++p)
-#pragma unroll
-          for (int h = 0; h < 2; ++h)
-            if (wanted[k])
-              l[k][p][h] = stream_pair(base[k] + static_cast<std::int64_t>(max(top - 1 - p, 0)) * 128 + h * 64);
-#pragma unroll
-      for (int p = 0; p < kPanels; ++p) {
-        if (top - 1 - p >= 0) {
-          await_row<T, C>(s, f, from + (top - 1 - p) * 8 + g, x[p]);
-        } else {
-#pragma unroll
-          for (int c = 0; c < C; ++c) x[p][c] = T(0);
-        }
-      }
-#pragma unroll
-      for (int k = 0; k < kAtOnce; ++k)
-        if (wanted[k]) add_transposed<T, C, kPanels>(acc[k], l[k], x);
-    }
-#pragma unroll
-    for (int k = 0; k < kAtOnce; ++k)
-#pragma unroll
-      for (int u = 0; u < 4; ++u)
+      for (int p = 0; p < kAtOnce; ++p) {
 #pragma unroll
         for (int c = 0; c < C; ++c) {
-          const T sum = sum_over_rows(acc[k][u][c]);
-          if (wanted[k] && g == 0) b.v[((q0 + 4 * k) * kChunk + 4 * u + t) * C + c] -= sum;
+          const T z = x[((p0 + p) * kPanel + g) * C + c];
+          acc[0][c] += l[p][0].x * z;
+          acc[1][c] += l[p][0].y * z;
+          acc[2][c] += l[p][1].x * z;
+          acc[3][c] += l[p][1].y * z;
         }
+      }
+      load(k * kPerGroup + p0 - kAtOnce);
+    }
   }
+#pragma unroll
+  for (int u = 0; u < 4; ++u)
+#pragma unroll
+    for (int c = 0; c < C; ++c) {
+      const T sum = sum_over_rows(acc[u][c]);
+      if (mine && g == 0) b.v[(warp * kChunk + 4 * u + t) * C + c] -= sum;
+    }
 }
 
-/// out(cols) = beta out + alpha A^T in for `rows` x `cols` panels at `a`; in, out in shared memory.
-template <class T, int C>
-__device__ void multiply_panels_transposed(const T* a, std::int64_t stride, int rows, int cols, const T* in, T* out,
-                                           bool subtract) {
+/// Partial sums of A^T in for `rows` x `cols` (at most 64) panels at `a`: part[h * 64 * C + ...] over the panels of
+/// half h. value(r, c): element of `in`.
+template <class T, int C, class Value>
+__device__ void multiply_panels_transposed(const T* a, std::int64_t stride, int rows, int cols, T* part,
+                                           Value&& value) {
   const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3;
-  for (int q = warp_of_thread(); q < cols / kChunk; q += 4) {
+  const int chunks = cols / kChunk, panels = rows / kPanel, half = (panels + 1) / 2;
+  for (int unit = warp_of_thread(); unit < 2 * chunks; unit += warps()) {
+    const int q = unit >> 1, h = unit & 1, end = h == 0 ? half : panels;
     T acc[4][C] = {};
-    for (int p = 0; p < rows / 8; ++p) {
-      PairOf<T> l[1][2];
-      T x[1][C];
-      const T* from = a + q * stride + p * 128 + lane * 2;
-      l[0][0] = load_pair(from);
-      l[0][1] = load_pair(from + 64);
+    for (int p0 = h * half; p0 < end; p0 += 4) {
+      PairOf<T> l[4][2];
 #pragma unroll
-      for (int c = 0; c < C; ++c) x[0][c] = in[(8 * p + g) * C + c];
-      add_transposed<T, C, 1>(acc, l, x);
+      for (int p = 0; p < 4; ++p)
+        if (p0 + p < end) {
+          l[p][0] = load_pair(a + q * stride + (p0 + p) * 128 + lane * 2);
+          l[p][1] = load_pair(a + q * stride + (p0 + p) * 128 + lane * 2 + 64);
+        }
+#pragma unroll
+      for (int p = 0; p < 4; ++p)
+        if (p0 + p < end)
+#pragma unroll
+          for (int c = 0; c < C; ++c) {
+            const T z = value(kPanel * (p0 + p) + g, c);
+            acc[0][c] += l[p][0].x * z;
+            acc[1][c] += l[p][0].y * z;
+            acc[2][c] += l[p][1].x * z;
+            acc[3][c] += l[p][1].y * z;
+          }
     }
 #pragma unroll
     for (int u = 0; u < 4; ++u)
 #pragma unroll
       for (int c = 0; c < C; ++c) {
         const T sum = sum_over_rows(acc[u][c]);
-        T* to = out + (q * kChunk + 4 * u + t) * C + c;
-        if (g == 0) *to = subtract ? *to - sum : sum;
+        if (g == 0) part[(h * 64 + q * kChunk + 4 * u + t) * C + c] = sum;
       }
   }
 }
@@ -348,23 +384,23 @@ __device__ void multiply_panels_transposed(const T* a, std::int64_t stride, int 
 template <class T, int C>
 __device__ void take_forward(const SolveState<T>& s, SolveBench<T, C>& b, int col, int cols) {
   const Front& f = b.front;
-  for (int y = threadIdx.x; y < kRowBlock * C; y += kThreads) {
+  for (int y = threadIdx.x; y < kRowBlock * C; y += threads()) {
     const bool real = y / C < cols && col + y / C < f.pivots;
     const std::int64_t at = static_cast<std::int64_t>(f.position + col) * C + y;
     const T v = real ? await(s.forward + at, s.control, s.patience) : T(0);
-    (s.inverse_d != nullptr ? b.x : b.v)[y] = v;
+    (s.inverse_d != nullptr ? b.y : b.v)[y] = v;
   }
   if (s.inverse_d == nullptr) return;
   __syncthreads();
-  for (int y = threadIdx.x; y < kRowBlock * C; y += kThreads) {
+  for (int y = threadIdx.x; y < kRowBlock * C; y += threads()) {
     const int k = y / C, position = f.position + col + k;
     T v = T(0);
     if (k < cols && col + k < f.pivots) {
-      v = s.inverse_d[position] * b.x[y];
+      v = s.inverse_d[position] * b.y[y];
       const T e = s.inverse_e[position];
-      if (e != T(0)) v += e * b.x[y + C];
+      if (e != T(0)) v += e * b.y[y + C];
       const T before = col + k > 0 ? s.inverse_e[position - 1] : T(0);
-      if (before != T(0) && k > 0) v += before * b.x[y - C];
+      if (before != T(0) && k > 0) v += before * b.y[y - C];
     }
     b.v[y] = v;
   }
@@ -377,75 +413,110 @@ __device__ void go_down(const SolveState<T>& s, SolveBench<T, C>& b, int a, int 
   const int col = f.block_begin(a), end = f.block_end(a), cols = end - col;
   const int per_block = kRowBlock / f.width, tile = a * per_block;
   const T* factor = s.arena + (s.down_second ? f.second : f.factor);
+  for (int q = 0; q < cols / kChunk; ++q) {  // what comes last, and is waited for by others
+    const int first = col / kChunk + q, top = col + q * kChunk / f.width * f.width;
+    prefetch(factor + f.chunk_offset(first, top), (min(end + kRowBlock, f.total_pad) - top) * kChunk);
+  }
   take_forward(s, b, col, cols);
   __syncthreads();
   subtract_below(s, b, factor, col, cols, end);
   __syncthreads();
+  T* left = b.x;              // partial sums over the rows of the block after the tile
+  T* own = b.x + 2 * 64 * C;  // partial sums of the product with the inverse
   for (int j = min(tile + per_block, f.pivot_tiles) - 1; j >= tile; --j) {
     const int c0 = f.column_begin(j), c1 = f.column_end(j), size = c1 - c0, q = c0 / kChunk;
     const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - j * f.width) * kChunk;
-    if (c1 < end) {
-      multiply_panels_transposed<T, C>(factor + f.chunk_offset(q, c1), stride, end - c1, size, b.x + (c1 - col) * C,
-                                       b.v + (c0 - col) * C, true);
+    const bool more = c1 < end;
+    const T* v = b.v + (c0 - col) * C;
+    const T* x = b.y + (c1 - col) * C;
+    if (more) {
+      multiply_panels_transposed<T, C>(factor + f.chunk_offset(q, c1), stride, end - c1, size, left,
+                                       [&](int r, int c) { return x[r * C + c]; });
       __syncthreads();
     }
-    multiply_panels_transposed<T, C>(factor + f.chunk_offset(q, c0), stride, size, size, b.v + (c0 - col) * C,
-                                     b.x + (c0 - col) * C, false);
+    multiply_panels_transposed<T, C>(factor + f.chunk_offset(q, c0), stride, size, size, own, [&](int r, int c) {
+      const int k = r * C + c;
+      return more ? v[k] - (left[k] + left[64 * C + k]) : v[k];
+    });
     __syncthreads();
     const int real = min(size, f.pivots - c0);
-    publish_rows<T, C>(b.x + (c0 - col) * C, s.solution + static_cast<std::int64_t>(f.position + c0) * C, real);
-    for (int y = threadIdx.x; y < real * C; y += kThreads)
+    for (int y = threadIdx.x; y < size * C; y += threads()) {
+      const T value = own[y] + own[64 * C + y];
+      b.y[(c0 - col) * C + y] = value;
+      if (y >= real * C) continue;
+      publish(s.solution + static_cast<std::int64_t>(f.position + c0) * C + y, value);
       if (first_column + y % C < s.columns)
-        s.rhs[static_cast<std::int64_t>(f.position + c0 + y / C) * s.columns + first_column + y % C] =
-            b.x[(c0 - col) * C + y];
+        s.rhs[static_cast<std::int64_t>(f.position + c0 + y / C) * s.columns + first_column + y % C] = value;
+    }
+    __syncthreads();
   }
 }
 
-template <class T, int C>
-__global__ void __launch_bounds__(kThreads, C == 1 ? 4 : 2)
+/// Which fronts a kernel takes: small sub-trees on the way up, all others up and down, small sub-trees on the way down.
+enum class Phase { small_up, large, small_down };
+
+template <class T, int C, Phase P>
+__global__ void __launch_bounds__(P == Phase::large ? kLargeThreads : kSmallThreads,
+                                  P == Phase::large ? (C == 1 ? 2 : 1) : (C == 1 ? kSmallPerMultiprocessor : 3))
     solve_kernel(const __grid_constant__ SolveState<T> s, int first_column) {
   __shared__ SolveBench<T, C> b;
+  const int first_up = P == Phase::large ? s.small_up : 0;
+  const int ups = P == Phase::small_up ? s.small_up : (P == Phase::large ? s.up_tasks - s.small_up : 0);
+  const int first_down = P == Phase::small_down ? s.down_tasks - s.small_down : 0;
+  const int downs = P == Phase::small_down ? s.small_down : (P == Phase::large ? s.down_tasks - s.small_down : 0);
   for (;;) {
     __syncthreads();
     if (threadIdx.x == 0)
-      b.next = load_relaxed(s.control + 1) != 0 ? s.up_tasks + s.down_tasks : atomicAdd(s.control, 1);
+      b.next = load_relaxed(s.control + 1) != 0 ? ups + downs : atomicAdd(s.control + 2 + static_cast<int>(P), 1);
     __syncthreads();
     const int id = b.next;
-    if (id >= s.up_tasks + s.down_tasks) return;
-    const SolveTask task = id < s.up_tasks ? s.up[id] : s.down[id - s.up_tasks];
+    if (id >= ups + downs) return;
+    const SolveTask task = id < ups ? s.up[first_up + id] : s.down[first_down + id - ups];
     const int* from = reinterpret_cast<const int*>(s.fronts + task.front);
-    for (int x = threadIdx.x; x < static_cast<int>(sizeof(Front) / sizeof(int)); x += kThreads)
+    for (int x = threadIdx.x; x < static_cast<int>(sizeof(Front) / sizeof(int)); x += threads())
       reinterpret_cast<int*>(&b.front)[x] = from[x];
     __syncthreads();
-    if (id < s.up_tasks)
-      go_up(s, b, task.block, first_column);
+    if (P == Phase::small_up || (P == Phase::large && id < ups))
+      go_up<T, C>(s, b, P == Phase::small_up ? -1 : task.block, first_column);
     else
-      go_down(s, b, task.block, first_column);
+      go_down<T, C>(s, b, task.block, first_column);
   }
+}
+
+template <class T, int C, class Use>
+cudaError_t for_each_phase(const Use& use) {
+  if (const auto e = use(solve_kernel<T, C, Phase::small_up>, 0, kSmallThreads)) return e;
+  if (const auto e = use(solve_kernel<T, C, Phase::large>, 1, kLargeThreads)) return e;
+  return use(solve_kernel<T, C, Phase::small_down>, 2, kSmallThreads);
 }
 
 }  // namespace
 
 template <class T>
-cudaError_t SolveKernel<T>::resident(bool many, int& blocks) {
-  int device = 0, multiprocessors = 0, each = 0;
+cudaError_t SolveKernel<T>::resident(bool many, SolveShape& shape) {
+  int device = 0, multiprocessors = 0;
   if (const auto e = cudaGetDevice(&device)) return e;
   if (const auto e = cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device)) return e;
-  const auto e = many ? cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, solve_kernel<T, kManyColumns>, kThreads, 0)
-                      : cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, solve_kernel<T, 1>, kThreads, 0);
-  blocks = each * multiprocessors;
-  return e;
+  const auto ask = [&](auto* kernel, int phase, int block) {
+    int each = 0;
+    const auto e = cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, block, 0);
+    shape.blocks[phase] = each * multiprocessors;
+    return e;
+  };
+  return many ? for_each_phase<T, kManyColumns>(ask) : for_each_phase<T, 1>(ask);
 }
 
 template <class T>
-cudaError_t SolveKernel<T>::launch(bool many, int blocks, const SolveState<T>& state, int first_column,
+cudaError_t SolveKernel<T>::launch(bool many, const SolveShape& shape, const SolveState<T>& state, int first_column,
                                    cudaStream_t stream) {
-  const int grid = std::min(blocks, state.up_tasks + state.down_tasks);
-  if (many)
-    solve_kernel<T, kManyColumns><<<grid, kThreads, 0, stream>>>(state, first_column);
-  else
-    solve_kernel<T, 1><<<grid, kThreads, 0, stream>>>(state, first_column);
-  return cudaGetLastError();
+  const int tasks[3] = {state.small_up, state.up_tasks - state.small_up + state.down_tasks - state.small_down,
+                        state.small_down};
+  const auto start = [&](auto* kernel, int phase, int block) {
+    if (tasks[phase] == 0) return cudaSuccess;
+    kernel<<<std::min(shape.blocks[phase], tasks[phase]), block, 0, stream>>>(state, first_column);
+    return cudaGetLastError();
+  };
+  return many ? for_each_phase<T, kManyColumns>(start) : for_each_phase<T, 1>(start);
 }
 
 }  // namespace espalier::device::cuda

@@ -47,6 +47,7 @@ struct Front {
   std::int32_t pivots = 0;
   std::int32_t below = 0;
   std::int32_t width = 0;
+  std::int32_t width_log2 = 0;
   std::int32_t pivot_pad = 0;
   std::int32_t total_pad = 0;
   std::int32_t below_ld = 0;
@@ -59,6 +60,7 @@ struct Front {
   std::int32_t wait_begin = 0, wait_end = 0;
   std::int32_t tasks = 0;  ///< tasks of the front: it is finished when so many are done
   std::int32_t whole = 0;
+  std::int32_t unused = 0;  ///< keeps the size a multiple of 8 bytes without padding
 
   /// First padded row of tile column j.
   [[nodiscard]] ESPALIER_BOTH int column_begin(int j) const {
