@@ -80,10 +80,12 @@ void assign_largest_first(std::vector<SubTree>& subtrees, Index devices) {
 }  // namespace
 
 double front_seconds(Index pivots, Index rows, bool unsymmetric) {
-  // One AVX-512 core; the first two figures are those of the host's cost model in solver/device_choice.cpp.
+  // One AVX-512 core; the first two figures are those of the host's cost model in solver/device_choice.cpp. The third
+  // fits traces of elasticity 14^3 and a plate of 60 x 60 on one thread: fronts of 10^5 flops (some 60 rows) run at 8
+  // GFLOP/s, of 5 10^5 (120 rows) at 17, of 10^7 (400 rows) at 29.
   constexpr double kFlopsPerSecond = 6e10;
   constexpr double kFront = 1.5e-6;  // seconds
-  constexpr double kHalfRows = 100;  // rows of a front that runs at half the rate; assumed, checked on traces
+  constexpr double kHalfRows = 300;  // rows of a front that runs at half the rate
   return kFront + front_flops(pivots, rows, unsymmetric) / kFlopsPerSecond * (1 + kHalfRows / rows);
 }
 

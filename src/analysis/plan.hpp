@@ -56,7 +56,8 @@ struct PlanOptions {
   Index reuse_distance = 64;  ///< a dead region is reused only by fronts that start so many tasks later
   Index devices = 1;          ///< devices that share the plan
   /// Several devices: sub-trees per device beyond the first, so that what one device lacks another can give. More of
-  /// them balance better and leave more of the tree to the shared top.
+  /// them balance better and leave more of the tree to the shared top. The default is assumed, not measured: four
+  /// pieces a device keep what Graham's bound may lose below a quarter of a device's share.
   double additional_subtrees = 3;
 };
 
@@ -64,8 +65,8 @@ struct PlanOptions {
 /// is reused once its content is dead; since tasks overlap in time, the front that reuses it first waits for the fronts
 /// in `wait_fronts` to be finished (they stand earlier in the task list, so the wait ends). Contributions inside a
 /// range task never leave the worker: they live on a stack of its own.
-/// With several devices, a sub-tree reuses only places of its own, so that whoever works on it waits for nobody; the top
-/// reuses what the sub-trees leave.
+/// With several devices, a sub-tree reuses only places of its own, so that whoever works on it waits for nobody; the
+/// top reuses what the sub-trees leave.
 struct MemoryPlan {
   Offset size = 0;                    ///< elements of the arena
   Offset factor_size = 0;             ///< elements of it that hold factors at the end
@@ -77,8 +78,8 @@ struct MemoryPlan {
   std::vector<char> on_stack;         ///< fronts; 1: the contribution is on the worker's stack
   std::vector<Offset> wait_ptr;       ///< fronts + 1
   std::vector<Index> wait_fronts;     ///< fronts to wait for before the first write to this front's arrays
-  /// devices; elements that are a device's part of the arena: its sub-trees, its block columns of the top's factors, and
-  /// an even part of what the top needs besides. Their sum is `size` at least.
+  /// devices; elements that are a device's part of the arena: its sub-trees, its block columns of the top's factors,
+  /// and an even part of what the top needs besides. Their sum is `size` at least.
   std::vector<Offset> device_size;
 };
 

@@ -51,7 +51,9 @@ class Machine {
     options.tiles.max_block_size = 32;  // small systems, too, shall have fronts of many tiles
     options.tiles.whole_rows = 48;
     options.range_flops = 1e5;
-    plan_ = analysis::make_plan(analysis::build_tree(analysis::graph_of(a, pool_), {}, pool_), a, {}, options, pool_);
+    base::ThreadPool planner(1);
+    plan_ =
+        analysis::make_plan(analysis::build_tree(analysis::graph_of(a, planner), {}, planner), a, {}, options, planner);
   }
   void start(HostOptions options = {}) {
     executor_ = device::host::make_host_executor<double>(plan_, kind_, {0.01, kTiny}, pool_, nullptr, nullptr,
@@ -111,19 +113,18 @@ class HostDevices : public ::testing::TestWithParam<System> {
 
 TEST_P(HostDevices, AnyNumberGivesTheBitsOfOne) {
   for (Index devices = 1; devices <= 8; ++devices) {
-    for (const int team : {1, 2}) {
-      Machine many(a_, GetParam().kind, devices, devices * team);
-      many.start();
-      SCOPED_TRACE(std::to_string(devices) + " devices of " + std::to_string(team));
-      expect_the_same(many, many.factorize());
-      EXPECT_EQ(static_cast<Index>(many.work().size()), devices == 1 ? 0 : devices);
-    }
+    const int team = 1 + devices % 2;
+    Machine many(a_, GetParam().kind, devices, devices * team);
+    many.start();
+    SCOPED_TRACE(std::to_string(devices) + " devices of " + std::to_string(team));
+    expect_the_same(many, many.factorize());
+    EXPECT_EQ(static_cast<Index>(many.work().size()), devices == 1 ? 0 : devices);
   }
 }
 
 TEST_P(HostDevices, RandomSpeedsAndDelaysGiveTheSameBits) {
   Index thefts = 0;
-  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
     std::mt19937_64 random(seed);
     const auto devices = static_cast<Index>(2 + random() % 7);
     Machine many(a_, GetParam().kind, devices, devices * static_cast<int>(1 + random() % 2));

@@ -1,0 +1,113 @@
+// Option device = host:N and host:N,M through the public interface. Truth: the same system on one device with one
+// thread, bit by bit; N and M as asked for.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "espalier/espalier.hpp"
+#include "matrix/generators/generate.hpp"
+#include "reference/reference.hpp"
+
+namespace espalier {
+namespace {
+
+SparseMatrix generated(std::vector<std::string> words) { return matrix::generate(matrix::parse_generator(words)); }
+
+Options on(const std::string& device, Precision precision = Precision::fp64) {
+  Options o;
+  o.device = device;
+  o.precision = precision;
+  o.threads = 1;
+  return o;
+}
+
+std::vector<double> solved(Solver& s, const SparseMatrix& a) {
+  const AnalysisResult analysis = s.analyze(a);
+  EXPECT_TRUE(analysis.status.ok()) << analysis.status.message;
+  const FactorResult factor = s.factorize(a);
+  EXPECT_TRUE(factor.status.ok()) << factor.status.message;
+  const std::vector<double> b = reference::random_vector(a.cols, 3);
+  std::vector<double> x(b.size());
+  EXPECT_TRUE(s.solve(b, x).status.ok());
+  return x;
+}
+
+TEST(SolverHostDevices, GiveTheBitsOfOneDevice) {
+  const std::vector<std::vector<std::string>> systems{
+      {"elasticity", "7"}, {"kkt", "5", "3", "3", "3"}, {"gyroscopic", "6"}};
+  for (const auto& words : systems) {
+    const SparseMatrix a = generated(words);
+    for (const Precision precision : {Precision::fp64, Precision::mixed}) {
+      Solver one(on("cpu", precision));
+      const std::vector<double> x = solved(one, a);
+      for (const std::string device : {"host:1", "host:2", "host:3,2", "host:5,1"}) {
+        SCOPED_TRACE(words.front() + " on " + device);
+        Solver many(on(device, precision));
+        const std::vector<double> y = solved(many, a);
+        EXPECT_EQ(std::memcmp(x.data(), y.data(), x.size() * sizeof(double)), 0);
+        const FactorResult again = many.refactorize(a.values);
+        ASSERT_TRUE(again.status.ok());
+        ASSERT_EQ(static_cast<char>('0' + again.devices.size()), device[5]);
+        for (const DeviceReport& d : again.devices) {
+          EXPECT_GE(d.busy_seconds, 0);
+          EXPECT_GE(d.waiting_seconds, 0);
+          EXPECT_GT(d.peak_bytes, 0);
+          EXPECT_LE(d.idle_fraction, 1);
+        }
+      }
+    }
+  }
+}
+
+TEST(SolverHostDevices, BudgetOfADeviceIsNamedWhenItIsTooSmall) {
+  const SparseMatrix a = generated({"elasticity", "6"});
+  Options o = on("host:2");
+  o.device_memory_bytes = 1000;
+  Solver s(o);
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  const FactorResult factor = s.factorize(a);
+  EXPECT_EQ(factor.status.code, StatusCode::out_of_memory);
+  EXPECT_NE(factor.status.message.find("host device 0"), std::string::npos) << factor.status.message;
+  EXPECT_NE(factor.status.message.find("1000 bytes"), std::string::npos) << factor.status.message;
+}
+
+TEST(SolverHostDevices, TextsThatNameNoDevicesAreRefused) {
+  const SparseMatrix a = generated({"elasticity", "2"});
+  for (const std::string device : {"host:", "host:0", "host:2,0", "host:2,3,4", "host:-1", "host:2x", "host:9999,9"}) {
+    Solver s(on(device));
+    EXPECT_EQ(s.analyze(a).status.code, StatusCode::invalid_input) << device;
+  }
+}
+
+TEST(SolverHostDevices, TraceHasATrackForEveryThreadOfEveryDevice) {
+  const SparseMatrix a = generated({"elasticity", "6"});
+  Options o = on("host:3,2");
+  o.record_timeline = true;
+  Solver s(o);
+  (void)solved(s, a);
+  const auto path =
+      std::filesystem::temp_directory_path() / ("espalier_devices_" + std::to_string(::getpid()) + ".json");
+  ASSERT_TRUE(s.write_trace(path.string()).ok());
+  std::ifstream file(path);
+  const auto trace = nlohmann::json::parse(file);
+  std::filesystem::remove(path);
+  std::set<int> devices;
+  std::set<std::pair<int, int>> threads;
+  for (const auto& e : trace["traceEvents"]) {
+    if (e["ph"] != "M") continue;
+    if (e["name"] == "process_name") devices.insert(e["pid"].get<int>());
+    if (e["name"] == "thread_name") threads.insert({e["pid"].get<int>(), e["tid"].get<int>()});
+  }
+  EXPECT_EQ(devices.size(), 3U);
+  EXPECT_EQ(threads.size(), 6U);
+}
+
+}  // namespace
+}  // namespace espalier
