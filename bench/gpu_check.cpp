@@ -2,7 +2,8 @@
 // judged by an independent residual and, for small systems, against the host executor.
 //   espalier_gpu_check [--small] [--kind llt|ldlt|lu] [--fp32] [--narrow ROWS] [--whole ROWS PIVOTS] [--host] [--repeat
 //   N]
-//                      [--plan] [--out DIR] [--commit HASH] [--columns N] [SYSTEM ...]       SYSTEM: "elasticity 40", "kkt 20",
+//                      [--plan] [--out DIR] [--commit HASH] [--columns N] [SYSTEM ...]       SYSTEM: "elasticity 40",
+//                      "kkt 20",
 //                      ...
 #include <fmt/format.h>
 
@@ -132,6 +133,7 @@ Case prepare(const std::string& name, Kind wish, const Settings& settings, bool 
   analysis::PlanOptions options = device::cuda::cuda_plan_options(c.kind, settings.tuning);
   if (for_host) {
     options = analysis::PlanOptions{};
+    options.tiles.panel = settings.fp32 ? 16 : 8;  // one cache line, as the host kernels ask for
     options.unsymmetric = c.kind == Kind::lu;
     options.ldlt = c.kind == Kind::ldlt;
   }
@@ -317,8 +319,8 @@ int show_plans(const Settings& settings) {
   for (const Wish& wish : wishes(settings)) {
     const Case c = prepare(wish.system, wish.kind, settings, false, pool);
     const auto d = device::cuda::make_device_plan(c.plan, c.kind);
-    fmt::print("{:<18} {:<4} {} fronts, {} tasks ({} narrow), {} solve tasks, arena {:.3f} GB\n", c.name, name_of(c.kind),
-               c.plan.fronts(), d.tasks.size(), d.narrow_tasks, d.up.size() + d.down.size(),
+    fmt::print("{:<18} {:<4} {} fronts, {} tasks ({} narrow), {} solve tasks, arena {:.3f} GB\n", c.name,
+               name_of(c.kind), c.plan.fronts(), d.tasks.size(), d.narrow_tasks, d.up.size() + d.down.size(),
                static_cast<double>(d.arena) * (settings.fp32 ? 4e-9 : 8e-9));
   }
   return 0;
