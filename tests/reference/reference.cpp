@@ -211,8 +211,8 @@ SparseMatrix stored_as(const MatrixView& a, Storage storage, bool split) {
   visit(a, [&](Index r, Index c, double v) {
     if (!keep(r, c)) return;
     if (split && triples.size() % 3 == 0) {
-      triples.push_back({r, c, v / 4});
-      v -= v / 4;
+      triples.push_back({r, c, v / 2});
+      v /= 2;  // exact: both triangles stay equal
     }
     triples.push_back({r, c, v});
   });

@@ -1,0 +1,198 @@
+// The host executor behind the device seam: one body over kind, precision, threads, tile width and pattern. The truth
+// is the residual in long double and the dense solution; bits must not depend on threads or repetition.
+#include "device/host/host_executor.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <map>
+
+#include "analysis/ordering.hpp"
+#include "device/host/kernels.hpp"
+#include "matrix/generators/generate.hpp"
+#include "reference/reference.hpp"
+
+namespace espalier::device::host {
+namespace {
+
+using reference::Values;
+
+template <class T>
+struct Factored {
+  analysis::Plan plan;
+  std::unique_ptr<base::ThreadPool> pool;
+  std::unique_ptr<Executor<T>> executor;
+  std::vector<T> values;
+  FactorOutcome outcome;
+};
+
+template <class T>
+std::unique_ptr<Factored<T>> factored(const SparseMatrix& a, Kind kind, int threads, Index width,
+                                      base::MemoryBudget* budget = nullptr) {
+  auto f = std::make_unique<Factored<T>>();
+  f->pool = std::make_unique<base::ThreadPool>(threads);
+  base::ThreadPool one(1);
+  analysis::PlanOptions o;
+  o.tiles.panel = kPanel<T>;
+  o.tiles.max_block_size = width;
+  if (width > 0) o.tiles.whole_rows = o.tiles.whole_pivots = width;  // small tiles mean tiled fronts
+  o.unsymmetric = kind == Kind::lu;
+  o.ldlt = kind == Kind::ldlt;
+  f->plan = analysis::make_plan(analysis::build_tree(analysis::graph_of(a, one, {}), {}, one), a, {}, o, one);
+  PivotRule rule;
+  rule.tiny = 1e-30;
+  f->executor = make_host_executor<T>(f->plan, kind, rule, *f->pool, budget, nullptr);
+  f->values.assign(a.values.begin(), a.values.end());
+  f->outcome = f->executor->factorize(f->values);
+  return f;
+}
+
+// Solves for `columns` right-hand sides given and returned column by column in the matrix' own order.
+template <class T>
+std::vector<double> solved(Factored<T>& f, const std::vector<double>& b, Index columns, bool transpose) {
+  const Index n = f.plan.tree.n;
+  const Index width = columns == 1 ? 1 : (columns + kPanel<T> - 1) / kPanel<T> * kPanel<T>;
+  std::vector<T> x(static_cast<std::size_t>(n) * static_cast<std::size_t>(width), T(0));
+  for (Index k = 0; k < n; ++k)
+    for (Index c = 0; c < columns; ++c)
+      x[static_cast<std::size_t>(k * width + c)] =
+          static_cast<T>(b[static_cast<std::size_t>(c * n + f.plan.tree.order[k])]);
+  f.executor->solve(x.data(), width, transpose);
+  std::vector<double> out(b.size());
+  for (Index k = 0; k < n; ++k)
+    for (Index c = 0; c < columns; ++c)
+      out[static_cast<std::size_t>(c * n + f.plan.tree.order[k])] =
+          static_cast<double>(x[static_cast<std::size_t>(k * width + c)]);
+  return out;
+}
+
+SparseMatrix system_of(Kind kind, int number) {
+  const Values values = kind == Kind::llt    ? Values::positive
+                        : kind == Kind::ldlt ? Values::indefinite
+                                             : Values::general;
+  if (number < 3)
+    return reference::random_system(number == 0 ? 1 : 90 * number + 7, 2 + 2 * number, values, 3 + number);
+  std::vector<std::string> words{"elasticity", "4"};
+  if (kind == Kind::lu) words[0] = "gyroscopic";
+  return matrix::generate(matrix::parse_generator(words));
+}
+
+// The pivots are those of the tile or front: growth in between is bounded by the threshold only where no column failed.
+template <class T>
+void check_solutions(Kind kind) {
+  const double eps = static_cast<double>(std::numeric_limits<T>::epsilon());
+  int compared = 0;
+  for (int number = 0; number < 4; ++number) {
+    const SparseMatrix a = system_of(kind, number);
+    const std::vector<double> b = reference::random_vector(9 * static_cast<std::int64_t>(a.rows), 4);
+    for (const Index width : {8, 16, 48, 0}) {
+      std::map<std::pair<bool, Index>, std::vector<double>> first;
+      for (const int threads : {1, 2, 4}) {
+        SCOPED_TRACE(testing::Message() << "system " << number << " width " << width << " threads " << threads);
+        auto f = factored<T>(a, kind, threads, width);
+        ASSERT_EQ(f->outcome.not_positive, -1);
+        for (int repeat = 0; repeat < 2; ++repeat) {
+          for (const bool transpose : {false, true})
+            for (const Index columns : {1, 9}) {
+              const std::vector<double> part(b.begin(), b.begin() + static_cast<std::ptrdiff_t>(columns) * a.rows);
+              const std::vector<double> x = solved(*f, part, columns, transpose);
+              auto& known = first[{transpose, columns}];
+              if (known.empty()) {
+                known = x;
+                const double error = reference::backward_error(a, part, x, columns, transpose);
+                // No column failed: |L| <= 1/u = 100 in the few tiles between; else the factor promises nothing.
+                if (f->outcome.failed.empty() && f->outcome.replaced.empty()) {
+                  EXPECT_LE(error, 100 * std::sqrt(a.rows) * eps);
+                  ++compared;
+                }
+                if (sizeof(T) == 8 && number == 1 && f->outcome.failed.empty()) {
+                  const std::vector<double> truth = reference::solve(a, part, columns, transpose);
+                  const double allowed = 100 * a.rows * eps * reference::condition(a);
+                  for (std::size_t k = 0; k < x.size(); ++k) ASSERT_NEAR(x[k], truth[k], allowed);
+                }
+              }
+              ASSERT_EQ(std::memcmp(x.data(), known.data(), x.size() * sizeof(double)), 0) << "repetition " << repeat;
+            }
+          f->outcome = f->executor->factorize(f->values);
+        }
+      }
+    }
+  }
+  EXPECT_GE(compared, 24);
+}
+
+TEST(HostExecutor, LltFp64) { check_solutions<double>(Kind::llt); }
+TEST(HostExecutor, LltFp32) { check_solutions<float>(Kind::llt); }
+TEST(HostExecutor, LdltFp64) { check_solutions<double>(Kind::ldlt); }
+TEST(HostExecutor, LdltFp32) { check_solutions<float>(Kind::ldlt); }
+TEST(HostExecutor, LuFp64) { check_solutions<double>(Kind::lu); }
+TEST(HostExecutor, LuFp32) { check_solutions<float>(Kind::lu); }
+
+TEST(HostExecutor, TheLowestPivotThatIsNotPositiveIsNamed) {
+  for (const Index width : {8, 16, 0})
+    for (const int threads : {1, 2, 4}) {
+      SparseMatrix a = reference::random_system(150, 5, Values::positive, 6);
+      auto f = factored<double>(a, Kind::llt, threads, width);
+      for (const Index position : {0, 71, 149}) {
+        const Index bad = f->plan.tree.order[position];
+        std::vector<double> values = a.values;
+        for (Offset q = a.col_ptr[bad]; q < a.col_ptr[bad + 1]; ++q)
+          if (a.row_ind[q] == bad) values[q] *= -1;
+        EXPECT_EQ(f->executor->factorize(values).not_positive, position);
+      }
+      EXPECT_EQ(f->executor->factorize(a.values).not_positive, -1);
+    }
+}
+
+TEST(HostExecutor, NotANumberEndsAndTheExecutorStaysUsable) {
+  for (const Kind kind : {Kind::llt, Kind::ldlt, Kind::lu}) {
+    const SparseMatrix a = system_of(kind, 2);
+    for (const Index width : {16, 0}) {
+      auto f = factored<double>(a, kind, 4, width);
+      const std::vector<double> b = reference::random_vector(a.rows, 7);
+      const std::vector<double> good = solved(*f, b, 1, false);
+      std::vector<double> values(a.values.size(), std::numeric_limits<double>::quiet_NaN());
+      (void)f->executor->factorize(values);
+      (void)solved(*f, b, 1, false);
+      EXPECT_TRUE(kind != Kind::llt || f->executor->factorize(values).not_positive == 0);
+      (void)f->executor->factorize(f->values);
+      EXPECT_EQ(solved(*f, b, 1, false), good);
+    }
+  }
+}
+
+TEST(HostExecutor, InertiaAndDeterminantOfEveryTiling) {
+  const SparseMatrix a = reference::random_system(160, 5, Values::indefinite, 8);
+  const reference::Signs signs = reference::signs(a, 1e-13);
+  const reference::Determinant truth = reference::determinant(a);
+  for (const Index width : {8, 16, 48, 0})
+    for (const Kind kind : {Kind::ldlt, Kind::lu}) {
+      const SparseMatrix b = kind == Kind::lu ? reference::stored_as(a, Storage::general) : a;
+      auto f = factored<double>(b, kind, 2, width);
+      if (!f->outcome.failed.empty()) continue;
+      if (kind == Kind::ldlt) {
+        EXPECT_EQ(f->outcome.negative, signs.negative);
+      }
+      EXPECT_EQ(f->outcome.determinant_sign, truth.sign);
+      EXPECT_NEAR(f->outcome.determinant_log, truth.log, 1e4 * 160 * std::numeric_limits<double>::epsilon());
+    }
+}
+
+TEST(HostExecutor, ASmallBudgetIsRefusedAndLeavesNothingBehind) {
+  const SparseMatrix a = system_of(Kind::llt, 3);
+  base::MemoryBudget enough("host memory");
+  {
+    auto f = factored<double>(a, Kind::llt, 2, 0, &enough);
+    EXPECT_EQ(f->executor->peak_bytes(), enough.peak());
+    EXPECT_GE(enough.held(), f->plan.memory.size * 8);
+  }
+  EXPECT_EQ(enough.held(), 0);
+  base::MemoryBudget small("host memory", enough.peak() / 2);
+  EXPECT_THROW((void)factored<double>(a, Kind::llt, 2, 0, &small), Error);
+  EXPECT_EQ(small.held(), 0);
+}
+
+}  // namespace
+}  // namespace espalier::device::host

@@ -1,0 +1,161 @@
+// Refinement and the Krylov methods with preconditioners that are wrong by a known amount.
+#include "solve/refinement.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "reference/reference.hpp"
+
+namespace espalier::solve {
+namespace {
+
+using reference::Values;
+constexpr double kEps = std::numeric_limits<double>::epsilon();
+
+// The inverse of `a` with relative errors of `size` in every component.
+Preconditioner wrong_inverse(const SparseMatrix& a, bool transpose, double size) {
+  const Index n = a.rows;
+  std::vector<double> unit(static_cast<std::size_t>(n) * static_cast<std::size_t>(n), 0);
+  for (Index k = 0; k < n; ++k) unit[static_cast<std::size_t>(k) * static_cast<std::size_t>(n + 1)] = 1;
+  const std::vector<double> inverse = reference::solve(a, unit, n, transpose);
+  const std::vector<double> noise = reference::random_vector(n, 99);
+  return [=](const double* x, double* y, Index columns) {
+    std::vector<double> out(static_cast<std::size_t>(n) * static_cast<std::size_t>(columns), 0);
+    for (Index c = 0; c < columns; ++c)
+      for (Index j = 0; j < n; ++j)
+        for (Index i = 0; i < n; ++i)
+          out[static_cast<std::size_t>(c * n + i)] += inverse[static_cast<std::size_t>(j * n + i)] * x[c * n + j];
+    for (std::size_t k = 0; k < out.size(); ++k) y[k] = out[k] * (1 + size * noise[k % static_cast<std::size_t>(n)]);
+  };
+}
+
+struct Refined {
+  RefinementResult result;
+  double error;
+};
+
+Refined refined(const SparseMatrix& a, double size, bool transpose, Index columns, RefinementOptions options) {
+  base::ThreadPool pool(2);
+  const ResidualOperator op(a, pool);
+  const Preconditioner m = wrong_inverse(a, transpose, size);
+  const std::vector<double> b = reference::random_vector(static_cast<std::int64_t>(a.rows) * columns, 8);
+  std::vector<double> x(b.size());
+  m(b.data(), x.data(), columns);
+  const RefinementResult r = refine(op, m, b.data(), x.data(), columns, transpose, options);
+  return {r, reference::backward_error(a, b, x, columns, transpose)};
+}
+
+TEST(Refinement, ReachesRoundingFromAWrongInverse) {
+  for (const Values values : {Values::positive, Values::indefinite, Values::general})
+    for (const bool transpose : {false, true})
+      for (const Index columns : {1, 3, 33}) {
+        const SparseMatrix a = reference::random_system(70, 5, values, 9);
+        RefinementOptions o;
+        o.steps = 40;
+        const Refined run = refined(a, 1e-3, transpose, columns, o);
+        EXPECT_LE(run.error, 4 * kEps);
+        EXPECT_LE(run.result.error.componentwise, 70 * kEps);
+        EXPECT_GE(run.result.steps, 3) << "an error of 1e-3 takes several steps";
+        EXPECT_LE(run.result.steps, 12);
+        EXPECT_EQ(run.result.krylov_steps, 0);
+      }
+}
+
+TEST(Refinement, NoStepsLeaveTheSolutionAlone) {
+  const SparseMatrix a = reference::random_system(40, 5, Values::positive, 10);
+  RefinementOptions o;
+  o.steps = 0;
+  const Refined run = refined(a, 1e-3, false, 2, o);
+  EXPECT_EQ(run.result.steps, 0);
+  EXPECT_GT(run.error, 1e-7);
+  EXPECT_NEAR(run.result.error.normwise, run.error, 1e-6 * run.error);
+}
+
+TEST(Refinement, AHopelessPreconditionerNeverMakesThingsWorse) {
+  const SparseMatrix a = reference::random_system(60, 5, Values::indefinite, 11);
+  base::ThreadPool pool(1);
+  const ResidualOperator op(a, pool);
+  const std::vector<double> b = reference::random_vector(60, 12);
+  for (const double factor : {-3.0, 1e300, std::numeric_limits<double>::quiet_NaN()}) {
+    std::vector<double> x(60, 0.0);
+    const double before = reference::backward_error(a, b, x);
+    const RefinementResult r = refine(op,
+                                      [&](const double* from, double* to, Index columns) {
+                                        for (Index k = 0; k < 60 * columns; ++k) to[k] = factor * from[k];
+                                      },
+                                      b.data(), x.data(), 1, false, {});
+    EXPECT_LE(reference::backward_error(a, b, x), before);
+    EXPECT_LE(r.steps, 10);
+  }
+}
+
+TEST(Refinement, KrylovGoesOnWherePlainStepsStall) {
+  // Errors of 0.9 in each component: plain steps gain little or nothing.
+  for (const Values values : {Values::positive, Values::indefinite, Values::general}) {
+    const SparseMatrix a = reference::random_system(60, 5, values, 13);
+    RefinementOptions o;
+    o.steps = 60;
+    o.krylov = true;
+    o.krylov_steps = 400;
+    const Refined run = refined(a, 0.9, false, 1, o);
+    EXPECT_LE(run.error, 16 * kEps);
+    EXPECT_GT(run.result.krylov_steps, 0);
+    RefinementOptions plain;
+    plain.steps = 10;
+    EXPECT_GT(refined(a, 0.9, false, 1, plain).error, run.error);
+  }
+}
+
+// |A d - r| / |r|
+double relative_residual(const SparseMatrix& a, const std::vector<double>& r, const std::vector<double>& d,
+                         bool transpose) {
+  const std::vector<double> rest = reference::residual(a, r.data(), d.data(), transpose);
+  double above = 0, below = 0;
+  for (std::size_t k = 0; k < r.size(); ++k) {
+    above += rest[k] * rest[k];
+    below += r[k] * r[k];
+  }
+  return std::sqrt(above / below);
+}
+
+const Preconditioner kIdentity60 = [](const double* x, double* y, Index columns) { std::copy_n(x, 60 * columns, y); };
+
+TEST(Cg, ConvergesWithinNStepsAndStopsWhenNotPositive) {
+  base::ThreadPool pool(1);
+  const SparseMatrix a = reference::random_system(60, 5, Values::positive, 14);
+  const ResidualOperator op(a, pool);
+  const std::vector<double> r = reference::random_vector(60, 15);
+  std::vector<double> d(60);
+  const int steps = solve_cg(op, kIdentity60, r, d, 1e-10, 120);
+  EXPECT_LE(steps, 120);
+  EXPECT_LE(relative_residual(a, r, d, false), 2e-10);
+  const std::vector<double> zero(60, 0.0);
+  EXPECT_EQ(solve_cg(op, kIdentity60, zero, d, 1e-10, 10), 0);
+  EXPECT_EQ(d, zero);
+  const SparseMatrix indefinite = reference::random_system(60, 5, Values::indefinite, 16);
+  EXPECT_LE(solve_cg(ResidualOperator(indefinite, pool), kIdentity60, r, d, 1e-10, 500), 500);
+  for (const double e : d) EXPECT_TRUE(std::isfinite(e));
+}
+
+TEST(Fgmres, ConvergesWithinItsBasis) {
+  base::ThreadPool pool(1);
+  for (const bool transpose : {false, true}) {
+    const SparseMatrix a = reference::random_system(25, 5, Values::general, 17);
+    const ResidualOperator op(a, pool);
+    const std::vector<double> r = reference::random_vector(25, 18);
+    std::vector<double> d(25);
+    const Preconditioner identity = [](const double* x, double* y, Index columns) { std::copy_n(x, 25 * columns, y); };
+    const int steps = solve_fgmres(op, identity, r, d, transpose, 1e-12, 30);
+    EXPECT_LE(steps, 30);
+    EXPECT_LE(relative_residual(a, r, d, transpose), 1e-10);  // n steps solve exactly, up to rounding
+    const std::vector<double> zero(25, 0.0);
+    EXPECT_EQ(solve_fgmres(op, identity, zero, d, transpose, 1e-12, 30), 0);
+    EXPECT_EQ(d, zero);
+    EXPECT_EQ(solve_fgmres(op, identity, r, d, transpose, 1e-12, 0), 0);
+  }
+}
+
+}  // namespace
+}  // namespace espalier::solve

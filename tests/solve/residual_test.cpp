@@ -1,0 +1,113 @@
+// Residuals in twice the precision, and backward errors. The truth is long double after summing duplicates, and cases
+// whose residual is known exactly though double precision cannot see it.
+#include "solve/residual.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "reference/reference.hpp"
+
+namespace espalier::solve {
+namespace {
+
+using reference::Values;
+constexpr double kEps = std::numeric_limits<double>::epsilon();
+
+TEST(Residual, EqualsLongDoubleForEveryStorageAndTranspose) {
+  base::ThreadPool pool(2);
+  for (const Values values : {Values::positive, Values::indefinite, Values::general})
+    for (const Storage storage :
+         {Storage::general, Storage::symmetric_lower, Storage::symmetric_upper, Storage::symmetric_both})
+      for (const Index n : {1, 2, 50, 5000}) {
+        if (values == Values::general && storage != Storage::general) continue;
+        const SparseMatrix a = reference::stored_as(reference::random_system(n, 6, values, 1), storage, true);
+        const ResidualOperator op(a, pool);
+        const std::vector<double> x = reference::random_vector(n, 2), b = reference::random_vector(n, 3);
+        for (const bool transpose : {false, true}) {
+          std::vector<double> r(b.size());
+          const BackwardError e = op.compute(b.data(), x.data(), r.data(), transpose);
+          const std::vector<double> truth = reference::residual(a, b.data(), x.data(), transpose);
+          // The truth itself carries the rounding of long double, some 30 times that of its largest terms.
+          const double rounding = 30 * static_cast<double>(std::numeric_limits<long double>::epsilon());
+          const double allowed = rounding * (op.norm(transpose) + 1);
+          for (std::size_t k = 0; k < r.size(); ++k) ASSERT_NEAR(r[k], truth[k], allowed + kEps * std::abs(truth[k]));
+          EXPECT_NEAR(e.normwise, reference::backward_error(a, b, x, 1, transpose), 1e-12 + 0.7 * e.normwise);
+          std::vector<double> y(b.size()), zero(b.size(), 0.0);
+          op.multiply(x.data(), y.data(), transpose);
+          const std::vector<double> minus = reference::residual(a, zero.data(), x.data(), transpose);
+          for (std::size_t k = 0; k < y.size(); ++k) ASSERT_NEAR(y[k], -minus[k], 100 * kEps * op.norm(transpose));
+          const BackwardError again = op.compute(b.data(), x.data(), nullptr, transpose);
+          EXPECT_EQ(again.componentwise, e.componentwise);
+          EXPECT_EQ(again.normwise, e.normwise);
+        }
+      }
+}
+
+TEST(Residual, SeesWhatDoublePrecisionCancels) {
+  base::ThreadPool pool(1);
+  // 1 - (1 + eps)(1 - eps) = eps^2
+  const SparseMatrix one = reference::from_triples(1, {{0, 0, 1 + kEps}}, Storage::general);
+  const double x = 1 - kEps, b = 1;
+  double r = 0;
+  (void)ResidualOperator(one, pool).compute(&b, &x, &r, false);
+  EXPECT_EQ(r, kEps * kEps);
+  // 2^60 - 2^60 + 1 in any order of the row
+  for (const bool transpose : {false, true}) {
+    const SparseMatrix row =
+        transpose ? reference::from_triples(3, {{0, 0, 0x1p60}, {1, 0, -0x1p60}, {2, 0, 1}}, Storage::general)
+                  : reference::from_triples(3, {{0, 0, 0x1p60}, {0, 1, 1}, {0, 2, -0x1p60}}, Storage::general);
+    const double ones[] = {1, 1, 1}, zero[] = {0, 0, 0};
+    double out[3];
+    (void)ResidualOperator(row, pool).compute(zero, ones, out, transpose);
+    EXPECT_EQ(out[0], -1);
+  }
+}
+
+TEST(Residual, BackwardErrorsOfAHandMadeCase) {
+  base::ThreadPool pool(1);
+  // A = diag(1, 100), b = (1, 1), x = (1 + 1e-3, 0.01): r = (-1e-3, 0)
+  const SparseMatrix a = reference::from_triples(2, {{0, 0, 1}, {1, 1, 100}}, Storage::symmetric_lower);
+  const double b[] = {1, 1}, x[] = {1.001, 0.01};
+  const BackwardError e = ResidualOperator(a, pool).compute(b, x, nullptr, false);
+  EXPECT_NEAR(e.normwise, 1e-3 / (100 * 1.001 + 1), 1e-15);
+  EXPECT_NEAR(e.componentwise, 1e-3 / 2.001, 1e-15);
+}
+
+TEST(Residual, NotFiniteVectorsAreInfinitelyWrongAndZerosAreRight) {
+  base::ThreadPool pool(2);
+  const SparseMatrix a = reference::random_system(4000, 4, Values::positive, 4);
+  const ResidualOperator op(a, pool);
+  std::vector<double> x(4000, 0.0), b(4000, 0.0);
+  EXPECT_EQ(op.compute(b.data(), x.data(), nullptr, false).componentwise, 0);
+  EXPECT_EQ(op.compute(b.data(), x.data(), nullptr, false).normwise, 0);
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    x[3999] = bad;
+    const BackwardError e = op.compute(b.data(), x.data(), nullptr, false);
+    EXPECT_EQ(e.normwise, std::numeric_limits<double>::infinity());
+    EXPECT_EQ(e.componentwise, std::numeric_limits<double>::infinity());
+  }
+}
+
+TEST(Residual, ThreadsDoNotChangeBitsAndNewValuesAreUsed) {
+  const SparseMatrix a = reference::random_system(9000, 5, Values::general, 5);
+  std::vector<double> first, x = reference::random_vector(9000, 6), b = reference::random_vector(9000, 7);
+  for (const int threads : {1, 2, 4}) {
+    base::ThreadPool pool(threads);
+    ResidualOperator op(a, pool);
+    std::vector<double> r(9000);
+    (void)op.compute(b.data(), x.data(), r.data(), true);
+    if (first.empty()) first = r;
+    EXPECT_EQ(r, first);
+    const double norm = op.norm(false);
+    std::vector<double> twice(a.values);
+    for (double& v : twice) v *= 2;
+    op.set_values(twice);
+    EXPECT_EQ(op.norm(false), 2 * norm);
+    EXPECT_GT(op.bytes(), 0);
+  }
+}
+
+}  // namespace
+}  // namespace espalier::solve
