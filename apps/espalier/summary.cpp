@@ -102,8 +102,9 @@ Table result_table(const RunRecord& record) {
   table.add({"memory", fmt::format("{} used at most, {} predicted", bytes(factor.peak_host_bytes),
                                    bytes(record.analysis->predicted_bytes))});
   for (const DeviceReport& device : factor.devices) {
-    std::string line = fmt::format("{}: busy {}, idle {:.0f} %, {} at most", device.name, duration(device.busy_seconds),
-                                   100 * device.idle_fraction, bytes(device.peak_bytes));
+    std::string line =
+        fmt::format("{}: busy {}, waiting {}, idle {:.0f} %, {} at most", device.name, duration(device.busy_seconds),
+                    duration(device.waiting_seconds), 100 * device.idle_fraction, bytes(device.peak_bytes));
     if (device.stolen_subtrees > 0) line += ", " + counted(device.stolen_subtrees, "sub-tree", "sub-trees") + " stolen";
     table.add({"device", line});
   }
