@@ -20,7 +20,6 @@ class PairChooser {
   PairChooser(const EntryView& a, const Assignment& matched, const std::vector<double>& scale)
       : a_(a),
         next_(matched.row_of_col),
-        scale_(scale),
         diagonal_(scale.size(), 0),
         link_(scale.size(), 0),
         pair_(scale.size()) {
@@ -87,7 +86,6 @@ class PairChooser {
 
   const EntryView& a_;
   const std::vector<Index>& next_;  // the row matched to each column
-  const std::vector<double>& scale_;
   std::vector<double> diagonal_, link_;  // scaled magnitudes of a_vv and of the matched entry in column v
   std::vector<Index> pair_;
 };

@@ -51,7 +51,7 @@ void Solver::Impl::analyze_as(const MatrixView& a, Kind chosen) {
   analysis = AnalysisResult{};
   equations = solver::copy_equations(a, kind);
   const double copied = base::now_seconds();
-  solver::scale_and_match(equations, kind, options);
+  solver::scale_and_match(equations, kind, options, pool);
   const double matched = base::now_seconds();
   analysis.matching_seconds = matched - copied;
 

@@ -177,17 +177,17 @@ bool same_pattern(const Equations& e, const MatrixView& a, std::uint64_t hash) {
          std::equal(a.row_ind.begin(), a.row_ind.end(), e.a.row_ind.begin());
 }
 
-void scale_and_match(Equations& e, Kind kind, const Options& options) {
+void scale_and_match(Equations& e, Kind kind, const Options& options, base::ThreadPool& pool) {
   if (kind == Kind::llt && options.precision == Precision::fp64) return;
   if (kind == Kind::ldlt && options.matching) {
-    analysis::SymmetricMatching m = analysis::symmetric_matching(e.a);
+    analysis::SymmetricMatching m = analysis::symmetric_matching(e.a, pool);
     if (m.structural_rank < e.n())
       refuse_unmatched(unmatched_rows(analysis::maximum_product_matching(matrix::to_general(e.a)).row_of_col), e.n());
     e.row_scale = m.scale;
     e.col_scale = std::move(m.scale);
     e.pair = std::move(m.pair);
   } else if (kind == Kind::lu && options.matching) {
-    analysis::Matching m = analysis::maximum_product_matching(e.a);
+    analysis::Matching m = analysis::maximum_product_matching(e.a, pool);
     if (m.structural_rank < e.n()) refuse_unmatched(unmatched_rows(m.row_of_col), e.n());
     e.row_scale = std::move(m.row_scale);
     e.col_scale = std::move(m.col_scale);

@@ -51,7 +51,7 @@ bool same_pattern(const Equations& e, const MatrixView& a, std::uint64_t hash);
 /// Scaling and, with options.matching, the maximum product matching (ldlt, lu). llt is scaled only for factors of low
 /// precision (in FP64 Cholesky's error does not depend on scaling: van der Sluis 1969).
 /// @throws Error(singular) for a structurally singular matrix
-void scale_and_match(Equations& e, Kind kind, const Options& options);
+void scale_and_match(Equations& e, Kind kind, const Options& options, base::ThreadPool& pool);
 
 /// scaled[q] = r_i a_ij c_j for the entries of e.a in their order. @returns the largest magnitude
 /// @throws Error(invalid_input) for an entry that is not finite
