@@ -345,6 +345,8 @@ TEST(Plan, HoldsItsPromisesOverTreesTilesKindsAndOptions) {
       o.group_entries = pick({0, 100, 5000, 4 << 20});
       o.interleave = pick({1, 2, 4, 50});
       o.reuse_distance = pick({0, 1, 8, 64});
+      o.devices = pick({1, 1, 2, 3, 8});
+      o.additional_subtrees = pick({0, 1, 3, 10});
       constexpr Storage kSymmetric[] = {Storage::symmetric_lower, Storage::symmetric_upper, Storage::symmetric_both};
       const Storage storage = o.unsymmetric ? Storage::general : kSymmetric[random() % 3];
       check_plan(g, o, storage, seed % 2 == 0 && storage != Storage::symmetric_both, random, pool);
