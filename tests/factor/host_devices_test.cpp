@@ -44,6 +44,7 @@ class Machine {
   Machine(const SparseMatrix& a, Kind kind, Index devices, int threads) : kind_(kind), a_(a), pool_(threads) {
     analysis::PlanOptions options;
     options.devices = devices;
+    options.additional_subtrees = 3;  // enough to steal
     options.unsymmetric = kind == Kind::lu;
     options.ldlt = kind == Kind::ldlt;
     options.group_entries = 1 << 14;
@@ -140,10 +141,8 @@ TEST_P(HostDevices, RandomSpeedsAndDelaysGiveTheSameBits) {
     };
     many.start(options);
     SCOPED_TRACE("seed " + std::to_string(seed));
-    for (int repeat = 0; repeat < 2; ++repeat) {
-      expect_the_same(many, many.factorize());
-      thefts += stolen(many.work());
-    }
+    expect_the_same(many, many.factorize());
+    thefts += stolen(many.work());
   }
   EXPECT_GT(thefts, 0) << "nothing was stolen: the test tests nothing";
 }
