@@ -148,9 +148,9 @@ class TaskLister {
     plan_.tasks.push_back({f, begin, 0, 0});
   }
 
-  // The fronts advance together, one block column a step. What the next step hangs on comes first: tile (s, s - 1), which
-  // completes the row of the next diagonal tile, that diagonal tile, and only then the rest of column s - 1, behind which
-  // the factorization of the diagonal tile hides.
+  // The fronts advance together, one block column a step. What the next step hangs on comes first: tile (s, s - 1),
+  // which completes the row of the next diagonal tile, that diagonal tile, and only then the rest of column s - 1,
+  // behind which the factorization of the diagonal tile hides.
   void emit_tiles(const std::vector<Index>& fronts) {
     Index steps = 0;
     for (const Index f : fronts) {

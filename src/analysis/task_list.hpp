@@ -7,7 +7,8 @@
 
 namespace espalier::analysis {
 
-/// Fills plan.tasks, plan.first_task and plan.last_task, and the places of the sub-trees of plan.assignment in the list.
+/// Fills plan.tasks, plan.first_task and plan.last_task, and the places of the sub-trees of plan.assignment in the
+/// list.
 /// @pre layout, whole, children, tier and assignment are set
 void list_tasks(Plan& plan);
 

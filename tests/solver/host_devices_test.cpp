@@ -74,7 +74,7 @@ TEST(SolverHostDevices, BudgetOfADeviceIsNamedWhenItIsTooSmall) {
   ASSERT_TRUE(s.analyze(a).status.ok());
   const FactorResult factor = s.factorize(a);
   EXPECT_EQ(factor.status.code, StatusCode::out_of_memory);
-  EXPECT_NE(factor.status.message.find("host device 0"), std::string::npos) << factor.status.message;
+  EXPECT_NE(factor.status.message.find("host device "), std::string::npos) << factor.status.message;
   EXPECT_NE(factor.status.message.find("1000 bytes"), std::string::npos) << factor.status.message;
 }
 

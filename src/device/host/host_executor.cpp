@@ -140,12 +140,15 @@ class HostExecutor final : public Executor<T> {
     std::vector<Workspace<T>> work;
     for (int t = 0; t < pool_.size(); ++t) work.emplace_back(plan_, kind, budget_);
     if (options_.device_memory_bytes == 0) return work;
-    for (Index d = 0; d < devices_; ++d)
-      if (device_bytes(work, d) > options_.device_memory_bytes)
-        throw Error(StatusCode::out_of_memory,
-                    fmt::format("{}: {} bytes are needed, the budget of each device is {} bytes; give a larger one or "
-                                "more devices",
-                                device_name(d), device_bytes(work, d), options_.device_memory_bytes));
+    Index neediest = 0;
+    for (Index d = 1; d < devices_; ++d)
+      if (device_bytes(work, d) > device_bytes(work, neediest)) neediest = d;
+    if (device_bytes(work, neediest) > options_.device_memory_bytes)
+      throw Error(
+          StatusCode::out_of_memory,
+          fmt::format("{}: {} bytes are needed, the budget of each device is {} bytes; give a larger one or more "
+                      "devices",
+                      device_name(neediest), device_bytes(work, neediest), options_.device_memory_bytes));
     return work;
   }
 

@@ -30,7 +30,8 @@ struct HostOptions {
 /// @param pool      its threads do the work; must outlive the executor
 /// @param budget    counts all memory taken; may be null
 /// @param timeline  receives one event per task; may be null
-/// @throws Error(out_of_memory) naming the bytes that a device needs when its budget is smaller; Error(invalid_input)
+/// @throws Error(out_of_memory) naming the bytes of the device that needs most when its budget is smaller;
+/// Error(invalid_input)
 ///         for fewer threads than devices
 template <class T>
 std::unique_ptr<Executor<T>> make_host_executor(const analysis::Plan& plan, Kind kind, const PivotRule& rule,
