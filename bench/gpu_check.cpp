@@ -125,7 +125,7 @@ Case prepare(const std::string& name, Kind wish, const Settings& settings, bool 
   c.kind = solver::choose_kind(c.a, wish);
   const double start = now();
   c.equations = solver::copy_equations(c.a, c.kind);
-  solver::scale_and_match(c.equations, c.kind, Options{});
+  solver::scale_and_match(c.equations, c.kind, Options{}, pool);
   analysis::TreeOptions tree_options;
   tree_options.pair = c.equations.pair;
   tree_options.zero_diagonal = c.equations.zero_diagonal;
