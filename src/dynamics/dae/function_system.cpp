@@ -45,6 +45,7 @@ std::string FunctionSystem::constraint_name(Index row) const {
 }
 
 void FunctionSystem::residual(const StateView& s, Span f) {
+  std::fill(f.begin(), f.end(), 0.0);
   if (f_.residual) {
     f_.residual(s, f);
     return;

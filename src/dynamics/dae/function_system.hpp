@@ -25,8 +25,9 @@ class DenseView {
   Index rows_, cols_;
 };
 
-/// The functions. Either `mass` and `force` (F = M a - f) or `residual` must be given. Every derivative that is left
-/// empty is made by central differences; what is given can be checked with check_jacobians().
+/// The functions. What they write to is zero when they are called, except phi and gamma. Either `mass` and `force` (F =
+/// M a - f) or `residual` must be given. Every derivative that is left empty is made by central differences; what is
+/// given can be checked with check_jacobians().
 struct SystemFunctions {
   Index velocity = 0;                                                               ///< n, also the size of q
   Index constraints = 0;                                                            ///< m

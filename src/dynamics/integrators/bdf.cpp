@@ -5,7 +5,14 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "dynamics/constraints/redundancy.hpp"
+
 namespace espalier::dynamics {
+
+namespace {
+// A step below this fraction of the recent ones is a collapse.
+constexpr double kCollapse = 0.1;
+}  // namespace
 
 BdfIntegrator::BdfIntegrator(Equations& equations, const BdfOptions& options)
     : equations_(equations), options_(options), history_(equations.system()) {
@@ -16,6 +23,7 @@ BdfIntegrator::BdfIntegrator(Equations& equations, const BdfOptions& options)
   }
   if (!(options.relative >= 0) || !(options.absolute > 0)) throw std::invalid_argument("tolerances must be positive");
   if (options_.absolute_velocity <= 0) options_.absolute_velocity = options_.absolute;
+  newton_limit_ = options_.max_newton;
   allocate();
 }
 
@@ -39,6 +47,7 @@ void BdfIntegrator::start(const State& state) {
   steps_at_order_ = 0;
   factor_hp_ = 0;
   h_ = options_.fixed_step > 0 ? options_.fixed_step : first_step();
+  h_calm_ = 0;
   // The formula of order 1 wants one past point more for its predictor; a point on the parabola through the state at
   // t - h serves: it differs from the true past by O(h^3) in q and O(h^2) in v.
   const std::size_t n = state.v.size();
@@ -241,7 +250,7 @@ bool BdfIntegrator::constraints_hold(StepReport& report) {
 BdfIntegrator::Outcome BdfIntegrator::solve_reduced(StepReport& report) {
   equations_.evaluate_constraints(trial_.t, trial_.q, {});
   double previous = 0;
-  for (int iteration = 1; iteration <= options_.max_newton; ++iteration) {
+  for (int iteration = 1; iteration <= newton_limit_; ++iteration) {
     const double change = iterate_reduced(report);
     report.newton_iterations = iteration;
     if (!std::isfinite(change)) return Outcome::diverged;
@@ -257,13 +266,18 @@ BdfIntegrator::Outcome BdfIntegrator::solve_reduced(StepReport& report) {
     }
     // At round-off the change stops falling although nothing is wrong. With a new factor that is the end of the road;
     // with an old one a new factor is tried first.
-    const bool stagnant = iteration >= 3 && report.newton_rate > 0.7;
+    const bool stagnant = iteration >= 3 && (change == 0 || report.newton_rate > 0.7);
     if (stagnant && change < (factor_fresh_ ? 0.1 : 1e-4)) {
       static_cast<void>(constraints_hold(report));
       return Outcome::converged;
     }
     if (iteration > 2 && report.newton_rate > 2 && change > 1) return Outcome::diverged;
     previous = change;
+  }
+  // Round-off that wanders, far below the tolerance, with a new factor: there is nothing better to be had.
+  if (factor_fresh_ && previous < 1e-3) {
+    static_cast<void>(constraints_hold(report));
+    return Outcome::converged;
   }
   return Outcome::slow;
 }
@@ -306,51 +320,93 @@ double BdfIntegrator::clip(double h, double t_limit) const {
   return left < 2 * h ? left / 2 : h;
 }
 
+bool BdfIntegrator::attempt(double h, bool retry, StepReport& report) {
+  set_formula(h, order_);
+  predict();
+  ensure_factor(retry);
+  const Outcome outcome = solve_step(report);
+  if (outcome == Outcome::converged) return true;
+  ++report.newton_failures;
+  return false;
+}
+
+// True where more rows of Phi_q depend on each other to within a hundredth than do exactly: the rank is about to drop.
+bool BdfIntegrator::near_singular() {
+  if (state_.lambda.empty()) return false;
+  equations_.evaluate_constraints(state_.t, state_.q, {});
+  const SparsePattern& pattern = equations_.system().constraint_pattern();
+  constexpr double kNear = 1e-2, kExact = 1e-8;
+  return find_dependent_rows(pattern, equations_.phi_q(), kNear).size() >
+         find_dependent_rows(pattern, equations_.phi_q(), kExact).size();
+}
+
+// Near a singular position of the mechanism (two branches meet: the rank of Phi_q drops at the distance s) the reduced
+// iteration converges with the rate h' |v| / s, because it drops the curvature of the constraints, so the steps would
+// shrink with the distance for ever. Where they have collapsed, one step of the size they had goes over the place. The
+// past points are close together then, which makes h' = h / order, and with order 3 the rate is near a third: slow, but
+// safe. The error estimate of this one step may exceed the tolerance by kCrossingError.
+bool BdfIntegrator::cross(double t_limit, StepReport& report) {
+  constexpr double kCrossingError = 300;
+  if (!near_singular()) return false;
+  const int order = order_;
+  bool done = false;
+  newton_limit_ = 60;
+  for (const double fraction : {0.5, 1.0, 0.25, 2.0}) {
+    order_ = std::min(3, std::max(1, history_.size() - 1));
+    if (!attempt(std::min(fraction * h_calm_, t_limit - state_.t), true, report)) continue;
+    report.error = error_estimate(order_);
+    done = report.error <= kCrossingError;
+    if (done) break;
+  }
+  newton_limit_ = options_.max_newton;
+  if (!done) order_ = order;
+  report.crossings = done ? 1 : 0;
+  return done;
+}
+
 StepReport BdfIntegrator::step(double t_limit) {
   if (history_.size() == 0) throw std::logic_error("start() was not called");
   if (t_limit <= state_.t) throw std::invalid_argument("t_limit lies before the present time");
   StepReport report;
   const long factorizations = equations_.counts().factorizations;
+  const bool fixed = options_.fixed_step > 0;
   error_weights();
   if (options_.fixed_order > 0) order_ = std::min({options_.fixed_order, order_ + 1, std::max(1, history_.size() - 1)});
   bool retry = false;
   for (;;) {
     const double h = clip(h_, t_limit);
-    const double smallest =
-        options_.min_step > 0 ? options_.min_step : 1e-14 * std::max(std::abs(state_.t), std::abs(t_limit - state_.t));
-    if (!(h > smallest) && t_limit - state_.t > smallest) {
-      throw Error(StatusCode::accuracy_not_reached,
-                  "the step size fell below " + std::to_string(smallest) + " at t = " + std::to_string(state_.t) +
-                      ": the motion may be singular there, or the tolerances too tight");
-    }
-    set_formula(h, order_);
-    predict();
-    ensure_factor(retry);
-    const Outcome outcome = solve_step(report);
-    if (outcome != Outcome::converged) {
-      ++report.newton_failures;
-      retry = true;
-      if (factor_fresh_ || outcome == Outcome::diverged) {
-        if (options_.fixed_step > 0 && factor_fresh_) {
-          throw Error(StatusCode::accuracy_not_reached,
-                      "Newton did not converge at t = " + std::to_string(formula_.t) + " with the fixed step");
-        }
-        if (options_.fixed_step == 0 && factor_fresh_) h_ = h / 4;
+    check_step(h, t_limit);
+    if (!attempt(h, retry, report)) {
+      if (fixed && factor_fresh_) {
+        throw Error(StatusCode::accuracy_not_reached,
+                    "Newton did not converge at t = " + std::to_string(formula_.t) + " with the fixed step");
       }
-      continue;
+      if (!fixed && factor_fresh_) h_ = h / 4;
+      retry = true;
+    } else {
+      retry = false;
+      if (fixed) break;
+      report.error = error_estimate(order_);
+      if (report.error <= 1) break;
+      ++report.error_failures;
+      h_ = h;
+      reject(report.error, report.error_failures);
     }
-    retry = false;
-    if (options_.fixed_step > 0) break;
-    report.error = error_estimate(order_);
-    if (report.error <= 1) break;
-    ++report.error_failures;
-    h_ = h;
-    reject(report.error, report.error_failures);
+    if (!fixed && h_ < kCollapse * h_calm_ && cross(t_limit, report)) break;
   }
   report.factorizations = static_cast<int>(equations_.counts().factorizations - factorizations);
   if (options_.measure_blocks) measure_blocks();
   accept(report);
   return report;
+}
+
+void BdfIntegrator::check_step(double h, double t_limit) const {
+  const double smallest =
+      options_.min_step > 0 ? options_.min_step : 1e-14 * std::max(std::abs(state_.t), std::abs(t_limit - state_.t));
+  if (h > smallest || t_limit - state_.t <= smallest) return;
+  throw Error(StatusCode::accuracy_not_reached,
+              "the step size fell below its least value at t = " + std::to_string(state_.t) + " (order " +
+                  std::to_string(order_) + "): the motion may be singular there, or the tolerances too tight");
 }
 
 void BdfIntegrator::reject(double error, int failures) {
@@ -368,6 +424,8 @@ void BdfIntegrator::accept(StepReport& report) {
     h_ = formula_.h;
     choose_step(error);
   }
+  // A memory of step sizes that fades with time, over ten of them, so not while the steps collapse.
+  h_calm_ = h_calm_ > 0 ? std::max(h_calm_ * std::exp(-formula_.h / (10 * h_calm_)), formula_.h) : formula_.h;
   std::swap(state_, trial_);
   history_.push(state_.t, state_.q, state_.v, state_.lambda);
   equations_.system().accept(state_.view());

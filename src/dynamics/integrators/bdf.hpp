@@ -90,6 +90,10 @@ class BdfIntegrator final : public Integrator {
   void stage_residuals(const State& s);
   [[nodiscard]] bool constraints_hold(StepReport& report);
   [[nodiscard]] double error_estimate(int order);
+  [[nodiscard]] bool attempt(double h, bool retry, StepReport& report);
+  [[nodiscard]] bool near_singular();
+  [[nodiscard]] bool cross(double t_limit, StepReport& report);
+  void check_step(double h, double t_limit) const;
   void accept(StepReport& report);
   void choose_step(double error);
   [[nodiscard]] double first_step() const;
@@ -109,7 +113,9 @@ class BdfIntegrator final : public Integrator {
   Formula formula_;
   int order_ = 1;
   double h_ = 0;
+  double h_calm_ = 0;  // fading maximum of the last step sizes
   int steps_at_order_ = 0;
+  int newton_limit_ = 0;
   double factor_hp_ = 0;       // h' of the factor; 0: none
   bool factor_fresh_ = false;  // the factor belongs to this very attempt
   bool rate_poor_ = false;

@@ -19,6 +19,7 @@ void Integrator::count(const StepReport& report) {
   counts_.newton_iterations += report.newton_iterations;
   counts_.error_failures += report.error_failures;
   counts_.newton_failures += report.newton_failures;
+  counts_.crossings += report.crossings;
   counts_.largest_position = std::max(counts_.largest_position, report.levels.position);
   counts_.largest_velocity = std::max(counts_.largest_velocity, report.levels.velocity);
   counts_.largest_acceleration = std::max(counts_.largest_acceleration, report.levels.acceleration);

@@ -18,6 +18,7 @@ struct StepReport {
   int factorizations = 0;     ///< all attempts together
   int error_failures = 0;     ///< attempts rejected by the error test
   int newton_failures = 0;    ///< attempts in which Newton did not converge
+  int crossings = 0;          ///< 1 if the step went over a singular position (see BdfIntegrator::cross)
   double residual = 0;        ///< largest residual of the equations of motion at the last evaluation
   double error = 0;           ///< local error estimate in units of the tolerance (accepted below 1); 0 when not tested
   double newton_rate = 0;     ///< convergence rate of the last iteration, 0 when there was only one
@@ -30,6 +31,7 @@ struct IntegratorCounts {
   long newton_iterations = 0;
   long error_failures = 0;
   long newton_failures = 0;
+  long crossings = 0;        ///< steps over singular positions
   long refactor_first = 0;   ///< factorizations because there was none yet
   long refactor_step = 0;    ///< ... because the step size left the band of the factor
   long refactor_rate = 0;    ///< ... because Newton slowed down
