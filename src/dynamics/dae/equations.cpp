@@ -34,9 +34,16 @@ double max_norm(ConstSpan x) {
 }
 
 std::unique_ptr<LinearSolver> make_linear_solver(Index unknowns) {
-  // Dense LU of 60 unknowns takes about 30 us, as long as the bookkeeping of the sparse one (2-core x86 server).
+  // Dense LU of 60 unknowns takes about 30 us, as long as the bookkeeping of a sparse one (2-core x86 server).
   constexpr Index kLargestDense = 60;
-  return unknowns <= kLargestDense ? make_dense_solver() : make_eigen_solver();
+  if (unknowns <= kLargestDense) return make_dense_solver();
+  Options options;
+  // Newton corrects what a solve leaves; one step of refinement is enough, and a tree of small fronts gains nothing
+  // from threads (chain of 400 bars, 4,400 unknowns).
+  constexpr Index kOneThread = 20000;
+  options.refinement_steps = 1;
+  options.threads = unknowns < kOneThread ? 1 : 0;
+  return make_espalier_solver(options);
 }
 
 Equations::Equations(System& system, std::unique_ptr<LinearSolver> solver)

@@ -249,11 +249,12 @@ bool BdfIntegrator::constraints_hold(StepReport& report) {
 
 BdfIntegrator::Outcome BdfIntegrator::solve_reduced(StepReport& report) {
   equations_.evaluate_constraints(trial_.t, trial_.q, {});
-  double previous = 0;
+  double previous = 0, first = 0;
   for (int iteration = 1; iteration <= newton_limit_; ++iteration) {
     const double change = iterate_reduced(report);
     report.newton_iterations = iteration;
     if (!std::isfinite(change)) return Outcome::diverged;
+    if (iteration == 1) first = change;
     if (iteration > 1 && previous > 0) {
       report.newton_rate = change / previous;
       rate_ = std::max(0.3 * rate_, report.newton_rate);
@@ -271,7 +272,7 @@ BdfIntegrator::Outcome BdfIntegrator::solve_reduced(StepReport& report) {
       static_cast<void>(constraints_hold(report));
       return Outcome::converged;
     }
-    if (iteration > 2 && report.newton_rate > 2 && change > 1) return Outcome::diverged;
+    if (iteration > 2 && report.newton_rate > 2 && change > first) return Outcome::diverged;
     previous = change;
   }
   // Round-off that wanders, far below the tolerance, with a new factor: there is nothing better to be had.

@@ -95,11 +95,12 @@ double GeneralizedAlpha::iterate(StepReport& report) {
 }
 
 GeneralizedAlpha::Outcome GeneralizedAlpha::solve(StepReport& report) {
-  double previous = 0;
+  double previous = 0, first = 0;
   for (int iteration = 1; iteration <= options_.max_newton; ++iteration) {
     const double change = iterate(report);
     report.newton_iterations = iteration;
     if (!std::isfinite(change)) return Outcome::diverged;
+    if (iteration == 1) first = change;
     if (iteration > 1 && previous > 0) {
       report.newton_rate = change / previous;
       rate_ = std::max(0.3 * rate_, report.newton_rate);
@@ -111,7 +112,7 @@ GeneralizedAlpha::Outcome GeneralizedAlpha::solve(StepReport& report) {
       return Outcome::converged;
     }
     if (change < 1e-4 && report.newton_rate > 0.5) return Outcome::converged;  // round-off
-    if (iteration > 2 && report.newton_rate > 2) return Outcome::diverged;
+    if (iteration > 2 && report.newton_rate > 2 && change > first) return Outcome::diverged;
     previous = change;
   }
   return Outcome::slow;
