@@ -77,7 +77,7 @@ FactorResult Solver::factorize(const MatrixView& a) {
     if (!solver::same_pattern(impl_->equations, a, impl_->pattern_hash))
       throw Error(StatusCode::invalid_input,
                   "the matrix has another pattern than the one analyzed; call analyze() again");
-    if (a.values.empty())
+    if (a.values.empty() && a.nonzeros() > 0)
       throw Error(StatusCode::invalid_input, "the matrix has no values; a pattern cannot be factorized");
   });
   if (!status.ok()) {
