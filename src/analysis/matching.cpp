@@ -18,11 +18,7 @@ auto at(Offset k) { return static_cast<std::size_t>(k); }
 class PairChooser {
  public:
   PairChooser(const EntryView& a, const Assignment& matched, const std::vector<double>& scale)
-      : a_(a),
-        next_(matched.row_of_col),
-        diagonal_(scale.size(), 0),
-        link_(scale.size(), 0),
-        pair_(scale.size()) {
+      : a_(a), next_(matched.row_of_col), diagonal_(scale.size(), 0), link_(scale.size(), 0), pair_(scale.size()) {
     std::iota(pair_.begin(), pair_.end(), 0);
     for (Index j = 0; j < a.n; ++j)
       for (Offset k = a.ptr[at(j)]; k < a.ptr[at(j) + 1]; ++k) {
@@ -85,7 +81,7 @@ class PairChooser {
   }
 
   const EntryView& a_;
-  const std::vector<Index>& next_;  // the row matched to each column
+  const std::vector<Index>& next_;       // the row matched to each column
   std::vector<double> diagonal_, link_;  // scaled magnitudes of a_vv and of the matched entry in column v
   std::vector<Index> pair_;
 };

@@ -1,5 +1,5 @@
-// The chain of rigid bars that Exudyn was measured with: N bars of 0.1 m, 0.02 m square, 1000 kg/m^3, N revolute joints,
-// axes alternately z and y, the first one to the ground, gravity -9.81 along y, laid out along x and at rest.
+// The chain of rigid bars that Exudyn was measured with: N bars of 0.1 m, 0.02 m square, 1000 kg/m^3, N revolute
+// joints, axes alternately z and y, the first one to the ground, gravity -9.81 along y, laid out along x and at rest.
 #pragma once
 
 #include <memory>
@@ -34,8 +34,8 @@ struct Chain {
     const Vec3 place(i * kLength, 0, 0);
     FramePtr before = std::make_unique<GroundFrame>(place, axes);
     if (i > 0) before = frame_at(*chain->bars[static_cast<std::size_t>(i) - 1], place, axes);
-    chain->joints.push_back(&chain->system.add(revolute_joint("hinge " + std::to_string(i), std::move(before),
-                                                              frame_at(*chain->bars.back(), place, axes))));
+    chain->joints.push_back(&chain->system.add(
+        revolute_joint("hinge " + std::to_string(i), std::move(before), frame_at(*chain->bars.back(), place, axes))));
   }
   chain->system.finish();
   return chain;
