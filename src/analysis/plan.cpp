@@ -7,6 +7,7 @@
 #include <numeric>
 #include <utility>
 
+#include "analysis/lazy_vector.hpp"
 #include "analysis/task_list.hpp"
 
 namespace espalier::analysis {
@@ -84,7 +85,7 @@ struct Raw {
 // Entries of the permuted lower triangle, by columns.
 struct Columns {
   std::vector<Offset> ptr;  // n + 1
-  std::vector<Raw> list;
+  LazyVector<Raw> list;
 };
 
 Columns columns_by_position(const MatrixView& a, const std::vector<Index>& column_position,
@@ -123,8 +124,16 @@ Columns columns_by_position(const MatrixView& a, const std::vector<Index>& colum
 // Sorts the entries of one front's columns by tile and appends them at `out` (entry_ptr holds the counts' prefix sums).
 class FrontEntries {
  public:
-  FrontEntries(const Plan& plan, const Columns& columns)
+  FrontEntries(const Plan& plan, Columns& columns)
       : plan_(plan), columns_(columns), local_(static_cast<std::size_t>(plan.tree.n), -1) {}
+
+  // Brings the columns of front f in order: rows ascending, duplicates by source.
+  void sort(Index f) {
+    const auto& first = plan_.tree.first;
+    for (Index c = first[f]; c < first[f + 1]; ++c)
+      std::sort(columns_.list.begin() + columns_.ptr[c], columns_.list.begin() + columns_.ptr[c + 1],
+                [](const Raw& x, const Raw& y) { return x.row != y.row ? x.row < y.row : x.source < y.source; });
+  }
 
   // Calls use(tile, entry) for every entry of front f, columns ascending, rows ascending, duplicates by source.
   template <class Use>
@@ -137,10 +146,8 @@ class FrontEntries {
     for (Index c = t.first[f]; c < t.first[f + 1]; ++c) {
       const Index col = c - t.first[f];
       const Index j = layout.tile_of(col);
-      raw_.assign(columns_.list.begin() + columns_.ptr[c], columns_.list.begin() + columns_.ptr[c + 1]);
-      std::sort(raw_.begin(), raw_.end(),
-                [](const Raw& x, const Raw& y) { return x.row != y.row ? x.row < y.row : x.source < y.source; });
-      for (const Raw& e : raw_) {
+      for (Offset q = columns_.ptr[c]; q < columns_.ptr[c + 1]; ++q) {
+        const Raw& e = columns_.list[q];
         const Index row = e.row < t.first[f + 1] ? e.row - t.first[f] : local_[e.row];
         const Index i = plan_.whole[f] ? 0 : layout.tile_of(row);
         const Index jj = plan_.whole[f] ? 0 : j;
@@ -153,9 +160,8 @@ class FrontEntries {
 
  private:
   const Plan& plan_;
-  const Columns& columns_;
+  Columns& columns_;
   std::vector<Index> local_;  // position -> row of the current front, valid for its rows below
-  std::vector<Raw> raw_;
 };
 
 void place_entries(Plan& plan, const MatrixView& a, const std::vector<Index>& row_of_col, base::ThreadPool& pool) {
@@ -165,7 +171,7 @@ void place_entries(Plan& plan, const MatrixView& a, const std::vector<Index>& ro
   std::vector<Index> row_position(column_position);
   if (!row_of_col.empty())
     for (Index c = 0; c < n; ++c) row_position[row_of_col[c]] = column_position[c];
-  const Columns columns = columns_by_position(a, column_position, row_position, plan.options.unsymmetric, pool);
+  Columns columns = columns_by_position(a, column_position, row_position, plan.options.unsymmetric, pool);
 
   plan.entry_ptr.assign(static_cast<std::size_t>(plan.tiles()) + 1, 0);
   plan.entries.resize(columns.list.size());
@@ -181,6 +187,7 @@ void place_entries(Plan& plan, const MatrixView& a, const std::vector<Index>& ro
         const Offset start = columns.ptr[plan.tree.first[f]];
         const Offset tile0 = plan.first_tile[f];
         at.assign(static_cast<std::size_t>(plan.layout[f].tile_count()) + 1, 0);
+        front.sort(f);
         front.visit(f, [&](Offset tile, const Entry&) { ++at[tile + 1]; });
         at[0] = start;
         for (std::size_t k = 1; k < at.size(); ++k) at[k] += at[k - 1];

@@ -9,6 +9,7 @@
 #include "analysis/assembly_tree.hpp"
 #include "analysis/device_assignment.hpp"
 #include "analysis/front_layout.hpp"
+#include "analysis/lazy_vector.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
 
@@ -41,7 +42,7 @@ class Entry {
   [[nodiscard]] bool transposed() const { return (bits_ & 1) != 0; }
 
  private:
-  std::uint64_t bits_ = 0;
+  std::uint64_t bits_;
 };
 
 /// What shapes the plan besides the tree.
@@ -94,7 +95,7 @@ struct Plan {
   std::vector<Index> relative;      ///< like tree.rows: the row's place (0-based row) in the parent's front
   std::vector<Offset> first_tile;   ///< fronts + 1; number of the front's first tile among all tiles
   std::vector<Offset> entry_ptr;    ///< tiles + 1 (whole fronts: all entries at their first tile)
-  std::vector<Entry> entries;       ///< sorted by tile, then column, then row
+  LazyVector<Entry> entries;        ///< sorted by tile, then column, then row
   std::vector<Task> tasks;          ///< in topological order
   std::vector<Index> first_task;    ///< fronts; number of the front's first task
   std::vector<Index> last_task;     ///< fronts; number of the front's last task

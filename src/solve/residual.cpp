@@ -3,13 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace espalier::solve {
 
 namespace {
 
 constexpr std::int64_t kRowsPerPiece = 2048;
-constexpr Offset kAhead = 16;  // entries between asking for a scattered value and using it
+constexpr std::int64_t kMostBlocks = 8;  // of columns that are indexed side by side: four bytes a row each
+constexpr Offset kAhead = 16;            // entries between asking for a scattered value and using it
 
 // A sum of products in twice the working precision: TwoProduct by fused multiply-add, TwoSum of Knuth.
 class LongSum {
@@ -47,21 +49,38 @@ ResidualOperator::ResidualOperator(const MatrixView& a, base::ThreadPool& pool)
     : a_(a), values_(a.values), pool_(&pool) {
   if (a.storage == Storage::symmetric_both) return;  // a column is the row
   const bool triangle = a.storage != Storage::general;
-  row_ptr_.assign(static_cast<std::size_t>(a.rows) + 1, 0);
-  for (Index c = 0; c < a.cols; ++c)
-    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
-      if (!triangle || a.row_ind[q] != c) ++row_ptr_[a.row_ind[q] + 1];
-  for (Index r = 0; r < a.rows; ++r) row_ptr_[r + 1] += row_ptr_[r];
-  col_.resize(static_cast<std::size_t>(row_ptr_.back()));
-  source_.resize(col_.size());
-  std::vector<Offset> next(row_ptr_.begin(), row_ptr_.end() - 1);
-  for (Index c = 0; c < a.cols; ++c)
-    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
-      if (triangle && a.row_ind[q] == c) continue;
-      const Offset at = next[a.row_ind[q]]++;
+  // Each worker indexes a block of columns; within a row the blocks follow each other, so that the index is the same
+  // for any number of workers.
+  const std::int64_t blocks = std::min<std::int64_t>(pool.size(), kMostBlocks);
+  const std::int64_t width = (a.cols + blocks - 1) / blocks;
+  const auto n = static_cast<std::size_t>(a.rows);
+  std::vector<std::vector<Index>> next(static_cast<std::size_t>(blocks));  // entries of each row in the block
+  const auto visit = [&](std::int64_t block, auto&& use) {
+    for (auto c = static_cast<Index>(block * width); c < std::min<std::int64_t>(a.cols, (block + 1) * width); ++c)
+      for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
+        if (!triangle || a.row_ind[q] != c) use(a.row_ind[q], c, q);
+  };
+  pool.for_each(blocks, [&](std::int64_t block) {
+    auto& count = next[static_cast<std::size_t>(block)];
+    count.assign(n, 0);
+    visit(block, [&](Index r, Index, Offset) { ++count[static_cast<std::size_t>(r)]; });
+  });
+  row_ptr_.assign(n + 1, 0);
+  for (std::size_t r = 0; r < n; ++r) {
+    Index in_row = 0;
+    for (auto& count : next) in_row += std::exchange(count[r], in_row);
+    row_ptr_[r + 1] = row_ptr_[r] + in_row;
+  }
+  col_ = base::Buffer<Index>(row_ptr_.back(), nullptr);
+  source_ = base::Buffer<Offset>(row_ptr_.back(), nullptr);
+  pool.for_each(blocks, [&](std::int64_t block) {
+    auto& place = next[static_cast<std::size_t>(block)];
+    visit(block, [&](Index r, Index c, Offset q) {
+      const Offset at = row_ptr_[static_cast<std::size_t>(r)] + place[static_cast<std::size_t>(r)]++;
       col_[at] = c;
       source_[at] = q;
-    }
+    });
+  });
 }
 
 // Calls use0 and use1 in turn with (value, column) for every entry of a row of op(A), in a fixed order: two chains of
@@ -200,8 +219,7 @@ void ResidualOperator::multiply(const double* x, double* y, bool transpose) cons
 }
 
 Offset ResidualOperator::bytes() const {
-  return static_cast<Offset>(row_ptr_.size() * sizeof(Offset) + col_.size() * sizeof(Index) +
-                             source_.size() * sizeof(Offset));
+  return static_cast<Offset>(row_ptr_.size() * sizeof(Offset)) + col_.bytes() + source_.bytes();
 }
 
 }  // namespace espalier::solve

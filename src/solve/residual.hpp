@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
 
@@ -52,8 +53,8 @@ class ResidualOperator {
   base::ThreadPool* pool_ = nullptr;
   // Row-wise index: of all entries (general), of the entries off the diagonal (a triangle), empty (both triangles).
   std::vector<Offset> row_ptr_;
-  std::vector<Index> col_;
-  std::vector<Offset> source_;
+  base::Buffer<Index> col_;
+  base::Buffer<Offset> source_;
   mutable double norm_inf_ = -1;  // -1: not known yet
   mutable double norm_one_ = -1;
 };
