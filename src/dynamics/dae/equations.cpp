@@ -38,10 +38,10 @@ std::unique_ptr<LinearSolver> make_linear_solver(Index unknowns) {
   constexpr Index kLargestDense = 60;
   if (unknowns <= kLargestDense) return make_dense_solver();
   Options options;
-  // Newton corrects what a solve leaves; one step of refinement is enough, and a tree of small fronts gains nothing
-  // from threads (chain of 400 bars, 4,400 unknowns).
+  // Newton corrects what a solve leaves, so no refinement; and a tree of small fronts gains nothing from threads. Chain
+  // of 400 bars (4,400 unknowns): 0.70 ms per solve with one step of refinement, 0.34 ms without.
   constexpr Index kOneThread = 20000;
-  options.refinement_steps = 1;
+  options.refinement_steps = 0;
   options.threads = unknowns < kOneThread ? 1 : 0;
   return make_espalier_solver(options);
 }
