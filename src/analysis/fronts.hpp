@@ -28,8 +28,8 @@ struct AmalgamationCost {
   double front = 1.5e-6;       ///< seconds per front: tasks, bookkeeping
   double entry = 0.4e-9;       ///< seconds per entry of the factor: cleared, assembled, written
   double contribution = 1e-9;  ///< seconds per entry of the contribution block: written, read, added
-  double flop = 1.0 / 40e9;    ///< seconds per flop of a wide front on one core
-  double narrow = 12;          ///< width at which a front runs at half that rate
+  double flop = 1.0 / 15e9;    ///< seconds per flop of a front of some dozen columns on one core
+  double narrow = 8;           ///< width at which a front runs at half that rate
 };
 
 /// Fundamental supernodes (Liu, Ng, Peyton 1993).
