@@ -205,7 +205,10 @@ struct FourBarRun {
 
 FourBarRun run_four_bar(int loops, double tol, double until) {
   const auto model = four_bar(loops);
-  Equations equations(model->system);
+  Options refined;  // K is nearly singular at the dead points: let every solve be refined
+  refined.refinement_steps = 2;
+  refined.threads = 1;
+  Equations equations(model->system, make_espalier_solver(refined));
   State s(model->system.sizes());
   model->system.initial(s.q, s.v);
   RedundancyGuard guard(equations);
