@@ -12,18 +12,16 @@ check_format() {
   source_files | xargs -r "$tool" --dry-run -Werror
 }
 
-# With CUDA where nvcc is found, so that the CUDA sources are compiled (the sanitizer builds are without).
-build_release() {
+# Without CUDA, as on the machines that run the tests.
+build_release() { configure_and_build release; }
+
+# The CUDA sources compile where nvcc is found. One architecture: that shows it.
+build_cuda() {
   local nvcc
   nvcc=$(find_nvcc)
-  if [[ -n $nvcc ]]; then
-    echo "with CUDA: $nvcc"
-    # One architecture: that the sources compile is what this shows.
-    configure_and_build release -DESPALIER_CUDA=ON "-DCMAKE_CUDA_COMPILER=$nvcc" -DESPALIER_CUDA_ARCHITECTURES=90-real
-  else
-    echo "without CUDA: no nvcc here"
-    configure_and_build release
-  fi
+  [[ -n $nvcc ]] || { echo "left out: no nvcc here"; return 0; }
+  configure_and_build cuda "-DCMAKE_CUDA_COMPILER=$nvcc" -DESPALIER_CUDA_ARCHITECTURES=90-real -DESPALIER_TESTS=OFF \
+    -DESPALIER_BENCH=OFF -- espalier_device
 }
 
 # Sources of the solver and the command line, those changed last first. The dynamics are not held to it yet.
