@@ -128,7 +128,9 @@ run_fuzzers() {
   sanitizer_options
   local clang
   clang=$(clang_tool clang) || { echo "clang is missing"; return 1; }
-  configure_and_build fuzz "-DCMAKE_C_COMPILER=$clang" "-DCMAKE_CXX_COMPILER=${clang/clang/clang++}" || return 1
+  # The readers. fuzz_c_api builds too, but has not yet run long enough to be a gate.
+  configure_and_build fuzz "-DCMAKE_C_COMPILER=$clang" "-DCMAKE_CXX_COMPILER=${clang/clang/clang++}" -DESPALIER_WERROR=OFF -- \
+    fuzz_matrix_market fuzz_rutherford_boeing || return 1
   local target name status=0 count=0
   for target in build/fuzz/tests/fuzz/fuzz_*; do
     [[ -f $target && -x $target ]] || continue
