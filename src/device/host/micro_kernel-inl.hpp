@@ -12,6 +12,7 @@
 #include <cstdint>
 
 #include "device/host/kernels.hpp"
+#include "hwy/cache_control.h"
 #include "hwy/highway.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -129,11 +130,14 @@ struct Tile {
     }
   }
   /// v -= (or, when kAdd, +=) sum over k of A(:, k) B(j, k) with B(j, k) at b[k * step + j].
-  template <bool kAdd>
-  HWY_INLINE void multiply(std::int64_t k, Operand<T> a, const T* HWY_RESTRICT b, std::int64_t step) {
+  /// With kAhead, what stands `ahead` elements after each line of B is fetched.
+  template <bool kAdd, bool kAhead = false>
+  HWY_INLINE void multiply(std::int64_t k, Operand<T> a, const T* HWY_RESTRICT b, std::int64_t step,
+                           std::int64_t ahead = 0) {
     const Tag<T> tag;
     const T* HWY_RESTRICT pa = a.p;
     for (std::int64_t l = 0; l < k; ++l) {
+      if constexpr (kAhead) hwy::Prefetch(b + ahead);
       Vector<T> x[kRows];
       HWY_UNROLL(24)
       for (int i = 0; i < kRows; ++i) x[i] = hn::LoadU(tag, pa + offset(i, a.panel));
