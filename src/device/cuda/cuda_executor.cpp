@@ -172,8 +172,8 @@ class ExecutorOnDevice final : public CudaExecutor<T> {
   }
 
   // An array of the plan, copied once.
-  template <class U, class V>
-  void upload(DeviceArray<U>& to, const std::vector<V>& from) {
+  template <class U, class V, class A>
+  void upload(DeviceArray<U>& to, const std::vector<V, A>& from) {
     static_assert(sizeof(U) == sizeof(V));
     to = DeviceArray<U>(static_cast<Offset>(from.size()), budget_, needed_);
     copy_in(to.data(), reinterpret_cast<const U*>(from.data()), to.size());
