@@ -19,7 +19,8 @@ Workspace<T>::Workspace(const analysis::Plan& plan, Kind kind, base::MemoryBudge
     const auto& l = plan.layout[f];
     if (plan.whole[f] != 0) {
       widest = std::max<Offset>(widest, l.pivots);
-      area = std::max(area, padded<T>(l.rows) * padded<T>(l.rows));
+      // A panel of columns and one of rows more: parts of a front are packed from rows and columns that begin no panel.
+      area = std::max(area, padded<T>(l.rows) * (padded<T>(l.rows) + kPanel<T>)+kPanel<T>);
       continue;
     }
     Offset most = 0;
