@@ -1,12 +1,13 @@
 // Rates of the host dense kernels on one thread, beside the same operation of a BLAS/LAPACK loaded at run time:
 //   espalier_bench_dense [--blas libmkl_rt.so.3] [--seconds 0.02] [--only word]
-// Contestants alternate within each row and the best of many rounds counts, since a shared machine only ever slows a
-// round down. Operands stay in cache unless the row says "stream". Each product is checked once against the other.
+// Contestants alternate within each row; best and median of the rounds and the ratios of both are printed (a shared
+// machine slows rounds down: where best and median differ much, it was busy). Operands stay in cache unless the row
+// says "stream". Each product is checked once against the other.
 #include <dlfcn.h>
-#include <time.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -25,6 +26,7 @@ using espalier::device::host::Kernels;
 using espalier::device::host::kernels;
 using espalier::device::host::padded;
 using Array = Buffer<double>;
+using Clock = std::chrono::steady_clock;
 
 /// Fortran entry points of a BLAS and LAPACK with 32-bit integers; null where missing.
 struct Blas {
@@ -74,33 +76,38 @@ Array random_array(std::int64_t size, unsigned seed, double low = -1) {
   return x;
 }
 
-/// Processor time of this thread: what other processes take away does not count.
-double processor_seconds() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
+/// Wall clock. The processor time of the thread would leave out other processes, but it counts too little in about 3 %
+/// of short batches (measured against the time-stamp counter of a virtual machine), and a best-of picks just those.
 double seconds_of(const std::function<void()>& body, std::int64_t calls) {
-  const double start = processor_seconds();
+  const auto start = Clock::now();
   for (std::int64_t i = 0; i < calls; ++i) body();
-  return (processor_seconds() - start) / static_cast<double>(calls);
+  return std::chrono::duration<double>(Clock::now() - start).count() / static_cast<double>(calls);
 }
 
-/// Best time of each body in alternating rounds of about `seconds` altogether.
-std::vector<double> best_times(const std::vector<std::function<void()>>& bodies, double seconds) {
-  std::vector<double> best(bodies.size(), 1e30);
+struct Times {
+  double best;
+  double median;
+};
+
+/// Times of each body in alternating rounds of about `seconds` altogether, at least five.
+std::vector<Times> measure(const std::vector<std::function<void()>>& bodies, double seconds) {
+  std::vector<std::vector<double>> rounds(bodies.size());
   std::vector<std::int64_t> calls(bodies.size(), 1);
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     bodies[i]();
     const double once = std::max(1e-8, seconds_of(bodies[i], 1));
     calls[i] = std::clamp<std::int64_t>(static_cast<std::int64_t>(1e-4 / once), 1, 10000);
   }
-  const double start = processor_seconds();
+  const auto start = Clock::now();
   do {
-    for (std::size_t i = 0; i < bodies.size(); ++i) best[i] = std::min(best[i], seconds_of(bodies[i], calls[i]));
-  } while (processor_seconds() - start < seconds);
-  return best;
+    for (std::size_t i = 0; i < bodies.size(); ++i) rounds[i].push_back(seconds_of(bodies[i], calls[i]));
+  } while (rounds[0].size() < 5 || std::chrono::duration<double>(Clock::now() - start).count() < seconds);
+  std::vector<Times> times;
+  for (std::vector<double>& r : rounds) {
+    std::sort(r.begin(), r.end());
+    times.push_back({r.front(), r[r.size() / 2]});
+  }
+  return times;
 }
 
 struct Bench {
@@ -116,9 +123,12 @@ struct Bench {
            const std::function<void()>& theirs) const {
     std::vector<std::function<void()>> bodies{ours};
     if (theirs) bodies.push_back(theirs);
-    const std::vector<double> t = best_times(bodies, seconds);
-    std::printf("%-34s %9.3f us %8.2f %s", name.c_str(), t[0] * 1e6, work / t[0] * 1e-9, unit);
-    if (theirs) std::printf("   %s %8.2f  ratio %5.2f", blas.name.c_str(), work / t[1] * 1e-9, t[1] / t[0]);
+    const std::vector<Times> t = measure(bodies, seconds);
+    std::printf("%-34s %9.3f us  best %7.2f median %7.2f %s", name.c_str(), t[0].best * 1e6, work / t[0].best * 1e-9,
+                work / t[0].median * 1e-9, unit);
+    if (theirs)
+      std::printf("   rival %7.2f %7.2f   ratio %5.2f %5.2f", work / t[1].best * 1e-9, work / t[1].median * 1e-9,
+                  t[1].best / t[0].best, t[1].median / t[0].median);
     std::printf("\n");
     std::fflush(stdout);
   }

@@ -6,7 +6,7 @@
 ///  - *column-major scratch*: element (i, j) at c[j * ld + i]; ld and the number of allocated columns are multiples of
 ///    kPanel, so that whole vectors may be stored past the last row or column (what lies there is undefined). From
 ///    about 100 rows on, an odd multiple of kPanel is the better ld: columns at a power of two apart share few cache
-///    sets (ldlt of 128 rows with 2x2 pivots takes 57 us with ld = 128, 30 us with ld = 136).
+///    sets (ldlt of 128 rows with 2x2 pivots takes 54 us with ld = 128, 28 us with ld = 136).
 ///  - *panels*, the layout of finished tiles: rows in groups of kPanel<T> (one cache line); element (i, k) of a tile
 ///    with `depth` columns at p[(i / P) * P * depth + k * P + i % P]. Rows that pad the last panel are zero. A panel
 ///    tile serves as either operand of a product without packing.

@@ -174,13 +174,19 @@ void factor_block_column(Elimination<T>& f, std::int64_t j, std::int64_t end) {
 template <class T>
 void invert_block(const Elimination<T>& f, std::int64_t j, std::int64_t end) {
   constexpr std::int64_t p = kPanel<T>;
+  const Tag<T> tag;
   T* inverse = f.inverses + j * p;
-  for (std::int64_t t = 0; t < p; ++t) {
-    T* x = inverse + t * p;
-    for (std::int64_t i = 0; i < p; ++i) x[i] = i == t ? T(1) : T(0);
-    for (std::int64_t s = t; s < end - j; ++s) {
-      const T* l = f.c + (j + s) * f.ld + j;
-      for (std::int64_t i = s + 1; i < p; ++i) x[i] -= l[i] * x[s];
+  for (std::int64_t t = 0; t < p * p; ++t) inverse[t] = t % (p + 1) == 0 ? T(1) : T(0);
+  for (std::int64_t s = 0; s < end - j; ++s) {
+    const T* column = f.c + (j + s) * f.ld + j;
+    for (std::int64_t t = 0; t <= s; ++t) {
+      const Vector<T> factor = hn::Set(tag, inverse[t * p + s]);
+      for (std::int64_t i = 0; i < p; i += kLanes<T>) {  // x_t -= L(below s, s) x_t(s)
+        const auto below = hn::Gt(hn::Iota(tag, static_cast<T>(i)), hn::Set(tag, static_cast<T>(s)));
+        const Vector<T> l = hn::IfThenElseZero(below, hn::LoadU(tag, column + i));
+        T* x = inverse + t * p + i;
+        hn::StoreU(hn::NegMulAdd(l, factor, hn::LoadU(tag, x)), tag, x);
+      }
     }
   }
 }
@@ -200,7 +206,7 @@ PivotCounts partial_getrf(std::int64_t m, std::int64_t k, T* c, std::int64_t ld,
     if (j >= k) continue;
     const std::int64_t end = std::min(k, j + p);
     factor_block_column(f, j, end);
-    invert_block(f, j, end);
+    if (j + p < m) invert_block(f, j, end);  // for the block columns that follow
     exchange_rows(f, j, end, 0, j);
   }
   return f.counts;
