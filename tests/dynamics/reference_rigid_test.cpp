@@ -9,6 +9,7 @@
 #include "dynamics/bodies/rigid_body.hpp"
 #include "dynamics/chain.hpp"
 #include "dynamics/constraints/redundancy.hpp"
+#include "dynamics/four_bar.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/joints/joint.hpp"
@@ -154,48 +155,6 @@ TEST(IftommA01, SimplePendulum) {
 
 // ---- IFToMM A02: N-four-bar, exact reduction theta'' = k sin theta, k = 3 g (3N + 1) / (2 (4N + 1)).
 
-struct FourBar {
-  AssembledSystem system;
-  RigidBody* first = nullptr;
-};
-
-std::unique_ptr<FourBar> four_bar(int loops) {
-  auto model = std::make_unique<FourBar>();
-  std::vector<RigidBody*> up, across;
-  RigidBodyData data;
-  data.gravity = {0, -9.81, 0};
-  for (int i = 0; i <= loops; ++i) {  // thin rods; the moment about the own axis plays no part in the plane
-    data.inertia = Vec3(1.0 / 12, 1e-3, 1.0 / 12).asDiagonal();
-    data.position = Vec3(i, 0.5, 0);
-    data.velocity = Vec3(0.5, 0, 0);
-    data.angular_velocity = Vec3(0, 0, -1);
-    up.push_back(&model->system.add(std::make_unique<RigidBody>("up " + std::to_string(i), data)));
-    if (i == loops) break;
-    data.inertia = Vec3(1e-3, 1.0 / 12, 1.0 / 12).asDiagonal();
-    data.position = Vec3(i + 0.5, 1, 0);
-    data.velocity = Vec3(1, 0, 0);
-    data.angular_velocity.setZero();
-    across.push_back(&model->system.add(std::make_unique<RigidBody>("across " + std::to_string(i), data)));
-  }
-  for (int i = 0; i <= loops; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    const std::string name = std::to_string(i);
-    model->system.add(
-        revolute_joint("foot " + name, std::make_unique<GroundFrame>(Vec3(i, 0, 0)), frame_at(*up[at], Vec3(i, 0, 0))));
-    if (i > 0) {
-      model->system.add(revolute_joint("left of " + name, frame_at(*across[at - 1], Vec3(i, 1, 0)),
-                                       frame_at(*up[at], Vec3(i, 1, 0))));
-    }
-    if (i < loops) {
-      model->system.add(
-          revolute_joint("right of " + name, frame_at(*up[at], Vec3(i, 1, 0)), frame_at(*across[at], Vec3(i, 1, 0))));
-    }
-  }
-  model->first = up[0];
-  model->system.finish();
-  return model;
-}
-
 struct FourBarRun {
   Vec3 tip;
   double energy_defect, position, time_per_step;
@@ -220,14 +179,9 @@ FourBarRun run_four_bar(int loops, double tol, double until) {
   bdf.integrate(until);
   const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
   guard.check(bdf.state());
-  const RigidBody& rod = *model->first;
-  const Vec3 tip = rod.position(bdf.state().q) + rotation_matrix(rod.quaternion(bdf.state().q)) * Vec3(0, 0.5, 0);
-  return {tip,
-          model->system.energy(bdf.state().view()).total() - e0,
-          bdf.counts().largest_position,
-          seconds / static_cast<double>(bdf.counts().steps),
-          guard.degrees_of_freedom(),
-          guard.redundant().size()};
+  return {four_bar_tip(*model, bdf.state().q), model->system.energy(bdf.state().view()).total() - e0,
+          bdf.counts().largest_position,       seconds / static_cast<double>(bdf.counts().steps),
+          guard.degrees_of_freedom(),          guard.redundant().size()};
 }
 
 TEST(IftommA02, TwoLoopsTenSecondsThroughDeadPoints) {

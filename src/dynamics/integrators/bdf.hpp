@@ -86,13 +86,16 @@ class BdfIntegrator final : public Integrator {
   Outcome solve_step(StepReport& report);
   Outcome solve_reduced(StepReport& report);
   Outcome solve_full(StepReport& report);
+  void project_stages();
   double iterate_reduced(StepReport& report);
+  // Near singular positions (bdf_projected.cpp)
+  Outcome solve_projected(StepReport& report);
+  void iterate_projected(StepReport& report);
+  void remove_weak_parts();
   void stage_residuals(const State& s);
   [[nodiscard]] bool constraints_hold(StepReport& report);
   [[nodiscard]] double error_estimate(int order);
   [[nodiscard]] bool attempt(double h, bool retry, StepReport& report);
-  [[nodiscard]] bool near_singular();
-  [[nodiscard]] bool cross(double t_limit, StepReport& report);
   void check_step(double h, double t_limit) const;
   void accept(StepReport& report);
   void choose_step(double error);
@@ -113,11 +116,12 @@ class BdfIntegrator final : public Integrator {
   Formula formula_;
   int order_ = 1;
   double h_ = 0;
-  double h_calm_ = 0;  // fading maximum of the last step sizes
   int steps_at_order_ = 0;
-  int newton_limit_ = 0;
-  double factor_hp_ = 0;       // h' of the factor; 0: none
-  bool factor_fresh_ = false;  // the factor belongs to this very attempt
+  int projected_left_ = 0;             // steps that begin with the projected iteration
+  int noisy_left_ = 0;                 // steps until the points next to a singular position have left the history
+  bool formula_is_projected_ = false;  // the trial state comes from the projected iteration
+  double factor_hp_ = 0;               // h' of the factor; 0: none
+  bool factor_fresh_ = false;          // the factor belongs to this very attempt
   bool rate_poor_ = false;
   double rate_ = 0.5;
   std::vector<double> theta_, theta_hat_, v_hat_, theta_pred_, v_pred_, weight_q_, weight_v_;

@@ -113,6 +113,7 @@ void BdfIntegrator::move(const State& from, ConstSpan dx, State& to) const {
 }
 
 BdfIntegrator::Outcome BdfIntegrator::solve_full(StepReport& report) {
+  formula_is_projected_ = false;
   parametrise();
   const std::size_t n = trial_.v.size();
   State now = trial_, moved = trial_;

@@ -18,11 +18,11 @@ struct StepReport {
   int factorizations = 0;     ///< all attempts together
   int error_failures = 0;     ///< attempts rejected by the error test
   int newton_failures = 0;    ///< attempts in which Newton did not converge
-  int crossings = 0;          ///< 1 if the step went over a singular position (see BdfIntegrator::cross)
-  double residual = 0;        ///< largest residual of the equations of motion at the last evaluation
-  double error = 0;           ///< local error estimate in units of the tolerance (accepted below 1); 0 when not tested
-  double newton_rate = 0;     ///< convergence rate of the last iteration, 0 when there was only one
-  Levels levels;              ///< constraint violations at the end of the step (motion = residual)
+  int crossings = 0;  ///< 1 if the step needed the iteration for places (next to a singular position of the mechanism)
+  double residual = 0;     ///< largest residual of the equations of motion at the last evaluation
+  double error = 0;        ///< local error estimate in units of the tolerance (accepted below 1); 0 when not tested
+  double newton_rate = 0;  ///< convergence rate of the last iteration, 0 when there was only one
+  Levels levels;           ///< constraint violations at the end of the step (motion = residual)
 };
 
 /// Sums over all steps.

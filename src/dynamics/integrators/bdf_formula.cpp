@@ -1,0 +1,148 @@
+// The formulas of variable step and order: history parts, predictor, local error, choice of step and order.
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "dynamics/integrators/bdf.hpp"
+
+namespace espalier::dynamics {
+
+void BdfIntegrator::set_formula(double h, int order) {
+  formula_.order = order;
+  formula_.h = h;
+  formula_.t = state_.t + h;
+  std::array<double, kMaxBdfOrder + 1> w{};
+  derivative_weights(formula_.t, history_.times(order), w);
+  formula_.hp = 1 / w[0];
+  std::fill(theta_hat_.begin(), theta_hat_.end(), 0.0);
+  std::fill(v_hat_.begin(), v_hat_.end(), 0.0);
+  for (int j = 0; j < order; ++j) {
+    const double factor = -formula_.hp * w[static_cast<std::size_t>(j) + 1];
+    const ConstSpan theta = history_.theta(j), v = history_.v(j);
+    for (std::size_t i = 0; i < theta.size(); ++i) {
+      theta_hat_[i] += factor * theta[i];
+      v_hat_[i] += factor * v[i];
+    }
+  }
+}
+
+void BdfIntegrator::predict() {
+  std::array<double, kMaxBdfOrder + 2> w{};
+  const int points = std::min(formula_.order + 1, history_.size());
+  value_weights(formula_.t, history_.times(points), w);
+  std::fill(theta_pred_.begin(), theta_pred_.end(), 0.0);
+  std::fill(v_pred_.begin(), v_pred_.end(), 0.0);
+  for (int j = 0; j < points; ++j) {
+    const double factor = w[static_cast<std::size_t>(j)];
+    const ConstSpan theta = history_.theta(j), v = history_.v(j);
+    for (std::size_t i = 0; i < theta.size(); ++i) {
+      theta_pred_[i] += factor * theta[i];
+      v_pred_[i] += factor * v[i];
+    }
+  }
+  const int lambda_points = std::min(points, 3);
+  value_weights(formula_.t, history_.times(lambda_points), w);
+  std::fill(trial_.lambda.begin(), trial_.lambda.end(), 0.0);
+  for (int j = 0; j < lambda_points; ++j) {
+    const ConstSpan lambda = history_.lambda(j);
+    for (std::size_t i = 0; i < lambda.size(); ++i) trial_.lambda[i] += w[static_cast<std::size_t>(j)] * lambda[i];
+  }
+  trial_.t = formula_.t;
+  theta_ = theta_pred_;
+  trial_.v = v_pred_;
+  for (std::size_t i = 0; i < theta_.size(); ++i) trial_.a[i] = (v_pred_[i] - v_hat_[i]) / formula_.hp;
+  equations_.system().retract(history_.q(0), theta_pred_, trial_.q);
+}
+
+void BdfIntegrator::error_weights() {
+  equations_.system().magnitude(state_.q, weight_q_);
+  for (std::size_t i = 0; i < weight_q_.size(); ++i) {
+    weight_q_[i] = 1 / (options_.relative * weight_q_[i] + options_.absolute);
+    weight_v_[i] = 1 / (options_.relative * std::abs(state_.v[i]) + options_.absolute_velocity);
+  }
+}
+
+double BdfIntegrator::norm(ConstSpan x, ConstSpan weight) const {
+  double sum = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) sum += x[i] * x[i] * weight[i] * weight[i];
+  return x.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(x.size()));
+}
+
+double BdfIntegrator::error_estimate(int order) {
+  // Local error of the formula of this order: h'/(t - t_{n-k}) (y - y_pred), y_pred through k + 1 past points. It
+  // follows from the error of interpolation, y^(k+1)/(k+1)! prod(t - t_j), in the value of the predictor and in the
+  // derivative.
+  const int points = order + 1;
+  if (history_.size() < points) return 0;
+  std::array<double, kMaxBdfOrder + 2> w{}, d{};
+  value_weights(formula_.t, history_.times(points), w);
+  derivative_weights(formula_.t, history_.times(order), d);
+  const double factor = 1 / (d[0] * (formula_.t - history_.time(order)));
+  for (std::size_t i = 0; i < theta_.size(); ++i) {
+    dq_[i] = theta_[i];
+    dv_[i] = trial_.v[i];
+  }
+  for (int j = 0; j < points; ++j) {
+    const double wj = w[static_cast<std::size_t>(j)];
+    const ConstSpan theta = history_.theta(j), v = history_.v(j);
+    for (std::size_t i = 0; i < theta_.size(); ++i) {
+      dq_[i] -= wj * theta[i];
+      dv_[i] -= wj * v[i];
+    }
+  }
+  if (noisy_left_ > 0 || formula_is_projected_) remove_weak_parts();
+  const double error = norm(dq_, weight_q_);
+  return factor * (options_.test_velocity ? std::max(error, norm(dv_, weight_v_)) : error);
+}
+
+void BdfIntegrator::choose_step(double error) {
+  // Order and step for the next step, after the logic of CVODE: candidates k - 1, k, k + 1, each with its own estimate,
+  // with the safety factors 6, 6, 10 on the error; a change must pay (ratio 1.2 for the step, orders are left alone for
+  // k + 1 steps after a change). Ratios below 1.2 keep the step, so that the factor stays good.
+  ++steps_at_order_;
+  const auto ratio = [](double e, double bias, int k) { return 1 / (std::pow(bias * e, 1.0 / (k + 1)) + 1e-6); };
+  double best = ratio(error, 6, order_);
+  int order = order_;
+  const int top = options_.fixed_order > 0 ? options_.fixed_order : options_.max_order;
+  if (options_.fixed_order == 0 && steps_at_order_ > order_) {
+    if (order_ > 1) {
+      const double lower = ratio(error_estimate(order_ - 1), 6, order_ - 1);
+      if (lower > best) best = lower, order = order_ - 1;
+    }
+    if (order_ < top && history_.size() >= order_ + 2) {
+      const double higher = ratio(error_estimate(order_ + 1), 10, order_ + 1);
+      if (higher > best) best = higher, order = order_ + 1;
+    }
+  }
+  const double largest = counts_.steps < 10 ? 10.0 : 4.0;
+  if (best < 1) {
+    best = std::max(0.5, best);
+  } else if (best < 1.2) {
+    best = 1;
+    order = std::min(order, order_);
+  } else {
+    best = std::min(best, largest);
+  }
+  if (order != order_) steps_at_order_ = 0;
+  order_ = order;
+  h_ *= best;
+}
+
+void BdfIntegrator::interpolate(double t, Span q, Span v) const {
+  std::array<double, kMaxBdfOrder + 2> w{};
+  const int points = std::min(formula_.order + 1, history_.size());
+  value_weights(t, history_.times(points), w);
+  std::vector<double> theta(v.size(), 0.0);
+  std::fill(v.begin(), v.end(), 0.0);
+  for (int j = 0; j < points; ++j) {
+    const double factor = w[static_cast<std::size_t>(j)];
+    const ConstSpan past_theta = history_.theta(j), past_v = history_.v(j);
+    for (std::size_t i = 0; i < v.size(); ++i) {
+      theta[i] += factor * past_theta[i];
+      v[i] += factor * past_v[i];
+    }
+  }
+  equations_.system().retract(history_.q(0), theta, q);
+}
+
+}  // namespace espalier::dynamics
