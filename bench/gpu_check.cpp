@@ -16,6 +16,7 @@
 #include <fstream>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <sstream>
 
 #include "analysis/ordering.hpp"
@@ -321,7 +322,8 @@ int show_plans(const Settings& settings) {
     const auto d = device::cuda::make_device_plan(c.plan, c.kind);
     fmt::print("{:<18} {:<4} {} fronts, {} tasks ({} narrow), {} solve tasks, arena {:.3f} GB\n", c.name,
                name_of(c.kind), c.plan.fronts(), d.tasks.size(), d.narrow_tasks, d.up.size() + d.down.size(),
-               static_cast<double>(d.arena) * (settings.fp32 ? 4e-9 : 8e-9));
+               static_cast<double>(std::accumulate(d.regions.begin(), d.regions.end(), std::int64_t{0})) *
+                   (settings.fp32 ? 4e-9 : 8e-9));
   }
   return 0;
 }

@@ -133,7 +133,7 @@ TEST_P(CudaPlan, MemoryIsReusedOnlyAfterItsUsers) {
     if (lu) uses.push_back({x.second, x.second + x.factor_size(), f, false});
     if (x.below > 0) uses.push_back({x.contribution, x.contribution + x.contribution_size(), f, true});
     if (x.below > 0 && lu) uses.push_back({x.contribution_up, x.contribution_up + x.contribution_size(), f, true});
-    ASSERT_LE(x.factor + x.factor_size(), device_.arena);
+    ASSERT_LE(x.factor + x.factor_size(), device_.regions[static_cast<std::size_t>(x.region)]);
   }
   std::sort(uses.begin(), uses.end(), [](const Use& p, const Use& q) { return p.begin < q.begin; });
   for (std::size_t p = 0; p < uses.size(); ++p)

@@ -184,10 +184,10 @@ __device__ inline void assemble(const FactorState<T>& s, const Front& f, const T
     for (int i = x.tile_row; i < x.tile_row_end; ++i) add_entries_of_tile(s, f, x, i, x.tile_col);
   __syncthreads();
   for_each_piece(s, f, x, [&](const Piece& piece, int) {
-    if (!Lu || x.square || x.part == 0)
-      add_piece(s, f, x, piece, s.arena + s.fronts[piece.child].contribution, false, false);
-    if (Lu && (x.square || x.part == 1))
-      add_piece(s, f, x, piece, s.arena + s.fronts[piece.child].contribution_up, x.square, true);
+    const Front& child = s.fronts[piece.child];
+    const T* base = s.base[child.region];
+    if (!Lu || x.square || x.part == 0) add_piece(s, f, x, piece, base + child.contribution, false, false);
+    if (Lu && (x.square || x.part == 1)) add_piece(s, f, x, piece, base + child.contribution_up, x.square, true);
   });
   __syncthreads();
 }

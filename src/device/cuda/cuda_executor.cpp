@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <span>
 #include <tuple>
 
@@ -185,12 +186,19 @@ class ExecutorOnDevice final : public CudaExecutor<T> {
     for (const auto& e : plan_.entries) values = std::max(values, e.source() + 1);
     const Offset parts = kind_ == Kind::lu ? 2 : 1;
     const auto bytes = [](const auto& v) { return static_cast<Offset>(v.size() * sizeof(v[0])); };
-    needed_ = (tables_.arena + values + 3 * n) * static_cast<Offset>(sizeof(T)) + bytes(tables_.fronts) +
-              bytes(tables_.links) + bytes(tables_.bounds) + bytes(tables_.waits) + bytes(tables_.tasks) +
-              bytes(tables_.up) + bytes(tables_.down) + bytes(plan_.relative) + bytes(plan_.tree.rows) +
-              bytes(plan_.entry_ptr) + bytes(plan_.entries) + parts * tables_.flags * 4 + plan_.fronts() * 4 + 2 * n +
+    needed_ = (std::accumulate(tables_.regions.begin(), tables_.regions.end(), Offset{0}) + values + 3 * n) *
+                  static_cast<Offset>(sizeof(T)) +
+              bytes(tables_.fronts) + bytes(tables_.links) + bytes(tables_.bounds) + bytes(tables_.waits) +
+              bytes(tables_.tasks) + bytes(tables_.up) + bytes(tables_.down) + bytes(plan_.relative) +
+              bytes(plan_.tree.rows) + bytes(plan_.entry_ptr) + bytes(plan_.entries) + parts * tables_.flags * 4 +
+              plan_.fronts() * 4 + 2 * n +
               3 * (2 * n + static_cast<Offset>(plan_.relative.size())) * static_cast<Offset>(sizeof(T));
-    arena_ = DeviceArray<T>(tables_.arena, budget_, needed_);
+    std::vector<T*> bases;
+    for (const Offset size : tables_.regions) {
+      arenas_.emplace_back(size, budget_, needed_);
+      bases.push_back(arenas_.back().data());
+    }
+    upload(base_, bases);
     values_ = DeviceArray<T>(values, budget_, needed_);
     pivot_ = DeviceArray<T>(n, budget_, needed_);
     if (kind_ == Kind::ldlt) {
@@ -263,7 +271,7 @@ class ExecutorOnDevice final : public CudaExecutor<T> {
               entry_ptr_.data(),
               entries_.data(),
               values_.data(),
-              arena_.data(),
+              base_.data(),
               inverse_d_.data(),
               inverse_e_.data(),
               pivot_.data(),
@@ -309,7 +317,7 @@ class ExecutorOnDevice final : public CudaExecutor<T> {
                           bounds_.data(),
                           relative_.data(),
                           rows_.data(),
-                          arena_.data(),
+                          base_.data(),
                           inverse_d_.data(),
                           inverse_e_.data(),
                           lu && transpose,
@@ -376,7 +384,9 @@ class ExecutorOnDevice final : public CudaExecutor<T> {
   Offset needed_ = 0;
   std::string name_;
   Stream stream_;
-  DeviceArray<T> arena_, values_, pivot_, inverse_d_, inverse_e_, limits_, vectors_, rhs_;
+  std::vector<DeviceArray<T>> arenas_;  // regions
+  DeviceArray<T*> base_;
+  DeviceArray<T> values_, pivot_, inverse_d_, inverse_e_, limits_, vectors_, rhs_;
   DeviceArray<unsigned char> marks_;
   DeviceArray<int> control_, solve_control_;
   DeviceArray<Front> fronts_;

@@ -140,11 +140,12 @@ class Builder {
       x.wait_end = static_cast<std::int32_t>(m.wait_ptr[f + 1]);
     }
     d_.waits.assign(m.wait_fronts.begin(), m.wait_fronts.end());
-    d_.arena = m.size;
+    d_.regions = {m.size};
   }
 
   void emit(Index f, Work work, int part, Index block, Index column) {
-    d_.tasks.push_back({f, work, static_cast<std::int16_t>(part), block, column});
+    d_.tasks.push_back(
+        {f, work, static_cast<std::int8_t>(part), static_cast<std::uint16_t>(d_.fronts[f].region), block, column});
     ++d_.fronts[f].tasks;
   }
 

@@ -35,7 +35,7 @@ struct DevicePlan {
   std::int64_t small_up = 0;    ///< the first tasks of `up` belong to sub-trees of small fronts, ...
   std::int64_t small_down = 0;  ///< ... the last ones of `down` likewise
   std::int64_t flags = 0;
-  std::int64_t arena = 0;  ///< elements
+  std::vector<std::int64_t> regions;  ///< elements of each region
 };
 
 /// @throws std::invalid_argument when the plan was not made with cuda_plan_options()

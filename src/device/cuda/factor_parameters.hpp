@@ -31,17 +31,17 @@ struct FactorState {
   const std::int64_t* entry_ptr;  ///< Plan::entry_ptr
   const std::uint64_t* entries;   ///< Plan::entries, packed
   const T* values;                ///< the caller's values
-  T* arena;
-  T* inverse_d;             ///< n; diagonal of D^-1 (ldlt)
-  T* inverse_e;             ///< n; its subdiagonal: e[k] couples k and k + 1
-  T* pivot;                 ///< n; pivots with signs, whose product is the determinant
-  unsigned char* replaced;  ///< n; 1: the pivot was replaced
-  unsigned char* failed;    ///< n; 1: the column of L grew beyond `growth`
-  int* control;             ///< counters and flags
-  int* finished;            ///< fronts; tasks done
-  const T* limits;          ///< [0] pivots below it are replaced; [1] largest |L| that is not reported
-  std::uint64_t patience;   ///< nanoseconds that one wait may last before the kernel gives up
-  std::int64_t part_flags;  ///< flags of one part; those of part 1 (lu) follow those of part 0
+  T* const* base;                 ///< regions; where each begins (see tables.hpp)
+  T* inverse_d;                   ///< n; diagonal of D^-1 (ldlt)
+  T* inverse_e;                   ///< n; its subdiagonal: e[k] couples k and k + 1
+  T* pivot;                       ///< n; pivots with signs, whose product is the determinant
+  unsigned char* replaced;        ///< n; 1: the pivot was replaced
+  unsigned char* failed;          ///< n; 1: the column of L grew beyond `growth`
+  int* control;                   ///< counters and flags
+  int* finished;                  ///< fronts; tasks done
+  const T* limits;                ///< [0] pivots below it are replaced; [1] largest |L| that is not reported
+  std::uint64_t patience;         ///< nanoseconds that one wait may last before the kernel gives up
+  std::int64_t part_flags;        ///< flags of one part; those of part 1 (lu) follow those of part 0
 
   ESPALIER_BOTH T tiny() const { return limits[0]; }
   ESPALIER_BOTH T growth() const { return limits[1]; }

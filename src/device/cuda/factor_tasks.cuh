@@ -14,6 +14,7 @@ namespace espalier::device::cuda {
 struct TaskFeed {
   FactorTask task;
   Front front;
+  void* base;  ///< of the front's region
   int stop;
   int first, end;
   int* counter;
@@ -26,6 +27,9 @@ struct Workshop {
   Pipeline<T> pipe;  ///< pipe.stages is the area
   TaskFeed* feed;
   int n;
+
+  /// Start of the region in which the task's front lies.
+  __device__ T* base() const { return static_cast<T*>(feed->base); }
 };
 
 /// One warp brings task `id` and its front.
@@ -38,7 +42,10 @@ __device__ inline void load_task(Workshop<T>& w, int id) {
   if (lane == 0) feed.stop = ends;
   if (ends) return;
   const FactorTask task = s.tasks[id];
-  if (lane == 0) feed.task = task;
+  if (lane == 0) {
+    feed.task = task;
+    feed.base = s.base[task.region];
+  }
   const int* from = reinterpret_cast<const int*>(s.fronts + task.front);
   for (int x = lane; x < static_cast<int>(sizeof(Front) / sizeof(int)); x += 32)
     reinterpret_cast<int*>(&feed.front)[x] = from[x];
@@ -81,8 +88,8 @@ __device__ constexpr int operand_array(int part, int which) {
   return K == Kind::ldlt && which == 0 ? 1 : 0;
 }
 template <class T>
-__device__ inline T* array_of(const FactorState<T>& s, const Front& f, int array) {
-  return s.arena + (array == 0 ? f.factor : f.second);
+__device__ inline T* array_of(T* base, const Front& f, int array) {
+  return base + (array == 0 ? f.factor : f.second);
 }
 
 /// Rows of a block task: padded row and count.
@@ -221,11 +228,11 @@ __device__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& tas
   const int from_a = operand_array<K>(part, 0), from_b = operand_array<K>(part, 1);
   const int* flag_a = s.flags(K == Kind::lu ? from_a : 0) + f.flag(a, 0);
   const int* flag_b = s.flags(K == Kind::lu ? from_b : 0) + f.flag(f.block_of_column(j), 0);
-  const Operand<T> left{array_of(s, f, from_a), row, rows}, right{array_of(s, f, from_b), col, cols};
+  const Operand<T> left{array_of(w.base(), f, from_a), row, rows}, right{array_of(w.base(), f, from_b), col, cols};
   sum_products<T, S>(acc, f, left, right, false, (pivot ? col : f.pivot_pad) / kChunk, flag_a, flag_b, f.blocks, w.pipe,
                      s.control, s.patience);
   if (!pivot) {
-    T* to = s.arena + (part == 0 ? f.contribution : f.contribution_up);
+    T* to = w.base() + (part == 0 ? f.contribution : f.contribution_up);
     const int r0 = row - f.pivot_pad, c0 = col - f.pivot_pad;
     const std::int64_t ld = f.below_ld - c0;
     to += f.contribution_offset(c0, c0);
@@ -237,11 +244,11 @@ __device__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& tas
     const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - j * f.width) * kChunk;
     const int q = col / kChunk;
     const int inverse = K == Kind::lu ? 1 - part : 0;  // L = C inverse(U), U^T = C P^T inverse(L)^T
-    multiply_by_inverse<T, S>(acc, w, array_of(s, f, inverse) + f.chunk_offset(q, col), stride, rows, cols,
+    multiply_by_inverse<T, S>(acc, w, array_of(w.base(), f, inverse) + f.chunk_offset(q, col), stride, rows, cols,
                               s.flags(0) + f.diagonal_flag(j));
-    T* to = array_of(s, f, part) + f.chunk_offset(q, row);
+    T* to = array_of(w.base(), f, part) + f.chunk_offset(q, row);
     if constexpr (K == Kind::ldlt) {
-      store_panels<T, S>(acc, T(1), array_of(s, f, 1) + f.chunk_offset(q, row), stride, rows, cols, at);
+      store_panels<T, S>(acc, T(1), array_of(w.base(), f, 1) + f.chunk_offset(q, row), stride, rows, cols, at);
       __syncthreads();
       T* y = w.pipe.stages;
       for_each_element<S>(at, [&](int m, int n, int e, int r, int c) { y[c * S::kLd + r] = acc[m][n][e]; });
@@ -265,8 +272,8 @@ __device__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& tas
 /// the transposed inverse of U (lu) to the second one. On return m holds the last one written; between the two,
 /// use_lower().
 template <class T, Kind K, class Use>
-__device__ void invert_pivot_block(const FactorState<T>& s, const Front& f, int col, T* a, int lda, int size, T* m,
-                                   int ldm, int n, Use&& use_lower) {
+__device__ void invert_pivot_block(const FactorState<T>& s, T* base, const Front& f, int col, T* a, int lda, int size,
+                                   T* m, int ldm, int n, Use&& use_lower) {
   const int pivots = min(f.pivots - col, size), q = col / kChunk;
   const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - col) * kChunk;
   const PivotSink<T> sink{&s, f.position + col, n};
@@ -282,12 +289,12 @@ __device__ void invert_pivot_block(const FactorState<T>& s, const Front& f, int 
   } else {
     invert_lower_lu(a, lda, size, pivots, m, ldm, sink);
   }
-  write_panels(m, 1, ldm, size, size, array_of(s, f, 0) + f.chunk_offset(q, col), stride);
+  write_panels(m, 1, ldm, size, size, array_of(base, f, 0) + f.chunk_offset(q, col), stride);
   use_lower();
   if constexpr (K == Kind::lu) {
     __syncthreads();
     invert_upper_lu(a, lda, size, pivots, m, ldm);
-    write_panels(m, 1, ldm, size, size, array_of(s, f, 1) + f.chunk_offset(q, col), stride);
+    write_panels(m, 1, ldm, size, size, array_of(base, f, 1) + f.chunk_offset(q, col), stride);
   }
 }
 
@@ -304,7 +311,7 @@ __device__ void subtract_from_diagonal(Workshop<T>& w, const Front& f, int j) {
   const int from_a = operand_array<K>(0, 0), from_b = operand_array<K>(0, 1);
   const int* flag_a = s.flags(0) + f.flag(a, 0);
   const int* flag_b = s.flags(K == Kind::lu ? 1 : 0) + f.flag(a, 0);
-  const Operand<T> left{array_of(s, f, from_a), col, size}, right{array_of(s, f, from_b), col, size};
+  const Operand<T> left{array_of(w.base(), f, from_a), col, size}, right{array_of(w.base(), f, from_b), col, size};
   sum_products<T, S>(acc, f, left, right, K == Kind::llt, col / kChunk, flag_a, flag_b, f.blocks, w.pipe, s.control,
                      s.patience);
   T* c = w.pipe.stages;
@@ -331,13 +338,13 @@ __device__ void strip_times_inverse(T* strip, int sr, int sk, const T* m, int ld
 
 /// Writes a whole front's contribution from its scratch tile.
 template <class T, Kind K>
-__device__ void write_contribution(const FactorState<T>& s, const Front& f, const T* a, int ld) {
+__device__ void write_contribution(T* base, const Front& f, const T* a, int ld) {
   const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31, p = f.pivot_pad;
   for (int c = warp; c < f.below; c += 4) {
-    T* to = s.arena + f.contribution + static_cast<std::int64_t>(c) * f.below_ld;
+    T* to = base + f.contribution + static_cast<std::int64_t>(c) * f.below_ld;
     for (int r = c + lane; r < f.below; r += 32) to[r] = a[(p + c) * ld + p + r];
     if constexpr (K == Kind::lu) {
-      T* up = s.arena + f.contribution_up + static_cast<std::int64_t>(c) * f.below_ld;
+      T* up = base + f.contribution_up + static_cast<std::int64_t>(c) * f.below_ld;
       for (int r = c + 1 + lane; r < f.below; r += 32) up[r] = a[(p + r) * ld + p + c];
     }
   }
@@ -371,8 +378,9 @@ __device__ void finish_whole(Workshop<T>& w, const Front& f, const FactorTask& t
   const std::int64_t stride = static_cast<std::int64_t>(size) * kChunk;
   if (strips > 0) {
     write_panels(K == Kind::ldlt ? up : low, K == Kind::ldlt ? ld : 1, K == Kind::ldlt ? 1 : ld, size - p, p,
-                 array_of(s, f, 0) + f.chunk_offset(0, p), stride);
-    if constexpr (K == Kind::lu) write_panels(up, ld, 1, size - p, p, array_of(s, f, 1) + f.chunk_offset(0, p), stride);
+                 array_of(w.base(), f, 0) + f.chunk_offset(0, p), stride);
+    if constexpr (K == Kind::lu)
+      write_panels(up, ld, 1, size - p, p, array_of(w.base(), f, 1) + f.chunk_offset(0, p), stride);
   }
   // A22 -= A21 B12: L L^T, (L D) L^T or L U.
   for (int y = warp; y < strips * strips; y += 4) {
@@ -388,7 +396,7 @@ __device__ void finish_whole(Workshop<T>& w, const Front& f, const FactorTask& t
     }
   }
   __syncthreads();
-  if (f.below > 0) write_contribution<T, K>(s, f, a, ld);
+  if (f.below > 0) write_contribution<T, K>(w.base(), f, a, ld);
   const std::int64_t flag = f.below > 0 ? f.flag(f.pivot_blocks, f.pivot_tiles) : f.diagonal_flag(0);
   finish_task(w, task.front, flag, 0, K == Kind::lu);
 }
@@ -408,7 +416,7 @@ __device__ void pivot_task(Workshop<T>& w, const Front& f, const FactorTask& tas
   T* a = w.pipe.stages;
   const int lda = whole ? f.total_pad + 4 : f.width + 4, ldm = whole ? size + 4 : f.width + 4;
   T* m = a + lda * (whole ? f.total_pad : f.width);
-  invert_pivot_block<T, K>(s, f, col, a, lda, size, m, ldm, w.n, [&] {
+  invert_pivot_block<T, K>(s, w.base(), f, col, a, lda, size, m, ldm, w.n, [&] {
     if constexpr (K == Kind::lu) {  // U12^T = A12^T P^T inverse(L)^T
       const int strips = whole ? (f.total_pad - size) / 16 : 0;
       for (int i = static_cast<int>(threadIdx.x) >> 5; i < strips; i += 4)

@@ -26,8 +26,8 @@ struct SolveState {
   const std::int32_t* bounds;
   const std::int32_t* relative;
   const std::int32_t* rows;  ///< AssemblyTree::rows
-  const T* arena;
-  const T* inverse_d;  ///< null but for ldlt
+  T* const* base;            ///< regions; where each begins (see tables.hpp)
+  const T* inverse_d;        ///< null but for ldlt
   const T* inverse_e;
   bool up_second;    ///< forward substitution with the second factor array (lu, transposed)
   bool down_second;  ///< backward substitution with it (lu)

@@ -242,7 +242,7 @@ __device__ void go_up(const SolveState<T>& s, SolveBench<T, C>& b, int block, in
   const int per_block = kRowBlock / f.width;
   const int tile = pivot ? a * per_block : f.pivot_tiles + (a - f.pivot_blocks) * per_block;
   const int tile_end = all ? f.tiles : min(tile + per_block, pivot ? f.pivot_tiles : f.tiles);
-  const T* factor = s.arena + (s.up_second ? f.second : f.factor);
+  const T* factor = s.base[f.region] + (s.up_second ? f.second : f.factor);
   for (int y = threadIdx.x; y < kRowBlock * C; y += threads()) {
     const int r = row + y / C, c = first_column + y % C;
     b.v[y] = pivot && r < f.pivots && c < s.columns ? s.rhs[static_cast<std::int64_t>(f.position + r) * s.columns + c]
@@ -412,7 +412,7 @@ __device__ void go_down(const SolveState<T>& s, SolveBench<T, C>& b, int a, int 
   const Front& f = b.front;
   const int col = f.block_begin(a), end = f.block_end(a), cols = end - col;
   const int per_block = kRowBlock / f.width, tile = a * per_block;
-  const T* factor = s.arena + (s.down_second ? f.second : f.factor);
+  const T* factor = s.base[f.region] + (s.down_second ? f.second : f.factor);
   for (int q = 0; q < cols / kChunk; ++q) {  // what comes last, and is waited for by others
     const int first = col / kChunk + q, top = col + q * kChunk / f.width * f.width;
     prefetch(factor + f.chunk_offset(first, top), (min(end + kRowBlock, f.total_pad) - top) * kChunk);

@@ -6,6 +6,9 @@
 /// into *tile columns* of `width`; the rows of the pivots and the rows below are each cut into *row blocks* of 128. A
 /// task makes the part of one row block that lies in one tile column.
 ///
+/// Fronts belong to *regions* of memory, each of which lies in one piece, on whatever device: the kernels get a table
+/// of their bases, and the offsets in a Front count from the base of its region.
+///
 /// Factor array of a front: tile column j < pivot_tiles holds the rows from its first column's on, height
 /// H_j = total_pad - j * width, as chunks of 16 columns; a chunk is a sequence of panels of 8 rows, a panel 128
 /// elements in the order in which a warp's lanes hold the operands of a tensor-core product (see fragment_offset()).
@@ -60,7 +63,7 @@ struct Front {
   std::int32_t wait_begin = 0, wait_end = 0;
   std::int32_t tasks = 0;  ///< tasks of the front: it is finished when so many are done
   std::int32_t whole = 0;
-  std::int32_t unused = 0;  ///< keeps the size a multiple of 8 bytes without padding
+  std::int32_t region = 0;  ///< the four arrays start at their offsets from the base of this region
 
   /// First padded row of tile column j.
   [[nodiscard]] ESPALIER_BOTH int column_begin(int j) const {
@@ -136,13 +139,14 @@ struct Link {
   std::int64_t bound = 0;
 };
 
-enum class Work : std::int16_t { whole, diagonal, block };
+enum class Work : std::int8_t { whole, diagonal, block };
 
 /// One unit of work of the factorization. `part` 1: the block of U^T (lu).
 struct FactorTask {
   std::int32_t front = 0;
   Work work = Work::whole;
-  std::int16_t part = 0;
+  std::int8_t part = 0;
+  std::uint16_t region = 0;  ///< of the front
   std::int32_t block = 0;
   std::int32_t column = 0;
 };
