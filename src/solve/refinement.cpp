@@ -1,6 +1,7 @@
 #include "solve/refinement.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <vector>
 
@@ -11,22 +12,15 @@ namespace {
 // A Krylov correction reduces the residual by that much per restart; the next residual is computed afresh.
 constexpr double kKrylovReduction = 1e-6;
 
-bool finite(const std::vector<double>& v) {
-  return std::all_of(v.begin(), v.end(), [](double x) { return std::isfinite(x); });
-}
-
-}  // namespace
-
-namespace {
-
-constexpr Index kColumnsAtOnce = 32;  // bounds the memory: three vectors a column
+constexpr Index kColumnsAtOnce = 16;           // bounds the memory: two vectors a column
+constexpr std::int64_t kRowsPerPiece = 16384;  // of a vector, per piece of work
 
 // One right-hand side on its way.
 struct Column {
   const double* b = nullptr;
-  double* x = nullptr;           // the best so far
-  std::vector<double> trial;     // x + correction
-  std::vector<double> residual;  // of the best
+  double* x = nullptr;         // the best so far
+  double* residual = nullptr;  // of the best
+  double* trial = nullptr;     // x + correction
   RefinementResult result;
   bool krylov = false;
   bool done = false;
@@ -34,23 +28,27 @@ struct Column {
 
 class Refinement {
  public:
-  Refinement(const ResidualOperator& a, const Preconditioner& m, bool transpose, const RefinementOptions& options)
-      : a_(a), m_(m), transpose_(transpose), options_(options), n_(static_cast<std::size_t>(a.size())) {}
+  Refinement(const ResidualOperator& a, const Preconditioner& m, bool transpose, const RefinementOptions& options,
+             Index columns)
+      : a_(a),
+        m_(m),
+        transpose_(transpose),
+        options_(options),
+        n_(a.size()),
+        residuals_(Offset{n_} * columns, nullptr),
+        trials_(Offset{n_} * columns, nullptr) {}
 
   void run(std::vector<Column>& columns) {
-    for (Column& c : columns) {
-      c.trial.resize(n_);
-      c.residual.resize(n_);
-      c.result.error = a_.compute(c.b, c.x, c.residual.data(), transpose_);
-      c.done = !worth_going_on(c);
-    }
-    for (;;) {
-      std::vector<Column*> active;
-      for (Column& c : columns)
-        if (!c.done) active.push_back(&c);
-      if (active.empty()) return;
+    std::vector<Column*> active;
+    for (Column& c : columns) active.push_back(&c);
+    take_places(active);
+    find_residuals(active);
+    for (Column* c : active) c->done = !worth_going_on(*c);
+    while (std::erase_if(active, [](const Column* c) { return c->done; }), !active.empty()) {
+      take_places(active);
       correct(active);
-      for (Column* c : active) judge(*c);
+      add_corrections(active);
+      judge(active);
     }
   }
 
@@ -60,54 +58,104 @@ class Refinement {
            (!c.krylov || c.result.krylov_steps < options_.krylov_steps);
   }
 
-  // trial = correction of each column; plain refinement solves for all columns at once.
-  void correct(const std::vector<Column*>& active) {
-    std::vector<Column*> plain;
-    for (Column* c : active) {
-      if (!c->krylov) {
-        plain.push_back(c);
-        continue;
-      }
-      const int left = options_.krylov_steps - c->result.krylov_steps;
-      c->result.krylov_steps += options_.positive_definite
-                                    ? solve_cg(a_, m_, c->residual, c->trial, kKrylovReduction, left)
-                                    : solve_fgmres(a_, m_, c->residual, c->trial, transpose_, kKrylovReduction, left);
+  // Columns that are still active stand side by side, in their order: a residual only ever moves to the left.
+  void take_places(const std::vector<Column*>& active) {
+    for (std::size_t k = 0; k < active.size(); ++k) {
+      Column& c = *active[k];
+      double* place = residuals_.data() + static_cast<Offset>(k) * n_;
+      if (c.residual != nullptr && c.residual != place) copy(c.residual, place);
+      c.residual = place;
+      c.trial = trials_.data() + static_cast<Offset>(k) * n_;
     }
-    if (plain.empty()) return;
-    block_.resize(n_ * plain.size());
-    for (std::size_t k = 0; k < plain.size(); ++k) std::copy_n(plain[k]->residual.data(), n_, block_.data() + k * n_);
-    m_(block_.data(), block_.data(), static_cast<Index>(plain.size()));
-    for (std::size_t k = 0; k < plain.size(); ++k) std::copy_n(block_.data() + k * n_, n_, plain[k]->trial.data());
   }
 
-  void judge(Column& c) {
-    if (!finite(c.trial)) {
-      c.done = true;
-      return;
+  void copy(const double* from, double* to) {
+    a_.pool().for_each_piece(n_, kRowsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+      std::copy(from + begin, from + end, to + begin);
+    });
+  }
+
+  void find_residuals(const std::vector<Column*>& columns) {
+    std::vector<ResidualColumn> work;
+    for (const Column* c : columns) work.push_back({c->b, c->x, c->residual, {}});
+    a_.compute(work, transpose_);
+    for (std::size_t k = 0; k < columns.size(); ++k) columns[k]->result.error = work[k].error;
+  }
+
+  // trial = correction of each column; plain refinement solves for neighbouring columns at once.
+  void correct(const std::vector<Column*>& active) {
+    for (std::size_t k = 0; k < active.size();) {
+      Column& c = *active[k];
+      if (c.krylov) {
+        solve_krylov(c);
+        ++k;
+        continue;
+      }
+      std::size_t end = k + 1;
+      while (end < active.size() && !active[end]->krylov) ++end;
+      m_(c.residual, c.trial, static_cast<Index>(end - k));
+      k = end;
     }
-    for (std::size_t i = 0; i < n_; ++i) c.trial[i] += c.x[i];
-    ++c.result.steps;
-    next_.resize(n_);
-    const BackwardError now = a_.compute(c.b, c.trial.data(), next_.data(), transpose_);
-    const BackwardError before = c.result.error;
-    if (now.componentwise < before.componentwise ||
-        (now.componentwise == before.componentwise && now.normwise < before.normwise)) {
-      c.result.error = now;
-      std::copy(c.trial.begin(), c.trial.end(), c.x);
-      c.residual.swap(next_);
+  }
+
+  void solve_krylov(Column& c) {
+    const auto n = static_cast<std::size_t>(n_);
+    const std::span<const double> residual(c.residual, n);
+    const std::span<double> trial(c.trial, n);
+    const int left = options_.krylov_steps - c.result.krylov_steps;
+    c.result.krylov_steps += options_.positive_definite
+                                 ? solve_cg(a_, m_, residual, trial, kKrylovReduction, left)
+                                 : solve_fgmres(a_, m_, residual, trial, transpose_, kKrylovReduction, left);
+  }
+
+  // trial += x. A correction that is not finite ends its column.
+  void add_corrections(std::vector<Column*>& active) {
+    for (Column* c : active) {
+      std::atomic<bool> finite{true};
+      a_.pool().for_each_piece(n_, kRowsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+        bool fine = true;
+        for (auto i = begin; i < end; ++i) {
+          fine = fine && std::isfinite(c->trial[i]);
+          c->trial[i] += c->x[i];
+        }
+        if (!fine) finite = false;
+      });
+      c->done = !finite;
     }
-    const bool stalled = !(now.componentwise <= before.componentwise / 2);
-    if (stalled && (c.krylov || !options_.krylov)) c.done = true;
-    if (stalled) c.krylov = options_.krylov;
-    c.done = c.done || !worth_going_on(c);
+    std::erase_if(active, [](const Column* c) { return c->done; });
+  }
+
+  // Takes the trials that are better, and says which columns go on.
+  void judge(const std::vector<Column*>& active) {
+    std::vector<ResidualColumn> trials;
+    for (const Column* c : active) trials.push_back({c->b, c->trial, c->residual, {}});
+    a_.compute(trials, transpose_);
+    std::vector<Column*> lost;  // go on from an x whose residual was overwritten
+    for (std::size_t k = 0; k < active.size(); ++k) {
+      Column& c = *active[k];
+      const BackwardError before = c.result.error, now = trials[k].error;
+      ++c.result.steps;
+      const bool better = now.componentwise < before.componentwise ||
+                          (now.componentwise == before.componentwise && now.normwise < before.normwise);
+      if (better) {
+        c.result.error = now;
+        copy(c.trial, c.x);
+      }
+      const bool stalled = !(now.componentwise <= before.componentwise / 2);
+      if (stalled && (c.krylov || !options_.krylov)) c.done = true;
+      if (stalled) c.krylov = options_.krylov;
+      c.done = c.done || !worth_going_on(c);
+      if (!c.done && !better) lost.push_back(&c);
+    }
+    find_residuals(lost);
   }
 
   const ResidualOperator& a_;
   const Preconditioner& m_;
   bool transpose_;
   const RefinementOptions& options_;
-  std::size_t n_;
-  std::vector<double> block_, next_;
+  Index n_;
+  base::Buffer<double> residuals_, trials_;  // n x columns
 };
 
 }  // namespace
@@ -116,7 +164,7 @@ RefinementResult refine(const ResidualOperator& a, const Preconditioner& m, cons
                         bool transpose, const RefinementOptions& options) {
   const auto n = static_cast<std::size_t>(a.size());
   RefinementResult all;
-  Refinement refinement(a, m, transpose, options);
+  Refinement refinement(a, m, transpose, options, std::min(columns, kColumnsAtOnce));
   for (Index first = 0; first < columns; first += kColumnsAtOnce) {
     std::vector<Column> group(static_cast<std::size_t>(std::min(kColumnsAtOnce, columns - first)));
     for (std::size_t k = 0; k < group.size(); ++k) {

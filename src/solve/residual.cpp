@@ -11,6 +11,7 @@ namespace {
 
 constexpr std::int64_t kRowsPerPiece = 2048;
 constexpr std::int64_t kMostBlocks = 8;  // of columns that are indexed side by side: four bytes a row each
+constexpr std::size_t kGroups = 2;       // registers of right-hand sides in one pass over the matrix
 constexpr Offset kAhead = 16;            // entries between asking for a scattered value and using it
 
 // A sum of products in twice the working precision: TwoProduct by fused multiply-add, TwoSum of Knuth.
@@ -138,6 +139,16 @@ double ResidualOperator::norm(bool transpose) const {
 struct ResidualOperator::Piece {
   double residual = 0, componentwise = 0, x = 0, b = 0;
   bool finite = true;
+
+  // One row: its residual, the sum of the magnitudes of its terms, and its entries of the vectors.
+  void add(double residual_i, double scale, double x_i, double b_i) {
+    const double magnitude = std::abs(residual_i);
+    finite = finite && std::isfinite(magnitude) && std::isfinite(x_i);
+    residual = std::max(residual, magnitude);
+    componentwise = std::max(componentwise, ratio(magnitude, scale));
+    x = std::max(x, std::abs(x_i));
+    b = std::max(b, std::abs(b_i));
+  }
 };
 
 [[gnu::always_inline]] inline void ResidualOperator::residual_rows(Index begin, Index end, const double* b,
@@ -160,14 +171,8 @@ struct ResidualOperator::Piece {
         });
     sum0.add(sum1);
     const double value = sum0.value();
-    const double scale = scale0 + scale1;
-    const double residual = std::abs(value);
+    piece.add(value, scale0 + scale1, x[i], b[i]);
     if (r != nullptr) r[i] = value;
-    piece.finite = piece.finite && std::isfinite(residual) && std::isfinite(x[i]);
-    piece.residual = std::max(piece.residual, residual);
-    piece.componentwise = std::max(piece.componentwise, ratio(residual, scale));
-    piece.x = std::max(piece.x, std::abs(x[i]));
-    piece.b = std::max(piece.b, std::abs(b[i]));
   }
 }
 
@@ -191,6 +196,10 @@ BackwardError ResidualOperator::compute(const double* b, const double* x, double
 #endif
     residual_rows(static_cast<Index>(begin), static_cast<Index>(end), b, x, r, transpose, piece);
   });
+  return judge(pieces, transpose);
+}
+
+BackwardError ResidualOperator::judge(std::span<const Piece> pieces, bool transpose) const {
   Piece all;
   for (const Piece& p : pieces) {
     all.residual = std::max(all.residual, p.residual);
@@ -204,6 +213,79 @@ BackwardError ResidualOperator::compute(const double* b, const double* x, double
     return {infinity, infinity};
   }
   return {ratio(all.residual, norm(transpose) * all.x + all.b), all.componentwise};
+}
+
+void ResidualOperator::compute(std::span<ResidualColumn> columns, bool transpose) const {
+  const RowSums& sums = row_sums();
+  const auto lanes = static_cast<std::size_t>(sums.lanes);
+  base::Buffer<double> packed;
+  while (!columns.empty()) {
+    if (lanes == 0 || columns.size() == 1) {
+      ResidualColumn& c = columns.front();
+      c.error = compute(c.b, c.x, c.r, transpose);
+      columns = columns.subspan(1);
+      continue;
+    }
+    const std::size_t now = std::min(kGroups * lanes, columns.size());
+    const auto groups = static_cast<Index>((now + lanes - 1) / lanes);
+    if (packed.size() == 0) packed = base::Buffer<double>(Offset{a_.rows} * sums.lanes * groups, nullptr);
+    compute_pass(columns.first(now), sums, packed.data(), transpose);
+    columns = columns.subspan(now);
+  }
+}
+
+// The entries of a row of op(A), side by side.
+RowEntries ResidualOperator::gather_row(Index row, bool transpose, std::vector<double>& values,
+                                        std::vector<Index>& cols) const {
+  auto most = static_cast<std::size_t>(a_.col_ptr[row + 1] - a_.col_ptr[row]);
+  if (!row_ptr_.empty()) most += static_cast<std::size_t>(row_ptr_[row + 1] - row_ptr_[row]);
+  if (values.size() < most) {
+    values.resize(2 * most);
+    cols.resize(2 * most);
+  }
+  double* value = values.data();
+  Index* col = cols.data();
+  const auto keep = [&](double v, Index c) {
+    *value++ = v;
+    *col++ = c;
+  };
+  visit_row(row, transpose, keep, keep);
+  const auto count = static_cast<std::size_t>(value - values.data());
+  return {std::span<const double>(values).first(count), std::span<const Index>(cols).first(count)};
+}
+
+// One pass over the matrix. The columns are packed in groups of sums.lanes; lanes without a column hold zeros.
+void ResidualOperator::compute_pass(std::span<ResidualColumn> columns, const RowSums& sums, double* packed,
+                                    bool transpose) const {
+  const auto lanes = static_cast<std::size_t>(sums.lanes);
+  const auto n = static_cast<std::size_t>(a_.rows);
+  const std::size_t count = columns.size(), padded = (count + lanes - 1) / lanes * lanes;
+  pool_->for_each_piece(a_.rows, kRowsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+    for (std::size_t first = 0; first < padded; first += lanes)
+      for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
+        for (std::size_t k = 0; k < lanes; ++k)
+          packed[first * n + i * lanes + k] = first + k < count ? columns[first + k].x[i] : 0;
+  });
+  const auto pieces_each = (n + kRowsPerPiece - 1) / kRowsPerPiece;
+  std::vector<Piece> pieces(pieces_each * count);
+  pool_->for_each_piece(a_.rows, kRowsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+    std::vector<double> values, b(padded, 0), residual(padded), scale(padded);
+    std::vector<Index> cols;
+    std::vector<Piece> mine(count);
+    for (auto i = static_cast<Index>(begin); i < end; ++i) {
+      const RowEntries row = gather_row(i, transpose, values, cols);
+      for (std::size_t k = 0; k < count; ++k) b[k] = columns[k].b[i];
+      for (std::size_t k = 0; k < padded; k += lanes) sums.sum(row, packed + k * n, &b[k], &residual[k], &scale[k]);
+      for (std::size_t k = 0; k < count; ++k) {
+        mine[k].add(residual[k], scale[k], columns[k].x[i], b[k]);
+        if (columns[k].r != nullptr) columns[k].r[i] = residual[k];
+      }
+    }
+    for (std::size_t k = 0; k < count; ++k)
+      pieces[k * pieces_each + static_cast<std::size_t>(begin / kRowsPerPiece)] = mine[k];
+  });
+  for (std::size_t k = 0; k < count; ++k)
+    columns[k].error = judge(std::span<const Piece>(pieces).subspan(k * pieces_each, pieces_each), transpose);
 }
 
 void ResidualOperator::multiply(const double* x, double* y, bool transpose) const {

@@ -9,6 +9,7 @@
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
+#include "solve/row_sums.hpp"
 
 namespace espalier::solve {
 
@@ -16,6 +17,14 @@ namespace espalier::solve {
 struct BackwardError {
   double normwise = 0;       ///< |b - A x|_inf / (|A|_inf |x|_inf + |b|_inf)  (Rigal and Gaches 1967)
   double componentwise = 0;  ///< max_i |b - A x|_i / (|A| |x| + |b|)_i  (Oettli and Prager 1964); 0/0 counts as 0
+};
+
+/// One of several right-hand sides (n values each); r may be null when only the error is wanted.
+struct ResidualColumn {
+  const double* b = nullptr;
+  const double* x = nullptr;
+  double* r = nullptr;
+  BackwardError error;  ///< result
 };
 
 /// Computes b - A x and b - A^T x for one pattern and changing values. Products are accumulated in twice the working
@@ -31,12 +40,16 @@ class ResidualOperator {
 
   /// r = b - op(A) x for one right-hand side (n values each); r may be null when only the errors are wanted.
   BackwardError compute(const double* b, const double* x, double* r, bool transpose) const;
+  /// The same for several right-hand sides, two registers of them in each pass over the matrix. The sums are grouped
+  /// otherwise than for one alone, so that residuals may differ by their own rounding.
+  void compute(std::span<ResidualColumn> columns, bool transpose) const;
   /// y = op(A) x in plain double precision.
   void multiply(const double* x, double* y, bool transpose) const;
 
   /// |op(A)|_inf; computed when first asked for after set_values(). Not safe for concurrent first calls.
   [[nodiscard]] double norm(bool transpose) const;
   [[nodiscard]] Index size() const { return a_.rows; }
+  [[nodiscard]] base::ThreadPool& pool() const { return *pool_; }
   [[nodiscard]] Offset bytes() const;
 
  private:
@@ -45,6 +58,9 @@ class ResidualOperator {
                      Piece& piece) const;
   void residual_rows_fma(Index begin, Index end, const double* b, const double* x, double* r, bool transpose,
                          Piece& piece) const;
+  void compute_pass(std::span<ResidualColumn> columns, const RowSums& sums, double* packed, bool transpose) const;
+  RowEntries gather_row(Index row, bool transpose, std::vector<double>& values, std::vector<Index>& cols) const;
+  [[nodiscard]] BackwardError judge(std::span<const Piece> pieces, bool transpose) const;
   template <class Use0, class Use1>
   void visit_row(Index row, bool transpose, Use0&& use0, Use1&& use1) const;
 

@@ -45,6 +45,33 @@ TEST(Residual, EqualsLongDoubleForEveryStorageAndTranspose) {
       }
 }
 
+TEST(Residual, SeveralColumnsEqualLongDoubleAndKeepApart) {
+  base::ThreadPool pool(2);
+  const Index n = 3000, count = 19;  // two full passes and a rest
+  for (const Values values : {Values::indefinite, Values::general})
+    for (const bool transpose : {false, true}) {
+      const SparseMatrix a = reference::random_system(n, 6, values, 21);
+      const ResidualOperator op(a, pool);
+      const std::vector<double> x = reference::random_vector(std::int64_t{n} * count, 22);
+      std::vector<double> b = reference::random_vector(std::int64_t{n} * count, 23), r(x.size());
+      b[5] = std::numeric_limits<double>::infinity();
+      std::vector<ResidualColumn> columns;
+      for (std::size_t k = 0; k < x.size(); k += n) columns.push_back({&b[k], &x[k], k == n ? nullptr : &r[k], {}});
+      op.compute(columns, transpose);
+      EXPECT_EQ(columns[0].error.normwise, std::numeric_limits<double>::infinity()) << "not finite: this column alone";
+      const double rounding = 30 * static_cast<double>(std::numeric_limits<long double>::epsilon());
+      for (std::size_t k = 1; k < columns.size(); ++k) {
+        const ResidualColumn& c = columns[k];
+        const std::vector<double> truth = reference::residual(a, c.b, c.x, transpose);
+        for (std::size_t i = 0; k > 1 && i < truth.size(); ++i)
+          ASSERT_NEAR(c.r[i], truth[i], rounding * (op.norm(transpose) + 1) + kEps * std::abs(truth[i]));
+        const BackwardError alone = op.compute(c.b, c.x, nullptr, transpose);
+        EXPECT_NEAR(c.error.normwise, alone.normwise, 8 * kEps * alone.normwise);
+        EXPECT_NEAR(c.error.componentwise, alone.componentwise, 8 * kEps * alone.componentwise);
+      }
+    }
+}
+
 TEST(Residual, SeesWhatDoublePrecisionCancels) {
   base::ThreadPool pool(1);
   // 1 - (1 + eps)(1 - eps) = eps^2

@@ -31,6 +31,7 @@ TriangularSolve<T>::TriangularSolve(NumericState<T>& state, base::ThreadPool& po
       front_done_(plan_.fronts()),
       open_(std::make_unique<std::atomic<Index>[]>(static_cast<std::size_t>(plan_.fronts()))) {
   list_tasks();
+  place_contributions();
   prepare(1);
 }
 
@@ -73,18 +74,42 @@ void TriangularSolve<T>::list_tasks() {
     if (t->tile < plan_.layout[t->front].pivot_tiles) backward_.push_back(*t);
 }
 
+// Inside a range the children of a front are on top of the stack when their parent is reached, and it takes their
+// place.
+template <class T>
+void TriangularSolve<T>::place_contributions() {
+  const auto fronts = static_cast<std::size_t>(plan_.fronts());
+  place_.assign(fronts, 0);
+  on_stack_.assign(fronts, 0);
+  for (const SolveTask& task : forward_) {
+    Offset top = 0;
+    for (Index f = task.begin; f < task.front; ++f) {
+      for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c)
+        top -= plan_.layout[plan_.children[c]].below();
+      on_stack_[f] = 1;
+      place_[f] = top;
+      top += plan_.layout[f].below();
+      stack_rows_ = std::max(stack_rows_, top);
+    }
+    if (task.tile > 0) continue;
+    place_[task.front] = contribution_rows_;
+    contribution_rows_ += plan_.layout[task.front].below();
+  }
+}
+
 template <class T>
 void TriangularSolve<T>::prepare(Index nr) {
   if (nr <= allocated_nr_) return;
   allocated_nr_ = 0;  // until everything below has been taken
   contributions_ = base::Buffer<T>();
-  contributions_ = base::Buffer<T>(static_cast<Offset>(plan_.tree.rows.size()) * nr, budget_);
+  contributions_ = base::Buffer<T>(contribution_rows_ * nr, budget_);
   workers_.clear();
   workers_.reserve(static_cast<std::size_t>(pool_.size()));
   for (int t = 0; t < pool_.size(); ++t) {
     Worker w;
     w.front = base::Buffer<T>((static_cast<Offset>(largest_front_rows_) + kPanel<T>)*nr, budget_);
     w.tile = base::Buffer<T>(2 * static_cast<Offset>(largest_tile_) * nr, budget_);
+    w.stack = base::Buffer<T>(stack_rows_ * nr, budget_);
     workers_.push_back(std::move(w));
   }
   allocated_nr_ = nr;
@@ -162,14 +187,14 @@ void TriangularSolve<T>::finish_tile(Index f, Index tile) {
 
 // Adds the children's contributions for the rows [begin, end) of front f to `to`, whose row r - begin is row r.
 template <class T>
-void TriangularSolve<T>::add_children(Index f, Index begin, Index end, T* to) const {
+void TriangularSolve<T>::add_children(Index f, Index begin, Index end, T* to, const Worker& w) const {
   for (Offset q = plan_.child_ptr[f]; q < plan_.child_ptr[f + 1]; ++q) {
     const Index child = plan_.children[q];
     front_done_.wait(child, s_.abort);
     const Index* relative = plan_.relative.data() + plan_.tree.row_ptr[child];
     const Index below = plan_.layout[child].below();
     const auto first = static_cast<Index>(std::lower_bound(relative, relative + below, begin) - relative);
-    const T* from = contributions_.data() + plan_.tree.row_ptr[child] * nr_;
+    const T* from = (on_stack_[child] != 0 ? w.stack.data() : contributions_.data()) + place_[child] * nr_;
     for (Index r = first; r < below && relative[r] < end; ++r) {
       T* row = to + static_cast<Offset>(relative[r] - begin) * nr_;
       for (Index c = 0; c < nr_; ++c) row[c] += from[static_cast<Offset>(r) * nr_ + c];
@@ -243,8 +268,8 @@ void TriangularSolve<T>::forward_front(Index f, Worker& w) {
   const Offset rows = l.padded_begin(l.tiles);
   std::copy_n(x, static_cast<Offset>(l.pivots) * nr_, t);
   std::fill_n(t + static_cast<Offset>(l.pivots) * nr_, (rows - l.pivots) * nr_, T(0));
-  add_children(f, 0, l.pivots, t);
-  add_children(f, l.pivots, l.rows, t + below_at * nr_);
+  add_children(f, 0, l.pivots, t, w);
+  add_children(f, l.pivots, l.rows, t + below_at * nr_, w);
   T* y = w.tile.data();
   T* scratch = y + static_cast<Offset>(largest_tile_) * nr_;
   for (Index j = 0; j < l.pivot_tiles; ++j) {
@@ -255,7 +280,7 @@ void TriangularSolve<T>::forward_front(Index f, Worker& w) {
       s_.dense.apply(rows - l.padded_begin(j + 1), n, nr_, lower(f, j + 1, j), y, t + l.padded_begin(j + 1) * nr_);
   }
   std::copy_n(t + below_at * nr_, static_cast<Offset>(l.below()) * nr_,
-              contributions_.data() + plan_.tree.row_ptr[f] * nr_);
+              (on_stack_[f] != 0 ? w.stack.data() : contributions_.data()) + place_[f] * nr_);
 }
 
 template <class T>
@@ -296,7 +321,7 @@ void TriangularSolve<T>::forward_tile(Index f, Index i, Worker& w) {
     std::copy_n(x + static_cast<Offset>(begin) * nr_, static_cast<Offset>(n) * nr_, t);
   else
     std::fill_n(t, static_cast<Offset>(n) * nr_, T(0));
-  add_children(f, begin, begin + n, t);
+  add_children(f, begin, begin + n, t, w);
   for (Index k = 0; k < std::min(i, l.pivot_tiles); ++k) {
     tile_done_.wait(plan_.first_tile[f] + k, s_.abort);
     s_.dense.apply(n, l.width(k), nr_, lower(f, i, k), x + static_cast<Offset>(l.begin(k)) * nr_, t);
@@ -306,8 +331,7 @@ void TriangularSolve<T>::forward_tile(Index f, Index i, Worker& w) {
     divide_forward(f, i, t, y, y + static_cast<Offset>(largest_tile_) * nr_);
     std::copy_n(y, static_cast<Offset>(n) * nr_, x + static_cast<Offset>(begin) * nr_);
   } else {
-    std::copy_n(t, static_cast<Offset>(n) * nr_,
-                contributions_.data() + (plan_.tree.row_ptr[f] + begin - l.pivots) * nr_);
+    std::copy_n(t, static_cast<Offset>(n) * nr_, contributions_.data() + (place_[f] + begin - l.pivots) * nr_);
   }
   finish_tile(f, i);
 }

@@ -30,9 +30,11 @@ class TriangularSolve {
   struct Worker {
     base::Buffer<T> front;  // rows of a front in padded order
     base::Buffer<T> tile;   // rows of one tile
+    base::Buffer<T> stack;  // contributions inside a range of fronts
   };
 
   void list_tasks();
+  void place_contributions();
   void prepare(Index nr);
   void sweep(const std::vector<SolveTask>& tasks, void (TriangularSolve::*one)(const SolveTask&, Worker&));
   void forward(const SolveTask& task, Worker& w);
@@ -42,7 +44,7 @@ class TriangularSolve {
   void backward_front(Index f, Worker& w);
   void backward_tile(Index f, Index j, Worker& w);
 
-  void add_children(Index f, Index begin, Index end, T* to) const;
+  void add_children(Index f, Index begin, Index end, T* to, const Worker& w) const;
   void divide_forward(Index f, Index j, const T* b, T* y, T* scratch) const;
   void start_backward(Index f, Index j, T* y) const;
   void divide_backward(Index f, Index j, const T* b, T* y) const;
@@ -57,7 +59,11 @@ class TriangularSolve {
   std::vector<SolveTask> forward_, backward_;
   std::vector<Index> front_tiles_;  // fronts: number of tile tasks of a split front, 1 otherwise
   Index largest_front_rows_ = 0, largest_tile_ = 0;
-  base::Buffer<T> contributions_;  // tree.rows.size() x nr
+  // Where a front's contribution to its parent lies, in rows: on the worker's stack when both are in one range.
+  std::vector<Offset> place_;   // fronts
+  std::vector<char> on_stack_;  // fronts
+  Offset contribution_rows_ = 0, stack_rows_ = 0;
+  base::Buffer<T> contributions_;  // contribution_rows_ x nr
   std::vector<Worker> workers_;
   Index allocated_nr_ = 0;
   Progress tile_done_, front_done_;
