@@ -33,6 +33,8 @@ using Action = std::function<int()>;
 void add_solve(CLI::App& app, Action& action);
 void add_analyze(CLI::App& app, Action& action);
 void add_generate(CLI::App& app, Action& action);
+/// argc and argv: for the record of what was asked.
+void add_bench(CLI::App& app, int argc, const char* const* argv, Action& action);
 void add_info(CLI::App& app, Action& action);
 
 }  // namespace espalier::cli

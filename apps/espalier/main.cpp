@@ -68,6 +68,7 @@ int run(int argc, char** argv) {
   add_solve(app, action);
   add_analyze(app, action);
   add_generate(app, action);
+  add_bench(app, argc, argv, action);
   add_info(app, action);
   try {
     app.parse(argc, argv);

@@ -1,10 +1,11 @@
 /// \file
-/// Espalier behind the same interface, through its public header only.
+/// Espalier behind the same interface, through its public header (sizes are read by the library's own parser).
 #include <memory>
 
 #include "espalier/solver.hpp"
 #include "rivals/rival.hpp"
 #include "rivals/variant.hpp"
+#include "solver/option_text.hpp"
 
 namespace espalier::bench {
 namespace {
@@ -34,12 +35,14 @@ Precision precision_named(const std::string& word) {
 class EspalierRival : public Rival {
  public:
   explicit EspalierRival(const std::string& text)
-      : text_(text), variant_(text, "device precision refine block memory nomatching") {
+      : text_(text), variant_(text, "device precision refine block memory hostmemory nomatching trace") {
     options_.device = variant_.text("device", "cpu");
     options_.precision = precision_named(variant_.text("precision", "fp64"));
     options_.refinement_steps = static_cast<int>(variant_.number("refine", options_.refinement_steps));
     options_.max_block_size = static_cast<Index>(variant_.number("block", 0));
-    options_.device_memory_bytes = variant_.number("memory", 0) * (Offset{1} << 20);
+    options_.device_memory_bytes = bytes_of("memory");
+    options_.host_memory_bytes = bytes_of("hostmemory");
+    options_.record_timeline = variant_.has("trace");
     options_.matching = !variant_.has("nomatching");
   }
 
@@ -58,6 +61,7 @@ class EspalierRival : public Rival {
     check(result.status);
     report.nonzeros_factor = result.nonzeros_factor;
     report.flops = result.flops;
+    report.predicted_bytes = result.predicted_bytes;
     return report;
   }
   FactorReport factorize(const MatrixView& a) override {
@@ -88,7 +92,20 @@ class EspalierRival : public Rival {
     for (const DeviceReport& device : result.devices)
       if (device.name.compare(0, 4, "host") != 0) device_bytes += device.peak_bytes;
     if (device_bytes > 0) report.device_bytes = device_bytes;
+    report.devices = std::move(result.devices);
+    if (variant_.has("trace")) check(solver_->write_trace(variant_.text("trace")));  // outside the clock
     return report;
+  }
+
+  /// "word=64" counts MiB, "word=64000KiB" what it says.
+  [[nodiscard]] Offset bytes_of(const std::string& word) const {
+    const std::string text = variant_.text(word, "0");
+    const bool plain = text.find_first_not_of("0123456789") == std::string::npos;
+    try {
+      return solver::parse_bytes(plain ? text + "MiB" : text);
+    } catch (const Error& error) {
+      throw Failure(Outcome::failed, word + "=" + error.what());
+    }
   }
 
   std::string text_;

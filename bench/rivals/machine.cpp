@@ -4,13 +4,13 @@
 #include <sys/utsname.h>
 #include <unistd.h>
 
-#include <cstdio>
 #include <cstdlib>
 #include <ctime>
 #include <filesystem>
 #include <fstream>
-#include <memory>
 #include <nlohmann/json.hpp>
+
+#include "commit.hpp"
 
 namespace espalier::bench {
 namespace {
@@ -26,15 +26,6 @@ std::string field(const std::string& path, const std::string& key) {
     return start == std::string::npos ? "" : line.substr(start);
   }
   return "";
-}
-
-/// First line of what `command` prints; empty where it fails.
-std::string first_line(const std::string& command) {
-  const std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen((command + " 2>/dev/null").c_str(), "r"), pclose);
-  char text[256] = "";
-  if (!pipe || std::fgets(text, sizeof text, pipe.get()) == nullptr) return "";
-  const std::string line = text;
-  return line.substr(0, line.find('\n'));
 }
 
 std::vector<std::string> gpu_names() {
@@ -82,10 +73,7 @@ nlohmann::json machine_record() {
           {"compiler", std::string("g++-compatible ") + __VERSION__}};
 }
 
-std::string source_commit() {
-  const std::string commit = first_line("git -C '" ESPALIER_SOURCE_DIR "' describe --always --dirty --abbrev=12");
-  return commit.empty() ? "unknown" : commit;
-}
+std::string source_commit() { return ESPALIER_COMMIT; }
 
 std::string utc_now() {
   const std::time_t now = std::time(nullptr);

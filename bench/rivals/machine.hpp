@@ -11,7 +11,7 @@ namespace espalier::bench {
 /// Processor (name, family, model), cores this process may use, memory, kernel, load average, GPUs, compiler.
 nlohmann::json machine_record();
 
-/// `git describe --always --dirty` of the source folder; "unknown" without git or repository.
+/// `git describe --always --dirty` of the sources when this was built; "unknown" without git or repository.
 std::string source_commit();
 
 /// Date and time in UTC, ISO 8601.

@@ -11,6 +11,23 @@ void from_json(const nlohmann::json& json, Inertia& inertia) {
   inertia = {json.at("positive"), json.at("negative"), json.at("zero")};
 }
 
+void to_json(nlohmann::json& json, const DeviceReport& device) {
+  json = {{"name", device.name},
+          {"busy_seconds", device.busy_seconds},
+          {"idle_fraction", device.idle_fraction},
+          {"waiting_seconds", device.waiting_seconds},
+          {"peak_bytes", device.peak_bytes},
+          {"stolen_subtrees", device.stolen_subtrees}};
+}
+void from_json(const nlohmann::json& json, DeviceReport& device) {
+  device.name = json.at("name");
+  device.busy_seconds = json.at("busy_seconds");
+  device.idle_fraction = json.at("idle_fraction");
+  device.waiting_seconds = json.at("waiting_seconds");
+  device.peak_bytes = json.at("peak_bytes");
+  device.stolen_subtrees = json.at("stolen_subtrees");
+}
+
 }  // namespace espalier
 
 namespace espalier::bench {
@@ -37,9 +54,11 @@ void to_json(nlohmann::json& json, const AnalyzeReport& report) {
   json["seconds"] = report.seconds;
   json["nonzeros_factor"] = report.nonzeros_factor;
   json["flops"] = report.flops;
+  json["predicted_bytes"] = report.predicted_bytes;
 }
 void from_json(const nlohmann::json& json, AnalyzeReport& report) {
-  report = {verdict_in(json), json.at("seconds"), json.at("nonzeros_factor"), json.at("flops")};
+  report = {verdict_in(json), json.at("seconds"), json.at("nonzeros_factor"), json.at("flops"),
+            json.at("predicted_bytes")};
 }
 
 void to_json(nlohmann::json& json, const FactorReport& report) {
@@ -50,10 +69,11 @@ void to_json(nlohmann::json& json, const FactorReport& report) {
   json["inertia"] = report.inertia;
   json["perturbed"] = report.perturbed;
   json["device_bytes"] = report.device_bytes;
+  json["devices"] = report.devices;
 }
 void from_json(const nlohmann::json& json, FactorReport& report) {
   report = {verdict_in(json),   json.at("seconds"),   json.at("nonzeros_factor"), json.at("flops"),
-            json.at("inertia"), json.at("perturbed"), json.at("device_bytes")};
+            json.at("inertia"), json.at("perturbed"), json.at("device_bytes"),    json.at("devices")};
 }
 
 void to_json(nlohmann::json& json, const SolveReport& report) {

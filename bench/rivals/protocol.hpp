@@ -55,5 +55,7 @@ namespace espalier {
 
 void to_json(nlohmann::json& json, const Inertia& inertia);
 void from_json(const nlohmann::json& json, Inertia& inertia);
+void to_json(nlohmann::json& json, const DeviceReport& device);
+void from_json(const nlohmann::json& json, DeviceReport& device);
 
 }  // namespace espalier

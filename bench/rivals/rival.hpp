@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "espalier/matrix.hpp"
 #include "espalier/solver.hpp"
@@ -52,6 +53,7 @@ struct AnalyzeReport {
   double seconds = 0;           ///< the library's analysis alone, without conversions of format
   Offset nonzeros_factor = -1;  ///< entries of the factor as the rival counts them
   double flops = -1;            ///< operations of the numeric factorization as the rival counts them
+  Offset predicted_bytes = -1;  ///< memory that the rival says the factorization will take
 };
 
 /// What factorize() or refactorize() did; -1 where the rival does not tell.
@@ -61,8 +63,9 @@ struct FactorReport {
   Offset nonzeros_factor = -1;  ///< known only after the numbers with some rivals
   double flops = -1;
   Inertia inertia;
-  Index perturbed = -1;      ///< pivots replaced because they were too small
-  Offset device_bytes = -1;  ///< memory held on the GPUs
+  Index perturbed = -1;               ///< pivots replaced because they were too small
+  Offset device_bytes = -1;           ///< memory held on the GPUs
+  std::vector<DeviceReport> devices;  ///< one per device that took part
 };
 
 /// What solve() did.

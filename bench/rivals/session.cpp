@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <random>
@@ -88,6 +89,7 @@ class Session {
     runner.row.analysis.seconds.push_back(report.seconds);
     runner.row.nonzeros_factor = report.nonzeros_factor;
     runner.row.flops = report.flops;
+    runner.row.predicted_bytes = report.predicted_bytes;
   }
 
   void factorize(Runner& runner) {
@@ -101,7 +103,9 @@ class Session {
     progress_(runner.row.spec + (round == 0 ? ": warm-up" : ": round " + std::to_string(round)));
     Samples warm_up;
     Row& row = runner.row;
-    take(row, runner.child->refactorize(), round == 0 ? warm_up : row.refactorization);
+    FactorReport report = runner.child->refactorize();
+    take(row, report, round == 0 ? warm_up : row.refactorization);
+    if (row.verdict.ok() && round > 0) row.devices.push_back(std::move(report.devices));
     if (row.verdict.ok()) solve(runner, 1, 1, round == 0 ? warm_up : row.solve_one);
     if (row.verdict.ok() && plan_.columns > 1)
       solve(runner, plan_.columns, round == 0 ? plan_.columns : 1, round == 0 ? warm_up : row.solve_many);
@@ -154,6 +158,13 @@ double Samples::median() const {
 double Samples::least() const {
   if (seconds.empty()) return std::numeric_limits<double>::quiet_NaN();
   return *std::min_element(seconds.begin(), seconds.end());
+}
+
+std::size_t Samples::middle() const {
+  const double wanted = median();
+  const auto nearest = std::min_element(
+      seconds.begin(), seconds.end(), [&](double a, double b) { return std::abs(a - wanted) < std::abs(b - wanted); });
+  return static_cast<std::size_t>(nearest - seconds.begin());
 }
 
 std::vector<Row> compare(const MatrixView& a, const Plan& plan, const Progress& progress) {

@@ -31,6 +31,8 @@ struct Samples {
   [[nodiscard]] bool empty() const { return seconds.empty(); }
   [[nodiscard]] double median() const;  ///< of an even number: the mean of the middle two; NaN when empty
   [[nodiscard]] double least() const;   ///< NaN when empty
+  /// Place of the sample nearest the median. @pre not empty
+  [[nodiscard]] std::size_t middle() const;
 };
 
 /// What is known of one rival in the end. Figures are valid up to the phase that ended the verdict.
@@ -45,7 +47,8 @@ struct Row {
   Index perturbed = -1;
   int refinement_steps = -1;
   matrix::BackwardErrors error;  ///< the worst of all checked answers
-  Offset peak_bytes = -1, device_bytes = -1;
+  Offset peak_bytes = -1, device_bytes = -1, predicted_bytes = -1;
+  std::vector<std::vector<DeviceReport>> devices;  ///< of each timed refactorization, in the order of its samples
 };
 
 /// Called before each step with what is about to happen.

@@ -12,7 +12,10 @@ namespace {
 /// Folders to look into, each with its closing slash; the empty one stands for the loader's own path.
 std::vector<std::string> search_folders() {
   std::vector<std::string> folders;
-  if (const char* chosen = std::getenv("ESPALIER_RIVALS_DIR")) folders.push_back(std::string(chosen) + "/lib/");
+  if (const char* chosen = std::getenv("ESPALIER_RIVALS_DIR")) {
+    folders.push_back(std::string(chosen) + "/lib/");
+    folders.push_back(std::string(chosen) + "/");
+  }
   folders.emplace_back(ESPALIER_RIVALS_DEFAULT_DIR "/lib/");
   folders.emplace_back("");
   folders.emplace_back("/usr/local/cuda/lib64/");

@@ -103,7 +103,12 @@ nlohmann::json row_record(const Row& row) {
           {"perturbed", known(row.perturbed)},
           {"refinement_steps", known(row.refinement_steps)},
           {"backward_error", {{"normwise", row.error.normwise}, {"componentwise", row.error.componentwise}}},
-          {"memory", {{"peak_bytes", known(row.peak_bytes)}, {"device_bytes", known(row.device_bytes)}}}};
+          {"memory",
+           {{"peak_bytes", known(row.peak_bytes)},
+            {"device_bytes", known(row.device_bytes)},
+            {"predicted_bytes", known(row.predicted_bytes)}}},
+          {"devices", row.devices.empty() ? nlohmann::json::array()
+                                          : nlohmann::json(row.devices.at(row.refactorization.middle()))}};
 }
 
 }  // namespace espalier::bench

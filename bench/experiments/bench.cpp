@@ -1,0 +1,209 @@
+#include "experiments/bench.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <limits>
+
+#include "experiments/ceilings.hpp"
+#include "matrix/file.hpp"
+#include "rivals/machine.hpp"
+#include "rivals/systems.hpp"
+#include "rivals/table.hpp"
+
+namespace espalier::bench {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+bool is_matrix_file(const fs::path& path) {
+  std::string name = path.filename().string();
+  if (name.ends_with(".gz")) name.resize(name.size() - 3);
+  for (const char* end : {".mtx", ".rb", ".rsa", ".rua", ".esp"})
+    if (name.ends_with(end)) return true;
+  return false;
+}
+
+std::vector<std::string> matrices_in(const std::string& folder) {
+  std::vector<std::string> files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    if (entry.is_regular_file() && is_matrix_file(entry.path())) files.push_back(entry.path().string());
+  if (files.empty()) throw Error(StatusCode::invalid_input, folder + ": there is no .mtx, .rb or .esp file in it");
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+nlohmann::json settings_record(const Settings& settings) {
+  const Plan& plan = settings.plan;
+  return {{"threads", plan.threads},
+          {"repetitions", plan.repetitions},
+          {"analyses", plan.analyses},
+          {"right_hand_sides", plan.columns},
+          {"one_at_a_time", plan.one_at_a_time},
+          {"wrong_above", plan.wrong_above},
+          {"timeout_seconds", plan.child.timeout_seconds},
+          {"memory_limit_bytes", plan.child.memory_limit_bytes},
+          {"environment", plan.child.environment}};
+}
+
+}  // namespace
+
+struct Bench::Loaded {
+  std::string words;
+  SparseMatrix a;
+  Kind kind = Kind::llt;
+};
+
+std::string rivals_folder() {
+  const fs::path own = fs::read_symlink("/proc/self/exe").parent_path();
+  std::vector<fs::path> places = {own / "bench" / "rivals", own / "rivals", own.parent_path() / "libexec" / "espalier"};
+  if (const char* chosen = std::getenv("ESPALIER_RIVALS_DIR")) places.insert(places.begin(), fs::path(chosen));
+  for (const fs::path& place : places)
+    if (fs::is_regular_file(place / "espalier_rival_host")) return place.string();
+  return places.back().string();
+}
+
+double median_of(const nlohmann::json& row, const char* phase) {
+  const auto found = row.find(phase);
+  if (found == row.end() || !found->is_object()) return std::numeric_limits<double>::quiet_NaN();
+  return found->at("median");
+}
+
+Bench::Bench(std::string experiment, Settings settings, Voice voice)
+    : settings_(std::move(settings)), voice_(std::move(voice)) {
+  if (!voice_.progress) voice_.progress = [](const std::string&) {};
+  Plan& plan = settings_.plan;
+  if (settings_.repetitions > 0) plan.repetitions = settings_.repetitions;
+  if (settings_.analyses > 0) plan.analyses = settings_.analyses;
+  if (plan.child.folder.empty()) plan.child.folder = rivals_folder();
+  plan.child.environment = rival_environment(plan.threads);
+  document_ = {{"schema", kSchema},
+               {"experiment", std::move(experiment)},
+               {"command", settings_.command},
+               {"date", utc_now()},
+               {"commit", source_commit()},
+               {"version", settings_.version},
+               {"machine", machine_record()},
+               {"settings", settings_record(settings_)},
+               {"rows", nlohmann::json::array()}};
+  const double load = document_["machine"].at("load_average_before");
+  if (load > 0.25 * document_["machine"].at("cores").get<double>())
+    print(fmt::format("Note: load average {:.1f} before the start; wall-clock times are disturbed.\n", load));
+  if (!settings_.ceilings) return;
+  progress("ceilings of this machine");
+  document_["ceilings"] = measure_ceilings({plan.threads, 0.2});
+}
+
+Bench::~Bench() = default;
+
+int Bench::gpus() const { return static_cast<int>(document_.at("machine").at("gpus").size()); }
+
+std::vector<std::string> Bench::systems(std::vector<std::string> defaults) const {
+  if (settings_.systems.empty()) return defaults;
+  std::vector<std::string> all;
+  for (const std::string& words : settings_.systems) {
+    if (!fs::is_directory(words)) {
+      all.push_back(words);
+      continue;
+    }
+    for (std::string& file : matrices_in(words)) all.push_back(std::move(file));
+  }
+  return all;
+}
+
+std::vector<std::string> Bench::points(std::vector<std::string> defaults) const {
+  return settings_.points.empty() ? std::move(defaults) : settings_.points;
+}
+
+void Bench::print(const std::string& text) const {
+  voice_.progress("");
+  if (voice_.print) voice_.print(text);
+}
+
+void Bench::progress(const std::string& what) const { voice_.progress(what); }
+
+const Bench::Loaded& Bench::load(const std::string& system) {
+  if (loaded_ && loaded_->words == system) return *loaded_;
+  progress(system + ": reading");
+  loaded_.reset();  // before the next one takes its memory
+  auto next = std::make_unique<Loaded>();
+  next->words = system;
+  next->a = make_system(system);
+  if (next->a.rows != next->a.cols || next->a.rows == 0 || next->a.values.empty())
+    throw Error(StatusCode::invalid_input, fmt::format("{}: the matrix is {} x {} with {} values; a square one with "
+                                                       "values is needed",
+                                                       system, next->a.rows, next->a.cols, next->a.values.size()));
+  next->kind = kind_named(settings_.kind);
+  if (next->kind == Kind::automatic) next->kind = automatic_kind(next->a);
+  if (next->kind != Kind::lu && !next->a.symmetric())
+    throw Error(StatusCode::invalid_input,
+                fmt::format("{}: --kind {} needs a matrix in symmetric storage", system, settings_.kind));
+  loaded_ = std::move(next);
+  return *loaded_;
+}
+
+nlohmann::json Bench::rows_of(const std::string& system, const Loaded& loaded,
+                              const std::vector<Contestant>& contestants) {
+  Plan plan = settings_.plan;
+  plan.kind = loaded.kind;
+  plan.rivals.clear();
+  for (const Contestant& contestant : contestants) plan.rivals.push_back(contestant.spec);
+  print(fmt::format("{}: {} unknowns, {} entries, {}, {} threads, medians of {}\n", system, loaded.a.rows,
+                    loaded.a.nonzeros(), kind_name(plan.kind), plan.threads, plan.repetitions));
+  const std::vector<Row> rows = compare(loaded.a, plan, voice_.progress);
+  print(text_table(rows, plan.columns) + "\n");
+  nlohmann::json records = nlohmann::json::array();
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    nlohmann::json record = {{"system", system},
+                             {"unknowns", loaded.a.rows},
+                             {"nonzeros", loaded.a.nonzeros()},
+                             {"kind", kind_name(loaded.kind)},
+                             {"parameters", contestants[k].parameters}};
+    record.update(row_record(rows[k]));
+    records.push_back(std::move(record));
+  }
+  return records;
+}
+
+nlohmann::json Bench::measure(const std::string& system, const std::vector<Contestant>& contestants) {
+  const std::chrono::duration<double> gone = std::chrono::steady_clock::now() - start_;
+  const std::size_t before = document_["rows"].size();
+  try {
+    if (settings_.time_seconds > 0 && gone.count() > settings_.time_seconds) {
+      for (const Contestant& contestant : contestants)
+        add_row(system, contestant, "left out",
+                fmt::format("{:.0f} s of the {:.0f} s allowed were gone", gone.count(), settings_.time_seconds));
+    } else {
+      for (auto& row : rows_of(system, load(system), contestants)) document_["rows"].push_back(std::move(row));
+    }
+  } catch (const std::bad_alloc&) {
+    for (const Contestant& one : contestants) add_row(system, one, "out of memory", "the system does not fit here");
+  } catch (const std::exception& error) {
+    for (const Contestant& one : contestants) add_row(system, one, "failed", error.what());
+  }
+  save();
+  const auto& rows = document_["rows"];
+  return {rows.begin() + static_cast<std::ptrdiff_t>(before), rows.end()};
+}
+
+void Bench::add_row(const std::string& system, const Contestant& contestant, const std::string& outcome,
+                    const std::string& message) {
+  document_["rows"].push_back({{"system", system},
+                               {"rival", contestant.spec},
+                               {"parameters", contestant.parameters},
+                               {"outcome", outcome},
+                               {"message", message}});
+  print(fmt::format("{}, {}: {}: {}\n", system, contestant.spec, outcome, message));
+}
+
+void Bench::save() const {
+  if (settings_.out.empty()) return;
+  matrix::OutputFile file(settings_.out);
+  file.write(document_.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  file.commit();
+}
+
+}  // namespace espalier::bench

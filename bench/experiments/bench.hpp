@@ -1,0 +1,97 @@
+/// \file
+/// What every experiment of `espalier bench` is made of: systems, contestants, and the document of results.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "rivals/session.hpp"
+
+namespace espalier::bench {
+
+/// The number of the document's schema (docs/bench.md).
+inline constexpr const char* kSchema = "espalier-bench/1";
+
+/// One solver with its settings; `parameters` are the coordinates of the row in its experiment (an object).
+struct Contestant {
+  std::string spec;  ///< name or name:variant
+  nlohmann::json parameters = nlohmann::json::object();
+};
+
+/// What the caller may choose. What is empty or 0 is chosen by the experiment.
+struct Settings {
+  std::vector<std::string> systems;  ///< generators with their sizes, matrix files, folders of matrix files
+  std::vector<std::string> rivals;   ///< contestants, name or name:variant
+  std::vector<std::string> points;   ///< what is swept: widths, budgets, devices
+  std::string set;                   ///< peers: which systems (quick, cpu, gpu)
+  std::string kind = "auto";
+  Plan plan;
+  int repetitions = 0;      ///< timed rounds
+  int analyses = 0;         ///< rounds of analysis
+  double time_seconds = 0;  ///< no system is begun later; what is left out is a row that says so. 0: no limit
+  bool ceilings = true;     ///< measure the machine's ceilings first (a second)
+  std::string command;      ///< for the record
+  std::string version;      ///< of Espalier, for the record
+  std::string out;          ///< file of results, written after every system; empty: none
+};
+
+/// Where an experiment speaks to people; both may be empty.
+struct Voice {
+  Progress progress;                                   ///< what is about to happen
+  std::function<void(const std::string& text)> print;  ///< whole lines: titles, tables
+};
+
+/// Measures contestants and keeps the document.
+class Bench {
+ public:
+  /// Settles what plan.child lacks: folder, environment. Measures the ceilings unless told not to.
+  Bench(std::string experiment, Settings settings, Voice voice);
+  ~Bench();
+
+  [[nodiscard]] const Settings& settings() const { return settings_; }
+  [[nodiscard]] Plan& plan() { return settings_.plan; }
+  [[nodiscard]] nlohmann::json& document() { return document_; }
+  [[nodiscard]] int gpus() const;
+
+  /// The systems asked for, folders replaced by the matrix files in them, or `defaults`.
+  /// @throws Error(invalid_input) for a folder without matrix files
+  [[nodiscard]] std::vector<std::string> systems(std::vector<std::string> defaults) const;
+  /// The points asked for, or `defaults`.
+  [[nodiscard]] std::vector<std::string> points(std::vector<std::string> defaults) const;
+
+  /// Runs the contestants on one system, prints their table, adds their rows to the document and returns the rows.
+  /// Never throws for what a system or a contestant does: a system that cannot be read, or that there is no time for,
+  /// is a row of its own.
+  nlohmann::json measure(const std::string& system, const std::vector<Contestant>& contestants);
+  /// Adds a row that was not measured, and says why.
+  void add_row(const std::string& system, const Contestant& contestant, const std::string& outcome,
+               const std::string& message);
+  void print(const std::string& text) const;
+  void progress(const std::string& what) const;
+  /// Writes the document if there is a file for it. @throws Error(invalid_input) when it cannot be written
+  void save() const;
+
+ private:
+  struct Loaded;
+  const Loaded& load(const std::string& system);
+  nlohmann::json rows_of(const std::string& system, const Loaded& loaded, const std::vector<Contestant>& contestants);
+
+  Settings settings_;
+  Voice voice_;
+  nlohmann::json document_;
+  std::unique_ptr<Loaded> loaded_;  ///< the last system
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+/// Where the rivals' host program lies: $ESPALIER_RIVALS_DIR, bench/rivals beside the binary (build folder), or
+/// ../libexec/espalier (installed, bundle). The last one where none has it.
+std::string rivals_folder();
+
+/// The numbers in row[phase].median; NaN where the row has none.
+double median_of(const nlohmann::json& row, const char* phase);
+
+}  // namespace espalier::bench
