@@ -105,8 +105,13 @@ class SolveRun {
     progress_.end(duration(record_.solve->seconds));
     const bool solved = keep(record_.solve->status);
     if (!solved && record_.status.code != StatusCode::accuracy_not_reached) return;
-    if (command_.condition) record_.condition_estimate = solver_.condition_estimate();
     if (!command_.out_file.empty()) write_columns(command_.out_file, matrix_.rows, x);
+    if (command_.condition) estimate_condition();
+  }
+
+  void estimate_condition() {
+    const ConditionResult r = solver_.condition_estimate();
+    if (keep(r.status)) record_.condition_estimate = r.estimate;
   }
 
   const SolveCommand& command_;

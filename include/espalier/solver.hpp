@@ -16,6 +16,13 @@ namespace espalier {
 /// Receives one line of log text (no newline). May be called from the thread that called the solver only.
 using LogCallback = std::function<void(const std::string& line)>;
 
+/// How several devices share one factorization. The defaults are what is fastest; the rest serves measurement.
+struct Sharing {
+  double additional_subtrees = 1;  ///< sub-trees per device beyond the first
+  bool stealing = true;            ///< an idle device takes a sub-tree of another one
+  bool shared_top = true;          ///< the top of the tree is dealt to all devices; else the first one does it
+};
+
 /// What the caller may choose. Every field has a default that suits mechanics.
 struct Options {
   Kind kind = Kind::automatic;            ///< the factorization
@@ -31,6 +38,7 @@ struct Options {
   int refinement_steps = 10;       ///< most steps of iterative refinement
   double required_backward_error = 1e-10;  ///< a normwise backward error above it ends in accuracy_not_reached
   bool record_timeline = false;            ///< keep one event per task for write_trace()
+  Sharing sharing;                         ///< among several devices
   std::vector<Index> permutation;          ///< the caller's own elimination order (old index of the k-th); empty: ours
   LogCallback log;                         ///< where log lines go; empty: nowhere
 };
@@ -95,6 +103,12 @@ struct SolveResult {
   double componentwise_error = 0;  ///< componentwise (Oettli-Prager): max |b - A x|_i / (|A| |x| + |b|)_i
 };
 
+/// What condition_estimate() found.
+struct ConditionResult {
+  Status status;
+  double estimate = 0;  ///< 1-norm condition number, a lower bound that is rarely off by more than a factor of 3
+};
+
 /// The direct solver. One object serves one pattern at a time; objects are independent of each other. Not safe for
 /// concurrent calls on one object.
 class Solver {
@@ -122,7 +136,7 @@ class Solver {
   [[nodiscard]] const Options& options() const;
   [[nodiscard]] const AnalysisResult& analysis() const;
   /// 1-norm condition estimate of the factored matrix (Hager-Higham); costs a few solves. @pre state() == factorized
-  [[nodiscard]] double condition_estimate();
+  [[nodiscard]] ConditionResult condition_estimate();
   /// The tree as figures per tier, for people: one row per tier from the root.
   struct TierRow {
     Index tier = 0, fronts = 0, largest_front = 0;

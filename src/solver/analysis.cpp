@@ -86,6 +86,9 @@ void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
   plan_options.unsymmetric = kind == Kind::lu;
   plan_options.ldlt = kind == Kind::ldlt;
   plan_options.devices = device.devices;
+  plan_options.additional_subtrees = options.sharing.additional_subtrees;
+  plan_options.stealing = options.sharing.stealing;
+  plan_options.shared_top = options.sharing.shared_top;
   plan_options.interleave = static_cast<Index>(2 * pool.size());
   plan_options.reuse_distance = static_cast<Index>(16 * pool.size());
   plan = analysis::make_plan(std::move(tree), equations.a, equations.row_of_col, plan_options, pool);

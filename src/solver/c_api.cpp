@@ -282,8 +282,9 @@ int espalier_solve(espalier_solver* solver, const double* b, double* x, int64_t 
 int espalier_condition_estimate(espalier_solver* solver, double* estimate) {
   return guarded(solver, [&](espalier_solver& s) {
     require(estimate != nullptr, "the place for the estimate is null");
-    *estimate = factorized(s).condition_estimate();
-    return Status{};
+    const auto result = factorized(s).condition_estimate();
+    *estimate = result.estimate;
+    return result.status;
   });
 }
 

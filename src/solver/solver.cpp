@@ -118,10 +118,12 @@ Solver::State Solver::state() const { return impl_->state; }
 const Options& Solver::options() const { return impl_->options; }
 const AnalysisResult& Solver::analysis() const { return impl_->analysis; }
 
-double Solver::condition_estimate() {
+ConditionResult Solver::condition_estimate() {
   if (impl_->state != State::factorized)
     throw std::logic_error("Solver::condition_estimate: there is no factorization");
-  return impl_->condition_estimate();
+  ConditionResult r;
+  r.status = guarded([&] { r.estimate = impl_->condition_estimate(); });
+  return r;
 }
 
 std::vector<Solver::TierRow> Solver::tiers() const {

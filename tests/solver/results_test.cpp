@@ -152,7 +152,7 @@ TEST(Condition, EstimateIsWithinAFactorOfTenBelowTheTruth) {
         Solver s(two_threads());
         ASSERT_TRUE(s.analyze(a).status.ok());
         ASSERT_TRUE(s.factorize(a).status.ok());
-        const double truth = reference::condition(a), estimate = s.condition_estimate();
+        const double truth = reference::condition(a), estimate = s.condition_estimate().estimate;
         EXPECT_LE(estimate, truth * (1 + 1e-6));
         EXPECT_GE(estimate, truth / 10) << "n " << n << " seed " << seed;
       }
