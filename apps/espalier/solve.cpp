@@ -111,7 +111,8 @@ class SolveRun {
 
   void estimate_condition() {
     const ConditionResult r = solver_.condition_estimate();
-    if (keep(r.status)) record_.condition_estimate = r.estimate;
+    if (!r.status.ok()) return (void)keep(r.status);
+    record_.condition_estimate = r.estimate;
   }
 
   const SolveCommand& command_;
