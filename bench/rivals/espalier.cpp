@@ -35,13 +35,17 @@ Precision precision_named(const std::string& word) {
 class EspalierRival : public Rival {
  public:
   explicit EspalierRival(const std::string& text)
-      : text_(text), variant_(text, "device precision refine block memory hostmemory nomatching trace") {
+      : text_(text),
+        variant_(text, "device precision refine block memory hostmemory nomatching trace subtrees nosteal alonetop") {
     options_.device = variant_.text("device", "cpu");
     options_.precision = precision_named(variant_.text("precision", "fp64"));
     options_.refinement_steps = static_cast<int>(variant_.number("refine", options_.refinement_steps));
     options_.max_block_size = static_cast<Index>(variant_.number("block", 0));
     options_.device_memory_bytes = bytes_of("memory");
     options_.host_memory_bytes = bytes_of("hostmemory");
+    options_.sharing.additional_subtrees = static_cast<double>(variant_.number("subtrees", 1));
+    options_.sharing.stealing = !variant_.has("nosteal");
+    options_.sharing.shared_top = !variant_.has("alonetop");
     options_.record_timeline = variant_.has("trace");
     options_.matching = !variant_.has("nomatching");
   }

@@ -92,6 +92,8 @@ double front_seconds(Index pivots, Index rows, bool unsymmetric) {
 DeviceAssignment assign_devices(const Plan& plan) {
   DeviceAssignment a;
   a.devices = std::max<Index>(1, plan.options.devices);
+  a.stealing = plan.options.stealing;
+  a.shared_top = plan.options.shared_top;
   if (a.devices == 1) return a;
   const Costs costs = subtree_costs(plan);
   double total = 0;

@@ -35,6 +35,8 @@ struct SubTree {
 /// the top, all sub-trees are finished, and so are the tasks before t that its owner's workers took: they take t.
 struct DeviceAssignment {
   Index devices = 1;
+  bool stealing = true;           ///< rule 3 is in force; without it every sub-tree stays with its device
+  bool shared_top = true;         ///< else device 0 does all of the top
   std::vector<SubTree> subtrees;  ///< by device, then falling `seconds`
   std::vector<Index> subtree_of;  ///< fronts; -1: the top. Empty with one device
   Index top_task = 0;             ///< number of the first task of the top
@@ -47,8 +49,8 @@ struct DeviceAssignment {
   /// dealt cyclically, beginning with another device for every front.
   [[nodiscard]] Index owner(Index front, Index column) const {
     const Index s = subtree(front);
-    return s >= 0 ? subtrees[static_cast<std::size_t>(s)].device
-                  : static_cast<Index>((Offset{column} + front) % devices);
+    if (s >= 0) return subtrees[static_cast<std::size_t>(s)].device;
+    return shared_top ? static_cast<Index>((Offset{column} + front) % devices) : 0;
   }
 };
 

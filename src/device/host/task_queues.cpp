@@ -6,7 +6,9 @@
 namespace espalier::device::host {
 
 TaskQueues::TaskQueues(const analysis::Plan& plan)
-    : devices_(static_cast<std::size_t>(plan.assignment.devices)), queues_(std::make_unique<Queue[]>(devices_)) {
+    : devices_(static_cast<std::size_t>(plan.assignment.devices)),
+      stealing_(plan.assignment.stealing),
+      queues_(std::make_unique<Queue[]>(devices_)) {
   const analysis::DeviceAssignment& a = plan.assignment;
   for (const analysis::SubTree& s : a.subtrees) {
     queues_[static_cast<std::size_t>(s.device)].units.push_back(static_cast<std::uint32_t>(units_.size()));
@@ -52,7 +54,7 @@ std::uint32_t TaskQueues::open(Queue& queue) {
   }
   if (queue.top_begun) return kNone;
   Queue* victim = nullptr;
-  for (std::size_t d = 0; d < devices_; ++d)
+  for (std::size_t d = 0; stealing_ && d < devices_; ++d)
     if (queues_[d].first < queues_[d].last && (victim == nullptr || queues_[d].seconds > victim->seconds))
       victim = &queues_[d];
   if (victim == nullptr) {

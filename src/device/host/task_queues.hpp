@@ -46,6 +46,7 @@ class TaskQueues {
   std::vector<Unit> units_;
   std::vector<Index> order_;  // numbers of tasks; empty: 0, 1, ...
   std::size_t devices_;
+  bool stealing_;
   std::unique_ptr<Queue[]> queues_;
   std::mutex mutex_;  // guards all of Queue but the cursor
 };
