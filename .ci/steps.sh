@@ -113,7 +113,16 @@ test_sanitized() {
   return $status
 }
 
-test_asan() { test_sanitized asan '*' test_base test_matrix test_analysis test_device test_factor test_solve test_solver; }
+with_clang() {
+  CC=$(clang_tool clang) && CXX=$(clang_tool clang++) || { echo "clang is missing"; return 1; }
+  export CC CXX
+}
+
+# One build with clang for the tests and for the fuzz targets of the next step: the library is compiled once for both.
+test_asan() {
+  with_clang || return 1
+  test_sanitized asan '*' test_base test_matrix test_analysis test_device test_factor test_solve test_solver
+}
 
 # GCC's thread sanitizer cannot place its shadow when addresses are randomised over 32 bits, as kernels from 6.6 on do.
 test_tsan() {
@@ -127,26 +136,23 @@ test_tsan() {
 
 run_fuzzers() {
   sanitizer_options
-  local clang
-  clang=$(clang_tool clang) || { echo "clang is missing"; return 1; }
-  # The readers. fuzz_c_api builds too, but has not yet run long enough to be a gate.
-  configure_and_build fuzz "-DCMAKE_C_COMPILER=$clang" "-DCMAKE_CXX_COMPILER=${clang/clang/clang++}" -DESPALIER_WERROR=OFF -- \
-    fuzz_matrix_market fuzz_rutherford_boeing || return 1
+  with_clang || return 1
+  configure_and_build asan -- fuzz_matrix_market fuzz_rutherford_boeing fuzz_c_api || return 1
   local target name status=0 count=0
-  for target in build/fuzz/tests/fuzz/fuzz_*; do
+  for target in build/asan/tests/fuzz/fuzz_*; do
     [[ -f $target && -x $target ]] || continue
     name=$(basename "$target")
     name=${name#fuzz_}
-    local folders=("build/fuzz/found/$name") log=build/fuzz/$name.log
+    local folders=("build/asan/found/$name") log=build/asan/$name.log
     [[ -d tests/fuzz/corpus/$name ]] && folders+=("tests/fuzz/corpus/$name")
     mkdir -p "${folders[0]}"
     count=$((count + 1))
     if "$target" -max_total_time="${fuzz_seconds:?}" -timeout=20 -rss_limit_mb=4096 -print_final_stats=1 \
-         -artifact_prefix="build/fuzz/$name-" "${folders[@]}" >"$log" 2>&1; then
+         -artifact_prefix="build/asan/$name-" "${folders[@]}" >"$log" 2>&1; then
       echo "$name: $(sed -nE 's/^stat::number_of_executed_units: *//p' "$log") inputs"
     else
       tail -40 "$log"
-      echo "$name: FAILED; the input stands in build/fuzz/$name-*"
+      echo "$name: FAILED; the input stands in build/asan/$name-*"
       status=1
     fi
   done
