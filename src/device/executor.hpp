@@ -44,6 +44,18 @@ struct DeviceWork {
   Offset peak_bytes = 0;       ///< its part of factor and work arrays, and what its workers hold
 };
 
+/// What a factorization in less device memory than the factor needs moves; budget_bytes 0: it does not stream.
+struct StreamReport {
+  Offset budget_bytes = 0;
+  Offset predicted_bytes = 0;    ///< peak of device memory by the plan
+  Offset bytes_in = 0;           ///< from the host to the device, each factorization
+  Offset bytes_out = 0;          ///< back
+  double link_seconds = 0;       ///< what the busier direction of the link needs alone: no run is faster
+  double predicted_seconds = 0;  ///< by the plan
+  Index steps = 0;               ///< sets of fronts eliminated in core
+  Index groups = 0;              ///< groups of block columns of fronts too large for that
+};
+
 /// One backend's numeric factor of a matrix with the pattern of a plan. All memory is taken in the constructor;
 /// factorize() and solve() allocate nothing on the device. T = double or float.
 template <class T>
@@ -60,6 +72,7 @@ class Executor {
   virtual void solve(T* x, Index columns, bool transpose) = 0;
   [[nodiscard]] virtual std::string name() const = 0;
   [[nodiscard]] virtual Offset peak_bytes() const = 0;
+  [[nodiscard]] virtual StreamReport streaming() const { return {}; }
   /// The last factorization by devices; empty where there is one, for which the outcome tells all.
   [[nodiscard]] virtual std::vector<DeviceWork> device_work() const { return {}; }
 };

@@ -23,16 +23,16 @@ void find_runs(const Index* relative, Index begin, Index end, Index row_begin, s
 
 template <class T>
 void add_contribution(const analysis::Plan& plan, Index child, const T* source, const Part<T>& part, bool mirror,
-                      std::vector<Run>& runs) {
+                      std::vector<Run>& runs, ColumnRange columns) {
   const analysis::FrontLayout& layout = plan.layout[child];
   const Index below = layout.below();
   const Index* relative = plan.relative.data() + plan.tree.row_ptr[child];
   const auto place = [&](Index row) {
     return static_cast<Index>(std::lower_bound(relative, relative + below, row) - relative);
   };
-  const Index col_begin = place(part.col_begin);
-  const Index col_end = place(part.col_end);
-  if (col_begin == col_end) return;
+  const Index col_begin = std::max(place(part.col_begin), columns.begin);
+  const Index col_end = std::min(place(part.col_end), columns.end);
+  if (col_begin >= col_end) return;
   const Index row_begin = place(part.row_begin);
   const Index row_end = place(part.row_end);
   const Index w = layout.below_width;
@@ -82,8 +82,9 @@ void add_entries(std::span<const analysis::Entry> entries, std::span<const T> va
 }
 
 template void add_contribution(const analysis::Plan&, Index, const double*, const Part<double>&, bool,
-                               std::vector<Run>&);
-template void add_contribution(const analysis::Plan&, Index, const float*, const Part<float>&, bool, std::vector<Run>&);
+                               std::vector<Run>&, ColumnRange);
+template void add_contribution(const analysis::Plan&, Index, const float*, const Part<float>&, bool, std::vector<Run>&,
+                               ColumnRange);
 template void add_entries(std::span<const analysis::Entry>, std::span<const double>, double*, Offset, EntryPart);
 template void add_entries(std::span<const analysis::Entry>, std::span<const float>, float*, Offset, EntryPart);
 

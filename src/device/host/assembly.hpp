@@ -2,6 +2,8 @@
 /// Gathering into a tile: entries of A and the children's contributions.
 #pragma once
 
+#include <limits>
+
 #include "device/host/numeric_state.hpp"
 
 namespace espalier::device::host {
@@ -15,13 +17,20 @@ struct Part {
   Index row_begin, row_end, col_begin, col_end;
 };
 
-/// Adds the lower contribution of front `child` (rows >= columns) to the part of the parent.
+/// Columns of a contribution.
+struct ColumnRange {
+  Index begin = 0;
+  Index end = std::numeric_limits<Index>::max();
+};
+
+/// Adds the lower contribution of front `child` (rows >= columns), as far as its columns lie in `columns`, to the part
+/// of the parent.
 /// @param source  start of the child's contribution array (lower, or transposed upper)
 /// @param mirror  true: element (r, c) is added at (c, r) of the part, and diagonal elements are left out: the upper
 ///                triangle of a square part (lu)
 template <class T>
 void add_contribution(const analysis::Plan& plan, Index child, const T* source, const Part<T>& part, bool mirror,
-                      std::vector<Run>& runs);
+                      std::vector<Run>& runs, ColumnRange columns = {});
 
 /// Adds the entries of A that belong to the tile. transposed_part: the U^T part of an off-diagonal tile takes the
 /// transposed entries, its L part the others; a square part (diagonal tile or whole front) takes both.

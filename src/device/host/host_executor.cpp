@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "device/host/numeric_state.hpp"
+#include "device/host/outcome.hpp"
 #include "device/host/task_queues.hpp"
 #include "device/host/tile_factor.hpp"
 #include "device/host/triangular_solve.hpp"
@@ -82,12 +83,8 @@ class HostExecutor final : public Executor<T> {
       }
       work_[static_cast<std::size_t>(worker)].task_seconds = base::now_seconds() - begin;
     });
-    FactorOutcome out = summarize();
+    FactorOutcome out = summarize(state_, work_);
     out.seconds = base::now_seconds() - start;
-    for (const auto& w : work_) {
-      out.busy_seconds += (w.task_seconds - w.waited_seconds) / static_cast<double>(work_.size());
-      out.waiting_seconds += w.waited_seconds / static_cast<double>(work_.size());
-    }
     return out;
   }
 
@@ -166,15 +163,8 @@ class HostExecutor final : public Executor<T> {
   }
 
   void reset(std::span<const T> values) {
-    state_.values = values;
-    state_.abort = false;
+    reset_state(state_, values);
     queues_.reset();
-    state_.tile_done.reset();
-    state_.front_done.reset();
-    std::fill(state_.column_state.begin(), state_.column_state.end(), kColumnFine);
-    std::fill(state_.fronts.begin(), state_.fronts.end(), FrontOutcome{});
-    for (Index f = 0; f < plan_.fronts(); ++f)
-      state_.open_tiles[f].store(static_cast<Index>(plan_.layout[f].tile_count()), std::memory_order_relaxed);
     for (auto& w : work_) w.waited_seconds = w.task_seconds = 0;
   }
 
@@ -208,24 +198,6 @@ class HostExecutor final : public Executor<T> {
       e.bytes = static_cast<double>(sizeof(T)) * l.width(task.i) * l.width(task.j);
     }
     timeline_->record(track, e);
-  }
-
-  [[nodiscard]] FactorOutcome summarize() const {
-    FactorOutcome out;
-    for (const FrontOutcome& f : state_.fronts) {
-      if (f.not_positive >= 0 && (out.not_positive < 0 || f.not_positive < out.not_positive))
-        out.not_positive = f.not_positive;
-      out.negative += f.negative;
-      out.two_by_two += f.two_by_two;
-      out.determinant_sign *= f.determinant_sign;
-      out.determinant_log += f.determinant_log;
-    }
-    for (Index p = 0; p < plan_.tree.n; ++p) {
-      const char s = state_.column_state[static_cast<std::size_t>(p)];
-      if ((s & kColumnReplaced) != 0) out.replaced.push_back(p);
-      if ((s & kColumnFailed) != 0) out.failed.push_back(p);
-    }
-    return out;
   }
 
   const analysis::Plan& plan_;

@@ -35,6 +35,13 @@ struct FrontOutcome {
 /// Bits of NumericState::column_state.
 enum ColumnState : char { kColumnFine = 0, kColumnReplaced = 1, kColumnFailed = 2 };
 
+/// A front of which only block columns from `first_column` on are made, from what stands in their places; everything to
+/// the left of them is accounted for there. Streaming only.
+struct FrontWindow {
+  Index front = -1;
+  Index first_column = 0;
+};
+
 /// Arrays of the numeric factor. Diagonal tiles hold inverses: of L_jj (unit for ldlt and lu) in `factor`, of U_jj
 /// transposed in `factor2` (lu).
 template <class T>
@@ -45,6 +52,7 @@ struct NumericState {
         rule(the_rule),
         dense(kernels<T>()),
         arena(the_plan.memory.size, budget),
+        places(arena.data()),
         pivot_order(the_kind == Kind::llt ? 0 : the_plan.tree.n, budget),
         d_inverse(the_kind == Kind::ldlt ? the_plan.tree.n : 0, budget),
         e_inverse(the_kind == Kind::ldlt ? the_plan.tree.n : 0, budget),
@@ -60,7 +68,9 @@ struct NumericState {
   const Kernels<T>& dense;
   std::span<const T> values;  ///< of the current factorize() call
 
-  base::Buffer<T> arena;                   ///< places: plan.memory
+  base::Buffer<T> arena;
+  T* places;  ///< what plan.memory counts from: the arena, or a store of factors
+  FrontWindow window;
   base::Buffer<std::int32_t> pivot_order;  ///< n; by position: the row within its tile that the pivoting put there
   base::Buffer<T> d_inverse;               ///< n; diagonal of D^-1 (ldlt)
   base::Buffer<T> e_inverse;               ///< n; subdiagonal of D^-1, nonzero at the first column of a 2x2 pivot
@@ -72,8 +82,8 @@ struct NumericState {
   std::unique_ptr<std::atomic<Index>[]> open_tiles;  ///< by front: tile tasks not yet finished
   std::atomic<bool> abort{false};
 
-  [[nodiscard]] T* factor(Index f) { return arena.data() + plan.memory.factor[f]; }
-  [[nodiscard]] T* factor2(Index f) { return arena.data() + plan.memory.factor2[f]; }
+  [[nodiscard]] T* factor(Index f) { return places + plan.memory.factor[f]; }
+  [[nodiscard]] T* factor2(Index f) { return places + plan.memory.factor2[f]; }
 };
 
 /// One worker's own memory.

@@ -37,7 +37,7 @@ class WholeFront {
  private:
   [[nodiscard]] T* contribution(Index f, bool upper) {
     const auto& m = plan_.memory;
-    return (m.on_stack[f] != 0 ? w_.stack.data() : s_.arena.data()) + (upper ? m.contribution2[f] : m.contribution[f]);
+    return (m.on_stack[f] != 0 ? w_.stack.data() : s_.places) + (upper ? m.contribution2[f] : m.contribution[f]);
   }
 
   void assemble() {

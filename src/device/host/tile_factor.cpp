@@ -35,8 +35,8 @@ class TileTask {
     // A contribution tile is made in its place; its columns are as high as the scratch's.
     if (j_ >= layout_.pivot_tiles) {
       const Offset at = layout_.contribution_offset(i_ - layout_.pivot_tiles, j_ - layout_.pivot_tiles);
-      c_ = s_.arena.data() + plan_.memory.contribution[f_] + at;
-      if (lu_) c2_ = s_.arena.data() + plan_.memory.contribution2[f_] + at;
+      c_ = s_.places + plan_.memory.contribution[f_] + at;
+      if (lu_) c2_ = s_.places + plan_.memory.contribution2[f_] + at;
     }
   }
 
@@ -67,7 +67,16 @@ class TileTask {
       s_.front_done.wait(m.wait_fronts[q], s_.abort, &w_.waited_seconds);
   }
 
+  // The part of the tile that was made before, where its place is not the scratch anyway.
+  void take_from_place() {
+    if (j_ >= layout_.pivot_tiles) return;
+    const auto size = static_cast<std::size_t>(ld_ * cols_) * sizeof(T);
+    std::memcpy(c_, tile(i_, j_), size);
+    if (two_parts()) std::memcpy(c2_, tile2(i_, j_), size);
+  }
+
   void gather() {
+    if (s_.window.front == f_) return take_from_place();
     const auto size = static_cast<std::size_t>(ld_ * cols_) * sizeof(T);
     std::memset(c_, 0, size);
     if (two_parts()) std::memset(c2_, 0, size);
@@ -87,10 +96,10 @@ class TileTask {
     const Index rb = layout_.begin(i_);
     const Index cb = layout_.begin(j_);
     Part<T> part{c_, ld_, rb, rb + rows_, cb, cb + cols_};
-    const T* lower = s_.arena.data() + plan_.memory.contribution[child];
+    const T* lower = s_.places + plan_.memory.contribution[child];
     add_contribution(plan_, child, lower, part, false, w_.runs);
     if (!lu_) return;
-    const T* upper = s_.arena.data() + plan_.memory.contribution2[child];
+    const T* upper = s_.places + plan_.memory.contribution2[child];
     if (i_ == j_) {
       add_contribution(plan_, child, upper, part, true, w_.runs);
     } else {
@@ -124,7 +133,7 @@ class TileTask {
 
   void subtract_products() {
     const Index last = std::min(j_, layout_.pivot_tiles);
-    for (Index k = 0; k < last; ++k) {
+    for (Index k = s_.window.front == f_ ? s_.window.first_column : 0; k < last; ++k) {
       s_.tile_done.wait(number(i_, k), s_.abort, &w_.waited_seconds);
       s_.tile_done.wait(number(j_, k), s_.abort, &w_.waited_seconds);
       const Index depth = layout_.width(k);

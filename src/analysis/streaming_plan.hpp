@@ -1,0 +1,141 @@
+/// \file
+/// The streaming plan: how a factorization runs in a device memory that holds only a part of it. Every place in that
+/// memory, every copy and every wait is fixed before the first number; executors carry it out.
+///
+/// The tree is cut into *units*, taken in topological order:
+///  - an *in-core step*: fronts that fit together; what they eliminate streams to the host behind the computation;
+///  - a *large front*: too large for that; taken in *groups* of block columns, left-looking. A group is assembled from
+///    the entries of A and the children's contributions, block column by block column; the pivot columns of earlier
+///    groups stream past it in chunks; then its own pivots are eliminated.
+/// Contributions stay on the device while there is room; when there is not, those go whose use is farthest (Belady
+/// 1966).
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "analysis/plan.hpp"
+
+namespace espalier::analysis {
+
+/// Consecutive elements of an array.
+struct Piece {
+  Offset at = 0;
+  Offset size = 0;
+};
+
+struct InCoreStep;
+
+/// What the planner knows of a backend. Offsets and sizes are in elements unless they say bytes.
+class StreamLayout {
+ public:
+  virtual ~StreamLayout() = default;
+  [[nodiscard]] virtual const Plan& plan() const = 0;
+  [[nodiscard]] virtual Offset element_bytes() const = 0;
+  /// All tasks, in an order in which any subset of fronts can be carried out.
+  [[nodiscard]] virtual const std::vector<Task>& order() const = 0;
+  [[nodiscard]] virtual const ArraySizes& sizes() const = 0;
+  /// Start of pivot block column `column` in the factor array of front f; column == pivot tiles: its size.
+  [[nodiscard]] virtual Offset factor_offset(Index f, Index column) const = 0;
+  /// Start of block column `column` below (0-based) in the contribution array; column == tiles below: its size.
+  [[nodiscard]] virtual Offset contribution_offset(Index f, Index column) const = 0;
+  /// Appends the pieces of the factor array that hold block columns [begin, end) from block row `row` on.
+  virtual void panel(Index f, Index begin, Index end, Index row, std::vector<Piece>& pieces) const = 0;
+  /// Bytes of front f's share in the tables of an in-core step, scratch included; about.
+  [[nodiscard]] virtual Offset share_bytes(Index f) const = 0;
+  /// Exact bytes of the tables that the device reads, and of its scratch, whose first output_bytes() go to the host.
+  /// Both depend on the fronts, not on the places.
+  [[nodiscard]] virtual Offset table_bytes(const InCoreStep& step) const = 0;
+  [[nodiscard]] virtual Offset scratch_bytes(const InCoreStep& step) const = 0;
+  [[nodiscard]] virtual Offset output_bytes(const InCoreStep& step) const = 0;
+  [[nodiscard]] virtual Offset table_bytes(Index f, Index begin, Index end) const = 0;
+  [[nodiscard]] virtual Offset scratch_bytes(Index f, Index begin, Index end) const = 0;
+  [[nodiscard]] virtual Offset output_bytes(Index f, Index begin, Index end) const = 0;
+  /// Whether the values of A are copied to the device, in the order of the step's entries.
+  [[nodiscard]] virtual bool copies_values() const = 0;
+};
+
+/// Fronts that are eliminated together. Places are bytes of the device arena.
+struct InCoreStep {
+  std::vector<Index> fronts;     ///< ascending
+  std::vector<Index> externals;  ///< children of these fronts that were eliminated before, ascending
+  std::vector<Task> tasks;       ///< of these fronts
+  MemoryPlan memory;             ///< by place in `fronts`; elements from work_at on
+  Offset entries = 0;            ///< entries of A
+  Offset tables_at = 0, values_at = 0, scratch_at = 0, work_at = 0;
+  std::vector<std::array<Offset, 2>> external_at;  ///< contributions of the externals, lower and upper part
+  std::vector<std::array<Offset, 2>>
+      root_at;          ///< by place in `fronts`: a contribution that outlives the step; -1: none
+  Offset store_at = 0;  ///< elements of the host's store: the step's factors, as on the device
+};
+
+/// A group of block columns of a large front.
+struct ColumnGroup {
+  Index front = 0;
+  Index begin = 0, end = 0;  ///< block columns; those from pivot_tiles on are contribution
+  Offset entries = 0, first_entry = 0;
+  Offset tables_at = 0, values_at = 0, scratch_at = 0;
+  std::array<Offset, 2> factor_at{};        ///< pivot columns; the second: U^T (lu), L D (ldlt)
+  std::array<Offset, 2> contribution_at{};  ///< columns below
+};
+
+enum class StreamWork : char {
+  load_tables,         ///< of step or group
+  load_values,         ///< likewise
+  load_panel,          ///< pivot columns [begin, end) of `front` from block row `row` on, first part, then second
+  load_contribution,   ///< columns [begin, end) below of `front`, lower part, then upper
+  eliminate,           ///< an in-core step
+  begin_group,         ///< zero, and the entries of A
+  add_child,           ///< contribution columns [begin, end) of `front` into the group
+  update,              ///< the group loses the products of pivot columns [begin, end)
+  eliminate_group,     ///< its own pivots
+  store_factor,        ///< of step or group
+  store_contribution,  ///< columns [begin, end) below of `front`
+  store_outputs        ///< what the pivots of step or group came to
+};
+
+enum class StreamQueue : char { in, run, out };
+[[nodiscard]] StreamQueue queue_of(StreamWork work);
+
+/// One operation. Those of one queue run one after another; before an operation starts, the first waits[q] of queue q
+/// must be finished.
+struct StreamOp {
+  StreamWork work = StreamWork::eliminate;
+  bool panel = false;  ///< update: the columns stand as load_panel leaves them, not as in the factor array
+  Index unit = 0;      ///< number of the step, or of the group
+  bool grouped = false;
+  Index front = -1;
+  Index begin = 0, end = 0, row = 0;
+  std::array<Offset, 2> at{};    ///< device bytes, by part
+  std::array<Offset, 2> host{};  ///< elements of the host's store, by part (contributions, factors of groups)
+  Offset bytes = 0;              ///< moved
+  std::array<std::int64_t, 3> waits{};
+};
+
+/// What the machine does per second, for choosing among plans.
+struct StreamRates {
+  double bytes_in = 5.5e10;
+  double bytes_out = 5.5e10;
+  double flops = 3e13;
+  double start = 2e-5;  ///< seconds of any operation besides
+};
+
+struct StreamingPlan {
+  Offset arena_bytes = 0;  ///< device memory: the peak, exactly
+  std::vector<InCoreStep> steps;
+  std::vector<ColumnGroup> groups;
+  std::vector<StreamOp> ops;
+  std::vector<Offset> factor_store;   ///< fronts; elements of the host's store where the first factor array begins
+  std::vector<Offset> factor2_store;  ///< fronts; likewise of the second (lu; ldlt: large fronts only)
+  Offset store_elements = 0;          ///< of the host's store: factors, then contributions
+  Offset factor_elements = 0;         ///< factors of it
+  Offset bytes_in = 0, bytes_out = 0;
+  double predicted_seconds = 0;
+  double link_seconds = 0;  ///< what the busier direction of the link needs alone
+};
+
+/// The best plan that it finds for the budget.
+/// @throws Error(out_of_memory) naming the least budget that works
+StreamingPlan plan_streaming(const StreamLayout& layout, Offset budget_bytes, const StreamRates& rates = {});
+
+}  // namespace espalier::analysis

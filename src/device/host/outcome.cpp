@@ -1,0 +1,47 @@
+#include "device/host/outcome.hpp"
+
+#include <algorithm>
+
+namespace espalier::device::host {
+
+template <class T>
+void reset_state(NumericState<T>& state, std::span<const T> values) {
+  state.values = values;
+  state.abort = false;
+  state.tile_done.reset();
+  state.front_done.reset();
+  std::fill(state.column_state.begin(), state.column_state.end(), kColumnFine);
+  std::fill(state.fronts.begin(), state.fronts.end(), FrontOutcome{});
+  for (Index f = 0; f < state.plan.fronts(); ++f)
+    state.open_tiles[f].store(static_cast<Index>(state.plan.layout[f].tile_count()), std::memory_order_relaxed);
+}
+
+template <class T>
+FactorOutcome summarize(const NumericState<T>& state, const std::vector<Workspace<T>>& work) {
+  FactorOutcome out;
+  for (const FrontOutcome& f : state.fronts) {
+    if (f.not_positive >= 0 && (out.not_positive < 0 || f.not_positive < out.not_positive))
+      out.not_positive = f.not_positive;
+    out.negative += f.negative;
+    out.two_by_two += f.two_by_two;
+    out.determinant_sign *= f.determinant_sign;
+    out.determinant_log += f.determinant_log;
+  }
+  for (Index p = 0; p < state.plan.tree.n; ++p) {
+    const char s = state.column_state[static_cast<std::size_t>(p)];
+    if ((s & kColumnReplaced) != 0) out.replaced.push_back(p);
+    if ((s & kColumnFailed) != 0) out.failed.push_back(p);
+  }
+  for (const auto& w : work) {
+    out.busy_seconds += (w.task_seconds - w.waited_seconds) / static_cast<double>(work.size());
+    out.waiting_seconds += w.waited_seconds / static_cast<double>(work.size());
+  }
+  return out;
+}
+
+template void reset_state(NumericState<double>&, std::span<const double>);
+template void reset_state(NumericState<float>&, std::span<const float>);
+template FactorOutcome summarize(const NumericState<double>&, const std::vector<Workspace<double>>&);
+template FactorOutcome summarize(const NumericState<float>&, const std::vector<Workspace<float>>&);
+
+}  // namespace espalier::device::host

@@ -1,0 +1,60 @@
+/// \file
+/// The seam of streaming: what a backend does for an executor whose device memory holds only a part of the
+/// factorization. Operations of one queue are asked for by one thread and run in order; the queues run side by side.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "analysis/streaming_plan.hpp"
+#include "base/memory.hpp"
+#include "base/thread_pool.hpp"
+#include "device/executor.hpp"
+
+namespace espalier::device {
+
+template <class T>
+class StreamBackend : public analysis::StreamLayout {
+ public:
+  virtual void set_pivot_rule(const PivotRule& rule) = 0;
+  /// Takes the arena and the staging ring, and lays out the tables. The plan must outlive the backend.
+  /// @throws Error(out_of_memory) when the device has less
+  virtual void prepare(const analysis::StreamingPlan& plan, int slots, Offset slot_bytes) = 0;
+  /// Forgets the last factorization. `values` is the caller's array, valid until finish().
+  virtual void begin(std::span<const T> values) = 0;
+  /// Called by each thread that uses the backend.
+  virtual void enter_thread() = 0;
+
+  /// A piece of the staging ring, memory that the device reaches at full speed.
+  virtual std::byte* staging(int slot) = 0;
+  /// Copies between the arena and staging memory; when they are done, wait_for_slot() returns.
+  virtual void copy_in(Offset to, int slot, Offset bytes) = 0;
+  virtual void copy_out(int slot, Offset from, Offset bytes) = 0;
+  virtual void wait_for_slot(int slot) = 0;
+
+  /// What load_tables copies.
+  virtual std::span<const std::byte> tables(const analysis::StreamOp& op) = 0;
+  /// Starts an operation of the run queue.
+  virtual void run(const analysis::StreamOp& op) = 0;
+  /// Gets what store_outputs brought.
+  virtual void take_outputs(const analysis::StreamOp& op, std::span<const std::byte> bytes) = 0;
+
+  /// Marks the end of operation `number` (from 1) of a queue; what `queue` is asked for later waits for it.
+  virtual void mark(analysis::StreamQueue queue, std::int64_t number) = 0;
+  virtual void wait_for_mark(analysis::StreamQueue queue, analysis::StreamQueue other, std::int64_t number) = 0;
+  /// Blocks until all is done. @throws Error(device_error)
+  virtual void finish() = 0;
+  /// After a failure: lets what runs come to an end.
+  virtual void abandon() noexcept = 0;
+  virtual FactorOutcome outcome() = 0;
+
+  /// Like Executor::solve, from the factors in the host's store.
+  virtual void solve(const T* store, T* x, Index columns, bool transpose) = 0;
+  [[nodiscard]] virtual std::string name() const = 0;
+  /// Most bytes of device memory that were held at one time, as counted where they were taken.
+  [[nodiscard]] virtual Offset peak_bytes() const = 0;
+};
+
+}  // namespace espalier::device
