@@ -20,7 +20,8 @@ enum ExitCode : int {
   kSingular = 3,       ///< singular, or not positive definite for llt
   kMemory = 4,
   kDevice = 5,
-  kAccuracy = 6,  ///< backward error above what was asked for
+  kAccuracy = 6,       ///< backward error above what was asked for; Newton or the step size control gave up
+  kInterrupted = 130,  ///< Ctrl-C: stopped cleanly, results and restart file are written
 };
 
 /// The exit code for a status of the library.
@@ -32,6 +33,7 @@ using Action = std::function<int()>;
 /// Each adds its subcommand to `app`; `action` is set when the user chose it.
 void add_solve(CLI::App& app, Action& action);
 void add_analyze(CLI::App& app, Action& action);
+void add_simulate(CLI::App& app, Action& action);
 void add_generate(CLI::App& app, Action& action);
 /// argc and argv: for the record of what was asked.
 void add_bench(CLI::App& app, int argc, const char* const* argv, Action& action);

@@ -20,10 +20,11 @@ constexpr const char* kFooter =
     "Try:\n"
     "  espalier solve --generate \"elasticity 20 20 20\"   a generated mechanical system\n"
     "  espalier solve A.mtx --rhs b.mtx --out x.mtx      your own (Matrix Market, Rutherford-Boeing)\n"
+    "  espalier simulate models/engine.toml              a flexible slider-crank engine\n"
     "  espalier COMMAND --help                           all options of a command\n"
     "\n"
     "Exit codes: 0 solved, 2 wrong usage or unreadable input, 3 singular or not positive definite, 4 memory,\n"
-    "5 device, 6 accuracy not reached.";
+    "5 device, 6 accuracy not reached, 130 stopped by Ctrl-C.";
 
 /// Wrong usage: what CLI11 found, in one line, and where help is. --help and --version come here too.
 int report_usage(const CLI::App& app, const CLI::ParseError& error) {
@@ -60,13 +61,14 @@ int run_guarded(const Action& action) {
 }
 
 int run(int argc, char** argv) {
-  CLI::App app{"espalier: a sparse direct solver for mechanics", "espalier"};
+  CLI::App app{"espalier: a sparse direct solver for mechanics, and a simulator", "espalier"};
   Action action;
   app.set_version_flag("--version", std::string("espalier ") + solver::version());
   app.require_subcommand(1);
   app.footer(kFooter);
   add_solve(app, action);
   add_analyze(app, action);
+  add_simulate(app, action);
   add_generate(app, action);
   add_bench(app, argc, argv, action);
   add_info(app, action);

@@ -19,6 +19,8 @@ class SolverFlags {
   void add_to(CLI::App& command);
   /// @throws Error(invalid_input) naming the option and what it takes
   [[nodiscard]] Options options() const;
+  /// What was given, by name.
+  [[nodiscard]] const std::map<std::string, std::string>& values() const { return values_; }
 
  private:
   std::map<std::string, std::string> values_;  // by key of solver::set_option

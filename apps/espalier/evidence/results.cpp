@@ -1,0 +1,156 @@
+#include "evidence/results.hpp"
+
+#include <fmt/format.h>
+
+#include <cctype>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+
+#include "espalier/types.hpp"
+#include "experiments/bench.hpp"
+
+namespace espalier::cli::evidence {
+
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+struct Known {
+  const char *name, *title, *explanation;
+};
+constexpr Known kKnown[] = {
+    {"peers", "Solvers side by side",
+     "Every solver has the same matrix, the same right-hand sides and its own process; they work in turns. Medians."},
+    {"block-size", "Widest block of a front",
+     "Refactorization against the widest block column that a front may be cut into; auto: by the size of the front."},
+    {"memory", "Time against the memory of a device",
+     "The budget of each device as a share of what it needs in core. Below the floor the solver says what it needs."},
+    {"scaling", "Several devices", "Speed-up over one device, and the share of time in which devices idle or wait."},
+    {"ablation", "What each idea of sharing brings", "Each step keeps what the steps before it brought."},
+    {"refactor", "Latency of a Newton step",
+     "Refactorization and solve with one right-hand side in a row, as an implicit integrator calls them."},
+    {"growth", "Growth with the number of unknowns",
+     "Power laws fitted to the points; in theory n^1.5 operations in two dimensions and n^2 in three."},
+    {"ceilings", "Limits of the machine", "Our dense product, main memory and links: what every rate is compared with."},
+    {"overhead", "What the benchmark adds", "The same calls in a plain loop of one process, and under the benchmark."},
+    {"gpu-check", "One GPU, values on the device",
+     "Refactorization and solve with values and right-hand sides that lie in device memory; repeated bit for bit."},
+};
+
+const Known* known(const std::string& experiment) {
+  for (const Known& one : kKnown)
+    if (experiment == one.name) return &one;
+  return nullptr;
+}
+
+[[noreturn]] void reject(const std::string& path, const std::string& why) {
+  throw Error(StatusCode::invalid_input, fmt::format("{}: {}", path, why));
+}
+
+std::string scaled(double value, std::initializer_list<std::pair<double, const char*>> units) {
+  for (const auto& [unit, name] : units)
+    if (std::abs(value) >= unit * 0.9995) return fmt::format("{:.3g} {}", value / unit, name);
+  return fmt::format("{:.3g}", value);
+}
+
+}  // namespace
+
+Results read_results(const std::string& path) {
+  std::ifstream stream(path);
+  if (!stream) reject(path, "cannot be opened");
+  Results results;
+  results.data = Json::parse(stream, nullptr, false);
+  if (results.data.is_discarded() || !results.data.is_object()) reject(path, "is not a JSON object");
+  if (results.data.value("schema", Json()) != bench::kSchema)
+    reject(path, fmt::format("has schema {}; this reads {} (written by `espalier bench`)",
+                             results.data.value("schema", Json()).dump(), bench::kSchema));
+  for (const char* key : {"experiment", "date", "machine", "rows"})
+    if (!results.data.contains(key)) reject(path, fmt::format("lacks \"{}\"", key));
+  if (!results.rows().is_array() || !results.data["machine"].is_object()) reject(path, "rows or machine have no content");
+  for (const Json& row : results.rows())
+    if (!row.contains("system") || !row.contains("outcome")) reject(path, "has a row without system or outcome");
+  results.file = std::filesystem::path(path).filename().string();
+  results.id = slug(results.file.ends_with(".json") ? results.file.substr(0, results.file.size() - 5) : results.file);
+  return results;
+}
+
+std::string slug(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    if (std::isalnum(static_cast<unsigned char>(c)) != 0)
+      out += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    else if (!out.empty() && out.back() != '-')
+      out += '-';
+  }
+  while (out.ends_with('-')) out.pop_back();
+  return out;
+}
+
+double number(const Json& object, const char* key) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_number() ? found->get<double>() : kNone;
+}
+
+double number(const Json& object, const std::vector<const char*>& path) {
+  const Json* at = &object;
+  for (const char* key : path) {
+    if (!at->is_object() || !at->contains(key)) return kNone;
+    at = &(*at)[key];
+  }
+  return at->is_number() ? at->get<double>() : kNone;
+}
+
+double median(const Json& row, const char* phase) { return number(row, {phase, "median"}); }
+
+bool solved(const Json& row) { return row.at("outcome") == "ok"; }
+
+std::string text(const Json& object, const char* key) {
+  const auto found = object.find(key);
+  if (found == object.end() || found->is_null()) return "";
+  return found->is_string() ? found->get<std::string>() : found->dump();
+}
+
+std::string title_of(const std::string& experiment) {
+  const Known* one = known(experiment);
+  return one != nullptr ? one->title : experiment;
+}
+
+std::string explanation_of(const std::string& experiment) {
+  const Known* one = known(experiment);
+  return one != nullptr ? one->explanation : "";
+}
+
+std::string machine_of(const Results& results) {
+  const Json& machine = results.data.at("machine");
+  std::string words = text(machine, "processor");
+  if (words.empty()) words = "unknown processor";
+  if (machine.contains("cores")) words += fmt::format(", {} cores", machine["cores"].dump());
+  for (const Json& gpu : machine.value("gpus", Json::array())) words += ", " + gpu.get<std::string>();
+  return words;
+}
+
+std::string seconds_text(double seconds) {
+  if (!std::isfinite(seconds)) return "-";
+  return scaled(seconds, {{1, "s"}, {1e-3, "ms"}, {1e-6, "µs"}, {0, "µs"}});
+}
+
+std::string count_text(double count) {
+  if (!std::isfinite(count)) return "-";
+  if (std::abs(count) >= 1e6) return fmt::format("{:.3g}", count);
+  std::string digits = fmt::format("{:.0f}", count);
+  for (int at = static_cast<int>(digits.size()) - 3; at > 0; at -= 3) digits.insert(static_cast<std::size_t>(at), ",");
+  return digits;
+}
+
+std::string bytes_text(double bytes) {
+  if (!std::isfinite(bytes)) return "-";
+  return scaled(bytes, {{1e9, "GB"}, {1e6, "MB"}, {1e3, "kB"}, {0, "B"}});
+}
+
+std::string percent_text(double fraction) { return std::isfinite(fraction) ? fmt::format("{:.1f} %", 1e2 * fraction) : "-"; }
+
+std::string factor_text(double factor) { return std::isfinite(factor) ? fmt::format("{:.2f}", factor) : "-"; }
+
+}  // namespace espalier::cli::evidence

@@ -1,0 +1,224 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "evidence/table.hpp"
+
+namespace espalier::cli::evidence {
+
+namespace {
+
+Cell seconds_cell(double seconds) { return {seconds_text(seconds), seconds}; }
+Cell count_cell(double count) { return {count_text(count), count}; }
+Cell bytes_cell(double bytes) { return {bytes_text(bytes), bytes}; }
+Cell percent_cell(double fraction) { return {percent_text(fraction), fraction}; }
+Cell error_cell(double error) { return {std::isfinite(error) ? fmt::format("{:.1e}", error) : "-", error}; }
+Cell words(std::string text) { return {std::move(text)}; }
+
+/// Name of the rival, without the parts of its variant that columns of their own show.
+std::string solver_of(const Json& row) { return text(row, "rival"); }
+
+/// The figures that every experiment shows.
+struct Figure {
+  const char* name;
+  Cell (*cell)(const Results&, const Json&);
+};
+
+Cell rate_cell(const Results& /*results*/, const Json& row) {
+  const double rate = number(row, "flops") / median(row, "refactorization") * 1e-9;
+  return {std::isfinite(rate) ? fmt::format("{:.3g}", rate) : "-", rate};
+}
+
+constexpr Figure kUnknowns{"unknowns", [](const Results&, const Json& r) { return count_cell(number(r, "unknowns")); }};
+constexpr Figure kAnalysis{"analysis", [](const Results&, const Json& r) { return seconds_cell(median(r, "analysis")); }};
+constexpr Figure kRefactor{"refactorization",
+                           [](const Results&, const Json& r) { return seconds_cell(median(r, "refactorization")); }};
+constexpr Figure kLeast{"least", [](const Results&, const Json& r) {
+                          return seconds_cell(number(r, {"refactorization", "least"}));
+                        }};
+constexpr Figure kRate{"GFLOP/s", rate_cell};
+constexpr Figure kShare{"of product",
+                        [](const Results& s, const Json& r) { return percent_cell(share_of_product(s, r)); }};
+constexpr Figure kSolve{"solve", [](const Results&, const Json& r) { return seconds_cell(median(r, "solve_one")); }};
+constexpr Figure kSolveMany{"solve, many",
+                            [](const Results&, const Json& r) { return seconds_cell(median(r, "solve_many")); }};
+constexpr Figure kStep{"Newton step",
+                       [](const Results&, const Json& r) { return seconds_cell(median(r, "newton_step")); }};
+constexpr Figure kMemory{"memory", [](const Results&, const Json& r) {
+                           return bytes_cell(number(r, {"memory", "peak_bytes"}));
+                         }};
+constexpr Figure kOnGpu{"on GPU", [](const Results&, const Json& r) {
+                          return bytes_cell(number(r, {"memory", "device_bytes"}));
+                        }};
+constexpr Figure kError{"backward error", [](const Results&, const Json& r) {
+                          return error_cell(number(r, {"backward_error", "normwise"}));
+                        }};
+constexpr Figure kSpeedUp{"speed-up", [](const Results&, const Json& r) {
+                            return Cell{factor_text(number(r, "speed_up")), number(r, "speed_up")};
+                          }};
+constexpr Figure kIdle{"idle", [](const Results&, const Json& r) { return percent_cell(number(r, "idle_fraction")); }};
+constexpr Figure kBudget{"budget", [](const Results&, const Json& r) {
+                           const double bytes = number(r, {"parameters", "budget_bytes"});
+                           return bytes > 0 ? bytes_cell(bytes) : words("none");
+                         }};
+constexpr Figure kBudgetShare{"of need",
+                              [](const Results&, const Json& r) { return percent_cell(number(r, {"parameters", "share"})); }};
+constexpr Figure kBlock{"block", [](const Results&, const Json& r) {
+                          const std::string block = text(r.at("parameters"), "block");
+                          return Cell{block, block == "auto" ? 0 : std::atof(block.c_str())};
+                        }};
+constexpr Figure kDevice{"device", [](const Results&, const Json& r) { return words(text(r.at("parameters"), "device")); }};
+constexpr Figure kShareStep{"step", [](const Results&, const Json& r) { return words(text(r.at("parameters"), "step")); }};
+
+std::vector<Figure> figures_of(const std::string& experiment) {
+  if (experiment == "block-size") return {kBlock, kUnknowns, kAnalysis, kRefactor, kLeast, kRate, kShare, kSolve, kError};
+  if (experiment == "memory") return {kDevice, kBudgetShare, kBudget, kRefactor, kLeast, kRate, kSolve, kMemory, kError};
+  if (experiment == "scaling")
+    return {kUnknowns, kAnalysis, kRefactor, kLeast, kRate, kSpeedUp, kIdle, kSolve, kMemory, kError};
+  if (experiment == "ablation") return {kShareStep, kDevice, kRefactor, kLeast, kRate, kSpeedUp, kIdle, kError};
+  if (experiment == "refactor") return {kUnknowns, kStep, kRefactor, kLeast, kSolve, kMemory, kError};
+  if (experiment == "growth") return {kUnknowns, kAnalysis, kRefactor, kRate, kShare, kSolve, kMemory, kError};
+  if (experiment == "overhead") return {kUnknowns, kRefactor, kLeast, kSolve, kError};
+  return {kUnknowns, kAnalysis, kRefactor, kLeast, kRate, kShare, kSolve, kSolveMany, kMemory, kOnGpu, kError};
+}
+
+/// Least median of each system among the rows that are ok.
+std::map<std::string, double> best_of(const Results& results, const char* phase) {
+  std::map<std::string, double> best;
+  for (const Json& row : results.rows()) {
+    const double seconds = median(row, phase);
+    if (!solved(row) || !std::isfinite(seconds)) continue;
+    const auto [at, is_new] = best.emplace(row.at("system"), seconds);
+    if (!is_new) at->second = std::min(at->second, seconds);
+  }
+  return best;
+}
+
+/// Columns in which no line has a figure tell nothing.
+void drop_empty(DataTable& table) {
+  for (std::size_t k = table.columns.size(); k-- > 2;) {
+    const bool empty =
+        std::all_of(table.lines.begin(), table.lines.end(), [&](const Line& l) { return l.cells[k].text == "-" || l.cells[k].text.empty(); });
+    if (!empty) continue;
+    table.columns.erase(table.columns.begin() + static_cast<std::ptrdiff_t>(k));
+    for (Line& line : table.lines) line.cells.erase(line.cells.begin() + static_cast<std::ptrdiff_t>(k));
+  }
+}
+
+DataTable main_table(const Results& results) {
+  const std::string experiment = results.experiment();
+  const auto figures = figures_of(experiment);
+  const char* decisive = experiment == "refactor" ? "newton_step" : "refactorization";
+  const auto best = best_of(results, decisive);
+  DataTable table{title_of(experiment), {{"system", true}, {"solver", true}}, {}, {}};
+  for (const Figure& figure : figures) table.columns.push_back({figure.name, figure.name == std::string("step")});
+  table.columns.push_back({"times best", false});
+  std::set<std::string> anchored;
+  for (const Json& row : results.rows()) {
+    Line line;
+    const std::string system = text(row, "system");
+    if (anchored.insert(system).second) line.anchor = results.id + "-" + slug(system);
+    line.failed = !solved(row);
+    line.cells = {words(system), words(solver_of(row) + (line.failed ? " (" + text(row, "outcome") + ")" : ""))};
+    for (const Figure& figure : figures) line.cells.push_back(figure.cell(results, row));
+    const double ratio = line.failed || !best.contains(system) ? std::nan("") : median(row, decisive) / best.at(system);
+    line.best = ratio == 1;
+    line.cells.push_back({factor_text(ratio), ratio});
+    if (line.failed) table.notes.push_back(fmt::format("{}, {}: {}: {}", system, solver_of(row), text(row, "outcome"), text(row, "message")));
+    table.lines.push_back(std::move(line));
+  }
+  drop_empty(table);
+  return table;
+}
+
+DataTable fits_table(const Json& fits) {
+  DataTable table{"Fitted exponents",
+                  {{"family", true}, {"solver", true}, {"quantity", true}, {"exponent of n"}, {"theory"}, {"r²"}, {"points"}},
+                  {},
+                  {}};
+  for (const Json& fit : fits) {
+    const double theory = number(fit, "theory");
+    table.lines.push_back({"",
+                           {words(text(fit, "family")), words(text(fit, "rival")), words(text(fit, "quantity")),
+                            {factor_text(number(fit, "exponent")), number(fit, "exponent")},
+                            {std::isfinite(theory) ? fmt::format("{:.3g}", theory) : "-", theory},
+                            {fmt::format("{:.3f}", number(fit, "r_squared")), number(fit, "r_squared")},
+                            count_cell(number(fit, "points"))}});
+  }
+  return table;
+}
+
+DataTable overhead_table(const Json& overhead) {
+  DataTable table{"Overhead", {{"system", true}, {"phase", true}, {"of medians"}, {"of least"}}, {}, {}};
+  for (const Json& one : overhead)
+    table.lines.push_back({"",
+                           {words(text(one, "system")), words(text(one, "phase")), percent_cell(number(one, "of_medians")),
+                            percent_cell(number(one, "of_least"))}});
+  return table;
+}
+
+DataTable ceilings_table(const Json& ceilings) {
+  DataTable table{"Limits of this machine", {{"limit", true}, {"where", true}, {"rate"}}, {}, {}};
+  const auto add = [&](const std::string& name, const std::string& where, double value, const char* unit) {
+    if (std::isfinite(value)) table.lines.push_back({"", {words(name), words(where), {fmt::format("{:.4g} {}", value, unit), value}}});
+  };
+  const std::string threads = text(ceilings, "threads") + " threads";
+  add("matrix product, FP64 (ours)", "one thread", number(ceilings, "gemm_flops_per_second_one_thread") * 1e-9, "GFLOP/s");
+  add("matrix product, FP64 (ours)", threads, number(ceilings, "gemm_flops_per_second") * 1e-9, "GFLOP/s");
+  add("main memory, read", threads, number(ceilings, {"memory", "read_bytes_per_second", "best"}) * 1e-9, "GB/s");
+  add("main memory, triad", threads, number(ceilings, {"memory", "triad_bytes_per_second", "best"}) * 1e-9, "GB/s");
+  int place = 0;
+  for (const Json& gpu : ceilings.value("gpus", Json::array())) {
+    const std::string where = fmt::format("{} #{}", text(gpu, "name"), place++);
+    add("matrix product, FP64 (cuBLAS)", where, number(gpu, "gemm_flops_per_second") * 1e-12, "TFLOP/s");
+    add("FP64 by data sheet", where, number(gpu, "data_sheet_flops_per_second") * 1e-12, "TFLOP/s");
+    add("device memory", where, number(gpu, "memory_bytes_per_second") * 1e-9, "GB/s");
+    add("host to device, pinned", where, number(gpu, "host_to_device_bytes_per_second") * 1e-9, "GB/s");
+    add("device to host, pinned", where, number(gpu, "device_to_host_bytes_per_second") * 1e-9, "GB/s");
+    int peer = 0;
+    for (const Json& link : gpu.value("to_peers_bytes_per_second", Json::array())) {
+      if (link.is_number()) add(fmt::format("to GPU #{}", peer), where, link.get<double>() * 1e-9, "GB/s");
+      ++peer;
+    }
+  }
+  return table;
+}
+
+}  // namespace
+
+double share_of_product(const Results& results, const Json& row) {
+  const auto ceilings = results.data.find("ceilings");
+  if (ceilings == results.data.end() || !solved(row)) return std::nan("");
+  double limit = number(*ceilings, "gemm_flops_per_second");
+  if (text(row, "rival").find("gpu") != std::string::npos || text(row, "rival").starts_with("cudss")) {
+    const Json gpus = ceilings->value("gpus", Json::array());
+    if (gpus.empty()) return std::nan("");
+    limit = number(gpus[0], "gemm_flops_per_second");
+    if (!std::isfinite(limit)) limit = number(gpus[0], "data_sheet_flops_per_second");
+  }
+  return number(row, "flops") / median(row, "refactorization") / limit;
+}
+
+double share_of_bandwidth(const Results& results, const Json& row) {
+  const auto ceilings = results.data.find("ceilings");
+  if (ceilings == results.data.end() || !solved(row)) return std::nan("");
+  double limit = number(*ceilings, {"memory", "read_bytes_per_second", "best"});
+  if (text(row, "rival").find("gpu") != std::string::npos) {
+    const Json gpus = ceilings->value("gpus", Json::array());
+    limit = gpus.empty() ? std::nan("") : number(gpus[0], "memory_bytes_per_second");
+  }
+  return 2 * 8 * number(row, "nonzeros_factor") / median(row, "solve_one") / limit;
+}
+
+std::vector<DataTable> tables_of(const Results& results) {
+  std::vector<DataTable> tables;
+  if (!results.rows().empty()) tables.push_back(main_table(results));
+  if (results.data.contains("fits") && !results.data["fits"].empty()) tables.push_back(fits_table(results.data["fits"]));
+  if (results.data.contains("overhead")) tables.push_back(overhead_table(results.data["overhead"]));
+  if (results.data.contains("ceilings")) tables.push_back(ceilings_table(results.data["ceilings"]));
+  return tables;
+}
+
+}  // namespace espalier::cli::evidence

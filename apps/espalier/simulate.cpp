@@ -1,0 +1,121 @@
+/// \file
+/// `espalier simulate`: load a model, run it, report.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <csignal>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "command.hpp"
+#include "espalier/dynamics.hpp"
+#include "report.hpp"
+#include "simulate_report.hpp"
+#include "solver_flags.hpp"
+#include "step_log.hpp"
+#include "terminal.hpp"
+
+namespace espalier::cli {
+
+namespace {
+
+/// Ctrl-C asks the run to stop after the present step; a second one ends the program at once.
+std::atomic<bool> stop_asked{false};
+
+extern "C" void ask_to_stop(int) {
+  stop_asked.store(true);
+  std::signal(SIGINT, SIG_DFL);
+}
+
+struct SimulateCommand {
+  std::string model, report_file;
+  SimulationOptions options;
+  double until = 0;
+  bool until_given = false;
+  SolverFlags flags;
+  bool json = false, quiet = false, verbose = false;
+
+  int run();
+};
+
+void print_outcome(const SimulateCommand& command, const SimulationSummary& s) {
+  if (!command.quiet) fmt::print("{}", simulate_summary(s));
+  if (!s.status.ok()) {
+    print_error(s.status.message);
+    for (const std::string& file : s.files)
+      if (file.ends_with(".restart")) print_hint(fmt::format("the last state is in '{}'", file));
+  } else if (s.interrupted) {
+    fmt::print(stderr, "espalier: stopped at t = {:g}\n", s.t_end);
+  } else if (!command.quiet) {
+    fmt::print("\n{}\n", toned(Tone::good, "simulated"));
+  }
+}
+
+int SimulateCommand::run() {
+  if (until_given) options.until = until;
+  static_cast<void>(flags.options());  // names a wrong value before anything is read
+  for (const auto& [key, value] : flags.values()) options.solver.emplace_back(key, value);
+  Simulation simulation(options);
+  Progress progress(!quiet && !json);
+  progress.begin("model");
+  Status status = simulation.load(model);
+  if (status.ok()) {
+    progress.end(simulate_headline(simulation.summary()));
+    std::signal(SIGINT, ask_to_stop);
+    StepLog log(!quiet && !json, verbose, simulation.time(), simulation.end_time());
+    status = simulation.run([&log](const SimulationStep& step) {
+      log.add(step);
+      return !stop_asked.load();
+    });
+    log.close();
+    std::signal(SIGINT, SIG_DFL);
+  }
+  progress.abandon();
+  const SimulationSummary& summary = simulation.summary();
+  const int code = status.ok() && summary.interrupted ? kInterrupted : exit_code(status.code);
+  const auto report = to_json(summary, model, code);
+  if (!report_file.empty()) write_report(report_file, report);
+  if (!options.out.empty() && summary.t_end > summary.t_begin) write_report(options.out + "/summary.json", report);
+  if (json) {
+    fmt::print("{}\n", to_text(report));
+    if (!status.ok()) print_error(status.message);
+  } else {
+    print_outcome(*this, summary);
+  }
+  return code;
+}
+
+}  // namespace
+
+void add_simulate(CLI::App& app, Action& action) {
+  auto command = std::make_shared<SimulateCommand>();
+  SimulationOptions& o = command->options;
+  CLI::App* sub = app.add_subcommand("simulate", "Simulate a mechanical system (docs/simulate.md)");
+  sub->add_option("model", command->model, "the model, TOML")->type_name("FILE")->required();
+  sub->add_option("--out", o.out, "folder for results: CSV, ParaView, restart file, summary.json")->type_name("DIR");
+  sub->add_option("--set", o.set, "replace a value of the model, for instance parameters.size=2; may be repeated")
+      ->type_name("PATH=VALUE")
+      ->take_all()
+      ->allow_extra_args(false);
+  sub->add_option("--until", command->until, "end there instead of at integrator.end")
+      ->type_name("TIME")
+      ->each([command = command.get()](const std::string&) { command->until_given = true; });
+  sub->add_option("--restart", o.restart, "go on from this restart file")->type_name("FILE");
+  sub->add_option("--dump-matrices", o.dump, "write Newton matrices with right-hand sides into this folder")
+      ->type_name("DIR");
+  sub->add_option("--dump-every", o.dump_every, "of the factorizations, every N-th (default 1)")
+      ->type_name("N")
+      ->check(CLI::Range(1L, 1000000000L));
+  sub->add_option("--dump-count", o.dump_count, "and at most so many (default 10)")
+      ->type_name("K")
+      ->check(CLI::Range(1L, 1000000L));
+  sub->add_option("--report", command->report_file, "write the summary as JSON here")->type_name("FILE");
+  sub->add_flag("--json", command->json, "print the summary as JSON instead of text");
+  sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
+  sub->add_flag("-v,--verbose", command->verbose, "a line for every step");
+  command->flags.add_to(*sub);
+  sub->callback([command, &action] { action = [command] { return command->run(); }; });
+}
+
+}  // namespace espalier::cli

@@ -1,0 +1,152 @@
+#include "simulate_report.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "solver/build_info.hpp"
+#include "solver/option_text.hpp"
+#include "terminal.hpp"
+
+namespace espalier::cli {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string megabytes(Offset bytes) { return fmt::format("{:.1f} MiB", static_cast<double>(bytes) / (1 << 20)); }
+
+/// "1 body", "2 bodies".
+std::string counted(long n, const char* one, const char* many) {
+  return fmt::format("{} {}", grouped(n), n == 1 ? one : many);
+}
+
+void add_phase(Table& table, const char* name, double part, double total) {
+  table.add({name, duration(part), total > 0 ? fmt::format("{:.0f} %", 100 * part / total) : ""});
+}
+
+std::string phase_table(const SimulationPhases& p) {
+  Table table("<>>");
+  add_phase(table, "setup", p.setup, p.total);
+  add_phase(table, "assembly", p.assembly, p.total);
+  add_phase(table, "analysis", p.analysis, p.total);
+  add_phase(table, "factorization", p.factorization, p.total);
+  add_phase(table, "solve", p.solve, p.total);
+  add_phase(table, "output", p.output, p.total);
+  add_phase(table, "other", p.other, p.total);
+  table.add({"total", duration(p.total), ""}, Tone::strong);
+  return table.text();
+}
+
+std::string solver_line(const SimulationSummary& s) {
+  if (s.kind == "dense") return "dense";
+  return fmt::format("{} {}, {}, {} entries in the factor, {}", s.kind, s.precision, s.device,
+                     grouped(s.nonzeros_factor), megabytes(s.peak_bytes));
+}
+
+}  // namespace
+
+std::string simulate_headline(const SimulationSummary& s) {
+  return fmt::format("{}, {}, {} + {} unknowns, {}", counted(s.bodies, "body", "bodies"),
+                     counted(s.joints, "joint", "joints"), grouped(s.velocities), grouped(s.constraints),
+                     counted(s.degrees_of_freedom, "degree of freedom", "degrees of freedom"));
+}
+
+std::string simulate_summary(const SimulationSummary& s) {
+  if (s.bodies == 0) return "";
+  std::string text = fmt::format("{}\n", toned(Tone::strong, s.title));
+  Table table("<<");
+  table.add({"system", simulate_headline(s)});
+  for (const std::string& notice : s.redundant) table.add({"redundant", notice});
+  if (s.statics_iterations > 0) table.add({"statics", fmt::format("{} iterations", s.statics_iterations)});
+  for (const SimulationMode& m : s.modes)
+    table.add({"mode", fmt::format("{:.6g} Hz, damping {:.2g} %", m.frequency, 100 * m.damping_ratio)});
+  table.add(
+      {"time", fmt::format("{:g} to {:g}, {} ({})", s.t_begin, s.t_end, counted(s.steps, "step", "steps"), s.method)});
+  table.add({"newton", fmt::format("{} iterations, {} failures, {} steps rejected", grouped(s.newton_iterations),
+                                   s.newton_failures, s.error_failures)});
+  table.add({"factorizations", fmt::format("{} ({} by step size, {} by slow Newton, {} by failures), {} solves",
+                                           grouped(s.factorizations), s.refactor_step, s.refactor_rate,
+                                           s.refactor_failed, grouped(s.solves))});
+  table.add(
+      {"constraints", fmt::format("position {}, velocity {}, acceleration {}", small(s.largest_violation.position),
+                                  small(s.largest_violation.velocity), small(s.largest_violation.acceleration))});
+  table.add({"energy",
+             fmt::format("{:.9g} at the start, {:.9g} at the end", s.energy_begin.kinetic + s.energy_begin.potential,
+                         s.energy_end.kinetic + s.energy_end.potential)});
+  table.add({"solver", solver_line(s)});
+  text += table.text();
+  text += phase_table(s.phases);
+  if (!s.values.empty()) {
+    Table values("<>");
+    for (const auto& [name, value] : s.values) values.add({name, fmt::format("{:.9g}", value)});
+    text += values.text();
+  }
+  for (const std::string& file : s.files) text += fmt::format("  wrote {}\n", file);
+  return text;
+}
+
+nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& model, int exit_code) {
+  const auto number = [](double x) { return std::isfinite(x) ? Json(x) : Json(nullptr); };
+  Json j;
+  j["espalier"] = solver::version();
+  j["status"] = s.interrupted ? "interrupted" : std::string(solver::name_of(s.status.code));
+  j["message"] = s.status.message;
+  j["exit_code"] = exit_code;
+  j["model"] = model;
+  j["title"] = s.title;
+  j["system"] = {{"bodies", s.bodies},           {"joints", s.joints},
+                 {"forces", s.forces},           {"velocities", s.velocities},
+                 {"constraints", s.constraints}, {"degrees_of_freedom", s.degrees_of_freedom},
+                 {"redundant", s.redundant}};
+  j["initial"] = {{"position_change", number(s.position_change)},
+                  {"velocity_change", number(s.velocity_change)},
+                  {"statics_iterations", s.statics_iterations}};
+  Json modes = Json::array();
+  for (const SimulationMode& m : s.modes)
+    modes.push_back({{"frequency", m.frequency}, {"damping_ratio", m.damping_ratio}});
+  j["initial"]["modes"] = modes;
+  j["time"] = {{"begin", s.t_begin}, {"end", s.t_end}};
+  j["integrator"] = {{"method", s.method},
+                     {"steps", s.steps},
+                     {"newton_iterations", s.newton_iterations},
+                     {"error_failures", s.error_failures},
+                     {"newton_failures", s.newton_failures},
+                     {"crossings", s.crossings}};
+  j["counts"] = {{"residuals", s.residuals},
+                 {"tangents", s.tangents},
+                 {"analyses", s.analyses},
+                 {"factorizations", s.factorizations},
+                 {"solves", s.solves},
+                 {"refactor_first", s.refactor_first},
+                 {"refactor_step", s.refactor_step},
+                 {"refactor_rate", s.refactor_rate},
+                 {"refactor_failed", s.refactor_failed}};
+  const SimulationPhases& p = s.phases;
+  j["seconds"] = {
+      {"setup", p.setup}, {"assembly", p.assembly}, {"analysis", p.analysis}, {"factorization", p.factorization},
+      {"solve", p.solve}, {"output", p.output},     {"other", p.other},       {"total", p.total}};
+  j["constraints"] = {{"position", number(s.largest_violation.position)},
+                      {"velocity", number(s.largest_violation.velocity)},
+                      {"acceleration", number(s.largest_violation.acceleration)}};
+  const auto energy = [&](const SimulationEnergy& e) {
+    return Json{
+        {"kinetic", number(e.kinetic)}, {"potential", number(e.potential)}, {"total", number(e.kinetic + e.potential)}};
+  };
+  j["energy"] = {{"begin", energy(s.energy_begin)}, {"end", energy(s.energy_end)}};
+  j["solver"] = {{"kind", s.kind},
+                 {"precision", s.precision},
+                 {"device", s.device},
+                 {"nonzeros_factor", s.nonzeros_factor},
+                 {"flops", s.factor_flops},
+                 {"predicted_bytes", s.predicted_bytes},
+                 {"peak_bytes", s.peak_bytes}};
+  j["values"] = Json::object();
+  for (const auto& [name, value] : s.values) j["values"][name] = number(value);
+  j["files"] = s.files;
+  j["matrices_written"] = s.dumped;
+  return j;
+}
+
+}  // namespace espalier::cli

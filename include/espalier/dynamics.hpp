@@ -1,0 +1,149 @@
+/// \file
+/// The simulator of mechanical systems: load a model (docs/simulate.md), run it, get results.
+///
+///     espalier::Simulation simulation;
+///     if (auto s = simulation.load("pendulum.toml"); !s.ok()) ...   // s.message: file, line, what to do
+///     if (auto s = simulation.run(); !s.ok()) ...
+///     double x = simulation.value("bob.position.x");
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "espalier/types.hpp"
+
+namespace espalier {
+
+/// What the caller may choose; the model text says the rest.
+struct SimulationOptions {
+  std::vector<std::string> set;  ///< values of the model text to be replaced: "parameters.size=2"
+  std::string out;               ///< folder for results, made if it is not there; empty: nothing is written
+  std::optional<double> until;   ///< instead of integrator.end
+  std::string restart;           ///< a restart file to go on from; empty: from the beginning
+  std::string dump;              ///< folder for Newton matrices; empty: none
+  long dump_every = 1;           ///< every N-th factorization is written ...
+  long dump_count = 10;          ///< ... and at most so many
+  /// Options of the solver by name ("device", "host_memory", ...: the fields of Options), over those of the model.
+  std::vector<std::pair<std::string, std::string>> solver;
+};
+
+/// One accepted step.
+struct SimulationStep {
+  long index = 0;             ///< from 1
+  double t = 0;               ///< time at its end
+  double h = 0;               ///< its length
+  int order = 0;              ///< of the formula
+  int newton_iterations = 0;  ///< of the attempt that succeeded
+  int factorizations = 0;     ///< of all attempts
+  int failures = 0;           ///< attempts rejected, by the error test or because Newton did not converge
+  double residual = 0;        ///< largest residual of the equations of motion
+  double error = 0;           ///< local error in units of the tolerance; 0 where it is not controlled
+};
+
+/// Called after every step; false: stop here, write restart file and outputs.
+using SimulationObserver = std::function<bool(const SimulationStep&)>;
+
+/// Wall time in seconds.
+struct SimulationPhases {
+  double setup = 0;          ///< reading, meshing, patterns
+  double assembly = 0;       ///< forces, constraints, tangents
+  double analysis = 0;       ///< ordering and plan of the Newton matrix
+  double factorization = 0;  ///< numeric
+  double solve = 0;
+  double output = 0;  ///< files, and quantities computed for them
+  double other = 0;   ///< what is left of total
+  double total = 0;
+};
+
+/// Largest constraint violations at the three levels.
+struct SimulationViolation {
+  double position = 0, velocity = 0, acceleration = 0;
+};
+
+struct SimulationEnergy {
+  double kinetic = 0, potential = 0;
+};
+
+/// A natural frequency of the system linearised at the start.
+struct SimulationMode {
+  double frequency = 0;      ///< per unit of time
+  double damping_ratio = 0;  ///< of critical damping
+};
+
+/// Everything that is known of a run; filled in as far as it got.
+struct SimulationSummary {
+  Status status;
+  bool interrupted = false;  ///< the observer stopped it
+  std::string title;
+  std::string method;  ///< "bdf" or "generalized-alpha"
+
+  // The system
+  Index bodies = 0, joints = 0, forces = 0;
+  Index velocities = 0;                ///< n, velocity coordinates
+  Index constraints = 0;               ///< m, constraint equations
+  Index degrees_of_freedom = 0;        ///< n - rank
+  std::vector<std::string> redundant;  ///< one notice per constraint left out
+
+  // The start
+  double position_change = 0;  ///< of the given initial configuration to satisfy the constraints
+  double velocity_change = 0;
+  int statics_iterations = 0;  ///< 0 without statics
+  std::vector<SimulationMode> modes;
+
+  // The run
+  double t_begin = 0, t_end = 0;  ///< t_end: time reached
+  long steps = 0, newton_iterations = 0, error_failures = 0, newton_failures = 0, crossings = 0;
+  long residuals = 0, tangents = 0, analyses = 0, factorizations = 0, solves = 0;
+  /// Why factorizations of the integrator were made.
+  long refactor_first = 0, refactor_step = 0, refactor_rate = 0, refactor_failed = 0;
+  SimulationEnergy energy_begin, energy_end;
+  SimulationViolation largest_violation;  ///< over all steps
+  SimulationPhases phases;
+
+  // The solver
+  std::string device;  ///< where it works, in words
+  std::string kind;    ///< "lu", "ldlt", "llt", or "dense" for small systems
+  std::string precision;
+  Offset nonzeros_factor = 0;
+  double factor_flops = 0;
+  Offset predicted_bytes = 0, peak_bytes = 0;
+
+  // Results
+  std::vector<std::pair<std::string, double>> values;  ///< the chosen quantities at the end
+  std::vector<std::string> files;                      ///< written, csv, pvd, restart
+  long dumped = 0;                                     ///< matrices written
+};
+
+/// One run of one model. Not safe for concurrent calls.
+class Simulation {
+ public:
+  explicit Simulation(SimulationOptions options = {});
+  ~Simulation();
+  Simulation(Simulation&&) noexcept;
+  Simulation& operator=(Simulation&&) noexcept;
+
+  /// Reads a model file, builds the system and makes its initial state consistent.
+  Status load(const std::string& path);
+  /// The same of a text; `name` stands for the file in messages, mesh files are looked for beside it.
+  Status load_text(const std::string& text, const std::string& name);
+  /// Runs to the end (or until the observer says stop; that is ok, see SimulationSummary::interrupted).
+  /// @pre load() succeeded
+  Status run(const SimulationObserver& observer = {});
+
+  [[nodiscard]] const SimulationSummary& summary() const;
+  [[nodiscard]] double time() const;      ///< present time. @pre load() succeeded
+  [[nodiscard]] double end_time() const;  ///< @pre load() succeeded
+  /// A quantity of the present state by its name (docs/simulate.md), for instance "rod.position.x".
+  /// @throws std::invalid_argument if there is no such scalar quantity @pre load() succeeded
+  [[nodiscard]] double value(const std::string& quantity) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace espalier

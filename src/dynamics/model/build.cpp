@@ -1,0 +1,196 @@
+#include <fmt/format.h>
+
+#include <stdexcept>
+
+#include "dynamics/forces/guide.hpp"
+#include "dynamics/joints/relative.hpp"
+#include "dynamics/model/builders.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+/// Joints and forces, once the bodies stand.
+class Builder {
+ public:
+  Builder(const Description& model, Mechanism& out) : model_(model), out_(out), frames_(model, out) {}
+
+  void run() {
+    for (const BodySpec& body : model_.bodies)
+      at_place(body.place, [&] { out_.bodies.push_back(build_body(body, model_, out_)); });
+    frames_.note_initial_state();
+    for (const auto& [name, marker] : model_.markers) out_.markers[name] = frames_.make(marker);
+    for (const JointSpec& joint : model_.joints)
+      at_place(joint.place, [&] { out_.joints.push_back(&out_.system.add(make_joint(joint))); });
+    for (const ForceSpec& force : model_.forces) at_place(force.place, [&] { add_force(force); });
+    out_.system.finish();
+  }
+
+ private:
+  /// The value of a relative coordinate of the first two frames in the initial state.
+  double measure(Relative kind, int axis, const std::vector<MarkerSpec>& frames) {
+    const FrameMotion a = frames_.initial_motion(frames[0]), b = frames_.initial_motion(frames[1]);
+    RelativeValue value;
+    evaluate(kind, axis, 0, a, b, false, value);
+    return value.value;
+  }
+
+  TimeFunction motion(const JointSpec& j, Relative kind, int axis) {
+    TimeFunction f = j.function->function();
+    if (!j.relative) return f;
+    const double start = measure(kind, axis, j.frames) - j.function->value(model_.integrator.start);
+    f.value = [g = f.value, start](double t) { return start + g(t); };
+    return f;
+  }
+
+  double length(const JointSpec& j) { return j.measured ? measure(Relative::distance, 0, j.frames) : j.parameter; }
+
+  std::unique_ptr<Joint> make_joint(const JointSpec& j) {
+    std::vector<FramePtr> f;
+    for (const MarkerSpec& marker : j.frames) f.push_back(frames_.make(marker));
+    switch (j.type) {
+      case JointType::fixed:
+        return fixed_joint(j.name, std::move(f[0]), std::move(f[1]));
+      case JointType::revolute:
+        return revolute_joint(j.name, std::move(f[0]), std::move(f[1]));
+      case JointType::spherical:
+        return spherical_joint(j.name, std::move(f[0]), std::move(f[1]));
+      case JointType::universal:
+        return universal_joint(j.name, std::move(f[0]), std::move(f[1]));
+      case JointType::cylindrical:
+        return cylindrical_joint(j.name, std::move(f[0]), std::move(f[1]));
+      case JointType::prismatic:
+        return prismatic_joint(j.name, std::move(f[0]), std::move(f[1]));
+      case JointType::planar:
+        return planar_joint(j.name, std::move(f[0]), std::move(f[1]));
+      case JointType::point_on_line:
+        return point_on_line(j.name, std::move(f[0]), std::move(f[1]));
+      case JointType::distance:
+        return distance_joint(j.name, std::move(f[0]), std::move(f[1]), length(j));
+      case JointType::revolute_spherical:
+        return revolute_spherical_joint(j.name, std::move(f[0]), std::move(f[1]), length(j));
+      case JointType::rotation_motor:
+        return rotation_motor(j.name, std::move(f[0]), std::move(f[1]), motion(j, Relative::angle, 0));
+      case JointType::translation_motor:
+        return translation_motor(j.name, std::move(f[0]), std::move(f[1]), motion(j, Relative::along, 2));
+      case JointType::prescribed:
+        return prescribed_coordinate(j.name, std::move(f[0]), std::move(f[1]), j.axis,
+                                     motion(j, Relative::global, j.axis));
+      case JointType::gear:
+        return gear_joint(j.name, std::move(f[0]), std::move(f[1]), std::move(f[2]), std::move(f[3]), j.parameter);
+      case JointType::rack_and_pinion:
+        return rack_and_pinion(j.name, std::move(f[0]), std::move(f[1]), std::move(f[2]), std::move(f[3]), j.parameter);
+    }
+    throw std::logic_error("a type of joint is missing in the builder");
+  }
+
+  SpringLaw spring_law(const ForceSpec& f, Relative kind, int axis) {
+    SpringLaw law;
+    law.stiffness = f.stiffness;
+    law.damping = f.damping;
+    law.rest = f.measured ? measure(kind, axis, f.frames) : f.rest;
+    law.preload = f.preload;
+    if (f.function) {
+      law.actuator = f.function->function();
+      law.active = true;
+    }
+    return law;
+  }
+
+  void add_force(const ForceSpec& f) {
+    if (f.type == ForceType::pressure) {
+      add_pressure(f);
+    } else {
+      out_.forces.push_back({&out_.system.add(make_force(f)), f.frames.size() > 1 ? 1 : 0});
+    }
+  }
+
+  void add_pressure(const ForceSpec& f) {
+    for (BuiltBody& body : out_.bodies) {
+      if (body.spec.name != f.body) continue;
+      if (!body.mesh) throw std::invalid_argument("pressure acts on solid bodies only");
+      const TimeFunction value = f.function->function();
+      body.flexible->add_pressure(*body.mesh, body.mesh->face_set(f.face), value.value);
+      return;
+    }
+    frames_.unknown_body(f.body, f.place);
+  }
+
+  std::unique_ptr<FrameForce> make_force(const ForceSpec& f) {
+    FramePtr a = frames_.make(f.frames[0]), b = f.frames.size() > 1 ? frames_.make(f.frames[1]) : nullptr;
+    switch (f.type) {
+      case ForceType::spring:
+        return spring_damper(f.name, std::move(a), std::move(b), spring_law(f, Relative::distance, 0));
+      case ForceType::axial_spring:
+        return axial_spring(f.name, std::move(a), std::move(b), spring_law(f, Relative::along, 2));
+      case ForceType::rotational_spring:
+        return rotational_spring(f.name, std::move(a), std::move(b), spring_law(f, Relative::angle, 0));
+      case ForceType::bushing:
+        return bushing(f.name, std::move(a), std::move(b), {f.linear, f.linear_damping, f.angular, f.angular_damping});
+      case ForceType::load: {
+        LoadLaw law;
+        law.force = f.linear;
+        law.moment = f.angular;
+        law.follower = f.follower;
+        if (f.function) law.factor = f.function->function();
+        return load(f.name, std::move(a), law);
+      }
+      case ForceType::guide: {
+        GuideLaw law;
+        law.path = GuidePath(f.start, f.direction);
+        for (const GuidePiece& piece : f.pieces) law.path.add(piece.length, piece.curvature);
+        law.stiffness = f.stiffness;
+        law.damping = f.damping;
+        law.friction = f.friction;
+        law.slip_speed = f.slip_speed;
+        law.smoothing = f.smoothing;
+        law.both_sides = f.both_sides;
+        return guide(f.name, std::move(a), std::move(b), law);
+      }
+      case ForceType::pressure:
+        break;
+    }
+    throw std::logic_error("a type of force is missing in the builder");
+  }
+
+  const Description& model_;
+  Mechanism& out_;
+  FrameBuilder frames_;
+};
+
+}  // namespace
+
+Mechanism::Mechanism(int threads) : pool(threads > 0 ? threads : base::available_cores()) {}
+
+const BuiltBody* Mechanism::body(const std::string& name) const {
+  for (const BuiltBody& b : bodies)
+    if (b.spec.name == name) return &b;
+  return nullptr;
+}
+
+Joint* Mechanism::joint(const std::string& name) const {
+  for (Joint* j : joints)
+    if (j->name() == name) return j;
+  return nullptr;
+}
+
+const BuiltForce* Mechanism::force(const std::string& name) const {
+  for (const BuiltForce& f : forces)
+    if (f.force->name() == name) return &f;
+  return nullptr;
+}
+
+std::string Mechanism::inverted_elements() const {
+  std::string text;
+  for (const BuiltBody& b : bodies)
+    if (b.flexible != nullptr && b.flexible->inverted_element() >= 0)
+      text += fmt::format("; element {} of '{}' has turned inside out", b.flexible->inverted_element(), b.spec.name);
+  return text;
+}
+
+std::unique_ptr<Mechanism> build(const Description& model, int threads) {
+  auto result = std::make_unique<Mechanism>(threads);
+  Builder(model, *result).run();
+  return result;
+}
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,128 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "dynamics/mesh/read.hpp"
+#include "dynamics/model/builders.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+Point to_point(const Vec3& x) { return {x.x(), x.y(), x.z()}; }
+
+Mesh make_part(const MeshPart& part) {
+  struct Visitor {
+    const MeshSize& size;
+    Mesh operator()(const BlockMesh& b) const {
+      return b.divisions[0] > 0 ? make_block(b.shape, b.divisions[0], b.divisions[1], b.divisions[2], size.type)
+                                : make_block(b.shape, size);
+    }
+    Mesh operator()(const RodShape& s) const { return make_connecting_rod(s, size); }
+    Mesh operator()(const LinkShape& s) const { return make_chain_link(s, size); }
+    Mesh operator()(const CrankShape& s) const { return make_crank(s, size); }
+    Mesh operator()(const GuideShape& s) const { return make_guide(s, size); }
+    Mesh operator()(const RotorShape& s) const { return make_bladed_rotor(s, size); }
+  };
+  return std::visit(Visitor{part.size}, part.shape);
+}
+
+Mesh load_mesh(const MeshFile& file) {
+  if (!std::filesystem::exists(file.path))
+    throw Error(StatusCode::invalid_input,
+                fmt::format("there is no mesh file '{}'; paths are relative to the folder of the model", file.path));
+  Mesh mesh = read_mesh(file.path);
+  for (Point& p : mesh.nodes)
+    for (double& x : p) x *= file.scale;
+  mesh.drop_unused_nodes();
+  return mesh;
+}
+
+/// What the mesh file states for the elements used, where that is one material.
+Material material_of(const Mesh& mesh, const SolidSpec& solid) {
+  if (solid.material) return *solid.material;
+  std::string name;
+  if (const auto it = mesh.section_material.find(solid.element_set); it != mesh.section_material.end())
+    name = it->second;
+  if (name.empty() && mesh.section_material.size() == 1) name = mesh.section_material.begin()->second;
+  for (const MeshMaterial& m : mesh.materials)
+    if (m.name == name && m.young > 0 && m.density > 0) {
+      Material result;
+      result.young = m.young;
+      result.poisson = m.poisson;
+      result.density = m.density;
+      return result;
+    }
+  throw Error(StatusCode::invalid_input,
+              "needs 'material': the mesh file states none (or more than one, or no density)");
+}
+
+/// The same mesh for bodies that are copies of each other (links of a chain) would be made many times; it is cheap
+/// beside one factorization.
+std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& solid, BuiltBody& out) {
+  auto mesh =
+      std::make_shared<Mesh>(std::holds_alternative<MeshFile>(solid.mesh) ? load_mesh(std::get<MeshFile>(solid.mesh))
+                                                                          : make_part(std::get<MeshPart>(solid.mesh)));
+  out.material = material_of(*mesh, solid);
+  std::vector<Index> elements;
+  if (!solid.element_set.empty()) elements = mesh->element_set(solid.element_set);
+  auto body = make_solid_body(spec.name, *mesh, out.material, solid.options, elements);
+  out.mesh = std::move(mesh);
+  return body;
+}
+
+std::unique_ptr<FlexibleBody> make_shell(const BodySpec& spec, const ShellSpec& s) {
+  std::vector<Point> positions, directors;
+  const Vec3 director = s.x.cross(s.y).normalized();
+  for (Index j = 0; j <= s.ny; ++j)
+    for (Index i = 0; i <= s.nx; ++i) {
+      positions.push_back(
+          to_point(s.origin + s.x * (static_cast<double>(i) / s.nx) + s.y * (static_cast<double>(j) / s.ny)));
+      directors.push_back(to_point(director));
+    }
+  std::vector<std::array<Index, 4>> quads;
+  for (Index j = 0; j < s.ny; ++j)
+    for (Index i = 0; i < s.nx; ++i) {
+      const Index first = j * (s.nx + 1) + i;
+      quads.push_back({first, first + 1, first + s.nx + 2, first + s.nx + 1});
+    }
+  return make_shell_body(spec.name, positions, directors, quads, s.material, s.thickness);
+}
+
+std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, BuiltBody& out) {
+  if (const auto* solid = std::get_if<SolidSpec>(&spec.shape)) return make_solid(spec, *solid, out);
+  if (const auto* c = std::get_if<CableSpec>(&spec.shape))
+    return make_cable_body(spec.name, to_point(c->start), to_point(c->end), c->elements, c->section);
+  if (const auto* b = std::get_if<BeamSpec>(&spec.shape))
+    return make_beam_body(spec.name, to_point(b->start), to_point(b->end), to_point(b->y), b->elements, b->section);
+  return make_shell(spec, std::get<ShellSpec>(spec.shape));
+}
+
+}  // namespace
+
+BuiltBody build_body(const BodySpec& spec, const Description& model, Mechanism& out) {
+  BuiltBody built;
+  built.spec = spec;
+  const Vec3 gravity = spec.gravity.value_or(model.gravity);
+  if (const auto* rigid = std::get_if<RigidSpec>(&spec.shape)) {
+    RigidBodyData data = rigid->data;
+    data.gravity = gravity;
+    built.rigid = &out.system.add(std::make_unique<RigidBody>(spec.name, data));
+    return built;
+  }
+  auto body = make_flexible_body(spec, built);
+  body->set_damping(spec.damping);
+  body->set_gravity(to_point(gravity));
+  body->set_pool(&out.pool);
+  std::array<double, 9> rows{};
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) rows[static_cast<std::size_t>(3 * i + j)] = spec.rotation(i, j);
+  // The text gives the velocity of the body's own origin, the library wants that of the point at the global origin.
+  const Vec3 at_origin = spec.velocity - spec.angular_velocity.cross(spec.position);
+  body->set_initial_motion(rows, to_point(spec.position), to_point(at_origin), to_point(spec.angular_velocity));
+  built.flexible = &out.system.add(std::move(body));
+  return built;
+}
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,165 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <set>
+
+#include "dynamics/bodies/flexible_frame.hpp"
+#include "dynamics/model/builders.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+Vec3 reference_node(const FlexibleBody& body, Index node) {
+  const double* x =
+      body.reference().data() + 3 * static_cast<std::size_t>(node) * static_cast<std::size_t>(body.vertices_per_node());
+  return {x[0], x[1], x[2]};
+}
+
+/// Even thinning of a list to at most `most` entries.
+template <class T>
+std::vector<T> thinned(const std::vector<T>& list, std::size_t most) {
+  if (list.size() <= most) return list;
+  std::vector<T> result;
+  for (std::size_t k = 0; k < most; ++k) result.push_back(list[k * list.size() / most]);
+  return result;
+}
+
+}  // namespace
+
+void FrameBuilder::note_initial_state() {
+  std::size_t nq = 0, nv = 0;
+  for (const auto& component : built_.system.components()) {
+    nq += static_cast<std::size_t>(component->sizes().configuration);
+    nv += static_cast<std::size_t>(component->sizes().velocity);
+  }
+  q_.assign(nq, 0.0);
+  v_.assign(nv, 0.0);
+  for (const auto& component : built_.system.components()) component->initial(q_, v_);
+}
+
+void FrameBuilder::unknown_body(const std::string& name, const Place& place) const {
+  std::vector<std::string> names = {"ground"};
+  for (const BuiltBody& b : built_.bodies) names.push_back(b.spec.name);
+  fail(place, fmt::format("unknown body '{}'{}", name, suggestion(name, names)));
+}
+
+const MarkerSpec& FrameBuilder::resolve(const MarkerSpec& marker) const {
+  std::set<std::string> seen;
+  const MarkerSpec* at = &marker;
+  if (!marker.name.empty()) seen.insert(marker.name);
+  std::string way = marker.name;
+  while (!at->reference.empty()) {
+    const auto it = model_.markers.find(at->reference);
+    if (it == model_.markers.end()) {
+      std::vector<std::string> names;
+      for (const auto& [name, m] : model_.markers) names.push_back(name);
+      fail(at->place, fmt::format("unknown marker '{}'{}", at->reference, suggestion(at->reference, names)));
+    }
+    way += (way.empty() ? "" : " -> ") + at->reference;
+    if (!seen.insert(at->reference).second)
+      fail(at->place, fmt::format("the markers refer to each other in a circle: {}; give one of them a body", way));
+    at = &it->second;
+  }
+  return *at;
+}
+
+std::unique_ptr<Frame> FrameBuilder::make(const MarkerSpec& marker) const {
+  const MarkerSpec& m = resolve(marker);
+  if (m.body == "ground") return std::make_unique<GroundFrame>(m.point, m.axes);
+  const BuiltBody* body = built_.body(m.body);
+  if (body == nullptr) unknown_body(m.body, m.place);
+  std::unique_ptr<Frame> frame;
+  at_place(m.place, [&] {
+    if (body->flexible != nullptr) {
+      frame = make_flexible(m, *body);
+    } else {
+      if (m.node || m.near || !m.face.empty() || !m.nodes.empty())
+        throw std::invalid_argument(fmt::format("'{}' is a rigid body: give a 'point', not a node or a face", m.body));
+      frame = m.global ? frame_at(*body->rigid, m.point, m.axes)
+                       : std::make_unique<RigidFrame>(*body->rigid, m.point, m.axes);
+    }
+  });
+  return frame;
+}
+
+FrameMotion FrameBuilder::initial_motion(const MarkerSpec& marker) const {
+  FrameMotion motion;
+  make(marker)->motion(q_, v_, motion);
+  return motion;
+}
+
+Index FrameBuilder::node(const MarkerSpec& m, const BuiltBody& body) const {
+  const FlexibleBody& flexible = *body.flexible;
+  if (m.near) {
+    Index best = 0;
+    double least = std::numeric_limits<double>::infinity();
+    for (Index k = 0; k < flexible.nodes(); ++k) {
+      const double d = (reference_node(flexible, k) - *m.near).squaredNorm();
+      if (d < least) {
+        least = d;
+        best = k;
+      }
+    }
+    return best;
+  }
+  if (!body.mesh) {
+    const std::int64_t last = flexible.nodes(), k = *m.node == -1 ? last : *m.node;
+    if (k < 1 || k > last)
+      throw std::invalid_argument(fmt::format("'{}' has the nodes 1 to {} (-1: the last)", m.body, last));
+    return static_cast<Index>(k - 1);
+  }
+  for (Index k = 0; k < flexible.nodes(); ++k)
+    if (body.mesh->node_label(k) == *m.node) return k;
+  throw std::invalid_argument(fmt::format("the mesh of '{}' has no node {}", m.body, *m.node));
+}
+
+std::unique_ptr<Frame> FrameBuilder::make_flexible(const MarkerSpec& m, const BuiltBody& body) const {
+  const int ways =
+      (m.node ? 1 : 0) + (m.near && m.face.empty() ? 1 : 0) + (m.face.empty() ? 0 : 1) + (m.nodes.empty() ? 0 : 1);
+  if (ways != 1)
+    throw std::invalid_argument(fmt::format(
+        "'{}' is flexible: say where with one of node = LABEL, near = [x, y, z], face = \"SET\", nodes = \"SET\"",
+        m.body));
+  const Mat3 axes = m.global ? Mat3(body.spec.rotation.transpose() * m.axes) : m.axes;
+  if (!m.face.empty()) return make_face(m, body, axes);
+  const FlexibleBody& flexible = *body.flexible;
+  if (!m.nodes.empty()) {
+    if (!body.mesh) throw std::invalid_argument(fmt::format("'{}' has no node sets", m.body));
+    const std::vector<Index>& set = body.mesh->node_set(m.nodes);
+    std::vector<FrameVertex> vertices;
+    for (const Index k : set) vertices.push_back({k, 1.0 / static_cast<double>(set.size()), Vec3::Zero()});
+    return std::make_unique<FlexibleFrame>(flexible, std::move(vertices));
+  }
+  const Index k = node(m, body);
+  return flexible.vertices_per_node() == 4 ? make_beam_frame(flexible, k, axes) : make_node_frame(flexible, k);
+}
+
+std::unique_ptr<Frame> FrameBuilder::make_face(const MarkerSpec& m, const BuiltBody& body, const Mat3& axes) const {
+  if (!body.mesh) throw std::invalid_argument(fmt::format("'{}' has no face sets; give a node", m.body));
+  std::vector<MeshFace> faces = body.mesh->face_set(m.face);
+  if (m.radius > 0) {
+    if (!m.near) throw std::invalid_argument("'radius' needs 'near', the centre");
+    std::erase_if(faces, [&](const MeshFace& face) {
+      Vec3 centre = Vec3::Zero();
+      const auto nodes = body.mesh->face_nodes(face);
+      for (const Index k : nodes) centre += reference_node(*body.flexible, k) / static_cast<double>(nodes.size());
+      return (centre - *m.near).norm() > m.radius;
+    });
+    if (faces.empty())
+      throw std::invalid_argument(fmt::format("no face of '{}' lies within {} of 'near'", m.face, m.radius));
+  }
+  // The rotation couples all nodes of the frame in one dense block, so large sets are thinned out; the mean of an even
+  // selection is the same place to within the roughness of the mesh.
+  if (m.most_nodes > 0) {
+    const std::size_t nodes = body.mesh->nodes_of_faces(faces).size();
+    const auto most = static_cast<std::size_t>(m.most_nodes);
+    if (nodes > most) {
+      const std::size_t per_face = body.mesh->face_nodes(faces.front()).size();
+      faces = thinned(faces, std::max<std::size_t>(4, most / per_face));
+    }
+  }
+  return make_face_frame(*body.flexible, *body.mesh, faces, axes);
+}
+
+}  // namespace espalier::dynamics::model

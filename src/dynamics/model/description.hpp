@@ -1,0 +1,222 @@
+/// \file
+/// A model as plain data: what the text says, checked in itself, before anything is built. All quantities in one
+/// consistent system of units of the author's choice.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/integrators/bdf.hpp"
+#include "dynamics/integrators/generalized_alpha.hpp"
+#include "dynamics/integrators/initial.hpp"
+#include "dynamics/meshers/parts.hpp"
+#include "dynamics/model/section.hpp"
+
+namespace espalier::dynamics::model {
+
+// Bodies -------------------------------------------------------------------------------------------------------------
+
+struct RigidSpec {
+  RigidBodyData data;       ///< gravity is filled in by the builder
+  std::optional<Vec3> box;  ///< edge lengths of the box that stands for it in pictures; none: from its inertia
+};
+
+/// A mesh from a file.
+struct MeshFile {
+  std::string path;
+  double scale = 1;  ///< factor on all coordinates
+};
+/// A block with given divisions.
+struct BlockMesh {
+  BlockShape shape;
+  int divisions[3] = {0, 0, 0};  ///< all 0: by the wished number of unknowns
+};
+/// A mesh from one of our meshers.
+struct MeshPart {
+  std::variant<BlockMesh, RodShape, LinkShape, CrankShape, GuideShape, RotorShape> shape;
+  MeshSize size;
+};
+
+struct SolidSpec {
+  std::variant<MeshFile, MeshPart> mesh;
+  std::string element_set;           ///< empty: all elements
+  std::optional<Material> material;  ///< none: what the mesh file states
+  SolidOptions options;
+};
+struct CableSpec {
+  Vec3 start, end;
+  Index elements = 10;
+  CableSection section;
+};
+struct BeamSpec {
+  Vec3 start, end, y;
+  Index elements = 10;
+  BeamSection section;
+};
+/// A flat plate of nx x ny shells: origin + s x + t y, s and t in [0, 1].
+struct ShellSpec {
+  Vec3 origin, x, y;
+  Index nx = 1, ny = 1;
+  Material material;
+  double thickness = 0;
+};
+
+struct BodySpec {
+  Place place;
+  std::string name;
+  std::variant<RigidSpec, SolidSpec, CableSpec, BeamSpec, ShellSpec> shape;
+  std::optional<Vec3> gravity;  ///< instead of the model's
+  bool velocity_given = false;  ///< velocity or angular_velocity stands in the text
+  // Flexible bodies; a rigid body keeps its own in RigidBodyData.
+  Mat3 rotation = Mat3::Identity();
+  Vec3 position = Vec3::Zero(), velocity = Vec3::Zero(), angular_velocity = Vec3::Zero();
+  RayleighDamping damping;
+  [[nodiscard]] bool rigid() const { return std::holds_alternative<RigidSpec>(shape); }
+};
+
+// Frames -------------------------------------------------------------------------------------------------------------
+
+/// A place on a body (or the ground) with axes: what joints and forces hold on to.
+struct MarkerSpec {
+  Place place;
+  std::string name;              ///< empty: written in line
+  std::string reference;         ///< name of another marker that this one stands for; the rest is then unused
+  std::string body;              ///< "ground": none
+  Vec3 point = Vec3::Zero();     ///< rigid: from the centre of mass in body axes; ground: global
+  bool global = false;           ///< point and axes are given in global axes at the initial state
+  Mat3 axes = Mat3::Identity();  ///< columns: axes of the frame in body axes (flexible: those of the mesh)
+  // Where on a flexible body; exactly one of them.
+  std::optional<std::int64_t> node;  ///< label in the mesh; of cables, beams and shells: counted from 1, -1 the last
+  std::optional<Vec3> near;          ///< the nearest node (in mesh coordinates), or, with a face set, see radius
+  std::string face;                  ///< face set: averaged
+  std::string nodes;                 ///< node set: averaged position, no axes
+  double radius = 0;                 ///< > 0: only the faces of the set within this distance of `near`
+  int most_nodes = 0;                ///< faces are thinned out evenly until about this many nodes are left; 0: never
+};
+
+// Joints and forces --------------------------------------------------------------------------------------------------
+
+enum class JointType {
+  fixed,
+  revolute,
+  spherical,
+  universal,
+  cylindrical,
+  prismatic,
+  planar,
+  point_on_line,
+  distance,
+  revolute_spherical,
+  rotation_motor,
+  translation_motor,
+  prescribed,
+  gear,
+  rack_and_pinion
+};
+[[nodiscard]] const std::vector<std::string>& joint_type_names();
+
+struct JointSpec {
+  Place place;
+  std::string name;
+  JointType type = JointType::fixed;
+  std::vector<MarkerSpec> frames;      ///< two, or four of gear and rack-and-pinion
+  double parameter = 0;                ///< length, ratio or radius
+  bool measured = false;               ///< the length is the initial distance
+  int axis = 0;                        ///< of prescribed
+  std::optional<Expression> function;  ///< of motors
+  bool relative = false;               ///< the function is added to the initial value
+};
+
+enum class ForceType { spring, axial_spring, rotational_spring, bushing, load, pressure, guide };
+[[nodiscard]] const std::vector<std::string>& force_type_names();
+
+/// A path in the x-y plane of a frame: straight pieces and arcs, one after the other (see forces/guide.hpp).
+struct GuidePiece {
+  double length = 0;
+  double curvature = 0;  ///< to the left is positive; 0: straight
+};
+
+struct ForceSpec {
+  Place place;
+  std::string name;
+  ForceType type = ForceType::spring;
+  std::vector<MarkerSpec> frames;  ///< two; one of a load
+  // Springs; guide: stiffness and damping of the contact
+  double stiffness = 0, damping = 0, rest = 0, preload = 0;
+  bool measured = false;               ///< rest is the initial value
+  std::optional<Expression> function;  ///< actuator of springs, factor of loads, value of a pressure
+  // Bushing: stiffness and damping; load: force and moment
+  Vec3 linear = Vec3::Zero(), linear_damping = Vec3::Zero(), angular = Vec3::Zero(), angular_damping = Vec3::Zero();
+  bool follower = false;
+  // Pressure
+  std::string body, face;
+  // Guide
+  std::vector<GuidePiece> pieces;
+  Vec3 start = Vec3::Zero();
+  double direction = 0, friction = 0, slip_speed = 0, smoothing = 0;
+  bool both_sides = false;
+};
+
+// The run ------------------------------------------------------------------------------------------------------------
+
+enum class Method { bdf, generalized_alpha };
+
+struct IntegratorSpec {
+  Place place;
+  Method method = Method::bdf;
+  double start = 0, end = 0;
+  BdfOptions bdf;
+  AlphaOptions alpha;
+};
+
+struct InitialSpec {
+  Place place;
+  bool statics = false;  ///< the motion begins at rest in equilibrium
+  StaticsOptions statics_options;
+  bool project_velocities = false;  ///< given velocities may be changed to fit the constraints
+  double position_tolerance = 1e300;
+  double velocity_tolerance = 1e-3;  ///< allowed change of given velocities, relative to the largest of them
+  int modes = 0;                     ///< natural frequencies to be reported
+};
+
+struct OutputSpec {
+  Place place;
+  std::vector<std::string> quantities;  ///< columns of the CSV file
+  double csv_interval = 0;              ///< 0: every step
+  bool energies = true, constraints = true, reactions = false, step_data = false;
+  double vtu_interval = -1;      ///< 0: every step; < 0: none
+  double restart_interval = -1;  ///< < 0: at the end only
+  bool exact_times = false;      ///< steps end at the output times
+};
+
+/// The whole model.
+struct Description {
+  std::string file;    ///< name of the text
+  std::string folder;  ///< where mesh files are looked for
+  std::string title;
+  Vec3 gravity = Vec3::Zero();
+  std::vector<BodySpec> bodies;
+  std::map<std::string, MarkerSpec> markers;
+  std::vector<JointSpec> joints;
+  std::vector<ForceSpec> forces;
+  IntegratorSpec integrator;
+  InitialSpec initial;
+  OutputSpec output;
+  std::vector<std::pair<std::string, std::string>> solver;  ///< options by name, see solver/option_text.hpp
+};
+
+/// Reads an expanded text (see expand()). @throws Error(invalid_input) "file:line: path: what to do"
+[[nodiscard]] Description read_description(const Value& root, const std::string& file);
+
+/// A frame of a joint or force: a marker's name or a table.
+[[nodiscard]] MarkerSpec read_marker(const Value& value, const std::string& name);
+void read_bodies(Section& root, Description& model);
+void read_joints(Section& root, Description& model);
+void read_forces(Section& root, Description& model);
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,60 @@
+/// \file
+/// The built model: components in one system, with the names under which the text knows them.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/thread_pool.hpp"
+#include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/forces/frame_force.hpp"
+#include "dynamics/joints/joint.hpp"
+#include "dynamics/model/description.hpp"
+
+namespace espalier::dynamics::model {
+
+/// One body of the system; one of the two pointers is set.
+struct BuiltBody {
+  BodySpec spec;
+  RigidBody* rigid = nullptr;
+  FlexibleBody* flexible = nullptr;
+  std::shared_ptr<const Mesh> mesh;  ///< of solids
+  Material material;                 ///< of solids
+};
+
+/// A force with the frame on which it is reported: b (1), or a (0) where there is no other.
+struct BuiltForce {
+  FrameForce* force = nullptr;
+  int side = 1;
+};
+
+/// A system with its names. Frames and components point into it, so it does not move.
+class Mechanism {
+ public:
+  /// @param threads of the assembly; 0: all cores
+  explicit Mechanism(int threads);
+  Mechanism(const Mechanism&) = delete;
+  Mechanism& operator=(const Mechanism&) = delete;
+
+  AssembledSystem system;
+  base::ThreadPool pool;
+  std::vector<BuiltBody> bodies;
+  std::map<std::string, std::unique_ptr<Frame>> markers;  ///< named markers, for outputs
+  std::vector<Joint*> joints;
+  std::vector<BuiltForce> forces;
+
+  [[nodiscard]] const BuiltBody* body(const std::string& name) const;
+  [[nodiscard]] Joint* joint(const std::string& name) const;
+  [[nodiscard]] const BuiltForce* force(const std::string& name) const;
+  /// "; element 7 of 'rod' is inverted" where the last evaluation of a flexible body found one, else "".
+  [[nodiscard]] std::string inverted_elements() const;
+};
+
+/// Reads meshes, makes bodies, joints and forces, and finishes the system.
+/// @throws Error(invalid_input) "file:line: path: what to do"
+[[nodiscard]] std::unique_ptr<Mechanism> build(const Description& model, int threads);
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,127 @@
+#include "dynamics/model/newton_solver.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "matrix/matrix_market.hpp"
+#include "solver/option_text.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+/// Espalier's solver, as make_espalier_solver(), with a record.
+class RecordedSolver final : public LinearSolver {
+ public:
+  RecordedSolver(Options options, SolverRecord& record) : solver_(std::move(options)), record_(record) {}
+
+  Status analyze(const MatrixView& a) override {
+    MatrixView k = a;
+    // Chosen by the user, who knows that no force makes the tangent unsymmetric.
+    if (solver_.options().kind == Kind::ldlt) k.storage = Storage::symmetric_both;
+    record_.analysis = solver_.analyze(k);
+    record_.analysis_seconds += record_.analysis.seconds;
+    return record_.analysis.status;
+  }
+  Status factorize(std::span<const double> values) override {
+    record_.factor = solver_.refactorize(values);
+    // Perturbed pivots mean a singular K here: redundant constraints that nobody took out.
+    if (record_.factor.status.ok() && record_.factor.perturbed > 0)
+      return {StatusCode::singular, fmt::format("{} pivots vanished", record_.factor.perturbed),
+              record_.factor.status.row};
+    return record_.factor.status;
+  }
+  Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
+    return solver_.solve(b, x, columns).status;
+  }
+
+ private:
+  Solver solver_;
+  SolverRecord& record_;
+};
+
+/// Hands everything on; writes each chosen matrix with the first right-hand sides that it is solved for.
+class DumpingSolver final : public LinearSolver {
+ public:
+  DumpingSolver(std::unique_ptr<LinearSolver> inner, DumpOptions options, SolverRecord& record)
+      : inner_(std::move(inner)), options_(std::move(options)), record_(record) {
+    std::error_code error;
+    std::filesystem::create_directories(options_.folder, error);
+    if (error)
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("cannot make the folder '{}': {}", options_.folder, error.message()));
+  }
+
+  Status analyze(const MatrixView& a) override {
+    rows_ = a.rows;
+    ptr_.assign(a.col_ptr.begin(), a.col_ptr.end());
+    ind_.assign(a.row_ind.begin(), a.row_ind.end());
+    storage_ = a.storage;
+    return inner_->analyze(a);
+  }
+  Status factorize(std::span<const double> values) override {
+    waiting_ = record_.dumped < options_.most && count_ % options_.every == 0;
+    ++count_;
+    if (waiting_) values_.assign(values.begin(), values.end());
+    return inner_->factorize(values);
+  }
+  Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
+    if (waiting_) write(b, columns);
+    waiting_ = false;
+    return inner_->solve(b, x, columns);
+  }
+
+ private:
+  void write(std::span<const double> b, Index columns) {
+    const std::string stem = fmt::format("{}/newton_{:04}", options_.folder, record_.dumped + 1);
+    matrix::write_matrix_market(stem + ".mtx", {rows_, rows_, ptr_, ind_, values_, storage_},
+                                fmt::format("Newton matrix of factorization {}", count_));
+    matrix::write_matrix_market_vectors(stem + "_rhs.mtx", rows_, columns, b);
+    ++record_.dumped;
+  }
+
+  std::unique_ptr<LinearSolver> inner_;
+  DumpOptions options_;
+  SolverRecord& record_;
+  Index rows_ = 0;
+  Storage storage_ = Storage::general;
+  std::vector<Offset> ptr_;
+  std::vector<Index> ind_;
+  std::vector<double> values_;
+  long count_ = 0;
+  bool waiting_ = false;
+};
+
+}  // namespace
+
+Options run_options(const std::vector<std::pair<std::string, std::string>>& by_name, Index unknowns) {
+  constexpr Index kOneThread = 20000;
+  Options options;
+  options.threads = unknowns < kOneThread ? 1 : 0;
+  bool refinement_given = false;
+  for (const auto& [key, value] : by_name) {
+    solver::set_option(options, key, value);
+    refinement_given = refinement_given || key == "refinement_steps" || key == "refinement-steps";
+  }
+  if (!refinement_given && options.precision == Precision::fp64) options.refinement_steps = 0;
+  // K may be symmetric by chance at its first values (a mechanism at rest) and is not later.
+  if (options.kind == Kind::automatic) options.kind = Kind::lu;
+  return options;
+}
+
+std::unique_ptr<LinearSolver> make_run_solver(const Options& options, bool dense, const DumpOptions& dump,
+                                              SolverRecord& record) {
+  record.dense = dense;
+  record.options = options;
+  std::unique_ptr<LinearSolver> solver;
+  if (dense) {
+    solver = make_dense_solver();
+  } else {
+    solver = std::make_unique<RecordedSolver>(options, record);
+  }
+  if (!dump.folder.empty()) solver = std::make_unique<DumpingSolver>(std::move(solver), dump, record);
+  return solver;
+}
+
+}  // namespace espalier::dynamics::model

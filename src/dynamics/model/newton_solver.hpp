@@ -1,0 +1,40 @@
+/// \file
+/// The linear solver of a run: the library's solver with what a user wants to know of it, and matrices written for
+/// others.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "dynamics/dae/linear_solver.hpp"
+
+namespace espalier::dynamics::model {
+
+/// What the solver did in this run.
+struct SolverRecord {
+  bool dense = false;
+  Options options;
+  AnalysisResult analysis;  ///< the last
+  FactorResult factor;      ///< the last
+  double analysis_seconds = 0;
+  long dumped = 0;
+};
+
+/// Which Newton matrices are written.
+struct DumpOptions {
+  std::string folder;  ///< empty: none
+  long every = 1, most = 10;
+};
+
+/// Options by name over the defaults of a run: no refinement (Newton corrects what a solve leaves) in FP64, one thread
+/// below 20,000 unknowns (see make_linear_solver). @throws Error(invalid_input) for a wrong name or value
+[[nodiscard]] Options run_options(const std::vector<std::pair<std::string, std::string>>& by_name, Index unknowns);
+
+/// @param force_sparse false: a dense solver for systems of a few dozen unknowns
+/// @param record kept up to date; must outlive the solver
+[[nodiscard]] std::unique_ptr<LinearSolver> make_run_solver(const Options& options, bool dense, const DumpOptions& dump,
+                                                            SolverRecord& record);
+
+}  // namespace espalier::dynamics::model

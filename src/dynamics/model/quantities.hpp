@@ -1,0 +1,39 @@
+/// \file
+/// Numbers that a user may ask for by name: "rod.position.x", "hinge.force", "energy.total".
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "dynamics/dae/equations.hpp"
+#include "dynamics/integrators/integrator.hpp"
+#include "dynamics/model/mechanism.hpp"
+
+namespace espalier::dynamics::model {
+
+/// What quantities are computed from.
+struct Sample {
+  const State* state = nullptr;
+  StepReport report;  ///< of the step that ended there; levels are always filled in
+};
+
+struct Quantity {
+  std::string name;
+  std::function<double(const Sample&)> value;
+};
+
+/// The quantities that a request stands for (three for a vector without component):
+///   BODY or MARKER  .position .velocity .acceleration (origin; a flexible body: centre of mass, no acceleration)
+///                   .rotation (rotation vector) .angular_velocity        [.x .y .z]
+///   JOINT           .force .moment: of the joint on its frame b, global axes, at the frame  [.x .y .z]
+///                   .coordinate: value of its first equation's relative coordinate (angle, displacement, distance)
+///   FORCE           .force .moment on frame b (a load: on a)   [.x .y .z]
+///   energy          .kinetic .potential .total
+///   constraints     .position .velocity .acceleration: largest violation
+///   step            .h .order .newton .error
+/// A vector also has .norm. @throws Error(invalid_input) naming the request
+[[nodiscard]] std::vector<Quantity> find_quantities(Mechanism& mechanism, const std::string& request,
+                                                    const Place& place);
+
+}  // namespace espalier::dynamics::model

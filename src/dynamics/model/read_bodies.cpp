@@ -1,0 +1,286 @@
+// The section [bodies] with meshes and materials.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <initializer_list>
+#include <numbers>
+
+#include "dynamics/model/description.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+const std::vector<std::string> kTypes = {"rigid", "solid", "cable", "beam", "shell"};
+
+/// The materials of the model by name, and where bodies find them.
+class BodyReader {
+ public:
+  BodyReader(Section& root, Description& model) : model_(model) {
+    root.named("materials",
+               [&](const std::string& name, const Value& value) { materials_[name] = read_material(value); });
+  }
+
+  void read(const std::string& name, const Value& value) {
+    Section s(value);
+    BodySpec body;
+    body.place = value.place;
+    body.name = name;
+    body.velocity_given = s.has("velocity") || s.has("angular_velocity");
+    if (s.has("gravity")) body.gravity = s.vector("gravity");
+    const int type = s.choice("type", kTypes);
+    if (type == 0) {
+      body.shape = read_rigid(s);
+    } else {
+      read_motion(s, body);
+      if (type == 1) body.shape = read_solid(s);
+      if (type == 2) body.shape = read_cable(s);
+      if (type == 3) body.shape = read_beam(s);
+      if (type == 4) body.shape = read_shell(s);
+    }
+    s.finish();
+    model_.bodies.push_back(std::move(body));
+  }
+
+ private:
+  static Material read_material(const Value& value) {
+    Section s(value);
+    Material m;
+    m.law = static_cast<SolidLaw>(s.choice("law", {"st-venant-kirchhoff", "neo-hookean"}, 0));
+    m.young = s.positive("young");
+    m.poisson = s.number("poisson", 0);
+    if (!(m.poisson > -1 && m.poisson < 0.5))
+      fail(s.place("poisson"), fmt::format("must lie in (-1, 0.5), not {}", m.poisson));
+    m.density = s.positive("density");
+    s.finish();
+    return m;
+  }
+
+  std::optional<Material> material(Section& s) const {
+    const Value* value = s.value("material");
+    if (value == nullptr) return std::nullopt;
+    if (value->type != Value::Type::text) return read_material(*value);
+    const auto it = materials_.find(value->text);
+    if (it != materials_.end()) return it->second;
+    std::vector<std::string> names;
+    for (const auto& [name, m] : materials_) names.push_back(name);
+    fail(value->place, fmt::format("unknown material '{}'{}", value->text, suggestion(value->text, names)));
+  }
+  Material needed_material(Section& s) const {
+    const auto found = material(s);
+    if (!found) fail(s.place(), "needs 'material'");
+    return *found;
+  }
+
+  static RigidSpec read_rigid(Section& s) {
+    RigidSpec r;
+    r.data.mass = s.positive("mass");
+    if (s.has("box")) {
+      r.box = s.vector("box");
+      if (!(r.box->minCoeff() > 0)) fail(s.place("box"), "needs three lengths greater than 0");
+    }
+    if (s.has("inertia") || !r.box) {
+      r.data.inertia = s.matrix("inertia");
+    } else {  // a uniform block
+      const Vec3 square = r.box->cwiseAbs2();
+      r.data.inertia = Vec3(square.sum() * Vec3::Ones() - square).asDiagonal();
+      r.data.inertia *= r.data.mass / 12;
+    }
+    if (!(r.data.inertia.diagonal().minCoeff() > 0))
+      fail(s.place("inertia"),
+           "needs moments of inertia greater than 0; a body without extension still needs small ones");
+    r.data.position = s.vector("position", Vec3::Zero());
+    r.data.rotation = quaternion_of(s.rotation("rotation"));
+    r.data.velocity = s.vector("velocity", Vec3::Zero());
+    r.data.angular_velocity = s.vector("angular_velocity", Vec3::Zero());
+    return r;
+  }
+
+  static void read_motion(Section& s, BodySpec& body) {
+    body.position = s.vector("position", Vec3::Zero());
+    body.rotation = s.rotation("rotation");
+    body.velocity = s.vector("velocity", Vec3::Zero());
+    body.angular_velocity = s.vector("angular_velocity", Vec3::Zero());
+    if (auto d = s.table("damping")) {
+      body.damping.mass = d->number("mass", 0);
+      body.damping.stiffness = d->number("stiffness", 0);
+      if (body.damping.mass < 0) fail(d->place("mass"), "must not be negative");
+      if (body.damping.stiffness < 0) fail(d->place("stiffness"), "must not be negative");
+      d->finish();
+    }
+  }
+
+  SolidSpec read_solid(Section& s) const {
+    SolidSpec solid;
+    const auto mesh = s.table("mesh");
+    if (!mesh) fail(s.place(), "needs 'mesh': { file = \"...\" } or { part = \"...\", unknowns = ... }");
+    solid.mesh = read_mesh_source(*mesh);
+    solid.material = material(s);
+    if (!solid.material && !std::holds_alternative<MeshFile>(solid.mesh)) fail(s.place(), "needs 'material'");
+    solid.element_set = s.text("element_set", "");
+    solid.options.hex8 =
+        static_cast<Hex8Formulation>(s.choice("hex8", {"full", "mean-dilatation", "enhanced", "shell"}, 2));
+    solid.options.reduced_hex20 = s.flag("reduced_hex20", false);
+    return solid;
+  }
+
+  std::variant<MeshFile, MeshPart> read_mesh_source(Section s) const {
+    if (s.has("file")) {
+      MeshFile file{s.text("file"), s.positive("scale", 1)};
+      if (!file.path.empty() && file.path.front() != '/' && !model_.folder.empty())
+        file.path = model_.folder + "/" + file.path;
+      s.finish();
+      return file;
+    }
+    MeshPart part;
+    const int kind = s.choice("part", {"block", "connecting-rod", "chain-link", "crank", "guide", "bladed-rotor"});
+    part.size.unknowns = s.positive("unknowns", part.size.unknowns);
+    part.size.type = s.choice("element", {"hex8", "hex20"}, 0) == 0 ? ElementType::hex8 : ElementType::hex20;
+    if (kind == 0) part.shape = read_block(s);
+    if (kind == 1) part.shape = read_rod(s);
+    if (kind == 2) part.shape = read_link(s);
+    if (kind == 3) part.shape = read_crank(s);
+    if (kind == 4) part.shape = read_guide(s);
+    if (kind == 5) part.shape = read_rotor(s);
+    s.finish();
+    return part;
+  }
+
+  static void lengths(Section& s, std::initializer_list<std::pair<const char*, double*>> list) {
+    for (const auto& [key, value] : list) *value = s.positive(key, *value);
+  }
+  static BlockMesh read_block(Section& s) {
+    BlockMesh b;
+    lengths(s, {{"lx", &b.shape.lx}, {"ly", &b.shape.ly}, {"lz", &b.shape.lz}});
+    if (s.has("divisions")) {
+      const Vec3 n = s.vector("divisions");
+      for (int i = 0; i < 3; ++i) {
+        b.divisions[i] = static_cast<int>(std::lround(n[i]));
+        if (b.divisions[i] < 1) fail(s.place("divisions"), "needs three whole numbers of at least 1");
+      }
+    }
+    return b;
+  }
+  static RodShape read_rod(Section& s) {
+    RodShape r;
+    lengths(s, {{"length", &r.length},
+                {"big_inner", &r.big_inner},
+                {"big_outer", &r.big_outer},
+                {"small_inner", &r.small_inner},
+                {"small_outer", &r.small_outer},
+                {"shank_big", &r.shank_big},
+                {"shank_small", &r.shank_small},
+                {"thickness", &r.thickness}});
+    return r;
+  }
+  static LinkShape read_link(Section& s) {
+    LinkShape l;
+    lengths(s, {{"pitch", &l.pitch},
+                {"inner", &l.inner},
+                {"outer", &l.outer},
+                {"waist", &l.waist},
+                {"thickness", &l.thickness}});
+    return l;
+  }
+  static CrankShape read_crank(Section& s) {
+    CrankShape c;
+    lengths(s, {{"throw_radius", &c.throw_radius},
+                {"journal_radius", &c.journal_radius},
+                {"pin_radius", &c.pin_radius},
+                {"web_big", &c.web_big},
+                {"web_small", &c.web_small},
+                {"web_neck", &c.web_neck},
+                {"journal_length", &c.journal_length},
+                {"web_thickness", &c.web_thickness},
+                {"pin_length", &c.pin_length}});
+    return c;
+  }
+  static GuideShape read_guide(Section& s) {
+    GuideShape g;
+    lengths(
+        s, {{"lead", &g.lead}, {"radius", &g.radius}, {"angle", &g.angle}, {"height", &g.height}, {"width", &g.width}});
+    return g;
+  }
+  static RotorShape read_rotor(Section& s) {
+    RotorShape r;
+    r.blades = s.integer("blades", 2, r.blades);
+    lengths(s, {{"bore_radius", &r.bore_radius},
+                {"shaft_radius", &r.shaft_radius},
+                {"disc_radius", &r.disc_radius},
+                {"tip_radius", &r.tip_radius},
+                {"shaft_length", &r.shaft_length},
+                {"disc_thickness", &r.disc_thickness},
+                {"bearing_length", &r.bearing_length},
+                {"disc_position", &r.disc_position},
+                {"blade_fraction", &r.blade_fraction}});
+    r.blade_taper = s.number("blade_taper", r.blade_taper);
+    r.blade_twist = s.number("blade_twist", r.blade_twist);
+    return r;
+  }
+
+  static Index elements(Section& s, const std::string& key, int otherwise) {
+    return static_cast<Index>(s.integer(key, 1, otherwise));
+  }
+
+  CableSpec read_cable(Section& s) const {
+    CableSpec c{s.vector("start"), s.vector("end"), elements(s, "elements", 10), {}};
+    if (s.has("radius")) {  // a round wire
+      const double r = s.positive("radius"), area = std::numbers::pi * r * r;
+      const Material m = needed_material(s);
+      c.section = {m.young * area, m.young * area * r * r / 4, m.density * area};
+    } else {
+      c.section = {s.positive("axial"), s.number("bending"), s.positive("mass_per_length")};
+      if (c.section.bending < 0) fail(s.place("bending"), "must not be negative");
+    }
+    return c;
+  }
+
+  BeamSpec read_beam(Section& s) const {
+    BeamSpec b{s.vector("start"), s.vector("end"), Vec3::Zero(), elements(s, "elements", 10), {}};
+    const Vec3 axis = (b.end - b.start).normalized();
+    b.y = s.vector("y", std::abs(axis.y()) < 0.9 ? Vec3::UnitY() : Vec3::UnitX());
+    if (s.has("radius")) {
+      b.section = circular_section(needed_material(s), s.positive("radius"));
+    } else if (s.has("height")) {
+      b.section = rectangular_section(needed_material(s), s.positive("height"), s.positive("width"));
+    } else {
+      for (const auto& [key, value] :
+           std::initializer_list<std::pair<const char*, double*>>{{"axial", &b.section.axial},
+                                                                  {"shear_y", &b.section.shear_y},
+                                                                  {"shear_z", &b.section.shear_z},
+                                                                  {"torsion", &b.section.torsion},
+                                                                  {"bending_y", &b.section.bending_y},
+                                                                  {"bending_z", &b.section.bending_z},
+                                                                  {"section_normal", &b.section.section_normal},
+                                                                  {"section_shear", &b.section.section_shear},
+                                                                  {"mass_per_length", &b.section.mass_per_length},
+                                                                  {"inertia_y", &b.section.inertia_y},
+                                                                  {"inertia_z", &b.section.inertia_z}})
+        *value = s.positive(key);
+    }
+    return b;
+  }
+
+  ShellSpec read_shell(Section& s) const {
+    ShellSpec shell{s.vector("origin", Vec3::Zero()),
+                    s.vector("x"),
+                    s.vector("y"),
+                    elements(s, "nx", 4),
+                    elements(s, "ny", 4),
+                    needed_material(s),
+                    s.positive("thickness")};
+    if (!(shell.x.cross(shell.y).norm() > 0)) fail(s.place("y"), "x and y must not be parallel");
+    return shell;
+  }
+
+  Description& model_;
+  std::map<std::string, Material> materials_;
+};
+
+}  // namespace
+
+void read_bodies(Section& root, Description& model) {
+  BodyReader reader(root, model);
+  root.named("bodies", [&](const std::string& name, const Value& value) { reader.read(name, value); });
+}
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,227 @@
+// The sections [markers], [joints] and [forces].
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "dynamics/model/description.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+/// Axes with z along `axis`; x as near to `x` as that allows, or to the global x (y) axis.
+Mat3 read_axes(Section& s) {
+  if (s.has("rotation")) {
+    if (s.has("axis") || s.has("x_axis")) fail(s.place("rotation"), "give either 'rotation' or 'axis' and 'x_axis'");
+    return s.rotation("rotation");
+  }
+  const Vec3 axis = s.vector("axis", Vec3::UnitZ());
+  if (!(axis.norm() > 0)) fail(s.place("axis"), "must not be zero");
+  const Vec3 z = axis.normalized();
+  const Vec3 towards = s.vector("x_axis", std::abs(z.x()) < 0.9 ? Vec3::UnitX() : Vec3::UnitY());
+  const Vec3 x = towards - towards.dot(z) * z;
+  if (!(x.norm() > 1e-6 * towards.norm()))
+    fail(s.place("x_axis"), "must not be parallel to 'axis' (the z axis of the frame)");
+  Mat3 axes;
+  axes << x.normalized(), z.cross(x.normalized()), z;
+  return axes;
+}
+
+MarkerSpec global_marker(const Place& place, const std::string& body, const Vec3& point, const Mat3& axes) {
+  MarkerSpec m;
+  m.place = place;
+  m.body = body;
+  m.point = point;
+  m.axes = axes;
+  m.global = true;
+  return m;
+}
+
+/// Frames a and b (and c and d), or the short form bodies = [..], at = [..], axis = [..] in global axes.
+std::vector<MarkerSpec> read_frames(Section& s, std::size_t count) {
+  std::vector<MarkerSpec> frames;
+  if (s.has("bodies")) {
+    const std::vector<std::string> bodies = s.texts("bodies");
+    if (count != 2 || bodies.size() != 2)
+      fail(s.place("bodies"), "must be a list of two names (or give frames a, b, ...)");
+    const Vec3 at = s.vector("at");
+    const Mat3 axes = read_axes(s);
+    for (const std::string& body : bodies) frames.push_back(global_marker(s.place("bodies"), body, at, axes));
+    return frames;
+  }
+  static const char* const kKeys[] = {"a", "b", "c", "d"};
+  for (std::size_t k = 0; k < count; ++k) {
+    const Value* value = s.value(kKeys[k]);
+    if (value == nullptr) {
+      fail(s.place(), fmt::format("needs a frame '{}': a marker's name or {{ body = ..., point = ... }}{}", kKeys[k],
+                                  count == 2 ? ", or the short form bodies = [..], at = [..]" : ""));
+    }
+    frames.push_back(read_marker(*value, ""));
+  }
+  return frames;
+}
+
+/// A number, or "initial".
+double read_measure(Section& s, const std::string& key, bool& measured) {
+  const Value* value = s.value(key);
+  measured = value == nullptr || (value->type == Value::Type::text && value->text == "initial");
+  return measured ? 0.0 : s.number(key);
+}
+
+JointSpec read_joint(const std::string& name, const Value& value) {
+  Section s(value);
+  JointSpec j;
+  j.place = value.place;
+  j.name = name;
+  j.type = static_cast<JointType>(s.choice("type", joint_type_names()));
+  const bool four = j.type == JointType::gear || j.type == JointType::rack_and_pinion;
+  j.frames = read_frames(s, four ? 4 : 2);
+  switch (j.type) {
+    case JointType::distance:
+    case JointType::revolute_spherical:
+      j.parameter = read_measure(s, "length", j.measured);
+      if (!j.measured && !(j.parameter > 0))
+        fail(s.place("length"), "must be greater than 0; for 0 take a spherical joint");
+      break;
+    case JointType::gear:
+      j.parameter = s.number("ratio");
+      break;
+    case JointType::rack_and_pinion:
+      j.parameter = s.number("radius");
+      break;
+    case JointType::prescribed:
+      j.axis = s.choice("direction", {"x", "y", "z"});
+      [[fallthrough]];
+    case JointType::rotation_motor:
+    case JointType::translation_motor:
+      j.function = s.function("motion");
+      j.relative = s.choice("from", {"zero", "initial"}, 0) == 1;
+      break;
+    default:
+      break;
+  }
+  s.finish();
+  return j;
+}
+
+void read_spring(Section& s, ForceSpec& f) {
+  f.stiffness = s.number("stiffness", 0);
+  f.damping = s.number("damping", 0);
+  f.rest = read_measure(s, "rest", f.measured);
+  f.preload = s.number("preload", 0);
+  if (s.has("actuator")) f.function = s.function("actuator");
+}
+
+void read_guide(Section& s, ForceSpec& f) {
+  f.stiffness = s.positive("stiffness");
+  f.damping = s.number("damping", 0);
+  f.friction = s.number("friction", 0);
+  f.slip_speed = s.positive("slip_speed", 1e-2);
+  f.smoothing = s.positive("smoothing");
+  f.both_sides = s.flag("both_sides", false);
+  f.start = s.vector("start", Vec3::Zero());
+  f.direction = s.number("direction", 0);
+  const std::vector<double> lengths = s.numbers("lengths"), curvatures = s.numbers("curvatures");
+  if (lengths.empty() || lengths.size() != curvatures.size())
+    fail(s.place("curvatures"), "'lengths' and 'curvatures' need one number for each piece of the guide");
+  for (std::size_t k = 0; k < lengths.size(); ++k) {
+    if (!(lengths[k] > 0)) fail(s.place("lengths"), "must be greater than 0");
+    f.pieces.push_back({lengths[k], curvatures[k]});
+  }
+}
+
+ForceSpec read_force(const std::string& name, const Value& value) {
+  Section s(value);
+  ForceSpec f;
+  f.place = value.place;
+  f.name = name;
+  f.type = static_cast<ForceType>(s.choice("type", force_type_names()));
+  if (f.type == ForceType::pressure) {
+    f.body = s.text("body");
+    f.face = s.text("face");
+    f.function = s.function("pressure");
+  } else {
+    f.frames = read_frames(s, f.type == ForceType::load ? 1 : 2);
+  }
+  switch (f.type) {
+    case ForceType::spring:
+    case ForceType::axial_spring:
+    case ForceType::rotational_spring:
+      read_spring(s, f);
+      break;
+    case ForceType::bushing:
+      f.linear = s.vector("stiffness", Vec3::Zero());
+      f.linear_damping = s.vector("damping", Vec3::Zero());
+      f.angular = s.vector("angular_stiffness", Vec3::Zero());
+      f.angular_damping = s.vector("angular_damping", Vec3::Zero());
+      break;
+    case ForceType::load:
+      f.linear = s.vector("force", Vec3::Zero());
+      f.angular = s.vector("moment", Vec3::Zero());
+      if (s.has("factor")) f.function = s.function("factor");
+      f.follower = s.flag("follower", false);
+      break;
+    case ForceType::guide:
+      read_guide(s, f);
+      break;
+    case ForceType::pressure:
+      break;
+  }
+  s.finish();
+  return f;
+}
+
+}  // namespace
+
+const std::vector<std::string>& joint_type_names() {
+  static const std::vector<std::string> names = {
+      "fixed",      "revolute",      "spherical",      "universal",          "cylindrical",    "prismatic",
+      "planar",     "point-on-line", "distance",       "revolute-spherical", "rotation-motor", "translation-motor",
+      "prescribed", "gear",          "rack-and-pinion"};
+  return names;
+}
+
+const std::vector<std::string>& force_type_names() {
+  static const std::vector<std::string> names = {"spring",   "axial-spring", "rotational-spring", "bushing", "load",
+                                                 "pressure", "guide"};
+  return names;
+}
+
+MarkerSpec read_marker(const Value& value, const std::string& name) {
+  MarkerSpec m;
+  m.place = value.place;
+  m.name = name;
+  if (value.type == Value::Type::text) {
+    m.reference = value.text;
+    return m;
+  }
+  Section s(value);
+  if (s.has("same_as")) {
+    m.reference = s.text("same_as");
+    s.finish();
+    return m;
+  }
+  m.body = s.text("body");
+  m.global = s.flag("global", false);
+  m.point = s.vector("point", Vec3::Zero());
+  m.axes = read_axes(s);
+  if (s.has("node")) m.node = s.integer("node", -1, 0);
+  if (s.has("near")) m.near = s.vector("near");
+  m.face = s.text("face", "");
+  m.nodes = s.text("nodes", "");
+  m.radius = s.positive("radius", 0);
+  m.most_nodes = s.integer("most_nodes", 0, 240);
+  s.finish();
+  return m;
+}
+
+void read_joints(Section& root, Description& model) {
+  root.named("joints",
+             [&](const std::string& name, const Value& value) { model.joints.push_back(read_joint(name, value)); });
+}
+
+void read_forces(Section& root, Description& model) {
+  root.named("forces",
+             [&](const std::string& name, const Value& value) { model.forces.push_back(read_force(name, value)); });
+}
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,160 @@
+// The parts of a model text that are not bodies, joints or forces.
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <limits>
+
+#include "dynamics/model/description.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+void read_bdf(Section& s, BdfOptions& o) {
+  o.relative = s.positive("relative", o.relative);
+  o.absolute = s.positive("absolute", o.absolute);
+  o.absolute_velocity = s.positive("absolute_velocity", o.absolute_velocity);
+  o.test_velocity = s.flag("test_velocity", o.test_velocity);
+  o.max_order = s.integer("max_order", 1, o.max_order);
+  o.fixed_order = s.integer("order", 1, o.fixed_order);
+  if (o.max_order > kMaxBdfOrder) fail(s.place("max_order"), "must be 1 to 5");
+  if (o.fixed_order > kMaxBdfOrder) fail(s.place("order"), "must be 1 to 5");
+  o.initial_step = s.positive("initial_step", o.initial_step);
+  o.max_step = s.positive("max_step", o.max_step);
+  o.min_step = s.positive("min_step", o.min_step);
+  o.fixed_step = s.positive("step", o.fixed_step);
+  o.constraint_tolerance = s.positive("constraint_tolerance", o.constraint_tolerance);
+  o.max_newton = s.integer("max_newton", 1, o.max_newton);
+  o.newton_tolerance = s.positive("newton_tolerance", o.newton_tolerance);
+  o.refactor_rate = s.positive("refactor_rate", o.refactor_rate);
+  o.refactor_step = s.positive("refactor_step", o.refactor_step);
+  o.iteration =
+      static_cast<BdfIteration>(s.choice("iteration", {"reduced", "full-matched", "full-tangent", "full-boolean"}, 0));
+}
+
+void read_alpha(Section& s, AlphaOptions& o) {
+  o.step = s.positive("step");
+  o.spectral_radius = s.number("spectral_radius", o.spectral_radius);
+  if (!(o.spectral_radius >= 0 && o.spectral_radius <= 1)) fail(s.place("spectral_radius"), "must lie in [0, 1]");
+  if (s.has("hht_alpha")) {
+    o.hht_alpha = s.number("hht_alpha");
+    if (!(o.hht_alpha >= -1.0 / 3 && o.hht_alpha <= 0)) fail(s.place("hht_alpha"), "must lie in [-1/3, 0]");
+  }
+  o.tolerance = s.positive("tolerance", o.tolerance);
+  o.relative = s.positive("relative", o.relative);
+  o.absolute = s.positive("absolute", o.absolute);
+  o.constraint_tolerance = s.positive("constraint_tolerance", o.constraint_tolerance);
+  o.max_newton = s.integer("max_newton", 1, o.max_newton);
+  o.refactor_rate = s.positive("refactor_rate", o.refactor_rate);
+}
+
+void read_integrator(Section s, IntegratorSpec& out) {
+  out.place = s.place();
+  out.start = s.number("start", 0);
+  out.end = s.number("end");
+  if (!(out.end > out.start)) fail(s.place("end"), fmt::format("must be later than the start, {}", out.start));
+  out.method = static_cast<Method>(s.choice("method", {"bdf", "generalized-alpha"}, 0));
+  if (out.method == Method::bdf) {
+    read_bdf(s, out.bdf);
+  } else {
+    read_alpha(s, out.alpha);
+  }
+  s.finish();
+}
+
+void read_initial(Section s, InitialSpec& out) {
+  out.place = s.place();
+  out.statics = s.flag("statics", false);
+  out.statics_options.tolerance = s.positive("statics_tolerance", out.statics_options.tolerance);
+  out.statics_options.max_iterations = s.integer("statics_iterations", 1, out.statics_options.max_iterations);
+  out.statics_options.pseudo_time = s.positive("statics_pseudo_time", out.statics_options.pseudo_time);
+  out.project_velocities = s.choice("velocities", {"exact", "project"}, 0) == 1;
+  out.position_tolerance = s.positive("position_tolerance", out.position_tolerance);
+  out.velocity_tolerance = s.positive("velocity_tolerance", out.velocity_tolerance);
+  out.modes = s.integer("modes", 0, 0);
+  s.finish();
+}
+
+/// A time, or false: none.
+double read_interval(Section& s, const std::string& key, double otherwise) {
+  const Value* value = s.value(key);
+  if (value == nullptr) return otherwise;
+  if (value->type == Value::Type::boolean && !value->boolean) return -1;
+  const double interval = s.number(key);
+  if (interval < 0) fail(value->place, "must be 0 (every step) or greater, or false");
+  return interval;
+}
+
+void read_output(Section s, OutputSpec& out) {
+  out.place = s.place();
+  out.quantities = s.texts("quantities");
+  out.csv_interval = read_interval(s, "csv_interval", 0);
+  out.vtu_interval = read_interval(s, "vtu_interval", -1);
+  out.restart_interval = read_interval(s, "restart_interval", -1);
+  out.energies = s.flag("energies", true);
+  out.constraints = s.flag("constraints", true);
+  out.reactions = s.flag("reactions", false);
+  out.step_data = s.flag("step_data", false);
+  out.exact_times = s.flag("exact_times", false);
+  s.finish();
+}
+
+void read_solver(const Value& table, Description& model) {
+  Section check(table);
+  for (const auto& [key, value] : table.entries) {
+    if (value.type == Value::Type::text) {
+      model.solver.emplace_back(key, value.text);
+    } else if (value.type == Value::Type::integer || value.type == Value::Type::real) {
+      model.solver.emplace_back(key, fmt::format("{}", value.real));
+    } else if (value.type == Value::Type::boolean) {
+      model.solver.emplace_back(key, value.boolean ? "true" : "false");
+    } else {
+      fail(value.place, "must be a number, a text, or true or false");
+    }
+  }
+}
+
+/// One name means one thing: quantities and references must not be ambiguous.
+void check_names(const Description& model) {
+  std::map<std::string, Place> taken;
+  const auto take = [&](const std::string& name, const Place& place) {
+    if (name == "ground" || name == "energy" || name == "constraints" || name == "step" || name == "time")
+      fail(place, fmt::format("the name '{}' is taken; choose another", name));
+    const auto [it, fresh] = taken.emplace(name, place);
+    if (!fresh)
+      fail(place, fmt::format("the name '{}' is taken by {} (line {}); bodies, markers, joints and forces share "
+                              "their names",
+                              name, it->second.path, it->second.line));
+  };
+  for (const BodySpec& body : model.bodies) take(body.name, body.place);
+  for (const auto& [name, marker] : model.markers) take(name, marker.place);
+  for (const JointSpec& joint : model.joints) take(joint.name, joint.place);
+  for (const ForceSpec& force : model.forces) take(force.name, force.place);
+}
+
+}  // namespace
+
+Description read_description(const Value& root_value, const std::string& file) {
+  Description model;
+  model.file = file;
+  model.folder = std::filesystem::path(file).parent_path().string();
+  Section root(root_value);
+  model.title = root.text("title", std::filesystem::path(file).stem().string());
+  model.gravity = root.vector("gravity", Vec3::Zero());
+  read_bodies(root, model);
+  root.named("markers",
+             [&](const std::string& name, const Value& value) { model.markers[name] = read_marker(value, name); });
+  read_joints(root, model);
+  read_forces(root, model);
+  if (!root.has("integrator"))
+    fail({file, 0, ""}, "needs a section [integrator] with 'end', the time where the run ends");
+  read_integrator(*root.table("integrator"), model.integrator);
+  if (const auto s = root.table("initial")) read_initial(*s, model.initial);
+  if (const auto s = root.table("output")) read_output(*s, model.output);
+  if (const Value* s = root.value("solver")) read_solver(*s, model);
+  root.finish();
+  check_names(model);
+  if (model.bodies.empty()) fail({file, 0, ""}, "has no bodies; add [bodies.NAME]");
+  return model;
+}
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,57 @@
+/// \file
+/// The files of a run and when they are written.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "dynamics/integrators/integrator.hpp"
+#include "dynamics/model/quantities.hpp"
+#include "dynamics/output/csv.hpp"
+
+namespace espalier::dynamics::model {
+
+/// Writes into one folder: quantities.csv. An output with an interval is written at the first step that ends at or
+/// after its time (with exact_times: steps end there).
+class RunFiles {
+ public:
+  /// @param folder made if it is not there; empty: nothing is written
+  RunFiles(const OutputSpec& spec, std::string folder, Mechanism& mechanism, const std::vector<Quantity>& quantities,
+           Integrator& integrator);
+
+  void begin(const Sample& s);
+  void step(const Sample& s);
+  void end(const Sample& s);
+  /// Saves what can be saved when the run fails; never throws.
+  void emergency(const Sample& s) noexcept;
+  /// The next time at which a step has to end.
+  [[nodiscard]] double next_exact_time(double t) const;
+  [[nodiscard]] const std::vector<std::string>& written() const { return written_; }
+
+ private:
+  /// Due times start + k * interval.
+  struct Clock {
+    double interval = -1, start = 0;
+    long next = 0;
+    [[nodiscard]] double due() const { return start + static_cast<double>(next) * interval; }
+    /// True (and set to the next time) if something is due at t.
+    bool strikes(double t);
+  };
+  void write_csv(const Sample& s);
+
+  OutputSpec spec_;
+  std::string folder_;
+  Mechanism& mechanism_;
+  const std::vector<Quantity>& chosen_;
+  Integrator& integrator_;
+  std::vector<Quantity> columns_;
+  std::unique_ptr<CsvWriter> csv_;
+  const Sample* sample_ = nullptr;  // of the row being written
+  Clock csv_clock_;
+  std::optional<double> csv_time_;  // of the last row
+  std::vector<std::string> written_;
+};
+
+}  // namespace espalier::dynamics::model

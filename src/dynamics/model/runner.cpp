@@ -1,0 +1,283 @@
+#include "dynamics/model/runner.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "dynamics/integrators/bdf.hpp"
+#include "dynamics/integrators/generalized_alpha.hpp"
+#include "solver/option_text.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+/// Adds the time of its life to a sum.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double& sum) : sum_(sum) {}
+  ~Stopwatch() { sum_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+
+ private:
+  double& sum_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+SimulationStep public_step(const StepReport& r) {
+  return {r.index,    r.t,    r.h, r.order, r.newton_iterations, r.factorizations, r.error_failures + r.newton_failures,
+          r.residual, r.error};
+}
+
+SimulationEnergy to_public(const Energy& e) { return {e.kinetic, e.potential}; }
+
+}  // namespace
+
+Runner::Runner(Description model, SimulationOptions options, SimulationSummary& summary)
+    : model_(std::move(model)), options_(std::move(options)), summary_(summary) {
+  const Stopwatch watch(summary_.phases.total);
+  if (options_.until) {
+    if (!(*options_.until > model_.integrator.start))
+      throw Error(StatusCode::invalid_input, fmt::format("--until {}: must be later than the start, {}",
+                                                         *options_.until, model_.integrator.start));
+    model_.integrator.end = *options_.until;
+  }
+  summary_.title = model_.title;
+  summary_.method = model_.integrator.method == Method::bdf ? "bdf" : "generalized-alpha";
+  std::vector<std::pair<std::string, std::string>> by_name = model_.solver;
+  by_name.insert(by_name.end(), options_.solver.begin(), options_.solver.end());
+  {
+    const Stopwatch setup(summary_.phases.setup);
+    int threads = 0;
+    for (const auto& [key, value] : by_name)
+      if (key == "threads") threads = run_options({{key, value}}, 0).threads;
+    mechanism_ = build(model_, threads);
+    const Sizes sizes = mechanism_->system.sizes();
+    // Dense LU of 60 unknowns takes as long as the bookkeeping of a sparse one; who names a device means it.
+    constexpr Index kLargestDense = 60;
+    const Index unknowns = sizes.velocity + sizes.constraints;
+    const bool chosen = std::any_of(by_name.begin(), by_name.end(), [](const auto& o) { return o.first != "threads"; });
+    Options solver;
+    try {
+      solver = run_options(by_name, unknowns);
+    } catch (const Error& error) {
+      throw Error(error.status().code, std::string("solver: ") + error.what());
+    }
+    equations_ = std::make_unique<Equations>(
+        mechanism_->system, make_run_solver(solver, unknowns <= kLargestDense && !chosen,
+                                            {options_.dump, options_.dump_every, options_.dump_count}, record_));
+    for (const std::string& request : model_.output.quantities)
+      for (Quantity& q : find_quantities(*mechanism_, request, model_.output.place))
+        quantities_.push_back(std::move(q));
+  }
+  prepare();
+  start_integrator();
+  finish();
+}
+
+void Runner::prepare() {
+  const Sizes sizes = mechanism_->system.sizes();
+  state_ = State(sizes);
+  state_.t = model_.integrator.start;
+  mechanism_->system.initial(state_.q, state_.v);
+  const State given = state_;
+  guard_ = std::make_unique<RedundancyGuard>(*equations_);
+  ConsistencyOptions consistency;
+  consistency.allowed_position = model_.initial.position_tolerance;
+  ConsistencyResult result;
+  try {
+    result = guard_->prepare(state_, consistency);
+  } catch (const Error& error) {
+    throw Error(error.status().code, explain_failure(error), error.status().row);
+  }
+  summary_.position_change = result.position_change;
+  summary_.velocity_change = result.velocity_change;
+  summary_.redundant = guard_->notices();
+  summary_.bodies = static_cast<Index>(mechanism_->bodies.size());
+  summary_.joints = static_cast<Index>(mechanism_->joints.size());
+  summary_.forces = static_cast<Index>(model_.forces.size());
+  summary_.velocities = sizes.velocity;
+  summary_.constraints = sizes.constraints;
+  summary_.degrees_of_freedom = guard_->degrees_of_freedom();
+  if (!model_.initial.project_velocities && !model_.initial.statics) check_velocities(given, state_);
+  if (model_.initial.statics) {
+    try {
+      summary_.statics_iterations = static_equilibrium(*equations_, state_, model_.initial.statics_options).iterations;
+      make_consistent(*equations_, state_, consistency);
+    } catch (const Error& error) {
+      throw Error(error.status().code, "initial.statics: " + explain_failure(error), error.status().row);
+    }
+  }
+  if (model_.initial.modes > 0) {
+    for (const Mode& mode : eigenfrequencies(*equations_, state_)) {
+      if (static_cast<int>(summary_.modes.size()) == model_.initial.modes) break;
+      summary_.modes.push_back({mode.frequency, mode.damping_ratio});
+    }
+  }
+  summary_.t_begin = state_.t;
+  summary_.energy_begin = to_public(mechanism_->system.energy(state_.view()));
+}
+
+// Velocities that stand in the text are meant; those of other bodies may be found from the constraints.
+void Runner::check_velocities(const State& given, const State& consistent) const {
+  const double largest = max_norm(consistent.v);
+  for (const BuiltBody& body : mechanism_->bodies) {
+    if (!body.spec.velocity_given) continue;
+    const Component& component = body.rigid != nullptr ? static_cast<const Component&>(*body.rigid) : *body.flexible;
+    const auto first = static_cast<std::size_t>(component.placement().v);
+    const auto count = static_cast<std::size_t>(component.sizes().velocity);
+    for (std::size_t i = first; i < first + count; ++i) {
+      const double change = std::abs(given.v[i] - consistent.v[i]);
+      if (change <= model_.initial.velocity_tolerance * std::max(largest, max_norm(given.v))) continue;
+      fail(body.spec.place,
+           fmt::format("the initial velocity contradicts the constraints: {} is {:g}, the joints want {:g} (nearest "
+                       "velocities of all bodies); correct the velocities of the bodies joined to '{}', or set "
+                       "initial.velocities = \"project\" to take the nearest",
+                       mechanism_->system.coordinate_name(static_cast<Index>(i)), given.v[i], consistent.v[i],
+                       body.spec.name));
+    }
+  }
+}
+
+void Runner::start_integrator() {
+  if (model_.integrator.method == Method::bdf) {
+    integrator_ = std::make_unique<BdfIntegrator>(*equations_, model_.integrator.bdf);
+  } else {
+    integrator_ = std::make_unique<GeneralizedAlpha>(*equations_, model_.integrator.alpha);
+  }
+  integrator_->start(state_);
+  last_report_.t = state_.t;
+}
+
+Sample Runner::sample(const StepReport& report) {
+  Sample s{&current(), report};
+  equations_->evaluate_constraints(s.state->t, s.state->q, s.state->v);
+  std::vector<double> level(s.state->lambda.size());
+  s.report.levels.position = max_norm(equations_->phi());
+  equations_->level(s.state->v, equations_->nu(), level);
+  s.report.levels.velocity = max_norm(level);
+  equations_->level(s.state->a, equations_->gamma(), level);
+  s.report.levels.acceleration = max_norm(level);
+  return s;
+}
+
+double Runner::value(const std::string& quantity) {
+  std::vector<Quantity> found;
+  try {
+    found = find_quantities(*mechanism_, quantity, {});
+  } catch (const Error& error) {
+    throw std::invalid_argument(error.what());
+  }
+  if (found.size() != 1) throw std::invalid_argument("\"" + quantity + "\" is a vector; add .x, .y, .z or .norm");
+  return found[0].value(sample(last_report_));
+}
+
+void Runner::run(const SimulationObserver& observer) {
+  const Stopwatch watch(summary_.phases.total);
+  try {
+    loop(observer);
+  } catch (const Error& error) {
+    const Error explained(error.status().code, explain_failure(error), error.status().row);
+    if (files_) files_->emergency(sample(last_report_));
+    finish();
+    throw explained;
+  }
+  finish();
+}
+
+void Runner::loop(const SimulationObserver& observer) {
+  const double end = model_.integrator.end;
+  {
+    const Stopwatch output(summary_.phases.output);
+    files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, *integrator_);
+    files_->begin(sample(last_report_));
+  }
+  const double slack = 4e-16 * std::max(std::abs(end), std::abs(time()));
+  constexpr long kWatchEvery = 100;
+  while (end - time() > slack) {
+    last_report_ = step(std::min(end, files_->next_exact_time(time())));
+    if (last_report_.index % kWatchEvery == 0) guard_->check(current());
+    {
+      const Stopwatch output(summary_.phases.output);
+      const Sample s = sample(last_report_);
+      auto& most = summary_.largest_violation;
+      most.position = std::max(most.position, s.report.levels.position);
+      most.velocity = std::max(most.velocity, s.report.levels.velocity);
+      most.acceleration = std::max(most.acceleration, s.report.levels.acceleration);
+      files_->step(s);
+    }
+    if (observer && !observer(public_step(last_report_))) {
+      summary_.interrupted = end - time() > slack;
+      break;
+    }
+  }
+  guard_->check(current());
+  const Stopwatch output(summary_.phases.output);
+  files_->end(sample(last_report_));
+}
+
+StepReport Runner::step(double limit) { return integrator_->step(limit); }
+
+std::string Runner::explain_failure(const Error& error) {
+  std::string text = error.what();
+  text += mechanism_->inverted_elements();
+  if (error.status().code == StatusCode::invalid_input || state_.lambda.empty()) return text;
+  // A mechanism in a singular position is the usual reason: rows of Phi_q that nearly depend on each other, beyond
+  // those left out already.
+  const State& s = current();
+  equations_->evaluate_constraints(s.t, s.q, {});
+  const auto rows = find_dependent_rows(mechanism_->system.constraint_pattern(), equations_->phi_q(), 1e-3);
+  std::string names;
+  int count = 0;
+  for (const DependentRow& row : rows) {
+    if (equations_->dropped()[static_cast<std::size_t>(row.row)] || ++count > 4) continue;
+    names += (names.empty() ? "" : "; ") + mechanism_->system.constraint_name(row.row);
+    if (!row.partners.empty()) names += " (with " + mechanism_->system.constraint_name(row.partners.front()) + ")";
+  }
+  if (!names.empty())
+    text += fmt::format("; near a singular position at t = {:g}: these constraints are about to depend on others: {}",
+                        s.t, names);
+  return text;
+}
+
+void Runner::finish() {
+  summary_.t_end = time();
+  const IntegratorCounts& c = integrator_->counts();
+  summary_.steps = c.steps;
+  summary_.newton_iterations = c.newton_iterations;
+  summary_.error_failures = c.error_failures;
+  summary_.newton_failures = c.newton_failures;
+  summary_.crossings = c.crossings;
+  summary_.refactor_first = c.refactor_first;
+  summary_.refactor_step = c.refactor_step;
+  summary_.refactor_rate = c.refactor_rate;
+  summary_.refactor_failed = c.refactor_failed;
+  const EquationCounts& e = equations_->counts();
+  summary_.residuals = e.residuals;
+  summary_.tangents = e.tangents;
+  summary_.analyses = e.analyses;
+  summary_.factorizations = e.factorizations;
+  summary_.solves = e.solves;
+  SimulationPhases& p = summary_.phases;
+  p.assembly = e.assembly_seconds;
+  p.analysis = record_.analysis_seconds;
+  p.factorization = std::max(0.0, e.analysis_seconds + e.factor_seconds - record_.analysis_seconds);
+  p.solve = e.solve_seconds;
+  summary_.kind = record_.dense ? "dense" : std::string(solver::name_of(record_.analysis.kind));
+  summary_.precision = std::string(solver::name_of(record_.options.precision));
+  summary_.device = record_.dense ? "host" : record_.analysis.device;
+  summary_.nonzeros_factor = record_.analysis.nonzeros_factor;
+  summary_.factor_flops = record_.analysis.flops;
+  summary_.predicted_bytes = record_.analysis.predicted_bytes;
+  summary_.peak_bytes = record_.factor.peak_host_bytes;
+  summary_.dumped = record_.dumped;
+  summary_.energy_end = to_public(mechanism_->system.energy(current().view()));
+  const Sample s = sample(last_report_);
+  summary_.values.clear();
+  for (const Quantity& q : quantities_) summary_.values.emplace_back(q.name, q.value(s));
+  if (files_) summary_.files = files_->written();
+}
+
+}  // namespace espalier::dynamics::model

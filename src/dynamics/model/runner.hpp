@@ -1,0 +1,58 @@
+/// \file
+/// One run: from the description to the last file. Reading and building are elsewhere; here is the order of events.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "dynamics/constraints/redundancy.hpp"
+#include "dynamics/integrators/integrator.hpp"
+#include "dynamics/model/mechanism.hpp"
+#include "dynamics/model/newton_solver.hpp"
+#include "dynamics/model/quantities.hpp"
+#include "dynamics/model/run_files.hpp"
+#include "espalier/dynamics.hpp"
+
+namespace espalier::dynamics::model {
+
+/// Throws espalier::Error for everything expected that goes wrong.
+class Runner {
+ public:
+  /// Builds the mechanism and makes its initial state consistent. `summary` is kept up to date and must outlive it.
+  Runner(Description model, SimulationOptions options, SimulationSummary& summary);
+
+  /// To the end, or until the observer stops it.
+  void run(const SimulationObserver& observer);
+  /// Brings the summary up to date; called by run() too, also when it fails.
+  void finish();
+
+  [[nodiscard]] double time() const { return current().t; }
+  [[nodiscard]] double end_time() const { return model_.integrator.end; }
+  [[nodiscard]] double value(const std::string& quantity);
+
+ private:
+  void prepare();
+  void check_velocities(const State& given, const State& consistent) const;
+  void start_integrator();
+  void loop(const SimulationObserver& observer);
+  [[nodiscard]] StepReport step(double limit);
+  [[nodiscard]] Sample sample(const StepReport& report);
+  [[nodiscard]] const State& current() const { return integrator_ ? integrator_->state() : state_; }
+  [[nodiscard]] std::string explain_failure(const Error& error);
+
+  Description model_;
+  SimulationOptions options_;
+  SimulationSummary& summary_;
+  std::unique_ptr<Mechanism> mechanism_;
+  SolverRecord record_;
+  std::unique_ptr<Equations> equations_;
+  std::unique_ptr<RedundancyGuard> guard_;
+  std::unique_ptr<Integrator> integrator_;
+  std::unique_ptr<RunFiles> files_;
+  std::vector<Quantity> quantities_;
+  State state_;
+  StepReport last_report_;
+};
+
+}  // namespace espalier::dynamics::model

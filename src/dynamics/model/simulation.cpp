@@ -1,0 +1,88 @@
+// The public entry: failures become a Status.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <new>
+#include <sstream>
+#include <stdexcept>
+
+#include "dynamics/model/expand.hpp"
+#include "dynamics/model/runner.hpp"
+#include "espalier/dynamics.hpp"
+
+namespace espalier {
+
+using dynamics::model::Runner;
+using dynamics::model::Value;
+
+struct Simulation::Impl {
+  SimulationOptions options;
+  SimulationSummary summary;
+  std::unique_ptr<Runner> runner;
+
+  /// Runs `action`; what it throws becomes the status of the summary.
+  template <class Action>
+  Status guard(const Action& action) {
+    Status& status = summary.status;
+    status = {};
+    try {
+      action();
+    } catch (const Error& error) {
+      status = error.status();
+    } catch (const std::bad_alloc&) {
+      status = {StatusCode::out_of_memory, "the machine's memory is too small for this model", -1};
+    }
+    return status;
+  }
+
+  [[nodiscard]] Runner& loaded() const {
+    if (!runner) throw std::logic_error("load() was not called, or failed");
+    return *runner;
+  }
+};
+
+Simulation::Simulation(SimulationOptions options) : impl_(std::make_unique<Impl>()) {
+  impl_->options = std::move(options);
+}
+Simulation::~Simulation() = default;
+Simulation::Simulation(Simulation&&) noexcept = default;
+Simulation& Simulation::operator=(Simulation&&) noexcept = default;
+
+Status Simulation::load(const std::string& path) {
+  std::string text;
+  const Status status = impl_->guard([&] {
+    std::ifstream in(path, std::ios::binary);
+    std::ostringstream content;
+    content << in.rdbuf();
+    if (!in) throw Error(StatusCode::invalid_input, fmt::format("cannot read the model file '{}'", path));
+    text = content.str();
+  });
+  return status.ok() ? load_text(text, path) : status;
+}
+
+Status Simulation::load_text(const std::string& text, const std::string& name) {
+  impl_->runner.reset();
+  impl_->summary = {};
+  return impl_->guard([&] {
+    Value root = dynamics::model::parse_toml(text, name);
+    dynamics::model::expand(root, impl_->options.set);
+    impl_->runner =
+        std::make_unique<Runner>(dynamics::model::read_description(root, name), impl_->options, impl_->summary);
+  });
+}
+
+Status Simulation::run(const SimulationObserver& observer) {
+  Runner& runner = impl_->loaded();
+  const Status status = impl_->guard([&] { runner.run(observer); });
+  auto& p = impl_->summary.phases;
+  p.other = std::max(0.0, p.total - p.setup - p.assembly - p.analysis - p.factorization - p.solve - p.output);
+  return status;
+}
+
+const SimulationSummary& Simulation::summary() const { return impl_->summary; }
+double Simulation::time() const { return impl_->loaded().time(); }
+double Simulation::end_time() const { return impl_->loaded().end_time(); }
+double Simulation::value(const std::string& quantity) const { return impl_->loaded().value(quantity); }
+
+}  // namespace espalier

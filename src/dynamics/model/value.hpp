@@ -1,0 +1,69 @@
+/// \file
+/// A model text as a tree of values that know where they stand. The tree is what is left of TOML after reading: nothing
+/// above this layer sees the TOML library.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "espalier/types.hpp"
+
+namespace espalier::dynamics::model {
+
+/// Where something stands in a model text, for messages.
+struct Place {
+  std::string file;  ///< file name, or "--set" for a value given on the command line
+  int line = 0;      ///< from 1; 0: not in a file
+  std::string path;  ///< dotted path of keys, for instance bodies.rod.mass
+
+  /// "file:line: path" with the parts that are known.
+  [[nodiscard]] std::string text() const;
+};
+
+/// @throws Error(invalid_input) "file:line: path: message"
+[[noreturn]] void fail(const Place& place, const std::string& message);
+
+/// Names and their numbers, for expressions.
+using Scope = std::map<std::string, double>;
+
+/// A value: a scalar, an array or a table. Tables keep the order of the text.
+struct Value {
+  enum class Type { boolean, integer, real, text, array, table };
+  using Entry = std::pair<std::string, Value>;
+
+  Type type = Type::table;
+  bool boolean = false;
+  std::int64_t integer = 0;
+  double real = 0;
+  std::string text;
+  std::vector<Value> items;
+  std::vector<Entry> entries;
+  Place place;
+  std::shared_ptr<const Scope> scope;  ///< names that expressions in this text may use; null until expand()
+
+  [[nodiscard]] bool is_table() const { return type == Type::table; }
+  [[nodiscard]] const Value* find(std::string_view key) const;
+  [[nodiscard]] Value* find(std::string_view key);
+};
+
+/// "a number", "a text", ... for messages.
+[[nodiscard]] std::string_view name_of(Value::Type type);
+
+/// The one of `names` that looks most like `wrong`, or "" where none is near (edit distance above a third).
+[[nodiscard]] std::string nearest_name(std::string_view wrong, const std::vector<std::string>& names);
+/// "; did you mean 'x'?" or "; known are a, b, c".
+[[nodiscard]] std::string suggestion(std::string_view wrong, const std::vector<std::string>& names);
+
+/// Parses TOML. @param file its name for messages @throws Error(invalid_input) "file:line: what"
+[[nodiscard]] Value parse_toml(std::string_view text, const std::string& file);
+
+/// Sets one value by its path: "bodies.rod.mass=2" (a TOML value; what is none is taken as text). Missing tables on the
+/// way are made. @throws Error(invalid_input) where the path runs through something that is no table
+void set_value(Value& root, const std::string& assignment);
+
+}  // namespace espalier::dynamics::model
