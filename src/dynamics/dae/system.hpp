@@ -186,6 +186,10 @@ class Component {
   [[nodiscard]] virtual Energy energy(const StateView& s);
   /// Called with every accepted state.
   virtual void accept(const StateView& /*s*/) {}
+  /// What it remembers beside the state (turns of an angle, measured offsets), for restart files: save() appends,
+  /// restore() takes as many numbers from the front.
+  virtual void save(std::vector<double>& /*out*/) const {}
+  virtual void restore(ConstSpan& /*in*/) {}
 
  private:
   std::string name_;

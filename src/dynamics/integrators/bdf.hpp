@@ -56,6 +56,8 @@ class BdfIntegrator final : public Integrator {
   void start(const std::vector<State>& past);
   StepReport step(double t_limit) override;
   [[nodiscard]] const State& state() const override { return state_; }
+  void save(std::vector<double>& out) override;
+  void restore(ConstSpan& in) override;
   /// The solution at a time within the last step (polynomial of the order of the step).
   void interpolate(double t, Span q, Span v) const;
   [[nodiscard]] int order() const { return order_; }

@@ -31,6 +31,8 @@ class GeneralizedAlpha final : public Integrator {
   void start(const State& state) override;
   StepReport step(double t_limit) override;
   [[nodiscard]] const State& state() const override { return state_; }
+  void save(std::vector<double>& out) override;
+  void restore(ConstSpan& in) override;
 
  private:
   enum class Outcome { converged, slow, diverged };

@@ -51,11 +51,20 @@ class Integrator {
   [[nodiscard]] virtual const State& state() const = 0;
   [[nodiscard]] const IntegratorCounts& counts() const { return counts_; }
 
+  /// Appends all numbers that the coming steps depend on to `out` and drops the factor, so that the run that goes on
+  /// and one that restores these numbers take the same steps (implementations: integrators/checkpoint.cpp).
+  virtual void save(std::vector<double>& out) = 0;
+  /// Takes up what save() wrote and removes it from the front of `in`. @pre start() was called for the same system
+  /// @throws Error(invalid_input) if the numbers do not fit
+  virtual void restore(ConstSpan& in) = 0;
+
   /// Steps until t_end; `observe`, if given, is called after every step and stops the run by returning false.
   void integrate(double t_end, const std::function<bool(const StepReport&)>& observe = {});
 
  protected:
   void count(const StepReport& report);
+  void save_counts(std::vector<double>& out) const;
+  void restore_counts(ConstSpan& in);
   IntegratorCounts counts_;
 };
 

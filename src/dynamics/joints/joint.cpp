@@ -226,6 +226,25 @@ void Joint::tangent(const StateView& s, const TangentWeights& weights, Span w_va
   }
 }
 
+void Joint::save(std::vector<double>& out) const {
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    out.push_back(rows_[r].offset);
+    out.push_back(rows_[r].measure_offset ? 1 : 0);
+    out.insert(out.end(), last_angle_[r].begin(), last_angle_[r].end());
+  }
+}
+
+void Joint::restore(ConstSpan& in) {
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    const std::size_t count = 2 + last_angle_[r].size();
+    if (in.size() < count) throw Error(StatusCode::invalid_input, "the restart file ends too early");
+    rows_[r].offset = in[0];
+    rows_[r].measure_offset = in[1] != 0;
+    std::copy_n(in.begin() + 2, last_angle_[r].size(), last_angle_[r].begin());
+    in = in.subspan(count);
+  }
+}
+
 FrameMotion Joint::frame_motion(ConstSpan q, ConstSpan v, int f) const {
   FrameMotion motion;
   frames_.at(at(f)).frame->motion(q, v, motion);

@@ -56,6 +56,8 @@ class Joint final : public Component {
   void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) override;
   void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
   void accept(const StateView& s) override;
+  void save(std::vector<double>& out) const override;
+  void restore(ConstSpan& in) override;
 
  private:
   struct Attached {

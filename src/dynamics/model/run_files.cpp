@@ -7,16 +7,21 @@
 #include <filesystem>
 #include <limits>
 
+#include "dynamics/model/restart.hpp"
+
 namespace espalier::dynamics::model {
 
+// Round-off of a due time that a step was to meet must not delay it to the next step.
 bool RunFiles::Clock::strikes(double t) {
   if (interval < 0) return false;
   if (interval == 0) return true;
-  // Round-off of a due time that a step was to meet must not delay it to the next step.
-  const double slack = 1e-9 * interval;
-  if (t < due() - slack) return false;
-  next = static_cast<long>(std::floor((t - start + slack) / interval)) + 1;
+  if (t < due() - 1e-9 * interval) return false;
+  wind_to(t);
   return true;
+}
+
+void RunFiles::Clock::wind_to(double t) {
+  if (interval > 0) next = static_cast<long>(std::floor((t - start) / interval + 1e-9)) + 1;
 }
 
 RunFiles::RunFiles(const OutputSpec& spec, std::string folder, Mechanism& mechanism,
@@ -43,6 +48,8 @@ RunFiles::RunFiles(const OutputSpec& spec, std::string folder, Mechanism& mechan
   if (spec_.step_data)
     for (const char* name : {"step.h", "step.order", "step.newton", "step.factorizations", "step.error"}) add(name);
   csv_clock_.interval = spec_.csv_interval;
+  vtu_clock_.interval = spec_.vtu_interval;
+  restart_clock_.interval = spec_.restart_interval;
 }
 
 void RunFiles::write_csv(const Sample& s) {
@@ -52,27 +59,56 @@ void RunFiles::write_csv(const Sample& s) {
   csv_time_ = s.state->t;
 }
 
-void RunFiles::begin(const Sample& s) {
+void RunFiles::write_picture(const Sample& s) {
+  if (vtu_time_ == s.state->t) return;
+  pictures_->write(*s.state);
+  vtu_time_ = s.state->t;
+}
+
+void RunFiles::write_restart_file(const Sample& s) {
+  if (restart_time_ == s.state->t) return;
+  write_restart(folder_ + "/state.restart", mechanism_, integrator_);
+  restart_time_ = s.state->t;
+}
+
+void RunFiles::begin_csv(const Sample& s, double keep_until) {
+  std::vector<CsvColumn> columns;
+  for (const Quantity& q : columns_)
+    columns.push_back({q.name, [this, &q](const StateView&) { return q.value(*sample_); }});
+  const std::string path = folder_ + "/quantities.csv";
+  csv_ = std::make_unique<CsvWriter>(path, std::move(columns), keep_until);
+  written_.push_back(path);
+  if (!std::isnan(csv_->kept())) csv_time_ = csv_->kept();
+  if (!csv_time_) write_csv(s);
+}
+
+void RunFiles::begin(const Sample& s, const State& initial, bool restarted) {
   if (folder_.empty()) return;
-  csv_clock_.start = s.state->t;
-  csv_clock_.next = 1;
-  if (spec_.csv_interval >= 0) {
-    std::vector<CsvColumn> columns;
-    for (const Quantity& q : columns_)
-      columns.push_back({q.name, [this, &q](const StateView&) { return q.value(*sample_); }});
-    const std::string path = folder_ + "/quantities.csv";
-    csv_ = std::make_unique<CsvWriter>(path, std::move(columns));
-    written_.push_back(path);
-    write_csv(s);
+  for (Clock* clock : {&csv_clock_, &vtu_clock_, &restart_clock_}) {
+    clock->start = initial.t;
+    clock->wind_to(s.state->t);
   }
+  const double keep_until = restarted ? s.state->t : std::numeric_limits<double>::quiet_NaN();
+  if (spec_.csv_interval >= 0) begin_csv(s, keep_until);
+  if (spec_.vtu_interval >= 0) {
+    const std::string path = folder_ + "/motion.pvd";
+    pictures_ = std::make_unique<Pictures>(path, mechanism_, initial, keep_until);
+    written_.push_back(path);
+    if (!restarted) write_picture(s);
+  }
+  written_.push_back(folder_ + "/state.restart");
 }
 
 void RunFiles::step(const Sample& s) {
   if (csv_ && csv_clock_.strikes(s.state->t)) write_csv(s);
+  if (pictures_ && vtu_clock_.strikes(s.state->t)) write_picture(s);
+  if (!folder_.empty() && restart_clock_.strikes(s.state->t)) write_restart_file(s);
 }
 
 void RunFiles::end(const Sample& s) {
   if (csv_) write_csv(s);
+  if (pictures_) write_picture(s);
+  if (!folder_.empty()) write_restart_file(s);
 }
 
 void RunFiles::emergency(const Sample& s) noexcept {
@@ -85,7 +121,7 @@ void RunFiles::emergency(const Sample& s) noexcept {
 double RunFiles::next_exact_time(double /*t*/) const {
   double next = std::numeric_limits<double>::infinity();
   if (!spec_.exact_times || folder_.empty()) return next;
-  for (const Clock* clock : {&csv_clock_})
+  for (const Clock* clock : {&csv_clock_, &vtu_clock_, &restart_clock_})
     if (clock->interval > 0) next = std::min(next, clock->due());
   return next;
 }

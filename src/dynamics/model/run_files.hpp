@@ -8,20 +8,22 @@
 #include <vector>
 
 #include "dynamics/integrators/integrator.hpp"
+#include "dynamics/model/pictures.hpp"
 #include "dynamics/model/quantities.hpp"
 #include "dynamics/output/csv.hpp"
 
 namespace espalier::dynamics::model {
 
-/// Writes into one folder: quantities.csv. An output with an interval is written at the first step that ends at or
-/// after its time (with exact_times: steps end there).
+/// Writes into one folder: quantities.csv, motion.pvd with its .vtu files, state.restart. An output with an interval is
+/// written at the first step that ends at or after its time (with exact_times: steps end there).
 class RunFiles {
  public:
   /// @param folder made if it is not there; empty: nothing is written
   RunFiles(const OutputSpec& spec, std::string folder, Mechanism& mechanism, const std::vector<Quantity>& quantities,
            Integrator& integrator);
 
-  void begin(const Sample& s);
+  /// @param initial the state at the start of the motion @param restarted files in the folder are gone on with
+  void begin(const Sample& s, const State& initial, bool restarted);
   void step(const Sample& s);
   void end(const Sample& s);
   /// Saves what can be saved when the run fails; never throws.
@@ -38,8 +40,13 @@ class RunFiles {
     [[nodiscard]] double due() const { return start + static_cast<double>(next) * interval; }
     /// True (and set to the next time) if something is due at t.
     bool strikes(double t);
+    /// The first due time after t.
+    void wind_to(double t);
   };
   void write_csv(const Sample& s);
+  void write_picture(const Sample& s);
+  void write_restart_file(const Sample& s);
+  void begin_csv(const Sample& s, double keep_until);
 
   OutputSpec spec_;
   std::string folder_;
@@ -49,8 +56,9 @@ class RunFiles {
   std::vector<Quantity> columns_;
   std::unique_ptr<CsvWriter> csv_;
   const Sample* sample_ = nullptr;  // of the row being written
-  Clock csv_clock_;
-  std::optional<double> csv_time_;  // of the last row
+  std::unique_ptr<Pictures> pictures_;
+  Clock csv_clock_, vtu_clock_, restart_clock_;
+  std::optional<double> csv_time_, vtu_time_, restart_time_;  // of the last that was written
   std::vector<std::string> written_;
 };
 

@@ -8,6 +8,7 @@
 
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
+#include "dynamics/model/restart.hpp"
 #include "solver/option_text.hpp"
 
 namespace espalier::dynamics::model {
@@ -102,7 +103,7 @@ void Runner::prepare() {
   summary_.constraints = sizes.constraints;
   summary_.degrees_of_freedom = guard_->degrees_of_freedom();
   if (!model_.initial.project_velocities && !model_.initial.statics) check_velocities(given, state_);
-  if (model_.initial.statics) {
+  if (model_.initial.statics && options_.restart.empty()) {
     try {
       summary_.statics_iterations = static_equilibrium(*equations_, state_, model_.initial.statics_options).iterations;
       make_consistent(*equations_, state_, consistency);
@@ -110,7 +111,7 @@ void Runner::prepare() {
       throw Error(error.status().code, "initial.statics: " + explain_failure(error), error.status().row);
     }
   }
-  if (model_.initial.modes > 0) {
+  if (model_.initial.modes > 0 && options_.restart.empty()) {
     for (const Mode& mode : eigenfrequencies(*equations_, state_)) {
       if (static_cast<int>(summary_.modes.size()) == model_.initial.modes) break;
       summary_.modes.push_back({mode.frequency, mode.damping_ratio});
@@ -148,7 +149,17 @@ void Runner::start_integrator() {
     integrator_ = std::make_unique<GeneralizedAlpha>(*equations_, model_.integrator.alpha);
   }
   integrator_->start(state_);
-  last_report_.t = state_.t;
+  if (!options_.restart.empty()) {
+    read_restart(options_.restart, *mechanism_, *integrator_);
+    guard_->check(current());
+    if (!(time() < model_.integrator.end))
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("{}: the state is at t = {:g}, the run ends at {:g}; give a later --until",
+                              options_.restart, time(), model_.integrator.end));
+    summary_.t_begin = time();
+    summary_.energy_begin = to_public(mechanism_->system.energy(current().view()));
+  }
+  last_report_.t = time();
 }
 
 Sample Runner::sample(const StepReport& report) {
@@ -192,7 +203,7 @@ void Runner::loop(const SimulationObserver& observer) {
   {
     const Stopwatch output(summary_.phases.output);
     files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, *integrator_);
-    files_->begin(sample(last_report_));
+    files_->begin(sample(last_report_), state_, !options_.restart.empty());
   }
   const double slack = 4e-16 * std::max(std::abs(end), std::abs(time()));
   constexpr long kWatchEvery = 100;

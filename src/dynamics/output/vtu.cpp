@@ -4,6 +4,7 @@
 
 #include <bit>
 #include <cstdint>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <stdexcept>
@@ -131,6 +132,27 @@ std::string PvdSeries::file_name(int part) const {
   const int number = index < next_.size() ? next_[index] : 0;
   const std::filesystem::path pvd(path_);
   return (pvd.parent_path() / fmt::format("{}_{}_{:06}.vtu", pvd.stem().string(), part, number)).string();
+}
+
+void PvdSeries::resume(double t) {
+  std::ifstream in(path_);
+  std::string line;
+  while (std::getline(in, line)) {
+    if (line.find("<DataSet ") == std::string::npos) continue;
+    const auto attribute = [&](const std::string& name) {
+      const std::size_t from = line.find(name + "=\"");
+      const std::size_t to = from == std::string::npos ? from : line.find('"', from + name.size() + 2);
+      if (to == std::string::npos) throw Error(StatusCode::invalid_input, path_ + ": not a series of this program");
+      return line.substr(from + name.size() + 2, to - from - name.size() - 2);
+    };
+    const Entry entry{std::strtod(attribute("timestep").c_str(), nullptr), std::atoi(attribute("part").c_str()),
+                      attribute("file")};
+    if (entry.t > t || entry.part < 0) continue;
+    entries_.push_back(entry);
+    const auto part = static_cast<std::size_t>(entry.part);
+    if (next_.size() <= part) next_.resize(part + 1, 0);
+    ++next_[part];
+  }
 }
 
 void PvdSeries::add(double t, int part) {

@@ -47,6 +47,9 @@ class PvdSeries {
   explicit PvdSeries(std::string path) : path_(std::move(path)) {}
   /// The name of the .vtu file for the next step of part `part`: "<stem>_<part>_<number>.vtu" beside the .pvd file.
   [[nodiscard]] std::string file_name(int part) const;
+  /// Keeps the entries up to time t of a series that is there already (a restarted run); later ones are forgotten.
+  /// Does nothing where there is no such file. @throws Error(invalid_input) if it is not one of ours
+  void resume(double t);
   /// Takes up the file of that name at time t. Parts of one time are added one after the other.
   void add(double t, int part);
 

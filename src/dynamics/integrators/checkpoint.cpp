@@ -1,0 +1,106 @@
+// What integrators write into restart files and read back.
+#include <algorithm>
+#include <array>
+
+#include "dynamics/integrators/bdf.hpp"
+#include "dynamics/integrators/generalized_alpha.hpp"
+
+namespace espalier::dynamics {
+namespace {
+
+double take(ConstSpan& in) {
+  if (in.empty()) throw Error(StatusCode::invalid_input, "the restart file ends too early");
+  const double value = in.front();
+  in = in.subspan(1);
+  return value;
+}
+
+void take(ConstSpan& in, Span out) {
+  if (in.size() < out.size()) throw Error(StatusCode::invalid_input, "the restart file ends too early");
+  std::copy_n(in.begin(), out.size(), out.begin());
+  in = in.subspan(out.size());
+}
+
+void put(std::vector<double>& out, ConstSpan values) { out.insert(out.end(), values.begin(), values.end()); }
+
+void put_state(std::vector<double>& out, const State& s) {
+  out.push_back(s.t);
+  for (const auto* x : {&s.q, &s.v, &s.a, &s.lambda}) put(out, *x);
+}
+
+void take_state(ConstSpan& in, State& s) {
+  s.t = take(in);
+  for (auto* x : {&s.q, &s.v, &s.a, &s.lambda}) take(in, *x);
+}
+
+}  // namespace
+
+void Integrator::save_counts(std::vector<double>& out) const {
+  const IntegratorCounts& c = counts_;
+  for (const long n : {c.steps, c.newton_iterations, c.error_failures, c.newton_failures, c.crossings, c.refactor_first,
+                       c.refactor_step, c.refactor_rate, c.refactor_failed})
+    out.push_back(static_cast<double>(n));
+  put(out, std::array{c.largest_position, c.largest_velocity, c.largest_acceleration});
+}
+
+void Integrator::restore_counts(ConstSpan& in) {
+  IntegratorCounts& c = counts_;
+  for (long* n : {&c.steps, &c.newton_iterations, &c.error_failures, &c.newton_failures, &c.crossings,
+                  &c.refactor_first, &c.refactor_step, &c.refactor_rate, &c.refactor_failed})
+    *n = static_cast<long>(take(in));
+  for (double* x : {&c.largest_position, &c.largest_velocity, &c.largest_acceleration}) *x = take(in);
+}
+
+void BdfIntegrator::save(std::vector<double>& out) {
+  save_counts(out);
+  put_state(out, state_);
+  out.push_back(h_);
+  for (const int n : {order_, steps_at_order_, projected_left_, noisy_left_, history_.size()})
+    out.push_back(static_cast<double>(n));
+  for (int j = history_.size() - 1; j >= 0; --j) {
+    out.push_back(history_.time(j));
+    put(out, history_.q(j));
+    put(out, history_.v(j));
+    put(out, history_.lambda(j));
+  }
+  factor_hp_ = 0;
+}
+
+void BdfIntegrator::restore(ConstSpan& in) {
+  restore_counts(in);
+  take_state(in, state_);
+  trial_ = state_;
+  h_ = take(in);
+  int points = 0;
+  for (int* n : {&order_, &steps_at_order_, &projected_left_, &noisy_left_, &points}) *n = static_cast<int>(take(in));
+  if (order_ < 1 || order_ > kMaxBdfOrder || points < 1 || points > History::kDepth)
+    throw Error(StatusCode::invalid_input, "the restart file is damaged");
+  history_.clear();
+  State past = state_;
+  for (int j = 0; j < points; ++j) {
+    past.t = take(in);
+    for (auto* x : {&past.q, &past.v, &past.lambda}) take(in, *x);
+    history_.push(past.t, past.q, past.v, past.lambda);
+  }
+  factor_hp_ = 0;
+}
+
+// What the predictor remembers of earlier steps is forgotten on both sides: start() does that.
+void GeneralizedAlpha::save(std::vector<double>& out) {
+  save_counts(out);
+  put_state(out, state_);
+  put(out, a_old_);
+  const std::vector<double> a_old = a_old_;
+  start(State(state_));
+  a_old_ = a_old;
+}
+
+void GeneralizedAlpha::restore(ConstSpan& in) {
+  restore_counts(in);
+  State state = state_;
+  take_state(in, state);
+  start(state);
+  take(in, a_old_);
+}
+
+}  // namespace espalier::dynamics
