@@ -36,7 +36,8 @@ struct Options {
   double perturbation = 0;         ///< relative size of a perturbed pivot; 0: sqrt(eps) of the factor's precision
   bool matching = true;            ///< maximum product matching and scaling for ldlt and lu
   int refinement_steps = 10;       ///< most steps of iterative refinement
-  double required_backward_error = 1e-10;  ///< a normwise backward error above it ends in accuracy_not_reached
+  double required_backward_error = 1e-10;  ///< a normwise backward error above it ends in accuracy_not_reached; infinity
+                                           ///< with refinement_steps = 0: residuals are not computed, errors are NaN
   bool record_timeline = false;            ///< keep one event per task for write_trace()
   Sharing sharing;                         ///< among several devices
   std::vector<Index> permutation;          ///< the caller's own elimination order (old index of the k-th); empty: ours
