@@ -129,9 +129,7 @@ test_tsan() {
   if [[ -z ${ESPALIER_FIXED_ADDRESSES:-} ]] && setarch "$(uname -m)" -R true 2>/dev/null; then
     ESPALIER_FIXED_ADDRESSES=1 exec setarch "$(uname -m)" -R bash -c 'source scripts/bootstrap.sh; source .ci/steps.sh; test_tsan'
   fi
-  # Where threads meet: the recursions of the analysis, and several devices whose tasks, thefts and waits are made to fall in
-  # every order.
-  test_sanitized tsan 'GraphOf*:Compress*:BuildTree*:RelocatePivots*:*Matching*:*HostDevices*-*NodeND*:*Metis*' test_analysis test_factor
+  test_sanitized tsan '*' test_base test_analysis test_factor test_solve test_solver
 }
 
 run_fuzzers() {
