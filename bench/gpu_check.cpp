@@ -2,7 +2,9 @@
 // judged by an independent residual and, for small systems, against the host executor.
 //   espalier_gpu_check [--small] [--kind llt|ldlt|lu] [--fp32] [--narrow ROWS] [--whole ROWS PIVOTS] [--host] [--repeat
 //   N]
-//                      [--plan] [--out DIR] [--commit HASH] [--columns N] [SYSTEM ...]       SYSTEM: "elasticity 40",
+//                      [--plan] [--out DIR] [--commit HASH] [--columns N] [--devices 0,1,...] [--counts 1,2,...]
+//                      [--staging] [--fail-device K] [--additional-subtrees X] [--column-group N] [--patience SECONDS]
+//                      [SYSTEM ...]                                                          SYSTEM: "elasticity 40",
 //                      "kkt 20",
 //                      ...
 #include <fmt/format.h>
@@ -16,7 +18,6 @@
 #include <fstream>
 #include <iostream>
 #include <nlohmann/json.hpp>
-#include <numeric>
 #include <sstream>
 
 #include "analysis/ordering.hpp"
@@ -38,6 +39,11 @@ struct Settings {
   bool plan_only = false;
   int repeat = 5;
   Index columns = 1;
+  std::vector<int> devices = {0};  // GPUs
+  std::vector<int> counts;         // so many of them in turn; empty: all
+  bool staging = false;
+  double patience = 10;
+  int fail_device = -1;
   Kind kind = Kind::automatic;
   device::cuda::DeviceTuning tuning;
   std::string out;
@@ -65,6 +71,13 @@ std::vector<std::string> words_of(const std::string& text) {
   return words;
 }
 
+std::vector<int> numbers(std::string text) {
+  std::replace(text.begin(), text.end(), ',', ' ');
+  std::vector<int> list;
+  for (const std::string& w : words_of(text)) list.push_back(std::stoi(w));
+  return list;
+}
+
 Settings parse(int argc, char** argv) {
   Settings s;
   for (int k = 1; k < argc; ++k) {
@@ -79,6 +92,20 @@ Settings parse(int argc, char** argv) {
       s.fp32 = true;
     else if (a == "--plan")
       s.plan_only = true;
+    else if (a == "--patience")
+      s.patience = std::stod(value());
+    else if (a == "--staging")
+      s.staging = true;
+    else if (a == "--fail-device")
+      s.fail_device = std::stoi(value());
+    else if (a == "--devices")
+      s.devices = numbers(value());
+    else if (a == "--counts")
+      s.counts = numbers(value());
+    else if (a == "--additional-subtrees")
+      s.tuning.additional_subtrees = std::stod(value());
+    else if (a == "--column-group")
+      s.tuning.column_group = std::stoi(value());
     else if (a == "--host")
       s.host = true;
     else if (a == "--repeat")
@@ -104,6 +131,7 @@ Settings parse(int argc, char** argv) {
   }
   if (s.systems.empty() && !s.small)
     for (const Floor& f : kFloors) s.systems.emplace_back(f.system);
+  if (s.counts.empty()) s.counts = {static_cast<int>(s.devices.size())};
   return s;
 }
 
@@ -113,11 +141,29 @@ struct Case {
   Kind kind = Kind::llt;
   SparseMatrix a;
   solver::Equations equations;
+  analysis::AssemblyTree tree;
+  int devices = 1;
   analysis::Plan plan;
-  double analysis_seconds = 0;
+  double analysis_seconds = 0;  // without the plan
+  double plan_seconds = 0;
 };
 
 const char* name_of(Kind kind) { return kind == Kind::llt ? "llt" : kind == Kind::ldlt ? "ldlt" : "lu"; }
+
+// The plan for so many devices.
+void lay_out(Case& c, int devices, const Settings& settings, bool for_host, base::ThreadPool& pool) {
+  const double start = now();
+  c.devices = devices;
+  analysis::PlanOptions options = device::cuda::cuda_plan_options(c.kind, settings.tuning, devices);
+  if (for_host) {
+    options = analysis::PlanOptions{};
+    options.tiles.panel = settings.fp32 ? 16 : 8;  // one cache line, as the host kernels ask for
+    options.unsymmetric = c.kind == Kind::lu;
+    options.ldlt = c.kind == Kind::ldlt;
+  }
+  c.plan = analysis::make_plan(c.tree, c.equations.a, c.equations.row_of_col, options, pool);
+  c.plan_seconds = now() - start;
+}
 
 Case prepare(const std::string& name, Kind wish, const Settings& settings, bool for_host, base::ThreadPool& pool) {
   Case c;
@@ -130,16 +176,9 @@ Case prepare(const std::string& name, Kind wish, const Settings& settings, bool 
   analysis::TreeOptions tree_options;
   tree_options.pair = c.equations.pair;
   tree_options.zero_diagonal = c.equations.zero_diagonal;
-  auto tree = analysis::build_tree(analysis::graph_of(c.equations.a, pool, c.equations.row_of_col), tree_options, pool);
-  analysis::PlanOptions options = device::cuda::cuda_plan_options(c.kind, settings.tuning);
-  if (for_host) {
-    options = analysis::PlanOptions{};
-    options.tiles.panel = settings.fp32 ? 16 : 8;  // one cache line, as the host kernels ask for
-    options.unsymmetric = c.kind == Kind::lu;
-    options.ldlt = c.kind == Kind::ldlt;
-  }
-  c.plan = analysis::make_plan(std::move(tree), c.equations.a, c.equations.row_of_col, options, pool);
+  c.tree = analysis::build_tree(analysis::graph_of(c.equations.a, pool, c.equations.row_of_col), tree_options, pool);
   c.analysis_seconds = now() - start;
+  if (for_host) lay_out(c, 1, settings, true, pool);
   return c;
 }
 
@@ -189,7 +228,13 @@ nlohmann::json run_case(const Case& c, const Settings& settings, base::ThreadPoo
   const device::PivotRule rule{0.01, (c.kind == Kind::llt ? 0 : eps) * largest};
 
   const double setup = now();
-  auto gpu = device::cuda::make_cuda_executor<T>(c.plan, c.kind, rule);
+  device::cuda::CudaOptions cuda;
+  cuda.device = settings.devices.front();
+  if (c.devices > 1) cuda.devices.assign(settings.devices.begin(), settings.devices.begin() + c.devices);
+  cuda.staging = settings.staging;
+  cuda.fail_device = settings.fail_device;
+  cuda.patience_seconds = settings.patience;
+  auto gpu = device::cuda::make_cuda_executor<T>(c.plan, c.kind, rule, cuda);
   const double setup_seconds = now() - setup;
   const device::FactorOutcome first = gpu->factorize(values);
 
@@ -218,7 +263,9 @@ nlohmann::json run_case(const Case& c, const Settings& settings, base::ThreadPoo
                    {"flops", c.plan.flops},
                    {"nonzeros_factor", c.plan.nonzeros_factor},
                    {"fronts", c.plan.fronts()},
-                   {"analysis_seconds", c.analysis_seconds},
+                   {"devices", c.devices},
+                   {"analysis_seconds", c.analysis_seconds + c.plan_seconds},
+                   {"plan_seconds", c.plan_seconds},
                    {"setup_seconds", setup_seconds},
                    {"refactor_ms", 1e3 * *std::min_element(factor_times.begin(), factor_times.end())},
                    {"refactor_median_ms", 1e3 * median(factor_times)},
@@ -275,12 +322,14 @@ void print_row(const nlohmann::json& j) {
   std::string floors;
   for (const Floor& f : kFloors)
     if (j["system"] == f.system) floors = fmt::format("{:g}/{:g}", f.factor, f.solve);
-  fmt::print("{:<18} {:<4} {} {:>8} {:>9.3g} {:>10.3f} {:>7.2f} {:>9.3f} {:>10} {:>9.1e} {:>4} {:>7.2f} GB {:>6.2f} s",
-             j["system"].get<std::string>(), j["kind"].get<std::string>(), j["precision"].get<std::string>(),
-             j["unknowns"].get<Index>(), j["flops"].get<double>(), j["refactor_ms"].get<double>(),
-             j["flops"].get<double>() / j["refactor_ms"].get<double>() * 1e-9, j["solve_ms"].get<double>(), floors,
-             j["backward_error"].get<double>(), j["identical"].get<bool>() ? "same" : "DIFF",
-             j["device_bytes"].get<double>() * 1e-9, j["analysis_seconds"].get<double>());
+  fmt::print(
+      "{:<18} x{} {:<4} {} {:>8} {:>9.3g} {:>10.3f} {:>7.2f} {:>9.3f} {:>10} {:>9.1e} {:>4} {:>7.2f} GB {:>6.2f} s",
+      j["system"].get<std::string>(), j["devices"].get<int>(), j["kind"].get<std::string>(),
+      j["precision"].get<std::string>(), j["unknowns"].get<Index>(), j["flops"].get<double>(),
+      j["refactor_ms"].get<double>(), j["flops"].get<double>() / j["refactor_ms"].get<double>() * 1e-9,
+      j["solve_ms"].get<double>(), floors, j["backward_error"].get<double>(),
+      j["identical"].get<bool>() ? "same" : "DIFF", j["device_bytes"].get<double>() * 1e-9,
+      j["analysis_seconds"].get<double>());
   if (j["kind"] != "llt")
     fmt::print("  neg {} 2x2 {} repl {} fail {}", j["negative"].get<Index>(), j["two_by_two"].get<Index>(),
                j["replaced"].get<std::size_t>(), j["failed"].get<std::size_t>());
@@ -314,16 +363,48 @@ std::vector<Wish> wishes(const Settings& s) {
   return list;
 }
 
+// What a plan would ask of each GPU.
+void show_plan(const Case& c, const Settings& settings) {
+  const double start = now();
+  const auto d = device::cuda::make_device_plan(c.plan, c.kind);
+  const double seconds = now() - start, unit = settings.fp32 ? 4e-9 : 8e-9;
+  const auto& a = c.plan.assignment;
+  Index top = 0;
+  double top_flops = 0;
+  std::vector<double> alone(static_cast<std::size_t>(c.devices), 0);
+  for (Index f = 0; f < c.plan.fronts(); ++f) {
+    const auto& l = c.plan.layout[f];
+    const double flops = analysis::front_flops(l.pivots, l.rows, c.kind == Kind::lu);
+    if (a.subtree(f) < 0) {
+      ++top;
+      top_flops += flops;
+    } else {
+      alone[static_cast<std::size_t>(a.subtrees[static_cast<std::size_t>(a.subtree(f))].device)] += flops;
+    }
+  }
+  fmt::print("{:<18} x{} {:<4} {} fronts, top {} with {:.1f} % of the work, {} sub-trees, plan {:.3f} + {:.3f} s\n",
+             c.name, c.devices, name_of(c.kind), c.plan.fronts(), top, 100 * top_flops / c.plan.flops,
+             a.subtrees.size(), c.plan_seconds, seconds);
+  for (std::size_t x = 0; x < d.lists.size(); ++x) {
+    double gigabytes = unit * static_cast<double>(d.regions[0]);
+    for (std::size_t r = 1; r < d.regions.size(); ++r)
+      if (d.region_device[r] == static_cast<int>(x)) gigabytes += unit * static_cast<double>(d.regions[r]);
+    if (!d.place_space.empty()) gigabytes += unit * static_cast<double>(d.place_space[x]);
+    const auto& l = d.lists[x];
+    fmt::print("    #{}: {} tasks ({} narrow), {} solve tasks, {:.1f} % of the work alone, {:.3f} GB\n", x,
+               l.tasks.size(), l.narrow_tasks, l.up.size() + l.down.size(), 100 * alone[x] / c.plan.flops, gigabytes);
+  }
+}
+
 // Without a GPU: what the plans would ask of one.
 int show_plans(const Settings& settings) {
   base::ThreadPool pool(base::available_cores());
   for (const Wish& wish : wishes(settings)) {
-    const Case c = prepare(wish.system, wish.kind, settings, false, pool);
-    const auto d = device::cuda::make_device_plan(c.plan, c.kind);
-    fmt::print("{:<18} {:<4} {} fronts, {} tasks ({} narrow), {} solve tasks, arena {:.3f} GB\n", c.name,
-               name_of(c.kind), c.plan.fronts(), d.tasks.size(), d.narrow_tasks, d.up.size() + d.down.size(),
-               static_cast<double>(std::accumulate(d.regions.begin(), d.regions.end(), std::int64_t{0})) *
-                   (settings.fp32 ? 4e-9 : 8e-9));
+    Case c = prepare(wish.system, wish.kind, settings, false, pool);
+    for (const int devices : settings.counts) {
+      lay_out(c, devices, settings, false, pool);
+      show_plan(c, settings);
+    }
   }
   return 0;
 }
@@ -344,10 +425,13 @@ int run(const Settings& settings) {
   int failures = 0;
   for (const Wish& wish : wishes(settings)) {
     try {
-      const Case c = prepare(wish.system, wish.kind, settings, false, pool);
-      rows.push_back(settings.fp32 ? run_case<float>(c, settings, pool) : run_case<double>(c, settings, pool));
-      print_row(rows.back());
-      failures += good(rows.back()) ? 0 : 1;
+      Case c = prepare(wish.system, wish.kind, settings, false, pool);
+      for (const int devices : settings.counts) {
+        lay_out(c, devices, settings, false, pool);
+        rows.push_back(settings.fp32 ? run_case<float>(c, settings, pool) : run_case<double>(c, settings, pool));
+        print_row(rows.back());
+        failures += good(rows.back()) ? 0 : 1;
+      }
     } catch (const std::exception& e) {
       fmt::print("{:<18} FAILED: {}\n", wish.system, e.what());
       std::fflush(stdout);
@@ -363,7 +447,8 @@ int run(const Settings& settings) {
     std::filesystem::create_directories(settings.out);
     const nlohmann::json report{
         {"device", gpu.name}, {"driver", gpu.driver}, {"commit", settings.commit}, {"date", date}, {"rows", rows}};
-    std::ofstream(settings.out + "/" + name + "-" + date + (settings.fp32 ? "-fp32" : "") + ".json")
+    const std::string several = settings.devices.size() > 1 ? fmt::format("x{}", settings.devices.size()) : "";
+    std::ofstream(settings.out + "/" + name + several + "-" + date + (settings.fp32 ? "-fp32" : "") + ".json")
         << report.dump(1) << '\n';
   }
   fmt::print("{} of {} checks failed\n", failures, wishes(settings).size());

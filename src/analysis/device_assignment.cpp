@@ -23,7 +23,7 @@ Costs subtree_costs(const Plan& plan) {
   Costs c{std::vector<double>(n, 0), std::vector<double>(n, 0)};
   for (Index f = 0; f < plan.fronts(); ++f) {
     const FrontLayout& l = plan.layout[f];
-    c.seconds[f] += front_seconds(l.pivots, l.rows, plan.options.unsymmetric);
+    c.seconds[f] += front_seconds(l.pivots, l.rows, plan.options.unsymmetric, plan.options.cost);
     c.flops[f] += front_flops(l.pivots, l.rows, plan.options.unsymmetric);
     const Index parent = plan.tree.parent[f];
     if (parent < 0) continue;
@@ -77,17 +77,22 @@ void assign_largest_first(std::vector<SubTree>& subtrees, Index devices) {
                    [](const SubTree& a, const SubTree& b) { return a.device < b.device; });
 }
 
-}  // namespace
-
-double front_seconds(Index pivots, Index rows, bool unsymmetric) {
-  // One AVX-512 core; the first two figures are those of the host's cost model in solver/device_choice.cpp. The third
-  // fits traces of elasticity 14^3 and a plate of 60 x 60 on one thread: fronts of 10^5 flops (some 60 rows) run at 8
-  // GFLOP/s, of 5 10^5 (120 rows) at 17, of 10^7 (400 rows) at 29.
-  constexpr double kFlopsPerSecond = 6e10;
-  constexpr double kFront = 1.5e-6;  // seconds
-  constexpr double kHalfRows = 300;  // rows of a front that runs at half the rate
-  return kFront + front_flops(pivots, rows, unsymmetric) / kFlopsPerSecond * (1 + kHalfRows / rows);
+// Who works on a front: its sub-tree's device; in the top, everybody with a sub-tree below.
+void find_members(const Plan& plan, DeviceAssignment& a) {
+  const std::uint32_t all = a.devices == DeviceAssignment::kMostMembers ? ~0u : (1u << a.devices) - 1;
+  a.members.assign(static_cast<std::size_t>(plan.fronts()), 0);
+  for (Index f = 0; f < plan.fronts(); ++f) {
+    const Index s = a.subtree(f);
+    std::uint32_t& mine = a.members[static_cast<std::size_t>(f)];
+    if (s >= 0) mine = 1u << a.subtrees[static_cast<std::size_t>(s)].device;
+    if (s < 0 && !a.shared_top) mine = 1;
+    if (mine == 0) mine = all;  // in the top, and nothing below it
+    const Index parent = plan.tree.parent[f];
+    if (parent >= 0 && a.subtree(parent) < 0 && a.shared_top) a.members[static_cast<std::size_t>(parent)] |= mine;
+  }
 }
+
+}  // namespace
 
 DeviceAssignment assign_devices(const Plan& plan) {
   DeviceAssignment a;
@@ -109,6 +114,8 @@ DeviceAssignment assign_devices(const Plan& plan) {
     const Index parent = plan.tree.parent[f];
     if (parent >= 0 && a.subtree_of[parent] >= 0) a.subtree_of[f] = a.subtree_of[parent];
   }
+  a.column_group = std::max<Index>(1, plan.options.column_group);
+  if (a.devices <= DeviceAssignment::kMostMembers) find_members(plan, a);
   return a;
 }
 

@@ -2,8 +2,11 @@
 /// Which device of several does which part of a plan: sub-trees to one device each, the top of the tree to all.
 #pragma once
 
+#include <bit>
+#include <cstdint>
 #include <vector>
 
+#include "analysis/front_cost.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::analysis {
@@ -34,28 +37,35 @@ struct SubTree {
 /// open, the worker that opened it has since taken only tasks of it before t: finished, so it takes t. If t belongs to
 /// the top, all sub-trees are finished, and so are the tasks before t that its owner's workers took: they take t.
 struct DeviceAssignment {
+  static constexpr Index kMostMembers = 32;  ///< with more devices, all share all of the top
+
   Index devices = 1;
-  bool stealing = true;           ///< rule 3 is in force; without it every sub-tree stays with its device
-  bool shared_top = true;         ///< else device 0 does all of the top
-  std::vector<SubTree> subtrees;  ///< by device, then falling `seconds`
-  std::vector<Index> subtree_of;  ///< fronts; -1: the top. Empty with one device
-  Index top_task = 0;             ///< number of the first task of the top
+  Index column_group = 1;              ///< so many neighbouring block columns of the top have the same owner
+  bool stealing = true;                ///< rule 3 is in force; without it every sub-tree stays with its device
+  bool shared_top = true;              ///< else device 0 does all of the top
+  std::vector<SubTree> subtrees;       ///< by device, then falling `seconds`
+  std::vector<Index> subtree_of;       ///< fronts; -1: the top. Empty with one device
+  Index top_task = 0;                  ///< number of the first task of the top
+  std::vector<std::uint32_t> members;  ///< fronts; bit d: device d works on it. Empty with one device, or too many
 
   /// The sub-tree of a front, -1: the top.
   [[nodiscard]] Index subtree(Index front) const {
     return subtree_of.empty() ? -1 : subtree_of[static_cast<std::size_t>(front)];
   }
   /// The device that makes the tiles of column `column` of a front, unless a thief does: block columns of the top are
-  /// dealt cyclically, beginning with another device for every front.
+  /// dealt cyclically to the devices that have a sub-tree below the front, beginning with another one for every front
+  /// (with shared_top).
   [[nodiscard]] Index owner(Index front, Index column) const {
     const Index s = subtree(front);
     if (s >= 0) return subtrees[static_cast<std::size_t>(s)].device;
-    return shared_top ? static_cast<Index>((Offset{column} + front) % devices) : 0;
+    if (!shared_top) return 0;
+    const Offset turn = Offset{column} / column_group + front;
+    if (members.empty()) return static_cast<Index>(turn % devices);
+    std::uint32_t set = members[static_cast<std::size_t>(front)];
+    for (auto k = turn % std::popcount(set); k > 0; --k) set &= set - 1;
+    return std::countr_zero(set);
   }
 };
-
-/// Predicted seconds of one front on one worker: a fixed cost, and flops at a rate that grows with the front.
-double front_seconds(Index pivots, Index rows, bool unsymmetric);
 
 /// Cuts the plan's tree for plan.options.devices: the most expensive sub-tree gives its root to the top until none
 /// takes more than the share of 1 / (devices (1 + additional_subtrees)) of all time; neighbouring small ones are put

@@ -223,7 +223,7 @@ Plan make_plan(AssemblyTree tree, const MatrixView& a, const std::vector<Index>&
   place_entries(plan, a, row_of_col, pool);
   plan.assignment = assign_devices(plan);
   list_tasks(plan);
-  plan_memory(plan);
+  if (options.plan_memory) plan_memory(plan);
   return plan;
 }
 

@@ -61,8 +61,14 @@ struct PlanOptions {
   /// and 4 devices, the largest load is above the mean by 0, 1, 3: 11, 0.6, 0.6 % of a device's share at worst, and the
   /// top has 26, 44, 61 % of elasticity 24^3 on 4, and 8, 20, 31 % of a plate of 160 x 160.
   double additional_subtrees = 1;
-  bool stealing = true;    ///< a device without unopened sub-trees takes one of another
-  bool shared_top = true;  ///< block columns of the top are dealt to all devices; else all are the first one's
+  bool stealing = true;              ///< a device without unopened sub-trees takes one of another
+  CostModel cost = CostModel::host;  ///< by which the tree is cut and dealt to devices
+  Index column_group = 1;            ///< see DeviceAssignment
+  /// The task list walks every sub-tree alone, so that it can be stolen; else all sub-trees of a device together, so
+  /// that more fronts are in work at a time.
+  bool subtrees_apart = true;
+  bool plan_memory = true;  ///< false: the backend lays out its memory itself, plan.memory stays empty
+  bool shared_top = true;   ///< block columns of the top are dealt to all devices; else all are the first one's
 };
 
 /// Places in the arena that holds factors, contributions and work arrays; elements, not bytes. A region

@@ -30,10 +30,18 @@ class TaskLister {
  private:
   void list_for_devices() {
     DeviceAssignment& a = plan_.assignment;
-    for (SubTree& s : a.subtrees) {
-      s.first_task = static_cast<Index>(plan_.tasks.size());
-      walk_children(s.roots);
-      s.end_task = static_cast<Index>(plan_.tasks.size());
+    for (auto s = a.subtrees.begin(); s != a.subtrees.end();) {
+      auto end = s + 1;
+      while (!plan_.options.subtrees_apart && end != a.subtrees.end() && end->device == s->device) ++end;
+      std::vector<Index> roots;
+      for (auto t = s; t != end; ++t) roots.insert(roots.end(), t->roots.begin(), t->roots.end());
+      const auto first = static_cast<Index>(plan_.tasks.size());
+      walk_children(roots);
+      for (auto t = s; t != end; ++t) {
+        t->first_task = first;
+        t->end_task = static_cast<Index>(plan_.tasks.size());
+      }
+      s = end;
     }
     a.top_task = static_cast<Index>(plan_.tasks.size());
     std::vector<std::vector<Index>> tiers;

@@ -36,6 +36,7 @@ class CudaPlan : public ::testing::TestWithParam<Parameter> {
     plan_ =
         analysis::make_plan(std::move(tree), a_, {}, device::cuda::cuda_plan_options(GetParam().kind, tuning), pool_);
     device_ = device::cuda::make_device_plan(plan_, GetParam().kind);
+    lists_ = device_.lists.front();
   }
 
   // Calls use(flag) for every flag that the task polls, parts left aside.
@@ -85,13 +86,14 @@ class CudaPlan : public ::testing::TestWithParam<Parameter> {
   SparseMatrix a_;
   analysis::Plan plan_;
   DevicePlan device_;
+  device::cuda::TaskLists lists_;
 };
 
 TEST_P(CudaPlan, EveryFlagIsSetByAnEarlierTask) {
   std::vector<char> set(static_cast<std::size_t>(device_.flags), 0);
   std::int64_t checked = 0;
-  for (std::size_t at = 0; at < device_.tasks.size(); ++at) {
-    const FactorTask& t = device_.tasks[at];
+  for (std::size_t at = 0; at < lists_.tasks.size(); ++at) {
+    const FactorTask& t = lists_.tasks[at];
     needed_flags(t, [&](std::int64_t flag) {
       ASSERT_GE(flag, 0);
       ASSERT_LT(flag, device_.flags);
@@ -118,8 +120,8 @@ TEST_P(CudaPlan, MemoryIsReusedOnlyAfterItsUsers) {
   };
   std::vector<std::int64_t> first(device_.fronts.size(), -1), last(device_.fronts.size(), -1);
   std::vector<int> count(device_.fronts.size(), 0);
-  for (std::size_t at = 0; at < device_.tasks.size(); ++at) {
-    const auto f = static_cast<std::size_t>(device_.tasks[at].front);
+  for (std::size_t at = 0; at < lists_.tasks.size(); ++at) {
+    const auto f = static_cast<std::size_t>(lists_.tasks[at].front);
     if (first[f] < 0) first[f] = static_cast<std::int64_t>(at);
     last[f] = static_cast<std::int64_t>(at);
     ++count[f];
@@ -149,8 +151,8 @@ TEST_P(CudaPlan, MemoryIsReusedOnlyAfterItsUsers) {
 
 TEST_P(CudaPlan, SolveTasksFollowTheTree) {
   std::vector<std::int64_t> up(device_.fronts.size(), -1), down(device_.fronts.size(), -1);
-  for (std::size_t k = 0; k < device_.up.size(); ++k) up[device_.up[k].front] = static_cast<std::int64_t>(k);
-  for (std::size_t k = 0; k < device_.down.size(); ++k) down[device_.down[k].front] = static_cast<std::int64_t>(k);
+  for (std::size_t k = 0; k < lists_.up.size(); ++k) up[lists_.up[k].front] = static_cast<std::int64_t>(k);
+  for (std::size_t k = 0; k < lists_.down.size(); ++k) down[lists_.down[k].front] = static_cast<std::int64_t>(k);
   for (Index f = 0; f < plan_.fronts(); ++f) {
     const Index p = plan_.tree.parent[f];
     ASSERT_GE(up[f], 0);

@@ -118,8 +118,30 @@ TEST_P(Assignment, BlockColumnsOfTheTopAreDealtEvenly) {
     if (a.subtree(f) >= 0) continue;
     std::vector<int> columns(static_cast<std::size_t>(a.devices), 0);
     for (Index j = 0; j < plan_.layout[f].tiles; ++j) ++columns[static_cast<std::size_t>(a.owner(f, j))];
-    const auto [least, most] = std::minmax_element(columns.begin(), columns.end());
-    EXPECT_LE(*most - *least, 1);
+    int least = plan_.layout[f].tiles, most = 0;
+    for (std::size_t d = 0; d < columns.size(); ++d) {
+      if ((a.members[static_cast<std::size_t>(f)] >> d & 1) == 0) {
+        EXPECT_EQ(columns[d], 0) << "device " << d << " has nothing below front " << f;
+        continue;
+      }
+      least = std::min(least, columns[d]);
+      most = std::max(most, columns[d]);
+    }
+    EXPECT_LE(most - least, 1);
+  }
+}
+
+TEST_P(Assignment, MembersOfTheTopHaveASubTreeBelow) {
+  const auto& a = plan_.assignment;
+  std::vector<std::uint32_t> below(static_cast<std::size_t>(plan_.fronts()), 0);
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    auto& mine = below[static_cast<std::size_t>(f)];
+    if (a.subtree(f) >= 0) mine = 1u << a.subtrees[static_cast<std::size_t>(a.subtree(f))].device;
+    if (mine != 0) {
+      EXPECT_EQ(a.members[static_cast<std::size_t>(f)], mine);
+    }
+    EXPECT_NE(a.members[static_cast<std::size_t>(f)], 0u);
+    if (plan_.tree.parent[f] >= 0) below[static_cast<std::size_t>(plan_.tree.parent[f])] |= mine;
   }
 }
 

@@ -92,10 +92,11 @@ __device__ inline void for_each_piece(const FactorState<T>& s, const Front& f, c
 }
 
 /// Adds a piece of the array `from` (only r >= c, or r > c for the strict part). A warp owns the target columns with
-/// its number modulo four (target rows where transposed).
+/// its number modulo four (target rows where transposed). places: where the tile columns of the array begin, if it does
+/// not lie in one piece; else null.
 template <class T>
 __device__ void add_piece(const FactorState<T>& s, const Front& f, const Target<T>& x, const Piece& piece,
-                          const T* from, bool transposed, bool strict) {
+                          const T* from, T* const* places, bool transposed, bool strict) {
   const Front& child = s.fronts[piece.child];
   const std::int32_t* map = s.relative + child.rows;
   const int shift = child.width_log2, child_ld = child.below_ld;
@@ -120,9 +121,12 @@ __device__ void add_piece(const FactorState<T>& s, const Front& f, const Target<
         col = to - x.col0 + (to >= f.pivots ? x.gap : 0);
         mine = (col & 3) == warp;
         const int b = c >> shift, first = b << shift;
-        column +=
-            (static_cast<std::int64_t>(b) * child_ld - (static_cast<std::int64_t>(b) * (b - 1) << shift) / 2 << shift) +
-            static_cast<std::int64_t>(c - first) * (child_ld - first) - first;
+        if (places != nullptr)
+          column = places[b];
+        else
+          column += static_cast<std::int64_t>(b) * child_ld - (static_cast<std::int64_t>(b) * (b - 1) << shift) / 2
+                    << shift;
+        column += static_cast<std::int64_t>(c - first) * (child_ld - first) - first;
       }
       for (unsigned mask = __ballot_sync(0xffffffffu, mine); mask != 0;) {
         int place[4], lowest[4];
@@ -186,8 +190,11 @@ __device__ inline void assemble(const FactorState<T>& s, const Front& f, const T
   for_each_piece(s, f, x, [&](const Piece& piece, int) {
     const Front& child = s.fronts[piece.child];
     const T* base = s.base[child.region];
-    if (!Lu || x.square || x.part == 0) add_piece(s, f, x, piece, base + child.contribution, false, false);
-    if (Lu && (x.square || x.part == 1)) add_piece(s, f, x, piece, base + child.contribution_up, x.square, true);
+    T* const* places = child.first_place >= 0 ? s.places + child.place(0, 0) : nullptr;
+    if (!Lu || x.square || x.part == 0) add_piece(s, f, x, piece, base + child.contribution, places, false, false);
+    if (places != nullptr) places = s.places + child.place(0, 1);
+    if (Lu && (x.square || x.part == 1))
+      add_piece(s, f, x, piece, base + child.contribution_up, places, x.square, true);
   });
   __syncthreads();
 }

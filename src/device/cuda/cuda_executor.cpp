@@ -2,408 +2,477 @@
 
 #if ESPALIER_WITH_CUDA
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <bit>
+#include <chrono>
 #include <cmath>
+#include <cstring>
 #include <map>
-#include <numeric>
 #include <span>
 #include <tuple>
 
-#include "device/cuda/device_memory.hpp"
-#include "device/cuda/factor_kernel.cuh"
-#include "device/cuda/factor_parameters.hpp"
-#include "device/cuda/solve_kernel.cuh"
+#include "device/cuda/device_side.hpp"
 
 namespace espalier::device::cuda {
 
 namespace {
 
-class DeviceGuard {
- public:
-  explicit DeviceGuard(int device) {
-    check(cudaGetDevice(&before_), "cudaGetDevice");
-    check(cudaSetDevice(device), "cudaSetDevice");
-  }
-  DeviceGuard(const DeviceGuard&) = delete;
-  DeviceGuard& operator=(const DeviceGuard&) = delete;
-  ~DeviceGuard() { (void)cudaSetDevice(before_); }
-
- private:
-  int before_ = 0;
-};
-
-Offset free_bytes(const CudaOptions& options) {
-  std::size_t free = 0, total = 0;
-  check(cudaMemGetInfo(&free, &total), "cudaMemGetInfo");
-  const auto all = static_cast<Offset>(free);
-  return options.memory_bytes > 0 ? std::min(options.memory_bytes, all) : all;
+double now_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+Offset values_of(const analysis::Plan& plan) {
+  Offset values = 0;
+  for (const auto& e : plan.entries) values = std::max(values, e.source() + 1);
+  return values;
+}
+
+/// One GPU or several. With one, a graph clears what the kernels need clear, and runs them. With several, a side may
+/// write to another one as soon as its kernels run, so everything is cleared after a run, when all have finished, and
+/// the next run begins when all are clear.
 template <class T>
-class ExecutorOnDevice final : public CudaExecutor<T> {
+class ExecutorOnDevices final : public CudaExecutor<T> {
+  using Side = DeviceSide<T>;
+
  public:
-  ExecutorOnDevice(const analysis::Plan& plan, Kind kind, const PivotRule& rule, const CudaOptions& options)
+  ExecutorOnDevices(const analysis::Plan& plan, Kind kind, const PivotRule& rule, const CudaOptions& options)
       : plan_(plan),
         kind_(kind),
         options_(options),
+        devices_(options.devices.empty() ? std::vector<int>{options.device} : options.devices),
         tables_(make_device_plan(plan, kind)),
-        budget_(free_bytes(options)) {
-    name_ = describe_device();
-    take_memory();
-    choose_shapes();
-    fill_states();
+        context_{plan_, kind_, tables_, options.patience_seconds, values_of(plan)} {
+    if (static_cast<Index>(devices_.size()) != plan.assignment.devices)
+      throw std::invalid_argument(fmt::format("make_cuda_executor: the plan is for {} devices, not for {}",
+                                              plan.assignment.devices, devices_.size()));
+    if (several()) open_paths();
+    for (std::size_t d = 0; d < devices_.size(); ++d) add_side(static_cast<int>(d));
+    for (const auto& side : sides_) at(*side, [&] { side->connect(sides_); });
     set_pivot_rule(rule);
-    factor_graph_ = Graph::record(stream_.get(), [&] { enqueue_factorization(); });
+    if (several()) {
+      clear_factor();
+      clear_solve(1);
+    }
+    for (const auto& side : sides_)
+      at(*side,
+         [&] { factor_graphs_.push_back(Graph::record(side->stream().get(), [&] { enqueue_factorization(*side); })); });
   }
 
   void set_pivot_rule(const PivotRule& rule) override {
     const T limits[2] = {static_cast<T>(rule.tiny), static_cast<T>(1 / rule.threshold)};
-    if (limits_known_ && limits[0] == limits_host_[0] && limits[1] == limits_host_[1]) return;
-    const DeviceGuard guard(options_.device);
-    limits_host_[0] = limits[0];
-    limits_host_[1] = limits[1];
+    if (limits_known_ && limits[0] == limits_[0] && limits[1] == limits_[1]) return;
+    limits_[0] = limits[0];
+    limits_[1] = limits[1];
     limits_known_ = true;
-    copy_in(limits_.data(), limits_host_, 2);
+    for (const auto& side : sides_) at(*side, [&] { side->set_limits(limits_); });
   }
 
   FactorOutcome factorize(std::span<const T> values) override {
-    const DeviceGuard guard(options_.device);
-    copy_in(values_.data(), values.data(), static_cast<Offset>(values.size()));
+    to_device(first().values(), values.data(), static_cast<Offset>(values.size()));
     return run_factorization();
   }
 
   FactorOutcome factorize_device(const T* values) override {
-    const DeviceGuard guard(options_.device);
-    check(cudaMemcpyAsync(values_.data(), values, static_cast<std::size_t>(values_.bytes()), cudaMemcpyDeviceToDevice,
-                          stream_.get()),
-          "cudaMemcpyAsync(values)");
+    at(first(), [&] {
+      check(cudaMemcpyAsync(first().values(), values, static_cast<std::size_t>(first().values_size()) * sizeof(T),
+                            cudaMemcpyDefault, first().stream().get()),
+            "cudaMemcpyAsync(values)");
+      if (several()) first().stream().wait();
+    });
     return run_factorization();
   }
 
   double refactorize_again() override {
-    const DeviceGuard guard(options_.device);
-    return stream_.timed([&] { factor_graph_.launch(stream_.get()); });
+    if (several()) return run_on_all([&](Side& s) { launch_factor(s); }, [&] { clear_factor(); });
+    const DeviceGuard guard(first().device());
+    return first().stream().timed([&] { launch_factor(first()); });
   }
 
   void solve(T* x, Index columns, bool transpose) override {
-    const DeviceGuard guard(options_.device);
     const Offset count = static_cast<Offset>(plan_.tree.n) * columns;
     T* rhs = device_rhs(columns);
-    copy_in(rhs, x, count);
+    to_device(rhs, x, count);
     solve_device(rhs, columns, transpose);
     from_device(x, rhs, count);
   }
 
   double solve_device(T* x, Index columns, bool transpose) override {
-    const DeviceGuard guard(options_.device);
     take_solve_memory(columns > 1 ? kManyColumns : 1);
-    const SolveKey key{x, columns, transpose};
-    auto found = solve_graphs_.find(key);
-    if (found == solve_graphs_.end()) {
-      constexpr std::size_t kMostGraphs = 16;
-      if (solve_graphs_.size() >= kMostGraphs) solve_graphs_.clear();
-      found =
-          solve_graphs_.emplace(key, Graph::record(stream_.get(), [&] { enqueue_solve(x, columns, transpose); })).first;
-    }
-    const double seconds = stream_.timed([&] { found->second.launch(stream_.get()); });
-    int control[2] = {};
-    from_device_int(control, solve_control_.data(), 2);
-    if (control[1] != 0) throw stalled("solve");
+    if (several()) return solve_on_all(x, columns, transpose);
+    const DeviceGuard guard(first().device());
+    const Graph& graph = solve_graph({x, columns, transpose, 0, 0}, first(), [&] {
+      for (Index c = 0; c < columns; c += at_once_) {
+        first().enqueue_clear_solve(at_once_);
+        first().enqueue_solve(sides_, x, x, columns, c, transpose);
+      }
+    });
+    const double seconds = first().stream().timed([&] { graph.launch(first().stream().get()); });
+    first().enqueue_counters();
+    first().stream().wait();
+    if (first().solve_counters()[1] != 0) throw stalled("solve");
     return seconds;
   }
 
   T* device_rhs(Index columns) override {
     const Offset count = static_cast<Offset>(plan_.tree.n) * columns;
     if (rhs_.size() < count) {
-      const DeviceGuard guard(options_.device);
-      solve_graphs_.clear();
-      rhs_ = DeviceArray<T>();
-      rhs_ = DeviceArray<T>(count, budget_, budget_.held() + count * static_cast<Offset>(sizeof(T)));
+      at(first(), [&] {
+        solve_graphs_.clear();
+        rhs_ = DeviceArray<T>();
+        rhs_ = DeviceArray<T>(count, first().budget(), first().held() + count * static_cast<Offset>(sizeof(T)));
+      });
     }
     return rhs_.data();
   }
 
   void to_device(T* to, const T* from, Offset count) override {
-    const DeviceGuard guard(options_.device);
-    copy_in(to, from, count);
+    at(first(), [&] { first().copy_in(to, from, count * static_cast<Offset>(sizeof(T))); });
   }
   void from_device(T* to, const T* from, Offset count) override {
-    const DeviceGuard guard(options_.device);
-    check(cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(T), cudaMemcpyDeviceToHost, stream_.get()),
-          "cudaMemcpyAsync(to host)");
-    stream_.wait();
+    at(first(), [&] { first().copy_out(to, from, count * static_cast<Offset>(sizeof(T))); });
   }
 
-  [[nodiscard]] std::string name() const override { return name_; }
-  [[nodiscard]] Offset peak_bytes() const override { return budget_.held(); }
+  [[nodiscard]] std::string name() const override {
+    if (!several()) return first().name();
+    return fmt::format("{} GPUs, the first {}", sides_.size(), first().name());
+  }
+  [[nodiscard]] Offset peak_bytes() const override {
+    Offset most = 0;
+    for (const auto& side : sides_) most = std::max(most, side->held());
+    return most;
+  }
+  [[nodiscard]] std::vector<DeviceWork> device_work() const override { return work_; }
 
  private:
   struct SolveKey {
     T* x;
     Index columns;
     bool transpose;
+    int side;
+    Index first_column;
     bool operator<(const SolveKey& o) const {
-      return std::tie(x, columns, transpose) < std::tie(o.x, o.columns, o.transpose);
+      return std::tie(x, columns, transpose, side, first_column) <
+             std::tie(o.x, o.columns, o.transpose, o.side, o.first_column);
     }
   };
 
-  [[nodiscard]] std::string describe_device() const {
-    cudaDeviceProp p{};
-    check(cudaGetDeviceProperties(&p, options_.device), "cudaGetDeviceProperties");
-    return p.name;
+  [[nodiscard]] bool several() const { return devices_.size() > 1; }
+  [[nodiscard]] Side& first() const { return *sides_.front(); }
+  template <class Use>
+  void at(const Side& side, Use&& use) const {
+    const DeviceGuard guard(side.device());
+    use();
   }
 
   [[nodiscard]] Error stalled(const char* what) const {
-    return {StatusCode::device_error, std::string("the ") + what + " on " + name_ + " was given up after waiting " +
-                                          std::to_string(options_.patience_seconds) + " s for one of its own blocks"};
+    return {StatusCode::device_error,
+            fmt::format("the {} on {} was given up after waiting {} s for one of its own blocks", what, name(),
+                        options_.patience_seconds)};
   }
 
-  template <class U>
-  void copy_in(U* to, const U* from, Offset count) {
-    if (count == 0) return;
-    check(cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(U), cudaMemcpyHostToDevice, stream_.get()),
-          "cudaMemcpyAsync(to device)");
-    stream_.wait();
-  }
-  void from_device_int(int* to, const int* from, int count) {
-    check(
-        cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(int), cudaMemcpyDeviceToHost, stream_.get()),
-        "cudaMemcpyAsync(control)");
-    stream_.wait();
-  }
+  // ---- construction ------------------------------------------------------------------------------------------------
 
-  // An array of the plan, copied once.
-  template <class U, class V, class A>
-  void upload(DeviceArray<U>& to, const std::vector<V, A>& from) {
-    static_assert(sizeof(U) == sizeof(V));
-    to = DeviceArray<U>(static_cast<Offset>(from.size()), budget_, needed_);
-    copy_in(to.data(), reinterpret_cast<const U*>(from.data()), to.size());
-  }
-
-  void take_memory() {
-    const Offset n = plan_.tree.n;
-    Offset values = 0;
-    for (const auto& e : plan_.entries) values = std::max(values, e.source() + 1);
-    const Offset parts = kind_ == Kind::lu ? 2 : 1;
-    const auto bytes = [](const auto& v) { return static_cast<Offset>(v.size() * sizeof(v[0])); };
-    needed_ = (std::accumulate(tables_.regions.begin(), tables_.regions.end(), Offset{0}) + values + 3 * n) *
-                  static_cast<Offset>(sizeof(T)) +
-              bytes(tables_.fronts) + bytes(tables_.links) + bytes(tables_.bounds) + bytes(tables_.waits) +
-              bytes(tables_.tasks) + bytes(tables_.up) + bytes(tables_.down) + bytes(plan_.relative) +
-              bytes(plan_.tree.rows) + bytes(plan_.entry_ptr) + bytes(plan_.entries) + parts * tables_.flags * 4 +
-              plan_.fronts() * 4 + 2 * n +
-              3 * (2 * n + static_cast<Offset>(plan_.relative.size())) * static_cast<Offset>(sizeof(T));
-    std::vector<T*> bases;
-    for (const Offset size : tables_.regions) {
-      arenas_.emplace_back(size, budget_, needed_);
-      bases.push_back(arenas_.back().data());
-    }
-    upload(base_, bases);
-    values_ = DeviceArray<T>(values, budget_, needed_);
-    pivot_ = DeviceArray<T>(n, budget_, needed_);
-    if (kind_ == Kind::ldlt) {
-      inverse_d_ = DeviceArray<T>(n, budget_, needed_);
-      inverse_e_ = DeviceArray<T>(n, budget_, needed_);
-    }
-    marks_ = DeviceArray<unsigned char>(2 * n, budget_, needed_);
-    limits_ = DeviceArray<T>(2, budget_, needed_);
-    control_ = DeviceArray<int>(kFlagsAt + parts * tables_.flags + plan_.fronts(), budget_, needed_);
-    solve_control_ = DeviceArray<int>(8, budget_, needed_);
-    upload(fronts_, tables_.fronts);
-    upload(links_, tables_.links);
-    upload(bounds_, tables_.bounds);
-    upload(waits_, tables_.waits);
-    upload(tasks_, tables_.tasks);
-    upload(up_, tables_.up);
-    upload(down_, tables_.down);
-    upload(relative_, plan_.relative);
-    upload(rows_, plan_.tree.rows);
-    upload(entry_ptr_, plan_.entry_ptr);
-    upload(entries_, plan_.entries);
-    take_solve_memory(1);
-  }
-
-  // Buffers of one pass of a solve with `columns` right-hand sides.
-  void take_solve_memory(Index columns) {
-    const Offset rows = 2 * static_cast<Offset>(plan_.tree.n) + static_cast<Offset>(plan_.relative.size());
-    if (vectors_.size() >= rows * columns) return;
-    solve_graphs_.clear();
-    vectors_ = DeviceArray<T>();
-    vectors_ = DeviceArray<T>(rows * columns, budget_, needed_);
-  }
-
-  void choose_shapes() {
-    std::size_t whole = 0;
-    for (const Front& f : tables_.fronts)
-      if (f.whole != 0) {
-        const auto size = static_cast<std::size_t>(f.total_pad), p = static_cast<std::size_t>(f.pivot_pad);
-        whole = std::max(whole, size * (size + 4) + p * (p + 4));
+  // Access from every device to every other; where that is refused, memory on the host that all of them see.
+  void open_paths() {
+    bool open = !options_.staging;
+    for (const int a : devices_)
+      for (const int b : devices_) {
+        int can = a == b ? 1 : 0;
+        if (a != b) check(cudaDeviceCanAccessPeer(&can, a, b), "cudaDeviceCanAccessPeer");
+        open = open && can != 0;
       }
-    for (const bool wide : {false, true})
-      check(dispatch([&](auto kernel) { return decltype(kernel)::shape_for(wide, whole, shape_[wide ? 1 : 0]); }),
-            "launch shape of the factorization kernel");
-    for (const bool many : {false, true})
-      check(SolveKernel<T>::resident(many, solve_shape_[many ? 1 : 0]), "launch shape of the solve kernel");
-  }
-
-  template <class Use>
-  cudaError_t dispatch(Use&& use) const {
-    switch (kind_) {
-      case Kind::llt:
-        return use(FactorKernel<T, Kind::llt>{});
-      case Kind::ldlt:
-        return use(FactorKernel<T, Kind::ldlt>{});
-      default:
-        return use(FactorKernel<T, Kind::lu>{});
+    if (!open) {
+      take_common();
+      return;
+    }
+    for (const int a : devices_) {
+      const DeviceGuard guard(a);
+      for (const int b : devices_) {
+        if (a == b) continue;
+        const auto e = cudaDeviceEnablePeerAccess(b, 0);
+        if (e == cudaErrorPeerAccessAlreadyEnabled)
+          (void)cudaGetLastError();
+        else
+          check(e, "cudaDeviceEnablePeerAccess");
+      }
     }
   }
 
-  void fill_states() {
-    const Offset n = plan_.tree.n;
+  void take_common() {
+    Offset places = 0;
+    for (const auto space : tables_.place_space) places += space;
     const Offset parts = kind_ == Kind::lu ? 2 : 1;
-    const auto patience = static_cast<std::uint64_t>(options_.patience_seconds * 1e9);
-    state_ = {fronts_.data(),
-              tasks_.data(),
-              links_.data(),
-              bounds_.data(),
-              waits_.data(),
-              relative_.data(),
-              entry_ptr_.data(),
-              entries_.data(),
-              values_.data(),
-              base_.data(),
-              inverse_d_.data(),
-              inverse_e_.data(),
-              pivot_.data(),
-              marks_.data(),
-              marks_.data() + n,
-              control_.data(),
-              control_.data() + kFlagsAt + parts * tables_.flags,
-              limits_.data(),
-              patience,
-              tables_.flags};
+    common_top_ = PinnedArray<T>(std::max<Offset>(1, tables_.regions[0]));
+    common_places_ = PinnedArray<T>(std::max<Offset>(1, places));
+    common_pivot_ = PinnedArray<T>(3 * static_cast<Offset>(plan_.tree.n));
+    common_updates_ = PinnedArray<T>(std::max<Offset>(1, static_cast<Offset>(plan_.relative.size())) * kManyColumns);
+    common_flag_ = PinnedArray<int>(parts * tables_.flags);
+    common_ = {common_top_.data(), common_places_.data(), common_pivot_.data(), common_updates_.data(),
+               common_flag_.data()};
   }
 
-  void enqueue_factorization() {
-    const cudaStream_t stream = stream_.get();
-    check(cudaMemsetAsync(control_.data(), 0, static_cast<std::size_t>(control_.bytes()), stream), "cudaMemsetAsync");
-    if (kind_ != Kind::llt)
-      check(cudaMemsetAsync(marks_.data(), 0, static_cast<std::size_t>(marks_.bytes()), stream), "cudaMemsetAsync");
-    const auto tasks = static_cast<int>(tables_.tasks.size()), narrow = static_cast<int>(tables_.narrow_tasks);
-    const auto launch = [&](bool wide, int first, int end) {
-      if (first == end) return;
-      check(dispatch([&](auto kernel) {
-              return decltype(kernel)::launch(wide, shape_[wide ? 1 : 0], state_, first, end, plan_.tree.n, stream);
-            }),
-            "launch of the factorization kernel");
-    };
-    launch(false, 0, narrow);
-    launch(true, narrow, tasks);
-  }
-
-  void enqueue_solve(T* x, Index columns, bool transpose) {
-    const cudaStream_t stream = stream_.get();
-    const bool many = columns > 1, lu = kind_ == Kind::lu;
-    const Index at_once = many ? kManyColumns : 1;
-    const Offset n = plan_.tree.n, below = static_cast<Offset>(plan_.relative.size());
-    const SolveState<T> s{fronts_.data(),
-                          up_.data(),
-                          down_.data(),
-                          static_cast<int>(tables_.up.size()),
-                          static_cast<int>(tables_.down.size()),
-                          static_cast<int>(tables_.small_up),
-                          static_cast<int>(tables_.small_down),
-                          links_.data(),
-                          bounds_.data(),
-                          relative_.data(),
-                          rows_.data(),
-                          base_.data(),
-                          inverse_d_.data(),
-                          inverse_e_.data(),
-                          lu && transpose,
-                          lu && !transpose,
-                          x,
-                          columns,
-                          vectors_.data(),
-                          vectors_.data() + 2 * n * at_once,
-                          vectors_.data() + n * at_once,
-                          solve_control_.data(),
-                          static_cast<std::uint64_t>(options_.patience_seconds * 1e9)};
-    for (Index c = 0; c < columns; c += at_once) {
-      check(cudaMemsetAsync(solve_control_.data(), 0, static_cast<std::size_t>(solve_control_.bytes()), stream),
-            "cudaMemsetAsync");
-      check(cudaMemsetAsync(vectors_.data(), 0xff, static_cast<std::size_t>((2 * n + below) * at_once) * sizeof(T),
-                            stream),
-            "cudaMemsetAsync");
-      check(SolveKernel<T>::launch(many, solve_shape_[many ? 1 : 0], s, c, stream), "launch of the solve kernel");
+  void add_side(int self) {
+    const int device = devices_[static_cast<std::size_t>(self)];
+    const DeviceGuard guard(device);
+    try {
+      const Side* twin = sides_.empty() || common_.top != nullptr ? nullptr : sides_.front().get();
+      sides_.push_back(std::make_unique<Side>(context_, self, device, options_.memory_bytes, common_, twin));
+    } catch (const Error& e) {
+      if (!several()) throw;
+      throw Error(e.status().code, fmt::format("GPU {}: {}", device, e.what()));
     }
+  }
+
+  void enqueue_factorization(Side& side) {
+    if (!several()) {
+      side.enqueue_clear_factor();
+      side.enqueue_factor();
+      return;
+    }
+    if (side.self() != 0 && common_.top == nullptr) side.enqueue_values_from(first());
+    side.enqueue_factor(side.self() == options_.fail_device);
+    side.enqueue_counters();
+  }
+
+  // ---- runs --------------------------------------------------------------------------------------------------------
+
+  void launch_factor(Side& side) { factor_graphs_[static_cast<std::size_t>(side.self())].launch(side.stream().get()); }
+
+  // Launches on every side and waits for all. What goes wrong on one ends the others. clear(): what the next run needs.
+  template <class Launch, class Clear>
+  double run_on_all(Launch&& launch, Clear&& clear) {
+    const double start = now_seconds();
+    std::string what;
+    const auto fail = [&](const Side& side, const char* text) {
+      if (what.empty()) what = fmt::format("{}: {}", side.name(), text);
+      for (const auto& other : sides_) other->abort();
+    };
+    for (const auto& side : sides_) side->stream().wait();  // clear of the run before
+    std::vector<char> running(sides_.size(), 0);
+    for (const auto& side : sides_) {
+      try {
+        at(*side, [&] { launch(*side); });
+        running[static_cast<std::size_t>(side->self())] = 1;
+      } catch (const Error& e) {
+        fail(*side, e.what());
+      }
+    }
+    for (auto left = std::count(running.begin(), running.end(), 1); left > 0;)
+      for (const auto& side : sides_) {
+        char& runs = running[static_cast<std::size_t>(side->self())];
+        if (runs == 0) continue;
+        const auto e = cudaStreamQuery(side->stream().get());
+        if (e == cudaErrorNotReady) continue;
+        runs = 0;
+        --left;
+        if (e != cudaSuccess) {
+          (void)cudaGetLastError();
+          fail(*side, cudaGetErrorString(e));
+        } else if (side->self() == options_.fail_device) {
+          fail(*side, "failed halfway, as asked for");
+        }
+      }
+    const double seconds = now_seconds() - start;
+    clear();
+    if (!what.empty()) throw Error(StatusCode::device_error, what);
+    return seconds;
+  }
+
+  void clear_factor() {
+    if (common_.flag != nullptr) std::fill(common_.flag, common_.flag + common_flag_.size(), 0);
+    for (const auto& side : sides_) at(*side, [&] { side->enqueue_clear_factor(); });
+  }
+  void clear_solve(Index at_once) {
+    if (common_.updates != nullptr)
+      std::memset(common_.updates, 0xff, static_cast<std::size_t>(common_updates_.size()) * sizeof(T));
+    for (const auto& side : sides_) at(*side, [&] { side->enqueue_clear_solve(at_once); });
   }
 
   FactorOutcome run_factorization() {
     FactorOutcome out;
-    out.seconds = stream_.timed([&] { factor_graph_.launch(stream_.get()); });
+    bool stopped = false;
+    if (several()) {
+      if (common_.top != nullptr) send_values();
+      // Counters are on the host when a run ends; marks are read before they are cleared.
+      out.seconds = run_on_all([&](Side& s) { launch_factor(s); },
+                               [&] {
+                                 read_counters(out, stopped);
+                                 read_marks(out);
+                                 clear_factor();
+                               });
+    } else {
+      const DeviceGuard guard(first().device());
+      out.seconds = first().stream().timed([&] { launch_factor(first()); });
+      first().enqueue_counters();
+      first().stream().wait();
+      read_counters(out, stopped);
+      read_marks(out);
+    }
     out.busy_seconds = out.seconds;
-    int control[kFlagsAt] = {};
-    from_device_int(control, control_.data(), kFlagsAt);
-    if (control[kAborted] != 0) throw stalled("factorization");
-    const Index n = plan_.tree.n;
-    if (control[kNotPositive] > 0) out.not_positive = n - control[kNotPositive];
-    out.negative = control[kNegative];
-    out.two_by_two = control[kTwoByTwo];
-    if (control[kReplaced] > 0) out.replaced = marked(0);
-    if (control[kFailed] > 0) out.failed = marked(n);
+    if (stopped) throw stalled("factorization");
     if (out.not_positive < 0) add_determinant(out);
     return out;
   }
 
-  std::vector<Index> marked(Offset from) {
+  void send_values() {
+    std::vector<T> values(static_cast<std::size_t>(context_.values));
+    const Offset bytes = context_.values * static_cast<Offset>(sizeof(T));
+    at(first(), [&] { first().copy_out(values.data(), first().values(), bytes); });
+    for (const auto& side : sides_)
+      if (side->self() != 0) at(*side, [&] { side->copy_in(side->values(), values.data(), bytes); });
+  }
+
+  void read_counters(FactorOutcome& out, bool& stopped) {
     const Index n = plan_.tree.n;
-    std::vector<unsigned char> marks(static_cast<std::size_t>(n));
-    check(cudaMemcpy(marks.data(), marks_.data() + from, marks.size(), cudaMemcpyDeviceToHost), "cudaMemcpy(marks)");
+    work_.clear();
+    replaced_ = failed_ = false;
+    for (const auto& side : sides_) {
+      const int* c = side->factor_counters();
+      stopped = stopped || c[kAborted] != 0;
+      if (c[kNotPositive] > 0) {
+        const Index at = n - c[kNotPositive];
+        out.not_positive = out.not_positive < 0 ? at : std::min(out.not_positive, at);
+      }
+      out.negative += c[kNegative];
+      out.two_by_two += c[kTwoByTwo];
+      replaced_ = replaced_ || c[kReplaced] > 0;
+      failed_ = failed_ || c[kFailed] > 0;
+      if (several()) work_.push_back({side->name(), out.seconds, 0, 0, side->held()});
+    }
+  }
+
+  void read_marks(FactorOutcome& out) {
+    if (replaced_) out.replaced = marked(false);
+    if (failed_) out.failed = marked(true);
+  }
+
+  std::vector<Index> marked(bool failed) {
+    std::vector<unsigned char> marks;
+    for (const auto& side : sides_) at(*side, [&] { side->marked(failed, marks); });
     std::vector<Index> list;
-    for (Index k = 0; k < n; ++k)
-      if (marks[static_cast<std::size_t>(k)] != 0) list.push_back(k);
+    for (std::size_t k = 0; k < marks.size(); ++k)
+      if (marks[k] != 0) list.push_back(static_cast<Index>(k));
     return list;
   }
 
   void add_determinant(FactorOutcome& out) {
-    pivots_host_.resize(static_cast<std::size_t>(plan_.tree.n));
-    check(cudaMemcpy(pivots_host_.data(), pivot_.data(), pivots_host_.size() * sizeof(T), cudaMemcpyDeviceToHost),
-          "cudaMemcpy(pivots)");
-    for (const T p : pivots_host_) {
-      if (p < T(0)) out.determinant_sign = -out.determinant_sign;
-      out.determinant_log += std::log(std::abs(static_cast<double>(p)));
+    pivots_host_.resize(sides_.size());
+    for (const auto& side : sides_)
+      at(*side, [&] { side->pivots(pivots_host_[static_cast<std::size_t>(side->self())]); });
+    for (Index f = 0; f < plan_.fronts(); ++f) {
+      const auto& pivots = pivots_host_[static_cast<std::size_t>(std::countr_zero(tables_.fronts[f].members))];
+      for (Index k = plan_.tree.first[f]; k < plan_.tree.first[f + 1]; ++k) {
+        const T p = pivots[static_cast<std::size_t>(k)];
+        if (p < T(0)) out.determinant_sign = -out.determinant_sign;
+        out.determinant_log += std::log(std::abs(static_cast<double>(p)));
+      }
     }
+  }
+
+  // ---- solve -------------------------------------------------------------------------------------------------------
+
+  void take_solve_memory(Index at_once) {
+    if (at_once_ == at_once) return;
+    at_once_ = at_once;
+    for (const auto& side : sides_)
+      at(*side, [&] {
+        side->stream().wait();
+        if (side->take_solve_memory(at_once)) solve_graphs_.clear();
+      });
+    if (several()) clear_solve(at_once);
+  }
+
+  template <class Record>
+  const Graph& solve_graph(const SolveKey& key, const Side& side, Record&& record) {
+    const auto found = solve_graphs_.find(key);
+    if (found != solve_graphs_.end()) return found->second;
+    constexpr std::size_t kMostGraphs = 64;
+    if (solve_graphs_.size() >= kMostGraphs) solve_graphs_.clear();
+    return solve_graphs_.emplace(key, Graph::record(side.stream().get(), record)).first->second;
+  }
+
+  // Every side works on a copy of the right-hand sides; solutions go to x, on the first device or wherever it lies.
+  double solve_on_all(T* x, Index columns, bool transpose) {
+    const Offset count = static_cast<Offset>(plan_.tree.n) * columns;
+    side_rhs_.resize(sides_.size());
+    std::vector<T> staged;
+    for (const auto& side : sides_) {
+      DeviceArray<T>& mine = side_rhs_[static_cast<std::size_t>(side->self())];
+      if (mine.size() >= count) continue;
+      at(*side, [&] {
+        solve_graphs_.clear();
+        mine = DeviceArray<T>();
+        mine = DeviceArray<T>(count, side->budget(), side->held() + count * static_cast<Offset>(sizeof(T)));
+      });
+    }
+    if (common_.updates != nullptr) stage_rhs(x, count);
+    double seconds = 0;
+    for (Index c = 0; c < columns; c += at_once_)
+      seconds += run_on_all(
+          [&](Side& side) {
+            T* mine = side_rhs_[static_cast<std::size_t>(side.self())].data();
+            T* result = common_.updates != nullptr ? mine : x;
+            solve_graph({x, columns, transpose, side.self(), c}, side, [&] {
+              if (c == 0 && common_.updates == nullptr)
+                check(launch_copy(mine, static_cast<const T*>(x), count, side.stream().get()),
+                      "copy of right-hand sides");
+              side.enqueue_solve(sides_, mine, result, columns, c, transpose);
+              side.enqueue_counters();
+            }).launch(side.stream().get());
+          },
+          [&] { clear_solve(at_once_); });
+    if (common_.updates != nullptr) collect_solution(x, columns);
+    for (const auto& side : sides_)
+      if (side->solve_counters()[1] != 0) throw stalled("solve");
+    return seconds;
+  }
+
+  void stage_rhs(const T* x, Offset count) {
+    std::vector<T> host(static_cast<std::size_t>(count));
+    const Offset bytes = count * static_cast<Offset>(sizeof(T));
+    at(first(), [&] { first().copy_out(host.data(), x, bytes); });
+    for (const auto& side : sides_)
+      at(*side, [&] { side->copy_in(side_rhs_[static_cast<std::size_t>(side->self())].data(), host.data(), bytes); });
+  }
+
+  // Every row from the device that speaks for its front.
+  void collect_solution(T* x, Index columns) {
+    const auto count = static_cast<std::size_t>(plan_.tree.n) * static_cast<std::size_t>(columns);
+    const auto bytes = static_cast<Offset>(count * sizeof(T));
+    std::vector<T> all(count), part(count);
+    for (const auto& side : sides_) {
+      at(*side, [&] { side->copy_out(part.data(), side_rhs_[static_cast<std::size_t>(side->self())].data(), bytes); });
+      for (Index f = 0; f < plan_.fronts(); ++f)
+        if (std::countr_zero(tables_.fronts[f].members) == side->self())
+          std::copy(part.begin() + static_cast<std::ptrdiff_t>(plan_.tree.first[f]) * columns,
+                    part.begin() + static_cast<std::ptrdiff_t>(plan_.tree.first[f + 1]) * columns,
+                    all.begin() + static_cast<std::ptrdiff_t>(plan_.tree.first[f]) * columns);
+    }
+    to_device(x, all.data(), static_cast<Offset>(count));
   }
 
   const analysis::Plan& plan_;
   Kind kind_;
   CudaOptions options_;
+  std::vector<int> devices_;
   DevicePlan tables_;
-  DeviceBudget budget_;
-  Offset needed_ = 0;
-  std::string name_;
-  Stream stream_;
-  std::vector<DeviceArray<T>> arenas_;  // regions
-  DeviceArray<T*> base_;
-  DeviceArray<T> values_, pivot_, inverse_d_, inverse_e_, limits_, vectors_, rhs_;
-  DeviceArray<unsigned char> marks_;
-  DeviceArray<int> control_, solve_control_;
-  DeviceArray<Front> fronts_;
-  DeviceArray<Link> links_;
-  DeviceArray<std::int32_t> bounds_, waits_, relative_, rows_;
-  DeviceArray<FactorTask> tasks_;
-  DeviceArray<SolveTask> up_, down_;
-  DeviceArray<std::int64_t> entry_ptr_;
-  DeviceArray<std::uint64_t> entries_;
-  LaunchShape shape_[2];
-  SolveShape solve_shape_[2];
-  FactorState<T> state_{};
-  T limits_host_[2] = {};
-  bool limits_known_ = false;
-  Graph factor_graph_;
+  SideContext context_;
+  PinnedArray<T> common_top_, common_places_, common_pivot_, common_updates_;
+  PinnedArray<int> common_flag_;
+  CommonMemory<T> common_;
+  std::vector<std::unique_ptr<Side>> sides_;
+  DeviceArray<T> rhs_;
+  std::vector<DeviceArray<T>> side_rhs_;
+  std::vector<Graph> factor_graphs_;
   std::map<SolveKey, Graph> solve_graphs_;
-  std::vector<T> pivots_host_;
+  std::vector<DeviceWork> work_;
+  std::vector<std::vector<T>> pivots_host_;
+  T limits_[2] = {};
+  bool limits_known_ = false;
+  bool replaced_ = false, failed_ = false;
+  Index at_once_ = 1;
 };
 
 }  // namespace
@@ -438,8 +507,7 @@ Availability available_devices() {
 template <class T>
 std::unique_ptr<CudaExecutor<T>> make_cuda_executor(const analysis::Plan& plan, Kind kind, const PivotRule& rule,
                                                     const CudaOptions& options) {
-  const DeviceGuard guard(options.device);
-  return std::make_unique<ExecutorOnDevice<T>>(plan, kind, rule, options);
+  return std::make_unique<ExecutorOnDevices<T>>(plan, kind, rule, options);
 }
 
 template std::unique_ptr<CudaExecutor<double>> make_cuda_executor(const analysis::Plan&, Kind, const PivotRule&,

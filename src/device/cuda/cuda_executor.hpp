@@ -29,8 +29,11 @@ struct Availability {
 Availability available_devices();
 
 struct CudaOptions {
-  int device = 0;
-  Offset memory_bytes = 0;       ///< budget; 0: what is free
+  int device = 0;            ///< the only one, unless `devices` names several
+  std::vector<int> devices;  ///< GPUs that share the factorization; the plan must be made for so many
+  bool staging = false;      ///< several GPUs exchange everything through host memory, as they must without peer access
+  int fail_device = -1;      ///< for tests: this one of `devices` (0-based) dies halfway in every factorization
+  Offset memory_bytes = 0;   ///< budget of each device; 0: what is free
   double patience_seconds = 30;  ///< a wait between blocks that lasts longer ends the run with an error
 };
 

@@ -69,6 +69,36 @@ class DeviceArray {
   Offset size_ = 0;
 };
 
+/// An array in host memory that devices see, at the same address.
+template <class T>
+class PinnedArray {
+ public:
+  PinnedArray() = default;
+  explicit PinnedArray(Offset size) : size_(size) {
+    if (size == 0) return;
+    check(cudaHostAlloc(reinterpret_cast<void**>(&data_), static_cast<std::size_t>(size) * sizeof(T),
+                        cudaHostAllocPortable | cudaHostAllocMapped),
+          "cudaHostAlloc");
+  }
+  PinnedArray(PinnedArray&& o) noexcept : data_(std::exchange(o.data_, nullptr)), size_(std::exchange(o.size_, 0)) {}
+  PinnedArray& operator=(PinnedArray&& o) noexcept {
+    std::swap(data_, o.data_);
+    std::swap(size_, o.size_);
+    return *this;
+  }
+  PinnedArray(const PinnedArray&) = delete;
+  PinnedArray& operator=(const PinnedArray&) = delete;
+  ~PinnedArray() {
+    if (data_ != nullptr) (void)cudaFreeHost(data_);
+  }
+  [[nodiscard]] T* data() const { return data_; }
+  [[nodiscard]] Offset size() const { return size_; }
+
+ private:
+  T* data_ = nullptr;
+  Offset size_ = 0;
+};
+
 /// A stream, an event pair for timing, and graphs, released without throwing.
 class Stream {
  public:

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <limits>
 #include <stdexcept>
 
 namespace espalier::device::cuda {
@@ -21,9 +22,11 @@ class Builder {
   Builder(const Plan& plan, Kind kind) : plan_(plan), kind_(kind) {
     if (plan.options.tiles.panel != kChunk || plan.options.tiles.even || plan.options.range_flops > 0)
       throw std::invalid_argument("make_device_plan: the plan was not made with cuda_plan_options()");
+    if (plan.assignment.devices > kMostDevices) throw std::invalid_argument("make_device_plan: too many devices");
   }
 
   DevicePlan build() {
+    d_.lists.resize(static_cast<std::size_t>(plan_.assignment.devices));
     describe_fronts();
     link_children();
     const std::vector<Task> order = by_phase();
@@ -51,6 +54,8 @@ class Builder {
       x.total_pad = x.pivot_pad + pad(x.below);
       x.below_ld = (x.below + 3) / 4 * 4;
       x.position = t.first[f];
+      x.members = 1;
+      x.first_place = -1;
       x.pivot_tiles = layout.pivot_tiles;
       x.tiles = layout.tiles;
       x.pivot_blocks = (x.pivot_pad + kRowBlock - 1) / kRowBlock;
@@ -105,48 +110,128 @@ class Builder {
     return order;
   }
 
-  // Places in the arena: the plan's own memory planner, over this backend's sizes and order.
+  // Regions: with one device, all of the plan; with several, the top and what each device does alone.
   void place_arrays(const std::vector<Task>& order) {
-    Plan light;
-    light.tree.parent = plan_.tree.parent;
-    light.options = plan_.options;
-    light.layout = plan_.layout;
-    light.whole = plan_.whole;
-    light.child_ptr = plan_.child_ptr;
-    light.children = plan_.children;
-    light.tasks = order;
-    const auto n = static_cast<std::size_t>(plan_.fronts());
-    light.first_task.assign(n, -1);
-    light.last_task.assign(n, -1);
-    for (std::size_t at = 0; at < order.size(); ++at) {
-      const Index f = order[at].front;
-      if (light.first_task[f] < 0) light.first_task[f] = static_cast<Index>(at);
-      light.last_task[f] = static_cast<Index>(at);
+    const Index devices = plan_.assignment.devices;
+    if (devices == 1) {
+      d_.regions.assign(1, 0);
+      d_.region_device.assign(1, 0);
+      place_region(0, order);
+      return;
     }
+    d_.regions.assign(static_cast<std::size_t>(devices) + 1, 0);
+    d_.region_device.assign(d_.regions.size(), 0);
+    std::vector<std::vector<Task>> parts(d_.regions.size());
+    for (Index f = 0; f < plan_.fronts(); ++f) {
+      const Index s = plan_.assignment.subtree(f);
+      if (s >= 0) d_.fronts[f].region = 1 + plan_.assignment.subtrees[static_cast<std::size_t>(s)].device;
+    }
+    for (const Task& task : order) parts[static_cast<std::size_t>(d_.fronts[task.front].region)].push_back(task);
+    for (Index r = 1; r <= devices; ++r) {
+      d_.region_device[static_cast<std::size_t>(r)] = r - 1;
+      place_region(r, parts[static_cast<std::size_t>(r)]);
+    }
+    place_top();
+  }
+
+  [[nodiscard]] static Offset rounded(Offset x) { return (x + kChunk - 1) / kChunk * kChunk; }
+
+  // One region by the plan's own memory planner, over this backend's sizes and order. What is passed on to other
+  // regions hangs on a front that is never eliminated, so that it stays.
+  void place_region(Index region, const std::vector<Task>& order) {
+    std::vector<Index> fronts, local(static_cast<std::size_t>(plan_.fronts()), -1);
+    for (Index f = 0; f < plan_.fronts(); ++f)
+      if (d_.fronts[f].region == region) {
+        local[f] = static_cast<Index>(fronts.size());
+        fronts.push_back(f);
+      }
+    const auto n = fronts.size();
+    Plan light;
+    light.options = plan_.options;
+    light.options.devices = 1;
+    light.tree.parent.assign(n + 1, -1);
+    light.layout.resize(n + 1);
+    light.whole.assign(n + 1, 1);
+    light.child_ptr.assign(n + 2, 0);
     analysis::ArraySizes sizes;
-    for (const Front& x : d_.fronts) {
-      sizes.factor.push_back((x.factor_size() + kChunk - 1) / kChunk * kChunk);
-      sizes.contribution.push_back((x.contribution_size() + kChunk - 1) / kChunk * kChunk);
+    for (std::size_t k = 0; k < n; ++k) {
+      const Index f = fronts[k], parent = plan_.tree.parent[f];
+      if (parent >= 0) light.tree.parent[k] = local[parent] >= 0 ? local[parent] : static_cast<Index>(n);
+      light.layout[k] = plan_.layout[f];
+      light.whole[k] = plan_.whole[f];
+      for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c)
+        light.children.push_back(local[plan_.children[c]]);
+      light.child_ptr[k + 1] = static_cast<Offset>(light.children.size());
+      sizes.factor.push_back(rounded(d_.fronts[f].factor_size()));
+      sizes.contribution.push_back(rounded(d_.fronts[f].contribution_size()));
+    }
+    light.child_ptr[n + 1] = light.child_ptr[n];
+    sizes.factor.push_back(0);
+    sizes.contribution.push_back(0);
+    light.first_task.assign(n + 1, -1);
+    light.last_task.assign(n + 1, std::numeric_limits<Index>::max());
+    for (std::size_t at = 0; at < order.size(); ++at) {
+      Task task = order[at];
+      task.front = local[task.front];
+      if (task.is_range()) task.begin = task.front;
+      if (light.first_task[task.front] < 0) light.first_task[task.front] = static_cast<Index>(at);
+      light.last_task[task.front] = static_cast<Index>(at);
+      light.tasks.push_back(task);
     }
     analysis::plan_memory(light, &sizes);
     const auto& m = light.memory;
+    const auto first_wait = static_cast<Offset>(d_.waits.size());
+    for (std::size_t k = 0; k < n; ++k) {
+      Front& x = d_.fronts[fronts[k]];
+      x.factor = m.factor[k];
+      x.contribution = m.contribution[k];
+      if (!m.factor2.empty()) x.second = m.factor2[k];
+      if (!m.contribution2.empty()) x.contribution_up = m.contribution2[k];
+      x.wait_begin = static_cast<std::int32_t>(first_wait + m.wait_ptr[k]);
+      x.wait_end = static_cast<std::int32_t>(first_wait + m.wait_ptr[k + 1]);
+    }
+    for (const Index k : m.wait_fronts) d_.waits.push_back(fronts[k]);
+    d_.regions[region] = m.size;
+  }
+
+  // The top: factors one after another; tile columns of contributions with their makers. Nothing is used twice, so
+  // that nobody waits for a reader on another device.
+  void place_top() {
+    const auto& a = plan_.assignment;
+    d_.place_space.assign(static_cast<std::size_t>(a.devices), 0);
+    Offset end = 0;
     for (Index f = 0; f < plan_.fronts(); ++f) {
       Front& x = d_.fronts[f];
-      x.factor = m.factor[f];
-      x.contribution = m.contribution[f];
-      if (!m.factor2.empty()) x.second = m.factor2[f];
-      if (!m.contribution2.empty()) x.contribution_up = m.contribution2[f];
-      x.wait_begin = static_cast<std::int32_t>(m.wait_ptr[f]);
-      x.wait_end = static_cast<std::int32_t>(m.wait_ptr[f + 1]);
+      const Index parent = plan_.tree.parent[f];
+      x.members = static_cast<std::uint16_t>(a.members[f]);
+      x.readers = parent < 0 || a.subtree(parent) >= 0 ? 0 : static_cast<std::uint16_t>(a.members[parent]);
+      if (x.region != 0) continue;
+      const Offset size = rounded(x.factor_size());
+      x.factor = end;
+      end += size;
+      if (kind_ == Kind::lu || (kind_ == Kind::ldlt && x.whole == 0)) {
+        x.second = end;
+        end += size;
+      }
+      if (parent < 0 || x.below == 0) continue;
+      x.first_place = static_cast<std::int32_t>(d_.places.size());
+      for (int part = 0; part < (is_lu() ? 2 : 1); ++part)
+        for (int b = 0; b < x.tiles - x.pivot_tiles; ++b) {
+          const Index owner = a.owner(f, x.whole != 0 ? 0 : x.pivot_tiles + b);
+          const Offset first = static_cast<Offset>(b) * x.width;
+          const Offset columns = std::min<Offset>(x.width, x.below - first);
+          d_.places.push_back({owner, d_.place_space[owner]});
+          d_.place_space[owner] += rounded(columns * (x.below_ld - first));
+        }
     }
-    d_.waits.assign(m.wait_fronts.begin(), m.wait_fronts.end());
-    d_.regions = {m.size};
+    d_.regions[0] = end;
   }
 
   void emit(Index f, Work work, int part, Index block, Index column) {
-    d_.tasks.push_back(
-        {f, work, static_cast<std::int8_t>(part), static_cast<std::uint16_t>(d_.fronts[f].region), block, column});
-    ++d_.fronts[f].tasks;
+    Front& x = d_.fronts[f];
+    d_.lists[plan_.assignment.owner(f, column)].tasks.push_back(
+        {f, work, static_cast<std::int8_t>(part), static_cast<std::uint16_t>(x.region), block, column});
+    ++x.tasks;
   }
 
   void emit_block(Index f, Index block, Index column) {
@@ -172,19 +257,25 @@ class Builder {
   }
 
   void list_tasks(const std::vector<Task>& order) {
-    d_.narrow_tasks = -1;
+    const auto set_narrow = [&] {
+      for (TaskLists& l : d_.lists) l.narrow_tasks = static_cast<std::int64_t>(l.tasks.size());
+    };
+    bool narrow = true;
     for (const Task& task : order) {
-      if (d_.narrow_tasks < 0 && narrow_[task.front] == 0) d_.narrow_tasks = static_cast<std::int64_t>(d_.tasks.size());
+      if (narrow && narrow_[task.front] == 0) {
+        narrow = false;
+        set_narrow();
+      }
       if (task.is_range())
         emit(task.front, Work::whole, 0, 0, 0);
       else if (task.i == task.j)
         emit_column(task.front, task.j);
     }
-    if (d_.narrow_tasks < 0) d_.narrow_tasks = static_cast<std::int64_t>(d_.tasks.size());
+    if (narrow) set_narrow();
   }
 
   // Up: children before parents, tier by tier from the deepest; down: the reverse. Sub-trees in which every front is
-  // small are taken first on the way up and last on the way down.
+  // small are taken first on the way up and last on the way down. All members of a front do all of it.
   void list_solve_tasks() {
     std::vector<char> small(static_cast<std::size_t>(plan_.fronts()), 1);
     std::vector<Index> order(small.size());
@@ -198,15 +289,21 @@ class Builder {
     std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
       return small[a] != small[b] ? small[a] > small[b] : plan_.tier[a] > plan_.tier[b];
     });
-    for (const Index f : order) {
-      if (d_.fronts[f].total_pad <= kRowBlock)
-        d_.up.push_back({f, -1});
-      else
-        for (Index a = 0; a < d_.fronts[f].blocks; ++a) d_.up.push_back({f, a});
-    }
+    const auto for_members = [&](Index f, auto&& use) {
+      for (std::size_t d = 0; d < d_.lists.size(); ++d)
+        if ((d_.fronts[f].members >> d & 1) != 0) use(d_.lists[d]);
+    };
+    for (const Index f : order)
+      for_members(f, [&](TaskLists& l) {
+        const bool single = d_.fronts[f].total_pad <= kRowBlock;
+        for (Index a = 0; a < (single ? 1 : d_.fronts[f].blocks); ++a) l.up.push_back({f, single ? -1 : a});
+        l.small_up += small[f];
+      });
     for (auto it = order.rbegin(); it != order.rend(); ++it)
-      for (Index a = d_.fronts[*it].pivot_blocks; a-- > 0;) d_.down.push_back({*it, a});
-    d_.small_up = d_.small_down = std::count(small.begin(), small.end(), 1);
+      for_members(*it, [&](TaskLists& l) {
+        for (Index a = d_.fronts[*it].pivot_blocks; a-- > 0;) l.down.push_back({*it, a});
+        l.small_down += small[*it];
+      });
   }
 
   const Plan& plan_;
@@ -217,7 +314,7 @@ class Builder {
 
 }  // namespace
 
-analysis::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning) {
+analysis::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning, Index devices) {
   analysis::PlanOptions o;
   o.tiles.panel = kChunk;
   o.tiles.even = false;
@@ -232,6 +329,12 @@ analysis::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning) {
   o.group_entries = tuning.group_entries;
   o.interleave = 1 << 20;
   o.reuse_distance = tuning.reuse_distance;
+  o.devices = devices;
+  o.cost = analysis::CostModel::gpu;
+  o.subtrees_apart = false;
+  o.plan_memory = devices == 1;
+  o.additional_subtrees = tuning.additional_subtrees;
+  o.column_group = tuning.column_group;
   return o;
 }
 

@@ -16,26 +16,44 @@ struct DeviceTuning {
   Index whole_pivots = 48;   ///< ... at most that many pivots is one task
   Offset group_entries = Offset{1} << 30;  ///< see PlanOptions
   Index reuse_distance = 4096;             ///< see PlanOptions
+  double additional_subtrees = 1;          ///< see PlanOptions
+  Index column_group = 2;                  ///< see PlanOptions
 };
 
-/// How a plan for this backend is to be made. The executor accepts no other plan.
-analysis::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning = {});
+/// How a plan for this backend and so many devices is to be made. The executor accepts no other plan.
+analysis::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning = {}, Index devices = 1);
 
-/// The tables. Tasks [0, narrow_tasks) touch only fronts that, with all below them, have narrow tiles; they are run by
-/// a kernel with more blocks on each multiprocessor.
+/// What one device does. Tasks [0, narrow_tasks) touch only fronts that, with all below them, have narrow tiles; they
+/// are run by a kernel with more blocks on each multiprocessor. With several devices, the lists are parts of one list
+/// in topological order, so that the lowest unfinished task can always proceed.
+struct TaskLists {
+  std::vector<FactorTask> tasks;
+  std::int64_t narrow_tasks = 0;
+  std::vector<SolveTask> up;    ///< forward substitution
+  std::vector<SolveTask> down;  ///< backward substitution
+  std::int64_t small_up = 0;    ///< the first tasks of `up` belong to sub-trees of small fronts, ...
+  std::int64_t small_down = 0;  ///< ... the last ones of `down` likewise
+};
+
+/// A tile column of a contribution that lies outside of all regions.
+struct Place {
+  std::int32_t device = 0;
+  std::int64_t offset = 0;  ///< elements from the start of that device's space for places
+};
+
+/// The tables: for all devices the same, but for the lists of tasks.
 struct DevicePlan {
   std::vector<Front> fronts;
   std::vector<Link> links;           ///< children, in the order in which their contributions are added
   std::vector<std::int32_t> bounds;  ///< see Link
   std::vector<std::int32_t> waits;   ///< fronts whose memory is reused: they must be finished first
-  std::vector<FactorTask> tasks;     ///< in topological order
-  std::int64_t narrow_tasks = 0;
-  std::vector<SolveTask> up;    ///< forward substitution, in topological order
-  std::vector<SolveTask> down;  ///< backward substitution, in topological order
-  std::int64_t small_up = 0;    ///< the first tasks of `up` belong to sub-trees of small fronts, ...
-  std::int64_t small_down = 0;  ///< ... the last ones of `down` likewise
+  std::vector<TaskLists> lists;      ///< devices
   std::int64_t flags = 0;
   std::vector<std::int64_t> regions;  ///< elements of each region
+  /// regions; the device where it lies. Of several devices, each has a copy of region 0, the top.
+  std::vector<std::int32_t> region_device;
+  std::vector<Place> places;              ///< tile columns of contributions of the top, see Front::place()
+  std::vector<std::int64_t> place_space;  ///< devices; elements that these columns take there
 };
 
 /// @throws std::invalid_argument when the plan was not made with cuda_plan_options()

@@ -45,7 +45,12 @@ __global__ void __launch_bounds__(kThreads, Wide ? 2 : 3)
   }
   for (;;) {
     __syncthreads();
-    if (feed.stop) return;
+    if (feed.stop) {
+      if (threadIdx.x == 0 && state.peers.count > 1 && aborted(state.control))
+        for_each_device(state.peers.others((1u << state.peers.count) - 1),
+                        [&](int d) { store_relaxed_devices(state.peers.control[d] + kAborted, 1); });
+      return;
+    }
     const FactorTask task = feed.task;
     const Front& front = feed.front;
     if (front.wait_begin < front.wait_end) wait_for_memory(state, front);

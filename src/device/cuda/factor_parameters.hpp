@@ -6,7 +6,7 @@
 
 namespace espalier::device::cuda {
 
-/// Counters at the start of the control array; the flags follow at kFlagsAt.
+/// Counters: the control array. Flags and finished tasks have arrays of their own.
 enum Control : int {
   kNextNarrow = 0,   ///< next task of the narrow kernel
   kNextWide = 1,     ///< next task of the wide kernel
@@ -16,7 +16,22 @@ enum Control : int {
   kTwoByTwo = 5,
   kReplaced = 6,
   kFailed = 7,
-  kFlagsAt = 16
+  kCounters = 16
+};
+
+/// The devices that share a factorization, as one of them sees them; entry d belongs to device d.
+template <class T>
+struct Peers {
+  int count = 1;  ///< 1: there are none, or all see the same flags and the same copy of the top
+  int self = 0;
+  bool same_memory = false;   ///< the latter: what a task makes must be visible to all devices before its flag is set
+  T* top[kMostDevices] = {};  ///< region 0
+  int* control[kMostDevices] = {};  ///< counters
+  int* flag[kMostDevices] = {};
+  T* pivot[kMostDevices] = {};  ///< FactorState::pivot; inverse_d and inverse_e follow n elements after each other
+
+  /// The others among `devices` (bit d: device d).
+  [[nodiscard]] ESPALIER_BOTH unsigned others(unsigned devices) const { return devices & ~(1u << self); }
 };
 
 /// All pointers are device memory, owned by the executor.
@@ -32,20 +47,23 @@ struct FactorState {
   const std::uint64_t* entries;   ///< Plan::entries, packed
   const T* values;                ///< the caller's values
   T* const* base;                 ///< regions; where each begins (see tables.hpp)
+  T* const* places;               ///< tile columns of contributions that lie outside of regions, see Front::place()
   T* inverse_d;                   ///< n; diagonal of D^-1 (ldlt)
   T* inverse_e;                   ///< n; its subdiagonal: e[k] couples k and k + 1
   T* pivot;                       ///< n; pivots with signs, whose product is the determinant
   unsigned char* replaced;        ///< n; 1: the pivot was replaced
   unsigned char* failed;          ///< n; 1: the column of L grew beyond `growth`
-  int* control;                   ///< counters and flags
+  int* control;                   ///< counters
+  int* flag;                      ///< parts x part_flags; see Front::flag()
   int* finished;                  ///< fronts; tasks done
   const T* limits;                ///< [0] pivots below it are replaced; [1] largest |L| that is not reported
   std::uint64_t patience;         ///< nanoseconds that one wait may last before the kernel gives up
   std::int64_t part_flags;        ///< flags of one part; those of part 1 (lu) follow those of part 0
+  Peers<T> peers;
 
   ESPALIER_BOTH T tiny() const { return limits[0]; }
   ESPALIER_BOTH T growth() const { return limits[1]; }
-  ESPALIER_BOTH int* flags(int part) const { return control + kFlagsAt + part * part_flags; }
+  ESPALIER_BOTH int* flags(int part) const { return flag + part * part_flags; }
 };
 
 }  // namespace espalier::device::cuda

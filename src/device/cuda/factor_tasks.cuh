@@ -5,6 +5,7 @@
 
 #include "device/cuda/assemble.cuh"
 #include "device/cuda/diagonal.cuh"
+#include "device/cuda/place.cuh"
 #include "espalier/types.hpp"
 
 namespace espalier::device::cuda {
@@ -51,20 +52,65 @@ __device__ inline void load_task(Workshop<T>& w, int id) {
     reinterpret_cast<int*>(&feed.front)[x] = from[x];
 }
 
-/// Makes the task's writes visible and sets its flags; meanwhile warp 1 fetches the next task.
+/// use(d) for every device d of the set; by all threads.
+template <class Use>
+__device__ inline void for_each_device(unsigned devices, Use&& use) {
+  for (; devices != 0; devices &= devices - 1) use(__ffs(static_cast<int>(devices)) - 1);
+}
+
+/// The other devices that wait for what the task makes.
 template <class T>
-__device__ void finish_task(Workshop<T>& w, int front, std::int64_t flag, int part, bool both) {
+__device__ inline unsigned waiting_peers(const FactorState<T>& s, const Front& f, bool contribution) {
+  if (s.peers.count == 1) return 0;
+  return s.peers.others(contribution ? f.readers : f.region == 0 ? f.members : 0);
+}
+
+/// Makes the task's writes visible and sets its flags, first here, then, after push(d), at every device d of `peers`;
+/// meanwhile warp 1 fetches the next task.
+template <class T, class Push>
+__device__ void finish_task(Workshop<T>& w, int front, std::int64_t flag, int part, bool both, unsigned peers,
+                            Push&& push) {
   const FactorState<T>& s = *w.state;
   fence_copies();
   int id = 0;
   if (threadIdx.x == 32) id = w.feed->first + atomicAdd(w.feed->counter, 1);
   __syncthreads();
   if (threadIdx.x == 0) {
+    if (s.peers.same_memory) fence_devices();
     store_release(s.flags(part) + flag, 1);
     if (both) store_release(s.flags(1) + flag, 1);
     add_release(s.finished + front, 1);
   }
+  if (peers != 0) {
+    for_each_device(peers, push);
+    fence_copies();
+    __syncthreads();
+    if (threadIdx.x == 0) {
+      fence_devices();
+      for_each_device(peers, [&](int d) {
+        int* flags = s.peers.flag[d] + flag;
+        store_relaxed_devices(flags + part * s.part_flags, 1);
+        if (both) store_relaxed_devices(flags + s.part_flags, 1);
+      });
+    }
+  }
   if (threadIdx.x >= 32 && threadIdx.x < 64) load_task(w, __shfl_sync(0xffffffffu, id, 0));
+}
+
+/// Copies `count` elements, an even number, to the same place of the top on device d; by all threads.
+template <class T>
+__device__ inline void copy_to_peer(const FactorState<T>& s, int d, const T* from, std::int64_t count) {
+  T* to = s.peers.top[d] + (from - s.peers.top[s.peers.self]);
+  for (std::int64_t x = 2 * static_cast<int>(threadIdx.x); x < count; x += 2 * kThreads)
+    *reinterpret_cast<PairOf<T>*>(to + x) = load_pair(from + x);
+}
+
+/// Pivots, and the inverse of D, of `count` positions from `position` on.
+template <class T, Kind K>
+__device__ inline void copy_pivots_to_peer(const FactorState<T>& s, int d, int position, int count, int n) {
+  for (int x = threadIdx.x; x < count; x += kThreads)
+    for (std::int64_t k = position + x; k < (K == Kind::ldlt ? 3 : 1) * static_cast<std::int64_t>(n); k += n)
+      s.peers.pivot[d][k] = s.pivot[k];
 }
 
 /// Memory that this front takes over must no longer be read by those that had it before.
@@ -135,9 +181,25 @@ __device__ inline Target<T> target_of(const Front& f, const FactorTask& task, T*
   return x;
 }
 
+/// Rows of a diagonal or block task.
+__device__ inline RowRange rows_of_tile(const Front& f, const FactorTask& task) {
+  if (task.work == Work::block) return rows_of(f, task);
+  const int row = f.column_begin(task.column);
+  return {row, f.column_end(task.column) - row};
+}
+
 /// Entries and children into the area. @returns whether there was anything; if not, the area is left as it is
 template <class T, Kind K>
 __device__ inline bool gather(const FactorState<T>& s, const Front& f, const FactorTask& task, T* area) {
+  if (f.in_place()) {
+    const auto [row, rows] = rows_of_tile(f, task);
+    const int ld = task.work == Work::diagonal ? f.width + 4 : (rows <= 64 ? 64 : 128) + 4;
+    zero_area(area, ld * f.width);
+    __syncthreads();
+    take_from_place(place_of_tile(s.base[f.region], f, task, row, rows), area, ld);
+    __syncthreads();
+    return true;
+  }
   const Target<T> x = target_of<T, K>(f, task, area);
   if (x.tile_col >= f.pivot_tiles && f.link_begin == f.link_end) return false;
   zero_area(area, x.ld * (task.work == Work::whole ? f.total_pad : f.width));
@@ -232,23 +294,31 @@ __device__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& tas
   sum_products<T, S>(acc, f, left, right, false, (pivot ? col : f.pivot_pad) / kChunk, flag_a, flag_b, f.blocks, w.pipe,
                      s.control, s.patience);
   if (!pivot) {
-    T* to = w.base() + (part == 0 ? f.contribution : f.contribution_up);
     const int r0 = row - f.pivot_pad, c0 = col - f.pivot_pad;
     const std::int64_t ld = f.below_ld - c0;
-    to += f.contribution_offset(c0, c0);
+    T* to = f.first_place >= 0
+                ? s.places[f.place(j - f.pivot_tiles, part)]
+                : w.base() + (part == 0 ? f.contribution : f.contribution_up) + f.contribution_offset(c0, c0);
     for_each_element<S>(at, [&](int m, int n, int e, int r, int c) {
       if (r < rows && c < cols && r0 + r < f.below && c0 + c < f.below && r0 + r >= c0 + c)
         to[c * ld + (r0 - c0) + r] = -acc[m][n][e];
     });
+    finish_task(w, task.front, f.flag(a, j), part, false, waiting_peers(s, f, true), [](int) {});
   } else {
     const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - j * f.width) * kChunk;
     const int q = col / kChunk;
     const int inverse = K == Kind::lu ? 1 - part : 0;  // L = C inverse(U), U^T = C P^T inverse(L)^T
     multiply_by_inverse<T, S>(acc, w, array_of(w.base(), f, inverse) + f.chunk_offset(q, col), stride, rows, cols,
                               s.flags(0) + f.diagonal_flag(j));
-    T* to = array_of(w.base(), f, part) + f.chunk_offset(q, row);
+    T* const base = w.base();
+    T* to = array_of(base, f, part) + f.chunk_offset(q, row);
+    const unsigned peers = waiting_peers(s, f, false);
     if constexpr (K == Kind::ldlt) {
-      store_panels<T, S>(acc, T(1), array_of(w.base(), f, 1) + f.chunk_offset(q, row), stride, rows, cols, at);
+      T* second = array_of(base, f, 1) + f.chunk_offset(q, row);
+      store_panels<T, S>(acc, T(1), second, stride, rows, cols, at);
+      for_each_device(peers, [&](int d) {
+        store_panels<T, S>(acc, T(1), s.peers.top[d] + (second - base), stride, rows, cols, at);
+      });
       __syncthreads();
       T* y = w.pipe.stages;
       for_each_element<S>(at, [&](int m, int n, int e, int r, int c) { y[c * S::kLd + r] = acc[m][n][e]; });
@@ -264,8 +334,9 @@ __device__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& tas
           if (r < rows && col + c < f.pivots && c < cols) check_growth(s, acc[m][n][e], f.position + col + c);
         });
     store_panels<T, S>(acc, T(1), to, stride, rows, cols, at);
+    finish_task(w, task.front, f.flag(a, j), part, false, peers,
+                [&](int d) { store_panels<T, S>(acc, T(1), s.peers.top[d] + (to - base), stride, rows, cols, at); });
   }
-  finish_task(w, task.front, f.flag(a, j), part, false);
 }
 
 /// Inverses of a diagonal tile's factors, in shared memory: A (size x size) is destroyed, M goes to the factor array,
@@ -338,13 +409,15 @@ __device__ void strip_times_inverse(T* strip, int sr, int sk, const T* m, int ld
 
 /// Writes a whole front's contribution from its scratch tile.
 template <class T, Kind K>
-__device__ void write_contribution(T* base, const Front& f, const T* a, int ld) {
+__device__ void write_contribution(const FactorState<T>& s, T* base, const Front& f, const T* a, int ld) {
   const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31, p = f.pivot_pad;
   for (int c = warp; c < f.below; c += 4) {
-    T* to = base + f.contribution + static_cast<std::int64_t>(c) * f.below_ld;
+    T* to = (f.first_place >= 0 ? s.places[f.place(0, 0)] : base + f.contribution) +
+            static_cast<std::int64_t>(c) * f.below_ld;
     for (int r = c + lane; r < f.below; r += 32) to[r] = a[(p + c) * ld + p + r];
     if constexpr (K == Kind::lu) {
-      T* up = base + f.contribution_up + static_cast<std::int64_t>(c) * f.below_ld;
+      T* up = (f.first_place >= 0 ? s.places[f.place(0, 1)] : base + f.contribution_up) +
+              static_cast<std::int64_t>(c) * f.below_ld;
       for (int r = c + 1 + lane; r < f.below; r += 32) up[r] = a[(p + r) * ld + p + c];
     }
   }
@@ -396,9 +469,15 @@ __device__ void finish_whole(Workshop<T>& w, const Front& f, const FactorTask& t
     }
   }
   __syncthreads();
-  if (f.below > 0) write_contribution<T, K>(w.base(), f, a, ld);
+  if (f.below > 0) write_contribution<T, K>(s, w.base(), f, a, ld);
   const std::int64_t flag = f.below > 0 ? f.flag(f.pivot_blocks, f.pivot_tiles) : f.diagonal_flag(0);
-  finish_task(w, task.front, flag, 0, K == Kind::lu);
+  finish_task(w, task.front, flag, 0, K == Kind::lu, waiting_peers(s, f, true) | waiting_peers(s, f, false),
+              [&](int d) {
+                if (f.region != 0 || (f.members >> d & 1) == 0) return;
+                for (int k = 0; k < (K == Kind::lu ? 2 : 1); ++k)
+                  copy_to_peer(s, d, array_of(w.base(), f, k), f.factor_size());
+                copy_pivots_to_peer<T, K>(s, d, f.position, f.pivots, w.n);
+              });
 }
 
 /// A diagonal tile, or a whole front.
@@ -423,10 +502,18 @@ __device__ void pivot_task(Workshop<T>& w, const Front& f, const FactorTask& tas
         strip_times_inverse(a + size * lda + 16 * i * lda, lda, 1, m, ldm, size);
     }
   });
-  if (whole)
+  if (whole) {
     finish_whole<T, K>(w, f, task);
-  else
-    finish_task(w, task.front, f.diagonal_flag(j), 0, false);
+    return;
+  }
+  finish_task(w, task.front, f.diagonal_flag(j), 0, false, waiting_peers(s, f, false), [&](int d) {
+    const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - col) * kChunk;
+    for (int k = 0; k < (K == Kind::lu ? 2 : 1); ++k)
+      for (int q = 0; q < size / kChunk; ++q)
+        copy_to_peer(s, d, array_of(w.base(), f, k) + f.chunk_offset(col / kChunk, col) + q * stride,
+                     static_cast<std::int64_t>(size) * kChunk);
+    copy_pivots_to_peer<T, K>(s, d, f.position + col, min(f.pivots - col, size), w.n);
+  });
 }
 
 }  // namespace espalier::device::cuda

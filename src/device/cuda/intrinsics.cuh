@@ -19,9 +19,10 @@ __device__ inline unsigned shared_address(const void* p) { return static_cast<un
 
 // ---- flags between blocks ---------------------------------------------------------------------------------------
 
+/// Flags lie in the memory of the device that waits for them; they may be set by another one.
 __device__ inline int load_acquire(const int* p) {
   int v;
-  asm volatile("ld.acquire.gpu.global.s32 %0,[%1];" : "=r"(v) : "l"(p) : "memory");
+  asm volatile("ld.acquire.sys.global.s32 %0,[%1];" : "=r"(v) : "l"(p) : "memory");
   return v;
 }
 __device__ inline int load_relaxed(const int* p) {
@@ -31,6 +32,12 @@ __device__ inline int load_relaxed(const int* p) {
 }
 __device__ inline void store_release(int* p, int v) {
   asm volatile("st.release.gpu.global.s32 [%0],%1;" ::"l"(p), "r"(v) : "memory");
+}
+/// Orders everything that this block of threads has written (as far as a barrier has brought it to this thread's
+/// knowledge) before what this thread writes from now on, for all devices.
+__device__ inline void fence_devices() { asm volatile("fence.acq_rel.sys;" ::: "memory"); }
+__device__ inline void store_relaxed_devices(int* p, int v) {
+  asm volatile("st.relaxed.sys.global.s32 [%0],%1;" ::"l"(p), "r"(v) : "memory");
 }
 __device__ inline void add_release(int* p, int v) {
   asm volatile("red.release.gpu.global.add.s32 [%0],%1;" ::"l"(p), "r"(v) : "memory");

@@ -31,14 +31,33 @@ struct SolveState {
   const T* inverse_e;
   bool up_second;    ///< forward substitution with the second factor array (lu, transposed)
   bool down_second;  ///< backward substitution with it (lu)
-  T* rhs;            ///< n x columns, row-major: right-hand sides on entry, solutions on return
+  const T* rhs;      ///< n x columns, row-major: right-hand sides
+  T* result;         ///< likewise: solutions; may be `rhs` (one device), may lie on another device
   int columns;       ///< row length of rhs
   T* forward;        ///< n; filled with ones bits: solution of the forward substitution
   T* updates;        ///< rows below of all fronts; filled with ones bits
   T* solution;       ///< n; filled with ones bits
   int* control;      ///< [1] aborted, [2 .. 4] next task of each phase; zero
   std::uint64_t patience;
+  // Several devices: all members of a front of the top do all of its tasks; of them, the one with the lowest number
+  // hands updates to the other readers and writes the solution.
+  int devices = 1;
+  int self = 0;
+  T* peer_updates[kMostDevices] = {};
+  int* peer_control[kMostDevices] = {};
+
+  [[nodiscard]] ESPALIER_BOTH bool speaks_for(const Front& f) const {
+    return devices == 1 || (f.members & ((1u << self) - 1)) == 0;
+  }
+  /// Other devices that gather the front's updates and do not make them themselves.
+  [[nodiscard]] ESPALIER_BOTH unsigned listeners(const Front& f) const {
+    return devices > 1 && speaks_for(f) ? f.readers & ~static_cast<unsigned>(f.members) : 0;
+  }
 };
+
+/// Copies `count` elements from any device's memory to any other's.
+template <class T>
+cudaError_t launch_copy(T* to, const T* from, std::int64_t count, cudaStream_t stream);
 
 /// Blocks of each phase (small fronts up, all others, small fronts down) that are resident at the same time.
 struct SolveShape {

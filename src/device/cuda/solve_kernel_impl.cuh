@@ -19,21 +19,21 @@ __device__ inline bool is_missing(double v) { return __double_as_longlong(v) == 
 __device__ inline bool is_missing(float v) { return __float_as_int(v) == -1; }
 __device__ inline double load_shared_value(const double* p) {
   double v;
-  asm volatile("ld.relaxed.gpu.global.f64 %0,[%1];" : "=d"(v) : "l"(p) : "memory");
+  asm volatile("ld.relaxed.sys.global.f64 %0,[%1];" : "=d"(v) : "l"(p) : "memory");
   return v;
 }
 __device__ inline float load_shared_value(const float* p) {
   float v;
-  asm volatile("ld.relaxed.gpu.global.f32 %0,[%1];" : "=f"(v) : "l"(p) : "memory");
+  asm volatile("ld.relaxed.sys.global.f32 %0,[%1];" : "=f"(v) : "l"(p) : "memory");
   return v;
 }
 __device__ inline void publish(double* p, double v) {
   if (is_missing(v)) v = __longlong_as_double(0x7ff8000000000000LL);
-  asm volatile("st.relaxed.gpu.global.f64 [%0],%1;" ::"l"(p), "d"(v) : "memory");
+  asm volatile("st.relaxed.sys.global.f64 [%0],%1;" ::"l"(p), "d"(v) : "memory");
 }
 __device__ inline void publish(float* p, float v) {
   if (is_missing(v)) v = __int_as_float(0x7fc00000);
-  asm volatile("st.relaxed.gpu.global.f32 [%0],%1;" ::"l"(p), "f"(v) : "memory");
+  asm volatile("st.relaxed.sys.global.f32 [%0],%1;" ::"l"(p), "f"(v) : "memory");
 }
 
 /// The value at p once it is there. After an abort: whatever is there.
@@ -231,6 +231,15 @@ __device__ void publish_rows(const T* from, T* to, int count) {
   for (int y = threadIdx.x; y < count * C; y += threads()) publish(to + y, from[y]);
 }
 
+/// Hands the updates of `count` rows below, from row `first` of the front's list on, to the parents' devices.
+template <class T, int C>
+__device__ void publish_updates(const SolveState<T>& s, const Front& f, const T* from, int first, int count) {
+  const std::int64_t at = (f.rows + first) * C;
+  publish_rows<T, C>(from, s.updates + at, count);
+  for (unsigned set = s.listeners(f); set != 0; set &= set - 1)
+    publish_rows<T, C>(from, s.peer_updates[__ffs(static_cast<int>(set)) - 1] + at, count);
+}
+
 /// One row block of a front; block < 0: a front of one block in all.
 template <class T, int C>
 __device__ void go_up(const SolveState<T>& s, SolveBench<T, C>& b, int block, int first_column) {
@@ -268,9 +277,9 @@ __device__ void go_up(const SolveState<T>& s, SolveBench<T, C>& b, int block, in
     __syncthreads();
   }
   if (all)
-    publish_rows<T, C>(b.v + f.pivot_pad * C, s.updates + f.rows * C, f.below);
+    publish_updates<T, C>(s, f, b.v + f.pivot_pad * C, 0, f.below);
   else if (!pivot)
-    publish_rows<T, C>(b.v, s.updates + (f.rows + row - f.pivot_pad) * C, min(rows, f.below - (row - f.pivot_pad)));
+    publish_updates<T, C>(s, f, b.v, row - f.pivot_pad, min(rows, f.below - (row - f.pivot_pad)));
 }
 
 // ---- down ----------------------------------------------------------------------------------------------------------
@@ -445,8 +454,8 @@ __device__ void go_down(const SolveState<T>& s, SolveBench<T, C>& b, int a, int 
       b.y[(c0 - col) * C + y] = value;
       if (y >= real * C) continue;
       publish(s.solution + static_cast<std::int64_t>(f.position + c0) * C + y, value);
-      if (first_column + y % C < s.columns)
-        s.rhs[static_cast<std::int64_t>(f.position + c0 + y / C) * s.columns + first_column + y % C] = value;
+      if (first_column + y % C < s.columns && s.speaks_for(f))
+        s.result[static_cast<std::int64_t>(f.position + c0 + y / C) * s.columns + first_column + y % C] = value;
     }
     __syncthreads();
   }
@@ -470,7 +479,11 @@ __global__ void __launch_bounds__(P == Phase::large ? kLargeThreads : kSmallThre
       b.next = load_relaxed(s.control + 1) != 0 ? ups + downs : atomicAdd(s.control + 2 + static_cast<int>(P), 1);
     __syncthreads();
     const int id = b.next;
-    if (id >= ups + downs) return;
+    if (id >= ups + downs) {
+      if (threadIdx.x == 0 && s.devices > 1 && load_relaxed(s.control + 1) != 0)
+        for (int d = 0; d < s.devices; ++d) store_relaxed_devices(s.peer_control[d] + 1, 1);
+      return;
+    }
     const SolveTask task = id < ups ? s.up[first_up + id] : s.down[first_down + id - ups];
     const int* from = reinterpret_cast<const int*>(s.fronts + task.front);
     for (int x = threadIdx.x; x < static_cast<int>(sizeof(Front) / sizeof(int)); x += threads())
@@ -481,6 +494,13 @@ __global__ void __launch_bounds__(P == Phase::large ? kLargeThreads : kSmallThre
     else
       go_down<T, C>(s, b, task.block, first_column);
   }
+}
+
+template <class T>
+__global__ void copy_kernel(T* to, const T* from, std::int64_t count) {
+  const std::int64_t step = static_cast<std::int64_t>(gridDim.x) * blockDim.x;
+  for (std::int64_t x = static_cast<std::int64_t>(blockIdx.x) * blockDim.x + threadIdx.x; x < count; x += step)
+    to[x] = from[x];
 }
 
 template <class T, int C, class Use>
@@ -504,6 +524,14 @@ cudaError_t SolveKernel<T>::resident(bool many, SolveShape& shape) {
     return e;
   };
   return many ? for_each_phase<T, kManyColumns>(ask) : for_each_phase<T, 1>(ask);
+}
+
+template <class T>
+cudaError_t launch_copy(T* to, const T* from, std::int64_t count, cudaStream_t stream) {
+  constexpr int kBlock = 512;
+  const auto blocks = std::min<std::int64_t>((count + kBlock - 1) / kBlock, 528);
+  if (count > 0) copy_kernel<<<static_cast<int>(blocks), kBlock, 0, stream>>>(to, from, count);
+  return cudaGetLastError();
 }
 
 template <class T>

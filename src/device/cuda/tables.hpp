@@ -16,6 +16,10 @@
 ///
 /// Contribution array: tile column b of the rows below holds the rows from its first column's on, column-major, with
 /// below_ld - b * width rows.
+///
+/// Several devices: region 0 is the top of the tree. Each device has a copy of it, laid out alike, with the factors of
+/// the fronts that it is a member of: who makes a block of L stores it into the copies of the other members. Tile
+/// columns of contributions of the top lie with their makers, where the readers fetch them.
 #pragma once
 
 #include <cstdint>
@@ -32,6 +36,7 @@ inline constexpr int kThreads = 128;   ///< of every block of the persistent ker
 inline constexpr int kRowBlock = 128;  ///< rows of a row block
 inline constexpr int kChunk = 16;      ///< columns of a chunk, rows of a padding unit
 inline constexpr int kPanel = 8;       ///< rows of a panel
+inline constexpr int kMostDevices = 16;
 
 /// Place of (row 0..7, column 0..15) in a panel: lane (row * 4 + column % 4) holds the columns that leave the same
 /// remainder, two by two in one 16-byte word.
@@ -63,8 +68,16 @@ struct Front {
   std::int32_t wait_begin = 0, wait_end = 0;
   std::int32_t tasks = 0;  ///< tasks of the front: it is finished when so many are done
   std::int32_t whole = 0;
-  std::int32_t region = 0;  ///< the four arrays start at their offsets from the base of this region
+  std::int32_t region = 0;    ///< the four arrays start at their offsets from the base of this region
+  std::uint16_t members = 0;  ///< bit d: device d has the front's factor after the factorization
+  std::uint16_t readers = 0;  ///< bit d: device d gathers from the front's contribution
+  /// In the top of several devices: the front's first entry in the table of places of tile columns below, whose second
+  /// half (lu) is for contribution_up; -1: contributions stand in the region.
+  std::int32_t first_place = 0;
+  std::int32_t unused = 0;  ///< keeps the size a multiple of 8 bytes without padding
 
+  /// What its tasks would gather stands in their places already (link_begin is negative then).
+  [[nodiscard]] ESPALIER_BOTH bool in_place() const { return link_begin < 0; }
   /// First padded row of tile column j.
   [[nodiscard]] ESPALIER_BOTH int column_begin(int j) const {
     return j < pivot_tiles ? j * width : pivot_pad + (j - pivot_tiles) * width;
@@ -117,6 +130,10 @@ struct Front {
     const std::int64_t first = static_cast<std::int64_t>(b) * width;
     return width * (static_cast<std::int64_t>(b) * below_ld - static_cast<std::int64_t>(width) * b * (b - 1) / 2) +
            (below - first) * (below_ld - first);
+  }
+  /// Place of tile column b of the rows below (part 1: of the transposed upper part) in the table of places.
+  [[nodiscard]] ESPALIER_BOTH std::int64_t place(int b, int part) const {
+    return static_cast<std::int64_t>(first_place) + part * (tiles - pivot_tiles) + b;
   }
   /// Flag of (row block a, tile column j): set when its task is done.
   [[nodiscard]] ESPALIER_BOTH std::int64_t flag(int a, int j) const {

@@ -1,0 +1,362 @@
+#include "device/cuda/device_side.hpp"
+
+#if ESPALIER_WITH_CUDA
+
+#include <algorithm>
+#include <numeric>
+
+namespace espalier::device::cuda {
+
+namespace {
+
+Offset limit_of(Offset memory_bytes) {
+  std::size_t free = 0, total = 0;
+  check(cudaMemGetInfo(&free, &total), "cudaMemGetInfo");
+  const auto all = static_cast<Offset>(free);
+  return memory_bytes > 0 ? std::min(memory_bytes, all) : all;
+}
+
+template <class V>
+Offset bytes_of(const V& v) {
+  return static_cast<Offset>(v.size() * sizeof(v[0]));
+}
+
+}  // namespace
+
+template <class T>
+DeviceSide<T>::DeviceSide(const SideContext& context, int self, int device, Offset memory_bytes,
+                          const CommonMemory<T>& common, const DeviceSide* twin)
+    : context_(context),
+      common_(common),
+      self_(self),
+      device_(device),
+      budget_(limit_of(memory_bytes)),
+      counters_(2 * kCounters),
+      one_(1) {
+  cudaDeviceProp p{};
+  check(cudaGetDeviceProperties(&p, device_), "cudaGetDeviceProperties");
+  name_ = p.name;
+  if (context_.tables.lists.size() > 1) name_ += " #" + std::to_string(device_);
+  *one_.data() = 1;
+  count_bytes();
+  take_memory();
+  upload_tables(twin);
+  choose_shapes();
+}
+
+template <class T>
+template <class U, class V, class A>
+void DeviceSide<T>::upload(DeviceArray<U>& to, const std::vector<V, A>& from, const DeviceArray<U>* twin) {
+  static_assert(sizeof(U) == sizeof(V));
+  to = DeviceArray<U>(static_cast<Offset>(from.size()), budget_, needed_);
+  if (twin == nullptr) {
+    copy_in(to.data(), from.data(), to.bytes());
+    return;
+  }
+  check(
+      cudaMemcpyAsync(to.data(), twin->data(), static_cast<std::size_t>(to.bytes()), cudaMemcpyDefault, stream_.get()),
+      "cudaMemcpyAsync(tables)");
+}
+
+// Elements of the regions, the top aside, that lie on this device.
+template <class T>
+Offset DeviceSide<T>::own_elements() const {
+  const auto& t = context_.tables;
+  Offset own = 0;
+  for (std::size_t r = 1; r < t.regions.size(); ++r)
+    if (t.region_device[r] == self_) own += t.regions[r];
+  return own;
+}
+
+template <class T>
+void DeviceSide<T>::count_bytes() {
+  const auto& t = context_.tables;
+  const auto& plan = context_.plan;
+  Offset elements = own_elements() + context_.values;
+  if (common_.top == nullptr) elements += t.regions[0];
+  if (!t.place_space.empty() && common_.places == nullptr) elements += t.place_space[static_cast<std::size_t>(self_)];
+  elements += 3 * n() + 2 * n() + static_cast<Offset>(plan.relative.size());
+  needed_ = elements * static_cast<Offset>(sizeof(T)) + bytes_of(t.fronts) + bytes_of(t.links) + bytes_of(t.bounds) +
+            bytes_of(t.waits) + bytes_of(t.places) + bytes_of(lists().tasks) + bytes_of(lists().up) +
+            bytes_of(lists().down) + bytes_of(plan.relative) + bytes_of(plan.tree.rows) + bytes_of(plan.entry_ptr) +
+            bytes_of(plan.entries) + parts() * t.flags * 4 + plan.fronts() * 4 + 2 * n();
+}
+
+template <class T>
+void DeviceSide<T>::take_memory() {
+  const auto& t = context_.tables;
+  const auto take = [&](auto& array, Offset size) {
+    array = std::remove_reference_t<decltype(array)>(size, budget_, needed_);
+  };
+  if (common_.top == nullptr) take(top_, t.regions[0]);
+  take(own_, own_elements());
+  if (!t.place_space.empty() && common_.places == nullptr)
+    take(places_, t.place_space[static_cast<std::size_t>(self_)]);
+  if (common_.pivot == nullptr) take(pivot_, (context_.kind == Kind::ldlt ? 3 : 1) * n());
+  pivots_ = common_.pivot != nullptr ? common_.pivot : pivot_.data();
+  const Offset flags = common_.flag == nullptr ? parts() * t.flags : 0;
+  take(control_, kCounters + flags + context_.plan.fronts());
+  flag_data_ = common_.flag != nullptr ? common_.flag : control_.data() + kCounters;
+  take(values_, context_.values);
+  take(marks_, 2 * n());
+  take(limits_, 2);
+  take(solve_control_, kCounters);
+  take_solve_memory(1);
+}
+
+template <class T>
+void DeviceSide<T>::upload_tables(const DeviceSide* twin) {
+  const auto& t = context_.tables;
+  const auto& plan = context_.plan;
+  const auto same = [&](auto DeviceSide::*array) { return twin != nullptr ? &(twin->*array) : nullptr; };
+  upload(fronts_, t.fronts, same(&DeviceSide::fronts_));
+  upload(links_, t.links, same(&DeviceSide::links_));
+  upload(bounds_, t.bounds, same(&DeviceSide::bounds_));
+  upload(waits_, t.waits, same(&DeviceSide::waits_));
+  upload(relative_, plan.relative, same(&DeviceSide::relative_));
+  upload(rows_, plan.tree.rows, same(&DeviceSide::rows_));
+  upload(entry_ptr_, plan.entry_ptr, same(&DeviceSide::entry_ptr_));
+  upload(entries_, plan.entries, same(&DeviceSide::entries_));
+  upload(tasks_, lists().tasks, static_cast<const DeviceArray<FactorTask>*>(nullptr));
+  upload(up_, lists().up, static_cast<const DeviceArray<SolveTask>*>(nullptr));
+  upload(down_, lists().down, static_cast<const DeviceArray<SolveTask>*>(nullptr));
+}
+
+template <class T>
+void DeviceSide<T>::choose_shapes() {
+  std::size_t whole = 0;
+  for (const Front& f : context_.tables.fronts)
+    if (f.whole != 0) {
+      const auto size = static_cast<std::size_t>(f.total_pad), p = static_cast<std::size_t>(f.pivot_pad);
+      whole = std::max(whole, size * (size + 4) + p * (p + 4));
+    }
+  for (const bool wide : {false, true})
+    check(dispatch([&](auto kernel) { return decltype(kernel)::shape_for(wide, whole, shape_[wide ? 1 : 0]); }),
+          "launch shape of the factorization kernel");
+  for (const bool many : {false, true})
+    check(SolveKernel<T>::resident(many, solve_shape_[many ? 1 : 0]), "launch shape of the solve kernel");
+}
+
+template <class T>
+template <class Use>
+cudaError_t DeviceSide<T>::dispatch(Use&& use) const {
+  switch (context_.kind) {
+    case Kind::llt:
+      return use(FactorKernel<T, Kind::llt>{});
+    case Kind::ldlt:
+      return use(FactorKernel<T, Kind::ldlt>{});
+    default:
+      return use(FactorKernel<T, Kind::lu>{});
+  }
+}
+
+template <class T>
+void DeviceSide<T>::connect(const std::vector<std::unique_ptr<DeviceSide>>& sides) {
+  const auto& t = context_.tables;
+  const auto top_of = [&](const DeviceSide& s) { return common_.top != nullptr ? common_.top : s.top_.data(); };
+  std::vector<T*> base(t.regions.size(), top_of(*this));
+  std::vector<Offset> own(sides.size(), 0);
+  for (std::size_t r = 1; r < base.size(); ++r) {
+    const auto d = static_cast<std::size_t>(t.region_device[r]);
+    base[r] = sides[d]->own_.data() + own[d];
+    own[d] += t.regions[r];
+  }
+  std::vector<T*> starts(sides.size());
+  for (std::size_t d = 0; d < sides.size(); ++d) {
+    starts[d] = sides[d]->places_.data();
+    if (common_.places != nullptr) starts[d] = d == 0 ? common_.places : starts[d - 1] + t.place_space[d - 1];
+  }
+  std::vector<T*> places;
+  for (const Place& p : t.places) places.push_back(starts[static_cast<std::size_t>(p.device)] + p.offset);
+  upload(base_, base, static_cast<const DeviceArray<T*>*>(nullptr));
+  upload(place_table_, places, static_cast<const DeviceArray<T*>*>(nullptr));
+
+  FactorState<T>& s = state_;
+  s.fronts = fronts_.data();
+  s.tasks = tasks_.data();
+  s.links = links_.data();
+  s.bounds = bounds_.data();
+  s.waits = waits_.data();
+  s.relative = relative_.data();
+  s.entry_ptr = entry_ptr_.data();
+  s.entries = entries_.data();
+  s.values = values_.data();
+  s.base = base_.data();
+  s.places = place_table_.data();
+  s.pivot = pivots_;
+  s.inverse_d = context_.kind == Kind::ldlt ? pivots_ + n() : nullptr;
+  s.inverse_e = context_.kind == Kind::ldlt ? pivots_ + 2 * n() : nullptr;
+  s.replaced = marks_.data();
+  s.failed = marks_.data() + n();
+  s.control = control_.data();
+  s.flag = flag_data_;
+  s.finished = control_.data() + (control_.size() - context_.plan.fronts());
+  s.limits = limits_.data();
+  s.patience = static_cast<std::uint64_t>(context_.patience_seconds * 1e9);
+  s.part_flags = t.flags;
+  s.peers.self = self_;
+  s.peers.same_memory = common_.flag != nullptr;
+  s.peers.count = s.peers.same_memory ? 1 : static_cast<int>(sides.size());
+  for (std::size_t d = 0; d < sides.size(); ++d) {
+    s.peers.top[d] = top_of(*sides[d]);
+    s.peers.control[d] = sides[d]->control_.data();
+    s.peers.flag[d] = sides[d]->flag_data_;
+    s.peers.pivot[d] = sides[d]->pivots_;
+  }
+}
+
+template <class T>
+void DeviceSide<T>::set_limits(const T (&limits)[2]) {
+  copy_in(limits_.data(), limits, sizeof limits);
+}
+
+template <class T>
+void DeviceSide<T>::copy_in(void* to, const void* from, Offset bytes) {
+  if (bytes == 0) return;
+  check(cudaMemcpyAsync(to, from, static_cast<std::size_t>(bytes), cudaMemcpyHostToDevice, stream_.get()),
+        "cudaMemcpyAsync(to device)");
+  stream_.wait();
+}
+
+template <class T>
+void DeviceSide<T>::copy_out(void* to, const void* from, Offset bytes) const {
+  check(cudaMemcpyAsync(to, from, static_cast<std::size_t>(bytes), cudaMemcpyDeviceToHost, stream_.get()),
+        "cudaMemcpyAsync(to host)");
+  stream_.wait();
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_clear_factor() {
+  const auto clear = [&](auto& array) {
+    if (array.size() > 0)
+      check(cudaMemsetAsync(array.data(), 0, static_cast<std::size_t>(array.bytes()), stream_.get()),
+            "cudaMemsetAsync");
+  };
+  clear(control_);
+  if (context_.kind != Kind::llt) clear(marks_);
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_clear_solve(Index at_once) {
+  check(cudaMemsetAsync(solve_control_.data(), 0, static_cast<std::size_t>(solve_control_.bytes()), stream_.get()),
+        "cudaMemsetAsync");
+  const Offset rows = 2 * n() + (common_.updates != nullptr ? 0 : static_cast<Offset>(context_.plan.relative.size()));
+  check(cudaMemsetAsync(vectors_.data(), 0xff, static_cast<std::size_t>(rows * at_once) * sizeof(T), stream_.get()),
+        "cudaMemsetAsync");
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_factor(bool skip_last_half) {
+  const auto launch = [&](bool wide, std::int64_t first, std::int64_t end) {
+    if (first >= end) return;
+    check(dispatch([&](auto kernel) {
+            return decltype(kernel)::launch(wide, shape_[wide ? 1 : 0], state_, static_cast<int>(first),
+                                            static_cast<int>(end), static_cast<int>(n()), stream_.get());
+          }),
+          "launch of the factorization kernel");
+  };
+  const TaskLists& l = lists();
+  auto end = static_cast<std::int64_t>(l.tasks.size());
+  if (skip_last_half) end /= 2;
+  launch(false, 0, std::min(l.narrow_tasks, end));
+  launch(true, l.narrow_tasks, end);
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_values_from(const DeviceSide& other) {
+  check(launch_copy(values_.data(), other.values_.data(), values_.size(), stream_.get()), "copy of the values");
+}
+
+template <class T>
+bool DeviceSide<T>::take_solve_memory(Index at_once) {
+  if (at_once_ == at_once) return false;
+  const Offset below = common_.updates != nullptr ? 0 : static_cast<Offset>(context_.plan.relative.size());
+  const Offset size = (2 * n() + below) * at_once;
+  at_once_ = at_once;
+  if (vectors_.size() >= size) return true;
+  vectors_ = DeviceArray<T>();
+  vectors_ = DeviceArray<T>(size, budget_, needed_);
+  return true;
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>& sides, const T* rhs, T* result,
+                                  Index columns, Index first_column, bool transpose) {
+  const bool many = at_once_ > 1, lu = context_.kind == Kind::lu;
+  const TaskLists& l = lists();
+  SolveState<T> s{};
+  s.fronts = fronts_.data();
+  s.up = up_.data();
+  s.down = down_.data();
+  s.up_tasks = static_cast<int>(l.up.size());
+  s.down_tasks = static_cast<int>(l.down.size());
+  s.small_up = static_cast<int>(l.small_up);
+  s.small_down = static_cast<int>(l.small_down);
+  s.links = links_.data();
+  s.bounds = bounds_.data();
+  s.relative = relative_.data();
+  s.rows = rows_.data();
+  s.base = base_.data();
+  s.inverse_d = state_.inverse_d;
+  s.inverse_e = state_.inverse_e;
+  s.up_second = lu && transpose;
+  s.down_second = lu && !transpose;
+  s.rhs = rhs;
+  s.result = result;
+  s.columns = columns;
+  s.forward = vectors_.data();
+  s.updates = updates();
+  s.solution = vectors_.data() + n() * at_once_;
+  s.control = solve_control_.data();
+  s.patience = state_.patience;
+  s.devices = static_cast<int>(sides.size());
+  s.self = self_;
+  for (std::size_t d = 0; d < sides.size(); ++d) {
+    s.peer_updates[d] = sides[d]->updates();
+    s.peer_control[d] = common_.updates != nullptr ? solve_control_.data() : sides[d]->solve_control_.data();
+  }
+  check(SolveKernel<T>::launch(many, solve_shape_[many ? 1 : 0], s, first_column, stream_.get()),
+        "launch of the solve kernel");
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_counters() {
+  const auto copy = [&](int* to, const DeviceArray<int>& from) {
+    check(cudaMemcpyAsync(to, from.data(), kCounters * sizeof(int), cudaMemcpyDeviceToHost, stream_.get()),
+          "cudaMemcpyAsync(counters)");
+  };
+  copy(counters_.data(), control_);
+  copy(counters_.data() + kCounters, solve_control_);
+}
+
+template <class T>
+void DeviceSide<T>::abort() noexcept {
+  // A copy engine brings the word: kernels that fill the device leave no room for a kernel.
+  (void)cudaMemcpyAsync(control_.data() + kAborted, one_.data(), sizeof(int), cudaMemcpyHostToDevice, urgent_.get());
+  (void)cudaMemcpyAsync(solve_control_.data() + 1, one_.data(), sizeof(int), cudaMemcpyHostToDevice, urgent_.get());
+  (void)cudaStreamSynchronize(urgent_.get());
+}
+
+template <class T>
+void DeviceSide<T>::marked(bool failed, std::vector<unsigned char>& marks) const {
+  std::vector<unsigned char> mine(static_cast<std::size_t>(n()));
+  copy_out(mine.data(), marks_.data() + (failed ? n() : 0), n());
+  marks.resize(mine.size(), 0);
+  for (std::size_t k = 0; k < mine.size(); ++k) marks[k] = static_cast<unsigned char>(marks[k] | mine[k]);
+}
+
+template <class T>
+void DeviceSide<T>::pivots(std::vector<T>& to) const {
+  to.resize(static_cast<std::size_t>(n()));
+  if (common_.pivot != nullptr)
+    std::copy(common_.pivot, common_.pivot + n(), to.begin());
+  else
+    copy_out(to.data(), pivot_.data(), n() * static_cast<Offset>(sizeof(T)));
+}
+
+template class DeviceSide<double>;
+template class DeviceSide<float>;
+
+}  // namespace espalier::device::cuda
+
+#endif

@@ -1,0 +1,151 @@
+/// \file
+/// One GPU's part in a factorization: its memory, its copy of the tables, and what it is told to do. An executor has
+/// one for each of its GPUs. For this backend alone: needs the CUDA runtime.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "analysis/plan.hpp"
+#include "device/cuda/cuda_executor.hpp"
+#include "device/cuda/device_memory.hpp"
+#include "device/cuda/factor_kernel.cuh"
+#include "device/cuda/factor_parameters.hpp"
+#include "device/cuda/solve_kernel.cuh"
+
+namespace espalier::device::cuda {
+
+/// Makes a device current for its lifetime.
+class DeviceGuard {
+ public:
+  explicit DeviceGuard(int device) {
+    check(cudaGetDevice(&before_), "cudaGetDevice");
+    check(cudaSetDevice(device), "cudaSetDevice");
+  }
+  DeviceGuard(const DeviceGuard&) = delete;
+  DeviceGuard& operator=(const DeviceGuard&) = delete;
+  ~DeviceGuard() { (void)cudaSetDevice(before_); }
+
+ private:
+  int before_ = 0;
+};
+
+/// What all sides of an executor have in common; outlives them.
+struct SideContext {
+  const analysis::Plan& plan;
+  Kind kind;
+  const DevicePlan& tables;
+  double patience_seconds;
+  Offset values;  ///< length of the caller's value array
+};
+
+/// Memory on the host that all devices see, for machines without access from device to device: the copies of what is
+/// shared are then one. Null pointers otherwise.
+template <class T>
+struct CommonMemory {
+  T* top = nullptr;
+  T* places = nullptr;  ///< of all devices, one after another
+  T* pivot = nullptr;
+  T* updates = nullptr;  ///< of one pass with kManyColumns right-hand sides
+  int* flag = nullptr;
+};
+
+template <class T>
+class DeviceSide {
+ public:
+  /// Takes all memory of the factorization on GPU `device`; it is side number `self`.
+  /// @param twin    a side whose tables are copied instead of the plan's; null: none
+  /// @throws Error(out_of_memory) naming the bytes needed; Error(device_error)
+  DeviceSide(const SideContext& context, int self, int device, Offset memory_bytes, const CommonMemory<T>& common,
+             const DeviceSide* twin);
+  DeviceSide(const DeviceSide&) = delete;
+  DeviceSide& operator=(const DeviceSide&) = delete;
+
+  /// Tells the side where the others' memory is. @pre all sides are made
+  void connect(const std::vector<std::unique_ptr<DeviceSide>>& sides);
+
+  // Everything below expects this side's device to be current.
+
+  void set_limits(const T (&limits)[2]);
+  void copy_in(void* to, const void* from, Offset bytes);  ///< waits
+  void copy_out(void* to, const void* from, Offset bytes) const;
+  /// Zeroes flags and counters for the next factorization, and fills the vectors of the next pass of a solve.
+  void enqueue_clear_factor();
+  void enqueue_clear_solve(Index at_once);
+  /// The kernels. skip_last_half: only the first half of the tasks, as if the device had died then (for tests).
+  void enqueue_factor(bool skip_last_half = false);
+  /// Copies `count` values from another side's array.
+  void enqueue_values_from(const DeviceSide& other);
+  /// Buffers of one pass with so many right-hand sides. @returns whether they moved
+  bool take_solve_memory(Index at_once);
+  /// One pass. rhs: what this side reads; result: where solutions go, maybe on another device. At most kManyColumns
+  /// right-hand sides from `first_column` on.
+  void enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>& sides, const T* rhs, T* result, Index columns,
+                     Index first_column, bool transpose);
+  /// Copies the counters to the host, where they are valid once the stream is done.
+  void enqueue_counters();
+  [[nodiscard]] const int* factor_counters() const { return counters_.data(); }
+  [[nodiscard]] const int* solve_counters() const { return counters_.data() + kCounters; }
+  /// Ends kernels that are running; takes effect although they fill the device.
+  void abort() noexcept;
+  /// Positions that were marked; failed: 1/threshold exceeded, else replaced.
+  void marked(bool failed, std::vector<unsigned char>& marks) const;
+  /// n pivots; only those that this device made or got are defined.
+  void pivots(std::vector<T>& to) const;
+
+  [[nodiscard]] int self() const { return self_; }
+  [[nodiscard]] int device() const { return device_; }
+  [[nodiscard]] const Stream& stream() const { return stream_; }
+  [[nodiscard]] const std::string& name() const { return name_; }
+  [[nodiscard]] T* values() const { return values_.data(); }
+  [[nodiscard]] Offset values_size() const { return values_.size(); }
+  [[nodiscard]] DeviceBudget& budget() { return budget_; }
+  [[nodiscard]] Offset held() const { return budget_.held(); }
+  [[nodiscard]] const TaskLists& lists() const { return context_.tables.lists[static_cast<std::size_t>(self_)]; }
+
+ private:
+  template <class U, class V, class A>
+  void upload(DeviceArray<U>& to, const std::vector<V, A>& from, const DeviceArray<U>* twin);
+  [[nodiscard]] Offset own_elements() const;
+  void count_bytes();
+  void take_memory();
+  void upload_tables(const DeviceSide* twin);
+  void choose_shapes();
+  template <class Use>
+  cudaError_t dispatch(Use&& use) const;
+  [[nodiscard]] int parts() const { return context_.kind == Kind::lu ? 2 : 1; }
+  [[nodiscard]] Offset n() const { return context_.plan.tree.n; }
+  [[nodiscard]] T* updates() const {
+    return common_.updates != nullptr ? common_.updates : vectors_.data() + 2 * n() * at_once_;
+  }
+
+  SideContext context_;
+  CommonMemory<T> common_;
+  int self_, device_;
+  DeviceBudget budget_;
+  Offset needed_ = 0;
+  std::string name_;
+  Stream stream_, urgent_;
+  PinnedArray<int> counters_, one_;
+  DeviceArray<T> top_, own_, places_, values_, pivot_, limits_, vectors_;
+  T* pivots_ = nullptr;
+  int* flag_data_ = nullptr;
+  DeviceArray<unsigned char> marks_;
+  DeviceArray<int> control_;  // counters, flags unless all devices share them, finished tasks of fronts
+  DeviceArray<int> solve_control_;
+  DeviceArray<T*> base_, place_table_;
+  DeviceArray<Front> fronts_;
+  DeviceArray<Link> links_;
+  DeviceArray<std::int32_t> bounds_, waits_, relative_, rows_;
+  DeviceArray<FactorTask> tasks_;
+  DeviceArray<SolveTask> up_, down_;
+  DeviceArray<std::int64_t> entry_ptr_;
+  DeviceArray<std::uint64_t> entries_;
+  LaunchShape shape_[2];
+  SolveShape solve_shape_[2];
+  FactorState<T> state_{};
+  Index at_once_ = 0;
+};
+
+}  // namespace espalier::device::cuda
