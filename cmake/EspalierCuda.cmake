@@ -2,8 +2,8 @@
 # stand in. The runtime is linked statically, so the same binary works where there is no driver.
 function(espalier_add_cuda module)
   set(folder ${CMAKE_CURRENT_SOURCE_DIR}/${module}/cuda)
-  set_source_files_properties(${folder}/cuda_absent.cpp ${folder}/cuda_executor.cpp ${folder}/device_side.cpp PROPERTIES
-    COMPILE_DEFINITIONS ESPALIER_WITH_CUDA=$<BOOL:${ESPALIER_CUDA}>)
+  file(GLOB hosted CONFIGURE_DEPENDS ${folder}/*.cpp)
+  set_source_files_properties(${hosted} PROPERTIES COMPILE_DEFINITIONS ESPALIER_WITH_CUDA=$<BOOL:${ESPALIER_CUDA}>)
   if(NOT ESPALIER_CUDA)
     return()
   endif()

@@ -64,7 +64,7 @@ class Programmer {
   }
 
   StreamingPlan run() {
-    if (arena_.take_lasting(StreamArena::kAlignment) < 0) throw NoRoom{};  // for what all steps share
+    p_.shared_at = need(StreamArena::kAlignment, true);
     lay_out_store();
     for (now_ = 0; now_ < static_cast<Index>(units_.size()); ++now_) {
       if (units_[now_].large >= 0)

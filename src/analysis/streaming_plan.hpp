@@ -122,6 +122,7 @@ struct StreamRates {
 
 struct StreamingPlan {
   Offset arena_bytes = 0;  ///< device memory: the peak, exactly
+  Offset shared_at = 0;    ///< 256 bytes for what all units share
   std::vector<InCoreStep> steps;
   std::vector<ColumnGroup> groups;
   std::vector<StreamOp> ops;

@@ -1,0 +1,29 @@
+/// \file
+/// Streaming on a GPU. The header needs no CUDA; where the backend was not built, make_cuda_stream() throws.
+#pragma once
+
+#include <memory>
+
+#include "base/thread_pool.hpp"
+#include "device/stream_backend.hpp"
+
+namespace espalier::device::cuda {
+
+struct CudaStreamOptions {
+  int device = 0;
+  double patience_seconds = 30;  ///< a wait between blocks that lasts longer ends the run with an error
+  int refuse_allocation = 0;     ///< tests: the allocation of that number (from 1) fails as if memory were gone
+};
+
+/// Bytes of device memory that are free, less a reserve for what the driver takes.
+Offset free_device_bytes(int device);
+
+/// @param plan  made with cuda_plan_options(kind); must outlive the backend
+/// @param pool  its threads do the substitutions
+/// All memory is taken by prepare(), which throws Error(out_of_memory) when the GPU, or the host for the staging ring,
+/// has less.
+template <class T>
+std::unique_ptr<StreamBackend<T>> make_cuda_stream(const analysis::Plan& plan, Kind kind, const PivotRule& rule,
+                                                   base::ThreadPool& pool, const CudaStreamOptions& options = {});
+
+}  // namespace espalier::device::cuda

@@ -1,0 +1,28 @@
+// Streaming in builds without CUDA.
+#include "device/cuda/cuda_stream.hpp"
+
+#if !ESPALIER_WITH_CUDA
+
+namespace espalier::device::cuda {
+
+namespace {
+constexpr const char* kReason =
+    "this build of espalier has no CUDA backend (configure with -DESPALIER_CUDA=ON where nvcc is installed)";
+}
+
+Offset free_device_bytes(int) { throw Error(StatusCode::device_error, kReason); }
+
+template <class T>
+std::unique_ptr<StreamBackend<T>> make_cuda_stream(const analysis::Plan&, Kind, const PivotRule&, base::ThreadPool&,
+                                                   const CudaStreamOptions&) {
+  throw Error(StatusCode::device_error, kReason);
+}
+
+template std::unique_ptr<StreamBackend<double>> make_cuda_stream(const analysis::Plan&, Kind, const PivotRule&,
+                                                                 base::ThreadPool&, const CudaStreamOptions&);
+template std::unique_ptr<StreamBackend<float>> make_cuda_stream(const analysis::Plan&, Kind, const PivotRule&,
+                                                                base::ThreadPool&, const CudaStreamOptions&);
+
+}  // namespace espalier::device::cuda
+
+#endif
