@@ -37,10 +37,9 @@ void Solver::Impl::analyze(const MatrixView& a) {
   state = State::empty;
   check_matrix(a, pool);
   const Kind wish = options.kind;
-  const Kind chosen = solver::choose_kind(a, wish);
+  const Kind chosen = solver::choose_kind(a, wish, pool);
   kind_may_change = wish == Kind::automatic && chosen == Kind::llt;
   moved_pivots = 0;
-  pattern_hash = solver::pattern_hash(a);
   analyze_as(a, chosen);
   describe_plan(start);
 }
@@ -49,7 +48,7 @@ void Solver::Impl::analyze_as(const MatrixView& a, Kind chosen) {
   numeric.reset();
   kind = chosen;
   analysis = AnalysisResult{};
-  equations = solver::copy_equations(a, kind);
+  equations = solver::copy_equations(a, kind, pool);
   const double copied = base::now_seconds();
   solver::scale_and_match(equations, kind, options, pool);
   const double matched = base::now_seconds();
@@ -123,17 +122,16 @@ void Solver::Impl::load_analysis(const std::string& path, const MatrixView& a) {
   state = State::empty;
   check_matrix(a, pool);
   solver::SavedAnalysis saved = solver::read_analysis(path, solver::pattern_hash(a));
-  pattern_hash = solver::pattern_hash(a);
   moved_pivots = 0;
   if (options.kind != Kind::automatic && options.kind != saved.kind)
     throw Error(StatusCode::invalid_input, fmt::format("{}: the saved analysis is for {}, but {} was asked for", path,
                                                        solver::name_of(saved.kind), solver::name_of(options.kind)));
-  (void)solver::choose_kind(a, saved.kind);  // llt and ldlt need a symmetric matrix
+  (void)solver::choose_kind(a, saved.kind, pool);  // llt and ldlt need a symmetric matrix
   numeric.reset();
   kind = saved.kind;
   kind_may_change = options.kind == Kind::automatic && kind == Kind::llt;
   analysis = AnalysisResult{};
-  equations = solver::copy_equations(a, kind);
+  equations = solver::copy_equations(a, kind, pool);
   if (saved.tree.n != equations.n())
     throw Error(StatusCode::invalid_input, path + ": the analysis belongs to a matrix of another size");
   equations.row_scale = std::move(saved.row_scale);

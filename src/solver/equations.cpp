@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <functional>
+#include <iterator>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -24,11 +26,14 @@ Offset bytes_of(const V& v) {
 }
 
 // Sums of the diagonal entries of each column.
-std::vector<double> diagonal(const MatrixView& a) {
+std::vector<double> diagonal(const MatrixView& a, base::ThreadPool& pool) {
+  constexpr std::int64_t kColumns = 4096;  // per piece of work
   std::vector<double> d(static_cast<std::size_t>(a.cols), 0.0);
-  for (Index c = 0; c < a.cols; ++c)
-    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
-      if (a.row_ind[q] == c) d[static_cast<std::size_t>(c)] += a.values[q];
+  pool.for_each_piece(a.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    for (auto c = static_cast<Index>(begin); c < end; ++c)
+      for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
+        if (a.row_ind[q] == c) d[static_cast<std::size_t>(c)] += a.values[q];
+  });
   return d;
 }
 
@@ -114,7 +119,7 @@ Offset Equations::bytes() const {
          bytes_of(row_scale) + bytes_of(col_scale) + bytes_of(row_of_col) + bytes_of(pair) + bytes_of(zero_diagonal);
 }
 
-Kind choose_kind(const MatrixView& a, Kind wish) {
+Kind choose_kind(const MatrixView& a, Kind wish, base::ThreadPool& pool) {
   if (wish == Kind::lu) return wish;
   const bool symmetric =
       a.symmetric() || (!a.values.empty() ? matrix::values_are_symmetric(a) : matrix::structure_is_symmetric(a));
@@ -126,41 +131,51 @@ Kind choose_kind(const MatrixView& a, Kind wish) {
   }
   if (wish != Kind::automatic) return wish;
   if (a.values.empty()) return Kind::llt;
-  const std::vector<double> d = diagonal(a);
+  const std::vector<double> d = diagonal(a, pool);
   return std::all_of(d.begin(), d.end(), [](double x) { return x > 0; }) ? Kind::llt : Kind::ldlt;
 }
 
-Equations copy_equations(const MatrixView& a, Kind kind) {
+Equations copy_equations(const MatrixView& a, Kind kind, base::ThreadPool& pool) {
   Equations e;
   e.caller_nonzeros = a.nonzeros();
   e.a.rows = a.rows;
   e.a.cols = a.cols;
   e.a.storage = a.storage;
-  if (has_duplicates(a)) {
-    merge_duplicates(a, e);
-  } else {
-    e.a.col_ptr.assign(a.col_ptr.begin(), a.col_ptr.end());
-    e.a.row_ind.assign(a.row_ind.begin(), a.row_ind.end());
-  }
+  // Each of these passes over the pattern is bound by memory on one core, so they go side by side.
+  bool duplicates = false;
+  const std::function<void()> passes[] = {
+      [&] { e.a.values.assign(static_cast<std::size_t>(a.nonzeros()), 1.0); },
+      [&] { duplicates = has_duplicates(a); },
+      [&] { e.a.row_ind.assign(a.row_ind.begin(), a.row_ind.end()); },
+      [&] { e.caller_pattern = pattern_hash(a); },
+      [&] { e.a.col_ptr.assign(a.col_ptr.begin(), a.col_ptr.end()); },
+  };
+  pool.for_each(static_cast<std::int64_t>(std::size(passes)), [&](std::int64_t i) { passes[i](); });
+  if (duplicates) merge_duplicates(a, e);
   if (kind == Kind::lu && a.symmetric()) expand(e);
   e.symmetric_values = kind != Kind::lu && a.storage == Storage::general;
   if (e.symmetric_values) e.a.storage = Storage::symmetric_both;
-  e.a.values.assign(e.a.row_ind.size(), 1.0);
-  if (!a.values.empty()) copy_values(e, a.values);
+  e.a.values.resize(e.a.row_ind.size(), 1.0);
+  if (!a.values.empty()) copy_values(e, a.values, pool);
   return e;
 }
 
-void copy_values(Equations& e, std::span<const double> values) {
+void copy_values(Equations& e, std::span<const double> values, base::ThreadPool& pool) {
   std::vector<double> sums;
   if (!e.target.empty()) {
     sums.assign(e.source.empty() ? e.a.values.size() : static_cast<std::size_t>(e.a.nonzeros()), 0.0);
     for (std::size_t q = 0; q < e.target.size(); ++q) sums[static_cast<std::size_t>(e.target[q])] += values[q];
     values = sums;
   }
-  if (e.source.empty())
-    std::copy_n(values.begin(), e.a.values.size(), e.a.values.begin());
-  else
-    for (std::size_t q = 0; q < e.source.size(); ++q) e.a.values[q] = values[static_cast<std::size_t>(e.source[q])];
+  constexpr std::int64_t kEntries = 1 << 18;  // per piece of work: 2 MiB
+  pool.for_each_piece(e.a.nonzeros(), kEntries, [&](std::int64_t begin, std::int64_t end) {
+    if (e.source.empty()) {
+      std::copy(values.begin() + begin, values.begin() + end, e.a.values.begin() + begin);
+    } else {
+      for (auto q = static_cast<std::size_t>(begin); q < static_cast<std::size_t>(end); ++q)
+        e.a.values[q] = values[static_cast<std::size_t>(e.source[q])];
+    }
+  });
   if (!e.symmetric_values) return;
   MatrixView general = e.a;
   general.storage = Storage::general;
@@ -170,9 +185,9 @@ void copy_values(Equations& e, std::span<const double> values) {
         "the matrix was analyzed as a symmetric one, but its new values are not symmetric; call analyze() again");
 }
 
-bool same_pattern(const Equations& e, const MatrixView& a, std::uint64_t hash) {
+bool same_pattern(const Equations& e, const MatrixView& a) {
   if (a.rows != e.a.rows || a.cols != e.a.cols || a.nonzeros() != e.caller_nonzeros) return false;
-  if (!e.source.empty() || !e.target.empty()) return pattern_hash(a) == hash;
+  if (!e.source.empty() || !e.target.empty()) return pattern_hash(a) == e.caller_pattern;
   return std::equal(a.col_ptr.begin(), a.col_ptr.end(), e.a.col_ptr.begin()) &&
          std::equal(a.row_ind.begin(), a.row_ind.end(), e.a.row_ind.begin());
 }
@@ -198,7 +213,7 @@ void scale_and_match(Equations& e, Kind kind, const Options& options, base::Thre
     e.col_scale = std::move(s.col);
   }
   if (kind == Kind::ldlt) {
-    const std::vector<double> d = diagonal(e.a);
+    const std::vector<double> d = diagonal(e.a, pool);
     e.zero_diagonal.resize(d.size());
     std::transform(d.begin(), d.end(), e.zero_diagonal.begin(), [](double x) { return static_cast<char>(x == 0); });
   }

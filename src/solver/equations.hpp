@@ -19,11 +19,12 @@ struct Equations {
   std::vector<Offset> source;     ///< lu of symmetric storage: entry before expansion of each entry of `a`; else empty
   bool symmetric_values = false;  ///< stored in general, taken as symmetric: new values must be symmetric as well
   Offset caller_nonzeros = 0;     ///< length of the caller's value array
-  std::vector<double> row_scale;  ///< n; empty: 1
-  std::vector<double> col_scale;  ///< n; empty: 1
-  std::vector<Index> row_of_col;  ///< n; empty: identity
-  std::vector<Index> pair;        ///< n; 2x2 pivot candidates; empty: none
-  std::vector<char> zero_diagonal;  ///< n; empty: none
+  std::uint64_t caller_pattern = 0;  ///< pattern_hash() of the caller's matrix
+  std::vector<double> row_scale;     ///< n; empty: 1
+  std::vector<double> col_scale;     ///< n; empty: 1
+  std::vector<Index> row_of_col;     ///< n; empty: identity
+  std::vector<Index> pair;           ///< n; 2x2 pivot candidates; empty: none
+  std::vector<char> zero_diagonal;   ///< n; empty: none
 
   [[nodiscard]] Index n() const { return a.cols; }
   [[nodiscard]] Index row_of(Index col) const {
@@ -35,18 +36,18 @@ struct Equations {
 
 /// The kind for `a`: the wish, or by symmetry and diagonal when automatic.
 /// @throws Error(invalid_input) when the wish contradicts the matrix (llt or ldlt of an unsymmetric one)
-Kind choose_kind(const MatrixView& a, Kind wish);
+Kind choose_kind(const MatrixView& a, Kind wish, base::ThreadPool& pool);
 
 /// Copies the matrix for `kind`. A general matrix with symmetric values becomes symmetric_both for llt and ldlt; a
 /// symmetric one is expanded for lu. Duplicates are summed, so that errors are measured against the entries themselves.
-Equations copy_equations(const MatrixView& a, Kind kind);
+Equations copy_equations(const MatrixView& a, Kind kind, base::ThreadPool& pool);
 
 /// Takes new values from the caller's array. @pre values.size() == e.caller_nonzeros
 /// @throws Error(invalid_input) when a matrix in general storage that was analyzed as symmetric is so no more
-void copy_values(Equations& e, std::span<const double> values);
+void copy_values(Equations& e, std::span<const double> values, base::ThreadPool& pool);
 
-/// Whether `a` has the pattern from which `e` was copied; `hash` is the pattern_hash() of that matrix.
-bool same_pattern(const Equations& e, const MatrixView& a, std::uint64_t hash);
+/// Whether `a` has the pattern from which `e` was copied.
+bool same_pattern(const Equations& e, const MatrixView& a);
 
 /// Scaling and, with options.matching, the maximum product matching (ldlt, lu). llt is scaled only for factors of low
 /// precision (in FP64 Cholesky's error does not depend on scaling: van der Sluis 1969).

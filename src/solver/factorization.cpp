@@ -72,7 +72,7 @@ void Solver::Impl::factorize(std::span<const double> values) {
   const double start = base::now_seconds();
   state = State::analyzed;
   factor = FactorResult{};
-  solver::copy_values(equations, values);
+  solver::copy_values(equations, values, pool);
   residual.set_values(equations.a.values);
   if (timeline) timeline->clear();
   if (!numeric) make_numeric();
@@ -97,10 +97,12 @@ void Solver::Impl::turn_to_ldlt() {
   const SparseMatrix copy = std::move(equations.a);
   std::vector<Offset> target = std::move(equations.target);
   const Offset caller_nonzeros = equations.caller_nonzeros;
+  const std::uint64_t caller_pattern = equations.caller_pattern;
   const bool symmetric_values = equations.symmetric_values;
   analyze_as(copy, Kind::ldlt);
   equations.target = std::move(target);
   equations.caller_nonzeros = caller_nonzeros;
+  equations.caller_pattern = caller_pattern;
   equations.symmetric_values = symmetric_values;
   residual.set_values(equations.a.values);
   describe_plan(start);

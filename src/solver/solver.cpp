@@ -74,7 +74,7 @@ FactorResult Solver::factorize(const MatrixView& a) {
   if (impl_->state == State::empty) throw std::logic_error("Solver::factorize: call analyze() first");
   Status status = guarded([&] {
     matrix::validate(a, &impl_->pool);
-    if (!solver::same_pattern(impl_->equations, a, impl_->pattern_hash))
+    if (!solver::same_pattern(impl_->equations, a))
       throw Error(StatusCode::invalid_input,
                   "the matrix has another pattern than the one analyzed; call analyze() again");
     if (a.values.empty() && a.nonzeros() > 0)
@@ -150,7 +150,7 @@ Status Solver::save_analysis(const std::string& path) const {
   return guarded([&] {
     const auto& e = impl_->equations;
     solver::write_analysis(path, {impl_->kind, impl_->plan.tree, e.row_scale, e.col_scale, e.row_of_col},
-                           impl_->pattern_hash);
+                           e.caller_pattern);
   });
 }
 

@@ -52,9 +52,8 @@ struct Solver::Impl {
   base::ThreadPool pool;
   base::MemoryBudget budget;
   std::unique_ptr<base::Timeline> timeline;
-  std::uint64_t pattern_hash = 0;  // of the caller's matrix
-  Kind kind = Kind::automatic;     // of the current analysis
-  bool kind_may_change = false;    // automatic took llt: ldlt when a pivot is not positive
+  Kind kind = Kind::automatic;   // of the current analysis
+  bool kind_may_change = false;  // automatic took llt: ldlt when a pivot is not positive
   solver::Equations equations;
   solve::ResidualOperator residual;
   solver::DeviceChoice device;
