@@ -1,7 +1,9 @@
 #include <fmt/format.h>
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <limits>
+#include <map>
 #include <set>
 
 #include "dynamics/bodies/flexible_frame.hpp"
@@ -23,6 +25,52 @@ std::vector<T> thinned(const std::vector<T>& list, std::size_t most) {
   std::vector<T> result;
   for (std::size_t k = 0; k < most; ++k) result.push_back(list[k * list.size() / most]);
   return result;
+}
+
+/// Share of each node in the area of the faces (each face in equal parts); the weights add up to 1.
+std::map<Index, double> area_weights(const FlexibleBody& body, const Mesh& mesh, const std::vector<MeshFace>& faces) {
+  std::map<Index, double> weights;
+  double total = 0;
+  for (const MeshFace& face : faces) {
+    const auto nodes = mesh.face_nodes(face);
+    const std::size_t corners = nodes.size() > 4 ? nodes.size() / 2 : nodes.size();
+    Vec3 area = Vec3::Zero();
+    for (std::size_t k = 0; k < corners; ++k)
+      area += 0.5 * reference_node(body, nodes[k]).cross(reference_node(body, nodes[(k + 1) % corners]));
+    total += area.norm();
+    for (const Index n : nodes) weights[n] += area.norm() / static_cast<double>(nodes.size());
+  }
+  for (auto& [node, weight] : weights) weight /= total;
+  return weights;
+}
+
+/// A faceted bore has its area-weighted mean beside its axis. The weights are changed as little as possible (least
+/// squares relative to themselves) so that the mean is `point`: w (1 + mu . z), z = [1; X - point].
+std::vector<FrameVertex> centred_vertices(const FlexibleBody& body, const Mesh& mesh,
+                                          const std::vector<MeshFace>& faces, const Vec3& point) {
+  const std::map<Index, double> weights = area_weights(body, mesh, faces);
+  double size = 0;
+  for (const auto& [node, w] : weights) size = std::max(size, (reference_node(body, node) - point).norm());
+  const auto basis = [&](Index node) {
+    const Vec3 arm = (reference_node(body, node) - point) / size;
+    return Eigen::Vector4d(1, arm.x(), arm.y(), arm.z());
+  };
+  Eigen::Matrix4d gram = Eigen::Matrix4d::Zero();
+  for (const auto& [node, w] : weights) gram += w * basis(node) * basis(node).transpose();
+  // A flat set has no extension along its normal: least norm there.
+  Eigen::CompleteOrthogonalDecomposition<Eigen::Matrix4d> solver;
+  solver.setThreshold(1e-10);
+  const Eigen::Vector4d factor = solver.compute(gram).solve(Eigen::Vector4d::UnitX());
+  if ((gram * factor - Eigen::Vector4d::UnitX()).norm() > 1e-6)
+    throw std::invalid_argument("'point' lies outside of the plane of the face set; leave it out or correct it");
+  std::vector<FrameVertex> vertices;
+  for (const auto& [node, w] : weights) {
+    const double changed = w * factor.dot(basis(node));
+    if (!(changed > 0))
+      throw std::invalid_argument("'point' is too far from the middle of the face set to be its mean");
+    vertices.push_back({node, changed, changed * (reference_node(body, node) - point)});
+  }
+  return vertices;
 }
 
 }  // namespace
@@ -159,7 +207,9 @@ std::unique_ptr<Frame> FrameBuilder::make_face(const MarkerSpec& m, const BuiltB
       faces = thinned(faces, std::max<std::size_t>(4, most / per_face));
     }
   }
-  return make_face_frame(*body.flexible, *body.mesh, faces, axes);
+  if (!m.point_given) return make_face_frame(*body.flexible, *body.mesh, faces, axes);
+  return std::make_unique<FlexibleFrame>(*body.flexible, centred_vertices(*body.flexible, *body.mesh, faces, m.point),
+                                         axes);
 }
 
 }  // namespace espalier::dynamics::model

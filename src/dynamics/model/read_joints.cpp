@@ -202,6 +202,7 @@ MarkerSpec read_marker(const Value& value, const std::string& name) {
   }
   m.body = s.text("body");
   m.global = s.flag("global", false);
+  m.point_given = s.has("point");
   m.point = s.vector("point", Vec3::Zero());
   m.axes = read_axes(s);
   if (s.has("node")) m.node = s.integer("node", -1, 0);
