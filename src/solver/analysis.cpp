@@ -75,8 +75,11 @@ void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
   predicted = solver::predict_time(tree, kind, single(), pool.size());
   device = solver::choose_device(options, predicted);
   if (device.backend == solver::DeviceChoice::Backend::cuda) {
-    plan = analysis::make_plan(std::move(tree), equations.a, equations.row_of_col,
-                               device::cuda::cuda_plan_options(kind), pool);
+    analysis::PlanOptions gpu_options = device::cuda::cuda_plan_options(kind, {}, device.devices);
+    gpu_options.additional_subtrees = options.sharing.additional_subtrees;
+    gpu_options.stealing = options.sharing.stealing;
+    gpu_options.shared_top = options.sharing.shared_top;
+    plan = analysis::make_plan(std::move(tree), equations.a, equations.row_of_col, gpu_options, pool);
     return;
   }
   analysis::PlanOptions plan_options;
@@ -109,7 +112,7 @@ void Solver::Impl::describe_plan(double start) {
           value_bytes +
       held_bytes() - budget.peak();
   const bool on_gpu = device.backend == solver::DeviceChoice::Backend::cuda;
-  r.predicted_seconds = on_gpu ? predicted.gpu_seconds : predicted.host_seconds;
+  r.predicted_seconds = on_gpu ? predicted.gpu_seconds_on(device.devices) : predicted.host_seconds;
   r.device = device.reason;
   state = State::analyzed;
   r.seconds = base::now_seconds() - start;

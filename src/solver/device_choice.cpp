@@ -15,32 +15,71 @@ namespace {
 // Cost models, from refactorizations on 2 and 16 AVX-512 cores and on one H200 (docs/performance.md, "cost model").
 constexpr double kHostFlopsPerSecond = 6e10;  // per thread
 constexpr double kHostSecondsPerFront = 1.5e-6;
-constexpr double kGpuFlopsPerSecond = 2.5e13;
-constexpr double kGpuBytesPerSecond = 1.5e12;  // factor entries, written and read
-constexpr double kGpuSecondsPerTier = 2e-5;    // a chain of fronts cannot be shortened by width
-constexpr double kGpuStartSeconds = 2e-4;      // values to the device, launch, outcome back
+constexpr double kGpuStartSeconds = 2e-4;  // values to the device, launch, outcome back
+constexpr double kGainOfDevice = 0.9;      // another GPU must bring the predicted time below this part of it
 
 constexpr std::int64_t kMostThreads = 4096;
 
-DeviceChoice cuda_device(int gpu, std::string reason) {
+DeviceChoice on_gpus(std::vector<int> gpus, std::string reason) {
+  const auto count = static_cast<int>(gpus.size());
+  return {DeviceChoice::Backend::cuda, std::move(gpus), count, std::move(reason)};
+}
+DeviceChoice on_host(int devices, std::string reason) {
+  return {DeviceChoice::Backend::host, {}, devices, std::move(reason)};
+}
+
+// The GPUs that were asked for by number; none: all.
+DeviceChoice asked_for(std::vector<int> gpus) {
   const device::cuda::Availability found = device::cuda::available_devices();
   if (found.devices.empty()) throw Error(StatusCode::device_error, "no GPU can be used: " + found.reason);
-  if (gpu < 0 || gpu >= static_cast<int>(found.devices.size()))
-    throw Error(StatusCode::device_error,
-                fmt::format("GPU {} was asked for, but this machine has {}", gpu, found.devices.size()));
-  return {DeviceChoice::Backend::cuda, gpu, 1, std::move(reason)};
+  const auto count = static_cast<int>(found.devices.size());
+  if (gpus.empty())
+    for (int d = 0; d < std::min(count, device::cuda::kMostDevices); ++d) gpus.push_back(d);
+  for (const int gpu : gpus)
+    if (gpu < 0 || gpu >= count)
+      throw Error(StatusCode::device_error, fmt::format("GPU {} was asked for, but this machine has {}", gpu, count));
+  std::string reason = gpus.size() == 1 ? "GPU: asked for" : fmt::format("{} GPUs: asked for", gpus.size());
+  return on_gpus(std::move(gpus), std::move(reason));
+}
+
+// "0" or "0,1,2": every number once, at most device::cuda::kMostDevices of them.
+std::optional<std::vector<int>> gpu_list(const std::string& text) {
+  std::vector<int> gpus;
+  const char* at = text.data();
+  const char* const end = at + text.size();
+  for (;;) {
+    int gpu = 0;
+    const auto [stop, error] = std::from_chars(at, end, gpu);
+    if (error != std::errc() || std::find(gpus.begin(), gpus.end(), gpu) != gpus.end()) return std::nullopt;
+    gpus.push_back(gpu);
+    if (static_cast<int>(gpus.size()) > device::cuda::kMostDevices) return std::nullopt;
+    if (stop == end) return gpus;
+    if (*stop != ',') return std::nullopt;
+    at = stop + 1;
+  }
 }
 
 DeviceChoice automatic(const PredictedTime& t) {
   const device::cuda::Availability found = device::cuda::available_devices();
-  if (found.devices.empty()) return {DeviceChoice::Backend::host, 0, 1, "host: " + found.reason};
-  const std::string figures =
-      fmt::format("predicted {:.2g} s on the GPU, {:.2g} s on the host", t.gpu_seconds, t.host_seconds);
-  if (t.gpu_seconds < t.host_seconds) return {DeviceChoice::Backend::cuda, 0, 1, "GPU: " + figures};
-  return {DeviceChoice::Backend::host, 0, 1, "host: " + figures};
+  if (found.devices.empty()) return on_host(1, "host: " + found.reason);
+  const int most = std::min(static_cast<int>(found.devices.size()), device::cuda::kMostDevices);
+  const int count = fastest_count(t.gpu, most);
+  const std::string figures = fmt::format("predicted {:.2g} s on {} of {} GPU{}, {:.2g} s on the host",
+                                          t.gpu_seconds_on(count), count, most, most == 1 ? "" : "s", t.host_seconds);
+  if (t.gpu_seconds_on(count) >= t.host_seconds) return on_host(1, "host: " + figures);
+  std::vector<int> gpus;
+  for (int d = 0; d < count; ++d) gpus.push_back(d);
+  return on_gpus(std::move(gpus), "GPU: " + figures);
 }
 
 }  // namespace
+
+int fastest_count(const analysis::GpuTime& time, int most) {
+  int best = 1;
+  for (int count = 2; count <= most; ++count)
+    if (time.on(count) < kGainOfDevice * time.on(best)) best = count;
+  return best;
+}
 
 std::optional<HostDevices> host_devices(const std::string& device, int threads) {
   if (!device.starts_with("host:")) return std::nullopt;
@@ -60,41 +99,29 @@ std::optional<HostDevices> host_devices(const std::string& device, int threads) 
 
 PredictedTime predict_time(const analysis::AssemblyTree& tree, Kind kind, bool single, int threads) {
   PredictedTime t;
-  double entries = 0;
-  std::vector<Index> tier(static_cast<std::size_t>(tree.fronts()), 0);
-  Index tiers = 0;
-  for (Index f = tree.fronts() - 1; f >= 0; --f) {
-    const double k = tree.pivots(f);
-    const double m = k + tree.rows_below(f);
+  for (Index f = 0; f < tree.fronts(); ++f)
     t.flops += analysis::front_flops(tree.pivots(f), tree.pivots(f) + tree.rows_below(f), kind == Kind::lu);
-    entries += k * m * (kind == Kind::lu ? 2 : 1);
-    if (tree.parent[f] >= 0) tier[f] = tier[tree.parent[f]] + 1;
-    tiers = std::max(tiers, tier[f] + 1);
-  }
   const double precision = single ? 2 : 1;
   t.host_seconds =
       t.flops / (kHostFlopsPerSecond * precision * threads) + kHostSecondsPerFront * tree.fronts() / threads;
-  t.gpu_seconds = kGpuStartSeconds + kGpuSecondsPerTier * tiers + t.flops / kGpuFlopsPerSecond +
-                  entries * 16 / (kGpuBytesPerSecond * precision);
+  t.gpu = analysis::gpu_time(tree, kind == Kind::lu, kind == Kind::ldlt);
+  t.gpu_seconds = kGpuStartSeconds + t.gpu.on(1);
   return t;
 }
 
 DeviceChoice choose_device(const Options& options, const PredictedTime& predicted) {
   const std::string& text = options.device;
   if (text == "auto") return automatic(predicted);
-  if (text == "cpu") return {DeviceChoice::Backend::host, 0, 1, "host: asked for"};
+  if (text == "cpu") return on_host(1, "host: asked for");
   if (const auto host = host_devices(text, 1))
-    return {DeviceChoice::Backend::host, 0, host->devices,
-            fmt::format("{} host device{}: asked for", host->devices, host->devices == 1 ? "" : "s")};
-  if (text == "gpu") return cuda_device(0, "GPU: asked for");
-  if (text.starts_with("gpu:")) {
-    int gpu = 0;
-    const char* end = text.data() + text.size();
-    const auto [stop, error] = std::from_chars(text.data() + 4, end, gpu);
-    if (error == std::errc() && stop == end) return cuda_device(gpu, "GPU: asked for");
-  }
+    return on_host(host->devices,
+                   fmt::format("{} host device{}: asked for", host->devices, host->devices == 1 ? "" : "s"));
+  if (text == "gpu") return asked_for({0});
+  if (text == "gpu:all") return asked_for({});
+  if (text.starts_with("gpu:"))
+    if (auto gpus = gpu_list(text.substr(4))) return asked_for(std::move(*gpus));
   throw Error(StatusCode::invalid_input,
-              fmt::format("device '{}' is not known; use auto, cpu, host:N, host:N,M or gpu:0", text));
+              fmt::format("device '{}' is not known; use auto, cpu, host:N, host:N,M, gpu:all or gpu:0,1", text));
 }
 
 }  // namespace espalier::solver

@@ -4,8 +4,9 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
-#include "analysis/assembly_tree.hpp"
+#include "analysis/front_cost.hpp"
 #include "espalier/solver.hpp"
 
 namespace espalier::solver {
@@ -13,9 +14,9 @@ namespace espalier::solver {
 struct DeviceChoice {
   enum class Backend { host, cuda };
   Backend backend = Backend::host;
-  int gpu = 0;         ///< number of the GPU (cuda)
-  int devices = 1;     ///< host devices that share the plan (host)
-  std::string reason;  ///< one sentence for the report
+  std::vector<int> gpus = {};  ///< numbers of the GPUs (cuda)
+  int devices = 1;             ///< GPUs or host devices that share the plan
+  std::string reason;          ///< one sentence for the report
 };
 
 /// N devices of M threads each.
@@ -31,11 +32,18 @@ std::optional<HostDevices> host_devices(const std::string& device, int threads);
 struct PredictedTime {
   double flops = 0;
   double host_seconds = 0;
-  double gpu_seconds = 0;
+  double gpu_seconds = 0;  ///< on one
+  analysis::GpuTime gpu;   ///< without what it takes to bring values there and the outcome back
+
+  [[nodiscard]] double gpu_seconds_on(int devices) const { return gpu_seconds - gpu.on(1) + gpu.on(devices); }
 };
 PredictedTime predict_time(const analysis::AssemblyTree& tree, Kind kind, bool single, int threads);
 
-/// Reads options.device: auto | cpu | host:N | host:N,M | gpu:0.
+/// The number of GPUs, at most `most`, that are predicted to be fastest; fewer where more would gain next to nothing.
+int fastest_count(const analysis::GpuTime& time, int most);
+
+/// Reads options.device: auto | cpu | host:N | host:N,M | gpu:all | gpu:0,1. auto takes as many GPUs as the model says
+/// are fastest.
 /// @throws Error(invalid_input) for a text that is none of these; Error(device_error) for a GPU that is not there, with
 ///         the reason
 DeviceChoice choose_device(const Options& options, const PredictedTime& predicted);

@@ -54,17 +54,20 @@ void Solver::Impl::make_numeric() {
   o.threshold = options.pivot_threshold;
   o.smallest_pivot = smallest_pivot;
   numeric.reset();  // its memory goes before new memory comes
-  try {
-    numeric = solver::make_numeric(plan, equations, o, single(), pool, budget, timeline.get());
-  } catch (const Error& e) {
-    if (options.device != "auto" || device.backend == solver::DeviceChoice::Backend::host) throw;
-    // The choice was ours: the host takes over when the GPU cannot.
-    log(fmt::format("the GPU cannot take the factorization ({}): going on with the host", e.what()));
-    options.device = "cpu";
-    lay_out_plan(analysis::AssemblyTree(plan.tree));
-    analysis.device = fmt::format("host: {}", e.what());
-    o.device = device;
-    numeric = solver::make_numeric(plan, equations, o, single(), pool, budget, timeline.get());
+  for (const bool ours = options.device == "auto"; !numeric;) {
+    try {
+      numeric = solver::make_numeric(plan, equations, o, single(), pool, budget, timeline.get());
+    } catch (const Error& e) {
+      if (!ours || device.backend == solver::DeviceChoice::Backend::host) throw;
+      // The choice was ours: one GPU takes over when several cannot, the host when that one cannot.
+      const bool several = device.devices > 1;
+      options.device = several ? fmt::format("gpu:{}", device.gpus.front()) : "cpu";
+      const std::string next = several ? "one GPU" : "the host";
+      log(fmt::format("the GPU cannot take the factorization ({}): going on with {}", e.what(), next));
+      lay_out_plan(analysis::AssemblyTree(plan.tree));
+      analysis.device = fmt::format("{}: {}", next, e.what());
+      o.device = device;
+    }
   }
 }
 

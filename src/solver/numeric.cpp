@@ -23,7 +23,8 @@ std::unique_ptr<device::Executor<T>> make_executor(const analysis::Plan& plan, c
     return device::host::make_host_executor<T>(plan, options.kind, rule, pool, &budget, timeline, std::move(host));
   }
   device::cuda::CudaOptions cuda;
-  cuda.device = options.device.gpu;
+  cuda.device = options.device.gpus.front();
+  if (options.device.devices > 1) cuda.devices = options.device.gpus;
   cuda.memory_bytes = options.device_memory_bytes;
   return device::cuda::make_cuda_executor<T>(plan, options.kind, rule, cuda);
 }
