@@ -87,8 +87,8 @@ struct Case {
 Case prepare(const Settings& settings, base::ThreadPool& pool) {
   Case c;
   c.a = matrix::generate(matrix::parse_generator(words_of(settings.system)), &pool);
-  c.kind = solver::choose_kind(c.a, settings.kind);
-  c.equations = solver::copy_equations(c.a, c.kind);
+  c.kind = solver::choose_kind(c.a, settings.kind, pool);
+  c.equations = solver::copy_equations(c.a, c.kind, pool);
   solver::scale_and_match(c.equations, c.kind, Options{}, pool);
   analysis::TreeOptions tree_options;
   tree_options.pair = c.equations.pair;
