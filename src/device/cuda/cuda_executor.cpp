@@ -14,6 +14,7 @@
 #include <tuple>
 
 #include "device/cuda/device_side.hpp"
+#include "device/determinant.hpp"
 
 namespace espalier::device::cuda {
 
@@ -61,6 +62,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   }
 
   void set_pivot_rule(const PivotRule& rule) override {
+    smallest_ = rule.smallest;
     const T limits[2] = {static_cast<T>(rule.tiny), static_cast<T>(1 / rule.threshold)};
     if (limits_known_ && limits[0] == limits_[0] && limits[1] == limits_[1]) return;
     limits_[0] = limits[0];
@@ -312,7 +314,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     }
     out.busy_seconds = out.seconds;
     if (stopped) throw stalled("factorization");
-    if (out.not_positive < 0) add_determinant(out);
+    if (out.not_positive < 0) judge_pivots(out);
     return out;
   }
 
@@ -357,7 +359,9 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     return list;
   }
 
-  void add_determinant(FactorOutcome& out) {
+  // The determinant, and the positive pivots (llt) that count as zero.
+  void judge_pivots(FactorOutcome& out) {
+    Determinant determinant;
     pivots_host_.resize(sides_.size());
     for (const auto& side : sides_)
       at(*side, [&] { side->pivots(pivots_host_[static_cast<std::size_t>(side->self())]); });
@@ -365,10 +369,13 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
       const auto& pivots = pivots_host_[static_cast<std::size_t>(std::countr_zero(tables_.fronts[f].members))];
       for (Index k = plan_.tree.first[f]; k < plan_.tree.first[f + 1]; ++k) {
         const T p = pivots[static_cast<std::size_t>(k)];
-        if (p < T(0)) out.determinant_sign = -out.determinant_sign;
-        out.determinant_log += std::log(std::abs(static_cast<double>(p)));
+        determinant.multiply(static_cast<double>(p));
+        if (!smallest_.empty() && static_cast<double>(p) <= smallest_[static_cast<std::size_t>(k)])
+          out.replaced.push_back(k);
       }
     }
+    out.determinant_sign = determinant.sign();
+    out.determinant_log = determinant.log();
   }
 
   // ---- solve -------------------------------------------------------------------------------------------------------
@@ -471,6 +478,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   std::vector<std::vector<T>> pivots_host_;
   T limits_[2] = {};
   bool limits_known_ = false;
+  std::span<const double> smallest_;  // PivotRule::smallest
   bool replaced_ = false, failed_ = false;
   Index at_once_ = 1;
 };

@@ -13,6 +13,7 @@
 #include "device/cuda/fragment_solve.hpp"
 #include "device/cuda/stream_kernels.cuh"
 #include "device/cuda/stream_tables.hpp"
+#include "device/determinant.hpp"
 
 namespace espalier::device::cuda {
 
@@ -176,6 +177,7 @@ class CudaStream final : public StreamBackend<T> {
 
   void begin(std::span<const T>) override {
     outcome_ = FactorOutcome{};
+    determinant_ = Determinant{};
     stopped_ = false;
   }
   void enter_thread() override { check(cudaSetDevice(resources_.device()), "cudaSetDevice"); }
@@ -235,8 +237,10 @@ class CudaStream final : public StreamBackend<T> {
     const auto use = [&](Index local, Index position) {
       T pivot;
       std::memcpy(&pivot, bytes.data() + at.pivot + local * static_cast<Offset>(sizeof(T)), sizeof pivot);
-      if (good && pivot < T(0)) outcome_.determinant_sign = -outcome_.determinant_sign;
-      if (good) outcome_.determinant_log += std::log(std::abs(static_cast<double>(pivot)));
+      if (good) determinant_.multiply(static_cast<double>(pivot));
+      if (good && !rule_.smallest.empty() &&
+          static_cast<double>(pivot) <= rule_.smallest[static_cast<std::size_t>(position)])
+        outcome_.replaced.push_back(position);
       if (bytes[static_cast<std::size_t>(at.replaced + local)] != std::byte{0}) outcome_.replaced.push_back(position);
       if (bytes[static_cast<std::size_t>(at.failed + local)] != std::byte{0}) outcome_.failed.push_back(position);
       if (!good && local == at.pivots - control[kNotPositive])
@@ -254,6 +258,8 @@ class CudaStream final : public StreamBackend<T> {
   FactorOutcome outcome() override {
     std::sort(outcome_.replaced.begin(), outcome_.replaced.end());
     std::sort(outcome_.failed.begin(), outcome_.failed.end());
+    outcome_.determinant_sign = determinant_.sign();
+    outcome_.determinant_log = determinant_.log();
     return outcome_;
   }
 
@@ -456,6 +462,7 @@ class CudaStream final : public StreamBackend<T> {
   std::vector<UnitTables> steps_, groups_;
   LaunchShape shape_[2];
   FactorOutcome outcome_;
+  Determinant determinant_;
   bool stopped_ = false;
   std::vector<T> inverse_d_, inverse_e_;
 };
