@@ -1,9 +1,10 @@
 // Solves every matrix file under a folder with default options and prints one Markdown row for each: what it is, how
 // the call ended, backward errors judged by an independent residual, inertia beside the expected one where a .json file
 // tells it.
-//   espalier_collection FOLDER [--markdown]
+//   espalier_collection FOLDER [--device cpu|gpu:0|host:2|...] [--device-memory SIZE]
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -50,7 +51,7 @@ struct Row {
   bool good = false;  // solved to the wanted accuracy, or refused with a reason
 };
 
-Row run(const fs::path& path, const fs::path& folder) {
+Row run(const fs::path& path, const fs::path& folder, const Options& options) {
   Row row;
   row.name = fs::relative(path, folder).string();
   row.expected = expected_inertia(path);
@@ -65,7 +66,7 @@ Row run(const fs::path& path, const fs::path& folder) {
   }
   row.n = a.rows;
   row.nonzeros = a.nonzeros();
-  Solver solver;
+  Solver solver(options);
   const AnalysisResult analysis = solver.analyze(a);
   Status status = analysis.status;
   row.kind = std::string(solver::name_of(analysis.kind));
@@ -95,12 +96,16 @@ Row run(const fs::path& path, const fs::path& folder) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc < 2) {
-    fmt::print(stderr, "usage: espalier_collection FOLDER\n");
-    return 2;
-  }
+  CLI::App app{"Solves every matrix file under a folder; prints one Markdown row for each"};
+  std::string folder, device_memory;
+  Options options;
+  app.add_option("folder", folder, "searched with all its folders")->required()->check(CLI::ExistingDirectory);
+  app.add_option("--device", options.device, "as for espalier solve")->capture_default_str();
+  app.add_option("--device-memory", device_memory, "budget of the device, as for espalier solve");
+  CLI11_PARSE(app, argc, argv);
+  if (!device_memory.empty()) options.device_memory_bytes = solver::parse_bytes(device_memory);
   std::vector<fs::path> files;
-  for (const auto& entry : fs::recursive_directory_iterator(argv[1]))
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
     if (entry.is_regular_file() && is_matrix(entry.path())) files.push_back(entry.path());
   std::sort(files.begin(), files.end());
   fmt::print(
@@ -109,7 +114,7 @@ int main(int argc, char** argv) {
   std::size_t good = 0, inertia_same = 0, inertia_known = 0;
   std::vector<std::string> notes;
   for (const auto& file : files) {
-    const Row r = run(file, argv[1]);
+    const Row r = run(file, folder, options);
     good += r.good ? 1 : 0;
     if (!r.expected.empty() && !r.inertia.empty()) {
       ++inertia_known;
