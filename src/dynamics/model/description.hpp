@@ -84,10 +84,10 @@ struct BodySpec {
 /// A place on a body (or the ground) with axes: what joints and forces hold on to.
 struct MarkerSpec {
   Place place;
-  std::string name;              ///< empty: written in line
-  std::string reference;         ///< name of another marker that this one stands for; the rest is then unused
-  std::string body;              ///< "ground": none
-  Vec3 point = Vec3::Zero();       ///< rigid: from the centre of mass, body axes; ground: global; face: to be its mean
+  std::string name;           ///< empty: written in line
+  std::string reference;      ///< name of another marker that this one stands for; the rest is then unused
+  std::string body;           ///< "ground": none
+  Vec3 point = Vec3::Zero();  ///< rigid: from the centre of mass, body axes; ground: global; face: to be its mean
   bool point_given = false;
   bool global = false;           ///< point and axes are given in global axes at the initial state
   Mat3 axes = Mat3::Identity();  ///< columns: axes of the frame in body axes (flexible: those of the mesh)

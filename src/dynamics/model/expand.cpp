@@ -148,6 +148,8 @@ void expand(Value& root, const std::vector<std::string>& overrides) {
   for (const std::string& assignment : overrides) set_value(root, assignment);
   const auto parameters = std::make_shared<const Scope>(read_parameters(root));
   note_scope(root, parameters);
+  for (auto& [name, value] : root.entries)
+    if (name != "parameters" && name != "repeat") value = instantiate(value, parameters, name);
   if (const Value* found = root.find("repeat"); found != nullptr) {
     const Value blocks = *found;
     if (blocks.type != Value::Type::array)

@@ -12,8 +12,9 @@ namespace espalier::dynamics::model {
 /// Works off, in this order,
 ///   1. `overrides`: PATH=VALUE each (see set_value());
 ///   2. [parameters]: numbers, or expressions of the ones before them;
-///   3. [[repeat]]: its sections (bodies, markers, joints, forces) are copied once for each index from `from` to `to`,
-///      with {expression} in names and texts replaced by its value, and added to the sections of the model;
+///   3. {expression} in names and texts is replaced by its value;
+///   4. [[repeat]]: its sections (bodies, markers, joints, forces) are copied once for each index from `from` to `to`,
+///      with the index known to their expressions, and added to the sections of the model;
 /// and gives every text the scope in which its expressions are read. The tables parameters and repeat are gone then.
 /// @throws Error(invalid_input) "file:line: path: what"
 void expand(Value& root, const std::vector<std::string>& overrides);

@@ -1,0 +1,68 @@
+/// \file
+/// Small models as text, for the tests of the model layer.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+
+#include "espalier/dynamics.hpp"
+
+namespace espalier::dynamics {
+
+/// A pendulum: a rigid bob at distance 1 from a hinge about z, released at rest from the horizontal.
+inline const std::string kPendulum = R"(gravity = [0, -10, 0]
+[bodies.bob]
+type = "rigid"
+mass = 2
+inertia = [1e-9, 1e-9, 1e-9]
+position = [1, 0, 0]
+[joints.hinge]
+type = "revolute"
+bodies = ["ground", "bob"]
+at = [0, 0, 0]
+[integrator]
+relative = 1e-10
+absolute = 1e-10
+end = 1
+)";
+
+/// Loads and runs; fails the test with the message of the status.
+inline Simulation simulated(const std::string& text, SimulationOptions options = {}) {
+  Simulation simulation(std::move(options));
+  Status status = simulation.load_text(text, "model.toml");
+  if (status.ok()) status = simulation.run();
+  EXPECT_TRUE(status.ok()) << status.message;
+  return simulation;
+}
+
+/// A fresh folder that is removed with the object.
+class ScratchFolder {
+ public:
+  ScratchFolder() {
+    std::string name = (std::filesystem::temp_directory_path() / "espalier-model-XXXXXX").string();
+    path_ = mkdtemp(name.data());
+  }
+  ~ScratchFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  [[nodiscard]] const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+inline std::string content_of(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream out;
+  out << in.rdbuf();
+  return out.str();
+}
+
+}  // namespace espalier::dynamics
