@@ -37,6 +37,8 @@ void add_simulate(CLI::App& app, Action& action);
 void add_generate(CLI::App& app, Action& action);
 /// argc and argv: for the record of what was asked.
 void add_bench(CLI::App& app, int argc, const char* const* argv, Action& action);
+void add_report(CLI::App& app, Action& action);
+void add_fetch_matrix(CLI::App& app, Action& action);
 void add_info(CLI::App& app, Action& action);
 
 }  // namespace espalier::cli

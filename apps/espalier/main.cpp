@@ -71,6 +71,8 @@ int run(int argc, char** argv) {
   add_simulate(app, action);
   add_generate(app, action);
   add_bench(app, argc, argv, action);
+  add_report(app, action);
+  add_fetch_matrix(app, action);
   add_info(app, action);
   try {
     app.parse(argc, argv);

@@ -33,7 +33,8 @@ constexpr Known kKnown[] = {
      "Refactorization and solve with one right-hand side in a row, as an implicit integrator calls them."},
     {"growth", "Growth with the number of unknowns",
      "Power laws fitted to the points; in theory n^1.5 operations in two dimensions and n^2 in three."},
-    {"ceilings", "Limits of the machine", "Our dense product, main memory and links: what every rate is compared with."},
+    {"ceilings", "Limits of the machine",
+     "Our dense product, main memory and links: what every rate is compared with."},
     {"overhead", "What the benchmark adds", "The same calls in a plain loop of one process, and under the benchmark."},
     {"gpu-check", "One GPU, values on the device",
      "Refactorization and solve with values and right-hand sides that lie in device memory; repeated bit for bit."},
@@ -68,7 +69,8 @@ Results read_results(const std::string& path) {
                              results.data.value("schema", Json()).dump(), bench::kSchema));
   for (const char* key : {"experiment", "date", "machine", "rows"})
     if (!results.data.contains(key)) reject(path, fmt::format("lacks \"{}\"", key));
-  if (!results.rows().is_array() || !results.data["machine"].is_object()) reject(path, "rows or machine have no content");
+  if (!results.rows().is_array() || !results.data["machine"].is_object())
+    reject(path, "rows or machine have no content");
   for (const Json& row : results.rows())
     if (!row.contains("system") || !row.contains("outcome")) reject(path, "has a row without system or outcome");
   results.file = std::filesystem::path(path).filename().string();
@@ -149,7 +151,9 @@ std::string bytes_text(double bytes) {
   return scaled(bytes, {{1e9, "GB"}, {1e6, "MB"}, {1e3, "kB"}, {0, "B"}});
 }
 
-std::string percent_text(double fraction) { return std::isfinite(fraction) ? fmt::format("{:.1f} %", 1e2 * fraction) : "-"; }
+std::string percent_text(double fraction) {
+  return std::isfinite(fraction) ? fmt::format("{:.1f} %", 1e2 * fraction) : "-";
+}
 
 std::string factor_text(double factor) { return std::isfinite(factor) ? fmt::format("{:.2f}", factor) : "-"; }
 

@@ -32,7 +32,8 @@ Cell rate_cell(const Results& /*results*/, const Json& row) {
 }
 
 constexpr Figure kUnknowns{"unknowns", [](const Results&, const Json& r) { return count_cell(number(r, "unknowns")); }};
-constexpr Figure kAnalysis{"analysis", [](const Results&, const Json& r) { return seconds_cell(median(r, "analysis")); }};
+constexpr Figure kAnalysis{"analysis",
+                           [](const Results&, const Json& r) { return seconds_cell(median(r, "analysis")); }};
 constexpr Figure kRefactor{"refactorization",
                            [](const Results&, const Json& r) { return seconds_cell(median(r, "refactorization")); }};
 constexpr Figure kLeast{"least", [](const Results&, const Json& r) {
@@ -63,18 +64,23 @@ constexpr Figure kBudget{"budget", [](const Results&, const Json& r) {
                            const double bytes = number(r, {"parameters", "budget_bytes"});
                            return bytes > 0 ? bytes_cell(bytes) : words("none");
                          }};
-constexpr Figure kBudgetShare{"of need",
-                              [](const Results&, const Json& r) { return percent_cell(number(r, {"parameters", "share"})); }};
+constexpr Figure kBudgetShare{"of need", [](const Results&, const Json& r) {
+                                return percent_cell(number(r, {"parameters", "share"}));
+                              }};
 constexpr Figure kBlock{"block", [](const Results&, const Json& r) {
                           const std::string block = text(r.at("parameters"), "block");
                           return Cell{block, block == "auto" ? 0 : std::atof(block.c_str())};
                         }};
-constexpr Figure kDevice{"device", [](const Results&, const Json& r) { return words(text(r.at("parameters"), "device")); }};
-constexpr Figure kShareStep{"step", [](const Results&, const Json& r) { return words(text(r.at("parameters"), "step")); }};
+constexpr Figure kDevice{"device",
+                         [](const Results&, const Json& r) { return words(text(r.at("parameters"), "device")); }};
+constexpr Figure kShareStep{"step",
+                            [](const Results&, const Json& r) { return words(text(r.at("parameters"), "step")); }};
 
 std::vector<Figure> figures_of(const std::string& experiment) {
-  if (experiment == "block-size") return {kBlock, kUnknowns, kAnalysis, kRefactor, kLeast, kRate, kShare, kSolve, kError};
-  if (experiment == "memory") return {kDevice, kBudgetShare, kBudget, kRefactor, kLeast, kRate, kSolve, kMemory, kError};
+  if (experiment == "block-size")
+    return {kBlock, kUnknowns, kAnalysis, kRefactor, kLeast, kRate, kShare, kSolve, kError};
+  if (experiment == "memory")
+    return {kDevice, kBudgetShare, kBudget, kRefactor, kLeast, kRate, kSolve, kMemory, kError};
   if (experiment == "scaling")
     return {kUnknowns, kAnalysis, kRefactor, kLeast, kRate, kSpeedUp, kIdle, kSolve, kMemory, kError};
   if (experiment == "ablation") return {kShareStep, kDevice, kRefactor, kLeast, kRate, kSpeedUp, kIdle, kError};
@@ -99,8 +105,8 @@ std::map<std::string, double> best_of(const Results& results, const char* phase)
 /// Columns in which no line has a figure tell nothing.
 void drop_empty(DataTable& table) {
   for (std::size_t k = table.columns.size(); k-- > 2;) {
-    const bool empty =
-        std::all_of(table.lines.begin(), table.lines.end(), [&](const Line& l) { return l.cells[k].text == "-" || l.cells[k].text.empty(); });
+    const bool empty = std::all_of(table.lines.begin(), table.lines.end(),
+                                   [&](const Line& l) { return l.cells[k].text == "-" || l.cells[k].text.empty(); });
     if (!empty) continue;
     table.columns.erase(table.columns.begin() + static_cast<std::ptrdiff_t>(k));
     for (Line& line : table.lines) line.cells.erase(line.cells.begin() + static_cast<std::ptrdiff_t>(k));
@@ -126,7 +132,9 @@ DataTable main_table(const Results& results) {
     const double ratio = line.failed || !best.contains(system) ? std::nan("") : median(row, decisive) / best.at(system);
     line.best = ratio == 1;
     line.cells.push_back({factor_text(ratio), ratio});
-    if (line.failed) table.notes.push_back(fmt::format("{}, {}: {}: {}", system, solver_of(row), text(row, "outcome"), text(row, "message")));
+    if (line.failed)
+      table.notes.push_back(
+          fmt::format("{}, {}: {}: {}", system, solver_of(row), text(row, "outcome"), text(row, "message")));
     table.lines.push_back(std::move(line));
   }
   drop_empty(table);
@@ -134,14 +142,17 @@ DataTable main_table(const Results& results) {
 }
 
 DataTable fits_table(const Json& fits) {
-  DataTable table{"Fitted exponents",
-                  {{"family", true}, {"solver", true}, {"quantity", true}, {"exponent of n"}, {"theory"}, {"r²"}, {"points"}},
-                  {},
-                  {}};
+  DataTable table{
+      "Fitted exponents",
+      {{"family", true}, {"solver", true}, {"quantity", true}, {"exponent of n"}, {"theory"}, {"r²"}, {"points"}},
+      {},
+      {}};
   for (const Json& fit : fits) {
     const double theory = number(fit, "theory");
     table.lines.push_back({"",
-                           {words(text(fit, "family")), words(text(fit, "rival")), words(text(fit, "quantity")),
+                           {words(text(fit, "family")),
+                            words(text(fit, "rival")),
+                            words(text(fit, "quantity")),
                             {factor_text(number(fit, "exponent")), number(fit, "exponent")},
                             {std::isfinite(theory) ? fmt::format("{:.3g}", theory) : "-", theory},
                             {fmt::format("{:.3f}", number(fit, "r_squared")), number(fit, "r_squared")},
@@ -154,18 +165,20 @@ DataTable overhead_table(const Json& overhead) {
   DataTable table{"Overhead", {{"system", true}, {"phase", true}, {"of medians"}, {"of least"}}, {}, {}};
   for (const Json& one : overhead)
     table.lines.push_back({"",
-                           {words(text(one, "system")), words(text(one, "phase")), percent_cell(number(one, "of_medians")),
-                            percent_cell(number(one, "of_least"))}});
+                           {words(text(one, "system")), words(text(one, "phase")),
+                            percent_cell(number(one, "of_medians")), percent_cell(number(one, "of_least"))}});
   return table;
 }
 
 DataTable ceilings_table(const Json& ceilings) {
   DataTable table{"Limits of this machine", {{"limit", true}, {"where", true}, {"rate"}}, {}, {}};
   const auto add = [&](const std::string& name, const std::string& where, double value, const char* unit) {
-    if (std::isfinite(value)) table.lines.push_back({"", {words(name), words(where), {fmt::format("{:.4g} {}", value, unit), value}}});
+    if (std::isfinite(value))
+      table.lines.push_back({"", {words(name), words(where), {fmt::format("{:.4g} {}", value, unit), value}}});
   };
   const std::string threads = text(ceilings, "threads") + " threads";
-  add("matrix product, FP64 (ours)", "one thread", number(ceilings, "gemm_flops_per_second_one_thread") * 1e-9, "GFLOP/s");
+  add("matrix product, FP64 (ours)", "one thread", number(ceilings, "gemm_flops_per_second_one_thread") * 1e-9,
+      "GFLOP/s");
   add("matrix product, FP64 (ours)", threads, number(ceilings, "gemm_flops_per_second") * 1e-9, "GFLOP/s");
   add("main memory, read", threads, number(ceilings, {"memory", "read_bytes_per_second", "best"}) * 1e-9, "GB/s");
   add("main memory, triad", threads, number(ceilings, {"memory", "triad_bytes_per_second", "best"}) * 1e-9, "GB/s");
@@ -215,7 +228,8 @@ double share_of_bandwidth(const Results& results, const Json& row) {
 std::vector<DataTable> tables_of(const Results& results) {
   std::vector<DataTable> tables;
   if (!results.rows().empty()) tables.push_back(main_table(results));
-  if (results.data.contains("fits") && !results.data["fits"].empty()) tables.push_back(fits_table(results.data["fits"]));
+  if (results.data.contains("fits") && !results.data["fits"].empty())
+    tables.push_back(fits_table(results.data["fits"]));
   if (results.data.contains("overhead")) tables.push_back(overhead_table(results.data["overhead"]));
   if (results.data.contains("ceilings")) tables.push_back(ceilings_table(results.data["ceilings"]));
   return tables;

@@ -1,0 +1,166 @@
+#include "evidence/page.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <map>
+
+#include "evidence/plot.hpp"
+#include "evidence/table.hpp"
+
+namespace espalier::cli::evidence {
+
+namespace {
+
+void replace(std::string& frame, const std::string& key, const std::string& value) {
+  const std::size_t at = frame.find(key);
+  if (at != std::string::npos) frame.replace(at, key.size(), value);
+}
+
+std::string table_html(const DataTable& table) {
+  std::string out = fmt::format("<div class=\"scroll\"><table><caption>{}</caption><thead><tr>", escaped(table.title));
+  for (const Column& column : table.columns)
+    out += fmt::format("<th scope=\"col\"{}><button type=\"button\">{}</button></th>",
+                       column.left ? " class=\"left\"" : "", escaped(column.name));
+  out += "</tr></thead><tbody>\n";
+  for (const Line& line : table.lines) {
+    out += fmt::format("<tr{}{}>", line.anchor.empty() ? "" : fmt::format(" id=\"{}\"", line.anchor),
+                       line.failed ? " class=\"failed\""
+                       : line.best ? " class=\"best\""
+                                   : "");
+    for (std::size_t k = 0; k < line.cells.size(); ++k) {
+      const Cell& cell = line.cells[k];
+      out += fmt::format("<td{}{}>{}</td>", table.columns[k].left ? " class=\"left\"" : "",
+                         std::isfinite(cell.value) ? fmt::format(" data-v=\"{:.9g}\"", cell.value) : "",
+                         escaped(cell.text));
+    }
+    out += "</tr>\n";
+  }
+  out += "</tbody></table></div>\n";
+  if (table.notes.empty()) return out;
+  out += fmt::format("<details><summary>{} {} without figures</summary><ul>", table.notes.size(),
+                     table.notes.size() == 1 ? "row" : "rows");
+  for (const std::string& note : table.notes) out += "<li>" + escaped(note) + "</li>";
+  return out + "</ul></details>\n";
+}
+
+/// Name of each rival with its version, once.
+std::map<std::string, std::string> versions_of(const Results& results) {
+  std::map<std::string, std::string> versions;
+  for (const Json& row : results.rows())
+    if (const std::string version = text(row, "version"); !version.empty()) versions[text(row, "rival")] = version;
+  return versions;
+}
+
+std::string facts_html(const Results& results) {
+  std::string out = "<dl>";
+  const auto fact = [&](const char* name, const std::string& value, bool code = false) {
+    if (value.empty()) return;
+    out += fmt::format("<dt>{}</dt><dd>{}{}{}</dd>", name, code ? "<code>" : "", escaped(value), code ? "</code>" : "");
+  };
+  fact("Machine",
+       machine_of(results) +
+           (text(results.data["machine"], "kernel").empty() ? "" : "; " + text(results.data["machine"], "kernel")));
+  fact("Load before", text(results.data["machine"], "load_average_before").substr(0, 4));
+  fact("Command", text(results.data, "command"), true);
+  fact("Date", text(results.data, "date"));
+  fact("Commit", text(results.data, "commit"));
+  fact("Note", text(results.data, "note"));
+  std::string versions;
+  for (const auto& [rival, version] : versions_of(results))
+    versions += fmt::format("{}{}: {}", versions.empty() ? "" : "; ", rival, version);
+  fact("Versions", versions);
+  return out + "</dl>\n";
+}
+
+std::string section_html(const Results& results) {
+  std::string out = fmt::format("<section id=\"{}\"><h2>{}</h2><p class=\"machine\">{}</p><p>{}</p>\n", results.id,
+                                escaped(title_of(results.experiment())), escaped(machine_of(results)),
+                                escaped(explanation_of(results.experiment())));
+  out += plots_of(results);
+  for (const DataTable& table : tables_of(results)) out += table_html(table);
+  return out + "<details class=\"facts\"><summary>How it was measured</summary>" + facts_html(results) +
+         "</details></section>\n";
+}
+
+std::string cell_markdown(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '|') out += '\\';
+    out += c == '\n' ? ' ' : c;
+  }
+  return out;
+}
+
+std::string table_markdown(const DataTable& table) {
+  std::string out = "|", rule = "|";
+  for (const Column& column : table.columns) {
+    out += " " + column.name + " |";
+    rule += column.left ? "---|" : "---:|";
+  }
+  out += "\n" + rule + "\n";
+  for (const Line& line : table.lines) {
+    out += "|";
+    for (std::size_t k = 0; k < line.cells.size(); ++k) {
+      const std::string anchor = k == 0 && !line.anchor.empty() ? fmt::format("<a id=\"{}\"></a>", line.anchor) : "";
+      const char* strong = line.best && k > 0 && table.columns[k].name == "times best" ? "**" : "";
+      out += fmt::format(" {}{}{}{} |", anchor, strong, cell_markdown(line.cells[k].text), strong);
+    }
+    out += "\n";
+  }
+  for (const std::string& note : table.notes) out += "\n- " + cell_markdown(note);
+  return out + (table.notes.empty() ? "\n" : "\n\n");
+}
+
+std::string facts_markdown(const Results& results) {
+  std::string out = fmt::format("Machine: {}. Date: {}. Commit: {}.", machine_of(results), text(results.data, "date"),
+                                text(results.data, "commit").empty() ? "unknown" : text(results.data, "commit"));
+  const double load = number(results.data["machine"], "load_average_before");
+  if (std::isfinite(load)) out += fmt::format(" Load average before: {:.1f}.", load);
+  if (const std::string note = text(results.data, "note"); !note.empty()) out += " " + note;
+  if (const std::string command = text(results.data, "command"); !command.empty()) out += "\n\n    " + command;
+  out += "\n";
+  for (const auto& [rival, version] : versions_of(results))
+    out += fmt::format("\n- `{}`: {}", rival, cell_markdown(version));
+  return out + "\n\n";
+}
+
+}  // namespace
+
+std::string html_page(const std::vector<Results>& all) {
+  std::string contents, body;
+  for (const Results& results : all) {
+    contents += fmt::format("<li><a href=\"#{}\">{}</a> <span>{}</span></li>", results.id,
+                            escaped(title_of(results.experiment())), escaped(machine_of(results)));
+    body += section_html(results);
+  }
+  std::string page = kPageFrame;
+  replace(page, "{{CONTENTS}}", contents);
+  replace(page, "{{BODY}}", body);
+  return page;
+}
+
+std::string markdown(const std::vector<Results>& all) {
+  std::string out =
+      "# Results\n\nMade by `espalier report --markdown bench/results/*.json --out docs/results.md`; do not edit. What "
+      "the "
+      "columns mean: [bench.md](bench.md).\n\n";
+  for (const Results& results : all)
+    out += fmt::format("- [{}, {}](#{})\n", title_of(results.experiment()), machine_of(results), results.id);
+  for (const Results& results : all) {
+    out += fmt::format("\n<a id=\"{}\"></a>\n\n## {}: {}\n\n{} Source: [{}](../bench/results/{}).\n\n", results.id,
+                       title_of(results.experiment()), machine_of(results), explanation_of(results.experiment()),
+                       results.file, results.file);
+    bool first = true;
+    for (const DataTable& table : tables_of(results)) {
+      if (!first) out += fmt::format("### {}\n\n", table.title);
+      first = false;
+      out += table_markdown(table) + "\n";
+    }
+    out += facts_markdown(results);
+  }
+  while (out.ends_with("\n\n")) out.pop_back();
+  return out;
+}
+
+}  // namespace espalier::cli::evidence

@@ -1,0 +1,68 @@
+/// \file
+/// `espalier report`: files of results as one page or as Markdown.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <fstream>
+#include <iterator>
+#include <memory>
+
+#include "command.hpp"
+#include "evidence/page.hpp"
+#include "matrix/file.hpp"
+#include "terminal.hpp"
+
+namespace espalier::cli {
+
+namespace {
+
+struct ReportCommand {
+  std::vector<std::string> files;
+  std::string out_file, check_file;
+  bool markdown = false;
+
+  int run() const;
+};
+
+std::string content_of(const std::string& path) {
+  std::ifstream stream(path, std::ios::binary);
+  if (!stream) throw Error(StatusCode::invalid_input, path + ": cannot be opened");
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+int ReportCommand::run() const {
+  std::vector<evidence::Results> all;
+  for (const std::string& file : files) all.push_back(evidence::read_results(file));
+  const std::string made = markdown ? evidence::markdown(all) : evidence::html_page(all);
+  if (!check_file.empty()) {
+    if (content_of(check_file) == made) return kSolved;
+    throw Error(StatusCode::invalid_input,
+                fmt::format("{} does not show these results; make it again with --out", check_file));
+  }
+  if (out_file.empty()) {
+    fmt::print("{}", made);
+    return kSolved;
+  }
+  matrix::OutputFile file(out_file);
+  file.write(made);
+  file.commit();
+  fmt::print("{}: {} {} of results\n", out_file, files.size(), files.size() == 1 ? "file" : "files");
+  return kSolved;
+}
+
+}  // namespace
+
+void add_report(CLI::App& app, Action& action) {
+  auto command = std::make_shared<ReportCommand>();
+  CLI::App* sub = app.add_subcommand("report", "Make a page or Markdown tables of results of `espalier bench`");
+  sub->add_option("results", command->files, "files of results")->required()->type_name("FILE...");
+  CLI::Option* out =
+      sub->add_option("--out", command->out_file, "file to write (default: standard output)")->type_name("FILE");
+  sub->add_flag("--markdown", command->markdown, "Markdown tables instead of a page");
+  sub->add_option("--check", command->check_file, "write nothing; fail if this file is not what would be written")
+      ->type_name("FILE")
+      ->excludes(out);
+  sub->callback([command, &action] { action = [command] { return command->run(); }; });
+}
+
+}  // namespace espalier::cli
