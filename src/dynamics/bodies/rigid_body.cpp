@@ -151,13 +151,20 @@ void RigidFrame::jacobian(ConstSpan q, double* j) const {
   jac.bottomRightCorner<3, 3>() = rot;
 }
 
+// Written out: joints call it for every equation in every iteration, and most gradients have no force or no moment.
 void RigidFrame::project(ConstSpan /*q*/, const FrameMotion& motion, const double* c, int count, double* out) const {
+  const double* rot = motion.body_rot.data();  // column by column
+  const double x = motion.arm[0], y = motion.arm[1], z = motion.arm[2];
   for (int r = 0; r < count; ++r, c += 6, out += 6) {
-    const Vec3 force(c[0], c[1], c[2]), moment(c[3], c[4], c[5]);
-    const Vec3 torque = motion.body_rot.transpose() * (moment + motion.arm.cross(force));
+    double mx = c[3], my = c[4], mz = c[5];
+    if (c[0] != 0 || c[1] != 0 || c[2] != 0) {  // arm x force
+      mx += y * c[2] - z * c[1];
+      my += z * c[0] - x * c[2];
+      mz += x * c[1] - y * c[0];
+    }
     for (int k = 0; k < 3; ++k) {
-      out[k] = force[k];
-      out[3 + k] = torque[k];
+      out[k] = c[k];
+      out[3 + k] = rot[3 * k] * mx + rot[3 * k + 1] * my + rot[3 * k + 2] * mz;
     }
   }
 }

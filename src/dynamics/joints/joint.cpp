@@ -75,7 +75,7 @@ void Joint::bind(const SparsePattern& w, const SparsePattern& phi_q) {
     const auto coordinates = own.frame->coordinates();
     widest = std::max(widest, coordinates.size());
     total += 6 * coordinates.size();
-    own.projected.assign(coordinates.size(), 0.0);
+    own.projected.assign(rows_.size() * coordinates.size(), 0.0);
     own.position.clear();
     for (Index r = 0; r < sizes().constraints; ++r) {
       for (const Index c : coordinates) {
@@ -93,6 +93,7 @@ void Joint::bind(const SparsePattern& w, const SparsePattern& phi_q) {
     }
   }
   jacobians_.assign(total, 0.0);
+  gradients_.assign(6 * frames_.size() * rows_.size(), 0.0);
   stiffness_.assign(36 * frames_.size() * frames_.size(), 0.0);
   block_.assign(widest * std::max<std::size_t>(widest, 6), 0.0);
 }
@@ -124,39 +125,51 @@ void Joint::accept(const StateView& s) {
   }
 }
 
+// Evaluates one term at the frames' motion: adds its value to phi and, for gamma, its curvature.
+void Joint::add_term(std::size_t r, std::size_t k, bool rates, RelativeValue& value, double& phi,
+                     double& curvature) const {
+  const JointRow::Term& term = rows_[r].terms[k];
+  const FrameMotion &a = frames_[at(term.a)].motion, &b = frames_[at(term.b)].motion;
+  evaluate(term.kind, term.i, term.j, a, b, rates, value);
+  const bool counted = term.kind == Relative::angle && rows_[r].terms.size() > 1;
+  phi += term.factor * (counted ? unwrapped(r, k, value.value) : value.value);
+  if (!rates) return;
+  const Row12& c = value.c;
+  double bias = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto e = static_cast<Eigen::Index>(i);
+    bias += c[i] * a.bias_acc[e] + c[3 + i] * a.bias_alpha[e] + c[6 + i] * b.bias_acc[e] + c[9 + i] * b.bias_alpha[e];
+  }
+  curvature += term.factor * (value.curvature + bias);
+}
+
+// Adds the gradients collected in gradients_ (one per row, zero where a row has no term between these frames) to Phi_q.
+void Joint::add_gradients(ConstSpan q, std::size_t f, Span phi_q_values) {
+  Attached& own = frames_[f];
+  if (own.position.empty()) return;
+  own.frame->project(q, own.motion, gradients_.data() + 6 * f * rows_.size(), static_cast<int>(rows_.size()),
+                     own.projected.data());
+  for (std::size_t e = 0; e < own.position.size(); ++e) phi_q_values[own.position[e]] += own.projected[e];
+}
+
 void Joint::constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) {
-  const bool rates = !out.gamma.empty();
+  const bool rates = !out.gamma.empty(), gradients = !out.phi_q_values.empty();
   evaluate_frames(q, rates ? v : ConstSpan{});
+  std::fill(gradients_.begin(), gradients_.end(), 0.0);
   RelativeValue value;
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     JointRow& row = rows_[r];
     const std::size_t global = static_cast<std::size_t>(placement().c) + r;
     double phi = -row.offset, curvature = 0;
     for (std::size_t k = 0; k < row.terms.size(); ++k) {
+      add_term(r, k, rates, value, phi, curvature);
+      if (!gradients) continue;
       const JointRow::Term& term = row.terms[k];
-      Attached &a = frames_[at(term.a)], &b = frames_[at(term.b)];
-      evaluate(term.kind, term.i, term.j, a.motion, b.motion, rates, value);
-      const bool counted = term.kind == Relative::angle && row.terms.size() > 1;
-      phi += term.factor * (counted ? unwrapped(r, k, value.value) : value.value);
-      if (rates) {
-        const Row12& c = value.c;
-        double bias = 0;
-        for (std::size_t i = 0; i < 3; ++i) {
-          const auto e = static_cast<Eigen::Index>(i);
-          bias += c[i] * a.motion.bias_acc[e] + c[3 + i] * a.motion.bias_alpha[e] + c[6 + i] * b.motion.bias_acc[e] +
-                  c[9 + i] * b.motion.bias_alpha[e];
-        }
-        curvature += term.factor * (value.curvature + bias);
-      }
-      if (!out.phi_q_values.empty()) {
-        for (const auto& [attached, c] : {std::pair{&a, value.c.data()}, std::pair{&b, value.c.data() + 6}}) {
-          const std::size_t nd = attached->projected.size();
-          if (nd == 0) continue;
-          attached->frame->project(q, attached->motion, c, 1, attached->projected.data());
-          for (std::size_t i = 0; i < nd; ++i) {
-            out.phi_q_values[attached->position[r * nd + i]] += term.factor * attached->projected[i];
-          }
-        }
+      double* ga = gradients_.data() + 6 * (at(term.a) * rows_.size() + r);
+      double* gb = gradients_.data() + 6 * (at(term.b) * rows_.size() + r);
+      for (std::size_t i = 0; i < 6; ++i) {
+        ga[i] += term.factor * value.c[i];
+        gb[i] += term.factor * value.c[6 + i];
       }
     }
     if (row.measure_offset) {
@@ -171,6 +184,8 @@ void Joint::constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuff
     if (!out.nu.empty()) out.nu[global] = row.driven ? row.function.rate(t) : 0.0;
     if (rates) out.gamma[global] = (row.driven ? row.function.acceleration(t) : 0.0) - curvature;
   }
+  if (!gradients) return;
+  for (std::size_t f = 0; f < frames_.size(); ++f) add_gradients(q, f, out.phi_q_values);
 }
 
 // d(Phi_q^T lambda)/dq = J^T (sum lambda dc/dx) J + derivative of J^T at constant wrench.

@@ -63,11 +63,13 @@ class Joint final : public Component {
   struct Attached {
     std::unique_ptr<Frame> frame;
     FrameMotion motion;
-    std::vector<double> projected;      // nd numbers
+    std::vector<double> projected;      // rows x nd: gradients by the body's coordinates
     std::vector<std::size_t> position;  // rows x nd: entries of Phi_q
   };
   [[nodiscard]] bool coupled(std::size_t f, std::size_t k, std::size_t g, std::size_t l) const;
   void evaluate_frames(ConstSpan q, ConstSpan v);
+  void add_term(std::size_t r, std::size_t k, bool rates, RelativeValue& value, double& phi, double& curvature) const;
+  void add_gradients(ConstSpan q, std::size_t f, Span phi_q_values);
   [[nodiscard]] double unwrapped(std::size_t row, std::size_t term, double angle) const;
 
   std::string kind_;
@@ -77,6 +79,7 @@ class Joint final : public Component {
   bool counts_turns_ = false;                    // some row adds angles
   bool couples_translation_ = false, couples_rotation_ = false;
   std::vector<std::ptrdiff_t> w_position_;  // of all coupled pairs in the order of tangent(); -1: not declared
+  std::vector<double> gradients_;           // frames x rows x 6: of every equation by the motion of every frame
   std::vector<double> jacobians_, stiffness_, block_;
 };
 
