@@ -1,0 +1,263 @@
+#!/usr/bin/env python3
+"""Black-box tests of `espalier simulate`: exit codes, files that other programs read, Ctrl-C, restart."""
+
+import csv
+import json
+import math
+import pathlib
+import re
+import signal
+import struct
+import subprocess
+import time
+import unittest
+import xml.etree.ElementTree as xml
+
+from cli_test import BINARY, Cli
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+PENDULUM = """title = "a pendulum"
+gravity = [0, -10, 0]
+[parameters]
+length = 1
+[bodies.bob]
+type = "rigid"
+mass = 2
+inertia = [1e-3, 1e-3, 1e-3]
+position = ["length", 0, 0]
+[joints.hinge]
+type = "revolute"
+bodies = ["ground", "bob"]
+at = [0, 0, 0]
+[integrator]
+end = 1
+[output]
+quantities = ["bob.position", "hinge.force.y"]
+vtu_interval = 0.25
+"""
+
+# A flexible block that hangs on one face, and swings.
+BLOCK = """gravity = [0, 0, -10]
+[bodies.block]
+type = "solid"
+mesh = { part = "block", lx = 1.0, ly = 0.2, lz = 0.2, divisions = [6, 2, 2] }
+material = { young = 1e6, poisson = 0.3, density = 1000 }
+damping = { stiffness = 0.01 }
+[joints.wall]
+type = "fixed"
+a = { body = "ground", point = [0, 0.1, 0.1] }
+b = { body = "block", face = "x0" }
+[integrator]
+max_order = 2
+relative = 1e-3
+absolute = 1e-5
+end = 0.2
+[output]
+vtu_interval = 0.05
+quantities = ["block.position.z", "wall.force.z"]
+"""
+
+
+def read_vtu(path):
+    """The arrays of one of our .vtu files by name: raw appended data with 64-bit sizes."""
+    data = path.read_bytes()
+    head, tail = data.split(b'<AppendedData encoding="raw">\n_', 1)
+    tree = xml.fromstring(head + b"</VTKFile>")
+    arrays = {}
+    for array in tree.iter("DataArray"):
+        offset = int(array.get("offset"))
+        size = struct.unpack_from("<Q", tail, offset)[0]
+        code = {"Float64": "d", "Int64": "q", "UInt8": "B"}[array.get("type")]
+        count = size // struct.calcsize(code)
+        arrays[array.get("Name")] = struct.unpack_from(f"<{count}{code}", tail, offset + 8)
+    piece = tree.find(".//Piece")
+    return int(piece.get("NumberOfPoints")), int(piece.get("NumberOfCells")), arrays
+
+
+class Simulate(Cli):
+    def model(self, text, name="model.toml"):
+        return self.file(name, text)
+
+    def report(self, text, *arguments, code=0):
+        result = self.expect(code, "simulate", self.model(text), "--json", *arguments)
+        return json.loads(result.stdout)
+
+    def rows(self, folder):
+        with open(folder / "quantities.csv", newline="") as file:
+            return [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
+
+    def test_report_has_the_documented_fields(self):
+        report = self.report(PENDULUM)
+        for path in ("espalier", "status", "message", "exit_code", "model", "title", "system.bodies", "system.joints",
+                     "system.forces", "system.velocities", "system.constraints", "system.degrees_of_freedom",
+                     "system.redundant", "initial.position_change", "initial.velocity_change",
+                     "initial.statics_iterations", "initial.modes", "time.begin", "time.end", "integrator.method",
+                     "integrator.steps", "integrator.newton_iterations", "integrator.error_failures",
+                     "integrator.newton_failures", "integrator.crossings", "counts.residuals", "counts.tangents",
+                     "counts.analyses", "counts.factorizations", "counts.solves", "counts.refactor_first",
+                     "counts.refactor_step", "counts.refactor_rate", "counts.refactor_failed", "seconds.setup",
+                     "seconds.assembly", "seconds.analysis", "seconds.factorization", "seconds.solve", "seconds.output",
+                     "seconds.other", "seconds.total", "constraints.position", "constraints.velocity",
+                     "constraints.acceleration", "energy.begin.kinetic", "energy.end.potential", "energy.end.total",
+                     "solver.kind", "solver.precision", "solver.device", "solver.nonzeros_factor", "solver.flops",
+                     "solver.predicted_bytes", "solver.peak_bytes", "values", "files", "matrices_written"):
+            value = report
+            for key in path.split("."):
+                self.assertIn(key, value, path)
+                value = value[key]
+        self.assertEqual(report["status"], "ok")
+        self.assertEqual(report["time"], {"begin": 0, "end": 1})
+        self.assertEqual(report["system"]["degrees_of_freedom"], 1)
+        self.assertLess(report["constraints"]["position"], 1e-10)
+        seconds = report["seconds"]
+        parts = sum(value for key, value in seconds.items() if key != "total")
+        self.assertAlmostEqual(parts, seconds["total"], delta=0.05 * seconds["total"] + 1e-3)
+
+    def test_csv_holds_the_motion(self):
+        out = self.folder / "out"
+        report = self.report(PENDULUM, "--out", out)
+        rows = self.rows(out)
+        self.assertEqual(rows[0]["time"], 0)
+        self.assertEqual(rows[-1]["time"], 1)
+        for row in rows:  # on the circle, which the joint holds to 1e-10
+            self.assertAlmostEqual(math.hypot(row["bob.position.x"], row["bob.position.y"]), 1, delta=1e-9)
+            self.assertEqual(row["energy.total"], row["energy.kinetic"] + row["energy.potential"])
+        self.assertEqual(report["values"]["bob.position.x"], rows[-1]["bob.position.x"])
+        self.assertEqual(json.loads((out / "summary.json").read_text())["values"], report["values"])
+        self.assertEqual({pathlib.Path(f).name for f in report["files"]}, {"quantities.csv", "motion.pvd", "state.restart"})
+
+    def test_set_and_until(self):
+        report = self.report(PENDULUM, "--set", "parameters.length=4", "--until", 0.5, "--set=output.quantities=[\"bob.position\"]")
+        self.assertEqual(report["time"]["end"], 0.5)
+        self.assertAlmostEqual(math.hypot(report["values"]["bob.position.x"], report["values"]["bob.position.y"]), 4, delta=1e-9)
+
+    def test_series_for_paraview(self):
+        out = self.folder / "out"
+        self.report(BLOCK, "--out", out)
+        entries = list(xml.parse(out / "motion.pvd").getroot().iter("DataSet"))
+        times = [float(entry.get("timestep")) for entry in entries]
+        self.assertEqual(times[0], 0)
+        self.assertEqual(times[-1], 0.2)
+        self.assertGreaterEqual(len(times), 4)
+        points, cells, arrays = read_vtu(out / entries[-1].get("file"))
+        self.assertEqual((points, cells), (7 * 3 * 3, 6 * 2 * 2))
+        self.assertEqual(len(arrays["displacement"]), 3 * points)
+        self.assertEqual(len(arrays["velocity"]), 3 * points)
+        self.assertEqual(set(arrays["types"]), {12})
+        self.assertEqual(len(arrays["connectivity"]), 8 * cells)
+        # It bends down: the free end more than the middle, and the stress is largest at the wall.
+        tip = max(range(points), key=lambda k: arrays["Points"][3 * k])
+        self.assertLess(arrays["displacement"][3 * tip + 2], -1e-3)
+        worst = max(range(cells), key=lambda k: arrays["von_mises"][k])
+        nodes = arrays["connectivity"][8 * worst:8 * worst + 8]
+        self.assertLess(max(arrays["Points"][3 * k] for k in nodes), 0.4)
+
+    def test_solver_options_reach_through(self):
+        report = self.report(BLOCK, "--device", "host:2", "--threads", 2, "--precision", "mixed", "--until", 0.01)
+        self.assertEqual(report["solver"]["precision"], "mixed")
+        self.assertIn("host", report["solver"]["device"])
+        self.assertEqual(report["solver"]["kind"], "lu")
+        self.assertGreater(report["solver"]["nonzeros_factor"], 0)
+        self.expect(4, "simulate", self.model(BLOCK), "--host-memory", "10k", says="needed")
+        self.expect(5, "simulate", self.model(BLOCK), "--device", "gpu:7")
+
+    def test_dumped_matrices_solve(self):
+        dump = self.folder / "dump"
+        report = self.report(BLOCK, "--dump-matrices", dump, "--dump-count", 3, "--until", 0.02)
+        self.assertEqual(report["matrices_written"], 3)
+        for number in (1, 3):
+            a, b = dump / f"newton_{number:04}.mtx", dump / f"newton_{number:04}_rhs.mtx"
+            solved = json.loads(self.expect(0, "solve", a, "--rhs", b, "--json").stdout)
+            self.assertEqual(solved["matrix"]["rows"], report["system"]["velocities"] + report["system"]["constraints"])
+            self.assertLess(solved["backward_error"]["normwise"], 1e-12)
+
+    def test_restart_continues(self):
+        whole, broken = self.folder / "whole", self.folder / "broken"
+        text = PENDULUM + "restart_interval = 0.1\n"
+        one = self.report(text, "--out", whole)
+        self.report(text, "--out", broken, "--until", 0.6)
+        two = self.report(text, "--out", broken, "--restart", broken / "state.restart")
+        # The step that ends at 0.6 differs, so the same to the tolerance of the integrator, not to the bit.
+        self.assertAlmostEqual(two["values"]["bob.position.x"], one["values"]["bob.position.x"], delta=1e-4)
+        times = [row["time"] for row in self.rows(broken)]
+        self.assertEqual(times, sorted(set(times)))
+        self.assertIn(0.6, times)
+        self.assertEqual(times[-1], 1)
+        stamps = [float(e.get("timestep")) for e in xml.parse(broken / "motion.pvd").getroot().iter("DataSet")]
+        self.assertEqual(stamps, sorted(set(stamps)))
+
+    def test_ctrl_c_stops_cleanly(self):
+        out = self.folder / "out"
+        text = PENDULUM.replace("end = 1", "end = 1e6\nmax_step = 1e-3").replace("vtu_interval = 0.25", "csv_interval = 10")
+        process = subprocess.Popen([BINARY, "simulate", self.model(text), "--out", out], stdout=subprocess.PIPE,
+                                   stderr=subprocess.PIPE, text=True)
+        for _ in range(200):  # until the run has begun
+            time.sleep(0.05)
+            if (out / "quantities.csv").exists():
+                break
+        time.sleep(0.3)
+        process.send_signal(signal.SIGINT)
+        stdout, stderr = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 130, stderr)
+        self.assertIn("stopped at t = ", stderr)
+        summary = json.loads((out / "summary.json").read_text())
+        self.assertEqual((summary["status"], summary["exit_code"]), ("interrupted", 130))
+        self.assertGreater(summary["time"]["end"], 0)
+        until = summary["time"]["end"] + 0.1
+        again = self.report(text, "--out", out, "--restart", out / "state.restart", "--until", until)
+        self.assertEqual(again["time"], {"begin": summary["time"]["end"], "end": until})
+
+    def test_mistakes_are_2_and_say_where(self):
+        for old, new, says in (("mass = 2", "mass = 0", ("model.toml:7", "greater than 0")),
+                               ('"revolute"', '"revolt"', ("model.toml:11", "did you mean 'revolute'")),
+                               ("end = 1", "end = nan", ("model.toml:15", "finite")),
+                               ("at = [0, 0, 0]", "att = [0, 0, 0]", ("att", "did you mean 'at'")),
+                               ("title = ", "title ", ("model.toml:1",))):
+            with self.subTest(new=new):
+                self.expect(2, "simulate", self.model(PENDULUM.replace(old, new)), says=says)
+        self.expect(2, "simulate", self.folder / "none.toml", says="none.toml")
+        self.expect(2, "simulate", self.model(PENDULUM), "--set", "parameters.lenght=2,", says="--set")
+        self.expect(2, "simulate", self.model(PENDULUM), "--restart", self.folder / "none", says="restart")
+        self.expect(2, "simulate", self.model(PENDULUM), "--until", -1, says="later than the start")
+        self.expect(2, "simulate", self.model(PENDULUM), "--out", self.file("a file", "x"), says="folder")
+
+    def test_failure_on_the_way_names_time_and_keeps_the_state(self):
+        # A bar is pulled beyond its length: the constraints can no longer be met.
+        text = PENDULUM.replace("[integrator]", """[joints.pull]
+type = "prescribed"
+direction = "x"
+a = { body = "ground" }
+b = { body = "bob" }
+motion = "cos(1) + t - 0.5403023058681398 + 0.2"
+[integrator]""").replace('position = ["length", 0, 0]', 'position = [0.2, -0.9797958971132712, 0]')
+        out = self.folder / "out"
+        result = self.expect(6, "simulate", self.model(text), "--out", out)
+        self.assertRegex(result.stderr, r"t = 0\.[78]")
+        self.assertTrue((out / "state.restart").exists())
+        self.assertEqual(json.loads((out / "summary.json").read_text())["exit_code"], 6)
+
+    def test_steps_are_shown(self):
+        result = self.expect(0, "simulate", self.model(PENDULUM), "-v")
+        lines = result.stderr.splitlines()
+        head = next(k for k, line in enumerate(lines) if re.match(r"\s+step\s+time\s+h\s+order\s+newton", line))
+        steps = [line.split() for line in lines[head + 1:]]
+        self.assertEqual([int(s[0]) for s in steps], list(range(1, len(steps) + 1)))
+        self.assertEqual(float(steps[-1][1]), 1)
+        for word in ("degree of freedom", "assembly", "factorization", "simulated", "bob.position.x"):
+            self.assertIn(word, result.stdout)
+        quiet = self.expect(0, "simulate", self.model(PENDULUM), "-q")
+        self.assertEqual((quiet.stdout, quiet.stderr), ("", ""))
+
+    def test_models_of_the_repository_run(self):
+        for name, until in (("engine", 5e-4), ("chain", 2e-3), ("rotor", 2e-3)):
+            with self.subTest(model=name):
+                result = self.expect(0, "simulate", ROOT / "models" / f"{name}.toml", "--until", until, "--json")
+                report = json.loads(result.stdout)
+                self.assertGreater(report["system"]["velocities"], 1000)
+                self.assertEqual(report["system"]["redundant"], [])
+                self.assertLess(report["constraints"]["position"], 1e-6)
+
+
+if __name__ == "__main__":
+    unittest.main()
