@@ -249,6 +249,13 @@ motion = "cos(1) + t - 0.5403023058681398 + 0.2"
         quiet = self.expect(0, "simulate", self.model(PENDULUM), "-q")
         self.assertEqual((quiet.stdout, quiet.stderr), ("", ""))
 
+    def test_the_example_of_the_documentation_runs(self):
+        page = (ROOT / "docs" / "simulate.md").read_text()
+        example = next(block for block in re.findall(r"```toml\n(.*?)```", page, re.S) if "[integrator]" in block)
+        report = self.report(example, "--until", 0.02)
+        self.assertEqual(report["title"], "flexible pendulum")
+        self.assertEqual(report["system"]["bodies"], 2)
+
     def test_models_of_the_repository_run(self):
         for name, until in (("engine", 5e-4), ("chain", 2e-3), ("rotor", 2e-3)):
             with self.subTest(model=name):
