@@ -30,7 +30,7 @@ using namespace espalier;
 
 struct Settings {
   bool fp32 = false, small = false, plan_only = false;
-  int repeat = 3, refuse = 0;
+  int repeat = 3, refuse = 0, copy_threads = 0;
   Kind kind = Kind::automatic;
   std::string out;
   std::string system;
@@ -64,6 +64,8 @@ Settings parse(int argc, char** argv) {
       s.repeat = std::stoi(value());
     else if (a == "--refuse")
       s.refuse = std::stoi(value());
+    else if (a == "--copy-threads")
+      s.copy_threads = std::stoi(value());
     else if (a == "--out")
       s.out = value();
     else if (a == "--kind") {
@@ -128,7 +130,7 @@ class Curve {
   nlohmann::json streaming(Offset budget) {
     factor::StreamingOptions o;
     o.budget_bytes = budget;
-    o.copy_threads = std::max(1, pool_.size() * 3 / 8);
+    o.copy_threads = settings_.copy_threads > 0 ? settings_.copy_threads : std::max(1, pool_.size() / 2);
     device::cuda::CudaStreamOptions d;
     d.refuse_allocation = settings_.refuse;
     const double start = now();
@@ -144,6 +146,8 @@ class Curve {
     j["bytes_out"] = r.bytes_out;
     j["link_ms"] = 1e3 * r.link_seconds;
     j["predicted_ms"] = 1e3 * r.predicted_seconds;
+    j["copy_in_ms"] = 1e3 * r.copy_in_seconds;
+    j["copy_out_ms"] = 1e3 * r.copy_out_seconds;
     j["steps"] = r.steps;
     j["groups"] = r.groups;
     print(j);
@@ -246,10 +250,12 @@ class Curve {
         in_core_ms_ / ms, c_.plan.flops / ms * 1e-9, j["solve_ms"].get<double>(), j["backward_error"].get<double>(),
         j["identical"].get<bool>() ? "same" : "DIFF", j["determinant_log"].get<double>(), j["negative"].get<Index>());
     if (budget > 0)
-      fmt::print(" | link {:.1f} ms, predicted {:.1f} ms, in {:.2f} out {:.2f} GB, {} steps {} groups, setup {:.1f} s",
-                 j["link_ms"].get<double>(), j["predicted_ms"].get<double>(), j["bytes_in"].get<double>() * 1e-9,
-                 j["bytes_out"].get<double>() * 1e-9, j["steps"].get<Index>(), j["groups"].get<Index>(),
-                 j["setup_seconds"].get<double>());
+      fmt::print(
+          " | link {:.1f} ms, predicted {:.1f} ms, in {:.2f} out {:.2f} GB, host copies in {:.0f} out {:.0f} ms, {} "
+          "steps {} groups, setup {:.1f} s",
+          j["link_ms"].get<double>(), j["predicted_ms"].get<double>(), j["bytes_in"].get<double>() * 1e-9,
+          j["bytes_out"].get<double>() * 1e-9, j["copy_in_ms"].get<double>(), j["copy_out_ms"].get<double>(),
+          j["steps"].get<Index>(), j["groups"].get<Index>(), j["setup_seconds"].get<double>());
     fmt::print("{}\n", good ? "" : "  FAILED");
     std::fflush(stdout);
   }

@@ -38,10 +38,11 @@ struct FactorOutcome {
 /// One device's part in a factorization that several share.
 struct DeviceWork {
   std::string name;
-  double busy_seconds = 0;     ///< mean over its workers of the time inside tasks, waits left out
-  double waiting_seconds = 0;  ///< likewise of the time inside tasks that wait for others
-  Index stolen_subtrees = 0;   ///< sub-trees of other devices that it did
-  Offset peak_bytes = 0;       ///< its part of factor and work arrays, and what its workers hold
+  double busy_seconds = 0;       ///< mean over its workers of the time inside tasks, waits left out
+  double waiting_seconds = 0;    ///< likewise of the time inside tasks that wait for others
+  Index stolen_subtrees = 0;     ///< sub-trees of other devices that it did
+  Offset peak_bytes = 0;         ///< its part of factor and work arrays, and what its workers hold
+  Offset transferred_bytes = 0;  ///< stored into and fetched from other devices
 };
 
 /// What a factorization in less device memory than the factor needs moves; budget_bytes 0: it does not stream.
@@ -52,6 +53,8 @@ struct StreamReport {
   Offset bytes_out = 0;          ///< back
   double link_seconds = 0;       ///< what the busier direction of the link needs alone: no run is faster
   double predicted_seconds = 0;  ///< by the plan
+  double copy_in_seconds = 0;    ///< last factorization: time in which the host copied for the device
+  double copy_out_seconds = 0;   ///< likewise from it
   Index steps = 0;               ///< sets of fronts eliminated in core
   Index groups = 0;              ///< groups of block columns of fronts too large for that
 };

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "base/stream_copy.hpp"
+
 namespace espalier::factor {
 
 namespace {
@@ -49,7 +51,8 @@ void HostPieces::copy_to(std::byte* to, Offset begin, Offset size, base::ThreadP
 }
 
 void HostPieces::copy_from(const std::byte* from, Offset begin, Offset size, base::ThreadPool& pool) const {
-  visit(begin, size, pool, [&](std::byte* at, Offset done, std::size_t n) { std::memcpy(at, from + done, n); });
+  visit(begin, size, pool,
+        [&](std::byte* at, Offset done, std::size_t n) { base::copy_past_cache(at, from + done, n); });
 }
 
 void ValuePieces::set(const analysis::StreamLayout& layout, const analysis::StreamingPlan& streaming,

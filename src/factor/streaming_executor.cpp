@@ -77,6 +77,7 @@ class StreamingExecutor final : public device::Executor<T> {
         out_crew_(options.copy_threads) {
     backend_->prepare(plan_, 2 * options.slots, options.slot_bytes);
     store_ = base::Buffer<T>(plan_.store_elements, budget);
+    touch_store();
     for (const StreamOp& op : plan_.ops) ops_[static_cast<std::size_t>(queue_of(op.work))].push_back(&op);
   }
 
@@ -85,6 +86,7 @@ class StreamingExecutor final : public device::Executor<T> {
   FactorOutcome factorize(std::span<const T> values) override {
     const double start = base::now_seconds();
     values_ = values;
+    in_seconds_ = out_seconds_ = 0;
     progress_.reset();
     error_ = nullptr;
     backend_->begin(values);
@@ -115,6 +117,8 @@ class StreamingExecutor final : public device::Executor<T> {
             plan_.bytes_out,
             plan_.link_seconds,
             plan_.predicted_seconds,
+            in_seconds_,
+            out_seconds_,
             static_cast<Index>(steps),
             static_cast<Index>(plan_.groups.size())};
   }
@@ -127,6 +131,16 @@ class StreamingExecutor final : public device::Executor<T> {
     Offset begin, size;
     bool last;
   };
+
+  // The machine finds pages on the first write, one by one: by all threads, before it hurts.
+  void touch_store() {
+    constexpr Offset kPage = 4096 / static_cast<Offset>(sizeof(T));
+    constexpr std::int64_t kPagesPerPiece = 4096;
+    const Offset pages = (store_.size() + kPage - 1) / kPage;
+    out_crew_.for_each_piece(pages, kPagesPerPiece, [&](std::int64_t b, std::int64_t e) {
+      for (Offset p = b; p < e; ++p) store_[p * kPage] = T(0);
+    });
+  }
 
   template <class Work>
   void guarded(Work&& work) {
@@ -184,11 +198,13 @@ class StreamingExecutor final : public device::Executor<T> {
           const Offset now = std::min(options_.slot_bytes, bytes - done);
           backend_->wait_for_slot(slot);
           std::byte* to = backend_->staging(slot);
+          const double start = base::now_seconds();
           constexpr auto kSize = static_cast<Offset>(sizeof(T));
           if (values)
             gathered.gather<T>(values_, reinterpret_cast<T*>(to), done / kSize, now / kSize, in_crew_);
           else
             pieces.copy_to(to, done, now, in_crew_);
+          in_seconds_ += base::now_seconds() - start;
           backend_->copy_in(op->at[static_cast<std::size_t>(part)] + done, slot, now);
           slot = (slot + 1) % options_.slots;
         }
@@ -274,7 +290,9 @@ class StreamingExecutor final : public device::Executor<T> {
       HostPieces pieces;
       for (int part = 0; part < parts_of(*a.op); ++part)
         pieces.add(reinterpret_cast<std::byte*>(store_.data() + a.op->host[static_cast<std::size_t>(part)]), each);
+      const double start = base::now_seconds();
       pieces.copy_from(from, a.begin, a.size, out_crew_);
+      out_seconds_ += base::now_seconds() - start;
     }
     if (a.last) progress_.done(StreamQueue::out, a.number);
   }
@@ -286,6 +304,7 @@ class StreamingExecutor final : public device::Executor<T> {
   base::Buffer<T> store_;
   std::array<std::vector<const StreamOp*>, 3> ops_;
   std::span<const T> values_;
+  double in_seconds_ = 0, out_seconds_ = 0;
   Progress progress_;
   std::mutex error_mutex_;
   std::exception_ptr error_;

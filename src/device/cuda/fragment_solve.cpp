@@ -10,6 +10,7 @@ namespace {
 // A front with a larger factor is worked on by all threads: 4 MiB are some 0.3 ms of one core's memory traffic.
 constexpr Offset kLargeElements = 1 << 19;
 constexpr Index kPanelsPerPiece = 32;
+constexpr int kTogether = 8;  // tile columns between two meetings of all threads
 
 // A panel holds 8 rows of 16 columns; a row's columns stand in two groups of eight, each in this order.
 constexpr int kOrder[8] = {0, 4, 1, 5, 2, 6, 3, 7};
@@ -99,14 +100,23 @@ template <class T>
 FragmentSolve<T>::FragmentSolve(const analysis::Plan& plan, const std::vector<Front>& fronts, Kind kind,
                                 base::ThreadPool& pool)
     : plan_(plan), fronts_(fronts), kind_(kind), pool_(pool), benches_(static_cast<std::size_t>(pool.size())) {
+  std::vector<Offset> elements;  // by tier
   for (Index f = 0; f < plan.fronts(); ++f) {
     const auto tier = static_cast<std::size_t>(plan.tier[f]);
-    if (tier >= small_.size()) {
-      small_.resize(tier + 1);
-      large_.resize(tier + 1);
-    }
-    (fronts[f].factor_size() > kLargeElements ? large_ : small_)[tier].push_back(f);
+    elements.resize(std::max(elements.size(), tier + 1), 0);
+    elements[tier] += fronts[f].factor_size();
   }
+  small_.resize(elements.size());
+  large_.resize(elements.size());
+  for (Index f = 0; f < plan.fronts(); ++f) {
+    const auto tier = static_cast<std::size_t>(plan.tier[f]);
+    // Alone, a thread would still be busy with it when the others have done the rest of the tier.
+    const Offset share = std::max(kLargeElements, elements[tier] / (2 * pool.size()));
+    (fronts[f].factor_size() > share ? large_ : small_)[tier].push_back(f);
+  }
+  for (auto& tier : small_)
+    std::stable_sort(tier.begin(), tier.end(),
+                     [&](Index x, Index y) { return fronts[x].factor_size() > fronts[y].factor_size(); });
 }
 
 template <class T>
@@ -184,24 +194,36 @@ void FragmentSolve<T>::forward(Index f, Index columns, Bench& bench, bool all_th
       for (Index c = 0; c < columns; ++c) row[c] += from[c];
     }
   }
-  std::vector<T>& y = bench.y;  // a tile column's finished values, in panel order
-  for (int j = 0; j < x.pivot_tiles; ++j) {
-    const int col = x.column_begin(j), size = x.column_end(j) - col, chunks = size / kChunk;
-    const Offset stride = static_cast<Offset>(x.total_pad - j * x.width) * kChunk;
-    const T* tile = factor + x.chunk_offset(col / kChunk, col);
-    y.assign(static_cast<std::size_t>(size) * columns * 2, T(0));
-    T* ordered = y.data() + static_cast<Offset>(size) * columns;
-    for (int q = 0; q < chunks; ++q)
-      order_chunk(v + static_cast<Offset>(col + q * kChunk) * columns, columns, ordered + q * kChunk * columns);
-    panels_forward(tile, stride, chunks, size / kPanel, ordered, columns, y.data());  // minus the solution
-    for (int k = 0; k < size * columns; ++k) y[static_cast<std::size_t>(k)] = -y[static_cast<std::size_t>(k)];
-    std::copy_n(y.data(), static_cast<Offset>(std::min<int>(size, x.pivots - col)) * columns,
-                rhs + static_cast<Offset>(col) * columns);
-    for (int q = 0; q < chunks; ++q)
-      order_chunk(y.data() + static_cast<Offset>(q) * kChunk * columns, columns, ordered + q * kChunk * columns);
-    over_panels(x.total_pad - col - size, all_threads, [&](Index b, Index e) {
-      panels_forward(tile + static_cast<Offset>(size + b * kPanel) * kChunk, stride, chunks, e - b, ordered, columns,
-                     v + static_cast<Offset>(col + size + b * kPanel) * columns);
+  // Some tile columns together: their own rows first, by one thread, then all rows after them.
+  bench.y.resize(static_cast<std::size_t>(kTogether + 1) * x.width * columns);
+  T* y = bench.y.data();  // finished values of one tile column
+  for (int first = 0; first < x.pivot_tiles; first += kTogether) {
+    const int last = std::min<int>(first + kTogether, x.pivot_tiles), end = x.column_end(last - 1);
+    const auto ordered = [&](int j) { return y + static_cast<Offset>(1 + j - first) * x.width * columns; };
+    const auto subtract = [&](int j, Index row, Index panels) {
+      const int col = x.column_begin(j);
+      panels_forward(factor + x.chunk_offset(col / kChunk, row),
+                     static_cast<Offset>(x.total_pad - j * x.width) * kChunk, (x.column_end(j) - col) / kChunk, panels,
+                     ordered(j), columns, v + static_cast<Offset>(row) * columns);
+    };
+    for (int j = first; j < last; ++j) {
+      const int col = x.column_begin(j), size = x.column_end(j) - col;
+      T* in_order = ordered(j);
+      for (int q = 0; q < size; q += kChunk)
+        order_chunk(v + static_cast<Offset>(col + q) * columns, columns, in_order + q * columns);
+      std::fill_n(y, static_cast<Offset>(size) * columns, T(0));
+      panels_forward(factor + x.chunk_offset(col / kChunk, col),
+                     static_cast<Offset>(x.total_pad - j * x.width) * kChunk, size / kChunk, size / kPanel, in_order,
+                     columns, y);  // minus the solution
+      for (int k = 0; k < size * columns; ++k) y[k] = -y[k];
+      std::copy_n(y, static_cast<Offset>(std::min<int>(size, x.pivots - col)) * columns,
+                  rhs + static_cast<Offset>(col) * columns);
+      for (int q = 0; q < size; q += kChunk)
+        order_chunk(y + static_cast<Offset>(q) * columns, columns, in_order + q * columns);
+      subtract(j, col + size, (end - col - size) / kPanel);
+    }
+    over_panels(x.total_pad - end, all_threads, [&](Index b, Index e) {
+      for (int j = first; j < last; ++j) subtract(j, end + b * kPanel, e - b);
     });
   }
   std::copy_n(v + static_cast<Offset>(x.pivot_pad) * columns, static_cast<Offset>(x.below) * columns,
@@ -241,36 +263,48 @@ void FragmentSolve<T>::backward(Index f, Index columns, Bench& bench, bool all_t
   for (Index r = 0; r < x.below; ++r)
     std::copy_n(x_ + static_cast<Offset>(rows[r]) * columns, columns,
                 v + static_cast<Offset>(x.pivot_pad + r) * columns);
-  // Sums over the rows after the tile, by pieces whose number does not depend on the threads.
-  std::vector<T>& sums = bench.y;
-  for (int j = x.pivot_tiles - 1; j >= 0; --j) {
-    const int col = x.column_begin(j), size = x.column_end(j) - col, chunks = size / kChunk;
-    const Offset stride = static_cast<Offset>(x.total_pad - j * x.width) * kChunk;
-    const T* tile = factor + x.chunk_offset(col / kChunk, col);
-    const Index after = x.total_pad - col - size, panels = after / kPanel;
-    const Index pieces = (panels + kPanelsPerPiece - 1) / kPanelsPerPiece;
-    const Offset each = static_cast<Offset>(size) * columns;
-    sums.assign(static_cast<std::size_t>((pieces + 1) * each), T(0));
+  // Some tile columns together: sums over the rows after them, by pieces whose number does not depend on the threads,
+  // then their own rows.
+  const int groups = (x.pivot_tiles + kTogether - 1) / kTogether;
+  for (int g = groups - 1; g >= 0; --g) {
+    const int first = g * kTogether, last = std::min<int>(first + kTogether, x.pivot_tiles);
+    const int begin = x.column_begin(first), end = x.column_end(last - 1);
+    const Index panels = (x.total_pad - end) / kPanel, pieces = (panels + kPanelsPerPiece - 1) / kPanelsPerPiece;
+    const Offset each = static_cast<Offset>(end - begin) * columns;
+    bench.y.assign(static_cast<std::size_t>((pieces + 1) * each), T(0));
+    T* const sums = bench.y.data();
+    const auto add = [&](int j, Index row, Index count, T* to) {
+      const int col = x.column_begin(j);
+      for (int q = col; q < x.column_end(j); q += kChunk)
+        panels_backward(factor + x.chunk_offset(q / kChunk, row), count, v + static_cast<Offset>(row) * columns,
+                        columns, to + static_cast<Offset>(q - begin) * columns);
+    };
     const auto piece = [&](Index k) {
       const Index b = k * kPanelsPerPiece, e = std::min(panels, b + kPanelsPerPiece);
-      for (int q = 0; q < chunks; ++q)
-        panels_backward(tile + q * stride + static_cast<Offset>(size + b * kPanel) * kChunk, e - b,
-                        v + static_cast<Offset>(col + size + b * kPanel) * columns, columns,
-                        sums.data() + k * each + q * kChunk * columns);
+      for (int j = first; j < last; ++j) add(j, end + b * kPanel, e - b, sums + k * each);
     };
     if (all_threads && pieces > 1)
       pool_.for_each_piece(pieces, 1, [&](std::int64_t b, std::int64_t) { piece(static_cast<Index>(b)); });
     else
       for (Index k = 0; k < pieces; ++k) piece(k);
-    T* vj = v + static_cast<Offset>(col) * columns;
-    for (Index k = 0; k < pieces; ++k)
-      for (int q = 0; q < chunks; ++q)
-        put_chunk(sums.data() + k * each + q * kChunk * columns, columns, T(-1), vj + q * kChunk * columns);
-    T* result = sums.data() + pieces * each;
-    for (int q = 0; q < chunks; ++q)
-      panels_backward(tile + q * stride, size / kPanel, vj, columns, result + q * kChunk * columns);
-    std::fill_n(vj, each, T(0));
-    for (int q = 0; q < chunks; ++q) put_chunk(result + q * kChunk * columns, columns, T(1), vj + q * kChunk * columns);
+    T* own_sum = sums + pieces * each;
+    for (int j = last - 1; j >= first; --j) {
+      const int col = x.column_begin(j), size = x.column_end(j) - col;
+      const Offset skip = static_cast<Offset>(col - begin) * columns;
+      T* vj = v + static_cast<Offset>(col) * columns;
+      add(j, col + size, (end - col - size) / kPanel, own_sum);
+      for (int q = 0; q < size; q += kChunk) {
+        const Offset at = skip + static_cast<Offset>(q) * columns;
+        for (Index k = 0; k <= pieces; ++k)
+          put_chunk(sums + k * each + at, columns, T(-1), vj + static_cast<Offset>(q) * columns);
+      }
+      std::fill_n(own_sum + skip, static_cast<Offset>(size) * columns, T(0));
+      add(j, col, size / kPanel, own_sum);
+      std::fill_n(vj, static_cast<Offset>(size) * columns, T(0));
+      for (int q = 0; q < size; q += kChunk)
+        put_chunk(own_sum + skip + static_cast<Offset>(q) * columns, columns, T(1),
+                  vj + static_cast<Offset>(q) * columns);
+    }
   }
   std::copy_n(v, static_cast<Offset>(x.pivots) * columns, own);
 }

@@ -1,0 +1,176 @@
+// Substitution on the host with factors in the CUDA backend's layout. Truth: the same sums by plain loops over the
+// elements, whose places are those of device/cuda/tables.hpp; and one thread gives the bits of several.
+#include "device/cuda/fragment_solve.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "analysis/ordering.hpp"
+#include "device/cuda/device_plan.hpp"
+#include "matrix/generators/generate.hpp"
+
+namespace espalier {
+namespace {
+
+using device::cuda::Front;
+
+struct Parameter {
+  std::vector<std::string> words;
+  Kind kind;
+  Index columns;
+};
+
+class FragmentSolve : public ::testing::TestWithParam<Parameter> {
+ protected:
+  void SetUp() override {
+    const SparseMatrix a = matrix::generate(matrix::parse_generator(GetParam().words), &pool_);
+    device::cuda::DeviceTuning tuning;
+    tuning.narrow_rows = 150;
+    auto tree = analysis::build_tree(analysis::graph_of(a, pool_), {}, pool_);
+    plan_ =
+        analysis::make_plan(std::move(tree), a, {}, device::cuda::cuda_plan_options(GetParam().kind, tuning), pool_);
+    device_ = device::cuda::make_device_plan(plan_, GetParam().kind);
+    fill_factors();
+  }
+
+  // Random numbers of about 1 / sqrt(rows), so that nothing grows; zero where the padding is.
+  void fill_factors() {
+    Offset at = 0;
+    for (auto* list : {&first_, &second_})
+      for (const Front& f : device_.fronts) {
+        list->push_back(at);
+        at += f.factor_size();
+      }
+    store_.assign(static_cast<std::size_t>(at), 0);
+    std::mt19937_64 random(3);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    for (const auto* list : {&first_, &second_})
+      for (Index f = 0; f < plan_.fronts(); ++f) {
+        const Front& x = device_.fronts[f];
+        const double size = 1 / std::sqrt(static_cast<double>(x.total_pad));
+        for (int c = 0; c < x.pivot_pad; ++c)
+          for (int r = c / x.width * x.width; r < x.total_pad; ++r)
+            if (real(x, r) && c < x.pivots) store_[place((*list)[f], x, r, c)] = size * uniform(random);
+      }
+    for (Index k = 0; k < plan_.tree.n; ++k) d_.push_back(1 + 0.5 * uniform(random));
+    e_.assign(d_.size(), 0);
+    for (const Front& x : device_.fronts)
+      for (int k = 0; k + 1 < x.pivots; k += 5)
+        if (k / x.width == (k + 1) / x.width) e_[static_cast<std::size_t>(x.position + k)] = 0.3;
+  }
+
+  static bool real(const Front& x, int r) { return r < x.pivots || (r >= x.pivot_pad && r - x.pivot_pad < x.below); }
+  static std::size_t place(Offset begin, const Front& x, int r, int c) {
+    return static_cast<std::size_t>(begin + x.chunk_offset(c / device::cuda::kChunk, r / 8 * 8) +
+                                    device::cuda::fragment_offset(r % 8, c % 16));
+  }
+
+  // Row r of the front as a position of the whole system.
+  [[nodiscard]] Index position(Index f, int r) const {
+    const Front& x = device_.fronts[f];
+    return r < x.pivots ? x.position + r : plan_.tree.rows[plan_.tree.row_ptr[f] + r - x.pivot_pad];
+  }
+
+  // One right-hand side by plain loops.
+  void reference(std::vector<double>& x, bool transpose) const {
+    const bool lu = GetParam().kind == Kind::lu;
+    for (Index f = 0; f < plan_.fronts(); ++f) up(f, lu && transpose ? second_[f] : first_[f], x);
+    if (GetParam().kind == Kind::ldlt) middle(x);
+    for (Index f = plan_.fronts() - 1; f >= 0; --f) down(f, lu && !transpose ? second_[f] : first_[f], x);
+  }
+  void up(Index f, Offset begin, std::vector<double>& x) const {
+    const Front& t = device_.fronts[f];
+    for (int j = 0; j < t.pivot_tiles; ++j) {
+      const int b = t.column_begin(j), e = std::min(t.column_end(j), t.pivots);
+      std::vector<double> y;
+      for (int r = b; r < e; ++r) {
+        double sum = 0;
+        for (int c = b; c < e; ++c) sum += store_[place(begin, t, r, c)] * x[position(f, c)];
+        y.push_back(sum);
+      }
+      for (int r = b; r < e; ++r) x[position(f, r)] = y[static_cast<std::size_t>(r - b)];
+      for (int r = t.column_end(j); r < t.total_pad; ++r)
+        for (int c = b; real(t, r) && c < e; ++c)
+          x[position(f, r)] -= store_[place(begin, t, r, c)] * y[static_cast<std::size_t>(c - b)];
+    }
+  }
+  void middle(std::vector<double>& x) const {
+    for (std::size_t k = 0; k < x.size(); ++k) {
+      if (e_[k] == 0) {
+        x[k] *= d_[k];
+        continue;
+      }
+      const double a = x[k], b = x[k + 1];
+      x[k] = d_[k] * a + e_[k] * b;
+      x[k + 1] = e_[k] * a + d_[k + 1] * b;
+      ++k;
+    }
+  }
+  void down(Index f, Offset begin, std::vector<double>& x) const {
+    const Front& t = device_.fronts[f];
+    for (int j = t.pivot_tiles - 1; j >= 0; --j) {
+      const int b = t.column_begin(j), e = std::min(t.column_end(j), t.pivots);
+      for (int c = b; c < e; ++c)
+        for (int r = t.column_end(j); r < t.total_pad; ++r)
+          if (real(t, r)) x[position(f, c)] -= store_[place(begin, t, r, c)] * x[position(f, r)];
+      std::vector<double> y;
+      for (int c = b; c < e; ++c) {
+        double sum = 0;
+        for (int r = b; r < e; ++r) sum += store_[place(begin, t, r, c)] * x[position(f, r)];
+        y.push_back(sum);
+      }
+      for (int c = b; c < e; ++c) x[position(f, c)] = y[static_cast<std::size_t>(c - b)];
+    }
+  }
+
+  std::vector<double> solved(int threads, const std::vector<double>& rhs, bool transpose) {
+    base::ThreadPool pool(threads);
+    device::cuda::FragmentSolve<double> solve(plan_, device_.fronts, GetParam().kind, pool);
+    std::vector<double> x = rhs;
+    solve.run({store_.data(), &first_, &second_, &d_, &e_}, x.data(), GetParam().columns, transpose);
+    return x;
+  }
+
+  base::ThreadPool pool_{2};
+  analysis::Plan plan_;
+  device::cuda::DevicePlan device_;
+  std::vector<double> store_, d_, e_;
+  std::vector<Offset> first_, second_;
+};
+
+TEST_P(FragmentSolve, SumsAreThoseOfPlainLoops) {
+  const Index n = plan_.tree.n, columns = GetParam().columns;
+  std::vector<double> rhs(static_cast<std::size_t>(n) * columns);
+  for (std::size_t k = 0; k < rhs.size(); ++k) rhs[k] = std::cos(static_cast<double>(k));
+  for (const bool transpose : {false, true}) {
+    const std::vector<double> x = solved(1, rhs, transpose);
+    for (Index c = 0; c < columns; ++c) {
+      std::vector<double> y(static_cast<std::size_t>(n));
+      for (Index k = 0; k < n; ++k) y[k] = rhs[static_cast<std::size_t>(k) * columns + c];
+      reference(y, transpose);
+      double most = 0, size = 0;
+      for (Index k = 0; k < n; ++k) {
+        most = std::max(most, std::abs(y[k] - x[static_cast<std::size_t>(k) * columns + c]));
+        size = std::max(size, std::abs(y[k]));
+      }
+      EXPECT_LE(most, 1e3 * std::numeric_limits<double>::epsilon() * std::sqrt(static_cast<double>(n)) * size);
+    }
+    const std::vector<double> many = solved(3, rhs, transpose);
+    EXPECT_EQ(std::memcmp(x.data(), many.data(), x.size() * sizeof(double)), 0);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Systems, FragmentSolve,
+                         ::testing::Values(Parameter{{"elasticity", "10"}, Kind::llt, 1},
+                                           Parameter{{"elasticity", "7"}, Kind::ldlt, 3},
+                                           Parameter{{"gyroscopic", "7"}, Kind::lu, 1},
+                                           Parameter{{"plate", "30", "30"}, Kind::llt, 11}));
+
+}  // namespace
+}  // namespace espalier
