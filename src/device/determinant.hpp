@@ -19,6 +19,10 @@ class Determinant {
     mantissa_ *= factor;
     if (std::abs(mantissa_) > kLarge || std::abs(mantissa_) < kSmall) normalize();
   }
+  void multiply(const Determinant& other) {
+    multiply(other.mantissa_);
+    exponent_ += other.exponent_;
+  }
   [[nodiscard]] double sign() const { return mantissa_ < 0 ? -1 : mantissa_ > 0 ? 1 : 0; }
   /// Natural logarithm of the magnitude; -infinity for zero.
   [[nodiscard]] double log() const { return std::log(std::abs(mantissa_)) + static_cast<double>(exponent_) * kLog2; }

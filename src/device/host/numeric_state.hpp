@@ -9,6 +9,7 @@
 
 #include "analysis/plan.hpp"
 #include "base/memory.hpp"
+#include "device/determinant.hpp"
 #include "device/executor.hpp"
 #include "device/host/kernels.hpp"
 #include "device/host/progress.hpp"
@@ -28,8 +29,7 @@ struct FrontOutcome {
   Index not_positive = -1;  ///< position; -1: none
   Index negative = 0;
   Index two_by_two = 0;
-  double determinant_sign = 1;
-  double determinant_log = 0;
+  Determinant determinant;
 };
 
 /// Bits of NumericState::column_state.

@@ -19,14 +19,16 @@ void reset_state(NumericState<T>& state, std::span<const T> values) {
 template <class T>
 FactorOutcome summarize(const NumericState<T>& state, const std::vector<Workspace<T>>& work) {
   FactorOutcome out;
+  Determinant determinant;
   for (const FrontOutcome& f : state.fronts) {
     if (f.not_positive >= 0 && (out.not_positive < 0 || f.not_positive < out.not_positive))
       out.not_positive = f.not_positive;
     out.negative += f.negative;
     out.two_by_two += f.two_by_two;
-    out.determinant_sign *= f.determinant_sign;
-    out.determinant_log += f.determinant_log;
+    determinant.multiply(f.determinant);
   }
+  out.determinant_sign = determinant.sign();
+  out.determinant_log = determinant.log();
   for (Index p = 0; p < state.plan.tree.n; ++p) {
     const char s = state.column_state[static_cast<std::size_t>(p)];
     if ((s & kColumnReplaced) != 0) out.replaced.push_back(p);

@@ -22,16 +22,13 @@ void invert_d(NumericState<T>& s, Index at, Index n, const T* d, const T* e, Fro
       di[k + 1] = a / b / det_over_b;
       ei[k] = T(-1) / det_over_b;
       ei[k + 1] = T(0);
-      out.determinant_sign *=
-          std::copysign(1.0, static_cast<double>(det_over_b)) * std::copysign(1.0, static_cast<double>(b));
-      out.determinant_log +=
-          std::log(std::abs(static_cast<double>(det_over_b))) + std::log(std::abs(static_cast<double>(b)));
+      out.determinant.multiply(static_cast<double>(det_over_b));
+      out.determinant.multiply(static_cast<double>(b));
       ++k;
     } else {
       di[k] = T(1) / d[k];
       ei[k] = T(0);
-      out.determinant_sign *= d[k] < T(0) ? -1.0 : 1.0;
-      out.determinant_log += std::log(std::abs(static_cast<double>(d[k])));
+      out.determinant.multiply(static_cast<double>(d[k]));
     }
   }
 }
@@ -70,10 +67,10 @@ void book_pivots(NumericState<T>& s, Workspace<T>& w, Index f, Index at, Index n
       const auto d = static_cast<double>(c[k * ld + k]);
       if (judged && d * d <= s.rule.smallest[static_cast<std::size_t>(at + k)])
         s.column_state[at + k] |= kColumnReplaced;
-      out.determinant_sign *= d < 0 ? -1.0 : 1.0;
-      out.determinant_log += (s.kind == Kind::llt ? 2 : 1) * std::log(std::abs(d));
+      out.determinant.multiply(d);
+      if (s.kind == Kind::llt) out.determinant.multiply(d);
     }
-    if (s.kind == Kind::lu) out.determinant_sign *= permutation_sign(s.pivot_order.data() + at, n);
+    if (s.kind == Kind::lu) out.determinant.multiply(permutation_sign(s.pivot_order.data() + at, n));
   }
   if (replaced == nullptr) return;
   for (Index k = 0; k < n; ++k) {
