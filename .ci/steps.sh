@@ -85,6 +85,9 @@ check_package() {
   env -i "$binary" info
 }
 
+# Work counted, not timed: flops, fill, memory, instructions of fixed systems against .ci/bounds.json.
+check_bounds() { python3 .ci/check_bounds.py --binary build/release/espalier; }
+
 sanitizer_options() {
   # test_solver replaces operator new to make allocations fail; the sanitizer takes that for a mismatch.
   export ASAN_OPTIONS="alloc_dealloc_mismatch=0:allocator_may_return_null=1:detect_stack_use_after_return=1:strict_string_checks=1"

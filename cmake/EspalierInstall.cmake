@@ -44,5 +44,5 @@ set(CPACK_STRIP_FILES ON)
 set(CPACK_OUTPUT_CONFIG_FILE ${PROJECT_BINARY_DIR}/CPackBundle.cmake)
 include(CPack)
 add_custom_target(bundle COMMAND ${CMAKE_CPACK_COMMAND} --config ${PROJECT_BINARY_DIR}/CPackBundle.cmake
-  -B ${PROJECT_BINARY_DIR} DEPENDS espalier_cli USES_TERMINAL
+  -B ${PROJECT_BINARY_DIR} DEPENDS espalier_cli $<$<BOOL:${ESPALIER_BENCH}>:espalier_rivals> USES_TERMINAL
   COMMENT "Packing ${CPACK_PACKAGE_FILE_NAME}.tar.gz")

@@ -132,6 +132,7 @@ class Session {
     const std::size_t count = static_cast<std::size_t>(checked) * static_cast<std::size_t>(system_.matrix().rows);
     const matrix::BackwardErrors error = matrix::backward_errors(
         system_.matrix(), runner.child->solutions().first(count), system_.right_hand_sides().first(count), checked);
+    row.checked = true;
     row.error.normwise = std::max(row.error.normwise, error.normwise);
     row.error.componentwise = std::max(row.error.componentwise, error.componentwise);
     if (!(error.normwise <= plan_.wrong_above))

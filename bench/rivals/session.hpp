@@ -46,6 +46,7 @@ struct Row {
   Inertia inertia;
   Index perturbed = -1;
   int refinement_steps = -1;
+  bool checked = false;          ///< an answer came and was judged
   matrix::BackwardErrors error;  ///< the worst of all checked answers
   Offset peak_bytes = -1, device_bytes = -1, predicted_bytes = -1;
   std::vector<std::vector<DeviceReport>> devices;  ///< of each timed refactorization, in the order of its samples

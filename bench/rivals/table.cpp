@@ -102,7 +102,9 @@ nlohmann::json row_record(const Row& row) {
           {"inertia", row.inertia.positive < 0 ? nlohmann::json(nullptr) : nlohmann::json(row.inertia)},
           {"perturbed", known(row.perturbed)},
           {"refinement_steps", known(row.refinement_steps)},
-          {"backward_error", {{"normwise", row.error.normwise}, {"componentwise", row.error.componentwise}}},
+          {"backward_error",
+           row.checked ? nlohmann::json{{"normwise", row.error.normwise}, {"componentwise", row.error.componentwise}}
+                       : nlohmann::json(nullptr)},
           {"memory",
            {{"peak_bytes", known(row.peak_bytes)},
             {"device_bytes", known(row.device_bytes)},

@@ -109,7 +109,7 @@ std::string table_markdown(const DataTable& table) {
     out += "\n";
   }
   for (const std::string& note : table.notes) out += "\n- " + cell_markdown(note);
-  return out + (table.notes.empty() ? "\n" : "\n\n");
+  return out + (table.notes.empty() ? "" : "\n");
 }
 
 std::string facts_markdown(const Results& results) {
@@ -122,7 +122,7 @@ std::string facts_markdown(const Results& results) {
   out += "\n";
   for (const auto& [rival, version] : versions_of(results))
     out += fmt::format("\n- `{}`: {}", rival, cell_markdown(version));
-  return out + "\n\n";
+  return out + "\n";
 }
 
 }  // namespace
@@ -131,7 +131,8 @@ std::string html_page(const std::vector<Results>& all) {
   std::string contents, body;
   for (const Results& results : all) {
     contents += fmt::format("<li><a href=\"#{}\">{}</a> <span>{}</span></li>", results.id,
-                            escaped(title_of(results.experiment())), escaped(machine_of(results)));
+                            escaped(title_of(results.experiment())),
+                            escaped(machine_of(results) + ", " + text(results.data, "date").substr(0, 10)));
     body += section_html(results);
   }
   std::string page = kPageFrame;
@@ -146,7 +147,8 @@ std::string markdown(const std::vector<Results>& all) {
       "the "
       "columns mean: [bench.md](bench.md).\n\n";
   for (const Results& results : all)
-    out += fmt::format("- [{}, {}](#{})\n", title_of(results.experiment()), machine_of(results), results.id);
+    out += fmt::format("- [{}: {}](#{}) ({})\n", title_of(results.experiment()), machine_of(results), results.id,
+                       text(results.data, "date").substr(0, 10));
   for (const Results& results : all) {
     out += fmt::format("\n<a id=\"{}\"></a>\n\n## {}: {}\n\n{} Source: [{}](../bench/results/{}).\n\n", results.id,
                        title_of(results.experiment()), machine_of(results), explanation_of(results.experiment()),
@@ -159,7 +161,6 @@ std::string markdown(const std::vector<Results>& all) {
     }
     out += facts_markdown(results);
   }
-  while (out.ends_with("\n\n")) out.pop_back();
   return out;
 }
 

@@ -16,6 +16,7 @@ struct Axis {
   Unit unit = Unit::number;
   bool logarithmic = false;
   bool from_zero = false;  ///< linear axes: begin at 0
+  bool whole = false;      ///< linear axes: ticks at whole numbers only
 };
 
 struct Point {

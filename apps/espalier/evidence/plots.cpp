@@ -146,10 +146,12 @@ std::string timelines(const Results& results) {
 }
 
 std::string scaling(const Results& results) {
-  LinePlot speed{
-      "Speed-up over one device", {"devices", Unit::number, false, true}, {"speed-up", Unit::number, false, true}, {}};
+  LinePlot speed{"Speed-up over one device",
+                 {"devices", Unit::number, false, true, true},
+                 {"speed-up", Unit::number, false, true},
+                 {}};
   LinePlot idle{"Idle and waiting",
-                {"devices", Unit::number, false, true},
+                {"devices", Unit::number, false, true, true},
                 {"share of the devices' time", Unit::percent, false, true},
                 {}};
   double most = 1;

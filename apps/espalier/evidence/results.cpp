@@ -127,10 +127,11 @@ std::string explanation_of(const std::string& experiment) {
 std::string machine_of(const Results& results) {
   const Json& machine = results.data.at("machine");
   std::string words = text(machine, "processor");
-  if (words.empty()) words = "unknown processor";
-  if (machine.contains("cores")) words += fmt::format(", {} cores", machine["cores"].dump());
-  for (const Json& gpu : machine.value("gpus", Json::array())) words += ", " + gpu.get<std::string>();
-  return words;
+  const auto add = [&words](const std::string& more) { words += (words.empty() ? "" : ", ") + more; };
+  if (machine.contains("cores")) add(machine["cores"].dump() + " cores");
+  const Json gpus = machine.value("gpus", Json::array());
+  if (!gpus.empty()) add((gpus.size() > 1 ? fmt::format("{} x ", gpus.size()) : "") + gpus[0].get<std::string>());
+  return words.empty() ? "unknown machine" : words;
 }
 
 std::string seconds_text(double seconds) {
@@ -140,7 +141,7 @@ std::string seconds_text(double seconds) {
 
 std::string count_text(double count) {
   if (!std::isfinite(count)) return "-";
-  if (std::abs(count) >= 1e6) return fmt::format("{:.3g}", count);
+  if (std::abs(count) >= 1e10) return fmt::format("{:.3g}", count);
   std::string digits = fmt::format("{:.0f}", count);
   for (int at = static_cast<int>(digits.size()) - 3; at > 0; at -= 3) digits.insert(static_cast<std::size_t>(at), ",");
   return digits;
@@ -149,6 +150,11 @@ std::string count_text(double count) {
 std::string bytes_text(double bytes) {
   if (!std::isfinite(bytes)) return "-";
   return scaled(bytes, {{1e9, "GB"}, {1e6, "MB"}, {1e3, "kB"}, {0, "B"}});
+}
+
+std::string rate_text(double flops_per_second) {
+  if (!std::isfinite(flops_per_second)) return "-";
+  return scaled(flops_per_second, {{1e12, "TFLOP/s"}, {1e9, "GFLOP/s"}, {1e6, "MFLOP/s"}, {0, "FLOP/s"}});
 }
 
 std::string percent_text(double fraction) {

@@ -46,6 +46,7 @@ std::string machine_of(const Results& results);
 std::string seconds_text(double seconds);
 std::string count_text(double count);
 std::string bytes_text(double bytes);
+std::string rate_text(double flops_per_second);
 std::string percent_text(double fraction);
 std::string factor_text(double factor);
 

@@ -52,7 +52,8 @@ void Scale::place_round() {
   const double rough = (high_ - low_) / 5;
   const double power = std::pow(10.0, std::floor(std::log10(rough)));
   const double digit = rough / power;
-  const double step = power * (digit < 1.5 ? 1 : digit < 3.5 ? 2 : digit < 7.5 ? 5 : 10);
+  const double round = power * (digit < 1.5 ? 1 : digit < 3.5 ? 2 : digit < 7.5 ? 5 : 10);
+  const double step = axis_.whole ? std::max(1.0, round) : round;
   high_ = std::ceil(high_ / step - 1e-9) * step;
   low_ = std::floor(low_ / step + 1e-9) * step;
   for (int k = 0; low_ + k * step <= high_ + step / 2; ++k) ticks_.push_back(low_ + k * step);

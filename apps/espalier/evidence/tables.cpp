@@ -27,8 +27,8 @@ struct Figure {
 };
 
 Cell rate_cell(const Results& /*results*/, const Json& row) {
-  const double rate = number(row, "flops") / median(row, "refactorization") * 1e-9;
-  return {std::isfinite(rate) ? fmt::format("{:.3g}", rate) : "-", rate};
+  const double rate = number(row, "flops") / median(row, "refactorization");
+  return {rate_text(rate), rate};
 }
 
 constexpr Figure kUnknowns{"unknowns", [](const Results&, const Json& r) { return count_cell(number(r, "unknowns")); }};
@@ -39,7 +39,7 @@ constexpr Figure kRefactor{"refactorization",
 constexpr Figure kLeast{"least", [](const Results&, const Json& r) {
                           return seconds_cell(number(r, {"refactorization", "least"}));
                         }};
-constexpr Figure kRate{"GFLOP/s", rate_cell};
+constexpr Figure kRate{"rate", rate_cell};
 constexpr Figure kShare{"of product",
                         [](const Results& s, const Json& r) { return percent_cell(share_of_product(s, r)); }};
 constexpr Figure kSolve{"solve", [](const Results&, const Json& r) { return seconds_cell(median(r, "solve_one")); }};
@@ -103,14 +103,23 @@ std::map<std::string, double> best_of(const Results& results, const char* phase)
 }
 
 /// Columns in which no line has a figure tell nothing.
+void drop_column(DataTable& table, std::size_t k) {
+  table.columns.erase(table.columns.begin() + static_cast<std::ptrdiff_t>(k));
+  for (Line& line : table.lines) line.cells.erase(line.cells.begin() + static_cast<std::ptrdiff_t>(k));
+}
+
 void drop_empty(DataTable& table) {
-  for (std::size_t k = table.columns.size(); k-- > 2;) {
-    const bool empty = std::all_of(table.lines.begin(), table.lines.end(),
-                                   [&](const Line& l) { return l.cells[k].text == "-" || l.cells[k].text.empty(); });
-    if (!empty) continue;
-    table.columns.erase(table.columns.begin() + static_cast<std::ptrdiff_t>(k));
-    for (Line& line : table.lines) line.cells.erase(line.cells.begin() + static_cast<std::ptrdiff_t>(k));
-  }
+  for (std::size_t k = table.columns.size(); k-- > 2;)
+    if (std::all_of(table.lines.begin(), table.lines.end(),
+                    [&](const Line& l) { return l.cells[k].text == "-" || l.cells[k].text.empty(); }))
+      drop_column(table, k);
+}
+
+/// Where nobody is compared, everybody is best.
+void drop_best_of_one(DataTable& table) {
+  if (std::any_of(table.lines.begin(), table.lines.end(), [](const Line& l) { return !l.best && !l.failed; })) return;
+  drop_column(table, table.columns.size() - 1);
+  for (Line& line : table.lines) line.best = false;
 }
 
 DataTable main_table(const Results& results) {
@@ -118,7 +127,7 @@ DataTable main_table(const Results& results) {
   const auto figures = figures_of(experiment);
   const char* decisive = experiment == "refactor" ? "newton_step" : "refactorization";
   const auto best = best_of(results, decisive);
-  DataTable table{title_of(experiment), {{"system", true}, {"solver", true}}, {}, {}};
+  DataTable table{"All figures", {{"system", true}, {"solver", true}}, {}, {}};
   for (const Figure& figure : figures) table.columns.push_back({figure.name, figure.name == std::string("step")});
   table.columns.push_back({"times best", false});
   std::set<std::string> anchored;
@@ -137,6 +146,7 @@ DataTable main_table(const Results& results) {
           fmt::format("{}, {}: {}: {}", system, solver_of(row), text(row, "outcome"), text(row, "message")));
     table.lines.push_back(std::move(line));
   }
+  drop_best_of_one(table);
   drop_empty(table);
   return table;
 }
