@@ -1,8 +1,7 @@
 #include "solve/refinement.hpp"
 
 #include <algorithm>
-#include <atomic>
-#include <cmath>
+#include <stdexcept>
 #include <vector>
 
 namespace espalier::solve {
@@ -12,8 +11,7 @@ namespace {
 // A Krylov correction reduces the residual by that much per restart; the next residual is computed afresh.
 constexpr double kKrylovReduction = 1e-6;
 
-constexpr Index kColumnsAtOnce = 16;           // bounds the memory: two vectors a column
-constexpr std::int64_t kRowsPerPiece = 16384;  // of a vector, per piece of work
+constexpr Index kColumnsAtOnce = 16;  // bounds the memory: two vectors a column
 
 // One right-hand side on its way.
 struct Column {
@@ -28,15 +26,16 @@ struct Column {
 
 class Refinement {
  public:
-  Refinement(const ResidualOperator& a, const Preconditioner& m, bool transpose, const RefinementOptions& options,
-             Index columns)
+  Refinement(const ResidualSpace& a, const ResidualOperator* host, const Preconditioner& m, bool transpose,
+             const RefinementOptions& options, Index columns)
       : a_(a),
+        host_(host),
         m_(m),
         transpose_(transpose),
         options_(options),
         n_(a.size()),
-        residuals_(Offset{n_} * columns, nullptr),
-        trials_(Offset{n_} * columns, nullptr) {}
+        residuals_(a.vectors(0, columns)),
+        trials_(a.vectors(1, columns)) {}
 
   void run(std::vector<Column>& columns) {
     std::vector<Column*> active;
@@ -62,17 +61,11 @@ class Refinement {
   void take_places(const std::vector<Column*>& active) {
     for (std::size_t k = 0; k < active.size(); ++k) {
       Column& c = *active[k];
-      double* place = residuals_.data() + static_cast<Offset>(k) * n_;
-      if (c.residual != nullptr && c.residual != place) copy(c.residual, place);
+      double* place = residuals_.data + static_cast<Offset>(k) * n_;
+      if (c.residual != nullptr && c.residual != place) a_.copy(c.residual, place);
       c.residual = place;
-      c.trial = trials_.data() + static_cast<Offset>(k) * n_;
+      c.trial = trials_.data + static_cast<Offset>(k) * n_;
     }
-  }
-
-  void copy(const double* from, double* to) {
-    a_.pool().for_each_piece(n_, kRowsPerPiece, [&](std::int64_t begin, std::int64_t end) {
-      std::copy(from + begin, from + end, to + begin);
-    });
   }
 
   void find_residuals(const std::vector<Column*>& columns) {
@@ -104,24 +97,13 @@ class Refinement {
     const std::span<double> trial(c.trial, n);
     const int left = options_.krylov_steps - c.result.krylov_steps;
     c.result.krylov_steps += options_.positive_definite
-                                 ? solve_cg(a_, m_, residual, trial, kKrylovReduction, left)
-                                 : solve_fgmres(a_, m_, residual, trial, transpose_, kKrylovReduction, left);
+                                 ? solve_cg(*host_, m_, residual, trial, kKrylovReduction, left)
+                                 : solve_fgmres(*host_, m_, residual, trial, transpose_, kKrylovReduction, left);
   }
 
   // trial += x. A correction that is not finite ends its column.
   void add_corrections(std::vector<Column*>& active) {
-    for (Column* c : active) {
-      std::atomic<bool> finite{true};
-      a_.pool().for_each_piece(n_, kRowsPerPiece, [&](std::int64_t begin, std::int64_t end) {
-        bool fine = true;
-        for (auto i = begin; i < end; ++i) {
-          fine = fine && std::isfinite(c->trial[i]);
-          c->trial[i] += c->x[i];
-        }
-        if (!fine) finite = false;
-      });
-      c->done = !finite;
-    }
+    for (Column* c : active) c->done = !a_.add(c->x, c->trial);
     std::erase_if(active, [](const Column* c) { return c->done; });
   }
 
@@ -139,7 +121,7 @@ class Refinement {
                           (now.componentwise == before.componentwise && now.normwise < before.normwise);
       if (better) {
         c.result.error = now;
-        copy(c.trial, c.x);
+        a_.copy(c.trial, c.x);
       }
       const bool stalled = !(now.componentwise <= before.componentwise / 2);
       if (stalled && (c.krylov || !options_.krylov)) c.done = true;
@@ -150,21 +132,24 @@ class Refinement {
     find_residuals(lost);
   }
 
-  const ResidualOperator& a_;
+  const ResidualSpace& a_;
+  const ResidualOperator* host_;  // where Krylov methods work; null: they are not wanted
   const Preconditioner& m_;
   bool transpose_;
   const RefinementOptions& options_;
   Index n_;
-  base::Buffer<double> residuals_, trials_;  // n x columns
+  ResidualSpace::Vectors residuals_, trials_;  // n x columns
 };
 
 }  // namespace
 
-RefinementResult refine(const ResidualOperator& a, const Preconditioner& m, const double* b, double* x, Index columns,
+RefinementResult refine(const ResidualSpace& a, const Preconditioner& m, const double* b, double* x, Index columns,
                         bool transpose, const RefinementOptions& options) {
+  const auto* host = dynamic_cast<const ResidualOperator*>(&a);
+  if (options.krylov && host == nullptr) throw std::logic_error("refine: Krylov methods work in host memory");
   const auto n = static_cast<std::size_t>(a.size());
   RefinementResult all;
-  Refinement refinement(a, m, transpose, options, std::min(columns, kColumnsAtOnce));
+  Refinement refinement(a, host, m, transpose, options, std::min(columns, kColumnsAtOnce));
   for (Index first = 0; first < columns; first += kColumnsAtOnce) {
     std::vector<Column> group(static_cast<std::size_t>(std::min(kColumnsAtOnce, columns - first)));
     for (std::size_t k = 0; k < group.size(); ++k) {

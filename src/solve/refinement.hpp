@@ -31,8 +31,9 @@ struct RefinementResult {
 /// x until the componentwise backward error no longer halves, and keeps the best x.
 /// Right-hand sides are refined side by side, at most 32 at a time, each until it stalls.
 /// @param b, x  n x columns, column-major; x: on entry the first solutions, on return the best
+/// options.krylov needs a ResidualOperator, in host memory. b and x are in the memory of `a`.
 /// @returns the largest errors and the most steps of any column
-RefinementResult refine(const ResidualOperator& a, const Preconditioner& m, const double* b, double* x, Index columns,
+RefinementResult refine(const ResidualSpace& a, const Preconditioner& m, const double* b, double* x, Index columns,
                         bool transpose, const RefinementOptions& options);
 
 /// Solves A d = r to a relative residual of `tolerance`, d = 0 at the start: conjugate gradients (positive definite A)

@@ -1,6 +1,7 @@
 #include "solve/residual.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -10,9 +11,10 @@ namespace espalier::solve {
 namespace {
 
 constexpr std::int64_t kRowsPerPiece = 2048;
-constexpr std::int64_t kMostBlocks = 8;  // of columns that are indexed side by side: four bytes a row each
-constexpr std::size_t kGroups = 2;       // registers of right-hand sides in one pass over the matrix
-constexpr Offset kAhead = 16;            // entries between asking for a scattered value and using it
+constexpr std::int64_t kMostBlocks = 8;       // of columns that are indexed side by side: four bytes a row each
+constexpr std::int64_t kVectorPiece = 16384;  // values of a vector per piece of work
+constexpr std::size_t kGroups = 2;            // registers of right-hand sides in one pass over the matrix
+constexpr Offset kAhead = 16;                 // entries between asking for a scattered value and using it
 
 // A sum of products in twice the working precision: TwoProduct by fused multiply-add, TwoSum of Knuth.
 class LongSum {
@@ -298,6 +300,35 @@ void ResidualOperator::multiply(const double* x, double* y, bool transpose) cons
       y[i] = sum0 + sum1;
     }
   });
+}
+
+void ResidualOperator::copy(const double* from, double* to) const {
+  pool_->for_each_piece(a_.rows, kVectorPiece,
+                        [&](std::int64_t begin, std::int64_t end) { std::copy(from + begin, from + end, to + begin); });
+}
+
+bool ResidualOperator::add(const double* from, double* to) const {
+  std::atomic<bool> finite{true};
+  pool_->for_each_piece(a_.rows, kVectorPiece, [&](std::int64_t begin, std::int64_t end) {
+    bool fine = true;
+    for (auto i = begin; i < end; ++i) {
+      fine = fine && std::isfinite(to[i]);
+      to[i] += from[i];
+    }
+    if (!fine) finite = false;
+  });
+  return finite;
+}
+
+ResidualSpace::Vectors ResidualOperator::vectors(Index, Index columns) const {
+  auto owner = std::make_shared<base::Buffer<double>>(Offset{a_.rows} * columns, nullptr);
+  double* data = owner->data();
+  return {data, std::move(owner)};
+}
+
+ResidualOperator::RowIndex ResidualOperator::row_index() const {
+  const auto count = static_cast<std::size_t>(col_.size());
+  return {row_ptr_, {col_.data(), count}, {source_.data(), count}};
 }
 
 Offset ResidualOperator::bytes() const {

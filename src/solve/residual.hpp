@@ -9,27 +9,14 @@
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
+#include "solve/residual_space.hpp"
 #include "solve/row_sums.hpp"
 
 namespace espalier::solve {
 
-/// Backward errors of an approximate solution.
-struct BackwardError {
-  double normwise = 0;       ///< |b - A x|_inf / (|A|_inf |x|_inf + |b|_inf)  (Rigal and Gaches 1967)
-  double componentwise = 0;  ///< max_i |b - A x|_i / (|A| |x| + |b|)_i  (Oettli and Prager 1964); 0/0 counts as 0
-};
-
-/// One of several right-hand sides (n values each); r may be null when only the error is wanted.
-struct ResidualColumn {
-  const double* b = nullptr;
-  const double* x = nullptr;
-  double* r = nullptr;
-  BackwardError error;  ///< result
-};
-
 /// Computes b - A x and b - A^T x for one pattern and changing values. Products are accumulated in twice the working
 /// precision (error-free transformations of Ogita, Rump and Oishi 2005).
-class ResidualOperator {
+class ResidualOperator final : public ResidualSpace {
  public:
   ResidualOperator() = default;
   /// Indexes the pattern of `a` (any storage; duplicates allowed) by rows. @param a must outlive the operator
@@ -42,14 +29,23 @@ class ResidualOperator {
   BackwardError compute(const double* b, const double* x, double* r, bool transpose) const;
   /// The same for several right-hand sides, two registers of them in each pass over the matrix. The sums are grouped
   /// otherwise than for one alone, so that residuals may differ by their own rounding.
-  void compute(std::span<ResidualColumn> columns, bool transpose) const;
+  void compute(std::span<ResidualColumn> columns, bool transpose) const override;
   /// y = op(A) x in plain double precision.
   void multiply(const double* x, double* y, bool transpose) const;
 
   /// |op(A)|_inf; computed when first asked for after set_values(). Not safe for concurrent first calls.
   [[nodiscard]] double norm(bool transpose) const;
-  [[nodiscard]] Index size() const { return a_.rows; }
-  [[nodiscard]] base::ThreadPool& pool() const { return *pool_; }
+  [[nodiscard]] Index size() const override { return a_.rows; }
+  void copy(const double* from, double* to) const override;
+  bool add(const double* from, double* to) const override;
+  [[nodiscard]] Vectors vectors(Index slot, Index columns) const override;
+  /// Index of the entries by rows: of all entries (general), of those off the diagonal (a triangle), empty (both).
+  struct RowIndex {
+    std::span<const Offset> ptr;
+    std::span<const Index> col;
+    std::span<const Offset> source;  ///< where the entry stands in the pattern
+  };
+  [[nodiscard]] RowIndex row_index() const;
   [[nodiscard]] Offset bytes() const;
 
  private:

@@ -1,0 +1,44 @@
+/// \file
+/// What refinement needs of the memory in which it works: the host's, or that of a GPU.
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "espalier/types.hpp"
+
+namespace espalier::solve {
+
+/// Backward errors of an approximate solution.
+struct BackwardError {
+  double normwise = 0;       ///< |b - A x|_inf / (|A|_inf |x|_inf + |b|_inf)  (Rigal and Gaches 1967)
+  double componentwise = 0;  ///< max_i |b - A x|_i / (|A| |x| + |b|)_i  (Oettli and Prager 1964); 0/0 counts as 0
+};
+
+/// One of several right-hand sides (n values each); r may be null when only the error is wanted.
+struct ResidualColumn {
+  const double* b = nullptr;
+  const double* x = nullptr;
+  double* r = nullptr;
+  BackwardError error;  ///< result
+};
+
+/// A matrix of order n and vectors of n values. All pointers are into the space's own memory.
+class ResidualSpace {
+ public:
+  virtual ~ResidualSpace() = default;
+  [[nodiscard]] virtual Index size() const = 0;
+  /// r = b - op(A) x for each column, with its backward errors.
+  virtual void compute(std::span<ResidualColumn> columns, bool transpose) const = 0;
+  virtual void copy(const double* from, double* to) const = 0;
+  /// to += from. @returns whether all of `to` was finite before
+  virtual bool add(const double* from, double* to) const = 0;
+  /// Memory for so many vectors, one after another, as long as the owner lives. Two slots: 0 and 1.
+  struct Vectors {
+    double* data = nullptr;
+    std::shared_ptr<void> owner;
+  };
+  [[nodiscard]] virtual Vectors vectors(Index slot, Index columns) const = 0;
+};
+
+}  // namespace espalier::solve
