@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <utility>
 
+#include "dynamics/extrapolation.hpp"
+
 namespace espalier::dynamics {
 
 namespace {
@@ -131,39 +133,6 @@ Point rate(const Point& p) {
   return out;
 }
 
-Point sum(const Point& a, Real s, const Point& b) {
-  Point out;
-  for (std::size_t i = 0; i < out.size(); ++i) out[i] = a[i] + s * b[i];
-  return out;
-}
-
-// Gragg's modified midpoint rule with n substeps, then Aitken and Neville in (H/n)^2 (Hairer, Norsett, Wanner I, II.9).
-Point step(const Point& p, Real length) {
-  constexpr std::size_t kColumns = 6;
-  std::array<Point, kColumns> row, previous;  // of the tableau
-  const Point first = rate(p);
-  for (std::size_t k = 0; k < kColumns; ++k) {
-    const std::size_t n = 2 * (k + 1);
-    const Real h = length / static_cast<Real>(n);
-    Point before = p, now = sum(p, h, first);
-    for (std::size_t i = 1; i < n; ++i) {
-      const Point next = sum(before, 2 * h, rate(now));
-      before = now;
-      now = next;
-    }
-    const Point closing = sum(before, h, rate(now));
-    for (std::size_t i = 0; i < closing.size(); ++i) row[0][i] = (now[i] + closing[i]) / 2;
-    for (std::size_t j = 1; j <= k; ++j) {
-      const Real ratio = static_cast<Real>(k + 1) / static_cast<Real>(k + 1 - j), weight = 1 / (ratio * ratio - 1);
-      for (std::size_t i = 0; i < closing.size(); ++i) {
-        row[j][i] = row[j - 1][i] + weight * (row[j - 1][i] - previous[j - 1][i]);
-      }
-    }
-    std::swap(row, previous);
-  }
-  return previous[kColumns - 1];
-}
-
 }  // namespace
 
 AndrewsTruth andrews_truth(int steps) {
@@ -171,7 +140,7 @@ AndrewsTruth andrews_truth(int steps) {
           0.455279819163070380255912382449L,   0.222668390165885884674473185609L,
           0.487364979543842550225598953530L,   -0.222668390165885884674473185609L,
           1.23054744454982119249735015568L};
-  for (int k = 0; k < steps; ++k) p = step(p, .03L / steps);
+  for (int k = 0; k < steps; ++k) p = extrapolation_step(rate, p, .03L / steps);
   Vec q, v;
   std::copy_n(p.begin(), kN, q.begin());
   std::copy_n(p.begin() + kN, kN, v.begin());
