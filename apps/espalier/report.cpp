@@ -58,7 +58,11 @@ Json devices_json(const std::vector<DeviceReport>& devices) {
                     {"idle_fraction", device.idle_fraction},
                     {"peak_bytes", device.peak_bytes},
                     {"waiting_seconds", device.waiting_seconds},
-                    {"stolen_subtrees", device.stolen_subtrees}});
+                    {"stolen_subtrees", device.stolen_subtrees},
+                    {"streamed_in_bytes", device.streamed_in_bytes},
+                    {"streamed_out_bytes", device.streamed_out_bytes},
+                    {"link_seconds", device.link_seconds},
+                    {"predicted_peak_bytes", device.predicted_peak_bytes}});
   }
   return list;
 }

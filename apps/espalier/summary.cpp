@@ -106,6 +106,9 @@ Table result_table(const RunRecord& record) {
         fmt::format("{}: busy {}, waiting {}, idle {:.0f} %, {} at most", device.name, duration(device.busy_seconds),
                     duration(device.waiting_seconds), 100 * device.idle_fraction, bytes(device.peak_bytes));
     if (device.stolen_subtrees > 0) line += ", " + counted(device.stolen_subtrees, "sub-tree", "sub-trees") + " stolen";
+    if (device.streamed_out_bytes > 0)
+      line += fmt::format("; {} streamed to it and {} back, which takes the link {}", bytes(device.streamed_in_bytes),
+                          bytes(device.streamed_out_bytes), duration(device.link_seconds));
     table.add({"device", line});
   }
   if (record.symmetric() && factor.inertia.positive >= 0) table.add({"inertia", inertia_line(factor.inertia)});

@@ -59,6 +59,12 @@ struct DeviceReport {
   Offset peak_bytes = 0;       ///< most bytes of factor and work arrays that it held
   double waiting_seconds = 0;  ///< like busy_seconds: time inside tasks that wait for other tasks
   Index stolen_subtrees = 0;   ///< sub-trees of other devices that it did
+  /// When the device's memory holds only a part of the factorization: what goes through the link to the host and back
+  /// each time, the seconds that the link needs for it alone, and the peak of device memory that the plan predicted.
+  Offset streamed_in_bytes = 0;
+  Offset streamed_out_bytes = 0;
+  double link_seconds = 0;
+  Offset predicted_peak_bytes = 0;
 };
 
 /// What analyze() found out.

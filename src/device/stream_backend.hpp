@@ -15,12 +15,19 @@
 
 namespace espalier::device {
 
+/// Error(out_of_memory): the device, or the host for the staging ring, has less memory than the plan asks for, although
+/// the plan keeps to its budget.
+class AllocationRefused : public Error {
+ public:
+  explicit AllocationRefused(const std::string& what) : Error(StatusCode::out_of_memory, what) {}
+};
+
 template <class T>
 class StreamBackend : public analysis::StreamLayout {
  public:
   virtual void set_pivot_rule(const PivotRule& rule) = 0;
   /// Takes the arena and the staging ring, and lays out the tables. The plan must outlive the backend.
-  /// @throws Error(out_of_memory) when the device has less
+  /// @throws AllocationRefused when the device has less
   virtual void prepare(const analysis::StreamingPlan& plan, int slots, Offset slot_bytes) = 0;
   /// Forgets the last factorization. `values` is the caller's array, valid until finish().
   virtual void begin(std::span<const T> values) = 0;

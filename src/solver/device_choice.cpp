@@ -25,7 +25,7 @@ DeviceChoice on_gpus(std::vector<int> gpus, std::string reason) {
   return {DeviceChoice::Backend::cuda, std::move(gpus), count, std::move(reason)};
 }
 DeviceChoice on_host(int devices, std::string reason) {
-  return {DeviceChoice::Backend::host, {}, devices, std::move(reason)};
+  return {DeviceChoice::Backend::host, {}, devices, std::move(reason), false};
 }
 
 // The GPUs that were asked for by number; none: all.
@@ -113,9 +113,12 @@ DeviceChoice choose_device(const Options& options, const PredictedTime& predicte
   const std::string& text = options.device;
   if (text == "auto") return automatic(predicted);
   if (text == "cpu") return on_host(1, "host: asked for");
-  if (const auto host = host_devices(text, 1))
-    return on_host(host->devices,
-                   fmt::format("{} host device{}: asked for", host->devices, host->devices == 1 ? "" : "s"));
+  if (const auto host = host_devices(text, 1)) {
+    DeviceChoice choice = on_host(
+        host->devices, fmt::format("{} host device{}: asked for", host->devices, host->devices == 1 ? "" : "s"));
+    choice.budgeted = true;
+    return choice;
+  }
   if (text == "gpu") return asked_for({0});
   if (text == "gpu:all") return asked_for({});
   if (text.starts_with("gpu:"))

@@ -17,6 +17,7 @@ struct DeviceChoice {
   std::vector<int> gpus = {};  ///< numbers of the GPUs (cuda)
   int devices = 1;             ///< GPUs or host devices that share the plan
   std::string reason;          ///< one sentence for the report
+  bool budgeted = true;        ///< Options::device_memory_bytes is meant for this device
 };
 
 /// N devices of M threads each.

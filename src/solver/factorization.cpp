@@ -174,7 +174,9 @@ void Solver::Impl::report(const device::FactorOutcome& outcome) {
   r.peak_host_bytes = held_bytes();
   const auto add_device = [&](std::string name, double busy, double waiting, Index stolen, Offset peak) {
     const double idle = outcome.seconds > 0 ? std::max(0.0, 1 - busy / outcome.seconds) : 0;
-    r.devices.push_back({std::move(name), busy, idle, peak, waiting, stolen});
+    const device::StreamReport streamed = numeric->streaming();
+    r.devices.push_back({std::move(name), busy, idle, peak, waiting, stolen, streamed.bytes_in, streamed.bytes_out,
+                         streamed.link_seconds, streamed.predicted_bytes});
   };
   for (device::DeviceWork& w : numeric->device_work())
     add_device(std::move(w.name), w.busy_seconds, w.waiting_seconds, w.stolen_subtrees, w.peak_bytes);

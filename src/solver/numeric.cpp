@@ -4,30 +4,13 @@
 #include <limits>
 #include <vector>
 
-#include "device/cuda/cuda_executor.hpp"
-#include "device/host/host_executor.hpp"
+#include "solver/executor_choice.hpp"
 
 namespace espalier::solver {
 
 namespace {
 
 constexpr Index kMostColumnsAtOnce = 32;  // right-hand sides per sweep: 32 doubles are four cache lines per row
-
-template <class T>
-std::unique_ptr<device::Executor<T>> make_executor(const analysis::Plan& plan, const NumericOptions& options,
-                                                   const device::PivotRule& rule, base::ThreadPool& pool,
-                                                   base::MemoryBudget& budget, base::Timeline* timeline) {
-  if (options.device.backend == DeviceChoice::Backend::host) {
-    device::host::HostOptions host;
-    if (options.device.devices > 1) host.device_memory_bytes = options.device_memory_bytes;
-    return device::host::make_host_executor<T>(plan, options.kind, rule, pool, &budget, timeline, std::move(host));
-  }
-  device::cuda::CudaOptions cuda;
-  cuda.device = options.device.gpus.front();
-  if (options.device.devices > 1) cuda.devices = options.device.gpus;
-  cuda.memory_bytes = options.device_memory_bytes;
-  return device::cuda::make_cuda_executor<T>(plan, options.kind, rule, cuda);
-}
 
 template <class T>
 class NumericOf final : public Numeric {
@@ -76,6 +59,7 @@ class NumericOf final : public Numeric {
 
   [[nodiscard]] std::string device_name() const override { return executor_->name(); }
   [[nodiscard]] Offset device_peak_bytes() const override { return executor_->peak_bytes(); }
+  [[nodiscard]] device::StreamReport streaming() const override { return executor_->streaming(); }
   [[nodiscard]] std::vector<device::DeviceWork> device_work() const override { return executor_->device_work(); }
 
  private:

@@ -66,16 +66,43 @@ TEST(SolverHostDevices, GiveTheBitsOfOneDevice) {
   }
 }
 
-TEST(SolverHostDevices, BudgetOfADeviceIsNamedWhenItIsTooSmall) {
-  const SparseMatrix a = generated({"elasticity", "6"});
-  Options o = on("host:2");
-  o.device_memory_bytes = 1000;
-  Solver s(o);
-  ASSERT_TRUE(s.analyze(a).status.ok());
-  const FactorResult factor = s.factorize(a);
-  EXPECT_EQ(factor.status.code, StatusCode::out_of_memory);
-  EXPECT_NE(factor.status.message.find("host device "), std::string::npos) << factor.status.message;
-  EXPECT_NE(factor.status.message.find("1000 bytes"), std::string::npos) << factor.status.message;
+TEST(SolverHostDevices, AnyBudgetSolvesAndOneBelowTheFloorIsNamed) {
+  const SparseMatrix a = generated({"elasticity", "9"});
+  const std::vector<double> b = reference::random_vector(a.cols, 3);
+  for (const std::string device : {"host:1,2", "host:2,1"}) {
+    SCOPED_TRACE(device);
+    Options o = on(device);
+    o.max_block_size = 16;
+    Solver in_core(o);
+    const std::vector<double> x = solved(in_core, a);
+    const FactorResult all = in_core.factorize(a);
+    EXPECT_EQ(all.devices[0].streamed_out_bytes, 0);
+    Offset need = 0;
+    for (const DeviceReport& d : all.devices) need = std::max(need, d.peak_bytes);
+    for (const Offset part : {2, 5}) {
+      o.device_memory_bytes = need / part;
+      Solver s(o);
+      ASSERT_TRUE(s.analyze(a).status.ok());
+      const FactorResult factor = s.factorize(a);
+      ASSERT_TRUE(factor.status.ok()) << factor.status.message;
+      ASSERT_EQ(factor.devices.size(), 1U);  // several stream as one
+      const Offset budget = o.device_memory_bytes * static_cast<Offset>(device[5] - '0');
+      EXPECT_LE(factor.devices[0].peak_bytes, budget);
+      EXPECT_EQ(factor.devices[0].peak_bytes, factor.devices[0].predicted_peak_bytes);
+      EXPECT_GE(factor.devices[0].streamed_out_bytes, 8 * s.analysis().nonzeros_factor);
+      EXPECT_GT(factor.devices[0].link_seconds, 0);
+      std::vector<double> y(b.size());
+      const SolveResult r = s.solve(b, y);
+      ASSERT_TRUE(r.status.ok());
+      EXPECT_LE(r.backward_error, 1e-14);
+    }
+    o.device_memory_bytes = 1000;
+    Solver s(o);
+    ASSERT_TRUE(s.analyze(a).status.ok());
+    const FactorResult factor = s.factorize(a);
+    EXPECT_EQ(factor.status.code, StatusCode::out_of_memory);
+    EXPECT_NE(factor.status.message.find("streaming needs: "), std::string::npos) << factor.status.message;
+  }
 }
 
 TEST(SolverHostDevices, TextsThatNameNoDevicesAreRefused) {

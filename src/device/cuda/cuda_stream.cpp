@@ -77,7 +77,8 @@ class Resources {
     if (e == cudaSuccess) return;
     (void)cudaGetLastError();
     const std::string text = std::string(name) + ": " + cudaGetErrorName(e) + " (" + cudaGetErrorString(e) + ")";
-    throw Error(e == cudaErrorMemoryAllocation ? StatusCode::out_of_memory : StatusCode::device_error, text);
+    if (e == cudaErrorMemoryAllocation) throw AllocationRefused(text);
+    throw Error(StatusCode::device_error, text);
   }
   static void make_events(std::vector<cudaEvent_t>& list, std::size_t count) {
     for (std::size_t k = 0; k < count; ++k) {

@@ -20,8 +20,7 @@ Offset free_device_bytes(int device);
 
 /// @param plan  made with cuda_plan_options(kind); must outlive the backend
 /// @param pool  its threads do the substitutions
-/// All memory is taken by prepare(), which throws Error(out_of_memory) when the GPU, or the host for the staging ring,
-/// has less.
+/// All memory is taken by prepare().
 template <class T>
 std::unique_ptr<StreamBackend<T>> make_cuda_stream(const analysis::Plan& plan, Kind kind, const PivotRule& rule,
                                                    base::ThreadPool& pool, const CudaStreamOptions& options = {});

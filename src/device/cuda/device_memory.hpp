@@ -13,11 +13,11 @@
 
 namespace espalier::device::cuda {
 
-/// @throws Error(device_error) "<call>: <name> (<text>)"
+/// @throws Error(device_error) "<call>: <name> (<text>)"; Error(out_of_memory) likewise when memory was refused
 inline void check(cudaError_t e, const char* call) {
   if (e == cudaSuccess) return;
   (void)cudaGetLastError();
-  throw Error(StatusCode::device_error,
+  throw Error(e == cudaErrorMemoryAllocation ? StatusCode::out_of_memory : StatusCode::device_error,
               std::string(call) + ": " + cudaGetErrorName(e) + " (" + cudaGetErrorString(e) + ")");
 }
 

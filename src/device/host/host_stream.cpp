@@ -7,6 +7,7 @@
 #include <cstring>
 #include <optional>
 
+#include "analysis/task_list.hpp"
 #include "device/host/group_tasks.hpp"
 #include "device/host/outcome.hpp"
 #include "device/host/tile_factor.hpp"
@@ -30,8 +31,11 @@ class HostStream final : public StreamBackend<T> {
   HostStream(const analysis::Plan& plan, Kind kind, const PivotRule& rule, base::ThreadPool& pool,
              base::MemoryBudget* budget, HostStreamOptions options)
       : plan_(plan), kind_(kind), rule_(rule), pool_(pool), budget_(budget), options_(std::move(options)) {
-    if (plan.assignment.devices > 1)
-      throw Error(StatusCode::invalid_input, "a plan for several devices cannot stream through one");
+    if (plan_.assignment.devices > 1) {
+      plan_.options.devices = 1;
+      plan_.assignment = analysis::assign_devices(plan_);
+      analysis::list_tasks(plan_);
+    }
     const auto panel = static_cast<Offset>(plan.options.tiles.panel);
     for (Index f = 0; f < plan.fronts(); ++f) {
       sizes_.factor.push_back((plan.layout[f].factor_size() + panel - 1) / panel * panel);

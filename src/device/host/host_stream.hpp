@@ -17,7 +17,7 @@ struct HostStreamOptions {
   std::function<void(const analysis::StreamOp& op)> before_run;
 };
 
-/// @param plan  not for several devices; a copy is kept, whose places change from step to step
+/// @param plan  a copy is kept, whose places change from step to step; one for several devices is carried out by one
 /// The workers' scratch and vectors of the matrix' order are not counted as device memory.
 template <class T>
 std::unique_ptr<StreamBackend<T>> make_host_stream(const analysis::Plan& plan, Kind kind, const PivotRule& rule,
