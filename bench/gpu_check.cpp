@@ -44,6 +44,8 @@ struct Settings {
   bool staging = false;
   double patience = 10;
   int fail_device = -1;
+  std::vector<int> delays;  // nanoseconds a task, by device
+  std::string times;        // file for the times of all tasks
   Kind kind = Kind::automatic;
   device::cuda::DeviceTuning tuning;
   std::string out;
@@ -104,6 +106,18 @@ Settings parse(int argc, char** argv) {
       s.counts = numbers(value());
     else if (a == "--additional-subtrees")
       s.tuning.additional_subtrees = std::stod(value());
+    else if (a == "--stealing")
+      s.tuning.stealing = true;
+    else if (a == "--speeds")
+      for (const int speed : numbers(value())) s.tuning.device_speed.push_back(speed);
+    else if (a == "--no-shared-top")
+      s.tuning.shared_top = false;
+    else if (a == "--count-balance")
+      s.tuning.count_balance = true;
+    else if (a == "--delays")
+      s.delays = numbers(value());
+    else if (a == "--times")
+      s.times = value();
     else if (a == "--column-group")
       s.tuning.column_group = std::stoi(value());
     else if (a == "--host")
@@ -169,9 +183,9 @@ Case prepare(const std::string& name, Kind wish, const Settings& settings, bool 
   Case c;
   c.name = name;
   c.a = matrix::generate(matrix::parse_generator(words_of(name)), &pool);
-  c.kind = solver::choose_kind(c.a, wish);
+  c.kind = solver::choose_kind(c.a, wish, pool);
   const double start = now();
-  c.equations = solver::copy_equations(c.a, c.kind);
+  c.equations = solver::copy_equations(c.a, c.kind, pool);
   solver::scale_and_match(c.equations, c.kind, Options{}, pool);
   analysis::TreeOptions tree_options;
   tree_options.pair = c.equations.pair;
@@ -219,6 +233,32 @@ double median(std::vector<double> v) {
   return v[v.size() / 2];
 }
 
+// One line a task: device, work, part, rows of the front, pivots, tile column, chunks of products, begin, end, waited
+// (nanoseconds since the device's first task).
+template <class T>
+void write_times(const Case& c, const CudaExecutor<T>& gpu, const std::string& path) {
+  std::ofstream out(path + "-" + std::to_string(c.devices));
+  const auto times = gpu.task_times();
+  const auto& tables = gpu.device_plan();
+  for (std::size_t d = 0; d < times.size(); ++d) {
+    std::uint64_t origin = ~std::uint64_t{0};
+    for (const auto& t : times[d])
+      if (t.end != 0) origin = std::min(origin, t.begin);
+    for (std::size_t k = 0; k < times[d].size(); ++k) {
+      const auto& t = times[d][k];
+      if (t.end == 0) continue;
+      const auto& task = tables.lists[d].tasks[k];
+      const auto& f = tables.fronts[static_cast<std::size_t>(task.front)];
+      const bool pivot = task.column < f.pivot_tiles;
+      const int chunks = (pivot ? f.column_begin(task.column) : f.pivot_pad) / device::cuda::kChunk;
+      out << d << ' ' << static_cast<int>(task.work) << ' ' << static_cast<int>(task.part) << ' ' << task.region << ' '
+          << task.front << ' ' << f.total_pad << ' ' << f.pivot_pad << ' ' << f.width << ' ' << task.block << ' '
+          << task.column << ' ' << chunks << ' ' << t.begin - origin << ' ' << t.end - origin << ' ' << t.waited << ' '
+          << t.block << '\n';
+    }
+  }
+}
+
 template <class T>
 nlohmann::json run_case(const Case& c, const Settings& settings, base::ThreadPool& pool) {
   const Index n = c.plan.tree.n, columns = settings.columns;
@@ -234,9 +274,13 @@ nlohmann::json run_case(const Case& c, const Settings& settings, base::ThreadPoo
   cuda.staging = settings.staging;
   cuda.fail_device = settings.fail_device;
   cuda.patience_seconds = settings.patience;
+  cuda.delays.assign(settings.delays.begin(), settings.delays.end());
+  base::Timeline timeline;
+  if (!settings.times.empty()) cuda.timeline = &timeline;
   auto gpu = device::cuda::make_cuda_executor<T>(c.plan, c.kind, rule, cuda);
   const double setup_seconds = now() - setup;
   const device::FactorOutcome first = gpu->factorize(values);
+  if (!settings.times.empty()) write_times(c, *gpu, settings.times);
 
   std::vector<double> b(static_cast<std::size_t>(n) * columns);
   for (std::size_t k = 0; k < b.size(); ++k) b[k] = 1.0 + static_cast<double>(k % 7) * 0.25;
@@ -254,6 +298,7 @@ nlohmann::json run_case(const Case& c, const Settings& settings, base::ThreadPoo
     gpu->from_device(x2.data(), device_x, static_cast<Offset>(x2.size()));
     identical = identical && same_bits(x1, x2);
   }
+  const device::FactorOutcome last = gpu->factorize(values);
   const std::vector<double> x = solution_of(c, x1, columns);
   const auto error = matrix::backward_errors(c.a, x, b, columns, Transpose::no, &pool);
   nlohmann::json j{{"system", c.name},
@@ -273,6 +318,8 @@ nlohmann::json run_case(const Case& c, const Settings& settings, base::ThreadPoo
                    {"solve_ms", 1e3 * *std::min_element(solve_times.begin(), solve_times.end())},
                    {"solve_median_ms", 1e3 * median(solve_times)},
                    {"device_bytes", gpu->peak_bytes()},
+                   {"busy_ms", 1e3 * last.busy_seconds},
+                   {"waiting_ms", 1e3 * last.waiting_seconds},
                    {"backward_error", error.normwise},
                    {"identical", identical},
                    {"not_positive", first.not_positive},
@@ -281,6 +328,13 @@ nlohmann::json run_case(const Case& c, const Settings& settings, base::ThreadPoo
                    {"replaced", first.replaced.size()},
                    {"failed", first.failed.size()},
                    {"determinant", {first.determinant_sign, first.determinant_log}}};
+  for (const device::DeviceWork& w : gpu->device_work())
+    j["by_device"].push_back({{"name", w.name},
+                              {"busy_ms", 1e3 * w.busy_seconds},
+                              {"waiting_ms", 1e3 * w.waiting_seconds},
+                              {"stolen", w.stolen_subtrees},
+                              {"transferred_bytes", w.transferred_bytes},
+                              {"bytes", w.peak_bytes}});
   if (c.kind == Kind::lu || settings.small) {
     std::vector<T> y = rhs;
     gpu->solve(y.data(), columns, true);
@@ -339,6 +393,11 @@ void print_row(const nlohmann::json& j) {
                j["host_negative"].get<Index>(), j["determinant"][1].get<double>(),
                j["host_determinant"][1].get<double>());
   fmt::print("{}\n", good(j) ? "" : "   FAILED");
+  if (j.contains("by_device"))
+    for (const auto& d : j["by_device"])
+      fmt::print("    {}: busy {:.2f} ms, waiting {:.2f} ms, stolen {}, moved {:.3f} GB, holds {:.2f} GB\n",
+                 d["name"].get<std::string>(), d["busy_ms"].get<double>(), d["waiting_ms"].get<double>(),
+                 d["stolen"].get<int>(), d["transferred_bytes"].get<double>() * 1e-9, d["bytes"].get<double>() * 1e-9);
   std::fflush(stdout);
 }
 

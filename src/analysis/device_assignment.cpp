@@ -64,14 +64,22 @@ std::vector<SubTree> gather(const std::vector<Index>& roots, const Costs& costs,
   return subtrees;
 }
 
-void assign_largest_first(std::vector<SubTree>& subtrees, Index devices) {
+// Relative speed of a device.
+double speed_of(const Plan& plan, std::size_t device) {
+  return device < plan.options.device_speed.size() ? plan.options.device_speed[device] : 1;
+}
+
+void assign_largest_first(const Plan& plan, std::vector<SubTree>& subtrees, Index devices) {
   std::stable_sort(subtrees.begin(), subtrees.end(),
                    [](const SubTree& a, const SubTree& b) { return a.seconds > b.seconds; });
   std::vector<double> load(static_cast<std::size_t>(devices), 0);
   for (SubTree& s : subtrees) {
-    const auto least = std::min_element(load.begin(), load.end());
-    *least += s.seconds;
-    s.device = static_cast<Index>(least - load.begin());
+    std::size_t best = 0;
+    const auto end = [&](std::size_t d) { return (load[d] + s.seconds) / speed_of(plan, d); };
+    for (std::size_t d = 1; d < load.size(); ++d)
+      if (end(d) < end(best)) best = d;
+    load[best] += s.seconds;
+    s.device = static_cast<Index>(best);
   }
   std::stable_sort(subtrees.begin(), subtrees.end(),
                    [](const SubTree& a, const SubTree& b) { return a.device < b.device; });
@@ -92,6 +100,67 @@ void find_members(const Plan& plan, DeviceAssignment& a) {
   }
 }
 
+// Work of a block column: products with the columns to its left, and its own elimination.
+double column_flops(const FrontLayout& l, Index j) {
+  const double begin = l.begin(j), width = l.width(j), rows = l.rows - begin;
+  const double left = std::min<double>(begin, l.pivots);
+  return rows * width * (2 * left + (j < l.pivot_tiles ? width : 0));
+}
+
+// Groups of block columns of the top, in the order of work, go to that member which is predicted to have least to do;
+// among equals in turn.
+void deal_columns(const Plan& plan, DeviceAssignment& a) {
+  std::vector<double> load(static_cast<std::size_t>(a.devices), 0);
+  for (const SubTree& s : a.subtrees) load[static_cast<std::size_t>(s.device)] += s.seconds;
+  a.owner_ptr.assign(static_cast<std::size_t>(plan.fronts()) + 1, 0);
+  std::vector<Index> top;
+  for (Index f = 0; f < plan.fronts(); ++f) {
+    const bool shared = a.subtree(f) < 0;
+    a.owner_ptr[f + 1] = a.owner_ptr[f] + (shared ? plan.layout[f].tiles : 0);
+    if (shared) top.push_back(f);
+  }
+  a.owners.assign(static_cast<std::size_t>(a.owner_ptr.back()), 0);
+  std::stable_sort(top.begin(), top.end(), [&](Index x, Index y) { return plan.tier[x] > plan.tier[y]; });
+  for (const Index f : top) {
+    const FrontLayout& l = plan.layout[f];
+    double flops = 0;
+    for (Index j = 0; j < l.tiles; ++j) flops += column_flops(l, j);
+    const double scale =
+        front_seconds(l.pivots, l.rows, plan.options.unsymmetric, plan.options.cost) / std::max(flops, 1.0);
+    for (Index j = 0; j < l.tiles; j += a.column_group) {
+      const auto turn = static_cast<Index>((Offset{j} / a.column_group + f) % a.devices);
+      Index best = -1;
+      for (Index k = 0; k < a.devices; ++k) {
+        const Index d = (turn + k) % a.devices;
+        if ((a.members[f] >> d & 1) == 0) continue;
+        if (best < 0 || load[d] / speed_of(plan, d) < load[best] / speed_of(plan, best)) best = d;
+      }
+      for (Index i = j; i < std::min(l.tiles, j + a.column_group); ++i) {
+        a.owners[static_cast<std::size_t>(a.owner_ptr[f]) + i] = static_cast<std::uint8_t>(best);
+        load[best] += scale * column_flops(l, i);
+      }
+    }
+  }
+}
+
+// With subtrees_apart, every sub-tree may be stolen. Otherwise the smallest of each device that is worth it.
+void choose_stealable(const Plan& plan, DeviceAssignment& a) {
+  if (plan.options.subtrees_apart) return;
+  constexpr double kLeastPart = 0.05;  // of its device's load
+  std::vector<double> load(static_cast<std::size_t>(a.devices), 0);
+  for (const SubTree& s : a.subtrees) load[static_cast<std::size_t>(s.device)] += s.seconds;
+  SubTree* last = nullptr;
+  for (auto s = a.subtrees.begin(); s != a.subtrees.end(); ++s) {
+    s->apart = false;
+    const bool first = s == a.subtrees.begin() || (s - 1)->device != s->device;
+    if (first) last = nullptr;
+    if (first || !a.stealing || s->seconds < kLeastPart * load[static_cast<std::size_t>(s->device)]) continue;
+    if (last != nullptr) last->apart = false;
+    last = &*s;
+    s->apart = true;
+  }
+}
+
 }  // namespace
 
 DeviceAssignment assign_devices(const Plan& plan) {
@@ -106,7 +175,7 @@ DeviceAssignment assign_devices(const Plan& plan) {
     if (plan.tree.parent[f] < 0) total += costs.seconds[f];
   const double largest = total / (static_cast<double>(a.devices) * (1 + plan.options.additional_subtrees));
   a.subtrees = gather(cut_tree(plan, costs, largest), costs, kSmallPart * largest);
-  assign_largest_first(a.subtrees, a.devices);
+  assign_largest_first(plan, a.subtrees, a.devices);
   a.subtree_of.assign(static_cast<std::size_t>(plan.fronts()), -1);
   for (std::size_t s = 0; s < a.subtrees.size(); ++s)
     for (const Index f : a.subtrees[s].roots) a.subtree_of[f] = static_cast<Index>(s);
@@ -114,8 +183,10 @@ DeviceAssignment assign_devices(const Plan& plan) {
     const Index parent = plan.tree.parent[f];
     if (parent >= 0 && a.subtree_of[parent] >= 0) a.subtree_of[f] = a.subtree_of[parent];
   }
+  choose_stealable(plan, a);
   a.column_group = std::max<Index>(1, plan.options.column_group);
   if (a.devices <= DeviceAssignment::kMostMembers) find_members(plan, a);
+  if (plan.options.balance_columns && a.shared_top && !a.members.empty()) deal_columns(plan, a);
   return a;
 }
 

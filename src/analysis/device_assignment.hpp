@@ -17,8 +17,9 @@ struct Plan;
 struct SubTree {
   std::vector<Index> roots;  ///< fronts, ascending
   Index device = 0;          ///< whose it is, unless another device steals it
-  double seconds = 0;        ///< predicted time on one worker
-  Index first_task = 0;      ///< its tasks are first_task .. end_task - 1 of the plan's list
+  bool apart = true;   ///< stands alone in the list, so that it can be stolen; else together with others of its device
+  double seconds = 0;  ///< predicted time on one worker
+  Index first_task = 0;  ///< its tasks are first_task .. end_task - 1 of the plan's list
   Index end_task = 0;
 };
 
@@ -40,12 +41,15 @@ struct DeviceAssignment {
   static constexpr Index kMostMembers = 32;  ///< with more devices, all share all of the top
 
   Index devices = 1;
-  Index column_group = 1;              ///< so many neighbouring block columns of the top have the same owner
-  bool stealing = true;                ///< rule 3 is in force; without it every sub-tree stays with its device
-  bool shared_top = true;              ///< else device 0 does all of the top
-  std::vector<SubTree> subtrees;       ///< by device, then falling `seconds`
-  std::vector<Index> subtree_of;       ///< fronts; -1: the top. Empty with one device
-  Index top_task = 0;                  ///< number of the first task of the top
+  Index column_group = 1;         ///< so many neighbouring block columns of the top have the same owner
+  bool stealing = true;           ///< rule 3 is in force; without it every sub-tree stays with its device
+  bool shared_top = true;         ///< else device 0 does all of the top
+  std::vector<SubTree> subtrees;  ///< by device, then falling `seconds`
+  std::vector<Index> subtree_of;  ///< fronts; -1: the top. Empty with one device
+  Index top_task = 0;             ///< number of the first task of the top
+  /// Owners of the block columns of the top where they are dealt by load: fronts + 1 places in `owners`. Else empty.
+  std::vector<Offset> owner_ptr;
+  std::vector<std::uint8_t> owners;
   std::vector<std::uint32_t> members;  ///< fronts; bit d: device d works on it. Empty with one device, or too many
 
   /// The sub-tree of a front, -1: the top.
@@ -59,6 +63,7 @@ struct DeviceAssignment {
     const Index s = subtree(front);
     if (s >= 0) return subtrees[static_cast<std::size_t>(s)].device;
     if (!shared_top) return 0;
+    if (!owners.empty()) return owners[static_cast<std::size_t>(owner_ptr[static_cast<std::size_t>(front)] + column)];
     const Offset turn = Offset{column} / column_group + front;
     if (members.empty()) return static_cast<Index>(turn % devices);
     std::uint32_t set = members[static_cast<std::size_t>(front)];

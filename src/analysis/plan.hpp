@@ -63,7 +63,10 @@ struct PlanOptions {
   double additional_subtrees = 1;
   bool stealing = true;              ///< a device without unopened sub-trees takes one of another
   CostModel cost = CostModel::host;  ///< by which the tree is cut and dealt to devices
-  Index column_group = 1;            ///< see DeviceAssignment
+  /// Speeds of the devices, relative to each other; empty: all are equal.
+  std::vector<double> device_speed;
+  bool balance_columns = false;  ///< block columns of the top are dealt by predicted load, not in turn
+  Index column_group = 1;        ///< see DeviceAssignment
   /// The task list walks every sub-tree alone, so that it can be stolen; else all sub-trees of a device together, so
   /// that more fronts are in work at a time.
   bool subtrees_apart = true;

@@ -31,16 +31,14 @@ class TaskLister {
   void list_for_devices() {
     DeviceAssignment& a = plan_.assignment;
     for (auto s = a.subtrees.begin(); s != a.subtrees.end();) {
-      auto end = s + 1;
-      while (!plan_.options.subtrees_apart && end != a.subtrees.end() && end->device == s->device) ++end;
-      std::vector<Index> roots;
-      for (auto t = s; t != end; ++t) roots.insert(roots.end(), t->roots.begin(), t->roots.end());
-      const auto first = static_cast<Index>(plan_.tasks.size());
-      walk_children(roots);
-      for (auto t = s; t != end; ++t) {
-        t->first_task = first;
-        t->end_task = static_cast<Index>(plan_.tasks.size());
-      }
+      auto end = s;
+      while (end != a.subtrees.end() && end->device == s->device) ++end;
+      std::vector<SubTree*> together;
+      for (auto t = s; t != end; ++t)
+        if (!t->apart) together.push_back(&*t);
+      if (!together.empty()) walk_together(together);
+      for (auto t = s; t != end; ++t)
+        if (t->apart) walk_together({&*t});
       s = end;
     }
     a.top_task = static_cast<Index>(plan_.tasks.size());
@@ -51,6 +49,17 @@ class TaskLister {
       tiers[plan_.tier[f]].push_back(f);
     }
     for (auto t = tiers.rbegin(); t != tiers.rend(); ++t) emit_tier(*t);
+  }
+
+  void walk_together(const std::vector<SubTree*>& subtrees) {
+    std::vector<Index> roots;
+    for (const SubTree* s : subtrees) roots.insert(roots.end(), s->roots.begin(), s->roots.end());
+    const auto first = static_cast<Index>(plan_.tasks.size());
+    walk_children(roots);
+    for (SubTree* s : subtrees) {
+      s->first_task = first;
+      s->end_task = static_cast<Index>(plan_.tasks.size());
+    }
   }
 
   // For every front: the first front of its sub-tree, the sub-tree's work and contributions, whether it is one range.

@@ -159,28 +159,33 @@ __device__ void add_piece(const FactorState<T>& s, const Front& f, const Target<
   __syncwarp();
 }
 
-/// Waits until the blocks of the child's contribution that hold the piece are finished; by one warp.
+/// Waits until the blocks of the child's contribution that hold the piece are finished; by one warp. @returns
+/// nanoseconds that this lane waited
 template <class T>
-__device__ void wait_for_piece(const FactorState<T>& s, const Piece& piece, int part) {
+__device__ unsigned wait_for_piece(const FactorState<T>& s, const Piece& piece, int part) {
   const Front& child = s.fronts[piece.child];
   const int b0 = piece.c0 / child.width, columns = (piece.c1 - 1) / child.width - b0 + 1;
+  unsigned waited = 0;
   const int a0 = piece.r0 / kRowBlock, count = columns * ((piece.r1 - 1) / kRowBlock - a0 + 1);
   for (int x = static_cast<int>(threadIdx.x) & 31; x < count; x += 32) {
     const int b = b0 + x % columns, a = a0 + x / columns;
     if ((a + 1) * kRowBlock <= b * child.width) continue;  // above the diagonal: no such task
     const std::int64_t flag = child.flag(child.pivot_blocks + a, child.pivot_tiles + b);
-    wait_for(s.flags(part) + flag, 1, s.control, s.patience);
+    waited += wait_for(s.flags(part) + flag, 1, s.control, s.patience);
   }
+  return waited;
 }
 
 /// Fills the target (already zero) from A and the children. @pre all threads have passed a barrier after the zeroing
+/// @returns nanoseconds that this thread waited for children
 template <class T, bool Lu>
-__device__ inline void assemble(const FactorState<T>& s, const Front& f, const Target<T>& x) {
+__device__ inline unsigned assemble(const FactorState<T>& s, const Front& f, const Target<T>& x) {
+  unsigned waited = 0;
   const int warp = static_cast<int>(threadIdx.x) >> 5;
   for_each_piece(s, f, x, [&](const Piece& piece, int k) {
     if ((k & 3) != warp) return;
-    if (!Lu || x.part == 0 || x.square) wait_for_piece(s, piece, 0);
-    if (Lu && (x.part == 1 || x.square)) wait_for_piece(s, piece, 1);
+    if (!Lu || x.part == 0 || x.square) waited += wait_for_piece(s, piece, 0);
+    if (Lu && (x.part == 1 || x.square)) waited += wait_for_piece(s, piece, 1);
   });
   if (f.whole)
     add_entries_of_tile(s, f, x, 0, 0);  // all entries of a whole front stand at its first tile
@@ -197,6 +202,7 @@ __device__ inline void assemble(const FactorState<T>& s, const Front& f, const T
       add_piece(s, f, x, piece, base + child.contribution_up, places, x.square, true);
   });
   __syncthreads();
+  return waited;
 }
 
 }  // namespace espalier::device::cuda

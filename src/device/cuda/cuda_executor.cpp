@@ -30,6 +30,31 @@ Offset values_of(const analysis::Plan& plan) {
   return values;
 }
 
+Offset largest_stealable(const DevicePlan& tables) {
+  Offset most = 0;
+  for (auto r = static_cast<std::size_t>(tables.first_stealable); r < tables.regions.size(); ++r)
+    most = std::max(most, tables.regions[r]);
+  return most;
+}
+
+// How many of the sides are on the same GPU as each.
+std::vector<int> sharing(const std::vector<int>& devices) {
+  std::vector<int> count;
+  for (const int d : devices) count.push_back(static_cast<int>(std::count(devices.begin(), devices.end(), d)));
+  return count;
+}
+
+// Whether every device can reach every other one's memory.
+bool peers_open(const std::vector<int>& devices) {
+  for (const int a : devices)
+    for (const int b : devices) {
+      int can = 1;
+      if (a != b) check(cudaDeviceCanAccessPeer(&can, a, b), "cudaDeviceCanAccessPeer");
+      if (can == 0) return false;
+    }
+  return true;
+}
+
 /// One GPU or several. With one, a graph clears what the kernels need clear, and runs them. With several, a side may
 /// write to another one as soon as its kernels run, so everything is cleared after a run, when all have finished, and
 /// the next run begins when all are clear.
@@ -43,14 +68,18 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
         kind_(kind),
         options_(options),
         devices_(options.devices.empty() ? std::vector<int>{options.device} : options.devices),
-        tables_(make_device_plan(plan, kind)),
-        context_{plan_, kind_, tables_, options.patience_seconds, values_of(plan)} {
+        tables_(make_device_plan(plan, kind, !options.staging && peers_open(devices_))),
+        context_{
+            plan_,          kind_, tables_, options.patience_seconds, largest_stealable(tables_), sharing(devices_),
+            values_of(plan)} {
     if (static_cast<Index>(devices_.size()) != plan.assignment.devices)
       throw std::invalid_argument(fmt::format("make_cuda_executor: the plan is for {} devices, not for {}",
                                               plan.assignment.devices, devices_.size()));
     if (several()) open_paths();
     for (std::size_t d = 0; d < devices_.size(); ++d) add_side(static_cast<int>(d));
     for (const auto& side : sides_) at(*side, [&] { side->connect(sides_); });
+    moved_ = transferred_elements(plan_, kind_, tables_);
+    set_up_tests();
     set_pivot_rule(rule);
     if (several()) {
       clear_factor();
@@ -178,14 +207,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   // Access from every device to every other; where that is refused, memory on the host that all of them see.
   void open_paths() {
-    bool open = !options_.staging;
-    for (const int a : devices_)
-      for (const int b : devices_) {
-        int can = a == b ? 1 : 0;
-        if (a != b) check(cudaDeviceCanAccessPeer(&can, a, b), "cudaDeviceCanAccessPeer");
-        open = open && can != 0;
-      }
-    if (!open) {
+    if (options_.staging || !peers_open(devices_)) {
       take_common();
       return;
     }
@@ -225,6 +247,15 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
       if (!several()) throw;
       throw Error(e.status().code, fmt::format("GPU {}: {}", device, e.what()));
     }
+  }
+
+  void set_up_tests() {
+    for (const auto& side : sides_)
+      at(*side, [&] {
+        const auto d = static_cast<std::size_t>(side->self());
+        if (d < options_.delays.size()) side->delay_tasks(options_.delays[d]);
+        if (options_.timeline != nullptr) side->record_tasks();
+      });
   }
 
   void enqueue_factorization(Side& side) {
@@ -277,7 +308,11 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
         }
       }
     const double seconds = now_seconds() - start;
-    clear();
+    try {
+      clear();
+    } catch (const Error&) {
+      if (what.empty()) throw;  // else the first failure tells more
+    }
     if (!what.empty()) throw Error(StatusCode::device_error, what);
     return seconds;
   }
@@ -295,6 +330,9 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   FactorOutcome run_factorization() {
     FactorOutcome out;
     bool stopped = false;
+    if (options_.timeline != nullptr)
+      for (const auto& side : sides_) at(*side, [&] { side->clear_record(); });
+    const double began = base::now_seconds();
     if (several()) {
       if (common_.top != nullptr) send_values();
       // Counters are on the host when a run ends; marks are read before they are cleared.
@@ -312,10 +350,38 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
       read_counters(out, stopped);
       read_marks(out);
     }
-    out.busy_seconds = out.seconds;
+    if (options_.timeline != nullptr) record(began);
     if (stopped) throw stalled("factorization");
     if (out.not_positive < 0) judge_pivots(out);
     return out;
+  }
+
+  [[nodiscard]] std::vector<std::vector<TaskTime>> task_times() const override {
+    std::vector<std::vector<TaskTime>> times;
+    if (options_.timeline != nullptr)
+      for (const auto& side : sides_) at(*side, [&] { times.push_back(side->task_times()); });
+    return times;
+  }
+  [[nodiscard]] const DevicePlan& device_plan() const override { return tables_; }
+
+  // The devices' clocks have nothing in common: each device's first task counts as the begin of the run.
+  void record(double began) {
+    constexpr const char* kNames[] = {"whole front", "diagonal tile", "row block"};
+    const auto times = task_times();
+    for (std::size_t d = 0; d < times.size(); ++d) {
+      std::uint64_t first = ~std::uint64_t{0};
+      for (const TaskTime& t : times[d])
+        if (t.end != 0) first = std::min(first, t.begin);
+      for (std::size_t k = 0; k < times[d].size(); ++k) {
+        const TaskTime& t = times[d][k];
+        if (t.end == 0) continue;
+        const FactorTask& task = tables_.lists[d].tasks[k];
+        const int track = options_.timeline->add_track(sides_[d]->name(), fmt::format("block {}", t.block));
+        options_.timeline->record(track, {kNames[static_cast<int>(task.work)], task.front, task.block, task.column,
+                                          began + 1e-9 * static_cast<double>(t.begin - first),
+                                          began + 1e-9 * static_cast<double>(t.end - first)});
+      }
+    }
   }
 
   void send_values() {
@@ -341,7 +407,14 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
       out.two_by_two += c[kTwoByTwo];
       replaced_ = replaced_ || c[kReplaced] > 0;
       failed_ = failed_ || c[kFailed] > 0;
-      if (several()) work_.push_back({side->name(), out.seconds, 0, 0, side->held()});
+      std::uint64_t taken = 0, waited = 0;
+      std::memcpy(&taken, c + kBusy, sizeof taken);
+      std::memcpy(&waited, c + kWaited, sizeof waited);
+      const auto bytes = static_cast<Offset>(moved_[static_cast<std::size_t>(side->self())] * sizeof(T));
+      const double waiting = 1e-9 * static_cast<double>(waited), busy = 1e-9 * static_cast<double>(taken) - waiting;
+      out.busy_seconds += busy / static_cast<double>(sides_.size());
+      out.waiting_seconds += waiting / static_cast<double>(sides_.size());
+      if (several()) work_.push_back({side->name(), busy, waiting, c[kStolen], side->held(), bytes});
     }
   }
 
@@ -480,6 +553,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   bool limits_known_ = false;
   std::span<const double> smallest_;  // PivotRule::smallest
   bool replaced_ = false, failed_ = false;
+  std::vector<double> moved_;  // devices; elements
   Index at_once_ = 1;
 };
 

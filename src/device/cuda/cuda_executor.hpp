@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "base/timeline.hpp"
 #include "device/cuda/device_plan.hpp"
+#include "device/cuda/factor_parameters.hpp"
 #include "device/executor.hpp"
 
 namespace espalier::device::cuda {
@@ -32,8 +34,10 @@ struct CudaOptions {
   int device = 0;            ///< the only one, unless `devices` names several
   std::vector<int> devices;  ///< GPUs that share the factorization; the plan must be made for so many
   bool staging = false;      ///< several GPUs exchange everything through host memory, as they must without peer access
-  int fail_device = -1;      ///< for tests: this one of `devices` (0-based) dies halfway in every factorization
-  Offset memory_bytes = 0;   ///< budget of each device; 0: what is free
+  std::vector<unsigned> delays;        ///< for tests: nanoseconds by which each device's tasks are held up; empty: none
+  base::Timeline* timeline = nullptr;  ///< gets every task of a factorization, a track for each block of threads
+  int fail_device = -1;          ///< for tests: this one of `devices` (0-based) dies halfway in every factorization
+  Offset memory_bytes = 0;       ///< budget of each device; 0: what is free
   double patience_seconds = 30;  ///< a wait between blocks that lasts longer ends the run with an error
 };
 
@@ -44,6 +48,9 @@ class CudaExecutor : public Executor<T> {
  public:
   /// Like factorize(); `values` is device memory.
   virtual FactorOutcome factorize_device(const T* values) = 0;
+  /// Times of the last factorization's tasks, by device; empty but with CudaOptions::timeline.
+  virtual std::vector<std::vector<TaskTime>> task_times() const = 0;
+  virtual const DevicePlan& device_plan() const = 0;
   /// Repeats the numeric work on the values of the last call; no check of the outcome. @returns seconds on the GPU
   virtual double refactorize_again() = 0;
   /// Like solve(); x is device memory. @returns seconds on the GPU

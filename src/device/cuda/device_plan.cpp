@@ -19,7 +19,7 @@ Index pad(Index x) { return (x + kChunk - 1) / kChunk * kChunk; }
 
 class Builder {
  public:
-  Builder(const Plan& plan, Kind kind) : plan_(plan), kind_(kind) {
+  Builder(const Plan& plan, Kind kind, bool peer_access) : plan_(plan), kind_(kind), peer_access_(peer_access) {
     if (plan.options.tiles.panel != kChunk || plan.options.tiles.even || plan.options.range_flops > 0)
       throw std::invalid_argument("make_device_plan: the plan was not made with cuda_plan_options()");
     if (plan.assignment.devices > kMostDevices) throw std::invalid_argument("make_device_plan: too many devices");
@@ -29,6 +29,7 @@ class Builder {
     d_.lists.resize(static_cast<std::size_t>(plan_.assignment.devices));
     describe_fronts();
     link_children();
+    name_regions();
     const std::vector<Task> order = by_phase();
     place_arrays(order);
     list_tasks(order);
@@ -97,9 +98,34 @@ class Builder {
     }
   }
 
+  // Region 0 is all of it with one device. With several: 0 the top, 1 .. devices what each has for itself, then the
+  // stealable sub-trees.
+  void name_regions() {
+    const auto& a = plan_.assignment;
+    d_.region_device.assign(1, 0);
+    if (a.devices > 1)
+      for (Index d = 0; d < a.devices; ++d) d_.region_device.push_back(d);
+    d_.first_stealable = static_cast<std::int32_t>(d_.region_device.size());
+    std::vector<Index> region_of(a.subtrees.size());
+    for (std::size_t s = 0; s < a.subtrees.size(); ++s) {
+      region_of[s] = 1 + a.subtrees[s].device;
+      if (!a.subtrees[s].apart || !peer_access_) continue;
+      region_of[s] = static_cast<Index>(d_.region_device.size());
+      d_.region_device.push_back(a.subtrees[s].device);
+    }
+    for (Index f = 0; f < plan_.fronts(); ++f)
+      if (const Index s = a.subtree(f); s >= 0) d_.fronts[f].region = region_of[static_cast<std::size_t>(s)];
+  }
+
   // The plan's tasks, those of narrow sub-trees first; otherwise in the plan's order.
   std::vector<Task> by_phase() {
     narrow_.assign(static_cast<std::size_t>(plan_.fronts()), 1);
+    const bool any_wide =
+        std::any_of(d_.fronts.begin(), d_.fronts.end(), [](const Front& x) { return x.width == kWide; });
+    // A stealable sub-tree belongs to one kernel, and to the last, by which time it shows who is behind.
+    if (any_wide)
+      for (Index f = 0; f < plan_.fronts(); ++f)
+        if (d_.fronts[f].region >= d_.first_stealable) narrow_[f] = 0;
     for (Index f = 0; f < plan_.fronts(); ++f) {
       if (d_.fronts[f].width == kWide) narrow_[f] = 0;
       const Index p = plan_.tree.parent[f];
@@ -113,24 +139,14 @@ class Builder {
   // Regions: with one device, all of the plan; with several, the top and what each device does alone.
   void place_arrays(const std::vector<Task>& order) {
     const Index devices = plan_.assignment.devices;
+    d_.regions.assign(d_.region_device.size(), 0);
     if (devices == 1) {
-      d_.regions.assign(1, 0);
-      d_.region_device.assign(1, 0);
       place_region(0, order);
       return;
     }
-    d_.regions.assign(static_cast<std::size_t>(devices) + 1, 0);
-    d_.region_device.assign(d_.regions.size(), 0);
-    std::vector<std::vector<Task>> parts(d_.regions.size());
-    for (Index f = 0; f < plan_.fronts(); ++f) {
-      const Index s = plan_.assignment.subtree(f);
-      if (s >= 0) d_.fronts[f].region = 1 + plan_.assignment.subtrees[static_cast<std::size_t>(s)].device;
-    }
+    std::vector<std::vector<Task>> parts(d_.region_device.size());
     for (const Task& task : order) parts[static_cast<std::size_t>(d_.fronts[task.front].region)].push_back(task);
-    for (Index r = 1; r <= devices; ++r) {
-      d_.region_device[static_cast<std::size_t>(r)] = r - 1;
-      place_region(r, parts[static_cast<std::size_t>(r)]);
-    }
+    for (std::size_t r = 1; r < parts.size(); ++r) place_region(static_cast<Index>(r), parts[r]);
     place_top();
   }
 
@@ -205,15 +221,17 @@ class Builder {
       const Index parent = plan_.tree.parent[f];
       x.members = static_cast<std::uint16_t>(a.members[f]);
       x.readers = parent < 0 || a.subtree(parent) >= 0 ? 0 : static_cast<std::uint16_t>(a.members[parent]);
-      if (x.region != 0) continue;
-      const Offset size = rounded(x.factor_size());
-      x.factor = end;
-      end += size;
-      if (kind_ == Kind::lu || (kind_ == Kind::ldlt && x.whole == 0)) {
-        x.second = end;
+      if (x.region == 0) {
+        const Offset size = rounded(x.factor_size());
+        x.factor = end;
         end += size;
+        if (kind_ == Kind::lu || (kind_ == Kind::ldlt && x.whole == 0)) {
+          x.second = end;
+          end += size;
+        }
       }
-      if (parent < 0 || x.below == 0) continue;
+      const bool apart = x.region == 0 || (!peer_access_ && x.readers != 0);
+      if (!apart || parent < 0 || x.below == 0) continue;
       x.first_place = static_cast<std::int32_t>(d_.places.size());
       for (int part = 0; part < (is_lu() ? 2 : 1); ++part)
         for (int b = 0; b < x.tiles - x.pivot_tiles; ++b) {
@@ -229,7 +247,9 @@ class Builder {
 
   void emit(Index f, Work work, int part, Index block, Index column) {
     Front& x = d_.fronts[f];
-    d_.lists[plan_.assignment.owner(f, column)].tasks.push_back(
+    const auto unit =
+        x.region == 0 ? plan_.assignment.owner(f, column) : static_cast<Index>(d_.lists.size()) + x.region - 1;
+    units_[static_cast<std::size_t>(unit)].push_back(
         {f, work, static_cast<std::int8_t>(part), static_cast<std::uint16_t>(x.region), block, column});
     ++x.tasks;
   }
@@ -256,22 +276,43 @@ class Builder {
     }
   }
 
+  // Tasks by what they belong to: each device's part of the top, then the regions from 1 on; first those of the narrow
+  // kernel, then the others.
   void list_tasks(const std::vector<Task>& order) {
-    const auto set_narrow = [&] {
-      for (TaskLists& l : d_.lists) l.narrow_tasks = static_cast<std::int64_t>(l.tasks.size());
-    };
-    bool narrow = true;
-    for (const Task& task : order) {
-      if (narrow && narrow_[task.front] == 0) {
-        narrow = false;
-        set_narrow();
-      }
-      if (task.is_range())
-        emit(task.front, Work::whole, 0, 0, 0);
-      else if (task.i == task.j)
-        emit_column(task.front, task.j);
+    const auto narrow_end =
+        std::find_if(order.begin(), order.end(), [&](const Task& task) { return narrow_[task.front] == 0; });
+    for (TaskLists& l : d_.lists)
+      l.stealable_end.assign(d_.regions.size() - static_cast<std::size_t>(d_.first_stealable), 0);
+    list_phase(order.begin(), narrow_end);
+    for (TaskLists& l : d_.lists) l.narrow_tasks = static_cast<std::int64_t>(l.tasks.size());
+    list_phase(narrow_end, order.end());
+  }
+
+  template <class It>
+  void list_phase(It begin, It end) {
+    const std::size_t devices = d_.lists.size();
+    units_.assign(devices + d_.regions.size() - 1, {});
+    for (auto task = begin; task != end; ++task) {
+      if (task->is_range())
+        emit(task->front, Work::whole, 0, 0, 0);
+      else if (task->i == task->j)
+        emit_column(task->front, task->j);
     }
-    if (narrow) set_narrow();
+    for (std::size_t d = 0; d < devices; ++d) {
+      TaskLists& l = d_.lists[d];
+      const auto add = [&](std::size_t unit) {
+        l.tasks.insert(l.tasks.end(), units_[unit].begin(), units_[unit].end());
+      };
+      if (devices > 1) add(devices + d);
+      for (std::size_t turn = 0; turn < devices; ++turn)
+        for (std::size_t r = static_cast<std::size_t>(d_.first_stealable); r < d_.regions.size(); ++r) {
+          if (static_cast<std::size_t>(d_.region_device[r]) != (d + turn) % devices || units_[devices + r - 1].empty())
+            continue;
+          add(devices + r - 1);
+          l.stealable_end[r - static_cast<std::size_t>(d_.first_stealable)] = static_cast<std::int32_t>(l.tasks.size());
+        }
+      add(d);
+    }
   }
 
   // Up: children before parents, tier by tier from the deepest; down: the reverse. Sub-trees in which every front is
@@ -308,8 +349,10 @@ class Builder {
 
   const Plan& plan_;
   Kind kind_;
+  bool peer_access_;
   DevicePlan d_;
-  std::vector<char> narrow_;  // fronts; 1: the front and all below it have narrow tiles
+  std::vector<std::vector<FactorTask>> units_;  // see list_tasks()
+  std::vector<char> narrow_;                    // fronts; 1: the front and all below it have narrow tiles
 };
 
 }  // namespace
@@ -335,9 +378,39 @@ analysis::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning, I
   o.plan_memory = devices == 1;
   o.additional_subtrees = tuning.additional_subtrees;
   o.column_group = tuning.column_group;
+  o.balance_columns = true;
+  o.device_speed = tuning.device_speed;
+  o.stealing = tuning.stealing;
+  o.shared_top = tuning.shared_top;
+  if (tuning.count_balance) o.cost = analysis::CostModel::count;
   return o;
 }
 
-DevicePlan make_device_plan(const analysis::Plan& plan, Kind kind) { return Builder(plan, kind).build(); }
+DevicePlan make_device_plan(const analysis::Plan& plan, Kind kind, bool peer_access) {
+  return Builder(plan, kind, peer_access).build();
+}
+
+std::vector<double> transferred_elements(const analysis::Plan& plan, Kind kind, const DevicePlan& tables) {
+  std::vector<double> moved(tables.lists.size(), 0);
+  if (moved.size() == 1) return moved;
+  const double copies = kind == Kind::llt ? 1 : 2;
+  for (Index f = 0; f < plan.fronts(); ++f) {
+    const Front& x = tables.fronts[f];
+    const auto others = static_cast<unsigned>(x.members);
+    if (x.region == 0)
+      for (Index j = 0; j < x.pivot_tiles; ++j)
+        moved[static_cast<std::size_t>(plan.assignment.owner(f, j))] +=
+            copies * (std::popcount(others) - 1) * (x.column_end(j) - x.column_begin(j)) *
+            static_cast<double>(x.total_pad - x.column_begin(j));
+    const auto readers = static_cast<unsigned>(x.readers);
+    if (readers == 0) continue;
+    // A reader that made a part of the contribution itself fetches only the rest.
+    const double each =
+        (kind == Kind::lu ? 2 : 1) * static_cast<double>(x.contribution_size()) / std::popcount(readers);
+    for (std::size_t d = 0; d < moved.size(); ++d)
+      if ((readers >> d & 1) != 0) moved[d] += (others >> d & 1) != 0 ? each * (1 - 1.0 / std::popcount(others)) : each;
+  }
+  return moved;
+}
 
 }  // namespace espalier::device::cuda

@@ -17,7 +17,11 @@ struct DeviceTuning {
   Offset group_entries = Offset{1} << 30;  ///< see PlanOptions
   Index reuse_distance = 4096;             ///< see PlanOptions
   double additional_subtrees = 1;          ///< see PlanOptions
-  Index column_group = 2;                  ///< see PlanOptions
+  bool stealing = false;                   ///< see PlanOptions
+  bool shared_top = true;                  ///< see PlanOptions
+  std::vector<double> device_speed;        ///< see PlanOptions
+  bool count_balance = false;              ///< sub-trees are dealt by unknowns instead of predicted time
+  Index column_group = 4;                  ///< see PlanOptions
 };
 
 /// How a plan for this backend and so many devices is to be made. The executor accepts no other plan.
@@ -33,6 +37,8 @@ struct TaskLists {
   std::vector<SolveTask> down;  ///< backward substitution
   std::int64_t small_up = 0;    ///< the first tasks of `up` belong to sub-trees of small fronts, ...
   std::int64_t small_down = 0;  ///< ... the last ones of `down` likewise
+  /// Stealable sub-trees; place after the last task. Every device lists all of them: its own, then the others'.
+  std::vector<std::int32_t> stealable_end;
 };
 
 /// A tile column of a contribution that lies outside of all regions.
@@ -52,11 +58,19 @@ struct DevicePlan {
   std::vector<std::int64_t> regions;  ///< elements of each region
   /// regions; the device where it lies. Of several devices, each has a copy of region 0, the top.
   std::vector<std::int32_t> region_device;
+  /// Regions from this one on are stealable sub-trees; region_device tells whose they are unless they are stolen.
+  std::int32_t first_stealable = 0;
   std::vector<Place> places;              ///< tile columns of contributions of the top, see Front::place()
   std::vector<std::int64_t> place_space;  ///< devices; elements that these columns take there
 };
 
+/// @param peer_access  false: devices cannot reach each other's memory: sub-trees stay with their devices, and what is
+///                     passed on from them has places, too
 /// @throws std::invalid_argument when the plan was not made with cuda_plan_options()
-DevicePlan make_device_plan(const analysis::Plan& plan, Kind kind);
+DevicePlan make_device_plan(const analysis::Plan& plan, Kind kind, bool peer_access = true);
+
+/// Elements that each device stores into others (blocks of the top's factors) and fetches from others (contributions,
+/// by even shares of their readers), in one factorization in which nothing is stolen.
+std::vector<double> transferred_elements(const analysis::Plan& plan, Kind kind, const DevicePlan& tables);
 
 }  // namespace espalier::device::cuda

@@ -72,7 +72,7 @@ template <class T>
 void DeviceSide<T>::count_bytes() {
   const auto& t = context_.tables;
   const auto& plan = context_.plan;
-  Offset elements = own_elements() + context_.values;
+  Offset elements = own_elements() + context_.spare + context_.values;
   if (common_.top == nullptr) elements += t.regions[0];
   if (!t.place_space.empty() && common_.places == nullptr) elements += t.place_space[static_cast<std::size_t>(self_)];
   elements += 3 * n() + 2 * n() + static_cast<Offset>(plan.relative.size());
@@ -89,7 +89,7 @@ void DeviceSide<T>::take_memory() {
     array = std::remove_reference_t<decltype(array)>(size, budget_, needed_);
   };
   if (common_.top == nullptr) take(top_, t.regions[0]);
-  take(own_, own_elements());
+  take(own_, own_elements() + context_.spare);
   if (!t.place_space.empty() && common_.places == nullptr)
     take(places_, t.place_space[static_cast<std::size_t>(self_)]);
   if (common_.pivot == nullptr) take(pivot_, (context_.kind == Kind::ldlt ? 3 : 1) * n());
@@ -98,6 +98,7 @@ void DeviceSide<T>::take_memory() {
   take(control_, kCounters + flags + context_.plan.fronts());
   flag_data_ = common_.flag != nullptr ? common_.flag : control_.data() + kCounters;
   take(values_, context_.values);
+  take(base_, static_cast<Offset>(t.regions.size()));
   take(marks_, 2 * n());
   take(limits_, 2);
   take(solve_control_, kCounters);
@@ -118,6 +119,7 @@ void DeviceSide<T>::upload_tables(const DeviceSide* twin) {
   upload(entry_ptr_, plan.entry_ptr, same(&DeviceSide::entry_ptr_));
   upload(entries_, plan.entries, same(&DeviceSide::entries_));
   upload(tasks_, lists().tasks, static_cast<const DeviceArray<FactorTask>*>(nullptr));
+  upload(stealable_end_, lists().stealable_end, static_cast<const DeviceArray<std::int32_t>*>(nullptr));
   upload(up_, lists().up, static_cast<const DeviceArray<SolveTask>*>(nullptr));
   upload(down_, lists().down, static_cast<const DeviceArray<SolveTask>*>(nullptr));
 }
@@ -168,7 +170,7 @@ void DeviceSide<T>::connect(const std::vector<std::unique_ptr<DeviceSide>>& side
   }
   std::vector<T*> places;
   for (const Place& p : t.places) places.push_back(starts[static_cast<std::size_t>(p.device)] + p.offset);
-  upload(base_, base, static_cast<const DeviceArray<T*>*>(nullptr));
+  copy_in(base_.data(), base.data(), base_.bytes());
   upload(place_table_, places, static_cast<const DeviceArray<T*>*>(nullptr));
 
   FactorState<T>& s = state_;
@@ -202,7 +204,13 @@ void DeviceSide<T>::connect(const std::vector<std::unique_ptr<DeviceSide>>& side
     s.peers.control[d] = sides[d]->control_.data();
     s.peers.flag[d] = sides[d]->flag_data_;
     s.peers.pivot[d] = sides[d]->pivots_;
+    s.peers.base[d] = sides[d]->base_.data();
   }
+  for (std::size_t r = static_cast<std::size_t>(t.first_stealable); r < base.size(); ++r)
+    s.peers.home[r - static_cast<std::size_t>(t.first_stealable)] = base[r];
+  if (sides.size() > 1) s.first_stealable = t.first_stealable;
+  s.spare = own_.data() + own_elements();
+  s.stealable_end = stealable_end_.data();
 }
 
 template <class T>
@@ -260,6 +268,24 @@ void DeviceSide<T>::enqueue_factor(bool skip_last_half) {
   if (skip_last_half) end /= 2;
   launch(false, 0, std::min(l.narrow_tasks, end));
   launch(true, l.narrow_tasks, end);
+}
+
+template <class T>
+void DeviceSide<T>::record_tasks() {
+  trace_ = DeviceArray<TaskTime>(static_cast<Offset>(lists().tasks.size()), budget_, needed_);
+  state_.trace = trace_.data();
+}
+
+template <class T>
+void DeviceSide<T>::clear_record() {
+  if (trace_.size() > 0) check(cudaMemset(trace_.data(), 0, static_cast<std::size_t>(trace_.bytes())), "cudaMemset");
+}
+
+template <class T>
+std::vector<TaskTime> DeviceSide<T>::task_times() const {
+  std::vector<TaskTime> times(static_cast<std::size_t>(trace_.size()));
+  copy_out(times.data(), trace_.data(), trace_.bytes());
+  return times;
 }
 
 template <class T>

@@ -37,7 +37,9 @@ struct SideContext {
   Kind kind;
   const DevicePlan& tables;
   double patience_seconds;
-  Offset values;  ///< length of the caller's value array
+  Offset spare;  ///< elements that each side takes for a sub-tree stolen from another; 0: nobody steals
+  std::vector<int> sides_on_device;  ///< sides; how many of them share the GPU (tests only)
+  Offset values;                     ///< length of the caller's value array
 };
 
 /// Memory on the host that all devices see, for machines without access from device to device: the copies of what is
@@ -75,6 +77,12 @@ class DeviceSide {
   void enqueue_clear_solve(Index at_once);
   /// The kernels. skip_last_half: only the first half of the tasks, as if the device had died then (for tests).
   void enqueue_factor(bool skip_last_half = false);
+  /// From the next recording of enqueue_factor() on: every task is held up so long, and recorded.
+  void delay_tasks(unsigned nanoseconds) { state_.delay = nanoseconds; }
+  void record_tasks();
+  void clear_record();
+  /// Times of the tasks of this side's list; zero for those that another device did.
+  [[nodiscard]] std::vector<TaskTime> task_times() const;
   /// Copies `count` values from another side's array.
   void enqueue_values_from(const DeviceSide& other);
   /// Buffers of one pass with so many right-hand sides. @returns whether they moved
@@ -135,6 +143,8 @@ class DeviceSide {
   DeviceArray<int> control_;  // counters, flags unless all devices share them, finished tasks of fronts
   DeviceArray<int> solve_control_;
   DeviceArray<T*> base_, place_table_;
+  DeviceArray<std::int32_t> stealable_end_;
+  DeviceArray<TaskTime> trace_;
   DeviceArray<Front> fronts_;
   DeviceArray<Link> links_;
   DeviceArray<std::int32_t> bounds_, waits_, relative_, rows_;

@@ -33,19 +33,40 @@ __global__ void __launch_bounds__(kThreads, Wide ? 2 : 3)
     for (int b = 0; b < kMostStages; ++b) barrier_init(barriers + b);
     feed.first = first;
     feed.end = end;
+    feed.waited = 0;
     feed.counter = state.control + (Wide ? kNextWide : kNextNarrow);
   }
   fence_copies();
   __syncthreads();
-  Workshop<T> w{&state, {reinterpret_cast<T*>(area), barriers, stages, 0}, &feed, n};
+  Workshop<T> w{&state, {reinterpret_cast<T*>(area), barriers, stages, 0, &feed.waited}, &feed, n};
   if (threadIdx.x < 32) {
     int id = 0;
     if (threadIdx.x == 0) id = first + atomicAdd(feed.counter, 1);
     load_task(w, __shfl_sync(0xffffffffu, id, 0));
   }
+  std::uint64_t start = 0, begin = 0, waited = 0;
+  int id = -1;
   for (;;) {
     __syncthreads();
+    if (threadIdx.x == 0) {
+      if (id < 0 || state.trace != nullptr) {
+        const std::uint64_t now = global_nanoseconds();
+        if (id < 0)
+          start = now;
+        else
+          state.trace[id] = {begin, now, feed.waited, blockIdx.x};
+        begin = now;
+      }
+      waited += feed.waited;
+      feed.waited = 0;
+      id = feed.id;
+    }
     if (feed.stop) {
+      if (threadIdx.x == 0) {
+        auto* sums = reinterpret_cast<unsigned long long*>(state.control);
+        atomicAdd(sums + kBusy / 2, (global_nanoseconds() - start) / gridDim.x);
+        atomicAdd(sums + kWaited / 2, waited / gridDim.x);
+      }
       if (threadIdx.x == 0 && state.peers.count > 1 && aborted(state.control))
         for_each_device(state.peers.others((1u << state.peers.count) - 1),
                         [&](int d) { store_relaxed_devices(state.peers.control[d] + kAborted, 1); });
@@ -53,8 +74,9 @@ __global__ void __launch_bounds__(kThreads, Wide ? 2 : 3)
     }
     const FactorTask task = feed.task;
     const Front& front = feed.front;
+    if (state.delay != 0 && threadIdx.x == 0) __nanosleep(state.delay);
     if (front.wait_begin < front.wait_end) wait_for_memory(state, front);
-    const bool any = gather<T, K>(state, front, task, w.pipe.stages);
+    const bool any = gather<T, K>(state, front, task, w.pipe.stages, feed.waited);
     if (task.work != Work::block)
       pivot_task<T, K, Wide>(w, front, task);
     else if (Wide && front.width == 64)

@@ -16,7 +16,13 @@ enum Control : int {
   kTwoByTwo = 5,
   kReplaced = 6,
   kFailed = 7,
-  kCounters = 16
+  kBusy = 8,     ///< 64 bits: nanoseconds in tasks, mean over the blocks
+  kWaited = 10,  ///< 64 bits: of these, nanoseconds of waiting for other tasks
+  kSlot = 12,    ///< 1: the memory for a stolen sub-tree is taken
+  kStolen = 13,  ///< sub-trees of other devices that this one did
+  kOpened = 16,  ///< by stealable sub-tree: 0 not known, 1 this device does it, 2 another one does, 3 being found out
+  kClaims = 32,  ///< by stealable sub-tree, of device 0 alone: who does it (device + 1), 0: nobody yet
+  kCounters = 48
 };
 
 /// The devices that share a factorization, as one of them sees them; entry d belongs to device d.
@@ -28,10 +34,19 @@ struct Peers {
   T* top[kMostDevices] = {};  ///< region 0
   int* control[kMostDevices] = {};  ///< counters
   int* flag[kMostDevices] = {};
+  T** base[kMostDevices] = {};  ///< FactorState::base
+  T* home[kMostDevices] = {};   ///< by stealable sub-tree: where it lies unless it is stolen
   T* pivot[kMostDevices] = {};  ///< FactorState::pivot; inverse_d and inverse_e follow n elements after each other
 
   /// The others among `devices` (bit d: device d).
   [[nodiscard]] ESPALIER_BOTH unsigned others(unsigned devices) const { return devices & ~(1u << self); }
+};
+
+/// When a task was taken and finished, by the device's clock in nanoseconds, and how much of it was waiting.
+struct TaskTime {
+  std::uint64_t begin = 0, end = 0;
+  std::uint32_t waited = 0;
+  std::uint32_t block = 0;
 };
 
 /// All pointers are device memory, owned by the executor.
@@ -60,6 +75,13 @@ struct FactorState {
   std::uint64_t patience;         ///< nanoseconds that one wait may last before the kernel gives up
   std::int64_t part_flags;        ///< flags of one part; those of part 1 (lu) follow those of part 0
   Peers<T> peers;
+  /// Regions from this one on are sub-trees that any device may do: the first to claim one does it, and tells the
+  /// others where it lies.
+  int first_stealable = 1 << 30;
+  T* spare = nullptr;                  ///< memory for one sub-tree of another device
+  const int* stealable_end = nullptr;  ///< by stealable sub-tree: place after its last task in this device's list
+  TaskTime* trace = nullptr;           ///< tasks; null: not wanted
+  unsigned delay = 0;                  ///< nanoseconds that every task is held up (for tests)
 
   ESPALIER_BOTH T tiny() const { return limits[0]; }
   ESPALIER_BOTH T growth() const { return limits[1]; }

@@ -17,8 +17,10 @@ struct TaskFeed {
   Front front;
   void* base;  ///< of the front's region
   int stop;
+  int id;
   int first, end;
   int* counter;
+  unsigned waited;  ///< nanoseconds that the task has waited so far
 };
 
 /// What a task works with.
@@ -33,17 +35,57 @@ struct Workshop {
   __device__ T* base() const { return static_cast<T*>(feed->base); }
 };
 
+/// Whether this device does the tasks of a stealable region; by one thread. The first block that asks finds out.
+template <class T>
+__device__ inline bool opened_here(const FactorState<T>& s, int region, unsigned owner) {
+  const int k = region - s.first_stealable;
+  int* opened = s.control + kOpened + k;
+  int known = load_acquire(opened);
+  if (known == 0 && atomicCAS(opened, 0, 3) == 0) {
+    const bool mine = (owner >> s.peers.self & 1) != 0;
+    const bool room = mine || atomicExch(s.control + kSlot, 1) == 0;
+    const bool won = room && claim_devices(s.peers.control[0] + kClaims + k, s.peers.self + 1) == 0;
+    if (room && !won && !mine) atomicExch(s.control + kSlot, 0);
+    if (won) {
+      T* base = mine ? s.peers.home[k] : s.spare;
+      for (int d = 0; d < s.peers.count; ++d) store_pointer_devices(s.peers.base[d] + region, base);
+      if (!mine) atomicAdd(s.control + kStolen, 1);
+      fence_devices();
+    }
+    known = won ? 1 : 2;
+    store_release(opened, known);
+  }
+  while (known == 0 || known == 3) {
+    known = load_acquire(opened);
+    if (aborted(s.control)) return false;
+  }
+  return known == 1;
+}
+
 /// One warp brings task `id` and its front.
 template <class T>
 __device__ inline void load_task(Workshop<T>& w, int id) {
   const FactorState<T>& s = *w.state;
   TaskFeed& feed = *w.feed;
   const int lane = static_cast<int>(threadIdx.x) & 31;
-  const bool ends = id >= feed.end || aborted(s.control);
-  if (lane == 0) feed.stop = ends;
-  if (ends) return;
-  const FactorTask task = s.tasks[id];
+  FactorTask task;
+  for (;;) {
+    const bool ends = id >= feed.end || aborted(s.control);
+    if (lane == 0) feed.stop = ends;
+    if (ends) return;
+    task = s.tasks[id];
+    if (task.region < s.first_stealable) break;
+    int here = 0;
+    if (lane == 0) here = opened_here(s, task.region, s.fronts[task.front].members);
+    if (__shfl_sync(0xffffffffu, here, 0) != 0) break;
+    if (lane == 0) {  // all tasks of this sub-tree are another device's
+      atomicMax(feed.counter, s.stealable_end[task.region - s.first_stealable] - feed.first);
+      id = feed.first + atomicAdd(feed.counter, 1);
+    }
+    id = __shfl_sync(0xffffffffu, id, 0);
+  }
   if (lane == 0) {
+    feed.id = id;
     feed.task = task;
     feed.base = s.base[task.region];
   }
@@ -63,6 +105,12 @@ template <class T>
 __device__ inline unsigned waiting_peers(const FactorState<T>& s, const Front& f, bool contribution) {
   if (s.peers.count == 1) return 0;
   return s.peers.others(contribution ? f.readers : f.region == 0 ? f.members : 0);
+}
+
+/// The other devices that need the pivots: all members in the top, the owner of a stolen sub-tree.
+template <class T>
+__device__ inline unsigned pivot_peers(const FactorState<T>& s, const Front& f) {
+  return s.peers.count == 1 ? 0 : s.peers.others(f.members);
 }
 
 /// Makes the task's writes visible and sets its flags, first here, then, after push(d), at every device d of `peers`;
@@ -188,9 +236,11 @@ __device__ inline RowRange rows_of_tile(const Front& f, const FactorTask& task) 
   return {row, f.column_end(task.column) - row};
 }
 
-/// Entries and children into the area. @returns whether there was anything; if not, the area is left as it is
+/// Entries and children into the area. Adds to `waited`, by one thread, the time that it had to wait for children.
+/// @returns whether there was anything; if not, the area is left as it is
 template <class T, Kind K>
-__device__ inline bool gather(const FactorState<T>& s, const Front& f, const FactorTask& task, T* area) {
+__device__ inline bool gather(const FactorState<T>& s, const Front& f, const FactorTask& task, T* area,
+                              unsigned& waited) {
   if (f.in_place()) {
     const auto [row, rows] = rows_of_tile(f, task);
     const int ld = task.work == Work::diagonal ? f.width + 4 : (rows <= 64 ? 64 : 128) + 4;
@@ -204,7 +254,8 @@ __device__ inline bool gather(const FactorState<T>& s, const Front& f, const Fac
   if (x.tile_col >= f.pivot_tiles && f.link_begin == f.link_end) return false;
   zero_area(area, x.ld * (task.work == Work::whole ? f.total_pad : f.width));
   __syncthreads();
-  assemble<T, K == Kind::lu>(s, f, x);
+  const unsigned here = assemble<T, K == Kind::lu>(s, f, x);
+  if (threadIdx.x == 0) waited += here;
   return true;
 }
 
@@ -247,7 +298,7 @@ __device__ void multiply_by_inverse(Accumulator<T, S>& acc, Workshop<T>& w, cons
   const FactorState<T>& s = *w.state;
   T* x = w.pipe.stages;
   T* m = x + S::kRows * S::kWidth;
-  if (threadIdx.x == 0) wait_for(flag, 1, s.control, s.patience);
+  if (threadIdx.x == 0) w.feed->waited += wait_for(flag, 1, s.control, s.patience);
 #if ESPALIER_BULK_COPIES
   if (threadIdx.x == 0) {
     fence_copies();
@@ -471,13 +522,12 @@ __device__ void finish_whole(Workshop<T>& w, const Front& f, const FactorTask& t
   __syncthreads();
   if (f.below > 0) write_contribution<T, K>(s, w.base(), f, a, ld);
   const std::int64_t flag = f.below > 0 ? f.flag(f.pivot_blocks, f.pivot_tiles) : f.diagonal_flag(0);
-  finish_task(w, task.front, flag, 0, K == Kind::lu, waiting_peers(s, f, true) | waiting_peers(s, f, false),
-              [&](int d) {
-                if (f.region != 0 || (f.members >> d & 1) == 0) return;
-                for (int k = 0; k < (K == Kind::lu ? 2 : 1); ++k)
-                  copy_to_peer(s, d, array_of(w.base(), f, k), f.factor_size());
-                copy_pivots_to_peer<T, K>(s, d, f.position, f.pivots, w.n);
-              });
+  finish_task(w, task.front, flag, 0, K == Kind::lu, waiting_peers(s, f, true) | pivot_peers(s, f), [&](int d) {
+    if ((f.members >> d & 1) == 0) return;
+    if (f.region == 0)
+      for (int k = 0; k < (K == Kind::lu ? 2 : 1); ++k) copy_to_peer(s, d, array_of(w.base(), f, k), f.factor_size());
+    copy_pivots_to_peer<T, K>(s, d, f.position, f.pivots, w.n);
+  });
 }
 
 /// A diagonal tile, or a whole front.
@@ -506,12 +556,13 @@ __device__ void pivot_task(Workshop<T>& w, const Front& f, const FactorTask& tas
     finish_whole<T, K>(w, f, task);
     return;
   }
-  finish_task(w, task.front, f.diagonal_flag(j), 0, false, waiting_peers(s, f, false), [&](int d) {
+  finish_task(w, task.front, f.diagonal_flag(j), 0, false, pivot_peers(s, f), [&](int d) {
     const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - col) * kChunk;
-    for (int k = 0; k < (K == Kind::lu ? 2 : 1); ++k)
-      for (int q = 0; q < size / kChunk; ++q)
-        copy_to_peer(s, d, array_of(w.base(), f, k) + f.chunk_offset(col / kChunk, col) + q * stride,
-                     static_cast<std::int64_t>(size) * kChunk);
+    if (f.region == 0)
+      for (int k = 0; k < (K == Kind::lu ? 2 : 1); ++k)
+        for (int q = 0; q < size / kChunk; ++q)
+          copy_to_peer(s, d, array_of(w.base(), f, k) + f.chunk_offset(col / kChunk, col) + q * stride,
+                       static_cast<std::int64_t>(size) * kChunk);
     copy_pivots_to_peer<T, K>(s, d, f.position + col, min(f.pivots - col, size), w.n);
   });
 }

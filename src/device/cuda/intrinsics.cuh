@@ -39,6 +39,15 @@ __device__ inline void fence_devices() { asm volatile("fence.acq_rel.sys;" ::: "
 __device__ inline void store_relaxed_devices(int* p, int v) {
   asm volatile("st.relaxed.sys.global.s32 [%0],%1;" ::"l"(p), "r"(v) : "memory");
 }
+template <class U>
+__device__ inline void store_pointer_devices(U** p, U* v) {
+  asm volatile("st.relaxed.sys.global.u64 [%0],%1;" ::"l"(p), "l"(v) : "memory");
+}
+__device__ inline int claim_devices(int* p, int v) {
+  int before;
+  asm volatile("atom.acq_rel.sys.global.cas.b32 %0,[%1],0,%2;" : "=r"(before) : "l"(p), "r"(v) : "memory");
+  return before;
+}
 __device__ inline void add_release(int* p, int v) {
   asm volatile("red.release.gpu.global.add.s32 [%0],%1;" ::"l"(p), "r"(v) : "memory");
 }

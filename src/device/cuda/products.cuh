@@ -134,6 +134,7 @@ struct Pipeline {
   std::uint64_t* barriers;
   int depth;  ///< stages
   unsigned phases;
+  unsigned* waited = nullptr;  ///< nanoseconds that the task has waited so far; written by one lane
 
   __device__ void wait(int stage) {
     barrier_wait(barriers + stage, phases >> stage & 1);
@@ -189,6 +190,10 @@ __device__ void sum_products(Accumulator<T, S>& acc, const Front& f, const Opera
         if (!same)
           bulk_copy(to + S::kRows * kChunk, b.base + chunk_offset<S::kWidth>(f.total_pad, issued, b.row), bytes_b, bar);
       }
+      if (start != 0 && at.lane == 0 && pipe.waited != nullptr) {
+        *pipe.waited += static_cast<unsigned>(global_nanoseconds() - start);
+      }
+      start = 0;
       ++issued;
       stage_in = stage_in + 1 == depth ? 0 : stage_in + 1;
     }
