@@ -65,6 +65,7 @@ struct DeviceReport {
   Offset streamed_out_bytes = 0;
   double link_seconds = 0;
   Offset predicted_peak_bytes = 0;
+  Offset transferred_bytes = 0;  ///< stored into and fetched from other GPUs in a factorization
 };
 
 /// What analyze() found out.

@@ -20,9 +20,13 @@ constexpr double kGainOfDevice = 0.9;      // another GPU must bring the predict
 
 constexpr std::int64_t kMostThreads = 4096;
 
-DeviceChoice on_gpus(std::vector<int> gpus, std::string reason) {
+DeviceChoice on_gpus(const device::cuda::Availability& found, std::vector<int> gpus, std::string reason) {
   const auto count = static_cast<int>(gpus.size());
-  return {DeviceChoice::Backend::cuda, std::move(gpus), count, std::move(reason)};
+  const auto& names = found.devices;
+  const std::string& first = names[static_cast<std::size_t>(gpus.front())].name;
+  const bool unequal = std::any_of(gpus.begin(), gpus.end(),
+                                   [&](int gpu) { return names[static_cast<std::size_t>(gpu)].name != first; });
+  return {DeviceChoice::Backend::cuda, std::move(gpus), count, std::move(reason), true, unequal};
 }
 DeviceChoice on_host(int devices, std::string reason) {
   return {DeviceChoice::Backend::host, {}, devices, std::move(reason), false};
@@ -39,7 +43,7 @@ DeviceChoice asked_for(std::vector<int> gpus) {
     if (gpu < 0 || gpu >= count)
       throw Error(StatusCode::device_error, fmt::format("GPU {} was asked for, but this machine has {}", gpu, count));
   std::string reason = gpus.size() == 1 ? "GPU: asked for" : fmt::format("{} GPUs: asked for", gpus.size());
-  return on_gpus(std::move(gpus), std::move(reason));
+  return on_gpus(found, std::move(gpus), std::move(reason));
 }
 
 // "0" or "0,1,2": every number once, at most device::cuda::kMostDevices of them.
@@ -69,7 +73,7 @@ DeviceChoice automatic(const PredictedTime& t) {
   if (t.gpu_seconds_on(count) >= t.host_seconds) return on_host(1, "host: " + figures);
   std::vector<int> gpus;
   for (int d = 0; d < count; ++d) gpus.push_back(d);
-  return on_gpus(std::move(gpus), "GPU: " + figures);
+  return on_gpus(found, std::move(gpus), "GPU: " + figures);
 }
 
 }  // namespace

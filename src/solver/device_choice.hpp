@@ -18,6 +18,7 @@ struct DeviceChoice {
   int devices = 1;             ///< GPUs or host devices that share the plan
   std::string reason;          ///< one sentence for the report
   bool budgeted = true;        ///< Options::device_memory_bytes is meant for this device
+  bool unequal = false;        ///< the GPUs are not all of one kind
 };
 
 /// N devices of M threads each.

@@ -78,6 +78,7 @@ std::unique_ptr<device::Executor<T>> make_executor(const analysis::Plan& plan, c
     cuda.device = options.device.gpus.front();
     if (options.device.devices > 1) cuda.devices = options.device.gpus;
     cuda.memory_bytes = options.device_memory_bytes;
+    cuda.timeline = timeline;
     return device::cuda::make_cuda_executor<T>(plan, options.kind, rule, cuda);
   } catch (const Error& e) {
     if (e.status().code != StatusCode::out_of_memory) throw;

@@ -178,8 +178,10 @@ void Solver::Impl::report(const device::FactorOutcome& outcome) {
     r.devices.push_back({std::move(name), busy, idle, peak, waiting, stolen, streamed.bytes_in, streamed.bytes_out,
                          streamed.link_seconds, streamed.predicted_bytes});
   };
-  for (device::DeviceWork& w : numeric->device_work())
+  for (device::DeviceWork& w : numeric->device_work()) {
     add_device(std::move(w.name), w.busy_seconds, w.waiting_seconds, w.stolen_subtrees, w.peak_bytes);
+    r.devices.back().transferred_bytes = w.transferred_bytes;
+  }
   if (r.devices.empty())
     add_device(numeric->device_name(), outcome.busy_seconds, outcome.waiting_seconds, 0, numeric->device_peak_bytes());
   const auto rows_of = [&](const std::vector<Index>& positions) {
