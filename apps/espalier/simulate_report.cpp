@@ -41,8 +41,9 @@ std::string phase_table(const SimulationPhases& p) {
 
 std::string solver_line(const SimulationSummary& s) {
   if (s.kind == "dense") return "dense";
-  return fmt::format("{} {}, {}, {} entries in the factor, {}", s.kind, s.precision, s.device,
-                     grouped(s.nonzeros_factor), megabytes(s.peak_bytes));
+  const std::string device = s.device.substr(0, s.device.find(": "));  // without the reason
+  return fmt::format("{} {}, {}, {} entries in the factor, {}", s.kind, s.precision, device, grouped(s.nonzeros_factor),
+                     megabytes(s.peak_bytes));
 }
 
 }  // namespace

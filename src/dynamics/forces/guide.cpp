@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <stdexcept>
 
 #include "dynamics/bodies/rotation.hpp"
@@ -59,7 +60,8 @@ GuidePath::Nearest GuidePath::nearest(const Vec3& given) const {
       // Angle from the beginning in the sense of the arc, in (-pi, pi].
       const double angle = std::atan2(from.x() * to.y() - from.y() * to.x(), from.dot(to));
       s = angle / p.curvature;
-      if (s < 0 && -s > 0.5 * (2 * M_PI / std::abs(p.curvature) - p.length)) s += 2 * M_PI / std::abs(p.curvature);
+      if (s < 0 && -s > 0.5 * (2 * std::numbers::pi / std::abs(p.curvature) - p.length))
+        s += 2 * std::numbers::pi / std::abs(p.curvature);
     }
     const bool first = k == 0 && p.curvature == 0, last = k + 1 == pieces_.size() && p.curvature == 0;
     s = std::clamp(s, first ? -std::numeric_limits<double>::max() : 0.0,

@@ -27,6 +27,23 @@ std::vector<T> thinned(const std::vector<T>& list, std::size_t most) {
   return result;
 }
 
+/// Outer faces whose corners all lie on the cylinder, to within a twentieth of its radius.
+std::vector<MeshFace> faces_of_bore(const BuiltBody& body, const MarkerSpec::Bore& bore) {
+  std::vector<MeshFace> faces = body.mesh->boundary_faces();
+  std::erase_if(faces, [&](const MeshFace& face) {
+    const auto nodes = body.mesh->face_nodes(face);
+    return std::any_of(nodes.begin(), nodes.end(), [&](Index node) {
+      const Vec3 arm = reference_node(*body.flexible, node) - bore.point;
+      const double along = arm.dot(bore.axis), radius = (arm - along * bore.axis).norm();
+      return std::abs(radius - bore.radius) > 0.05 * bore.radius ||
+             (bore.length > 0 && std::abs(along) > 0.5 * bore.length * (1 + 1e-6));
+    });
+  });
+  if (faces.empty())
+    throw std::invalid_argument(fmt::format("no outer face of '{}' lies on the cylinder 'bore'", body.spec.name));
+  return faces;
+}
+
 /// Share of each node in the area of the faces (each face in equal parts); the weights add up to 1.
 std::map<Index, double> area_weights(const FlexibleBody& body, const Mesh& mesh, const std::vector<MeshFace>& faces) {
   std::map<Index, double> weights;
@@ -122,7 +139,7 @@ std::unique_ptr<Frame> FrameBuilder::make(const MarkerSpec& marker) const {
     if (body->flexible != nullptr) {
       frame = make_flexible(m, *body);
     } else {
-      if (m.node || m.near || !m.face.empty() || !m.nodes.empty())
+      if (m.node || m.near || !m.face.empty() || !m.nodes.empty() || m.bore)
         throw std::invalid_argument(fmt::format("'{}' is a rigid body: give a 'point', not a node or a face", m.body));
       frame = m.global ? frame_at(*body->rigid, m.point, m.axes)
                        : std::make_unique<RigidFrame>(*body->rigid, m.point, m.axes);
@@ -163,14 +180,15 @@ Index FrameBuilder::node(const MarkerSpec& m, const BuiltBody& body) const {
 }
 
 std::unique_ptr<Frame> FrameBuilder::make_flexible(const MarkerSpec& m, const BuiltBody& body) const {
-  const int ways =
-      (m.node ? 1 : 0) + (m.near && m.face.empty() ? 1 : 0) + (m.face.empty() ? 0 : 1) + (m.nodes.empty() ? 0 : 1);
+  const int ways = (m.node ? 1 : 0) + (m.near && m.face.empty() ? 1 : 0) + (m.face.empty() ? 0 : 1) +
+                   (m.nodes.empty() ? 0 : 1) + (m.bore ? 1 : 0);
   if (ways != 1)
-    throw std::invalid_argument(fmt::format(
-        "'{}' is flexible: say where with one of node = LABEL, near = [x, y, z], face = \"SET\", nodes = \"SET\"",
-        m.body));
+    throw std::invalid_argument(
+        fmt::format("'{}' is flexible: say where with one of node = LABEL, near = [x, y, z], face = \"SET\", nodes = "
+                    "\"SET\", bore = {{ point, axis, radius }}",
+                    m.body));
   const Mat3 axes = m.global ? Mat3(body.spec.rotation.transpose() * m.axes) : m.axes;
-  if (!m.face.empty()) return make_face(m, body, axes);
+  if (!m.face.empty() || m.bore) return make_face(m, body, axes);
   const FlexibleBody& flexible = *body.flexible;
   if (!m.nodes.empty()) {
     if (!body.mesh) throw std::invalid_argument(fmt::format("'{}' has no node sets", m.body));
@@ -185,7 +203,7 @@ std::unique_ptr<Frame> FrameBuilder::make_flexible(const MarkerSpec& m, const Bu
 
 std::unique_ptr<Frame> FrameBuilder::make_face(const MarkerSpec& m, const BuiltBody& body, const Mat3& axes) const {
   if (!body.mesh) throw std::invalid_argument(fmt::format("'{}' has no face sets; give a node", m.body));
-  std::vector<MeshFace> faces = body.mesh->face_set(m.face);
+  std::vector<MeshFace> faces = m.bore ? faces_of_bore(body, *m.bore) : body.mesh->face_set(m.face);
   if (m.radius > 0) {
     if (!m.near) throw std::invalid_argument("'radius' needs 'near', the centre");
     std::erase_if(faces, [&](const MeshFace& face) {

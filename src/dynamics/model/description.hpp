@@ -97,7 +97,14 @@ struct MarkerSpec {
   std::string face;                  ///< face set: averaged
   std::string nodes;                 ///< node set: averaged position, no axes
   double radius = 0;                 ///< > 0: only the faces of the set within this distance of `near`
-  int most_nodes = 0;                ///< faces are thinned out evenly until about this many nodes are left; 0: never
+  /// Outer faces of the mesh that lie on a cylinder: for meshes without face sets.
+  struct Bore {
+    Vec3 point, axis;  ///< mesh coordinates; the frame's origin is `point` unless another one is given
+    double radius = 0;
+    double length = 0;  ///< > 0: only faces within half of it from `point` along the axis
+  };
+  std::optional<Bore> bore;
+  int most_nodes = 0;  ///< faces are thinned out evenly until about this many nodes are left; 0: never
 };
 
 // Joints and forces --------------------------------------------------------------------------------------------------

@@ -210,6 +210,14 @@ MarkerSpec read_marker(const Value& value, const std::string& name) {
   m.face = s.text("face", "");
   m.nodes = s.text("nodes", "");
   m.radius = s.positive("radius", 0);
+  if (auto b = s.table("bore")) {
+    m.bore = {b->vector("point"), b->vector("axis", Vec3::UnitZ()), b->positive("radius"), b->positive("length", 0)};
+    if (!(m.bore->axis.norm() > 0)) fail(b->place("axis"), "must not be zero");
+    m.bore->axis.normalize();
+    b->finish();
+    if (!m.point_given) m.point = m.bore->point;
+    m.point_given = true;
+  }
   m.most_nodes = s.integer("most_nodes", 0, 240);
   s.finish();
   return m;
