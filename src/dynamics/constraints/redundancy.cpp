@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <queue>
+#include <utility>
 
 namespace espalier::dynamics {
 
@@ -20,10 +21,11 @@ struct Entry {
 /// of the original ones.
 class RowElimination {
  public:
-  RowElimination(const SparsePattern& p, ConstSpan values, double tolerance)
+  RowElimination(const SparsePattern& p, ConstSpan values, double tolerance, std::size_t most_partners)
       : p_(p),
         values_(values),
         tolerance_(tolerance),
+        most_partners_(most_partners),
         work_(at(p.cols), 0.0),
         queued_(at(p.rows), 0),
         rank_of_(at(p.cols), -1) {}
@@ -93,13 +95,14 @@ class RowElimination {
     row_of_.push_back(row);
   }
 
-  // row = sum_k l_k reduced_k, and reduced_k = row_k - sum_j l_kj reduced_j: back substitution from the last pivot.
+  // row = sum_k l_k reduced_k, and reduced_k = row_k - sum_j l_kj reduced_j: back substitution from the last pivot. In
+  // a long chain of loops it runs back to the first one, so it stops at most_partners_ rows.
   void note_dependent(Index row, double remainder, const std::vector<Entry>& lower) {
-    std::vector<double> weight(reduced_.size(), 0.0);
+    weight_.resize(reduced_.size(), 0.0);
     std::priority_queue<Index> open;
     const auto add = [&](Index k, double value) {
-      if (weight[at(k)] == 0 && value != 0) open.push(k);
-      weight[at(k)] += value;
+      if (weight_[at(k)] == 0 && value != 0) open.push(k);
+      weight_[at(k)] += value;
     };
     for (const Entry& e : lower) add(e.index, e.value);
     std::vector<Entry> partners;
@@ -109,8 +112,8 @@ class RowElimination {
       open.pop();
       if (k == last) continue;
       last = k;
-      const double value = weight[at(k)];
-      if (value == 0) continue;
+      const double value = std::exchange(weight_[at(k)], 0.0);
+      if (value == 0 || partners.size() == most_partners_) continue;
       partners.push_back({row_of_[at(k)], value});
       for (const Entry& e : lower_[at(k)]) add(e.index, -value * e.value);
     }
@@ -129,7 +132,8 @@ class RowElimination {
   const SparsePattern& p_;
   ConstSpan values_;
   double tolerance_;
-  std::vector<double> work_;
+  std::size_t most_partners_;
+  std::vector<double> work_, weight_;  // weight_: of note_dependent, zero between calls
   std::vector<char> queued_;
   std::vector<Index> rank_of_;       // pivot number of a column, -1: none
   std::vector<Index> pivot_column_;  // column of a pivot
@@ -142,15 +146,18 @@ class RowElimination {
 
 }  // namespace
 
-std::vector<DependentRow> find_dependent_rows(const SparsePattern& phi_q, ConstSpan values, double tolerance) {
-  return RowElimination(phi_q, values, tolerance).run();
+std::vector<DependentRow> find_dependent_rows(const SparsePattern& phi_q, ConstSpan values, double tolerance,
+                                              std::size_t most_partners) {
+  return RowElimination(phi_q, values, tolerance, most_partners).run();
 }
 
 std::vector<DependentRow> RedundancyGuard::dependent_at(double t, ConstSpan q) {
   System& system = equations_.system();
   std::vector<double> values(static_cast<std::size_t>(system.constraint_pattern().nonzeros()));
   system.constraints(t, q, {}, {{}, {}, {}, values});
-  return find_dependent_rows(system.constraint_pattern(), values, options_.tolerance);
+  // Four are named; the nearest rows of the loop that closes are among the first found.
+  constexpr std::size_t kMostPartners = 64;
+  return find_dependent_rows(system.constraint_pattern(), values, options_.tolerance, kMostPartners);
 }
 
 void RedundancyGuard::analyze(const State& state) {

@@ -22,9 +22,10 @@ struct DependentRow {
 /// whose remainder falls below tolerance * |row| depend on those before them. Costs the fill of Phi_q; for
 /// loops that close far apart in the list it is the fill between them.
 /// `tolerance` 1e-8: well above round-off (1e-16 times the growth of the elimination), far below any lever arm that
-/// means something.
+/// means something. `most_partners`: the combination of a row is followed back no further than that many rows.
 [[nodiscard]] std::vector<DependentRow> find_dependent_rows(const SparsePattern& phi_q, ConstSpan values,
-                                                            double tolerance = 1e-8);
+                                                            double tolerance = 1e-8,
+                                                            std::size_t most_partners = ~std::size_t{0});
 
 /// What is known of a redundant constraint.
 struct RedundantConstraint {
