@@ -169,6 +169,15 @@ int espalier_refactorize(espalier_solver* solver, const double* values, int64_t 
  */
 int espalier_solve(espalier_solver* solver, const double* b, double* x, int64_t columns, int transpose,
                    espalier_solve_info* info);
+/**
+ * The same with arrays in the memory of the GPU that holds the factor, in core; otherwise the status is
+ * ESPALIER_DEVICE_ERROR. The calls wait for what is enqueued on `stream` (a cudaStream_t; NULL: the default stream) and
+ * return when the GPU is done.
+ */
+int espalier_refactorize_device(espalier_solver* solver, const double* values, int64_t count, void* stream,
+                                espalier_factor_info* info);
+int espalier_solve_device(espalier_solver* solver, const double* b, double* x, int64_t columns, int transpose,
+                          void* stream, espalier_solve_info* info);
 /** Estimates the condition number of the factored matrix (1-norm; infinity norm for a general matrix given by rows). */
 int espalier_condition_estimate(espalier_solver* solver, double* estimate);
 /** Saves the analysis to a file, for espalier_load_analysis of the same pattern. */

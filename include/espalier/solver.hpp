@@ -36,12 +36,13 @@ struct Options {
   double perturbation = 0;         ///< relative size of a perturbed pivot; 0: sqrt(eps) of the factor's precision
   bool matching = true;            ///< maximum product matching and scaling for ldlt and lu
   int refinement_steps = 10;       ///< most steps of iterative refinement
-  double required_backward_error = 1e-10;  ///< a normwise backward error above it ends in accuracy_not_reached; infinity
-                                           ///< with refinement_steps = 0: residuals are not computed, errors are NaN
-  bool record_timeline = false;            ///< keep one event per task for write_trace()
-  Sharing sharing;                         ///< among several devices
-  std::vector<Index> permutation;          ///< the caller's own elimination order (old index of the k-th); empty: ours
-  LogCallback log;                         ///< where log lines go; empty: nowhere
+  double required_backward_error =
+      1e-10;                       ///< a normwise backward error above it ends in accuracy_not_reached; infinity
+                                   ///< with refinement_steps = 0: residuals are not computed, errors are NaN
+  bool record_timeline = false;    ///< keep one event per task for write_trace()
+  Sharing sharing;                 ///< among several devices
+  std::vector<Index> permutation;  ///< the caller's own elimination order (old index of the k-th); empty: ours
+  LogCallback log;                 ///< where log lines go; empty: nowhere
 };
 
 /// Inertia of the factored matrix: counts of eigenvalues by sign (exact for ldlt and llt, -1 for lu).
@@ -139,6 +140,16 @@ class Solver {
   /// @pre state() == factorized
   SolveResult solve(std::span<const double> b, std::span<double> x, Index columns = 1,
                     Transpose transpose = Transpose::no);
+
+  /// The same with arrays in the memory of the (first) GPU that holds the factor, in core: no value goes through the
+  /// host unless pivots fail, and refinement happens there too. `count` values, as many as for refactorize(); columns
+  /// as for solve(). The calls wait for what is enqueued on `stream` (a cudaStream_t; null: the default stream) and
+  /// return when the GPU is done. Without a factor on a GPU the status is device_error. Krylov methods (mixed
+  /// precision) are left out.
+  /// @pre state() != empty; state() == factorized
+  FactorResult refactorize_device(const double* values, Offset count, void* stream = nullptr);
+  SolveResult solve_device(const double* b, double* x, Index columns = 1, Transpose transpose = Transpose::no,
+                           void* stream = nullptr);
 
   [[nodiscard]] State state() const;
   [[nodiscard]] const Options& options() const;

@@ -189,6 +189,36 @@ int factorize(espalier_solver* solver, const Matrix* a, espalier_factor_info* in
   });
 }
 
+// New values by `call`, on the host or on the device.
+template <class Call>
+int refactorize(espalier_solver* solver, const double* values, std::int64_t count, espalier_factor_info* info,
+                Call&& call) {
+  return guarded(solver, [&](espalier_solver& s) {
+    espalier::Solver& cpp = solver_of(s);
+    require(count == s.nonzeros, "the number of values is not that of the analysed matrix");
+    require(count == 0 || values != nullptr, "the values are null");
+    const auto result = call(cpp);
+    hand_out(to_c(result), info);
+    return result.status;
+  });
+}
+
+template <class Call>
+int solve(espalier_solver* solver, const double* b, const double* x, std::int64_t columns, int transpose,
+          espalier_solve_info* info, Call&& call) {
+  return guarded(solver, [&](espalier_solver& s) {
+    espalier::Solver& cpp = factorized(s);
+    require(columns >= 1 && columns <= INT32_MAX, "the number of right-hand sides must lie from 1 to 2^31 - 1");
+    require(transpose == ESPALIER_NO_TRANSPOSE || transpose == ESPALIER_TRANSPOSE, "transpose must be 0 or 1");
+    const auto size = static_cast<std::size_t>(columns) * static_cast<std::size_t>(s.rows);
+    require(size == 0 || (b != nullptr && x != nullptr), "the right-hand side or the solution is null");
+    const bool flip = (transpose == ESPALIER_TRANSPOSE) != s.transposed;
+    const auto result = call(cpp, size, flip ? espalier::Transpose::yes : espalier::Transpose::no);
+    hand_out(to_c(result), info);
+    return result.status;
+  });
+}
+
 }  // namespace
 
 extern "C" {
@@ -253,30 +283,31 @@ int espalier_factorize_i64(espalier_solver* solver, const espalier_matrix_i64* a
 }
 
 int espalier_refactorize(espalier_solver* solver, const double* values, int64_t count, espalier_factor_info* info) {
-  return guarded(solver, [&](espalier_solver& s) {
-    espalier::Solver& cpp = solver_of(s);
-    require(count == s.nonzeros, "the number of values is not that of the analysed matrix");
-    require(count == 0 || values != nullptr, "the values are null");
-    const auto result = cpp.refactorize({values, static_cast<std::size_t>(count)});
-    hand_out(to_c(result), info);
-    return result.status;
+  return refactorize(solver, values, count, info, [&](espalier::Solver& cpp) {
+    return cpp.refactorize({values, static_cast<std::size_t>(count)});
   });
+}
+
+int espalier_refactorize_device(espalier_solver* solver, const double* values, int64_t count, void* stream,
+                                espalier_factor_info* info) {
+  return refactorize(solver, values, count, info,
+                     [&](espalier::Solver& cpp) { return cpp.refactorize_device(values, count, stream); });
 }
 
 int espalier_solve(espalier_solver* solver, const double* b, double* x, int64_t columns, int transpose,
                    espalier_solve_info* info) {
-  return guarded(solver, [&](espalier_solver& s) {
-    espalier::Solver& cpp = factorized(s);
-    require(columns >= 1 && columns <= INT32_MAX, "the number of right-hand sides must lie from 1 to 2^31 - 1");
-    require(transpose == ESPALIER_NO_TRANSPOSE || transpose == ESPALIER_TRANSPOSE, "transpose must be 0 or 1");
-    const auto size = static_cast<std::size_t>(columns) * static_cast<std::size_t>(s.rows);
-    require(size == 0 || (b != nullptr && x != nullptr), "the right-hand side or the solution is null");
-    const bool flip = (transpose == ESPALIER_TRANSPOSE) != s.transposed;
-    const auto result = cpp.solve({b, size}, {x, size}, static_cast<Index>(columns),
-                                  flip ? espalier::Transpose::yes : espalier::Transpose::no);
-    hand_out(to_c(result), info);
-    return result.status;
-  });
+  return solve(solver, b, x, columns, transpose, info,
+               [&](espalier::Solver& cpp, std::size_t size, espalier::Transpose how) {
+                 return cpp.solve({b, size}, {x, size}, static_cast<Index>(columns), how);
+               });
+}
+
+int espalier_solve_device(espalier_solver* solver, const double* b, double* x, int64_t columns, int transpose,
+                          void* stream, espalier_solve_info* info) {
+  return solve(solver, b, x, columns, transpose, info,
+               [&](espalier::Solver& cpp, std::size_t, espalier::Transpose how) {
+                 return cpp.solve_device(b, x, static_cast<Index>(columns), how, stream);
+               });
 }
 
 int espalier_condition_estimate(espalier_solver* solver, double* estimate) {

@@ -219,8 +219,6 @@ void scale_and_match(Equations& e, Kind kind, const Options& options, base::Thre
   }
 }
 
-namespace {
-
 [[noreturn]] void refuse_entry(const Equations& e) {
   for (Index c = 0; c < e.n(); ++c)
     for (Offset q = e.a.col_ptr[c]; q < e.a.col_ptr[c + 1]; ++q)
@@ -230,8 +228,6 @@ namespace {
   throw Error(StatusCode::invalid_input,
               "the values are too large for the scaling of the analyzed ones; call analyze() with the new values");
 }
-
-}  // namespace
 
 template <class T>
 double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool) {
@@ -263,6 +259,17 @@ double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool) {
 
 template double scale_values(const Equations&, double*, base::ThreadPool&);
 template double scale_values(const Equations&, float*, base::ThreadPool&);
+
+std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> order) {
+  std::vector<Offset> of_column(order.size(), -1);
+  for (Index c = 0; c < a.cols; ++c)
+    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
+      if (a.row_ind[q] == c) of_column[c] = q;
+  if (std::find(of_column.begin(), of_column.end(), -1) != of_column.end()) return {};
+  std::vector<Offset> places(order.size());
+  std::transform(order.begin(), order.end(), places.begin(), [&](Index c) { return of_column[c]; });
+  return places;
+}
 
 std::string name_rows(std::vector<Index> rows) {
   constexpr std::size_t kNamed = 8;

@@ -2,6 +2,8 @@
 /// The linear system as the solver keeps it: a copy of the matrix, its scaling and matching.
 #pragma once
 
+#include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -54,11 +56,19 @@ bool same_pattern(const Equations& e, const MatrixView& a);
 /// @throws Error(singular) for a structurally singular matrix
 void scale_and_match(Equations& e, Kind kind, const Options& options, base::ThreadPool& pool);
 
+/// Throws Error(invalid_input) naming an entry that is not finite, or saying that scaling made one so.
+[[noreturn]] void refuse_entry(const Equations& e);
+
 /// scaled[q] = r_i a_ij c_j for the entries of e.a in their order. @returns the largest magnitude
-/// @throws Error(invalid_input) for an entry that is not finite
 /// @throws Error(invalid_input) naming an entry that is not finite
 template <class T>
 double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool);
+
+/// By position of the elimination: where the diagonal entry stands among the values of `a`. Empty when one is missing.
+std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> order);
+
+/// A Cholesky pivot that kept no more of its diagonal entry carries no digit: the error of one subtraction is eps / 2.
+inline constexpr double kRoundingOfPivot = 8 * std::numeric_limits<double>::epsilon();
 
 /// "row 17", "rows 3, 8, 9 and 14 more" (0-based rows of the caller's matrix), ascending.
 std::string name_rows(std::vector<Index> rows);

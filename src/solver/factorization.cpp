@@ -56,7 +56,7 @@ void Solver::Impl::make_numeric() {
   numeric.reset();  // its memory goes before new memory comes
   for (const bool ours = options.device == "auto"; !numeric;) {
     try {
-      numeric = solver::make_numeric(plan, equations, o, single(), pool, budget, timeline.get());
+      numeric = solver::make_numeric(plan, equations, residual, o, single(), pool, budget, timeline.get());
     } catch (const Error& e) {
       if (!ours || device.backend == solver::DeviceChoice::Backend::host) throw;
       // The choice was ours: one GPU takes over when several cannot, the host when that one cannot.
@@ -73,13 +73,52 @@ void Solver::Impl::make_numeric() {
 
 void Solver::Impl::factorize(std::span<const double> values) {
   const double start = base::now_seconds();
-  state = State::analyzed;
-  factor = FactorResult{};
+  begin_factorization();
   solver::copy_values(equations, values, pool);
   residual.set_values(equations.a.values);
+  values_on_device = false;
+  finish_factorization(factorize_moving_pivots(), start);
+}
+
+// New values that lie on the GPU of the factor stay there, unless pivots fail: what follows then works on the host's
+// copy.
+void Solver::Impl::factorize_device(const double* values, Offset count, void* stream) {
+  const double start = base::now_seconds();
+  begin_factorization();
+  solver::DeviceSystem* system = numeric->device_system();
+  if (system == nullptr)
+    throw Error(StatusCode::device_error,
+                "the factor is not in the memory of a GPU (" + numeric->device_name() + "); use refactorize()");
+  system->wait_for(stream);
+  if (!equations.target.empty() || !equations.source.empty() || equations.symmetric_values) {
+    std::vector<double> copy(static_cast<std::size_t>(count));
+    system->transfer(copy.data(), values, count);
+    return factorize(copy);
+  }
+  set_smallest_pivot();
+  const std::optional<device::FactorOutcome> outcome = numeric->factorize_device(values);
+  values_on_device = true;
+  if (outcome && outcome->not_positive < 0 && outcome->replaced.empty() && outcome->failed.empty())
+    return finish_factorization(*outcome, start);
+  fetch_values();
+  finish_factorization(factorize_moving_pivots(), start);
+}
+
+void Solver::Impl::fetch_values() {
+  if (!values_on_device) return;
+  numeric->device_system()->read_values(equations.a.values);
+  residual.set_values(equations.a.values);
+  values_on_device = false;
+}
+
+void Solver::Impl::begin_factorization() {
+  state = State::analyzed;
+  factor = FactorResult{};
   if (timeline) timeline->clear();
   if (!numeric) make_numeric();
-  device::FactorOutcome outcome = factorize_moving_pivots();
+}
+
+void Solver::Impl::finish_factorization(device::FactorOutcome outcome, double start) {
   if (kind == Kind::llt && (outcome.not_positive >= 0 || !outcome.replaced.empty()) && kind_may_change) {
     turn_to_ldlt();
     make_numeric();
@@ -111,9 +150,13 @@ void Solver::Impl::turn_to_ldlt() {
   describe_plan(start);
 }
 
-device::FactorOutcome Solver::Impl::factorize_moving_pivots() {
+void Solver::Impl::set_smallest_pivot() {
   smallest_pivot = options.perturbation > 0 ? options.perturbation : zero_pivot(plan.tree.n, single());
   numeric->set_smallest_pivot(smallest_pivot);
+}
+
+device::FactorOutcome Solver::Impl::factorize_moving_pivots() {
+  set_smallest_pivot();
   device::FactorOutcome outcome = numeric->factorize();
   if (kind == Kind::llt) return outcome;
   int round = 0;

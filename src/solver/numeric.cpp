@@ -1,9 +1,9 @@
 #include "solver/numeric.hpp"
 
 #include <algorithm>
-#include <limits>
 #include <vector>
 
+#include "device/cuda/cuda_executor.hpp"
 #include "solver/executor_choice.hpp"
 
 namespace espalier::solver {
@@ -15,20 +15,28 @@ constexpr Index kMostColumnsAtOnce = 32;  // right-hand sides per sweep: 32 doub
 template <class T>
 class NumericOf final : public Numeric {
  public:
-  NumericOf(const analysis::Plan& plan, const Equations& equations, const NumericOptions& options,
-            base::ThreadPool& pool, base::MemoryBudget& budget, base::Timeline* timeline)
+  NumericOf(const analysis::Plan& plan, const Equations& equations, const solve::ResidualOperator& residual,
+            const NumericOptions& options, base::ThreadPool& pool, base::MemoryBudget& budget, base::Timeline* timeline)
       : plan_(plan),
         equations_(equations),
         options_(options),
         pool_(pool),
         budget_(budget),
-        values_(equations.a.nonzeros(), &budget),
         rule_{options.threshold, 0},
         executor_(make_executor<T>(plan, options, rule_, pool, budget, timeline)) {
-    if (options.kind == Kind::llt && sizeof(T) == sizeof(double)) find_diagonal();
+    take_device_system(residual);
+    if (device_ != nullptr) return;
+    values_ = base::Buffer<T>(equations.a.nonzeros(), &budget);
+    if (options.kind == Kind::llt && sizeof(T) == sizeof(double))
+      diagonal_ = diagonal_places(equations.a, plan.tree.order);
+    smallest_.resize(diagonal_.size());
   }
 
   device::FactorOutcome factorize() override {
+    if (device_ != nullptr) {
+      if (auto outcome = factorize_device(equations_.a.values.data())) return *outcome;
+      refuse_entry(equations_);
+    }
     const double largest = scale_values(equations_, values_.data(), pool_);
     rule_.tiny = options_.smallest_pivot * largest;
     for (std::size_t k = 0; k < smallest_.size(); ++k)
@@ -38,6 +46,10 @@ class NumericOf final : public Numeric {
     return executor_->factorize(values_.span());
   }
 
+  DeviceSystem* device_system() override { return device_.get(); }
+  std::optional<device::FactorOutcome> factorize_device(const double* values) override {
+    return device_->factorize(values, options_.smallest_pivot);
+  }
   void set_smallest_pivot(double smallest_pivot) override { options_.smallest_pivot = smallest_pivot; }
 
   void solve(const double* b, double* x, Index columns, bool transpose) override {
@@ -63,18 +75,19 @@ class NumericOf final : public Numeric {
   [[nodiscard]] std::vector<device::DeviceWork> device_work() const override { return executor_->device_work(); }
 
  private:
-  // By position in the elimination order: where the diagonal entry stands among the values.
-  void find_diagonal() {
-    const auto n = static_cast<std::size_t>(plan_.tree.n);
-    std::vector<Offset> of_column(n, -1);
-    const MatrixView a = equations_.a;
-    for (Index c = 0; c < a.cols; ++c)
-      for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
-        if (a.row_ind[q] == c) of_column[c] = q;
-    if (std::find(of_column.begin(), of_column.end(), -1) != of_column.end()) return;  // not positive definite
-    diagonal_.resize(n);
-    for (std::size_t k = 0; k < n; ++k) diagonal_[k] = of_column[plan_.tree.order[k]];
-    smallest_.resize(n);
+  // One GPU or several keep the equations beside the factor when memory allows; else refinement works on the host.
+  void take_device_system(const solve::ResidualOperator& residual) {
+    auto* executor = dynamic_cast<device::cuda::CudaExecutor<T>*>(executor_.get());
+    if (executor == nullptr) return;
+    Offset left = 0;
+    if (options_.device_memory_bytes > 0)
+      left = std::max<Offset>(1, options_.device_memory_bytes - executor->peak_bytes());
+    try {
+      device_ = make_device_system<T>(plan_, equations_, residual, options_.kind, options_.threshold, *executor,
+                                      options_.device.gpus.front(), left);
+    } catch (const Error& e) {
+      if (e.status().code != StatusCode::out_of_memory) throw;
+    }
   }
 
   static double factor_of(const std::vector<double>& scale, Index i) {
@@ -109,8 +122,6 @@ class NumericOf final : public Numeric {
     });
   }
 
-  // A Cholesky pivot that kept no more of its diagonal entry carries no digit: the error of one subtraction is eps / 2.
-  static constexpr double kRoundingOfPivot = 8 * std::numeric_limits<double>::epsilon();
   static constexpr std::int64_t kRows = 8192;  // rows per piece of work
 
   const analysis::Plan& plan_;
@@ -118,21 +129,23 @@ class NumericOf final : public Numeric {
   NumericOptions options_;
   base::ThreadPool& pool_;
   base::MemoryBudget& budget_;
-  base::Buffer<T> values_;
+  base::Buffer<T> values_;  // scaled; only without device_
   base::Buffer<T> rhs_;
   std::vector<Offset> diagonal_;  // llt in FP64: n, by position
   std::vector<double> smallest_;  // llt in FP64: n, by position: a pivot below counts as zero
   device::PivotRule rule_;
   std::unique_ptr<device::Executor<T>> executor_;
+  std::unique_ptr<DeviceSystem> device_;
 };
 
 }  // namespace
 
 std::unique_ptr<Numeric> make_numeric(const analysis::Plan& plan, const Equations& equations,
-                                      const NumericOptions& options, bool single, base::ThreadPool& pool,
-                                      base::MemoryBudget& budget, base::Timeline* timeline) {
-  if (single) return std::make_unique<NumericOf<float>>(plan, equations, options, pool, budget, timeline);
-  return std::make_unique<NumericOf<double>>(plan, equations, options, pool, budget, timeline);
+                                      const solve::ResidualOperator& residual, const NumericOptions& options,
+                                      bool single, base::ThreadPool& pool, base::MemoryBudget& budget,
+                                      base::Timeline* timeline) {
+  if (single) return std::make_unique<NumericOf<float>>(plan, equations, residual, options, pool, budget, timeline);
+  return std::make_unique<NumericOf<double>>(plan, equations, residual, options, pool, budget, timeline);
 }
 
 }  // namespace espalier::solver

@@ -3,11 +3,13 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "analysis/plan.hpp"
 #include "base/timeline.hpp"
 #include "device/executor.hpp"
 #include "solver/device_choice.hpp"
+#include "solver/device_system.hpp"
 #include "solver/equations.hpp"
 
 namespace espalier::solver {
@@ -18,6 +20,10 @@ class Numeric {
   virtual ~Numeric() = default;
   /// Factors the values in `equations`. Pivots below `smallest_pivot` times the largest scaled entry are replaced.
   virtual device::FactorOutcome factorize() = 0;
+  /// The equations on the GPU of the factor; null: they are on the host alone.
+  virtual DeviceSystem* device_system() = 0;
+  /// factorize() with values in that GPU's memory, in the order of Equations::a. Nothing when one is not finite.
+  virtual std::optional<device::FactorOutcome> factorize_device(const double* values) = 0;
   virtual void set_smallest_pivot(double smallest_pivot) = 0;
   /// Solves op(A) x = b for `columns` right-hand sides, column-major, n values each; x may alias b.
   virtual void solve(const double* b, double* x, Index columns, bool transpose) = 0;
@@ -38,8 +44,10 @@ struct NumericOptions {
 };
 
 /// @param single  FP32 instead of FP64
+/// @param residual  of the same equations; looked at during the call alone
 std::unique_ptr<Numeric> make_numeric(const analysis::Plan& plan, const Equations& equations,
-                                      const NumericOptions& options, bool single, base::ThreadPool& pool,
-                                      base::MemoryBudget& budget, base::Timeline* timeline);
+                                      const solve::ResidualOperator& residual, const NumericOptions& options,
+                                      bool single, base::ThreadPool& pool, base::MemoryBudget& budget,
+                                      base::Timeline* timeline);
 
 }  // namespace espalier::solver

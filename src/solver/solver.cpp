@@ -43,6 +43,25 @@ Result copy_of(const Result& result) {
   }
 }
 
+template <class Impl>
+void check_values(const Impl& impl, const char* call, Offset count) {
+  if (impl.state == Solver::State::empty) throw std::logic_error(fmt::format("Solver::{}: call analyze() first", call));
+  if (count != impl.equations.caller_nonzeros)
+    throw std::invalid_argument(
+        fmt::format("Solver::{}: {} values for a pattern of {} entries", call, count, impl.equations.caller_nonzeros));
+}
+
+// What `body` left in impl.factor; a failure takes the factor with it.
+template <class Impl, class Body>
+FactorResult factor_by(Impl& impl, Body&& body) {
+  Status status = guarded(body);
+  if (!status.ok()) {
+    impl.factor.status = std::move(status);
+    impl.numeric.reset();
+  }
+  return copy_of(impl.factor);
+}
+
 int threads_of(const Options& o) {
   if (o.threads < 0) throw std::invalid_argument("Options::threads is negative");
   const int threads = o.threads > 0 ? o.threads : base::available_cores();
@@ -89,16 +108,23 @@ FactorResult Solver::factorize(const MatrixView& a) {
 }
 
 FactorResult Solver::refactorize(std::span<const double> values) {
-  if (impl_->state == State::empty) throw std::logic_error("Solver::refactorize: call analyze() first");
-  if (static_cast<Offset>(values.size()) != impl_->equations.caller_nonzeros)
-    throw std::invalid_argument(fmt::format("Solver::refactorize: {} values for a pattern of {} entries", values.size(),
-                                            impl_->equations.caller_nonzeros));
-  Status status = guarded([&] { impl_->factorize(values); });
-  if (!status.ok()) {
-    impl_->factor.status = std::move(status);
-    impl_->numeric.reset();
-  }
-  return copy_of(impl_->factor);
+  check_values(*impl_, "refactorize", static_cast<Offset>(values.size()));
+  return factor_by(*impl_, [&] { impl_->factorize(values); });
+}
+
+FactorResult Solver::refactorize_device(const double* values, Offset count, void* stream) {
+  check_values(*impl_, "refactorize_device", count);
+  if (values == nullptr) throw std::invalid_argument("Solver::refactorize_device: the values are null");
+  return factor_by(*impl_, [&] { impl_->factorize_device(values, count, stream); });
+}
+
+SolveResult Solver::solve_device(const double* b, double* x, Index columns, Transpose transpose, void* stream) {
+  if (impl_->state != State::factorized) throw std::logic_error("Solver::solve_device: there is no factorization");
+  if (columns < 1 || b == nullptr || x == nullptr)
+    throw std::invalid_argument("Solver::solve_device: at least one right-hand side and two arrays are needed");
+  const Status status = guarded([&] { impl_->solve_device(b, x, columns, transpose == Transpose::yes, stream); });
+  if (!status.ok()) impl_->solution.status = status;
+  return copy_of(impl_->solution);
 }
 
 SolveResult Solver::solve(std::span<const double> b, std::span<double> x, Index columns, Transpose transpose) {

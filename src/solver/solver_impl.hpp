@@ -11,6 +11,7 @@
 #include "base/thread_pool.hpp"
 #include "base/timeline.hpp"
 #include "espalier/solver.hpp"
+#include "solve/refinement.hpp"
 #include "solve/residual.hpp"
 #include "solver/device_choice.hpp"
 #include "solver/equations.hpp"
@@ -31,6 +32,11 @@ struct Solver::Impl {
 
   // factorization.cpp
   void factorize(std::span<const double> values);
+  void factorize_device(const double* values, Offset count, void* stream);
+  void fetch_values();
+  void begin_factorization();
+  void finish_factorization(device::FactorOutcome outcome, double start);
+  void set_smallest_pivot();
   void make_numeric();
   void turn_to_ldlt();
   device::FactorOutcome factorize_moving_pivots();
@@ -39,6 +45,11 @@ struct Solver::Impl {
 
   // substitution.cpp
   void solve(std::span<const double> b, std::span<double> x, Index columns, bool transpose);
+  void solve_device(const double* b, double* x, Index columns, bool transpose, void* stream);
+  bool solve_through_device(const double* b, double* x, Index columns, bool transpose);
+  void solve_at(const solve::ResidualSpace& space, const solve::Preconditioner& apply, const double* b, double* x,
+                Index columns, bool transpose, bool krylov);
+  void judge_solution();
   double condition_estimate();
 
   void log(const std::string& line) const {
@@ -61,6 +72,7 @@ struct Solver::Impl {
   analysis::Plan plan;
   std::unique_ptr<solver::Numeric> numeric;  // made by the first factorize()
   double smallest_pivot = 0;                 // relative; a smaller pivot counts as zero
+  bool values_on_device = false;             // the last values are on the GPU alone
   Index moved_pivots = 0;                    // columns moved to later fronts since analyze()
   AnalysisResult analysis;
   FactorResult factor;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <vector>
 
@@ -11,48 +12,119 @@
 
 namespace espalier {
 
+namespace {
+
+// Right-hand sides that are brought to a GPU at a time.
+constexpr Index kColumnsOnDevice = 32;
+
+bool overlap(const double* a, const double* b, std::size_t count) {
+  const std::less<> before;
+  return before(a, b + count) && before(b, a + count);
+}
+
+}  // namespace
+
 void Solver::Impl::solve(std::span<const double> b, std::span<double> x, Index columns, bool transpose) {
   const double start = base::now_seconds();
   solution = SolveResult{};
   // b is needed after x has been written.
   std::vector<double> copy;
-  if (b.data() < x.data() + x.size() && x.data() < b.data() + b.size()) {
+  if (overlap(b.data(), x.data(), x.size())) {
     copy.assign(b.begin(), b.end());
     b = copy;
   }
-  numeric->solve(b.data(), x.data(), columns, transpose);
-  solution.solve_seconds = base::now_seconds() - start;
+  if (!solve_through_device(b.data(), x.data(), columns, transpose)) {
+    fetch_values();
+    const solve::Preconditioner apply = [&](const double* from, double* to, Index count) {
+      numeric->solve(from, to, count, transpose);
+    };
+    solution = SolveResult{};
+    solve_at(residual, apply, b.data(), x.data(), columns, transpose, options.precision == Precision::mixed);
+  }
+  judge_solution();
+  solution.seconds = base::now_seconds() - start;
+}
+
+// Substitution and refinement on the GPU. False: there is none, its memory is too small, or only a Krylov method helps.
+bool Solver::Impl::solve_through_device(const double* b, double* x, Index columns, bool transpose) {
+  solver::DeviceSystem* system = numeric->device_system();
+  if (system == nullptr) return false;
+  const solve::Preconditioner apply = [&](const double* from, double* to, Index count) {
+    system->substitute(from, to, count, transpose);
+  };
+  const Offset n = plan.tree.n;
+  try {
+    for (Index first = 0; first < columns; first += kColumnsOnDevice) {
+      const Index now = std::min(kColumnsOnDevice, columns - first);
+      double* from = system->right_hand_sides(now);
+      double* to = system->solutions(now);
+      system->transfer(from, b + first * n, now * n);
+      solve_at(*system, apply, from, to, now, transpose, false);
+      system->transfer(x + first * n, to, now * n);
+    }
+  } catch (const Error& e) {
+    if (e.status().code != StatusCode::out_of_memory) throw;
+    return false;
+  }
+  return options.precision != Precision::mixed || solution.backward_error <= options.required_backward_error;
+}
+
+void Solver::Impl::solve_device(const double* b, double* x, Index columns, bool transpose, void* stream) {
+  const double start = base::now_seconds();
+  solution = SolveResult{};
+  solver::DeviceSystem* system = numeric->device_system();
+  if (system == nullptr)
+    throw Error(StatusCode::device_error,
+                "the factor is not in the memory of a GPU (" + numeric->device_name() + "); use solve()");
+  system->wait_for(stream);
+  const Offset count = Offset{plan.tree.n} * columns;
+  if (overlap(b, x, static_cast<std::size_t>(count))) {
+    double* copy = system->right_hand_sides(columns);
+    system->transfer(copy, b, count);
+    b = copy;
+  }
+  const solve::Preconditioner apply = [&](const double* from, double* to, Index many) {
+    system->substitute(from, to, many, transpose);
+  };
+  solve_at(*system, apply, b, x, columns, transpose, false);
+  judge_solution();
+  solution.seconds = base::now_seconds() - start;
+}
+
+// First solution and refinement where `space` is; adds to what `solution` says of earlier columns.
+void Solver::Impl::solve_at(const solve::ResidualSpace& space, const solve::Preconditioner& apply, const double* b,
+                            double* x, Index columns, bool transpose, bool krylov) {
+  const double start = base::now_seconds();
+  apply(b, x, columns);
+  solution.solve_seconds += base::now_seconds() - start;
   if (options.refinement_steps == 0 && std::isinf(options.required_backward_error)) {  // nobody asks for the residual
     solution.backward_error = solution.componentwise_error = std::numeric_limits<double>::quiet_NaN();
-    solution.seconds = solution.solve_seconds;
     return;
   }
-
   solve::RefinementOptions refinement;
-  refinement.steps = options.refinement_steps;
-  refinement.krylov = options.precision == Precision::mixed;
+  refinement.steps = options.precision == Precision::fp32 ? 0 : options.refinement_steps;
+  refinement.krylov = krylov;
   refinement.positive_definite = kind == Kind::llt;
-  if (options.precision == Precision::fp32) refinement.steps = 0;
-  const solve::Preconditioner apply = [&](const double* from, double* to, Index count) {
-    numeric->solve(from, to, count, transpose);
-  };
-  const solve::RefinementResult r = solve::refine(residual, apply, b.data(), x.data(), columns, transpose, refinement);
-  solution.refinement_steps = r.steps + r.krylov_steps;
-  solution.backward_error = r.error.normwise;
-  solution.componentwise_error = r.error.componentwise;
-  solution.seconds = base::now_seconds() - start;
+  const solve::RefinementResult r = solve::refine(space, apply, b, x, columns, transpose, refinement);
+  solution.refinement_steps = std::max(solution.refinement_steps, r.steps + r.krylov_steps);
+  solution.backward_error = std::max(solution.backward_error, r.error.normwise);
+  solution.componentwise_error = std::max(solution.componentwise_error, r.error.componentwise);
+}
+
+void Solver::Impl::judge_solution() {
   const double limit = options.precision == Precision::fp32 ? std::max(options.required_backward_error, 1e-5)
                                                             : options.required_backward_error;
-  if (!(solution.backward_error <= limit))
-    solution.status = {StatusCode::accuracy_not_reached,
-                       fmt::format("the backward error is {:.1e} after {} steps of refinement, above the {:.1e} asked "
-                                   "for; use precision fp64, "
-                                   "matching, or a larger pivot_threshold",
-                                   solution.backward_error, solution.refinement_steps, limit),
-                       -1};
+  if (solution.backward_error <= limit || std::isinf(limit)) return;
+  solution.status = {StatusCode::accuracy_not_reached,
+                     fmt::format("the backward error is {:.1e} after {} steps of refinement, above the {:.1e} asked "
+                                 "for; use precision fp64, "
+                                 "matching, or a larger pivot_threshold",
+                                 solution.backward_error, solution.refinement_steps, limit),
+                     -1};
 }
 
 double Solver::Impl::condition_estimate() {
+  fetch_values();
   const double inverse = solver::estimate_inverse_norm(
       plan.tree.n, [&](const double* x, double* y, bool transpose) { numeric->solve(x, y, 1, transpose); });
   return inverse * residual.norm(true);

@@ -181,11 +181,30 @@ class Equations final : public DeviceEquations<T> {
     return s.data();
   }
 
-  void to_device(double* to, const double* from, Offset count) override { transfer(to, from, count); }
-  void from_device(double* to, const double* from, Offset count) override { transfer(to, from, count); }
+  void transfer(double* to, const double* from, Offset count) override {
+    const DeviceGuard guard(device_);
+    check(cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(double), cudaMemcpyDefault, stream_.get()),
+          "cudaMemcpyAsync(vectors)");
+    stream_.wait();
+  }
+  // Where pinning is refused, copies are slower, but nothing else changes.
+  void pin(std::span<const double> values) override {
+    const DeviceGuard guard(device_);
+    auto* p = const_cast<double*>(values.data());  // the device only reads
+    if (!values.empty() && cudaHostRegister(p, values.size_bytes(), cudaHostRegisterDefault) == cudaSuccess)
+      pinned_values_.reset(p);
+    (void)cudaGetLastError();
+  }
+  void wait_for(void* stream) override {
+    const DeviceGuard guard(device_);
+    check(cudaStreamSynchronize(static_cast<cudaStream_t>(stream)), "cudaStreamSynchronize(caller's stream)");
+  }
   [[nodiscard]] Offset bytes() const override { return budget_.held(); }
 
  private:
+  struct Unpin {
+    void operator()(double* p) const { (void)cudaHostUnregister(p); }
+  };
   static constexpr Offset kFound = 4 * kMostColumns;
 
   // Makes the device current while the members are made.
@@ -218,12 +237,6 @@ class Equations final : public DeviceEquations<T> {
     stream_.wait();
     return pinned_.data();
   }
-  void transfer(double* to, const double* from, Offset count) {
-    const DeviceGuard guard(device_);
-    check(cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(double), cudaMemcpyDefault, stream_.get()),
-          "cudaMemcpyAsync(vectors)");
-    stream_.wait();
-  }
   [[nodiscard]] DevicePattern pattern() const {
     return {col_ptr_.data(), row_ind_.data(), row_ptr_.data(), row_col_.data(), row_source_.data(), values_.data(), n_,
             general_};
@@ -244,6 +257,7 @@ class Equations final : public DeviceEquations<T> {
   DeviceArray<double> row_scale_, col_scale_, values_, found_;
   DeviceArray<T> scaled_;
   DeviceArray<double*> pointers_;
+  std::unique_ptr<double, Unpin> pinned_values_;
   DeviceArray<double> slots_[DeviceEquations<T>::kSlots];
 };
 

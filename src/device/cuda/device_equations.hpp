@@ -66,8 +66,12 @@ class DeviceEquations {
   /// Memory for vectors; grows and moves when more are asked for than ever before.
   virtual double* vectors(Index slot, Index columns) = 0;
   static constexpr Index kSlots = 4;  ///< slots of vectors()
-  virtual void to_device(double* to, const double* from, Offset count) = 0;
-  virtual void from_device(double* to, const double* from, Offset count) = 0;
+  /// Copies from anywhere to anywhere.
+  virtual void transfer(double* to, const double* from, Offset count) = 0;
+  /// Host memory from which values will come: pinned while the object lives, so that they travel at the link's rate.
+  virtual void pin(std::span<const double> values) = 0;
+  /// Waits for what is enqueued on a CUDA stream (cudaStream_t).
+  virtual void wait_for(void* stream) = 0;
   [[nodiscard]] virtual Offset bytes() const = 0;
 };
 

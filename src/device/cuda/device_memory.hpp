@@ -47,7 +47,13 @@ class DeviceArray {
   DeviceArray(Offset size, DeviceBudget& budget, Offset in_all) : size_(size) {
     if (size == 0) return;
     budget.take(bytes(), in_all);
-    check(cudaMalloc(reinterpret_cast<void**>(&data_), static_cast<std::size_t>(bytes())), "cudaMalloc");
+    const cudaError_t e = cudaMalloc(reinterpret_cast<void**>(&data_), static_cast<std::size_t>(bytes()));
+    if (e == cudaErrorMemoryAllocation) {
+      (void)cudaGetLastError();
+      throw Error(StatusCode::out_of_memory, "the GPU refused " + base::format_bytes(bytes()) + " of its memory; " +
+                                                 "others may use it: set --device-memory, or use the host");
+    }
+    check(e, "cudaMalloc");
   }
   DeviceArray(DeviceArray&& o) noexcept : data_(std::exchange(o.data_, nullptr)), size_(std::exchange(o.size_, 0)) {}
   DeviceArray& operator=(DeviceArray&& o) noexcept {

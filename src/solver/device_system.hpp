@@ -1,0 +1,45 @@
+/// \file
+/// The equations beside their factor on one GPU: factorization and solve without arrays on the host.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+
+#include "analysis/plan.hpp"
+#include "device/cuda/device_equations.hpp"
+#include "solve/residual.hpp"
+#include "solver/equations.hpp"
+
+namespace espalier::solver {
+
+/// Pointers are memory of the GPU unless said otherwise; values are in the order of Equations::a.
+class DeviceSystem : public solve::ResidualSpace {
+ public:
+  /// Scales and factors new values, which may also lie on the host. smallest_pivot: as for Numeric.
+  /// @returns nothing when an entry is not finite
+  virtual std::optional<device::FactorOutcome> factorize(const double* values, double smallest_pivot) = 0;
+  /// The values of the last factorize(), to host memory.
+  virtual void read_values(std::span<double> to) const = 0;
+  /// x = op(A)^-1 b; x may equal b.
+  virtual void substitute(const double* b, double* x, Index columns, bool transpose) = 0;
+  /// Two more slots of vectors, for right-hand sides and solutions.
+  virtual double* right_hand_sides(Index columns) = 0;
+  virtual double* solutions(Index columns) = 0;
+  /// Waits for what is enqueued on a CUDA stream (cudaStream_t); null: the default stream.
+  virtual void wait_for(void* stream) = 0;
+  /// Copies from anywhere to anywhere.
+  virtual void transfer(double* to, const double* from, Offset count) = 0;
+};
+
+/// @param executor  must outlive the system, like `plan` and `equations`
+/// @param device    the GPU on which its values and right-hand sides lie
+/// @param memory_bytes  budget for what is taken besides the executor's memory; 0: what is free
+/// @throws Error(out_of_memory), Error(device_error)
+template <class T>
+std::unique_ptr<DeviceSystem> make_device_system(const analysis::Plan& plan, const Equations& equations,
+                                                 const solve::ResidualOperator& residual, Kind kind, double threshold,
+                                                 device::cuda::CudaExecutor<T>& executor, int device,
+                                                 Offset memory_bytes);
+
+}  // namespace espalier::solver
