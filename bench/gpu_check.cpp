@@ -23,6 +23,7 @@
 #include "analysis/ordering.hpp"
 #include "device/cuda/cuda_executor.hpp"
 #include "device/host/host_executor.hpp"
+#include "factor/gpu_simulator.hpp"
 #include "matrix/generators/generate.hpp"
 #include "matrix/residual.hpp"
 #include "solver/equations.hpp"
@@ -37,6 +38,7 @@ struct Settings {
   bool fp32 = false;
   bool host = false;
   bool plan_only = false;
+  bool lists = false;  // with plan_only: every device's list
   int repeat = 5;
   Index columns = 1;
   std::vector<int> devices = {0};  // GPUs
@@ -94,6 +96,8 @@ Settings parse(int argc, char** argv) {
       s.fp32 = true;
     else if (a == "--plan")
       s.plan_only = true;
+    else if (a == "--lists")
+      s.lists = true;
     else if (a == "--patience")
       s.patience = std::stod(value());
     else if (a == "--staging")
@@ -444,6 +448,16 @@ void show_plan(const Case& c, const Settings& settings) {
   fmt::print("{:<18} x{} {:<4} {} fronts, top {} with {:.1f} % of the work, {} sub-trees, plan {:.3f} + {:.3f} s\n",
              c.name, c.devices, name_of(c.kind), c.plan.fronts(), top, 100 * top_flops / c.plan.flops,
              a.subtrees.size(), c.plan_seconds, seconds);
+  const double simulation = now();
+  const factor::SimulatedRun run = factor::simulate(d, factor::h200_rates(c.kind));
+  double busy = 0;
+  for (const double b : run.busy) busy += b / run.seconds / c.devices;
+  fmt::print(
+      "    simulated on H200: {:.3f} ms, {:.1f} TFLOP/s, busy {:.0f} %; model {:.3f} ms; simulation took {:.2f} s\n",
+      1e3 * run.seconds, 1e-12 * c.plan.flops / run.seconds, 100 * busy,
+      1e3 * analysis::gpu_time(c.plan.tree, c.kind == Kind::lu, c.kind == Kind::ldlt).on(c.devices),
+      now() - simulation);
+  if (!settings.lists) return;
   for (std::size_t x = 0; x < d.lists.size(); ++x) {
     double gigabytes = unit * static_cast<double>(d.regions[0]);
     for (std::size_t r = 1; r < d.regions.size(); ++r)

@@ -87,12 +87,13 @@ void assign_largest_first(const Plan& plan, std::vector<SubTree>& subtrees, Inde
 
 // Who works on a front: its sub-tree's device; in the top, everybody with a sub-tree below.
 void find_members(const Plan& plan, DeviceAssignment& a) {
-  const std::uint32_t all = a.devices == DeviceAssignment::kMostMembers ? ~0u : (1u << a.devices) - 1;
+  const std::uint64_t one = 1;
+  const std::uint64_t all = a.devices == DeviceAssignment::kMostMembers ? ~std::uint64_t{0} : (one << a.devices) - 1;
   a.members.assign(static_cast<std::size_t>(plan.fronts()), 0);
   for (Index f = 0; f < plan.fronts(); ++f) {
     const Index s = a.subtree(f);
-    std::uint32_t& mine = a.members[static_cast<std::size_t>(f)];
-    if (s >= 0) mine = 1u << a.subtrees[static_cast<std::size_t>(s)].device;
+    std::uint64_t& mine = a.members[static_cast<std::size_t>(f)];
+    if (s >= 0) mine = one << a.subtrees[static_cast<std::size_t>(s)].device;
     if (s < 0 && !a.shared_top) mine = 1;
     if (mine == 0) mine = all;  // in the top, and nothing below it
     const Index parent = plan.tree.parent[f];

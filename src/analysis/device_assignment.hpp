@@ -38,7 +38,7 @@ struct SubTree {
 /// open, the worker that opened it has since taken only tasks of it before t: finished, so it takes t. If t belongs to
 /// the top, all sub-trees are finished, and so are the tasks before t that its owner's workers took: they take t.
 struct DeviceAssignment {
-  static constexpr Index kMostMembers = 32;  ///< with more devices, all share all of the top
+  static constexpr Index kMostMembers = 64;  ///< with more devices, all share all of the top
 
   Index devices = 1;
   Index column_group = 1;         ///< so many neighbouring block columns of the top have the same owner
@@ -50,7 +50,7 @@ struct DeviceAssignment {
   /// Owners of the block columns of the top where they are dealt by load: fronts + 1 places in `owners`. Else empty.
   std::vector<Offset> owner_ptr;
   std::vector<std::uint8_t> owners;
-  std::vector<std::uint32_t> members;  ///< fronts; bit d: device d works on it. Empty with one device, or too many
+  std::vector<std::uint64_t> members;  ///< fronts; bit d: device d works on it. Empty with one device, or too many
 
   /// The sub-tree of a front, -1: the top.
   [[nodiscard]] Index subtree(Index front) const {
@@ -66,7 +66,7 @@ struct DeviceAssignment {
     if (!owners.empty()) return owners[static_cast<std::size_t>(owner_ptr[static_cast<std::size_t>(front)] + column)];
     const Offset turn = Offset{column} / column_group + front;
     if (members.empty()) return static_cast<Index>(turn % devices);
-    std::uint32_t set = members[static_cast<std::size_t>(front)];
+    std::uint64_t set = members[static_cast<std::size_t>(front)];
     for (auto k = turn % std::popcount(set); k > 0; --k) set &= set - 1;
     return std::countr_zero(set);
   }

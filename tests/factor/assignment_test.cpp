@@ -133,10 +133,10 @@ TEST_P(Assignment, BlockColumnsOfTheTopAreDealtEvenly) {
 
 TEST_P(Assignment, MembersOfTheTopHaveASubTreeBelow) {
   const auto& a = plan_.assignment;
-  std::vector<std::uint32_t> below(static_cast<std::size_t>(plan_.fronts()), 0);
+  std::vector<std::uint64_t> below(static_cast<std::size_t>(plan_.fronts()), 0);
   for (Index f = 0; f < plan_.fronts(); ++f) {
     auto& mine = below[static_cast<std::size_t>(f)];
-    if (a.subtree(f) >= 0) mine = 1u << a.subtrees[static_cast<std::size_t>(a.subtree(f))].device;
+    if (a.subtree(f) >= 0) mine = std::uint64_t{1} << a.subtrees[static_cast<std::size_t>(a.subtree(f))].device;
     if (mine != 0) {
       EXPECT_EQ(a.members[static_cast<std::size_t>(f)], mine);
     }

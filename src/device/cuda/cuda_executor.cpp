@@ -75,6 +75,8 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     if (static_cast<Index>(devices_.size()) != plan.assignment.devices)
       throw std::invalid_argument(fmt::format("make_cuda_executor: the plan is for {} devices, not for {}",
                                               plan.assignment.devices, devices_.size()));
+    if (devices_.size() > kMostDevices)
+      throw std::invalid_argument(fmt::format("make_cuda_executor: at most {} devices", kMostDevices));
     if (several()) open_paths();
     for (std::size_t d = 0; d < devices_.size(); ++d) add_side(static_cast<int>(d));
     for (const auto& side : sides_) at(*side, [&] { side->connect(sides_); });

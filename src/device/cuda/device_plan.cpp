@@ -22,7 +22,6 @@ class Builder {
   Builder(const Plan& plan, Kind kind, bool peer_access) : plan_(plan), kind_(kind), peer_access_(peer_access) {
     if (plan.options.tiles.panel != kChunk || plan.options.tiles.even || plan.options.range_flops > 0)
       throw std::invalid_argument("make_device_plan: the plan was not made with cuda_plan_options()");
-    if (plan.assignment.devices > kMostDevices) throw std::invalid_argument("make_device_plan: too many devices");
   }
 
   DevicePlan build() {

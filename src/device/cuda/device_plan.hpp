@@ -47,7 +47,9 @@ struct Place {
   std::int64_t offset = 0;  ///< elements from the start of that device's space for places
 };
 
-/// The tables: for all devices the same, but for the lists of tasks.
+/// The tables: for all devices the same, but for the lists of tasks. With more than kMostDevices devices, which nothing
+/// but a simulation can use, Front::members and Front::readers are cut off, and the lists of the solve are not
+/// complete.
 struct DevicePlan {
   std::vector<Front> fronts;
   std::vector<Link> links;           ///< children, in the order in which their contributions are added
