@@ -1,0 +1,207 @@
+/// \file
+/// Strains of the eight-node hexahedron at its integration points: sampled in covariant components, tied where a shell
+/// wants it, enhanced by modes, in Cartesian components. Only for hex8_strain.cpp, which compiles it once per
+/// instruction set.
+#pragma once
+
+#include <algorithm>
+
+#include "dynamics/elements/dispatch.hpp"
+#include "dynamics/elements/shape_functions.hpp"
+#include "dynamics/elements/strain_material.hpp"
+
+namespace espalier::dynamics::hex8 {
+
+inline constexpr int kNodes = 8;
+inline constexpr int kDofs = 24;
+inline constexpr int kPoints = 8;
+inline constexpr int kMaxModes = 9;
+// Strain components in the order 11 22 33 12 23 13, shear as engineering strain (twice the tensor component).
+inline constexpr int kRow[6] = {0, 1, 2, 0, 1, 0};
+inline constexpr int kCol[6] = {0, 1, 2, 1, 2, 2};
+
+using Gradients = double[3][kNodes];
+using Row = double[kDofs];
+
+/// Where strain components are sampled: integration points, and for shells the tying points.
+struct Tying {
+  double xi[3];
+  int component;
+};
+// Bathe and Dvorkin: xi-zeta shear at the middle of the edges eta = -1, +1; eta-zeta shear at xi = -1, +1; thickness
+// strain on the four corner lines; all on the middle surface.
+inline constexpr Tying kTying[8] = {{{0, -1, 0}, 5},  {{0, 1, 0}, 5},  {{-1, 0, 0}, 4}, {{1, 0, 0}, 4},
+                                    {{-1, -1, 0}, 2}, {{1, -1, 0}, 2}, {{1, 1, 0}, 2},  {{-1, 1, 0}, 2}};
+
+/// Weight of tying point t at xi (0 for the components that are not tied).
+inline double tying_weight(int t, const double* xi) {
+  const double* at = kTying[t].xi;
+  if (kTying[t].component == 5) return 0.5 * (1 + at[1] * xi[1]);
+  if (kTying[t].component == 4) return 0.5 * (1 + at[0] * xi[0]);
+  return 0.25 * (1 + at[0] * xi[0]) * (1 + at[1] * xi[1]);
+}
+
+/// Shape functions at the integration and tying points; independent of the element.
+struct Tables {
+  ShapeTable<kNodes, kPoints> points =
+      make_shape_table<kNodes, kPoints>(ElementType::hex8, quadrature(ElementType::hex8, Rule::stiffness));
+  double xi[kPoints][3];
+  Gradients tying[8];
+  double weight[kPoints][8];
+  Gradients centre;
+  Tables() {
+    const auto rule = quadrature(ElementType::hex8, Rule::stiffness);
+    const double origin[3] = {0, 0, 0};
+    shape_gradients(ElementType::hex8, origin, &centre[0][0]);
+    for (int t = 0; t < 8; ++t) shape_gradients(ElementType::hex8, kTying[t].xi, &tying[t][0][0]);
+    for (int q = 0; q < kPoints; ++q) {
+      std::copy_n(rule[static_cast<std::size_t>(q)].xi.data(), 3, xi[q]);
+      for (int t = 0; t < 8; ++t) weight[q][t] = tying_weight(t, xi[q]);
+    }
+  }
+};
+
+inline const Tables& tables() {
+  static const Tables kTables;
+  return kTables;
+}
+
+/// Covariant basis c[i][d] = sum_a x_a,i dN_a/dxi_d of a nodal field.
+ESPALIER_INLINE void basis(const Gradients& dn, const double* x, Mat33& c) {
+  for (int i = 0; i < 3; ++i)
+    for (int d = 0; d < 3; ++d) {
+      c[i][d] = 0;
+      for (int a = 0; a < kNodes; ++a) c[i][d] += x[3 * a + i] * dn[d][a];
+    }
+}
+
+/// Covariant strain, its rate, and their rows of B at one point for one component.
+struct Sample {
+  double strain, rate;
+  Row b, b_rate;
+};
+
+/// Bases of one sampling point: reference, displacement, velocity.
+struct Bases {
+  Mat33 reference, displacement, current, velocity;
+};
+
+ESPALIER_INLINE void fill_bases(const Gradients& dn, const double* x0, const double* u, const double* v, Bases& g) {
+  basis(dn, x0, g.reference);
+  basis(dn, u, g.displacement);
+  basis(dn, v, g.velocity);
+  for (int i = 0; i < 3; ++i)
+    for (int d = 0; d < 3; ++d) g.current[i][d] = g.reference[i][d] + g.displacement[i][d];
+}
+
+/// E_ij = (g_i . g_j - G_i . G_j) / 2, written with the displacement so that small strains keep their digits.
+ESPALIER_INLINE void sample(const Gradients& dn, const Bases& g, int component, Sample& s) {
+  const int p = kRow[component], r = kCol[component];
+  const double scale = p == r ? 0.5 : 1.0;
+  s.strain = s.rate = 0;
+  for (int i = 0; i < 3; ++i) {
+    s.strain += g.reference[i][p] * g.displacement[i][r] + g.displacement[i][p] * g.reference[i][r] +
+                g.displacement[i][p] * g.displacement[i][r];
+    s.rate += g.current[i][p] * g.velocity[i][r] + g.velocity[i][p] * g.current[i][r];
+    for (int a = 0; a < kNodes; ++a) {
+      s.b[3 * a + i] = scale * (dn[p][a] * g.current[i][r] + dn[r][a] * g.current[i][p]);
+      s.b_rate[3 * a + i] = scale * (dn[p][a] * g.velocity[i][r] + dn[r][a] * g.velocity[i][p]);
+    }
+  }
+  s.strain *= scale;
+  s.rate *= scale;
+}
+
+/// T with E_cartesian = T E_covariant in the engineering order above; A = (dX/dxi)^-1, E = A^T E_cov A.
+ESPALIER_INLINE void strain_transform(const Mat33& a, double (&t)[6][6]) {
+  for (int m = 0; m < 6; ++m) {
+    const int i = kRow[m], j = kCol[m];
+    const double twice = i == j ? 1 : 2;
+    for (int n = 0; n < 6; ++n) {
+      const int p = kRow[n], r = kCol[n];
+      t[m][n] = p == r ? twice * a[p][i] * a[p][j] : 0.5 * twice * (a[p][i] * a[r][j] + a[r][i] * a[p][j]);
+    }
+  }
+}
+
+/// Everything about one integration point that the formulations need.
+struct PointData {
+  double volume;  // weight * det
+  double t[6][6];
+  double strain[6], rate[6];
+  double b[6][kDofs], b_rate[6][kDofs];
+  double m[6][kMaxModes];  // enhanced modes, Cartesian
+};
+
+struct Element {
+  PointData point[kPoints];
+  double tying_force[8];  // sum of weight * covariant stress on each tied component
+  int modes = 0;
+  double alpha[kMaxModes] = {};
+};
+
+/// Covariant enhanced modes: (component, polynomial) pairs; polynomial 0 xi, 1 eta, 2 zeta, 3 xi zeta, 4 eta zeta,
+/// 5 xi eta zeta.
+struct Mode {
+  int component, polynomial;
+};
+inline constexpr Mode kEnhanced[9] = {{0, 0}, {1, 1}, {2, 2}, {3, 0}, {3, 1}, {4, 1}, {4, 2}, {5, 0}, {5, 2}};
+inline constexpr Mode kShell[8] = {{0, 0}, {1, 1}, {3, 0}, {3, 1}, {2, 2}, {2, 3}, {2, 4}, {2, 5}};
+
+inline double polynomial(int which, const double* xi) {
+  switch (which) {
+    case 0:
+      return xi[0];
+    case 1:
+      return xi[1];
+    case 2:
+      return xi[2];
+    case 3:
+      return xi[0] * xi[2];
+    case 4:
+      return xi[1] * xi[2];
+    default:
+      return xi[0] * xi[1] * xi[2];
+  }
+}
+
+/// M = (det J0 / det J) T0 M_cov(xi): T0 of the centre makes the modes pass the patch test (Simo and Rifai 1990).
+ESPALIER_INLINE void fill_modes(const Mode* modes, int count, const double (&t0)[6][6], double scale, const double* xi,
+                                PointData& p) {
+  for (int k = 0; k < count; ++k) {
+    const double value = scale * polynomial(modes[k].polynomial, xi);
+    for (int r = 0; r < 6; ++r) p.m[r][k] = t0[r][modes[k].component] * value;
+  }
+}
+
+ESPALIER_INLINE void to_cartesian(const double (&t)[6][6], const Sample (&cov)[6], PointData& p) {
+  for (int m = 0; m < 6; ++m) {
+    p.strain[m] = p.rate[m] = 0;
+    for (int d = 0; d < kDofs; ++d) p.b[m][d] = p.b_rate[m][d] = 0;
+    for (int n = 0; n < 6; ++n) {
+      p.strain[m] += t[m][n] * cov[n].strain;
+      p.rate[m] += t[m][n] * cov[n].rate;
+      for (int d = 0; d < kDofs; ++d) {
+        p.b[m][d] += t[m][n] * cov[n].b[d];
+        p.b_rate[m][d] += t[m][n] * cov[n].b_rate[d];
+      }
+    }
+  }
+}
+
+/// Replaces the tied components by their interpolation.
+ESPALIER_INLINE void tie(const double (&weight)[8], const Sample (&tying)[8], Sample (&cov)[6]) {
+  for (const int component : {2, 4, 5}) cov[component] = Sample{};
+  for (int t = 0; t < 8; ++t) {
+    Sample& c = cov[kTying[t].component];
+    if (weight[t] == 0) continue;
+    c.strain += weight[t] * tying[t].strain;
+    c.rate += weight[t] * tying[t].rate;
+    for (int d = 0; d < kDofs; ++d) {
+      c.b[d] += weight[t] * tying[t].b[d];
+      c.b_rate[d] += weight[t] * tying[t].b_rate[d];
+    }
+  }
+}
+
+}  // namespace espalier::dynamics::hex8
