@@ -13,7 +13,7 @@ namespace {
 
 class Faulty : public Rival {
  public:
-  explicit Faulty(const std::string& text) : variant_(text, "missing crash exit hang memory wrong refuse") {
+  explicit Faulty(const std::string& text) : variant_(text, "missing crash exit hang memory wrong refuse spin") {
     if (variant_.has("missing")) throw Failure(Outcome::missing, "asked to be missing");
   }
   [[nodiscard]] std::string name() const override { return "faulty"; }
@@ -32,7 +32,9 @@ class Faulty : public Rival {
   }
   FactorReport refactorize(std::span<const double> values) override {
     diagonal_.assign(values.begin(), values.end());
-    return {};
+    FactorReport report;
+    report.seconds = timed([this] { spin(); });
+    return report;
   }
   SolveReport solve(std::span<const double> b, std::span<double> x, Index /*columns*/) override {
     if (variant_.has("crash")) std::raise(SIGSEGV);
@@ -43,6 +45,13 @@ class Faulty : public Rival {
   }
 
  private:
+  /// Takes as many microseconds as "spin=" says, whatever else runs.
+  void spin() const {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::microseconds(variant_.number("spin", 0));
+    while (std::chrono::steady_clock::now() < end) {
+    }
+  }
+
   Variant variant_;
   std::vector<double> diagonal_, big_;
 };

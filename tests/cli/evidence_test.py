@@ -218,8 +218,9 @@ class Report(Cli):
         });</script></body>"""
         probed = self.file("probed.html", source.replace("</body>", probe))
         common = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--enable-logging=stderr",
-                  "--window-size=1280,4000", f"--user-data-dir={self.folder}/profile", "--virtual-time-budget=4000"]
-        result = subprocess.run([*common, "--dump-dom", f"file://{probed}"], capture_output=True, text=True, timeout=120)
+                  "--window-size=1280,4000", "--virtual-time-budget=4000"]
+        profile = lambda name: f"--user-data-dir={self.folder}/{name}"  # of its own: the theme is kept in it
+        result = subprocess.run([*common, profile("probe"), "--dump-dom", f"file://{probed}"], capture_output=True, text=True, timeout=120)
         console = [line for line in result.stderr.splitlines() if "CONSOLE" in line]
         self.assertEqual(console, [])
         found = json.loads(re.search(r"<title>(\{.*?\})</title>", result.stdout).group(1))
@@ -232,7 +233,7 @@ class Report(Cli):
         for theme, more in (("light", []), ("dark", ["--blink-settings=preferredColorScheme=0"])):
             picture = kept / f"report-{theme}.png"
             picture.unlink(missing_ok=True)
-            subprocess.run([*common, *more, f"--screenshot={picture}", f"file://{plain}"], capture_output=True, timeout=120)
+            subprocess.run([*common, *more, profile(theme), f"--screenshot={picture}", f"file://{plain}"], capture_output=True, timeout=120)
             self.assertGreater(picture.stat().st_size, 50000)
 
 
