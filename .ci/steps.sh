@@ -83,6 +83,9 @@ check_package() {
     return 1
   fi
   env -i "$binary" info
+  # ... and measures with the rivals that it carries.
+  env -i "$binary" bench peers --system "elasticity 4" --rivals espalier,eigen --out "$root/peers.json"
+  [[ $(grep -c '"outcome": "ok"' "$root/peers.json") == 2 ]] || { echo "the bundle's rivals do not work"; return 1; }
 }
 
 # Work counted, not timed: flops, fill, memory, instructions of fixed systems against .ci/bounds.json.
