@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "analysis/ordering.hpp"
+#include "cuda_plan_flags.hpp"
 #include "device/cuda/device_plan.hpp"
 #include "matrix/generators/generate.hpp"
 
@@ -17,7 +18,6 @@ namespace {
 using device::cuda::DevicePlan;
 using device::cuda::FactorTask;
 using device::cuda::Front;
-using device::cuda::Work;
 
 struct Parameter {
   std::vector<std::string> words;
@@ -39,49 +39,6 @@ class CudaPlan : public ::testing::TestWithParam<Parameter> {
     lists_ = device_.lists.front();
   }
 
-  // Calls use(flag) for every flag that the task polls, parts left aside.
-  template <class Use>
-  void needed_flags(const FactorTask& t, Use&& use) const {
-    const Front& f = device_.fronts[t.front];
-    const int j = t.column;
-    if (t.work == Work::whole) {
-      children(f, 0, f.tiles, 0, f.tiles, use);
-      return;
-    }
-    const int per_block = device::cuda::kRowBlock / f.width;
-    const int first =
-        t.block < f.pivot_blocks ? t.block * per_block : f.pivot_tiles + (t.block - f.pivot_blocks) * per_block;
-    const bool pivot = j < f.pivot_tiles, diagonal = t.work == Work::diagonal;
-    const int row = diagonal ? j : std::max(first, pivot ? j + 1 : j);
-    const int end = diagonal ? j + 1 : std::min(first + per_block, t.block < f.pivot_blocks ? f.pivot_tiles : f.tiles);
-    children(f, row, end, j, j + 1, use);
-    for (int k = 0; k < std::min(j, f.pivot_tiles); ++k) {
-      use(f.flag(diagonal ? f.block_of_column(j) : t.block, k));
-      use(f.flag(f.block_of_column(j), k));
-    }
-    if (pivot && !diagonal) use(f.diagonal_flag(j));
-  }
-
-  template <class Use>
-  void children(const Front& f, int row, int row_end, int col, int col_end, Use&& use) const {
-    for (int l = f.link_begin; l < f.link_end; ++l) {
-      const Front& c = device_.fronts[device_.links[l].child];
-      const std::int32_t* b = device_.bounds.data() + device_.links[l].bound;
-      const int r0 = std::max(b[row], b[col]), r1 = b[row_end], c0 = b[col], c1 = b[col_end];
-      if (r0 >= r1 || c0 >= c1) continue;
-      for (int x = c0 / c.width; x <= (c1 - 1) / c.width; ++x)
-        for (int y = r0 / device::cuda::kRowBlock; y <= (r1 - 1) / device::cuda::kRowBlock; ++y)
-          if ((y + 1) * device::cuda::kRowBlock > x * c.width) use(c.flag(c.pivot_blocks + y, c.pivot_tiles + x));
-    }
-  }
-
-  std::int64_t own_flag(const FactorTask& t) const {
-    const Front& f = device_.fronts[t.front];
-    if (t.work == Work::diagonal) return f.diagonal_flag(t.column);
-    if (t.work == Work::block) return f.flag(t.block, t.column);
-    return f.below > 0 ? f.flag(f.pivot_blocks, f.pivot_tiles) : f.diagonal_flag(0);
-  }
-
   base::ThreadPool pool_{2};
   SparseMatrix a_;
   analysis::Plan plan_;
@@ -94,14 +51,14 @@ TEST_P(CudaPlan, EveryFlagIsSetByAnEarlierTask) {
   std::int64_t checked = 0;
   for (std::size_t at = 0; at < lists_.tasks.size(); ++at) {
     const FactorTask& t = lists_.tasks[at];
-    needed_flags(t, [&](std::int64_t flag) {
+    PlanFlags(device_).needed_flags(t, [&](std::int64_t flag, std::int32_t) {
       ASSERT_GE(flag, 0);
       ASSERT_LT(flag, device_.flags);
       ASSERT_NE(set[static_cast<std::size_t>(flag)], 0)
           << "task " << at << " of front " << t.front << " column " << t.column;
       ++checked;
     });
-    const std::int64_t own = own_flag(t);
+    const std::int64_t own = PlanFlags(device_).own_flag(t);
     ASSERT_LT(own, device_.flags);
     if (t.part == 0) {
       ASSERT_EQ(set[static_cast<std::size_t>(own)], 0) << "two tasks set one flag";

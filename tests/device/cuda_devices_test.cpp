@@ -1,0 +1,212 @@
+// The CUDA backend's tables for several devices, without a GPU. Truth: the definitions in device/cuda/tables.hpp. The
+// lists are replayed by devices of one block each, which is the hardest case: every task must find what it reads, made
+// by an earlier task and brought to its device, and nobody may wait for ever, whoever steals what.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <bit>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "analysis/ordering.hpp"
+#include "cuda_plan_flags.hpp"
+#include "device/cuda/device_plan.hpp"
+#include "matrix/generators/generate.hpp"
+
+namespace espalier {
+namespace {
+
+using device::cuda::DevicePlan;
+using device::cuda::FactorTask;
+using device::cuda::Front;
+
+struct Parameter {
+  std::vector<std::string> words;
+  Kind kind;
+  Index devices;
+  bool stealing;
+};
+
+class CudaDevices : public ::testing::TestWithParam<Parameter> {
+ protected:
+  void SetUp() override {
+    a_ = matrix::generate(matrix::parse_generator(GetParam().words), &pool_);
+    device::cuda::DeviceTuning tuning;
+    tuning.narrow_rows = 300;  // small systems, too, shall have wide fronts
+    tuning.stealing = GetParam().stealing;
+    auto tree = analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_);
+    const auto options = device::cuda::cuda_plan_options(GetParam().kind, tuning, GetParam().devices);
+    plan_ = analysis::make_plan(std::move(tree), a_, {}, options, pool_);
+    tables_ = device::cuda::make_device_plan(plan_, GetParam().kind);
+  }
+
+  // Bit d: device d learns of the flags that a task of the front sets on device `maker`.
+  [[nodiscard]] unsigned told(const Front& f, bool contribution, int maker) const {
+    const unsigned others = contribution ? f.readers : f.region == 0 ? f.members : 0u;
+    return others | 1u << maker;
+  }
+
+  // Every device takes its tasks in order; `order` draws who goes on. @returns tasks done
+  std::size_t replay(std::mt19937& order, std::vector<int>& stolen_by) {
+    const PlanFlags flags(tables_);
+    const std::size_t devices = tables_.lists.size();
+    std::vector<unsigned> known(static_cast<std::size_t>(tables_.flags), 0);
+    std::vector<std::size_t> next(devices, 0);
+    stolen_by.assign(tables_.regions.size(), -1);
+    std::size_t done = 0;
+    for (std::size_t idle = 0; idle < 64 * devices;) {
+      const auto d = static_cast<std::size_t>(order() % devices);
+      ++idle;
+      for (auto burst = order() % 200; burst > 0 && next[d] < tables_.lists[d].tasks.size(); --burst) {
+        const FactorTask& t = tables_.lists[d].tasks[next[d]];
+        if (t.region >= tables_.first_stealable) {
+          int& who = stolen_by[t.region];
+          if (who < 0) who = static_cast<int>(d);
+          if (who != static_cast<int>(d)) {
+            ++next[d];
+            idle = 0;
+            continue;
+          }
+        }
+        bool ready = true;
+        flags.needed_flags(t, [&](std::int64_t flag, std::int32_t) {
+          ready = ready && (known[static_cast<std::size_t>(flag)] >> d & 1) != 0;
+        });
+        if (!ready) break;
+        const Front& f = tables_.fronts[static_cast<std::size_t>(t.front)];
+        const bool contribution = t.work == device::cuda::Work::whole || t.column >= f.pivot_tiles;
+        known[static_cast<std::size_t>(flags.own_flag(t))] |= told(f, contribution, static_cast<int>(d));
+        ++next[d];
+        ++done;
+        idle = 0;
+      }
+    }
+    return done;
+  }
+
+  base::ThreadPool pool_{2};
+  SparseMatrix a_;
+  analysis::Plan plan_;
+  DevicePlan tables_;
+};
+
+TEST_P(CudaDevices, NobodyWaitsForEver) {
+  std::size_t all = 0;
+  for (const Front& f : tables_.fronts) all += static_cast<std::size_t>(f.tasks);
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    std::mt19937 order(seed);
+    std::vector<int> stolen_by;
+    EXPECT_EQ(replay(order, stolen_by), all) << "seed " << seed;
+  }
+}
+
+TEST_P(CudaDevices, EveryTaskHasOneOwner) {
+  // Without thefts, the lists hold every task of every front once; a stealable sub-tree stands in all of them.
+  std::vector<int> count(tables_.fronts.size(), 0);
+  for (std::size_t d = 0; d < tables_.lists.size(); ++d)
+    for (const FactorTask& t : tables_.lists[d].tasks) {
+      const Front& f = tables_.fronts[static_cast<std::size_t>(t.front)];
+      EXPECT_EQ(t.region, f.region);
+      if (f.region >= tables_.first_stealable &&
+          tables_.region_device[static_cast<std::size_t>(f.region)] != static_cast<int>(d))
+        continue;
+      ++count[static_cast<std::size_t>(t.front)];
+      EXPECT_NE(f.members >> d & 1, 0) << "device " << d << " works on front " << t.front;
+    }
+  for (std::size_t f = 0; f < count.size(); ++f) EXPECT_EQ(count[f], tables_.fronts[f].tasks);
+}
+
+TEST_P(CudaDevices, FactorsAndPlacesDoNotOverlap) {
+  struct Range {
+    std::int64_t space, begin, end;
+  };
+  std::vector<Range> ranges;
+  const bool lu = GetParam().kind == Kind::lu;
+  for (const Front& f : tables_.fronts) {
+    ranges.push_back({f.region, f.factor, f.factor + f.factor_size()});
+    if (lu) ranges.push_back({f.region, f.second, f.second + f.factor_size()});
+    EXPECT_LE(f.factor + f.factor_size(), tables_.regions[static_cast<std::size_t>(f.region)]);
+    if (f.region != 0 || f.below == 0 || f.first_place < 0) continue;
+    for (int part = 0; part < (lu ? 2 : 1); ++part)
+      for (int b = 0; b < f.tiles - f.pivot_tiles; ++b) {
+        const auto& p = tables_.places[static_cast<std::size_t>(f.place(b, part))];
+        const std::int64_t first = std::int64_t{b} * f.width;
+        const std::int64_t columns = std::min<std::int64_t>(f.width, f.below - first);
+        ranges.push_back({1000 + p.device, p.offset, p.offset + columns * (f.below_ld - first)});
+        EXPECT_LE(ranges.back().end, tables_.place_space[static_cast<std::size_t>(p.device)]);
+      }
+  }
+  std::sort(ranges.begin(), ranges.end(),
+            [](const Range& x, const Range& y) { return x.space != y.space ? x.space < y.space : x.begin < y.begin; });
+  for (std::size_t k = 1; k < ranges.size(); ++k)
+    if (ranges[k].space == ranges[k - 1].space) {
+      EXPECT_GE(ranges[k].begin, ranges[k - 1].end);
+    }
+}
+
+TEST_P(CudaDevices, SolveHasWhatItReads) {
+  for (std::size_t d = 0; d < tables_.lists.size(); ++d) {
+    std::vector<char> up(tables_.fronts.size(), 0), down(tables_.fronts.size(), 0);
+    for (const auto& t : tables_.lists[d].up) {
+      const Front& f = tables_.fronts[static_cast<std::size_t>(t.front)];
+      EXPECT_NE(f.members >> d & 1, 0);
+      for (int l = f.link_begin; l < f.link_end; ++l) {
+        const auto child = static_cast<std::size_t>(tables_.links[static_cast<std::size_t>(l)].child);
+        const Front& c = tables_.fronts[child];
+        // Updates of a child are made here before, or sent by its members.
+        if ((c.members >> d & 1) != 0) {
+          EXPECT_NE(up[child], 0);
+        } else {
+          EXPECT_NE(c.readers >> d & 1, 0);
+        }
+      }
+      up[static_cast<std::size_t>(t.front)] = 1;
+    }
+    for (const auto& t : tables_.lists[d].down) {
+      const Index parent = plan_.tree.parent[t.front];
+      if (parent >= 0) {
+        EXPECT_NE(down[static_cast<std::size_t>(parent)], 0) << "front " << t.front;
+      }
+      down[static_cast<std::size_t>(t.front)] = 1;
+    }
+    for (std::size_t f = 0; f < up.size(); ++f) {
+      EXPECT_EQ(up[f] != 0, (tables_.fronts[f].members >> d & 1) != 0);
+      EXPECT_EQ(down[f] != 0, (tables_.fronts[f].members >> d & 1) != 0);
+    }
+  }
+}
+
+TEST(CudaDevicesStealing, SomebodySteals) {
+  // Device 0 sleeps until all others are through: what it could lose is gone.
+  base::ThreadPool pool{2};
+  const SparseMatrix a = matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", "10"}), &pool);
+  device::cuda::DeviceTuning tuning;
+  tuning.stealing = true;
+  const auto plan = analysis::make_plan(analysis::build_tree(analysis::graph_of(a, pool), {}, pool), a, {},
+                                        device::cuda::cuda_plan_options(Kind::llt, tuning, 2), pool);
+  const DevicePlan tables = device::cuda::make_device_plan(plan, Kind::llt);
+  ASSERT_GT(tables.regions.size(), static_cast<std::size_t>(tables.first_stealable));
+  bool listed = false;
+  for (const FactorTask& t : tables.lists[1].tasks)
+    listed = listed || (t.region >= tables.first_stealable && tables.region_device[t.region] == 0);
+  EXPECT_TRUE(listed) << "device 1 can take a sub-tree of device 0";
+}
+
+INSTANTIATE_TEST_SUITE_P(Systems, CudaDevices,
+                         ::testing::Values(Parameter{{"elasticity", "10"}, Kind::llt, 2, false},
+                                           Parameter{{"elasticity", "10"}, Kind::llt, 4, true},
+                                           Parameter{{"elasticity", "7"}, Kind::ldlt, 8, false},
+                                           Parameter{{"gyroscopic", "7"}, Kind::lu, 3, true},
+                                           Parameter{{"plate", "30", "30"}, Kind::llt, 4, true},
+                                           Parameter{{"kkt", "9", "4", "3", "3"}, Kind::ldlt, 4, true},
+                                           Parameter{{"kkt", "40", "3", "2", "2"}, Kind::ldlt, 16, false}),
+                         [](const auto& tested) {
+                           std::string name;
+                           for (const auto& w : tested.param.words) name += w + "_";
+                           return name + std::to_string(tested.param.devices) +
+                                  (tested.param.stealing ? "_stealing" : "");
+                         });
+
+}  // namespace
+}  // namespace espalier
