@@ -31,10 +31,11 @@ struct Place {
 /// Names and their numbers, for expressions.
 using Scope = std::map<std::string, double>;
 
+struct Entry;
+
 /// A value: a scalar, an array or a table. Tables keep the order of the text.
 struct Value {
   enum class Type { boolean, integer, real, text, array, table };
-  using Entry = std::pair<std::string, Value>;
 
   Type type = Type::table;
   bool boolean = false;
@@ -49,6 +50,13 @@ struct Value {
   [[nodiscard]] bool is_table() const { return type == Type::table; }
   [[nodiscard]] const Value* find(std::string_view key) const;
   [[nodiscard]] Value* find(std::string_view key);
+};
+
+/// A key and its value.
+struct Entry {
+  Entry(std::string key, Value value) : first(std::move(key)), second(std::move(value)) {}
+  std::string first;
+  Value second;
 };
 
 /// "a number", "a text", ... for messages.
