@@ -374,11 +374,14 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
       std::uint64_t first = ~std::uint64_t{0};
       for (const TaskTime& t : times[d])
         if (t.end != 0) first = std::min(first, t.begin);
+      std::vector<int> tracks;  // by block
       for (std::size_t k = 0; k < times[d].size(); ++k) {
         const TaskTime& t = times[d][k];
         if (t.end == 0) continue;
         const FactorTask& task = tables_.lists[d].tasks[k];
-        const int track = options_.timeline->add_track(sides_[d]->name(), fmt::format("block {}", t.block));
+        if (t.block >= tracks.size()) tracks.resize(t.block + 1, -1);
+        int& track = tracks[t.block];
+        if (track < 0) track = options_.timeline->add_track(sides_[d]->name(), fmt::format("block {}", t.block));
         options_.timeline->record(track, {kNames[static_cast<int>(task.work)], task.front, task.block, task.column,
                                           began + 1e-9 * static_cast<double>(t.begin - first),
                                           began + 1e-9 * static_cast<double>(t.end - first)});
