@@ -30,7 +30,7 @@ using namespace espalier;
 
 struct Settings {
   bool fp32 = false, small = false, plan_only = false;
-  int repeat = 3, refuse = 0, copy_threads = 0;
+  int repeat = 3, refuse = 0, copy_threads = 0, lanes = 0;
   Kind kind = Kind::automatic;
   std::string out;
   std::string system;
@@ -66,6 +66,8 @@ Settings parse(int argc, char** argv) {
       s.refuse = std::stoi(value());
     else if (a == "--copy-threads")
       s.copy_threads = std::stoi(value());
+    else if (a == "--lanes")
+      s.lanes = std::stoi(value());
     else if (a == "--out")
       s.out = value();
     else if (a == "--kind") {
@@ -130,6 +132,7 @@ class Curve {
   nlohmann::json streaming(Offset budget) {
     factor::StreamingOptions o;
     o.budget_bytes = budget;
+    o.rates.lanes = settings_.lanes;
     o.copy_threads = settings_.copy_threads > 0 ? settings_.copy_threads : std::max(1, pool_.size() / 2);
     device::cuda::CudaStreamOptions d;
     d.refuse_allocation = settings_.refuse;
@@ -168,11 +171,11 @@ class Curve {
     const double start = now();
     const auto backend = device::cuda::make_cuda_stream<T>(c_.plan, c_.kind, rule_, pool_);
     const double made = now();
-    const analysis::StreamingPlan p = analysis::plan_streaming(*backend, budget);
+    const analysis::StreamingPlan p = analysis::plan_streaming(*backend, budget, {.lanes = settings_.lanes});
     const auto steps = std::count_if(p.steps.begin(), p.steps.end(), [](const auto& s) { return !s.fronts.empty(); });
     fmt::print(
         "{:>9.1f} MiB: predicted {:8.1f} ms, link {:8.1f} ms, in {:7.2f} GB, out {:7.2f} GB, {} steps, {} "
-        "groups, {} operations; store {:.2f} GB; planned in {:.2f} s (tables {:.2f} s)\n",
+        "groups, {} lanes, {} operations; store {:.2f} GB; planned in {:.2f} s (tables {:.2f} s)\n",
         static_cast<double>(budget) / (1 << 20), 1e3 * p.predicted_seconds, 1e3 * p.link_seconds,
         static_cast<double>(p.bytes_in) * 1e-9, static_cast<double>(p.bytes_out) * 1e-9, steps, p.groups.size(),
         p.ops.size(), static_cast<double>(p.store_elements) * sizeof(T) * 1e-9, now() - made, made - start);

@@ -81,12 +81,12 @@ void Touches::touch(Offset at, Offset size, int queue, std::int64_t number, bool
   const auto first = regions_.lower_bound(at);
   auto it = first;
   for (; it != regions_.end() && it->first < end; ++it)
-    for (int q = 0; q < 3; ++q) {
+    for (int q = 0; q < kQueues; ++q) {
       mine.read[q] = std::max(mine.read[q], it->second.read[q]);
       mine.written[q] = std::max(mine.written[q], it->second.written[q]);
     }
   regions_.erase(first, it);
-  for (int q = 0; q < 3; ++q) {
+  for (int q = 0; q < kQueues; ++q) {
     if (q == queue) continue;
     waits[q] = std::max(waits[q], mine.written[q]);
     if (write) waits[q] = std::max(waits[q], mine.read[q]);

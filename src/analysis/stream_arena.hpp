@@ -37,7 +37,8 @@ class StreamArena {
 /// For every place the last operations that read and wrote it, by queue; numbers count from 1, 0: none.
 class Touches {
  public:
-  using Numbers = std::array<std::int64_t, 3>;
+  static constexpr int kQueues = 4;
+  using Numbers = std::array<std::int64_t, kQueues>;
   /// Operation `number` of `queue` touches the place. Raises `waits` to what it must wait for.
   void touch(Offset at, Offset size, int queue, std::int64_t number, bool write, Numbers& waits);
 

@@ -22,6 +22,7 @@ struct Shape {
   Offset chunk = 0;     // bytes of a chunk that streams past; raised to one block column
   int chunks = 3;       // chunks on the device at one time
   bool frugal = false;  // contributions go to the host at once
+  int lanes = 1;        // queues that compute
 };
 
 // Columns of a front that lie on the device, the host or both.
@@ -57,6 +58,8 @@ class Programmer {
     p_.factor2_store.assign(static_cast<std::size_t>(plan_.fronts()), -1);
     contributions_.resize(static_cast<std::size_t>(plan_.fronts()));
     unit_of_.assign(static_cast<std::size_t>(plan_.fronts()), -1);
+    chain_.assign(static_cast<std::size_t>(plan_.fronts()), 0);
+    p_.lanes = shape.lanes;
     for (std::size_t u = 0; u < units.size(); ++u) {
       for (const Index f : units[u].fronts) unit_of_[f] = static_cast<Index>(u);
       if (units[u].large >= 0) unit_of_[units[u].large] = static_cast<Index>(u);
@@ -115,25 +118,50 @@ class Programmer {
 
   // ---- operations ---------------------------------------------------------------------------------------------------
 
-  // Appends an operation: device places that it touches, elements of the store likewise.
-  void emit(StreamOp op, std::initializer_list<Access> device, std::initializer_list<Access> host, double flops = 0) {
-    const auto q = static_cast<int>(queue_of(op.work));
+  // Appends an operation: device places that it touches, elements of the store likewise; what it computes, and the
+  // seconds that its longest chain of pivots takes however many compute.
+  void emit(StreamOp op, std::initializer_list<Access> device, std::initializer_list<Access> host, double flops = 0,
+            double chain = 0) {
+    op.queue = queue_for(op.work);
+    const auto q = static_cast<std::size_t>(op.queue);
     const std::int64_t number = ++count_[q];
     for (const Access& a : device)
-      if (a.at >= 0) device_touches_.touch(a.at, StreamArena::round(a.bytes), q, number, a.write, op.waits);
+      if (a.at >= 0)
+        device_touches_.touch(a.at, StreamArena::round(a.bytes), static_cast<int>(q), number, a.write, op.waits);
     for (const Access& a : host)
-      if (a.at >= 0) host_touches_.touch(a.at, a.bytes, q, number, a.write, op.waits);
+      if (a.at >= 0) host_touches_.touch(a.at, a.bytes, static_cast<int>(q), number, a.write, op.waits);
     double begin = clock_[q];
-    for (int other = 0; other < 3; ++other)
+    for (std::size_t other = 0; other < kStreamQueues; ++other)
       if (other != q && op.waits[other] > 0)
         begin = std::max(begin, finished_[other][static_cast<std::size_t>(op.waits[other] - 1)]);
-    double seconds = rates_.start + flops / rates_.flops;
-    if (q == 0) seconds += static_cast<double>(op.bytes) / rates_.bytes_in;
-    if (q == 2) seconds += static_cast<double>(op.bytes) / rates_.bytes_out;
-    (q == 0 ? p_.bytes_in : p_.bytes_out) += q == 1 ? 0 : op.bytes;
-    clock_[q] = begin + seconds;
+    clock_[q] = begin + rates_.start + seconds_of(op, flops, chain);
+    if (op.queue == StreamQueue::in) p_.bytes_in += op.bytes;
+    if (op.queue == StreamQueue::out) p_.bytes_out += op.bytes;
     finished_[q].push_back(clock_[q]);
     p_.ops.push_back(op);
+  }
+
+  [[nodiscard]] double seconds_of(const StreamOp& op, double flops, double chain) const {
+    if (op.queue == StreamQueue::in) return static_cast<double>(op.bytes) / rates_.bytes_in;
+    if (op.queue == StreamQueue::out) return static_cast<double>(op.bytes) / rates_.bytes_out;
+    const bool shared = op.work == StreamWork::eliminate && shape_.lanes == 2;  // half of the machine each
+    return shared ? std::max(chain, 2 * flops / rates_.flops) : flops / rates_.flops + chain / 2;
+  }
+
+  [[nodiscard]] StreamQueue queue_for(StreamWork work) const {
+    switch (work) {
+      case StreamWork::load_tables:
+      case StreamWork::load_values:
+      case StreamWork::load_panel:
+      case StreamWork::load_contribution:
+        return StreamQueue::in;
+      case StreamWork::store_factor:
+      case StreamWork::store_contribution:
+      case StreamWork::store_outputs:
+        return StreamQueue::out;
+      default:
+        return shape_.lanes == 2 && now_ % 2 == 1 ? StreamQueue::second_run : StreamQueue::run;
+    }
   }
 
   [[nodiscard]] StreamOp op_of_unit(StreamWork work) const {
@@ -306,9 +334,12 @@ class Programmer {
     region(s.values_at, values * element_, false, false);
     region(s.scratch_at, scratch, false, true);
     region(s.work_at, work, false, true);
-    double flops = 0;
+    double flops = 0, longest = 0;
     for (std::size_t k = 0; k < s.fronts.size(); ++k) {
-      const Index f = s.fronts[k];
+      const Index f = s.fronts[k], parent = plan_.tree.parent[f];
+      chain_[f] += plan_.layout[f].pivot_tiles * rates_.chain;
+      longest = std::max(longest, chain_[f]);
+      if (parent >= 0 && unit_of_[parent] == now_) chain_[parent] = std::max(chain_[parent], chain_[f]);
       flops += front_flops(plan_.layout[f].pivots, plan_.layout[f].rows, plan_.options.unsymmetric);
       if (!leaves_step(f)) continue;
       const Offset bytes = StreamArena::round(layout_.sizes().contribution[f] * element_);
@@ -320,7 +351,7 @@ class Programmer {
       for (const Segment& g : contributions_[child])
         for (int k = 0; g.resident && k < contribution_parts_; ++k) touched.push_back({g.at[k], g.part_bytes, false});
     load_inputs(s.tables_at, tables, s.values_at, values);
-    eliminate(touched, flops);
+    eliminate(touched, flops, longest);
     finish_step(s, tables, values, scratch, work, loaded);
   }
 
@@ -329,12 +360,12 @@ class Programmer {
     return parent >= 0 && unit_of_[parent] != now_ && plan_.tree.rows_below(f) > 0;
   }
 
-  void eliminate(const std::vector<Access>& touched, double flops) {
+  void eliminate(const std::vector<Access>& touched, double flops, double chain) {
     StreamOp op = op_of_unit(StreamWork::eliminate);
-    const auto q = static_cast<int>(StreamQueue::run);
+    const auto q = static_cast<std::size_t>(queue_for(op.work));
     for (const Access& a : touched)
       if (a.bytes > 0) device_touches_.touch(a.at, StreamArena::round(a.bytes), q, count_[q] + 1, a.write, op.waits);
-    emit(op, {}, {}, flops);
+    emit(op, {}, {}, flops, chain);
   }
 
   void finish_step(InCoreStep& s, Offset tables, Offset values, Offset scratch, Offset work,
@@ -471,7 +502,7 @@ class Programmer {
   }
 
   // An operation on the group's arrays that reads `more` besides.
-  void run_on_group(StreamOp op, const ColumnGroup& g, std::vector<Access> more, double flops) {
+  void run_on_group(StreamOp op, const ColumnGroup& g, std::vector<Access> more, double flops, double chain = 0) {
     const Index pivots = plan_.layout[g.front].pivot_tiles;
     const Offset factor = factor_bytes(g.front, std::min(g.begin, pivots), std::min(g.end, pivots));
     const Offset below =
@@ -481,10 +512,11 @@ class Programmer {
     more.push_back({g.tables_at, layout_.table_bytes(g.front, g.begin, g.end), false});
     more.push_back({g.values_at, layout_.copies_values() ? g.entries * element_ : 0, false});
     more.push_back({g.scratch_at, layout_.scratch_bytes(g.front, g.begin, g.end), true});
-    const auto q = static_cast<int>(StreamQueue::run);
+    const auto q = static_cast<std::size_t>(queue_for(op.work));
     for (const Access& a : more)
-      if (a.bytes > 0) device_touches_.touch(a.at, StreamArena::round(a.bytes), q, count_[q] + 1, a.write, op.waits);
-    emit(op, {}, {}, flops);
+      if (a.bytes > 0)
+        device_touches_.touch(a.at, StreamArena::round(a.bytes), static_cast<int>(q), count_[q] + 1, a.write, op.waits);
+    emit(op, {}, {}, flops, chain);
   }
 
   // First of the child's rows below that goes to block row `row` of its parent or later.
@@ -602,7 +634,8 @@ class Programmer {
     const double depth = g.begin < end ? l.begin(end) - l.begin(g.begin) : 0;
     const double elements = static_cast<double>(group_bytes(f, g.begin, g.end)) / static_cast<double>(element_) /
                             (plan_.options.ldlt ? 2 : 1);
-    run_on_group(op_of_unit(StreamWork::eliminate_group), g, {}, depth * elements);
+    run_on_group(op_of_unit(StreamWork::eliminate_group), g, {}, depth * elements,
+                 std::max(0, end - g.begin) * rates_.chain);
     if (g.begin < end) {
       store_outputs(g.scratch_at, layout_.output_bytes(f, g.begin, g.end));
       store_group(g, end);
@@ -660,9 +693,10 @@ class Programmer {
   Offset chunk_bytes_ = 0;
   std::size_t next_chunk_ = 0;
   Index now_ = 0, group_ = -1;
-  std::array<std::int64_t, 3> count_{};
-  std::array<double, 3> clock_{};
-  std::array<std::vector<double>, 3> finished_;
+  std::vector<double> chain_;  // fronts: seconds of the longest chain of pivots below, within the step
+  std::array<std::int64_t, kStreamQueues> count_{};
+  std::array<double, kStreamQueues> clock_{};
+  std::array<std::vector<double>, kStreamQueues> finished_;
 };
 
 // The units and steps for some sizes of steps, made once each.
@@ -702,7 +736,7 @@ class Candidates {
 // What takes the least memory, for budgets near the floor.
 bool make_frugal(Candidates& candidates, Offset budget, StreamingPlan& plan) {
   for (const double step : {0.5, 0.25, 0.1, 0.03}) {
-    const Shape shape{step, 0.3, 0, 1, true};
+    const Shape shape{step, 0.3, 0, 1, true, 1};
     if (candidates.make(budget, shape, plan)) return true;
   }
   return false;
@@ -710,33 +744,19 @@ bool make_frugal(Candidates& candidates, Offset budget, StreamingPlan& plan) {
 
 }  // namespace
 
-StreamQueue queue_of(StreamWork work) {
-  switch (work) {
-    case StreamWork::load_tables:
-    case StreamWork::load_values:
-    case StreamWork::load_panel:
-    case StreamWork::load_contribution:
-      return StreamQueue::in;
-    case StreamWork::store_factor:
-    case StreamWork::store_contribution:
-    case StreamWork::store_outputs:
-      return StreamQueue::out;
-    default:
-      return StreamQueue::run;
-  }
-}
-
 StreamingPlan plan_streaming(const StreamLayout& layout, Offset budget_bytes, const StreamRates& rates) {
   Candidates candidates(layout, rates);
   StreamingPlan best, plan;
   bool any = false;
   for (const double step : {0.3, 0.2, 0.1, 0.05})
-    for (const double group : {0.7, 0.45, 0.3}) {
-      const Shape shape{step, group, budget_bytes / 48, 3, false};
-      if (!candidates.make(budget_bytes, shape, plan)) continue;
-      if (!any || plan.predicted_seconds < best.predicted_seconds) best = std::move(plan);
-      any = true;
-    }
+    for (const double group : {0.7, 0.45, 0.3})
+      for (const int lanes : {1, 2}) {
+        if (rates.lanes != 0 && rates.lanes != lanes) continue;
+        const Shape shape{step, group, budget_bytes / 32, 3, false, lanes};
+        if (!candidates.make(budget_bytes, shape, plan)) continue;
+        if (!any || plan.predicted_seconds < best.predicted_seconds) best = std::move(plan);
+        any = true;
+      }
   if (any) return best;
   if (make_frugal(candidates, budget_bytes, best)) return best;
   Offset need = std::max<Offset>(budget_bytes, 1 << 16);

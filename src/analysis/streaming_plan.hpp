@@ -94,13 +94,15 @@ enum class StreamWork : char {
   store_outputs        ///< what the pivots of step or group came to
 };
 
-enum class StreamQueue : char { in, run, out };
-[[nodiscard]] StreamQueue queue_of(StreamWork work);
+/// Two queues compute: the sub-trees of the one hide the chains of pivots at the end of those of the other.
+enum class StreamQueue : char { in, out, run, second_run };
+inline constexpr std::size_t kStreamQueues = 4;
 
 /// One operation. Those of one queue run one after another; before an operation starts, the first waits[q] of queue q
 /// must be finished.
 struct StreamOp {
   StreamWork work = StreamWork::eliminate;
+  StreamQueue queue = StreamQueue::in;
   bool panel = false;  ///< update: the columns stand as load_panel leaves them, not as in the factor array
   Index unit = 0;      ///< number of the step, or of the group
   bool grouped = false;
@@ -109,7 +111,7 @@ struct StreamOp {
   std::array<Offset, 2> at{};    ///< device bytes, by part
   std::array<Offset, 2> host{};  ///< elements of the host's store, by part (contributions, factors of groups)
   Offset bytes = 0;              ///< moved
-  std::array<std::int64_t, 3> waits{};
+  std::array<std::int64_t, kStreamQueues> waits{};
 };
 
 /// What the machine does per second, for choosing among plans.
@@ -118,6 +120,8 @@ struct StreamRates {
   double bytes_out = 5.5e10;
   double flops = 3e13;
   double start = 2e-5;  ///< seconds of any operation besides
+  double chain = 3e-5;  ///< seconds of a pivot block column, which waits for the one before it
+  int lanes = 0;        ///< queues that compute, 1 or 2; 0: whichever seems better
 };
 
 struct StreamingPlan {
@@ -131,6 +135,7 @@ struct StreamingPlan {
   Offset store_elements = 0;          ///< of the host's store: factors, then contributions
   Offset factor_elements = 0;         ///< factors of it
   Offset bytes_in = 0, bytes_out = 0;
+  int lanes = 1;  ///< queues that compute
   double predicted_seconds = 0;
   double link_seconds = 0;  ///< what the busier direction of the link needs alone
 };

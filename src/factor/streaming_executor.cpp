@@ -61,7 +61,7 @@ class Progress {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::array<std::int64_t, 3> asked_{}, done_{};
+  std::array<std::int64_t, analysis::kStreamQueues> asked_{}, done_{};
   bool stopped_ = false;
 };
 
@@ -78,7 +78,8 @@ class StreamingExecutor final : public device::Executor<T> {
     backend_->prepare(plan_, 2 * options.slots, options.slot_bytes);
     store_ = base::Buffer<T>(plan_.store_elements, budget);
     touch_store();
-    for (const StreamOp& op : plan_.ops) ops_[static_cast<std::size_t>(queue_of(op.work))].push_back(&op);
+    for (const StreamOp& op : plan_.ops)
+      (op.queue == StreamQueue::in ? loads_ : op.queue == StreamQueue::out ? stores_ : runs_).push_back(&op);
   }
 
   void set_pivot_rule(const device::PivotRule& rule) override { backend_->set_pivot_rule(rule); }
@@ -156,22 +157,35 @@ class StreamingExecutor final : public device::Executor<T> {
   }
 
   void run_all() {
-    std::int64_t number = 0;
-    for (const StreamOp* op : ops_[1]) {
-      ++number;
-      for (const StreamQueue other : {StreamQueue::in, StreamQueue::out}) {
-        const std::int64_t n = op->waits[static_cast<std::size_t>(other)];
-        if (n == 0) continue;
-        progress_.wait_asked(other, n);
-        backend_->wait_for_mark(StreamQueue::run, other, n);
+    std::array<std::int64_t, analysis::kStreamQueues> numbers{};
+    for (const StreamOp* op : runs_) {
+      for (std::size_t q = 0; q < op->waits.size(); ++q) {
+        const auto other = static_cast<StreamQueue>(q);
+        if (op->waits[q] == 0 || other == op->queue) continue;
+        progress_.wait_asked(other, op->waits[q]);
+        backend_->wait_for_mark(op->queue, other, op->waits[q]);
       }
       backend_->run(*op);
-      backend_->mark(StreamQueue::run, number);
-      progress_.asked(StreamQueue::run, number);
+      const std::int64_t number = ++numbers[static_cast<std::size_t>(op->queue)];
+      backend_->mark(op->queue, number);
+      progress_.asked(op->queue, number);
     }
-    progress_.wait_asked(StreamQueue::in, static_cast<std::int64_t>(ops_[0].size()));
-    progress_.wait_done(StreamQueue::out, static_cast<std::int64_t>(ops_[2].size()));
+    progress_.wait_asked(StreamQueue::in, static_cast<std::int64_t>(loads_.size()));
+    progress_.wait_done(StreamQueue::out, static_cast<std::int64_t>(stores_.size()));
     backend_->finish();
+  }
+
+  // Makes a queue of copies wait for what computes; before it blocks, `meanwhile` may go on with something else.
+  template <class Meanwhile>
+  void wait_for_runs(const StreamOp& op, Meanwhile&& meanwhile) {
+    for (const StreamQueue lane : {StreamQueue::run, StreamQueue::second_run}) {
+      const std::int64_t n = op.waits[static_cast<std::size_t>(lane)];
+      if (n == 0) continue;
+      while (!progress_.is_asked(lane, n) && meanwhile()) {
+      }
+      progress_.wait_asked(lane, n);
+      backend_->wait_for_mark(op.queue, lane, n);
+    }
   }
 
   // ---- to the device ------------------------------------------------------------------------------------------------
@@ -181,13 +195,11 @@ class StreamingExecutor final : public device::Executor<T> {
     int slot = 0;
     HostPieces pieces;
     ValuePieces gathered;
-    for (const StreamOp* op : ops_[0]) {
+    for (const StreamOp* op : loads_) {
       ++number;
-      if (const std::int64_t n = op->waits[1]; n > 0) {
-        progress_.wait_asked(StreamQueue::run, n);
-        backend_->wait_for_mark(StreamQueue::in, StreamQueue::run, n);
-      }
-      if (op->waits[2] > 0) progress_.wait_done(StreamQueue::out, op->waits[2]);
+      wait_for_runs(*op, [] { return false; });
+      constexpr auto kOut = static_cast<std::size_t>(StreamQueue::out);
+      if (op->waits[kOut] > 0) progress_.wait_done(StreamQueue::out, op->waits[kOut]);
       const bool values = op->work == StreamWork::load_values;
       if (values) gathered.set(*backend_, plan_, *op);
       const int parts = values ? 1 : parts_of(*op);
@@ -247,16 +259,18 @@ class StreamingExecutor final : public device::Executor<T> {
     std::deque<Arrival> on_the_way;
     int slot = 0;
     std::vector<std::byte> outputs;
-    for (const StreamOp* op : ops_[2]) {
+    for (const StreamOp* op : stores_) {
       ++number;
-      if (const std::int64_t n = op->waits[1]; n > 0) {
-        while (!on_the_way.empty() && !progress_.is_asked(StreamQueue::run, n)) receive(on_the_way, outputs);
-        progress_.wait_asked(StreamQueue::run, n);
-        backend_->wait_for_mark(StreamQueue::out, StreamQueue::run, n);
-      }
-      if (op->waits[0] > 0) {
-        while (!on_the_way.empty() && !progress_.is_asked(StreamQueue::in, op->waits[0])) receive(on_the_way, outputs);
-        progress_.wait_asked(StreamQueue::in, op->waits[0]);
+      const auto receive_one = [&] {
+        if (on_the_way.empty()) return false;
+        receive(on_the_way, outputs);
+        return true;
+      };
+      wait_for_runs(*op, receive_one);
+      if (const std::int64_t n = op->waits[static_cast<std::size_t>(StreamQueue::in)]; n > 0) {
+        while (!progress_.is_asked(StreamQueue::in, n) && receive_one()) {
+        }
+        progress_.wait_asked(StreamQueue::in, n);
       }
       const int parts = parts_of(*op);
       const Offset each = op->bytes / parts;
@@ -302,7 +316,7 @@ class StreamingExecutor final : public device::Executor<T> {
   analysis::StreamingPlan plan_;
   base::ThreadPool in_crew_, out_crew_;
   base::Buffer<T> store_;
-  std::array<std::vector<const StreamOp*>, 3> ops_;
+  std::vector<const StreamOp*> loads_, runs_, stores_;
   std::span<const T> values_;
   double in_seconds_ = 0, out_seconds_ = 0;
   Progress progress_;

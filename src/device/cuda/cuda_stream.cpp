@@ -46,7 +46,8 @@ class Resources {
     if (ring_ != nullptr) (void)cudaFreeHost(ring_);
   }
 
-  void take(Offset arena_bytes, int slots, Offset slot_bytes, const std::array<std::size_t, 3>& marks) {
+  void take(Offset arena_bytes, int slots, Offset slot_bytes,
+            const std::array<std::size_t, analysis::kStreamQueues>& marks) {
     check(cudaSetDevice(options_.device), "cudaSetDevice");
     slot_bytes_ = slot_bytes;
     arena_bytes_ = arena_bytes;
@@ -55,7 +56,7 @@ class Resources {
       return cudaHostAlloc(reinterpret_cast<void**>(&ring_), size(slots * slot_bytes), cudaHostAllocDefault);
     });
     for (cudaStream_t& s : streams_) check(cudaStreamCreateWithFlags(&s, cudaStreamNonBlocking), "cudaStreamCreate");
-    for (std::size_t q = 0; q < 3; ++q) make_events(marks_[q], marks[q]);
+    for (std::size_t q = 0; q < marks.size(); ++q) make_events(marks_[q], marks[q]);
     make_events(slots_, static_cast<std::size_t>(slots));
   }
 
@@ -93,8 +94,8 @@ class Resources {
   Offset arena_bytes_ = 0, slot_bytes_ = 0;
   std::byte* arena_ = nullptr;
   std::byte* ring_ = nullptr;
-  std::array<cudaStream_t, 3> streams_{};
-  std::array<std::vector<cudaEvent_t>, 3> marks_;
+  std::array<cudaStream_t, analysis::kStreamQueues> streams_{};
+  std::array<std::vector<cudaEvent_t>, analysis::kStreamQueues> marks_;
   std::vector<cudaEvent_t> slots_;
 };
 
@@ -153,8 +154,8 @@ class CudaStream final : public StreamBackend<T> {
 
   void prepare(const analysis::StreamingPlan& plan, int slots, Offset slot_bytes) override {
     streaming_ = &plan;
-    std::array<std::size_t, 3> count{};
-    for (const StreamOp& op : plan.ops) ++count[static_cast<std::size_t>(queue_of(op.work))];
+    std::array<std::size_t, analysis::kStreamQueues> count{};
+    for (const StreamOp& op : plan.ops) ++count[static_cast<std::size_t>(op.queue)];
     resources_.take(plan.arena_bytes, slots, slot_bytes, count);
     for (const InCoreStep& s : plan.steps) steps_.push_back(s.fronts.empty() ? UnitTables{} : tables_.build(s));
     for (const ColumnGroup& g : plan.groups) groups_.push_back(tables_.build(g));
@@ -200,14 +201,15 @@ class CudaStream final : public StreamBackend<T> {
     check(cudaStreamWaitEvent(resources_.stream(q), resources_.mark(other, number), 0), "cudaStreamWaitEvent");
   }
   void finish() override {
-    check(cudaStreamSynchronize(resources_.stream(StreamQueue::run)), "cudaStreamSynchronize");
+    for (const auto q : {StreamQueue::run, StreamQueue::second_run})
+      check(cudaStreamSynchronize(resources_.stream(q)), "cudaStreamSynchronize");
     if (stopped_)
       throw Error(StatusCode::device_error, "the factorization on " + name() + " was given up after waiting " +
                                                 std::to_string(options_.patience_seconds) +
                                                 " s for one of its own blocks");
   }
   void abandon() noexcept override {
-    for (const auto q : {StreamQueue::in, StreamQueue::run, StreamQueue::out})
+    for (const auto q : {StreamQueue::in, StreamQueue::run, StreamQueue::second_run, StreamQueue::out})
       (void)cudaStreamSynchronize(resources_.stream(q));
     (void)cudaGetLastError();
   }
@@ -215,6 +217,7 @@ class CudaStream final : public StreamBackend<T> {
   // ---- operations ---------------------------------------------------------------------------------------------------
 
   void run(const StreamOp& op) override {
+    lane_ = op.queue;
     switch (op.work) {
       case StreamWork::eliminate:
         return eliminate(unit(op), streaming_->steps[static_cast<std::size_t>(op.unit)]);
@@ -308,7 +311,7 @@ class CudaStream final : public StreamBackend<T> {
     check(cudaMemcpyAsync(to, from, static_cast<std::size_t>(bytes), kind, resources_.stream(q)), "cudaMemcpyAsync");
     check(cudaEventRecord(resources_.slot_event(slot), resources_.stream(q)), "cudaEventRecord");
   }
-  [[nodiscard]] cudaStream_t runs() const { return resources_.stream(StreamQueue::run); }
+  [[nodiscard]] cudaStream_t runs() const { return resources_.stream(lane_); }
 
   template <class Use>
   cudaError_t dispatch(Use&& use) const {
@@ -381,11 +384,14 @@ class CudaStream final : public StreamBackend<T> {
       set(at.flags + 4 * ((part + 1) * at.part_flags - at.set_flags), 1, 4 * at.set_flags);
   }
 
+  // Steps of two lanes share the multiprocessors: a kernel keeps what it has until its list of tasks is empty.
   void launch(const UnitTables& u, const FactorState<T>& s, bool narrow) {
     const auto go = [&](bool wide, int first, int end) {
       if (first == end) return;
+      LaunchShape shape = shape_[wide ? 1 : 0];
+      if (narrow && streaming_->lanes == 2) shape.blocks = (shape.blocks + 1) / 2;
       check(dispatch([&](auto kernel, auto) {
-              return decltype(kernel)::launch(wide, shape_[wide ? 1 : 0], s, first, end, u.scratch.pivots, runs());
+              return decltype(kernel)::launch(wide, shape, s, first, end, u.scratch.pivots, runs());
             }),
             "launch of the factorization kernel");
     };
@@ -465,6 +471,7 @@ class CudaStream final : public StreamBackend<T> {
   FactorOutcome outcome_;
   Determinant determinant_;
   bool stopped_ = false;
+  StreamQueue lane_ = StreamQueue::run;  // where run() puts kernels
   std::vector<T> inverse_d_, inverse_e_;
 };
 
