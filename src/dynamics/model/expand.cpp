@@ -70,7 +70,7 @@ Value instantiate(const Value& value, const ScopePtr& scope, const std::string& 
     copy.items[k] = instantiate(value.items[k], scope, fmt::format("{}[{}]", path, k));
   for (std::size_t k = 0; k < value.entries.size(); ++k) {
     const std::string name = fill_in(value.entries[k].first, *scope, value.entries[k].second.place);
-    copy.entries[k] = {name, instantiate(value.entries[k].second, scope, path + "." + name)};
+    copy.entries[k] = {name, instantiate(value.entries[k].second, scope, fmt::format("{}.{}", path, name))};
   }
   return copy;
 }
@@ -98,7 +98,7 @@ void add_section(Value& root, const std::string& section, const Value& items, co
       fail(value.place,
            fmt::format("'{}.{}' is there already (line {}); put the index into the name, for instance {}{{i}}", section,
                        filled, present->place.line, name));
-    target->entries.emplace_back(filled, instantiate(value, scope, section + "." + filled));
+    target->entries.emplace_back(filled, instantiate(value, scope, fmt::format("{}.{}", section, filled)));
   }
 }
 

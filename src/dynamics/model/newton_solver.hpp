@@ -32,7 +32,7 @@ struct DumpOptions {
 /// below 20,000 unknowns (see make_linear_solver). @throws Error(invalid_input) for a wrong name or value
 [[nodiscard]] Options run_options(const std::vector<std::pair<std::string, std::string>>& by_name, Index unknowns);
 
-/// @param force_sparse false: a dense solver for systems of a few dozen unknowns
+/// @param dense take the dense solver, for systems of a few dozen unknowns
 /// @param record kept up to date; must outlive the solver
 [[nodiscard]] std::unique_ptr<LinearSolver> make_run_solver(const Options& options, bool dense, const DumpOptions& dump,
                                                             SolverRecord& record);

@@ -158,7 +158,7 @@ std::vector<Quantity> find_quantities(Mechanism& mechanism, const std::string& r
       const std::string component(1, "xyz"[i]);
       if (parts.size() == 2 || parts[2] == component)
         result.push_back(
-            {parts[0] + "." + what + "." + component, [f = value, i](const Sample& s) { return f(s)[i]; }});
+            {fmt::format("{}.{}.{}", parts[0], what, component), [f = value, i](const Sample& s) { return f(s)[i]; }});
     }
     if (parts.size() == 3 && parts[2] == "norm")
       result.push_back({request, [f = value](const Sample& s) { return f(s).norm(); }});
