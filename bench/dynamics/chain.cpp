@@ -23,9 +23,10 @@ struct Arguments {
   int steps = 1000;
   double until = 1;
   double radius = 0.8;
-  double tolerance = 1e-8;     // of Newton, relative to 1 m and 1 rad
-  double constraints = 1e-10;  // of Phi, m
-  double bdf = 0;              // > 0: BDF with this tolerance instead
+  double tolerance = 1e-9;      // of Newton, relative to 1 m and 1 rad
+  double refactor_rate = 0.05;  // a factorization costs about four passes here
+  double constraints = 1e-12;   // of Phi, m
+  double bdf = 0;               // > 0: BDF with this tolerance instead
   std::string json;
 };
 
@@ -37,6 +38,7 @@ Arguments parse(int argc, char** argv) {
   app.add_option("--until", a.until, "end time, s");
   app.add_option("--radius", a.radius, "spectral radius at infinity");
   app.add_option("--tolerance", a.tolerance, "of Newton's iteration, m and rad");
+  app.add_option("--refactor-rate", a.refactor_rate, "a slower convergence rate asks for a new factor");
   app.add_option("--constraints", a.constraints, "tolerance of the position constraints");
   app.add_option("--bdf", a.bdf, "take BDF of variable step and order with this tolerance");
   app.add_option("--json", a.json, "file for times, counts and end positions");
@@ -59,6 +61,7 @@ std::unique_ptr<Integrator> make_integrator(Equations& equations, const Argument
   o.spectral_radius = a.radius;
   o.tolerance = a.tolerance;
   o.constraint_tolerance = a.constraints;
+  o.refactor_rate = a.refactor_rate;
   return std::make_unique<GeneralizedAlpha>(equations, o);
 }
 

@@ -47,12 +47,14 @@ class GeneralizedAlpha final : public Integrator {
   State state_, trial_;
   double alpha_m_ = 0, alpha_f_ = 0, beta_ = 0, gamma_ = 0;
   double h_ = 0;
+  double h_before_ = 0;       // of the step before; 0: none
   double c_v_ = 0, c_q_ = 0;  // dv/da', dq/da' of the trial state (a': true acceleration)
   double factor_c_q_ = 0;     // of the factor; 0: none
   bool rate_poor_ = false, fresh_ = false;
   double rate_ = 0.5;
   std::vector<double> a_old_, a_base_, v_base_,
-      delta_base_;  // algorithmic acceleration; constant parts of the formulas
+      delta_base_;                                // algorithmic acceleration; constant parts of the formulas
+  std::vector<double> a_before_, lambda_before_;  // at the beginning of the step before
   std::vector<double> delta_, weight_, f_, rhs_, change_;
 };
 
