@@ -13,7 +13,7 @@ namespace espalier::cli::evidence {
 
 namespace {
 
-constexpr double kWidth = 760, kRight = 16, kTop = 12;
+constexpr double kWidth = 760, kRight = 30, kTop = 12;
 constexpr double kLineHeight = 300, kLineLeft = 74, kAxisHeight = 46;
 constexpr double kRowHeight = 26;
 constexpr int kColours = 8;
@@ -196,7 +196,7 @@ std::string svg(const DotPlot& plot) {
 std::string svg(const TimelinePlot& plot) {
   if (plot.tracks.empty() || !(plot.seconds > 0)) return "";
   constexpr double kTrack = 16;
-  const double left = 190, bottom = kTop + (kTrack + 4) * static_cast<double>(plot.tracks.size());
+  const double left = 236, bottom = kTop + (kTrack + 4) * static_cast<double>(plot.tracks.size());
   const Scale x({"time", Unit::seconds, false, true}, {0, plot.seconds}, left, kWidth - kRight);
   Canvas canvas;
   open_svg(canvas, bottom + kAxisHeight, plot.title);
