@@ -178,7 +178,7 @@ class Curve {
         "groups, {} lanes, {} operations; store {:.2f} GB; planned in {:.2f} s (tables {:.2f} s)\n",
         static_cast<double>(budget) / (1 << 20), 1e3 * p.predicted_seconds, 1e3 * p.link_seconds,
         static_cast<double>(p.bytes_in) * 1e-9, static_cast<double>(p.bytes_out) * 1e-9, steps, p.groups.size(),
-        p.ops.size(), static_cast<double>(p.store_elements) * sizeof(T) * 1e-9, now() - made, made - start);
+        p.lanes, p.ops.size(), static_cast<double>(p.store_elements) * sizeof(T) * 1e-9, now() - made, made - start);
   }
 
   int failures = 0;
