@@ -62,12 +62,26 @@ struct Piece {
   int r0, r1, c0, c1;
 };
 
-/// use(piece, number) for every child that has a part in the target, in order; every warp finds the same.
-template <class T, class Use>
+/// Where a child's contribution stands.
+template <class T>
+struct Source {
+  const T* lower;
+  const T* upper;     ///< lu
+  std::int64_t rows;  ///< place of its first row below in FactorState::relative
+  int shift;          ///< log2 of the width of its tile columns
+  int ld;             ///< Front::below_ld
+  int placed;         ///< 1: it does not lie in one piece, see Front::place()
+};
+
+/// use(piece, number, source) for every child that has a part in the target, in order; every warp finds the same.
+/// Sources are looked up only where wanted, for up to 32 children at a time, so that their way through memory is waited
+/// for once and not by every child.
+template <bool Sources, class T, class Use>
 __device__ inline void for_each_piece(const FactorState<T>& s, const Front& f, const Target<T>& x, Use&& use) {
   const int lane = static_cast<int>(threadIdx.x) & 31;
   for (int base = f.link_begin; base < f.link_end; base += 32) {
     Piece mine{};
+    Source<T> source{};
     if (base + lane < f.link_end) {
       const Link link = s.links[base + lane];
       const std::int32_t* b = s.bounds + link.bound;
@@ -76,6 +90,12 @@ __device__ inline void for_each_piece(const FactorState<T>& s, const Front& f, c
       mine.c1 = b[x.tile_col_end];
       mine.r0 = max(b[x.tile_row], mine.c0);
       mine.r1 = b[x.tile_row_end];
+      if (Sources && mine.r0 < mine.r1 && mine.c0 < mine.c1) {
+        const Front& child = s.fronts[link.child];
+        const T* base = s.base[child.region];
+        source = {base + child.contribution, base + child.contribution_up, child.rows, child.width_log2, child.below_ld,
+                  child.first_place >= 0};
+      }
     }
     unsigned mask = __ballot_sync(0xffffffffu, mine.r0 < mine.r1 && mine.c0 < mine.c1);
     for (; mask != 0; mask &= mask - 1) {
@@ -86,7 +106,19 @@ __device__ inline void for_each_piece(const FactorState<T>& s, const Front& f, c
       p.r1 = __shfl_sync(0xffffffffu, mine.r1, k);
       p.c0 = __shfl_sync(0xffffffffu, mine.c0, k);
       p.c1 = __shfl_sync(0xffffffffu, mine.c1, k);
-      use(p, k);
+      Source<T> from{};
+      if constexpr (Sources) {
+        const auto pointer = [&](const T* of) {
+          return reinterpret_cast<const T*>(__shfl_sync(0xffffffffu, reinterpret_cast<unsigned long long>(of), k));
+        };
+        from = {pointer(source.lower),
+                pointer(source.upper),
+                __shfl_sync(0xffffffffu, source.rows, k),
+                __shfl_sync(0xffffffffu, source.shift, k),
+                __shfl_sync(0xffffffffu, source.ld, k),
+                __shfl_sync(0xffffffffu, source.placed, k)};
+      }
+      use(p, k, from);
     }
   }
 }
@@ -96,10 +128,9 @@ __device__ inline void for_each_piece(const FactorState<T>& s, const Front& f, c
 /// not lie in one piece; else null.
 template <class T>
 __device__ void add_piece(const FactorState<T>& s, const Front& f, const Target<T>& x, const Piece& piece,
-                          const T* from, T* const* places, bool transposed, bool strict) {
-  const Front& child = s.fronts[piece.child];
-  const std::int32_t* map = s.relative + child.rows;
-  const int shift = child.width_log2, child_ld = child.below_ld;
+                          const Source<T>& source, const T* from, T* const* places, bool transposed, bool strict) {
+  const std::int32_t* map = s.relative + source.rows;
+  const int shift = source.shift, child_ld = source.ld;
   const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31;
   const int row_step = transposed ? x.ld : 1, col_step = transposed ? 1 : x.ld;
   for (int rb = piece.r0; rb < piece.r1; rb += 128) {
@@ -159,6 +190,14 @@ __device__ void add_piece(const FactorState<T>& s, const Front& f, const Target<
   __syncwarp();
 }
 
+template <class T>
+__device__ inline void add_piece(const FactorState<T>& s, const Front& f, const Target<T>& x, const Piece& piece,
+                                 const T* from, T* const* places, bool transposed, bool strict) {
+  const Front& child = s.fronts[piece.child];
+  const Source<T> source{from, from, child.rows, child.width_log2, child.below_ld, 0};
+  add_piece(s, f, x, piece, source, from, places, transposed, strict);
+}
+
 /// Waits until the blocks of the child's contribution that hold the piece are finished; by one warp. @returns
 /// nanoseconds that this lane waited
 template <class T>
@@ -182,7 +221,7 @@ template <class T, bool Lu>
 __device__ inline unsigned assemble(const FactorState<T>& s, const Front& f, const Target<T>& x) {
   unsigned waited = 0;
   const int warp = static_cast<int>(threadIdx.x) >> 5;
-  for_each_piece(s, f, x, [&](const Piece& piece, int k) {
+  for_each_piece<false>(s, f, x, [&](const Piece& piece, int k, const Source<T>&) {
     if ((k & 3) != warp) return;
     if (!Lu || x.part == 0 || x.square) waited += wait_for_piece(s, piece, 0);
     if (Lu && (x.part == 1 || x.square)) waited += wait_for_piece(s, piece, 1);
@@ -192,14 +231,12 @@ __device__ inline unsigned assemble(const FactorState<T>& s, const Front& f, con
   else if (x.tile_col < f.pivot_tiles)
     for (int i = x.tile_row; i < x.tile_row_end; ++i) add_entries_of_tile(s, f, x, i, x.tile_col);
   __syncthreads();
-  for_each_piece(s, f, x, [&](const Piece& piece, int) {
-    const Front& child = s.fronts[piece.child];
-    const T* base = s.base[child.region];
-    T* const* places = child.first_place >= 0 ? s.places + child.place(0, 0) : nullptr;
-    if (!Lu || x.square || x.part == 0) add_piece(s, f, x, piece, base + child.contribution, places, false, false);
-    if (places != nullptr) places = s.places + child.place(0, 1);
-    if (Lu && (x.square || x.part == 1))
-      add_piece(s, f, x, piece, base + child.contribution_up, places, x.square, true);
+  for_each_piece<true>(s, f, x, [&](const Piece& piece, int, const Source<T>& from) {
+    const auto places = [&](int part) -> T* const* {
+      return from.placed != 0 ? s.places + s.fronts[piece.child].place(0, part) : nullptr;
+    };
+    if (!Lu || x.square || x.part == 0) add_piece(s, f, x, piece, from, from.lower, places(0), false, false);
+    if (Lu && (x.square || x.part == 1)) add_piece(s, f, x, piece, from, from.upper, places(1), x.square, true);
   });
   __syncthreads();
   return waited;

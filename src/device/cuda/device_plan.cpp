@@ -321,7 +321,7 @@ class Builder {
     std::vector<Index> order(small.size());
     for (Index f = 0; f < plan_.fronts(); ++f) {
       const Front& x = d_.fronts[f];
-      if (x.total_pad > kRowBlock || x.pivot_pad > kWide) small[f] = 0;
+      if (x.total_pad > kSmallRows || x.pivot_pad > kWide) small[f] = 0;
       const Index p = plan_.tree.parent[f];
       if (p >= 0 && small[f] == 0) small[p] = 0;
       order[f] = f;
@@ -335,7 +335,7 @@ class Builder {
     };
     for (const Index f : order)
       for_members(f, [&](TaskLists& l) {
-        const bool single = d_.fronts[f].total_pad <= kRowBlock;
+        const bool single = small[f] != 0 || d_.fronts[f].total_pad <= kRowBlock;
         for (Index a = 0; a < (single ? 1 : d_.fronts[f].blocks); ++a) l.up.push_back({f, single ? -1 : a});
         l.small_up += small[f];
       });

@@ -3,6 +3,7 @@
 /// factor itself is not kept: M = inverse(L) P is what the column below and the solve need.
 #pragma once
 
+#include "device/cuda/pivots.cuh"
 #include "device/cuda/products.cuh"
 
 namespace espalier::device::cuda {
@@ -76,12 +77,20 @@ __device__ void factor_block16(const T* a, int lda, T* m, int ldm, int first, in
     for (int c = 0; c < 16; ++c) m[c * ldm + r] = c <= r ? x[c] : T(0);
 }
 
+/// use(row, column) for every place of a square; by all threads.
+template <class Use>
+__device__ inline void for_each_in_square(int size, Use&& use) {
+  const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31;
+  for (int c = warp; c < size; c += kThreads / 32)
+    for (int r = lane; r < size; r += 32) use(r, c);
+}
+
 /// M = inverse(L) of the lower triangle of A (size x size, a multiple of 16) = L L^T. A is destroyed.
 template <class T>
 __device__ inline void invert_cholesky(T* a, int lda, int size, int pivots, T* m, int ldm, const PivotSink<T>& sink) {
   const int warp = static_cast<int>(threadIdx.x) >> 5;
   const int blocks = size / 16;
-  for (int x = threadIdx.x; x < size * size; x += kThreads) m[x / size * ldm + x % size] = T(0);
+  for_each_in_square(size, [&](int r, int c) { m[c * ldm + r] = T(0); });
   __syncthreads();
   for (int p = 0; p < blocks; ++p) {
     T* diagonal = a + 16 * p * lda + 16 * p;
@@ -126,10 +135,6 @@ __device__ inline void invert_cholesky(T* a, int lda, int size, int pivots, T* m
     __syncthreads();
   }
 }
-
-/// The leading 32 bits of |x|, which order magnitudes to within one part in 2^20 (double) or exactly (float).
-__device__ inline unsigned magnitude_key(double x) { return static_cast<unsigned>(__double2hiint(x)) & 0x7fffffffu; }
-__device__ inline unsigned magnitude_key(float x) { return __float_as_uint(x) & 0x7fffffffu; }
 
 /// The row of largest magnitude (by magnitude_key(); ties: the lowest) among rows [begin, n), n <= 64, of a column,
 /// without row `skip`, and that magnitude; every lane gets it. Without any row: 0 and -1.
@@ -222,8 +227,7 @@ __device__ inline void eliminate_rows(T* a, int lda, T* m, int ldm, int n, int k
 /// M = identity (size x size).
 template <class T>
 __device__ inline void set_identity(T* m, int ldm, int size) {
-  for (int x = threadIdx.x; x < size * size; x += kThreads)
-    m[x / size * ldm + x % size] = x / size == x % size ? T(1) : T(0);
+  for_each_in_square(size, [&](int r, int c) { m[c * ldm + r] = r == c ? T(1) : T(0); });
 }
 
 /// A replacement for a pivot that is too small; counts it.
@@ -266,66 +270,23 @@ __device__ PivotChoice choose_pivot(const T* a, int lda, int n, int k, T tiny) {
   return {k, -1};
 }
 
-/// M = inverse(L) P with P A P^T = L D L^T; A (pivots x pivots) is given as a full square and destroyed; D^-1 goes to
-/// the state. M is size x size with ones on the diagonal of the padding.
+/// M = inverse(L) P with P A P^T = L D L^T; A (pivots x pivots) is given by its lower triangle and destroyed; D^-1 goes
+/// to the state. M is size x size with ones on the diagonal of the padding.
 template <class T>
 __device__ inline void invert_ldlt(T* a, int lda, int size, int pivots, T* m, int ldm, const PivotSink<T>& sink) {
-  const FactorState<T>& s = *sink.state;
-  const int lane = static_cast<int>(threadIdx.x) & 31, n = pivots;
-  set_identity(m, ldm, size);
-  int negative = 0, pairs = 0;
-  for (int k = 0; k < n;) {
-    __syncthreads();
-    const PivotChoice choice = choose_pivot(a, lda, n, k, s.tiny());
-    const bool two = choice.second >= 0;
-    swap_symmetric(a, lda, m, ldm, n, k, k, choice.first);
-    if (two) swap_symmetric(a, lda, m, ldm, n, k, k + 1, choice.second == k ? choice.first : choice.second);
-    T* column = a + k * lda;
-    T l1[2] = {}, l2[2] = {};
-    if (!two) {
-      bool small = false;
-      const T d = acceptable_pivot(column[k], k, sink, small);
-      negative += d < T(0) && !small ? 1 : 0;
-      const T inverse = T(1) / d;
-      for (int h = 0; h < 2; ++h)
-        if (lane + 32 * h < n) l1[h] = column[lane + 32 * h] * inverse;
-      if (threadIdx.x == 0) {
-        s.inverse_d[sink.position + k] = inverse;
-        s.inverse_e[sink.position + k] = T(0);
-        s.pivot[sink.position + k] = d;
-      }
-    } else {
-      const T x = column[k], y = column[k + 1], z = a[(k + 1) * lda + k + 1];
-      // inverse of [x y; y z] with y the largest: 1 / (y (x z / y^2 - 1)) [z/y -1; -1 x/y]
-      const T xy = x / y, zy = z / y, scale = T(1) / (y * (xy * zy - T(1)));
-      const T dx = scale * zy, dz = scale * xy, e = -scale;
-      const T det = x * z - y * y;
-      negative += det < T(0) ? 1 : (x < T(0) ? 2 : 0);
-      ++pairs;
-      for (int h = 0; h < 2; ++h)
-        if (lane + 32 * h < n) {
-          const T p = column[lane + 32 * h], q = a[(k + 1) * lda + lane + 32 * h];
-          l1[h] = p * dx + q * e;
-          l2[h] = p * e + q * dz;
-        }
-      if (threadIdx.x == 0) {
-        s.inverse_d[sink.position + k] = dx;
-        s.inverse_d[sink.position + k + 1] = dz;
-        s.inverse_e[sink.position + k] = e;
-        s.inverse_e[sink.position + k + 1] = T(0);
-        s.pivot[sink.position + k] = det;
-        s.pivot[sink.position + k + 1] = T(1);
-      }
-    }
-    const int after = two ? k + 2 : k + 1;
-    eliminate_rows(a, lda, m, ldm, n, k, after, two, l1, l2);
-    k = after;
-  }
-  __syncthreads();
-  if (threadIdx.x == 0) {
-    if (negative > 0) atomicAdd(s.control + kNegative, negative);
-    if (pairs > 0) atomicAdd(s.control + kTwoByTwo, pairs);
-  }
+  const auto run = [&](auto block) {
+    block.eliminate();
+    block.store(m, ldm, sink);
+  };
+  const T tiny = sink.state->tiny();
+  if (size == 16)
+    run(PivotBlock<T, 4>(a, lda, pivots, tiny));
+  else if (size == 32)
+    run(PivotBlock<T, 8>(a, lda, pivots, tiny));
+  else if (size == 48)
+    run(PivotBlock<T, 12>(a, lda, pivots, tiny));
+  else
+    run(PivotBlock<T, 16>(a, lda, pivots, tiny));
 }
 
 /// M = inverse(L) P with P A = L U by partial pivoting; U is left in the upper triangle of A.
@@ -390,14 +351,20 @@ __device__ inline void invert_upper_lu(const T* a, int lda, int size, int pivots
 template <class T>
 __device__ inline void write_panels(const T* from, int fr, int fc, int rows, int cols, T* to,
                                     std::int64_t chunk_stride) {
-  for (int x = threadIdx.x; x < rows * cols / 2; x += kThreads) {
-    const int q = x / (rows * 8), rest = x % (rows * 8), panel = rest / 64, inner = rest % 64;
-    const int lane = inner & 31, half = inner >> 5;
-    const int r = panel * 8 + (lane >> 2), c = q * 16 + half * 8 + (lane & 3);
-    PairOf<T> word;
-    word.x = from[r * fr + c * fc];
-    word.y = from[r * fr + (c + 4) * fc];
-    *reinterpret_cast<PairOf<T>*>(to + q * chunk_stride + panel * 128 + half * 64 + lane * 2) = word;
+  const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31;
+  const int panels = rows / kPanel;
+  for (int q = 0, panel = warp;; panel += kThreads / 32) {
+    for (; panel >= panels; panel -= panels) ++q;
+    if (q * kChunk >= cols) break;
+    const T* x = from + (panel * kPanel + (lane >> 2)) * fr + (q * kChunk + (lane & 3)) * fc;
+    T* at = to + q * chunk_stride + panel * 128 + lane * 2;
+#pragma unroll
+    for (int h = 0; h < 2; ++h) {
+      PairOf<T> word;
+      word.x = x[8 * h * fc];
+      word.y = x[(8 * h + 4) * fc];
+      *reinterpret_cast<PairOf<T>*>(at + 64 * h) = word;
+    }
   }
 }
 

@@ -171,7 +171,8 @@ __device__ void wait_for_memory(const FactorState<T>& s, const Front& f) {
 
 template <class T>
 __device__ inline void zero_area(T* area, int count) {
-  for (int x = threadIdx.x; x < count; x += kThreads) area[x] = T(0);
+  const PairOf<T> zero{};
+  for (int x = threadIdx.x; x < count / 2; x += kThreads) reinterpret_cast<PairOf<T>*>(area)[x] = zero;
 }
 
 /// Array that holds A's operand (which 0) or B's (which 1) of a product for `part`; array 0 is L, array 1 the second
@@ -271,23 +272,46 @@ __device__ inline void take_gathered(Accumulator<T, S>& acc, const T* area, bool
 
 /// Largest magnitudes of L are compared with the bound; the columns that exceed it are marked.
 template <class T>
-__device__ inline void check_growth(const FactorState<T>& s, T l, int position) {
-  if (l > s.growth() || l < -s.growth() || l != l) {
+__device__ inline void check_growth(const FactorState<T>& s, T bound, T l, int position) {
+  if (!(l <= bound && l >= -bound)) {
     s.failed[position] = 1;
     s.control[kFailed] = 1;
   }
 }
 
-/// x = D^-1 applied to column c of a row vector: d[c] v(c) + e[c] v(c + 1) + e[c - 1] v(c - 1).
+/// D^-1 applied to column c of a row vector: d[c] v(c) + e[c] v(c + 1) + e[c - 1] v(c - 1); e is zero where there are
+/// no pairs.
 template <class T, class Value>
-__device__ inline T apply_inverse_d(const FactorState<T>& s, int position, int c, int pivots, Value&& v) {
-  if (c >= pivots) return v(c);
-  T x = __ldcg(s.inverse_d + position + c) * v(c);
-  const T e = __ldcg(s.inverse_e + position + c);
-  if (e != T(0)) x += e * v(c + 1);
-  const T before = c > 0 ? __ldcg(s.inverse_e + position + c - 1) : T(0);
-  if (before != T(0)) x += before * v(c - 1);
+__device__ inline T apply_inverse_d(const T* d, const T* e, int c, Value&& v) {
+  T x = d[c] * v(c);
+  if (e[c] != T(0)) x += e[c] * v(c + 1);
+  if (c > 0 && e[c - 1] != T(0)) x += e[c - 1] * v(c - 1);
   return x;
+}
+
+/// acc = acc D^-1 for the pivots of tile column j, which other blocks have made. Starts and ends with a barrier.
+template <class T, class S>
+__device__ void multiply_by_inverse_d(Accumulator<T, S>& acc, const FactorState<T>& s, T* area, int position,
+                                      int pivots) {
+  const Corner<S> at;
+  const int k = threadIdx.x;
+  const bool mine = k < pivots && k < S::kWidth;
+  const T dk = mine ? __ldcg(s.inverse_d + position + k) : T(0), ek = mine ? __ldcg(s.inverse_e + position + k) : T(0);
+  const bool pairs = __syncthreads_or(ek != T(0)) != 0;
+  T* d = area + S::kLd * S::kWidth;
+  T* e = d + S::kWidth;
+  if (k < S::kWidth) {
+    d[k] = dk;
+    e[k] = ek;
+  }
+  if (pairs) for_each_element<S>(at, [&](int m, int n, int u, int r, int c) { area[c * S::kLd + r] = acc[m][n][u]; });
+  __syncthreads();
+  if (pairs)
+    for_each_element<S>(at, [&](int m, int n, int u, int r, int c) {
+      acc[m][n][u] = apply_inverse_d(d, e, c, [&](int x) { return area[x * S::kLd + r]; });
+    });
+  else
+    for_each_element<S>(at, [&](int m, int n, int u, int, int c) { acc[m][n][u] *= d[c]; });
 }
 
 /// acc = X M^T with X = -acc, through the area; M is the inverse of the diagonal tile, `cols` wide, at `inverse`.
@@ -370,20 +394,15 @@ __device__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& tas
       for_each_device(peers, [&](int d) {
         store_panels<T, S>(acc, T(1), s.peers.top[d] + (second - base), stride, rows, cols, at);
       });
-      __syncthreads();
-      T* y = w.pipe.stages;
-      for_each_element<S>(at, [&](int m, int n, int e, int r, int c) { y[c * S::kLd + r] = acc[m][n][e]; });
-      __syncthreads();
-      for_each_element<S>(at, [&](int m, int n, int e, int r, int c) {
-        acc[m][n][e] =
-            apply_inverse_d(s, f.position + col, c, f.pivots - col, [&](int k) { return y[k * S::kLd + r]; });
-      });
+      multiply_by_inverse_d<T, S>(acc, s, w.pipe.stages, f.position + col, f.pivots - col);
     }
-    if constexpr (K != Kind::llt)
+    if constexpr (K != Kind::llt) {
+      const T bound = s.growth();
       if (part == 0)
         for_each_element<S>(at, [&](int m, int n, int e, int r, int c) {
-          if (r < rows && col + c < f.pivots && c < cols) check_growth(s, acc[m][n][e], f.position + col + c);
+          if (r < rows && col + c < f.pivots && c < cols) check_growth(s, bound, acc[m][n][e], f.position + col + c);
         });
+    }
     store_panels<T, S>(acc, T(1), to, stride, rows, cols, at);
     finish_task(w, task.front, f.flag(a, j), part, false, peers,
                 [&](int d) { store_panels<T, S>(acc, T(1), s.peers.top[d] + (to - base), stride, rows, cols, at); });
@@ -404,9 +423,6 @@ __device__ void invert_pivot_block(const FactorState<T>& s, T* base, const Front
     __syncthreads();
     invert_cholesky(a, lda, size, pivots, m, ldm, sink);
   } else if constexpr (K == Kind::ldlt) {
-    for (int x = threadIdx.x; x < size * size; x += kThreads)
-      if (x / size > x % size) a[x / size * lda + x % size] = a[x % size * lda + x / size];
-    __syncthreads();
     invert_ldlt(a, lda, size, pivots, m, ldm, sink);
   } else {
     invert_lower_lu(a, lda, size, pivots, m, ldm, sink);
@@ -474,6 +490,53 @@ __device__ void write_contribution(const FactorState<T>& s, T* base, const Front
   }
 }
 
+/// A whole small front: its rows below times the transposed inverse M, in place; for ldlt, the columns to the right get
+/// L = (L D) D^-1, transposed. Ends with a barrier.
+template <class T, Kind K>
+__device__ void multiply_below(const FactorState<T>& s, const Front& f, T* a, const T* m) {
+  const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31;
+  const int p = f.pivot_pad, ld = f.total_pad + 4, ldm = p + 4, strips = (f.total_pad - p) / 16;
+  const int pieces = strips * (p / 8);  // of 16 x 8
+  constexpr int kMost = 8;              // pieces of a warp: a front of kRowBlock rows, 64 pivots
+  T* low = a + p;
+  T* up = a + p * ld;
+  const T* d = a + kInverseD * ld;
+  const T* e = a + kInverseE * ld;
+  const T bound = s.growth();
+  T c[kMost][4] = {};
+#pragma unroll
+  for (int u = 0; u < kMost; ++u) {
+    const int y = warp + 4 * u, i = 16 * (y % max(strips, 1)), n = 8 * (y / max(strips, 1));
+    if (y >= pieces) continue;
+    for (int k = 0; k < p; k += 16) multiply_shared(c[u], low + k * ld + i, 1, ld, m + k * ldm + n, ldm, 1);
+  }
+  bool pair = false;
+  if (K == Kind::ldlt && static_cast<int>(threadIdx.x) < f.pivots) pair = e[threadIdx.x] != T(0);
+  const bool pairs = __syncthreads_or(pair) != 0;
+#pragma unroll
+  for (int u = 0; u < kMost; ++u) {
+    const int y = warp + 4 * u, i = 16 * (y % max(strips, 1)), n = 8 * (y / max(strips, 1));
+    if (y >= pieces) continue;
+#pragma unroll
+    for (int x = 0; x < 4; ++x) {
+      const int r = i + (lane >> 2) + 8 * (x >> 1), k = n + 2 * (lane & 3) + (x & 1);
+      low[k * ld + r] = c[u][x];
+      const T l = K == Kind::ldlt ? d[k] * c[u][x] : c[u][x];
+      if (K == Kind::ldlt && !pairs) up[r * ld + k] = l;
+      if (K != Kind::llt && !pairs && r < f.below && k < f.pivots) check_growth(s, bound, l, f.position + k);
+    }
+  }
+  __syncthreads();
+  if (!pairs) return;
+  for (int r = warp; r < f.total_pad - p; r += kThreads / 32)
+    for (int k = lane; k < p; k += 32) {
+      const T l = k < f.pivots ? apply_inverse_d(d, e, k, [&](int x) { return low[x * ld + r]; }) : T(0);
+      up[r * ld + k] = l;
+      if (r < f.below && k < f.pivots) check_growth(s, bound, l, f.position + k);
+    }
+  __syncthreads();
+}
+
 /// The rest of a whole small front in shared memory, after its pivot block was inverted: M is the last inverse.
 template <class T, Kind K>
 __device__ void finish_whole(Workshop<T>& w, const Front& f, const FactorTask& task) {
@@ -485,20 +548,7 @@ __device__ void finish_whole(Workshop<T>& w, const Front& f, const FactorTask& t
   T* low = a + p;      // rows below, pivot columns: element (r, k) at low[k * ld + r]
   T* up = a + p * ld;  // pivot rows, columns below: element (k, c) at up[c * ld + k]
   __syncthreads();
-  for (int i = warp; i < strips; i += 4) strip_times_inverse(low + 16 * i, 1, ld, m, ldm, p);
-  __syncthreads();
-  if constexpr (K == Kind::ldlt) {  // up = (L D D^-1)^T
-    for (int y = threadIdx.x; y < p * (size - p); y += kThreads) {
-      const int r = y / p, k = y % p;
-      up[r * ld + k] = apply_inverse_d(s, f.position, k, f.pivots, [&](int c) { return low[c * ld + r]; });
-    }
-    __syncthreads();
-  }
-  if constexpr (K != Kind::llt)
-    for (int y = threadIdx.x; y < f.pivots * f.below; y += kThreads) {
-      const int r = y % f.below, k = y / f.below;
-      check_growth(s, K == Kind::ldlt ? up[r * ld + k] : low[k * ld + r], f.position + k);
-    }
+  multiply_below<T, K>(s, f, a, m);
   const std::int64_t stride = static_cast<std::int64_t>(size) * kChunk;
   if (strips > 0) {
     write_panels(K == Kind::ldlt ? up : low, K == Kind::ldlt ? ld : 1, K == Kind::ldlt ? 1 : ld, size - p, p,
@@ -507,17 +557,15 @@ __device__ void finish_whole(Workshop<T>& w, const Front& f, const FactorTask& t
       write_panels(up, ld, 1, size - p, p, array_of(w.base(), f, 1) + f.chunk_offset(0, p), stride);
   }
   // A22 -= A21 B12: L L^T, (L D) L^T or L U.
-  for (int y = warp; y < strips * strips; y += 4) {
-    const int i = y / strips, j = y % strips;
+  for (int y = warp; y < 2 * strips * strips; y += 4) {
+    const int h = y & 1, i = (y >> 1) / strips, j = (y >> 1) % strips;
     if (K != Kind::lu && j > i) continue;
-    T c[2][4] = {};
-    for (int h = 0; h < 2; ++h) {
-      for (int k = 0; k < p; k += 16) {
-        const T* right = K == Kind::llt ? low + k * ld + 16 * j + 8 * h : up + (16 * j + 8 * h) * ld + k;
-        multiply_shared(c[h], low + k * ld + 16 * i, 1, ld, right, K == Kind::llt ? ld : 1, K == Kind::llt ? 1 : ld);
-      }
-      put_shared(c[h], T(-1), true, a + (p + 16 * j + 8 * h) * ld + p + 16 * i, 1, ld);
+    T c[4] = {};
+    for (int k = 0; k < p; k += 16) {
+      const T* right = K == Kind::llt ? low + k * ld + 16 * j + 8 * h : up + (16 * j + 8 * h) * ld + k;
+      multiply_shared(c, low + k * ld + 16 * i, 1, ld, right, K == Kind::llt ? ld : 1, K == Kind::llt ? 1 : ld);
     }
+    put_shared(c, T(-1), true, a + (p + 16 * j + 8 * h) * ld + p + 16 * i, 1, ld);
   }
   __syncthreads();
   if (f.below > 0) write_contribution<T, K>(s, w.base(), f, a, ld);

@@ -63,15 +63,24 @@ __device__ inline PairOf<T> stream_pair(const T* p) {
 constexpr int kLargeThreads = 256;  ///< of a block that takes row blocks: a warp has 16 rows, or 16 columns
 constexpr int kSmallThreads = 128;  ///< of a block that takes whole small fronts
 constexpr int kSmallPerMultiprocessor = 8;
+/// More blocks of the large phase would have to do with fewer registers: elasticity 40 takes 1.9 ms with 2 of them, 2.4
+/// with 3, 3.2 with 4; 32 right-hand sides 16.0 ms with 1, 21.1 with 2.
+constexpr int kLargePerMultiprocessor = 2;
+constexpr int kManyPerMultiprocessor = 1;
 __device__ inline int threads() { return static_cast<int>(blockDim.x); }
 __device__ inline int warps() { return static_cast<int>(blockDim.x) / 32; }
 
-template <class T, int Columns>
+/// Rows: of the block's part of the vector; more than a row block for whole fronts on the way up, which need no values
+/// of other blocks.
+template <class T, int Columns, int Rows>
 struct SolveBench {
-  T v[kRowBlock * Columns];      ///< the block's part of the vector
-  T x[2 * kRowBlock * Columns];  ///< finished values of other blocks, two groups in turn; partial sums
-  T y[kRowBlock * Columns];      ///< finished values of the block
-  unsigned char active[kLargeThreads];
+  T v[Rows * Columns];                                 ///< the block's part of the vector
+  T x[Rows > kRowBlock ? 1 : 2 * kRowBlock* Columns];  ///< finished values of other blocks, two groups in turn; partial
+                                                       ///< sums
+  T y[kRowBlock * Columns];                            ///< finished values of the block
+  std::int64_t child_rows[32];                         ///< children to gather from: place of the first row below
+  int child_begin[32], child_end[32];                  ///< their rows that fall into the block
+  int children;
   int next;
   Front front;
 };
@@ -101,32 +110,81 @@ __device__ inline T sum_over_rows(T x) {
   return x + __shfl_xor_sync(0xffffffffu, x, 16);
 }
 
+/// Whether sums for C columns are made by tensor cores on the way up.
+template <class T, int C>
+inline constexpr bool kTensors = C == 8 && sizeof(T) == 8;
+
+/// sum (16 x 8) += L (16 x 16) x (16 x 8); L: two panels as they lie in memory, x row-major.
+template <class T>
+__device__ inline void multiply_eight(T (&sum)[4], const PairOf<T> (&l)[2][2], const T* x) {
+  const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3;
+  T left[8], right[4];
+#pragma unroll
+  for (int p = 0; p < 2; ++p)
+#pragma unroll
+    for (int h = 0; h < 2; ++h) {
+      left[4 * h + p] = l[p][h].x;
+      left[4 * h + 2 + p] = l[p][h].y;
+    }
+#pragma unroll
+  for (int u = 0; u < 4; ++u) right[u] = x[(4 * u + t) * 8 + g];
+  multiply_add(sum, left, right);
+}
+
 // ---- up ------------------------------------------------------------------------------------------------------------
 
-/// v += the children's updates that fall into tile rows [tile, tile_end); row0: padded row of v[0].
-template <class T, int C>
-__device__ void gather_updates(const SolveState<T>& s, SolveBench<T, C>& b, int tile, int tile_end, int row0) {
+/// v += the children's updates that fall into tile rows [tile, tile_end); row0: padded row of v[0]. The values of the
+/// next child are fetched while those of one are added.
+template <class T, int C, int R>
+__device__ void gather_updates(const SolveState<T>& s, SolveBench<T, C, R>& b, int tile, int tile_end, int row0) {
   const Front& f = b.front;
-  const int gap = f.pivot_pad - f.pivots;
-  for (int base = f.link_begin; base < f.link_end; base += threads()) {
-    const int count = min(threads(), f.link_end - base);
-    if (static_cast<int>(threadIdx.x) < count) {
-      const std::int32_t* bound = s.bounds + s.links[base + threadIdx.x].bound;
-      b.active[threadIdx.x] = static_cast<unsigned char>(bound[tile] < bound[tile_end]);
+  const int gap = f.pivot_pad - f.pivots, lane = lane_of_thread();
+  for (int base = f.link_begin; base < f.link_end; base += 32) {
+    if (threadIdx.x < 32) {
+      int r0 = 0, r1 = 0;
+      std::int64_t rows = 0;
+      if (base + lane < f.link_end) {
+        const Link link = s.links[base + lane];
+        r0 = s.bounds[link.bound + tile];
+        r1 = s.bounds[link.bound + tile_end];
+        rows = s.fronts[link.child].rows;
+      }
+      const unsigned mask = __ballot_sync(0xffffffffu, r0 < r1);
+      const int at = __popc(mask & ((1u << lane) - 1));
+      if (r0 < r1) {
+        b.child_begin[at] = r0;
+        b.child_end[at] = r1;
+        b.child_rows[at] = rows;
+      }
+      if (lane == 0) b.children = __popc(mask);
     }
     __syncthreads();
+    const int count = b.children;
+    const auto fetch = [&](int k, int y, T& value) {
+      if (k >= count || y >= b.child_end[k] * C) return -1;
+      const std::int64_t first = b.child_rows[k];
+      const int to = s.relative[first + y / C];
+      value = await(s.updates + first * C + y, s.control, s.patience);
+      return (to + (to >= f.pivots ? gap : 0) - row0) * C + y % C;
+    };
+    T value{};
+    int y = count > 0 ? b.child_begin[0] * C + static_cast<int>(threadIdx.x) : 0;
+    int to = fetch(0, y, value);
     for (int k = 0; k < count; ++k) {
-      if (b.active[k] == 0) continue;
-      const Link link = s.links[base + k];
-      const int r0 = s.bounds[link.bound + tile], r1 = s.bounds[link.bound + tile_end];
-      const std::int64_t first = s.fronts[link.child].rows;
-      for (int y = r0 * C + static_cast<int>(threadIdx.x); y < r1 * C; y += threads()) {
-        const int to = s.relative[first + y / C];
-        const T u = await(s.updates + first * C + y, s.control, s.patience);
-        b.v[(to + (to >= f.pivots ? gap : 0) - row0) * C + y % C] += u;
+      T next{};
+      const int z = k + 1 < count ? b.child_begin[k + 1] * C + static_cast<int>(threadIdx.x) : 0;
+      const int next_to = fetch(k + 1, z, next);
+      while (to >= 0) {
+        b.v[to] += value;
+        y += threads();
+        to = fetch(k, y, value);
       }
+      y = z;
+      to = next_to;
+      value = next;
       __syncthreads();
     }
+    if (count == 0) __syncthreads();
   }
 }
 
@@ -139,16 +197,16 @@ __device__ inline void stage_values(const SolveState<T>& s, const T* from, int f
 
 /// v -= L(rows of the block, columns before it) times the finished part of the forward solution. A warp has 16 rows;
 /// columns go by in groups of 128.
-template <class T, int C>
-__device__ void subtract_left(const SolveState<T>& s, SolveBench<T, C>& b, const T* factor, int row, int rows,
+template <class T, int C, int R>
+__device__ void subtract_left(const SolveState<T>& s, SolveBench<T, C, R>& b, const T* factor, int row, int rows,
                               int chunks) {
   const Front& f = b.front;
   const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3, top = warp_of_thread() * 16;
-  constexpr int kAtOnce = C == 1 ? 2 : 1;  // chunks in registers
+  constexpr int kAtOnce = C == 1 || kTensors<T, C> ? 2 : 1;  // chunks in registers
   constexpr int kPerGroup = kRowBlock / kChunk;
   if (chunks == 0) return;
   const bool mine = top < rows;
-  T acc[2][C] = {};
+  T acc[2][C] = {}, sum[4] = {};
   PairOf<T> l[kAtOnce][2][2];
   const auto load = [&](int q0) {
     if (!mine || q0 >= chunks) return;
@@ -173,6 +231,10 @@ __device__ void subtract_left(const SolveState<T>& s, SolveBench<T, C>& b, const
     for (int q0 = 0; q0 < kPerGroup; q0 += kAtOnce) {
 #pragma unroll
       for (int q = 0; q < kAtOnce; ++q) {
+        if constexpr (kTensors<T, C>) {
+          multiply_eight(sum, l[q], x + (q0 + q) * kChunk * C);
+          continue;
+        }
 #pragma unroll
         for (int u = 0; u < 4; ++u)
 #pragma unroll
@@ -185,12 +247,18 @@ __device__ void subtract_left(const SolveState<T>& s, SolveBench<T, C>& b, const
       load(first + q0 + kAtOnce);
     }
   }
+  if constexpr (kTensors<T, C>) {
+#pragma unroll
+    for (int e = 0; e < 4; ++e)
+      if (mine) b.v[(top + g + 8 * (e >> 1)) * C + 2 * t + (e & 1)] -= sum[e];
+    return;
+  }
 #pragma unroll
   for (int p = 0; p < 2; ++p)
 #pragma unroll
     for (int c = 0; c < C; ++c) {
-      const T sum = sum_over_columns(acc[p][c]);
-      if (t == 0 && mine) b.v[(top + 8 * p + g) * C + c] -= sum;
+      const T total = sum_over_columns(acc[p][c]);
+      if (t == 0 && mine) b.v[(top + 8 * p + g) * C + c] -= total;
     }
 }
 
@@ -200,6 +268,27 @@ template <class T, int C>
 __device__ void multiply_panels(const T* a, std::int64_t stride, int rows, int cols, const T* in, T* out,
                                 bool subtract) {
   const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3;
+  if constexpr (kTensors<T, C>) {
+    for (int p = warp_of_thread(); p < rows / 16; p += warps()) {
+      T sum[4] = {};
+      PairOf<T> l[4][2][2];
+#pragma unroll
+      for (int q = 0; q < 4; ++q)
+        if (q < cols / kChunk)
+#pragma unroll
+          for (int h = 0; h < 4; ++h)
+            l[q][h >> 1][h & 1] = load_pair(a + q * stride + (2 * p + (h >> 1)) * 128 + lane * 2 + 64 * (h & 1));
+#pragma unroll
+      for (int q = 0; q < 4; ++q)
+        if (q < cols / kChunk) multiply_eight(sum, l[q], in + q * kChunk * C);
+#pragma unroll
+      for (int e = 0; e < 4; ++e) {
+        T* to = out + (16 * p + g + 8 * (e >> 1)) * C + 2 * t + (e & 1);
+        *to = subtract ? *to - sum[e] : sum[e];
+      }
+    }
+    return;
+  }
   for (int p = warp_of_thread(); p < rows / 8; p += warps()) {
     T acc[C] = {};
     PairOf<T> l[4][2];
@@ -241,8 +330,8 @@ __device__ void publish_updates(const SolveState<T>& s, const Front& f, const T*
 }
 
 /// One row block of a front; block < 0: a front of one block in all.
-template <class T, int C>
-__device__ void go_up(const SolveState<T>& s, SolveBench<T, C>& b, int block, int first_column) {
+template <class T, int C, int R>
+__device__ void go_up(const SolveState<T>& s, SolveBench<T, C, R>& b, int block, int first_column) {
   const Front& f = b.front;
   const bool all = block < 0;
   const int a = all ? 0 : block;
@@ -252,7 +341,7 @@ __device__ void go_up(const SolveState<T>& s, SolveBench<T, C>& b, int block, in
   const int tile = pivot ? a * per_block : f.pivot_tiles + (a - f.pivot_blocks) * per_block;
   const int tile_end = all ? f.tiles : min(tile + per_block, pivot ? f.pivot_tiles : f.tiles);
   const T* factor = s.base[f.region] + (s.up_second ? f.second : f.factor);
-  for (int y = threadIdx.x; y < kRowBlock * C; y += threads()) {
+  for (int y = threadIdx.x; y < rows * C; y += threads()) {
     const int r = row + y / C, c = first_column + y % C;
     b.v[y] = pivot && r < f.pivots && c < s.columns ? s.rhs[static_cast<std::int64_t>(f.position + r) * s.columns + c]
                                                     : T(0);
@@ -263,7 +352,7 @@ __device__ void go_up(const SolveState<T>& s, SolveBench<T, C>& b, int block, in
       prefetch(factor + f.chunk_offset(q, f.column_begin(j)), (end - f.column_begin(j)) * kChunk);
   __syncthreads();
   gather_updates(s, b, tile, tile_end, row);
-  subtract_left(s, b, factor, row, rows, (pivot ? row : f.pivot_pad) / kChunk);
+  if constexpr (R == kRowBlock) subtract_left(s, b, factor, row, rows, (pivot ? row : f.pivot_pad) / kChunk);
   __syncthreads();
   for (int j = tile; j < tiles_here; ++j) {
     const int col = f.column_begin(j), last = f.column_end(j), size = last - col, q = col / kChunk;
@@ -292,16 +381,19 @@ __device__ inline int position_of_row(const SolveState<T>& s, const Front& f, in
 }
 
 /// v -= L(rows from `from` on, columns of the block)^T x, from the last group of 128 rows up: what is known first comes
-/// first. A warp has 16 columns.
-template <class T, int C>
-__device__ void subtract_below(const SolveState<T>& s, SolveBench<T, C>& b, const T* factor, int col, int cols,
+/// first. A warp has 16 columns, or, where there are too few, half or a quarter of every group's rows of them.
+template <class T, int C, int R>
+__device__ void subtract_below(const SolveState<T>& s, SolveBench<T, C, R>& b, const T* factor, int col, int cols,
                                int from) {
   const Front& f = b.front;
-  const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3, warp = warp_of_thread();
+  const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3;
   constexpr int kAtOnce = C == 1 ? 4 : 2;  // panels in registers
   constexpr int kPerGroup = kRowBlock / kPanel;
   const int panels = (f.total_pad - from) / kPanel;
   if (panels == 0) return;
+  const int parts = 4 * cols <= warps() * kChunk ? 4 : (2 * cols <= warps() * kChunk ? 2 : 1);
+  const int each = warps() / parts, warp = warp_of_thread() % each, part = warp_of_thread() / each;
+  const int span = kPerGroup / parts, low = part * span;
   const bool mine = warp * kChunk < cols;
   const T* base = factor + f.chunk_offset(col / kChunk + (mine ? warp : 0), from) + lane * 2;
   T acc[4][C] = {};
@@ -315,7 +407,7 @@ __device__ void subtract_below(const SolveState<T>& s, SolveBench<T, C>& b, cons
         l[p][h] = stream_pair(base + static_cast<std::int64_t>(min(p0 + p, panels - 1)) * 128 + h * 64);
   };
   const int groups = (panels + kPerGroup - 1) / kPerGroup;
-  load(groups * kPerGroup - kAtOnce);
+  load((groups - 1) * kPerGroup + low + span - kAtOnce);
   for (int k = groups - 1; k >= 0; --k) {
     T* x = b.x + (k & 1) * kRowBlock * C;
     for (int y = threadIdx.x; y < kRowBlock * C; y += threads()) {
@@ -325,7 +417,7 @@ __device__ void subtract_below(const SolveState<T>& s, SolveBench<T, C>& b, cons
     __syncthreads();
     if (!mine) continue;
 #pragma unroll 1
-    for (int p0 = kPerGroup - kAtOnce; p0 >= 0; p0 -= kAtOnce) {
+    for (int p0 = low + span - kAtOnce; p0 >= low; p0 -= kAtOnce) {
 #pragma unroll
       for (int p = 0; p < kAtOnce; ++p) {
 #pragma unroll
@@ -337,16 +429,26 @@ __device__ void subtract_below(const SolveState<T>& s, SolveBench<T, C>& b, cons
           acc[3][c] += l[p][1].y * z;
         }
       }
-      load(k * kPerGroup + p0 - kAtOnce);
+      load(p0 > low ? k * kPerGroup + p0 - kAtOnce : (k - 1) * kPerGroup + low + span - kAtOnce);
     }
   }
+  if (parts > 1) __syncthreads();
+  T* to = parts > 1 ? b.x + part * cols * C : b.v;
 #pragma unroll
   for (int u = 0; u < 4; ++u)
 #pragma unroll
     for (int c = 0; c < C; ++c) {
       const T sum = sum_over_rows(acc[u][c]);
-      if (mine && g == 0) b.v[(warp * kChunk + 4 * u + t) * C + c] -= sum;
+      T& at = to[(warp * kChunk + 4 * u + t) * C + c];
+      if (mine && g == 0) at = parts > 1 ? sum : at - sum;
     }
+  if (parts == 1) return;
+  __syncthreads();
+  for (int y = threadIdx.x; y < cols * C; y += threads()) {
+    T sum = b.x[y];
+    for (int p = 1; p < parts; ++p) sum += b.x[p * cols * C + y];
+    b.v[y] -= sum;
+  }
 }
 
 /// Partial sums of A^T in for `rows` x `cols` (at most 64) panels at `a`: part[h * 64 * C + ...] over the panels of
@@ -390,8 +492,8 @@ __device__ void multiply_panels_transposed(const T* a, std::int64_t stride, int 
 }
 
 /// v = the forward solution of the block, times D^-1 for ldlt; zero in the padding.
-template <class T, int C>
-__device__ void take_forward(const SolveState<T>& s, SolveBench<T, C>& b, int col, int cols) {
+template <class T, int C, int R>
+__device__ void take_forward(const SolveState<T>& s, SolveBench<T, C, R>& b, int col, int cols) {
   const Front& f = b.front;
   for (int y = threadIdx.x; y < kRowBlock * C; y += threads()) {
     const bool real = y / C < cols && col + y / C < f.pivots;
@@ -416,8 +518,8 @@ __device__ void take_forward(const SolveState<T>& s, SolveBench<T, C>& b, int co
 }
 
 /// One row block of pivots.
-template <class T, int C>
-__device__ void go_down(const SolveState<T>& s, SolveBench<T, C>& b, int a, int first_column) {
+template <class T, int C, int R>
+__device__ void go_down(const SolveState<T>& s, SolveBench<T, C, R>& b, int a, int first_column) {
   const Front& f = b.front;
   const int col = f.block_begin(a), end = f.block_end(a), cols = end - col;
   const int per_block = kRowBlock / f.width, tile = a * per_block;
@@ -466,9 +568,11 @@ enum class Phase { small_up, large, small_down };
 
 template <class T, int C, Phase P>
 __global__ void __launch_bounds__(P == Phase::large ? kLargeThreads : kSmallThreads,
-                                  P == Phase::large ? (C == 1 ? 2 : 1) : (C == 1 ? kSmallPerMultiprocessor : 3))
+                                  P == Phase::large ? (C == 1 ? kLargePerMultiprocessor : kManyPerMultiprocessor)
+                                                    : (C == 1 ? kSmallPerMultiprocessor : 3))
     solve_kernel(const __grid_constant__ SolveState<T> s, int first_column) {
-  __shared__ SolveBench<T, C> b;
+  constexpr int kRows = P == Phase::small_up ? kSmallRows : kRowBlock;
+  __shared__ SolveBench<T, C, kRows> b;
   const int first_up = P == Phase::large ? s.small_up : 0;
   const int ups = P == Phase::small_up ? s.small_up : (P == Phase::large ? s.up_tasks - s.small_up : 0);
   const int first_down = P == Phase::small_down ? s.down_tasks - s.small_down : 0;
@@ -489,10 +593,12 @@ __global__ void __launch_bounds__(P == Phase::large ? kLargeThreads : kSmallThre
     for (int x = threadIdx.x; x < static_cast<int>(sizeof(Front) / sizeof(int)); x += threads())
       reinterpret_cast<int*>(&b.front)[x] = from[x];
     __syncthreads();
-    if (P == Phase::small_up || (P == Phase::large && id < ups))
-      go_up<T, C>(s, b, P == Phase::small_up ? -1 : task.block, first_column);
+    if constexpr (P == Phase::small_up)
+      go_up<T, C, kRows>(s, b, -1, first_column);
+    else if (P == Phase::large && id < ups)
+      go_up<T, C, kRows>(s, b, task.block, first_column);
     else
-      go_down<T, C>(s, b, task.block, first_column);
+      go_down<T, C, kRows>(s, b, task.block, first_column);
   }
 }
 

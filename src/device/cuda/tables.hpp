@@ -32,10 +32,11 @@
 
 namespace espalier::device::cuda {
 
-inline constexpr int kThreads = 128;   ///< of every block of the persistent kernels
-inline constexpr int kRowBlock = 128;  ///< rows of a row block
-inline constexpr int kChunk = 16;      ///< columns of a chunk, rows of a padding unit
-inline constexpr int kPanel = 8;       ///< rows of a panel
+inline constexpr int kThreads = 128;    ///< of every block of the persistent kernels
+inline constexpr int kRowBlock = 128;   ///< rows of a row block
+inline constexpr int kSmallRows = 512;  ///< most padded rows of a front that one block of the solve takes whole
+inline constexpr int kChunk = 16;       ///< columns of a chunk, rows of a padding unit
+inline constexpr int kPanel = 8;        ///< rows of a panel
 inline constexpr int kMostDevices = 16;
 
 /// Place of (row 0..7, column 0..15) in a panel: lane (row * 4 + column % 4) holds the columns that leave the same
