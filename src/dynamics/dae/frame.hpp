@@ -56,7 +56,7 @@ class Frame {
 /// A frame at rest in the global system.
 class GroundFrame final : public Frame {
  public:
-  explicit GroundFrame(Vec3 r = Vec3::Zero(), Mat3 rot = Mat3::Identity()) : r_(r), rot_(rot) {}
+  explicit GroundFrame(const Vec3& r = Vec3::Zero(), const Mat3& rot = Mat3::Identity()) : r_(r), rot_(rot) {}
   [[nodiscard]] std::span<const Index> coordinates() const override { return {}; }
   void motion(ConstSpan q, ConstSpan v, FrameMotion& out) const override;
   void jacobian(ConstSpan q, double* j) const override;

@@ -47,7 +47,7 @@ TimeFunction TimeFunction::smooth_step(double t0, double from, double t1, double
   return f;
 }
 
-TimeFunction TimeFunction::of(std::function<double(double)> f, double step) {
+TimeFunction TimeFunction::of(const std::function<double(double)>& f, double step) {
   TimeFunction result;
   result.value = f;
   result.rate = [f, h = step](double t) {
