@@ -30,7 +30,8 @@ using namespace espalier;
 
 struct Settings {
   bool fp32 = false, small = false, plan_only = false;
-  int repeat = 3, refuse = 0, copy_threads = 0, lanes = 0;
+  int repeat = 3, refuse = 0, copy_threads = 0, lanes = 1;
+  double step = 0, group = 0;
   Kind kind = Kind::automatic;
   std::string out;
   std::string system;
@@ -66,6 +67,10 @@ Settings parse(int argc, char** argv) {
       s.refuse = std::stoi(value());
     else if (a == "--copy-threads")
       s.copy_threads = std::stoi(value());
+    else if (a == "--step")
+      s.step = std::stod(value());
+    else if (a == "--group")
+      s.group = std::stod(value());
     else if (a == "--lanes")
       s.lanes = std::stoi(value());
     else if (a == "--out")
@@ -132,7 +137,7 @@ class Curve {
   nlohmann::json streaming(Offset budget) {
     factor::StreamingOptions o;
     o.budget_bytes = budget;
-    o.rates.lanes = settings_.lanes;
+    o.rates = rates();
     o.copy_threads = settings_.copy_threads > 0 ? settings_.copy_threads : std::max(1, pool_.size() / 2);
     device::cuda::CudaStreamOptions d;
     d.refuse_allocation = settings_.refuse;
@@ -171,7 +176,7 @@ class Curve {
     const double start = now();
     const auto backend = device::cuda::make_cuda_stream<T>(c_.plan, c_.kind, rule_, pool_);
     const double made = now();
-    const analysis::StreamingPlan p = analysis::plan_streaming(*backend, budget, {.lanes = settings_.lanes});
+    const analysis::StreamingPlan p = analysis::plan_streaming(*backend, budget, rates());
     const auto steps = std::count_if(p.steps.begin(), p.steps.end(), [](const auto& s) { return !s.fronts.empty(); });
     fmt::print(
         "{:>9.1f} MiB: predicted {:8.1f} ms, link {:8.1f} ms, in {:7.2f} GB, out {:7.2f} GB, {} steps, {} "
@@ -184,6 +189,9 @@ class Curve {
   int failures = 0;
 
  private:
+  analysis::StreamRates rates() const {
+    return {.lanes = settings_.lanes, .step = settings_.step, .group = settings_.group};
+  }
   std::vector<T> right_hand_side() const {
     std::vector<T> x(b_.size());
     for (Index k = 0; k < c_.plan.tree.n; ++k) {

@@ -749,14 +749,13 @@ StreamingPlan plan_streaming(const StreamLayout& layout, Offset budget_bytes, co
   StreamingPlan best, plan;
   bool any = false;
   for (const double step : {0.3, 0.2, 0.1, 0.05})
-    for (const double group : {0.7, 0.45, 0.3})
-      for (const int lanes : {1, 2}) {
-        if (rates.lanes != 0 && rates.lanes != lanes) continue;
-        const Shape shape{step, group, budget_bytes / 32, 3, false, lanes};
-        if (!candidates.make(budget_bytes, shape, plan)) continue;
-        if (!any || plan.predicted_seconds < best.predicted_seconds) best = std::move(plan);
-        any = true;
-      }
+    for (const double group : {0.7, 0.45, 0.3}) {
+      if ((rates.step > 0 && rates.step != step) || (rates.group > 0 && rates.group != group)) continue;
+      const Shape shape{step, group, budget_bytes / 32, 3, false, rates.lanes};
+      if (!candidates.make(budget_bytes, shape, plan)) continue;
+      if (!any || plan.predicted_seconds < best.predicted_seconds) best = std::move(plan);
+      any = true;
+    }
   if (any) return best;
   if (make_frugal(candidates, budget_bytes, best)) return best;
   Offset need = std::max<Offset>(budget_bytes, 1 << 16);

@@ -94,7 +94,7 @@ enum class StreamWork : char {
   store_outputs        ///< what the pivots of step or group came to
 };
 
-/// Two queues compute: the sub-trees of the one hide the chains of pivots at the end of those of the other.
+/// Up to two queues compute: steps of the one may hide the chains of pivots at the end of those of the other.
 enum class StreamQueue : char { in, out, run, second_run };
 inline constexpr std::size_t kStreamQueues = 4;
 
@@ -120,8 +120,10 @@ struct StreamRates {
   double bytes_out = 5.5e10;
   double flops = 3e13;
   double start = 2e-5;  ///< seconds of any operation besides
-  double chain = 3e-5;  ///< seconds of a pivot block column, which waits for the one before it
-  int lanes = 0;        ///< queues that compute, 1 or 2; 0: whichever seems better
+  double chain = 0;     ///< seconds of a pivot block column, which waits for the one before it
+  int lanes = 1;        ///< queues that compute, 1 or 2 (2: a tenth slower on elasticity 64^3 on one H200)
+  double step = 0;      ///< bytes of an in-core step, of the budget; 0: whichever seems best
+  double group = 0;     ///< bytes of a group of block columns, likewise
 };
 
 struct StreamingPlan {
