@@ -85,7 +85,7 @@ void assign_largest_first(const Plan& plan, std::vector<SubTree>& subtrees, Inde
                    [](const SubTree& a, const SubTree& b) { return a.device < b.device; });
 }
 
-// Who works on a front: its sub-tree's device; in the top, everybody with a sub-tree below.
+// Who works on a front or needs its factor: its sub-tree's device; in the top, everybody with a sub-tree below.
 void find_members(const Plan& plan, DeviceAssignment& a) {
   const std::uint64_t one = 1;
   const std::uint64_t all = a.devices == DeviceAssignment::kMostMembers ? ~std::uint64_t{0} : (one << a.devices) - 1;
@@ -94,10 +94,10 @@ void find_members(const Plan& plan, DeviceAssignment& a) {
     const Index s = a.subtree(f);
     std::uint64_t& mine = a.members[static_cast<std::size_t>(f)];
     if (s >= 0) mine = one << a.subtrees[static_cast<std::size_t>(s)].device;
-    if (s < 0 && !a.shared_top) mine = 1;
-    if (mine == 0) mine = all;  // in the top, and nothing below it
+    if (s < 0 && !a.shared_top) mine |= 1;  // it makes all of the top
+    if (mine == 0) mine = all;              // in the top, and nothing below it
     const Index parent = plan.tree.parent[f];
-    if (parent >= 0 && a.subtree(parent) < 0 && a.shared_top) a.members[static_cast<std::size_t>(parent)] |= mine;
+    if (parent >= 0 && a.subtree(parent) < 0) a.members[static_cast<std::size_t>(parent)] |= mine;
   }
 }
 

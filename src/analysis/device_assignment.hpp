@@ -50,7 +50,7 @@ struct DeviceAssignment {
   /// Owners of the block columns of the top where they are dealt by load: fronts + 1 places in `owners`. Else empty.
   std::vector<Offset> owner_ptr;
   std::vector<std::uint8_t> owners;
-  std::vector<std::uint64_t> members;  ///< fronts; bit d: device d works on it. Empty with one device, or too many
+  std::vector<std::uint64_t> members;  ///< fronts; bit d: device d has its factor. Empty with one device, or too many
 
   /// The sub-tree of a front, -1: the top.
   [[nodiscard]] Index subtree(Index front) const {

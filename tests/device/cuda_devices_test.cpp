@@ -26,6 +26,7 @@ struct Parameter {
   Kind kind;
   Index devices;
   bool stealing;
+  bool shared_top = true;
 };
 
 class CudaDevices : public ::testing::TestWithParam<Parameter> {
@@ -35,6 +36,7 @@ class CudaDevices : public ::testing::TestWithParam<Parameter> {
     device::cuda::DeviceTuning tuning;
     tuning.narrow_rows = 300;  // small systems, too, shall have wide fronts
     tuning.stealing = GetParam().stealing;
+    tuning.shared_top = GetParam().shared_top;
     auto tree = analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_);
     const auto options = device::cuda::cuda_plan_options(GetParam().kind, tuning, GetParam().devices);
     plan_ = analysis::make_plan(std::move(tree), a_, {}, options, pool_);
@@ -199,13 +201,15 @@ INSTANTIATE_TEST_SUITE_P(Systems, CudaDevices,
                                            Parameter{{"elasticity", "7"}, Kind::ldlt, 8, false},
                                            Parameter{{"gyroscopic", "7"}, Kind::lu, 3, true},
                                            Parameter{{"plate", "30", "30"}, Kind::llt, 4, true},
+                                           Parameter{{"plate", "30", "30"}, Kind::llt, 3, false, false},
                                            Parameter{{"kkt", "9", "4", "3", "3"}, Kind::ldlt, 4, true},
                                            Parameter{{"kkt", "40", "3", "2", "2"}, Kind::ldlt, 16, false}),
                          [](const auto& tested) {
                            std::string name;
                            for (const auto& w : tested.param.words) name += w + "_";
                            return name + std::to_string(tested.param.devices) +
-                                  (tested.param.stealing ? "_stealing" : "");
+                                  (tested.param.stealing ? "_stealing" : "") +
+                                  (tested.param.shared_top ? "" : "_own_top");
                          });
 
 }  // namespace
