@@ -490,49 +490,32 @@ __device__ void write_contribution(const FactorState<T>& s, T* base, const Front
   }
 }
 
-/// A whole small front: its rows below times the transposed inverse M, in place; for ldlt, the columns to the right get
-/// L = (L D) D^-1, transposed. Ends with a barrier.
+/// A whole small front with symmetric values: its rows below times the transposed inverse M go to the columns to the
+/// right of the pivots, transposed: L for llt, L D for ldlt, where L replaces the rows below. Ends with a barrier.
 template <class T, Kind K>
 __device__ void multiply_below(const FactorState<T>& s, const Front& f, T* a, const T* m) {
   const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31;
-  const int p = f.pivot_pad, ld = f.total_pad + 4, ldm = p + 4, strips = (f.total_pad - p) / 16;
-  const int pieces = strips * (p / 8);  // of 16 x 8
-  constexpr int kMost = 8;              // pieces of a warp: a front of kRowBlock rows, 64 pivots
+  const int p = f.pivot_pad, ld = f.total_pad + 4, ldm = p + 4, below = f.total_pad - p;
   T* low = a + p;
   T* up = a + p * ld;
+#pragma unroll 1
+  for (int y = warp; y < below / 16 * (p / 8); y += kThreads / 32) {  // pieces of 16 x 8
+    const int i = 16 * (y / (p / 8)), n = 8 * (y % (p / 8));
+    T c[4] = {};
+#pragma unroll 1
+    for (int k = 0; k < p; k += 16) multiply_shared(c, low + k * ld + i, 1, ld, m + k * ldm + n, ldm, 1);
+    put_shared(c, T(1), false, up + i * ld + n, ld, 1);
+  }
+  __syncthreads();
+  if (K == Kind::llt) return;
   const T* d = a + kInverseD * ld;
   const T* e = a + kInverseE * ld;
   const T bound = s.growth();
-  T c[kMost][4] = {};
-#pragma unroll
-  for (int u = 0; u < kMost; ++u) {
-    const int y = warp + 4 * u, i = 16 * (y % max(strips, 1)), n = 8 * (y / max(strips, 1));
-    if (y >= pieces) continue;
-    for (int k = 0; k < p; k += 16) multiply_shared(c[u], low + k * ld + i, 1, ld, m + k * ldm + n, ldm, 1);
-  }
-  bool pair = false;
-  if (K == Kind::ldlt && static_cast<int>(threadIdx.x) < f.pivots) pair = e[threadIdx.x] != T(0);
-  const bool pairs = __syncthreads_or(pair) != 0;
-#pragma unroll
-  for (int u = 0; u < kMost; ++u) {
-    const int y = warp + 4 * u, i = 16 * (y % max(strips, 1)), n = 8 * (y / max(strips, 1));
-    if (y >= pieces) continue;
-#pragma unroll
-    for (int x = 0; x < 4; ++x) {
-      const int r = i + (lane >> 2) + 8 * (x >> 1), k = n + 2 * (lane & 3) + (x & 1);
-      low[k * ld + r] = c[u][x];
-      const T l = K == Kind::ldlt ? d[k] * c[u][x] : c[u][x];
-      if (K == Kind::ldlt && !pairs) up[r * ld + k] = l;
-      if (K != Kind::llt && !pairs && r < f.below && k < f.pivots) check_growth(s, bound, l, f.position + k);
-    }
-  }
-  __syncthreads();
-  if (!pairs) return;
-  for (int r = warp; r < f.total_pad - p; r += kThreads / 32)
-    for (int k = lane; k < p; k += 32) {
-      const T l = k < f.pivots ? apply_inverse_d(d, e, k, [&](int x) { return low[x * ld + r]; }) : T(0);
-      up[r * ld + k] = l;
-      if (r < f.below && k < f.pivots) check_growth(s, bound, l, f.position + k);
+  for (int k = warp; k < f.pivots; k += kThreads / 32)
+    for (int r = lane; r < below; r += 32) {
+      const T l = apply_inverse_d(d, e, k, [&](int c) { return up[r * ld + c]; });
+      low[k * ld + r] = l;
+      if (r < f.below) check_growth(s, bound, l, f.position + k);
     }
   __syncthreads();
 }
@@ -548,24 +531,33 @@ __device__ void finish_whole(Workshop<T>& w, const Front& f, const FactorTask& t
   T* low = a + p;      // rows below, pivot columns: element (r, k) at low[k * ld + r]
   T* up = a + p * ld;  // pivot rows, columns below: element (k, c) at up[c * ld + k]
   __syncthreads();
-  multiply_below<T, K>(s, f, a, m);
+  if constexpr (K == Kind::lu) {
+    for (int i = warp; i < strips; i += 4) strip_times_inverse(low + 16 * i, 1, ld, m, ldm, p);
+    __syncthreads();
+    const T bound = s.growth();
+    for (int k = warp; k < f.pivots; k += 4)
+      for (int r = static_cast<int>(threadIdx.x) & 31; r < f.below; r += 32)
+        check_growth(s, bound, low[k * ld + r], f.position + k);
+  } else {
+    multiply_below<T, K>(s, f, a, m);
+  }
   const std::int64_t stride = static_cast<std::int64_t>(size) * kChunk;
   if (strips > 0) {
-    write_panels(K == Kind::ldlt ? up : low, K == Kind::ldlt ? ld : 1, K == Kind::ldlt ? 1 : ld, size - p, p,
+    write_panels(K == Kind::llt ? up : low, K == Kind::llt ? ld : 1, K == Kind::llt ? 1 : ld, size - p, p,
                  array_of(w.base(), f, 0) + f.chunk_offset(0, p), stride);
     if constexpr (K == Kind::lu)
       write_panels(up, ld, 1, size - p, p, array_of(w.base(), f, 1) + f.chunk_offset(0, p), stride);
   }
-  // A22 -= A21 B12: L L^T, (L D) L^T or L U.
+  // A22 -= A21 B12: L L^T, L (L D)^T or L U.
   for (int y = warp; y < 2 * strips * strips; y += 4) {
-    const int h = y & 1, i = (y >> 1) / strips, j = (y >> 1) % strips;
-    if (K != Kind::lu && j > i) continue;
+    const int h = y & 1, i = 16 * ((y >> 1) / strips), j = 16 * ((y >> 1) % strips) + 8 * h;
+    if (K != Kind::lu && j > i + 8) continue;
     T c[4] = {};
-    for (int k = 0; k < p; k += 16) {
-      const T* right = K == Kind::llt ? low + k * ld + 16 * j + 8 * h : up + (16 * j + 8 * h) * ld + k;
-      multiply_shared(c, low + k * ld + 16 * i, 1, ld, right, K == Kind::llt ? ld : 1, K == Kind::llt ? 1 : ld);
-    }
-    put_shared(c, T(-1), true, a + (p + 16 * j + 8 * h) * ld + p + 16 * i, 1, ld);
+#pragma unroll 1
+    for (int k = 0; k < p; k += 16)
+      multiply_shared(c, K == Kind::llt ? up + i * ld + k : low + k * ld + i, K == Kind::llt ? ld : 1,
+                      K == Kind::llt ? 1 : ld, up + j * ld + k, 1, ld);
+    put_shared(c, T(-1), true, a + (p + j) * ld + p + i, 1, ld);
   }
   __syncthreads();
   if (f.below > 0) write_contribution<T, K>(s, w.base(), f, a, ld);
