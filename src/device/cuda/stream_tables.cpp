@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "device/cuda/factor_parameters.hpp"
+
 namespace espalier::device::cuda {
 
 namespace {
@@ -114,7 +116,7 @@ TablePlaces StreamTables::places(const Counts& c) {
 
 ScratchPlaces StreamTables::scratch_places(const Counts& c) const {
   ScratchPlaces s;
-  constexpr Offset kControlBytes = 64;
+  constexpr Offset kControlBytes = (kCounters * 4 + 63) / 64 * 64;
   Offset at = 0;
   const auto put = [&](Offset& place, Offset bytes) {
     place = at;
