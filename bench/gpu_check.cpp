@@ -134,7 +134,7 @@ Settings parse(int argc, char** argv) {
       s.tuning.narrow_rows = std::stoi(value());
     else if (a == "--whole") {
       s.tuning.whole_rows = std::stoi(value());
-      s.tuning.whole_pivots = std::stoi(value());
+      s.tuning.whole_pivots = s.tuning.whole_pivots_ldlt = std::stoi(value());
     } else if (a == "--group")
       s.tuning.group_entries = std::stoll(value());
     else if (a == "--out")

@@ -364,7 +364,7 @@ analysis::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning, I
   o.tiles.narrow_rows = tuning.narrow_rows;
   o.tiles.narrow_width = kNarrow;
   o.tiles.whole_rows = tuning.whole_rows;
-  o.tiles.whole_pivots = tuning.whole_pivots;
+  o.tiles.whole_pivots = kind == Kind::ldlt ? tuning.whole_pivots_ldlt : tuning.whole_pivots;
   o.unsymmetric = kind == Kind::lu;
   o.ldlt = kind == Kind::ldlt;
   o.range_flops = 0;

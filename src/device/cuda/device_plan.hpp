@@ -13,7 +13,10 @@ namespace espalier::device::cuda {
 struct DeviceTuning {
   Index narrow_rows = 1024;  ///< fronts of at most that many rows have tile columns of 32, larger ones of 64
   Index whole_rows = 64;     ///< a front of at most that many rows and ...
-  Index whole_pivots = 48;   ///< ... at most that many pivots is one task
+  Index whole_pivots = 48;   ///< ... at most that many pivots is one task (ldlt: whole_pivots_ldlt)
+  /// More than 32 pivots of an indefinite block take two rows a lane, 740 cycles each instead of 440. KKT chains 1000 x
+  /// (2,1,1), 200 x (3,2,2), 2 x (20,8,8): 0.367, 0.310, 0.798 ms with 32, 0.414, 0.321, 0.802 with 48.
+  Index whole_pivots_ldlt = 32;
   Offset group_entries = Offset{1} << 30;  ///< see PlanOptions
   Index reuse_distance = 4096;             ///< see PlanOptions
   double additional_subtrees = 1;          ///< see PlanOptions
