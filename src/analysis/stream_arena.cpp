@@ -18,6 +18,14 @@ Offset StreamArena::take_passing(Offset bytes) {
   bytes = round(bytes);
   if (bytes == 0) return 0;
   auto it = holes_.lower_bound(cursor_);
+  if (around_ && it != holes_.begin()) {  // the rest of the hole in which the cursor stands
+    const auto here = std::prev(it);
+    if (here->first + here->second >= cursor_ + bytes) {
+      const Offset at = cursor_;
+      cursor_ += bytes;
+      return cut(here, at, bytes);
+    }
+  }
   for (std::size_t k = 0; k <= holes_.size(); ++k, ++it) {
     if (it == holes_.end()) it = holes_.begin();
     if (it == holes_.end()) return -1;

@@ -15,7 +15,11 @@ namespace espalier::analysis {
 class StreamArena {
  public:
   static constexpr Offset kAlignment = 256;  ///< bytes
-  explicit StreamArena(Offset size) : size_(size / kAlignment * kAlignment) { holes_[0] = size_; }
+  /// @param around  false: what passes through takes the next hole's beginning, which splits memory less where it is
+  ///                tight, but takes places again sooner
+  explicit StreamArena(Offset size, bool around = true) : size_(size / kAlignment * kAlignment), around_(around) {
+    holes_[0] = size_;
+  }
   /// @returns the place, -1 when there is none
   Offset take_passing(Offset bytes);
   Offset take_lasting(Offset bytes);
@@ -30,6 +34,7 @@ class StreamArena {
   Offset cut(std::map<Offset, Offset>::iterator hole, Offset at, Offset bytes);
   std::map<Offset, Offset> holes_;  // start -> size
   Offset size_;
+  bool around_;
   Offset cursor_ = 0;
   Offset peak_ = 0;
 };

@@ -23,6 +23,7 @@ struct Shape {
   int chunks = 3;       // chunks on the device at one time
   bool frugal = false;  // contributions go to the host at once
   int lanes = 1;        // queues that compute
+  bool around = false;  // see StreamArena
 };
 
 // Columns of a front that lie on the device, the host or both.
@@ -48,7 +49,7 @@ class Programmer {
         units_(units),
         shape_(shape),
         rates_(rates),
-        arena_(budget),
+        arena_(budget, shape.around),
         host_arena_(std::numeric_limits<Offset>::max() / 4),
         element_(layout.element_bytes()),
         contribution_parts_(plan_.options.unsymmetric ? 2 : 1),
@@ -736,10 +737,18 @@ class Candidates {
 // What takes the least memory, for budgets near the floor.
 bool make_frugal(Candidates& candidates, Offset budget, StreamingPlan& plan) {
   for (const double step : {0.5, 0.25, 0.1, 0.03}) {
-    const Shape shape{step, 0.3, 0, 1, true, 1};
+    const Shape shape{step, 0.3, 0, 1, true, 1, false};
     if (candidates.make(budget, shape, plan)) return true;
   }
   return false;
+}
+
+// Certainly needed: of every front a block column, or all of it.
+Offset least_bytes(const StreamLayout& layout) {
+  Offset least = StreamArena::kAlignment;
+  for (Index f = 0; f < layout.plan().fronts(); ++f)
+    least = std::max(least, layout.factor_offset(f, 1) * layout.element_bytes());
+  return least;
 }
 
 }  // namespace
@@ -751,14 +760,16 @@ StreamingPlan plan_streaming(const StreamLayout& layout, Offset budget_bytes, co
   for (const double step : {0.3, 0.2, 0.1, 0.05})
     for (const double group : {0.7, 0.45, 0.3}) {
       if ((rates.step > 0 && rates.step != step) || (rates.group > 0 && rates.group != group)) continue;
-      const Shape shape{step, group, budget_bytes / 32, 3, false, rates.lanes};
-      if (!candidates.make(budget_bytes, shape, plan)) continue;
-      if (!any || plan.predicted_seconds < best.predicted_seconds) best = std::move(plan);
-      any = true;
+      for (const bool around : {false, true}) {
+        const Shape shape{step, group, budget_bytes / 32, 3, false, rates.lanes, around};
+        if (!candidates.make(budget_bytes, shape, plan)) continue;
+        if (!any || plan.predicted_seconds < best.predicted_seconds) best = std::move(plan);
+        any = true;
+      }
     }
   if (any) return best;
   if (make_frugal(candidates, budget_bytes, best)) return best;
-  Offset need = std::max<Offset>(budget_bytes, 1 << 16);
+  Offset need = std::max(budget_bytes, least_bytes(layout));
   do {
     candidates.forget();
     need += need / 8;
