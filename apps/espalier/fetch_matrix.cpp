@@ -140,7 +140,8 @@ void check_sum(const fs::path& archive, const fs::path& remembered, const std::s
 }
 
 fs::path fetch(const CollectionMatrix& matrix, const FetchCommand& command) {
-  const fs::path cache = cache_folder(), target = cache / (std::string(matrix.name) + ".mtx");
+  const fs::path cache = cache_folder();
+  fs::path target = cache / (std::string(matrix.name) + ".mtx");
   if (fs::is_regular_file(target) && !command.force) return target;
   const WorkFolder work(cache);
   const fs::path archive = work.path() / (std::string(matrix.name) + ".tar.gz");
