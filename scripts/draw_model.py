@@ -6,7 +6,7 @@ by von Mises stress or by the displacement from the initial state, and a curve o
     python3 scripts/draw_model.py RESULTS --out picture.png --view 20 -60 --times 0.01 0.02 --curve pin.force.norm
 
 RESULTS is the folder given to --out of simulate. --look takes times, view and curve of one of the models in models/.
-Needs numpy, matplotlib, pillow (which reduces the picture to 256 colours).
+Needs numpy, matplotlib, pillow.
 """
 import argparse
 import csv
@@ -40,6 +40,7 @@ def outlines(faces, edges):
 
 FACES = {10: TET, 24: outlines(TET, TET_EDGES), 12: HEX, 25: outlines(HEX, HEX_EDGES), 9: ((0, 1, 2, 3),)}
 LINE = 3
+LARGEST = 150_000  # bytes; larger pictures get a palette of 256 colours
 
 
 @dataclass(frozen=True)
@@ -168,7 +169,7 @@ def face_values(frame, faces, cells, name):
     return [np.where(alone[c], np.nan, factor * at_point[f].mean(axis=1)) for f, c in zip(faces, cells)]
 
 
-def cut(polygon, pieces=8):
+def cut(polygon, pieces=20):
     """A large quadrilateral as small ones, so that sorting by depth stays right."""
     s = np.linspace(0, 1, pieces + 1)
     u, v = np.meshgrid(s, s)
@@ -295,8 +296,10 @@ def draw(folder, out, look):
     if look.curve:
         draw_curve(figure.add_subplot(grid[rows, :]), folder, look, times[chosen])
     figure.savefig(out)
-    image = Image.open(out).convert("RGB").quantize(256, dither=Image.Dither.NONE)
+    image = Image.open(out).convert("RGB")
     image.save(out, optimize=True)
+    if Path(out).stat().st_size > LARGEST:
+        image.quantize(256).save(out, optimize=True)
     print(f"{out}: {Path(out).stat().st_size / 1e3:.0f} kB, frames at {', '.join(f'{times[i]:g}' for i in chosen)} s")
 
 
