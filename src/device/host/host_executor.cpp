@@ -38,6 +38,9 @@ Workspace<T>::Workspace(const analysis::Plan& plan, Kind kind, base::MemoryBudge
   runs.reserve(static_cast<std::size_t>(3 * 2048));
 }
 
+template struct Workspace<double>;
+template struct Workspace<float>;
+
 namespace {
 
 template <class T>
