@@ -77,8 +77,9 @@ LOOKS = {
                    axes=("time, ms", "force on the\ncrank pin, kN"), factors=(1e3, 1e-3), size=(8.0, 4.6), share=0.55),
     "chain": Look(times=(0.02, 0.2), view=(14, -80), up="y", curve=("haul.force.y",), path=chain_guide(),
                   axes=("time, s", "pull at the head, N"), factors=(1, -1), size=(8.0, 5.2), share=0.45),
-    "rotor": Look(times=(0.06, 0.1028), view=(22, -42), up="y", curve=("centre.position.radius",), against="unbalance.angular_velocity.z",
-                  axes=("speed, rad/s", "radius of the whirl, mm"), factors=(1, 1e3), size=(8.0, 5.6), share=0.6),
+    "rotor": Look(times=(0.06, 0.1028), view=(22, -42), up="y", curve=("centre.position.radius",),
+                  against="unbalance.angular_velocity.z", axes=("speed, rad/s", "radius of the whirl, mm"),
+                  factors=(1, 1e3), size=(8.0, 5.6), share=0.6),
     "real-engine": Look(times=(0.0185, 0.0225), view=(24, 50), curve=("crank_pin.force.norm",),
                         axes=("time, ms", "force on the crank pin, N"), factors=(1e3, 1), size=(8.0, 4.8), share=0.5),
 }
