@@ -7,6 +7,12 @@
 
 namespace espalier::dynamics {
 
+namespace {
+// Per step that renews the factor because the configuration moved beyond its reach: the reach is tried again after some
+// ln 2 / ln 1.02 = 35 of them, so that a wrong guess costs little either way.
+constexpr double kReachGrowth = 1.02;
+}  // namespace
+
 BdfIntegrator::BdfIntegrator(Equations& equations, const BdfOptions& options)
     : equations_(equations), options_(options), history_(equations.system()) {
   if (options.max_order < 1 || options.max_order > kMaxBdfOrder)
@@ -38,6 +44,7 @@ void BdfIntegrator::start(const State& state) {
   order_ = 1;
   steps_at_order_ = 0;
   factor_hp_ = 0;
+  reach_ = std::numeric_limits<double>::infinity();
   h_ = options_.fixed_step > 0 ? options_.fixed_step : first_step();
   projected_left_ = noisy_left_ = 0;
   // The formula of order 1 wants one past point more for its predictor; a point on the parabola through the state at
@@ -85,17 +92,36 @@ double BdfIntegrator::first_step() const {
 void BdfIntegrator::ensure_factor(bool retry) {
   const bool step_left = factor_hp_ > 0 && std::abs(formula_.hp / factor_hp_ - 1) > options_.refactor_step;
   const bool pattern_changed = equations_.update_pattern();
-  if (factor_hp_ > 0 && !retry && !step_left && !rate_poor_ && !pattern_changed) {
+  const bool none = factor_hp_ == 0 || pattern_changed;
+  const double distance = none ? 0.0 : distance_from_factor();
+  const bool moved = distance > reach_;
+  if (retry && !factor_fresh_) {
+    reach_ = 0.5 * distance;
+  } else if (moved) {
+    reach_ *= kReachGrowth;
+  }
+  if (!none && !retry && !step_left && !rate_poor_ && !moved) {
     factor_fresh_ = false;
     return;
   }
-  ++(factor_hp_ == 0 || pattern_changed ? counts_.refactor_first
-     : retry                            ? counts_.refactor_failed
-     : step_left                        ? counts_.refactor_step
-                                        : counts_.refactor_rate);
   equations_.evaluate_constraints(trial_.t, trial_.q, {});
+  renew_factor(none        ? counts_.refactor_first
+               : retry     ? counts_.refactor_failed
+               : step_left ? counts_.refactor_step
+                           : counts_.refactor_rate);
+}
+
+// In units of the tolerance of q: how far the predicted configuration lies from the one of the factor.
+double BdfIntegrator::distance_from_factor() {
+  equations_.system().local(factor_q_, trial_.q, work_n_);
+  return norm(work_n_, weight_q_);
+}
+
+void BdfIntegrator::renew_factor(long& reason) {
+  ++reason;
   equations_.factorize(trial_.view(), {1, formula_.hp, formula_.hp * formula_.hp});
   factor_hp_ = formula_.hp;
+  factor_q_ = trial_.q;
   factor_fresh_ = true;
   rate_poor_ = false;
   rate_ = 0.5;

@@ -43,10 +43,14 @@ struct BdfOptions {
 
 /// The integrator. Reduced iteration (docs/design.md): with h' = h/b0, W = F_a + h' F_v + h'^2 F_q and
 /// K = [W Phi_q^T; Phi_q 0] of some recent state
-///   R2 = a - (v - v^)/h',  dv = h' R2 + x,          K [x; .] = [0; -(Phi_q v - nu) - h' Phi_q,K R2]
-///   R1 = v - theta_dot,    dq = h' (R1 + dv) + y,   K [y; .] = [0; -Phi - h' Phi_q,K R1 + h' (Phi_q v - nu)]
-///   at the new q, v:       K [da; dl] = [-F; -(Phi_q a - gamma)],  v += h' da, q (+)= h'^2 da
-/// which equals K [dv; mu] = [h' W R2; ...] and so on, but needs no product with W and solves the first two together.
+///   R1 = v - theta_dot, R2 = a - (v - v^)/h',
+///   dq = h' R1 + h'^2 R2 + y,         K [y; .] = [0; -Phi - Phi_q,K (h' R1 + h'^2 R2)]
+///   at the new q:  dv = h' R2 + x,    K [x; .] = [0; -(Phi_q v - nu) - h' Phi_q,K R2]
+///   at the new q, v: da = t + z,      K [t; dl_t] = [-F; 0], K [z; dl_z] = [0; -(Phi_q a - gamma)], dl = dl_t + dl_z,
+///                                     v += h' t, q (+)= h'^2 t
+/// which equals K [dq; mu] = [h' W (R1 + h' R2); -Phi] and so on, but needs no product with W. Every level is met at
+/// the q and v that it depends on, and z, which is normal to the constraints, does not take v and q off them again:
+/// the error of a pass is then that of W and Phi_q alone, and the derivatives of Phi_q v and gamma are not missed.
 class BdfIntegrator final : public Integrator {
  public:
   BdfIntegrator(Equations& equations, const BdfOptions& options);
@@ -83,13 +87,18 @@ class BdfIntegrator final : public Integrator {
   void set_formula(double h, int order);
   void predict();
   void ensure_factor(bool retry);
+  void renew_factor(long& reason);
+  [[nodiscard]] double distance_from_factor();
   void error_weights();
   [[nodiscard]] double norm(ConstSpan x, ConstSpan weight) const;
   Outcome solve_step(StepReport& report);
   Outcome solve_reduced(StepReport& report);
   Outcome solve_full(StepReport& report);
   void project_stages();
-  double iterate_reduced(StepReport& report);
+  void add_normal_part(ConstSpan violation, Span change);
+  void iterate_reduced(StepReport& report);
+  [[nodiscard]] double rounding_of_change() const;
+  [[nodiscard]] bool hopeless(double change, double rate, int iteration) const;
   // Near singular positions (bdf_projected.cpp)
   Outcome solve_projected(StepReport& report);
   void iterate_projected(StepReport& report);
@@ -124,6 +133,8 @@ class BdfIntegrator final : public Integrator {
   bool formula_is_projected_ = false;  // the trial state comes from the projected iteration
   double factor_hp_ = 0;               // h' of the factor; 0: none
   bool factor_fresh_ = false;          // the factor belongs to this very attempt
+  std::vector<double> factor_q_;       // configuration of the factor
+  double reach_ = std::numeric_limits<double>::infinity();  // learned: farther from factor_q_ the factor will not do
   bool rate_poor_ = false;
   double rate_ = 0.5;
   std::vector<double> theta_, theta_hat_, v_hat_, theta_pred_, v_pred_, weight_q_, weight_v_;

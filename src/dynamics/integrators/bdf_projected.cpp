@@ -38,40 +38,10 @@ void BdfIntegrator::remove_weak_parts() {
 
 // One pass; leaves the changes of q and v in dq_ and dv_.
 void BdfIntegrator::iterate_projected(StepReport& report) {
-  const std::size_t n = theta_.size(), m = level_.size();
   const double hp = formula_.hp;
-  System& system = equations_.system();
   equations_.factorize(trial_.view(), {1, hp, hp * hp});
-  project_stages();
-  const Span first(rhs_.data(), n + m), second(rhs_.data() + n + m, n + m);
   equations_.evaluate_constraints(trial_.t, trial_.q, {});
-  equations_.level(trial_.v, equations_.nu(), level_);
-  std::fill(rhs_.begin(), rhs_.end(), 0.0);
-  for (std::size_t i = 0; i < m; ++i) first[n + i] = -level_[i];
-  equations_.solve(first, 1);
-  for (std::size_t i = 0; i < n; ++i) {
-    trial_.v[i] += first[i];
-    dv_[i] += first[i];
-  }
-  equations_.evaluate_constraints(trial_.t, trial_.q, trial_.v);
-  equations_.motion(trial_.view(), f_);
-  report.residual = max_norm(f_);
-  equations_.level(trial_.a, equations_.gamma(), level_);
-  for (std::size_t i = 0; i < n; ++i) first[i] = -f_[i];
-  for (std::size_t i = 0; i < m; ++i) first[n + i] = second[n + i] = -level_[i];
-  equations_.solve(rhs_, 2);
-  for (std::size_t i = 0; i < n; ++i) {
-    const double tangential = first[i] - second[i];
-    trial_.a[i] += first[i];
-    trial_.v[i] += hp * tangential;
-    work_n_[i] = hp * hp * tangential;
-    dv_[i] += hp * tangential;
-    dq_[i] += work_n_[i];
-  }
-  for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += first[n + i];
-  system.retract(trial_.q, work_n_, trial_.q);
-  system.local(history_.q(0), trial_.q, theta_);
-  equations_.evaluate_constraints(trial_.t, trial_.q, trial_.v);
+  iterate_reduced(report);
 }
 
 BdfIntegrator::Outcome BdfIntegrator::solve_projected(StepReport& report) {
@@ -97,8 +67,7 @@ BdfIntegrator::Outcome BdfIntegrator::solve_projected(StepReport& report) {
     const double rate = iteration == 1 ? 0.5 : std::min(report.newton_rate, 0.9);
     const bool small = change * rate / (1 - rate) <= options_.newton_tolerance || change == 0;
     const bool stagnant = iteration >= 3 && change < 0.1 && report.newton_rate > 0.5;
-    if ((small && constraints_hold(report)) || stagnant) {
-      static_cast<void>(constraints_hold(report));
+    if ((small || stagnant) && constraints_hold(report)) {
       return whole - change <= kWeakLimit ? Outcome::converged : Outcome::slow;
     }
     if (iteration > 3 && report.newton_rate > 2) return Outcome::diverged;

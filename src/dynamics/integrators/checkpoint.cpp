@@ -1,6 +1,7 @@
 // What integrators write into restart files and read back.
 #include <algorithm>
 #include <array>
+#include <limits>
 
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
@@ -64,6 +65,7 @@ void BdfIntegrator::save(std::vector<double>& out) {
     put(out, history_.lambda(j));
   }
   factor_hp_ = 0;
+  reach_ = std::numeric_limits<double>::infinity();
 }
 
 void BdfIntegrator::restore(ConstSpan& in) {
@@ -83,6 +85,7 @@ void BdfIntegrator::restore(ConstSpan& in) {
     history_.push(past.t, past.q, past.v, past.lambda);
   }
   factor_hp_ = 0;
+  reach_ = std::numeric_limits<double>::infinity();
 }
 
 // What the predictor remembers of earlier steps is forgotten on both sides: start() does that.

@@ -1,8 +1,11 @@
 #include "dynamics/integrators/initial.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace espalier::dynamics {
@@ -122,6 +125,24 @@ ConsistencyResult make_consistent(Equations& equations, State& state, const Cons
   return result;
 }
 
+namespace {
+
+// Rounding of the forces at a configuration, from the W of the factor: 4 eps max_i sum_j |W_ij| |q_j|.
+double rounding_of_forces(Equations& eq, const State& s) {
+  const SparsePattern& p = eq.kkt().w_pattern();
+  const ConstSpan values = eq.kkt().w_values();
+  std::vector<double> size(s.v.size()), sum(s.v.size(), 0.0);
+  eq.system().magnitude(s.q, size);
+  for (std::size_t j = 0; j < size.size(); ++j) {
+    for (auto k = static_cast<std::size_t>(p.ptr[j]); k < static_cast<std::size_t>(p.ptr[j + 1]); ++k) {
+      sum[static_cast<std::size_t>(p.ind[k])] += std::abs(values[k]) * size[j];
+    }
+  }
+  return 4 * std::numeric_limits<double>::epsilon() * max_norm(sum);
+}
+
+}  // namespace
+
 StaticsResult static_equilibrium(Equations& equations, State& state, const StaticsOptions& options) {
   Work w(equations.sizes());
   std::fill(state.v.begin(), state.v.end(), 0.0);
@@ -140,6 +161,10 @@ StaticsResult static_equilibrium(Equations& equations, State& state, const Stati
     if (!std::isfinite(result.residual)) break;
     scale = std::max(scale, 1e-300);
     if (result.residual <= options.tolerance * scale && result.position <= options.tolerance) return result;
+    const bool falls = k < 2 || result.residual < 0.5 * previous;
+    if (!falls && result.position <= options.tolerance && result.residual <= rounding_of_forces(equations, state)) {
+      return result;
+    }
     if (k > 1 && previous > 0) stiffening *= std::clamp(result.residual / previous, 0.05, 4.0);
     previous = result.residual;
     equations.factorize(state.view(), {stiffening, 0, 1});
@@ -150,9 +175,9 @@ StaticsResult static_equilibrium(Equations& equations, State& state, const Stati
     for (std::size_t i = 0; i < w.m; ++i) state.lambda[i] += w.lower()[i];
   }
   throw Error(StatusCode::accuracy_not_reached,
-              "no static equilibrium after " + std::to_string(result.iterations) + " iterations: residual " +
-                  std::to_string(result.residual) + ", constraints " + std::to_string(result.position) +
-                  "; give a start nearer to it, or add damping and let it swing down");
+              fmt::format("no static equilibrium after {} iterations: residual {:.3e} (allowed {:.3e}), constraints "
+                          "{:.3e}; give a start nearer to it, or add damping and let it swing down",
+                          result.iterations, result.residual, options.tolerance * scale, result.position));
 }
 
 namespace {

@@ -44,7 +44,8 @@ struct StaticsResult {
 
 /// Static equilibrium at time state.t: F(q, 0, 0, lambda) + Phi_q^T lambda = 0, Phi = 0, by Newton's method with
 /// W = F_q + F_a / tau^2, tau growing to infinity (pseudo-transient continuation; Kelley and Keyes 1998), so that it
-/// starts like a motion and ends like Newton.
+/// starts like a motion and ends like Newton. A residual that no longer falls and lies at the rounding of the forces,
+/// 4 eps max_i sum_j |W_ij| |q_j|, ends it too: stiff beams and shells do not get nearer.
 /// @throws espalier::Error if no equilibrium is found
 StaticsResult static_equilibrium(Equations& equations, State& state, const StaticsOptions& options = {});
 
