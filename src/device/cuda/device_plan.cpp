@@ -331,7 +331,7 @@ class Builder {
     });
     const auto for_members = [&](Index f, auto&& use) {
       for (std::size_t d = 0; d < d_.lists.size(); ++d)
-        if ((d_.fronts[f].members >> d & 1) != 0) use(d_.lists[d]);
+        if ((std::uint64_t{d_.fronts[f].members} >> d & 1) != 0) use(d_.lists[d]);  // the simulator has up to 64 lists
     };
     for (const Index f : order)
       for_members(f, [&](TaskLists& l) {
