@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <stdexcept>
 
+#include "base/stopwatch.hpp"
 #include "dynamics/elements/pressure.hpp"
 
 namespace espalier::dynamics {
@@ -14,18 +14,7 @@ namespace {
 
 constexpr std::int64_t kPiece = 2048;  // vertices per piece of a threaded loop over vertices
 
-/// Adds the seconds of its life to a sum.
-class Stopwatch {
- public:
-  explicit Stopwatch(double& sum) : sum_(sum) {}
-  ~Stopwatch() { sum_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
-  Stopwatch(const Stopwatch&) = delete;
-  Stopwatch& operator=(const Stopwatch&) = delete;
-
- private:
-  double& sum_;
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
+using base::Stopwatch;
 
 std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
 

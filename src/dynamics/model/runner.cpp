@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 
+#include "base/stopwatch.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/model/restart.hpp"
@@ -14,18 +14,7 @@
 namespace espalier::dynamics::model {
 namespace {
 
-/// Adds the time of its life to a sum.
-class Stopwatch {
- public:
-  explicit Stopwatch(double& sum) : sum_(sum) {}
-  ~Stopwatch() { sum_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
-  Stopwatch(const Stopwatch&) = delete;
-  Stopwatch& operator=(const Stopwatch&) = delete;
-
- private:
-  double& sum_;
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
+using base::Stopwatch;
 
 SimulationStep public_step(const StepReport& r) {
   return {r.index,    r.t,    r.h, r.order, r.newton_iterations, r.factorizations, r.error_failures + r.newton_failures,

@@ -1,0 +1,22 @@
+/// \file
+/// Sums of times over parts of a program.
+#pragma once
+
+#include <chrono>
+
+namespace espalier::base {
+
+/// Adds the seconds of its life to a sum, which must outlive it.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double& sum) : sum_(sum) {}
+  ~Stopwatch() { sum_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+
+ private:
+  double& sum_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace espalier::base
