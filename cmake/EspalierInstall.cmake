@@ -28,13 +28,34 @@ configure_file(cmake/espalier.pc.in ${PROJECT_BINARY_DIR}/espalier.pc @ONLY)
 install(FILES ${PROJECT_BINARY_DIR}/espalier.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 
 # The bundle: binary, the shared libraries that a bare machine lacks (all but those of glibc and of GCC's runtime) and
-# the licences. The binary finds them through its $ORIGIN rpath, wherever the folder is put.
+# the licences; in libexec/espalier what `espalier bench` starts, and the programs that bin/espalier-evidence runs
+# (docs/decisions/002-the-bundle.md). CHOLMOD's supernodal part (GPL) and MUMPS (CeCILL-C) may not be linked into
+# anything that is passed on. All find the libraries through an $ORIGIN rpath, wherever the folder is put.
 install(TARGETS espalier_cli RUNTIME DESTINATION bin COMPONENT bundle EXCLUDE_FROM_ALL)
-install(CODE "set(binary \"$<TARGET_FILE:espalier_cli>\")" COMPONENT bundle EXCLUDE_FROM_ALL)
+install(PROGRAMS scripts/evidence.sh RENAME espalier-evidence DESTINATION bin COMPONENT bundle EXCLUDE_FROM_ALL)
+set(bundled "")
+foreach(part espalier_rival_host rival_espalier rival_pardiso rival_cudss rival_eigen espalier_gpu_check
+    espalier_stream_curve espalier_collection espalier_pivot_check test_device test_factor test_solver)
+  if(NOT TARGET ${part})
+    continue()
+  endif()
+  list(APPEND bundled ${part})
+  set_target_properties(${part} PROPERTIES INSTALL_RPATH "$ORIGIN/../../lib/espalier")
+  target_link_options(${part} PRIVATE -Wl,--disable-new-dtags)
+  install(TARGETS ${part}
+    RUNTIME DESTINATION libexec/espalier COMPONENT bundle EXCLUDE_FROM_ALL
+    LIBRARY DESTINATION libexec/espalier COMPONENT bundle EXCLUDE_FROM_ALL)
+endforeach()
+set(binaries "$<TARGET_FILE:espalier_cli>")
+foreach(part IN LISTS bundled)
+  list(APPEND binaries "$<TARGET_FILE:${part}>")
+endforeach()
+install(CODE "set(binaries \"${binaries}\")" COMPONENT bundle EXCLUDE_FROM_ALL)
 install(SCRIPT cmake/bundle_libraries.cmake COMPONENT bundle EXCLUDE_FROM_ALL)
 install(FILES LICENSE README.md CHANGELOG.md DESTINATION . COMPONENT bundle EXCLUDE_FROM_ALL)
 
-set(CPACK_GENERATOR TGZ)
+set(CPACK_GENERATOR TXZ)
+set(CPACK_THREADS 0)  # as many as there are cores
 set(CPACK_PACKAGE_NAME espalier)
 set(CPACK_PACKAGE_VENDOR Espalier)
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY ${PROJECT_DESCRIPTION})
@@ -44,5 +65,5 @@ set(CPACK_STRIP_FILES ON)
 set(CPACK_OUTPUT_CONFIG_FILE ${PROJECT_BINARY_DIR}/CPackBundle.cmake)
 include(CPack)
 add_custom_target(bundle COMMAND ${CMAKE_CPACK_COMMAND} --config ${PROJECT_BINARY_DIR}/CPackBundle.cmake
-  -B ${PROJECT_BINARY_DIR} DEPENDS espalier_cli $<$<BOOL:${ESPALIER_BENCH}>:espalier_rivals> USES_TERMINAL
-  COMMENT "Packing ${CPACK_PACKAGE_FILE_NAME}.tar.gz")
+  -B ${PROJECT_BINARY_DIR} DEPENDS espalier_cli ${bundled} USES_TERMINAL
+  COMMENT "Packing ${CPACK_PACKAGE_FILE_NAME}.tar.xz")

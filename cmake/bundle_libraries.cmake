@@ -1,8 +1,8 @@
-# Runs at install time of the component `bundle` with `binary` set: copies the shared libraries that it needs into
+# Runs at install time of the component `bundle` with `binaries` set: copies the shared libraries that they need into
 # lib/espalier and the licences of the packages that they come from into share/doc/espalier/third-party.
 # Left out: glibc, which cannot be carried along, and libstdc++ and libgcc_s, which every distribution installs with it
 # and where a second, older copy would break other libraries of the process.
-file(GET_RUNTIME_DEPENDENCIES EXECUTABLES ${binary}
+file(GET_RUNTIME_DEPENDENCIES EXECUTABLES ${binaries}
   RESOLVED_DEPENDENCIES_VAR libraries UNRESOLVED_DEPENDENCIES_VAR missing
   PRE_EXCLUDE_REGEXES "^ld-linux" "^lib(c|m|dl|rt|pthread|stdc\\+\\+|gcc_s)\\.so" "^libcuda\\.so" "^lib[atl]san\\.so" "^libubsan\\.so")
 if(missing)

@@ -392,7 +392,9 @@ TEST(Memory, PredictionIsWhatIsTaken) {
   for (const auto& words : std::vector<std::vector<std::string>>{
            {"elasticity", "8"}, {"plate", "30", "30"}, {"kkt", "3", "6", "4", "4"}, {"gyroscopic", "6"}}) {
     const SparseMatrix a = generated(words);
-    Solver s(two_threads());
+    Options o = two_threads();
+    o.device = "cpu";  // where a GPU is chosen, the factor is not in host memory
+    Solver s(o);
     const AnalysisResult r = s.analyze(a);
     ASSERT_TRUE(r.status.ok());
     const FactorResult f = s.factorize(a);

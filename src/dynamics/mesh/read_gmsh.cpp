@@ -4,9 +4,9 @@
 #include <array>
 #include <cstring>
 #include <optional>
-#include <set>
 #include <unordered_map>
 
+#include "dynamics/mesh/file_elements.hpp"
 #include "dynamics/mesh/read.hpp"
 #include "dynamics/mesh/text_file.hpp"
 
@@ -76,17 +76,9 @@ ElementType shape_from(const Source& source, std::int64_t code) {
                   code));
 }
 
-/// An element as it stands in the file.
-struct Raw {
-  ElementType type;
-  std::int64_t label;
-  std::int64_t physical;  // 0: none
-  std::array<Index, kMaxElementNodes> nodes;
-};
-
 class GmshReader {
  public:
-  explicit GmshReader(const std::string& path) : reader_(path, read_whole_file(path)) { mesh_.name = path; }
+  GmshReader(std::string content, const std::string& name) : reader_(name, std::move(content)) { mesh_.name = name; }
 
   Mesh read() {
     std::string_view line;
@@ -111,7 +103,7 @@ class GmshReader {
       skip_to_end(section);
     }
     if (mesh_.nodes.empty()) reader_.fail("the file has no $Nodes");
-    finish();
+    elements_.finish(mesh_);
     return std::move(mesh_);
   }
 
@@ -220,7 +212,8 @@ class GmshReader {
                                                       : a;
       nodes[static_cast<std::size_t>(a)] = file[static_cast<std::size_t>(from)];
     }
-    raw_.push_back({type, label, physical, nodes});
+    const std::size_t added = elements_.add(type, label, {nodes.data(), static_cast<std::size_t>(count)});
+    if (physical != 0) elements_.put(added, set_name(shape_of(type).dimension, physical));
   }
 
   void read_elements2() {
@@ -274,46 +267,6 @@ class GmshReader {
     return found == names_.end() ? fmt::format("{}-{}", dimension, tag) : found->second;
   }
 
-  /// Solids become elements; what lies below them becomes sets.
-  void finish() {
-    const bool solids =
-        std::any_of(raw_.begin(), raw_.end(), [](const Raw& r) { return shape_of(r.type).dimension == 3; });
-    for (const Raw& r : raw_) {
-      const auto& shape = shape_of(r.type);
-      const std::span<const Index> nodes(r.nodes.data(), static_cast<std::size_t>(shape.nodes));
-      if (!solids || shape.dimension == 3) {
-        const Index e = mesh_.add_element(r.type, nodes);
-        mesh_.element_labels.push_back(r.label);
-        if (r.physical != 0) mesh_.element_sets[set_name(shape.dimension, r.physical)].push_back(e);
-      }
-      if (r.physical == 0 || shape.dimension == 3) continue;
-      auto& set = mesh_.node_sets[set_name(shape.dimension, r.physical)];
-      set.insert(set.end(), nodes.begin(), nodes.end());
-    }
-    for (auto& [name, set] : mesh_.node_sets) sort_unique(set);
-    for (auto& [name, set] : mesh_.element_sets) sort_unique(set);
-    if (solids) add_face_sets();
-  }
-
-  void add_face_sets() {
-    const auto key = [](std::vector<Index> corners) {
-      std::sort(corners.begin(), corners.end());
-      return corners;
-    };
-    std::map<std::vector<Index>, MeshFace> faces;
-    for (const MeshFace& face : mesh_.boundary_faces()) {
-      const auto nodes = mesh_.face_nodes(face);
-      const auto& shape = shape_of(mesh_.type(face.element)).faces[static_cast<std::size_t>(face.face)];
-      faces[key({nodes.begin(), nodes.begin() + shape_of(shape.type).corners})] = face;
-    }
-    for (const Raw& r : raw_) {
-      const auto& shape = shape_of(r.type);
-      if (shape.dimension != 2 || r.physical == 0) continue;
-      const auto found = faces.find(key({r.nodes.begin(), r.nodes.begin() + shape.corners}));
-      if (found != faces.end()) mesh_.face_sets[set_name(2, r.physical)].push_back(found->second);
-    }
-  }
-
   using Key = std::pair<std::int64_t, std::int64_t>;  // dimension, tag
   LineReader reader_;
   Mesh mesh_;
@@ -322,19 +275,13 @@ class GmshReader {
   std::map<Key, std::string> names_;
   std::map<Key, std::int64_t> entity_physical_;
   std::unordered_map<std::int64_t, Index> index_;
-  std::vector<Raw> raw_;
+  FileElements elements_;
 };
 
 }  // namespace
 
-Mesh read_gmsh(const std::string& path) { return GmshReader(path).read(); }
+Mesh parse_gmsh(std::string content, const std::string& name) { return GmshReader(std::move(content), name).read(); }
 
-Mesh read_mesh(const std::string& path) {
-  const std::string stem = path.ends_with(".gz") ? path.substr(0, path.size() - 3) : path;
-  if (stem.ends_with(".msh")) return read_gmsh(path);
-  if (stem.ends_with(".inp") || stem.ends_with(".INP")) return read_inp(path);
-  throw Error(StatusCode::invalid_input,
-              fmt::format("{}: unknown kind of mesh file; .msh (Gmsh) and .inp (Abaqus, CalculiX) are read", path));
-}
+Mesh read_gmsh(const std::string& path) { return parse_gmsh(read_whole_file(path), path); }
 
 }  // namespace espalier::dynamics
