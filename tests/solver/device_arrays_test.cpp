@@ -133,7 +133,9 @@ TEST_F(Gpu, DeviceArraysGiveWhatHostArraysGive) {
         EXPECT_LE(reference::backward_error(scaled, y, out.host(), columns, transpose), 1e-15);
         ASSERT_TRUE(s.solve(b, x, columns, how).status.ok());
         EXPECT_LE(reference::backward_error(scaled, b, x, columns, transpose), 1e-15);
-        if (c.precision == Precision::fp64) EXPECT_GT(s.condition_estimate().estimate, 1);
+        if (c.precision == Precision::fp64) {
+          EXPECT_GT(s.condition_estimate().estimate, 1);
+        }
       }
 }
 
