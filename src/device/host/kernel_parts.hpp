@@ -27,3 +27,19 @@ template <class T>
 void fill_inverse(Kernels<T>& table);
 
 }  // namespace espalier::device::host
+
+/// The end of a part's source, inside `#if HWY_ONCE`: `part`, defined by what fill_double and fill_float are for the
+/// instruction set of this processor.
+#define ESPALIER_KERNEL_PART(part)            \
+  namespace espalier::device::host {          \
+  HWY_EXPORT(fill_double);                    \
+  HWY_EXPORT(fill_float);                     \
+  template <>                                 \
+  void part(Kernels<double>& table) {         \
+    HWY_DYNAMIC_DISPATCH(fill_double)(table); \
+  }                                           \
+  template <>                                 \
+  void part(Kernels<float>& table) {          \
+    HWY_DYNAMIC_DISPATCH(fill_float)(table);  \
+  }                                           \
+  }  // namespace espalier::device::host

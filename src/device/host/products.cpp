@@ -75,16 +75,5 @@ void fill_float(Kernels<float>& table) { fill(table); }
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace espalier::device::host {
-HWY_EXPORT(fill_double);
-HWY_EXPORT(fill_float);
-template <>
-void fill_products(Kernels<double>& table) {
-  HWY_DYNAMIC_DISPATCH(fill_double)(table);
-}
-template <>
-void fill_products(Kernels<float>& table) {
-  HWY_DYNAMIC_DISPATCH(fill_float)(table);
-}
-}  // namespace espalier::device::host
+ESPALIER_KERNEL_PART(fill_products)
 #endif
