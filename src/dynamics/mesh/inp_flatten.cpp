@@ -7,6 +7,7 @@
 
 #include "dynamics/mesh/inp_model.hpp"
 #include "dynamics/mesh/read.hpp"
+#include "dynamics/mesh/text_file.hpp"
 
 namespace espalier::dynamics {
 namespace {

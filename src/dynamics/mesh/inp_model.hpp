@@ -12,9 +12,6 @@
 
 namespace espalier::dynamics {
 
-/// Upper case, for names that are not case-sensitive.
-std::string upper(std::string_view text);
-
 struct InpNode {
   std::int64_t label;
   Point at;

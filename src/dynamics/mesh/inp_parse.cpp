@@ -10,12 +10,6 @@
 
 namespace espalier::dynamics {
 
-std::string upper(std::string_view text) {
-  std::string result(text);
-  for (char& c : result) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
-  return result;
-}
-
 namespace {
 
 constexpr int kDeepestInclude = 16;

@@ -44,6 +44,7 @@ class Mesh {
   std::map<std::string, std::vector<Index>> element_sets;  ///< element indices, rising, no repeats
   std::map<std::string, std::vector<MeshFace>> face_sets;  ///< faces of solids
   std::vector<MeshMaterial> materials;
+  std::vector<std::string> notices;                     ///< what a reader passed over, for people
   std::map<std::string, std::string> section_material;  ///< element set -> name of its material (*SOLID SECTION)
 
   /// Adds an element and returns its index. @pre element_nodes.size() == shape_of(type).nodes

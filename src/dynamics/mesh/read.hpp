@@ -8,7 +8,8 @@
 
 namespace espalier::dynamics {
 
-/// Reads a mesh by the ending of its name (.msh: Gmsh, .inp: Abaqus/CalculiX; each may be followed by .gz).
+/// Reads a mesh by the ending of its name, in small or capital letters (.msh: Gmsh, .inp: Abaqus/CalculiX, .vtk: legacy
+/// VTK, .bdf, .nas, .dat: Nastran; each may be followed by .gz).
 Mesh read_mesh(const std::string& path);
 
 /// Gmsh .msh, versions 2.0 to 2.2 and 4.1, ASCII and binary (both byte orders are told apart, only the machine's own
@@ -18,6 +19,8 @@ Mesh read_mesh(const std::string& path);
 /// present, surface, line and point elements are not kept as elements. Groups without a name are called "dim-tag",
 /// for instance "2-7". Not read: periodic data, post-processing data, partitions.
 Mesh read_gmsh(const std::string& path);
+/// The same of a text; `name` stands for the file in messages. So with the other formats.
+Mesh parse_gmsh(std::string content, const std::string& name);
 
 /// Abaqus/CalculiX .inp, the subset
 ///   *NODE [NSET], *ELEMENT TYPE= [ELSET], *NSET / *ELSET [GENERATE] [INSTANCE], *SURFACE TYPE=ELEMENT with S1..S6 or a
@@ -29,5 +32,23 @@ Mesh read_gmsh(const std::string& path);
 /// Other keywords (steps, loads, outputs) are skipped with their data lines.
 /// A set that is defined more than once is the union. Node and element labels are kept.
 Mesh read_inp(const std::string& path);
+
+/// Legacy .vtk, unstructured grids, versions 1 to 5 (from 5 on with OFFSETS and CONNECTIVITY), ASCII and binary.
+/// Cells of the shapes of ElementType and pixels and voxels; others are errors. Whole numbers of one component in
+/// CELL_DATA and POINT_DATA become sets "name-value" (not if there are more than 256 different values: notice); where
+/// solids are present, cells of lower dimension become sets only. A node set is a face set too, where outer faces have
+/// all their nodes in it. Labels are numbers from 0, as in the file. In binary files the line of a message counts text
+/// lines and those parts of binary data that look like lines.
+Mesh read_vtk(const std::string& path);
+Mesh parse_vtk(std::string content, const std::string& name);
+
+/// Nastran bulk data (small, large and free fields; continuation lines follow their card): GRID in the basic system or
+/// those of CORD2R, CORD2C, CORD2S; CTETRA (4, 10), CHEXA (8, 20), CPENTA (6, 15), CPYRAM (5), and the shells
+/// CTRIA3/6/R, CQUAD4/8/R; PSOLID and MAT1; SPC and SPC1. Elements of a property become the set "property-<number>",
+/// supported grid points the node set "SPC-<number>" and, where outer faces have all their nodes in it, the face set.
+/// Where solids are present, shells become sets only. Other cards are passed over and counted in a notice. Without
+/// BEGIN BULK the whole file is bulk data.
+Mesh read_nastran(const std::string& path);
+Mesh parse_nastran(std::string content, const std::string& name);
 
 }  // namespace espalier::dynamics

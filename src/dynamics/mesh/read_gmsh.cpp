@@ -1,9 +1,8 @@
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
 #include <cstring>
-#include <optional>
+#include <map>
 #include <unordered_map>
 
 #include "dynamics/mesh/file_elements.hpp"
@@ -22,6 +21,13 @@ class Source {
   std::int64_t int32() { return binary_ ? raw<std::int32_t>() : text().integer("whole number"); }
   std::int64_t size() {
     return binary_ ? static_cast<std::int64_t>(raw<std::uint64_t>()) : text().integer("whole number");
+  }
+  /// A number of things that follow: no more than there are bytes left.
+  std::int64_t count() {
+    const std::int64_t n = size();
+    if (n < 0 || static_cast<std::size_t>(n) > reader_.remaining())
+      fail(fmt::format("{} entries are announced, the file has {} bytes left", n, reader_.remaining()));
+    return n;
   }
   [[noreturn]] void fail(const std::string& message) const { reader_.fail(message); }
 
@@ -103,6 +109,7 @@ class GmshReader {
       skip_to_end(section);
     }
     if (mesh_.nodes.empty()) reader_.fail("the file has no $Nodes");
+    for (const auto& [element, key] : physical_) elements_.put(element, set_name(key));
     elements_.finish(mesh_);
     return std::move(mesh_);
   }
@@ -183,7 +190,7 @@ class GmshReader {
       const std::int64_t dimension = source.int32();
       source.int32();  // entity
       const std::int64_t parametric = source.int32();
-      std::vector<std::int64_t> labels(static_cast<std::size_t>(source.size()));
+      std::vector<std::int64_t> labels(static_cast<std::size_t>(source.count()));
       for (auto& label : labels) label = source.size();
       for (const std::int64_t label : labels) {
         Point p{};
@@ -213,7 +220,7 @@ class GmshReader {
       nodes[static_cast<std::size_t>(a)] = file[static_cast<std::size_t>(from)];
     }
     const std::size_t added = elements_.add(type, label, {nodes.data(), static_cast<std::size_t>(count)});
-    if (physical != 0) elements_.put(added, set_name(shape_of(type).dimension, physical));
+    if (physical != 0) physical_.push_back({added, {shape_of(type).dimension, physical}});
   }
 
   void read_elements2() {
@@ -262,12 +269,13 @@ class GmshReader {
     reader_.fail(fmt::format("{} is missing", end));
   }
 
-  [[nodiscard]] std::string set_name(std::int64_t dimension, std::int64_t tag) const {
-    const auto found = names_.find({dimension, tag});
-    return found == names_.end() ? fmt::format("{}-{}", dimension, tag) : found->second;
+  using Key = std::pair<std::int64_t, std::int64_t>;  // dimension, tag
+
+  [[nodiscard]] std::string set_name(const Key& key) const {
+    const auto found = names_.find(key);
+    return found == names_.end() ? fmt::format("{}-{}", key.first, key.second) : found->second;
   }
 
-  using Key = std::pair<std::int64_t, std::int64_t>;  // dimension, tag
   LineReader reader_;
   Mesh mesh_;
   double version_ = 0;
@@ -276,6 +284,7 @@ class GmshReader {
   std::map<Key, std::int64_t> entity_physical_;
   std::unordered_map<std::int64_t, Index> index_;
   FileElements elements_;
+  std::vector<std::pair<std::size_t, Key>> physical_;  // of the elements that belong to a group
 };
 
 }  // namespace

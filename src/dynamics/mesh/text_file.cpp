@@ -33,6 +33,18 @@ std::string_view trim(std::string_view text) {
   return text;
 }
 
+std::string upper(std::string_view text) {
+  std::string result(text);
+  for (char& c : result) c = c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+  return result;
+}
+
+std::string lower(std::string_view text) {
+  std::string result(text);
+  for (char& c : result) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  return result;
+}
+
 bool LineReader::next(std::string_view& line) {
   if (at_ >= content_.size()) return false;
   const std::size_t end = content_.find('\n', at_);

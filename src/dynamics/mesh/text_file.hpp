@@ -17,6 +17,9 @@ std::string read_whole_file(const std::string& path);
 
 /// Trims blanks and line ends.
 std::string_view trim(std::string_view text);
+/// Capital and small letters (A to Z), for words that are not case-sensitive.
+std::string upper(std::string_view text);
+std::string lower(std::string_view text);
 
 /// Lines of a text, counted from 1.
 class LineReader {
@@ -29,6 +32,10 @@ class LineReader {
   void back();
   [[nodiscard]] const std::string& path() const { return path_; }
   [[nodiscard]] std::int64_t line() const { return line_; }
+  /// What has not been read yet.
+  [[nodiscard]] std::string_view rest() const { return std::string_view(content_).substr(at_); }
+  /// Bytes behind the last line or binary section.
+  [[nodiscard]] std::size_t remaining() const { return content_.size() - at_; }
 
   /// `size` bytes from here, for binary sections. @throws Error when the file ends before
   std::span<const char> bytes(std::size_t size);

@@ -1,0 +1,85 @@
+#include "dynamics/mesh/file_elements.hpp"
+
+#include <algorithm>
+
+namespace espalier::dynamics {
+namespace {
+
+using Corners = std::vector<Index>;
+
+Corners sorted_corners(std::span<const Index> nodes, int corners) {
+  Corners key(nodes.begin(), nodes.begin() + corners);
+  std::sort(key.begin(), key.end());
+  return key;
+}
+
+}  // namespace
+
+std::span<const Index> FileElements::Element::list() const {
+  return {nodes.data(), static_cast<std::size_t>(shape_of(type).nodes)};
+}
+
+std::size_t FileElements::add(ElementType type, std::int64_t label, std::span<const Index> nodes) {
+  Element& e = elements_.emplace_back(Element{type, label, {}});
+  std::copy(nodes.begin(), nodes.end(), e.nodes.begin());
+  return elements_.size() - 1;
+}
+
+void FileElements::finish(Mesh& mesh) const {
+  const bool solids =
+      std::any_of(elements_.begin(), elements_.end(), [](const Element& e) { return shape_of(e.type).dimension == 3; });
+  std::vector<Index> became(elements_.size(), -1);
+  for (std::size_t k = 0; k < elements_.size(); ++k) {
+    const Element& e = elements_[k];
+    if (solids && shape_of(e.type).dimension < 3) continue;
+    became[k] = mesh.add_element(e.type, e.list());
+    mesh.element_labels.push_back(e.label);
+  }
+  for (const auto& [name, members] : sets_)
+    for (const std::size_t k : members) {
+      if (became[k] >= 0) mesh.element_sets[name].push_back(became[k]);
+      if (shape_of(elements_[k].type).dimension == 3) continue;
+      const auto nodes = elements_[k].list();
+      auto& set = mesh.node_sets[name];
+      set.insert(set.end(), nodes.begin(), nodes.end());
+    }
+  for (auto& [name, set] : mesh.node_sets) sort_unique(set);
+  for (auto& [name, set] : mesh.element_sets) sort_unique(set);
+  if (solids) add_face_sets(mesh);
+}
+
+void FileElements::add_face_sets(Mesh& mesh) const {
+  std::map<Corners, MeshFace> faces;
+  for (const MeshFace& face : mesh.boundary_faces()) {
+    const auto& shape = shape_of(mesh.type(face.element)).faces[static_cast<std::size_t>(face.face)];
+    faces[sorted_corners(mesh.face_nodes(face), shape_of(shape.type).corners)] = face;
+  }
+  for (const auto& [name, members] : sets_)
+    for (const std::size_t k : members) {
+      const auto& shape = shape_of(elements_[k].type);
+      if (shape.dimension != 2) continue;
+      const auto found = faces.find(sorted_corners(elements_[k].list(), shape.corners));
+      if (found != faces.end()) mesh.face_sets[name].push_back(found->second);
+    }
+}
+
+void add_faces_of_node_sets(Mesh& mesh) {
+  if (mesh.node_sets.empty()) return;
+  const std::vector<MeshFace> outer = mesh.boundary_faces();
+  std::vector<char> member(mesh.nodes.size());
+  for (const auto& [name, nodes] : mesh.node_sets) {
+    if (mesh.face_sets.contains(name)) continue;
+    std::fill(member.begin(), member.end(), 0);
+    for (const Index n : nodes) member[static_cast<std::size_t>(n)] = 1;
+    std::vector<MeshFace> faces;
+    for (const MeshFace& face : outer) {
+      const auto of_face = mesh.face_nodes(face);
+      if (std::all_of(of_face.begin(), of_face.end(),
+                      [&](Index n) { return member[static_cast<std::size_t>(n)] != 0; }))
+        faces.push_back(face);
+    }
+    if (!faces.empty()) mesh.face_sets[name] = std::move(faces);
+  }
+}
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,235 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <unordered_map>
+
+#include "dynamics/mesh/file_elements.hpp"
+#include "dynamics/mesh/nastran_cards.hpp"
+#include "dynamics/mesh/read.hpp"
+
+namespace espalier::dynamics {
+namespace {
+
+/// Element cards: EID, PID, then grid points. Solids and surfaces of second order have all mid-side nodes or none.
+struct CardShape {
+  const char* name;
+  ElementType linear, quadratic;
+};
+constexpr CardShape kShapes[] = {
+    {"CTETRA", ElementType::tet4, ElementType::tet10},     {"CHEXA", ElementType::hex8, ElementType::hex20},
+    {"CPENTA", ElementType::wedge6, ElementType::wedge15}, {"CPYRAM", ElementType::pyramid5, ElementType::pyramid5},
+    {"CTRIA3", ElementType::tri3, ElementType::tri3},      {"CTRIAR", ElementType::tri3, ElementType::tri3},
+    {"CQUAD4", ElementType::quad4, ElementType::quad4},    {"CQUADR", ElementType::quad4, ElementType::quad4},
+    {"CTRIA6", ElementType::tri3, ElementType::tri6},      {"CQUAD8", ElementType::quad4, ElementType::quad8}};
+// Position in the card of our node a: Nastran counts the upright edges before those of the top.
+constexpr int kHex20[20] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 16, 17, 18, 19, 12, 13, 14, 15};
+constexpr int kWedge15[15] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 13, 14, 9, 10, 11};
+
+Point minus(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
+Point cross(const Point& a, const Point& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+Point unit(const Point& a) {
+  const double length = std::hypot(a[0], a[1], a[2]);
+  return {a[0] / length, a[1] / length, a[2] / length};
+}
+
+/// A coordinate system in its reference system (CORD2R, CORD2C, CORD2S).
+struct System {
+  char kind = 'R';
+  std::int64_t reference = 0;
+  Point origin{}, on_z{}, in_xz{};
+  NastranCard card;
+};
+
+class NastranReader {
+ public:
+  NastranReader(std::string content, const std::string& name) : cards_(std::move(content), name) { mesh_.name = name; }
+
+  Mesh read() {
+    NastranCard card;
+    while (cards_.next(card)) take(card);
+    if (mesh_.nodes.empty())
+      throw Error(StatusCode::invalid_input, fmt::format("{}: the file has no GRID cards", mesh_.name));
+    to_basic_system();
+    for (const NastranCard& element : element_cards_) add_element(element);
+    for (const NastranCard& support : supports_) add_support(support);
+    elements_.finish(mesh_);
+    add_faces_of_node_sets(mesh_);
+    add_materials();
+    add_notice();
+    return std::move(mesh_);
+  }
+
+ private:
+  void take(const NastranCard& card) {
+    if (card.name == "GRID") return add_grid(card);
+    if (shape_of_card(card) != nullptr) return element_cards_.push_back(card);
+    if (card.name == "CORD2R" || card.name == "CORD2C" || card.name == "CORD2S") return add_system(card);
+    if (card.name == "MAT1") return materials_.push_back(card);
+    if (card.name == "PSOLID") {
+      solids_[card.integer(0, "property")] = card.integer(1, "material");
+      return;
+    }
+    if (card.name == "SPC" || card.name == "SPC1") return supports_.push_back(card);
+    if (card.name == "GRDSET" && card.integer(1, "coordinate system", 0) != 0)
+      card.fail("is not read; write the coordinate system on every GRID");
+    ++passed_over_[card.name];
+  }
+
+  static const CardShape* shape_of_card(const NastranCard& card) {
+    for (const CardShape& s : kShapes)
+      if (card.name == s.name) return &s;
+    return nullptr;
+  }
+
+  void add_grid(const NastranCard& card) {
+    const std::int64_t label = card.integer(0, "number");
+    if (!index_.emplace(label, static_cast<Index>(mesh_.nodes.size())).second)
+      card.fail(fmt::format("grid point {} is defined twice", label));
+    Point p{};
+    for (std::size_t i = 0; i < 3; ++i) p[i] = card.real(2 + i, "coordinate", 0);
+    mesh_.nodes.push_back(p);
+    mesh_.node_labels.push_back(label);
+    const std::int64_t system = card.integer(1, "coordinate system", 0);
+    if (system != 0) in_system_.push_back({mesh_.nodes.size() - 1, system, card.line});
+  }
+
+  void add_system(const NastranCard& card) {
+    System s;
+    s.kind = card.name.back();
+    s.reference = card.integer(1, "reference system", 0);
+    for (std::size_t i = 0; i < 3; ++i) {
+      s.origin[i] = card.real(2 + i, "point A", 0);
+      s.on_z[i] = card.real(5 + i, "point B", 0);
+      s.in_xz[i] = card.real(8 + i, "point C", 0);
+    }
+    s.card = card;
+    systems_[card.integer(0, "number")] = s;
+  }
+
+  /// A point of system `id` in the basic system.
+  [[nodiscard]] Point basic(std::int64_t id, Point p, std::int64_t line, int depth = 0) const {
+    if (id == 0) return p;
+    const auto found = systems_.find(id);
+    if (found == systems_.end())
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("{}:{}: coordinate system {} is not defined (CORD2R, CORD2C, CORD2S are read)",
+                              mesh_.name, line, id));
+    const System& s = found->second;
+    if (depth > 64) s.card.fail("coordinate systems refer to one another in a circle");
+    constexpr double kDegree = std::numbers::pi / 180;
+    if (s.kind == 'C') p = {p[0] * std::cos(p[1] * kDegree), p[0] * std::sin(p[1] * kDegree), p[2]};
+    if (s.kind == 'S') {
+      const double across = p[0] * std::sin(p[1] * kDegree);
+      p = {across * std::cos(p[2] * kDegree), across * std::sin(p[2] * kDegree), p[0] * std::cos(p[1] * kDegree)};
+    }
+    const auto up = [&](const Point& x) { return basic(s.reference, x, s.card.line, depth + 1); };
+    const Point origin = up(s.origin), z = unit(minus(up(s.on_z), origin));
+    const Point y = unit(cross(z, minus(up(s.in_xz), origin))), x = cross(y, z);
+    if (!std::isfinite(y[0] + z[0])) s.card.fail("its points A, B and C lie on one line");
+    return {origin[0] + p[0] * x[0] + p[1] * y[0] + p[2] * z[0], origin[1] + p[0] * x[1] + p[1] * y[1] + p[2] * z[1],
+            origin[2] + p[0] * x[2] + p[1] * y[2] + p[2] * z[2]};
+  }
+
+  void to_basic_system() {
+    for (const auto& [node, system, line] : in_system_) mesh_.nodes[node] = basic(system, mesh_.nodes[node], line);
+  }
+
+  [[nodiscard]] Index grid(const NastranCard& card, std::int64_t label) const {
+    const auto found = index_.find(label);
+    if (found == index_.end()) card.fail(fmt::format("grid point {} is not defined", label));
+    return found->second;
+  }
+
+  void add_element(const NastranCard& card) {
+    const CardShape& shape = *shape_of_card(card);
+    const std::int64_t label = card.integer(0, "number");
+    std::size_t given = 0;
+    const auto most = static_cast<std::size_t>(shape_of(shape.quadratic).nodes);
+    for (std::size_t a = 0; a < most; ++a)
+      if (!card.field(2 + a).empty() && card.field(2 + a) != "0") given = a + 1;
+    const auto corners = static_cast<std::size_t>(shape_of(shape.linear).nodes);
+    const ElementType type = given > corners ? shape.quadratic : shape.linear;
+    const auto count = static_cast<std::size_t>(shape_of(type).nodes);
+    std::array<Index, kMaxElementNodes> nodes{};
+    for (std::size_t a = 0; a < count; ++a) {
+      const std::size_t from = type == ElementType::hex20     ? static_cast<std::size_t>(kHex20[a])
+                               : type == ElementType::wedge15 ? static_cast<std::size_t>(kWedge15[a])
+                                                              : a;
+      if (card.field(2 + from).empty() || card.field(2 + from) == "0")
+        card.fail(fmt::format("element {} has {} grid points, but number {} is empty; give all mid-side points or none",
+                              label, given, from + 1));
+      nodes[a] = grid(card, card.integer(2 + from, "grid point"));
+    }
+    const std::size_t added = elements_.add(type, label, {nodes.data(), count});
+    elements_.put(added, fmt::format("property-{}", card.integer(1, "property", label)));
+  }
+
+  /// Grid points that are held somehow, as a set: SPC-<number of the set>.
+  void add_support(const NastranCard& card) {
+    auto& set = mesh_.node_sets[fmt::format("SPC-{}", card.integer(0, "set"))];
+    if (card.name == "SPC") {
+      for (std::size_t k = 1; k < card.fields.size(); k += 3)
+        if (!card.field(k).empty()) set.push_back(grid(card, card.integer(k, "grid point")));
+    } else if (upper(card.field(3)) == "THRU") {
+      const std::int64_t first = card.integer(2, "first grid point"), last = card.integer(4, "last grid point");
+      for (const auto& [label, node] : index_)
+        if (label >= first && label <= last) set.push_back(node);
+    } else {
+      for (std::size_t k = 2; k < card.fields.size(); ++k)
+        if (!card.field(k).empty()) set.push_back(grid(card, card.integer(k, "grid point")));
+    }
+    sort_unique(set);
+  }
+
+  void add_materials() {
+    for (const NastranCard& card : materials_) {
+      MeshMaterial m;
+      m.name = fmt::format("MAT1-{}", card.integer(0, "number"));
+      const double shear = card.real(2, "shear modulus", 0);
+      m.young = card.real(1, "Young's modulus", 0);
+      m.poisson = card.real(3, "Poisson's ratio", shear > 0 && m.young > 0 ? m.young / (2 * shear) - 1 : 0);
+      if (m.young == 0) m.young = 2 * shear * (1 + m.poisson);
+      m.density = card.real(4, "density", 0);
+      mesh_.materials.push_back(m);
+    }
+    for (const auto& [property, material] : solids_)
+      if (const auto set = fmt::format("property-{}", property); mesh_.element_sets.contains(set))
+        mesh_.section_material[set] = fmt::format("MAT1-{}", material);
+  }
+
+  void add_notice() {
+    if (passed_over_.empty()) return;
+    std::vector<std::string> list;
+    for (const auto& [name, count] : passed_over_) list.push_back(fmt::format("{} ({})", name, count));
+    mesh_.notices.push_back(fmt::format("{}: cards that were passed over: {}", mesh_.name, fmt::join(list, ", ")));
+  }
+
+  struct Placed {
+    std::size_t node;
+    std::int64_t system, line;
+  };
+  NastranCards cards_;
+  Mesh mesh_;
+  std::unordered_map<std::int64_t, Index> index_;
+  std::map<std::int64_t, System> systems_;
+  std::vector<Placed> in_system_;
+  std::vector<NastranCard> element_cards_, supports_, materials_;
+  std::map<std::int64_t, std::int64_t> solids_;  // property -> material
+  std::map<std::string, long> passed_over_;
+  FileElements elements_;
+};
+
+}  // namespace
+
+Mesh parse_nastran(std::string content, const std::string& name) {
+  return NastranReader(std::move(content), name).read();
+}
+
+Mesh read_nastran(const std::string& path) { return parse_nastran(read_whole_file(path), path); }
+
+}  // namespace espalier::dynamics
