@@ -71,8 +71,8 @@ void BenchCommand::add_to(CLI::App& sub) {
   if (*experiment->points != '\0') sub.add_option("--points", settings.points, experiment->points)->type_name("P...");
   if (peers) {
     sub.add_flag("--quick", quick, "small systems; ends within 5 minutes on 2 cores");
-    sub.add_option("--set", settings.set, "systems and rivals of a table: quick, cpu (default) or gpu")
-        ->check(CLI::IsMember({"quick", "cpu", "gpu"}));
+    sub.add_option("--set", settings.set, "systems and rivals of a table: quick, cpu (default), gpu or gpus")
+        ->check(CLI::IsMember({"quick", "cpu", "gpu", "gpus"}));
   }
   sub.add_option("--kind", settings.kind, "auto (default), llt, ldlt or lu")
       ->check(CLI::IsMember({"auto", "llt", "ldlt", "lu"}));
@@ -89,6 +89,7 @@ void BenchCommand::add_to(CLI::App& sub) {
   sub.add_option("--memory-limit", memory_limit, "memory that a rival's process may take, such as 8GiB")
       ->type_name("SIZE");
   sub.add_option("--wrong-above", plan.wrong_above, "a larger normwise backward error is a wrong answer (1e-8)");
+  sub.add_flag("--cold{false}", plan.warm, "time a turn's first call, with the caches as the others left them");
   sub.add_flag("--one-at-a-time", plan.one_at_a_time, "one process after the other, for systems that fill the memory");
   sub.add_flag("--no-ceilings", no_ceilings, "do not measure the machine's ceilings first");
   sub.add_option("--out", settings.out, fmt::format("file of results (default: bench-{}.json)", experiment->name))

@@ -36,6 +36,13 @@ std::vector<std::string> matrices_in(const std::string& folder) {
   return files;
 }
 
+/// "elasticity 64 as ldlt": the system and its kind; without the last two words, `kind`.
+std::pair<std::string, std::string> split_kind(const std::string& system, const std::string& kind) {
+  const std::size_t at = system.rfind(" as ");
+  if (at == std::string::npos || fs::exists(system)) return {system, kind};
+  return {system.substr(0, at), system.substr(at + 4)};
+}
+
 nlohmann::json settings_record(const Settings& settings) {
   const Plan& plan = settings.plan;
   return {{"threads", plan.threads},
@@ -131,16 +138,17 @@ const Bench::Loaded& Bench::load(const std::string& system) {
   loaded_.reset();  // before the next one takes its memory
   auto next = std::make_unique<Loaded>();
   next->words = system;
-  next->a = make_system(system);
+  const auto [words, kind] = split_kind(system, settings_.kind);
+  next->a = make_system(words);
   if (next->a.rows != next->a.cols || next->a.rows == 0 || next->a.values.empty())
     throw Error(StatusCode::invalid_input, fmt::format("{}: the matrix is {} x {} with {} values; a square one with "
                                                        "values is needed",
                                                        system, next->a.rows, next->a.cols, next->a.values.size()));
-  next->kind = kind_named(settings_.kind);
+  next->kind = kind_named(kind);
   if (next->kind == Kind::automatic) next->kind = automatic_kind(next->a);
   if (next->kind != Kind::lu && !next->a.symmetric())
     throw Error(StatusCode::invalid_input,
-                fmt::format("{}: --kind {} needs a matrix in symmetric storage", system, settings_.kind));
+                fmt::format("{}: kind {} needs a matrix in symmetric storage", system, kind));
   loaded_ = std::move(next);
   return *loaded_;
 }

@@ -27,7 +27,7 @@ struct Settings {
   std::vector<std::string> systems;  ///< generators with their sizes, matrix files, folders of matrix files
   std::vector<std::string> rivals;   ///< contestants, name or name:variant
   std::vector<std::string> points;   ///< what is swept: widths, budgets, devices
-  std::string set;                   ///< peers: which systems (quick, cpu, gpu)
+  std::string set;                   ///< peers: which systems (quick, cpu, gpu, gpus)
   std::string kind = "auto";
   Plan plan;
   int repetitions = 0;      ///< timed rounds

@@ -1,32 +1,109 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
 #include "experiments/experiments.hpp"
 
 namespace espalier::bench {
 namespace {
 
-/// Systems by the name of a set. "quick" ends within 5 minutes on 2 cores; "gpu" are those of the GPU tables in
-/// docs/performance.md.
-std::vector<std::string> systems_of(const std::string& set) {
+/// Contestants that take turns on some systems, and how often.
+struct Stage {
+  std::vector<std::string> rivals, systems;
+  int repetitions, analyses;
+  Index columns;  ///< right-hand sides of the second solve
+};
+
+using Words = std::vector<std::string>;
+
+/// Systems by the name of a set. "quick" ends within 5 minutes on 2 cores.
+Words systems_of(const std::string& set) {
   if (set == "quick") return {"elasticity 12", "plate 80 80", "kkt 4 8 6 6", "kkt 100 3 2 2", "gyroscopic 10"};
-  if (set == "gpu")
-    return {"elasticity 20", "elasticity 40", "elasticity 64",  "plate 600",      "plate 1200",    "kkt 2",
-            "kkt 20",        "kkt 200 3 2 2", "kkt 1000 2 1 1", "kkt 400 10 8 8", "gyroscopic 24", "gyroscopic 48"};
   return {"elasticity 20", "plate 200 200", "kkt 20", "kkt 200 3 2 2", "gyroscopic 24"};
 }
 
-std::vector<std::string> rivals_of(const std::string& set, int gpus) {
-  if (set == "gpu") return {"espalier:device=gpu:0", "cudss", "pardiso"};
-  std::vector<std::string> rivals = {"espalier", "pardiso", "cholmod", "mumps", "eigen", "cudss"};
-  if (gpus > 0) rivals.insert(rivals.begin() + 1, "espalier:device=gpu:0");
+const char* const kOurs = "espalier:device=gpu:0";
+const char* const kOursResident = "espalier:device=gpu:0+resident";
+
+/// The tables of the GPU (docs/performance.md). What takes longest stands last, so that a limit of time costs least:
+/// everything small in turns; the large systems on the GPU alone; cuDSS's modes; PARDISO on the large systems, whose
+/// factorizations take minutes, with the first factorization alone.
+std::vector<Stage> gpu_stages() {
+  const Words small = {"kkt 1000 2 1 1", "kkt 200 3 2 2", "kkt 2", "kkt 20", "elasticity 20", "gyroscopic 24"};
+  const Words middle = {"elasticity 40", "elasticity 40 as ldlt", "plate 600", "kkt 400 10 8 8"};
+  const Words large = {"elasticity 64", "elasticity 64 as ldlt", "plate 1200", "elasticity 80"};
+  const Words ours = {kOurs, kOursResident, "cudss"}, modes = {"cudss:deterministic", "cudss:hybrid"};
+  Words all = ours;
+  all.emplace_back("pardiso");
+  std::vector<Stage> stages = {{all, small, 7, 3, 32},
+                               {all, middle, 3, 1, 32},
+                               {all, {"gyroscopic 48"}, 1, 1, 1},
+                               {{kOursResident, "cudss"}, large, 3, 1, 1},
+                               {modes, small, 3, 1, 1},
+                               {modes, {"elasticity 40", "plate 600", "kkt 400 10 8 8", "gyroscopic 48"}, 1, 1, 1}};
+  for (const std::string& system : large) {
+    stages.push_back({{"pardiso"}, {system}, 0, 1, 1});
+    for (const std::string& mode : modes) stages.push_back({{mode}, {system}, 1, 1, 1});
+  }
+  return stages;
+}
+
+/// All GPUs of this machine beside one: ours and cuDSS.
+std::vector<Stage> gpus_stages(int gpus) {
+  std::string list = "gpu:0";
+  for (int k = 1; k < gpus; ++k) list += fmt::format(",{}", k);
+  const std::string several = fmt::format("cudss:gpus={}", gpus);
+  const Words rivals = {kOursResident, fmt::format("espalier:device={}+resident", list), "cudss", several};
+  std::vector<Stage> stages = {{rivals, {"kkt 20", "elasticity 64", "kkt 400 10 8 8", "plate 1200"}, 3, 1, 1}};
+  for (const std::string& rival : {rivals[1], several, rivals[0], rivals[2]})  // they do not fit side by side
+    stages.push_back({{rival}, {"elasticity 96"}, 1, 1, 1});
+  return stages;
+}
+
+Words rivals_of(const std::string& set, int gpus) {
+  if (set == "gpu") return {kOurs, kOursResident, "cudss", "pardiso"};
+  Words rivals = {"espalier", "pardiso", "cholmod", "mumps", "eigen", "cudss"};
+  if (gpus > 0) rivals.insert(rivals.begin() + 1, kOurs);
   return rivals;
+}
+
+/// Rows of one system stand together, in the order in which systems came first.
+void gather_systems(nlohmann::json& rows) {
+  std::vector<nlohmann::json> sorted;
+  std::vector<std::string> order;
+  for (const auto& row : rows)
+    if (std::find(order.begin(), order.end(), row.at("system")) == order.end()) order.push_back(row.at("system"));
+  for (const std::string& system : order)
+    for (auto& row : rows)
+      if (row.at("system") == system) sorted.push_back(row);
+  rows = sorted;
+}
+
+void run_stages(Bench& bench, const std::vector<Stage>& stages) {
+  const Settings& settings = bench.settings();
+  for (const Stage& stage : stages) {
+    Plan& plan = bench.plan();
+    plan.repetitions = settings.repetitions > 0 ? settings.repetitions : stage.repetitions;
+    plan.analyses = settings.analyses > 0 ? settings.analyses : stage.analyses;
+    plan.columns = stage.columns;
+    std::vector<Contestant> contestants;
+    for (const std::string& rival : stage.rivals) contestants.push_back({rival});
+    for (const std::string& system : stage.systems) bench.measure(system, contestants);
+  }
+  gather_systems(bench.document()["rows"]);
 }
 
 }  // namespace
 
 void run_peers(Bench& bench) {
   const Settings& settings = bench.settings();
+  if (settings.rivals.empty() && settings.systems.empty()) {
+    if (settings.set == "gpu") return run_stages(bench, gpu_stages());
+    if (settings.set == "gpus") return run_stages(bench, gpus_stages(bench.gpus()));
+  }
   std::vector<Contestant> contestants;
-  const auto rivals = settings.rivals.empty() ? rivals_of(settings.set, bench.gpus()) : settings.rivals;
-  for (const std::string& rival : rivals) contestants.push_back({rival});
+  for (const std::string& rival : settings.rivals.empty() ? rivals_of(settings.set, bench.gpus()) : settings.rivals)
+    contestants.push_back({rival});
   for (const std::string& system : bench.systems(systems_of(settings.set))) bench.measure(system, contestants);
 }
 

@@ -178,8 +178,10 @@ AnalyzeReport Child::analyze(Kind kind, int threads) {
   return ask<AnalyzeReport>({{"do", "analyze"}, {"kind", kind_name(kind)}, {"threads", threads}});
 }
 FactorReport Child::factorize() { return ask<FactorReport>({{"do", "factorize"}}); }
-FactorReport Child::refactorize() { return ask<FactorReport>({{"do", "refactorize"}}); }
-SolveReport Child::solve(Index columns) { return ask<SolveReport>({{"do", "solve"}, {"columns", columns}}); }
+FactorReport Child::refactorize(bool warm) { return ask<FactorReport>({{"do", "refactorize"}, {"warm", warm}}); }
+SolveReport Child::solve(Index columns, bool warm) {
+  return ask<SolveReport>({{"do", "solve"}, {"columns", columns}, {"warm", warm}});
+}
 MemoryReport Child::memory() { return ask<MemoryReport>({{"do", "memory"}}); }
 
 std::span<const double> Child::solutions() const {

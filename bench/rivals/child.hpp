@@ -36,8 +36,9 @@ class Child {
   [[nodiscard]] const Hello& hello() const { return hello_; }
   AnalyzeReport analyze(Kind kind, int threads);
   FactorReport factorize();
-  FactorReport refactorize();
-  SolveReport solve(Index columns);
+  /// `warm`: see call_warm().
+  FactorReport refactorize(bool warm);
+  SolveReport solve(Index columns, bool warm);
   MemoryReport memory();
   /// The last solutions, column by column, as many columns as the system has right-hand sides.
   [[nodiscard]] std::span<const double> solutions() const;

@@ -19,14 +19,6 @@ namespace {
 
 using namespace cudss;
 
-/// A failed CUDA call as a failure that names the call.
-void check_cuda(const Cuda& cuda, int error, const char* call) {
-  constexpr int kMemoryAllocation = 2;  // cudaErrorMemoryAllocation
-  if (error == 0) return;
-  throw Failure(error == kMemoryAllocation ? Outcome::out_of_memory : Outcome::failed,
-                std::string("CUDA ") + call + ": " + cuda.error_string(error));
-}
-
 void check_cudss(int status, const char* call) {
   constexpr std::array<const char*, 8> kNames = {"success",        "not initialized",  "allocation failed",
                                                  "invalid value",  "not supported",    "execution failed",
@@ -39,28 +31,6 @@ void check_cudss(int status, const char* call) {
                 std::string("cuDSS ") + call + ": " + (known ? kNames[static_cast<std::size_t>(status)] : "status ") +
                     (known ? "" : std::to_string(status)));
 }
-
-/// An array in device memory.
-template <typename T>
-class DeviceArray {
- public:
-  DeviceArray(const Cuda& cuda, std::size_t size) : cuda_(cuda), bytes_(size * sizeof(T)) {
-    check_cuda(cuda_, cuda_.malloc(&data_, bytes_), "cudaMalloc");
-  }
-  DeviceArray(const DeviceArray&) = delete;
-  DeviceArray& operator=(const DeviceArray&) = delete;
-  ~DeviceArray() { cuda_.free(data_); }
-  void upload(const T* from) {
-    check_cuda(cuda_, cuda_.memcpy(data_, from, bytes_, kMemcpyHostToDevice), "cudaMemcpy");
-  }
-  void download(T* to) const { check_cuda(cuda_, cuda_.memcpy(to, data_, bytes_, kMemcpyDeviceToHost), "cudaMemcpy"); }
-  void* get() { return data_; }
-
- private:
-  const Cuda& cuda_;
-  void* data_ = nullptr;
-  std::size_t bytes_;
-};
 
 /// The CUDA runtime with at least `wanted` devices behind it.
 class Machine {

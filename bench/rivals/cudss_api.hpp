@@ -1,12 +1,12 @@
 /// \file
-/// What this benchmark uses of the cuDSS 1.0 and CUDA runtime interfaces, declared here so that neither header nor
-/// library is needed to build. cudss_check.cpp compares every number with NVIDIA's header where that is found.
+/// What this benchmark uses of the cuDSS 1.0 interface, declared here so that neither header nor library is needed to
+/// build. cudss_check.cpp compares every number with NVIDIA's header where that is found.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 
-#include "rivals/shared_library.hpp"
+#include "rivals/cuda_runtime.hpp"
 
 namespace espalier::bench::cudss {
 
@@ -53,22 +53,6 @@ constexpr int kBaseZero = 0;
 constexpr int kColumnMajor = 0;
 constexpr int kReal64 = 1;      ///< cudaDataType: 64-bit floating point
 constexpr int kInteger32 = 10;  ///< cudaDataType: 32-bit integer
-constexpr int kMemcpyHostToDevice = 1, kMemcpyDeviceToHost = 2;
-
-/// The CUDA runtime, loaded at run time. Functions return 0 on success.
-struct Cuda {
-  SharedLibrary library{{"libcudart.so.13", "libcudart.so.12", "libcudart.so"}, SharedLibrary::Scope::global};
-  int (*get_device_count)(int*) = library.function<int (*)(int*)>("cudaGetDeviceCount");
-  int (*set_device)(int) = library.function<int (*)(int)>("cudaSetDevice");
-  int (*malloc)(void**, std::size_t) = library.function<int (*)(void**, std::size_t)>("cudaMalloc");
-  int (*free)(void*) = library.function<int (*)(void*)>("cudaFree");
-  int (*memcpy)(void*, const void*, std::size_t,
-                int) = library.function<int (*)(void*, const void*, std::size_t, int)>("cudaMemcpy");
-  int (*synchronize)() = library.function<int (*)()>("cudaDeviceSynchronize");
-  int (*memory_info)(std::size_t*,
-                     std::size_t*) = library.function<int (*)(std::size_t*, std::size_t*)>("cudaMemGetInfo");
-  const char* (*error_string)(int) = library.function<const char* (*)(int)>("cudaGetErrorString");
-};
 
 /// cuDSS, loaded at run time together with the libraries that it needs.
 struct Api {

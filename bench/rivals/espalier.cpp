@@ -1,8 +1,10 @@
 /// \file
 /// Espalier behind the same interface, through its public header (sizes are read by the library's own parser).
+#include <cstdlib>
 #include <memory>
 
 #include "espalier/solver.hpp"
+#include "rivals/cuda_runtime.hpp"
 #include "rivals/rival.hpp"
 #include "rivals/variant.hpp"
 #include "solver/option_text.hpp"
@@ -36,7 +38,9 @@ class EspalierRival : public Rival {
  public:
   explicit EspalierRival(const std::string& text)
       : text_(text),
-        variant_(text, "device precision refine block memory hostmemory nomatching trace subtrees nosteal alonetop") {
+        variant_(
+            text,
+            "device precision refine block memory hostmemory nomatching trace subtrees nosteal alonetop resident") {
     options_.device = variant_.text("device", "cpu");
     options_.precision = precision_named(variant_.text("precision", "fp64"));
     options_.refinement_steps = static_cast<int>(variant_.number("refine", options_.refinement_steps));
@@ -48,6 +52,7 @@ class EspalierRival : public Rival {
     options_.sharing.shared_top = !variant_.has("alonetop");
     options_.record_timeline = variant_.has("trace");
     options_.matching = !variant_.has("nomatching");
+    if (variant_.has("resident")) use_device_arrays();
   }
 
   [[nodiscard]] std::string name() const override { return "espalier"; }
@@ -72,18 +77,49 @@ class EspalierRival : public Rival {
     return numbers([&] { return solver_->factorize(a); });
   }
   FactorReport refactorize(std::span<const double> values) override {
-    return numbers([&] { return solver_->refactorize(values); });
+    if (!cuda_) return numbers([&] { return solver_->refactorize(values); });
+    if (!values_ || values_size_ != values.size()) {
+      values_ = std::make_unique<DeviceArray<double>>(*cuda_, values.size());
+      values_size_ = values.size();
+    }
+    values_->upload(values.data());
+    check_cuda(*cuda_, cuda_->synchronize(), "cudaDeviceSynchronize");
+    return numbers([&] {
+      return solver_->refactorize_device(static_cast<const double*>(values_->get()), static_cast<Offset>(values_size_));
+    });
   }
   SolveReport solve(std::span<const double> b, std::span<double> x, Index columns) override {
     SolveResult result;
     SolveReport report;
-    report.seconds = timed([&] { result = solver_->solve(b, x, columns); });
+    if (!cuda_) {
+      report.seconds = timed([&] { result = solver_->solve(b, x, columns); });
+    } else {
+      DeviceArray<double> rhs(*cuda_, b.size()), solution(*cuda_, x.size());
+      rhs.upload(b.data());
+      check_cuda(*cuda_, cuda_->synchronize(), "cudaDeviceSynchronize");
+      report.seconds = timed([&] {
+        result =
+            solver_->solve_device(static_cast<const double*>(rhs.get()), static_cast<double*>(solution.get()), columns);
+      });
+      if (result.status.ok()) solution.download(x.data());
+    }
     check(result.status);
     report.refinement_steps = result.refinement_steps;
     return report;
   }
 
  private:
+  /// Values and right-hand sides lie in the memory of the first GPU when the clock starts, as cuDSS has them.
+  void use_device_arrays() {
+    if (options_.device.rfind("gpu", 0) != 0)
+      throw Failure(Outcome::failed, "resident needs device=gpu:..., not " + options_.device);
+    cuda_ = std::make_unique<Cuda>();
+    int count = 0;
+    const int error = cuda_->get_device_count(&count);
+    if (error != 0) throw Failure(Outcome::missing, std::string("no GPU here: ") + cuda_->error_string(error));
+    const int first = options_.device.size() > 4 ? std::atoi(options_.device.c_str() + 4) : 0;  // "all": 0
+    check_cuda(*cuda_, cuda_->set_device(first), "cudaSetDevice");
+  }
   template <typename Call>
   FactorReport numbers(Call&& call) {
     FactorResult result;
@@ -115,6 +151,9 @@ class EspalierRival : public Rival {
   std::string text_;
   Variant variant_;
   Options options_;
+  std::unique_ptr<Cuda> cuda_;  ///< with "resident" only
+  std::unique_ptr<DeviceArray<double>> values_;
+  std::size_t values_size_ = 0;
   std::unique_ptr<Solver> solver_;
 };
 

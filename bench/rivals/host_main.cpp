@@ -77,8 +77,12 @@ class Host {
       return guarded<AnalyzeReport>(
           [&] { return rival_->analyze(a, kind_named(command.at("kind")), command.at("threads")); });
     if (verb == "factorize") return guarded<FactorReport>([&] { return rival_->factorize(a); });
-    if (verb == "refactorize") return guarded<FactorReport>([&] { return rival_->refactorize(a.values); });
-    if (verb == "solve") return guarded<SolveReport>([&] { return solve(command.at("columns")); });
+    if (verb == "refactorize")
+      return guarded<FactorReport>(
+          [&] { return call_warm(command.at("warm"), [&] { return rival_->refactorize(a.values); }); });
+    if (verb == "solve")
+      return guarded<SolveReport>(
+          [&] { return call_warm(command.at("warm"), [&] { return solve(command.at("columns")); }); });
     return MemoryReport{peak_resident_bytes() - baseline_ - rival_->overhead_bytes()};
   }
 
@@ -116,7 +120,7 @@ int run(const std::string& plugin, const char* variant) {
 
 int main(int count, char** arguments) {
   if (count != 3) {
-    std::cerr << "This program is started by espalier_bench_rivals.\n";
+    std::cerr << "This program is started by `espalier bench`.\n";
     return 2;
   }
   prctl(PR_SET_PDEATHSIG, SIGKILL);

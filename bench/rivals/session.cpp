@@ -40,7 +40,9 @@ class Session {
     for (int round = 0; round < plan_.analyses; ++round) turn(runners, round, [&](Runner& runner) { analyze(runner); });
     set_round(0);
     turn(runners, 0, [&](Runner& runner) { factorize(runner); });
-    for (int round = 0; round <= plan_.repetitions; ++round) {
+    if (plan_.repetitions == 0)
+      turn(runners, 0, [&](Runner& runner) { solve_both(runner, runner.row.solve_one, runner.row.solve_many, true); });
+    for (int round = 0; plan_.repetitions > 0 && round <= plan_.repetitions; ++round) {
       set_round(round);
       turn(runners, round, [&](Runner& runner) { repeat(runner, round); });
     }
@@ -103,12 +105,20 @@ class Session {
     progress_(runner.row.spec + (round == 0 ? ": warm-up" : ": round " + std::to_string(round)));
     Samples warm_up;
     Row& row = runner.row;
-    FactorReport report = runner.child->refactorize();
+    FactorReport report = runner.child->refactorize(plan_.warm && round > 0);
     take(row, report, round == 0 ? warm_up : row.refactorization);
     if (row.verdict.ok() && round > 0) row.devices.push_back(std::move(report.devices));
-    if (row.verdict.ok()) solve(runner, 1, 1, round == 0 ? warm_up : row.solve_one);
-    if (row.verdict.ok() && plan_.columns > 1)
-      solve(runner, plan_.columns, round == 0 ? plan_.columns : 1, round == 0 ? warm_up : row.solve_many);
+    if (!row.verdict.ok()) return;
+    if (round == 0)
+      solve_both(runner, warm_up, warm_up, true);
+    else
+      solve_both(runner, row.solve_one, row.solve_many, false);
+  }
+
+  /// With one and with many right-hand sides. `whole`: the answers are checked for every right-hand side.
+  void solve_both(Runner& runner, Samples& one, Samples& many, bool whole) {
+    solve(runner, 1, 1, one);
+    if (runner.row.verdict.ok() && plan_.columns > 1) solve(runner, plan_.columns, whole ? plan_.columns : 1, many);
   }
 
   static void take(Row& row, const FactorReport& report, Samples& samples) {
@@ -123,21 +133,30 @@ class Session {
   }
 
   void solve(Runner& runner, Index columns, Index checked, Samples& samples) {
-    const SolveReport report = runner.child->solve(columns);
+    const SolveReport report = runner.child->solve(columns, plan_.warm);
     Row& row = runner.row;
     row.verdict = report.verdict;
     if (!report.verdict.ok()) return;
     samples.seconds.push_back(report.seconds);
     row.refinement_steps = std::max(row.refinement_steps, report.refinement_steps);
     const std::size_t count = static_cast<std::size_t>(checked) * static_cast<std::size_t>(system_.matrix().rows);
-    const matrix::BackwardErrors error = matrix::backward_errors(
-        system_.matrix(), runner.child->solutions().first(count), system_.right_hand_sides().first(count), checked);
+    const matrix::BackwardErrors error =
+        judge(runner.child->solutions().first(count), system_.right_hand_sides().first(count), checked);
     row.checked = true;
     row.error.normwise = std::max(row.error.normwise, error.normwise);
     row.error.componentwise = std::max(row.error.componentwise, error.componentwise);
     if (!(error.normwise <= plan_.wrong_above))
       row.verdict = {Outcome::wrong_answer,
                      fmt::format("normwise backward error {:.1e} is above {:.1e}", error.normwise, plan_.wrong_above)};
+  }
+
+  /// Large systems are judged on all cores; the threads end with it, so that none is there while a rival works.
+  matrix::BackwardErrors judge(std::span<const double> x, std::span<const double> b, Index columns) const {
+    constexpr Offset kAlone = 10'000'000;  // entries times columns: about 0.1 s on one core
+    const MatrixView a = system_.matrix();
+    if (a.nonzeros() * columns < kAlone) return matrix::backward_errors(a, x, b, columns);
+    base::ThreadPool pool(plan_.threads);
+    return matrix::backward_errors(a, x, b, columns, Transpose::no, &pool);
   }
 
   const Plan& plan_;

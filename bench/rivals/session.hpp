@@ -16,12 +16,15 @@ struct Plan {
   std::vector<std::string> rivals;  ///< name or name:variant
   Kind kind = Kind::llt;            ///< not automatic
   int threads = 1;
-  int repetitions = 5;          ///< rounds of refactorization and solves after one round of warm-up
+  /// Rounds of refactorization and solves after one round of warm-up; 0: the first factorization and one round of
+  /// solves after it are all, for what takes minutes.
+  int repetitions = 5;
   int analyses = 3;             ///< rounds of analysis
   Index columns = 32;           ///< right-hand sides of the second solve
   bool one_at_a_time = false;   ///< a rival's process ends before the next starts (for systems that fill the memory)
   double wrong_above = 1e-8;    ///< a normwise backward error above it is a wrong answer
   double pause_seconds = 0.05;  ///< before each turn: spinning threads of the last rival go to sleep
+  bool warm = true;             ///< a short call is made before the one that counts (see call_warm() in protocol.hpp)
   ChildSettings child;
 };
 

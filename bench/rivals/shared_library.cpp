@@ -3,6 +3,7 @@
 #include <dlfcn.h>
 
 #include <cstdlib>
+#include <filesystem>
 
 #include "rivals/rival.hpp"
 
@@ -16,6 +17,10 @@ std::vector<std::string> search_folders() {
     folders.push_back(std::string(chosen) + "/lib/");
     folders.push_back(std::string(chosen) + "/");
   }
+  // libexec/espalier/espalier_rival_host of the bundle
+  std::error_code none;
+  const std::filesystem::path own = std::filesystem::read_symlink("/proc/self/exe", none).parent_path();
+  folders.push_back((own / "../../lib/rivals/").string());
   folders.emplace_back(ESPALIER_RIVALS_DEFAULT_DIR "/lib/");
   folders.emplace_back("");
   folders.emplace_back("/usr/local/cuda/lib64/");

@@ -5,6 +5,7 @@
 #include <sstream>
 #include <vector>
 
+#include "base/thread_pool.hpp"
 #include "matrix/generators/generate.hpp"
 #include "matrix/read.hpp"
 
@@ -14,7 +15,8 @@ SparseMatrix make_system(const std::string& words) {
   if (std::filesystem::is_regular_file(words)) return matrix::read_matrix(words);
   std::istringstream stream(words);
   const std::vector<std::string> pieces{std::istream_iterator<std::string>(stream), {}};
-  return matrix::generate(matrix::parse_generator(pieces));
+  base::ThreadPool pool(base::available_cores());
+  return matrix::generate(matrix::parse_generator(pieces), &pool);
 }
 
 Kind automatic_kind(const MatrixView& a) {

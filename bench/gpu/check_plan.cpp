@@ -1,0 +1,68 @@
+#include <fmt/format.h>
+
+#include "base/timeline.hpp"
+#include "factor/gpu_simulator.hpp"
+#include "gpu/check_run.hpp"
+
+namespace espalier::bench {
+namespace {
+
+/// Flops of the sub-trees of each device, and of the top, whose fronts are counted.
+struct Shares {
+  std::vector<double> alone;
+  double top = 0;
+  Index top_fronts = 0;
+};
+
+Shares shares_of(const GpuCase& c) {
+  Shares s{std::vector<double>(static_cast<std::size_t>(c.devices), 0)};
+  const auto& a = c.plan.assignment;
+  for (Index f = 0; f < c.plan.fronts(); ++f) {
+    const auto& l = c.plan.layout[f];
+    const double flops = analysis::front_flops(l.pivots, l.rows, c.kind == Kind::lu);
+    if (a.subtree(f) >= 0) {
+      s.alone[static_cast<std::size_t>(a.subtrees[static_cast<std::size_t>(a.subtree(f))].device)] += flops;
+      continue;
+    }
+    ++s.top_fronts;
+    s.top += flops;
+  }
+  return s;
+}
+
+void show_lists(const GpuCase& c, const device::cuda::DevicePlan& d, const Shares& shares, double unit) {
+  for (std::size_t x = 0; x < d.lists.size(); ++x) {
+    double gigabytes = unit * static_cast<double>(d.regions[0]);
+    for (std::size_t r = 1; r < d.regions.size(); ++r)
+      if (d.region_device[r] == static_cast<int>(x)) gigabytes += unit * static_cast<double>(d.regions[r]);
+    if (!d.place_space.empty()) gigabytes += unit * static_cast<double>(d.place_space[x]);
+    const auto& l = d.lists[x];
+    fmt::print("    #{}: {} tasks ({} narrow), {} solve tasks, {:.1f} % of the work alone, {:.3f} GB\n", x,
+               l.tasks.size(), l.narrow_tasks, l.up.size() + l.down.size(), 100 * shares.alone[x] / c.plan.flops,
+               gigabytes);
+  }
+}
+
+}  // namespace
+
+void show_plan(const GpuCase& c, const CheckSettings& settings) {
+  const double start = base::now_seconds();
+  const auto d = device::cuda::make_device_plan(c.plan, c.kind);
+  const double seconds = base::now_seconds() - start;
+  const Shares shares = shares_of(c);
+  fmt::print("{:<18} x{} {:<4} {} fronts, top {} with {:.1f} % of the work, {} sub-trees, plan {:.3f} + {:.3f} s\n",
+             c.name, c.devices, name_of(c.kind), c.plan.fronts(), shares.top_fronts, 100 * shares.top / c.plan.flops,
+             c.plan.assignment.subtrees.size(), c.plan_seconds, seconds);
+  const double simulation = base::now_seconds();
+  const factor::SimulatedRun run = factor::simulate(d, factor::h200_rates(c.kind));
+  double busy = 0;
+  for (const double b : run.busy) busy += b / run.seconds / c.devices;
+  fmt::print(
+      "    simulated on H200: {:.3f} ms, {:.1f} TFLOP/s, busy {:.0f} %; model {:.3f} ms; simulation took {:.2f} s\n",
+      1e3 * run.seconds, 1e-12 * c.plan.flops / run.seconds, 100 * busy,
+      1e3 * analysis::gpu_time(c.plan.tree, c.kind == Kind::lu, c.kind == Kind::ldlt).on(c.devices),
+      base::now_seconds() - simulation);
+  if (settings.lists) show_lists(c, d, shares, settings.common.fp32 ? 4e-9 : 8e-9);
+}
+
+}  // namespace espalier::bench
