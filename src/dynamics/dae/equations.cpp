@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
 #include "base/stopwatch.hpp"
@@ -24,15 +23,7 @@ std::unique_ptr<LinearSolver> make_linear_solver(Index unknowns) {
   // Dense LU of 60 unknowns takes about 30 us, as long as the bookkeeping of a sparse one (2-core x86 server).
   constexpr Index kLargestDense = 60;
   if (unknowns <= kLargestDense) return make_dense_solver();
-  Options options;
-  // Newton corrects what a solve leaves, so no refinement and no residual; and a tree of small fronts gains nothing
-  // from threads. Chain of 400 bars (4,400 unknowns): 0.70 ms per solve with one step of refinement, 0.34 ms without,
-  // 0.18 ms without the residual.
-  constexpr Index kOneThread = 20000;
-  options.refinement_steps = 0;
-  options.required_backward_error = std::numeric_limits<double>::infinity();
-  options.threads = unknowns < kOneThread ? 1 : 0;
-  return make_espalier_solver(options);
+  return make_espalier_solver(newton_options(unknowns));
 }
 
 Equations::Equations(System& system, std::unique_ptr<LinearSolver> solver)

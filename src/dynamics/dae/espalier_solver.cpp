@@ -1,3 +1,6 @@
+#include <cmath>
+#include <limits>
+
 #include "dynamics/dae/linear_solver.hpp"
 
 namespace espalier::dynamics {
@@ -27,10 +30,21 @@ class EspalierSolver final : public LinearSolver {
 }  // namespace
 
 std::unique_ptr<LinearSolver> make_espalier_solver(Options options) {
-  // K may be symmetric by chance at its first values (a mechanism at rest) and is not later (gyroscopic terms,
-  // rotations).
-  if (options.kind == Kind::automatic) options.kind = Kind::lu;
   return std::make_unique<EspalierSolver>(std::move(options));
+}
+
+Options newton_options(Index unknowns, Precision precision) {
+  constexpr Index kOneThread = 20000;
+  Options options;
+  options.kind = Kind::lu;
+  options.precision = precision;
+  options.threads = unknowns < kOneThread ? 1 : 0;
+  const bool corrected = precision == Precision::fp64;
+  options.refinement_steps = corrected ? 0 : options.refinement_steps;
+  if (corrected) options.required_backward_error = std::numeric_limits<double>::infinity();
+  options.pivot_threshold = std::sqrt(corrected ? std::numeric_limits<double>::epsilon()
+                                                : static_cast<double>(std::numeric_limits<float>::epsilon()));
+  return options;
 }
 
 }  // namespace espalier::dynamics

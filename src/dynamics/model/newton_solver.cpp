@@ -96,16 +96,10 @@ class DumpingSolver final : public LinearSolver {
 }  // namespace
 
 Options run_options(const std::vector<std::pair<std::string, std::string>>& by_name, Index unknowns) {
-  constexpr Index kOneThread = 20000;
-  Options options;
-  options.threads = unknowns < kOneThread ? 1 : 0;
-  bool refinement_given = false;
-  for (const auto& [key, value] : by_name) {
-    solver::set_option(options, key, value);
-    refinement_given = refinement_given || key == "refinement_steps" || key == "refinement-steps";
-  }
-  if (!refinement_given && options.precision == Precision::fp64) options.refinement_steps = 0;
-  // K may be symmetric by chance at its first values (a mechanism at rest) and is not later.
+  Options given;
+  for (const auto& [key, value] : by_name) solver::set_option(given, key, value);
+  Options options = newton_options(unknowns, given.precision);
+  for (const auto& [key, value] : by_name) solver::set_option(options, key, value);
   if (options.kind == Kind::automatic) options.kind = Kind::lu;
   return options;
 }

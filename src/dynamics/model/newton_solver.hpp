@@ -28,8 +28,7 @@ struct DumpOptions {
   long every = 1, most = 10;
 };
 
-/// Options by name over the defaults of a run: no refinement (Newton corrects what a solve leaves) in FP64, one thread
-/// below 20,000 unknowns (see make_linear_solver). @throws Error(invalid_input) for a wrong name or value
+/// Options by name over newton_options(). @throws Error(invalid_input) for a wrong name or value
 [[nodiscard]] Options run_options(const std::vector<std::pair<std::string, std::string>>& by_name, Index unknowns);
 
 /// @param dense take the dense solver, for systems of a few dozen unknowns
