@@ -74,7 +74,7 @@ check_package() {
   cc examples/solve_c.c -o "$root/solve_c" $(pkg-config --cflags --libs espalier)
   "$root/solve_c"
   cmake --build build/release --target bundle >"$root/bundle.log" || { tail -20 "$root/bundle.log"; return 1; }
-  tar -xJf build/release/espalier-*.tar.xz -C "$root"
+  tar -xzf build/release/espalier-*.tar.gz -C "$root"
   local binary
   binary=$(ls "$root"/espalier-*/bin/espalier)
   # Found beside the binary, not on the system: the packages may be absent where the bundle is used.

@@ -54,8 +54,7 @@ install(CODE "set(binaries \"${binaries}\")" COMPONENT bundle EXCLUDE_FROM_ALL)
 install(SCRIPT cmake/bundle_libraries.cmake COMPONENT bundle EXCLUDE_FROM_ALL)
 install(FILES LICENSE README.md CHANGELOG.md DESTINATION . COMPONENT bundle EXCLUDE_FROM_ALL)
 
-set(CPACK_GENERATOR TXZ)
-set(CPACK_THREADS 0)  # as many as there are cores
+set(CPACK_GENERATOR TGZ)
 set(CPACK_PACKAGE_NAME espalier)
 set(CPACK_PACKAGE_VENDOR Espalier)
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY ${PROJECT_DESCRIPTION})
@@ -66,4 +65,4 @@ set(CPACK_OUTPUT_CONFIG_FILE ${PROJECT_BINARY_DIR}/CPackBundle.cmake)
 include(CPack)
 add_custom_target(bundle COMMAND ${CMAKE_CPACK_COMMAND} --config ${PROJECT_BINARY_DIR}/CPackBundle.cmake
   -B ${PROJECT_BINARY_DIR} DEPENDS espalier_cli ${bundled} USES_TERMINAL
-  COMMENT "Packing ${CPACK_PACKAGE_FILE_NAME}.tar.xz")
+  COMMENT "Packing ${CPACK_PACKAGE_FILE_NAME}.tar.gz")
