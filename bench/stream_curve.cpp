@@ -26,7 +26,8 @@ struct CurveSettings {
   int refuse = 0, copy_threads = 0, lanes = 1;
   double step = 0, group = 0;
   std::string system;
-  std::vector<double> mebibytes;
+  std::vector<double> mebibytes;  // of each device
+  std::vector<int> devices{0}, counts{1};
 };
 
 void declare(CLI::App& app, CurveSettings& settings, int argc, const char* const* argv) {
@@ -35,7 +36,9 @@ void declare(CLI::App& app, CurveSettings& settings, int argc, const char* const
   settings.system = "elasticity 10";
   app.add_option("system", settings.system, "a generator with its sizes in quotes: \"elasticity 64\"")
       ->capture_default_str();
-  app.add_option("budgets", settings.mebibytes, "budgets of device memory in MiB");
+  app.add_option("budgets", settings.mebibytes, "budgets of each device's memory in MiB");
+  app.add_option("--devices", settings.devices, "GPUs, such as 0,1")->delimiter(',');
+  app.add_option("--counts", settings.counts, "how many of them, in turn, such as 1,2")->delimiter(',');
   app.add_option("--refuse", settings.refuse, "this allocation of device memory is refused");
   app.add_option("--copy-threads", settings.copy_threads, "host threads that copy (default: half of the cores)");
   app.add_option("--lanes", settings.lanes, "queues of the GPU");
@@ -64,19 +67,22 @@ class Curve {
     return row;
   }
 
-  Json streaming(Offset budget) {
+  /// On the first `count` devices, each with that budget.
+  Json streaming(Offset budget, int count) {
     factor::StreamingOptions options;
-    options.budget_bytes = budget;
+    options.devices.assign(static_cast<std::size_t>(count), {budget});
     options.rates = rates();
-    options.copy_threads = settings_.copy_threads > 0 ? settings_.copy_threads : std::max(1, pool_.size() / 2);
-    device::cuda::CudaStreamOptions cuda;
-    cuda.refuse_allocation = settings_.refuse;
+    options.copy_threads =
+        settings_.copy_threads > 0 ? settings_.copy_threads : std::max(1, pool_.size() / (2 * count));
+    std::vector<device::cuda::CudaStreamOptions> cuda(static_cast<std::size_t>(count));
+    for (std::size_t d = 0; d < cuda.size(); ++d) cuda[d].device = settings_.devices[d];
+    cuda.back().refuse_allocation = settings_.refuse;
     const double start = base::now_seconds();
     auto executor = factor::make_streaming_executor<T>(
-        device::cuda::make_cuda_stream<T>(c_.plan, c_.kind, numbers_.rule, pool_, cuda), options, nullptr);
+        device::cuda::make_cuda_streams<T>(c_.plan, c_.kind, numbers_.rule, pool_, cuda), options, nullptr);
     const double setup = base::now_seconds() - start;
-    Json row = measure(*executor);
-    const device::StreamReport r = executor->streaming();
+    Json row = measure(*executor, count);
+    const device::StreamReport r = together(*executor);
     row["memory"]["predicted_bytes"] = r.predicted_bytes;
     row["parameters"].update({{"budget_bytes", budget},
                               {"share", need_ > 0 ? Json(static_cast<double>(budget) / need_) : Json(nullptr)},
@@ -95,10 +101,11 @@ class Curve {
     return row;
   }
 
-  /// Bytes below which no plan exists.
-  Offset floor_of() {
+  /// Bytes of each device below which no plan exists.
+  Offset floor_of(int count) {
     try {
-      (void)analysis::plan_streaming(*device::cuda::make_cuda_stream<T>(c_.plan, c_.kind, numbers_.rule, pool_), 1000);
+      (void)analysis::plan_streaming(*device::cuda::make_cuda_stream<T>(c_.plan, c_.kind, numbers_.rule, pool_),
+                                     std::vector<analysis::StreamDevice>(static_cast<std::size_t>(count), {1000}));
     } catch (const Error& e) {
       const std::string text = e.what(), mark = "streaming needs: ";
       return std::stoll(text.substr(text.find(mark) + mark.size()));
@@ -106,18 +113,22 @@ class Curve {
     return 0;
   }
 
-  void print_plan(Offset budget) {
+  void print_plan(Offset budget, int count) {
     const double start = base::now_seconds();
     const auto backend = device::cuda::make_cuda_stream<T>(c_.plan, c_.kind, numbers_.rule, pool_);
     const double made = base::now_seconds();
-    const analysis::StreamingPlan p = analysis::plan_streaming(*backend, budget, rates());
-    const auto steps = std::count_if(p.steps.begin(), p.steps.end(), [](const auto& s) { return !s.fronts.empty(); });
-    fmt::print(
-        "{:>9.1f} MiB: predicted {:8.1f} ms, link {:8.1f} ms, in {:7.2f} GB, out {:7.2f} GB, {} steps, {} "
-        "groups, {} lanes, {} operations; store {:.2f} GB; planned in {:.2f} s (tables {:.2f} s)\n",
-        mebibytes(budget), 1e3 * p.predicted_seconds, 1e3 * p.link_seconds, static_cast<double>(p.bytes_in) * 1e-9,
-        static_cast<double>(p.bytes_out) * 1e-9, steps, p.groups.size(), p.lanes, p.ops.size(),
-        static_cast<double>(p.store_elements) * sizeof(T) * 1e-9, base::now_seconds() - made, made - start);
+    const auto plans = analysis::plan_streaming(
+        *backend, std::vector<analysis::StreamDevice>(static_cast<std::size_t>(count), {budget}), rates());
+    const double end = base::now_seconds();
+    fmt::print("{} x {:.1f} MiB: predicted {:.1f} ms, store {:.2f} GB, planned in {:.2f} s (tables {:.2f} s)\n", count,
+               mebibytes(budget), 1e3 * plans.front().predicted_seconds,
+               static_cast<double>(plans.front().store_elements) * sizeof(T) * 1e-9, end - made, made - start);
+    for (const analysis::StreamingPlan& p : plans) {
+      const auto steps = std::count_if(p.steps.begin(), p.steps.end(), [](const auto& x) { return !x.fronts.empty(); });
+      fmt::print("    link {:8.1f} ms, in {:7.2f} GB, out {:7.2f} GB, {} steps, {} groups, {} operations\n",
+                 1e3 * p.link_seconds, static_cast<double>(p.bytes_in) * 1e-9, static_cast<double>(p.bytes_out) * 1e-9,
+                 steps, p.groups.size(), p.ops.size());
+    }
   }
 
   /// The lines of the drawing: no run is faster than in core, nor than the link moves the factor out once.
@@ -138,7 +149,28 @@ class Curve {
     return {.lanes = settings_.lanes, .step = settings_.step, .group = settings_.group};
   }
 
-  Json measure(device::Executor<T>& executor) {
+  // Sums over the devices; of peaks, times and predictions the most.
+  static device::StreamReport together(const device::Executor<T>& executor) {
+    device::StreamReport sum = executor.streaming();
+    const auto work = executor.device_work();
+    for (std::size_t d = 1; d < work.size(); ++d) {
+      const device::StreamReport& r = work[d].streaming;
+      sum.predicted_bytes = std::max(sum.predicted_bytes, r.predicted_bytes);
+      sum.bytes_in += r.bytes_in;
+      sum.bytes_out += r.bytes_out;
+      sum.link_seconds = std::max(sum.link_seconds, r.link_seconds);
+      sum.copy_in_seconds = std::max(sum.copy_in_seconds, r.copy_in_seconds);
+      sum.copy_out_seconds = std::max(sum.copy_out_seconds, r.copy_out_seconds);
+      sum.steps += r.steps;
+      sum.groups += r.groups;
+    }
+    return sum;
+  }
+  [[nodiscard]] std::string device_text(int count) const {
+    return fmt::format("gpu:{}", fmt::join(settings_.devices.begin(), settings_.devices.begin() + count, ","));
+  }
+
+  Json measure(device::Executor<T>& executor, int count = 1) {
     std::vector<double> factor, solve;
     std::vector<T> first;
     bool identical = true;
@@ -155,7 +187,8 @@ class Curve {
       identical = identical && std::memcmp(x.data(), first.data(), x.size() * sizeof(T)) == 0;
     }
     const auto error = matrix::backward_errors(c_.a, from_plan_order(c_, first, 1), b_, 1, Transpose::no, &pool_);
-    Json row = empty_row(c_.name, "espalier:device=gpu:0", "Espalier, streaming executor, values on the host");
+    Json row =
+        empty_row(c_.name, "espalier:device=" + device_text(count), "Espalier, streaming executor, values on the host");
     row["unknowns"] = c_.plan.tree.n;
     row["nonzeros"] = c_.a.nonzeros();
     row["kind"] = name_of(c_.kind);
@@ -168,7 +201,8 @@ class Curve {
     row["perturbed"] = outcome.replaced.size();
     row["refinement_steps"] = 0;
     row["memory"]["device_bytes"] = executor.peak_bytes();
-    row["parameters"] = {{"device", "gpu:0"}, {"precision", sizeof(T) == 8 ? "fp64" : "fp32"}};
+    row["parameters"] = {
+        {"device", device_text(count)}, {"devices", count}, {"precision", sizeof(T) == 8 ? "fp64" : "fp32"}};
     row["check"] = {{"identical", identical},
                     {"not_positive", outcome.not_positive},
                     {"negative", outcome.negative},
@@ -194,13 +228,13 @@ class Curve {
     const Json &refactor = row["refactorization"], &check = row["check"], &where = row["parameters"];
     const double seconds = refactor["least"];
     fmt::print(
-        "{:>9.1f} MiB {:>9.1f} ms (first {:>8.1f}, median {:>8.1f}) rate {:>5.3f} {:>6.2f} TFLOP/s solve {:>8.2f} "
+        "{} x {:>9.1f} MiB {:>9.1f} ms (first {:>8.1f}, median {:>8.1f}) rate {:>5.3f} {:>6.2f} TFLOP/s solve {:>8.2f} "
         "ms error {:.1e} {} det {:.8g} neg {}",
-        mebibytes(where["budget_bytes"]), 1e3 * seconds, 1e3 * row["first_factorization"]["least"].get<double>(),
-        1e3 * refactor["median"].get<double>(), in_core_ / seconds, c_.plan.flops / seconds * 1e-12,
-        1e3 * row["solve_one"]["least"].get<double>(), row["backward_error"]["normwise"].get<double>(),
-        check["identical"].get<bool>() ? "same" : "DIFF", check["determinant_log"].get<double>(),
-        check["negative"].get<Index>());
+        where["devices"].get<int>(), mebibytes(where["budget_bytes"]), 1e3 * seconds,
+        1e3 * row["first_factorization"]["least"].get<double>(), 1e3 * refactor["median"].get<double>(),
+        in_core_ / seconds, c_.plan.flops / seconds * 1e-12, 1e3 * row["solve_one"]["least"].get<double>(),
+        row["backward_error"]["normwise"].get<double>(), check["identical"].get<bool>() ? "same" : "DIFF",
+        check["determinant_log"].get<double>(), check["negative"].get<Index>());
     if (check.contains("link_seconds"))
       fmt::print(
           " | link {:.1f} ms, predicted {:.1f} ms, in {:.2f} out {:.2f} GB, host copies in {:.0f} out {:.0f} ms, {} "
@@ -227,7 +261,7 @@ std::vector<Offset> budgets_of(const CurveSettings& settings, Curve<T>& curve) {
   std::vector<Offset> budgets;
   for (const double m : settings.mebibytes) budgets.push_back(static_cast<Offset>(m * (1 << 20)));
   if (!settings.common.small) return budgets;
-  const Offset floor = curve.floor_of();
+  const Offset floor = curve.floor_of(*std::max_element(settings.counts.begin(), settings.counts.end()));
   std::mt19937_64 random(3);
   for (const double factor : {1.0, 1.3, 2.0, 4.0})
     budgets.push_back(static_cast<Offset>(factor * static_cast<double>(floor)));
@@ -252,7 +286,8 @@ int run(const CurveSettings& settings) {
   Curve<T> curve(c, settings, pool);
   const std::vector<Offset> budgets = budgets_of(settings, curve);
   if (settings.common.plan_only) {
-    for (const Offset b : budgets) curve.print_plan(b);
+    for (const int count : settings.counts)
+      for (const Offset b : budgets) curve.print_plan(b, count);
     return 0;
   }
   Json document =
@@ -263,20 +298,22 @@ int run(const CurveSettings& settings) {
     if (!settings.common.out.empty()) write_document(document, settings.common.out);
   };
   if (settings.refuse == 0) keep(curve.in_core());
-  for (const Offset b : budgets) {
+  const auto point = [&](Offset budget, int count) {
     try {
-      keep(curve.streaming(b));
+      keep(curve.streaming(budget, count));
     } catch (const std::exception& e) {
-      fmt::print("{:>9.1f} MiB failed: {}\n", mebibytes(b), e.what());
-      Json row = empty_row(settings.system, "espalier:device=gpu:0", "");
-      row["parameters"] = {{"device", "gpu:0"}, {"budget_bytes", b}, {"share", nullptr}};
+      fmt::print("{} x {:>9.1f} MiB failed: {}\n", count, mebibytes(budget), e.what());
+      Json row = empty_row(settings.system, "espalier:device=gpu", "");
+      row["parameters"] = {{"device", "gpu"}, {"devices", count}, {"budget_bytes", budget}, {"share", nullptr}};
       row["outcome"] = "failed";
       row["message"] = e.what();
       keep(std::move(row));
       ++curve.failures;
     }
-  }
-  fmt::print("{} of {} points failed\n", curve.failures, budgets.size());
+  };
+  for (const int count : settings.counts)
+    for (const Offset b : budgets) point(b, count);
+  fmt::print("{} of {} points failed\n", curve.failures, budgets.size() * settings.counts.size());
   return curve.failures == 0 ? 0 : 1;
 }
 
@@ -290,6 +327,9 @@ int main(int argc, char** argv) {
   try {
     espalier::bench::declare(app, settings, argc, argv);
     app.parse(argc, argv);
+    for (const int count : settings.counts)
+      if (count < 1 || count > static_cast<int>(settings.devices.size()))
+        throw CLI::ValidationError("--counts", "more than --devices names");
     return settings.common.fp32 ? espalier::bench::run<float>(settings) : espalier::bench::run<double>(settings);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;

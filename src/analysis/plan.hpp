@@ -126,6 +126,9 @@ struct Plan {
 Plan make_plan(AssemblyTree tree, const MatrixView& a, const std::vector<Index>& row_of_col, const PlanOptions& options,
                base::ThreadPool& pool);
 
+/// The plan with its tasks listed for one device; no places in memory.
+Plan plan_for_one_device(const Plan& plan);
+
 /// Sizes of a front's arrays in elements, where a backend lays them out differently from FrontLayout.
 struct ArraySizes {
   std::vector<Offset> factor;        ///< fronts; of L alone

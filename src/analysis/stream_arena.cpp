@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <utility>
 
 namespace espalier::analysis {
 
@@ -80,27 +81,28 @@ void Touches::split(Offset at) {
   regions_[at] = upper;
 }
 
-void Touches::touch(Offset at, Offset size, int queue, std::int64_t number, bool write, Numbers& waits) {
+void Touches::touch(Offset at, Offset size, int queue, std::int64_t number, bool write, std::span<std::int64_t> waits) {
   if (size == 0) return;
   const Offset end = at + size;
   split(at);
   split(end);
-  Region mine{end, {}, {}};
+  Region mine{end, Numbers(queues_, 0), Numbers(queues_, 0)};
   const auto first = regions_.lower_bound(at);
   auto it = first;
   for (; it != regions_.end() && it->first < end; ++it)
-    for (int q = 0; q < kQueues; ++q) {
+    for (std::size_t q = 0; q < queues_; ++q) {
       mine.read[q] = std::max(mine.read[q], it->second.read[q]);
       mine.written[q] = std::max(mine.written[q], it->second.written[q]);
     }
   regions_.erase(first, it);
-  for (int q = 0; q < kQueues; ++q) {
-    if (q == queue) continue;
+  const auto self = static_cast<std::size_t>(queue);
+  for (std::size_t q = 0; q < queues_; ++q) {
+    if (q == self) continue;
     waits[q] = std::max(waits[q], mine.written[q]);
     if (write) waits[q] = std::max(waits[q], mine.read[q]);
   }
-  (write ? mine.written : mine.read)[queue] = number;
-  regions_[at] = mine;
+  (write ? mine.written : mine.read)[self] = number;
+  regions_[at] = std::move(mine);
 }
 
 }  // namespace espalier::analysis

@@ -2,9 +2,10 @@
 /// Places in a memory of fixed size, and who last touched them.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <map>
+#include <span>
+#include <vector>
 
 #include "espalier/types.hpp"
 
@@ -42,17 +43,19 @@ class StreamArena {
 /// For every place the last operations that read and wrote it, by queue; numbers count from 1, 0: none.
 class Touches {
  public:
-  static constexpr int kQueues = 4;
-  using Numbers = std::array<std::int64_t, kQueues>;
-  /// Operation `number` of `queue` touches the place. Raises `waits` to what it must wait for.
-  void touch(Offset at, Offset size, int queue, std::int64_t number, bool write, Numbers& waits);
+  explicit Touches(int queues) : queues_(static_cast<std::size_t>(queues)) {}
+  /// Operation `number` of `queue` touches the place. Raises `waits`, a number for each queue, to what it must wait
+  /// for.
+  void touch(Offset at, Offset size, int queue, std::int64_t number, bool write, std::span<std::int64_t> waits);
 
  private:
+  using Numbers = std::vector<std::int64_t>;
   struct Region {
     Offset end;
     Numbers read, written;
   };
   void split(Offset at);
+  std::size_t queues_;
   std::map<Offset, Region> regions_;
 };
 

@@ -11,8 +11,8 @@ namespace {
 // Bottom-up: every front takes its children's parts along while they fit together; the heaviest are left behind first.
 class Cutter {
  public:
-  Cutter(const StreamLayout& layout, Offset limit)
-      : layout_(layout), plan_(layout.plan()), limit_(limit), fronts_(plan_.fronts()) {}
+  Cutter(const StreamLayout& layout, const StreamCut& cut)
+      : layout_(layout), plan_(layout.plan()), cut_(cut), fronts_(plan_.fronts()) {}
 
   std::vector<StreamUnit> cut() {
     const auto n = static_cast<std::size_t>(fronts_);
@@ -39,7 +39,27 @@ class Cutter {
     return layout_.sizes().contribution[f] * layout_.element_bytes() * (plan_.options.unsymmetric ? 2 : 1);
   }
 
+  [[nodiscard]] std::vector<Index> devices_of(Index f) const {
+    std::vector<Index> list;
+    for (std::size_t d = 0; d < cut_.limit_bytes.size(); ++d)
+      if ((cut_.sets[f] >> d & 1) != 0) list.push_back(static_cast<Index>(d));
+    return list;
+  }
+  // Who does a step with the front.
+  [[nodiscard]] Index device_of(Index f) const {
+    const std::vector<Index> devices = devices_of(f);
+    return *std::max_element(devices.begin(), devices.end(),
+                             [&](Index x, Index y) { return cut_.limit_bytes[x] < cut_.limit_bytes[y]; });
+  }
+  [[nodiscard]] bool shared(Index f) const { return (cut_.sets[f] & (cut_.sets[f] - 1)) != 0; }
+  [[nodiscard]] bool worth_sharing(Index f) const {
+    const FrontLayout& l = plan_.layout[f];
+    return shared(f) &&
+           front_seconds(l.pivots, l.rows, plan_.options.unsymmetric, plan_.options.cost) >= cut_.share_seconds;
+  }
+
   void take_front(Index f) {
+    const Offset limit = cut_.limit_bytes[device_of(f)];
     Part own;
     own.fixed = layout_.share_bytes(f) + layout_.sizes().factor[f] * layout_.element_bytes() *
                                              (plan_.options.unsymmetric || plan_.options.ldlt ? 2 : 1);
@@ -49,6 +69,7 @@ class Cutter {
     for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c) {
       const Index child = plan_.children[c];
       together += contribution(child);
+      if (cut_.sets[child] != cut_.sets[f]) closed_[child] = 1;
       if (closed_[child] != 0) continue;
       own.fixed += part_[child].fixed;
       below += part_[child].live;
@@ -58,7 +79,8 @@ class Cutter {
     const auto live = [&] { return in_range_[f] != 0 ? below : std::max(below, together); };
     own.live = live();
     // A range of small fronts is one task: nothing in it is left behind.
-    while (own.bytes() > limit_ && !children.empty() && in_range_[children.back().second] == 0) {
+    const bool apart = worth_sharing(f);
+    while ((apart || own.bytes() > limit) && !children.empty() && in_range_[children.back().second] == 0) {
       const Index child = children.back().second;
       children.pop_back();
       closed_[child] = 1;
@@ -67,7 +89,7 @@ class Cutter {
       own.live = live();
     }
     part_[f] = own;
-    if (own.bytes() > limit_ && plan_.whole[f] == 0) large_[f] = closed_[f] = 1;
+    if ((apart || own.bytes() > limit) && plan_.whole[f] == 0) large_[f] = closed_[f] = 1;
     if (plan_.tree.parent[f] < 0) closed_[f] = 1;
   }
 
@@ -85,6 +107,7 @@ class Cutter {
       for (const Index f : now.fronts) here[f] = 0;
       if (!now.fronts.empty()) {
         std::sort(now.fronts.begin(), now.fronts.end());
+        now.devices = {device_of(now.fronts.front())};
         units.push_back(std::move(now));
       }
       now = StreamUnit{};
@@ -94,13 +117,14 @@ class Cutter {
       if (closed_[f] == 0) continue;
       if (large_[f] != 0) {
         flush();
-        units.push_back({{}, f});
+        units.push_back({{}, f, devices_of(f)});
         continue;
       }
       bool needs = false;
       for (const Index g : members[f])
         for (Offset c = plan_.child_ptr[g]; c < plan_.child_ptr[g + 1]; ++c) needs |= here[plan_.children[c]] != 0;
-      if (needs || bytes + part_[f].bytes() > limit_) flush();
+      const bool elsewhere = !now.fronts.empty() && cut_.sets[now.fronts.front()] != cut_.sets[f];
+      if (needs || elsewhere || bytes + part_[f].bytes() > cut_.limit_bytes[device_of(f)]) flush();
       now.fronts.insert(now.fronts.end(), members[f].begin(), members[f].end());
       here[f] = 1;
       bytes += part_[f].bytes();
@@ -111,7 +135,7 @@ class Cutter {
 
   const StreamLayout& layout_;
   const Plan& plan_;
-  Offset limit_;
+  const StreamCut& cut_;
   Index fronts_;
   std::vector<Part> part_;    // fronts: what is eliminated together with the front
   std::vector<char> closed_;  // fronts; 1: its parent is in another unit
@@ -121,8 +145,8 @@ class Cutter {
 
 }  // namespace
 
-std::vector<StreamUnit> cut_for_streaming(const StreamLayout& layout, Offset limit_bytes) {
-  return Cutter(layout, limit_bytes).cut();
+std::vector<StreamUnit> cut_for_streaming(const StreamLayout& layout, const StreamCut& cut) {
+  return Cutter(layout, cut).cut();
 }
 
 namespace {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "analysis/streaming_plan.hpp"
+#include "analysis/streaming_share.hpp"
 
 namespace espalier::analysis {
 
@@ -12,10 +13,19 @@ namespace espalier::analysis {
 struct StreamUnit {
   std::vector<Index> fronts;  ///< ascending
   Index large = -1;
+  std::vector<Index> devices;  ///< that work on it, ascending; one for a step
 };
 
-/// Units in topological order, each in-core step of about `limit_bytes` at most, as far as fronts allow.
-std::vector<StreamUnit> cut_for_streaming(const StreamLayout& layout, Offset limit_bytes);
+/// How a tree is cut.
+struct StreamCut {
+  std::vector<Offset> limit_bytes;  ///< devices; of an in-core step, about
+  DeviceSets sets;                  ///< fronts; see share_fronts()
+  double share_seconds = 0;         ///< see StreamRates
+};
+
+/// Units in topological order, each in-core step within its device's limit as far as fronts allow. A front of several
+/// devices that is no large front is done by the one with the highest limit.
+std::vector<StreamUnit> cut_for_streaming(const StreamLayout& layout, const StreamCut& cut);
 
 /// The in-core steps of these units (empty for large fronts): tasks, externals, places of their arrays.
 std::vector<InCoreStep> make_in_core_steps(const StreamLayout& layout, const std::vector<StreamUnit>& units);

@@ -9,6 +9,11 @@
 ///    groups stream past it in chunks; then its own pivots are eliminated.
 /// Contributions stay on the device while there is room; when there is not, those go whose use is farthest (Belady
 /// 1966).
+///
+/// Several devices have a plan each, over one store in the host's memory: sub-trees stay with one device, the groups of
+/// a large front above them are dealt to the devices that have a sub-tree below it, and what one device needs of
+/// another goes through the store. All operations of all devices stand in one topological order, of which every queue
+/// keeps its part, so that the earliest unfinished operation can always proceed: no wait can deadlock.
 #pragma once
 
 #include <array>
@@ -98,8 +103,16 @@ enum class StreamWork : char {
 enum class StreamQueue : char { in, out, run, second_run };
 inline constexpr std::size_t kStreamQueues = 4;
 
+/// The first `number` operations of a queue of another device.
+struct StreamWait {
+  Index device = 0;
+  StreamQueue queue = StreamQueue::in;
+  std::int64_t number = 0;
+};
+
 /// One operation. Those of one queue run one after another; before an operation starts, the first waits[q] of queue q
-/// must be finished.
+/// of its device must be finished, and so must be the operations of `others`. Only copies wait for other devices, and
+/// only for copies.
 struct StreamOp {
   StreamWork work = StreamWork::eliminate;
   StreamQueue queue = StreamQueue::in;
@@ -112,6 +125,7 @@ struct StreamOp {
   std::array<Offset, 2> host{};  ///< elements of the host's store, by part (contributions, factors of groups)
   Offset bytes = 0;              ///< moved
   std::array<std::int64_t, kStreamQueues> waits{};
+  std::vector<StreamWait> others;
 };
 
 /// What the machine does per second, for choosing among plans.
@@ -124,8 +138,18 @@ struct StreamRates {
   int lanes = 1;        ///< queues that compute, 1 or 2 (2: a tenth slower on elasticity 64^3 on one H200)
   double step = 0;      ///< bytes of an in-core step, of the budget; 0: whichever seems best
   double group = 0;     ///< bytes of a group of block columns, likewise
+  /// A front above the sub-trees that takes one device longer than so many seconds is shared. Two hand-overs through
+  /// the host take about as long.
+  double share_seconds = 4e-3;
 };
 
+/// A device of several.
+struct StreamDevice {
+  Offset budget_bytes = 0;
+  double speed = 1;  ///< of its arithmetic, relative to the others
+};
+
+/// What one device does. Units are numbered for all devices alike; `steps` holds those of this device at their numbers.
 struct StreamingPlan {
   Offset arena_bytes = 0;  ///< device memory: the peak, exactly
   Offset shared_at = 0;    ///< 256 bytes for what all units share
@@ -142,8 +166,10 @@ struct StreamingPlan {
   double link_seconds = 0;  ///< what the busier direction of the link needs alone
 };
 
-/// The best plan that it finds for the budget.
+/// The best plans that it finds for the budgets, one for each device; the store's places are the same in all.
+/// @pre layout.plan() is one for a single device
 /// @throws Error(out_of_memory) naming the least budget that works
-StreamingPlan plan_streaming(const StreamLayout& layout, Offset budget_bytes, const StreamRates& rates = {});
+std::vector<StreamingPlan> plan_streaming(const StreamLayout& layout, const std::vector<StreamDevice>& devices,
+                                          const StreamRates& rates = {});
 
 }  // namespace espalier::analysis

@@ -206,4 +206,13 @@ class TaskLister {
 
 void list_tasks(Plan& plan) { TaskLister(plan).list(); }
 
+Plan plan_for_one_device(const Plan& plan) {
+  Plan one = plan;
+  one.memory = MemoryPlan{};
+  one.options.devices = 1;
+  one.assignment = assign_devices(one);
+  list_tasks(one);
+  return one;
+}
+
 }  // namespace espalier::analysis

@@ -35,16 +35,6 @@ struct FactorOutcome {
   double seconds = 0;           ///< wall time
 };
 
-/// One device's part in a factorization that several share.
-struct DeviceWork {
-  std::string name;
-  double busy_seconds = 0;       ///< mean over its workers of the time inside tasks, waits left out
-  double waiting_seconds = 0;    ///< likewise of the time inside tasks that wait for others
-  Index stolen_subtrees = 0;     ///< sub-trees of other devices that it did
-  Offset peak_bytes = 0;         ///< its part of factor and work arrays, and what its workers hold
-  Offset transferred_bytes = 0;  ///< stored into and fetched from other devices
-};
-
 /// What a factorization in less device memory than the factor needs moves; budget_bytes 0: it does not stream.
 struct StreamReport {
   Offset budget_bytes = 0;
@@ -57,6 +47,17 @@ struct StreamReport {
   double copy_out_seconds = 0;   ///< likewise from it
   Index steps = 0;               ///< sets of fronts eliminated in core
   Index groups = 0;              ///< groups of block columns of fronts too large for that
+};
+
+/// One device's part in a factorization that several share.
+struct DeviceWork {
+  std::string name;
+  double busy_seconds = 0;       ///< mean over its workers of the time inside tasks, waits left out
+  double waiting_seconds = 0;    ///< likewise of the time inside tasks that wait for others
+  Index stolen_subtrees = 0;     ///< sub-trees of other devices that it did
+  Offset peak_bytes = 0;         ///< its part of factor and work arrays, and what its workers hold
+  Offset transferred_bytes = 0;  ///< stored into and fetched from other devices
+  StreamReport streaming = {};   ///< where the factorization streams
 };
 
 /// One backend's numeric factor of a matrix with the pattern of a plan. All memory is taken in the constructor;

@@ -1,6 +1,7 @@
 /// \file
 /// The seam of streaming: what a backend does for an executor whose device memory holds only a part of the
 /// factorization. Operations of one queue are asked for by one thread and run in order; the queues run side by side.
+/// Several devices have a backend each and know nothing of one another.
 #pragma once
 
 #include <cstddef>
@@ -56,6 +57,8 @@ class StreamBackend : public analysis::StreamLayout {
   /// After a failure: lets what runs come to an end.
   virtual void abandon() noexcept = 0;
   virtual FactorOutcome outcome() = 0;
+  /// Several devices: takes over what another backend of the same sort keeps of its pivots for solves.
+  virtual void take_pivots(StreamBackend<T>& from) = 0;
 
   /// Like Executor::solve, from the factors in the host's store.
   virtual void solve(const T* store, T* x, Index columns, bool transpose) = 0;

@@ -19,41 +19,62 @@ Offset slot_bytes(Offset budget) {
   return std::clamp(budget / 32 / kPage * kPage, kLeast, kMost);
 }
 
-factor::StreamingOptions streaming_options(Offset budget_bytes, int copy_threads) {
+// Of every device; 0: what is free.
+std::vector<Offset> budgets_of(const NumericOptions& options) {
+  return std::vector<Offset>(static_cast<std::size_t>(options.device.devices), options.device_memory_bytes);
+}
+
+factor::StreamingOptions streaming_options(const std::vector<Offset>& budgets, int copy_threads) {
   factor::StreamingOptions o;
-  o.budget_bytes = budget_bytes;
-  o.slot_bytes = slot_bytes(budget_bytes);
+  Offset least = budgets.front();
+  for (const Offset bytes : budgets) {
+    o.devices.push_back({bytes});
+    least = std::min(least, bytes);
+  }
+  o.slot_bytes = slot_bytes(least);
   o.copy_threads = std::max(1, copy_threads);
   return o;
 }
 
-// Several host devices stream as one, with the threads and the memory of all.
+// Each device has its part of the threads.
 template <class T>
 std::unique_ptr<device::Executor<T>> stream_on_host(const analysis::Plan& plan, const NumericOptions& options,
                                                     const device::PivotRule& rule, base::ThreadPool& pool,
                                                     base::MemoryBudget& budget) {
-  return factor::make_streaming_executor<T>(device::host::make_host_stream<T>(plan, options.kind, rule, pool, &budget),
-                                            streaming_options(options.device_memory_bytes * options.device.devices, 1),
-                                            &budget);
+  const int devices = options.device.devices;
+  std::vector<std::unique_ptr<device::StreamBackend<T>>> backends;
+  for (int d = 0; d < devices; ++d) {
+    device::host::HostStreamOptions host;
+    host.device = d;
+    host.devices = devices;
+    if (devices > 1) host.threads = std::max(1, pool.size() / devices);
+    backends.push_back(device::host::make_host_stream<T>(plan, options.kind, rule, pool, &budget, host));
+  }
+  return factor::make_streaming_executor<T>(std::move(backends), streaming_options(budgets_of(options), 1), &budget);
 }
 
 // When others take memory in between, with less of it.
 template <class T>
-std::unique_ptr<device::Executor<T>> stream_on_gpu(const analysis::Plan& plan, const NumericOptions& options,
-                                                   const device::PivotRule& rule, base::ThreadPool& pool,
-                                                   base::MemoryBudget& budget) {
+std::unique_ptr<device::Executor<T>> stream_on_gpus(const analysis::Plan& plan, const NumericOptions& options,
+                                                    const device::PivotRule& rule, base::ThreadPool& pool,
+                                                    base::MemoryBudget& budget) {
   constexpr int kAttempts = 4;
-  const int gpu = options.device.gpus.front();
+  const std::vector<Offset> wanted = budgets_of(options);
+  const auto gpus = static_cast<int>(wanted.size());
   for (int attempt = 1;; ++attempt) {
-    Offset bytes = device::cuda::free_device_bytes(gpu);
-    if (options.device_memory_bytes > 0) bytes = std::min(bytes, options.device_memory_bytes);
-    for (int k = 1; k < attempt; ++k) bytes -= bytes / 4;
-    device::cuda::CudaStreamOptions gpu_options;
-    gpu_options.device = gpu;
+    std::vector<device::cuda::CudaStreamOptions> devices(wanted.size());
+    std::vector<Offset> budgets;
+    for (std::size_t d = 0; d < wanted.size(); ++d) {
+      devices[d].device = options.device.gpus[d];
+      Offset bytes = device::cuda::free_device_bytes(devices[d].device);
+      if (wanted[d] > 0) bytes = std::min(bytes, wanted[d]);
+      for (int k = 1; k < attempt; ++k) bytes -= bytes / 4;
+      budgets.push_back(bytes);
+    }
     try {
       return factor::make_streaming_executor<T>(
-          device::cuda::make_cuda_stream<T>(plan, options.kind, rule, pool, gpu_options),
-          streaming_options(bytes, pool.size() / 2), &budget);
+          device::cuda::make_cuda_streams<T>(plan, options.kind, rule, pool, devices),
+          streaming_options(budgets, pool.size() / (2 * gpus)), &budget);
     } catch (const device::AllocationRefused&) {
       if (attempt == kAttempts) throw;
     }
@@ -82,10 +103,10 @@ std::unique_ptr<device::Executor<T>> make_executor(const analysis::Plan& plan, c
     return device::cuda::make_cuda_executor<T>(plan, options.kind, rule, cuda);
   } catch (const Error& e) {
     if (e.status().code != StatusCode::out_of_memory) throw;
-    if (on_host ? !budgeted : options.device.devices > 1) throw;
+    if (on_host && !budgeted) throw;
   }
   return on_host ? stream_on_host<T>(plan, options, rule, pool, budget)
-                 : stream_on_gpu<T>(plan, options, rule, pool, budget);
+                 : stream_on_gpus<T>(plan, options, rule, pool, budget);
 }
 
 template std::unique_ptr<device::Executor<double>> make_executor(const analysis::Plan&, const NumericOptions&,

@@ -10,8 +10,7 @@
 
 namespace espalier::solver {
 
-/// @throws Error(out_of_memory) naming the least budget that works, where options give less; several GPUs do not
-///         stream: what their parts need is named
+/// @throws Error(out_of_memory) naming the least budget that works, where options give less
 template <class T>
 std::unique_ptr<device::Executor<T>> make_executor(const analysis::Plan& plan, const NumericOptions& options,
                                                    const device::PivotRule& rule, base::ThreadPool& pool,

@@ -215,18 +215,19 @@ void Solver::Impl::report(const device::FactorOutcome& outcome) {
   r.perturbed = static_cast<Index>(outcome.replaced.size());
   r.delayed = moved_pivots;
   r.peak_host_bytes = held_bytes();
-  const auto add_device = [&](std::string name, double busy, double waiting, Index stolen, Offset peak) {
+  const auto add_device = [&](std::string name, double busy, double waiting, Index stolen, Offset peak,
+                              const device::StreamReport& streamed) {
     const double idle = outcome.seconds > 0 ? std::max(0.0, 1 - busy / outcome.seconds) : 0;
-    const device::StreamReport streamed = numeric->streaming();
     r.devices.push_back({std::move(name), busy, idle, peak, waiting, stolen, streamed.bytes_in, streamed.bytes_out,
                          streamed.link_seconds, streamed.predicted_bytes});
   };
   for (device::DeviceWork& w : numeric->device_work()) {
-    add_device(std::move(w.name), w.busy_seconds, w.waiting_seconds, w.stolen_subtrees, w.peak_bytes);
+    add_device(std::move(w.name), w.busy_seconds, w.waiting_seconds, w.stolen_subtrees, w.peak_bytes, w.streaming);
     r.devices.back().transferred_bytes = w.transferred_bytes;
   }
   if (r.devices.empty())
-    add_device(numeric->device_name(), outcome.busy_seconds, outcome.waiting_seconds, 0, numeric->device_peak_bytes());
+    add_device(numeric->device_name(), outcome.busy_seconds, outcome.waiting_seconds, 0, numeric->device_peak_bytes(),
+               numeric->streaming());
   const auto rows_of = [&](const std::vector<Index>& positions) {
     std::vector<Index> rows;
     for (const Index p : positions) rows.push_back(equations.row_of(plan.tree.order[static_cast<std::size_t>(p)]));

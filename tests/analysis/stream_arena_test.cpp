@@ -76,16 +76,17 @@ TEST(Touches, WaitsCoverEveryHazard) {
     bool write;
   };
   std::array<std::vector<Record>, kPlaces> records;
-  Touches touches;
-  std::array<std::int64_t, Touches::kQueues> count{};
+  constexpr int kQueues = 4;
+  Touches touches(kQueues);
+  std::array<std::int64_t, kQueues> count{};
   std::mt19937 random(9);
   std::int64_t idle = 0;
   for (int step = 0; step < 5000; ++step) {
-    const int queue = static_cast<int>(random() % Touches::kQueues), first = static_cast<int>(random() % kPlaces);
+    const int queue = static_cast<int>(random() % kQueues), first = static_cast<int>(random() % kPlaces);
     const int end = std::min<int>(kPlaces, first + 1 + static_cast<int>(random() % 5));
     const bool write = random() % 2 == 0;
     const std::int64_t number = ++count[static_cast<std::size_t>(queue)];
-    Touches::Numbers waits{};
+    std::array<std::int64_t, kQueues> waits{};
     touches.touch(first, end - first, queue, number, write, waits);
     EXPECT_EQ(waits[static_cast<std::size_t>(queue)], 0) << "a queue is in order by itself";
     for (int p = first; p < end; ++p) {

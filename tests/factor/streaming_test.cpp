@@ -1,124 +1,19 @@
 // Factorization in less memory than the factor needs, on a host device. Truth: the factorization in core (answers to
 // rounding, inertia and counts exactly), the independent residual, the bits of another run, and the budget itself.
-#include <gtest/gtest.h>
-
 #include <chrono>
-#include <cmath>
-#include <cstring>
-#include <limits>
-#include <memory>
-#include <random>
-#include <string>
 #include <thread>
-#include <vector>
 
-#include "analysis/ordering.hpp"
-#include "analysis/plan.hpp"
-#include "device/host/host_executor.hpp"
-#include "device/host/host_stream.hpp"
-#include "factor/streaming_executor.hpp"
-#include "matrix/generators/generate.hpp"
+#include "streaming_fixture.hpp"
 
 namespace espalier {
 namespace {
 
 using analysis::StreamOp;
-using device::FactorOutcome;
 using device::host::HostStreamOptions;
+using test::same_bits;
+using test::StreamedSystem;
 
-constexpr double kTiny = 1e-14;
-
-struct System {
-  std::vector<std::string> words;
-  Kind kind;
-};
-
-class Streaming : public ::testing::TestWithParam<System> {
- protected:
-  void SetUp() override {
-    a_ = matrix::generate(matrix::parse_generator(GetParam().words), &pool_);
-    analysis::PlanOptions options;
-    options.unsymmetric = GetParam().kind == Kind::lu;
-    options.ldlt = GetParam().kind == Kind::ldlt;
-    options.group_entries = 1 << 14;
-    options.reuse_distance = 8;
-    options.tiles.max_block_size = 16;  // small systems, too, shall have fronts of many tiles
-    options.tiles.whole_rows = 32;
-    options.range_flops = 2e4;
-    plan_ = analysis::make_plan(analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_), a_, {}, options, pool_);
-    auto in_core =
-        device::host::make_host_executor<double>(plan_, GetParam().kind, {0.01, kTiny}, pool_, nullptr, nullptr);
-    outcome_ = in_core->factorize(a_.values);
-    x_ = solved(*in_core, false);
-    need_ = plan_.memory.size * static_cast<Offset>(sizeof(double));
-    try {
-      (void)start(1000);
-      ADD_FAILURE() << "1000 bytes were enough";
-    } catch (const Error& e) {
-      EXPECT_EQ(e.status().code, StatusCode::out_of_memory);
-      const std::string text = e.what(), mark = "streaming needs: ";
-      floor_ = std::stoll(text.substr(text.find(mark) + mark.size()));
-    }
-  }
-
-  std::unique_ptr<device::Executor<double>> start(Offset budget, HostStreamOptions options = {}) {
-    factor::StreamingOptions streaming;
-    streaming.budget_bytes = budget;
-    streaming.slot_bytes = 4096;  // copies of many pieces
-    streaming.slots = 3;
-    return factor::make_streaming_executor<double>(
-        device::host::make_host_stream<double>(plan_, GetParam().kind, {0.01, kTiny}, pool_, nullptr,
-                                               std::move(options)),
-        streaming, nullptr);
-  }
-
-  [[nodiscard]] std::vector<double> rhs() const {
-    std::mt19937_64 random(5);
-    std::uniform_real_distribution<double> uniform(-1, 1);
-    std::vector<double> b(static_cast<std::size_t>(a_.cols));
-    for (double& v : b) v = uniform(random);
-    return b;
-  }
-  std::vector<double> solved(device::Executor<double>& executor, bool transpose) {
-    std::vector<double> x = rhs();
-    executor.solve(x.data(), 1, transpose);
-    return x;
-  }
-
-  // Largest difference to the answer in core, of the largest entry.
-  [[nodiscard]] double difference(const std::vector<double>& x) const {
-    double most = 0, size = 0;
-    for (std::size_t k = 0; k < x.size(); ++k) {
-      most = std::max(most, std::abs(x[k] - x_[k]));
-      size = std::max(size, std::abs(x_[k]));
-    }
-    return most / size;
-  }
-  // The systems' condition numbers are below 1e6 (scaled or small ones).
-  [[nodiscard]] double tolerance() const {
-    return 1e6 * std::numeric_limits<double>::epsilon() * std::sqrt(static_cast<double>(a_.cols));
-  }
-
-  void expect_the_same(const FactorOutcome& o) const {
-    EXPECT_EQ(o.not_positive, outcome_.not_positive);
-    EXPECT_EQ(o.negative, outcome_.negative);
-    EXPECT_EQ(o.replaced, outcome_.replaced);
-    EXPECT_NEAR(o.determinant_log, outcome_.determinant_log, 1e-10 * (1 + std::abs(outcome_.determinant_log)));
-    EXPECT_EQ(o.determinant_sign, outcome_.determinant_sign);
-  }
-
-  base::ThreadPool pool_{2};
-  SparseMatrix a_;
-  analysis::Plan plan_;
-  FactorOutcome outcome_;
-  std::vector<double> x_;
-  Offset need_ = 0;   // bytes in core
-  Offset floor_ = 0;  // bytes of the least budget
-};
-
-bool same_bits(const std::vector<double>& x, const std::vector<double>& y) {
-  return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size() * sizeof(double)) == 0;
-}
+class Streaming : public test::StreamedFactorization {};
 
 TEST_P(Streaming, AnyBudgetGivesTheAnswerInCore) {
   ASSERT_LT(floor_, need_ / 3) << "the budgets would test little";
@@ -190,7 +85,7 @@ TEST_P(Streaming, TransposedAndManyRightHandSides) {
   auto executor = start(floor_ + (need_ - floor_) / 5);
   (void)executor->factorize(a_.values);
   auto in_core =
-      device::host::make_host_executor<double>(plan_, GetParam().kind, {0.01, kTiny}, pool_, nullptr, nullptr);
+      device::host::make_host_executor<double>(plan_, GetParam().kind, {0.01, test::kTiny}, pool_, nullptr, nullptr);
   (void)in_core->factorize(a_.values);
   const Index columns = 8;
   std::vector<double> x(static_cast<std::size_t>(a_.cols) * columns);
@@ -218,11 +113,11 @@ TEST_P(Streaming, TheFloorIsTheFloor) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Systems, Streaming,
-                         ::testing::Values(System{{"elasticity", "8"}, Kind::llt},
-                                           System{{"plate", "24", "24"}, Kind::llt},
-                                           System{{"elasticity", "6"}, Kind::ldlt},
-                                           System{{"kkt", "6", "4", "3", "3"}, Kind::ldlt},
-                                           System{{"gyroscopic", "6"}, Kind::lu}));
+                         ::testing::Values(StreamedSystem{{"elasticity", "8"}, Kind::llt},
+                                           StreamedSystem{{"plate", "24", "24"}, Kind::llt},
+                                           StreamedSystem{{"elasticity", "6"}, Kind::ldlt},
+                                           StreamedSystem{{"kkt", "6", "4", "3", "3"}, Kind::ldlt},
+                                           StreamedSystem{{"gyroscopic", "6"}, Kind::lu}));
 
 }  // namespace
 }  // namespace espalier

@@ -6,12 +6,15 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <optional>
+#include <utility>
 
 #include "device/cuda/device_memory.hpp"
 #include "device/cuda/factor_kernel.cuh"
 #include "device/cuda/factor_parameters.hpp"
 #include "device/cuda/fragment_solve.hpp"
 #include "device/cuda/stream_kernels.cuh"
+#include "device/cuda/stream_resources.hpp"
 #include "device/cuda/stream_tables.hpp"
 #include "device/determinant.hpp"
 
@@ -27,90 +30,32 @@ using analysis::StreamWork;
 
 constexpr Offset kLimitsAt = 64;  // bytes from StreamingPlan::shared_at; the arena's address stands before
 
-// Streams, events and memory; everything is released without throwing.
-class Resources {
- public:
-  explicit Resources(const CudaStreamOptions& options) : options_(options) {}
-  Resources(const Resources&) = delete;
-  Resources& operator=(const Resources&) = delete;
-  ~Resources() {
-    (void)cudaSetDevice(options_.device);
-    for (cudaStream_t s : streams_)
-      if (s != nullptr) (void)cudaStreamSynchronize(s);
-    for (auto& list : marks_)
-      for (cudaEvent_t e : list) (void)cudaEventDestroy(e);
-    for (cudaEvent_t e : slots_) (void)cudaEventDestroy(e);
-    for (cudaStream_t s : streams_)
-      if (s != nullptr) (void)cudaStreamDestroy(s);
-    if (arena_ != nullptr) (void)cudaFree(arena_);
-    if (ring_ != nullptr) (void)cudaFreeHost(ring_);
-  }
-
-  void take(Offset arena_bytes, int slots, Offset slot_bytes,
-            const std::array<std::size_t, analysis::kStreamQueues>& marks) {
-    check(cudaSetDevice(options_.device), "cudaSetDevice");
-    slot_bytes_ = slot_bytes;
-    arena_bytes_ = arena_bytes;
-    allocate("cudaMalloc", [&] { return cudaMalloc(reinterpret_cast<void**>(&arena_), size(arena_bytes)); });
-    allocate("cudaHostAlloc", [&] {
-      return cudaHostAlloc(reinterpret_cast<void**>(&ring_), size(slots * slot_bytes), cudaHostAllocDefault);
-    });
-    for (cudaStream_t& s : streams_) check(cudaStreamCreateWithFlags(&s, cudaStreamNonBlocking), "cudaStreamCreate");
-    for (std::size_t q = 0; q < marks.size(); ++q) make_events(marks_[q], marks[q]);
-    make_events(slots_, static_cast<std::size_t>(slots));
-  }
-
-  [[nodiscard]] std::byte* arena() const { return arena_; }
-  [[nodiscard]] Offset arena_bytes() const { return arena_ != nullptr ? arena_bytes_ : 0; }
-  [[nodiscard]] std::byte* slot(int k) const { return ring_ + k * slot_bytes_; }
-  [[nodiscard]] cudaStream_t stream(StreamQueue q) const { return streams_[static_cast<std::size_t>(q)]; }
-  [[nodiscard]] cudaEvent_t mark(StreamQueue q, std::int64_t number) const {
-    return marks_[static_cast<std::size_t>(q)][static_cast<std::size_t>(number - 1)];
-  }
-  [[nodiscard]] cudaEvent_t slot_event(int k) const { return slots_[static_cast<std::size_t>(k)]; }
-  [[nodiscard]] int device() const { return options_.device; }
-
- private:
-  static std::size_t size(Offset bytes) { return static_cast<std::size_t>(bytes); }
-  template <class Call>
-  void allocate(const char* name, Call&& call) {
-    const cudaError_t e = ++allocations_ == options_.refuse_allocation ? cudaErrorMemoryAllocation : call();
-    if (e == cudaSuccess) return;
-    (void)cudaGetLastError();
-    const std::string text = std::string(name) + ": " + cudaGetErrorName(e) + " (" + cudaGetErrorString(e) + ")";
-    if (e == cudaErrorMemoryAllocation) throw AllocationRefused(text);
-    throw Error(StatusCode::device_error, text);
-  }
-  static void make_events(std::vector<cudaEvent_t>& list, std::size_t count) {
-    for (std::size_t k = 0; k < count; ++k) {
-      cudaEvent_t e = nullptr;
-      check(cudaEventCreateWithFlags(&e, cudaEventDisableTiming), "cudaEventCreate");
-      list.push_back(e);
-    }
-  }
-
-  CudaStreamOptions options_;
-  int allocations_ = 0;
-  Offset arena_bytes_ = 0, slot_bytes_ = 0;
-  std::byte* arena_ = nullptr;
-  std::byte* ring_ = nullptr;
-  std::array<cudaStream_t, analysis::kStreamQueues> streams_{};
-  std::array<std::vector<cudaEvent_t>, analysis::kStreamQueues> marks_;
-  std::vector<cudaEvent_t> slots_;
+// What the backends of one plan share.
+struct StreamSource {
+  StreamSource(const analysis::Plan& the_plan, Kind kind, Offset element_bytes)
+      : own(the_plan.assignment.devices > 1 ? std::make_unique<analysis::Plan>(analysis::plan_for_one_device(the_plan))
+                                            : nullptr),
+        plan(own != nullptr ? *own : the_plan),
+        tables(plan, kind, element_bytes) {}
+  std::unique_ptr<analysis::Plan> own;
+  const analysis::Plan& plan;
+  StreamTables tables;
 };
 
 template <class T>
 class CudaStream final : public StreamBackend<T> {
  public:
-  CudaStream(const analysis::Plan& plan, Kind kind, const PivotRule& rule, base::ThreadPool& pool,
+  /// @param solve_pool  null: this backend never solves
+  CudaStream(std::shared_ptr<const StreamSource> source, Kind kind, const PivotRule& rule, base::ThreadPool* solve_pool,
              const CudaStreamOptions& options)
-      : plan_(plan),
+      : source_(std::move(source)),
+        plan_(source_->plan),
         kind_(kind),
         rule_(rule),
         options_(options),
-        tables_(plan, kind, sizeof(T)),
-        resources_(options),
-        solve_(plan, tables_.device_plan().fronts, kind, pool) {
+        tables_(source_->tables),
+        resources_(options) {
+    if (solve_pool != nullptr) solve_.emplace(plan_, tables_.device_plan().fronts, kind, *solve_pool);
     for (const Front& x : tables_.device_plan().fronts) {
       sizes_.factor.push_back(padded(x.factor_size()));
       sizes_.contribution.push_back(padded(x.contribution_size()));
@@ -267,9 +212,24 @@ class CudaStream final : public StreamBackend<T> {
     return outcome_;
   }
 
+  void take_pivots(StreamBackend<T>& from) override {
+    if (kind_ != Kind::ldlt) return;
+    auto& other = dynamic_cast<CudaStream&>(from);
+    const auto take = [&](Index begin, Index count) {
+      std::copy_n(other.inverse_d_.begin() + begin, count, inverse_d_.begin() + begin);
+      std::copy_n(other.inverse_e_.begin() + begin, count, inverse_e_.begin() + begin);
+    };
+    for (const InCoreStep& s : other.streaming_->steps)
+      for (const Index f : s.fronts) take(plan_.tree.first[f], plan_.tree.first[f + 1] - plan_.tree.first[f]);
+    for (std::size_t k = 0; k < other.groups_.size(); ++k) {
+      const ColumnGroup& g = other.streaming_->groups[k];
+      take(plan_.tree.first[g.front] + front(g.front).column_begin(g.begin), other.groups_[k].scratch.pivots);
+    }
+  }
+
   void solve(const T* store, T* x, Index columns, bool transpose) override {
-    solve_.run({store, &streaming_->factor_store, &streaming_->factor2_store, &inverse_d_, &inverse_e_}, x, columns,
-               transpose);
+    solve_->run({store, &streaming_->factor_store, &streaming_->factor2_store, &inverse_d_, &inverse_e_}, x, columns,
+                transpose);
   }
 
   [[nodiscard]] std::string name() const override {
@@ -457,13 +417,14 @@ class CudaStream final : public StreamBackend<T> {
           "launch of the update kernel");
   }
 
+  std::shared_ptr<const StreamSource> source_;
   const analysis::Plan& plan_;
   Kind kind_;
   PivotRule rule_;
   CudaStreamOptions options_;
-  StreamTables tables_;
-  Resources resources_;
-  FragmentSolve<T> solve_;
+  const StreamTables& tables_;
+  StreamResources resources_;
+  std::optional<FragmentSolve<T>> solve_;
   analysis::ArraySizes sizes_;
   const analysis::StreamingPlan* streaming_ = nullptr;
   std::vector<UnitTables> steps_, groups_;
@@ -490,15 +451,22 @@ Offset free_device_bytes(int device) {
 }
 
 template <class T>
-std::unique_ptr<StreamBackend<T>> make_cuda_stream(const analysis::Plan& plan, Kind kind, const PivotRule& rule,
-                                                   base::ThreadPool& pool, const CudaStreamOptions& options) {
-  return std::make_unique<CudaStream<T>>(plan, kind, rule, pool, options);
+std::vector<std::unique_ptr<StreamBackend<T>>> make_cuda_streams(const analysis::Plan& plan, Kind kind,
+                                                                 const PivotRule& rule, base::ThreadPool& pool,
+                                                                 const std::vector<CudaStreamOptions>& devices) {
+  const auto source = std::make_shared<const StreamSource>(plan, kind, static_cast<Offset>(sizeof(T)));
+  std::vector<std::unique_ptr<StreamBackend<T>>> list;
+  for (const CudaStreamOptions& options : devices)
+    list.push_back(std::make_unique<CudaStream<T>>(source, kind, rule, list.empty() ? &pool : nullptr, options));
+  return list;
 }
 
-template std::unique_ptr<StreamBackend<double>> make_cuda_stream(const analysis::Plan&, Kind, const PivotRule&,
-                                                                 base::ThreadPool&, const CudaStreamOptions&);
-template std::unique_ptr<StreamBackend<float>> make_cuda_stream(const analysis::Plan&, Kind, const PivotRule&,
-                                                                base::ThreadPool&, const CudaStreamOptions&);
+template std::vector<std::unique_ptr<StreamBackend<double>>> make_cuda_streams(const analysis::Plan&, Kind,
+                                                                               const PivotRule&, base::ThreadPool&,
+                                                                               const std::vector<CudaStreamOptions>&);
+template std::vector<std::unique_ptr<StreamBackend<float>>> make_cuda_streams(const analysis::Plan&, Kind,
+                                                                              const PivotRule&, base::ThreadPool&,
+                                                                              const std::vector<CudaStreamOptions>&);
 
 }  // namespace espalier::device::cuda
 

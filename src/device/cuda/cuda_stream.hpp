@@ -3,6 +3,8 @@
 #pragma once
 
 #include <memory>
+#include <utility>
+#include <vector>
 
 #include "base/thread_pool.hpp"
 #include "device/stream_backend.hpp"
@@ -18,11 +20,20 @@ struct CudaStreamOptions {
 /// Bytes of device memory that are free, less a reserve for what the driver takes.
 Offset free_device_bytes(int device);
 
-/// @param plan  made with cuda_plan_options(kind); must outlive the backend
+/// Backends of several GPUs for one factorization; they share their tables, and the first one does the solves.
+/// @param plan  made with cuda_plan_options(kind), for any number of devices; must outlive the backends
 /// @param pool  its threads do the substitutions
 /// All memory is taken by prepare().
 template <class T>
+std::vector<std::unique_ptr<StreamBackend<T>>> make_cuda_streams(const analysis::Plan& plan, Kind kind,
+                                                                 const PivotRule& rule, base::ThreadPool& pool,
+                                                                 const std::vector<CudaStreamOptions>& devices);
+
+/// One GPU.
+template <class T>
 std::unique_ptr<StreamBackend<T>> make_cuda_stream(const analysis::Plan& plan, Kind kind, const PivotRule& rule,
-                                                   base::ThreadPool& pool, const CudaStreamOptions& options = {});
+                                                   base::ThreadPool& pool, const CudaStreamOptions& options = {}) {
+  return std::move(make_cuda_streams<T>(plan, kind, rule, pool, {options}).front());
+}
 
 }  // namespace espalier::device::cuda

@@ -13,15 +13,18 @@ constexpr const char* kReason =
 Offset free_device_bytes(int) { throw Error(StatusCode::device_error, kReason); }
 
 template <class T>
-std::unique_ptr<StreamBackend<T>> make_cuda_stream(const analysis::Plan&, Kind, const PivotRule&, base::ThreadPool&,
-                                                   const CudaStreamOptions&) {
+std::vector<std::unique_ptr<StreamBackend<T>>> make_cuda_streams(const analysis::Plan&, Kind, const PivotRule&,
+                                                                 base::ThreadPool&,
+                                                                 const std::vector<CudaStreamOptions>&) {
   throw Error(StatusCode::device_error, kReason);
 }
 
-template std::unique_ptr<StreamBackend<double>> make_cuda_stream(const analysis::Plan&, Kind, const PivotRule&,
-                                                                 base::ThreadPool&, const CudaStreamOptions&);
-template std::unique_ptr<StreamBackend<float>> make_cuda_stream(const analysis::Plan&, Kind, const PivotRule&,
-                                                                base::ThreadPool&, const CudaStreamOptions&);
+template std::vector<std::unique_ptr<StreamBackend<double>>> make_cuda_streams(const analysis::Plan&, Kind,
+                                                                               const PivotRule&, base::ThreadPool&,
+                                                                               const std::vector<CudaStreamOptions>&);
+template std::vector<std::unique_ptr<StreamBackend<float>>> make_cuda_streams(const analysis::Plan&, Kind,
+                                                                              const PivotRule&, base::ThreadPool&,
+                                                                              const std::vector<CudaStreamOptions>&);
 
 }  // namespace espalier::device::cuda
 

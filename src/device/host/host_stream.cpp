@@ -7,7 +7,6 @@
 #include <cstring>
 #include <optional>
 
-#include "analysis/task_list.hpp"
 #include "device/host/group_tasks.hpp"
 #include "device/host/outcome.hpp"
 #include "device/host/tile_factor.hpp"
@@ -30,12 +29,14 @@ class HostStream final : public StreamBackend<T> {
  public:
   HostStream(const analysis::Plan& plan, Kind kind, const PivotRule& rule, base::ThreadPool& pool,
              base::MemoryBudget* budget, HostStreamOptions options)
-      : plan_(plan), kind_(kind), rule_(rule), pool_(pool), budget_(budget), options_(std::move(options)) {
-    if (plan_.assignment.devices > 1) {
-      plan_.options.devices = 1;
-      plan_.assignment = analysis::assign_devices(plan_);
-      analysis::list_tasks(plan_);
-    }
+      : plan_(plan.assignment.devices > 1 ? analysis::plan_for_one_device(plan) : plan),
+        kind_(kind),
+        rule_(rule),
+        own_pool_(options.threads > 0 ? std::make_unique<base::ThreadPool>(options.threads) : nullptr),
+        pool_(own_pool_ != nullptr ? *own_pool_ : pool),
+        solve_pool_(pool),
+        budget_(budget),
+        options_(std::move(options)) {
     const auto panel = static_cast<Offset>(plan.options.tiles.panel);
     for (Index f = 0; f < plan.fronts(); ++f) {
       sizes_.factor.push_back((plan.layout[f].factor_size() + panel - 1) / panel * panel);
@@ -92,7 +93,7 @@ class HostStream final : public StreamBackend<T> {
       plan_.memory.stack_size = std::max(plan_.memory.stack_size, s.memory.stack_size);
     for (int t = 0; t < pool_.size(); ++t) work_.emplace_back(plan_, kind_, budget_);
     state_.emplace(plan_, kind_, rule_, budget_);
-    solve_.emplace(*state_, pool_, budget_);
+    if (options_.device == 0) solve_.emplace(*state_, solve_pool_, budget_);
   }
 
   void set_pivot_rule(const PivotRule& rule) override {
@@ -122,6 +123,25 @@ class HostStream final : public StreamBackend<T> {
   void abandon() noexcept override { state_->window = {}; }
   FactorOutcome outcome() override { return summarize(*state_, work_); }
 
+  void take_pivots(StreamBackend<T>& from) override {
+    auto& other = dynamic_cast<HostStream&>(from);
+    const auto take = [&](Index begin, Index end) {
+      const auto copy = [&](auto& to, const auto& list) {
+        if (list.size() > 0) std::copy(list.data() + begin, list.data() + end, to.data() + begin);
+      };
+      copy(state_->pivot_order, other.state_->pivot_order);
+      copy(state_->d_inverse, other.state_->d_inverse);
+      copy(state_->e_inverse, other.state_->e_inverse);
+    };
+    for (const InCoreStep& s : other.streaming_->steps)
+      for (const Index f : s.fronts) take(plan_.tree.first[f], plan_.tree.first[f + 1]);
+    for (const ColumnGroup& g : other.streaming_->groups) {
+      const FrontLayout& l = plan_.layout[g.front];
+      const Index first = plan_.tree.first[g.front], end = std::min(g.end, l.pivot_tiles);
+      if (g.begin < end) take(first + l.begin(g.begin), first + l.begin(end));
+    }
+  }
+
   void solve(const T* store, T* x, Index columns, bool transpose) override {
     auto& m = plan_.memory;
     m.factor = streaming_->factor_store;
@@ -132,7 +152,8 @@ class HostStream final : public StreamBackend<T> {
   }
 
   [[nodiscard]] std::string name() const override {
-    return fmt::format("host ({} thread{}), streaming", pool_.size(), pool_.size() == 1 ? "" : "s");
+    const std::string threads = fmt::format("({} thread{}), streaming", pool_.size(), pool_.size() == 1 ? "" : "s");
+    return options_.devices == 1 ? "host " + threads : fmt::format("host device {} {}", options_.device, threads);
   }
   [[nodiscard]] Offset peak_bytes() const override { return state_ ? state_->arena.bytes() : 0; }
 
@@ -217,6 +238,7 @@ class HostStream final : public StreamBackend<T> {
       m.wait_ptr[f + 1] = static_cast<Offset>(m.wait_fronts.size());
     }
     for (std::size_t k = 0; k < step.externals.size(); ++k) {
+      state_->front_done.set(step.externals[k]);  // maybe by another device
       m.on_stack[step.externals[k]] = 0;
       m.contribution[step.externals[k]] = element(step.external_at[k][0]);
       if (kind_ == Kind::lu) m.contribution2[step.externals[k]] = element(step.external_at[k][1]);
@@ -272,7 +294,9 @@ class HostStream final : public StreamBackend<T> {
   analysis::Plan plan_;
   Kind kind_;
   PivotRule rule_;
+  std::unique_ptr<base::ThreadPool> own_pool_;
   base::ThreadPool& pool_;
+  base::ThreadPool& solve_pool_;
   base::MemoryBudget* budget_;
   HostStreamOptions options_;
   analysis::ArraySizes sizes_;

@@ -11,14 +11,18 @@
 
 namespace espalier::device::host {
 
-/// What only tests need.
 struct HostStreamOptions {
+  int device = 0;  ///< of `devices`; the first one does the solves, with all threads of the pool
+  int devices = 1;
+  int threads = 0;  ///< of the device; 0: the pool's
+  /// For tests.
   /// Called before an operation of the run queue; may wait, and may throw, so that the device fails.
   std::function<void(const analysis::StreamOp& op)> before_run;
 };
 
 /// @param plan  a copy is kept, whose places change from step to step; one for several devices is carried out by one
-/// The workers' scratch and vectors of the matrix' order are not counted as device memory.
+/// The workers' scratch and vectors of the matrix' order are not counted as device memory. Every one of several devices
+/// keeps a copy of the plan.
 template <class T>
 std::unique_ptr<StreamBackend<T>> make_host_stream(const analysis::Plan& plan, Kind kind, const PivotRule& rule,
                                                    base::ThreadPool& pool, base::MemoryBudget* budget,

@@ -1,0 +1,59 @@
+#if ESPALIER_WITH_CUDA
+
+#include "device/cuda/stream_resources.hpp"
+
+#include <string>
+
+#include "device/cuda/device_memory.hpp"
+
+namespace espalier::device::cuda {
+
+StreamResources::~StreamResources() {
+  (void)cudaSetDevice(options_.device);
+  for (cudaStream_t s : streams_)
+    if (s != nullptr) (void)cudaStreamSynchronize(s);
+  for (auto& list : marks_)
+    for (cudaEvent_t e : list) (void)cudaEventDestroy(e);
+  for (cudaEvent_t e : slots_) (void)cudaEventDestroy(e);
+  for (cudaStream_t s : streams_)
+    if (s != nullptr) (void)cudaStreamDestroy(s);
+  if (arena_ != nullptr) (void)cudaFree(arena_);
+  if (ring_ != nullptr) (void)cudaFreeHost(ring_);
+}
+
+void StreamResources::take(Offset arena_bytes, int slots, Offset slot_bytes,
+                           const std::array<std::size_t, analysis::kStreamQueues>& marks) {
+  const auto size = [](Offset bytes) { return static_cast<std::size_t>(bytes); };
+  check(cudaSetDevice(options_.device), "cudaSetDevice");
+  slot_bytes_ = slot_bytes;
+  arena_bytes_ = arena_bytes;
+  allocate("cudaMalloc", [&] { return cudaMalloc(reinterpret_cast<void**>(&arena_), size(arena_bytes)); });
+  allocate("cudaHostAlloc", [&] {
+    return cudaHostAlloc(reinterpret_cast<void**>(&ring_), size(slots * slot_bytes), cudaHostAllocDefault);
+  });
+  for (cudaStream_t& s : streams_) check(cudaStreamCreateWithFlags(&s, cudaStreamNonBlocking), "cudaStreamCreate");
+  for (std::size_t q = 0; q < marks.size(); ++q) make_events(marks_[q], marks[q]);
+  make_events(slots_, static_cast<std::size_t>(slots));
+}
+
+template <class Call>
+void StreamResources::allocate(const char* name, Call&& call) {
+  const cudaError_t e = ++allocations_ == options_.refuse_allocation ? cudaErrorMemoryAllocation : call();
+  if (e == cudaSuccess) return;
+  (void)cudaGetLastError();
+  const std::string text = std::string(name) + ": " + cudaGetErrorName(e) + " (" + cudaGetErrorString(e) + ")";
+  if (e == cudaErrorMemoryAllocation) throw AllocationRefused(text);
+  throw Error(StatusCode::device_error, text);
+}
+
+void StreamResources::make_events(std::vector<cudaEvent_t>& list, std::size_t count) {
+  for (std::size_t k = 0; k < count; ++k) {
+    cudaEvent_t e = nullptr;
+    check(cudaEventCreateWithFlags(&e, cudaEventDisableTiming), "cudaEventCreate");
+    list.push_back(e);
+  }
+}
+
+}  // namespace espalier::device::cuda
+
+#endif

@@ -1,0 +1,128 @@
+/// \file
+/// Systems that stream, and their factorization in core to compare with.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "analysis/ordering.hpp"
+#include "analysis/plan.hpp"
+#include "device/host/host_executor.hpp"
+#include "device/host/host_stream.hpp"
+#include "factor/streaming_executor.hpp"
+#include "matrix/generators/generate.hpp"
+
+namespace espalier::test {
+
+using device::FactorOutcome;
+using device::host::HostStreamOptions;
+
+inline constexpr double kTiny = 1e-14;
+
+struct StreamedSystem {
+  std::vector<std::string> words;
+  Kind kind;
+};
+
+class StreamedFactorization : public ::testing::TestWithParam<StreamedSystem> {
+ protected:
+  void SetUp() override {
+    a_ = matrix::generate(matrix::parse_generator(GetParam().words), &pool_);
+    analysis::PlanOptions options;
+    options.unsymmetric = GetParam().kind == Kind::lu;
+    options.ldlt = GetParam().kind == Kind::ldlt;
+    options.group_entries = 1 << 14;
+    options.reuse_distance = 8;
+    options.tiles.max_block_size = 16;  // small systems, too, shall have fronts of many tiles
+    options.tiles.whole_rows = 32;
+    options.range_flops = 2e4;
+    plan_ = analysis::make_plan(analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_), a_, {}, options, pool_);
+    auto in_core =
+        device::host::make_host_executor<double>(plan_, GetParam().kind, {0.01, kTiny}, pool_, nullptr, nullptr);
+    outcome_ = in_core->factorize(a_.values);
+    x_ = solved(*in_core, false);
+    need_ = plan_.memory.size * static_cast<Offset>(sizeof(double));
+    try {
+      (void)start(1000);
+      ADD_FAILURE() << "1000 bytes were enough";
+    } catch (const Error& e) {
+      EXPECT_EQ(e.status().code, StatusCode::out_of_memory);
+      const std::string text = e.what(), mark = "streaming needs: ";
+      floor_ = std::stoll(text.substr(text.find(mark) + mark.size()));
+    }
+  }
+
+  std::unique_ptr<device::Executor<double>> start(Offset budget, HostStreamOptions options = {}) {
+    return start({{budget}}, {std::move(options)});
+  }
+  std::unique_ptr<device::Executor<double>> start(const std::vector<analysis::StreamDevice>& devices,
+                                                  std::vector<HostStreamOptions> options) {
+    factor::StreamingOptions streaming;
+    streaming.devices = devices;
+    streaming.slot_bytes = 4096;  // copies of many pieces
+    streaming.slots = 3;
+    streaming.rates.share_seconds = 0;
+    std::vector<std::unique_ptr<device::StreamBackend<double>>> backends;
+    for (HostStreamOptions& o : options)
+      backends.push_back(
+          device::host::make_host_stream<double>(plan_, GetParam().kind, {0.01, kTiny}, pool_, nullptr, std::move(o)));
+    return factor::make_streaming_executor<double>(std::move(backends), streaming, nullptr);
+  }
+
+  [[nodiscard]] std::vector<double> rhs() const {
+    std::mt19937_64 random(5);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    std::vector<double> b(static_cast<std::size_t>(a_.cols));
+    for (double& v : b) v = uniform(random);
+    return b;
+  }
+  std::vector<double> solved(device::Executor<double>& executor, bool transpose) {
+    std::vector<double> x = rhs();
+    executor.solve(x.data(), 1, transpose);
+    return x;
+  }
+
+  // Largest difference to the answer in core, of the largest entry.
+  [[nodiscard]] double difference(const std::vector<double>& x) const {
+    double most = 0, size = 0;
+    for (std::size_t k = 0; k < x.size(); ++k) {
+      most = std::max(most, std::abs(x[k] - x_[k]));
+      size = std::max(size, std::abs(x_[k]));
+    }
+    return most / size;
+  }
+  // The systems' condition numbers are below 1e6 (scaled or small ones).
+  [[nodiscard]] double tolerance() const {
+    return 1e6 * std::numeric_limits<double>::epsilon() * std::sqrt(static_cast<double>(a_.cols));
+  }
+
+  void expect_the_same(const FactorOutcome& o) const {
+    EXPECT_EQ(o.not_positive, outcome_.not_positive);
+    EXPECT_EQ(o.negative, outcome_.negative);
+    EXPECT_EQ(o.replaced, outcome_.replaced);
+    EXPECT_NEAR(o.determinant_log, outcome_.determinant_log, 1e-10 * (1 + std::abs(outcome_.determinant_log)));
+    EXPECT_EQ(o.determinant_sign, outcome_.determinant_sign);
+  }
+
+  base::ThreadPool pool_{2};
+  SparseMatrix a_;
+  analysis::Plan plan_;
+  FactorOutcome outcome_;
+  std::vector<double> x_;
+  Offset need_ = 0;   // bytes in core
+  Offset floor_ = 0;  // bytes of the least budget
+};
+
+inline bool same_bits(const std::vector<double>& x, const std::vector<double>& y) {
+  return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size() * sizeof(double)) == 0;
+}
+
+}  // namespace espalier::test
