@@ -50,6 +50,7 @@ nlohmann::json settings_record(const Settings& settings) {
           {"analyses", plan.analyses},
           {"right_hand_sides", plan.columns},
           {"one_at_a_time", plan.one_at_a_time},
+          {"warm", plan.warm},
           {"wrong_above", plan.wrong_above},
           {"timeout_seconds", plan.child.timeout_seconds},
           {"memory_limit_bytes", plan.child.memory_limit_bytes},

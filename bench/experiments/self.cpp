@@ -16,6 +16,15 @@ nlohmann::json samples_record(const Samples& samples) {
   return {{"median", samples.median()}, {"least", samples.least()}, {"seconds", samples.seconds}};
 }
 
+/// Seconds of a call, repeated as in a turn of the benchmark.
+template <typename Call>
+double timed_warm(bool warm, Call&& call) {
+  struct Seconds {
+    double seconds;
+  };
+  return call_warm(warm, [&] { return Seconds{timed(call)}; }).seconds;
+}
+
 /// The same calls in this process in a plain loop: no other process, no shared memory, no turns.
 nlohmann::json bare_row(const std::string& system, const Plan& plan) {
   const SparseMatrix a = make_system(system);
@@ -31,9 +40,10 @@ nlohmann::json bare_row(const std::string& system, const Plan& plan) {
   if (status.ok()) status = solver.factorize(a).status;
   for (int round = 0; status.ok() && round <= plan.repetitions; ++round) {
     for (std::size_t k = 0; k < values.size(); ++k) values[k] = a.values[k] * (1 + round / 16.0);
-    const double factor = timed([&] { status = solver.refactorize(values).status; });
+    const bool warm = plan.warm && round > 0;
+    const double factor = timed_warm(warm, [&] { status = solver.refactorize(values).status; });
     if (!status.ok()) break;
-    const double solve = timed([&] { status = solver.solve(b, x).status; });
+    const double solve = timed_warm(warm, [&] { status = solver.solve(b, x).status; });
     if (round == 0) continue;
     refactorization.seconds.push_back(factor);
     solve_one.seconds.push_back(solve);

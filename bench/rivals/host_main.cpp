@@ -5,6 +5,7 @@
 #include <sys/prctl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <csignal>
 #include <fstream>
 #include <iostream>
@@ -67,6 +68,7 @@ class Host {
       : rival_(std::move(rival)), system_(std::move(system)), solutions_(std::move(solutions)) {
     touch(system_.bytes());
     touch(solutions_.bytes());
+    values_.assign(system_.matrix().values.begin(), system_.matrix().values.end());
     baseline_ = resident_bytes();
   }
 
@@ -77,9 +79,12 @@ class Host {
       return guarded<AnalyzeReport>(
           [&] { return rival_->analyze(a, kind_named(command.at("kind")), command.at("threads")); });
     if (verb == "factorize") return guarded<FactorReport>([&] { return rival_->factorize(a); });
-    if (verb == "refactorize")
+    if (verb == "refactorize") {
+      // Out of the shared memory, whose small pages cost a chain of small bodies 4 % of a refactorization.
+      std::copy(a.values.begin(), a.values.end(), values_.begin());
       return guarded<FactorReport>(
-          [&] { return call_warm(command.at("warm"), [&] { return rival_->refactorize(a.values); }); });
+          [&] { return call_warm(command.at("warm"), [&] { return rival_->refactorize(values_); }); });
+    }
     if (verb == "solve")
       return guarded<SolveReport>(
           [&] { return call_warm(command.at("warm"), [&] { return solve(command.at("columns")); }); });
@@ -96,6 +101,7 @@ class Host {
   std::unique_ptr<Rival> rival_;
   SharedSystem system_;
   SharedMemory solutions_;
+  std::vector<double> values_;
   Offset baseline_ = 0;
 };
 
