@@ -18,7 +18,8 @@ Index pad(Index x) { return (x + kChunk - 1) / kChunk * kChunk; }
 
 class Builder {
  public:
-  Builder(const Plan& plan, Kind kind, bool peer_access) : plan_(plan), kind_(kind), peer_access_(peer_access) {
+  Builder(const Plan& plan, Kind kind, bool peer_access, const TaskOrder& shape)
+      : plan_(plan), kind_(kind), peer_access_(peer_access), shape_(shape) {
     if (plan.options.tiles.panel != kChunk || plan.options.tiles.even || plan.options.range_flops > 0)
       throw std::invalid_argument("make_device_plan: the plan was not made with cuda_plan_options()");
   }
@@ -30,7 +31,7 @@ class Builder {
     name_regions();
     const std::vector<Task> order = by_phase();
     place_arrays(order);
-    list_tasks(plan_, kind_, order, narrow_, d_);
+    list_tasks(plan_, kind_, order, narrow_, shape_, d_);
     return std::move(d_);
   }
 
@@ -245,6 +246,7 @@ class Builder {
   const Plan& plan_;
   Kind kind_;
   bool peer_access_;
+  TaskOrder shape_;
   DevicePlan d_;
   std::vector<char> narrow_;  // fronts; 1: the front and all below it have narrow tiles
 };
@@ -280,8 +282,8 @@ analysis::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning, I
   return o;
 }
 
-DevicePlan make_device_plan(const analysis::Plan& plan, Kind kind, bool peer_access) {
-  return Builder(plan, kind, peer_access).build();
+DevicePlan make_device_plan(const analysis::Plan& plan, Kind kind, bool peer_access, const TaskOrder& shape) {
+  return Builder(plan, kind, peer_access, shape).build();
 }
 
 std::vector<double> transferred_elements(const analysis::Plan& plan, Kind kind, const DevicePlan& tables) {

@@ -69,10 +69,20 @@ struct DevicePlan {
   std::vector<std::int64_t> place_space;  ///< devices; elements that these columns take there
 };
 
+/// Which tasks of a large front follow each other. What runs side by side should read the same rows: with one tile
+/// column after another, each reads all that stands to its left from memory (flops / 16 bytes: 0.8 TB for elasticity
+/// 64^3).
+struct TaskOrder {
+  Index group_columns = 16;   ///< tile columns of the contribution that are worked on together, ...
+  Index group_blocks = 8;     ///< ... so many row blocks of each at a time
+  Index pair_from = 1 << 30;  ///< pivot columns from this one on are taken in pairs, row block by row block
+};
+
 /// @param peer_access  false: devices cannot reach each other's memory: sub-trees stay with their devices, and what is
 ///                     passed on from them has places, too
 /// @throws std::invalid_argument when the plan was not made with cuda_plan_options()
-DevicePlan make_device_plan(const analysis::Plan& plan, Kind kind, bool peer_access = true);
+DevicePlan make_device_plan(const analysis::Plan& plan, Kind kind, bool peer_access = true,
+                            const TaskOrder& shape = {});
 
 /// Elements that each device stores into others (blocks of the top's factors) and fetches from others (contributions,
 /// by even shares of their readers), in one factorization in which nothing is stolen.

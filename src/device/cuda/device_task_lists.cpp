@@ -11,8 +11,8 @@ using analysis::Task;
 
 class TaskLister {
  public:
-  TaskLister(const Plan& plan, Kind kind, const std::vector<char>& narrow, DevicePlan& d)
-      : plan_(plan), kind_(kind), narrow_(narrow), d_(d) {}
+  TaskLister(const Plan& plan, Kind kind, const std::vector<char>& narrow, const TaskOrder& shape, DevicePlan& d)
+      : plan_(plan), kind_(kind), narrow_(narrow), shape_(shape), d_(d) {}
 
   // Tasks by what they belong to: each device's part of the top, then the regions from 1 on; first those of the narrow
   // kernel, then the others.
@@ -75,21 +75,43 @@ class TaskLister {
     if (is_lu()) emit(f, Work::block, 1, block, column);
   }
 
-  // The tasks of one tile column. The next diagonal tile follows as soon as what it needs has been listed, so that it
-  // is ready when the next column begins.
+  // The tasks that begin with tile column j; columns that go with an earlier one have none of their own.
   void emit_column(Index f, Index j) {
     const Front& x = d_.fronts[f];
-    const bool pivot = j < x.pivot_tiles;
-    if (pivot && j == 0) emit(f, Work::diagonal, 0, 0, 0);
-    const int from = pivot ? x.column_end(j) : x.column_begin(j);
-    bool next_emitted = !pivot || j + 1 == x.pivot_tiles;
-    for (Index a = x.block_of_column(j); a < x.blocks; ++a) {
-      if (x.block_end(a) <= from) continue;
-      emit_block(f, a, j);
-      if (next_emitted) continue;
-      emit(f, Work::diagonal, 0, 0, j + 1);
-      next_emitted = true;
+    const Index paired = shape_.pair_from;
+    if (j >= x.pivot_tiles) {
+      if ((j - x.pivot_tiles) % shape_.group_columns == 0)
+        emit_contribution(f, j, std::min(j + shape_.group_columns, x.tiles));
+    } else if (x.width != kWideTiles || j < paired) {
+      emit_pivots(f, j, j + 1);
+    } else if ((j - paired) % 2 == 0) {
+      emit_pivots(f, j, std::min(j + 2, x.pivot_tiles));
     }
+  }
+
+  // Columns [begin, end) of the contribution, in rectangles of the rows.
+  void emit_contribution(Index f, Index begin, Index end) {
+    const Front& x = d_.fronts[f];
+    for (Index first = x.block_of_column(begin); first < x.blocks; first += shape_.group_blocks)
+      for (Index j = begin; j < end; ++j)
+        for (Index a = first; a < std::min(first + shape_.group_blocks, x.blocks); ++a)
+          if (x.block_end(a) > x.column_begin(j)) emit_block(f, a, j);
+  }
+
+  // Pivot columns [begin, end), row block by row block. The next diagonal tile follows as soon as what it needs has
+  // been listed, so that it is ready when the next column begins.
+  void emit_pivots(Index f, Index begin, Index end) {
+    const Front& x = d_.fronts[f];
+    if (begin == 0) emit(f, Work::diagonal, 0, 0, 0);
+    Index next = begin + 1;  // diagonal tile
+    for (Index a = x.block_of_column(begin); a < x.blocks; ++a)
+      for (Index j = begin; j < end; ++j) {
+        if (x.block_end(a) > x.column_end(j)) emit_block(f, a, j);
+        // Diagonal tile j + 1 needs its row block in columns up to j.
+        if (next != j + 1 || next == x.pivot_tiles || a < x.block_of_column(next)) continue;
+        emit(f, Work::diagonal, 0, 0, next);
+        ++next;
+      }
   }
 
   template <class It>
@@ -122,6 +144,7 @@ class TaskLister {
   const Plan& plan_;
   Kind kind_;
   const std::vector<char>& narrow_;
+  TaskOrder shape_;
   DevicePlan& d_;
   std::vector<std::vector<FactorTask>> units_;  // see list_tasks()
 };
@@ -129,8 +152,8 @@ class TaskLister {
 }  // namespace
 
 void list_tasks(const Plan& plan, Kind kind, const std::vector<Task>& order, const std::vector<char>& narrow,
-                DevicePlan& d) {
-  TaskLister lister(plan, kind, narrow, d);
+                const TaskOrder& shape, DevicePlan& d) {
+  TaskLister lister(plan, kind, narrow, shape, d);
   lister.list_tasks(order);
   lister.list_solve_tasks();
 }

@@ -110,6 +110,12 @@ struct Pair<float> {
 template <class T>
 using PairOf = typename Pair<T>::type;
 
+/// One element of shared memory by a load of its own, at an address as shared_address() gives it.
+__device__ inline double load_element(unsigned address, double) {
+  double v;
+  asm volatile("ld.shared.f64 %0,[%1];" : "=d"(v) : "r"(address));
+  return v;
+}
 /// c (16 x 8) += a (16 x 16) b (16 x 8). Lane (g, t) = (lane / 4, lane % 4) holds a[u] = A(g + 8 (u & 1), 4 (u >> 1) +
 /// t), b[u] = B(4 u + t, g), c[e] = C(g + 8 (e >> 1), 2 t + (e & 1)).
 __device__ inline void multiply_add(double (&c)[4], const double (&a)[8], const double (&b)[4]) {

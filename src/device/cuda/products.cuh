@@ -55,18 +55,34 @@ __device__ inline void multiply_chunk(Accumulator<T, S>& acc, const T* a, const 
     right[n][2] = hi.x;
     right[n][3] = hi.y;
   }
+  // Operand A by single elements, so that each goes to the register in which the instruction wants it: pairs come in
+  // another order and cost ten moves an instruction. odd is even + 8, which the compiler must not know, or it would
+  // make pairs of them again.
+  unsigned even = 0, odd = 0;
+  if constexpr (sizeof(T) == 8) {
+    even = shared_address(a + at.row * kChunk + at.lane * 2);
+    odd = even ^ sizeof(T);
+  }
 #pragma unroll
   for (int m = 0; m < S::kM; ++m) {
     T left[8];
 #pragma unroll
     for (int h = 0; h < 2; ++h) {
-      const T* panel = a + (at.row / 8 + 2 * m + h) * 128 + at.lane * 2;
-      const auto lo = load_pair(panel);
-      const auto hi = load_pair(panel + 64);
-      left[h] = lo.x;
-      left[2 + h] = lo.y;
-      left[4 + h] = hi.x;
-      left[6 + h] = hi.y;
+      if constexpr (sizeof(T) == 8) {
+        const unsigned panel = (2 * m + h) * 128 * sizeof(T);
+        left[h] = load_element(even + panel, T());
+        left[2 + h] = load_element(odd + panel, T());
+        left[4 + h] = load_element(even + panel + 64 * sizeof(T), T());
+        left[6 + h] = load_element(odd + panel + 64 * sizeof(T), T());
+      } else {
+        const T* panel = a + (at.row / 8 + 2 * m + h) * 128 + at.lane * 2;
+        const auto lo = load_pair(panel);
+        const auto hi = load_pair(panel + 64);
+        left[h] = lo.x;
+        left[2 + h] = lo.y;
+        left[4 + h] = hi.x;
+        left[6 + h] = hi.y;
+      }
     }
 #pragma unroll
     for (int n = 0; n < S::kN; ++n) multiply_add(acc[m][n], left, right[n]);
