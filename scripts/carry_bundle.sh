@@ -5,10 +5,12 @@
 #
 # DESTINATION/bundle.txz  the bundle (cmake --build BUILD_FOLDER --target bundle). Its programs contain the same library
 #                         each; a dictionary longer than one of them makes that cost little.
-# DESTINATION/rivals.txz  from build/rivals (scripts/get_rivals.sh) what MKL PARDISO needs with AVX-512, and cuDSS with
-#                         the code of one GPU architecture only (default: 90). Kept if it is there: it takes minutes.
+# DESTINATION/rivals.tar  from build/rivals (scripts/get_rivals.sh) what MKL PARDISO needs with AVX-512, and cuDSS with
+#                         the code of one GPU architecture only (default: 90), each packed by xz. Kept if it is there: it
+#                         takes minutes. 55 MB; the bundle for one architecture 7 MB.
 #
-# There:  tar -xJf bundle.txz && tar -xJf rivals.txz -C espalier-*/ && espalier-*/bin/espalier-evidence --out results
+# There:  tar -xJf bundle.txz; mkdir -p espalier-*/lib/rivals; tar -xf rivals.tar -C espalier-*/lib/rivals
+#         ls espalier-*/lib/rivals/*.xz | xargs -n 1 -P 0 xz -d; espalier-*/bin/espalier-evidence --out results
 set -eu
 
 build=$1
@@ -19,24 +21,19 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 mkdir -p "$destination"
 
-pack() { # ARCHIVE FOLDER NAMES...
-  archive=$1
-  folder=$2
-  shift 2
-  tar -C "$folder" -cf - --sort=name --owner=0 --group=0 "$@" | xz -T1 --lzma2=preset=6,dict=128MiB >"$archive.part"
-  mv "$archive.part" "$archive"
-}
-
 mkdir "$work/bundle"
 tar -xzf "$(ls "$build"/espalier-*-linux-*.tar.gz | head -1)" -C "$work/bundle"
-pack "$destination/bundle.txz" "$work/bundle" .
+tar -C "$work/bundle" -cf - --sort=name --owner=0 --group=0 . | xz -T1 --lzma2=preset=6,dict=128MiB >"$work/bundle.txz"
+mv "$work/bundle.txz" "$destination/"
 
-if [ ! -f "$destination/rivals.txz" ]; then
-  mkdir -p "$work/lib/rivals"
+if [ ! -f "$destination/rivals.tar" ]; then
+  mkdir "$work/rivals"
   for name in libmkl_core.so.3 libmkl_avx512.so.3 libmkl_gnu_thread.so.3 libmkl_intel_lp64.so.3 libcudss_mtlayer_gomp.so.1; do
-    cp "$root/build/rivals/lib/$name" "$work/lib/rivals/"
+    cp "$root/build/rivals/lib/$name" "$work/rivals/"
   done
-  python3 "$root/scripts/slim_gpu_library.py" "$root/build/rivals/lib/libcudss.so.1" "$work/lib/rivals/libcudss.so.1" "$architecture"
-  pack "$destination/rivals.txz" "$work" lib
+  python3 "$root/scripts/slim_gpu_library.py" "$root/build/rivals/lib/libcudss.so.1" "$work/rivals/libcudss.so.1" "$architecture"
+  xz -6 "$work"/rivals/*
+  tar -C "$work/rivals" -cf "$work/rivals.tar" --owner=0 --group=0 .
+  mv "$work/rivals.tar" "$destination/"
 fi
 ls -l "$destination"
