@@ -4,7 +4,6 @@
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <utility>
 #include <vector>
 
 #include "espalier/types.hpp"
@@ -14,24 +13,40 @@ namespace {
 
 constexpr double kGap = 1e-3;  // of the whole: less than a pixel of the plot
 
-struct Track {
-  std::string device, name;
-  std::vector<std::pair<double, double>> tasks;  // seconds
+struct Span {
+  double begin, end, waited;  // seconds
 };
 
-nlohmann::json intervals(std::vector<std::pair<double, double>>& tasks, double gap, double& busy) {
-  std::sort(tasks.begin(), tasks.end());
-  std::vector<std::pair<double, double>> merged;
-  for (const auto& [begin, end] : tasks) {
-    busy += end - begin;
-    if (!merged.empty() && begin - merged.back().second < gap)
-      merged.back().second = std::max(merged.back().second, end);
-    else
-      merged.emplace_back(begin, end);
+struct Track {
+  std::string device, name;
+  std::vector<Span> tasks;
+};
+
+nlohmann::json record_of(Track& track, double gap) {
+  std::sort(track.tasks.begin(), track.tasks.end(), [](const Span& a, const Span& b) { return a.begin < b.begin; });
+  std::vector<Span> merged;
+  double busy = 0, waiting = 0;
+  for (const Span& task : track.tasks) {
+    busy += task.end - task.begin - task.waited;
+    waiting += task.waited;
+    if (merged.empty() || task.begin - merged.back().end >= gap) {
+      merged.push_back(task);
+    } else {
+      merged.back().end = std::max(merged.back().end, task.end);
+      merged.back().waited += task.waited;
+    }
   }
-  nlohmann::json list = nlohmann::json::array();
-  for (const auto& [begin, end] : merged) list.push_back({begin, end});
-  return list;
+  nlohmann::json record = {{"device", track.device},
+                           {"name", track.name},
+                           {"busy", nlohmann::json::array()},
+                           {"waiting", nlohmann::json::array()},
+                           {"busy_seconds", busy},
+                           {"waiting_seconds", waiting}};
+  for (const Span& span : merged) {
+    record["busy"].push_back({span.begin, span.end});
+    record["waiting"].push_back(span.waited);
+  }
+  return record;
 }
 
 }  // namespace
@@ -55,16 +70,12 @@ nlohmann::json read_timeline(const std::string& path) {
       continue;
     }
     const double begin = event.at("ts").get<double>() * 1e-6;
-    tracks[event.at("tid")].tasks.emplace_back(begin, begin + event.at("dur").get<double>() * 1e-6);
-    end = std::max(end, tracks[event.at("tid")].tasks.back().second);
+    const double waited = event.at("args").value("waited", 0.0) * 1e-6;
+    tracks[event.at("tid")].tasks.push_back({begin, begin + event.at("dur").get<double>() * 1e-6, waited});
+    end = std::max(end, tracks[event.at("tid")].tasks.back().end);
   }
   nlohmann::json record = {{"seconds", end}, {"tracks", nlohmann::json::array()}};
-  for (auto& [number, track] : tracks) {
-    double busy = 0;
-    nlohmann::json list = intervals(track.tasks, kGap * end, busy);
-    record["tracks"].push_back(
-        {{"device", track.device}, {"name", track.name}, {"busy", std::move(list)}, {"busy_seconds", busy}});
-  }
+  for (auto& [number, track] : tracks) record["tracks"].push_back(record_of(track, kGap * end));
   return record;
 }
 

@@ -50,7 +50,7 @@ TEST(Timeline, KeepsGapsAndMergesNeighbours) {
     {"ph":"M","pid":0,"name":"process_name","args":{"name":"device"}},
     {"ph":"M","pid":0,"tid":3,"name":"thread_name","args":{"name":"thread 0"}},
     {"ph":"X","pid":0,"tid":3,"ts":0,"dur":100,"name":"a","args":{}},
-    {"ph":"X","pid":0,"tid":3,"ts":100.1,"dur":199.9,"name":"b","args":{}},
+    {"ph":"X","pid":0,"tid":3,"ts":100.1,"dur":199.9,"name":"b","args":{"waited":50}},
     {"ph":"X","pid":0,"tid":3,"ts":500,"dur":500,"name":"c","args":{}}]})");
   const nlohmann::json timeline = read_timeline(file.path);
   EXPECT_DOUBLE_EQ(timeline["seconds"].get<double>(), 1e-3);
@@ -61,7 +61,11 @@ TEST(Timeline, KeepsGapsAndMergesNeighbours) {
   ASSERT_EQ(track["busy"].size(), 2U);
   EXPECT_DOUBLE_EQ(track["busy"][0][1].get<double>(), 300e-6);
   EXPECT_DOUBLE_EQ(track["busy"][1][0].get<double>(), 500e-6);
-  EXPECT_NEAR(track["busy_seconds"].get<double>(), 799.9e-6, 1e-15);
+  EXPECT_NEAR(track["busy_seconds"].get<double>(), 749.9e-6, 1e-15);
+  EXPECT_NEAR(track["waiting_seconds"].get<double>(), 50e-6, 1e-15);
+  EXPECT_EQ(track["waiting"].size(), 2U);
+  EXPECT_NEAR(track["waiting"][0].get<double>(), 50e-6, 1e-15);
+  EXPECT_EQ(track["waiting"][1].get<double>(), 0);
 }
 
 TEST(Timeline, RefusesWhatIsNoTrace) {
@@ -72,7 +76,7 @@ TEST(Timeline, RefusesWhatIsNoTrace) {
 TEST(Overhead, ClockAddsLessThanTwoPercent) {
   Settings settings;
   settings.plan.child.folder = ESPALIER_RIVALS_FOLDER;
-  settings.repetitions = 5;
+  settings.repetitions = 12;
   settings.analyses = 1;
   settings.plan.columns = 1;
   settings.ceilings = false;

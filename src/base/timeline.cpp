@@ -78,8 +78,9 @@ void Timeline::write(const std::string& path) const {
       text += fmt::format(
           ",\n{{\"ph\":\"X\",\"pid\":{},\"tid\":{},\"ts\":{:.3f},\"dur\":{:.3f},\"name\":\"{}\",\"args\":{{\"front\":{}"
           ",\"row\":{},"
-          "\"col\":{},\"flops\":{:.0f},\"bytes\":{:.0f}}}}}",
-          pid, k, (e.begin - start) * 1e6, (e.end - e.begin) * 1e6, e.kind, e.front, e.row, e.col, e.flops, e.bytes);
+          "\"col\":{},\"flops\":{:.0f},\"bytes\":{:.0f},\"waited\":{:.3f}}}}}",
+          pid, k, (e.begin - start) * 1e6, (e.end - e.begin) * 1e6, e.kind, e.front, e.row, e.col, e.flops, e.bytes,
+          e.waited * 1e6);
       if (text.size() > (1U << 20)) {
         std::fwrite(text.data(), 1, text.size(), file.get());
         text.clear();

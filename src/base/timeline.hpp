@@ -24,6 +24,7 @@ struct TimelineEvent {
   double end = 0;           ///< ... and when it was finished
   double flops = 0;         ///< arithmetic of the task
   double bytes = 0;         ///< bytes that it wrote
+  double waited = 0;        ///< seconds between begin and end in which it waited for tasks of others
 };
 
 /// Events by track (a worker of a device, or a stream). Each track is written by one thread at a time.

@@ -30,7 +30,7 @@ TEST(Timeline, WritesWhatWasRecorded) {
   const int c = t.add_track("other", "thread 1");
   EXPECT_EQ(t.add_track("other", "thread 1"), c) << "a track is added once";
   EXPECT_NE(a, b);
-  t.record(b, {"panel", 3, 4, 5, 10.5, 10.75, 1e9, 4096});
+  t.record(b, {"panel", 3, 4, 5, 10.5, 10.75, 1e9, 4096, 0.125});
   t.record(c, {"diagonal", 1, 2, 2, 10.0, 11.0, 0, 0});
   for (int k = 0; k < 20000; ++k) t.record(a, {"range", k, 0, 0, 11, 12, 0, 0});  // beyond one block of output
   EXPECT_EQ(t.size(), 20002);
@@ -49,6 +49,7 @@ TEST(Timeline, WritesWhatWasRecorded) {
     EXPECT_EQ(e.at("args").at("row"), 4);
     EXPECT_EQ(e.at("args").at("col"), 5);
     EXPECT_EQ(e.at("args").at("bytes"), 4096);
+    EXPECT_NEAR(e.at("args").at("waited").get<double>(), 0.125e6, 1e-3);
   }
   EXPECT_EQ(events, 20002);
   EXPECT_EQ(device, "host \"fast\" \\ 2 threads");

@@ -109,6 +109,10 @@ class Bench(Cli):
                 ends = [0] + [x for pair in track["busy"] for x in pair]
                 self.assertEqual(ends, sorted(ends))
                 self.assertLessEqual(ends[-1], timeline["seconds"] * (1 + 1e-9))
+                self.assertEqual(len(track["waiting"]), len(track["busy"]))
+                for (begin, end), waited in zip(track["busy"], track["waiting"]):
+                    self.assertGreaterEqual(waited, 0)
+                    self.assertLessEqual(waited, (end - begin) * (1 + 1e-6) + 1e-6)
         ablation = self.bench("ablation", "--system", "elasticity 5", "--points", "host:2,1", "--no-ceilings")
         outcomes = {row["parameters"]["step"][:3]: row["outcome"] for row in ablation["rows"]}
         self.assertEqual(outcomes, {"(a)": "ok", "(b)": "not offered", "(c)": "ok", "(d)": "ok", "(e)": "ok"})

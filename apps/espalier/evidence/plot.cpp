@@ -204,14 +204,25 @@ std::string svg(const TimelinePlot& plot) {
   for (std::size_t k = 0; k < plot.tracks.size(); ++k) {
     const auto& track = plot.tracks[k];
     const double y = kTop + (kTrack + 4) * static_cast<double>(k);
-    const double busy = track.busy_seconds / plot.seconds;
+    const double busy = track.busy_seconds / plot.seconds, waiting = track.waiting_seconds / plot.seconds;
     canvas.add("<text class=\"label\" x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"end\">{}, {:.0f} % busy</text>", left - 8,
                y + 12, escaped(track.name), 1e2 * busy);
-    canvas.add("<rect class=\"idle\" x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.0f}\"/>", left, y,
-               x.pixel(plot.seconds) - left, kTrack);
-    for (const auto& [begin, end] : track.busy)
+    canvas.add(
+        "<rect class=\"idle\" x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.0f}\"><title>{}: {:.1f} % busy, "
+        "{:.1f} % "
+        "waiting for others inside tasks</title></rect>",
+        left, y, x.pixel(plot.seconds) - left, kTrack, escaped(track.name), 1e2 * busy, 1e2 * waiting);
+    for (std::size_t i = 0; i < track.busy.size(); ++i) {
+      const auto& [begin, end] = track.busy[i];
+      const double width = std::max(0.3, x.pixel(end) - x.pixel(begin));
       canvas.add("<rect class=\"busy\" x=\"{:.2f}\" y=\"{:.1f}\" width=\"{:.2f}\" height=\"{:.0f}\"/>", x.pixel(begin),
-                 y, std::max(0.3, x.pixel(end) - x.pixel(begin)), kTrack);
+                 y, width, kTrack);
+      // Where in the interval its tasks waited is not kept: the share is drawn, from the left, in the lower half.
+      const double waited = i < track.waiting.size() && end > begin ? width * track.waiting[i] / (end - begin) : 0;
+      if (waited > 0.3)
+        canvas.add("<rect class=\"waiting\" x=\"{:.2f}\" y=\"{:.1f}\" width=\"{:.2f}\" height=\"{:.0f}\"/>",
+                   x.pixel(begin), y + kTrack / 2, std::min(waited, width), kTrack / 2);
+    }
     canvas.add("\n");
   }
   canvas.add("</svg>\n");

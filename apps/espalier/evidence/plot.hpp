@@ -51,7 +51,8 @@ struct TimelinePlot {
   struct Track {
     std::string device, name;
     std::vector<std::pair<double, double>> busy;  ///< seconds
-    double busy_seconds = 0;
+    std::vector<double> waiting;                  ///< of each interval, seconds; empty: not known
+    double busy_seconds = 0, waiting_seconds = 0;
   };
   std::string title;
   double seconds = 0;

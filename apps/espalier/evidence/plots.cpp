@@ -136,7 +136,8 @@ std::string timelines(const Results& results) {
     for (const Json& track : one.at("tracks"))
       plot.tracks.push_back({text(track, "device"), text(track, "device") + ", " + text(track, "name"),
                              track.at("busy").get<std::vector<std::pair<double, double>>>(),
-                             number(track, "busy_seconds")});
+                             track.value("waiting", std::vector<double>{}), number(track, "busy_seconds"),
+                             track.value("waiting_seconds", 0.0)});
     for (auto& track : plot.tracks)  // "host device 0 (1 thread), thread 0" is too long for a label
       if (const auto open = track.device.find(" ("); open != std::string::npos)
         track.name = track.device.substr(0, open) + track.name.substr(track.device.size());

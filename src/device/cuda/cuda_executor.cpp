@@ -382,9 +382,10 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
         if (t.block >= tracks.size()) tracks.resize(t.block + 1, -1);
         int& track = tracks[t.block];
         if (track < 0) track = options_.timeline->add_track(sides_[d]->name(), fmt::format("block {}", t.block));
-        options_.timeline->record(track, {kNames[static_cast<int>(task.work)], task.front, task.block, task.column,
-                                          began + 1e-9 * static_cast<double>(t.begin - first),
-                                          began + 1e-9 * static_cast<double>(t.end - first)});
+        options_.timeline->record(
+            track, {kNames[static_cast<int>(task.work)], task.front, task.block, task.column,
+                    began + 1e-9 * static_cast<double>(t.begin - first),
+                    began + 1e-9 * static_cast<double>(t.end - first), 0, 0, 1e-9 * static_cast<double>(t.waited)});
       }
     }
   }

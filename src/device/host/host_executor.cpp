@@ -174,16 +174,17 @@ class HostExecutor final : public Executor<T> {
   void execute(const analysis::Task& task, Index device, int worker) {
     if (options_.before_task) options_.before_task(device, task);
     Workspace<T>& w = work_[static_cast<std::size_t>(worker)];
-    const double begin = timeline_ != nullptr ? base::now_seconds() : 0;
+    const double begin = timeline_ != nullptr ? base::now_seconds() : 0, waited = w.waited_seconds;
     if (task.is_range())
       eliminate_range(state_, w, task);
     else
       make_tile(state_, w, task);
-    if (timeline_ != nullptr) record(task, tracks_[static_cast<std::size_t>(worker)], begin);
+    if (timeline_ != nullptr) record(task, worker, begin, w.waited_seconds - waited);
   }
 
-  void record(const analysis::Task& task, int track, double begin) {
+  void record(const analysis::Task& task, int worker, double begin, double waited) {
     base::TimelineEvent e;
+    e.waited = waited;
     e.front = task.front;
     e.row = task.i;
     e.col = task.j;
@@ -200,7 +201,7 @@ class HostExecutor final : public Executor<T> {
       e.flops = 2.0 * l.width(task.i) * l.width(task.j) * depth;
       e.bytes = static_cast<double>(sizeof(T)) * l.width(task.i) * l.width(task.j);
     }
-    timeline_->record(track, e);
+    timeline_->record(tracks_[static_cast<std::size_t>(worker)], e);
   }
 
   const analysis::Plan& plan_;
