@@ -59,6 +59,7 @@ Json devices_json(const std::vector<DeviceReport>& devices) {
                     {"peak_bytes", device.peak_bytes},
                     {"waiting_seconds", device.waiting_seconds},
                     {"stolen_subtrees", device.stolen_subtrees},
+                    {"transferred_bytes", device.transferred_bytes},
                     {"streamed_in_bytes", device.streamed_in_bytes},
                     {"streamed_out_bytes", device.streamed_out_bytes},
                     {"link_seconds", device.link_seconds},

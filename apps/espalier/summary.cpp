@@ -106,6 +106,8 @@ Table result_table(const RunRecord& record) {
         fmt::format("{}: busy {}, waiting {}, idle {:.0f} %, {} at most", device.name, duration(device.busy_seconds),
                     duration(device.waiting_seconds), 100 * device.idle_fraction, bytes(device.peak_bytes));
     if (device.stolen_subtrees > 0) line += ", " + counted(device.stolen_subtrees, "sub-tree", "sub-trees") + " stolen";
+    if (device.transferred_bytes > 0)
+      line += fmt::format("; {} exchanged with others", bytes(device.transferred_bytes));
     if (device.streamed_out_bytes > 0)
       line += fmt::format("; {} streamed to it and {} back, which takes the link {}", bytes(device.streamed_in_bytes),
                           bytes(device.streamed_out_bytes), duration(device.link_seconds));

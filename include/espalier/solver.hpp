@@ -29,13 +29,16 @@ struct Options {
   Precision precision = Precision::fp64;  ///< precision of the factor
   std::string device = "auto";     ///< auto | cpu | host:N | host:N,M (threads per host device) | gpu:all | gpu:0,1
   Offset device_memory_bytes = 0;  ///< budget per device; 0: what is free
-  Offset host_memory_bytes = 0;    ///< budget on the host; 0: what is free
-  int threads = 0;                 ///< host threads; 0: all cores this process may use
-  Index max_block_size = 0;        ///< widest block column (= tile) of a front; 0: by front size
-  double pivot_threshold = 0.01;   ///< u of threshold pivoting: entries of L stay below 1/u
-  double perturbation = 0;         ///< relative size of a perturbed pivot; 0: sqrt(eps) of the factor's precision
-  bool matching = true;            ///< maximum product matching and scaling for ldlt and lu
-  int refinement_steps = 10;       ///< most steps of iterative refinement
+  /// Budgets that differ, one for each device in the order of `device`; empty: device_memory_bytes for all. With auto,
+  /// as many GPUs at most.
+  std::vector<Offset> device_memory_each_bytes;
+  Offset host_memory_bytes = 0;   ///< budget on the host; 0: what is free
+  int threads = 0;                ///< host threads; 0: all cores this process may use
+  Index max_block_size = 0;       ///< widest block column (= tile) of a front; 0: by front size
+  double pivot_threshold = 0.01;  ///< u of threshold pivoting: entries of L stay below 1/u
+  double perturbation = 0;        ///< relative size of a perturbed pivot; 0: sqrt(eps) of the factor's precision
+  bool matching = true;           ///< maximum product matching and scaling for ldlt and lu
+  int refinement_steps = 10;      ///< most steps of iterative refinement
   double required_backward_error =
       1e-10;                       ///< a normwise backward error above it ends in accuracy_not_reached; infinity
                                    ///< with refinement_steps = 0: residuals are not computed, errors are NaN

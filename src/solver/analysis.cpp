@@ -74,11 +74,13 @@ void Solver::Impl::analyze_as(const MatrixView& a, Kind chosen) {
 void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
   predicted = solver::predict_time(tree, kind, single(), pool.size());
   device = solver::choose_device(options, predicted);
+  if (!device.notice.empty()) log(device.notice);
   if (device.backend == solver::DeviceChoice::Backend::cuda) {
     analysis::PlanOptions gpu_options = device::cuda::cuda_plan_options(kind, {}, device.devices);
     gpu_options.additional_subtrees = options.sharing.additional_subtrees;
     gpu_options.stealing = options.sharing.stealing && device.unequal;  // among equal ones it only costs (measured)
     gpu_options.shared_top = options.sharing.shared_top;
+    gpu_options.device_speed = device.speed;
     plan = analysis::make_plan(std::move(tree), equations.a, equations.row_of_col, gpu_options, pool);
     return;
   }

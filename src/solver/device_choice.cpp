@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 
 #include "analysis/plan.hpp"
 #include "device/cuda/cuda_executor.hpp"
@@ -63,10 +64,11 @@ std::optional<std::vector<int>> gpu_list(const std::string& text) {
   }
 }
 
-DeviceChoice automatic(const PredictedTime& t) {
+DeviceChoice automatic(const PredictedTime& t, std::size_t budgets) {
   const device::cuda::Availability found = device::cuda::available_devices();
   if (found.devices.empty()) return on_host(1, "host: " + found.reason);
-  const int most = std::min(static_cast<int>(found.devices.size()), device::cuda::kMostDevices);
+  int most = std::min(static_cast<int>(found.devices.size()), device::cuda::kMostDevices);
+  if (budgets > 0) most = std::min(most, static_cast<int>(budgets));
   const int count = fastest_count(t.gpu, most);
   const std::string figures = fmt::format("predicted {:.2g} s on {} of {} GPU{}, {:.2g} s on the host",
                                           t.gpu_seconds_on(count), count, most, most == 1 ? "" : "s", t.host_seconds);
@@ -113,9 +115,11 @@ PredictedTime predict_time(const analysis::AssemblyTree& tree, Kind kind, bool s
   return t;
 }
 
-DeviceChoice choose_device(const Options& options, const PredictedTime& predicted) {
+namespace {
+
+DeviceChoice choose(const Options& options, const PredictedTime& predicted) {
   const std::string& text = options.device;
-  if (text == "auto") return automatic(predicted);
+  if (text == "auto") return automatic(predicted, options.device_memory_each_bytes.size());
   if (text == "cpu") return on_host(1, "host: asked for");
   if (const auto host = host_devices(text, 1)) {
     DeviceChoice choice = on_host(
@@ -129,6 +133,51 @@ DeviceChoice choose_device(const Options& options, const PredictedTime& predicte
     if (auto gpus = gpu_list(text.substr(4))) return asked_for(std::move(*gpus));
   throw Error(StatusCode::invalid_input,
               fmt::format("device '{}' is not known; use auto, cpu, host:N, host:N,M, gpu:all or gpu:0,1", text));
+}
+
+}  // namespace
+
+DeviceChoice leave_out(DeviceChoice choice, const std::vector<device::cuda::DeviceRates>& rates) {
+  constexpr double kSlow = 0.25;  // a GPU below this part of the fastest makes its blocks of the top too late for all
+  constexpr double kSteps = 8;
+  double best = 0;
+  for (const auto& r : rates)
+    if (r.refused.empty()) best = std::max(best, r.flops);
+  DeviceChoice kept = choice;
+  kept.gpus.clear();
+  for (std::size_t k = 0; k < rates.size(); ++k) {
+    const double speed = best > 0 ? rates[k].flops / best : 0;
+    const bool refused = !rates[k].refused.empty();
+    if (refused || speed < kSlow) {
+      kept.notice += fmt::format(
+          "{}GPU {} is left out: {}", kept.notice.empty() ? "" : "; ", choice.gpus[k],
+          refused ? rates[k].refused : fmt::format("it has {:.0f} % of the speed of the fastest", 100 * speed));
+      continue;
+    }
+    kept.gpus.push_back(choice.gpus[k]);
+    kept.places.push_back(k);
+    kept.speed.push_back(std::round(kSteps * speed) / kSteps);
+  }
+  if (kept.gpus.empty()) throw Error(StatusCode::device_error, "no GPU can be used: " + kept.notice);
+  kept.devices = static_cast<int>(kept.gpus.size());
+  if (std::all_of(kept.speed.begin(), kept.speed.end(), [](double s) { return s == 1; }))
+    kept.speed.clear();
+  else
+    kept.unequal = true;
+  return kept;
+}
+
+DeviceChoice choose_device(const Options& options, const PredictedTime& predicted) {
+  DeviceChoice choice = choose(options, predicted);
+  const auto budgets = static_cast<int>(options.device_memory_each_bytes.size());
+  if (budgets > 0 && choice.budgeted && budgets != choice.devices && options.device != "auto")
+    throw Error(StatusCode::invalid_input,
+                fmt::format("{} budgets of device memory for {} device{}: give one for all, or one for each", budgets,
+                            choice.devices, choice.devices == 1 ? "" : "s"));
+  if (choice.backend == DeviceChoice::Backend::host || choice.devices == 1) return choice;
+  std::vector<device::cuda::DeviceRates> rates;
+  for (const int gpu : choice.gpus) rates.push_back(device::cuda::measured_rates(gpu));
+  return leave_out(std::move(choice), rates);
 }
 
 }  // namespace espalier::solver

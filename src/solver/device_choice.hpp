@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "analysis/front_cost.hpp"
+#include "device/cuda/device_rates.hpp"
 #include "espalier/solver.hpp"
 
 namespace espalier::solver {
@@ -14,12 +15,21 @@ namespace espalier::solver {
 struct DeviceChoice {
   enum class Backend { host, cuda };
   Backend backend = Backend::host;
-  std::vector<int> gpus = {};  ///< numbers of the GPUs (cuda)
-  int devices = 1;             ///< GPUs or host devices that share the plan
-  std::string reason;          ///< one sentence for the report
-  bool budgeted = true;        ///< Options::device_memory_bytes is meant for this device
-  bool unequal = false;        ///< the GPUs are not all of one kind
+  std::vector<int> gpus = {};            ///< numbers of the GPUs (cuda)
+  int devices = 1;                       ///< GPUs or host devices that share the plan
+  std::string reason;                    ///< one sentence for the report
+  bool budgeted = true;                  ///< Options::device_memory_bytes is meant for this device
+  bool unequal = false;                  ///< the GPUs are not all of one kind, or not equally fast
+  std::vector<double> speed = {};        ///< of the GPUs, relative to the fastest; empty: all are equal
+  std::vector<std::size_t> places = {};  ///< of the GPUs among those asked for; empty: all are there
+  std::string notice = {};               ///< which GPUs were left out, and why
 };
+
+/// Those of several GPUs that are of use: they can be started and are not so slow that the others would wait for them.
+/// Speeds are rounded to eighths of the fastest, so that equal GPUs get equal parts in every run.
+/// @param rates  of `gpus`, measured
+/// @throws Error(device_error) when none is left
+DeviceChoice leave_out(DeviceChoice choice, const std::vector<device::cuda::DeviceRates>& rates);
 
 /// N devices of M threads each.
 struct HostDevices {

@@ -19,17 +19,13 @@ Offset slot_bytes(Offset budget) {
   return std::clamp(budget / 32 / kPage * kPage, kLeast, kMost);
 }
 
-// Of every device; 0: what is free.
-std::vector<Offset> budgets_of(const NumericOptions& options) {
-  return std::vector<Offset>(static_cast<std::size_t>(options.device.devices), options.device_memory_bytes);
-}
-
-factor::StreamingOptions streaming_options(const std::vector<Offset>& budgets, int copy_threads) {
+factor::StreamingOptions streaming_options(const std::vector<Offset>& budgets, const std::vector<double>& speed,
+                                           int copy_threads) {
   factor::StreamingOptions o;
   Offset least = budgets.front();
-  for (const Offset bytes : budgets) {
-    o.devices.push_back({bytes});
-    least = std::min(least, bytes);
+  for (std::size_t d = 0; d < budgets.size(); ++d) {
+    o.devices.push_back({budgets[d], speed.empty() ? 1 : speed[d]});
+    least = std::min(least, budgets[d]);
   }
   o.slot_bytes = slot_bytes(least);
   o.copy_threads = std::max(1, copy_threads);
@@ -50,7 +46,10 @@ std::unique_ptr<device::Executor<T>> stream_on_host(const analysis::Plan& plan, 
     if (devices > 1) host.threads = std::max(1, pool.size() / devices);
     backends.push_back(device::host::make_host_stream<T>(plan, options.kind, rule, pool, &budget, host));
   }
-  return factor::make_streaming_executor<T>(std::move(backends), streaming_options(budgets_of(options), 1), &budget);
+  std::vector<Offset> budgets = options.device_memory_bytes;
+  for (Offset& b : budgets)  // no limit: all that the factorization could use
+    if (b == 0) b = plan.memory.size * static_cast<Offset>(sizeof(T));
+  return factor::make_streaming_executor<T>(std::move(backends), streaming_options(budgets, {}, 1), &budget);
 }
 
 // When others take memory in between, with less of it.
@@ -59,7 +58,7 @@ std::unique_ptr<device::Executor<T>> stream_on_gpus(const analysis::Plan& plan, 
                                                     const device::PivotRule& rule, base::ThreadPool& pool,
                                                     base::MemoryBudget& budget) {
   constexpr int kAttempts = 4;
-  const std::vector<Offset> wanted = budgets_of(options);
+  const std::vector<Offset>& wanted = options.device_memory_bytes;
   const auto gpus = static_cast<int>(wanted.size());
   for (int attempt = 1;; ++attempt) {
     std::vector<device::cuda::CudaStreamOptions> devices(wanted.size());
@@ -74,7 +73,7 @@ std::unique_ptr<device::Executor<T>> stream_on_gpus(const analysis::Plan& plan, 
     try {
       return factor::make_streaming_executor<T>(
           device::cuda::make_cuda_streams<T>(plan, options.kind, rule, pool, devices),
-          streaming_options(budgets, pool.size() / (2 * gpus)), &budget);
+          streaming_options(budgets, options.device.speed, pool.size() / (2 * gpus)), &budget);
     } catch (const device::AllocationRefused&) {
       if (attempt == kAttempts) throw;
     }
@@ -88,17 +87,19 @@ std::unique_ptr<device::Executor<T>> make_executor(const analysis::Plan& plan, c
                                                    const device::PivotRule& rule, base::ThreadPool& pool,
                                                    base::MemoryBudget& budget, base::Timeline* timeline) {
   const bool on_host = options.device.backend == DeviceChoice::Backend::host;
-  const bool budgeted = options.device_memory_bytes > 0 && options.device.budgeted;
+  const auto& budgets = options.device_memory_bytes;
+  const bool budgeted =
+      options.device.budgeted && std::any_of(budgets.begin(), budgets.end(), [](Offset b) { return b > 0; });
   try {
     if (on_host) {
       device::host::HostOptions host;
-      if (budgeted) host.device_memory_bytes = options.device_memory_bytes;
+      if (budgeted) host.device_memory_bytes = budgets;
       return device::host::make_host_executor<T>(plan, options.kind, rule, pool, &budget, timeline, std::move(host));
     }
     device::cuda::CudaOptions cuda;
     cuda.device = options.device.gpus.front();
     if (options.device.devices > 1) cuda.devices = options.device.gpus;
-    cuda.memory_bytes = options.device_memory_bytes;
+    cuda.memory_bytes = budgets;
     cuda.timeline = timeline;
     return device::cuda::make_cuda_executor<T>(plan, options.kind, rule, cuda);
   } catch (const Error& e) {

@@ -46,11 +46,20 @@ double sum_of_logs(const std::vector<double>& scale) {
 
 }  // namespace
 
+std::vector<Offset> Solver::Impl::budgets() const {
+  const auto count = static_cast<std::size_t>(std::max(1, device.devices));
+  const std::vector<Offset>& each = options.device_memory_each_bytes;
+  std::vector<Offset> list(count, options.device_memory_bytes);
+  for (std::size_t d = 0; d < count && !each.empty(); ++d)
+    list[d] = each[std::min(device.places.empty() ? d : device.places[d], each.size() - 1)];
+  return list;
+}
+
 void Solver::Impl::make_numeric() {
   solver::NumericOptions o;
   o.kind = kind;
   o.device = device;
-  o.device_memory_bytes = options.device_memory_bytes;
+  o.device_memory_bytes = budgets();
   o.threshold = options.pivot_threshold;
   o.smallest_pivot = smallest_pivot;
   numeric.reset();  // its memory goes before new memory comes
@@ -67,6 +76,7 @@ void Solver::Impl::make_numeric() {
       lay_out_plan(analysis::AssemblyTree(plan.tree));
       analysis.device = fmt::format("{}: {}", next, e.what());
       o.device = device;
+      o.device_memory_bytes = budgets();
     }
   }
 }

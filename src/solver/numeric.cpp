@@ -80,8 +80,8 @@ class NumericOf final : public Numeric {
     auto* executor = dynamic_cast<device::cuda::CudaExecutor<T>*>(executor_.get());
     if (executor == nullptr) return;
     Offset left = 0;
-    if (options_.device_memory_bytes > 0)
-      left = std::max<Offset>(1, options_.device_memory_bytes - executor->peak_bytes());
+    if (const Offset budget = options_.device_memory_bytes.front(); budget > 0)
+      left = std::max<Offset>(1, budget - executor->peak_bytes());
     try {
       device_ = make_device_system<T>(plan_, equations_, residual, options_.kind, options_.threshold, *executor,
                                       options_.device.gpus.front(), left);

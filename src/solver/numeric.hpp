@@ -38,7 +38,7 @@ class Numeric {
 struct NumericOptions {
   Kind kind = Kind::llt;
   DeviceChoice device;
-  Offset device_memory_bytes = 0;  ///< budget of a GPU or of each of several host devices; 0: what is free
+  std::vector<Offset> device_memory_bytes = {};  ///< budget of each device; 0: what is free
   double threshold = 0.01;
   double smallest_pivot = 0;  ///< relative to the largest scaled entry
 };

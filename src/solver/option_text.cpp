@@ -90,13 +90,26 @@ void set_device(Options& options, std::string_view key, std::string_view value) 
   options.device = value;
 }
 
+// One budget for all devices, or one each, separated by commas.
+void set_device_memory(Options& options, std::string_view key, std::string_view value) {
+  std::vector<Offset> budgets;
+  for (std::string_view rest = value;;) {
+    const std::size_t comma = rest.find(',');
+    budgets.push_back(parse_budget(key, rest.substr(0, comma)));
+    if (comma == std::string_view::npos) break;
+    rest.remove_prefix(comma + 1);
+  }
+  const bool one = budgets.size() == 1;
+  options.device_memory_bytes = one ? budgets.front() : 0;
+  options.device_memory_each_bytes = one ? std::vector<Offset>() : std::move(budgets);
+}
+
 constexpr std::array<Entry, 13> kEntries{{
     {"kind", [](Options& o, std::string_view k, std::string_view v) { o.kind = parse_name(k, v, kKinds); }},
     {"precision",
      [](Options& o, std::string_view k, std::string_view v) { o.precision = parse_name(k, v, kPrecisions); }},
     {"device", set_device},
-    {"device_memory",
-     [](Options& o, std::string_view k, std::string_view v) { o.device_memory_bytes = parse_budget(k, v); }},
+    {"device_memory", set_device_memory},
     {"host_memory",
      [](Options& o, std::string_view k, std::string_view v) { o.host_memory_bytes = parse_budget(k, v); }},
     {"threads",

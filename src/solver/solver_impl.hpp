@@ -38,6 +38,8 @@ struct Solver::Impl {
   void finish_factorization(device::FactorOutcome outcome, double start);
   void set_smallest_pivot();
   void make_numeric();
+  /// Of every device; 0: what is free.
+  [[nodiscard]] std::vector<Offset> budgets() const;
   void turn_to_ldlt();
   device::FactorOutcome factorize_moving_pivots();
   bool move_pivots(const device::FactorOutcome& outcome);

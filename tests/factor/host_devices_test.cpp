@@ -211,9 +211,13 @@ TEST_P(HostDevices, BudgetsAreExact) {
   Offset need = 0;
   for (const auto& w : many.work()) need = std::max(need, w.peak_bytes);
   HostOptions options;
-  options.device_memory_bytes = need;
+  options.device_memory_bytes = {need, need, need};
   EXPECT_NO_THROW(many.start(options));
-  options.device_memory_bytes = need - 1;
+  std::vector<Offset> each;
+  for (const auto& w : many.work()) each.push_back(w.peak_bytes);
+  options.device_memory_bytes = each;
+  EXPECT_NO_THROW(many.start(options));
+  *std::find(options.device_memory_bytes.begin(), options.device_memory_bytes.end(), need) = need - 1;
   try {
     many.start(options);
     ADD_FAILURE() << "a budget that is one byte short was accepted";

@@ -69,7 +69,7 @@ TEST(SolverHostDevices, GiveTheBitsOfOneDevice) {
 TEST(SolverHostDevices, AnyBudgetSolvesAndOneBelowTheFloorIsNamed) {
   const SparseMatrix a = generated({"elasticity", "9"});
   const std::vector<double> b = reference::random_vector(a.cols, 3);
-  for (const std::string device : {"host:1,2", "host:2,1"}) {
+  for (const std::string device : {"host:1,2", "host:2,1", "host:3,1"}) {
     SCOPED_TRACE(device);
     Options o = on(device);
     o.max_block_size = 16;
@@ -79,30 +79,52 @@ TEST(SolverHostDevices, AnyBudgetSolvesAndOneBelowTheFloorIsNamed) {
     EXPECT_EQ(all.devices[0].streamed_out_bytes, 0);
     Offset need = 0;
     for (const DeviceReport& d : all.devices) need = std::max(need, d.peak_bytes);
+    const std::size_t count = all.devices.size();
     for (const Offset part : {2, 5}) {
       o.device_memory_bytes = need / part;
+      o.device_memory_each_bytes.clear();
+      if (part == 5 && count > 1) {  // budgets that differ
+        for (std::size_t d = 0; d < count; ++d)
+          o.device_memory_each_bytes.push_back(need / (3 + 2 * static_cast<Offset>(d)));
+      }
       Solver s(o);
       ASSERT_TRUE(s.analyze(a).status.ok());
       const FactorResult factor = s.factorize(a);
       ASSERT_TRUE(factor.status.ok()) << factor.status.message;
-      ASSERT_EQ(factor.devices.size(), 1U);  // several stream as one
-      const Offset budget = o.device_memory_bytes * static_cast<Offset>(device[5] - '0');
-      EXPECT_LE(factor.devices[0].peak_bytes, budget);
-      EXPECT_EQ(factor.devices[0].peak_bytes, factor.devices[0].predicted_peak_bytes);
-      EXPECT_GE(factor.devices[0].streamed_out_bytes, 8 * s.analysis().nonzeros_factor);
-      EXPECT_GT(factor.devices[0].link_seconds, 0);
+      ASSERT_EQ(factor.devices.size(), count);
+      Offset out = 0;
+      for (std::size_t d = 0; d < count; ++d) {
+        const DeviceReport& report = factor.devices[d];
+        EXPECT_LE(report.peak_bytes, o.device_memory_each_bytes.empty() ? need / part : o.device_memory_each_bytes[d]);
+        EXPECT_EQ(report.peak_bytes, report.predicted_peak_bytes);
+        EXPECT_GT(report.link_seconds, 0);
+        out += report.streamed_out_bytes;
+      }
+      EXPECT_GE(out, 8 * s.analysis().nonzeros_factor);
       std::vector<double> y(b.size());
       const SolveResult r = s.solve(b, y);
       ASSERT_TRUE(r.status.ok());
       EXPECT_LE(r.backward_error, 1e-14);
     }
     o.device_memory_bytes = 1000;
+    o.device_memory_each_bytes.clear();
     Solver s(o);
     ASSERT_TRUE(s.analyze(a).status.ok());
     const FactorResult factor = s.factorize(a);
     EXPECT_EQ(factor.status.code, StatusCode::out_of_memory);
     EXPECT_NE(factor.status.message.find("streaming needs: "), std::string::npos) << factor.status.message;
   }
+}
+
+TEST(SolverHostDevices, BudgetsAreOneForAllOrOneForEach) {
+  const SparseMatrix a = generated({"elasticity", "3"});
+  Options o = on("host:2,1");
+  o.device_memory_each_bytes = {Offset{1} << 30, Offset{1} << 30};
+  EXPECT_TRUE(Solver(o).analyze(a).status.ok());
+  o.device_memory_each_bytes.push_back(Offset{1} << 30);
+  const AnalysisResult r = Solver(o).analyze(a);
+  EXPECT_EQ(r.status.code, StatusCode::invalid_input);
+  EXPECT_NE(r.status.message.find("3 budgets"), std::string::npos) << r.status.message;
 }
 
 TEST(SolverHostDevices, TextsThatNameNoDevicesAreRefused) {

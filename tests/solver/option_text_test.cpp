@@ -64,6 +64,18 @@ TEST(OptionText, ValuesArrive) {
   EXPECT_EQ(options.refinement_steps, 0);
 }
 
+TEST(OptionText, BudgetsOfDevices) {
+  Options options;
+  set_option(options, "device_memory", "8GiB,512M,0");
+  EXPECT_EQ(options.device_memory_bytes, 0);
+  EXPECT_EQ(options.device_memory_each_bytes, (std::vector<Offset>{Offset{8} << 30, Offset{512} << 20, 0}));
+  set_option(options, "device_memory", "1G");
+  EXPECT_EQ(options.device_memory_bytes, Offset{1} << 30);
+  EXPECT_TRUE(options.device_memory_each_bytes.empty());
+  for (const char* bad : {"1G,", ",1G", "1G,,2G", "1G;2G"})
+    EXPECT_THROW(set_option(options, "device_memory", bad), Error) << bad;
+}
+
 TEST(OptionText, Devices) {
   for (const char* good : {"auto", "cpu", "host:1", "host:2,2,1", "gpu:all", "gpu:0", "gpu:0,3"}) {
     Options options;

@@ -244,7 +244,9 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     const DeviceGuard guard(device);
     try {
       const Side* twin = sides_.empty() || common_.top != nullptr ? nullptr : sides_.front().get();
-      sides_.push_back(std::make_unique<Side>(context_, self, device, options_.memory_bytes, common_, twin));
+      const auto& budgets = options_.memory_bytes;
+      const Offset budget = budgets.empty() ? 0 : budgets[static_cast<std::size_t>(self)];
+      sides_.push_back(std::make_unique<Side>(context_, self, device, budget, common_, twin));
     } catch (const Error& e) {
       if (!several()) throw;
       throw Error(e.status().code, fmt::format("GPU {}: {}", device, e.what()));

@@ -37,7 +37,7 @@ struct CudaOptions {
   std::vector<unsigned> delays;        ///< for tests: nanoseconds by which each device's tasks are held up; empty: none
   base::Timeline* timeline = nullptr;  ///< gets every task of a factorization, a track for each block of threads
   int fail_device = -1;          ///< for tests: this one of `devices` (0-based) dies halfway in every factorization
-  Offset memory_bytes = 0;       ///< budget of each device; 0: what is free
+  std::vector<Offset> memory_bytes = {};  ///< devices; budget of each, 0: what is free. Empty: what is free
   double patience_seconds = 30;  ///< a wait between blocks that lasts longer ends the run with an error
 };
 

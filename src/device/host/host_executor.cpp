@@ -140,16 +140,13 @@ class HostExecutor final : public Executor<T> {
                   fmt::format("{} host devices need as many threads, but there are {}", devices_, pool_.size()));
     std::vector<Workspace<T>> work;
     for (int t = 0; t < pool_.size(); ++t) work.emplace_back(plan_, kind, budget_);
-    if (options_.device_memory_bytes == 0) return work;
-    Index neediest = 0;
-    for (Index d = 1; d < devices_; ++d)
-      if (device_bytes(work, d) > device_bytes(work, neediest)) neediest = d;
-    if (device_bytes(work, neediest) > options_.device_memory_bytes)
-      throw Error(
-          StatusCode::out_of_memory,
-          fmt::format("{}: {} bytes are needed, the budget of each device is {} bytes; give a larger one or more "
-                      "devices",
-                      device_name(neediest), device_bytes(work, neediest), options_.device_memory_bytes));
+    for (Index d = 0; d < static_cast<Index>(options_.device_memory_bytes.size()); ++d) {
+      const Offset limit = options_.device_memory_bytes[static_cast<std::size_t>(d)], bytes = device_bytes(work, d);
+      if (limit > 0 && bytes > limit)
+        throw Error(StatusCode::out_of_memory,
+                    fmt::format("{}: {} bytes are needed, its budget is {} bytes; give a larger one or more devices",
+                                device_name(d), bytes, limit));
+    }
     return work;
   }
 

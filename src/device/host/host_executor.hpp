@@ -13,7 +13,7 @@ namespace espalier::device::host {
 
 /// What only plans for several host devices, and tests, need.
 struct HostOptions {
-  Offset device_memory_bytes = 0;  ///< budget of each of several devices; 0: no limit
+  std::vector<Offset> device_memory_bytes = {};  ///< devices; budget of each, 0: no limit. Empty: none has one
   /// Called before each task by the worker that took it: may wait, so that devices differ in speed, and may throw, so
   /// that one fails. All workers call it at the same time.
   std::function<void(Index device, const analysis::Task& task)> before_task;
