@@ -22,6 +22,7 @@ namespace {
 bool is_matrix_file(const fs::path& path) {
   std::string name = path.filename().string();
   if (name.ends_with(".gz")) name.resize(name.size() - 3);
+  if (name.ends_with("_rhs.mtx")) return false;  // of `simulate --dump-matrices`
   for (const char* end : {".mtx", ".rb", ".rsa", ".rua", ".esp"})
     if (name.ends_with(end)) return true;
   return false;
@@ -34,6 +35,32 @@ std::vector<std::string> matrices_in(const std::string& folder) {
   if (files.empty()) throw Error(StatusCode::invalid_input, folder + ": there is no .mtx, .rb or .esp file in it");
   std::sort(files.begin(), files.end());
   return files;
+}
+
+/// Matrices of one pattern, in the order of their files.
+struct Sequence {
+  SparseMatrix first;
+  std::vector<std::vector<double>> values;
+};
+
+/// The matrices of a folder by pattern; the pattern that most have.
+Sequence longest_sequence(const std::string& folder) {
+  std::vector<Sequence> all;
+  for (const std::string& file : matrices_in(folder)) {
+    SparseMatrix a = make_system(file);
+    const auto same = std::find_if(all.begin(), all.end(), [&](const Sequence& s) {
+      return s.first.rows == a.rows && s.first.storage == a.storage && s.first.col_ptr == a.col_ptr &&
+             s.first.row_ind == a.row_ind;
+    });
+    if (same == all.end()) {
+      std::vector<double> values = a.values;
+      all.push_back({std::move(a), {std::move(values)}});
+    } else {
+      same->values.push_back(std::move(a.values));
+    }
+  }
+  return *std::max_element(all.begin(), all.end(),
+                           [](const auto& a, const auto& b) { return a.values.size() < b.values.size(); });
 }
 
 /// "elasticity 64 as ldlt": the system and its kind; without the last two words, `kind`.
@@ -62,6 +89,7 @@ nlohmann::json settings_record(const Settings& settings) {
 struct Bench::Loaded {
   std::string words;
   SparseMatrix a;
+  std::vector<std::vector<double>> sequence;  ///< of a folder
   Kind kind = Kind::llt;
 };
 
@@ -140,7 +168,13 @@ const Bench::Loaded& Bench::load(const std::string& system) {
   auto next = std::make_unique<Loaded>();
   next->words = system;
   const auto [words, kind] = split_kind(system, settings_.kind);
-  next->a = make_system(words);
+  if (fs::is_directory(words)) {
+    Sequence sequence = longest_sequence(words);
+    next->a = std::move(sequence.first);
+    next->sequence = std::move(sequence.values);
+  } else {
+    next->a = make_system(words);
+  }
   if (next->a.rows != next->a.cols || next->a.rows == 0 || next->a.values.empty())
     throw Error(StatusCode::invalid_input, fmt::format("{}: the matrix is {} x {} with {} values; a square one with "
                                                        "values is needed",
@@ -158,6 +192,7 @@ nlohmann::json Bench::rows_of(const std::string& system, const Loaded& loaded,
                               const std::vector<Contestant>& contestants) {
   Plan plan = settings_.plan;
   plan.kind = loaded.kind;
+  plan.sequence = loaded.sequence;
   plan.rivals.clear();
   for (const Contestant& contestant : contestants) plan.rivals.push_back(contestant.spec);
   print(fmt::format("{}: {} unknowns, {} entries, {}, {} threads, medians of {}\n", system, loaded.a.rows,
@@ -171,6 +206,7 @@ nlohmann::json Bench::rows_of(const std::string& system, const Loaded& loaded,
                              {"nonzeros", loaded.a.nonzeros()},
                              {"kind", kind_name(loaded.kind)},
                              {"parameters", contestants[k].parameters}};
+    if (!loaded.sequence.empty()) record["parameters"]["matrices"] = loaded.sequence.size();
     record.update(row_record(rows[k]));
     records.push_back(std::move(record));
   }

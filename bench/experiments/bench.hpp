@@ -63,9 +63,10 @@ class Bench {
   /// The points asked for, or `defaults`.
   [[nodiscard]] std::vector<std::string> points(std::vector<std::string> defaults) const;
 
-  /// Runs the contestants on one system, prints their table, adds their rows to the document and returns the rows.
-  /// Never throws for what a system or a contestant does: a system that cannot be read, or that there is no time for,
-  /// is a row of its own.
+  /// Runs the contestants on one system (of a folder: on the sequence of its matrices with the pattern that most of
+  /// them share, one for each round), prints their table, adds their rows to the document and returns the rows. Never
+  /// throws for what a system or a contestant does: a system that cannot be read, or that there is no time for, is a
+  /// row of its own.
   nlohmann::json measure(const std::string& system, const std::vector<Contestant>& contestants);
   /// Adds a row that was not measured, and says why.
   void add_row(const std::string& system, const Contestant& contestant, const std::string& outcome,

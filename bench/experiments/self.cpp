@@ -2,6 +2,7 @@
 /// The benchmark about itself and its machine: ceilings, and what the benchmark adds.
 #include <fmt/format.h>
 
+#include <limits>
 #include <random>
 
 #include "experiments/ceilings.hpp"
@@ -16,13 +17,14 @@ nlohmann::json samples_record(const Samples& samples) {
   return {{"median", samples.median()}, {"least", samples.least()}, {"seconds", samples.seconds}};
 }
 
-/// Seconds of a call, repeated as in a turn of the benchmark.
+/// Seconds of a call after others, as in a turn of the benchmark.
 template <typename Call>
-double timed_warm(bool warm, Call&& call) {
+double timed_warm(double& last, Call&& call) {
   struct Seconds {
     double seconds;
   };
-  return call_warm(warm, [&] { return Seconds{timed(call)}; }).seconds;
+  warm_up(last, [&] { return Seconds{timed(call)}; });
+  return last = timed(call);
 }
 
 /// The same calls in this process in a plain loop: no other process, no shared memory, no turns.
@@ -36,14 +38,16 @@ nlohmann::json bare_row(const std::string& system, const Plan& plan) {
   std::vector<double> x(static_cast<std::size_t>(a.rows)), b(x.size()), values = a.values;
   std::mt19937_64 generator(1);
   for (double& v : b) v = std::uniform_real_distribution<double>(-1, 1)(generator);
+  constexpr double kNever = std::numeric_limits<double>::infinity();
+  double last_factor = kNever, last_solve = kNever;
   Status status = solver.analyze(a).status;
   if (status.ok()) status = solver.factorize(a).status;
   for (int round = 0; status.ok() && round <= plan.repetitions; ++round) {
     for (std::size_t k = 0; k < values.size(); ++k) values[k] = a.values[k] * (1 + round / 16.0);
-    const bool warm = plan.warm && round > 0;
-    const double factor = timed_warm(warm, [&] { status = solver.refactorize(values).status; });
+    if (!plan.warm) last_factor = last_solve = kNever;
+    const double factor = timed_warm(last_factor, [&] { status = solver.refactorize(values).status; });
     if (!status.ok()) break;
-    const double solve = timed_warm(warm, [&] { status = solver.solve(b, x).status; });
+    const double solve = timed_warm(last_solve, [&] { status = solver.solve(b, x).status; });
     if (round == 0) continue;
     refactorization.seconds.push_back(factor);
     solve_one.seconds.push_back(solve);

@@ -89,8 +89,10 @@ void run_refactor(Bench& bench) {
   std::vector<std::string> rivals = {"espalier", "pardiso", "mumps", "eigen"};
   if (bench.gpus() > 0) rivals.insert(rivals.end(), {"espalier:device=gpu:0", "cudss"});
   const auto contestants = contestants_or(bench, rivals);
-  for (const std::string& system : bench.systems({"kkt 9 3 2 2", "kkt 27 3 2 2", "kkt 90 3 2 2", "kkt 270 3 2 2",
-                                                  "elasticity 6", "elasticity 9", "elasticity 14"})) {
+  const std::vector<std::string> generated = {"kkt 9 3 2 2",  "kkt 27 3 2 2", "kkt 90 3 2 2", "kkt 270 3 2 2",
+                                              "elasticity 6", "elasticity 9", "elasticity 14"};
+  // Folders stay folders: each is the sequence of Newton matrices of one simulation.
+  for (const std::string& system : bench.settings().systems.empty() ? generated : bench.settings().systems) {
     bench.measure(system, contestants);
     for (auto& row : bench.document()["rows"])
       if (row.at("system") == system) row["newton_step"] = newton_step(row);

@@ -36,7 +36,7 @@ class Child {
   [[nodiscard]] const Hello& hello() const { return hello_; }
   AnalyzeReport analyze(Kind kind, int threads);
   FactorReport factorize();
-  /// `warm`: see call_warm().
+  /// `warm`: see warm_up().
   FactorReport refactorize(bool warm);
   SolveReport solve(Index columns, bool warm);
   MemoryReport memory();

@@ -76,8 +76,13 @@ class Session {
     }
   }
 
-  /// Values of round k: the original ones times 1 + k / 16, which no rival can know beforehand.
+  /// Values of round k: the original ones times 1 + k / 16, which no rival can know beforehand, or those of a sequence.
   void set_round(int round) {
+    if (!plan_.sequence.empty()) {
+      const auto& next = plan_.sequence[static_cast<std::size_t>(round) % plan_.sequence.size()];
+      std::copy(next.begin(), next.end(), system_.values().begin());
+      return;
+    }
     const double factor = 1 + round / 16.0;
     const std::span<double> values = system_.values();
     for (std::size_t k = 0; k < values.size(); ++k) values[k] = factor * original_[k];

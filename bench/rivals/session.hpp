@@ -24,7 +24,9 @@ struct Plan {
   bool one_at_a_time = false;   ///< a rival's process ends before the next starts (for systems that fill the memory)
   double wrong_above = 1e-8;    ///< a normwise backward error above it is a wrong answer
   double pause_seconds = 0.05;  ///< before each turn: spinning threads of the last rival go to sleep
-  bool warm = true;             ///< a short call is made before the one that counts (see call_warm() in protocol.hpp)
+  bool warm = true;             ///< short calls are made before the one that counts (warm_up() in protocol.hpp)
+  /// Values of the rounds in turn, each in the order of the matrix; empty: its own values times a factor that changes.
+  std::vector<std::vector<double>> sequence;
   ChildSettings child;
 };
 
@@ -59,8 +61,8 @@ struct Row {
 using Progress = std::function<void(const std::string& what)>;
 
 /// Runs the plan on `a`, whose values must be present. Each round takes the rivals in turn, the first one changing from
-/// round to round; values change every round by a common factor; right-hand sides are random (seeded) and the same for
-/// all. Never throws for what a rival does.
+/// round to round; values change every round by a common factor or as the plan's sequence says; right-hand sides are
+/// random (seeded) and the same for all. Never throws for what a rival does.
 /// @throws std::invalid_argument when the kind is llt or ldlt and `a` is not stored as symmetric
 std::vector<Row> compare(const MatrixView& a, const Plan& plan, const Progress& progress);
 
