@@ -52,6 +52,7 @@ foreach(part IN LISTS bundled)
 endforeach()
 install(CODE "set(binaries \"${binaries}\")" COMPONENT bundle EXCLUDE_FROM_ALL)
 install(SCRIPT cmake/bundle_libraries.cmake COMPONENT bundle EXCLUDE_FROM_ALL)
+install(DIRECTORY models/ DESTINATION share/espalier/models COMPONENT bundle EXCLUDE_FROM_ALL FILES_MATCHING PATTERN "*.toml")
 install(FILES LICENSE README.md CHANGELOG.md DESTINATION . COMPONENT bundle EXCLUDE_FROM_ALL)
 
 set(CPACK_GENERATOR TGZ)

@@ -110,14 +110,25 @@ step tables memory-curve 300 "$programs/espalier_stream_curve" --repeat 2 --out 
 bench sweeps ceilings 60 ceilings
 bench sweeps overhead 120 overhead
 bench sweeps refactor 300 refactor
-bench sweeps block-size-gpu 300 block-size --rivals gpu:0 --points 0 16 32 48 64 96 128 192 256 512 --rhs 1 --analyses 1
-bench sweeps block-size 300 block-size --rivals cpu --rhs 1 --analyses 1
+# Newton matrices of a simulation in the order in which it met them.
+step sweeps dump 60 "$espalier" simulate "$root/share/espalier/models/chain.toml" --until 0.02 --out "$out/dump" \
+  --dump-matrices "$out/newton" --dump-count 8
+bench sweeps newton 60 refactor --system "$out/newton"
+# Which fronts have tiles of 32 columns on the GPU, which 64: the kernels have these two widths.
+for rows in 0 512 1024 2048 1000000; do
+  step sweeps "tiles-$rows" 60 "$programs/espalier_gpu_check" --narrow "$rows" --repeat 3 --out "$out/tiles-$rows.json" \
+    "elasticity 40" "plate 600" "kkt 20"
+done
+bench sweeps block-size 300 block-size --points 0 16 32 48 64 96 128 144 192 256 --rhs 1 --analyses 1 -k 3 \
+  --system "elasticity 28" --system "plate 200" --system "kkt 20"
 # shellcheck disable=SC2086 # a list
 ((gpus > 1)) && bench sweeps scaling-gpu 300 scaling --points $points --rhs 1 --analyses 1
 # shellcheck disable=SC2086
-bench sweeps scaling 300 scaling --points $hosts --rhs 1 --analyses 1
-bench sweeps ablation 300 ablation --rhs 1 --analyses 1
-bench sweeps growth 300 growth
+bench sweeps scaling 300 scaling --points $hosts --rhs 1 --analyses 1 -k 3 \
+  --system "elasticity 28" --system "plate 200" --system "kkt 20"
+bench sweeps ablation 300 ablation --rhs 1 --analyses 1 --system "elasticity 28" --system "plate 200" --system "kkt 20"
+bench sweeps growth 300 growth --system "plate 50" --system "plate 100" --system "plate 200" --system "plate 400" \
+  --system "elasticity 10" --system "elasticity 16" --system "elasticity 24" --system "elasticity 36"
 
 [[ $list == yes ]] && exit 0
 

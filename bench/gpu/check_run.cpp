@@ -116,7 +116,7 @@ Json device_reports(const std::vector<device::DeviceWork>& work, double seconds)
 }
 
 /// What the plan and the analysis tell of the row.
-Json row_of(const GpuCase& c, bool single, Index columns) {
+Json row_of(const GpuCase& c, bool single, const CheckSettings& settings) {
   Json row = empty_row(c.name, c.devices == 1 ? "espalier on 1 GPU" : fmt::format("espalier on {} GPUs", c.devices),
                        "Espalier, CUDA executor, values on the device");
   row["unknowns"] = c.plan.tree.n;
@@ -125,7 +125,10 @@ Json row_of(const GpuCase& c, bool single, Index columns) {
   row["flops"] = c.plan.flops;
   row["nonzeros_factor"] = c.plan.nonzeros_factor;
   row["analysis"] = samples_of({c.analysis_seconds + c.plan_seconds});
-  row["parameters"] = {{"columns", columns}, {"devices", c.devices}, {"precision", single ? "fp32" : "fp64"}};
+  row["parameters"] = {{"columns", settings.columns},
+                       {"devices", c.devices},
+                       {"narrow_rows", settings.tuning.narrow_rows},
+                       {"precision", single ? "fp32" : "fp64"}};
   return row;
 }
 
@@ -152,7 +155,7 @@ Json check_case(const GpuCase& c, const CheckSettings& settings, base::ThreadPoo
   const std::vector<double> x = from_plan_order(c, solved, columns);
   const auto error = matrix::backward_errors(c.a, x, b, columns, Transpose::no, &pool);
 
-  Json row = row_of(c, sizeof(T) == 4, columns);
+  Json row = row_of(c, sizeof(T) == 4, settings);
   row["refactorization"] = samples_of(repeated.factor);
   row[columns == 1 ? "solve_one" : "solve_many"] = samples_of(repeated.solve);
   row["backward_error"] = {{"normwise", error.normwise}, {"componentwise", error.componentwise}};

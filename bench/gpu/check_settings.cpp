@@ -42,16 +42,18 @@ void declare(CLI::App& app, CheckSettings& settings, int argc, const char* const
   app.add_flag("--host", settings.host, "compare with the host executor");
   app.add_flag("--lists", settings.lists, "with --plan: the tasks of every device");
   app.add_option("--columns", settings.columns, "right-hand sides")->check(CLI::PositiveNumber);
-  app.add_option("--devices", settings.devices, "GPUs, such as 0,1")->delimiter(',');
-  app.add_option("--counts", settings.counts, "how many of them, in turn, such as 1,2")->delimiter(',');
+  app.add_option("--devices", settings.devices, "GPUs, such as 0,1")->delimiter(',')->allow_extra_args(false);
+  app.add_option("--counts", settings.counts, "how many of them, in turn, such as 1,2")
+      ->delimiter(',')
+      ->allow_extra_args(false);
   app.add_flag("--staging", settings.staging, "between GPUs through pinned host memory");
   app.add_option("--patience", settings.patience, "seconds that a task waits for another before it gives up");
   app.add_option("--fail-device", settings.fail_device, "this device dies in mid-run");
-  app.add_option("--delays", settings.delays, "nanoseconds a task, by device")->delimiter(',');
+  app.add_option("--delays", settings.delays, "nanoseconds a task, by device")->delimiter(',')->allow_extra_args(false);
   app.add_option("--times", settings.times, "write the times of all tasks to files of this name");
   app.add_option("--additional-subtrees", tuning.additional_subtrees, "beyond one per device");
   app.add_flag("--stealing", tuning.stealing, "devices take sub-trees of others");
-  app.add_option("--speeds", tuning.device_speed, "relative, by device")->delimiter(',');
+  app.add_option("--speeds", tuning.device_speed, "relative, by device")->delimiter(',')->allow_extra_args(false);
   app.add_flag("--no-shared-top{false}", tuning.shared_top, "the first device alone does the top");
   app.add_flag("--count-balance", tuning.count_balance, "sub-trees dealt by unknowns instead of time");
   app.add_option("--column-group", tuning.column_group, "block columns of the top dealt together");
