@@ -60,6 +60,7 @@ std::string simulate_summary(const SimulationSummary& s) {
   Table table("<<");
   table.add({"system", simulate_headline(s)});
   for (const std::string& notice : s.redundant) table.add({"redundant", notice});
+  for (const std::string& notice : s.notices) table.add({"notice", notice});
   if (s.statics_iterations > 0) table.add({"statics", fmt::format("{} iterations", s.statics_iterations)});
   for (const SimulationMode& m : s.modes)
     table.add({"mode", fmt::format("{:.6g} Hz, damping {:.2g} %", m.frequency, 100 * m.damping_ratio)});
@@ -100,7 +101,7 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
   j["system"] = {{"bodies", s.bodies},           {"joints", s.joints},
                  {"forces", s.forces},           {"velocities", s.velocities},
                  {"constraints", s.constraints}, {"degrees_of_freedom", s.degrees_of_freedom},
-                 {"redundant", s.redundant}};
+                 {"redundant", s.redundant},     {"notices", s.notices}};
   j["initial"] = {{"position_change", number(s.position_change)},
                   {"velocity_change", number(s.velocity_change)},
                   {"statics_iterations", s.statics_iterations}};

@@ -87,6 +87,7 @@ struct SimulationSummary {
   Index constraints = 0;               ///< m, constraint equations
   Index degrees_of_freedom = 0;        ///< n - rank
   std::vector<std::string> redundant;  ///< one notice per constraint left out
+  std::vector<std::string> notices;    ///< what was passed over in meshes
 
   // The start
   double position_change = 0;  ///< of the given initial configuration to satisfy the constraints

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <numeric>
 #include <stdexcept>
 
 #include "dynamics/elements/ancf_shell.hpp"
@@ -137,21 +138,32 @@ class ShellGroup final : public VertexGroup<8> {
   double thickness_;
 };
 
+SmallestJacobian jacobian_of(const Mesh& mesh, Index e) {
+  double x[3 * kMaxElementNodes];
+  const auto nodes = mesh.element(e);
+  for (std::size_t a = 0; a < nodes.size(); ++a)
+    for (std::size_t i = 0; i < 3; ++i) x[3 * a + i] = mesh.nodes[static_cast<std::size_t>(nodes[a])][i];
+  return smallest_jacobian(mesh.type(e), x);
+}
+
 void check_element(const Mesh& mesh, Index e) {
   const ElementType type = mesh.type(e);
   if (!is_simulated_solid(type))
     throw Error(StatusCode::invalid_input,
                 fmt::format("mesh '{}', element {}: {} is not simulated (tet4, tet10, hex8, hex20 are)", mesh.name,
                             mesh.element_label(e), shape_of(type).name));
-  double x[3 * kMaxElementNodes];
-  const auto nodes = mesh.element(e);
-  for (std::size_t a = 0; a < nodes.size(); ++a)
-    for (std::size_t i = 0; i < 3; ++i) x[3 * a + i] = mesh.nodes[static_cast<std::size_t>(nodes[a])][i];
-  if (const double det = smallest_jacobian(type, x); !(det > 0))
+  if (const double det = jacobian_of(mesh, e).points; !(det > 0))
     throw Error(StatusCode::invalid_input,
-                fmt::format("mesh '{}', element {} ({}) is inverted or folded: smallest Jacobian determinant {:.3g}; "
-                            "check the order of its nodes and their coordinates",
+                fmt::format("mesh '{}', element {} ({}) is inverted or folded: smallest Jacobian determinant {:.3g} at "
+                            "its integration points; check the order of its nodes and their coordinates",
                             mesh.name, mesh.element_label(e), shape_of(type).name, det));
+}
+
+std::vector<Index> all_if_empty(const Mesh& mesh, std::span<const Index> elements) {
+  if (!elements.empty()) return {elements.begin(), elements.end()};
+  std::vector<Index> all(static_cast<std::size_t>(mesh.element_count()));
+  std::iota(all.begin(), all.end(), 0);
+  return all;
 }
 
 }  // namespace
@@ -159,13 +171,8 @@ void check_element(const Mesh& mesh, Index e) {
 std::vector<std::unique_ptr<ElementGroup>> make_solid_groups(const Mesh& mesh, std::span<const Index> elements,
                                                              const Material& material, const SolidOptions& options) {
   check_material(material);
-  std::vector<Index> all;
-  if (elements.empty()) {
-    for (Index e = 0; e < mesh.element_count(); ++e) all.push_back(e);
-    elements = all;
-  }
   std::array<std::unique_ptr<SolidGroup>, kElementTypes> by_type;
-  for (const Index e : elements) {
+  for (const Index e : all_if_empty(mesh, elements)) {
     check_element(mesh, e);
     auto& group = by_type[static_cast<std::size_t>(mesh.type(e))];
     if (!group) group = std::make_unique<SolidGroup>(mesh.type(e), material, options);
@@ -175,6 +182,19 @@ std::vector<std::unique_ptr<ElementGroup>> make_solid_groups(const Mesh& mesh, s
   for (auto& group : by_type)
     if (group) groups.push_back(std::move(group));
   return groups;
+}
+
+std::string corner_folds(const Mesh& mesh, std::span<const Index> elements) {
+  std::vector<Index> folded;
+  for (const Index e : all_if_empty(mesh, elements))
+    if (!(jacobian_of(mesh, e).corners > 0)) folded.push_back(e);
+  if (folded.empty()) return "";
+  return fmt::format(
+      "mesh '{}': {} of second order folded at a corner, the first is element {}: the Jacobian determinant is "
+      "negative there and positive at the points where stresses are integrated; stresses near these corners are "
+      "doubtful",
+      mesh.name, folded.size() == 1 ? "one element" : fmt::format("{} elements", folded.size()),
+      mesh.element_label(folded.front()));
 }
 
 std::unique_ptr<ElementGroup> make_cable_group(const CableSection& section, const std::vector<Index>& nodes,

@@ -22,11 +22,16 @@ struct SolidOptions {
 
 /// One group per shape of the simulated solids among `elements` of the mesh (all elements when the list is empty).
 /// Vertex indices are node indices of the mesh.
-/// @throws Error(invalid_input) that names the first element that is not a simulated solid, or that is inverted in
-/// the mesh; std::invalid_argument on a bad material
+/// @throws Error(invalid_input) that names the first element that is not a simulated solid, or whose Jacobian
+/// determinant is not positive at all points where stresses are integrated; std::invalid_argument on a bad
+/// material
 std::vector<std::unique_ptr<ElementGroup>> make_solid_groups(const Mesh& mesh, std::span<const Index> elements,
                                                              const Material& material,
                                                              const SolidOptions& options = {});
+
+/// A notice that counts the elements (as above) folded at a corner, which integration does not see; empty: there are
+/// none. @pre make_solid_groups() accepts them
+std::string corner_folds(const Mesh& mesh, std::span<const Index> elements);
 
 /// A chain of cables: element e joins nodes nodes[e] and nodes[e + 1]; node k has the vertices 2k (r), 2k + 1 (r_x).
 /// @param length undeformed length of every element

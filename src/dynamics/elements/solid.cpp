@@ -176,22 +176,6 @@ ESPALIER_CLONES bool evaluate_hex20(const ShapeTable<20, 27>& t, const Material&
   return evaluate<20>(t, m, in, out);
 }
 
-/// Calls body(weight * det J, N) at every point of the mass rule.
-template <class Body>
-void integrate(ElementType type, const double* reference, const Body& body) {
-  const int nodes = shape_of(type).nodes;
-  for (const QuadraturePoint& point : quadrature(type, Rule::mass)) {
-    double n[kMaxElementNodes], dn[3 * kMaxElementNodes];
-    shape_values(type, point.xi.data(), n);
-    shape_gradients(type, point.xi.data(), dn);
-    Mat33 jacobian = {};
-    for (int a = 0; a < nodes; ++a)
-      for (int i = 0; i < 3; ++i)
-        for (int d = 0; d < 3; ++d) jacobian[i][d] += reference[3 * a + i] * dn[d * nodes + a];
-    body(point.weight * determinant(jacobian), n);
-  }
-}
-
 double jacobian_at(ElementType type, const double* reference, const double* xi) {
   const int nodes = shape_of(type).nodes;
   double dn[3 * kMaxElementNodes];
@@ -201,6 +185,25 @@ double jacobian_at(ElementType type, const double* reference, const double* xi) 
     for (int i = 0; i < 3; ++i)
       for (int d = 0; d < 3; ++d) jacobian[i][d] += reference[3 * a + i] * dn[d * nodes + a];
   return determinant(jacobian);
+}
+
+/// Smallest Jacobian determinant over some points; what is not a number wins.
+double smallest_over(ElementType type, const double* reference, std::span<const QuadraturePoint> points) {
+  double smallest = std::numeric_limits<double>::infinity();
+  for (const QuadraturePoint& point : points)
+    if (const double det = jacobian_at(type, reference, point.xi.data()); !(det >= smallest)) smallest = det;
+  return smallest;
+}
+
+/// Calls body(weight * det J, N) at every point of the rule for masses.
+template <class Body>
+void integrate(ElementType type, const double* reference, const Body& body) {
+  const bool folded = !(smallest_over(type, reference, quadrature(type, Rule::mass)) > 0);
+  for (const QuadraturePoint& point : quadrature(type, folded ? Rule::stiffness : Rule::mass)) {
+    double n[kMaxElementNodes];
+    shape_values(type, point.xi.data(), n);
+    body(point.weight * jacobian_at(type, reference, point.xi.data()), n);
+  }
 }
 
 }  // namespace
@@ -248,19 +251,15 @@ double solid_volume(ElementType type, const double* reference) {
   return volume;
 }
 
-double smallest_jacobian(ElementType type, const double* reference) {
-  static constexpr double kTetCorner[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-  static constexpr double kHexCorner[8][3] = {{-1, -1, -1}, {1, -1, -1}, {1, 1, -1}, {-1, 1, -1},
-                                              {-1, -1, 1},  {1, -1, 1},  {1, 1, 1},  {-1, 1, 1}};
-  double smallest = std::numeric_limits<double>::infinity();
-  const auto visit = [&](const double* xi) { smallest = std::min(smallest, jacobian_at(type, reference, xi)); };
-  for (const Rule rule : {Rule::stiffness, Rule::mass})
-    for (const QuadraturePoint& point : quadrature(type, rule)) visit(point.xi.data());
-  if (shape_of(type).corners == 4)
-    for (const auto& xi : kTetCorner) visit(xi);
-  else
-    for (const auto& xi : kHexCorner) visit(xi);
-  return smallest;
+SmallestJacobian smallest_jacobian(ElementType type, const double* reference) {
+  static constexpr QuadraturePoint kTet[] = {{{0, 0, 0}, 0}, {{1, 0, 0}, 0}, {{0, 1, 0}, 0}, {{0, 0, 1}, 0}};
+  static constexpr QuadraturePoint kHex[] = {{{-1, -1, -1}, 0}, {{1, -1, -1}, 0}, {{1, 1, -1}, 0}, {{-1, 1, -1}, 0},
+                                             {{-1, -1, 1}, 0},  {{1, -1, 1}, 0},  {{1, 1, 1}, 0},  {{-1, 1, 1}, 0}};
+  const bool tetrahedron = shape_of(type).corners == 4;
+  const std::span<const QuadraturePoint> corners = tetrahedron ? std::span<const QuadraturePoint>(kTet) : kHex;
+  return {
+      smallest_over(type, reference, quadrature(type, Rule::stiffness)),
+      std::min(smallest_over(type, reference, quadrature(type, Rule::mass)), smallest_over(type, reference, corners))};
 }
 
 }  // namespace espalier::dynamics

@@ -10,6 +10,7 @@ namespace espalier::dynamics {
 
 /// Reads a mesh by the ending of its name, in small or capital letters (.msh: Gmsh, .inp: Abaqus/CalculiX, .vtk: legacy
 /// VTK, .bdf, .nas, .dat: Nastran; each may be followed by .gz).
+/// A node set is a face set too, where outer faces have all their nodes in it (see add_faces_of_node_sets).
 Mesh read_mesh(const std::string& path);
 
 /// Gmsh .msh, versions 2.0 to 2.2 and 4.1, ASCII and binary (both byte orders are told apart, only the machine's own
@@ -36,16 +37,15 @@ Mesh read_inp(const std::string& path);
 /// Legacy .vtk, unstructured grids, versions 1 to 5 (from 5 on with OFFSETS and CONNECTIVITY), ASCII and binary.
 /// Cells of the shapes of ElementType and pixels and voxels; others are errors. Whole numbers of one component in
 /// CELL_DATA and POINT_DATA become sets "name-value" (not if there are more than 256 different values: notice); where
-/// solids are present, cells of lower dimension become sets only. A node set is a face set too, where outer faces have
-/// all their nodes in it. Labels are numbers from 0, as in the file. In binary files the line of a message counts text
-/// lines and those parts of binary data that look like lines.
+/// solids are present, cells of lower dimension become sets only. Labels are numbers from 0, as in the file. In binary
+/// files the line of a message counts text lines and those parts of binary data that look like lines.
 Mesh read_vtk(const std::string& path);
 Mesh parse_vtk(std::string content, const std::string& name);
 
 /// Nastran bulk data (small, large and free fields; continuation lines follow their card): GRID in the basic system or
 /// those of CORD2R, CORD2C, CORD2S; CTETRA (4, 10), CHEXA (8, 20), CPENTA (6, 15), CPYRAM (5), and the shells
-/// CTRIA3/6/R, CQUAD4/8/R; PSOLID and MAT1; SPC and SPC1. Elements of a property become the set "property-<number>",
-/// supported grid points the node set "SPC-<number>" and, where outer faces have all their nodes in it, the face set.
+/// CTRIA3/6/R, CQUAD4/8/R; PSOLID and MAT1; SPC, SPC1, FORCE. Elements of a property become the set
+/// "property-<number>"; grid points that are held or loaded become the node sets "SPC-<number>" and "FORCE-<number>".
 /// Where solids are present, shells become sets only. Other cards are passed over and counted in a notice. Without
 /// BEGIN BULK the whole file is bulk data.
 Mesh read_nastran(const std::string& path);

@@ -56,9 +56,8 @@ class NastranReader {
       throw Error(StatusCode::invalid_input, fmt::format("{}: the file has no GRID cards", mesh_.name));
     to_basic_system();
     for (const NastranCard& element : element_cards_) add_element(element);
-    for (const NastranCard& support : supports_) add_support(support);
+    for (const NastranCard& places : places_) add_places(places);
     elements_.finish(mesh_);
-    add_faces_of_node_sets(mesh_);
     add_materials();
     add_notice();
     return std::move(mesh_);
@@ -74,7 +73,7 @@ class NastranReader {
       solids_[card.integer(0, "property")] = card.integer(1, "material");
       return;
     }
-    if (card.name == "SPC" || card.name == "SPC1") return supports_.push_back(card);
+    if (card.name == "SPC" || card.name == "SPC1" || card.name == "FORCE") return places_.push_back(card);
     if (card.name == "GRDSET" && card.integer(1, "coordinate system", 0) != 0)
       card.fail("is not read; write the coordinate system on every GRID");
     ++passed_over_[card.name];
@@ -169,10 +168,13 @@ class NastranReader {
     elements_.put(added, fmt::format("property-{}", card.integer(1, "property", label)));
   }
 
-  /// Grid points that are held somehow, as a set: SPC-<number of the set>.
-  void add_support(const NastranCard& card) {
-    auto& set = mesh_.node_sets[fmt::format("SPC-{}", card.integer(0, "set"))];
-    if (card.name == "SPC") {
+  /// Grid points that are held or loaded, as a set: SPC-<number>, FORCE-<number>.
+  void add_places(const NastranCard& card) {
+    const char* kind = card.name == "FORCE" ? "FORCE" : "SPC";
+    auto& set = mesh_.node_sets[fmt::format("{}-{}", kind, card.integer(0, "set"))];
+    if (card.name == "FORCE") {
+      set.push_back(grid(card, card.integer(1, "grid point")));
+    } else if (card.name == "SPC") {
       for (std::size_t k = 1; k < card.fields.size(); k += 3)
         if (!card.field(k).empty()) set.push_back(grid(card, card.integer(k, "grid point")));
     } else if (upper(card.field(3)) == "THRU") {
@@ -183,7 +185,6 @@ class NastranReader {
       for (std::size_t k = 2; k < card.fields.size(); ++k)
         if (!card.field(k).empty()) set.push_back(grid(card, card.integer(k, "grid point")));
     }
-    sort_unique(set);
   }
 
   void add_materials() {
@@ -218,7 +219,7 @@ class NastranReader {
   std::unordered_map<std::int64_t, Index> index_;
   std::map<std::int64_t, System> systems_;
   std::vector<Placed> in_system_;
-  std::vector<NastranCard> element_cards_, supports_, materials_;
+  std::vector<NastranCard> element_cards_, places_, materials_;
   std::map<std::int64_t, std::int64_t> solids_;  // property -> material
   std::map<std::string, long> passed_over_;
   FileElements elements_;

@@ -313,7 +313,6 @@ class VtkReader {
     for (std::size_t k = 0; k < cells; ++k) add_cell(k);
     for (const Group& group : groups_) add_sets(group);
     elements_.finish(mesh_);
-    add_faces_of_node_sets(mesh_);
   }
 
   [[noreturn]] void fail_cell(std::size_t cell, const std::string& message) const {

@@ -92,7 +92,7 @@ Mesh BlockBuilder::finish() {
     const auto nodes = mesh_.element(e);
     for (std::size_t a = 0; a < nodes.size(); ++a)
       for (std::size_t i = 0; i < 3; ++i) x[3 * a + i] = mesh_.nodes[static_cast<std::size_t>(nodes[a])][i];
-    if (const double det = smallest_jacobian(type_, x); !(det > 0))
+    if (const double det = smallest_jacobian(type_, x).corners; !(det > 0))
       throw std::logic_error(
           fmt::format("mesher '{}': element {} has the Jacobian determinant {:.3g}; its shape "
                       "parameters do not make a valid part",

@@ -68,6 +68,8 @@ std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& 
   std::vector<Index> elements;
   if (!solid.element_set.empty()) elements = mesh->element_set(solid.element_set);
   auto body = make_solid_body(spec.name, *mesh, out.material, solid.options, elements);
+  out.notices = mesh->notices;
+  if (std::string folds = corner_folds(*mesh, elements); !folds.empty()) out.notices.push_back(std::move(folds));
   out.mesh = std::move(mesh);
   return body;
 }

@@ -23,6 +23,7 @@ struct BuiltBody {
   FlexibleBody* flexible = nullptr;
   std::shared_ptr<const Mesh> mesh;  ///< of solids
   Material material;                 ///< of solids
+  std::vector<std::string> notices;  ///< about the mesh of solids
 };
 
 /// A force with the frame on which it is reported: b (1), or a (0) where there is no other.

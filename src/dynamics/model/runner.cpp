@@ -85,6 +85,8 @@ void Runner::prepare() {
   summary_.position_change = result.position_change;
   summary_.velocity_change = result.velocity_change;
   summary_.redundant = guard_->notices();
+  for (const BuiltBody& body : mechanism_->bodies)
+    for (const std::string& notice : body.notices) summary_.notices.push_back(body.spec.name + ": " + notice);
   summary_.bodies = static_cast<Index>(mechanism_->bodies.size());
   summary_.joints = static_cast<Index>(mechanism_->joints.size());
   summary_.forces = static_cast<Index>(model_.forces.size());
