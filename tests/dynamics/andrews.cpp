@@ -17,7 +17,7 @@ constexpr double ss = .035, sa = .01874, sb = .01043, sc = .018, sd = .02, ta = 
 constexpr double u = .04, ua = .01228, ub = .00449, zf = .02, zt = .04, fa = .01421, mom = .033;
 enum { kBeta, kTheta, kGamma, kPhi, kDelta, kOmega, kEpsilon };
 
-void mass(ConstSpan q, DenseView m) {
+void mass(ConstSpan q, MatrixEntries m) {
   const double ct = std::cos(q[kTheta]), sp = std::sin(q[kPhi]), so = std::sin(q[kOmega]);
   m(0, 0) = m1 * ra * ra + m2 * (rr * rr - 2 * da * rr * ct + da * da) + i1 + i2;
   m(0, 1) = m(1, 0) = m2 * (da * da - da * rr * ct) + i2;
@@ -57,7 +57,7 @@ void constraint(double /*t*/, ConstSpan q, Span g) {
   g[5] = cy - zf * std::sin(oe) + u * std::cos(q[6]) - ya;
 }
 
-void constraint_jacobian(double /*t*/, ConstSpan q, DenseView g) {
+void constraint_jacobian(double /*t*/, ConstSpan q, MatrixEntries g) {
   const double sb0 = std::sin(q[0]), cb0 = std::cos(q[0]), sbt = std::sin(q[0] + q[1]), cbt = std::cos(q[0] + q[1]);
   const double spd = std::sin(q[3] + q[4]), cpd = std::cos(q[3] + q[4]);
   const double soe = std::sin(q[5] + q[6]), coe = std::cos(q[5] + q[6]);
@@ -95,9 +95,9 @@ void gamma(double /*t*/, ConstSpan q, ConstSpan v, Span g) {
 
 // dF/dv and the mass matrix; dF/dq is left out: it is of no use at the step sizes of this problem and W need not be
 // exact.
-void tangent(const StateView& s, const TangentWeights& weights, DenseView w) {
+void tangent(const StateView& s, const TangentWeights& weights, MatrixEntries w) {
   std::array<double, 49> m{};
-  mass(s.q, {m.data(), 7, 7});
+  mass(s.q, {m.data(), 7, 7, false});
   for (Index i = 0; i < 7; ++i) {
     for (Index j = 0; j < 7; ++j) w(i, j) = weights.a * m[static_cast<std::size_t>(7 * i + j)];
   }
@@ -116,9 +116,9 @@ void tangent(const StateView& s, const TangentWeights& weights, DenseView w) {
 
 }  // namespace
 
-SystemFunctions andrews_functions() {
-  SystemFunctions f;
-  f.velocity = 7;
+DaeFunctions andrews_functions() {
+  DaeFunctions f;
+  f.coordinates = 7;
   f.constraints = 6;
   f.mass = mass;
   f.force = force;
@@ -155,7 +155,7 @@ const std::array<double, 27>& andrews_reference() {
 
 double andrews_energy(const StateView& s) {
   std::array<double, 49> m{};
-  mass(s.q, {m.data(), 7, 7});
+  mass(s.q, {m.data(), 7, 7, false});
   double twice = 0;
   for (std::size_t i = 0; i < 7; ++i) {
     for (std::size_t j = 0; j < 7; ++j) twice += s.v[i] * m[7 * i + j] * s.v[j];

@@ -9,7 +9,7 @@
 
 namespace espalier::dynamics {
 
-[[nodiscard]] SystemFunctions andrews_functions();
+[[nodiscard]] DaeFunctions andrews_functions();
 /// The published initial state.
 [[nodiscard]] State andrews_start();
 /// q, v, a, lambda at t = 0.03: 27 values.

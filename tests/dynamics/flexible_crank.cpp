@@ -124,11 +124,11 @@ void constraint(double t, ConstSpan q, Span phi) {
 
 }  // namespace
 
-SystemFunctions flexible_crank_functions() {
-  SystemFunctions f;
-  f.velocity = 7;
+DaeFunctions flexible_crank_functions() {
+  DaeFunctions f;
+  f.coordinates = 7;
   f.constraints = 3;
-  f.mass = [](ConstSpan q, DenseView out) {
+  f.mass = [](ConstSpan q, MatrixEntries out) {
     const auto m = mass_of<double>(seven(q));
     for (Index i = 0; i < 7; ++i) {
       for (Index j = 0; j < 7; ++j) out(i, j) = m(i, j);
@@ -139,7 +139,7 @@ SystemFunctions flexible_crank_functions() {
     std::copy_n(x.data(), 7, out.begin());
   };
   f.constraint = constraint;
-  f.constraint_jacobian = [](double, ConstSpan q, DenseView out) {
+  f.constraint_jacobian = [](double, ConstSpan q, MatrixEntries out) {
     const auto g = jacobian_of<double>(seven(q));
     for (Index i = 0; i < 3; ++i) {
       for (Index j = 0; j < 7; ++j) out(i, j) = g(i, j);

@@ -9,7 +9,7 @@
 
 namespace espalier::dynamics {
 
-[[nodiscard]] SystemFunctions flexible_crank_functions();
+[[nodiscard]] DaeFunctions flexible_crank_functions();
 /// The test set's initial values on the slow motion, x3 and the velocity of phi2 put onto the constraints (they are
 /// printed to 9 digits; the defects are 2e-10 m and 6e-10 m/s).
 [[nodiscard]] State flexible_crank_start();

@@ -24,11 +24,11 @@ Eigen::Vector3d linear_force(double t, const Eigen::Vector3d& q, const Eigen::Ve
   return {-4 * q[0] - 2 * q[0] * q[0] * q[0] - 0.1 * v[0], -3 * q[1] + std::sin(t), -q[2] - 0.5 * q[2] * q[2] * v[2]};
 }
 
-SystemFunctions linear_functions() {
-  SystemFunctions f;
-  f.velocity = 3;
+DaeFunctions linear_functions() {
+  DaeFunctions f;
+  f.coordinates = 3;
   f.constraints = 1;
-  f.mass = [](ConstSpan, DenseView m) {
+  f.mass = [](ConstSpan, MatrixEntries m) {
     for (Index i = 0; i < 3; ++i) {
       for (Index j = 0; j < 3; ++j) m(i, j) = kMass[i][j];
     }
@@ -38,7 +38,7 @@ SystemFunctions linear_functions() {
     for (std::size_t i = 0; i < 3; ++i) out[i] = x[static_cast<Eigen::Index>(i)];
   };
   f.constraint = [](double, ConstSpan q, Span phi) { phi[0] = q[0] + 2 * q[1] - q[2] - kConstant; };
-  f.constraint_jacobian = [](double, ConstSpan, DenseView g) {
+  f.constraint_jacobian = [](double, ConstSpan, MatrixEntries g) {
     for (Index j = 0; j < 3; ++j) g(0, j) = kConstraint[j];
   };
   f.constraint_gamma = [](double, ConstSpan, ConstSpan, Span gamma) { gamma[0] = 0; };
@@ -147,11 +147,11 @@ INSTANTIATE_TEST_SUITE_P(Orders, LinearConstraints, testing::Values(1, 2, 3, 4, 
 
 // ---- Double pendulum of two point masses in Cartesian coordinates (n = 4, m = 2): curved constraints.
 
-SystemFunctions double_pendulum() {
-  SystemFunctions f;
-  f.velocity = 4;
+DaeFunctions double_pendulum() {
+  DaeFunctions f;
+  f.coordinates = 4;
   f.constraints = 2;
-  f.mass = [](ConstSpan, DenseView m) {
+  f.mass = [](ConstSpan, MatrixEntries m) {
     m(0, 0) = m(1, 1) = 1;
     m(2, 2) = m(3, 3) = 0.7;
   };
@@ -165,7 +165,7 @@ SystemFunctions double_pendulum() {
     phi[0] = 0.5 * (q[0] * q[0] + q[1] * q[1] - 1);
     phi[1] = 0.5 * (dx * dx + dy * dy - 0.64);
   };
-  f.constraint_jacobian = [](double, ConstSpan q, DenseView g) {
+  f.constraint_jacobian = [](double, ConstSpan q, MatrixEntries g) {
     g(0, 0) = q[0];
     g(0, 1) = q[1];
     for (const Index k : {0, 1}) {
@@ -272,11 +272,11 @@ struct Exact {
   }
 };
 
-SystemFunctions circle() {
-  SystemFunctions f;
-  f.velocity = 2;
+DaeFunctions circle() {
+  DaeFunctions f;
+  f.coordinates = 2;
   f.constraints = 1;
-  f.mass = [](ConstSpan, DenseView m) { m(0, 0) = m(1, 1) = 1; };
+  f.mass = [](ConstSpan, MatrixEntries m) { m(0, 0) = m(1, 1) = 1; };
   f.force = [](double t, ConstSpan q, ConstSpan v, Span out) {
     const State x = Exact::at(t);
     // the exact solution satisfies M a + Phi_q^T lambda = f; a stiffness and a damping around it leave it unchanged
@@ -285,7 +285,7 @@ SystemFunctions circle() {
     }
   };
   f.constraint = [](double, ConstSpan q, Span phi) { phi[0] = 0.5 * (q[0] * q[0] + q[1] * q[1] - 1); };
-  f.constraint_jacobian = [](double, ConstSpan q, DenseView g) {
+  f.constraint_jacobian = [](double, ConstSpan q, MatrixEntries g) {
     g(0, 0) = q[0];
     g(0, 1) = q[1];
   };

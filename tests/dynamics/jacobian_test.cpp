@@ -182,7 +182,7 @@ TEST(JacobiansOfFunctions, AndrewsWithoutTheLeftOutTerm) {
 
 // What is left out is made by differences; the check must see nothing, and must see a wrong derivative.
 TEST(JacobiansOfFunctions, DifferencesStandInAndErrorsAreFound) {
-  SystemFunctions f = andrews_functions();
+  DaeFunctions f = andrews_functions();
   f.tangent = nullptr;
   f.constraint_jacobian = nullptr;
   f.constraint_gamma = nullptr;
@@ -195,8 +195,8 @@ TEST(JacobiansOfFunctions, DifferencesStandInAndErrorsAreFound) {
   // Second differences (gamma from a Phi_q made by differences): eps^(1/3) each time.
   EXPECT_LT(check_jacobians(by_differences, s).largest(), 1e-4);
 
-  SystemFunctions wrong = andrews_functions();
-  wrong.constraint_jacobian = [good = wrong.constraint_jacobian](double t, ConstSpan q, DenseView g) {
+  DaeFunctions wrong = andrews_functions();
+  wrong.constraint_jacobian = [good = wrong.constraint_jacobian](double t, ConstSpan q, MatrixEntries g) {
     good(t, q, g);
     g(3, 4) *= 1.001;
   };

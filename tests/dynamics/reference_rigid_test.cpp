@@ -105,10 +105,10 @@ TEST(Andrews, TakesAtMostTwentyMillisecondsAtTolerance1e6) {
 // ---- Fuehrer's pendulum (ODASSL demo): period exactly 2 s for g = (2 K(1/sqrt 2))^2.
 
 TEST(Pendulum, OfTwoSecondsReturns) {
-  SystemFunctions f;
-  f.velocity = 2;
+  DaeFunctions f;
+  f.coordinates = 2;
   f.constraints = 1;
-  f.mass = [](ConstSpan, DenseView m) { m(0, 0) = m(1, 1) = 1; };
+  f.mass = [](ConstSpan, MatrixEntries m) { m(0, 0) = m(1, 1) = 1; };
   f.force = [](double, ConstSpan, ConstSpan, Span out) {
     out[0] = 0;
     out[1] = -13.750371636040741;

@@ -171,8 +171,6 @@ class Checker {
 
 }  // namespace
 
-double JacobianCheck::largest() const { return std::max({f_a, f_v, f_q, phi_q, nu, gamma, chart}); }
-
 JacobianCheck check_jacobians(System& system, const State& s) { return Checker(system, s).run(); }
 
 }  // namespace espalier::dynamics

@@ -22,28 +22,12 @@
 #include <string>
 #include <vector>
 
-#include "espalier/types.hpp"
+#include "espalier/dae.hpp"
 
 namespace espalier::dynamics {
 
 using Span = std::span<double>;
 using ConstSpan = std::span<const double>;
-
-/// Where the motion stands. Views only; `a` and `lambda` may be empty where a function does not use them.
-struct StateView {
-  double t = 0;      ///< time
-  ConstSpan q;       ///< configuration, n_q
-  ConstSpan v;       ///< velocities, n
-  ConstSpan a;       ///< accelerations, n
-  ConstSpan lambda;  ///< multipliers, m
-};
-
-/// Weights of the three derivatives in a tangent: W = a F_a + v F_v + q F_q.
-struct TangentWeights {
-  double a = 1;
-  double v = 0;
-  double q = 0;
-};
 
 /// What a call of constraints() shall fill in. An empty span is not wanted (and then not computed).
 struct ConstraintBuffers {
@@ -51,13 +35,6 @@ struct ConstraintBuffers {
   Span nu;            ///< m: right side of the velocity level
   Span gamma;         ///< m: right side of the acceleration level (needs v)
   Span phi_q_values;  ///< entries of Phi_q in the order of its pattern
-};
-
-/// Energies in joule (in the units of the model). Work of external and dissipative forces is not counted.
-struct Energy {
-  double kinetic = 0;
-  double potential = 0;
-  [[nodiscard]] double total() const { return kinetic + potential; }
 };
 
 /// A fixed sparsity pattern in compressed form with sorted, unique indices. `ptr` runs over columns for W (compressed
@@ -179,7 +156,7 @@ class Component {
 
   /// Adds its part of F.
   virtual void residual(const StateView& s, Span f) = 0;
-  /// Writes its own constraint rows; entries of Phi_q were zeroed before.
+  /// Writes its own constraint rows, with all their entries of Phi_q (they still hold those of the last call).
   virtual void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out);
   /// Adds its part of W.
   virtual void tangent(const StateView& s, const TangentWeights& weights, Span w_values) = 0;

@@ -1,0 +1,204 @@
+// The public generic layer: failures become a Status.
+#include "espalier/dae.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <new>
+#include <stdexcept>
+
+#include "dynamics/constraints/redundancy.hpp"
+#include "dynamics/dae/check.hpp"
+#include "dynamics/dae/function_system.hpp"
+#include "dynamics/integrators/bdf.hpp"
+#include "dynamics/integrators/generalized_alpha.hpp"
+#include "dynamics/integrators/initial.hpp"
+
+namespace espalier {
+
+using namespace dynamics;
+
+double& MatrixEntries::operator()(Index row, Index col) {
+  if (row < 0 || row >= rows_ || col < 0 || col >= cols_)
+    throw std::logic_error(fmt::format("entry ({}, {}) lies outside of a {} x {} matrix", row, col, rows_, cols_));
+  const Index line = by_columns_ ? col : row, other = by_columns_ ? row : col;
+  if (ptr_ == nullptr) return data_[static_cast<Offset>(line) * (by_columns_ ? rows_ : cols_) + other];
+  const Index *first = ind_ + ptr_[line], *last = ind_ + ptr_[line + 1];
+  const Index* found = std::lower_bound(first, last, other);
+  if (found == last || *found != other)
+    throw std::logic_error(fmt::format("entry ({}, {}) was not declared in the pattern of its matrix", row, col));
+  return data_[found - ind_];
+}
+
+double JacobianCheck::largest() const { return std::max({f_a, f_v, f_q, phi_q, nu, gamma, chart}); }
+
+namespace {
+
+BdfOptions bdf_options(const DaeOptions& o) {
+  BdfOptions b;
+  b.max_order = o.max_order;
+  b.relative = o.relative;
+  b.absolute = o.absolute;
+  b.absolute_velocity = o.absolute_velocity;
+  b.initial_step = o.initial_step;
+  b.max_step = o.max_step;
+  b.fixed_step = o.step;
+  b.constraint_tolerance = o.constraint_tolerance;
+  b.max_newton = o.max_newton;
+  return b;
+}
+
+AlphaOptions alpha_options(const DaeOptions& o) {
+  if (!(o.step > 0)) throw std::invalid_argument("generalized_alpha needs DaeOptions::step > 0");
+  AlphaOptions a;
+  a.step = o.step;
+  a.spectral_radius = o.spectral_radius;
+  a.constraint_tolerance = o.constraint_tolerance;
+  a.max_newton = o.max_newton;
+  return a;
+}
+
+std::vector<double> copy(std::span<const double> x) { return {x.begin(), x.end()}; }
+
+}  // namespace
+
+struct Dae::Impl {
+  Impl(DaeFunctions functions, DaeOptions given)
+      : options(std::move(given)),
+        system(std::move(functions)),
+        equations(system, options.solver ? make_espalier_solver(*options.solver) : nullptr),
+        guard(equations) {
+    make_integrator();
+  }
+
+  void make_integrator() {
+    if (options.method == DaeMethod::bdf)
+      integrator = std::make_unique<BdfIntegrator>(equations, bdf_options(options));
+    else
+      integrator = std::make_unique<GeneralizedAlpha>(equations, alpha_options(options));
+  }
+
+  /// Runs `action`; expected failures become a status.
+  template <class Action>
+  static Status guarded(const Action& action) {
+    try {
+      action();
+    } catch (const Error& error) {
+      return error.status();
+    } catch (const std::bad_alloc&) {
+      return {StatusCode::out_of_memory, "the machine's memory is too small for this system", -1};
+    }
+    return {};
+  }
+
+  void begin(double t, std::span<const double> q, std::span<const double> v) {
+    const auto n = static_cast<std::size_t>(system.sizes().velocity);
+    if (q.size() != n || v.size() != n)
+      throw std::invalid_argument(
+          fmt::format("start: {} coordinates need as many q and v, got {} and {}", n, q.size(), v.size()));
+    started = false;
+    State state(system.sizes());
+    state.t = t;
+    state.q = copy(q);
+    state.v = copy(v);
+    ConsistencyOptions consistency;
+    consistency.allowed_position = options.allowed_position;
+    consistency.allowed_velocity = options.allowed_velocity;
+    guard.prepare(state, consistency);
+    make_integrator();
+    integrator->start(state);
+    started = true;
+  }
+
+  void run(double t_end, const std::function<bool(const DaeStep&)>& observe) {
+    constexpr long kWatchEvery = 100;  // steps between looks at the constraints left out
+    if (!(t_end >= integrator->state().t))
+      throw std::invalid_argument(fmt::format("integrate: the system is at t = {:g}, the end {:g} lies before it",
+                                              integrator->state().t, t_end));
+    integrator->integrate(t_end, [&](const StepReport& r) {
+      if (r.index % kWatchEvery == 0) guard.check(integrator->state());
+      return !observe || observe({r.index, r.t, r.h, r.order, r.newton_iterations, r.factorizations, r.error});
+    });
+    guard.check(integrator->state());
+  }
+
+  void need_start() const {
+    if (!started) throw std::logic_error("start() was not called, or failed");
+  }
+
+  DaeOptions options;
+  FunctionSystem system;
+  Equations equations;
+  RedundancyGuard guard;
+  std::unique_ptr<Integrator> integrator;
+  bool started = false;
+};
+
+Dae::Dae(DaeFunctions functions, DaeOptions options)
+    : impl_(std::make_unique<Impl>(std::move(functions), std::move(options))) {}
+Dae::~Dae() = default;
+Dae::Dae(Dae&&) noexcept = default;
+Dae& Dae::operator=(Dae&&) noexcept = default;
+
+Status Dae::start(double t, std::span<const double> q, std::span<const double> v) {
+  return Impl::guarded([&] { impl_->begin(t, q, v); });
+}
+
+Status Dae::integrate(double t_end, const std::function<bool(const DaeStep&)>& observe) {
+  impl_->need_start();
+  return Impl::guarded([&] { impl_->run(t_end, observe); });
+}
+
+StateView Dae::state() const {
+  impl_->need_start();
+  return impl_->integrator->state().view();
+}
+
+Energy Dae::energy() const { return impl_->system.energy(state()); }
+
+JacobianCheck Dae::check_jacobians() const { return check_jacobians(state()); }
+
+JacobianCheck Dae::check_jacobians(const StateView& s) const {
+  State own(impl_->system.sizes());
+  const auto take = [](std::span<const double> from, std::vector<double>& to, const char* name) {
+    if (from.empty() && !to.empty()) return;  // zero
+    if (from.size() != to.size())
+      throw std::invalid_argument(
+          fmt::format("check_jacobians: {} has {} numbers, {} are needed", name, from.size(), to.size()));
+    to = copy(from);
+  };
+  own.t = s.t;
+  take(s.q, own.q, "q");
+  take(s.v, own.v, "v");
+  take(s.a, own.a, "a");
+  take(s.lambda, own.lambda, "lambda");
+  return dynamics::check_jacobians(impl_->system, own);
+}
+
+DaeSummary Dae::summary() const {
+  const IntegratorCounts& c = impl_->integrator->counts();
+  const EquationCounts& e = impl_->equations.counts();
+  DaeSummary s;
+  s.steps = c.steps;
+  s.newton_iterations = c.newton_iterations;
+  s.error_failures = c.error_failures;
+  s.newton_failures = c.newton_failures;
+  s.residuals = e.residuals;
+  s.tangents = e.tangents;
+  s.analyses = e.analyses;
+  s.factorizations = e.factorizations;
+  s.solves = e.solves;
+  s.assembly_seconds = e.assembly_seconds;
+  s.analysis_seconds = e.analysis_seconds;
+  s.factorization_seconds = e.factor_seconds;
+  s.solve_seconds = e.solve_seconds;
+  s.largest_position = c.largest_position;
+  s.largest_velocity = c.largest_velocity;
+  s.largest_acceleration = c.largest_acceleration;
+  s.degrees_of_freedom = impl_->started ? impl_->guard.degrees_of_freedom() : 0;
+  if (impl_->started) s.redundant = impl_->guard.notices();
+  return s;
+}
+
+}  // namespace espalier
