@@ -62,6 +62,9 @@ class RigidFrame final : public Frame {
   explicit RigidFrame(const RigidBody& body, Vec3 point = Vec3::Zero(), Mat3 rotation = Mat3::Identity())
       : body_(&body), point_(point), rotation_(rotation) {}
 
+  [[nodiscard]] const RigidBody& body() const { return *body_; }
+  [[nodiscard]] const Vec3& point() const { return point_; }
+  [[nodiscard]] const Mat3& rotation() const { return rotation_; }
   [[nodiscard]] std::span<const Index> coordinates() const override { return body_->coordinates(); }
   void motion(ConstSpan q, ConstSpan v, FrameMotion& out) const override;
   void jacobian(ConstSpan q, double* j) const override;

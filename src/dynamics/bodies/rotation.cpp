@@ -33,14 +33,6 @@ Vec3 quaternion_log(const Quat& q) {
   return (2 * std::atan2(s, w) / s) * v;
 }
 
-Mat3 rotation_matrix(const Quat& q) {
-  const double w = q[0], x = q[1], y = q[2], z = q[3];
-  Mat3 r;
-  r << 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), 2 * (x * y + w * z), 1 - 2 * (x * x + z * z),
-      2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y);
-  return r;
-}
-
 Quat quaternion_of(const Mat3& r) {
   const double trace = r.trace();
   Quat q;

@@ -21,7 +21,13 @@ using Quat = Eigen::Vector4d;
 [[nodiscard]] Quat quaternion_exp(const Vec3& x);
 /// Rotation vector of a unit quaternion, of length at most pi; +-q give the same.
 [[nodiscard]] Vec3 quaternion_log(const Quat& q);
-[[nodiscard]] Mat3 rotation_matrix(const Quat& q);
+[[nodiscard]] inline Mat3 rotation_matrix(const Quat& q) {
+  const double w = q[0], x = q[1], y = q[2], z = q[3];
+  Mat3 r;
+  r << 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), 2 * (x * y + w * z), 1 - 2 * (x * x + z * z),
+      2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y);
+  return r;
+}
 /// Quaternion of a rotation matrix (Shepperd's choice of the largest component).
 [[nodiscard]] Quat quaternion_of(const Mat3& r);
 [[nodiscard]] Mat3 rotation_exp(const Vec3& x);

@@ -203,7 +203,6 @@ void AssembledSystem::residual(const StateView& s, Span f) {
 }
 
 void AssembledSystem::constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) {
-  std::fill(out.phi_q_values.begin(), out.phi_q_values.end(), 0.0);
   for (Component* c : owners_of_constraints_) c->constraints(t, q, v, out);
 }
 

@@ -6,6 +6,8 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "dynamics/bodies/rigid_body.hpp"
+
 namespace espalier::dynamics {
 
 namespace {
@@ -92,10 +94,54 @@ void Joint::bind(const SparsePattern& w, const SparsePattern& phi_q) {
       }
     }
   }
+  phi_q_begin_ = static_cast<std::size_t>(phi_q.ptr[at(placement().c)]);
+  phi_q_count_ = static_cast<std::size_t>(phi_q.ptr[at(placement().c + sizes().constraints)]) - phi_q_begin_;
+  bind_rigid_pair(w);
   jacobians_.assign(total, 0.0);
   gradients_.assign(6 * frames_.size() * rows_.size(), 0.0);
   stiffness_.assign(36 * frames_.size() * frames_.size(), 0.0);
   block_.assign(widest * std::max<std::size_t>(widest, 6), 0.0);
+}
+
+namespace {
+
+// Axes are those of the frame in body axes.
+struct RigidSide {
+  RigidPair::Side side;
+  Mat3 axes;
+};
+
+std::optional<RigidSide> rigid_side(const Frame& frame) {
+  if (const auto* rigid = dynamic_cast<const RigidFrame*>(&frame)) {
+    const Placement& at = rigid->body().placement();
+    return RigidSide{{at.q, at.v, rigid->point()}, rigid->rotation()};
+  }
+  if (dynamic_cast<const GroundFrame*>(&frame) == nullptr) return std::nullopt;
+  FrameMotion motion;
+  frame.motion({}, {}, motion);
+  return RigidSide{{-1, -1, motion.r}, motion.rot};
+}
+
+}  // namespace
+
+// Two rigid bodies, the one with the lower coordinates first, and rows of one plain term each: RigidPair's entries are
+// then those of Phi_q, one after the other.
+void Joint::bind_rigid_pair(const SparsePattern& w) {
+  pair_.reset();
+  if (frames_.size() != 2) return;
+  const auto a = rigid_side(*frames_[0].frame), b = rigid_side(*frames_[1].frame);
+  if (!a || !b || (b->side.v >= 0 && a->side.v >= b->side.v)) return;
+  std::vector<RigidPair::Row> rows;
+  for (const JointRow& row : rows_) {
+    if (row.terms.size() != 1 || row.measure_offset) return;
+    const JointRow::Term& term = row.terms.front();
+    if (!RigidPair::knows(term.kind) || term.factor != 1 || term.a != 0 || term.b != 1) return;
+    const bool global = term.kind == Relative::global;
+    rows.push_back({term.kind, term.i, global ? Vec3(Vec3::Zero()) : Vec3(a->axes.col(term.i)),
+                    term.kind == Relative::dot ? Vec3(b->axes.col(term.j)) : Vec3(Vec3::Zero())});
+  }
+  pair_.emplace(a->side, b->side, std::move(rows));
+  pair_->bind(w);
 }
 
 void Joint::evaluate_frames(ConstSpan q, ConstSpan v) {
@@ -153,6 +199,29 @@ void Joint::add_gradients(ConstSpan q, std::size_t f, Span phi_q_values) {
 }
 
 void Joint::constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) {
+  if (rows_.empty()) return;
+  if (pair_) {
+    rigid_constraints(t, q, v, out);
+  } else {
+    general_constraints(t, q, v, out);
+  }
+}
+
+void Joint::rigid_constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) {
+  const auto first = static_cast<std::size_t>(placement().c);
+  const bool rates = !out.gamma.empty();
+  pair_->evaluate(q, v,
+                  {out.phi.empty() ? nullptr : &out.phi[first], rates ? &out.gamma[first] : nullptr,
+                   out.phi_q_values.empty() ? nullptr : &out.phi_q_values[phi_q_begin_]});
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    const JointRow& row = rows_[r];
+    if (!out.phi.empty()) out.phi[first + r] -= row.offset + (row.driven ? row.function.value(t) : 0.0);
+    if (!out.nu.empty()) out.nu[first + r] = row.driven ? row.function.rate(t) : 0.0;
+    if (rates) out.gamma[first + r] = (row.driven ? row.function.acceleration(t) : 0.0) - out.gamma[first + r];
+  }
+}
+
+void Joint::general_constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) {
   const bool rates = !out.gamma.empty(), gradients = !out.phi_q_values.empty();
   evaluate_frames(q, rates ? v : ConstSpan{});
   std::fill(gradients_.begin(), gradients_.end(), 0.0);
@@ -185,12 +254,22 @@ void Joint::constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuff
     if (rates) out.gamma[global] = (row.driven ? row.function.acceleration(t) : 0.0) - curvature;
   }
   if (!gradients) return;
+  const Span own = out.phi_q_values.subspan(phi_q_begin_, phi_q_count_);
+  std::fill(own.begin(), own.end(), 0.0);
   for (std::size_t f = 0; f < frames_.size(); ++f) add_gradients(q, f, out.phi_q_values);
 }
 
 // d(Phi_q^T lambda)/dq = J^T (sum lambda dc/dx) J + derivative of J^T at constant wrench.
 void Joint::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
   if (weights.q == 0 || rows_.empty()) return;
+  if (pair_) {
+    pair_->add_stiffness(s.q, s.lambda.data() + placement().c, weights.q, w_values);
+  } else {
+    general_tangent(s, weights.q, w_values);
+  }
+}
+
+void Joint::general_tangent(const StateView& s, double weight, Span w_values) {
   evaluate_frames(s.q, {});
   const std::size_t count = frames_.size();
   std::fill(stiffness_.begin(), stiffness_.end(), 0.0);
@@ -235,7 +314,7 @@ void Joint::tangent(const StateView& s, const TangentWeights& weights, Span w_va
       if (f == g) frames_[f].frame->wrench_stiffness(s.q, wrench[f], 1.0, block_.data());
       for (Eigen::Index e = 0; e < nf * ng; ++e, ++position) {
         if (*position >= 0)
-          w_values[static_cast<std::size_t>(*position)] += weights.q * block_[static_cast<std::size_t>(e)];
+          w_values[static_cast<std::size_t>(*position)] += weight * block_[static_cast<std::size_t>(e)];
       }
     }
   }

@@ -3,10 +3,12 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "dynamics/joints/relative.hpp"
+#include "dynamics/joints/rigid_pair.hpp"
 #include "dynamics/joints/time_function.hpp"
 
 namespace espalier::dynamics {
@@ -67,7 +69,11 @@ class Joint final : public Component {
     std::vector<std::size_t> position;  // rows x nd: entries of Phi_q
   };
   [[nodiscard]] bool coupled(std::size_t f, std::size_t k, std::size_t g, std::size_t l) const;
+  void bind_rigid_pair(const SparsePattern& w);
   void evaluate_frames(ConstSpan q, ConstSpan v);
+  void general_constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out);
+  void rigid_constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out);
+  void general_tangent(const StateView& s, double weight, Span w_values);
   void add_term(std::size_t r, std::size_t k, bool rates, RelativeValue& value, double& phi, double& curvature) const;
   void add_gradients(ConstSpan q, std::size_t f, Span phi_q_values);
   [[nodiscard]] double unwrapped(std::size_t row, std::size_t term, double angle) const;
@@ -81,6 +87,8 @@ class Joint final : public Component {
   std::vector<std::ptrdiff_t> w_position_;  // of all coupled pairs in the order of tangent(); -1: not declared
   std::vector<double> gradients_;           // frames x rows x 6: of every equation by the motion of every frame
   std::vector<double> jacobians_, stiffness_, block_;
+  std::size_t phi_q_begin_ = 0, phi_q_count_ = 0;  // its rows of Phi_q
+  std::optional<RigidPair> pair_;                  // instead of all that, where rigid bodies and simple rows allow it
 };
 
 /// Frames of a two-frame joint.
