@@ -80,9 +80,12 @@ step() {
 }
 
 bench() { # GROUP NAME LIMIT EXPERIMENT ARGUMENTS...: a step of `espalier bench` whose results are NAME.json
-  local group=$1 name=$2 limit=$3 experiment=$4
+  local group=$1 name=$2 limit=$3 experiment=$4 left
   shift 4
-  shown=60 step "$group" "$name" "$limit" "$espalier" bench "$experiment" --threads "$threads" --out "$out/$name.json" "$@"
+  left=$((seconds - (SECONDS - begun)))
+  ((left = left < limit ? left : limit, left = left > 10 ? left : 10))
+  shown=80 step "$group" "$name" "$limit" "$espalier" bench "$experiment" --threads "$threads" --out "$out/$name.json" \
+    --time $((left * 85 / 100)) --timeout $((left / 4 + 10)) "$@"
 }
 
 [[ $list == yes ]] || mkdir -p "$out"

@@ -56,12 +56,18 @@ Child::Child(const std::string& spec, const SharedSystem& system, const ChildSet
   const std::size_t colon = spec.find(':');
   start(settings.folder + "/rival_" + spec.substr(0, colon) + ".so",
         colon == std::string::npos ? "" : spec.substr(colon + 1), system.descriptor());
+}
+
+const Hello& Child::hello() {
+  if (greeted_) return hello_;
+  greeted_ = true;
   std::string line;
   if (read_answer(line))
     hello_ = nlohmann::json::parse(line);
   else
-    hello_ = {end_, spec, ""};
+    hello_ = {end_, spec_, ""};
   if (end_.ok() && !hello_.verdict.ok()) end_ = hello_.verdict;
+  return hello_;
 }
 
 void Child::start(const std::string& plugin, const std::string& variant, int system_descriptor) {
@@ -162,6 +168,7 @@ std::string Child::last_words() const {
 template <typename Report>
 Report Child::ask(const nlohmann::json& command) {
   Report report;
+  hello();
   doing_ = command.at("do");
   const std::string text = command.dump() + "\n";
   if (end_.ok() && write(commands_, text.data(), text.size()) != static_cast<ssize_t>(text.size()))

@@ -25,7 +25,7 @@ struct ChildSettings {
 /// (crashed, out_of_memory, timed_out) and every later call repeats it.
 class Child {
  public:
-  /// `spec` is name or name:variant. The rival reads `system`; see hello() for how the start went.
+  /// `spec` is name or name:variant. The rival reads `system`. Starts the process and does not wait for it.
   Child(const std::string& spec, const SharedSystem& system, const ChildSettings& settings);
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
@@ -33,7 +33,8 @@ class Child {
   ~Child();
 
   [[nodiscard]] const std::string& spec() const { return spec_; }
-  [[nodiscard]] const Hello& hello() const { return hello_; }
+  /// How the start went; waits for it the first time.
+  const Hello& hello();
   AnalyzeReport analyze(Kind kind, int threads);
   FactorReport factorize();
   /// `warm`: see warm_up().
@@ -59,6 +60,7 @@ class Child {
   ChildSettings settings_;
   SharedMemory solutions_;
   Hello hello_;
+  bool greeted_ = false;
   Verdict end_;  ///< set once the process is gone
   pid_t process_ = -1;
   int commands_ = -1, answers_ = -1, log_ = -1;

@@ -1,7 +1,10 @@
 /// \file
 /// Espalier behind the same interface, through its public header (sizes are read by the library's own parser).
+#include <algorithm>
 #include <cstdlib>
 #include <memory>
+#include <sstream>
+#include <vector>
 
 #include "espalier/solver.hpp"
 #include "rivals/cuda_runtime.hpp"
@@ -52,7 +55,9 @@ class EspalierRival : public Rival {
     options_.sharing.shared_top = !variant_.has("alonetop");
     options_.record_timeline = variant_.has("trace");
     options_.matching = !variant_.has("nomatching");
-    if (variant_.has("resident")) use_device_arrays();
+    if (variant_.has("resident") && options_.device.rfind("gpu", 0) != 0)
+      throw Failure(Outcome::failed, "resident needs device=gpu:..., not " + options_.device);
+    if (options_.device.rfind("gpu", 0) == 0) open_gpus();
   }
 
   [[nodiscard]] std::string name() const override { return "espalier"; }
@@ -77,7 +82,7 @@ class EspalierRival : public Rival {
     return numbers([&] { return solver_->factorize(a); });
   }
   FactorReport refactorize(std::span<const double> values) override {
-    if (!cuda_) return numbers([&] { return solver_->refactorize(values); });
+    if (!variant_.has("resident")) return numbers([&] { return solver_->refactorize(values); });
     if (!values_ || values_size_ != values.size()) {
       values_ = std::make_unique<DeviceArray<double>>(*cuda_, values.size());
       values_size_ = values.size();
@@ -91,7 +96,7 @@ class EspalierRival : public Rival {
   SolveReport solve(std::span<const double> b, std::span<double> x, Index columns) override {
     SolveResult result;
     SolveReport report;
-    if (!cuda_) {
+    if (!variant_.has("resident")) {
       report.seconds = timed([&] { result = solver_->solve(b, x, columns); });
     } else {
       DeviceArray<double> rhs(*cuda_, b.size()), solution(*cuda_, x.size());
@@ -109,16 +114,23 @@ class EspalierRival : public Rival {
   }
 
  private:
-  /// Values and right-hand sides lie in the memory of the first GPU when the clock starts, as cuDSS has them.
-  void use_device_arrays() {
-    if (options_.device.rfind("gpu", 0) != 0)
-      throw Failure(Outcome::failed, "resident needs device=gpu:..., not " + options_.device);
+  /// Makes the contexts of the GPUs, outside of every clock, as it is done for cuDSS. The first of them is current
+  /// afterwards: there lie the arrays of "resident".
+  void open_gpus() {
     cuda_ = std::make_unique<Cuda>();
     int count = 0;
     const int error = cuda_->get_device_count(&count);
     if (error != 0) throw Failure(Outcome::missing, std::string("no GPU here: ") + cuda_->error_string(error));
-    const int first = options_.device.size() > 4 ? std::atoi(options_.device.c_str() + 4) : 0;  // "all": 0
-    check_cuda(*cuda_, cuda_->set_device(first), "cudaSetDevice");
+    std::vector<int> devices;
+    std::istringstream list(options_.device.substr(std::min<std::size_t>(4, options_.device.size())));
+    for (std::string word; std::getline(list, word, ',');)
+      if (word != "all") devices.push_back(std::atoi(word.c_str()));
+    if (devices.empty())
+      for (int k = 0; k < count; ++k) devices.push_back(k);
+    for (auto device = devices.rbegin(); device != devices.rend(); ++device) {
+      check_cuda(*cuda_, cuda_->set_device(*device), "cudaSetDevice");
+      check_cuda(*cuda_, cuda_->free(nullptr), "cudaFree");
+    }
   }
   template <typename Call>
   FactorReport numbers(Call&& call) {
@@ -151,7 +163,7 @@ class EspalierRival : public Rival {
   std::string text_;
   Variant variant_;
   Options options_;
-  std::unique_ptr<Cuda> cuda_;  ///< with "resident" only
+  std::unique_ptr<Cuda> cuda_;  ///< with GPUs only
   std::unique_ptr<DeviceArray<double>> values_;
   std::size_t values_size_ = 0;
   std::unique_ptr<Solver> solver_;

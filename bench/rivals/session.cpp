@@ -35,8 +35,10 @@ class Session {
   }
 
   std::vector<Row> run(const std::vector<std::string>& specs) {
+    // All processes first: to load its libraries and to make its context on a GPU takes a rival seconds.
     std::vector<Runner> runners;
     for (const std::string& spec : specs) runners.push_back(start(spec));
+    for (Runner& runner : runners) greet(runner);
     for (int round = 0; round < plan_.analyses; ++round) turn(runners, round, [&](Runner& runner) { analyze(runner); });
     set_round(0);
     turn(runners, 0, [&](Runner& runner) { factorize(runner); });
@@ -60,9 +62,13 @@ class Session {
     Runner runner;
     runner.child = std::make_unique<Child>(spec, system_, plan_.child);
     runner.row.spec = spec;
-    runner.row.version = runner.child->hello().version;
-    runner.row.verdict = runner.child->hello().verdict;
     return runner;
+  }
+
+  static void greet(Runner& runner) {
+    const Hello& hello = runner.child->hello();
+    runner.row.version = hello.version;
+    runner.row.verdict = hello.verdict;
   }
 
   /// Gives every rival that is alive one turn; who begins changes from round to round.
