@@ -130,6 +130,9 @@ class Cutter {
       bytes += part_[f].bytes();
     }
     flush();
+    // What devices share comes after all that they do alone: otherwise one waits for another before its own is done.
+    std::stable_partition(units.begin(), units.end(),
+                          [&](const StreamUnit& u) { return !shared(u.large >= 0 ? u.large : u.fronts.front()); });
     return units;
   }
 

@@ -140,9 +140,12 @@ DeviceChoice choose(const Options& options, const PredictedTime& predicted) {
 DeviceChoice leave_out(DeviceChoice choice, const std::vector<device::cuda::DeviceRates>& rates) {
   constexpr double kSlow = 0.25;  // a GPU below this part of the fastest makes its blocks of the top too late for all
   constexpr double kSteps = 8;
-  double best = 0;
-  for (const auto& r : rates)
-    if (r.refused.empty()) best = std::max(best, r.flops);
+  double best = 0, copy = 0;
+  for (const auto& r : rates) {
+    if (!r.refused.empty()) continue;
+    best = std::max(best, r.flops);
+    copy = std::max(copy, r.copy_bytes);
+  }
   DeviceChoice kept = choice;
   kept.gpus.clear();
   for (std::size_t k = 0; k < rates.size(); ++k) {
@@ -158,6 +161,7 @@ DeviceChoice leave_out(DeviceChoice choice, const std::vector<device::cuda::Devi
     kept.places.push_back(k);
     kept.speed.push_back(std::round(kSteps * speed) / kSteps);
   }
+  kept.reason += fmt::format("; measured {:.1f} TFLOP/s and {:.1f} TB/s on the fastest", 1e-12 * best, 1e-12 * copy);
   if (kept.gpus.empty()) throw Error(StatusCode::device_error, "no GPU can be used: " + kept.notice);
   kept.devices = static_cast<int>(kept.gpus.size());
   if (std::all_of(kept.speed.begin(), kept.speed.end(), [](double s) { return s == 1; }))
