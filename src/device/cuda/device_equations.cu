@@ -22,7 +22,7 @@ unsigned blocks_for(Offset threads) {
 Offset budget_for(int device, Offset memory_bytes) {
   const DeviceGuard guard(device);
   std::size_t free = 0, total = 0;
-  check(cudaMemGetInfo(&free, &total), "cudaMemGetInfo");
+  call("cudaMemGetInfo", [&] { return cudaMemGetInfo(&free, &total); });
   const auto all = static_cast<Offset>(free);
   return memory_bytes > 0 ? std::min(memory_bytes, all) : all;
 }
@@ -67,8 +67,10 @@ class Equations final : public DeviceEquations<T> {
   Values take_values(const double* values) override {
     const DeviceGuard guard(device_);
     const cudaStream_t stream = stream_.get();
-    check(cudaMemcpyAsync(values_.data(), values, static_cast<std::size_t>(values_.bytes()), cudaMemcpyDefault, stream),
-          "cudaMemcpyAsync(values)");
+    call("cudaMemcpyAsync(values)", [&] {
+      return cudaMemcpyAsync(values_.data(), values, static_cast<std::size_t>(values_.bytes()), cudaMemcpyDefault,
+                             stream);
+    });
     clear_found();
     const unsigned blocks = blocks_for(static_cast<Offset>(n_) * kLanes);
     if constexpr (std::is_same_v<T, double>) {
@@ -80,7 +82,7 @@ class Equations final : public DeviceEquations<T> {
     }
     norm_kernel<<<blocks, kEquationThreads, 0, stream>>>(pattern(), false, found_.data() + 1);
     if (general_) norm_kernel<<<blocks, kEquationThreads, 0, stream>>>(pattern(), true, found_.data() + 2);
-    check(cudaGetLastError(), "launch of the scaling kernels");
+    call("launch of the scaling kernels", [&] { return cudaGetLastError(); });
     const double* found = fetch_found(3);
     Values v;
     v.finite = found[0] <= std::numeric_limits<double>::max();
@@ -98,7 +100,8 @@ class Equations final : public DeviceEquations<T> {
 
   void read_values(std::span<double> to) const override {
     const DeviceGuard guard(device_);
-    check(cudaMemcpy(to.data(), values_.data(), to.size_bytes(), cudaMemcpyDeviceToHost), "cudaMemcpy(values)");
+    call("cudaMemcpy(values)",
+         [&] { return cudaMemcpy(to.data(), values_.data(), to.size_bytes(), cudaMemcpyDeviceToHost); });
   }
 
   void read_diagonal(std::span<double> to) override {
@@ -106,9 +109,9 @@ class Equations final : public DeviceEquations<T> {
     double* list = vectors(0, 1);
     diagonal_kernel<T>
         <<<blocks_for(n_), kEquationThreads, 0, stream_.get()>>>(n_, diagonal_.data(), scaled_values(), list);
-    check(cudaGetLastError(), "launch of the diagonal kernel");
-    check(cudaMemcpyAsync(to.data(), list, to.size_bytes(), cudaMemcpyDeviceToHost, stream_.get()),
-          "cudaMemcpyAsync(diagonal)");
+    call("launch of the diagonal kernel", [&] { return cudaGetLastError(); });
+    call("cudaMemcpyAsync(diagonal)",
+         [&] { return cudaMemcpyAsync(to.data(), list, to.size_bytes(), cudaMemcpyDeviceToHost, stream_.get()); });
     stream_.wait();
   }
 
@@ -123,11 +126,11 @@ class Equations final : public DeviceEquations<T> {
       const unsigned blocks = blocks_for(static_cast<Offset>(n_) * width);
       const Offset at = static_cast<Offset>(first) * n_;
       gather_kernel<T><<<blocks, kEquationThreads, 0, stream_.get()>>>(p, b + at, rhs);
-      check(cudaGetLastError(), "launch of the gather kernel");
+      call("launch of the gather kernel", [&] { return cudaGetLastError(); });
       stream_.wait();
       executor_.solve_device(rhs, width, transpose);
       scatter_kernel<T><<<blocks, kEquationThreads, 0, stream_.get()>>>(p, rhs, x + at);
-      check(cudaGetLastError(), "launch of the scatter kernel");
+      call("launch of the scatter kernel", [&] { return cudaGetLastError(); });
     }
     stream_.wait();
   }
@@ -142,15 +145,16 @@ class Equations final : public DeviceEquations<T> {
         pointers[kMostColumns + k] = columns[first + k].x;
         pointers[2 * kMostColumns + k] = columns[first + k].r;
       }
-      check(cudaMemcpyAsync(pointers_.data(), pointers, static_cast<std::size_t>(pointers_.bytes()),
-                            cudaMemcpyHostToDevice, stream_.get()),
-            "cudaMemcpyAsync(columns)");
+      call("cudaMemcpyAsync(columns)", [&] {
+        return cudaMemcpyAsync(pointers_.data(), pointers, static_cast<std::size_t>(pointers_.bytes()),
+                               cudaMemcpyHostToDevice, stream_.get());
+      });
       clear_found();
       const dim3 grid(blocks_for(static_cast<Offset>(n_) * kLanes), static_cast<unsigned>(now));
       residual_kernel<<<grid, kEquationThreads, 0, stream_.get()>>>(
           pattern(), transpose,
           {pointers_.data(), pointers_.data() + kMostColumns, pointers_.data() + 2 * kMostColumns, found_.data()});
-      check(cudaGetLastError(), "launch of the residual kernel");
+      call("launch of the residual kernel", [&] { return cudaGetLastError(); });
       const double* f = fetch_found(4 * now);
       for (std::size_t k = 0; k < now; ++k, f += 4) found[first + k] = {f[0], f[1], f[2], f[3]};
     }
@@ -158,8 +162,9 @@ class Equations final : public DeviceEquations<T> {
 
   void copy(const double* from, double* to) override {
     const DeviceGuard guard(device_);
-    check(cudaMemcpyAsync(to, from, static_cast<std::size_t>(n_) * sizeof(double), cudaMemcpyDefault, stream_.get()),
-          "cudaMemcpyAsync(vector)");
+    call("cudaMemcpyAsync(vector)", [&] {
+      return cudaMemcpyAsync(to, from, static_cast<std::size_t>(n_) * sizeof(double), cudaMemcpyDefault, stream_.get());
+    });
     stream_.wait();
   }
 
@@ -167,7 +172,7 @@ class Equations final : public DeviceEquations<T> {
     const DeviceGuard guard(device_);
     clear_found();
     add_kernel<<<blocks_for(n_), kEquationThreads, 0, stream_.get()>>>(n_, from, to, found_.data());
-    check(cudaGetLastError(), "launch of the addition kernel");
+    call("launch of the addition kernel", [&] { return cudaGetLastError(); });
     return fetch_found(1)[0] == 0;
   }
 
@@ -183,8 +188,10 @@ class Equations final : public DeviceEquations<T> {
 
   void transfer(double* to, const double* from, Offset count) override {
     const DeviceGuard guard(device_);
-    check(cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(double), cudaMemcpyDefault, stream_.get()),
-          "cudaMemcpyAsync(vectors)");
+    call("cudaMemcpyAsync(vectors)", [&] {
+      return cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(double), cudaMemcpyDefault,
+                             stream_.get());
+    });
     stream_.wait();
   }
   // Where pinning is refused, copies are slower, but nothing else changes.
@@ -197,7 +204,8 @@ class Equations final : public DeviceEquations<T> {
   }
   void wait_for(void* stream) override {
     const DeviceGuard guard(device_);
-    check(cudaStreamSynchronize(static_cast<cudaStream_t>(stream)), "cudaStreamSynchronize(caller's stream)");
+    call("cudaStreamSynchronize(caller's stream)",
+         [&] { return cudaStreamSynchronize(static_cast<cudaStream_t>(stream)); });
   }
   [[nodiscard]] Offset bytes() const override { return budget_.held(); }
 
@@ -225,15 +233,18 @@ class Equations final : public DeviceEquations<T> {
   void upload(DeviceArray<U>& to, std::span<const U> from) {
     to = take<U>(static_cast<Offset>(from.size()));
     if (!from.empty())
-      check(cudaMemcpy(to.data(), from.data(), from.size_bytes(), cudaMemcpyHostToDevice), "cudaMemcpy(equations)");
+      call("cudaMemcpy(equations)",
+           [&] { return cudaMemcpy(to.data(), from.data(), from.size_bytes(), cudaMemcpyHostToDevice); });
   }
   void clear_found() {
-    check(cudaMemsetAsync(found_.data(), 0, static_cast<std::size_t>(found_.bytes()), stream_.get()),
-          "cudaMemsetAsync");
+    call("cudaMemsetAsync",
+         [&] { return cudaMemsetAsync(found_.data(), 0, static_cast<std::size_t>(found_.bytes()), stream_.get()); });
   }
   const double* fetch_found(std::size_t count) {
-    check(cudaMemcpyAsync(pinned_.data(), found_.data(), count * sizeof(double), cudaMemcpyDeviceToHost, stream_.get()),
-          "cudaMemcpyAsync(found)");
+    call("cudaMemcpyAsync(found)", [&] {
+      return cudaMemcpyAsync(pinned_.data(), found_.data(), count * sizeof(double), cudaMemcpyDeviceToHost,
+                             stream_.get());
+    });
     stream_.wait();
     return pinned_.data();
   }

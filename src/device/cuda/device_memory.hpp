@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/memory.hpp"
+#include "device/cuda/cuda_faults.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::device::cuda {
@@ -19,6 +20,19 @@ inline void check(cudaError_t e, const char* call) {
   (void)cudaGetLastError();
   throw Error(e == cudaErrorMemoryAllocation ? StatusCode::out_of_memory : StatusCode::device_error,
               std::string(call) + ": " + cudaGetErrorName(e) + " (" + cudaGetErrorString(e) + ")");
+}
+
+/// Makes a call, unless a test refuses it. @returns its error
+template <class Make>
+cudaError_t attempt(const char* name, Make&& make) {
+  if (!call_faults().refuses(name)) return make();
+  return std::string(name).find("lloc") != std::string::npos ? cudaErrorMemoryAllocation : cudaErrorUnknown;
+}
+
+/// Makes a call of the CUDA runtime, or a launch. @throws as check()
+template <class Make>
+void call(const char* name, Make&& make) {
+  check(attempt(name, make), name);
 }
 
 /// Device memory of one executor, counted against its budget.
@@ -47,7 +61,8 @@ class DeviceArray {
   DeviceArray(Offset size, DeviceBudget& budget, Offset in_all) : size_(size) {
     if (size == 0) return;
     budget.take(bytes(), in_all);
-    const cudaError_t e = cudaMalloc(reinterpret_cast<void**>(&data_), static_cast<std::size_t>(bytes()));
+    const cudaError_t e = attempt(
+        "cudaMalloc", [&] { return cudaMalloc(reinterpret_cast<void**>(&data_), static_cast<std::size_t>(bytes())); });
     if (e == cudaErrorMemoryAllocation) {
       (void)cudaGetLastError();
       throw Error(StatusCode::out_of_memory, "the GPU refused " + base::format_bytes(bytes()) + " of its memory; " +
@@ -82,9 +97,10 @@ class PinnedArray {
   PinnedArray() = default;
   explicit PinnedArray(Offset size) : size_(size) {
     if (size == 0) return;
-    check(cudaHostAlloc(reinterpret_cast<void**>(&data_), static_cast<std::size_t>(size) * sizeof(T),
-                        cudaHostAllocPortable | cudaHostAllocMapped),
-          "cudaHostAlloc");
+    call("cudaHostAlloc", [&] {
+      return cudaHostAlloc(reinterpret_cast<void**>(&data_), static_cast<std::size_t>(size) * sizeof(T),
+                           cudaHostAllocPortable | cudaHostAllocMapped);
+    });
   }
   PinnedArray(PinnedArray&& o) noexcept : data_(std::exchange(o.data_, nullptr)), size_(std::exchange(o.size_, 0)) {}
   PinnedArray& operator=(PinnedArray&& o) noexcept {
@@ -109,32 +125,41 @@ class PinnedArray {
 class Stream {
  public:
   Stream() {
-    check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "cudaStreamCreate");
-    check(cudaEventCreate(&begin_), "cudaEventCreate");
-    check(cudaEventCreate(&end_), "cudaEventCreate");
+    try {
+      call("cudaStreamCreate", [&] { return cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking); });
+      call("cudaEventCreate", [&] { return cudaEventCreate(&begin_); });
+      call("cudaEventCreate", [&] { return cudaEventCreate(&end_); });
+    } catch (...) {
+      destroy();
+      throw;
+    }
   }
   Stream(const Stream&) = delete;
   Stream& operator=(const Stream&) = delete;
-  ~Stream() {
-    (void)cudaEventDestroy(begin_);
-    (void)cudaEventDestroy(end_);
-    (void)cudaStreamDestroy(stream_);
-  }
+  ~Stream() { destroy(); }
   [[nodiscard]] cudaStream_t get() const { return stream_; }
-  void wait() const { check(cudaStreamSynchronize(stream_), "cudaStreamSynchronize"); }
+  void wait() const {
+    call("cudaStreamSynchronize", [&] { return cudaStreamSynchronize(stream_); });
+  }
   /// Runs `work` between two events and waits. @returns seconds between them
   template <class Work>
   double timed(Work&& work) const {
-    check(cudaEventRecord(begin_, stream_), "cudaEventRecord");
+    call("cudaEventRecord", [&] { return cudaEventRecord(begin_, stream_); });
     work();
-    check(cudaEventRecord(end_, stream_), "cudaEventRecord");
-    check(cudaEventSynchronize(end_), "cudaEventSynchronize");
+    call("cudaEventRecord", [&] { return cudaEventRecord(end_, stream_); });
+    call("cudaEventSynchronize", [&] { return cudaEventSynchronize(end_); });
     float milliseconds = 0;
-    check(cudaEventElapsedTime(&milliseconds, begin_, end_), "cudaEventElapsedTime");
+    call("cudaEventElapsedTime", [&] { return cudaEventElapsedTime(&milliseconds, begin_, end_); });
     return 1e-3 * static_cast<double>(milliseconds);
   }
 
  private:
+  void destroy() noexcept {
+    if (begin_ != nullptr) (void)cudaEventDestroy(begin_);
+    if (end_ != nullptr) (void)cudaEventDestroy(end_);
+    if (stream_ != nullptr) (void)cudaStreamDestroy(stream_);
+  }
+
   cudaStream_t stream_ = nullptr;
   cudaEvent_t begin_ = nullptr;
   cudaEvent_t end_ = nullptr;
@@ -156,7 +181,7 @@ class Graph {
   /// Records what `work` enqueues on the stream.
   template <class Work>
   static Graph record(cudaStream_t stream, Work&& work) {
-    check(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal), "cudaStreamBeginCapture");
+    call("cudaStreamBeginCapture", [&] { return cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal); });
     cudaGraph_t graph = nullptr;
     try {
       work();
@@ -165,14 +190,16 @@ class Graph {
       if (graph != nullptr) (void)cudaGraphDestroy(graph);
       throw;
     }
-    check(cudaStreamEndCapture(stream, &graph), "cudaStreamEndCapture");
+    call("cudaStreamEndCapture", [&] { return cudaStreamEndCapture(stream, &graph); });
     Graph g;
-    const auto e = cudaGraphInstantiate(&g.exec_, graph, 0);
+    const auto e = attempt("cudaGraphInstantiate", [&] { return cudaGraphInstantiate(&g.exec_, graph, 0); });
     (void)cudaGraphDestroy(graph);
     check(e, "cudaGraphInstantiate");
     return g;
   }
-  void launch(cudaStream_t stream) const { check(cudaGraphLaunch(exec_, stream), "cudaGraphLaunch"); }
+  void launch(cudaStream_t stream) const {
+    call("cudaGraphLaunch", [&] { return cudaGraphLaunch(exec_, stream); });
+  }
 
  private:
   cudaGraphExec_t exec_ = nullptr;

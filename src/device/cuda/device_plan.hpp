@@ -73,9 +73,9 @@ struct DevicePlan {
 /// column after another, each reads all that stands to its left from memory (flops / 16 bytes: 0.8 TB for elasticity
 /// 64^3).
 struct TaskOrder {
-  Index group_columns = 16;   ///< tile columns of the contribution that are worked on together, ...
-  Index group_blocks = 8;     ///< ... so many row blocks of each at a time
-  Index pair_from = 1 << 30;  ///< pivot columns from this one on are taken in pairs, row block by row block
+  Index group_columns = 16;  ///< tile columns of the contribution that are worked on together, ...
+  Index group_blocks = 8;    ///< ... so many row blocks of each at a time
+  Index pair_from = 64;      ///< pivot columns from this one on are taken in pairs, row block by row block
 };
 
 /// @param peer_access  false: devices cannot reach each other's memory: sub-trees stay with their devices, and what is

@@ -11,7 +11,7 @@ namespace {
 
 Offset limit_of(Offset memory_bytes) {
   std::size_t free = 0, total = 0;
-  check(cudaMemGetInfo(&free, &total), "cudaMemGetInfo");
+  call("cudaMemGetInfo", [&] { return cudaMemGetInfo(&free, &total); });
   const auto all = static_cast<Offset>(free);
   return memory_bytes > 0 ? std::min(memory_bytes, all) : all;
 }
@@ -34,7 +34,7 @@ DeviceSide<T>::DeviceSide(const SideContext& context, int self, int device, Offs
       counters_(2 * kCounters),
       one_(1) {
   cudaDeviceProp p{};
-  check(cudaGetDeviceProperties(&p, device_), "cudaGetDeviceProperties");
+  call("cudaGetDeviceProperties", [&] { return cudaGetDeviceProperties(&p, device_); });
   name_ = p.name;
   if (context_.tables.lists.size() > 1) name_ += " #" + std::to_string(device_);
   *one_.data() = 1;
@@ -53,9 +53,10 @@ void DeviceSide<T>::upload(DeviceArray<U>& to, const std::vector<V, A>& from, co
     copy_in(to.data(), from.data(), to.bytes());
     return;
   }
-  check(
-      cudaMemcpyAsync(to.data(), twin->data(), static_cast<std::size_t>(to.bytes()), cudaMemcpyDefault, stream_.get()),
-      "cudaMemcpyAsync(tables)");
+  call("cudaMemcpyAsync(tables)", [&] {
+    return cudaMemcpyAsync(to.data(), twin->data(), static_cast<std::size_t>(to.bytes()), cudaMemcpyDefault,
+                           stream_.get());
+  });
 }
 
 // Elements of the regions, the top aside, that lie on this device.
@@ -101,7 +102,10 @@ void DeviceSide<T>::take_memory() {
   take(base_, static_cast<Offset>(t.regions.size()));
   take(marks_, 2 * n());
   take(limits_, 2);
-  take(solve_control_, kCounters);
+  take(solve_control_, kCounters);  // counters are read with those of a factorization, before the first solve
+  call("cudaMemsetAsync", [&] {
+    return cudaMemsetAsync(solve_control_.data(), 0, static_cast<std::size_t>(solve_control_.bytes()), stream_.get());
+  });
   take_solve_memory(1);
 }
 
@@ -133,10 +137,12 @@ void DeviceSide<T>::choose_shapes() {
       whole = std::max(whole, size * (size + 4) + p * (p + 4));
     }
   for (const bool wide : {false, true})
-    check(dispatch([&](auto kernel) { return decltype(kernel)::shape_for(wide, whole, shape_[wide ? 1 : 0]); }),
-          "launch shape of the factorization kernel");
+    call("launch shape of the factorization kernel", [&] {
+      return dispatch([&](auto kernel) { return decltype(kernel)::shape_for(wide, whole, shape_[wide ? 1 : 0]); });
+    });
   for (const bool many : {false, true})
-    check(SolveKernel<T>::resident(many, solve_shape_[many ? 1 : 0]), "launch shape of the solve kernel");
+    call("launch shape of the solve kernel",
+         [&] { return SolveKernel<T>::resident(many, solve_shape_[many ? 1 : 0]); });
 }
 
 template <class T>
@@ -221,15 +227,17 @@ void DeviceSide<T>::set_limits(const T (&limits)[2]) {
 template <class T>
 void DeviceSide<T>::copy_in(void* to, const void* from, Offset bytes) {
   if (bytes == 0) return;
-  check(cudaMemcpyAsync(to, from, static_cast<std::size_t>(bytes), cudaMemcpyHostToDevice, stream_.get()),
-        "cudaMemcpyAsync(to device)");
+  call("cudaMemcpyAsync(to device)", [&] {
+    return cudaMemcpyAsync(to, from, static_cast<std::size_t>(bytes), cudaMemcpyHostToDevice, stream_.get());
+  });
   stream_.wait();
 }
 
 template <class T>
 void DeviceSide<T>::copy_out(void* to, const void* from, Offset bytes) const {
-  check(cudaMemcpyAsync(to, from, static_cast<std::size_t>(bytes), cudaMemcpyDeviceToHost, stream_.get()),
-        "cudaMemcpyAsync(to host)");
+  call("cudaMemcpyAsync(to host)", [&] {
+    return cudaMemcpyAsync(to, from, static_cast<std::size_t>(bytes), cudaMemcpyDeviceToHost, stream_.get());
+  });
   stream_.wait();
 }
 
@@ -237,8 +245,8 @@ template <class T>
 void DeviceSide<T>::enqueue_clear_factor() {
   const auto clear = [&](auto& array) {
     if (array.size() > 0)
-      check(cudaMemsetAsync(array.data(), 0, static_cast<std::size_t>(array.bytes()), stream_.get()),
-            "cudaMemsetAsync");
+      call("cudaMemsetAsync",
+           [&] { return cudaMemsetAsync(array.data(), 0, static_cast<std::size_t>(array.bytes()), stream_.get()); });
   };
   clear(control_);
   if (context_.kind != Kind::llt) clear(marks_);
@@ -246,22 +254,25 @@ void DeviceSide<T>::enqueue_clear_factor() {
 
 template <class T>
 void DeviceSide<T>::enqueue_clear_solve(Index at_once) {
-  check(cudaMemsetAsync(solve_control_.data(), 0, static_cast<std::size_t>(solve_control_.bytes()), stream_.get()),
-        "cudaMemsetAsync");
+  call("cudaMemsetAsync", [&] {
+    return cudaMemsetAsync(solve_control_.data(), 0, static_cast<std::size_t>(solve_control_.bytes()), stream_.get());
+  });
   const Offset rows = 2 * n() + (common_.updates != nullptr ? 0 : static_cast<Offset>(context_.plan.relative.size()));
-  check(cudaMemsetAsync(vectors_.data(), 0xff, static_cast<std::size_t>(rows * at_once) * sizeof(T), stream_.get()),
-        "cudaMemsetAsync");
+  call("cudaMemsetAsync", [&] {
+    return cudaMemsetAsync(vectors_.data(), 0xff, static_cast<std::size_t>(rows * at_once) * sizeof(T), stream_.get());
+  });
 }
 
 template <class T>
 void DeviceSide<T>::enqueue_factor(bool skip_last_half) {
   const auto launch = [&](bool wide, std::int64_t first, std::int64_t end) {
     if (first >= end) return;
-    check(dispatch([&](auto kernel) {
-            return decltype(kernel)::launch(wide, shape_[wide ? 1 : 0], state_, static_cast<int>(first),
-                                            static_cast<int>(end), static_cast<int>(n()), stream_.get());
-          }),
-          "launch of the factorization kernel");
+    call("launch of the factorization kernel", [&] {
+      return dispatch([&](auto kernel) {
+        return decltype(kernel)::launch(wide, shape_[wide ? 1 : 0], state_, static_cast<int>(first),
+                                        static_cast<int>(end), static_cast<int>(n()), stream_.get());
+      });
+    });
   };
   const TaskLists& l = lists();
   auto end = static_cast<std::int64_t>(l.tasks.size());
@@ -278,7 +289,8 @@ void DeviceSide<T>::record_tasks() {
 
 template <class T>
 void DeviceSide<T>::clear_record() {
-  if (trace_.size() > 0) check(cudaMemset(trace_.data(), 0, static_cast<std::size_t>(trace_.bytes())), "cudaMemset");
+  if (trace_.size() > 0)
+    call("cudaMemset", [&] { return cudaMemset(trace_.data(), 0, static_cast<std::size_t>(trace_.bytes())); });
 }
 
 template <class T>
@@ -290,7 +302,8 @@ std::vector<TaskTime> DeviceSide<T>::task_times() const {
 
 template <class T>
 void DeviceSide<T>::enqueue_values_from(const DeviceSide& other) {
-  check(launch_copy(values_.data(), other.values_.data(), values_.size(), stream_.get()), "copy of the values");
+  call("copy of the values",
+       [&] { return launch_copy(values_.data(), other.values_.data(), values_.size(), stream_.get()); });
 }
 
 template <class T>
@@ -298,10 +311,12 @@ bool DeviceSide<T>::take_solve_memory(Index at_once) {
   if (at_once_ == at_once) return false;
   const Offset below = common_.updates != nullptr ? 0 : static_cast<Offset>(context_.plan.relative.size());
   const Offset size = (2 * n() + below) * at_once;
+  if (vectors_.size() < size) {
+    at_once_ = 0;
+    vectors_ = DeviceArray<T>();
+    vectors_ = DeviceArray<T>(size, budget_, needed_);
+  }
   at_once_ = at_once;
-  if (vectors_.size() >= size) return true;
-  vectors_ = DeviceArray<T>();
-  vectors_ = DeviceArray<T>(size, budget_, needed_);
   return true;
 }
 
@@ -341,15 +356,16 @@ void DeviceSide<T>::enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>
     s.peer_updates[d] = sides[d]->updates();
     s.peer_control[d] = common_.updates != nullptr ? solve_control_.data() : sides[d]->solve_control_.data();
   }
-  check(SolveKernel<T>::launch(many, solve_shape_[many ? 1 : 0], s, first_column, stream_.get()),
-        "launch of the solve kernel");
+  call("launch of the solve kernel",
+       [&] { return SolveKernel<T>::launch(many, solve_shape_[many ? 1 : 0], s, first_column, stream_.get()); });
 }
 
 template <class T>
 void DeviceSide<T>::enqueue_counters() {
   const auto copy = [&](int* to, const DeviceArray<int>& from) {
-    check(cudaMemcpyAsync(to, from.data(), kCounters * sizeof(int), cudaMemcpyDeviceToHost, stream_.get()),
-          "cudaMemcpyAsync(counters)");
+    call("cudaMemcpyAsync(counters)", [&] {
+      return cudaMemcpyAsync(to, from.data(), kCounters * sizeof(int), cudaMemcpyDeviceToHost, stream_.get());
+    });
   };
   copy(counters_.data(), control_);
   copy(counters_.data() + kCounters, solve_control_);

@@ -20,8 +20,8 @@ namespace espalier::device::cuda {
 class DeviceGuard {
  public:
   explicit DeviceGuard(int device) {
-    check(cudaGetDevice(&before_), "cudaGetDevice");
-    check(cudaSetDevice(device), "cudaSetDevice");
+    call("cudaGetDevice", [&] { return cudaGetDevice(&before_); });
+    call("cudaSetDevice", [&] { return cudaSetDevice(device); });
   }
   DeviceGuard(const DeviceGuard&) = delete;
   DeviceGuard& operator=(const DeviceGuard&) = delete;

@@ -1,0 +1,35 @@
+/// \file
+/// Faults for tests: one call of the CUDA runtime is refused without being made, as a driver might.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+namespace espalier::device::cuda {
+
+/// The calls of this process, counted; destructors' calls aside, which cannot fail.
+struct CallFaults {
+  std::atomic<std::int64_t> made{0};            ///< calls since the last arm()
+  std::atomic<std::int64_t> refused_number{0};  ///< 0: none is refused
+  std::atomic<const char*> refused{nullptr};    ///< name of the call that was refused since the last arm()
+
+  /// Refuses call number `number` from now on (1: the next one); 0: none.
+  void arm(std::int64_t number) {
+    made = 0;
+    refused = nullptr;
+    refused_number = number;
+  }
+  /// Counts a call. @returns true when it must not be made
+  bool refuses(const char* name) {
+    if (++made != refused_number) return false;
+    refused = name;
+    return true;
+  }
+};
+
+inline CallFaults& call_faults() {
+  static CallFaults faults;
+  return faults;
+}
+
+}  // namespace espalier::device::cuda

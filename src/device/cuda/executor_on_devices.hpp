@@ -1,0 +1,230 @@
+/// \file
+/// The executor of the CUDA backend on one GPU or several; its parts stand in cuda_executor.cpp (construction),
+/// executor_runs.cpp (factorizations) and executor_solve.cpp. For this backend alone: needs the CUDA runtime.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+#include <map>
+#include <span>
+#include <tuple>
+
+#include "base/timeline.hpp"
+#include "device/cuda/device_side.hpp"
+
+namespace espalier::device::cuda {
+
+/// One GPU or several. With one, a graph clears what the kernels need clear, and runs them. With several, a side may
+/// write to another one as soon as its kernels run, so everything is cleared after a run, when all have finished, and
+/// the next run begins when all are clear.
+template <class T>
+class ExecutorOnDevices final : public CudaExecutor<T> {
+  using Side = DeviceSide<T>;
+
+ public:
+  ExecutorOnDevices(const analysis::Plan& plan, Kind kind, const PivotRule& rule, const CudaOptions& options);
+
+  void set_pivot_rule(const PivotRule& rule) override {
+    smallest_ = rule.smallest;
+    const T limits[2] = {static_cast<T>(rule.tiny), static_cast<T>(1 / rule.threshold)};
+    if (limits_known_ && limits[0] == limits_[0] && limits[1] == limits_[1]) return;
+    limits_known_ = false;
+    for (const auto& side : sides_) at(*side, [&] { side->set_limits(limits); });
+    limits_[0] = limits[0];
+    limits_[1] = limits[1];
+    limits_known_ = true;
+  }
+
+  FactorOutcome factorize(std::span<const T> values) override;
+
+  FactorOutcome factorize_device(const T* values) override;
+
+  double refactorize_again() override {
+    if (several()) return run_on_all([&](Side& s) { launch_factor(s); }, [&] { clear_factor(); });
+    const DeviceGuard guard(first().device());
+    return first().stream().timed([&] { launch_factor(first()); });
+  }
+
+  void solve(T* x, Index columns, bool transpose) override;
+
+  double solve_device(T* x, Index columns, bool transpose) override;
+
+  T* device_rhs(Index columns) override;
+
+  void to_device(T* to, const T* from, Offset count) override {
+    at(first(), [&] { first().copy_in(to, from, count * static_cast<Offset>(sizeof(T))); });
+  }
+  void from_device(T* to, const T* from, Offset count) override {
+    at(first(), [&] { first().copy_out(to, from, count * static_cast<Offset>(sizeof(T))); });
+  }
+
+  [[nodiscard]] std::string name() const override {
+    if (!several()) return first().name();
+    return fmt::format("{} GPUs, the first {}", sides_.size(), first().name());
+  }
+  [[nodiscard]] Offset peak_bytes() const override {
+    Offset most = 0;
+    for (const auto& side : sides_) most = std::max(most, side->held());
+    return most;
+  }
+  [[nodiscard]] std::vector<DeviceWork> device_work() const override { return work_; }
+
+ private:
+  struct SolveKey {
+    T* x;
+    Index columns;
+    bool transpose;
+    int side;
+    Index first_column;
+    bool operator<(const SolveKey& o) const {
+      return std::tie(x, columns, transpose, side, first_column) <
+             std::tie(o.x, o.columns, o.transpose, o.side, o.first_column);
+    }
+  };
+
+  [[nodiscard]] bool several() const { return devices_.size() > 1; }
+  [[nodiscard]] Side& first() const { return *sides_.front(); }
+  template <class Use>
+  void at(const Side& side, Use&& use) const {
+    const DeviceGuard guard(side.device());
+    use();
+  }
+
+  [[nodiscard]] Error stalled(const char* what) const {
+    return {StatusCode::device_error,
+            fmt::format("the {} on {} was given up after waiting {} s for one of its own blocks", what, name(),
+                        options_.patience_seconds)};
+  }
+
+  // ---- construction ------------------------------------------------------------------------------------------------
+
+  // Access from every device to every other; where that is refused, memory on the host that all of them see.
+  void open_paths();
+
+  void take_common();
+
+  void add_side(int self);
+
+  void set_up_tests();
+
+  void enqueue_factorization(Side& side);
+
+  // ---- runs --------------------------------------------------------------------------------------------------------
+
+  void launch_factor(Side& side) { factor_graphs_[static_cast<std::size_t>(side.self())].launch(side.stream().get()); }
+
+  // Launches on every side and waits for all. What goes wrong on one ends the others. clear(): what the next run needs.
+  template <class Launch, class Clear>
+  double run_on_all(Launch&& launch, Clear&& clear) {
+    const double start = base::now_seconds();
+    std::string what;
+    const auto fail = [&](const Side& side, const char* text) {
+      if (what.empty()) what = fmt::format("{}: {}", side.name(), text);
+      for (const auto& other : sides_) other->abort();
+    };
+    for (const auto& side : sides_) side->stream().wait();  // clear of the run before
+    std::vector<char> running(sides_.size(), 0);
+    for (const auto& side : sides_) {
+      try {
+        at(*side, [&] { launch(*side); });
+        running[static_cast<std::size_t>(side->self())] = 1;
+      } catch (const Error& e) {
+        fail(*side, e.what());
+      }
+    }
+    for (auto left = std::count(running.begin(), running.end(), 1); left > 0;)
+      for (const auto& side : sides_) {
+        char& runs = running[static_cast<std::size_t>(side->self())];
+        if (runs == 0) continue;
+        const auto e = cudaStreamQuery(side->stream().get());
+        if (e == cudaErrorNotReady) continue;
+        runs = 0;
+        --left;
+        if (e != cudaSuccess) {
+          (void)cudaGetLastError();
+          fail(*side, cudaGetErrorString(e));
+        } else if (side->self() == options_.fail_device) {
+          fail(*side, "failed halfway, as asked for");
+        }
+      }
+    const double seconds = base::now_seconds() - start;
+    try {
+      clear();
+    } catch (const Error&) {
+      if (what.empty()) throw;  // else the first failure tells more
+    }
+    if (!what.empty()) throw Error(StatusCode::device_error, what);
+    return seconds;
+  }
+
+  void clear_factor() {
+    if (common_.flag != nullptr) std::fill(common_.flag, common_.flag + common_flag_.size(), 0);
+    for (const auto& side : sides_) at(*side, [&] { side->enqueue_clear_factor(); });
+  }
+  void clear_solve(Index at_once) {
+    if (common_.updates != nullptr)
+      std::memset(common_.updates, 0xff, static_cast<std::size_t>(common_updates_.size()) * sizeof(T));
+    for (const auto& side : sides_) at(*side, [&] { side->enqueue_clear_solve(at_once); });
+  }
+
+  FactorOutcome run_factorization();
+
+  [[nodiscard]] std::vector<std::vector<TaskTime>> task_times() const override;
+  [[nodiscard]] const DevicePlan& device_plan() const override { return tables_; }
+
+  // The devices' clocks have nothing in common: each device's first task counts as the begin of the run.
+  void record(double began);
+
+  void send_values();
+
+  void read_counters(FactorOutcome& out, bool& stopped);
+
+  void read_marks(FactorOutcome& out);
+
+  std::vector<Index> marked(bool failed);
+
+  // The determinant, and the positive pivots (llt) that count as zero.
+  void judge_pivots(FactorOutcome& out);
+
+  // ---- solve -------------------------------------------------------------------------------------------------------
+
+  void take_solve_memory(Index at_once);
+
+  template <class Record>
+  const Graph& solve_graph(const SolveKey& key, const Side& side, Record&& record);
+
+  // Every side works on a copy of the right-hand sides; solutions go to x, on the first device or wherever it lies.
+  double solve_on_all(T* x, Index columns, bool transpose);
+
+  void stage_rhs(const T* x, Offset count);
+
+  // Every row from the device that speaks for its front.
+  void collect_solution(T* x, Index columns);
+
+  const analysis::Plan& plan_;
+  Kind kind_;
+  CudaOptions options_;
+  std::vector<int> devices_;
+  DevicePlan tables_;
+  SideContext context_;
+  PinnedArray<T> common_top_, common_places_, common_pivot_, common_updates_;
+  PinnedArray<int> common_flag_;
+  CommonMemory<T> common_;
+  std::vector<std::unique_ptr<Side>> sides_;
+  DeviceArray<T> rhs_;
+  std::vector<DeviceArray<T>> side_rhs_;
+  std::vector<Graph> factor_graphs_;
+  std::map<SolveKey, Graph> solve_graphs_;
+  std::vector<DeviceWork> work_;
+  std::vector<std::vector<T>> pivots_host_;
+  T limits_[2] = {};
+  bool limits_known_ = false;
+  std::span<const double> smallest_;  // PivotRule::smallest
+  bool replaced_ = false, failed_ = false;
+  std::vector<double> moved_;  // devices; elements
+  Index at_once_ = 1;
+};
+
+}  // namespace espalier::device::cuda

@@ -1,0 +1,167 @@
+#if ESPALIER_WITH_CUDA
+
+#include <bit>
+#include <chrono>
+
+#include "device/cuda/executor_on_devices.hpp"
+#include "device/determinant.hpp"
+
+namespace espalier::device::cuda {
+
+template <class T>
+FactorOutcome ExecutorOnDevices<T>::factorize(std::span<const T> values) {
+  to_device(first().values(), values.data(), static_cast<Offset>(values.size()));
+  return run_factorization();
+}
+
+template <class T>
+FactorOutcome ExecutorOnDevices<T>::factorize_device(const T* values) {
+  at(first(), [&] {
+    call("cudaMemcpyAsync(values)", [&] {
+      return cudaMemcpyAsync(first().values(), values, static_cast<std::size_t>(first().values_size()) * sizeof(T),
+                             cudaMemcpyDefault, first().stream().get());
+    });
+    if (several()) first().stream().wait();
+  });
+  return run_factorization();
+}
+
+template <class T>
+FactorOutcome ExecutorOnDevices<T>::run_factorization() {
+  FactorOutcome out;
+  bool stopped = false;
+  if (options_.timeline != nullptr)
+    for (const auto& side : sides_) at(*side, [&] { side->clear_record(); });
+  const double began = base::now_seconds();
+  if (several()) {
+    if (common_.top != nullptr) send_values();
+    // Counters are on the host when a run ends; marks are read before they are cleared.
+    out.seconds = run_on_all([&](Side& s) { launch_factor(s); },
+                             [&] {
+                               read_counters(out, stopped);
+                               read_marks(out);
+                               clear_factor();
+                             });
+  } else {
+    const DeviceGuard guard(first().device());
+    out.seconds = first().stream().timed([&] { launch_factor(first()); });
+    first().enqueue_counters();
+    first().stream().wait();
+    read_counters(out, stopped);
+    read_marks(out);
+  }
+  if (options_.timeline != nullptr) record(began);
+  if (stopped) throw stalled("factorization");
+  if (out.not_positive < 0) judge_pivots(out);
+  return out;
+}
+
+template <class T>
+std::vector<std::vector<TaskTime>> ExecutorOnDevices<T>::task_times() const {
+  std::vector<std::vector<TaskTime>> times;
+  if (options_.timeline != nullptr)
+    for (const auto& side : sides_) at(*side, [&] { times.push_back(side->task_times()); });
+  return times;
+}
+
+template <class T>
+void ExecutorOnDevices<T>::record(double began) {
+  constexpr const char* kNames[] = {"whole front", "diagonal tile", "row block"};
+  const auto times = task_times();
+  for (std::size_t d = 0; d < times.size(); ++d) {
+    std::uint64_t first = ~std::uint64_t{0};
+    for (const TaskTime& t : times[d])
+      if (t.end != 0) first = std::min(first, t.begin);
+    std::vector<int> tracks;  // by block
+    for (std::size_t k = 0; k < times[d].size(); ++k) {
+      const TaskTime& t = times[d][k];
+      if (t.end == 0) continue;
+      const FactorTask& task = tables_.lists[d].tasks[k];
+      if (t.block >= tracks.size()) tracks.resize(t.block + 1, -1);
+      int& track = tracks[t.block];
+      if (track < 0) track = options_.timeline->add_track(sides_[d]->name(), fmt::format("block {}", t.block));
+      options_.timeline->record(
+          track, {kNames[static_cast<int>(task.work)], task.front, task.block, task.column,
+                  began + 1e-9 * static_cast<double>(t.begin - first),
+                  began + 1e-9 * static_cast<double>(t.end - first), 0, 0, 1e-9 * static_cast<double>(t.waited)});
+    }
+  }
+}
+
+template <class T>
+void ExecutorOnDevices<T>::send_values() {
+  std::vector<T> values(static_cast<std::size_t>(context_.values));
+  const Offset bytes = context_.values * static_cast<Offset>(sizeof(T));
+  at(first(), [&] { first().copy_out(values.data(), first().values(), bytes); });
+  for (const auto& side : sides_)
+    if (side->self() != 0) at(*side, [&] { side->copy_in(side->values(), values.data(), bytes); });
+}
+
+template <class T>
+void ExecutorOnDevices<T>::read_counters(FactorOutcome& out, bool& stopped) {
+  const Index n = plan_.tree.n;
+  work_.clear();
+  replaced_ = failed_ = false;
+  for (const auto& side : sides_) {
+    const int* c = side->factor_counters();
+    stopped = stopped || c[kAborted] != 0;
+    if (c[kNotPositive] > 0) {
+      const Index at = n - c[kNotPositive];
+      out.not_positive = out.not_positive < 0 ? at : std::min(out.not_positive, at);
+    }
+    out.negative += c[kNegative];
+    out.two_by_two += c[kTwoByTwo];
+    replaced_ = replaced_ || c[kReplaced] > 0;
+    failed_ = failed_ || c[kFailed] > 0;
+    std::uint64_t taken = 0, waited = 0;
+    std::memcpy(&taken, c + kBusy, sizeof taken);
+    std::memcpy(&waited, c + kWaited, sizeof waited);
+    const auto bytes = static_cast<Offset>(moved_[static_cast<std::size_t>(side->self())] * sizeof(T));
+    const double waiting = 1e-9 * static_cast<double>(waited), busy = 1e-9 * static_cast<double>(taken) - waiting;
+    out.busy_seconds += busy / static_cast<double>(sides_.size());
+    out.waiting_seconds += waiting / static_cast<double>(sides_.size());
+    if (several()) work_.push_back({side->name(), busy, waiting, c[kStolen], side->held(), bytes});
+  }
+}
+
+template <class T>
+void ExecutorOnDevices<T>::read_marks(FactorOutcome& out) {
+  if (replaced_) out.replaced = marked(false);
+  if (failed_) out.failed = marked(true);
+}
+
+template <class T>
+std::vector<Index> ExecutorOnDevices<T>::marked(bool failed) {
+  std::vector<unsigned char> marks;
+  for (const auto& side : sides_) at(*side, [&] { side->marked(failed, marks); });
+  std::vector<Index> list;
+  for (std::size_t k = 0; k < marks.size(); ++k)
+    if (marks[k] != 0) list.push_back(static_cast<Index>(k));
+  return list;
+}
+
+template <class T>
+void ExecutorOnDevices<T>::judge_pivots(FactorOutcome& out) {
+  Determinant determinant;
+  pivots_host_.resize(sides_.size());
+  for (const auto& side : sides_)
+    at(*side, [&] { side->pivots(pivots_host_[static_cast<std::size_t>(side->self())]); });
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    const auto& pivots = pivots_host_[static_cast<std::size_t>(std::countr_zero(tables_.fronts[f].members))];
+    for (Index k = plan_.tree.first[f]; k < plan_.tree.first[f + 1]; ++k) {
+      const T p = pivots[static_cast<std::size_t>(k)];
+      determinant.multiply(static_cast<double>(p));
+      if (!smallest_.empty() && static_cast<double>(p) <= smallest_[static_cast<std::size_t>(k)])
+        out.replaced.push_back(k);
+    }
+  }
+  out.determinant_sign = determinant.sign();
+  out.determinant_log = determinant.log();
+}
+
+template class ExecutorOnDevices<double>;
+template class ExecutorOnDevices<float>;
+
+}  // namespace espalier::device::cuda
+
+#endif

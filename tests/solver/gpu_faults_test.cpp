@@ -1,0 +1,126 @@
+// Faults on the GPU: every CUDA call of a run refused in turn, and a GPU whose memory others use. Truth: the name of
+// the refused call in the message, and an independent residual of the answer that the same solver gives afterwards.
+#include <gtest/gtest.h>
+
+#include "device/cuda/cuda_executor.hpp"
+#include "espalier/espalier.hpp"
+#include "reference/reference.hpp"
+
+#if ESPALIER_WITH_CUDA
+#include <cuda_runtime_api.h>
+
+#include "device/cuda/cuda_faults.hpp"
+#include "matrix/generators/generate.hpp"
+#include "matrix/residual.hpp"
+
+namespace espalier {
+namespace {
+
+using reference::Values;
+
+class GpuFaults : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto found = device::cuda::available_devices();
+    if (found.devices.empty()) GTEST_SKIP() << found.reason;
+  }
+  void TearDown() override { device::cuda::call_faults().arm(0); }
+};
+
+// Analysis aside, all that a user does. The first status that is not ok; x is the last answer.
+Status run(Solver& s, const SparseMatrix& a, std::vector<double>& x) {
+  const std::vector<double> b(x.size(), 1.0);
+  if (const FactorResult f = s.factorize(a); !f.status.ok()) return f.status;
+  if (const FactorResult f = s.refactorize(a.values); !f.status.ok()) return f.status;
+  if (const SolveResult r = s.solve(b, x); !r.status.ok()) return r.status;
+  return s.solve(b, x).status;
+}
+
+double error_of(const SparseMatrix& a, const std::vector<double>& x) {
+  base::ThreadPool pool(1);
+  return matrix::backward_errors(a, x, std::vector<double>(x.size(), 1.0), 1, Transpose::no, &pool).normwise;
+}
+
+TEST_F(GpuFaults, EveryCallRefusedInTurnIsNamedAndLeavesTheSolverUsable) {
+  auto& faults = device::cuda::call_faults();
+  const struct {
+    const char* name;
+    SparseMatrix a;
+  } systems[] = {{"llt", reference::random_system(300, 6, Values::positive, 1)},
+                 {"ldlt", reference::saddle_point(200, 40, 2)},
+                 {"lu", reference::random_system(250, 6, Values::general, 3)}};
+  for (const auto& [name, a] : systems) {
+    const double bound = 100 * 2.3e-16 * a.rows;
+    std::vector<double> x(static_cast<std::size_t>(a.rows));
+    Options o;
+    o.device = "gpu:0";
+    o.threads = 2;
+    std::int64_t calls = 0;
+    {
+      Solver s(o);
+      ASSERT_TRUE(s.analyze(a).status.ok());
+      faults.arm(0);
+      ASSERT_TRUE(run(s, a, x).ok());
+      calls = faults.made;
+    }
+    ASSERT_GT(calls, 50) << "the calls are counted";
+    int refusals = 0;
+    for (std::int64_t k = 1; k <= calls; ++k) {
+      SCOPED_TRACE(::testing::Message() << name << ", call " << k << " of " << calls);
+      Solver s(o);
+      ASSERT_TRUE(s.analyze(a).status.ok());
+      faults.arm(k);
+      const Status status = run(s, a, x);
+      const char* const refused = faults.refused;
+      faults.arm(0);
+      ASSERT_NE(refused, nullptr) << "a run makes the same calls every time";
+      if (status.ok()) {  // refused memory: it went on with less of it
+        EXPECT_NE(std::string(refused).find("lloc"), std::string::npos) << refused << " was refused in silence";
+        EXPECT_LE(error_of(a, x), bound) << refused;
+      } else {
+        ++refusals;
+        const bool memory = status.code == StatusCode::out_of_memory;
+        EXPECT_TRUE(memory || status.code == StatusCode::device_error) << refused << ": " << status.message;
+        EXPECT_TRUE(memory || status.message.find(refused) != std::string::npos) << refused << ": " << status.message;
+      }
+      const Status again = run(s, a, x);
+      ASSERT_TRUE(again.ok()) << "after " << refused << ": " << again.message;
+      EXPECT_LE(error_of(a, x), bound) << "after " << refused;
+    }
+    EXPECT_GT(refusals, calls / 2) << "most calls cannot be done without";
+  }
+}
+
+TEST_F(GpuFaults, MemoryThatOthersUseMakesTheFactorizationStream) {
+  const SparseMatrix a = matrix::generate(matrix::parse_generator({"elasticity", "24"}));
+  std::size_t free = 0, total = 0;
+  ASSERT_EQ(cudaMemGetInfo(&free, &total), cudaSuccess);
+  constexpr std::size_t kLeft = std::size_t{192} << 20;
+  ASSERT_GT(free, 4 * kLeft);
+  void* others = nullptr;
+  ASSERT_EQ(cudaMalloc(&others, free - kLeft), cudaSuccess);
+  Options o;
+  o.device = "gpu:0";
+  Solver s(o);
+  EXPECT_TRUE(s.analyze(a).status.ok());
+  std::vector<double> x(static_cast<std::size_t>(a.rows));
+  const Status crowded = run(s, a, x);
+  EXPECT_TRUE(crowded.ok()) << crowded.message;
+  EXPECT_LE(error_of(a, x), 1e-13);
+  const FactorResult f = s.refactorize(a.values);
+  EXPECT_TRUE(f.status.ok()) << f.status.message;
+  if (!f.devices.empty()) {
+    EXPECT_LE(f.devices.front().peak_bytes, static_cast<Offset>(kLeft));
+  }
+  EXPECT_EQ(cudaFree(others), cudaSuccess);
+  Solver alone(o);
+  EXPECT_TRUE(alone.analyze(a).status.ok());
+  const FactorResult g = alone.factorize(a);
+  ASSERT_TRUE(g.status.ok()) << g.status.message;
+  EXPECT_GT(g.devices.front().peak_bytes, static_cast<Offset>(kLeft)) << "the system does not fit into what was left";
+}
+
+}  // namespace
+}  // namespace espalier
+
+#endif
