@@ -6,7 +6,7 @@ by von Mises stress or by the displacement from the initial state, and a curve o
     python3 scripts/draw_model.py RESULTS --out picture.png --view 20 -60 --times 0.01 0.02 --curve pin.force.norm
 
 RESULTS is the folder given to --out of simulate. --look takes times, view and curve of one of the models in models/.
-Needs numpy, matplotlib, pillow.
+Needs numpy, matplotlib, pillow (the group "pictures" of scripts/packages.txt).
 """
 import argparse
 import csv
@@ -50,6 +50,7 @@ class Look:
     view: tuple = (25.0, -60.0)       # elevation and azimuth of the eye, degrees
     up: str = "z"                     # axis that points up in the picture
     colour: str = "von_mises"         # or displacement, velocity
+    unit: tuple = ()                  # label of the bar and factor, where the model is not in SI units
     most: float = 0.0                 # end of the colour scale in the unit of the bar; 0: 99.5 % of the faces are below
     mesh: float = 0.25                # width of the mesh lines, points; 0: none
     across: bool = True               # two frames stand side by side, else one above the other
@@ -82,10 +83,22 @@ LOOKS = {
                   factors=(1, 1e3), size=(8.0, 5.6), share=0.6),
     "real-engine": Look(times=(0.0185, 0.0225), view=(24, 50), curve=("crank_pin.force.norm",),
                         axes=("time, ms", "force on the crank pin, N"), factors=(1e3, 1), size=(8.0, 4.8), share=0.5),
+    "real-wheelset": Look(times=(0.008, 0.012), view=(18, -62), curve=("suspension_left.force.z", "suspension_right.force.z"),
+                          names=("left", "right"), axes=("time, ms", "force of the\nsuspension, kN"), factors=(1e3, 1e-3),
+                          size=(8.0, 4.6), share=0.55, mesh=0.15),
+    "real-slot": Look(times=(0.0018, 0.0034), view=(40, -65), curve=("clamp.force.x",), unit=("von Mises stress, psi", 1.0),
+                      axes=("time, ms", "force in the\nclamp, lbf"), factors=(1e3, 1), size=(8.0, 4.8), share=0.45, mesh=0.1),
+    "real-tyre": Look(times=(0.05, 0.2), view=(20, -35), curve=("motor.moment.x",), axes=("time, s", "moment of the\nmotor, N m"),
+                      size=(8.0, 5.2), share=0.4, mesh=0.15),
 }
 
 UNITS = {"von_mises": ("von Mises stress, MPa", 1e-6), "displacement": ("displacement, mm", 1e3),
          "velocity": ("speed, m/s", 1.0)}
+
+
+def unit_of(look):
+    """Label of the colour bar and the factor from the model's unit to it."""
+    return look.unit or UNITS[look.colour]
 
 
 def read_vtu(path):
@@ -155,9 +168,8 @@ def axes_of_view(look):
     return frame if look.up == "z" else frame[:, [0, 2, 1]] * np.array([1, 1, -1])  # y up: (x, y, z) = (x, z', -y')
 
 
-def face_values(frame, faces, cells, name):
+def face_values(frame, faces, cells, name, factor):
     """One number for every face. Stress: averaged over the cells at every node first; NaN for rigid bodies."""
-    label, factor = UNITS[name]
     if name in ("displacement", "velocity"):
         at_point = np.linalg.norm(frame[name], axis=1)
         return [factor * at_point[f].mean(axis=1) for f in faces]
@@ -187,7 +199,7 @@ def polygons(frame, look):
     light = np.array([-0.35, 0.6, 0.72])
     light /= np.linalg.norm(light)
     flat, depth, value, bright, own = [], [], [], [], []
-    for f, v in zip(faces, face_values(frame, faces, cells, look.colour)):
+    for f, v in zip(faces, face_values(frame, faces, cells, look.colour, unit_of(look)[1])):
         p = points[f]
         following = np.roll(p, -1, axis=1)
         normal = np.cross(p, following).sum(axis=1)
@@ -271,7 +283,7 @@ def draw(folder, out, look):
     times, files = read_series(folder)
     chosen = [int(np.argmin(abs(times - t))) for t in look.times] or [len(times) - 1]
     shapes = [polygons(read_vtu(files[i]), look) for i in chosen]
-    label, _ = UNITS[look.colour]
+    label, _ = unit_of(look)
     every = np.concatenate([s[1] for s in shapes])
     most = look.most or float(np.nanpercentile(every, 99.5)) or 1.0
     if label.endswith("MPa") and most < 0.5:
