@@ -1,27 +1,13 @@
-// A pendulum from a text, run step by step; the hinge pulls three times the weight when it passes the bottom.
+// A pendulum (examples/pendulum.toml, or the model that is named) run step by step; the hinge pulls three times the
+// weight when it passes the bottom.
 #include <cmath>
 #include <cstdio>
 
 #include "espalier/dynamics.hpp"
 
-int main() {
-  const char* model = R"(
-gravity = [0, -10, 0]
-[bodies.bob]
-type = "rigid"
-mass = 2
-inertia = [1e-9, 1e-9, 1e-9]
-position = [1, 0, 0]
-[joints.hinge]
-type = "revolute"
-bodies = ["ground", "bob"]
-at = [0, 0, 0]
-[integrator]
-relative = 1e-8
-end = 1
-)";
+int main(int argc, char** argv) {
   espalier::Simulation simulation;
-  espalier::Status status = simulation.load_text(model, "pendulum");
+  espalier::Status status = simulation.load(argc > 1 ? argv[1] : "pendulum.toml");
   double pull = 0;
   if (status.ok()) {
     status = simulation.run([&](const espalier::SimulationStep&) {

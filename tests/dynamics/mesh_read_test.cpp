@@ -343,6 +343,15 @@ TEST(RealMeshes, CountsAndJacobians) {
   EXPECT_EQ(wheel.element_count(), 32538 - 21367);
   EXPECT_NEAR(wheel.materials.at(0).young, 6.1e6, 1e-3);
   EXPECT_FALSE(wheel.node_set("BC_RIMTIRE").empty());
+  EXPECT_EQ(wheel.face_set("BC_SURF").size(), 548U);  // counted by another program (numpy)
+  EXPECT_NE(corner_folds(wheel, {}).find("96 elements of second order folded at a corner, the first is element 427"),
+            std::string::npos)
+      << corner_folds(wheel, {});
+  EXPECT_NO_THROW(static_cast<void>(make_solid_groups(wheel, {}, {SolidLaw::st_venant_kirchhoff, 1, 0.3, 1})));
+  const Mesh slot = read_mesh((folder / "tacs_slot.bdf.gz").string());
+  EXPECT_EQ(slot.node_set("FORCE-1").size(), 72U);
+  EXPECT_EQ(slot.node_set("SPC-1").size(), 400U);
+  EXPECT_EQ(slot.materials.at(0).young, 2.9e7);
   const std::pair<const char*, const char*> refused[] = {
       {"ccx_furnace.inp", "element type D"},  // a network element
       {"nastran_contact_model1.bdf", "element 646 has 9 grid points, but number 10 is empty"}};

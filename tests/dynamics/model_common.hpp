@@ -13,22 +13,16 @@
 
 namespace espalier::dynamics {
 
-/// A pendulum: a rigid bob at distance 1 from a hinge about z, released at rest from the horizontal.
-inline const std::string kPendulum = R"(gravity = [0, -10, 0]
-[bodies.bob]
-type = "rigid"
-mass = 2
-inertia = [1e-9, 1e-9, 1e-9]
-position = [1, 0, 0]
-[joints.hinge]
-type = "revolute"
-bodies = ["ground", "bob"]
-at = [0, 0, 0]
-[integrator]
-relative = 1e-10
-absolute = 1e-10
-end = 1
-)";
+inline std::string content_of(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream out;
+  out << in.rdbuf();
+  return out.str();
+}
+
+/// The pendulum of the examples: released at rest from the horizontal at distance 1 from its hinge, gravity 10, mass 2.
+inline const std::string kPendulum =
+    content_of((std::filesystem::path(__FILE__).parent_path() / "../../examples/pendulum.toml").string());
 
 /// Loads and runs; fails the test with the message of the status.
 inline Simulation simulated(const std::string& text, SimulationOptions options = {}) {
@@ -57,12 +51,5 @@ class ScratchFolder {
  private:
   std::string path_;
 };
-
-inline std::string content_of(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::ostringstream out;
-  out << in.rdbuf();
-  return out.str();
-}
 
 }  // namespace espalier::dynamics

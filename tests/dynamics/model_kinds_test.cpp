@@ -106,36 +106,25 @@ nx = 20
 ny = 1
 thickness = 0.02
 material = { young = 1e9, poisson = 0, density = 500 }
-[joints.w0]
-type = "spherical"
-a = { body = "ground" }
-b = { body = "plate", node = 1 }
-[joints.w1]
-type = "spherical"
-a = { body = "ground", point = [0, 0.1, 0] }
-b = { body = "plate", node = 22 }
-[joints.w2]
-type = "prescribed"
-direction = "z"
-a = { body = "ground" }
-b = { body = "plate", node = 21 }
-motion = 0
-[joints.w3]
-type = "prescribed"
-direction = "z"
-a = { body = "ground" }
-b = { body = "plate", node = 42 }
-motion = 0
 [markers.middle]
 body = "plate"
 node = 11
-[forces.f0]
+[[repeat]]
+index = "side"
+to = 1
+[repeat.joints."hold{side}"]
+type = "spherical"
+a = { body = "ground", point = [0, "0.1*side", 0] }
+b = { body = "plate", node = "1 + 21*side" }
+[repeat.joints."rest{side}"]
+type = "prescribed"
+direction = "z"
+a = { body = "ground" }
+b = { body = "plate", node = "21 + 21*side" }
+motion = 0
+[repeat.forces."half{side}"]
 type = "load"
-a = "middle"
-force = [0, 0, -0.5]
-[forces.f1]
-type = "load"
-a = { body = "plate", node = 32 }
+a = { body = "plate", node = "11 + 21*side" }
 force = [0, 0, -0.5]
 )" + kStiffStatics);
   EXPECT_NEAR(s.value("plate.mass"), 500 * 0.1 * 0.02, 1e-12);
@@ -159,6 +148,8 @@ end = 0.01
 )";
   const std::string pair = "bodies = [\"one\", \"two\"]\nat = [0.5, 0, 0]\n";
   const std::string apart = "a = { body = \"one\" }\nb = { body = \"two\" }\n";
+  const std::string four =
+      "a = { body = \"ground\" }\nb = { body = \"one\" }\nc = { body = \"ground\" }\nd = { body = \"two\" }\n";
   struct Case {
     std::string type, keys;
     int freedom;
@@ -177,14 +168,8 @@ end = 0.01
       {"rotation-motor", apart + "motion = \"t\"\n", 11},
       {"translation-motor", apart + "motion = \"0.1*t^2\"\n", 11},
       {"prescribed", apart + "direction = \"x\"\nmotion = \"t\"\nfrom = \"initial\"\n", 11},
-      {"gear",
-       "a = { body = \"ground\" }\nb = { body = \"one\" }\nc = { body = \"ground\" }\nd = { body = \"two\" }\nratio = "
-       "2\n",
-       11},
-      {"rack-and-pinion",
-       "a = { body = \"ground\" }\nb = { body = \"one\" }\nc = { body = \"ground\" }\nd = { body = \"two\" }\nradius = "
-       "0.2\n",
-       11}};
+      {"gear", four + "ratio = 2\n", 11},
+      {"rack-and-pinion", four + "radius = 0.2\n", 11}};
   for (const Case& c : cases) {
     const Simulation s = simulated(bodies + "type = \"" + c.type + "\"\n" + c.keys);
     EXPECT_EQ(s.summary().degrees_of_freedom, c.freedom) << c.type;
