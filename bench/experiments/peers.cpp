@@ -23,7 +23,7 @@ Words systems_of(const std::string& set) {
 }
 
 const char* const kOurs = "espalier:device=gpu:0";
-const char* const kOursResident = "espalier:device=gpu:0+resident";
+const char* const kOursResident = "espalier:device=gpu:0+resident+refine=0";  // as cuDSS: no refinement
 
 /// The tables of the GPU (docs/performance.md). What takes longest stands last, so that a limit of time costs least:
 /// everything that is small in turns; then the large systems on the GPU in turns; then PARDISO, whose factorizations of
@@ -52,7 +52,7 @@ std::vector<Stage> gpus_stages(int gpus) {
   std::string list = "gpu:0";
   for (int k = 1; k < gpus; ++k) list += fmt::format(",{}", k);
   const std::string several = fmt::format("cudss:gpus={}", gpus);
-  const Words rivals = {kOursResident, fmt::format("espalier:device={}+resident", list), "cudss", several};
+  const Words rivals = {kOursResident, fmt::format("espalier:device={}+resident+refine=0", list), "cudss", several};
   std::vector<Stage> stages = {{rivals, {"kkt 20", "elasticity 64", "kkt 400 10 8 8", "plate 1200"}, 3, 1, 1}};
   for (const std::string& rival : {rivals[1], several, rivals[0], rivals[2]})  // they do not fit side by side
     stages.push_back({{rival}, {"elasticity 96"}, 1, 1, 1});
