@@ -29,22 +29,25 @@ const char* const kOursResident = "espalier:device=gpu:0+resident+refine=0";  //
 /// everything that is small in turns; then the large systems on the GPU in turns; then PARDISO, whose factorizations of
 /// them take up to minutes, with the first factorization alone, and cuDSS's other modes.
 std::vector<Stage> gpu_stages() {
-  const Words gpu = {kOurs, kOursResident, "cudss", "cudss:deterministic", "cudss:hybrid"};
-  const Words modes = {"cudss:deterministic", "cudss:hybrid"};
-  Words all = gpu;
-  all.emplace_back("pardiso");
-  std::vector<Stage> stages = {
+  const Words ours_and_cudss = {kOurs, kOursResident, "cudss"}, modes = {"cudss:deterministic", "cudss:hybrid"};
+  Words peers = ours_and_cudss;
+  peers.emplace_back("pardiso");
+  Words all = peers;
+  all.insert(all.end(), modes.begin(), modes.end());
+  return {
       {all, {"kkt 1000 2 1 1", "kkt 200 3 2 2", "kkt 2", "kkt 20"}, 5, 2, 1},
-      {all, {"elasticity 20", "gyroscopic 24", "elasticity 40"}, 3, 1, 32},
-      {all, {"plate 600", "kkt 400 10 8 8"}, 2, 1, 1},
-      {gpu, {"gyroscopic 48"}, 3, 1, 1},
-      {{kOursResident, "cudss"}, {"elasticity 64", "plate 1200", "elasticity 64 as ldlt", "elasticity 80"}, 3, 1, 1},
-      {{"pardiso"}, {"gyroscopic 48"}, 0, 1, 1}};
-  for (const char* system : {"elasticity 64", "plate 1200", "elasticity 64 as ldlt", "elasticity 80"}) {
-    stages.push_back({{"pardiso"}, {system}, 0, 1, 1});
-    for (const std::string& mode : modes) stages.push_back({{mode}, {system}, 1, 1, 1});
-  }
-  return stages;
+      {peers, {"elasticity 40"}, 3, 1, 32},
+      {peers, {"plate 600", "kkt 400 10 8 8"}, 2, 1, 1},
+      {ours_and_cudss, {"gyroscopic 48"}, 3, 1, 1},
+      {{kOursResident, "cudss"}, {"elasticity 64", "plate 1200", "elasticity 64 as ldlt", "elasticity 80"}, 2, 1, 1},
+      {{"pardiso"}, {"gyroscopic 48", "elasticity 64"}, 0, 1, 1},
+      {modes, {"elasticity 40", "plate 600", "kkt 400 10 8 8", "gyroscopic 48"}, 1, 1, 1},
+      {{"cudss:hybrid"}, {"elasticity 64"}, 1, 1, 1},
+      {{"pardiso"}, {"plate 1200", "elasticity 64 as ldlt"}, 0, 1, 1},
+      {all, {"elasticity 20", "gyroscopic 24"}, 3, 1, 32},
+      {{"cudss:deterministic"}, {"elasticity 64", "plate 1200", "elasticity 64 as ldlt", "elasticity 80"}, 1, 1, 1},
+      {{"cudss:hybrid"}, {"plate 1200", "elasticity 64 as ldlt", "elasticity 80"}, 1, 1, 1},
+      {{"pardiso"}, {"elasticity 80"}, 0, 1, 1}};
 }
 
 /// All GPUs of this machine beside one: ours and cuDSS.
@@ -80,6 +83,8 @@ void gather_systems(nlohmann::json& rows) {
 
 void run_stages(Bench& bench, const std::vector<Stage>& stages) {
   const Settings& settings = bench.settings();
+  for (const char* key : {"repetitions", "analyses", "right_hand_sides"})
+    bench.document()["settings"][key] = "by stage; see the samples of each row";
   for (const Stage& stage : stages) {
     Plan& plan = bench.plan();
     plan.repetitions = settings.repetitions > 0 ? settings.repetitions : stage.repetitions;
@@ -87,9 +92,12 @@ void run_stages(Bench& bench, const std::vector<Stage>& stages) {
     plan.columns = stage.columns;
     std::vector<Contestant> contestants;
     for (const std::string& rival : stage.rivals) contestants.push_back({rival});
-    for (const std::string& system : stage.systems) bench.measure(system, contestants);
+    for (const std::string& system : stage.systems) {
+      bench.measure(system, contestants);
+      gather_systems(bench.document()["rows"]);
+      bench.save();
+    }
   }
-  gather_systems(bench.document()["rows"]);
 }
 
 }  // namespace
