@@ -2,6 +2,9 @@
 // the refused call in the message, and an independent residual of the answer that the same solver gives afterwards.
 #include <gtest/gtest.h>
 
+#include <string>
+#include <vector>
+
 #include "device/cuda/cuda_executor.hpp"
 #include "espalier/espalier.hpp"
 #include "reference/reference.hpp"
@@ -92,7 +95,7 @@ TEST_F(GpuFaults, EveryCallRefusedInTurnIsNamedAndLeavesTheSolverUsable) {
 }
 
 TEST_F(GpuFaults, MemoryThatOthersUseMakesTheFactorizationStream) {
-  const SparseMatrix a = matrix::generate(matrix::parse_generator({"elasticity", "24"}));
+  const SparseMatrix a = matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", "24"}));
   std::size_t free = 0, total = 0;
   ASSERT_EQ(cudaMemGetInfo(&free, &total), cudaSuccess);
   constexpr std::size_t kLeft = std::size_t{192} << 20;
