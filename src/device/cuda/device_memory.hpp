@@ -185,12 +185,13 @@ class Graph {
     cudaGraph_t graph = nullptr;
     try {
       work();
+      call("cudaStreamEndCapture", [&] { return cudaStreamEndCapture(stream, &graph); });
     } catch (...) {
-      (void)cudaStreamEndCapture(stream, &graph);
+      (void)cudaStreamEndCapture(stream, &graph);  // else the stream would go on recording
+      (void)cudaGetLastError();
       if (graph != nullptr) (void)cudaGraphDestroy(graph);
       throw;
     }
-    call("cudaStreamEndCapture", [&] { return cudaStreamEndCapture(stream, &graph); });
     Graph g;
     const auto e = attempt("cudaGraphInstantiate", [&] { return cudaGraphInstantiate(&g.exec_, graph, 0); });
     (void)cudaGraphDestroy(graph);
