@@ -95,6 +95,10 @@ class Curve {
     row["check"].update({{"setup_seconds", setup},
                          {"link_seconds", r.link_seconds},
                          {"predicted_seconds", r.predicted_seconds},
+                         {"steps_seconds", r.times.steps},
+                         {"assembly_seconds", r.times.assembly},
+                         {"updates_seconds", r.times.updates},
+                         {"own_pivots_seconds", r.times.own_pivots},
                          {"copy_in_seconds", r.copy_in_seconds},
                          {"copy_out_seconds", r.copy_out_seconds}});
     factor_bytes_ = std::max(factor_bytes_, r.bytes_out);
@@ -148,7 +152,11 @@ class Curve {
 
  private:
   [[nodiscard]] analysis::StreamRates rates() const {
-    return {.lanes = settings_.lanes, .step = settings_.step, .group = settings_.group};
+    analysis::StreamRates rates = device::cuda::cuda_stream_rates(c_.kind);
+    rates.lanes = settings_.lanes;
+    rates.step = settings_.step;
+    rates.group = settings_.group;
+    return rates;
   }
 
   // Sums over the devices; of peaks, times and predictions the most.
@@ -240,11 +248,14 @@ class Curve {
     if (check.contains("link_seconds"))
       fmt::print(
           " | link {:.1f} ms, predicted {:.1f} ms, in {:.2f} out {:.2f} GB, host copies in {:.0f} out {:.0f} ms, {} "
-          "steps {} groups, setup {:.1f} s",
+          "steps {} groups, setup {:.1f} s; first device: steps {:.0f}, assembly {:.0f}, updates {:.0f}, own pivots "
+          "{:.0f} ms",
           1e3 * check["link_seconds"].get<double>(), 1e3 * check["predicted_seconds"].get<double>(),
           where["bytes_in"].get<double>() * 1e-9, where["bytes_out"].get<double>() * 1e-9,
           1e3 * check["copy_in_seconds"].get<double>(), 1e3 * check["copy_out_seconds"].get<double>(),
-          where["steps"].get<Index>(), where["groups"].get<Index>(), check["setup_seconds"].get<double>());
+          where["steps"].get<Index>(), where["groups"].get<Index>(), check["setup_seconds"].get<double>(),
+          1e3 * check["steps_seconds"].get<double>(), 1e3 * check["assembly_seconds"].get<double>(),
+          1e3 * check["updates_seconds"].get<double>(), 1e3 * check["own_pivots_seconds"].get<double>());
     fmt::print("{}\n", is_good ? "" : "  FAILED");
     std::fflush(stdout);
   }

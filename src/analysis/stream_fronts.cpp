@@ -276,7 +276,7 @@ void FrontProgrammer::finish(const Group& g) {
   const Index f = c.front, pivots = p_.plan.layout[f].pivot_tiles, end = std::min(c.end, pivots);
   const FrontLayout& l = p_.plan.layout[f];
   const double depth = c.begin < end ? l.begin(end) - l.begin(c.begin) : 0;
-  run(g, StreamWork::eliminate_group, g.op, {}, depth * elements_of(c), std::max(0, end - c.begin) * p_.rates.chain);
+  run(g, StreamWork::eliminate_group, g.op, {}, depth * elements_of(c), depth * p_.rates.chain);
   if (c.begin < end) {
     store(g, end);
     p_.store_outputs(g.device, g.op, c.scratch_at, p_.layout.output_bytes(f, c.begin, c.end));

@@ -94,11 +94,13 @@ StreamQueue StreamProgram::queue_for(StreamWork work) const {
 }
 
 double StreamProgram::seconds_of(const DeviceState& s, const StreamOp& op, double flops, double chain) const {
-  if (op.queue == StreamQueue::in) return static_cast<double>(op.bytes) / rates.bytes_in;
-  if (op.queue == StreamQueue::out) return static_cast<double>(op.bytes) / rates.bytes_out;
+  if (op.queue == StreamQueue::in) return rates.copy_start + static_cast<double>(op.bytes) / rates.bytes_in;
+  if (op.queue == StreamQueue::out) return rates.copy_start + static_cast<double>(op.bytes) / rates.bytes_out;
   const double work = flops / (rates.flops * s.speed);
-  const bool half = op.work == StreamWork::eliminate && shape.lanes == 2;  // of the machine each
-  return half ? std::max(chain, 2 * work) : work + chain / 2;
+  if (op.work != StreamWork::eliminate) return rates.start + work + chain;
+  // Among the fronts of a step, some have work while another's pivots wait for one another.
+  const bool half = shape.lanes == 2;  // of the machine
+  return rates.start + (half ? std::max(chain, 2 * work) : std::max(work, chain) + std::min(work, chain) / 2);
 }
 
 double StreamProgram::begin_of(Index device, const StreamOp& op, std::size_t queue) const {
@@ -141,7 +143,7 @@ void StreamProgram::emit(Index device, StreamOp op, std::span<const StreamAccess
     if (a.at >= 0 && a.bytes > 0)
       s.touches.touch(a.at, StreamArena::round(a.bytes), static_cast<int>(q), number, a.write, op.waits);
   wait_in_store(device, op, static_cast<int>(q), store);
-  s.clock[q] = begin_of(device, op, q) + rates.start + seconds_of(s, op, flops, chain);
+  s.clock[q] = begin_of(device, op, q) + seconds_of(s, op, flops, chain);
   s.finished[q].push_back(s.clock[q]);
   StreamingPlan& p = plans[static_cast<std::size_t>(device)];
   if (op.queue == StreamQueue::in) p.bytes_in += op.bytes;

@@ -36,7 +36,7 @@ std::array<Offset, 2> StepProgrammer::bring_external(Index device, Index child, 
 // Seconds of the longest chain of pivots that ends with front f.
 double StepProgrammer::count_chain(Index f) {
   const Index parent = p_.plan.tree.parent[f];
-  chain_[f] += p_.plan.layout[f].pivot_tiles * p_.rates.chain;
+  chain_[f] += p_.plan.layout[f].pivots * p_.rates.chain;
   if (parent >= 0 && p_.unit_of(parent) == p_.unit) chain_[parent] = std::max(chain_[parent], chain_[f]);
   return chain_[f];
 }

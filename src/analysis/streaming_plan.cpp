@@ -93,9 +93,9 @@ Plans fastest(Candidates& candidates, const std::vector<StreamDevice>& devices, 
   for (const double step : {0.3, 0.2, 0.1, 0.05})
     for (const double group : {0.7, 0.45, 0.3}) {
       if ((rates.step > 0 && rates.step != step) || (rates.group > 0 && rates.group != group)) continue;
-      for (const bool around : {false, true})
+      for (const auto& [around, chunk] : {std::pair{false, 1.0 / 32}, {true, 1.0 / 32}, {false, 1.0 / 16}})
         for (const int turn : turns) {
-          const StreamShape shape{step, group, turn, 3, 1.0 / 32, false, rates.lanes, around};
+          const StreamShape shape{step, group, turn, 3, chunk, false, rates.lanes, around};
           if (!candidates.make(devices, shape, plans)) continue;
           if (best.empty() || plans.front().predicted_seconds < best.front().predicted_seconds) best = std::move(plans);
         }

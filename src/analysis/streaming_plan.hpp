@@ -133,11 +133,12 @@ struct StreamRates {
   double bytes_in = 5.5e10;
   double bytes_out = 5.5e10;
   double flops = 3e13;
-  double start = 2e-5;  ///< seconds of any operation besides
-  double chain = 0;     ///< seconds of a pivot block column, which waits for the one before it
-  int lanes = 1;        ///< queues that compute, 1 or 2 (2: a tenth slower on elasticity 64^3 on one H200)
-  double step = 0;      ///< bytes of an in-core step, of the budget; 0: whichever seems best
-  double group = 0;     ///< bytes of a group of block columns, likewise
+  double start = 2e-5;       ///< seconds of an operation besides what it computes ...
+  double copy_start = 6e-5;  ///< ... or moves: host threads are woken up for it
+  double chain = 0;          ///< seconds of a pivot, which waits for the one before it
+  int lanes = 1;             ///< queues that compute, 1 or 2 (2: a tenth slower on elasticity 64^3 on one H200)
+  double step = 0;           ///< bytes of an in-core step, of the budget; 0: whichever seems best
+  double group = 0;          ///< bytes of a group of block columns, likewise
   /// A front above the sub-trees that takes one device longer than so many seconds is shared. Two hand-overs through
   /// the host take about as long.
   double share_seconds = 4e-3;

@@ -35,6 +35,15 @@ struct FactorOutcome {
   double seconds = 0;           ///< wall time
 };
 
+/// Seconds in which a device computed, by what it did.
+struct StreamTimes {
+  double steps = 0;       ///< sets of fronts eliminated in core
+  double assembly = 0;    ///< groups of block columns: entries of A and children's contributions
+  double updates = 0;     ///< ... products with the columns of earlier groups
+  double own_pivots = 0;  ///< ... their own
+  [[nodiscard]] double sum() const { return steps + assembly + updates + own_pivots; }
+};
+
 /// What a factorization in less device memory than the factor needs moves; budget_bytes 0: it does not stream.
 struct StreamReport {
   Offset budget_bytes = 0;
@@ -47,6 +56,7 @@ struct StreamReport {
   double copy_out_seconds = 0;   ///< likewise from it
   Index steps = 0;               ///< sets of fronts eliminated in core
   Index groups = 0;              ///< groups of block columns of fronts too large for that
+  StreamTimes times = {};        ///< last factorization
 };
 
 /// One device's part in a factorization that several share.

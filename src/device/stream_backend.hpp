@@ -23,6 +23,20 @@ class AllocationRefused : public Error {
   explicit AllocationRefused(const std::string& what) : Error(StatusCode::out_of_memory, what) {}
 };
 
+/// Where the time of an operation is counted.
+inline double& time_of(StreamTimes& times, analysis::StreamWork work) {
+  switch (work) {
+    case analysis::StreamWork::eliminate:
+      return times.steps;
+    case analysis::StreamWork::update:
+      return times.updates;
+    case analysis::StreamWork::eliminate_group:
+      return times.own_pivots;
+    default:
+      return times.assembly;
+  }
+}
+
 template <class T>
 class StreamBackend : public analysis::StreamLayout {
  public:
@@ -57,6 +71,8 @@ class StreamBackend : public analysis::StreamLayout {
   /// After a failure: lets what runs come to an end.
   virtual void abandon() noexcept = 0;
   virtual FactorOutcome outcome() = 0;
+  /// Of the last factorization.
+  [[nodiscard]] virtual StreamTimes times() const = 0;
   /// Several devices: takes over what another backend of the same sort keeps of its pivots for solves.
   virtual void take_pivots(StreamBackend<T>& from) = 0;
 

@@ -66,7 +66,8 @@ device::StreamReport StreamDeviceRun<T>::report(Offset budget_bytes) const {
           in_seconds_,
           out_seconds_,
           static_cast<Index>(steps),
-          static_cast<Index>(plan_->groups.size())};
+          static_cast<Index>(plan_->groups.size()),
+          backend_->times()};
 }
 
 // ---- what computes --------------------------------------------------------------------------------------------------

@@ -85,7 +85,10 @@ class StreamingExecutor final : public device::Executor<T> {
       if (&d != &devices_.front()) devices_.front().backend().take_pivots(d.backend());
     FactorOutcome outcome = together(outcomes_);
     outcome.seconds = base::now_seconds() - start;
-    if (outcome.busy_seconds <= 0) outcome.busy_seconds = outcome.seconds;
+    if (outcome.busy_seconds <= 0) {
+      for (const auto& d : devices_) outcome.busy_seconds += d.backend().times().sum();
+      outcome.busy_seconds /= static_cast<double>(devices_.size());
+    }
     return outcome;
   }
 
@@ -106,7 +109,8 @@ class StreamingExecutor final : public device::Executor<T> {
       device::DeviceWork w;
       w.name = devices_[d].backend().name();
       if (d < outcomes_.size()) {
-        w.busy_seconds = outcomes_[d].busy_seconds;
+        w.busy_seconds =
+            outcomes_[d].busy_seconds > 0 ? outcomes_[d].busy_seconds : devices_[d].backend().times().sum();
         w.waiting_seconds = outcomes_[d].waiting_seconds;
       }
       w.peak_bytes = devices_[d].backend().peak_bytes();

@@ -71,9 +71,10 @@ std::unique_ptr<device::Executor<T>> stream_on_gpus(const analysis::Plan& plan, 
       budgets.push_back(bytes);
     }
     try {
+      factor::StreamingOptions streaming = streaming_options(budgets, options.device.speed, pool.size() / (2 * gpus));
+      streaming.rates = device::cuda::cuda_stream_rates(options.kind);
       return factor::make_streaming_executor<T>(
-          device::cuda::make_cuda_streams<T>(plan, options.kind, rule, pool, devices),
-          streaming_options(budgets, options.device.speed, pool.size() / (2 * gpus)), &budget);
+          device::cuda::make_cuda_streams<T>(plan, options.kind, rule, pool, devices), streaming, &budget);
     } catch (const device::AllocationRefused&) {
       if (attempt == kAttempts) throw;
     }

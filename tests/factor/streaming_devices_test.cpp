@@ -58,9 +58,9 @@ class StreamingDevices : public test::StreamedFactorization {
 
 TEST_P(StreamingDevices, AnyBudgetsGiveTheAnswerInCore) {
   Index shared = 0;
-  for (const int devices : {2, 3, 4, 8}) {
+  for (const int devices : {2, 3, 8}) {
     const Offset floor = floor_on(devices);
-    for (std::uint64_t seed = 0; seed < 3; ++seed) {
+    for (std::uint64_t seed = 0; seed < 2; ++seed) {
       SCOPED_TRACE(std::to_string(devices) + " devices, seed " + std::to_string(seed));
       const auto list = seed == 0 ? std::vector<StreamDevice>(static_cast<std::size_t>(devices), {floor})
                                   : budgets(devices, floor, need_, seed);
@@ -91,7 +91,7 @@ TEST_P(StreamingDevices, DelaysDoNotChangeTheBits) {
   auto calm = start(list, host_devices(kDevices));
   (void)calm->factorize(a_.values);
   const std::vector<double> x = solved(*calm, false);
-  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 2; ++seed) {
     auto options = host_devices(kDevices);
     std::vector<std::mt19937_64> random;
     for (std::uint64_t d = 0; d < kDevices; ++d) random.emplace_back(100 * seed + d);

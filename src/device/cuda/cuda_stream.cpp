@@ -126,6 +126,9 @@ class CudaStream final : public StreamBackend<T> {
     outcome_ = FactorOutcome{};
     determinant_ = Determinant{};
     stopped_ = false;
+    runs_.clear();
+    started_ = {};
+    times_ = {};
   }
   void enter_thread() override { check(cudaSetDevice(resources_.device()), "cudaSetDevice"); }
   std::byte* staging(int slot) override { return resources_.slot(slot); }
@@ -148,6 +151,7 @@ class CudaStream final : public StreamBackend<T> {
   void finish() override {
     for (const auto q : {StreamQueue::run, StreamQueue::second_run})
       check(cudaStreamSynchronize(resources_.stream(q)), "cudaStreamSynchronize");
+    add_up_times();
     if (stopped_)
       throw Error(StatusCode::device_error, "the factorization on " + name() + " was given up after waiting " +
                                                 std::to_string(options_.patience_seconds) +
@@ -163,6 +167,9 @@ class CudaStream final : public StreamBackend<T> {
 
   void run(const StreamOp& op) override {
     lane_ = op.queue;
+    runs_.push_back(&op);
+    std::int64_t& number = started_[static_cast<std::size_t>(lane_)];
+    check(cudaEventRecord(resources_.start(lane_, ++number), runs()), "cudaEventRecord");
     switch (op.work) {
       case StreamWork::eliminate:
         return eliminate(unit(op), streaming_->steps[static_cast<std::size_t>(op.unit)]);
@@ -232,10 +239,11 @@ class CudaStream final : public StreamBackend<T> {
                 transpose);
   }
 
+  [[nodiscard]] StreamTimes times() const override { return times_; }
   [[nodiscard]] std::string name() const override {
     cudaDeviceProp p{};
     check(cudaGetDeviceProperties(&p, options_.device), "cudaGetDeviceProperties");
-    return std::string(p.name) + ", streaming";
+    return std::string(p.name) + " #" + std::to_string(options_.device) + ", streaming";
   }
   [[nodiscard]] Offset peak_bytes() const override { return resources_.arena_bytes(); }
 
@@ -249,6 +257,17 @@ class CudaStream final : public StreamBackend<T> {
   }
   [[nodiscard]] const ColumnGroup& group(const StreamOp& op) const {
     return streaming_->groups[static_cast<std::size_t>(op.unit)];
+  }
+
+  void add_up_times() {
+    std::array<std::int64_t, analysis::kStreamQueues> number{};
+    for (const StreamOp* op : runs_) {
+      const std::int64_t n = ++number[static_cast<std::size_t>(op->queue)];
+      float ms = 0;
+      check(cudaEventElapsedTime(&ms, resources_.start(op->queue, n), resources_.mark(op->queue, n)),
+            "cudaEventElapsedTime");
+      time_of(times_, op->work) += 1e-3 * static_cast<double>(ms);
+    }
   }
 
   template <class Use>
@@ -432,6 +451,9 @@ class CudaStream final : public StreamBackend<T> {
   FactorOutcome outcome_;
   Determinant determinant_;
   bool stopped_ = false;
+  std::vector<const StreamOp*> runs_;  // of the last factorization
+  std::array<std::int64_t, analysis::kStreamQueues> started_{};
+  StreamTimes times_;
   StreamQueue lane_ = StreamQueue::run;  // where run() puts kernels
   std::vector<T> inverse_d_, inverse_e_;
 };

@@ -17,6 +17,15 @@ struct CudaStreamOptions {
   int refuse_allocation = 0;     ///< tests: the allocation of that number (from 1) fails as if memory were gone
 };
 
+/// What an H200 does per second when it streams. The time of a pivot in a chain of diagonal
+/// tiles is by the sums of the times of all steps and groups of elasticity 64^3, KKT 400 and gyroscopic 40^3.
+inline analysis::StreamRates cuda_stream_rates(Kind kind) {
+  analysis::StreamRates rates;
+  rates.flops = 3.6e13;
+  rates.chain = kind == Kind::llt ? 9e-7 : kind == Kind::ldlt ? 5e-7 : 1.8e-6;
+  return rates;
+}
+
 /// Bytes of device memory that are free, less a reserve for what the driver takes.
 Offset free_device_bytes(int device);
 

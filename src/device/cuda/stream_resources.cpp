@@ -12,8 +12,9 @@ StreamResources::~StreamResources() {
   (void)cudaSetDevice(options_.device);
   for (cudaStream_t s : streams_)
     if (s != nullptr) (void)cudaStreamSynchronize(s);
-  for (auto& list : marks_)
-    for (cudaEvent_t e : list) (void)cudaEventDestroy(e);
+  for (auto* lists : {&marks_, &starts_})
+    for (auto& list : *lists)
+      for (cudaEvent_t e : list) (void)cudaEventDestroy(e);
   for (cudaEvent_t e : slots_) (void)cudaEventDestroy(e);
   for (cudaStream_t s : streams_)
     if (s != nullptr) (void)cudaStreamDestroy(s);
@@ -32,8 +33,13 @@ void StreamResources::take(Offset arena_bytes, int slots, Offset slot_bytes,
     return cudaHostAlloc(reinterpret_cast<void**>(&ring_), size(slots * slot_bytes), cudaHostAllocDefault);
   });
   for (cudaStream_t& s : streams_) check(cudaStreamCreateWithFlags(&s, cudaStreamNonBlocking), "cudaStreamCreate");
-  for (std::size_t q = 0; q < marks.size(); ++q) make_events(marks_[q], marks[q]);
-  make_events(slots_, static_cast<std::size_t>(slots));
+  for (std::size_t q = 0; q < marks.size(); ++q) {
+    const bool timed = q == static_cast<std::size_t>(analysis::StreamQueue::run) ||
+                       q == static_cast<std::size_t>(analysis::StreamQueue::second_run);
+    make_events(marks_[q], marks[q], timed ? cudaEventDefault : cudaEventDisableTiming);
+    if (timed) make_events(starts_[q], marks[q], cudaEventDefault);
+  }
+  make_events(slots_, static_cast<std::size_t>(slots), cudaEventDisableTiming);
 }
 
 template <class Call>
@@ -46,10 +52,10 @@ void StreamResources::allocate(const char* name, Call&& call) {
   throw Error(StatusCode::device_error, text);
 }
 
-void StreamResources::make_events(std::vector<cudaEvent_t>& list, std::size_t count) {
+void StreamResources::make_events(std::vector<cudaEvent_t>& list, std::size_t count, unsigned flags) {
   for (std::size_t k = 0; k < count; ++k) {
     cudaEvent_t e = nullptr;
-    check(cudaEventCreateWithFlags(&e, cudaEventDisableTiming), "cudaEventCreate");
+    check(cudaEventCreateWithFlags(&e, flags), "cudaEventCreate");
     list.push_back(e);
   }
 }

@@ -32,13 +32,17 @@ class StreamResources {
   [[nodiscard]] cudaEvent_t mark(analysis::StreamQueue q, std::int64_t number) const {
     return marks_[static_cast<std::size_t>(q)][static_cast<std::size_t>(number - 1)];
   }
+  /// Marks the start of operation `number` of a queue that computes; its mark is the end.
+  [[nodiscard]] cudaEvent_t start(analysis::StreamQueue q, std::int64_t number) const {
+    return starts_[static_cast<std::size_t>(q)][static_cast<std::size_t>(number - 1)];
+  }
   [[nodiscard]] cudaEvent_t slot_event(int k) const { return slots_[static_cast<std::size_t>(k)]; }
   [[nodiscard]] int device() const { return options_.device; }
 
  private:
   template <class Call>
   void allocate(const char* name, Call&& call);
-  static void make_events(std::vector<cudaEvent_t>& list, std::size_t count);
+  static void make_events(std::vector<cudaEvent_t>& list, std::size_t count, unsigned flags);
 
   CudaStreamOptions options_;
   int allocations_ = 0;
@@ -46,7 +50,7 @@ class StreamResources {
   std::byte* arena_ = nullptr;
   std::byte* ring_ = nullptr;
   std::array<cudaStream_t, analysis::kStreamQueues> streams_{};
-  std::array<std::vector<cudaEvent_t>, analysis::kStreamQueues> marks_;
+  std::array<std::vector<cudaEvent_t>, analysis::kStreamQueues> marks_, starts_;
   std::vector<cudaEvent_t> slots_;
 };
 

@@ -105,6 +105,7 @@ class HostStream final : public StreamBackend<T> {
     reset_state(*state_, values);
     state_->places = state_->arena.data();
     for (auto& w : work_) w.waited_seconds = w.task_seconds = 0;
+    times_ = {};
   }
   void enter_thread() override {}
   std::byte* staging(int slot) override { return ring_.data() + slot * slot_bytes_; }
@@ -122,6 +123,7 @@ class HostStream final : public StreamBackend<T> {
   void finish() override { state_->window = {}; }
   void abandon() noexcept override { state_->window = {}; }
   FactorOutcome outcome() override { return summarize(*state_, work_); }
+  [[nodiscard]] StreamTimes times() const override { return times_; }
 
   void take_pivots(StreamBackend<T>& from) override {
     auto& other = dynamic_cast<HostStream&>(from);
@@ -161,6 +163,13 @@ class HostStream final : public StreamBackend<T> {
 
   void run(const StreamOp& op) override {
     if (options_.before_run) options_.before_run(op);
+    const double start = base::now_seconds();
+    carry_out(op);
+    time_of(times_, op.work) += base::now_seconds() - start;
+  }
+
+ private:
+  void carry_out(const StreamOp& op) {
     if (!op.grouped) return eliminate(streaming_->steps[static_cast<std::size_t>(op.unit)]);
     const ColumnGroup& g = streaming_->groups[static_cast<std::size_t>(op.unit)];
     NumericState<T>& s = *state_;
@@ -179,7 +188,6 @@ class HostStream final : public StreamBackend<T> {
     }
   }
 
- private:
   [[nodiscard]] std::byte* place(Offset bytes_at, Offset bytes) {
     if (bytes_at < 0 || bytes_at + bytes > state_->arena.bytes())
       throw std::logic_error("streaming: a copy outside the device's memory");
@@ -302,6 +310,7 @@ class HostStream final : public StreamBackend<T> {
   analysis::ArraySizes sizes_;
   const analysis::StreamingPlan* streaming_ = nullptr;
   Offset slot_bytes_ = 0;
+  StreamTimes times_;
   base::Buffer<std::byte> ring_;
   std::vector<Workspace<T>> work_;
   std::optional<NumericState<T>> state_;
