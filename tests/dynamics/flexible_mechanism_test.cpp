@@ -21,6 +21,12 @@ TEST(FlexibleEngine, ConstraintsHoldOnAllThreeLevels) {
   EXPECT_LE(levels.position, 1e-10);
   EXPECT_LE(levels.velocity, 2e-9);
   EXPECT_LE(levels.acceleration, 2e-6);
+  // The forces of the elements are what costs. Measured in 28 steps: 64 evaluations and 20 factorizations; with every
+  // level iterated to its end together with F: 177 and 49.
+  const SimulationSummary& summary = simulation.summary();
+  ASSERT_GT(summary.steps, 20);
+  EXPECT_LE(summary.residuals, 3 * summary.steps);
+  EXPECT_LE(summary.factorizations, summary.steps);
 }
 
 }  // namespace

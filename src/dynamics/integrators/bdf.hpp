@@ -51,6 +51,7 @@ struct BdfOptions {
 /// which equals K [dq; mu] = [h' W (R1 + h' R2); -Phi] and so on, but needs no product with W. Every level is met at
 /// the q and v that it depends on, and z, which is normal to the constraints, does not take v and q off them again:
 /// the error of a pass is then that of W and Phi_q alone, and the derivatives of Phi_q v and gamma are not missed.
+/// Once q and v are as good as the error test asks for, what is left of the three levels is projected away without F.
 class BdfIntegrator final : public Integrator {
  public:
   BdfIntegrator(Equations& equations, const BdfOptions& options);
@@ -105,6 +106,7 @@ class BdfIntegrator final : public Integrator {
   void remove_weak_parts();
   void stage_residuals(const State& s);
   [[nodiscard]] bool constraints_hold(StepReport& report);
+  [[nodiscard]] bool finish_levels(StepReport& report);
   [[nodiscard]] double error_estimate(int order);
   [[nodiscard]] bool attempt(double h, bool retry, StepReport& report);
   void check_step(double h, double t_limit) const;

@@ -67,7 +67,7 @@ BdfIntegrator::Outcome BdfIntegrator::solve_projected(StepReport& report) {
     const double rate = iteration == 1 ? 0.5 : std::min(report.newton_rate, 0.9);
     const bool small = change * rate / (1 - rate) <= options_.newton_tolerance || change == 0;
     const bool stagnant = iteration >= 3 && change < 0.1 && report.newton_rate > 0.5;
-    if ((small || stagnant) && constraints_hold(report)) {
+    if ((small || stagnant) && finish_levels(report)) {
       return whole - change <= kWeakLimit ? Outcome::converged : Outcome::slow;
     }
     if (iteration > 3 && report.newton_rate > 2) return Outcome::diverged;
