@@ -303,8 +303,9 @@ int run(const CurveSettings& settings) {
       for (const Offset b : budgets) curve.print_plan(b, count);
     return 0;
   }
-  Json document =
-      gpu_document("memory", settings.common, {available.devices.front().name}, available.devices.front().driver);
+  std::vector<std::string> names;
+  for (const int d : settings.devices) names.push_back(available.devices.at(static_cast<std::size_t>(d)).name);
+  Json document = gpu_document("memory", settings.common, names, available.devices.front().driver);
   const auto keep = [&](Json row) {
     document["rows"].push_back(std::move(row));
     document["bounds"] = Json::array({curve.bounds()});
