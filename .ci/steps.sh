@@ -24,10 +24,10 @@ build_cuda() {
     -DESPALIER_BENCH=OFF -- espalier_device
 }
 
-# Sources of the solver and the command line, those changed last first. The dynamics are not held to it yet.
+# Sources of the library and the command line, those changed last first.
 tidy_files() {
   { git log --format= --name-only -n 300; git ls-files; } |
-    awk '/^(src|apps)\/.*\.cpp$/ && !/^src\/dynamics/ && !seen[$0]++' | while read -r file; do [[ -f $file ]] && echo "$file"; done
+    awk '/^(src|apps)\/.*\.cpp$/ && !seen[$0]++' | while read -r file; do [[ -f $file ]] && echo "$file"; done
 }
 
 tidy_one() {
@@ -98,8 +98,8 @@ sanitizer_options() {
   export TSAN_OPTIONS="allocator_may_return_null=1:halt_on_error=1:second_deadlock_stack=1"
 }
 
-# Builds the solver's test programs with preset $1 and runs each whole (starting a process per test costs a sanitizer
-# build more than the tests). The dynamics have no sanitizer run yet: their templates alone take longer than all of these.
+# Builds test programs with preset $1 and runs each in one process (starting a process per test costs a sanitizer build
+# more than the tests).
 # test_sanitized PRESET FILTER PROGRAM...
 test_sanitized() {
   local preset=$1 filter=$2 program status=0
@@ -119,6 +119,12 @@ test_sanitized() {
   return $status
 }
 
+# Tests of the dynamics that take more than half a second without sanitizers; what they call, others call too.
+slow_dynamics="SimeonCrank.*:FlexibleEngine.*:DeadPoints.*:IftommA02.*:Andrews.*:BeamStatics.*:ModelMeshes.*:RealMeshes.*"
+slow_dynamics+=":All/Parts.UnknownsFollowTheWish/*:Laws/FreeFlight.*:Convergence.*"
+# Those whose bodies and Newton matrices are worked on by several threads.
+threaded_dynamics="FlexibleBody.*:FlexibleFrame.*:ModelRun.*:ModelRestart.*:ModelKinds.*:ModelGuide.*:DaePublic.*"
+
 with_clang() {
   CC=$(clang_tool clang) && CXX=$(clang_tool clang++) || { echo "clang is missing"; return 1; }
   export CC CXX
@@ -128,6 +134,8 @@ with_clang() {
 test_asan() {
   with_clang || return 1
   test_sanitized asan '*' test_base test_matrix test_analysis test_device test_factor test_solve test_solver
+  local solver=$?
+  test_sanitized asan "-$slow_dynamics" test_dynamics && return $solver
 }
 
 # GCC's thread sanitizer cannot place its shadow when addresses are randomised over 32 bits, as kernels from 6.6 on do.
@@ -136,12 +144,15 @@ test_tsan() {
     ESPALIER_FIXED_ADDRESSES=1 exec setarch "$(uname -m)" -R bash -c 'source scripts/bootstrap.sh; source .ci/steps.sh; test_tsan'
   fi
   test_sanitized tsan '*' test_base test_analysis test_factor test_solve test_solver
+  local solver=$?
+  test_sanitized tsan "$threaded_dynamics" test_dynamics && return $solver
 }
 
 run_fuzzers() {
   sanitizer_options
   with_clang || return 1
-  configure_and_build asan -- fuzz_matrix_market fuzz_rutherford_boeing fuzz_c_api || return 1
+  configure_and_build asan -- fuzz_matrix_market fuzz_rutherford_boeing fuzz_c_api fuzz_mesh_gmsh fuzz_mesh_nastran \
+    fuzz_mesh_vtk || return 1
   local target name status=0 count=0
   for target in build/asan/tests/fuzz/fuzz_*; do
     [[ -f $target && -x $target ]] || continue

@@ -59,7 +59,7 @@ class RigidBody final : public Component {
 /// A frame fixed to a rigid body at `point` (body axes, from the centre of mass) with axes `rotation` (to body axes).
 class RigidFrame final : public Frame {
  public:
-  explicit RigidFrame(const RigidBody& body, Vec3 point = Vec3::Zero(), Mat3 rotation = Mat3::Identity())
+  explicit RigidFrame(const RigidBody& body, const Vec3& point = Vec3::Zero(), const Mat3& rotation = Mat3::Identity())
       : body_(&body), point_(point), rotation_(rotation) {}
 
   [[nodiscard]] const RigidBody& body() const { return *body_; }
