@@ -57,26 +57,19 @@ TEST(ModelMeshes, SliderCrankOfExudynFollowsTheRigidMotion) {
   EXPECT_NEAR(s.value("piston.position.y"), rigid, 1e-5);
 }
 
-// models/real/wheelset.toml. Truth: INDEX.md's node count; a rigid wheelset that turns: its angular momentum is J omega
-// with J = 2 E / omega^2 of its kinetic energy, and gravity and the springs let it sag by less than a micrometre in a
-// step.
+// models/real/wheelset.toml. Truth: INDEX.md's node count; angular momentum J omega of a wheelset that turns as a rigid
+// body, with J = 2 E / omega^2 of its kinetic energy.
 TEST(ModelMeshes, WheelsetTurns) {
   const std::string model =
       (std::filesystem::path(__FILE__).parent_path() / "../../models/real/wheelset.toml").string();
   if (!std::filesystem::exists(std::string(ESPALIER_SHARED_DATA) + "/mesh/sfepy_wheelset.vtk"))
     GTEST_SKIP() << "no meshes in " << ESPALIER_SHARED_DATA;
-  SimulationOptions options;
-  options.set = {"forces.rail_left.factor=0", "forces.rail_right.factor=0"};
-  options.until = 5e-4;
-  Simulation s(options);
-  Status status = s.load(model);
+  Simulation s;
+  const Status status = s.load(model);
   ASSERT_TRUE(status.ok()) << status.message;
   EXPECT_EQ(s.summary().velocities, 3 * 5457);
   const double omega = 60.4, inertia = 2 * s.summary().energy_begin.kinetic / (omega * omega);
   EXPECT_NEAR(s.value("wheelset.angular_momentum.x"), inertia * omega, 1e-9 * inertia * omega);
-  status = s.run();
-  ASSERT_TRUE(status.ok()) << status.message;
-  EXPECT_NEAR(s.value("middle.position.z"), 0, 5e-6);
 }
 
 // Truth: a flat face of equal squares has its area mean in its middle, and a selection of its 441 nodes keeps it there.
