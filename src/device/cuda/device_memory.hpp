@@ -46,6 +46,8 @@ class DeviceBudget {
                                                  " are available; give it more with --device-memory or use the host");
     held_ += bytes;
   }
+  /// What was taken could not be had.
+  void give_back(Offset bytes) { held_ -= bytes; }
   [[nodiscard]] Offset held() const { return held_; }
 
  private:
@@ -63,6 +65,7 @@ class DeviceArray {
     budget.take(bytes(), in_all);
     const cudaError_t e = attempt(
         "cudaMalloc", [&] { return cudaMalloc(reinterpret_cast<void**>(&data_), static_cast<std::size_t>(bytes())); });
+    if (e != cudaSuccess) budget.give_back(bytes());
     if (e == cudaErrorMemoryAllocation) {
       (void)cudaGetLastError();
       throw Error(StatusCode::out_of_memory, "the GPU refused " + base::format_bytes(bytes()) + " of its memory; " +
