@@ -36,9 +36,9 @@ struct CudaOptions {
   bool staging = false;      ///< several GPUs exchange everything through host memory, as they must without peer access
   std::vector<unsigned> delays;        ///< for tests: nanoseconds by which each device's tasks are held up; empty: none
   base::Timeline* timeline = nullptr;  ///< gets every task of a factorization, a track for each block of threads
-  int fail_device = -1;          ///< for tests: this one of `devices` (0-based) dies halfway in every factorization
+  int fail_device = -1;  ///< for tests: this one of `devices` (0-based) dies halfway in every factorization
   std::vector<Offset> memory_bytes = {};  ///< devices; budget of each, 0: what is free. Empty: what is free
-  double patience_seconds = 30;  ///< a wait between blocks that lasts longer ends the run with an error
+  double patience_seconds = 30;           ///< a wait between blocks that lasts longer ends the run with an error
 };
 
 /// Executor with calls for values and right-hand sides that already lie in device memory. Every call returns when the
