@@ -22,8 +22,6 @@ struct Cuda {
   int (*memcpy)(void*, const void*, std::size_t,
                 int) = library.function<int (*)(void*, const void*, std::size_t, int)>("cudaMemcpy");
   int (*synchronize)() = library.function<int (*)()>("cudaDeviceSynchronize");
-  int (*memory_info)(std::size_t*,
-                     std::size_t*) = library.function<int (*)(std::size_t*, std::size_t*)>("cudaMemGetInfo");
   const char* (*error_string)(int) = library.function<const char* (*)(int)>("cudaGetErrorString");
 };
 

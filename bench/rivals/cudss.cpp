@@ -44,18 +44,6 @@ class Machine {
     check_cuda(cuda, cuda.set_device(0), "cudaSetDevice");
     check_cuda(cuda, cuda.free(nullptr), "cudaFree");  // creates the context, outside of every clock
   }
-  /// Free bytes of all devices 0 to devices - 1.
-  [[nodiscard]] Offset free_bytes(int devices) const {
-    Offset sum = 0;
-    for (int device = 0; device < devices; ++device) {
-      std::size_t free = 0, total = 0;
-      check_cuda(cuda, cuda.set_device(device), "cudaSetDevice");
-      check_cuda(cuda, cuda.memory_info(&free, &total), "cudaMemGetInfo");
-      sum += static_cast<Offset>(free);
-    }
-    check_cuda(cuda, cuda.set_device(0), "cudaSetDevice");
-    return sum;
-  }
   Cuda cuda;
 };
 
@@ -66,7 +54,6 @@ class System {
       : machine_(machine),
         api_(api),
         devices_(static_cast<int>(variant.number("gpus", 1))),
-        free_before_(machine.free_bytes(devices_)),
         host_(a, kind == Kind::lu ? Shape::full_by_row : Shape::lower_by_column, 0),
         rows_(machine.cuda, host_.pointers.size()),
         columns_(machine.cuda, host_.indices.size()),
@@ -128,11 +115,11 @@ class System {
                 "cudssMatrixCreateDn");
     return std::unique_ptr<std::remove_pointer_t<Matrix>, int (*)(Matrix)>(matrix, api_.matrix_destroy);
   }
-  /// Device memory taken since the construction began, or cuDSS's own estimate of the peak where that is more.
+  /// cuDSS's own estimate of the peak of device memory; -1 where it does not tell. (What is free on the device would
+  /// count the other contestants that hold memory there at the same time.)
   [[nodiscard]] Offset device_bytes() const {
     std::array<std::int64_t, 16> estimates{};
-    const bool told = get(kMemoryEstimates, estimates.data(), sizeof estimates);
-    return std::max(free_before_ - machine_.free_bytes(devices_), told ? Offset{estimates[1]} : Offset{0});
+    return get(kMemoryEstimates, estimates.data(), sizeof estimates) ? Offset{estimates[1]} : Offset{-1};
   }
   [[nodiscard]] const CompressedMatrix& host() const { return host_; }
 
@@ -179,7 +166,6 @@ class System {
   const Machine& machine_;
   const Api& api_;
   int devices_;
-  Offset free_before_;
   CompressedMatrix host_;
   DeviceArray<std::int32_t> rows_, columns_;
   DeviceArray<double> values_;
