@@ -6,6 +6,15 @@
 
 namespace espalier::dynamics {
 
+namespace {
+// With a new factor a slower rate asks for a better one within the step: the predictor stretches what turns, so that W
+// at its state lacks the right geometric stiffness; after two passes the state is good enough for a better W.
+constexpr double kSlow = 0.25;
+// Steps that begin with a new factor after one in which Newton failed with an old one: what turns or bends that fast
+// will do so in the next steps too (rotor at 900 rad/s: each failure costs three passes).
+constexpr int kFreshSteps = 10;
+}  // namespace
+
 GeneralizedAlpha::GeneralizedAlpha(Equations& equations, const AlphaOptions& options)
     : equations_(equations), options_(options) {
   if (!(options.step > 0)) throw std::invalid_argument("the step size must be positive");
@@ -32,6 +41,7 @@ void GeneralizedAlpha::start(const State& state) {
   a_old_ = state.a;
   equations_.system().accept(state.view());
   factor_c_q_ = 0;
+  fresh_left_ = 0;
   h_before_ = 0;
   a_before_ = state.a;
   lambda_before_ = state.lambda;
@@ -104,6 +114,7 @@ double GeneralizedAlpha::iterate(StepReport& report) {
 
 GeneralizedAlpha::Outcome GeneralizedAlpha::solve(StepReport& report) {
   double previous = 0, first = 0;
+  int renewed = 0;
   for (int iteration = 1; iteration <= options_.max_newton; ++iteration) {
     const double change = iterate(report);
     report.newton_iterations = iteration;
@@ -121,6 +132,10 @@ GeneralizedAlpha::Outcome GeneralizedAlpha::solve(StepReport& report) {
     }
     if (change < 1e-4 && report.newton_rate > 0.5) return Outcome::converged;  // round-off
     if (iteration > 2 && report.newton_rate > 2 && change > first) return Outcome::diverged;
+    if (fresh_ && iteration >= renewed + 2 && report.newton_rate > std::max(kSlow, options_.refactor_rate)) {
+      renewed = iteration;
+      factorize(counts_.refactor_rate);
+    }
     previous = change;
   }
   return Outcome::slow;
@@ -141,11 +156,13 @@ StepReport GeneralizedAlpha::step(double t_limit) {
     factorize(counts_.refactor_first);
   } else if (std::abs(c_q_ / factor_c_q_ - 1) > 0.2) {
     factorize(counts_.refactor_step);
-  } else if (rate_poor_) {
+  } else if (rate_poor_ || fresh_left_ > 0) {
     factorize(counts_.refactor_rate);
   }
+  fresh_left_ = std::max(fresh_left_ - 1, 0);
   if (solve(report) != Outcome::converged) {
     ++report.newton_failures;
+    fresh_left_ = kFreshSteps;
     predict();
     equations_.evaluate_constraints(trial_.t, trial_.q, {});
     factorize(counts_.refactor_failed);

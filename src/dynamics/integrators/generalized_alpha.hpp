@@ -51,6 +51,7 @@ class GeneralizedAlpha final : public Integrator {
   double c_v_ = 0, c_q_ = 0;  // dv/da', dq/da' of the trial state (a': true acceleration)
   double factor_c_q_ = 0;     // of the factor; 0: none
   bool rate_poor_ = false, fresh_ = false;
+  int fresh_left_ = 0;  // steps that renew the factor, see kFreshSteps
   double rate_ = 0.5;
   std::vector<double> a_old_, a_base_, v_base_,
       delta_base_;                                // algorithmic acceleration; constant parts of the formulas
