@@ -318,9 +318,12 @@ void StreamProgram::move_contributions() {
 
 std::vector<StreamingPlan> StreamProgram::finish() {
   move_contributions();
-  double seconds = 0;
+  double bytes = 0, queues = 0;
+  for (const StreamingPlan& p : plans) bytes += static_cast<double>(p.bytes_in + p.bytes_out);
   for (const DeviceState& s : states_)
-    for (const double clock : s.clock) seconds = std::max(seconds, clock);
+    for (const double clock : s.clock) queues = std::max(queues, clock);
+  const double memory = bytes / rates.host_bytes;
+  const double seconds = std::max(queues, memory) + std::min(queues, memory) / 10;
   for (std::size_t d = 0; d < plans.size(); ++d) {
     StreamingPlan& p = plans[d];
     p.arena_bytes = states_[d].arena.peak();

@@ -132,6 +132,10 @@ struct StreamOp {
 struct StreamRates {
   double bytes_in = 5.5e10;
   double bytes_out = 5.5e10;
+  /// Of all devices and both directions together: the host's memory, which every byte crosses twice on its way. Fits
+  /// nine points on one and two H200s of one host within 10 %, with a tenth of whichever of queues and memory is faster
+  /// added to the slower.
+  double host_bytes = 6.5e10;
   double flops = 3e13;
   double start = 2e-5;       ///< seconds of an operation besides what it computes ...
   double copy_start = 6e-5;  ///< ... or moves: host threads are woken up for it
