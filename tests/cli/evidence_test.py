@@ -117,6 +117,29 @@ class Bench(Cli):
         outcomes = {row["parameters"]["step"][:3]: row["outcome"] for row in ablation["rows"]}
         self.assertEqual(outcomes, {"(a)": "ok", "(b)": "not offered", "(c)": "ok", "(d)": "ok", "(e)": "ok"})
 
+    def test_a_folder_is_a_sequence_of_newton_matrices(self):
+        self.rivals_are_built()
+        folder = self.folder / "newton"
+        folder.mkdir()
+        self.expect(0, "generate", "poisson", "3", "--out", folder / "newton_0002.mtx")
+        self.expect(0, "generate", "poisson", "2", "--out", folder / "newton_0001.mtx")  # another pattern
+        (folder / "newton_0002_rhs.mtx").write_text("%%MatrixMarket matrix array real general\n1 1\n1\n")
+        lines = (folder / "newton_0002.mtx").read_text().splitlines()
+        head = next(k for k, line in enumerate(lines) if not line.startswith("%")) + 1
+        entries = [line.split() for line in lines[head:]]
+        scaled = [f"{i} {j} {2 * float(v)!r}" for i, j, v in entries]
+        (folder / "newton_0003.mtx").write_text("\n".join(lines[:head] + scaled) + "\n")
+        document = self.bench("refactor", "--system", folder, "--rivals", "espalier", "--no-ceilings")
+        self.assertEqual([row["outcome"] for row in document["rows"]], ["ok"], document["rows"])
+        row = document["rows"][0]
+        self.assertEqual((row["unknowns"], row["parameters"]["matrices"]), (27, 2))
+        self.assertLess(row["backward_error"]["normwise"], 1e-14)
+
+    def test_a_system_may_name_its_kind(self):
+        self.rivals_are_built()
+        document = self.bench("peers", "--system", "poisson 3 as ldlt", "poisson 3", "--rivals", "espalier", "--no-ceilings")
+        self.assertEqual([row["kind"] for row in document["rows"]], ["ldlt", "llt"])
+
     def test_memory_sweep_names_the_need(self):
         self.rivals_are_built()
         document = self.bench("memory", "--system", "elasticity 5", "--points", "1.1", "0.001")

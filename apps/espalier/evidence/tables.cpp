@@ -36,8 +36,8 @@ constexpr Figure kAnalysis{"analysis",
                            [](const Results&, const Json& r) { return seconds_cell(median(r, "analysis")); }};
 constexpr Figure kRefactor{"refactorization",
                            [](const Results&, const Json& r) { return seconds_cell(median(r, "refactorization")); }};
-constexpr Figure kFirst{
-    "first", [](const Results&, const Json& r) { return seconds_cell(median(r, "first_factorization")); }};
+constexpr Figure kFirst{"first",
+                        [](const Results&, const Json& r) { return seconds_cell(median(r, "first_factorization")); }};
 constexpr Figure kLeast{"least", [](const Results&, const Json& r) {
                           return seconds_cell(number(r, {"refactorization", "least"}));
                         }};
