@@ -74,7 +74,7 @@ Status Simulation::load_text(const std::string& text, const std::string& name) {
 
 Status Simulation::run(const SimulationObserver& observer) {
   Runner& runner = impl_->loaded();
-  const Status status = impl_->guard([&] { runner.run(observer); });
+  Status status = impl_->guard([&] { runner.run(observer); });
   auto& p = impl_->summary.phases;
   p.other = std::max(0.0, p.total - p.setup - p.assembly - p.analysis - p.factorization - p.solve - p.output);
   return status;

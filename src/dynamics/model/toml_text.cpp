@@ -45,7 +45,7 @@ class Converter {
   void convert_table(const toml::table& table, const std::string& path, Value& value) const {
     for (const auto& [key, node] : table) {
       const std::string name(key.str());
-      Value entry = convert(node, path.empty() ? name : path + "." + name);
+      Value entry = convert(node, path.empty() ? name : fmt::format("{}.{}", path, name));
       // A super-table that the text never opens stands where its first key does.
       if (entry.place.line == 0) entry.place.line = static_cast<int>(key.source().begin.line);
       value.entries.emplace_back(name, std::move(entry));

@@ -54,7 +54,7 @@ class SafeFile {
 class Appended {
  public:
   std::string declare(const char* type, const std::string& name, int components, const void* data, std::size_t bytes) {
-    const std::string xml = fmt::format(
+    std::string xml = fmt::format(
         "        <DataArray type=\"{}\" Name=\"{}\" NumberOfComponents=\"{}\" format=\"appended\" offset=\"{}\"/>\n",
         type, escaped(name), components, offset_);
     blocks_.push_back({data, bytes});
