@@ -33,9 +33,12 @@ __device__ inline void visit_row(const DevicePattern& p, Index row, bool transpo
     use(p.values[p.row_source[q]], p.row_col[q]);
 }
 
-/// *to = max(*to, x) for x >= 0: the bits of such numbers are ordered as the numbers are.
+/// *to = max(*to, x) for x >= 0: the bits of such numbers are ordered as the numbers are. Few warps raise the maximum;
+/// the others only look at it, for atomic operations on one place come one after the other (1.5 ns each on an H200).
 __device__ inline void raise(double* to, double x) {
-  atomicMax(reinterpret_cast<unsigned long long*>(to), static_cast<unsigned long long>(__double_as_longlong(x)));
+  auto* place = reinterpret_cast<unsigned long long*>(to);
+  const auto bits = static_cast<unsigned long long>(__double_as_longlong(x));
+  if (bits > *static_cast<volatile unsigned long long*>(place)) atomicMax(place, bits);
 }
 __device__ inline double infinity() { return __longlong_as_double(0x7ff0000000000000LL); }
 __device__ inline bool is_finite(double x) { return fabs(x) < infinity(); }
