@@ -142,6 +142,7 @@ void Solver::Impl::load_analysis(const std::string& path, const MatrixView& a) {
   equations.row_scale = std::move(saved.row_scale);
   equations.col_scale = std::move(saved.col_scale);
   equations.row_of_col = std::move(saved.row_of_col);
+  solver::note_determinant(equations);
   lay_out_plan(std::move(saved.tree));
   residual = solve::ResidualOperator(equations.a, pool);
   analysis.plan_seconds = base::now_seconds() - start;

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "analysis/matching.hpp"
+#include "device/determinant.hpp"
 #include "matrix/norms.hpp"
 #include "matrix/transform.hpp"
 #include "solver/analysis_file.hpp"
@@ -110,6 +111,21 @@ std::vector<Index> unmatched_rows(const std::vector<Index>& row_of_col) {
                   "nonzero entries, without partner: {}; remove or complete them",
                   n - static_cast<Index>(rows.size()), n, name_rows(rows)),
       rows.empty() ? -1 : rows.front());
+}
+
+// Sign of the permutation p; empty: identity.
+double permutation_sign(const std::vector<Index>& p) {
+  std::vector<char> seen(p.size(), 0);
+  double sign = 1;
+  for (std::size_t k = 0; k < p.size(); ++k) {
+    if (seen[k] != 0) continue;
+    seen[k] = 1;
+    for (auto q = static_cast<std::size_t>(p[k]); q != k; q = static_cast<std::size_t>(p[q])) {
+      seen[q] = 1;
+      sign = -sign;
+    }
+  }
+  return sign;
 }
 
 }  // namespace
@@ -217,6 +233,15 @@ void scale_and_match(Equations& e, Kind kind, const Options& options, base::Thre
     e.zero_diagonal.resize(d.size());
     std::transform(d.begin(), d.end(), e.zero_diagonal.begin(), [](double x) { return static_cast<char>(x == 0); });
   }
+  note_determinant(e);
+}
+
+void note_determinant(Equations& e) {
+  device::Determinant scales;
+  for (const double s : e.row_scale) scales.multiply(s);
+  for (const double s : e.col_scale) scales.multiply(s);
+  e.transform_log = scales.log();
+  e.transform_sign = permutation_sign(e.row_of_col);
 }
 
 [[noreturn]] void refuse_entry(const Equations& e) {

@@ -27,6 +27,8 @@ struct Equations {
   std::vector<Index> row_of_col;     ///< n; empty: identity
   std::vector<Index> pair;           ///< n; 2x2 pivot candidates; empty: none
   std::vector<char> zero_diagonal;   ///< n; empty: none
+  /// det A = det B * transform_sign * exp(-transform_log): sign of P, logarithm of det(R C). See note_determinant().
+  double transform_sign = 1, transform_log = 0;
 
   [[nodiscard]] Index n() const { return a.cols; }
   [[nodiscard]] Index row_of(Index col) const {
@@ -55,6 +57,10 @@ bool same_pattern(const Equations& e, const MatrixView& a);
 /// precision (in FP64 Cholesky's error does not depend on scaling: van der Sluis 1969).
 /// @throws Error(singular) for a structurally singular matrix
 void scale_and_match(Equations& e, Kind kind, const Options& options, base::ThreadPool& pool);
+
+/// Sets e.transform_sign and e.transform_log for its scaling and matching. Once an analysis: n logarithms after every
+/// factorization cost a small system more than its arithmetic.
+void note_determinant(Equations& e);
 
 /// Throws Error(invalid_input) naming an entry that is not finite, or saying that scaling made one so.
 [[noreturn]] void refuse_entry(const Equations& e);

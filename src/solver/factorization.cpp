@@ -24,27 +24,6 @@ double zero_pivot(Index n, bool single) {
 // 14,000 (the next pivot 20,000 further up) where tiles of 32 leave less choice of pivots, as on a GPU.
 constexpr double kSingularFactor = 1e5;
 
-// Sign of the permutation p, n entries.
-double permutation_sign(const std::vector<Index>& p) {
-  std::vector<char> seen(p.size(), 0);
-  double sign = 1;
-  for (std::size_t k = 0; k < p.size(); ++k) {
-    if (seen[k] != 0) continue;
-    seen[k] = 1;
-    for (auto q = static_cast<std::size_t>(p[k]); q != k; q = static_cast<std::size_t>(p[q])) {
-      seen[q] = 1;
-      sign = -sign;
-    }
-  }
-  return sign;
-}
-
-double sum_of_logs(const std::vector<double>& scale) {
-  double sum = 0;
-  for (const double s : scale) sum += std::log(s);
-  return sum;
-}
-
 }  // namespace
 
 std::vector<Offset> Solver::Impl::budgets() const {
@@ -254,9 +233,8 @@ void Solver::Impl::report(const device::FactorOutcome& outcome) {
         row};
     return;
   }
-  const double sign = equations.row_of_col.empty() ? 1 : permutation_sign(equations.row_of_col);
-  r.determinant_sign = outcome.determinant_sign * sign;
-  r.determinant_log = outcome.determinant_log - sum_of_logs(equations.row_scale) - sum_of_logs(equations.col_scale);
+  r.determinant_sign = outcome.determinant_sign * equations.transform_sign;
+  r.determinant_log = outcome.determinant_log - equations.transform_log;
   if (kind == Kind::llt) r.inertia = {n - r.perturbed, 0, r.perturbed};
   if (kind == Kind::ldlt) r.inertia = {n - outcome.negative - r.perturbed, outcome.negative, r.perturbed};
   if (r.perturbed > 0 && options.perturbation <= 0) {
