@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
+#include <span>
 
 namespace espalier::device {
 
@@ -19,6 +21,21 @@ class Determinant {
     mantissa_ *= factor;
     if (std::abs(mantissa_) > kLarge || std::abs(mantissa_) < kSmall) normalize();
   }
+  /// All factors; four at once where they are of ordinary size, so that one chain of products does not wait for each.
+  template <class T>
+  void multiply(std::span<const T> factors) {
+    const std::size_t fours = factors.size() / 4 * 4;
+    for (std::size_t k = 0; k < fours; k += 4) {
+      const double a = static_cast<double>(factors[k]) * static_cast<double>(factors[k + 1]);
+      const double b = static_cast<double>(factors[k + 2]) * static_cast<double>(factors[k + 3]);
+      if (moderate(a) && moderate(b)) {
+        multiply(a * b);
+      } else {
+        for (const T factor : factors.subspan(k, 4)) multiply(static_cast<double>(factor));
+      }
+    }
+    for (const T factor : factors.subspan(fours)) multiply(static_cast<double>(factor));
+  }
   void multiply(const Determinant& other) {
     multiply(other.mantissa_);
     exponent_ += other.exponent_;
@@ -32,6 +49,8 @@ class Determinant {
   static constexpr double kLarge = 0x1p500, kSmall = 0x1p-500;
   static constexpr double kLog2 = 0.693147180559945309417;
 
+  // The product of two such numbers is between kSmall and kLarge.
+  static bool moderate(double x) { return std::abs(x) < 0x1p250 && std::abs(x) > 0x1p-250; }
   void normalize() {
     int exponent = 0;
     mantissa_ = std::frexp(mantissa_, &exponent);

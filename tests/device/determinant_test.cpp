@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <span>
+#include <vector>
 
 namespace espalier::device {
 namespace {
@@ -28,6 +30,39 @@ TEST(Determinant, EqualsTheSumOfLogarithms) {
     // One rounding per product, and that of the exponents' logarithm.
     EXPECT_NEAR(d.log(), static_cast<double>(log), std::numeric_limits<double>::epsilon() * (count + 4 * largest));
   }
+}
+
+// The same factors at once and one after another; one of them extreme in some pieces.
+TEST(Determinant, ListsEqualSingleFactors) {
+  std::mt19937_64 random(4);
+  std::uniform_real_distribution<double> exponent(-300, 300);
+  for (const std::size_t count : {0U, 1U, 255U, 256U, 257U, 5000U}) {
+    for (const double extreme :
+         {1.0, std::numeric_limits<double>::denorm_min(), std::numeric_limits<double>::max(), 0.0}) {
+      std::vector<double> factors(count);
+      for (double& f : factors) f = (random() % 3 == 0 ? -1 : 1) * std::pow(10.0, exponent(random));
+      if (count > 0) factors[count / 2] = extreme;
+      Determinant one, list;
+      double largest = 0;  // of the partial logarithms
+      for (const double f : factors) {
+        one.multiply(f);
+        if (one.sign() != 0) largest = std::max(largest, std::abs(one.log()));
+      }
+      list.multiply(std::span<const double>(factors));
+      EXPECT_EQ(list.sign(), one.sign());
+      if (one.sign() == 0) {
+        EXPECT_EQ(list.log(), one.log());
+      } else {
+        EXPECT_NEAR(list.log(), one.log(),
+                    std::numeric_limits<double>::epsilon() * (2.0 * static_cast<double>(count) + 4 * largest));
+      }
+    }
+  }
+  Determinant single;
+  const std::vector<float> floats{1.5F, -2.0F, 1e-40F};
+  single.multiply(std::span<const float>(floats));
+  EXPECT_NEAR(single.log(), std::log(3.0) + std::log(static_cast<double>(1e-40F)), 1e-13);
+  EXPECT_EQ(single.sign(), -1);
 }
 
 TEST(Determinant, ExtremeFactors) {

@@ -1,7 +1,9 @@
 #if ESPALIER_WITH_CUDA
 
+#include <algorithm>
 #include <bit>
 #include <chrono>
+#include <span>
 
 #include "device/cuda/executor_on_devices.hpp"
 #include "device/determinant.hpp"
@@ -142,19 +144,20 @@ std::vector<Index> ExecutorOnDevices<T>::marked(bool failed) {
 
 template <class T>
 void ExecutorOnDevices<T>::judge_pivots(FactorOutcome& out) {
-  Determinant determinant;
   pivots_host_.resize(sides_.size());
   for (const auto& side : sides_)
     at(*side, [&] { side->pivots(pivots_host_[static_cast<std::size_t>(side->self())]); });
-  for (Index f = 0; f < plan_.fronts(); ++f) {
-    const auto& pivots = pivots_host_[static_cast<std::size_t>(std::countr_zero(tables_.fronts[f].members))];
-    for (Index k = plan_.tree.first[f]; k < plan_.tree.first[f + 1]; ++k) {
-      const T p = pivots[static_cast<std::size_t>(k)];
-      determinant.multiply(static_cast<double>(p));
-      if (!smallest_.empty() && static_cast<double>(p) <= smallest_[static_cast<std::size_t>(k)])
-        out.replaced.push_back(k);
-    }
+  std::vector<T>& pivots = pivots_host_.front();
+  for (Index f = 0; several() && f < plan_.fronts(); ++f) {
+    const auto& from = pivots_host_[static_cast<std::size_t>(std::countr_zero(tables_.fronts[f].members))];
+    if (&from != &pivots)
+      std::copy(from.begin() + plan_.tree.first[f], from.begin() + plan_.tree.first[f + 1],
+                pivots.begin() + plan_.tree.first[f]);
   }
+  Determinant determinant;
+  determinant.multiply(std::span<const T>(pivots));
+  for (std::size_t k = 0; k < smallest_.size(); ++k)
+    if (static_cast<double>(pivots[k]) <= smallest_[k]) out.replaced.push_back(static_cast<Index>(k));
   out.determinant_sign = determinant.sign();
   out.determinant_log = determinant.log();
 }
