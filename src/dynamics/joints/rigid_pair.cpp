@@ -73,7 +73,7 @@ ESPALIER_CLONES void evaluate_rows(const RigidPair::Side& side_a, const RigidPai
   double* ga = out.gradient;
   for (std::size_t r = 0; r < rows.size(); ++r, ga += out.gradient == nullptr ? 0 : width) {
     const RigidPair::Row& row = rows[r];
-    double* gb = free_a ? ga + 6 : ga;
+    double* gb = free_a && ga != nullptr ? ga + 6 : ga;
     double value = 0;
     if (row.kind == Relative::global) {
       value = d[row.axis];
