@@ -37,10 +37,7 @@ void declare(CLI::App& app, CurveSettings& settings, int argc, const char* const
   app.add_option("system", settings.system, "a generator with its sizes in quotes: \"elasticity 64\"")
       ->capture_default_str();
   app.add_option("budgets", settings.mebibytes, "budgets of each device's memory in MiB");
-  app.add_option("--devices", settings.devices, "GPUs, such as 0,1")->delimiter(',')->allow_extra_args(false);
-  app.add_option("--counts", settings.counts, "how many of them, in turn, such as 1,2")
-      ->delimiter(',')
-      ->allow_extra_args(false);
+  declare_devices(app, settings.devices, settings.counts);
   app.add_option("--refuse", settings.refuse, "this allocation of device memory is refused");
   app.add_option("--copy-threads", settings.copy_threads, "host threads that copy (default: half of the cores)");
   app.add_option("--lanes", settings.lanes, "queues of the GPU");

@@ -42,10 +42,7 @@ void declare(CLI::App& app, CheckSettings& settings, int argc, const char* const
   app.add_flag("--host", settings.host, "compare with the host executor");
   app.add_flag("--lists", settings.lists, "with --plan: the tasks of every device");
   app.add_option("--columns", settings.columns, "right-hand sides")->check(CLI::PositiveNumber);
-  app.add_option("--devices", settings.devices, "GPUs, such as 0,1")->delimiter(',')->allow_extra_args(false);
-  app.add_option("--counts", settings.counts, "how many of them, in turn, such as 1,2")
-      ->delimiter(',')
-      ->allow_extra_args(false);
+  declare_devices(app, settings.devices, settings.counts);
   app.add_flag("--staging", settings.staging, "between GPUs through pinned host memory");
   app.add_option("--patience", settings.patience, "seconds that a task waits for another before it gives up");
   app.add_option("--fail-device", settings.fail_device, "this device dies in mid-run");

@@ -25,6 +25,11 @@ void declare_gpu_options(CLI::App& app, GpuOptions& options, int argc, const cha
   app.add_option("--out", options.out, "write results (docs/bench.md) to this file or folder");
 }
 
+void declare_devices(CLI::App& app, std::vector<int>& devices, std::vector<int>& counts) {
+  app.add_option("--devices", devices, "GPUs, such as 0,1")->delimiter(',')->allow_extra_args(false);
+  app.add_option("--counts", counts, "how many of them, in turn, such as 1,2")->delimiter(',')->allow_extra_args(false);
+}
+
 nlohmann::json gpu_document(const std::string& experiment, const GpuOptions& options,
                             const std::vector<std::string>& gpus, const std::string& driver) {
   nlohmann::json machine = machine_record();

@@ -21,6 +21,9 @@ struct GpuOptions {
 /// Declares them on `app` and keeps the command line.
 void declare_gpu_options(CLI::App& app, GpuOptions& options, int argc, const char* const* argv);
 
+/// Declares --devices and --counts: which GPUs, and how many of them in turn.
+void declare_devices(CLI::App& app, std::vector<int>& devices, std::vector<int>& counts);
+
 /// A document without rows. `gpus`: names of the GPUs, `driver`: of the first.
 nlohmann::json gpu_document(const std::string& experiment, const GpuOptions& options,
                             const std::vector<std::string>& gpus, const std::string& driver);

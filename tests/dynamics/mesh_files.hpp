@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "dynamics/elements/groups.hpp"
 #include "dynamics/elements/solid.hpp"
 #include "dynamics/mesh/read.hpp"
 
@@ -60,6 +61,34 @@ inline double mesh_volume(const Mesh& mesh) {
   for (Index e = 0; e < mesh.element_count(); ++e)
     if (is_simulated_solid(mesh.type(e))) sum += solid_volume(mesh.type(e), coordinates(mesh, e).data());
   return sum;
+}
+
+/// Edges on which the mid-side nodes of a format's second-order elements lie, in its order.
+struct MidSideEdges {
+  int tet[6][2];
+  int hex[12][2];
+};
+
+/// A tetrahedron (volume 8/6, Jacobian 8) or a cube (volume 8, Jacobian 1) of edge 2: corners, then middles of edges.
+inline std::vector<Point> second_order_nodes(bool is_tet, const MidSideEdges& edges) {
+  std::vector<Point> nodes;
+  if (is_tet)
+    nodes = {{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {0, 0, 2}};
+  else
+    nodes = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}, {0, 0, 2}, {2, 0, 2}, {2, 2, 2}, {0, 2, 2}};
+  for (int k = 0; k < (is_tet ? 6 : 12); ++k) {
+    const int* edge = is_tet ? edges.tet[k] : edges.hex[k];
+    const Point a = nodes[static_cast<std::size_t>(edge[0])], b = nodes[static_cast<std::size_t>(edge[1])];
+    nodes.push_back({0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])});
+  }
+  return nodes;
+}
+
+/// Truth: nodes in the right order give the exact volume and a constant Jacobian.
+inline void expect_second_order(const Mesh& mesh, bool is_tet) {
+  ASSERT_EQ(mesh.type(0), is_tet ? ElementType::tet10 : ElementType::hex20);
+  EXPECT_NEAR(mesh_volume(mesh), is_tet ? 8.0 / 6 : 8, 1e-13);
+  EXPECT_NEAR(smallest_jacobian(mesh.type(0), coordinates(mesh, 0).data()).corners, is_tet ? 8 : 1, 1e-13);
 }
 
 /// `text` with one occurrence of `from` replaced.

@@ -3,6 +3,7 @@
 // lets the queues of all devices go on in any order.
 #include <algorithm>
 #include <chrono>
+#include <functional>
 #include <map>
 #include <thread>
 
@@ -31,17 +32,7 @@ class StreamingDevices : public test::StreamedFactorization {
     return list;
   }
   // The floor of several devices; a device may need more than all of it on one.
-  Offset floor_on(int devices) {
-    try {
-      (void)start(std::vector<StreamDevice>(static_cast<std::size_t>(devices), {1000}), host_devices(devices));
-    } catch (const Error& e) {
-      EXPECT_EQ(e.status().code, StatusCode::out_of_memory);
-      const std::string text = e.what(), mark = "streaming needs: ";
-      return std::stoll(text.substr(text.find(mark) + mark.size()));
-    }
-    ADD_FAILURE() << "1000 bytes were enough";
-    return 0;
-  }
+  Offset floor_on(int devices) { return floor_of(host_devices(devices)); }
   // Budgets between the floor and what the factorization needs in core.
   static std::vector<StreamDevice> budgets(int devices, Offset floor, Offset need, std::uint64_t seed) {
     std::mt19937_64 random(seed);
@@ -110,44 +101,16 @@ TEST_P(StreamingDevices, ADeviceThatFailsEndsTheRunAndTheNextOneWorks) {
   constexpr int kDevices = 3;
   const auto list = budgets(kDevices, floor_on(kDevices), need_ / 2, 3);
   for (std::size_t broken = 0; broken < kDevices; ++broken) {
-    int runs = 0;
-    bool armed = true;
+    PulledCable cable{2};
     auto options = host_devices(kDevices);
-    options[broken].before_run = [&](const StreamOp&) {
-      if (armed && runs++ == 2) throw Error(StatusCode::device_error, "the cable was pulled");
-    };
-    auto executor = start(list, std::move(options));
-    try {
-      (void)executor->factorize(a_.values);
-      EXPECT_LE(runs, 2) << "a failure went unnoticed";
-    } catch (const Error& e) {
-      EXPECT_NE(std::string(e.what()).find("cable"), std::string::npos);
-    }
-    armed = false;
-    expect_the_same(executor->factorize(a_.values));
-    EXPECT_LE(difference(solved(*executor, false)), tolerance());
+    options[broken].before_run = std::ref(cable);
+    expect_recovery(*start(list, std::move(options)), cable);
   }
 }
 
 TEST_P(StreamingDevices, TransposedAndManyRightHandSides) {
   constexpr int kDevices = 3;
-  auto executor = start(budgets(kDevices, floor_on(kDevices), need_ / 2, 5), host_devices(kDevices));
-  (void)executor->factorize(a_.values);
-  auto in_core =
-      device::host::make_host_executor<double>(plan_, GetParam().kind, {0.01, test::kTiny}, pool_, nullptr, nullptr);
-  (void)in_core->factorize(a_.values);
-  const Index columns = 8;
-  std::vector<double> x(static_cast<std::size_t>(a_.cols) * columns);
-  for (std::size_t k = 0; k < x.size(); ++k) x[k] = std::sin(static_cast<double>(k));
-  std::vector<double> y = x;
-  executor->solve(x.data(), columns, true);
-  in_core->solve(y.data(), columns, true);
-  double most = 0, size = 0;
-  for (std::size_t k = 0; k < x.size(); ++k) {
-    most = std::max(most, std::abs(x[k] - y[k]));
-    size = std::max(size, std::abs(y[k]));
-  }
-  EXPECT_LE(most, tolerance() * size);
+  expect_transposed_as_in_core(*start(budgets(kDevices, floor_on(kDevices), need_ / 2, 5), host_devices(kDevices)));
 }
 
 // Plays the plans: every queue may do its next operation as soon as what it waits for is done.

@@ -50,14 +50,20 @@ class StreamedFactorization : public ::testing::TestWithParam<StreamedSystem> {
     outcome_ = in_core->factorize(a_.values);
     x_ = solved(*in_core, false);
     need_ = plan_.memory.size * static_cast<Offset>(sizeof(double));
+    floor_ = floor_of({HostStreamOptions{}});
+  }
+
+  // The least budget of each of these devices, as the refusal of a tiny one names it.
+  Offset floor_of(const std::vector<HostStreamOptions>& devices) {
     try {
-      (void)start(1000);
-      ADD_FAILURE() << "1000 bytes were enough";
+      (void)start(std::vector<analysis::StreamDevice>(devices.size(), {1000}), devices);
     } catch (const Error& e) {
       EXPECT_EQ(e.status().code, StatusCode::out_of_memory);
       const std::string text = e.what(), mark = "streaming needs: ";
-      floor_ = std::stoll(text.substr(text.find(mark) + mark.size()));
+      return std::stoll(text.substr(text.find(mark) + mark.size()));
     }
+    ADD_FAILURE() << "1000 bytes were enough";
+    return 0;
   }
 
   std::unique_ptr<device::Executor<double>> start(Offset budget, HostStreamOptions options = {}) {
@@ -90,15 +96,17 @@ class StreamedFactorization : public ::testing::TestWithParam<StreamedSystem> {
     return x;
   }
 
-  // Largest difference to the answer in core, of the largest entry.
-  [[nodiscard]] double difference(const std::vector<double>& x) const {
+  // Largest difference of x to the truth, of the truth's largest entry.
+  static double difference(const std::vector<double>& x, const std::vector<double>& truth) {
     double most = 0, size = 0;
     for (std::size_t k = 0; k < x.size(); ++k) {
-      most = std::max(most, std::abs(x[k] - x_[k]));
-      size = std::max(size, std::abs(x_[k]));
+      most = std::max(most, std::abs(x[k] - truth[k]));
+      size = std::max(size, std::abs(truth[k]));
     }
     return most / size;
   }
+  // To the answer in core.
+  [[nodiscard]] double difference(const std::vector<double>& x) const { return difference(x, x_); }
   // The systems' condition numbers are below 1e6 (scaled or small ones).
   [[nodiscard]] double tolerance() const {
     return 1e6 * std::numeric_limits<double>::epsilon() * std::sqrt(static_cast<double>(a_.cols));
@@ -110,6 +118,43 @@ class StreamedFactorization : public ::testing::TestWithParam<StreamedSystem> {
     EXPECT_EQ(o.replaced, outcome_.replaced);
     EXPECT_NEAR(o.determinant_log, outcome_.determinant_log, 1e-10 * (1 + std::abs(outcome_.determinant_log)));
     EXPECT_EQ(o.determinant_sign, outcome_.determinant_sign);
+  }
+
+  // Fails one operation of a device, until it is mended.
+  struct PulledCable {
+    int after;  // operations
+    int runs = 0;
+    bool armed = true;
+    void operator()(const analysis::StreamOp&) {
+      if (armed && runs++ == after) throw Error(StatusCode::device_error, "the cable was pulled");
+    }
+  };
+  // The failure ends a factorization, and the next one works.
+  void expect_recovery(device::Executor<double>& executor, PulledCable& cable) {
+    try {
+      (void)executor.factorize(a_.values);
+      EXPECT_LE(cable.runs, cable.after) << "a failure went unnoticed";
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find("cable"), std::string::npos);
+    }
+    cable.armed = false;
+    expect_the_same(executor.factorize(a_.values));
+    EXPECT_LE(difference(solved(executor, false)), tolerance());
+  }
+
+  // Eight right-hand sides of the transposed system, against the executor in core.
+  void expect_transposed_as_in_core(device::Executor<double>& executor) {
+    (void)executor.factorize(a_.values);
+    auto in_core =
+        device::host::make_host_executor<double>(plan_, GetParam().kind, {0.01, kTiny}, pool_, nullptr, nullptr);
+    (void)in_core->factorize(a_.values);
+    const Index columns = 8;
+    std::vector<double> x(static_cast<std::size_t>(a_.cols) * columns);
+    for (std::size_t k = 0; k < x.size(); ++k) x[k] = std::sin(static_cast<double>(k));
+    std::vector<double> y = x;
+    executor.solve(x.data(), columns, true);
+    in_core->solve(y.data(), columns, true);
+    EXPECT_LE(difference(x, y), tolerance());
   }
 
   base::ThreadPool pool_{2};

@@ -1,6 +1,7 @@
 // Factorization in less memory than the factor needs, on a host device. Truth: the factorization in core (answers to
 // rounding, inertia and counts exactly), the independent residual, the bits of another run, and the budget itself.
 #include <chrono>
+#include <functional>
 #include <thread>
 
 #include "streaming_fixture.hpp"
@@ -60,45 +61,16 @@ TEST_P(Streaming, DelaysDoNotChangeTheBits) {
 }
 
 TEST_P(Streaming, AFailureEndsTheRunAndTheNextOneWorks) {
-  const Offset budget = floor_ + (need_ - floor_) / 8;
   for (const int after : {0, 3, 11}) {
-    int runs = 0;
-    bool armed = true;
+    PulledCable cable{after};
     HostStreamOptions options;
-    options.before_run = [&](const StreamOp&) {
-      if (armed && runs++ == after) throw Error(StatusCode::device_error, "the cable was pulled");
-    };
-    auto executor = start(budget, options);
-    try {
-      (void)executor->factorize(a_.values);
-      EXPECT_LE(runs, after) << "a failure went unnoticed";
-    } catch (const Error& e) {
-      EXPECT_NE(std::string(e.what()).find("cable"), std::string::npos);
-    }
-    armed = false;
-    expect_the_same(executor->factorize(a_.values));
-    EXPECT_LE(difference(solved(*executor, false)), tolerance());
+    options.before_run = std::ref(cable);
+    expect_recovery(*start(floor_ + (need_ - floor_) / 8, options), cable);
   }
 }
 
 TEST_P(Streaming, TransposedAndManyRightHandSides) {
-  auto executor = start(floor_ + (need_ - floor_) / 5);
-  (void)executor->factorize(a_.values);
-  auto in_core =
-      device::host::make_host_executor<double>(plan_, GetParam().kind, {0.01, test::kTiny}, pool_, nullptr, nullptr);
-  (void)in_core->factorize(a_.values);
-  const Index columns = 8;
-  std::vector<double> x(static_cast<std::size_t>(a_.cols) * columns);
-  for (std::size_t k = 0; k < x.size(); ++k) x[k] = std::sin(static_cast<double>(k));
-  std::vector<double> y = x;
-  executor->solve(x.data(), columns, true);
-  in_core->solve(y.data(), columns, true);
-  double most = 0, size = 0;
-  for (std::size_t k = 0; k < x.size(); ++k) {
-    most = std::max(most, std::abs(x[k] - y[k]));
-    size = std::max(size, std::abs(y[k]));
-  }
-  EXPECT_LE(most, tolerance() * size);
+  expect_transposed_as_in_core(*start(floor_ + (need_ - floor_) / 5));
 }
 
 TEST_P(Streaming, TheFloorIsTheFloor) {
