@@ -73,8 +73,10 @@ Words rivals_of(const std::string& set, int gpus) {
 void gather_systems(nlohmann::json& rows) {
   std::vector<nlohmann::json> sorted;
   std::vector<std::string> order;
-  for (const auto& row : rows)
-    if (std::find(order.begin(), order.end(), row.at("system")) == order.end()) order.push_back(row.at("system"));
+  for (const auto& row : rows) {
+    const auto system = row.at("system").get<std::string>();
+    if (std::find(order.begin(), order.end(), system) == order.end()) order.push_back(system);
+  }
   for (const std::string& system : order)
     for (auto& row : rows)
       if (row.at("system") == system) sorted.push_back(row);
