@@ -10,82 +10,98 @@
 namespace espalier::bench {
 namespace {
 
-/// One wanted entry: where it goes and which number of the view it takes (-1: a diagonal added for completeness).
+/// One wanted entry of a column (row) of the result.
 struct Target {
-  Index major, minor;
-  Offset source;  ///< k for entry k itself, -2 - k for its mirror image, -1 for none
+  Offset source;  ///< k for entry k of the view, -2 - k for its mirror image, -1 for a diagonal that may be missing
+  Index minor;
 };
 
-/// Every entry that `shape` wants of `a`, in the order of the view, then the whole diagonal.
-std::vector<Target> wanted_entries(const MatrixView& a, Shape shape) {
-  const bool lower = shape == Shape::lower_by_column;
-  const bool one_triangle = a.storage == Storage::symmetric_lower || a.storage == Storage::symmetric_upper;
-  std::vector<Target> targets;
-  targets.reserve(static_cast<std::size_t>(a.nonzeros() * (one_triangle && !lower ? 2 : 1) + a.rows));
+bool one_triangle(const MatrixView& a) {
+  return a.storage == Storage::symmetric_lower || a.storage == Storage::symmetric_upper;
+}
+
+/// Whether the view's arrays are what `shape` wants, entry by entry: ascending, no duplicates, a full diagonal. So are
+/// those of the generators, of which the largest have 2e8 entries.
+bool is_in_shape(const MatrixView& a, Shape shape) {
+  const bool lower = shape == Shape::lower_by_column && a.storage == Storage::symmetric_lower;
+  const bool full = shape == Shape::full_by_column && !one_triangle(a);
+  if (!lower && !full) return false;
+  for (Index column = 0; column < a.cols; ++column) {
+    bool diagonal = false;
+    for (Offset k = a.col_ptr[column]; k < a.col_ptr[column + 1]; ++k) {
+      if (k > a.col_ptr[column] && a.row_ind[k] <= a.row_ind[k - 1]) return false;
+      diagonal |= a.row_ind[k] == column;
+    }
+    if (!diagonal) return false;
+  }
+  return true;
+}
+
+/// Calls visit(major, target) for every entry that `shape` wants of `a`, in the order of the view, then for the
+/// diagonal.
+template <typename Visit>
+void for_each_wanted(const MatrixView& a, Shape shape, Visit&& visit) {
+  const bool lower = shape == Shape::lower_by_column, by_row = shape == Shape::full_by_row, half = one_triangle(a);
   for (Index column = 0; column < a.cols; ++column) {
     for (Offset k = a.col_ptr[column]; k < a.col_ptr[column + 1]; ++k) {
       const Index row = a.row_ind[k];
       if (lower) {
-        if (one_triangle || row >= column) targets.push_back({std::min(row, column), std::max(row, column), k});
+        if (half || row >= column) visit(std::min(row, column), Target{k, std::max(row, column)});
         continue;
       }
-      const bool by_row = shape == Shape::full_by_row;
-      targets.push_back({by_row ? row : column, by_row ? column : row, k});
-      if (one_triangle && row != column) targets.push_back({by_row ? column : row, by_row ? row : column, -2 - k});
+      visit(by_row ? row : column, Target{k, by_row ? column : row});
+      if (half && row != column) visit(by_row ? column : row, Target{-2 - k, by_row ? row : column});
     }
   }
-  for (Index i = 0; i < a.rows; ++i) targets.push_back({i, i, -1});
-  return targets;
-}
-
-/// Stable counting sort of `order` (positions in targets) by `key`.
-template <typename Key>
-void counting_sort(const std::vector<Target>& targets, Index size, Key key, std::vector<Offset>& order) {
-  std::vector<Offset> start(static_cast<std::size_t>(size) + 1, 0);
-  for (const Target& t : targets) ++start[key(t) + 1];
-  std::partial_sum(start.begin(), start.end(), start.begin());
-  std::vector<Offset> sorted(order.size());
-  for (const Offset t : order) sorted[start[key(targets[t])]++] = t;
-  order.swap(sorted);
+  for (Index i = 0; i < a.rows; ++i) visit(i, Target{-1, i});
 }
 
 }  // namespace
 
 CompressedMatrix::CompressedMatrix(const MatrixView& a, Shape shape, int base) : size_(a.rows) {
-  {
-    const std::vector<Target> targets = wanted_entries(a, shape);
-    std::vector<Offset> order(targets.size());
-    std::iota(order.begin(), order.end(), Offset{0});
-    counting_sort(
-        targets, size_, [](const Target& t) { return t.minor; }, order);
-    counting_sort(
-        targets, size_, [](const Target& t) { return t.major; }, order);
-    slot_.assign(static_cast<std::size_t>(a.nonzeros()), -1);
-    if (shape != Shape::lower_by_column && a.symmetric() && a.storage != Storage::symmetric_both)
-      mirror_.assign(slot_.size(), -1);
-    pointers.assign(static_cast<std::size_t>(size_) + 1, 0);
-    Index last_major = -1, last_minor = -1;
-    for (const Offset position : order) {
-      const Target& t = targets[position];
-      if (t.major != last_major || t.minor != last_minor) {
-        indices.push_back(t.minor + base);
-        ++pointers[t.major + 1];
-        last_major = t.major, last_minor = t.minor;
-      }
-      const Offset place = nonzeros() - 1;
-      if (t.source >= 0) slot_[t.source] = place;
-      if (t.source < -1) mirror_[-2 - t.source] = place;
-    }
-    std::partial_sum(pointers.begin(), pointers.end(), pointers.begin());
-    for (Offset& p : pointers) p += base;
-    indices.shrink_to_fit();
+  if (is_in_shape(a, shape)) {
+    pointers.assign(a.col_ptr.begin(), a.col_ptr.end());
+    indices.assign(a.row_ind.begin(), a.row_ind.end());
+    for (std::int32_t& index : indices) index += base;
+  } else {
+    convert(a, shape, base);
   }
-  values.assign(indices.size(), 0.0);
+  for (Offset& p : pointers) p += base;
+  values.resize(indices.size());
   if (!a.values.empty()) fill(a.values);
   reset_peak_memory();
 }
 
+void CompressedMatrix::convert(const MatrixView& a, Shape shape, int base) {
+  std::vector<Offset> start(static_cast<std::size_t>(size_) + 1, 0);
+  for_each_wanted(a, shape, [&](Index major, const Target&) { ++start[major + 1]; });
+  std::partial_sum(start.begin(), start.end(), start.begin());
+  std::vector<Target> targets(static_cast<std::size_t>(start.back()));
+  std::vector<Offset> next(start.begin(), start.end() - 1);
+  for_each_wanted(a, shape, [&](Index major, const Target& target) { targets[next[major]++] = target; });
+  slot_.assign(static_cast<std::size_t>(a.nonzeros()), -1);
+  if (shape != Shape::lower_by_column && one_triangle(a)) mirror_.assign(slot_.size(), -1);
+  indices.reserve(targets.size());
+  pointers.assign(1, 0);
+  const auto by_minor = [](const Target& x, const Target& y) { return x.minor < y.minor; };
+  for (Index major = 0; major < size_; ++major) {
+    const auto first = targets.begin() + start[major], last = targets.begin() + start[major + 1];
+    if (!std::is_sorted(first, last, by_minor)) std::stable_sort(first, last, by_minor);
+    for (auto target = first; target != last; ++target) {
+      if (target == first || target->minor != (target - 1)->minor) indices.push_back(target->minor + base);
+      const Offset place = nonzeros() - 1;
+      if (target->source >= 0) slot_[target->source] = place;
+      if (target->source < -1) mirror_[-2 - target->source] = place;
+    }
+    pointers.push_back(nonzeros());
+  }
+}
+
 void CompressedMatrix::fill(std::span<const double> source) {
+  if (slot_.empty()) {
+    std::copy(source.begin(), source.end(), values.begin());
+    return;
+  }
   std::fill(values.begin(), values.end(), 0.0);
   for (std::size_t k = 0; k < slot_.size(); ++k) {
     if (slot_[k] >= 0) values[slot_[k]] += source[k];

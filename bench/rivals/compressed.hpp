@@ -40,8 +40,10 @@ class CompressedMatrix {
   std::vector<double> values;         ///< nonzeros() values
 
  private:
+  void convert(const MatrixView& a, Shape shape, int base);
+
   Index size_ = 0;
-  std::vector<Offset> slot_;    ///< per view entry: its place, or -1 where the shape leaves it out
+  std::vector<Offset> slot_;  ///< per view entry: its place, or -1 where the shape leaves it out; empty: its own number
   std::vector<Offset> mirror_;  ///< per view entry: the place of its transpose, or -1; empty where there is none
 };
 

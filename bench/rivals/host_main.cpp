@@ -56,20 +56,10 @@ std::unique_ptr<Rival> load(const std::string& plugin, const char* variant) {
   return std::unique_ptr<Rival>(make(variant));
 }
 
-/// Touches every page once, so that shared memory counts as resident before the rival starts.
-void touch(std::span<const std::byte> bytes) {
-  constexpr std::size_t kPage = 4096;
-  volatile std::byte sink{};
-  for (std::size_t at = 0; at < bytes.size(); at += kPage) sink = bytes[at];
-  (void)sink;
-}
-
 class Host {
  public:
   Host(std::unique_ptr<Rival> rival, SharedSystem system, SharedMemory solutions)
       : rival_(std::move(rival)), system_(std::move(system)), solutions_(std::move(solutions)) {
-    touch(system_.bytes());
-    touch(solutions_.bytes());
     values_.assign(system_.matrix().values.begin(), system_.matrix().values.end());
     baseline_ = resident_bytes();
   }

@@ -25,10 +25,7 @@ struct Runner {
 class Session {
  public:
   Session(const MatrixView& a, const Plan& plan, const Progress& progress)
-      : plan_(plan),
-        progress_(progress),
-        original_(a.values.begin(), a.values.end()),
-        system_(a, std::max<Index>(plan.columns, 1)) {
+      : plan_(plan), progress_(progress), original_(a.values), system_(a, std::max<Index>(plan.columns, 1)) {
     std::mt19937_64 generator(kSeed);
     std::uniform_real_distribution<double> uniform(-1, 1);
     for (double& b : system_.right_hand_sides()) b = uniform(generator);
@@ -172,7 +169,7 @@ class Session {
 
   const Plan& plan_;
   const Progress& progress_;
-  std::vector<double> original_;
+  std::span<const double> original_;
   SharedSystem system_;
 };
 

@@ -35,7 +35,7 @@ SharedMemory SharedMemory::adopt(int descriptor) {
 }
 
 void SharedMemory::map() {
-  void* address = mmap(nullptr, size_, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor_, 0);
+  void* address = mmap(nullptr, size_, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, descriptor_, 0);
   if (address == MAP_FAILED) fail("mmap");
   data_ = static_cast<std::byte*>(address);
 }

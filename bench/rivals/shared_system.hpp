@@ -9,7 +9,8 @@
 
 namespace espalier::bench {
 
-/// A mapping of anonymous shared memory (memfd); closed and unmapped by the destructor.
+/// A mapping of anonymous shared memory (memfd), all its pages resident from the start; closed and unmapped by the
+/// destructor.
 class SharedMemory {
  public:
   /// New zeroed memory of `bytes` bytes. Throws std::system_error.
@@ -45,7 +46,6 @@ class SharedSystem {
   /// rows * columns values, column by column
   [[nodiscard]] std::span<double> right_hand_sides() const;
   [[nodiscard]] int descriptor() const { return memory_.descriptor(); }
-  [[nodiscard]] std::span<std::byte> bytes() const { return memory_.bytes(); }
 
  private:
   struct Header;

@@ -76,6 +76,22 @@ TEST_P(Compressed, HoldsTheEntriesOfItsShape) {
     }
 }
 
+TEST(CompressedMatrix, TakesOverWhatIsInShapeWithoutAMap) {
+  SparseMatrix a = random_matrix(Storage::symmetric_lower, 3);
+  CompressedMatrix sorted(a, Shape::lower_by_column, 0);
+  EXPECT_GT(sorted.map_bytes(), 0);
+  a.col_ptr = sorted.pointers;
+  a.row_ind.assign(sorted.indices.begin(), sorted.indices.end());
+  a.values = sorted.values;
+  CompressedMatrix again(a, Shape::lower_by_column, 1);
+  EXPECT_EQ(again.map_bytes(), 0);
+  EXPECT_EQ(again.values, sorted.values);
+  for (std::size_t k = 0; k < again.indices.size(); ++k) EXPECT_EQ(again.indices[k], sorted.indices[k] + 1);
+  for (std::size_t k = 0; k < again.pointers.size(); ++k) EXPECT_EQ(again.pointers[k], sorted.pointers[k] + 1);
+  again.fill(std::vector<double>(a.values.size(), 4));
+  EXPECT_EQ(again.values, std::vector<double>(a.values.size(), 4));
+}
+
 INSTANTIATE_TEST_SUITE_P(All, Compressed,
                          ::testing::Combine(::testing::Values(Storage::general, Storage::symmetric_lower,
                                                               Storage::symmetric_upper, Storage::symmetric_both),
