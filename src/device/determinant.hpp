@@ -11,6 +11,8 @@ namespace espalier::device {
 /// Multiplies numbers without overflow and with few logarithms: the mantissa is multiplied, exponents are added.
 class Determinant {
  public:
+  Determinant() = default;
+  Determinant(double mantissa, long long exponent) : mantissa_(mantissa), exponent_(exponent) {}
   void multiply(double factor) {
     const double magnitude = std::abs(factor);
     if (magnitude > kLarge || magnitude < kSmall) {  // rare: a factor that could overflow the product

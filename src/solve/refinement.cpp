@@ -28,14 +28,11 @@ class Refinement {
  public:
   Refinement(const ResidualSpace& a, const ResidualOperator* host, const Preconditioner& m, bool transpose,
              const RefinementOptions& options, Index columns)
-      : a_(a),
-        host_(host),
-        m_(m),
-        transpose_(transpose),
-        options_(options),
-        n_(a.size()),
-        residuals_(a.vectors(0, columns)),
-        trials_(a.vectors(1, columns)) {}
+      : a_(a), host_(host), m_(m), transpose_(transpose), options_(options), n_(a.size()) {
+    if (options.steps == 0) return;  // errors are wanted, not residuals
+    residuals_ = a.vectors(0, columns);
+    trials_ = a.vectors(1, columns);
+  }
 
   void run(std::vector<Column>& columns) {
     std::vector<Column*> active;
@@ -59,6 +56,7 @@ class Refinement {
 
   // Columns that are still active stand side by side, in their order: a residual only ever moves to the left.
   void take_places(const std::vector<Column*>& active) {
+    if (residuals_.data == nullptr) return;
     for (std::size_t k = 0; k < active.size(); ++k) {
       Column& c = *active[k];
       double* place = residuals_.data + static_cast<Offset>(k) * n_;

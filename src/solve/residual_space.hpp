@@ -30,8 +30,10 @@ class ResidualSpace {
   [[nodiscard]] virtual Index size() const = 0;
   /// r = b - op(A) x for each column, with its backward errors.
   virtual void compute(std::span<ResidualColumn> columns, bool transpose) const = 0;
+  /// Copies and sums may be under way on return, in the order of the calls; compute() waits.
   virtual void copy(const double* from, double* to) const = 0;
-  /// to += from. @returns whether all of `to` was finite before
+  /// to += from. @returns whether all of `to` was finite before; true where that is not known yet: then its residual
+  /// is infinite
   virtual bool add(const double* from, double* to) const = 0;
   /// Memory for so many vectors, one after another, as long as the owner lives. Two slots: 0 and 1.
   struct Vectors {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 #include <vector>
 
 namespace espalier::solver {
@@ -15,8 +16,8 @@ class DeviceSystemOf final : public DeviceSystem {
 
   DeviceSystemOf(const analysis::Plan& plan, const solver::Equations& equations,
                  const solve::ResidualOperator& residual, Kind kind, double threshold,
-                 device::cuda::CudaExecutor<T>& executor, int device, Offset memory_bytes)
-      : n_(plan.tree.n), executor_(executor), rule_{threshold, 0} {
+                 device::cuda::CudaExecutor<T>& executor, int device, Offset memory_bytes, base::ThreadPool& pool)
+      : n_(plan.tree.n), values_(equations.a.values), executor_(executor), rule_{threshold, 0} {
     device::cuda::EquationArrays arrays;
     const solve::ResidualOperator::RowIndex index = residual.row_index();
     arrays.pattern = equations.a;
@@ -30,31 +31,58 @@ class DeviceSystemOf final : public DeviceSystem {
     std::vector<Offset> diagonal;
     if (kind == Kind::llt && sizeof(T) == sizeof(double)) diagonal = diagonal_places(equations.a, plan.tree.order);
     arrays.diagonal = diagonal;
-    smallest_.resize(diagonal.size());
+    if (executor.devices() > 1) smallest_.resize(diagonal.size());
+    host_copy_ = [&pool](double* to, const double* from, Offset count) {
+      constexpr std::int64_t kPiece = 1 << 16;  // doubles
+      pool.for_each_piece(count, kPiece, [&](std::int64_t begin, std::int64_t end) {
+        std::copy(from + begin, from + end, to + begin);
+      });
+    };
     equations_ = device::cuda::make_device_equations<T>(arrays, executor, device, memory_bytes);
     equations_->pin(equations.a.values);
   }
 
-  std::optional<device::FactorOutcome> factorize(const double* values, double smallest_pivot) override {
-    norms_ = equations_->take_values(values);
-    if (!norms_.finite) return std::nullopt;
-    rule_.tiny = smallest_pivot * norms_.largest;
+  void take_values(const double* values) override {
+    equations_->take_values(values);
+    sent_ = false;
+  }
+  void send_values(Offset first, Offset count) override {
+    equations_->send_values(values_.data(), first, count);
+    sent_ = true;
+  }
+
+  std::optional<device::FactorOutcome> factorize(double smallest_pivot) override {
+    if (std::exchange(sent_, false)) equations_->take_sent_values();
+    if (executor_.devices() == 1) {
+      device::cuda::FilledValues values = equations_->filled();
+      values.tiny = smallest_pivot;
+      values.rounding = kRoundingOfPivot;
+      return executor_.factorize_filled(values);
+    }
+    const double largest = equations_->largest();
+    if (!(largest <= std::numeric_limits<double>::max())) return std::nullopt;
+    rule_.tiny = smallest_pivot * largest;
     if (!smallest_.empty()) {
       equations_->read_diagonal(smallest_);
       for (double& s : smallest_) s *= kRoundingOfPivot;
     }
     rule_.smallest = smallest_;
     executor_.set_pivot_rule(rule_);
-    return executor_.factorize_device(equations_->scaled_values());
+    return executor_.factorize_in_place();
   }
 
   void read_values(std::span<double> to) const override { equations_->read_values(to); }
   void substitute(const double* b, double* x, Index columns, bool transpose) override {
     equations_->substitute(b, x, columns, transpose);
   }
+  double take_substitution_seconds() override { return std::exchange(substitution_seconds_, -1); }
+  void finish() override { equations_->finish(); }
+  void settle() noexcept override { equations_->settle(); }
   double* right_hand_sides(Index columns) override { return equations_->vectors(2, columns); }
   double* solutions(Index columns) override { return equations_->vectors(3, columns); }
-  void transfer(double* to, const double* from, Offset count) override { equations_->transfer(to, from, count); }
+  void copy_vectors(const double* from, double* to, Offset count) override { equations_->copy(from, to, count); }
+  void send(double* to, const double* from, Offset count) override { equations_->send(to, from, count, host_copy_); }
+  void fetch(double* to, const double* from, Offset count) override { equations_->fetch(to, from, count, host_copy_); }
 
   void wait_for(void* stream) override { equations_->wait_for(stream); }
 
@@ -64,14 +92,17 @@ class DeviceSystemOf final : public DeviceSystem {
     for (const solve::ResidualColumn& c : columns) work.push_back({c.b, c.x, c.r});
     std::vector<device::cuda::DeviceResidual> found(work.size());
     equations_->residuals(work, transpose, found);
-    const double norm = transpose ? norms_.norm_one : norms_.norm_inf;
+    if (substitution_seconds_ < 0) substitution_seconds_ = equations_->substitution_seconds();
     for (std::size_t k = 0; k < columns.size(); ++k) {
       const device::cuda::DeviceResidual& f = found[k];
-      columns[k].error = {ratio(f.residual, norm * f.x + f.b), f.componentwise};
+      columns[k].error = {ratio(f.residual, f.matrix * f.x + f.b), f.componentwise};
     }
   }
-  void copy(const double* from, double* to) const override { equations_->copy(from, to); }
-  bool add(const double* from, double* to) const override { return equations_->add(from, to); }
+  void copy(const double* from, double* to) const override { equations_->copy(from, to, n_); }
+  bool add(const double* from, double* to) const override {
+    equations_->add(from, to);
+    return true;
+  }
   [[nodiscard]] Vectors vectors(Index slot, Index columns) const override {
     return {equations_->vectors(slot, columns), nullptr};
   }
@@ -85,11 +116,14 @@ class DeviceSystemOf final : public DeviceSystem {
   }
 
   Index n_;
+  std::span<const double> values_;  // of the host's equations
   device::cuda::CudaExecutor<T>& executor_;
-  device::PivotRule rule_;
-  std::vector<double> smallest_;  // n, by position; empty: no pivot is judged
+  device::PivotRule rule_;        // of several GPUs
+  std::vector<double> smallest_;  // likewise: n, by position; empty: no pivot is judged
+  device::cuda::HostCopy host_copy_;
   std::unique_ptr<Equations> equations_;
-  typename Equations::Values norms_;
+  bool sent_ = false;  // values that are not scaled yet
+  mutable double substitution_seconds_ = -1;
 };
 
 }  // namespace
@@ -98,16 +132,18 @@ template <class T>
 std::unique_ptr<DeviceSystem> make_device_system(const analysis::Plan& plan, const Equations& equations,
                                                  const solve::ResidualOperator& residual, Kind kind, double threshold,
                                                  device::cuda::CudaExecutor<T>& executor, int device,
-                                                 Offset memory_bytes) {
-  return std::make_unique<DeviceSystemOf<T>>(plan, equations, residual, kind, threshold, executor, device,
-                                             memory_bytes);
+                                                 Offset memory_bytes, base::ThreadPool& pool) {
+  return std::make_unique<DeviceSystemOf<T>>(plan, equations, residual, kind, threshold, executor, device, memory_bytes,
+                                             pool);
 }
 
 template std::unique_ptr<DeviceSystem> make_device_system(const analysis::Plan&, const Equations&,
                                                           const solve::ResidualOperator&, Kind, double,
-                                                          device::cuda::CudaExecutor<double>&, int, Offset);
+                                                          device::cuda::CudaExecutor<double>&, int, Offset,
+                                                          base::ThreadPool&);
 template std::unique_ptr<DeviceSystem> make_device_system(const analysis::Plan&, const Equations&,
                                                           const solve::ResidualOperator&, Kind, double,
-                                                          device::cuda::CudaExecutor<float>&, int, Offset);
+                                                          device::cuda::CudaExecutor<float>&, int, Offset,
+                                                          base::ThreadPool&);
 
 }  // namespace espalier::solver

@@ -31,6 +31,8 @@ struct Equations {
   double transform_sign = 1, transform_log = 0;
 
   [[nodiscard]] Index n() const { return a.cols; }
+  /// Whether the caller's values are those of `a`, one by one and unchecked.
+  [[nodiscard]] bool keeps_order() const { return target.empty() && source.empty() && !symmetric_values; }
   [[nodiscard]] Index row_of(Index col) const {
     return row_of_col.empty() ? col : row_of_col[static_cast<std::size_t>(col)];
   }

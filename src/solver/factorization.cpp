@@ -64,10 +64,37 @@ void Solver::Impl::make_numeric() {
 void Solver::Impl::factorize(std::span<const double> values) {
   const double start = base::now_seconds();
   begin_factorization();
-  solver::copy_values(equations, values, pool);
-  residual.set_values(equations.a.values);
-  values_on_device = false;
+  load_values(values);
   finish_factorization(factorize_moving_pivots(), start);
+}
+
+// New values to the solver's copy and, where a GPU has the equations, on to it: one piece is on the link while the next
+// one is copied.
+void Solver::Impl::load_values(std::span<const double> values) {
+  solver::DeviceSystem* system = numeric->device_system();
+  values_on_device = false;
+  if (system != nullptr && equations.keeps_order()) {
+    constexpr Offset kPiece = Offset{1} << 22;  // entries on the link: 32 MiB
+    constexpr std::int64_t kEntries = 1 << 17;  // of one thread
+    for (Offset first = 0; first < equations.a.nonzeros(); first += kPiece) {
+      const Offset now = std::min(kPiece, equations.a.nonzeros() - first);
+      const double* from = values.data() + first;
+      double* to = equations.a.values.data() + first;
+      pool.for_each_piece(now, kEntries, [&](std::int64_t begin, std::int64_t end) {
+        std::copy(from + begin, from + end, to + begin);
+      });
+      system->send_values(first, now);
+    }
+  } else {
+    solver::copy_values(equations, values, pool);
+    send_values();
+  }
+  residual.set_values(equations.a.values);
+}
+
+// The solver's values to the GPU that has the equations, if any.
+void Solver::Impl::send_values() {
+  if (solver::DeviceSystem* system = numeric->device_system()) system->send_values(0, equations.a.nonzeros());
 }
 
 // New values that lie on the GPU of the factor stay there, unless pivots fail: what follows then works on the host's
@@ -80,9 +107,9 @@ void Solver::Impl::factorize_device(const double* values, Offset count, void* st
     throw Error(StatusCode::device_error,
                 "the factor is not in the memory of a GPU (" + numeric->device_name() + "); use refactorize()");
   system->wait_for(stream);
-  if (!equations.target.empty() || !equations.source.empty() || equations.symmetric_values) {
+  if (!equations.keeps_order()) {
     std::vector<double> copy(static_cast<std::size_t>(count));
-    system->transfer(copy.data(), values, count);
+    system->fetch(copy.data(), values, count);
     return factorize(copy);
   }
   set_smallest_pivot();
@@ -112,6 +139,7 @@ void Solver::Impl::finish_factorization(device::FactorOutcome outcome, double st
   if (kind == Kind::llt && (outcome.not_positive >= 0 || !outcome.replaced.empty()) && kind_may_change) {
     turn_to_ldlt();
     make_numeric();
+    send_values();
     outcome = factorize_moving_pivots();
   }
   report(outcome);
@@ -153,6 +181,7 @@ device::FactorOutcome Solver::Impl::factorize_moving_pivots() {
   const auto move_all = [&] {
     for (; round < kMostMoves && move_pivots(outcome); ++round) {
       make_numeric();
+      send_values();
       outcome = numeric->factorize();
     }
   };

@@ -34,7 +34,7 @@ class NumericOf final : public Numeric {
 
   device::FactorOutcome factorize() override {
     if (device_ != nullptr) {
-      if (auto outcome = factorize_device(equations_.a.values.data())) return *outcome;
+      if (auto outcome = device_->factorize(options_.smallest_pivot)) return *outcome;
       refuse_entry(equations_);
     }
     const double largest = scale_values(equations_, values_.data(), pool_);
@@ -48,7 +48,8 @@ class NumericOf final : public Numeric {
 
   DeviceSystem* device_system() override { return device_.get(); }
   std::optional<device::FactorOutcome> factorize_device(const double* values) override {
-    return device_->factorize(values, options_.smallest_pivot);
+    device_->take_values(values);
+    return device_->factorize(options_.smallest_pivot);
   }
   void set_smallest_pivot(double smallest_pivot) override { options_.smallest_pivot = smallest_pivot; }
 
@@ -84,7 +85,7 @@ class NumericOf final : public Numeric {
       left = std::max<Offset>(1, budget - executor->peak_bytes());
     try {
       device_ = make_device_system<T>(plan_, equations_, residual, options_.kind, options_.threshold, *executor,
-                                      options_.device.gpus.front(), left);
+                                      options_.device.gpus.front(), left, pool_);
     } catch (const Error& e) {
       if (e.status().code != StatusCode::out_of_memory) throw;
     }

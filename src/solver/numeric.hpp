@@ -18,7 +18,8 @@ namespace espalier::solver {
 class Numeric {
  public:
   virtual ~Numeric() = default;
-  /// Factors the values in `equations`. Pivots below `smallest_pivot` times the largest scaled entry are replaced.
+  /// Factors the values in `equations`, which must have been sent to device_system() where there is one. Pivots below
+  /// `smallest_pivot` times the largest scaled entry are replaced.
   virtual device::FactorOutcome factorize() = 0;
   /// The equations on the GPU of the factor; null: they are on the host alone.
   virtual DeviceSystem* device_system() = 0;

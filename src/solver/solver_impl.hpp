@@ -34,6 +34,8 @@ struct Solver::Impl {
   void factorize(std::span<const double> values);
   void factorize_device(const double* values, Offset count, void* stream);
   void fetch_values();
+  void load_values(std::span<const double> values);
+  void send_values();
   void begin_factorization();
   void finish_factorization(device::FactorOutcome outcome, double start);
   void set_smallest_pivot();
@@ -49,6 +51,7 @@ struct Solver::Impl {
   void solve(std::span<const double> b, std::span<double> x, Index columns, bool transpose);
   void solve_device(const double* b, double* x, Index columns, bool transpose, void* stream);
   bool solve_through_device(const double* b, double* x, Index columns, bool transpose);
+  void solve_on_device(solver::DeviceSystem& system, const double* b, double* x, Index columns, bool transpose);
   void solve_at(const solve::ResidualSpace& space, const solve::Preconditioner& apply, const double* b, double* x,
                 Index columns, bool transpose, bool krylov);
   void judge_solution();

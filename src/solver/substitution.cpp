@@ -17,6 +17,18 @@ namespace {
 // Right-hand sides that are brought to a GPU at a time.
 constexpr Index kColumnsOnDevice = 32;
 
+// Waits for a GPU that a failure has left at work on the caller's arrays.
+class Settled {
+ public:
+  explicit Settled(solver::DeviceSystem& system) : system_(system) {}
+  Settled(const Settled&) = delete;
+  Settled& operator=(const Settled&) = delete;
+  ~Settled() { system_.settle(); }
+
+ private:
+  solver::DeviceSystem& system_;
+};
+
 bool overlap(const double* a, const double* b, std::size_t count) {
   const std::less<> before;
   return before(a, b + count) && before(b, a + count);
@@ -35,11 +47,15 @@ void Solver::Impl::solve(std::span<const double> b, std::span<double> x, Index c
   }
   if (!solve_through_device(b.data(), x.data(), columns, transpose)) {
     fetch_values();
+    double first = -1;
     const solve::Preconditioner apply = [&](const double* from, double* to, Index count) {
+      const double began = base::now_seconds();
       numeric->solve(from, to, count, transpose);
+      if (first < 0) first = base::now_seconds() - began;
     };
     solution = SolveResult{};
     solve_at(residual, apply, b.data(), x.data(), columns, transpose, options.precision == Precision::mixed);
+    solution.solve_seconds = first;
   }
   judge_solution();
   solution.seconds = base::now_seconds() - start;
@@ -49,18 +65,16 @@ void Solver::Impl::solve(std::span<const double> b, std::span<double> x, Index c
 bool Solver::Impl::solve_through_device(const double* b, double* x, Index columns, bool transpose) {
   solver::DeviceSystem* system = numeric->device_system();
   if (system == nullptr) return false;
-  const solve::Preconditioner apply = [&](const double* from, double* to, Index count) {
-    system->substitute(from, to, count, transpose);
-  };
+  const Settled settled(*system);
   const Offset n = plan.tree.n;
   try {
     for (Index first = 0; first < columns; first += kColumnsOnDevice) {
       const Index now = std::min(kColumnsOnDevice, columns - first);
       double* from = system->right_hand_sides(now);
       double* to = system->solutions(now);
-      system->transfer(from, b + first * n, now * n);
-      solve_at(*system, apply, from, to, now, transpose, false);
-      system->transfer(x + first * n, to, now * n);
+      system->send(from, b + first * n, now * n);
+      solve_on_device(*system, from, to, now, transpose);
+      system->fetch(x + first * n, to, now * n);
     }
   } catch (const Error& e) {
     if (e.status().code != StatusCode::out_of_memory) throw;
@@ -76,27 +90,40 @@ void Solver::Impl::solve_device(const double* b, double* x, Index columns, bool 
   if (system == nullptr)
     throw Error(StatusCode::device_error,
                 "the factor is not in the memory of a GPU (" + numeric->device_name() + "); use solve()");
+  const Settled settled(*system);
   system->wait_for(stream);
   const Offset count = Offset{plan.tree.n} * columns;
   if (overlap(b, x, static_cast<std::size_t>(count))) {
     double* copy = system->right_hand_sides(columns);
-    system->transfer(copy, b, count);
+    system->copy_vectors(b, copy, count);
     b = copy;
   }
-  const solve::Preconditioner apply = [&](const double* from, double* to, Index many) {
-    system->substitute(from, to, many, transpose);
-  };
-  solve_at(*system, apply, b, x, columns, transpose, false);
+  solve_on_device(*system, b, x, columns, transpose);
+  system->finish();
   judge_solution();
   solution.seconds = base::now_seconds() - start;
+}
+
+void Solver::Impl::solve_on_device(solver::DeviceSystem& system, const double* b, double* x, Index columns,
+                                   bool transpose) {
+  const double start = base::now_seconds();
+  (void)system.take_substitution_seconds();
+  const solve::Preconditioner apply = [&](const double* from, double* to, Index count) {
+    system.substitute(from, to, count, transpose);
+  };
+  solve_at(system, apply, b, x, columns, transpose, false);
+  double seconds = system.take_substitution_seconds();
+  if (seconds < 0) {  // nobody looked at the solution
+    system.finish();
+    seconds = base::now_seconds() - start;
+  }
+  solution.solve_seconds += seconds;
 }
 
 // First solution and refinement where `space` is; adds to what `solution` says of earlier columns.
 void Solver::Impl::solve_at(const solve::ResidualSpace& space, const solve::Preconditioner& apply, const double* b,
                             double* x, Index columns, bool transpose, bool krylov) {
-  const double start = base::now_seconds();
   apply(b, x, columns);
-  solution.solve_seconds += base::now_seconds() - start;
   if (options.refinement_steps == 0 && std::isinf(options.required_backward_error)) {  // nobody asks for the residual
     solution.backward_error = solution.componentwise_error = std::numeric_limits<double>::quiet_NaN();
     return;

@@ -139,6 +139,58 @@ TEST_F(Gpu, DeviceArraysGiveWhatHostArraysGive) {
       }
 }
 
+// The GPU multiplies the pivots in an order of its own, the same in every run. Truth: the host's factorization.
+TEST_F(Gpu, DeterminantsAndInertiaAreTheHosts) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE(c.name);
+    Options o;
+    o.device = "cpu";
+    o.threads = 2;
+    o.precision = c.precision;
+    Solver host(o);
+    ASSERT_TRUE(host.analyze(c.a).status.ok());
+    const FactorResult h = host.factorize(c.a);
+    o.device = "gpu:0";
+    Solver gpu(o);
+    ASSERT_TRUE(gpu.analyze(c.a).status.ok());
+    const FactorResult g = gpu.factorize(c.a);
+    ASSERT_TRUE(g.status.ok()) << g.status.message;
+    EXPECT_EQ(g.determinant_sign, h.determinant_sign);
+    // Each of n pivots is right to a few eps times the growth of errors (the condition is small): log(1 + d) = d.
+    const double eps = c.precision == Precision::fp64 ? std::numeric_limits<double>::epsilon()
+                                                      : double{std::numeric_limits<float>::epsilon()};
+    EXPECT_NEAR(g.determinant_log, h.determinant_log, 1e3 * eps * c.a.rows);
+    EXPECT_EQ(g.inertia.positive, h.inertia.positive);
+    EXPECT_EQ(g.inertia.negative, h.inertia.negative);
+    EXPECT_EQ(g.inertia.zero, h.inertia.zero);
+    EXPECT_EQ(gpu.refactorize(c.a.values).determinant_log, g.determinant_log) << "the same bits";
+  }
+}
+
+// Two pivots of 1e-300 to one of 1e+300: no partial product may leave the range. Truth: powers of ten, counted.
+TEST_F(Gpu, DeterminantsOfWildDiagonalsAreExact) {
+  const Index n = 5000;
+  SparseMatrix a{n, n, {0}, {}, {}, Storage::symmetric_lower};
+  Index powers = 0;  // of 1e300
+  for (Index k = 0; k < n; ++k) {
+    a.row_ind.push_back(k);
+    a.values.push_back(k % 3 == 2 ? 1e300 : 1e-300);
+    powers += k % 3 == 2 ? 1 : -1;
+    a.col_ptr.push_back(k + 1);
+  }
+  Options o;
+  o.device = "gpu:0";
+  o.kind = Kind::llt;
+  Solver s(o);
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  const FactorResult f = s.factorize(a);
+  ASSERT_TRUE(f.status.ok()) << f.status.message;
+  EXPECT_EQ(f.determinant_sign, 1);
+  // Products of n factors, each rounded once: n eps in the logarithm, and that of 1e300 itself is rounded.
+  const double log = powers * 300 * std::log(10.0), eps = std::numeric_limits<double>::epsilon();
+  EXPECT_NEAR(f.determinant_log, log, n * eps + 4 * eps * std::abs(log));
+}
+
 TEST_F(Gpu, SingularAndNotFiniteValuesAreRefused) {
   const SparseMatrix a = reference::random_system(400, 6, Values::indefinite, 8);
   Options o;

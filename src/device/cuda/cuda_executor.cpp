@@ -132,8 +132,9 @@ void ExecutorOnDevices<T>::set_up_tests() {
 template <class T>
 void ExecutorOnDevices<T>::enqueue_factorization(Side& side) {
   if (!several()) {
-    side.enqueue_clear_factor();
+    side.enqueue_begin({});
     side.enqueue_factor();
+    side.enqueue_judge({});
     return;
   }
   if (side.self() != 0 && common_.top == nullptr) side.enqueue_values_from(first());

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -41,13 +42,33 @@ struct CudaOptions {
   double patience_seconds = 30;           ///< a wait between blocks that lasts longer ends the run with an error
 };
 
-/// Executor with calls for values and right-hand sides that already lie in device memory. Every call returns when the
-/// GPU has finished. Refactorizations and solves replay CUDA graphs and take no memory.
+/// What a caller that fills CudaExecutor::values() itself knows about them. Pointers are memory of the GPU.
+struct FilledValues {
+  const double* largest = nullptr;  ///< `parts` numbers whose maximum is the largest magnitude; infinity: not finite
+  int parts = 0;
+  double tiny = 0;                   ///< PivotRule::tiny relative to the largest magnitude
+  const Offset* diagonal = nullptr;  ///< n; by position: place of the diagonal entry; null: no pivot is judged by it
+  double rounding = 0;               ///< llt: a pivot of at most rounding * its diagonal entry counts as zero
+  bool operator==(const FilledValues&) const = default;
+};
+
+/// Executor with calls for values and right-hand sides that already lie in the memory of its first GPU. Calls return
+/// when the GPU has finished, unless they say otherwise. Refactorizations and solves replay CUDA graphs and take no
+/// memory.
 template <class T>
 class CudaExecutor : public Executor<T> {
  public:
-  /// Like factorize(); `values` is device memory.
-  virtual FactorOutcome factorize_device(const T* values) = 0;
+  /// The stream (cudaStream_t) of the first GPU, in whose order values and right-hand sides are read and written.
+  [[nodiscard]] virtual void* stream() const = 0;
+  /// Where factorizations find the plan's values, and how many there are.
+  [[nodiscard]] virtual T* values() const = 0;
+  [[nodiscard]] virtual Offset values_size() const = 0;
+  [[nodiscard]] virtual int devices() const = 0;
+  /// Like factorize(), with what values() holds when the work enqueued on stream() is done.
+  virtual FactorOutcome factorize_in_place() = 0;
+  /// The same on one GPU, with a rule that the GPU completes: one launch, one wait, a few hundred bytes to the host.
+  /// @returns nothing when the values are not all finite  @pre devices() == 1
+  virtual std::optional<FactorOutcome> factorize_filled(const FilledValues& values) = 0;
   /// Times of the last factorization's tasks, by device; empty but with CudaOptions::timeline.
   virtual std::vector<std::vector<TaskTime>> task_times() const = 0;
   virtual const DevicePlan& device_plan() const = 0;
@@ -55,6 +76,12 @@ class CudaExecutor : public Executor<T> {
   virtual double refactorize_again() = 0;
   /// Like solve(); x is device memory. @returns seconds on the GPU
   virtual double solve_device(T* x, Index columns, bool transpose) = 0;
+  /// The same, enqueued on stream(): whether it was given up is known in solve_aborted() (memory of the GPU) when it
+  /// is done. Several GPUs are waited for, and there is nothing to know afterwards (null).
+  virtual void enqueue_solve(T* x, Index columns, bool transpose) = 0;
+  [[nodiscard]] virtual const int* solve_aborted() const = 0;
+  /// The error that says so.
+  [[nodiscard]] virtual Error solve_given_up() const = 0;
   /// A device buffer of the executor for n x columns right-hand sides, and copies to and from it.
   virtual T* device_rhs(Index columns) = 0;
   virtual void to_device(T* to, const T* from, Offset count) = 0;

@@ -1,9 +1,11 @@
 /// \file
-/// Faults for tests: one call of the CUDA runtime is refused without being made, as a driver might.
+/// What tests ask of the calls of the CUDA runtime: to refuse one without making it, as a driver might, and to write
+/// down which are made.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
+#include <vector>
 
 namespace espalier::device::cuda {
 
@@ -12,6 +14,8 @@ struct CallFaults {
   std::atomic<std::int64_t> made{0};            ///< calls since the last arm()
   std::atomic<std::int64_t> refused_number{0};  ///< 0: none is refused
   std::atomic<const char*> refused{nullptr};    ///< name of the call that was refused since the last arm()
+  /// Names of the calls, one after another, while not null. Owned by a test in which one thread makes calls.
+  std::atomic<std::vector<const char*>*> record{nullptr};
 
   /// Refuses call number `number` from now on (1: the next one); 0: none.
   void arm(std::int64_t number) {
@@ -21,6 +25,7 @@ struct CallFaults {
   }
   /// Counts a call. @returns true when it must not be made
   bool refuses(const char* name) {
+    if (auto* names = record.load(std::memory_order_relaxed)) names->push_back(name);
     if (++made != refused_number) return false;
     refused = name;
     return true;

@@ -7,13 +7,17 @@
 #include "device/cuda/device_memory.hpp"
 #include "device/cuda/device_side.hpp"
 #include "device/cuda/equation_kernels.cuh"
+#include "device/cuda/host_link.hpp"
+#include "device/cuda/residual_kernels.cuh"
 
 namespace espalier::device::cuda {
 
 namespace {
 
-constexpr Index kMostColumns = 64;  // right-hand sides of one launch
-constexpr Index kColumnGroup = 8;   // several right-hand sides come in multiples of it
+constexpr Index kMostColumns = 64;          // right-hand sides of one substitution
+constexpr Index kColumnGroup = 8;           // several right-hand sides come in multiples of it
+constexpr int kGroups = 8;                  // passes of residuals before the host looks at them
+constexpr Offset kPiece = Offset{1} << 19;  // doubles that go through the link at a time: 4 MiB
 
 unsigned blocks_for(Offset threads) {
   return static_cast<unsigned>((threads + kEquationThreads - 1) / kEquationThreads);
@@ -27,10 +31,20 @@ Offset budget_for(int device, Offset memory_bytes) {
   return memory_bytes > 0 ? std::min(memory_bytes, all) : all;
 }
 
+// Blocks of the kernel that are on the device at a time.
+template <class Kernel>
+unsigned resident_blocks(Kernel* kernel, int device) {
+  int multiprocessors = 0, each = 0;
+  call("cudaDeviceGetAttribute",
+       [&] { return cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device); });
+  call("cudaOccupancyMaxActiveBlocksPerMultiprocessor",
+       [&] { return cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, kEquationThreads, 0); });
+  return static_cast<unsigned>(std::max(1, each * multiprocessors));
+}
+
 template <class T>
 class Equations final : public DeviceEquations<T> {
  public:
-  using typename DeviceEquations<T>::Values;
   using typename DeviceEquations<T>::Column;
 
   Equations(const EquationArrays& a, CudaExecutor<T>& executor, int device, Offset memory_bytes)
@@ -41,9 +55,10 @@ class Equations final : public DeviceEquations<T> {
         n_(a.pattern.cols),
         nonzeros_(a.pattern.nonzeros()),
         general_(a.pattern.storage == Storage::general),
-        // FP64 without scaling factors the values as they are.
-        scales_(sizeof(T) != sizeof(double) || !a.row_scale.empty() || !a.col_scale.empty()),
-        pinned_(kFound + 3 * kMostColumns) {
+        scales_(!a.row_scale.empty() || !a.col_scale.empty()),
+        ends_(kGroups),
+        aborted_(1),
+        link_(std::min<Offset>(kPiece, kColumnGroup * Offset{n_})) {
     if (nonzeros_ > std::numeric_limits<std::uint32_t>::max())
       throw Error(StatusCode::out_of_memory, "more than 2^32 entries are not indexed on a device");
     upload(col_ptr_, a.pattern.col_ptr);
@@ -57,67 +72,50 @@ class Equations final : public DeviceEquations<T> {
     upload(row_scale_, a.row_scale);
     upload(col_scale_, a.col_scale);
     upload(diagonal_, a.diagonal);
-    values_ = take<double>(nonzeros_);
-    if (scales_) scaled_ = take<T>(nonzeros_);
-    found_ = take<double>(kFound);
-    pointers_ = take<double*>(3 * kMostColumns);
+    take_values_memory();
+    take_residual_memory();
     guard_.leave();
   }
+  ~Equations() override { settle(); }
 
-  Values take_values(const double* values) override {
+  void take_values(const double* values) override {
     const DeviceGuard guard(device_);
-    const cudaStream_t stream = stream_.get();
+    enqueue_values(values, copy_.size() > 0 ? copy_.data() : nullptr);
+  }
+  void send_values(const double* values, Offset first, Offset count) override {
+    const DeviceGuard guard(device_);
     call("cudaMemcpyAsync(values)", [&] {
-      return cudaMemcpyAsync(values_.data(), values, static_cast<std::size_t>(values_.bytes()), cudaMemcpyDefault,
-                             stream);
+      return cudaMemcpyAsync(given() + first, values + first, static_cast<std::size_t>(count) * sizeof(double),
+                             cudaMemcpyHostToDevice, stream());
     });
-    clear_found();
-    const unsigned blocks = blocks_for(static_cast<Offset>(n_) * kLanes);
-    if constexpr (std::is_same_v<T, double>) {
-      scale_kernel<T><<<blocks, kEquationThreads, 0, stream>>>(
-          pattern(), row_scale_.data(), col_scale_.data(), scales_ ? scaled_.data() : values_.data(), found_.data());
-    } else {
-      scale_kernel<T><<<blocks, kEquationThreads, 0, stream>>>(pattern(), row_scale_.data(), col_scale_.data(),
-                                                               scaled_.data(), found_.data());
-    }
-    norm_kernel<<<blocks, kEquationThreads, 0, stream>>>(pattern(), false, found_.data() + 1);
-    if (general_) norm_kernel<<<blocks, kEquationThreads, 0, stream>>>(pattern(), true, found_.data() + 2);
-    call("launch of the scaling kernels", [&] { return cudaGetLastError(); });
-    const double* found = fetch_found(3);
-    Values v;
-    v.finite = found[0] <= std::numeric_limits<double>::max();
-    v.largest = found[0];
-    v.norm_inf = found[1];
-    v.norm_one = general_ ? found[2] : found[1];
-    return v;
   }
-
-  const T* scaled_values() const override {
-    if constexpr (std::is_same_v<T, double>)
-      if (!scales_) return values_.data();
-    return scaled_.data();
-  }
-
-  void read_values(std::span<double> to) const override {
+  void take_sent_values() override {
     const DeviceGuard guard(device_);
-    call("cudaMemcpy(values)",
-         [&] { return cudaMemcpy(to.data(), values_.data(), to.size_bytes(), cudaMemcpyDeviceToHost); });
+    enqueue_values(given(), nullptr);
   }
-
+  FilledValues filled() const override {
+    return {largest_.data(), static_cast<int>(largest_.size()), 0, diagonal_.data(), 0};
+  }
+  double largest() override {
+    std::vector<double> parts(static_cast<std::size_t>(largest_.size()));
+    read(parts.data(), largest_.data(), largest_.size());
+    return *std::max_element(parts.begin(), parts.end());
+  }
+  void read_values(std::span<double> to) const override { read(to.data(), given(), nonzeros_); }
   void read_diagonal(std::span<double> to) override {
-    const DeviceGuard guard(device_);
     double* list = vectors(0, 1);
+    const DeviceGuard guard(device_);
     diagonal_kernel<T>
-        <<<blocks_for(n_), kEquationThreads, 0, stream_.get()>>>(n_, diagonal_.data(), scaled_values(), list);
+        <<<blocks_for(n_), kEquationThreads, 0, stream()>>>(n_, diagonal_.data(), executor_.values(), list);
     call("launch of the diagonal kernel", [&] { return cudaGetLastError(); });
-    call("cudaMemcpyAsync(diagonal)",
-         [&] { return cudaMemcpyAsync(to.data(), list, to.size_bytes(), cudaMemcpyDeviceToHost, stream_.get()); });
-    stream_.wait();
+    read(to.data(), list, n_);
   }
 
   void substitute(const double* b, double* x, Index columns, bool transpose) override {
     const DeviceGuard guard(device_);
     for (Index first = 0; first < columns; first += kMostColumns) {
+      if (first > 0) finish();  // each of them tells whether it was given up
+      pending_ = unreported_ = true;
       const Index now = std::min(kMostColumns, columns - first);
       const Index width = now == 1 ? 1 : (now + kColumnGroup - 1) / kColumnGroup * kColumnGroup;
       const Passage p{order_.data(), row_of_col_.data(), row_scale_.data(), col_scale_.data(), n_, now,
@@ -125,55 +123,65 @@ class Equations final : public DeviceEquations<T> {
       T* rhs = executor_.device_rhs(width);
       const unsigned blocks = blocks_for(static_cast<Offset>(n_) * width);
       const Offset at = static_cast<Offset>(first) * n_;
-      gather_kernel<T><<<blocks, kEquationThreads, 0, stream_.get()>>>(p, b + at, rhs);
+      gather_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(p, b + at, rhs, clock_.data());
       call("launch of the gather kernel", [&] { return cudaGetLastError(); });
-      stream_.wait();
-      executor_.solve_device(rhs, width, transpose);
-      scatter_kernel<T><<<blocks, kEquationThreads, 0, stream_.get()>>>(p, rhs, x + at);
+      executor_.enqueue_solve(rhs, width, transpose);
+      scatter_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(p, rhs, x + at);
       call("launch of the scatter kernel", [&] { return cudaGetLastError(); });
     }
-    stream_.wait();
   }
 
   void residuals(std::span<const Column> columns, bool transpose, std::span<DeviceResidual> found) override {
     const DeviceGuard guard(device_);
-    for (std::size_t first = 0; first < columns.size(); first += kMostColumns) {
-      const std::size_t now = std::min<std::size_t>(kMostColumns, columns.size() - first);
-      auto* pointers = reinterpret_cast<const double**>(pinned_.data() + kFound);
-      for (std::size_t k = 0; k < now; ++k) {
-        pointers[k] = columns[first + k].b;
-        pointers[kMostColumns + k] = columns[first + k].x;
-        pointers[2 * kMostColumns + k] = columns[first + k].r;
+    pending_ = true;
+    constexpr std::size_t kEach = kResidualColumns;
+    for (std::size_t first = 0; first < columns.size(); first += kGroups * kEach) {
+      const std::size_t end = std::min(columns.size(), first + kGroups * kEach);
+      for (std::size_t at = first; at < end; at += kEach)
+        enqueue_residuals(columns.subspan(at, std::min(kEach, end - at)), transpose,
+                          ends_.data() + (at - first) / kEach);
+      wait();
+      for (std::size_t at = first; at < end; ++at) {
+        const double* f = ends_.data()[(at - first) / kEach].found[(at - first) % kEach];
+        found[at] = {f[0], f[1], f[2], f[3], f[4]};
       }
-      call("cudaMemcpyAsync(columns)", [&] {
-        return cudaMemcpyAsync(pointers_.data(), pointers, static_cast<std::size_t>(pointers_.bytes()),
-                               cudaMemcpyHostToDevice, stream_.get());
-      });
-      clear_found();
-      const dim3 grid(blocks_for(static_cast<Offset>(n_) * kLanes), static_cast<unsigned>(now));
-      residual_kernel<<<grid, kEquationThreads, 0, stream_.get()>>>(
-          pattern(), transpose,
-          {pointers_.data(), pointers_.data() + kMostColumns, pointers_.data() + 2 * kMostColumns, found_.data()});
-      call("launch of the residual kernel", [&] { return cudaGetLastError(); });
-      const double* f = fetch_found(4 * now);
-      for (std::size_t k = 0; k < now; ++k, f += 4) found[first + k] = {f[0], f[1], f[2], f[3]};
+      if (first == 0) substitution_seconds_ = ends_.data()->substitution;
+      unreported_ = false;
+      if (ends_.data()->aborted != 0) throw executor_.solve_given_up();
     }
   }
+  [[nodiscard]] double substitution_seconds() const override { return substitution_seconds_; }
 
-  void copy(const double* from, double* to) override {
+  void copy(const double* from, double* to, Offset count) override {
     const DeviceGuard guard(device_);
-    call("cudaMemcpyAsync(vector)", [&] {
-      return cudaMemcpyAsync(to, from, static_cast<std::size_t>(n_) * sizeof(double), cudaMemcpyDefault, stream_.get());
+    pending_ = true;
+    call("cudaMemcpyAsync(vectors)", [&] {
+      return cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(double), cudaMemcpyDefault, stream());
     });
-    stream_.wait();
   }
 
-  bool add(const double* from, double* to) override {
+  void add(const double* from, double* to) override {
     const DeviceGuard guard(device_);
-    clear_found();
-    add_kernel<<<blocks_for(n_), kEquationThreads, 0, stream_.get()>>>(n_, from, to, found_.data());
+    pending_ = true;
+    add_kernel<<<blocks_for(n_), kEquationThreads, 0, stream()>>>(n_, from, to);
     call("launch of the addition kernel", [&] { return cudaGetLastError(); });
-    return fetch_found(1)[0] == 0;
+  }
+
+  void finish() override {
+    if (!pending_) return;
+    const DeviceGuard guard(device_);
+    const int* aborted = unreported_ ? executor_.solve_aborted() : nullptr;
+    *aborted_.data() = 0;
+    if (aborted != nullptr)
+      call("cudaMemcpyAsync(aborted)",
+           [&] { return cudaMemcpyAsync(aborted_.data(), aborted, sizeof(int), cudaMemcpyDeviceToHost, stream()); });
+    wait();
+    unreported_ = false;
+    if (*aborted_.data() != 0) throw executor_.solve_given_up();
+  }
+  void settle() noexcept override {
+    if (pending_) (void)cudaStreamSynchronize(stream());
+    pending_ = unreported_ = false;
   }
 
   double* vectors(Index slot, Index columns) override {
@@ -186,13 +194,15 @@ class Equations final : public DeviceEquations<T> {
     return s.data();
   }
 
-  void transfer(double* to, const double* from, Offset count) override {
+  void send(double* to, const double* from, Offset count, const HostCopy& copy) override {
     const DeviceGuard guard(device_);
-    call("cudaMemcpyAsync(vectors)", [&] {
-      return cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(double), cudaMemcpyDefault,
-                             stream_.get());
-    });
-    stream_.wait();
+    pending_ = true;
+    link_.send(to, from, count, stream(), copy);
+  }
+  void fetch(double* to, const double* from, Offset count, const HostCopy& copy) override {
+    const DeviceGuard guard(device_);
+    link_.fetch(to, from, count, stream(), copy);
+    pending_ = unreported_;
   }
   // Where pinning is refused, copies are slower, but nothing else changes.
   void pin(std::span<const double> values) override {
@@ -202,10 +212,15 @@ class Equations final : public DeviceEquations<T> {
       pinned_values_.reset(p);
     (void)cudaGetLastError();
   }
-  void wait_for(void* stream) override {
+  // A stream that is done, as after every call of a caller that waits itself, costs one question.
+  void wait_for(void* other) override {
     const DeviceGuard guard(device_);
-    call("cudaStreamSynchronize(caller's stream)",
-         [&] { return cudaStreamSynchronize(static_cast<cudaStream_t>(stream)); });
+    auto* const theirs = static_cast<cudaStream_t>(other);
+    const cudaError_t state = attempt("cudaStreamQuery(caller's stream)", [&] { return cudaStreamQuery(theirs); });
+    if (state == cudaErrorNotReady)
+      call("cudaStreamSynchronize(caller's stream)", [&] { return cudaStreamSynchronize(theirs); });
+    else
+      check(state, "cudaStreamQuery(caller's stream)");
   }
   [[nodiscard]] Offset bytes() const override { return budget_.held(); }
 
@@ -213,7 +228,6 @@ class Equations final : public DeviceEquations<T> {
   struct Unpin {
     void operator()(double* p) const { (void)cudaHostUnregister(p); }
   };
-  static constexpr Offset kFound = 4 * kMostColumns;
 
   // Makes the device current while the members are made.
   class ConstructionGuard {
@@ -236,20 +250,93 @@ class Equations final : public DeviceEquations<T> {
       call("cudaMemcpy(equations)",
            [&] { return cudaMemcpy(to.data(), from.data(), from.size_bytes(), cudaMemcpyHostToDevice); });
   }
-  void clear_found() {
-    call("cudaMemsetAsync",
-         [&] { return cudaMemsetAsync(found_.data(), 0, static_cast<std::size_t>(found_.bytes()), stream_.get()); });
+
+  // FP64 values that nothing scales are factored as they are; all others need a place of their own.
+  void take_values_memory() {
+    if (sizeof(T) != sizeof(double) || scales_ || executor_.values_size() < nonzeros_) copy_ = take<double>(nonzeros_);
+    const unsigned most =
+        scales_ ? resident_blocks(scale_kernel<T>, device_) : resident_blocks(take_kernel<T>, device_);
+    const Offset threads = scales_ ? static_cast<Offset>(n_) * kLanes : nonzeros_;
+    largest_ = take<double>(std::clamp<Offset>(blocks_for(threads), 1, most));
   }
-  const double* fetch_found(std::size_t count) {
-    call("cudaMemcpyAsync(found)", [&] {
-      return cudaMemcpyAsync(pinned_.data(), found_.data(), count * sizeof(double), cudaMemcpyDeviceToHost,
-                             stream_.get());
+  void take_residual_memory() {
+    const unsigned rows = blocks_for(static_cast<Offset>(n_) * kLanes);
+    residual_blocks_[0] = std::clamp(resident_blocks(residual_kernel<1>, device_), 1U, rows);
+    residual_blocks_[1] = std::clamp(resident_blocks(residual_kernel<kResidualColumns>, device_), 1U, rows);
+    parts_ = take<double>(ResidualSizes::kCount * Offset{std::max(residual_blocks_[0], residual_blocks_[1] * kLanes)});
+    ticket_ = take<int>(1);
+    clock_ = take<unsigned long long>(2);
+    call("cudaMemset", [&] { return cudaMemset(ticket_.data(), 0, sizeof(int)); });
+    call("cudaMemset", [&] { return cudaMemset(clock_.data(), 0, static_cast<std::size_t>(clock_.bytes())); });
+  }
+
+  // The values as they were given.
+  [[nodiscard]] double* given() const {
+    if constexpr (std::is_same_v<T, double>)
+      if (copy_.size() == 0) return executor_.values();
+    return copy_.data();
+  }
+  void enqueue_values(const double* values, double* copy) {
+    const ValuesJob<T> job{values,
+                           copy,
+                           executor_.values(),
+                           row_scale_.data(),
+                           col_scale_.data(),
+                           nonzeros_,
+                           executor_.values_size(),
+                           largest_.data()};
+    const auto blocks = static_cast<unsigned>(largest_.size());
+    if (scales_)
+      scale_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(pattern(), job);
+    else
+      take_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(job);
+    call("launch of the scaling kernel", [&] { return cudaGetLastError(); });
+  }
+
+  void enqueue_residuals(std::span<const Column> columns, bool transpose, ResidualEnd* end) {
+    ResidualJob job{};
+    for (std::size_t k = 0; k < columns.size(); ++k) {
+      job.b[k] = columns[k].b;
+      job.x[k] = columns[k].x;
+      job.r[k] = columns[k].r;
+    }
+    job.columns = static_cast<int>(columns.size());
+    job.transpose = transpose;
+    job.parts = parts_.data();
+    job.ticket = ticket_.data();
+    job.clock = clock_.data();
+    job.aborted = unreported_ ? executor_.solve_aborted() : nullptr;
+    job.end = end;
+    if (columns.size() == 1) {
+      residual_kernel<1><<<residual_blocks_[0], kEquationThreads, 0, stream()>>>(pattern(), job);
+    } else {
+      // Right-hand sides of the factorization are not needed now; their memory is.
+      constexpr Index kWidth = kResidualColumns * static_cast<Index>(sizeof(double) / sizeof(T));
+      auto* packed = reinterpret_cast<double*>(executor_.device_rhs(kWidth));
+      job.packed = packed;
+      pack_kernel<<<blocks_for(static_cast<Offset>(n_) * kResidualColumns), kEquationThreads, 0, stream()>>>(n_, job,
+                                                                                                             packed);
+      call("launch of the packing kernel", [&] { return cudaGetLastError(); });
+      residual_kernel<kResidualColumns><<<residual_blocks_[1], kEquationThreads, 0, stream()>>>(pattern(), job);
+    }
+    call("launch of the residual kernel", [&] { return cudaGetLastError(); });
+  }
+
+  void read(double* to, const double* from, Offset count) const {
+    const DeviceGuard guard(device_);
+    call("cudaMemcpyAsync(to host)", [&] {
+      return cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(double), cudaMemcpyDeviceToHost,
+                             stream());
     });
-    stream_.wait();
-    return pinned_.data();
+    call("cudaStreamSynchronize", [&] { return cudaStreamSynchronize(stream()); });
   }
+  void wait() {
+    call("cudaStreamSynchronize", [&] { return cudaStreamSynchronize(stream()); });
+    pending_ = false;
+  }
+  [[nodiscard]] cudaStream_t stream() const { return static_cast<cudaStream_t>(executor_.stream()); }
   [[nodiscard]] DevicePattern pattern() const {
-    return {col_ptr_.data(), row_ind_.data(), row_ptr_.data(), row_col_.data(), row_source_.data(), values_.data(), n_,
+    return {col_ptr_.data(), row_ind_.data(), row_ptr_.data(), row_col_.data(), row_source_.data(), given(), n_,
             general_};
   }
 
@@ -257,19 +344,27 @@ class Equations final : public DeviceEquations<T> {
   int device_;
   DeviceBudget budget_;
   ConstructionGuard guard_;
-  Stream stream_;
   Index n_;
   Offset nonzeros_;
   bool general_, scales_;
-  PinnedArray<double> pinned_;  // found numbers, then three lists of pointers
+  PinnedArray<ResidualEnd> ends_;
+  PinnedArray<int> aborted_;
+  HostLink link_;
   DeviceArray<Offset> col_ptr_, row_ptr_, diagonal_;
   DeviceArray<Index> row_ind_, row_col_, order_, row_of_col_;
   DeviceArray<std::uint32_t> row_source_;
-  DeviceArray<double> row_scale_, col_scale_, values_, found_;
-  DeviceArray<T> scaled_;
-  DeviceArray<double*> pointers_;
+  DeviceArray<double> row_scale_, col_scale_;
+  DeviceArray<double> copy_;     // values as they were given; empty: the executor has them
+  DeviceArray<double> largest_;  // of the blocks of the scaling kernel
+  DeviceArray<double> parts_;    // of the blocks of the residual kernels
+  DeviceArray<int> ticket_;
+  DeviceArray<unsigned long long> clock_;  // when right-hand sides were gathered, when residuals began
+  unsigned residual_blocks_[2] = {};       // for one right-hand side, for several
   std::unique_ptr<double, Unpin> pinned_values_;
   DeviceArray<double> slots_[DeviceEquations<T>::kSlots];
+  bool pending_ = false;     // work on vectors is enqueued
+  bool unreported_ = false;  // a substitution among it
+  double substitution_seconds_ = 0;
 };
 
 }  // namespace

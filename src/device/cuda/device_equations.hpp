@@ -3,6 +3,7 @@
 /// twice the precision. What a factorization and a solve with arrays in device memory need. No CUDA header is needed.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <span>
 
@@ -26,48 +27,60 @@ struct EquationArrays {
 
 /// Largest of a right-hand side's residuals and of what they are measured against; see solve/residual.hpp.
 struct DeviceResidual {
-  double residual = 0;       ///< |b - A x|_inf; infinity when anything is not finite
-  double componentwise = 0;  ///< max over rows of |b - A x| / (|A| |x| + |b|), 0/0 counting as 0
+  double residual = 0;       ///< |b - op(A) x|_inf; infinity when anything is not finite
+  double componentwise = 0;  ///< max over rows of |b - op(A) x| / (|op(A)| |x| + |b|), 0/0 counting as 0
   double x = 0, b = 0;       ///< |x|_inf, |b|_inf
+  double matrix = 0;         ///< |op(A)|_inf
 };
 
-/// All pointers that the calls take are memory of the executor's GPU; vectors have n values, several stand one after
-/// another. Every call returns when the GPU is done. T: precision of the factor.
+/// Copies on the host, by as many threads as it likes.
+using HostCopy = std::function<void(double* to, const double* from, Offset count)>;
+
+/// All pointers that the calls take are memory of the executor's GPU unless said otherwise; vectors have n values,
+/// several stand one after another. Calls are enqueued on the executor's stream and do not wait, unless they say so.
 template <class T>
 class DeviceEquations {
  public:
   virtual ~DeviceEquations() = default;
 
-  struct Values {
-    double largest = 0;   ///< magnitude of the largest scaled entry
-    bool finite = true;   ///< all of them
-    double norm_inf = 0;  ///< |A|_inf
-    double norm_one = 0;  ///< |A|_1
-  };
-  /// Takes a copy of the values (pattern's order; FP64) and scales them for the executor.
-  virtual Values take_values(const double* values) = 0;
-  [[nodiscard]] virtual const T* scaled_values() const = 0;
-  /// The values as they were given, and (n, host memory) the scaled diagonal by position.
+  /// Takes a copy of the values (pattern's order; FP64) and scales them to where the executor factorizes them.
+  virtual void take_values(const double* values) = 0;
+  /// The same in pieces from host memory (pinned, or it waits): values[first, first + count), then, after the last
+  /// one, take_sent_values().
+  virtual void send_values(const double* values, Offset first, Offset count) = 0;
+  virtual void take_sent_values() = 0;
+  /// What CudaExecutor::factorize_filled() is told of them; tiny and rounding are the caller's.
+  [[nodiscard]] virtual FilledValues filled() const = 0;
+  /// Magnitude of the largest scaled entry; infinity when one is not finite. Waits.
+  virtual double largest() = 0;
+  /// The values as they were given, and (n) the scaled diagonal by position, to host memory. Both wait.
   virtual void read_values(std::span<double> to) const = 0;
   virtual void read_diagonal(std::span<double> to) = 0;
 
   /// x = op(A)^-1 b with the executor's factor, for `columns` right-hand sides; x may equal b.
   virtual void substitute(const double* b, double* x, Index columns, bool transpose) = 0;
-  /// r[k] = b[k] - op(A) x[k]; r[k] may be null.
+  /// r[k] = b[k] - op(A) x[k]; r[k] may be null. Waits, and says (by an Error) when a substitution was given up.
   struct Column {
     const double* b;
     const double* x;
     double* r;
   };
   virtual void residuals(std::span<const Column> columns, bool transpose, std::span<DeviceResidual> found) = 0;
-  virtual void copy(const double* from, double* to) = 0;
-  /// to += from. @returns whether all of `to` was finite before
-  virtual bool add(const double* from, double* to) = 0;
+  /// Seconds from the last substitute() before the last residuals() to these, on the GPU.
+  [[nodiscard]] virtual double substitution_seconds() const = 0;
+  virtual void copy(const double* from, double* to, Offset count) = 0;
+  /// to += from.
+  virtual void add(const double* from, double* to) = 0;
+  /// Waits for all of these; an Error when a substitution was given up since the last residuals().
+  virtual void finish() = 0;
+  /// The same after a failure on the way, whose error is already known.
+  virtual void settle() noexcept = 0;
   /// Memory for vectors; grows and moves when more are asked for than ever before.
   virtual double* vectors(Index slot, Index columns) = 0;
   static constexpr Index kSlots = 4;  ///< slots of vectors()
-  /// Copies from anywhere to anywhere.
-  virtual void transfer(double* to, const double* from, Offset count) = 0;
+  /// From host memory, which may change when it returns, and to host memory (waits).
+  virtual void send(double* to, const double* from, Offset count, const HostCopy& copy) = 0;
+  virtual void fetch(double* to, const double* from, Offset count, const HostCopy& copy) = 0;
   /// Host memory from which values will come: pinned while the object lives, so that they travel at the link's rate.
   virtual void pin(std::span<const double> values) = 0;
   /// Waits for what is enqueued on a CUDA stream (cudaStream_t).

@@ -168,6 +168,29 @@ class Stream {
   cudaEvent_t end_ = nullptr;
 };
 
+/// A point in a stream's work, for waiting.
+class Event {
+ public:
+  Event() {
+    call("cudaEventCreate", [&] { return cudaEventCreateWithFlags(&event_, cudaEventDisableTiming); });
+  }
+  Event(const Event&) = delete;
+  Event& operator=(const Event&) = delete;
+  ~Event() {
+    if (event_ != nullptr) (void)cudaEventDestroy(event_);
+  }
+  void record(cudaStream_t stream) const {
+    call("cudaEventRecord", [&] { return cudaEventRecord(event_, stream); });
+  }
+  void wait() const {
+    call("cudaEventSynchronize", [&] { return cudaEventSynchronize(event_); });
+  }
+  [[nodiscard]] cudaEvent_t get() const { return event_; }
+
+ private:
+  cudaEvent_t event_ = nullptr;
+};
+
 class Graph {
  public:
   Graph() = default;

@@ -32,7 +32,8 @@ DeviceSide<T>::DeviceSide(const SideContext& context, int self, int device, Offs
       device_(device),
       budget_(limit_of(memory_bytes)),
       counters_(2 * kCounters),
-      one_(1) {
+      one_(1),
+      end_(1) {
   cudaDeviceProp p{};
   call("cudaGetDeviceProperties", [&] { return cudaGetDeviceProperties(&p, device_); });
   name_ = p.name;
@@ -80,7 +81,8 @@ void DeviceSide<T>::count_bytes() {
   needed_ = elements * static_cast<Offset>(sizeof(T)) + bytes_of(t.fronts) + bytes_of(t.links) + bytes_of(t.bounds) +
             bytes_of(t.waits) + bytes_of(t.places) + bytes_of(lists().tasks) + bytes_of(lists().up) +
             bytes_of(lists().down) + bytes_of(plan.relative) + bytes_of(plan.tree.rows) + bytes_of(plan.entry_ptr) +
-            bytes_of(plan.entries) + parts() * t.flags * 4 + plan.fronts() * 4 + 2 * n();
+            bytes_of(plan.entries) + parts() * t.flags * 4 + plan.fronts() * 4 + 2 * n() +
+            judge_blocks(plan.tree.n) * static_cast<Offset>(sizeof(PivotProduct)) + 4;
 }
 
 template <class T>
@@ -102,10 +104,13 @@ void DeviceSide<T>::take_memory() {
   take(base_, static_cast<Offset>(t.regions.size()));
   take(marks_, 2 * n());
   take(limits_, 2);
+  take(products_, judge_blocks(context_.plan.tree.n));
+  take(ticket_, 1);
   take(solve_control_, kCounters);  // counters are read with those of a factorization, before the first solve
   call("cudaMemsetAsync", [&] {
     return cudaMemsetAsync(solve_control_.data(), 0, static_cast<std::size_t>(solve_control_.bytes()), stream_.get());
   });
+  call("cudaMemsetAsync", [&] { return cudaMemsetAsync(ticket_.data(), 0, sizeof(int), stream_.get()); });
   take_solve_memory(1);
 }
 
@@ -250,6 +255,31 @@ void DeviceSide<T>::enqueue_clear_factor() {
   };
   clear(control_);
   if (context_.kind != Kind::llt) clear(marks_);
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_begin(const FilledValues& values) {
+  const FactorBegin<T> job{control_.data(), control_.size(), marks_.data(), marks_.size(),
+                           limits_.data(),  values.largest,  values.parts,  values.tiny};
+  call("launch of the kernel before the factorization", [&] { return launch_begin(job, stream_.get()); });
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_judge(const FilledValues& values) {
+  FactorJudge<T> job{};
+  job.n = context_.plan.tree.n;
+  job.pivots = pivots_;
+  job.values = values_.data();
+  job.diagonal = values.diagonal;
+  job.rounding = values.rounding;
+  job.replaced = marks_.data();
+  job.control = control_.data();
+  job.largest = values.largest;
+  job.parts = values.parts;
+  job.products = products_.data();
+  job.ticket = ticket_.data();
+  job.end = end_.data();
+  call("launch of the kernel after the factorization", [&] { return launch_judge(job, stream_.get()); });
 }
 
 template <class T>

@@ -10,6 +10,7 @@
 #include "analysis/plan.hpp"
 #include "device/cuda/cuda_executor.hpp"
 #include "device/cuda/device_memory.hpp"
+#include "device/cuda/factor_ends.hpp"
 #include "device/cuda/factor_kernel.cuh"
 #include "device/cuda/factor_parameters.hpp"
 #include "device/cuda/solve_kernel.cuh"
@@ -21,14 +22,18 @@ class DeviceGuard {
  public:
   explicit DeviceGuard(int device) {
     call("cudaGetDevice", [&] { return cudaGetDevice(&before_); });
-    call("cudaSetDevice", [&] { return cudaSetDevice(device); });
+    changed_ = before_ != device;
+    if (changed_) call("cudaSetDevice", [&] { return cudaSetDevice(device); });
   }
   DeviceGuard(const DeviceGuard&) = delete;
   DeviceGuard& operator=(const DeviceGuard&) = delete;
-  ~DeviceGuard() { (void)cudaSetDevice(before_); }
+  ~DeviceGuard() {
+    if (changed_) (void)cudaSetDevice(before_);
+  }
 
  private:
   int before_ = 0;
+  bool changed_ = false;
 };
 
 /// What all sides of an executor have in common; outlives them.
@@ -77,6 +82,11 @@ class DeviceSide {
   void enqueue_clear_solve(Index at_once);
   /// The kernels. skip_last_half: only the first half of the tasks, as if the device had died then (for tests).
   void enqueue_factor(bool skip_last_half = false);
+  /// What stands before and after the kernels where this is the only GPU.
+  void enqueue_begin(const FilledValues& values);
+  void enqueue_judge(const FilledValues& values);
+  /// What the judge found, once the stream is done.
+  [[nodiscard]] const FactorEnd& factor_end() const { return *end_.data(); }
   /// From the next recording of enqueue_factor() on: every task is held up so long, and recorded.
   void delay_tasks(unsigned nanoseconds) { state_.delay = nanoseconds; }
   void record_tasks();
@@ -95,6 +105,8 @@ class DeviceSide {
   void enqueue_counters();
   [[nodiscard]] const int* factor_counters() const { return counters_.data(); }
   [[nodiscard]] const int* solve_counters() const { return counters_.data() + kCounters; }
+  /// On the device: nonzero when the last pass of a solve was given up.
+  [[nodiscard]] const int* solve_aborted() const { return solve_control_.data() + 1; }
   /// Ends kernels that are running; takes effect although they fill the device.
   void abort() noexcept;
   /// Positions that were marked; failed: 1/threshold exceeded, else replaced.
@@ -136,6 +148,9 @@ class DeviceSide {
   std::string name_;
   Stream stream_, urgent_;
   PinnedArray<int> counters_, one_;
+  PinnedArray<FactorEnd> end_;
+  DeviceArray<PivotProduct> products_;
+  DeviceArray<int> ticket_;
   DeviceArray<T> top_, own_, places_, values_, pivot_, limits_, vectors_;
   T* pivots_ = nullptr;
   int* flag_data_ = nullptr;

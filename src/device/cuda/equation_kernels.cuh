@@ -1,149 +1,69 @@
 /// \file
-/// Kernels over the equations on the device: scaling, permutation, residuals. Eight threads share a row.
+/// Kernels over the equations on the device: values copied and scaled, right-hand sides permuted.
 #pragma once
 
-#include <cstdint>
-
-#include "espalier/types.hpp"
+#include "device/cuda/block_sums.cuh"
+#include "device/cuda/equation_pattern.cuh"
 
 namespace espalier::device::cuda {
 
-/// The pattern, its index by rows and its values; see EquationArrays.
-struct DevicePattern {
-  const Offset* col_ptr;
-  const Index* row_ind;
-  const Offset* row_ptr;  ///< null: the columns are the rows
-  const Index* row_col;
-  const std::uint32_t* row_source;
-  const double* values;
-  Index n;
-  bool general;
-};
-
-constexpr int kLanes = 8;              ///< threads of a row
-constexpr int kEquationThreads = 256;  ///< of a block
-
-/// Calls use(value, column) for this lane's share of a row of op(A).
-template <class Use>
-__device__ inline void visit_row(const DevicePattern& p, Index row, bool transpose, int lane, Use&& use) {
-  if (!p.general || transpose)
-    for (Offset q = p.col_ptr[row] + lane; q < p.col_ptr[row + 1]; q += kLanes) use(p.values[q], p.row_ind[q]);
-  if (p.row_ptr == nullptr || (p.general && transpose)) return;
-  for (Offset q = p.row_ptr[row] + lane; q < p.row_ptr[row + 1]; q += kLanes)
-    use(p.values[p.row_source[q]], p.row_col[q]);
-}
-
-/// *to = max(*to, x) for x >= 0: the bits of such numbers are ordered as the numbers are. Few warps raise the maximum;
-/// the others only look at it, for atomic operations on one place come one after the other (1.5 ns each on an H200).
-__device__ inline void raise(double* to, double x) {
-  auto* place = reinterpret_cast<unsigned long long*>(to);
-  const auto bits = static_cast<unsigned long long>(__double_as_longlong(x));
-  if (bits > *static_cast<volatile unsigned long long*>(place)) atomicMax(place, bits);
-}
-__device__ inline double infinity() { return __longlong_as_double(0x7ff0000000000000LL); }
-__device__ inline bool is_finite(double x) { return fabs(x) < infinity(); }
-
-/// Sum over the lanes of a row, in a fixed order; every lane gets it.
-__device__ inline double sum_lanes(double x) {
-#pragma unroll
-  for (int d = 1; d < kLanes; d *= 2) x += __shfl_xor_sync(0xffffffffu, x, d);
-  return x;
-}
-__device__ inline double max_warp(double x) {
-#pragma unroll
-  for (int d = 1; d < 32; d *= 2) x = fmax(x, __shfl_xor_sync(0xffffffffu, x, d));
-  return x;
-}
-
-/// A sum of products in twice the working precision: TwoProduct by fused multiply-add, TwoSum of Knuth.
-struct LongSum {
-  double high = 0, low = 0;
-
-  __device__ void add(double x, double error) {
-    const double s = __dadd_rn(high, x), z = __dsub_rn(s, high);
-    low = __dadd_rn(low, __dadd_rn(__dadd_rn(__dsub_rn(high, __dsub_rn(s, z)), __dsub_rn(x, z)), error));
-    high = s;
-  }
-  __device__ void subtract_product(double a, double b) {
-    const double p = __dmul_rn(-a, b);
-    add(p, __fma_rn(-a, b, -p));
-  }
-  __device__ void sum_lanes() {
-#pragma unroll
-    for (int d = 1; d < kLanes; d *= 2) {
-      const double h = __shfl_xor_sync(0xffffffffu, high, d), l = __shfl_xor_sync(0xffffffffu, low, d);
-      add(h, l);
-    }
-  }
-};
-
-/// found: 4 numbers for each right-hand side, as in DeviceResidual, zero before.
-struct ResidualJob {
-  const double* const* b;
-  const double* const* x;
-  double* const* r;
-  double* found;
-};
-
-/// One right-hand side for each blockIdx.y.
-__global__ void residual_kernel(DevicePattern p, bool transpose, ResidualJob job) {
-  const int lane = static_cast<int>(threadIdx.x) % kLanes;
-  const Offset at = (static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x) / kLanes;
-  const bool inside = at < p.n;
-  const Index row = inside ? static_cast<Index>(at) : 0;
-  const double* x = job.x[blockIdx.y];
-  LongSum sum;
-  double scale = 0;
-  if (inside)
-    visit_row(p, row, transpose, lane, [&](double v, Index c) {
-      sum.subtract_product(v, x[c]);
-      scale += fabs(v * x[c]);
-    });
-  sum.sum_lanes();
-  scale = sum_lanes(scale);
-  const double b = inside ? job.b[blockIdx.y][row] : 0, mine = inside ? x[row] : 0;
-  sum.add(b, 0);
-  scale += fabs(b);
-  const double residual = sum.high + sum.low;
-  double* r = job.r[blockIdx.y];
-  if (inside && lane == 0 && r != nullptr) r[row] = residual;
-  const double size = is_finite(residual) && is_finite(mine) ? fabs(residual) : infinity();
-  const double relative = scale > 0 ? size / scale : (size == 0 ? 0.0 : infinity());
-  const double most[4] = {max_warp(size), max_warp(is_finite(size) ? relative : infinity()), max_warp(fabs(mine)),
-                          max_warp(fabs(b))};
-  if (threadIdx.x % 32 == 0)
-    for (int k = 0; k < 4; ++k) raise(job.found + 4 * blockIdx.y + k, most[k]);
-}
-
-/// *norm = |op(A)|_inf, zero before.
-__global__ void norm_kernel(DevicePattern p, bool transpose, double* norm) {
-  const int lane = static_cast<int>(threadIdx.x) % kLanes;
-  const Offset row = (static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x) / kLanes;
-  double sum = 0;
-  if (row < p.n) visit_row(p, static_cast<Index>(row), transpose, lane, [&](double v, Index) { sum += fabs(v); });
-  sum = max_warp(sum_lanes(sum));
-  if (threadIdx.x % 32 == 0) raise(norm, is_finite(sum) ? sum : infinity());
-}
-
-/// scaled = r_i a_ij c_j; found: [0] the largest magnitude, infinity when one is not finite; zero before.
+/// New values on their way to the factorization: scaled(q) = r_i a_ij c_j for the first `factored` entries, a copy of
+/// all as they are, and the largest magnitude of each block of threads (infinity: not finite).
 template <class T>
-__global__ void scale_kernel(DevicePattern p, const double* row_scale, const double* col_scale, T* scaled,
-                             double* found) {
-  const int lane = static_cast<int>(threadIdx.x) % kLanes;
-  const Offset col = (static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x) / kLanes;
+struct ValuesJob {
+  const double* values;
+  double* copy;  ///< null: `values` is the copy, or `scaled` is
+  T* scaled;
+  const double* row_scale;  ///< n; null: ones
+  const double* col_scale;
+  Offset nonzeros;
+  Offset factored;
+  double* largest;  ///< blocks of the grid
+};
+
+/// Without scales: entries in their order. scaled may be `values`.
+template <class T>
+__global__ void __launch_bounds__(kEquationThreads) take_kernel(const ValuesJob<T> job) {
+  constexpr int kAtOnce = 4;  // all of them loaded before the first is stored
+  const Offset step = static_cast<Offset>(gridDim.x) * kEquationThreads;
   double most = 0;
-  if (col < p.n) {
-    const double c = col_scale != nullptr ? col_scale[col] : 1.0;
-    for (Offset q = p.col_ptr[col] + lane; q < p.col_ptr[col + 1]; q += kLanes) {
-      const double r = row_scale != nullptr ? row_scale[p.row_ind[q]] : 1.0;
-      const T v = static_cast<T>(p.values[q] * c * r);
-      scaled[q] = v;
-      const double size = fabs(static_cast<double>(v));
-      most = size < infinity() ? fmax(most, size) : infinity();
+  for (Offset first = static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x; first < job.nonzeros;
+       first += kAtOnce * step) {
+    double v[kAtOnce];
+#pragma unroll
+    for (int k = 0; k < kAtOnce; ++k) v[k] = first + k * step < job.nonzeros ? job.values[first + k * step] : 0;
+#pragma unroll
+    for (int k = 0; k < kAtOnce; ++k) {
+      const Offset q = first + k * step;
+      const T scaled = static_cast<T>(v[k]);
+      if (job.copy != nullptr && q < job.nonzeros) job.copy[q] = v[k];
+      if (q < job.factored) job.scaled[q] = scaled;
+      most = larger(most, fabs(static_cast<double>(scaled)));
     }
   }
-  most = max_warp(most);
-  if (threadIdx.x % 32 == 0) raise(found, most);
+  most = largest_of_block(most);
+  if (threadIdx.x == 0) job.largest[blockIdx.x] = most;
+}
+
+/// With scales: a column for each group of lanes.
+template <class T>
+__global__ void __launch_bounds__(kEquationThreads) scale_kernel(DevicePattern p, const ValuesJob<T> job) {
+  const int lane = static_cast<int>(threadIdx.x) % kLanes;
+  const Offset step = static_cast<Offset>(gridDim.x) * kRowsOfBlock;
+  double most = 0;
+  for (Offset col = static_cast<Offset>(blockIdx.x) * kRowsOfBlock + threadIdx.x / kLanes; col < p.n; col += step) {
+    const double c = job.col_scale != nullptr ? job.col_scale[col] : 1.0;
+    for (Offset q = p.col_ptr[col] + lane; q < p.col_ptr[col + 1]; q += kLanes) {
+      const double v = job.values[q];
+      const double r = job.row_scale != nullptr ? job.row_scale[p.row_ind[q]] : 1.0;
+      const T scaled = static_cast<T>(v * c * r);
+      if (job.copy != nullptr) job.copy[q] = v;
+      if (q < job.factored) job.scaled[q] = scaled;
+      most = larger(most, fabs(static_cast<double>(scaled)));
+    }
+  }
+  most = largest_of_block(most);
+  if (threadIdx.x == 0) job.largest[blockIdx.x] = most;
 }
 
 /// How right-hand sides are permuted and scaled on their way to the factor and back; null: identity, ones.
@@ -166,9 +86,10 @@ struct Passage {
   }
 };
 
-/// rhs (n x width, row-major, by position) = scaled b; columns beyond the last are zero.
+/// rhs (n x width, row-major, by position) = scaled b; columns beyond the last are zero. *clock: when it began.
 template <class T>
-__global__ void gather_kernel(Passage p, const double* b, T* rhs) {
+__global__ void gather_kernel(Passage p, const double* b, T* rhs, unsigned long long* clock) {
+  if (blockIdx.x == 0 && threadIdx.x == 0) *clock = nanoseconds_now();
   const Offset at = static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x;
   if (at >= static_cast<Offset>(p.n) * p.width) return;
   const auto k = static_cast<Index>(at / p.width), c = static_cast<Index>(at % p.width);
@@ -187,12 +108,10 @@ __global__ void scatter_kernel(Passage p, const T* rhs, double* x) {
   x[static_cast<Offset>(c) * p.n + i] = p.scale(i, true) * static_cast<double>(rhs[at]);
 }
 
-/// to += from; found becomes infinity when some of `to` was not finite.
-__global__ void add_kernel(Index n, const double* from, double* to, double* found) {
+/// to += from.
+__global__ void add_kernel(Index n, const double* from, double* to) {
   const Offset i = static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x;
-  if (i >= n) return;
-  if (!is_finite(to[i])) raise(found, infinity());
-  to[i] += from[i];
+  if (i < n) to[i] += from[i];
 }
 
 template <class T>

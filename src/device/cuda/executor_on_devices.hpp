@@ -39,17 +39,29 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   FactorOutcome factorize(std::span<const T> values) override;
 
-  FactorOutcome factorize_device(const T* values) override;
+  FactorOutcome factorize_in_place() override;
+
+  std::optional<FactorOutcome> factorize_filled(const FilledValues& values) override;
 
   double refactorize_again() override {
     if (several()) return run_on_all([&](Side& s) { launch_factor(s); }, [&] { clear_factor(); });
     const DeviceGuard guard(first().device());
-    return first().stream().timed([&] { launch_factor(first()); });
+    const Graph& graph = last_filled_ ? filled_graph_ : factor_graphs_.front();
+    return first().stream().timed([&] { graph.launch(first().stream().get()); });
   }
+
+  [[nodiscard]] void* stream() const override { return first().stream().get(); }
+  [[nodiscard]] T* values() const override { return first().values(); }
+  [[nodiscard]] Offset values_size() const override { return first().values_size(); }
+  [[nodiscard]] int devices() const override { return static_cast<int>(sides_.size()); }
 
   void solve(T* x, Index columns, bool transpose) override;
 
   double solve_device(T* x, Index columns, bool transpose) override;
+
+  void enqueue_solve(T* x, Index columns, bool transpose) override;
+  [[nodiscard]] const int* solve_aborted() const override { return several() ? nullptr : first().solve_aborted(); }
+  [[nodiscard]] Error solve_given_up() const override { return stalled("solve"); }
 
   T* device_rhs(Index columns) override;
 
@@ -170,6 +182,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   }
 
   FactorOutcome run_factorization();
+  FactorOutcome run_on_one(const Graph& graph, bool filled);
 
   [[nodiscard]] std::vector<std::vector<TaskTime>> task_times() const override;
   [[nodiscard]] const DevicePlan& device_plan() const override { return tables_; }
@@ -179,19 +192,25 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   void send_values();
 
+  [[nodiscard]] const int* counters_of(const Side& side) const {
+    return several() ? side.factor_counters() : side.factor_end().counters;
+  }
   void read_counters(FactorOutcome& out, bool& stopped);
 
   void read_marks(FactorOutcome& out);
 
   std::vector<Index> marked(bool failed);
 
-  // The determinant, and the positive pivots (llt) that count as zero.
-  void judge_pivots(FactorOutcome& out);
+  // The determinant, and the positive pivots (llt) that count as zero: on the host, from all pivots, where several
+  // GPUs have them or the rule knows every pivot's own limit; else as the GPU found it.
+  void judge_pivots_here(FactorOutcome& out);
+  void take_judgement(FactorOutcome& out);
 
   // ---- solve -------------------------------------------------------------------------------------------------------
 
   void take_solve_memory(Index at_once);
 
+  const Graph& solve_graph_of(T* x, Index columns, bool transpose);
   template <class Record>
   const Graph& solve_graph(const SolveKey& key, const Side& side, Record&& record);
 
@@ -216,6 +235,9 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   DeviceArray<T> rhs_;
   std::vector<DeviceArray<T>> side_rhs_;
   std::vector<Graph> factor_graphs_;
+  Graph filled_graph_;  // of factorize_filled() with filled_
+  FilledValues filled_;
+  bool last_filled_ = false;  // the last factorization was one of these
   std::map<SolveKey, Graph> solve_graphs_;
   std::vector<DeviceWork> work_;
   std::vector<std::vector<T>> pivots_host_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <chrono>
+#include <limits>
 #include <span>
 
 #include "device/cuda/executor_on_devices.hpp"
@@ -17,44 +18,76 @@ FactorOutcome ExecutorOnDevices<T>::factorize(std::span<const T> values) {
 }
 
 template <class T>
-FactorOutcome ExecutorOnDevices<T>::factorize_device(const T* values) {
-  at(first(), [&] {
-    call("cudaMemcpyAsync(values)", [&] {
-      return cudaMemcpyAsync(first().values(), values, static_cast<std::size_t>(first().values_size()) * sizeof(T),
-                             cudaMemcpyDefault, first().stream().get());
-    });
-    if (several()) first().stream().wait();
-  });
+FactorOutcome ExecutorOnDevices<T>::factorize_in_place() {
+  if (several()) at(first(), [&] { first().stream().wait(); });  // the others copy the values
   return run_factorization();
 }
 
 template <class T>
+std::optional<FactorOutcome> ExecutorOnDevices<T>::factorize_filled(const FilledValues& values) {
+  const DeviceGuard guard(first().device());
+  if (!(values == filled_)) {
+    filled_ = {};
+    filled_graph_ = Graph::record(first().stream().get(), [&] {
+      first().enqueue_begin(values);
+      first().enqueue_factor();
+      first().enqueue_judge(values);
+    });
+    filled_ = values;
+  }
+  limits_known_ = false;  // the GPU sets its own
+  const FactorOutcome out = run_on_one(filled_graph_, true);
+  if (!(first().factor_end().largest <= std::numeric_limits<double>::max())) return std::nullopt;
+  return out;
+}
+
+// One launch, one wait.
+template <class T>
+FactorOutcome ExecutorOnDevices<T>::run_on_one(const Graph& graph, bool filled) {
+  FactorOutcome out;
+  bool stopped = false;
+  Side& side = first();
+  if (options_.timeline != nullptr) side.clear_record();
+  last_filled_ = filled;
+  const double began = base::now_seconds();
+  graph.launch(side.stream().get());
+  side.stream().wait();
+  out.seconds = base::now_seconds() - began;
+  if (filled && !(side.factor_end().largest <= std::numeric_limits<double>::max())) return out;
+  read_counters(out, stopped);
+  read_marks(out);
+  if (options_.timeline != nullptr) record(began);
+  if (stopped) throw stalled("factorization");
+  if (out.not_positive >= 0) return out;
+  if (smallest_.empty() || filled)
+    take_judgement(out);
+  else
+    judge_pivots_here(out);
+  return out;
+}
+
+template <class T>
 FactorOutcome ExecutorOnDevices<T>::run_factorization() {
+  if (!several()) {
+    const DeviceGuard guard(first().device());
+    return run_on_one(factor_graphs_.front(), false);
+  }
   FactorOutcome out;
   bool stopped = false;
   if (options_.timeline != nullptr)
     for (const auto& side : sides_) at(*side, [&] { side->clear_record(); });
   const double began = base::now_seconds();
-  if (several()) {
-    if (common_.top != nullptr) send_values();
-    // Counters are on the host when a run ends; marks are read before they are cleared.
-    out.seconds = run_on_all([&](Side& s) { launch_factor(s); },
-                             [&] {
-                               read_counters(out, stopped);
-                               read_marks(out);
-                               clear_factor();
-                             });
-  } else {
-    const DeviceGuard guard(first().device());
-    out.seconds = first().stream().timed([&] { launch_factor(first()); });
-    first().enqueue_counters();
-    first().stream().wait();
-    read_counters(out, stopped);
-    read_marks(out);
-  }
+  if (common_.top != nullptr) send_values();
+  // Counters are on the host when a run ends; marks are read before they are cleared.
+  out.seconds = run_on_all([&](Side& s) { launch_factor(s); },
+                           [&] {
+                             read_counters(out, stopped);
+                             read_marks(out);
+                             clear_factor();
+                           });
   if (options_.timeline != nullptr) record(began);
   if (stopped) throw stalled("factorization");
-  if (out.not_positive < 0) judge_pivots(out);
+  if (out.not_positive < 0) judge_pivots_here(out);
   return out;
 }
 
@@ -105,7 +138,7 @@ void ExecutorOnDevices<T>::read_counters(FactorOutcome& out, bool& stopped) {
   work_.clear();
   replaced_ = failed_ = false;
   for (const auto& side : sides_) {
-    const int* c = side->factor_counters();
+    const int* c = counters_of(*side);
     stopped = stopped || c[kAborted] != 0;
     if (c[kNotPositive] > 0) {
       const Index at = n - c[kNotPositive];
@@ -143,7 +176,15 @@ std::vector<Index> ExecutorOnDevices<T>::marked(bool failed) {
 }
 
 template <class T>
-void ExecutorOnDevices<T>::judge_pivots(FactorOutcome& out) {
+void ExecutorOnDevices<T>::take_judgement(FactorOutcome& out) {
+  const FactorEnd& end = first().factor_end();
+  if (end.small > 0) out.replaced = marked(false);
+  out.determinant_sign = end.sign;
+  out.determinant_log = Determinant(end.mantissa, end.exponent).log();
+}
+
+template <class T>
+void ExecutorOnDevices<T>::judge_pivots_here(FactorOutcome& out) {
   pivots_host_.resize(sides_.size());
   for (const auto& side : sides_)
     at(*side, [&] { side->pivots(pivots_host_[static_cast<std::size_t>(side->self())]); });

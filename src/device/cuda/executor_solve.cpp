@@ -16,21 +16,37 @@ void ExecutorOnDevices<T>::solve(T* x, Index columns, bool transpose) {
 }
 
 template <class T>
-double ExecutorOnDevices<T>::solve_device(T* x, Index columns, bool transpose) {
-  take_solve_memory(columns > 1 ? kManyColumns : 1);
-  if (several()) return solve_on_all(x, columns, transpose);
-  const DeviceGuard guard(first().device());
-  const Graph& graph = solve_graph({x, columns, transpose, 0, 0}, first(), [&] {
+const Graph& ExecutorOnDevices<T>::solve_graph_of(T* x, Index columns, bool transpose) {
+  return solve_graph({x, columns, transpose, 0, 0}, first(), [&] {
     for (Index c = 0; c < columns; c += at_once_) {
       first().enqueue_clear_solve(at_once_);
       first().enqueue_solve(sides_, x, x, columns, c, transpose);
     }
   });
+}
+
+template <class T>
+double ExecutorOnDevices<T>::solve_device(T* x, Index columns, bool transpose) {
+  take_solve_memory(columns > 1 ? kManyColumns : 1);
+  if (several()) return solve_on_all(x, columns, transpose);
+  const DeviceGuard guard(first().device());
+  const Graph& graph = solve_graph_of(x, columns, transpose);
   const double seconds = first().stream().timed([&] { graph.launch(first().stream().get()); });
   first().enqueue_counters();
   first().stream().wait();
   if (first().solve_counters()[1] != 0) throw stalled("solve");
   return seconds;
+}
+
+template <class T>
+void ExecutorOnDevices<T>::enqueue_solve(T* x, Index columns, bool transpose) {
+  take_solve_memory(columns > 1 ? kManyColumns : 1);
+  if (several()) {
+    solve_on_all(x, columns, transpose);
+    return;
+  }
+  const DeviceGuard guard(first().device());
+  solve_graph_of(x, columns, transpose).launch(first().stream().get());
 }
 
 template <class T>
