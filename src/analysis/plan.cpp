@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <atomic>
+#include <future>
 #include <numeric>
+#include <system_error>
 #include <utility>
 
 #include "analysis/lazy_vector.hpp"
@@ -199,6 +201,18 @@ void place_entries(Plan& plan, const MatrixView& a, const std::vector<Index>& ro
   plan.entry_ptr.back() = static_cast<Offset>(plan.entries.size());
 }
 
+// Starts `work` on a thread of its own; where there is none to be had, get() does the work.
+template <class Work>
+std::future<void> start_beside(const Work& work, const base::ThreadPool& pool) {
+  if (pool.size() > 1) {
+    try {
+      return std::async(std::launch::async, work);
+    } catch (const std::system_error&) {  // the machine has no more threads
+    }
+  }
+  return std::async(std::launch::deferred, work);
+}
+
 }  // namespace
 
 double front_flops(Index pivots, Index rows, bool unsymmetric) {
@@ -219,11 +233,19 @@ Plan make_plan(AssemblyTree tree, const MatrixView& a, const std::vector<Index>&
   plan.options = options;
   link_children(plan);
   cut_fronts(plan);
+  // Tasks and memory are one chain of small steps that needs no entries: it goes beside them.
+  const auto list_and_place = [&plan] {
+    plan.assignment = assign_devices(plan);
+    list_tasks(plan);
+    if (!plan.options.plan_memory) return;
+    if (plan.options.array_sizes == nullptr) return plan_memory(plan);
+    const ArraySizes sizes = plan.options.array_sizes(plan);
+    plan_memory(plan, &sizes);
+  };
+  std::future<void> beside = start_beside(list_and_place, pool);
   relate_rows(plan, pool);
   place_entries(plan, a, row_of_col, pool);
-  plan.assignment = assign_devices(plan);
-  list_tasks(plan);
-  if (options.plan_memory) plan_memory(plan);
+  beside.get();
   return plan;
 }
 

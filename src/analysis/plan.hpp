@@ -45,6 +45,14 @@ class Entry {
   std::uint64_t bits_;
 };
 
+struct Plan;
+
+/// Sizes of a front's arrays in elements, where a backend lays them out differently from FrontLayout.
+struct ArraySizes {
+  std::vector<Offset> factor;        ///< fronts; of L alone
+  std::vector<Offset> contribution;  ///< fronts; of the lower part alone
+};
+
 /// What shapes the plan besides the tree.
 struct PlanOptions {
   TileRule tiles;
@@ -71,7 +79,13 @@ struct PlanOptions {
   /// that more fronts are in work at a time.
   bool subtrees_apart = true;
   bool plan_memory = true;  ///< false: the backend lays out its memory itself, plan.memory stays empty
-  bool shared_top = true;   ///< block columns of the top are dealt to all devices; else all are the first one's
+  /// The sizes for which memory is planned; null: those of FrontLayout. Sees all of the plan but tasks, entries and
+  /// memory.
+  ArraySizes (*array_sizes)(const Plan&) = nullptr;
+  /// One device: fronts that, with all below them, are narrow (TileRule::narrow_rows) or whole stand first in the task
+  /// list.
+  bool narrow_first = false;
+  bool shared_top = true;  ///< block columns of the top are dealt to all devices; else all are the first one's
 };
 
 /// Places in the arena that holds factors, contributions and work arrays; elements, not bytes. A region
@@ -128,12 +142,6 @@ Plan make_plan(AssemblyTree tree, const MatrixView& a, const std::vector<Index>&
 
 /// The plan with its tasks listed for one device; no places in memory.
 Plan plan_for_one_device(const Plan& plan);
-
-/// Sizes of a front's arrays in elements, where a backend lays them out differently from FrontLayout.
-struct ArraySizes {
-  std::vector<Offset> factor;        ///< fronts; of L alone
-  std::vector<Offset> contribution;  ///< fronts; of the lower part alone
-};
 
 /// Memory for a task list: fills plan.memory from plan.tasks. sizes: null for those of FrontLayout.
 void plan_memory(Plan& plan, const ArraySizes* sizes = nullptr);

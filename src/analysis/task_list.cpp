@@ -24,7 +24,9 @@ class TaskLister {
     std::vector<Index> roots;
     for (Index f = 0; f < fronts_; ++f)
       if (plan_.tree.parent[f] < 0) roots.push_back(f);
+    if (plan_.options.narrow_first) find_wide();
     walk_children(roots);
+    append_late();
   }
 
  private:
@@ -49,6 +51,27 @@ class TaskLister {
       tiers[plan_.tier[f]].push_back(f);
     }
     for (auto t = tiers.rbegin(); t != tiers.rend(); ++t) emit_tier(*t);
+  }
+
+  // The fronts that are wide, and those above them.
+  void find_wide() {
+    late_front_.assign(static_cast<std::size_t>(fronts_), 0);
+    for (Index f = 0; f < fronts_; ++f) {
+      if (plan_.whole[f] == 0 && plan_.layout[f].rows > plan_.options.tiles.narrow_rows) late_front_[f] = 1;
+      const Index p = plan_.tree.parent[f];
+      if (p >= 0 && late_front_[f] != 0) late_front_[p] = 1;
+    }
+  }
+  [[nodiscard]] bool is_late(Index f) const { return !late_front_.empty() && late_front_[f] != 0; }
+
+  void append_late() {
+    const auto before = static_cast<Index>(plan_.tasks.size());
+    plan_.tasks.insert(plan_.tasks.end(), late_.begin(), late_.end());
+    for (Index f = 0; f < fronts_; ++f)
+      if (is_late(f)) {
+        plan_.first_task[f] += before;
+        plan_.last_task[f] += before;
+      }
   }
 
   void walk_together(const std::vector<SubTree*>& subtrees) {
@@ -159,10 +182,11 @@ class TaskLister {
   }
 
   void emit_range(Index f) {
-    const auto at = static_cast<Index>(plan_.tasks.size());
+    std::vector<Task>& list = is_late(f) ? late_ : plan_.tasks;
+    const auto at = static_cast<Index>(list.size());
     const Index begin = is_range_[f] != 0 ? subtree_begin_[f] : f;
     for (Index g = begin; g <= f; ++g) plan_.first_task[g] = plan_.last_task[g] = at;
-    plan_.tasks.push_back({f, begin, 0, 0});
+    list.push_back({f, begin, 0, 0});
   }
 
   // The fronts advance together, one block column a step. What the next step hangs on comes first: tile (s, s - 1),
@@ -189,16 +213,19 @@ class TaskLister {
   }
 
   void emit_tile(Index f, Index i, Index j) {
-    const auto at = static_cast<Index>(plan_.tasks.size());
+    std::vector<Task>& list = is_late(f) ? late_ : plan_.tasks;
+    const auto at = static_cast<Index>(list.size());
     if (plan_.first_task[f] < 0) plan_.first_task[f] = at;
     plan_.last_task[f] = at;
-    plan_.tasks.push_back({f, -1, i, j});
+    list.push_back({f, -1, i, j});
   }
 
   Plan& plan_;
   Index fronts_;
   std::vector<Index> subtree_begin_;
   std::vector<char> is_range_;
+  std::vector<char> late_front_;  // fronts; see PlanOptions::narrow_first; empty: none is late
+  std::vector<Task> late_;
   std::vector<Offset> entries_;  // contribution entries of a sub-tree that its group holds
 };
 

@@ -53,7 +53,7 @@ TEST_P(CudaPlan, EveryFlagIsSetByAnEarlierTask) {
        {device::cuda::TaskOrder{}, {1, 1, 1 << 30}, {2, 1, 0}, {3, 2, 1}, {4, 2, 2}}) {
     SCOPED_TRACE(::testing::Message() << order.group_columns << ", " << order.group_blocks << ", " << order.pair_from);
     const DevicePlan plan = device::cuda::make_device_plan(plan_, GetParam().kind, true, order);
-    const std::vector<FactorTask>& list = plan.lists.front().tasks;
+    const auto& list = plan.lists.front().tasks;
     ASSERT_EQ(list.size(), tasks) << "the same tasks in any order";
     std::vector<char> set(static_cast<std::size_t>(plan.flags), 0);
     std::int64_t checked = 0;

@@ -14,12 +14,46 @@ namespace {
 using analysis::Plan;
 using analysis::Task;
 
+constexpr std::int64_t kFrontsPerPiece = 512;
+
 Index pad(Index x) { return (x + kChunk - 1) / kChunk * kChunk; }
+Offset rounded(Offset x) { return (x + kChunk - 1) / kChunk * kChunk; }
+
+// The shape of front f: all that follows from its layout alone.
+Front shape_of(const Plan& plan, Index f) {
+  Front x;
+  const auto& layout = plan.layout[f];
+  x.pivots = layout.pivots;
+  x.below = layout.below();
+  x.whole = plan.whole[f];
+  x.width = x.whole != 0 ? kRowBlock : layout.rows <= plan.options.tiles.narrow_rows ? kNarrowTiles : kWideTiles;
+  x.width_log2 = std::countr_zero(static_cast<std::uint32_t>(x.width));
+  x.pivot_pad = pad(x.pivots);
+  x.total_pad = x.pivot_pad + pad(x.below);
+  x.below_ld = (x.below + 3) / 4 * 4;
+  x.pivot_tiles = layout.pivot_tiles;
+  x.tiles = layout.tiles;
+  x.pivot_blocks = (x.pivot_pad + kRowBlock - 1) / kRowBlock;
+  x.blocks = x.pivot_blocks + (pad(x.below) + kRowBlock - 1) / kRowBlock;
+  return x;
+}
+
+analysis::ArraySizes sizes_on_device(const Plan& plan) {
+  analysis::ArraySizes sizes;
+  sizes.factor.reserve(static_cast<std::size_t>(plan.fronts()));
+  sizes.contribution.reserve(static_cast<std::size_t>(plan.fronts()));
+  for (Index f = 0; f < plan.fronts(); ++f) {
+    const Front x = shape_of(plan, f);
+    sizes.factor.push_back(rounded(x.factor_size()));
+    sizes.contribution.push_back(rounded(x.contribution_size()));
+  }
+  return sizes;
+}
 
 class Builder {
  public:
-  Builder(const Plan& plan, Kind kind, bool peer_access, const TaskOrder& shape)
-      : plan_(plan), kind_(kind), peer_access_(peer_access), shape_(shape) {
+  Builder(const Plan& plan, Kind kind, bool peer_access, const TaskOrder& shape, base::ThreadPool& pool)
+      : plan_(plan), kind_(kind), peer_access_(peer_access), shape_(shape), pool_(pool) {
     if (plan.options.tiles.panel != kChunk || plan.options.tiles.even || plan.options.range_flops > 0)
       throw std::invalid_argument("make_device_plan: the plan was not made with cuda_plan_options()");
   }
@@ -29,9 +63,16 @@ class Builder {
     describe_fronts();
     link_children();
     name_regions();
-    const std::vector<Task> order = by_phase();
-    place_arrays(order);
-    list_tasks(plan_, kind_, order, narrow_, shape_, d_);
+    find_narrow();
+    d_.regions.assign(d_.region_device.size(), 0);
+    if (plan_.assignment.devices == 1) {
+      take_places();
+      list_tasks(plan_, kind_, plan_.tasks, narrow_, shape_, pool_, d_);
+    } else {
+      const std::vector<Task> order = by_phase();
+      place_arrays(order);
+      list_tasks(plan_, kind_, order, narrow_, shape_, pool_, d_);
+    }
     return std::move(d_);
   }
 
@@ -41,58 +82,52 @@ class Builder {
   void describe_fronts() {
     const auto& t = plan_.tree;
     d_.fronts.resize(static_cast<std::size_t>(plan_.fronts()));
-    for (Index f = 0; f < plan_.fronts(); ++f) {
-      Front& x = d_.fronts[f];
-      const auto& layout = plan_.layout[f];
-      x.pivots = layout.pivots;
-      x.below = layout.below();
-      x.whole = plan_.whole[f];
-      x.width = x.whole != 0 ? kRowBlock : width_of(layout);
-      x.width_log2 = std::countr_zero(static_cast<std::uint32_t>(x.width));
-      x.pivot_pad = pad(x.pivots);
-      x.total_pad = x.pivot_pad + pad(x.below);
-      x.below_ld = (x.below + 3) / 4 * 4;
-      x.position = t.first[f];
-      x.members = 1;
-      x.first_place = -1;
-      x.pivot_tiles = layout.pivot_tiles;
-      x.tiles = layout.tiles;
-      x.pivot_blocks = (x.pivot_pad + kRowBlock - 1) / kRowBlock;
-      x.blocks = x.pivot_blocks + (pad(x.below) + kRowBlock - 1) / kRowBlock;
-      x.rows = t.row_ptr[f];
-      x.tile0 = plan_.first_tile[f];
+    pool_.for_each_piece(plan_.fronts(), kFrontsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+      for (auto f = static_cast<Index>(begin); f < end; ++f) {
+        Front& x = d_.fronts[f];
+        x = shape_of(plan_, f);
+        x.position = t.first[f];
+        x.members = 1;
+        x.first_place = -1;
+        x.rows = t.row_ptr[f];
+        x.tile0 = plan_.first_tile[f];
+      }
+    });
+    for (Front& x : d_.fronts) {
       x.flag0 = d_.flags;
       d_.flags += x.flags();
     }
   }
 
-  [[nodiscard]] Index width_of(const analysis::FrontLayout& layout) const {
-    const auto& rule = plan_.options.tiles;
-    return layout.rows <= rule.narrow_rows ? kNarrowTiles : kWideTiles;
-  }
-
   void link_children() {
+    std::int64_t bounds = 0;
     for (Index f = 0; f < plan_.fronts(); ++f) {
       Front& x = d_.fronts[f];
       x.link_begin = static_cast<std::int32_t>(d_.links.size());
       for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c) {
         const Index child = plan_.children[c];
         if (plan_.tree.rows_below(child) == 0) continue;
-        d_.links.push_back({child, 0, static_cast<std::int64_t>(d_.bounds.size())});
-        add_bounds(f, child);
+        d_.links.push_back({child, 0, bounds});
+        bounds += x.tiles + 1;
       }
       x.link_end = static_cast<std::int32_t>(d_.links.size());
     }
+    d_.bounds.resize(static_cast<std::size_t>(bounds));
+    pool_.for_each_piece(plan_.fronts(), kFrontsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+      for (auto f = static_cast<Index>(begin); f < end; ++f)
+        for (int l = d_.fronts[f].link_begin; l < d_.fronts[f].link_end; ++l) find_bounds(f, d_.links[l]);
+    });
   }
 
-  void add_bounds(Index f, Index child) {
+  void find_bounds(Index f, const Link& link) {
     const auto& t = plan_.tree;
     const auto& layout = plan_.layout[f];
-    Offset r = t.row_ptr[child];
+    const Offset first = t.row_ptr[link.child], end = t.row_ptr[link.child + 1];
+    Offset r = first;
     for (Index i = 0; i <= layout.tiles; ++i) {
       const Index from = i == layout.tiles ? layout.rows : layout.begin(i);
-      while (r < t.row_ptr[child + 1] && plan_.relative[r] < from) ++r;
-      d_.bounds.push_back(static_cast<std::int32_t>(r - t.row_ptr[child]));
+      while (r < end && plan_.relative[r] < from) ++r;
+      d_.bounds[link.bound + i] = static_cast<std::int32_t>(r - first);
     }
   }
 
@@ -115,8 +150,7 @@ class Builder {
       if (const Index s = a.subtree(f); s >= 0) d_.fronts[f].region = region_of[static_cast<std::size_t>(s)];
   }
 
-  // The plan's tasks, those of narrow sub-trees first; otherwise in the plan's order.
-  std::vector<Task> by_phase() {
+  void find_narrow() {
     narrow_.assign(static_cast<std::size_t>(plan_.fronts()), 1);
     const bool any_wide =
         std::any_of(d_.fronts.begin(), d_.fronts.end(), [](const Front& x) { return x.width == kWideTiles; });
@@ -129,26 +163,39 @@ class Builder {
       const Index p = plan_.tree.parent[f];
       if (p >= 0 && narrow_[f] == 0) narrow_[p] = 0;
     }
+  }
+
+  // One device: the analysis has planned memory for these sizes in this order. A plan without memory is only listed.
+  void take_places() {
+    const analysis::MemoryPlan& m = plan_.memory;
+    d_.regions[0] = m.size;
+    if (m.factor.empty()) return;
+    for (Index f = 0; f < plan_.fronts(); ++f) take_places(d_.fronts[f], m, f, 0);
+    d_.waits.assign(m.wait_fronts.begin(), m.wait_fronts.end());
+  }
+  static void take_places(Front& x, const analysis::MemoryPlan& m, Index k, Offset first_wait) {
+    x.factor = m.factor[k];
+    x.contribution = m.contribution[k];
+    if (!m.factor2.empty()) x.second = m.factor2[k];
+    if (!m.contribution2.empty()) x.contribution_up = m.contribution2[k];
+    x.wait_begin = static_cast<std::int32_t>(first_wait + m.wait_ptr[k]);
+    x.wait_end = static_cast<std::int32_t>(first_wait + m.wait_ptr[k + 1]);
+  }
+
+  // Several devices: the plan's tasks, those of narrow sub-trees first; otherwise in the plan's order.
+  [[nodiscard]] std::vector<Task> by_phase() const {
     std::vector<Task> order = plan_.tasks;
     std::stable_partition(order.begin(), order.end(), [&](const Task& task) { return narrow_[task.front] != 0; });
     return order;
   }
 
-  // Regions: with one device, all of the plan; with several, the top and what each device does alone.
+  // Several devices: the top and what each does alone.
   void place_arrays(const std::vector<Task>& order) {
-    const Index devices = plan_.assignment.devices;
-    d_.regions.assign(d_.region_device.size(), 0);
-    if (devices == 1) {
-      place_region(0, order);
-      return;
-    }
     std::vector<std::vector<Task>> parts(d_.region_device.size());
     for (const Task& task : order) parts[static_cast<std::size_t>(d_.fronts[task.front].region)].push_back(task);
     for (std::size_t r = 1; r < parts.size(); ++r) place_region(static_cast<Index>(r), parts[r]);
     place_top();
   }
-
-  [[nodiscard]] static Offset rounded(Offset x) { return (x + kChunk - 1) / kChunk * kChunk; }
 
   // One region by the plan's own memory planner, over this backend's sizes and order. What is passed on to other
   // regions hangs on a front that is never eliminated, so that it stays.
@@ -195,15 +242,7 @@ class Builder {
     analysis::plan_memory(light, &sizes);
     const auto& m = light.memory;
     const auto first_wait = static_cast<Offset>(d_.waits.size());
-    for (std::size_t k = 0; k < n; ++k) {
-      Front& x = d_.fronts[fronts[k]];
-      x.factor = m.factor[k];
-      x.contribution = m.contribution[k];
-      if (!m.factor2.empty()) x.second = m.factor2[k];
-      if (!m.contribution2.empty()) x.contribution_up = m.contribution2[k];
-      x.wait_begin = static_cast<std::int32_t>(first_wait + m.wait_ptr[k]);
-      x.wait_end = static_cast<std::int32_t>(first_wait + m.wait_ptr[k + 1]);
-    }
+    for (std::size_t k = 0; k < n; ++k) take_places(d_.fronts[fronts[k]], m, static_cast<Index>(k), first_wait);
     for (const Index k : m.wait_fronts) d_.waits.push_back(fronts[k]);
     d_.regions[region] = m.size;
   }
@@ -247,6 +286,7 @@ class Builder {
   Kind kind_;
   bool peer_access_;
   TaskOrder shape_;
+  base::ThreadPool& pool_;
   DevicePlan d_;
   std::vector<char> narrow_;  // fronts; 1: the front and all below it have narrow tiles
 };
@@ -272,6 +312,8 @@ analysis::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning, I
   o.cost = analysis::CostModel::gpu;
   o.subtrees_apart = false;
   o.plan_memory = devices == 1;
+  o.array_sizes = sizes_on_device;
+  o.narrow_first = true;
   o.additional_subtrees = tuning.additional_subtrees;
   o.column_group = tuning.column_group;
   o.balance_columns = true;
@@ -282,8 +324,10 @@ analysis::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning, I
   return o;
 }
 
-DevicePlan make_device_plan(const analysis::Plan& plan, Kind kind, bool peer_access, const TaskOrder& shape) {
-  return Builder(plan, kind, peer_access, shape).build();
+DevicePlan make_device_plan(const analysis::Plan& plan, Kind kind, bool peer_access, const TaskOrder& shape,
+                            base::ThreadPool* pool) {
+  base::ThreadPool alone(1);
+  return Builder(plan, kind, peer_access, shape, pool != nullptr ? *pool : alone).build();
 }
 
 std::vector<double> transferred_elements(const analysis::Plan& plan, Kind kind, const DevicePlan& tables) {

@@ -34,7 +34,7 @@ analysis::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning = 
 /// are run by a kernel with more blocks on each multiprocessor. With several devices, the lists are parts of one list
 /// in topological order, so that the lowest unfinished task can always proceed.
 struct TaskLists {
-  std::vector<FactorTask> tasks;
+  analysis::LazyVector<FactorTask> tasks;
   std::int64_t narrow_tasks = 0;
   std::vector<SolveTask> up;    ///< forward substitution
   std::vector<SolveTask> down;  ///< backward substitution
@@ -78,11 +78,12 @@ struct TaskOrder {
   Index pair_from = 64;      ///< pivot columns from this one on are taken in pairs, row block by row block
 };
 
+/// @param pool  null: on the calling thread
 /// @param peer_access  false: devices cannot reach each other's memory: sub-trees stay with their devices, and what is
 ///                     passed on from them has places, too
 /// @throws std::invalid_argument when the plan was not made with cuda_plan_options()
-DevicePlan make_device_plan(const analysis::Plan& plan, Kind kind, bool peer_access = true,
-                            const TaskOrder& shape = {});
+DevicePlan make_device_plan(const analysis::Plan& plan, Kind kind, bool peer_access = true, const TaskOrder& shape = {},
+                            base::ThreadPool* pool = nullptr);
 
 /// Elements that each device stores into others (blocks of the top's factors) and fetches from others (contributions,
 /// by even shares of their readers), in one factorization in which nothing is stolen.

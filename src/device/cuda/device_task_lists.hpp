@@ -17,6 +17,6 @@ inline constexpr Index kWideTiles = 64;    ///< of all others
 /// @param shape   what may run side by side
 /// @param d       all else is there
 void list_tasks(const analysis::Plan& plan, Kind kind, const std::vector<analysis::Task>& order,
-                const std::vector<char>& narrow, const TaskOrder& shape, DevicePlan& d);
+                const std::vector<char>& narrow, const TaskOrder& shape, base::ThreadPool& pool, DevicePlan& d);
 
 }  // namespace espalier::device::cuda
