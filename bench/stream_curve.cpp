@@ -7,9 +7,11 @@
 #include <cstdio>
 #include <cstring>
 #include <iostream>
+#include <limits>
 #include <random>
 
 #include "base/timeline.hpp"
+#include "device/cuda/cuda_faults.hpp"
 #include "device/cuda/cuda_stream.hpp"
 #include "factor/streaming_executor.hpp"
 #include "gpu/gpu_case.hpp"
@@ -24,6 +26,7 @@ using Json = nlohmann::json;
 struct CurveSettings {
   GpuOptions common;
   int refuse = 0, copy_threads = 0, lanes = 1;
+  bool pin = false;
   double step = 0, group = 0;
   std::string system;
   std::vector<double> mebibytes;  // of each device
@@ -38,7 +41,8 @@ void declare(CLI::App& app, CurveSettings& settings, int argc, const char* const
       ->capture_default_str();
   app.add_option("budgets", settings.mebibytes, "budgets of each device's memory in MiB");
   declare_devices(app, settings.devices, settings.counts);
-  app.add_option("--refuse", settings.refuse, "this allocation of device memory is refused");
+  app.add_option("--refuse", settings.refuse, "the call of the CUDA runtime of that number is refused, in each point");
+  app.add_flag("--pin", settings.pin, "page-lock the host's store; what is timed comes afterwards");
   app.add_option("--copy-threads", settings.copy_threads, "host threads that copy (default: half of the cores)");
   app.add_option("--lanes", settings.lanes, "queues of the GPU");
   app.add_option("--step", settings.step, "share of the budget that a step of fronts may take");
@@ -75,11 +79,13 @@ class Curve {
         settings_.copy_threads > 0 ? settings_.copy_threads : std::max(1, pool_.size() / (2 * count));
     std::vector<device::cuda::CudaStreamOptions> cuda(static_cast<std::size_t>(count));
     for (std::size_t d = 0; d < cuda.size(); ++d) cuda[d].device = settings_.devices[d];
-    cuda.back().refuse_allocation = settings_.refuse;
+    if (settings_.pin) options.pinned_bytes = std::numeric_limits<Offset>::max();
+    device::cuda::call_faults().arm(settings_.refuse);
     const double start = base::now_seconds();
     auto executor = factor::make_streaming_executor<T>(
         device::cuda::make_cuda_streams<T>(c_.plan, c_.kind, numbers_.rule, pool_, cuda), options, nullptr);
     const double setup = base::now_seconds() - start;
+    const Json pinning = settings_.pin ? pin_store(*executor) : Json(nullptr);
     Json row = measure(*executor, count);
     const device::StreamReport r = together(*executor);
     row["memory"]["predicted_bytes"] = r.predicted_bytes;
@@ -88,8 +94,12 @@ class Curve {
                               {"bytes_in", r.bytes_in},
                               {"bytes_out", r.bytes_out},
                               {"steps", r.steps},
-                              {"groups", r.groups}});
+                              {"groups", r.groups},
+                              {"store_bytes", r.store_bytes},
+                              {"pinned_bytes", r.pinned_bytes},
+                              {"direct_bytes", r.direct_bytes}});
     row["check"].update({{"setup_seconds", setup},
+                         {"pinning", pinning},
                          {"link_seconds", r.link_seconds},
                          {"predicted_seconds", r.predicted_seconds},
                          {"steps_seconds", r.times.steps},
@@ -149,7 +159,7 @@ class Curve {
 
  private:
   [[nodiscard]] analysis::StreamRates rates() const {
-    analysis::StreamRates rates = device::cuda::cuda_stream_rates(c_.kind);
+    analysis::StreamRates rates = device::cuda::cuda_stream_rates(c_.kind, settings_.pin);
     rates.lanes = settings_.lanes;
     rates.step = settings_.step;
     rates.group = settings_.group;
@@ -165,6 +175,7 @@ class Curve {
       sum.predicted_bytes = std::max(sum.predicted_bytes, r.predicted_bytes);
       sum.bytes_in += r.bytes_in;
       sum.bytes_out += r.bytes_out;
+      sum.direct_bytes += r.direct_bytes;
       sum.link_seconds = std::max(sum.link_seconds, r.link_seconds);
       sum.copy_in_seconds = std::max(sum.copy_in_seconds, r.copy_in_seconds);
       sum.copy_out_seconds = std::max(sum.copy_out_seconds, r.copy_out_seconds);
@@ -172,6 +183,22 @@ class Curve {
       sum.groups += r.groups;
     }
     return sum;
+  }
+  // Refactorizations until the store is pinned: their times, and the bytes that were pinned after each.
+  Json pin_store(device::Executor<T>& executor) {
+    Json list = Json::array();
+    for (Offset pinned = -1, before = -2; pinned != before;) {
+      before = pinned;
+      const double start = base::now_seconds();
+      (void)executor.factorize(numbers_.values);
+      const double seconds = base::now_seconds() - start;
+      pinned = executor.streaming().pinned_bytes;
+      if (list.empty()) before = -2;  // it begins with the second one
+      list.push_back({{"seconds", seconds}, {"pinned_bytes", pinned}});
+      fmt::print("  factorization {}: {:.1f} ms, {:.2f} of {:.2f} GB pinned\n", list.size(), 1e3 * seconds,
+                 static_cast<double>(pinned) * 1e-9, static_cast<double>(executor.streaming().store_bytes) * 1e-9);
+    }
+    return list;
   }
   [[nodiscard]] std::string device_text(int count) const {
     return fmt::format("gpu:{}", fmt::join(settings_.devices.begin(), settings_.devices.begin() + count, ","));
@@ -244,15 +271,17 @@ class Curve {
         check["determinant_log"].get<double>(), check["negative"].get<Index>());
     if (check.contains("link_seconds"))
       fmt::print(
-          " | link {:.1f} ms, predicted {:.1f} ms, in {:.2f} out {:.2f} GB, host copies in {:.0f} out {:.0f} ms, {} "
+          " | link {:.1f} ms, predicted {:.1f} ms, in {:.2f} out {:.2f} GB, {:.2f} of them directly, host copies in "
+          "{:.0f} out {:.0f} ms, {} "
           "steps {} groups, setup {:.1f} s; first device: steps {:.0f}, assembly {:.0f}, updates {:.0f}, own pivots "
           "{:.0f} ms",
           1e3 * check["link_seconds"].get<double>(), 1e3 * check["predicted_seconds"].get<double>(),
           where["bytes_in"].get<double>() * 1e-9, where["bytes_out"].get<double>() * 1e-9,
-          1e3 * check["copy_in_seconds"].get<double>(), 1e3 * check["copy_out_seconds"].get<double>(),
-          where["steps"].get<Index>(), where["groups"].get<Index>(), check["setup_seconds"].get<double>(),
-          1e3 * check["steps_seconds"].get<double>(), 1e3 * check["assembly_seconds"].get<double>(),
-          1e3 * check["updates_seconds"].get<double>(), 1e3 * check["own_pivots_seconds"].get<double>());
+          where["direct_bytes"].get<double>() * 1e-9, 1e3 * check["copy_in_seconds"].get<double>(),
+          1e3 * check["copy_out_seconds"].get<double>(), where["steps"].get<Index>(), where["groups"].get<Index>(),
+          check["setup_seconds"].get<double>(), 1e3 * check["steps_seconds"].get<double>(),
+          1e3 * check["assembly_seconds"].get<double>(), 1e3 * check["updates_seconds"].get<double>(),
+          1e3 * check["own_pivots_seconds"].get<double>());
     fmt::print("{}\n", is_good ? "" : "  FAILED");
     std::fflush(stdout);
   }

@@ -19,6 +19,9 @@ void SolverFlags::add_to(CLI::App& command) {
   add("device", "NAME", "auto (default) | cpu | host:N | host:N,M (threads of each host device) | gpu:all | gpu:0,1");
   add("device-memory", "SIZE", "memory budget of each device, for instance 2GiB (default: what is free)");
   add("host-memory", "SIZE", "memory budget on the host, for instance 512M (default: what is free)");
+  add("pinned-memory", "SIZE",
+      "of the host's memory that holds a factor which streams, what may be page-locked (default: half of the "
+      "machine's)");
   add("threads", "N", "threads on the host (default: all cores)");
   add("max-block-size", "B", "widest block column of a front (default: by the size of the front)");
 }

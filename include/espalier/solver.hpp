@@ -32,7 +32,10 @@ struct Options {
   /// Budgets that differ, one for each device in the order of `device`; empty: device_memory_bytes for all. With auto,
   /// as many GPUs at most.
   std::vector<Offset> device_memory_each_bytes;
-  Offset host_memory_bytes = 0;   ///< budget on the host; 0: what is free
+  Offset host_memory_bytes = 0;  ///< budget on the host; 0: what is free
+  /// Of the host's memory that holds the factor when it streams, what may be page-locked, which is done from the second
+  /// factorization on: GPUs reach it without a detour, but it cannot be swapped out. -1: half of the machine's memory.
+  Offset pinned_memory_bytes = -1;
   int threads = 0;                ///< host threads; 0: all cores this process may use
   Index max_block_size = 0;       ///< widest block column (= tile) of a front; 0: by front size
   double pivot_threshold = 0.01;  ///< u of threshold pivoting: entries of L stay below 1/u

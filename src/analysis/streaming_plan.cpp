@@ -86,20 +86,38 @@ bool make_frugal(Candidates& candidates, const std::vector<StreamDevice>& device
   return false;
 }
 
-// The fastest of the shapes that need no frugality; none: empty.
+// The fastest of the shapes that need no frugality; none: empty. First the sizes of steps and groups, then, for the
+// best of them, what matters less.
 Plans fastest(Candidates& candidates, const std::vector<StreamDevice>& devices, const StreamRates& rates) {
   Plans best, plans;
-  const std::vector<int> turns = devices.size() > 1 ? std::vector<int>{1, 2, 4} : std::vector<int>{1};
-  for (const double step : {0.3, 0.2, 0.1, 0.05})
-    for (const double group : {0.7, 0.45, 0.3}) {
-      if ((rates.step > 0 && rates.step != step) || (rates.group > 0 && rates.group != group)) continue;
-      for (const auto& [around, chunk] : {std::pair{false, 1.0 / 32}, {true, 1.0 / 32}, {false, 1.0 / 16}})
-        for (const int turn : turns) {
-          const StreamShape shape{step, group, turn, 3, chunk, false, rates.lanes, around};
-          if (!candidates.make(devices, shape, plans)) continue;
-          if (best.empty() || plans.front().predicted_seconds < best.front().predicted_seconds) best = std::move(plans);
-        }
+  StreamShape shape;
+  const auto try_shape = [&](const StreamShape& candidate) {
+    if (!candidates.make(devices, candidate, plans)) return false;
+    if (best.empty() || plans.front().predicted_seconds < best.front().predicted_seconds) {
+      best = std::move(plans);
+      shape = candidate;
     }
+    return true;
+  };
+  const int turns = devices.size() > 1 ? 2 : 1;
+  for (const double step : {0.4, 0.3, 0.2, 0.1, 0.05})
+    for (const double group : {0.45, 0.3, 0.2, 0.13, 0.09, 0.06}) {
+      if ((rates.step > 0 && rates.step != step) || (rates.group > 0 && rates.group != group)) continue;
+      StreamShape candidate{step, group, turns, 3, 1.0 / 32, false, rates.lanes, true};
+      if (try_shape(candidate)) continue;
+      candidate.around = false;
+      (void)try_shape(candidate);
+    }
+  if (best.empty()) return best;
+  const auto with = [&](auto change) {
+    StreamShape candidate = shape;
+    change(candidate);
+    (void)try_shape(candidate);
+  };
+  with([](StreamShape& x) { x.around = !x.around; });
+  for (const double chunk : {1.0 / 64, 1.0 / 16}) with([&](StreamShape& x) { x.chunk = chunk; });
+  if (devices.size() > 1)
+    for (const int t : {1, 4}) with([&](StreamShape& x) { x.turns = t; });
   return best;
 }
 

@@ -57,6 +57,9 @@ struct StreamReport {
   Index steps = 0;               ///< sets of fronts eliminated in core
   Index groups = 0;              ///< groups of block columns of fronts too large for that
   StreamTimes times = {};        ///< last factorization
+  Offset store_bytes = 0;        ///< of the host's store, which all devices share
+  Offset pinned_bytes = 0;       ///< of it, reached without the staging ring so far
+  Offset direct_bytes = 0;       ///< last factorization: moved without the ring, both directions
 };
 
 /// One device's part in a factorization that several share.

@@ -1,7 +1,7 @@
 /// \file
 /// The seam of streaming: what a backend does for an executor whose device memory holds only a part of the
 /// factorization. Operations of one queue are asked for by one thread and run in order; the queues run side by side.
-/// Several devices have a backend each and know nothing of one another.
+/// Several devices have a backend each; what one stores, another may wait for.
 #pragma once
 
 #include <cstddef>
@@ -56,6 +56,15 @@ class StreamBackend : public analysis::StreamLayout {
   virtual void copy_out(int slot, Offset from, Offset bytes) = 0;
   virtual void wait_for_slot(int slot) = 0;
 
+  /// Makes host memory reachable without the ring, for the backends of all devices. From any thread that has called
+  /// enter_thread(), also while a factorization runs. @returns false when the machine refuses; the ring serves on
+  virtual bool pin(std::byte* at, Offset bytes) = 0;
+  /// @param at  as for pin(); no copy is on its way
+  virtual void unpin(std::byte* at) noexcept = 0;
+  /// Copies between the arena and memory inside one piece that was pinned; done when the queue's next mark is.
+  virtual void copy_in_direct(Offset to, const std::byte* from, Offset bytes) = 0;
+  virtual void copy_out_direct(std::byte* to, Offset from, Offset bytes) = 0;
+
   /// What load_tables copies.
   virtual std::span<const std::byte> tables(const analysis::StreamOp& op) = 0;
   /// Starts an operation of the run queue.
@@ -66,6 +75,11 @@ class StreamBackend : public analysis::StreamLayout {
   /// Marks the end of operation `number` (from 1) of a queue; what `queue` is asked for later waits for it.
   virtual void mark(analysis::StreamQueue queue, std::int64_t number) = 0;
   virtual void wait_for_mark(analysis::StreamQueue queue, analysis::StreamQueue other, std::int64_t number) = 0;
+  /// Likewise for the mark of another device's backend, of the same sort.
+  virtual void wait_for_mark(analysis::StreamQueue queue, StreamBackend<T>& of, analysis::StreamQueue other,
+                             std::int64_t number) = 0;
+  /// Blocks the caller instead.
+  virtual void wait_until(analysis::StreamQueue queue, std::int64_t number) = 0;
   /// Blocks until all is done. @throws Error(device_error)
   virtual void finish() = 0;
   /// After a failure: lets what runs come to an end.

@@ -18,6 +18,16 @@ class HostPieces {
   void clear();
   void add(std::byte* at, Offset bytes);
   [[nodiscard]] Offset bytes() const { return end_.empty() ? 0 : end_.back(); }
+  [[nodiscard]] std::size_t count() const { return at_.size(); }
+  /// use(address, bytes before it, bytes) for each piece; stops when it returns false. @returns whether all were used
+  template <class Use>
+  bool each(Use&& use) const {
+    for (std::size_t k = 0; k < at_.size(); ++k) {
+      const Offset before = k == 0 ? 0 : end_[k - 1];
+      if (!use(at_[k], before, end_[k] - before)) return false;
+    }
+    return true;
+  }
   /// Copies bytes [begin, begin + size) of the pieces to `to`, or from `from`, by all threads of the pool.
   void copy_to(std::byte* to, Offset begin, Offset size, base::ThreadPool& pool) const;
   void copy_from(const std::byte* from, Offset begin, Offset size, base::ThreadPool& pool) const;

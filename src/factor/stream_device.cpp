@@ -15,6 +15,8 @@ using analysis::StreamWork;
 
 namespace {
 
+constexpr int kNoSlot = -1;
+
 std::int64_t waits_for(const StreamOp& op, StreamQueue q) { return op.waits[static_cast<std::size_t>(q)]; }
 
 // Arrays that an operation copies; in-core steps store both factor arrays in one piece.
@@ -37,19 +39,24 @@ StreamDeviceRun<T>::StreamDeviceRun(std::unique_ptr<device::StreamBackend<T>> ba
       out_crew_(options.copy_threads) {}
 
 template <class T>
-void StreamDeviceRun<T>::prepare(const analysis::StreamingPlan& plan) {
+void StreamDeviceRun<T>::prepare(const analysis::StreamingPlan& plan,
+                                 const std::vector<device::StreamBackend<T>*>& peers) {
   plan_ = &plan;
+  peers_ = &peers;
   backend_->prepare(plan, 2 * options_.slots, options_.slot_bytes);
   for (const StreamOp& op : plan.ops)
     (op.queue == StreamQueue::in ? loads_ : op.queue == StreamQueue::out ? stores_ : runs_).push_back(&op);
 }
 
 template <class T>
-void StreamDeviceRun<T>::begin(std::span<const T> values, T* store) {
+void StreamDeviceRun<T>::begin(std::span<const T> values, T* store, const PinnedStore& pinned) {
   values_ = values;
   store_ = store;
+  pinned_ = &pinned;
   in_seconds_ = out_seconds_ = 0;
+  in_direct_ = out_direct_ = 0;
   on_the_way_.clear();
+  slots_on_the_way_ = 0;
   backend_->begin(values);
 }
 
@@ -67,7 +74,10 @@ device::StreamReport StreamDeviceRun<T>::report(Offset budget_bytes) const {
           out_seconds_,
           static_cast<Index>(steps),
           static_cast<Index>(plan_->groups.size()),
-          backend_->times()};
+          backend_->times(),
+          plan_->store_elements * static_cast<Offset>(sizeof(T)),
+          pinned_ != nullptr ? pinned_->pinned_bytes() : 0,
+          in_direct_ + out_direct_};
 }
 
 // ---- what computes --------------------------------------------------------------------------------------------------
@@ -104,15 +114,18 @@ void StreamDeviceRun<T>::wait_for_runs(const StreamOp& op, Meanwhile&& meanwhile
   }
 }
 
-// What other devices store must have arrived; what they load must have been read.
+// What other devices store must have arrived; what they load must have been read, which only a load without the ring
+// leaves open when it has been asked for.
 template <class T>
 template <class Meanwhile>
 void StreamDeviceRun<T>::wait_for_others(const StreamOp& op, Meanwhile&& meanwhile) {
   for (const StreamWait& w : op.others) {
     if (w.queue == StreamQueue::out)
       progress_.wait_done(w.device, w.queue, w.number, meanwhile);
-    else
+    else {
       progress_.wait_asked(w.device, w.queue, w.number, meanwhile);
+      backend_->wait_for_mark(op.queue, *(*peers_)[static_cast<std::size_t>(w.device)], w.queue, w.number);
+    }
   }
 }
 
@@ -137,25 +150,48 @@ void StreamDeviceRun<T>::load_all() {
 
 template <class T>
 void StreamDeviceRun<T>::load(const StreamOp& op, int& slot) {
-  const bool values = op.work == StreamWork::load_values;
-  constexpr auto kSize = static_cast<Offset>(sizeof(T));
-  if (values) gathered_.set(*backend_, *plan_, op);
+  if (op.work == StreamWork::load_values) return load_values(op, slot);
   for (int part = 0; part < parts_of(op); ++part) {
-    if (!values) pieces_of(op, part, pieces_);
-    const Offset bytes = values ? op.bytes : pieces_.bytes();
-    for (Offset done = 0; done < bytes; done += options_.slot_bytes) {
-      const Offset now = std::min(options_.slot_bytes, bytes - done);
-      backend_->wait_for_slot(slot);
-      std::byte* to = backend_->staging(slot);
-      const double start = base::now_seconds();
-      if (values)
-        gathered_.gather<T>(values_, reinterpret_cast<T*>(to), done / kSize, now / kSize, in_crew_);
-      else
-        pieces_.copy_to(to, done, now, in_crew_);
-      in_seconds_ += base::now_seconds() - start;
-      backend_->copy_in(op.at[static_cast<std::size_t>(part)] + done, slot, now);
-      slot = (slot + 1) % options_.slots;
+    pieces_of(op, part, pieces_);
+    const Offset to = op.at[static_cast<std::size_t>(part)];
+    if (op.work != StreamWork::load_tables && goes_directly(pieces_)) {
+      load_directly(to);
+      continue;
     }
+    load_through_ring(to, pieces_.bytes(), slot, [&](std::byte* staging, Offset done, Offset now) {
+      pieces_.copy_to(staging, done, now, in_crew_);
+    });
+  }
+}
+
+template <class T>
+void StreamDeviceRun<T>::load_values(const StreamOp& op, int& slot) {
+  constexpr auto kSize = static_cast<Offset>(sizeof(T));
+  gathered_.set(*backend_, *plan_, op);
+  load_through_ring(op.at[0], op.bytes, slot, [&](std::byte* staging, Offset done, Offset now) {
+    gathered_.gather<T>(values_, reinterpret_cast<T*>(staging), done / kSize, now / kSize, in_crew_);
+  });
+}
+
+template <class T>
+void StreamDeviceRun<T>::load_directly(Offset to) {
+  by_pinned_piece(
+      pieces_, [&](const std::byte* host, Offset done, Offset now) { backend_->copy_in_direct(to + done, host, now); });
+  in_direct_ += pieces_.bytes();
+}
+
+// fill(staging memory, first byte, bytes) for every slot in turn.
+template <class T>
+template <class Fill>
+void StreamDeviceRun<T>::load_through_ring(Offset to, Offset bytes, int& slot, Fill&& fill) {
+  for (Offset done = 0; done < bytes; done += options_.slot_bytes) {
+    const Offset now = std::min(options_.slot_bytes, bytes - done);
+    backend_->wait_for_slot(slot);
+    const double start = base::now_seconds();
+    fill(backend_->staging(slot), done, now);
+    in_seconds_ += base::now_seconds() - start;
+    backend_->copy_in(to + done, slot, now);
+    slot = (slot + 1) % options_.slots;
   }
 }
 
@@ -177,6 +213,30 @@ void StreamDeviceRun<T>::pieces_of(const StreamOp& op, int part, HostPieces& pie
   }
 }
 
+// ---- without the ring ----------------------------------------------------------------------------------------------
+
+// All of the pieces lie in pinned memory, and they are large enough.
+template <class T>
+bool StreamDeviceRun<T>::goes_directly(const HostPieces& pieces) const {
+  if (pieces.count() == 0 || pieces.bytes() / static_cast<Offset>(pieces.count()) < options_.least_direct_bytes)
+    return false;
+  return pieces.each([&](const std::byte* at, Offset, Offset bytes) { return pinned_->holds(at, bytes); });
+}
+
+// copy(host memory, bytes before it, bytes) for what lies within one pinned piece.
+template <class T>
+template <class Copy>
+void StreamDeviceRun<T>::by_pinned_piece(const HostPieces& pieces, Copy&& copy) const {
+  pieces.each([&](std::byte* at, Offset before, Offset bytes) {
+    for (Offset done = 0; done < bytes;) {
+      const Offset now = std::min(bytes - done, pinned_->left_in_piece(at + done));
+      copy(at + done, before + done, now);
+      done += now;
+    }
+    return true;
+  });
+}
+
 // ---- to the host ----------------------------------------------------------------------------------------------------
 
 template <class T>
@@ -188,8 +248,10 @@ void StreamDeviceRun<T>::store_all() {
     ++number;
     wait_for_others(*op, receive_one);
     wait_for_runs(*op, receive_one);
-    if (const std::int64_t n = waits_for(*op, StreamQueue::in); n > 0)
+    if (const std::int64_t n = waits_for(*op, StreamQueue::in); n > 0) {
       progress_.wait_asked(number_, StreamQueue::in, n, receive_one);
+      backend_->wait_for_mark(StreamQueue::out, StreamQueue::in, n);
+    }
     send(*op, number, slot);
     backend_->mark(StreamQueue::out, number);
     progress_.asked(number_, StreamQueue::out, number);
@@ -200,43 +262,77 @@ void StreamDeviceRun<T>::store_all() {
 
 template <class T>
 void StreamDeviceRun<T>::send(const StreamOp& op, std::int64_t number, int& slot) {
+  if (op.work != StreamWork::store_outputs) {
+    arrivals_of(op, arrivals_);
+    if (goes_directly(arrivals_)) return send_directly(op, number);
+  }
+  send_through_ring(op, number, slot);
+}
+
+template <class T>
+void StreamDeviceRun<T>::send_directly(const StreamOp& op, std::int64_t number) {
+  const Offset each = op.bytes / parts_of(op);
+  by_pinned_piece(arrivals_, [&](std::byte* host, Offset done, Offset now) {
+    backend_->copy_out_direct(host, op.at[static_cast<std::size_t>(done / each)] + done % each, now);
+  });
+  out_direct_ += op.bytes;
+  on_the_way_.push_back({kNoSlot, &op, number, 0, op.bytes, true});
+}
+
+template <class T>
+void StreamDeviceRun<T>::send_through_ring(const StreamOp& op, std::int64_t number, int& slot) {
   const int parts = parts_of(op);
   const Offset each = op.bytes / parts;
   for (int part = 0; part < parts; ++part)
     for (Offset done = 0; done < each; done += options_.slot_bytes) {
-      if (static_cast<int>(on_the_way_.size()) == options_.slots) receive();
+      while (slots_on_the_way_ == options_.slots) receive();
       const Offset now = std::min(options_.slot_bytes, each - done);
       const int at = options_.slots + slot;
       backend_->copy_out(at, op.at[static_cast<std::size_t>(part)] + done, now);
       on_the_way_.push_back({at, &op, number, part * each + done, now, part + 1 == parts && done + now == each});
+      ++slots_on_the_way_;
       slot = (slot + 1) % options_.slots;
     }
 }
 
-// The oldest slot to its place. @returns false when there is none
+// Where what an operation sends belongs.
+template <class T>
+void StreamDeviceRun<T>::arrivals_of(const StreamOp& op, HostPieces& pieces) {
+  pieces.clear();
+  for (int part = 0; part < parts_of(op); ++part)
+    pieces.add(reinterpret_cast<std::byte*>(store_ + op.host[static_cast<std::size_t>(part)]), op.bytes / parts_of(op));
+}
+
+// The oldest arrival to its place. @returns false when there is none
 template <class T>
 bool StreamDeviceRun<T>::receive() {
   if (on_the_way_.empty()) return false;
   const Arrival a = on_the_way_.front();
   on_the_way_.pop_front();
-  backend_->wait_for_slot(a.slot);
+  if (a.slot == kNoSlot) {
+    backend_->wait_until(StreamQueue::out, a.number);
+  } else {
+    --slots_on_the_way_;
+    backend_->wait_for_slot(a.slot);
+    empty(a);
+  }
+  if (a.last) progress_.done(number_, StreamQueue::out, a.number);
+  return true;
+}
+
+template <class T>
+void StreamDeviceRun<T>::empty(const Arrival& a) {
   const std::byte* from = backend_->staging(a.slot);
   if (a.op->work == StreamWork::store_outputs) {
     outputs_.resize(static_cast<std::size_t>(a.op->bytes));
     std::copy_n(from, a.size, outputs_.data() + a.begin);
     if (a.last) backend_->take_outputs(*a.op, outputs_);
-  } else {
-    const int parts = parts_of(*a.op);
-    HostPieces pieces;
-    for (int part = 0; part < parts; ++part)
-      pieces.add(reinterpret_cast<std::byte*>(store_ + a.op->host[static_cast<std::size_t>(part)]),
-                 a.op->bytes / parts);
-    const double start = base::now_seconds();
-    pieces.copy_from(from, a.begin, a.size, out_crew_);
-    out_seconds_ += base::now_seconds() - start;
+    return;
   }
-  if (a.last) progress_.done(number_, StreamQueue::out, a.number);
-  return true;
+  arrivals_of(*a.op, received_);
+  const double start = base::now_seconds();
+  received_.copy_from(from, a.begin, a.size, out_crew_);
+  out_seconds_ += base::now_seconds() - start;
 }
 
 template class StreamDeviceRun<double>;

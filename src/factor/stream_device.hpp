@@ -10,6 +10,7 @@
 
 #include "base/thread_pool.hpp"
 #include "device/stream_backend.hpp"
+#include "factor/pinned_store.hpp"
 #include "factor/stream_copies.hpp"
 #include "factor/stream_progress.hpp"
 #include "factor/streaming_executor.hpp"
@@ -22,9 +23,10 @@ class StreamDeviceRun {
   StreamDeviceRun(std::unique_ptr<device::StreamBackend<T>> backend, Index number, const StreamingOptions& options,
                   StreamProgress& progress);
 
-  /// Takes the device's memory; `plan` must stay.
-  void prepare(const analysis::StreamingPlan& plan);
-  void begin(std::span<const T> values, T* store);
+  /// Takes the device's memory; `plan` and `peers`, the backends of all devices, must stay.
+  void prepare(const analysis::StreamingPlan& plan, const std::vector<device::StreamBackend<T>*>& peers);
+  /// @param pinned  of the store
+  void begin(std::span<const T> values, T* store, const PinnedStore& pinned);
   void run_all();
   void load_all();
   void store_all();
@@ -36,7 +38,7 @@ class StreamDeviceRun {
   [[nodiscard]] device::StreamReport report(Offset budget_bytes) const;
 
  private:
-  struct Arrival {  // a slot on its way to the host
+  struct Arrival {  // a slot on its way to the host, or a whole operation that needs none
     int slot;
     const analysis::StreamOp* op;
     std::int64_t number;
@@ -49,8 +51,19 @@ class StreamDeviceRun {
   template <class Meanwhile>
   void wait_for_others(const analysis::StreamOp& op, Meanwhile&& meanwhile);
   void load(const analysis::StreamOp& op, int& slot);
+  void load_values(const analysis::StreamOp& op, int& slot);
+  void load_directly(Offset to);
+  template <class Fill>
+  void load_through_ring(Offset to, Offset bytes, int& slot, Fill&& fill);
   void pieces_of(const analysis::StreamOp& op, int part, HostPieces& pieces);
+  void arrivals_of(const analysis::StreamOp& op, HostPieces& pieces);
+  [[nodiscard]] bool goes_directly(const HostPieces& pieces) const;
+  template <class Copy>
+  void by_pinned_piece(const HostPieces& pieces, Copy&& copy) const;
   void send(const analysis::StreamOp& op, std::int64_t number, int& slot);
+  void send_directly(const analysis::StreamOp& op, std::int64_t number);
+  void send_through_ring(const analysis::StreamOp& op, std::int64_t number, int& slot);
+  void empty(const Arrival& a);
   bool receive();
 
   std::unique_ptr<device::StreamBackend<T>> backend_;
@@ -62,11 +75,16 @@ class StreamDeviceRun {
   std::vector<const analysis::StreamOp*> loads_, runs_, stores_;
   std::span<const T> values_;
   T* store_ = nullptr;
+  const PinnedStore* pinned_ = nullptr;
+  const std::vector<device::StreamBackend<T>*>* peers_ = nullptr;
   ValuePieces gathered_;            // of the copies to the device
   HostPieces pieces_;               // likewise
   std::deque<Arrival> on_the_way_;  // of the copies to the host
+  int slots_on_the_way_ = 0;        // likewise
+  HostPieces arrivals_, received_;  // likewise
   std::vector<std::byte> outputs_;  // likewise
   double in_seconds_ = 0, out_seconds_ = 0;
+  Offset in_direct_ = 0, out_direct_ = 0;
 };
 
 }  // namespace espalier::factor

@@ -4,10 +4,12 @@
 #include <deque>
 #include <exception>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <utility>
 
 #include "base/timeline.hpp"
+#include "factor/pinned_store.hpp"
 #include "factor/stream_device.hpp"
 
 namespace espalier::factor {
@@ -53,9 +55,11 @@ class StreamingExecutor final : public device::Executor<T> {
         plans_(analysis::plan_streaming(*backends.front(), options.devices, options.rates)) {
     for (std::size_t d = 0; d < backends.size(); ++d)
       devices_.emplace_back(std::move(backends[d]), static_cast<Index>(d), options_, progress_);
-    for (std::size_t d = 0; d < devices_.size(); ++d) devices_[d].prepare(plans_[d]);
+    for (auto& d : devices_) backends_.push_back(&d.backend());
+    for (std::size_t d = 0; d < devices_.size(); ++d) devices_[d].prepare(plans_[d], backends_);
     store_ = base::Buffer<T>(plans_.front().store_elements, budget);
     touch_store();
+    pin_store_later();
   }
 
   void set_pivot_rule(const device::PivotRule& rule) override {
@@ -66,7 +70,9 @@ class StreamingExecutor final : public device::Executor<T> {
     const double start = base::now_seconds();
     progress_.reset();
     error_ = nullptr;
-    for (auto& d : devices_) d.begin(values, store_.data());
+    if (again_) pinned_->start();
+    again_ = true;
+    for (auto& d : devices_) d.begin(values, store_.data(), *pinned_);
     std::vector<std::thread> threads;
     for (auto& d : devices_) {
       threads.emplace_back([&] { guarded(d, [&] { d.load_all(); }); });
@@ -135,6 +141,16 @@ class StreamingExecutor final : public device::Executor<T> {
     });
   }
 
+  // From the second factorization on.
+  void pin_store_later() {
+    StreamBackend<T>& first = *backends_.front();
+    pinned_.emplace(reinterpret_cast<std::byte*>(store_.data()), store_.bytes(), options_.pinned_bytes,
+                    options_.pinned_piece_bytes,
+                    PinnedStore::Calls{[&first] { first.enter_thread(); },
+                                       [&first](std::byte* at, Offset bytes) { return first.pin(at, bytes); },
+                                       [&first](std::byte* at) { first.unpin(at); }});
+  }
+
   // What one thread throws ends all of them.
   template <class Work>
   void guarded(StreamDeviceRun<T>& device, Work&& work) {
@@ -153,7 +169,10 @@ class StreamingExecutor final : public device::Executor<T> {
   StreamProgress progress_;
   std::vector<analysis::StreamingPlan> plans_;
   std::deque<StreamDeviceRun<T>> devices_;
+  std::vector<StreamBackend<T>*> backends_;  // of the devices
   base::Buffer<T> store_;
+  std::optional<PinnedStore> pinned_;    // of the store; ends before it
+  bool again_ = false;                   // a factorization was asked for before
   std::vector<FactorOutcome> outcomes_;  // devices; of the last factorization
   std::mutex error_mutex_;
   std::exception_ptr error_;

@@ -1,5 +1,7 @@
 #include "solver/executor_choice.hpp"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -30,6 +32,12 @@ factor::StreamingOptions streaming_options(const std::vector<Offset>& budgets, c
   o.slot_bytes = slot_bytes(least);
   o.copy_threads = std::max(1, copy_threads);
   return o;
+}
+
+// What is page-locked is lost to all other programs: half of the machine's memory at most, unless more was asked for.
+Offset pinned_bytes(Offset asked) {
+  if (asked >= 0) return asked;
+  return static_cast<Offset>(::sysconf(_SC_PHYS_PAGES)) * ::sysconf(_SC_PAGE_SIZE) / 2;
 }
 
 // Each device has its part of the threads.
@@ -72,7 +80,8 @@ std::unique_ptr<device::Executor<T>> stream_on_gpus(const analysis::Plan& plan, 
     }
     try {
       factor::StreamingOptions streaming = streaming_options(budgets, options.device.speed, pool.size() / (2 * gpus));
-      streaming.rates = device::cuda::cuda_stream_rates(options.kind);
+      streaming.pinned_bytes = pinned_bytes(options.pinned_memory_bytes);
+      streaming.rates = device::cuda::cuda_stream_rates(options.kind, streaming.pinned_bytes > 0);
       return factor::make_streaming_executor<T>(
           device::cuda::make_cuda_streams<T>(plan, options.kind, rule, pool, devices), streaming, &budget);
     } catch (const device::AllocationRefused&) {

@@ -40,6 +40,7 @@ struct NumericOptions {
   Kind kind = Kind::llt;
   DeviceChoice device;
   std::vector<Offset> device_memory_bytes = {};  ///< budget of each device; 0: what is free
+  Offset pinned_memory_bytes = 0;                ///< of a factor that streams; -1: half of the machine's memory
   double threshold = 0.01;
   double smallest_pivot = 0;  ///< relative to the largest scaled entry
 };

@@ -104,7 +104,7 @@ void set_device_memory(Options& options, std::string_view key, std::string_view 
   options.device_memory_each_bytes = one ? std::vector<Offset>() : std::move(budgets);
 }
 
-constexpr std::array<Entry, 13> kEntries{{
+constexpr std::array<Entry, 14> kEntries{{
     {"kind", [](Options& o, std::string_view k, std::string_view v) { o.kind = parse_name(k, v, kKinds); }},
     {"precision",
      [](Options& o, std::string_view k, std::string_view v) { o.precision = parse_name(k, v, kPrecisions); }},
@@ -112,6 +112,8 @@ constexpr std::array<Entry, 13> kEntries{{
     {"device_memory", set_device_memory},
     {"host_memory",
      [](Options& o, std::string_view k, std::string_view v) { o.host_memory_bytes = parse_budget(k, v); }},
+    {"pinned_memory",
+     [](Options& o, std::string_view k, std::string_view v) { o.pinned_memory_bytes = parse_budget(k, v); }},
     {"threads",
      [](Options& o, std::string_view k, std::string_view v) {
        o.threads = parse_number<int>(k, v, 0, 4096, "a number of threads from 1 to 4096, or 0 for all cores");

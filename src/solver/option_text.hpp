@@ -16,7 +16,7 @@ namespace espalier::solver {
 Offset parse_bytes(std::string_view text);
 
 /// Sets one option by name; '-' and '_' are the same in `key`. Keys: kind, precision, device, device_memory,
-/// host_memory, threads, max_block_size, pivot_threshold, perturbation, matching, refinement_steps,
+/// host_memory, pinned_memory, threads, max_block_size, pivot_threshold, perturbation, matching, refinement_steps,
 /// required_backward_error, record_timeline.
 /// @throws Error(invalid_input) for an unknown key (lists the known ones) or a value that does not parse (lists what
 /// does)

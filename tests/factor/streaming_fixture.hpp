@@ -72,6 +72,9 @@ class StreamedFactorization : public ::testing::TestWithParam<StreamedSystem> {
   std::unique_ptr<device::Executor<double>> start(const std::vector<analysis::StreamDevice>& devices,
                                                   std::vector<HostStreamOptions> options) {
     factor::StreamingOptions streaming;
+    streaming.pinned_bytes = pinned_bytes_;
+    streaming.pinned_piece_bytes = 16 << 10;
+    streaming.least_direct_bytes = 1;
     streaming.devices = devices;
     streaming.slot_bytes = 4096;  // copies of many pieces
     streaming.slots = 3;
@@ -162,8 +165,9 @@ class StreamedFactorization : public ::testing::TestWithParam<StreamedSystem> {
   analysis::Plan plan_;
   FactorOutcome outcome_;
   std::vector<double> x_;
-  Offset need_ = 0;   // bytes in core
-  Offset floor_ = 0;  // bytes of the least budget
+  Offset need_ = 0;          // bytes in core
+  Offset floor_ = 0;         // bytes of the least budget
+  Offset pinned_bytes_ = 0;  // of the store may be page-locked
 };
 
 inline bool same_bits(const std::vector<double>& x, const std::vector<double>& y) {

@@ -29,7 +29,7 @@ TEST(OptionText, BytesThatAreNone) {
 }
 
 TEST(OptionText, EveryKeyIsKnownAndRefusesNonsense) {
-  ASSERT_GE(option_keys().size(), 13u);
+  ASSERT_GE(option_keys().size(), 14u);
   for (const auto key : option_keys()) {
     Options options;
     try {
@@ -48,6 +48,8 @@ TEST(OptionText, ValuesArrive) {
   set_option(options, "precision", "mixed");
   set_option(options, "device-memory", "64M");
   set_option(options, "host_memory", "1G");
+  EXPECT_EQ(options.pinned_memory_bytes, -1);
+  set_option(options, "pinned-memory", "512M");
   set_option(options, "threads", "3");
   set_option(options, "max-block-size", "96");
   set_option(options, "pivot_threshold", "0.125");
@@ -57,6 +59,7 @@ TEST(OptionText, ValuesArrive) {
   EXPECT_EQ(options.precision, Precision::mixed);
   EXPECT_EQ(options.device_memory_bytes, Offset{64} << 20);
   EXPECT_EQ(options.host_memory_bytes, Offset{1} << 30);
+  EXPECT_EQ(options.pinned_memory_bytes, Offset{512} << 20);
   EXPECT_EQ(options.threads, 3);
   EXPECT_EQ(options.max_block_size, 96);
   EXPECT_EQ(options.pivot_threshold, 0.125);

@@ -130,27 +130,52 @@ class CudaStream final : public StreamBackend<T> {
     started_ = {};
     times_ = {};
   }
-  void enter_thread() override { check(cudaSetDevice(resources_.device()), "cudaSetDevice"); }
+  void enter_thread() override {
+    call("cudaSetDevice", [&] { return cudaSetDevice(resources_.device()); });
+  }
   std::byte* staging(int slot) override { return resources_.slot(slot); }
   void copy_in(Offset to, int slot, Offset bytes) override {
-    move(resources_.arena() + to, resources_.slot(slot), bytes, cudaMemcpyHostToDevice, StreamQueue::in, slot);
+    move(resources_.arena() + to, resources_.slot(slot), bytes, cudaMemcpyHostToDevice, StreamQueue::in);
+    mark_slot(slot, StreamQueue::in);
   }
   void copy_out(int slot, Offset from, Offset bytes) override {
-    move(resources_.slot(slot), resources_.arena() + from, bytes, cudaMemcpyDeviceToHost, StreamQueue::out, slot);
+    move(resources_.slot(slot), resources_.arena() + from, bytes, cudaMemcpyDeviceToHost, StreamQueue::out);
+    mark_slot(slot, StreamQueue::out);
   }
   void wait_for_slot(int slot) override {
-    check(cudaEventSynchronize(resources_.slot_event(slot)), "cudaEventSynchronize");
+    call("cudaEventSynchronize", [&] { return cudaEventSynchronize(resources_.slot_event(slot)); });
+  }
+  bool pin(std::byte* at, Offset bytes) override {
+    const cudaError_t e = attempt("cudaHostRegister", [&] {
+      return cudaHostRegister(at, static_cast<std::size_t>(bytes), cudaHostRegisterPortable);
+    });
+    (void)cudaGetLastError();
+    return e == cudaSuccess;
+  }
+  void unpin(std::byte* at) noexcept override { (void)cudaHostUnregister(at); }
+  void copy_in_direct(Offset to, const std::byte* from, Offset bytes) override {
+    move(resources_.arena() + to, from, bytes, cudaMemcpyHostToDevice, StreamQueue::in);
+  }
+  void copy_out_direct(std::byte* to, Offset from, Offset bytes) override {
+    move(to, resources_.arena() + from, bytes, cudaMemcpyDeviceToHost, StreamQueue::out);
   }
   std::span<const std::byte> tables(const StreamOp& op) override { return unit(op).bytes; }
   void mark(StreamQueue q, std::int64_t number) override {
-    check(cudaEventRecord(resources_.mark(q, number), resources_.stream(q)), "cudaEventRecord");
+    call("cudaEventRecord", [&] { return cudaEventRecord(resources_.mark(q, number), resources_.stream(q)); });
   }
   void wait_for_mark(StreamQueue q, StreamQueue other, std::int64_t number) override {
-    check(cudaStreamWaitEvent(resources_.stream(q), resources_.mark(other, number), 0), "cudaStreamWaitEvent");
+    wait_for_mark(q, *this, other, number);
+  }
+  void wait_for_mark(StreamQueue q, StreamBackend<T>& of, StreamQueue other, std::int64_t number) override {
+    const StreamResources& its = dynamic_cast<CudaStream&>(of).resources_;
+    call("cudaStreamWaitEvent", [&] { return cudaStreamWaitEvent(resources_.stream(q), its.mark(other, number), 0); });
+  }
+  void wait_until(StreamQueue q, std::int64_t number) override {
+    call("cudaEventSynchronize", [&] { return cudaEventSynchronize(resources_.mark(q, number)); });
   }
   void finish() override {
     for (const auto q : {StreamQueue::run, StreamQueue::second_run})
-      check(cudaStreamSynchronize(resources_.stream(q)), "cudaStreamSynchronize");
+      call("cudaStreamSynchronize", [&] { return cudaStreamSynchronize(resources_.stream(q)); });
     add_up_times();
     if (stopped_)
       throw Error(StatusCode::device_error, "the factorization on " + name() + " was given up after waiting " +
@@ -169,7 +194,7 @@ class CudaStream final : public StreamBackend<T> {
     lane_ = op.queue;
     runs_.push_back(&op);
     std::int64_t& number = started_[static_cast<std::size_t>(lane_)];
-    check(cudaEventRecord(resources_.start(lane_, ++number), runs()), "cudaEventRecord");
+    call("cudaEventRecord", [&] { return cudaEventRecord(resources_.start(lane_, ++number), runs()); });
     switch (op.work) {
       case StreamWork::eliminate:
         return eliminate(unit(op), streaming_->steps[static_cast<std::size_t>(op.unit)]);
@@ -242,7 +267,7 @@ class CudaStream final : public StreamBackend<T> {
   [[nodiscard]] StreamTimes times() const override { return times_; }
   [[nodiscard]] std::string name() const override {
     cudaDeviceProp p{};
-    check(cudaGetDeviceProperties(&p, options_.device), "cudaGetDeviceProperties");
+    call("cudaGetDeviceProperties", [&] { return cudaGetDeviceProperties(&p, options_.device); });
     return std::string(p.name) + " #" + std::to_string(options_.device) + ", streaming";
   }
   [[nodiscard]] Offset peak_bytes() const override { return resources_.arena_bytes(); }
@@ -264,8 +289,8 @@ class CudaStream final : public StreamBackend<T> {
     for (const StreamOp* op : runs_) {
       const std::int64_t n = ++number[static_cast<std::size_t>(op->queue)];
       float ms = 0;
-      check(cudaEventElapsedTime(&ms, resources_.start(op->queue, n), resources_.mark(op->queue, n)),
-            "cudaEventElapsedTime");
+      call("cudaEventElapsedTime",
+           [&] { return cudaEventElapsedTime(&ms, resources_.start(op->queue, n), resources_.mark(op->queue, n)); });
       time_of(times_, op->work) += 1e-3 * static_cast<double>(ms);
     }
   }
@@ -284,24 +309,29 @@ class CudaStream final : public StreamBackend<T> {
   }
 
   void copy_now(Offset to, const void* from, std::size_t bytes) {
-    check(cudaMemcpy(resources_.arena() + to, from, bytes, cudaMemcpyHostToDevice), "cudaMemcpy");
+    call("cudaMemcpy", [&] { return cudaMemcpy(resources_.arena() + to, from, bytes, cudaMemcpyHostToDevice); });
   }
-  void move(void* to, const void* from, Offset bytes, cudaMemcpyKind kind, StreamQueue q, int slot) {
-    check(cudaMemcpyAsync(to, from, static_cast<std::size_t>(bytes), kind, resources_.stream(q)), "cudaMemcpyAsync");
-    check(cudaEventRecord(resources_.slot_event(slot), resources_.stream(q)), "cudaEventRecord");
+  void move(void* to, const void* from, Offset bytes, cudaMemcpyKind kind, StreamQueue q) {
+    call("cudaMemcpyAsync",
+         [&] { return cudaMemcpyAsync(to, from, static_cast<std::size_t>(bytes), kind, resources_.stream(q)); });
+  }
+  void mark_slot(int slot, StreamQueue q) {
+    call("cudaEventRecord", [&] { return cudaEventRecord(resources_.slot_event(slot), resources_.stream(q)); });
   }
   [[nodiscard]] cudaStream_t runs() const { return resources_.stream(lane_); }
 
   template <class Use>
-  cudaError_t dispatch(Use&& use) const {
-    switch (kind_) {
-      case Kind::llt:
-        return use(FactorKernel<T, Kind::llt>{}, GroupKernels<T, Kind::llt>{});
-      case Kind::ldlt:
-        return use(FactorKernel<T, Kind::ldlt>{}, GroupKernels<T, Kind::ldlt>{});
-      default:
-        return use(FactorKernel<T, Kind::lu>{}, GroupKernels<T, Kind::lu>{});
-    }
+  void dispatch(const char* name, Use&& use) const {
+    call(name, [&] {
+      switch (kind_) {
+        case Kind::llt:
+          return use(FactorKernel<T, Kind::llt>{}, GroupKernels<T, Kind::llt>{});
+        case Kind::ldlt:
+          return use(FactorKernel<T, Kind::ldlt>{}, GroupKernels<T, Kind::ldlt>{});
+        default:
+          return use(FactorKernel<T, Kind::lu>{}, GroupKernels<T, Kind::lu>{});
+      }
+    });
   }
 
   void choose_shapes() {
@@ -312,9 +342,9 @@ class CudaStream final : public StreamBackend<T> {
         whole = std::max(whole, size * (size + 4) + p * (p + 4));
       }
     for (const bool wide : {false, true})
-      check(dispatch([&](auto kernel, auto) { return decltype(kernel)::shape_for(wide, whole, shape_[wide ? 1 : 0]); }),
-            "launch shape of the factorization kernel");
-    check(dispatch([](auto, auto kernels) { return decltype(kernels)::prepare(); }), "group kernels");
+      dispatch("launch shape of the factorization kernel",
+               [&](auto kernel, auto) { return decltype(kernel)::shape_for(wide, whole, shape_[wide ? 1 : 0]); });
+    dispatch("group kernels", [](auto, auto kernels) { return decltype(kernels)::prepare(); });
   }
 
   template <class Unit>
@@ -356,7 +386,8 @@ class CudaStream final : public StreamBackend<T> {
     std::byte* scratch = resources_.arena() + scratch_at;
     const auto set = [&](Offset begin, int value, Offset bytes) {
       if (bytes > 0)
-        check(cudaMemsetAsync(scratch + begin, value, static_cast<std::size_t>(bytes), runs()), "cudaMemsetAsync");
+        call("cudaMemsetAsync",
+             [&] { return cudaMemsetAsync(scratch + begin, value, static_cast<std::size_t>(bytes), runs()); });
     };
     set(at.replaced, 0, at.bytes - at.replaced);
     for (int part = 0; part < (kind_ == Kind::lu ? 2 : 1); ++part)
@@ -369,10 +400,9 @@ class CudaStream final : public StreamBackend<T> {
       if (first == end) return;
       LaunchShape shape = shape_[wide ? 1 : 0];
       if (narrow && streaming_->lanes == 2) shape.blocks = (shape.blocks + 1) / 2;
-      check(dispatch([&](auto kernel, auto) {
-              return decltype(kernel)::launch(wide, shape, s, first, end, u.scratch.pivots, runs());
-            }),
-            "launch of the factorization kernel");
+      dispatch("launch of the factorization kernel", [&](auto kernel, auto) {
+        return decltype(kernel)::launch(wide, shape, s, first, end, u.scratch.pivots, runs());
+      });
     };
     const int split = narrow ? u.narrow_end : 0;
     go(false, 0, split);
@@ -389,8 +419,9 @@ class CudaStream final : public StreamBackend<T> {
     const Index pivots = plan_.layout[g.front].pivot_tiles;
     const auto zero = [&](Offset at, Offset elements) {
       if (elements > 0)
-        check(cudaMemsetAsync(resources_.arena() + at, 0, static_cast<std::size_t>(elements) * sizeof(T), runs()),
-              "cudaMemsetAsync");
+        call("cudaMemsetAsync", [&] {
+          return cudaMemsetAsync(resources_.arena() + at, 0, static_cast<std::size_t>(elements) * sizeof(T), runs());
+        });
     };
     const Offset factor =
         factor_offset(g.front, std::min(g.end, pivots)) - factor_offset(g.front, std::min(g.begin, pivots));
@@ -404,10 +435,8 @@ class CudaStream final : public StreamBackend<T> {
   }
 
   void add(const UnitTables& u, const ColumnGroup& g, const AddedPart<T>& part) {
-    check(dispatch([&](auto, auto kernels) {
-            return decltype(kernels)::add(state(u, g), u.end, u.group_end, part, runs());
-          }),
-          "launch of the assembly kernel");
+    dispatch("launch of the assembly kernel",
+             [&](auto, auto kernels) { return decltype(kernels)::add(state(u, g), u.end, u.group_end, part, runs()); });
   }
 
   void add_child(const UnitTables& u, const ColumnGroup& g, const StreamOp& op) {
@@ -430,10 +459,9 @@ class CudaStream final : public StreamBackend<T> {
     panel.row = op.panel ? front(op.front).column_begin(op.row) : -1;
     panel.part[0] = reinterpret_cast<const T*>(resources_.arena() + op.at[0]);
     if (kind_ != Kind::llt) panel.part[1] = reinterpret_cast<const T*>(resources_.arena() + op.at[1]);
-    check(dispatch([&](auto, auto kernels) {
-            return decltype(kernels)::update(state(u, g), u.width, u.end, u.group_end, panel, runs());
-          }),
-          "launch of the update kernel");
+    dispatch("launch of the update kernel", [&](auto, auto kernels) {
+      return decltype(kernels)::update(state(u, g), u.width, u.end, u.group_end, panel, runs());
+    });
   }
 
   std::shared_ptr<const StreamSource> source_;
@@ -462,10 +490,10 @@ class CudaStream final : public StreamBackend<T> {
 
 Offset free_device_bytes(int device) {
   int before = 0;
-  check(cudaGetDevice(&before), "cudaGetDevice");
-  check(cudaSetDevice(device), "cudaSetDevice");
+  call("cudaGetDevice", [&] { return cudaGetDevice(&before); });
+  call("cudaSetDevice", [&] { return cudaSetDevice(device); });
   std::size_t free = 0, total = 0;
-  const auto e = cudaMemGetInfo(&free, &total);
+  const auto e = attempt("cudaMemGetInfo", [&] { return cudaMemGetInfo(&free, &total); });
   (void)cudaSetDevice(before);
   check(e, "cudaMemGetInfo");
   constexpr Offset kReserve = 64 << 20;  // kernels' stacks and the driver's own

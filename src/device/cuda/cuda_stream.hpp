@@ -14,13 +14,15 @@ namespace espalier::device::cuda {
 struct CudaStreamOptions {
   int device = 0;
   double patience_seconds = 30;  ///< a wait between blocks that lasts longer ends the run with an error
-  int refuse_allocation = 0;     ///< tests: the allocation of that number (from 1) fails as if memory were gone
 };
 
 /// What an H200 does per second when it streams. The time of a pivot in a chain of diagonal
 /// tiles is by the sums of the times of all steps and groups of elasticity 64^3, KKT 400 and gyroscopic 40^3.
-inline analysis::StreamRates cuda_stream_rates(Kind kind) {
+/// @param pinned  the host's store is to be page-locked: then a byte crosses the host's memory once instead of three
+///                times
+inline analysis::StreamRates cuda_stream_rates(Kind kind, bool pinned = false) {
   analysis::StreamRates rates;
+  if (pinned) rates.host_bytes *= 3;
   rates.flops = 3.6e13;
   rates.chain = kind == Kind::llt ? 9e-7 : kind == Kind::ldlt ? 5e-7 : 1.8e-6;
   return rates;

@@ -25,14 +25,15 @@ StreamResources::~StreamResources() {
 void StreamResources::take(Offset arena_bytes, int slots, Offset slot_bytes,
                            const std::array<std::size_t, analysis::kStreamQueues>& marks) {
   const auto size = [](Offset bytes) { return static_cast<std::size_t>(bytes); };
-  check(cudaSetDevice(options_.device), "cudaSetDevice");
+  call("cudaSetDevice", [&] { return cudaSetDevice(options_.device); });
   slot_bytes_ = slot_bytes;
   arena_bytes_ = arena_bytes;
   allocate("cudaMalloc", [&] { return cudaMalloc(reinterpret_cast<void**>(&arena_), size(arena_bytes)); });
   allocate("cudaHostAlloc", [&] {
     return cudaHostAlloc(reinterpret_cast<void**>(&ring_), size(slots * slot_bytes), cudaHostAllocDefault);
   });
-  for (cudaStream_t& s : streams_) check(cudaStreamCreateWithFlags(&s, cudaStreamNonBlocking), "cudaStreamCreate");
+  for (cudaStream_t& s : streams_)
+    call("cudaStreamCreate", [&] { return cudaStreamCreateWithFlags(&s, cudaStreamNonBlocking); });
   for (std::size_t q = 0; q < marks.size(); ++q) {
     const bool timed = q == static_cast<std::size_t>(analysis::StreamQueue::run) ||
                        q == static_cast<std::size_t>(analysis::StreamQueue::second_run);
@@ -42,9 +43,9 @@ void StreamResources::take(Offset arena_bytes, int slots, Offset slot_bytes,
   make_events(slots_, static_cast<std::size_t>(slots), cudaEventDisableTiming);
 }
 
-template <class Call>
-void StreamResources::allocate(const char* name, Call&& call) {
-  const cudaError_t e = ++allocations_ == options_.refuse_allocation ? cudaErrorMemoryAllocation : call();
+template <class Make>
+void StreamResources::allocate(const char* name, Make&& make) {
+  const cudaError_t e = attempt(name, make);
   if (e == cudaSuccess) return;
   (void)cudaGetLastError();
   const std::string text = std::string(name) + ": " + cudaGetErrorName(e) + " (" + cudaGetErrorString(e) + ")";
@@ -55,7 +56,7 @@ void StreamResources::allocate(const char* name, Call&& call) {
 void StreamResources::make_events(std::vector<cudaEvent_t>& list, std::size_t count, unsigned flags) {
   for (std::size_t k = 0; k < count; ++k) {
     cudaEvent_t e = nullptr;
-    check(cudaEventCreateWithFlags(&e, flags), "cudaEventCreate");
+    call("cudaEventCreate", [&] { return cudaEventCreateWithFlags(&e, flags); });
     list.push_back(e);
   }
 }

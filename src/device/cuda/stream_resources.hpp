@@ -40,12 +40,11 @@ class StreamResources {
   [[nodiscard]] int device() const { return options_.device; }
 
  private:
-  template <class Call>
-  void allocate(const char* name, Call&& call);
+  template <class Make>
+  void allocate(const char* name, Make&& make);
   static void make_events(std::vector<cudaEvent_t>& list, std::size_t count, unsigned flags);
 
   CudaStreamOptions options_;
-  int allocations_ = 0;
   Offset arena_bytes_ = 0, slot_bytes_ = 0;
   std::byte* arena_ = nullptr;
   std::byte* ring_ = nullptr;

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <optional>
 
+#include "device/host/direct_copies.hpp"
 #include "device/host/group_tasks.hpp"
 #include "device/host/outcome.hpp"
 #include "device/host/tile_factor.hpp"
@@ -36,7 +37,8 @@ class HostStream final : public StreamBackend<T> {
         pool_(own_pool_ != nullptr ? *own_pool_ : pool),
         solve_pool_(pool),
         budget_(budget),
-        options_(std::move(options)) {
+        options_(std::move(options)),
+        direct_(options_.late_copies) {
     const auto panel = static_cast<Offset>(plan.options.tiles.panel);
     for (Index f = 0; f < plan.fronts(); ++f) {
       sizes_.factor.push_back((plan.layout[f].factor_size() + panel - 1) / panel * panel);
@@ -106,6 +108,7 @@ class HostStream final : public StreamBackend<T> {
     state_->places = state_->arena.data();
     for (auto& w : work_) w.waited_seconds = w.task_seconds = 0;
     times_ = {};
+    direct_.begin();
   }
   void enter_thread() override {}
   std::byte* staging(int slot) override { return ring_.data() + slot * slot_bytes_; }
@@ -116,10 +119,26 @@ class HostStream final : public StreamBackend<T> {
     std::memcpy(staging(slot), place(from, bytes), static_cast<std::size_t>(bytes));
   }
   void wait_for_slot(int) override {}
+  bool pin(std::byte* at, Offset bytes) override {
+    return ++pins_ != options_.refuse_pin && pinned_memory().add(at, bytes);
+  }
+  void unpin(std::byte* at) noexcept override { pinned_memory().remove(at); }
+  void copy_in_direct(Offset to, const std::byte* from, Offset bytes) override {
+    pinned_memory().check(from, bytes);
+    direct_.copy(StreamQueue::in, place(to, bytes), from, bytes);
+  }
+  void copy_out_direct(std::byte* to, Offset from, Offset bytes) override {
+    pinned_memory().check(to, bytes);
+    direct_.copy(StreamQueue::out, to, place(from, bytes), bytes);
+  }
   std::span<const std::byte> tables(const StreamOp&) override { return {}; }
   void take_outputs(const StreamOp&, std::span<const std::byte>) override {}
-  void mark(StreamQueue, std::int64_t) override {}
-  void wait_for_mark(StreamQueue, StreamQueue, std::int64_t) override {}
+  void mark(StreamQueue queue, std::int64_t number) override { direct_.mark(queue, number); }
+  void wait_for_mark(StreamQueue, StreamQueue other, std::int64_t number) override { direct_.wait(other, number); }
+  void wait_for_mark(StreamQueue, StreamBackend<T>& of, StreamQueue other, std::int64_t number) override {
+    dynamic_cast<HostStream&>(of).direct_.wait(other, number);
+  }
+  void wait_until(StreamQueue queue, std::int64_t number) override { direct_.wait(queue, number); }
   void finish() override { state_->window = {}; }
   void abandon() noexcept override { state_->window = {}; }
   FactorOutcome outcome() override { return summarize(*state_, work_); }
@@ -308,6 +327,8 @@ class HostStream final : public StreamBackend<T> {
   base::MemoryBudget* budget_;
   HostStreamOptions options_;
   analysis::ArraySizes sizes_;
+  DirectCopies direct_;
+  int pins_ = 0;  // asked for
   const analysis::StreamingPlan* streaming_ = nullptr;
   Offset slot_bytes_ = 0;
   StreamTimes times_;

@@ -18,6 +18,8 @@ struct HostStreamOptions {
   /// For tests.
   /// Called before an operation of the run queue; may wait, and may throw, so that the device fails.
   std::function<void(const analysis::StreamOp& op)> before_run;
+  int refuse_pin = 0;        ///< the request of that number (from 1) to pin memory is refused
+  bool late_copies = false;  ///< copies without the ring are made when something waits for them, and not before
 };
 
 /// @param plan  a copy is kept, whose places change from step to step; one for several devices is carried out by one
