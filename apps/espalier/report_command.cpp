@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <memory>
@@ -34,8 +33,7 @@ std::string content_of(const std::string& path) {
 int ReportCommand::run() const {
   std::vector<evidence::Results> all;
   for (const std::string& file : files) all.push_back(evidence::read_results(file));
-  // The order of a shell's * depends on its locale; the committed page must not.
-  if (markdown) std::sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.file < b.file; });
+  evidence::sort_results(all);
   const std::string made = markdown ? evidence::markdown(all) : evidence::html_page(all);
   if (!check_file.empty()) {
     if (content_of(check_file) == made) return kSolved;

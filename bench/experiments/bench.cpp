@@ -135,6 +135,10 @@ Bench::Bench(std::string experiment, Settings settings, Voice voice)
 
 Bench::~Bench() = default;
 
+double Bench::seconds_gone() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+}
+
 int Bench::gpus() const { return static_cast<int>(document_.at("machine").at("gpus").size()); }
 
 std::vector<std::string> Bench::systems(std::vector<std::string> defaults) const {
@@ -198,7 +202,7 @@ nlohmann::json Bench::rows_of(const std::string& system, const Loaded& loaded,
   print(fmt::format("{}: {} unknowns, {} entries, {}, {} threads, medians of {}\n", system, loaded.a.rows,
                     loaded.a.nonzeros(), kind_name(plan.kind), plan.threads, plan.repetitions));
   const std::vector<Row> rows = compare(loaded.a, plan, voice_.progress);
-  print(text_table(rows, plan.columns) + "\n");
+  print(text_table(rows, plan.columns));
   nlohmann::json records = nlohmann::json::array();
   for (std::size_t k = 0; k < rows.size(); ++k) {
     nlohmann::json record = {{"system", system},
@@ -213,21 +217,25 @@ nlohmann::json Bench::rows_of(const std::string& system, const Loaded& loaded,
   return records;
 }
 
-nlohmann::json Bench::measure(const std::string& system, const std::vector<Contestant>& contestants) {
-  const std::chrono::duration<double> gone = std::chrono::steady_clock::now() - start_;
+nlohmann::json Bench::measure(const std::string& system, const std::vector<Contestant>& contestants, double estimate) {
+  const double gone = seconds_gone(), allowed = settings_.time_seconds;
   const std::size_t before = document_["rows"].size();
+  const auto none = [&](const std::string& outcome, const std::string& message) {
+    for (const Contestant& one : contestants) add_row(system, one, outcome, message);
+    print(fmt::format("{}: {}: {}\n\n", system, outcome, message));
+  };
   try {
-    if (settings_.time_seconds > 0 && gone.count() > settings_.time_seconds) {
-      for (const Contestant& contestant : contestants)
-        add_row(system, contestant, "left out",
-                fmt::format("{:.0f} s of the {:.0f} s allowed were gone", gone.count(), settings_.time_seconds));
+    if (allowed > 0 && gone + estimate > allowed) {
+      const std::string needs = estimate > 0 ? fmt::format("it takes about {:.0f} s, and ", estimate) : "";
+      none("left out", fmt::format("{}{:.0f} s of the {:.0f} s allowed were gone", needs, gone, allowed));
     } else {
       for (auto& row : rows_of(system, load(system), contestants)) document_["rows"].push_back(std::move(row));
+      print(fmt::format("{}: {:.1f} s in all\n\n", system, seconds_gone() - gone));
     }
   } catch (const std::bad_alloc&) {
-    for (const Contestant& one : contestants) add_row(system, one, "out of memory", "the system does not fit here");
+    none("out of memory", "the system does not fit here");
   } catch (const std::exception& error) {
-    for (const Contestant& one : contestants) add_row(system, one, "failed", error.what());
+    none("failed", error.what());
   }
   save();
   const auto& rows = document_["rows"];
@@ -241,7 +249,6 @@ void Bench::add_row(const std::string& system, const Contestant& contestant, con
                                {"parameters", contestant.parameters},
                                {"outcome", outcome},
                                {"message", message}});
-  print(fmt::format("{}, {}: {}: {}\n", system, contestant.spec, outcome, message));
 }
 
 void Bench::save() const {

@@ -32,7 +32,7 @@ struct Settings {
   Plan plan;
   int repetitions = 0;      ///< timed rounds
   int analyses = 0;         ///< rounds of analysis
-  double time_seconds = 0;  ///< no system is begun later; what is left out is a row that says so. 0: no limit
+  double time_seconds = 0;  ///< no system is begun later, nor one known to end later; left out is a row. 0: no limit
   bool ceilings = true;     ///< measure the machine's ceilings first (a second)
   std::string command;      ///< for the record
   std::string version;      ///< of Espalier, for the record
@@ -66,8 +66,8 @@ class Bench {
   /// Runs the contestants on one system (of a folder: on the sequence of its matrices with the pattern that most of
   /// them share, one for each round), prints their table, adds their rows to the document and returns the rows. Never
   /// throws for what a system or a contestant does: a system that cannot be read, or that there is no time for, is a
-  /// row of its own.
-  nlohmann::json measure(const std::string& system, const std::vector<Contestant>& contestants);
+  /// row of its own. `estimate`: seconds that it will take; 0: not known, and begun as long as there is time at all.
+  nlohmann::json measure(const std::string& system, const std::vector<Contestant>& contestants, double estimate = 0);
   /// Adds a row that was not measured, and says why.
   void add_row(const std::string& system, const Contestant& contestant, const std::string& outcome,
                const std::string& message);
@@ -78,6 +78,7 @@ class Bench {
 
  private:
   struct Loaded;
+  [[nodiscard]] double seconds_gone() const;  ///< since this object was made
   const Loaded& load(const std::string& system);
   nlohmann::json rows_of(const std::string& system, const Loaded& loaded, const std::vector<Contestant>& contestants);
 

@@ -123,6 +123,8 @@ void run_ablation(Bench& bench) {
                              {"(e) + shared top", ""}};
   const auto devices = bench.points({default_devices(bench.gpus(), bench.plan().threads).back()});
   for (const std::string& system : bench.systems({"elasticity 20", "plate 120"})) {
+    auto& rows = bench.document()["rows"];
+    const auto before = static_cast<std::ptrdiff_t>(rows.size());
     std::vector<Contestant> contestants;
     for (const std::string& device : devices) {
       const std::string spec = "espalier:device=" + device;
@@ -137,6 +139,9 @@ void run_ablation(Bench& bench) {
       }
     }
     bench.measure(system, contestants);
+    const auto step_of = [](const auto& row) { return row.at("parameters").at("step").template get<std::string>(); };
+    std::stable_sort(rows.begin() + before, rows.end(),
+                     [&](const auto& a, const auto& b) { return step_of(a) < step_of(b); });
     derive(bench.document(), system);
     bench.save();
   }

@@ -7,11 +7,13 @@
 namespace espalier::bench {
 namespace {
 
-/// Contestants that take turns on some systems, and how often.
+/// Contestants that take turns on one system, and how often.
 struct Stage {
-  std::vector<std::string> rivals, systems;
+  std::vector<std::string> rivals;
+  std::string system;
   int repetitions, analyses;
-  Index columns;  ///< right-hand sides of the second solve
+  Index columns;    ///< right-hand sides of the second solve
+  double estimate;  ///< seconds in all, on 16 cores and one H200
 };
 
 using Words = std::vector<std::string>;
@@ -25,29 +27,42 @@ Words systems_of(const std::string& set) {
 const char* const kOurs = "espalier:device=gpu:0";
 const char* const kOursResident = "espalier:device=gpu:0+resident+refine=0";  // as cuDSS: no refinement
 
-/// The tables of the GPU (docs/performance.md). What takes longest stands last, so that a limit of time costs least:
-/// everything that is small in turns; then the large systems on the GPU in turns; then PARDISO, whose factorizations of
-/// them take up to minutes, with the first factorization alone, and cuDSS's other modes.
+Words together(const std::vector<Words>& groups) {
+  Words all;
+  for (const Words& group : groups) all.insert(all.end(), group.begin(), group.end());
+  return all;
+}
+
+/// The tables of the GPU (docs/performance.md), in the order of their worth, so that a limit of time costs least:
+/// everyone in turns on small and middle systems; ours and cuDSS in turns on the large ones; then PARDISO alone, whose
+/// calls take up to minutes there and are made once; last cuDSS's other modes on the largest.
 std::vector<Stage> gpu_stages() {
-  const Words ours_and_cudss = {kOurs, kOursResident, "cudss"}, modes = {"cudss:deterministic", "cudss:hybrid"};
-  Words peers = ours_and_cudss;
-  peers.emplace_back("pardiso");
-  Words all = peers;
-  all.insert(all.end(), modes.begin(), modes.end());
-  return {
-      {all, {"kkt 1000 2 1 1", "kkt 200 3 2 2", "kkt 2", "kkt 20"}, 5, 2, 1},
-      {peers, {"elasticity 40"}, 3, 1, 32},
-      {peers, {"plate 600", "kkt 400 10 8 8"}, 2, 1, 1},
-      {ours_and_cudss, {"gyroscopic 48"}, 3, 1, 1},
-      {{kOursResident, "cudss"}, {"elasticity 64", "plate 1200", "elasticity 64 as ldlt", "elasticity 80"}, 2, 1, 1},
-      {{"pardiso"}, {"gyroscopic 48", "elasticity 64"}, 0, 1, 1},
-      {modes, {"elasticity 40", "plate 600", "kkt 400 10 8 8", "gyroscopic 48"}, 1, 1, 1},
-      {{"cudss:hybrid"}, {"elasticity 64"}, 1, 1, 1},
-      {{"pardiso"}, {"plate 1200", "elasticity 64 as ldlt"}, 0, 1, 1},
-      {all, {"elasticity 20", "gyroscopic 24"}, 3, 1, 32},
-      {{"cudss:deterministic"}, {"elasticity 64", "plate 1200", "elasticity 64 as ldlt", "elasticity 80"}, 1, 1, 1},
-      {{"cudss:hybrid"}, {"plate 1200", "elasticity 64 as ldlt", "elasticity 80"}, 1, 1, 1},
-      {{"pardiso"}, {"elasticity 80"}, 0, 1, 1}};
+  const Words cpu = {"espalier:device=cpu"}, ours = {kOurs, kOursResident}, resident = {kOursResident};
+  const Words cudss = {"cudss"}, modes = {"cudss:deterministic", "cudss:hybrid"}, pardiso = {"pardiso"};
+  const Words everyone = together({ours, cpu, cudss, modes, pardiso}), gpu = together({ours, cudss, modes});
+  std::vector<Stage> stages;
+  for (const char* system : {"kkt 1000 2 1 1", "kkt 200 3 2 2", "kkt 2", "kkt 20", "elasticity 20", "gyroscopic 24"})
+    stages.push_back({everyone, system, 5, 2, 1, 12});
+  const std::vector<Stage> large = {{everyone, "elasticity 40", 2, 1, 32, 40},
+                                    {gpu, "plate 600", 2, 1, 1, 25},
+                                    {pardiso, "plate 600", 1, 1, 1, 25},
+                                    {gpu, "kkt 400 10 8 8", 2, 1, 1, 40},
+                                    {pardiso, "kkt 400 10 8 8", 1, 1, 1, 20},
+                                    {gpu, "gyroscopic 48", 2, 1, 1, 25},
+                                    {pardiso, "gyroscopic 48", 0, 1, 1, 20},
+                                    {together({resident, cudss, modes}), "elasticity 64", 1, 1, 1, 30},
+                                    {pardiso, "elasticity 64", 0, 1, 1, 60},
+                                    {together({resident, cudss}), "plate 1200", 1, 1, 1, 45},
+                                    {pardiso, "plate 1200", 0, 1, 1, 65},
+                                    {together({resident, cudss}), "elasticity 64 as ldlt", 1, 1, 1, 20},
+                                    {together({resident, cudss}), "elasticity 80", 1, 1, 1, 35},
+                                    {modes, "elasticity 64 as ldlt", 1, 1, 1, 25},
+                                    {modes, "elasticity 80", 1, 1, 1, 40},
+                                    {modes, "plate 1200", 1, 1, 1, 45},
+                                    {pardiso, "elasticity 64 as ldlt", 0, 1, 1, 65},
+                                    {pardiso, "elasticity 80", 0, 1, 1, 240}};
+  stages.insert(stages.end(), large.begin(), large.end());
+  return stages;
 }
 
 /// All GPUs of this machine beside one: ours and cuDSS.
@@ -56,9 +71,12 @@ std::vector<Stage> gpus_stages(int gpus) {
   for (int k = 1; k < gpus; ++k) list += fmt::format(",{}", k);
   const std::string several = fmt::format("cudss:gpus={}", gpus);
   const Words rivals = {kOursResident, fmt::format("espalier:device={}+resident+refine=0", list), "cudss", several};
-  std::vector<Stage> stages = {{rivals, {"kkt 20", "elasticity 64", "kkt 400 10 8 8", "plate 1200"}, 3, 1, 1}};
+  std::vector<Stage> stages = {{rivals, "kkt 20", 3, 1, 1, 10},
+                               {rivals, "elasticity 64", 3, 1, 1, 40},
+                               {rivals, "kkt 400 10 8 8", 3, 1, 1, 50},
+                               {rivals, "plate 1200", 3, 1, 1, 120}};
   for (const std::string& rival : {rivals[1], several, rivals[0], rivals[2]})  // they do not fit side by side
-    stages.push_back({{rival}, {"elasticity 96"}, 1, 1, 1});
+    stages.push_back({{rival}, "elasticity 96", 1, 1, 1, 60});
   return stages;
 }
 
@@ -94,11 +112,9 @@ void run_stages(Bench& bench, const std::vector<Stage>& stages) {
     plan.columns = stage.columns;
     std::vector<Contestant> contestants;
     for (const std::string& rival : stage.rivals) contestants.push_back({rival});
-    for (const std::string& system : stage.systems) {
-      bench.measure(system, contestants);
-      gather_systems(bench.document()["rows"]);
-      bench.save();
-    }
+    bench.measure(stage.system, contestants, stage.estimate);
+    gather_systems(bench.document()["rows"]);
+    bench.save();
   }
 }
 

@@ -17,8 +17,21 @@ void replace(std::string& frame, const std::string& key, const std::string& valu
   if (at != std::string::npos) frame.replace(at, key.size(), value);
 }
 
+/// A solver's name may break before each part of its variant.
+std::string breakable(const std::string& html) {
+  std::string out;
+  for (const char c : html) {
+    if (c == '+') out += "<wbr>";
+    out += c;
+  }
+  return out;
+}
+
 std::string table_html(const DataTable& table) {
-  std::string out = fmt::format("<div class=\"scroll\"><table><caption>{}</caption><thead><tr>", escaped(table.title));
+  std::string out = table.aside ? fmt::format("<details><summary>{}</summary>", escaped(table.title)) : "";
+  out += "<div class=\"scroll\"><table>";
+  if (!table.aside) out += fmt::format("<caption>{}</caption>", escaped(table.title));
+  out += "<thead><tr>";
   for (const Column& column : table.columns)
     out += fmt::format("<th scope=\"col\"{}><button type=\"button\">{}</button></th>",
                        column.left ? " class=\"left\"" : "", escaped(column.name));
@@ -32,11 +45,11 @@ std::string table_html(const DataTable& table) {
       const Cell& cell = line.cells[k];
       out += fmt::format("<td{}{}>{}</td>", table.columns[k].left ? " class=\"left\"" : "",
                          std::isfinite(cell.value) ? fmt::format(" data-v=\"{:.9g}\"", cell.value) : "",
-                         escaped(cell.text));
+                         k == 1 ? breakable(escaped(cell.text)) : escaped(cell.text));
     }
     out += "</tr>\n";
   }
-  out += "</tbody></table></div>\n";
+  out += table.aside ? "</tbody></table></div></details>\n" : "</tbody></table></div>\n";
   if (table.notes.empty()) return out;
   out += fmt::format("<details><summary>{} {} without figures</summary><ul>", table.notes.size(),
                      table.notes.size() == 1 ? "row" : "rows");
@@ -75,9 +88,9 @@ std::string facts_html(const Results& results) {
 
 std::string section_html(const Results& results) {
   std::string out = fmt::format("<section id=\"{}\"><h2>{}</h2><p class=\"machine\">{}</p><p>{}</p>\n", results.id,
-                                escaped(title_of(results.experiment())), escaped(machine_of(results)),
+                                escaped(heading_of(results)), escaped(machine_of(results)),
                                 escaped(explanation_of(results.experiment())));
-  out += plots_of(results);
+  if (const std::string plots = plots_of(results); !plots.empty()) out += "<div class=\"plots\">" + plots + "</div>\n";
   for (const DataTable& table : tables_of(results)) out += table_html(table);
   return out + "<details class=\"facts\"><summary>How it was measured</summary>" + facts_html(results) +
          "</details></section>\n";
@@ -130,8 +143,7 @@ std::string facts_markdown(const Results& results) {
 std::string html_page(const std::vector<Results>& all) {
   std::string contents, body;
   for (const Results& results : all) {
-    contents += fmt::format("<li><a href=\"#{}\">{}</a> <span>{}</span></li>", results.id,
-                            escaped(title_of(results.experiment())),
+    contents += fmt::format("<li><a href=\"#{}\">{}</a> <span>{}</span></li>", results.id, escaped(heading_of(results)),
                             escaped(machine_of(results) + ", " + text(results.data, "date").substr(0, 10)));
     body += section_html(results);
   }
@@ -147,17 +159,19 @@ std::string markdown(const std::vector<Results>& all) {
       "the "
       "columns mean: [bench.md](bench.md).\n\n";
   for (const Results& results : all)
-    out += fmt::format("- [{}: {}](#{}) ({})\n", title_of(results.experiment()), machine_of(results), results.id,
+    out += fmt::format("- [{}: {}](#{}) ({})\n", heading_of(results), machine_of(results), results.id,
                        text(results.data, "date").substr(0, 10));
   for (const Results& results : all) {
     out += fmt::format("\n<a id=\"{}\"></a>\n\n## {}: {}\n\n{} Source: [{}](../bench/results/{}).\n\n", results.id,
-                       title_of(results.experiment()), machine_of(results), explanation_of(results.experiment()),
-                       results.file, results.file);
+                       heading_of(results), machine_of(results), explanation_of(results.experiment()), results.file,
+                       results.file);
     bool first = true;
     for (const DataTable& table : tables_of(results)) {
-      if (!first) out += fmt::format("### {}\n\n", table.title);
+      if (table.aside)
+        out += fmt::format("<details><summary>{}</summary>\n\n{}\n</details>\n\n", table.title, table_markdown(table));
+      else
+        out += (first ? "" : "### " + table.title + "\n\n") + table_markdown(table) + "\n";
       first = false;
-      out += table_markdown(table) + "\n";
     }
     out += facts_markdown(results);
   }

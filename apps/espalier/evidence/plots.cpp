@@ -40,30 +40,54 @@ void sort_points(std::vector<Series>& all) {
 std::string side_by_side(const Results& results, const std::string& title, const char* phase) {
   DotPlot plot{title, kTime, {}, {}};
   for (const Json& row : results.rows()) {
-    Series& series = series_named(plot.series, text(row, "rival"));
-    const auto at = static_cast<double>(row_named(plot.rows, text(row, "system")));
+    Series& series = series_named(plot.series, text(row, "rival"));  // also without figures: one colour in all plots
     const double seconds = median(row, phase);
-    if (solved(row) && std::isfinite(seconds))
-      series.points.push_back(
-          {seconds, at, fmt::format("{}, {}: {}", text(row, "system"), text(row, "rival"), seconds_text(seconds))});
+    if (!solved(row) || !std::isfinite(seconds)) continue;
+    const auto at = static_cast<double>(row_named(plot.rows, text(row, "system")));
+    series.points.push_back(
+        {seconds, at, fmt::format("{}, {}: {}", text(row, "system"), text(row, "rival"), seconds_text(seconds))});
   }
   return svg(plot);
 }
 
+/// Solvers by rows, for a table of one system.
+std::string by_solver(const Results& results, const std::string& title, const char* phase) {
+  DotPlot plot{title, kTime, {}, {{"", {}}}};
+  for (const Json& row : results.rows()) {
+    const double seconds = median(row, phase);
+    if (!solved(row) || !std::isfinite(seconds)) continue;
+    const std::string solver = text(row, "rival");
+    const auto at = static_cast<double>(row_named(plot.rows, solver));
+    plot.series.front().points.push_back({seconds, at, solver + ": " + seconds_text(seconds)});
+  }
+  return svg(plot);
+}
+
+bool one_system(const Results& results) {
+  const auto other = [&](const Json& row) { return row.at("system") != results.rows().front().at("system"); };
+  return !results.rows().empty() && std::none_of(results.rows().begin(), results.rows().end(), other);
+}
+
+/// Ours, the fastest setting of each system.
 std::string roofline(const Results& results) {
   DotPlot plot{"Share of the machine's limits", {"share of the limit", Unit::percent, false, true}, {}, {}};
   plot.series = {{"factorization, of our matrix product's rate", {}}, {"solve, of the memory bandwidth", {}}};
+  std::map<std::string, const Json*> fastest;  // of ours, by system
+  std::vector<std::string> systems;
   for (const Json& row : results.rows()) {
-    if (!text(row, "rival").starts_with("espalier")) continue;
+    if (!text(row, "rival").starts_with("espalier") || !std::isfinite(share_of_product(results, row))) continue;
+    const auto [at, is_new] = fastest.emplace(text(row, "system"), &row);
+    if (is_new) systems.push_back(at->first);
+    if (median(row, "refactorization") < median(*at->second, "refactorization")) at->second = &row;
+  }
+  for (const std::string& system : systems) {
+    const Json& row = *fastest[system];
+    const auto at = static_cast<double>(row_named(plot.rows, system));
     const double shares[] = {share_of_product(results, row), share_of_bandwidth(results, row)};
-    if (!std::isfinite(shares[0])) continue;
-    std::string name = text(row, "system");
-    const std::string variant = text(row, "rival").substr(8);
-    if (!variant.empty()) name += " " + variant.substr(1);
-    const auto at = static_cast<double>(row_named(plot.rows, name));
     for (std::size_t k = 0; k < 2; ++k)
       if (std::isfinite(shares[k]))
-        plot.series[k].points.push_back({shares[k], at, name + ": " + percent_text(shares[k])});
+        plot.series[k].points.push_back(
+            {shares[k], at, fmt::format("{}, {}: {}", system, text(row, "rival"), percent_text(shares[k]))});
   }
   return svg(plot);
 }
@@ -179,8 +203,8 @@ std::string ablation(const Results& results) {
   for (const Json& row : results.rows()) {
     const std::string step = text(row.at("parameters"), "step"),
                       system = text(row, "system") + " on " + text(row.at("parameters"), "device");
-    const auto at = static_cast<double>(row_named(plot.rows, step));
     if (!solved(row)) continue;
+    const auto at = static_cast<double>(row_named(plot.rows, step));
     const double seconds = median(row, "refactorization");
     series_named(plot.series, system).points.push_back({seconds, at, system + ": " + seconds_text(seconds)});
   }
@@ -213,7 +237,9 @@ std::string plots_of(const Results& results) {
   if (experiment == "scaling") return scaling(results);
   if (experiment == "ablation") return ablation(results) + timelines(results);
   if (experiment == "refactor")
-    return by_unknowns(results, "Newton step", kTime.label, Unit::seconds, {"newton_step", "median"}, true);
+    return one_system(results)
+               ? by_solver(results, "Newton step", "newton_step")
+               : by_unknowns(results, "Newton step", kTime.label, Unit::seconds, {"newton_step", "median"}, true);
   if (experiment == "growth")
     return by_unknowns(results, "Refactorization", kTime.label, Unit::seconds, {"refactorization", "median"}, true) +
            by_unknowns(results, "Memory", "peak memory of the process, logarithmic", Unit::bytes,

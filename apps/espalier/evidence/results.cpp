@@ -2,10 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <limits>
 
 #include "espalier/types.hpp"
@@ -20,24 +22,25 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 struct Known {
   const char *name, *title, *explanation;
 };
+/// In the order in which a report shows them.
 constexpr Known kKnown[] = {
     {"peers", "Solvers side by side",
      "Every solver has the same matrix, the same right-hand sides and its own process; they work in turns. Medians."},
-    {"block-size", "Widest block of a front",
-     "Refactorization against the widest block column that a front may be cut into; auto: by the size of the front."},
+    {"gpu-check", "The executors alone, values on the device",
+     "Refactorization and solve with values and right-hand sides that lie in device memory; repeated bit for bit."},
     {"memory", "Time against the memory of a device",
      "The budget of each device as a share of what it needs in core. Below the floor the solver says what it needs."},
     {"scaling", "Several devices", "Speed-up over one device, and the share of time in which devices idle or wait."},
     {"ablation", "What each idea of sharing brings", "Each step keeps what the steps before it brought."},
+    {"block-size", "Widest block of a front",
+     "Refactorization against the widest block column that a front may be cut into; auto: by the size of the front."},
     {"refactor", "Latency of a Newton step",
      "Refactorization and solve with one right-hand side in a row, as an implicit integrator calls them."},
     {"growth", "Growth with the number of unknowns",
-     "Power laws fitted to the points; in theory n^1.5 operations in two dimensions and n^2 in three."},
+     "Power laws fitted to the points. Theory: operations grow with the power 1.5 of n in two dimensions, 2 in three."},
+    {"overhead", "What the benchmark adds", "The same calls in a plain loop of one process, and under the benchmark."},
     {"ceilings", "Limits of the machine",
      "Our dense product, main memory and links: what every rate is compared with."},
-    {"overhead", "What the benchmark adds", "The same calls in a plain loop of one process, and under the benchmark."},
-    {"gpu-check", "One GPU, values on the device",
-     "Refactorization and solve with values and right-hand sides that lie in device memory; repeated bit for bit."},
 };
 
 const Known* known(const std::string& experiment) {
@@ -117,6 +120,21 @@ std::string text(const Json& object, const char* key) {
 std::string title_of(const std::string& experiment) {
   const Known* one = known(experiment);
   return one != nullptr ? one->title : experiment;
+}
+
+std::string heading_of(const Results& results) {
+  const std::string subject = text(results.data, "subject");
+  return title_of(results.experiment()) + (subject.empty() ? "" : ": " + subject);
+}
+
+void sort_results(std::vector<Results>& all) {
+  const auto rank = [](const Results& results) {
+    return std::find_if(std::begin(kKnown), std::end(kKnown),
+                        [&](const Known& one) { return results.experiment() == one.name; });
+  };
+  std::stable_sort(all.begin(), all.end(), [&](const Results& a, const Results& b) {
+    return std::pair(rank(a), a.file) < std::pair(rank(b), b.file);
+  });
 }
 
 std::string explanation_of(const std::string& experiment) {

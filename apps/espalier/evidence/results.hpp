@@ -39,6 +39,10 @@ std::string text(const Json& object, const char* key);
 /// The title of an experiment and one sentence that says how to read it.
 std::string title_of(const std::string& experiment);
 std::string explanation_of(const std::string& experiment);
+/// The title, and the file's own "subject" where it has one: what tells it from others of its experiment.
+std::string heading_of(const Results& results);
+/// By experiment, what matters most first; within one by the name of the file.
+void sort_results(std::vector<Results>& all);
 /// "Intel ..., 2 cores, NVIDIA H200".
 std::string machine_of(const Results& results);
 

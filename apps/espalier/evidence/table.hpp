@@ -32,8 +32,9 @@ struct Line {
 struct DataTable {
   std::string title;
   std::vector<Column> columns;
-  std::vector<Line> lines;
-  std::vector<std::string> notes;  ///< why rows have no figures
+  std::vector<Line> lines = {};
+  std::vector<std::string> notes = {};  ///< why rows have no figures
+  bool aside = false;                   ///< for those who look for it: folded away
 };
 
 /// The tables of one file, the main one first.

@@ -17,8 +17,37 @@ Cell percent_cell(double fraction) { return {percent_text(fraction), fraction}; 
 Cell error_cell(double error) { return {std::isfinite(error) ? fmt::format("{:.1e}", error) : "-", error}; }
 Cell words(std::string text) { return {std::move(text)}; }
 
-/// Name of the rival, without the parts of its variant that columns of their own show.
-std::string solver_of(const Json& row) { return text(row, "rival"); }
+/// Why rows have no figures; those of one system with one reason share a note.
+class Notes {
+ public:
+  void add(const Json& row) {
+    const std::string reason = fmt::format("{}: {}", text(row, "outcome"), text(row, "message"));
+    if (notes_.empty() || notes_.back().system != text(row, "system") || notes_.back().reason != reason)
+      notes_.push_back({text(row, "system"), "", reason});
+    notes_.back().names += ", " + text(row, "rival");
+  }
+  [[nodiscard]] std::vector<std::string> texts() const {
+    std::vector<std::string> all;
+    for (const Note& note : notes_) all.push_back(fmt::format("{}{}: {}", note.system, note.names, note.reason));
+    return all;
+  }
+
+ private:
+  struct Note {
+    std::string system, names, reason;
+  };
+  std::vector<Note> notes_;
+};
+
+/// What the phases and quantities of the file are called.
+std::string phase_name(const std::string& key) {
+  static const std::map<std::string, std::string> kNames = {{"solve_one", "solve"},
+                                                            {"nonzeros_factor", "entries of the factor"},
+                                                            {"flops", "operations"},
+                                                            {"peak_bytes", "memory"}};
+  const auto found = kNames.find(key);
+  return found == kNames.end() ? key : found->second;
+}
 
 /// The figures that every experiment shows.
 struct Figure {
@@ -78,6 +107,9 @@ constexpr Figure kDevice{"device",
 constexpr Figure kShareStep{"step",
                             [](const Results&, const Json& r) { return words(text(r.at("parameters"), "step")); }};
 
+/// Experiments of one solver: the column that tells the rows apart stands in the place of its name.
+bool is_of_one_solver(const std::string& experiment) { return experiment == "block-size" || experiment == "ablation"; }
+
 std::vector<Figure> figures_of(const std::string& experiment) {
   if (experiment == "block-size")
     return {kBlock, kUnknowns, kAnalysis, kRefactor, kLeast, kRate, kShare, kSolve, kError};
@@ -89,7 +121,7 @@ std::vector<Figure> figures_of(const std::string& experiment) {
   if (experiment == "refactor") return {kUnknowns, kStep, kRefactor, kLeast, kSolve, kMemory, kError};
   if (experiment == "growth") return {kUnknowns, kAnalysis, kRefactor, kRate, kShare, kSolve, kMemory, kError};
   if (experiment == "overhead") return {kUnknowns, kRefactor, kLeast, kSolve, kError};
-  return {kUnknowns, kAnalysis, kRefactor, kLeast, kRate, kShare, kSolve, kSolveMany, kMemory, kOnGpu, kError};
+  return {kUnknowns, kAnalysis, kFirst, kRefactor, kRate, kShare, kSolve, kSolveMany, kMemory, kOnGpu, kError};
 }
 
 /// Least median of each system among the rows that are ok.
@@ -129,25 +161,29 @@ DataTable main_table(const Results& results) {
   const auto figures = figures_of(experiment);
   const char* decisive = experiment == "refactor" ? "newton_step" : "refactorization";
   const auto best = best_of(results, decisive);
-  DataTable table{"All figures", {{"system", true}, {"solver", true}}, {}, {}};
+  DataTable table{"All figures", {{"system", true}}};
+  const bool one_solver = is_of_one_solver(experiment);
+  if (!one_solver) table.columns.push_back({"solver", true});
   for (const Figure& figure : figures) table.columns.push_back({figure.name, figure.name == std::string("step")});
   table.columns.push_back({"times best", false});
+  Notes notes;
   std::set<std::string> anchored;
   for (const Json& row : results.rows()) {
     Line line;
     const std::string system = text(row, "system");
     if (anchored.insert(system).second) line.anchor = results.id + "-" + slug(system);
     line.failed = !solved(row);
-    line.cells = {words(system), words(solver_of(row) + (line.failed ? " (" + text(row, "outcome") + ")" : ""))};
+    line.cells = {words(system)};
+    if (!one_solver) line.cells.push_back(words(text(row, "rival")));
     for (const Figure& figure : figures) line.cells.push_back(figure.cell(results, row));
+    if (line.failed) line.cells[1].text += " (" + text(row, "outcome") + ")";
     const double ratio = line.failed || !best.contains(system) ? std::nan("") : median(row, decisive) / best.at(system);
     line.best = ratio == 1;
     line.cells.push_back({factor_text(ratio), ratio});
-    if (line.failed)
-      table.notes.push_back(
-          fmt::format("{}, {}: {}: {}", system, solver_of(row), text(row, "outcome"), text(row, "message")));
+    if (line.failed) notes.add(row);
     table.lines.push_back(std::move(line));
   }
+  table.notes = notes.texts();
   drop_best_of_one(table);
   drop_empty(table);
   return table;
@@ -156,15 +192,13 @@ DataTable main_table(const Results& results) {
 DataTable fits_table(const Json& fits) {
   DataTable table{
       "Fitted exponents",
-      {{"family", true}, {"solver", true}, {"quantity", true}, {"exponent of n"}, {"theory"}, {"r²"}, {"points"}},
-      {},
-      {}};
+      {{"family", true}, {"solver", true}, {"quantity", true}, {"exponent of n"}, {"theory"}, {"r²"}, {"points"}}};
   for (const Json& fit : fits) {
     const double theory = number(fit, "theory");
     table.lines.push_back({"",
                            {words(text(fit, "family")),
                             words(text(fit, "rival")),
-                            words(text(fit, "quantity")),
+                            words(phase_name(text(fit, "quantity"))),
                             {factor_text(number(fit, "exponent")), number(fit, "exponent")},
                             {std::isfinite(theory) ? fmt::format("{:.3g}", theory) : "-", theory},
                             {fmt::format("{:.3f}", number(fit, "r_squared")), number(fit, "r_squared")},
@@ -174,16 +208,16 @@ DataTable fits_table(const Json& fits) {
 }
 
 DataTable overhead_table(const Json& overhead) {
-  DataTable table{"Overhead", {{"system", true}, {"phase", true}, {"of medians"}, {"of least"}}, {}, {}};
+  DataTable table{"Overhead", {{"system", true}, {"phase", true}, {"of medians"}, {"of least"}}};
   for (const Json& one : overhead)
     table.lines.push_back({"",
-                           {words(text(one, "system")), words(text(one, "phase")),
+                           {words(text(one, "system")), words(phase_name(text(one, "phase"))),
                             percent_cell(number(one, "of_medians")), percent_cell(number(one, "of_least"))}});
   return table;
 }
 
 DataTable ceilings_table(const Json& ceilings) {
-  DataTable table{"Limits of this machine", {{"limit", true}, {"where", true}, {"rate"}}, {}, {}};
+  DataTable table{"Limits of this machine", {{"limit", true}, {"where", true}, {"rate"}}};
   const auto add = [&](const std::string& name, const std::string& where, double value, const char* unit) {
     if (std::isfinite(value))
       table.lines.push_back({"", {words(name), words(where), {fmt::format("{:.4g} {}", value, unit), value}}});
@@ -243,7 +277,10 @@ std::vector<DataTable> tables_of(const Results& results) {
   if (results.data.contains("fits") && !results.data["fits"].empty())
     tables.push_back(fits_table(results.data["fits"]));
   if (results.data.contains("overhead")) tables.push_back(overhead_table(results.data["overhead"]));
-  if (results.data.contains("ceilings")) tables.push_back(ceilings_table(results.data["ceilings"]));
+  if (results.data.contains("ceilings")) {
+    tables.push_back(ceilings_table(results.data["ceilings"]));
+    tables.back().aside = tables.size() > 1;
+  }
   return tables;
 }
 
