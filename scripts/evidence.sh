@@ -128,8 +128,8 @@ bench sweeps block-size 300 block-size --points 0 16 32 48 64 96 128 144 192 256
 ((gpus > 1)) && bench sweeps scaling-gpu 300 scaling --points $points --rhs 1 --analyses 1
 # shellcheck disable=SC2086
 bench sweeps scaling 300 scaling --points $hosts --rhs 1 --analyses 1 -k 3 \
-  --system "elasticity 28" --system "plate 200" --system "kkt 20"
-bench sweeps ablation 300 ablation --rhs 1 --analyses 1 --system "elasticity 28" --system "plate 200" --system "kkt 20"
+  --system "elasticity 24" --system "plate 200" --system "kkt 20"
+bench sweeps ablation 300 ablation --rhs 1 --analyses 1 -k 3 --system "elasticity 24" --system "plate 200" --system "kkt 20"
 bench sweeps growth 300 growth --system "plate 50" --system "plate 100" --system "plate 200" --system "plate 400" \
   --system "elasticity 10" --system "elasticity 16" --system "elasticity 24" --system "elasticity 36"
 
