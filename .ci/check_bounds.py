@@ -6,7 +6,8 @@
 For fixed systems it compares with .ci/bounds.json: flops, entries of the factor and number of fronts of the ordering;
 predicted and peak memory; instructions of a whole `espalier analyze` and `espalier solve` on one thread, counted by
 callgrind (which offers every machine the same instruction set). A figure above its bound by more than the tolerance of
-its quantity fails; --update writes what is measured as the new bounds. Without valgrind the instructions are skipped,
+its quantity fails (fractions of a percent for what a run repeats exactly, 3 % for instructions, which another minor version of
+the compiler moves); one far below it is told. --update writes what is measured as the new bounds. Without valgrind the instructions are skipped,
 and said to be."""
 
 import argparse
@@ -71,12 +72,21 @@ def violations(system, measured, bounds, tolerance):
     return found
 
 
+def loose(system, measured, bounds, tolerance):
+    """Bounds so far above their figures that a loss could hide below them."""
+    for name, value in measured.items():
+        kind = "instructions" if name.endswith("_instructions") else name
+        if name in bounds and value < bounds[name] * (1 - 2 * tolerance[kind]):
+            yield f"{system}: {name} is {1 - value / bounds[name]:.1%} below its bound; --update tightens it"
+
+
 def self_test(bounds, tolerance):
-    """The gate must close: every figure 30 % higher is found, none at its bound is."""
+    """The gate must close: every figure 5 % higher is found, none at its bound is."""
     for system, figures in bounds.items():
-        worse = {name: 1.3 * value for name, value in figures.items()}
+        worse = {name: 1.05 * value for name, value in figures.items()}
         assert len(violations(system, worse, figures, tolerance)) == len(figures), system
         assert not violations(system, figures, figures, tolerance), system
+        assert len(list(loose(system, {name: 0.5 * value for name, value in figures.items()}, figures, tolerance))) == len(figures)
 
 
 def main():
@@ -89,16 +99,18 @@ def main():
     with_valgrind = shutil.which("valgrind") is not None
     if not with_valgrind:
         print("valgrind is not installed: instructions are not counted")
-    found = []
+    found, hints = [], []
     for system, bounds in content["systems"].items():
         measured = measure(arguments.binary, system, with_valgrind)
         print(system + ": " + ", ".join(f"{name} {value:,.0f}" for name, value in measured.items()))
         found += violations(system, measured, bounds, content["tolerance"])
+        hints += loose(system, measured, bounds, content["tolerance"])
         if arguments.update:
             content["systems"][system] = {**bounds, **measured}
     if arguments.update:
         BOUNDS.write_text(json.dumps(content, indent=2) + "\n")
         return 0
+    print("\n".join(hints), end="\n" if hints else "")
     print("\n".join(found) if found else "all figures are within their bounds")
     return 1 if found else 0
 
