@@ -115,7 +115,8 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
                      {"newton_iterations", s.newton_iterations},
                      {"error_failures", s.error_failures},
                      {"newton_failures", s.newton_failures},
-                     {"crossings", s.crossings}};
+                     {"crossings", s.crossings},
+                     {"divisions", s.divisions}};
   j["counts"] = {{"residuals", s.residuals},
                  {"tangents", s.tangents},
                  {"analyses", s.analyses},

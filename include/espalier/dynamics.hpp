@@ -87,7 +87,7 @@ struct SimulationSummary {
   Index constraints = 0;               ///< m, constraint equations
   Index degrees_of_freedom = 0;        ///< n - rank
   std::vector<std::string> redundant;  ///< one notice per constraint left out
-  std::vector<std::string> notices;    ///< what was passed over in meshes
+  std::vector<std::string> notices;    ///< what was passed over in meshes; divided steps
 
   // The start
   double position_change = 0;  ///< of the given initial configuration to satisfy the constraints
@@ -98,6 +98,7 @@ struct SimulationSummary {
   // The run
   double t_begin = 0, t_end = 0;  ///< t_end: time reached
   long steps = 0, newton_iterations = 0, error_failures = 0, newton_failures = 0, crossings = 0;
+  long divisions = 0;  ///< halvings of a constant step in which Newton did not converge
   long residuals = 0, tangents = 0, analyses = 0, factorizations = 0, solves = 0;
   /// Why factorizations of the integrator were made.
   long refactor_first = 0, refactor_step = 0, refactor_rate = 0, refactor_failed = 0;

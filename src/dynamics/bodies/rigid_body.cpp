@@ -83,6 +83,12 @@ void RigidBody::velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) c
   put(v, at + 3, tangent_times(vec3(theta, at + 3), vec3(theta_dot, at + 3)));
 }
 
+void RigidBody::rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_dot) const {
+  const Index at = placement().v;
+  put(theta_dot, at, vec3(v, at));
+  put(theta_dot, at + 3, inverse_tangent_transposed_times(vec3(theta, at + 3), vec3(v, at + 3)));
+}
+
 void RigidBody::magnitude(ConstSpan q, Span out) const {
   put(out, placement().v, Vec3(vec3(q, placement().q).cwiseAbs()));
   put(out, placement().v + 3, Vec3(Vec3::Ones()));

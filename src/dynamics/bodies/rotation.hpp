@@ -38,7 +38,7 @@ using Quat = Eigen::Vector4d;
 [[nodiscard]] Vec3 tangent_times(const Vec3& x, const Vec3& x_dot);
 
 /// A^T(x) u where A is the inverse of the left tangent operator: delta x = A(x) delta for exp(delta~) exp(x~) = exp(x~
-/// + dx~). A^T u = u + x cross u / 2 + g x cross (x cross u), g = 1/x^2 - cot(x/2)/(2 x).
+/// + dx~). A^T u = u + x cross u / 2 + g x cross (x cross u), g = 1/x^2 - cot(x/2)/(2 x). A^T = T^-1.
 [[nodiscard]] Vec3 inverse_tangent_transposed_times(const Vec3& x, const Vec3& u);
 /// A(x) as a matrix.
 [[nodiscard]] Mat3 inverse_left_tangent(const Vec3& x);

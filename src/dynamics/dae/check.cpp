@@ -159,6 +159,11 @@ class Checker {
       note(result_.chart, std::abs((back[i] - y[i]) / (2 * kStep) - velocity[i]),
            "velocity_of_rate of " + system_.coordinate_name(static_cast<Index>(i)));
     }
+    system_.rate_of_velocity(x, velocity, velocity);
+    for (std::size_t i = 0; i < n_; ++i) {
+      note(result_.chart, std::abs(velocity[i] - rate[i]),
+           "rate_of_velocity of " + system_.coordinate_name(static_cast<Index>(i)));
+    }
   }
 
   System& system_;

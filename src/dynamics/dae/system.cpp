@@ -72,6 +72,10 @@ void System::velocity_of_rate(ConstSpan /*theta*/, ConstSpan theta_dot, Span v) 
   if (v.data() != theta_dot.data()) std::copy(theta_dot.begin(), theta_dot.end(), v.begin());
 }
 
+void System::rate_of_velocity(ConstSpan /*theta*/, ConstSpan v, Span theta_dot) const {
+  if (v.data() != theta_dot.data()) std::copy(v.begin(), v.end(), theta_dot.begin());
+}
+
 void System::magnitude(ConstSpan q, Span out) const {
   for (std::size_t i = 0; i < q.size(); ++i) out[i] = std::abs(q[i]);
 }
@@ -120,6 +124,11 @@ void Component::local(ConstSpan base, ConstSpan q, Span theta) const {
 void Component::velocity_of_rate(ConstSpan /*theta*/, ConstSpan theta_dot, Span v) const {
   const Range o = own_range(*this);
   for (std::size_t i = 0; i < o.n; ++i) v[o.v + i] = theta_dot[o.v + i];
+}
+
+void Component::rate_of_velocity(ConstSpan /*theta*/, ConstSpan v, Span theta_dot) const {
+  const Range o = own_range(*this);
+  for (std::size_t i = 0; i < o.n; ++i) theta_dot[o.v + i] = v[o.v + i];
 }
 
 void Component::magnitude(ConstSpan q, Span out) const {
@@ -191,6 +200,10 @@ void AssembledSystem::local(ConstSpan base, ConstSpan q, Span theta) const {
 
 void AssembledSystem::velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const {
   for (const Component* c : owners_of_coordinates_) c->velocity_of_rate(theta, theta_dot, v);
+}
+
+void AssembledSystem::rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_dot) const {
+  for (const Component* c : owners_of_coordinates_) c->rate_of_velocity(theta, v, theta_dot);
 }
 
 void AssembledSystem::magnitude(ConstSpan q, Span out) const {

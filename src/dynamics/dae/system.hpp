@@ -93,6 +93,8 @@ class System {
   virtual void local(ConstSpan base, ConstSpan q, Span theta) const;
   /// v of a motion base (+) theta(t): v = T(theta) theta_dot. v may alias theta_dot.
   virtual void velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const;
+  /// Its inverse: theta_dot = T(theta)^-1 v. theta_dot may alias v.
+  virtual void rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_dot) const;
   /// Magnitude of each coordinate for relative tolerances: |q_i| by default, 1 for a rotation. n entries.
   virtual void magnitude(ConstSpan q, Span out) const;
 
@@ -146,6 +148,7 @@ class Component {
   virtual void retract(ConstSpan q, ConstSpan dq, Span q_out) const;
   virtual void local(ConstSpan base, ConstSpan q, Span theta) const;
   virtual void velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const;
+  virtual void rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_dot) const;
   virtual void magnitude(ConstSpan q, Span out) const;
 
   /// Declares the entries of W (rows, columns: global velocity coordinates) and of Phi_q (rows: global constraints)
@@ -195,6 +198,7 @@ class AssembledSystem final : public System {
   void retract(ConstSpan q, ConstSpan dq, Span q_out) const override;
   void local(ConstSpan base, ConstSpan q, Span theta) const override;
   void velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const override;
+  void rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_dot) const override;
   void magnitude(ConstSpan q, Span out) const override;
   void residual(const StateView& s, Span f) override;
   void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) override;

@@ -39,17 +39,20 @@ void take_state(ConstSpan& in, State& s) {
 void Integrator::save_counts(std::vector<double>& out) const {
   const IntegratorCounts& c = counts_;
   for (const long n : {c.steps, c.newton_iterations, c.error_failures, c.newton_failures, c.crossings, c.refactor_first,
-                       c.refactor_step, c.refactor_rate, c.refactor_failed})
+                       c.refactor_step, c.refactor_rate, c.refactor_failed, c.divisions})
     out.push_back(static_cast<double>(n));
-  put(out, std::array{c.largest_position, c.largest_velocity, c.largest_acceleration});
+  put(out,
+      std::array{c.first_division, c.shortest_step, c.largest_position, c.largest_velocity, c.largest_acceleration});
 }
 
 void Integrator::restore_counts(ConstSpan& in) {
   IntegratorCounts& c = counts_;
   for (long* n : {&c.steps, &c.newton_iterations, &c.error_failures, &c.newton_failures, &c.crossings,
-                  &c.refactor_first, &c.refactor_step, &c.refactor_rate, &c.refactor_failed})
+                  &c.refactor_first, &c.refactor_step, &c.refactor_rate, &c.refactor_failed, &c.divisions})
     *n = static_cast<long>(take(in));
-  for (double* x : {&c.largest_position, &c.largest_velocity, &c.largest_acceleration}) *x = take(in);
+  for (double* x :
+       {&c.first_division, &c.shortest_step, &c.largest_position, &c.largest_velocity, &c.largest_acceleration})
+    *x = take(in);
 }
 
 void BdfIntegrator::save(std::vector<double>& out) {
@@ -93,9 +96,13 @@ void GeneralizedAlpha::save(std::vector<double>& out) {
   save_counts(out);
   put_state(out, state_);
   put(out, a_old_);
+  put(out, std::array{static_cast<double>(halvings_), static_cast<double>(steps_at_length_)});
   const std::vector<double> a_old = a_old_;
+  const int halvings = halvings_, steps = steps_at_length_;
   start(State(state_));
   a_old_ = a_old;
+  halvings_ = halvings;
+  steps_at_length_ = steps;
 }
 
 void GeneralizedAlpha::restore(ConstSpan& in) {
@@ -104,6 +111,9 @@ void GeneralizedAlpha::restore(ConstSpan& in) {
   take_state(in, state);
   start(state);
   take(in, a_old_);
+  halvings_ = static_cast<int>(take(in));
+  steps_at_length_ = static_cast<int>(take(in));
+  if (halvings_ < 0 || halvings_ > 64) throw Error(StatusCode::invalid_input, "the restart file is damaged");
 }
 
 }  // namespace espalier::dynamics

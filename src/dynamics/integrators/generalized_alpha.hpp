@@ -7,7 +7,7 @@
 namespace espalier::dynamics {
 
 struct AlphaOptions {
-  double step = 1e-3;            ///< constant step size
+  double step = 1e-3;            ///< constant step size, divided where Newton fails
   double spectral_radius = 0.8;  ///< at infinite frequency (rho): 1 no damping, 0 annihilation; order 2 for any
   double hht_alpha = 1;          ///< in [-1/3, 0]: the HHT method with this alpha instead (1: not used)
   double tolerance = 1e-8;  ///< Newton: weighted change of q and h v relative to (relative |q| + absolute), see below
@@ -29,6 +29,8 @@ class GeneralizedAlpha final : public Integrator {
   GeneralizedAlpha(Equations& equations, const AlphaOptions& options);
 
   void start(const State& state) override;
+  /// A step in which Newton fails with a new factor is halved, again and again if need be; after some short steps the
+  /// double length is tried. IntegratorCounts::divisions counts it.
   StepReport step(double t_limit) override;
   [[nodiscard]] const State& state() const override { return state_; }
   void save(std::vector<double>& out) override;
@@ -38,7 +40,12 @@ class GeneralizedAlpha final : public Integrator {
   enum class Outcome { converged, slow, diverged };
   void coefficients(double h);
   void predict();
+  void learn_trend();
   void factorize(long& reason);
+  bool attempt(double t_limit, bool renew, StepReport& report);
+  void begin_factor(bool renew);
+  void give_way();
+  void accept();
   Outcome solve(StepReport& report);
   double iterate(StepReport& report);
 
@@ -48,10 +55,15 @@ class GeneralizedAlpha final : public Integrator {
   double alpha_m_ = 0, alpha_f_ = 0, beta_ = 0, gamma_ = 0;
   double h_ = 0;
   double h_before_ = 0;       // of the step before; 0: none
+  double trend_ = 1;          // of the last change of a and lambda, how much the predictor takes once more
   double c_v_ = 0, c_q_ = 0;  // dv/da', dq/da' of the trial state (a': true acceleration)
   double factor_c_q_ = 0;     // of the factor; 0: none
   bool rate_poor_ = false, fresh_ = false;
-  int fresh_left_ = 0;  // steps that renew the factor, see kFreshSteps
+  bool began_fresh_ = false;  // the attempt began with a new factor
+  Status failure_;            // what ended the last attempt, if it was not Newton itself
+  int halvings_ = 0;          // of the step size, at present
+  int steps_at_length_ = 0;   // accepted since the last change of halvings_
+  int fresh_left_ = 0;        // steps that renew the factor, see kFreshSteps
   double rate_ = 0.5;
   std::vector<double> a_old_, a_base_, v_base_,
       delta_base_;                                // algorithmic acceleration; constant parts of the formulas

@@ -36,6 +36,8 @@ struct IntegratorCounts {
   long refactor_step = 0;    ///< ... because the step size left the band of the factor
   long refactor_rate = 0;    ///< ... because Newton slowed down
   long refactor_failed = 0;  ///< ... because Newton failed with an old factor
+  long divisions = 0;        ///< halvings of a constant step in which Newton failed with a new factor
+  double first_division = 0, shortest_step = 0;  ///< time of the first of them; the shortest step that came of them
   double largest_position = 0, largest_velocity = 0, largest_acceleration = 0;  ///< constraint violations
 };
 

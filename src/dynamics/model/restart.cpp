@@ -9,7 +9,7 @@
 namespace espalier::dynamics::model {
 namespace {
 
-constexpr char kMagic[16] = "ESPALIER-RST-1\n";
+constexpr char kMagic[16] = "ESPALIER-RST-2\n";
 
 /// What a file must agree on with the model: sizes, and the names of all components.
 std::vector<std::uint64_t> identity(const Mechanism& mechanism) {

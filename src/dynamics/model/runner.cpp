@@ -180,7 +180,9 @@ void Runner::run(const SimulationObserver& observer) {
   const Stopwatch watch(summary_.phases.total);
   try {
     loop(observer);
+    note_divisions();
   } catch (const Error& error) {
+    note_divisions();
     const Error explained(error.status().code, explain_failure(error), error.status().row);
     if (files_) files_->emergency(sample(last_report_));
     finish();
@@ -220,6 +222,15 @@ void Runner::loop(const SimulationObserver& observer) {
   files_->end(sample(last_report_));
 }
 
+void Runner::note_divisions() {
+  const IntegratorCounts& c = integrator_->counts();
+  if (c.divisions == 0) return;
+  summary_.notices.push_back(
+      fmt::format("steps of {:g} in which Newton did not converge were divided: {} halvings, the first at t = {:g}, "
+                  "down to {:.3g}",
+                  model_.integrator.alpha.step, c.divisions, c.first_division, c.shortest_step));
+}
+
 StepReport Runner::step(double limit) { return integrator_->step(limit); }
 
 std::string Runner::explain_failure(const Error& error) {
@@ -252,6 +263,7 @@ void Runner::finish() {
   summary_.error_failures = c.error_failures;
   summary_.newton_failures = c.newton_failures;
   summary_.crossings = c.crossings;
+  summary_.divisions = c.divisions;
   summary_.refactor_first = c.refactor_first;
   summary_.refactor_step = c.refactor_step;
   summary_.refactor_rate = c.refactor_rate;
