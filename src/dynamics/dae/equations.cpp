@@ -1,5 +1,7 @@
 #include "dynamics/dae/equations.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -123,7 +125,8 @@ void Equations::factorize(const StateView& s, const TangentWeights& weights) {
                             ? " (" + system_.coordinate_name(status.row) + ")"
                             : " (" + system_.constraint_name(status.row - sizes_.velocity) + ")";
     }
-    status.message = "the matrix of the Newton step is singular at t = " + std::to_string(s.t) + ": " + status.message;
+    const char* what = status.code == StatusCode::singular ? "is singular" : "could not be factorized";
+    status.message = fmt::format("the matrix of the Newton step at t = {:g} {}: {}", s.t, what, status.message);
     throw Error(status);
   }
   first_factorization_ = false;
