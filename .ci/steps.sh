@@ -98,24 +98,35 @@ sanitizer_options() {
   export TSAN_OPTIONS="allocator_may_return_null=1:halt_on_error=1:second_deadlock_stack=1"
 }
 
-# Builds test programs with preset $1 and runs each in one process (starting a process per test costs a sanitizer build
-# more than the tests).
+# Builds test programs with preset $1 and runs each, its tests dealt to one process per core (starting a process per test
+# costs a sanitizer build more than the tests).
 # test_sanitized PRESET FILTER PROGRAM...
 test_sanitized() {
   local preset=$1 filter=$2 program status=0
   shift 2
   sanitizer_options
   configure_and_build "$preset" -- "$@" || return 1
+  GTEST_TOTAL_SHARDS=$(nproc)
+  export GTEST_TOTAL_SHARDS
   for program in "$@"; do
-    local log=build/$preset/$program.log begin=$SECONDS
-    if (cd "build/$preset/tests" && timeout 600 "./$program" --gtest_brief=1 --gtest_filter="$filter") >"$log" 2>&1 </dev/null; then
-      echo "$program: $(grep -E '^\[  PASSED  \]' "$log" | tail -1) $((SECONDS - begin)) s"
+    local begin=$SECONDS shard bad=0 jobs=() logs=()
+    for ((shard = 0; shard < GTEST_TOTAL_SHARDS; ++shard)); do
+      logs+=("$PWD/build/$preset/$program.$shard.log")
+      (cd "build/$preset/tests" && GTEST_SHARD_INDEX=$shard timeout 600 "./$program" --gtest_brief=1 --gtest_filter="$filter") \
+        >"${logs[shard]}" 2>&1 </dev/null &
+      jobs+=($!)
+    done
+    for shard in "${!jobs[@]}"; do
+      wait "${jobs[shard]}" || { tail -60 "${logs[shard]}"; bad=1; }
+    done
+    if [[ $bad == 0 ]]; then
+      echo "$program: $(grep -hE '^\[  PASSED  \]' "${logs[@]}" | awk '{n += $4} END {print n}') tests passed, $((SECONDS - begin)) s"
     else
-      tail -60 "$log"
       echo "$program: FAILED"
       status=1
     fi
   done
+  unset GTEST_TOTAL_SHARDS
   return $status
 }
 
@@ -148,29 +159,27 @@ test_tsan() {
   test_sanitized tsan "$threaded_dynamics" test_dynamics && return $solver
 }
 
+# Runs one fuzz target; what it finds stands in build/asan/NAME-*.
+fuzz_one() {
+  local name=${1##*/fuzz_}
+  local folders=("build/asan/found/$name") log=build/asan/$name.log
+  [[ -d tests/fuzz/corpus/$name ]] && folders+=("tests/fuzz/corpus/$name")
+  mkdir -p "${folders[0]}"
+  if "$1" -max_total_time="${fuzz_seconds:?}" -timeout=20 -rss_limit_mb=4096 -print_final_stats=1 \
+       -artifact_prefix="build/asan/$name-" "${folders[@]}" >"$log" 2>&1; then
+    echo "$name: $(sed -nE 's/^stat::number_of_executed_units: *//p' "$log") inputs"
+  else
+    tail -40 "$log"
+    echo "$name: FAILED; the input stands in build/asan/$name-*"
+    return 1
+  fi
+}
+
 run_fuzzers() {
   sanitizer_options
   with_clang || return 1
-  configure_and_build asan -- fuzz_matrix_market fuzz_rutherford_boeing fuzz_c_api fuzz_mesh_gmsh fuzz_mesh_nastran \
-    fuzz_mesh_vtk || return 1
-  local target name status=0 count=0
-  for target in build/asan/tests/fuzz/fuzz_*; do
-    [[ -f $target && -x $target ]] || continue
-    name=$(basename "$target")
-    name=${name#fuzz_}
-    local folders=("build/asan/found/$name") log=build/asan/$name.log
-    [[ -d tests/fuzz/corpus/$name ]] && folders+=("tests/fuzz/corpus/$name")
-    mkdir -p "${folders[0]}"
-    count=$((count + 1))
-    if "$target" -max_total_time="${fuzz_seconds:?}" -timeout=20 -rss_limit_mb=4096 -print_final_stats=1 \
-         -artifact_prefix="build/asan/$name-" "${folders[@]}" >"$log" 2>&1; then
-      echo "$name: $(sed -nE 's/^stat::number_of_executed_units: *//p' "$log") inputs"
-    else
-      tail -40 "$log"
-      echo "$name: FAILED; the input stands in build/asan/$name-*"
-      status=1
-    fi
-  done
-  [[ $count -gt 0 ]] || { echo "no fuzz targets were built"; return 1; }
-  return $status
+  local targets=(fuzz_matrix_market fuzz_rutherford_boeing fuzz_c_api fuzz_mesh_gmsh fuzz_mesh_nastran fuzz_mesh_vtk)
+  configure_and_build asan -- "${targets[@]}" || return 1
+  export -f fuzz_one
+  printf '%s\n' "${targets[@]/#/build/asan/tests/fuzz/}" | xargs -P "$(nproc)" -I{} bash -c 'fuzz_one "$1"' fuzz {}
 }
