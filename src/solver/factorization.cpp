@@ -40,6 +40,7 @@ void Solver::Impl::make_numeric() {
   o.kind = kind;
   o.device = device;
   o.device_memory_bytes = budgets();
+  o.pinned_memory_bytes = options.pinned_memory_bytes;
   o.threshold = options.pivot_threshold;
   o.smallest_pivot = smallest_pivot;
   numeric.reset();  // its memory goes before new memory comes
@@ -74,15 +75,15 @@ void Solver::Impl::load_values(std::span<const double> values) {
   solver::DeviceSystem* system = numeric->device_system();
   values_on_device = false;
   if (system != nullptr && equations.keeps_order()) {
-    constexpr Offset kPiece = Offset{1} << 22;  // entries on the link: 32 MiB
-    constexpr std::int64_t kEntries = 1 << 17;  // of one thread
-    for (Offset first = 0; first < equations.a.nonzeros(); first += kPiece) {
-      const Offset now = std::min(kPiece, equations.a.nonzeros() - first);
+    // A quarter at a time, between 1 and 32 MiB; two parts of it for each thread.
+    const Offset all = equations.a.nonzeros(), piece = std::clamp(all / 4, Offset{1} << 17, Offset{1} << 22);
+    const std::int64_t part = std::max<std::int64_t>(1 << 14, piece / (2 * pool.size()));
+    for (Offset first = 0; first < all; first += piece) {
+      const Offset now = std::min(piece, all - first);
       const double* from = values.data() + first;
       double* to = equations.a.values.data() + first;
-      pool.for_each_piece(now, kEntries, [&](std::int64_t begin, std::int64_t end) {
-        std::copy(from + begin, from + end, to + begin);
-      });
+      pool.for_each_piece(
+          now, part, [&](std::int64_t begin, std::int64_t end) { std::copy(from + begin, from + end, to + begin); });
       system->send_values(first, now);
     }
   } else {

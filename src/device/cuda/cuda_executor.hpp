@@ -52,6 +52,14 @@ struct FilledValues {
   bool operator==(const FilledValues&) const = default;
 };
 
+/// Memory of the GPU that must be cleared before a solve: the first with zeros, the second with ones bits.
+struct SolveClear {
+  int* zeros = nullptr;
+  int zeros_count = 0;  ///< at most 64
+  int* ones = nullptr;
+  Offset ones_count = 0;  ///< of ints
+};
+
 /// Executor with calls for values and right-hand sides that already lie in the memory of its first GPU. Calls return
 /// when the GPU has finished, unless they say otherwise. Refactorizations and solves replay CUDA graphs and take no
 /// memory.
@@ -76,6 +84,8 @@ class CudaExecutor : public Executor<T> {
   virtual double refactorize_again() = 0;
   /// Like solve(); x is device memory. @returns seconds on the GPU
   virtual double solve_device(T* x, Index columns, bool transpose) = 0;
+  /// What the caller clears before enqueue_solve() for so many right-hand sides.
+  virtual SolveClear clear_before_solve(Index columns) = 0;
   /// The same, enqueued on stream(): whether it was given up is known in solve_aborted() (memory of the GPU) when it
   /// is done. Several GPUs are waited for, and there is nothing to know afterwards (null).
   virtual void enqueue_solve(T* x, Index columns, bool transpose) = 0;

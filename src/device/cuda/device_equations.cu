@@ -14,8 +14,9 @@ namespace espalier::device::cuda {
 
 namespace {
 
-constexpr Index kMostColumns = 64;          // right-hand sides of one substitution
-constexpr Index kColumnGroup = 8;           // several right-hand sides come in multiples of it
+constexpr Index kMostColumns = 64;  // right-hand sides of one substitution
+constexpr Index kColumnGroup = 8;   // several right-hand sides come in multiples of it
+constexpr int kResidualNumbers = kResidualColumns * ResidualSizes::kCount;
 constexpr int kGroups = 8;                  // passes of residuals before the host looks at them
 constexpr Offset kPiece = Offset{1} << 19;  // doubles that go through the link at a time: 4 MiB
 
@@ -59,8 +60,8 @@ class Equations final : public DeviceEquations<T> {
         ends_(kGroups),
         aborted_(1),
         link_(std::min<Offset>(kPiece, kColumnGroup * Offset{n_})) {
-    if (nonzeros_ > std::numeric_limits<std::uint32_t>::max())
-      throw Error(StatusCode::out_of_memory, "more than 2^32 entries are not indexed on a device");
+    constexpr Offset kMost = std::numeric_limits<std::uint32_t>::max() - 64;  // kernels look so far ahead
+    if (nonzeros_ > kMost) throw Error(StatusCode::out_of_memory, "more than 2^32 entries are not indexed on a device");
     upload(col_ptr_, a.pattern.col_ptr);
     upload(row_ind_, a.pattern.row_ind);
     upload(row_ptr_, a.row_ptr);
@@ -121,9 +122,10 @@ class Equations final : public DeviceEquations<T> {
       const Passage p{order_.data(), row_of_col_.data(), row_scale_.data(), col_scale_.data(), n_, now,
                       width,         transpose};
       T* rhs = executor_.device_rhs(width);
+      const SolveClear clear = executor_.clear_before_solve(width);
       const unsigned blocks = blocks_for(static_cast<Offset>(n_) * width);
       const Offset at = static_cast<Offset>(first) * n_;
-      gather_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(p, b + at, rhs, clock_.data());
+      gather_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(p, b + at, rhs, clear, clock());
       call("launch of the gather kernel", [&] { return cudaGetLastError(); });
       executor_.enqueue_solve(rhs, width, transpose);
       scatter_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(p, rhs, x + at);
@@ -261,14 +263,16 @@ class Equations final : public DeviceEquations<T> {
   }
   void take_residual_memory() {
     const unsigned rows = blocks_for(static_cast<Offset>(n_) * kLanes);
-    residual_blocks_[0] = std::clamp(resident_blocks(residual_kernel<1>, device_), 1U, rows);
-    residual_blocks_[1] = std::clamp(resident_blocks(residual_kernel<kResidualColumns>, device_), 1U, rows);
-    parts_ = take<double>(ResidualSizes::kCount * Offset{std::max(residual_blocks_[0], residual_blocks_[1] * kLanes)});
-    ticket_ = take<int>(1);
-    clock_ = take<unsigned long long>(2);
-    call("cudaMemset", [&] { return cudaMemset(ticket_.data(), 0, sizeof(int)); });
-    call("cudaMemset", [&] { return cudaMemset(clock_.data(), 0, static_cast<std::size_t>(clock_.bytes())); });
+    const auto blocks = [&](auto* kernel) { return std::clamp(resident_blocks(kernel, device_), 1U, rows); };
+    residual_blocks_[0] = blocks(short_rows() ? residual_kernel<1, 2> : residual_kernel<1, 4>);
+    residual_blocks_[1] = blocks(residual_kernel<kResidualColumns, 1>);
+    residual_control_ = take<unsigned long long>(kResidualNumbers + 3);
+    call("cudaMemset",
+         [&] { return cudaMemset(residual_control_.data(), 0, static_cast<std::size_t>(residual_control_.bytes())); });
   }
+  // Both halves of most rows fit into a batch of two: more rows at a time then serve better than more entries.
+  [[nodiscard]] bool short_rows() const { return nonzeros_ <= 2 * kLanes * Offset{n_}; }
+  [[nodiscard]] unsigned long long* clock() const { return residual_control_.data() + kResidualNumbers; }
 
   // The values as they were given.
   [[nodiscard]] double* given() const {
@@ -302,13 +306,15 @@ class Equations final : public DeviceEquations<T> {
     }
     job.columns = static_cast<int>(columns.size());
     job.transpose = transpose;
-    job.parts = parts_.data();
-    job.ticket = ticket_.data();
-    job.clock = clock_.data();
+    job.largest = residual_control_.data();
+    job.ticket = reinterpret_cast<int*>(clock() + 2);
+    job.clock = clock();
     job.aborted = unreported_ ? executor_.solve_aborted() : nullptr;
     job.end = end;
-    if (columns.size() == 1) {
-      residual_kernel<1><<<residual_blocks_[0], kEquationThreads, 0, stream()>>>(pattern(), job);
+    if (columns.size() == 1 && short_rows()) {
+      residual_kernel<1, 2><<<residual_blocks_[0], kEquationThreads, 0, stream()>>>(pattern(), job);
+    } else if (columns.size() == 1) {
+      residual_kernel<1, 4><<<residual_blocks_[0], kEquationThreads, 0, stream()>>>(pattern(), job);
     } else {
       // Right-hand sides of the factorization are not needed now; their memory is.
       constexpr Index kWidth = kResidualColumns * static_cast<Index>(sizeof(double) / sizeof(T));
@@ -317,7 +323,7 @@ class Equations final : public DeviceEquations<T> {
       pack_kernel<<<blocks_for(static_cast<Offset>(n_) * kResidualColumns), kEquationThreads, 0, stream()>>>(n_, job,
                                                                                                              packed);
       call("launch of the packing kernel", [&] { return cudaGetLastError(); });
-      residual_kernel<kResidualColumns><<<residual_blocks_[1], kEquationThreads, 0, stream()>>>(pattern(), job);
+      residual_kernel<kResidualColumns, 1><<<residual_blocks_[1], kEquationThreads, 0, stream()>>>(pattern(), job);
     }
     call("launch of the residual kernel", [&] { return cudaGetLastError(); });
   }
@@ -356,10 +362,9 @@ class Equations final : public DeviceEquations<T> {
   DeviceArray<double> row_scale_, col_scale_;
   DeviceArray<double> copy_;     // values as they were given; empty: the executor has them
   DeviceArray<double> largest_;  // of the blocks of the scaling kernel
-  DeviceArray<double> parts_;    // of the blocks of the residual kernels
-  DeviceArray<int> ticket_;
-  DeviceArray<unsigned long long> clock_;  // when right-hand sides were gathered, when residuals began
-  unsigned residual_blocks_[2] = {};       // for one right-hand side, for several
+  // Maxima; when right-hand sides were gathered, when residuals began; ticket.
+  DeviceArray<unsigned long long> residual_control_;
+  unsigned residual_blocks_[2] = {};  // for one right-hand side, for several
   std::unique_ptr<double, Unpin> pinned_values_;
   DeviceArray<double> slots_[DeviceEquations<T>::kSlots];
   bool pending_ = false;     // work on vectors is enqueued

@@ -283,14 +283,21 @@ void DeviceSide<T>::enqueue_judge(const FilledValues& values) {
 }
 
 template <class T>
-void DeviceSide<T>::enqueue_clear_solve(Index at_once) {
-  call("cudaMemsetAsync", [&] {
-    return cudaMemsetAsync(solve_control_.data(), 0, static_cast<std::size_t>(solve_control_.bytes()), stream_.get());
-  });
+SolveClear DeviceSide<T>::solve_clear(Index at_once) const {
   const Offset rows = 2 * n() + (common_.updates != nullptr ? 0 : static_cast<Offset>(context_.plan.relative.size()));
-  call("cudaMemsetAsync", [&] {
-    return cudaMemsetAsync(vectors_.data(), 0xff, static_cast<std::size_t>(rows * at_once) * sizeof(T), stream_.get());
-  });
+  return {solve_control_.data(), static_cast<int>(solve_control_.size()), reinterpret_cast<int*>(vectors_.data()),
+          rows * at_once * static_cast<Offset>(sizeof(T) / sizeof(int))};
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_clear_solve(Index at_once) {
+  const SolveClear clear = solve_clear(at_once);
+  const auto fill = [&](int* from, Offset count, int byte) {
+    call("cudaMemsetAsync",
+         [&] { return cudaMemsetAsync(from, byte, static_cast<std::size_t>(count) * sizeof(int), stream_.get()); });
+  };
+  fill(clear.zeros, clear.zeros_count, 0);
+  fill(clear.ones, clear.ones_count, 0xff);
 }
 
 template <class T>

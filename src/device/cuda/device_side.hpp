@@ -80,6 +80,8 @@ class DeviceSide {
   /// Zeroes flags and counters for the next factorization, and fills the vectors of the next pass of a solve.
   void enqueue_clear_factor();
   void enqueue_clear_solve(Index at_once);
+  /// The memory that the latter clears.
+  [[nodiscard]] SolveClear solve_clear(Index at_once) const;
   /// The kernels. skip_last_half: only the first half of the tasks, as if the device had died then (for tests).
   void enqueue_factor(bool skip_last_half = false);
   /// What stands before and after the kernels where this is the only GPU.

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "device/cuda/block_sums.cuh"
+#include "device/cuda/cuda_executor.hpp"
 #include "device/cuda/equation_pattern.cuh"
 
 namespace espalier::device::cuda {
@@ -21,10 +22,11 @@ struct ValuesJob {
   double* largest;  ///< blocks of the grid
 };
 
+constexpr int kAtOnce = 4;  ///< entries that a thread loads before it stores the first
+
 /// Without scales: entries in their order. scaled may be `values`.
 template <class T>
 __global__ void __launch_bounds__(kEquationThreads) take_kernel(const ValuesJob<T> job) {
-  constexpr int kAtOnce = 4;  // all of them loaded before the first is stored
   const Offset step = static_cast<Offset>(gridDim.x) * kEquationThreads;
   double most = 0;
   for (Offset first = static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x; first < job.nonzeros;
@@ -53,13 +55,23 @@ __global__ void __launch_bounds__(kEquationThreads) scale_kernel(DevicePattern p
   double most = 0;
   for (Offset col = static_cast<Offset>(blockIdx.x) * kRowsOfBlock + threadIdx.x / kLanes; col < p.n; col += step) {
     const double c = job.col_scale != nullptr ? job.col_scale[col] : 1.0;
-    for (Offset q = p.col_ptr[col] + lane; q < p.col_ptr[col + 1]; q += kLanes) {
-      const double v = job.values[q];
-      const double r = job.row_scale != nullptr ? job.row_scale[p.row_ind[q]] : 1.0;
-      const T scaled = static_cast<T>(v * c * r);
-      if (job.copy != nullptr) job.copy[q] = v;
-      if (q < job.factored) job.scaled[q] = scaled;
-      most = larger(most, fabs(static_cast<double>(scaled)));
+    const Offset end = p.col_ptr[col + 1];
+    for (Offset first = p.col_ptr[col] + lane; first < end; first += kAtOnce * kLanes) {
+      double v[kAtOnce], r[kAtOnce];
+#pragma unroll
+      for (int k = 0; k < kAtOnce; ++k) {
+        const Offset q = first + k * kLanes;
+        v[k] = q < end ? job.values[q] : 0;
+        r[k] = q < end && job.row_scale != nullptr ? job.row_scale[p.row_ind[q]] : 1.0;
+      }
+#pragma unroll
+      for (int k = 0; k < kAtOnce; ++k) {
+        const Offset q = first + k * kLanes;
+        const T scaled = static_cast<T>(v[k] * c * r[k]);
+        if (q < end && job.copy != nullptr) job.copy[q] = v[k];
+        if (q < end && q < job.factored) job.scaled[q] = scaled;
+        most = larger(most, fabs(static_cast<double>(scaled)));
+      }
     }
   }
   most = largest_of_block(most);
@@ -86,10 +98,15 @@ struct Passage {
   }
 };
 
-/// rhs (n x width, row-major, by position) = scaled b; columns beyond the last are zero. *clock: when it began.
+/// rhs (n x width, row-major, by position) = scaled b; columns beyond the last are zero. *clock: when it began. What
+/// the executor wants cleared is cleared on the way.
 template <class T>
-__global__ void gather_kernel(Passage p, const double* b, T* rhs, unsigned long long* clock) {
+__global__ void gather_kernel(Passage p, const double* b, T* rhs, SolveClear clear, unsigned long long* clock) {
   if (blockIdx.x == 0 && threadIdx.x == 0) *clock = nanoseconds_now();
+  if (blockIdx.x == 0 && threadIdx.x < clear.zeros_count) clear.zeros[threadIdx.x] = 0;
+  const Offset step = static_cast<Offset>(gridDim.x) * kEquationThreads;
+  for (Offset k = static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x; k < clear.ones_count; k += step)
+    clear.ones[k] = -1;
   const Offset at = static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x;
   if (at >= static_cast<Offset>(p.n) * p.width) return;
   const auto k = static_cast<Index>(at / p.width), c = static_cast<Index>(at % p.width);

@@ -24,16 +24,6 @@ constexpr int kLanes = 8;                                ///< threads of a row
 constexpr int kEquationThreads = 256;                    ///< of a block
 constexpr int kRowsOfBlock = kEquationThreads / kLanes;  ///< that it has at a time
 
-/// Calls use(value, column) for this lane's share of a row of op(A).
-template <class Use>
-__device__ inline void visit_row(const DevicePattern& p, Index row, bool transpose, int lane, Use&& use) {
-  if (!p.general || transpose)
-    for (Offset q = p.col_ptr[row] + lane; q < p.col_ptr[row + 1]; q += kLanes) use(p.values[q], p.row_ind[q]);
-  if (p.row_ptr == nullptr || (p.general && transpose)) return;
-  for (Offset q = p.row_ptr[row] + lane; q < p.row_ptr[row + 1]; q += kLanes)
-    use(p.values[p.row_source[q]], p.row_col[q]);
-}
-
 /// Sum over the lanes of a row, in a fixed order; every lane gets it.
 __device__ inline double sum_lanes(double x) {
 #pragma unroll

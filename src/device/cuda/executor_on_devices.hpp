@@ -59,6 +59,10 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   double solve_device(T* x, Index columns, bool transpose) override;
 
+  SolveClear clear_before_solve(Index columns) override {
+    take_solve_memory(columns > 1 ? kManyColumns : 1);
+    return several() ? SolveClear{} : first().solve_clear(at_once_);
+  }
   void enqueue_solve(T* x, Index columns, bool transpose) override;
   [[nodiscard]] const int* solve_aborted() const override { return several() ? nullptr : first().solve_aborted(); }
   [[nodiscard]] Error solve_given_up() const override { return stalled("solve"); }
@@ -90,9 +94,10 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     bool transpose;
     int side;
     Index first_column;
+    bool cleared;  // what the first pass needs clear is so
     bool operator<(const SolveKey& o) const {
-      return std::tie(x, columns, transpose, side, first_column) <
-             std::tie(o.x, o.columns, o.transpose, o.side, o.first_column);
+      return std::tie(x, columns, transpose, side, first_column, cleared) <
+             std::tie(o.x, o.columns, o.transpose, o.side, o.first_column, o.cleared);
     }
   };
 
@@ -210,7 +215,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   void take_solve_memory(Index at_once);
 
-  const Graph& solve_graph_of(T* x, Index columns, bool transpose);
+  const Graph& solve_graph_of(T* x, Index columns, bool transpose, bool cleared);
   template <class Record>
   const Graph& solve_graph(const SolveKey& key, const Side& side, Record&& record);
 

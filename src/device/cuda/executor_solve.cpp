@@ -16,10 +16,10 @@ void ExecutorOnDevices<T>::solve(T* x, Index columns, bool transpose) {
 }
 
 template <class T>
-const Graph& ExecutorOnDevices<T>::solve_graph_of(T* x, Index columns, bool transpose) {
-  return solve_graph({x, columns, transpose, 0, 0}, first(), [&] {
+const Graph& ExecutorOnDevices<T>::solve_graph_of(T* x, Index columns, bool transpose, bool cleared) {
+  return solve_graph({x, columns, transpose, 0, 0, cleared}, first(), [&] {
     for (Index c = 0; c < columns; c += at_once_) {
-      first().enqueue_clear_solve(at_once_);
+      if (c > 0 || !cleared) first().enqueue_clear_solve(at_once_);
       first().enqueue_solve(sides_, x, x, columns, c, transpose);
     }
   });
@@ -30,7 +30,7 @@ double ExecutorOnDevices<T>::solve_device(T* x, Index columns, bool transpose) {
   take_solve_memory(columns > 1 ? kManyColumns : 1);
   if (several()) return solve_on_all(x, columns, transpose);
   const DeviceGuard guard(first().device());
-  const Graph& graph = solve_graph_of(x, columns, transpose);
+  const Graph& graph = solve_graph_of(x, columns, transpose, false);
   const double seconds = first().stream().timed([&] { graph.launch(first().stream().get()); });
   first().enqueue_counters();
   first().stream().wait();
@@ -40,13 +40,12 @@ double ExecutorOnDevices<T>::solve_device(T* x, Index columns, bool transpose) {
 
 template <class T>
 void ExecutorOnDevices<T>::enqueue_solve(T* x, Index columns, bool transpose) {
-  take_solve_memory(columns > 1 ? kManyColumns : 1);
   if (several()) {
     solve_on_all(x, columns, transpose);
     return;
   }
   const DeviceGuard guard(first().device());
-  solve_graph_of(x, columns, transpose).launch(first().stream().get());
+  solve_graph_of(x, columns, transpose, true).launch(first().stream().get());
 }
 
 template <class T>
@@ -106,7 +105,7 @@ double ExecutorOnDevices<T>::solve_on_all(T* x, Index columns, bool transpose) {
         [&](Side& side) {
           T* mine = side_rhs_[static_cast<std::size_t>(side.self())].data();
           T* result = common_.updates != nullptr ? mine : x;
-          solve_graph({x, columns, transpose, side.self(), c}, side, [&] {
+          solve_graph({x, columns, transpose, side.self(), c, false}, side, [&] {
             if (c == 0 && common_.updates == nullptr)
               call("copy of right-hand sides",
                    [&] { return launch_copy(mine, static_cast<const T*>(x), count, side.stream().get()); });

@@ -62,11 +62,11 @@ struct ResidualJob {
   double* r[kResidualColumns];  ///< may be null
   int columns;
   bool transpose;
-  const double* packed;       ///< n x kResidualColumns, row-major: x; where there are several columns
-  double* parts;              ///< blocks of the grid x columns x ResidualSizes
-  int* ticket;                ///< zero, before and after
-  unsigned long long* clock;  ///< [0] when right-hand sides were gathered; [1] is written
-  const int* aborted;         ///< null: nothing to report
+  const double* packed;         ///< n x kResidualColumns, row-major: x; where there are several columns
+  unsigned long long* largest;  ///< kResidualColumns x ResidualSizes, as bits; zero, before and after
+  int* ticket;                  ///< likewise
+  unsigned long long* clock;    ///< [0] when right-hand sides were gathered; [1] is written
+  const int* aborted;           ///< null: nothing to report
   ResidualEnd* end;
 };
 
@@ -95,7 +95,8 @@ __device__ inline void visit_row_together(const DevicePattern& p, Index row, boo
   });
 }
 
-/// Maxima over all blocks, by column, to the host's memory.
+/// Maxima over all blocks, by column, to the host's memory. The bits of numbers that are not negative are ordered as
+/// the numbers are. Blocks look before they raise a maximum: atomic operations on one place come one after the other.
 template <int Columns>
 __device__ inline void report_sizes(ResidualSizes& mine, const ResidualJob& job) {
   constexpr int kNumbers = Columns * ResidualSizes::kCount, kWarps = kEquationThreads / 32;
@@ -112,24 +113,65 @@ __device__ inline void report_sizes(ResidualSizes& mine, const ResidualJob& job)
   if (threadIdx.x < kNumbers) {
     double x = 0;
     for (int w = 0; w < kWarps; ++w) x = larger(x, warps[w][threadIdx.x]);
-    job.parts[static_cast<Offset>(blockIdx.x) * kNumbers + threadIdx.x] = x;
+    unsigned long long* const place = job.largest + threadIdx.x;
+    const auto bits = static_cast<unsigned long long>(__double_as_longlong(x));
+    if (bits > *static_cast<volatile unsigned long long*>(place)) atomicMax(place, bits);
   }
   if (!last_block(job.ticket)) return;
-  for (int k = warp; k < kNumbers; k += kWarps) {
-    double x = 0;
-    for (unsigned block = lane; block < gridDim.x; block += 32)
-      x = larger(x, job.parts[static_cast<Offset>(block) * kNumbers + k]);
-    x = largest_of_warp(x);
-    if (lane == 0) job.end->found[k / ResidualSizes::kCount][k % ResidualSizes::kCount] = x;
-  }
+  if (threadIdx.x < kNumbers)
+    job.end->found[threadIdx.x / ResidualSizes::kCount][threadIdx.x % ResidualSizes::kCount] =
+        __longlong_as_double(static_cast<long long>(atomicExch(job.largest + threadIdx.x, 0ULL)));
   if (threadIdx.x != 0) return;
   job.end->substitution = 1e-9 * static_cast<double>(job.clock[1] - job.clock[0]);
   job.end->aborted = job.aborted != nullptr ? *job.aborted : 0;
 }
 
-/// Columns: 1 or kResidualColumns (of which job.columns are wanted).
-template <int Columns>
-__global__ void __launch_bounds__(kEquationThreads)
+/// Calls use(value, x of its column) for this lane's share of a row of op(A). The row's entries in the columns and in
+/// the index by rows are fetched side by side, Batch of each at a time, or a row would be a chain of waits for the
+/// memory.
+template <int Batch, class Use>
+__device__ inline void visit_row_ahead(const DevicePattern& p, Index row, bool transpose, int lane, const double* x,
+                                       Use&& use) {
+  // Places in the columns, and in the index by rows: fewer than 2^32, like all entries.
+  std::uint32_t at[2] = {}, end[2] = {};
+  if (!p.general || transpose) {
+    at[0] = static_cast<std::uint32_t>(p.col_ptr[row]) + static_cast<std::uint32_t>(lane);
+    end[0] = static_cast<std::uint32_t>(p.col_ptr[row + 1]);
+  }
+  if (p.row_ptr != nullptr && !(p.general && transpose)) {
+    at[1] = static_cast<std::uint32_t>(p.row_ptr[row]) + static_cast<std::uint32_t>(lane);
+    end[1] = static_cast<std::uint32_t>(p.row_ptr[row + 1]);
+  }
+  for (; at[0] < end[0] || at[1] < end[1]; at[0] += Batch * kLanes, at[1] += Batch * kLanes) {
+    double value[2][Batch], other[2][Batch];
+    Index col[2][Batch];
+    std::uint32_t source[Batch];
+#pragma unroll
+    for (int k = 0; k < Batch; ++k) {
+      const std::uint32_t a = at[0] + k * kLanes, b = at[1] + k * kLanes;
+      value[0][k] = a < end[0] ? p.values[a] : 0;
+      col[0][k] = a < end[0] ? p.row_ind[a] : row;
+      source[k] = b < end[1] ? p.row_source[b] : 0;
+      col[1][k] = b < end[1] ? p.row_col[b] : row;
+    }
+#pragma unroll
+    for (int k = 0; k < Batch; ++k) {
+      other[0][k] = x[col[0][k]];
+      other[1][k] = x[col[1][k]];
+      value[1][k] = p.values[source[k]];
+    }
+#pragma unroll
+    for (int k = 0; k < Batch; ++k)
+      if (at[0] + k * kLanes < end[0]) use(value[0][k], other[0][k]);
+#pragma unroll
+    for (int k = 0; k < Batch; ++k)
+      if (at[1] + k * kLanes < end[1]) use(value[1][k], other[1][k]);
+  }
+}
+
+/// Columns: 1 or kResidualColumns (of which job.columns are wanted). Batch: of visit_row_ahead().
+template <int Columns, int Batch>
+__global__ void __launch_bounds__(kEquationThreads, 4)
     residual_kernel(const DevicePattern p, const __grid_constant__ ResidualJob job) {
   static_assert(Columns == 1 || Columns == kLanes, "a thread of a group has a column");
   if (blockIdx.x == 0 && threadIdx.x == 0) job.clock[1] = nanoseconds_now();
@@ -141,6 +183,8 @@ __global__ void __launch_bounds__(kEquationThreads)
   for (Offset first = static_cast<Offset>(blockIdx.x) * kRowsOfBlock; first < p.n; first += step) {
     const bool inside = first + mine < p.n;
     const Index row = inside ? static_cast<Index>(first + mine) : 0;
+    const bool wanted = inside && column < job.columns;
+    const double b = wanted ? job.b[column][row] : 0, own = wanted ? job.x[column][row] : 0;
     LongSum sum;
     double scale = 0, norm = 0;
     const auto take = [&](double v, double x) {
@@ -149,8 +193,7 @@ __global__ void __launch_bounds__(kEquationThreads)
       norm += fabs(v);
     };
     if constexpr (Columns == 1) {
-      const double* x = job.x[0];
-      if (inside) visit_row(p, row, job.transpose, lane, [&](double v, Index c) { take(v, x[c]); });
+      if (inside) visit_row_ahead<Batch>(p, row, job.transpose, lane, job.x[0], take);
       sum.sum_lanes();
       scale = sum_lanes(scale);
       norm = sum_lanes(norm);
@@ -158,13 +201,12 @@ __global__ void __launch_bounds__(kEquationThreads)
       visit_row_together(p, row, job.transpose, lane,
                          [&](double v, Index c) { take(v, job.packed[static_cast<Offset>(c) * Columns + lane]); });
     }
-    if (!inside || column >= job.columns) continue;
-    const double b = job.b[column][row], x = job.x[column][row];
+    if (!wanted) continue;
     sum.add(b, 0);
     const double residual = sum.high + sum.low;
     double* r = job.r[column];
     if (r != nullptr && (Columns > 1 || lane == 0)) r[row] = residual;
-    sizes.add(residual, scale + fabs(b), x, b, norm);
+    sizes.add(residual, scale + fabs(b), own, b, norm);
   }
   report_sizes<Columns>(sizes, job);
 }
