@@ -37,6 +37,8 @@ struct UnitTables {
   int width = 0;       ///< group: of its tile columns
 };
 
+struct UnitArrays;
+
 /// Makes the tables of a plan's units. Front 0 of a group's tables is the group seen as a front of its own, front 1 the
 /// large front, then its children, link k of the large front belonging to its k-th child with rows below.
 class StreamTables {
@@ -67,8 +69,15 @@ class StreamTables {
   [[nodiscard]] static TablePlaces places(const Counts& c);
   [[nodiscard]] ScratchPlaces scratch_places(const Counts& c) const;
   [[nodiscard]] Front group_front(Index f, Index begin, Index end) const;
-  void emit_column(const Front& f, std::int32_t id, Index column, std::vector<FactorTask>& tasks) const;
-  void emit_group(const Front& f, Index begin, Index end, std::vector<FactorTask>& tasks) const;
+  struct Position {  // of the next front of a step, in the step's pivots and flags
+    std::int32_t pivot = 0;
+    std::int64_t flag = 0;
+  };
+  [[nodiscard]] static std::int32_t place_in(const analysis::InCoreStep& step, Index f);
+  void add_front(const analysis::InCoreStep& step, Index k, UnitArrays& arrays, Position& next) const;
+  void place_group(const analysis::ColumnGroup& g, Front& whole, Front& own) const;
+  void emit_column(const Front& f, std::int32_t id, Index column, UnitArrays& arrays) const;
+  void emit_group(const Front& f, Index begin, Index end, UnitArrays& arrays) const;
 
   const analysis::Plan& plan_;
   Kind kind_;
