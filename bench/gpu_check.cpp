@@ -55,13 +55,15 @@ void print_row(const Json& row) {
   std::fflush(stdout);
 }
 
-/// Without a GPU: what the plans would ask of one.
+/// Without a GPU: what the plans would ask of one. The results are written after every row.
 int show_plans(const CheckSettings& settings, base::ThreadPool& pool) {
+  Json document = gpu_document("simulated", settings.common, {}, "");
   for (const Wish& wish : wishes(settings)) {
     GpuCase c = prepare_case(wish.system, wish.kind, pool);
     for (const int devices : settings.counts) {
       lay_out_for_gpus(c, devices, settings.tuning, pool);
-      show_plan(c, settings);
+      document["rows"].push_back(show_plan(c, settings));
+      if (!settings.common.out.empty()) write_document(document, settings.common.out);
     }
   }
   return 0;

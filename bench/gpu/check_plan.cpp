@@ -3,6 +3,7 @@
 #include "base/timeline.hpp"
 #include "factor/gpu_simulator.hpp"
 #include "gpu/check_run.hpp"
+#include "gpu/gpu_document.hpp"
 
 namespace espalier::bench {
 namespace {
@@ -45,7 +46,7 @@ void show_lists(const GpuCase& c, const device::cuda::DevicePlan& d, const Share
 
 }  // namespace
 
-void show_plan(const GpuCase& c, const CheckSettings& settings) {
+nlohmann::json show_plan(const GpuCase& c, const CheckSettings& settings) {
   const double start = base::now_seconds();
   const auto d = device::cuda::make_device_plan(c.plan, c.kind);
   const double seconds = base::now_seconds() - start;
@@ -63,6 +64,17 @@ void show_plan(const GpuCase& c, const CheckSettings& settings) {
       1e3 * analysis::gpu_time(c.plan.tree, c.kind == Kind::lu, c.kind == Kind::ldlt).on(c.devices),
       base::now_seconds() - simulation);
   if (settings.lists) show_lists(c, d, shares, settings.common.fp32 ? 4e-9 : 8e-9);
+  nlohmann::json row = empty_row(c.name, fmt::format("simulated on {} GPU{}", c.devices, c.devices == 1 ? "" : "s"),
+                                 "Espalier, plan in virtual time");
+  row["unknowns"] = c.plan.tree.n;
+  row["nonzeros"] = c.a.nonzeros();
+  row["kind"] = name_of(c.kind);
+  row["flops"] = c.plan.flops;
+  row["nonzeros_factor"] = c.plan.nonzeros_factor;
+  row["refactorization"] = samples_of({run.seconds});
+  row["parameters"] = {{"devices", c.devices}};
+  row["check"] = {{"busy", busy}};
+  return row;
 }
 
 }  // namespace espalier::bench

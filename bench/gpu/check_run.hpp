@@ -18,7 +18,8 @@ nlohmann::json check_case(const GpuCase& c, const CheckSettings& settings, base:
 /// host's inertia.
 bool good(const nlohmann::json& row);
 
-/// Prints what the plan would ask of each GPU, and the simulated time of an H200. No GPU is needed.
-void show_plan(const GpuCase& c, const CheckSettings& settings);
+/// Prints what the plan would ask of each GPU, and the simulated time on H200s; returns a row with it. No GPU is
+/// needed.
+nlohmann::json show_plan(const GpuCase& c, const CheckSettings& settings);
 
 }  // namespace espalier::bench
