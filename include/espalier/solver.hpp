@@ -153,6 +153,7 @@ class Solver {
   /// return when the GPU is done. Without a factor on a GPU the status is device_error. Krylov methods (mixed
   /// precision) are left out.
   /// @pre state() != empty; state() == factorized
+  /// @throws std::invalid_argument for arrays in pageable host memory
   FactorResult refactorize_device(const double* values, Offset count, void* stream = nullptr);
   SolveResult solve_device(const double* b, double* x, Index columns = 1, Transpose transpose = Transpose::no,
                            void* stream = nullptr);

@@ -84,6 +84,9 @@ class DeviceSystemOf final : public DeviceSystem {
   void send(double* to, const double* from, Offset count) override { equations_->send(to, from, count, host_copy_); }
   void fetch(double* to, const double* from, Offset count) override { equations_->fetch(to, from, count, host_copy_); }
 
+  void expect_reachable(const double* array, const char* what) const override {
+    equations_->expect_reachable(array, what);
+  }
   void wait_for(void* stream) override { equations_->wait_for(stream); }
 
   [[nodiscard]] Index size() const override { return n_; }

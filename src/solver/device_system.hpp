@@ -36,6 +36,8 @@ class DeviceSystem : public solve::ResidualSpace {
   /// Two more slots of vectors, for right-hand sides and solutions.
   virtual double* right_hand_sides(Index columns) = 0;
   virtual double* solutions(Index columns) = 0;
+  /// @throws std::invalid_argument naming `what` when the array is in host memory that the GPU cannot reach
+  virtual void expect_reachable(const double* array, const char* what) const = 0;
   /// Waits for what is enqueued on a CUDA stream (cudaStream_t); null: the default stream.
   virtual void wait_for(void* stream) = 0;
   virtual void copy_vectors(const double* from, double* to, Offset count) = 0;

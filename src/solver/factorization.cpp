@@ -107,6 +107,7 @@ void Solver::Impl::factorize_device(const double* values, Offset count, void* st
   if (system == nullptr)
     throw Error(StatusCode::device_error,
                 "the factor is not in the memory of a GPU (" + numeric->device_name() + "); use refactorize()");
+  system->expect_reachable(values, "Solver::refactorize_device: the values");
   system->wait_for(stream);
   if (!equations.keeps_order()) {
     std::vector<double> copy(static_cast<std::size_t>(count));

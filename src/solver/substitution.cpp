@@ -90,6 +90,8 @@ void Solver::Impl::solve_device(const double* b, double* x, Index columns, bool 
   if (system == nullptr)
     throw Error(StatusCode::device_error,
                 "the factor is not in the memory of a GPU (" + numeric->device_name() + "); use solve()");
+  system->expect_reachable(b, "Solver::solve_device: the right-hand sides");
+  system->expect_reachable(x, "Solver::solve_device: the solutions");
   const Settled settled(*system);
   system->wait_for(stream);
   const Offset count = Offset{plan.tree.n} * columns;

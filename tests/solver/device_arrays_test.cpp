@@ -191,6 +191,21 @@ TEST_F(Gpu, DeterminantsOfWildDiagonalsAreExact) {
   EXPECT_NEAR(f.determinant_log, log, n * eps + 4 * eps * std::abs(log));
 }
 
+TEST_F(Gpu, HostArraysAreNoDeviceArrays) {
+  const SparseMatrix a = reference::random_system(300, 6, Values::positive, 11);
+  Options o;
+  o.device = "gpu:0";
+  Solver s(o);
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  EXPECT_THROW((void)s.refactorize_device(a.values.data(), a.nonzeros()), std::invalid_argument);
+  ASSERT_TRUE(s.refactorize_device(OnDevice(a.values).data(), a.nonzeros()).status.ok()) << "the GPU still works";
+  std::vector<double> b(300, 1.0), x(300);
+  EXPECT_THROW((void)s.solve_device(b.data(), OnDevice(x).data()), std::invalid_argument);
+  EXPECT_THROW((void)s.solve_device(OnDevice(b).data(), x.data()), std::invalid_argument);
+  ASSERT_TRUE(s.solve(b, x).status.ok());
+  EXPECT_LE(reference::backward_error(a, b, x), 1e-15);
+}
+
 TEST_F(Gpu, SingularAndNotFiniteValuesAreRefused) {
   const SparseMatrix a = reference::random_system(400, 6, Values::indefinite, 8);
   Options o;

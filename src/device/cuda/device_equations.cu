@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <limits>
+#include <stdexcept>
+#include <string>
 #include <type_traits>
 #include <vector>
 
@@ -213,6 +215,12 @@ class Equations final : public DeviceEquations<T> {
     if (!values.empty() && cudaHostRegister(p, values.size_bytes(), cudaHostRegisterDefault) == cudaSuccess)
       pinned_values_.reset(p);
     (void)cudaGetLastError();
+  }
+  void expect_reachable(const double* array, const char* what) const override {
+    cudaPointerAttributes found{};
+    call("cudaPointerGetAttributes", [&] { return cudaPointerGetAttributes(&found, array); });
+    if (found.type == cudaMemoryTypeUnregistered)
+      throw std::invalid_argument(std::string(what) + " are not in the memory of a GPU; use the calls for host arrays");
   }
   // A stream that is done, as after every call of a caller that waits itself, costs one question.
   void wait_for(void* other) override {

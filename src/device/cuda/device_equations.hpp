@@ -83,6 +83,8 @@ class DeviceEquations {
   virtual void fetch(double* to, const double* from, Offset count, const HostCopy& copy) = 0;
   /// Host memory from which values will come: pinned while the object lives, so that they travel at the link's rate.
   virtual void pin(std::span<const double> values) = 0;
+  /// @throws std::invalid_argument naming `what` when kernels cannot reach the array: they would end the whole context
+  virtual void expect_reachable(const double* array, const char* what) const = 0;
   /// Waits for what is enqueued on a CUDA stream (cudaStream_t).
   virtual void wait_for(void* stream) = 0;
   [[nodiscard]] virtual Offset bytes() const = 0;
