@@ -4,6 +4,7 @@
 #include "factor/pinned_store.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <map>
 #include <thread>
@@ -23,7 +24,8 @@ constexpr Offset kPiece = 1024;
 // Notes what is pinned.
 struct Machine {
   std::map<std::byte*, Offset> pinned;
-  int requests = 0, refuse = 0;
+  std::atomic<int> requests = 0;
+  int refuse = 0;
   bool entered = false;
   PinnedStore::Calls calls() {
     return {[this] { entered = true; },
@@ -86,6 +88,8 @@ TEST(PinnedStore, TheLimitAndARefusalEndIt) {
     PinnedStore store(memory.data(), kBytes, kBytes, kPiece, machine.calls());
     store.start();
     ASSERT_TRUE(wait_for(store, 2 * kPiece));
+    for (int k = 0; k < 2000 && machine.requests < 3; ++k) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
     EXPECT_EQ(machine.requests, 3) << "asked again after a refusal";
   }
   {
