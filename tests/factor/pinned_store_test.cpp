@@ -3,7 +3,6 @@
 // pinned memory throws.
 #include "factor/pinned_store.hpp"
 
-#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <map>
