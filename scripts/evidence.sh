@@ -85,7 +85,7 @@ bench() { # GROUP NAME LIMIT EXPERIMENT ARGUMENTS...: a step of `espalier bench`
   left=$((seconds - (SECONDS - begun)))
   ((left = left < limit ? left : limit, left = left > 10 ? left : 10))
   shown=80 step "$group" "$name" "$limit" "$espalier" bench "$experiment" --threads "$threads" --out "$out/$name.json" \
-    --time $((left * 85 / 100)) --timeout $((left / 4 + 10)) "$@"
+    --time $((left - 5)) --timeout $((left / 4 + 10)) "$@"
 }
 
 [[ $list == yes ]] || mkdir -p "$out"

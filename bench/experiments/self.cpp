@@ -9,25 +9,24 @@
 #include "experiments/experiments.hpp"
 #include "matrix/residual.hpp"
 #include "rivals/systems.hpp"
+#include "rivals/table.hpp"
 
 namespace espalier::bench {
 namespace {
 
-nlohmann::json samples_record(const Samples& samples) {
-  return {{"median", samples.median()}, {"least", samples.least()}, {"seconds", samples.seconds}};
-}
-
-/// Seconds of a call after others, as in a turn of the benchmark.
-template <typename Call>
-double timed_warm(double& last, Call&& call) {
+/// Seconds of a call after others, as in a turn of the benchmark; `prepare` runs right before it.
+template <typename Prepare, typename Call>
+double timed_warm(double& last, Prepare&& prepare, Call&& call) {
   struct Seconds {
     double seconds;
   };
   warm_up(last, [&] { return Seconds{timed(call)}; });
+  prepare();
   return last = timed(call);
 }
 
-/// The same calls in this process in a plain loop: no other process, no shared memory, no turns.
+/// The same calls in this process in a plain loop: no other process, no shared memory, no turns. New values are written
+/// right before they are factorized, as a Newton loop does: they take their part of the caches.
 nlohmann::json bare_row(const std::string& system, const Plan& plan) {
   const SparseMatrix a = make_system(system);
   Options options;
@@ -43,11 +42,14 @@ nlohmann::json bare_row(const std::string& system, const Plan& plan) {
   Status status = solver.analyze(a).status;
   if (status.ok()) status = solver.factorize(a).status;
   for (int round = 0; status.ok() && round <= plan.repetitions; ++round) {
-    for (std::size_t k = 0; k < values.size(); ++k) values[k] = a.values[k] * (1 + round / 16.0);
     if (!plan.warm) last_factor = last_solve = kNever;
-    const double factor = timed_warm(last_factor, [&] { status = solver.refactorize(values).status; });
+    const auto assemble = [&] {
+      for (std::size_t k = 0; k < values.size(); ++k) values[k] = a.values[k] * (1 + round / 16.0);
+    };
+    const double factor = timed_warm(last_factor, assemble, [&] { status = solver.refactorize(values).status; });
     if (!status.ok()) break;
-    const double solve = timed_warm(last_solve, [&] { status = solver.solve(b, x).status; });
+    const double solve = timed_warm(
+        last_solve, [] {}, [&] { status = solver.solve(b, x).status; });
     if (round == 0) continue;
     refactorization.seconds.push_back(factor);
     solve_one.seconds.push_back(solve);

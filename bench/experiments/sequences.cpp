@@ -7,6 +7,7 @@
 
 #include "experiments/experiments.hpp"
 #include "experiments/fit.hpp"
+#include "rivals/table.hpp"
 
 namespace espalier::bench {
 namespace {
@@ -25,7 +26,7 @@ nlohmann::json newton_step(const nlohmann::json& row) {
   Samples sum{row["refactorization"]["seconds"].get<std::vector<double>>()};
   const auto solves = row["solve_one"]["seconds"].get<std::vector<double>>();
   for (std::size_t k = 0; k < std::min(sum.seconds.size(), solves.size()); ++k) sum.seconds[k] += solves[k];
-  return {{"median", sum.median()}, {"least", sum.least()}, {"seconds", sum.seconds}};
+  return samples_record(sum);
 }
 
 /// Family of a generated system by its first word, with the dimension of its separators' theory; 0: unknown.

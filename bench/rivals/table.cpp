@@ -52,11 +52,6 @@ std::vector<std::string> cells(const Row& row, double best) {
           row.solve_one.empty() ? "-" : fmt::format("{:.1e}", row.error.normwise)};
 }
 
-nlohmann::json samples_record(const Samples& samples) {
-  if (samples.empty()) return nullptr;
-  return {{"median", samples.median()}, {"least", samples.least()}, {"seconds", samples.seconds}};
-}
-
 /// Null for what is not known, so that nobody takes -1 for a figure.
 template <typename T>
 nlohmann::json known(T value) {
@@ -71,6 +66,9 @@ std::string text_table(const std::vector<Row>& rows, Index columns) {
                                                   "memory", "on GPU", "backward"}};
   const double best = best_of(rows);
   for (const Row& row : rows) lines.push_back(cells(row, best));
+  constexpr std::ptrdiff_t kMany = 7;  // the column of the second solve
+  for (auto& line : lines)
+    if (columns == 1) line.erase(line.begin() + kMany);
   std::vector<std::size_t> widths(lines.front().size(), 0);
   for (const auto& line : lines)
     for (std::size_t k = 0; k < line.size(); ++k) widths[k] = std::max(widths[k], line[k].size());
@@ -85,6 +83,11 @@ std::string text_table(const std::vector<Row>& rows, Index columns) {
       text += fmt::format("  ^ {}: {}\n", nlohmann::json(verdict.outcome).get<std::string>(), verdict.message);
   }
   return text;
+}
+
+nlohmann::json samples_record(const Samples& samples) {
+  if (samples.empty()) return nullptr;
+  return {{"median", samples.median()}, {"least", samples.least()}, {"seconds", samples.seconds}};
 }
 
 nlohmann::json row_record(const Row& row) {
