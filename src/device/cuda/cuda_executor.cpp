@@ -28,14 +28,24 @@ std::vector<int> sharing(const std::vector<int>& devices) {
   return count;
 }
 
-// Whether every device can reach every other one's memory.
-bool peers_open(const std::vector<int>& devices) {
+// Lets device a reach the memory of device b. @returns whether it can
+bool open_path(int a, int b) {
+  int can = 0;
+  const auto asked = attempt("cudaDeviceCanAccessPeer", [&] { return cudaDeviceCanAccessPeer(&can, a, b); });
+  if (asked == cudaSuccess && can == 0) return false;
+  const DeviceGuard guard(a);
+  const auto e = asked != cudaSuccess
+                     ? asked
+                     : attempt("cudaDeviceEnablePeerAccess", [&] { return cudaDeviceEnablePeerAccess(b, 0); });
+  if (e != cudaSuccess) (void)cudaGetLastError();
+  return e == cudaSuccess || e == cudaErrorPeerAccessAlreadyEnabled;
+}
+
+// Whether every device reaches every other one's memory from now on; where one is refused, all go through the host.
+bool open_paths(const std::vector<int>& devices) {
   for (const int a : devices)
-    for (const int b : devices) {
-      int can = 1;
-      if (a != b) call("cudaDeviceCanAccessPeer", [&] { return cudaDeviceCanAccessPeer(&can, a, b); });
-      if (can == 0) return false;
-    }
+    for (const int b : devices)
+      if (a != b && !open_path(a, b)) return false;
   return true;
 }
 
@@ -48,7 +58,8 @@ ExecutorOnDevices<T>::ExecutorOnDevices(const analysis::Plan& plan, Kind kind, c
       kind_(kind),
       options_(options),
       devices_(options.devices.empty() ? std::vector<int>{options.device} : options.devices),
-      tables_(make_device_plan(plan, kind, !options.staging && peers_open(devices_))),
+      peers_(!options.staging && open_paths(devices_)),
+      tables_(make_device_plan(plan, kind, peers_)),
       context_{plan_,          kind_, tables_, options.patience_seconds, largest_stealable(tables_), sharing(devices_),
                values_of(plan)} {
   if (static_cast<Index>(devices_.size()) != plan.assignment.devices)
@@ -56,7 +67,7 @@ ExecutorOnDevices<T>::ExecutorOnDevices(const analysis::Plan& plan, Kind kind, c
                                             plan.assignment.devices, devices_.size()));
   if (devices_.size() > kMostDevices)
     throw std::invalid_argument(fmt::format("make_cuda_executor: at most {} devices", kMostDevices));
-  if (several()) open_paths();
+  if (several() && !peers_) take_common();
   for (std::size_t d = 0; d < devices_.size(); ++d) add_side(static_cast<int>(d));
   for (const auto& side : sides_) at(*side, [&] { side->connect(sides_); });
   moved_ = transferred_elements(plan_, kind_, tables_);
@@ -69,25 +80,6 @@ ExecutorOnDevices<T>::ExecutorOnDevices(const analysis::Plan& plan, Kind kind, c
   for (const auto& side : sides_)
     at(*side,
        [&] { factor_graphs_.push_back(Graph::record(side->stream().get(), [&] { enqueue_factorization(*side); })); });
-}
-
-template <class T>
-void ExecutorOnDevices<T>::open_paths() {
-  if (options_.staging || !peers_open(devices_)) {
-    take_common();
-    return;
-  }
-  for (const int a : devices_) {
-    const DeviceGuard guard(a);
-    for (const int b : devices_) {
-      if (a == b) continue;
-      const auto e = cudaDeviceEnablePeerAccess(b, 0);
-      if (e == cudaErrorPeerAccessAlreadyEnabled)
-        (void)cudaGetLastError();
-      else
-        check(e, "cudaDeviceEnablePeerAccess");
-    }
-  }
 }
 
 template <class T>

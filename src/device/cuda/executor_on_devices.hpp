@@ -117,9 +117,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   // ---- construction ------------------------------------------------------------------------------------------------
 
-  // Access from every device to every other; where that is refused, memory on the host that all of them see.
-  void open_paths();
-
+  // Where access from one device to another is refused: memory on the host that all of them see.
   void take_common();
 
   void add_side(int self);
@@ -231,6 +229,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   Kind kind_;
   CudaOptions options_;
   std::vector<int> devices_;
+  bool peers_;  // each reaches the memory of all others
   DevicePlan tables_;
   SideContext context_;
   PinnedArray<T> common_top_, common_places_, common_pivot_, common_updates_;
