@@ -84,60 +84,51 @@ struct Raw {
   bool transposed;  // the entry lies above the diagonal of the permuted matrix (lu)
 };
 
-// Entries of the permuted lower triangle, by columns.
-struct Columns {
-  std::vector<Offset> ptr;  // n + 1
-  LazyVector<Raw> list;
+// The matrix by positions of the elimination.
+struct Permuted {
+  const MatrixView& a;
+  const matrix::RowIndex& rows;
+  const std::vector<Index>& order;       // column by position
+  const std::vector<Index>& row_of_col;  // empty: identity
+  bool unsymmetric;
+  std::vector<Index> column_position, row_position;
+
+  // Calls use(source, row position, transposed) for the entries that belong to position k. An entry is found in its
+  // column when that is the lower of its positions, else in its row.
+  template <class Use>
+  void visit(Index k, Use&& use) const {
+    const Index c = order[k];
+    const bool both = a.storage == Storage::symmetric_both;
+    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
+      const Index r = a.row_ind[q];
+      if (both && r < c) continue;  // the lower triangle stands for both
+      if (const Index p = row_position[r]; p >= k) use(q, p, false);
+    }
+    const Index r = row_of_col.empty() ? c : row_of_col[c];
+    for (Offset q = rows.ptr[r]; q < rows.ptr[r + 1]; ++q)
+      if (const Index p = column_position[rows.col[q]]; p > k) use(rows.source[q], p, unsymmetric);
+  }
 };
 
-Columns columns_by_position(const MatrixView& a, const std::vector<Index>& column_position,
-                            const std::vector<Index>& row_position, bool unsymmetric, base::ThreadPool& pool) {
-  constexpr std::int64_t kColumnsPerPiece = 4096;
-  const bool both = a.storage == Storage::symmetric_both;
-  std::vector<std::atomic<Offset>> next(static_cast<std::size_t>(a.cols) + 1);
-  const auto visit = [&](auto&& use) {
-    pool.for_each_piece(a.cols, kColumnsPerPiece, [&](std::int64_t b, std::int64_t e) {
-      for (auto c = static_cast<Index>(b); c < e; ++c)
-        for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
-          const Index r = a.row_ind[q];
-          if (both && r < c) continue;  // the lower triangle stands for both
-          const Index pr = row_position[r];
-          const Index pc = column_position[c];
-          use(q, std::min(pr, pc), std::max(pr, pc), unsymmetric && pr < pc);
-        }
-    });
-  };
-  visit([&](Offset, Index col, Index, bool) { next[col + 1].fetch_add(1, std::memory_order_relaxed); });
-  Columns out;
-  out.ptr.resize(next.size());
-  Offset sum = 0;
-  for (std::size_t k = 0; k < next.size(); ++k) {
-    sum += next[k].load(std::memory_order_relaxed);
-    out.ptr[k] = sum;
-    next[k].store(sum, std::memory_order_relaxed);
-  }
-  out.list.resize(static_cast<std::size_t>(sum));
-  visit([&](Offset q, Index col, Index row, bool transposed) {
-    out.list[next[col].fetch_add(1, std::memory_order_relaxed)] = {q, row, transposed};
-  });
-  return out;
-}
-
-// Sorts the entries of one front's columns by tile and appends them at `out` (entry_ptr holds the counts' prefix sums).
+// The entries of one front at a time, sorted.
 class FrontEntries {
  public:
-  FrontEntries(const Plan& plan, Columns& columns)
-      : plan_(plan), columns_(columns), local_(static_cast<std::size_t>(plan.tree.n), -1) {}
+  FrontEntries(const Plan& plan, const Permuted& permuted)
+      : plan_(plan), permuted_(permuted), local_(static_cast<std::size_t>(plan.tree.n), -1) {}
 
-  // Brings the columns of front f in order: rows ascending, duplicates by source.
-  void sort(Index f) {
-    const auto& first = plan_.tree.first;
-    for (Index c = first[f]; c < first[f + 1]; ++c)
-      std::sort(columns_.list.begin() + columns_.ptr[c], columns_.list.begin() + columns_.ptr[c + 1],
+  // Collects the columns of front f: in each, rows ascending, duplicates by source.
+  void collect(Index f) {
+    list_.clear();
+    ptr_.assign(1, 0);
+    for (Index k = plan_.tree.first[f]; k < plan_.tree.first[f + 1]; ++k) {
+      permuted_.visit(k, [&](Offset q, Index row, bool transposed) { list_.push_back({q, row, transposed}); });
+      std::sort(list_.begin() + static_cast<std::ptrdiff_t>(ptr_.back()), list_.end(),
                 [](const Raw& x, const Raw& y) { return x.row != y.row ? x.row < y.row : x.source < y.source; });
+      ptr_.push_back(list_.size());
+    }
   }
 
-  // Calls use(tile, entry) for every entry of front f, columns ascending, rows ascending, duplicates by source.
+  // Calls use(tile, entry) for every entry collected, columns ascending.
   template <class Use>
   void visit(Index f, Use&& use) {
     const auto& t = plan_.tree;
@@ -145,11 +136,10 @@ class FrontEntries {
     const Index k = layout.pivots;
     for (Offset r = t.row_ptr[f]; r < t.row_ptr[f + 1]; ++r)
       local_[t.rows[r]] = k + static_cast<Index>(r - t.row_ptr[f]);
-    for (Index c = t.first[f]; c < t.first[f + 1]; ++c) {
-      const Index col = c - t.first[f];
+    for (Index col = 0; col < k; ++col) {
       const Index j = layout.tile_of(col);
-      for (Offset q = columns_.ptr[c]; q < columns_.ptr[c + 1]; ++q) {
-        const Raw& e = columns_.list[q];
+      for (std::size_t q = ptr_[static_cast<std::size_t>(col)]; q < ptr_[static_cast<std::size_t>(col) + 1]; ++q) {
+        const Raw& e = list_[q];
         const Index row = e.row < t.first[f + 1] ? e.row - t.first[f] : local_[e.row];
         const Index i = plan_.whole[f] ? 0 : layout.tile_of(row);
         const Index jj = plan_.whole[f] ? 0 : j;
@@ -162,36 +152,55 @@ class FrontEntries {
 
  private:
   const Plan& plan_;
-  Columns& columns_;
-  std::vector<Index> local_;  // position -> row of the current front, valid for its rows below
+  const Permuted& permuted_;
+  std::vector<Raw> list_;
+  std::vector<std::size_t> ptr_;  // pivots + 1: each column's part of the list
+  std::vector<Index> local_;      // position -> row of the current front, valid for its rows below
 };
 
-void place_entries(Plan& plan, const MatrixView& a, const std::vector<Index>& row_of_col, base::ThreadPool& pool) {
-  const Index n = plan.tree.n;
-  std::vector<Index> column_position(static_cast<std::size_t>(n));
-  for (Index k = 0; k < n; ++k) column_position[plan.tree.order[k]] = k;
-  std::vector<Index> row_position(column_position);
-  if (!row_of_col.empty())
-    for (Index c = 0; c < n; ++c) row_position[row_of_col[c]] = column_position[c];
-  Columns columns = columns_by_position(a, column_position, row_position, plan.options.unsymmetric, pool);
+// Where each front's entries begin (fronts + 1): all entries of a front stand together.
+std::vector<Offset> count_entries(const Plan& plan, const Permuted& permuted, base::ThreadPool& pool) {
+  std::vector<Offset> begin(static_cast<std::size_t>(plan.fronts()) + 1, 0);
+  pool.for_each_piece(plan.fronts(), kFrontsPerPiece, [&](std::int64_t b, std::int64_t e) {
+    for (auto f = static_cast<Index>(b); f < e; ++f) {
+      Offset count = 0;
+      for (Index k = plan.tree.first[f]; k < plan.tree.first[f + 1]; ++k)
+        permuted.visit(k, [&](Offset, Index, bool) { ++count; });
+      begin[f + 1] = count;
+    }
+  });
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  return begin;
+}
 
+Permuted permute(const Plan& plan, const MatrixView& a, const matrix::RowIndex& rows,
+                 const std::vector<Index>& row_of_col) {
+  const auto n = static_cast<std::size_t>(plan.tree.n);
+  Permuted p{a, rows, plan.tree.order, row_of_col, plan.options.unsymmetric, std::vector<Index>(n), {}};
+  for (std::size_t k = 0; k < n; ++k) p.column_position[plan.tree.order[k]] = static_cast<Index>(k);
+  p.row_position = p.column_position;
+  if (!row_of_col.empty())
+    for (std::size_t c = 0; c < n; ++c) p.row_position[row_of_col[c]] = p.column_position[c];
+  return p;
+}
+
+void place_entries(Plan& plan, const Permuted& permuted, base::ThreadPool& pool) {
+  const std::vector<Offset> begin = count_entries(plan, permuted, pool);
   plan.entry_ptr.assign(static_cast<std::size_t>(plan.tiles()) + 1, 0);
-  plan.entries.resize(columns.list.size());
+  plan.entries.resize(static_cast<std::size_t>(begin.back()));
   std::atomic<Index> next_front{0};
   pool.run([&](int) {
-    FrontEntries front(plan, columns);
+    FrontEntries front(plan, permuted);
     std::vector<Offset> at;
     for (;;) {
       const Index b = next_front.fetch_add(kFrontsPerPiece, std::memory_order_relaxed);
       if (b >= plan.fronts()) return;
       for (Index f = b; f < std::min<Index>(plan.fronts(), b + kFrontsPerPiece); ++f) {
-        // All entries of a front stand together, from the start of its first column's list on.
-        const Offset start = columns.ptr[plan.tree.first[f]];
         const Offset tile0 = plan.first_tile[f];
         at.assign(static_cast<std::size_t>(plan.layout[f].tile_count()) + 1, 0);
-        front.sort(f);
+        front.collect(f);
         front.visit(f, [&](Offset tile, const Entry&) { ++at[tile + 1]; });
-        at[0] = start;
+        at[0] = begin[f];
         for (std::size_t k = 1; k < at.size(); ++k) at[k] += at[k - 1];
         for (std::size_t k = 0; k + 1 < at.size(); ++k) plan.entry_ptr[tile0 + static_cast<Offset>(k)] = at[k];
         front.visit(f, [&](Offset tile, const Entry& e) { plan.entries[at[tile]++] = e; });
@@ -224,7 +233,7 @@ double front_flops(Index pivots, Index rows, bool unsymmetric) {
 }
 
 Plan make_plan(AssemblyTree tree, const MatrixView& a, const std::vector<Index>& row_of_col, const PlanOptions& options,
-               base::ThreadPool& pool) {
+               base::ThreadPool& pool, const matrix::RowIndex* rows) {
   if (options.tiles.max_block_size > kMostTileWidth || options.tiles.whole_rows > kMostTileWidth)
     throw Error(StatusCode::invalid_input, fmt::format("max_block_size {} is above the limit of {}",
                                                        options.tiles.max_block_size, kMostTileWidth));
@@ -244,7 +253,9 @@ Plan make_plan(AssemblyTree tree, const MatrixView& a, const std::vector<Index>&
   };
   std::future<void> beside = start_beside(list_and_place, pool);
   relate_rows(plan, pool);
-  place_entries(plan, a, row_of_col, pool);
+  matrix::RowIndex own;
+  if (rows == nullptr || rows->ptr.empty()) rows = &(own = matrix::index_rows(a, pool));
+  place_entries(plan, permute(plan, a, *rows, row_of_col), pool);
   beside.get();
   return plan;
 }

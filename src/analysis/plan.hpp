@@ -12,6 +12,7 @@
 #include "analysis/lazy_vector.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
+#include "matrix/row_index.hpp"
 
 namespace espalier::analysis {
 
@@ -137,8 +138,9 @@ struct Plan {
 /// Lays out the plan of a matrix with the pattern of `a` (symmetric storage: either triangle or both; duplicates
 /// allowed). For lu, row_of_col[c] is the row matched to column c (empty: c itself): the plan is that of the
 /// row-permuted matrix.
+/// @param rows  index of `a`; null, or of a pattern in both triangles: made here
 Plan make_plan(AssemblyTree tree, const MatrixView& a, const std::vector<Index>& row_of_col, const PlanOptions& options,
-               base::ThreadPool& pool);
+               base::ThreadPool& pool, const matrix::RowIndex* rows = nullptr);
 
 /// The plan with its tasks listed for one device; no places in memory.
 Plan plan_for_one_device(const Plan& plan);

@@ -11,7 +11,6 @@ namespace espalier::solve {
 namespace {
 
 constexpr std::int64_t kRowsPerPiece = 2048;
-constexpr std::int64_t kMostBlocks = 8;       // of columns that are indexed side by side: four bytes a row each
 constexpr std::int64_t kVectorPiece = 16384;  // values of a vector per piece of work
 constexpr std::size_t kGroups = 2;            // registers of right-hand sides in one pass over the matrix
 constexpr Offset kAhead = 16;                 // entries between asking for a scattered value and using it
@@ -51,39 +50,7 @@ double ratio(double above, double below) {
 ResidualOperator::ResidualOperator(const MatrixView& a, base::ThreadPool& pool)
     : a_(a), values_(a.values), pool_(&pool) {
   if (a.storage == Storage::symmetric_both) return;  // a column is the row
-  const bool triangle = a.storage != Storage::general;
-  // Each worker indexes a block of columns; within a row the blocks follow each other, so that the index is the same
-  // for any number of workers.
-  const std::int64_t blocks = std::min<std::int64_t>(pool.size(), kMostBlocks);
-  const std::int64_t width = (a.cols + blocks - 1) / blocks;
-  const auto n = static_cast<std::size_t>(a.rows);
-  std::vector<std::vector<Index>> next(static_cast<std::size_t>(blocks));  // entries of each row in the block
-  const auto visit = [&](std::int64_t block, auto&& use) {
-    for (auto c = static_cast<Index>(block * width); c < std::min<std::int64_t>(a.cols, (block + 1) * width); ++c)
-      for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
-        if (!triangle || a.row_ind[q] != c) use(a.row_ind[q], c, q);
-  };
-  pool.for_each(blocks, [&](std::int64_t block) {
-    auto& count = next[static_cast<std::size_t>(block)];
-    count.assign(n, 0);
-    visit(block, [&](Index r, Index, Offset) { ++count[static_cast<std::size_t>(r)]; });
-  });
-  row_ptr_.assign(n + 1, 0);
-  for (std::size_t r = 0; r < n; ++r) {
-    Index in_row = 0;
-    for (auto& count : next) in_row += std::exchange(count[r], in_row);
-    row_ptr_[r + 1] = row_ptr_[r] + in_row;
-  }
-  col_ = base::Buffer<Index>(row_ptr_.back(), nullptr);
-  source_ = base::Buffer<Offset>(row_ptr_.back(), nullptr);
-  pool.for_each(blocks, [&](std::int64_t block) {
-    auto& place = next[static_cast<std::size_t>(block)];
-    visit(block, [&](Index r, Index c, Offset q) {
-      const Offset at = row_ptr_[static_cast<std::size_t>(r)] + place[static_cast<std::size_t>(r)]++;
-      col_[at] = c;
-      source_[at] = q;
-    });
-  });
+  rows_ = matrix::index_rows(a, pool);
 }
 
 // Calls use0 and use1 in turn with (value, column) for every entry of a row of op(A), in a fixed order: two chains of
@@ -101,16 +68,16 @@ template <class Use0, class Use1>
     }
     if (q < end) use0(values_[q], a_.row_ind[q]);
   }
-  if (row_ptr_.empty() || (general && transpose)) return;
-  Offset q = row_ptr_[row];
-  const Offset end = row_ptr_[row + 1];
+  if (rows_.ptr.empty() || (general && transpose)) return;
+  Offset q = rows_.ptr[row];
+  const Offset end = rows_.ptr[row + 1];
   for (; q + 1 < end; q += 2) {
-    __builtin_prefetch(&values_[source_[std::min(q + kAhead, end - 1)]]);
-    __builtin_prefetch(&values_[source_[std::min(q + kAhead + 1, end - 1)]]);
-    use0(values_[source_[q]], col_[q]);
-    use1(values_[source_[q + 1]], col_[q + 1]);
+    __builtin_prefetch(&values_[rows_.source[std::min(q + kAhead, end - 1)]]);
+    __builtin_prefetch(&values_[rows_.source[std::min(q + kAhead + 1, end - 1)]]);
+    use0(values_[rows_.source[q]], rows_.col[q]);
+    use1(values_[rows_.source[q + 1]], rows_.col[q + 1]);
   }
-  if (q < end) use0(values_[source_[q]], col_[q]);
+  if (q < end) use0(values_[rows_.source[q]], rows_.col[q]);
 }
 
 void ResidualOperator::set_values(std::span<const double> values) {
@@ -240,7 +207,7 @@ void ResidualOperator::compute(std::span<ResidualColumn> columns, bool transpose
 RowEntries ResidualOperator::gather_row(Index row, bool transpose, std::vector<double>& values,
                                         std::vector<Index>& cols) const {
   auto most = static_cast<std::size_t>(a_.col_ptr[row + 1] - a_.col_ptr[row]);
-  if (!row_ptr_.empty()) most += static_cast<std::size_t>(row_ptr_[row + 1] - row_ptr_[row]);
+  if (!rows_.ptr.empty()) most += static_cast<std::size_t>(rows_.ptr[row + 1] - rows_.ptr[row]);
   if (values.size() < most) {
     values.resize(2 * most);
     cols.resize(2 * most);
@@ -326,13 +293,6 @@ ResidualSpace::Vectors ResidualOperator::vectors(Index, Index columns) const {
   return {data, std::move(owner)};
 }
 
-ResidualOperator::RowIndex ResidualOperator::row_index() const {
-  const auto count = static_cast<std::size_t>(col_.size());
-  return {row_ptr_, {col_.data(), count}, {source_.data(), count}};
-}
-
-Offset ResidualOperator::bytes() const {
-  return static_cast<Offset>(row_ptr_.size() * sizeof(Offset)) + col_.bytes() + source_.bytes();
-}
+Offset ResidualOperator::bytes() const { return rows_.bytes(); }
 
 }  // namespace espalier::solve

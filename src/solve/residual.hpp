@@ -9,6 +9,7 @@
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
+#include "matrix/row_index.hpp"
 #include "solve/residual_space.hpp"
 #include "solve/row_sums.hpp"
 
@@ -39,13 +40,8 @@ class ResidualOperator final : public ResidualSpace {
   void copy(const double* from, double* to) const override;
   bool add(const double* from, double* to) const override;
   [[nodiscard]] Vectors vectors(Index slot, Index columns) const override;
-  /// Index of the entries by rows: of all entries (general), of those off the diagonal (a triangle), empty (both).
-  struct RowIndex {
-    std::span<const Offset> ptr;
-    std::span<const Index> col;
-    std::span<const Offset> source;  ///< where the entry stands in the pattern
-  };
-  [[nodiscard]] RowIndex row_index() const;
+  /// Of the pattern; empty where both triangles are stored.
+  [[nodiscard]] const matrix::RowIndex& row_index() const { return rows_; }
   [[nodiscard]] Offset bytes() const;
 
  private:
@@ -63,10 +59,7 @@ class ResidualOperator final : public ResidualSpace {
   MatrixView a_;
   std::span<const double> values_;
   base::ThreadPool* pool_ = nullptr;
-  // Row-wise index: of all entries (general), of the entries off the diagonal (a triangle), empty (both triangles).
-  std::vector<Offset> row_ptr_;
-  base::Buffer<Index> col_;
-  base::Buffer<Offset> source_;
+  matrix::RowIndex rows_;
   mutable double norm_inf_ = -1;  // -1: not known yet
   mutable double norm_one_ = -1;
 };

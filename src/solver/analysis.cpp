@@ -66,8 +66,8 @@ void Solver::Impl::analyze_as(const MatrixView& a, Kind chosen) {
   }
   const double ordered = base::now_seconds();
   analysis.ordering_seconds = ordered - matched;
-  lay_out_plan(std::move(tree));
   residual = solve::ResidualOperator(equations.a, pool);
+  lay_out_plan(std::move(tree));
   analysis.plan_seconds = base::now_seconds() - ordered;
 }
 
@@ -81,7 +81,8 @@ void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
     gpu_options.stealing = options.sharing.stealing && device.unequal;  // among equal ones it only costs (measured)
     gpu_options.shared_top = options.sharing.shared_top;
     gpu_options.device_speed = device.speed;
-    plan = analysis::make_plan(std::move(tree), equations.a, equations.row_of_col, gpu_options, pool);
+    plan = analysis::make_plan(std::move(tree), equations.a, equations.row_of_col, gpu_options, pool,
+                               &residual.row_index());
     return;
   }
   analysis::PlanOptions plan_options;
@@ -95,7 +96,8 @@ void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
   plan_options.shared_top = options.sharing.shared_top;
   plan_options.interleave = static_cast<Index>(2 * pool.size());
   plan_options.reuse_distance = static_cast<Index>(16 * pool.size());
-  plan = analysis::make_plan(std::move(tree), equations.a, equations.row_of_col, plan_options, pool);
+  plan = analysis::make_plan(std::move(tree), equations.a, equations.row_of_col, plan_options, pool,
+                             &residual.row_index());
 }
 
 void Solver::Impl::describe_plan(double start) {
@@ -143,8 +145,8 @@ void Solver::Impl::load_analysis(const std::string& path, const MatrixView& a) {
   equations.col_scale = std::move(saved.col_scale);
   equations.row_of_col = std::move(saved.row_of_col);
   solver::note_determinant(equations);
-  lay_out_plan(std::move(saved.tree));
   residual = solve::ResidualOperator(equations.a, pool);
+  lay_out_plan(std::move(saved.tree));
   analysis.plan_seconds = base::now_seconds() - start;
   describe_plan(start);
 }

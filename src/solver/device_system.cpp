@@ -19,11 +19,12 @@ class DeviceSystemOf final : public DeviceSystem {
                  device::cuda::CudaExecutor<T>& executor, int device, Offset memory_bytes, base::ThreadPool& pool)
       : n_(plan.tree.n), values_(equations.a.values), executor_(executor), rule_{threshold, 0} {
     device::cuda::EquationArrays arrays;
-    const solve::ResidualOperator::RowIndex index = residual.row_index();
+    const matrix::RowIndex& index = residual.row_index();
     arrays.pattern = equations.a;
     arrays.row_ptr = index.ptr;
-    arrays.row_col = index.col;
-    arrays.row_source = index.source;
+    const auto indexed = static_cast<std::size_t>(index.col.size());
+    arrays.row_col = {index.col.data(), indexed};
+    arrays.row_source = {index.source.data(), indexed};
     arrays.order = plan.tree.order;
     arrays.row_of_col = equations.row_of_col;
     arrays.row_scale = equations.row_scale;

@@ -1,0 +1,60 @@
+#include "matrix/row_index.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace espalier::matrix {
+
+namespace {
+
+constexpr std::int64_t kMostBlocks = 8;  // of columns that are indexed side by side: four bytes a row each
+constexpr std::int64_t kRowsPerPiece = 16384;
+
+bool is_indexed(Storage storage, Index row, Index col) {
+  if (storage == Storage::general) return true;
+  return storage == Storage::symmetric_both ? row > col : row != col;
+}
+
+}  // namespace
+
+// Each worker indexes a block of columns; within a row the blocks follow each other, so that the index is the same for
+// any number of workers.
+RowIndex index_rows(const MatrixView& a, base::ThreadPool& pool) {
+  const std::int64_t blocks = std::min<std::int64_t>(pool.size(), kMostBlocks);
+  const std::int64_t width = (a.cols + blocks - 1) / blocks;
+  const auto n = static_cast<std::size_t>(a.rows);
+  std::vector<std::vector<Index>> next(static_cast<std::size_t>(blocks));  // entries of each row in the block
+  const auto visit = [&](std::int64_t block, auto&& use) {
+    for (auto c = static_cast<Index>(block * width); c < std::min<std::int64_t>(a.cols, (block + 1) * width); ++c)
+      for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
+        if (is_indexed(a.storage, a.row_ind[q], c)) use(a.row_ind[q], c, q);
+  };
+  pool.for_each(blocks, [&](std::int64_t block) {
+    auto& count = next[static_cast<std::size_t>(block)];
+    count.assign(n, 0);
+    visit(block, [&](Index r, Index, Offset) { ++count[static_cast<std::size_t>(r)]; });
+  });
+  RowIndex index;
+  index.ptr.assign(n + 1, 0);
+  pool.for_each_piece(a.rows, kRowsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+    for (auto r = static_cast<std::size_t>(begin); r < static_cast<std::size_t>(end); ++r) {
+      Index in_row = 0;
+      for (auto& count : next) in_row += std::exchange(count[r], in_row);
+      index.ptr[r + 1] = in_row;
+    }
+  });
+  for (std::size_t r = 0; r < n; ++r) index.ptr[r + 1] += index.ptr[r];
+  index.col = base::Buffer<Index>(index.ptr.back(), nullptr);
+  index.source = base::Buffer<Offset>(index.ptr.back(), nullptr);
+  pool.for_each(blocks, [&](std::int64_t block) {
+    auto& place = next[static_cast<std::size_t>(block)];
+    visit(block, [&](Index r, Index c, Offset q) {
+      const Offset at = index.ptr[static_cast<std::size_t>(r)] + place[static_cast<std::size_t>(r)]++;
+      index.col[at] = c;
+      index.source[at] = q;
+    });
+  });
+  return index;
+}
+
+}  // namespace espalier::matrix
