@@ -285,11 +285,14 @@ double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool) {
 template double scale_values(const Equations&, double*, base::ThreadPool&);
 template double scale_values(const Equations&, float*, base::ThreadPool&);
 
-std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> order) {
+std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> order, base::ThreadPool& pool) {
+  constexpr std::int64_t kColumns = 4096;  // per piece of work
   std::vector<Offset> of_column(order.size(), -1);
-  for (Index c = 0; c < a.cols; ++c)
-    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
-      if (a.row_ind[q] == c) of_column[c] = q;
+  pool.for_each_piece(a.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    for (auto c = static_cast<Index>(begin); c < end; ++c)
+      for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
+        if (a.row_ind[q] == c) of_column[c] = q;
+  });
   if (std::find(of_column.begin(), of_column.end(), -1) != of_column.end()) return {};
   std::vector<Offset> places(order.size());
   std::transform(order.begin(), order.end(), places.begin(), [&](Index c) { return of_column[c]; });

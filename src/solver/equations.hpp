@@ -73,7 +73,7 @@ template <class T>
 double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool);
 
 /// By position of the elimination: where the diagonal entry stands among the values of `a`. Empty when one is missing.
-std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> order);
+std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> order, base::ThreadPool& pool);
 
 /// A Cholesky pivot that kept no more of its diagonal entry carries no digit: the error of one subtraction is eps / 2.
 inline constexpr double kRoundingOfPivot = 8 * std::numeric_limits<double>::epsilon();

@@ -111,6 +111,7 @@ std::unique_ptr<device::Executor<T>> make_executor(const analysis::Plan& plan, c
     if (options.device.devices > 1) cuda.devices = options.device.gpus;
     cuda.memory_bytes = budgets;
     cuda.timeline = timeline;
+    cuda.pool = &pool;
     return device::cuda::make_cuda_executor<T>(plan, options.kind, rule, cuda);
   } catch (const Error& e) {
     if (e.status().code != StatusCode::out_of_memory) throw;

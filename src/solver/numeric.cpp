@@ -28,7 +28,7 @@ class NumericOf final : public Numeric {
     if (device_ != nullptr) return;
     values_ = base::Buffer<T>(equations.a.nonzeros(), &budget);
     if (options.kind == Kind::llt && sizeof(T) == sizeof(double))
-      diagonal_ = diagonal_places(equations.a, plan.tree.order);
+      diagonal_ = diagonal_places(equations.a, plan.tree.order, pool);
     smallest_.resize(diagonal_.size());
   }
 

@@ -2,15 +2,29 @@
 
 #if ESPALIER_WITH_CUDA
 
+#include <atomic>
+
 #include "device/cuda/executor_on_devices.hpp"
 
 namespace espalier::device::cuda {
 
 namespace {
 
-Offset values_of(const analysis::Plan& plan) {
-  Offset values = 0;
-  for (const auto& e : plan.entries) values = std::max(values, e.source() + 1);
+Offset values_of(const analysis::Plan& plan, base::ThreadPool* pool) {
+  std::atomic<Offset> values{0};
+  const auto look = [&](std::int64_t begin, std::int64_t end) {
+    Offset most = 0;
+    for (auto k = begin; k < end; ++k) most = std::max(most, plan.entries[static_cast<std::size_t>(k)].source() + 1);
+    Offset known = values.load();
+    while (most > known && !values.compare_exchange_weak(known, most)) {
+    }
+  };
+  constexpr std::int64_t kEntries = 1 << 18;  // per piece of work
+  const auto count = static_cast<std::int64_t>(plan.entries.size());
+  if (pool != nullptr)
+    pool->for_each_piece(count, kEntries, look);
+  else
+    look(0, count);
   return values;
 }
 
@@ -59,9 +73,16 @@ ExecutorOnDevices<T>::ExecutorOnDevices(const analysis::Plan& plan, Kind kind, c
       options_(options),
       devices_(options.devices.empty() ? std::vector<int>{options.device} : options.devices),
       peers_(!options.staging && open_paths(devices_)),
-      tables_(make_device_plan(plan, kind, peers_)),
-      context_{plan_,          kind_, tables_, options.patience_seconds, largest_stealable(tables_), sharing(devices_),
-               values_of(plan)} {
+      tables_(make_device_plan(plan, kind, peers_, {}, options.pool)),
+      uploads_(options.pool),
+      context_{plan_,
+               kind_,
+               tables_,
+               options.patience_seconds,
+               largest_stealable(tables_),
+               sharing(devices_),
+               values_of(plan, options.pool),
+               &uploads_} {
   if (static_cast<Index>(devices_.size()) != plan.assignment.devices)
     throw std::invalid_argument(fmt::format("make_cuda_executor: the plan is for {} devices, not for {}",
                                             plan.assignment.devices, devices_.size()));

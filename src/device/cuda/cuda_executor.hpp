@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "base/thread_pool.hpp"
 #include "base/timeline.hpp"
 #include "device/cuda/device_plan.hpp"
 #include "device/cuda/factor_parameters.hpp"
@@ -40,6 +41,7 @@ struct CudaOptions {
   int fail_device = -1;  ///< for tests: this one of `devices` (0-based) dies halfway in every factorization
   std::vector<Offset> memory_bytes = {};  ///< devices; budget of each, 0: what is free. Empty: what is free
   double patience_seconds = 30;           ///< a wait between blocks that lasts longer ends the run with an error
+  base::ThreadPool* pool = nullptr;  ///< lays out the tables and sends them; outlives the executor. Null: one thread
 };
 
 /// What a caller that fills CudaExecutor::values() itself knows about them. Pointers are memory of the GPU.
@@ -59,6 +61,8 @@ struct SolveClear {
   int* ones = nullptr;
   Offset ones_count = 0;  ///< of ints
 };
+
+class TableUpload;
 
 /// Executor with calls for values and right-hand sides that already lie in the memory of its first GPU. Calls return
 /// when the GPU has finished, unless they say otherwise. Refactorizations and solves replay CUDA graphs and take no
@@ -80,6 +84,8 @@ class CudaExecutor : public Executor<T> {
   /// Times of the last factorization's tasks, by device; empty but with CudaOptions::timeline.
   virtual std::vector<std::vector<TaskTime>> task_times() const = 0;
   virtual const DevicePlan& device_plan() const = 0;
+  /// Through which tables of the host are sent.
+  virtual TableUpload& uploads() = 0;
   /// Repeats the numeric work on the values of the last call; no check of the outcome. @returns seconds on the GPU
   virtual double refactorize_again() = 0;
   /// Like solve(); x is device memory. @returns seconds on the GPU

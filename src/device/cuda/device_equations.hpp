@@ -45,9 +45,9 @@ class DeviceEquations {
 
   /// Takes a copy of the values (pattern's order; FP64) and scales them to where the executor factorizes them.
   virtual void take_values(const double* values) = 0;
-  /// The same in pieces from host memory (pinned, or it waits): values[first, first + count), then, after the last
-  /// one, take_sent_values().
-  virtual void send_values(const double* values, Offset first, Offset count) = 0;
+  /// The same in pieces from host memory, which may change when it returns unless it was given to pin(): values[first,
+  /// first + count), then, after the last one, take_sent_values().
+  virtual void send_values(const double* values, Offset first, Offset count, const HostCopy& copy) = 0;
   virtual void take_sent_values() = 0;
   /// What CudaExecutor::factorize_filled() is told of them; tiny and rounding are the caller's.
   [[nodiscard]] virtual FilledValues filled() const = 0;

@@ -51,7 +51,7 @@ void DeviceSide<T>::upload(DeviceArray<U>& to, const std::vector<V, A>& from, co
   static_assert(sizeof(U) == sizeof(V));
   to = DeviceArray<U>(static_cast<Offset>(from.size()), budget_, needed_);
   if (twin == nullptr) {
-    copy_in(to.data(), from.data(), to.bytes());
+    context_.uploads->copy(to.data(), from.data(), to.bytes(), stream_.get());
     return;
   }
   call("cudaMemcpyAsync(tables)", [&] {
@@ -131,6 +131,7 @@ void DeviceSide<T>::upload_tables(const DeviceSide* twin) {
   upload(stealable_end_, lists().stealable_end, static_cast<const DeviceArray<std::int32_t>*>(nullptr));
   upload(up_, lists().up, static_cast<const DeviceArray<SolveTask>*>(nullptr));
   upload(down_, lists().down, static_cast<const DeviceArray<SolveTask>*>(nullptr));
+  stream_.wait();  // other sides copy them
 }
 
 template <class T>

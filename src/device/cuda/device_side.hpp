@@ -14,6 +14,7 @@
 #include "device/cuda/factor_kernel.cuh"
 #include "device/cuda/factor_parameters.hpp"
 #include "device/cuda/solve_kernel.cuh"
+#include "device/cuda/table_upload.hpp"
 
 namespace espalier::device::cuda {
 
@@ -45,6 +46,7 @@ struct SideContext {
   Offset spare;  ///< elements that each side takes for a sub-tree stolen from another; 0: nobody steals
   std::vector<int> sides_on_device;  ///< sides; how many of them share the GPU (tests only)
   Offset values;                     ///< length of the caller's value array
+  TableUpload* uploads;
 };
 
 /// Memory on the host that all devices see, for machines without access from device to device: the copies of what is
