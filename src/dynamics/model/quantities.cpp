@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <memory>
 
 namespace espalier::dynamics::model {
 namespace {
@@ -68,14 +66,9 @@ Offer of_wrench(const Source& wrench) {
 }
 
 Offer of_energy(Mechanism& mechanism) {
-  // One evaluation serves all columns of a row.
-  struct Cache {
-    double t = std::numeric_limits<double>::quiet_NaN();
-    Energy energy;
-  };
-  const auto energy = [&mechanism, cache = std::make_shared<Cache>()](const Sample& s) {
-    if (cache->t != s.state->t) *cache = {s.state->t, mechanism.system.energy(s.state->view())};
-    return cache->energy;
+  const auto energy = [&mechanism](const Sample& s) {
+    if (!s.energy) s.energy = mechanism.system.energy(s.state->view());
+    return *s.energy;
   };
   return {{},
           {{"kinetic", [energy](const Sample& s) { return energy(s).kinetic; }},

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,8 @@ namespace espalier::dynamics::model {
 struct Sample {
   const State* state = nullptr;
   StepReport report;  ///< of the step that ended there; levels are always filled in
+  /// Of the state, once a quantity has asked for it: one evaluation serves all columns of a row.
+  mutable std::optional<Energy> energy = std::nullopt;
 };
 
 struct Quantity {
