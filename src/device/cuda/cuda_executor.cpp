@@ -74,7 +74,6 @@ ExecutorOnDevices<T>::ExecutorOnDevices(const analysis::Plan& plan, Kind kind, c
       devices_(options.devices.empty() ? std::vector<int>{options.device} : options.devices),
       peers_(!options.staging && open_paths(devices_)),
       tables_(make_device_plan(plan, kind, peers_, {}, options.pool)),
-      uploads_(options.pool),
       context_{plan_,
                kind_,
                tables_,
@@ -82,7 +81,7 @@ ExecutorOnDevices<T>::ExecutorOnDevices(const analysis::Plan& plan, Kind kind, c
                largest_stealable(tables_),
                sharing(devices_),
                values_of(plan, options.pool),
-               &uploads_} {
+               options.pool} {
   if (static_cast<Index>(devices_.size()) != plan.assignment.devices)
     throw std::invalid_argument(fmt::format("make_cuda_executor: the plan is for {} devices, not for {}",
                                             plan.assignment.devices, devices_.size()));

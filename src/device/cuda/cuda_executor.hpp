@@ -84,7 +84,7 @@ class CudaExecutor : public Executor<T> {
   /// Times of the last factorization's tasks, by device; empty but with CudaOptions::timeline.
   virtual std::vector<std::vector<TaskTime>> task_times() const = 0;
   virtual const DevicePlan& device_plan() const = 0;
-  /// Through which tables of the host are sent.
+  /// Through which tables of the host are sent to the first GPU, which must be current.
   virtual TableUpload& uploads() = 0;
   /// Repeats the numeric work on the values of the last call; no check of the outcome. @returns seconds on the GPU
   virtual double refactorize_again() = 0;

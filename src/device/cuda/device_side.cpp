@@ -31,6 +31,7 @@ DeviceSide<T>::DeviceSide(const SideContext& context, int self, int device, Offs
       self_(self),
       device_(device),
       budget_(limit_of(memory_bytes)),
+      uploads_(context.pool),
       counters_(2 * kCounters),
       one_(1),
       end_(1) {
@@ -51,7 +52,7 @@ void DeviceSide<T>::upload(DeviceArray<U>& to, const std::vector<V, A>& from, co
   static_assert(sizeof(U) == sizeof(V));
   to = DeviceArray<U>(static_cast<Offset>(from.size()), budget_, needed_);
   if (twin == nullptr) {
-    context_.uploads->copy(to.data(), from.data(), to.bytes(), stream_.get());
+    uploads_.copy(to.data(), from.data(), to.bytes(), stream_.get());
     return;
   }
   call("cudaMemcpyAsync(tables)", [&] {

@@ -46,7 +46,7 @@ struct SideContext {
   Offset spare;  ///< elements that each side takes for a sub-tree stolen from another; 0: nobody steals
   std::vector<int> sides_on_device;  ///< sides; how many of them share the GPU (tests only)
   Offset values;                     ///< length of the caller's value array
-  TableUpload* uploads;
+  base::ThreadPool* pool;            ///< its threads fill what is sent; null: the calling thread alone
 };
 
 /// Memory on the host that all devices see, for machines without access from device to device: the copies of what is
@@ -125,6 +125,7 @@ class DeviceSide {
   [[nodiscard]] T* values() const { return values_.data(); }
   [[nodiscard]] Offset values_size() const { return values_.size(); }
   [[nodiscard]] DeviceBudget& budget() { return budget_; }
+  [[nodiscard]] TableUpload& uploads() { return uploads_; }
   [[nodiscard]] Offset held() const { return budget_.held(); }
   [[nodiscard]] const TaskLists& lists() const { return context_.tables.lists[static_cast<std::size_t>(self_)]; }
 
@@ -151,6 +152,7 @@ class DeviceSide {
   Offset needed_ = 0;
   std::string name_;
   Stream stream_, urgent_;
+  TableUpload uploads_;
   PinnedArray<int> counters_, one_;
   PinnedArray<FactorEnd> end_;
   DeviceArray<PivotProduct> products_;

@@ -189,7 +189,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   [[nodiscard]] std::vector<std::vector<TaskTime>> task_times() const override;
   [[nodiscard]] const DevicePlan& device_plan() const override { return tables_; }
-  [[nodiscard]] TableUpload& uploads() override { return uploads_; }
+  [[nodiscard]] TableUpload& uploads() override { return sides_.front()->uploads(); }
 
   // The devices' clocks have nothing in common: each device's first task counts as the begin of the run.
   void record(double began);
@@ -232,7 +232,6 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   std::vector<int> devices_;
   bool peers_;  // each reaches the memory of all others
   DevicePlan tables_;
-  TableUpload uploads_;
   SideContext context_;
   PinnedArray<T> common_top_, common_places_, common_pivot_, common_updates_;
   PinnedArray<int> common_flag_;

@@ -15,6 +15,7 @@
 
 namespace espalier::device::cuda {
 
+/// For one GPU, which must be current in every call.
 class TableUpload {
  public:
   /// Writes elements [first, end) of a table to `stage`.
@@ -58,6 +59,9 @@ class TableUpload {
 
   struct Buffer {
     Buffer() : data(kBuffer) {}
+    Buffer(const Buffer&) = delete;
+    Buffer& operator=(const Buffer&) = delete;
+    ~Buffer() { (void)cudaEventSynchronize(sent.get()); }
     PinnedArray<std::byte> data;
     Event sent;
   };
