@@ -31,6 +31,8 @@ constexpr Known kKnown[] = {
     {"memory", "Time against the memory of a device",
      "The budget of each device as a share of what it needs in core. Below the floor the solver says what it needs."},
     {"scaling", "Several devices", "Speed-up over one device, and the share of time in which devices idle or wait."},
+    {"simulated", "Simulated: the plans of several GPUs in virtual time",
+     "The assignment and the tasks of the real plan; times of tasks and links from the cost model fitted to an H200."},
     {"ablation", "What each idea of sharing brings", "Each step keeps what the steps before it brought."},
     {"block-size", "Widest block of a front",
      "Refactorization against the widest block column that a front may be cut into; auto: by the size of the front."},
