@@ -222,12 +222,7 @@ class Curve {
     }
     const auto error = matrix::backward_errors(c_.a, from_plan_order(c_, first, 1), b_, 1, Transpose::no, &pool_);
     Json row =
-        empty_row(c_.name, "espalier:device=" + device_text(count), "Espalier, streaming executor, values on the host");
-    row["unknowns"] = c_.plan.tree.n;
-    row["nonzeros"] = c_.a.nonzeros();
-    row["kind"] = name_of(c_.kind);
-    row["flops"] = c_.plan.flops;
-    row["nonzeros_factor"] = c_.plan.nonzeros_factor;
+        row_of_case(c_, "espalier:device=" + device_text(count), "Espalier, streaming executor, values on the host");
     row["first_factorization"] = samples_of({factor.front()});
     row["refactorization"] = samples_of({factor.begin() + 1, factor.end()});
     row["solve_one"] = samples_of(solve);

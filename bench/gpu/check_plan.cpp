@@ -64,13 +64,8 @@ nlohmann::json show_plan(const GpuCase& c, const CheckSettings& settings) {
       1e3 * analysis::gpu_time(c.plan.tree, c.kind == Kind::lu, c.kind == Kind::ldlt).on(c.devices),
       base::now_seconds() - simulation);
   if (settings.lists) show_lists(c, d, shares, settings.common.fp32 ? 4e-9 : 8e-9);
-  nlohmann::json row = empty_row(c.name, fmt::format("simulated on {} GPU{}", c.devices, c.devices == 1 ? "" : "s"),
-                                 "Espalier, plan in virtual time");
-  row["unknowns"] = c.plan.tree.n;
-  row["nonzeros"] = c.a.nonzeros();
-  row["kind"] = name_of(c.kind);
-  row["flops"] = c.plan.flops;
-  row["nonzeros_factor"] = c.plan.nonzeros_factor;
+  nlohmann::json row = row_of_case(c, fmt::format("simulated on {} GPU{}", c.devices, c.devices == 1 ? "" : "s"),
+                                   "Espalier, plan in virtual time");
   row["refactorization"] = samples_of({run.seconds});
   row["parameters"] = {{"devices", c.devices}};
   row["check"] = {{"busy", busy}};

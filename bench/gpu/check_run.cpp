@@ -117,13 +117,8 @@ Json device_reports(const std::vector<device::DeviceWork>& work, double seconds)
 
 /// What the plan and the analysis tell of the row.
 Json row_of(const GpuCase& c, bool single, const CheckSettings& settings) {
-  Json row = empty_row(c.name, c.devices == 1 ? "espalier on 1 GPU" : fmt::format("espalier on {} GPUs", c.devices),
-                       "Espalier, CUDA executor, values on the device");
-  row["unknowns"] = c.plan.tree.n;
-  row["nonzeros"] = c.a.nonzeros();
-  row["kind"] = name_of(c.kind);
-  row["flops"] = c.plan.flops;
-  row["nonzeros_factor"] = c.plan.nonzeros_factor;
+  Json row = row_of_case(c, c.devices == 1 ? "espalier on 1 GPU" : fmt::format("espalier on {} GPUs", c.devices),
+                         "Espalier, CUDA executor, values on the device");
   row["analysis"] = samples_of({c.analysis_seconds + c.plan_seconds});
   row["parameters"] = {{"columns", settings.columns},
                        {"devices", c.devices},

@@ -60,6 +60,16 @@ nlohmann::json empty_row(const std::string& system, const std::string& rival, co
   return row;
 }
 
+nlohmann::json row_of_case(const GpuCase& c, const std::string& rival, const std::string& version) {
+  nlohmann::json row = empty_row(c.name, rival, version);
+  row["unknowns"] = c.plan.tree.n;
+  row["nonzeros"] = c.a.nonzeros();
+  row["kind"] = name_of(c.kind);
+  row["flops"] = c.plan.flops;
+  row["nonzeros_factor"] = c.plan.nonzeros_factor;
+  return row;
+}
+
 void write_document(const nlohmann::json& document, const std::string& path) {
   namespace fs = std::filesystem;
   const std::string name = document.at("experiment").get<std::string>() + ".json";

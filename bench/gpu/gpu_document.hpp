@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "gpu/gpu_case.hpp"
+
 namespace espalier::bench {
 
 /// What both programs understand.
@@ -33,6 +35,8 @@ nlohmann::json samples_of(std::vector<double> seconds);
 
 /// A row of which nothing is known but these; the caller fills in what it measured.
 nlohmann::json empty_row(const std::string& system, const std::string& rival, const std::string& version);
+/// The same, with what the case and its plan tell.
+nlohmann::json row_of_case(const GpuCase& c, const std::string& rival, const std::string& version);
 
 /// Writes the document. A folder takes it as <experiment>.json. @throws Error(invalid_input) when it cannot be written
 void write_document(const nlohmann::json& document, const std::string& path);
