@@ -10,6 +10,7 @@
 #include "espalier/espalier.h"
 #include "espalier/espalier.hpp"
 #include "reference/reference.hpp"
+#include "solver/gpu_fixture.hpp"
 
 #if ESPALIER_WITH_CUDA
 #include <cuda_runtime_api.h>
@@ -43,13 +44,7 @@ TEST(DeviceArrays, AHostFactorRefusesThem) {
 
 #if ESPALIER_WITH_CUDA
 
-class Gpu : public testing::Test {
- protected:
-  void SetUp() override {
-    const auto found = device::cuda::available_devices();
-    if (found.devices.empty()) GTEST_SKIP() << found.reason;
-  }
-};
+class Gpu : public test::OnGpu {};
 
 // n doubles on the GPU.
 class OnDevice {

@@ -5,6 +5,7 @@
 #include "device/cuda/cuda_executor.hpp"
 #include "espalier/espalier.hpp"
 #include "reference/reference.hpp"
+#include "solver/gpu_fixture.hpp"
 
 #if ESPALIER_WITH_CUDA
 #include <cuda_runtime_api.h>
@@ -19,12 +20,8 @@ namespace {
 
 using reference::Values;
 
-class GpuCalls : public testing::Test {
+class GpuCalls : public test::OnGpu {
  protected:
-  void SetUp() override {
-    const auto found = device::cuda::available_devices();
-    if (found.devices.empty()) GTEST_SKIP() << found.reason;
-  }
   void TearDown() override { device::cuda::call_faults().record = nullptr; }
 
   template <class Work>

@@ -8,6 +8,7 @@
 #include "device/cuda/cuda_executor.hpp"
 #include "espalier/espalier.hpp"
 #include "reference/reference.hpp"
+#include "solver/gpu_fixture.hpp"
 
 #if ESPALIER_WITH_CUDA
 #include <cuda_runtime_api.h>
@@ -21,12 +22,8 @@ namespace {
 
 using reference::Values;
 
-class GpuFaults : public testing::Test {
+class GpuFaults : public test::OnGpu {
  protected:
-  void SetUp() override {
-    const auto found = device::cuda::available_devices();
-    if (found.devices.empty()) GTEST_SKIP() << found.reason;
-  }
   void TearDown() override { device::cuda::call_faults().arm(0); }
 };
 
