@@ -77,8 +77,9 @@ void BenchCommand::add_to(CLI::App& sub) {
   sub.add_option("--kind", settings.kind, "auto (default), llt, ldlt or lu")
       ->check(CLI::IsMember({"auto", "llt", "ldlt", "lu"}));
   sub.add_option("--threads", plan.threads, "threads of every solver (default: all cores)")->check(CLI::PositiveNumber);
-  sub.add_option("-k,--repetitions", settings.repetitions, "timed rounds after a warm-up (default: 5)")
-      ->check(CLI::PositiveNumber);
+  sub.add_option("-k,--repetitions", settings.repetitions,
+                 "timed rounds after a warm-up (default: 5); 0: one factorization and solve, for what takes minutes")
+      ->check(CLI::NonNegativeNumber);
   sub.add_option("--analyses", settings.analyses, "rounds of analysis (default: 3)")->check(CLI::PositiveNumber);
   sub.add_option("--rhs", plan.columns, "right-hand sides of the second solve (default: 32; 1: none)")
       ->check(CLI::PositiveNumber);
@@ -107,7 +108,7 @@ bench::Settings BenchCommand::settled() const {
   if (!quick && s.set != "quick") return s;
   // The limits are a third of the five minutes each for rounds and time-outs of a slow rival on a busy machine.
   s.set = "quick";
-  if (s.repetitions == 0) s.repetitions = 3;
+  if (!s.repetitions) s.repetitions = 3;
   if (s.analyses == 0) s.analyses = 2;
   if (s.time_seconds == 0) s.time_seconds = 180;
   s.plan.child.timeout_seconds = std::min(s.plan.child.timeout_seconds, 30.0);

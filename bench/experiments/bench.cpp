@@ -112,7 +112,7 @@ Bench::Bench(std::string experiment, Settings settings, Voice voice)
     : settings_(std::move(settings)), voice_(std::move(voice)) {
   if (!voice_.progress) voice_.progress = [](const std::string&) {};
   Plan& plan = settings_.plan;
-  if (settings_.repetitions > 0) plan.repetitions = settings_.repetitions;
+  if (settings_.repetitions) plan.repetitions = *settings_.repetitions;
   if (settings_.analyses > 0) plan.analyses = settings_.analyses;
   if (plan.child.folder.empty()) plan.child.folder = rivals_folder();
   plan.child.environment = rival_environment(plan.threads);
@@ -137,6 +137,16 @@ Bench::~Bench() = default;
 
 double Bench::seconds_gone() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+}
+
+Bench Bench::aside(int repetitions) const {
+  Settings settings = settings_;
+  settings.analyses = 1;
+  settings.repetitions = repetitions;
+  settings.plan.columns = 1;
+  settings.ceilings = false;
+  settings.out.clear();
+  return {document_.at("experiment"), std::move(settings), {}};
 }
 
 int Bench::gpus() const { return static_cast<int>(document_.at("machine").at("gpus").size()); }
@@ -165,13 +175,11 @@ void Bench::print(const std::string& text) const {
 
 void Bench::progress(const std::string& what) const { voice_.progress(what); }
 
-const Bench::Loaded& Bench::load(const std::string& system) {
-  if (loaded_ && loaded_->words == system) return *loaded_;
-  progress(system + ": reading");
+void Bench::read(const std::string& words) {
+  progress(words + ": reading");
   loaded_.reset();  // before the next one takes its memory
   auto next = std::make_unique<Loaded>();
-  next->words = system;
-  const auto [words, kind] = split_kind(system, settings_.kind);
+  next->words = words;
   if (fs::is_directory(words)) {
     Sequence sequence = longest_sequence(words);
     next->a = std::move(sequence.first);
@@ -182,13 +190,18 @@ const Bench::Loaded& Bench::load(const std::string& system) {
   if (next->a.rows != next->a.cols || next->a.rows == 0 || next->a.values.empty())
     throw Error(StatusCode::invalid_input, fmt::format("{}: the matrix is {} x {} with {} values; a square one with "
                                                        "values is needed",
-                                                       system, next->a.rows, next->a.cols, next->a.values.size()));
-  next->kind = kind_named(kind);
-  if (next->kind == Kind::automatic) next->kind = automatic_kind(next->a);
-  if (next->kind != Kind::lu && !next->a.symmetric())
+                                                       words, next->a.rows, next->a.cols, next->a.values.size()));
+  loaded_ = std::move(next);
+}
+
+const Bench::Loaded& Bench::load(const std::string& system) {
+  const auto [words, kind] = split_kind(system, settings_.kind);
+  if (!loaded_ || loaded_->words != words) read(words);
+  loaded_->kind = kind_named(kind);
+  if (loaded_->kind == Kind::automatic) loaded_->kind = automatic_kind(loaded_->a);
+  if (loaded_->kind != Kind::lu && !loaded_->a.symmetric())
     throw Error(StatusCode::invalid_input,
                 fmt::format("{}: kind {} needs a matrix in symmetric storage", system, kind));
-  loaded_ = std::move(next);
   return *loaded_;
 }
 

@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,7 +23,7 @@ struct Contestant {
   nlohmann::json parameters = nlohmann::json::object();
 };
 
-/// What the caller may choose. What is empty or 0 is chosen by the experiment.
+/// What the caller may choose. What is empty or 0 is chosen by the experiment (repetitions: what is not set).
 struct Settings {
   std::vector<std::string> systems;  ///< generators with their sizes, matrix files, folders of matrix files
   std::vector<std::string> rivals;   ///< contestants, name or name:variant
@@ -30,8 +31,8 @@ struct Settings {
   std::string set;                   ///< peers: which systems (quick, cpu, gpu, gpus)
   std::string kind = "auto";
   Plan plan;
-  int repetitions = 0;      ///< timed rounds
-  int analyses = 0;         ///< rounds of analysis
+  std::optional<int> repetitions;  ///< timed rounds; 0: the first factorization and one solve after it alone
+  int analyses = 0;                ///< rounds of analysis
   double time_seconds = 0;  ///< no system is begun later, nor one known to end later; left out is a row. 0: no limit
   bool ceilings = true;     ///< measure the machine's ceilings first (a second)
   std::string command;      ///< for the record
@@ -56,6 +57,9 @@ class Bench {
   [[nodiscard]] Plan& plan() { return settings_.plan; }
   [[nodiscard]] nlohmann::json& document() { return document_; }
   [[nodiscard]] int gpus() const;
+  /// For runs outside this document: the same settings with so many timed rounds, one analysis and one right-hand side;
+  /// says nothing and writes nothing.
+  [[nodiscard]] Bench aside(int repetitions) const;
 
   /// The systems asked for, folders replaced by the matrix files in them, or `defaults`.
   /// @throws Error(invalid_input) for a folder without matrix files
@@ -79,13 +83,14 @@ class Bench {
  private:
   struct Loaded;
   [[nodiscard]] double seconds_gone() const;  ///< since this object was made
+  void read(const std::string& words);        ///< generator, file or folder, into loaded_
   const Loaded& load(const std::string& system);
   nlohmann::json rows_of(const std::string& system, const Loaded& loaded, const std::vector<Contestant>& contestants);
 
   Settings settings_;
   Voice voice_;
   nlohmann::json document_;
-  std::unique_ptr<Loaded> loaded_;  ///< the last system
+  std::unique_ptr<Loaded> loaded_;  ///< the last matrix, kept for stages that ask for it again
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 

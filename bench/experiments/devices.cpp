@@ -70,17 +70,7 @@ void derive(nlohmann::json& document, const std::string& system) {
 void add_timeline(Bench& bench, const std::string& system, const std::string& spec, const nlohmann::json& parameters) {
   const std::string path =
       (std::filesystem::temp_directory_path() / fmt::format("espalier-bench-{}.json", getpid())).string();
-  Bench traced("timeline",
-               [&] {
-                 Settings settings = bench.settings();
-                 settings.analyses = 1;
-                 settings.repetitions = 1;
-                 settings.plan.columns = 1;
-                 settings.ceilings = false;
-                 settings.out.clear();
-                 return settings;
-               }(),
-               {});
+  Bench traced = bench.aside(1);
   const auto rows = traced.measure(system, {{spec + "+trace=" + path, parameters}});
   std::error_code none;
   if (rows.front().at("outcome") == "ok" && std::filesystem::exists(path)) {

@@ -113,7 +113,7 @@ void run_stages(Bench& bench, const std::vector<Stage>& stages) {
     bench.document()["settings"][key] = "by stage; see the samples of each row";
   for (const Stage& stage : stages) {
     Plan& plan = bench.plan();
-    plan.repetitions = settings.repetitions > 0 ? settings.repetitions : stage.repetitions;
+    plan.repetitions = settings.repetitions.value_or(stage.repetitions);
     plan.analyses = settings.analyses > 0 ? settings.analyses : stage.analyses;
     plan.columns = stage.columns;
     std::vector<Contestant> contestants;

@@ -85,7 +85,7 @@ void fit_family(nlohmann::json& document, const std::string& family, const std::
 void run_refactor(Bench& bench) {
   Plan& plan = bench.plan();
   plan.columns = 1;
-  if (bench.settings().repetitions == 0) plan.repetitions = 25;
+  if (!bench.settings().repetitions) plan.repetitions = 25;
   if (bench.settings().analyses == 0) plan.analyses = 1;
   std::vector<std::string> rivals = {"espalier", "pardiso", "mumps", "eigen"};
   if (bench.gpus() > 0) rivals.insert(rivals.end(), {"espalier:device=gpu:0", "cudss"});
@@ -102,7 +102,7 @@ void run_refactor(Bench& bench) {
 }
 
 void run_growth(Bench& bench) {
-  if (bench.settings().repetitions == 0) bench.plan().repetitions = 3;
+  if (!bench.settings().repetitions) bench.plan().repetitions = 3;
   if (bench.settings().analyses == 0) bench.plan().analyses = 1;
   bench.plan().columns = 1;
   bench.document()["fits"] = nlohmann::json::array();

@@ -208,11 +208,12 @@ DataTable fits_table(const Json& fits) {
 }
 
 DataTable overhead_table(const Json& overhead) {
-  DataTable table{"Overhead", {{"system", true}, {"phase", true}, {"of medians"}, {"of least"}}};
+  DataTable table{"Overhead", {{"system", true}, {"phase", true}, {"of medians"}, {"standard error"}, {"of least"}}};
   for (const Json& one : overhead)
-    table.lines.push_back({"",
-                           {words(text(one, "system")), words(phase_name(text(one, "phase"))),
-                            percent_cell(number(one, "of_medians")), percent_cell(number(one, "of_least"))}});
+    table.lines.push_back(
+        {"",
+         {words(text(one, "system")), words(phase_name(text(one, "phase"))), percent_cell(number(one, "of_medians")),
+          percent_cell(number(one, "error")), percent_cell(number(one, "of_least"))}});
   return table;
 }
 
