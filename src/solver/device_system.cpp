@@ -18,9 +18,9 @@ class DeviceSystemOf final : public DeviceSystem {
   using Equations = device::cuda::DeviceEquations<T>;
 
   DeviceSystemOf(const analysis::Plan& plan, const solver::Equations& equations,
-                 const solve::ResidualOperator& residual, Kind kind, double threshold,
-                 device::cuda::CudaExecutor<T>& executor, int device, Offset memory_bytes, base::ThreadPool& pool)
-      : n_(plan.tree.n), values_(equations.a.values), executor_(executor), rule_{threshold, 0} {
+                 const solve::ResidualOperator& residual, Kind kind, device::cuda::CudaExecutor<T>& executor,
+                 int device, Offset memory_bytes, base::ThreadPool& pool)
+      : n_(plan.tree.n), values_(equations.a.values), executor_(executor) {
     device::cuda::EquationArrays arrays;
     const matrix::RowIndex& index = residual.row_index();
     arrays.pattern = equations.a;
@@ -36,7 +36,6 @@ class DeviceSystemOf final : public DeviceSystem {
     if (kind == Kind::llt && sizeof(T) == sizeof(double))
       diagonal = diagonal_places(equations.a, plan.tree.order, pool);
     arrays.diagonal = diagonal;
-    if (executor.devices() > 1) smallest_.resize(diagonal.size());
     host_copy_ = [&pool](double* to, const double* from, Offset count) {
       constexpr std::int64_t kPiece = 1 << 16;  // doubles
       pool.for_each_piece(count, kPiece, [&](std::int64_t begin, std::int64_t end) {
@@ -58,22 +57,10 @@ class DeviceSystemOf final : public DeviceSystem {
 
   std::optional<device::FactorOutcome> factorize(double smallest_pivot) override {
     if (std::exchange(sent_, false)) equations_->take_sent_values();
-    if (executor_.devices() == 1) {
-      device::cuda::FilledValues values = equations_->filled();
-      values.tiny = smallest_pivot;
-      values.rounding = kRoundingOfPivot;
-      return executor_.factorize_filled(values);
-    }
-    const double largest = equations_->largest();
-    if (!(largest <= std::numeric_limits<double>::max())) return std::nullopt;
-    rule_.tiny = smallest_pivot * largest;
-    if (!smallest_.empty()) {
-      equations_->read_diagonal(smallest_);
-      for (double& s : smallest_) s *= kRoundingOfPivot;
-    }
-    rule_.smallest = smallest_;
-    executor_.set_pivot_rule(rule_);
-    return executor_.factorize_in_place();
+    device::cuda::FilledValues values = equations_->filled();
+    values.tiny = smallest_pivot;
+    values.rounding = kRoundingOfPivot;
+    return executor_.factorize_filled(values);
   }
 
   void read_values(std::span<double> to) const override { equations_->read_values(to); }
@@ -126,8 +113,6 @@ class DeviceSystemOf final : public DeviceSystem {
   Index n_;
   std::span<const double> values_;  // of the host's equations
   device::cuda::CudaExecutor<T>& executor_;
-  device::PivotRule rule_;        // of several GPUs
-  std::vector<double> smallest_;  // likewise: n, by position; empty: no pivot is judged
   device::cuda::HostCopy host_copy_;
   std::unique_ptr<Equations> equations_;
   bool sent_ = false;  // values that are not scaled yet
@@ -139,19 +124,18 @@ class DeviceSystemOf final : public DeviceSystem {
 
 template <class T>
 std::unique_ptr<DeviceSystem> make_device_system(const analysis::Plan& plan, const Equations& equations,
-                                                 const solve::ResidualOperator& residual, Kind kind, double threshold,
+                                                 const solve::ResidualOperator& residual, Kind kind,
                                                  device::cuda::CudaExecutor<T>& executor, int device,
                                                  Offset memory_bytes, base::ThreadPool& pool) {
-  return std::make_unique<DeviceSystemOf<T>>(plan, equations, residual, kind, threshold, executor, device, memory_bytes,
-                                             pool);
+  return std::make_unique<DeviceSystemOf<T>>(plan, equations, residual, kind, executor, device, memory_bytes, pool);
 }
 
 template std::unique_ptr<DeviceSystem> make_device_system(const analysis::Plan&, const Equations&,
-                                                          const solve::ResidualOperator&, Kind, double,
+                                                          const solve::ResidualOperator&, Kind,
                                                           device::cuda::CudaExecutor<double>&, int, Offset,
                                                           base::ThreadPool&);
 template std::unique_ptr<DeviceSystem> make_device_system(const analysis::Plan&, const Equations&,
-                                                          const solve::ResidualOperator&, Kind, double,
+                                                          const solve::ResidualOperator&, Kind,
                                                           device::cuda::CudaExecutor<float>&, int, Offset,
                                                           base::ThreadPool&);
 

@@ -53,7 +53,7 @@ class DeviceSystem : public solve::ResidualSpace {
 /// @throws Error(out_of_memory), Error(device_error)
 template <class T>
 std::unique_ptr<DeviceSystem> make_device_system(const analysis::Plan& plan, const Equations& equations,
-                                                 const solve::ResidualOperator& residual, Kind kind, double threshold,
+                                                 const solve::ResidualOperator& residual, Kind kind,
                                                  device::cuda::CudaExecutor<T>& executor, int device,
                                                  Offset memory_bytes, base::ThreadPool& pool);
 

@@ -84,7 +84,7 @@ class NumericOf final : public Numeric {
     if (const Offset budget = options_.device_memory_bytes.front(); budget > 0)
       left = std::max<Offset>(1, budget - executor->peak_bytes());
     try {
-      device_ = make_device_system<T>(plan_, equations_, residual, options_.kind, options_.threshold, *executor,
+      device_ = make_device_system<T>(plan_, equations_, residual, options_.kind, *executor,
                                       options_.device.gpus.front(), left, pool_);
     } catch (const Error& e) {
       if (e.status().code != StatusCode::out_of_memory) throw;

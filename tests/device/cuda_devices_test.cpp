@@ -6,12 +6,14 @@
 #include <algorithm>
 #include <bit>
 #include <random>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "analysis/ordering.hpp"
 #include "cuda_plan_flags.hpp"
 #include "device/cuda/device_plan.hpp"
+#include "device/cuda/needed_values.hpp"
 #include "matrix/generators/generate.hpp"
 
 namespace espalier {
@@ -176,6 +178,29 @@ TEST_P(CudaDevices, SolveHasWhatItReads) {
       EXPECT_EQ(up[f] != 0, (tables_.fronts[f].members >> d & 1) != 0);
       EXPECT_EQ(down[f] != 0, (tables_.fronts[f].members >> d & 1) != 0);
     }
+  }
+}
+
+// What is sent to a device holds the values that tasks in its list assemble, and, where nobody steals, not much else.
+TEST_P(CudaDevices, ValuesReachWhoAssemblesThem) {
+  const Offset values = a_.nonzeros();
+  const auto needed = device::cuda::needed_values(plan_, tables_, values, &pool_);
+  EXPECT_EQ(needed, device::cuda::needed_values(plan_, tables_, values, nullptr)) << "on one thread";
+  ASSERT_EQ(needed.size(), tables_.lists.size());
+  EXPECT_TRUE(needed[0].empty()) << "the first device has all values";
+  std::size_t sent = 0;
+  for (std::size_t d = 1; d < needed.size(); ++d) {
+    std::set<std::uint32_t> used;
+    for (const FactorTask& t : tables_.lists[d].tasks)
+      for (Offset e = plan_.entry_ptr[plan_.first_tile[t.front]]; e < plan_.entry_ptr[plan_.first_tile[t.front + 1]];
+           ++e)
+        used.insert(static_cast<std::uint32_t>(plan_.entries[e].source() / device::cuda::kValueChunk));
+    EXPECT_TRUE(std::includes(needed[d].begin(), needed[d].end(), used.begin(), used.end())) << "device " << d;
+    sent += needed[d].size();
+  }
+  if (!GetParam().stealing) {
+    const std::size_t copies = (needed.size() - 1) * static_cast<std::size_t>(values);  // as if each had all
+    EXPECT_LT(4 * sent * device::cuda::kValueChunk, 3 * copies) << "devices share the matrix";
   }
 }
 

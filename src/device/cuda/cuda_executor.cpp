@@ -3,8 +3,10 @@
 #if ESPALIER_WITH_CUDA
 
 #include <atomic>
+#include <bit>
 
 #include "device/cuda/executor_on_devices.hpp"
+#include "device/cuda/needed_values.hpp"
 
 namespace espalier::device::cuda {
 
@@ -93,13 +95,8 @@ ExecutorOnDevices<T>::ExecutorOnDevices(const analysis::Plan& plan, Kind kind, c
   moved_ = transferred_elements(plan_, kind_, tables_);
   set_up_tests();
   set_pivot_rule(rule);
-  if (several()) {
-    clear_factor();
-    clear_solve(1);
-  }
-  for (const auto& side : sides_)
-    at(*side,
-       [&] { factor_graphs_.push_back(Graph::record(side->stream().get(), [&] { enqueue_factorization(*side); })); });
+  if (several()) take_needed_values();
+  graphs_ = record_factorization({});
 }
 
 template <class T>
@@ -142,14 +139,47 @@ void ExecutorOnDevices<T>::set_up_tests() {
 }
 
 template <class T>
-void ExecutorOnDevices<T>::enqueue_factorization(Side& side) {
+void ExecutorOnDevices<T>::take_needed_values() {
+  if (peers_) {
+    const auto needed = needed_values(plan_, tables_, context_.values, options_.pool);
+    for (const auto& side : sides_)
+      at(*side, [&] { side->take_chunks(needed[static_cast<std::size_t>(side->self())]); });
+  }
+  std::vector<unsigned char> owner(static_cast<std::size_t>(plan_.tree.n));
+  for (Index f = 0; f < plan_.fronts(); ++f)
+    std::fill(owner.begin() + plan_.tree.first[f], owner.begin() + plan_.tree.first[f + 1],
+              static_cast<unsigned char>(std::countr_zero(tables_.fronts[f].members)));
+  const auto bytes = static_cast<Offset>(owner.size());
+  at(first(), [&] {
+    owner_ = DeviceArray<unsigned char>(bytes, first().budget(), first().held() + bytes);
+    first().copy_in(owner_.data(), owner.data(), bytes);
+  });
+}
+
+template <class T>
+auto ExecutorOnDevices<T>::record_factorization(const FilledValues& values) -> FactorGraphs {
+  FactorGraphs graphs;
+  for (const auto& side : sides_)
+    at(*side, [&] {
+      graphs.sides.push_back(Graph::record(side->stream().get(), [&] { enqueue_factorization(*side, values); }));
+    });
+  if (several())
+    at(first(), [&] {
+      graphs.judge =
+          Graph::record(first().stream().get(), [&] { first().enqueue_judge(values, sides_, owner_.data()); });
+    });
+  return graphs;
+}
+
+template <class T>
+void ExecutorOnDevices<T>::enqueue_factorization(Side& side, const FilledValues& values) {
   if (!several()) {
-    side.enqueue_begin({});
+    side.enqueue_begin(values);
     side.enqueue_factor();
-    side.enqueue_judge({});
+    side.enqueue_judge(values, sides_, nullptr);
     return;
   }
-  if (side.self() != 0 && common_.top == nullptr) side.enqueue_values_from(first());
+  if (peers_) side.enqueue_take(first(), values);
   side.enqueue_factor(side.self() == options_.fail_device);
   side.enqueue_counters();
 }

@@ -75,11 +75,9 @@ class CudaExecutor : public Executor<T> {
   /// Where factorizations find the plan's values, and how many there are.
   [[nodiscard]] virtual T* values() const = 0;
   [[nodiscard]] virtual Offset values_size() const = 0;
-  [[nodiscard]] virtual int devices() const = 0;
-  /// Like factorize(), with what values() holds when the work enqueued on stream() is done.
-  virtual FactorOutcome factorize_in_place() = 0;
-  /// The same on one GPU, with a rule that the GPU completes: one launch, one wait, a few hundred bytes to the host.
-  /// @returns nothing when the values are not all finite  @pre devices() == 1
+  /// Like factorize(), with what values() holds when the work enqueued on stream() is done, and with a rule that the
+  /// GPU completes. On one GPU: one launch, one wait, a few hundred bytes to the host.
+  /// @returns nothing when the values are not all finite
   virtual std::optional<FactorOutcome> factorize_filled(const FilledValues& values) = 0;
   /// Times of the last factorization's tasks, by device; empty but with CudaOptions::timeline.
   virtual std::vector<std::vector<TaskTime>> task_times() const = 0;

@@ -99,20 +99,7 @@ class Equations final : public DeviceEquations<T> {
   FilledValues filled() const override {
     return {largest_.data(), static_cast<int>(largest_.size()), 0, diagonal_.data(), 0};
   }
-  double largest() override {
-    std::vector<double> parts(static_cast<std::size_t>(largest_.size()));
-    read(parts.data(), largest_.data(), largest_.size());
-    return *std::max_element(parts.begin(), parts.end());
-  }
   void read_values(std::span<double> to) const override { read(to.data(), given(), nonzeros_); }
-  void read_diagonal(std::span<double> to) override {
-    double* list = vectors(0, 1);
-    const DeviceGuard guard(device_);
-    diagonal_kernel<T>
-        <<<blocks_for(n_), kEquationThreads, 0, stream()>>>(n_, diagonal_.data(), executor_.values(), list);
-    call("launch of the diagonal kernel", [&] { return cudaGetLastError(); });
-    read(to.data(), list, n_);
-  }
 
   void substitute(const double* b, double* x, Index columns, bool transpose) override {
     const DeviceGuard guard(device_);

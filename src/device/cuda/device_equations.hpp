@@ -51,11 +51,8 @@ class DeviceEquations {
   virtual void take_sent_values() = 0;
   /// What CudaExecutor::factorize_filled() is told of them; tiny and rounding are the caller's.
   [[nodiscard]] virtual FilledValues filled() const = 0;
-  /// Magnitude of the largest scaled entry; infinity when one is not finite. Waits.
-  virtual double largest() = 0;
-  /// The values as they were given, and (n) the scaled diagonal by position, to host memory. Both wait.
+  /// The values as they were given, to host memory. Waits.
   virtual void read_values(std::span<double> to) const = 0;
-  virtual void read_diagonal(std::span<double> to) = 0;
 
   /// x = op(A)^-1 b with the executor's factor, for `columns` right-hand sides; x may equal b.
   virtual void substitute(const double* b, double* x, Index columns, bool transpose) = 0;

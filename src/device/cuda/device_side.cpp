@@ -256,7 +256,7 @@ void DeviceSide<T>::enqueue_clear_factor() {
            [&] { return cudaMemsetAsync(array.data(), 0, static_cast<std::size_t>(array.bytes()), stream_.get()); });
   };
   clear(control_);
-  if (context_.kind != Kind::llt) clear(marks_);
+  clear(marks_);
 }
 
 template <class T>
@@ -267,10 +267,26 @@ void DeviceSide<T>::enqueue_begin(const FilledValues& values) {
 }
 
 template <class T>
-void DeviceSide<T>::enqueue_judge(const FilledValues& values) {
+void DeviceSide<T>::take_chunks(const std::vector<std::uint32_t>& chunks) {
+  upload(chunks_, chunks, static_cast<const DeviceArray<std::uint32_t>*>(nullptr));
+  stream_.wait();
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_take(const DeviceSide& first, const FilledValues& values) {
+  const FactorTake<T> job{first.values_.data(), values_.data(), values_.size(), chunks_.data(), chunks_.size(),
+                          control_.data(),      limits_.data(), values.largest, values.parts,   values.tiny};
+  if (chunks_.size() > 0 || values.largest != nullptr)
+    call("launch of the kernel that takes the values", [&] { return launch_take(job, stream_.get()); });
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_judge(const FilledValues& values, const std::vector<std::unique_ptr<DeviceSide>>& sides,
+                                  const unsigned char* owner) {
   FactorJudge<T> job{};
   job.n = context_.plan.tree.n;
-  job.pivots = pivots_;
+  for (const auto& side : sides) job.pivots[side->self()] = side->pivots_;
+  job.owner = owner;
   job.values = values_.data();
   job.diagonal = values.diagonal;
   job.rounding = values.rounding;
@@ -319,12 +335,6 @@ std::vector<TaskTime> DeviceSide<T>::task_times() const {
   std::vector<TaskTime> times(static_cast<std::size_t>(trace_.size()));
   copy_out(times.data(), trace_.data(), trace_.bytes());
   return times;
-}
-
-template <class T>
-void DeviceSide<T>::enqueue_values_from(const DeviceSide& other) {
-  call("copy of the values",
-       [&] { return launch_copy(values_.data(), other.values_.data(), values_.size(), stream_.get()); });
 }
 
 template <class T>

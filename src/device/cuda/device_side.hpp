@@ -86,9 +86,13 @@ class DeviceSide {
   [[nodiscard]] SolveClear solve_clear(Index at_once) const;
   /// The kernels. skip_last_half: only the first half of the tasks, as if the device had died then (for tests).
   void enqueue_factor(bool skip_last_half = false);
-  /// What stands before and after the kernels where this is the only GPU.
+  /// What stands before the kernels where this is the only GPU.
   void enqueue_begin(const FilledValues& values);
-  void enqueue_judge(const FilledValues& values);
+  /// The same where it is one of several that reach the first's memory; copies the values that it needs.
+  void enqueue_take(const DeviceSide& first, const FilledValues& values);
+  /// What stands after the kernels of all sides, on the first. owner: by position, whose pivot counts; device memory.
+  void enqueue_judge(const FilledValues& values, const std::vector<std::unique_ptr<DeviceSide>>& sides,
+                     const unsigned char* owner);
   /// What the judge found, once the stream is done.
   [[nodiscard]] const FactorEnd& factor_end() const { return *end_.data(); }
   /// From the next recording of enqueue_factor() on: every task is held up so long, and recorded.
@@ -97,8 +101,8 @@ class DeviceSide {
   void clear_record();
   /// Times of the tasks of this side's list; zero for those that another device did.
   [[nodiscard]] std::vector<TaskTime> task_times() const;
-  /// Copies `count` values from another side's array.
-  void enqueue_values_from(const DeviceSide& other);
+  /// Which values enqueue_take() copies.
+  void take_chunks(const std::vector<std::uint32_t>& chunks);
   /// Buffers of one pass with so many right-hand sides. @returns whether they moved
   bool take_solve_memory(Index at_once);
   /// One pass. rhs: what this side reads; result: where solutions go, maybe on another device. At most kManyColumns
@@ -173,6 +177,7 @@ class DeviceSide {
   DeviceArray<SolveTask> up_, down_;
   DeviceArray<std::int64_t> entry_ptr_;
   DeviceArray<std::uint64_t> entries_;
+  DeviceArray<std::uint32_t> chunks_;  // of values that are copied from the first side
   LaunchShape shape_[2];
   SolveShape solve_shape_[2];
   FactorState<T> state_{};

@@ -131,10 +131,4 @@ __global__ void add_kernel(Index n, const double* from, double* to) {
   if (i < n) to[i] += from[i];
 }
 
-template <class T>
-__global__ void diagonal_kernel(Index n, const Offset* places, const T* scaled, double* to) {
-  const Offset k = static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x;
-  if (k < n) to[k] = static_cast<double>(scaled[places[k]]);
-}
-
 }  // namespace espalier::device::cuda

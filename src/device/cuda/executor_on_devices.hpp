@@ -39,21 +39,18 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   FactorOutcome factorize(std::span<const T> values) override;
 
-  FactorOutcome factorize_in_place() override;
-
   std::optional<FactorOutcome> factorize_filled(const FilledValues& values) override;
 
   double refactorize_again() override {
-    if (several()) return run_on_all([&](Side& s) { launch_factor(s); }, [&] { clear_factor(); });
+    const FactorGraphs& graphs = last_filled_ ? filled_graphs_ : graphs_;
+    if (several()) return launch_on_all(graphs, [] {});
     const DeviceGuard guard(first().device());
-    const Graph& graph = last_filled_ ? filled_graph_ : factor_graphs_.front();
-    return first().stream().timed([&] { graph.launch(first().stream().get()); });
+    return first().stream().timed([&] { graphs.sides.front().launch(first().stream().get()); });
   }
 
   [[nodiscard]] void* stream() const override { return first().stream().get(); }
   [[nodiscard]] T* values() const override { return first().values(); }
   [[nodiscard]] Offset values_size() const override { return first().values_size(); }
-  [[nodiscard]] int devices() const override { return static_cast<int>(sides_.size()); }
 
   void solve(T* x, Index columns, bool transpose) override;
 
@@ -124,18 +121,29 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   void set_up_tests();
 
-  void enqueue_factorization(Side& side);
+  // What each side takes of the values, and whose pivots count.
+  void take_needed_values();
+
+  // Graphs of a factorization: of each side, and, of several, of the judge on the first that follows them.
+  struct FactorGraphs {
+    std::vector<Graph> sides;
+    Graph judge;
+  };
+  FactorGraphs record_factorization(const FilledValues& values);
+  void enqueue_factorization(Side& side, const FilledValues& values);
 
   // ---- runs --------------------------------------------------------------------------------------------------------
 
-  void launch_factor(Side& side) { factor_graphs_[static_cast<std::size_t>(side.self())].launch(side.stream().get()); }
-
-  // Launches on every side and waits for all. What goes wrong on one ends the others. clear(): what the next run needs.
-  template <class Launch, class Clear>
-  double run_on_all(Launch&& launch, Clear&& clear) {
+  // Launches on every side and waits for all; then finish() and clear(), which the next run needs. What goes wrong on
+  // one ends the others. clean: whether what clear() clears is so; a run that failed leaves it to the next one.
+  template <class Launch, class Finish, class Clear>
+  double run_on_all(bool& clean, Launch&& launch, Finish&& finish, Clear&& clear) {
+    if (!clean) clear();
+    clean = false;
     const double start = base::now_seconds();
     std::string what;
     const auto fail = [&](const Side& side, const char* text) {
+      factor_clean_ = solve_clean_ = false;
       if (what.empty()) what = fmt::format("{}: {}", side.name(), text);
       for (const auto& other : sides_) other->abort();
     };
@@ -164,13 +172,29 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
           fail(*side, "failed halfway, as asked for");
         }
       }
-    const double seconds = base::now_seconds() - start;
-    try {
-      clear();
-    } catch (const Error&) {
-      if (what.empty()) throw;  // else the first failure tells more
-    }
     if (!what.empty()) throw Error(StatusCode::device_error, what);
+    finish();
+    const double seconds = base::now_seconds() - start;
+    clear();
+    clean = true;
+    return seconds;
+  }
+  // The same for a factorization; after_judge() reads what the clearing will wipe out. @returns seconds before it
+  template <class AfterJudge>
+  double launch_on_all(const FactorGraphs& graphs, AfterJudge&& after_judge) {
+    double seconds = 0;
+    const double start = base::now_seconds();
+    run_on_all(
+        factor_clean_, [&](Side& s) { graphs.sides[static_cast<std::size_t>(s.self())].launch(s.stream().get()); },
+        [&] {
+          at(first(), [&] {
+            graphs.judge.launch(first().stream().get());
+            first().stream().wait();
+          });
+          seconds = base::now_seconds() - start;
+          after_judge();
+        },
+        [&] { clear_factor(); });
     return seconds;
   }
 
@@ -184,8 +208,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     for (const auto& side : sides_) at(*side, [&] { side->enqueue_clear_solve(at_once); });
   }
 
-  FactorOutcome run_factorization();
-  FactorOutcome run_on_one(const Graph& graph, bool filled);
+  FactorOutcome run(const FactorGraphs& graphs, bool filled);
 
   [[nodiscard]] std::vector<std::vector<TaskTime>> task_times() const override;
   [[nodiscard]] const DevicePlan& device_plan() const override { return tables_; }
@@ -195,6 +218,10 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   void record(double began);
 
   void send_values();
+
+  // Where the others do not reach the first's memory: the limits of the pivot rule, set from here.
+  // @returns whether the values are finite
+  bool set_limits_here(const FilledValues& values);
 
   [[nodiscard]] const int* counters_of(const Side& side) const {
     return several() ? side.factor_counters() : side.factor_end().counters;
@@ -239,8 +266,8 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   std::vector<std::unique_ptr<Side>> sides_;
   DeviceArray<T> rhs_;
   std::vector<DeviceArray<T>> side_rhs_;
-  std::vector<Graph> factor_graphs_;
-  Graph filled_graph_;  // of factorize_filled() with filled_
+  DeviceArray<unsigned char> owner_;     // n, on the first of several: whose pivot counts
+  FactorGraphs graphs_, filled_graphs_;  // the latter of factorize_filled() with filled_
   FilledValues filled_;
   bool last_filled_ = false;  // the last factorization was one of these
   std::map<SolveKey, Graph> solve_graphs_;
@@ -248,7 +275,8 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   std::vector<std::vector<T>> pivots_host_;
   T limits_[2] = {};
   bool limits_known_ = false;
-  std::span<const double> smallest_;  // PivotRule::smallest
+  bool factor_clean_ = false, solve_clean_ = false;  // what a run on several expects to be clear is so
+  std::span<const double> smallest_;                 // PivotRule::smallest
   bool replaced_ = false, failed_ = false;
   std::vector<double> moved_;  // devices; elements
   Index at_once_ = 1;

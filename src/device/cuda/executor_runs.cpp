@@ -11,51 +11,55 @@
 
 namespace espalier::device::cuda {
 
+namespace {
+
+bool is_finite(double largest) { return largest <= std::numeric_limits<double>::max(); }
+
+}  // namespace
+
 template <class T>
 FactorOutcome ExecutorOnDevices<T>::factorize(std::span<const T> values) {
   to_device(first().values(), values.data(), static_cast<Offset>(values.size()));
-  return run_factorization();
-}
-
-template <class T>
-FactorOutcome ExecutorOnDevices<T>::factorize_in_place() {
-  if (several()) at(first(), [&] { first().stream().wait(); });  // the others copy the values
-  return run_factorization();
+  return run(graphs_, false);
 }
 
 template <class T>
 std::optional<FactorOutcome> ExecutorOnDevices<T>::factorize_filled(const FilledValues& values) {
-  const DeviceGuard guard(first().device());
   if (!(values == filled_)) {
     filled_ = {};
-    filled_graph_ = Graph::record(first().stream().get(), [&] {
-      first().enqueue_begin(values);
-      first().enqueue_factor();
-      first().enqueue_judge(values);
-    });
+    filled_graphs_ = record_factorization(values);
     filled_ = values;
   }
   limits_known_ = false;  // the GPU sets its own
-  const FactorOutcome out = run_on_one(filled_graph_, true);
-  if (!(first().factor_end().largest <= std::numeric_limits<double>::max())) return std::nullopt;
+  if (common_.top != nullptr && !set_limits_here(values)) return std::nullopt;
+  const FactorOutcome out = run(filled_graphs_, true);
+  if (!is_finite(first().factor_end().largest)) return std::nullopt;
   return out;
 }
 
-// One launch, one wait.
 template <class T>
-FactorOutcome ExecutorOnDevices<T>::run_on_one(const Graph& graph, bool filled) {
+FactorOutcome ExecutorOnDevices<T>::run(const FactorGraphs& graphs, bool filled) {
   FactorOutcome out;
   bool stopped = false;
-  Side& side = first();
-  if (options_.timeline != nullptr) side.clear_record();
+  if (options_.timeline != nullptr)
+    for (const auto& side : sides_) at(*side, [&] { side->clear_record(); });
   last_filled_ = filled;
   const double began = base::now_seconds();
-  graph.launch(side.stream().get());
-  side.stream().wait();
-  out.seconds = base::now_seconds() - began;
-  if (filled && !(side.factor_end().largest <= std::numeric_limits<double>::max())) return out;
-  read_counters(out, stopped);
-  read_marks(out);
+  const auto read = [&] {
+    read_counters(out, stopped);
+    read_marks(out);
+  };
+  if (several()) {
+    if (common_.top != nullptr) send_values();
+    out.seconds = launch_on_all(graphs, read);
+  } else {  // one launch, one wait
+    const DeviceGuard guard(first().device());
+    graphs.sides.front().launch(first().stream().get());
+    first().stream().wait();
+    out.seconds = base::now_seconds() - began;
+    if (is_finite(first().factor_end().largest)) read();
+  }
+  if (!is_finite(first().factor_end().largest)) return out;
   if (options_.timeline != nullptr) record(began);
   if (stopped) throw stalled("factorization");
   if (out.not_positive >= 0) return out;
@@ -63,31 +67,6 @@ FactorOutcome ExecutorOnDevices<T>::run_on_one(const Graph& graph, bool filled) 
     take_judgement(out);
   else
     judge_pivots_here(out);
-  return out;
-}
-
-template <class T>
-FactorOutcome ExecutorOnDevices<T>::run_factorization() {
-  if (!several()) {
-    const DeviceGuard guard(first().device());
-    return run_on_one(factor_graphs_.front(), false);
-  }
-  FactorOutcome out;
-  bool stopped = false;
-  if (options_.timeline != nullptr)
-    for (const auto& side : sides_) at(*side, [&] { side->clear_record(); });
-  const double began = base::now_seconds();
-  if (common_.top != nullptr) send_values();
-  // Counters are on the host when a run ends; marks are read before they are cleared.
-  out.seconds = run_on_all([&](Side& s) { launch_factor(s); },
-                           [&] {
-                             read_counters(out, stopped);
-                             read_marks(out);
-                             clear_factor();
-                           });
-  if (options_.timeline != nullptr) record(began);
-  if (stopped) throw stalled("factorization");
-  if (out.not_positive < 0) judge_pivots_here(out);
   return out;
 }
 
@@ -133,6 +112,17 @@ void ExecutorOnDevices<T>::send_values() {
 }
 
 template <class T>
+bool ExecutorOnDevices<T>::set_limits_here(const FilledValues& values) {
+  std::vector<double> parts(static_cast<std::size_t>(values.parts));
+  at(first(),
+     [&] { first().copy_out(parts.data(), values.largest, values.parts * static_cast<Offset>(sizeof(double))); });
+  const double largest = *std::max_element(parts.begin(), parts.end());
+  const T limits[2] = {static_cast<T>(values.tiny * largest), limits_[1]};
+  for (const auto& side : sides_) at(*side, [&] { side->set_limits(limits); });
+  return is_finite(largest);
+}
+
+template <class T>
 void ExecutorOnDevices<T>::read_counters(FactorOutcome& out, bool& stopped) {
   const Index n = plan_.tree.n;
   work_.clear();
@@ -163,6 +153,7 @@ template <class T>
 void ExecutorOnDevices<T>::read_marks(FactorOutcome& out) {
   if (replaced_) out.replaced = marked(false);
   if (failed_) out.failed = marked(true);
+  if (out.not_positive < 0 && first().factor_end().small > 0) out.replaced = marked(false);
 }
 
 template <class T>
@@ -178,7 +169,6 @@ std::vector<Index> ExecutorOnDevices<T>::marked(bool failed) {
 template <class T>
 void ExecutorOnDevices<T>::take_judgement(FactorOutcome& out) {
   const FactorEnd& end = first().factor_end();
-  if (end.small > 0) out.replaced = marked(false);
   out.determinant_sign = end.sign;
   out.determinant_log = Determinant(end.mantissa, end.exponent).log();
 }

@@ -70,7 +70,7 @@ void ExecutorOnDevices<T>::take_solve_memory(Index at_once) {
       side->stream().wait();
       if (side->take_solve_memory(at_once)) solve_graphs_.clear();
     });
-  if (several()) clear_solve(at_once);
+  solve_clean_ = false;
   at_once_ = at_once;
 }
 
@@ -102,6 +102,7 @@ double ExecutorOnDevices<T>::solve_on_all(T* x, Index columns, bool transpose) {
   double seconds = 0;
   for (Index c = 0; c < columns; c += at_once_)
     seconds += run_on_all(
+        solve_clean_,
         [&](Side& side) {
           T* mine = side_rhs_[static_cast<std::size_t>(side.self())].data();
           T* result = common_.updates != nullptr ? mine : x;
@@ -113,7 +114,7 @@ double ExecutorOnDevices<T>::solve_on_all(T* x, Index columns, bool transpose) {
             side.enqueue_counters();
           }).launch(side.stream().get());
         },
-        [&] { clear_solve(at_once_); });
+        [] {}, [&] { clear_solve(at_once_); });
   if (common_.updates != nullptr) collect_solution(x, columns);
   for (const auto& side : sides_)
     if (side->solve_counters()[1] != 0) throw stalled("solve");

@@ -2,6 +2,7 @@
 
 #include "device/cuda/block_sums.cuh"
 #include "device/cuda/factor_ends.hpp"
+#include "device/cuda/needed_values.hpp"
 
 namespace espalier::device::cuda {
 
@@ -77,13 +78,38 @@ __global__ void begin_kernel(const FactorBegin<T> job) {
   if (job.largest != nullptr) job.limits[0] = static_cast<T>(job.tiny * largest);
 }
 
+// A warp takes a chunk, several in flight: a read from another GPU takes more than a microsecond.
+template <class T>
+__global__ void take_kernel(const FactorTake<T> job) {
+  constexpr int kInFlight = 4;
+  const Offset warp = (static_cast<Offset>(blockIdx.x) * kThreadsOfBlock + threadIdx.x) / 32;
+  const Offset warps = static_cast<Offset>(gridDim.x) * (kThreadsOfBlock / 32);
+  const auto lane = static_cast<Offset>(threadIdx.x % 32);
+  for (Offset first = warp * kInFlight; first < job.chunk_count; first += warps * kInFlight) {
+    Offset at[kInFlight];
+    T value[kInFlight];
+    for (int k = 0; k < kInFlight; ++k) {
+      at[k] = first + k < job.chunk_count ? job.chunks[first + k] * kValueChunk + lane : job.values;
+      if (at[k] < job.values) value[k] = job.from[at[k]];
+    }
+    for (int k = 0; k < kInFlight; ++k)
+      if (at[k] < job.values) job.to[at[k]] = value[k];
+  }
+  if (blockIdx.x != 0 || job.largest == nullptr) return;
+  const double largest = largest_part(job.largest, job.parts);
+  if (threadIdx.x != 0) return;
+  if (!is_finite(largest)) job.control[kAborted] = 1;
+  job.limits[0] = static_cast<T>(job.tiny * largest);
+}
+
 template <class T>
 __global__ void judge_kernel(const FactorJudge<T> job) {
   Product product;
   int small = 0;
   const Offset step = static_cast<Offset>(gridDim.x) * kThreadsOfBlock;
   for (Offset k = static_cast<Offset>(blockIdx.x) * kThreadsOfBlock + threadIdx.x; k < job.n; k += step) {
-    const double pivot = static_cast<double>(job.pivots[k]);
+    const int owner = job.owner != nullptr ? job.owner[k] : 0;
+    const double pivot = static_cast<double>(job.pivots[owner][k]);
     Product factor{pivot, 0};
     factor.normalize();
     product.multiply(factor);
@@ -131,6 +157,14 @@ cudaError_t launch_begin(const FactorBegin<T>& job, cudaStream_t stream) {
 }
 
 template <class T>
+cudaError_t launch_take(const FactorTake<T>& job, cudaStream_t stream) {
+  constexpr Offset kEach = kThreadsOfBlock / 32 * 4;
+  const Offset blocks = std::max<Offset>(1, (job.chunk_count + kEach - 1) / kEach);
+  take_kernel<T><<<static_cast<unsigned>(std::min<Offset>(blocks, 1056)), kThreadsOfBlock, 0, stream>>>(job);
+  return cudaGetLastError();
+}
+
+template <class T>
 cudaError_t launch_judge(const FactorJudge<T>& job, cudaStream_t stream) {
   judge_kernel<T><<<static_cast<unsigned>(judge_blocks(job.n)), kThreadsOfBlock, 0, stream>>>(job);
   return cudaGetLastError();
@@ -138,6 +172,8 @@ cudaError_t launch_judge(const FactorJudge<T>& job, cudaStream_t stream) {
 
 template cudaError_t launch_begin(const FactorBegin<double>&, cudaStream_t);
 template cudaError_t launch_begin(const FactorBegin<float>&, cudaStream_t);
+template cudaError_t launch_take(const FactorTake<double>&, cudaStream_t);
+template cudaError_t launch_take(const FactorTake<float>&, cudaStream_t);
 template cudaError_t launch_judge(const FactorJudge<double>&, cudaStream_t);
 template cudaError_t launch_judge(const FactorJudge<float>&, cudaStream_t);
 

@@ -1,10 +1,13 @@
 /// \file
-/// What stands before and after the tasks of a factorization in its graph, on one GPU: control memory is cleared and
+/// What stands before and after the tasks of a factorization in its graph. On one GPU, control memory is cleared and
 /// the pivot rule completed; the pivots are judged, and what the host wants to know goes to its memory. So a
-/// factorization is one launch and one wait. As plain C++.
+/// factorization is one launch and one wait. Of several GPUs, each takes the values that it needs from the first, which
+/// judges all pivots when all have finished. As plain C++.
 #pragma once
 
 #include <cuda_runtime_api.h>
+
+#include <cstdint>
 
 #include "device/cuda/factor_parameters.hpp"
 #include "espalier/types.hpp"
@@ -20,6 +23,21 @@ struct FactorBegin {
   Offset marks_size;
   T* limits;              ///< FactorState::limits; [0] = tiny * the largest magnitude, unless that is not given
   const double* largest;  ///< `parts` numbers; their maximum is the largest magnitude among the values; null: not given
+  int parts;
+  double tiny;
+};
+
+/// One of several GPUs takes its values. Control memory was cleared after the run before, because others write to it.
+template <class T>
+struct FactorTake {
+  const T* from;  ///< of the first GPU
+  T* to;
+  Offset values;                ///< their number
+  const std::uint32_t* chunks;  ///< what is copied: kValueChunk values from kValueChunk * chunk on
+  Offset chunk_count;
+  int* control;           ///< counters; kAborted is set when a value is not finite
+  T* limits;              ///< as in FactorBegin
+  const double* largest;  ///< likewise, in the memory of the first GPU
   int parts;
   double tiny;
 };
@@ -44,7 +62,8 @@ struct PivotProduct {
 template <class T>
 struct FactorJudge {
   Index n;
-  const T* pivots;  ///< n
+  const T* pivots[kMostDevices];  ///< n each
+  const unsigned char* owner;     ///< n; by position: which of them has it; null: the first
   const T* values;
   const Offset* diagonal;   ///< n; by position: place of the diagonal entry among `values`; null: pivots are not judged
   double rounding;          ///< a pivot of at most rounding * its diagonal entry counts as zero
@@ -62,6 +81,8 @@ int judge_blocks(Index n);
 
 template <class T>
 cudaError_t launch_begin(const FactorBegin<T>& job, cudaStream_t stream);
+template <class T>
+cudaError_t launch_take(const FactorTake<T>& job, cudaStream_t stream);
 template <class T>
 cudaError_t launch_judge(const FactorJudge<T>& job, cudaStream_t stream);
 
