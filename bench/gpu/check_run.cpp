@@ -22,11 +22,13 @@ bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
   return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
 }
 
-device::cuda::CudaOptions cuda_options(const GpuCase& c, const CheckSettings& settings, base::Timeline& timeline) {
+device::cuda::CudaOptions cuda_options(const GpuCase& c, const CheckSettings& settings, base::ThreadPool& pool,
+                                       base::Timeline& timeline) {
   device::cuda::CudaOptions options;
   options.device = settings.devices.front();
   if (c.devices > 1) options.devices.assign(settings.devices.begin(), settings.devices.begin() + c.devices);
   options.staging = settings.staging;
+  options.pool = &pool;
   options.fail_device = settings.fail_device;
   options.patience_seconds = settings.patience;
   options.delays.assign(settings.delays.begin(), settings.delays.end());
@@ -136,7 +138,7 @@ Json check_case(const GpuCase& c, const CheckSettings& settings, base::ThreadPoo
   base::Timeline timeline;
   const double setup = base::now_seconds();
   const auto gpu =
-      device::cuda::make_cuda_executor<T>(c.plan, c.kind, numbers.rule, cuda_options(c, settings, timeline));
+      device::cuda::make_cuda_executor<T>(c.plan, c.kind, numbers.rule, cuda_options(c, settings, pool, timeline));
   const double setup_seconds = base::now_seconds() - setup;
   const device::FactorOutcome first = gpu->factorize(numbers.values);
   if (!settings.times.empty()) write_times(c, *gpu, settings.times);

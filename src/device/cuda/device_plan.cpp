@@ -170,16 +170,16 @@ class Builder {
     const analysis::MemoryPlan& m = plan_.memory;
     d_.regions[0] = m.size;
     if (m.factor.empty()) return;
-    for (Index f = 0; f < plan_.fronts(); ++f) take_places(d_.fronts[f], m, f, 0);
+    for (Index f = 0; f < plan_.fronts(); ++f) take_places(d_.fronts[f], m, f);
     d_.waits.assign(m.wait_fronts.begin(), m.wait_fronts.end());
   }
-  static void take_places(Front& x, const analysis::MemoryPlan& m, Index k, Offset first_wait) {
+  static void take_places(Front& x, const analysis::MemoryPlan& m, Index k) {
     x.factor = m.factor[k];
     x.contribution = m.contribution[k];
     if (!m.factor2.empty()) x.second = m.factor2[k];
     if (!m.contribution2.empty()) x.contribution_up = m.contribution2[k];
-    x.wait_begin = static_cast<std::int32_t>(first_wait + m.wait_ptr[k]);
-    x.wait_end = static_cast<std::int32_t>(first_wait + m.wait_ptr[k + 1]);
+    x.wait_begin = static_cast<std::int32_t>(m.wait_ptr[k]);
+    x.wait_end = static_cast<std::int32_t>(m.wait_ptr[k + 1]);
   }
 
   // Several devices: the plan's tasks, those of narrow sub-trees first; otherwise in the plan's order.
@@ -189,24 +189,42 @@ class Builder {
     return order;
   }
 
+  // What lies in a region, in rising order, and, when it is placed, which fronts its fronts wait for.
+  struct RegionParts {
+    std::vector<Index> fronts;
+    std::vector<Task> tasks;
+    std::vector<Index> waits;
+  };
+
   // Several devices: the top and what each does alone.
   void place_arrays(const std::vector<Task>& order) {
-    std::vector<std::vector<Task>> parts(d_.region_device.size());
-    for (const Task& task : order) parts[static_cast<std::size_t>(d_.fronts[task.front].region)].push_back(task);
-    for (std::size_t r = 1; r < parts.size(); ++r) place_region(static_cast<Index>(r), parts[r]);
+    std::vector<RegionParts> parts(d_.region_device.size());
+    std::vector<Index> local(static_cast<std::size_t>(plan_.fronts()));  // number of a front in its region
+    for (Index f = 0; f < plan_.fronts(); ++f) {
+      auto& fronts = parts[static_cast<std::size_t>(d_.fronts[f].region)].fronts;
+      local[f] = static_cast<Index>(fronts.size());
+      fronts.push_back(f);
+    }
+    for (const Task& task : order) parts[static_cast<std::size_t>(d_.fronts[task.front].region)].tasks.push_back(task);
+    const auto regions = static_cast<std::int64_t>(parts.size());
+    pool_.for_each(regions - 1, [&](std::int64_t r) {
+      place_region(static_cast<Index>(r + 1), local, parts[static_cast<std::size_t>(r + 1)]);
+    });
+    for (std::size_t r = 1; r < parts.size(); ++r) {
+      const auto first = static_cast<std::int32_t>(d_.waits.size());
+      for (const Index f : parts[r].fronts) {
+        d_.fronts[f].wait_begin += first;
+        d_.fronts[f].wait_end += first;
+      }
+      for (const Index k : parts[r].waits) d_.waits.push_back(parts[r].fronts[k]);
+    }
     place_top();
   }
 
   // One region by the plan's own memory planner, over this backend's sizes and order. What is passed on to other
   // regions hangs on a front that is never eliminated, so that it stays.
-  void place_region(Index region, const std::vector<Task>& order) {
-    std::vector<Index> fronts, local(static_cast<std::size_t>(plan_.fronts()), -1);
-    for (Index f = 0; f < plan_.fronts(); ++f)
-      if (d_.fronts[f].region == region) {
-        local[f] = static_cast<Index>(fronts.size());
-        fronts.push_back(f);
-      }
-    const auto n = fronts.size();
+  void place_region(Index region, const std::vector<Index>& local, RegionParts& parts) {
+    const auto n = parts.fronts.size();
     Plan light;
     light.options = plan_.options;
     light.options.devices = 1;
@@ -216,8 +234,9 @@ class Builder {
     light.child_ptr.assign(n + 2, 0);
     analysis::ArraySizes sizes;
     for (std::size_t k = 0; k < n; ++k) {
-      const Index f = fronts[k], parent = plan_.tree.parent[f];
-      if (parent >= 0) light.tree.parent[k] = local[parent] >= 0 ? local[parent] : static_cast<Index>(n);
+      const Index f = parts.fronts[k], parent = plan_.tree.parent[f];
+      if (parent >= 0)
+        light.tree.parent[k] = d_.fronts[parent].region == region ? local[parent] : static_cast<Index>(n);
       light.layout[k] = plan_.layout[f];
       light.whole[k] = plan_.whole[f];
       for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c)
@@ -231,19 +250,18 @@ class Builder {
     sizes.contribution.push_back(0);
     light.first_task.assign(n + 1, -1);
     light.last_task.assign(n + 1, std::numeric_limits<Index>::max());
-    for (std::size_t at = 0; at < order.size(); ++at) {
-      Task task = order[at];
+    for (std::size_t at = 0; at < parts.tasks.size(); ++at) {
+      Task& task = parts.tasks[at];
       task.front = local[task.front];
       if (task.is_range()) task.begin = task.front;
       if (light.first_task[task.front] < 0) light.first_task[task.front] = static_cast<Index>(at);
       light.last_task[task.front] = static_cast<Index>(at);
-      light.tasks.push_back(task);
     }
+    light.tasks = std::move(parts.tasks);
     analysis::plan_memory(light, &sizes);
     const auto& m = light.memory;
-    const auto first_wait = static_cast<Offset>(d_.waits.size());
-    for (std::size_t k = 0; k < n; ++k) take_places(d_.fronts[fronts[k]], m, static_cast<Index>(k), first_wait);
-    for (const Index k : m.wait_fronts) d_.waits.push_back(fronts[k]);
+    for (std::size_t k = 0; k < n; ++k) take_places(d_.fronts[parts.fronts[k]], m, static_cast<Index>(k));
+    parts.waits.assign(m.wait_fronts.begin(), m.wait_fronts.end());
     d_.regions[region] = m.size;
   }
 
