@@ -1,0 +1,156 @@
+// Several sides of one executor, on as many GPUs as there are, and two on one: a side that dies, calls that are
+// refused, peer access that is refused. Truth: an error that names what failed, no hang, and afterwards the bits of a
+// run before, whose residual is checked.
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "analysis/ordering.hpp"
+#include "base/timeline.hpp"
+#include "device/cuda/cuda_executor.hpp"
+#include "solver/gpu_fixture.hpp"
+
+#if ESPALIER_WITH_CUDA
+#include <cuda_runtime_api.h>
+
+#include "device/cuda/cuda_faults.hpp"
+#include "matrix/generators/generate.hpp"
+#include "matrix/residual.hpp"
+
+namespace espalier {
+namespace {
+
+using Executor = device::cuda::CudaExecutor<double>;
+
+constexpr double kPatience = 20;  // seconds after which a wait for another side would end by itself
+
+class GpuSides : public test::OnGpu {
+ protected:
+  void SetUp() override {
+    OnGpu::SetUp();
+    if (IsSkipped()) return;
+    a_ = matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", "9"}), &pool_);
+    tree_ = analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_);
+    int gpus = 0;
+    ASSERT_EQ(cudaGetDeviceCount(&gpus), cudaSuccess);
+    groups_ = {{0, 0}};
+    for (int count = 2; count <= gpus; count *= 2) {
+      groups_.emplace_back();
+      for (int d = 0; d < count; ++d) groups_.back().push_back(d);
+    }
+  }
+  void TearDown() override { device::cuda::call_faults().arm(0); }
+
+  // A plan for so many sides; it outlives the executor.
+  void plan_for(const std::vector<int>& devices) {
+    plan_ = analysis::make_plan(
+        tree_, a_, {}, device::cuda::cuda_plan_options(Kind::llt, {}, static_cast<Index>(devices.size())), pool_);
+  }
+  std::unique_ptr<Executor> make(const std::vector<int>& devices, int fail_device = -1) {
+    device::cuda::CudaOptions options;
+    options.devices = devices;
+    options.fail_device = fail_device;
+    options.patience_seconds = kPatience;
+    options.pool = &pool_;
+    return device::cuda::make_cuda_executor<double>(plan_, Kind::llt, {}, options);
+  }
+  // The solution for ones, by position.
+  std::vector<double> run(Executor& executor) const {
+    executor.factorize(a_.values);
+    std::vector<double> x(static_cast<std::size_t>(a_.rows), 1.0);
+    executor.solve(x.data(), 1, false);
+    return x;
+  }
+  void expect_solution(const std::vector<double>& by_position) {
+    std::vector<double> x(by_position.size());
+    for (std::size_t k = 0; k < x.size(); ++k) x[static_cast<std::size_t>(plan_.tree.order[k])] = by_position[k];
+    const std::vector<double> b(x.size(), 1.0);
+    EXPECT_LE(matrix::backward_errors(a_, x, b, 1, Transpose::no, &pool_).normwise, 1e-16 * a_.rows);
+  }
+
+  base::ThreadPool pool_{2};
+  SparseMatrix a_;
+  analysis::AssemblyTree tree_;
+  analysis::Plan plan_;
+  std::vector<std::vector<int>> groups_;  // GPUs of the sides
+};
+
+TEST_F(GpuSides, OneThatDiesEndsTheOthersWithItsName) {
+  for (const auto& devices : groups_) {
+    SCOPED_TRACE(::testing::Message() << devices.size() << " sides, the last on GPU " << devices.back());
+    plan_for(devices);
+    const auto last = static_cast<int>(devices.size()) - 1;
+    const auto dying = make(devices, last);
+    for (int attempt = 0; attempt < 2; ++attempt) {
+      const double began = base::now_seconds();
+      try {
+        run(*dying);
+        ADD_FAILURE() << "half of the tasks were not done";
+      } catch (const Error& e) {
+        EXPECT_EQ(e.status().code, StatusCode::device_error);
+        EXPECT_NE(std::string(e.what()).find("#" + std::to_string(devices.back())), std::string::npos) << e.what();
+      }
+      EXPECT_LT(base::now_seconds() - began, kPatience / 2) << "the others did not wait until their patience ended";
+    }
+    expect_solution(run(*make(devices)));
+  }
+}
+
+TEST_F(GpuSides, EveryCallRefusedInTurnLeavesTheExecutorUsable) {
+  auto& faults = device::cuda::call_faults();
+  for (const auto& devices : groups_) {
+    plan_for(devices);
+    const auto executor = make(devices);
+    const std::vector<double> before = run(*executor);  // graphs of the solve are recorded
+    expect_solution(before);
+    faults.arm(0);
+    run(*executor);
+    const std::int64_t calls = faults.made;
+    EXPECT_GT(calls, 10);
+    for (std::int64_t k = 1; k <= calls; ++k) {
+      SCOPED_TRACE(::testing::Message() << devices.size() << " sides, call " << k << " of " << calls);
+      faults.arm(k);
+      std::string message;
+      try {
+        run(*executor);
+      } catch (const Error& e) {
+        message = e.what();
+      }
+      const char* const refused = faults.refused;
+      faults.arm(0);
+      ASSERT_NE(refused, nullptr) << "a run makes the same calls every time";
+      EXPECT_NE(message.find(refused), std::string::npos) << refused << " was refused: '" << message << "'";
+      ASSERT_EQ(run(*executor), before) << "after " << refused;
+    }
+  }
+}
+
+TEST_F(GpuSides, RefusedPeerAccessGoesThroughTheHost) {
+  if (groups_.size() < 2) GTEST_SKIP() << "needs two GPUs";
+  auto& faults = device::cuda::call_faults();
+  const std::vector<int>& devices = groups_[1];
+  plan_for(devices);
+  std::vector<const char*> names;
+  faults.record = &names;
+  const std::vector<double> before = run(*make(devices));
+  faults.record = nullptr;
+  expect_solution(before);
+  int refusals = 0;
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    const std::string name = names[k];
+    if (name != "cudaDeviceCanAccessPeer" && name != "cudaDeviceEnablePeerAccess") continue;
+    faults.arm(static_cast<std::int64_t>(k) + 1);
+    const auto executor = make(devices);
+    EXPECT_EQ(faults.refused.load(), names[k]);
+    faults.arm(0);
+    expect_solution(run(*executor));
+    ++refusals;
+  }
+  EXPECT_GE(refusals, 2) << "each GPU asks for the other";
+}
+
+}  // namespace
+}  // namespace espalier
+
+#endif
