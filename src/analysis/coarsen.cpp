@@ -1,8 +1,13 @@
 #include "analysis/coarsen.hpp"
 
 #include <algorithm>
+#include <bit>
+#include <memory>
 #include <numeric>
+#include <span>
 #include <utility>
+
+#include "analysis/pair_matching.hpp"
 
 namespace espalier::analysis {
 
@@ -11,85 +16,127 @@ namespace {
 auto at(Index k) { return static_cast<std::size_t>(k); }
 auto at(Offset k) { return static_cast<std::size_t>(k); }
 
-/// The vertices in random order, then stably by degree (degrees above the average count as equal).
-std::vector<Index> visiting_order(const PartGraph& g, Random& random) {
-  const Index n = g.n();
-  std::vector<Index> shuffled(at(n));
-  std::iota(shuffled.begin(), shuffled.end(), 0);
-  for (Index k = n - 1; k > 0; --k) std::swap(shuffled[at(k)], shuffled[at(random.below(k + 1))]);
-  const Offset average = g.ptr.back() / std::max<Index>(1, n) + 1;
-  const auto key = [&](Index v) { return at(std::min(average, g.ptr[at(v) + 1] - g.ptr[at(v)])); };
-  std::vector<Index> count(at(average) + 2, 0);
-  for (Index v = 0; v < n; ++v) ++count[key(v) + 1];
-  std::partial_sum(count.begin(), count.end(), count.begin());
-  std::vector<Index> order(at(n));
-  for (const Index v : shuffled) order[at(count[key(v)]++)] = v;
-  return order;
+/// Vertices per piece: small graphs are one piece, large ones some dozen.
+Index grain_of(Index n) { return std::max<Index>(4096, (n + 63) / 64); }
+
+/// Numbers the pairs by their lower vertices. @return the lower vertices
+std::vector<Index> number_pairs(std::span<const Index> mate, std::vector<Index>& map, base::Recursion& workers) {
+  const auto n = static_cast<Index>(mate.size());
+  const Index grain = grain_of(n);
+  map.resize(mate.size());
+  std::vector<Index> first(at((n + grain - 1) / grain) + 1, 0);  // pairs before each piece
+  workers.for_each_piece(n, grain, [&](std::int64_t begin, std::int64_t end) {
+    Index count = 0;
+    for (auto v = static_cast<Index>(begin); v < static_cast<Index>(end); ++v) count += v <= mate[at(v)] ? 1 : 0;
+    first[at(begin / grain) + 1] = count;
+  });
+  std::partial_sum(first.begin(), first.end(), first.begin());
+  std::vector<Index> lower(at(first.back()));
+  workers.for_each_piece(n, grain, [&](std::int64_t begin, std::int64_t end) {
+    Index k = first[at(begin / grain)];
+    for (auto v = static_cast<Index>(begin); v < static_cast<Index>(end); ++v) {
+      if (v > mate[at(v)]) continue;
+      lower[at(k)] = v;
+      map[at(v)] = map[at(mate[at(v)])] = k++;  // nobody else writes to the mate
+    }
+  });
+  return lower;
 }
 
-/// mate[v]: the vertex that v is contracted with, itself for none.
-std::vector<Index> match(const PartGraph& g, Offset most_weight, Random& random) {
-  std::vector<Index> mate(at(g.n()), -1);
-  for (const Index v : visiting_order(g, random)) {
-    if (mate[at(v)] >= 0) continue;
-    Index best = v, heaviest = 0;
-    for (Offset k = g.ptr[at(v)]; k < g.ptr[at(v) + 1]; ++k) {
-      const Index u = g.adj[at(k)];
-      if (g.edge[at(k)] <= heaviest || mate[at(u)] >= 0) continue;
-      if (Offset{g.weight[at(u)]} + g.weight[at(v)] > most_weight) continue;
-      heaviest = g.edge[at(k)];
-      best = u;
-    }
-    mate[at(v)] = best;
-    mate[at(best)] = v;
+/// The rows of a range of coarse vertices, one after the other. Where the edges of the row being made stand is noted by
+/// vertex in a small graph, in a hash table in a large one: that stays in the fastest cache.
+class RowSums {
+ public:
+  RowSums(Offset most, Index vertices)
+      : adj_(at(most)), edge_(at(most)), by_vertex_(vertices <= kSmall), places_(by_vertex_ ? at(vertices) : 0, -1) {}
+
+  void begin_row(Offset most) {
+    begin_ = size_;
+    if (by_vertex_ || 2 * at(most) <= places_.size()) return;
+    places_.assign(std::bit_ceil(2 * at(most)), -1);
+    shift_ = 64 - std::countr_zero(places_.size());
   }
-  return mate;
-}
+  void add(Index to, Index weight) {
+    Offset& place = places_[by_vertex_ ? at(to) : find(to)];
+    if (place >= begin_) {
+      edge_[at(place)] += weight;
+      return;
+    }
+    place = size_;
+    adj_[at(size_)] = to;
+    edge_[at(size_++)] = weight;
+  }
+  [[nodiscard]] Offset size() const { return size_; }
+  void copy_to(Index* adj, Index* edge) const {
+    std::copy_n(adj_.begin(), size_, adj);
+    std::copy_n(edge_.begin(), size_, edge);
+  }
+
+ private:
+  static constexpr Index kSmall = 4096;
+
+  /// The slot of `to`, or the one that it may have: empty, or left by a row before this one.
+  [[nodiscard]] std::size_t find(Index to) const {
+    std::size_t h = at(to) * 0x9e3779b97f4a7c15ULL >> shift_;
+    while (places_[h] >= begin_ && adj_[at(places_[h])] != to) h = (h + 1) & (places_.size() - 1);
+    return h;
+  }
+
+  LazyVector<Index> adj_, edge_;
+  bool by_vertex_;
+  std::vector<Offset> places_;
+  int shift_ = 63;
+  Offset begin_ = 0, size_ = 0;
+};
 
 }  // namespace
 
-Coarser coarsen(const PartGraph& g, Offset most_weight, Random& random) {
-  const std::vector<Index> mate = match(g, most_weight, random);
+Coarser coarsen(const PartGraph& g, Offset most_weight, Random& random, base::Recursion& workers) {
+  const std::vector<Index> mate = match_pairs(g, most_weight, random, workers);
   Coarser out;
-  out.map.resize(at(g.n()));
-  Index coarse = 0;
-  for (Index v = 0; v < g.n(); ++v)
-    if (v <= mate[at(v)]) out.map[at(v)] = out.map[at(mate[at(v)])] = coarse++;
+  const std::vector<Index> lower = number_pairs(mate, out.map, workers);
+  const auto coarse = static_cast<Index>(lower.size());
+  const Index grain = grain_of(coarse);
+  const auto degree = [&](Index v) { return g.ptr[at(v) + 1] - g.ptr[at(v)]; };
   PartGraph& c = out.graph;
   c.total = g.total;
-  c.weight.resize(at(coarse));
-  c.ptr.resize(at(coarse) + 1);
-  c.adj.resize(g.adj.size());
-  c.edge.resize(g.adj.size());
-  std::vector<Offset> slot(at(coarse), -1);  // where the edge to a coarse vertex stands in the list being made
-  Offset size = 0;
-  for (Index v = 0, k = 0; v < g.n(); ++v) {
-    if (v > mate[at(v)]) continue;
-    const Offset begin = size;
-    const auto append = [&](Index part) {
-      for (Offset e = g.ptr[at(part)]; e < g.ptr[at(part) + 1]; ++e) {
-        const Index to = out.map[at(g.adj[at(e)])];
-        if (to == k) continue;
-        if (slot[at(to)] >= begin) {
-          c.edge[at(slot[at(to)])] += g.edge[at(e)];
-        } else {
-          slot[at(to)] = size;
-          c.adj[at(size)] = to;
-          c.edge[at(size++)] = g.edge[at(e)];
-        }
-      }
-    };
-    append(v);
-    c.weight[at(k)] = g.weight[at(v)];
-    if (mate[at(v)] != v) {
-      append(mate[at(v)]);
-      c.weight[at(k)] += g.weight[at(mate[at(v)])];
+  c.weight.resize(lower.size());
+  c.ptr.resize(lower.size() + 1);
+  c.ptr[0] = 0;
+  std::vector<std::unique_ptr<RowSums>> pieces(at((coarse + grain - 1) / grain));
+  workers.for_each_piece(coarse, grain, [&](std::int64_t begin, std::int64_t end) {
+    const auto most = [&](Index v) { return degree(v) + (mate[at(v)] == v ? 0 : degree(mate[at(v)])); };
+    Offset all = 0;
+    for (std::int64_t k = begin; k < end; ++k) all += most(lower[at(k)]);
+    auto sums = std::make_unique<RowSums>(all, coarse);
+    for (auto k = static_cast<Index>(begin); k < static_cast<Index>(end); ++k) {
+      const Index v = lower[at(k)], u = mate[at(v)];
+      sums->begin_row(most(v));
+      const auto append = [&](Index part) {
+        for (Offset e = g.ptr[at(part)]; e < g.ptr[at(part) + 1]; ++e)
+          if (const Index to = out.map[at(g.adj[at(e)])]; to != k) sums->add(to, g.edge[at(e)]);
+      };
+      append(v);
+      if (u != v) append(u);
+      c.weight[at(k)] = g.weight[at(v)] + (u == v ? 0 : g.weight[at(u)]);
+      c.ptr[at(k) + 1] = sums->size();
     }
-    c.ptr[at(++k)] = size;
+    pieces[at(begin / grain)] = std::move(sums);
+  });
+  Offset size = 0;
+  std::vector<Offset> first(pieces.size());
+  for (std::size_t p = 0; p < pieces.size(); ++p) {
+    first[p] = size;
+    size += pieces[p]->size();
   }
   c.adj.resize(at(size));
   c.edge.resize(at(size));
-  c.ptr[0] = 0;
+  workers.for_each_piece(coarse, grain, [&](std::int64_t begin, std::int64_t end) {
+    const std::size_t p = at(begin / grain);
+    pieces[p]->copy_to(c.adj.data() + first[p], c.edge.data() + first[p]);
+    pieces[p].reset();
+    for (std::int64_t k = begin; k < end; ++k) c.ptr[at(k) + 1] += first[p];
+  });
   return out;
 }
 

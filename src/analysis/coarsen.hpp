@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "analysis/lazy_vector.hpp"
+#include "base/thread_pool.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::analysis {
@@ -46,7 +47,9 @@ struct Coarser {
 };
 
 /// Contracts a matching that prefers heavy edges (Karypis and Kumar 1998, sorted heavy-edge matching): vertices of low
-/// degree choose first. @param most_weight no coarse vertex of two vertices becomes heavier than that
-Coarser coarsen(const PartGraph& graph, Offset most_weight, Random& random);
+/// degree choose first. The same for any number of workers.
+/// @param most_weight no coarse vertex of two vertices becomes heavier than that
+/// @param workers idle ones help with large graphs
+Coarser coarsen(const PartGraph& graph, Offset most_weight, Random& random, base::Recursion& workers);
 
 }  // namespace espalier::analysis

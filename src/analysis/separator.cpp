@@ -1,6 +1,7 @@
 #include "analysis/separator.hpp"
 
 #include <algorithm>
+#include <array>
 #include <vector>
 
 #include "analysis/bisection.hpp"
@@ -53,20 +54,23 @@ Separation separate_coarsest(const PartGraph& g, Random& random) {
   return s;
 }
 
-Separation project(const Separation& coarse, const std::vector<Index>& map) {
+Separation project(const Separation& coarse, const std::vector<Index>& map, base::Recursion& workers) {
+  constexpr std::int64_t kVertices = 1 << 16;
   Separation fine{std::vector<char>(map.size()), coarse.weight};
-  for (std::size_t v = 0; v < map.size(); ++v) fine.side[v] = coarse.side[at(map[v])];
+  workers.for_each_piece(static_cast<std::int64_t>(map.size()), kVertices, [&](std::int64_t begin, std::int64_t end) {
+    for (auto v = at(begin); v < at(end); ++v) fine.side[v] = coarse.side[at(map[v])];
+  });
   return fine;
 }
 
 /// Coarsens down to `coarsest` vertices or until it no longer pays; level 0 is the coarse graph of `g`.
-std::vector<Coarser> coarsen_to(const PartGraph& g, Index coarsest, Random& random) {
+std::vector<Coarser> coarsen_to(const PartGraph& g, Index coarsest, Random& random, base::Recursion& workers) {
   std::vector<Coarser> levels;
   const PartGraph* finest = &g;
   // No vertex may become so heavy that the coarsest graph cannot be halved.
   const Offset most = 3 * g.total / (2 * kCoarsest) + 1;
   while (finest->n() > coarsest) {
-    Coarser next = coarsen(*finest, most, random);
+    Coarser next = coarsen(*finest, most, random, workers);
     const bool pays = next.graph.n() < 0.95 * finest->n();
     levels.push_back(std::move(next));
     finest = &levels.back().graph;
@@ -76,35 +80,43 @@ std::vector<Coarser> coarsen_to(const PartGraph& g, Index coarsest, Random& rand
 }
 
 template <class Solve>
-Separation multilevel(const PartGraph& g, Index coarsest, Random& random, const Solve& solve) {
-  const std::vector<Coarser> levels = coarsen_to(g, coarsest, random);
+Separation multilevel(const PartGraph& g, Index coarsest, Random& random, base::Recursion& workers,
+                      const Solve& solve) {
+  const std::vector<Coarser> levels = coarsen_to(g, coarsest, random, workers);
   Separation s = solve(levels.empty() ? g : levels.back().graph);
   for (std::size_t k = levels.size(); k-- > 0;) {
-    s = project(s, levels[k].map);
+    s = project(s, levels[k].map, workers);
     const PartGraph& graph = k == 0 ? g : levels[k - 1].graph;
     refine(graph, most_side(graph), kPasses, s);
   }
   return s;
 }
 
-Separation one_run(const PartGraph& g, Random& random) {
-  return multilevel(g, kCoarsest, random,
+Separation one_run(const PartGraph& g, Random& random, base::Recursion& workers) {
+  return multilevel(g, kCoarsest, random, workers,
                     [&](const PartGraph& coarsest) { return separate_coarsest(coarsest, random); });
+}
+
+/// The best of several runs, side by side; the first among equals.
+Separation best_of_runs(const PartGraph& g, Random& random, base::Recursion& workers) {
+  std::array<Separation, kRuns> runs;
+  std::array<std::uint64_t, kRuns> seeds;
+  for (std::uint64_t& seed : seeds) seed = random.next();
+  workers.for_each_piece(kRuns, 1, [&](std::int64_t k, std::int64_t) {
+    Random mine(seeds[at(k)]);
+    runs[at(k)] = one_run(g, mine, workers);
+  });
+  return std::move(
+      *std::min_element(runs.begin(), runs.end(), [](const auto& a, const auto& b) { return score(a) < score(b); }));
 }
 
 }  // namespace
 
-Separation find_separator(const PartGraph& graph, std::uint64_t seed) {
+Separation find_separator(const PartGraph& graph, std::uint64_t seed, base::Recursion& workers) {
   Random random(seed);
-  if (graph.n() < kOneRun) return one_run(graph, random);
-  return multilevel(graph, std::min(kBranch, graph.n() / 8), random, [&](const PartGraph& branch) {
-    Separation best;
-    for (int k = 0; k < kRuns; ++k) {
-      Separation s = one_run(branch, random);
-      if (k == 0 || score(s) < score(best)) best = std::move(s);
-    }
-    return best;
-  });
+  if (graph.n() < kOneRun) return one_run(graph, random, workers);
+  return multilevel(graph, std::min(kBranch, graph.n() / 8), random, workers,
+                    [&](const PartGraph& branch) { return best_of_runs(branch, random, workers); });
 }
 
 }  // namespace espalier::analysis

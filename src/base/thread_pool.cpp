@@ -113,25 +113,53 @@ void ThreadPool::for_each_piece(std::int64_t n, std::int64_t grain,
   });
 }
 
+void Recursion::announce(bool to_all) {
+  news_.fetch_add(1, std::memory_order_release);
+  if (sleepers_ == 0) return;
+  to_all ? available_.notify_all() : available_.notify_one();
+}
+
 void Recursion::spawn(Task task) {
-  {
-    const std::lock_guard lock(mutex_);
-    tasks_.push_back(std::move(task));
-    ++open_;
-  }
-  available_.notify_one();
+  const std::lock_guard lock(mutex_);
+  tasks_.push_back(std::move(task));
+  ++open_;
+  announce(false);
+}
+
+/// Waits until there is a task or a loop, or nothing will come any more; first without sleeping, since loops follow
+/// each other closely.
+void Recursion::wait_for_work(std::unique_lock<std::mutex>& lock) {
+  const auto something = [&] { return !tasks_.empty() || !loops_.empty() || open_ == 0; };
+  if (something()) return;
+  const std::uint64_t seen = news_.load(std::memory_order_relaxed);
+  lock.unlock();
+  for (int s = 0; s < kSpins && news_.load(std::memory_order_acquire) == seen; ++s) relax();
+  lock.lock();
+  ++sleepers_;
+  available_.wait(lock, something);
+  --sleepers_;
 }
 
 bool Recursion::take_and_run() {
   Task task;
   {
     std::unique_lock lock(mutex_);
-    available_.wait(lock, [&] { return !tasks_.empty() || open_ == 0; });
+    wait_for_work(lock);
+    if (!loops_.empty()) {  // first: a task waits for its loop
+      Loop& loop = *loops_.back();
+      loop.helpers.fetch_add(1, std::memory_order_relaxed);
+      lock.unlock();
+      run_pieces(loop);
+      lock.lock();
+      withdraw(loop);
+      if (loop.helpers.fetch_sub(1, std::memory_order_release) == 1) left_.notify_all();
+      return true;
+    }
     if (tasks_.empty()) return false;
     task = std::move(tasks_.back());
     tasks_.pop_back();
     if (error_) {  // a task failed: the rest is dropped
-      if (--open_ == 0) available_.notify_all();
+      if (--open_ == 0) announce(true);
       return true;
     }
   }
@@ -142,8 +170,50 @@ bool Recursion::take_and_run() {
     if (!error_) error_ = std::current_exception();
   }
   const std::lock_guard lock(mutex_);
-  if (--open_ == 0) available_.notify_all();
+  if (--open_ == 0) announce(true);
   return true;
+}
+
+void Recursion::run_pieces(Loop& loop) {
+  try {
+    for (;;) {
+      const std::int64_t b = loop.next.fetch_add(loop.grain, std::memory_order_relaxed);
+      if (b >= loop.n) return;
+      loop.body(b, std::min(loop.n, b + loop.grain));
+    }
+  } catch (...) {
+    loop.next.store(loop.n, std::memory_order_relaxed);
+    const std::lock_guard lock(mutex_);
+    if (!loop.error) loop.error = std::current_exception();
+  }
+}
+
+/// Nobody else shall join the loop. @pre mutex_ is held
+void Recursion::withdraw(const Loop& loop) {
+  const auto at = std::find(loops_.begin(), loops_.end(), &loop);
+  if (at != loops_.end()) loops_.erase(at);
+}
+
+void Recursion::run_loop(std::int64_t n, std::int64_t grain, const Pieces& body) {
+  grain = std::max<std::int64_t>(1, grain);
+  if (n <= grain) {
+    if (n > 0) body(0, n);
+    return;
+  }
+  Loop loop{body, n, grain, {}, {}, nullptr};
+  {
+    const std::lock_guard lock(mutex_);
+    loops_.push_back(&loop);
+    announce(true);
+  }
+  run_pieces(loop);
+  std::unique_lock lock(mutex_);
+  withdraw(loop);
+  lock.unlock();
+  for (int s = 0; s < kSpins && loop.helpers.load(std::memory_order_acquire) != 0; ++s) relax();
+  lock.lock();  // also where nobody helps any more: the last helper must have let go of the mutex
+  left_.wait(lock, [&] { return loop.helpers.load(std::memory_order_acquire) == 0; });
+  if (loop.error) std::rethrow_exception(loop.error);
 }
 
 void Recursion::run(ThreadPool& pool, Task root) {

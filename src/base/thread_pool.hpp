@@ -78,11 +78,38 @@ class Recursion {
   /// Adds a task; any worker may take it.
   void spawn(Task task);
 
+  /// Called in a task: body(begin, end) over the pieces of [0, n) as in ThreadPool::for_each_piece, by the caller and
+  /// by all workers that have no task. Returns when all pieces are done; rethrows an exception of a piece.
+  template <class Body>
+  void for_each_piece(std::int64_t n, std::int64_t grain, Body&& body) {
+    const std::function<void(std::int64_t, std::int64_t)> reference(std::ref(body));
+    run_loop(n, grain, reference);
+  }
+
  private:
+  using Pieces = std::function<void(std::int64_t, std::int64_t)>;
+  struct Loop {
+    const Pieces& body;
+    std::int64_t n, grain;
+    std::atomic<std::int64_t> next{0};
+    std::atomic<int> helpers{0};
+    std::exception_ptr error;  // guarded by mutex_
+  };
+
   bool take_and_run();
+  void run_loop(std::int64_t n, std::int64_t grain, const Pieces& body);
+  void run_pieces(Loop& loop);
+  void withdraw(const Loop& loop);
+  void wait_for_work(std::unique_lock<std::mutex>& lock);
+  void announce(bool to_all);
+
   std::mutex mutex_;
   std::condition_variable available_;
+  std::condition_variable left_;  // the last helper has left a loop
   std::deque<Task> tasks_;
+  std::vector<Loop*> loops_;            // loops that have pieces left
+  std::atomic<std::uint64_t> news_{0};  // counts what an idle worker should look at
+  int sleepers_ = 0;
   int open_ = 0;  // tasks waiting or running
   std::exception_ptr error_;
 };
