@@ -18,6 +18,7 @@ namespace {
 
 constexpr Index kMostTileWidth = 2047;
 constexpr std::int64_t kFrontsPerPiece = 256;
+constexpr Index kFrontsPerDraw = 64;
 
 void link_children(Plan& plan) {
   const Index fronts = plan.fronts();
@@ -91,22 +92,27 @@ struct Permuted {
   const std::vector<Index>& order;       // column by position
   const std::vector<Index>& row_of_col;  // empty: identity
   bool unsymmetric;
-  std::vector<Index> column_position, row_position;
+  LazyVector<Index> column_position, matched_position;
+  std::span<const Index> row_position;  // of either
 
   // Calls use(source, row position, transposed) for the entries that belong to position k. An entry is found in its
   // column when that is the lower of its positions, else in its row.
   template <class Use>
   void visit(Index k, Use&& use) const {
+    constexpr Offset kAhead = 16;  // entries between asking for a position and using it
     const Index c = order[k];
     const bool both = a.storage == Storage::symmetric_both;
-    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
+    for (Offset q = a.col_ptr[c], end = a.col_ptr[c + 1]; q < end; ++q) {
+      __builtin_prefetch(&row_position[a.row_ind[std::min(q + kAhead, end - 1)]]);
       const Index r = a.row_ind[q];
       if (both && r < c) continue;  // the lower triangle stands for both
       if (const Index p = row_position[r]; p >= k) use(q, p, false);
     }
     const Index r = row_of_col.empty() ? c : row_of_col[c];
-    for (Offset q = rows.ptr[r]; q < rows.ptr[r + 1]; ++q)
+    for (Offset q = rows.ptr[r], end = rows.ptr[r + 1]; q < end; ++q) {
+      __builtin_prefetch(&column_position[rows.col[std::min(q + kAhead, end - 1)]]);
       if (const Index p = column_position[rows.col[q]]; p > k) use(rows.source[q], p, unsymmetric);
+    }
   }
 };
 
@@ -128,29 +134,45 @@ class FrontEntries {
     }
   }
 
+  [[nodiscard]] Offset size() const { return static_cast<Offset>(list_.size()); }
+
   // Calls use(tile, entry) for every entry collected, columns ascending.
   template <class Use>
   void visit(Index f, Use&& use) {
-    const auto& t = plan_.tree;
     const FrontLayout& layout = plan_.layout[f];
-    const Index k = layout.pivots;
-    for (Offset r = t.row_ptr[f]; r < t.row_ptr[f + 1]; ++r)
-      local_[t.rows[r]] = k + static_cast<Index>(r - t.row_ptr[f]);
-    for (Index col = 0; col < k; ++col) {
+    number_rows(f);
+    for (Index col = 0; col < layout.pivots; ++col) {
       const Index j = layout.tile_of(col);
-      for (std::size_t q = ptr_[static_cast<std::size_t>(col)]; q < ptr_[static_cast<std::size_t>(col) + 1]; ++q) {
-        const Raw& e = list_[q];
-        const Index row = e.row < t.first[f + 1] ? e.row - t.first[f] : local_[e.row];
-        const Index i = plan_.whole[f] ? 0 : layout.tile_of(row);
-        const Index jj = plan_.whole[f] ? 0 : j;
-        const Index rb = plan_.whole[f] ? 0 : layout.begin(i);
-        const Index cb = plan_.whole[f] ? 0 : layout.begin(jj);
-        use(layout.tile_index(i, jj), Entry(e.source, row - rb, col - cb, e.transposed));
-      }
+      const Index first = layout.begin(j);
+      Index i = j, begin = first, end = layout.begin(j + 1);  // rows ascend within a column, and so do their tiles
+      each_of_column(f, col, [&](const Raw& e, Index row) {
+        for (; row >= end; end = layout.begin(i + 1)) begin = layout.begin(++i);
+        use(layout.tile_index(i, j), Entry(e.source, row - begin, col - first, e.transposed));
+      });
     }
   }
 
+  // The same for a front taken whole: all entries in one tile.
+  template <class Use>
+  void visit_whole(Index f, Use&& use) {
+    number_rows(f);
+    for (Index col = 0; col < plan_.layout[f].pivots; ++col)
+      each_of_column(f, col, [&](const Raw& e, Index row) { use(Entry(e.source, row, col, e.transposed)); });
+  }
+
  private:
+  void number_rows(Index f) {
+    const auto& t = plan_.tree;
+    for (Offset r = t.row_ptr[f]; r < t.row_ptr[f + 1]; ++r)
+      local_[t.rows[r]] = plan_.layout[f].pivots + static_cast<Index>(r - t.row_ptr[f]);
+  }
+  template <class Use>
+  void each_of_column(Index f, Index col, Use&& use) const {
+    const Index first = plan_.tree.first[f], end = plan_.tree.first[f + 1];
+    for (std::size_t q = ptr_[static_cast<std::size_t>(col)]; q < ptr_[static_cast<std::size_t>(col) + 1]; ++q)
+      use(list_[q], list_[q].row < end ? list_[q].row - first : local_[list_[q].row]);
+  }
+
   const Plan& plan_;
   const Permuted& permuted_;
   std::vector<Raw> list_;
@@ -158,15 +180,40 @@ class FrontEntries {
   std::vector<Index> local_;      // position -> row of the current front, valid for its rows below
 };
 
-// Where each front's entries begin (fronts + 1): all entries of a front stand together.
+// Where each front's entries begin (fronts + 1): all entries of a front stand together. Fronts ascend like positions,
+// so an entry belongs to the lower front of its row and its column.
 std::vector<Offset> count_entries(const Plan& plan, const Permuted& permuted, base::ThreadPool& pool) {
-  std::vector<Offset> begin(static_cast<std::size_t>(plan.fronts()) + 1, 0);
+  constexpr std::int64_t kColumns = 4096;  // per piece
+  const MatrixView& a = permuted.a;
+  const auto& t = plan.tree;
+  std::vector<Index> of_position(permuted.order.size()), of_row(permuted.order.size());
   pool.for_each_piece(plan.fronts(), kFrontsPerPiece, [&](std::int64_t b, std::int64_t e) {
-    for (auto f = static_cast<Index>(b); f < e; ++f) {
-      Offset count = 0;
-      for (Index k = plan.tree.first[f]; k < plan.tree.first[f + 1]; ++k)
-        permuted.visit(k, [&](Offset, Index, bool) { ++count; });
-      begin[f + 1] = count;
+    for (auto f = static_cast<Index>(b); f < e; ++f)
+      std::fill(of_position.begin() + t.first[f], of_position.begin() + t.first[f + 1], f);
+  });
+  pool.for_each_piece(t.n, kColumns, [&](std::int64_t b, std::int64_t e) {
+    for (std::int64_t r = b; r < e; ++r) of_row[r] = of_position[permuted.row_position[r]];
+  });
+  std::vector<Offset> begin(static_cast<std::size_t>(plan.fronts()) + 1, 0);
+  const bool both = a.storage == Storage::symmetric_both;
+  pool.for_each_piece(t.n, kColumns, [&](std::int64_t b, std::int64_t e) {
+    for (auto c = static_cast<Index>(b); c < e; ++c) {
+      const Index mine = of_position[permuted.column_position[c]];
+      Index front = mine;
+      Offset count = 0;  // of the entries of `front` since it was last another one
+      const auto add = [&] {
+        std::atomic_ref<Offset>(begin[front + 1]).fetch_add(count, std::memory_order_relaxed);
+        count = 0;
+      };
+      for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
+        if (both && a.row_ind[q] < c) continue;
+        if (const Index next = std::min(mine, of_row[a.row_ind[q]]); next != front) {
+          add();
+          front = next;
+        }
+        ++count;
+      }
+      add();
     }
   });
   std::partial_sum(begin.begin(), begin.end(), begin.begin());
@@ -174,14 +221,44 @@ std::vector<Offset> count_entries(const Plan& plan, const Permuted& permuted, ba
 }
 
 Permuted permute(const Plan& plan, const MatrixView& a, const matrix::RowIndex& rows,
-                 const std::vector<Index>& row_of_col) {
+                 const std::vector<Index>& row_of_col, base::ThreadPool& pool) {
+  constexpr std::int64_t kPositions = 1 << 15;  // per piece
   const auto n = static_cast<std::size_t>(plan.tree.n);
-  Permuted p{a, rows, plan.tree.order, row_of_col, plan.options.unsymmetric, std::vector<Index>(n), {}};
-  for (std::size_t k = 0; k < n; ++k) p.column_position[plan.tree.order[k]] = static_cast<Index>(k);
-  p.row_position = p.column_position;
+  Permuted p{a,
+             rows,
+             plan.tree.order,
+             row_of_col,
+             plan.options.unsymmetric,
+             LazyVector<Index>(n),
+             LazyVector<Index>(row_of_col.size()),
+             {}};
+  pool.for_each_piece(plan.tree.n, kPositions, [&](std::int64_t b, std::int64_t e) {
+    for (auto k = static_cast<Index>(b); k < e; ++k) p.column_position[plan.tree.order[k]] = k;
+  });
   if (!row_of_col.empty())
-    for (std::size_t c = 0; c < n; ++c) p.row_position[row_of_col[c]] = p.column_position[c];
+    pool.for_each_piece(plan.tree.n, kPositions, [&](std::int64_t b, std::int64_t e) {
+      for (auto c = b; c < e; ++c) p.matched_position[row_of_col[c]] = p.column_position[c];
+    });
+  p.row_position = row_of_col.empty() ? p.column_position : p.matched_position;
   return p;
+}
+
+// Writes the entries of front f from plan.entries[begin] on. at: scratch
+void place_front(Plan& plan, Index f, Offset begin, FrontEntries& front, std::vector<Offset>& at) {
+  const auto first = plan.entry_ptr.begin() + plan.first_tile[f];
+  front.collect(f);
+  at.assign(static_cast<std::size_t>(plan.layout[f].tile_count()) + 1, 0);
+  at[0] = begin;
+  if (plan.whole[f] != 0) {
+    std::fill(at.begin() + 1, at.end(), begin + front.size());
+    std::copy(at.begin(), at.end() - 1, first);
+    front.visit_whole(f, [&](const Entry& e) { plan.entries[begin++] = e; });
+    return;
+  }
+  front.visit(f, [&](Offset tile, const Entry&) { ++at[tile + 1]; });
+  std::partial_sum(at.begin(), at.end(), at.begin());
+  std::copy(at.begin(), at.end() - 1, first);
+  front.visit(f, [&](Offset tile, const Entry& e) { plan.entries[at[tile]++] = e; });
 }
 
 void place_entries(Plan& plan, const Permuted& permuted, base::ThreadPool& pool) {
@@ -193,18 +270,10 @@ void place_entries(Plan& plan, const Permuted& permuted, base::ThreadPool& pool)
     FrontEntries front(plan, permuted);
     std::vector<Offset> at;
     for (;;) {
-      const Index b = next_front.fetch_add(kFrontsPerPiece, std::memory_order_relaxed);
+      const Index b = next_front.fetch_add(kFrontsPerDraw, std::memory_order_relaxed);
       if (b >= plan.fronts()) return;
-      for (Index f = b; f < std::min<Index>(plan.fronts(), b + kFrontsPerPiece); ++f) {
-        const Offset tile0 = plan.first_tile[f];
-        at.assign(static_cast<std::size_t>(plan.layout[f].tile_count()) + 1, 0);
-        front.collect(f);
-        front.visit(f, [&](Offset tile, const Entry&) { ++at[tile + 1]; });
-        at[0] = begin[f];
-        for (std::size_t k = 1; k < at.size(); ++k) at[k] += at[k - 1];
-        for (std::size_t k = 0; k + 1 < at.size(); ++k) plan.entry_ptr[tile0 + static_cast<Offset>(k)] = at[k];
-        front.visit(f, [&](Offset tile, const Entry& e) { plan.entries[at[tile]++] = e; });
-      }
+      for (Index f = b; f < std::min<Index>(plan.fronts(), b + kFrontsPerDraw); ++f)
+        place_front(plan, f, begin[f], front, at);
     }
   });
   plan.entry_ptr.back() = static_cast<Offset>(plan.entries.size());
@@ -255,7 +324,7 @@ Plan make_plan(AssemblyTree tree, const MatrixView& a, const std::vector<Index>&
   relate_rows(plan, pool);
   matrix::RowIndex own;
   if (rows == nullptr || rows->ptr.empty()) rows = &(own = matrix::index_rows(a, pool));
-  place_entries(plan, permute(plan, a, *rows, row_of_col), pool);
+  place_entries(plan, permute(plan, a, *rows, row_of_col, pool), pool);
   beside.get();
   return plan;
 }
