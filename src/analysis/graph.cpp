@@ -21,6 +21,13 @@ Columns columns_of(const MatrixView& a) {
   return c;
 }
 
+Columns columns_of(const matrix::RowIndex& rows) {
+  Columns c;
+  c.ptr = rows.ptr;
+  c.ind = {rows.col.data(), static_cast<std::size_t>(rows.ptr.back())};
+  return c;
+}
+
 bool strictly_sorted(const Columns& c, Index n, base::ThreadPool& pool) {
   std::atomic<bool> sorted{true};
   pool.for_each_piece(n, kColumns, [&](std::int64_t begin, std::int64_t end) {
@@ -156,15 +163,19 @@ std::vector<Index> row_names(std::span<const Index> row_of_col, Index n) {
 
 }  // namespace
 
-Graph graph_of(const MatrixView& a, base::ThreadPool& pool, std::span<const Index> row_of_col) {
+Graph graph_of(const MatrixView& a, base::ThreadPool& pool, std::span<const Index> row_of_col,
+               const matrix::RowIndex* rows) {
   const Index n = a.cols;
   if (n == 0) return {0, {0}, {}};
   const std::vector<Index> name = row_names(row_of_col, n);
   Columns columns = columns_of(a);
-  if (!name.empty() || !strictly_sorted(columns, n, pool)) columns = sort_columns(columns, n, name, pool);
+  const bool sorted = name.empty() && strictly_sorted(columns, n, pool);
+  if (!sorted) columns = sort_columns(columns, n, name, pool);
   const bool both = a.storage == Storage::general || a.storage == Storage::symmetric_both;
   if (both && symmetric_pattern(columns, n, pool)) return merged(columns, no_columns(n), n, pool);
-  const Columns transposed = transpose(columns, n, pool);
+  // The index of sorted columns without duplicates is their transpose, but for the diagonal.
+  const bool indexed = sorted && rows != nullptr && !rows->ptr.empty() && a.storage != Storage::symmetric_both;
+  const Columns transposed = indexed ? columns_of(*rows) : transpose(columns, n, pool);
   if (a.storage == Storage::symmetric_lower) return merged(transposed, columns, n, pool);
   return merged(columns, transposed, n, pool);
 }

@@ -8,6 +8,7 @@
 #include "analysis/lazy_vector.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
+#include "matrix/row_index.hpp"
 
 namespace espalier::analysis {
 
@@ -27,8 +28,10 @@ struct Graph {
 /// @param row_of_col n entries or empty; with it (general storage only) the rows are permuted first, so that the entry
 ///        (row_of_col[j], j) comes to stand on the diagonal. Columns with -1 get the rows that are left, in rising
 ///        order.
+/// @param rows the index of `a`, which saves a transpose; null or empty: made here where needed
 /// @pre a is square and its row indices lie in [0, n)
-Graph graph_of(const MatrixView& a, base::ThreadPool& pool, std::span<const Index> row_of_col = {});
+Graph graph_of(const MatrixView& a, base::ThreadPool& pool, std::span<const Index> row_of_col = {},
+               const matrix::RowIndex* rows = nullptr);
 
 /// A graph whose vertices stand for one or several unknowns that are eliminated together.
 struct CompressedGraph {

@@ -60,13 +60,13 @@ void Solver::Impl::analyze_as(const MatrixView& a, Kind chosen) {
   tree_options.zero_diagonal = equations.zero_diagonal;
   analysis::TreeStatistics statistics;
   analysis::AssemblyTree tree;
+  residual = solve::ResidualOperator(equations.a, pool);
   {
-    const analysis::Graph graph = analysis::graph_of(equations.a, pool, equations.row_of_col);
+    const analysis::Graph graph = analysis::graph_of(equations.a, pool, equations.row_of_col, &residual.row_index());
     tree = analysis::build_tree(graph, tree_options, pool, &statistics);
   }
   const double ordered = base::now_seconds();
   analysis.ordering_seconds = ordered - matched;
-  residual = solve::ResidualOperator(equations.a, pool);
   lay_out_plan(std::move(tree));
   analysis.plan_seconds = base::now_seconds() - ordered;
 }
@@ -128,7 +128,7 @@ void Solver::Impl::load_analysis(const std::string& path, const MatrixView& a) {
   const double start = base::now_seconds();
   state = State::empty;
   check_matrix(a, pool);
-  solver::SavedAnalysis saved = solver::read_analysis(path, solver::pattern_hash(a));
+  solver::SavedAnalysis saved = solver::read_analysis(path, solver::pattern_hash(a, pool));
   moved_pivots = 0;
   if (options.kind != Kind::automatic && options.kind != saved.kind)
     throw Error(StatusCode::invalid_input, fmt::format("{}: the saved analysis is for {}, but {} was asked for", path,

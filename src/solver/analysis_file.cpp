@@ -14,7 +14,7 @@ namespace espalier::solver {
 
 namespace {
 
-constexpr char kMagic[8] = {'E', 'S', 'P', 'A', 'N', 'A', 'L', '1'};
+constexpr char kMagic[8] = {'E', 'S', 'P', 'A', 'N', 'A', 'L', '2'};
 
 class Fnv {
  public:
@@ -24,11 +24,9 @@ class Fnv {
   }
   template <class T>
   void add_words(std::span<const T> v) {  // eight bytes at a time: a pattern has many
-    std::size_t k = 0;
     for (const T x : v) {
       hash_ = (hash_ ^ static_cast<std::uint64_t>(x)) * 0x100000001b3ULL;
       hash_ ^= hash_ >> 29;
-      ++k;
     }
   }
   [[nodiscard]] std::uint64_t value() const { return hash_; }
@@ -158,12 +156,30 @@ void check(const SavedAnalysis& s, const Reader& file) {
 
 }  // namespace
 
-std::uint64_t pattern_hash(const MatrixView& a) {
+namespace {
+
+/// Hashes of pieces, hashed in their turn: the same for any number of threads.
+template <class T>
+void add_pieces(Fnv& h, std::span<const T> words, base::ThreadPool& pool) {
+  constexpr std::size_t kWords = 1 << 16;
+  std::vector<std::uint64_t> pieces((words.size() + kWords - 1) / kWords);
+  pool.for_each(static_cast<std::int64_t>(pieces.size()), [&](std::int64_t p) {
+    const std::size_t first = static_cast<std::size_t>(p) * kWords;
+    Fnv piece;
+    piece.add_words(words.subspan(first, std::min(kWords, words.size() - first)));
+    pieces[static_cast<std::size_t>(p)] = piece.value();
+  });
+  h.add_words(std::span<const std::uint64_t>(pieces));
+}
+
+}  // namespace
+
+std::uint64_t pattern_hash(const MatrixView& a, base::ThreadPool& pool) {
   Fnv h;
   const std::int64_t head[] = {a.rows, a.cols, static_cast<std::int64_t>(a.storage)};
   h.add(head, sizeof head);
-  h.add_words(a.col_ptr);
-  h.add_words(a.row_ind);
+  add_pieces(h, a.col_ptr, pool);
+  add_pieces(h, a.row_ind, pool);
   return h.value();
 }
 

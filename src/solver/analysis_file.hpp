@@ -5,6 +5,7 @@
 #include <string>
 
 #include "analysis/assembly_tree.hpp"
+#include "base/thread_pool.hpp"
 #include "solver/equations.hpp"
 
 namespace espalier::solver {
@@ -17,7 +18,7 @@ struct SavedAnalysis {
 };
 
 /// A number that differs for different patterns (FNV-1a over sizes, pointers and indices).
-std::uint64_t pattern_hash(const MatrixView& a);
+std::uint64_t pattern_hash(const MatrixView& a, base::ThreadPool& pool);
 
 /// @throws Error(invalid_input) when the file cannot be written
 void write_analysis(const std::string& path, const SavedAnalysis& saved, std::uint64_t hash);

@@ -6,7 +6,6 @@
 #include <atomic>
 #include <cmath>
 #include <functional>
-#include <iterator>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -20,6 +19,28 @@
 namespace espalier::solver {
 
 namespace {
+
+constexpr std::int64_t kEntries = 1 << 18;  // per piece of work: 2 MiB of values
+
+// All threads take part in the page faults of the copy.
+template <class T>
+void copy_array(std::span<const T> from, analysis::LazyVector<T>& to, base::ThreadPool& pool) {
+  to.resize(from.size());
+  pool.for_each_piece(static_cast<std::int64_t>(from.size()), kEntries, [&](std::int64_t begin, std::int64_t end) {
+    std::copy(from.begin() + begin, from.begin() + end, to.begin() + begin);
+  });
+}
+
+template <class T>
+bool equal_arrays(std::span<const T> x, std::span<const T> y, base::ThreadPool& pool) {
+  if (x.size() != y.size()) return false;
+  std::atomic<bool> equal{true};
+  pool.for_each_piece(static_cast<std::int64_t>(x.size()), kEntries, [&](std::int64_t begin, std::int64_t end) {
+    if (!std::equal(x.begin() + begin, x.begin() + end, y.begin() + begin))
+      equal.store(false, std::memory_order_relaxed);
+  });
+  return equal;
+}
 
 template <class V>
 Offset bytes_of(const V& v) {
@@ -38,8 +59,18 @@ std::vector<double> diagonal(const MatrixView& a, base::ThreadPool& pool) {
   return d;
 }
 
-// Whether some entry of `a` stands twice.
-bool has_duplicates(const MatrixView& a) {
+// Whether some entry of `a` stands twice. Columns in order show it by themselves.
+bool has_duplicates(const MatrixView& a, base::ThreadPool& pool) {
+  constexpr std::int64_t kColumns = 4096;  // per piece of work
+  std::atomic<bool> sorted{true};
+  pool.for_each_piece(a.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c) {
+      const auto first = a.row_ind.begin() + a.col_ptr[c], last = a.row_ind.begin() + a.col_ptr[c + 1];
+      if (std::adjacent_find(first, last, std::greater_equal<>()) != last)
+        return sorted.store(false, std::memory_order_relaxed);
+    }
+  });
+  if (sorted) return false;
   std::vector<Index> seen(static_cast<std::size_t>(a.rows), -1);  // the last column in which the row was met
   for (Index c = 0; c < a.cols; ++c)
     for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
@@ -69,7 +100,7 @@ void merge_duplicates(const MatrixView& a, Equations& e) {
 
 // Makes the symmetric pattern of `e` general and keeps the position that each entry came from.
 void expand(Equations& e) {
-  const SparseMatrix a = std::move(e.a);
+  const StoredMatrix a = std::move(e.a);
   e.a = {a.rows, a.cols, {}, {}, {}, Storage::general};
   const bool both = a.storage == Storage::symmetric_both;
   auto& ptr = e.a.col_ptr;
@@ -157,22 +188,21 @@ Equations copy_equations(const MatrixView& a, Kind kind, base::ThreadPool& pool)
   e.a.rows = a.rows;
   e.a.cols = a.cols;
   e.a.storage = a.storage;
-  // Each of these passes over the pattern is bound by memory on one core, so they go side by side.
-  bool duplicates = false;
-  const std::function<void()> passes[] = {
-      [&] { e.a.values.assign(static_cast<std::size_t>(a.nonzeros()), 1.0); },
-      [&] { duplicates = has_duplicates(a); },
-      [&] { e.a.row_ind.assign(a.row_ind.begin(), a.row_ind.end()); },
-      [&] { e.caller_pattern = pattern_hash(a); },
-      [&] { e.a.col_ptr.assign(a.col_ptr.begin(), a.col_ptr.end()); },
-  };
-  pool.for_each(static_cast<std::int64_t>(std::size(passes)), [&](std::int64_t i) { passes[i](); });
+  e.caller_pattern = pattern_hash(a, pool);
+  const bool duplicates = has_duplicates(a, pool);
+  copy_array(a.col_ptr, e.a.col_ptr, pool);
+  if (!duplicates) copy_array(a.row_ind, e.a.row_ind, pool);
   if (duplicates) merge_duplicates(a, e);
   if (kind == Kind::lu && a.symmetric()) expand(e);
   e.symmetric_values = kind != Kind::lu && a.storage == Storage::general;
   if (e.symmetric_values) e.a.storage = Storage::symmetric_both;
-  e.a.values.resize(e.a.row_ind.size(), 1.0);
-  if (!a.values.empty()) copy_values(e, a.values, pool);
+  e.a.values.resize(e.a.row_ind.size());
+  if (!a.values.empty())
+    copy_values(e, a.values, pool);
+  else
+    pool.for_each_piece(e.a.nonzeros(), kEntries, [&](std::int64_t begin, std::int64_t end) {
+      std::fill(e.a.values.begin() + begin, e.a.values.begin() + end, 1.0);
+    });
   return e;
 }
 
@@ -183,7 +213,6 @@ void copy_values(Equations& e, std::span<const double> values, base::ThreadPool&
     for (std::size_t q = 0; q < e.target.size(); ++q) sums[static_cast<std::size_t>(e.target[q])] += values[q];
     values = sums;
   }
-  constexpr std::int64_t kEntries = 1 << 18;  // per piece of work: 2 MiB
   pool.for_each_piece(e.a.nonzeros(), kEntries, [&](std::int64_t begin, std::int64_t end) {
     if (e.source.empty()) {
       std::copy(values.begin() + begin, values.begin() + end, e.a.values.begin() + begin);
@@ -201,11 +230,11 @@ void copy_values(Equations& e, std::span<const double> values, base::ThreadPool&
         "the matrix was analyzed as a symmetric one, but its new values are not symmetric; call analyze() again");
 }
 
-bool same_pattern(const Equations& e, const MatrixView& a) {
+bool same_pattern(const Equations& e, const MatrixView& a, base::ThreadPool& pool) {
   if (a.rows != e.a.rows || a.cols != e.a.cols || a.nonzeros() != e.caller_nonzeros) return false;
-  if (!e.source.empty() || !e.target.empty()) return pattern_hash(a) == e.caller_pattern;
-  return std::equal(a.col_ptr.begin(), a.col_ptr.end(), e.a.col_ptr.begin()) &&
-         std::equal(a.row_ind.begin(), a.row_ind.end(), e.a.row_ind.begin());
+  if (!e.source.empty() || !e.target.empty()) return pattern_hash(a, pool) == e.caller_pattern;
+  const MatrixView mine = e.a;
+  return equal_arrays(a.col_ptr, mine.col_ptr, pool) && equal_arrays(a.row_ind, mine.row_ind, pool);
 }
 
 void scale_and_match(Equations& e, Kind kind, const Options& options, base::ThreadPool& pool) {

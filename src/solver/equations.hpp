@@ -8,15 +8,32 @@
 #include <vector>
 
 #include "analysis/assembly_tree.hpp"
+#include "analysis/lazy_vector.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/solver.hpp"
 
 namespace espalier::solver {
 
+/// A sparse matrix of the conventions of MatrixView whose large arrays are left uninitialised, so that all threads can
+/// fill them for the first time.
+struct StoredMatrix {
+  Index rows = 0;
+  Index cols = 0;
+  analysis::LazyVector<Offset> col_ptr;
+  analysis::LazyVector<Index> row_ind;
+  analysis::LazyVector<double> values;
+  Storage storage = Storage::general;
+
+  [[nodiscard]] Offset nonzeros() const { return col_ptr.empty() ? 0 : col_ptr.back(); }
+  operator MatrixView() const {  // NOLINT(google-explicit-constructor): an owner is a view
+    return {rows, cols, col_ptr, row_ind, values, storage};
+  }
+};
+
 /// A copy of the caller's matrix in the form that the factorization kind needs, and the transformation to the scaled,
 /// row-permuted matrix B = R P A C that is factored: B(c', c) = r_i a_ic c_c with i = row_of_col[c'].
 struct Equations {
-  SparseMatrix a;                 ///< general storage for lu, a symmetric one otherwise
+  StoredMatrix a;                 ///< general storage for lu, a symmetric one otherwise
   std::vector<Offset> target;     ///< entry to which each of the caller's values is added; empty: no duplicates
   std::vector<Offset> source;     ///< lu of symmetric storage: entry before expansion of each entry of `a`; else empty
   bool symmetric_values = false;  ///< stored in general, taken as symmetric: new values must be symmetric as well
@@ -53,7 +70,7 @@ Equations copy_equations(const MatrixView& a, Kind kind, base::ThreadPool& pool)
 void copy_values(Equations& e, std::span<const double> values, base::ThreadPool& pool);
 
 /// Whether `a` has the pattern from which `e` was copied.
-bool same_pattern(const Equations& e, const MatrixView& a);
+bool same_pattern(const Equations& e, const MatrixView& a, base::ThreadPool& pool);
 
 /// Scaling and, with options.matching, the maximum product matching (ldlt, lu). llt is scaled only for factors of low
 /// precision (in FP64 Cholesky's error does not depend on scaling: van der Sluis 1969).

@@ -156,7 +156,7 @@ void Solver::Impl::turn_to_ldlt() {
   state = State::empty;  // a failure on the way leaves nothing to go on with
   kind_may_change = false;
   const double start = base::now_seconds();
-  const SparseMatrix copy = std::move(equations.a);
+  const solver::StoredMatrix copy = std::move(equations.a);
   std::vector<Offset> target = std::move(equations.target);
   const Offset caller_nonzeros = equations.caller_nonzeros;
   const std::uint64_t caller_pattern = equations.caller_pattern;

@@ -93,7 +93,7 @@ FactorResult Solver::factorize(const MatrixView& a) {
   if (impl_->state == State::empty) throw std::logic_error("Solver::factorize: call analyze() first");
   Status status = guarded([&] {
     matrix::validate(a, &impl_->pool);
-    if (!solver::same_pattern(impl_->equations, a))
+    if (!solver::same_pattern(impl_->equations, a, impl_->pool))
       throw Error(StatusCode::invalid_input,
                   "the matrix has another pattern than the one analyzed; call analyze() again");
     if (a.values.empty() && a.nonzeros() > 0)
