@@ -236,7 +236,7 @@ std::vector<std::vector<Index>> heights(const FrontTree& tree) {
 
 std::vector<Index> front_rows(const Graph& graph, const FrontTree& tree, std::span<const Offset> row_ptr,
                               std::span<Index> rows, base::ThreadPool& pool) {
-  const std::vector<Index> position = inverse(tree.order);
+  const std::vector<Index> position = inverse(tree.order, pool);
   const Children children(tree.parent);
   std::vector<Index> count(tree.parent.size(), 0);
   std::vector<std::vector<Index>> marks(static_cast<std::size_t>(pool.size()));

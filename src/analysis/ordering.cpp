@@ -56,12 +56,12 @@ std::vector<Index> order_by_last_member(const CompressedGraph& graph, std::span<
 /// A vertex whose unknowns all have a zero diagonal is a multiplier: it is moved behind the last of its neighbours that
 /// are none, so that their elimination has filled its diagonal.
 std::vector<Index> postpone_multipliers(const CompressedGraph& graph, std::span<const char> zero_diagonal,
-                                        std::vector<Index> order) {
+                                        std::vector<Index> order, base::ThreadPool& pool) {
   std::vector<char> multiplier(order.size(), 1);
   for (std::size_t v = 0; v < order.size(); ++v)
     for (Index k = graph.member_ptr[v]; k < graph.member_ptr[v + 1]; ++k)
       if (zero_diagonal[at(graph.members[at(k)])] == 0) multiplier[v] = 0;
-  const std::vector<Index> position = inverse(order);
+  const std::vector<Index> position = inverse(order, pool);
   // Twice the place of the last neighbour plus one: behind it, before whatever follows it.
   std::vector<std::int64_t> key(order.size());
   for (std::size_t v = 0; v < order.size(); ++v) {
@@ -86,7 +86,7 @@ AssemblyTree build_tree(const Graph& graph, const TreeOptions& options, base::Th
     compressed = compress(graph, options.pair, pool);
     order = nested_dissection(compressed, pool);
     if (!options.zero_diagonal.empty())
-      order = postpone_multipliers(compressed, options.zero_diagonal, std::move(order));
+      order = postpone_multipliers(compressed, options.zero_diagonal, std::move(order), pool);
   } else {
     const std::vector<Index> position = checked_inverse(options.permutation, graph.n);
     compressed = compress_pairs(graph, options.pair, pool);

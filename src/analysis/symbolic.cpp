@@ -1,5 +1,6 @@
 #include "analysis/symbolic.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "analysis/elimination_tree.hpp"
@@ -11,20 +12,25 @@ namespace {
 
 auto at(Index k) { return static_cast<std::size_t>(k); }
 
+constexpr std::int64_t kVertices = 1 << 14;  // per piece of a loop
+
 /// Fronts of vertices -> fronts of unknowns. @param graph vertex k goes k-th in the order that `tree` refines
 AssemblyTree expand(const CompressedGraph& compressed, std::span<const Index> order, const Graph& graph,
                     const FrontTree& tree, base::ThreadPool& pool) {
   AssemblyTree out;
   out.n = compressed.member_ptr.back();
   out.parent = tree.parent;
-  out.order.reserve(compressed.members.size());
+  out.order.resize(compressed.members.size());
   std::vector<Index> begin(order.size() + 1, 0);  // first position of each vertex in elimination order
-  for (std::size_t k = 0; k < order.size(); ++k) {
-    const std::size_t v = at(order[at(tree.order[k])]);
-    out.order.insert(out.order.end(), compressed.members.begin() + compressed.member_ptr[v],
-                     compressed.members.begin() + compressed.member_ptr[v + 1]);
-    begin[k + 1] = static_cast<Index>(out.order.size());
-  }
+  for (std::size_t k = 0; k < order.size(); ++k)
+    begin[k + 1] = begin[k] + compressed.weight[at(order[at(tree.order[k])])];
+  pool.for_each_piece(graph.n, kVertices, [&](std::int64_t from, std::int64_t to) {
+    for (auto k = static_cast<std::size_t>(from); k < static_cast<std::size_t>(to); ++k) {
+      const std::size_t v = at(order[at(tree.order[k])]);
+      std::copy_n(compressed.members.begin() + compressed.member_ptr[v], compressed.weight[v],
+                  out.order.begin() + begin[k]);
+    }
+  });
   const auto fronts = at(tree.fronts());
   out.first.resize(fronts + 1);
   out.row_ptr.assign(fronts + 1, 0);
@@ -52,9 +58,12 @@ void count(const FrontTree& tree, double& entries, double& flops) {
   }
 }
 
-std::vector<Index> gather(std::span<const Index> values, std::span<const Index> order) {
+std::vector<Index> gather(std::span<const Index> values, std::span<const Index> order, base::ThreadPool& pool) {
   std::vector<Index> out(order.size());
-  for (std::size_t k = 0; k < order.size(); ++k) out[k] = values[at(order[k])];
+  pool.for_each_piece(static_cast<std::int64_t>(order.size()), kVertices, [&](std::int64_t begin, std::int64_t end) {
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
+      out[k] = values[at(order[k])];
+  });
   return out;
 }
 
@@ -62,16 +71,16 @@ std::vector<Index> gather(std::span<const Index> values, std::span<const Index> 
 
 AssemblyTree symbolic_tree(const CompressedGraph& graph, std::vector<Index> order, base::ThreadPool& pool,
                            TreeStatistics& statistics) {
-  std::vector<Index> parent = elimination_tree(graph.graph, order);
+  std::vector<Index> parent = elimination_tree(graph.graph, order, pool);
   const std::vector<Index> post = postorder(parent);
-  const std::vector<Index> place = inverse(post);
-  order = gather(order, post);
-  parent = gather(parent, post);
+  const std::vector<Index> place = inverse(post, pool);
+  order = gather(order, post, pool);
+  parent = gather(parent, post, pool);
   for (Index& p : parent)
     if (p >= 0) p = place[at(p)];
   const Graph permuted = permute(graph.graph, order, pool);
-  const std::vector<Index> weight = gather(graph.weight, order);
-  const std::vector<Index> columns = column_weights(permuted, parent, weight);
+  const std::vector<Index> weight = gather(graph.weight, order, pool);
+  const std::vector<Index> columns = column_weights(permuted, parent, weight, pool);
   const FrontTree exact = fundamental_supernodes(parent, weight, columns);
   double entries = 0;
   count(exact, entries, statistics.flops_exact);
