@@ -1,6 +1,8 @@
 #include <algorithm>
+#include <atomic>
 #include <cstdint>
 #include <numeric>
+#include <utility>
 
 #include "analysis/graph.hpp"
 
@@ -23,31 +25,56 @@ struct Numbering {
   std::vector<Index> leaders;  ///< one per group
 };
 
-Numbering number_leaders(std::span<const Index> leader) {
+Numbering number_leaders(std::span<const Index> leader, base::ThreadPool& pool) {
+  const auto n = static_cast<std::int64_t>(leader.size());
+  std::vector<Index> first(static_cast<std::size_t>((n + kVertices - 1) / kVertices) + 1, 0);  // before each piece
+  const auto leads = [&](std::int64_t v) { return leader[static_cast<std::size_t>(v)] == static_cast<Index>(v); };
+  pool.for_each_piece(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+    Index count = 0;
+    for (std::int64_t v = begin; v < end; ++v) count += leads(v) ? 1 : 0;
+    first[static_cast<std::size_t>(begin / kVertices) + 1] = count;
+  });
+  std::partial_sum(first.begin(), first.end(), first.begin());
   Numbering out;
-  out.number.assign(leader.size(), -1);
-  for (Index v = 0; v < static_cast<Index>(leader.size()); ++v)
-    if (leader[static_cast<std::size_t>(v)] == v) {
-      out.number[static_cast<std::size_t>(v)] = static_cast<Index>(out.leaders.size());
-      out.leaders.push_back(v);
+  out.number.resize(leader.size());
+  out.leaders.resize(static_cast<std::size_t>(first.back()));
+  pool.for_each_piece(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+    Index next = first[static_cast<std::size_t>(begin / kVertices)];
+    for (std::int64_t v = begin; v < end; ++v) {
+      out.number[static_cast<std::size_t>(v)] = leads(v) ? next : -1;
+      if (leads(v)) out.leaders[static_cast<std::size_t>(next++)] = static_cast<Index>(v);
     }
+  });
   return out;
 }
 
 /// Fills weight, member_ptr and members from the leader of each vertex; members rise within a vertex.
-void list_members(std::span<const Index> leader, const Numbering& numbering, CompressedGraph& out) {
+void list_members(std::span<const Index> leader, const Numbering& numbering, base::ThreadPool& pool,
+                  CompressedGraph& out) {
   const std::size_t vertices = numbering.leaders.size();
+  const auto n = static_cast<std::int64_t>(leader.size());
   out.weight.assign(vertices, 0);
   out.member_ptr.assign(vertices + 1, 0);
-  const auto group = [&](std::size_t v) {
-    return static_cast<std::size_t>(numbering.number[static_cast<std::size_t>(leader[v])]);
+  const auto group = [&](std::int64_t v) {
+    return static_cast<std::size_t>(numbering.number[static_cast<std::size_t>(leader[static_cast<std::size_t>(v)])]);
   };
-  for (std::size_t v = 0; v < leader.size(); ++v) ++out.weight[group(v)];
+  const auto take = [](Index& counter) {
+    return std::atomic_ref<Index>(counter).fetch_add(1, std::memory_order_relaxed);
+  };
+  pool.for_each_piece(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t v = begin; v < end; ++v) take(out.weight[group(v)]);
+  });
   std::partial_sum(out.weight.begin(), out.weight.end(), out.member_ptr.begin() + 1);
   out.members.resize(leader.size());
   std::vector<Index> next(out.member_ptr.begin(), out.member_ptr.end() - 1);
-  for (std::size_t v = 0; v < leader.size(); ++v)
-    out.members[static_cast<std::size_t>(next[group(v)]++)] = static_cast<Index>(v);
+  pool.for_each_piece(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t v = begin; v < end; ++v)
+      out.members[static_cast<std::size_t>(take(next[group(v)]))] = static_cast<Index>(v);
+  });
+  pool.for_each_piece(static_cast<std::int64_t>(vertices), kVertices, [&](std::int64_t begin, std::int64_t end) {
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
+      std::sort(out.members.begin() + out.member_ptr[k], out.members.begin() + out.member_ptr[k + 1]);
+  });
 }
 
 /// Writes the graph whose vertex k has the neighbours list(k, buffer), sorted and unique.
@@ -117,26 +144,35 @@ std::vector<Index> find_leaders(const Graph& g, base::ThreadPool& pool) {
 }
 
 /// The members of `outer`, whose vertices are groups of vertices of `inner`, replaced by the members of those.
-void expand_members(CompressedGraph& outer, const CompressedGraph& inner) {
-  std::vector<Index> members;
-  members.reserve(inner.members.size());
-  std::vector<Index> ptr{0};
-  for (std::size_t v = 0; v + 1 < outer.member_ptr.size(); ++v) {
-    for (Index k = outer.member_ptr[v]; k < outer.member_ptr[v + 1]; ++k) {
-      const auto w = static_cast<std::size_t>(outer.members[static_cast<std::size_t>(k)]);
-      members.insert(members.end(), inner.members.begin() + inner.member_ptr[w],
-                     inner.members.begin() + inner.member_ptr[w + 1]);
+void expand_members(CompressedGraph& outer, const CompressedGraph& inner, base::ThreadPool& pool) {
+  const auto vertices = static_cast<std::int64_t>(outer.weight.size());
+  const std::vector<Index> groups = std::move(outer.members);
+  const std::vector<Index> first = std::move(outer.member_ptr);
+  const auto each_group = [&](std::size_t v, const auto& use) {
+    for (Index k = first[v]; k < first[v + 1]; ++k) use(static_cast<std::size_t>(groups[static_cast<std::size_t>(k)]));
+  };
+  pool.for_each_piece(vertices, kVertices, [&](std::int64_t begin, std::int64_t end) {
+    for (auto v = static_cast<std::size_t>(begin); v < static_cast<std::size_t>(end); ++v) {
+      outer.weight[v] = 0;
+      each_group(v, [&](std::size_t w) { outer.weight[v] += inner.weight[w]; });
     }
-    ptr.push_back(static_cast<Index>(members.size()));
-    outer.weight[v] = ptr[v + 1] - ptr[v];
-  }
-  outer.member_ptr = std::move(ptr);
-  outer.members = std::move(members);
+  });
+  outer.member_ptr.assign(outer.weight.size() + 1, 0);
+  std::partial_sum(outer.weight.begin(), outer.weight.end(), outer.member_ptr.begin() + 1);
+  outer.members.resize(inner.members.size());
+  pool.for_each_piece(vertices, kVertices, [&](std::int64_t begin, std::int64_t end) {
+    for (auto v = static_cast<std::size_t>(begin); v < static_cast<std::size_t>(end); ++v) {
+      auto to = outer.members.begin() + outer.member_ptr[v];
+      each_group(v, [&](std::size_t w) {
+        to = std::copy_n(inner.members.begin() + inner.member_ptr[w], inner.weight[w], to);
+      });
+    }
+  });
 }
 
 CompressedGraph merge_twins(const Graph& g, base::ThreadPool& pool) {
   const std::vector<Index> leader = find_leaders(g, pool);
-  const Numbering numbering = number_leaders(leader);
+  const Numbering numbering = number_leaders(leader, pool);
   CompressedGraph out;
   // A neighbour of v stands for its group only if it leads it; the leader of every neighbour is a neighbour too.
   out.graph = build_graph(static_cast<Index>(numbering.leaders.size()), pool, [&](std::size_t k, auto& buffer) {
@@ -144,7 +180,7 @@ CompressedGraph merge_twins(const Graph& g, base::ThreadPool& pool) {
       if (numbering.number[static_cast<std::size_t>(u)] >= 0)
         buffer.push_back(numbering.number[static_cast<std::size_t>(u)]);
   });
-  list_members(leader, numbering, out);
+  list_members(leader, numbering, pool, out);
   return out;
 }
 
@@ -169,9 +205,9 @@ CompressedGraph compress_pairs(const Graph& graph, std::span<const Index> pair, 
   if (!has_pairs(pair)) return singletons(graph);
   std::vector<Index> leader(pair.size());
   for (std::size_t v = 0; v < pair.size(); ++v) leader[v] = std::min(static_cast<Index>(v), pair[v]);
-  const Numbering numbering = number_leaders(leader);
+  const Numbering numbering = number_leaders(leader, pool);
   CompressedGraph out;
-  list_members(leader, numbering, out);
+  list_members(leader, numbering, pool, out);
   out.graph = build_graph(static_cast<Index>(numbering.leaders.size()), pool, [&](std::size_t k, auto& buffer) {
     const auto append = [&](Index v) {
       for (const Index u : graph.neighbours(v)) {
@@ -192,7 +228,7 @@ CompressedGraph compress(const Graph& graph, std::span<const Index> pair, base::
   if (!has_pairs(pair)) return merge_twins(graph, pool);
   const CompressedGraph paired = compress_pairs(graph, pair, pool);
   CompressedGraph out = merge_twins(paired.graph, pool);
-  expand_members(out, paired);
+  expand_members(out, paired, pool);
   return out;
 }
 
