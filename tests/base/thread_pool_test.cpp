@@ -111,6 +111,33 @@ TEST(Recursion, RunsEveryTaskAndRethrows) {
   }
 }
 
+TEST(Recursion, LoopsCoverTheirRangeBesideTasks) {
+  constexpr std::int64_t kSize = 5000, kTasks = 6;
+  for (const int threads : {1, 2, 4}) {
+    ThreadPool pool(threads);
+    for (int round = 0; round < 20; ++round) {
+      std::vector<std::atomic<int>> visits(static_cast<std::size_t>(kSize * kTasks));
+      Recursion::run(pool, [&](Recursion& r) {
+        for (std::int64_t t = 0; t < kTasks; ++t)
+          r.spawn([&visits, t](Recursion& mine) {
+            mine.for_each_piece(kSize, 7, [&](std::int64_t begin, std::int64_t end) {
+              EXPECT_TRUE(end - begin == 7 || end == kSize);
+              for (std::int64_t i = begin; i < end; ++i) ++visits[static_cast<std::size_t>(t * kSize + i)];
+            });
+            for (std::int64_t i = 0; i < kSize; ++i) EXPECT_EQ(visits[static_cast<std::size_t>(t * kSize + i)], 1);
+          });
+      });
+      EXPECT_THROW(Recursion::run(pool,
+                                  [](Recursion& r) {
+                                    r.for_each_piece(100, 1, [](std::int64_t i, std::int64_t) {
+                                      if (i == 57) throw std::runtime_error("piece");
+                                    });
+                                  }),
+                   std::runtime_error);
+    }
+  }
+}
+
 TEST(AvailableCores, AtLeastOne) { EXPECT_GE(available_cores(), 1); }
 
 }  // namespace
