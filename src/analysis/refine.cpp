@@ -70,9 +70,16 @@ void Refiner::pull(Index u) {
   s_.weight[from_] -= g_.weight[at(u)];
   s_.weight[2] += g_.weight[at(u)];
   pulled_.push_back(u);
-  for (Offset k = g_.ptr[at(u)]; k < g_.ptr[at(u) + 1]; ++k)
-    if (queue_.contains(g_.adj[at(k)])) queue_.change(g_.adj[at(k)], g_.weight[at(u)]);
-  enqueue(u);
+  Index gain = g_.weight[at(u)];  // as in enqueue()
+  for (Offset k = g_.ptr[at(u)]; k < g_.ptr[at(u) + 1]; ++k) {
+    const Index w = g_.adj[at(k)];
+    const auto side = static_cast<std::size_t>(s_.side[at(w)]);
+    if (side == from_)
+      gain -= g_.weight[at(w)];
+    else if (side == 2 && queue_.contains(w))
+      queue_.change(w, g_.weight[at(u)]);
+  }
+  queue_.insert(u, gain);
 }
 
 void Refiner::move(Index v) {
