@@ -17,11 +17,10 @@ Cell percent_cell(double fraction) { return {percent_text(fraction), fraction}; 
 Cell error_cell(double error) { return {std::isfinite(error) ? fmt::format("{:.1e}", error) : "-", error}; }
 Cell words(std::string text) { return {std::move(text)}; }
 
-/// Why rows have no figures; those of one system with one reason share a note.
+/// Why rows have no figures, or of which run they are; those of one system with one reason share a note.
 class Notes {
  public:
-  void add(const Json& row) {
-    const std::string reason = fmt::format("{}: {}", text(row, "outcome"), text(row, "message"));
+  void add(const Json& row, const std::string& reason) {
     if (notes_.empty() || notes_.back().system != text(row, "system") || notes_.back().reason != reason)
       notes_.push_back({text(row, "system"), "", reason});
     notes_.back().names += ", " + text(row, "rival");
@@ -180,7 +179,12 @@ DataTable main_table(const Results& results) {
     const double ratio = line.failed || !best.contains(system) ? std::nan("") : median(row, decisive) / best.at(system);
     line.best = ratio == 1;
     line.cells.push_back({factor_text(ratio), ratio});
-    if (line.failed) notes.add(row);
+    if (line.failed) notes.add(row, fmt::format("{}: {}", text(row, "outcome"), text(row, "message")));
+    if (const auto run = row.find("run"); run != row.end()) {  // scripts/merge_results.py
+      line.cells[one_solver ? 0 : 1].text += " †";
+      notes.add(row, fmt::format("† of another run, {}, {}: {}", text(*run, "commit"), text(*run, "date"),
+                                 text(*run, "command")));
+    }
     table.lines.push_back(std::move(line));
   }
   table.notes = notes.texts();
