@@ -149,7 +149,7 @@ __device__ void invert_pivot_block(const FactorState<T>& s, T* base, const Front
   use_lower();
   if constexpr (K == Kind::lu) {
     __syncthreads();
-    invert_upper_lu(a, lda, size, pivots, m, ldm);
+    invert_upper_lu(a, lda, size, m, ldm);
     write_panels(m, 1, ldm, size, size, array_of(base, f, 1) + f.chunk_offset(q, col), stride);
   }
 }

@@ -2,7 +2,7 @@
 /// A whole small front, in shared memory, after its pivot block has been inverted.
 #pragma once
 
-#include "device/cuda/diagonal.cuh"
+#include "device/cuda/diagonal_lu.cuh"
 #include "device/cuda/gather.cuh"
 
 namespace espalier::device::cuda {
