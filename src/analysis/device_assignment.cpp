@@ -108,6 +108,17 @@ double column_flops(const FrontLayout& l, Index j) {
   return rows * width * (2 * left + (j < l.pivot_tiles ? width : 0));
 }
 
+// How many neighbours of block column j of the top one member takes: of pivot columns as many as it works on at a time.
+// More would begin when the first ones are done, and all that time hold up the members that have the next columns.
+Index group_at(const Plan& plan, const DeviceAssignment& a, Index f, Index j) {
+  constexpr Index kTasksAtOnce = 264;  // an H200: two on each of 132 multiprocessors
+  constexpr Index kRowsOfTask = 128;
+  const FrontLayout& l = plan.layout[f];
+  if (j >= l.pivot_tiles) return a.column_group;
+  const Index tasks = ((l.rows - l.begin(j)) / kRowsOfTask + 1) * (plan.options.unsymmetric ? 2 : 1);
+  return std::clamp<Index>(kTasksAtOnce / tasks, 1, a.column_group);
+}
+
 // Groups of block columns of the top, in the order of work, go to that member which is predicted to have least to do;
 // among equals in turn.
 void deal_columns(const Plan& plan, DeviceAssignment& a) {
@@ -128,17 +139,17 @@ void deal_columns(const Plan& plan, DeviceAssignment& a) {
     for (Index j = 0; j < l.tiles; ++j) flops += column_flops(l, j);
     const double scale =
         front_seconds(l.pivots, l.rows, plan.options.unsymmetric, plan.options.cost) / std::max(flops, 1.0);
-    for (Index j = 0; j < l.tiles; j += a.column_group) {
-      const auto turn = static_cast<Index>((Offset{j} / a.column_group + f) % a.devices);
+    auto turn = static_cast<Index>(f % a.devices);
+    for (Index j = 0; j < l.tiles; turn = (turn + 1) % a.devices) {
       Index best = -1;
       for (Index k = 0; k < a.devices; ++k) {
         const Index d = (turn + k) % a.devices;
         if ((a.members[f] >> d & 1) == 0) continue;
         if (best < 0 || load[d] / speed_of(plan, d) < load[best] / speed_of(plan, best)) best = d;
       }
-      for (Index i = j; i < std::min(l.tiles, j + a.column_group); ++i) {
-        a.owners[static_cast<std::size_t>(a.owner_ptr[f]) + i] = static_cast<std::uint8_t>(best);
-        load[best] += scale * column_flops(l, i);
+      for (const Index end = std::min(l.tiles, j + group_at(plan, a, f, j)); j < end; ++j) {
+        a.owners[static_cast<std::size_t>(a.owner_ptr[f]) + j] = static_cast<std::uint8_t>(best);
+        load[best] += scale * column_flops(l, j);
       }
     }
   }

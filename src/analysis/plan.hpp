@@ -75,7 +75,7 @@ struct PlanOptions {
   /// Speeds of the devices, relative to each other; empty: all are equal.
   std::vector<double> device_speed;
   bool balance_columns = false;  ///< block columns of the top are dealt by predicted load, not in turn
-  Index column_group = 1;        ///< see DeviceAssignment
+  Index column_group = 1;        ///< at most so many; see DeviceAssignment
   /// The task list walks every sub-tree alone, so that it can be stolen; else all sub-trees of a device together, so
   /// that more fronts are in work at a time.
   bool subtrees_apart = true;

@@ -24,7 +24,7 @@ struct DeviceTuning {
   bool shared_top = true;                  ///< see PlanOptions
   std::vector<double> device_speed;        ///< see PlanOptions
   bool count_balance = false;              ///< sub-trees are dealt by unknowns instead of predicted time
-  Index column_group = 4;                  ///< see PlanOptions
+  Index column_group = 8;                  ///< see PlanOptions
 };
 
 /// How a plan for this backend and so many devices is to be made. The executor accepts no other plan.
