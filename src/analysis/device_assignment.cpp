@@ -85,6 +85,39 @@ void assign_largest_first(const Plan& plan, std::vector<SubTree>& subtrees, Inde
                    [](const SubTree& a, const SubTree& b) { return a.device < b.device; });
 }
 
+// Largest load over mean load, 1 at best.
+double imbalance(const Plan& plan, const std::vector<SubTree>& subtrees, Index devices) {
+  std::vector<double> load(static_cast<std::size_t>(devices), 0);
+  double all = 0, speeds = 0, most = 0;
+  for (const SubTree& s : subtrees) load[static_cast<std::size_t>(s.device)] += s.seconds;
+  for (std::size_t d = 0; d < load.size(); ++d) {
+    all += load[d];
+    speeds += speed_of(plan, d);
+    most = std::max(most, load[d] / speed_of(plan, d));
+  }
+  return all > 0 ? most * speeds / all : 1;
+}
+
+// The tree in sub-trees, with their devices: as few as asked for, or more where these leave one device with too much:
+// what the others do meanwhile in the top waits for its part (a plate of 1200 x 1200 on four H200s: 11 % too much).
+std::vector<SubTree> cut_and_assign(const Plan& plan, const Costs& costs, double total, Index devices) {
+  constexpr double kEnough = 1.05, kStep = 0.5, kMost = 2;
+  std::vector<SubTree> best;
+  double least = 0;
+  for (double more = 0; more <= kMost; more += kStep) {
+    const double largest = total / (static_cast<double>(devices) * (1 + plan.options.additional_subtrees + more));
+    std::vector<SubTree> now = gather(cut_tree(plan, costs, largest), costs, kSmallPart * largest);
+    assign_largest_first(plan, now, devices);
+    const double here = imbalance(plan, now, devices);
+    if (best.empty() || here < least) {
+      best = std::move(now);
+      least = here;
+    }
+    if (least <= kEnough) break;
+  }
+  return best;
+}
+
 // Who works on a front or needs its factor: its sub-tree's device; in the top, everybody with a sub-tree below.
 void find_members(const Plan& plan, DeviceAssignment& a) {
   const std::uint64_t one = 1;
@@ -185,9 +218,7 @@ DeviceAssignment assign_devices(const Plan& plan) {
   double total = 0;
   for (Index f = 0; f < plan.fronts(); ++f)
     if (plan.tree.parent[f] < 0) total += costs.seconds[f];
-  const double largest = total / (static_cast<double>(a.devices) * (1 + plan.options.additional_subtrees));
-  a.subtrees = gather(cut_tree(plan, costs, largest), costs, kSmallPart * largest);
-  assign_largest_first(plan, a.subtrees, a.devices);
+  a.subtrees = cut_and_assign(plan, costs, total, a.devices);
   a.subtree_of.assign(static_cast<std::size_t>(plan.fronts()), -1);
   for (std::size_t s = 0; s < a.subtrees.size(); ++s)
     for (const Index f : a.subtrees[s].roots) a.subtree_of[f] = static_cast<Index>(s);

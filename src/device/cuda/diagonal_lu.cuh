@@ -39,21 +39,12 @@ struct Panel {
       for (int c = 0; c < kPanelColumns; ++c) x[h][c] = lane + 32 * h < rows ? a[c * lda + lane + 32 * h] : T(0);
   }
 
-  /// u(c) = the pivot row's element c + 1: that of lane `who`, in its second row where `upper`.
-  template <int kLeft>
-  __device__ __forceinline__ void take_row(T (&u)[kPanelColumns], int who, bool upper) const {
-    if (upper) {
+  /// x(:, c - 1) = x(:, c) - l row(c) for c = 1 .. kLeft; row(c) is the pivot row.
+  template <int kLeft, class Row>
+  __device__ __forceinline__ void eliminate(const T (&l)[2], bool two, Row&& row) {
+    T u[kLeft];
 #pragma unroll
-      for (int c = 0; c < kLeft; ++c) u[c] = __shfl_sync(0xffffffffu, x[1][c + 1], who);
-    } else {
-#pragma unroll
-      for (int c = 0; c < kLeft; ++c) u[c] = __shfl_sync(0xffffffffu, x[0][c + 1], who);
-    }
-  }
-
-  /// x(:, c) = x(:, c + 1) - l u(c)
-  template <int kLeft>
-  __device__ __forceinline__ void eliminate(const T (&l)[2], const T (&u)[kPanelColumns], bool two) {
+    for (int c = 0; c < kLeft; ++c) u[c] = row(c + 1);
 #pragma unroll
     for (int c = 0; c < kLeft; ++c) x[0][c] = fma(-l[0], u[c], x[0][c + 1]);
     if (!two) return;
@@ -142,8 +133,6 @@ __device__ void factor_panel_lu(T* a, int lda, int rows, int first, int pivots, 
     const int from = __shfl_sync(0xffffffffu, upper ? place[1] : place[0], who);
     const T d = acceptable_pivot(given, tiny, first + k, sink);
     if (lane == 0) sink.state->pivot[sink.position + first + k] = from == k ? d : -d;
-    T u[kPanelColumns];
-    p.template take_row<kLeft>(u, who, upper);
     const T inverse = inverse_of(d);
     T l[2];
 #pragma unroll
@@ -152,13 +141,16 @@ __device__ void factor_panel_lu(T* a, int lda, int rows, int first, int pivots, 
       l[h] = waits[h] && !chosen ? p.x[h][0] * inverse : T(0);
       place[h] = chosen ? k : place[h] == k ? from : place[h];
       if (waits[h]) a[k * lda + lane + 32 * h] = chosen ? d : l[h];
+      if (chosen) {
+#pragma unroll
+        for (int c = 1; c <= kLeft; ++c)
+          if (c < kPanelColumns - k) a[(k + c) * lda + lane + 32 * h] = p.x[h][c];
+      }
       waits[h] = waits[h] && !chosen;
     }
-    p.template eliminate<kLeft>(l, u, two);
-    T* row = a + k * lda + who + (upper ? 32 : 0);
-#pragma unroll
-    for (int c = 0; c < kLeft; ++c)
-      if (lane == 0 && c + 1 < kPanelColumns - k) row[(c + 1) * lda] = u[c];
+    __syncwarp();
+    const T* row = a + k * lda + who + (upper ? 32 : 0);
+    p.template eliminate<kLeft>(l, two, [&](int c) { return c < kPanelColumns - k ? row[c * lda] : T(0); });
   });
   bool moved = false;
 #pragma unroll
