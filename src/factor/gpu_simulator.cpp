@@ -179,9 +179,9 @@ GpuRates h200_rates(Kind kind) {
   const bool llt = kind == Kind::llt, lu = kind == Kind::lu;
   r.block32 = {llt ? 12e-6 : 16e-6, llt ? 1.35e-6 : 1.6e-6, llt ? 8e-6 : 9e-6};
   r.block64 = {llt ? 26e-6 : 30e-6, 1.43e-6, 10e-6};
-  r.diagonal32 = {llt ? 24e-6 : lu ? 31e-6 : 16e-6, llt ? 1e-6 : 1.5e-6, llt ? 18e-6 : lu ? 25e-6 : 10.5e-6};
+  r.diagonal32 = {llt ? 24e-6 : lu ? 31e-6 : 17e-6, llt ? 1e-6 : 1.5e-6, llt ? 18e-6 : lu ? 25e-6 : 11e-6};
   r.diagonal64 = {llt ? 62e-6 : lu ? 88e-6 : 50e-6, 0.93e-6, llt ? 41e-6 : lu ? 68e-6 : 35e-6};
-  r.whole = llt ? 20e-6 : lu ? 17.6e-6 : 14.5e-6;
+  r.whole = llt ? 20e-6 : lu ? 17.6e-6 : 16.5e-6;
   r.half_block = 0.6;
   r.kernel = 8e-6;
   r.hop = 18e-6;
