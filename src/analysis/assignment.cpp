@@ -228,8 +228,12 @@ void Assignment::run() {
   const std::size_t n = at(a_.n);
   log_row_.resize(n);
   log_col_.resize(n);
-  std::transform(row_scale.begin(), row_scale.end(), log_row_.begin(), [](double s) { return std::log(s); });
-  std::transform(col_scale.begin(), col_scale.end(), log_col_.begin(), [](double s) { return std::log(s); });
+  pool_.for_each_piece(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    for (auto k = at(begin); k < at(end); ++k) {
+      log_row_[k] = std::log(row_scale[k]);
+      log_col_[k] = std::log(col_scale[k]);
+    }
+  });
   distance_.assign(n, kInfinity);
   via_.assign(n, -1);
   final_.assign(n, 0);
@@ -239,8 +243,12 @@ void Assignment::run() {
     if (row_of_col[at(j)] < 0) search(j);
   if (deficient_sets_ > 0) repair_deficient();
   rank = a_.n - static_cast<Index>(std::count(row_of_col.begin(), row_of_col.end(), -1));
-  std::transform(log_row_.begin(), log_row_.end(), row_scale.begin(), [](double s) { return std::exp(s); });
-  std::transform(log_col_.begin(), log_col_.end(), col_scale.begin(), [](double s) { return std::exp(s); });
+  pool_.for_each_piece(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    for (auto k = at(begin); k < at(end); ++k) {
+      row_scale[k] = std::exp(log_row_[k]);
+      col_scale[k] = std::exp(log_col_[k]);
+    }
+  });
 }
 
 }  // namespace espalier::analysis

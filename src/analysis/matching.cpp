@@ -17,16 +17,19 @@ auto at(Offset k) { return static_cast<std::size_t>(k); }
 /// Cycles and paths of a matching of a symmetric matrix, split into pairs and single vertices (Duff and Pralet 2005).
 class PairChooser {
  public:
-  PairChooser(const EntryView& a, const Assignment& matched, const std::vector<double>& scale)
+  PairChooser(const EntryView& a, const Assignment& matched, const std::vector<double>& scale, base::ThreadPool& pool)
       : a_(a), next_(matched.row_of_col), diagonal_(scale.size(), 0), link_(scale.size(), 0), pair_(scale.size()) {
     std::iota(pair_.begin(), pair_.end(), 0);
-    for (Index j = 0; j < a.n; ++j)
-      for (Offset k = a.ptr[at(j)]; k < a.ptr[at(j) + 1]; ++k) {
-        const Index i = a.row[at(k)];
-        if (i != j && i != next_[at(j)]) continue;
-        const double v = a.magnitude(k) * scale[at(i)] * scale[at(j)];
-        (i == j ? diagonal_ : link_)[at(j)] = v;
-      }
+    constexpr std::int64_t kColumns = 2048;  // per piece
+    pool.for_each_piece(a.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+      for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j)
+        for (Offset k = a.ptr[at(j)]; k < a.ptr[at(j) + 1]; ++k) {
+          const Index i = a.row[at(k)];
+          if (i != j && i != next_[at(j)]) continue;
+          const double v = a.magnitude(k) * scale[at(i)] * scale[at(j)];
+          (i == j ? diagonal_ : link_)[at(j)] = v;
+        }
+    });
   }
 
   std::vector<Index> run(const std::vector<Index>& col_of_row) {
@@ -94,7 +97,7 @@ SymmetricMatching match_symmetric(const EntryView& entries, base::ThreadPool& po
   out.scale.resize(at(entries.n));
   for (std::size_t i = 0; i < out.scale.size(); ++i)
     out.scale[i] = std::sqrt(assignment.row_scale[i]) * std::sqrt(assignment.col_scale[i]);
-  PairChooser chooser(entries, assignment, out.scale);
+  PairChooser chooser(entries, assignment, out.scale, pool);
   out.pair = chooser.run(assignment.col_of_row);
   return out;
 }

@@ -18,7 +18,7 @@ namespace {
 
 constexpr Index kMostTileWidth = 2047;
 constexpr std::int64_t kFrontsPerPiece = 256;
-constexpr Index kFrontsPerDraw = 64;
+constexpr Offset kEntriesPerDraw = 1 << 15;
 
 void link_children(Plan& plan) {
   const Index fronts = plan.fronts();
@@ -265,14 +265,17 @@ void place_entries(Plan& plan, const Permuted& permuted, base::ThreadPool& pool)
   const std::vector<Offset> begin = count_entries(plan, permuted, pool);
   plan.entry_ptr.assign(static_cast<std::size_t>(plan.tiles()) + 1, 0);
   plan.entries.resize(static_cast<std::size_t>(begin.back()));
-  std::atomic<Index> next_front{0};
+  std::vector<Index> piece{0};  // its first front; the large fronts at the end, most of them alone, are taken first
+  for (Index f = 0; f < plan.fronts(); ++f)
+    if (begin[f + 1] - begin[piece.back()] >= kEntriesPerDraw || f + 1 == plan.fronts()) piece.push_back(f + 1);
+  std::atomic<std::size_t> taken{0};
   pool.run([&](int) {
     FrontEntries front(plan, permuted);
     std::vector<Offset> at;
     for (;;) {
-      const Index b = next_front.fetch_add(kFrontsPerDraw, std::memory_order_relaxed);
-      if (b >= plan.fronts()) return;
-      for (Index f = b; f < std::min<Index>(plan.fronts(), b + kFrontsPerDraw); ++f)
+      const std::size_t p = ++taken;
+      if (p >= piece.size()) return;
+      for (Index f = piece[piece.size() - p - 1]; f < piece[piece.size() - p]; ++f)
         place_front(plan, f, begin[f], front, at);
     }
   });
