@@ -322,9 +322,14 @@ std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> 
       for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
         if (a.row_ind[q] == c) of_column[c] = q;
   });
-  if (std::find(of_column.begin(), of_column.end(), -1) != of_column.end()) return {};
   std::vector<Offset> places(order.size());
-  std::transform(order.begin(), order.end(), places.begin(), [&](Index c) { return of_column[c]; });
+  std::atomic<bool> complete{true};
+  pool.for_each_piece(a.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
+      if ((places[k] = of_column[static_cast<std::size_t>(order[k])]) < 0)
+        complete.store(false, std::memory_order_relaxed);
+  });
+  if (!complete) return {};
   return places;
 }
 
