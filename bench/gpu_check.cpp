@@ -3,6 +3,7 @@
 /// judged by an independent residual and, with --host, against the host executor.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <iostream>
 

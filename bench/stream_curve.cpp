@@ -3,6 +3,7 @@
 /// answer judged by an independent residual; beside each point the time that the host link bounds.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <cstring>

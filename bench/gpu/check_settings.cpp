@@ -1,5 +1,7 @@
 #include "gpu/check_settings.hpp"
 
+#include <CLI/CLI.hpp>
+
 #include "gpu/gpu_case.hpp"
 
 namespace espalier::bench {

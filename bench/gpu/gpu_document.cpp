@@ -1,5 +1,6 @@
 #include "gpu/gpu_document.hpp"
 
+#include <CLI/CLI.hpp>
 #include <filesystem>
 
 #include "matrix/file.hpp"

@@ -2,12 +2,15 @@
 /// Results of the GPU's own programs in the schema espalier-bench/1 (docs/bench.md), and the options that they share.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "gpu/gpu_case.hpp"
+
+namespace CLI {
+class App;  // its header takes seconds of every file that includes it
+}
 
 namespace espalier::bench {
 
