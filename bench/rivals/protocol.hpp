@@ -30,8 +30,8 @@ NLOHMANN_JSON_SERIALIZE_ENUM(Outcome, {{Outcome::ok, "ok"},
 /// refactorizes and solves step after step has none of that. So calls that took less than kShort the last time are
 /// preceded by kWarmUp of the same calls (a refactorization: of the values of the round before). A chain of 200 small
 /// bodies, 3.4 ms in a plain loop on two cores: the first call of a turn took 30 to 40 % longer, 10 % without the
-/// pause; after 5 ms of such calls 17 %, after 30 ms 4 %, after 60 ms 2.6 % (standard error 0.4), after 150 ms 1.8 %
-/// (0.5).
+/// pause; after 5 ms of such calls 17 %, after 30 ms 4 %, after 60 ms 2.0 % (standard error 0.3), after 150 ms 1.4 %
+/// (0.4).
 template <typename Call>
 void warm_up(double last_seconds, Call&& call) {
   constexpr double kShort = 60e-3, kWarmUp = 150e-3;  // seconds
