@@ -107,7 +107,7 @@ void ExecutorOnDevices<T>::take_common() {
   common_top_ = PinnedArray<T>(std::max<Offset>(1, tables_.regions[0]));
   common_places_ = PinnedArray<T>(std::max<Offset>(1, places));
   common_pivot_ = PinnedArray<T>(3 * static_cast<Offset>(plan_.tree.n));
-  common_updates_ = PinnedArray<T>(std::max<Offset>(1, static_cast<Offset>(plan_.relative.size())) * kManyColumns);
+  common_updates_ = PinnedArray<T>(std::max<Offset>(1, static_cast<Offset>(plan_.relative.size())) * kSlab);
   common_flag_ = PinnedArray<int>(parts * tables_.flags);
   common_ = {common_top_.data(), common_places_.data(), common_pivot_.data(), common_updates_.data(),
              common_flag_.data()};

@@ -49,6 +49,7 @@ class DeviceBudget {
   /// What was taken could not be had.
   void give_back(Offset bytes) { held_ -= bytes; }
   [[nodiscard]] Offset held() const { return held_; }
+  [[nodiscard]] Offset left() const { return limit_ - held_; }
 
  private:
   Offset limit_;

@@ -147,9 +147,7 @@ void DeviceSide<T>::choose_shapes() {
     call("launch shape of the factorization kernel", [&] {
       return dispatch([&](auto kernel) { return decltype(kernel)::shape_for(wide, whole, shape_[wide ? 1 : 0]); });
     });
-  for (const bool many : {false, true})
-    call("launch shape of the solve kernel",
-         [&] { return SolveKernel<T>::resident(many, solve_shape_[many ? 1 : 0]); });
+  call("launch shape of the solve kernel", [&] { return SolveKernel<T>::resident(solve_shape_); });
 }
 
 template <class T>

@@ -56,7 +56,7 @@ struct CommonMemory {
   T* top = nullptr;
   T* places = nullptr;  ///< of all devices, one after another
   T* pivot = nullptr;
-  T* updates = nullptr;  ///< of one pass with kManyColumns right-hand sides
+  T* updates = nullptr;  ///< of one pass with kSlab right-hand sides
   int* flag = nullptr;
 };
 
@@ -81,9 +81,9 @@ class DeviceSide {
   void copy_out(void* to, const void* from, Offset bytes) const;
   /// Zeroes flags and counters for the next factorization, and fills the vectors of the next pass of a solve.
   void enqueue_clear_factor();
-  void enqueue_clear_solve(Index at_once);
+  void enqueue_clear_solve(Index pass);
   /// The memory that the latter clears.
-  [[nodiscard]] SolveClear solve_clear(Index at_once) const;
+  [[nodiscard]] SolveClear solve_clear(Index pass) const;
   /// The kernels. skip_last_half: only the first half of the tasks, as if the device had died then (for tests).
   void enqueue_factor(bool skip_last_half = false);
   /// What stands before the kernels where this is the only GPU.
@@ -103,12 +103,14 @@ class DeviceSide {
   [[nodiscard]] std::vector<TaskTime> task_times() const;
   /// Which values enqueue_take() copies.
   void take_chunks(const std::vector<std::uint32_t>& chunks);
+  /// Whether a pass with so many right-hand sides takes no more memory than is left, and than is reasonable.
+  [[nodiscard]] bool has_room_for(Index pass) const;
   /// Buffers of one pass with so many right-hand sides. @returns whether they moved
-  bool take_solve_memory(Index at_once);
-  /// One pass. rhs: what this side reads; result: where solutions go, maybe on another device. At most kManyColumns
-  /// right-hand sides from `first_column` on.
+  bool take_solve_memory(Index pass);
+  /// One pass. rhs: what this side reads; result: where solutions go, maybe on another device. `pass` right-hand sides
+  /// from `first_column` on: one, or a multiple of kSlab, of which those beyond `columns` are zero.
   void enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>& sides, const T* rhs, T* result, Index columns,
-                     Index first_column, bool transpose);
+                     Index first_column, Index pass, bool transpose);
   /// Copies the counters to the host, where they are valid once the stream is done.
   void enqueue_counters();
   [[nodiscard]] const int* factor_counters() const { return counters_.data(); }
@@ -145,9 +147,11 @@ class DeviceSide {
   cudaError_t dispatch(Use&& use) const;
   [[nodiscard]] int parts() const { return context_.kind == Kind::lu ? 2 : 1; }
   [[nodiscard]] Offset n() const { return context_.plan.tree.n; }
-  [[nodiscard]] T* updates() const {
-    return common_.updates != nullptr ? common_.updates : vectors_.data() + 2 * n() * at_once_;
+  [[nodiscard]] T* updates(Index pass) const {
+    return common_.updates != nullptr ? common_.updates : vectors_.data() + 2 * n() * pass;
   }
+  /// Rows of the vectors of a pass: forward solution, solution, updates.
+  [[nodiscard]] Offset solve_rows() const;
 
   SideContext context_;
   CommonMemory<T> common_;
@@ -179,9 +183,8 @@ class DeviceSide {
   DeviceArray<std::uint64_t> entries_;
   DeviceArray<std::uint32_t> chunks_;  // of values that are copied from the first side
   LaunchShape shape_[2];
-  SolveShape solve_shape_[2];
+  SolveShape solve_shape_;
   FactorState<T> state_{};
-  Index at_once_ = 0;
 };
 
 }  // namespace espalier::device::cuda

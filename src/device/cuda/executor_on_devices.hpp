@@ -57,8 +57,8 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   double solve_device(T* x, Index columns, bool transpose) override;
 
   SolveClear clear_before_solve(Index columns) override {
-    take_solve_memory(columns > 1 ? kManyColumns : 1);
-    return several() ? SolveClear{} : first().solve_clear(at_once_);
+    take_solve_memory(columns);
+    return several() ? SolveClear{} : first().solve_clear(pass_width(columns));
   }
   void enqueue_solve(T* x, Index columns, bool transpose) override;
   [[nodiscard]] const int* solve_aborted() const override { return several() ? nullptr : first().solve_aborted(); }
@@ -91,10 +91,11 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     bool transpose;
     int side;
     Index first_column;
+    Index at_once;
     bool cleared;  // what the first pass needs clear is so
     bool operator<(const SolveKey& o) const {
-      return std::tie(x, columns, transpose, side, first_column, cleared) <
-             std::tie(o.x, o.columns, o.transpose, o.side, o.first_column, o.cleared);
+      return std::tie(x, columns, transpose, side, first_column, at_once, cleared) <
+             std::tie(o.x, o.columns, o.transpose, o.side, o.first_column, o.at_once, o.cleared);
     }
   };
 
@@ -202,10 +203,10 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     if (common_.flag != nullptr) std::fill(common_.flag, common_.flag + common_flag_.size(), 0);
     for (const auto& side : sides_) at(*side, [&] { side->enqueue_clear_factor(); });
   }
-  void clear_solve(Index at_once) {
+  void clear_solve(Index pass) {
     if (common_.updates != nullptr)
       std::memset(common_.updates, 0xff, static_cast<std::size_t>(common_updates_.size()) * sizeof(T));
-    for (const auto& side : sides_) at(*side, [&] { side->enqueue_clear_solve(at_once); });
+    for (const auto& side : sides_) at(*side, [&] { side->enqueue_clear_solve(pass); });
   }
 
   FactorOutcome run(const FactorGraphs& graphs, bool filled);
@@ -239,7 +240,12 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   // ---- solve -------------------------------------------------------------------------------------------------------
 
-  void take_solve_memory(Index at_once);
+  // Memory for the first pass of a solve with so many right-hand sides.
+  void take_solve_memory(Index columns);
+  // A multiple of kSlab that holds so many.
+  static Index slabs(Index columns) { return (columns + kSlab - 1) / kSlab * kSlab; }
+  // Right-hand sides of a pass where so many are left.
+  [[nodiscard]] Index pass_width(Index columns) const { return std::min(at_once_, at_once_ > 1 ? slabs(columns) : 1); }
 
   const Graph& solve_graph_of(T* x, Index columns, bool transpose, bool cleared);
   template <class Record>
@@ -279,7 +285,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   std::span<const double> smallest_;                 // PivotRule::smallest
   bool replaced_ = false, failed_ = false;
   std::vector<double> moved_;  // devices; elements
-  Index at_once_ = 1;
+  Index at_once_ = 1;          // most right-hand sides of a pass of the current solve
 };
 
 }  // namespace espalier::device::cuda

@@ -17,17 +17,18 @@ void ExecutorOnDevices<T>::solve(T* x, Index columns, bool transpose) {
 
 template <class T>
 const Graph& ExecutorOnDevices<T>::solve_graph_of(T* x, Index columns, bool transpose, bool cleared) {
-  return solve_graph({x, columns, transpose, 0, 0, cleared}, first(), [&] {
+  return solve_graph({x, columns, transpose, 0, 0, at_once_, cleared}, first(), [&] {
     for (Index c = 0; c < columns; c += at_once_) {
-      if (c > 0 || !cleared) first().enqueue_clear_solve(at_once_);
-      first().enqueue_solve(sides_, x, x, columns, c, transpose);
+      const Index pass = pass_width(columns - c);
+      if (c > 0 || !cleared) first().enqueue_clear_solve(pass);
+      first().enqueue_solve(sides_, x, x, columns, c, pass, transpose);
     }
   });
 }
 
 template <class T>
 double ExecutorOnDevices<T>::solve_device(T* x, Index columns, bool transpose) {
-  take_solve_memory(columns > 1 ? kManyColumns : 1);
+  take_solve_memory(columns);
   if (several()) return solve_on_all(x, columns, transpose);
   const DeviceGuard guard(first().device());
   const Graph& graph = solve_graph_of(x, columns, transpose, false);
@@ -62,16 +63,22 @@ T* ExecutorOnDevices<T>::device_rhs(Index columns) {
 }
 
 template <class T>
-void ExecutorOnDevices<T>::take_solve_memory(Index at_once) {
-  if (at_once_ == at_once) return;
+void ExecutorOnDevices<T>::take_solve_memory(Index columns) {
+  Index most = columns > 1 ? std::min<Index>(kManyColumns, slabs(columns)) : 1;
+  if (common_.updates != nullptr) most = std::min<Index>(most, kSlab);
+  for (const auto& side : sides_)
+    at(*side, [&] {
+      while (most > kSlab && !side->has_room_for(most)) most -= kSlab;
+    });
+  if (at_once_ == most) return;
   at_once_ = 0;  // until all have it
   for (const auto& side : sides_)
     at(*side, [&] {
       side->stream().wait();
-      if (side->take_solve_memory(at_once)) solve_graphs_.clear();
+      if (side->take_solve_memory(most)) solve_graphs_.clear();
     });
   solve_clean_ = false;
-  at_once_ = at_once;
+  at_once_ = most;
 }
 
 template <class T>
@@ -106,11 +113,11 @@ double ExecutorOnDevices<T>::solve_on_all(T* x, Index columns, bool transpose) {
         [&](Side& side) {
           T* mine = side_rhs_[static_cast<std::size_t>(side.self())].data();
           T* result = common_.updates != nullptr ? mine : x;
-          solve_graph({x, columns, transpose, side.self(), c, false}, side, [&] {
+          solve_graph({x, columns, transpose, side.self(), c, at_once_, false}, side, [&] {
             if (c == 0 && common_.updates == nullptr)
               call("copy of right-hand sides",
                    [&] { return launch_copy(mine, static_cast<const T*>(x), count, side.stream().get()); });
-            side.enqueue_solve(sides_, mine, result, columns, c, transpose);
+            side.enqueue_solve(sides_, mine, result, columns, c, pass_width(columns - c), transpose);
             side.enqueue_counters();
           }).launch(side.stream().get());
         },

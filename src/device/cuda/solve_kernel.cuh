@@ -10,9 +10,10 @@
 
 namespace espalier::device::cuda {
 
-inline constexpr int kManyColumns = 8;  ///< right-hand sides in one pass of the variant for many
+inline constexpr int kSlab = 8;          ///< right-hand sides that a tensor-core product takes
+inline constexpr int kManyColumns = 32;  ///< most right-hand sides of one pass; one, or a multiple of kSlab
 
-/// All pointers are device memory, owned by the executor. Vectors hold `columns of a pass` values per row.
+/// All pointers are device memory, owned by the executor. Vectors hold `pass` values per row.
 template <class T>
 struct SolveState {
   const Front* fronts;
@@ -34,6 +35,8 @@ struct SolveState {
   const T* rhs;      ///< n x columns, row-major: right-hand sides
   T* result;         ///< likewise: solutions; may be `rhs` (one device), may lie on another device
   int columns;       ///< row length of rhs
+  int pass;          ///< right-hand sides of the pass, row length of the vectors: 1, or a multiple of kSlab
+  int first_column;  ///< of the pass
   T* forward;        ///< n; filled with ones bits: solution of the forward substitution
   T* updates;        ///< rows below of all fronts; filled with ones bits
   T* solution;       ///< n; filled with ones bits
@@ -59,18 +62,19 @@ struct SolveState {
 template <class T>
 cudaError_t launch_copy(T* to, const T* from, std::int64_t count, cudaStream_t stream);
 
-/// Blocks of each phase (small fronts up, all others, small fronts down) that are resident at the same time.
+/// Launch shapes of each phase (small fronts up, all others, small fronts down) for tasks of one right-hand side, of
+/// kSlab, and of two times as many (large fronts only).
 struct SolveShape {
-  int blocks[3] = {};
+  int blocks[3][3] = {};  ///< that are resident at the same time
+  int bytes[3][3] = {};   ///< of shared memory of each
 };
 
 template <class T>
 struct SolveKernel {
   /// For the current device.
-  static cudaError_t resident(bool many, SolveShape& shape);
-  /// One pass for columns first_column .. of the right-hand sides: one (many false), or up to kManyColumns.
-  static cudaError_t launch(bool many, const SolveShape& shape, const SolveState<T>& state, int first_column,
-                            cudaStream_t stream);
+  static cudaError_t resident(SolveShape& shape);
+  /// One pass, for state.pass right-hand sides from state.first_column on.
+  static cudaError_t launch(const SolveShape& shape, const SolveState<T>& state, cudaStream_t stream);
 };
 
 }  // namespace espalier::device::cuda

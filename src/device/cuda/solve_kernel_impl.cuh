@@ -4,9 +4,11 @@
 #pragma once
 
 #include <algorithm>
+#include <type_traits>
 
-#include "device/cuda/solve_down.cuh"
+#include "device/cuda/solve_down_slabs.cuh"
 #include "device/cuda/solve_up.cuh"
+#include "device/cuda/solve_up_slabs.cuh"
 
 namespace espalier::device::cuda {
 
@@ -15,39 +17,90 @@ namespace {
 /// Which fronts a kernel takes: small sub-trees on the way up, all others up and down, small sub-trees on the way down.
 enum class Phase { small_up, large, small_down };
 
+constexpr int threads_of(Phase p) { return p == Phase::large ? kLargeThreads : kSmallThreads; }
+constexpr int rows_of(Phase p) { return p == Phase::small_up ? kSmallRows : kRowBlock; }
+
 template <class T, int C, Phase P>
-__global__ void __launch_bounds__(P == Phase::large ? kLargeThreads : kSmallThreads,
-                                  P == Phase::large ? (C == 1 ? kLargePerMultiprocessor : kManyPerMultiprocessor)
-                                                    : (C == 1 ? kSmallPerMultiprocessor : 3))
-    solve_kernel(const __grid_constant__ SolveState<T> s, int first_column) {
-  constexpr int kRows = P == Phase::small_up ? kSmallRows : kRowBlock;
-  __shared__ SolveBench<T, C, kRows> b;
-  const int first_up = P == Phase::large ? s.small_up : 0;
-  const int ups = P == Phase::small_up ? s.small_up : (P == Phase::large ? s.up_tasks - s.small_up : 0);
-  const int first_down = P == Phase::small_down ? s.down_tasks - s.small_down : 0;
-  const int downs = P == Phase::small_down ? s.small_down : (P == Phase::large ? s.down_tasks - s.small_down : 0);
+using BenchOf = std::conditional_t<C == 1, SolveBench<T, rows_of(P)>, SlabBench<T, C, rows_of(P), threads_of(P)>>;
+
+/// Bytes of shared memory before the room for the diagonal part of a block.
+template <class T, int C, Phase P>
+constexpr int kBenchBytes = (sizeof(BenchOf<T, C, P>) + 127) / 128 * 128;
+/// Bytes of that room: only one right-hand side, for which chains of blocks are all that counts, has it.
+template <class T, int C, Phase P>
+constexpr int kKeptBytes = C == 1 && P == Phase::large ? kKeptElements* static_cast<int>(sizeof(T)) : 0;
+
+constexpr int per_multiprocessor(Phase p, int columns) {
+  if (p == Phase::large) return kLargePerMultiprocessor;
+  return columns == 1 ? kSmallPerMultiprocessor : kSlabsPerMultiprocessor;
+}
+
+/// The tasks of a phase: the last ones are of the way down.
+template <Phase P>
+struct TasksOf {
+  int first_up, ups, first_down, downs;
+
+  template <class T>
+  __host__ __device__ explicit TasksOf(const SolveState<T>& s)
+      : first_up(P == Phase::large ? s.small_up : 0),
+        ups(P == Phase::small_up ? s.small_up : (P == Phase::large ? s.up_tasks - s.small_up : 0)),
+        first_down(P == Phase::small_down ? s.down_tasks - s.small_down : 0),
+        downs(P == Phase::small_down ? s.small_down : (P == Phase::large ? s.down_tasks - s.small_down : 0)) {}
+};
+
+/// A task is taken once for every C columns of the pass, one after another, so that they read the factor together.
+/// keep: there is room for the diagonal part of a block.
+template <class T, int C, Phase P>
+__global__ void __launch_bounds__(threads_of(P), per_multiprocessor(P, C))
+    solve_kernel(const __grid_constant__ SolveState<T> s, bool keep) {
+  extern __shared__ __align__(128) unsigned char shared[];
+  auto& b = *reinterpret_cast<BenchOf<T, C, P>*>(shared);
+  const TasksOf<P> tasks(s);
+  const int strips = C == 1 ? 1 : s.pass / C, end = (tasks.ups + tasks.downs) * strips;
+  unsigned parity = 0;
+  if constexpr (C == 1) {
+    if (threadIdx.x == 0) {
+      b.kept = keep ? reinterpret_cast<T*>(shared + kBenchBytes<T, C, P>) : nullptr;
+      if (keep) barrier_init(&b.kept_barrier);
+      fence_copies();
+    }
+  }
   for (;;) {
     __syncthreads();
-    if (threadIdx.x == 0)
-      b.next = load_relaxed(s.control + 1) != 0 ? ups + downs : atomicAdd(s.control + 2 + static_cast<int>(P), 1);
+    if (threadIdx.x == 0) {
+      const int id = load_relaxed(s.control + 1) != 0 ? end : atomicAdd(s.control + 2 + static_cast<int>(P), 1);
+      b.next = min(id, end) / strips;
+      if constexpr (C > 1) b.first = id % strips * C;
+    }
     __syncthreads();
     const int id = b.next;
-    if (id >= ups + downs) {
+    if (id >= tasks.ups + tasks.downs) {
       if (threadIdx.x == 0 && s.devices > 1 && load_relaxed(s.control + 1) != 0)
         for (int d = 0; d < s.devices; ++d) store_relaxed_devices(s.peer_control[d] + 1, 1);
       return;
     }
-    const SolveTask task = id < ups ? s.up[first_up + id] : s.down[first_down + id - ups];
+    const SolveTask task = id < tasks.ups ? s.up[tasks.first_up + id] : s.down[tasks.first_down + id - tasks.ups];
     const int* from = reinterpret_cast<const int*>(s.fronts + task.front);
     for (int x = threadIdx.x; x < static_cast<int>(sizeof(Front) / sizeof(int)); x += threads())
       reinterpret_cast<int*>(&b.front)[x] = from[x];
     __syncthreads();
-    if constexpr (P == Phase::small_up)
-      go_up<T, C, kRows>(s, b, -1, first_column);
-    else if (P == Phase::large && id < ups)
-      go_up<T, C, kRows>(s, b, task.block, first_column);
-    else
-      go_down<T, C, kRows>(s, b, task.block, first_column);
+    const bool up = P == Phase::small_up || (P == Phase::large && id < tasks.ups);
+    const int block = P == Phase::small_up ? -1 : task.block;
+    if constexpr (P != Phase::small_down) {
+      if (up) {
+        if constexpr (C == 1)
+          go_up(s, b, block, parity);
+        else
+          go_up(s, b, block);
+        continue;
+      }
+    }
+    if constexpr (P != Phase::small_up) {
+      if constexpr (C == 1)
+        go_down(s, b, block, parity);
+      else
+        go_down(s, b, block);
+    }
   }
 }
 
@@ -58,27 +111,56 @@ __global__ void copy_kernel(T* to, const T* from, std::int64_t count) {
     to[x] = from[x];
 }
 
-template <class T, int C, class Use>
-cudaError_t for_each_phase(const Use& use) {
-  if (const auto e = use(solve_kernel<T, C, Phase::small_up>, 0, kSmallThreads)) return e;
-  if (const auto e = use(solve_kernel<T, C, Phase::large>, 1, kLargeThreads)) return e;
-  return use(solve_kernel<T, C, Phase::small_down>, 2, kSmallThreads);
+cudaError_t attribute(cudaDeviceAttr which, int& value) {
+  int device = 0;
+  if (const auto e = cudaGetDevice(&device)) return e;
+  return cudaDeviceGetAttribute(&value, which, device);
+}
+
+template <class T, int C, Phase P>
+cudaError_t ask_resident(int& blocks, int& bytes) {
+  int multiprocessors = 0, most = 0, major = 0, each = 0;
+  if (const auto e = attribute(cudaDevAttrMultiProcessorCount, multiprocessors)) return e;
+  if (const auto e = attribute(cudaDevAttrMaxSharedMemoryPerBlockOptin, most)) return e;
+  if (const auto e = attribute(cudaDevAttrComputeCapabilityMajor, major)) return e;
+  constexpr int kAll = kBenchBytes<T, C, P> + kKeptBytes<T, C, P>;
+  bytes = major >= 9 && kAll <= most ? kAll : kBenchBytes<T, C, P>;  // bulk copies fill that room
+  const auto kernel = solve_kernel<T, C, P>;
+  if (const auto e = cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes)) return e;
+  const auto e = cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, threads_of(P), bytes);
+  blocks = each * multiprocessors;
+  return e;
+}
+
+template <class T, int C, Phase P>
+cudaError_t start(int blocks, int bytes, const SolveState<T>& s, cudaStream_t stream) {
+  const TasksOf<P> tasks(s);
+  const int count = (tasks.ups + tasks.downs) * (s.pass / C);
+  if (count == 0) return cudaSuccess;
+  const bool keep = bytes > kBenchBytes<T, C, P>;
+  solve_kernel<T, C, P><<<std::min(blocks, count), threads_of(P), bytes, stream>>>(s, keep);
+  return cudaGetLastError();
+}
+
+/// use(constant of the phase, its number)
+template <class Use>
+cudaError_t for_each_phase(Use&& use) {
+  if (const auto e = use(std::integral_constant<Phase, Phase::small_up>{}, 0)) return e;
+  if (const auto e = use(std::integral_constant<Phase, Phase::large>{}, 1)) return e;
+  return use(std::integral_constant<Phase, Phase::small_down>{}, 2);
 }
 
 }  // namespace
 
 template <class T>
-cudaError_t SolveKernel<T>::resident(bool many, SolveShape& shape) {
-  int device = 0, multiprocessors = 0;
-  if (const auto e = cudaGetDevice(&device)) return e;
-  if (const auto e = cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device)) return e;
-  const auto ask = [&](auto* kernel, int phase, int block) {
-    int each = 0;
-    const auto e = cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, block, 0);
-    shape.blocks[phase] = each * multiprocessors;
-    return e;
-  };
-  return many ? for_each_phase<T, kManyColumns>(ask) : for_each_phase<T, 1>(ask);
+cudaError_t SolveKernel<T>::resident(SolveShape& shape) {
+  return for_each_phase([&](auto phase, int p) {
+    constexpr Phase kPhase = decltype(phase)::value;
+    if (const auto e = ask_resident<T, 1, kPhase>(shape.blocks[0][p], shape.bytes[0][p])) return e;
+    if (const auto e = ask_resident<T, kSlab, kPhase>(shape.blocks[1][p], shape.bytes[1][p])) return e;
+    if constexpr (kPhase != Phase::large) return cudaSuccess;
+    return ask_resident<T, 2 * kSlab, Phase::large>(shape.blocks[2][p], shape.bytes[2][p]);
+  });
 }
 
 template <class T>
@@ -90,16 +172,14 @@ cudaError_t launch_copy(T* to, const T* from, std::int64_t count, cudaStream_t s
 }
 
 template <class T>
-cudaError_t SolveKernel<T>::launch(bool many, const SolveShape& shape, const SolveState<T>& state, int first_column,
-                                   cudaStream_t stream) {
-  const int tasks[3] = {state.small_up, state.up_tasks - state.small_up + state.down_tasks - state.small_down,
-                        state.small_down};
-  const auto start = [&](auto* kernel, int phase, int block) {
-    if (tasks[phase] == 0) return cudaSuccess;
-    kernel<<<std::min(shape.blocks[phase], tasks[phase]), block, 0, stream>>>(state, first_column);
-    return cudaGetLastError();
-  };
-  return many ? for_each_phase<T, kManyColumns>(start) : for_each_phase<T, 1>(start);
+cudaError_t SolveKernel<T>::launch(const SolveShape& shape, const SolveState<T>& s, cudaStream_t stream) {
+  return for_each_phase([&](auto phase, int p) {
+    constexpr Phase kPhase = decltype(phase)::value;
+    if (s.pass == 1) return start<T, 1, kPhase>(shape.blocks[0][p], shape.bytes[0][p], s, stream);
+    if (kPhase == Phase::large && s.pass % (2 * kSlab) == 0)
+      return start<T, 2 * kSlab, Phase::large>(shape.blocks[2][p], shape.bytes[2][p], s, stream);
+    return start<T, kSlab, kPhase>(shape.blocks[1][p], shape.bytes[1][p], s, stream);
+  });
 }
 
 }  // namespace espalier::device::cuda

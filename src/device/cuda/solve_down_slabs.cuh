@@ -1,0 +1,221 @@
+/// \file
+/// Backward substitution for many right-hand sides: one row block of the pivots of a front.
+#pragma once
+
+#include "device/cuda/solve_down.cuh"
+#include "device/cuda/solve_slabs.cuh"
+
+namespace espalier::device::cuda {
+
+namespace {
+
+/// N panels of a chunk in registers, on their way to a product with L^T.
+template <class T, int N>
+struct Panels {
+  T operand[N / 2][2][4];  ///< two together
+
+  /// Those from `first` on; past `last` the last ones come again. load(pointer): an element.
+  template <class Load>
+  __device__ void fetch(const T* base, int first, int last, Load&& load) {
+#pragma unroll
+    for (int p = 0; p < N / 2; ++p)
+      load_transposed(base + static_cast<std::int64_t>(min(first + 2 * p, last - 1)) * 128, operand[p], load);
+  }
+};
+
+/// Sums of L^T x for the 16 columns of a chunk.
+template <class T, int C>
+struct ChunkSums {
+  T of[2][4] = {};  ///< eight columns each
+
+  /// x(row, slab, column of the slab): values at the panels, which begin at row `first`.
+  template <int N, class X>
+  __device__ void add(const Panels<T, N>& l, int first, X&& x) {
+#pragma unroll
+    for (int p = 0; p < N / 2; ++p) {
+      T values[8];
+      load_values<T, C>(values, [&](int r, int k, int c) { return x(first + p * kChunk + r, k, c); });
+#pragma unroll
+      for (int h = 0; h < 2; ++h) multiply_add(of[h], values, l.operand[p][h]);
+    }
+  }
+  /// use(column of the chunk, right-hand side, sum)
+  template <class Use>
+  __device__ void finish(Use&& use) const {
+#pragma unroll
+    for (int h = 0; h < 2; ++h) for_each_sum<T, C>(of[h], [&](int i, int c, T sum) { use(8 * h + i, c, sum); });
+  }
+};
+
+/// v -= L(rows from `from` on, columns of the block)^T x, from the last group of 128 rows up: what is known first comes
+/// first. A warp has 16 columns, or, where there are too few, half or a quarter of every group's rows of them.
+template <class T, int C, int R, int W>
+__device__ void subtract_below(const SolveState<T>& s, SlabBench<T, C, R, W>& b, const T* factor, int col, int cols,
+                               int from) {
+  const Front& f = b.front;
+  constexpr int kAtOnce = 4;  // panels in registers
+  constexpr int kPerGroup = kRowBlock / kPanel;
+  const int panels = (f.total_pad - from) / kPanel;
+  if (panels == 0) return;
+  const int parts = 4 * cols <= W / 32 * kChunk ? 4 : (2 * cols <= W / 32 * kChunk ? 2 : 1);
+  const int each = W / 32 / parts, warp = warp_of_thread() % each, part = warp_of_thread() / each;
+  const int span = kPerGroup / parts, low = part * span;
+  const bool mine = warp * kChunk < cols;
+  const T* base = factor + f.chunk_offset(col / kChunk + (mine ? warp : 0), from);
+  ChunkSums<T, C> sums;
+  Panels<T, kAtOnce> l;
+  const auto load = [&](int p0) {
+    if (mine && p0 >= 0) l.fetch(base, p0, panels - 1, [](const T* p) { return __ldcs(p); });
+  };
+  const int groups = (panels + kPerGroup - 1) / kPerGroup;
+  GroupFetch<T, C, R, W> fetch;
+  const auto locate = [&](int k) {
+    fetch.locate([&](int y) {
+      const int r = from + k * kRowBlock + y;
+      return k >= 0 && r < f.total_pad ? position_of_row(s, f, r) : -1;
+    });
+  };
+  load((groups - 1) * kPerGroup + low + span - kAtOnce);
+  locate(groups - 1);
+  fetch.ask(s, b, s.solution);
+  locate(groups - 2);
+  for (int k = groups - 1; k >= 0; --k) {
+    T* x = b.x + (k & 1) * kRowBlock * C;
+#pragma unroll 1
+    for (int h = 1; h >= 0; --h) {
+      fetch.take(s, b, s.solution, h, x);
+      if (h == 0) {
+        fetch.ask(s, b, s.solution);
+        locate(k - 2);
+      }
+      __syncthreads();
+      if (!mine) continue;
+      const int bottom = max(low, h * kPerGroup / 2), top = min(low + span, (h + 1) * kPerGroup / 2);
+#pragma unroll 1
+      for (int p = top - kAtOnce; p >= bottom; p -= kAtOnce) {
+        sums.add(l, p * kPanel, VectorView<T>{x, kRowBlock});
+        load(p > low ? k * kPerGroup + p - kAtOnce : (k - 1) * kPerGroup + low + span - kAtOnce);
+      }
+    }
+  }
+  if (parts > 1) __syncthreads();
+  sums.finish([&](int i, int c, T sum) {
+    if (!mine) return;
+    const int at = place(warp * kChunk + i, c, parts > 1 ? cols : R);
+    if (parts > 1)
+      b.x[part * cols * C + at] = sum;
+    else
+      b.v[at] -= sum;
+  });
+  if (parts == 1) return;
+  __syncthreads();
+  for (int y = threadIdx.x; y < cols * C; y += W) {
+    const int at = place(y / C, y % C, cols);
+    T sum = b.x[at];
+    for (int p = 1; p < parts; ++p) sum += b.x[p * cols * C + at];
+    b.v[place(y / C, y % C, R)] -= sum;
+  }
+}
+
+/// Partial sums of A^T x for `rows` x `cols` (at most 64) panels of a tile column: part[h * 64 * C + ...], a vector of
+/// 64 rows, over half h of the panels. x(row, slab, column of the slab).
+template <class T, int C, class X>
+__device__ void multiply_panels_transposed(const TileColumn<T>& a, int rows, int cols, T* part, X&& x) {
+  const int chunks = cols / kChunk, panels = rows / kPanel, half = (panels / 2 + 1) / 2 * 2;
+#pragma unroll 1
+  for (int unit = warp_of_thread(); unit < 2 * chunks; unit += warps()) {
+    const int q = unit >> 1, h = unit & 1, end = h == 0 ? half : panels;
+    ChunkSums<T, C> sums;
+    const auto add = [&](auto& l, int p) {
+      l.fetch(a.at + q * a.stride, p, panels - 1, [](const T* from) { return *from; });
+      sums.add(l, p * kPanel, x);
+    };
+    int p = h * half;
+#pragma unroll 1
+    for (; p + 4 <= end; p += 4) {
+      Panels<T, 4> l;
+      add(l, p);
+    }
+    if (p < end) {
+      Panels<T, 2> l;
+      add(l, p);
+    }
+    sums.finish([&](int i, int c, T sum) { part[h * 64 * C + place(q * kChunk + i, c, 64)] = sum; });
+  }
+}
+
+/// v = the forward solution of the block, times D^-1 for ldlt; zero in the padding.
+template <class T, int C, int R, int W>
+__device__ void take_forward(const SolveState<T>& s, SlabBench<T, C, R, W>& b, int col, int cols) {
+  static_assert(R == kRowBlock);
+  const Front& f = b.front;
+  T* to = s.inverse_d != nullptr ? b.y : b.v;
+  GroupFetch<T, C, R, W> fetch;
+  fetch.locate([&](int r) { return r < cols && col + r < f.pivots ? f.position + col + r : -1; });
+  fetch.ask(s, b, s.forward);
+  fetch.take(s, b, s.forward, 0, to);
+  fetch.take(s, b, s.forward, 1, to);
+  if (s.inverse_d == nullptr) return;
+  __syncthreads();
+  for (int y = threadIdx.x; y < kRowBlock * C; y += W) {
+    const int k = y / C, c = y % C, at = place(k, c, R), position = f.position + col + k;
+    T v = T(0);
+    if (k < cols && col + k < f.pivots) {
+      v = s.inverse_d[position] * b.y[at];
+      const T e = s.inverse_e[position];
+      if (e != T(0)) v += e * b.y[at + kSlab];
+      const T before = col + k > 0 ? s.inverse_e[position - 1] : T(0);
+      if (before != T(0) && k > 0) v += before * b.y[at - kSlab];
+    }
+    b.v[at] = v;
+  }
+}
+
+/// One row block of pivots.
+template <class T, int C, int R, int W>
+__device__ void go_down(const SolveState<T>& s, SlabBench<T, C, R, W>& b, int a) {
+  const Front& f = b.front;
+  const int col = f.block_begin(a), end = f.block_end(a), cols = end - col;
+  const int per_block = kRowBlock / f.width, tile = a * per_block;
+  const T* factor = s.base[f.region] + (s.down_second ? f.second : f.factor);
+  prefetch_block(f, factor, col, end, end);
+  for (int q = 0; q < cols / kChunk; ++q)  // what waits for the block above
+    prefetch(factor + f.chunk_offset(col / kChunk + q, end), (min(end + kRowBlock, f.total_pad) - end) * kChunk);
+  take_forward(s, b, col, cols);
+  __syncthreads();
+  subtract_below(s, b, factor, col, cols, end);
+  __syncthreads();
+  T* left = b.x;              // partial sums over the rows of the block after the tile
+  T* own = b.x + 2 * 64 * C;  // partial sums of the product with the inverse
+  const int first_column = s.first_column + b.first;
+  for (int j = min(tile + per_block, f.pivot_tiles) - 1; j >= tile; --j) {
+    const int c0 = f.column_begin(j), c1 = f.column_end(j), size = c1 - c0;
+    const TileColumn<T> l = tile_column(f, factor, j);
+    const bool more = c1 < end;
+    if (more) {
+      multiply_panels_transposed<T, C>({l.at + size * kChunk, l.stride}, end - c1, size, left,
+                                       VectorView<T>{b.y + (c1 - col) * kSlab, kRowBlock});
+      __syncthreads();
+    }
+    const VectorView<T> v{b.v + (c0 - col) * kSlab, R}, first{left, 64}, second{left + 64 * C, 64};
+    multiply_panels_transposed<T, C>(l, size, size, own, [&](int r, int k, int c) {
+      return more ? v(r, k, c) - (first(r, k, c) + second(r, k, c)) : v(r, k, c);
+    });
+    __syncthreads();
+    const int real = min(size, f.pivots - c0);
+    for (int y = threadIdx.x; y < size * C; y += W) {
+      const int r = y / C, c = y % C, k = place(r, c, 64);
+      const T value = own[k] + own[64 * C + k];
+      b.y[place(c0 - col + r, c, kRowBlock)] = value;
+      if (r >= real) continue;
+      publish(s.solution + element(s, b, f.position + c0 + r, c), value);
+      if (first_column + c < s.columns && s.speaks_for(f))
+        s.result[static_cast<std::int64_t>(f.position + c0 + r) * s.columns + first_column + c] = value;
+    }
+    __syncthreads();
+  }
+}
+
+}  // namespace
+
+}  // namespace espalier::device::cuda
