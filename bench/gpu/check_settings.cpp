@@ -55,7 +55,7 @@ void declare(CLI::App& app, CheckSettings& settings, int argc, const char* const
   app.add_option("--speeds", tuning.device_speed, "relative, by device")->delimiter(',')->allow_extra_args(false);
   app.add_flag("--no-shared-top{false}", tuning.shared_top, "the first device alone does the top");
   app.add_flag("--count-balance", tuning.count_balance, "sub-trees dealt by unknowns instead of time");
-  app.add_option("--column-group", tuning.column_group, "block columns of the top dealt together");
+  app.add_option("--column-group", tuning.column_group, "block columns of the top dealt together, at most");
   app.add_option("--narrow", tuning.narrow_rows, "fronts of at most so many rows take narrow tiles");
   app.add_option("--group", tuning.group_entries, "entries of fronts that are one task together");
   const auto whole = [&tuning](const std::vector<int>& sizes) {

@@ -41,7 +41,7 @@ struct DeviceAssignment {
   static constexpr Index kMostMembers = 64;  ///< with more devices, all share all of the top
 
   Index devices = 1;
-  Index column_group = 1;         ///< so many neighbouring block columns of the top have the same owner
+  Index column_group = 1;         ///< at most so many neighbouring block columns of the top are dealt together
   bool stealing = true;           ///< rule 3 is in force; without it every sub-tree stays with its device
   bool shared_top = true;         ///< else device 0 does all of the top
   std::vector<SubTree> subtrees;  ///< by device, then falling `seconds`

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "analysis/device_assignment.hpp"
+#include "analysis/front_layout.hpp"
 #include "analysis/ordering.hpp"
 #include "analysis/plan.hpp"
 #include "matrix/generators/generate.hpp"
@@ -153,6 +155,44 @@ TEST_P(Assignment, TasksAreThoseOfOneDevice) {
     return set;
   };
   EXPECT_EQ(works(plan_), works(plan_for(1)));
+}
+
+/// Two leaves under a root without contribution, as two devices share it with columns dealt by load.
+analysis::Plan plan_with_root(Index pivots) {
+  analysis::Plan plan;
+  plan.options.devices = 2;
+  plan.options.cost = analysis::CostModel::gpu;
+  plan.options.balance_columns = true;
+  plan.options.column_group = 8;
+  plan.options.tiles = {.panel = 16, .max_block_size = 64, .even = false};
+  plan.tree.parent = {2, 2, -1};
+  for (int leaf = 0; leaf < 2; ++leaf)
+    plan.layout.push_back(analysis::cut_front(pivots / 20, pivots / 20 + pivots, plan.options.tiles));
+  plan.layout.push_back(analysis::cut_front(pivots, pivots, plan.options.tiles));
+  plan.tier = {1, 1, 0};
+  plan.child_ptr = {0, 0, 0, 2};
+  plan.children = {0, 1};
+  plan.whole.assign(3, 0);
+  plan.assignment = analysis::assign_devices(plan);
+  return plan;
+}
+
+TEST(AssignmentOfPivots, AMemberTakesNoMoreColumnsThanItWorksOnAtATime) {
+  // 40,000 rows are 313 row blocks of 128: a column is more than the 264 tasks at once, so that no three neighbours
+  // have one owner (two may: who has the least to do may be the same twice). Farther on, at 8,000 rows, four fit.
+  const analysis::Plan large = plan_with_root(40000);
+  const auto owner = [&](Index j) { return large.assignment.owner(2, j); };
+  for (Index j = 0; j + 2 < large.layout[2].tiles && large.layout[2].rows - large.layout[2].begin(j) > 264 * 128; ++j)
+    EXPECT_FALSE(owner(j) == owner(j + 1) && owner(j) == owner(j + 2)) << "column " << j;
+  const Index late = (40000 - 8000) / 64;
+  bool four = false;
+  for (Index j = late; j + 3 < late + 16; ++j)
+    four = four || (owner(j) == owner(j + 1) && owner(j) == owner(j + 2) && owner(j) == owner(j + 3));
+  EXPECT_TRUE(four);
+  // Of a small front all eight go together.
+  const analysis::Plan small = plan_with_root(2000);
+  for (Index j = 1; j < 8; ++j) EXPECT_EQ(small.assignment.owner(2, j), small.assignment.owner(2, 0));
+  EXPECT_NE(small.assignment.owner(2, 8), small.assignment.owner(2, 0));
 }
 
 INSTANTIATE_TEST_SUITE_P(Systems, Assignment,
