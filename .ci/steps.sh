@@ -133,8 +133,6 @@ test_sanitized() {
 # Tests of the dynamics that take more than half a second without sanitizers; what they call, others call too.
 slow_dynamics="SimeonCrank.*:FlexibleEngine.*:DeadPoints.*:IftommA02.*:Andrews.*:BeamStatics.*:ModelMeshes.*:RealMeshes.*"
 slow_dynamics+=":All/Parts.UnknownsFollowTheWish/*:Laws/FreeFlight.*:Convergence.*"
-# Those whose bodies and Newton matrices are worked on by several threads.
-threaded_dynamics="FlexibleBody.*:FlexibleFrame.*:ModelRun.*:ModelRestart.*:ModelKinds.*:ModelGuide.*:DaePublic.*"
 
 with_clang() {
   CC=$(clang_tool clang) && CXX=$(clang_tool clang++) || { echo "clang is missing"; return 1; }
@@ -156,7 +154,7 @@ test_tsan() {
   fi
   test_sanitized tsan '*' test_base test_analysis test_factor test_solve test_solver
   local solver=$?
-  test_sanitized tsan "$threaded_dynamics" test_dynamics && return $solver
+  test_sanitized tsan '-Convergence.*' test_dynamics_threads && return $solver
 }
 
 # Runs one fuzz target; what it finds stands in build/asan/NAME-*.
