@@ -69,6 +69,13 @@ double speed_of(const Plan& plan, std::size_t device) {
   return device < plan.options.device_speed.size() ? plan.options.device_speed[device] : 1;
 }
 
+// Devices work on their largest sub-trees first.
+void list_by_device(std::vector<SubTree>& subtrees) {
+  std::stable_sort(subtrees.begin(), subtrees.end(), [](const SubTree& a, const SubTree& b) {
+    return a.device != b.device ? a.device < b.device : a.seconds > b.seconds;
+  });
+}
+
 void assign_largest_first(const Plan& plan, std::vector<SubTree>& subtrees, Index devices) {
   std::stable_sort(subtrees.begin(), subtrees.end(),
                    [](const SubTree& a, const SubTree& b) { return a.seconds > b.seconds; });
@@ -81,8 +88,24 @@ void assign_largest_first(const Plan& plan, std::vector<SubTree>& subtrees, Inde
     load[best] += s.seconds;
     s.device = static_cast<Index>(best);
   }
-  std::stable_sort(subtrees.begin(), subtrees.end(),
-                   [](const SubTree& a, const SubTree& b) { return a.device < b.device; });
+  list_by_device(subtrees);
+}
+
+// In the order of the tree, so that siblings share a device and few members share the fronts above them: the first
+// device takes sub-trees up to the middle of the one in which its share ends, and so on.
+void assign_in_order(const Plan& plan, std::vector<SubTree>& subtrees, Index devices) {
+  double all = 0, speeds = 0;
+  for (const SubTree& s : subtrees) all += s.seconds;
+  for (Index d = 0; d < devices; ++d) speeds += speed_of(plan, static_cast<std::size_t>(d));
+  double before = 0, share_end = 0;
+  Index device = -1;
+  for (SubTree& s : subtrees) {
+    while (device < 0 || (device + 1 < devices && before + 0.5 * s.seconds > share_end))
+      share_end += all / speeds * speed_of(plan, static_cast<std::size_t>(++device));
+    s.device = device;
+    before += s.seconds;
+  }
+  list_by_device(subtrees);
 }
 
 // Largest load over mean load, 1 at best.
@@ -100,13 +123,19 @@ double imbalance(const Plan& plan, const std::vector<SubTree>& subtrees, Index d
 
 // The tree in sub-trees, with their devices: as few as asked for, or more where these leave one device with too much:
 // what the others do meanwhile in the top waits for its part (a plate of 1200 x 1200 on four H200s: 11 % too much).
+// In the order of the tree where that is balanced but for what the top makes up for, else largest first. In virtual
+// time on 2, 4 and 8 H200s nothing loses by a tolerance of a tenth (64^3 on eight 53 instead of 64 ms, plate 1200 on
+// four 109 instead of 117), and a fifth brings no more.
 std::vector<SubTree> cut_and_assign(const Plan& plan, const Costs& costs, double total, Index devices) {
-  constexpr double kEnough = 1.05, kStep = 0.5, kMost = 2;
+  constexpr double kEnough = 1.05, kEnoughInOrder = 1.1, kStep = 0.5, kMost = 2;
   std::vector<SubTree> best;
   double least = 0;
   for (double more = 0; more <= kMost; more += kStep) {
     const double largest = total / (static_cast<double>(devices) * (1 + plan.options.additional_subtrees + more));
-    std::vector<SubTree> now = gather(cut_tree(plan, costs, largest), costs, kSmallPart * largest);
+    const std::vector<SubTree> cut = gather(cut_tree(plan, costs, largest), costs, kSmallPart * largest);
+    std::vector<SubTree> in_order = cut, now = cut;
+    assign_in_order(plan, in_order, devices);
+    if (imbalance(plan, in_order, devices) <= kEnoughInOrder) return in_order;
     assign_largest_first(plan, now, devices);
     const double here = imbalance(plan, now, devices);
     if (best.empty() || here < least) {
