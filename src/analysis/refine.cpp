@@ -117,13 +117,10 @@ bool Refiner::pass(int to) {
   double best = start;
   std::size_t best_moves = 0;
   const std::size_t patience = std::min<std::size_t>(kPatience, 3 * separator_.size());
-  // A straight separator could wander through the whole graph without loss or gain: as many moves as it has vertices
-  // carry a step in it to the rim.
-  const std::size_t farthest = patience + separator_.size();
   Offset least =
       s_.weight[2];  // lightest separator so far; to meet it again is progress: a step in a plane runs to the rim
   std::size_t progress = 0;
-  while (!queue_.empty() && moves_.size() - progress < patience && moves_.size() - best_moves < farthest) {
+  while (!queue_.empty() && moves_.size() - progress < patience) {
     const Index v = queue_.top();
     if (s_.weight[to_] + g_.weight[at(v)] > most_side_) {  // would tip the balance: others may still fit
       queue_.remove(v);
