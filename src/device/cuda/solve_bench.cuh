@@ -106,6 +106,26 @@ __device__ inline void prefetch(const T* p, int count) {
     asm volatile("prefetch.global.L2 [%0];" ::"l"(p + k));
 }
 
+/// Two chunks of columns of 16 rows of a factor in registers, as a warp's lanes hold them.
+template <class T>
+struct FactorPanels {
+  static constexpr int kChunks = 2;
+  PairOf<T> l[kChunks][2][2];  ///< by chunk, panel, half of a panel
+
+  /// Rows from row + top on of chunks q0 and q0 + 1. Past the end the last of `chunks` comes again: the values that it
+  /// meets are zero.
+  __device__ void load(const Front& f, const T* factor, int row, int top, int q0, int chunks) {
+#pragma unroll
+    for (int q = 0; q < kChunks; ++q) {
+      const T* from = factor + f.chunk_offset(min(q0 + q, chunks - 1), row) + top * kChunk + lane_of_thread() * 2;
+#pragma unroll
+      for (int p = 0; p < 2; ++p)
+#pragma unroll
+        for (int h = 0; h < 2; ++h) l[q][p][h] = stream_pair(from + p * 128 + h * 64);
+    }
+  }
+};
+
 /// Sum over the four lanes that share a row of a panel; all four get it.
 template <class T>
 __device__ inline T sum_over_columns(T x) {

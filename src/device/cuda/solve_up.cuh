@@ -61,23 +61,14 @@ __device__ void subtract_left(const SolveState<T>& s, SolveBench<T, R>& b, const
                               int chunks) {
   const Front& f = b.front;
   const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3, top = warp_of_thread() * 16;
-  constexpr int kAtOnce = 2;  // chunks in registers
+  constexpr int kAtOnce = FactorPanels<T>::kChunks;
   constexpr int kPerGroup = kRowBlock / kChunk;
   if (chunks == 0) return;
   const bool mine = top < rows;
   T acc[2] = {};
-  PairOf<T> l[kAtOnce][2][2];
+  FactorPanels<T> panels;
   const auto load = [&](int q0) {
-    if (!mine || q0 >= chunks) return;
-#pragma unroll
-    for (int q = 0; q < kAtOnce; ++q) {
-      // Past the end the last chunk comes again; the values that it meets are zero.
-      const T* from = factor + f.chunk_offset(min(q0 + q, chunks - 1), row) + top * kChunk + lane * 2;
-#pragma unroll
-      for (int p = 0; p < 2; ++p)
-#pragma unroll
-        for (int h = 0; h < 2; ++h) l[q][p][h] = stream_pair(from + p * 128 + h * 64);
-    }
+    if (mine && q0 < chunks) panels.load(f, factor, row, top, q0, chunks);
   };
   load(0);
   for (int first = 0; first < chunks; first += kPerGroup) {
@@ -93,7 +84,8 @@ __device__ void subtract_left(const SolveState<T>& s, SolveBench<T, R>& b, const
         for (int u = 0; u < 4; ++u) {
           const T y = x[(q0 + q) * kChunk + 4 * u + t];
 #pragma unroll
-          for (int p = 0; p < 2; ++p) acc[p] += ((u & 1) != 0 ? l[q][p][u >> 1].y : l[q][p][u >> 1].x) * y;
+          for (int p = 0; p < 2; ++p)
+            acc[p] += ((u & 1) != 0 ? panels.l[q][p][u >> 1].y : panels.l[q][p][u >> 1].x) * y;
         }
       }
       load(first + q0 + kAtOnce);

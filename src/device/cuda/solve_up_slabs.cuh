@@ -91,24 +91,15 @@ template <class T, int C, int R, int W>
 __device__ void subtract_left(const SolveState<T>& s, SlabBench<T, C, R, W>& b, const T* factor, int row, int rows,
                               int chunks) {
   const Front& f = b.front;
-  const int lane = lane_of_thread(), top = warp_of_thread() * 16;
-  constexpr int kAtOnce = 2;  // chunks in registers
+  const int top = warp_of_thread() * 16;
+  constexpr int kAtOnce = FactorPanels<T>::kChunks;
   constexpr int kPerGroup = kRowBlock / kChunk;
   if (chunks == 0) return;
   const bool mine = top < rows;
   T sums[2][4] = {};
-  PairOf<T> l[kAtOnce][2][2];
+  FactorPanels<T> panels;
   const auto load = [&](int q0) {
-    if (!mine || q0 >= chunks) return;
-#pragma unroll
-    for (int q = 0; q < kAtOnce; ++q) {
-      // Past the end the last chunk comes again; the values that it meets are zero.
-      const T* from = factor + f.chunk_offset(min(q0 + q, chunks - 1), row) + top * kChunk + lane * 2;
-#pragma unroll
-      for (int p = 0; p < 2; ++p)
-#pragma unroll
-        for (int h = 0; h < 2; ++h) l[q][p][h] = stream_pair(from + p * 128 + h * 64);
-    }
+    if (mine && q0 < chunks) panels.load(f, factor, row, top, q0, chunks);
   };
   const auto multiply = [&](const VectorView<T>& x) {  // x: values at the first of the chunks in registers
 #pragma unroll
@@ -117,7 +108,7 @@ __device__ void subtract_left(const SolveState<T>& s, SlabBench<T, C, R, W>& b, 
       load_values<T, C>(values, x.from(q * kChunk));
 #pragma unroll
       for (int p = 0; p < 2; ++p) {
-        order_panel<T>(l[q][p], panel);
+        order_panel<T>(panels.l[q][p], panel);
         multiply_add(sums[p], values, panel);
       }
     }
