@@ -69,7 +69,7 @@ class Builder {
       take_places();
       list_tasks(plan_, kind_, plan_.tasks, narrow_, shape_, pool_, d_);
     } else {
-      const std::vector<Task> order = by_phase();
+      std::vector<Task> order;
       place_arrays(order);
       list_tasks(plan_, kind_, order, narrow_, shape_, pool_, d_);
     }
@@ -192,23 +192,24 @@ class Builder {
   // What lies in a region, in rising order, and, when it is placed, which fronts its fronts wait for.
   struct RegionParts {
     std::vector<Index> fronts;
-    std::vector<Task> tasks;
     std::vector<Index> waits;
   };
 
-  // Several devices: the top and what each does alone.
-  void place_arrays(const std::vector<Task>& order) {
+  // Several devices: the top and what each does alone; beside it `order`, that of all tasks.
+  void place_arrays(std::vector<Task>& order) {
     std::vector<RegionParts> parts(d_.region_device.size());
-    std::vector<Index> local(static_cast<std::size_t>(plan_.fronts()));  // number of a front in its region
+    std::vector<Index> region(static_cast<std::size_t>(plan_.fronts())), local(region.size());  // number in the region
     for (Index f = 0; f < plan_.fronts(); ++f) {
-      auto& fronts = parts[static_cast<std::size_t>(d_.fronts[f].region)].fronts;
+      region[f] = d_.fronts[f].region;
+      auto& fronts = parts[static_cast<std::size_t>(region[f])].fronts;
       local[f] = static_cast<Index>(fronts.size());
       fronts.push_back(f);
     }
-    for (const Task& task : order) parts[static_cast<std::size_t>(d_.fronts[task.front].region)].tasks.push_back(task);
-    const auto regions = static_cast<std::int64_t>(parts.size());
-    pool_.for_each(regions - 1, [&](std::int64_t r) {
-      place_region(static_cast<Index>(r + 1), local, parts[static_cast<std::size_t>(r + 1)]);
+    pool_.for_each(static_cast<std::int64_t>(parts.size()), [&](std::int64_t r) {
+      if (r == 0)
+        order = by_phase();
+      else
+        place_region(static_cast<Index>(r), region, local, parts[static_cast<std::size_t>(r)]);
     });
     for (std::size_t r = 1; r < parts.size(); ++r) {
       const auto first = static_cast<std::int32_t>(d_.waits.size());
@@ -223,7 +224,7 @@ class Builder {
 
   // One region by the plan's own memory planner, over this backend's sizes and order. What is passed on to other
   // regions hangs on a front that is never eliminated, so that it stays.
-  void place_region(Index region, const std::vector<Index>& local, RegionParts& parts) {
+  void place_region(Index self, const std::vector<Index>& region, const std::vector<Index>& local, RegionParts& parts) {
     const auto n = parts.fronts.size();
     Plan light;
     light.options = plan_.options;
@@ -235,8 +236,7 @@ class Builder {
     analysis::ArraySizes sizes;
     for (std::size_t k = 0; k < n; ++k) {
       const Index f = parts.fronts[k], parent = plan_.tree.parent[f];
-      if (parent >= 0)
-        light.tree.parent[k] = d_.fronts[parent].region == region ? local[parent] : static_cast<Index>(n);
+      if (parent >= 0) light.tree.parent[k] = region[parent] == self ? local[parent] : static_cast<Index>(n);
       light.layout[k] = plan_.layout[f];
       light.whole[k] = plan_.whole[f];
       for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c)
@@ -250,19 +250,21 @@ class Builder {
     sizes.contribution.push_back(0);
     light.first_task.assign(n + 1, -1);
     light.last_task.assign(n + 1, std::numeric_limits<Index>::max());
-    for (std::size_t at = 0; at < parts.tasks.size(); ++at) {
-      Task& task = parts.tasks[at];
-      task.front = local[task.front];
-      if (task.is_range()) task.begin = task.front;
-      if (light.first_task[task.front] < 0) light.first_task[task.front] = static_cast<Index>(at);
-      light.last_task[task.front] = static_cast<Index>(at);
-    }
-    light.tasks = std::move(parts.tasks);
+    for (const char narrow : {1, 0})  // as by_phase()
+      for (Task task : plan_.tasks) {
+        if (region[task.front] != self || narrow_[task.front] != narrow) continue;
+        const auto at = static_cast<Index>(light.tasks.size());
+        task.front = local[task.front];
+        if (task.is_range()) task.begin = task.front;
+        if (light.first_task[task.front] < 0) light.first_task[task.front] = at;
+        light.last_task[task.front] = at;
+        light.tasks.push_back(task);
+      }
     analysis::plan_memory(light, &sizes);
     const auto& m = light.memory;
     for (std::size_t k = 0; k < n; ++k) take_places(d_.fronts[parts.fronts[k]], m, static_cast<Index>(k));
     parts.waits.assign(m.wait_fronts.begin(), m.wait_fronts.end());
-    d_.regions[region] = m.size;
+    d_.regions[self] = m.size;
   }
 
   // The top: factors one after another; tile columns of contributions with their makers. Nothing is used twice, so
