@@ -13,13 +13,11 @@
 namespace espalier::matrix {
 namespace {
 
-std::string temporary() { return testing::TempDir() + "espalier_binary.esp"; }
-
 std::string bytes_of(const SparseMatrix& a) {
-  write_binary(temporary(), a);
+  write_binary(temporary("binary.esp"), a);
   std::stringstream bytes;
-  bytes << std::ifstream(temporary(), std::ios::binary).rdbuf();
-  std::filesystem::remove(temporary());
+  bytes << std::ifstream(temporary("binary.esp"), std::ios::binary).rdbuf();
+  std::filesystem::remove(temporary("binary.esp"));
   return bytes.str();
 }
 
@@ -37,15 +35,15 @@ TEST(Binary, EveryStorageComesBack) {
       SparseMatrix a = sample(storage == Storage::symmetric_both ? Storage::general : storage);
       a.storage = storage;
       if (!values) a.values.clear();
-      write_binary(temporary(), a);
-      const auto b = read_matrix(temporary());
+      write_binary(temporary("binary.esp"), a);
+      const auto b = read_matrix(temporary("binary.esp"));
       EXPECT_EQ(b.rows, a.rows);
       EXPECT_EQ(b.col_ptr, a.col_ptr);
       EXPECT_EQ(b.row_ind, a.row_ind);
       EXPECT_EQ(b.values, a.values);
       EXPECT_EQ(b.storage, a.storage);
     }
-  std::filesystem::remove(temporary());
+  std::filesystem::remove(temporary("binary.esp"));
   const SparseMatrix empty{0, 0, {0}, {}, {}, Storage::general};
   EXPECT_EQ(parse_binary(bytes_of(empty), "e").nonzeros(), 0);
 }

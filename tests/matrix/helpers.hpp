@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <Eigen/Dense>
 #include <functional>
@@ -13,6 +14,11 @@
 #include "espalier/matrix.hpp"
 
 namespace espalier::matrix {
+
+/// A file that a test writes. Its name has the process in it: the sanitizers' runs deal a program's tests to several.
+inline std::string temporary(const std::string& name) {
+  return testing::TempDir() + "espalier_" + std::to_string(::getpid()) + "_" + name;
+}
 
 /// The full matrix of any storage, duplicates summed; the slow readable reference of this folder's tests.
 inline Eigen::MatrixXd dense(const MatrixView& a) {

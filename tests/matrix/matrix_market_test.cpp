@@ -23,8 +23,6 @@ void expect_parse_error(const std::string& text, const std::vector<std::string>&
   expect_error([&] { (void)parse(text); }, parts);
 }
 
-std::string temporary(const std::string& name) { return testing::TempDir() + "espalier_" + name; }
-
 // Truth: the matrices written in the texts, by hand.
 
 TEST(MatrixMarket, CoordinateRealGeneral) {

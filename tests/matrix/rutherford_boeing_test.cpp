@@ -171,7 +171,7 @@ TEST(RutherfordBoeing, HarwellBoeingWithRightHandSide) {
 }
 
 TEST(ReadMatrix, RutherfordBoeingIsRecognised) {
-  const std::string path = testing::TempDir() + "espalier_t.any";
+  const std::string path = temporary("t.any");
   std::ofstream(path) << File{}.text();
   EXPECT_EQ(dense(read_matrix(path)), dense(File{}.parse()));
   std::filesystem::remove(path);
