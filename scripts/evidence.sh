@@ -122,7 +122,7 @@ for rows in 0 512 1024 2048 1000000; do
   step sweeps "tiles-$rows" 60 "$programs/espalier_gpu_check" --narrow "$rows" --repeat 3 --out "$out/tiles-$rows.json" \
     "elasticity 40" "plate 600" "kkt 20"
 done
-bench sweeps block-size 300 block-size --points 0 16 32 48 64 96 128 144 192 256 --rhs 1 --analyses 1 -k 3 \
+bench sweeps block-size 300 block-size --rhs 1 --analyses 1 -k 3 \
   --system "elasticity 28" --system "plate 200" --system "kkt 20"
 # shellcheck disable=SC2086 # a list
 ((gpus > 1)) && bench sweeps scaling-gpu 300 scaling --points $points --rhs 1 --analyses 1

@@ -76,13 +76,10 @@ void sweep_budgets(Bench& bench, const std::string& system, const std::string& d
 void run_block_size(Bench& bench) {
   const auto& asked = bench.settings().rivals;
   const std::string device = asked.empty() ? "cpu" : asked.front();
-  if (device.starts_with("gpu"))
-    throw Error(
-        StatusCode::invalid_input,
-        "the kernels of a GPU are compiled for tiles of 32 and 64 columns; espalier_gpu_check --narrow ROWS sweeps "
-        "which fronts take which");
+  std::vector<std::string> widths = {"0", "16", "32", "48", "64", "96", "128", "144", "192", "256", "384", "512"};
+  if (device.starts_with("gpu")) widths = {"0", "32"};  // those that its kernels know
   std::vector<Contestant> contestants;
-  for (const std::string& width : bench.points({"0", "32", "48", "64", "96", "128", "144", "192", "256"})) {
+  for (const std::string& width : bench.points(widths)) {
     const std::string spec = "espalier:device=" + device;
     const bool automatic = width == "0" || width == "auto";
     contestants.push_back(

@@ -36,8 +36,10 @@ struct Options {
   /// Of the host's memory that holds the factor when it streams, what may be page-locked, which is done from the second
   /// factorization on: GPUs reach it without a detour, but it cannot be swapped out. -1: half of the machine's memory.
   Offset pinned_memory_bytes = -1;
-  int threads = 0;                ///< host threads; 0: all cores this process may use
-  Index max_block_size = 0;       ///< widest block column (= tile) of a front; 0: by front size
+  int threads = 0;  ///< host threads; 0: all cores this process may use
+  /// Widest block column (= tile) of a front; 0: by front size. The kernels of a GPU know tiles of 32 and 64 columns:
+  /// there a value below 64 means 32 for all fronts, any other the widths by front size.
+  Index max_block_size = 0;
   double pivot_threshold = 0.01;  ///< u of threshold pivoting: entries of L stay below 1/u
   double perturbation = 0;        ///< relative size of a perturbed pivot; 0: sqrt(eps) of the factor's precision
   bool matching = true;           ///< maximum product matching and scaling for ldlt and lu

@@ -76,7 +76,9 @@ void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
   device = solver::choose_device(options, predicted);
   if (!device.notice.empty()) log(device.notice);
   if (device.backend == solver::DeviceChoice::Backend::cuda) {
-    analysis::PlanOptions gpu_options = device::cuda::cuda_plan_options(kind, {}, device.devices);
+    device::cuda::DeviceTuning tuning;
+    tuning.max_block_size = options.max_block_size;
+    analysis::PlanOptions gpu_options = device::cuda::cuda_plan_options(kind, tuning, device.devices);
     gpu_options.additional_subtrees = options.sharing.additional_subtrees;
     gpu_options.stealing = options.sharing.stealing && device.unequal;  // among equal ones it only costs (measured)
     gpu_options.shared_top = options.sharing.shared_top;

@@ -115,6 +115,26 @@ TEST_P(CudaPlan, MemoryIsReusedOnlyAfterItsUsers) {
     }
 }
 
+// The kernels know tiles of 32 and 64 columns: a caller's max_block_size below 64 leaves the narrow ones only.
+TEST_P(CudaPlan, WidestBlockIsTheCallers) {
+  const auto widest = [&](Index max_block_size) {
+    device::cuda::DeviceTuning tuning;
+    tuning.narrow_rows = 0;  // all others have wide ones
+    tuning.max_block_size = max_block_size;
+    auto tree = analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_);
+    const analysis::PlanOptions options = device::cuda::cuda_plan_options(GetParam().kind, tuning);
+    const auto plan = analysis::make_plan(std::move(tree), a_, {}, options, pool_);
+    int width = 0;
+    for (const Front& f : device::cuda::make_device_plan(plan, GetParam().kind).fronts)
+      if (f.whole == 0) width = std::max(width, static_cast<int>(f.width));
+    return width;
+  };
+  EXPECT_EQ(widest(0), 64);
+  EXPECT_EQ(widest(512), 64);
+  EXPECT_EQ(widest(63), 32);
+  EXPECT_EQ(widest(1), 32);
+}
+
 TEST_P(CudaPlan, SolveTasksFollowTheTree) {
   std::vector<std::int64_t> up(device_.fronts.size(), -1), down(device_.fronts.size(), -1);
   for (std::size_t k = 0; k < lists_.up.size(); ++k) up[lists_.up[k].front] = static_cast<std::int64_t>(k);

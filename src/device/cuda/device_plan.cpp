@@ -318,7 +318,8 @@ analysis::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning, I
   o.tiles.panel = kChunk;
   o.tiles.even = false;
   o.tiles.max_block_size = kWideTiles;
-  o.tiles.narrow_rows = tuning.narrow_rows;
+  const bool all_narrow = tuning.max_block_size > 0 && tuning.max_block_size < kWideTiles;
+  o.tiles.narrow_rows = all_narrow ? std::numeric_limits<Index>::max() : tuning.narrow_rows;
   o.tiles.narrow_width = kNarrowTiles;
   o.tiles.whole_rows = tuning.whole_rows;
   o.tiles.whole_pivots = kind == Kind::ldlt ? tuning.whole_pivots_ldlt : tuning.whole_pivots;

@@ -11,6 +11,7 @@ namespace espalier::device::cuda {
 
 /// Knobs of the plan that were chosen by measurement (docs/performance.md, "GPU tile widths").
 struct DeviceTuning {
+  Index max_block_size = 0;  ///< widest tile column: below 64, all fronts have 32; the kernels know these two widths
   Index narrow_rows = 1024;  ///< fronts of at most that many rows have tile columns of 32, larger ones of 64
   Index whole_rows = 64;     ///< a front of at most that many rows and ...
   Index whole_pivots = 48;   ///< ... at most that many pivots is one task (ldlt: whole_pivots_ldlt)
