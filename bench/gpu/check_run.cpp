@@ -119,8 +119,10 @@ Json device_reports(const std::vector<device::DeviceWork>& work, double seconds)
 
 /// What the plan and the analysis tell of the row.
 Json row_of(const GpuCase& c, bool single, const CheckSettings& settings) {
-  Json row = row_of_case(c, c.devices == 1 ? "espalier on 1 GPU" : fmt::format("espalier on {} GPUs", c.devices),
-                         "Espalier, CUDA executor, values on the device");
+  std::string name = c.devices == 1 ? "espalier on 1 GPU" : fmt::format("espalier on {} GPUs", c.devices);
+  if (settings.tuning.narrow_rows != device::cuda::DeviceTuning().narrow_rows)
+    name += fmt::format(", narrow to {} rows", settings.tuning.narrow_rows);
+  Json row = row_of_case(c, name, "Espalier, CUDA executor, values on the device");
   row["analysis"] = samples_of({c.analysis_seconds + c.plan_seconds});
   row["parameters"] = {{"columns", settings.columns},
                        {"devices", c.devices},

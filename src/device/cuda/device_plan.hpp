@@ -9,7 +9,7 @@
 
 namespace espalier::device::cuda {
 
-/// Knobs of the plan that were chosen by measurement (docs/performance.md, "GPU tile widths").
+/// Knobs of the plan that were chosen by measurement (docs/performance.md, "Tile width").
 struct DeviceTuning {
   Index max_block_size = 0;  ///< widest tile column: below 64, all fronts have 32; the kernels know these two widths
   Index narrow_rows = 1024;  ///< fronts of at most that many rows have tile columns of 32, larger ones of 64
