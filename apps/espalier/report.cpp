@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "base/output_file.hpp"
 #include "command.hpp"
-#include "matrix/file.hpp"
 #include "solver/build_info.hpp"
 #include "solver/option_text.hpp"
 
@@ -136,7 +136,7 @@ Json to_json(const std::vector<Solver::TierRow>& tiers) {
 std::string to_text(const Json& report) { return report.dump(2, ' ', false, Json::error_handler_t::replace); }
 
 void write_report(const std::string& path, const Json& report) {
-  matrix::OutputFile file(path);
+  base::OutputFile file(path);
   file.write(to_text(report) + "\n");
   file.commit();
 }

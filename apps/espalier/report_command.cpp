@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <fstream>
-#include <iterator>
 #include <memory>
 
+#include "base/output_file.hpp"
+#include "checked_options.hpp"
 #include "command.hpp"
 #include "evidence/page.hpp"
 #include "matrix/file.hpp"
@@ -24,19 +24,14 @@ struct ReportCommand {
   int run() const;
 };
 
-std::string content_of(const std::string& path) {
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream) throw Error(StatusCode::invalid_input, path + ": cannot be opened");
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
 int ReportCommand::run() const {
+  for (const std::string& file : files) check_outputs({{"the results", file}}, {{"--out", out_file}});
   std::vector<evidence::Results> all;
   for (const std::string& file : files) all.push_back(evidence::read_results(file));
   evidence::sort_results(all);
   const std::string made = markdown ? evidence::markdown(all) : evidence::html_page(all);
   if (!check_file.empty()) {
-    if (content_of(check_file) == made) return kSolved;
+    if (matrix::FileBytes(check_file).bytes() == made) return kSolved;
     throw Error(StatusCode::invalid_input,
                 fmt::format("{} does not show these results; make it again with --out", check_file));
   }
@@ -44,7 +39,7 @@ int ReportCommand::run() const {
     fmt::print("{}", made);
     return kSolved;
   }
-  matrix::OutputFile file(out_file);
+  base::OutputFile file(out_file);
   file.write(made);
   file.commit();
   fmt::print("{}: {} {} of results\n", out_file, files.size(), files.size() == 1 ? "file" : "files");
@@ -57,11 +52,9 @@ void add_report(CLI::App& app, Action& action) {
   auto command = std::make_shared<ReportCommand>();
   CLI::App* sub = app.add_subcommand("report", "Make a page or Markdown tables of results of `espalier bench`");
   sub->add_option("results", command->files, "files of results")->required()->type_name("FILE...");
-  CLI::Option* out =
-      sub->add_option("--out", command->out_file, "file to write (default: standard output)")->type_name("FILE");
+  CLI::Option* out = add_file(*sub, "--out", command->out_file, "file to write (default: standard output)");
   sub->add_flag("--markdown", command->markdown, "Markdown tables instead of a page");
-  sub->add_option("--check", command->check_file, "write nothing; fail if this file is not what would be written")
-      ->type_name("FILE")
+  add_file(*sub, "--check", command->check_file, "write nothing; fail if this file is not what would be written")
       ->excludes(out);
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }

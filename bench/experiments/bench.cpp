@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <limits>
 
+#include "base/output_file.hpp"
 #include "experiments/ceilings.hpp"
-#include "matrix/file.hpp"
 #include "rivals/machine.hpp"
 #include "rivals/systems.hpp"
 #include "rivals/table.hpp"
@@ -266,7 +266,7 @@ void Bench::add_row(const std::string& system, const Contestant& contestant, con
 
 void Bench::save() const {
   if (settings_.out.empty()) return;
-  matrix::OutputFile file(settings_.out);
+  base::OutputFile file(settings_.out);
   file.write(document_.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
   file.commit();
 }

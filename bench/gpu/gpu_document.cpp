@@ -3,7 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 
-#include "matrix/file.hpp"
+#include "base/output_file.hpp"
 #include "rivals/machine.hpp"
 #include "rivals/session.hpp"
 #include "solver/build_info.hpp"
@@ -74,7 +74,7 @@ nlohmann::json row_of_case(const GpuCase& c, const std::string& rival, const std
 void write_document(const nlohmann::json& document, const std::string& path) {
   namespace fs = std::filesystem;
   const std::string name = document.at("experiment").get<std::string>() + ".json";
-  matrix::OutputFile file(fs::is_directory(path) ? (fs::path(path) / name).string() : path);
+  base::OutputFile file(fs::is_directory(path) ? (fs::path(path) / name).string() : path);
   file.write(document.dump(1) + "\n");
   file.commit();
 }

@@ -3,11 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstdio>
-#include <memory>
 #include <utility>
 
-#include "espalier/types.hpp"
+#include "base/output_file.hpp"
 
 namespace espalier::base {
 
@@ -46,10 +44,7 @@ std::int64_t Timeline::size() const {
 }
 
 void Timeline::write(const std::string& path) const {
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "w"), &std::fclose);
-  if (!file)
-    throw Error(StatusCode::invalid_input,
-                fmt::format("{}: cannot be written; check the folder and its permissions", path));
+  OutputFile file(path);
   double start = 0;
   bool any = false;
   for (const auto& t : tracks_)
@@ -82,16 +77,14 @@ void Timeline::write(const std::string& path) const {
           pid, k, (e.begin - start) * 1e6, (e.end - e.begin) * 1e6, e.kind, e.front, e.row, e.col, e.flops, e.bytes,
           e.waited * 1e6);
       if (text.size() > (1U << 20)) {
-        std::fwrite(text.data(), 1, text.size(), file.get());
+        file.write(text);
         text.clear();
       }
     }
   }
   text += "\n]}\n";
-  std::fwrite(text.data(), 1, text.size(), file.get());
-  if (std::fflush(file.get()) != 0 || std::ferror(file.get()) != 0)  // of any write
-    throw Error(StatusCode::invalid_input,
-                fmt::format("{}: the trace could not be written whole; is the disk full?", path));
+  file.write(text);
+  file.commit();
 }
 
 }  // namespace espalier::base

@@ -5,7 +5,7 @@
 #include <bit>
 #include <cstring>
 
-#include "matrix/file.hpp"
+#include "base/output_file.hpp"
 #include "matrix/text.hpp"
 #include "matrix/validate.hpp"
 
@@ -141,7 +141,7 @@ void write_binary(const std::string& path, const MatrixView& a) {
   sum.add(&header.header_checksum, sizeof header.header_checksum);
   for (const auto part : parts) sum.add(part.data(), part.size());
   header.data_checksum = sum.value();
-  OutputFile file(path);
+  base::OutputFile file(path);
   file.write({reinterpret_cast<const char*>(&header), sizeof header});
   for (const auto part : parts) file.write(part);
   file.commit();

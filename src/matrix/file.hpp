@@ -1,8 +1,7 @@
 /// \file
-/// Whole files in memory: mapped where possible, unpacked where compressed; and files written all or not at all.
+/// Whole files in memory: mapped where possible, unpacked where compressed.
 #pragma once
 
-#include <cstdio>
 #include <string>
 #include <string_view>
 
@@ -38,27 +37,5 @@ std::string gunzip(std::string_view bytes, const std::string& name);
 
 /// Bytes of physical memory of this machine.
 Offset machine_memory();
-
-/// A file being written under a temporary name beside `path`; commit() gives it its name, the destructor of an
-/// uncommitted one removes it. A path that ends in ".gz" is compressed.
-class OutputFile {
- public:
-  /// @throws Error(invalid_input) when the file cannot be made
-  explicit OutputFile(std::string path);
-  ~OutputFile();
-  OutputFile(const OutputFile&) = delete;
-  OutputFile& operator=(const OutputFile&) = delete;
-  /// @throws Error(invalid_input) when the medium is full or fails
-  void write(std::string_view bytes);
-  void commit();
-
- private:
-  [[noreturn]] void fail(const char* what) const;
-
-  std::string path_;
-  std::string temporary_;
-  std::FILE* plain_ = nullptr;
-  void* packed_ = nullptr;  // gzFile
-};
 
 }  // namespace espalier::matrix

@@ -4,7 +4,7 @@
 #include <charconv>
 #include <functional>
 
-#include "matrix/file.hpp"
+#include "base/output_file.hpp"
 #include "matrix/matrix_market.hpp"
 #include "matrix/parallel.hpp"
 
@@ -45,7 +45,7 @@ std::string banner(const char* kind, const std::string& comment) {
 
 // Formats pieces [0, n) with as many threads as there are and writes them in order, a wave of a few per thread at a
 // time.
-void write_pieces(OutputFile& file, Offset n, base::ThreadPool* pool,
+void write_pieces(base::OutputFile& file, Offset n, base::ThreadPool* pool,
                   const std::function<void(Offset, Text&)>& format) {
   const Offset wave = 4 * threads_of(pool);
   for (Offset begin = 0; begin < n; begin += wave) {
@@ -91,7 +91,7 @@ void write_matrix_market(const std::string& path, const MatrixView& a, const std
   const bool pattern = a.values.empty() && a.nonzeros() > 0;
   const std::string kind =
       fmt::format("coordinate {} {}", pattern ? "pattern" : "real", a.symmetric() ? "symmetric" : "general");
-  OutputFile file(path);
+  base::OutputFile file(path);
   file.write(banner(kind.c_str(), comment));
   file.write(fmt::format("{} {} {}\n", a.rows, a.cols, count_written(a)));
   const Offset pieces = (a.nonzeros() + kEntriesPerPiece - 1) / kEntriesPerPiece;
@@ -107,7 +107,7 @@ void write_matrix_market_vectors(const std::string& path, Index rows, Index cols
   if (static_cast<Offset>(values.size()) != count)
     throw std::invalid_argument(
         fmt::format("write_matrix_market_vectors: {} values for {} x {}", values.size(), rows, cols));
-  OutputFile file(path);
+  base::OutputFile file(path);
   file.write(banner("array real general", comment));
   file.write(fmt::format("{} {}\n", rows, cols));
   write_pieces(file, (count + kEntriesPerPiece - 1) / kEntriesPerPiece, pool, [&](Offset i, Text& text) {

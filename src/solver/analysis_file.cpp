@@ -10,6 +10,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "base/output_file.hpp"
+
 namespace espalier::solver {
 
 namespace {
@@ -37,9 +39,9 @@ class Fnv {
 
 class Writer {
  public:
-  explicit Writer(const std::string& path) : path_(path), out_(path, std::ios::binary) {}
+  explicit Writer(const std::string& path) : out_(path) {}
   void bytes(const void* p, std::size_t n) {
-    out_.write(static_cast<const char*>(p), static_cast<std::streamsize>(n));
+    out_.write({static_cast<const char*>(p), n});
     hash_.add(p, n);
   }
   template <class T>
@@ -53,16 +55,12 @@ class Writer {
   }
   void finish() {
     const std::uint64_t h = hash_.value();
-    out_.write(reinterpret_cast<const char*>(&h), sizeof h);
-    out_.flush();
-    if (!out_)
-      throw Error(StatusCode::invalid_input,
-                  fmt::format("{}: the analysis could not be written; check folder, permissions and space", path_));
+    out_.write({reinterpret_cast<const char*>(&h), sizeof h});
+    out_.commit();
   }
 
  private:
-  std::string path_;
-  std::ofstream out_;
+  base::OutputFile out_;
   Fnv hash_;
 };
 

@@ -2,6 +2,7 @@
 #include <Eigen/Eigenvalues>
 #include <bit>
 
+#include "base/output_file.hpp"
 #include "dynamics/elements/groups.hpp"
 #include "dynamics/mesh_files.hpp"
 
@@ -9,6 +10,21 @@ namespace espalier::dynamics::test {
 namespace {
 
 using MeshFormats = MeshFiles;
+
+TEST_F(MeshFormats, PackedFilesThatBreakOffAreRefused) {
+  const std::string path = (folder_ / "mesh.inp.gz").string();
+  base::OutputFile file(path);
+  file.write("*NODE\n");
+  for (int k = 1; k <= 2000; ++k) file.write(fmt::format("{},{},{},0\n", k, k * k % 977, k * k % 1009));
+  file.commit();
+  std::filesystem::resize_file(path, std::filesystem::file_size(path) / 2);
+  try {
+    static_cast<void>(read_mesh(path));
+    ADD_FAILURE() << "half of a file was taken for the whole";
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("truncated"), std::string::npos) << error.what();
+  }
+}
 
 // ---- VTK: two tetrahedra on a common face, the triangle below the first, a line; groups of cells and of points.
 

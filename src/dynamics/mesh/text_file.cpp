@@ -1,29 +1,17 @@
 #include "dynamics/mesh/text_file.hpp"
 
 #include <fmt/format.h>
-#include <zlib.h>
 
 #include <charconv>
 #include <cstring>
-#include <memory>
+
+#include "matrix/file.hpp"
 
 namespace espalier::dynamics {
 
 std::string read_whole_file(const std::string& path) {
-  // gzread passes files through that are not compressed.
-  const std::unique_ptr<gzFile_s, int (*)(gzFile)> file(gzopen(path.c_str(), "rb"), gzclose);
-  if (!file)
-    throw Error(StatusCode::invalid_input, fmt::format("{}: cannot open the file ({})", path, std::strerror(errno)));
-  std::string content;
-  constexpr unsigned kPiece = 1U << 20;
-  for (;;) {
-    const std::size_t before = content.size();
-    content.resize(before + kPiece);
-    const int got = gzread(file.get(), content.data() + before, kPiece);
-    if (got < 0) throw Error(StatusCode::invalid_input, fmt::format("{}: reading failed (damaged file?)", path));
-    content.resize(before + static_cast<std::size_t>(got));
-    if (got == 0) return content;
-  }
+  const matrix::FileBytes file(path);
+  return matrix::is_gzip(file.bytes()) ? matrix::gunzip(file.bytes(), path) : std::string(file.bytes());
 }
 
 std::string_view trim(std::string_view text) {

@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "base/output_file.hpp"
+
 namespace espalier::dynamics::model {
 namespace {
 
@@ -29,19 +31,12 @@ void write_restart(const std::string& path, Mechanism& mechanism, Integrator& in
   for (const auto& component : mechanism.system.components()) component->save(numbers);
   const std::vector<std::uint64_t> head = identity(mechanism);
   const std::uint64_t count = numbers.size();
-  const std::string part = path + ".part";
-  {
-    std::ofstream out(part, std::ios::binary);
-    out.write(kMagic, sizeof kMagic);
-    out.write(reinterpret_cast<const char*>(head.data()), static_cast<std::streamsize>(8 * head.size()));
-    out.write(reinterpret_cast<const char*>(&count), 8);
-    out.write(reinterpret_cast<const char*>(numbers.data()), static_cast<std::streamsize>(8 * numbers.size()));
-    out.flush();
-    if (!out) throw Error(StatusCode::invalid_input, fmt::format("cannot write '{}' (is the disk full?)", part));
-  }
-  std::error_code error;
-  std::filesystem::rename(part, path, error);
-  if (error) throw Error(StatusCode::invalid_input, fmt::format("cannot write '{}': {}", path, error.message()));
+  base::OutputFile out(path);
+  out.write({kMagic, sizeof kMagic});
+  out.write({reinterpret_cast<const char*>(head.data()), 8 * head.size()});
+  out.write({reinterpret_cast<const char*>(&count), 8});
+  out.write({reinterpret_cast<const char*>(numbers.data()), 8 * numbers.size()});
+  out.commit();
 }
 
 void read_restart(const std::string& path, Mechanism& mechanism, Integrator& integrator) {
@@ -62,7 +57,7 @@ void read_restart(const std::string& path, Mechanism& mechanism, Integrator& int
         fmt::format("it belongs to another model ({} velocities and {} constraints there, {} and {} here, or other "
                     "names); give the same model and the same --set",
                     head[1], head[2], expected[1], expected[2]));
-  if (count * 8 > std::filesystem::file_size(path)) refuse("the file ends too early");
+  if (count > std::filesystem::file_size(path) / 8) refuse("the file ends too early");
   std::vector<double> numbers(count);
   in.read(reinterpret_cast<char*>(numbers.data()), static_cast<std::streamsize>(8 * count));
   if (!in) refuse("the file ends too early");

@@ -9,6 +9,8 @@
 #include <fstream>
 #include <stdexcept>
 
+#include "base/output_file.hpp"
+
 namespace espalier::dynamics {
 namespace {
 
@@ -31,25 +33,6 @@ std::string escaped(const std::string& text) {
   return result;
 }
 
-/// Writes to `path`.part and renames at commit().
-class SafeFile {
- public:
-  explicit SafeFile(std::string path) : path_(std::move(path)), part_(path_ + ".part"), out_(part_, std::ios::binary) {}
-  std::ofstream& stream() { return out_; }
-  void commit() {
-    out_.close();
-    std::error_code code;
-    if (out_.good()) std::filesystem::rename(part_, path_, code);
-    if (out_.fail() || code)
-      throw Error(StatusCode::invalid_input,
-                  fmt::format("{}: cannot write the file (does its folder exist, is the disk full?)", path_));
-  }
-
- private:
-  std::string path_, part_;
-  std::ofstream out_;
-};
-
 /// Collects arrays: their XML declarations with offsets now, their bytes at the end.
 class Appended {
  public:
@@ -61,11 +44,11 @@ class Appended {
     offset_ += sizeof(std::uint64_t) + bytes;
     return xml;
   }
-  void write(std::ostream& out) const {
+  void write(base::OutputFile& out) const {
     for (const Block& block : blocks_) {
       const std::uint64_t size = block.bytes;
-      out.write(reinterpret_cast<const char*>(&size), sizeof size);
-      out.write(static_cast<const char*>(block.data), static_cast<std::streamsize>(block.bytes));
+      out.write({reinterpret_cast<const char*>(&size), sizeof size});
+      out.write({static_cast<const char*>(block.data), block.bytes});
     }
   }
 
@@ -120,10 +103,10 @@ void write_vtu(const std::string& path, std::span<const double> points, const Vt
   xml += "      </Cells>\n      <PointData>\n" + declare_fields(appended, point_fields, count, "points");
   xml += "      </PointData>\n      <CellData>\n" + declare_fields(appended, cell_fields, cell_count, "cells");
   xml += "      </CellData>\n    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n_";
-  SafeFile file(path);
-  file.stream() << xml;
-  appended.write(file.stream());
-  file.stream() << "\n  </AppendedData>\n</VTKFile>\n";
+  base::OutputFile file(path);
+  file.write(xml);
+  appended.write(file);
+  file.write("\n  </AppendedData>\n</VTKFile>\n");
   file.commit();
 }
 
@@ -160,14 +143,13 @@ void PvdSeries::add(double t, int part) {
   entries_.push_back({t, part, std::filesystem::path(file_name(part)).filename().string()});
   if (next_.size() <= static_cast<std::size_t>(part)) next_.resize(static_cast<std::size_t>(part) + 1, 0);
   ++next_[static_cast<std::size_t>(part)];
-  SafeFile file(path_);
-  file.stream()
-      << "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n"
-         "  <Collection>\n";
+  base::OutputFile file(path_);
+  file.write(
+      "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n"
+      "  <Collection>\n");
   for (const Entry& e : entries_)
-    file.stream() << fmt::format("    <DataSet timestep=\"{}\" part=\"{}\" file=\"{}\"/>\n", e.t, e.part,
-                                 escaped(e.file));
-  file.stream() << "  </Collection>\n</VTKFile>\n";
+    file.write(fmt::format("    <DataSet timestep=\"{}\" part=\"{}\" file=\"{}\"/>\n", e.t, e.part, escaped(e.file)));
+  file.write("  </Collection>\n</VTKFile>\n");
   file.commit();
 }
 
