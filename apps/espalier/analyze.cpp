@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/memory.hpp"
+#include "checked_options.hpp"
 #include "command.hpp"
 #include "input.hpp"
 #include "solver_flags.hpp"
@@ -51,6 +52,7 @@ Status check_budget(const AnalysisResult& analysis, Offset budget) {
 
 int AnalyzeCommand::run() const {
   Solver solver(flags.options());
+  check_outputs({{"the matrix", source.file()}}, {{"--save", save_file}, {"--report", report_file}});
   RunRecord record;
   record.precision = solver.options().precision;
   try {
@@ -64,7 +66,6 @@ int AnalyzeCommand::run() const {
   const auto tiers = analyzed ? solver.tiers() : std::vector<Solver::TierRow>{};
   auto report = to_json(record);
   report["tree"] = to_json(tiers);
-  if (!report_file.empty()) write_report(report_file, report);
   if (json) {
     fmt::print("{}\n", to_text(report));
   } else if (analyzed) {
@@ -72,6 +73,7 @@ int AnalyzeCommand::run() const {
     if (dry_run) fmt::print("\n{}", forecast_summary(*record.analysis, budget));
   }
   if (!record.status.ok()) print_error(record.status.message);
+  if (!report_file.empty()) write_report(report_file, report);
   return exit_code(record.status.code);
 }
 
@@ -82,8 +84,8 @@ void add_analyze(CLI::App& app, Action& action) {
   CLI::App* sub = app.add_subcommand("analyze", "Order the matrix and show the tree; nothing is factorized");
   command->source.add_to(*sub);
   sub->add_flag("--dry-run", command->dry_run, "also say what the factorization would take: work, time, memory");
-  sub->add_option("--save", command->save_file, "save the analysis for `solve --analysis`")->type_name("FILE");
-  sub->add_option("--report", command->report_file, "write the report as JSON here")->type_name("FILE");
+  add_file(*sub, "--save", command->save_file, "save the analysis for `solve --analysis`");
+  add_file(*sub, "--report", command->report_file, "write the report as JSON here");
   sub->add_flag("--json", command->json, "print the report as JSON instead of the tables");
   command->flags.add_to(*sub);
   sub->callback([command, &action] { action = [command] { return command->run(); }; });

@@ -8,6 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "checked_options.hpp"
 #include "command.hpp"
 #include "experiments/experiments.hpp"
 #include "rivals/machine.hpp"
@@ -76,25 +77,24 @@ void BenchCommand::add_to(CLI::App& sub) {
   }
   sub.add_option("--kind", settings.kind, "auto (default), llt, ldlt or lu")
       ->check(CLI::IsMember({"auto", "llt", "ldlt", "lu"}));
-  sub.add_option("--threads", plan.threads, "threads of every solver (default: all cores)")->check(CLI::PositiveNumber);
+  sub.add_option("--threads", plan.threads, "threads of every solver (default: all cores)")->check(positive());
   sub.add_option("-k,--repetitions", settings.repetitions,
                  "timed rounds after a warm-up (default: 5); 0: one factorization and solve, for what takes minutes")
-      ->check(CLI::NonNegativeNumber);
-  sub.add_option("--analyses", settings.analyses, "rounds of analysis (default: 3)")->check(CLI::PositiveNumber);
+      ->check(not_negative());
+  sub.add_option("--analyses", settings.analyses, "rounds of analysis (default: 3)")->check(positive());
   sub.add_option("--rhs", plan.columns, "right-hand sides of the second solve (default: 32; 1: none)")
-      ->check(CLI::PositiveNumber);
+      ->check(positive());
   sub.add_option("--timeout", plan.child.timeout_seconds, "seconds that one call of a rival may take (default: 600)")
-      ->check(CLI::PositiveNumber);
-  sub.add_option("--time", settings.time_seconds, "no system is begun after so many seconds")
-      ->check(CLI::PositiveNumber);
+      ->check(positive());
+  sub.add_option("--time", settings.time_seconds, "no system is begun after so many seconds")->check(positive());
   sub.add_option("--memory-limit", memory_limit, "memory that a rival's process may take, such as 8GiB")
       ->type_name("SIZE");
-  sub.add_option("--wrong-above", plan.wrong_above, "a larger normwise backward error is a wrong answer (1e-8)");
+  sub.add_option("--wrong-above", plan.wrong_above, "a larger normwise backward error is a wrong answer (1e-8)")
+      ->check(positive());
   sub.add_flag("--cold{false}", plan.warm, "time a turn's first call, with the caches as the others left them");
   sub.add_flag("--one-at-a-time", plan.one_at_a_time, "one process after the other, for systems that fill the memory");
   sub.add_flag("--no-ceilings", no_ceilings, "do not measure the machine's ceilings first");
-  sub.add_option("--out", settings.out, fmt::format("file of results (default: bench-{}.json)", experiment->name))
-      ->type_name("FILE");
+  add_file(sub, "--out", settings.out, fmt::format("file of results (default: bench-{}.json)", experiment->name));
   sub.add_flag("--json", json, "print the results as JSON instead of the tables");
 }
 
@@ -131,7 +131,9 @@ bench::Voice BenchCommand::voice() const {
 }
 
 int BenchCommand::run() const {
-  bench::Bench session(experiment->name, settled(), voice());
+  bench::Settings chosen = settled();
+  check_outputs({}, {{"--out", chosen.out}});
+  bench::Bench session(experiment->name, std::move(chosen), voice());
   experiment->run(session);
   session.save();
   if (json)

@@ -21,7 +21,7 @@ enum ExitCode : int {
   kMemory = 4,
   kDevice = 5,
   kAccuracy = 6,       ///< backward error above what was asked for; Newton or the step size control gave up
-  kInterrupted = 130,  ///< Ctrl-C: stopped cleanly, results and restart file are written
+  kInterrupted = 130,  ///< Ctrl-C, SIGTERM: stopped cleanly, results and restart file are written
 };
 
 /// The exit code for a status of the library.

@@ -8,6 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "checked_options.hpp"
 #include "command.hpp"
 #include "matrix/binary.hpp"
 #include "matrix/matrix_market.hpp"
@@ -29,18 +30,24 @@ struct GenerateCommand {
 void write_matrix(const std::string& path, const SparseMatrix& a, const std::string& name, base::ThreadPool& pool) {
   if (path.ends_with(".esp")) {
     matrix::write_binary(path, a);
-  } else if (path.ends_with(".mtx") || path.ends_with(".mtx.gz")) {
-    matrix::write_matrix_market(path, a, fmt::format("espalier generate {}", name), &pool);
   } else {
-    throw Error(StatusCode::invalid_input,
-                fmt::format("--out {}: the name must end in .mtx, .mtx.gz (Matrix Market) or .esp (binary)", path));
+    matrix::write_matrix_market(path, a, fmt::format("espalier generate {}", name), &pool);
   }
+}
+
+void check_name(const std::string& path) {
+  for (const char* known : {".mtx", ".mtx.gz", ".esp"})
+    if (path.ends_with(known)) return;
+  throw Error(StatusCode::invalid_input,
+              fmt::format("--out {}: the name must end in .mtx, .mtx.gz (Matrix Market) or .esp (binary)", path));
 }
 
 int GenerateCommand::run() const {
   auto spec = matrix::parse_generator(words);
   spec.seed = seed;
   if (natural) spec.numbering = matrix::Numbering::natural;
+  check_name(out_file);
+  check_outputs({}, {{"--out", out_file}});
   base::ThreadPool pool(base::available_cores());
   const SparseMatrix a = matrix::generate(spec, &pool);
   const std::string name = matrix::describe(spec);
@@ -63,7 +70,7 @@ void add_generate(CLI::App& app, Action& action) {
   auto command = std::make_shared<GenerateCommand>();
   CLI::App* sub = app.add_subcommand("generate", "Write a mechanical system of any size to a file");
   sub->add_option("system", command->words, "the system and its sizes, see below")->required()->type_name("SPEC...");
-  sub->add_option("--out", command->out_file, "file to write: .mtx, .mtx.gz or .esp")->required()->type_name("FILE");
+  add_file(*sub, "--out", command->out_file, "file to write: .mtx, .mtx.gz or .esp")->required();
   sub->add_option("--seed", command->seed, "seed of numbering and element factors (default: 1)")->type_name("N");
   sub->add_flag("--natural", command->natural, "number the unknowns in grid order, not at random");
   sub->add_flag("--json", command->json, "say what was written as JSON");

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <sstream>
 
+#include "checked_options.hpp"
 #include "matrix/generators/generate.hpp"
 #include "matrix/read.hpp"
 
@@ -32,8 +33,7 @@ std::vector<std::string> split(const std::string& text) {
 }  // namespace
 
 void MatrixSource::add_to(CLI::App& command) {
-  CLI::Option* file = command.add_option("matrix", file_, "matrix file: Matrix Market or Rutherford-Boeing, also .gz")
-                          ->type_name("FILE");
+  CLI::Option* file = add_file(command, "matrix", file_, "matrix file: Matrix Market or Rutherford-Boeing, also .gz");
   command.add_option("--generate", generator_, "generate the matrix instead (see below)")
       ->type_name("\"SPEC\"")
       ->excludes(file);

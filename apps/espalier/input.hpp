@@ -24,6 +24,9 @@ class MatrixSource {
   /// is empty, or has no values
   [[nodiscard]] SparseMatrix load(RunRecord& record, base::ThreadPool& pool) const;
 
+  /// The file; empty for a generator.
+  [[nodiscard]] const std::string& file() const { return file_; }
+
  private:
   std::string file_;
   std::string generator_;

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstring>
 #include <exception>
+#include <iostream>
 #include <new>
 
 #include "command.hpp"
@@ -24,23 +25,34 @@ constexpr const char* kFooter =
     "  espalier COMMAND --help                           all options of a command\n"
     "\n"
     "Exit codes: 0 solved, 2 wrong usage or unreadable input, 3 singular or not positive definite, 4 memory,\n"
-    "5 device, 6 accuracy not reached, 130 stopped by Ctrl-C.";
-
-/// Wrong usage: what CLI11 found, in one line, and where help is. --help and --version come here too.
-int report_usage(const CLI::App& app, const CLI::ParseError& error) {
-  if (error.get_exit_code() == 0) return app.exit(error);
-  const CLI::App* command = &app;
-  if (!app.get_subcommands().empty()) command = app.get_subcommands().front();
-  print_error(error.what());
-  print_hint(fmt::format("see '{}{} --help'", command == &app ? "" : "espalier ", command->get_name()));
-  return kBadInput;
-}
+    "5 device, 6 accuracy not reached, 130 stopped by Ctrl-C or SIGTERM.";
 
 /// A full disk or a closed pipe must not look like success.
 int flush_output(int code) {
   if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return code;
   print_error(fmt::format("cannot write to standard output: {}", std::strerror(errno)));
   return code == kSolved ? kBadInput : code;
+}
+
+/// Wrong usage: what CLI11 found, in one line, and where help is. --help and --version come here too.
+int report_usage(const CLI::App& app, const CLI::ParseError& error) {
+  if (error.get_exit_code() == 0) {
+    app.exit(error);
+    std::cout.flush();
+    return flush_output(kSolved);
+  }
+  const CLI::App* command = &app;
+  std::string name = app.get_name();
+  while (!command->get_subcommands().empty()) {
+    command = command->get_subcommands().front();
+    name += " " + command->get_name();
+  }
+  const std::vector<std::string> words = app.remaining(true);
+  const bool unknown =
+      error.get_name() == "RequiredError" && command->get_require_subcommand_min() > 0 && !words.empty();
+  print_error(unknown ? fmt::format("there is no command '{} {}'", name, words.front()) : error.what());
+  print_hint(fmt::format("see '{} --help'", name));
+  return kBadInput;
 }
 
 /// Runs the chosen action; nothing escapes.

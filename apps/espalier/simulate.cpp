@@ -8,6 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "checked_options.hpp"
 #include "command.hpp"
 #include "espalier/dynamics.hpp"
 #include "report.hpp"
@@ -20,12 +21,18 @@ namespace espalier::cli {
 
 namespace {
 
-/// Ctrl-C asks the run to stop after the present step; a second one ends the program at once.
+/// Ctrl-C, or SIGTERM of a queueing system, asks the run to stop after the present step; a second one ends the program
+/// at once.
 std::atomic<bool> stop_asked{false};
+
+void on_stop_signals(void (*handler)(int)) {
+  std::signal(SIGINT, handler);
+  std::signal(SIGTERM, handler);
+}
 
 extern "C" void ask_to_stop(int) {
   stop_asked.store(true);
-  std::signal(SIGINT, SIG_DFL);
+  on_stop_signals(SIG_DFL);
 }
 
 struct SimulateCommand {
@@ -55,6 +62,7 @@ void print_outcome(const SimulateCommand& command, const SimulationSummary& s) {
 int SimulateCommand::run() {
   if (until_given) options.until = until;
   static_cast<void>(flags.options());  // names a wrong value before anything is read
+  check_outputs({{"the model", model}, {"--restart", options.restart}}, {{"--report", report_file}});
   for (const auto& [key, value] : flags.values()) options.solver.emplace_back(key, value);
   Simulation simulation(options);
   Progress progress(!quiet && !json);
@@ -62,27 +70,27 @@ int SimulateCommand::run() {
   Status status = simulation.load(model);
   if (status.ok()) {
     progress.end(simulate_headline(simulation.summary()));
-    std::signal(SIGINT, ask_to_stop);
+    on_stop_signals(ask_to_stop);
     StepLog log(!quiet && !json, verbose, simulation.time(), simulation.end_time());
     status = simulation.run([&log](const SimulationStep& step) {
       log.add(step);
       return !stop_asked.load();
     });
     log.close();
-    std::signal(SIGINT, SIG_DFL);
+    on_stop_signals(SIG_DFL);
   }
   progress.abandon();
   const SimulationSummary& summary = simulation.summary();
   const int code = status.ok() && summary.interrupted ? kInterrupted : exit_code(status.code);
   const auto report = to_json(summary, model, code);
-  if (!report_file.empty()) write_report(report_file, report);
-  if (!options.out.empty() && summary.t_end > summary.t_begin) write_report(options.out + "/summary.json", report);
   if (json) {
     fmt::print("{}\n", to_text(report));
     if (!status.ok()) print_error(status.message);
   } else {
     print_outcome(*this, summary);
   }
+  if (!report_file.empty()) write_report(report_file, report);
+  if (!options.out.empty() && summary.t_end > summary.t_begin) write_report(options.out + "/summary.json", report);
   return code;
 }
 
@@ -92,8 +100,8 @@ void add_simulate(CLI::App& app, Action& action) {
   auto command = std::make_shared<SimulateCommand>();
   SimulationOptions& o = command->options;
   CLI::App* sub = app.add_subcommand("simulate", "Simulate a mechanical system (docs/simulate.md)");
-  sub->add_option("model", command->model, "the model, TOML")->type_name("FILE")->required();
-  sub->add_option("--out", o.out, "folder for results: CSV, ParaView, restart file, summary.json")->type_name("DIR");
+  add_file(*sub, "model", command->model, "the model, TOML")->required();
+  add_file(*sub, "--out", o.out, "folder for results: CSV, ParaView, restart file, summary.json", "DIR");
   sub->add_option("--set", o.set, "replace a value of the model, for instance parameters.size=2; may be repeated")
       ->type_name("PATH=VALUE")
       ->take_all()
@@ -101,16 +109,15 @@ void add_simulate(CLI::App& app, Action& action) {
   sub->add_option("--until", command->until, "end there instead of at integrator.end")
       ->type_name("TIME")
       ->each([command = command.get()](const std::string&) { command->until_given = true; });
-  sub->add_option("--restart", o.restart, "go on from this restart file")->type_name("FILE");
-  sub->add_option("--dump-matrices", o.dump, "write Newton matrices with right-hand sides into this folder")
-      ->type_name("DIR");
+  add_file(*sub, "--restart", o.restart, "go on from this restart file");
+  add_file(*sub, "--dump-matrices", o.dump, "write Newton matrices with right-hand sides into this folder", "DIR");
   sub->add_option("--dump-every", o.dump_every, "of the factorizations, every N-th (default 1)")
       ->type_name("N")
       ->check(CLI::Range(1L, 1000000000L));
   sub->add_option("--dump-count", o.dump_count, "and at most so many (default 10)")
       ->type_name("K")
       ->check(CLI::Range(1L, 1000000L));
-  sub->add_option("--report", command->report_file, "write the summary as JSON here")->type_name("FILE");
+  add_file(*sub, "--report", command->report_file, "write the summary as JSON here");
   sub->add_flag("--json", command->json, "print the summary as JSON instead of text");
   sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
   sub->add_flag("-v,--verbose", command->verbose, "a line for every step");

@@ -6,6 +6,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "checked_options.hpp"
 #include "command.hpp"
 #include "input.hpp"
 #include "solver_flags.hpp"
@@ -140,19 +141,21 @@ void print_outcome(const SolveCommand& command, const RunRecord& record) {
 
 int SolveCommand::run() const {
   Options options = flags.options();
+  check_outputs({{"the matrix", source.file()}, {"--rhs", rhs_file}, {"--analysis", analysis_file}},
+                {{"--out", out_file}, {"--report", report_file}, {"--trace", trace_file}});
   options.record_timeline = !trace_file.empty();
   if (verbose) options.log = [](const std::string& line) { fmt::print(stderr, "{}\n", line); };
   SolveRun run(*this, std::move(options));
   run.execute();
   const RunRecord& record = run.record();
   const auto report = to_json(record);
-  if (!report_file.empty()) write_report(report_file, report);
   if (json) {
     fmt::print("{}\n", to_text(report));
     if (!record.status.ok()) print_error(record.status.message);
   } else {
     print_outcome(*this, record);
   }
+  if (!report_file.empty()) write_report(report_file, report);
   return exit_code(record.status.code);
 }
 
@@ -162,18 +165,15 @@ void add_solve(CLI::App& app, Action& action) {
   auto command = std::make_shared<SolveCommand>();
   CLI::App* sub = app.add_subcommand("solve", "Solve A x = b");
   command->source.add_to(*sub);
-  sub->add_option("--rhs", command->rhs_file, "right-hand side(s), Matrix Market (default: all ones)")
-      ->type_name("FILE");
-  sub->add_option("--out", command->out_file, "write the solution(s) here, Matrix Market array")->type_name("FILE");
+  add_file(*sub, "--rhs", command->rhs_file, "right-hand side(s), Matrix Market (default: all ones)");
+  add_file(*sub, "--out", command->out_file, "write the solution(s) here, Matrix Market array");
   sub->add_option("--refactor", command->refactorizations,
                   "factorize K times more with the same pattern; best time wins")
       ->type_name("K")
       ->check(CLI::Range(0, 1000000));
-  sub->add_option("--analysis", command->analysis_file, "take the analysis from this file (`analyze --save`)")
-      ->type_name("FILE");
-  sub->add_option("--report", command->report_file, "write the report as JSON here")->type_name("FILE");
-  sub->add_option("--trace", command->trace_file, "write a timeline here that ui.perfetto.dev opens")
-      ->type_name("FILE");
+  add_file(*sub, "--analysis", command->analysis_file, "take the analysis from this file (`analyze --save`)");
+  add_file(*sub, "--report", command->report_file, "write the report as JSON here");
+  add_file(*sub, "--trace", command->trace_file, "write a timeline here that ui.perfetto.dev opens");
   sub->add_flag("--condition", command->condition, "estimate the condition number (a few more solves)");
   sub->add_flag("--json", command->json, "print the report as JSON instead of the summary");
   sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");

@@ -219,7 +219,8 @@ class Report(Cli):
     def test_other_files_are_refused(self):
         self.expect(2, "report", self.file("a.json", "{}"), says="schema")
         self.expect(2, "report", self.file("b.json", "no json"), says="not a JSON object")
-        self.expect(2, "report", self.folder / "absent.json", says="cannot be opened")
+        self.expect(2, "report", self.folder / "absent.json", says="No such file")
+        self.expect(2, "report", self.folder, says="directory")
         rows = {"schema": "espalier-bench/1", "experiment": "peers", "date": "", "machine": {}, "rows": [{}]}
         self.expect(2, "report", self.file("c.json", json.dumps(rows)), says="row without system")
 

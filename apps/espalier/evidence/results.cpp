@@ -6,12 +6,11 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <limits>
 
 #include "espalier/types.hpp"
 #include "experiments/bench.hpp"
+#include "matrix/file.hpp"
 
 namespace espalier::cli::evidence {
 
@@ -64,10 +63,8 @@ std::string scaled(double value, std::initializer_list<std::pair<double, const c
 }  // namespace
 
 Results read_results(const std::string& path) {
-  std::ifstream stream(path);
-  if (!stream) reject(path, "cannot be opened");
   Results results;
-  results.data = Json::parse(stream, nullptr, false);
+  results.data = Json::parse(matrix::FileBytes(path).bytes(), nullptr, false);
   if (results.data.is_discarded() || !results.data.is_object()) reject(path, "is not a JSON object");
   if (results.data.value("schema", Json()) != bench::kSchema)
     reject(path, fmt::format("has schema {}; this reads {} (written by `espalier bench`)",
