@@ -123,6 +123,7 @@ struct SimulationSummary {
 /// One run of one model. Not safe for concurrent calls.
 class Simulation {
  public:
+  /// @throws std::invalid_argument for options that make no sense
   explicit Simulation(SimulationOptions options = {});
   ~Simulation();
   Simulation(Simulation&&) noexcept;

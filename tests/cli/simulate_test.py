@@ -6,6 +6,7 @@ import json
 import math
 import pathlib
 import re
+import resource
 import signal
 import struct
 import subprocess
@@ -187,8 +188,12 @@ class Simulate(Cli):
         stamps = [float(e.get("timestep")) for e in xml.parse(broken / "motion.pvd").getroot().iter("DataSet")]
         self.assertEqual(stamps, sorted(set(stamps)))
 
-    def test_ctrl_c_stops_cleanly(self):
-        out = self.folder / "out"
+    def test_ctrl_c_and_sigterm_stop_cleanly(self):
+        for sent in (signal.SIGINT, signal.SIGTERM):
+            with self.subTest(signal=sent):
+                self.stop_cleanly(sent, self.folder / sent.name)
+
+    def stop_cleanly(self, sent, out):
         text = PENDULUM.replace("end = 1", "end = 1e6\nmax_step = 1e-3").replace("vtu_interval = 0.25", "csv_interval = 10")
         process = subprocess.Popen([BINARY, "simulate", self.model(text), "--out", out], stdout=subprocess.PIPE,
                                    stderr=subprocess.PIPE, text=True)
@@ -197,7 +202,7 @@ class Simulate(Cli):
             if (out / "quantities.csv").exists():
                 break
         time.sleep(0.3)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(sent)
         stdout, stderr = process.communicate(timeout=60)
         self.assertEqual(process.returncode, 130, stderr)
         self.assertIn("stopped at t = ", stderr)
@@ -219,7 +224,9 @@ class Simulate(Cli):
         self.expect(2, "simulate", self.folder / "none.toml", says="none.toml")
         self.expect(2, "simulate", self.model(PENDULUM), "--set", "parameters.lenght=2,", says="--set")
         self.expect(2, "simulate", self.model(PENDULUM), "--restart", self.folder / "none", says="restart")
-        self.expect(2, "simulate", self.model(PENDULUM), "--until", -1, says="later than the start")
+        for until in (-1, 0, "nan", "inf"):
+            self.expect(2, "simulate", self.model(PENDULUM), "--until", until, says="later than the start")
+        self.expect(2, "simulate", self.folder, says="directory")
         self.expect(2, "simulate", self.model(PENDULUM), "--out", self.file("a file", "x"), says="folder")
 
     def test_failure_on_the_way_names_time_and_keeps_the_state(self):
@@ -236,6 +243,19 @@ motion = "cos(1) + t - 0.5403023058681398 + 0.2"
         self.assertRegex(result.stderr, r"t = 0\.[78]")
         self.assertTrue((out / "state.restart").exists())
         self.assertEqual(json.loads((out / "summary.json").read_text())["exit_code"], 6)
+
+    def test_a_full_disk_keeps_the_state(self):
+        # A limit on the size of files stands for the disk: the table of results grows beyond it, the state does not.
+        def limit():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))
+        text = PENDULUM.replace("vtu_interval = 0.25", "").replace("end = 1", "end = 1\nmax_step = 1e-3")
+        out = self.folder / "out"
+        result = self.run_cli("simulate", self.model(text), "--out", out, preexec_fn=limit)
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn("is the disk full?", result.stderr)
+        self.assertEqual({p.name for p in out.iterdir()}, {"quantities.csv", "state.restart", "summary.json"})
+        self.assertEqual(self.report(text, "--restart", out / "state.restart", "--until", 0.5)["time"]["end"], 0.5)
 
     def test_steps_are_shown(self):
         result = self.expect(0, "simulate", self.model(PENDULUM), "-v")

@@ -2,6 +2,8 @@
 // to change.
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
@@ -84,6 +86,33 @@ mesh = { part = "block", divisions = [1, 1, 1] }
        {"there already", "{i}"}},
       {"brace", p + "[markers.m]\nbody = \"bob{\"\n", {"'}' is missing"}},
       {"date", "when = 2020-01-01\n" + p, {"model.toml:1", "dates"}},
+      {"more elements than numbers",
+       replaced(solid, "[1, 1, 1]", "[2000000000, 1, 1]"),
+       {"model.toml:18", "divisions", "1e+08"}},
+      {"elements beyond all memory",
+       replaced(solid, "[1, 1, 1]", "[1000, 1000, 1000]"),
+       {"divisions", "1e+09 elements"}},
+      {"fractional divisions", replaced(solid, "[1, 1, 1]", "[1, 1.4, 1]"), {"divisions", "whole numbers"}},
+      {"endless cable",
+       p + "[bodies.c]\ntype = \"cable\"\nstart = [0, 0, 0]\nend = [1, 0, 0]\nelements = 2000000000\naxial = "
+           "1\nbending "
+           "= 1\nmass_per_length = 1\n",
+       {"model.toml:19", "bodies.c.elements", "1e+08"}},
+      {"steps between nothing", p + "max_step = 0.01\nmin_step = 1\n", {"model.toml:16", "min_step", "max_step"}},
+      {"endless outputs", p + "[output]\nvtu_interval = 1e-30\n", {"model.toml:15", "1e-30", "every step"}},
+      {"component of a component",
+       p + "[output]\nquantities = [\"bob.position.x.y\"]\n",
+       {"bob.position.x.y", "only one of x, y, z, norm"}},
+      {"component of a number",
+       p + "[output]\nquantities = [\"hinge.coordinate.x\"]\n",
+       {"hinge.coordinate.x", "number without components"}},
+      {"spring without length",
+       p + "[forces.s]\ntype = \"spring\"\nbodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\nstiffness = 1\n",
+       {"model.toml:15", "forces.s", "no direction"}},
+      {"function without value",
+       p + "[joints.m]\ntype = \"rotation-motor\"\nbodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\nmotion = \"sqrt(t - "
+           "1)\"\n",
+       {"model.toml:15", "joints.m", "\"sqrt(t - 1)\"", "not a finite number at t = 0"}},
   };
 }
 
@@ -96,6 +125,48 @@ TEST(ModelMistakes, EndInInvalidInputThatSaysWhereAndWhat) {
       EXPECT_NE(status.message.find(word), std::string::npos)
           << m.name << ": \"" << word << "\" in: " << status.message;
   }
+}
+
+TEST(ModelMistakes, LongExpressionsAreShownInPart) {
+  Simulation simulation;
+  const Status status =
+      simulation.load_text("[parameters]\nx = \"" + std::string(100'000, '(') + "\"\n" + kPendulum, "model.toml");
+  EXPECT_EQ(status.code, StatusCode::invalid_input);
+  EXPECT_LT(status.message.size(), 400U);
+}
+
+TEST(ModelMistakes, TimesAndOptionsThatCannotBe) {
+  SimulationOptions options;
+  options.until = std::numeric_limits<double>::infinity();
+  Simulation endless(options);
+  EXPECT_EQ(endless.load_text(kPendulum, "model.toml").code, StatusCode::invalid_input);
+  options = {};
+  options.dump_every = 0;
+  EXPECT_THROW(Simulation{options}, std::invalid_argument);
+  options.dump_every = 1;
+  options.dump_count = -1;
+  EXPECT_THROW(Simulation{options}, std::invalid_argument);
+}
+
+TEST(ModelMistakes, ForceWithoutDirectionIsNamed) {
+  const std::string text = R"([bodies.bob]
+type = "rigid"
+mass = 1
+inertia = [1, 1, 1]
+position = [0, 0, 0]
+[forces.short]
+type = "spring"
+a = { body = "ground" }
+b = { body = "bob" }
+stiffness = 1
+rest = 0
+[integrator]
+end = 1
+)";
+  Simulation simulation;
+  const Status status = simulation.load_text(text, "model.toml");
+  EXPECT_EQ(status.code, StatusCode::singular);
+  EXPECT_NE(status.message.find("\"short\": the distance of two points"), std::string::npos) << status.message;
 }
 
 TEST(ModelMistakes, InvertedElementOfAMeshFileIsNamed) {

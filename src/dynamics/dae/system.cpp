@@ -210,21 +210,38 @@ void AssembledSystem::magnitude(ConstSpan q, Span out) const {
   for (const Component* c : owners_of_coordinates_) c->magnitude(q, out);
 }
 
+namespace {
+
+/// A singular position of a component is reported with the component's name.
+template <class Call>
+void evaluate(const Component& component, const Call& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    if (error.status().code != StatusCode::singular) throw;
+    throw Error(StatusCode::singular, "\"" + component.name() + "\": " + error.what(), error.status().row);
+  }
+}
+
+}  // namespace
+
 void AssembledSystem::residual(const StateView& s, Span f) {
   std::fill(f.begin(), f.end(), 0.0);
-  for (const auto& c : components_) c->residual(s, f);
+  for (const auto& c : components_) evaluate(*c, [&] { c->residual(s, f); });
 }
 
 void AssembledSystem::constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) {
-  for (Component* c : owners_of_constraints_) c->constraints(t, q, v, out);
+  for (Component* c : owners_of_constraints_) evaluate(*c, [&] { c->constraints(t, q, v, out); });
 }
 
 Energy AssembledSystem::energy(const StateView& s) {
   Energy sum;
   for (const auto& c : components_) {
-    const Energy e = c->energy(s);
-    sum.kinetic += e.kinetic;
-    sum.potential += e.potential;
+    evaluate(*c, [&] {
+      const Energy e = c->energy(s);
+      sum.kinetic += e.kinetic;
+      sum.potential += e.potential;
+    });
   }
   return sum;
 }
@@ -235,7 +252,7 @@ void AssembledSystem::accept(const StateView& s) {
 
 void AssembledSystem::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
   std::fill(w_values.begin(), w_values.end(), 0.0);
-  for (const auto& c : components_) c->tangent(s, weights, w_values);
+  for (const auto& c : components_) evaluate(*c, [&] { c->tangent(s, weights, w_values); });
 }
 
 // ---- Frame

@@ -46,7 +46,8 @@ struct Distance {
   Distance(const FrameMotion& a, const FrameMotion& b) : u(b.r - a.r), length(u.norm()) {
     if (!(length > 0)) {
       throw Error(StatusCode::singular,
-                  "a distance has become zero: its direction is undefined; use a spherical joint");
+                  "the distance of two points has become zero and has no direction; hold points that coincide by a "
+                  "spherical joint, begin a spring with its ends apart");
     }
     u /= length;
   }

@@ -35,7 +35,7 @@ class Builder {
   }
 
   TimeFunction motion(const JointSpec& j, Relative kind, int axis) {
-    TimeFunction f = j.function->function();
+    TimeFunction f = j.function->function(j.place.text());
     if (!j.relative) return f;
     const double start = measure(kind, axis, j.frames) - j.function->value(model_.integrator.start);
     f.value = [g = f.value, start](double t) { return start + g(t); };
@@ -90,7 +90,7 @@ class Builder {
     law.rest = f.measured ? measure(kind, axis, f.frames) : f.rest;
     law.preload = f.preload;
     if (f.function) {
-      law.actuator = f.function->function();
+      law.actuator = f.function->function(f.place.text());
       law.active = true;
     }
     return law;
@@ -108,7 +108,7 @@ class Builder {
     for (BuiltBody& body : out_.bodies) {
       if (body.spec.name != f.body) continue;
       if (!body.mesh) throw std::invalid_argument("pressure acts on solid bodies only");
-      const TimeFunction value = f.function->function();
+      const TimeFunction value = f.function->function(f.place.text());
       body.flexible->add_pressure(*body.mesh, body.mesh->face_set(f.face), value.value);
       return;
     }
@@ -131,7 +131,7 @@ class Builder {
         law.force = f.linear;
         law.moment = f.angular;
         law.follower = f.follower;
-        if (f.function) law.factor = f.function->function();
+        if (f.function) law.factor = f.function->function(f.place.text());
         return load(f.name, std::move(a), law);
       }
       case ForceType::guide: {

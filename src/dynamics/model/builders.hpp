@@ -16,7 +16,8 @@ void at_place(const Place& place, const Make& make) {
   } catch (const std::invalid_argument& error) {
     fail(place, error.what());
   } catch (const Error& error) {
-    if (error.status().code != StatusCode::invalid_input) throw;
+    const StatusCode code = error.status().code;
+    if (code != StatusCode::invalid_input && code != StatusCode::singular) throw;  // singular: of the given positions
     const std::string text = error.what();
     if (text.rfind(place.file + ":", 0) == 0) throw;  // has its place already
     fail(place, text);

@@ -161,8 +161,13 @@ class ExpressionParser {
   using Kind = Expression::Code::Kind;
 
   [[noreturn]] void stop(const std::string& what) const {
+    // Of a text that fills pages, what stands around the place is enough.
+    constexpr std::size_t kBefore = 40, kShown = 120;
+    const std::size_t first = text_.size() > kShown && at_ > kBefore ? at_ - kBefore : 0;
+    const std::size_t last = std::min(text_.size(), first + kShown);
     throw Error(StatusCode::invalid_input,
-                fmt::format("in the expression \"{}\", character {}: {}", text_, at_ + 1, what));
+                fmt::format("in the expression \"{}{}{}\", character {}: {}", first > 0 ? "..." : "",
+                            text_.substr(first, last - first), last < text_.size() ? "..." : "", at_ + 1, what));
   }
   void skip() {
     while (at_ < text_.size() && (text_[at_] == ' ' || text_[at_] == '\t' || text_[at_] == '\n')) ++at_;
@@ -307,7 +312,7 @@ class ExpressionParser {
   int depth_ = 0;
 };
 
-Expression::Expression(std::string_view text, const Scope& scope, bool of_time) {
+Expression::Expression(std::string_view text, const Scope& scope, bool of_time) : text_(text) {
   ExpressionParser(text, scope, of_time, *this).run();
 }
 
@@ -373,14 +378,19 @@ Jet Expression::jet(double t) const {
   return stack.back();
 }
 
-TimeFunction Expression::function() const {
+TimeFunction Expression::function(const std::string& place) const {
   // The three functions share one copy of the code.
   const auto shared = std::make_shared<const Expression>(*this);
-  TimeFunction f;
-  f.value = [shared](double t) { return shared->jet(t).value; };
-  f.rate = [shared](double t) { return shared->jet(t).rate; };
-  f.acceleration = [shared](double t) { return shared->jet(t).acceleration; };
-  return f;
+  const auto part = [shared, place](double Jet::*which, const char* name) -> std::function<double(double)> {
+    return [shared, place, which, name](double t) {
+      const double number = shared->jet(t).*which;
+      if (!std::isfinite(number))
+        throw Error(StatusCode::invalid_input, fmt::format("{}: the {} of \"{}\" is not a finite number at t = {:g}",
+                                                           place, name, shared->text_, t));
+      return number;
+    };
+  };
+  return {part(&Jet::value, "value"), part(&Jet::rate, "rate"), part(&Jet::acceleration, "second derivative")};
 }
 
 }  // namespace espalier::dynamics::model

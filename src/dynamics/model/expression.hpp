@@ -30,8 +30,9 @@ class Expression {
   [[nodiscard]] double value(double t = 0) const { return jet(t).value; }
   [[nodiscard]] Jet jet(double t) const;
   [[nodiscard]] bool depends_on_time() const { return depends_on_time_; }
-  /// For motors and loads.
-  [[nodiscard]] TimeFunction function() const;
+  /// For motors and loads. @param place begins the message of the Error(invalid_input) that a function throws where it
+  /// (or the derivative asked for) is not a finite number
+  [[nodiscard]] TimeFunction function(const std::string& place) const;
 
  private:
   friend class ExpressionParser;
@@ -42,6 +43,7 @@ class Expression {
     double number = 0;
     int function = 0;
   };
+  std::string text_;
   std::vector<Code> code_;
   bool depends_on_time_ = false;
 };

@@ -141,11 +141,14 @@ std::vector<Quantity> find_quantities(Mechanism& mechanism, const std::string& r
   for (const auto& [name, value] : offer.scalars) known.push_back(name);
   for (const auto& [name, value] : offer.vectors) known.push_back(name);
   const std::string what = parts.size() > 1 ? parts[1] : "";
-  if (parts.size() == 2)
-    for (const auto& [name, value] : offer.scalars)
-      if (name == what) return {{request, value}};
+  for (const auto& [name, value] : offer.scalars) {
+    if (name != what) continue;
+    if (parts.size() > 2) fail(place, fmt::format("\"{}\": '{}' is a number without components", request, what));
+    return {{request, value}};
+  }
   for (const auto& [name, value] : offer.vectors) {
-    if (name != what || parts.size() > 3) continue;
+    if (name != what) continue;
+    if (parts.size() > 3) fail(place, fmt::format("\"{}\": only one of x, y, z, norm may follow", request));
     std::vector<Quantity> result;
     for (int i = 0; i < 3; ++i) {
       const std::string component(1, "xyz"[i]);

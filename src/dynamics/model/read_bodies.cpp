@@ -154,9 +154,12 @@ class BodyReader {
     if (s.has("divisions")) {
       const Vec3 n = s.vector("divisions");
       for (int i = 0; i < 3; ++i) {
-        b.divisions[i] = static_cast<int>(std::lround(n[i]));
-        if (b.divisions[i] < 1) fail(s.place("divisions"), "needs three whole numbers of at least 1");
+        if (!(n[i] >= 1 && n[i] <= kMostElements) || n[i] != std::floor(n[i]))
+          fail(s.place("divisions"), fmt::format("needs three whole numbers from 1 to {:g}", kMostElements));
+        b.divisions[i] = static_cast<int>(n[i]);
       }
+      if (n[0] * n[1] * n[2] > kMostElements)
+        fail(s.place("divisions"), fmt::format("makes {:g} elements; at most {:g} can be", n.prod(), kMostElements));
     }
     return b;
   }
@@ -217,8 +220,13 @@ class BodyReader {
     return r;
   }
 
+  /// Of one body. More have unknowns that no machine holds, and 32-bit numbers do not reach.
+  static constexpr double kMostElements = 1e8;
+
   static Index elements(Section& s, const std::string& key, int otherwise) {
-    return static_cast<Index>(s.integer(key, 1, otherwise));
+    const int number = s.integer(key, 1, otherwise);
+    if (number > kMostElements) fail(s.place(key), fmt::format("must not be above {:g}", kMostElements));
+    return static_cast<Index>(number);
   }
 
   CableSpec read_cable(Section& s) const {
@@ -269,6 +277,8 @@ class BodyReader {
                     needed_material(s),
                     s.positive("thickness")};
     if (!(shell.x.cross(shell.y).norm() > 0)) fail(s.place("y"), "x and y must not be parallel");
+    if (static_cast<double>(shell.nx) * shell.ny > kMostElements)
+      fail(s.place("nx"), fmt::format("nx times ny must not be above {:g}", kMostElements));
     return shell;
   }
 

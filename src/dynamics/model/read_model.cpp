@@ -21,6 +21,7 @@ void read_bdf(Section& s, BdfOptions& o) {
   o.initial_step = s.positive("initial_step", o.initial_step);
   o.max_step = s.positive("max_step", o.max_step);
   o.min_step = s.positive("min_step", o.min_step);
+  if (o.min_step > o.max_step) fail(s.place("min_step"), fmt::format("must not be above max_step, {:g}", o.max_step));
   o.fixed_step = s.positive("step", o.fixed_step);
   o.constraint_tolerance = s.positive("constraint_tolerance", o.constraint_tolerance);
   o.max_newton = s.integer("max_newton", 1, o.max_newton);

@@ -112,13 +112,18 @@ void RunFiles::end(const Sample& s) {
 }
 
 void RunFiles::emergency(const Sample& s) noexcept {
-  try {
-    end(s);
-  } catch (...) {  // the failure that brought us here is the one to report
-  }
+  const auto save = [](const auto& write) {
+    try {
+      write();
+    } catch (...) {  // the failure that brought us here is the one to report
+    }
+  };
+  if (!folder_.empty()) save([&] { write_restart_file(s); });
+  if (csv_) save([&] { write_csv(s); });
+  if (pictures_) save([&] { write_picture(s); });
 }
 
-double RunFiles::next_exact_time(double /*t*/) const {
+double RunFiles::next_exact_time() const {
   double next = std::numeric_limits<double>::infinity();
   if (!spec_.exact_times || folder_.empty()) return next;
   for (const Clock* clock : {&csv_clock_, &vtu_clock_, &restart_clock_})

@@ -29,7 +29,7 @@ class RunFiles {
   /// Saves what can be saved when the run fails; never throws.
   void emergency(const Sample& s) noexcept;
   /// The next time at which a step has to end.
-  [[nodiscard]] double next_exact_time(double t) const;
+  [[nodiscard]] double next_exact_time() const;
   [[nodiscard]] const std::vector<std::string>& written() const { return written_; }
 
  private:

@@ -23,17 +23,29 @@ SimulationStep public_step(const StepReport& r) {
 
 SimulationEnergy to_public(const Energy& e) { return {e.kinetic, e.potential}; }
 
+/// So many times of output can be told apart and reached; more are a slip of the pen.
+void check_intervals(const Description& model) {
+  constexpr double kMost = 1e9;
+  const double duration = model.integrator.end - model.integrator.start;
+  for (const double interval : {model.output.csv_interval, model.output.vtu_interval, model.output.restart_interval})
+    if (interval > 0 && duration > kMost * interval)
+      fail(model.output.place, fmt::format("an interval of {:g} asks for more than {:g} outputs until {:g}; 0 writes "
+                                           "every step",
+                                           interval, kMost, model.integrator.end));
+}
+
 }  // namespace
 
 Runner::Runner(Description model, SimulationOptions options, SimulationSummary& summary)
     : model_(std::move(model)), options_(std::move(options)), summary_(summary) {
   const Stopwatch watch(summary_.phases.total);
   if (options_.until) {
-    if (!(*options_.until > model_.integrator.start))
-      throw Error(StatusCode::invalid_input, fmt::format("--until {}: must be later than the start, {}",
+    if (!(*options_.until > model_.integrator.start) || !std::isfinite(*options_.until))
+      throw Error(StatusCode::invalid_input, fmt::format("--until {}: must be a time later than the start, {}",
                                                          *options_.until, model_.integrator.start));
     model_.integrator.end = *options_.until;
   }
+  check_intervals(model_);
   summary_.title = model_.title;
   summary_.method = model_.integrator.method == Method::bdf ? "bdf" : "generalized-alpha";
   std::vector<std::pair<std::string, std::string>> by_name = model_.solver;
@@ -201,7 +213,7 @@ void Runner::loop(const SimulationObserver& observer) {
   const double slack = 4e-16 * std::max(std::abs(end), std::abs(time()));
   constexpr long kWatchEvery = 100;
   while (end - time() > slack) {
-    last_report_ = step(std::min(end, files_->next_exact_time(time())));
+    last_report_ = step(std::min(end, files_->next_exact_time()));
     if (last_report_.index % kWatchEvery == 0) guard_->check(current());
     {
       const Stopwatch output(summary_.phases.output);

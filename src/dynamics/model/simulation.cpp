@@ -1,12 +1,9 @@
 // The public entry: failures become a Status.
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <fstream>
 #include <new>
-#include <sstream>
 #include <stdexcept>
 
+#include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/expand.hpp"
 #include "dynamics/model/runner.hpp"
 #include "espalier/dynamics.hpp"
@@ -32,6 +29,8 @@ struct Simulation::Impl {
       status = error.status();
     } catch (const std::bad_alloc&) {
       status = {StatusCode::out_of_memory, "the machine's memory is too small for this model", -1};
+    } catch (const std::length_error&) {
+      status = {StatusCode::out_of_memory, "the model needs an array longer than the machine can address", -1};
     }
     return status;
   }
@@ -43,6 +42,8 @@ struct Simulation::Impl {
 };
 
 Simulation::Simulation(SimulationOptions options) : impl_(std::make_unique<Impl>()) {
+  if (options.dump_every < 1 || options.dump_count < 1)
+    throw std::invalid_argument("SimulationOptions: dump_every and dump_count must be at least 1");
   impl_->options = std::move(options);
 }
 Simulation::~Simulation() = default;
@@ -51,13 +52,7 @@ Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 
 Status Simulation::load(const std::string& path) {
   std::string text;
-  const Status status = impl_->guard([&] {
-    std::ifstream in(path, std::ios::binary);
-    std::ostringstream content;
-    content << in.rdbuf();
-    if (!in) throw Error(StatusCode::invalid_input, fmt::format("cannot read the model file '{}'", path));
-    text = content.str();
-  });
+  const Status status = impl_->guard([&] { text = dynamics::read_whole_file(path); });
   return status.ok() ? load_text(text, path) : status;
 }
 
