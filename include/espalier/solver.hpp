@@ -127,11 +127,12 @@ struct ConditionResult {
 };
 
 /// The direct solver. One object serves one pattern at a time; objects are independent of each other. Not safe for
-/// concurrent calls on one object.
+/// concurrent calls on one object. One that was moved from can be assigned to or destroyed, nothing else.
 class Solver {
  public:
   enum class State { empty, analyzed, factorized };
 
+  /// @throws std::invalid_argument for numbers and enumerations that no option can be
   explicit Solver(Options options = {});
   ~Solver();
   Solver(Solver&&) noexcept;

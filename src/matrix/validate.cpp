@@ -17,6 +17,8 @@ constexpr Index kColumnsPerTask = 4096;
 void check_shape(const MatrixView& a) {
   const auto refuse = [](const std::string& message) { throw Error(StatusCode::invalid_input, message); };
   if (a.rows < 0 || a.cols < 0) refuse(fmt::format("a matrix of {} x {}: sizes must not be negative", a.rows, a.cols));
+  if (static_cast<unsigned>(a.storage) > static_cast<unsigned>(Storage::symmetric_both))
+    refuse(fmt::format("storage {} is none of espalier::Storage", static_cast<int>(a.storage)));
   if (a.symmetric() && a.rows != a.cols) refuse(fmt::format("a matrix of {} x {} cannot be symmetric", a.rows, a.cols));
   if (a.col_ptr.size() != static_cast<std::size_t>(a.cols) + 1)
     refuse(fmt::format("{} columns need {} column pointers, {} were given", a.cols, a.cols + 1, a.col_ptr.size()));

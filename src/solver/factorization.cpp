@@ -151,23 +151,32 @@ void Solver::Impl::finish_factorization(device::FactorOutcome outcome, double st
 }
 
 // The matrix that llt gave up is analyzed again from the solver's copy; the caller's values still go where they went.
+// Values of which no ldlt can be made cost this factorization alone: the analysis for llt is made again.
 void Solver::Impl::turn_to_ldlt() {
   log("a pivot is not positive: going on with ldlt");
-  state = State::empty;  // a failure on the way leaves nothing to go on with
-  kind_may_change = false;
   const double start = base::now_seconds();
   const solver::StoredMatrix copy = std::move(equations.a);
   std::vector<Offset> target = std::move(equations.target);
   const Offset caller_nonzeros = equations.caller_nonzeros;
   const std::uint64_t caller_pattern = equations.caller_pattern;
   const bool symmetric_values = equations.symmetric_values;
-  analyze_as(copy, Kind::ldlt);
-  equations.target = std::move(target);
-  equations.caller_nonzeros = caller_nonzeros;
-  equations.caller_pattern = caller_pattern;
-  equations.symmetric_values = symmetric_values;
-  residual.set_values(equations.a.values);
-  describe_plan(start);
+  const auto analyze_copy = [&](Kind chosen) {
+    state = State::empty;  // until the analysis stands
+    analyze_as(copy, chosen);
+    equations.target = std::move(target);
+    equations.caller_nonzeros = caller_nonzeros;
+    equations.caller_pattern = caller_pattern;
+    equations.symmetric_values = symmetric_values;
+    residual.set_values(equations.a.values);
+    describe_plan(start);
+  };
+  try {
+    analyze_copy(Kind::ldlt);
+    kind_may_change = false;
+  } catch (const Error&) {
+    analyze_copy(Kind::llt);
+    throw;
+  }
 }
 
 void Solver::Impl::set_smallest_pivot() {

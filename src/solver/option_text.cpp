@@ -8,6 +8,8 @@
 #include <cmath>
 #include <limits>
 
+#include "solver/option_check.hpp"
+
 namespace espalier::solver {
 
 namespace {
@@ -116,7 +118,7 @@ constexpr std::array<Entry, 14> kEntries{{
      [](Options& o, std::string_view k, std::string_view v) { o.pinned_memory_bytes = parse_budget(k, v); }},
     {"threads",
      [](Options& o, std::string_view k, std::string_view v) {
-       o.threads = parse_number<int>(k, v, 0, 4096, "a number of threads from 1 to 4096, or 0 for all cores");
+       o.threads = parse_number<int>(k, v, 0, kMostThreads, "a number of threads from 1 to 4096, or 0 for all cores");
      }},
     {"max_block_size",
      [](Options& o, std::string_view k, std::string_view v) {

@@ -8,6 +8,7 @@
 
 #include "matrix/validate.hpp"
 #include "solver/analysis_file.hpp"
+#include "solver/option_check.hpp"
 #include "solver/solver_impl.hpp"
 
 namespace espalier {
@@ -63,7 +64,7 @@ FactorResult factor_by(Impl& impl, Body&& body) {
 }
 
 int threads_of(const Options& o) {
-  if (o.threads < 0) throw std::invalid_argument("Options::threads is negative");
+  solver::check_options(o);
   const int threads = o.threads > 0 ? o.threads : base::available_cores();
   const auto host = solver::host_devices(o.device, threads);
   return host ? host->devices * host->threads : threads;

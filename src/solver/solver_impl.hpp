@@ -54,7 +54,7 @@ struct Solver::Impl {
   void solve_on_device(solver::DeviceSystem& system, const double* b, double* x, Index columns, bool transpose);
   void solve_at(const solve::ResidualSpace& space, const solve::Preconditioner& apply, const double* b, double* x,
                 Index columns, bool transpose, bool krylov);
-  void judge_solution();
+  void judge_solution(const double* b, Index columns);  ///< b: null where it lies on a GPU
   double condition_estimate();
 
   void log(const std::string& line) const {

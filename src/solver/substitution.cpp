@@ -34,6 +34,19 @@ bool overlap(const double* a, const double* b, std::size_t count) {
   return before(a, b + count) && before(b, a + count);
 }
 
+// What a solution that is not finite comes from: a right-hand side that is not, or numbers near the overflow. `b` may
+// be null: it lies on a GPU.
+Status not_finite(const double* b, Index rows, Index columns) {
+  for (Offset k = 0; b != nullptr && k < Offset{rows} * columns; ++k)
+    if (!std::isfinite(b[k]))
+      return {StatusCode::invalid_input, fmt::format("row {} of right-hand side {} is {}", k % rows, k / rows, b[k]),
+              static_cast<Index>(k % rows)};
+  return {StatusCode::accuracy_not_reached,
+          "the solution is not finite: it, or what is multiplied on the way, is above the largest number; scale the "
+          "right-hand side or the matrix",
+          -1};
+}
+
 }  // namespace
 
 void Solver::Impl::solve(std::span<const double> b, std::span<double> x, Index columns, bool transpose) {
@@ -57,7 +70,7 @@ void Solver::Impl::solve(std::span<const double> b, std::span<double> x, Index c
     solve_at(residual, apply, b.data(), x.data(), columns, transpose, options.precision == Precision::mixed);
     solution.solve_seconds = first;
   }
-  judge_solution();
+  judge_solution(b.data(), columns);
   solution.seconds = base::now_seconds() - start;
 }
 
@@ -102,7 +115,7 @@ void Solver::Impl::solve_device(const double* b, double* x, Index columns, bool 
   }
   solve_on_device(*system, b, x, columns, transpose);
   system->finish();
-  judge_solution();
+  judge_solution(nullptr, columns);
   solution.seconds = base::now_seconds() - start;
 }
 
@@ -140,10 +153,14 @@ void Solver::Impl::solve_at(const solve::ResidualSpace& space, const solve::Prec
   solution.componentwise_error = std::max(solution.componentwise_error, r.error.componentwise);
 }
 
-void Solver::Impl::judge_solution() {
+void Solver::Impl::judge_solution(const double* b, Index columns) {
   const double limit = options.precision == Precision::fp32 ? std::max(options.required_backward_error, 1e-5)
                                                             : options.required_backward_error;
   if (solution.backward_error <= limit || std::isinf(limit)) return;
+  if (std::isinf(solution.backward_error)) {
+    solution.status = not_finite(b, plan.tree.n, columns);
+    return;
+  }
   solution.status = {StatusCode::accuracy_not_reached,
                      fmt::format("the backward error is {:.1e} after {} steps of refinement, above the {:.1e} asked "
                                  "for; use precision fp64, "

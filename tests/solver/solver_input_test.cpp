@@ -55,6 +55,14 @@ TEST(SolverInput, DuplicatesThatCancelDoNotFlatterTheError) {
   }
 }
 
+TEST(SolverInput, StorageThatDoesNotExistIsRefused) {
+  SparseMatrix a = diagonal({1, 2});
+  a.storage = static_cast<Storage>(9);
+  const AnalysisResult r = Solver(two_threads()).analyze(a);
+  EXPECT_EQ(r.status.code, StatusCode::invalid_input);
+  EXPECT_NE(r.status.message.find("storage 9"), std::string::npos) << r.status.message;
+}
+
 TEST(SolverInput, ExplicitZerosAndOneByOne) {
   expect_solved(reference::from_triples(1, {{0, 0, -4}}, Storage::general));
   expect_solved(reference::from_triples(1, {{0, 0, 1e-300}}, Storage::symmetric_upper));

@@ -46,9 +46,34 @@ TEST(SolverState, CallsOutOfOrderThrow) {
   EXPECT_THROW((void)s.solve(x, x, 2), std::invalid_argument);
   EXPECT_THROW((void)s.solve({}, {}, 0), std::invalid_argument);
   EXPECT_THROW((void)s.solve(x, x, -1), std::invalid_argument);
-  Options negative;
-  negative.threads = -1;
-  EXPECT_THROW(Solver{negative}, std::invalid_argument);
+}
+
+TEST(SolverState, OptionsThatCannotBeAreMisuse) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<void (*)(Options&, double)> wrong = {
+      [](Options& o, double) { o.kind = static_cast<Kind>(7); },
+      [](Options& o, double) { o.precision = static_cast<Precision>(-1); },
+      [](Options& o, double) { o.threads = -1; },
+      [](Options& o, double) { o.threads = 1'000'000; },
+      [](Options& o, double) { o.max_block_size = -3; },
+      [](Options& o, double) { o.pivot_threshold = 1.5; },
+      [](Options& o, double x) { o.pivot_threshold = x; },
+      [](Options& o, double x) { o.perturbation = x; },
+      [](Options& o, double) { o.refinement_steps = -1; },
+      [](Options& o, double x) { o.required_backward_error = x; },
+      [](Options& o, double x) { o.sharing.additional_subtrees = x; },
+      [](Options& o, double) { o.host_memory_bytes = -5; },
+      [](Options& o, double) { o.device_memory_bytes = -5; },
+      [](Options& o, double) {
+        o.device_memory_each_bytes = {1 << 20, -5};
+      },
+      [](Options& o, double) { o.pinned_memory_bytes = -2; },
+  };
+  for (std::size_t k = 0; k < wrong.size(); ++k) {
+    Options o = two_threads();
+    wrong[k](o, nan);
+    EXPECT_THROW(Solver{o}, std::invalid_argument) << k;
+  }
 }
 
 TEST(SolverState, FailedAnalysisLeavesAnEmptySolverThatWorksAgain) {
@@ -197,6 +222,21 @@ TEST(SolverKind, AutomaticChoiceAndFallback) {
   }
 }
 
+TEST(SolverKind, ValuesThatNoKindTakesDoNotCostTheAnalysis) {
+  const SparseMatrix a = reference::random_system(50, 5, Values::positive, 11);
+  Solver s(two_threads());
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  const std::vector<double> zeros(a.values.size(), 0.0);
+  EXPECT_EQ(s.refactorize(zeros).status.code, StatusCode::singular);
+  EXPECT_EQ(s.state(), Solver::State::analyzed);
+  ASSERT_TRUE(s.refactorize(a.values).status.ok());
+  EXPECT_EQ(s.analysis().kind, Kind::llt);
+  const std::vector<double> b = reference::random_vector(50, 3);
+  std::vector<double> x(50);
+  EXPECT_TRUE(s.solve(b, x).status.ok());
+  EXPECT_LE(reference::backward_error(a, b, x), 8 * kEps);
+}
+
 TEST(SolverKind, NotPositiveDefiniteNamesTheRow) {
   for (const Index bad : {0, 5, 149}) {
     SparseMatrix a = reference::random_system(150, 5, Values::positive, 12);
@@ -270,8 +310,13 @@ TEST(SolverSolve, NotFiniteRightHandSideIsReportedNotPassedOff) {
     ASSERT_TRUE(s.factorize(a).status.ok());
     std::vector<double> b(50, 1.0), x(50);
     b[9] = std::numeric_limits<double>::quiet_NaN();
-    EXPECT_FALSE(s.solve(b, x).status.ok());
-    b[9] = 1;
+    const Status status = s.solve(b, x).status;
+    EXPECT_EQ(status.code, StatusCode::invalid_input);
+    EXPECT_EQ(status.row, 9);
+    EXPECT_NE(status.message.find("row 9 of right-hand side 0 is nan"), std::string::npos) << status.message;
+    std::fill(b.begin(), b.end(), std::numeric_limits<double>::max());
+    EXPECT_EQ(s.solve(b, x).status.code, StatusCode::accuracy_not_reached) << "the solution overflows";
+    std::fill(b.begin(), b.end(), 1.0);
     EXPECT_TRUE(s.solve(b, x).status.ok());
   }
 }
