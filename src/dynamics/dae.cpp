@@ -59,13 +59,30 @@ AlphaOptions alpha_options(const DaeOptions& o) {
   return a;
 }
 
+/// @throws std::invalid_argument naming the field
+DaeOptions checked(DaeOptions o) {
+  const auto require = [](bool good, const char* what) {
+    if (!good) throw std::invalid_argument(std::string("DaeOptions::") + what);
+  };
+  require(o.method == DaeMethod::bdf || o.method == DaeMethod::generalized_alpha, "method is none of DaeMethod");
+  require(o.step >= 0 && std::isfinite(o.step), "step must be 0 (variable) or a length of time");
+  require(o.initial_step >= 0 && std::isfinite(o.initial_step), "initial_step must be 0 (found) or a length of time");
+  require(o.max_step > 0, "max_step must be above 0");
+  require(o.spectral_radius >= 0 && o.spectral_radius <= 1, "spectral_radius must lie in [0, 1]");
+  require(o.constraint_tolerance > 0, "constraint_tolerance must be above 0");
+  require(o.max_newton >= 1, "max_newton must be at least 1");
+  require(o.allowed_position >= 0, "allowed_position must not be negative");
+  require(o.allowed_velocity >= 0, "allowed_velocity must not be negative");
+  return o;
+}
+
 std::vector<double> copy(std::span<const double> x) { return {x.begin(), x.end()}; }
 
 }  // namespace
 
 struct Dae::Impl {
   Impl(DaeFunctions functions, DaeOptions given)
-      : options(std::move(given)),
+      : options(checked(std::move(given))),
         system(std::move(functions)),
         equations(system, options.solver ? make_espalier_solver(*options.solver) : nullptr),
         guard(equations) {
@@ -97,6 +114,10 @@ struct Dae::Impl {
     if (q.size() != n || v.size() != n)
       throw std::invalid_argument(
           fmt::format("start: {} coordinates need as many q and v, got {} and {}", n, q.size(), v.size()));
+    if (!std::isfinite(t)) throw std::invalid_argument(fmt::format("start: t is {}", t));
+    for (std::size_t i = 0; i < n; ++i)
+      if (!std::isfinite(q[i]) || !std::isfinite(v[i]))
+        throw std::invalid_argument(fmt::format("start: q[{}] is {}, v[{}] is {}", i, q[i], i, v[i]));
     started = false;
     State state(system.sizes());
     state.t = t;

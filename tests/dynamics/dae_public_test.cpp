@@ -191,6 +191,43 @@ TEST(DaePublic, WrongUseThrows) {
   EXPECT_THROW(static_cast<void>(dae.start(0, kStart, {})), std::invalid_argument);
   ASSERT_TRUE(dae.start(0, kStart, kRest).ok());
   EXPECT_THROW(static_cast<void>(dae.integrate(-1)), std::invalid_argument);
+  const double nan = std::numeric_limits<double>::quiet_NaN(), lost[] = {1, nan};
+  EXPECT_THROW(static_cast<void>(dae.start(nan, kStart, kRest)), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(dae.start(0, lost, kRest)), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(dae.start(0, kStart, lost)), std::invalid_argument);
+}
+
+TEST(DaePublic, OptionsThatCannotBeAreMisuse) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<void (*)(DaeOptions&, double)> wrong = {
+      [](DaeOptions& o, double) { o.method = static_cast<DaeMethod>(5); },
+      [](DaeOptions& o, double) { o.relative = -1; },
+      [](DaeOptions& o, double x) { o.absolute = x; },
+      [](DaeOptions& o, double) { o.max_order = 9; },
+      [](DaeOptions& o, double) { o.step = -1; },
+      [](DaeOptions& o, double x) { o.step = x; },
+      [](DaeOptions& o, double x) { o.initial_step = x; },
+      [](DaeOptions& o, double) { o.max_step = 0; },
+      [](DaeOptions& o, double x) { o.max_step = x; },
+      [](DaeOptions& o, double) { o.spectral_radius = 3; },
+      [](DaeOptions& o, double x) { o.constraint_tolerance = x; },
+      [](DaeOptions& o, double) { o.max_newton = 0; },
+      [](DaeOptions& o, double x) { o.allowed_position = x; },
+      [](DaeOptions& o, double x) { o.allowed_velocity = x; },
+  };
+  for (std::size_t k = 0; k < wrong.size(); ++k) {
+    DaeOptions o;
+    wrong[k](o, nan);
+    EXPECT_THROW(Dae(pendulum(), o), std::invalid_argument) << k;
+  }
+}
+
+TEST(DaePublic, ForceThatIsNotANumberIsSaid) {
+  DaeFunctions f = pendulum();
+  f.force = [](double, auto, auto, std::span<double> out) { out[1] = std::numeric_limits<double>::quiet_NaN(); };
+  const Status status = Dae(f).start(0, kStart, kRest);
+  EXPECT_FALSE(status.ok());
+  EXPECT_NE(status.message.find("not a finite number"), std::string::npos) << status.message;
 }
 
 // Truth: after a quarter of the period the pendulum hangs at its lowest point; halving the constant step of

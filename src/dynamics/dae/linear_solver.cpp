@@ -26,6 +26,9 @@ class DenseSolver final : public LinearSolver {
         dense_(row_ind_[p], j) += values[p];
       }
     }
+    for (Index j = 0; j < n_; ++j)
+      if (!dense_.col(j).allFinite())
+        return {StatusCode::singular, "an entry of column " + std::to_string(j) + " is not a finite number", j};
     lu_.compute(dense_);
     for (Index i = 0; i < n_; ++i) {
       const double pivot = lu_.matrixLU()(i, i);
