@@ -8,6 +8,7 @@
 
 #include "analysis/plan.hpp"
 #include "device/cuda/cuda_executor.hpp"
+#include "solver/option_check.hpp"
 
 namespace espalier::solver {
 
@@ -18,8 +19,6 @@ constexpr double kHostFlopsPerSecond = 6e10;  // per thread
 constexpr double kHostSecondsPerFront = 1.5e-6;
 constexpr double kGpuStartSeconds = 2e-4;  // values to the device, launch, outcome back
 constexpr double kGainOfDevice = 0.9;      // another GPU must bring the predicted time below this part of it
-
-constexpr std::int64_t kMostThreads = 4096;
 
 DeviceChoice on_gpus(const device::cuda::Availability& found, std::vector<int> gpus, std::string reason) {
   const auto count = static_cast<int>(gpus.size());
@@ -55,7 +54,7 @@ std::optional<std::vector<int>> gpu_list(const std::string& text) {
   for (;;) {
     int gpu = 0;
     const auto [stop, error] = std::from_chars(at, end, gpu);
-    if (error != std::errc() || std::find(gpus.begin(), gpus.end(), gpu) != gpus.end()) return std::nullopt;
+    if (error != std::errc() || gpu < 0 || std::find(gpus.begin(), gpus.end(), gpu) != gpus.end()) return std::nullopt;
     gpus.push_back(gpu);
     if (static_cast<int>(gpus.size()) > device::cuda::kMostDevices) return std::nullopt;
     if (stop == end) return gpus;
@@ -127,15 +126,18 @@ DeviceChoice choose(const Options& options, const PredictedTime& predicted) {
     choice.budgeted = true;
     return choice;
   }
-  if (text == "gpu") return asked_for({0});
   if (text == "gpu:all") return asked_for({});
   if (text.starts_with("gpu:"))
     if (auto gpus = gpu_list(text.substr(4))) return asked_for(std::move(*gpus));
-  throw Error(StatusCode::invalid_input,
-              fmt::format("device '{}' is not known; use auto, cpu, host:N, host:N,M, gpu:all or gpu:0,1", text));
+  throw Error(StatusCode::invalid_input, fmt::format("device '{}' is not known; use {}", text, kDeviceTexts));
 }
 
 }  // namespace
+
+bool is_device(const std::string& text) {
+  if (text == "auto" || text == "cpu" || text == "gpu:all" || host_devices(text, 1)) return true;
+  return text.starts_with("gpu:") && gpu_list(text.substr(4));
+}
 
 DeviceChoice leave_out(DeviceChoice choice, const std::vector<device::cuda::DeviceRates>& rates) {
   constexpr double kSlow = 0.25;  // a GPU below this part of the fastest makes its blocks of the top too late for all

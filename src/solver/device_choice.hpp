@@ -54,6 +54,12 @@ PredictedTime predict_time(const analysis::AssemblyTree& tree, Kind kind, bool s
 /// The number of GPUs, at most `most`, that are predicted to be fastest; fewer where more would gain next to nothing.
 int fastest_count(const analysis::GpuTime& time, int most);
 
+/// What Options::device may be, for messages; and whether a text is one of them. Whether a GPU is there is not looked
+/// at.
+inline constexpr const char* kDeviceTexts =
+    "auto, cpu, host:N, host:N,M (threads per host device; 4096 in all), gpu:all or gpu:0,1 (each once)";
+bool is_device(const std::string& text);
+
 /// Reads options.device: auto | cpu | host:N | host:N,M | gpu:all | gpu:0,1. auto takes as many GPUs as the model says
 /// are fastest.
 /// @throws Error(invalid_input) for a text that is none of these; Error(device_error) for a GPU that is not there, with

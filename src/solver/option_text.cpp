@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 
+#include "solver/device_choice.hpp"
 #include "solver/option_check.hpp"
 
 namespace espalier::solver {
@@ -35,24 +36,6 @@ bool parse_switch(std::string_view key, std::string_view value) {
     if (value == no) return false;
   }
   reject(key, value, "on or off");
-}
-
-/// "0,1,2": numbers from `least` on, separated by commas.
-bool is_number_list(std::string_view text, int least) {
-  while (true) {
-    const std::size_t comma = std::min(text.find(','), text.size());
-    int number = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + comma, number);
-    if (error != std::errc{} || end != text.data() + comma || number < least) return false;
-    if (comma == text.size()) return true;
-    text.remove_prefix(comma + 1);
-  }
-}
-
-bool is_device(std::string_view text) {
-  if (text == "auto" || text == "cpu" || text == "gpu:all") return true;
-  if (text.starts_with("host:")) return is_number_list(text.substr(5), 1);
-  return text.starts_with("gpu:") && is_number_list(text.substr(4), 0);
 }
 
 template <class T, std::size_t N>
@@ -87,8 +70,7 @@ Offset parse_budget(std::string_view key, std::string_view value) {
 }
 
 void set_device(Options& options, std::string_view key, std::string_view value) {
-  if (!is_device(value))
-    reject(key, value, "auto, cpu, host:N, host:N,M (threads per host device), gpu:all or gpu:0,1");
+  if (!is_device(std::string(value))) reject(key, value, kDeviceTexts);
   options.device = value;
 }
 

@@ -80,13 +80,13 @@ TEST(OptionText, BudgetsOfDevices) {
 }
 
 TEST(OptionText, Devices) {
-  for (const char* good : {"auto", "cpu", "host:1", "host:2,2,1", "gpu:all", "gpu:0", "gpu:0,3"}) {
+  for (const char* good : {"auto", "cpu", "host:1", "host:2,3", "gpu:all", "gpu:0", "gpu:0,3"}) {
     Options options;
     set_option(options, "device", good);
     EXPECT_EQ(options.device, good);
   }
-  for (const char* bad :
-       {"", "CPU!", "host", "host:", "host:0", "host:-1", "host:1,", "host:,1", "gpu", "gpu:a", "gpu:0;1"}) {
+  for (const char* bad : {"", "CPU!", "host", "host:", "host:0", "host:-1", "host:1,", "host:,1", "gpu", "gpu:a",
+                          "gpu:0;1", "gpu:-1", "gpu:0,0", "gpu:0,", "host:1,1,1", "host:99999", "host:2,5000"}) {
     Options options;
     EXPECT_THROW(set_option(options, "device", bad), Error) << "'" << bad << "'";
   }

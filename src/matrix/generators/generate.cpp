@@ -36,7 +36,7 @@ void check(const GeneratorSpec& spec) {
   const std::int64_t n = unknowns(spec);
   if (n >= std::numeric_limits<Index>::max())
     throw Error(StatusCode::invalid_input,
-                fmt::format("'{}' has {} unknowns; fewer than 2^31 - 1 are supported", describe(spec), n));
+                fmt::format("'{}' has 2^31 - 1 unknowns or more; fewer are supported", describe(spec)));
   constexpr std::int64_t kBytesPerEntry = sizeof(double) + sizeof(Index);
   const std::int64_t bytes = n * entries_per_unknown(spec.family) * kBytesPerEntry;
   if (bytes > machine_memory())
