@@ -220,6 +220,27 @@ TEST(CudaDevicesStealing, SomebodySteals) {
   EXPECT_TRUE(listed) << "device 1 can take a sub-tree of device 0";
 }
 
+// A device joins inverses in its own copy, once for each front that it solves with; not where all share one copy, and
+// not in sub-trees that another device may make.
+TEST_P(CudaDevices, InversesAreJoinedInCopiesOfOnesOwn) {
+  for (const bool peer_access : {true, false}) {
+    const DevicePlan tables = device::cuda::make_device_plan(plan_, GetParam().kind, peer_access);
+    std::vector<Index> listed(tables.fronts.size(), 0);
+    for (std::size_t d = 0; d < tables.lists.size(); ++d)
+      for (const device::cuda::SolveTask& task : tables.lists[d].inverses) {
+        const Front& f = tables.fronts[static_cast<std::size_t>(task.front)];
+        EXPECT_NE(f.members >> d & 1, 0);
+        EXPECT_TRUE(f.region == 0 ? peer_access : f.region < tables.first_stealable);
+        ++listed[static_cast<std::size_t>(task.front)];
+      }
+    for (std::size_t f = 0; f < listed.size(); ++f) {
+      const Front& x = tables.fronts[f];
+      const bool joined = x.whole == 0 && x.inverted == device::cuda::kRowBlock;
+      EXPECT_EQ(listed[f], joined ? x.pivot_blocks * std::popcount(x.members) : 0) << "front " << f;
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Systems, CudaDevices,
                          ::testing::Values(Parameter{{"elasticity", "10"}, Kind::llt, 2, false},
                                            Parameter{{"elasticity", "10"}, Kind::llt, 4, true},

@@ -28,6 +28,7 @@ Front shape_of(const Plan& plan, Index f) {
   x.whole = plan.whole[f];
   x.width = x.whole != 0 ? kRowBlock : layout.rows <= plan.options.tiles.narrow_rows ? kNarrowTiles : kWideTiles;
   x.width_log2 = std::countr_zero(static_cast<std::uint32_t>(x.width));
+  x.inverted = x.width;
   x.pivot_pad = pad(x.pivots);
   x.total_pad = x.pivot_pad + pad(x.below);
   x.below_ld = (x.below + 3) / 4 * 4;
@@ -73,6 +74,7 @@ class Builder {
       place_arrays(order);
       list_tasks(plan_, kind_, order, narrow_, shape_, pool_, d_);
     }
+    list_inverses();
     return std::move(d_);
   }
 
@@ -300,6 +302,22 @@ class Builder {
         }
     }
     d_.regions[0] = end;
+  }
+
+  // Large fronts of the solve in which one block of pivots waits for another. Not those of which several devices share
+  // one copy, nor sub-trees that another device may have made.
+  [[nodiscard]] bool joins_inverses(const Front& f) const {
+    if (f.pivot_blocks < shape_.inverse_blocks || f.pivot_tiles < 2) return false;
+    return d_.lists.size() == 1 || (f.region == 0 ? peer_access_ : f.region < d_.first_stealable);
+  }
+  void list_inverses() {
+    for (TaskLists& l : d_.lists)
+      for (auto task = l.up.begin() + static_cast<std::ptrdiff_t>(l.small_up); task != l.up.end(); ++task) {
+        Front& f = d_.fronts[task->front];
+        if (task->block < 0 || task->block >= f.pivot_blocks || !joins_inverses(f)) continue;
+        f.inverted = kRowBlock;
+        l.inverses.push_back(*task);
+      }
   }
 
   const Plan& plan_;

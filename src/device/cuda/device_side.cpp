@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "device/cuda/block_inverse.hpp"
+
 namespace espalier::device::cuda {
 
 namespace {
@@ -81,8 +83,8 @@ void DeviceSide<T>::count_bytes() {
   elements += 3 * n() + 2 * n() + static_cast<Offset>(plan.relative.size());
   needed_ = elements * static_cast<Offset>(sizeof(T)) + bytes_of(t.fronts) + bytes_of(t.links) + bytes_of(t.bounds) +
             bytes_of(t.waits) + bytes_of(t.places) + bytes_of(lists().tasks) + bytes_of(lists().up) +
-            bytes_of(lists().down) + bytes_of(plan.relative) + bytes_of(plan.tree.rows) + bytes_of(plan.entry_ptr) +
-            bytes_of(plan.entries) + parts() * t.flags * 4 + plan.fronts() * 4 + 2 * n() +
+            bytes_of(lists().down) + bytes_of(lists().inverses) + bytes_of(plan.relative) + bytes_of(plan.tree.rows) +
+            bytes_of(plan.entry_ptr) + bytes_of(plan.entries) + parts() * t.flags * 4 + plan.fronts() * 4 + 2 * n() +
             judge_blocks(plan.tree.n) * static_cast<Offset>(sizeof(PivotProduct)) + 4;
 }
 
@@ -132,6 +134,7 @@ void DeviceSide<T>::upload_tables(const DeviceSide* twin) {
   upload(stealable_end_, lists().stealable_end, static_cast<const DeviceArray<std::int32_t>*>(nullptr));
   upload(up_, lists().up, static_cast<const DeviceArray<SolveTask>*>(nullptr));
   upload(down_, lists().down, static_cast<const DeviceArray<SolveTask>*>(nullptr));
+  upload(inverses_, lists().inverses, static_cast<const DeviceArray<SolveTask>*>(nullptr));
   stream_.wait();  // other sides copy them
 }
 
@@ -314,6 +317,9 @@ void DeviceSide<T>::enqueue_factor(bool skip_last_half) {
   if (skip_last_half) end /= 2;
   launch(false, 0, std::min(l.narrow_tasks, end));
   launch(true, l.narrow_tasks, end);
+  if (skip_last_half) return;
+  const BlockInverses<T> inverses{state_, inverses_.data(), static_cast<int>(inverses_.size()), parts()};
+  call("launch of the kernel that joins inverses", [&] { return launch_block_inverses(inverses, stream_.get()); });
 }
 
 template <class T>

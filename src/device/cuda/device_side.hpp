@@ -84,7 +84,8 @@ class DeviceSide {
   void enqueue_clear_solve(Index pass);
   /// The memory that the latter clears.
   [[nodiscard]] SolveClear solve_clear(Index pass) const;
-  /// The kernels. skip_last_half: only the first half of the tasks, as if the device had died then (for tests).
+  /// The kernels, and what they prepare for solves. skip_last_half: only the first half of the tasks, as if the device
+  /// had died then (for tests).
   void enqueue_factor(bool skip_last_half = false);
   /// What stands before the kernels where this is the only GPU.
   void enqueue_begin(const FilledValues& values);
@@ -178,7 +179,7 @@ class DeviceSide {
   DeviceArray<Link> links_;
   DeviceArray<std::int32_t> bounds_, waits_, relative_, rows_;
   DeviceArray<FactorTask> tasks_;
-  DeviceArray<SolveTask> up_, down_;
+  DeviceArray<SolveTask> up_, down_, inverses_;
   DeviceArray<std::int64_t> entry_ptr_;
   DeviceArray<std::uint64_t> entries_;
   DeviceArray<std::uint32_t> chunks_;  // of values that are copied from the first side

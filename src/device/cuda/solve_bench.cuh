@@ -3,6 +3,8 @@
 /// one right-hand side; solve_slabs.cuh has what many need.
 #pragma once
 
+#include <type_traits>
+
 #include "device/cuda/intrinsics.cuh"
 #include "device/cuda/products.cuh"
 #include "device/cuda/solve_kernel.cuh"
@@ -98,32 +100,80 @@ struct SolveBench {
 __device__ inline int lane_of_thread() { return static_cast<int>(threadIdx.x) & 31; }
 __device__ inline int warp_of_thread() { return static_cast<int>(threadIdx.x) >> 5; }
 
+/// use(k) for every k < count, by the block's warps in turns: forth and back, so that long and short ones go together.
+template <class Use>
+__device__ inline void for_each_in_turns(int count, Use&& use) {
+  const int each = warps(), warp = warp_of_thread();
+#pragma unroll 1
+  for (int first = 0, mine = warp; first < count; first += each, mine = each - 1 - mine)
+    if (first + mine < count) use(first + mine);
+}
+
+/// use(constant N, k) for [first, end) in pieces [k, k + N) of 4, 2 and 1. What a piece loads is defined on every way
+/// to its use: registers that are set under a condition stay taken through the whole loop over tasks.
+template <class Use>
+__device__ inline void for_each_piece(int first, int end, Use&& use) {
+#pragma unroll 1
+  for (; first + 4 <= end; first += 4) use(std::integral_constant<int, 4>{}, first);
+  if (first + 2 <= end) {
+    use(std::integral_constant<int, 2>{}, first);
+    first += 2;
+  }
+  if (first < end) use(std::integral_constant<int, 1>{}, first);
+}
+
 /// Asks for the lines of [p, p + count) to be brought into the L2 cache; by all threads.
 template <class T>
 __device__ inline void prefetch(const T* p, int count) {
   constexpr int kLine = 128 / sizeof(T);
+#pragma unroll 1
   for (int k = static_cast<int>(threadIdx.x) * kLine; k < count; k += threads() * kLine)
     asm volatile("prefetch.global.L2 [%0];" ::"l"(p + k));
 }
 
-/// Two chunks of columns of 16 rows of a factor in registers, as a warp's lanes hold them.
-template <class T>
+/// N chunks of columns of 16 rows of a factor in registers, as a warp's lanes hold them; all chunks of those rows go by
+/// one after another.
+template <class T, int N>
 struct FactorPanels {
-  static constexpr int kChunks = 2;
-  PairOf<T> l[kChunks][2][2];  ///< by chunk, panel, half of a panel
+  static constexpr int kChunks = N;
+  PairOf<T> l[N][2][2] = {};  ///< by chunk, panel, half of a panel; defined from the start: see for_each_piece()
 
-  /// Rows from row + top on of chunks q0 and q0 + 1. Past the end the last of `chunks` comes again: the values that it
-  /// meets are zero.
-  __device__ void load(const Front& f, const T* factor, int row, int top, int q0, int chunks) {
+  /// Rows from row + top on of the first `chunks` chunks.
+  __device__ FactorPanels(const Front& f, const T* factor, int row, int top, int chunks)
+      : at_(factor + (row + top) * kChunk + lane_of_thread() * 2),
+        height_(f.total_pad),
+        left_(chunks),
+        width_(f.width) {}
+
+  /// The next N. Past the end the last one comes again: the values that it meets are zero.
+  __device__ void load() {
 #pragma unroll
-    for (int q = 0; q < kChunks; ++q) {
-      const T* from = factor + f.chunk_offset(min(q0 + q, chunks - 1), row) + top * kChunk + lane_of_thread() * 2;
+    for (int q = 0; q < N; ++q) {
 #pragma unroll
       for (int p = 0; p < 2; ++p)
 #pragma unroll
-        for (int h = 0; h < 2; ++h) l[q][p][h] = stream_pair(from + p * 128 + h * 64);
+        for (int h = 0; h < 2; ++h) l[q][p][h] = stream_pair(at_ + p * 128 + h * 64);
+      if (left_ > 1) advance();
     }
   }
+
+ private:
+  // Tile columns become shorter by their width, and so does the way from their first row to `row`.
+  __device__ void advance() {
+    --left_;
+    at_ += static_cast<std::int64_t>(height_) * kChunk;
+    column_ += kChunk;
+    if (column_ < width_) return;
+    column_ = 0;
+    at_ -= width_ * kChunk;
+    height_ -= width_;
+  }
+
+  const T* at_;
+  int height_;  // of the tile column
+  int left_;    // chunks from here on
+  int width_;
+  int column_ = 0;  // of the chunk in its tile column
 };
 
 /// Sum over the four lanes that share a row of a panel; all four get it.
@@ -165,11 +215,23 @@ __device__ void find_children(const SolveState<T>& s, const Front& f, ChildList&
 
 // ---- the diagonal part of a block -----------------------------------------------------------------------------------
 
-/// A tile column of a block of pivots from its diagonal on: chunk q begins at `at + q * stride`.
+/// Tile columns of a block of pivots, each from its diagonal on. Rows and columns count from the block's first pivot.
 template <class T>
-struct TileColumn {
+struct BlockView {
   const T* at;
-  std::int64_t stride;
+  int height;  ///< rows of the first tile column
+  int width_log2;
+
+  /// First column of the tile column that column c stands in, and the column after its last.
+  [[nodiscard]] __device__ int tile_begin(int c) const { return c >> width_log2 << width_log2; }
+  [[nodiscard]] __device__ int tile_end(int c) const { return tile_begin(c) + (1 << width_log2); }
+  /// Panels of the chunk at column c from row r on; both are multiples of what they count.
+  [[nodiscard]] __device__ const T* panels(int c, int r) const {
+    const int first = tile_begin(c), before = first >> width_log2;  // tile columns
+    const int offset = first * height - (first * (before - 1) / 2 << width_log2) + (c - first) * (height - first) +
+                       (r - first) * kChunk;
+    return at + offset;
+  }
 };
 
 /// Most elements of a block's part between its first pivot and its last row: tile columns of 64.
@@ -179,6 +241,7 @@ constexpr int kKeptElements = 64 * kRowBlock + 64 * 64;
 /// cache: what is used last in a task, and waited for by others. By all threads.
 template <class T>
 __device__ void prefetch_block(const Front& f, const T* factor, int first, int last, int end) {
+#pragma unroll 1
   for (int c = first; c < last; c += kChunk) {
     const int top = c >> f.width_log2 << f.width_log2;
     prefetch(factor + f.chunk_offset(c / kChunk, top), (end - top) * kChunk);
@@ -197,9 +260,11 @@ __device__ void keep_block(SolveBench<T, R>& b, const T* factor, int first, int 
   if (threadIdx.x != 0) return;
   fence_copies();
   unsigned bytes = 0;
+#pragma unroll 1
   for (int c = first; c < last; c += kChunk) bytes += (end - (c >> f.width_log2 << f.width_log2)) * kChunk * sizeof(T);
   barrier_expect(&b.kept_barrier, bytes);
   T* to = b.kept;
+#pragma unroll 1
   for (int c = first; c < last; c += kChunk) {
     const int top = c >> f.width_log2 << f.width_log2, count = (end - top) * kChunk;
     bulk_copy(to, factor + f.chunk_offset(c / kChunk, top), count * sizeof(T), &b.kept_barrier);
@@ -215,20 +280,17 @@ __device__ inline void await_kept(SolveBench<T, R>& b, unsigned& parity) {
   parity ^= 1u;
 }
 
-/// Tile column j of a front from its diagonal on, in the factor.
+/// The block of pivots from column `first` on, in the factor.
 template <class T>
-__device__ inline TileColumn<T> tile_column(const Front& f, const T* factor, int j) {
-  const int col = f.column_begin(j);
-  return {factor + f.chunk_offset(col / kChunk, col), static_cast<std::int64_t>(f.total_pad - j * f.width) * kChunk};
+__device__ inline BlockView<T> view_block(const Front& f, const T* factor, int first) {
+  return {factor + f.chunk_offset(first / kChunk, first), f.total_pad - first, f.width_log2};
 }
 
-/// The same, where keep_block() has put it: columns from `first` on, to row `end`.
+/// The same, where keep_block() has put it: to row `end`.
 template <class T, int R>
-__device__ inline TileColumn<T> tile_column(const SolveBench<T, R>& b, const T* factor, int first, int end, int j) {
-  const Front& f = b.front;
-  if (!ESPALIER_BULK_COPIES || b.kept == nullptr) return tile_column(f, factor, j);
-  const int col = f.column_begin(j), before = (col - first) >> f.width_log2;
-  return {b.kept + f.width * (before * (end - first) - f.width * (before * (before - 1) / 2)), (end - col) * kChunk};
+__device__ inline BlockView<T> view_block(const SolveBench<T, R>& b, const T* factor, int first, int end) {
+  if (!ESPALIER_BULK_COPIES || b.kept == nullptr) return view_block(b.front, factor, first);
+  return {b.kept, end - first, b.front.width_log2};
 }
 
 }  // namespace

@@ -12,7 +12,7 @@ namespace {
 /// N panels of a chunk in registers, on their way to a product with L^T.
 template <class T, int N>
 struct Panels {
-  T operand[N / 2][2][4];  ///< two together
+  T operand[N / 2][2][4] = {};  ///< two together; defined from the start: see for_each_piece()
 
   /// Those from `first` on; past `last` the last ones come again. load(pointer): an element.
   template <class Load>
@@ -117,31 +117,27 @@ __device__ void subtract_below(const SolveState<T>& s, SlabBench<T, C, R, W>& b,
   }
 }
 
-/// Partial sums of A^T x for `rows` x `cols` (at most 64) panels of a tile column: part[h * 64 * C + ...], a vector of
-/// 64 rows, over half h of the panels. x(row, slab, column of the slab).
+/// Partial sums of columns [col, col_end) of a block times the values of its rows [row, row_end), each column from its
+/// tile's first row on: part[h * size * C + ...], a vector of size = col_end - col rows, over half h of the panels.
+/// x(row, slab, column of the slab).
 template <class T, int C, class X>
-__device__ void multiply_panels_transposed(const TileColumn<T>& a, int rows, int cols, T* part, X&& x) {
-  const int chunks = cols / kChunk, panels = rows / kPanel, half = (panels / 2 + 1) / 2 * 2;
-#pragma unroll 1
-  for (int unit = warp_of_thread(); unit < 2 * chunks; unit += warps()) {
-    const int q = unit >> 1, h = unit & 1, end = h == 0 ? half : panels;
+__device__ void multiply_columns(const BlockView<T>& a, int row, int row_end, int col, int col_end, T* part, X&& x) {
+  const int size = col_end - col;
+  for_each_in_turns(2 * size / kChunk, [&](int unit) {
+    const int c = col + (unit >> 1) * kChunk, h = unit & 1, first = max(row, a.tile_begin(c));
+    const int panels = (row_end - first) / kPanel, half = (panels / 2 + 1) / 2 * 2, end = h == 0 ? half : panels;
+    const T* from = a.panels(c, first);
     ChunkSums<T, C> sums;
     const auto add = [&](auto& l, int p) {
-      l.fetch(a.at + q * a.stride, p, panels - 1, [](const T* from) { return *from; });
-      sums.add(l, p * kPanel, x);
+      l.fetch(from, p, panels - 1, [](const T* at) { return *at; });
+      sums.add(l, first + p * kPanel, x);
     };
-    int p = h * half;
-#pragma unroll 1
-    for (; p + 4 <= end; p += 4) {
-      Panels<T, 4> l;
-      add(l, p);
-    }
-    if (p < end) {
-      Panels<T, 2> l;
-      add(l, p);
-    }
-    sums.finish([&](int i, int c, T sum) { part[h * 64 * C + place(q * kChunk + i, c, 64)] = sum; });
-  }
+    for_each_piece(h * half / 2, end / 2, [&](auto pieces, int p) {
+      Panels<T, 2 * decltype(pieces)::value> l;
+      add(l, 2 * p);
+    });
+    sums.finish([&](int i, int k, T sum) { part[h * size * C + place(c - col + i, k, size)] = sum; });
+  });
 }
 
 /// v = the forward solution of the block, times D^-1 for ldlt; zero in the padding.
@@ -176,43 +172,41 @@ template <class T, int C, int R, int W>
 __device__ void go_down(const SolveState<T>& s, SlabBench<T, C, R, W>& b, int a) {
   const Front& f = b.front;
   const int col = f.block_begin(a), end = f.block_end(a), cols = end - col;
-  const int per_block = kRowBlock / f.width, tile = a * per_block;
   const T* factor = s.base[f.region] + (s.down_second ? f.second : f.factor);
   prefetch_block(f, factor, col, end, end);
+#pragma unroll 1
   for (int q = 0; q < cols / kChunk; ++q)  // what waits for the block above
     prefetch(factor + f.chunk_offset(col / kChunk + q, end), (min(end + kRowBlock, f.total_pad) - end) * kChunk);
   take_forward(s, b, col, cols);
   __syncthreads();
   subtract_below(s, b, factor, col, cols, end);
   __syncthreads();
-  T* left = b.x;              // partial sums over the rows of the block after the tile
-  T* own = b.x + 2 * 64 * C;  // partial sums of the product with the inverse
   const int first_column = s.first_column + b.first;
-  for (int j = min(tile + per_block, f.pivot_tiles) - 1; j >= tile; --j) {
-    const int c0 = f.column_begin(j), c1 = f.column_end(j), size = c1 - c0;
-    const TileColumn<T> l = tile_column(f, factor, j);
-    const bool more = c1 < end;
-    if (more) {
-      multiply_panels_transposed<T, C>({l.at + size * kChunk, l.stride}, end - c1, size, left,
-                                       VectorView<T>{b.y + (c1 - col) * kSlab, kRowBlock});
+  const BlockView<T> block = view_block(f, factor, col);
+  const VectorView<T> v{b.v, R}, finished{b.y, kRowBlock};
+  for (int c0 = (cols - 1) / f.inverted * f.inverted; c0 >= 0; c0 -= f.inverted) {
+    const int c1 = min(c0 + f.inverted, cols), size = c1 - c0;
+    const bool more = c1 < cols;
+    T* own = b.x + (more ? 2 * size * C : 0);  // partial sums of the product with the inverse
+    if (more) {                                // and those over the rows of the block after these columns
+      multiply_columns<T, C>(block, c1, cols, c0, c1, b.x, finished);
       __syncthreads();
     }
-    const VectorView<T> v{b.v + (c0 - col) * kSlab, R}, first{left, 64}, second{left + 64 * C, 64};
-    multiply_panels_transposed<T, C>(l, size, size, own, [&](int r, int k, int c) {
-      return more ? v(r, k, c) - (first(r, k, c) + second(r, k, c)) : v(r, k, c);
+    const VectorView<T> left{b.x, size}, right{b.x + size * C, size};
+    multiply_columns<T, C>(block, c0, c1, c0, c1, own, [&](int r, int k, int c) {
+      return more ? v(r, k, c) - (left(r - c0, k, c) + right(r - c0, k, c)) : v(r, k, c);
     });
     __syncthreads();
-    const int real = min(size, f.pivots - c0);
     for (int y = threadIdx.x; y < size * C; y += W) {
-      const int r = y / C, c = y % C, k = place(r, c, 64);
-      const T value = own[k] + own[64 * C + k];
-      b.y[place(c0 - col + r, c, kRowBlock)] = value;
-      if (r >= real) continue;
-      publish(s.solution + element(s, b, f.position + c0 + r, c), value);
+      const int r = col + c0 + y / C, c = y % C, k = place(y / C, c, size);
+      const T value = own[k] + own[size * C + k];
+      b.y[place(c0 + y / C, c, kRowBlock)] = value;
+      if (r >= f.pivots) continue;
+      publish(s.solution + element(s, b, f.position + r, c), value);
       if (first_column + c < s.columns && s.speaks_for(f))
-        s.result[static_cast<std::int64_t>(f.position + c0 + r) * s.columns + first_column + c] = value;
+        s.result[static_cast<std::int64_t>(f.position + r) * s.columns + first_column + c] = value;
     }
-    __syncthreads();
+    if (c0 > 0) __syncthreads();
   }
 }
 

@@ -97,7 +97,7 @@ __global__ void __launch_bounds__(threads_of(P), per_multiprocessor(P, C))
     }
     if constexpr (P != Phase::small_up) {
       if constexpr (C == 1)
-        go_down(s, b, block, parity);
+        go_down<(P == Phase::large ? 8 : 4)>(s, b, block, parity);
       else
         go_down(s, b, block);
     }

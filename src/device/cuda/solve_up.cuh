@@ -54,6 +54,11 @@ __device__ inline void stage_values(const SolveState<T>& s, const T* from, int f
     to[k] = first + k < end ? await(from + first + k, s.control, s.patience) : T(0);
 }
 
+/// Chunks of the factor that a warp has on their way: of the group of 128 columns that came last, half is here already
+/// and half in the L2 cache when its values arrive. (2 of them and no cache: 3 microseconds from those values to the
+/// sums, three trips to memory.)
+constexpr int kChunksAtOnce = 4;
+
 /// v -= L(rows of the block, columns before it) times the finished part of the forward solution. A warp has 16 rows;
 /// columns go by in groups of 128.
 template <class T, int R>
@@ -61,25 +66,21 @@ __device__ void subtract_left(const SolveState<T>& s, SolveBench<T, R>& b, const
                               int chunks) {
   const Front& f = b.front;
   const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3, top = warp_of_thread() * 16;
-  constexpr int kAtOnce = FactorPanels<T>::kChunks;
   constexpr int kPerGroup = kRowBlock / kChunk;
   if (chunks == 0) return;
   const bool mine = top < rows;
   T acc[2] = {};
-  FactorPanels<T> panels;
-  const auto load = [&](int q0) {
-    if (mine && q0 < chunks) panels.load(f, factor, row, top, q0, chunks);
-  };
-  load(0);
+  FactorPanels<T, kChunksAtOnce> panels(f, factor, row, top, chunks);
+  if (mine) panels.load();
   for (int first = 0; first < chunks; first += kPerGroup) {
     T* x = b.x + (first / kPerGroup & 1) * kRowBlock;
     stage_values(s, s.forward + f.position, first * kChunk, min(chunks * kChunk, f.pivots), x);
     __syncthreads();
     if (!mine) continue;
 #pragma unroll 1
-    for (int q0 = 0; q0 < kPerGroup; q0 += kAtOnce) {
+    for (int q0 = 0; q0 < kPerGroup; q0 += kChunksAtOnce) {
 #pragma unroll
-      for (int q = 0; q < kAtOnce; ++q) {
+      for (int q = 0; q < kChunksAtOnce; ++q) {
 #pragma unroll
         for (int u = 0; u < 4; ++u) {
           const T y = x[(q0 + q) * kChunk + 4 * u + t];
@@ -88,7 +89,7 @@ __device__ void subtract_left(const SolveState<T>& s, SolveBench<T, R>& b, const
             acc[p] += ((u & 1) != 0 ? panels.l[q][p][u >> 1].y : panels.l[q][p][u >> 1].x) * y;
         }
       }
-      load(first + q0 + kAtOnce);
+      if (first + q0 + kChunksAtOnce < chunks) panels.load();
     }
   }
 #pragma unroll
@@ -98,29 +99,34 @@ __device__ void subtract_left(const SolveState<T>& s, SolveBench<T, R>& b, const
   }
 }
 
-/// out(rows) = A in, or out - A in, for `rows` x `cols` (at most 64) panels of a tile column; in, out in shared memory.
-template <class T>
-__device__ void multiply_panels(const TileColumn<T>& a, int rows, int cols, const T* in, T* out, bool subtract) {
+/// Calls use(row, sum) with the products of rows [row, row_end) of a block with columns [col, col_end), each as far as
+/// its tile column goes; in: values by column, in shared memory.
+template <class T, class Use>
+__device__ void multiply_rows(const BlockView<T>& a, int row, int row_end, int col, int col_end, const T* in,
+                              Use&& use) {
   const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3;
-  for (int p = warp_of_thread(); p < rows / 8; p += warps()) {
-    T acc = T(0);
-    PairOf<T> l[4][2];
+  for_each_in_turns((row_end - row) / kPanel, [&](int p) {
+    const int r = row + p * kPanel, end = min(col_end, a.tile_end(r));
+    T acc[4] = {};
+    for_each_piece(col / kChunk, end / kChunk, [&](auto pieces, int first) {
+      constexpr int kPieces = decltype(pieces)::value;
+      PairOf<T> l[kPieces][2];
 #pragma unroll
-    for (int q = 0; q < 4; ++q)
-      if (q < cols / kChunk) {
-        l[q][0] = load_pair(a.at + q * a.stride + p * 128 + lane * 2);
-        l[q][1] = load_pair(a.at + q * a.stride + p * 128 + lane * 2 + 64);
-      }
+      for (int q = 0; q < kPieces; ++q)
 #pragma unroll
-    for (int q = 0; q < 4; ++q)
-      if (q < cols / kChunk) {
-        const T* y = in + q * kChunk + t;
-        acc += l[q][0].x * y[0] + l[q][0].y * y[4] + l[q][1].x * y[8] + l[q][1].y * y[12];
+        for (int h = 0; h < 2; ++h) l[q][h] = load_pair(a.panels((first + q) * kChunk, r) + lane * 2 + h * 64);
+#pragma unroll
+      for (int q = 0; q < kPieces; ++q) {
+        const T* y = in + (first + q) * kChunk + t;
+        acc[0] += l[q][0].x * y[0];
+        acc[1] += l[q][0].y * y[4];
+        acc[2] += l[q][1].x * y[8];
+        acc[3] += l[q][1].y * y[12];
       }
-    const T sum = sum_over_columns(acc);
-    T* to = out + 8 * p + g;
-    if (t == 0) *to = subtract ? *to - sum : sum;
-  }
+    });
+    const T sum = sum_over_columns((acc[0] + acc[1]) + (acc[2] + acc[3]));
+    if (t == 0) use(r + g, sum);
+  });
 }
 
 template <class T>
@@ -157,19 +163,27 @@ __device__ void go_up(const SolveState<T>& s, SolveBench<T, R>& b, int block, un
   const int tiles_here = pivot ? (all ? f.pivot_tiles : tile_end) : tile;
   const bool diagonal = tile < tiles_here;
   if (diagonal) keep_block(b, factor, row, f.column_end(tiles_here - 1), end);
+  const int before = pivot ? row : f.pivot_pad;  // columns
+  if constexpr (R == kRowBlock)
+#pragma unroll 1
+    for (int c = max(0, before - kChunksAtOnce * kChunk); c < before; c += kChunk)  // waits for the block before
+      prefetch(factor + f.chunk_offset(c / kChunk, row), rows * kChunk);
   __syncthreads();
   gather_updates(s, b, tile, tile_end, row);
-  if constexpr (R == kRowBlock) subtract_left(s, b, factor, row, rows, (pivot ? row : f.pivot_pad) / kChunk);
+  if constexpr (R == kRowBlock) subtract_left(s, b, factor, row, rows, before / kChunk);
   if (diagonal) await_kept(b, parity);
   __syncthreads();
-  for (int j = tile; j < tiles_here; ++j) {
-    const int col = f.column_begin(j), last = f.column_end(j), size = last - col;
-    TileColumn<T> l = tile_column(b, factor, row, end, j);
-    multiply_panels(l, size, size, b.v + (col - row), b.y, false);
+  const BlockView<T> block_view = view_block(b, factor, row, end);
+  const int pivots_end = diagonal ? f.column_end(tiles_here - 1) - row : 0;
+  for (int col = 0; col < pivots_end; col += f.inverted) {
+    const int last = min(col + f.inverted, pivots_end);
+    multiply_rows(block_view, col, last, col, last, b.v, [&](int r, T y) {
+      b.y[r] = y;
+      if (row + r < f.pivots) publish(s.forward + f.position + row + r, y);
+    });
+    if (last == rows) break;
     __syncthreads();
-    publish_rows(b.y, s.forward + f.position + col, min(size, f.pivots - col));
-    l.at += size * kChunk;
-    if (last < end) multiply_panels(l, end - last, size, b.y, b.v + (last - row), true);
+    multiply_rows(block_view, last, rows, col, last, b.y, [&](int r, T sum) { b.v[r] -= sum; });
     __syncthreads();
   }
   if (all)

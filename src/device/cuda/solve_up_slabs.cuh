@@ -92,14 +92,14 @@ __device__ void subtract_left(const SolveState<T>& s, SlabBench<T, C, R, W>& b, 
                               int chunks) {
   const Front& f = b.front;
   const int top = warp_of_thread() * 16;
-  constexpr int kAtOnce = FactorPanels<T>::kChunks;
+  constexpr int kAtOnce = 2;  // chunks that a warp has on their way
   constexpr int kPerGroup = kRowBlock / kChunk;
   if (chunks == 0) return;
   const bool mine = top < rows;
   T sums[2][4] = {};
-  FactorPanels<T> panels;
+  FactorPanels<T, kAtOnce> panels(f, factor, row, top, chunks);
   const auto load = [&](int q0) {
-    if (mine && q0 < chunks) panels.load(f, factor, row, top, q0, chunks);
+    if (mine && q0 < chunks) panels.load();
   };
   const auto multiply = [&](const VectorView<T>& x) {  // x: values at the first of the chunks in registers
 #pragma unroll
@@ -146,34 +146,32 @@ __device__ void subtract_left(const SolveState<T>& s, SlabBench<T, C, R, W>& b, 
     for_each_sum<T, C>(sums[p], [&](int r, int c, T sum) { b.v[place(top + 8 * p + r, c, R)] -= sum; });
 }
 
-/// out(rows) = A in, or out - A in, for `rows` x `cols` (at most 64) panels of a tile column; out: in a vector of
-/// out_rows rows in shared memory.
-template <class T, int C>
-__device__ void multiply_panels(const TileColumn<T>& a, int rows, int cols, const VectorView<T>& in, T* out,
-                                int out_rows, bool subtract) {
+/// Calls use(row, right-hand side, sum) with the products of rows [row, row_end) of a block with columns
+/// [col, col_end), each as far as its tile column goes; in: values by column.
+template <class T, int C, class Use>
+__device__ void multiply_rows(const BlockView<T>& a, int row, int row_end, int col, int col_end,
+                              const VectorView<T>& in, Use&& use) {
   const int lane = lane_of_thread();
-#pragma unroll 1
-  for (int p = warp_of_thread(); p < rows / kPanel; p += warps()) {
-    PairOf<T> l[4][2];
-#pragma unroll
-    for (int q = 0; q < 4; ++q)
-      if (q < cols / kChunk)
-#pragma unroll
-        for (int h = 0; h < 2; ++h) l[q][h] = load_pair(a.at + q * a.stride + p * 128 + lane * 2 + 64 * h);
+  for_each_in_turns((row_end - row) / kPanel, [&](int p) {
+    const int r = row + p * kPanel, end = min(col_end, a.tile_end(r));
     T sum[4] = {};
+    for_each_piece(col / kChunk, end / kChunk, [&](auto pieces, int first) {
+      constexpr int kPieces = decltype(pieces)::value;
+      PairOf<T> l[kPieces][2];
 #pragma unroll
-    for (int q = 0; q < 4; ++q)
-      if (q < cols / kChunk) {
+      for (int q = 0; q < kPieces; ++q)
+#pragma unroll
+        for (int h = 0; h < 2; ++h) l[q][h] = load_pair(a.panels((first + q) * kChunk, r) + lane * 2 + 64 * h);
+#pragma unroll
+      for (int q = 0; q < kPieces; ++q) {
         T values[8], panel[4];
-        load_values<T, C>(values, in.from(q * kChunk));
+        load_values<T, C>(values, in.from((first + q) * kChunk));
         order_panel<T>(l[q], panel);
         multiply_add(sum, values, panel);
       }
-    for_each_sum<T, C>(sum, [&](int r, int c, T x) {
-      T* to = out + place(kPanel * p + r, c, out_rows);
-      *to = subtract ? *to - x : x;
     });
-  }
+    for_each_sum<T, C>(sum, [&](int i, int c, T x) { use(r + i, c, x); });
+  });
 }
 
 /// Rows [first, first + count) of a vector of the pass = rows of `from`, a vector of `rows` rows in shared memory.
@@ -219,14 +217,19 @@ __device__ void go_up(const SolveState<T>& s, SlabBench<T, C, R, W>& b, int bloc
   gather_updates(s, b, tile, tile_end, row);
   if constexpr (R == kRowBlock) subtract_left(s, b, factor, row, rows, (pivot ? row : f.pivot_pad) / kChunk);
   __syncthreads();
-  for (int j = tile; j < tiles_here; ++j) {
-    const int col = f.column_begin(j), last = f.column_end(j), size = last - col;
-    TileColumn<T> l = tile_column(f, factor, j);
-    multiply_panels<T, C>(l, size, size, {b.v + (col - row) * kSlab, R}, b.y, kRowBlock, false);
+  const BlockView<T> block_view = view_block(f, factor, row);
+  const VectorView<T> v{b.v, R}, finished{b.y, kRowBlock};
+  const int pivots_end = tile < tiles_here ? f.column_end(tiles_here - 1) - row : 0;
+  for (int col = 0; col < pivots_end; col += f.inverted) {
+    const int last = min(col + f.inverted, pivots_end);
+    multiply_rows<T, C>(block_view, col, last, col, last, v,
+                        [&](int r, int c, T y) { b.y[place(r, c, kRowBlock)] = y; });
     __syncthreads();
-    publish_rows(s, b, b.y, kRowBlock, s.forward, f.position + col, min(size, f.pivots - col));
-    l.at += size * kChunk;
-    if (last < end) multiply_panels<T, C>(l, end - last, size, {b.y, kRowBlock}, b.v + (last - row) * kSlab, R, true);
+    publish_rows(s, b, b.y + col * kSlab, kRowBlock, s.forward, f.position + row + col,
+                 min(last, f.pivots - row) - col);
+    if (last == rows) break;
+    multiply_rows<T, C>(block_view, last, rows, col, last, finished,
+                        [&](int r, int c, T sum) { b.v[place(r, c, R)] -= sum; });
     __syncthreads();
   }
   if (all)

@@ -12,7 +12,7 @@
 /// Factor array of a front: tile column j < pivot_tiles holds the rows from its first column's on, height
 /// H_j = total_pad - j * width, as chunks of 16 columns; a chunk is a sequence of panels of 8 rows, a panel 128
 /// elements in the order in which a warp's lanes hold the operands of a tensor-core product (see fragment_offset()).
-/// The diagonal tile holds inverse(L) P (llt: inverse(L)).
+/// The diagonal tile holds inverse(L) P (llt: inverse(L)); see Front::inverted, too.
 ///
 /// Contribution array: tile column b of the rows below holds the rows from its first column's on, column-major, with
 /// below_ld - b * width rows.
@@ -75,7 +75,9 @@ struct Front {
   /// In the top of several devices: the front's first entry in the table of places of tile columns below, whose second
   /// half (lu) is for contribution_up; -1: contributions stand in the region.
   std::int32_t first_place = 0;
-  std::int32_t unused = 0;  ///< keeps the size a multiple of 8 bytes without padding
+  /// Pivot columns whose inverse the solve finds in one piece: `width`, or kRowBlock where inverses of tiles were put
+  /// together after the factorization (block_inverse.hpp).
+  std::int32_t inverted = 0;
 
   /// What its tasks would gather stands in their places already (link_begin is negative then).
   [[nodiscard]] ESPALIER_BOTH bool in_place() const { return link_begin < 0; }
