@@ -77,6 +77,8 @@ void DeviceSide<T>::enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>
   s.inverse_e = state_.inverse_e;
   s.up_second = lu && transpose;
   s.down_second = lu && !transpose;
+  s.up_triangular = context_.kind == Kind::llt || s.up_second;  // all others hold permutations, too
+  s.down_triangular = context_.kind == Kind::llt || s.down_second;
   s.rhs = rhs;
   s.result = result;
   s.columns = columns;

@@ -84,38 +84,38 @@ struct ChildList {
 };
 
 /// Rows: of the block's part of the vector; more than a row block for whole fronts on the way up, which need no values
-/// of other blocks.
-template <class T, int Rows>
+/// of other blocks. Keeps: there may be room for the diagonal part of a block, after the bench.
+template <class T, int Rows, bool Keeps>
 struct SolveBench {
   T v[Rows];                                  ///< the block's part of the vector
   T x[Rows > kRowBlock ? 1 : 2 * kRowBlock];  ///< finished values of other blocks, two groups in turn; partial sums
   T y[kRowBlock];                             ///< finished values of the block
-  T* kept;                                    ///< room for the diagonal part of a block; null: there is none
-  std::uint64_t kept_barrier;                 ///< completes when it has come
+  std::uint64_t kept_barrier;                 ///< completes when the diagonal part has come
+  int chunk_at[kRowBlock / kChunk];           ///< see BlockView
+  bool keeps;                                 ///< there is that room
   ChildList children;
   int next;
   Front front;
+
+  [[nodiscard]] __device__ bool keeps_block() const { return ESPALIER_BULK_COPIES && Keeps && keeps; }
+  [[nodiscard]] __device__ T* kept() {
+    constexpr int kBytes = (sizeof(SolveBench) + 127) / 128 * 128;
+    return reinterpret_cast<T*>(reinterpret_cast<unsigned char*>(this) + kBytes);
+  }
 };
 
 __device__ inline int lane_of_thread() { return static_cast<int>(threadIdx.x) & 31; }
 __device__ inline int warp_of_thread() { return static_cast<int>(threadIdx.x) >> 5; }
 
-/// use(k) for every k < count, by the block's warps in turns: forth and back, so that long and short ones go together.
-template <class Use>
-__device__ inline void for_each_in_turns(int count, Use&& use) {
-  const int each = warps(), warp = warp_of_thread();
-#pragma unroll 1
-  for (int first = 0, mine = warp; first < count; first += each, mine = each - 1 - mine)
-    if (first + mine < count) use(first + mine);
-}
-
-/// use(constant N, k) for [first, end) in pieces [k, k + N) of 4, 2 and 1. What a piece loads is defined on every way
-/// to its use: registers that are set under a condition stay taken through the whole loop over tasks.
-template <class Use>
+/// use(constant N, k) for [first, end) in pieces [k, k + N) of Most, and of 2 and 1 at the end. What a piece loads is
+/// defined on every way to its use: registers that are set under a condition stay taken through the whole loop over
+/// tasks.
+template <int Most, class Use>
 __device__ inline void for_each_piece(int first, int end, Use&& use) {
+  static_assert(Most == 4 || Most == 2);
 #pragma unroll 1
-  for (; first + 4 <= end; first += 4) use(std::integral_constant<int, 4>{}, first);
-  if (first + 2 <= end) {
+  for (; first + Most <= end; first += Most) use(std::integral_constant<int, Most>{}, first);
+  if (Most > 2 && first + 2 <= end) {
     use(std::integral_constant<int, 2>{}, first);
     first += 2;
   }
@@ -145,16 +145,17 @@ struct FactorPanels {
         left_(chunks),
         width_(f.width) {}
 
-  /// The next N. Past the end the last one comes again: the values that it meets are zero.
-  __device__ void load() {
+  /// The next chunk, into place q. Past the end the last one comes again: the values that it meets are zero.
+  __device__ void load(int q) {
 #pragma unroll
-    for (int q = 0; q < N; ++q) {
+    for (int p = 0; p < 2; ++p)
 #pragma unroll
-      for (int p = 0; p < 2; ++p)
+      for (int h = 0; h < 2; ++h) l[q][p][h] = stream_pair(at_ + p * 128 + h * 64);
+    if (left_ > 1) advance();
+  }
+  __device__ void load_all() {
 #pragma unroll
-        for (int h = 0; h < 2; ++h) l[q][p][h] = stream_pair(at_ + p * 128 + h * 64);
-      if (left_ > 1) advance();
-    }
+    for (int q = 0; q < N; ++q) load(q);
   }
 
  private:
@@ -176,18 +177,27 @@ struct FactorPanels {
   int column_ = 0;  // of the chunk in its tile column
 };
 
-/// Sum over the four lanes that share a row of a panel; all four get it.
+// Sums over lanes of several values at once: lanes that still hold two values pass one on and keep the other, so that
+// each ends with one of them. One value after another, by butterflies, is a chain of as many round trips between lanes.
+
+/// Lane d and its partner: keeps a or, for lanes with the bit set, b, and adds what the partner had of it.
 template <class T>
-__device__ inline T sum_over_columns(T x) {
-  x += __shfl_xor_sync(0xffffffffu, x, 1);
-  return x + __shfl_xor_sync(0xffffffffu, x, 2);
+__device__ inline T keep_one(T a, T b, int bit) {
+  const bool second = (threadIdx.x & bit) != 0;
+  const T sent = __shfl_xor_sync(0xffffffffu, second ? a : b, bit);
+  return (second ? b : a) + sent;
 }
-/// Sum over the eight lanes that share a column of a panel; all eight get it.
+/// Sums of two values over the four lanes t that share a row of a panel: lanes with even t get that of a, others b's.
 template <class T>
-__device__ inline T sum_over_rows(T x) {
-  x += __shfl_xor_sync(0xffffffffu, x, 4);
-  x += __shfl_xor_sync(0xffffffffu, x, 8);
-  return x + __shfl_xor_sync(0xffffffffu, x, 16);
+__device__ inline T sum_over_columns(T a, T b) {
+  const T one = keep_one(a, b, 1);
+  return one + __shfl_xor_sync(0xffffffffu, one, 2);
+}
+/// Sums of four values over the eight lanes g that share a column of a panel: lanes g get that of value g % 4.
+template <class T>
+__device__ inline T sum_over_rows(const T (&x)[4]) {
+  const T one = keep_one(keep_one(x[0], x[1], 4), keep_one(x[2], x[3], 4), 8);
+  return one + __shfl_xor_sync(0xffffffffu, one, 16);
 }
 
 /// Which of the children's updates fall into tile rows [tile, tile_end), for 32 children from `base` on; by warp 0.
@@ -219,20 +229,27 @@ __device__ void find_children(const SolveState<T>& s, const Front& f, ChildList&
 template <class T>
 struct BlockView {
   const T* at;
-  int height;  ///< rows of the first tile column
+  const int* chunk_at;  ///< place of each chunk's row 0, as if it had one
   int width_log2;
+  bool triangular;  ///< inverses of tiles have nothing above their diagonal
 
-  /// First column of the tile column that column c stands in, and the column after its last.
-  [[nodiscard]] __device__ int tile_begin(int c) const { return c >> width_log2 << width_log2; }
-  [[nodiscard]] __device__ int tile_end(int c) const { return tile_begin(c) + (1 << width_log2); }
-  /// Panels of the chunk at column c from row r on; both are multiples of what they count.
-  [[nodiscard]] __device__ const T* panels(int c, int r) const {
-    const int first = tile_begin(c), before = first >> width_log2;  // tile columns
-    const int offset = first * height - (first * (before - 1) / 2 << width_log2) + (c - first) * (height - first) +
-                       (r - first) * kChunk;
-    return at + offset;
+  /// The column after the last that row r of an inverse has something in, and the first row of column c; both by 16.
+  [[nodiscard]] __device__ int row_end(int r) const {
+    return triangular ? (r | (kChunk - 1)) + 1 : ((r >> width_log2) + 1) << width_log2;
   }
+  [[nodiscard]] __device__ int column_begin(int c) const { return triangular ? c : c >> width_log2 << width_log2; }
+  /// Panels of chunk q from row r on.
+  [[nodiscard]] __device__ const T* panels(int q, int r) const { return at + (chunk_at[q] + r * kChunk); }
 };
+
+/// Fills BlockView::chunk_at for tile columns of which the first has `height` rows; by the first threads.
+__device__ inline void describe_chunks(int height, int width_log2, int* chunk_at) {
+  const int c = static_cast<int>(threadIdx.x) * kChunk;
+  if (c >= kRowBlock) return;
+  const int first = c >> width_log2 << width_log2, before = first >> width_log2;  // tile columns
+  chunk_at[threadIdx.x] =
+      first * height - (first * (before - 1) / 2 << width_log2) + (c - first) * (height - first) - first * kChunk;
+}
 
 /// Most elements of a block's part between its first pivot and its last row: tile columns of 64.
 constexpr int kKeptElements = 64 * kRowBlock + 64 * 64;
@@ -248,12 +265,14 @@ __device__ void prefetch_block(const Front& f, const T* factor, int first, int l
   }
 }
 
-/// The same into shared memory, where there is room; `end` is at most 128 rows below `first`. Through the cache, KKT
-/// chains of 20 and 2 bodies take 0.50 and 0.26 instead of 0.45 and 0.24 ms (with marks in all tasks).
-template <class T, int R>
-__device__ void keep_block(SolveBench<T, R>& b, const T* factor, int first, int last, int end) {
+/// The same into shared memory, where there is room; `end` is at most 128 rows below `first`; also describes its
+/// chunks. Through the cache, KKT chains of 20 and 2 bodies take 0.50 and 0.26 instead of 0.45 and 0.24 ms (with marks
+/// in all tasks).
+template <class T, int R, bool K>
+__device__ void keep_block(SolveBench<T, R, K>& b, const T* factor, int first, int last, int end) {
   const Front& f = b.front;
-  if (!ESPALIER_BULK_COPIES || b.kept == nullptr) {
+  describe_chunks((b.keeps_block() ? end : f.total_pad) - first, f.width_log2, b.chunk_at);
+  if (!b.keeps_block()) {
     prefetch_block(f, factor, first, last, end);
     return;
   }
@@ -263,7 +282,7 @@ __device__ void keep_block(SolveBench<T, R>& b, const T* factor, int first, int 
 #pragma unroll 1
   for (int c = first; c < last; c += kChunk) bytes += (end - (c >> f.width_log2 << f.width_log2)) * kChunk * sizeof(T);
   barrier_expect(&b.kept_barrier, bytes);
-  T* to = b.kept;
+  T* to = b.kept();
 #pragma unroll 1
   for (int c = first; c < last; c += kChunk) {
     const int top = c >> f.width_log2 << f.width_log2, count = (end - top) * kChunk;
@@ -273,24 +292,20 @@ __device__ void keep_block(SolveBench<T, R>& b, const T* factor, int first, int 
 }
 
 /// Waits until what keep_block() was asked for is there.
-template <class T, int R>
-__device__ inline void await_kept(SolveBench<T, R>& b, unsigned& parity) {
-  if (!ESPALIER_BULK_COPIES || b.kept == nullptr) return;
+template <class T, int R, bool K>
+__device__ inline void await_kept(SolveBench<T, R, K>& b, unsigned& parity) {
+  if (!b.keeps_block()) return;
   barrier_wait(&b.kept_barrier, parity);
   parity ^= 1u;
 }
 
-/// The block of pivots from column `first` on, in the factor.
-template <class T>
-__device__ inline BlockView<T> view_block(const Front& f, const T* factor, int first) {
-  return {factor + f.chunk_offset(first / kChunk, first), f.total_pad - first, f.width_log2};
-}
-
-/// The same, where keep_block() has put it: to row `end`.
-template <class T, int R>
-__device__ inline BlockView<T> view_block(const SolveBench<T, R>& b, const T* factor, int first, int end) {
-  if (!ESPALIER_BULK_COPIES || b.kept == nullptr) return view_block(b.front, factor, first);
-  return {b.kept, end - first, b.front.width_log2};
+/// use(view of the block of pivots from column `first` on): where keep_block() has put it, or in the factor.
+template <class T, int R, bool K, class Use>
+__device__ inline void with_block(SolveBench<T, R, K>& b, const T* factor, int first, bool triangular, Use&& use) {
+  const Front& f = b.front;
+  if constexpr (K)
+    if (b.keeps_block()) return use(BlockView<T>{b.kept(), b.chunk_at, f.width_log2, triangular});
+  use(BlockView<T>{factor + f.chunk_offset(first / kChunk, first), b.chunk_at, f.width_log2, triangular});
 }
 
 }  // namespace

@@ -15,85 +15,111 @@ __device__ inline int position_of_row(const SolveState<T>& s, const Front& f, in
   return r - f.pivot_pad < f.below ? s.rows[f.rows + r - f.pivot_pad] : -1;
 }
 
-/// v -= L(rows from `from` on, columns of the block)^T x, from the last group of 128 rows up: what is known first comes
-/// first. A warp has 16 columns, or, where there are too few, half or a quarter of every group's rows of them. AtOnce:
-/// panels that a warp has on their way (see kChunksAtOnce).
-template <int AtOnce, class T, int R>
-__device__ void subtract_below(const SolveState<T>& s, SolveBench<T, R>& b, const T* factor, int col, int cols,
+/// Panels of the rows below a block of pivots in registers, from the last group of 128 rows up: what is known first
+/// comes first. A warp has 16 columns, or, where there are too few, half or a quarter of every group's rows of them.
+/// N: panels that a warp has on their way (see kChunksAtOnce).
+template <class T, int N>
+struct BelowPanels {
+  static constexpr int kPerGroup = kRowBlock / kPanel;
+  PairOf<T> l[N][2] = {};                    ///< defined from the start: see for_each_piece()
+  int panels, parts, warp, part, low, high;  ///< of the rows; of a group; this warp's columns, part, and panels of it
+  bool mine;
+
+  /// from: first row
+  __device__ BelowPanels(const Front& f, const T* factor, int col, int cols, int from) {
+    panels = (f.total_pad - from) / kPanel;
+    const int room = warps() * kChunk / cols;
+    parts = room >= 4 && kPerGroup / N >= 4 ? 4 : (room >= 2 ? 2 : 1);
+    const int each = warps() / parts, span = kPerGroup / parts;
+    warp = warp_of_thread() % each;
+    part = warp_of_thread() / each;
+    low = part * span;
+    high = low + span;
+    mine = warp * kChunk < cols;
+    at_ = factor + f.chunk_offset(col / kChunk + (mine ? warp : 0), from) + lane_of_thread() * 2;
+  }
+  [[nodiscard]] __device__ int groups() const { return (panels + kPerGroup - 1) / kPerGroup; }
+  /// Panel first + p into place p; nothing before the first and after the last.
+  __device__ void load(int first, int p) {
+#pragma unroll
+    for (int h = 0; h < 2; ++h)
+      l[p][h] = first >= 0 && first + p < panels
+                    ? stream_pair(at_ + (static_cast<std::int64_t>(first) * 128 + p * 128 + h * 64))
+                    : PairOf<T>{};
+  }
+  __device__ void load_all() {
+#pragma unroll
+    for (int p = 0; p < N; ++p) load((groups() - 1) * kPerGroup + high - N, p);
+  }
+
+ private:
+  const T* at_;
+};
+
+/// v -= L(rows from `from` on, columns of the block)^T x. below: of these, loaded.
+template <int N, class T, int R, bool K>
+__device__ void subtract_below(const SolveState<T>& s, SolveBench<T, R, K>& b, BelowPanels<T, N>& below, int cols,
                                int from) {
   const Front& f = b.front;
   const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3;
-  constexpr int kPerGroup = kRowBlock / kPanel, kMostParts = kPerGroup / AtOnce;
-  const int panels = (f.total_pad - from) / kPanel;
-  if (panels == 0) return;
-  const int room = warps() * kChunk / cols;
-  const int parts = room >= 4 && kMostParts >= 4 ? 4 : (room >= 2 ? 2 : 1);
-  const int each = warps() / parts, warp = warp_of_thread() % each, part = warp_of_thread() / each;
-  const int span = kPerGroup / parts, low = part * span;
-  const bool mine = warp * kChunk < cols;
-  const T* base = factor + f.chunk_offset(col / kChunk + (mine ? warp : 0), from) + lane * 2;
+  constexpr int kPerGroup = kRowBlock / kPanel;
+  if (below.panels == 0) return;
   T acc[4] = {};
-  PairOf<T> l[AtOnce][2] = {};  // defined from the start: see for_each_piece()
-  const auto load = [&](int p0) {
-    if (!mine || p0 < 0) return;
-    const T* at = base + static_cast<std::int64_t>(p0) * 128;
-#pragma unroll
-    for (int p = 0; p < AtOnce; ++p)
-#pragma unroll
-      for (int h = 0; h < 2; ++h) l[p][h] = p0 + p < panels ? stream_pair(at + p * 128 + h * 64) : PairOf<T>{};
-  };
-  const int groups = (panels + kPerGroup - 1) / kPerGroup;
-  load((groups - 1) * kPerGroup + low + span - AtOnce);
-  for (int k = groups - 1; k >= 0; --k) {
+  for (int k = below.groups() - 1; k >= 0; --k) {
     T* x = b.x + (k & 1) * kRowBlock;
     for (int y = threadIdx.x; y < kRowBlock; y += threads()) {
       const int r = from + k * kRowBlock + y, at = r < f.total_pad ? position_of_row(s, f, r) : -1;
       x[y] = at >= 0 ? await(s.solution + at, s.control, s.patience) : T(0);
     }
     __syncthreads();
-    if (!mine) continue;
+    if (!below.mine) continue;
 #pragma unroll 1
-    for (int p0 = low + span - AtOnce; p0 >= low; p0 -= AtOnce) {
+    for (int p0 = below.high - N; p0 >= below.low; p0 -= N) {
+      const int next = p0 > below.low ? k * kPerGroup + p0 - N : (k - 1) * kPerGroup + below.high - N;
 #pragma unroll
-      for (int p = 0; p < AtOnce; ++p) {
+      for (int p = 0; p < N; ++p) {
         const T z = x[(p0 + p) * kPanel + g];
-        acc[0] += l[p][0].x * z;
-        acc[1] += l[p][0].y * z;
-        acc[2] += l[p][1].x * z;
-        acc[3] += l[p][1].y * z;
+        acc[0] += below.l[p][0].x * z;
+        acc[1] += below.l[p][0].y * z;
+        acc[2] += below.l[p][1].x * z;
+        acc[3] += below.l[p][1].y * z;
+        below.load(next, p);
       }
-      load(p0 > low ? k * kPerGroup + p0 - AtOnce : (k - 1) * kPerGroup + low + span - AtOnce);
     }
   }
-  if (parts > 1) __syncthreads();
-  T* to = parts > 1 ? b.x + part * cols : b.v;
-#pragma unroll
-  for (int u = 0; u < 4; ++u) {
-    const T sum = sum_over_rows(acc[u]);
-    T& at = to[warp * kChunk + 4 * u + t];
-    if (mine && g == 0) at = parts > 1 ? sum : at - sum;
+  const T sum = sum_over_rows(acc);
+  const int c = below.warp * kChunk + 4 * (g & 3) + t;
+  const bool writes = below.mine && g < 4;
+  if (below.parts == 1) {
+    if (writes) b.v[c] -= sum;
+    return;
   }
-  if (parts == 1) return;
+  __syncthreads();
+  if (writes) b.x[below.part * cols + c] = sum;
   __syncthreads();
   for (int y = threadIdx.x; y < cols; y += threads()) {
-    T sum = b.x[y];
-    for (int p = 1; p < parts; ++p) sum += b.x[p * cols + y];
-    b.v[y] -= sum;
+    T total = b.x[y];
+    for (int p = 1; p < below.parts; ++p) total += b.x[p * cols + y];
+    b.v[y] -= total;
   }
 }
 
-/// Partial sums of columns [col, col_end) of a block times the values of its rows [row, row_end), each column from its
-/// tile's first row on: part[h * (col_end - col) + ...] over half h of the panels. value(r): of row r.
+/// Partial sums of columns [col, col_end) of a block times the values of its rows [row, row_end), each column from
+/// where the inverse begins that it is a column of: part[h * (col_end - col) + ...] over half h of the panels.
+/// value(r): of row r. A warp has a long and a short half at a time.
 template <class T, class Value>
 __device__ void multiply_columns(const BlockView<T>& a, int row, int row_end, int col, int col_end, T* part,
                                  Value&& value) {
-  const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3;
-  for_each_in_turns(2 * (col_end - col) / kChunk, [&](int unit) {
-    const int c = col + (unit >> 1) * kChunk, h = unit & 1, first = max(row, a.tile_begin(c));
-    const int panels = (row_end - first) / kPanel, half = (panels + 1) / 2, end = h == 0 ? half : panels;
-    const T* from = a.panels(c, first) + lane * 2;
+  const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3, units = 2 * (col_end - col) / kChunk;
+#pragma unroll 1
+  for (int unit = warp_of_thread(); unit < units; unit += warps()) {
+    const int turn = unit / warps();
+    const int mine = (turn & 1) == 0 ? unit : min((turn + 1) * warps(), units) - 1 - (unit - turn * warps());
+    const int c = col + (mine >> 1) * kChunk, h = mine & 1, first = max(row, a.column_begin(c));
+    const int panels = (row_end - first) / kPanel, half = (panels + 1) / 2;
+    const T* from = a.panels(c / kChunk, first) + lane * 2;
     T acc[4] = {};
-    for_each_piece(h * half, end, [&](auto pieces, int p0) {
+    for_each_piece<4>(h * half, h == 0 ? half : panels, [&](auto pieces, int p0) {
       constexpr int kPieces = decltype(pieces)::value;
       PairOf<T> l[kPieces][2];
 #pragma unroll
@@ -109,17 +135,14 @@ __device__ void multiply_columns(const BlockView<T>& a, int row, int row_end, in
         acc[3] += l[p][1].y * z;
       }
     });
-#pragma unroll
-    for (int u = 0; u < 4; ++u) {
-      const T sum = sum_over_rows(acc[u]);
-      if (g == 0) part[h * (col_end - col) + (c - col) + 4 * u + t] = sum;
-    }
-  });
+    const T sum = sum_over_rows(acc);
+    if (g < 4) part[h * (col_end - col) + (c - col) + 4 * (g & 3) + t] = sum;
+  }
 }
 
 /// v = the forward solution of the block, times D^-1 for ldlt; zero in the padding.
-template <class T, int R>
-__device__ void take_forward(const SolveState<T>& s, SolveBench<T, R>& b, int col, int cols) {
+template <class T, int R, bool K>
+__device__ void take_forward(const SolveState<T>& s, SolveBench<T, R, K>& b, int col, int cols) {
   const Front& f = b.front;
   for (int y = threadIdx.x; y < kRowBlock; y += threads()) {
     const bool real = y < cols && col + y < f.pivots;
@@ -142,44 +165,47 @@ __device__ void take_forward(const SolveState<T>& s, SolveBench<T, R>& b, int co
   }
 }
 
-/// One row block of pivots. parity: of the barrier of what is kept; AtOnce: see subtract_below().
-template <int AtOnce, class T, int R>
-__device__ void go_down(const SolveState<T>& s, SolveBench<T, R>& b, int a, unsigned& parity) {
+/// One row block of pivots. parity: of the barrier of what is kept; N: see BelowPanels.
+template <int N, class T, int R, bool K>
+__device__ void go_down(const SolveState<T>& s, SolveBench<T, R, K>& b, int a, unsigned& parity) {
   const Front& f = b.front;
   const int col = f.block_begin(a), end = f.block_end(a), cols = end - col;
   const T* factor = s.base[f.region] + (s.down_second ? f.second : f.factor);
   keep_block(b, factor, col, end, end);
+  BelowPanels<T, N> below(f, factor, col, cols, end);
+  if (below.mine) below.load_all();
 #pragma unroll 1
   for (int q = 0; q < cols / kChunk; ++q)  // what waits for the block above
     prefetch(factor + f.chunk_offset(col / kChunk + q, end), (min(end + kRowBlock, f.total_pad) - end) * kChunk);
   take_forward(s, b, col, cols);
   __syncthreads();
-  subtract_below<AtOnce>(s, b, factor, col, cols, end);
+  subtract_below(s, b, below, cols, end);
   await_kept(b, parity);
   __syncthreads();
-  const BlockView<T> block = view_block(b, factor, col, end);
-  for (int c0 = (cols - 1) / f.inverted * f.inverted; c0 >= 0; c0 -= f.inverted) {
-    const int c1 = min(c0 + f.inverted, cols), size = c1 - c0;
-    const bool more = c1 < cols;
-    const T* left = b.x;                   // partial sums over the rows of the block after these columns
-    T* own = b.x + (more ? 2 * size : 0);  // partial sums of the product with the inverse
-    if (more) {
-      multiply_columns(block, c1, cols, c0, c1, b.x, [&](int r) { return b.y[r]; });
+  with_block(b, factor, col, s.down_triangular, [&](const BlockView<T>& view) {
+    for (int c0 = (cols - 1) / f.inverted * f.inverted; c0 >= 0; c0 -= f.inverted) {
+      const int c1 = min(c0 + f.inverted, cols), size = c1 - c0;
+      const bool more = c1 < cols;
+      const T* left = b.x;                   // partial sums over the rows of the block after these columns
+      T* own = b.x + (more ? 2 * size : 0);  // partial sums of the product with the inverse
+      if (more) {
+        multiply_columns(view, c1, cols, c0, c1, b.x, [&](int r) { return b.y[r]; });
+        __syncthreads();
+      }
+      multiply_columns(view, c0, c1, c0, c1, own,
+                       [&](int r) { return more ? b.v[r] - (left[r - c0] + left[size + r - c0]) : b.v[r]; });
       __syncthreads();
+      for (int y = threadIdx.x; y < size; y += threads()) {
+        const T value = own[y] + own[size + y];
+        const int r = col + c0 + y;
+        b.y[c0 + y] = value;
+        if (r >= f.pivots) continue;
+        publish(s.solution + f.position + r, value);
+        if (s.speaks_for(f)) s.result[static_cast<std::int64_t>(f.position + r) * s.columns + s.first_column] = value;
+      }
+      if (c0 > 0) __syncthreads();
     }
-    multiply_columns(block, c0, c1, c0, c1, own,
-                     [&](int r) { return more ? b.v[r] - (left[r - c0] + left[size + r - c0]) : b.v[r]; });
-    __syncthreads();
-    for (int y = threadIdx.x; y < size; y += threads()) {
-      const T value = own[y] + own[size + y];
-      const int r = col + c0 + y;
-      b.y[c0 + y] = value;
-      if (r >= f.pivots) continue;
-      publish(s.solution + f.position + r, value);
-      if (s.speaks_for(f)) s.result[static_cast<std::int64_t>(f.position + r) * s.columns + s.first_column] = value;
-    }
-    if (c0 > 0) __syncthreads();
-  }
+  });
 }
 
 }  // namespace

@@ -117,27 +117,27 @@ __device__ void subtract_below(const SolveState<T>& s, SlabBench<T, C, R, W>& b,
   }
 }
 
-/// Partial sums of columns [col, col_end) of a block times the values of its rows [row, row_end), each column from its
-/// tile's first row on: part[h * size * C + ...], a vector of size = col_end - col rows, over half h of the panels.
-/// x(row, slab, column of the slab).
+/// Partial sums of columns [col, col_end) of a block times the values of its rows [row, row_end), each column from
+/// where the inverse begins that it is a column of: part[h * size * C + ...], a vector of size = col_end - col rows,
+/// over half h of the panels. x(row, slab, column of the slab).
 template <class T, int C, class X>
 __device__ void multiply_columns(const BlockView<T>& a, int row, int row_end, int col, int col_end, T* part, X&& x) {
-  const int size = col_end - col;
-  for_each_in_turns(2 * size / kChunk, [&](int unit) {
-    const int c = col + (unit >> 1) * kChunk, h = unit & 1, first = max(row, a.tile_begin(c));
+  const int size = col_end - col, each = warps(), units = 2 * size / kChunk;
+#pragma unroll 1
+  for (int begin = 0, mine = warp_of_thread(); begin < units; begin += each, mine = each - 1 - mine) {
+    const int unit = begin + mine;
+    if (unit >= units) continue;
+    const int c = col + (unit >> 1) * kChunk, h = unit & 1, first = max(row, a.column_begin(c));
     const int panels = (row_end - first) / kPanel, half = (panels / 2 + 1) / 2 * 2, end = h == 0 ? half : panels;
-    const T* from = a.panels(c, first);
+    const T* from = a.panels(c / kChunk, first);
     ChunkSums<T, C> sums;
-    const auto add = [&](auto& l, int p) {
-      l.fetch(from, p, panels - 1, [](const T* at) { return *at; });
-      sums.add(l, first + p * kPanel, x);
-    };
-    for_each_piece(h * half / 2, end / 2, [&](auto pieces, int p) {
+    for_each_piece<2>(h * half / 2, end / 2, [&](auto pieces, int p) {
       Panels<T, 2 * decltype(pieces)::value> l;
-      add(l, 2 * p);
+      l.fetch(from, 2 * p, panels - 1, [](const T* at) { return *at; });
+      sums.add(l, first + 2 * p * kPanel, x);
     });
     sums.finish([&](int i, int k, T sum) { part[h * size * C + place(c - col + i, k, size)] = sum; });
-  });
+  }
 }
 
 /// v = the forward solution of the block, times D^-1 for ldlt; zero in the padding.
@@ -174,6 +174,7 @@ __device__ void go_down(const SolveState<T>& s, SlabBench<T, C, R, W>& b, int a)
   const int col = f.block_begin(a), end = f.block_end(a), cols = end - col;
   const T* factor = s.base[f.region] + (s.down_second ? f.second : f.factor);
   prefetch_block(f, factor, col, end, end);
+  describe_chunks(f.total_pad - col, f.width_log2, b.chunk_at);
 #pragma unroll 1
   for (int q = 0; q < cols / kChunk; ++q)  // what waits for the block above
     prefetch(factor + f.chunk_offset(col / kChunk + q, end), (min(end + kRowBlock, f.total_pad) - end) * kChunk);
@@ -182,18 +183,18 @@ __device__ void go_down(const SolveState<T>& s, SlabBench<T, C, R, W>& b, int a)
   subtract_below(s, b, factor, col, cols, end);
   __syncthreads();
   const int first_column = s.first_column + b.first;
-  const BlockView<T> block = view_block(f, factor, col);
+  const BlockView<T> view{factor + f.chunk_offset(col / kChunk, col), b.chunk_at, f.width_log2, s.down_triangular};
   const VectorView<T> v{b.v, R}, finished{b.y, kRowBlock};
   for (int c0 = (cols - 1) / f.inverted * f.inverted; c0 >= 0; c0 -= f.inverted) {
     const int c1 = min(c0 + f.inverted, cols), size = c1 - c0;
     const bool more = c1 < cols;
     T* own = b.x + (more ? 2 * size * C : 0);  // partial sums of the product with the inverse
     if (more) {                                // and those over the rows of the block after these columns
-      multiply_columns<T, C>(block, c1, cols, c0, c1, b.x, finished);
+      multiply_columns<T, C>(view, c1, cols, c0, c1, b.x, finished);
       __syncthreads();
     }
     const VectorView<T> left{b.x, size}, right{b.x + size * C, size};
-    multiply_columns<T, C>(block, c0, c1, c0, c1, own, [&](int r, int k, int c) {
+    multiply_columns<T, C>(view, c0, c1, c0, c1, own, [&](int r, int k, int c) {
       return more ? v(r, k, c) - (left(r - c0, k, c) + right(r - c0, k, c)) : v(r, k, c);
     });
     __syncthreads();

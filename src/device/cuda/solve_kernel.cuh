@@ -30,11 +30,12 @@ struct SolveState {
   T* const* base;            ///< regions; where each begins (see tables.hpp)
   const T* inverse_d;        ///< null but for ldlt
   const T* inverse_e;
-  bool up_second;    ///< forward substitution with the second factor array (lu, transposed)
-  bool down_second;  ///< backward substitution with it (lu)
-  const T* rhs;      ///< n x columns, row-major: right-hand sides
-  T* result;         ///< likewise: solutions; may be `rhs` (one device), may lie on another device
-  int columns;       ///< row length of rhs
+  bool up_second;                       ///< forward substitution with the second factor array (lu, transposed)
+  bool down_second;                     ///< backward substitution with it (lu)
+  bool up_triangular, down_triangular;  ///< inverses of diagonal tiles are lower triangles in what they use
+  const T* rhs;                         ///< n x columns, row-major: right-hand sides
+  T* result;                            ///< likewise: solutions; may be `rhs` (one device), may lie on another device
+  int columns;                          ///< row length of rhs
   int pass;          ///< right-hand sides of the pass, row length of the vectors: 1, or a multiple of kSlab
   int first_column;  ///< of the pass
   T* forward;        ///< n; filled with ones bits: solution of the forward substitution

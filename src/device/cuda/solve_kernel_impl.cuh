@@ -21,7 +21,8 @@ constexpr int threads_of(Phase p) { return p == Phase::large ? kLargeThreads : k
 constexpr int rows_of(Phase p) { return p == Phase::small_up ? kSmallRows : kRowBlock; }
 
 template <class T, int C, Phase P>
-using BenchOf = std::conditional_t<C == 1, SolveBench<T, rows_of(P)>, SlabBench<T, C, rows_of(P), threads_of(P)>>;
+using BenchOf = std::conditional_t<C == 1, SolveBench<T, rows_of(P), P == Phase::large>,
+                                   SlabBench<T, C, rows_of(P), threads_of(P)>>;
 
 /// Bytes of shared memory before the room for the diagonal part of a block.
 template <class T, int C, Phase P>
@@ -60,7 +61,7 @@ __global__ void __launch_bounds__(threads_of(P), per_multiprocessor(P, C))
   unsigned parity = 0;
   if constexpr (C == 1) {
     if (threadIdx.x == 0) {
-      b.kept = keep ? reinterpret_cast<T*>(shared + kBenchBytes<T, C, P>) : nullptr;
+      b.keeps = keep;
       if (keep) barrier_init(&b.kept_barrier);
       fence_copies();
     }

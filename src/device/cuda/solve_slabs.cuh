@@ -34,6 +34,7 @@ struct SlabBench {
   T v[Rows * C];                                 ///< the block's part of the vector
   T x[Rows > kRowBlock ? 1 : 2 * kRowBlock* C];  ///< finished values of other blocks, two groups in turn; partial sums
   T y[kRowBlock * C];                            ///< finished values of the block
+  int chunk_at[kRowBlock / kChunk];              ///< see BlockView
   ChildList children;
   int next;
   int first;  ///< first column of the task in the pass

@@ -10,8 +10,8 @@ namespace {
 
 /// v += the children's updates that fall into tile rows [tile, tile_end); row0: padded row of v[0]. The values of the
 /// next child are fetched while those of one are added.
-template <class T, int R>
-__device__ void gather_updates(const SolveState<T>& s, SolveBench<T, R>& b, int tile, int tile_end, int row0) {
+template <class T, int R, bool K>
+__device__ void gather_updates(const SolveState<T>& s, SolveBench<T, R, K>& b, int tile, int tile_end, int row0) {
   const Front& f = b.front;
   const ChildList& list = b.children;
   const int gap = f.pivot_pad - f.pivots;
@@ -59,19 +59,19 @@ __device__ inline void stage_values(const SolveState<T>& s, const T* from, int f
 /// sums, three trips to memory.)
 constexpr int kChunksAtOnce = 4;
 
+template <class T>
+using LeftPanels = FactorPanels<T, kChunksAtOnce>;
+
 /// v -= L(rows of the block, columns before it) times the finished part of the forward solution. A warp has 16 rows;
-/// columns go by in groups of 128.
-template <class T, int R>
-__device__ void subtract_left(const SolveState<T>& s, SolveBench<T, R>& b, const T* factor, int row, int rows,
+/// columns go by in groups of 128. panels: of this warp's rows, loaded.
+template <class T, int R, bool K>
+__device__ void subtract_left(const SolveState<T>& s, SolveBench<T, R, K>& b, LeftPanels<T>& panels, int rows,
                               int chunks) {
   const Front& f = b.front;
   const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3, top = warp_of_thread() * 16;
   constexpr int kPerGroup = kRowBlock / kChunk;
-  if (chunks == 0) return;
   const bool mine = top < rows;
-  T acc[2] = {};
-  FactorPanels<T, kChunksAtOnce> panels(f, factor, row, top, chunks);
-  if (mine) panels.load();
+  T acc[2][2] = {};
   for (int first = 0; first < chunks; first += kPerGroup) {
     T* x = b.x + (first / kPerGroup & 1) * kRowBlock;
     stage_values(s, s.forward + f.position, first * kChunk, min(chunks * kChunk, f.pivots), x);
@@ -86,47 +86,54 @@ __device__ void subtract_left(const SolveState<T>& s, SolveBench<T, R>& b, const
           const T y = x[(q0 + q) * kChunk + 4 * u + t];
 #pragma unroll
           for (int p = 0; p < 2; ++p)
-            acc[p] += ((u & 1) != 0 ? panels.l[q][p][u >> 1].y : panels.l[q][p][u >> 1].x) * y;
+            acc[p][u >> 1] += ((u & 1) != 0 ? panels.l[q][p][u >> 1].y : panels.l[q][p][u >> 1].x) * y;
         }
+        if (first + q0 + kChunksAtOnce < chunks) panels.load(q);
       }
-      if (first + q0 + kChunksAtOnce < chunks) panels.load();
     }
   }
-#pragma unroll
-  for (int p = 0; p < 2; ++p) {
-    const T total = sum_over_columns(acc[p]);
-    if (t == 0 && mine) b.v[top + 8 * p + g] -= total;
-  }
+  const T total = sum_over_columns(acc[0][0] + acc[0][1], acc[1][0] + acc[1][1]);
+  if (t < 2 && mine) b.v[top + 8 * t + g] -= total;
 }
 
 /// Calls use(row, sum) with the products of rows [row, row_end) of a block with columns [col, col_end), each as far as
-/// its tile column goes; in: values by column, in shared memory.
+/// the inverse goes that it is a row of; in: values by column, in shared memory. A warp has two panels at a time, from
+/// both ends, so that long and short ones go together.
 template <class T, class Use>
 __device__ void multiply_rows(const BlockView<T>& a, int row, int row_end, int col, int col_end, const T* in,
                               Use&& use) {
-  const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3;
-  for_each_in_turns((row_end - row) / kPanel, [&](int p) {
-    const int r = row + p * kPanel, end = min(col_end, a.tile_end(r));
-    T acc[4] = {};
-    for_each_piece(col / kChunk, end / kChunk, [&](auto pieces, int first) {
-      constexpr int kPieces = decltype(pieces)::value;
-      PairOf<T> l[kPieces][2];
+  const int lane = lane_of_thread(), g = lane >> 2, t = lane & 3, panels = (row_end - row) / kPanel;
+#pragma unroll 1
+  for (int p = warp_of_thread(); p < panels / 2; p += warps()) {
+    const int r0 = row + p * kPanel, r1 = row + (panels - 1 - p) * kPanel;
+    const int end0 = min(col_end, a.row_end(r0)) / kChunk, end1 = min(col_end, a.row_end(r1)) / kChunk;
+    T acc[2][2] = {};
+    const auto add = [&](auto pieces, int q, auto one) {  // chunks from q on; one: of the second panel alone
+      constexpr int kPieces = decltype(pieces)::value, kFirst = decltype(one)::value ? 1 : 0;
+      PairOf<T> l[kPieces][2][2];
 #pragma unroll
-      for (int q = 0; q < kPieces; ++q)
+      for (int k = 0; k < kPieces; ++k)
 #pragma unroll
-        for (int h = 0; h < 2; ++h) l[q][h] = load_pair(a.panels((first + q) * kChunk, r) + lane * 2 + h * 64);
+        for (int i = kFirst; i < 2; ++i)
 #pragma unroll
-      for (int q = 0; q < kPieces; ++q) {
-        const T* y = in + (first + q) * kChunk + t;
-        acc[0] += l[q][0].x * y[0];
-        acc[1] += l[q][0].y * y[4];
-        acc[2] += l[q][1].x * y[8];
-        acc[3] += l[q][1].y * y[12];
+          for (int h = 0; h < 2; ++h) l[k][i][h] = load_pair(a.panels(q + k, i == 0 ? r0 : r1) + lane * 2 + h * 64);
+#pragma unroll
+      for (int k = 0; k < kPieces; ++k) {
+        const T* y = in + (q + k) * kChunk + t;
+#pragma unroll
+        for (int i = kFirst; i < 2; ++i) {
+          acc[i][0] += l[k][i][0].x * y[0];
+          acc[i][1] += l[k][i][0].y * y[4];
+          acc[i][0] += l[k][i][1].x * y[8];
+          acc[i][1] += l[k][i][1].y * y[12];
+        }
       }
-    });
-    const T sum = sum_over_columns((acc[0] + acc[1]) + (acc[2] + acc[3]));
-    if (t == 0) use(r + g, sum);
-  });
+    };
+    for_each_piece<2>(col / kChunk, end0, [&](auto pieces, int q) { add(pieces, q, std::false_type{}); });
+    for_each_piece<4>(end0, end1, [&](auto pieces, int q) { add(pieces, q, std::true_type{}); });
+    const T sum = sum_over_columns(acc[0][0] + acc[0][1], acc[1][0] + acc[1][1]);
+    if (t < 2) use((t == 0 ? r0 : r1) + g, sum);
+  }
 }
 
 template <class T>
@@ -144,8 +151,8 @@ __device__ void publish_updates(const SolveState<T>& s, const Front& f, const T*
 }
 
 /// One row block of a front; block < 0: a front of one block in all. parity: of the barrier of what is kept.
-template <class T, int R>
-__device__ void go_up(const SolveState<T>& s, SolveBench<T, R>& b, int block, unsigned& parity) {
+template <class T, int R, bool K>
+__device__ void go_up(const SolveState<T>& s, SolveBench<T, R, K>& b, int block, unsigned& parity) {
   const Front& f = b.front;
   const bool all = block < 0;
   const int a = all ? 0 : block;
@@ -163,29 +170,35 @@ __device__ void go_up(const SolveState<T>& s, SolveBench<T, R>& b, int block, un
   const int tiles_here = pivot ? (all ? f.pivot_tiles : tile_end) : tile;
   const bool diagonal = tile < tiles_here;
   if (diagonal) keep_block(b, factor, row, f.column_end(tiles_here - 1), end);
-  const int before = pivot ? row : f.pivot_pad;  // columns
-  if constexpr (R == kRowBlock)
+  const int before = (pivot ? row : f.pivot_pad) / kChunk;  // chunks
+  LeftPanels<T> left(f, factor, row, warp_of_thread() * 16, before);
+  if constexpr (R == kRowBlock) {
+    if (before > 0 && warp_of_thread() * 16 < rows) left.load_all();
 #pragma unroll 1
-    for (int c = max(0, before - kChunksAtOnce * kChunk); c < before; c += kChunk)  // waits for the block before
-      prefetch(factor + f.chunk_offset(c / kChunk, row), rows * kChunk);
+    for (int q = max(0, before - kChunksAtOnce); q < before; ++q)  // what waits for the block before
+      prefetch(factor + f.chunk_offset(q, row), rows * kChunk);
+  }
   __syncthreads();
   gather_updates(s, b, tile, tile_end, row);
-  if constexpr (R == kRowBlock) subtract_left(s, b, factor, row, rows, before / kChunk);
+  if constexpr (R == kRowBlock)
+    if (before > 0) subtract_left(s, b, left, rows, before);
   if (diagonal) await_kept(b, parity);
   __syncthreads();
-  const BlockView<T> block_view = view_block(b, factor, row, end);
   const int pivots_end = diagonal ? f.column_end(tiles_here - 1) - row : 0;
-  for (int col = 0; col < pivots_end; col += f.inverted) {
-    const int last = min(col + f.inverted, pivots_end);
-    multiply_rows(block_view, col, last, col, last, b.v, [&](int r, T y) {
-      b.y[r] = y;
-      if (row + r < f.pivots) publish(s.forward + f.position + row + r, y);
-    });
-    if (last == rows) break;
-    __syncthreads();
-    multiply_rows(block_view, last, rows, col, last, b.y, [&](int r, T sum) { b.v[r] -= sum; });
-    __syncthreads();
-  }
+  const auto finish = [&](const BlockView<T>& view) {
+    for (int col = 0; col < pivots_end; col += f.inverted) {
+      const int last = min(col + f.inverted, pivots_end);
+      multiply_rows(view, col, last, col, last, b.v, [&](int r, T y) {
+        b.y[r] = y;
+        if (row + r < f.pivots) publish(s.forward + f.position + row + r, y);
+      });
+      if (last == rows) break;
+      __syncthreads();
+      multiply_rows(view, last, rows, col, last, b.y, [&](int r, T sum) { b.v[r] -= sum; });
+      __syncthreads();
+    }
+  };
+  if (diagonal) with_block(b, factor, row, s.up_triangular, finish);
   if (all)
     publish_updates(s, f, b.v + f.pivot_pad, 0, f.below);
   else if (!pivot)

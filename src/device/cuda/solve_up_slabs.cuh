@@ -99,7 +99,7 @@ __device__ void subtract_left(const SolveState<T>& s, SlabBench<T, C, R, W>& b, 
   T sums[2][4] = {};
   FactorPanels<T, kAtOnce> panels(f, factor, row, top, chunks);
   const auto load = [&](int q0) {
-    if (mine && q0 < chunks) panels.load();
+    if (mine && q0 < chunks) panels.load_all();
   };
   const auto multiply = [&](const VectorView<T>& x) {  // x: values at the first of the chunks in registers
 #pragma unroll
@@ -147,31 +147,34 @@ __device__ void subtract_left(const SolveState<T>& s, SlabBench<T, C, R, W>& b, 
 }
 
 /// Calls use(row, right-hand side, sum) with the products of rows [row, row_end) of a block with columns
-/// [col, col_end), each as far as its tile column goes; in: values by column.
+/// [col, col_end), each as far as the inverse goes that it is a row of; in: values by column. A warp takes panels forth
+/// and back, so that long and short ones go together.
 template <class T, int C, class Use>
 __device__ void multiply_rows(const BlockView<T>& a, int row, int row_end, int col, int col_end,
                               const VectorView<T>& in, Use&& use) {
-  const int lane = lane_of_thread();
-  for_each_in_turns((row_end - row) / kPanel, [&](int p) {
-    const int r = row + p * kPanel, end = min(col_end, a.tile_end(r));
+  const int lane = lane_of_thread(), each = warps(), panels = (row_end - row) / kPanel;
+#pragma unroll 1
+  for (int first = 0, mine = warp_of_thread(); first < panels; first += each, mine = each - 1 - mine) {
+    if (first + mine >= panels) continue;
+    const int r = row + (first + mine) * kPanel, end = min(col_end, a.row_end(r));
     T sum[4] = {};
-    for_each_piece(col / kChunk, end / kChunk, [&](auto pieces, int first) {
+    for_each_piece<4>(col / kChunk, end / kChunk, [&](auto pieces, int q) {
       constexpr int kPieces = decltype(pieces)::value;
       PairOf<T> l[kPieces][2];
 #pragma unroll
-      for (int q = 0; q < kPieces; ++q)
+      for (int k = 0; k < kPieces; ++k)
 #pragma unroll
-        for (int h = 0; h < 2; ++h) l[q][h] = load_pair(a.panels((first + q) * kChunk, r) + lane * 2 + 64 * h);
+        for (int h = 0; h < 2; ++h) l[k][h] = load_pair(a.panels(q + k, r) + lane * 2 + 64 * h);
 #pragma unroll
-      for (int q = 0; q < kPieces; ++q) {
+      for (int k = 0; k < kPieces; ++k) {
         T values[8], panel[4];
-        load_values<T, C>(values, in.from((first + q) * kChunk));
-        order_panel<T>(l[q], panel);
+        load_values<T, C>(values, in.from((q + k) * kChunk));
+        order_panel<T>(l[k], panel);
         multiply_add(sum, values, panel);
       }
     });
     for_each_sum<T, C>(sum, [&](int i, int c, T x) { use(r + i, c, x); });
-  });
+  }
 }
 
 /// Rows [first, first + count) of a vector of the pass = rows of `from`, a vector of `rows` rows in shared memory.
@@ -206,6 +209,7 @@ __device__ void go_up(const SolveState<T>& s, SlabBench<T, C, R, W>& b, int bloc
   const T* factor = s.base[f.region] + (s.up_second ? f.second : f.factor);
   const int tiles_here = pivot ? (all ? f.pivot_tiles : tile_end) : tile;
   if (tile < tiles_here) prefetch_block(f, factor, row, f.column_end(tiles_here - 1), end);
+  describe_chunks(f.total_pad - row, f.width_log2, b.chunk_at);
   const int first_column = s.first_column + b.first;
   for (int y = threadIdx.x; y < rows * C; y += W) {
     const int r = row + y / C, c = first_column + y % C;
@@ -217,18 +221,18 @@ __device__ void go_up(const SolveState<T>& s, SlabBench<T, C, R, W>& b, int bloc
   gather_updates(s, b, tile, tile_end, row);
   if constexpr (R == kRowBlock) subtract_left(s, b, factor, row, rows, (pivot ? row : f.pivot_pad) / kChunk);
   __syncthreads();
-  const BlockView<T> block_view = view_block(f, factor, row);
+  const BlockView<T> view{factor + (tile < tiles_here ? f.chunk_offset(row / kChunk, row) : 0), b.chunk_at,
+                          f.width_log2, s.up_triangular};
   const VectorView<T> v{b.v, R}, finished{b.y, kRowBlock};
   const int pivots_end = tile < tiles_here ? f.column_end(tiles_here - 1) - row : 0;
   for (int col = 0; col < pivots_end; col += f.inverted) {
     const int last = min(col + f.inverted, pivots_end);
-    multiply_rows<T, C>(block_view, col, last, col, last, v,
-                        [&](int r, int c, T y) { b.y[place(r, c, kRowBlock)] = y; });
+    multiply_rows<T, C>(view, col, last, col, last, v, [&](int r, int c, T y) { b.y[place(r, c, kRowBlock)] = y; });
     __syncthreads();
     publish_rows(s, b, b.y + col * kSlab, kRowBlock, s.forward, f.position + row + col,
                  min(last, f.pivots - row) - col);
     if (last == rows) break;
-    multiply_rows<T, C>(block_view, last, rows, col, last, finished,
+    multiply_rows<T, C>(view, last, rows, col, last, finished,
                         [&](int r, int c, T sum) { b.v[place(r, c, R)] -= sum; });
     __syncthreads();
   }
