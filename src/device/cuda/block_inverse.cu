@@ -9,21 +9,33 @@ constexpr int kMostJoined = kRowBlock / 2;  ///< rows and columns of what is joi
 constexpr int kLd = kMostJoined + 4;        ///< of scratch in shared memory, column-major
 constexpr int kBuffer = kLd * kMostJoined;
 
-/// to = rows [row, row + rows) of columns [col, col + cols) of a factor array; zero above the diagonal tiles.
+/// to = rows [row, row + rows) of columns [col, col + cols) of a factor array; zero above the diagonal tiles. A warp
+/// asks for several panels before it stores one.
 template <class T>
 __device__ void read_block(const Front& f, const T* factor, int row, int rows, int col, int cols, T* to) {
+  constexpr int kAtOnce = 4, kWarps = kThreads / 32;
   const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31;
-  const int panels = rows / kPanel;
-  for (int x = warp; x < panels * (cols / kChunk); x += kThreads / 32) {
-    const int r = x % panels * kPanel, c = x / panels * kChunk;
-    const bool there = row + r >= (col + c) >> f.width_log2 << f.width_log2;
-    const auto* from = reinterpret_cast<const PairOf<T>*>(factor + f.chunk_offset((col + c) / kChunk, row + r)) + lane;
-    T* at = to + (c + (lane & 3)) * kLd + r + (lane >> 2);
+  const int panels = rows / kPanel, count = panels * (cols / kChunk);
+  for (int x0 = warp; x0 < count; x0 += kAtOnce * kWarps) {
+    PairOf<T> two[kAtOnce][2];
 #pragma unroll
-    for (int h = 0; h < 2; ++h) {
-      const PairOf<T> two = there ? __ldcg(from + 32 * h) : PairOf<T>{};
-      at[8 * h * kLd] = two.x;
-      at[(8 * h + 4) * kLd] = two.y;
+    for (int i = 0; i < kAtOnce; ++i) {
+      const int x = min(x0 + i * kWarps, count - 1), r = row + x % panels * kPanel, c = col + x / panels * kChunk;
+      const bool there = r >= c >> f.width_log2 << f.width_log2;
+      const auto* from = reinterpret_cast<const PairOf<T>*>(factor + f.chunk_offset(c / kChunk, there ? r : c)) + lane;
+#pragma unroll
+      for (int h = 0; h < 2; ++h) two[i][h] = there ? __ldcg(from + 32 * h) : PairOf<T>{};
+    }
+#pragma unroll
+    for (int i = 0; i < kAtOnce; ++i) {
+      const int x = x0 + i * kWarps;
+      if (x >= count) continue;
+      T* at = to + (x / panels * kChunk + (lane & 3)) * kLd + x % panels * kPanel + (lane >> 2);
+#pragma unroll
+      for (int h = 0; h < 2; ++h) {
+        at[8 * h * kLd] = two[i][h].x;
+        at[(8 * h + 4) * kLd] = two[i][h].y;
+      }
     }
   }
 }
@@ -85,26 +97,25 @@ __device__ void join(const Front& f, T* factor, int col, int size, int next, T* 
 
 /// Waits for what other devices make of the block.
 template <class T>
-__device__ void await_block(const FactorState<T>& s, const Front& f, int block, int part) {
+__device__ void await_block(const FactorState<T>& s, const Front& f, int block) {
   if (s.peers.count == 1 || f.region != 0) return;
   const int per_block = kRowBlock >> f.width_log2, first = block * per_block;
   const int j = first + static_cast<int>(threadIdx.x), last = min(first + per_block, f.pivot_tiles) - 1;
   if (j <= last) wait_for(s.flags(0) + f.diagonal_flag(j), 1, s.control, s.patience);
-  if (j < last) wait_for(s.flags(part) + f.flag(block, j), 1, s.control, s.patience);
+  if (j < last) wait_for(s.flags(0) + f.flag(block, j), 1, s.control, s.patience);
   __syncthreads();
 }
 
-/// A block of threads for each block of pivots and each array.
+/// A block of threads for each block of pivots.
 template <class T>
 __global__ void __launch_bounds__(kThreads)
     join_kernel(const __grid_constant__ FactorState<T> s, const SolveTask* __restrict__ blocks) {
   extern __shared__ __align__(128) unsigned char area[];
   const SolveTask task = blocks[blockIdx.x];
   const Front f = s.fronts[task.front];
-  const int part = static_cast<int>(blockIdx.y);
-  await_block(s, f, task.block, part);
+  await_block(s, f, task.block);
   if (aborted(s.control)) return;
-  T* const factor = s.base[f.region] + (part == 0 ? f.factor : f.second);
+  T* const factor = s.base[f.region] + f.factor;
   const int first = f.block_begin(task.block), end = f.block_end(task.block);
   for (int size = f.width; size < end - first; size *= 2)
     for (int col = first; col + size < end; col += 2 * size)
@@ -114,17 +125,17 @@ __global__ void __launch_bounds__(kThreads)
 }  // namespace
 
 template <class T>
-cudaError_t launch_block_inverses(const BlockInverses<T>& job, cudaStream_t stream) {
-  if (job.count == 0) return cudaSuccess;
+cudaError_t launch_block_inverses(const FactorState<T>& state, const SolveTask* blocks, int count,
+                                  cudaStream_t stream) {
+  if (count == 0) return cudaSuccess;
   constexpr int kBytes = 2 * kBuffer * static_cast<int>(sizeof(T));
   const auto kernel = join_kernel<T>;
   if (const auto e = cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, kBytes)) return e;
-  kernel<<<dim3(static_cast<unsigned>(job.count), static_cast<unsigned>(job.arrays)), kThreads, kBytes, stream>>>(
-      job.state, job.blocks);
+  kernel<<<count, kThreads, kBytes, stream>>>(state, blocks);
   return cudaGetLastError();
 }
 
-template cudaError_t launch_block_inverses<double>(const BlockInverses<double>&, cudaStream_t);
-template cudaError_t launch_block_inverses<float>(const BlockInverses<float>&, cudaStream_t);
+template cudaError_t launch_block_inverses<double>(const FactorState<double>&, const SolveTask*, int, cudaStream_t);
+template cudaError_t launch_block_inverses<float>(const FactorState<float>&, const SolveTask*, int, cudaStream_t);
 
 }  // namespace espalier::device::cuda

@@ -304,17 +304,18 @@ class Builder {
     d_.regions[0] = end;
   }
 
-  // Large fronts of the solve in which one block of pivots waits for another. Not those of which several devices share
-  // one copy, nor sub-trees that another device may have made.
-  [[nodiscard]] bool joins_inverses(const Front& f) const {
-    if (f.pivot_blocks < shape_.inverse_blocks || f.pivot_tiles < 2) return false;
-    return d_.lists.size() == 1 || (f.region == 0 ? peer_access_ : f.region < d_.first_stealable);
-  }
+  // Fronts of L L^T that the solve takes by row blocks and whose blocks of pivots have several tiles. Not those of
+  // which several devices share one copy, nor sub-trees that another device may have made.
   void list_inverses() {
+    if (kind_ != Kind::llt) return;
+    const auto joined = [&](const Front& f) {
+      if (f.pivot_tiles < 2) return false;
+      return d_.lists.size() == 1 || (f.region == 0 ? peer_access_ : f.region < d_.first_stealable);
+    };
     for (TaskLists& l : d_.lists)
       for (auto task = l.up.begin() + static_cast<std::ptrdiff_t>(l.small_up); task != l.up.end(); ++task) {
         Front& f = d_.fronts[task->front];
-        if (task->block < 0 || task->block >= f.pivot_blocks || !joins_inverses(f)) continue;
+        if (task->block < 0 || task->block >= f.pivot_blocks || !joined(f)) continue;
         f.inverted = kRowBlock;
         l.inverses.push_back(*task);
       }

@@ -71,15 +71,13 @@ struct DevicePlan {
   std::vector<std::int64_t> place_space;  ///< devices; elements that these columns take there
 };
 
-/// Which tasks of a large front follow each other, and what is done for its solve. What runs side by side should read
+/// Which tasks of a large front follow each other. What runs side by side should read
 /// the same rows: with one tile column after another, each reads all that stands to its left from memory (flops / 16
 /// bytes: 0.8 TB for elasticity 64^3).
 struct TaskOrder {
   Index group_columns = 16;  ///< tile columns of the contribution that are worked on together, ...
   Index group_blocks = 8;    ///< ... so many row blocks of each at a time
   Index pair_from = 64;      ///< pivot columns from this one on are taken in pairs, row block by row block
-  /// Fronts with at least so many row blocks of pivots have whole blocks inverted: those with one have no chain.
-  Index inverse_blocks = 2;
 };
 
 /// @param pool  null: on the calling thread

@@ -318,8 +318,9 @@ void DeviceSide<T>::enqueue_factor(bool skip_last_half) {
   launch(false, 0, std::min(l.narrow_tasks, end));
   launch(true, l.narrow_tasks, end);
   if (skip_last_half) return;
-  const BlockInverses<T> inverses{state_, inverses_.data(), static_cast<int>(inverses_.size()), parts()};
-  call("launch of the kernel that joins inverses", [&] { return launch_block_inverses(inverses, stream_.get()); });
+  call("launch of the kernel that joins inverses", [&] {
+    return launch_block_inverses(state_, inverses_.data(), static_cast<int>(inverses_.size()), stream_.get());
+  });
 }
 
 template <class T>
