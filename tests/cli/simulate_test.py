@@ -202,6 +202,7 @@ class Simulate(Cli):
             if (out / "quantities.csv").exists():
                 break
         time.sleep(0.3)
+        self.expect(2, "simulate", self.model(PENDULUM, "other.toml"), "--out", out, says="another run is writing")
         process.send_signal(sent)
         stdout, stderr = process.communicate(timeout=60)
         self.assertEqual(process.returncode, 130, stderr)

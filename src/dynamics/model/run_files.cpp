@@ -1,8 +1,12 @@
 #include "dynamics/model/run_files.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -24,14 +28,28 @@ void RunFiles::Clock::wind_to(double t) {
   if (interval > 0) next = static_cast<long>(std::floor((t - start) / interval + 1e-9)) + 1;
 }
 
+HeldFolder::HeldFolder(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (error)
+    throw Error(StatusCode::invalid_input, fmt::format("cannot make the folder '{}': {}", path, error.message()));
+  descriptor_ = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  // File systems without locks are taken as they are.
+  if (descriptor_ < 0 || ::flock(descriptor_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+  ::close(descriptor_);
+  throw Error(StatusCode::invalid_input,
+              fmt::format("another run is writing into the folder '{}'; give this one a folder of its own", path));
+}
+
+HeldFolder::~HeldFolder() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+
 RunFiles::RunFiles(const OutputSpec& spec, std::string folder, Mechanism& mechanism,
                    const std::vector<Quantity>& quantities, Integrator& integrator)
     : spec_(spec), folder_(std::move(folder)), mechanism_(mechanism), chosen_(quantities), integrator_(integrator) {
   if (folder_.empty()) return;
-  std::error_code error;
-  std::filesystem::create_directories(folder_, error);
-  if (error)
-    throw Error(StatusCode::invalid_input, fmt::format("cannot make the folder '{}': {}", folder_, error.message()));
+  held_ = std::make_unique<HeldFolder>(folder_);
   columns_ = chosen_;
   const auto add = [&](const std::string& request) {
     for (Quantity& q : find_quantities(mechanism_, request, spec_.place)) columns_.push_back(std::move(q));
@@ -109,6 +127,7 @@ void RunFiles::end(const Sample& s) {
   if (csv_) write_csv(s);
   if (pictures_) write_picture(s);
   if (!folder_.empty()) write_restart_file(s);
+  held_.reset();
 }
 
 void RunFiles::emergency(const Sample& s) noexcept {
@@ -121,6 +140,7 @@ void RunFiles::emergency(const Sample& s) noexcept {
   if (!folder_.empty()) save([&] { write_restart_file(s); });
   if (csv_) save([&] { write_csv(s); });
   if (pictures_) save([&] { write_picture(s); });
+  held_.reset();
 }
 
 double RunFiles::next_exact_time() const {

@@ -14,6 +14,19 @@
 
 namespace espalier::dynamics::model {
 
+/// A folder made (if it is not there) and held by one run at a time, as long as the object lives.
+class HeldFolder {
+ public:
+  /// @throws Error(invalid_input) when it cannot be made, or another run holds it
+  explicit HeldFolder(const std::string& path);
+  ~HeldFolder();
+  HeldFolder(const HeldFolder&) = delete;
+  HeldFolder& operator=(const HeldFolder&) = delete;
+
+ private:
+  int descriptor_ = -1;
+};
+
 /// Writes into one folder: quantities.csv, motion.pvd with its .vtu files, state.restart. An output with an interval is
 /// written at the first step that ends at or after its time (with exact_times: steps end there).
 class RunFiles {
@@ -25,7 +38,7 @@ class RunFiles {
   /// @param initial the state at the start of the motion @param restarted files in the folder are gone on with
   void begin(const Sample& s, const State& initial, bool restarted);
   void step(const Sample& s);
-  void end(const Sample& s);
+  void end(const Sample& s);  ///< the last; other runs may have the folder from then on
   /// Saves what can be saved when the run fails; never throws.
   void emergency(const Sample& s) noexcept;
   /// The next time at which a step has to end.
@@ -50,6 +63,7 @@ class RunFiles {
 
   OutputSpec spec_;
   std::string folder_;
+  std::unique_ptr<HeldFolder> held_;
   Mechanism& mechanism_;
   const std::vector<Quantity>& chosen_;
   Integrator& integrator_;

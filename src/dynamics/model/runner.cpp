@@ -207,6 +207,7 @@ void Runner::loop(const SimulationObserver& observer) {
   const double end = model_.integrator.end;
   {
     const Stopwatch output(summary_.phases.output);
+    files_.reset();  // of a run that an observer broke off
     files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, *integrator_);
     files_->begin(sample(last_report_), state_, !options_.restart.empty());
   }
