@@ -340,7 +340,7 @@ std::string name_rows(std::vector<Index> rows) {
   for (std::size_t k = 0; k < std::min(kNamed, rows.size()); ++k)
     text += fmt::format("{}{}", k == 0 ? "" : ", ", rows[k]);
   if (rows.size() > kNamed) text += fmt::format(" and {} more", rows.size() - kNamed);
-  return text;
+  return text + " (counted from 0)";
 }
 
 }  // namespace espalier::solver

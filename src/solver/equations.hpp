@@ -95,7 +95,7 @@ std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> 
 /// A Cholesky pivot that kept no more of its diagonal entry carries no digit: the error of one subtraction is eps / 2.
 inline constexpr double kRoundingOfPivot = 8 * std::numeric_limits<double>::epsilon();
 
-/// "row 17", "rows 3, 8, 9 and 14 more" (0-based rows of the caller's matrix), ascending.
+/// "row 17 (counted from 0)", "rows 3, 8, 9 and 14 more (counted from 0)": rows of the caller's matrix, ascending.
 std::string name_rows(std::vector<Index> rows);
 
 }  // namespace espalier::solver

@@ -268,8 +268,8 @@ void Solver::Impl::report(const device::FactorOutcome& outcome) {
     const Index row = rows_of({outcome.not_positive}).front();
     r.status = {
         StatusCode::not_positive_definite,
-        fmt::format("the matrix is not positive definite: the pivot of row {} is not positive; use kind ldlt (or auto)",
-                    row),
+        fmt::format("the matrix is not positive definite: the pivot of {} is not positive; use kind ldlt (or auto)",
+                    solver::name_rows({row})),
         row};
     return;
   }
