@@ -48,14 +48,6 @@ void FlexibleBody::set_gravity(const Point& gravity) {
         for (std::size_t i = 0; i < 3; ++i) weight_[3 * at(b) + i] += mass_[at(e)] * gravity[i];
 }
 
-void FlexibleBody::set_initial(std::vector<double> position, std::vector<double> velocity) {
-  if (position.size() != reference_.size() || velocity.size() != reference_.size())
-    throw std::invalid_argument(fmt::format("flexible body '{}': initial state needs {} numbers, got {} and {}", name(),
-                                            reference_.size(), position.size(), velocity.size()));
-  initial_position_ = std::move(position);
-  initial_velocity_ = std::move(velocity);
-}
-
 void FlexibleBody::set_initial_motion(const std::array<double, 9>& r, const Point& translation, const Point& velocity,
                                       const Point& w) {
   for (Index v = 0; v < assembly_.vertices(); ++v) {

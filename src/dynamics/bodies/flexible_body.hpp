@@ -60,8 +60,6 @@ class FlexibleBody final : public Component {
   /// rigid motion: velocity of the point at the origin, angular velocity, global axes.
   void set_initial_motion(const std::array<double, 9>& rotation, const Point& translation, const Point& velocity,
                           const Point& angular_velocity);
-  /// Initial configuration and velocities as such, 3 numbers per vertex.
-  void set_initial(std::vector<double> position, std::vector<double> velocity);
   /// Pressure p(t) on faces of the mesh that the body was made of (solids only); follows the deformed surface.
   void add_pressure(const Mesh& mesh, std::span<const MeshFace> faces, std::function<double(double)> pressure);
 

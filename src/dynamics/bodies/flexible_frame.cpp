@@ -80,6 +80,23 @@ FlexibleFrame::Fit FlexibleFrame::fit(ConstSpan q) const {
   return result;
 }
 
+FlexibleFrame::Derivative FlexibleFrame::Fit::derivative(const FrameVertex& b, int j) const {
+  const Vec3 turned = rotation.row(j).transpose();  // R^T e_j
+  const Vec3 phi = inverse_g * b.arm.cross(turned);
+  return {phi, turned * b.arm.transpose() - cross_matrix(phi) * stretch};
+}
+
+FlexibleFrame::Turning FlexibleFrame::turning(const Fit& f, ConstSpan v) const {
+  Vec3 spin = Vec3::Zero();
+  Mat3 rate = Mat3::Zero();
+  for (const FrameVertex& vertex : vertices_) {
+    const Vec3 turned = f.rotation.transpose() * at(v, body_.placement().v, vertex.vertex);
+    spin += vertex.arm.cross(turned);
+    rate += turned * vertex.arm.transpose();
+  }
+  return {f.inverse_g * spin, rate};
+}
+
 void FlexibleFrame::motion(ConstSpan q, ConstSpan v, FrameMotion& out) const {
   out = FrameMotion{};
   for (const FrameVertex& vertex : vertices_) {
@@ -90,14 +107,7 @@ void FlexibleFrame::motion(ConstSpan q, ConstSpan v, FrameMotion& out) const {
   const Fit f = fit(q);
   out.rot = f.rotation * axes_;
   if (v.empty()) return;
-  Vec3 spin = Vec3::Zero();
-  Mat3 rate = Mat3::Zero();
-  for (const FrameVertex& vertex : vertices_) {
-    const Vec3 turned = f.rotation.transpose() * at(v, body_.placement().v, vertex.vertex);
-    spin += vertex.arm.cross(turned);
-    rate += turned * vertex.arm.transpose();
-  }
-  const Vec3 omega = f.inverse_g * spin;
+  const auto [omega, rate] = turning(f, v);
   // G omega' = d/dt(sum B x R^T v) - G' omega with a = 0; U' = R^T A' - [omega] U
   const Mat3 stretch_rate = rate - cross_matrix(omega) * f.stretch;
   Vec3 right = -g_of(stretch_rate) * omega;
@@ -129,20 +139,11 @@ void FlexibleFrame::rate_jacobian(ConstSpan q, ConstSpan v, double* jv) const {
   result.setZero();
   if (!has_rotation_) return;
   const Fit f = fit(q);
-  Vec3 spin = Vec3::Zero();
-  Mat3 rate = Mat3::Zero();
-  for (const FrameVertex& vertex : vertices_) {
-    const Vec3 turned = f.rotation.transpose() * at(v, body_.placement().v, vertex.vertex);
-    spin += vertex.arm.cross(turned);
-    rate += turned * vertex.arm.transpose();
-  }
-  const Vec3 omega = f.inverse_g * spin;
+  const auto [omega, rate] = turning(f, v);
   Eigen::Index column = 0;
   for (const FrameVertex& b : vertices_)
     for (int j = 0; j < 3; ++j, ++column) {
-      const Vec3 turned = f.rotation.row(j).transpose();  // R^T e_j
-      const Vec3 phi = f.inverse_g * b.arm.cross(turned);
-      const Mat3 d_stretch = turned * b.arm.transpose() - cross_matrix(phi) * f.stretch;
+      const auto [phi, d_stretch] = f.derivative(b, j);
       const Vec3 d_omega = f.inverse_g * (-g_of(rate) * phi - g_of(d_stretch) * omega);
       result.block<3, 1>(3, column) = f.rotation * (phi.cross(omega) + d_omega);
     }
@@ -159,9 +160,7 @@ void FlexibleFrame::wrench_stiffness(ConstSpan q, const Vec6& wrench, double sca
   Eigen::Index column = 0;
   for (const FrameVertex& b : vertices_)
     for (int j = 0; j < 3; ++j, ++column) {
-      const Vec3 turned = f.rotation.row(j).transpose();  // R^T e_j
-      const Vec3 phi = f.inverse_g * b.arm.cross(turned);
-      const Mat3 d_stretch = turned * b.arm.transpose() - cross_matrix(phi) * f.stretch;
+      const auto [phi, d_stretch] = f.derivative(b, j);
       const Vec3 dc = f.inverse_g * (-phi.cross(moment) - g_of(d_stretch) * c);
       Eigen::Index row = 0;
       for (const FrameVertex& a : vertices_) {

@@ -35,9 +35,22 @@ class FlexibleFrame final : public Frame {
   void wrench_stiffness(ConstSpan q, const Vec6& wrench, double scale, double* k) const override;
 
  private:
+  /// How a fit changes when a vertex moves: turn and change of U, in the axes of the frame.
+  struct Derivative {
+    Vec3 phi;
+    Mat3 stretch;
+  };
   struct Fit {
     Mat3 rotation, stretch, inverse_g;
+    /// For the motion of vertex b along global axis j.
+    [[nodiscard]] Derivative derivative(const FrameVertex& b, int j) const;
   };
+  /// Angular velocity and sum t B^T with t = R^T v, in the axes of the frame.
+  struct Turning {
+    Vec3 omega;
+    Mat3 rate;
+  };
+  [[nodiscard]] Turning turning(const Fit& f, ConstSpan v) const;
   [[nodiscard]] Vec3 at(ConstSpan values, Index first, Index vertex) const;
   [[nodiscard]] Fit fit(ConstSpan q) const;
 

@@ -1,7 +1,6 @@
 #include "dynamics/dae/linear_solver.hpp"
 
 #include <Eigen/LU>
-#include <Eigen/SparseLU>
 #include <cmath>
 #include <vector>
 
@@ -60,43 +59,8 @@ class DenseSolver final : public LinearSolver {
   Eigen::PartialPivLU<Eigen::MatrixXd> lu_;
 };
 
-class EigenSparseSolver final : public LinearSolver {
- public:
-  Status analyze(const MatrixView& a) override {
-    matrix_.resize(a.rows, a.cols);
-    matrix_.resizeNonZeros(static_cast<int>(a.nonzeros()));
-    std::copy(a.col_ptr.begin(), a.col_ptr.end(), matrix_.outerIndexPtr());
-    std::copy(a.row_ind.begin(), a.row_ind.end(), matrix_.innerIndexPtr());
-    if (a.values.empty()) {
-      std::fill_n(matrix_.valuePtr(), a.nonzeros(), 1.0);
-    } else {
-      std::copy(a.values.begin(), a.values.end(), matrix_.valuePtr());
-    }
-    lu_.analyzePattern(matrix_);
-    return {};
-  }
-
-  Status factorize(std::span<const double> values) override {
-    std::copy(values.begin(), values.end(), matrix_.valuePtr());
-    lu_.factorize(matrix_);
-    if (lu_.info() != Eigen::Success) return {StatusCode::singular, "sparse LU: " + lu_.lastErrorMessage(), -1};
-    return {};
-  }
-
-  Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
-    const Eigen::Map<const Eigen::MatrixXd> rhs(b.data(), matrix_.rows(), columns);
-    Eigen::Map<Eigen::MatrixXd>(x.data(), matrix_.rows(), columns) = lu_.solve(rhs).eval();
-    return {};
-  }
-
- private:
-  Eigen::SparseMatrix<double, Eigen::ColMajor, int> matrix_;
-  Eigen::SparseLU<Eigen::SparseMatrix<double, Eigen::ColMajor, int>, Eigen::COLAMDOrdering<int>> lu_;
-};
-
 }  // namespace
 
 std::unique_ptr<LinearSolver> make_dense_solver() { return std::make_unique<DenseSolver>(); }
-std::unique_ptr<LinearSolver> make_eigen_solver() { return std::make_unique<EigenSparseSolver>(); }
 
 }  // namespace espalier::dynamics

@@ -37,7 +37,5 @@ class LinearSolver {
 ///  - LU: K may be symmetric by chance at its first values (a mechanism at rest) and is not later (gyroscopic terms,
 ///    rotations).
 [[nodiscard]] Options newton_options(Index unknowns, Precision precision = Precision::fp64);
-/// Eigen's SparseLU with COLAMD ordering and partial pivoting: the independent second implementation for tests.
-[[nodiscard]] std::unique_ptr<LinearSolver> make_eigen_solver();
 
 }  // namespace espalier::dynamics

@@ -63,8 +63,6 @@ class BdfIntegrator final : public Integrator {
   [[nodiscard]] const State& state() const override { return state_; }
   void save(std::vector<double>& out) override;
   void restore(ConstSpan& in) override;
-  /// The solution at a time within the last step (polynomial of the order of the step).
-  void interpolate(double t, Span q, Span v) const;
   [[nodiscard]] int order() const { return order_; }
   /// Max norms of all blocks of H, with the dense U of the iteration in use.
   struct Blocks {

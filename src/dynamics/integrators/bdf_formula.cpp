@@ -128,21 +128,4 @@ void BdfIntegrator::choose_step(double error) {
   h_ *= best;
 }
 
-void BdfIntegrator::interpolate(double t, Span q, Span v) const {
-  std::array<double, kMaxBdfOrder + 2> w{};
-  const int points = std::min(formula_.order + 1, history_.size());
-  value_weights(t, history_.times(points), w);
-  std::vector<double> theta(v.size(), 0.0);
-  std::fill(v.begin(), v.end(), 0.0);
-  for (int j = 0; j < points; ++j) {
-    const double factor = w[static_cast<std::size_t>(j)];
-    const ConstSpan past_theta = history_.theta(j), past_v = history_.v(j);
-    for (std::size_t i = 0; i < v.size(); ++i) {
-      theta[i] += factor * past_theta[i];
-      v[i] += factor * past_v[i];
-    }
-  }
-  equations_.system().retract(history_.q(0), theta, q);
-}
-
 }  // namespace espalier::dynamics

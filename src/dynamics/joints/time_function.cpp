@@ -47,16 +47,4 @@ TimeFunction TimeFunction::smooth_step(double t0, double from, double t1, double
   return f;
 }
 
-TimeFunction TimeFunction::of(const std::function<double(double)>& f, double step) {
-  TimeFunction result;
-  result.value = f;
-  result.rate = [f, h = step](double t) {
-    return (8 * (f(t + h) - f(t - h)) - (f(t + 2 * h) - f(t - 2 * h))) / (12 * h);
-  };
-  result.acceleration = [f, h = step](double t) {
-    return (16 * (f(t + h) + f(t - h)) - (f(t + 2 * h) + f(t - 2 * h)) - 30 * f(t)) / (12 * h * h);
-  };
-  return result;
-}
-
 }  // namespace espalier::dynamics

@@ -19,8 +19,6 @@ struct TimeFunction {
   [[nodiscard]] static TimeFunction harmonic(double c, double a, double w, double p);
   /// From `from` at t0 to `to` at t1 by the quintic with zero rates and accelerations at both ends; constant outside.
   [[nodiscard]] static TimeFunction smooth_step(double t0, double from, double t1, double to);
-  /// Any function; derivatives by differences of O(step^4), where f is smooth.
-  [[nodiscard]] static TimeFunction of(const std::function<double(double)>& f, double step = 1e-3);
 };
 
 }  // namespace espalier::dynamics
