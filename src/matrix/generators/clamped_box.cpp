@@ -1,5 +1,4 @@
 #include "matrix/generators/families.hpp"
-#include "matrix/generators/hex8.hpp"
 
 namespace espalier::matrix {
 
@@ -10,9 +9,9 @@ constexpr double kPoisson = 0.3;
 
 class ClampedBox final : public GroupModel {
  public:
-  ClampedBox(HexGrid grid, double height, Randomness random)
+  ClampedBox(HexGrid grid, std::vector<HexStiffness> stiffness, Randomness random)
       : grid_(grid),
-        stiffness_(hex8_stiffness(hex_box(1, 1, height), kYoung, kPoisson)),
+        stiffness_(std::move(stiffness)),
         factors_(element_factors(grid.elements(), random.seed)),
         clamped_((grid.ny + 1) * (grid.nz + 1)) {}
 
@@ -28,8 +27,9 @@ class ClampedBox final : public GroupModel {
     values.fill(0);
     grid_.for_each_shared_element(place(row), place(col), [&](GridPlace e, std::size_t a, std::size_t b) {
       const double factor = factors_[static_cast<std::size_t>(grid_.element(e))];
+      const HexStiffness& stiffness = stiffness_[stiffness_.size() == 1 ? 0 : static_cast<std::size_t>(e.y)];
       for (std::size_t i = 0; i < 3; ++i)
-        for (std::size_t k = 0; k < 3; ++k) values[3 * i + k] += factor * stiffness_[(3 * a + i) * 24 + 3 * b + k];
+        for (std::size_t k = 0; k < 3; ++k) values[3 * i + k] += factor * stiffness[(3 * a + i) * 24 + 3 * b + k];
     });
   }
 
@@ -37,7 +37,7 @@ class ClampedBox final : public GroupModel {
   [[nodiscard]] GridPlace place(Index group) const { return grid_.node_place(group + clamped_); }
 
   HexGrid grid_;
-  HexStiffness stiffness_;
+  std::vector<HexStiffness> stiffness_;  // one for all elements, or one for each y
   std::vector<double> factors_;
   Index clamped_;  // nodes of the face x = 0, the first ones of the grid
 };
@@ -45,7 +45,11 @@ class ClampedBox final : public GroupModel {
 }  // namespace
 
 std::unique_ptr<GroupModel> make_clamped_box(HexGrid grid, double height, Randomness random) {
-  return std::make_unique<ClampedBox>(grid, height, random);
+  return make_clamped_box(grid, {hex8_stiffness(hex_box(1, 1, height), kYoung, kPoisson)}, random);
+}
+
+std::unique_ptr<GroupModel> make_clamped_box(HexGrid grid, std::vector<HexStiffness> stiffness, Randomness random) {
+  return std::make_unique<ClampedBox>(grid, std::move(stiffness), random);
 }
 
 }  // namespace espalier::matrix

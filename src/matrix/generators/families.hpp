@@ -9,6 +9,7 @@
 
 #include "espalier/matrix.hpp"
 #include "matrix/generators/group_model.hpp"
+#include "matrix/generators/hex8.hpp"
 #include "matrix/generators/hex_grid.hpp"
 
 namespace espalier::matrix {
@@ -21,6 +22,8 @@ struct Randomness {
 /// A box of nx x ny x nz elements of 1 x 1 x height, clamped at the face x = 0, whose nodes are left out:
 /// n = 3 nx (ny + 1) (nz + 1). Height 1: 3-D elasticity; nz = 1 and height 0.3: thin plate. Positive definite.
 std::unique_ptr<GroupModel> make_clamped_box(HexGrid grid, double height, Randomness random);
+/// The same with elements of other shapes. @param stiffness one for all, or one for each y
+std::unique_ptr<GroupModel> make_clamped_box(HexGrid grid, std::vector<HexStiffness> stiffness, Randomness random);
 
 /// A cylindrical roof (as Scordelis and Lo's): nx elements along the axis, ny along an arc of 80 degrees, one element
 /// of thickness 0.3; elements are 1 long on the middle surface in both directions, so the radius is ny / (80 pi / 180).
