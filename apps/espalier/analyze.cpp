@@ -66,6 +66,7 @@ int AnalyzeCommand::run() const {
   const auto tiers = analyzed ? solver.tiers() : std::vector<Solver::TierRow>{};
   auto report = to_json(record);
   report["tree"] = to_json(tiers);
+  const std::optional<Error> unwritten = write_report(report_file, report);
   if (json) {
     fmt::print("{}\n", to_text(report));
   } else if (analyzed) {
@@ -73,7 +74,7 @@ int AnalyzeCommand::run() const {
     if (dry_run) fmt::print("\n{}", forecast_summary(*record.analysis, budget));
   }
   if (!record.status.ok()) print_error(record.status.message);
-  if (!report_file.empty()) write_report(report_file, report);
+  if (unwritten) throw Error(*unwritten);
   return exit_code(record.status.code);
 }
 

@@ -62,17 +62,13 @@ SparseMatrix MatrixSource::load(RunRecord& record, base::ThreadPool& pool) const
   return a;
 }
 
-DenseColumns read_columns(const std::string& path, Index rows, base::ThreadPool& pool) {
+matrix::DenseVectors read_columns(const std::string& path, Index rows, base::ThreadPool& pool) {
   auto vectors = matrix::read_vectors(path, {&pool, false});
   if (vectors.rows != rows || vectors.cols < 1) {
     throw Error(StatusCode::invalid_input, fmt::format("{}: the right-hand side is {} x {}; the matrix has {} rows",
                                                        path, vectors.rows, vectors.cols, rows));
   }
-  return {vectors.cols, std::move(vectors.values)};
-}
-
-void write_columns(const std::string& path, Index rows, const DenseColumns& columns) {
-  matrix::write_matrix_market_vectors(path, rows, columns.columns, columns.values, "solution by espalier");
+  return vectors;
 }
 
 }  // namespace espalier::cli

@@ -7,6 +7,7 @@
 
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
+#include "matrix/matrix_market.hpp"
 #include "report.hpp"
 
 namespace CLI {
@@ -32,17 +33,8 @@ class MatrixSource {
   std::string generator_;
 };
 
-/// Right-hand sides stored column by column.
-struct DenseColumns {
-  Index columns = 1;
-  std::vector<double> values;  ///< columns * rows
-};
-
 /// Reads dense columns of `rows` values each from a Matrix Market file (array, or coordinate: absent entries are zero).
 /// @throws Error(invalid_input) naming the file and what is wrong
-DenseColumns read_columns(const std::string& path, Index rows, base::ThreadPool& pool);
-
-/// Writes dense columns as a Matrix Market array with all digits. @throws Error(invalid_input) when it cannot
-void write_columns(const std::string& path, Index rows, const DenseColumns& columns);
+matrix::DenseVectors read_columns(const std::string& path, Index rows, base::ThreadPool& pool);
 
 }  // namespace espalier::cli

@@ -135,10 +135,16 @@ Json to_json(const std::vector<Solver::TierRow>& tiers) {
 
 std::string to_text(const Json& report) { return report.dump(2, ' ', false, Json::error_handler_t::replace); }
 
-void write_report(const std::string& path, const Json& report) {
-  base::OutputFile file(path);
-  file.write(to_text(report) + "\n");
-  file.commit();
+std::optional<Error> write_report(const std::string& path, const nlohmann::ordered_json& report) {
+  if (path.empty()) return std::nullopt;
+  try {
+    base::OutputFile file(path);
+    file.write(to_text(report) + "\n");
+    file.commit();
+  } catch (const Error& error) {
+    return error;
+  }
+  return std::nullopt;
 }
 
 }  // namespace espalier::cli

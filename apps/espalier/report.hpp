@@ -44,7 +44,9 @@ nlohmann::ordered_json to_json(const std::vector<Solver::TierRow>& tiers);
 /// The report as text, indented.
 std::string to_text(const nlohmann::ordered_json& report);
 
-/// Writes `report` to a file. @throws Error(invalid_input) when the file cannot be written
-void write_report(const std::string& path, const nlohmann::ordered_json& report);
+/// Writes `report` to a file, if there is a name for it. Written before results are shown, so that a closed pipe does
+/// not take it along; thrown after they are, so that a full disk does not take them along.
+/// @return why it could not be written
+[[nodiscard]] std::optional<Error> write_report(const std::string& path, const nlohmann::ordered_json& report);
 
 }  // namespace espalier::cli

@@ -83,14 +83,17 @@ int SimulateCommand::run() {
   const SimulationSummary& summary = simulation.summary();
   const int code = status.ok() && summary.interrupted ? kInterrupted : exit_code(status.code);
   const auto report = to_json(summary, model, code);
+  const bool moved = !options.out.empty() && summary.t_end > summary.t_begin;
+  const std::optional<Error> unwritten[] = {write_report(report_file, report),
+                                            write_report(moved ? options.out + "/summary.json" : "", report)};
   if (json) {
     fmt::print("{}\n", to_text(report));
     if (!status.ok()) print_error(status.message);
   } else {
     print_outcome(*this, summary);
   }
-  if (!report_file.empty()) write_report(report_file, report);
-  if (!options.out.empty() && summary.t_end > summary.t_begin) write_report(options.out + "/summary.json", report);
+  for (const auto& error : unwritten)
+    if (error) throw Error(*error);
   return code;
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "base/memory.hpp"
 #include "solver/build_info.hpp"
 #include "solver/option_text.hpp"
 #include "terminal.hpp"
@@ -14,13 +15,6 @@ namespace espalier::cli {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-std::string megabytes(Offset bytes) { return fmt::format("{:.1f} MiB", static_cast<double>(bytes) / (1 << 20)); }
-
-/// "1 body", "2 bodies".
-std::string counted(long n, const char* one, const char* many) {
-  return fmt::format("{} {}", grouped(n), n == 1 ? one : many);
-}
 
 void add_phase(Table& table, const char* name, double part, double total) {
   table.add({name, duration(part), total > 0 ? fmt::format("{:.0f} %", 100 * part / total) : ""});
@@ -43,7 +37,7 @@ std::string solver_line(const SimulationSummary& s) {
   if (s.kind == "dense") return "dense";
   const std::string device = s.device.substr(0, s.device.find(": "));  // without the reason
   return fmt::format("{} {}, {}, {} entries in the factor, {}", s.kind, s.precision, device, grouped(s.nonzeros_factor),
-                     megabytes(s.peak_bytes));
+                     base::format_bytes(s.peak_bytes));
 }
 
 }  // namespace

@@ -57,9 +57,9 @@ class SolveRun {
     const int threads = solver_.options().threads;
     base::ThreadPool pool(threads > 0 ? threads : base::available_cores());
     matrix_ = command_.source.load(record_, pool);
-    b_.values.assign(static_cast<std::size_t>(matrix_.rows), 1.0);
+    b_ = {matrix_.rows, 1, std::vector<double>(static_cast<std::size_t>(matrix_.rows), 1.0)};
     if (!command_.rhs_file.empty()) b_ = read_columns(command_.rhs_file, matrix_.rows, pool);
-    record_.columns = b_.columns;
+    record_.columns = b_.cols;
     progress_.end(duration(record_.read_seconds));
   }
 
@@ -101,12 +101,13 @@ class SolveRun {
 
   void solve() {
     progress_.begin("solve");
-    DenseColumns x{b_.columns, std::vector<double>(b_.values.size())};
-    record_.solve = solver_.solve(b_.values, x.values, b_.columns);
+    std::vector<double> x(b_.values.size());
+    record_.solve = solver_.solve(b_.values, x, b_.cols);
     progress_.end(duration(record_.solve->seconds));
     const bool solved = keep(record_.solve->status);
     if (!solved && record_.status.code != StatusCode::accuracy_not_reached) return;
-    if (!command_.out_file.empty()) write_columns(command_.out_file, matrix_.rows, x);
+    if (!command_.out_file.empty())
+      matrix::write_matrix_market_vectors(command_.out_file, b_.rows, b_.cols, x, "solution by espalier");
     if (command_.condition) estimate_condition();
   }
 
@@ -120,7 +121,7 @@ class SolveRun {
   Progress progress_;
   Solver solver_;
   SparseMatrix matrix_;
-  DenseColumns b_;
+  matrix::DenseVectors b_;
   RunRecord record_;
 };
 
@@ -149,13 +150,14 @@ int SolveCommand::run() const {
   run.execute();
   const RunRecord& record = run.record();
   const auto report = to_json(record);
+  const std::optional<Error> unwritten = write_report(report_file, report);
   if (json) {
     fmt::print("{}\n", to_text(report));
     if (!record.status.ok()) print_error(record.status.message);
   } else {
     print_outcome(*this, record);
   }
-  if (!report_file.empty()) write_report(report_file, report);
+  if (unwritten) throw Error(*unwritten);
   return exit_code(record.status.code);
 }
 

@@ -38,10 +38,6 @@ std::string storage_name(Storage storage) {
   return "";
 }
 
-std::string counted(std::int64_t number, std::string_view one, std::string_view many) {
-  return fmt::format("{} {}", grouped(number), number == 1 ? one : many);
-}
-
 std::string bytes(Offset number) { return base::format_bytes(number); }
 
 std::string analysis_parts(const AnalysisResult& a) {

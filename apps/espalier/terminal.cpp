@@ -71,6 +71,10 @@ std::string grouped(std::int64_t number) {
   return digits;
 }
 
+std::string counted(std::int64_t number, std::string_view one, std::string_view many) {
+  return fmt::format("{} {}", grouped(number), number == 1 ? one : many);
+}
+
 std::string duration(double seconds) {
   if (!(seconds >= 0)) return "-";
   if (seconds < 0.9995e-3) return fmt::format("{:.0f} us", seconds * 1e6);

@@ -27,6 +27,8 @@ void print_hint(std::string_view message);
 
 /// 1234567 -> "1,234,567".
 std::string grouped(std::int64_t number);
+/// "1 body", "1,234 bodies".
+std::string counted(std::int64_t number, std::string_view one, std::string_view many);
 /// "12.3 ms", "1.24 s", "3 min 20 s"; "-" for a negative number.
 std::string duration(double seconds);
 /// "98.4 GFLOP/s"; "-" where there is nothing to say.

@@ -373,17 +373,6 @@ TEST(Plan, SameForEveryNumberOfThreads) {
   EXPECT_EQ(p.memory.contribution, q.memory.contribution);
 }
 
-TEST(Plan, FlopsOfADenseMatrixAreThoseOfTheFormula) {
-  // sum over the columns of (rows left)^2; twice that for lu
-  for (const Index n : {1, 2, 50, 200}) {
-    double sum = 0;
-    for (Index k = 1; k <= n; ++k) sum += static_cast<double>(k) * k;
-    EXPECT_NEAR(front_flops(n, n, false), sum, 1e-12 * sum);
-    EXPECT_NEAR(front_flops(n, n, true), 2 * sum, 2e-12 * sum);
-  }
-  EXPECT_EQ(front_flops(1, 5, false), 25);
-}
-
 TEST(Plan, TilesWiderThanAnEntryCanSayAreRefused) {
   base::ThreadPool pool(1);
   std::mt19937 random(1);
