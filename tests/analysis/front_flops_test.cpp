@@ -1,12 +1,12 @@
-// Work of fronts. The truth is the sum over the columns, and closed forms of small fronts.
-#include "analysis/front_cost.hpp"
+// Work of fronts. The truth is the sum over the columns.
+#include "analysis/plan.hpp"
 
 #include <gtest/gtest.h>
 
 namespace espalier::analysis {
 namespace {
 
-TEST(FrontCost, FlopsOfADenseMatrixAreThoseOfTheFormula) {
+TEST(FrontFlops, FlopsOfADenseMatrixAreThoseOfTheFormula) {
   // sum over the columns of (rows left)^2; twice that for lu
   for (const Index n : {1, 2, 50, 200}) {
     double sum = 0;
