@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <memory>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -23,9 +24,8 @@ struct LazyAllocator {
   void deallocate(T* p, std::size_t n) noexcept { base::free_aligned(p, n * sizeof(T)); }
   template <class U, class... Args>
   void construct(U* p, Args&&... args) {
-    if constexpr (sizeof...(Args) == 0)
-      ::new (static_cast<void*>(p)) U;
-    else
+    // Elements that are copied byte by byte come to life with their first value.
+    if constexpr (sizeof...(Args) > 0 || !std::is_trivially_copyable_v<U>)
       std::construct_at(p, std::forward<Args>(args)...);
   }
   friend bool operator==(const LazyAllocator&, const LazyAllocator&) { return true; }

@@ -4,14 +4,14 @@
 // high end are dealt out backwards in time: what lives last, when the factors leave the least room, gets the outermost
 // places, and the gaps that reuse leaves lie where the factors are still short (elasticity 64^3 on a GPU: 16.5 GB, the
 // sum of what lives at a time, instead of 19.3 forwards).
+#include "analysis/memory_plan.hpp"
+
 #include <algorithm>
 #include <deque>
 #include <iterator>
 #include <map>
 #include <set>
 #include <utility>
-
-#include "analysis/plan.hpp"
 
 namespace espalier::analysis {
 
@@ -137,8 +137,9 @@ struct Region {
 
 class MemoryPlanner {
  public:
-  MemoryPlanner(Plan& plan, const ArraySizes* sizes)
-      : plan_(plan), sizes_(sizes), m_(plan.memory), fronts_(plan.fronts()) {}
+  // tasks: what plan.tasks are of a longer list; null: they are the list
+  MemoryPlanner(Plan& plan, const ArraySizes* sizes, const NumberedTasks* tasks = nullptr)
+      : plan_(plan), sizes_(sizes), numbered_(tasks), m_(plan.memory), fronts_(plan.fronts()) {}
 
   void run() {
     m_ = MemoryPlan{};
@@ -169,6 +170,14 @@ class MemoryPlanner {
   }
   [[nodiscard]] Offset contribution_entries(Index f) const {
     return sizes_ != nullptr ? sizes_->contribution[f] : round(plan_.layout[f].contribution_size());
+  }
+
+  // Number of plan.tasks[k] in the list, and the length of it.
+  [[nodiscard]] Index number(std::size_t k) const {
+    return numbered_ != nullptr ? numbered_->numbers[k] : static_cast<Index>(k);
+  }
+  [[nodiscard]] Offset all_tasks() const {
+    return numbered_ != nullptr ? numbered_->all : static_cast<Offset>(plan_.tasks.size());
   }
 
   void place_stack(const Task& task) {
@@ -265,8 +274,9 @@ class MemoryPlanner {
   }
 
   void place() {
-    for (Index at = 0; at < static_cast<Index>(plan_.tasks.size()); ++at) {
-      const Task& task = plan_.tasks[at];
+    for (std::size_t k = 0; k < plan_.tasks.size(); ++k) {
+      const Task& task = plan_.tasks[k];
+      const Index at = number(k);
       if (plan_.assignment.subtree(task.front) != subtree_) enter(plan_.assignment.subtree(task.front));
       while (!waiting_.empty() && waiting_.front().ready <= at) {
         heap_.give_back(waiting_.front().at, waiting_.front().size);
@@ -288,8 +298,7 @@ class MemoryPlanner {
   // free_again().
   void place_backwards() {
     const auto free_again = [&](const Region* r) {
-      return std::min(static_cast<Offset>(r->last) + std::max<Index>(1, plan_.options.reuse_distance),
-                      static_cast<Offset>(plan_.tasks.size()));
+      return std::min(static_cast<Offset>(r->last) + std::max<Index>(1, plan_.options.reuse_distance), all_tasks());
     };
     std::vector<const Region*> births(regions_.begin(), regions_.end());
     std::stable_sort(births.begin(), births.end(), [](auto* a, auto* b) { return a->first > b->first; });
@@ -330,8 +339,9 @@ class MemoryPlanner {
       if (contribution_[f].size > 0) last_use.reuse(contribution_[f].at, contribution_[f].size, list);
       if (work_[f].size > 0) last_use.reuse(work_[f].at, work_[f].size, list);
     };
-    for (Index at = 0; at < static_cast<Index>(plan_.tasks.size()); ++at) {
-      const Task& task = plan_.tasks[at];
+    for (std::size_t k = 0; k < plan_.tasks.size(); ++k) {
+      const Task& task = plan_.tasks[k];
+      const Index at = number(k);
       const Index f = task.front;
       if (task.is_range())
         for (Index g = task.begin; g <= f; ++g) begin(g, f);  // the whole range waits once
@@ -361,6 +371,7 @@ class MemoryPlanner {
 
   Plan& plan_;
   const ArraySizes* sizes_;
+  const NumberedTasks* numbered_;
   MemoryPlan& m_;
   Index fronts_;
   Heap heap_;
@@ -376,6 +387,15 @@ class MemoryPlanner {
 
 }  // namespace
 
-void plan_memory(Plan& plan, const ArraySizes* sizes) { MemoryPlanner(plan, sizes).run(); }
+void plan_memory(Plan& plan, const ArraySizes* sizes, int threads) {
+  if (sizes != nullptr && !sizes->region.empty())
+    plan.memory = plan_regions(plan, *sizes, threads);
+  else
+    MemoryPlanner(plan, sizes).run();
+}
+
+void plan_memory(Plan& plan, const ArraySizes& sizes, const NumberedTasks& tasks) {
+  MemoryPlanner(plan, &sizes, &tasks).run();
+}
 
 }  // namespace espalier::analysis

@@ -4,13 +4,12 @@
 
 #include <algorithm>
 #include <atomic>
-#include <future>
 #include <numeric>
-#include <system_error>
 #include <utility>
 
 #include "analysis/lazy_vector.hpp"
 #include "analysis/task_list.hpp"
+#include "base/beside.hpp"
 
 namespace espalier::analysis {
 
@@ -282,18 +281,6 @@ void place_entries(Plan& plan, const Permuted& permuted, base::ThreadPool& pool)
   plan.entry_ptr.back() = static_cast<Offset>(plan.entries.size());
 }
 
-// Starts `work` on a thread of its own; where there is none to be had, get() does the work.
-template <class Work>
-std::future<void> start_beside(const Work& work, const base::ThreadPool& pool) {
-  if (pool.size() > 1) {
-    try {
-      return std::async(std::launch::async, work);
-    } catch (const std::system_error&) {  // the machine has no more threads
-    }
-  }
-  return std::async(std::launch::deferred, work);
-}
-
 }  // namespace
 
 double front_flops(Index pivots, Index rows, bool unsymmetric) {
@@ -315,15 +302,14 @@ Plan make_plan(AssemblyTree tree, const MatrixView& a, const std::vector<Index>&
   link_children(plan);
   cut_fronts(plan);
   // Tasks and memory are one chain of small steps that needs no entries: it goes beside them.
-  const auto list_and_place = [&plan] {
+  const auto list_and_place = [&plan, threads = pool.size()] {
     plan.assignment = assign_devices(plan);
     list_tasks(plan);
-    if (!plan.options.plan_memory) return;
     if (plan.options.array_sizes == nullptr) return plan_memory(plan);
     const ArraySizes sizes = plan.options.array_sizes(plan);
-    plan_memory(plan, &sizes);
+    plan_memory(plan, &sizes, threads);
   };
-  std::future<void> beside = start_beside(list_and_place, pool);
+  auto beside = base::start_beside(list_and_place, pool.size() > 1);
   relate_rows(plan, pool);
   matrix::RowIndex own;
   if (rows == nullptr || rows->ptr.empty()) rows = &(own = matrix::index_rows(a, pool));

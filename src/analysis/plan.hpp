@@ -52,6 +52,11 @@ struct Plan;
 struct ArraySizes {
   std::vector<Offset> factor;        ///< fronts; of L alone
   std::vector<Offset> contribution;  ///< fronts; of the lower part alone
+  /// Several devices: fronts; the region of memory of its own in which the arrays of a front lie, -1: in none that is
+  /// planned. Empty: all in one arena.
+  std::vector<Index> region;
+  Index regions = 0;       ///< their number
+  std::vector<char> late;  ///< with regions: fronts; 1: its tasks follow all others of its region
 };
 
 /// What shapes the plan besides the tree.
@@ -79,7 +84,6 @@ struct PlanOptions {
   /// The task list walks every sub-tree alone, so that it can be stolen; else all sub-trees of a device together, so
   /// that more fronts are in work at a time.
   bool subtrees_apart = true;
-  bool plan_memory = true;  ///< false: the backend lays out its memory itself, plan.memory stays empty
   /// The sizes for which memory is planned; null: those of FrontLayout. Sees all of the plan but tasks, entries and
   /// memory.
   ArraySizes (*array_sizes)(const Plan&) = nullptr;
@@ -107,7 +111,8 @@ struct MemoryPlan {
   std::vector<Offset> wait_ptr;       ///< fronts + 1
   std::vector<Index> wait_fronts;     ///< fronts to wait for before the first write to this front's arrays
   /// devices; elements that are a device's part of the arena: its sub-trees, its block columns of the top's factors,
-  /// and an even part of what the top needs besides. Their sum is `size` at least.
+  /// and an even part of what the top needs besides. Their sum is `size` at least. Where memory is planned by regions
+  /// (ArraySizes::region): regions; the elements of each. Places count from the region's start.
   std::vector<Offset> device_size;
 };
 
@@ -145,8 +150,9 @@ Plan make_plan(AssemblyTree tree, const MatrixView& a, const std::vector<Index>&
 /// The plan with its tasks listed for one device; no places in memory.
 Plan plan_for_one_device(const Plan& plan);
 
-/// Memory for a task list: fills plan.memory from plan.tasks. sizes: null for those of FrontLayout.
-void plan_memory(Plan& plan, const ArraySizes* sizes = nullptr);
+/// Memory for a task list: fills plan.memory from plan.tasks. sizes: null for those of FrontLayout. threads: that may
+/// be started where it names regions.
+void plan_memory(Plan& plan, const ArraySizes* sizes = nullptr, int threads = 1);
 
 /// Work of one front: L L^T or L D L^T; twice that for L U.
 double front_flops(Index pivots, Index rows, bool unsymmetric);

@@ -5,6 +5,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "analysis/memory_plan.hpp"
+#include "device/cuda/device_regions.hpp"
 #include "device/cuda/device_task_lists.hpp"
 
 namespace espalier::device::cuda {
@@ -12,44 +14,8 @@ namespace espalier::device::cuda {
 namespace {
 
 using analysis::Plan;
-using analysis::Task;
 
 constexpr std::int64_t kFrontsPerPiece = 512;
-
-Index pad(Index x) { return (x + kChunk - 1) / kChunk * kChunk; }
-Offset rounded(Offset x) { return (x + kChunk - 1) / kChunk * kChunk; }
-
-// The shape of front f: all that follows from its layout alone.
-Front shape_of(const Plan& plan, Index f) {
-  Front x;
-  const auto& layout = plan.layout[f];
-  x.pivots = layout.pivots;
-  x.below = layout.below();
-  x.whole = plan.whole[f];
-  x.width = x.whole != 0 ? kRowBlock : layout.rows <= plan.options.tiles.narrow_rows ? kNarrowTiles : kWideTiles;
-  x.width_log2 = std::countr_zero(static_cast<std::uint32_t>(x.width));
-  x.inverted = x.width;
-  x.pivot_pad = pad(x.pivots);
-  x.total_pad = x.pivot_pad + pad(x.below);
-  x.below_ld = (x.below + 3) / 4 * 4;
-  x.pivot_tiles = layout.pivot_tiles;
-  x.tiles = layout.tiles;
-  x.pivot_blocks = (x.pivot_pad + kRowBlock - 1) / kRowBlock;
-  x.blocks = x.pivot_blocks + (pad(x.below) + kRowBlock - 1) / kRowBlock;
-  return x;
-}
-
-analysis::ArraySizes sizes_on_device(const Plan& plan) {
-  analysis::ArraySizes sizes;
-  sizes.factor.reserve(static_cast<std::size_t>(plan.fronts()));
-  sizes.contribution.reserve(static_cast<std::size_t>(plan.fronts()));
-  for (Index f = 0; f < plan.fronts(); ++f) {
-    const Front x = shape_of(plan, f);
-    sizes.factor.push_back(rounded(x.factor_size()));
-    sizes.contribution.push_back(rounded(x.contribution_size()));
-  }
-  return sizes;
-}
 
 class Builder {
  public:
@@ -61,19 +27,15 @@ class Builder {
 
   DevicePlan build() {
     d_.lists.resize(static_cast<std::size_t>(plan_.assignment.devices));
+    regions_ = name_regions(plan_, peer_access_);
+    d_.region_device = regions_.device;
+    d_.first_stealable = regions_.first_stealable;
+    d_.regions.assign(d_.region_device.size(), 0);
     describe_fronts();
     link_children();
-    name_regions();
-    find_narrow();
-    d_.regions.assign(d_.region_device.size(), 0);
-    if (plan_.assignment.devices == 1) {
-      take_places();
-      list_tasks(plan_, kind_, plan_.tasks, narrow_, shape_, pool_, d_);
-    } else {
-      std::vector<Task> order;
-      place_arrays(order);
-      list_tasks(plan_, kind_, order, narrow_, shape_, pool_, d_);
-    }
+    take_places();
+    if (plan_.assignment.devices > 1) place_top();
+    list_tasks(plan_, kind_, regions_.narrow, shape_, pool_, d_);
     list_inverses();
     return std::move(d_);
   }
@@ -90,6 +52,7 @@ class Builder {
         x = shape_of(plan_, f);
         x.position = t.first[f];
         x.members = 1;
+        x.region = regions_.of[f];
         x.first_place = -1;
         x.rows = t.row_ptr[f];
         x.tile0 = plan_.first_tile[f];
@@ -133,140 +96,47 @@ class Builder {
     }
   }
 
-  // Region 0 is all of it with one device. With several: 0 the top, 1 .. devices what each has for itself, then the
-  // stealable sub-trees.
-  void name_regions() {
-    const auto& a = plan_.assignment;
-    d_.region_device.assign(1, 0);
-    if (a.devices > 1)
-      for (Index d = 0; d < a.devices; ++d) d_.region_device.push_back(d);
-    d_.first_stealable = static_cast<std::int32_t>(d_.region_device.size());
-    std::vector<Index> region_of(a.subtrees.size());
-    for (std::size_t s = 0; s < a.subtrees.size(); ++s) {
-      region_of[s] = 1 + a.subtrees[s].device;
-      if (!a.subtrees[s].apart || !peer_access_) continue;
-      region_of[s] = static_cast<Index>(d_.region_device.size());
-      d_.region_device.push_back(a.subtrees[s].device);
-    }
-    for (Index f = 0; f < plan_.fronts(); ++f)
-      if (const Index s = a.subtree(f); s >= 0) d_.fronts[f].region = region_of[static_cast<std::size_t>(s)];
-  }
-
-  void find_narrow() {
-    narrow_.assign(static_cast<std::size_t>(plan_.fronts()), 1);
-    const bool any_wide =
-        std::any_of(d_.fronts.begin(), d_.fronts.end(), [](const Front& x) { return x.width == kWideTiles; });
-    // A stealable sub-tree belongs to one kernel, and to the last, by which time it shows who is behind.
-    if (any_wide)
-      for (Index f = 0; f < plan_.fronts(); ++f)
-        if (d_.fronts[f].region >= d_.first_stealable) narrow_[f] = 0;
-    for (Index f = 0; f < plan_.fronts(); ++f) {
-      if (d_.fronts[f].width == kWideTiles) narrow_[f] = 0;
-      const Index p = plan_.tree.parent[f];
-      if (p >= 0 && narrow_[f] == 0) narrow_[p] = 0;
-    }
-  }
-
-  // One device: the analysis has planned memory for these sizes in this order. A plan without memory is only listed.
+  // The analysis has planned memory for these sizes in this order; of several devices, for each region, unless they
+  // turn out not to reach each other's memory. A plan of one device without memory is only listed.
   void take_places() {
     const analysis::MemoryPlan& m = plan_.memory;
-    d_.regions[0] = m.size;
-    if (m.factor.empty()) return;
-    for (Index f = 0; f < plan_.fronts(); ++f) take_places(d_.fronts[f], m, f);
-    d_.waits.assign(m.wait_fronts.begin(), m.wait_fronts.end());
+    if (plan_.assignment.devices == 1) {
+      d_.regions[0] = m.size;
+      if (!m.factor.empty()) take_places(m);
+    } else if (m.device_size.size() == d_.regions.size()) {
+      take_places(m);
+    } else {
+      take_places(analysis::plan_regions(plan_, sizes_in_regions(plan_, regions_), pool_.size()));
+    }
   }
-  static void take_places(Front& x, const analysis::MemoryPlan& m, Index k) {
-    x.factor = m.factor[k];
-    x.contribution = m.contribution[k];
-    if (!m.factor2.empty()) x.second = m.factor2[k];
-    if (!m.contribution2.empty()) x.contribution_up = m.contribution2[k];
-    x.wait_begin = static_cast<std::int32_t>(m.wait_ptr[k]);
-    x.wait_end = static_cast<std::int32_t>(m.wait_ptr[k + 1]);
-  }
-
-  // Several devices: the plan's tasks, those of narrow sub-trees first; otherwise in the plan's order.
-  [[nodiscard]] std::vector<Task> by_phase() const {
-    std::vector<Task> order = plan_.tasks;
-    std::stable_partition(order.begin(), order.end(), [&](const Task& task) { return narrow_[task.front] != 0; });
-    return order;
-  }
-
-  // What lies in a region, in rising order, and, when it is placed, which fronts its fronts wait for.
-  struct RegionParts {
-    std::vector<Index> fronts;
-    std::vector<Index> waits;
-  };
-
-  // Several devices: the top and what each does alone; beside it `order`, that of all tasks.
-  void place_arrays(std::vector<Task>& order) {
-    std::vector<RegionParts> parts(d_.region_device.size());
-    std::vector<Index> region(static_cast<std::size_t>(plan_.fronts())), local(region.size());  // number in the region
+  void take_places(const analysis::MemoryPlan& m) {
+    for (std::size_t r = 1; r < d_.regions.size(); ++r) d_.regions[r] = m.device_size[r];
+    std::vector<std::vector<std::int32_t>> waits(d_.regions.size());
     for (Index f = 0; f < plan_.fronts(); ++f) {
-      region[f] = d_.fronts[f].region;
-      auto& fronts = parts[static_cast<std::size_t>(region[f])].fronts;
-      local[f] = static_cast<Index>(fronts.size());
-      fronts.push_back(f);
+      Front& x = d_.fronts[f];
+      x.factor = m.factor[f];
+      x.contribution = m.contribution[f];
+      if (!m.factor2.empty()) x.second = m.factor2[f];
+      if (!m.contribution2.empty()) x.contribution_up = m.contribution2[f];
+      auto& list = waits[static_cast<std::size_t>(x.region)];
+      x.wait_begin = static_cast<std::int32_t>(list.size());
+      list.insert(list.end(), m.wait_fronts.begin() + m.wait_ptr[f], m.wait_fronts.begin() + m.wait_ptr[f + 1]);
+      x.wait_end = static_cast<std::int32_t>(list.size());
     }
-    pool_.for_each(static_cast<std::int64_t>(parts.size()), [&](std::int64_t r) {
-      if (r == 0)
-        order = by_phase();
-      else
-        place_region(static_cast<Index>(r), region, local, parts[static_cast<std::size_t>(r)]);
-    });
-    for (std::size_t r = 1; r < parts.size(); ++r) {
-      const auto first = static_cast<std::int32_t>(d_.waits.size());
-      for (const Index f : parts[r].fronts) {
-        d_.fronts[f].wait_begin += first;
-        d_.fronts[f].wait_end += first;
-      }
-      for (const Index k : parts[r].waits) d_.waits.push_back(parts[r].fronts[k]);
-    }
-    place_top();
+    join_waits(waits);
   }
 
-  // One region by the plan's own memory planner, over this backend's sizes and order. What is passed on to other
-  // regions hangs on a front that is never eliminated, so that it stays.
-  void place_region(Index self, const std::vector<Index>& region, const std::vector<Index>& local, RegionParts& parts) {
-    const auto n = parts.fronts.size();
-    Plan light;
-    light.options = plan_.options;
-    light.options.devices = 1;
-    light.tree.parent.assign(n + 1, -1);
-    light.layout.resize(n + 1);
-    light.whole.assign(n + 1, 1);
-    light.child_ptr.assign(n + 2, 0);
-    analysis::ArraySizes sizes;
-    for (std::size_t k = 0; k < n; ++k) {
-      const Index f = parts.fronts[k], parent = plan_.tree.parent[f];
-      if (parent >= 0) light.tree.parent[k] = region[parent] == self ? local[parent] : static_cast<Index>(n);
-      light.layout[k] = plan_.layout[f];
-      light.whole[k] = plan_.whole[f];
-      for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c)
-        light.children.push_back(local[plan_.children[c]]);
-      light.child_ptr[k + 1] = static_cast<Offset>(light.children.size());
-      sizes.factor.push_back(rounded(d_.fronts[f].factor_size()));
-      sizes.contribution.push_back(rounded(d_.fronts[f].contribution_size()));
+  // Region after region.
+  void join_waits(const std::vector<std::vector<std::int32_t>>& waits) {
+    std::vector<std::int32_t> first;
+    for (const auto& list : waits) {
+      first.push_back(static_cast<std::int32_t>(d_.waits.size()));
+      d_.waits.insert(d_.waits.end(), list.begin(), list.end());
     }
-    light.child_ptr[n + 1] = light.child_ptr[n];
-    sizes.factor.push_back(0);
-    sizes.contribution.push_back(0);
-    light.first_task.assign(n + 1, -1);
-    light.last_task.assign(n + 1, std::numeric_limits<Index>::max());
-    for (const char narrow : {1, 0})  // as by_phase()
-      for (Task task : plan_.tasks) {
-        if (region[task.front] != self || narrow_[task.front] != narrow) continue;
-        const auto at = static_cast<Index>(light.tasks.size());
-        task.front = local[task.front];
-        if (task.is_range()) task.begin = task.front;
-        if (light.first_task[task.front] < 0) light.first_task[task.front] = at;
-        light.last_task[task.front] = at;
-        light.tasks.push_back(task);
-      }
-    analysis::plan_memory(light, &sizes);
-    const auto& m = light.memory;
-    for (std::size_t k = 0; k < n; ++k) take_places(d_.fronts[parts.fronts[k]], m, static_cast<Index>(k));
-    parts.waits.assign(m.wait_fronts.begin(), m.wait_fronts.end());
-    d_.regions[self] = m.size;
+    for (Front& x : d_.fronts) {
+      x.wait_begin += first[static_cast<std::size_t>(x.region)];
+      x.wait_end += first[static_cast<std::size_t>(x.region)];
+    }
   }
 
   // The top: factors one after another; tile columns of contributions with their makers. Nothing is used twice, so
@@ -326,8 +196,8 @@ class Builder {
   bool peer_access_;
   TaskOrder shape_;
   base::ThreadPool& pool_;
+  Regions regions_;
   DevicePlan d_;
-  std::vector<char> narrow_;  // fronts; 1: the front and all below it have narrow tiles
 };
 
 }  // namespace
@@ -351,7 +221,6 @@ analysis::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning, I
   o.devices = devices;
   o.cost = analysis::CostModel::gpu;
   o.subtrees_apart = false;
-  o.plan_memory = devices == 1;
   o.array_sizes = sizes_on_device;
   o.narrow_first = true;
   o.additional_subtrees = tuning.additional_subtrees;

@@ -1,8 +1,11 @@
 #include "device/cuda/device_task_lists.hpp"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <utility>
+
+#include "device/cuda/device_regions.hpp"
 
 namespace espalier::device::cuda {
 
@@ -11,39 +14,146 @@ namespace {
 using analysis::Plan;
 using analysis::Task;
 
-constexpr std::ptrdiff_t kTasksPerPiece = 1 << 14;  // of the plan's
+constexpr std::int64_t kTasksPerDraw = 1 << 16;  // of the plan's
+constexpr std::size_t kColumnsPerPiece = 256;    // tasks of the plan from which lists of tasks follow
 
 class TaskLister {
  public:
-  TaskLister(const Plan& plan, Kind kind, const std::vector<char>& narrow, const TaskOrder& shape, DevicePlan& d)
-      : plan_(plan), kind_(kind), narrow_(narrow), shape_(shape), d_(d) {}
+  TaskLister(const Plan& plan, Kind kind, const std::vector<char>& narrow, const TaskOrder& shape,
+             base::ThreadPool& pool, DevicePlan& d)
+      : plan_(plan), kind_(kind), narrow_(narrow), shape_(shape), pool_(pool), d_(d) {}
 
-  // Pieces of the order side by side, and beside them what a solve does.
-  void list(const std::vector<Task>& order, base::ThreadPool& pool) {
-    const auto narrow_end =
-        std::partition_point(order.begin(), order.end(), [&](const Task& task) { return narrow_[task.front] != 0; });
-    std::vector<Piece> phases[2];
-    cut(order.begin(), narrow_end, phases[0]);
-    cut(narrow_end, order.end(), phases[1]);
-    const auto narrow_pieces = static_cast<std::int64_t>(phases[0].size());
-    pool.for_each(1 + narrow_pieces + static_cast<std::int64_t>(phases[1].size()), [&](std::int64_t k) {
+  // Pieces of the order side by side: first it is counted what each lists, beside what a solve does, then each writes
+  // its tasks to their places.
+  void list() {
+    find_columns();
+    cut_pieces();
+    pool_.for_each(1 + static_cast<std::int64_t>(pieces_.size()), [&](std::int64_t k) {
       if (k == 0) return list_solve_tasks();
-      list_piece(k <= narrow_pieces ? phases[0][k - 1] : phases[1][k - 1 - narrow_pieces]);
+      count(pieces_[static_cast<std::size_t>(k - 1)]);
     });
-    for (TaskLists& l : d_.lists)
-      l.stealable_end.assign(d_.regions.size() - static_cast<std::size_t>(d_.first_stealable), 0);
-    join(phases[0]);
-    for (TaskLists& l : d_.lists) l.narrow_tasks = static_cast<std::int64_t>(l.tasks.size());
-    join(phases[1]);
+    take_places();
+    pool_.for_each(static_cast<std::int64_t>(pieces_.size()),
+                   [&](std::int64_t k) { write(pieces_[static_cast<std::size_t>(k)]); });
   }
 
  private:
-  // A part of the plan's order, and its tasks by what they belong to: each device's part of the top, then the regions
-  // from 1 on.
-  struct Piece {
-    std::vector<Task>::const_iterator begin, end;
-    std::vector<std::vector<FactorTask>> units;
+  // What a task of the plan begins: a front that is taken whole (column -1), or all tasks of some tile columns.
+  struct Column {
+    Index front, column;
   };
+  // Where a unit's tasks of one phase begin in a list.
+  struct Place {
+    TaskLists* list;
+    std::int64_t at;
+  };
+  // A task goes to a *unit*: a device's part of the top, or a region from 1 on.
+  struct Piece {
+    std::size_t begin, end;  // of columns_
+    int phase;
+    std::vector<std::int64_t> tasks;  // units: how many, then how many stand before them in the phase
+  };
+
+  // The order of the plan's tasks, those of narrow fronts first; tasks below the diagonal follow from those on it.
+  void find_columns() {
+    const auto all = static_cast<std::int64_t>(plan_.tasks.size());
+    const auto draws = static_cast<std::size_t>((all + kTasksPerDraw - 1) / kTasksPerDraw);
+    std::vector<std::array<std::size_t, 2>> place(draws, {0, 0});  // by phase: how many, then where they begin
+    const auto visit = [&](std::int64_t draw, auto&& use) {
+      for (auto at = draw * kTasksPerDraw; at < std::min(all, (draw + 1) * kTasksPerDraw); ++at)
+        if (const Task& task = plan_.tasks[static_cast<std::size_t>(at)]; task.is_range() || task.i == task.j)
+          use(task, narrow_[task.front] != 0 ? 0 : 1);
+    };
+    pool_.for_each(static_cast<std::int64_t>(draws), [&](std::int64_t draw) {
+      visit(draw, [&](const Task&, int phase) { ++place[static_cast<std::size_t>(draw)][phase]; });
+    });
+    std::size_t next = 0;
+    for (const int phase : {0, 1}) {
+      for (auto& of_draw : place) next += std::exchange(of_draw[phase], next);
+      if (phase == 0) narrow_columns_ = next;
+    }
+    columns_.resize(next);
+    pool_.for_each(static_cast<std::int64_t>(draws), [&](std::int64_t draw) {
+      auto& to = place[static_cast<std::size_t>(draw)];
+      visit(draw, [&](const Task& task, int phase) {
+        columns_[to[phase]++] = {task.front, task.is_range() ? -1 : task.j};
+      });
+    });
+  }
+
+  void cut_pieces() {
+    const auto cut = [&](std::size_t begin, std::size_t end, int phase) {
+      for (; begin < end; begin = pieces_.back().end)
+        pieces_.push_back({begin, std::min(end, begin + kColumnsPerPiece), phase, {}});
+    };
+    cut(0, narrow_columns_, 0);
+    cut(narrow_columns_, columns_.size(), 1);
+  }
+
+  [[nodiscard]] std::size_t units() const { return d_.lists.size() + d_.regions.size() - 1; }
+  [[nodiscard]] std::size_t unit_of(const FactorTask& task) const {
+    if (task.region != 0) return d_.lists.size() + task.region - 1;
+    return static_cast<std::size_t>(plan_.assignment.owner(task.front, task.column));
+  }
+
+  void count(Piece& piece) {
+    piece.tasks.assign(units(), 0);
+    for (std::size_t c = piece.begin; c < piece.end; ++c) {
+      std::int32_t tasks = 0;
+      list_column(columns_[c], [&](const FactorTask& task) {
+        ++piece.tasks[unit_of(task)];
+        ++tasks;
+      });
+      // Other pieces may have tasks of the front, too.
+      std::atomic_ref(d_.fronts[columns_[c].front].tasks).fetch_add(tasks, std::memory_order_relaxed);
+    }
+  }
+
+  // Each list in two phases: its own region, what may be stolen, beginning with its own, its part of the top.
+  void take_places() {
+    std::vector<std::int64_t> all[2];
+    for (auto& of_phase : all) of_phase.assign(units(), 0);
+    for (Piece& piece : pieces_)
+      for (std::size_t unit = 0; unit < units(); ++unit)
+        all[piece.phase][unit] += std::exchange(piece.tasks[unit], all[piece.phase][unit]);
+    for (auto& of_phase : places_) of_phase.resize(units());
+    const std::size_t devices = d_.lists.size();
+    for (std::size_t d = 0; d < devices; ++d) {
+      TaskLists& l = d_.lists[d];
+      l.stealable_end.assign(d_.regions.size() - static_cast<std::size_t>(d_.first_stealable), 0);
+      std::int64_t end = 0;
+      for (const int phase : {0, 1}) {
+        const auto add = [&](std::size_t unit) {
+          places_[phase][unit].push_back({&l, end});
+          end += all[phase][unit];
+          return all[phase][unit] > 0;
+        };
+        if (devices > 1) add(devices + d);
+        for (std::size_t turn = 0; turn < devices; ++turn)
+          for (auto r = static_cast<std::size_t>(d_.first_stealable); r < d_.regions.size(); ++r)
+            if (static_cast<std::size_t>(d_.region_device[r]) == (d + turn) % devices && add(devices + r - 1))
+              l.stealable_end[r - static_cast<std::size_t>(d_.first_stealable)] = static_cast<std::int32_t>(end);
+        add(d);
+        if (phase == 0) l.narrow_tasks = end;
+      }
+      l.tasks.resize(static_cast<std::size_t>(end));
+    }
+  }
+
+  // To the first list that has the unit; from there to the others.
+  void write(const Piece& piece) {
+    const auto& places = places_[piece.phase];
+    const auto place = [&](std::size_t unit, const Place& p) {
+      return p.list->tasks.data() + p.at + piece.tasks[unit];
+    };
+    std::vector<FactorTask*> to;
+    for (std::size_t unit = 0; unit < units(); ++unit) to.push_back(place(unit, places[unit].front()));
+    for (std::size_t c = piece.begin; c < piece.end; ++c)
+      list_column(columns_[c], [&](const FactorTask& task) { *to[unit_of(task)]++ = task; });
+    for (std::size_t unit = 0; unit < units(); ++unit)
+      for (std::size_t k = 1; k < places[unit].size(); ++k)
+        std::copy(place(unit, places[unit].front()), to[unit], place(unit, places[unit][k]));
+  }
 
   // Up: children before parents, tier by tier from the deepest; down: the reverse. Sub-trees in which every front is
   // small are taken first on the way up and last on the way down. All members of a front do all of it.
@@ -79,112 +189,84 @@ class TaskLister {
 
   [[nodiscard]] bool is_lu() const { return kind_ == Kind::lu; }
 
-  void emit(Piece& out, Index f, Work work, int part, Index block, Index column) {
-    Front& x = d_.fronts[f];  // other pieces may have tasks of it, too
-    const auto unit =
-        x.region == 0 ? plan_.assignment.owner(f, column) : static_cast<Index>(d_.lists.size()) + x.region - 1;
-    out.units[static_cast<std::size_t>(unit)].push_back(
-        {f, work, static_cast<std::int8_t>(part), static_cast<std::uint16_t>(x.region), block, column});
-    std::atomic_ref(x.tasks).fetch_add(1, std::memory_order_relaxed);
+  template <class Use>
+  void emit(Use& use, Index f, Work work, int part, Index block, Index column) const {
+    use({f, work, static_cast<std::int8_t>(part), static_cast<std::uint16_t>(d_.fronts[f].region), block, column});
   }
 
-  void emit_block(Piece& out, Index f, Index block, Index column) {
-    emit(out, f, Work::block, 0, block, column);
-    if (is_lu()) emit(out, f, Work::block, 1, block, column);
+  template <class Use>
+  void emit_block(Use& use, Index f, Index block, Index column) const {
+    emit(use, f, Work::block, 0, block, column);
+    if (is_lu()) emit(use, f, Work::block, 1, block, column);
   }
 
   // The tasks that begin with tile column j; columns that go with an earlier one have none of their own.
-  void emit_column(Piece& out, Index f, Index j) {
+  template <class Use>
+  void emit_column(Use& use, Index f, Index j) const {
     const Front& x = d_.fronts[f];
     const Index paired = shape_.pair_from;
     if (j >= x.pivot_tiles) {
       if ((j - x.pivot_tiles) % shape_.group_columns == 0)
-        emit_contribution(out, f, j, std::min(j + shape_.group_columns, x.tiles));
+        emit_contribution(use, f, j, std::min(j + shape_.group_columns, x.tiles));
     } else if (x.width != kWideTiles || j < paired) {
-      emit_pivots(out, f, j, j + 1);
+      emit_pivots(use, f, j, j + 1);
     } else if ((j - paired) % 2 == 0) {
-      emit_pivots(out, f, j, std::min(j + 2, x.pivot_tiles));
+      emit_pivots(use, f, j, std::min(j + 2, x.pivot_tiles));
     }
   }
 
   // Columns [begin, end) of the contribution, in rectangles of the rows.
-  void emit_contribution(Piece& out, Index f, Index begin, Index end) {
+  template <class Use>
+  void emit_contribution(Use& use, Index f, Index begin, Index end) const {
     const Front& x = d_.fronts[f];
     for (Index first = x.block_of_column(begin); first < x.blocks; first += shape_.group_blocks)
       for (Index j = begin; j < end; ++j)
         for (Index a = first; a < std::min(first + shape_.group_blocks, x.blocks); ++a)
-          if (x.block_end(a) > x.column_begin(j)) emit_block(out, f, a, j);
+          if (x.block_end(a) > x.column_begin(j)) emit_block(use, f, a, j);
   }
 
   // Pivot columns [begin, end), row block by row block. The next diagonal tile follows as soon as what it needs has
   // been listed, so that it is ready when the next column begins.
-  void emit_pivots(Piece& out, Index f, Index begin, Index end) {
+  template <class Use>
+  void emit_pivots(Use& use, Index f, Index begin, Index end) const {
     const Front& x = d_.fronts[f];
-    if (begin == 0) emit(out, f, Work::diagonal, 0, 0, 0);
+    if (begin == 0) emit(use, f, Work::diagonal, 0, 0, 0);
     Index next = begin + 1;  // diagonal tile
     for (Index a = x.block_of_column(begin); a < x.blocks; ++a)
       for (Index j = begin; j < end; ++j) {
-        if (x.block_end(a) > x.column_end(j)) emit_block(out, f, a, j);
+        if (x.block_end(a) > x.column_end(j)) emit_block(use, f, a, j);
         // Diagonal tile j + 1 needs its row block in columns up to j.
         if (next != j + 1 || next == x.pivot_tiles || a < x.block_of_column(next)) continue;
-        emit(out, f, Work::diagonal, 0, 0, next);
+        emit(use, f, Work::diagonal, 0, 0, next);
         ++next;
       }
   }
 
-  static void cut(std::vector<Task>::const_iterator begin, std::vector<Task>::const_iterator end,
-                  std::vector<Piece>& pieces) {
-    for (; begin != end; begin = pieces.back().end)
-      pieces.push_back({begin, begin + std::min(kTasksPerPiece, end - begin), {}});
-  }
-
-  void list_piece(Piece& piece) {
-    piece.units.resize(d_.lists.size() + d_.regions.size() - 1);
-    for (auto task = piece.begin; task != piece.end; ++task) {
-      if (task->is_range())
-        emit(piece, task->front, Work::whole, 0, 0, 0);
-      else if (task->i == task->j)
-        emit_column(piece, task->front, task->j);
-    }
-  }
-
-  // Appends the tasks of one phase to the lists of the devices.
-  void join(const std::vector<Piece>& pieces) {
-    const std::size_t devices = d_.lists.size();
-    const auto add = [&](TaskLists& l, std::size_t unit) {
-      const std::size_t before = l.tasks.size();
-      std::size_t more = 0;
-      for (const Piece& p : pieces) more += p.units[unit].size();
-      l.tasks.reserve(before + more);
-      for (const Piece& p : pieces) l.tasks.insert(l.tasks.end(), p.units[unit].begin(), p.units[unit].end());
-      return more > 0;
-    };
-    for (std::size_t d = 0; d < devices; ++d) {
-      TaskLists& l = d_.lists[d];
-      if (devices > 1) add(l, devices + d);
-      for (std::size_t turn = 0; turn < devices; ++turn)
-        for (std::size_t r = static_cast<std::size_t>(d_.first_stealable); r < d_.regions.size(); ++r) {
-          if (static_cast<std::size_t>(d_.region_device[r]) != (d + turn) % devices) continue;
-          if (add(l, devices + r - 1))
-            l.stealable_end[r - static_cast<std::size_t>(d_.first_stealable)] =
-                static_cast<std::int32_t>(l.tasks.size());
-        }
-      add(l, d);
-    }
+  template <class Use>
+  void list_column(const Column& c, Use&& use) const {
+    if (c.column < 0)
+      emit(use, c.front, Work::whole, 0, 0, 0);
+    else
+      emit_column(use, c.front, c.column);
   }
 
   const Plan& plan_;
   Kind kind_;
   const std::vector<char>& narrow_;
   TaskOrder shape_;
+  base::ThreadPool& pool_;
   DevicePlan& d_;
+  std::vector<Column> columns_;  // in the order of the plan, those of narrow fronts first
+  std::size_t narrow_columns_ = 0;
+  std::vector<Piece> pieces_;                  // of columns_
+  std::vector<std::vector<Place>> places_[2];  // phases: units: in which lists they are
 };
 
 }  // namespace
 
-void list_tasks(const Plan& plan, Kind kind, const std::vector<Task>& order, const std::vector<char>& narrow,
-                const TaskOrder& shape, base::ThreadPool& pool, DevicePlan& d) {
-  TaskLister(plan, kind, narrow, shape, d).list(order, pool);
+void list_tasks(const Plan& plan, Kind kind, const std::vector<char>& narrow, const TaskOrder& shape,
+                base::ThreadPool& pool, DevicePlan& d) {
+  TaskLister(plan, kind, narrow, shape, pool, d).list();
 }
 
 }  // namespace espalier::device::cuda
