@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "base/beside.hpp"
+#include "device/cuda/cuda_executor.hpp"
 #include "device/cuda/device_plan.hpp"
 #include "matrix/validate.hpp"
 #include "solver/analysis_file.hpp"
@@ -44,7 +46,15 @@ void Solver::Impl::analyze(const MatrixView& a) {
   describe_plan(start);
 }
 
+// Contexts take as long as an analysis.
+void Solver::Impl::open_gpus() {
+  if (gpus_open.valid()) return;
+  const std::vector<int> gpus = solver::named_gpus(options);
+  if (!gpus.empty()) gpus_open = base::start_beside([gpus] { device::cuda::open_devices(gpus); });
+}
+
 void Solver::Impl::analyze_as(const MatrixView& a, Kind chosen) {
+  open_gpus();
   numeric.reset();
   kind = chosen;
   analysis = AnalysisResult{};
@@ -136,6 +146,7 @@ void Solver::Impl::load_analysis(const std::string& path, const MatrixView& a) {
     throw Error(StatusCode::invalid_input, fmt::format("{}: the saved analysis is for {}, but {} was asked for", path,
                                                        solver::name_of(saved.kind), solver::name_of(options.kind)));
   (void)solver::choose_kind(a, saved.kind, pool);  // llt and ldlt need a symmetric matrix
+  open_gpus();
   numeric.reset();
   kind = saved.kind;
   kind_may_change = options.kind == Kind::automatic && kind == Kind::llt;

@@ -173,6 +173,15 @@ DeviceChoice leave_out(DeviceChoice choice, const std::vector<device::cuda::Devi
   return kept;
 }
 
+std::vector<int> named_gpus(const Options& options) {
+  if (!options.device.starts_with("gpu")) return {};
+  try {
+    return choose(options, {}).gpus;
+  } catch (const Error&) {
+    return {};
+  }
+}
+
 DeviceChoice choose_device(const Options& options, const PredictedTime& predicted) {
   DeviceChoice choice = choose(options, predicted);
   const auto budgets = static_cast<int>(options.device_memory_each_bytes.size());
@@ -181,6 +190,7 @@ DeviceChoice choose_device(const Options& options, const PredictedTime& predicte
                 fmt::format("{} budgets of device memory for {} device{}: give one for all, or one for each", budgets,
                             choice.devices, choice.devices == 1 ? "" : "s"));
   if (choice.backend == DeviceChoice::Backend::host || choice.devices == 1) return choice;
+  device::cuda::open_devices(choice.gpus);
   std::vector<device::cuda::DeviceRates> rates;
   for (const int gpu : choice.gpus) rates.push_back(device::cuda::measured_rates(gpu));
   return leave_out(std::move(choice), rates);

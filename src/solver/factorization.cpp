@@ -44,6 +44,7 @@ void Solver::Impl::make_numeric() {
   o.threshold = options.pivot_threshold;
   o.smallest_pivot = smallest_pivot;
   numeric.reset();  // its memory goes before new memory comes
+  if (gpus_open.valid()) gpus_open.wait();
   for (const bool ours = options.device == "auto"; !numeric;) {
     try {
       numeric = solver::make_numeric(plan, equations, residual, o, single(), pool, budget, timeline.get());

@@ -2,6 +2,7 @@
 /// The state behind espalier::Solver.
 #pragma once
 
+#include <future>
 #include <memory>
 #include <optional>
 
@@ -27,6 +28,7 @@ struct Solver::Impl {
   void analyze(const MatrixView& a);
   void analyze_as(const MatrixView& a, Kind kind);
   void load_analysis(const std::string& path, const MatrixView& a);
+  void open_gpus();
   void lay_out_plan(analysis::AssemblyTree tree);
   void describe_plan(double start);
 
@@ -72,6 +74,7 @@ struct Solver::Impl {
   bool kind_may_change = false;  // automatic took llt: ldlt when a pivot is not positive
   solver::Equations equations;
   solve::ResidualOperator residual;
+  std::future<void> gpus_open;  // of options.device, beside the analysis
   solver::DeviceChoice device;
   solver::PredictedTime predicted;
   analysis::Plan plan;

@@ -4,7 +4,9 @@
 
 #include <atomic>
 #include <bit>
+#include <future>
 
+#include "base/beside.hpp"
 #include "device/cuda/executor_on_devices.hpp"
 #include "device/cuda/needed_values.hpp"
 
@@ -90,7 +92,7 @@ ExecutorOnDevices<T>::ExecutorOnDevices(const analysis::Plan& plan, Kind kind, c
   if (devices_.size() > kMostDevices)
     throw std::invalid_argument(fmt::format("make_cuda_executor: at most {} devices", kMostDevices));
   if (several() && !peers_) take_common();
-  for (std::size_t d = 0; d < devices_.size(); ++d) add_side(static_cast<int>(d));
+  make_sides();
   for (const auto& side : sides_) at(*side, [&] { side->connect(sides_); });
   moved_ = transferred_elements(plan_, kind_, tables_);
   set_up_tests();
@@ -113,15 +115,40 @@ void ExecutorOnDevices<T>::take_common() {
              common_flag_.data()};
 }
 
+// Calls use(number) for the sides from `first` on.
+template <class T>
+template <class Use>
+void ExecutorOnDevices<T>::for_sides(int first, Use&& use) const {
+  std::vector<std::future<void>> others;
+  for (auto d = first + 1; d < static_cast<int>(devices_.size()); ++d)
+    others.push_back(base::start_beside([&use, d] { use(d); }, options_.pool != nullptr && options_.pool->size() > 1));
+  use(first);
+  for (auto& other : others) other.get();
+}
+
+template <class T>
+void ExecutorOnDevices<T>::make_sides() {
+  sides_.resize(devices_.size());
+  for_sides(0, [&](int self) { add_side(self); });
+  // From GPU to GPU where they reach each other's memory.
+  if (several() && peers_)
+    for_sides(1, [&](int self) {
+      Side& side = *sides_[static_cast<std::size_t>(self)];
+      at(side, [&] { side.copy_tables(first()); });
+    });
+}
+
 template <class T>
 void ExecutorOnDevices<T>::add_side(int self) {
   const int device = devices_[static_cast<std::size_t>(self)];
   const DeviceGuard guard(device);
   try {
-    const Side* twin = sides_.empty() || common_.top != nullptr ? nullptr : sides_.front().get();
     const auto& budgets = options_.memory_bytes;
     const Offset budget = budgets.empty() ? 0 : budgets[static_cast<std::size_t>(self)];
-    sides_.push_back(std::make_unique<Side>(context_, self, device, budget, common_, twin));
+    auto& side = sides_[static_cast<std::size_t>(self)];
+    side = std::make_unique<Side>(context_, self, device, budget, common_);
+    side->send_lists();
+    if (self == 0 || !peers_) side->send_tables();
   } catch (const Error& e) {
     if (!several()) throw;
     throw Error(e.status().code, fmt::format("GPU {}: {}", device, e.what()));
@@ -212,6 +239,21 @@ Availability available_devices() {
   }
   if (a.devices.empty()) a.reason = "no CUDA device";
   return a;
+}
+
+void open_devices(const std::vector<int>& devices) noexcept {
+  const auto open = [&](int device) noexcept {
+    if (cudaSetDevice(device) == cudaSuccess && cudaFree(nullptr) == cudaSuccess)
+      for (const int other : devices)
+        if (other != device) (void)cudaDeviceEnablePeerAccess(other, 0);
+    (void)cudaGetLastError();
+  };
+  try {
+    std::vector<std::future<void>> opened;
+    for (const int device : devices) opened.push_back(base::start_beside([&open, device] { open(device); }));
+    for (auto& device : opened) device.get();
+  } catch (const std::exception&) {  // no memory for the threads
+  }
 }
 
 template <class T>

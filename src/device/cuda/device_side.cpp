@@ -27,13 +27,13 @@ Offset bytes_of(const V& v) {
 
 template <class T>
 DeviceSide<T>::DeviceSide(const SideContext& context, int self, int device, Offset memory_bytes,
-                          const CommonMemory<T>& common, const DeviceSide* twin)
+                          const CommonMemory<T>& common)
     : context_(context),
       common_(common),
       self_(self),
       device_(device),
       budget_(limit_of(memory_bytes)),
-      uploads_(context.pool),
+      uploads_(self == 0 ? context.pool : nullptr),
       counters_(2 * kCounters),
       one_(1),
       end_(1) {
@@ -44,23 +44,30 @@ DeviceSide<T>::DeviceSide(const SideContext& context, int self, int device, Offs
   *one_.data() = 1;
   count_bytes();
   take_memory();
-  upload_tables(twin);
+  take_tables();
   choose_shapes();
 }
 
 template <class T>
 template <class U, class V, class A>
-void DeviceSide<T>::upload(DeviceArray<U>& to, const std::vector<V, A>& from, const DeviceArray<U>* twin) {
+void DeviceSide<T>::send(DeviceArray<U>& to, const std::vector<V, A>& from) {
   static_assert(sizeof(U) == sizeof(V));
-  to = DeviceArray<U>(static_cast<Offset>(from.size()), budget_, needed_);
-  if (twin == nullptr) {
-    uploads_.copy(to.data(), from.data(), to.bytes(), stream_.get());
-    return;
-  }
-  call("cudaMemcpyAsync(tables)", [&] {
-    return cudaMemcpyAsync(to.data(), twin->data(), static_cast<std::size_t>(to.bytes()), cudaMemcpyDefault,
-                           stream_.get());
-  });
+  uploads_.copy(to.data(), from.data(), to.bytes(), stream_.get());
+}
+
+template <class T>
+template <class Use>
+void DeviceSide<T>::for_tables(Use&& use) {
+  const auto& t = context_.tables;
+  const auto& plan = context_.plan;
+  use(&DeviceSide::fronts_, t.fronts);
+  use(&DeviceSide::links_, t.links);
+  use(&DeviceSide::bounds_, t.bounds);
+  use(&DeviceSide::waits_, t.waits);
+  use(&DeviceSide::relative_, plan.relative);
+  use(&DeviceSide::rows_, plan.tree.rows);
+  use(&DeviceSide::entry_ptr_, plan.entry_ptr);
+  use(&DeviceSide::entries_, plan.entries);
 }
 
 // Elements of the regions, the top aside, that lie on this device.
@@ -118,24 +125,44 @@ void DeviceSide<T>::take_memory() {
 }
 
 template <class T>
-void DeviceSide<T>::upload_tables(const DeviceSide* twin) {
-  const auto& t = context_.tables;
-  const auto& plan = context_.plan;
-  const auto same = [&](auto DeviceSide::*array) { return twin != nullptr ? &(twin->*array) : nullptr; };
-  upload(fronts_, t.fronts, same(&DeviceSide::fronts_));
-  upload(links_, t.links, same(&DeviceSide::links_));
-  upload(bounds_, t.bounds, same(&DeviceSide::bounds_));
-  upload(waits_, t.waits, same(&DeviceSide::waits_));
-  upload(relative_, plan.relative, same(&DeviceSide::relative_));
-  upload(rows_, plan.tree.rows, same(&DeviceSide::rows_));
-  upload(entry_ptr_, plan.entry_ptr, same(&DeviceSide::entry_ptr_));
-  upload(entries_, plan.entries, same(&DeviceSide::entries_));
-  upload(tasks_, lists().tasks, static_cast<const DeviceArray<FactorTask>*>(nullptr));
-  upload(stealable_end_, lists().stealable_end, static_cast<const DeviceArray<std::int32_t>*>(nullptr));
-  upload(up_, lists().up, static_cast<const DeviceArray<SolveTask>*>(nullptr));
-  upload(down_, lists().down, static_cast<const DeviceArray<SolveTask>*>(nullptr));
-  upload(inverses_, lists().inverses, static_cast<const DeviceArray<SolveTask>*>(nullptr));
+void DeviceSide<T>::take_tables() {
+  const auto take = [&](auto& array, std::size_t size) {
+    array = std::remove_reference_t<decltype(array)>(static_cast<Offset>(size), budget_, needed_);
+  };
+  for_tables([&](auto DeviceSide::*array, const auto& list) { take(this->*array, list.size()); });
+  take(tasks_, lists().tasks.size());
+  take(stealable_end_, lists().stealable_end.size());
+  take(up_, lists().up.size());
+  take(down_, lists().down.size());
+  take(inverses_, lists().inverses.size());
+  take(place_table_, context_.tables.places.size());
+}
+
+template <class T>
+void DeviceSide<T>::send_lists() {
+  send(tasks_, lists().tasks);
+  send(stealable_end_, lists().stealable_end);
+  send(up_, lists().up);
+  send(down_, lists().down);
+  send(inverses_, lists().inverses);
+  stream_.wait();
+}
+
+template <class T>
+void DeviceSide<T>::send_tables() {
+  for_tables([&](auto DeviceSide::*array, const auto& list) { send(this->*array, list); });
   stream_.wait();  // other sides copy them
+}
+
+template <class T>
+void DeviceSide<T>::copy_tables(const DeviceSide& from) {
+  for_tables([&](auto DeviceSide::*array, const auto&) {
+    call("cudaMemcpyAsync(tables)", [&] {
+      return cudaMemcpyAsync((this->*array).data(), (from.*array).data(),
+                             static_cast<std::size_t>((this->*array).bytes()), cudaMemcpyDefault, stream_.get());
+    });
+  });
+  stream_.wait();
 }
 
 template <class T>
@@ -185,7 +212,7 @@ void DeviceSide<T>::connect(const std::vector<std::unique_ptr<DeviceSide>>& side
   std::vector<T*> places;
   for (const Place& p : t.places) places.push_back(starts[static_cast<std::size_t>(p.device)] + p.offset);
   copy_in(base_.data(), base.data(), base_.bytes());
-  upload(place_table_, places, static_cast<const DeviceArray<T*>*>(nullptr));
+  send(place_table_, places);
 
   FactorState<T>& s = state_;
   s.fronts = fronts_.data();
@@ -269,7 +296,8 @@ void DeviceSide<T>::enqueue_begin(const FilledValues& values) {
 
 template <class T>
 void DeviceSide<T>::take_chunks(const std::vector<std::uint32_t>& chunks) {
-  upload(chunks_, chunks, static_cast<const DeviceArray<std::uint32_t>*>(nullptr));
+  chunks_ = DeviceArray<std::uint32_t>(static_cast<Offset>(chunks.size()), budget_, needed_);
+  send(chunks_, chunks);
   stream_.wait();
 }
 

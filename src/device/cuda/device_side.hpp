@@ -63,14 +63,18 @@ struct CommonMemory {
 template <class T>
 class DeviceSide {
  public:
-  /// Takes all memory of the factorization on GPU `device`; it is side number `self`.
-  /// @param twin    a side whose tables are copied instead of the plan's; null: none
+  /// Takes all memory of the factorization on GPU `device`; it is side number `self`. Sides may be made at the same
+  /// time. Only the first works with the threads of the pool.
   /// @throws Error(out_of_memory) naming the bytes needed; Error(device_error)
-  DeviceSide(const SideContext& context, int self, int device, Offset memory_bytes, const CommonMemory<T>& common,
-             const DeviceSide* twin);
+  DeviceSide(const SideContext& context, int self, int device, Offset memory_bytes, const CommonMemory<T>& common);
   DeviceSide(const DeviceSide&) = delete;
   DeviceSide& operator=(const DeviceSide&) = delete;
 
+  /// Sends the lists of what this side does, and the tables that all sides have, or copies these from a side that has
+  /// them; each waits.
+  void send_lists();
+  void send_tables();
+  void copy_tables(const DeviceSide& from);
   /// Tells the side where the others' memory is. @pre all sides are made
   void connect(const std::vector<std::unique_ptr<DeviceSide>>& sides);
 
@@ -138,11 +142,14 @@ class DeviceSide {
 
  private:
   template <class U, class V, class A>
-  void upload(DeviceArray<U>& to, const std::vector<V, A>& from, const DeviceArray<U>* twin);
+  void send(DeviceArray<U>& to, const std::vector<V, A>& from);
+  /// Calls use(array, list of the host) for the tables that all sides have; array: pointer to member.
+  template <class Use>
+  void for_tables(Use&& use);
   [[nodiscard]] Offset own_elements() const;
   void count_bytes();
   void take_memory();
-  void upload_tables(const DeviceSide* twin);
+  void take_tables();
   void choose_shapes();
   template <class Use>
   cudaError_t dispatch(Use&& use) const;

@@ -118,7 +118,11 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   // Where access from one device to another is refused: memory on the host that all of them see.
   void take_common();
 
+  // All sides with their tables. They are made at the same time, each but the first by a thread of its own.
+  void make_sides();
   void add_side(int self);
+  template <class Use>
+  void for_sides(int first, Use&& use) const;
 
   void set_up_tests();
 
