@@ -9,6 +9,7 @@
 #include "analysis/ordering.hpp"
 #include "base/timeline.hpp"
 #include "device/cuda/cuda_executor.hpp"
+#include "espalier/solver.hpp"
 #include "solver/gpu_fixture.hpp"
 
 #if ESPALIER_WITH_CUDA
@@ -145,6 +146,43 @@ TEST_F(GpuSides, RefusedPeerAccessGoesThroughTheHost) {
     EXPECT_EQ(faults.refused.load(), names[k]);
     faults.arm(0);
     expect_solution(run(*executor));
+    ++refusals;
+  }
+  EXPECT_GE(refusals, 2) << "each GPU asks for the other";
+}
+
+// The values are then scaled on the first GPU and go to the others through the host, and so do the limits of the
+// pivots.
+TEST_F(GpuSides, RefusedPeerAccessThroughTheSolverGivesTheSameBits) {
+  if (groups_.size() < 2) GTEST_SKIP() << "needs two GPUs";
+  auto& faults = device::cuda::call_faults();
+  const std::vector<double> b(static_cast<std::size_t>(a_.rows), 1.0);
+  std::vector<const char*> names;
+  // call: of the first factorization, refused; 0: none
+  const auto solve = [&](std::int64_t call) {
+    Options options;
+    options.device = "gpu:0,1";
+    options.refinement_steps = 0;
+    Solver solver(options);
+    EXPECT_TRUE(solver.analyze(a_).status.ok());
+    if (call == 0) faults.record = &names;
+    faults.arm(call);
+    EXPECT_TRUE(solver.factorize(a_).status.ok());
+    faults.record = nullptr;
+    EXPECT_EQ(faults.refused.load(), call == 0 ? nullptr : names[static_cast<std::size_t>(call - 1)]);
+    faults.arm(0);
+    EXPECT_TRUE(solver.refactorize(a_.values).status.ok());
+    std::vector<double> x(b.size());
+    EXPECT_TRUE(solver.solve(b, x).status.ok());
+    return x;
+  };
+  const std::vector<double> before = solve(0);
+  EXPECT_LE(matrix::backward_errors(a_, before, b, 1, Transpose::no, &pool_).normwise, 1e-16 * a_.rows);
+  int refusals = 0;
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    const std::string name = names[k];
+    if (name != "cudaDeviceCanAccessPeer" && name != "cudaDeviceEnablePeerAccess") continue;
+    EXPECT_EQ(solve(static_cast<std::int64_t>(k) + 1), before) << name;
     ++refusals;
   }
   EXPECT_GE(refusals, 2) << "each GPU asks for the other";
