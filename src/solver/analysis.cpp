@@ -46,11 +46,10 @@ void Solver::Impl::analyze(const MatrixView& a) {
   describe_plan(start);
 }
 
-// Contexts take as long as an analysis.
+// The driver's start and the contexts take as long as an analysis.
 void Solver::Impl::open_gpus() {
-  if (gpus_open.valid()) return;
-  const std::vector<int> gpus = solver::named_gpus(options);
-  if (!gpus.empty()) gpus_open = base::start_beside([gpus] { device::cuda::open_devices(gpus); });
+  if (gpus_open.valid() || !options.device.starts_with("gpu")) return;
+  gpus_open = base::start_beside([device = options.device] { device::cuda::open_devices(solver::named_gpus(device)); });
 }
 
 void Solver::Impl::analyze_as(const MatrixView& a, Kind chosen) {

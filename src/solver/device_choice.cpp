@@ -173,8 +173,9 @@ DeviceChoice leave_out(DeviceChoice choice, const std::vector<device::cuda::Devi
   return kept;
 }
 
-std::vector<int> named_gpus(const Options& options) {
-  if (!options.device.starts_with("gpu")) return {};
+std::vector<int> named_gpus(const std::string& device) {
+  Options options;
+  options.device = device;
   try {
     return choose(options, {}).gpus;
   } catch (const Error&) {

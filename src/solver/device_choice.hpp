@@ -60,9 +60,9 @@ inline constexpr const char* kDeviceTexts =
     "auto, cpu, host:N, host:N,M (threads per host device; 4096 in all), gpu:all or gpu:0,1 (each once)";
 bool is_device(const std::string& text);
 
-/// The GPUs that options.device names, without a look at what they can do; none where the choice is the library's, or
-/// there is no such GPU.
-std::vector<int> named_gpus(const Options& options);
+/// The GPUs that Options::device names, without a look at what they can do; none where it names none, or one that is
+/// not there.
+std::vector<int> named_gpus(const std::string& device);
 
 /// Reads options.device: auto | cpu | host:N | host:N,M | gpu:all | gpu:0,1. auto takes as many GPUs as the model says
 /// are fastest.

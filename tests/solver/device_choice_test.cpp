@@ -37,6 +37,12 @@ TEST(DeviceChoice, GpusThatAreNotThereAreNamed) {
   }
 }
 
+TEST(DeviceChoice, NamedGpusAreThoseOfTheTextOrNone) {
+  for (const char* text : {"cpu", "host:2", "gpu:x", "gpu:0,15", ""}) EXPECT_TRUE(named_gpus(text).empty()) << text;
+  const bool any = !device::cuda::available_devices().devices.empty();
+  EXPECT_EQ(named_gpus("gpu:0"), any ? std::vector<int>{0} : std::vector<int>{});
+}
+
 TEST(DeviceChoice, ModelTakesAsManyGpusAsHelp) {
   EXPECT_EQ(fastest_count({1.0, 0.0}, 4), 4) << "work alone is shared by all";
   EXPECT_EQ(fastest_count({0.0, 1e-3}, 4), 1) << "a chain is not shared";
