@@ -137,7 +137,7 @@ struct Region {
 
 class MemoryPlanner {
  public:
-  // tasks: what plan.tasks are of a longer list; null: they are the list
+  // tasks: what plan.tasks are of a longer list; null: all
   MemoryPlanner(Plan& plan, const ArraySizes* sizes, const NumberedTasks* tasks = nullptr)
       : plan_(plan), sizes_(sizes), numbered_(tasks), m_(plan.memory), fronts_(plan.fronts()) {}
 
@@ -172,7 +172,6 @@ class MemoryPlanner {
     return sizes_ != nullptr ? sizes_->contribution[f] : round(plan_.layout[f].contribution_size());
   }
 
-  // Number of plan.tasks[k] in the list, and the length of it.
   [[nodiscard]] Index number(std::size_t k) const {
     return numbered_ != nullptr ? numbered_->numbers[k] : static_cast<Index>(k);
   }

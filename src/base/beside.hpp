@@ -4,6 +4,7 @@
 
 #include <future>
 #include <system_error>
+#include <type_traits>
 #include <utility>
 
 namespace espalier::base {

@@ -143,6 +143,7 @@ class DeviceSide {
  private:
   template <class U, class V, class A>
   void send(DeviceArray<U>& to, const std::vector<V, A>& from);
+  void send_places(const std::vector<T*>& places);
   /// Calls use(array, list of the host) for the tables that all sides have; array: pointer to member.
   template <class Use>
   void for_tables(Use&& use);
