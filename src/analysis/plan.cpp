@@ -7,6 +7,7 @@
 #include <numeric>
 #include <utility>
 
+#include "analysis/fronts.hpp"
 #include "analysis/lazy_vector.hpp"
 #include "analysis/task_list.hpp"
 #include "base/beside.hpp"
@@ -284,10 +285,7 @@ void place_entries(Plan& plan, const Permuted& permuted, base::ThreadPool& pool)
 }  // namespace
 
 double front_flops(Index pivots, Index rows, bool unsymmetric) {
-  // sum over the pivots c of (rows - c)^2
-  const double k = pivots;
-  const double m = rows;
-  const double symmetric = k * m * m - m * k * (k - 1) + k * (k - 1) * (2 * k - 1) / 6;
+  const double symmetric = front_flops(pivots, rows - pivots);
   return unsymmetric ? 2 * symmetric : symmetric;
 }
 
