@@ -139,8 +139,7 @@ TEST_F(GpuSides, RefusedPeerAccessGoesThroughTheHost) {
   expect_solution(before);
   int refusals = 0;
   for (std::size_t k = 0; k < names.size(); ++k) {
-    const std::string name = names[k];
-    if (name != "cudaDeviceCanAccessPeer" && name != "cudaDeviceEnablePeerAccess") continue;
+    if (std::string(names[k]) != "cudaDeviceEnablePeerAccess") continue;
     faults.arm(static_cast<std::int64_t>(k) + 1);
     const auto executor = make(devices);
     EXPECT_EQ(faults.refused.load(), names[k]);
@@ -180,9 +179,8 @@ TEST_F(GpuSides, RefusedPeerAccessThroughTheSolverGivesTheSameBits) {
   EXPECT_LE(matrix::backward_errors(a_, before, b, 1, Transpose::no, &pool_).normwise, 1e-16 * a_.rows);
   int refusals = 0;
   for (std::size_t k = 0; k < names.size(); ++k) {
-    const std::string name = names[k];
-    if (name != "cudaDeviceCanAccessPeer" && name != "cudaDeviceEnablePeerAccess") continue;
-    EXPECT_EQ(solve(static_cast<std::int64_t>(k) + 1), before) << name;
+    if (std::string(names[k]) != "cudaDeviceEnablePeerAccess") continue;
+    EXPECT_EQ(solve(static_cast<std::int64_t>(k) + 1), before) << "call " << k + 1;
     ++refusals;
   }
   EXPECT_GE(refusals, 2) << "each GPU asks for the other";
