@@ -3,8 +3,11 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
+#include <system_error>
 
 #include "base/output_file.hpp"
 
@@ -42,6 +45,16 @@ CLI::Option* add_file(CLI::App& command, const std::string& option, std::string&
 
 CLI::Validator positive() { return number_from(0, false, "a number above 0"); }
 CLI::Validator not_negative() { return number_from(0, true, "a number of at least 0"); }
+
+CLI::Validator whole_number() {
+  return {[](std::string& text) {
+            std::uint64_t number = 0;
+            const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+            const bool good = error == std::errc() && end == text.data() + text.size();
+            return good ? std::string() : fmt::format("'{}' is not a whole number from 0 to 2^64 - 1", text);
+          },
+          ""};
+}
 
 void check_outputs(std::initializer_list<NamedFile> inputs, std::initializer_list<NamedFile> outputs) {
   for (const NamedFile* out = outputs.begin(); out != outputs.end(); ++out) {

@@ -71,7 +71,9 @@ void add_generate(CLI::App& app, Action& action) {
   CLI::App* sub = app.add_subcommand("generate", "Write a mechanical system of any size to a file");
   sub->add_option("system", command->words, "the system and its sizes, see below")->required()->type_name("SPEC...");
   add_file(*sub, "--out", command->out_file, "file to write: .mtx, .mtx.gz or .esp")->required();
-  sub->add_option("--seed", command->seed, "seed of numbering and element factors (default: 1)")->type_name("N");
+  sub->add_option("--seed", command->seed, "seed of numbering and element factors (default: 1)")
+      ->type_name("N")
+      ->check(whole_number());
   sub->add_flag("--natural", command->natural, "number the unknowns in grid order, not at random");
   sub->add_flag("--json", command->json, "say what was written as JSON");
   sub->footer("Systems:\n" + matrix::generator_usage());

@@ -464,6 +464,8 @@ class Generate(Cli):
             texts.append(path.read_text())
         self.assertEqual(texts[0], texts[1])
         self.assertNotEqual(texts[0], texts[2])
+        for seed in (-1, "1.5", "99999999999999999999999", "x"):
+            self.expect(2, "generate", "poisson", 2, 2, 2, "--seed", seed, "--out", self.folder / "d.mtx", says="--seed")
 
     def test_every_generator_solves(self):
         for spec, code in (("elasticity 3 3 3", 0), ("plate 6 5", 0), ("shell 6 5", 0), ("poisson 5 5 5", 0),
