@@ -1,12 +1,12 @@
 // Work of fronts. The truth is the sum over the columns.
-#include "analysis/plan.hpp"
-
 #include <gtest/gtest.h>
+
+#include "analysis/plan.hpp"
 
 namespace espalier::analysis {
 namespace {
 
-TEST(FrontFlops, FlopsOfADenseMatrixAreThoseOfTheFormula) {
+TEST(FrontFlops, OfADenseMatrixAreThoseOfTheFormula) {
   // sum over the columns of (rows left)^2; twice that for lu
   for (const Index n : {1, 2, 50, 200}) {
     double sum = 0;
