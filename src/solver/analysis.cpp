@@ -42,6 +42,7 @@ void Solver::Impl::analyze(const MatrixView& a) {
   const Kind chosen = solver::choose_kind(a, wish, pool);
   kind_may_change = wish == Kind::automatic && chosen == Kind::llt;
   moved_pivots = 0;
+  free_pivots = false;
   analyze_as(a, chosen);
   describe_plan(start);
 }
@@ -83,6 +84,10 @@ void Solver::Impl::analyze_as(const MatrixView& a, Kind chosen) {
 void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
   predicted = solver::predict_time(tree, kind, single(), pool.size());
   device = solver::choose_device(options, predicted);
+  if (free_pivots && device.backend == solver::DeviceChoice::Backend::cuda) {
+    device = solver::DeviceChoice();
+    device.budgeted = false;
+  }
   if (!device.notice.empty()) log(device.notice);
   if (device.backend == solver::DeviceChoice::Backend::cuda) {
     device::cuda::DeviceTuning tuning;
@@ -98,7 +103,7 @@ void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
   }
   analysis::PlanOptions plan_options;
   plan_options.tiles.panel = static_cast<Index>(single() ? 64 / sizeof(float) : 64 / sizeof(double));
-  plan_options.tiles.max_block_size = options.max_block_size;
+  plan_options.tiles.max_block_size = free_pivots ? 0 : options.max_block_size;
   plan_options.unsymmetric = kind == Kind::lu;
   plan_options.ldlt = kind == Kind::ldlt;
   plan_options.devices = device.devices;
@@ -141,6 +146,7 @@ void Solver::Impl::load_analysis(const std::string& path, const MatrixView& a) {
   check_matrix(a, pool);
   solver::SavedAnalysis saved = solver::read_analysis(path, solver::pattern_hash(a, pool));
   moved_pivots = 0;
+  free_pivots = false;
   if (options.kind != Kind::automatic && options.kind != saved.kind)
     throw Error(StatusCode::invalid_input, fmt::format("{}: the saved analysis is for {}, but {} was asked for", path,
                                                        solver::name_of(saved.kind), solver::name_of(options.kind)));

@@ -10,8 +10,10 @@ namespace espalier {
 
 namespace {
 
-// Most rounds of moving failed pivots to later fronts: each lifts the lowest failures by one front.
+// Most rounds of moving failed pivots to later fronts: each lifts the lowest failures by one front. After fewer, tiles
+// in which a pivot has more partners to choose from are better, where there are any (see choose_pivots_freely()).
 constexpr int kMostMoves = 40;
+constexpr int kMovesInNarrowTiles = 16;
 
 // A pivot below this, relative to the largest scaled entry, carries no digit: it is rounding error of a zero.
 double zero_pivot(Index n, bool single) {
@@ -23,6 +25,9 @@ double zero_pivot(Index n, bool single) {
 // rounding error of one: measured on free bodies, whose six vanish within a factor of 50 of each other, but within
 // 14,000 (the next pivot 20,000 further up) where tiles of 32 leave less choice of pivots, as on a GPU.
 constexpr double kSingularFactor = 1e5;
+
+// The narrowest of the host's own tiles (analysis/front_layout.cpp).
+constexpr Index kFreeTiles = 128;
 
 }  // namespace
 
@@ -190,20 +195,47 @@ device::FactorOutcome Solver::Impl::factorize_moving_pivots() {
   device::FactorOutcome outcome = numeric->factorize();
   if (kind == Kind::llt) return outcome;
   int round = 0;
-  const auto move_all = [&] {
-    for (; round < kMostMoves && move_pivots(outcome); ++round) {
-      make_numeric();
-      send_values();
-      outcome = numeric->factorize();
-    }
+  const auto again = [&] {
+    make_numeric();
+    send_values();
+    outcome = numeric->factorize();
   };
-  move_all();
+  const auto move_all = [&](int most) {
+    for (; round < most && move_pivots(outcome); ++round) again();
+  };
+  move_all(narrow_tiles() ? kMovesInNarrowTiles : kMostMoves);
+  if (round == kMovesInNarrowTiles && narrow_tiles()) {
+    choose_pivots_freely();
+    again();
+    round = 0;
+    move_all(kMostMoves);
+  }
   if (outcome.replaced.empty() || options.perturbation > 0) return outcome;
   smallest_pivot *= kSingularFactor;
   numeric->set_smallest_pivot(smallest_pivot);
   outcome = numeric->factorize();
-  move_all();
+  move_all(kMostMoves);
   return outcome;
+}
+
+// Whether pivots have fewer partners to choose from than in the host's tiles as they are by default.
+bool Solver::Impl::narrow_tiles() const {
+  const bool widths_chosen = options.max_block_size > 0 && options.max_block_size < kFreeTiles;
+  return !free_pivots && (widths_chosen || device.backend == solver::DeviceChoice::Backend::cuda);
+}
+
+// CONT-201 of the collection moves 444 pivots in 40 rounds in tiles of 32 and 64 columns, and is no nearer to a factor;
+// in the host's it moves four. So the host goes on, with its own widths, until the next analysis.
+void Solver::Impl::choose_pivots_freely() {
+  const std::string why =
+      fmt::format("pivots failed in {} rounds of moving them to later fronts, for want of partners in their tiles",
+                  kMovesInNarrowTiles);
+  const bool on_gpu = device.backend == solver::DeviceChoice::Backend::cuda;
+  log(fmt::format("{}: going on {}with the host's widths of tiles", why, on_gpu ? "on the host " : ""));
+  free_pivots = true;
+  numeric.reset();
+  lay_out_plan(analysis::AssemblyTree(plan.tree));
+  if (on_gpu) analysis.device = "host: " + why;
 }
 
 // Delayed pivoting by re-analysis: columns that could not be eliminated stably in their front go to its parent. Only

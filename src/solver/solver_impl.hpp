@@ -47,6 +47,8 @@ struct Solver::Impl {
   void turn_to_ldlt();
   device::FactorOutcome factorize_moving_pivots();
   bool move_pivots(const device::FactorOutcome& outcome);
+  [[nodiscard]] bool narrow_tiles() const;
+  void choose_pivots_freely();
   void report(const device::FactorOutcome& outcome);
 
   // substitution.cpp
@@ -82,6 +84,7 @@ struct Solver::Impl {
   double smallest_pivot = 0;                 // relative; a smaller pivot counts as zero
   bool values_on_device = false;             // the last values are on the GPU alone
   Index moved_pivots = 0;                    // columns moved to later fronts since analyze()
+  bool free_pivots = false;                  // the host's tiles took over since, see choose_pivots_freely()
   AnalysisResult analysis;
   FactorResult factor;
   SolveResult solution;
