@@ -26,6 +26,8 @@ double zero_pivot(Index n, bool single) {
 // 14,000 (the next pivot 20,000 further up) where tiles of 32 leave less choice of pivots, as on a GPU.
 constexpr double kSingularFactor = 1e5;
 
+constexpr double kHalfOfTheDigits = 1e-8;
+
 // The narrowest of the host's own tiles (analysis/front_layout.cpp).
 constexpr Index kFreeTiles = 128;
 
@@ -204,7 +206,7 @@ device::FactorOutcome Solver::Impl::factorize_moving_pivots() {
     for (; round < most && move_pivots(outcome); ++round) again();
   };
   move_all(narrow_tiles() ? kMovesInNarrowTiles : kMostMoves);
-  if (round == kMovesInNarrowTiles && narrow_tiles()) {
+  if (round == kMovesInNarrowTiles && narrow_tiles() && !factor_solves()) {
     choose_pivots_freely();
     again();
     round = 0;
@@ -222,6 +224,17 @@ device::FactorOutcome Solver::Impl::factorize_moving_pivots() {
 bool Solver::Impl::narrow_tiles() const {
   const bool widths_chosen = options.max_block_size > 0 && options.max_block_size < kFreeTiles;
   return !free_pivots && (widths_chosen || device.backend == solver::DeviceChoice::Backend::cuda);
+}
+
+// Whether refinement can mend what pivots that failed have done to the factor: a solution of A x = A 1 has half of the
+// digits.
+bool Solver::Impl::factor_solves() const {
+  const auto n = static_cast<std::size_t>(plan.tree.n);
+  const std::vector<double> ones(n, 1.0);
+  std::vector<double> b(n), x(n);
+  residual.multiply(ones.data(), b.data(), false);
+  numeric->solve(b.data(), x.data(), 1, false);
+  return residual.compute(b.data(), x.data(), nullptr, false).normwise <= kHalfOfTheDigits;
 }
 
 // CONT-201 of the collection moves 444 pivots in 40 rounds in tiles of 32 and 64 columns, and is no nearer to a factor;

@@ -48,6 +48,7 @@ struct Solver::Impl {
   device::FactorOutcome factorize_moving_pivots();
   bool move_pivots(const device::FactorOutcome& outcome);
   [[nodiscard]] bool narrow_tiles() const;
+  [[nodiscard]] bool factor_solves() const;
   void choose_pivots_freely();
   void report(const device::FactorOutcome& outcome);
 

@@ -39,13 +39,6 @@ Offset largest_stealable(const DevicePlan& tables) {
   return most;
 }
 
-// How many of the sides are on the same GPU as each.
-std::vector<int> sharing(const std::vector<int>& devices) {
-  std::vector<int> count;
-  for (const int d : devices) count.push_back(static_cast<int>(std::count(devices.begin(), devices.end(), d)));
-  return count;
-}
-
 // Lets device a reach the memory of the others. A test that refuses one of these calls by its number finds no others
 // between them, whichever thread is first. @returns whether it can
 bool open_paths_from(int a, const std::vector<int>& devices) {
@@ -89,7 +82,6 @@ ExecutorOnDevices<T>::ExecutorOnDevices(const analysis::Plan& plan, Kind kind, c
                tables_,
                options.patience_seconds,
                largest_stealable(tables_),
-               sharing(devices_),
                values_of(plan, options.pool),
                options.pool} {
   if (static_cast<Index>(devices_.size()) != plan.assignment.devices)

@@ -43,10 +43,9 @@ struct SideContext {
   Kind kind;
   const DevicePlan& tables;
   double patience_seconds;
-  Offset spare;  ///< elements that each side takes for a sub-tree stolen from another; 0: nobody steals
-  std::vector<int> sides_on_device;  ///< sides; how many of them share the GPU (tests only)
-  Offset values;                     ///< length of the caller's value array
-  base::ThreadPool* pool;            ///< its threads fill what is sent; null: the calling thread alone
+  Offset spare;            ///< elements that each side takes for a sub-tree stolen from another; 0: nobody steals
+  Offset values;           ///< length of the caller's value array
+  base::ThreadPool* pool;  ///< its threads fill what is sent; null: the calling thread alone
 };
 
 /// Memory on the host that all devices see, for machines without access from device to device: the copies of what is
