@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "espalier/espalier.hpp"
+#include "gpu_fixture.hpp"
 #include "matrix/read.hpp"
 #include "reference/reference.hpp"
 
@@ -61,16 +62,14 @@ TEST(Collection, SmallFilesAreSolvedOrRefusedWithAReason) {
   RecordProperty("refused", refused);
 }
 
-// In tiles of 16 columns this matrix was called singular after 40 rounds of moved pivots; a GPU's are of 32 and 64.
-// Truth: its condition allows a backward error of rounding, and its inertia is that of 40,397 unknowns and 40,198
-// constraints.
-TEST(Collection, PivotsThatFailInNarrowTilesGetWiderOnes) {
+// In tiles of 16 columns this matrix was called singular after 40 rounds of moved pivots, and it was not solved on a
+// GPU, whose tiles have 32 and 64. Truth: its condition allows a backward error of rounding, and its inertia is that of
+// 40,397 unknowns and 40,198 constraints.
+void expect_wider_tiles(Options o) {
   const fs::path file = fs::path(ESPALIER_SHARED_DATA) / "indef/maros_meszaros_kkt/mm_CONT-201_kkt.mtx.gz";
   if (!fs::exists(file)) GTEST_SKIP() << file << " is absent";
   const SparseMatrix a = matrix::read_matrix(file.string());
-  Options o;
   o.threads = 2;
-  o.max_block_size = 16;
   int widened = 0;
   o.log = [&](const std::string& line) { widened += line.find("widths of tiles") != std::string::npos ? 1 : 0; };
   Solver s(o);
@@ -84,8 +83,25 @@ TEST(Collection, PivotsThatFailInNarrowTilesGetWiderOnes) {
     EXPECT_EQ(f.inertia.negative, 40198);
     ASSERT_TRUE(s.solve(b, x).status.ok());
     EXPECT_LE(reference::backward_error(a, b, x), 1e-14);
-    EXPECT_EQ(widened, 1) << "once, for all later factorizations";
+    EXPECT_LE(widened, 1) << "once, for all later factorizations";
   }
+  if (o.max_block_size > 0) {
+    EXPECT_EQ(widened, 1);
+  }
+}
+
+TEST(Collection, PivotsThatFailInNarrowTilesGetWiderOnes) {
+  Options o;
+  o.max_block_size = 16;
+  expect_wider_tiles(o);
+}
+
+using CollectionOnGpu = test::OnGpu;
+
+TEST_F(CollectionOnGpu, TheHostTakesWhatNeedsWiderTiles) {
+  Options o;
+  o.device = "gpu:0";
+  expect_wider_tiles(o);
 }
 
 TEST(Collection, InertiaIsThatOfTheEigenvalues) {
