@@ -36,12 +36,7 @@ SparseMatrix with_penalties(const SparseMatrix& a, double penalty) {
 }
 
 void solves(const SparseMatrix& a) {
-  Options o;
-  o.device = "gpu:0";
-  o.refinement_steps = 0;
-  Solver s(o);
-  ASSERT_TRUE(s.analyze(a).status.ok());
-  ASSERT_TRUE(s.factorize(a).status.ok());
+  Solver s = test::unrefined_on_gpu(a);
   for (const Index columns : {1, 8, 20})
     for (const Transpose transpose : {Transpose::no, Transpose::yes}) {
       SCOPED_TRACE(testing::Message() << columns << " right-hand sides, " << static_cast<int>(transpose));

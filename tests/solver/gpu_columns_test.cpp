@@ -22,12 +22,7 @@ TEST_F(GpuColumns, EveryNumberOfThem) {
                                   reference::saddle_point(900, 200, 2),
                                   reference::random_system(1500, 6, Values::general, 3)};
   for (const SparseMatrix& a : systems) {
-    Options o;
-    o.device = "gpu:0";
-    o.refinement_steps = 0;
-    Solver s(o);
-    ASSERT_TRUE(s.analyze(a).status.ok());
-    ASSERT_TRUE(s.factorize(a).status.ok());
+    Solver s = test::unrefined_on_gpu(a);
     const auto n = static_cast<std::size_t>(a.rows);
     for (const Index columns : {2, 8, 9, 16, 24, 31, 32, 33, 72})
       for (const Transpose transpose : {Transpose::no, Transpose::yes}) {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "device/cuda/cuda_executor.hpp"
+#include "espalier/espalier.hpp"
 
 namespace espalier::test {
 
@@ -15,5 +16,17 @@ class OnGpu : public testing::Test {
     if (found.devices.empty()) GTEST_SKIP() << found.reason;
   }
 };
+
+/// A solver that has factorized `a` on the first GPU and does not refine; a failure is one of the test.
+inline Solver unrefined_on_gpu(const SparseMatrix& a) {
+  Options o;
+  o.device = "gpu:0";
+  o.refinement_steps = 0;
+  Solver s(o);
+  EXPECT_TRUE(s.analyze(a).status.ok());
+  const Status status = s.factorize(a).status;
+  EXPECT_TRUE(status.ok()) << status.message;
+  return s;
+}
 
 }  // namespace espalier::test
