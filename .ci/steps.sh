@@ -21,7 +21,7 @@ build_cuda() {
   nvcc=$(find_nvcc)
   [[ -n $nvcc ]] || { echo "left out: no nvcc here"; return 0; }
   configure_and_build cuda "-DCMAKE_CUDA_COMPILER=$nvcc" -DESPALIER_CUDA_ARCHITECTURES=90-real -DESPALIER_TESTS=OFF \
-    -DESPALIER_BENCH=OFF -- espalier_device
+    -DESPALIER_BENCH=OFF -- espalier_device_cuda
 }
 
 # Sources of the library and the command line, those changed last first.
@@ -142,7 +142,7 @@ with_clang() {
 # One build with clang for the tests and for the fuzz targets of the next step: the library is compiled once for both.
 test_asan() {
   with_clang || return 1
-  test_sanitized asan '*' test_base test_matrix test_analysis test_device test_factor test_solve test_solver
+  test_sanitized asan '*' test_base test_matrix test_analysis test_plan test_device test_out_of_core test_solve test_solver
   local solver=$?
   test_sanitized asan "-$slow_dynamics" test_dynamics && return $solver
 }
@@ -152,7 +152,7 @@ test_tsan() {
   if [[ -z ${ESPALIER_FIXED_ADDRESSES:-} ]] && setarch "$(uname -m)" -R true 2>/dev/null; then
     ESPALIER_FIXED_ADDRESSES=1 exec setarch "$(uname -m)" -R bash -c 'source scripts/bootstrap.sh; source .ci/steps.sh; test_tsan'
   fi
-  test_sanitized tsan '*' test_base test_analysis test_factor test_solve test_solver
+  test_sanitized tsan '*' test_base test_analysis test_plan test_out_of_core test_solve test_solver
   local solver=$?
   test_sanitized tsan '-Convergence.*' test_dynamics_threads && return $solver
 }

@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "device/cuda/diagonal_lu.cuh"
+#include "device/cuda/kernels/diagonal_lu.cuh"
 
 namespace {
 

@@ -12,9 +12,9 @@
 #include <random>
 
 #include "base/timeline.hpp"
-#include "device/cuda/cuda_faults.hpp"
-#include "device/cuda/cuda_stream.hpp"
-#include "factor/streaming_executor.hpp"
+#include "device/cuda/runtime/cuda_faults.hpp"
+#include "device/cuda/out_of_core/cuda_stream.hpp"
+#include "out_of_core/executor.hpp"
 #include "gpu/gpu_case.hpp"
 #include "gpu/gpu_document.hpp"
 #include "matrix/residual.hpp"
@@ -73,7 +73,7 @@ class Curve {
 
   /// On the first `count` devices, each with that budget.
   Json streaming(Offset budget, int count) {
-    factor::StreamingOptions options;
+    out_of_core::StreamingOptions options;
     options.devices.assign(static_cast<std::size_t>(count), {budget});
     options.rates = rates();
     options.copy_threads =
@@ -83,7 +83,7 @@ class Curve {
     if (settings_.pin) options.pinned_bytes = std::numeric_limits<Offset>::max();
     device::cuda::call_faults().arm(settings_.refuse);
     const double start = base::now_seconds();
-    auto executor = factor::make_streaming_executor<T>(
+    auto executor = out_of_core::make_streaming_executor<T>(
         device::cuda::make_cuda_streams<T>(c_.plan, c_.kind, numbers_.rule, pool_, cuda), options, nullptr);
     const double setup = base::now_seconds() - start;
     const Json pinning = settings_.pin ? pin_store(*executor) : Json(nullptr);
@@ -118,8 +118,8 @@ class Curve {
   /// Bytes of each device below which no plan exists.
   Offset floor_of(int count) {
     try {
-      (void)analysis::plan_streaming(*device::cuda::make_cuda_stream<T>(c_.plan, c_.kind, numbers_.rule, pool_),
-                                     std::vector<analysis::StreamDevice>(static_cast<std::size_t>(count), {1000}));
+      (void)out_of_core::plan_streaming(*device::cuda::make_cuda_stream<T>(c_.plan, c_.kind, numbers_.rule, pool_),
+                                     std::vector<out_of_core::StreamDevice>(static_cast<std::size_t>(count), {1000}));
     } catch (const Error& e) {
       const std::string text = e.what(), mark = "streaming needs: ";
       return std::stoll(text.substr(text.find(mark) + mark.size()));
@@ -131,13 +131,13 @@ class Curve {
     const double start = base::now_seconds();
     const auto backend = device::cuda::make_cuda_stream<T>(c_.plan, c_.kind, numbers_.rule, pool_);
     const double made = base::now_seconds();
-    const auto plans = analysis::plan_streaming(
-        *backend, std::vector<analysis::StreamDevice>(static_cast<std::size_t>(count), {budget}), rates());
+    const auto plans = out_of_core::plan_streaming(
+        *backend, std::vector<out_of_core::StreamDevice>(static_cast<std::size_t>(count), {budget}), rates());
     const double end = base::now_seconds();
     fmt::print("{} x {:.1f} MiB: predicted {:.1f} ms, store {:.2f} GB, planned in {:.2f} s (tables {:.2f} s)\n", count,
                mebibytes(budget), 1e3 * plans.front().predicted_seconds,
                static_cast<double>(plans.front().store_elements) * sizeof(T) * 1e-9, end - made, made - start);
-    for (const analysis::StreamingPlan& p : plans) {
+    for (const out_of_core::StreamingPlan& p : plans) {
       const auto steps = std::count_if(p.steps.begin(), p.steps.end(), [](const auto& x) { return !x.fronts.empty(); });
       fmt::print("    link {:8.1f} ms, in {:7.2f} GB, out {:7.2f} GB, {} steps, {} groups, {} operations\n",
                  1e3 * p.link_seconds, static_cast<double>(p.bytes_in) * 1e-9, static_cast<double>(p.bytes_out) * 1e-9,
@@ -159,8 +159,8 @@ class Curve {
   int failures = 0;
 
  private:
-  [[nodiscard]] analysis::StreamRates rates() const {
-    analysis::StreamRates rates = device::cuda::cuda_stream_rates(c_.kind, settings_.pin);
+  [[nodiscard]] out_of_core::StreamRates rates() const {
+    out_of_core::StreamRates rates = device::cuda::cuda_stream_rates(c_.kind, settings_.pin);
     rates.lanes = settings_.lanes;
     rates.step = settings_.step;
     rates.group = settings_.group;

@@ -1,13 +1,12 @@
-# espalier_add_cuda(module): adds src/<module>/cuda/*.cu to the module where ESPALIER_CUDA is on; else the module's stubs
+# espalier_add_cuda(module folder): adds the *.cu below src/<folder> to the module where ESPALIER_CUDA is on; else its stubs
 # stand in. The runtime is linked statically, so the same binary works where there is no driver.
-function(espalier_add_cuda module)
-  set(folder ${CMAKE_CURRENT_SOURCE_DIR}/${module}/cuda)
-  file(GLOB hosted CONFIGURE_DEPENDS ${folder}/*.cpp)
+function(espalier_add_cuda module folder)
+  file(GLOB_RECURSE hosted CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${folder}/*.cpp)
   set_source_files_properties(${hosted} PROPERTIES COMPILE_DEFINITIONS ESPALIER_WITH_CUDA=$<BOOL:${ESPALIER_CUDA}>)
   if(NOT ESPALIER_CUDA)
     return()
   endif()
-  file(GLOB sources CONFIGURE_DEPENDS ${folder}/*.cu)
+  file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${folder}/*.cu)
   target_sources(espalier_${module} PRIVATE ${sources})
   # CMake 3.25 does not know that nvcc 13 speaks C++20.
   target_compile_options(espalier_${module} PRIVATE $<$<COMPILE_LANGUAGE:CUDA>:-std=c++20 -lineinfo>)

@@ -1,5 +1,6 @@
-# espalier_module(name DEPENDS other modules... LIBRARIES external targets...)
-# One static library espalier_<name> per folder src/<name>, made of all sources in that folder (sub-folders are named by SUBFOLDERS).
+# espalier_module(name FOLDER folder SUBFOLDERS names... DEPENDS other modules... LIBRARIES external targets...)
+# One static library espalier_<name> per folder src/<folder> (by default src/<name>), made of all sources in that folder and
+# in the sub-folders that SUBFOLDERS names.
 # A module sees the headers of the modules below it as "module/header.hpp".
 function(espalier_flags target)
   target_compile_features(${target} PUBLIC cxx_std_20)
@@ -22,10 +23,13 @@ function(espalier_flags target)
 endfunction()
 
 function(espalier_module name)
-  cmake_parse_arguments(ARG "" "" "SUBFOLDERS;DEPENDS;LIBRARIES" ${ARGN})
-  set(globs ${CMAKE_CURRENT_SOURCE_DIR}/${name}/*.cpp)
+  cmake_parse_arguments(ARG "" "FOLDER" "SUBFOLDERS;DEPENDS;LIBRARIES" ${ARGN})
+  if(NOT ARG_FOLDER)
+    set(ARG_FOLDER ${name})
+  endif()
+  set(globs ${CMAKE_CURRENT_SOURCE_DIR}/${ARG_FOLDER}/*.cpp)
   foreach(sub IN LISTS ARG_SUBFOLDERS)
-    list(APPEND globs ${CMAKE_CURRENT_SOURCE_DIR}/${name}/${sub}/*.cpp)
+    list(APPEND globs ${CMAKE_CURRENT_SOURCE_DIR}/${ARG_FOLDER}/${sub}/*.cpp)
   endforeach()
   file(GLOB sources CONFIGURE_DEPENDS ${globs})
   if(NOT sources)

@@ -100,7 +100,7 @@ step tests stream-small 120 "$programs/espalier_stream_curve" --small
 [[ -n $data ]] && step tests collection 300 "$programs/espalier_collection" "$data" --device gpu:0
 ((gpus > 1)) && step tests small-several 240 "$programs/espalier_gpu_check" --small --devices "$devices" --counts "$counts" --out "$out/small-several.json"
 
-# The tables of docs/performance.md.
+# The tables of docs/notebook/performance.md.
 step tables gpu-check 300 "$programs/espalier_gpu_check" --repeat 7 --out "$out/gpu-check.json"
 ((gpus > 1)) && step tables gpus-check 300 "$programs/espalier_gpu_check" --repeat 7 --devices "$devices" --counts "$counts" \
   --out "$out/gpus-check.json"

@@ -12,7 +12,7 @@ class App;
 
 namespace espalier::cli {
 
-/// Exit codes, documented in docs/cli.md.
+/// Exit codes, documented in docs/guide/command_line.md.
 enum ExitCode : int {
   kSolved = 0,
   kInternalError = 1,  ///< a bug of ours

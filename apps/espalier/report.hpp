@@ -1,5 +1,5 @@
 /// \file
-/// What one run of the solver was and found, and its JSON form (docs/cli.md lists the fields).
+/// What one run of the solver was and found, and its JSON form (docs/guide/command_line.md lists the fields).
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

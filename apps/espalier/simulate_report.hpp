@@ -13,7 +13,7 @@ namespace espalier::cli {
 std::string simulate_headline(const SimulationSummary& s);
 /// The summary as text.
 std::string simulate_summary(const SimulationSummary& s);
-/// The report; documented in docs/simulate.md. @param model name of the model file
+/// The report; documented in docs/guide/simulate.md. @param model name of the model file
 nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& model, int exit_code);
 
 }  // namespace espalier::cli

@@ -14,7 +14,7 @@
 
 namespace espalier::bench {
 
-/// The number of the document's schema (docs/bench.md).
+/// The number of the document's schema (docs/guide/measure.md).
 inline constexpr const char* kSchema = "espalier-bench/1";
 
 /// One solver with its settings; `parameters` are the coordinates of the row in its experiment (an object).

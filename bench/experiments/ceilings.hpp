@@ -13,7 +13,7 @@ struct CeilingSettings {
 
 /// Our own dense product in FP64 on one and on all threads, bandwidth of the main memory (read; triad of McCalpin's
 /// STREAM), and, for each GPU, its memory, its link to the host and to its peers, and the matrix product of cuBLAS
-/// where that is installed. Keys: docs/bench.md. What could not be measured is null or has a "reason".
+/// where that is installed. Keys: docs/guide/measure.md. What could not be measured is null or has a "reason".
 nlohmann::json measure_ceilings(const CeilingSettings& settings);
 
 /// The GPU part: an array, one object per GPU; empty without a driver.

@@ -1,7 +1,7 @@
 #include <fmt/format.h>
 
 #include "base/timeline.hpp"
-#include "factor/gpu_simulator.hpp"
+#include "device/cuda/tables/gpu_simulator.hpp"
 #include "gpu/check_run.hpp"
 #include "gpu/gpu_document.hpp"
 
@@ -20,7 +20,7 @@ Shares shares_of(const GpuCase& c) {
   const auto& a = c.plan.assignment;
   for (Index f = 0; f < c.plan.fronts(); ++f) {
     const auto& l = c.plan.layout[f];
-    const double flops = analysis::front_flops(l.pivots, l.rows, c.kind == Kind::lu);
+    const double flops = plan::front_flops(l.pivots, l.rows, c.kind == Kind::lu);
     if (a.subtree(f) >= 0) {
       s.alone[static_cast<std::size_t>(a.subtrees[static_cast<std::size_t>(a.subtree(f))].device)] += flops;
       continue;
@@ -55,13 +55,13 @@ nlohmann::json show_plan(const GpuCase& c, const CheckSettings& settings) {
              c.name, c.devices, name_of(c.kind), c.plan.fronts(), shares.top_fronts, 100 * shares.top / c.plan.flops,
              c.plan.assignment.subtrees.size(), c.plan_seconds, seconds);
   const double simulation = base::now_seconds();
-  const factor::SimulatedRun run = factor::simulate(d, factor::h200_rates(c.kind));
+  const device::cuda::SimulatedRun run = device::cuda::simulate(d, device::cuda::h200_rates(c.kind));
   double busy = 0;
   for (const double b : run.busy) busy += b / run.seconds / c.devices;
   fmt::print(
       "    simulated on H200: {:.3f} ms, {:.1f} TFLOP/s, busy {:.0f} %; model {:.3f} ms; simulation took {:.2f} s\n",
       1e3 * run.seconds, 1e-12 * c.plan.flops / run.seconds, 100 * busy,
-      1e3 * analysis::gpu_time(c.plan.tree, c.kind == Kind::lu, c.kind == Kind::ldlt).on(c.devices),
+      1e3 * plan::gpu_time(c.plan.tree, c.kind == Kind::lu, c.kind == Kind::ldlt).on(c.devices),
       base::now_seconds() - simulation);
   if (settings.lists) show_lists(c, d, shares, settings.common.fp32 ? 4e-9 : 8e-9);
   nlohmann::json row = row_of_case(c, fmt::format("simulated on {} GPU{}", c.devices, c.devices == 1 ? "" : "s"),

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "device/cuda/cuda_executor.hpp"
+#include "device/cuda/executor/cuda_executor.hpp"
 #include "gpu/gpu_document.hpp"
 
 namespace espalier::bench {
@@ -29,7 +29,7 @@ struct CheckSettings {
 };
 
 /// Milliseconds of a refactorization and of a solve with one right-hand side that must be reached on one H200
-/// (docs/performance.md).
+/// (docs/notebook/performance.md).
 struct Floor {
   const char* system;
   double factor, solve;

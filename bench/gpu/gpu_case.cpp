@@ -36,18 +36,18 @@ GpuCase prepare_case(const std::string& name, Kind wish, base::ThreadPool& pool)
 void lay_out_for_gpus(GpuCase& c, int devices, const device::cuda::DeviceTuning& tuning, base::ThreadPool& pool) {
   const double start = base::now_seconds();
   c.devices = devices;
-  c.plan = analysis::make_plan(c.tree, c.equations.a, c.equations.row_of_col,
+  c.plan = plan::make_plan(c.tree, c.equations.a, c.equations.row_of_col,
                                device::cuda::cuda_plan_options(c.kind, tuning, devices), pool);
   c.plan_seconds = base::now_seconds() - start;
 }
 
 void lay_out_for_host(GpuCase& c, bool single, base::ThreadPool& pool) {
-  analysis::PlanOptions options;
+  plan::PlanOptions options;
   options.tiles.panel = single ? 16 : 8;  // one cache line, as the host kernels ask for
   options.unsymmetric = c.kind == Kind::lu;
   options.ldlt = c.kind == Kind::ldlt;
   c.devices = 1;
-  c.plan = analysis::make_plan(c.tree, c.equations.a, c.equations.row_of_col, options, pool);
+  c.plan = plan::make_plan(c.tree, c.equations.a, c.equations.row_of_col, options, pool);
 }
 
 template <class T>

@@ -8,7 +8,7 @@
 
 #include "analysis/ordering.hpp"
 #include "base/thread_pool.hpp"
-#include "device/cuda/cuda_executor.hpp"
+#include "device/cuda/executor/cuda_executor.hpp"
 #include "device/executor.hpp"
 #include "espalier/matrix.hpp"
 #include "solver/equations.hpp"
@@ -23,7 +23,7 @@ struct GpuCase {
   solver::Equations equations;
   analysis::AssemblyTree tree;
   int devices = 1;
-  analysis::Plan plan;
+  plan::Plan plan;
   double analysis_seconds = 0;  ///< without the plan
   double plan_seconds = 0;
 };

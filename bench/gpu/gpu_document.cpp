@@ -23,7 +23,7 @@ void declare_gpu_options(CLI::App& app, GpuOptions& options, int argc, const cha
   app.add_option("--kind", options.kind, "auto, llt, ldlt or lu")
       ->check(CLI::IsMember({"auto", "llt", "ldlt", "lu"}))
       ->capture_default_str();
-  app.add_option("--out", options.out, "write results (docs/bench.md) to this file or folder");
+  app.add_option("--out", options.out, "write results (docs/guide/measure.md) to this file or folder");
 }
 
 void declare_devices(CLI::App& app, std::vector<int>& devices, std::vector<int>& counts) {

@@ -1,5 +1,5 @@
 /// \file
-/// The simulator of mechanical systems: load a model (docs/simulate.md), run it, get results.
+/// The simulator of mechanical systems: load a model (docs/guide/simulate.md), run it, get results.
 ///
 ///     espalier::Simulation simulation;
 ///     if (auto s = simulation.load("pendulum.toml"); !s.ok()) ...   // s.message: file, line, what to do
@@ -140,7 +140,7 @@ class Simulation {
   [[nodiscard]] const SimulationSummary& summary() const;
   [[nodiscard]] double time() const;      ///< present time. @pre load() succeeded
   [[nodiscard]] double end_time() const;  ///< @pre load() succeeded
-  /// A quantity of the present state by its name (docs/simulate.md), for instance "rod.position.x".
+  /// A quantity of the present state by its name (docs/guide/simulate.md), for instance "rod.position.x".
   /// @throws std::invalid_argument if there is no such scalar quantity @pre load() succeeded
   [[nodiscard]] double value(const std::string& quantity) const;
 

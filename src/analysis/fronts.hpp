@@ -20,7 +20,7 @@ struct FrontTree {
   [[nodiscard]] Index fronts() const { return static_cast<Index>(parent.size()); }
 };
 
-/// Time of one small front as the amalgamation sees it, fitted to refactorizations on the host (docs/performance.md,
+/// Time of one small front as the amalgamation sees it, fitted to refactorizations on the host (docs/notebook/performance.md,
 /// "cost model"):
 ///   seconds = front + entry * (entries of its columns) + contribution * (entries handed to the parent)
 ///           + flop * flops * (1 + narrow / width).

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "analysis/plan.hpp"
+#include "plan/plan.hpp"
 #include "base/memory.hpp"
 #include "espalier/types.hpp"
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "base/beside.hpp"
-#include "device/cuda/cuda_executor.hpp"
-#include "device/cuda/device_plan.hpp"
+#include "device/cuda/executor/cuda_executor.hpp"
+#include "device/cuda/tables/device_plan.hpp"
 #include "matrix/validate.hpp"
 #include "solver/analysis_file.hpp"
 #include "solver/option_text.hpp"
@@ -22,7 +22,7 @@ void check_matrix(const MatrixView& a, base::ThreadPool& pool) {
   matrix::validate(a, &pool);
 }
 
-Offset plan_bytes(const analysis::Plan& p) {
+Offset plan_bytes(const plan::Plan& p) {
   const auto of = [](const auto& v) { return static_cast<Offset>(v.size() * sizeof(v[0])); };
   return of(p.tree.order) + of(p.tree.rows) + of(p.relative) + of(p.layout) + of(p.entry_ptr) + of(p.entries) +
          of(p.tasks) + of(p.memory.factor) * 4 + of(p.tree.parent) * 6;
@@ -92,16 +92,16 @@ void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
   if (device.backend == solver::DeviceChoice::Backend::cuda) {
     device::cuda::DeviceTuning tuning;
     tuning.max_block_size = options.max_block_size;
-    analysis::PlanOptions gpu_options = device::cuda::cuda_plan_options(kind, tuning, device.devices);
+    plan::PlanOptions gpu_options = device::cuda::cuda_plan_options(kind, tuning, device.devices);
     gpu_options.additional_subtrees = options.sharing.additional_subtrees;
     gpu_options.stealing = options.sharing.stealing && device.unequal;  // among equal ones it only costs (measured)
     gpu_options.shared_top = options.sharing.shared_top;
     gpu_options.device_speed = device.speed;
-    plan = analysis::make_plan(std::move(tree), equations.a, equations.row_of_col, gpu_options, pool,
+    plan = plan::make_plan(std::move(tree), equations.a, equations.row_of_col, gpu_options, pool,
                                &residual.row_index());
     return;
   }
-  analysis::PlanOptions plan_options;
+  plan::PlanOptions plan_options;
   plan_options.tiles.panel = static_cast<Index>(single() ? 64 / sizeof(float) : 64 / sizeof(double));
   plan_options.tiles.max_block_size = free_pivots ? 0 : options.max_block_size;
   plan_options.unsymmetric = kind == Kind::lu;
@@ -112,7 +112,7 @@ void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
   plan_options.shared_top = options.sharing.shared_top;
   plan_options.interleave = static_cast<Index>(2 * pool.size());
   plan_options.reuse_distance = static_cast<Index>(16 * pool.size());
-  plan = analysis::make_plan(std::move(tree), equations.a, equations.row_of_col, plan_options, pool,
+  plan = plan::make_plan(std::move(tree), equations.a, equations.row_of_col, plan_options, pool,
                              &residual.row_index());
 }
 

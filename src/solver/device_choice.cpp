@@ -6,15 +6,15 @@
 #include <charconv>
 #include <cmath>
 
-#include "analysis/plan.hpp"
-#include "device/cuda/cuda_executor.hpp"
+#include "plan/plan.hpp"
+#include "device/cuda/executor/cuda_executor.hpp"
 #include "solver/option_check.hpp"
 
 namespace espalier::solver {
 
 namespace {
 
-// Cost models, from refactorizations on 2 and 16 AVX-512 cores and on one H200 (docs/performance.md, "cost model").
+// Cost models, from refactorizations on 2 and 16 AVX-512 cores and on one H200 (docs/notebook/performance.md, "cost model").
 constexpr double kHostFlopsPerSecond = 6e10;  // per thread
 constexpr double kHostSecondsPerFront = 1.5e-6;
 constexpr double kGpuStartSeconds = 2e-4;  // values to the device, launch, outcome back
@@ -79,7 +79,7 @@ DeviceChoice automatic(const PredictedTime& t, std::size_t budgets) {
 
 }  // namespace
 
-int fastest_count(const analysis::GpuTime& time, int most) {
+int fastest_count(const plan::GpuTime& time, int most) {
   int best = 1;
   for (int count = 2; count <= most; ++count)
     if (time.on(count) < kGainOfDevice * time.on(best)) best = count;
@@ -105,11 +105,11 @@ std::optional<HostDevices> host_devices(const std::string& device, int threads) 
 PredictedTime predict_time(const analysis::AssemblyTree& tree, Kind kind, bool single, int threads) {
   PredictedTime t;
   for (Index f = 0; f < tree.fronts(); ++f)
-    t.flops += analysis::front_flops(tree.pivots(f), tree.pivots(f) + tree.rows_below(f), kind == Kind::lu);
+    t.flops += plan::front_flops(tree.pivots(f), tree.pivots(f) + tree.rows_below(f), kind == Kind::lu);
   const double precision = single ? 2 : 1;
   t.host_seconds =
       t.flops / (kHostFlopsPerSecond * precision * threads) + kHostSecondsPerFront * tree.fronts() / threads;
-  t.gpu = analysis::gpu_time(tree, kind == Kind::lu, kind == Kind::ldlt);
+  t.gpu = plan::gpu_time(tree, kind == Kind::lu, kind == Kind::ldlt);
   t.gpu_seconds = kGpuStartSeconds + t.gpu.on(1);
   return t;
 }

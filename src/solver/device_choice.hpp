@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "analysis/front_cost.hpp"
-#include "device/cuda/device_rates.hpp"
+#include "plan/front_cost.hpp"
+#include "device/cuda/runtime/device_rates.hpp"
 #include "espalier/solver.hpp"
 
 namespace espalier::solver {
@@ -45,14 +45,14 @@ struct PredictedTime {
   double flops = 0;
   double host_seconds = 0;
   double gpu_seconds = 0;  ///< on one
-  analysis::GpuTime gpu;   ///< without what it takes to bring values there and the outcome back
+  plan::GpuTime gpu;   ///< without what it takes to bring values there and the outcome back
 
   [[nodiscard]] double gpu_seconds_on(int devices) const { return gpu_seconds - gpu.on(1) + gpu.on(devices); }
 };
 PredictedTime predict_time(const analysis::AssemblyTree& tree, Kind kind, bool single, int threads);
 
 /// The number of GPUs, at most `most`, that are predicted to be fastest; fewer where more would gain next to nothing.
-int fastest_count(const analysis::GpuTime& time, int most);
+int fastest_count(const plan::GpuTime& time, int most);
 
 /// What Options::device may be, for messages; and whether a text is one of them. Whether a GPU is there is not looked
 /// at.

@@ -17,7 +17,7 @@ class DeviceSystemOf final : public DeviceSystem {
  public:
   using Equations = device::cuda::DeviceEquations<T>;
 
-  DeviceSystemOf(const analysis::Plan& plan, const solver::Equations& equations,
+  DeviceSystemOf(const plan::Plan& plan, const solver::Equations& equations,
                  const solve::ResidualOperator& residual, Kind kind, device::cuda::CudaExecutor<T>& executor,
                  int device, Offset memory_bytes, base::ThreadPool& pool)
       : n_(plan.tree.n), values_(equations.a.values), executor_(executor) {
@@ -123,18 +123,18 @@ class DeviceSystemOf final : public DeviceSystem {
 }  // namespace
 
 template <class T>
-std::unique_ptr<DeviceSystem> make_device_system(const analysis::Plan& plan, const Equations& equations,
+std::unique_ptr<DeviceSystem> make_device_system(const plan::Plan& plan, const Equations& equations,
                                                  const solve::ResidualOperator& residual, Kind kind,
                                                  device::cuda::CudaExecutor<T>& executor, int device,
                                                  Offset memory_bytes, base::ThreadPool& pool) {
   return std::make_unique<DeviceSystemOf<T>>(plan, equations, residual, kind, executor, device, memory_bytes, pool);
 }
 
-template std::unique_ptr<DeviceSystem> make_device_system(const analysis::Plan&, const Equations&,
+template std::unique_ptr<DeviceSystem> make_device_system(const plan::Plan&, const Equations&,
                                                           const solve::ResidualOperator&, Kind,
                                                           device::cuda::CudaExecutor<double>&, int, Offset,
                                                           base::ThreadPool&);
-template std::unique_ptr<DeviceSystem> make_device_system(const analysis::Plan&, const Equations&,
+template std::unique_ptr<DeviceSystem> make_device_system(const plan::Plan&, const Equations&,
                                                           const solve::ResidualOperator&, Kind,
                                                           device::cuda::CudaExecutor<float>&, int, Offset,
                                                           base::ThreadPool&);

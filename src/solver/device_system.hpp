@@ -6,8 +6,8 @@
 #include <optional>
 #include <span>
 
-#include "analysis/plan.hpp"
-#include "device/cuda/device_equations.hpp"
+#include "plan/plan.hpp"
+#include "device/cuda/executor/device_equations.hpp"
 #include "solve/residual.hpp"
 #include "solver/equations.hpp"
 
@@ -52,7 +52,7 @@ class DeviceSystem : public solve::ResidualSpace {
 /// @param memory_bytes  budget for what is taken besides the executor's memory; 0: what is free
 /// @throws Error(out_of_memory), Error(device_error)
 template <class T>
-std::unique_ptr<DeviceSystem> make_device_system(const analysis::Plan& plan, const Equations& equations,
+std::unique_ptr<DeviceSystem> make_device_system(const plan::Plan& plan, const Equations& equations,
                                                  const solve::ResidualOperator& residual, Kind kind,
                                                  device::cuda::CudaExecutor<T>& executor, int device,
                                                  Offset memory_bytes, base::ThreadPool& pool);

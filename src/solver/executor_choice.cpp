@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <utility>
 
-#include "device/cuda/cuda_executor.hpp"
-#include "device/cuda/cuda_stream.hpp"
+#include "device/cuda/executor/cuda_executor.hpp"
+#include "device/cuda/out_of_core/cuda_stream.hpp"
 #include "device/host/host_executor.hpp"
-#include "device/host/host_stream.hpp"
-#include "factor/streaming_executor.hpp"
+#include "device/host/out_of_core/host_stream.hpp"
+#include "out_of_core/executor.hpp"
 
 namespace espalier::solver {
 
@@ -21,9 +21,9 @@ Offset slot_bytes(Offset budget) {
   return std::clamp(budget / 32 / kPage * kPage, kLeast, kMost);
 }
 
-factor::StreamingOptions streaming_options(const std::vector<Offset>& budgets, const std::vector<double>& speed,
+out_of_core::StreamingOptions streaming_options(const std::vector<Offset>& budgets, const std::vector<double>& speed,
                                            int copy_threads) {
-  factor::StreamingOptions o;
+  out_of_core::StreamingOptions o;
   Offset least = budgets.front();
   for (std::size_t d = 0; d < budgets.size(); ++d) {
     o.devices.push_back({budgets[d], speed.empty() ? 1 : speed[d]});
@@ -42,11 +42,11 @@ Offset pinned_bytes(Offset asked) {
 
 // Each device has its part of the threads.
 template <class T>
-std::unique_ptr<device::Executor<T>> stream_on_host(const analysis::Plan& plan, const NumericOptions& options,
+std::unique_ptr<device::Executor<T>> stream_on_host(const plan::Plan& plan, const NumericOptions& options,
                                                     const device::PivotRule& rule, base::ThreadPool& pool,
                                                     base::MemoryBudget& budget) {
   const int devices = options.device.devices;
-  std::vector<std::unique_ptr<device::StreamBackend<T>>> backends;
+  std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> backends;
   for (int d = 0; d < devices; ++d) {
     device::host::HostStreamOptions host;
     host.device = d;
@@ -57,12 +57,12 @@ std::unique_ptr<device::Executor<T>> stream_on_host(const analysis::Plan& plan, 
   std::vector<Offset> budgets = options.device_memory_bytes;
   for (Offset& b : budgets)  // no limit: all that the factorization could use
     if (b == 0) b = plan.memory.size * static_cast<Offset>(sizeof(T));
-  return factor::make_streaming_executor<T>(std::move(backends), streaming_options(budgets, {}, 1), &budget);
+  return out_of_core::make_streaming_executor<T>(std::move(backends), streaming_options(budgets, {}, 1), &budget);
 }
 
 // When others take memory in between, with less of it.
 template <class T>
-std::unique_ptr<device::Executor<T>> stream_on_gpus(const analysis::Plan& plan, const NumericOptions& options,
+std::unique_ptr<device::Executor<T>> stream_on_gpus(const plan::Plan& plan, const NumericOptions& options,
                                                     const device::PivotRule& rule, base::ThreadPool& pool,
                                                     base::MemoryBudget& budget) {
   constexpr int kAttempts = 4;
@@ -79,12 +79,12 @@ std::unique_ptr<device::Executor<T>> stream_on_gpus(const analysis::Plan& plan, 
       budgets.push_back(bytes);
     }
     try {
-      factor::StreamingOptions streaming = streaming_options(budgets, options.device.speed, pool.size() / (2 * gpus));
+      out_of_core::StreamingOptions streaming = streaming_options(budgets, options.device.speed, pool.size() / (2 * gpus));
       streaming.pinned_bytes = pinned_bytes(options.pinned_memory_bytes);
       streaming.rates = device::cuda::cuda_stream_rates(options.kind, streaming.pinned_bytes > 0);
-      return factor::make_streaming_executor<T>(
+      return out_of_core::make_streaming_executor<T>(
           device::cuda::make_cuda_streams<T>(plan, options.kind, rule, pool, devices), streaming, &budget);
-    } catch (const device::AllocationRefused&) {
+    } catch (const out_of_core::AllocationRefused&) {
       if (attempt == kAttempts) throw;
     }
   }
@@ -93,7 +93,7 @@ std::unique_ptr<device::Executor<T>> stream_on_gpus(const analysis::Plan& plan, 
 }  // namespace
 
 template <class T>
-std::unique_ptr<device::Executor<T>> make_executor(const analysis::Plan& plan, const NumericOptions& options,
+std::unique_ptr<device::Executor<T>> make_executor(const plan::Plan& plan, const NumericOptions& options,
                                                    const device::PivotRule& rule, base::ThreadPool& pool,
                                                    base::MemoryBudget& budget, base::Timeline* timeline) {
   const bool on_host = options.device.backend == DeviceChoice::Backend::host;
@@ -121,10 +121,10 @@ std::unique_ptr<device::Executor<T>> make_executor(const analysis::Plan& plan, c
                  : stream_on_gpus<T>(plan, options, rule, pool, budget);
 }
 
-template std::unique_ptr<device::Executor<double>> make_executor(const analysis::Plan&, const NumericOptions&,
+template std::unique_ptr<device::Executor<double>> make_executor(const plan::Plan&, const NumericOptions&,
                                                                  const device::PivotRule&, base::ThreadPool&,
                                                                  base::MemoryBudget&, base::Timeline*);
-template std::unique_ptr<device::Executor<float>> make_executor(const analysis::Plan&, const NumericOptions&,
+template std::unique_ptr<device::Executor<float>> make_executor(const plan::Plan&, const NumericOptions&,
                                                                 const device::PivotRule&, base::ThreadPool&,
                                                                 base::MemoryBudget&, base::Timeline*);
 

@@ -12,7 +12,7 @@ namespace espalier::solver {
 
 /// @throws Error(out_of_memory) naming the least budget that works, where options give less
 template <class T>
-std::unique_ptr<device::Executor<T>> make_executor(const analysis::Plan& plan, const NumericOptions& options,
+std::unique_ptr<device::Executor<T>> make_executor(const plan::Plan& plan, const NumericOptions& options,
                                                    const device::PivotRule& rule, base::ThreadPool& pool,
                                                    base::MemoryBudget& budget, base::Timeline* timeline);
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "device/cuda/cuda_executor.hpp"
+#include "device/cuda/executor/cuda_executor.hpp"
 #include "solver/executor_choice.hpp"
 
 namespace espalier::solver {
@@ -15,7 +15,7 @@ constexpr Index kMostColumnsAtOnce = 32;  // right-hand sides per sweep: 32 doub
 template <class T>
 class NumericOf final : public Numeric {
  public:
-  NumericOf(const analysis::Plan& plan, const Equations& equations, const solve::ResidualOperator& residual,
+  NumericOf(const plan::Plan& plan, const Equations& equations, const solve::ResidualOperator& residual,
             const NumericOptions& options, base::ThreadPool& pool, base::MemoryBudget& budget, base::Timeline* timeline)
       : plan_(plan),
         equations_(equations),
@@ -125,7 +125,7 @@ class NumericOf final : public Numeric {
 
   static constexpr std::int64_t kRows = 8192;  // rows per piece of work
 
-  const analysis::Plan& plan_;
+  const plan::Plan& plan_;
   const Equations& equations_;
   NumericOptions options_;
   base::ThreadPool& pool_;
@@ -141,7 +141,7 @@ class NumericOf final : public Numeric {
 
 }  // namespace
 
-std::unique_ptr<Numeric> make_numeric(const analysis::Plan& plan, const Equations& equations,
+std::unique_ptr<Numeric> make_numeric(const plan::Plan& plan, const Equations& equations,
                                       const solve::ResidualOperator& residual, const NumericOptions& options,
                                       bool single, base::ThreadPool& pool, base::MemoryBudget& budget,
                                       base::Timeline* timeline) {

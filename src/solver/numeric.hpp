@@ -5,7 +5,7 @@
 #include <memory>
 #include <optional>
 
-#include "analysis/plan.hpp"
+#include "plan/plan.hpp"
 #include "base/timeline.hpp"
 #include "device/executor.hpp"
 #include "solver/device_choice.hpp"
@@ -47,7 +47,7 @@ struct NumericOptions {
 
 /// @param single  FP32 instead of FP64
 /// @param residual  of the same equations; looked at during the call alone
-std::unique_ptr<Numeric> make_numeric(const analysis::Plan& plan, const Equations& equations,
+std::unique_ptr<Numeric> make_numeric(const plan::Plan& plan, const Equations& equations,
                                       const solve::ResidualOperator& residual, const NumericOptions& options,
                                       bool single, base::ThreadPool& pool, base::MemoryBudget& budget,
                                       base::Timeline* timeline);

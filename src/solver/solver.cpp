@@ -156,7 +156,7 @@ ConditionResult Solver::condition_estimate() {
 std::vector<Solver::TierRow> Solver::tiers() const {
   std::vector<TierRow> rows;
   if (impl_->state == State::empty) return rows;
-  const analysis::Plan& p = impl_->plan;
+  const plan::Plan& p = impl_->plan;
   rows.resize(static_cast<std::size_t>(impl_->analysis.tiers));
   for (Index f = 0; f < p.fronts(); ++f) {
     if (static_cast<std::size_t>(p.tier[f]) >= rows.size()) rows.resize(static_cast<std::size_t>(p.tier[f]) + 1);
@@ -166,7 +166,7 @@ std::vector<Solver::TierRow> Solver::tiers() const {
     r.tier = p.tier[f];
     ++r.fronts;
     r.largest_front = std::max(r.largest_front, p.layout[f].rows);
-    r.flops += analysis::front_flops(p.layout[f].pivots, p.layout[f].rows, p.options.unsymmetric);
+    r.flops += plan::front_flops(p.layout[f].pivots, p.layout[f].rows, p.options.unsymmetric);
     r.factor_entries += static_cast<Offset>(k * m - k * (k - 1) / 2) * (p.options.unsymmetric ? 2 : 1);
   }
   return rows;

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "analysis/ordering.hpp"
-#include "analysis/plan.hpp"
+#include "plan/plan.hpp"
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "base/timeline.hpp"
@@ -80,7 +80,7 @@ struct Solver::Impl {
   std::future<void> gpus_open;  // of options.device, beside the analysis
   solver::DeviceChoice device;
   solver::PredictedTime predicted;
-  analysis::Plan plan;
+  plan::Plan plan;
   std::unique_ptr<solver::Numeric> numeric;  // made by the first factorize()
   double smallest_pivot = 0;                 // relative; a smaller pivot counts as zero
   bool values_on_device = false;             // the last values are on the GPU alone

@@ -197,15 +197,15 @@ class Report(Cli):
         self.assertIn(row["system"], text)
 
     def test_docs_are_up_to_date(self):
-        self.expect(0, "report", "--markdown", *RESULTS, "--check", ROOT / "docs" / "results.md")
+        self.expect(0, "report", "--markdown", *RESULTS, "--check", ROOT / "docs" / "notebook" / "results.md")
 
     def test_stale_docs_are_noticed(self):
-        stale = self.file("stale.md", (ROOT / "docs" / "results.md").read_text().replace("ms", "s", 1))
+        stale = self.file("stale.md", (ROOT / "docs" / "notebook" / "results.md").read_text().replace("ms", "s", 1))
         self.expect(2, "report", "--markdown", *RESULTS, "--check", stale, says="does not show these results")
 
     def test_claims_of_the_readme_have_their_rows(self):
-        anchors = set(re.findall(r'<a id="([^"]+)">', (ROOT / "docs" / "results.md").read_text()))
-        claims = re.findall(r"docs/results\.md#([\w-]+)", (ROOT / "README.md").read_text())
+        anchors = set(re.findall(r'<a id="([^"]+)">', (ROOT / "docs" / "notebook" / "results.md").read_text()))
+        claims = re.findall(r"docs/notebook/results\.md#([\w-]+)", (ROOT / "README.md").read_text())
         self.assertTrue(claims)
         self.assertLessEqual(set(claims), anchors)
 

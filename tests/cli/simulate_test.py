@@ -271,7 +271,7 @@ motion = "cos(1) + t - 0.5403023058681398 + 0.2"
         self.assertEqual((quiet.stdout, quiet.stderr), ("", ""))
 
     def test_the_example_of_the_documentation_runs(self):
-        page = (ROOT / "docs" / "simulate.md").read_text()
+        page = (ROOT / "docs" / "guide" / "simulate.md").read_text()
         example = next(block for block in re.findall(r"```toml\n(.*?)```", page, re.S) if "[integrator]" in block)
         report = self.report(example, "--until", 0.02)
         self.assertEqual(report["title"], "flexible pendulum")

@@ -12,8 +12,8 @@
 
 #include "analysis/ordering.hpp"
 #include "cuda_plan_flags.hpp"
-#include "device/cuda/device_plan.hpp"
-#include "device/cuda/needed_values.hpp"
+#include "device/cuda/tables/device_plan.hpp"
+#include "device/cuda/tables/needed_values.hpp"
 #include "matrix/generators/generate.hpp"
 
 namespace espalier {
@@ -41,7 +41,7 @@ class CudaDevices : public ::testing::TestWithParam<Parameter> {
     tuning.shared_top = GetParam().shared_top;
     auto tree = analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_);
     const auto options = device::cuda::cuda_plan_options(GetParam().kind, tuning, GetParam().devices);
-    plan_ = analysis::make_plan(std::move(tree), a_, {}, options, pool_);
+    plan_ = plan::make_plan(std::move(tree), a_, {}, options, pool_);
     tables_ = device::cuda::make_device_plan(plan_, GetParam().kind);
   }
 
@@ -91,7 +91,7 @@ class CudaDevices : public ::testing::TestWithParam<Parameter> {
 
   base::ThreadPool pool_{2};
   SparseMatrix a_;
-  analysis::Plan plan_;
+  plan::Plan plan_;
   DevicePlan tables_;
 };
 
@@ -210,7 +210,7 @@ TEST(CudaDevicesStealing, SomebodySteals) {
   const SparseMatrix a = matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", "10"}), &pool);
   device::cuda::DeviceTuning tuning;
   tuning.stealing = true;
-  const auto plan = analysis::make_plan(analysis::build_tree(analysis::graph_of(a, pool), {}, pool), a, {},
+  const auto plan = plan::make_plan(analysis::build_tree(analysis::graph_of(a, pool), {}, pool), a, {},
                                         device::cuda::cuda_plan_options(Kind::llt, tuning, 2), pool);
   const DevicePlan tables = device::cuda::make_device_plan(plan, Kind::llt);
   ASSERT_GT(tables.regions.size(), static_cast<std::size_t>(tables.first_stealable));

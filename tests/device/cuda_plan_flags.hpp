@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "device/cuda/device_plan.hpp"
+#include "device/cuda/tables/device_plan.hpp"
 
 namespace espalier {
 

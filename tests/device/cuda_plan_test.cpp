@@ -9,7 +9,7 @@
 
 #include "analysis/ordering.hpp"
 #include "cuda_plan_flags.hpp"
-#include "device/cuda/device_plan.hpp"
+#include "device/cuda/tables/device_plan.hpp"
 #include "matrix/generators/generate.hpp"
 
 namespace espalier {
@@ -34,14 +34,14 @@ class CudaPlan : public ::testing::TestWithParam<Parameter> {
     tuning.reuse_distance = 64;
     auto tree = analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_);
     plan_ =
-        analysis::make_plan(std::move(tree), a_, {}, device::cuda::cuda_plan_options(GetParam().kind, tuning), pool_);
+        plan::make_plan(std::move(tree), a_, {}, device::cuda::cuda_plan_options(GetParam().kind, tuning), pool_);
     device_ = device::cuda::make_device_plan(plan_, GetParam().kind);
     lists_ = device_.lists.front();
   }
 
   base::ThreadPool pool_{2};
   SparseMatrix a_;
-  analysis::Plan plan_;
+  plan::Plan plan_;
   DevicePlan device_;
   device::cuda::TaskLists lists_;
 };
@@ -122,8 +122,8 @@ TEST_P(CudaPlan, WidestBlockIsTheCallers) {
     tuning.narrow_rows = 0;  // all others have wide ones
     tuning.max_block_size = max_block_size;
     auto tree = analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_);
-    const analysis::PlanOptions options = device::cuda::cuda_plan_options(GetParam().kind, tuning);
-    const auto plan = analysis::make_plan(std::move(tree), a_, {}, options, pool_);
+    const plan::PlanOptions options = device::cuda::cuda_plan_options(GetParam().kind, tuning);
+    const auto plan = plan::make_plan(std::move(tree), a_, {}, options, pool_);
     int width = 0;
     for (const Front& f : device::cuda::make_device_plan(plan, GetParam().kind).fronts)
       if (f.whole == 0) width = std::max(width, static_cast<int>(f.width));

@@ -1,6 +1,6 @@
 // Substitution on the host with factors in the CUDA backend's layout. Truth: the same sums by plain loops over the
 // elements, whose places are those of device/cuda/tables.hpp; and one thread gives the bits of several.
-#include "device/cuda/fragment_solve.hpp"
+#include "device/cuda/tables/fragment_solve.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "analysis/ordering.hpp"
-#include "device/cuda/device_plan.hpp"
+#include "device/cuda/tables/device_plan.hpp"
 #include "matrix/generators/generate.hpp"
 
 namespace espalier {
@@ -34,7 +34,7 @@ class FragmentSolve : public ::testing::TestWithParam<Parameter> {
     tuning.narrow_rows = 150;
     auto tree = analysis::build_tree(analysis::graph_of(a, pool_), {}, pool_);
     plan_ =
-        analysis::make_plan(std::move(tree), a, {}, device::cuda::cuda_plan_options(GetParam().kind, tuning), pool_);
+        plan::make_plan(std::move(tree), a, {}, device::cuda::cuda_plan_options(GetParam().kind, tuning), pool_);
     device_ = device::cuda::make_device_plan(plan_, GetParam().kind);
     fill_factors();
   }
@@ -138,7 +138,7 @@ class FragmentSolve : public ::testing::TestWithParam<Parameter> {
   }
 
   base::ThreadPool pool_{2};
-  analysis::Plan plan_;
+  plan::Plan plan_;
   device::cuda::DevicePlan device_;
   std::vector<double> store_, d_, e_;
   std::vector<Offset> first_, second_;

@@ -21,7 +21,7 @@ using reference::Values;
 
 template <class T>
 struct Factored {
-  analysis::Plan plan;
+  plan::Plan plan;
   std::unique_ptr<base::ThreadPool> pool;
   std::unique_ptr<Executor<T>> executor;
   std::vector<T> values;
@@ -34,13 +34,13 @@ std::unique_ptr<Factored<T>> factored(const SparseMatrix& a, Kind kind, int thre
   auto f = std::make_unique<Factored<T>>();
   f->pool = std::make_unique<base::ThreadPool>(threads);
   base::ThreadPool one(1);
-  analysis::PlanOptions o;
+  plan::PlanOptions o;
   o.tiles.panel = kPanel<T>;
   o.tiles.max_block_size = width;
   if (width > 0) o.tiles.whole_rows = o.tiles.whole_pivots = width;  // small tiles mean tiled fronts
   o.unsymmetric = kind == Kind::lu;
   o.ldlt = kind == Kind::ldlt;
-  f->plan = analysis::make_plan(analysis::build_tree(analysis::graph_of(a, one, {}), {}, one), a, {}, o, one);
+  f->plan = plan::make_plan(analysis::build_tree(analysis::graph_of(a, one, {}), {}, one), a, {}, o, one);
   PivotRule rule;
   rule.tiny = 1e-30;
   f->executor = make_host_executor<T>(f->plan, kind, rule, *f->pool, budget, nullptr);

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "device/cuda/cuda_executor.hpp"
+#include "device/cuda/executor/cuda_executor.hpp"
 #include "espalier/espalier.h"
 #include "espalier/espalier.hpp"
 #include "reference/reference.hpp"

@@ -2,7 +2,7 @@
 // is written down. One launch of the captured graph and one wait each, no memory taken, nothing copied.
 #include <gtest/gtest.h>
 
-#include "device/cuda/cuda_executor.hpp"
+#include "device/cuda/executor/cuda_executor.hpp"
 #include "espalier/espalier.hpp"
 #include "reference/reference.hpp"
 #include "solver/gpu_fixture.hpp"
@@ -13,7 +13,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "device/cuda/cuda_faults.hpp"
+#include "device/cuda/runtime/cuda_faults.hpp"
 
 namespace espalier {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "device/cuda/cuda_executor.hpp"
+#include "device/cuda/executor/cuda_executor.hpp"
 #include "espalier/espalier.hpp"
 #include "reference/reference.hpp"
 #include "solver/gpu_fixture.hpp"
@@ -13,7 +13,7 @@
 #if ESPALIER_WITH_CUDA
 #include <cuda_runtime_api.h>
 
-#include "device/cuda/cuda_faults.hpp"
+#include "device/cuda/runtime/cuda_faults.hpp"
 #include "matrix/generators/generate.hpp"
 #include "matrix/residual.hpp"
 

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "device/cuda/cuda_executor.hpp"
+#include "device/cuda/executor/cuda_executor.hpp"
 #include "espalier/espalier.hpp"
 
 namespace espalier::test {

@@ -8,14 +8,14 @@
 
 #include "analysis/ordering.hpp"
 #include "base/timeline.hpp"
-#include "device/cuda/cuda_executor.hpp"
+#include "device/cuda/executor/cuda_executor.hpp"
 #include "espalier/solver.hpp"
 #include "solver/gpu_fixture.hpp"
 
 #if ESPALIER_WITH_CUDA
 #include <cuda_runtime_api.h>
 
-#include "device/cuda/cuda_faults.hpp"
+#include "device/cuda/runtime/cuda_faults.hpp"
 #include "matrix/generators/generate.hpp"
 #include "matrix/residual.hpp"
 
@@ -45,7 +45,7 @@ class GpuSides : public test::OnGpu {
 
   // A plan for so many sides; it outlives the executor.
   void plan_for(const std::vector<int>& devices) {
-    plan_ = analysis::make_plan(
+    plan_ = plan::make_plan(
         tree_, a_, {}, device::cuda::cuda_plan_options(Kind::llt, {}, static_cast<Index>(devices.size())), pool_);
   }
   std::unique_ptr<Executor> make(const std::vector<int>& devices, int fail_device = -1) {
@@ -73,7 +73,7 @@ class GpuSides : public test::OnGpu {
   base::ThreadPool pool_{2};
   SparseMatrix a_;
   analysis::AssemblyTree tree_;
-  analysis::Plan plan_;
+  plan::Plan plan_;
   std::vector<std::vector<int>> groups_;  // GPUs of the sides
 };
 

@@ -155,14 +155,14 @@ std::string html_page(const std::vector<Results>& all) {
 
 std::string markdown(const std::vector<Results>& all) {
   std::string out =
-      "# Results\n\nMade by `espalier report --markdown bench/results/*.json --out docs/results.md`; do not edit. What "
+      "# Results\n\nMade by `espalier report --markdown bench/results/*.json --out docs/notebook/results.md`; do not edit. What "
       "the "
       "columns mean: [bench.md](bench.md).\n\n";
   for (const Results& results : all)
     out += fmt::format("- [{}: {}](#{}) ({})\n", heading_of(results), machine_of(results), results.id,
                        text(results.data, "date").substr(0, 10));
   for (const Results& results : all) {
-    out += fmt::format("\n<a id=\"{}\"></a>\n\n## {}: {}\n\n{} Source: [{}](../bench/results/{}).\n\n", results.id,
+    out += fmt::format("\n<a id=\"{}\"></a>\n\n## {}: {}\n\n{} Source: [{}](../../bench/results/{}).\n\n", results.id,
                        heading_of(results), machine_of(results), explanation_of(results.experiment()), results.file,
                        results.file);
     bool first = true;

@@ -1,5 +1,5 @@
 /// \file
-/// Files of results (docs/bench.md) as the report reads them.
+/// Files of results (docs/guide/measure.md) as the report reads them.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -22,9 +22,9 @@ void find_runs(const Index* relative, Index begin, Index end, Index row_begin, s
 }  // namespace
 
 template <class T>
-void add_contribution(const analysis::Plan& plan, Index child, const T* source, const Part<T>& part, bool mirror,
+void add_contribution(const plan::Plan& plan, Index child, const T* source, const Part<T>& part, bool mirror,
                       std::vector<Run>& runs, ColumnRange columns) {
-  const analysis::FrontLayout& layout = plan.layout[child];
+  const plan::FrontLayout& layout = plan.layout[child];
   const Index below = layout.below();
   const Index* relative = plan.relative.data() + plan.tree.row_ptr[child];
   const auto place = [&](Index row) {
@@ -61,7 +61,7 @@ void add_contribution(const analysis::Plan& plan, Index child, const T* source, 
 }
 
 template <class T>
-void add_entries(std::span<const analysis::Entry> entries, std::span<const T> values, T* c, Offset ld, EntryPart part) {
+void add_entries(std::span<const plan::Entry> entries, std::span<const T> values, T* c, Offset ld, EntryPart part) {
   // The values of a tile lie scattered over the caller's array: their cache lines are asked for ahead of their use.
   constexpr std::size_t kAhead = 24;
   const auto prefetch = [&](std::size_t k) {
@@ -72,7 +72,7 @@ void add_entries(std::span<const analysis::Entry> entries, std::span<const T> va
   const bool transposed = part == EntryPart::transposed;
   for (std::size_t k = 0; k < entries.size(); ++k) {
     prefetch(k);
-    const analysis::Entry& e = entries[k];
+    const plan::Entry& e = entries[k];
     const T value = values[static_cast<std::size_t>(e.source())];
     if (square)
       c[e.transposed() ? e.row() * ld + e.col() : e.col() * ld + e.row()] += value;
@@ -81,11 +81,11 @@ void add_entries(std::span<const analysis::Entry> entries, std::span<const T> va
   }
 }
 
-template void add_contribution(const analysis::Plan&, Index, const double*, const Part<double>&, bool,
+template void add_contribution(const plan::Plan&, Index, const double*, const Part<double>&, bool,
                                std::vector<Run>&, ColumnRange);
-template void add_contribution(const analysis::Plan&, Index, const float*, const Part<float>&, bool, std::vector<Run>&,
+template void add_contribution(const plan::Plan&, Index, const float*, const Part<float>&, bool, std::vector<Run>&,
                                ColumnRange);
-template void add_entries(std::span<const analysis::Entry>, std::span<const double>, double*, Offset, EntryPart);
-template void add_entries(std::span<const analysis::Entry>, std::span<const float>, float*, Offset, EntryPart);
+template void add_entries(std::span<const plan::Entry>, std::span<const double>, double*, Offset, EntryPart);
+template void add_entries(std::span<const plan::Entry>, std::span<const float>, float*, Offset, EntryPart);
 
 }  // namespace espalier::device::host

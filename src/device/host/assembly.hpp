@@ -29,13 +29,13 @@ struct ColumnRange {
 /// @param mirror  true: element (r, c) is added at (c, r) of the part, and diagonal elements are left out: the upper
 ///                triangle of a square part (lu)
 template <class T>
-void add_contribution(const analysis::Plan& plan, Index child, const T* source, const Part<T>& part, bool mirror,
+void add_contribution(const plan::Plan& plan, Index child, const T* source, const Part<T>& part, bool mirror,
                       std::vector<Run>& runs, ColumnRange columns = {});
 
 /// Adds the entries of A that belong to the tile. transposed_part: the U^T part of an off-diagonal tile takes the
 /// transposed entries, its L part the others; a square part (diagonal tile or whole front) takes both.
 enum class EntryPart { lower, transposed, square };
 template <class T>
-void add_entries(std::span<const analysis::Entry> entries, std::span<const T> values, T* c, Offset ld, EntryPart part);
+void add_entries(std::span<const plan::Entry> entries, std::span<const T> values, T* c, Offset ld, EntryPart part);
 
 }  // namespace espalier::device::host

@@ -13,7 +13,7 @@
 namespace espalier::device::host {
 
 template <class T>
-Workspace<T>::Workspace(const analysis::Plan& plan, Kind kind, base::MemoryBudget* budget) {
+Workspace<T>::Workspace(const plan::Plan& plan, Kind kind, base::MemoryBudget* budget) {
   Offset area = 0;
   Offset widest = 0;
   for (Index f = 0; f < plan.fronts(); ++f) {
@@ -46,7 +46,7 @@ namespace {
 template <class T>
 class HostExecutor final : public Executor<T> {
  public:
-  HostExecutor(const analysis::Plan& plan, Kind kind, const PivotRule& rule, base::ThreadPool& pool,
+  HostExecutor(const plan::Plan& plan, Kind kind, const PivotRule& rule, base::ThreadPool& pool,
                base::MemoryBudget* budget, base::Timeline* timeline, HostOptions options)
       : plan_(plan),
         pool_(pool),
@@ -168,7 +168,7 @@ class HostExecutor final : public Executor<T> {
     for (auto& w : work_) w.waited_seconds = w.task_seconds = 0;
   }
 
-  void execute(const analysis::Task& task, Index device, int worker) {
+  void execute(const plan::Task& task, Index device, int worker) {
     if (options_.before_task) options_.before_task(device, task);
     Workspace<T>& w = work_[static_cast<std::size_t>(worker)];
     const double begin = timeline_ != nullptr ? base::now_seconds() : 0, waited = w.waited_seconds;
@@ -179,7 +179,7 @@ class HostExecutor final : public Executor<T> {
     if (timeline_ != nullptr) record(task, worker, begin, w.waited_seconds - waited);
   }
 
-  void record(const analysis::Task& task, int worker, double begin, double waited) {
+  void record(const plan::Task& task, int worker, double begin, double waited) {
     base::TimelineEvent e;
     e.waited = waited;
     e.front = task.front;
@@ -191,7 +191,7 @@ class HostExecutor final : public Executor<T> {
     if (task.is_range()) {
       e.kind = "range";
       for (Index f = task.begin; f <= task.front; ++f)
-        e.flops += analysis::front_flops(plan_.layout[f].pivots, plan_.layout[f].rows, plan_.options.unsymmetric);
+        e.flops += plan::front_flops(plan_.layout[f].pivots, plan_.layout[f].rows, plan_.options.unsymmetric);
     } else {
       e.kind = task.j >= l.pivot_tiles ? "contribution" : task.i == task.j ? "diagonal" : "panel";
       const double depth = l.begin(std::min(task.j, l.pivot_tiles));
@@ -201,7 +201,7 @@ class HostExecutor final : public Executor<T> {
     timeline_->record(tracks_[static_cast<std::size_t>(worker)], e);
   }
 
-  const analysis::Plan& plan_;
+  const plan::Plan& plan_;
   base::ThreadPool& pool_;
   HostOptions options_;
   Index devices_;
@@ -218,16 +218,16 @@ class HostExecutor final : public Executor<T> {
 }  // namespace
 
 template <class T>
-std::unique_ptr<Executor<T>> make_host_executor(const analysis::Plan& plan, Kind kind, const PivotRule& rule,
+std::unique_ptr<Executor<T>> make_host_executor(const plan::Plan& plan, Kind kind, const PivotRule& rule,
                                                 base::ThreadPool& pool, base::MemoryBudget* budget,
                                                 base::Timeline* timeline, HostOptions options) {
   return std::make_unique<HostExecutor<T>>(plan, kind, rule, pool, budget, timeline, std::move(options));
 }
 
-template std::unique_ptr<Executor<double>> make_host_executor(const analysis::Plan&, Kind, const PivotRule&,
+template std::unique_ptr<Executor<double>> make_host_executor(const plan::Plan&, Kind, const PivotRule&,
                                                               base::ThreadPool&, base::MemoryBudget*, base::Timeline*,
                                                               HostOptions);
-template std::unique_ptr<Executor<float>> make_host_executor(const analysis::Plan&, Kind, const PivotRule&,
+template std::unique_ptr<Executor<float>> make_host_executor(const plan::Plan&, Kind, const PivotRule&,
                                                              base::ThreadPool&, base::MemoryBudget*, base::Timeline*,
                                                              HostOptions);
 

@@ -16,11 +16,11 @@ struct HostOptions {
   std::vector<Offset> device_memory_bytes = {};  ///< devices; budget of each, 0: no limit. Empty: none has one
   /// Called before each task by the worker that took it: may wait, so that devices differ in speed, and may throw, so
   /// that one fails. All workers call it at the same time.
-  std::function<void(Index device, const analysis::Task& task)> before_task;
+  std::function<void(Index device, const plan::Task& task)> before_task;
 };
 
 /// A plan for N devices (plan.assignment) is carried out by N teams of pool.size() / N threads, which take tasks and
-/// steal sub-trees by the rules of analysis::DeviceAssignment. The values of the factor do not depend on N, on the
+/// steal sub-trees by the rules of plan::DeviceAssignment. The values of the factor do not depend on N, on the
 /// number of threads, or on what was stolen: every tile is made by one task, in a fixed order of operations.
 ///
 /// factorize() of several devices throws Error(device_error) naming the device in whose task something was thrown; the
@@ -34,7 +34,7 @@ struct HostOptions {
 /// Error(invalid_input)
 ///         for fewer threads than devices
 template <class T>
-std::unique_ptr<Executor<T>> make_host_executor(const analysis::Plan& plan, Kind kind, const PivotRule& rule,
+std::unique_ptr<Executor<T>> make_host_executor(const plan::Plan& plan, Kind kind, const PivotRule& rule,
                                                 base::ThreadPool& pool, base::MemoryBudget* budget,
                                                 base::Timeline* timeline, HostOptions options = {});
 

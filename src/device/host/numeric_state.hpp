@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "analysis/plan.hpp"
+#include "plan/plan.hpp"
 #include "base/memory.hpp"
 #include "device/determinant.hpp"
 #include "device/executor.hpp"
@@ -46,7 +46,7 @@ struct FrontWindow {
 /// transposed in `factor2` (lu).
 template <class T>
 struct NumericState {
-  NumericState(const analysis::Plan& the_plan, Kind the_kind, const PivotRule& the_rule, base::MemoryBudget* budget)
+  NumericState(const plan::Plan& the_plan, Kind the_kind, const PivotRule& the_rule, base::MemoryBudget* budget)
       : plan(the_plan),
         kind(the_kind),
         rule(the_rule),
@@ -62,7 +62,7 @@ struct NumericState {
         front_done(the_plan.fronts()),
         open_tiles(std::make_unique<std::atomic<Index>[]>(static_cast<std::size_t>(the_plan.fronts()))) {}
 
-  const analysis::Plan& plan;
+  const plan::Plan& plan;
   Kind kind;
   PivotRule rule;
   const Kernels<T>& dense;
@@ -89,7 +89,7 @@ struct NumericState {
 /// One worker's own memory.
 template <class T>
 struct Workspace {
-  Workspace(const analysis::Plan& plan, Kind kind, base::MemoryBudget* budget);
+  Workspace(const plan::Plan& plan, Kind kind, base::MemoryBudget* budget);
   [[nodiscard]] Offset bytes() const {
     return c.bytes() + c2.bytes() + panels.bytes() + stack.bytes() + column.bytes() + marks.bytes();
   }

@@ -9,8 +9,8 @@ namespace espalier::device::host {
 
 namespace {
 
-using analysis::FrontLayout;
-using analysis::Task;
+using plan::FrontLayout;
+using plan::Task;
 
 // One whole small front: assembled, eliminated and left in column-major scratch of m columns.
 template <class T>
@@ -43,7 +43,7 @@ class WholeFront {
   void assemble() {
     std::memset(w_.c.data(), 0, static_cast<std::size_t>(ld_ * m_) * sizeof(T));
     const Offset tile = plan_.first_tile[f_];
-    const std::span<const analysis::Entry> entries(
+    const std::span<const plan::Entry> entries(
         plan_.entries.data() + plan_.entry_ptr[tile],
         static_cast<std::size_t>(plan_.entry_ptr[plan_.first_tile[f_ + 1]] - plan_.entry_ptr[tile]));
     add_entries(entries, s_.values, w_.c.data(), ld_, EntryPart::square);
@@ -108,7 +108,7 @@ class WholeFront {
 
   NumericState<T>& s_;
   Workspace<T>& w_;
-  const analysis::Plan& plan_;
+  const plan::Plan& plan_;
   Index f_;
   const FrontLayout& layout_;
   Index m_, k_;

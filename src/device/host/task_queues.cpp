@@ -5,12 +5,12 @@
 
 namespace espalier::device::host {
 
-TaskQueues::TaskQueues(const analysis::Plan& plan)
+TaskQueues::TaskQueues(const plan::Plan& plan)
     : devices_(static_cast<std::size_t>(plan.assignment.devices)),
       stealing_(plan.assignment.stealing),
       queues_(std::make_unique<Queue[]>(devices_)) {
-  const analysis::DeviceAssignment& a = plan.assignment;
-  for (const analysis::SubTree& s : a.subtrees) {
+  const plan::DeviceAssignment& a = plan.assignment;
+  for (const plan::SubTree& s : a.subtrees) {
     queues_[static_cast<std::size_t>(s.device)].units.push_back(static_cast<std::uint32_t>(units_.size()));
     units_.push_back({s.first_task, s.end_task, s.seconds});
   }

@@ -1,5 +1,5 @@
 /// \file
-/// Which task comes next on a device: the rules of analysis::DeviceAssignment, stealing included.
+/// Which task comes next on a device: the rules of plan::DeviceAssignment, stealing included.
 #pragma once
 
 #include <atomic>
@@ -8,7 +8,7 @@
 #include <mutex>
 #include <vector>
 
-#include "analysis/plan.hpp"
+#include "plan/plan.hpp"
 
 namespace espalier::device::host {
 
@@ -16,7 +16,7 @@ namespace espalier::device::host {
 /// the same time; while something is open on a device, it costs one atomic addition.
 class TaskQueues {
  public:
-  explicit TaskQueues(const analysis::Plan& plan);
+  explicit TaskQueues(const plan::Plan& plan);
   /// Everything is to be done again.
   void reset();
   /// Number of the next task in plan.tasks for a worker of the device; -1: nothing is left for it.

@@ -11,8 +11,8 @@ namespace espalier::device::host {
 
 namespace {
 
-using analysis::FrontLayout;
-using analysis::Task;
+using plan::FrontLayout;
+using plan::Task;
 
 // One tile task. The scratch c (and c2 for the U^T part) gathers the tile; ld is its padded height.
 template <class T>
@@ -81,7 +81,7 @@ class TileTask {
     std::memset(c_, 0, size);
     if (two_parts()) std::memset(c2_, 0, size);
     const Offset me = number(i_, j_);
-    const std::span<const analysis::Entry> entries(
+    const std::span<const plan::Entry> entries(
         plan_.entries.data() + plan_.entry_ptr[me],
         static_cast<std::size_t>(plan_.entry_ptr[me + 1] - plan_.entry_ptr[me]));
     if (!entries.empty()) {
@@ -199,7 +199,7 @@ class TileTask {
 
   NumericState<T>& s_;
   Workspace<T>& w_;
-  const analysis::Plan& plan_;
+  const plan::Plan& plan_;
   Index f_, i_, j_;
   const FrontLayout& layout_;
   Index rows_, cols_;

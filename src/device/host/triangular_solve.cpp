@@ -7,7 +7,7 @@ namespace espalier::device::host {
 
 namespace {
 
-using analysis::FrontLayout;
+using plan::FrontLayout;
 
 // Sub-trees whose factors have at most that many entries are one task; larger fronts are split into tiles: half a
 // megabyte is some 30 microseconds of memory traffic, a hundred times what handing out a task costs.

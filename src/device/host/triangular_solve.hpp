@@ -53,7 +53,7 @@ class TriangularSolve {
   void finish_tile(Index f, Index tile);
 
   NumericState<T>& s_;
-  const analysis::Plan& plan_;
+  const plan::Plan& plan_;
   base::ThreadPool& pool_;
   base::MemoryBudget* budget_;
   std::vector<SolveTask> forward_, backward_;

@@ -41,7 +41,7 @@ struct BdfOptions {
   bool measure_blocks = false;  ///< evaluate every block of H after each step (dense; small systems)
 };
 
-/// The integrator. Reduced iteration (docs/design.md): with h' = h/b0, W = F_a + h' F_v + h'^2 F_q and
+/// The integrator. Reduced iteration (docs/design/README.md): with h' = h/b0, W = F_a + h' F_v + h'^2 F_q and
 /// K = [W Phi_q^T; Phi_q 0] of some recent state
 ///   R1 = v - theta_dot, R2 = a - (v - v^)/h',
 ///   dq = h' R1 + h'^2 R2 + y,         K [y; .] = [0; -Phi - Phi_q,K (h' R1 + h'^2 R2)]

@@ -1,0 +1,198 @@
+/// \file
+/// One GPU's part in a factorization: its memory, its copy of the tables, and what it is told to do. An executor has
+/// one for each of its GPUs. For this backend alone: needs the CUDA runtime.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "plan/plan.hpp"
+#include "device/cuda/executor/cuda_executor.hpp"
+#include "device/cuda/runtime/device_memory.hpp"
+#include "device/cuda/kernels/factor_ends.hpp"
+#include "device/cuda/kernels/factor_kernel.cuh"
+#include "device/cuda/kernels/factor_parameters.hpp"
+#include "device/cuda/kernels/solve_kernel.cuh"
+#include "device/cuda/runtime/table_upload.hpp"
+
+namespace espalier::device::cuda {
+
+/// Makes a device current for its lifetime.
+class DeviceGuard {
+ public:
+  explicit DeviceGuard(int device) {
+    call("cudaGetDevice", [&] { return cudaGetDevice(&before_); });
+    changed_ = before_ != device;
+    if (changed_) call("cudaSetDevice", [&] { return cudaSetDevice(device); });
+  }
+  DeviceGuard(const DeviceGuard&) = delete;
+  DeviceGuard& operator=(const DeviceGuard&) = delete;
+  ~DeviceGuard() {
+    if (changed_) (void)cudaSetDevice(before_);
+  }
+
+ private:
+  int before_ = 0;
+  bool changed_ = false;
+};
+
+/// What all sides of an executor have in common; outlives them.
+struct SideContext {
+  const plan::Plan& plan;
+  Kind kind;
+  const DevicePlan& tables;
+  double patience_seconds;
+  Offset spare;            ///< elements that each side takes for a sub-tree stolen from another; 0: nobody steals
+  Offset values;           ///< length of the caller's value array
+  base::ThreadPool* pool;  ///< its threads fill what is sent; null: the calling thread alone
+};
+
+/// Memory on the host that all devices see, for machines without access from device to device: the copies of what is
+/// shared are then one. Null pointers otherwise.
+template <class T>
+struct CommonMemory {
+  T* top = nullptr;
+  T* places = nullptr;  ///< of all devices, one after another
+  T* pivot = nullptr;
+  T* updates = nullptr;  ///< of one pass with kSlab right-hand sides
+  int* flag = nullptr;
+};
+
+template <class T>
+class DeviceSide {
+ public:
+  /// Takes all memory of the factorization on GPU `device`; it is side number `self`. Sides may be made at the same
+  /// time. Only the first works with the threads of the pool.
+  /// @throws Error(out_of_memory) naming the bytes needed; Error(device_error)
+  DeviceSide(const SideContext& context, int self, int device, Offset memory_bytes, const CommonMemory<T>& common);
+  DeviceSide(const DeviceSide&) = delete;
+  DeviceSide& operator=(const DeviceSide&) = delete;
+
+  /// Sends the lists of what this side does, and the tables that all sides have, or copies these from a side that has
+  /// them; each waits.
+  void send_lists();
+  void send_tables();
+  void copy_tables(const DeviceSide& from);
+  /// Tells the side where the others' memory is. @pre all sides are made
+  void connect(const std::vector<std::unique_ptr<DeviceSide>>& sides);
+
+  // Everything below expects this side's device to be current.
+
+  void set_limits(const T (&limits)[2]);
+  void copy_in(void* to, const void* from, Offset bytes);  ///< waits
+  void copy_out(void* to, const void* from, Offset bytes) const;
+  /// Zeroes flags and counters for the next factorization, and fills the vectors of the next pass of a solve.
+  void enqueue_clear_factor();
+  void enqueue_clear_solve(Index pass);
+  /// The memory that the latter clears.
+  [[nodiscard]] SolveClear solve_clear(Index pass) const;
+  /// The kernels, and what they prepare for solves. skip_last_half: only the first half of the tasks, as if the device
+  /// had died then (for tests).
+  void enqueue_factor(bool skip_last_half = false);
+  /// What stands before the kernels where this is the only GPU.
+  void enqueue_begin(const FilledValues& values);
+  /// The same where it is one of several that reach the first's memory; copies the values that it needs.
+  void enqueue_take(const DeviceSide& first, const FilledValues& values);
+  /// What stands after the kernels of all sides, on the first. owner: by position, whose pivot counts; device memory.
+  void enqueue_judge(const FilledValues& values, const std::vector<std::unique_ptr<DeviceSide>>& sides,
+                     const unsigned char* owner);
+  /// What the judge found, once the stream is done.
+  [[nodiscard]] const FactorEnd& factor_end() const { return *end_.data(); }
+  /// From the next recording of enqueue_factor() on: every task is held up so long, and recorded.
+  void delay_tasks(unsigned nanoseconds) { state_.delay = nanoseconds; }
+  void record_tasks();
+  void clear_record();
+  /// Times of the tasks of this side's list; zero for those that another device did.
+  [[nodiscard]] std::vector<TaskTime> task_times() const;
+  /// Which values enqueue_take() copies.
+  void take_chunks(const std::vector<std::uint32_t>& chunks);
+  /// Whether a pass with so many right-hand sides takes no more memory than is left, and than is reasonable.
+  [[nodiscard]] bool has_room_for(Index pass) const;
+  /// Buffers of one pass with so many right-hand sides. @returns whether they moved
+  bool take_solve_memory(Index pass);
+  /// One pass. rhs: what this side reads; result: where solutions go, maybe on another device. `pass` right-hand sides
+  /// from `first_column` on: one, or a multiple of kSlab, of which those beyond `columns` are zero.
+  void enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>& sides, const T* rhs, T* result, Index columns,
+                     Index first_column, Index pass, bool transpose);
+  /// Copies the counters to the host, where they are valid once the stream is done.
+  void enqueue_counters();
+  [[nodiscard]] const int* factor_counters() const { return counters_.data(); }
+  [[nodiscard]] const int* solve_counters() const { return counters_.data() + kCounters; }
+  /// On the device: nonzero when the last pass of a solve was given up.
+  [[nodiscard]] const int* solve_aborted() const { return solve_control_.data() + 1; }
+  /// Ends kernels that are running; takes effect although they fill the device.
+  void abort() noexcept;
+  /// Positions that were marked; failed: 1/threshold exceeded, else replaced.
+  void marked(bool failed, std::vector<unsigned char>& marks) const;
+  /// n pivots; only those that this device made or got are defined.
+  void pivots(std::vector<T>& to) const;
+
+  [[nodiscard]] int self() const { return self_; }
+  [[nodiscard]] int device() const { return device_; }
+  [[nodiscard]] const Stream& stream() const { return stream_; }
+  [[nodiscard]] const std::string& name() const { return name_; }
+  [[nodiscard]] T* values() const { return values_.data(); }
+  [[nodiscard]] Offset values_size() const { return values_.size(); }
+  [[nodiscard]] DeviceBudget& budget() { return budget_; }
+  [[nodiscard]] TableUpload& uploads() { return uploads_; }
+  [[nodiscard]] Offset held() const { return budget_.held(); }
+  [[nodiscard]] const TaskLists& lists() const { return context_.tables.lists[static_cast<std::size_t>(self_)]; }
+
+ private:
+  template <class U, class V, class A>
+  void send(DeviceArray<U>& to, const std::vector<V, A>& from);
+  void send_places(const std::vector<T*>& places);
+  /// Calls use(array, list of the host) for the tables that all sides have; array: pointer to member.
+  template <class Use>
+  void for_tables(Use&& use);
+  [[nodiscard]] Offset own_elements() const;
+  void count_bytes();
+  void take_memory();
+  void take_tables();
+  void choose_shapes();
+  template <class Use>
+  cudaError_t dispatch(Use&& use) const;
+  [[nodiscard]] int parts() const { return context_.kind == Kind::lu ? 2 : 1; }
+  [[nodiscard]] Offset n() const { return context_.plan.tree.n; }
+  [[nodiscard]] T* updates(Index pass) const {
+    return common_.updates != nullptr ? common_.updates : vectors_.data() + 2 * n() * pass;
+  }
+  /// Rows of the vectors of a pass: forward solution, solution, updates.
+  [[nodiscard]] Offset solve_rows() const;
+
+  SideContext context_;
+  CommonMemory<T> common_;
+  int self_, device_;
+  DeviceBudget budget_;
+  Offset needed_ = 0;
+  std::string name_;
+  Stream stream_, urgent_;
+  TableUpload uploads_;
+  PinnedArray<int> counters_, one_;
+  PinnedArray<FactorEnd> end_;
+  DeviceArray<PivotProduct> products_;
+  DeviceArray<int> ticket_;
+  DeviceArray<T> top_, own_, places_, values_, pivot_, limits_, vectors_;
+  T* pivots_ = nullptr;
+  int* flag_data_ = nullptr;
+  DeviceArray<unsigned char> marks_;
+  DeviceArray<int> control_;  // counters, flags unless all devices share them, finished tasks of fronts
+  DeviceArray<int> solve_control_;
+  DeviceArray<T*> base_, place_table_;
+  DeviceArray<std::int32_t> stealable_end_;
+  DeviceArray<TaskTime> trace_;
+  DeviceArray<Front> fronts_;
+  DeviceArray<Link> links_;
+  DeviceArray<std::int32_t> bounds_, waits_, relative_, rows_;
+  DeviceArray<FactorTask> tasks_;
+  DeviceArray<SolveTask> up_, down_, inverses_;
+  DeviceArray<std::int64_t> entry_ptr_;
+  DeviceArray<std::uint64_t> entries_;
+  DeviceArray<std::uint32_t> chunks_;  // of values that are copied from the first side
+  LaunchShape shape_[2];
+  SolveShape solve_shape_;
+  FactorState<T> state_{};
+};
+
+}  // namespace espalier::device::cuda

@@ -1,0 +1,106 @@
+// What a side does for a solve.
+#include "device/cuda/executor/device_side.hpp"
+
+#if ESPALIER_WITH_CUDA
+
+#include <algorithm>
+
+namespace espalier::device::cuda {
+
+namespace {
+
+// Vectors of many right-hand sides may take a quarter of what the factorization holds, and small ones this much.
+constexpr Offset kSolveShare = 4, kSolveBytes = Offset{64} << 20;
+
+}  // namespace
+
+template <class T>
+Offset DeviceSide<T>::solve_rows() const {
+  return 2 * n() + (common_.updates != nullptr ? 0 : static_cast<Offset>(context_.plan.relative.size()));
+}
+
+template <class T>
+bool DeviceSide<T>::has_room_for(Index pass) const {
+  const Offset bytes = solve_rows() * pass * static_cast<Offset>(sizeof(T)), more = bytes - vectors_.bytes();
+  if (more <= 0) return true;
+  if (bytes > std::max((budget_.held() - vectors_.bytes()) / kSolveShare, kSolveBytes)) return false;
+  std::size_t free = 0, total = 0;
+  call("cudaMemGetInfo", [&] { return cudaMemGetInfo(&free, &total); });
+  return more <= std::min(budget_.left(), static_cast<Offset>(free));
+}
+
+template <class T>
+bool DeviceSide<T>::take_solve_memory(Index pass) {
+  const Offset size = solve_rows() * pass;
+  if (vectors_.size() >= size) return false;
+  vectors_ = DeviceArray<T>();
+  vectors_ = DeviceArray<T>(size, budget_, needed_);
+  return true;
+}
+
+template <class T>
+SolveClear DeviceSide<T>::solve_clear(Index pass) const {
+  return {solve_control_.data(), static_cast<int>(solve_control_.size()), reinterpret_cast<int*>(vectors_.data()),
+          solve_rows() * pass * static_cast<Offset>(sizeof(T) / sizeof(int))};
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_clear_solve(Index pass) {
+  const SolveClear clear = solve_clear(pass);
+  const auto fill = [&](int* from, Offset count, int byte) {
+    call("cudaMemsetAsync",
+         [&] { return cudaMemsetAsync(from, byte, static_cast<std::size_t>(count) * sizeof(int), stream_.get()); });
+  };
+  fill(clear.zeros, clear.zeros_count, 0);
+  fill(clear.ones, clear.ones_count, 0xff);
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>& sides, const T* rhs, T* result,
+                                  Index columns, Index first_column, Index pass, bool transpose) {
+  const bool lu = context_.kind == Kind::lu;
+  const TaskLists& l = lists();
+  SolveState<T> s{};
+  s.fronts = fronts_.data();
+  s.up = up_.data();
+  s.down = down_.data();
+  s.up_tasks = static_cast<int>(l.up.size());
+  s.down_tasks = static_cast<int>(l.down.size());
+  s.small_up = static_cast<int>(l.small_up);
+  s.small_down = static_cast<int>(l.small_down);
+  s.links = links_.data();
+  s.bounds = bounds_.data();
+  s.relative = relative_.data();
+  s.rows = rows_.data();
+  s.base = base_.data();
+  s.inverse_d = state_.inverse_d;
+  s.inverse_e = state_.inverse_e;
+  s.up_second = lu && transpose;
+  s.down_second = lu && !transpose;
+  s.up_triangular = context_.kind == Kind::llt || s.up_second;  // all others hold permutations, too
+  s.down_triangular = context_.kind == Kind::llt || s.down_second;
+  s.rhs = rhs;
+  s.result = result;
+  s.columns = columns;
+  s.pass = static_cast<int>(pass);
+  s.first_column = static_cast<int>(first_column);
+  s.forward = vectors_.data();
+  s.updates = updates(pass);
+  s.solution = vectors_.data() + n() * pass;
+  s.control = solve_control_.data();
+  s.patience = state_.patience;
+  s.devices = static_cast<int>(sides.size());
+  s.self = self_;
+  for (std::size_t d = 0; d < sides.size(); ++d) {
+    s.peer_updates[d] = sides[d]->updates(pass);
+    s.peer_control[d] = common_.updates != nullptr ? solve_control_.data() : sides[d]->solve_control_.data();
+  }
+  call("launch of the solve kernel", [&] { return SolveKernel<T>::launch(solve_shape_, s, stream_.get()); });
+}
+
+template class DeviceSide<double>;
+template class DeviceSide<float>;
+
+}  // namespace espalier::device::cuda
+
+#endif

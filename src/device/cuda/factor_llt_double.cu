@@ -1,7 +1,0 @@
-#include "device/cuda/factor_kernel_impl.cuh"
-
-namespace espalier::device::cuda {
-
-template struct FactorKernel<double, Kind::llt>;
-
-}  // namespace espalier::device::cuda

@@ -1,0 +1,138 @@
+/// \file
+/// The body of the persistent factorization kernel; each factor_<kind>_<precision>.cu instantiates one variant.
+// Every block takes the next task of the list until none is left. Tasks stand in a topological
+// order and all blocks are resident, so the unfinished task with the lowest number can always proceed.
+#pragma once
+
+#include <algorithm>
+
+#include "device/cuda/kernels/factor_kernel.cuh"
+#include "device/cuda/kernels/factor_tasks.cuh"
+
+namespace espalier::device::cuda {
+
+namespace {
+
+constexpr int kMostStages = 8;
+
+template <class T, Kind K, int Width>
+__device__ void run_block(Workshop<T>& w, const Front& f, const FactorTask& task, bool any) {
+  if (rows_of(f, task).rows <= 64)
+    block_task<T, K, Shape<64, Width>>(w, f, task, any);
+  else
+    block_task<T, K, Shape<128, Width>>(w, f, task, any);
+}
+
+template <class T, Kind K, bool Wide>
+__global__ void __launch_bounds__(kThreads, Wide ? 2 : 3)
+    factor_kernel(const __grid_constant__ FactorState<T> state, int first, int end, int stages, int n) {
+  extern __shared__ __align__(128) unsigned char area[];
+  __shared__ std::uint64_t barriers[kMostStages];
+  __shared__ TaskFeed feed;
+  if (threadIdx.x == 0) {
+    for (int b = 0; b < kMostStages; ++b) barrier_init(barriers + b);
+    feed.first = first;
+    feed.end = end;
+    feed.waited = 0;
+    feed.counter = state.control + (Wide ? kNextWide : kNextNarrow);
+  }
+  fence_copies();
+  __syncthreads();
+  Workshop<T> w{&state, {reinterpret_cast<T*>(area), barriers, stages, 0, &feed.waited}, &feed, n};
+  if (threadIdx.x < 32) {
+    int id = 0;
+    if (threadIdx.x == 0) id = first + atomicAdd(feed.counter, 1);
+    load_task(w, __shfl_sync(0xffffffffu, id, 0));
+  }
+  std::uint64_t start = 0, begin = 0, waited = 0;
+  int id = -1;
+  for (;;) {
+    __syncthreads();
+    if (threadIdx.x == 0) {
+      if (id < 0 || state.trace != nullptr) {
+        const std::uint64_t now = global_nanoseconds();
+        if (id < 0)
+          start = now;
+        else
+          state.trace[id] = {begin, now, feed.waited, blockIdx.x};
+        begin = now;
+      }
+      waited += feed.waited;
+      feed.waited = 0;
+      id = feed.id;
+    }
+    if (feed.stop) {
+      if (threadIdx.x == 0) {
+        auto* sums = reinterpret_cast<unsigned long long*>(state.control);
+        atomicAdd(sums + kBusy / 2, (global_nanoseconds() - start) / gridDim.x);
+        atomicAdd(sums + kWaited / 2, waited / gridDim.x);
+      }
+      if (threadIdx.x == 0 && state.peers.count > 1 && aborted(state.control))
+        for_each_device(state.peers.others((1u << state.peers.count) - 1),
+                        [&](int d) { store_relaxed_devices(state.peers.control[d] + kAborted, 1); });
+      return;
+    }
+    const FactorTask task = feed.task;
+    const Front& front = feed.front;
+    if (state.delay != 0 && threadIdx.x == 0) __nanosleep(state.delay);
+    if (front.wait_begin < front.wait_end) wait_for_memory(state, front);
+    const bool any = gather<T, K>(state, front, task, w.pipe.stages, feed.waited);
+    if (task.work != Work::block)
+      pivot_task<T, K, Wide>(w, front, task);
+    else if (Wide && front.width == 64)
+      run_block<T, K, Wide ? 64 : 32>(w, front, task, any);
+    else
+      run_block<T, K, 32>(w, front, task, any);
+  }
+}
+
+template <class T, Kind K, class Use>
+cudaError_t dispatch(bool wide, Use&& use) {
+  return wide ? use(factor_kernel<T, K, true>) : use(factor_kernel<T, K, false>);
+}
+
+}  // namespace
+
+template <class T, Kind K>
+cudaError_t FactorKernel<T, K>::shape_for(bool wide, std::size_t whole_elements, LaunchShape& shape) {
+  int device = 0, multiprocessors = 0, per_multiprocessor = 0, per_block = 0;
+  if (const auto e = cudaGetDevice(&device)) return e;
+  if (const auto e = cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device)) return e;
+  if (const auto e = cudaDeviceGetAttribute(&per_multiprocessor, cudaDevAttrMaxSharedMemoryPerMultiprocessor, device))
+    return e;
+  if (const auto e = cudaDeviceGetAttribute(&per_block, cudaDevAttrMaxSharedMemoryPerBlockOptin, device)) return e;
+  const std::size_t width = wide ? 64 : 32;
+  const std::size_t stage = (kRowBlock + width) * kChunk * sizeof(T);
+  // The last product of a block task, assembly's scratch tile, a diagonal tile with its inverse, a whole front.
+  std::size_t least = (kRowBlock * width + width * width) * sizeof(T);
+  for (const std::size_t need : {(kRowBlock + 4) * width, 2 * width * (width + 4), whole_elements})
+    least = std::max(least, need * sizeof(T));
+  constexpr std::size_t kReserved = 2048;  // per block: what the system keeps, and the static part
+  const std::size_t share = static_cast<std::size_t>(per_multiprocessor) / (wide ? 2 : 3) - kReserved;
+  shape.stages = static_cast<int>(std::min<std::size_t>(kMostStages, std::max(share, least) / stage));
+  if (shape.stages > (wide ? 4 : 3)) shape.stages = wide ? 4 : 3;
+  if (shape.stages < 1) shape.stages = 1;
+  shape.shared_bytes = std::max(least, shape.stages * stage);
+  if (shape.shared_bytes + 1024 > static_cast<std::size_t>(per_block)) return cudaErrorInvalidConfiguration;
+  return dispatch<T, K>(wide, [&](auto* kernel) {
+    if (const auto e = cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                                            static_cast<int>(shape.shared_bytes)))
+      return e;
+    int each = 0;
+    const auto e = cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, kThreads, shape.shared_bytes);
+    shape.blocks = each * multiprocessors;
+    return e != cudaSuccess ? e : (each == 0 ? cudaErrorInvalidConfiguration : cudaSuccess);
+  });
+}
+
+template <class T, Kind K>
+cudaError_t FactorKernel<T, K>::launch(bool wide, const LaunchShape& shape, const FactorState<T>& state, int first,
+                                       int end, int n, cudaStream_t stream) {
+  return dispatch<T, K>(wide, [&](auto* kernel) {
+    const int blocks = std::min(shape.blocks, end - first);
+    kernel<<<blocks, kThreads, shape.shared_bytes, stream>>>(state, first, end, shape.stages, n);
+    return cudaGetLastError();
+  });
+}
+
+}  // namespace espalier::device::cuda

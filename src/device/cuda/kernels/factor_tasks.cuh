@@ -1,0 +1,217 @@
+/// \file
+/// The three kinds of tasks of the factorization. Each is carried out by one block of threads; all of its shared memory
+/// is one area that serves in turn as scratch for assembly, as pipeline, and as operands of the last product.
+#pragma once
+
+#include "device/cuda/kernels/whole_front.cuh"
+
+namespace espalier::device::cuda {
+
+/// acc = acc D^-1 for the pivots of tile column j, which other blocks have made. Starts and ends with a barrier.
+template <class T, class S>
+__device__ void multiply_by_inverse_d(Accumulator<T, S>& acc, const FactorState<T>& s, T* area, int position,
+                                      int pivots) {
+  const Corner<S> at;
+  const int k = threadIdx.x;
+  const bool mine = k < pivots && k < S::kWidth;
+  const T dk = mine ? __ldcg(s.inverse_d + position + k) : T(0), ek = mine ? __ldcg(s.inverse_e + position + k) : T(0);
+  const bool pairs = __syncthreads_or(ek != T(0)) != 0;
+  T* d = area + S::kLd * S::kWidth;
+  T* e = d + S::kWidth;
+  if (k < S::kWidth) {
+    d[k] = dk;
+    e[k] = ek;
+  }
+  if (pairs) for_each_element<S>(at, [&](int m, int n, int u, int r, int c) { area[c * S::kLd + r] = acc[m][n][u]; });
+  __syncthreads();
+  if (pairs)
+    for_each_element<S>(at, [&](int m, int n, int u, int r, int c) {
+      acc[m][n][u] = apply_inverse_d(d, e, c, [&](int x) { return area[x * S::kLd + r]; });
+    });
+  else
+    for_each_element<S>(at, [&](int m, int n, int u, int, int c) { acc[m][n][u] *= d[c]; });
+}
+
+/// acc = X M^T with X = -acc, through the area; M is the inverse of the diagonal tile, `cols` wide, at `inverse`.
+template <class T, class S>
+__device__ void multiply_by_inverse(Accumulator<T, S>& acc, Workshop<T>& w, const T* inverse, std::int64_t chunk_stride,
+                                    int rows, int cols, const int* flag) {
+  const Corner<S> at;
+  const FactorState<T>& s = *w.state;
+  T* x = w.pipe.stages;
+  T* m = x + S::kRows * S::kWidth;
+  if (threadIdx.x == 0) w.feed->waited += wait_for(flag, 1, s.control, s.patience);
+#if ESPALIER_BULK_COPIES
+  if (threadIdx.x == 0) {
+    fence_copies();
+    barrier_expect(w.pipe.barriers, cols * cols * sizeof(T));
+    for (int q = 0; q < cols / kChunk; ++q)
+      bulk_copy(m + q * cols * kChunk, inverse + q * chunk_stride, cols * kChunk * sizeof(T), w.pipe.barriers);
+  }
+#else
+  __syncthreads();
+  for (int y = threadIdx.x; y < cols * cols; y += kThreads)
+    m[y] = inverse[y / (cols * kChunk) * chunk_stride + y % (cols * kChunk)];
+#endif
+  store_panels<T, S>(acc, T(-1), x, S::kRows * kChunk, rows, cols, at);
+#pragma unroll
+  for (int i = 0; i < S::kM; ++i)
+#pragma unroll
+    for (int j = 0; j < S::kN; ++j)
+#pragma unroll
+      for (int e = 0; e < 4; ++e) acc[i][j][e] = T(0);
+#if ESPALIER_BULK_COPIES
+  w.pipe.wait(0);
+#endif
+  __syncthreads();
+  if (at.row < rows && at.col < cols)
+    for (int q = 0; q < cols / kChunk; ++q)
+      multiply_chunk<T, S>(acc, x + q * S::kRows * kChunk, m + q * cols * kChunk, at);
+}
+
+/// One row block of a tile column, in S::kRows x S::kWidth at most.
+template <class T, Kind K, class S>
+__device__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& task, bool any) {
+  const FactorState<T>& s = *w.state;
+  const Corner<S> at;
+  const int j = task.column, a = task.block, part = task.part;
+  const bool pivot = j < f.pivot_tiles;
+  const int col = f.column_begin(j), cols = f.column_end(j) - col;
+  const auto [row, rows] = rows_of(f, task);
+  T acc[S::kM][S::kN][4];
+  take_gathered<T, S>(acc, w.pipe.stages, any);
+  const int from_a = operand_array<K>(part, 0), from_b = operand_array<K>(part, 1);
+  const int* flag_a = s.flags(K == Kind::lu ? from_a : 0) + f.flag(a, 0);
+  const int* flag_b = s.flags(K == Kind::lu ? from_b : 0) + f.flag(f.block_of_column(j), 0);
+  const Operand<T> left{array_of(w.base(), f, from_a), row, rows}, right{array_of(w.base(), f, from_b), col, cols};
+  sum_products<T, S>(acc, f, left, right, false, (pivot ? col : f.pivot_pad) / kChunk, flag_a, flag_b, f.blocks, w.pipe,
+                     s.control, s.patience);
+  if (!pivot) {
+    const int r0 = row - f.pivot_pad, c0 = col - f.pivot_pad;
+    const std::int64_t ld = f.below_ld - c0;
+    T* to = f.first_place >= 0
+                ? s.places[f.place(j - f.pivot_tiles, part)]
+                : w.base() + (part == 0 ? f.contribution : f.contribution_up) + f.contribution_offset(c0, c0);
+    for_each_element<S>(at, [&](int m, int n, int e, int r, int c) {
+      if (r < rows && c < cols && r0 + r < f.below && c0 + c < f.below && r0 + r >= c0 + c)
+        to[c * ld + (r0 - c0) + r] = -acc[m][n][e];
+    });
+    finish_task(w, task.front, f.flag(a, j), part, false, waiting_peers(s, f, true), [](int) {});
+  } else {
+    const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - j * f.width) * kChunk;
+    const int q = col / kChunk;
+    const int inverse = K == Kind::lu ? 1 - part : 0;  // L = C inverse(U), U^T = C P^T inverse(L)^T
+    multiply_by_inverse<T, S>(acc, w, array_of(w.base(), f, inverse) + f.chunk_offset(q, col), stride, rows, cols,
+                              s.flags(0) + f.diagonal_flag(j));
+    T* const base = w.base();
+    T* to = array_of(base, f, part) + f.chunk_offset(q, row);
+    const unsigned peers = waiting_peers(s, f, false);
+    if constexpr (K == Kind::ldlt) {
+      T* second = array_of(base, f, 1) + f.chunk_offset(q, row);
+      store_panels<T, S>(acc, T(1), second, stride, rows, cols, at);
+      for_each_device(peers, [&](int d) {
+        store_panels<T, S>(acc, T(1), s.peers.top[d] + (second - base), stride, rows, cols, at);
+      });
+      multiply_by_inverse_d<T, S>(acc, s, w.pipe.stages, f.position + col, f.pivots - col);
+    }
+    if constexpr (K != Kind::llt) {
+      const T bound = s.growth();
+      if (part == 0)
+        for_each_element<S>(at, [&](int m, int n, int e, int r, int c) {
+          if (r < rows && col + c < f.pivots && c < cols) check_growth(s, bound, acc[m][n][e], f.position + col + c);
+        });
+    }
+    store_panels<T, S>(acc, T(1), to, stride, rows, cols, at);
+    finish_task(w, task.front, f.flag(a, j), part, false, peers,
+                [&](int d) { store_panels<T, S>(acc, T(1), s.peers.top[d] + (to - base), stride, rows, cols, at); });
+  }
+}
+
+/// Inverses of a diagonal tile's factors, in shared memory: A (size x size) is destroyed, M goes to the factor array,
+/// the transposed inverse of U (lu) to the second one. On return m holds the last one written; between the two,
+/// use_lower().
+template <class T, Kind K, class Use>
+__device__ void invert_pivot_block(const FactorState<T>& s, T* base, const Front& f, int col, T* a, int lda, int size,
+                                   T* m, int ldm, int n, Use&& use_lower) {
+  const int pivots = min(f.pivots - col, size), q = col / kChunk;
+  const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - col) * kChunk;
+  const PivotSink<T> sink{&s, f.position + col, n};
+  if constexpr (K == Kind::llt) {
+    for (int x = pivots + static_cast<int>(threadIdx.x); x < size; x += kThreads) a[x * lda + x] = T(1);
+    __syncthreads();
+    invert_cholesky(a, lda, size, pivots, m, ldm, sink);
+  } else if constexpr (K == Kind::ldlt) {
+    invert_ldlt(a, lda, size, pivots, m, ldm, sink);
+  } else {
+    invert_lower_lu(a, lda, size, pivots, m, ldm, sink);
+  }
+  write_panels(m, 1, ldm, size, size, array_of(base, f, 0) + f.chunk_offset(q, col), stride);
+  use_lower();
+  if constexpr (K == Kind::lu) {
+    __syncthreads();
+    invert_upper_lu(a, lda, size, m, ldm);
+    write_panels(m, 1, ldm, size, size, array_of(base, f, 1) + f.chunk_offset(q, col), stride);
+  }
+}
+
+/// The diagonal tile of a pivot column, up to its factorization: what was gathered loses the products to its left.
+template <class T, Kind K, int Width>
+__device__ void subtract_from_diagonal(Workshop<T>& w, const Front& f, int j) {
+  using S = Shape<Width, Width>;
+  const FactorState<T>& s = *w.state;
+  const Corner<S> at;
+  const int col = f.column_begin(j), size = f.column_end(j) - col;
+  T acc[S::kM][S::kN][4];
+  take_gathered<T, S>(acc, w.pipe.stages, true);
+  const int a = f.block_of_column(j);
+  const int from_a = operand_array<K>(0, 0), from_b = operand_array<K>(0, 1);
+  const int* flag_a = s.flags(0) + f.flag(a, 0);
+  const int* flag_b = s.flags(K == Kind::lu ? 1 : 0) + f.flag(a, 0);
+  const Operand<T> left{array_of(w.base(), f, from_a), col, size}, right{array_of(w.base(), f, from_b), col, size};
+  sum_products<T, S>(acc, f, left, right, K == Kind::llt, col / kChunk, flag_a, flag_b, f.blocks, w.pipe, s.control,
+                     s.patience);
+  T* c = w.pipe.stages;
+  for_each_element<S>(at, [&](int m, int n, int e, int r, int k) {
+    if (r < size && k < size) c[k * S::kLd + r] = -acc[m][n][e];
+  });
+  __syncthreads();
+}
+
+/// A diagonal tile, or a whole front.
+template <class T, Kind K, bool Wide>
+__device__ void pivot_task(Workshop<T>& w, const Front& f, const FactorTask& task) {
+  const FactorState<T>& s = *w.state;
+  const bool whole = task.work == Work::whole;
+  const int j = task.column, col = f.column_begin(j), size = f.column_end(j) - col;
+  if (!whole) {
+    if (Wide && f.width == 64)
+      subtract_from_diagonal<T, K, 64>(w, f, j);
+    else
+      subtract_from_diagonal<T, K, 32>(w, f, j);
+  }
+  T* a = w.pipe.stages;
+  const int lda = whole ? f.total_pad + 4 : f.width + 4, ldm = whole ? size + 4 : f.width + 4;
+  T* m = a + lda * (whole ? f.total_pad : f.width);
+  invert_pivot_block<T, K>(s, w.base(), f, col, a, lda, size, m, ldm, w.n, [&] {
+    if constexpr (K == Kind::lu) {  // U12^T = A12^T P^T inverse(L)^T
+      const int strips = whole ? (f.total_pad - size) / 16 : 0;
+      for (int i = static_cast<int>(threadIdx.x) >> 5; i < strips; i += 4)
+        strip_times_inverse(a + size * lda + 16 * i * lda, lda, 1, m, ldm, size);
+    }
+  });
+  if (whole) {
+    finish_whole<T, K>(w, f, task);
+    return;
+  }
+  finish_task(w, task.front, f.diagonal_flag(j), 0, false, pivot_peers(s, f), [&](int d) {
+    const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - col) * kChunk;
+    if (f.region == 0)
+      for (int k = 0; k < (K == Kind::lu ? 2 : 1); ++k)
+        for (int q = 0; q < size / kChunk; ++q)
+          copy_to_peer(s, d, array_of(w.base(), f, k) + f.chunk_offset(col / kChunk, col) + q * stride,
+                       static_cast<std::int64_t>(size) * kChunk);
+    copy_pivots_to_peer<T, K>(s, d, f.position + col, min(f.pivots - col, size), w.n);
+  });
+}
+
+}  // namespace espalier::device::cuda

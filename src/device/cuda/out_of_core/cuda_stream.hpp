@@ -1,0 +1,50 @@
+/// \file
+/// Streaming on a GPU. The header needs no CUDA; where the backend was not built, make_cuda_stream() throws.
+#pragma once
+
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "base/thread_pool.hpp"
+#include "out_of_core/backend.hpp"
+
+namespace espalier::device::cuda {
+
+struct CudaStreamOptions {
+  int device = 0;
+  double patience_seconds = 30;  ///< a wait between blocks that lasts longer ends the run with an error
+};
+
+/// What an H200 does per second when it streams. The time of a pivot in a chain of diagonal
+/// tiles is by the sums of the times of all steps and groups of elasticity 64^3, KKT 400 and gyroscopic 40^3.
+/// @param pinned  the host's store is to be page-locked: then a byte crosses the host's memory once instead of three
+///                times
+inline out_of_core::StreamRates cuda_stream_rates(Kind kind, bool pinned = false) {
+  out_of_core::StreamRates rates;
+  if (pinned) rates.host_bytes *= 3;
+  rates.flops = 3.6e13;
+  rates.chain = kind == Kind::llt ? 9e-7 : kind == Kind::ldlt ? 5e-7 : 1.8e-6;
+  return rates;
+}
+
+/// Bytes of device memory that are free, less a reserve for what the driver takes.
+Offset free_device_bytes(int device);
+
+/// Backends of several GPUs for one factorization; they share their tables, and the first one does the solves.
+/// @param plan  made with cuda_plan_options(kind), for any number of devices; must outlive the backends
+/// @param pool  its threads do the substitutions
+/// All memory is taken by prepare().
+template <class T>
+std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> make_cuda_streams(const plan::Plan& plan, Kind kind,
+                                                                 const PivotRule& rule, base::ThreadPool& pool,
+                                                                 const std::vector<CudaStreamOptions>& devices);
+
+/// One GPU.
+template <class T>
+std::unique_ptr<out_of_core::StreamBackend<T>> make_cuda_stream(const plan::Plan& plan, Kind kind, const PivotRule& rule,
+                                                   base::ThreadPool& pool, const CudaStreamOptions& options = {}) {
+  return std::move(make_cuda_streams<T>(plan, kind, rule, pool, {options}).front());
+}
+
+}  // namespace espalier::device::cuda

@@ -1,0 +1,47 @@
+#include "device/cuda/out_of_core/layout.hpp"
+
+#include <utility>
+
+namespace espalier::device::cuda {
+
+namespace {
+
+Offset padded(Offset x) { return (x + kChunk - 1) / kChunk * kChunk; }
+
+}  // namespace
+
+template <class T>
+CudaStreamLayout<T>::CudaStreamLayout(std::shared_ptr<const StreamSource> source) : source_(std::move(source)) {
+  for (const Front& x : stream_tables().device_plan().fronts) {
+    sizes_.factor.push_back(padded(x.factor_size()));
+    sizes_.contribution.push_back(padded(x.contribution_size()));
+  }
+}
+
+template <class T>
+Offset CudaStreamLayout<T>::factor_offset(Index f, Index column) const {
+  const Front& x = front(f);
+  return column < x.pivot_tiles ? x.column_offset(column) : sizes_.factor[f];
+}
+
+template <class T>
+Offset CudaStreamLayout<T>::contribution_offset(Index f, Index column) const {
+  const Front& x = front(f);
+  const int first = column * x.width;
+  return column < x.tiles - x.pivot_tiles ? x.contribution_offset(first, first) : sizes_.contribution[f];
+}
+
+template <class T>
+void CudaStreamLayout<T>::panel(Index f, Index begin, Index end, Index row,
+                                std::vector<out_of_core::Piece>& pieces) const {
+  const Front& x = front(f);
+  const int top = x.column_begin(row);
+  for (Index j = begin; j < end; ++j)
+    for (int q = x.column_begin(j) / kChunk; q < x.column_end(j) / kChunk; ++q)
+      pieces.push_back({x.chunk_offset(q, top), static_cast<Offset>(x.total_pad - top) * kChunk});
+}
+
+template class CudaStreamLayout<double>;
+template class CudaStreamLayout<float>;
+
+}  // namespace espalier::device::cuda

@@ -1,0 +1,71 @@
+#include "device/cuda/out_of_core/unit_arrays.hpp"
+
+#include <cstring>
+
+namespace espalier::device::cuda {
+
+namespace {
+
+template <class U>
+void put(UnitTables& u, Offset at, const std::vector<U>& list) {
+  if (!list.empty()) std::memcpy(u.bytes.data() + at, list.data(), list.size() * sizeof(U));
+}
+
+// A plan for one device has one region.
+template <class F>
+void forget_place(F& x) {
+  x.region = 0;
+  if constexpr (requires { x.first_place; }) x.first_place = -1;
+}
+
+}  // namespace
+
+Front in_arena(Front x) {
+  forget_place(x);
+  return x;
+}
+
+void UnitArrays::add_task(std::int32_t front, Work work, int part, Index block, Index column) {
+  FactorTask t;
+  t.front = front;
+  t.work = work;
+  t.part = static_cast<decltype(t.part)>(part);
+  t.block = static_cast<decltype(t.block)>(block);
+  t.column = static_cast<decltype(t.column)>(column);
+  tasks.push_back(t);
+}
+
+void UnitArrays::add_relative(const plan::Plan& plan, Index f, Front& x) {
+  x.rows = static_cast<std::int64_t>(relative.size());
+  const auto* from = plan.relative.data() + plan.tree.row_ptr[f];
+  relative.insert(relative.end(), from, from + x.below);
+}
+
+void UnitArrays::add_link(const DevicePlan& plan, const Link& from, std::int32_t child, int tiles) {
+  links.push_back({child, 0, static_cast<std::int64_t>(bounds.size())});
+  const auto begin = plan.bounds.begin() + from.bound;
+  bounds.insert(bounds.end(), begin, begin + tiles + 1);
+}
+
+void UnitArrays::add_entries(const plan::Plan& plan, Offset tile, Offset tiles, Offset first, Offset end) {
+  const auto so_far = static_cast<std::int64_t>(entries.size());
+  for (Offset t = tile; t <= tile + tiles; ++t) entry_ptr.push_back(so_far + plan.entry_ptr[t] - first);
+  for (Offset e = first; e < end; ++e) {
+    const plan::Entry& from = plan.entries[static_cast<std::size_t>(e)];
+    entries.emplace_back(so_far + e - first, from.row(), from.col(), from.transposed());
+  }
+}
+
+void UnitArrays::write(UnitTables& u) const {
+  u.bytes.resize(static_cast<std::size_t>(u.at.bytes));
+  put(u, u.at.fronts, fronts);
+  put(u, u.at.tasks, tasks);
+  put(u, u.at.links, links);
+  put(u, u.at.bounds, bounds);
+  put(u, u.at.waits, waits);
+  put(u, u.at.relative, relative);
+  put(u, u.at.entry_ptr, entry_ptr);
+  put(u, u.at.entries, entries);
+}
+
+}  // namespace espalier::device::cuda

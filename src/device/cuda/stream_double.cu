@@ -1,9 +1,0 @@
-#include "device/cuda/stream_kernels_impl.cuh"
-
-namespace espalier::device::cuda {
-
-template struct GroupKernels<double, Kind::llt>;
-template struct GroupKernels<double, Kind::ldlt>;
-template struct GroupKernels<double, Kind::lu>;
-
-}  // namespace espalier::device::cuda

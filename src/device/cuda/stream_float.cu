@@ -1,9 +1,0 @@
-#include "device/cuda/stream_kernels_impl.cuh"
-
-namespace espalier::device::cuda {
-
-template struct GroupKernels<float, Kind::llt>;
-template struct GroupKernels<float, Kind::ldlt>;
-template struct GroupKernels<float, Kind::lu>;
-
-}  // namespace espalier::device::cuda

@@ -1,0 +1,94 @@
+/// \file
+/// From a plan to the tables of the CUDA backend: its own arena, row blocks instead of tiles, and the order of tasks.
+#pragma once
+
+#include <vector>
+
+#include "plan/plan.hpp"
+#include "device/cuda/tables/tables.hpp"
+
+namespace espalier::device::cuda {
+
+/// Knobs of the plan that were chosen by measurement (docs/notebook/performance.md, "Tile width").
+struct DeviceTuning {
+  Index max_block_size = 0;  ///< widest tile column: below 64, all fronts have 32; the kernels know these two widths
+  Index narrow_rows = 1024;  ///< fronts of at most that many rows have tile columns of 32, larger ones of 64
+  Index whole_rows = 64;     ///< a front of at most that many rows and ...
+  Index whole_pivots = 48;   ///< ... at most that many pivots is one task (ldlt: whole_pivots_ldlt)
+  /// More than 32 pivots of an indefinite block take two rows a lane, 740 cycles each instead of 440. KKT chains 1000 x
+  /// (2,1,1), 200 x (3,2,2), 2 x (20,8,8): 0.367, 0.310, 0.798 ms with 32, 0.414, 0.321, 0.802 with 48.
+  Index whole_pivots_ldlt = 32;
+  Offset group_entries = Offset{1} << 30;  ///< see PlanOptions
+  Index reuse_distance = 4096;             ///< see PlanOptions
+  double additional_subtrees = 1;          ///< see PlanOptions
+  bool stealing = false;                   ///< see PlanOptions
+  bool shared_top = true;                  ///< see PlanOptions
+  std::vector<double> device_speed;        ///< see PlanOptions
+  bool count_balance = false;              ///< sub-trees are dealt by unknowns instead of predicted time
+  Index column_group = 8;                  ///< see PlanOptions
+};
+
+/// How a plan for this backend and so many devices is to be made. The executor accepts no other plan.
+plan::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning = {}, Index devices = 1);
+
+/// What one device does. Tasks [0, narrow_tasks) touch only fronts that, with all below them, have narrow tiles; they
+/// are run by a kernel with more blocks on each multiprocessor. With several devices, the lists are parts of one list
+/// in topological order, so that the lowest unfinished task can always proceed.
+struct TaskLists {
+  analysis::LazyVector<FactorTask> tasks;
+  std::int64_t narrow_tasks = 0;
+  std::vector<SolveTask> up;        ///< forward substitution
+  std::vector<SolveTask> down;      ///< backward substitution
+  std::vector<SolveTask> inverses;  ///< blocks of pivots whose inverses are joined for the solve (block_inverse.hpp)
+  std::int64_t small_up = 0;        ///< the first tasks of `up` belong to sub-trees of small fronts, ...
+  std::int64_t small_down = 0;      ///< ... the last ones of `down` likewise
+  /// Stealable sub-trees; place after the last task. Every device lists all of them: its own, then the others'.
+  std::vector<std::int32_t> stealable_end;
+};
+
+/// A tile column of a contribution that lies outside of all regions.
+struct Place {
+  std::int32_t device = 0;
+  std::int64_t offset = 0;  ///< elements from the start of that device's space for places
+};
+
+/// The tables: for all devices the same, but for the lists of tasks. With more than kMostDevices devices, which nothing
+/// but a simulation can use, Front::members and Front::readers are cut off, and the lists of the solve are not
+/// complete.
+struct DevicePlan {
+  std::vector<Front> fronts;
+  std::vector<Link> links;           ///< children, in the order in which their contributions are added
+  std::vector<std::int32_t> bounds;  ///< see Link
+  std::vector<std::int32_t> waits;   ///< fronts whose memory is reused: they must be finished first
+  std::vector<TaskLists> lists;      ///< devices
+  std::int64_t flags = 0;
+  std::vector<std::int64_t> regions;  ///< elements of each region
+  /// regions; the device where it lies. Of several devices, each has a copy of region 0, the top.
+  std::vector<std::int32_t> region_device;
+  /// Regions from this one on are stealable sub-trees; region_device tells whose they are unless they are stolen.
+  std::int32_t first_stealable = 0;
+  std::vector<Place> places;              ///< tile columns of contributions of the top, see Front::place()
+  std::vector<std::int64_t> place_space;  ///< devices; elements that these columns take there
+};
+
+/// Which tasks of a large front follow each other. What runs side by side should read
+/// the same rows: with one tile column after another, each reads all that stands to its left from memory (flops / 16
+/// bytes: 0.8 TB for elasticity 64^3).
+struct TaskOrder {
+  Index group_columns = 16;  ///< tile columns of the contribution that are worked on together, ...
+  Index group_blocks = 8;    ///< ... so many row blocks of each at a time
+  Index pair_from = 64;      ///< pivot columns from this one on are taken in pairs, row block by row block
+};
+
+/// @param pool  null: on the calling thread
+/// @param peer_access  false: devices cannot reach each other's memory: sub-trees stay with their devices, and what is
+///                     passed on from them has places, too
+/// @throws std::invalid_argument when the plan was not made with cuda_plan_options()
+DevicePlan make_device_plan(const plan::Plan& plan, Kind kind, bool peer_access = true, const TaskOrder& shape = {},
+                            base::ThreadPool* pool = nullptr);
+
+/// Elements that each device stores into others (blocks of the top's factors) and fetches from others (contributions,
+/// by even shares of their readers), in one factorization in which nothing is stolen.
+std::vector<double> transferred_elements(const plan::Plan& plan, Kind kind, const DevicePlan& tables);
+
+}  // namespace espalier::device::cuda

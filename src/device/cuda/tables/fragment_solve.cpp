@@ -1,0 +1,315 @@
+#include "device/cuda/tables/fragment_solve.hpp"
+
+#include <algorithm>
+#include <atomic>
+
+namespace espalier::device::cuda {
+
+namespace {
+
+// A front with a larger factor is worked on by all threads: 4 MiB are some 0.3 ms of one core's memory traffic.
+constexpr Offset kLargeElements = 1 << 19;
+constexpr Index kPanelsPerPiece = 32;
+constexpr int kTogether = 8;  // tile columns between two meetings of all threads
+
+// A panel holds 8 rows of 16 columns; a row's columns stand in two groups of eight, each in this order.
+constexpr int kOrder[8] = {0, 4, 1, 5, 2, 6, 3, 7};
+
+// One body for several instruction sets; the resolver does not live with the sanitizers.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
+    !defined(__SANITIZE_THREAD__)
+#define ESPALIER_CLONES __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#else
+#define ESPALIER_CLONES
+#endif
+#define ESPALIER_INLINE __attribute__((always_inline)) inline
+
+// Columns 0 .. 15 of x in panel order: out[c * 16 + k].
+template <class T>
+ESPALIER_INLINE void order_chunk(const T* x, Index columns, T* out) {
+  for (Index c = 0; c < columns; ++c)
+    for (int h = 0; h < 2; ++h)
+      for (int k = 0; k < 8; ++k) out[c * 16 + h * 8 + k] = x[(h * 8 + kOrder[k]) * columns + c];
+}
+
+// v(8 rows) -= panel x for one panel in each of `chunks` chunks that are `stride` apart; x as order_chunk leaves it.
+template <class T>
+ESPALIER_INLINE void multiply_panel(const T* a, Offset stride, Index chunks, const T* x, Index columns, T* v) {
+  for (Index c = 0; c < columns; ++c) {
+    T sum[8][8] = {};
+    for (Index q = 0; q < chunks; ++q) {
+      const T* p = a + q * stride;
+      const T* y = x + (q * columns + c) * 16;
+      for (int h = 0; h < 2; ++h)
+        for (int r = 0; r < 8; ++r)
+          for (int k = 0; k < 8; ++k) sum[r][k] += p[h * 64 + r * 8 + k] * y[h * 8 + k];
+    }
+    for (int r = 0; r < 8; ++r) {
+      T s = 0;
+      for (int k = 0; k < 8; ++k) s += sum[r][k];
+      v[r * columns + c] -= s;
+    }
+  }
+}
+
+// sum (16 columns, panel order) += panels^T v for `panels` panels one after another.
+template <class T>
+ESPALIER_INLINE void multiply_transposed(const T* a, Index panels, const T* v, Index columns, T* sum) {
+  for (Index c = 0; c < columns; ++c) {
+    T lo[8] = {}, hi[8] = {};
+    for (Index p = 0; p < panels; ++p, a += 128)
+      for (int r = 0; r < 8; ++r) {
+        const T y = v[(p * 8 + r) * columns + c];
+        for (int k = 0; k < 8; ++k) lo[k] += a[r * 8 + k] * y;
+        for (int k = 0; k < 8; ++k) hi[k] += a[64 + r * 8 + k] * y;
+      }
+    a -= panels * 128;
+    for (int k = 0; k < 8; ++k) {
+      sum[c * 16 + k] += lo[k];
+      sum[c * 16 + 8 + k] += hi[k];
+    }
+  }
+}
+
+ESPALIER_CLONES void panels_forward(const double* a, Offset stride, Index chunks, Index panels, const double* x,
+                                    Index columns, double* v) {
+  for (Index p = 0; p < panels; ++p) multiply_panel(a + p * 128, stride, chunks, x, columns, v + p * 8 * columns);
+}
+ESPALIER_CLONES void panels_forward(const float* a, Offset stride, Index chunks, Index panels, const float* x,
+                                    Index columns, float* v) {
+  for (Index p = 0; p < panels; ++p) multiply_panel(a + p * 128, stride, chunks, x, columns, v + p * 8 * columns);
+}
+ESPALIER_CLONES void panels_backward(const double* a, Index panels, const double* v, Index columns, double* sum) {
+  multiply_transposed(a, panels, v, columns, sum);
+}
+ESPALIER_CLONES void panels_backward(const float* a, Index panels, const float* v, Index columns, float* sum) {
+  multiply_transposed(a, panels, v, columns, sum);
+}
+
+// Adds a sum in panel order to 16 rows of v, times sign.
+template <class T>
+void put_chunk(const T* sum, Index columns, T sign, T* v) {
+  for (Index c = 0; c < columns; ++c)
+    for (int h = 0; h < 2; ++h)
+      for (int k = 0; k < 8; ++k) v[(h * 8 + kOrder[k]) * columns + c] += sign * sum[c * 16 + h * 8 + k];
+}
+
+}  // namespace
+
+template <class T>
+FragmentSolve<T>::FragmentSolve(const plan::Plan& plan, const std::vector<Front>& fronts, Kind kind,
+                                base::ThreadPool& pool)
+    : plan_(plan), fronts_(fronts), kind_(kind), pool_(pool), benches_(static_cast<std::size_t>(pool.size())) {
+  std::vector<Offset> elements;  // by tier
+  for (Index f = 0; f < plan.fronts(); ++f) {
+    const auto tier = static_cast<std::size_t>(plan.tier[f]);
+    elements.resize(std::max(elements.size(), tier + 1), 0);
+    elements[tier] += fronts[f].factor_size();
+  }
+  small_.resize(elements.size());
+  large_.resize(elements.size());
+  for (Index f = 0; f < plan.fronts(); ++f) {
+    const auto tier = static_cast<std::size_t>(plan.tier[f]);
+    // Alone, a thread would still be busy with it when the others have done the rest of the tier.
+    const Offset share = std::max(kLargeElements, elements[tier] / (2 * pool.size()));
+    (fronts[f].factor_size() > share ? large_ : small_)[tier].push_back(f);
+  }
+  for (auto& tier : small_)
+    std::stable_sort(tier.begin(), tier.end(),
+                     [&](Index x, Index y) { return fronts[x].factor_size() > fronts[y].factor_size(); });
+}
+
+template <class T>
+void FragmentSolve<T>::run(const HostFactors<T>& factors, T* x, Index columns, bool transpose) {
+  up_second_ = kind_ == Kind::lu && transpose;
+  down_second_ = kind_ == Kind::lu && !transpose;
+  const Index n = plan_.tree.n;
+  if (columns <= kMost) return pass(factors, x, columns);
+  std::vector<T> part(static_cast<std::size_t>(n) * kMost);
+  for (Index c = 0; c < columns; c += kMost) {
+    const Index now = std::min(kMost, columns - c);
+    for (Index k = 0; k < n; ++k)
+      for (Index j = 0; j < now; ++j)
+        part[static_cast<std::size_t>(k) * now + j] = x[static_cast<Offset>(k) * columns + c + j];
+    pass(factors, part.data(), now);
+    for (Index k = 0; k < n; ++k)
+      for (Index j = 0; j < now; ++j)
+        x[static_cast<Offset>(k) * columns + c + j] = part[static_cast<std::size_t>(k) * now + j];
+  }
+}
+
+template <class T>
+void FragmentSolve<T>::pass(const HostFactors<T>& factors, T* x, Index columns) {
+  factors_ = factors;
+  x_ = x;
+  const std::size_t size = plan_.tree.rows.size() * static_cast<std::size_t>(columns);
+  if (updates_.size() < size) updates_.resize(size);
+  const auto tier = [&](const std::vector<Index>& list, bool up) {
+    std::atomic<std::size_t> next{0};
+    pool_.run([&](int worker) {
+      Bench& bench = benches_[static_cast<std::size_t>(worker)];
+      for (std::size_t k = next++; k < list.size(); k = next++)
+        up ? forward(list[k], columns, bench, false) : backward(list[k], columns, bench, false);
+    });
+  };
+  for (std::size_t t = small_.size(); t-- > 0;) {
+    tier(small_[t], true);
+    for (const Index f : large_[t]) forward(f, columns, benches_[0], true);
+  }
+  for (std::size_t t = 0; t < small_.size(); ++t) {
+    for (const Index f : large_[t]) backward(f, columns, benches_[0], true);
+    tier(small_[t], false);
+  }
+}
+
+// use(first panel, end) over pieces of `rows` / 8 panels.
+template <class T>
+template <class Use>
+void FragmentSolve<T>::over_panels(Index rows, bool all_threads, Use&& use) {
+  const Index panels = rows / kPanel;
+  if (!all_threads || panels <= kPanelsPerPiece) {
+    if (panels > 0) use(0, panels);
+    return;
+  }
+  pool_.for_each_piece(panels, kPanelsPerPiece,
+                       [&](std::int64_t b, std::int64_t e) { use(static_cast<Index>(b), static_cast<Index>(e)); });
+}
+
+template <class T>
+void FragmentSolve<T>::forward(Index f, Index columns, Bench& bench, bool all_threads) {
+  const Front& x = fronts_[f];
+  const T* factor = factors_.store + (up_second_ ? (*factors_.second)[f] : (*factors_.first)[f]);
+  bench.v.assign(static_cast<std::size_t>(x.total_pad) * columns, T(0));
+  T* v = bench.v.data();
+  T* rhs = x_ + static_cast<Offset>(x.position) * columns;
+  std::copy_n(rhs, static_cast<Offset>(x.pivots) * columns, v);
+  const int gap = x.pivot_pad - x.pivots;
+  for (Offset q = plan_.child_ptr[f]; q < plan_.child_ptr[f + 1]; ++q) {
+    const Index child = plan_.children[q];
+    const Offset first = plan_.tree.row_ptr[child];
+    for (Index r = 0; r < plan_.tree.rows_below(child); ++r) {
+      const Index to = plan_.relative[first + r];
+      T* row = v + static_cast<Offset>(to + (to >= x.pivots ? gap : 0)) * columns;
+      const T* from = updates_.data() + (first + r) * columns;
+      for (Index c = 0; c < columns; ++c) row[c] += from[c];
+    }
+  }
+  // Some tile columns together: their own rows first, by one thread, then all rows after them.
+  bench.y.resize(static_cast<std::size_t>(kTogether + 1) * x.width * columns);
+  T* y = bench.y.data();  // finished values of one tile column
+  for (int first = 0; first < x.pivot_tiles; first += kTogether) {
+    const int last = std::min<int>(first + kTogether, x.pivot_tiles), end = x.column_end(last - 1);
+    const auto ordered = [&](int j) { return y + static_cast<Offset>(1 + j - first) * x.width * columns; };
+    const auto subtract = [&](int j, Index row, Index panels) {
+      const int col = x.column_begin(j);
+      panels_forward(factor + x.chunk_offset(col / kChunk, row),
+                     static_cast<Offset>(x.total_pad - j * x.width) * kChunk, (x.column_end(j) - col) / kChunk, panels,
+                     ordered(j), columns, v + static_cast<Offset>(row) * columns);
+    };
+    for (int j = first; j < last; ++j) {
+      const int col = x.column_begin(j), size = x.column_end(j) - col;
+      T* in_order = ordered(j);
+      for (int q = 0; q < size; q += kChunk)
+        order_chunk(v + static_cast<Offset>(col + q) * columns, columns, in_order + q * columns);
+      std::fill_n(y, static_cast<Offset>(size) * columns, T(0));
+      panels_forward(factor + x.chunk_offset(col / kChunk, col),
+                     static_cast<Offset>(x.total_pad - j * x.width) * kChunk, size / kChunk, size / kPanel, in_order,
+                     columns, y);  // minus the solution
+      for (int k = 0; k < size * columns; ++k) y[k] = -y[k];
+      std::copy_n(y, static_cast<Offset>(std::min<int>(size, x.pivots - col)) * columns,
+                  rhs + static_cast<Offset>(col) * columns);
+      for (int q = 0; q < size; q += kChunk)
+        order_chunk(y + static_cast<Offset>(q) * columns, columns, in_order + q * columns);
+      subtract(j, col + size, (end - col - size) / kPanel);
+    }
+    over_panels(x.total_pad - end, all_threads, [&](Index b, Index e) {
+      for (int j = first; j < last; ++j) subtract(j, end + b * kPanel, e - b);
+    });
+  }
+  std::copy_n(v + static_cast<Offset>(x.pivot_pad) * columns, static_cast<Offset>(x.below) * columns,
+              updates_.data() + plan_.tree.row_ptr[f] * columns);
+}
+
+template <class T>
+void FragmentSolve<T>::start_backward(const Front& f, Index columns, T* v) const {
+  if (kind_ != Kind::ldlt) return;
+  const T* d = factors_.inverse_d->data() + f.position;
+  const T* e = factors_.inverse_e->data() + f.position;
+  for (Index k = 0; k < f.pivots; ++k) {
+    T* row = v + static_cast<Offset>(k) * columns;
+    if (e[k] == T(0)) {
+      for (Index c = 0; c < columns; ++c) row[c] *= d[k];
+      continue;
+    }
+    for (Index c = 0; c < columns; ++c) {
+      const T y0 = row[c], y1 = row[columns + c];
+      row[c] = d[k] * y0 + e[k] * y1;
+      row[columns + c] = e[k] * y0 + d[k + 1] * y1;
+    }
+    ++k;
+  }
+}
+
+template <class T>
+void FragmentSolve<T>::backward(Index f, Index columns, Bench& bench, bool all_threads) {
+  const Front& x = fronts_[f];
+  const T* factor = factors_.store + (down_second_ ? (*factors_.second)[f] : (*factors_.first)[f]);
+  bench.v.assign(static_cast<std::size_t>(x.total_pad) * columns, T(0));
+  T* v = bench.v.data();
+  T* own = x_ + static_cast<Offset>(x.position) * columns;
+  std::copy_n(own, static_cast<Offset>(x.pivots) * columns, v);
+  start_backward(x, columns, v);
+  const Index* rows = plan_.tree.rows.data() + plan_.tree.row_ptr[f];
+  for (Index r = 0; r < x.below; ++r)
+    std::copy_n(x_ + static_cast<Offset>(rows[r]) * columns, columns,
+                v + static_cast<Offset>(x.pivot_pad + r) * columns);
+  // Some tile columns together: sums over the rows after them, by pieces whose number does not depend on the threads,
+  // then their own rows.
+  const int groups = (x.pivot_tiles + kTogether - 1) / kTogether;
+  for (int g = groups - 1; g >= 0; --g) {
+    const int first = g * kTogether, last = std::min<int>(first + kTogether, x.pivot_tiles);
+    const int begin = x.column_begin(first), end = x.column_end(last - 1);
+    const Index panels = (x.total_pad - end) / kPanel, pieces = (panels + kPanelsPerPiece - 1) / kPanelsPerPiece;
+    const Offset each = static_cast<Offset>(end - begin) * columns;
+    bench.y.assign(static_cast<std::size_t>((pieces + 1) * each), T(0));
+    T* const sums = bench.y.data();
+    const auto add = [&](int j, Index row, Index count, T* to) {
+      const int col = x.column_begin(j);
+      for (int q = col; q < x.column_end(j); q += kChunk)
+        panels_backward(factor + x.chunk_offset(q / kChunk, row), count, v + static_cast<Offset>(row) * columns,
+                        columns, to + static_cast<Offset>(q - begin) * columns);
+    };
+    const auto piece = [&](Index k) {
+      const Index b = k * kPanelsPerPiece, e = std::min(panels, b + kPanelsPerPiece);
+      for (int j = first; j < last; ++j) add(j, end + b * kPanel, e - b, sums + k * each);
+    };
+    if (all_threads && pieces > 1)
+      pool_.for_each_piece(pieces, 1, [&](std::int64_t b, std::int64_t) { piece(static_cast<Index>(b)); });
+    else
+      for (Index k = 0; k < pieces; ++k) piece(k);
+    T* own_sum = sums + pieces * each;
+    for (int j = last - 1; j >= first; --j) {
+      const int col = x.column_begin(j), size = x.column_end(j) - col;
+      const Offset skip = static_cast<Offset>(col - begin) * columns;
+      T* vj = v + static_cast<Offset>(col) * columns;
+      add(j, col + size, (end - col - size) / kPanel, own_sum);
+      for (int q = 0; q < size; q += kChunk) {
+        const Offset at = skip + static_cast<Offset>(q) * columns;
+        for (Index k = 0; k <= pieces; ++k)
+          put_chunk(sums + k * each + at, columns, T(-1), vj + static_cast<Offset>(q) * columns);
+      }
+      std::fill_n(own_sum + skip, static_cast<Offset>(size) * columns, T(0));
+      add(j, col, size / kPanel, own_sum);
+      std::fill_n(vj, static_cast<Offset>(size) * columns, T(0));
+      for (int q = 0; q < size; q += kChunk)
+        put_chunk(own_sum + skip + static_cast<Offset>(q) * columns, columns, T(1),
+                  vj + static_cast<Offset>(q) * columns);
+    }
+  }
+  std::copy_n(v, static_cast<Offset>(x.pivots) * columns, own);
+}
+
+template class FragmentSolve<double>;
+template class FragmentSolve<float>;
+
+}  // namespace espalier::device::cuda

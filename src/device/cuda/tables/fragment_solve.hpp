@@ -1,0 +1,57 @@
+/// \file
+/// Forward and backward substitution on the host with factors in the CUDA backend's layout (tables.hpp), where they lie
+/// after a factorization that streamed. Needs no CUDA.
+#pragma once
+
+#include <vector>
+
+#include "plan/plan.hpp"
+#include "base/thread_pool.hpp"
+#include "device/cuda/tables/tables.hpp"
+
+namespace espalier::device::cuda {
+
+/// Where the factors are; all outlive the solve.
+template <class T>
+struct HostFactors {
+  const T* store = nullptr;
+  const std::vector<Offset>* first = nullptr;   ///< fronts; place of the factor array in the store
+  const std::vector<Offset>* second = nullptr;  ///< likewise of U^T (lu)
+  const std::vector<T>* inverse_d = nullptr;    ///< n (ldlt)
+  const std::vector<T>* inverse_e = nullptr;
+};
+
+/// Substitution, tier by tier: the fronts of a tier side by side, large ones by all threads together. The result does
+/// not depend on the number of threads.
+template <class T>
+class FragmentSolve {
+ public:
+  FragmentSolve(const plan::Plan& plan, const std::vector<Front>& fronts, Kind kind, base::ThreadPool& pool);
+  /// Solves in place: n rows of `columns` values in elimination order.
+  void run(const HostFactors<T>& factors, T* x, Index columns, bool transpose);
+
+ private:
+  static constexpr Index kMost = 8;  // right-hand sides at one time
+  struct Bench {
+    std::vector<T> v, y;
+  };
+  void pass(const HostFactors<T>& factors, T* x, Index columns);
+  void forward(Index f, Index columns, Bench& bench, bool all_threads);
+  void backward(Index f, Index columns, Bench& bench, bool all_threads);
+  void start_backward(const Front& f, Index columns, T* v) const;
+  template <class Use>
+  void over_panels(Index rows, bool all_threads, Use&& use);
+
+  const plan::Plan& plan_;
+  const std::vector<Front>& fronts_;
+  Kind kind_;
+  base::ThreadPool& pool_;
+  std::vector<std::vector<Index>> small_, large_;  // by tier
+  std::vector<T> updates_;                         // rows below of all fronts
+  std::vector<Bench> benches_;
+  HostFactors<T> factors_;
+  T* x_ = nullptr;
+  bool up_second_ = false, down_second_ = false;
+};
+
+}  // namespace espalier::device::cuda

@@ -1,0 +1,103 @@
+#include "device/host/out_of_core/group_tasks.hpp"
+
+#include <cstring>
+
+namespace espalier::device::host {
+
+namespace {
+
+using plan::FrontLayout;
+
+// Where a tile is made.
+template <class T>
+struct TilePlace {
+  TilePlace(NumericState<T>& s, Index f, Index i, Index j) : layout(s.plan.layout[f]) {
+    rows = layout.width(i);
+    cols = layout.width(j);
+    ld = padded<T>(rows);
+    lu = s.kind == Kind::lu;
+    const auto& m = s.plan.memory;
+    const bool pivot = j < layout.pivot_tiles;
+    const Offset at =
+        pivot ? layout.tile_offset(i, j) : layout.contribution_offset(i - layout.pivot_tiles, j - layout.pivot_tiles);
+    c = s.places + ((pivot ? m.factor[f] : m.contribution[f]) + at);
+    if (lu) c2 = s.places + ((pivot ? m.factor2[f] : m.contribution2[f]) + at);
+  }
+  const FrontLayout& layout;
+  Index rows, cols;
+  Offset ld;
+  bool lu;
+  T* c;
+  T* c2 = nullptr;  // the U^T part of a tile below the diagonal (lu)
+};
+
+}  // namespace
+
+Offset panel_offset(const FrontLayout& layout, Index begin, Index column, Index row) {
+  const Offset rows = layout.padded_begin(layout.tiles) - layout.padded_begin(row);
+  Offset sum = 0;
+  for (Index k = begin; k < column; ++k) sum += layout.width(k) * rows;
+  return sum;
+}
+
+template <class T>
+void begin_tile(NumericState<T>& s, Index f, Index i, Index j) {
+  const TilePlace<T> t(s, f, i, j);
+  const auto bytes = static_cast<std::size_t>(t.ld * t.cols) * sizeof(T);
+  const bool two = t.lu && i != j;
+  std::memset(t.c, 0, bytes);
+  if (two) std::memset(t.c2, 0, bytes);
+  const Offset me = s.plan.first_tile[f] + t.layout.tile_index(i, j);
+  const std::span<const plan::Entry> entries(
+      s.plan.entries.data() + s.plan.entry_ptr[me],
+      static_cast<std::size_t>(s.plan.entry_ptr[me + 1] - s.plan.entry_ptr[me]));
+  add_entries(entries, s.values, t.c, t.ld, t.lu && i == j ? EntryPart::square : EntryPart::lower);
+  if (two) add_entries(entries, s.values, t.c2, t.ld, EntryPart::transposed);
+}
+
+template <class T>
+void add_child_to_tile(NumericState<T>& s, Workspace<T>& w, Index f, Index i, Index j, Index child, const T* lower,
+                       const T* upper, ColumnRange columns) {
+  const TilePlace<T> t(s, f, i, j);
+  const Index rb = t.layout.begin(i), cb = t.layout.begin(j);
+  Part<T> part{t.c, t.ld, rb, rb + t.rows, cb, cb + t.cols};
+  add_contribution(s.plan, child, lower, part, false, w.runs, columns);
+  if (!t.lu) return;
+  if (i != j) part.data = t.c2;
+  add_contribution(s.plan, child, upper, part, i == j, w.runs, columns);
+}
+
+template <class T>
+void update_tile(NumericState<T>& s, Index i, Index j, const PanelColumns<T>& panel) {
+  const TilePlace<T> t(s, panel.front, i, j);
+  const auto tile = [&](int part, Index r, Index k) {
+    if (panel.row < 0)
+      return panel.part[part] + (t.layout.tile_offset(r, k) - t.layout.tile_offset(panel.begin, panel.begin));
+    return panel.part[part] + panel_offset(t.layout, panel.begin, k, panel.row) +
+           t.layout.width(k) * (t.layout.padded_begin(r) - t.layout.padded_begin(panel.row));
+  };
+  for (Index k = panel.begin; k < panel.end; ++k) {
+    const Index depth = t.layout.width(k);
+    if (t.lu) {
+      s.dense.gemm_nt(t.rows, t.cols, depth, tile(0, i, k), tile(1, j, k), t.c, t.ld);
+      if (i != j) s.dense.gemm_nt(t.rows, t.cols, depth, tile(1, i, k), tile(0, j, k), t.c2, t.ld);
+      continue;
+    }
+    const T* left = tile(s.kind == Kind::ldlt ? 1 : 0, i, k);
+    if (i == j)
+      s.dense.syrk_nt(t.rows, t.cols, depth, left, tile(0, j, k), t.c, t.ld);
+    else
+      s.dense.gemm_nt(t.rows, t.cols, depth, left, tile(0, j, k), t.c, t.ld);
+  }
+}
+
+template void begin_tile(NumericState<double>&, Index, Index, Index);
+template void begin_tile(NumericState<float>&, Index, Index, Index);
+template void add_child_to_tile(NumericState<double>&, Workspace<double>&, Index, Index, Index, Index, const double*,
+                                const double*, ColumnRange);
+template void add_child_to_tile(NumericState<float>&, Workspace<float>&, Index, Index, Index, Index, const float*,
+                                const float*, ColumnRange);
+template void update_tile(NumericState<double>&, Index, Index, const PanelColumns<double>&);
+template void update_tile(NumericState<float>&, Index, Index, const PanelColumns<float>&);
+
+}  // namespace espalier::device::host

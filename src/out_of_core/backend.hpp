@@ -1,0 +1,100 @@
+/// \file
+/// The seam of streaming: what a backend does for an executor whose device memory holds only a part of the
+/// factorization. Operations of one queue are asked for by one thread and run in order; the queues run side by side.
+/// Several devices have a backend each; what one stores, another may wait for.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "out_of_core/streaming_plan.hpp"
+#include "base/memory.hpp"
+#include "base/thread_pool.hpp"
+#include "device/executor.hpp"
+
+namespace espalier::out_of_core {
+
+/// Error(out_of_memory): the device, or the host for the staging ring, has less memory than the plan asks for, although
+/// the plan keeps to its budget.
+class AllocationRefused : public Error {
+ public:
+  explicit AllocationRefused(const std::string& what) : Error(StatusCode::out_of_memory, what) {}
+};
+
+/// Where the time of an operation is counted.
+inline double& time_of(device::StreamTimes& times, out_of_core::StreamWork work) {
+  switch (work) {
+    case out_of_core::StreamWork::eliminate:
+      return times.steps;
+    case out_of_core::StreamWork::update:
+      return times.updates;
+    case out_of_core::StreamWork::eliminate_group:
+      return times.own_pivots;
+    default:
+      return times.assembly;
+  }
+}
+
+template <class T>
+class StreamBackend : public out_of_core::StreamLayout {
+ public:
+  virtual void set_pivot_rule(const device::PivotRule& rule) = 0;
+  /// Takes the arena and the staging ring, and lays out the tables. The plan must outlive the backend.
+  /// @throws AllocationRefused when the device has less
+  virtual void prepare(const out_of_core::StreamingPlan& plan, int slots, Offset slot_bytes) = 0;
+  /// Forgets the last factorization. `values` is the caller's array, valid until finish().
+  virtual void begin(std::span<const T> values) = 0;
+  /// Called by each thread that uses the backend.
+  virtual void enter_thread() = 0;
+
+  /// A piece of the staging ring, memory that the device reaches at full speed.
+  virtual std::byte* staging(int slot) = 0;
+  /// Copies between the arena and staging memory; when they are done, wait_for_slot() returns.
+  virtual void copy_in(Offset to, int slot, Offset bytes) = 0;
+  virtual void copy_out(int slot, Offset from, Offset bytes) = 0;
+  virtual void wait_for_slot(int slot) = 0;
+
+  /// Makes host memory reachable without the ring, for the backends of all devices. From any thread that has called
+  /// enter_thread(), also while a factorization runs. @returns false when the machine refuses; the ring serves on
+  virtual bool pin(std::byte* at, Offset bytes) = 0;
+  /// @param at  as for pin(); no copy is on its way
+  virtual void unpin(std::byte* at) noexcept = 0;
+  /// Copies between the arena and memory inside one piece that was pinned; done when the queue's next mark is.
+  virtual void copy_in_direct(Offset to, const std::byte* from, Offset bytes) = 0;
+  virtual void copy_out_direct(std::byte* to, Offset from, Offset bytes) = 0;
+
+  /// What load_tables copies.
+  virtual std::span<const std::byte> tables(const out_of_core::StreamOp& op) = 0;
+  /// Starts an operation of the run queue.
+  virtual void run(const out_of_core::StreamOp& op) = 0;
+  /// Gets what store_outputs brought.
+  virtual void take_outputs(const out_of_core::StreamOp& op, std::span<const std::byte> bytes) = 0;
+
+  /// Marks the end of operation `number` (from 1) of a queue; what `queue` is asked for later waits for it.
+  virtual void mark(out_of_core::StreamQueue queue, std::int64_t number) = 0;
+  virtual void wait_for_mark(out_of_core::StreamQueue queue, out_of_core::StreamQueue other, std::int64_t number) = 0;
+  /// Likewise for the mark of another device's backend, of the same sort.
+  virtual void wait_for_mark(out_of_core::StreamQueue queue, StreamBackend<T>& of, out_of_core::StreamQueue other,
+                             std::int64_t number) = 0;
+  /// Blocks the caller instead.
+  virtual void wait_until(out_of_core::StreamQueue queue, std::int64_t number) = 0;
+  /// Blocks until all is done. @throws Error(device_error)
+  virtual void finish() = 0;
+  /// After a failure: lets what runs come to an end.
+  virtual void abandon() noexcept = 0;
+  virtual device::FactorOutcome outcome() = 0;
+  /// Of the last factorization.
+  [[nodiscard]] virtual device::StreamTimes times() const = 0;
+  /// Several devices: takes over what another backend of the same sort keeps of its pivots for solves.
+  virtual void take_pivots(StreamBackend<T>& from) = 0;
+
+  /// Like Executor::solve, from the factors in the host's store.
+  virtual void solve(const T* store, T* x, Index columns, bool transpose) = 0;
+  [[nodiscard]] virtual std::string name() const = 0;
+  /// Most bytes of device memory that were held at one time, as counted where they were taken.
+  [[nodiscard]] virtual Offset peak_bytes() const = 0;
+};
+
+}  // namespace espalier::out_of_core

@@ -1,0 +1,59 @@
+/// \file
+/// The host's side of streaming: what an operation copies, piece by piece, between the host's store and the staging
+/// ring.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "out_of_core/streaming_plan.hpp"
+#include "base/thread_pool.hpp"
+
+namespace espalier::out_of_core {
+
+/// Pieces of host memory that lie one after another on the device.
+class HostPieces {
+ public:
+  void clear();
+  void add(std::byte* at, Offset bytes);
+  [[nodiscard]] Offset bytes() const { return end_.empty() ? 0 : end_.back(); }
+  [[nodiscard]] std::size_t count() const { return at_.size(); }
+  /// use(address, bytes before it, bytes) for each piece; stops when it returns false. @returns whether all were used
+  template <class Use>
+  bool each(Use&& use) const {
+    for (std::size_t k = 0; k < at_.size(); ++k) {
+      const Offset before = k == 0 ? 0 : end_[k - 1];
+      if (!use(at_[k], before, end_[k] - before)) return false;
+    }
+    return true;
+  }
+  /// Copies bytes [begin, begin + size) of the pieces to `to`, or from `from`, by all threads of the pool.
+  void copy_to(std::byte* to, Offset begin, Offset size, base::ThreadPool& pool) const;
+  void copy_from(const std::byte* from, Offset begin, Offset size, base::ThreadPool& pool) const;
+
+ private:
+  template <class Use>
+  void visit(Offset begin, Offset size, base::ThreadPool& pool, Use&& use) const;
+  std::vector<std::byte*> at_;
+  std::vector<Offset> end_;  // sum of bytes up to and with the piece
+};
+
+/// Places of the values of A that a step or group needs, in the order of its entries.
+class ValuePieces {
+ public:
+  /// Of the load_values operation `op`.
+  void set(const out_of_core::StreamLayout& layout, const out_of_core::StreamingPlan& streaming,
+           const out_of_core::StreamOp& op);
+  [[nodiscard]] Offset size() const { return end_.empty() ? 0 : end_.back(); }
+  /// Values [begin, begin + size) to `to`.
+  template <class T>
+  void gather(std::span<const T> values, T* to, Offset begin, Offset size, base::ThreadPool& pool) const;
+
+ private:
+  const plan::Plan* plan_ = nullptr;
+  std::vector<Offset> first_;  // entries of the plan
+  std::vector<Offset> end_;
+};
+
+}  // namespace espalier::out_of_core

@@ -1,0 +1,341 @@
+#include "out_of_core/device_run.hpp"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "base/timeline.hpp"
+
+namespace espalier::out_of_core {
+
+using out_of_core::StreamOp;
+using out_of_core::StreamQueue;
+using out_of_core::StreamWait;
+using out_of_core::StreamWork;
+
+namespace {
+
+constexpr int kNoSlot = -1;
+
+std::int64_t waits_for(const StreamOp& op, StreamQueue q) { return op.waits[static_cast<std::size_t>(q)]; }
+
+// Arrays that an operation copies; in-core steps store both factor arrays in one piece.
+int parts_of(const StreamOp& op) {
+  if (op.work == StreamWork::load_tables || op.work == StreamWork::load_values || op.work == StreamWork::store_outputs)
+    return 1;
+  return op.at[1] >= 0 && (op.work != StreamWork::store_factor || op.grouped) ? 2 : 1;
+}
+
+}  // namespace
+
+template <class T>
+StreamDeviceRun<T>::StreamDeviceRun(std::unique_ptr<out_of_core::StreamBackend<T>> backend, Index number,
+                                    const StreamingOptions& options, StreamProgress& progress)
+    : backend_(std::move(backend)),
+      number_(number),
+      options_(options),
+      progress_(progress),
+      in_crew_(options.copy_threads),
+      out_crew_(options.copy_threads) {}
+
+template <class T>
+void StreamDeviceRun<T>::prepare(const out_of_core::StreamingPlan& plan,
+                                 const std::vector<out_of_core::StreamBackend<T>*>& peers) {
+  plan_ = &plan;
+  peers_ = &peers;
+  backend_->prepare(plan, 2 * options_.slots, options_.slot_bytes);
+  for (const StreamOp& op : plan.ops)
+    (op.queue == StreamQueue::in ? loads_ : op.queue == StreamQueue::out ? stores_ : runs_).push_back(&op);
+}
+
+template <class T>
+void StreamDeviceRun<T>::begin(std::span<const T> values, T* store, const PinnedStore& pinned) {
+  values_ = values;
+  store_ = store;
+  pinned_ = &pinned;
+  in_seconds_ = out_seconds_ = 0;
+  in_direct_ = out_direct_ = 0;
+  on_the_way_.clear();
+  slots_on_the_way_ = 0;
+  backend_->begin(values);
+}
+
+template <class T>
+device::StreamReport StreamDeviceRun<T>::report(Offset budget_bytes) const {
+  const auto steps =
+      std::count_if(plan_->steps.begin(), plan_->steps.end(), [](const auto& s) { return !s.fronts.empty(); });
+  return {budget_bytes,
+          plan_->arena_bytes,
+          plan_->bytes_in,
+          plan_->bytes_out,
+          plan_->link_seconds,
+          plan_->predicted_seconds,
+          in_seconds_,
+          out_seconds_,
+          static_cast<Index>(steps),
+          static_cast<Index>(plan_->groups.size()),
+          backend_->times(),
+          plan_->store_elements * static_cast<Offset>(sizeof(T)),
+          pinned_ != nullptr ? pinned_->pinned_bytes() : 0,
+          in_direct_ + out_direct_};
+}
+
+// ---- what computes --------------------------------------------------------------------------------------------------
+
+template <class T>
+void StreamDeviceRun<T>::run_all() {
+  std::array<std::int64_t, out_of_core::kStreamQueues> numbers{};
+  for (const StreamOp* op : runs_) {
+    for (const StreamQueue q : {StreamQueue::in, StreamQueue::out, StreamQueue::run, StreamQueue::second_run}) {
+      const std::int64_t n = waits_for(*op, q);
+      if (n == 0 || q == op->queue) continue;
+      progress_.wait_asked(number_, q, n);
+      backend_->wait_for_mark(op->queue, q, n);
+    }
+    backend_->run(*op);
+    const std::int64_t number = ++numbers[static_cast<std::size_t>(op->queue)];
+    backend_->mark(op->queue, number);
+    progress_.asked(number_, op->queue, number);
+  }
+  progress_.wait_asked(number_, StreamQueue::in, static_cast<std::int64_t>(loads_.size()));
+  progress_.wait_done(number_, StreamQueue::out, static_cast<std::int64_t>(stores_.size()));
+  backend_->finish();
+}
+
+// Makes a queue of copies wait for what computes.
+template <class T>
+template <class Meanwhile>
+void StreamDeviceRun<T>::wait_for_runs(const StreamOp& op, Meanwhile&& meanwhile) {
+  for (const StreamQueue lane : {StreamQueue::run, StreamQueue::second_run}) {
+    const std::int64_t n = waits_for(op, lane);
+    if (n == 0) continue;
+    progress_.wait_asked(number_, lane, n, meanwhile);
+    backend_->wait_for_mark(op.queue, lane, n);
+  }
+}
+
+// What other devices store must have arrived; what they load must have been read, which only a load without the ring
+// leaves open when it has been asked for.
+template <class T>
+template <class Meanwhile>
+void StreamDeviceRun<T>::wait_for_others(const StreamOp& op, Meanwhile&& meanwhile) {
+  for (const StreamWait& w : op.others) {
+    if (w.queue == StreamQueue::out)
+      progress_.wait_done(w.device, w.queue, w.number, meanwhile);
+    else {
+      progress_.wait_asked(w.device, w.queue, w.number, meanwhile);
+      backend_->wait_for_mark(op.queue, *(*peers_)[static_cast<std::size_t>(w.device)], w.queue, w.number);
+    }
+  }
+}
+
+// ---- to the device --------------------------------------------------------------------------------------------------
+
+template <class T>
+void StreamDeviceRun<T>::load_all() {
+  std::int64_t number = 0;
+  int slot = 0;
+  for (const StreamOp* op : loads_) {
+    ++number;
+    const auto idle = [] { return false; };
+    wait_for_others(*op, idle);
+    wait_for_runs(*op, idle);
+    if (const std::int64_t n = waits_for(*op, StreamQueue::out); n > 0)
+      progress_.wait_done(number_, StreamQueue::out, n);
+    load(*op, slot);
+    backend_->mark(StreamQueue::in, number);
+    progress_.asked(number_, StreamQueue::in, number);
+  }
+}
+
+template <class T>
+void StreamDeviceRun<T>::load(const StreamOp& op, int& slot) {
+  if (op.work == StreamWork::load_values) return load_values(op, slot);
+  for (int part = 0; part < parts_of(op); ++part) {
+    pieces_of(op, part, pieces_);
+    const Offset to = op.at[static_cast<std::size_t>(part)];
+    if (op.work != StreamWork::load_tables && goes_directly(pieces_)) {
+      load_directly(to);
+      continue;
+    }
+    load_through_ring(to, pieces_.bytes(), slot, [&](std::byte* staging, Offset done, Offset now) {
+      pieces_.copy_to(staging, done, now, in_crew_);
+    });
+  }
+}
+
+template <class T>
+void StreamDeviceRun<T>::load_values(const StreamOp& op, int& slot) {
+  constexpr auto kSize = static_cast<Offset>(sizeof(T));
+  gathered_.set(*backend_, *plan_, op);
+  load_through_ring(op.at[0], op.bytes, slot, [&](std::byte* staging, Offset done, Offset now) {
+    gathered_.gather<T>(values_, reinterpret_cast<T*>(staging), done / kSize, now / kSize, in_crew_);
+  });
+}
+
+template <class T>
+void StreamDeviceRun<T>::load_directly(Offset to) {
+  by_pinned_piece(
+      pieces_, [&](const std::byte* host, Offset done, Offset now) { backend_->copy_in_direct(to + done, host, now); });
+  in_direct_ += pieces_.bytes();
+}
+
+// fill(staging memory, first byte, bytes) for every slot in turn.
+template <class T>
+template <class Fill>
+void StreamDeviceRun<T>::load_through_ring(Offset to, Offset bytes, int& slot, Fill&& fill) {
+  for (Offset done = 0; done < bytes; done += options_.slot_bytes) {
+    const Offset now = std::min(options_.slot_bytes, bytes - done);
+    backend_->wait_for_slot(slot);
+    const double start = base::now_seconds();
+    fill(backend_->staging(slot), done, now);
+    in_seconds_ += base::now_seconds() - start;
+    backend_->copy_in(to + done, slot, now);
+    slot = (slot + 1) % options_.slots;
+  }
+}
+
+template <class T>
+void StreamDeviceRun<T>::pieces_of(const StreamOp& op, int part, HostPieces& pieces) {
+  pieces.clear();
+  constexpr auto kSize = static_cast<Offset>(sizeof(T));
+  std::byte* store = reinterpret_cast<std::byte*>(store_);
+  const Offset host = op.host[static_cast<std::size_t>(part)];
+  if (op.work == StreamWork::load_tables) {
+    const std::span<const std::byte> t = backend_->tables(op);
+    pieces.add(const_cast<std::byte*>(t.data()), static_cast<Offset>(t.size()));
+  } else if (op.work == StreamWork::load_panel) {
+    std::vector<out_of_core::Piece> list;
+    backend_->panel(op.front, op.begin, op.end, op.row, list);
+    for (const out_of_core::Piece& p : list) pieces.add(store + (host + p.at) * kSize, p.size * kSize);
+  } else {
+    pieces.add(store + host * kSize, op.bytes / parts_of(op));
+  }
+}
+
+// ---- without the ring ----------------------------------------------------------------------------------------------
+
+// All of the pieces lie in pinned memory, and they are large enough.
+template <class T>
+bool StreamDeviceRun<T>::goes_directly(const HostPieces& pieces) const {
+  if (pieces.count() == 0 || pieces.bytes() / static_cast<Offset>(pieces.count()) < options_.least_direct_bytes)
+    return false;
+  return pieces.each([&](const std::byte* at, Offset, Offset bytes) { return pinned_->holds(at, bytes); });
+}
+
+// copy(host memory, bytes before it, bytes) for what lies within one pinned piece.
+template <class T>
+template <class Copy>
+void StreamDeviceRun<T>::by_pinned_piece(const HostPieces& pieces, Copy&& copy) const {
+  pieces.each([&](std::byte* at, Offset before, Offset bytes) {
+    for (Offset done = 0; done < bytes;) {
+      const Offset now = std::min(bytes - done, pinned_->left_in_piece(at + done));
+      copy(at + done, before + done, now);
+      done += now;
+    }
+    return true;
+  });
+}
+
+// ---- to the host ----------------------------------------------------------------------------------------------------
+
+template <class T>
+void StreamDeviceRun<T>::store_all() {
+  std::int64_t number = 0;
+  int slot = 0;
+  const auto receive_one = [&] { return receive(); };
+  for (const StreamOp* op : stores_) {
+    ++number;
+    wait_for_others(*op, receive_one);
+    wait_for_runs(*op, receive_one);
+    if (const std::int64_t n = waits_for(*op, StreamQueue::in); n > 0) {
+      progress_.wait_asked(number_, StreamQueue::in, n, receive_one);
+      backend_->wait_for_mark(StreamQueue::out, StreamQueue::in, n);
+    }
+    send(*op, number, slot);
+    backend_->mark(StreamQueue::out, number);
+    progress_.asked(number_, StreamQueue::out, number);
+  }
+  while (receive()) {
+  }
+}
+
+template <class T>
+void StreamDeviceRun<T>::send(const StreamOp& op, std::int64_t number, int& slot) {
+  if (op.work != StreamWork::store_outputs) {
+    arrivals_of(op, arrivals_);
+    if (goes_directly(arrivals_)) return send_directly(op, number);
+  }
+  send_through_ring(op, number, slot);
+}
+
+template <class T>
+void StreamDeviceRun<T>::send_directly(const StreamOp& op, std::int64_t number) {
+  const Offset each = op.bytes / parts_of(op);
+  by_pinned_piece(arrivals_, [&](std::byte* host, Offset done, Offset now) {
+    backend_->copy_out_direct(host, op.at[static_cast<std::size_t>(done / each)] + done % each, now);
+  });
+  out_direct_ += op.bytes;
+  on_the_way_.push_back({kNoSlot, &op, number, 0, op.bytes, true});
+}
+
+template <class T>
+void StreamDeviceRun<T>::send_through_ring(const StreamOp& op, std::int64_t number, int& slot) {
+  const int parts = parts_of(op);
+  const Offset each = op.bytes / parts;
+  for (int part = 0; part < parts; ++part)
+    for (Offset done = 0; done < each; done += options_.slot_bytes) {
+      while (slots_on_the_way_ == options_.slots) receive();
+      const Offset now = std::min(options_.slot_bytes, each - done);
+      const int at = options_.slots + slot;
+      backend_->copy_out(at, op.at[static_cast<std::size_t>(part)] + done, now);
+      on_the_way_.push_back({at, &op, number, part * each + done, now, part + 1 == parts && done + now == each});
+      ++slots_on_the_way_;
+      slot = (slot + 1) % options_.slots;
+    }
+}
+
+// Where what an operation sends belongs.
+template <class T>
+void StreamDeviceRun<T>::arrivals_of(const StreamOp& op, HostPieces& pieces) {
+  pieces.clear();
+  for (int part = 0; part < parts_of(op); ++part)
+    pieces.add(reinterpret_cast<std::byte*>(store_ + op.host[static_cast<std::size_t>(part)]), op.bytes / parts_of(op));
+}
+
+// The oldest arrival to its place. @returns false when there is none
+template <class T>
+bool StreamDeviceRun<T>::receive() {
+  if (on_the_way_.empty()) return false;
+  const Arrival a = on_the_way_.front();
+  on_the_way_.pop_front();
+  if (a.slot == kNoSlot) {
+    backend_->wait_until(StreamQueue::out, a.number);
+  } else {
+    --slots_on_the_way_;
+    backend_->wait_for_slot(a.slot);
+    empty(a);
+  }
+  if (a.last) progress_.done(number_, StreamQueue::out, a.number);
+  return true;
+}
+
+template <class T>
+void StreamDeviceRun<T>::empty(const Arrival& a) {
+  const std::byte* from = backend_->staging(a.slot);
+  if (a.op->work == StreamWork::store_outputs) {
+    outputs_.resize(static_cast<std::size_t>(a.op->bytes));
+    std::copy_n(from, a.size, outputs_.data() + a.begin);
+    if (a.last) backend_->take_outputs(*a.op, outputs_);
+    return;
+  }
+  arrivals_of(*a.op, received_);
+  const double start = base::now_seconds();
+  received_.copy_from(from, a.begin, a.size, out_crew_);
+  out_seconds_ += base::now_seconds() - start;
+}
+
+template class StreamDeviceRun<double>;
+template class StreamDeviceRun<float>;
+
+}  // namespace espalier::out_of_core

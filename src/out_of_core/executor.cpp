@@ -1,0 +1,195 @@
+#include "out_of_core/executor.hpp"
+
+#include <algorithm>
+#include <deque>
+#include <exception>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "base/timeline.hpp"
+#include "out_of_core/pinned_store.hpp"
+#include "out_of_core/device_run.hpp"
+
+namespace espalier::out_of_core {
+
+namespace {
+
+using device::FactorOutcome;
+using out_of_core::StreamBackend;
+using device::StreamReport;
+
+// Sums of what the devices' pivots came to, in the order of the devices.
+device::FactorOutcome together(const std::vector<device::FactorOutcome>& parts) {
+  device::FactorOutcome all = parts.front();
+  const auto join = [](std::vector<Index>& to, const std::vector<Index>& more) {
+    to.insert(to.end(), more.begin(), more.end());
+    std::sort(to.begin(), to.end());
+  };
+  for (std::size_t d = 1; d < parts.size(); ++d) {
+    const device::FactorOutcome& o = parts[d];
+    if (o.not_positive >= 0 && (all.not_positive < 0 || o.not_positive < all.not_positive))
+      all.not_positive = o.not_positive;
+    all.negative += o.negative;
+    all.two_by_two += o.two_by_two;
+    join(all.replaced, o.replaced);
+    join(all.failed, o.failed);
+    all.determinant_sign *= o.determinant_sign;
+    all.determinant_log += o.determinant_log;
+    all.busy_seconds += o.busy_seconds;
+    all.waiting_seconds += o.waiting_seconds;
+  }
+  all.busy_seconds /= static_cast<double>(parts.size());
+  all.waiting_seconds /= static_cast<double>(parts.size());
+  return all;
+}
+
+template <class T>
+class StreamingExecutor final : public device::Executor<T> {
+ public:
+  StreamingExecutor(std::vector<std::unique_ptr<StreamBackend<T>>> backends, const StreamingOptions& options,
+                    base::MemoryBudget* budget)
+      : options_(options),
+        progress_(static_cast<Index>(backends.size())),
+        plans_(out_of_core::plan_streaming(*backends.front(), options.devices, options.rates)) {
+    for (std::size_t d = 0; d < backends.size(); ++d)
+      devices_.emplace_back(std::move(backends[d]), static_cast<Index>(d), options_, progress_);
+    for (auto& d : devices_) backends_.push_back(&d.backend());
+    for (std::size_t d = 0; d < devices_.size(); ++d) devices_[d].prepare(plans_[d], backends_);
+    store_ = base::Buffer<T>(plans_.front().store_elements, budget);
+    touch_store();
+    pin_store_later();
+  }
+
+  void set_pivot_rule(const device::PivotRule& rule) override {
+    for (auto& d : devices_) d.backend().set_pivot_rule(rule);
+  }
+
+  device::FactorOutcome factorize(std::span<const T> values) override {
+    const double start = base::now_seconds();
+    progress_.reset();
+    error_ = nullptr;
+    if (again_) pinned_->start();
+    again_ = true;
+    for (auto& d : devices_) d.begin(values, store_.data(), *pinned_);
+    std::vector<std::thread> threads;
+    for (auto& d : devices_) {
+      threads.emplace_back([&] { guarded(d, [&] { d.load_all(); }); });
+      threads.emplace_back([&] { guarded(d, [&] { d.store_all(); }); });
+      if (&d != &devices_.front()) threads.emplace_back([&] { guarded(d, [&] { d.run_all(); }); });
+    }
+    guarded(devices_.front(), [&] { devices_.front().run_all(); });
+    for (std::thread& t : threads) t.join();
+    if (error_ != nullptr) {
+      for (auto& d : devices_) d.backend().abandon();
+      std::rethrow_exception(error_);
+    }
+    outcomes_.clear();
+    for (auto& d : devices_) outcomes_.push_back(d.backend().outcome());
+    for (auto& d : devices_)
+      if (&d != &devices_.front()) devices_.front().backend().take_pivots(d.backend());
+    device::FactorOutcome outcome = together(outcomes_);
+    outcome.seconds = base::now_seconds() - start;
+    if (outcome.busy_seconds <= 0) {
+      for (const auto& d : devices_) outcome.busy_seconds += d.backend().times().sum();
+      outcome.busy_seconds /= static_cast<double>(devices_.size());
+    }
+    return outcome;
+  }
+
+  void solve(T* x, Index columns, bool transpose) override {
+    devices_.front().backend().solve(store_.data(), x, columns, transpose);
+  }
+  [[nodiscard]] std::string name() const override { return devices_.front().backend().name(); }
+  [[nodiscard]] Offset peak_bytes() const override {
+    Offset most = 0;
+    for (const auto& d : devices_) most = std::max(most, d.backend().peak_bytes());
+    return most;
+  }
+  [[nodiscard]] device::StreamReport streaming() const override { return report(0); }
+  [[nodiscard]] std::vector<device::DeviceWork> device_work() const override {
+    std::vector<device::DeviceWork> list;
+    if (devices_.size() == 1) return list;
+    for (std::size_t d = 0; d < devices_.size(); ++d) {
+      device::DeviceWork w;
+      w.name = devices_[d].backend().name();
+      if (d < outcomes_.size()) {
+        w.busy_seconds =
+            outcomes_[d].busy_seconds > 0 ? outcomes_[d].busy_seconds : devices_[d].backend().times().sum();
+        w.waiting_seconds = outcomes_[d].waiting_seconds;
+      }
+      w.peak_bytes = devices_[d].backend().peak_bytes();
+      w.streaming = report(d);
+      list.push_back(std::move(w));
+    }
+    return list;
+  }
+
+ private:
+  [[nodiscard]] device::StreamReport report(std::size_t d) const {
+    return devices_[d].report(options_.devices[d].budget_bytes);
+  }
+
+  // The machine finds pages on the first write, one by one: by all threads, before it hurts.
+  void touch_store() {
+    constexpr Offset kPage = 4096 / static_cast<Offset>(sizeof(T));
+    constexpr std::int64_t kPagesPerPiece = 4096;
+    const Offset pages = (store_.size() + kPage - 1) / kPage;
+    devices_.front().crew().for_each_piece(pages, kPagesPerPiece, [&](std::int64_t b, std::int64_t e) {
+      for (Offset p = b; p < e; ++p) store_[p * kPage] = T(0);
+    });
+  }
+
+  // From the second factorization on.
+  void pin_store_later() {
+    StreamBackend<T>& first = *backends_.front();
+    pinned_.emplace(reinterpret_cast<std::byte*>(store_.data()), store_.bytes(), options_.pinned_bytes,
+                    options_.pinned_piece_bytes,
+                    PinnedStore::Calls{[&first] { first.enter_thread(); },
+                                       [&first](std::byte* at, Offset bytes) { return first.pin(at, bytes); },
+                                       [&first](std::byte* at) { first.unpin(at); }});
+  }
+
+  // What one thread throws ends all of them.
+  template <class Work>
+  void guarded(StreamDeviceRun<T>& device, Work&& work) {
+    try {
+      device.backend().enter_thread();
+      work();
+    } catch (const Stopped&) {
+    } catch (...) {
+      const std::lock_guard lock(error_mutex_);
+      if (error_ == nullptr) error_ = std::current_exception();
+      progress_.stop();
+    }
+  }
+
+  StreamingOptions options_;
+  StreamProgress progress_;
+  std::vector<out_of_core::StreamingPlan> plans_;
+  std::deque<StreamDeviceRun<T>> devices_;
+  std::vector<StreamBackend<T>*> backends_;  // of the devices
+  base::Buffer<T> store_;
+  std::optional<PinnedStore> pinned_;    // of the store; ends before it
+  bool again_ = false;                   // a factorization was asked for before
+  std::vector<device::FactorOutcome> outcomes_;  // devices; of the last factorization
+  std::mutex error_mutex_;
+  std::exception_ptr error_;
+};
+
+}  // namespace
+
+template <class T>
+std::unique_ptr<device::Executor<T>> make_streaming_executor(std::vector<std::unique_ptr<StreamBackend<T>>> backends,
+                                                             const StreamingOptions& options,
+                                                             base::MemoryBudget* budget) {
+  return std::make_unique<StreamingExecutor<T>>(std::move(backends), options, budget);
+}
+
+template std::unique_ptr<device::Executor<double>> make_streaming_executor(
+    std::vector<std::unique_ptr<StreamBackend<double>>>, const StreamingOptions&, base::MemoryBudget*);
+template std::unique_ptr<device::Executor<float>> make_streaming_executor(
+    std::vector<std::unique_ptr<StreamBackend<float>>>, const StreamingOptions&, base::MemoryBudget*);
+
+}  // namespace espalier::out_of_core

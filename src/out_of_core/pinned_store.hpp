@@ -1,0 +1,58 @@
+/// \file
+/// The host's store, page-locked piece by piece while the program goes on, so that devices reach it without the ring.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <functional>
+#include <thread>
+
+#include "espalier/types.hpp"
+
+namespace espalier::out_of_core {
+
+/// Through the ring every byte crosses the host's memory three times, straight into the store once; but page-locking
+/// takes as long as streaming the same bytes several times does, so that it pays for those who factor again. It goes
+/// from the end of the store to its beginning: there stand contributions and the largest fronts, which cross the link
+/// most often.
+class PinnedStore {
+ public:
+  struct Calls {
+    std::function<void()> enter;                           ///< once by the thread
+    std::function<bool(std::byte* at, Offset bytes)> pin;  ///< false: refused, and no more is asked for
+    std::function<void(std::byte* at)> unpin;
+  };
+
+  /// Nothing is pinned yet. The store outlives this object.
+  /// @param limit  bytes that may be pinned
+  /// @param piece  bytes of a piece, a multiple of 64; other calls of the driver may have to wait for one
+  PinnedStore(std::byte* store, Offset bytes, Offset limit, Offset piece, Calls calls);
+  PinnedStore(const PinnedStore&) = delete;
+  PinnedStore& operator=(const PinnedStore&) = delete;
+  /// Ends the thread and releases all. @pre no copy is on its way
+  ~PinnedStore();
+
+  /// Starts the thread; again: nothing.
+  void start();
+  /// Bytes at the end of the store that are pinned by now.
+  [[nodiscard]] Offset pinned_bytes() const { return bytes_ - from_.load(std::memory_order_acquire); }
+  /// Whether bytes [at, at + bytes) of the store are.
+  [[nodiscard]] bool holds(const std::byte* at, Offset bytes) const {
+    const Offset begin = at - store_;
+    return begin >= from_.load(std::memory_order_acquire) && begin + bytes <= bytes_;
+  }
+  /// Bytes from `at` to the end of its piece: a copy ends there at the latest.
+  [[nodiscard]] Offset left_in_piece(const std::byte* at) const { return piece_ - (at - store_) % piece_; }
+
+ private:
+  void pin_all();
+
+  std::byte* const store_;
+  const Offset bytes_, limit_, piece_;
+  const Calls calls_;
+  std::atomic<Offset> from_;  // the store is pinned from here on
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+}  // namespace espalier::out_of_core

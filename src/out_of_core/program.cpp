@@ -1,0 +1,337 @@
+#include "out_of_core/program.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+namespace espalier::out_of_core {
+
+namespace {
+
+// While plans are made, contributions in the store count from kFar for every device; finish() puts them together.
+constexpr Offset kFar = Offset{1} << 52;
+
+Index places(const StreamLayout& layout) { return layout.plan().fronts(); }
+
+}  // namespace
+
+StreamProgram::DeviceState::DeviceState(Offset budget, double its_speed, bool around)
+    : arena(budget, around), host(kFar / 16), speed(its_speed) {}
+
+StreamProgram::StreamProgram(const StreamLayout& the_layout, const std::vector<StreamUnit>& the_units,
+                             const std::vector<InCoreStep>& steps, const std::vector<StreamDevice>& devices,
+                             const StreamShape& the_shape, const StreamRates& the_rates)
+    : layout(the_layout),
+      plan(the_layout.plan()),
+      units(the_units),
+      shape(the_shape),
+      rates(the_rates),
+      element(the_layout.element_bytes()),
+      contribution_parts(plan.options.unsymmetric ? 2 : 1),
+      factor_parts(plan.options.unsymmetric || plan.options.ldlt ? 2 : 1),
+      plans(devices.size()),
+      contributions(static_cast<std::size_t>(places(the_layout))),
+      store_touches_(static_cast<int>(devices.size() * kStreamQueues)),
+      unit_of_(static_cast<std::size_t>(places(the_layout)), -1) {
+  for (std::size_t d = 0; d < devices.size(); ++d) {
+    states_.emplace_back(devices[d].budget_bytes, devices[d].speed, shape.around);
+    plans[d].lanes = shape.lanes;
+    plans[d].steps.resize(units.size());
+    plans[d].shared_at = need(static_cast<Index>(d), StreamArena::kAlignment, true);
+  }
+  for (std::size_t u = 0; u < units.size(); ++u) {
+    for (const Index f : units[u].fronts) unit_of_[f] = static_cast<Index>(u);
+    if (units[u].large >= 0)
+      unit_of_[units[u].large] = static_cast<Index>(u);
+    else
+      plans[static_cast<std::size_t>(units[u].devices.front())].steps[u] = steps[u];
+  }
+  lay_out_store();
+}
+
+// Factors first, in the order of the units; contributions come and go behind them.
+void StreamProgram::lay_out_store() {
+  std::vector<Offset> first(contributions.size(), -1), second(contributions.size(), -1);
+  Offset at = 0;
+  for (std::size_t u = 0; u < units.size(); ++u) {
+    if (const Index f = units[u].large; f >= 0) {
+      for (int k = 0; k < factor_parts; ++k, at += layout.sizes().factor[f]) (k == 0 ? first : second)[f] = at;
+      continue;
+    }
+    InCoreStep& s = plans[static_cast<std::size_t>(units[u].devices.front())].steps[u];
+    s.store_at = at;
+    for (std::size_t k = 0; k < s.fronts.size(); ++k) {
+      first[s.fronts[k]] = at + s.memory.factor[k];
+      if (plan.options.unsymmetric) second[s.fronts[k]] = at + s.memory.factor2[k];
+    }
+    at += s.memory.factor_size;
+  }
+  constexpr Offset kLine = 64;  // elements
+  factor_elements_ = (at + kLine - 1) / kLine * kLine;
+  for (StreamingPlan& p : plans) {
+    p.factor_store = first;
+    p.factor2_store = second;
+    p.factor_elements = factor_elements_;
+  }
+}
+
+// ---- operations -----------------------------------------------------------------------------------------------------
+
+StreamQueue StreamProgram::queue_for(StreamWork work) const {
+  switch (work) {
+    case StreamWork::load_tables:
+    case StreamWork::load_values:
+    case StreamWork::load_panel:
+    case StreamWork::load_contribution:
+      return StreamQueue::in;
+    case StreamWork::store_factor:
+    case StreamWork::store_contribution:
+    case StreamWork::store_outputs:
+      return StreamQueue::out;
+    default:
+      return shape.lanes == 2 && unit % 2 == 1 ? StreamQueue::second_run : StreamQueue::run;
+  }
+}
+
+double StreamProgram::seconds_of(const DeviceState& s, const StreamOp& op, double flops, double chain) const {
+  if (op.queue == StreamQueue::in) return rates.copy_start + static_cast<double>(op.bytes) / rates.bytes_in;
+  if (op.queue == StreamQueue::out) return rates.copy_start + static_cast<double>(op.bytes) / rates.bytes_out;
+  const double work = flops / (rates.flops * s.speed);
+  if (op.work != StreamWork::eliminate) return rates.start + work + chain;
+  // Among the fronts of a step, some have work while another's pivots wait for one another.
+  const bool half = shape.lanes == 2;  // of the machine
+  return rates.start + (half ? std::max(chain, 2 * work) : std::max(work, chain) + std::min(work, chain) / 2);
+}
+
+double StreamProgram::begin_of(Index device, const StreamOp& op, std::size_t queue) const {
+  const DeviceState& s = state(device);
+  double begin = s.clock[queue];
+  const auto after = [&](const DeviceState& of, std::size_t q, std::int64_t number) {
+    if (number > 0) begin = std::max(begin, of.finished[q][static_cast<std::size_t>(number - 1)]);
+  };
+  for (std::size_t q = 0; q < kStreamQueues; ++q)
+    if (q != queue) after(s, q, op.waits[q]);
+  for (const StreamWait& w : op.others) after(state(w.device), static_cast<std::size_t>(w.queue), w.number);
+  return begin;
+}
+
+void StreamProgram::wait_in_store(Index device, StreamOp& op, int queue, std::span<const StreamAccess> store) {
+  std::vector<std::int64_t> waits(states_.size() * kStreamQueues, 0);
+  const int first = static_cast<int>(device) * static_cast<int>(kStreamQueues);
+  for (const StreamAccess& a : store)
+    if (a.at >= 0)
+      store_touches_.touch(a.at, a.bytes, first + queue, state(device).count[static_cast<std::size_t>(queue)], a.write,
+                           waits);
+  for (std::size_t k = 0; k < waits.size(); ++k) {
+    if (waits[k] == 0) continue;
+    const auto other = static_cast<Index>(k / kStreamQueues);
+    const std::size_t q = k % kStreamQueues;
+    if (other == device)
+      op.waits[q] = std::max(op.waits[q], waits[k]);
+    else
+      op.others.push_back({other, static_cast<StreamQueue>(q), waits[k]});
+  }
+}
+
+void StreamProgram::emit(Index device, StreamOp op, std::span<const StreamAccess> touched,
+                         std::span<const StreamAccess> store, double flops, double chain) {
+  DeviceState& s = state(device);
+  op.queue = queue_for(op.work);
+  const auto q = static_cast<std::size_t>(op.queue);
+  const std::int64_t number = ++s.count[q];
+  for (const StreamAccess& a : touched)
+    if (a.at >= 0 && a.bytes > 0)
+      s.touches.touch(a.at, StreamArena::round(a.bytes), static_cast<int>(q), number, a.write, op.waits);
+  wait_in_store(device, op, static_cast<int>(q), store);
+  s.clock[q] = begin_of(device, op, q) + seconds_of(s, op, flops, chain);
+  s.finished[q].push_back(s.clock[q]);
+  StreamingPlan& p = plans[static_cast<std::size_t>(device)];
+  if (op.queue == StreamQueue::in) p.bytes_in += op.bytes;
+  if (op.queue == StreamQueue::out) p.bytes_out += op.bytes;
+  p.ops.push_back(std::move(op));
+}
+
+double StreamProgram::free_at(Index device) const {
+  const auto& clock = state(device).clock;
+  return std::max(clock[static_cast<std::size_t>(StreamQueue::run)],
+                  clock[static_cast<std::size_t>(StreamQueue::second_run)]);
+}
+
+// ---- memory ---------------------------------------------------------------------------------------------------------
+
+Offset StreamProgram::take(Index device, Offset bytes, bool lasting) {
+  StreamArena& arena = state(device).arena;
+  for (;;) {
+    const Offset at = lasting ? arena.take_lasting(bytes) : arena.take_passing(bytes);
+    if (at >= 0) return at;
+    if (!evict_one(device)) return -1;
+  }
+}
+
+Offset StreamProgram::need(Index device, Offset bytes, bool lasting) {
+  const Offset at = take(device, bytes, lasting);
+  if (at < 0) throw NoRoom{};
+  return at;
+}
+
+// Sends away what is needed last. @returns false when nothing can go
+bool StreamProgram::evict_one(Index device) {
+  StreamSegment* worst = nullptr;
+  const auto ask = [&](StreamSegment& s) {
+    if (!s.resident || s.device != device || s.pinned > 0) return;
+    if (worst == nullptr || s.next_unit > worst->next_unit) worst = &s;
+  };
+  for (const Index f : held_)
+    for (StreamSegment& s : contributions[f]) ask(s);
+  for (StreamSegment& s : factors) ask(s);
+  if (worst == nullptr) return false;
+  if (!worst->stored) store_contribution(*worst);
+  release(*worst);
+  return true;
+}
+
+void StreamProgram::release(StreamSegment& s) {
+  if (!s.resident) return;
+  for (int k = 0; k < (s.factor ? factor_parts : contribution_parts); ++k) give_back(s.device, s.at[k], s.part_bytes);
+  s.resident = false;
+}
+
+// ---- contributions --------------------------------------------------------------------------------------------------
+
+void StreamProgram::store_contribution(StreamSegment& s) {
+  const bool two = contribution_parts == 2;
+  const Offset start = factor_elements_ + s.device * kFar;
+  for (int k = 0; k < contribution_parts; ++k)
+    s.host[k] = start + state(s.device).host.take_lowest(s.part_bytes) / element;
+  StreamOp op;
+  op.work = StreamWork::store_contribution;
+  op.front = s.front;
+  op.begin = s.begin;
+  op.end = s.end;
+  op.at = s.at;
+  op.host = s.host;
+  op.bytes = s.part_bytes * contribution_parts;
+  const Offset elements = s.part_bytes / element;
+  emit(s.device, op,
+       std::array<StreamAccess, 2>{{{s.at[0], s.part_bytes, false}, {two ? s.at[1] : -1, s.part_bytes, false}}},
+       std::array<StreamAccess, 2>{{{s.host[0], elements, true}, {s.host[1], elements, true}}});
+  s.stored = true;
+}
+
+void StreamProgram::load_contribution(const StreamSegment& s, Index device, Index begin, Index end,
+                                      const std::array<Offset, 2>& at) {
+  const bool two = contribution_parts == 2;
+  const Offset skip = contribution_bytes(s.front, s.begin, begin) / element;
+  const Offset bytes = contribution_bytes(s.front, begin, end);
+  StreamOp op;
+  op.work = StreamWork::load_contribution;
+  op.front = s.front;
+  op.begin = begin;
+  op.end = end;
+  op.at = at;
+  for (int k = 0; k < contribution_parts; ++k) op.host[k] = s.host[k] + skip;
+  op.bytes = bytes * contribution_parts;
+  emit(device, op, std::array<StreamAccess, 2>{{{at[0], bytes, true}, {two ? at[1] : -1, bytes, true}}},
+       std::array<StreamAccess, 2>{
+           {{op.host[0], bytes / element, false}, {two ? op.host[1] : -1, bytes / element, false}}});
+}
+
+void StreamProgram::add_contribution(Index f, Index device, Index begin, Index end, const std::array<Offset, 2>& at,
+                                     Offset bytes) {
+  StreamSegment s;
+  s.front = f;
+  s.device = device;
+  s.begin = begin;
+  s.end = end;
+  s.at = at;
+  s.part_bytes = bytes;
+  s.next_unit = unit_of(plan.tree.parent[f]);
+  if (contributions[f].empty()) held_.push_back(f);
+  contributions[f].push_back(s);
+  StreamSegment& mine = contributions[f].back();
+  const std::vector<Index>& readers = units[static_cast<std::size_t>(s.next_unit)].devices;
+  const bool read_elsewhere = readers.size() > 1 || readers.front() != device;
+  if (shape.frugal || read_elsewhere) store_contribution(mine);
+  if (shape.frugal) release(mine);
+}
+
+void StreamProgram::forget(StreamSegment& s) {
+  release(s);
+  if (s.stored)
+    for (int k = 0; k < contribution_parts; ++k)
+      state(s.device).host.give_back((s.host[k] - factor_elements_ - s.device * kFar) * element, s.part_bytes);
+  s.stored = false;
+  s.begin = s.end;
+}
+
+void StreamProgram::forget_contribution(Index f) {
+  for (StreamSegment& s : contributions[f]) forget(s);
+  contributions[f].clear();
+  std::erase(held_, f);
+}
+
+// ---- units ----------------------------------------------------------------------------------------------------------
+
+void StreamProgram::load_inputs(Index device, const StreamOp& of, Offset tables_at, Offset tables, Offset values_at,
+                                Offset entries) {
+  StreamOp op = of;
+  const auto load = [&](StreamWork work, Offset at, Offset bytes) {
+    op.work = work;
+    op.at[0] = at;
+    op.bytes = bytes;
+    if (bytes > 0) emit(device, op, std::array<StreamAccess, 1>{{{at, bytes, true}}});
+  };
+  load(StreamWork::load_tables, tables_at, tables);
+  load(StreamWork::load_values, values_at, entries * element);
+}
+
+void StreamProgram::store_outputs(Index device, const StreamOp& of, Offset scratch_at, Offset bytes) {
+  StreamOp op = of;
+  op.work = StreamWork::store_outputs;
+  op.at[0] = scratch_at;
+  op.bytes = bytes;
+  if (bytes > 0) emit(device, op, std::array<StreamAccess, 1>{{{scratch_at, bytes, false}}});
+}
+
+// ---- the end --------------------------------------------------------------------------------------------------------
+
+// Contributions of the devices one after another behind the factors.
+void StreamProgram::move_contributions() {
+  std::vector<Offset> start;
+  Offset at = factor_elements_;
+  for (const DeviceState& s : states_) {
+    start.push_back(at);
+    at += s.host.peak() / element;
+  }
+  for (StreamingPlan& p : plans) {
+    p.store_elements = at;
+    for (StreamOp& op : p.ops) {
+      if (op.work != StreamWork::store_contribution && op.work != StreamWork::load_contribution) continue;
+      for (Offset& host : op.host)
+        if (host >= 0) {
+          const Offset place = host - factor_elements_;
+          host = start[static_cast<std::size_t>(place / kFar)] + place % kFar;
+        }
+    }
+  }
+}
+
+std::vector<StreamingPlan> StreamProgram::finish() {
+  move_contributions();
+  double bytes = 0, queues = 0;
+  for (const StreamingPlan& p : plans) bytes += static_cast<double>(p.bytes_in + p.bytes_out);
+  for (const DeviceState& s : states_)
+    for (const double clock : s.clock) queues = std::max(queues, clock);
+  const double memory = bytes / rates.host_bytes;
+  const double seconds = std::max(queues, memory) + std::min(queues, memory) / 10;
+  for (std::size_t d = 0; d < plans.size(); ++d) {
+    StreamingPlan& p = plans[d];
+    p.arena_bytes = states_[d].arena.peak();
+    p.predicted_seconds = seconds;
+    p.link_seconds =
+        std::max(static_cast<double>(p.bytes_in) / rates.bytes_in, static_cast<double>(p.bytes_out) / rates.bytes_out);
+  }
+  return std::move(plans);
+}
+
+}  // namespace espalier::out_of_core

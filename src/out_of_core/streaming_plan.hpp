@@ -1,0 +1,180 @@
+/// \file
+/// The streaming plan: how a factorization runs in a device memory that holds only a part of it. Every place in that
+/// memory, every copy and every wait is fixed before the first number; executors carry it out.
+///
+/// The tree is cut into *units*, taken in topological order:
+///  - an *in-core step*: fronts that fit together; what they eliminate streams to the host behind the computation;
+///  - a *large front*: too large for that; taken in *groups* of block columns, left-looking. A group is assembled from
+///    the entries of A and the children's contributions, block column by block column; the pivot columns of earlier
+///    groups stream past it in chunks; then its own pivots are eliminated.
+/// Contributions stay on the device while there is room; when there is not, those go whose use is farthest (Belady
+/// 1966).
+///
+/// Several devices have a plan each, over one store in the host's memory: sub-trees stay with one device, the groups of
+/// a large front above them are dealt to the devices that have a sub-tree below it, and what one device needs of
+/// another goes through the store. All operations of all devices stand in one topological order, of which every queue
+/// keeps its part, so that the earliest unfinished operation can always proceed: no wait can deadlock.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "plan/plan.hpp"
+
+namespace espalier::out_of_core {
+
+/// Consecutive elements of an array.
+struct Piece {
+  Offset at = 0;
+  Offset size = 0;
+};
+
+struct InCoreStep;
+
+/// What the planner knows of a backend. Offsets and sizes are in elements unless they say bytes.
+class StreamLayout {
+ public:
+  virtual ~StreamLayout() = default;
+  [[nodiscard]] virtual const plan::Plan& plan() const = 0;
+  [[nodiscard]] virtual Offset element_bytes() const = 0;
+  /// All tasks, in an order in which any subset of fronts can be carried out.
+  [[nodiscard]] virtual const std::vector<plan::Task>& order() const = 0;
+  [[nodiscard]] virtual const plan::ArraySizes& sizes() const = 0;
+  /// Start of pivot block column `column` in the factor array of front f; column == pivot tiles: its size.
+  [[nodiscard]] virtual Offset factor_offset(Index f, Index column) const = 0;
+  /// Start of block column `column` below (0-based) in the contribution array; column == tiles below: its size.
+  [[nodiscard]] virtual Offset contribution_offset(Index f, Index column) const = 0;
+  /// Appends the pieces of the factor array that hold block columns [begin, end) from block row `row` on.
+  virtual void panel(Index f, Index begin, Index end, Index row, std::vector<Piece>& pieces) const = 0;
+  /// Bytes of front f's share in the tables of an in-core step, scratch included; about.
+  [[nodiscard]] virtual Offset share_bytes(Index f) const = 0;
+  /// Exact bytes of the tables that the device reads, and of its scratch, whose first output_bytes() go to the host.
+  /// Both depend on the fronts, not on the places.
+  [[nodiscard]] virtual Offset table_bytes(const InCoreStep& step) const = 0;
+  [[nodiscard]] virtual Offset scratch_bytes(const InCoreStep& step) const = 0;
+  [[nodiscard]] virtual Offset output_bytes(const InCoreStep& step) const = 0;
+  [[nodiscard]] virtual Offset table_bytes(Index f, Index begin, Index end) const = 0;
+  [[nodiscard]] virtual Offset scratch_bytes(Index f, Index begin, Index end) const = 0;
+  [[nodiscard]] virtual Offset output_bytes(Index f, Index begin, Index end) const = 0;
+  /// Whether the values of A are copied to the device, in the order of the step's entries.
+  [[nodiscard]] virtual bool copies_values() const = 0;
+};
+
+/// Fronts that are eliminated together. Places are bytes of the device arena.
+struct InCoreStep {
+  std::vector<Index> fronts;     ///< ascending
+  std::vector<Index> externals;  ///< children of these fronts that were eliminated before, ascending
+  std::vector<plan::Task> tasks;       ///< of these fronts
+  plan::MemoryPlan memory;             ///< by place in `fronts`; elements from work_at on
+  Offset entries = 0;            ///< entries of A
+  Offset tables_at = 0, values_at = 0, scratch_at = 0, work_at = 0;
+  std::vector<std::array<Offset, 2>> external_at;  ///< contributions of the externals, lower and upper part
+  std::vector<std::array<Offset, 2>>
+      root_at;          ///< by place in `fronts`: a contribution that outlives the step; -1: none
+  Offset store_at = 0;  ///< elements of the host's store: the step's factors, as on the device
+};
+
+/// A group of block columns of a large front.
+struct ColumnGroup {
+  Index front = 0;
+  Index begin = 0, end = 0;  ///< block columns; those from pivot_tiles on are contribution
+  Offset entries = 0, first_entry = 0;
+  Offset tables_at = 0, values_at = 0, scratch_at = 0;
+  std::array<Offset, 2> factor_at{};        ///< pivot columns; the second: U^T (lu), L D (ldlt)
+  std::array<Offset, 2> contribution_at{};  ///< columns below
+};
+
+enum class StreamWork : char {
+  load_tables,         ///< of step or group
+  load_values,         ///< likewise
+  load_panel,          ///< pivot columns [begin, end) of `front` from block row `row` on, first part, then second
+  load_contribution,   ///< columns [begin, end) below of `front`, lower part, then upper
+  eliminate,           ///< an in-core step
+  begin_group,         ///< zero, and the entries of A
+  add_child,           ///< contribution columns [begin, end) of `front` into the group
+  update,              ///< the group loses the products of pivot columns [begin, end)
+  eliminate_group,     ///< its own pivots
+  store_factor,        ///< of step or group
+  store_contribution,  ///< columns [begin, end) below of `front`
+  store_outputs        ///< what the pivots of step or group came to
+};
+
+/// Up to two queues compute: steps of the one may hide the chains of pivots at the end of those of the other.
+enum class StreamQueue : char { in, out, run, second_run };
+inline constexpr std::size_t kStreamQueues = 4;
+
+/// The first `number` operations of a queue of another device.
+struct StreamWait {
+  Index device = 0;
+  StreamQueue queue = StreamQueue::in;
+  std::int64_t number = 0;
+};
+
+/// One operation. Those of one queue run one after another; before an operation starts, the first waits[q] of queue q
+/// of its device must be finished, and so must be the operations of `others`. Only copies wait for other devices, and
+/// only for copies.
+struct StreamOp {
+  StreamWork work = StreamWork::eliminate;
+  StreamQueue queue = StreamQueue::in;
+  bool panel = false;  ///< update: the columns stand as load_panel leaves them, not as in the factor array
+  Index unit = 0;      ///< number of the step, or of the group
+  bool grouped = false;
+  Index front = -1;
+  Index begin = 0, end = 0, row = 0;
+  std::array<Offset, 2> at{};    ///< device bytes, by part
+  std::array<Offset, 2> host{};  ///< elements of the host's store, by part (contributions, factors of groups)
+  Offset bytes = 0;              ///< moved
+  std::array<std::int64_t, kStreamQueues> waits{};
+  std::vector<StreamWait> others;
+};
+
+/// What the machine does per second, for choosing among plans.
+struct StreamRates {
+  double bytes_in = 5.5e10;
+  double bytes_out = 5.5e10;
+  /// Of all devices and both directions together: the host's memory, which every byte crosses twice on its way. Fits
+  /// nine points on one and two H200s of one host within 10 %, with a tenth of whichever of queues and memory is faster
+  /// added to the slower.
+  double host_bytes = 6.5e10;
+  double flops = 3e13;
+  double start = 2e-5;       ///< seconds of an operation besides what it computes ...
+  double copy_start = 6e-5;  ///< ... or moves: host threads are woken up for it
+  double chain = 0;          ///< seconds of a pivot, which waits for the one before it
+  int lanes = 1;             ///< queues that compute, 1 or 2 (2: a tenth slower on elasticity 64^3 on one H200)
+  double step = 0;           ///< bytes of an in-core step, of the budget; 0: whichever seems best
+  double group = 0;          ///< bytes of a group of block columns, likewise
+  /// A front above the sub-trees that takes one device longer than so many seconds is shared. Two hand-overs through
+  /// the host take about as long.
+  double share_seconds = 4e-3;
+};
+
+/// A device of several.
+struct StreamDevice {
+  Offset budget_bytes = 0;
+  double speed = 1;  ///< of its arithmetic, relative to the others
+};
+
+/// What one device does. Units are numbered for all devices alike; `steps` holds those of this device at their numbers.
+struct StreamingPlan {
+  Offset arena_bytes = 0;  ///< device memory: the peak, exactly
+  Offset shared_at = 0;    ///< 256 bytes for what all units share
+  std::vector<InCoreStep> steps;
+  std::vector<ColumnGroup> groups;
+  std::vector<StreamOp> ops;
+  std::vector<Offset> factor_store;   ///< fronts; elements of the host's store where the first factor array begins
+  std::vector<Offset> factor2_store;  ///< fronts; likewise of the second (lu; ldlt: large fronts only)
+  Offset store_elements = 0;          ///< of the host's store: factors, then contributions
+  Offset factor_elements = 0;         ///< factors of it
+  Offset bytes_in = 0, bytes_out = 0;
+  int lanes = 1;  ///< queues that compute
+  double predicted_seconds = 0;
+  double link_seconds = 0;  ///< what the busier direction of the link needs alone
+};
+
+/// The best plans that it finds for the budgets, one for each device; the store's places are the same in all.
+/// @pre layout.plan() is one for a single device
+/// @throws Error(out_of_memory) naming the least budget that works
+std::vector<StreamingPlan> plan_streaming(const StreamLayout& layout, const std::vector<StreamDevice>& devices,
+                                          const StreamRates& rates = {});
+
+}  // namespace espalier::out_of_core

@@ -1,0 +1,45 @@
+#include "plan/front_layout.hpp"
+
+#include <algorithm>
+
+namespace espalier::plan {
+
+namespace {
+
+Index round_up(Index x, Index to) { return (x + to - 1) / to * to; }
+
+// Widths by front size, measured on 2 cores with AVX-512 (docs/notebook/performance.md, "tile width").
+Index widest_tile(Index rows, const TileRule& rule) {
+  if (rule.narrow_width > 0 && rows <= rule.narrow_rows) return rule.narrow_width;
+  if (rule.max_block_size > 0) return round_up(std::max(rule.max_block_size, rule.panel), rule.panel);
+  if (rows <= 1024) return 128;
+  if (rows <= 3072) return 144;
+  return 192;
+}
+
+// Width of `size` columns cut into pieces of at most `widest`, a multiple of the panel when there are several pieces.
+Index piece_width(Index size, Index widest, const TileRule& rule) {
+  if (size <= widest) return std::max<Index>(size, 1);
+  if (!rule.even) return widest;
+  const Index pieces = (size + widest - 1) / widest;
+  return round_up((size + pieces - 1) / pieces, rule.panel);
+}
+
+}  // namespace
+
+FrontLayout cut_front(Index pivots, Index rows, const TileRule& rule) {
+  FrontLayout f;
+  f.pivots = pivots;
+  f.rows = rows;
+  f.panel = rule.panel;
+  const bool whole = rows <= rule.whole_rows && pivots <= rule.whole_pivots;
+  const Index widest = whole ? std::max(rule.whole_rows, rule.whole_pivots) : widest_tile(rows, rule);
+  f.pivot_width = piece_width(pivots, widest, rule);
+  f.below_width = piece_width(rows - pivots, widest, rule);
+  f.pivot_tiles = (pivots + f.pivot_width - 1) / f.pivot_width;
+  const Index below = rows - pivots;
+  f.tiles = f.pivot_tiles + (below + f.below_width - 1) / f.below_width;
+  return f;
+}
+
+}  // namespace espalier::plan

@@ -1,0 +1,160 @@
+/// \file
+/// The plan: everything about a factorization that the pattern alone decides. Executors (host, CUDA, simulator) carry
+/// it out; none of them decides anything of its own.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "analysis/assembly_tree.hpp"
+#include "plan/device_assignment.hpp"
+#include "plan/front_layout.hpp"
+#include "analysis/lazy_vector.hpp"
+#include "base/thread_pool.hpp"
+#include "espalier/matrix.hpp"
+#include "matrix/row_index.hpp"
+
+namespace espalier::plan {
+
+/// One unit of work. A *tile task* makes tile (i, j) of front `front`, left-looking: it gathers entries of A and the
+/// children's contributions, subtracts the products of the finished tiles to its left, then factors it (i == j, pivot
+/// column), solves with the diagonal tile (j a pivot column), or leaves it as contribution. A *range task* (`begin` >=
+/// 0) eliminates the fronts begin .. front, a set of whole small fronts, one after another on one worker.
+struct Task {
+  Index front = 0;   ///< the front; the last one of a range
+  Index begin = -1;  ///< first front of a range; -1 for a tile task
+  Index i = 0;
+  Index j = 0;
+  [[nodiscard]] bool is_range() const { return begin >= 0; }
+};
+
+/// An entry of the caller's matrix on its way into a tile: values[source] is added at (row, column) of the tile. For
+/// lu, an entry of U stands transposed, in the tile of U^T (`transposed`), except in diagonal tiles, which are full
+/// squares. Packed into 64 bits: up to 2^40 values, tiles up to 2,047 wide.
+class Entry {
+ public:
+  Entry() = default;
+  Entry(Offset source, Index row, Index col, bool transposed)
+      : bits_(static_cast<std::uint64_t>(source) << 23 | static_cast<std::uint64_t>(row) << 12 |
+              static_cast<std::uint64_t>(col) << 1 | static_cast<std::uint64_t>(transposed)) {}
+  [[nodiscard]] Offset source() const { return static_cast<Offset>(bits_ >> 23); }
+  [[nodiscard]] Index row() const { return static_cast<Index>(bits_ >> 12 & 2047); }
+  [[nodiscard]] Index col() const { return static_cast<Index>(bits_ >> 1 & 2047); }
+  [[nodiscard]] bool transposed() const { return (bits_ & 1) != 0; }
+
+ private:
+  std::uint64_t bits_;
+};
+
+struct Plan;
+
+/// Sizes of a front's arrays in elements, where a backend lays them out differently from FrontLayout.
+struct ArraySizes {
+  std::vector<Offset> factor;        ///< fronts; of L alone
+  std::vector<Offset> contribution;  ///< fronts; of the lower part alone
+  /// Several devices: fronts; the region of memory of its own in which the arrays of a front lie, -1: in none that is
+  /// planned. Empty: all in one arena.
+  std::vector<Index> region;
+  Index regions = 0;       ///< their number
+  std::vector<char> late;  ///< with regions: fronts; 1: its tasks follow all others of its region
+};
+
+/// What shapes the plan besides the tree.
+struct PlanOptions {
+  TileRule tiles;
+  bool unsymmetric = false;  ///< lu: two factor arrays per front
+  bool ldlt = false;         ///< keeps L D of a front beside L while the front is worked on
+  double range_flops = 1e6;  ///< sub-trees of whole small fronts with at most that much work become one range task
+  Offset group_entries =
+      4 << 20;           ///< sub-trees whose contributions all fit here are taken tier by tier, others branch by branch
+  Index interleave = 4;  ///< that many fronts of a tier advance together, block column by block column
+  Index reuse_distance = 64;  ///< a dead region is reused only by fronts that start so many tasks later
+  Index devices = 1;          ///< devices that share the plan
+  /// Several devices: sub-trees per device beyond the first, so that what one device lacks another can give. More of
+  /// them balance better, but leave more of the tree to the shared top and take more memory. By the cost model, on 2
+  /// and 4 devices, the largest load is above the mean by 0, 1, 3: 11, 0.6, 0.6 % of a device's share at worst, and the
+  /// top has 26, 44, 61 % of elasticity 24^3 on 4, and 8, 20, 31 % of a plate of 160 x 160.
+  double additional_subtrees = 1;
+  bool stealing = true;              ///< a device without unopened sub-trees takes one of another
+  CostModel cost = CostModel::host;  ///< by which the tree is cut and dealt to devices
+  /// Speeds of the devices, relative to each other; empty: all are equal.
+  std::vector<double> device_speed;
+  bool balance_columns = false;  ///< block columns of the top are dealt by predicted load, not in turn
+  Index column_group = 1;        ///< at most so many; see DeviceAssignment
+  /// The task list walks every sub-tree alone, so that it can be stolen; else all sub-trees of a device together, so
+  /// that more fronts are in work at a time.
+  bool subtrees_apart = true;
+  /// The sizes for which memory is planned; null: those of FrontLayout. Sees all of the plan but tasks, entries and
+  /// memory.
+  ArraySizes (*array_sizes)(const Plan&) = nullptr;
+  /// One device: fronts that, with all below them, are narrow (TileRule::narrow_rows) or whole stand first in the task
+  /// list.
+  bool narrow_first = false;
+  bool shared_top = true;  ///< block columns of the top are dealt to all devices; else all are the first one's
+};
+
+/// Places in the arena that holds factors, contributions and work arrays; elements, not bytes. A region
+/// is reused once its content is dead; since tasks overlap in time, the front that reuses it first waits for the fronts
+/// in `wait_fronts` to be finished (they stand earlier in the task list, so the wait ends). Contributions inside a
+/// range task never leave the worker: they live on a stack of its own.
+/// With several devices, a sub-tree reuses only places of its own, so that whoever works on it waits for nobody; the
+/// top reuses what the sub-trees leave.
+struct MemoryPlan {
+  Offset size = 0;                    ///< elements of the arena
+  Offset factor_size = 0;             ///< elements of it that hold factors at the end
+  Offset stack_size = 0;              ///< elements of each worker's stack for range tasks
+  std::vector<Offset> factor;         ///< fronts; start of L (tile by tile)
+  std::vector<Offset> factor2;        ///< fronts; start of U^T (lu) or of L D (ldlt, while the front is worked on)
+  std::vector<Offset> contribution;   ///< fronts; start of the contribution, lower part (on the stack: see on_stack)
+  std::vector<Offset> contribution2;  ///< fronts; start of the transposed upper part (lu)
+  std::vector<char> on_stack;         ///< fronts; 1: the contribution is on the worker's stack
+  std::vector<Offset> wait_ptr;       ///< fronts + 1
+  std::vector<Index> wait_fronts;     ///< fronts to wait for before the first write to this front's arrays
+  /// devices; elements that are a device's part of the arena: its sub-trees, its block columns of the top's factors,
+  /// and an even part of what the top needs besides. Their sum is `size` at least. Where memory is planned by regions
+  /// (ArraySizes::region): regions; the elements of each. Places count from the region's start.
+  std::vector<Offset> device_size;
+};
+
+struct Plan {
+  analysis::AssemblyTree tree;
+  PlanOptions options;
+  std::vector<FrontLayout> layout;  ///< fronts
+  std::vector<char> whole;          ///< fronts; 1: taken whole, by a range task
+  std::vector<Offset> child_ptr;    ///< fronts + 1
+  std::vector<Index> children;      ///< in the order in which their contributions are added
+  std::vector<Index> relative;      ///< like tree.rows: the row's place (0-based row) in the parent's front
+  std::vector<Offset> first_tile;   ///< fronts + 1; number of the front's first tile among all tiles
+  std::vector<Offset> entry_ptr;    ///< tiles + 1 (whole fronts: all entries at their first tile)
+  analysis::LazyVector<Entry> entries;        ///< sorted by tile, then column, then row
+  std::vector<Task> tasks;          ///< in topological order
+  std::vector<Index> first_task;    ///< fronts; number of the front's first task
+  std::vector<Index> last_task;     ///< fronts; number of the front's last task
+  std::vector<Index> tier;          ///< fronts; distance from the root
+  DeviceAssignment assignment;
+  MemoryPlan memory;
+  Offset nonzeros_factor = 0;  ///< entries of L (L + U for lu), no padding
+  double flops = 0;            ///< multiply and add count as two
+
+  [[nodiscard]] Index fronts() const { return tree.fronts(); }
+  [[nodiscard]] Offset tiles() const { return first_tile.back(); }
+};
+
+/// Lays out the plan of a matrix with the pattern of `a` (symmetric storage: either triangle or both; duplicates
+/// allowed). For lu, row_of_col[c] is the row matched to column c (empty: c itself): the plan is that of the
+/// row-permuted matrix.
+/// @param rows  index of `a`; null, or of a pattern in both triangles: made here
+Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vector<Index>& row_of_col, const PlanOptions& options,
+               base::ThreadPool& pool, const matrix::RowIndex* rows = nullptr);
+
+/// The plan with its tasks listed for one device; no places in memory.
+Plan plan_for_one_device(const Plan& plan);
+
+/// Memory for a task list: fills plan.memory from plan.tasks. sizes: null for those of FrontLayout. threads: that may
+/// be started where it names regions.
+void plan_memory(Plan& plan, const ArraySizes* sizes = nullptr, int threads = 1);
+
+/// Work of one front: L L^T or L D L^T; twice that for L U.
+double front_flops(Index pivots, Index rows, bool unsymmetric);
+
+}  // namespace espalier::plan

@@ -1,0 +1,245 @@
+#include "plan/task_list.hpp"
+
+#include <algorithm>
+#include <vector>
+
+namespace espalier::plan {
+
+namespace {
+
+class TaskLister {
+ public:
+  explicit TaskLister(Plan& plan) : plan_(plan), fronts_(plan.fronts()) {}
+
+  void list() {
+    measure_subtrees();
+    plan_.tasks.clear();
+    plan_.first_task.assign(static_cast<std::size_t>(fronts_), 0);
+    plan_.last_task.assign(static_cast<std::size_t>(fronts_), 0);
+    if (plan_.assignment.devices > 1) {
+      list_for_devices();
+      return;
+    }
+    // Trees of a forest that fit into one group together are taken together.
+    std::vector<Index> roots;
+    for (Index f = 0; f < fronts_; ++f)
+      if (plan_.tree.parent[f] < 0) roots.push_back(f);
+    if (plan_.options.narrow_first) find_wide();
+    walk_children(roots);
+    append_late();
+  }
+
+ private:
+  void list_for_devices() {
+    DeviceAssignment& a = plan_.assignment;
+    for (auto s = a.subtrees.begin(); s != a.subtrees.end();) {
+      auto end = s;
+      while (end != a.subtrees.end() && end->device == s->device) ++end;
+      std::vector<SubTree*> together;
+      for (auto t = s; t != end; ++t)
+        if (!t->apart) together.push_back(&*t);
+      if (!together.empty()) walk_together(together);
+      for (auto t = s; t != end; ++t)
+        if (t->apart) walk_together({&*t});
+      s = end;
+    }
+    a.top_task = static_cast<Index>(plan_.tasks.size());
+    std::vector<std::vector<Index>> tiers;
+    for (Index f = 0; f < fronts_; ++f) {
+      if (a.subtree(f) >= 0) continue;
+      tiers.resize(std::max(tiers.size(), static_cast<std::size_t>(plan_.tier[f]) + 1));
+      tiers[plan_.tier[f]].push_back(f);
+    }
+    for (auto t = tiers.rbegin(); t != tiers.rend(); ++t) emit_tier(*t);
+  }
+
+  // The fronts that are wide, and those above them.
+  void find_wide() {
+    late_front_.assign(static_cast<std::size_t>(fronts_), 0);
+    for (Index f = 0; f < fronts_; ++f) {
+      if (plan_.whole[f] == 0 && plan_.layout[f].rows > plan_.options.tiles.narrow_rows) late_front_[f] = 1;
+      const Index p = plan_.tree.parent[f];
+      if (p >= 0 && late_front_[f] != 0) late_front_[p] = 1;
+    }
+  }
+  [[nodiscard]] bool is_late(Index f) const { return !late_front_.empty() && late_front_[f] != 0; }
+
+  void append_late() {
+    const auto before = static_cast<Index>(plan_.tasks.size());
+    plan_.tasks.insert(plan_.tasks.end(), late_.begin(), late_.end());
+    for (Index f = 0; f < fronts_; ++f)
+      if (is_late(f)) {
+        plan_.first_task[f] += before;
+        plan_.last_task[f] += before;
+      }
+  }
+
+  void walk_together(const std::vector<SubTree*>& subtrees) {
+    std::vector<Index> roots;
+    for (const SubTree* s : subtrees) roots.insert(roots.end(), s->roots.begin(), s->roots.end());
+    const auto first = static_cast<Index>(plan_.tasks.size());
+    walk_children(roots);
+    for (SubTree* s : subtrees) {
+      s->first_task = first;
+      s->end_task = static_cast<Index>(plan_.tasks.size());
+    }
+  }
+
+  // For every front: the first front of its sub-tree, the sub-tree's work and contributions, whether it is one range.
+  void measure_subtrees() {
+    const auto n = static_cast<std::size_t>(fronts_);
+    subtree_begin_.resize(n);
+    is_range_.assign(n, 0);
+    entries_.assign(n, 0);
+    std::vector<double> flops(n);
+    for (Index f = 0; f < fronts_; ++f) {
+      subtree_begin_[f] = f;
+      bool all_ranges = true;
+      double work = front_flops(plan_.layout[f].pivots, plan_.layout[f].rows, plan_.options.unsymmetric);
+      for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c) {
+        const Index child = plan_.children[c];
+        subtree_begin_[f] = std::min(subtree_begin_[f], subtree_begin_[child]);
+        all_ranges = all_ranges && is_range_[child] != 0;
+        work += flops[child];
+        entries_[f] += entries_[child];
+      }
+      flops[f] = work;
+      is_range_[f] = static_cast<char>(all_ranges && plan_.whole[f] != 0 && work <= plan_.options.range_flops);
+      if (is_range_[f] != 0) entries_[f] = 0;
+      entries_[f] += plan_.layout[f].contribution_size();
+    }
+  }
+
+  // Sub-trees side by side: small ones are gathered into groups, a large one is walked alone. An explicit stack keeps
+  // deep trees (chains) from exhausting the thread's.
+  void walk_children(const std::vector<Index>& roots) {
+    struct Step {
+      Index front;
+      bool children_done;
+    };
+    std::vector<Step> stack;
+    std::vector<Index> group;
+    const auto push = [&](const auto& list) {
+      for (auto it = list.rbegin(); it != list.rend(); ++it) stack.push_back({*it, false});
+    };
+    push(roots);
+    Offset gathered = 0;
+    const auto flush = [&] {
+      if (!group.empty()) emit_group(group);
+      group.clear();
+      gathered = 0;
+    };
+    while (!stack.empty()) {
+      const Step step = stack.back();
+      stack.pop_back();
+      const Index f = step.front;
+      if (step.children_done) {
+        flush();
+        emit_tier({f});
+      } else if (entries_[f] <= plan_.options.group_entries || is_range_[f] != 0) {
+        if (gathered + entries_[f] > plan_.options.group_entries) flush();
+        group.push_back(f);
+        gathered += entries_[f];
+      } else {
+        stack.push_back({f, true});
+        push(std::vector<Index>(plan_.children.begin() + plan_.child_ptr[f],
+                                plan_.children.begin() + plan_.child_ptr[f + 1]));
+      }
+    }
+    flush();
+  }
+
+  // All fronts of the sub-trees under `roots`, deepest tier first.
+  void emit_group(const std::vector<Index>& roots) {
+    std::vector<std::vector<Index>> tiers;
+    std::vector<Index> now = roots;
+    while (!now.empty()) {
+      std::vector<Index> below;
+      for (const Index f : now)
+        if (is_range_[f] == 0)
+          below.insert(below.end(), plan_.children.begin() + plan_.child_ptr[f],
+                       plan_.children.begin() + plan_.child_ptr[f + 1]);
+      tiers.push_back(std::move(now));
+      now = std::move(below);
+    }
+    for (auto t = tiers.rbegin(); t != tiers.rend(); ++t) emit_tier(*t);
+  }
+
+  void emit_tier(const std::vector<Index>& tier) {
+    std::vector<Index> tiled;
+    for (const Index f : tier)
+      if (plan_.whole[f] != 0)
+        emit_range(f);
+      else
+        tiled.push_back(f);
+    // Largest first, so that the last ones to finish are small; the number decides among equals.
+    std::stable_sort(tiled.begin(), tiled.end(),
+                     [&](Index a, Index b) { return plan_.layout[a].tile_count() > plan_.layout[b].tile_count(); });
+    const auto step = static_cast<std::size_t>(std::max<Index>(1, plan_.options.interleave));
+    for (std::size_t b = 0; b < tiled.size(); b += step)
+      emit_tiles({tiled.begin() + static_cast<std::ptrdiff_t>(b),
+                  tiled.begin() + static_cast<std::ptrdiff_t>(std::min(tiled.size(), b + step))});
+  }
+
+  void emit_range(Index f) {
+    std::vector<Task>& list = is_late(f) ? late_ : plan_.tasks;
+    const auto at = static_cast<Index>(list.size());
+    const Index begin = is_range_[f] != 0 ? subtree_begin_[f] : f;
+    for (Index g = begin; g <= f; ++g) plan_.first_task[g] = plan_.last_task[g] = at;
+    list.push_back({f, begin, 0, 0});
+  }
+
+  // The fronts advance together, one block column a step. What the next step hangs on comes first: tile (s, s - 1),
+  // which completes the row of the next diagonal tile, that diagonal tile, and only then the rest of column s - 1,
+  // behind which the factorization of the diagonal tile hides.
+  void emit_tiles(const std::vector<Index>& fronts) {
+    Index steps = 0;
+    for (const Index f : fronts) {
+      steps = std::max(steps, plan_.layout[f].pivot_tiles);
+      plan_.first_task[f] = -1;
+    }
+    for (Index s = 0; s <= steps; ++s) {
+      for (const Index f : fronts)
+        if (s > 0 && s <= plan_.layout[f].pivot_tiles && s < plan_.layout[f].tiles) emit_tile(f, s, s - 1);
+      for (const Index f : fronts)
+        if (s < plan_.layout[f].pivot_tiles) emit_tile(f, s, s);
+      for (const Index f : fronts)
+        if (s > 0 && s <= plan_.layout[f].pivot_tiles)
+          for (Index i = s + 1; i < plan_.layout[f].tiles; ++i) emit_tile(f, i, s - 1);
+    }
+    for (const Index f : fronts)
+      for (Index j = plan_.layout[f].pivot_tiles; j < plan_.layout[f].tiles; ++j)
+        for (Index i = j; i < plan_.layout[f].tiles; ++i) emit_tile(f, i, j);
+  }
+
+  void emit_tile(Index f, Index i, Index j) {
+    std::vector<Task>& list = is_late(f) ? late_ : plan_.tasks;
+    const auto at = static_cast<Index>(list.size());
+    if (plan_.first_task[f] < 0) plan_.first_task[f] = at;
+    plan_.last_task[f] = at;
+    list.push_back({f, -1, i, j});
+  }
+
+  Plan& plan_;
+  Index fronts_;
+  std::vector<Index> subtree_begin_;
+  std::vector<char> is_range_;
+  std::vector<char> late_front_;  // fronts; see PlanOptions::narrow_first; empty: none is late
+  std::vector<Task> late_;
+  std::vector<Offset> entries_;  // contribution entries of a sub-tree that its group holds
+};
+
+}  // namespace
+
+void list_tasks(Plan& plan) { TaskLister(plan).list(); }
+
+Plan plan_for_one_device(const Plan& plan) {
+  Plan one = plan;
+  one.memory = MemoryPlan{};
+  one.options.devices = 1;
+  one.assignment = assign_devices(one);
+  list_tasks(one);
+  return one;
+}
+
+}  // namespace espalier::plan

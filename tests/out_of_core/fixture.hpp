@@ -1,0 +1,177 @@
+/// \file
+/// Systems that stream, and their factorization in core to compare with.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "analysis/ordering.hpp"
+#include "plan/plan.hpp"
+#include "device/host/host_executor.hpp"
+#include "device/host/out_of_core/host_stream.hpp"
+#include "out_of_core/executor.hpp"
+#include "matrix/generators/generate.hpp"
+
+namespace espalier::test {
+
+using device::FactorOutcome;
+using device::host::HostStreamOptions;
+
+inline constexpr double kTiny = 1e-14;
+
+struct StreamedSystem {
+  std::vector<std::string> words;
+  Kind kind;
+};
+
+class StreamedFactorization : public ::testing::TestWithParam<StreamedSystem> {
+ protected:
+  void SetUp() override {
+    a_ = matrix::generate(matrix::parse_generator(GetParam().words), &pool_);
+    plan::PlanOptions options;
+    options.unsymmetric = GetParam().kind == Kind::lu;
+    options.ldlt = GetParam().kind == Kind::ldlt;
+    options.group_entries = 1 << 14;
+    options.reuse_distance = 8;
+    options.tiles.max_block_size = 16;  // small systems, too, shall have fronts of many tiles
+    options.tiles.whole_rows = 32;
+    options.range_flops = 2e4;
+    plan_ = plan::make_plan(analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_), a_, {}, options, pool_);
+    auto in_core =
+        device::host::make_host_executor<double>(plan_, GetParam().kind, {0.01, kTiny}, pool_, nullptr, nullptr);
+    outcome_ = in_core->factorize(a_.values);
+    x_ = solved(*in_core, false);
+    need_ = plan_.memory.size * static_cast<Offset>(sizeof(double));
+    floor_ = floor_of({HostStreamOptions{}});
+  }
+
+  // The least budget of each of these devices, as the refusal of a tiny one names it.
+  Offset floor_of(const std::vector<HostStreamOptions>& devices) {
+    try {
+      (void)start(std::vector<out_of_core::StreamDevice>(devices.size(), {1000}), devices);
+    } catch (const Error& e) {
+      EXPECT_EQ(e.status().code, StatusCode::out_of_memory);
+      const std::string text = e.what(), mark = "streaming needs: ";
+      return std::stoll(text.substr(text.find(mark) + mark.size()));
+    }
+    ADD_FAILURE() << "1000 bytes were enough";
+    return 0;
+  }
+
+  std::unique_ptr<device::Executor<double>> start(Offset budget, HostStreamOptions options = {}) {
+    return start({{budget}}, {std::move(options)});
+  }
+  std::unique_ptr<device::Executor<double>> start(const std::vector<out_of_core::StreamDevice>& devices,
+                                                  std::vector<HostStreamOptions> options) {
+    out_of_core::StreamingOptions streaming;
+    streaming.pinned_bytes = pinned_bytes_;
+    streaming.pinned_piece_bytes = 16 << 10;
+    streaming.least_direct_bytes = 1;
+    streaming.devices = devices;
+    streaming.slot_bytes = 4096;  // copies of many pieces
+    streaming.slots = 3;
+    streaming.rates.share_seconds = 0;
+    std::vector<std::unique_ptr<out_of_core::StreamBackend<double>>> backends;
+    for (HostStreamOptions& o : options)
+      backends.push_back(
+          device::host::make_host_stream<double>(plan_, GetParam().kind, {0.01, kTiny}, pool_, nullptr, std::move(o)));
+    return out_of_core::make_streaming_executor<double>(std::move(backends), streaming, nullptr);
+  }
+
+  [[nodiscard]] std::vector<double> rhs() const {
+    std::mt19937_64 random(5);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    std::vector<double> b(static_cast<std::size_t>(a_.cols));
+    for (double& v : b) v = uniform(random);
+    return b;
+  }
+  std::vector<double> solved(device::Executor<double>& executor, bool transpose) {
+    std::vector<double> x = rhs();
+    executor.solve(x.data(), 1, transpose);
+    return x;
+  }
+
+  // Largest difference of x to the truth, of the truth's largest entry.
+  static double difference(const std::vector<double>& x, const std::vector<double>& truth) {
+    double most = 0, size = 0;
+    for (std::size_t k = 0; k < x.size(); ++k) {
+      most = std::max(most, std::abs(x[k] - truth[k]));
+      size = std::max(size, std::abs(truth[k]));
+    }
+    return most / size;
+  }
+  // To the answer in core.
+  [[nodiscard]] double difference(const std::vector<double>& x) const { return difference(x, x_); }
+  // The systems' condition numbers are below 1e6 (scaled or small ones).
+  [[nodiscard]] double tolerance() const {
+    return 1e6 * std::numeric_limits<double>::epsilon() * std::sqrt(static_cast<double>(a_.cols));
+  }
+
+  void expect_the_same(const FactorOutcome& o) const {
+    EXPECT_EQ(o.not_positive, outcome_.not_positive);
+    EXPECT_EQ(o.negative, outcome_.negative);
+    EXPECT_EQ(o.replaced, outcome_.replaced);
+    EXPECT_NEAR(o.determinant_log, outcome_.determinant_log, 1e-10 * (1 + std::abs(outcome_.determinant_log)));
+    EXPECT_EQ(o.determinant_sign, outcome_.determinant_sign);
+  }
+
+  // Fails one operation of a device, until it is mended.
+  struct PulledCable {
+    int after;  // operations
+    int runs = 0;
+    bool armed = true;
+    void operator()(const out_of_core::StreamOp&) {
+      if (armed && runs++ == after) throw Error(StatusCode::device_error, "the cable was pulled");
+    }
+  };
+  // The failure ends a factorization, and the next one works.
+  void expect_recovery(device::Executor<double>& executor, PulledCable& cable) {
+    try {
+      (void)executor.factorize(a_.values);
+      EXPECT_LE(cable.runs, cable.after) << "a failure went unnoticed";
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find("cable"), std::string::npos);
+    }
+    cable.armed = false;
+    expect_the_same(executor.factorize(a_.values));
+    EXPECT_LE(difference(solved(executor, false)), tolerance());
+  }
+
+  // Eight right-hand sides of the transposed system, against the executor in core.
+  void expect_transposed_as_in_core(device::Executor<double>& executor) {
+    (void)executor.factorize(a_.values);
+    auto in_core =
+        device::host::make_host_executor<double>(plan_, GetParam().kind, {0.01, kTiny}, pool_, nullptr, nullptr);
+    (void)in_core->factorize(a_.values);
+    const Index columns = 8;
+    std::vector<double> x(static_cast<std::size_t>(a_.cols) * columns);
+    for (std::size_t k = 0; k < x.size(); ++k) x[k] = std::sin(static_cast<double>(k));
+    std::vector<double> y = x;
+    executor.solve(x.data(), columns, true);
+    in_core->solve(y.data(), columns, true);
+    EXPECT_LE(difference(x, y), tolerance());
+  }
+
+  base::ThreadPool pool_{2};
+  SparseMatrix a_;
+  plan::Plan plan_;
+  FactorOutcome outcome_;
+  std::vector<double> x_;
+  Offset need_ = 0;          // bytes in core
+  Offset floor_ = 0;         // bytes of the least budget
+  Offset pinned_bytes_ = 0;  // of the store may be page-locked
+};
+
+inline bool same_bits(const std::vector<double>& x, const std::vector<double>& y) {
+  return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size() * sizeof(double)) == 0;
+}
+
+}  // namespace espalier::test
