@@ -12,12 +12,12 @@
 #include <random>
 
 #include "base/timeline.hpp"
-#include "device/cuda/runtime/cuda_faults.hpp"
 #include "device/cuda/out_of_core/cuda_stream.hpp"
-#include "out_of_core/executor.hpp"
+#include "device/cuda/runtime/cuda_faults.hpp"
 #include "gpu/gpu_case.hpp"
 #include "gpu/gpu_document.hpp"
 #include "matrix/residual.hpp"
+#include "out_of_core/executor.hpp"
 
 namespace espalier::bench {
 namespace {
@@ -118,8 +118,9 @@ class Curve {
   /// Bytes of each device below which no plan exists.
   Offset floor_of(int count) {
     try {
-      (void)out_of_core::plan_streaming(*device::cuda::make_cuda_stream<T>(c_.plan, c_.kind, numbers_.rule, pool_),
-                                     std::vector<out_of_core::StreamDevice>(static_cast<std::size_t>(count), {1000}));
+      (void)out_of_core::plan_streaming(
+          *device::cuda::make_cuda_stream<T>(c_.plan, c_.kind, numbers_.rule, pool_),
+          std::vector<out_of_core::StreamDevice>(static_cast<std::size_t>(count), {1000}));
     } catch (const Error& e) {
       const std::string text = e.what(), mark = "streaming needs: ";
       return std::stoll(text.substr(text.find(mark) + mark.size()));

@@ -37,7 +37,7 @@ void lay_out_for_gpus(GpuCase& c, int devices, const device::cuda::DeviceTuning&
   const double start = base::now_seconds();
   c.devices = devices;
   c.plan = plan::make_plan(c.tree, c.equations.a, c.equations.row_of_col,
-                               device::cuda::cuda_plan_options(c.kind, tuning, devices), pool);
+                           device::cuda::cuda_plan_options(c.kind, tuning, devices), pool);
   c.plan_seconds = base::now_seconds() - start;
 }
 

@@ -1,5 +1,6 @@
 /// \file
-/// Results of the GPU's own programs in the schema espalier-bench/1 (docs/guide/measure.md), and the options that they share.
+/// Results of the GPU's own programs in the schema espalier-bench/1 (docs/guide/measure.md), and the options that they
+/// share.
 #pragma once
 
 #include <nlohmann/json.hpp>

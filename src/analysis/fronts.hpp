@@ -20,8 +20,8 @@ struct FrontTree {
   [[nodiscard]] Index fronts() const { return static_cast<Index>(parent.size()); }
 };
 
-/// Time of one small front as the amalgamation sees it, fitted to refactorizations on the host (docs/notebook/performance.md,
-/// "cost model"):
+/// Time of one small front as the amalgamation sees it, fitted to refactorizations on the host
+/// (docs/notebook/performance.md, "cost model"):
 ///   seconds = front + entry * (entries of its columns) + contribution * (entries handed to the parent)
 ///           + flop * flops * (1 + narrow / width).
 struct AmalgamationCost {

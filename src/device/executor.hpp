@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "plan/plan.hpp"
 #include "base/memory.hpp"
 #include "espalier/types.hpp"
+#include "plan/plan.hpp"
 
 namespace espalier::device {
 

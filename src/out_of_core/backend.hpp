@@ -9,10 +9,10 @@
 #include <span>
 #include <string>
 
-#include "out_of_core/streaming_plan.hpp"
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "device/executor.hpp"
+#include "out_of_core/streaming_plan.hpp"
 
 namespace espalier::out_of_core {
 

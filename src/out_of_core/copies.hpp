@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "out_of_core/streaming_plan.hpp"
 #include "base/thread_pool.hpp"
+#include "out_of_core/streaming_plan.hpp"
 
 namespace espalier::out_of_core {
 

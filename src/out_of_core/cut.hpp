@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "out_of_core/streaming_plan.hpp"
 #include "out_of_core/share.hpp"
+#include "out_of_core/streaming_plan.hpp"
 
 namespace espalier::out_of_core {
 

@@ -10,10 +10,10 @@
 
 #include "base/thread_pool.hpp"
 #include "out_of_core/backend.hpp"
-#include "out_of_core/pinned_store.hpp"
 #include "out_of_core/copies.hpp"
-#include "out_of_core/progress.hpp"
 #include "out_of_core/executor.hpp"
+#include "out_of_core/pinned_store.hpp"
+#include "out_of_core/progress.hpp"
 
 namespace espalier::out_of_core {
 

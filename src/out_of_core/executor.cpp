@@ -9,16 +9,16 @@
 #include <utility>
 
 #include "base/timeline.hpp"
-#include "out_of_core/pinned_store.hpp"
 #include "out_of_core/device_run.hpp"
+#include "out_of_core/pinned_store.hpp"
 
 namespace espalier::out_of_core {
 
 namespace {
 
 using device::FactorOutcome;
-using out_of_core::StreamBackend;
 using device::StreamReport;
+using out_of_core::StreamBackend;
 
 // Sums of what the devices' pivots came to, in the order of the devices.
 device::FactorOutcome together(const std::vector<device::FactorOutcome>& parts) {
@@ -171,8 +171,8 @@ class StreamingExecutor final : public device::Executor<T> {
   std::deque<StreamDeviceRun<T>> devices_;
   std::vector<StreamBackend<T>*> backends_;  // of the devices
   base::Buffer<T> store_;
-  std::optional<PinnedStore> pinned_;    // of the store; ends before it
-  bool again_ = false;                   // a factorization was asked for before
+  std::optional<PinnedStore> pinned_;            // of the store; ends before it
+  bool again_ = false;                           // a factorization was asked for before
   std::vector<device::FactorOutcome> outcomes_;  // devices; of the last factorization
   std::mutex error_mutex_;
   std::exception_ptr error_;

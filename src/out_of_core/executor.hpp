@@ -12,11 +12,11 @@ namespace espalier::out_of_core {
 
 struct StreamingOptions {
   std::vector<out_of_core::StreamDevice> devices;  ///< one for each backend
-  Offset slot_bytes = 8 << 20;                  ///< of a buffer of the staging ring
-  int slots = 6;                                ///< buffers in each direction, for each device
-  int copy_threads = 1;                         ///< in each direction, for each device
-  Offset pinned_bytes = 0;                      ///< of the host's store that may be page-locked (PinnedStore)
-  Offset pinned_piece_bytes = 64 << 20;         ///< at a time
+  Offset slot_bytes = 8 << 20;                     ///< of a buffer of the staging ring
+  int slots = 6;                                   ///< buffers in each direction, for each device
+  int copy_threads = 1;                            ///< in each direction, for each device
+  Offset pinned_bytes = 0;                         ///< of the host's store that may be page-locked (PinnedStore)
+  Offset pinned_piece_bytes = 64 << 20;            ///< at a time
   /// Mean bytes of the pieces of a copy from which on it goes without the ring: at 55 GB/s such a piece takes two
   /// microseconds, about as long as asking for it.
   Offset least_direct_bytes = 128 << 10;

@@ -62,11 +62,11 @@ class StreamLayout {
 
 /// Fronts that are eliminated together. Places are bytes of the device arena.
 struct InCoreStep {
-  std::vector<Index> fronts;     ///< ascending
-  std::vector<Index> externals;  ///< children of these fronts that were eliminated before, ascending
-  std::vector<plan::Task> tasks;       ///< of these fronts
-  plan::MemoryPlan memory;             ///< by place in `fronts`; elements from work_at on
-  Offset entries = 0;            ///< entries of A
+  std::vector<Index> fronts;      ///< ascending
+  std::vector<Index> externals;   ///< children of these fronts that were eliminated before, ascending
+  std::vector<plan::Task> tasks;  ///< of these fronts
+  plan::MemoryPlan memory;        ///< by place in `fronts`; elements from work_at on
+  Offset entries = 0;             ///< entries of A
   Offset tables_at = 0, values_at = 0, scratch_at = 0, work_at = 0;
   std::vector<std::array<Offset, 2>> external_at;  ///< contributions of the externals, lower and upper part
   std::vector<std::array<Offset, 2>>

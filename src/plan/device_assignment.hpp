@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "plan/front_cost.hpp"
 #include "espalier/types.hpp"
+#include "plan/front_cost.hpp"
 
 namespace espalier::plan {
 

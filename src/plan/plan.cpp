@@ -9,8 +9,8 @@
 
 #include "analysis/fronts.hpp"
 #include "analysis/lazy_vector.hpp"
-#include "plan/task_list.hpp"
 #include "base/beside.hpp"
+#include "plan/task_list.hpp"
 
 namespace espalier::plan {
 
@@ -289,8 +289,8 @@ double front_flops(Index pivots, Index rows, bool unsymmetric) {
   return unsymmetric ? 2 * symmetric : symmetric;
 }
 
-Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vector<Index>& row_of_col, const PlanOptions& options,
-               base::ThreadPool& pool, const matrix::RowIndex* rows) {
+Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vector<Index>& row_of_col,
+               const PlanOptions& options, base::ThreadPool& pool, const matrix::RowIndex* rows) {
   if (options.tiles.max_block_size > kMostTileWidth || options.tiles.whole_rows > kMostTileWidth)
     throw Error(StatusCode::invalid_input, fmt::format("max_block_size {} is above the limit of {}",
                                                        options.tiles.max_block_size, kMostTileWidth));

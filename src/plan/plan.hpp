@@ -7,12 +7,12 @@
 #include <vector>
 
 #include "analysis/assembly_tree.hpp"
-#include "plan/device_assignment.hpp"
-#include "plan/front_layout.hpp"
 #include "analysis/lazy_vector.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
 #include "matrix/row_index.hpp"
+#include "plan/device_assignment.hpp"
+#include "plan/front_layout.hpp"
 
 namespace espalier::plan {
 
@@ -119,18 +119,18 @@ struct MemoryPlan {
 struct Plan {
   analysis::AssemblyTree tree;
   PlanOptions options;
-  std::vector<FrontLayout> layout;  ///< fronts
-  std::vector<char> whole;          ///< fronts; 1: taken whole, by a range task
-  std::vector<Offset> child_ptr;    ///< fronts + 1
-  std::vector<Index> children;      ///< in the order in which their contributions are added
-  std::vector<Index> relative;      ///< like tree.rows: the row's place (0-based row) in the parent's front
-  std::vector<Offset> first_tile;   ///< fronts + 1; number of the front's first tile among all tiles
-  std::vector<Offset> entry_ptr;    ///< tiles + 1 (whole fronts: all entries at their first tile)
-  analysis::LazyVector<Entry> entries;        ///< sorted by tile, then column, then row
-  std::vector<Task> tasks;          ///< in topological order
-  std::vector<Index> first_task;    ///< fronts; number of the front's first task
-  std::vector<Index> last_task;     ///< fronts; number of the front's last task
-  std::vector<Index> tier;          ///< fronts; distance from the root
+  std::vector<FrontLayout> layout;      ///< fronts
+  std::vector<char> whole;              ///< fronts; 1: taken whole, by a range task
+  std::vector<Offset> child_ptr;        ///< fronts + 1
+  std::vector<Index> children;          ///< in the order in which their contributions are added
+  std::vector<Index> relative;          ///< like tree.rows: the row's place (0-based row) in the parent's front
+  std::vector<Offset> first_tile;       ///< fronts + 1; number of the front's first tile among all tiles
+  std::vector<Offset> entry_ptr;        ///< tiles + 1 (whole fronts: all entries at their first tile)
+  analysis::LazyVector<Entry> entries;  ///< sorted by tile, then column, then row
+  std::vector<Task> tasks;              ///< in topological order
+  std::vector<Index> first_task;        ///< fronts; number of the front's first task
+  std::vector<Index> last_task;         ///< fronts; number of the front's last task
+  std::vector<Index> tier;              ///< fronts; distance from the root
   DeviceAssignment assignment;
   MemoryPlan memory;
   Offset nonzeros_factor = 0;  ///< entries of L (L + U for lu), no padding
@@ -144,8 +144,8 @@ struct Plan {
 /// allowed). For lu, row_of_col[c] is the row matched to column c (empty: c itself): the plan is that of the
 /// row-permuted matrix.
 /// @param rows  index of `a`; null, or of a pattern in both triangles: made here
-Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vector<Index>& row_of_col, const PlanOptions& options,
-               base::ThreadPool& pool, const matrix::RowIndex* rows = nullptr);
+Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vector<Index>& row_of_col,
+               const PlanOptions& options, base::ThreadPool& pool, const matrix::RowIndex* rows = nullptr);
 
 /// The plan with its tasks listed for one device; no places in memory.
 Plan plan_for_one_device(const Plan& plan);

@@ -3,8 +3,8 @@
 #include <future>
 #include <limits>
 
-#include "plan/memory_plan.hpp"
 #include "base/beside.hpp"
+#include "plan/memory_plan.hpp"
 
 namespace espalier::plan {
 

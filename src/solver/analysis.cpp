@@ -97,8 +97,8 @@ void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
     gpu_options.stealing = options.sharing.stealing && device.unequal;  // among equal ones it only costs (measured)
     gpu_options.shared_top = options.sharing.shared_top;
     gpu_options.device_speed = device.speed;
-    plan = plan::make_plan(std::move(tree), equations.a, equations.row_of_col, gpu_options, pool,
-                               &residual.row_index());
+    plan =
+        plan::make_plan(std::move(tree), equations.a, equations.row_of_col, gpu_options, pool, &residual.row_index());
     return;
   }
   plan::PlanOptions plan_options;
@@ -112,8 +112,7 @@ void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
   plan_options.shared_top = options.sharing.shared_top;
   plan_options.interleave = static_cast<Index>(2 * pool.size());
   plan_options.reuse_distance = static_cast<Index>(16 * pool.size());
-  plan = plan::make_plan(std::move(tree), equations.a, equations.row_of_col, plan_options, pool,
-                             &residual.row_index());
+  plan = plan::make_plan(std::move(tree), equations.a, equations.row_of_col, plan_options, pool, &residual.row_index());
 }
 
 void Solver::Impl::describe_plan(double start) {

@@ -6,15 +6,16 @@
 #include <charconv>
 #include <cmath>
 
-#include "plan/plan.hpp"
 #include "device/cuda/executor/cuda_executor.hpp"
+#include "plan/plan.hpp"
 #include "solver/option_check.hpp"
 
 namespace espalier::solver {
 
 namespace {
 
-// Cost models, from refactorizations on 2 and 16 AVX-512 cores and on one H200 (docs/notebook/performance.md, "cost model").
+// Cost models, from refactorizations on 2 and 16 AVX-512 cores and on one H200 (docs/notebook/performance.md, "cost
+// model").
 constexpr double kHostFlopsPerSecond = 6e10;  // per thread
 constexpr double kHostSecondsPerFront = 1.5e-6;
 constexpr double kGpuStartSeconds = 2e-4;  // values to the device, launch, outcome back

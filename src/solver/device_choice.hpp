@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "plan/front_cost.hpp"
 #include "device/cuda/runtime/device_rates.hpp"
 #include "espalier/solver.hpp"
+#include "plan/front_cost.hpp"
 
 namespace espalier::solver {
 
@@ -45,7 +45,7 @@ struct PredictedTime {
   double flops = 0;
   double host_seconds = 0;
   double gpu_seconds = 0;  ///< on one
-  plan::GpuTime gpu;   ///< without what it takes to bring values there and the outcome back
+  plan::GpuTime gpu;       ///< without what it takes to bring values there and the outcome back
 
   [[nodiscard]] double gpu_seconds_on(int devices) const { return gpu_seconds - gpu.on(1) + gpu.on(devices); }
 };

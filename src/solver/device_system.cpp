@@ -17,9 +17,9 @@ class DeviceSystemOf final : public DeviceSystem {
  public:
   using Equations = device::cuda::DeviceEquations<T>;
 
-  DeviceSystemOf(const plan::Plan& plan, const solver::Equations& equations,
-                 const solve::ResidualOperator& residual, Kind kind, device::cuda::CudaExecutor<T>& executor,
-                 int device, Offset memory_bytes, base::ThreadPool& pool)
+  DeviceSystemOf(const plan::Plan& plan, const solver::Equations& equations, const solve::ResidualOperator& residual,
+                 Kind kind, device::cuda::CudaExecutor<T>& executor, int device, Offset memory_bytes,
+                 base::ThreadPool& pool)
       : n_(plan.tree.n), values_(equations.a.values), executor_(executor) {
     device::cuda::EquationArrays arrays;
     const matrix::RowIndex& index = residual.row_index();

@@ -6,8 +6,8 @@
 #include <optional>
 #include <span>
 
-#include "plan/plan.hpp"
 #include "device/cuda/executor/device_equations.hpp"
+#include "plan/plan.hpp"
 #include "solve/residual.hpp"
 #include "solver/equations.hpp"
 

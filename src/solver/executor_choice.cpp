@@ -22,7 +22,7 @@ Offset slot_bytes(Offset budget) {
 }
 
 out_of_core::StreamingOptions streaming_options(const std::vector<Offset>& budgets, const std::vector<double>& speed,
-                                           int copy_threads) {
+                                                int copy_threads) {
   out_of_core::StreamingOptions o;
   Offset least = budgets.front();
   for (std::size_t d = 0; d < budgets.size(); ++d) {
@@ -79,7 +79,8 @@ std::unique_ptr<device::Executor<T>> stream_on_gpus(const plan::Plan& plan, cons
       budgets.push_back(bytes);
     }
     try {
-      out_of_core::StreamingOptions streaming = streaming_options(budgets, options.device.speed, pool.size() / (2 * gpus));
+      out_of_core::StreamingOptions streaming =
+          streaming_options(budgets, options.device.speed, pool.size() / (2 * gpus));
       streaming.pinned_bytes = pinned_bytes(options.pinned_memory_bytes);
       streaming.rates = device::cuda::cuda_stream_rates(options.kind, streaming.pinned_bytes > 0);
       return out_of_core::make_streaming_executor<T>(

@@ -5,9 +5,9 @@
 #include <memory>
 #include <optional>
 
-#include "plan/plan.hpp"
 #include "base/timeline.hpp"
 #include "device/executor.hpp"
+#include "plan/plan.hpp"
 #include "solver/device_choice.hpp"
 #include "solver/device_system.hpp"
 #include "solver/equations.hpp"

@@ -7,11 +7,11 @@
 #include <optional>
 
 #include "analysis/ordering.hpp"
-#include "plan/plan.hpp"
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "base/timeline.hpp"
 #include "espalier/solver.hpp"
+#include "plan/plan.hpp"
 #include "solve/refinement.hpp"
 #include "solve/residual.hpp"
 #include "solver/device_choice.hpp"

@@ -211,7 +211,7 @@ TEST(CudaDevicesStealing, SomebodySteals) {
   device::cuda::DeviceTuning tuning;
   tuning.stealing = true;
   const auto plan = plan::make_plan(analysis::build_tree(analysis::graph_of(a, pool), {}, pool), a, {},
-                                        device::cuda::cuda_plan_options(Kind::llt, tuning, 2), pool);
+                                    device::cuda::cuda_plan_options(Kind::llt, tuning, 2), pool);
   const DevicePlan tables = device::cuda::make_device_plan(plan, Kind::llt);
   ASSERT_GT(tables.regions.size(), static_cast<std::size_t>(tables.first_stealable));
   bool listed = false;

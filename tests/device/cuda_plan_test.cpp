@@ -33,8 +33,7 @@ class CudaPlan : public ::testing::TestWithParam<Parameter> {
     tuning.group_entries = 1 << 18;
     tuning.reuse_distance = 64;
     auto tree = analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_);
-    plan_ =
-        plan::make_plan(std::move(tree), a_, {}, device::cuda::cuda_plan_options(GetParam().kind, tuning), pool_);
+    plan_ = plan::make_plan(std::move(tree), a_, {}, device::cuda::cuda_plan_options(GetParam().kind, tuning), pool_);
     device_ = device::cuda::make_device_plan(plan_, GetParam().kind);
     lists_ = device_.lists.front();
   }

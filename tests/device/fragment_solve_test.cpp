@@ -33,8 +33,7 @@ class FragmentSolve : public ::testing::TestWithParam<Parameter> {
     device::cuda::DeviceTuning tuning;
     tuning.narrow_rows = 150;
     auto tree = analysis::build_tree(analysis::graph_of(a, pool_), {}, pool_);
-    plan_ =
-        plan::make_plan(std::move(tree), a, {}, device::cuda::cuda_plan_options(GetParam().kind, tuning), pool_);
+    plan_ = plan::make_plan(std::move(tree), a, {}, device::cuda::cuda_plan_options(GetParam().kind, tuning), pool_);
     device_ = device::cuda::make_device_plan(plan_, GetParam().kind);
     fill_factors();
   }

@@ -20,7 +20,7 @@ device::cuda::DevicePlan tables_for(Index devices) {
   device::cuda::DeviceTuning tuning;
   tuning.narrow_rows = 200;
   const auto plan = plan::make_plan(analysis::build_tree(analysis::graph_of(a, pool), {}, pool), a, {},
-                                        device::cuda::cuda_plan_options(Kind::llt, tuning, devices), pool);
+                                    device::cuda::cuda_plan_options(Kind::llt, tuning, devices), pool);
   return device::cuda::make_device_plan(plan, Kind::llt);
 }
 

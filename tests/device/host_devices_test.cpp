@@ -12,10 +12,10 @@
 #include <vector>
 
 #include "analysis/ordering.hpp"
-#include "plan/plan.hpp"
 #include "device/host/host_executor.hpp"
 #include "matrix/generators/generate.hpp"
 #include "matrix/generators/random.hpp"
+#include "plan/plan.hpp"
 
 namespace espalier {
 namespace {
@@ -53,8 +53,7 @@ class Machine {
     options.tiles.whole_rows = 48;
     options.range_flops = 1e5;
     base::ThreadPool planner(1);
-    plan_ =
-        plan::make_plan(analysis::build_tree(analysis::graph_of(a, planner), {}, planner), a, {}, options, planner);
+    plan_ = plan::make_plan(analysis::build_tree(analysis::graph_of(a, planner), {}, planner), a, {}, options, planner);
   }
   void start(HostOptions options = {}) {
     executor_ = device::host::make_host_executor<double>(plan_, kind_, {0.01, kTiny}, pool_, nullptr, nullptr,

@@ -13,10 +13,10 @@
 namespace espalier {
 namespace {
 
+using device::host::HostStreamOptions;
 using out_of_core::StreamDevice;
 using out_of_core::StreamingPlan;
 using out_of_core::StreamOp;
-using device::host::HostStreamOptions;
 using test::same_bits;
 using test::StreamedSystem;
 

@@ -14,11 +14,11 @@
 #include <vector>
 
 #include "analysis/ordering.hpp"
-#include "plan/plan.hpp"
 #include "device/host/host_executor.hpp"
 #include "device/host/out_of_core/host_stream.hpp"
-#include "out_of_core/executor.hpp"
 #include "matrix/generators/generate.hpp"
+#include "out_of_core/executor.hpp"
+#include "plan/plan.hpp"
 
 namespace espalier::test {
 

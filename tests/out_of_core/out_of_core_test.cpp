@@ -9,8 +9,8 @@
 namespace espalier {
 namespace {
 
-using out_of_core::StreamOp;
 using device::host::HostStreamOptions;
+using out_of_core::StreamOp;
 using test::same_bits;
 using test::StreamedSystem;
 

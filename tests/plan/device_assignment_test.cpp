@@ -1,5 +1,7 @@
 // Sub-trees over devices: the cut, the list of tasks and the memory of a plan for several devices. Truth: the rules of
 // analysis/device_assignment.hpp, checked task by task and front by front; Graham's bound for largest-first lists.
+#include "plan/device_assignment.hpp"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,11 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "plan/device_assignment.hpp"
-#include "plan/front_layout.hpp"
 #include "analysis/ordering.hpp"
-#include "plan/plan.hpp"
 #include "matrix/generators/generate.hpp"
+#include "plan/front_layout.hpp"
+#include "plan/plan.hpp"
 
 namespace espalier {
 namespace {

@@ -10,8 +10,8 @@
 #include <random>
 #include <set>
 
-#include "analysis/ordering.hpp"
 #include "analysis/graphs.hpp"
+#include "analysis/ordering.hpp"
 
 namespace espalier::analysis {
 namespace {

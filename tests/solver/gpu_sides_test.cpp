@@ -45,8 +45,8 @@ class GpuSides : public test::OnGpu {
 
   // A plan for so many sides; it outlives the executor.
   void plan_for(const std::vector<int>& devices) {
-    plan_ = plan::make_plan(
-        tree_, a_, {}, device::cuda::cuda_plan_options(Kind::llt, {}, static_cast<Index>(devices.size())), pool_);
+    plan_ = plan::make_plan(tree_, a_, {},
+                            device::cuda::cuda_plan_options(Kind::llt, {}, static_cast<Index>(devices.size())), pool_);
   }
   std::unique_ptr<Executor> make(const std::vector<int>& devices, int fail_device = -1) {
     device::cuda::CudaOptions options;

@@ -81,8 +81,8 @@ void add_entries(std::span<const plan::Entry> entries, std::span<const T> values
   }
 }
 
-template void add_contribution(const plan::Plan&, Index, const double*, const Part<double>&, bool,
-                               std::vector<Run>&, ColumnRange);
+template void add_contribution(const plan::Plan&, Index, const double*, const Part<double>&, bool, std::vector<Run>&,
+                               ColumnRange);
 template void add_contribution(const plan::Plan&, Index, const float*, const Part<float>&, bool, std::vector<Run>&,
                                ColumnRange);
 template void add_entries(std::span<const plan::Entry>, std::span<const double>, double*, Offset, EntryPart);

@@ -7,12 +7,12 @@
 #include <span>
 #include <vector>
 
-#include "plan/plan.hpp"
 #include "base/memory.hpp"
 #include "device/determinant.hpp"
 #include "device/executor.hpp"
 #include "device/host/kernels.hpp"
 #include "device/host/progress.hpp"
+#include "plan/plan.hpp"
 
 namespace espalier::device::host {
 

@@ -6,11 +6,11 @@
 #include <vector>
 
 #include "device/cuda/executor/device_equations.hpp"
-#include "device/cuda/runtime/device_memory.hpp"
 #include "device/cuda/executor/device_side.hpp"
 #include "device/cuda/kernels/equation_kernels.cuh"
-#include "device/cuda/runtime/host_link.hpp"
 #include "device/cuda/kernels/residual_kernels.cuh"
+#include "device/cuda/runtime/device_memory.hpp"
+#include "device/cuda/runtime/host_link.hpp"
 
 namespace espalier::device::cuda {
 

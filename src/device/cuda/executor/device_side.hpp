@@ -7,14 +7,14 @@
 #include <string>
 #include <vector>
 
-#include "plan/plan.hpp"
 #include "device/cuda/executor/cuda_executor.hpp"
-#include "device/cuda/runtime/device_memory.hpp"
 #include "device/cuda/kernels/factor_ends.hpp"
 #include "device/cuda/kernels/factor_kernel.cuh"
 #include "device/cuda/kernels/factor_parameters.hpp"
 #include "device/cuda/kernels/solve_kernel.cuh"
+#include "device/cuda/runtime/device_memory.hpp"
 #include "device/cuda/runtime/table_upload.hpp"
+#include "plan/plan.hpp"
 
 namespace espalier::device::cuda {
 

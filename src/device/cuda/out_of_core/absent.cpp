@@ -14,17 +14,15 @@ Offset free_device_bytes(int) { throw Error(StatusCode::device_error, kReason); 
 
 template <class T>
 std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> make_cuda_streams(const plan::Plan&, Kind, const PivotRule&,
-                                                                 base::ThreadPool&,
-                                                                 const std::vector<CudaStreamOptions>&) {
+                                                                              base::ThreadPool&,
+                                                                              const std::vector<CudaStreamOptions>&) {
   throw Error(StatusCode::device_error, kReason);
 }
 
-template std::vector<std::unique_ptr<out_of_core::StreamBackend<double>>> make_cuda_streams(const plan::Plan&, Kind,
-                                                                               const PivotRule&, base::ThreadPool&,
-                                                                               const std::vector<CudaStreamOptions>&);
-template std::vector<std::unique_ptr<out_of_core::StreamBackend<float>>> make_cuda_streams(const plan::Plan&, Kind,
-                                                                              const PivotRule&, base::ThreadPool&,
-                                                                              const std::vector<CudaStreamOptions>&);
+template std::vector<std::unique_ptr<out_of_core::StreamBackend<double>>> make_cuda_streams(
+    const plan::Plan&, Kind, const PivotRule&, base::ThreadPool&, const std::vector<CudaStreamOptions>&);
+template std::vector<std::unique_ptr<out_of_core::StreamBackend<float>>> make_cuda_streams(
+    const plan::Plan&, Kind, const PivotRule&, base::ThreadPool&, const std::vector<CudaStreamOptions>&);
 
 }  // namespace espalier::device::cuda
 

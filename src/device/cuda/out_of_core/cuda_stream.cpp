@@ -7,12 +7,12 @@
 #include <optional>
 #include <utility>
 
-#include "device/cuda/runtime/device_memory.hpp"
-#include "device/cuda/tables/fragment_solve.hpp"
 #include "device/cuda/out_of_core/launches.hpp"
 #include "device/cuda/out_of_core/layout.hpp"
 #include "device/cuda/out_of_core/pivot_record.hpp"
 #include "device/cuda/out_of_core/resources.hpp"
+#include "device/cuda/runtime/device_memory.hpp"
+#include "device/cuda/tables/fragment_solve.hpp"
 
 namespace espalier::device::cuda {
 
@@ -105,7 +105,8 @@ class CudaStream final : public CudaStreamLayout<T> {
   void wait_for_mark(StreamQueue q, StreamQueue other, std::int64_t number) override {
     wait_for_mark(q, *this, other, number);
   }
-  void wait_for_mark(StreamQueue q, out_of_core::StreamBackend<T>& of, StreamQueue other, std::int64_t number) override {
+  void wait_for_mark(StreamQueue q, out_of_core::StreamBackend<T>& of, StreamQueue other,
+                     std::int64_t number) override {
     const StreamResources& its = dynamic_cast<CudaStream&>(of).resources_;
     call("cudaStreamWaitEvent", [&] { return cudaStreamWaitEvent(resources_.stream(q), its.mark(other, number), 0); });
   }
@@ -238,9 +239,9 @@ Offset free_device_bytes(int device) {
 }
 
 template <class T>
-std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> make_cuda_streams(const plan::Plan& plan, Kind kind,
-                                                                 const PivotRule& rule, base::ThreadPool& pool,
-                                                                 const std::vector<CudaStreamOptions>& devices) {
+std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> make_cuda_streams(
+    const plan::Plan& plan, Kind kind, const PivotRule& rule, base::ThreadPool& pool,
+    const std::vector<CudaStreamOptions>& devices) {
   const auto source = std::make_shared<const StreamSource>(plan, kind, static_cast<Offset>(sizeof(T)));
   std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> list;
   for (const CudaStreamOptions& options : devices)
@@ -248,12 +249,10 @@ std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> make_cuda_streams(co
   return list;
 }
 
-template std::vector<std::unique_ptr<out_of_core::StreamBackend<double>>> make_cuda_streams(const plan::Plan&, Kind,
-                                                                               const PivotRule&, base::ThreadPool&,
-                                                                               const std::vector<CudaStreamOptions>&);
-template std::vector<std::unique_ptr<out_of_core::StreamBackend<float>>> make_cuda_streams(const plan::Plan&, Kind,
-                                                                              const PivotRule&, base::ThreadPool&,
-                                                                              const std::vector<CudaStreamOptions>&);
+template std::vector<std::unique_ptr<out_of_core::StreamBackend<double>>> make_cuda_streams(
+    const plan::Plan&, Kind, const PivotRule&, base::ThreadPool&, const std::vector<CudaStreamOptions>&);
+template std::vector<std::unique_ptr<out_of_core::StreamBackend<float>>> make_cuda_streams(
+    const plan::Plan&, Kind, const PivotRule&, base::ThreadPool&, const std::vector<CudaStreamOptions>&);
 
 }  // namespace espalier::device::cuda
 

@@ -36,14 +36,15 @@ Offset free_device_bytes(int device);
 /// @param pool  its threads do the substitutions
 /// All memory is taken by prepare().
 template <class T>
-std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> make_cuda_streams(const plan::Plan& plan, Kind kind,
-                                                                 const PivotRule& rule, base::ThreadPool& pool,
-                                                                 const std::vector<CudaStreamOptions>& devices);
+std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> make_cuda_streams(
+    const plan::Plan& plan, Kind kind, const PivotRule& rule, base::ThreadPool& pool,
+    const std::vector<CudaStreamOptions>& devices);
 
 /// One GPU.
 template <class T>
-std::unique_ptr<out_of_core::StreamBackend<T>> make_cuda_stream(const plan::Plan& plan, Kind kind, const PivotRule& rule,
-                                                   base::ThreadPool& pool, const CudaStreamOptions& options = {}) {
+std::unique_ptr<out_of_core::StreamBackend<T>> make_cuda_stream(const plan::Plan& plan, Kind kind,
+                                                                const PivotRule& rule, base::ThreadPool& pool,
+                                                                const CudaStreamOptions& options = {}) {
   return std::move(make_cuda_streams<T>(plan, kind, rule, pool, {options}).front());
 }
 

@@ -7,8 +7,8 @@
 #include <array>
 #include <vector>
 
-#include "out_of_core/streaming_plan.hpp"
 #include "device/cuda/out_of_core/cuda_stream.hpp"
+#include "out_of_core/streaming_plan.hpp"
 
 namespace espalier::device::cuda {
 

@@ -28,8 +28,7 @@ StreamTables::StreamTables(const plan::Plan& plan, Kind kind, Offset element_byt
       link_of_[static_cast<std::size_t>(device_.links[l].child)] = l - device_.fronts[f].link_begin;
   }
   order_ = plan.tasks;
-  std::stable_partition(order_.begin(), order_.end(),
-                        [&](const plan::Task& task) { return narrow_[task.front] != 0; });
+  std::stable_partition(order_.begin(), order_.end(), [&](const plan::Task& task) { return narrow_[task.front] != 0; });
 }
 
 Offset StreamTables::pivot_tile_count(Index f) const {

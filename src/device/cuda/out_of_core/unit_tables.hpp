@@ -6,8 +6,8 @@
 #include <cstddef>
 #include <vector>
 
-#include "out_of_core/streaming_plan.hpp"
 #include "device/cuda/tables/device_plan.hpp"
+#include "out_of_core/streaming_plan.hpp"
 
 namespace espalier::device::cuda {
 

@@ -5,9 +5,9 @@
 #include <limits>
 #include <stdexcept>
 
-#include "plan/memory_plan.hpp"
 #include "device/cuda/tables/device_regions.hpp"
 #include "device/cuda/tables/device_task_lists.hpp"
+#include "plan/memory_plan.hpp"
 
 namespace espalier::device::cuda {
 

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "plan/plan.hpp"
 #include "device/cuda/tables/tables.hpp"
+#include "plan/plan.hpp"
 
 namespace espalier::device::cuda {
 

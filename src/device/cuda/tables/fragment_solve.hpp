@@ -5,9 +5,9 @@
 
 #include <vector>
 
-#include "plan/plan.hpp"
 #include "base/thread_pool.hpp"
 #include "device/cuda/tables/tables.hpp"
+#include "plan/plan.hpp"
 
 namespace espalier::device::cuda {
 

@@ -4,8 +4,8 @@
 
 namespace espalier::device::cuda {
 
-std::vector<std::vector<std::uint32_t>> needed_values(const plan::Plan& plan, const DevicePlan& tables,
-                                                      Offset values, base::ThreadPool* pool) {
+std::vector<std::vector<std::uint32_t>> needed_values(const plan::Plan& plan, const DevicePlan& tables, Offset values,
+                                                      base::ThreadPool* pool) {
   base::ThreadPool alone(1);
   base::ThreadPool& threads = pool != nullptr ? *pool : alone;
   const Offset chunks = (values + kValueChunk - 1) / kValueChunk;

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "plan/plan.hpp"
 #include "device/cuda/tables/device_plan.hpp"
+#include "plan/plan.hpp"
 
 namespace espalier::device::cuda {
 
@@ -19,7 +19,7 @@ inline constexpr Offset kValueChunk = 32;
 /// @param values  length of the caller's value array
 /// @param pool    null: on the calling thread
 /// @returns by device: its chunks, ascending; nothing for the first, which has all values
-std::vector<std::vector<std::uint32_t>> needed_values(const plan::Plan& plan, const DevicePlan& tables,
-                                                      Offset values, base::ThreadPool* pool);
+std::vector<std::vector<std::uint32_t>> needed_values(const plan::Plan& plan, const DevicePlan& tables, Offset values,
+                                                      base::ThreadPool* pool);
 
 }  // namespace espalier::device::cuda

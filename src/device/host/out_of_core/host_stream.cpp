@@ -18,11 +18,11 @@ namespace espalier::device::host {
 namespace {
 
 using out_of_core::ColumnGroup;
-using plan::FrontLayout;
 using out_of_core::InCoreStep;
 using out_of_core::StreamOp;
 using out_of_core::StreamQueue;
 using out_of_core::StreamWork;
+using plan::FrontLayout;
 using plan::Task;
 
 template <class T>
@@ -341,17 +341,17 @@ class HostStream final : public out_of_core::StreamBackend<T> {
 }  // namespace
 
 template <class T>
-std::unique_ptr<out_of_core::StreamBackend<T>> make_host_stream(const plan::Plan& plan, Kind kind, const PivotRule& rule,
-                                                   base::ThreadPool& pool, base::MemoryBudget* budget,
-                                                   HostStreamOptions options) {
+std::unique_ptr<out_of_core::StreamBackend<T>> make_host_stream(const plan::Plan& plan, Kind kind,
+                                                                const PivotRule& rule, base::ThreadPool& pool,
+                                                                base::MemoryBudget* budget, HostStreamOptions options) {
   return std::make_unique<HostStream<T>>(plan, kind, rule, pool, budget, std::move(options));
 }
 
 template std::unique_ptr<out_of_core::StreamBackend<double>> make_host_stream(const plan::Plan&, Kind, const PivotRule&,
-                                                                 base::ThreadPool&, base::MemoryBudget*,
-                                                                 HostStreamOptions);
+                                                                              base::ThreadPool&, base::MemoryBudget*,
+                                                                              HostStreamOptions);
 template std::unique_ptr<out_of_core::StreamBackend<float>> make_host_stream(const plan::Plan&, Kind, const PivotRule&,
-                                                                base::ThreadPool&, base::MemoryBudget*,
-                                                                HostStreamOptions);
+                                                                             base::ThreadPool&, base::MemoryBudget*,
+                                                                             HostStreamOptions);
 
 }  // namespace espalier::device::host

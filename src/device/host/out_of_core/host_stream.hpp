@@ -26,8 +26,9 @@ struct HostStreamOptions {
 /// The workers' scratch and vectors of the matrix' order are not counted as device memory. Every one of several devices
 /// keeps a copy of the plan.
 template <class T>
-std::unique_ptr<out_of_core::StreamBackend<T>> make_host_stream(const plan::Plan& plan, Kind kind, const PivotRule& rule,
-                                                   base::ThreadPool& pool, base::MemoryBudget* budget,
-                                                   HostStreamOptions options = {});
+std::unique_ptr<out_of_core::StreamBackend<T>> make_host_stream(const plan::Plan& plan, Kind kind,
+                                                                const PivotRule& rule, base::ThreadPool& pool,
+                                                                base::MemoryBudget* budget,
+                                                                HostStreamOptions options = {});
 
 }  // namespace espalier::device::host
