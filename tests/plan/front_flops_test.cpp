@@ -3,7 +3,7 @@
 
 #include "plan/plan.hpp"
 
-namespace espalier::analysis {
+namespace espalier::plan {
 namespace {
 
 TEST(FrontFlops, OfADenseMatrixAreThoseOfTheFormula) {
@@ -18,4 +18,4 @@ TEST(FrontFlops, OfADenseMatrixAreThoseOfTheFormula) {
 }
 
 }  // namespace
-}  // namespace espalier::analysis
+}  // namespace espalier::plan

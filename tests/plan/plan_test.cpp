@@ -13,7 +13,7 @@
 #include "analysis/graphs.hpp"
 #include "analysis/ordering.hpp"
 
-namespace espalier::analysis {
+namespace espalier::plan {
 namespace {
 
 SparseMatrix matrix_of(const Graph& g, Storage storage, bool duplicates, std::mt19937& random) {
@@ -393,4 +393,4 @@ TEST(Plan, TilesWiderThanAnEntryCanSayAreRefused) {
 }
 
 }  // namespace
-}  // namespace espalier::analysis
+}  // namespace espalier::plan
