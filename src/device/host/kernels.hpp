@@ -78,10 +78,10 @@ struct Kernels {
   /// W (n x n panels) = transpose of the inverse of the upper triangle U of C (lower triangular panels).
   void (*invert_upper_transposed)(std::int64_t n, const T* c, std::int64_t ld, T* w);
 
-  // ---- small fronts: a whole front in column-major scratch, m x m with m <= 512 and 0 <= k <= m pivot columns
-  // ------------ The first k columns are eliminated from all m rows; rows and columns from k on are updated but never
-  // pivots. n-by-n factorizations above are the case k = m. For the symmetric kinds the part above the diagonal is
-  // undefined on return.
+  // Small fronts: a whole front in column-major scratch, m x m with m <= 512, and 0 <= k <= m pivot columns.
+  // The first k columns are eliminated from all m rows; rows and columns from k on are updated but never are
+  // pivots. The n-by-n factorizations above are the case k = m. For the symmetric kinds the part above the
+  // diagonal is undefined on return.
   /// Columns 0..k-1 become those of L (all m rows), the trailing lower triangle is reduced by L21 L21^T.
   /// @returns k, or the first column whose pivot is not positive (or is NaN); the front is then undefined
   std::int64_t (*partial_potrf)(std::int64_t m, std::int64_t k, T* c, std::int64_t ld);

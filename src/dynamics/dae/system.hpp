@@ -2,11 +2,11 @@
 /// The seam of the dynamics module: a mechanical system as a set of equations in the unknowns x = [a, v, q, lambda].
 ///
 /// Words used everywhere below
-///   v        velocity coordinates, n of them; a = dv/dt
-///   q        configuration, n_q numbers (n_q >= n; a rigid body has 7 for 6 velocity coordinates: position, unit
-///   quaternion) dq       an increment of the configuration: a tangent vector with n entries, in the same coordinates
-///   as v dt q (+) dq the configuration reached from q by the increment dq (retract); plain addition in a vector space
-///   m        number of constraint equations
+///   v         velocity coordinates, n of them; a = dv/dt
+///   q         configuration, n_q >= n numbers (rigid body: 7 for 6 velocity coordinates, position and unit quaternion)
+///   dq        an increment of the configuration: a tangent vector with n entries, in the same coordinates as v dt
+///   q (+) dq  the configuration reached from q by the increment dq (retraction); plain addition in a vector space
+///   m         number of constraint equations
 /// The equations
 ///   F(q, v, a, lambda, t) + Phi_q^T lambda = 0    motion; residual() gives F, the layer itself adds Phi_q^T lambda
 ///   Phi(q, t) = 0                                 position level
