@@ -64,7 +64,7 @@ int show_plans(const CheckSettings& settings, base::ThreadPool& pool) {
     for (const int devices : settings.counts) {
       lay_out_for_gpus(c, devices, settings.tuning, pool);
       document["rows"].push_back(show_plan(c, settings));
-      if (!settings.common.out.empty()) write_document(document, settings.common.out);
+      if (!settings.common.out.empty()) measure::write_document(document, settings.common.out);
     }
   }
   return 0;
@@ -74,7 +74,7 @@ int show_plans(const CheckSettings& settings, base::ThreadPool& pool) {
 Json failed_row(const Wish& wish, const std::string& why) {
   fmt::print("{:<18} FAILED: {}\n", wish.system, why);
   std::fflush(stdout);
-  Json row = empty_row(wish.system, "espalier", "");
+  Json row = measure::empty_row(wish.system, "espalier", "");
   row["kind"] = name_of(wish.kind);
   row["outcome"] = "failed";
   row["message"] = why;
@@ -97,7 +97,7 @@ int check_system(const Wish& wish, const CheckSettings& settings, Json& document
     document["rows"].push_back(failed_row(wish, e.what()));
     ++failures;
   }
-  if (!settings.common.out.empty()) write_document(document, settings.common.out);
+  if (!settings.common.out.empty()) measure::write_document(document, settings.common.out);
   return failures;
 }
 

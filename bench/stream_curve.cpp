@@ -63,7 +63,7 @@ class Curve {
     Json row = measure(*gpu);
     std::vector<double> replayed;
     for (int k = 0; k < settings_.common.repeat; ++k) replayed.push_back(gpu->refactorize_again());
-    row["refactorization"] = samples_of(replayed);
+    row["refactorization"] = measure::samples_record({replayed});
     row["parameters"].update({{"budget_bytes", 0}, {"share", nullptr}});
     in_core_ = row["refactorization"]["least"];
     need_ = gpu->peak_bytes();
@@ -225,9 +225,9 @@ class Curve {
     const auto error = matrix::backward_errors(c_.a, from_plan_order(c_, first, 1), b_, 1, Transpose::no, &pool_);
     Json row =
         row_of_case(c_, "espalier:device=" + device_text(count), "Espalier, streaming executor, values on the host");
-    row["first_factorization"] = samples_of({factor.front()});
-    row["refactorization"] = samples_of({factor.begin() + 1, factor.end()});
-    row["solve_one"] = samples_of(solve);
+    row["first_factorization"] = measure::samples_record({{factor.front()}});
+    row["refactorization"] = measure::samples_record({{factor.begin() + 1, factor.end()}});
+    row["solve_one"] = measure::samples_record({solve});
     row["backward_error"] = {{"normwise", error.normwise}, {"componentwise", error.componentwise}};
     row["perturbed"] = outcome.replaced.size();
     row["refinement_steps"] = 0;
@@ -332,7 +332,7 @@ int run(const CurveSettings& settings) {
   const auto keep = [&](Json row) {
     document["rows"].push_back(std::move(row));
     document["bounds"] = Json::array({curve.bounds()});
-    if (!settings.common.out.empty()) write_document(document, settings.common.out);
+    if (!settings.common.out.empty()) measure::write_document(document, settings.common.out);
   };
   if (settings.refuse == 0) keep(curve.in_core());
   const auto point = [&](Offset budget, int count) {
@@ -340,7 +340,7 @@ int run(const CurveSettings& settings) {
       keep(curve.streaming(budget, count));
     } catch (const std::exception& e) {
       fmt::print("{} x {:>9.1f} MiB failed: {}\n", count, mebibytes(budget), e.what());
-      Json row = empty_row(settings.system, "espalier:device=gpu", "");
+      Json row = measure::empty_row(settings.system, "espalier:device=gpu", "");
       row["parameters"] = {{"device", "gpu"}, {"devices", count}, {"budget_bytes", budget}, {"share", nullptr}};
       row["outcome"] = "failed";
       row["message"] = e.what();

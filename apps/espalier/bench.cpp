@@ -11,7 +11,7 @@
 #include "checked_options.hpp"
 #include "command.hpp"
 #include "experiments/experiments.hpp"
-#include "rivals/machine.hpp"
+#include "measure/machine.hpp"
 #include "solver/build_info.hpp"
 #include "solver/option_text.hpp"
 #include "terminal.hpp"
@@ -62,7 +62,7 @@ struct BenchCommand {
 
 void BenchCommand::add_to(CLI::App& sub) {
   bench::Plan& plan = settings.plan;
-  plan.threads = bench::usable_cores();
+  plan.threads = measure::usable_cores();
   const bool peers = std::string(experiment->name) == "peers";
   sub.add_option("--system", settings.systems,
                  "a generator (\"elasticity 20\"), a matrix file, or a folder of them; may be repeated")

@@ -10,6 +10,7 @@
 #include "command.hpp"
 #include "evidence/page.hpp"
 #include "matrix/file.hpp"
+#include "measure/results.hpp"
 #include "terminal.hpp"
 
 namespace espalier::cli {
@@ -26,9 +27,9 @@ struct ReportCommand {
 
 int ReportCommand::run() const {
   for (const std::string& file : files) check_outputs({{"the results", file}}, {{"--out", out_file}});
-  std::vector<evidence::Results> all;
-  for (const std::string& file : files) all.push_back(evidence::read_results(file));
-  evidence::sort_results(all);
+  std::vector<measure::Results> all;
+  for (const std::string& file : files) all.push_back(measure::read_results(file));
+  measure::sort_results(all);
   const std::string made = markdown ? evidence::markdown(all) : evidence::html_page(all);
   if (!check_file.empty()) {
     if (matrix::FileBytes(check_file).bytes() == made) return kSolved;

@@ -7,9 +7,8 @@
 #include <filesystem>
 #include <limits>
 
-#include "base/output_file.hpp"
 #include "experiments/ceilings.hpp"
-#include "rivals/machine.hpp"
+#include "rivals/environment.hpp"
 #include "rivals/systems.hpp"
 #include "rivals/table.hpp"
 
@@ -102,12 +101,6 @@ std::string rivals_folder() {
   return places.back().string();
 }
 
-double median_of(const nlohmann::json& row, const char* phase) {
-  const auto found = row.find(phase);
-  if (found == row.end() || !found->is_object()) return std::numeric_limits<double>::quiet_NaN();
-  return found->at("median");
-}
-
 Bench::Bench(std::string experiment, Settings settings, Voice voice)
     : settings_(std::move(settings)), voice_(std::move(voice)) {
   if (!voice_.progress) voice_.progress = [](const std::string&) {};
@@ -116,15 +109,8 @@ Bench::Bench(std::string experiment, Settings settings, Voice voice)
   if (settings_.analyses > 0) plan.analyses = settings_.analyses;
   if (plan.child.folder.empty()) plan.child.folder = rivals_folder();
   plan.child.environment = rival_environment(plan.threads);
-  document_ = {{"schema", kSchema},
-               {"experiment", std::move(experiment)},
-               {"command", settings_.command},
-               {"date", utc_now()},
-               {"commit", source_commit()},
-               {"version", settings_.version},
-               {"machine", machine_record()},
-               {"settings", settings_record(settings_)},
-               {"rows", nlohmann::json::array()}};
+  document_ =
+      measure::new_document({std::move(experiment), settings_.command, settings_.version, settings_record(settings_)});
   const double load = document_["machine"].at("load_average_before");
   if (load > 0.25 * document_["machine"].at("cores").get<double>())
     print(fmt::format("Note: load average {:.1f} before the start; wall-clock times are disturbed.\n", load));
@@ -266,9 +252,7 @@ void Bench::add_row(const std::string& system, const Contestant& contestant, con
 
 void Bench::save() const {
   if (settings_.out.empty()) return;
-  base::OutputFile file(settings_.out);
-  file.write(document_.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
-  file.commit();
+  measure::write_document(document_, settings_.out);
 }
 
 }  // namespace espalier::bench

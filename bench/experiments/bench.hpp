@@ -10,12 +10,10 @@
 #include <string>
 #include <vector>
 
+#include "measure/document.hpp"
 #include "rivals/session.hpp"
 
 namespace espalier::bench {
-
-/// The number of the document's schema (docs/guide/measure.md).
-inline constexpr const char* kSchema = "espalier-bench/1";
 
 /// One solver with its settings; `parameters` are the coordinates of the row in its experiment (an object).
 struct Contestant {
@@ -97,8 +95,5 @@ class Bench {
 /// Where the rivals' host program lies: $ESPALIER_RIVALS_DIR, bench/rivals beside the binary (build folder), or
 /// ../libexec/espalier (installed, bundle). The last one where none has it.
 std::string rivals_folder();
-
-/// The numbers in row[phase].median; NaN where the row has none.
-double median_of(const nlohmann::json& row, const char* phase);
 
 }  // namespace espalier::bench

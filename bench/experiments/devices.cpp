@@ -34,7 +34,7 @@ std::vector<std::string> default_devices(int gpus, int threads) {
 /// Mean over the devices of the share of time outside tasks or waiting inside them; NaN where nobody tells.
 double idle_of(const nlohmann::json& row) {
   const auto devices = row.value("devices", nlohmann::json::array());
-  const double seconds = median_of(row, "refactorization");
+  const double seconds = measure::median(row, "refactorization");
   if (devices.empty() || !(seconds > 0)) return std::nan("");
   double sum = 0;
   for (const auto& device : devices)
@@ -53,7 +53,7 @@ void derive(nlohmann::json& document, const std::string& system) {
   for (auto& row : document["rows"]) {
     if (row.at("system") != system) continue;
     const int devices = row.at("parameters").value("devices", 1);
-    const double seconds = median_of(row, "refactorization");
+    const double seconds = measure::median(row, "refactorization");
     if (std::isfinite(seconds) && (least == 0 || devices < least)) {
       least = devices;
       one = seconds * devices;
@@ -61,7 +61,7 @@ void derive(nlohmann::json& document, const std::string& system) {
   }
   for (auto& row : document["rows"]) {
     if (row.at("system") != system) continue;
-    set_number(row, "speed_up", one / std::max(1, least) / median_of(row, "refactorization"));
+    set_number(row, "speed_up", one / std::max(1, least) / measure::median(row, "refactorization"));
     set_number(row, "idle_fraction", idle_of(row));
   }
 }

@@ -65,8 +65,8 @@ nlohmann::json plain_row(const std::string& system, const SparseMatrix& a, const
   MatrixView last = a;
   last.values = values;
   const matrix::BackwardErrors error = matrix::backward_errors(last, x, b);
-  row["refactorization"] = samples_record(refactorization);
-  row["solve_one"] = samples_record(solve_one);
+  row["refactorization"] = measure::samples_record(refactorization);
+  row["solve_one"] = measure::samples_record(solve_one);
   row["backward_error"] = {{"normwise", error.normwise}, {"componentwise", error.componentwise}};
   return row;
 }
@@ -93,7 +93,8 @@ struct Sides {
     bench = std::move(next_bench);
     plain = std::move(next_plain);
     if (!ok()) return;
-    for (int k = 0; k < 2; ++k) ratios[k].push_back(median_of(bench, kPhases[k]) / median_of(plain, kPhases[k]));
+    for (int k = 0; k < 2; ++k)
+      ratios[k].push_back(measure::median(bench, kPhases[k]) / measure::median(plain, kPhases[k]));
     if (first) return;
     for (const char* phase : kPhases) {
       bench[phase] = joined(before.bench[phase], bench[phase]);
@@ -105,7 +106,7 @@ struct Sides {
   static nlohmann::json joined(const nlohmann::json& one, const nlohmann::json& other) {
     Samples all{one.at("seconds").get<std::vector<double>>()};
     for (const double seconds : other.at("seconds")) all.seconds.push_back(seconds);
-    return samples_record(all);
+    return measure::samples_record(all);
   }
 };
 
@@ -135,7 +136,8 @@ void report(Bench& bench, const std::string& system, const Sides& sides) {
                                             {"error", std::isfinite(error) ? nlohmann::json(error) : nullptr},
                                             {"of_least", least}});
     bench.print(fmt::format("{}, {}: {:+.2f} % of {:.3g} ms by medians (standard error {:.2f}), {:+.2f} % by least\n",
-                            system, phase, 1e2 * mean, 1e3 * median_of(sides.plain, phase), 1e2 * error, 1e2 * least));
+                            system, phase, 1e2 * mean, 1e3 * measure::median(sides.plain, phase), 1e2 * error,
+                            1e2 * least));
   }
 }
 

@@ -26,7 +26,7 @@ nlohmann::json newton_step(const nlohmann::json& row) {
   Samples sum{row["refactorization"]["seconds"].get<std::vector<double>>()};
   const auto solves = row["solve_one"]["seconds"].get<std::vector<double>>();
   for (std::size_t k = 0; k < std::min(sum.seconds.size(), solves.size()); ++k) sum.seconds[k] += solves[k];
-  return samples_record(sum);
+  return measure::samples_record(sum);
 }
 
 /// Family of a generated system by its first word, with the dimension of its separators' theory; 0: unknown.
@@ -53,7 +53,7 @@ double quantity_of(const nlohmann::json& row, const std::string& quantity) {
   }
   if (quantity == "flops" || quantity == "nonzeros_factor")
     return row.at(quantity).is_number() ? row.at(quantity).get<double>() : std::nan("");
-  return median_of(row, quantity.c_str());
+  return measure::median(row, quantity.c_str());
 }
 
 void fit_family(nlohmann::json& document, const std::string& family, const std::string& rival) {

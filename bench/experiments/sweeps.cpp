@@ -50,7 +50,7 @@ void sweep_budgets(Bench& bench, const std::string& system, const std::string& d
                            {"device", device},
                            {"need_bytes", number_or_null(need)},
                            {"factor_bytes", number_or_null(factor_bytes(row))},
-                           {"in_core_seconds", number_or_null(median_of(row, "refactorization"))}};
+                           {"in_core_seconds", number_or_null(measure::median(row, "refactorization"))}};
   // The factor must leave the device once, whatever else is moved.
   const double link = link_rate(bench.document(), device.starts_with("gpu"));
   bounds["link_bytes_per_second"] = number_or_null(link);

@@ -66,7 +66,7 @@ nlohmann::json show_plan(const GpuCase& c, const CheckSettings& settings) {
   if (settings.lists) show_lists(c, d, shares, settings.common.fp32 ? 4e-9 : 8e-9);
   nlohmann::json row = row_of_case(c, fmt::format("simulated on {} GPU{}", c.devices, c.devices == 1 ? "" : "s"),
                                    "Espalier, plan in virtual time");
-  row["refactorization"] = samples_of({run.seconds});
+  row["refactorization"] = measure::samples_record({{run.seconds}});
   row["parameters"] = {{"devices", c.devices}};
   row["check"] = {{"busy", busy}};
   return row;

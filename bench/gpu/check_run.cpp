@@ -123,7 +123,7 @@ Json row_of(const GpuCase& c, bool single, const CheckSettings& settings) {
   if (settings.tuning.narrow_rows != device::cuda::DeviceTuning().narrow_rows)
     name += fmt::format(", narrow to {} rows", settings.tuning.narrow_rows);
   Json row = row_of_case(c, name, "Espalier, CUDA executor, values on the device");
-  row["analysis"] = samples_of({c.analysis_seconds + c.plan_seconds});
+  row["analysis"] = measure::samples_record({{c.analysis_seconds + c.plan_seconds}});
   row["parameters"] = {{"columns", settings.columns},
                        {"devices", c.devices},
                        {"narrow_rows", settings.tuning.narrow_rows},
@@ -155,8 +155,8 @@ Json check_case(const GpuCase& c, const CheckSettings& settings, base::ThreadPoo
   const auto error = matrix::backward_errors(c.a, x, b, columns, Transpose::no, &pool);
 
   Json row = row_of(c, sizeof(T) == 4, settings);
-  row["refactorization"] = samples_of(repeated.factor);
-  row[columns == 1 ? "solve_one" : "solve_many"] = samples_of(repeated.solve);
+  row["refactorization"] = measure::samples_record({repeated.factor});
+  row[columns == 1 ? "solve_one" : "solve_many"] = measure::samples_record({repeated.solve});
   row["backward_error"] = {{"normwise", error.normwise}, {"componentwise", error.componentwise}};
   row["perturbed"] = first.replaced.size();
   row["refinement_steps"] = 0;

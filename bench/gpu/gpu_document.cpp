@@ -1,11 +1,7 @@
 #include "gpu/gpu_document.hpp"
 
 #include <CLI/CLI.hpp>
-#include <filesystem>
 
-#include "base/output_file.hpp"
-#include "rivals/machine.hpp"
-#include "rivals/session.hpp"
 #include "solver/build_info.hpp"
 
 namespace espalier::bench {
@@ -33,50 +29,21 @@ void declare_devices(CLI::App& app, std::vector<int>& devices, std::vector<int>&
 
 nlohmann::json gpu_document(const std::string& experiment, const GpuOptions& options,
                             const std::vector<std::string>& gpus, const std::string& driver) {
-  nlohmann::json machine = machine_record();
-  machine["gpus"] = gpus;
-  machine["driver"] = driver;
-  return {{"schema", "espalier-bench/1"},   {"experiment", experiment},
-          {"command", options.command},     {"date", utc_now()},
-          {"commit", source_commit()},      {"version", solver::version()},
-          {"machine", std::move(machine)},  {"settings", {{"repetitions", options.repeat}}},
-          {"rows", nlohmann::json::array()}};
-}
-
-nlohmann::json samples_of(std::vector<double> seconds) {
-  const Samples samples{std::move(seconds)};
-  if (samples.empty()) return nullptr;
-  return {{"median", samples.median()}, {"least", samples.least()}, {"seconds", samples.seconds}};
-}
-
-nlohmann::json empty_row(const std::string& system, const std::string& rival, const std::string& version) {
-  nlohmann::json row = {{"system", system}, {"rival", rival}, {"version", version}, {"outcome", "ok"}, {"message", ""}};
-  for (const char* key :
-       {"unknowns", "nonzeros", "kind", "analysis", "first_factorization", "refactorization", "solve_one", "solve_many",
-        "nonzeros_factor", "flops", "inertia", "perturbed", "refinement_steps", "backward_error"})
-    row[key] = nullptr;
-  row["memory"] = {{"peak_bytes", nullptr}, {"device_bytes", nullptr}, {"predicted_bytes", nullptr}};
-  row["parameters"] = nlohmann::json::object();
-  row["devices"] = nlohmann::json::array();
-  return row;
+  nlohmann::json document =
+      measure::new_document({experiment, options.command, solver::version(), {{"repetitions", options.repeat}}});
+  document["machine"]["gpus"] = gpus;
+  document["machine"]["driver"] = driver;
+  return document;
 }
 
 nlohmann::json row_of_case(const GpuCase& c, const std::string& rival, const std::string& version) {
-  nlohmann::json row = empty_row(c.name, rival, version);
+  nlohmann::json row = measure::empty_row(c.name, rival, version);
   row["unknowns"] = c.plan.tree.n;
   row["nonzeros"] = c.a.nonzeros();
   row["kind"] = name_of(c.kind);
   row["flops"] = c.plan.flops;
   row["nonzeros_factor"] = c.plan.nonzeros_factor;
   return row;
-}
-
-void write_document(const nlohmann::json& document, const std::string& path) {
-  namespace fs = std::filesystem;
-  const std::string name = document.at("experiment").get<std::string>() + ".json";
-  base::OutputFile file(fs::is_directory(path) ? (fs::path(path) / name).string() : path);
-  file.write(document.dump(1) + "\n");
-  file.commit();
 }
 
 }  // namespace espalier::bench

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "gpu/gpu_case.hpp"
+#include "measure/document.hpp"
 
 namespace CLI {
 class App;  // its header takes seconds of every file that includes it
@@ -34,15 +35,7 @@ void declare_devices(CLI::App& app, std::vector<int>& devices, std::vector<int>&
 nlohmann::json gpu_document(const std::string& experiment, const GpuOptions& options,
                             const std::vector<std::string>& gpus, const std::string& driver);
 
-/// {"median", "least", "seconds"} of samples; null where there are none.
-nlohmann::json samples_of(std::vector<double> seconds);
-
-/// A row of which nothing is known but these; the caller fills in what it measured.
-nlohmann::json empty_row(const std::string& system, const std::string& rival, const std::string& version);
-/// The same, with what the case and its plan tell.
+/// A row of the schema with what the case and its plan tell.
 nlohmann::json row_of_case(const GpuCase& c, const std::string& rival, const std::string& version);
-
-/// Writes the document. A folder takes it as <experiment>.json. @throws Error(invalid_input) when it cannot be written
-void write_document(const nlohmann::json& document, const std::string& path);
 
 }  // namespace espalier::bench

@@ -175,26 +175,6 @@ class Session {
 
 }  // namespace
 
-double Samples::median() const {
-  if (seconds.empty()) return std::numeric_limits<double>::quiet_NaN();
-  std::vector<double> sorted = seconds;
-  std::sort(sorted.begin(), sorted.end());
-  const std::size_t half = sorted.size() / 2;
-  return sorted.size() % 2 == 1 ? sorted[half] : (sorted[half - 1] + sorted[half]) / 2;
-}
-
-double Samples::least() const {
-  if (seconds.empty()) return std::numeric_limits<double>::quiet_NaN();
-  return *std::min_element(seconds.begin(), seconds.end());
-}
-
-std::size_t Samples::middle() const {
-  const double wanted = median();
-  const auto nearest = std::min_element(
-      seconds.begin(), seconds.end(), [&](double a, double b) { return std::abs(a - wanted) < std::abs(b - wanted); });
-  return static_cast<std::size_t>(nearest - seconds.begin());
-}
-
 std::vector<Row> compare(const MatrixView& a, const Plan& plan, const Progress& progress) {
   if (plan.kind != Kind::lu && !a.symmetric())
     throw std::invalid_argument("compare: llt and ldlt need a matrix in symmetric storage");

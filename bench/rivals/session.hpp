@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "matrix/residual.hpp"
+#include "measure/document.hpp"
 #include "rivals/child.hpp"
 
 namespace espalier::bench {
@@ -30,15 +31,7 @@ struct Plan {
   ChildSettings child;
 };
 
-/// All samples of one phase, seconds.
-struct Samples {
-  std::vector<double> seconds;
-  [[nodiscard]] bool empty() const { return seconds.empty(); }
-  [[nodiscard]] double median() const;  ///< of an even number: the mean of the middle two; NaN when empty
-  [[nodiscard]] double least() const;   ///< NaN when empty
-  /// Place of the sample nearest the median. @pre not empty
-  [[nodiscard]] std::size_t middle() const;
-};
+using measure::Samples;
 
 /// What is known of one rival in the end. Figures are valid up to the phase that ended the verdict.
 struct Row {

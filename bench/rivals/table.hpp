@@ -1,5 +1,5 @@
 /// \file
-/// Results for people and for machines.
+/// Rows of a comparison for people and for machines.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -12,9 +12,6 @@ namespace espalier::bench {
 
 /// One line per rival; medians; "-" where a rival does not tell; verdicts in place of figures that do not exist.
 std::string text_table(const std::vector<Row>& rows, Index columns);
-
-/// {"median", "least", "seconds"}; null where there are none.
-nlohmann::json samples_record(const Samples& samples);
 
 /// Everything in a row, all samples included.
 nlohmann::json row_record(const Row& row);

@@ -96,35 +96,6 @@ std::string section_html(const Results& results) {
          "</details></section>\n";
 }
 
-std::string cell_markdown(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '|') out += '\\';
-    out += c == '\n' ? ' ' : c;
-  }
-  return out;
-}
-
-std::string table_markdown(const DataTable& table) {
-  std::string out = "|", rule = "|";
-  for (const Column& column : table.columns) {
-    out += " " + column.name + " |";
-    rule += column.left ? "---|" : "---:|";
-  }
-  out += "\n" + rule + "\n";
-  for (const Line& line : table.lines) {
-    out += "|";
-    for (std::size_t k = 0; k < line.cells.size(); ++k) {
-      const std::string anchor = k == 0 && !line.anchor.empty() ? fmt::format("<a id=\"{}\"></a>", line.anchor) : "";
-      const char* strong = line.best && k > 0 && table.columns[k].name == "times best" ? "**" : "";
-      out += fmt::format(" {}{}{}{} |", anchor, strong, cell_markdown(line.cells[k].text), strong);
-    }
-    out += "\n";
-  }
-  for (const std::string& note : table.notes) out += "\n- " + cell_markdown(note);
-  return out + (table.notes.empty() ? "" : "\n");
-}
-
 std::string facts_markdown(const Results& results) {
   std::string out = fmt::format("Machine: {}. Date: {}. Commit: {}.", machine_of(results), text(results.data, "date"),
                                 text(results.data, "commit").empty() ? "unknown" : text(results.data, "commit"));
@@ -134,7 +105,7 @@ std::string facts_markdown(const Results& results) {
   if (const std::string command = text(results.data, "command"); !command.empty()) out += "\n\n    " + command;
   out += "\n";
   for (const auto& [rival, version] : versions_of(results))
-    out += fmt::format("\n- `{}`: {}", rival, cell_markdown(version));
+    out += fmt::format("\n- `{}`: {}", rival, measure::markdown_text(version));
   return out + "\n";
 }
 
@@ -169,9 +140,10 @@ std::string markdown(const std::vector<Results>& all) {
     bool first = true;
     for (const DataTable& table : tables_of(results)) {
       if (table.aside)
-        out += fmt::format("<details><summary>{}</summary>\n\n{}\n</details>\n\n", table.title, table_markdown(table));
+        out +=
+            fmt::format("<details><summary>{}</summary>\n\n{}\n</details>\n\n", table.title, measure::markdown(table));
       else
-        out += (first ? "" : "### " + table.title + "\n\n") + table_markdown(table) + "\n";
+        out += (first ? "" : "### " + table.title + "\n\n") + measure::markdown(table) + "\n";
       first = false;
     }
     out += facts_markdown(results);

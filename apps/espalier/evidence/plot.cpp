@@ -6,7 +6,6 @@
 #include <cmath>
 #include <iterator>
 
-#include "evidence/results.hpp"
 #include "evidence/scale.hpp"
 
 namespace espalier::cli::evidence {

@@ -9,6 +9,7 @@
 #include "evidence/page.hpp"
 #include "evidence/plot.hpp"
 #include "evidence/table.hpp"
+#include "measure/format.hpp"
 
 namespace espalier::cli::evidence {
 

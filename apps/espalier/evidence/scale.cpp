@@ -5,9 +5,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include "evidence/results.hpp"
+#include "measure/format.hpp"
 
 namespace espalier::cli::evidence {
+
+using measure::bytes_text;
+using measure::count_text;
+using measure::seconds_text;
 
 Scale::Scale(const Axis& axis, const std::vector<double>& values, double from, double to)
     : axis_(axis), from_(from), to_(to) {

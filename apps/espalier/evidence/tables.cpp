@@ -5,6 +5,7 @@
 #include <set>
 
 #include "evidence/table.hpp"
+#include "measure/format.hpp"
 
 namespace espalier::cli::evidence {
 
@@ -14,7 +15,7 @@ Cell seconds_cell(double seconds) { return {seconds_text(seconds), seconds}; }
 Cell count_cell(double count) { return {count_text(count), count}; }
 Cell bytes_cell(double bytes) { return {bytes_text(bytes), bytes}; }
 Cell percent_cell(double fraction) { return {percent_text(fraction), fraction}; }
-Cell error_cell(double error) { return {std::isfinite(error) ? fmt::format("{:.1e}", error) : "-", error}; }
+Cell error_cell(double error) { return {error_text(error), error}; }
 Cell words(std::string text) { return {std::move(text)}; }
 
 /// Why rows have no figures, or of which run they are; those of one system with one reason share a note.

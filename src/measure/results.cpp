@@ -1,22 +1,17 @@
-#include "evidence/results.hpp"
+#include "measure/results.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cctype>
-#include <cmath>
 #include <filesystem>
-#include <limits>
 
 #include "espalier/types.hpp"
-#include "experiments/bench.hpp"
 #include "matrix/file.hpp"
 
-namespace espalier::cli::evidence {
+namespace espalier::measure {
 
 namespace {
-
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 struct Known {
   const char *name, *title, *explanation;
@@ -54,21 +49,15 @@ const Known* known(const std::string& experiment) {
   throw Error(StatusCode::invalid_input, fmt::format("{}: {}", path, why));
 }
 
-std::string scaled(double value, std::initializer_list<std::pair<double, const char*>> units) {
-  for (const auto& [unit, name] : units)
-    if (std::abs(value) >= unit * 0.9995) return fmt::format("{:.3g} {}", value / unit, name);
-  return fmt::format("{:.3g}", value);
-}
-
 }  // namespace
 
 Results read_results(const std::string& path) {
   Results results;
   results.data = Json::parse(matrix::FileBytes(path).bytes(), nullptr, false);
   if (results.data.is_discarded() || !results.data.is_object()) reject(path, "is not a JSON object");
-  if (results.data.value("schema", Json()) != bench::kSchema)
+  if (results.data.value("schema", Json()) != kSchema)
     reject(path, fmt::format("has schema {}; this reads {} (written by `espalier bench`)",
-                             results.data.value("schema", Json()).dump(), bench::kSchema));
+                             results.data.value("schema", Json()).dump(), kSchema));
   for (const char* key : {"experiment", "date", "machine", "rows"})
     if (!results.data.contains(key)) reject(path, fmt::format("lacks \"{}\"", key));
   if (!results.rows().is_array() || !results.data["machine"].is_object())
@@ -90,30 +79,6 @@ std::string slug(const std::string& text) {
   }
   while (out.ends_with('-')) out.pop_back();
   return out;
-}
-
-double number(const Json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_number() ? found->get<double>() : kNone;
-}
-
-double number(const Json& object, const std::vector<const char*>& path) {
-  const Json* at = &object;
-  for (const char* key : path) {
-    if (!at->is_object() || !at->contains(key)) return kNone;
-    at = &(*at)[key];
-  }
-  return at->is_number() ? at->get<double>() : kNone;
-}
-
-double median(const Json& row, const char* phase) { return number(row, {phase, "median"}); }
-
-bool solved(const Json& row) { return row.at("outcome") == "ok"; }
-
-std::string text(const Json& object, const char* key) {
-  const auto found = object.find(key);
-  if (found == object.end() || found->is_null()) return "";
-  return found->is_string() ? found->get<std::string>() : found->dump();
 }
 
 std::string title_of(const std::string& experiment) {
@@ -151,33 +116,4 @@ std::string machine_of(const Results& results) {
   return words.empty() ? "unknown machine" : words;
 }
 
-std::string seconds_text(double seconds) {
-  if (!std::isfinite(seconds)) return "-";
-  return scaled(seconds, {{1, "s"}, {1e-3, "ms"}, {1e-6, "µs"}, {0, "µs"}});
-}
-
-std::string count_text(double count) {
-  if (!std::isfinite(count)) return "-";
-  if (std::abs(count) >= 1e10) return fmt::format("{:.3g}", count);
-  std::string digits = fmt::format("{:.0f}", count);
-  for (int at = static_cast<int>(digits.size()) - 3; at > 0; at -= 3) digits.insert(static_cast<std::size_t>(at), ",");
-  return digits;
-}
-
-std::string bytes_text(double bytes) {
-  if (!std::isfinite(bytes)) return "-";
-  return scaled(bytes, {{1e9, "GB"}, {1e6, "MB"}, {1e3, "kB"}, {0, "B"}});
-}
-
-std::string rate_text(double flops_per_second) {
-  if (!std::isfinite(flops_per_second)) return "-";
-  return scaled(flops_per_second, {{1e12, "TFLOP/s"}, {1e9, "GFLOP/s"}, {1e6, "MFLOP/s"}, {0, "FLOP/s"}});
-}
-
-std::string percent_text(double fraction) {
-  return std::isfinite(fraction) ? fmt::format("{:.1f} %", 1e2 * fraction) : "-";
-}
-
-std::string factor_text(double factor) { return std::isfinite(factor) ? fmt::format("{:.2f}", factor) : "-"; }
-
-}  // namespace espalier::cli::evidence
+}  // namespace espalier::measure

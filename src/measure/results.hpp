@@ -2,13 +2,12 @@
 /// Files of results (docs/guide/measure.md) as the report reads them.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
-namespace espalier::cli::evidence {
+#include "measure/document.hpp"
 
-using Json = nlohmann::json;
+namespace espalier::measure {
 
 /// One file of results.
 struct Results {
@@ -26,16 +25,6 @@ Results read_results(const std::string& path);
 /// Lower-case letters, digits and hyphens of a text, for links.
 std::string slug(const std::string& text);
 
-/// row[phase].median, or NaN.
-double median(const Json& row, const char* phase);
-/// A number, or NaN where the key is absent or null.
-double number(const Json& object, const char* key);
-/// A number at a path of keys, or NaN.
-double number(const Json& object, const std::vector<const char*>& path);
-bool solved(const Json& row);
-/// Text at a key; empty where it is absent.
-std::string text(const Json& object, const char* key);
-
 /// The title of an experiment and one sentence that says how to read it.
 std::string title_of(const std::string& experiment);
 std::string explanation_of(const std::string& experiment);
@@ -46,12 +35,4 @@ void sort_results(std::vector<Results>& all);
 /// "Intel ..., 2 cores, NVIDIA H200".
 std::string machine_of(const Results& results);
 
-// Numbers for people; "-" for NaN.
-std::string seconds_text(double seconds);
-std::string count_text(double count);
-std::string bytes_text(double bytes);
-std::string rate_text(double flops_per_second);
-std::string percent_text(double fraction);
-std::string factor_text(double factor);
-
-}  // namespace espalier::cli::evidence
+}  // namespace espalier::measure
