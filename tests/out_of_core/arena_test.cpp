@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-namespace espalier::analysis {
+namespace espalier::out_of_core {
 namespace {
 
 TEST(StreamArena, PlacesDoNotOverlapAndNothingIsLost) {
@@ -105,4 +105,4 @@ TEST(Touches, WaitsCoverEveryHazard) {
 }
 
 }  // namespace
-}  // namespace espalier::analysis
+}  // namespace espalier::out_of_core

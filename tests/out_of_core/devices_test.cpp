@@ -7,8 +7,8 @@
 #include <map>
 #include <thread>
 
+#include "out_of_core/fixture.hpp"
 #include "out_of_core/share.hpp"
-#include "streaming_fixture.hpp"
 
 namespace espalier {
 namespace {

@@ -4,7 +4,7 @@
 #include <functional>
 #include <thread>
 
-#include "streaming_fixture.hpp"
+#include "out_of_core/fixture.hpp"
 
 namespace espalier {
 namespace {

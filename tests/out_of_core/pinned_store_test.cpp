@@ -8,7 +8,7 @@
 #include <map>
 #include <thread>
 
-#include "streaming_fixture.hpp"
+#include "out_of_core/fixture.hpp"
 
 namespace espalier {
 namespace {

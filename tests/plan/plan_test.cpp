@@ -16,6 +16,10 @@
 namespace espalier::plan {
 namespace {
 
+using analysis::AssemblyTree;
+using analysis::build_tree;
+using analysis::Graph;
+
 SparseMatrix matrix_of(const Graph& g, Storage storage, bool duplicates, std::mt19937& random) {
   SparseMatrix a{g.n, g.n, {0}, {}, {}, storage};
   const auto keep = [&](Index r, Index c) {
@@ -299,22 +303,23 @@ void check_plan(const Graph& g, const PlanOptions& options, Storage storage, boo
 Graph graph_number(int number, std::mt19937& random) {
   switch (number) {
     case 0:
-      return testing::graph_of_edges(1, {});
+      return analysis::testing::graph_of_edges(1, {});
     case 1:
-      return testing::graph_of_edges(9, {});
+      return analysis::testing::graph_of_edges(9, {});
     case 2:
-      return testing::chain(300);
+      return analysis::testing::chain(300);
     case 3:
-      return testing::star(150);
+      return analysis::testing::star(150);
     case 4:
-      return testing::complete(70);
+      return analysis::testing::complete(70);
     case 5:
-      return testing::brick(5, 5, 4, 3);
+      return analysis::testing::brick(5, 5, 4, 3);
     case 6:
-      return testing::brick(20, 20, 1, 1);
+      return analysis::testing::brick(20, 20, 1, 1);
     default: {
       const Index n = static_cast<Index>(50 + random() % 300);
-      return testing::graph_of_edges(n, testing::random_edges(n, static_cast<Index>(n * (1 + random() % 3)), random));
+      return analysis::testing::graph_of_edges(
+          n, analysis::testing::random_edges(n, static_cast<Index>(n * (1 + random() % 3)), random));
     }
   }
 }
@@ -358,7 +363,7 @@ TEST(Plan, HoldsItsPromisesOverTreesTilesKindsAndOptions) {
 
 TEST(Plan, SameForEveryNumberOfThreads) {
   std::mt19937 random(5);
-  const Graph g = testing::brick(6, 6, 5, 3);
+  const Graph g = analysis::testing::brick(6, 6, 5, 3);
   const SparseMatrix a = matrix_of(g, Storage::symmetric_lower, true, random);
   base::ThreadPool one(1), four(4);
   const AssemblyTree tree = build_tree(g, {}, one);
@@ -376,7 +381,7 @@ TEST(Plan, SameForEveryNumberOfThreads) {
 TEST(Plan, TilesWiderThanAnEntryCanSayAreRefused) {
   base::ThreadPool pool(1);
   std::mt19937 random(1);
-  const Graph g = testing::chain(4);
+  const Graph g = analysis::testing::chain(4);
   PlanOptions o;
   o.tiles.max_block_size = 2048;
   EXPECT_THROW(
