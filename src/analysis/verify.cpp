@@ -17,16 +17,17 @@ std::string check_shape(const Graph& g, const AssemblyTree& t) {
     if (v < 0 || v >= g.n || seen[at(v)] != 0) return fmt::format("order is no permutation: {}", v);
     seen[at(v)] = 1;
   }
-  const std::size_t fronts = at(t.fronts());
+  const std::size_t fronts = t.parent.size();
+  if (fronts > at(g.n)) return fmt::format("{} fronts for {} unknowns", fronts, g.n);
   if (t.first.size() != fronts + 1 || t.row_ptr.size() != fronts + 1) return "array sizes do not fit";
   if (t.first.front() != 0 || t.first.back() != g.n) return "the fronts do not cover all positions";
   if (t.row_ptr.front() != 0 || t.row_ptr.back() != static_cast<Offset>(t.rows.size())) return "row_ptr does not fit";
   for (Index f = 0; f < t.fronts(); ++f) {
-    if (t.pivots(f) <= 0) return fmt::format("front {} has no pivots", f);
-    if (t.rows_below(f) < 0) return fmt::format("front {}: row_ptr falls", f);
+    if (t.first[at(f) + 1] <= t.first[at(f)]) return fmt::format("front {} has no pivots", f);
+    if (t.row_ptr[at(f) + 1] < t.row_ptr[at(f)]) return fmt::format("front {}: row_ptr falls", f);
     const Index p = t.parent[at(f)];
     if (p != -1 && (p <= f || p >= t.fronts())) return fmt::format("front {} has the parent {}", f, p);
-    if (p == -1 && t.rows_below(f) != 0) return fmt::format("the root {} has rows below", f);
+    if (p == -1 && t.row_ptr[at(f) + 1] != t.row_ptr[at(f)]) return fmt::format("the root {} has rows below", f);
   }
   return {};
 }

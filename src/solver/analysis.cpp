@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "analysis/verify.hpp"
 #include "base/beside.hpp"
 #include "device/cuda/executor/cuda_executor.hpp"
 #include "device/cuda/tables/device_plan.hpp"
@@ -163,6 +164,15 @@ void Solver::Impl::load_analysis(const std::string& path, const MatrixView& a) {
   equations.row_of_col = std::move(saved.row_of_col);
   solver::note_determinant(equations);
   residual = solve::ResidualOperator(equations.a, pool);
+  {
+    const analysis::Graph graph = analysis::graph_of(equations.a, pool, equations.row_of_col, &residual.row_index());
+    if (const std::string wrong = analysis::verify_tree(graph, saved.tree); !wrong.empty())
+      throw Error(
+          StatusCode::invalid_input,
+          fmt::format("{}: the file is not a valid analysis of this matrix: {}; analyze the matrix and save the "
+                      "analysis again",
+                      path, wrong));
+  }
   lay_out_plan(std::move(saved.tree));
   analysis.plan_seconds = base::now_seconds() - start;
   describe_plan(start);

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstring>
 #include <fstream>
-#include <functional>
 #include <limits>
 #include <type_traits>
 #include <utility>
@@ -69,7 +68,9 @@ class Reader {
   explicit Reader(const std::string& path) : path_(path), in_(path, std::ios::binary) {
     if (!in_) fail("cannot be opened");
     in_.seekg(0, std::ios::end);
-    left_ = static_cast<std::uint64_t>(in_.tellg());
+    const std::streamoff size = in_.tellg();
+    if (size < 0) fail("the file cannot be read");
+    left_ = static_cast<std::uint64_t>(size);
     in_.seekg(0);
   }
   [[noreturn]] void fail(const std::string& why) const {
@@ -121,35 +122,22 @@ bool is_permutation(const std::vector<Index>& p, std::size_t n) {
   return p.size() == n;
 }
 
-// Rows of a front ascend, lie above its pivots, and are pivots or rows of the parent.
-bool rows_are_valid(const analysis::AssemblyTree& t, Index f) {
-  const auto begin = t.rows.begin() + t.row_ptr[f], end = t.rows.begin() + t.row_ptr[f + 1];
-  if (begin == end) return true;
-  const Index p = t.parent[f];
-  if (p < 0 || *begin < t.first[f + 1] || std::adjacent_find(begin, end, std::greater_equal<>()) != end) return false;
-  const auto in_parent = std::lower_bound(begin, end, t.first[p + 1]);
-  return *begin >= t.first[p] &&
-         std::includes(t.rows.begin() + t.row_ptr[p], t.rows.begin() + t.row_ptr[p + 1], in_parent, end);
-}
-
-// The file passed its checksum; this guards against files made by something else.
+// The file passed its checksum; this guards against files made by something else. The tree is checked beside the
+// matrix, by analysis::verify_tree().
 void check(const SavedAnalysis& s, const Reader& file) {
-  const auto& t = s.tree;
-  const auto n = static_cast<std::size_t>(t.n);
-  const std::size_t fronts = t.parent.size();
-  const auto scale_ok = [&](const auto& v) { return v.empty() || v.size() == n; };
-  bool ok = t.n >= 0 && t.order.size() == n && t.first.size() == fronts + 1 && t.row_ptr.size() == fronts + 1 &&
-            scale_ok(s.row_scale) && scale_ok(s.col_scale) && scale_ok(s.row_of_col) && t.first.front() == 0 &&
-            t.first.back() == t.n && t.row_ptr.front() == 0 && t.row_ptr.back() == static_cast<Offset>(t.rows.size());
-  for (std::size_t f = 0; ok && f < fronts; ++f)
-    ok = t.first[f] < t.first[f + 1] && t.row_ptr[f] <= t.row_ptr[f + 1] &&
-         (t.parent[f] == -1 || (t.parent[f] > static_cast<Index>(f) && t.parent[f] < static_cast<Index>(fronts)));
-  for (std::size_t f = 0; ok && f < fronts; ++f) ok = rows_are_valid(t, static_cast<Index>(f));
-  ok = ok && is_permutation(t.order, n) && is_permutation(s.row_of_col, n);
+  const auto n = static_cast<std::size_t>(std::max<Index>(s.tree.n, 0));
+  const auto require = [&](bool condition, const char* what) {
+    if (!condition) file.fail(std::string("the file is not a valid analysis: ") + what);
+  };
+  require(s.tree.n >= 0 && s.tree.parent.size() <= n, "its sizes do not fit each other");
   const auto positive = [](double x) { return x > 0 && x < std::numeric_limits<double>::infinity(); };
-  ok = ok && std::all_of(s.row_scale.begin(), s.row_scale.end(), positive) &&
-       std::all_of(s.col_scale.begin(), s.col_scale.end(), positive);
-  if (!ok) file.fail("the file is not a valid analysis");
+  for (const auto* scale : {&s.row_scale, &s.col_scale})
+    require((scale->empty() || scale->size() == n) && std::all_of(scale->begin(), scale->end(), positive),
+            "the scaling is not n positive numbers");
+  require(is_permutation(s.row_of_col, n), "the matching is no permutation of the rows");
+  require(s.row_scale.size() == s.col_scale.size(), "rows are scaled, columns are not, or the other way round");
+  require(s.kind == Kind::lu || (s.row_of_col.empty() && s.row_scale == s.col_scale),
+          "rows and columns of a symmetric factorization must go together");
 }
 
 }  // namespace

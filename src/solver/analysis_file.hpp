@@ -22,6 +22,8 @@ std::uint64_t pattern_hash(const MatrixView& a, base::ThreadPool& pool);
 
 /// @throws Error(invalid_input) when the file cannot be written
 void write_analysis(const std::string& path, const SavedAnalysis& saved, std::uint64_t hash);
+/// Reads it back and checks its scaling and matching. The tree is only read: before it is used, it must pass
+/// analysis::verify_tree() for the matrix.
 /// @throws Error(invalid_input) when the file is not an analysis of a pattern with this hash, or damaged
 SavedAnalysis read_analysis(const std::string& path, std::uint64_t hash);
 
