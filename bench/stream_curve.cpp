@@ -161,7 +161,7 @@ class Curve {
 
  private:
   [[nodiscard]] out_of_core::StreamRates rates() const {
-    out_of_core::StreamRates rates = device::cuda::cuda_stream_rates(c_.kind, settings_.pin);
+    out_of_core::StreamRates rates(plan::h200().out_of_core, c_.kind, settings_.pin);
     rates.lanes = settings_.lanes;
     rates.step = settings_.step;
     rates.group = settings_.group;

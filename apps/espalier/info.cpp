@@ -1,5 +1,5 @@
 /// \file
-/// `espalier info`: this build, this machine, the libraries, and the rate of the dense kernels.
+/// `espalier info`: this build, this machine, the libraries, the rate of the dense kernels, and the machine model.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -8,11 +8,13 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "command.hpp"
 #include "device/host/kernels.hpp"
+#include "plan/machine_model.hpp"
 #include "solver/build_info.hpp"
 #include "terminal.hpp"
 
@@ -46,7 +48,42 @@ struct KernelRate {
   double flops_per_second = 0;  ///< of the FP64 matrix product on one thread
 };
 
-nlohmann::ordered_json info_json(const solver::BuildInfo& build, const Machine& machine, const KernelRate& kernels) {
+// All rates: {"host": {"name": ..., "rates": {"flops": {"value": ..., "unit": ..., "source": ...}}}, "gpu": ...}.
+nlohmann::ordered_json model_json(plan::MachineModel model) {
+  nlohmann::ordered_json rates;
+  for (const plan::NamedRate& r : plan::rates_of(model))
+    rates[r.key] = {{"value", r.rate->value}, {"unit", r.unit}, {"source", plan::name_of(r.rate->source)}};
+  return {{"name", model.name}, {"rates", rates}};
+}
+
+// One line a rate; those by kind of factorization in one. The tasks of the kernels, which only the simulator of GPUs
+// reads, are in the JSON.
+void add_model(Table& table, const std::string& device, plan::MachineModel model) {
+  const std::vector<plan::NamedRate> rates = plan::rates_of(model);
+  const auto shown = [](const plan::NamedRate& r) { return fmt::format("{:g}", r.rate->value); };
+  for (std::size_t k = 0; k < rates.size(); ++k) {
+    const plan::NamedRate& r = rates[k];
+    if (r.key.starts_with("kernels.")) continue;
+    std::string key = r.key, value = shown(r), meaning = r.meaning;
+    if (key.ends_with(".llt")) {
+      key = key.substr(0, key.size() - 3) + "{llt,ldlt,lu}";
+      value += ", " + shown(rates[k + 1]) + ", " + shown(rates[k + 2]);
+      k += 2;
+    }
+    table.add({device + "." + key, value, r.unit, std::string(plan::name_of(r.rate->source)), meaning});
+  }
+}
+
+std::string machine_text(const plan::Machine& machine) {
+  Table table("<<<<");
+  add_model(table, "host", machine.host);
+  add_model(table, "gpu", machine.gpu);
+  return fmt::format("machine model: host is {}, gpu is {}; --machine key=value,... changes it\n{}", machine.host.name,
+                     machine.gpu.name, table.text());
+}
+
+nlohmann::ordered_json info_json(const solver::BuildInfo& build, const Machine& machine, const KernelRate& kernels,
+                                 const plan::Machine& model) {
   nlohmann::ordered_json libraries;
   for (const auto& library : build.libraries) libraries[library.name] = library.version;
   return {
@@ -60,7 +97,8 @@ nlohmann::ordered_json info_json(const solver::BuildInfo& build, const Machine& 
         {"cuda", build.cuda}}},
       {"libraries", libraries},
       {"machine", {{"processor", machine.processor}, {"cores", machine.cores}, {"memory_bytes", machine.memory_bytes}}},
-      {"kernels", {{"target", kernels.target}, {"gemm_flops_per_second", kernels.flops_per_second}}}};
+      {"kernels", {{"target", kernels.target}, {"gemm_flops_per_second", kernels.flops_per_second}}},
+      {"machine_model", {{"host", model_json(model.host)}, {"gpu", model_json(model.gpu)}}}};
 }
 
 std::string info_text(const solver::BuildInfo& build, const Machine& machine, const KernelRate& kernels) {
@@ -86,17 +124,22 @@ std::string info_text(const solver::BuildInfo& build, const Machine& machine, co
 
 void add_info(CLI::App& app, Action& action) {
   auto json = std::make_shared<bool>(false);
-  CLI::App* sub = app.add_subcommand("info", "Show this build, devices, libraries and the speed of the kernels");
+  auto overrides = std::make_shared<std::string>();
+  CLI::App* sub =
+      app.add_subcommand("info", "Show this build, devices, libraries, the speed of the kernels and the machine model");
   sub->add_flag("--json", *json, "print it as JSON");
-  sub->callback([json, &action] {
-    action = [json] {
+  sub->add_option("--machine", *overrides, "rates that differ from the table, as for solve")
+      ->type_name("KEY=VALUE,...");
+  sub->callback([json, overrides, &action] {
+    action = [json, overrides] {
+      const plan::Machine model = plan::machine_with(*overrides);
       const auto build = solver::build_info();
       const Machine machine = this_machine();
       const KernelRate kernels{device::host::kernels<double>().target, device::host::measure_gemm_rate(kSeconds)};
       if (*json) {
-        fmt::print("{}\n", info_json(build, machine, kernels).dump(2));
+        fmt::print("{}\n", info_json(build, machine, kernels, model).dump(2));
       } else {
-        fmt::print("{}", info_text(build, machine, kernels));
+        fmt::print("{}", info_text(build, machine, kernels) + machine_text(model));
       }
       return kSolved;
     };

@@ -22,6 +22,8 @@ void SolverFlags::add_to(CLI::App& command) {
   add("pinned-memory", "SIZE",
       "of the host's memory that holds a factor which streams, what may be page-locked (default: half of the "
       "machine's)");
+  add("machine", "KEY=VALUE,...",
+      "rates by which devices and plans are chosen, for instance gpu.flops=2e13 (`espalier info` lists them)");
   add("threads", "N", "threads on the host (default: all cores)");
   add("max-block-size", "B", "widest block column of a front (default: by the size of the front)");
 }

@@ -55,14 +55,13 @@ nlohmann::json show_plan(const GpuCase& c, const CheckSettings& settings) {
              c.name, c.devices, name_of(c.kind), c.plan.fronts(), shares.top_fronts, 100 * shares.top / c.plan.flops,
              c.plan.assignment.subtrees.size(), c.plan_seconds, seconds);
   const double simulation = base::now_seconds();
-  const device::cuda::SimulatedRun run = device::cuda::simulate(d, device::cuda::h200_rates(c.kind));
+  const device::cuda::SimulatedRun run = device::cuda::simulate(d, device::cuda::gpu_rates(plan::h200(), c.kind));
   double busy = 0;
   for (const double b : run.busy) busy += b / run.seconds / c.devices;
   fmt::print(
       "    simulated on H200: {:.3f} ms, {:.1f} TFLOP/s, busy {:.0f} %; model {:.3f} ms; simulation took {:.2f} s\n",
       1e3 * run.seconds, 1e-12 * c.plan.flops / run.seconds, 100 * busy,
-      1e3 * plan::gpu_time(c.plan.tree, c.kind == Kind::lu, c.kind == Kind::ldlt).on(c.devices),
-      base::now_seconds() - simulation);
+      1e3 * plan::gpu_time(c.plan.tree, c.kind, false, plan::h200()).on(c.devices), base::now_seconds() - simulation);
   if (settings.lists) show_lists(c, d, shares, settings.common.fp32 ? 4e-9 : 8e-9);
   nlohmann::json row = row_of_case(c, fmt::format("simulated on {} GPU{}", c.devices, c.devices == 1 ? "" : "s"),
                                    "Espalier, plan in virtual time");

@@ -45,8 +45,12 @@ struct Options {
   bool matching = true;           ///< maximum product matching and scaling for ldlt and lu
   int refinement_steps = 10;      ///< most steps of iterative refinement
   double required_backward_error =
-      1e-10;                       ///< a normwise backward error above it ends in accuracy_not_reached; infinity
-                                   ///< with refinement_steps = 0: residuals are not computed, errors are NaN
+      1e-10;  ///< a normwise backward error above it ends in accuracy_not_reached; infinity
+              ///< with refinement_steps = 0: residuals are not computed, errors are NaN
+  /// Rates and latencies by which times are predicted and devices and plans chosen, where they differ from our tables:
+  /// "key=value,key=value", for instance "gpu.flops=2e13,host.flops=3e10". `espalier info` lists the keys. Empty: the
+  /// tables.
+  std::string machine;
   bool record_timeline = false;    ///< keep one event per task for write_trace()
   Sharing sharing;                 ///< among several devices
   std::vector<Index> permutation;  ///< the caller's own elimination order (old index of the k-th); empty: ours

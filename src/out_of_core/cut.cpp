@@ -53,9 +53,7 @@ class Cutter {
   }
   [[nodiscard]] bool shared(Index f) const { return (cut_.sets[f] & (cut_.sets[f] - 1)) != 0; }
   [[nodiscard]] bool worth_sharing(Index f) const {
-    const plan::FrontLayout& l = plan_.layout[f];
-    return shared(f) &&
-           plan::front_seconds(l.pivots, l.rows, plan_.options.unsymmetric, plan_.options.cost) >= cut_.share_seconds;
+    return shared(f) && plan::front_seconds(plan_, f) >= cut_.share_seconds;
   }
 
   void take_front(Index f) {

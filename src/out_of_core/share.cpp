@@ -22,8 +22,7 @@ class Sharer {
     seconds_.assign(n, 0);
     closed_.assign(n, 0);
     for (Index f = 0; f < plan.fronts(); ++f) {
-      seconds_[f] +=
-          plan::front_seconds(plan.layout[f].pivots, plan.layout[f].rows, plan.options.unsymmetric, plan.options.cost);
+      seconds_[f] += plan::front_seconds(plan, f);
       if (plan.tree.parent[f] >= 0) seconds_[plan.tree.parent[f]] += seconds_[f];
     }
     for (const plan::Task& t : plan.tasks)  // one task does them all

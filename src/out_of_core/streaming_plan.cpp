@@ -143,6 +143,16 @@ Offset floor_of(Candidates& candidates, const StreamLayout& layout, std::vector<
 
 }  // namespace
 
+StreamRates::StreamRates(const plan::OutOfCoreRates& r, Kind kind, bool pinned)
+    : bytes_in(r.bytes_in),
+      bytes_out(r.bytes_out),
+      host_bytes(r.host_bytes * (pinned ? r.pinned.value : 1.0)),
+      flops(r.flops),
+      start(r.start),
+      copy_start(r.copy_start),
+      chain(r.pivot.of(kind)),
+      share_seconds(r.share) {}
+
 Plans plan_streaming(const StreamLayout& layout, const std::vector<StreamDevice>& devices, const StreamRates& rates) {
   Candidates candidates(layout, devices, rates);
   Plans best = fastest(candidates, devices, rates);

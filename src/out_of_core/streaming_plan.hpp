@@ -128,24 +128,22 @@ struct StreamOp {
   std::vector<StreamWait> others;
 };
 
-/// What the machine does per second, for choosing among plans.
+/// By what a plan is chosen: the machine's rates, and what is not to be varied.
 struct StreamRates {
-  double bytes_in = 5.5e10;
-  double bytes_out = 5.5e10;
-  /// Of all devices and both directions together: the host's memory, which every byte crosses twice on its way. Fits
-  /// nine points on one and two H200s of one host within 10 %, with a tenth of whichever of queues and memory is faster
-  /// added to the slower.
-  double host_bytes = 6.5e10;
-  double flops = 3e13;
-  double start = 2e-5;       ///< seconds of an operation besides what it computes ...
-  double copy_start = 6e-5;  ///< ... or moves: host threads are woken up for it
-  double chain = 0;          ///< seconds of a pivot, which waits for the one before it
-  int lanes = 1;             ///< queues that compute, 1 or 2 (2: a tenth slower on elasticity 64^3 on one H200)
-  double step = 0;           ///< bytes of an in-core step, of the budget; 0: whichever seems best
-  double group = 0;          ///< bytes of a group of block columns, likewise
-  /// A front above the sub-trees that takes one device longer than so many seconds is shared. Two hand-overs through
-  /// the host take about as long.
-  double share_seconds = 4e-3;
+  /// @param pinned  the host's store is to be page-locked
+  explicit StreamRates(const plan::OutOfCoreRates& rates = plan::host_thread().out_of_core, Kind kind = Kind::llt,
+                       bool pinned = false);
+
+  double bytes_in, bytes_out;  ///< per second, of each device's link
+  double host_bytes;           ///< per second, of all devices and both directions together: the host's memory
+  double flops;
+  double start;          ///< seconds of an operation besides what it computes ...
+  double copy_start;     ///< ... or moves
+  double chain;          ///< seconds of a pivot, which waits for the one before it
+  double share_seconds;  ///< a front above the sub-trees that takes one device longer is shared
+  int lanes = 1;         ///< queues that compute, 1 or 2 (2: a tenth slower on elasticity 64^3 on one H200)
+  double step = 0;       ///< bytes of an in-core step, of the budget; 0: whichever seems best
+  double group = 0;      ///< bytes of a group of block columns, likewise
 };
 
 /// A device of several.
@@ -175,6 +173,6 @@ struct StreamingPlan {
 /// @pre layout.plan() is one for a single device
 /// @throws Error(out_of_memory) naming the least budget that works
 std::vector<StreamingPlan> plan_streaming(const StreamLayout& layout, const std::vector<StreamDevice>& devices,
-                                          const StreamRates& rates = {});
+                                          const StreamRates& rates = StreamRates());
 
 }  // namespace espalier::out_of_core

@@ -23,7 +23,7 @@ Costs subtree_costs(const Plan& plan) {
   Costs c{std::vector<double>(n, 0), std::vector<double>(n, 0)};
   for (Index f = 0; f < plan.fronts(); ++f) {
     const FrontLayout& l = plan.layout[f];
-    c.seconds[f] += front_seconds(l.pivots, l.rows, plan.options.unsymmetric, plan.options.cost);
+    c.seconds[f] += front_seconds(plan, f);
     c.flops[f] += front_flops(l.pivots, l.rows, plan.options.unsymmetric);
     const Index parent = plan.tree.parent[f];
     if (parent < 0) continue;
@@ -173,12 +173,11 @@ double column_flops(const FrontLayout& l, Index j) {
 // How many neighbours of block column j of the top one member takes: of pivot columns as many as it works on at a time.
 // More would begin when the first ones are done, and all that time hold up the members that have the next columns.
 Index group_at(const Plan& plan, const DeviceAssignment& a, Index f, Index j) {
-  constexpr Index kTasksAtOnce = 264;  // an H200: two on each of 132 multiprocessors
   constexpr Index kRowsOfTask = 128;
   const FrontLayout& l = plan.layout[f];
   if (j >= l.pivot_tiles) return a.column_group;
   const Index tasks = ((l.rows - l.begin(j)) / kRowsOfTask + 1) * (plan.options.unsymmetric ? 2 : 1);
-  return std::clamp<Index>(kTasksAtOnce / tasks, 1, a.column_group);
+  return std::clamp<Index>(plan.options.machine.tasks_at_once() / tasks, 1, a.column_group);
 }
 
 // Groups of block columns of the top, in the order of work, go to that member which is predicted to have least to do;
@@ -199,8 +198,7 @@ void deal_columns(const Plan& plan, DeviceAssignment& a) {
     const FrontLayout& l = plan.layout[f];
     double flops = 0;
     for (Index j = 0; j < l.tiles; ++j) flops += column_flops(l, j);
-    const double scale =
-        front_seconds(l.pivots, l.rows, plan.options.unsymmetric, plan.options.cost) / std::max(flops, 1.0);
+    const double scale = front_seconds(plan, f) / std::max(flops, 1.0);
     auto turn = static_cast<Index>(f % a.devices);
     for (Index j = 0; j < l.tiles; turn = (turn + 1) % a.devices) {
       Index best = -1;

@@ -284,9 +284,10 @@ void place_entries(Plan& plan, const Permuted& permuted, base::ThreadPool& pool)
 
 }  // namespace
 
-double front_flops(Index pivots, Index rows, bool unsymmetric) {
-  const double symmetric = analysis::front_flops(pivots, rows - pivots);
-  return unsymmetric ? 2 * symmetric : symmetric;
+double front_seconds(const Plan& plan, Index f) {
+  const FrontLayout& l = plan.layout[f];
+  if (plan.options.balance_unknowns) return l.pivots;
+  return front_seconds(l.pivots, l.rows, plan.options.unsymmetric, plan.options.machine);
 }
 
 Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vector<Index>& row_of_col,

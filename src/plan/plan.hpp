@@ -75,8 +75,9 @@ struct PlanOptions {
   /// and 4 devices, the largest load is above the mean by 0, 1, 3: 11, 0.6, 0.6 % of a device's share at worst, and the
   /// top has 26, 44, 61 % of elasticity 24^3 on 4, and 8, 20, 31 % of a plate of 160 x 160.
   double additional_subtrees = 1;
-  bool stealing = true;              ///< a device without unopened sub-trees takes one of another
-  CostModel cost = CostModel::host;  ///< by which the tree is cut and dealt to devices
+  bool stealing = true;                  ///< a device without unopened sub-trees takes one of another
+  MachineModel machine = host_thread();  ///< by which the tree is cut and dealt to devices
+  bool balance_unknowns = false;         ///< every unknown costs the same instead: what plain bisection balances
   /// Speeds of the devices, relative to each other; empty: all are equal.
   std::vector<double> device_speed;
   bool balance_columns = false;  ///< block columns of the top are dealt by predicted load, not in turn
@@ -154,7 +155,7 @@ Plan plan_for_one_device(const Plan& plan);
 /// be started where it names regions.
 void plan_memory(Plan& plan, const ArraySizes* sizes = nullptr, int threads = 1);
 
-/// Work of one front: L L^T or L D L^T; twice that for L U.
-double front_flops(Index pivots, Index rows, bool unsymmetric);
+/// Predicted seconds of a front by the plan's machine model, on one worker that has enough else to do.
+double front_seconds(const Plan& plan, Index front);
 
 }  // namespace espalier::plan

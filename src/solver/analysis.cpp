@@ -83,7 +83,8 @@ void Solver::Impl::analyze_as(const MatrixView& a, Kind chosen) {
 }
 
 void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
-  predicted = solver::predict_time(tree, kind, single(), pool.size());
+  const plan::Machine machine = plan::machine_with(options.machine);
+  predicted = solver::predict_time(tree, kind, single(), pool.size(), machine);
   device = solver::choose_device(options, predicted);
   if (free_pivots && device.backend == solver::DeviceChoice::Backend::cuda) {
     device = solver::DeviceChoice();
@@ -93,6 +94,7 @@ void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
   if (device.backend == solver::DeviceChoice::Backend::cuda) {
     device::cuda::DeviceTuning tuning;
     tuning.max_block_size = options.max_block_size;
+    tuning.machine = machine.gpu;
     plan::PlanOptions gpu_options = device::cuda::cuda_plan_options(kind, tuning, device.devices);
     gpu_options.additional_subtrees = options.sharing.additional_subtrees;
     gpu_options.stealing = options.sharing.stealing && device.unequal;  // among equal ones it only costs (measured)
@@ -105,6 +107,7 @@ void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
   plan::PlanOptions plan_options;
   plan_options.tiles.panel = static_cast<Index>(single() ? 64 / sizeof(float) : 64 / sizeof(double));
   plan_options.tiles.max_block_size = free_pivots ? 0 : options.max_block_size;
+  plan_options.machine = machine.host;
   plan_options.unsymmetric = kind == Kind::lu;
   plan_options.ldlt = kind == Kind::ldlt;
   plan_options.devices = device.devices;

@@ -14,12 +14,7 @@ namespace espalier::solver {
 
 namespace {
 
-// Cost models, from refactorizations on 2 and 16 AVX-512 cores and on one H200 (docs/notebook/performance.md, "cost
-// model").
-constexpr double kHostFlopsPerSecond = 6e10;  // per thread
-constexpr double kHostSecondsPerFront = 1.5e-6;
-constexpr double kGpuStartSeconds = 2e-4;  // values to the device, launch, outcome back
-constexpr double kGainOfDevice = 0.9;      // another GPU must bring the predicted time below this part of it
+constexpr double kGainOfDevice = 0.9;  // another GPU must bring the predicted time below this part of it
 
 DeviceChoice on_gpus(const device::cuda::Availability& found, std::vector<int> gpus, std::string reason) {
   const auto count = static_cast<int>(gpus.size());
@@ -103,15 +98,12 @@ std::optional<HostDevices> host_devices(const std::string& device, int threads) 
   return host;
 }
 
-PredictedTime predict_time(const analysis::AssemblyTree& tree, Kind kind, bool single, int threads) {
+PredictedTime predict_time(const analysis::AssemblyTree& tree, Kind kind, bool single, int threads,
+                           const plan::Machine& machine) {
   PredictedTime t;
-  for (Index f = 0; f < tree.fronts(); ++f)
-    t.flops += plan::front_flops(tree.pivots(f), tree.pivots(f) + tree.rows_below(f), kind == Kind::lu);
-  const double precision = single ? 2 : 1;
-  t.host_seconds =
-      t.flops / (kHostFlopsPerSecond * precision * threads) + kHostSecondsPerFront * tree.fronts() / threads;
-  t.gpu = plan::gpu_time(tree, kind == Kind::lu, kind == Kind::ldlt);
-  t.gpu_seconds = kGpuStartSeconds + t.gpu.on(1);
+  t.host_seconds = plan::host_seconds(tree, kind, single, threads, machine.host);
+  t.gpu = plan::gpu_time(tree, kind, single, machine.gpu);
+  t.gpu_seconds = machine.gpu.start + t.gpu.on(1);
   return t;
 }
 

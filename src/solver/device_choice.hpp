@@ -40,16 +40,16 @@ struct HostDevices {
 /// Empty for a text that is neither, or more than 4,096 threads.
 std::optional<HostDevices> host_devices(const std::string& device, int threads);
 
-/// Work of a factorization by its assembly tree, and the seconds that the cost models predict.
+/// The seconds of a factorization that the machine models predict from its assembly tree.
 struct PredictedTime {
-  double flops = 0;
   double host_seconds = 0;
   double gpu_seconds = 0;  ///< on one
   plan::GpuTime gpu;       ///< without what it takes to bring values there and the outcome back
 
   [[nodiscard]] double gpu_seconds_on(int devices) const { return gpu_seconds - gpu.on(1) + gpu.on(devices); }
 };
-PredictedTime predict_time(const analysis::AssemblyTree& tree, Kind kind, bool single, int threads);
+PredictedTime predict_time(const analysis::AssemblyTree& tree, Kind kind, bool single, int threads,
+                           const plan::Machine& machine);
 
 /// The number of GPUs, at most `most`, that are predicted to be fastest; fewer where more would gain next to nothing.
 int fastest_count(const plan::GpuTime& time, int most);

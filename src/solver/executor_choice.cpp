@@ -57,7 +57,9 @@ std::unique_ptr<device::Executor<T>> stream_on_host(const plan::Plan& plan, cons
   std::vector<Offset> budgets = options.device_memory_bytes;
   for (Offset& b : budgets)  // no limit: all that the factorization could use
     if (b == 0) b = plan.memory.size * static_cast<Offset>(sizeof(T));
-  return out_of_core::make_streaming_executor<T>(std::move(backends), streaming_options(budgets, {}, 1), &budget);
+  out_of_core::StreamingOptions streaming = streaming_options(budgets, {}, 1);
+  streaming.rates = out_of_core::StreamRates(plan.options.machine.out_of_core, options.kind);
+  return out_of_core::make_streaming_executor<T>(std::move(backends), streaming, &budget);
 }
 
 // When others take memory in between, with less of it.
@@ -82,7 +84,8 @@ std::unique_ptr<device::Executor<T>> stream_on_gpus(const plan::Plan& plan, cons
       out_of_core::StreamingOptions streaming =
           streaming_options(budgets, options.device.speed, pool.size() / (2 * gpus));
       streaming.pinned_bytes = pinned_bytes(options.pinned_memory_bytes);
-      streaming.rates = device::cuda::cuda_stream_rates(options.kind, streaming.pinned_bytes > 0);
+      streaming.rates =
+          out_of_core::StreamRates(plan.options.machine.out_of_core, options.kind, streaming.pinned_bytes > 0);
       return out_of_core::make_streaming_executor<T>(
           device::cuda::make_cuda_streams<T>(plan, options.kind, rule, pool, devices), streaming, &budget);
     } catch (const out_of_core::AllocationRefused&) {

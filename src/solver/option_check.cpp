@@ -4,6 +4,9 @@
 
 #include <cmath>
 #include <stdexcept>
+#include <string>
+
+#include "plan/machine_model.hpp"
 
 namespace espalier::solver {
 
@@ -18,6 +21,14 @@ void require(const char* field, T value, T least, T most, const char* range) {
 
 void require_bytes(const char* field, Offset value) {
   if (value < 0) throw std::invalid_argument(fmt::format("Options::{} is {}; bytes are counted from 0", field, value));
+}
+
+void check_machine(const std::string& text) {
+  try {
+    (void)plan::machine_with(text);
+  } catch (const Error& e) {
+    throw std::invalid_argument(std::string("Options::") + e.what());
+  }
 }
 
 }  // namespace
@@ -35,6 +46,7 @@ void check_options(const Options& o) {
   require_bytes("device_memory_bytes", o.device_memory_bytes);
   for (const Offset bytes : o.device_memory_each_bytes) require_bytes("device_memory_each_bytes", bytes);
   require_bytes("host_memory_bytes", o.host_memory_bytes);
+  check_machine(o.machine);
   if (o.pinned_memory_bytes != -1) require_bytes("pinned_memory_bytes", o.pinned_memory_bytes);
 }
 

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 
+#include "plan/machine_model.hpp"
 #include "solver/device_choice.hpp"
 #include "solver/option_check.hpp"
 
@@ -88,7 +89,12 @@ void set_device_memory(Options& options, std::string_view key, std::string_view 
   options.device_memory_each_bytes = one ? std::vector<Offset>() : std::move(budgets);
 }
 
-constexpr std::array<Entry, 14> kEntries{{
+void set_machine(Options& options, std::string_view, std::string_view value) {
+  (void)plan::machine_with(value);
+  options.machine = value;
+}
+
+constexpr std::array<Entry, 15> kEntries{{
     {"kind", [](Options& o, std::string_view k, std::string_view v) { o.kind = parse_name(k, v, kKinds); }},
     {"precision",
      [](Options& o, std::string_view k, std::string_view v) { o.precision = parse_name(k, v, kPrecisions); }},
@@ -98,6 +104,7 @@ constexpr std::array<Entry, 14> kEntries{{
      [](Options& o, std::string_view k, std::string_view v) { o.host_memory_bytes = parse_budget(k, v); }},
     {"pinned_memory",
      [](Options& o, std::string_view k, std::string_view v) { o.pinned_memory_bytes = parse_budget(k, v); }},
+    {"machine", set_machine},
     {"threads",
      [](Options& o, std::string_view k, std::string_view v) {
        o.threads = parse_number<int>(k, v, 0, kMostThreads, "a number of threads from 1 to 4096, or 0 for all cores");

@@ -16,8 +16,8 @@ namespace espalier::solver {
 Offset parse_bytes(std::string_view text);
 
 /// Sets one option by name; '-' and '_' are the same in `key`. Keys: kind, precision, device, device_memory,
-/// host_memory, pinned_memory, threads, max_block_size, pivot_threshold, perturbation, matching, refinement_steps,
-/// required_backward_error, record_timeline.
+/// host_memory, pinned_memory, machine, threads, max_block_size, pivot_threshold, perturbation, matching,
+/// refinement_steps, required_backward_error, record_timeline.
 /// @throws Error(invalid_input) for an unknown key (lists the known ones) or a value that does not parse (lists what
 /// does)
 void set_option(Options& options, std::string_view key, std::string_view value);

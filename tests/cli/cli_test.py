@@ -121,6 +121,16 @@ class Usage(Cli):
         self.assertIn("Highway", info["libraries"])
         self.assertIn("kernels", self.expect(0, "info").stdout)
 
+    def test_machine_model(self):
+        def rate(key, *options):
+            model = json.loads(self.expect(0, "info", "--json", *options).stdout)["machine_model"]
+            return model[key.split(".")[0]]["rates"][key.split(".", 1)[1]]
+
+        self.assertEqual(rate("gpu.flops"), {"value": 4e13, "unit": "1/s", "source": "table"})
+        self.assertEqual(rate("gpu.flops", "--machine", "gpu.flops=2e13")["source"], "caller")
+        self.assertIn("gpu.out_of_core.bytes_in", self.expect(0, "info").stdout)
+        self.expect(2, "info", "--machine", "gpu.speed=1")
+
 
 class UnreadableInput(Cli):
     """Every broken file: exit code 2, and a message with its name (and line, where there is one)."""

@@ -27,7 +27,7 @@ device::cuda::DevicePlan tables_for(Index devices) {
 double work_of(const device::cuda::SimulatedRun& run) { return std::accumulate(run.busy.begin(), run.busy.end(), 0.0); }
 
 TEST(GpuSimulator, OneBlockTakesTheSumOfItsTasks) {
-  device::cuda::GpuRates rates = device::cuda::h200_rates(Kind::llt);
+  device::cuda::GpuRates rates = device::cuda::gpu_rates(plan::h200(), Kind::llt);
   rates.narrow_blocks = rates.wide_blocks = 1;
   const auto run = device::cuda::simulate(tables_for(1), rates);
   EXPECT_GT(work_of(run), 0);
@@ -36,7 +36,7 @@ TEST(GpuSimulator, OneBlockTakesTheSumOfItsTasks) {
 }
 
 TEST(GpuSimulator, WorkIsTheSameOnAnyNumberOfDevices) {
-  device::cuda::GpuRates rates = device::cuda::h200_rates(Kind::llt);
+  device::cuda::GpuRates rates = device::cuda::gpu_rates(plan::h200(), Kind::llt);
   rates.narrow_blocks = rates.wide_blocks = 1;
   const double one = work_of(device::cuda::simulate(tables_for(1), rates));
   for (const Index devices : {2, 4, 16, 64}) {
@@ -47,7 +47,7 @@ TEST(GpuSimulator, WorkIsTheSameOnAnyNumberOfDevices) {
 }
 
 TEST(GpuSimulator, MoreBlocksAndDevicesHelpAndSlowLinksHurt) {
-  device::cuda::GpuRates rates = device::cuda::h200_rates(Kind::llt);
+  device::cuda::GpuRates rates = device::cuda::gpu_rates(plan::h200(), Kind::llt);
   rates.narrow_blocks = rates.wide_blocks = 4;
   const double one = device::cuda::simulate(tables_for(1), rates).seconds;
   const double two = device::cuda::simulate(tables_for(2), rates).seconds;

@@ -162,7 +162,7 @@ TEST_P(Assignment, TasksAreThoseOfOneDevice) {
 plan::Plan plan_with_root(Index pivots) {
   plan::Plan plan;
   plan.options.devices = 2;
-  plan.options.cost = plan::CostModel::gpu;
+  plan.options.machine = plan::h200();
   plan.options.balance_columns = true;
   plan.options.column_group = 8;
   plan.options.tiles = {.panel = 16, .max_block_size = 64, .even = false};

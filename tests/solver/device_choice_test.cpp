@@ -58,14 +58,14 @@ TEST(DeviceChoice, ModelOfAChainOfTwoFronts) {
   tree.first = {0, 10, 30};
   tree.parent = {1, -1};
   tree.row_ptr = {0, 20, 20};
-  const plan::GpuTime t = plan::gpu_time(tree, false, false);
-  const double work = plan::front_seconds(10, 30, false, plan::CostModel::gpu) +
-                      plan::front_seconds(20, 20, false, plan::CostModel::gpu);
+  const plan::GpuTime t = plan::gpu_time(tree, Kind::llt, false, plan::h200());
+  const double work =
+      plan::front_seconds(10, 30, false, plan::h200()) + plan::front_seconds(20, 20, false, plan::h200());
   EXPECT_LT(t.work_seconds, work) << "a front costs less among many than alone on its device";
   EXPECT_GT(t.work_seconds, 0);
   analysis::AssemblyTree half = tree;
   half.parent = {-1, -1};
-  EXPECT_NEAR(plan::gpu_time(half, false, false).chain_seconds / t.chain_seconds, 20.0 / 30, 1e-12);
+  EXPECT_NEAR(plan::gpu_time(half, Kind::llt, false, plan::h200()).chain_seconds / t.chain_seconds, 20.0 / 30, 1e-12);
   EXPECT_GT(t.on(1), t.chain_seconds + t.work_seconds);
 }
 
@@ -98,7 +98,7 @@ TEST(DeviceChoice, SmallSystemsStayOnOneGpu) {
   const auto count = [&](const std::vector<std::string>& words) {
     const SparseMatrix a = matrix::generate(matrix::parse_generator(words), &pool);
     const auto tree = analysis::build_tree(analysis::graph_of(a, pool), {}, pool);
-    return fastest_count(plan::gpu_time(tree, false, words[0] == "kkt"), 4);
+    return fastest_count(plan::gpu_time(tree, words[0] == "kkt" ? Kind::ldlt : Kind::llt, false, plan::h200()), 4);
   };
   EXPECT_EQ(count({"kkt", "200", "3", "2", "2"}), 1);
   EXPECT_EQ(count({"kkt", "1000", "2", "1", "1"}), 1);

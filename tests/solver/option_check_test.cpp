@@ -28,6 +28,8 @@ TEST(OptionCheck, WhatCannotBeIsMisuse) {
         o.device_memory_each_bytes = {1 << 20, -5};
       },
       [](Options& o, double) { o.pinned_memory_bytes = -2; },
+      [](Options& o, double) { o.machine = "gpu.flops=nan"; },
+      [](Options& o, double) { o.machine = "gpu.speed=1"; },
   };
   for (std::size_t k = 0; k < wrong.size(); ++k) {
     Options o = two_threads();

@@ -50,6 +50,7 @@ TEST(OptionText, ValuesArrive) {
   set_option(options, "host_memory", "1G");
   EXPECT_EQ(options.pinned_memory_bytes, -1);
   set_option(options, "pinned-memory", "512M");
+  set_option(options, "machine", "gpu.flops=2e13,host.front=1e-6");
   set_option(options, "threads", "3");
   set_option(options, "max-block-size", "96");
   set_option(options, "pivot_threshold", "0.125");
@@ -60,6 +61,8 @@ TEST(OptionText, ValuesArrive) {
   EXPECT_EQ(options.device_memory_bytes, Offset{64} << 20);
   EXPECT_EQ(options.host_memory_bytes, Offset{1} << 30);
   EXPECT_EQ(options.pinned_memory_bytes, Offset{512} << 20);
+  EXPECT_EQ(options.machine, "gpu.flops=2e13,host.front=1e-6");
+  EXPECT_THROW(set_option(options, "machine", "gpu.flops=fast"), Error);
   EXPECT_EQ(options.threads, 3);
   EXPECT_EQ(options.max_block_size, 96);
   EXPECT_EQ(options.pivot_threshold, 0.125);

@@ -16,18 +16,6 @@ struct CudaStreamOptions {
   double patience_seconds = 30;  ///< a wait between blocks that lasts longer ends the run with an error
 };
 
-/// What an H200 does per second when it streams. The time of a pivot in a chain of diagonal
-/// tiles is by the sums of the times of all steps and groups of elasticity 64^3, KKT 400 and gyroscopic 40^3.
-/// @param pinned  the host's store is to be page-locked: then a byte crosses the host's memory once instead of three
-///                times
-inline out_of_core::StreamRates cuda_stream_rates(Kind kind, bool pinned = false) {
-  out_of_core::StreamRates rates;
-  if (pinned) rates.host_bytes *= 3;
-  rates.flops = 3.6e13;
-  rates.chain = kind == Kind::llt ? 9e-7 : kind == Kind::ldlt ? 5e-7 : 1.8e-6;
-  return rates;
-}
-
 /// Bytes of device memory that are free, less a reserve for what the driver takes.
 Offset free_device_bytes(int device);
 

@@ -219,7 +219,8 @@ plan::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning, Index
   o.interleave = 1 << 20;
   o.reuse_distance = tuning.reuse_distance;
   o.devices = devices;
-  o.cost = plan::CostModel::gpu;
+  o.machine = tuning.machine;
+  o.balance_unknowns = tuning.count_balance;
   o.subtrees_apart = false;
   o.array_sizes = sizes_on_device;
   o.narrow_first = true;
@@ -229,7 +230,6 @@ plan::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning, Index
   o.device_speed = tuning.device_speed;
   o.stealing = tuning.stealing;
   o.shared_top = tuning.shared_top;
-  if (tuning.count_balance) o.cost = plan::CostModel::count;
   return o;
 }
 

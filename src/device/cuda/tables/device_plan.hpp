@@ -26,6 +26,7 @@ struct DeviceTuning {
   std::vector<double> device_speed;        ///< see PlanOptions
   bool count_balance = false;              ///< sub-trees are dealt by unknowns instead of predicted time
   Index column_group = 8;                  ///< see PlanOptions
+  plan::MachineModel machine = plan::h200();
 };
 
 /// How a plan for this backend and so many devices is to be made. The executor accepts no other plan.

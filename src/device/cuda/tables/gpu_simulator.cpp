@@ -170,21 +170,22 @@ class Run {
 
 }  // namespace
 
-GpuRates h200_rates(Kind kind) {
-  // Means over tasks in work at full load, waits left out. Tails: from the last operand to the end, on the chain of the
-  // root of elasticity 40^3, whose diagonal tiles follow each other after 50 us on one device, 72 us across two.
+GpuRates gpu_rates(const plan::MachineModel& machine, Kind kind) {
+  const plan::KernelRates& k = machine.kernels;
+  const auto of = [kind](const plan::TaskRates& t) {
+    return TaskRate{t.fixed.of(kind), t.chunk.of(kind), t.tail.of(kind)};
+  };
   GpuRates r{};
-  r.narrow_blocks = 3 * 132;
-  r.wide_blocks = 2 * 132;
-  const bool llt = kind == Kind::llt, lu = kind == Kind::lu;
-  r.block32 = {llt ? 12e-6 : 16e-6, llt ? 1.35e-6 : 1.6e-6, llt ? 8e-6 : 9e-6};
-  r.block64 = {llt ? 26e-6 : 30e-6, 1.43e-6, 10e-6};
-  r.diagonal32 = {llt ? 24e-6 : lu ? 31e-6 : 17e-6, llt ? 1e-6 : 1.5e-6, llt ? 18e-6 : lu ? 25e-6 : 11e-6};
-  r.diagonal64 = {llt ? 62e-6 : lu ? 88e-6 : 50e-6, 0.93e-6, llt ? 41e-6 : lu ? 68e-6 : 35e-6};
-  r.whole = llt ? 20e-6 : lu ? 17.6e-6 : 16.5e-6;
-  r.half_block = 0.6;
-  r.kernel = 8e-6;
-  r.hop = 18e-6;
+  r.narrow_blocks = static_cast<int>(k.narrow_blocks * machine.multiprocessors);
+  r.wide_blocks = static_cast<int>(machine.tasks_at_once());
+  r.block32 = of(k.block32);
+  r.block64 = of(k.block64);
+  r.diagonal32 = of(k.diagonal32);
+  r.diagonal64 = of(k.diagonal64);
+  r.whole = k.whole.of(kind);
+  r.half_block = k.half_block;
+  r.kernel = k.kernel;
+  r.hop = k.hop;
   return r;
 }
 

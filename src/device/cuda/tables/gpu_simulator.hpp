@@ -15,7 +15,7 @@ struct TaskRate {
   double fixed, chunk, tail;
 };
 
-/// One kind of GPU and its links.
+/// What plan::KernelRates say of one kind of factorization.
 struct GpuRates {
   int narrow_blocks, wide_blocks;  ///< resident in the two kernels
   TaskRate block32, block64;       ///< row blocks of tile columns of 32 and 64
@@ -26,9 +26,7 @@ struct GpuRates {
   double hop;         ///< from the end of a task to when another GPU's block has what it made
 };
 
-/// H200s joined by NVLink, from the times of tasks of elasticity 40^3 (L L^T) and the KKT chain of 20 bodies (L D L^T)
-/// on two of them.
-GpuRates h200_rates(Kind kind);
+GpuRates gpu_rates(const plan::MachineModel& machine, Kind kind);
 
 struct SimulatedRun {
   double seconds = 0;
