@@ -8,6 +8,7 @@
 #include <exception>
 #include <iostream>
 #include <new>
+#include <system_error>
 
 #include "command.hpp"
 #include "solver/build_info.hpp"
@@ -66,6 +67,12 @@ int run_guarded(const Action& action) {
     print_error("the machine's memory is too small for this; use a smaller system or more memory");
     return kMemory;
   } catch (const std::exception& error) {
+    const auto* system = dynamic_cast<const std::system_error*>(&error);
+    if (system != nullptr && system->code() == std::errc::resource_unavailable_try_again) {
+      print_error(
+          "the system refuses to start another thread; ask for fewer (--threads) or raise the limit (ulimit -u)");
+      return kMemory;
+    }
     print_error(fmt::format("internal error: {}", error.what()));
     print_hint("this is a bug of ours; please report it with the command and `espalier info --json`");
     return kInternalError;

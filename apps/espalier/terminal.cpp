@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <system_error>
 
 namespace espalier::cli {
 
@@ -116,7 +117,12 @@ std::string Table::text() const {
 Progress::Progress(bool enabled) : enabled_(enabled) {
   const char* term = std::getenv("TERM");
   live_ = enabled && isatty(STDERR_FILENO) != 0 && term != nullptr && std::string_view(term) != "dumb";
-  if (live_) painter_ = std::thread([this] { repaint_until_stopped(); });
+  if (!live_) return;
+  try {
+    painter_ = std::thread([this] { repaint_until_stopped(); });
+  } catch (const std::system_error&) {  // no more threads: lines as into a file
+    live_ = false;
+  }
 }
 
 Progress::~Progress() {

@@ -14,6 +14,11 @@
  * Every function that can fail returns a status; 0 is success. No C++ exception leaves a function. A solver may be used
  * from any thread; calls on one solver wait for each other, calls on different solvers run at the same time.
  *
+ * After fork() the child may go on with the parent's solvers: its first call starts the threads again. Two exceptions
+ * are said by a status: a solver inside a call of another thread at the fork (ESPALIER_MISUSE), and one that has used a
+ * GPU (ESPALIER_DEVICE_ERROR, since CUDA does not follow into the child); make a new solver in the child instead.
+ * Where the system refuses threads, fewer work.
+ *
  * Structs begin with `size`, which the caller sets to sizeof of the struct as he compiled it: later versions append
  * fields and stay compatible with what is compiled today.
  */

@@ -1,9 +1,15 @@
 #include "base/thread_pool.hpp"
 
+#include <fmt/format.h>
 #include <sched.h>
 
 #include <algorithm>
+#include <new>
+#include <system_error>
 #include <utility>
+
+#include "base/forks.hpp"
+#include "espalier/types.hpp"
 
 namespace espalier::base {
 
@@ -18,6 +24,22 @@ void relax() {
   std::this_thread::yield();
 #endif
 }
+
+// ThreadPool::generation_ counts the calls in its lower bits; the upper ones say in which process.
+constexpr int kCallBits = 48;
+std::uint64_t first_generation() { return forks() << kCallBits; }
+bool same_process(std::uint64_t generation) { return generation >> kCallBits == first_generation() >> kCallBits; }
+
+// In the child of a fork(), where the threads are no more: their locks may be held for ever, and a condition variable
+// with a sleeper waits for him when it is destroyed. New ones take their places; the old ones own nothing.
+void abandon(std::vector<std::thread>& threads, std::mutex& mutex, std::condition_variable& wake,
+             std::condition_variable& done) {
+  for (auto& t : threads) ::new (&t) std::thread();
+  ::new (&mutex) std::mutex();
+  ::new (&wake) std::condition_variable();
+  ::new (&done) std::condition_variable();
+}
+
 }  // namespace
 
 int available_cores() {
@@ -31,9 +53,11 @@ ThreadPool::ThreadPool(int threads) {
   const int extra = std::max(1, threads) - 1;
   errors_.resize(static_cast<std::size_t>(extra) + 1);
   threads_.reserve(static_cast<std::size_t>(extra));
+  generation_ = first_generation();
   try {
     for (int t = 0; t < extra; ++t) threads_.emplace_back([this, t] { work(t + 1); });
-  } catch (...) {  // the machine has no more threads: those that run must end before the exception may leave
+  } catch (const std::system_error&) {  // the system has no more threads: those that run must do
+  } catch (...) {                       // no memory: those that run must end before the exception may leave
     stop_and_join();
     throw;
   }
@@ -42,17 +66,19 @@ ThreadPool::ThreadPool(int threads) {
 ThreadPool::~ThreadPool() { stop_and_join(); }
 
 void ThreadPool::stop_and_join() {
+  if (!same_process(generation_)) return abandon(threads_, mutex_, wake_, done_);
   {
     const std::lock_guard lock(mutex_);
     stop_ = true;
     generation_.fetch_add(1, std::memory_order_release);
   }
   wake_.notify_all();
-  for (auto& t : threads_) t.join();
+  for (auto& t : threads_)
+    if (t.joinable()) t.join();
 }
 
 void ThreadPool::work(int worker) {
-  std::uint64_t seen = 0;
+  std::uint64_t seen = first_generation();  // no call comes before all workers have been made
   for (;;) {
     for (int s = 0; s < kSpins && generation_.load(std::memory_order_acquire) == seen; ++s) relax();
     if (generation_.load(std::memory_order_acquire) == seen) {
@@ -74,6 +100,21 @@ void ThreadPool::work(int worker) {
 }
 
 void ThreadPool::run(const std::function<void(int)>& body) {
+  if (!same_process(generation_)) {
+    const auto before = threads_.size();
+    const std::uint64_t parents = generation_;
+    ::new (this) ThreadPool(size());  // the parent's team stays where it lies
+    if (threads_.size() < before) {   // callers have counted the workers: all or none
+      stop_and_join();
+      threads_.resize(before);
+      generation_ = parents;
+      throw Error(
+          StatusCode::out_of_memory,
+          fmt::format("after a fork() {} threads are to be started again, and the system refuses; ask for fewer "
+                      "threads, or raise the limit (ulimit -u)",
+                      before));
+    }
+  }
   std::fill(errors_.begin(), errors_.end(), nullptr);
   body_ = &body;
   running_.store(static_cast<int>(threads_.size()), std::memory_order_relaxed);

@@ -17,8 +17,8 @@ namespace espalier::base {
 /// Cores that this process may use (its affinity mask), at least 1.
 int available_cores();
 
-/// `size()` workers: the calling thread is worker 0, the others sleep between calls (after spinning for a short while,
-/// so that a sequence of short calls does not pay for a wake-up each time). One parallel call at a time.
+/// `size()` workers, fewer than asked for where the system refuses threads: the caller is worker 0, the others sleep
+/// between calls (after a short spin, for calls that follow closely). One parallel call at a time. See also forks.hpp.
 class ThreadPool {
  public:
   explicit ThreadPool(int threads);

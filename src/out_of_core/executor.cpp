@@ -5,9 +5,9 @@
 #include <exception>
 #include <mutex>
 #include <optional>
-#include <thread>
 #include <utility>
 
+#include "base/thread_pool.hpp"
 #include "base/timeline.hpp"
 #include "out_of_core/device_run.hpp"
 #include "out_of_core/pinned_store.hpp"
@@ -52,7 +52,12 @@ class StreamingExecutor final : public device::Executor<T> {
                     base::MemoryBudget* budget)
       : options_(options),
         progress_(static_cast<Index>(backends.size())),
+        crew_(kRoles * static_cast<int>(backends.size())),
         plans_(out_of_core::plan_streaming(*backends.front(), options.devices, options.rates)) {
+    if (crew_.size() < kRoles * static_cast<int>(backends.size()))
+      throw Error(StatusCode::out_of_memory,
+                  "the system refuses the threads that bring a factor out of core to its device; raise the limit "
+                  "(ulimit -u), or give the device a larger budget");
     for (std::size_t d = 0; d < backends.size(); ++d)
       devices_.emplace_back(std::move(backends[d]), static_cast<Index>(d), options_, progress_);
     for (auto& d : devices_) backends_.push_back(&d.backend());
@@ -73,14 +78,17 @@ class StreamingExecutor final : public device::Executor<T> {
     if (again_) pinned_->start();
     again_ = true;
     for (auto& d : devices_) d.begin(values, store_.data(), *pinned_);
-    std::vector<std::thread> threads;
-    for (auto& d : devices_) {
-      threads.emplace_back([&] { guarded(d, [&] { d.load_all(); }); });
-      threads.emplace_back([&] { guarded(d, [&] { d.store_all(); }); });
-      if (&d != &devices_.front()) threads.emplace_back([&] { guarded(d, [&] { d.run_all(); }); });
-    }
-    guarded(devices_.front(), [&] { devices_.front().run_all(); });
-    for (std::thread& t : threads) t.join();
+    crew_.run([&](int worker) {
+      auto& d = devices_[static_cast<std::size_t>(worker / kRoles)];
+      switch (worker % kRoles) {
+        case 0:
+          return guarded(d, [&] { d.run_all(); });
+        case 1:
+          return guarded(d, [&] { d.load_all(); });
+        default:
+          return guarded(d, [&] { d.store_all(); });
+      }
+    });
     if (error_ != nullptr) {
       for (auto& d : devices_) d.backend().abandon();
       std::rethrow_exception(error_);
@@ -165,8 +173,11 @@ class StreamingExecutor final : public device::Executor<T> {
     }
   }
 
+  static constexpr int kRoles = 3;  // threads per device: one computes, one loads, one stores
+
   StreamingOptions options_;
   StreamProgress progress_;
+  base::ThreadPool crew_;
   std::vector<out_of_core::StreamingPlan> plans_;
   std::deque<StreamDeviceRun<T>> devices_;
   std::vector<StreamBackend<T>*> backends_;  // of the devices

@@ -1,6 +1,7 @@
 #include "out_of_core/pinned_store.hpp"
 
 #include <algorithm>
+#include <system_error>
 #include <utility>
 
 namespace espalier::out_of_core {
@@ -15,7 +16,11 @@ PinnedStore::~PinnedStore() {
 }
 
 void PinnedStore::start() {
-  if (!thread_.joinable() && limit_ > 0 && bytes_ > 0) thread_ = std::thread([this] { pin_all(); });
+  if (thread_.joinable() || limit_ <= 0 || bytes_ <= 0) return;
+  try {
+    thread_ = std::thread([this] { pin_all(); });
+  } catch (const std::system_error&) {  // no more threads: everything goes through the ring
+  }
 }
 
 // A failure of the driver shows up where the devices are used; here it means the ring.

@@ -4,6 +4,7 @@
 
 #include "analysis/verify.hpp"
 #include "base/beside.hpp"
+#include "base/forks.hpp"
 #include "device/cuda/executor/cuda_executor.hpp"
 #include "device/cuda/tables/device_plan.hpp"
 #include "matrix/validate.hpp"
@@ -51,6 +52,7 @@ void Solver::Impl::analyze(const MatrixView& a) {
 // The driver's start and the contexts take as long as an analysis.
 void Solver::Impl::open_gpus() {
   if (gpus_open.valid() || !options.device.starts_with("gpu")) return;
+  gpu_forks = base::forks();
   gpus_open = base::start_beside([device = options.device] { device::cuda::open_devices(solver::named_gpus(device)); });
 }
 

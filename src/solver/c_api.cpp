@@ -1,6 +1,7 @@
 /// \file
 /// The C interface: a lock and an error message around the C++ solver.
 #include <algorithm>
+#include <atomic>
 #include <cstring>
 #include <exception>
 #include <memory>
@@ -10,6 +11,7 @@
 #include <string>
 #include <thread>
 
+#include "base/forks.hpp"
 #include "espalier/espalier.h"
 #include "espalier/solver.hpp"
 #include "solver/build_info.hpp"
@@ -22,7 +24,34 @@ using espalier::Offset;
 using espalier::Status;
 using espalier::StatusCode;
 
+namespace {
+
+/// Counts the threads inside the calls of one solver, so that the child of a fork() can tell a lock that nobody will
+/// ever give back: a thread of the parent holds it.
+class Callers {
+ public:
+  /// False when another thread was inside at the last fork(): that call will never end here.
+  bool enter() {
+    const std::uint64_t now = espalier::base::forks() << kBits;
+    std::uint64_t seen = state_.load();
+    for (;;) {
+      const bool same = (seen & ~kMask) == now;
+      if (!same && (seen & kMask) != 0) return false;
+      if (state_.compare_exchange_weak(seen, same ? seen + 1 : now + 1)) return true;
+    }
+  }
+  void leave() { state_.fetch_sub(1); }
+
+ private:
+  static constexpr int kBits = 32;
+  static constexpr std::uint64_t kMask = (std::uint64_t{1} << kBits) - 1;
+  std::atomic<std::uint64_t> state_{espalier::base::forks() << kBits};  // forks, then callers
+};
+
+}  // namespace
+
 struct espalier_solver {
+  Callers callers;
   std::mutex mutex;
   std::atomic<std::thread::id> owner{};  // the thread inside a call: a log callback that calls back is turned away
   espalier::Options options;
@@ -52,11 +81,23 @@ int finish(espalier_solver& s, const Status& status) noexcept {
   return fail(s, static_cast<int>(status.code), status.message.c_str(), status.row);
 }
 
+struct Inside {
+  Callers& callers;
+  explicit Inside(Callers& the_callers) : callers(the_callers) {}
+  Inside(const Inside&) = delete;
+  Inside& operator=(const Inside&) = delete;
+  ~Inside() { callers.leave(); }
+};
+
 /// Runs `body` (returns a status) under the solver's lock; every exception becomes a code and a message.
 template <class Body>
 int guarded(espalier_solver* s, const Body& body) noexcept {
   if (s == nullptr) return ESPALIER_MISUSE;
   if (s->owner.load() == std::this_thread::get_id()) return ESPALIER_MISUSE;  // from inside a log callback
+  if (!s->callers.enter())
+    return fail(*s, ESPALIER_MISUSE,
+                "another thread was inside a call on this solver when the process forked; make a new solver here");
+  const Inside inside(s->callers);
   const std::lock_guard lock(s->mutex);
   s->owner = std::this_thread::get_id();
   int code = ESPALIER_OK;
@@ -242,7 +283,10 @@ int espalier_create(espalier_solver** solver) {
   return ESPALIER_OK;
 }
 
-void espalier_destroy(espalier_solver* solver) { delete solver; }
+void espalier_destroy(espalier_solver* solver) {
+  if (solver != nullptr && !solver->callers.enter()) return;  // half of a call of the parent's: left as it lies
+  delete solver;
+}
 
 const char* espalier_last_error(const espalier_solver* solver) {
   return solver == nullptr ? "the solver is null" : solver->error.c_str();

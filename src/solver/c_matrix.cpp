@@ -41,7 +41,8 @@ std::vector<Offset> checked_pointers(const Int* pointers, int64_t count, int64_t
   if (pointers[0] != base) reject(fmt::format("pointers[0] is {}; it must be the index base {}", pointers[0], base));
   Offset before = 0;
   for (int64_t i = 0; i <= count; ++i) {
-    const Offset here = static_cast<Offset>(pointers[i]) - base;
+    const int64_t pointer = pointers[i];
+    const Offset here = pointer < base ? -1 : pointer - base;  // a pointer may be any number
     if (here < before || here > nonzeros) {
       reject(fmt::format("pointers[{}] is {}; pointers must not fall and not pass nonzeros ({}) plus the index base", i,
                          pointers[i], nonzeros),

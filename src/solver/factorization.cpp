@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/forks.hpp"
 #include "solver/solver_impl.hpp"
 
 namespace espalier {
@@ -52,6 +53,7 @@ void Solver::Impl::make_numeric() {
   o.smallest_pivot = smallest_pivot;
   numeric.reset();  // its memory goes before new memory comes
   if (gpus_open.valid()) gpus_open.wait();
+  if (device.backend == solver::DeviceChoice::Backend::cuda) gpu_forks = base::forks();
   for (const bool ours = options.device == "auto"; !numeric;) {
     try {
       numeric = solver::make_numeric(plan, equations, residual, o, single(), pool, budget, timeline.get());

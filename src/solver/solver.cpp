@@ -2,10 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <future>
 #include <new>
 #include <stdexcept>
+#include <system_error>
 #include <utility>
 
+#include "base/forks.hpp"
 #include "matrix/validate.hpp"
 #include "solver/analysis_file.hpp"
 #include "solver/option_check.hpp"
@@ -28,6 +31,9 @@ Status guarded(Body&& body) {
             -1};
   } catch (const std::length_error&) {
     return {StatusCode::out_of_memory, "an array longer than the machine can address was needed", -1};
+  } catch (const std::system_error& e) {
+    if (e.code() != std::errc::resource_unavailable_try_again) throw;
+    return {StatusCode::out_of_memory, "the system refuses to start another thread; raise the limit (ulimit -u)", -1};
   }
 }
 
@@ -55,10 +61,13 @@ void check_values(const Impl& impl, const char* call, Offset count) {
 // What `body` left in impl.factor; a failure takes the factor with it.
 template <class Impl, class Body>
 FactorResult factor_by(Impl& impl, Body&& body) {
-  Status status = guarded(body);
+  Status status = guarded([&] {
+    impl.expect_usable();
+    body();
+  });
   if (!status.ok()) {
     impl.factor.status = std::move(status);
-    impl.numeric.reset();
+    if (!impl.gpu_lost()) impl.numeric.reset();
   }
   return copy_of(impl.factor);
 }
@@ -77,6 +86,22 @@ Solver::Impl::Impl(Options the_options)
   if (options.record_timeline) timeline = std::make_unique<base::Timeline>();
 }
 
+// What belongs to a GPU or to a thread of the parent cannot be ended in the child of a fork(): it is left alone.
+Solver::Impl::~Impl() {
+  if (!gpu_lost()) return;
+  (void)numeric.release();
+  (void)new (std::nothrow) std::future<void>(std::move(gpus_open));
+}
+
+bool Solver::Impl::gpu_lost() const { return gpu_forks && *gpu_forks != base::forks(); }
+
+void Solver::Impl::expect_usable() const {
+  if (gpu_lost())
+    throw Error(StatusCode::device_error,
+                "this solver has used a GPU before fork(), and CUDA does not follow into the child; make a new solver "
+                "there, with device cpu, or start the process afresh (Python: multiprocessing's 'spawn')");
+}
+
 Solver::Solver(Options options) : impl_(std::make_unique<Impl>(std::move(options))) {}
 Solver::~Solver() = default;
 Solver::Solver(Solver&&) noexcept = default;
@@ -84,7 +109,10 @@ Solver& Solver::operator=(Solver&&) noexcept = default;
 
 AnalysisResult Solver::analyze(const MatrixView& a) {
   impl_->analysis = AnalysisResult{};
-  const Status status = guarded([&] { impl_->analyze(a); });
+  const Status status = guarded([&] {
+    impl_->expect_usable();
+    impl_->analyze(a);
+  });
   if (!status.ok()) impl_->state = State::empty;
   impl_->analysis.status = status;
   return copy_of(impl_->analysis);
@@ -123,7 +151,10 @@ SolveResult Solver::solve_device(const double* b, double* x, Index columns, Tran
   if (impl_->state != State::factorized) throw std::logic_error("Solver::solve_device: there is no factorization");
   if (columns < 1 || b == nullptr || x == nullptr)
     throw std::invalid_argument("Solver::solve_device: at least one right-hand side and two arrays are needed");
-  const Status status = guarded([&] { impl_->solve_device(b, x, columns, transpose == Transpose::yes, stream); });
+  const Status status = guarded([&] {
+    impl_->expect_usable();
+    impl_->solve_device(b, x, columns, transpose == Transpose::yes, stream);
+  });
   if (!status.ok()) impl_->solution.status = status;
   return copy_of(impl_->solution);
 }
@@ -136,7 +167,10 @@ SolveResult Solver::solve(std::span<const double> b, std::span<double> x, Index 
     throw std::invalid_argument(
         fmt::format("Solver::solve: {} right-hand sides of {} rows need {} values; b has {}, x has {}", columns,
                     impl_->plan.tree.n, size, b.size(), x.size()));
-  const Status status = guarded([&] { impl_->solve(b, x, columns, transpose == Transpose::yes); });
+  const Status status = guarded([&] {
+    impl_->expect_usable();
+    impl_->solve(b, x, columns, transpose == Transpose::yes);
+  });
   if (!status.ok()) impl_->solution.status = status;
   return copy_of(impl_->solution);
 }
@@ -149,7 +183,10 @@ ConditionResult Solver::condition_estimate() {
   if (impl_->state != State::factorized)
     throw std::logic_error("Solver::condition_estimate: there is no factorization");
   ConditionResult r;
-  r.status = guarded([&] { r.estimate = impl_->condition_estimate(); });
+  r.status = guarded([&] {
+    impl_->expect_usable();
+    r.estimate = impl_->condition_estimate();
+  });
   return r;
 }
 
@@ -183,7 +220,10 @@ Status Solver::save_analysis(const std::string& path) const {
 
 AnalysisResult Solver::load_analysis(const std::string& path, const MatrixView& a) {
   impl_->analysis = AnalysisResult{};
-  const Status status = guarded([&] { impl_->load_analysis(path, a); });
+  const Status status = guarded([&] {
+    impl_->expect_usable();
+    impl_->load_analysis(path, a);
+  });
   if (!status.ok()) impl_->state = State::empty;
   impl_->analysis.status = status;
   return copy_of(impl_->analysis);

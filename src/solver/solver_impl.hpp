@@ -23,6 +23,13 @@ namespace espalier {
 /// What analyze(), factorize() and solve() share. Methods throw Error; Solver turns it into a Status.
 struct Solver::Impl {
   explicit Impl(Options the_options);
+  ~Impl();
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  /// @throws Error(device_error) in the child of a fork() whose parent had used a GPU here
+  void expect_usable() const;
+  [[nodiscard]] bool gpu_lost() const;
 
   // analysis.cpp
   void analyze(const MatrixView& a);
@@ -77,7 +84,8 @@ struct Solver::Impl {
   bool kind_may_change = false;  // automatic took llt: ldlt when a pivot is not positive
   solver::Equations equations;
   solve::ResidualOperator residual;
-  std::future<void> gpus_open;  // of options.device, beside the analysis
+  std::future<void> gpus_open;             // of options.device, beside the analysis
+  std::optional<std::uint64_t> gpu_forks;  // base::forks() when a GPU was used first; none: no GPU was used
   solver::DeviceChoice device;
   solver::PredictedTime predicted;
   plan::Plan plan;

@@ -1,0 +1,69 @@
+// Threads after fork(), and threads that the system refuses. Truth: sums of whole numbers, made in a child process that
+// must end in time.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <memory>
+#include <thread>
+
+#include "base/thread_pool.hpp"
+#include "process.hpp"
+
+namespace espalier::base {
+namespace {
+
+bool adds_up(ThreadPool& pool) {
+  constexpr std::int64_t kNumbers = 100000;
+  std::atomic<std::int64_t> sum{0};
+  for (int round = 0; round < 20; ++round)
+    pool.for_each_piece(kNumbers, 100, [&](std::int64_t b, std::int64_t e) {
+      for (std::int64_t k = b; k < e; ++k) sum += k;
+    });
+  return sum == 20 * (kNumbers * (kNumbers - 1) / 2);
+}
+
+TEST(Fork, ThePoolOfTheParentWorksInTheChild) {
+  ThreadPool pool(3);
+  ASSERT_TRUE(adds_up(pool));
+  EXPECT_EQ(test::in_child([&] { return adds_up(pool) && pool.size() == 3; }), 0);
+  // The child of the child, too; and the parent's own threads are still there.
+  EXPECT_EQ(test::in_child([&] { return adds_up(pool) && test::in_child([&] { return adds_up(pool); }) == 0; }), 0);
+  EXPECT_TRUE(adds_up(pool));
+}
+
+TEST(Fork, WhileThePoolIsAtWork) {
+  ThreadPool pool(3);
+  std::atomic<bool> stop{false};
+  std::thread busy([&] {
+    while (!stop) EXPECT_TRUE(adds_up(pool));
+  });
+  for (int round = 0; round < 20; ++round) EXPECT_EQ(test::in_child([&] { return adds_up(pool); }), 0) << round;
+  stop = true;
+  busy.join();
+}
+
+TEST(Fork, APoolThatIsNotUsedEndsInTheChild) {
+  auto pool = std::make_unique<ThreadPool>(3);
+  ASSERT_TRUE(adds_up(*pool));
+  EXPECT_EQ(test::in_child([&] {
+              pool.reset();
+              return true;
+            }),
+            0);
+}
+
+// The stacks of 400 threads do not fit into what is left of the address space.
+TEST(Threads, ThatTheSystemRefusesAreDoneWithout) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "the sanitizers need the address space";
+#endif
+  EXPECT_EQ(test::in_child([] {
+              test::limit_address_space(std::uint64_t{100} << 20);
+              ThreadPool pool(400);
+              return pool.size() >= 1 && pool.size() < 400 && adds_up(pool);
+            }),
+            0);
+}
+
+}  // namespace
+}  // namespace espalier::base
