@@ -10,6 +10,7 @@
 #include "analysis/fronts.hpp"
 #include "analysis/lazy_vector.hpp"
 #include "base/beside.hpp"
+#include "plan/regions.hpp"
 #include "plan/task_list.hpp"
 
 namespace espalier::plan {
@@ -304,8 +305,8 @@ Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vect
   const auto list_and_place = [&plan, threads = pool.size()] {
     plan.assignment = assign_devices(plan);
     list_tasks(plan);
-    if (plan.options.array_sizes == nullptr) return plan_memory(plan);
-    const ArraySizes sizes = plan.options.array_sizes(plan);
+    if (plan.options.arrays == nullptr) return plan_memory(plan);
+    const ArraySizes sizes = array_sizes(plan, name_regions(plan, true));
     plan_memory(plan, &sizes, threads);
   };
   auto beside = base::start_beside(list_and_place, pool.size() > 1);

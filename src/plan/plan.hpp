@@ -1,6 +1,7 @@
 /// \file
 /// The plan: everything about a factorization that the pattern alone decides. Executors (host, CUDA, simulator) carry
-/// it out; none of them decides anything of its own.
+/// it out; none of them decides anything of its own, and the plan asks none of them: what a backend wants (widths of
+/// tiles, sizes of arrays, the rates of its machine) stands in PlanOptions.
 #pragma once
 
 #include <cstdint>
@@ -46,9 +47,20 @@ class Entry {
   std::uint64_t bits_;
 };
 
-struct Plan;
+/// How a front is taken: as one task, or in tiles, narrow or wide ones (TileRule).
+enum class FrontForm : char { whole, narrow, wide };
 
-/// Sizes of a front's arrays in elements, where a backend lays them out differently from FrontLayout.
+/// How a backend's arrays hold a front: an input of the plan. Where none is given, memory is planned for FrontLayout's
+/// own arrays.
+class ArrayLayout {
+ public:
+  virtual ~ArrayLayout() = default;
+  /// Elements of the array of L, and of the contribution's lower part.
+  [[nodiscard]] virtual Offset factor_elements(const FrontLayout& layout, FrontForm form) const = 0;
+  [[nodiscard]] virtual Offset contribution_elements(const FrontLayout& layout, FrontForm form) const = 0;
+};
+
+/// Sizes of all fronts' arrays, in elements.
 struct ArraySizes {
   std::vector<Offset> factor;        ///< fronts; of L alone
   std::vector<Offset> contribution;  ///< fronts; of the lower part alone
@@ -85,9 +97,9 @@ struct PlanOptions {
   /// The task list walks every sub-tree alone, so that it can be stolen; else all sub-trees of a device together, so
   /// that more fronts are in work at a time.
   bool subtrees_apart = true;
-  /// The sizes for which memory is planned; null: those of FrontLayout. Sees all of the plan but tasks, entries and
-  /// memory.
-  ArraySizes (*array_sizes)(const Plan&) = nullptr;
+  /// By which memory is planned; null: by FrontLayout. Must outlive the plan. Several devices then have memories of
+  /// their own, each a region or more (plan/regions.hpp).
+  const ArrayLayout* arrays = nullptr;
   /// One device: fronts that, with all below them, are narrow (TileRule::narrow_rows) or whole stand first in the task
   /// list.
   bool narrow_first = false;
@@ -138,6 +150,10 @@ struct Plan {
   double flops = 0;            ///< multiply and add count as two
 
   [[nodiscard]] Index fronts() const { return tree.fronts(); }
+  [[nodiscard]] FrontForm form(Index f) const {
+    if (whole[static_cast<std::size_t>(f)] != 0) return FrontForm::whole;
+    return layout[static_cast<std::size_t>(f)].rows <= options.tiles.narrow_rows ? FrontForm::narrow : FrontForm::wide;
+  }
   [[nodiscard]] Offset tiles() const { return first_tile.back(); }
 };
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <vector>
 
+#include "plan/regions.hpp"
+
 namespace espalier::plan {
 
 namespace {
@@ -24,7 +26,7 @@ class TaskLister {
     std::vector<Index> roots;
     for (Index f = 0; f < fronts_; ++f)
       if (plan_.tree.parent[f] < 0) roots.push_back(f);
-    if (plan_.options.narrow_first) find_wide();
+    if (plan_.options.narrow_first) late_front_ = wide_fronts(plan_);
     walk_children(roots);
     append_late();
   }
@@ -53,15 +55,6 @@ class TaskLister {
     for (auto t = tiers.rbegin(); t != tiers.rend(); ++t) emit_tier(*t);
   }
 
-  // The fronts that are wide, and those above them.
-  void find_wide() {
-    late_front_.assign(static_cast<std::size_t>(fronts_), 0);
-    for (Index f = 0; f < fronts_; ++f) {
-      if (plan_.whole[f] == 0 && plan_.layout[f].rows > plan_.options.tiles.narrow_rows) late_front_[f] = 1;
-      const Index p = plan_.tree.parent[f];
-      if (p >= 0 && late_front_[f] != 0) late_front_[p] = 1;
-    }
-  }
   [[nodiscard]] bool is_late(Index f) const { return !late_front_.empty() && late_front_[f] != 0; }
 
   void append_late() {

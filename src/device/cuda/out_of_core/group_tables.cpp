@@ -32,19 +32,6 @@ Front StreamTables::group_front(Index f, Index begin, Index end) const {
   return x;
 }
 
-// The group's tasks in terms of the large front.
-void StreamTables::emit_group(const Front& f, Index begin, Index end, UnitArrays& arrays) const {
-  for (Index j = begin; j < end; ++j) {
-    const bool pivot = j < f.pivot_tiles;
-    if (pivot) arrays.add_task(1, Work::diagonal, 0, 0, j);
-    const int from = pivot ? f.column_end(j) : f.column_begin(j);
-    for (Index a = f.block_of_column(j); a < f.blocks; ++a) {
-      if (f.block_end(a) <= from) continue;
-      for (int part = 0; part < (kind_ == Kind::lu ? 2 : 1); ++part) arrays.add_task(1, Work::block, part, a, j);
-    }
-  }
-}
-
 // The large front with its arrays placed such that the group's columns fall on theirs, and the group as a front.
 void StreamTables::place_group(const out_of_core::ColumnGroup& g, Front& whole, Front& own) const {
   const auto& l = plan_.layout[g.front];
@@ -78,10 +65,10 @@ UnitTables StreamTables::build(const out_of_core::ColumnGroup& g) const {
   u.width = whole.width;
   const auto& l = plan_.layout[f];
   const bool pivots = g.begin < l.pivot_tiles;
-  for (Index j = 0; pivots && j < own.tiles; ++j) emit_column(own, 0, j, arrays);
+  for (Index j = 0; pivots && j < own.tiles; ++j) arrays.add_column(ahead_, own, 0, j);
   own.tasks = static_cast<std::int32_t>(arrays.tasks.size());
   u.end = static_cast<int>(arrays.tasks.size());
-  emit_group(whole, g.begin, g.end, arrays);
+  for (Index j = g.begin; j < g.end; ++j) arrays.add_column(in_turn_, whole, 1, j);
   u.group_end = static_cast<int>(arrays.tasks.size());
   arrays.fronts = {own, whole};
   for (int k = whole.link_begin; k < whole.link_end; ++k) {

@@ -2,21 +2,13 @@
 
 #include <utility>
 
+#include "plan/regions.hpp"
+
 namespace espalier::device::cuda {
 
-namespace {
-
-Offset padded(Offset x) { return (x + kChunk - 1) / kChunk * kChunk; }
-
-}  // namespace
-
 template <class T>
-CudaStreamLayout<T>::CudaStreamLayout(std::shared_ptr<const StreamSource> source) : source_(std::move(source)) {
-  for (const Front& x : stream_tables().device_plan().fronts) {
-    sizes_.factor.push_back(padded(x.factor_size()));
-    sizes_.contribution.push_back(padded(x.contribution_size()));
-  }
-}
+CudaStreamLayout<T>::CudaStreamLayout(std::shared_ptr<const StreamSource> source)
+    : source_(std::move(source)), sizes_(plan::array_sizes(source_->plan)) {}
 
 template <class T>
 Offset CudaStreamLayout<T>::factor_offset(Index f, Index column) const {

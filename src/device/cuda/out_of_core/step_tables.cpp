@@ -5,21 +5,6 @@
 
 namespace espalier::device::cuda {
 
-// The tasks of one tile column; the next diagonal tile follows as soon as what it needs has been listed.
-void StreamTables::emit_column(const Front& f, std::int32_t id, Index j, UnitArrays& arrays) const {
-  const bool pivot = j < f.pivot_tiles;
-  if (pivot && j == 0) arrays.add_task(id, Work::diagonal, 0, 0, 0);
-  const int from = pivot ? f.column_end(j) : f.column_begin(j);
-  bool next_emitted = !pivot || j + 1 == f.pivot_tiles;
-  for (Index a = f.block_of_column(j); a < f.blocks; ++a) {
-    if (f.block_end(a) <= from) continue;
-    for (int part = 0; part < (kind_ == Kind::lu ? 2 : 1); ++part) arrays.add_task(id, Work::block, part, a, j);
-    if (next_emitted) continue;
-    arrays.add_task(id, Work::diagonal, 0, 0, j + 1);
-    next_emitted = true;
-  }
-}
-
 // The front of place k in the step, with its places, links and entries.
 void StreamTables::add_front(const out_of_core::InCoreStep& step, Index k, UnitArrays& arrays, Position& next) const {
   const Index f = step.fronts[static_cast<std::size_t>(k)];
@@ -80,8 +65,8 @@ UnitTables StreamTables::build(const out_of_core::InCoreStep& step) const {
     if (t.is_range())
       arrays.add_task(id, Work::whole);
     else if (t.i == t.j)
-      emit_column(arrays.fronts[static_cast<std::size_t>(id)], id, t.j, arrays);
-    if (narrow_[t.front] != 0) u.narrow_end = static_cast<int>(arrays.tasks.size());
+      arrays.add_column(ahead_, arrays.fronts[static_cast<std::size_t>(id)], id, t.j);
+    if (wide_[t.front] == 0) u.narrow_end = static_cast<int>(arrays.tasks.size());
   }
   u.end = u.group_end = static_cast<int>(arrays.tasks.size());
   arrays.write(u);

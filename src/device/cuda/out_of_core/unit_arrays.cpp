@@ -35,6 +35,11 @@ void UnitArrays::add_task(std::int32_t front, Work work, int part, Index block, 
   tasks.push_back(t);
 }
 
+void UnitArrays::add_column(const TileTasks& tile_tasks, const Front& x, std::int32_t front, Index j) {
+  tile_tasks.column(
+      x, j, [&](Work work, int part, Index block, Index column) { add_task(front, work, part, block, column); });
+}
+
 void UnitArrays::add_relative(const plan::Plan& plan, Index f, Front& x) {
   x.rows = static_cast<std::int64_t>(relative.size());
   const auto* from = plan.relative.data() + plan.tree.row_ptr[f];

@@ -19,6 +19,8 @@ struct UnitArrays {
   std::vector<plan::Entry> entries;
 
   void add_task(std::int32_t front, Work work, int part = 0, Index block = 0, Index column = 0);
+  /// The tasks of tile column j of front number `front` of the unit, whose shape is `x`.
+  void add_column(const TileTasks& tasks, const Front& x, std::int32_t front, Index j);
   /// Rows below of front f of the plan, as `x`'s.
   void add_relative(const plan::Plan& plan, Index f, Front& x);
   /// A link to front `child` of the unit, with the bounds of the plan's link `from` to a parent of `tiles` tiles.

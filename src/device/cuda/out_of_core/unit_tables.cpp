@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "device/cuda/kernels/factor_parameters.hpp"
+#include "plan/regions.hpp"
 
 namespace espalier::device::cuda {
 
@@ -15,20 +16,17 @@ Offset aligned(Offset bytes) { return (bytes + kAligned - 1) / kAligned * kAlign
 }  // namespace
 
 StreamTables::StreamTables(const plan::Plan& plan, Kind kind, Offset element_bytes)
-    : plan_(plan), kind_(kind), element_(element_bytes), device_(make_device_plan(plan, kind)) {
-  const auto n = static_cast<std::size_t>(plan.fronts());
-  narrow_.assign(n, 1);
-  link_of_.assign(n, -1);
-  constexpr Index kWide = 64;
-  for (Index f = 0; f < plan.fronts(); ++f) {
-    if (device_.fronts[f].width == kWide) narrow_[f] = 0;
-    const Index p = plan.tree.parent[f];
-    if (p >= 0 && narrow_[f] == 0) narrow_[p] = 0;
-    for (int l = device_.fronts[f].link_begin; l < device_.fronts[f].link_end; ++l)
-      link_of_[static_cast<std::size_t>(device_.links[l].child)] = l - device_.fronts[f].link_begin;
-  }
-  order_ = plan.tasks;
-  std::stable_partition(order_.begin(), order_.end(), [&](const plan::Task& task) { return narrow_[task.front] != 0; });
+    : plan_(plan),
+      kind_(kind),
+      element_(element_bytes),
+      device_(make_device_plan(plan, kind)),
+      ahead_(kind, TaskOrder::by_columns(true)),
+      in_turn_(kind, TaskOrder::by_columns(false)),
+      wide_(plan::wide_fronts(plan)),
+      link_of_(static_cast<std::size_t>(plan.fronts()), -1) {
+  for (const Front& x : device_.fronts)
+    for (int l = x.link_begin; l < x.link_end; ++l)
+      link_of_[static_cast<std::size_t>(device_.links[l].child)] = l - x.link_begin;
 }
 
 Offset StreamTables::pivot_tile_count(Index f) const {

@@ -46,7 +46,8 @@ class StreamTables {
   StreamTables(const plan::Plan& plan, Kind kind, Offset element_bytes);
 
   [[nodiscard]] const DevicePlan& device_plan() const { return device_; }
-  [[nodiscard]] const std::vector<plan::Task>& order() const { return order_; }
+  /// Narrow fronts first: the plan lists them so.
+  [[nodiscard]] const std::vector<plan::Task>& order() const { return plan_.tasks; }
   [[nodiscard]] Offset share_bytes(Index f) const;
   [[nodiscard]] TablePlaces tables(const out_of_core::InCoreStep& step) const;
   [[nodiscard]] ScratchPlaces scratch(const out_of_core::InCoreStep& step) const;
@@ -76,16 +77,14 @@ class StreamTables {
   [[nodiscard]] static std::int32_t place_in(const out_of_core::InCoreStep& step, Index f);
   void add_front(const out_of_core::InCoreStep& step, Index k, UnitArrays& arrays, Position& next) const;
   void place_group(const out_of_core::ColumnGroup& g, Front& whole, Front& own) const;
-  void emit_column(const Front& f, std::int32_t id, Index column, UnitArrays& arrays) const;
-  void emit_group(const Front& f, Index begin, Index end, UnitArrays& arrays) const;
 
   const plan::Plan& plan_;
   Kind kind_;
   Offset element_;
   DevicePlan device_;
-  std::vector<char> narrow_;  // fronts; 1: the front and all below it have narrow tiles
-  std::vector<plan::Task> order_;
-  std::vector<int> link_of_;  // fronts
+  TileTasks ahead_, in_turn_;  // of steps and of groups seen as fronts; of groups in terms of the large front
+  std::vector<char> wide_;     // fronts; 1: the front, or one below it, has wide tiles
+  std::vector<int> link_of_;   // fronts
 };
 
 }  // namespace espalier::device::cuda

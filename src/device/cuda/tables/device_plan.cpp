@@ -5,9 +5,10 @@
 #include <limits>
 #include <stdexcept>
 
-#include "device/cuda/tables/device_regions.hpp"
 #include "device/cuda/tables/device_task_lists.hpp"
+#include "device/cuda/tables/front_shape.hpp"
 #include "plan/memory_plan.hpp"
+#include "plan/regions.hpp"
 
 namespace espalier::device::cuda {
 
@@ -27,7 +28,7 @@ class Builder {
 
   DevicePlan build() {
     d_.lists.resize(static_cast<std::size_t>(plan_.assignment.devices));
-    regions_ = name_regions(plan_, peer_access_);
+    regions_ = plan::name_regions(plan_, peer_access_);
     d_.region_device = regions_.device;
     d_.first_stealable = regions_.first_stealable;
     d_.regions.assign(d_.region_device.size(), 0);
@@ -49,7 +50,7 @@ class Builder {
     pool_.for_each_piece(plan_.fronts(), kFrontsPerPiece, [&](std::int64_t begin, std::int64_t end) {
       for (auto f = static_cast<Index>(begin); f < end; ++f) {
         Front& x = d_.fronts[f];
-        x = shape_of(plan_, f);
+        x = shape_of(plan_.layout[f], plan_.form(f));
         x.position = t.first[f];
         x.members = 1;
         x.region = regions_.of[f];
@@ -106,7 +107,7 @@ class Builder {
     } else if (m.device_size.size() == d_.regions.size()) {
       take_places(m);
     } else {
-      take_places(plan::plan_regions(plan_, sizes_in_regions(plan_, regions_), pool_.size()));
+      take_places(plan::plan_regions(plan_, plan::array_sizes(plan_, regions_), pool_.size()));
     }
   }
   void take_places(const plan::MemoryPlan& m) {
@@ -196,7 +197,7 @@ class Builder {
   bool peer_access_;
   TaskOrder shape_;
   base::ThreadPool& pool_;
-  Regions regions_;
+  plan::Regions regions_;
   DevicePlan d_;
 };
 
@@ -222,7 +223,8 @@ plan::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning, Index
   o.machine = tuning.machine;
   o.balance_unknowns = tuning.count_balance;
   o.subtrees_apart = false;
-  o.array_sizes = sizes_on_device;
+  static const CudaArrays arrays;
+  o.arrays = &arrays;
   o.narrow_first = true;
   o.additional_subtrees = tuning.additional_subtrees;
   o.column_group = tuning.column_group;

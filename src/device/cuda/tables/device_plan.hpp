@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "device/cuda/tables/tables.hpp"
+#include "device/cuda/tables/tile_tasks.hpp"
 #include "plan/plan.hpp"
 
 namespace espalier::device::cuda {
@@ -70,15 +71,6 @@ struct DevicePlan {
   std::int32_t first_stealable = 0;
   std::vector<Place> places;              ///< tile columns of contributions of the top, see Front::place()
   std::vector<std::int64_t> place_space;  ///< devices; elements that these columns take there
-};
-
-/// Which tasks of a large front follow each other. What runs side by side should read
-/// the same rows: with one tile column after another, each reads all that stands to its left from memory (flops / 16
-/// bytes: 0.8 TB for elasticity 64^3).
-struct TaskOrder {
-  Index group_columns = 16;  ///< tile columns of the contribution that are worked on together, ...
-  Index group_blocks = 8;    ///< ... so many row blocks of each at a time
-  Index pair_from = 64;      ///< pivot columns from this one on are taken in pairs, row block by row block
 };
 
 /// @param pool  null: on the calling thread

@@ -5,7 +5,7 @@
 #include <atomic>
 #include <utility>
 
-#include "device/cuda/tables/device_regions.hpp"
+#include "device/cuda/tables/tile_tasks.hpp"
 
 namespace espalier::device::cuda {
 
@@ -19,9 +19,9 @@ constexpr std::size_t kColumnsPerPiece = 256;    // tasks of the plan from which
 
 class TaskLister {
  public:
-  TaskLister(const Plan& plan, Kind kind, const std::vector<char>& narrow, const TaskOrder& shape,
+  TaskLister(const Plan& plan, Kind kind, const std::vector<char>& narrow, const TaskOrder& order,
              base::ThreadPool& pool, DevicePlan& d)
-      : plan_(plan), kind_(kind), narrow_(narrow), shape_(shape), pool_(pool), d_(d) {}
+      : plan_(plan), narrow_(narrow), tile_tasks_(kind, order), pool_(pool), d_(d) {}
 
   // Pieces of the order side by side: first it is counted what each lists, beside what a solve does, then each writes
   // its tasks to their places.
@@ -187,73 +187,22 @@ class TaskLister {
       });
   }
 
-  [[nodiscard]] bool is_lu() const { return kind_ == Kind::lu; }
-
-  template <class Use>
-  void emit(Use& use, Index f, Work work, int part, Index block, Index column) const {
-    use({f, work, static_cast<std::int8_t>(part), static_cast<std::uint16_t>(d_.fronts[f].region), block, column});
-  }
-
-  template <class Use>
-  void emit_block(Use& use, Index f, Index block, Index column) const {
-    emit(use, f, Work::block, 0, block, column);
-    if (is_lu()) emit(use, f, Work::block, 1, block, column);
-  }
-
-  // The tasks that begin with tile column j; columns that go with an earlier one have none of their own.
-  template <class Use>
-  void emit_column(Use& use, Index f, Index j) const {
-    const Front& x = d_.fronts[f];
-    const Index paired = shape_.pair_from;
-    if (j >= x.pivot_tiles) {
-      if ((j - x.pivot_tiles) % shape_.group_columns == 0)
-        emit_contribution(use, f, j, std::min(j + shape_.group_columns, x.tiles));
-    } else if (x.width != kWideTiles || j < paired) {
-      emit_pivots(use, f, j, j + 1);
-    } else if ((j - paired) % 2 == 0) {
-      emit_pivots(use, f, j, std::min(j + 2, x.pivot_tiles));
-    }
-  }
-
-  // Columns [begin, end) of the contribution, in rectangles of the rows.
-  template <class Use>
-  void emit_contribution(Use& use, Index f, Index begin, Index end) const {
-    const Front& x = d_.fronts[f];
-    for (Index first = x.block_of_column(begin); first < x.blocks; first += shape_.group_blocks)
-      for (Index j = begin; j < end; ++j)
-        for (Index a = first; a < std::min(first + shape_.group_blocks, x.blocks); ++a)
-          if (x.block_end(a) > x.column_begin(j)) emit_block(use, f, a, j);
-  }
-
-  // Pivot columns [begin, end), row block by row block. The next diagonal tile follows as soon as what it needs has
-  // been listed, so that it is ready when the next column begins.
-  template <class Use>
-  void emit_pivots(Use& use, Index f, Index begin, Index end) const {
-    const Front& x = d_.fronts[f];
-    if (begin == 0) emit(use, f, Work::diagonal, 0, 0, 0);
-    Index next = begin + 1;  // diagonal tile
-    for (Index a = x.block_of_column(begin); a < x.blocks; ++a)
-      for (Index j = begin; j < end; ++j) {
-        if (x.block_end(a) > x.column_end(j)) emit_block(use, f, a, j);
-        // Diagonal tile j + 1 needs its row block in columns up to j.
-        if (next != j + 1 || next == x.pivot_tiles || a < x.block_of_column(next)) continue;
-        emit(use, f, Work::diagonal, 0, 0, next);
-        ++next;
-      }
-  }
-
   template <class Use>
   void list_column(const Column& c, Use&& use) const {
+    const Front& x = d_.fronts[c.front];
+    const auto task = [&](Work work, int part, Index block, Index column) {
+      use(FactorTask{c.front, work, static_cast<std::int8_t>(part), static_cast<std::uint16_t>(x.region), block,
+                     column});
+    };
     if (c.column < 0)
-      emit(use, c.front, Work::whole, 0, 0, 0);
+      task(Work::whole, 0, 0, 0);
     else
-      emit_column(use, c.front, c.column);
+      tile_tasks_.column(x, c.column, task);
   }
 
   const Plan& plan_;
-  Kind kind_;
   const std::vector<char>& narrow_;
-  TaskOrder shape_;
+  TileTasks tile_tasks_;
   base::ThreadPool& pool_;
   DevicePlan& d_;
   std::vector<Column> columns_;  // in the order of the plan, those of narrow fronts first
@@ -264,9 +213,9 @@ class TaskLister {
 
 }  // namespace
 
-void list_tasks(const Plan& plan, Kind kind, const std::vector<char>& narrow, const TaskOrder& shape,
+void list_tasks(const Plan& plan, Kind kind, const std::vector<char>& narrow, const TaskOrder& order,
                 base::ThreadPool& pool, DevicePlan& d) {
-  TaskLister(plan, kind, narrow, shape, pool, d).list();
+  TaskLister(plan, kind, narrow, order, pool, d).list();
 }
 
 }  // namespace espalier::device::cuda

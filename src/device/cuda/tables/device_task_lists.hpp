@@ -10,9 +10,9 @@ namespace espalier::device::cuda {
 
 /// Fills d.lists and Front::tasks.
 /// @param narrow  fronts; 1: the front and all below it have narrow tiles, so that its tasks come first
-/// @param shape   what may run side by side
+/// @param order   what may run side by side
 /// @param d       all else is there
-void list_tasks(const plan::Plan& plan, Kind kind, const std::vector<char>& narrow, const TaskOrder& shape,
+void list_tasks(const plan::Plan& plan, Kind kind, const std::vector<char>& narrow, const TaskOrder& order,
                 base::ThreadPool& pool, DevicePlan& d);
 
 }  // namespace espalier::device::cuda
