@@ -19,13 +19,20 @@ struct EntryView {
   std::span<const Index> row;
   std::span<const double> value;
 
-  /// |value[k]|, brought into 2^-400 .. 2^400 so that products with two scaling factors do not overflow; 0: no entry.
+  /// The fourth roots of the magnitudes instead of these, where a product of entries and scaling factors would overflow
+  /// or vanish (see is_wide()): the matching is the same, the factors are the fourth roots as well.
+  bool roots = false;
+
+  /// |value[k]|, or its root; 0: no entry.
   [[nodiscard]] double magnitude(Offset k) const {
     const double v = std::abs(value[static_cast<std::size_t>(k)]);
     if (!(v > 0) || !std::isfinite(v)) return 0;
-    return v < kLeast ? kLeast : v > kMost ? kMost : v;
+    return roots ? std::sqrt(std::sqrt(v)) : v;
   }
-  static constexpr double kLeast = 0x1p-400, kMost = 0x1p400;
+  /// What a product of magnitudes and factors stands for.
+  [[nodiscard]] double meaning(double product) const {
+    return roots ? product * product * (product * product) : product;
+  }
 };
 
 /// Maximises the product of |a_ij| over the matched entries (Duff and Koster 2001, "MC64" with job 5).

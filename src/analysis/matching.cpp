@@ -1,6 +1,7 @@
 #include "analysis/matching.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <numeric>
 
@@ -26,7 +27,7 @@ class PairChooser {
         for (Offset k = a.ptr[at(j)]; k < a.ptr[at(j) + 1]; ++k) {
           const Index i = a.row[at(k)];
           if (i != j && i != next_[at(j)]) continue;
-          const double v = a.magnitude(k) * scale[at(i)] * scale[at(j)];
+          const double v = a.meaning(a.magnitude(k) * scale[at(i)] * scale[at(j)]);
           (i == j ? diagonal_ : link_)[at(j)] = v;
         }
     });
@@ -89,6 +90,15 @@ class PairChooser {
   std::vector<Index> pair_;
 };
 
+// Factors from their fourth roots, each times 2^shift first.
+void raise(std::vector<double>& factors, int shift) {
+  constexpr double kMost = 0x1p1000;
+  for (double& f : factors) {
+    const double square = std::ldexp(f, shift) * std::ldexp(f, shift);
+    f = std::clamp(square * square, 1 / kMost, kMost);
+  }
+}
+
 SymmetricMatching match_symmetric(const EntryView& entries, base::ThreadPool& pool) {
   Assignment assignment(entries, true, pool);
   assignment.run();
@@ -99,23 +109,53 @@ SymmetricMatching match_symmetric(const EntryView& entries, base::ThreadPool& po
     out.scale[i] = std::sqrt(assignment.row_scale[i]) * std::sqrt(assignment.col_scale[i]);
   PairChooser chooser(entries, assignment, out.scale, pool);
   out.pair = chooser.run(assignment.col_of_row);
+  if (entries.roots) raise(out.scale, 0);
   return out;
+}
+
+// The middle of the exponents of positive numbers.
+int middle_exponent(const std::vector<double>& v) {
+  if (v.empty()) return 0;
+  const auto [least, most] = std::minmax_element(v.begin(), v.end());
+  return (std::ilogb(*least) + std::ilogb(*most)) / 2;
 }
 
 }  // namespace
 
+bool is_wide(std::span<const double> values, base::ThreadPool& pool) {
+  constexpr std::int64_t kPiece = 1 << 18;
+  constexpr double kLeast = 0x1p-400, kMost = 0x1p400;
+  std::atomic<bool> wide{false};
+  pool.for_each_piece(static_cast<std::int64_t>(values.size()), kPiece, [&](std::int64_t begin, std::int64_t end) {
+    bool any = false;
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+      const double v = std::abs(values[k]);
+      any = any || v > kMost || (v < kLeast && v != 0);
+    }
+    if (any) wide.store(true, std::memory_order_relaxed);
+  });
+  return wide;
+}
+
 Matching maximum_product_matching(const MatrixView& a, base::ThreadPool& pool) {
-  Assignment assignment({a.cols, a.col_ptr, a.row_ind, a.values}, a.symmetric(), pool);
+  const bool roots = is_wide(a.values, pool);
+  Assignment assignment({a.cols, a.col_ptr, a.row_ind, a.values, roots}, a.symmetric(), pool);
   assignment.run();
+  if (roots) {  // rows may give 2^k to the columns: both stay in range
+    const int k = (middle_exponent(assignment.col_scale) - middle_exponent(assignment.row_scale)) / 2;
+    raise(assignment.row_scale, k);
+    raise(assignment.col_scale, -k);
+  }
   return {std::move(assignment.row_scale), std::move(assignment.col_scale), std::move(assignment.row_of_col),
           assignment.rank};
 }
 
 SymmetricMatching symmetric_matching(const MatrixView& a, base::ThreadPool& pool) {
+  const bool roots = is_wide(a.values, pool);
   if (a.storage == Storage::general || a.storage == Storage::symmetric_both)
-    return match_symmetric({a.cols, a.col_ptr, a.row_ind, a.values}, pool);
+    return match_symmetric({a.cols, a.col_ptr, a.row_ind, a.values, roots}, pool);
   const FullMatrix full = both_triangles(a, pool);
-  return match_symmetric({a.cols, full.ptr, full.row, full.value}, pool);
+  return match_symmetric({a.cols, full.ptr, full.row, full.value, roots}, pool);
 }
 
 Matching maximum_product_matching(const MatrixView& a) {

@@ -2,12 +2,16 @@
 /// Maximum product matching and scaling (Duff and Koster 2001), and its symmetric form (Duff and Pralet 2005).
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
 
 namespace espalier::analysis {
+
+/// Whether an entry lies outside 2^-400 .. 2^400: products of such entries overflow or vanish before they are scaled.
+bool is_wide(std::span<const double> values, base::ThreadPool& pool);
 
 /// Row and column scaling r, c such that |r_i a_ij c_j| <= 1 with equality on the matching, and the matching.
 struct Matching {
@@ -18,7 +22,8 @@ struct Matching {
 };
 
 /// Matching of a square general matrix (storage general; duplicates must have been summed). Rows and columns that
-/// cannot be matched get the scaling that bounds their entries by 1.
+/// cannot be matched get the scaling that bounds their entries by 1. Factors stay within 2^-1000 .. 2^1000; only where
+/// a matrix needs more, entries are left below 1.
 Matching maximum_product_matching(const MatrixView& a, base::ThreadPool& pool);
 Matching maximum_product_matching(const MatrixView& a);  ///< on the calling thread alone
 

@@ -10,6 +10,10 @@ namespace {
 // Ruiz (2001): the maxima converge to 1 linearly with the factor 1/2 in the exponent; three sweeps leave them within
 // max^(1/8), a factor of 10 for entries that differ by 1e8, and powers of two do not resolve more than a factor 2.
 constexpr int kSweeps = 3;
+// Where the maxima of the last sweep were still further apart than that, more follow: 2^2000 needs ten.
+constexpr int kMostSweeps = 14;
+constexpr double kFar = 0x1p32;
+constexpr double kMostScale = 0x1p1000;
 
 void maxima(const MatrixView& a, const std::vector<double>& r, const std::vector<double>& c, std::vector<double>& rows,
             std::vector<double>& cols) {
@@ -31,7 +35,11 @@ void maxima(const MatrixView& a, const std::vector<double>& r, const std::vector
 
 void divide_by_root(std::vector<double>& scale, const std::vector<double>& most) {
   for (std::size_t i = 0; i < scale.size(); ++i)
-    if (most[i] > 0) scale[i] /= std::sqrt(most[i]);
+    if (most[i] > 0) scale[i] = std::clamp(scale[i] / std::sqrt(most[i]), 1 / kMostScale, kMostScale);
+}
+
+bool any_far(const std::vector<double>& most) {
+  return std::any_of(most.begin(), most.end(), [](double m) { return m > kFar || (m < 1 / kFar && m > 0); });
 }
 
 void round_to_powers_of_two(std::vector<double>& scale) {
@@ -44,7 +52,7 @@ Scaling equilibrate(const MatrixView& a) {
   Scaling out{std::vector<double>(static_cast<std::size_t>(a.rows), 1),
               std::vector<double>(static_cast<std::size_t>(a.cols), 1)};
   std::vector<double> rows(out.row.size()), cols(out.col.size());
-  for (int sweep = 0; sweep < kSweeps; ++sweep) {
+  for (int sweep = 0; sweep < kSweeps || (sweep < kMostSweeps && (any_far(rows) || any_far(cols))); ++sweep) {
     maxima(a, out.row, out.col, rows, cols);
     divide_by_root(out.row, rows);
     divide_by_root(out.col, cols);

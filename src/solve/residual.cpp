@@ -181,7 +181,9 @@ BackwardError ResidualOperator::judge(std::span<const Piece> pieces, bool transp
     const double infinity = std::numeric_limits<double>::infinity();
     return {infinity, infinity};
   }
-  return {ratio(all.residual, norm(transpose) * all.x + all.b), all.componentwise};
+  const double scale = norm(transpose) * all.x + all.b;
+  if (std::isinf(scale)) return {all.componentwise, all.componentwise};  // which is never below the normwise error
+  return {ratio(all.residual, scale), all.componentwise};
 }
 
 void ResidualOperator::compute(std::span<ResidualColumn> columns, bool transpose) const {

@@ -238,7 +238,7 @@ bool same_pattern(const Equations& e, const MatrixView& a, base::ThreadPool& poo
 }
 
 void scale_and_match(Equations& e, Kind kind, const Options& options, base::ThreadPool& pool) {
-  if (kind == Kind::llt && options.precision == Precision::fp64) return;
+  if (kind == Kind::llt && options.precision == Precision::fp64 && !analysis::is_wide(e.a.values, pool)) return;
   if (kind == Kind::ldlt && options.matching) {
     analysis::SymmetricMatching m = analysis::symmetric_matching(e.a, pool);
     if (m.structural_rank < e.n())
@@ -271,6 +271,9 @@ void note_determinant(Equations& e) {
   for (const double s : e.col_scale) scales.multiply(s);
   e.transform_log = scales.log();
   e.transform_sign = permutation_sign(e.row_of_col);
+  const auto far = [](double s) { return s > 0x1p300 || s < 0x1p-300; };
+  e.wide = std::any_of(e.row_scale.begin(), e.row_scale.end(), far) ||
+           std::any_of(e.col_scale.begin(), e.col_scale.end(), far);
 }
 
 [[noreturn]] void refuse_entry(const Equations& e) {
@@ -279,9 +282,30 @@ void note_determinant(Equations& e) {
       if (!std::isfinite(e.a.values[q]))
         throw Error(StatusCode::invalid_input, fmt::format("entry ({}, {}) is {}", e.a.row_ind[q], c, e.a.values[q]),
                     e.a.row_ind[q]);
-  throw Error(StatusCode::invalid_input,
-              "the values are too large for the scaling of the analyzed ones; call analyze() with the new values");
+  throw Error(
+      StatusCode::invalid_input,
+      "the values are too far from those that were analyzed: scaled like these they leave the range of the factor's "
+      "numbers; call analyze() with the new values (if it was, the matrix spans too wide a range: scale its rows "
+      "and columns)");
 }
+
+namespace {
+
+// a s r by its exponents: no product on the way overflows or vanishes.
+double wide_product(double a, double s, double r) {
+  int of_a = 0, of_s = 0, of_r = 0;
+  const double mantissa = std::frexp(a, &of_a) * std::frexp(s, &of_s) * std::frexp(r, &of_r);
+  return std::ldexp(mantissa, of_a + of_s + of_r);
+}
+
+// FP64: the squares of such entries are numbers still. FP32: the entries are, and so are pivots that count.
+template <class T>
+bool fits(double largest) {
+  constexpr double kFar = sizeof(T) == sizeof(double) ? 0x1p480 : 0x1p100;
+  return largest == 0 || (largest < kFar && largest > 1 / kFar);
+}
+
+}  // namespace
 
 template <class T>
 double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool) {
@@ -296,7 +320,7 @@ double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool) {
       for (Offset q = e.a.col_ptr[c]; q < e.a.col_ptr[c + 1]; ++q) {
         const auto at = static_cast<std::size_t>(q);
         const double r = e.row_scale.empty() ? 1.0 : e.row_scale[static_cast<std::size_t>(e.a.row_ind[at])];
-        scaled[at] = static_cast<T>(e.a.values[at] * s * r);
+        scaled[at] = static_cast<T>(e.wide ? wide_product(e.a.values[at], s, r) : e.a.values[at] * s * r);
         const auto magnitude = std::abs(static_cast<double>(scaled[at]));
         most = std::max(most, magnitude);
         fine = fine && magnitude <= std::numeric_limits<double>::max();
@@ -307,7 +331,7 @@ double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool) {
     while (most > known && !largest.compare_exchange_weak(known, most)) {
     }
   });
-  if (!finite) refuse_entry(e);
+  if (!finite || !fits<T>(largest.load())) refuse_entry(e);
   return largest;
 }
 

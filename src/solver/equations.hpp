@@ -46,6 +46,7 @@ struct Equations {
   std::vector<char> zero_diagonal;   ///< n; empty: none
   /// det A = det B * transform_sign * exp(-transform_log): sign of P, logarithm of det(R C). See note_determinant().
   double transform_sign = 1, transform_log = 0;
+  bool wide = false;  ///< a scaling factor lies outside 2^-300 .. 2^300: products with two of them overflow on the way
 
   [[nodiscard]] Index n() const { return a.cols; }
   /// Whether the caller's values are those of `a`, one by one and unchecked.
@@ -73,19 +74,22 @@ void copy_values(Equations& e, std::span<const double> values, base::ThreadPool&
 bool same_pattern(const Equations& e, const MatrixView& a, base::ThreadPool& pool);
 
 /// Scaling and, with options.matching, the maximum product matching (ldlt, lu). llt is scaled only for factors of low
-/// precision (in FP64 Cholesky's error does not depend on scaling: van der Sluis 1969).
+/// precision (in FP64 Cholesky's error does not depend on scaling: van der Sluis 1969) and where products of its
+/// entries would overflow.
 /// @throws Error(singular) for a structurally singular matrix
 void scale_and_match(Equations& e, Kind kind, const Options& options, base::ThreadPool& pool);
 
-/// Sets e.transform_sign and e.transform_log for its scaling and matching. Once an analysis: n logarithms after every
-/// factorization cost a small system more than its arithmetic.
+/// Sets e.transform_sign, e.transform_log and e.wide for its scaling and matching. Once an analysis: n logarithms after
+/// every factorization cost a small system more than its arithmetic.
 void note_determinant(Equations& e);
 
 /// Throws Error(invalid_input) naming an entry that is not finite, or saying that scaling made one so.
 [[noreturn]] void refuse_entry(const Equations& e);
 
 /// scaled[q] = r_i a_ij c_j for the entries of e.a in their order. @returns the largest magnitude
-/// @throws Error(invalid_input) naming an entry that is not finite
+/// @throws Error(invalid_input) naming an entry that is not finite, or saying that the values have gone too far from
+/// the
+///         analyzed ones for their scaling
 template <class T>
 double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool);
 

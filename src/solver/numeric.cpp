@@ -1,6 +1,7 @@
 #include "solver/numeric.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "device/cuda/executor/cuda_executor.hpp"
@@ -53,19 +54,20 @@ class NumericOf final : public Numeric {
   }
   void set_smallest_pivot(double smallest_pivot) override { options_.smallest_pivot = smallest_pivot; }
 
+  // One by one where the budget has no room for several right-hand sides.
   void solve(const double* b, double* x, Index columns, bool transpose) override {
-    const Index n = plan_.tree.n;
-    constexpr Index kGroup = static_cast<Index>(64 / sizeof(T));
+    const Offset n = plan_.tree.n;
+    Index most = kMostColumnsAtOnce;
     for (Index done = 0; done < columns;) {
-      const Index now = std::min(columns - done, kMostColumnsAtOnce);
-      const Index width = now == 1 ? 1 : (now + kGroup - 1) / kGroup * kGroup;
-      if (rhs_.size() < static_cast<Offset>(n) * width) {
+      const Index now = std::min(columns - done, most);
+      try {
+        solve_together(b + done * n, x + done * n, now, transpose);
+      } catch (const Error& e) {
+        if (e.status().code != StatusCode::out_of_memory || now == 1) throw;
         rhs_ = base::Buffer<T>();
-        rhs_ = base::Buffer<T>(static_cast<Offset>(n) * width, &budget_);
+        most = 1;
+        continue;
       }
-      gather(b + static_cast<Offset>(done) * n, now, width, transpose);
-      executor_->solve(rhs_.data(), width, transpose);
-      scatter(x + static_cast<Offset>(done) * n, now, width, transpose);
       done += now;
     }
   }
@@ -79,7 +81,7 @@ class NumericOf final : public Numeric {
   // One GPU or several keep the equations beside the factor when memory allows; else refinement works on the host.
   void take_device_system(const solve::ResidualOperator& residual) {
     auto* executor = dynamic_cast<device::cuda::CudaExecutor<T>*>(executor_.get());
-    if (executor == nullptr) return;
+    if (executor == nullptr || equations_.wide) return;  // a GPU scales by plain products
     Offset left = 0;
     if (const Offset budget = options_.device_memory_bytes.front(); budget > 0)
       left = std::max<Offset>(1, budget - executor->peak_bytes());
@@ -95,6 +97,45 @@ class NumericOf final : public Numeric {
     return scale.empty() ? 1.0 : scale[static_cast<std::size_t>(i)];
   }
 
+  void solve_together(const double* b, double* x, Index columns, bool transpose) {
+    constexpr Index kGroup = static_cast<Index>(64 / sizeof(T));
+    const Index width = columns == 1 ? 1 : (columns + kGroup - 1) / kGroup * kGroup;
+    if (rhs_.size() < static_cast<Offset>(plan_.tree.n) * width) {
+      rhs_ = base::Buffer<T>();
+      rhs_ = base::Buffer<T>(static_cast<Offset>(plan_.tree.n) * width, &budget_);
+    }
+    find_units(b, columns, transpose);
+    gather(b, columns, width, transpose);
+    executor_->solve(rhs_.data(), width, transpose);
+    scatter(x, columns, width, transpose);
+  }
+
+  // FP32: a right-hand side may be far from 1 where the scaled matrix is not. It is measured in a power of two, which
+  // changes no digit.
+  void find_units(const double* b, Index columns, bool transpose) {
+    if (sizeof(T) == sizeof(double)) return;
+    unit_.assign(static_cast<std::size_t>(columns), 1);
+    const Index n = plan_.tree.n;
+    pool_.for_each_piece(columns, 1, [&](std::int64_t c, std::int64_t) {
+      double most = 0;
+      for (Index k = 0; k < n; ++k) {
+        const Index i = transpose ? k : equations_.row_of(k);
+        const double v = std::abs(factor_of(transpose ? equations_.col_scale : equations_.row_scale, i) *
+                                  b[static_cast<Offset>(c) * n + i]);
+        if (v > most) most = v;
+      }
+      if (most > 0 && std::isfinite(most) && (most > kFar || most < 1 / kFar))
+        unit_[static_cast<std::size_t>(c)] = std::ldexp(1.0, std::clamp(std::ilogb(most), -1000, 1000));
+    });
+  }
+
+  [[nodiscard]] T in_unit(double v, Index c) const {
+    return static_cast<T>(sizeof(T) == sizeof(double) ? v : v / unit_[static_cast<std::size_t>(c)]);
+  }
+  [[nodiscard]] double from_unit(T v, Index c) const {
+    return sizeof(T) == sizeof(double) ? v : static_cast<double>(v) * unit_[static_cast<std::size_t>(c)];
+  }
+
   // Scaled right-hand sides in elimination order; columns that pad the width are zero.
   void gather(const double* b, Index columns, Index width, bool transpose) {
     const Index n = plan_.tree.n;
@@ -104,7 +145,7 @@ class NumericOf final : public Numeric {
         const Index i = transpose ? col : equations_.row_of(col);
         const double s = factor_of(transpose ? equations_.col_scale : equations_.row_scale, i);
         T* row = rhs_.data() + k * width;
-        for (Index c = 0; c < columns; ++c) row[c] = static_cast<T>(s * b[static_cast<Offset>(c) * n + i]);
+        for (Index c = 0; c < columns; ++c) row[c] = in_unit(s * b[static_cast<Offset>(c) * n + i], c);
         std::fill(row + columns, row + width, T(0));
       }
     });
@@ -118,12 +159,13 @@ class NumericOf final : public Numeric {
         const Index i = transpose ? equations_.row_of(col) : col;
         const double s = factor_of(transpose ? equations_.row_scale : equations_.col_scale, i);
         const T* row = rhs_.data() + k * width;
-        for (Index c = 0; c < columns; ++c) x[static_cast<Offset>(c) * n + i] = s * static_cast<double>(row[c]);
+        for (Index c = 0; c < columns; ++c) x[static_cast<Offset>(c) * n + i] = s * from_unit(row[c], c);
       }
     });
   }
 
   static constexpr std::int64_t kRows = 8192;  // rows per piece of work
+  static constexpr double kFar = 0x1p40;       // from 1: then a right-hand side gets a unit of its own
 
   const plan::Plan& plan_;
   const Equations& equations_;
@@ -132,6 +174,7 @@ class NumericOf final : public Numeric {
   base::MemoryBudget& budget_;
   base::Buffer<T> values_;  // scaled; only without device_
   base::Buffer<T> rhs_;
+  std::vector<double> unit_;      // FP32: of the right-hand sides in work
   std::vector<Offset> diagonal_;  // llt in FP64: n, by position
   std::vector<double> smallest_;  // llt in FP64: n, by position: a pivot below counts as zero
   device::PivotRule rule_;
