@@ -11,6 +11,10 @@ namespace {
 // A Krylov correction reduces the residual by that much per restart; the next residual is computed afresh.
 constexpr double kKrylovReduction = 1e-6;
 
+// Rows in which A, x and b meet only in zeros have a componentwise error of about 1 for ever. Above this normwise error
+// (some 50 roundings) a step that halves it is one in the right direction whatever they say.
+constexpr double kNormwiseMatters = 1e-14;
+
 constexpr Index kColumnsAtOnce = 16;  // bounds the memory: two vectors a column
 
 // One right-hand side on its way.
@@ -115,13 +119,14 @@ class Refinement {
       Column& c = *active[k];
       const BackwardError before = c.result.error, now = trials[k].error;
       ++c.result.steps;
-      const bool better = now.componentwise < before.componentwise ||
+      const bool falls = before.normwise > kNormwiseMatters && now.normwise <= before.normwise / 2;
+      const bool better = falls || now.componentwise < before.componentwise ||
                           (now.componentwise == before.componentwise && now.normwise < before.normwise);
       if (better) {
         c.result.error = now;
         a_.copy(c.trial, c.x);
       }
-      const bool stalled = !(now.componentwise <= before.componentwise / 2);
+      const bool stalled = !falls && !(now.componentwise <= before.componentwise / 2);
       if (stalled && (c.krylov || !options_.krylov)) c.done = true;
       if (stalled) c.krylov = options_.krylov;
       c.done = c.done || !worth_going_on(c);

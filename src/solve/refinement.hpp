@@ -28,7 +28,8 @@ struct RefinementResult {
 };
 
 /// Fixed-precision refinement with residuals of twice the precision (Wilkinson; Arioli, Demmel and Duff 1989): corrects
-/// x until the componentwise backward error no longer halves, and keeps the best x.
+/// x until the componentwise backward error no longer halves, nor the normwise one where it is above 1e-14 (zeros in
+/// solution and right-hand side keep the former at 1), and keeps the best x.
 /// Right-hand sides are refined side by side, at most 32 at a time, each until it stalls.
 /// @param b, x  n x columns, column-major; x: on entry the first solutions, on return the best
 /// options.krylov needs a ResidualOperator, in host memory. b and x are in the memory of `a`.

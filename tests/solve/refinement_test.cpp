@@ -73,6 +73,32 @@ TEST(Refinement, NoStepsLeaveTheSolutionAlone) {
   EXPECT_NEAR(run.result.error.normwise, run.error, 1e-6 * run.error);
 }
 
+// Half of the solution and of the right-hand side is zero: what stands there is an error of 100 % in each component.
+TEST(Refinement, ZerosInTheSolutionDoNotEndIt) {
+  const SparseMatrix one = reference::from_triples(
+      6, {{0, 0, 1}, {1, 1, 1}, {2, 2, 1}, {3, 3, 1}, {4, 4, 1}, {5, 5, 1}}, Storage::symmetric_lower);
+  base::ThreadPool pool(1);
+  const ResidualOperator op(one, pool);
+  const std::vector<double> b{1, -1, 0.5, 0, 0, 0}, noise = reference::random_vector(36, 7);
+  const Preconditioner m = [&](const double* x, double* y, Index columns) {
+    std::vector<double> out(static_cast<std::size_t>(6 * columns));
+    for (Index c = 0; c < columns; ++c)
+      for (Index i = 0; i < 6; ++i) {
+        double sum = x[6 * c + i];
+        for (Index j = 0; j < 6; ++j) sum += 1e-4 * noise[static_cast<std::size_t>(6 * i + j)] * x[6 * c + j];
+        out[static_cast<std::size_t>(6 * c + i)] = sum;
+      }
+    std::copy(out.begin(), out.end(), y);
+  };
+  std::vector<double> x(6);
+  m(b.data(), x.data(), 1);
+  const RefinementResult r = refine(op, m, b.data(), x.data(), 1, false, {});
+  EXPECT_LE(reference::backward_error(one, b, x), kEps);
+  EXPECT_LE(r.error.normwise, kEps);
+  EXPECT_GE(r.steps, 3);
+  EXPECT_LE(r.steps, 10);
+}
+
 TEST(Refinement, AHopelessPreconditionerNeverMakesThingsWorse) {
   const SparseMatrix a = reference::random_system(60, 5, Values::indefinite, 11);
   base::ThreadPool pool(1);
