@@ -143,7 +143,11 @@ const char* espalier_version(void);
 /** The name of a status, for instance "singular"; a static string. */
 const char* espalier_status_name(int status);
 
-/** Makes a solver with default options. *solver is NULL on failure. */
+/**
+ * Makes a solver. *solver is NULL on failure. Its options are the defaults, changed by the environment variable
+ * ESPALIER_OPTIONS ("device=gpu:0;threads=8;log=stderr": names and values of espalier_set_option, and log=stderr); what
+ * cannot be understood there is said by the first analysis. Where no number of threads is set, OMP_NUM_THREADS counts.
+ */
 int espalier_create(espalier_solver** solver);
 /** Ends a solver; NULL is allowed. */
 void espalier_destroy(espalier_solver* solver);

@@ -2,6 +2,7 @@
 /// The C interface: a lock and an error message around the C++ solver.
 #include <algorithm>
 #include <atomic>
+#include <cstdio>
 #include <cstring>
 #include <exception>
 #include <memory>
@@ -16,6 +17,7 @@
 #include "espalier/solver.hpp"
 #include "solver/build_info.hpp"
 #include "solver/c_matrix.hpp"
+#include "solver/environment.hpp"
 #include "solver/option_text.hpp"
 
 using espalier::Error;
@@ -48,14 +50,17 @@ class Callers {
   std::atomic<std::uint64_t> state_{espalier::base::forks() << kBits};  // forks, then callers
 };
 
+void log_to_stderr(const char* line, void*) { std::fprintf(stderr, "espalier: %s\n", line); }
+
 }  // namespace
 
 struct espalier_solver {
   Callers callers;
   std::mutex mutex;
   std::atomic<std::thread::id> owner{};  // the thread inside a call: a log callback that calls back is turned away
-  espalier::Options options;
-  espalier_log_callback log = nullptr;
+  const espalier::solver::Environment environment = espalier::solver::read_environment();
+  espalier::Options options = environment.options;
+  espalier_log_callback log = environment.log_to_stderr ? &log_to_stderr : nullptr;
   void* log_user = nullptr;
   std::optional<espalier::Solver> solver;  // made at analysis, with the options of that moment
   Index rows = 0;
@@ -170,6 +175,7 @@ espalier_solve_info to_c(const espalier::SolveResult& r) {
 }
 
 espalier::Solver& make_solver(espalier_solver& s) {
+  if (!s.environment.status.ok()) throw Error(s.environment.status);
   espalier::Options options = s.options;
   if (s.log != nullptr) {
     options.log = [log = s.log, user = s.log_user](const std::string& line) { log(line.c_str(), user); };

@@ -128,7 +128,11 @@ constexpr std::array<Entry, 15> kEntries{{
      }},
     {"required_backward_error",
      [](Options& o, std::string_view k, std::string_view v) {
-       o.required_backward_error = parse_number<double>(k, v, 0, 1, "a number from 0 to 1");
+       constexpr const char* kExpected = "a number from 0 to 1, or inf: no error is too large";
+       if (v == "inf" || v == "infinity")
+         o.required_backward_error = std::numeric_limits<double>::infinity();
+       else
+         o.required_backward_error = parse_number<double>(k, v, 0, 1, kExpected);
      }},
     {"record_timeline",
      [](Options& o, std::string_view k, std::string_view v) { o.record_timeline = parse_switch(k, v); }},

@@ -2,6 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <charconv>
+#include <cstdlib>
+#include <cstring>
 #include <future>
 #include <new>
 #include <stdexcept>
@@ -72,9 +76,21 @@ FactorResult factor_by(Impl& impl, Body&& body) {
   return copy_of(impl.factor);
 }
 
+// Where the caller says nothing: what the environment says to programs with threads ("4", or "4,2" for nested ones),
+// else all cores.
+int usual_threads() {
+  if (const char* text = std::getenv("OMP_NUM_THREADS")) {
+    int threads = 0;
+    const auto [end, error] = std::from_chars(text, text + std::strlen(text), threads);
+    if (error == std::errc{} && (*end == '\0' || *end == ',') && threads >= 1)
+      return std::min(threads, solver::kMostThreads);
+  }
+  return base::available_cores();
+}
+
 int threads_of(const Options& o) {
   solver::check_options(o);
-  const int threads = o.threads > 0 ? o.threads : base::available_cores();
+  const int threads = o.threads > 0 ? o.threads : usual_threads();
   const auto host = solver::host_devices(o.device, threads);
   return host ? host->devices * host->threads : threads;
 }

@@ -1,0 +1,18 @@
+/// \file
+/// Options from the environment, for programs that have no place for them.
+#pragma once
+
+#include "espalier/solver.hpp"
+
+namespace espalier::solver {
+
+/// What ESPALIER_OPTIONS says: "device=gpu:0;threads=8;log=stderr", names and values as in set_option(), and where log
+/// lines go (nowhere, or stderr). Unset or empty: the defaults.
+struct Environment {
+  Options options;
+  bool log_to_stderr = false;
+  Status status;  ///< invalid_input, naming the variable, when it is not understood; options are the defaults then
+};
+Environment read_environment();
+
+}  // namespace espalier::solver
