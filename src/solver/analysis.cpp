@@ -1,12 +1,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "analysis/verify.hpp"
 #include "base/beside.hpp"
 #include "base/forks.hpp"
 #include "device/cuda/executor/cuda_executor.hpp"
 #include "device/cuda/tables/device_plan.hpp"
+#include "device/host/host_executor.hpp"
 #include "matrix/validate.hpp"
 #include "solver/analysis_file.hpp"
 #include "solver/option_text.hpp"
@@ -32,8 +34,33 @@ Offset plan_bytes(const plan::Plan& p) {
 
 }  // namespace
 
-Offset Solver::Impl::held_bytes() const {
-  return equations.bytes() + residual.bytes() + plan_bytes(plan) + budget.peak();
+Offset Solver::Impl::analysis_bytes() const { return equations.bytes() + residual.bytes() + plan_bytes(plan); }
+
+Offset Solver::Impl::predicted_host_bytes() const {
+  const Offset n = equations.n(), entries = equations.a.nonzeros();
+  const Offset value_bytes = single() ? sizeof(float) : sizeof(double);
+  const Offset numbers = single() ? device::host::host_bytes<float>(plan, kind, pool.size())
+                                  : device::host::host_bytes<double>(plan, kind, pool.size());
+  const Offset vectors = 4 * n * static_cast<Offset>(sizeof(double));  // of llt's smallest pivots, of the refinement
+  return analysis_bytes() + numbers + (entries + n) * value_bytes + vectors;
+}
+
+// @throws Error(out_of_memory) where the budget is too small for the factorization as it is planned
+void Solver::Impl::charge_analysis() {
+  budget.give_back(std::exchange(charged, 0));
+  const bool in_core =
+      device.backend == solver::DeviceChoice::Backend::host &&
+      !(device.budgeted && (options.device_memory_bytes > 0 || !options.device_memory_each_bytes.empty()));
+  const Offset limit = budget.limit(), needed = in_core ? predicted_host_bytes() : analysis_bytes();
+  if (limit > 0 && needed > limit)
+    throw Error(
+        StatusCode::out_of_memory,
+        fmt::format(
+            "the factorization needs {} on the host, its budget is {}; a budget of at least {} bytes would do, or "
+            "fewer threads",
+            base::format_bytes(needed), base::format_bytes(limit), needed));
+  budget.take(analysis_bytes());
+  charged = analysis_bytes();
 }
 
 void Solver::Impl::analyze(const MatrixView& a) {
@@ -131,11 +158,7 @@ void Solver::Impl::describe_plan(double start) {
     r.tiers = std::max(r.tiers, plan.tier[f] + 1);
     r.largest_front = std::max(r.largest_front, plan.layout[f].rows);
   }
-  const Offset value_bytes = single() ? sizeof(float) : sizeof(double);
-  r.predicted_bytes =
-      (plan.memory.size + equations.a.nonzeros() + equations.n() + static_cast<Offset>(plan.tree.rows.size())) *
-          value_bytes +
-      held_bytes() - budget.peak();
+  r.predicted_bytes = predicted_host_bytes();
   const bool on_gpu = device.backend == solver::DeviceChoice::Backend::cuda;
   r.predicted_seconds = on_gpu ? predicted.gpu_seconds_on(device.devices) : predicted.host_seconds;
   r.device = device.reason;

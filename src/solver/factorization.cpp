@@ -56,6 +56,7 @@ void Solver::Impl::make_numeric() {
   if (device.backend == solver::DeviceChoice::Backend::cuda) gpu_forks = base::forks();
   for (const bool ours = options.device == "auto"; !numeric;) {
     try {
+      charge_analysis();
       numeric = solver::make_numeric(plan, equations, residual, o, single(), pool, budget, timeline.get());
     } catch (const Error& e) {
       if (!ours || device.backend == solver::DeviceChoice::Backend::host) throw;
@@ -292,7 +293,7 @@ void Solver::Impl::report(const device::FactorOutcome& outcome) {
   r.two_by_two = outcome.two_by_two;
   r.perturbed = static_cast<Index>(outcome.replaced.size());
   r.delayed = moved_pivots;
-  r.peak_host_bytes = held_bytes();
+  r.peak_host_bytes = budget.peak();
   const auto add_device = [&](std::string name, double busy, double waiting, Index stolen, Offset peak,
                               const device::StreamReport& streamed) {
     const double idle = outcome.seconds > 0 ? std::max(0.0, 1 - busy / outcome.seconds) : 0;

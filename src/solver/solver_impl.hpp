@@ -73,12 +73,17 @@ struct Solver::Impl {
     if (options.log) options.log(line);
   }
   [[nodiscard]] bool single() const { return options.precision != Precision::fp64; }
-  [[nodiscard]] Offset held_bytes() const;
+  /// Of the equations, their index and the plan: they count in the budget from the first factorization on.
+  [[nodiscard]] Offset analysis_bytes() const;
+  /// Most bytes on the host, with a factor and a refined solution for one right-hand side.
+  [[nodiscard]] Offset predicted_host_bytes() const;
+  void charge_analysis();
 
   Options options;
   State state = State::empty;
   base::ThreadPool pool;
   base::MemoryBudget budget;
+  Offset charged = 0;  // of the analysis, in the budget
   std::unique_ptr<base::Timeline> timeline;
   Kind kind = Kind::automatic;   // of the current analysis
   bool kind_may_change = false;  // automatic took llt: ldlt when a pivot is not positive

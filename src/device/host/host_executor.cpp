@@ -12,23 +12,38 @@
 
 namespace espalier::device::host {
 
-template <class T>
-Workspace<T>::Workspace(const plan::Plan& plan, Kind kind, base::MemoryBudget* budget) {
+namespace {
+
+// Elements of a worker's largest tile (or whole front), and its widest block of columns.
+struct Extent {
   Offset area = 0;
   Offset widest = 0;
+};
+
+template <class T>
+Extent largest_tile(const plan::Plan& plan) {
+  Extent e;
   for (Index f = 0; f < plan.fronts(); ++f) {
     const auto& l = plan.layout[f];
     if (plan.whole[f] != 0) {
-      widest = std::max<Offset>(widest, l.pivots);
+      e.widest = std::max<Offset>(e.widest, l.pivots);
       // A panel of columns and one of rows more: parts of a front are packed from rows and columns that begin no panel.
-      area = std::max(area, padded<T>(l.rows) * (padded<T>(l.rows) + kPanel<T>)+kPanel<T>);
+      e.area = std::max(e.area, padded<T>(l.rows) * (padded<T>(l.rows) + kPanel<T>)+kPanel<T>);
       continue;
     }
     Offset most = 0;
     for (Index i = 0; i < l.tiles; ++i) most = std::max<Offset>(most, l.width(i));
-    widest = std::max(widest, most);
-    area = std::max(area, padded<T>(most) * padded<T>(most));
+    e.widest = std::max(e.widest, most);
+    e.area = std::max(e.area, padded<T>(most) * padded<T>(most));
   }
+  return e;
+}
+
+}  // namespace
+
+template <class T>
+Workspace<T>::Workspace(const plan::Plan& plan, Kind kind, base::MemoryBudget* budget) {
+  const auto [area, widest] = largest_tile<T>(plan);
   c = base::Buffer<T>(area, budget);
   if (kind != Kind::llt) c2 = base::Buffer<T>(area, budget);
   panels = base::Buffer<T>(area, budget);
@@ -37,6 +52,35 @@ Workspace<T>::Workspace(const plan::Plan& plan, Kind kind, base::MemoryBudget* b
   marks = base::Buffer<char>(padded<T>(widest), budget);
   runs.reserve(static_cast<std::size_t>(3 * 2048));
 }
+
+template <class T>
+Offset host_bytes(const plan::Plan& plan, Kind kind, int threads) {
+  const auto [area, widest] = largest_tile<T>(plan);
+  const auto rows = static_cast<Offset>(plan.tree.rows.size());
+  Offset front = 0, tile = 0, stack = 0;                                             // of the solution, rows
+  std::vector<Offset> entries(plan.layout.size(), 0), below(plan.layout.size(), 0);  // of the sub-tree
+  for (std::size_t f = 0; f < plan.layout.size(); ++f) {
+    const auto& l = plan.layout[f];
+    front = std::max<Offset>(front, l.padded_begin(l.tiles));
+    for (Index i = 0; i < l.tiles; ++i) tile = std::max<Offset>(tile, l.padded(l.width(i)));
+    entries[f] += l.factor_size();
+    below[f] += l.below();
+    if (entries[f] <= kSolveTaskEntries) stack = std::max(stack, below[f]);
+    if (const Index parent = plan.tree.parent[f]; parent >= 0) {
+      entries[static_cast<std::size_t>(parent)] += entries[f];
+      below[static_cast<std::size_t>(parent)] += below[f];
+    }
+  }
+  const Offset own = (kind == Kind::llt ? 2 : 3) * area + plan.memory.stack_size + 2 * padded<T>(widest) + kPanel<T> +
+                     front + kPanel<T> + 2 * tile + stack;
+  const Offset shared = plan.memory.size + rows + (kind == Kind::ldlt ? 2 * plan.tree.n : 0);
+  const Offset kept = (kind == Kind::llt ? 1 : 5) * Offset{plan.tree.n} + 2 * plan.tiles() +
+                      plan.fronts() * static_cast<Offset>(sizeof(FrontOutcome) + 4 * sizeof(Offset));
+  return (shared + threads * own) * static_cast<Offset>(sizeof(T)) + threads * padded<T>(widest) + kept;
+}
+
+template Offset host_bytes<double>(const plan::Plan&, Kind, int);
+template Offset host_bytes<float>(const plan::Plan&, Kind, int);
 
 template struct Workspace<double>;
 template struct Workspace<float>;
@@ -53,6 +97,7 @@ class HostExecutor final : public Executor<T> {
         options_(std::move(options)),
         devices_(plan.assignment.devices),
         budget_(budget != nullptr ? budget : &own_budget_),
+        held_before_(budget_->held()),
         timeline_(timeline),
         queues_(plan),
         work_(make_workspaces(kind)),
@@ -97,7 +142,7 @@ class HostExecutor final : public Executor<T> {
     const std::string threads = fmt::format("({} thread{})", pool_.size(), pool_.size() == 1 ? "" : "s");
     return devices_ == 1 ? "host " + threads : fmt::format("{} host devices {}", devices_, threads);
   }
-  [[nodiscard]] Offset peak_bytes() const override { return budget_->peak(); }
+  [[nodiscard]] Offset peak_bytes() const override { return budget_->peak() - held_before_; }
   [[nodiscard]] std::vector<DeviceWork> device_work() const override {
     std::vector<DeviceWork> list;
     if (devices_ == 1) return list;
@@ -207,6 +252,7 @@ class HostExecutor final : public Executor<T> {
   Index devices_;
   base::MemoryBudget own_budget_{"host memory"};
   base::MemoryBudget* budget_;
+  Offset held_before_;  // by others, when the executor was made
   base::Timeline* timeline_;
   TaskQueues queues_;
   std::vector<Workspace<T>> work_;

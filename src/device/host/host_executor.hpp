@@ -38,4 +38,9 @@ std::unique_ptr<Executor<T>> make_host_executor(const plan::Plan& plan, Kind kin
                                                 base::ThreadPool& pool, base::MemoryBudget* budget,
                                                 base::Timeline* timeline, HostOptions options = {});
 
+/// Most bytes that make_host_executor() takes, with a solution for one right-hand side: arrays of the factor, work
+/// arrays of each of `threads` workers, and what is kept by front and by tile. The solution's own part is a bound.
+template <class T>
+Offset host_bytes(const plan::Plan& plan, Kind kind, int threads);
+
 }  // namespace espalier::device::host

@@ -9,9 +9,7 @@ namespace {
 
 using plan::FrontLayout;
 
-// Sub-trees whose factors have at most that many entries are one task; larger fronts are split into tiles: half a
-// megabyte is some 30 microseconds of memory traffic, a hundred times what handing out a task costs.
-constexpr Offset kTaskEntries = 1 << 16;
+// Fronts with more entries of the factor are split into tiles.
 constexpr Offset kSplitEntries = 1 << 18;
 
 // Row of the padded front at which row r of the front stands.
@@ -53,7 +51,7 @@ void TriangularSolve<T>::list_tasks() {
       entries[f] += entries[plan_.children[c]];
     }
   }
-  const auto small = [&](Index f) { return entries[f] <= kTaskEntries; };
+  const auto small = [&](Index f) { return entries[f] <= kSolveTaskEntries; };
   for (Index f = 0; f < fronts; ++f) {
     const Index parent = plan_.tree.parent[f];
     const FrontLayout& l = plan_.layout[f];

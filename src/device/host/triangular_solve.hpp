@@ -9,6 +9,10 @@
 
 namespace espalier::device::host {
 
+/// A sub-tree of at most so many entries of the factor is one task: half a megabyte is some 30 microseconds of memory
+/// traffic, a hundred times what handing out a task costs.
+inline constexpr Offset kSolveTaskEntries = 1 << 16;
+
 /// One unit of work of a substitution: a range of fronts (begin .. front, a sub-tree), one front (begin == front), or
 /// one tile row (forward) or tile column (backward) of a front (tile >= 0).
 struct SolveTask {

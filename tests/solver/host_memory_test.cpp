@@ -1,0 +1,94 @@
+// The budget of the host's memory: analyze() says what is needed, factorize() takes no more, and refuses less. Truths:
+// the counted peak, the peak of the process as the kernel saw it.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <string>
+
+#include "process.hpp"
+#include "solver/solver_common.hpp"
+
+namespace espalier {
+namespace {
+
+using namespace test;
+
+std::vector<SparseMatrix> systems() {
+  return {generated({"elasticity", "6"}), generated({"kkt", "5", "4", "3", "3"}), generated({"gyroscopic", "5"}),
+          generated({"poisson", "40", "40", "1"})};
+}
+
+TEST(HostMemory, OneFigureForThePredictionTheCheckAndThePeak) {
+  for (const SparseMatrix& a : systems())
+    for (const Precision precision : {Precision::fp64, Precision::mixed})
+      for (const int threads : {1, 3}) {
+        SCOPED_TRACE("n " + std::to_string(a.rows) + ", " + std::to_string(threads) + " threads");
+        Options o;
+        o.device = "cpu";
+        o.threads = threads;
+        o.precision = precision;
+        Solver s(o);
+        const AnalysisResult free = s.analyze(a);
+        ASSERT_TRUE(free.status.ok()) << free.status.message;
+        const std::vector<double> b = reference::random_vector(Offset{a.rows} * 20, 3);
+        const auto run = [&](Offset budget) {
+          o.host_memory_bytes = budget;
+          Solver limited(o);
+          const AnalysisResult r = limited.analyze(a);
+          EXPECT_TRUE(r.status.ok());
+          EXPECT_EQ(r.predicted_bytes, free.predicted_bytes) << "a prediction does not depend on the budget";
+          FactorResult f = limited.factorize(a);
+          if (!f.status.ok()) return f.status;
+          EXPECT_LE(f.peak_host_bytes, budget);
+          std::vector<double> x(b.size());
+          Status solved = limited.solve(b, x, 20).status;
+          EXPECT_LE(reference::backward_error(a, b, x, 20), 8 * kEps);
+          f = limited.refactorize(a.values);
+          EXPECT_LE(f.peak_host_bytes, budget) << "with 20 right-hand sides solved";
+          return solved;
+        };
+        const Status enough = run(free.predicted_bytes);
+        EXPECT_TRUE(enough.ok()) << enough.message;
+        const Status short_of_it = run(free.predicted_bytes - 1);
+        EXPECT_EQ(short_of_it.code, StatusCode::out_of_memory);
+        EXPECT_NE(short_of_it.message.find(std::to_string(free.predicted_bytes) + " bytes would do"), std::string::npos)
+            << short_of_it.message;
+      }
+}
+
+std::int64_t kilobytes(const std::string& key) {
+  std::ifstream in("/proc/self/status");
+  for (std::string word; in >> word;)
+    if (std::int64_t value = 0; word == key && in >> value) return value;
+  return -1;
+}
+
+// What is not counted: code, thread stacks, the allocator's own, the ordering (gone before the factor comes).
+TEST(HostMemory, ThePeakOfTheProcess) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "the sanitizers take memory of their own";
+#endif
+  constexpr std::int64_t kRest = 48 << 10;  // KiB
+  EXPECT_EQ(in_child([&] {
+              const SparseMatrix a = generated({"elasticity", "18"});
+              std::vector<double> b = reference::random_vector(a.rows, 3), x(b.size());
+              std::ofstream("/proc/self/clear_refs") << 5;
+              const std::int64_t before = kilobytes("VmRSS:");
+              Options o;
+              o.device = "cpu";
+              o.threads = 2;
+              Solver probe(o);
+              o.host_memory_bytes = probe.analyze(a).predicted_bytes;
+              probe = Solver(o);
+              const bool solved =
+                  probe.analyze(a).status.ok() && probe.factorize(a).status.ok() && probe.solve(b, x).status.ok();
+              const std::int64_t peak = kilobytes("VmHWM:") - before, budget = o.host_memory_bytes >> 10;
+              std::fprintf(stderr, "budget %ld KiB, peak %ld KiB\n", static_cast<long>(budget),
+                           static_cast<long>(peak));
+              return solved && peak <= budget + kRest && peak >= budget / 2;
+            }),
+            0);
+}
+
+}  // namespace
+}  // namespace espalier
