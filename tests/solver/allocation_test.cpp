@@ -18,6 +18,7 @@ constexpr long kNever = std::numeric_limits<long>::max();
 std::atomic<long> allocations_left{kNever};  // the allocation that finds 0 fails
 std::atomic<long> allocations{0};
 std::atomic<long> bytes_allocated{0};
+std::atomic<long> held{0};  // allocations that were not given back
 
 bool refused(std::size_t bytes) {
   allocations.fetch_add(1, std::memory_order_relaxed);
@@ -31,7 +32,13 @@ void* take(std::size_t bytes, std::size_t alignment) {
   const std::size_t rounded = (std::max<std::size_t>(bytes, 1) + alignment - 1) / alignment * alignment;
   void* p = alignment > alignof(std::max_align_t) ? std::aligned_alloc(alignment, rounded) : std::malloc(rounded);
   if (p == nullptr) throw std::bad_alloc();
+  held.fetch_add(1, std::memory_order_relaxed);
   return p;
+}
+
+void give_back(void* p) {
+  if (p != nullptr) held.fetch_sub(1, std::memory_order_relaxed);
+  std::free(p);
 }
 
 }  // namespace
@@ -42,14 +49,14 @@ void* operator new(std::size_t n) { return take(n, 1); }
 void* operator new[](std::size_t n) { return take(n, 1); }
 void* operator new(std::size_t n, std::align_val_t a) { return take(n, static_cast<std::size_t>(a)); }
 void* operator new[](std::size_t n, std::align_val_t a) { return take(n, static_cast<std::size_t>(a)); }
-[[gnu::noinline]] void operator delete(void* p) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete[](void* p) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete[](void* p, std::size_t) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete[](void* p, std::align_val_t) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete[](void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
+[[gnu::noinline]] void operator delete(void* p) noexcept { give_back(p); }
+[[gnu::noinline]] void operator delete[](void* p) noexcept { give_back(p); }
+[[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { give_back(p); }
+[[gnu::noinline]] void operator delete[](void* p, std::size_t) noexcept { give_back(p); }
+[[gnu::noinline]] void operator delete(void* p, std::align_val_t) noexcept { give_back(p); }
+[[gnu::noinline]] void operator delete[](void* p, std::align_val_t) noexcept { give_back(p); }
+[[gnu::noinline]] void operator delete(void* p, std::size_t, std::align_val_t) noexcept { give_back(p); }
+[[gnu::noinline]] void operator delete[](void* p, std::size_t, std::align_val_t) noexcept { give_back(p); }
 
 namespace espalier {
 namespace {
@@ -134,6 +141,31 @@ TEST(Allocation, EveryOneFailsOnce) {
       EXPECT_EQ(x, good);
     }
     EXPECT_GT(failures, 20);
+  }
+}
+
+// Whatever fails, the solver's end gives everything back.
+TEST(Allocation, NothingStaysBehindAFailure) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE(c.name);
+    const std::vector<double> b = reference::random_vector(2 * static_cast<std::int64_t>(c.a.rows), 7);
+    std::vector<double> x(b.size());
+    const auto once = [&](long failing) {
+      const long before = held;
+      {
+        Solver s(c.options);
+        allocations = 0;
+        allocations_left = failing;
+        (void)run(s, c, b, x);
+        allocations_left = kNever;
+      }
+      return held - before;
+    };
+    (void)once(kNever);  // what threads and the library keep for good
+    (void)once(kNever);
+    const long total = allocations;
+    ASSERT_GT(total, 50);
+    for (long k = 0; k < total; k += 2) ASSERT_EQ(once(k), 0) << "allocation " << k;
   }
 }
 
