@@ -54,7 +54,15 @@ find_nvcc() {
   command -v nvcc 2>/dev/null || { [[ -x /usr/local/cuda/bin/nvcc ]] && echo /usr/local/cuda/bin/nvcc; } || true
 }
 
-# Configures preset $1 (further arguments are passed on) and builds the targets after "--". Quiet unless it fails.
+# The value of a cache variable of preset $1's build folder; empty where there is none.
+cached() { sed -nE "s/^$2:[A-Z]+=(.*)/\1/p" "build/$1/CMakeCache.txt" 2>/dev/null || true; }
+
+# The options of a build from nothing: the sources of the command line and of the model layer together. With a
+# compiler cache, which knows each file for itself, the ordinary way is cheaper.
+from_scratch() { [[ -n ${CMAKE_CXX_COMPILER_LAUNCHER:-} ]] || echo -DESPALIER_FROM_SCRATCH=ON; }
+
+# Configures preset $1 (further arguments are passed on) and builds the targets after "--". Quiet unless it fails. A build
+# folder that another generator, compiler or source folder has left behind is made again.
 configure_and_build() {
   local preset=$1 log
   shift
@@ -63,7 +71,10 @@ configure_and_build() {
   shift || true
   log=build/$preset.log
   mkdir -p build
-  if ! cmake --preset "$preset" "${options[@]}" >"$log" 2>&1; then
+  if ! cmake --preset "$preset" "${options[@]}" >"$log" 2>&1 &&
+     ! { [[ -f build/$preset/CMakeCache.txt ]] && echo "configuring build/$preset afresh ..." &&
+         rm -rf "build/$preset/CMakeCache.txt" "build/$preset/CMakeFiles" &&
+         cmake --preset "$preset" "${options[@]}" >"$log" 2>&1; }; then
     tail -40 "$log" >&2
     echo "espalier: configuring failed; the whole log is $log" >&2
     return 1

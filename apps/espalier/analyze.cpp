@@ -68,10 +68,10 @@ int AnalyzeCommand::run() const {
   report["tree"] = to_json(tiers);
   const std::optional<Error> unwritten = write_report(report_file, report);
   if (json) {
-    fmt::print("{}\n", to_text(report));
+    print_result("{}\n", to_text(report));
   } else if (analyzed) {
-    fmt::print("{}", analysis_summary(record, tiers));
-    if (dry_run) fmt::print("\n{}", forecast_summary(*record.analysis, budget));
+    print_result("{}", analysis_summary(record, tiers));
+    if (dry_run) print_result("\n{}", forecast_summary(*record.analysis, budget));
   }
   if (!record.status.ok()) print_error(record.status.message);
   if (unwritten) throw Error(*unwritten);

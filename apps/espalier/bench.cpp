@@ -119,12 +119,12 @@ bench::Voice BenchCommand::voice() const {
   bench::Voice voice;
   if (isatty(STDERR_FILENO) != 0)
     voice.progress = [](const std::string& what) {
-      fmt::print(stderr, "\r\033[K{}", what);
+      print_note("\r\033[K{}", what);
       std::fflush(stderr);
     };
   if (!json)
     voice.print = [](const std::string& text) {
-      fmt::print("{}", text);
+      print_result("{}", text);
       std::fflush(stdout);
     };
   return voice;
@@ -137,9 +137,9 @@ int BenchCommand::run() const {
   experiment->run(session);
   session.save();
   if (json)
-    fmt::print("{}\n", session.document().dump(1, ' ', false, nlohmann::json::error_handler_t::replace));
+    print_result("{}\n", session.document().dump(1, ' ', false, nlohmann::json::error_handler_t::replace));
   else
-    fmt::print("results: {}\n", session.settings().out);
+    print_result("results: {}\n", session.settings().out);
   return kSolved;
 }
 

@@ -6,23 +6,12 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
-#include <filesystem>
-#include <system_error>
 
 #include "base/output_file.hpp"
 
 namespace espalier::cli {
 
 namespace {
-
-namespace fs = std::filesystem;
-
-/// Whether both names lead to one regular file, be it there or not. Pipes and devices may well be named twice.
-bool same_file(const std::string& a, const std::string& b) {
-  std::error_code error;
-  if (fs::exists(a, error) && fs::exists(b, error)) return fs::is_regular_file(a, error) && fs::equivalent(a, b, error);
-  return fs::weakly_canonical(a, error) == fs::weakly_canonical(b, error);
-}
 
 CLI::Validator number_from(double least, bool itself, const char* wanted) {
   return {[=](std::string& text) {
@@ -60,7 +49,7 @@ void check_outputs(std::initializer_list<NamedFile> inputs, std::initializer_lis
   for (const NamedFile* out = outputs.begin(); out != outputs.end(); ++out) {
     if (out->path.empty()) continue;
     const auto refuse_same = [&](const NamedFile& other, const char* why) {
-      if (!other.path.empty() && same_file(out->path, other.path))
+      if (!other.path.empty() && base::same_file(out->path, other.path))
         throw Error(StatusCode::invalid_input,
                     fmt::format("{} {}: {} {}; give another name", out->option, out->path, why, other.option));
     };

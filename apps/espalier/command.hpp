@@ -30,12 +30,16 @@ int exit_code(StatusCode code);
 /// What main() runs once the command line is understood; returns the exit code.
 using Action = std::function<int()>;
 
+/// Adds the subcommands that this binary has (commands.cpp; first/commands.cpp of the one that ./run builds first).
+void add_commands(CLI::App& app, int argc, const char* const* argv, Action& action);
+
 /// Each adds its subcommand to `app`; `action` is set when the user chose it.
 void add_solve(CLI::App& app, Action& action);
 void add_analyze(CLI::App& app, Action& action);
 void add_simulate(CLI::App& app, Action& action);
 void add_generate(CLI::App& app, Action& action);
-/// argc and argv: for the record of what was asked.
+/// argc and argv: for the record of what was asked. In a build without benchmarks (absent/bench.cpp) it and
+/// add_report() say how to get them.
 void add_bench(CLI::App& app, int argc, const char* const* argv, Action& action);
 void add_report(CLI::App& app, Action& action);
 void add_fetch_matrix(CLI::App& app, Action& action);

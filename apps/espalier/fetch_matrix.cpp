@@ -164,7 +164,7 @@ int print_list() {
   table.add({"name", "group", "rows", "entries", ""}, Tone::strong);
   for (const CollectionMatrix& matrix : collection())
     table.add({matrix.name, matrix.group, grouped(matrix.rows), grouped(matrix.nonzeros), matrix.kind});
-  fmt::print("{}", table.text());
+  print_result("{}", table.text());
   return kSolved;
 }
 
@@ -173,7 +173,7 @@ int FetchCommand::run() const {
   if (name.empty()) fail("name a matrix (--list shows them)");
   for (const CollectionMatrix& matrix : collection()) {
     if (name != matrix.name) continue;
-    fmt::print("{}\n", fetch(matrix, *this).string());
+    print_result("{}\n", fetch(matrix, *this).string());
     return kSolved;
   }
   fail(fmt::format("there is no matrix '{}' in the list (espalier fetch-matrix --list)", name));

@@ -56,10 +56,10 @@ int GenerateCommand::run() const {
     const nlohmann::ordered_json report = {{"generator", name},        {"seed", seed},
                                            {"file", out_file},         {"rows", a.rows},
                                            {"nonzeros", a.nonzeros()}, {"symmetric", a.symmetric()}};
-    fmt::print("{}\n", report.dump(2));
+    print_result("{}\n", report.dump(2));
   } else {
-    fmt::print("{}: {} unknowns, {} entries, {}\n", out_file, grouped(a.rows), grouped(a.nonzeros()),
-               a.symmetric() ? "symmetric" : "unsymmetric");
+    print_result("{}: {} unknowns, {} entries, {}\n", out_file, grouped(a.rows), grouped(a.nonzeros()),
+                 a.symmetric() ? "symmetric" : "unsymmetric");
   }
   return kSolved;
 }

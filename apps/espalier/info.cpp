@@ -137,9 +137,9 @@ void add_info(CLI::App& app, Action& action) {
       const Machine machine = this_machine();
       const KernelRate kernels{device::host::kernels<double>().target, device::host::measure_gemm_rate(kSeconds)};
       if (*json) {
-        fmt::print("{}\n", info_json(build, machine, kernels, model).dump(2));
+        print_result("{}\n", info_json(build, machine, kernels, model).dump(2));
       } else {
-        fmt::print("{}", info_text(build, machine, kernels) + machine_text(model));
+        print_result("{}", info_text(build, machine, kernels) + machine_text(model));
       }
       return kSolved;
     };

@@ -1,13 +1,15 @@
 /// \file
 /// The command line `espalier`: reads the arguments, runs one subcommand, turns every failure into a message on stderr
 /// and an exit code.
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
-#include <cerrno>
-#include <cstdio>
+#include <csignal>
 #include <cstring>
 #include <exception>
-#include <iostream>
 #include <new>
+#include <sstream>
 #include <system_error>
 
 #include "command.hpp"
@@ -30,16 +32,29 @@ constexpr const char* kFooter =
 
 /// A full disk or a closed pipe must not look like success.
 int flush_output(int code) {
-  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return code;
-  print_error(fmt::format("cannot write to standard output: {}", std::strerror(errno)));
+  const int error = output_error();
+  if (error == 0) return code;
+  print_error(fmt::format("cannot write to standard output: {}", std::strerror(error)));
   return code == kSolved ? kBadInput : code;
+}
+
+/// A reader that goes away, or a limit on the size of files, is an error of one write, not the end of the process. And
+/// a standard stream that is closed must not leave its number to the next file that is opened: what is printed would go
+/// there. Reading from what takes its place ends at once, writing to it fails (to stderr: is not noticed).
+void prepare_streams() {
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+    if (::fcntl(stream, F_GETFD) < 0)
+      static_cast<void>(::open("/dev/null", stream == STDERR_FILENO ? O_WRONLY : O_RDONLY));
 }
 
 /// Wrong usage: what CLI11 found, in one line, and where help is. --help and --version come here too.
 int report_usage(const CLI::App& app, const CLI::ParseError& error) {
   if (error.get_exit_code() == 0) {
-    app.exit(error);
-    std::cout.flush();
+    std::ostringstream text;
+    app.exit(error, text, text);
+    print_result("{}", text.str());
     return flush_output(kSolved);
   }
   const CLI::App* command = &app;
@@ -85,14 +100,7 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", std::string("espalier ") + solver::version());
   app.require_subcommand(1);
   app.footer(kFooter);
-  add_solve(app, action);
-  add_analyze(app, action);
-  add_simulate(app, action);
-  add_generate(app, action);
-  add_bench(app, argc, argv, action);
-  add_report(app, action);
-  add_fetch_matrix(app, action);
-  add_info(app, action);
+  add_commands(app, argc, argv, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -107,6 +115,7 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   try {
+    espalier::cli::prepare_streams();
     return espalier::cli::run(argc, argv);
   } catch (...) {  // only what fails while the command line itself is set up
     return espalier::cli::kInternalError;

@@ -37,13 +37,13 @@ int ReportCommand::run() const {
                 fmt::format("{} does not show these results; make it again with --out", check_file));
   }
   if (out_file.empty()) {
-    fmt::print("{}", made);
+    print_result("{}", made);
     return kSolved;
   }
   base::OutputFile file(out_file);
   file.write(made);
   file.commit();
-  fmt::print("{}: {} {} of results\n", out_file, files.size(), files.size() == 1 ? "file" : "files");
+  print_result("{}: {} {} of results\n", out_file, files.size(), files.size() == 1 ? "file" : "files");
   return kSolved;
 }
 

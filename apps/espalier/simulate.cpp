@@ -21,13 +21,14 @@ namespace espalier::cli {
 
 namespace {
 
-/// Ctrl-C, or SIGTERM of a queueing system, asks the run to stop after the present step; a second one ends the program
-/// at once.
+/// Ctrl-C, SIGTERM of a queueing system, or SIGHUP of a terminal that is closed asks the run to stop after the present
+/// step; a second one ends the program at once.
 std::atomic<bool> stop_asked{false};
 
 void on_stop_signals(void (*handler)(int)) {
   std::signal(SIGINT, handler);
   std::signal(SIGTERM, handler);
+  if (std::signal(SIGHUP, handler) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);  // nohup
 }
 
 extern "C" void ask_to_stop(int) {
@@ -47,22 +48,29 @@ struct SimulateCommand {
 };
 
 void print_outcome(const SimulateCommand& command, const SimulationSummary& s) {
-  if (!command.quiet) fmt::print("{}", simulate_summary(s));
+  if (!command.quiet) print_result("{}", simulate_summary(s));
   if (!s.status.ok()) {
     print_error(s.status.message);
     for (const std::string& file : s.files)
       if (file.ends_with(".restart")) print_hint(fmt::format("the last state is in '{}'", file));
   } else if (s.interrupted) {
-    fmt::print(stderr, "espalier: stopped at t = {:g}\n", s.t_end);
+    print_note("espalier: stopped at t = {:g}\n", s.t_end);
   } else if (!command.quiet) {
-    fmt::print("\n{}\n", toned(Tone::good, "simulated"));
+    print_result("\n{}\n", toned(Tone::good, "simulated"));
   }
 }
 
 int SimulateCommand::run() {
   if (until_given) options.until = until;
   static_cast<void>(flags.options());  // names a wrong value before anything is read
-  check_outputs({{"the model", model}, {"--restart", options.restart}}, {{"--report", report_file}});
+  const auto result = [this](const char* name) { return options.out.empty() ? "" : options.out + "/" + name; };
+  const std::string csv = result("quantities.csv"), series = result("motion.pvd"), state = result("state.restart");
+  check_outputs({{"the model", model},
+                 {"--restart", options.restart},
+                 {"quantities.csv of --out", csv},
+                 {"motion.pvd of --out", series},
+                 {"state.restart of --out", state}},
+                {{"--report", report_file}});
   for (const auto& [key, value] : flags.values()) options.solver.emplace_back(key, value);
   Simulation simulation(options);
   Progress progress(!quiet && !json);
@@ -83,11 +91,12 @@ int SimulateCommand::run() {
   const SimulationSummary& summary = simulation.summary();
   const int code = status.ok() && summary.interrupted ? kInterrupted : exit_code(status.code);
   const auto report = to_json(summary, model, code);
-  const bool moved = !options.out.empty() && summary.t_end > summary.t_begin;
+  // A run that is restarted at its end moves nothing, and writes what a kill kept from being written.
+  const bool ran = !options.out.empty() && (status.ok() || summary.t_end > summary.t_begin);
   const std::optional<Error> unwritten[] = {write_report(report_file, report),
-                                            write_report(moved ? options.out + "/summary.json" : "", report)};
+                                            write_report(ran ? options.out + "/summary.json" : "", report)};
   if (json) {
-    fmt::print("{}\n", to_text(report));
+    print_result("{}\n", to_text(report));
     if (!status.ok()) print_error(status.message);
   } else {
     print_outcome(*this, summary);
@@ -113,6 +122,8 @@ void add_simulate(CLI::App& app, Action& action) {
       ->type_name("TIME")
       ->each([command = command.get()](const std::string&) { command->until_given = true; });
   add_file(*sub, "--restart", o.restart, "go on from this restart file");
+  sub->add_flag("--accept-changes", o.accept_changes,
+                "go on although the model differs from that of the restart file; the notices say what differs");
   add_file(*sub, "--dump-matrices", o.dump, "write Newton matrices with right-hand sides into this folder", "DIR");
   sub->add_option("--dump-every", o.dump_every, "of the factorizations, every N-th (default 1)")
       ->type_name("N")

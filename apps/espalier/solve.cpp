@@ -127,9 +127,9 @@ class SolveRun {
 
 void print_outcome(const SolveCommand& command, const RunRecord& record) {
   const bool solved = record.status.ok();
-  if (!command.quiet && record.rows > 0) fmt::print("{}", solve_summary(record));
+  if (!command.quiet && record.rows > 0) print_result("{}", solve_summary(record));
   if (solved) {
-    if (!command.quiet) fmt::print("\n{}\n", toned(Tone::good, "solved"));
+    if (!command.quiet) print_result("\n{}\n", toned(Tone::good, "solved"));
     return;
   }
   if (record.status.code == StatusCode::accuracy_not_reached && !command.out_file.empty()) {
@@ -145,14 +145,14 @@ int SolveCommand::run() const {
   check_outputs({{"the matrix", source.file()}, {"--rhs", rhs_file}, {"--analysis", analysis_file}},
                 {{"--out", out_file}, {"--report", report_file}, {"--trace", trace_file}});
   options.record_timeline = !trace_file.empty();
-  if (verbose) options.log = [](const std::string& line) { fmt::print(stderr, "{}\n", line); };
+  if (verbose) options.log = [](const std::string& line) { print_note("{}\n", line); };
   SolveRun run(*this, std::move(options));
   run.execute();
   const RunRecord& record = run.record();
   const auto report = to_json(record);
   const std::optional<Error> unwritten = write_report(report_file, report);
   if (json) {
-    fmt::print("{}\n", to_text(report));
+    print_result("{}\n", to_text(report));
     if (!record.status.ok()) print_error(record.status.message);
   } else {
     print_outcome(*this, record);

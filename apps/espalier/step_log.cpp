@@ -54,10 +54,10 @@ void StepLog::close() {
 
 void StepLog::print(const SimulationStep& s) {
   if (!header_)
-    fmt::print(stderr, "{:>8} {:>13} {:>9} {:>5} {:>6} {:>9} {:>9} {:>7} {:>6}\n", "step", "time", "h", "order",
-               "newton", "residual", "error", "factors", "failed");
+    print_note("{:>8} {:>13} {:>9} {:>5} {:>6} {:>9} {:>9} {:>7} {:>6}\n", "step", "time", "h", "order", "newton",
+               "residual", "error", "factors", "failed");
   header_ = true;
-  fmt::print(stderr, "{:>8} {:>13.7g} {:>9.2e} {:>5} {:>6} {:>9.1e} {:>9.2g} {:>7} {:>6}\n", s.index, s.t, s.h, s.order,
+  print_note("{:>8} {:>13.7g} {:>9.2e} {:>5} {:>6} {:>9.1e} {:>9.2g} {:>7} {:>6}\n", s.index, s.t, s.h, s.order,
              s.newton_iterations, s.residual, s.error, s.factorizations, s.failures);
 }
 
@@ -67,14 +67,13 @@ void StepLog::paint(double t) {
   const double elapsed = seconds(Clock::now() - start_);
   const int filled = static_cast<int>(width * share);
   const std::string left = share > 0 ? duration(elapsed * (1 - share) / share) + " to go" : "";
-  fmt::print(stderr, "\r\x1b[K[{:=<{}}{:{}}] {:3.0f} %  t = {:g}  {}", "", filled, "", width - filled, 100 * share, t,
-             left);
+  print_note("\r\x1b[K[{:=<{}}{:{}}] {:3.0f} %  t = {:g}  {}", "", filled, "", width - filled, 100 * share, t, left);
   std::fflush(stderr);
   painted_ = true;
 }
 
 void StepLog::clear() {
-  if (painted_) fmt::print(stderr, "\r\x1b[K");
+  if (painted_) print_note("\r\x1b[K");
   painted_ = false;
 }
 

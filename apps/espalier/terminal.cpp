@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -51,16 +52,31 @@ std::string with_prefix(double number, std::string_view unit) {
   return fmt::format("{:.{}f} {}{}", number, digits, prefixes[i], unit);
 }
 
+int first_output_error = 0;  // of stdout
+
 }  // namespace
+
+void write_to(std::FILE* stream, std::string_view text) {
+  errno = 0;
+  const bool written = std::fwrite(text.data(), 1, text.size(), stream) == text.size();
+  if (!written && stream == stdout && first_output_error == 0) first_output_error = errno != 0 ? errno : EIO;
+}
+
+int output_error() {
+  errno = 0;
+  const bool flushed = std::fflush(stdout) == 0 && std::ferror(stdout) == 0;
+  if (!flushed && first_output_error == 0) first_output_error = errno != 0 ? errno : EIO;
+  return first_output_error;
+}
 
 std::string toned(Tone tone, std::string_view text) { return toned_for(STDOUT_FILENO, tone, text); }
 
 void print_error(std::string_view message) {
-  std::fflush(stdout);
-  fmt::print(stderr, "espalier: {} {}\n", toned_for(STDERR_FILENO, Tone::bad, "error:"), message);
+  static_cast<void>(output_error());
+  print_note("espalier: {} {}\n", toned_for(STDERR_FILENO, Tone::bad, "error:"), message);
 }
 
-void print_hint(std::string_view message) { fmt::print(stderr, "          {}\n", message); }
+void print_hint(std::string_view message) { print_note("          {}\n", message); }
 
 std::string grouped(std::int64_t number) {
   std::string digits = fmt::format("{}", number);
@@ -151,12 +167,12 @@ void Progress::end(std::string_view outcome) {
   const std::lock_guard lock(mutex_);
   running_ = false;
   if (!enabled_) return;
-  fmt::print(stderr, "{}{}{}{}\n", live_ ? "\r\x1b[K" : "", phase_, outcome.empty() ? "" : ": ", outcome);
+  print_note("{}{}{}{}\n", live_ ? "\r\x1b[K" : "", phase_, outcome.empty() ? "" : ": ", outcome);
 }
 
 void Progress::abandon() {
   const std::lock_guard lock(mutex_);
-  if (running_ && live_) fmt::print(stderr, "\r\x1b[K");
+  if (running_ && live_) print_note("\r\x1b[K");
   running_ = false;
 }
 
@@ -179,7 +195,7 @@ void Progress::paint(double elapsed) const {
     const int filled = static_cast<int>(width * std::min(1.0, elapsed / predicted_));
     bar = fmt::format("  [{:=<{}}{:{}}] of about {}", "", filled, "", width - filled, duration(predicted_));
   }
-  fmt::print(stderr, "\r\x1b[K{} ... {:.1f} s{}", phase_, elapsed, bar);
+  print_note("\r\x1b[K{} ... {:.1f} s{}", phase_, elapsed, bar);
   std::fflush(stderr);
 }
 

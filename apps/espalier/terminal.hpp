@@ -7,10 +7,12 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
+#include <cstdio>
 #include <mutex>
 #include <string>
 #include <string_view>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace espalier::cli {
@@ -19,6 +21,23 @@ enum class Tone { plain, strong, quiet, good, bad };
 
 /// `text` in a tone when stdout is a terminal, NO_COLOR is not set and TERM is not dumb; else unchanged.
 std::string toned(Tone tone, std::string_view text);
+
+/// Writes to a standard stream and flushes nothing. A stream that cannot be written (a full disk, a pipe whose reader
+/// is gone) never ends the work: see output_error().
+void write_to(std::FILE* stream, std::string_view text);
+
+/// A result, on stdout.
+template <class... Values>
+void print_result(fmt::format_string<Values...> text, Values&&... values) {
+  write_to(stdout, fmt::format(text, std::forward<Values>(values)...));
+}
+/// Progress or a remark, on stderr.
+template <class... Values>
+void print_note(fmt::format_string<Values...> text, Values&&... values) {
+  write_to(stderr, fmt::format(text, std::forward<Values>(values)...));
+}
+/// Flushes stdout. @return the system's number of the first error since the start of writing there, 0 without one
+int output_error();
 
 /// "espalier: error: ..." on stderr.
 void print_error(std::string_view message);

@@ -24,6 +24,7 @@ struct SimulationOptions {
   std::string out;               ///< folder for results, made if it is not there; empty: nothing is written
   std::optional<double> until;   ///< instead of integrator.end
   std::string restart;           ///< a restart file to go on from; empty: from the beginning
+  bool accept_changes = false;   ///< go on from it although it is of another model; the notices say what differs
   std::string dump;              ///< folder for Newton matrices; empty: none
   long dump_every = 1;           ///< every N-th factorization is written ...
   long dump_count = 10;          ///< ... and at most so many

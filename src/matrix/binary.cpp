@@ -2,10 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <bit>
 #include <cstring>
 
+#include "base/checksum.hpp"
 #include "base/output_file.hpp"
+#include "matrix/entries.hpp"
 #include "matrix/text.hpp"
 #include "matrix/validate.hpp"
 
@@ -34,31 +35,6 @@ static_assert(sizeof(Header) == 56);
 constexpr std::size_t kData = sizeof(Header) - sizeof(std::uint64_t);  // data_checksum covers from here on
 constexpr std::size_t kHeaderChecked = kData - sizeof(std::uint64_t);  // header_checksum covers up to here
 
-class Checksum {
- public:
-  // `bytes` must be a multiple of 8 long, except in the last call.
-  void add(const void* data, std::size_t bytes) {
-    const char* p = static_cast<const char*>(data);
-    for (std::size_t i = 0; i < bytes; i += 8) {
-      std::uint64_t x = 0;
-      std::memcpy(&x, p + i, std::min<std::size_t>(8, bytes - i));
-      hash_ = std::rotl(hash_ ^ x, 29) * 0x9e3779b97f4a7c15u;
-    }
-    bytes_ += bytes;
-  }
-  [[nodiscard]] std::uint64_t value() const { return hash_ ^ bytes_; }
-
- private:
-  std::uint64_t hash_ = 0xcbf29ce484222325u;
-  std::uint64_t bytes_ = 0;
-};
-
-std::uint64_t checksum(const void* data, std::size_t bytes) {
-  Checksum sum;
-  sum.add(data, bytes);
-  return sum.value();
-}
-
 Header read_header(const Source& source) {
   Header header{};
   if (source.text.size() < sizeof header) fail(source, "the binary matrix is truncated within its header");
@@ -68,7 +44,7 @@ Header read_header(const Source& source) {
   if (header.version != kVersion)
     fail(source,
          fmt::format("version {} of the binary format; this program reads version {}", header.version, kVersion));
-  if (header.byte_order != kByteOrder || header.header_checksum != checksum(&header, kHeaderChecked))
+  if (header.byte_order != kByteOrder || header.header_checksum != base::checksum(&header, kHeaderChecked))
     fail(source, "the header of the binary matrix is damaged; write the file again");
   if (header.rows < 0 || header.cols < 0 || header.entries < 0 || header.storage >= kStorages || header.has_values > 1)
     fail(source, "the header of the binary matrix holds impossible sizes");
@@ -103,10 +79,11 @@ bool is_binary_matrix(std::string_view bytes) { return bytes.substr(0, kMagic.si
 SparseMatrix parse_binary(std::string_view bytes, const std::string& name) {
   const Source source{name, bytes};
   const Header header = read_header(source);
+  check_sizes(header.rows, header.cols, header.entries, source, bytes.data());
   if (expected_bytes(header) != bytes.size())
     fail(source, fmt::format("the binary matrix has {} bytes, its header promises {}; it is truncated or damaged",
                              bytes.size(), expected_bytes(header)));
-  if (header.data_checksum != checksum(bytes.data() + kData, bytes.size() - kData))
+  if (header.data_checksum != base::checksum(bytes.data() + kData, bytes.size() - kData))
     fail(source, "the checksum of the binary matrix is wrong: the file is damaged; write or fetch it again");
   const char* p = bytes.data() + sizeof header;
   const auto entries = static_cast<std::size_t>(header.entries);
@@ -135,9 +112,9 @@ void write_binary(const std::string& path, const MatrixView& a) {
   header.entries = a.nonzeros();
   header.storage = static_cast<std::uint32_t>(a.storage);
   header.has_values = a.values.empty() ? 0 : 1;
-  header.header_checksum = checksum(&header, kHeaderChecked);
+  header.header_checksum = base::checksum(&header, kHeaderChecked);
   const std::string_view parts[] = {bytes_of(a.col_ptr), bytes_of(a.values), bytes_of(a.row_ind)};
-  Checksum sum;
+  base::Checksum sum;
   sum.add(&header.header_checksum, sizeof header.header_checksum);
   for (const auto part : parts) sum.add(part.data(), part.size());
   header.data_checksum = sum.value();

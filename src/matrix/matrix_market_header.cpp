@@ -66,8 +66,10 @@ void read_sizes(const Source& source, const char* end, MatrixMarketHeader& heade
   if (skip_blanks(p, end) != end)
     fail_at(source, header.sizes, fmt::format("the size line goes on after {} integers", expected));
   const auto [rows, cols, entries] = sizes;
-  // Rows and columns are checked before they are multiplied; an array promises at least as many numbers as rows.
-  check_sizes(rows, cols, header.array ? std::max(rows, cols) : entries, source, header.sizes);
+  // Rows and columns are checked before they are multiplied; an array promises at least as many numbers as rows, unless
+  // it has none.
+  const std::int64_t promised = rows > 0 && cols > 0 ? std::max(rows, cols) : 0;
+  check_sizes(rows, cols, header.array ? promised : entries, source, header.sizes);
   if (header.symmetry != Symmetry::general && rows != cols)
     fail_at(source, header.sizes, fmt::format("a matrix of {} x {} cannot be symmetric", rows, cols));
   header.rows = static_cast<Index>(rows);

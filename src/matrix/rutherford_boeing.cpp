@@ -206,7 +206,7 @@ SparseMatrix parse_rutherford_boeing(std::string_view text, const std::string& n
   const Header header = read_header(lines);
   const auto pointers = read_pointers(lines, header);
   const char* indices = lines.position();
-  if (header.entries > lines.bytes_left() * header.indices.per_line)
+  if (header.entries > lines.bytes_left())  // an index takes one character at least
     fail_at(source, indices,
             fmt::format("the header promises {} entries, but only {} characters follow: truncated?", header.entries,
                         lines.bytes_left()));

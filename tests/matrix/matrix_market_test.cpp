@@ -163,6 +163,11 @@ TEST(MatrixMarket, LyingHeadersAllocateNothing) {
   expect_parse_error(head + "99999999999999999999 1 1\n1 1 1\n", {"t.mtx:2:"});
   expect_parse_error(head + "-1 1 1\n1 1 1\n", {"t.mtx:2:", "negative"});
   expect_parse_error("%%MatrixMarket matrix array real general\n2000000000 2000000000\n1\n", {"t.mtx:2:"});
+  for (const char* sizes : {"0 1400000000\n", "1400000000 0\n"}) {  // an array without numbers
+    const std::string text = std::string("%%MatrixMarket matrix array real general\n") + sizes;
+    expect_parse_error(text, {"t.mtx:2:", "only 0 entries"});
+    expect_error([&] { (void)parse_matrix_market_vectors(text, "b.mtx"); }, {"b.mtx:2:"});
+  }
   expect_error(
       [] {
         (void)parse_matrix_market_vectors("%%MatrixMarket matrix coordinate real general\n4000000 4000000 1\n1 1 1\n",

@@ -1,6 +1,7 @@
 // What integrators write into restart files and read back.
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 
 #include "dynamics/integrators/bdf.hpp"
@@ -16,9 +17,19 @@ double take(ConstSpan& in) {
   return value;
 }
 
+/// A count: a whole number that a double holds exactly.
+long take_count(ConstSpan& in, double most = 9007199254740992.0) {
+  const double value = take(in);
+  if (!(value >= 0 && value <= most && value == std::floor(value)))
+    throw Error(StatusCode::invalid_input, "the restart file is damaged");
+  return static_cast<long>(value);
+}
+
 void take(ConstSpan& in, Span out) {
   if (in.size() < out.size()) throw Error(StatusCode::invalid_input, "the restart file ends too early");
   std::copy_n(in.begin(), out.size(), out.begin());
+  if (!std::all_of(out.begin(), out.end(), [](double x) { return std::isfinite(x); }))
+    throw Error(StatusCode::invalid_input, "the restart file holds a state that is not finite");
   in = in.subspan(out.size());
 }
 
@@ -30,7 +41,7 @@ void put_state(std::vector<double>& out, const State& s) {
 }
 
 void take_state(ConstSpan& in, State& s) {
-  s.t = take(in);
+  take(in, Span(&s.t, 1));
   for (auto* x : {&s.q, &s.v, &s.a, &s.lambda}) take(in, *x);
 }
 
@@ -49,7 +60,7 @@ void Integrator::restore_counts(ConstSpan& in) {
   IntegratorCounts& c = counts_;
   for (long* n : {&c.steps, &c.newton_iterations, &c.error_failures, &c.newton_failures, &c.crossings,
                   &c.refactor_first, &c.refactor_step, &c.refactor_rate, &c.refactor_failed, &c.divisions})
-    *n = static_cast<long>(take(in));
+    *n = take_count(in);
   for (double* x :
        {&c.first_division, &c.shortest_step, &c.largest_position, &c.largest_velocity, &c.largest_acceleration})
     *x = take(in);
@@ -77,13 +88,17 @@ void BdfIntegrator::restore(ConstSpan& in) {
   trial_ = state_;
   h_ = take(in);
   int points = 0;
-  for (int* n : {&order_, &steps_at_order_, &projected_left_, &noisy_left_, &points}) *n = static_cast<int>(take(in));
-  if (order_ < 1 || order_ > kMaxBdfOrder || points < 1 || points > History::kDepth)
+  for (int* n : {&order_, &steps_at_order_, &projected_left_, &noisy_left_, &points})
+    *n = static_cast<int>(take_count(in, 2e9));
+  if (!(h_ > 0) || order_ < 1 || order_ > kMaxBdfOrder || points < 1 || points > History::kDepth)
     throw Error(StatusCode::invalid_input, "the restart file is damaged");
   history_.clear();
   State past = state_;
   for (int j = 0; j < points; ++j) {
+    const double before = past.t;
     past.t = take(in);
+    if (!std::isfinite(past.t) || (j > 0 && past.t <= before))
+      throw Error(StatusCode::invalid_input, "the restart file is damaged");
     for (auto* x : {&past.q, &past.v, &past.lambda}) take(in, *x);
     history_.push(past.t, past.q, past.v, past.lambda);
   }
@@ -111,9 +126,9 @@ void GeneralizedAlpha::restore(ConstSpan& in) {
   take_state(in, state);
   start(state);
   take(in, a_old_);
-  halvings_ = static_cast<int>(take(in));
-  steps_at_length_ = static_cast<int>(take(in));
-  if (halvings_ < 0 || halvings_ > 64) throw Error(StatusCode::invalid_input, "the restart file is damaged");
+  constexpr double kMostHalvings = 64;
+  halvings_ = static_cast<int>(take_count(in, kMostHalvings));
+  steps_at_length_ = static_cast<int>(take_count(in, 2e9));
 }
 
 }  // namespace espalier::dynamics

@@ -43,6 +43,7 @@ class Flattener {
   explicit Flattener(const InpModel& model) : model_(model) { mesh_.name = model.path; }
 
   Mesh run() {
+    check_instances();
     const auto keep = [](const Point& p) { return p; };
     if (model_.instances.empty())
       for (const InpScope& part : model_.parts) add_scope(part, space_[part.name], keep);
@@ -60,6 +61,19 @@ class Flattener {
  private:
   [[noreturn]] void fail(std::int64_t line, const std::string& message) const {
     throw Error(StatusCode::invalid_input, fmt::format("{}:{}: {}", model_.path, line, message));
+  }
+
+  /// An instance takes one line, its part any number of nodes.
+  void check_instances() const {
+    constexpr std::size_t kMost = 100000000;
+    std::map<std::string, std::size_t> sizes;
+    for (const InpScope& part : model_.parts) sizes[part.name] += part.nodes.size() + part.elements.size();
+    std::size_t total = 0;
+    for (const InpInstance& i : model_.instances) {
+      if (const auto part = sizes.find(i.part); part != sizes.end()) total += part->second;
+      if (total > kMost)
+        fail(i.line, fmt::format("the instances up to here have more than {} nodes and elements", kMost));
+    }
   }
 
   template <class Move>
@@ -120,16 +134,7 @@ class Flattener {
   void resolve(const InpEntry& entry, const Labels& home, bool nodes, int depth, std::vector<Index>& out) const {
     const char* kind = nodes ? "node" : "element";
     const Labels& space = space_of(entry, home);
-    if (entry.name.empty()) {
-      const auto& labels = nodes ? space.nodes : space.elements;
-      const auto found = labels.find(entry.label);
-      if (found == labels.end()) {
-        if (!order_.empty() && &space == &space_.at("") && resolve_in_instances(entry, nodes, out)) return;
-        fail(entry.line, fmt::format("{} {} is not defined", kind, entry.label));
-      }
-      out.push_back(found->second);
-      return;
-    }
+    if (entry.name.empty()) return resolve_labels(entry, space, nodes, out);
     if (depth > 32) fail(entry.line, fmt::format("{} set {} contains itself", kind, entry.name));
     bool found = false;
     for (const InpScope* scope : space.scopes) {
@@ -142,15 +147,38 @@ class Flattener {
     if (!found) fail(entry.line, fmt::format("{} set {} is not defined", kind, entry.name));
   }
 
-  /// A bare label at assembly level is unique when there is a single instance.
-  bool resolve_in_instances(const InpEntry& entry, bool nodes, std::vector<Index>& out) const {
-    if (order_.size() != 1) return false;
+  /// The labels of one entry; of a range that goes beyond what is defined, the first that is not ends it.
+  void resolve_labels(const InpEntry& entry, const Labels& space, bool nodes, std::vector<Index>& out) const {
+    for (std::int64_t label = entry.first;; label += entry.step) {
+      const Index found = index_of(label, space, nodes);
+      if (found < 0) fail(entry.line, fmt::format("{} {} is not defined", nodes ? "node" : "element", label));
+      out.push_back(found);
+      count_member(entry);
+      // Without overflow, whatever the labels.
+      if (static_cast<std::uint64_t>(entry.last) - static_cast<std::uint64_t>(label) <
+          static_cast<std::uint64_t>(entry.step))
+        return;
+    }
+  }
+
+  /// The node or element with this label, or -1. A bare label at assembly level is unique when there is a single
+  /// instance.
+  [[nodiscard]] Index index_of(std::int64_t label, const Labels& space, bool nodes) const {
+    const auto& labels = nodes ? space.nodes : space.elements;
+    if (const auto found = labels.find(label); found != labels.end()) return found->second;
+    if (order_.size() != 1 || &space != &space_.at("")) return -1;
     const Labels& only = space_.at(order_.front());
-    const auto& labels = nodes ? only.nodes : only.elements;
-    const auto found = labels.find(entry.label);
-    if (found == labels.end()) return false;
-    out.push_back(found->second);
-    return true;
+    const auto& in_instance = nodes ? only.nodes : only.elements;
+    const auto found = in_instance.find(label);
+    return found == in_instance.end() ? -1 : found->second;
+  }
+
+  /// Sets that hold one another, or ranges without end, make members of a few lines.
+  void count_member(const InpEntry& entry) const {
+    constexpr std::size_t kFree = 1000000, kEach = 100;
+    if (++members_ > kFree + kEach * (mesh_.nodes.size() + mesh_.element_labels.size()))
+      fail(entry.line,
+           fmt::format("the sets up to here have more than {} members; are they nested without end?", members_ - 1));
   }
 
   void add_sets() {
@@ -202,6 +230,7 @@ class Flattener {
 
   const InpModel& model_;
   Mesh mesh_;
+  mutable std::size_t members_ = 0;      // of all sets
   std::map<std::string, Labels> space_;  // by upper-case instance or part; "": the file
   std::vector<std::string> order_;       // instances in order of the file
   std::map<std::string, std::string> node_names_, element_names_;

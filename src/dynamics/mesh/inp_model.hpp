@@ -24,11 +24,12 @@ struct InpElement {
   std::int64_t line;
 };
 
-/// One entry of a set: a label or the name of another set, perhaps of an instance.
+/// One entry of a set: labels or the name of another set, perhaps of an instance.
 struct InpEntry {
   std::string instance;  ///< upper case, or empty
   std::string name;      ///< upper case name of a set, or empty
-  std::int64_t label = 0;
+  /// The labels first, first + step ... up to last: more than one of GENERATE. @pre first <= last, step > 0
+  std::int64_t first = 0, last = 0, step = 1;
   int face = -1;  ///< of surfaces: 0-based face of the element
   std::int64_t line = 0;
 };

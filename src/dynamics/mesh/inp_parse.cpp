@@ -12,7 +12,7 @@ namespace espalier::dynamics {
 
 namespace {
 
-constexpr int kDeepestInclude = 16;
+constexpr int kDeepestInclude = 16, kMostIncludes = 1000;
 
 struct InpType {
   const char* name;
@@ -158,6 +158,7 @@ class InpParser {
 
   void include(const LineReader& reader, const Keyword& k, int depth) {
     if (depth >= kDeepestInclude) reader.fail("files include one another more than 16 deep");
+    if (++includes_ > kMostIncludes) reader.fail(fmt::format("more than {} files are included", kMostIncludes));
     file((std::filesystem::path(reader.path()).parent_path() / need(reader, k, "INPUT")).string(), depth + 1);
   }
 
@@ -175,7 +176,7 @@ class InpParser {
         x = fields.real("coordinate");
       }
       scope().nodes.push_back(node);
-      if (set != nullptr) set->entries.push_back({{}, {}, node.label, -1, reader.line()});
+      if (set != nullptr) set->entries.push_back(labels(node.label, node.label, reader));
     }
   }
 
@@ -206,13 +207,23 @@ class InpParser {
           reader.fail(fmt::format("element {} of type {} has {} nodes, {} are needed", e.label, name, have, count));
       }
       scope().elements.push_back(e);
-      if (set != nullptr) set->entries.push_back({{}, {}, e.label, -1, reader.line()});
+      if (set != nullptr) set->entries.push_back(labels(e.label, e.label, reader));
     }
+  }
+
+  static InpEntry labels(std::int64_t first, std::int64_t last, const LineReader& reader) {
+    InpEntry e;
+    e.first = first;
+    e.last = last;
+    e.line = reader.line();
+    return e;
   }
 
   /// "12", "SET-1", "PART-1-1.12", "PART-1-1.SET-1"
   static InpEntry entry(std::string_view field, const std::string& instance, std::int64_t line) {
-    InpEntry e{instance, {}, 0, -1, line};
+    InpEntry e;
+    e.instance = instance;
+    e.line = line;
     std::string text = upper(unquoted(field));
     if (const std::size_t dot = text.find('.'); dot != std::string::npos) {
       e.instance = text.substr(0, dot);
@@ -221,7 +232,7 @@ class InpParser {
     const bool number =
         !text.empty() && std::all_of(text.begin(), text.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
     if (number && text.size() < 18)
-      e.label = std::stoll(text);
+      e.first = e.last = std::stoll(text);
     else
       e.name = text;
     return e;
@@ -237,8 +248,9 @@ class InpParser {
         Fields ahead = fields;
         const std::int64_t by = ahead.next(field) && !field.empty() ? fields.integer("increment") : 1;
         if (by <= 0 || to < from) reader.fail(fmt::format("GENERATE from {} to {} by {} makes no set", from, to, by));
-        for (std::int64_t label = from; label <= to; label += by)
-          target.entries.push_back({instance, {}, label, -1, reader.line()});
+        InpEntry& e = target.entries.emplace_back(labels(from, to, reader));
+        e.instance = instance;
+        e.step = by;
         continue;
       }
       while (fields.next(field))
@@ -300,6 +312,7 @@ class InpParser {
 
   InpModel& model_;
   bool in_part_ = false, in_instance_ = false;
+  int includes_ = 0;  // of all files together
 };
 
 }  // namespace

@@ -43,6 +43,9 @@ struct System {
   std::int64_t reference = 0;
   Point origin{}, on_z{}, in_xz{};
   NastranCard card;
+  /// Set by resolve(): origin and axes in the basic system.
+  bool resolved = false;
+  Point at{}, x{}, y{}, z{};
 };
 
 class NastranReader {
@@ -56,6 +59,7 @@ class NastranReader {
       throw Error(StatusCode::invalid_input, fmt::format("{}: the file has no GRID cards", mesh_.name));
     to_basic_system();
     for (const NastranCard& element : element_cards_) add_element(element);
+    if (!places_.empty()) by_label_.insert(index_.begin(), index_.end());
     for (const NastranCard& places : places_) add_places(places);
     elements_.finish(mesh_);
     add_materials();
@@ -110,28 +114,41 @@ class NastranReader {
     systems_[card.integer(0, "number")] = s;
   }
 
-  /// A point of system `id` in the basic system.
-  [[nodiscard]] Point basic(std::int64_t id, Point p, std::int64_t line, int depth = 0) const {
-    if (id == 0) return p;
+  /// System `id` with its axes in the basic system: worked out once, however many points and systems refer to it.
+  const System& resolve(std::int64_t id, std::int64_t line, int depth) {
     const auto found = systems_.find(id);
     if (found == systems_.end())
       throw Error(StatusCode::invalid_input,
                   fmt::format("{}:{}: coordinate system {} is not defined (CORD2R, CORD2C, CORD2S are read)",
                               mesh_.name, line, id));
-    const System& s = found->second;
-    if (depth > 64) s.card.fail("coordinate systems refer to one another in a circle");
+    System& s = found->second;
+    if (s.resolved) return s;
+    constexpr int kDeepest = 64;
+    if (depth > kDeepest) s.card.fail("coordinate systems refer to one another in a circle, or more than 64 deep");
+    if (s.reference != 0) static_cast<void>(resolve(s.reference, s.card.line, depth + 1));
+    const auto up = [&](const Point& x) { return basic(s.reference, x, s.card.line); };
+    s.at = up(s.origin);
+    s.z = unit(minus(up(s.on_z), s.at));
+    s.y = unit(cross(s.z, minus(up(s.in_xz), s.at)));
+    s.x = cross(s.y, s.z);
+    if (!std::isfinite(s.y[0] + s.z[0])) s.card.fail("its points A, B and C lie on one line");
+    s.resolved = true;
+    return s;
+  }
+
+  /// A point of system `id` in the basic system.
+  Point basic(std::int64_t id, Point p, std::int64_t line) {
+    if (id == 0) return p;
+    const System& s = resolve(id, line, 0);
     constexpr double kDegree = std::numbers::pi / 180;
     if (s.kind == 'C') p = {p[0] * std::cos(p[1] * kDegree), p[0] * std::sin(p[1] * kDegree), p[2]};
     if (s.kind == 'S') {
       const double across = p[0] * std::sin(p[1] * kDegree);
       p = {across * std::cos(p[2] * kDegree), across * std::sin(p[2] * kDegree), p[0] * std::cos(p[1] * kDegree)};
     }
-    const auto up = [&](const Point& x) { return basic(s.reference, x, s.card.line, depth + 1); };
-    const Point origin = up(s.origin), z = unit(minus(up(s.on_z), origin));
-    const Point y = unit(cross(z, minus(up(s.in_xz), origin))), x = cross(y, z);
-    if (!std::isfinite(y[0] + z[0])) s.card.fail("its points A, B and C lie on one line");
-    return {origin[0] + p[0] * x[0] + p[1] * y[0] + p[2] * z[0], origin[1] + p[0] * x[1] + p[1] * y[1] + p[2] * z[1],
-            origin[2] + p[0] * x[2] + p[1] * y[2] + p[2] * z[2]};
+    Point result{};
+    for (std::size_t i = 0; i < 3; ++i) result[i] = s.at[i] + p[0] * s.x[i] + p[1] * s.y[i] + p[2] * s.z[i];
+    return result;
   }
 
   void to_basic_system() {
@@ -179,8 +196,12 @@ class NastranReader {
         if (!card.field(k).empty()) set.push_back(grid(card, card.integer(k, "grid point")));
     } else if (upper(card.field(3)) == "THRU") {
       const std::int64_t first = card.integer(2, "first grid point"), last = card.integer(4, "last grid point");
-      for (const auto& [label, node] : index_)
-        if (label >= first && label <= last) set.push_back(node);
+      for (auto it = by_label_.lower_bound(first); it != by_label_.end() && it->first <= last; ++it) {
+        set.push_back(it->second);
+        constexpr std::size_t kFree = 1000000, kEach = 100;
+        if (++range_members_ > kFree + kEach * by_label_.size())
+          card.fail(fmt::format("the ranges up to here name more than {} grid points", range_members_ - 1));
+      }
     } else {
       for (std::size_t k = 2; k < card.fields.size(); ++k)
         if (!card.field(k).empty()) set.push_back(grid(card, card.integer(k, "grid point")));
@@ -217,6 +238,8 @@ class NastranReader {
   NastranCards cards_;
   Mesh mesh_;
   std::unordered_map<std::int64_t, Index> index_;
+  std::map<std::int64_t, Index> by_label_;  // the same in order, for ranges
+  std::size_t range_members_ = 0;           // grid points named by ranges so far
   std::map<std::int64_t, System> systems_;
   std::vector<Placed> in_system_;
   std::vector<NastranCard> element_cards_, places_, materials_;

@@ -190,6 +190,13 @@ std::string Mechanism::inverted_elements() const {
 std::unique_ptr<Mechanism> build(const Description& model, int threads) {
   auto result = std::make_unique<Mechanism>(threads);
   Builder(model, *result).run();
+  result->keys = model.keys;
+  for (const BuiltBody& body : result->bodies) {
+    const auto* solid = std::get_if<SolidSpec>(&body.spec.shape);
+    if (solid != nullptr && std::holds_alternative<MeshFile>(solid->mesh))
+      result->keys.emplace_back(fmt::format("bodies.{}.mesh.file (its content)", body.spec.name),
+                                mesh_digest(*body.mesh));
+  }
   return result;
 }
 

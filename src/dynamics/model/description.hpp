@@ -15,6 +15,7 @@
 #include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/integrators/initial.hpp"
 #include "dynamics/meshers/parts.hpp"
+#include "dynamics/model/identity.hpp"
 #include "dynamics/model/section.hpp"
 
 namespace espalier::dynamics::model {
@@ -216,6 +217,7 @@ struct Description {
   InitialSpec initial;
   OutputSpec output;
   std::vector<std::pair<std::string, std::string>> solver;  ///< options by name, see solver/option_text.hpp
+  ModelKeys keys;                                           ///< of the text that this was read from
 };
 
 /// Reads an expanded text (see expand()). @throws Error(invalid_input) "file:line: path: what to do"

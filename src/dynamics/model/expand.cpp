@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <unordered_map>
 
 #include "dynamics/model/expression.hpp"
 
@@ -20,7 +21,7 @@ double evaluate(const std::string& text, const Scope& scope, const Place& place)
   } catch (const Error& error) {
     fail(place, error.what());
   }
-  if (!std::isfinite(value)) fail(place, fmt::format("\"{}\" is not a finite number", text));
+  if (!std::isfinite(value)) fail(place, fmt::format("\"{}\" is not a finite number", excerpt(text)));
   return value;
 }
 
@@ -54,7 +55,7 @@ std::string fill_in(const std::string& text, const Scope& scope, const Place& pl
     result += text.substr(at, open == std::string::npos ? open : open - at);
     if (open == std::string::npos) return result;
     const std::size_t close = text.find('}', open);
-    if (close == std::string::npos) fail(place, fmt::format("'}}' is missing in \"{}\"", text));
+    if (close == std::string::npos) fail(place, fmt::format("'}}' is missing in \"{}\"", excerpt(text)));
     result += number_text(evaluate(text.substr(open + 1, close - open - 1), scope, place));
     at = close + 1;
   }
@@ -83,56 +84,107 @@ void note_scope(Value& value, const ScopePtr& scope) {
 
 constexpr std::array<std::string_view, 4> kRepeatable = {"bodies", "markers", "joints", "forces"};
 
-void add_section(Value& root, const std::string& section, const Value& items, const ScopePtr& scope) {
-  if (!items.is_table()) fail(items.place, "must hold tables with names");
-  Value* target = root.find(section);
-  if (target == nullptr) {
-    root.entries.emplace_back(section, Value{});
-    target = &root.entries.back().second;
-    target->place = {items.place.file, items.place.line, section};
-    target->scope = scope;
-  }
-  for (const auto& [name, value] : items.entries) {
-    const std::string filled = fill_in(name, *scope, value.place);
-    if (const Value* present = target->find(filled); present != nullptr)
-      fail(value.place,
-           fmt::format("'{}.{}' is there already (line {}); put the index into the name, for instance {}{{i}}", section,
-                       filled, present->place.line, name));
-    target->entries.emplace_back(filled, instantiate(value, scope, fmt::format("{}.{}", section, filled)));
-  }
+/// Number of values in a tree, its root included.
+std::int64_t count_values(const Value& value) {
+  std::int64_t count = 1;
+  for (const Value& item : value.items) count += count_values(item);
+  for (const auto& entry : value.entries) count += count_values(entry.second);
+  return count;
 }
 
-void repeat(Value& root, const Value& block, const Scope& parameters) {
-  if (!block.is_table()) fail(block.place, "must be a table ([[repeat]])");
-  std::string index = "i";
-  double from = 0, to = -1;
-  bool bounded = false;
-  for (const auto& [key, value] : block.entries) {
-    if (key == "index" && value.type == Value::Type::text) {
-      index = value.text;
-    } else if (key == "from") {
-      from = number(value, parameters);
-    } else if (key == "to") {
-      to = number(value, parameters);
-      bounded = true;
-    } else if (std::find(kRepeatable.begin(), kRepeatable.end(), key) == kRepeatable.end()) {
-      fail(value.place, fmt::format("unknown key{}",
-                                    suggestion(key, {"index", "from", "to", "bodies", "markers", "joints", "forces"})));
+/// Writes out [[repeat]] blocks.
+class Repeater {
+ public:
+  Repeater(Value& root, const Scope& parameters) : root_(root), parameters_(parameters) {}
+
+  /// Before anything is written out: whether all blocks together stay within bounds.
+  void check(const Value& block) {
+    if (!block.is_table()) fail(block.place, "must be a table ([[repeat]])");
+    const Range range = read_range(block);
+    std::int64_t values = 0;
+    for (const auto& [key, value] : block.entries)
+      if (repeatable(key)) values += count_values(value);
+    values_ += static_cast<double>(values) * std::max(0.0, range.to - range.from + 1);
+    constexpr double kMostValues = 2e6;  // some hundred megabytes
+    if (values_ > kMostValues)
+      fail(block.place,
+           fmt::format("all repetitions together make {:.0f} values; the most is {:.0f}", values_, kMostValues));
+  }
+
+  /// @pre check() of all blocks
+  void repeat(const Value& block) {
+    const Range range = read_range(block);
+    for (double i = range.from; i <= range.to; ++i) {
+      auto scope = std::make_shared<Scope>(parameters_);
+      (*scope)[range.index] = i;
+      for (const auto& [key, value] : block.entries)
+        if (repeatable(key)) add_section(key, value, scope);
     }
   }
-  if (!bounded) fail(block.place, "needs 'to', the last value of the index");
-  constexpr double kMost = 1e6;
-  if (from != std::floor(from) || to != std::floor(to) || to - from > kMost)
-    fail(block.place,
-         fmt::format("'from' and 'to' must be whole numbers less than {} apart, not {} and {}", kMost, from, to));
-  for (double i = from; i <= to; ++i) {
-    auto scope = std::make_shared<Scope>(parameters);
-    (*scope)[index] = i;
-    for (const auto& [key, value] : block.entries)
-      if (std::find(kRepeatable.begin(), kRepeatable.end(), key) != kRepeatable.end())
-        add_section(root, key, value, scope);
+
+ private:
+  struct Range {
+    std::string index = "i";
+    double from = 0, to = -1;
+  };
+
+  static bool repeatable(const std::string& key) {
+    return std::find(kRepeatable.begin(), kRepeatable.end(), key) != kRepeatable.end();
   }
-}
+
+  [[nodiscard]] Range read_range(const Value& block) const {
+    Range range;
+    bool bounded = false;
+    for (const auto& [key, value] : block.entries) {
+      if (key == "index" && value.type == Value::Type::text) {
+        range.index = value.text;
+      } else if (key == "from") {
+        range.from = number(value, parameters_);
+      } else if (key == "to") {
+        range.to = number(value, parameters_);
+        bounded = true;
+      } else if (!repeatable(key)) {
+        fail(value.place, fmt::format("unknown key{}", suggestion(key, {"index", "from", "to", "bodies", "markers",
+                                                                        "joints", "forces"})));
+      }
+    }
+    if (!bounded) fail(block.place, "needs 'to', the last value of the index");
+    constexpr double kMost = 1e6, kLargest = 1e15;  // below 2^53: the next number is another one
+    const auto good = [](double x) { return x == std::floor(x) && std::abs(x) <= kLargest; };
+    if (!good(range.from) || !good(range.to) || range.to - range.from > kMost)
+      fail(block.place, fmt::format("'from' and 'to' must be whole numbers up to {}, less than {} apart, not {} and {}",
+                                    kLargest, kMost, range.from, range.to));
+    return range;
+  }
+
+  void add_section(const std::string& section, const Value& items, const ScopePtr& scope) {
+    if (!items.is_table()) fail(items.place, "must hold tables with names");
+    Value* target = root_.find(section);
+    if (target == nullptr) {
+      root_.entries.emplace_back(section, Value{});
+      target = &root_.entries.back().second;
+      target->place = {items.place.file, items.place.line, section};
+      target->scope = scope;
+    }
+    auto [lines, fresh] = lines_.try_emplace(section);
+    if (fresh)
+      for (const auto& [name, value] : target->entries) lines->second.emplace(name, value.place.line);
+    for (const auto& [name, value] : items.entries) {
+      const std::string filled = fill_in(name, *scope, value.place);
+      const auto [present, added] = lines->second.emplace(filled, value.place.line);
+      if (!added)
+        fail(value.place,
+             fmt::format("'{}.{}' is there already (line {}); put the index into the name, for instance {}{{i}}",
+                         section, filled, present->second, name));
+      target->entries.emplace_back(filled, instantiate(value, scope, fmt::format("{}.{}", section, filled)));
+    }
+  }
+
+  Value& root_;
+  const Scope& parameters_;
+  std::map<std::string, std::unordered_map<std::string, int>> lines_;  // of the entries of each section, by name
+  double values_ = 0;                                                  // made by all blocks
+};
 
 void remove(Value& root, std::string_view key) {
   std::erase_if(root.entries, [&](const auto& entry) { return entry.first == key; });
@@ -154,7 +206,9 @@ void expand(Value& root, const std::vector<std::string>& overrides) {
     const Value blocks = *found;
     if (blocks.type != Value::Type::array)
       fail(blocks.place, "write [[repeat]] with two brackets: it is a list of blocks");
-    for (const Value& block : blocks.items) repeat(root, block, *parameters);
+    Repeater repeater(root, *parameters);
+    for (const Value& block : blocks.items) repeater.check(block);
+    for (const Value& block : blocks.items) repeater.repeat(block);
   }
   remove(root, "repeat");
   remove(root, "parameters");

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <memory>
@@ -180,8 +181,19 @@ class ExpressionParser {
   }
   void emit(Kind kind, double number = 0, int function = 0) { out_.code_.push_back({kind, number, function}); }
 
+  /// One level of recursion: brackets, arguments, exponents.
+  struct Level {
+    explicit Level(ExpressionParser& parser) : parser_(parser) {
+      if (++parser_.depth_ > 400) parser_.stop("nested too deeply");
+    }
+    ~Level() { --parser_.depth_; }
+    Level(const Level&) = delete;
+    Level& operator=(const Level&) = delete;
+    ExpressionParser& parser_;
+  };
+
   void sum() {
-    if (++depth_ > 200) stop("nested too deeply");
+    const Level level(*this);
     product();
     for (;;) {
       if (take('+')) {
@@ -194,7 +206,6 @@ class ExpressionParser {
         break;
       }
     }
-    --depth_;
   }
   void product() {
     signed_factor();
@@ -214,6 +225,7 @@ class ExpressionParser {
     }
   }
   void signed_factor() {
+    const Level level(*this);
     int minus = 0;
     for (;;) {
       if (take('-')) {
@@ -245,11 +257,13 @@ class ExpressionParser {
     }
   }
   void number() {
-    const std::string rest(text_.substr(at_));
-    char* end = nullptr;
-    const double value = std::strtod(rest.c_str(), &end);
-    if (end == rest.c_str()) stop("not a number");
-    at_ += static_cast<std::size_t>(end - rest.c_str());
+    const char* begin = text_.data() + at_;
+    double value = 0;
+    const auto [end, error] = std::from_chars(begin, text_.data() + text_.size(), value);
+    if (error == std::errc::invalid_argument) stop("not a number");
+    // Too large or too small for a double: infinity, which is refused, or zero.
+    if (error == std::errc::result_out_of_range) value = std::strtod(std::string(begin, end).c_str(), nullptr);
+    at_ += static_cast<std::size_t>(end - begin);
     emit(Kind::number, value);
   }
   void name() {
@@ -269,7 +283,7 @@ class ExpressionParser {
     std::vector<std::string> names = {"pi"};
     if (of_time_) names.emplace_back("t");
     for (const auto& [known, value] : scope_) names.push_back(known);
-    stop(fmt::format("unknown name '{}'{}", word, suggestion(word, names)));
+    stop(fmt::format("unknown name '{}'{}", excerpt(word), suggestion(word, names)));
   }
   void arguments(int count, const std::string& word) {
     for (int k = 0; k < count; ++k) {
@@ -301,7 +315,7 @@ class ExpressionParser {
     std::vector<std::string> names = {"step", "ramp"};
     for (const auto& f : kFunctions1) names.emplace_back(f.name);
     for (const auto& f : kFunctions2) names.emplace_back(f.name);
-    stop(fmt::format("unknown function '{}'{}", word, suggestion(word, names)));
+    stop(fmt::format("unknown function '{}'{}", excerpt(word), suggestion(word, names)));
   }
 
   std::string_view text_;
@@ -313,6 +327,10 @@ class ExpressionParser {
 };
 
 Expression::Expression(std::string_view text, const Scope& scope, bool of_time) : text_(text) {
+  constexpr std::size_t kLongest = 100000;
+  if (text.size() > kLongest)
+    throw Error(StatusCode::invalid_input, fmt::format("the expression \"{}\" has {} characters; the most is {}",
+                                                       excerpt(text), text.size(), kLongest));
   ExpressionParser(text, scope, of_time, *this).run();
 }
 
@@ -386,7 +404,7 @@ TimeFunction Expression::function(const std::string& place) const {
       const double number = shared->jet(t).*which;
       if (!std::isfinite(number))
         throw Error(StatusCode::invalid_input, fmt::format("{}: the {} of \"{}\" is not a finite number at t = {:g}",
-                                                           place, name, shared->text_, t));
+                                                           place, name, excerpt(shared->text_), t));
       return number;
     };
   };

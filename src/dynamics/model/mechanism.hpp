@@ -13,6 +13,7 @@
 #include "dynamics/forces/frame_force.hpp"
 #include "dynamics/joints/joint.hpp"
 #include "dynamics/model/description.hpp"
+#include "dynamics/model/identity.hpp"
 
 namespace espalier::dynamics::model {
 
@@ -46,6 +47,7 @@ class Mechanism {
   std::map<std::string, std::unique_ptr<Frame>> markers;  ///< named markers, for outputs
   std::vector<Joint*> joints;
   std::vector<BuiltForce> forces;
+  ModelKeys keys;  ///< what the model is, mesh files included: for restart files
 
   [[nodiscard]] const BuiltBody* body(const std::string& name) const;
   [[nodiscard]] Joint* joint(const std::string& name) const;

@@ -2,6 +2,7 @@
 /// Bodies as a series of ParaView files: flexible bodies with their meshes, rigid bodies as boxes.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,10 @@ class Pictures {
   /// @param keep_until entries of an existing series up to this time are kept (a restarted run); NaN: none
   Pictures(const std::string& path, const Mechanism& mechanism, const State& initial, double keep_until);
   void write(const State& s);
+  /// Time of the last entry that was kept; none without one.
+  [[nodiscard]] std::optional<double> kept() const { return kept_; }
+  /// The run has reached its end: entries of earlier runs beyond it are forgotten.
+  void finish() { series_.finish(); }
 
  private:
   void add_rigid(const BuiltBody& body, double number);
@@ -29,6 +34,7 @@ class Pictures {
 
   const Mechanism& mechanism_;
   PvdSeries series_;
+  std::optional<double> kept_;
   VtuCells cells_;
   std::vector<double> initial_, points_, displacement_, velocity_, body_, von_mises_;
   std::vector<Vec3> half_;  // of the boxes, in order of the rigid bodies

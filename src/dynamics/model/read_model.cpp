@@ -138,6 +138,7 @@ Description read_description(const Value& root_value, const std::string& file) {
   Description model;
   model.file = file;
   model.folder = std::filesystem::path(file).parent_path().string();
+  model.keys = model_keys(root_value);
   Section root(root_value);
   model.title = root.text("title", std::filesystem::path(file).stem().string());
   model.gravity = root.vector("gravity", Vec3::Zero());

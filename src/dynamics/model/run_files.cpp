@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <limits>
 
+#include "base/output_file.hpp"
 #include "dynamics/model/restart.hpp"
 
 namespace espalier::dynamics::model {
@@ -50,6 +51,7 @@ RunFiles::RunFiles(const OutputSpec& spec, std::string folder, Mechanism& mechan
     : spec_(spec), folder_(std::move(folder)), mechanism_(mechanism), chosen_(quantities), integrator_(integrator) {
   if (folder_.empty()) return;
   held_ = std::make_unique<HeldFolder>(folder_);
+  base::remove_abandoned(folder_);
   columns_ = chosen_;
   const auto add = [&](const std::string& request) {
     for (Quantity& q : find_quantities(mechanism_, request, spec_.place)) columns_.push_back(std::move(q));
@@ -112,6 +114,7 @@ void RunFiles::begin(const Sample& s, const State& initial, bool restarted) {
     const std::string path = folder_ + "/motion.pvd";
     pictures_ = std::make_unique<Pictures>(path, mechanism_, initial, keep_until);
     written_.push_back(path);
+    if (restarted) vtu_time_ = pictures_->kept();
     if (!restarted) write_picture(s);
   }
   written_.push_back(folder_ + "/state.restart");
@@ -120,12 +123,20 @@ void RunFiles::begin(const Sample& s, const State& initial, bool restarted) {
 void RunFiles::step(const Sample& s) {
   if (csv_ && csv_clock_.strikes(s.state->t)) write_csv(s);
   if (pictures_ && vtu_clock_.strikes(s.state->t)) write_picture(s);
-  if (!folder_.empty() && restart_clock_.strikes(s.state->t)) write_restart_file(s);
+  if (folder_.empty() || !restart_clock_.strikes(s.state->t)) return;
+  if (csv_) csv_->catch_up();
+  write_restart_file(s);
 }
 
 void RunFiles::end(const Sample& s) {
-  if (csv_) write_csv(s);
-  if (pictures_) write_picture(s);
+  if (csv_) {
+    write_csv(s);
+    csv_->finish();
+  }
+  if (pictures_) {
+    write_picture(s);
+    pictures_->finish();
+  }
   if (!folder_.empty()) write_restart_file(s);
   held_.reset();
 }
@@ -139,6 +150,7 @@ void RunFiles::emergency(const Sample& s) noexcept {
   };
   if (!folder_.empty()) save([&] { write_restart_file(s); });
   if (csv_) save([&] { write_csv(s); });
+  if (csv_) save([&] { csv_->catch_up(); });
   if (pictures_) save([&] { write_picture(s); });
   held_.reset();
 }

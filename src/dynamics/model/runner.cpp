@@ -153,9 +153,11 @@ void Runner::start_integrator() {
   }
   integrator_->start(state_);
   if (!options_.restart.empty()) {
-    read_restart(options_.restart, *mechanism_, *integrator_);
+    for (const std::string& change : read_restart(options_.restart, options_.accept_changes, *mechanism_, *integrator_))
+      summary_.notices.push_back("accepted: " + change);
     guard_->check(current());
-    if (!(time() < model_.integrator.end))
+    // A run that was killed after its last restart file has nothing to do but to write its results.
+    if (time() > model_.integrator.end)
       throw Error(StatusCode::invalid_input,
                   fmt::format("{}: the state is at t = {:g}, the run ends at {:g}; give a later --until",
                               options_.restart, time(), model_.integrator.end));

@@ -27,6 +27,11 @@ const Value* Value::find(std::string_view key) const {
 
 Value* Value::find(std::string_view key) { return const_cast<Value*>(std::as_const(*this).find(key)); }
 
+std::string excerpt(std::string_view text) {
+  constexpr std::size_t kShown = 60;
+  return text.size() <= kShown ? std::string(text) : std::string(text.substr(0, kShown)) + "...";
+}
+
 std::string_view name_of(Value::Type type) {
   switch (type) {
     case Value::Type::boolean:
@@ -67,6 +72,7 @@ std::size_t distance(std::string_view a, std::string_view b) {
 
 std::string nearest_name(std::string_view wrong, const std::vector<std::string>& names) {
   std::string best;
+  if (wrong.size() > 100) return best;  // nobody means a name by that
   std::size_t least = std::max<std::size_t>(2, wrong.size() / 3) + 1;
   for (const std::string& name : names) {
     const std::size_t d = distance(wrong, name);
@@ -93,7 +99,10 @@ void set_value(Value& root, const std::string& assignment) {
   const std::string path = assignment.substr(0, equals);
   const Place place{"--set", 0, path};
   if (equals == std::string::npos || path.empty())
-    fail({"--set", 0, assignment}, "needs PATH=VALUE, for instance parameters.size=2");
+    fail({"--set", 0, excerpt(assignment)}, "needs PATH=VALUE, for instance parameters.size=2");
+  if (path.size() > kLongestKey || static_cast<std::size_t>(std::count(path.begin(), path.end(), '.')) >= kMostKeyParts)
+    fail({"--set", 0, excerpt(path)},
+         fmt::format("the path is longer than {} characters or {} parts", kLongestKey, kMostKeyParts));
   const std::string text = assignment.substr(equals + 1);
   Value value;
   try {

@@ -62,6 +62,12 @@ struct Entry {
 /// "a number", "a text", ... for messages.
 [[nodiscard]] std::string_view name_of(Value::Type type);
 
+/// A text for messages: of a long one, the beginning.
+[[nodiscard]] std::string excerpt(std::string_view text);
+
+/// The longest key, and the most parts of one with dots ("a.b.c" has three): models are not nested deeper.
+inline constexpr std::size_t kLongestKey = 1000, kMostKeyParts = 64;
+
 /// The one of `names` that looks most like `wrong`, or "" where none is near (edit distance above a third).
 [[nodiscard]] std::string nearest_name(std::string_view wrong, const std::vector<std::string>& names);
 /// "; did you mean 'x'?" or "; known are a, b, c".

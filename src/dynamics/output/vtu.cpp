@@ -117,7 +117,7 @@ std::string PvdSeries::file_name(int part) const {
   return (pvd.parent_path() / fmt::format("{}_{}_{:06}.vtu", pvd.stem().string(), part, number)).string();
 }
 
-void PvdSeries::resume(double t) {
+std::optional<double> PvdSeries::resume(double t) {
   std::ifstream in(path_);
   std::string line;
   while (std::getline(in, line)) {
@@ -128,14 +128,20 @@ void PvdSeries::resume(double t) {
       if (to == std::string::npos) throw Error(StatusCode::invalid_input, path_ + ": not a series of this program");
       return line.substr(from + name.size() + 2, to - from - name.size() - 2);
     };
+    constexpr int kMostParts = 1000000;
     const Entry entry{std::strtod(attribute("timestep").c_str(), nullptr), std::atoi(attribute("part").c_str()),
                       attribute("file")};
-    if (entry.t > t || entry.part < 0) continue;
+    if (entry.part < 0 || entry.part >= kMostParts) continue;
+    if (!(entry.t <= t)) {
+      later_.push_back(entry);
+      continue;
+    }
     entries_.push_back(entry);
     const auto part = static_cast<std::size_t>(entry.part);
     if (next_.size() <= part) next_.resize(part + 1, 0);
     ++next_[part];
   }
+  return entries_.empty() ? std::nullopt : std::optional(entries_.back().t);
 }
 
 void PvdSeries::add(double t, int part) {
@@ -143,12 +149,24 @@ void PvdSeries::add(double t, int part) {
   entries_.push_back({t, part, std::filesystem::path(file_name(part)).filename().string()});
   if (next_.size() <= static_cast<std::size_t>(part)) next_.resize(static_cast<std::size_t>(part) + 1, 0);
   ++next_[static_cast<std::size_t>(part)];
+  std::erase_if(later_, [&](const Entry& e) { return e.t <= t || e.file == entries_.back().file; });
+  write();
+}
+
+void PvdSeries::finish() {
+  if (later_.empty()) return;
+  later_.clear();
+  write();
+}
+
+void PvdSeries::write() const {
   base::OutputFile file(path_);
   file.write(
       "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n"
       "  <Collection>\n");
-  for (const Entry& e : entries_)
-    file.write(fmt::format("    <DataSet timestep=\"{}\" part=\"{}\" file=\"{}\"/>\n", e.t, e.part, escaped(e.file)));
+  for (const auto* list : {&entries_, &later_})
+    for (const Entry& e : *list)
+      file.write(fmt::format("    <DataSet timestep=\"{}\" part=\"{}\" file=\"{}\"/>\n", e.t, e.part, escaped(e.file)));
   file.write("  </Collection>\n</VTKFile>\n");
   file.commit();
 }

@@ -2,6 +2,7 @@
 /// Results for ParaView: .vtu files (VTK XML, unstructured grid, appended raw binary) and .pvd series.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -47,11 +48,14 @@ class PvdSeries {
   explicit PvdSeries(std::string path) : path_(std::move(path)) {}
   /// The name of the .vtu file for the next step of part `part`: "<stem>_<part>_<number>.vtu" beside the .pvd file.
   [[nodiscard]] std::string file_name(int part) const;
-  /// Keeps the entries up to time t of a series that is there already (a restarted run); later ones are forgotten.
-  /// Does nothing where there is no such file. @throws Error(invalid_input) if it is not one of ours
-  void resume(double t);
+  /// Goes on with a series that is there already (a restarted run) behind time t. Later entries stay in the list until
+  /// new ones take their place: a run that dies early loses nothing. Does nothing where there is no such file.
+  /// @return the time of the last entry up to t; none without one @throws Error(invalid_input) if it is not one of ours
+  std::optional<double> resume(double t);
   /// Takes up the file of that name at time t. Parts of one time are added one after the other.
   void add(double t, int part);
+  /// Forgets the entries of earlier runs that no new one has replaced.
+  void finish();
 
  private:
   struct Entry {
@@ -59,9 +63,12 @@ class PvdSeries {
     int part;
     std::string file;
   };
+  void write() const;
+
   std::string path_;
   std::vector<Entry> entries_;
-  std::vector<int> next_;  // next number of every part
+  std::vector<Entry> later_;  // of an earlier run, behind the time that this one has reached
+  std::vector<int> next_;     // next number of every part
 };
 
 }  // namespace espalier::dynamics

@@ -1,0 +1,36 @@
+// `espalier bench` and `espalier report` of a build without benchmarks (ESPALIER_EVIDENCE=OFF): how to get them.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+
+#include "command.hpp"
+
+namespace espalier::cli {
+
+namespace {
+
+void add_absent(CLI::App& app, const char* name, const char* description, Action& action) {
+  CLI::App* sub = app.add_subcommand(name, description);
+  sub->allow_extras();
+  sub->callback([name, &action] {
+    action = [name]() -> int {
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("this build has no benchmarks; in the source folder, `./run {}` builds them first (or "
+                              "configure with -DESPALIER_EVIDENCE=ON)",
+                              name));
+    };
+  });
+}
+
+}  // namespace
+
+void add_bench(CLI::App& app, int /*argc*/, const char* const* /*argv*/, Action& action) {
+  add_absent(app, "bench", "Measure: rivals, sweeps, scaling, growth, ceilings (not in this build)", action);
+}
+
+void add_report(CLI::App& app, Action& action) {
+  add_absent(app, "report", "Make a page or Markdown tables of results of `espalier bench` (not in this build)",
+             action);
+}
+
+}  // namespace espalier::cli

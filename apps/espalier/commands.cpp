@@ -1,0 +1,16 @@
+#include "command.hpp"
+
+namespace espalier::cli {
+
+void add_commands(CLI::App& app, int argc, const char* const* argv, Action& action) {
+  add_solve(app, action);
+  add_analyze(app, action);
+  add_simulate(app, action);
+  add_generate(app, action);
+  add_bench(app, argc, argv, action);
+  add_report(app, action);
+  add_fetch_matrix(app, action);
+  add_info(app, action);
+}
+
+}  // namespace espalier::cli
