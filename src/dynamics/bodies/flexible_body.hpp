@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/thread_pool.hpp"
+#include "dynamics/bodies/beam_axis.hpp"
 #include "dynamics/dae/system.hpp"
 #include "dynamics/elements/assembly.hpp"
 #include "dynamics/elements/groups.hpp"
@@ -123,6 +124,10 @@ std::unique_ptr<FlexibleBody> make_solid_body(std::string name, const Mesh& mesh
 /// and `y_direction`.
 std::unique_ptr<FlexibleBody> make_beam_body(std::string name, const Point& start, const Point& end,
                                              const Point& y_direction, Index elements, const BeamSection& section);
+/// The same along any axis; the unstressed beam has its shape.
+/// @throws std::invalid_argument as make_beam_axis()
+std::unique_ptr<FlexibleBody> make_beam_body(std::string name, const AxisShape& axis, const Point& y_direction,
+                                             Index elements, const BeamSection& section);
 /// A straight chain of `elements` cables from `start` to `end`.
 std::unique_ptr<FlexibleBody> make_cable_body(std::string name, const Point& start, const Point& end, Index elements,
                                               const CableSection& section);

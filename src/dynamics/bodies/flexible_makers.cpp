@@ -12,9 +12,6 @@ namespace {
 Point subtract(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 Point scale(double s, const Point& a) { return {s * a[0], s * a[1], s * a[2]}; }
 double norm(const Point& a) { return std::hypot(a[0], a[1], a[2]); }
-Point cross(const Point& a, const Point& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
 
 /// Direction and length of a straight chain.
 struct Axis {
@@ -60,20 +57,29 @@ std::unique_ptr<FlexibleBody> make_solid_body(std::string name, const Mesh& mesh
                                         make_solid_groups(mesh, elements, material, options));
 }
 
-std::unique_ptr<FlexibleBody> make_beam_body(std::string name, const Point& start, const Point& end,
-                                             const Point& y_direction, Index elements, const BeamSection& section) {
-  const Axis axis = axis_of(name, start, end, elements);
-  const Point z_raw = cross(axis.direction, y_direction);
-  if (!(norm(z_raw) > 0))
-    throw std::invalid_argument(fmt::format("flexible body '{}': the section's y direction lies along the axis", name));
-  const Point z = scale(1 / norm(z_raw), z_raw), y = cross(z, axis.direction);
+std::unique_ptr<FlexibleBody> make_beam_body(std::string name, const AxisShape& shape, const Point& y_direction,
+                                             Index elements, const BeamSection& section) {
+  BeamAxis axis;
+  try {
+    axis = make_beam_axis(shape, Vec3(y_direction[0], y_direction[1], y_direction[2]), elements);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(fmt::format("flexible body '{}': {}", name, error.what()));
+  }
   std::vector<double> reference;
-  for (Index k = 0; k <= elements; ++k)
-    for (const Point& p : {point_at(start, axis, k * axis.length / elements), axis.direction, y, z})
-      reference.insert(reference.end(), p.begin(), p.end());
+  for (const AxisNode& node : axis.nodes) {
+    reference.insert(reference.end(), node.position.data(), node.position.data() + 3);
+    reference.insert(reference.end(), node.axes.data(), node.axes.data() + 9);  // by columns: r_x, r_y, r_z
+  }
   return std::make_unique<FlexibleBody>(
       std::move(name), 4, std::move(reference),
-      one(make_beam_group(section, all_nodes(elements), equal_lengths(axis, elements))));
+      one(make_beam_group(section, all_nodes(elements),
+                          std::vector<double>(static_cast<std::size_t>(elements), axis.element_length))));
+}
+
+std::unique_ptr<FlexibleBody> make_beam_body(std::string name, const Point& start, const Point& end,
+                                             const Point& y_direction, Index elements, const BeamSection& section) {
+  const auto vec = [](const Point& p) { return Vec3(p[0], p[1], p[2]); };
+  return make_beam_body(std::move(name), StraightAxis{vec(start), vec(end)}, y_direction, elements, section);
 }
 
 std::unique_ptr<FlexibleBody> make_cable_body(std::string name, const Point& start, const Point& end, Index elements,

@@ -57,52 +57,84 @@ struct PointVectors {
   }
 };
 
-/// Adds weight * the contribution of one point with energy (1/2) sum_s D_s (e_s - e0_s)^2 and viscous stress
-/// beta D_s de_s/dt. f = sum_s sigma_s e_s', with sigma_s = D_s (e_s - e0_s + beta e_s' . dy/dt), and
-/// df/dq = D e' e'^T + sigma e'' + beta D e' (e'' dy/dt)^T, df/dv = beta D e' e'^T, primes by the point vectors y.
-/// @param strains jets of the strains e_s over the 3 kPv components of the point vectors
+/// The sum over strains e_s of a point with energy (1/2) sum_s D_s (e_s - e0_s)^2 and viscous stress beta D_s de_s/dt,
+/// by the variables z of the strains: gradient sum_s sigma_s e_s' with sigma_s = D_s (e_s - e0_s + beta e_s' . dz/dt).
+template <int kN>
+struct StrainSum {
+  double gradient[kN] = {};
+  double hessian[kN][kN] = {};  ///< wq (D e' e'^T + sigma e'' + beta D e' (e'' dz/dt)^T) + wv beta D e' e'^T
+  double viscous[kN][kN] = {};  ///< wq beta D e' e'^T: what multiplies (z'' dq/dt)^T where z is not linear in q
+};
+
+/// The part of the rates in the tangent, for one strain.
+template <int kN>
+ESPALIER_INLINE void add_viscous(const Jet<kN>& e, double weight, const double (&rate)[kN], StrainSum<kN>& sum) {
+  double bend[kN];  // e'' dz/dt
+  for (int i = 0; i < kN; ++i) {
+    bend[i] = 0;
+    for (int j = 0; j < kN; ++j) bend[i] += e.h[i][j] * rate[j];
+  }
+  for (int i = 0; i < kN; ++i)
+    for (int j = 0; j < kN; ++j) {
+      sum.hessian[i][j] += weight * e.g[i] * bend[j];
+      sum.viscous[i][j] += weight * e.g[i] * e.g[j];
+    }
+}
+
 /// @param natural e0_s, the strains of the stress-free state
-template <int kPv, int kV, int kS>
-ESPALIER_INLINE void add_line_point(const PointVectors<kPv, kV>& vectors, const Jet<3 * kPv> (&strains)[kS],
+/// @param stiffness D_s; `weight` multiplies all of them
+/// @param rate dz/dt
+/// @param energy is added to
+template <int kN, int kOrder, int kS>
+ESPALIER_INLINE void sum_strains(const Jet<kN, kOrder> (&strains)[kS], const double (&natural)[kS],
+                                 const double (&stiffness)[kS], double weight, const double (&rate)[kN],
+                                 const ElementInput& in, StrainSum<kN>& sum, double& energy) {
+  const double beta = in.damping, wq = in.position_weight;
+  for (int s = 0; s < kS; ++s) {
+    const Jet<kN, kOrder>& e = strains[s];
+    const double d = weight * stiffness[s], elastic = e.v - natural[s];
+    double e_rate = 0;
+    if (beta != 0)
+      for (int i = 0; i < kN; ++i) e_rate += e.g[i] * rate[i];
+    const double sigma = d * (elastic + beta * e_rate);
+    energy += 0.5 * d * elastic * elastic;
+    for (int i = 0; i < kN; ++i) sum.gradient[i] += sigma * e.g[i];
+    if constexpr (kOrder > 1) {
+      const double plain = d * (wq + beta * in.velocity_weight), curved = wq * sigma;
+      for (int i = 0; i < kN; ++i) {
+        const double left = plain * e.g[i];
+        for (int j = 0; j < kN; ++j) sum.hessian[i][j] += left * e.g[j] + curved * e.h[i][j];
+      }
+      if (beta != 0) add_viscous(e, wq * d * beta, rate, sum);
+    }
+  }
+}
+
+/// Adds the contribution of one point whose strains are functions of point vectors y: forces and, where the strains
+/// carry second derivatives, the tangent.
+template <int kPv, int kV, int kS, int kOrder>
+ESPALIER_INLINE void add_line_point(const PointVectors<kPv, kV>& vectors, const Jet<3 * kPv, kOrder> (&strains)[kS],
                                     const double (&natural)[kS], const double (&stiffness)[kS], double weight,
                                     const ElementInput& in, ElementOutput& out) {
   constexpr int kN = 3 * kPv;
-  double rate[kN] = {}, gradient[kN] = {}, hessian[kN][kN] = {};
-  const double beta = in.damping;
-  if (beta != 0 && in.velocity != nullptr) vectors.evaluate(in.velocity, rate);
-  for (int s = 0; s < kS; ++s) {
-    const Jet<kN>& e = strains[s];
-    const double d = weight * stiffness[s];
-    if (d == 0) continue;
-    const double elastic = e.v - natural[s];
-    double e_rate = 0, bend[kN];
-    for (int i = 0; i < kN; ++i) e_rate += e.g[i] * rate[i];
-    for (int i = 0; i < kN; ++i) {
-      bend[i] = 0;
-      for (int j = 0; j < kN; ++j) bend[i] += e.h[i][j] * rate[j];
-    }
-    const double sigma = d * (elastic + beta * e_rate);
-    out.energy += 0.5 * d * elastic * elastic;
-    const double wq = in.position_weight, wb = d * (wq + beta * in.velocity_weight);
-    for (int i = 0; i < kN; ++i) gradient[i] += sigma * e.g[i];
-    for (int i = 0; i < kN; ++i)
-      for (int j = 0; j < kN; ++j)
-        hessian[i][j] += e.g[i] * (wb * e.g[j] + wq * d * beta * bend[j]) + wq * sigma * e.h[i][j];
-  }
+  double rate[kN] = {};
+  if (in.damping != 0 && in.velocity != nullptr) vectors.evaluate(in.velocity, rate);
+  StrainSum<kN> sum;
+  sum_strains(strains, natural, stiffness, weight, rate, in, sum, out.energy);
   for (int a = 0; a < kV; ++a)
     for (int p = 0; p < kPv; ++p)
-      for (int i = 0; i < 3; ++i) out.force[3 * a + i] += vectors.c[p][a] * gradient[3 * p + i];
-  if (out.tangent == nullptr) return;
-  for (int b = 0; b < kV; ++b)
-    for (int j = 0; j < 3; ++j) {
-      double column[kN] = {};
-      for (int p = 0; p < kPv; ++p)
-        for (int i = 0; i < kN; ++i) column[i] += vectors.c[p][b] * hessian[i][3 * p + j];
-      for (int a = 0; a < kV; ++a)
+      for (int i = 0; i < 3; ++i) out.force[3 * a + i] += vectors.c[p][a] * sum.gradient[3 * p + i];
+  if constexpr (kOrder > 1)
+    for (int b = 0; b < kV; ++b)
+      for (int j = 0; j < 3; ++j) {
+        double column[kN] = {};
         for (int p = 0; p < kPv; ++p)
-          for (int i = 0; i < 3; ++i)
-            out.tangent[(3 * b + j) * 3 * kV + 3 * a + i] += vectors.c[p][a] * column[3 * p + i];
-    }
+          for (int i = 0; i < kN; ++i) column[i] += vectors.c[p][b] * sum.hessian[i][3 * p + j];
+        for (int a = 0; a < kV; ++a)
+          for (int p = 0; p < kPv; ++p)
+            for (int i = 0; i < 3; ++i)
+              out.tangent[(3 * b + j) * 3 * kV + 3 * a + i] += vectors.c[p][a] * column[3 * p + i];
+      }
 }
 
 }  // namespace espalier::dynamics

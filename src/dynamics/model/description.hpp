@@ -55,7 +55,8 @@ struct CableSpec {
   CableSection section;
 };
 struct BeamSpec {
-  Vec3 start, end, y;
+  AxisShape axis;
+  Vec3 y;
   Index elements = 10;
   BeamSection section;
 };

@@ -242,10 +242,28 @@ class BodyReader {
     return c;
   }
 
+  /// `start` and `end`, or `start`, `direction`, `length` and `curvature`, or `points`.
+  static AxisShape read_axis(Section& s) {
+    if (s.has("points")) {
+      for (const char* other : {"start", "end", "direction", "length", "curvature"})
+        if (s.has(other)) fail(s.place(other), "does not go with 'points', which say all of the axis");
+      return SplineAxis{s.vectors("points")};
+    }
+    if (!s.has("curvature")) return StraightAxis{s.vector("start"), s.vector("end")};
+    if (s.has("end")) fail(s.place("end"), "does not go with 'curvature'; give 'direction' and 'length'");
+    return ArcAxis{s.vector("start"), s.vector("direction"), s.positive("length"), s.vector("curvature")};
+  }
+  static Vec3 first_direction(const AxisShape& shape) {
+    if (const auto* straight = std::get_if<StraightAxis>(&shape)) return (straight->end - straight->start).normalized();
+    if (const auto* arc = std::get_if<ArcAxis>(&shape)) return arc->direction.normalized();
+    const auto& points = std::get<SplineAxis>(shape).points;
+    return points.size() < 2 ? Vec3::UnitX() : Vec3((points[1] - points[0]).normalized());
+  }
+
   BeamSpec read_beam(Section& s) const {
-    BeamSpec b{s.vector("start"), s.vector("end"), Vec3::Zero(), elements(s, "elements", 10), {}};
-    const Vec3 axis = (b.end - b.start).normalized();
-    b.y = s.vector("y", std::abs(axis.y()) < 0.9 ? Vec3::UnitY() : Vec3::UnitX());
+    BeamSpec b{read_axis(s), Vec3::Zero(), elements(s, "elements", 10), {}};
+    const Vec3 along = first_direction(b.axis);
+    b.y = s.vector("y", std::abs(along.y()) < 0.9 ? Vec3::UnitY() : Vec3::UnitX());
     if (s.has("radius")) {
       b.section = circular_section(needed_material(s), s.positive("radius"));
     } else if (s.has("height")) {

@@ -154,6 +154,14 @@ Vec3 Section::vector(const std::string& key, const Vec3& otherwise) {
   return value == nullptr ? otherwise : to_vector(*value);
 }
 
+std::vector<Vec3> Section::vectors(const std::string& key) {
+  const Value& list = need(key);
+  if (list.type != Value::Type::array) wrong_type(list, "a list of points [x, y, z]");
+  std::vector<Vec3> result;
+  for (const Value& item : list.items) result.push_back(to_vector(item));
+  return result;
+}
+
 Mat3 Section::matrix(const std::string& key) {
   const Value& value = need(key);
   if (value.type == Value::Type::array && value.items.size() == 3 && value.items[0].type == Value::Type::array) {

@@ -41,6 +41,8 @@ class Section {
   [[nodiscard]] std::vector<double> numbers(const std::string& key);
   [[nodiscard]] Vec3 vector(const std::string& key);
   [[nodiscard]] Vec3 vector(const std::string& key, const Vec3& otherwise);
+  /// A list of lists of three numbers.
+  [[nodiscard]] std::vector<Vec3> vectors(const std::string& key);
   /// A list of three (diagonal) or of three lists of three (symmetric).
   [[nodiscard]] Mat3 matrix(const std::string& key);
   /// { axis, angle } in radians, { quaternion = [w, x, y, z] } or a rotation vector; identity without the key.
