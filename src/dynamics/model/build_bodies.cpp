@@ -97,7 +97,7 @@ std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, BuiltBody
   if (const auto* c = std::get_if<CableSpec>(&spec.shape))
     return make_cable_body(spec.name, to_point(c->start), to_point(c->end), c->elements, c->section);
   if (const auto* b = std::get_if<BeamSpec>(&spec.shape))
-    return make_beam_body(spec.name, b->axis, to_point(b->y), b->elements, b->section);
+    return make_beam_body(spec.name, *b->axis, to_point(b->y), b->elements, b->section);
   return make_shell(spec, std::get<ShellSpec>(spec.shape));
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <variant>
@@ -55,7 +56,7 @@ struct CableSpec {
   CableSection section;
 };
 struct BeamSpec {
-  AxisShape axis;
+  std::shared_ptr<const AxisShape> axis;  ///< never null
   Vec3 y;
   Index elements = 10;
   BeamSection section;

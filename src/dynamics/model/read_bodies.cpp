@@ -261,8 +261,8 @@ class BodyReader {
   }
 
   BeamSpec read_beam(Section& s) const {
-    BeamSpec b{read_axis(s), Vec3::Zero(), elements(s, "elements", 10), {}};
-    const Vec3 along = first_direction(b.axis);
+    BeamSpec b{std::make_shared<const AxisShape>(read_axis(s)), Vec3::Zero(), elements(s, "elements", 10), {}};
+    const Vec3 along = first_direction(*b.axis);
     b.y = s.vector("y", std::abs(along.y()) < 0.9 ? Vec3::UnitY() : Vec3::UnitX());
     if (s.has("radius")) {
       b.section = circular_section(needed_material(s), s.positive("radius"));
