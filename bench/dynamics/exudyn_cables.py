@@ -21,8 +21,9 @@ def exudyn_run(args, steps):
     import warnings
     warnings.simplefilter('ignore')  # names that older versions know too
     import exudyn as exu
-    from exudyn.beams import GenerateStraightLineANCFCable
+    from exudyn.beams import GenerateStraightLineANCFCable, GenerateStraightLineANCFCable2D
     from exudyn.itemInterface import ObjectANCFCable
+    from exudyn.utilities import Cable2D
 
     sc = exu.SystemContainer()
     mbs = sc.AddSystem()
@@ -30,11 +31,15 @@ def exudyn_run(args, steps):
     area = math.pi * radius**2
     ends = []
     for k in range(args.cables):
-        template = ObjectANCFCable(massPerLength=density * area, bendingStiffness=young * area * radius**2 / 4,
-                                   axialStiffness=young * area)
-        items = GenerateStraightLineANCFCable(mbs, [0, 0, 0.1 * k], [1, 0, 0.1 * k], args.elements, template,
-                                              massProportionalLoad=[0, -9.81, 0],
-                                              fixedConstraintsNode0=[1, 1, 1, 0, 0, 0])
+        section = {'massPerLength': density * area, 'bendingStiffness': young * area * radius**2 / 4,
+                   'axialStiffness': young * area}
+        if args.plane:
+            template = Cable2D(**{'physics' + key[0].upper() + key[1:]: v for key, v in section.items()})
+            generate, hinge = GenerateStraightLineANCFCable2D, [1, 1, 0, 0]
+        else:
+            template, generate, hinge = ObjectANCFCable(**section), GenerateStraightLineANCFCable, [1, 1, 1, 0, 0, 0]
+        items = generate(mbs, [0, 0, 0.1 * k], [1, 0, 0.1 * k], args.elements, template,
+                         massProportionalLoad=[0, -9.81, 0], fixedConstraintsNode0=hinge)
         ends.append(items[0][-1])
     mbs.Assemble()
     s = exu.SimulationSettings()
@@ -61,6 +66,7 @@ def exudyn_run(args, steps):
 def exudyn_in_own_process(args, steps):
     command = [sys.executable, __file__, '--child', '--cables', str(args.cables), '--elements', str(args.elements),
                '--steps', str(steps), '--until', str(args.until), '--radius', str(args.radius)]
+    command += ['--plane'] if args.plane else []
     return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[-1])
 
 
@@ -87,6 +93,7 @@ def main():
     parser.add_argument('--until', type=float, default=1.0)
     parser.add_argument('--radius', type=float, default=0.8)
     parser.add_argument('--repeats', type=int, default=5)
+    parser.add_argument('--plane', action='store_true', help="Exudyn's plane cables, with two thirds of the unknowns")
     parser.add_argument('--no-reference', action='store_true', help='times only')
     parser.add_argument('--child', action='store_true', help=argparse.SUPPRESS)
     args = parser.parse_args()
