@@ -121,9 +121,8 @@ class Curve {
       (void)out_of_core::plan_streaming(
           *device::cuda::make_cuda_stream<T>(c_.plan, c_.kind, numbers_.rule, pool_),
           std::vector<out_of_core::StreamDevice>(static_cast<std::size_t>(count), {1000}));
-    } catch (const Error& e) {
-      const std::string text = e.what(), mark = "streaming needs: ";
-      return std::stoll(text.substr(text.find(mark) + mark.size()));
+    } catch (const out_of_core::BudgetTooSmall& e) {
+      return e.needed();
     }
     return 0;
   }

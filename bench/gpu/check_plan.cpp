@@ -1,9 +1,9 @@
 #include <fmt/format.h>
 
 #include "base/timeline.hpp"
-#include "device/cuda/tables/gpu_simulator.hpp"
 #include "gpu/check_run.hpp"
 #include "gpu/gpu_document.hpp"
+#include "gpu/gpu_simulator.hpp"
 
 namespace espalier::bench {
 namespace {
@@ -55,7 +55,7 @@ nlohmann::json show_plan(const GpuCase& c, const CheckSettings& settings) {
              c.name, c.devices, name_of(c.kind), c.plan.fronts(), shares.top_fronts, 100 * shares.top / c.plan.flops,
              c.plan.assignment.subtrees.size(), c.plan_seconds, seconds);
   const double simulation = base::now_seconds();
-  const device::cuda::SimulatedRun run = device::cuda::simulate(d, device::cuda::gpu_rates(plan::h200(), c.kind));
+  const SimulatedRun run = simulate(d, gpu_rates(plan::h200(), c.kind));
   double busy = 0;
   for (const double b : run.busy) busy += b / run.seconds / c.devices;
   fmt::print(

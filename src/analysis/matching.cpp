@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "analysis/assignment.hpp"
 #include "analysis/columns.hpp"
+#include "analysis/product_matcher.hpp"
 
 namespace espalier::analysis {
 
@@ -18,7 +18,8 @@ auto at(Offset k) { return static_cast<std::size_t>(k); }
 /// Cycles and paths of a matching of a symmetric matrix, split into pairs and single vertices (Duff and Pralet 2005).
 class PairChooser {
  public:
-  PairChooser(const EntryView& a, const Assignment& matched, const std::vector<double>& scale, base::ThreadPool& pool)
+  PairChooser(const EntryView& a, const ProductMatcher& matched, const std::vector<double>& scale,
+              base::ThreadPool& pool)
       : a_(a), next_(matched.row_of_col), diagonal_(scale.size(), 0), link_(scale.size(), 0), pair_(scale.size()) {
     std::iota(pair_.begin(), pair_.end(), 0);
     constexpr std::int64_t kColumns = 2048;  // per piece
@@ -100,15 +101,15 @@ void raise(std::vector<double>& factors, int shift) {
 }
 
 SymmetricMatching match_symmetric(const EntryView& entries, base::ThreadPool& pool) {
-  Assignment assignment(entries, true, pool);
-  assignment.run();
+  ProductMatcher matcher(entries, true, pool);
+  matcher.run();
   SymmetricMatching out;
-  out.structural_rank = assignment.rank;
+  out.structural_rank = matcher.rank;
   out.scale.resize(at(entries.n));
   for (std::size_t i = 0; i < out.scale.size(); ++i)
-    out.scale[i] = std::sqrt(assignment.row_scale[i]) * std::sqrt(assignment.col_scale[i]);
-  PairChooser chooser(entries, assignment, out.scale, pool);
-  out.pair = chooser.run(assignment.col_of_row);
+    out.scale[i] = std::sqrt(matcher.row_scale[i]) * std::sqrt(matcher.col_scale[i]);
+  PairChooser chooser(entries, matcher, out.scale, pool);
+  out.pair = chooser.run(matcher.col_of_row);
   if (entries.roots) raise(out.scale, 0);
   return out;
 }
@@ -139,15 +140,14 @@ bool is_wide(std::span<const double> values, base::ThreadPool& pool) {
 
 Matching maximum_product_matching(const MatrixView& a, base::ThreadPool& pool) {
   const bool roots = is_wide(a.values, pool);
-  Assignment assignment({a.cols, a.col_ptr, a.row_ind, a.values, roots}, a.symmetric(), pool);
-  assignment.run();
+  ProductMatcher matcher({a.cols, a.col_ptr, a.row_ind, a.values, roots}, a.symmetric(), pool);
+  matcher.run();
   if (roots) {  // rows may give 2^k to the columns: both stay in range
-    const int k = (middle_exponent(assignment.col_scale) - middle_exponent(assignment.row_scale)) / 2;
-    raise(assignment.row_scale, k);
-    raise(assignment.col_scale, -k);
+    const int k = (middle_exponent(matcher.col_scale) - middle_exponent(matcher.row_scale)) / 2;
+    raise(matcher.row_scale, k);
+    raise(matcher.col_scale, -k);
   }
-  return {std::move(assignment.row_scale), std::move(assignment.col_scale), std::move(assignment.row_of_col),
-          assignment.rank};
+  return {std::move(matcher.row_scale), std::move(matcher.col_scale), std::move(matcher.row_of_col), matcher.rank};
 }
 
 SymmetricMatching symmetric_matching(const MatrixView& a, base::ThreadPool& pool) {
@@ -161,11 +161,6 @@ SymmetricMatching symmetric_matching(const MatrixView& a, base::ThreadPool& pool
 Matching maximum_product_matching(const MatrixView& a) {
   base::ThreadPool alone(1);
   return maximum_product_matching(a, alone);
-}
-
-SymmetricMatching symmetric_matching(const MatrixView& a) {
-  base::ThreadPool alone(1);
-  return symmetric_matching(a, alone);
 }
 
 }  // namespace espalier::analysis

@@ -35,7 +35,6 @@ struct SymmetricMatching {
   Index structural_rank = 0;
 };
 SymmetricMatching symmetric_matching(const MatrixView& a, base::ThreadPool& pool);
-SymmetricMatching symmetric_matching(const MatrixView& a);  ///< on the calling thread alone
 
 /// Symmetric or two-sided equilibration in the infinity norm (Ruiz 2001), powers of two: for llt and wherever matching
 /// is switched off. row_scale == col_scale for symmetric storage.

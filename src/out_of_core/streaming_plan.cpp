@@ -160,11 +160,12 @@ Plans plan_streaming(const StreamLayout& layout, const std::vector<StreamDevice>
   const Offset least = std::min_element(devices.begin(), devices.end(), [](const auto& x, const auto& y) {
                          return x.budget_bytes < y.budget_bytes;
                        })->budget_bytes;
-  throw Error(
-      StatusCode::out_of_memory,
+  const Offset needed = floor_of(candidates, layout, devices, least);
+  throw BudgetTooSmall(
       fmt::format("the budget of {} bytes of device memory is below what streaming needs: {} bytes{}; give it "
                   "as much with --device-memory",
-                  least, floor_of(candidates, layout, devices, least), devices.size() > 1 ? " on each device" : ""));
+                  least, needed, devices.size() > 1 ? " on each device" : ""),
+      needed);
 }
 
 }  // namespace espalier::out_of_core

@@ -17,6 +17,7 @@
 #pragma once
 
 #include <array>
+#include <string>
 #include <vector>
 
 #include "plan/plan.hpp"
@@ -169,9 +170,20 @@ struct StreamingPlan {
   double link_seconds = 0;  ///< what the busier direction of the link needs alone
 };
 
+/// No plan exists for the budgets.
+class BudgetTooSmall : public Error {
+ public:
+  BudgetTooSmall(const std::string& what, Offset needed) : Error(StatusCode::out_of_memory, what), needed_(needed) {}
+  /// Bytes of each device with which there is one.
+  [[nodiscard]] Offset needed() const { return needed_; }
+
+ private:
+  Offset needed_;
+};
+
 /// The best plans that it finds for the budgets, one for each device; the store's places are the same in all.
 /// @pre layout.plan() is one for a single device
-/// @throws Error(out_of_memory) naming the least budget that works
+/// @throws BudgetTooSmall
 std::vector<StreamingPlan> plan_streaming(const StreamLayout& layout, const std::vector<StreamDevice>& devices,
                                           const StreamRates& rates = StreamRates());
 

@@ -150,6 +150,7 @@ TEST(Matching, EmptyAndZeroMatrices) {
 }
 
 TEST(SymmetricMatching, PairsAreEntriesAndScalingBoundsThem) {
+  base::ThreadPool pool(1);
   for (unsigned seed = 0; seed < 200; ++seed) {
     std::mt19937 random(seed);
     const std::size_t n = 1 + random() % 40;
@@ -159,7 +160,7 @@ TEST(SymmetricMatching, PairsAreEntriesAndScalingBoundsThem) {
     const Storage storage = seed % 3 == 0   ? Storage::symmetric_lower
                             : seed % 3 == 1 ? Storage::symmetric_upper
                                             : Storage::symmetric_both;
-    const SymmetricMatching m = symmetric_matching(sparse_of(d, storage));
+    const SymmetricMatching m = symmetric_matching(sparse_of(d, storage), pool);
     ASSERT_EQ(m.structural_rank, rank_by_augmenting_paths(d)) << "seed " << seed;
     const double tolerance = 2000 * (static_cast<double>(n) + 10) * std::numeric_limits<double>::epsilon();
     for (std::size_t v = 0; v < n; ++v) {
@@ -183,7 +184,8 @@ TEST(SymmetricMatching, PositiveDefiniteMatrixStaysOnItsDiagonal) {
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t j = 0; j < n; ++j)
       for (std::size_t k = 0; k < n; ++k) d[i][j] += b[i][k] * b[j][k] + (i == j ? 1e-3 : 0);
-  const SymmetricMatching m = symmetric_matching(sparse_of(d, Storage::symmetric_lower));
+  base::ThreadPool pool(1);
+  const SymmetricMatching m = symmetric_matching(sparse_of(d, Storage::symmetric_lower), pool);
   for (std::size_t v = 0; v < n; ++v) {
     EXPECT_EQ(m.pair[v], static_cast<Index>(v));
     EXPECT_NEAR(m.scale[v] * m.scale[v] * d[v][v], 1, 16 * std::numeric_limits<double>::epsilon());
@@ -199,7 +201,8 @@ TEST(SymmetricMatching, MultipliersArePairedWithWhatTheyTouch) {
   for (std::size_t k = 0; k < m; ++k)
     for (std::size_t u : {4 * k, 4 * k + 1, (4 * k + 7) % n})
       d[n + k][u] = d[u][n + k] = 1 + static_cast<double>(random() % 3);
-  const SymmetricMatching matching = symmetric_matching(sparse_of(d, Storage::symmetric_lower));
+  base::ThreadPool pool(2);
+  const SymmetricMatching matching = symmetric_matching(sparse_of(d, Storage::symmetric_lower), pool);
   EXPECT_EQ(matching.structural_rank, static_cast<Index>(n + m));
   for (std::size_t k = n; k < n + m; ++k) {
     ASSERT_NE(matching.pair[k], static_cast<Index>(k));

@@ -53,14 +53,14 @@ class StreamedFactorization : public ::testing::TestWithParam<StreamedSystem> {
     floor_ = floor_of({HostStreamOptions{}});
   }
 
-  // The least budget of each of these devices, as the refusal of a tiny one names it.
+  // The least budget of each of these devices, as the refusal of a tiny one says.
   Offset floor_of(const std::vector<HostStreamOptions>& devices) {
     try {
       (void)start(std::vector<out_of_core::StreamDevice>(devices.size(), {1000}), devices);
-    } catch (const Error& e) {
+    } catch (const out_of_core::BudgetTooSmall& e) {
       EXPECT_EQ(e.status().code, StatusCode::out_of_memory);
-      const std::string text = e.what(), mark = "streaming needs: ";
-      return std::stoll(text.substr(text.find(mark) + mark.size()));
+      EXPECT_NE(std::string(e.what()).find("needs: " + std::to_string(e.needed())), std::string::npos) << e.what();
+      return e.needed();
     }
     ADD_FAILURE() << "1000 bytes were enough";
     return 0;

@@ -1,5 +1,5 @@
 /// \file
-/// The bodies of the group kernels; stream_<precision>.cu instantiates them.
+/// The bodies of the group kernels; group_kernels_<precision>.cu instantiate them.
 #pragma once
 
 #include <algorithm>
@@ -24,13 +24,11 @@ __device__ inline FactorTask begin_task(const FactorState<T>& s, int first, Fron
   return s.tasks[first + static_cast<int>(blockIdx.x)];
 }
 
+/// A child's contribution out of core lies in one piece.
 template <class T>
 __device__ inline void add_columns(const FactorState<T>& s, const Front& f, const Target<T>& x, const Piece& piece,
                                    const T* from, bool transposed, bool strict) {
-  if constexpr (requires { add_piece(s, f, x, piece, from, transposed, strict); })
-    add_piece(s, f, x, piece, from, transposed, strict);
-  else
-    add_piece(s, f, x, piece, from, static_cast<T* const*>(nullptr), transposed, strict);
+  add_piece(s, f, x, piece, from, static_cast<T* const*>(nullptr), transposed, strict);
 }
 
 template <class T, Kind K>

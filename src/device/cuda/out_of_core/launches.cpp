@@ -13,16 +13,6 @@ using out_of_core::InCoreStep;
 using out_of_core::StreamOp;
 using out_of_core::StreamWork;
 
-namespace {
-
-// LU alone has flags.
-template <class S>
-void set_flags(S& s, int* flags) {
-  if constexpr (requires { s.flag; }) s.flag = flags;
-}
-
-}  // namespace
-
 template <class T>
 StreamLaunches<T>::StreamLaunches(const CudaStreamLayout<T>& layout, const StreamTables& tables, Kind kind,
                                   const out_of_core::StreamingPlan& plan, std::byte* arena, double patience_seconds)
@@ -108,7 +98,7 @@ FactorState<T> StreamLaunches<T>::state(const Unit& places) const {
   s.failed = reinterpret_cast<unsigned char*>(scratch + u.scratch.failed);
   s.control = reinterpret_cast<int*>(scratch + u.scratch.control);
   s.finished = reinterpret_cast<int*>(scratch + u.scratch.finished);
-  set_flags(s, reinterpret_cast<int*>(scratch + u.scratch.flags));
+  s.flag = reinterpret_cast<int*>(scratch + u.scratch.flags);
   s.limits = reinterpret_cast<const T*>(shared + kLimitsAt);
   s.patience = patience_;
   s.part_flags = u.scratch.part_flags;

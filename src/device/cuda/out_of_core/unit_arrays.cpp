@@ -11,17 +11,11 @@ void put(UnitTables& u, Offset at, const std::vector<U>& list) {
   if (!list.empty()) std::memcpy(u.bytes.data() + at, list.data(), list.size() * sizeof(U));
 }
 
-// A plan for one device has one region.
-template <class F>
-void forget_place(F& x) {
-  x.region = 0;
-  if constexpr (requires { x.first_place; }) x.first_place = -1;
-}
-
 }  // namespace
 
 Front in_arena(Front x) {
-  forget_place(x);
+  x.region = 0;
+  x.first_place = -1;
   return x;
 }
 

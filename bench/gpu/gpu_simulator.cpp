@@ -1,10 +1,10 @@
-#include "device/cuda/tables/gpu_simulator.hpp"
+#include "gpu/gpu_simulator.hpp"
 
 #include <algorithm>
 #include <functional>
 #include <queue>
 
-namespace espalier::device::cuda {
+namespace espalier::bench {
 
 namespace {
 
@@ -193,4 +193,4 @@ SimulatedRun simulate(const device::cuda::DevicePlan& tables, const GpuRates& ra
   return Run(tables, rates).run();
 }
 
-}  // namespace espalier::device::cuda
+}  // namespace espalier::bench

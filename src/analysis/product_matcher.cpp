@@ -1,4 +1,4 @@
-#include "analysis/assignment.hpp"
+#include "analysis/product_matcher.hpp"
 
 #include <algorithm>
 #include <atomic>
@@ -17,7 +17,7 @@ constexpr std::int64_t kColumns = 2048;  // columns per piece of a parallel loop
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 }  // namespace
 
-Assignment::Assignment(const EntryView& a, bool symmetric, base::ThreadPool& pool)
+ProductMatcher::ProductMatcher(const EntryView& a, bool symmetric, base::ThreadPool& pool)
     : row_scale(at(a.n), 0),
       col_scale(at(a.n), 1),
       row_of_col(at(a.n), -1),
@@ -26,16 +26,16 @@ Assignment::Assignment(const EntryView& a, bool symmetric, base::ThreadPool& poo
       symmetric_(symmetric),
       pool_(pool) {}
 
-double Assignment::product(Offset k, Index j) const {
+double ProductMatcher::product(Offset k, Index j) const {
   return a_.magnitude(k) * row_scale[at(a_.row[at(k)])] * col_scale[at(j)];
 }
 
-void Assignment::match(Index i, Index j) {
+void ProductMatcher::match(Index i, Index j) {
   row_of_col[at(j)] = i;
   col_of_row[at(i)] = j;
 }
 
-void Assignment::scale_by_diagonal() {
+void ProductMatcher::scale_by_diagonal() {
   std::atomic<bool> complete{true};
   pool_.for_each_piece(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
     for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j) {
@@ -60,7 +60,7 @@ void Assignment::scale_by_diagonal() {
 }
 
 /// scale_j = 1 / max_i |a_ij| factor_i wherever column j has an entry
-void Assignment::divide_by_column_maxima(const std::vector<double>& factor, std::vector<double>& scale) {
+void ProductMatcher::divide_by_column_maxima(const std::vector<double>& factor, std::vector<double>& scale) {
   pool_.for_each_piece(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
     for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j) {
       double most = 0;
@@ -71,9 +71,9 @@ void Assignment::divide_by_column_maxima(const std::vector<double>& factor, std:
   });
 }
 
-void Assignment::scale_columns() { divide_by_column_maxima(row_scale, col_scale); }
+void ProductMatcher::scale_columns() { divide_by_column_maxima(row_scale, col_scale); }
 
-void Assignment::scale_rows() {
+void ProductMatcher::scale_rows() {
   if (symmetric_) return divide_by_column_maxima(col_scale, row_scale);
   std::vector<double> most(at(a_.n), 0);
   for (Index j = 0; j < a_.n; ++j)
@@ -85,7 +85,7 @@ void Assignment::scale_rows() {
     if (most[i] > 0) row_scale[i] = 1 / most[i];
 }
 
-void Assignment::match_tight_diagonal() {
+void ProductMatcher::match_tight_diagonal() {
   pool_.for_each_piece(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
     for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j)
       for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
@@ -94,7 +94,7 @@ void Assignment::match_tight_diagonal() {
 }
 
 /// Matches column j by a tight entry in a free row, or by moving the column of a tight row to another free tight row.
-bool Assignment::match_tight_column(Index j) {
+bool ProductMatcher::match_tight_column(Index j) {
   for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
     if (col_of_row[at(a_.row[at(k)])] < 0 && product(k, j) >= kTight) {
       match(a_.row[at(k)], j);
@@ -113,14 +113,14 @@ bool Assignment::match_tight_column(Index j) {
   return false;
 }
 
-void Assignment::match_tight() {
+void ProductMatcher::match_tight() {
   match_tight_diagonal();
   for (Index j = 0; j < a_.n; ++j)
     if (row_of_col[at(j)] < 0) match_tight_column(j);
 }
 
 /// Reaches the rows of column j, which itself lies at the distance `base` from the root.
-void Assignment::scan(Index j, double base) {
+void ProductMatcher::scan(Index j, double base) {
   for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k) {
     const Index i = a_.row[at(k)];
     const double b = a_.magnitude(k);
@@ -140,7 +140,7 @@ void Assignment::scan(Index j, double base) {
   }
 }
 
-void Assignment::update_duals(Index root) {
+void ProductMatcher::update_duals(Index root) {
   log_col_[at(root)] += best_;
   for (const Index i : finished_) {
     const double change = best_ - distance_[at(i)];
@@ -149,7 +149,7 @@ void Assignment::update_duals(Index root) {
   }
 }
 
-void Assignment::augment(Index root) {
+void ProductMatcher::augment(Index root) {
   for (Index i = best_row_;;) {
     const Index j = via_[at(i)];
     const Index next = row_of_col[at(j)];
@@ -159,7 +159,7 @@ void Assignment::augment(Index root) {
   }
 }
 
-void Assignment::search(Index root) {
+void ProductMatcher::search(Index root) {
   best_ = kInfinity;
   best_row_ = -1;
   scan(root, 0);
@@ -195,7 +195,7 @@ void Assignment::search(Index root) {
 /// Later searches did not look at the rows of the closed sets, so r |a| c may exceed 1 there, in columns of later sets
 /// or of none. Scaling the rows of a set by t <= 1 and its columns by 1/t repairs that and keeps its tight entries; the
 /// sets are taken last first, so that every column that matters for a set has its final factor.
-void Assignment::repair_deficient() {
+void ProductMatcher::repair_deficient() {
   std::vector<std::vector<Index>> columns(static_cast<std::size_t>(deficient_sets_) + 1);
   std::vector<std::vector<Index>> rows(columns.size());
   for (Index j = 0; j < a_.n; ++j) {
@@ -218,7 +218,7 @@ void Assignment::repair_deficient() {
   }
 }
 
-void Assignment::run() {
+void ProductMatcher::run() {
   scale_by_diagonal();
   scale_columns();
   scale_rows();

@@ -7,7 +7,7 @@
 
 #include "device/cuda/tables/device_plan.hpp"
 
-namespace espalier::device::cuda {
+namespace espalier::bench {
 
 /// What one block of threads needs for a task, in seconds: `fixed`, and `chunk` for every 16 columns of products. When
 /// the last operand comes late, the task ends `tail` after it.
@@ -36,4 +36,4 @@ struct SimulatedRun {
 /// @pre the tables are for a run without stealing
 SimulatedRun simulate(const device::cuda::DevicePlan& tables, const GpuRates& rates);
 
-}  // namespace espalier::device::cuda
+}  // namespace espalier::bench

@@ -1,5 +1,5 @@
 /// \file
-/// The assignment problem behind matching.hpp: shortest augmenting paths on sparse columns.
+/// The matching of largest product (an assignment problem): shortest augmenting paths on sparse columns.
 #pragma once
 
 #include <cmath>
@@ -41,10 +41,10 @@ struct EntryView {
 /// tight entries is optimal. The start is r_i = |a_ii|^(-1/2), which makes every diagonal entry of a positive definite
 /// matrix tight at once; then columns and rows are scaled to maximum 1, tight entries are matched greedily, and every
 /// column left is matched by a shortest augmenting path in the reduced costs -log(r_i |a_ij| c_j) (Dijkstra).
-class Assignment {
+class ProductMatcher {
  public:
   /// @param symmetric values and pattern are symmetric: rows are read as columns, by all threads
-  Assignment(const EntryView& a, bool symmetric, base::ThreadPool& pool);
+  ProductMatcher(const EntryView& a, bool symmetric, base::ThreadPool& pool);
   void run();
 
   std::vector<double> row_scale, col_scale;   ///< n, positive
