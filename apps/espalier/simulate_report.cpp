@@ -110,7 +110,9 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
                      {"error_failures", s.error_failures},
                      {"newton_failures", s.newton_failures},
                      {"crossings", s.crossings},
-                     {"divisions", s.divisions}};
+                     {"divisions", s.divisions},
+                     {"rounded", s.rounded},
+                     {"largest_rounding", number(s.largest_rounding)}};
   j["counts"] = {{"residuals", s.residuals},
                  {"tangents", s.tangents},
                  {"analyses", s.analyses},

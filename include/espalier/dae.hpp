@@ -129,18 +129,35 @@ struct JacobianCheck {
 /// second order, numerical damping, constraints on position level.
 enum class DaeMethod { bdf, generalized_alpha };
 
+/// How bdf solves the equations of a step. `reduced` is the one to use; the others are references that work on dense
+/// matrices of 3 n + m unknowns (docs/design.md).
+enum class DaeIteration { reduced, full_matched, full_tangent, full_boolean };
+
+/// All options of both methods. Those that say so belong to one of them; the other does not look at them.
 struct DaeOptions {
   DaeMethod method = DaeMethod::bdf;
-  double relative = 1e-6;        ///< tolerance of q and v per step (bdf)
-  double absolute = 1e-8;        ///< of q
-  double absolute_velocity = 0;  ///< of v; 0: that of q
-  int max_order = 5;             ///< 1 to 5; 2 for stiff systems with little damping (orders 3 to 5 are not A-stable)
+  double relative = 1e-6;        ///< bdf: tolerance of q and v per step
+  double absolute = 1e-8;        ///< bdf: of q
+  double absolute_velocity = 0;  ///< bdf: of v; 0: that of q
+  bool test_velocity = true;     ///< bdf: v takes part in the error test
+  int max_order = 5;             ///< bdf: 1 to 5; 2 for stiff systems with little damping (3 to 5 are not A-stable)
+  int order = 0;                 ///< bdf: > 0: this order as soon as there are points enough
   double step = 0;               ///< > 0: constant step without error test; generalized_alpha needs it
-  double initial_step = 0;       ///< 0: found
-  double max_step = std::numeric_limits<double>::infinity();
-  double spectral_radius = 0.8;         ///< of generalized_alpha at infinite frequency: 1 no damping, 0 most
-  double constraint_tolerance = 1e-10;  ///< of Phi; of the other levels times max(1, |v|) and max(1, |a|)
-  int max_newton = 12;                  ///< iterations before a step is given up
+  double initial_step = 0;       ///< bdf: 0: found
+  double min_step = 0;           ///< bdf: 0: 1e-14 of the time scale
+  double max_step = std::numeric_limits<double>::infinity();  ///< bdf
+  double spectral_radius = 0.8;         ///< generalized_alpha: at infinite frequency: 1 no damping, 0 most
+  std::optional<double> hht_alpha;      ///< generalized_alpha: the HHT method with this alpha, in [-1/3, 0], instead
+  double constraint_tolerance = 1e-10;  ///< of Phi; of the other levels (bdf) times max(1, |v|) and max(1, |a|)
+  int max_newton = 0;                   ///< iterations before a step is given up; 0: 12 (bdf) or 15
+  /// Error that the end of Newton's iteration may leave, in units of the tolerance (bdf with variable steps) or of the
+  /// error that the method itself makes in a step (constant steps): the smaller the step, the more it asks for. Where
+  /// rounding does not allow that, DaeStep::rounding says so.
+  double newton_tolerance = 0.01;
+  double newton_change = 1e-8;  ///< generalized_alpha: and at most so much of q and h v, relative to |q| + 1
+  double refactor_rate = 0.25;  ///< a slower convergence rate of Newton asks for a new factor at the next step
+  double refactor_step = 0.3;   ///< bdf: so does a larger relative change of h/b0
+  DaeIteration iteration = DaeIteration::reduced;                     ///< bdf
   double allowed_position = std::numeric_limits<double>::infinity();  ///< change of q that start() may need
   double allowed_velocity = std::numeric_limits<double>::infinity();  ///< change of v
   std::optional<Options> solver;  ///< of Newton's matrices; none: dense up to 60 unknowns, else the defaults for them
@@ -155,6 +172,9 @@ struct DaeStep {
   int newton_iterations = 0;  ///< of the attempt that succeeded
   int factorizations = 0;     ///< of all attempts
   double error = 0;           ///< local error in units of the tolerance; 0 where it is not tested
+  /// Where rounding ended Newton's iteration before newton_tolerance was reached: its last change of accelerations and
+  /// multipliers in units of the largest; 0 elsewhere. Smaller steps make it larger.
+  double rounding = 0;
 };
 
 /// What a run did.
@@ -164,6 +184,9 @@ struct DaeSummary {
   double assembly_seconds = 0, analysis_seconds = 0, factorization_seconds = 0, solve_seconds = 0;
   double largest_position = 0;  ///< largest violation |Phi| at the end of a step, and of the other levels
   double largest_velocity = 0, largest_acceleration = 0;
+  long rounded = 0;                    ///< steps in which rounding ended Newton's iteration
+  double largest_rounding = 0;         ///< DaeStep::rounding of them
+  long divisions = 0;                  ///< halvings of generalized_alpha's step where Newton failed
   Index degrees_of_freedom = 0;        ///< n - rank(Phi_q)
   std::vector<std::string> redundant;  ///< one line for each constraint left out
 };

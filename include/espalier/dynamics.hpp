@@ -99,7 +99,9 @@ struct SimulationSummary {
   // The run
   double t_begin = 0, t_end = 0;  ///< t_end: time reached
   long steps = 0, newton_iterations = 0, error_failures = 0, newton_failures = 0, crossings = 0;
-  long divisions = 0;  ///< halvings of a constant step in which Newton did not converge
+  long divisions = 0;           ///< halvings of a constant step in which Newton did not converge
+  long rounded = 0;             ///< constant steps in which rounding ended Newton's iteration
+  double largest_rounding = 0;  ///< its last change of accelerations and multipliers there, in units of the largest
   long residuals = 0, tangents = 0, analyses = 0, factorizations = 0, solves = 0;
   /// Why factorizations of the integrator were made.
   long refactor_first = 0, refactor_step = 0, refactor_rate = 0, refactor_failed = 0;

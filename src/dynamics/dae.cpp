@@ -41,11 +41,18 @@ BdfOptions bdf_options(const DaeOptions& o) {
   b.relative = o.relative;
   b.absolute = o.absolute;
   b.absolute_velocity = o.absolute_velocity;
+  b.test_velocity = o.test_velocity;
   b.initial_step = o.initial_step;
   b.max_step = o.max_step;
+  b.min_step = o.min_step;
   b.fixed_step = o.step;
+  b.fixed_order = o.order;
   b.constraint_tolerance = o.constraint_tolerance;
-  b.max_newton = o.max_newton;
+  if (o.max_newton > 0) b.max_newton = o.max_newton;
+  b.newton_tolerance = o.newton_tolerance;
+  b.refactor_rate = o.refactor_rate;
+  b.refactor_step = o.refactor_step;
+  b.iteration = static_cast<BdfIteration>(o.iteration);
   return b;
 }
 
@@ -54,8 +61,12 @@ AlphaOptions alpha_options(const DaeOptions& o) {
   AlphaOptions a;
   a.step = o.step;
   a.spectral_radius = o.spectral_radius;
+  if (o.hht_alpha) a.hht_alpha = *o.hht_alpha;
+  a.newton_tolerance = o.newton_tolerance;
+  a.tolerance = o.newton_change;
   a.constraint_tolerance = o.constraint_tolerance;
-  a.max_newton = o.max_newton;
+  if (o.max_newton > 0) a.max_newton = o.max_newton;
+  a.refactor_rate = o.refactor_rate;
   return a;
 }
 
@@ -65,12 +76,21 @@ DaeOptions checked(DaeOptions o) {
     if (!good) throw std::invalid_argument(std::string("DaeOptions::") + what);
   };
   require(o.method == DaeMethod::bdf || o.method == DaeMethod::generalized_alpha, "method is none of DaeMethod");
+  require(o.iteration >= DaeIteration::reduced && o.iteration <= DaeIteration::full_boolean,
+          "iteration is none of DaeIteration");
   require(o.step >= 0 && std::isfinite(o.step), "step must be 0 (variable) or a length of time");
+  require(o.order >= 0 && o.order <= kMaxBdfOrder, "order must be 0 (variable) or 1 to 5");
   require(o.initial_step >= 0 && std::isfinite(o.initial_step), "initial_step must be 0 (found) or a length of time");
   require(o.max_step > 0, "max_step must be above 0");
+  require(o.min_step >= 0 && o.min_step <= o.max_step, "min_step must lie between 0 and max_step");
   require(o.spectral_radius >= 0 && o.spectral_radius <= 1, "spectral_radius must lie in [0, 1]");
+  require(!o.hht_alpha || (*o.hht_alpha >= -1.0 / 3 && *o.hht_alpha <= 0), "hht_alpha must lie in [-1/3, 0]");
+  require(o.newton_change > 0, "newton_change must be above 0");
+  require(o.newton_tolerance > 0, "newton_tolerance must be above 0");
+  require(o.refactor_rate >= 0, "refactor_rate must not be negative");
+  require(o.refactor_step >= 0, "refactor_step must not be negative");
   require(o.constraint_tolerance > 0, "constraint_tolerance must be above 0");
-  require(o.max_newton >= 1, "max_newton must be at least 1");
+  require(o.max_newton >= 0, "max_newton must be 0 (12 or 15) or at least 1");
   require(o.allowed_position >= 0, "allowed_position must not be negative");
   require(o.allowed_velocity >= 0, "allowed_velocity must not be negative");
   return o;
@@ -139,7 +159,8 @@ struct Dae::Impl {
                                               integrator->state().t, t_end));
     integrator->integrate(t_end, [&](const StepReport& r) {
       if (r.index % kWatchEvery == 0) guard.check(integrator->state());
-      return !observe || observe({r.index, r.t, r.h, r.order, r.newton_iterations, r.factorizations, r.error});
+      return !observe ||
+             observe({r.index, r.t, r.h, r.order, r.newton_iterations, r.factorizations, r.error, r.rounding});
     });
     guard.check(integrator->state());
   }
@@ -217,6 +238,9 @@ DaeSummary Dae::summary() const {
   s.largest_position = c.largest_position;
   s.largest_velocity = c.largest_velocity;
   s.largest_acceleration = c.largest_acceleration;
+  s.rounded = c.rounded;
+  s.largest_rounding = c.largest_rounding;
+  s.divisions = c.divisions;
   s.degrees_of_freedom = impl_->started ? impl_->guard.degrees_of_freedom() : 0;
   if (impl_->started) s.redundant = impl_->guard.notices();
   return s;

@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 namespace espalier::dynamics {
@@ -11,6 +13,33 @@ namespace {
 
 // Central differences lose a third of the digits: step eps^(1/3) of the size of the variable.
 double difference_step(double x) { return 6e-6 * std::max(1.0, std::abs(x)); }
+
+// Differences of the constraints: six points, formulas of order 6 with those of order 4 beside them. The step starts
+// with kLongestStep of the coordinate (or of 1) and is divided by four until both agree to kAgreement; those of order 6
+// are then good to about 1e-13 (truncation (s/L)^6/140 where (s/L)^4/30 is kAgreement, rounding 2 eps / s). kNoise:
+// rounding of the constraints themselves, which no step removes.
+constexpr double kLongestStep = 1e-2, kAgreement = 1e-9, kNoise = 1e-14;
+constexpr std::array<double, 6> kPlaces = {1, -1, 2, -2, 3, -3};
+using Samples = std::array<std::vector<double>, 6>;
+
+/// A derivative by the formulas of order 6 and 4 from the same points.
+struct Slopes {
+  double sixth, fourth;
+};
+Slopes slopes(const Samples& f, std::size_t i, double step) {
+  const double a = f[0][i] - f[1][i], b = f[2][i] - f[3][i], c = f[4][i] - f[5][i];
+  return {(45 * a - 9 * b + c) / (60 * step), (8 * a - b) / (12 * step)};
+}
+Slopes curvatures(const Samples& f, double middle, std::size_t i, double step) {
+  const double a = f[0][i] - 2 * middle + f[1][i], b = f[2][i] - 2 * middle + f[3][i],
+               c = f[4][i] - 2 * middle + f[5][i];
+  return {(270 * a - 27 * b + 2 * c) / (180 * step * step), (16 * a - b) / (12 * step * step)};
+}
+
+// The larger size; infinite once x is not a number.
+double larger(double so_far, double x) {
+  return std::isnan(x) ? std::numeric_limits<double>::infinity() : std::max(so_far, std::abs(x));
+}
 
 SparsePattern dense_pattern(Index rows, Index cols, bool by_columns) {
   SparsePattern p{rows, cols, {0}, {}};
@@ -98,8 +127,12 @@ FunctionSystem::FunctionSystem(DaeFunctions functions) : f_(std::move(functions)
   if (!f_.constraint_jacobian) phi_q_groups_ = independent_columns(columns_of(phi_q_pattern_, false), m);
   mass_.resize(static_cast<std::size_t>(w_pattern_.nonzeros()));
   phi_q_shifted_.resize(static_cast<std::size_t>(phi_q_pattern_.nonzeros()));
-  plus_.resize(static_cast<std::size_t>(std::max(n, m)));
-  minus_.resize(plus_.size());
+  steps_.assign(static_cast<std::size_t>(n), 0.0);
+  phi_q_columns_.resize(static_cast<std::size_t>(n));
+  for (std::size_t i = 0; i < static_cast<std::size_t>(m); ++i)
+    for (Offset k = phi_q_pattern_.ptr[i]; k < phi_q_pattern_.ptr[i + 1]; ++k)
+      phi_q_columns_[static_cast<std::size_t>(phi_q_pattern_.ind[static_cast<std::size_t>(k)])].emplace_back(
+          i, static_cast<std::size_t>(k));
   shifted_.resize(static_cast<std::size_t>(n));
 }
 
@@ -133,42 +166,76 @@ void FunctionSystem::phi_q(double t, ConstSpan q, Span values) {
         {values.data(), f_.constraints, f_.coordinates, false, phi_q_pattern_.ptr.data(), phi_q_pattern_.ind.data()});
     return;
   }
-  const auto m = static_cast<std::size_t>(f_.constraints);
-  std::vector<double> moved(q.begin(), q.end()), steps(q.size());  // steps: 0 where not moved
-  const auto evaluate = [&](double sign, const std::vector<Index>& group, std::vector<double>& phi) {
-    for (const Index j : group) moved[static_cast<std::size_t>(j)] += sign * steps[static_cast<std::size_t>(j)];
-    std::fill(phi.begin(), phi.end(), 0.0);
-    f_.constraint(t, moved, {phi.data(), m});
-    for (const Index j : group) moved[static_cast<std::size_t>(j)] = q[static_cast<std::size_t>(j)];
-  };
+  phi_q_by_differences(t, q, values);
+}
+
+void FunctionSystem::constraint_at(double t, ConstSpan q, std::vector<double>& phi) const {
+  phi.assign(static_cast<std::size_t>(f_.constraints), 0.0);
+  f_.constraint(t, q, phi);
+}
+
+// Columns whose formulas of order 6 and 4 do not agree are taken again with a quarter of the step.
+void FunctionSystem::phi_q_by_differences(double t, ConstSpan q, Span values) {
+  std::vector<double> moved(q.begin(), q.end());
+  const auto size_of = [&](std::size_t j) { return std::max(1.0, std::abs(q[j])); };
   for (const std::vector<Index>& group : phi_q_groups_) {
-    for (const Index j : group) steps[static_cast<std::size_t>(j)] = difference_step(q[static_cast<std::size_t>(j)]);
-    evaluate(1, group, plus_);
-    evaluate(-1, group, minus_);
-    for (std::size_t i = 0; i < m; ++i)
-      for (auto k = static_cast<std::size_t>(phi_q_pattern_.ptr[i]);
-           k < static_cast<std::size_t>(phi_q_pattern_.ptr[i + 1]); ++k)
-        if (const double step = steps[static_cast<std::size_t>(phi_q_pattern_.ind[k])]; step != 0)
-          values[k] = (plus_[i] - minus_[i]) / (2 * step);
-    for (const Index j : group) steps[static_cast<std::size_t>(j)] = 0;
+    for (std::vector<Index> open = group, again; !open.empty(); open.swap(again), again.clear()) {
+      for (std::size_t k = 0; k < 6; ++k) {
+        for (const Index column : open) {
+          const auto j = static_cast<std::size_t>(column);
+          if (steps_[j] == 0) steps_[j] = kLongestStep * size_of(j);
+          moved[j] = q[j] + kPlaces[k] * steps_[j];
+        }
+        constraint_at(t, moved, samples_[k]);
+        for (const Index column : open) moved[static_cast<std::size_t>(column)] = q[static_cast<std::size_t>(column)];
+      }
+      for (const Index column : open) {
+        const auto j = static_cast<std::size_t>(column);
+        double apart = 0, size = 0;
+        for (const auto& [row, k] : phi_q_columns_[j]) {
+          const Slopes d = slopes(samples_, row, steps_[j]);
+          values[k] = d.sixth;
+          apart = larger(apart, d.sixth - d.fourth);
+          size = std::max(size, std::abs(d.sixth));
+        }
+        const double shortest = difference_step(q[j]);
+        if (apart <= kAgreement * size + kNoise * size_of(j) / steps_[j] || steps_[j] <= shortest) continue;
+        steps_[j] = std::max(steps_[j] / 4, shortest);
+        again.push_back(column);
+      }
+    }
   }
 }
 
-// gamma = -d/dt (Phi_q v + Phi_t) along q' = v at fixed v, by central differences in time.
+// gamma = -d/dt (Phi_q v + Phi_t) along q' = v at fixed v, by differences in time: of Phi_q v + Phi_t where Phi_q is
+// given, else twice of Phi, since the expression is also -d^2/dt^2 Phi(t, q + t v).
 void FunctionSystem::gamma_by_differences(double t, ConstSpan q, ConstSpan v, Span gamma) {
   const std::size_t n = q.size(), m = gamma.size();
-  double speed = 1;
+  const bool first = static_cast<bool>(f_.constraint_jacobian);
+  double speed = 1, size = 1;
   for (const double x : v) speed = std::max(speed, std::abs(x));
-  const double step = 6e-6 / speed;
-  std::fill(gamma.begin(), gamma.end(), 0.0);
-  std::vector<double> rate(m);
-  for (const double sign : {1.0, -1.0}) {
-    for (std::size_t i = 0; i < n; ++i) shifted_[i] = q[i] + sign * step * v[i];
-    phi_q(t + sign * step, shifted_, phi_q_shifted_);
-    std::fill(rate.begin(), rate.end(), 0.0);
-    if (f_.constraint_rate) f_.constraint_rate(t + sign * step, shifted_, rate);
-    multiply_lines(phi_q_pattern_, phi_q_shifted_, v, false, rate);
-    for (std::size_t i = 0; i < m; ++i) gamma[i] -= sign * rate[i] / (2 * step);
+  for (const double x : q) size = std::max(size, std::abs(x));
+  const auto sample = [&](double shift, std::vector<double>& out) {
+    for (std::size_t i = 0; i < n; ++i) shifted_[i] = q[i] + shift * v[i];
+    if (!first) return constraint_at(t + shift, shifted_, out);
+    phi_q(t + shift, shifted_, phi_q_shifted_);
+    out.assign(m, 0.0);
+    if (f_.constraint_rate) f_.constraint_rate(t + shift, shifted_, out);
+    multiply_lines(phi_q_pattern_, phi_q_shifted_, v, false, out);
+  };
+  std::vector<double> middle;
+  if (!first) sample(0, middle);
+  for (double step = kLongestStep * size / speed;; step /= 4) {
+    for (std::size_t k = 0; k < 6; ++k) sample(kPlaces[k] * step, samples_[k]);
+    double apart = 0, largest = 0;
+    for (std::size_t i = 0; i < m; ++i) {
+      const Slopes d = first ? slopes(samples_, i, step) : curvatures(samples_, middle[i], i, step);
+      gamma[i] = -d.sixth;
+      apart = larger(apart, d.sixth - d.fourth);
+      largest = std::max(largest, std::abs(d.sixth));
+    }
+    const double noise = kNoise * size / (first ? step / speed : step * step);
+    if (apart <= kAgreement * largest + noise || step * speed <= difference_step(size)) return;
   }
 }
 

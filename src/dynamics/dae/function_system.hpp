@@ -2,7 +2,9 @@
 /// A system given by functions (DaeFunctions): what stands behind espalier::Dae.
 #pragma once
 
+#include <array>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "dynamics/dae/system.hpp"
@@ -33,14 +35,19 @@ class FunctionSystem final : public System {
   using Groups = std::vector<std::vector<Index>>;
   [[nodiscard]] MatrixEntries tangent_entries(double* values) const;
   void phi_q(double t, ConstSpan q, Span values);
+  void phi_q_by_differences(double t, ConstSpan q, Span values);
+  void constraint_at(double t, ConstSpan q, std::vector<double>& phi) const;
   void gamma_by_differences(double t, ConstSpan q, ConstSpan v, Span gamma);
   void tangent_by_differences(const StateView& s, const TangentWeights& weights, Span w_values);
   void full_residual(const StateView& s, Span f);
 
   DaeFunctions f_;
   SparsePattern w_pattern_, phi_q_pattern_;
-  Groups w_groups_, phi_q_groups_;  // of columns
-  std::vector<double> mass_, phi_q_shifted_, plus_, minus_, shifted_;
+  Groups w_groups_, phi_q_groups_;                                               // of columns
+  std::vector<std::vector<std::pair<std::size_t, std::size_t>>> phi_q_columns_;  // row and place of the entries
+  std::vector<double> steps_;                   // of the differences of Phi, found once for each coordinate; 0: not yet
+  std::array<std::vector<double>, 6> samples_;  // of Phi
+  std::vector<double> mass_, phi_q_shifted_, shifted_;
 };
 
 }  // namespace espalier::dynamics

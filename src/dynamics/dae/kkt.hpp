@@ -41,6 +41,8 @@ class KktSolver {
   void solve(Span b, Index columns);
   /// y = Phi_q x with the Phi_q of the factor.
   void multiply_phi_q(ConstSpan x, Span y) const { multiply_by_rows(*phi_q_, phi_q_values_, x, y); }
+  /// The s_i of the factor, n + m: x_i / s_i are the unknowns of S K S.
+  [[nodiscard]] ConstSpan scale() const { return scale_; }
   [[nodiscard]] const SparsePattern& w_pattern() const { return *w_; }
   [[nodiscard]] const SparsePattern& phi_q_pattern() const { return *phi_q_; }
   [[nodiscard]] MatrixView matrix() const;  ///< K, scaled, as last factorized

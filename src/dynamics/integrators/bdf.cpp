@@ -43,7 +43,7 @@ void BdfIntegrator::start(const State& state) {
   history_.clear();
   order_ = 1;
   steps_at_order_ = 0;
-  factor_hp_ = 0;
+  factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
   h_ = options_.fixed_step > 0 ? options_.fixed_step : first_step();
   projected_left_ = noisy_left_ = 0;

@@ -34,9 +34,11 @@ struct BdfOptions {
   double constraint_tolerance =
       1e-10;            ///< of Phi; of the velocity and acceleration levels times max(1, |v|) and max(1, |a|)
   int max_newton = 12;  ///< iterations before a step is given up
-  double newton_tolerance = 0.01;  ///< Newton error allowed, in units of the error tolerance
-  double refactor_rate = 0.25;     ///< a slower convergence rate asks for a new factor at the next step
-  double refactor_step = 0.3;      ///< so does a relative change of h/b0 since the factor
+  /// Newton error allowed, in units of the error tolerance; where `fixed_step` or `max_step` hold the step short of
+  /// what the tolerance would allow, in units of the error that the formula itself makes in the step.
+  double newton_tolerance = 0.01;
+  double refactor_rate = 0.25;  ///< a slower convergence rate asks for a new factor at the next step
+  double refactor_step = 0.3;   ///< so does a relative change of h/b0 since the factor
   BdfIteration iteration = BdfIteration::reduced;
   bool measure_blocks = false;  ///< evaluate every block of H after each step (dense; small systems)
 };
@@ -97,6 +99,10 @@ class BdfIntegrator final : public Integrator {
   void add_normal_part(ConstSpan violation, Span change);
   void iterate_reduced(StepReport& report);
   [[nodiscard]] double rounding_of_change() const;
+  [[nodiscard]] double allowed_change();
+  [[nodiscard]] bool step_is_held() const;
+  [[nodiscard]] bool rounding_ends(double change, const StepReport& report);
+  [[nodiscard]] double change_of_pass();
   [[nodiscard]] bool hopeless(double change, double rate, int iteration) const;
   // Near singular positions (bdf_projected.cpp)
   Outcome solve_projected(StepReport& report);
@@ -137,6 +143,11 @@ class BdfIntegrator final : public Integrator {
   double reach_ = std::numeric_limits<double>::infinity();  // learned: farther from factor_q_ the factor will not do
   bool rate_poor_ = false;
   double rate_ = 0.5;
+  double own_error_ = 0, latest_error_ = 0;  // of the formula, in units of the tolerance; with memory, of the last pass
+  bool tiny_ = false;                        // the last change of q and v may be rounding
+  double level_of_a_ = 0;                    // the last change of a over a
+  double size_q_ = 0;                        // largest coordinate
+  double floor_ = 0;  // change at which the iteration stood still with a new factor, in the same units; 0: not met
   std::vector<double> theta_, theta_hat_, v_hat_, theta_pred_, v_pred_, weight_q_, weight_v_;
   std::vector<double> r1_, r2_, dq_, dv_, f_, level_, work_n_, rhs_;
   Blocks blocks_;

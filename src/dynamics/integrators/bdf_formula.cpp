@@ -56,6 +56,7 @@ void BdfIntegrator::predict() {
 
 void BdfIntegrator::error_weights() {
   equations_.system().magnitude(state_.q, weight_q_);
+  size_q_ = max_norm(weight_q_);
   for (std::size_t i = 0; i < weight_q_.size(); ++i) {
     weight_q_[i] = 1 / (options_.relative * weight_q_[i] + options_.absolute);
     weight_v_[i] = 1 / (options_.relative * std::abs(state_.v[i]) + options_.absolute_velocity);

@@ -9,6 +9,8 @@ namespace espalier::dynamics {
 namespace {
 // With a new factor a slower rate asks for a better one within the attempt.
 constexpr double kSlow = 0.25;
+// As in alpha_newton.cpp.
+constexpr double kStill = 0.5, kRounding = 1e-11, kAboveFloor = 4, kMemory = 0.5;
 }  // namespace
 
 // R1 = v - T(theta) (theta - theta^)/h' and R2 = a - (v - v^)/h'; theta_ must belong to s.
@@ -143,43 +145,85 @@ double BdfIntegrator::rounding_of_change() const {
   return std::min(0.5, std::sqrt(sum / static_cast<double>(weight_v_.size())));
 }
 
+// The step is shorter than the tolerance asks for: the run wants more of it than the tolerance says.
+bool BdfIntegrator::step_is_held() const {
+  return options_.fixed_step > 0 || formula_.h >= (1 - 1e-9) * options_.max_step;
+}
+
+// How far the iteration must go: to newton_tolerance of the tolerance, or of the formula's own error where that is
+// smaller and the step is held short. A smaller step would otherwise keep an error of q and v that adds up over more
+// steps, and one of a and lambda that grows with 1/h. Uses dq_ and dv_.
+double BdfIntegrator::allowed_change() {
+  if (!step_is_held()) return options_.newton_tolerance;
+  latest_error_ = error_estimate(formula_.order);
+  return options_.newton_tolerance * std::min(1.0, std::max(latest_error_, kMemory * own_error_));
+}
+
+// The changes stand still where nothing is wrong: at rounding. Without an error test, as GeneralizedAlpha does: with an
+// old factor at the level only at which they did with a new one (elsewhere solve_reduced() renews it).
+bool BdfIntegrator::rounding_ends(double change, const StepReport& report) {
+  if (!step_is_held()) {
+    const bool still = report.newton_iterations >= 3 && (change == 0 || report.newton_rate > 0.7);
+    return still && change < (factor_fresh_ ? std::max(0.1, rounding_of_change()) : 1e-4);
+  }
+  if (!tiny_ || report.newton_rate <= kStill) return false;
+  if (!factor_fresh_) return change <= kAboveFloor * floor_;
+  floor_ = std::max(change, 0.5 * floor_);
+  return true;
+}
+
+// The change of q and v of a pass in units of the tolerance; sets tiny_ and level_of_a_.
+double BdfIntegrator::change_of_pass() {
+  const double dv = formula_.hp * max_norm(dv_), a = formula_.hp * formula_.hp * max_norm(trial_.a);
+  tiny_ = std::max(max_norm(dq_), dv) <= kRounding * size_q_;
+  level_of_a_ = a > 0 ? dv / a : 0;
+  return std::max(norm(dq_, weight_q_), norm(dv_, weight_v_));
+}
+
 BdfIntegrator::Outcome BdfIntegrator::solve_reduced(StepReport& report) {
   formula_is_projected_ = false;
   equations_.evaluate_constraints(trial_.t, trial_.q, {});
   double previous = 0, first = 0;
   int renewed = 0;
+  const double rate_before = rate_;
+  const bool held = step_is_held();
+  report.newton_rate = report.rounding = 0;
   for (int iteration = 1; iteration <= options_.max_newton; ++iteration) {
     iterate_reduced(report);
-    const double change = std::max(norm(dq_, weight_q_), norm(dv_, weight_v_));
+    const double change = change_of_pass();
     report.newton_iterations = iteration;
     if (!std::isfinite(change)) return Outcome::diverged;
     if (iteration == 1) first = change;
-    if (iteration > 1 && previous > 0) {
+    if (previous > 0) {
       report.newton_rate = change / previous;
       rate_ = std::max(0.3 * rate_, report.newton_rate);
     }
     const double rate = std::min(rate_, 0.9);
-    const bool small = change * rate / (1 - rate) <= options_.newton_tolerance || change == 0;
-    // At round-off the change stops falling although nothing is wrong. With a new factor that is the end of the road;
-    // with an old one a new factor is tried first. The constraints have to hold in any case.
-    const bool stagnant = iteration >= 3 && (change == 0 || report.newton_rate > 0.7);
-    const bool at_floor = stagnant && change < (factor_fresh_ ? std::max(0.1, rounding_of_change()) : 1e-4);
+    // One pass tells nothing of the rate, and a step held short wants to know.
+    const bool known = iteration > 1 || !held;
+    const bool small = (known && change * rate / (1 - rate) <= allowed_change()) || change == 0;
+    const bool at_floor = !small && previous > 0 && rounding_ends(change, report);
     if ((small || at_floor) && finish_levels(report)) {
       rate_poor_ = small && report.newton_rate > options_.refactor_rate && change > 1e-9;
+      if (at_floor && held) rate_ = rate_before, report.rounding = level_of_a_;
+      own_error_ = std::max(latest_error_, kMemory * own_error_);
       return Outcome::converged;
     }
-    if (!factor_fresh_ && !small && iteration > 1 && hopeless(change, report.newton_rate, iteration)) {
+    const bool still = held && tiny_ && !factor_fresh_ && report.newton_rate > kStill;
+    const bool open = !(held && tiny_);
+    if (!factor_fresh_ && open && !small && iteration > 1 && hopeless(change, report.newton_rate, iteration)) {
       return Outcome::slow;
     }
-    if (iteration > 2 && report.newton_rate > 2 && change > first) return Outcome::diverged;
+    if (iteration > 2 && open && report.newton_rate > 2 && change > first) return Outcome::diverged;
     // The predictor stretches what turns, so W at its state lacks the right geometric stiffness; after some passes the
     // state is good enough for a better W. The rate tells of it a pass later.
-    if (factor_fresh_ && iteration >= std::max(3, renewed + 2) &&
-        report.newton_rate > std::max(kSlow, options_.refactor_rate) && change > 1e-3) {
+    const bool slow = factor_fresh_ && iteration >= std::max(3, renewed + 2) &&
+                      report.newton_rate > std::max(kSlow, options_.refactor_rate) && (held ? open : change > 1e-3);
+    previous = still ? 0 : change;
+    if (slow || still) {
       renewed = iteration;
       renew_factor(counts_.refactor_rate);
     }
-    previous = change;
   }
   // Round-off that wanders, far below the tolerance, with a new factor: there is nothing better to be had.
   return factor_fresh_ && previous < 1e-3 && constraints_hold(report) ? Outcome::converged : Outcome::slow;

@@ -50,19 +50,19 @@ void take_state(ConstSpan& in, State& s) {
 void Integrator::save_counts(std::vector<double>& out) const {
   const IntegratorCounts& c = counts_;
   for (const long n : {c.steps, c.newton_iterations, c.error_failures, c.newton_failures, c.crossings, c.refactor_first,
-                       c.refactor_step, c.refactor_rate, c.refactor_failed, c.divisions})
+                       c.refactor_step, c.refactor_rate, c.refactor_failed, c.divisions, c.rounded})
     out.push_back(static_cast<double>(n));
-  put(out,
-      std::array{c.first_division, c.shortest_step, c.largest_position, c.largest_velocity, c.largest_acceleration});
+  put(out, std::array{c.largest_rounding, c.first_division, c.shortest_step, c.largest_position, c.largest_velocity,
+                      c.largest_acceleration});
 }
 
 void Integrator::restore_counts(ConstSpan& in) {
   IntegratorCounts& c = counts_;
   for (long* n : {&c.steps, &c.newton_iterations, &c.error_failures, &c.newton_failures, &c.crossings,
-                  &c.refactor_first, &c.refactor_step, &c.refactor_rate, &c.refactor_failed, &c.divisions})
+                  &c.refactor_first, &c.refactor_step, &c.refactor_rate, &c.refactor_failed, &c.divisions, &c.rounded})
     *n = take_count(in);
-  for (double* x :
-       {&c.first_division, &c.shortest_step, &c.largest_position, &c.largest_velocity, &c.largest_acceleration})
+  for (double* x : {&c.largest_rounding, &c.first_division, &c.shortest_step, &c.largest_position, &c.largest_velocity,
+                    &c.largest_acceleration})
     *x = take(in);
 }
 
@@ -78,7 +78,7 @@ void BdfIntegrator::save(std::vector<double>& out) {
     put(out, history_.v(j));
     put(out, history_.lambda(j));
   }
-  factor_hp_ = 0;
+  factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
 }
 
@@ -102,7 +102,7 @@ void BdfIntegrator::restore(ConstSpan& in) {
     for (auto* x : {&past.q, &past.v, &past.lambda}) take(in, *x);
     history_.push(past.t, past.q, past.v, past.lambda);
   }
-  factor_hp_ = 0;
+  factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
 }
 
@@ -111,11 +111,13 @@ void GeneralizedAlpha::save(std::vector<double>& out) {
   save_counts(out);
   put_state(out, state_);
   put(out, a_old_);
-  put(out, std::array{static_cast<double>(halvings_), static_cast<double>(steps_at_length_)});
+  put(out, std::array{static_cast<double>(halvings_), static_cast<double>(steps_at_length_), fitted_});
   const std::vector<double> a_old = a_old_;
   const int halvings = halvings_, steps = steps_at_length_;
+  const double fitted = fitted_;
   start(State(state_));
   a_old_ = a_old;
+  fitted_ = fitted;
   halvings_ = halvings;
   steps_at_length_ = steps;
 }
@@ -129,6 +131,8 @@ void GeneralizedAlpha::restore(ConstSpan& in) {
   constexpr double kMostHalvings = 64;
   halvings_ = static_cast<int>(take_count(in, kMostHalvings));
   steps_at_length_ = static_cast<int>(take_count(in, 2e9));
+  fitted_ = take(in);
+  if (!(fitted_ >= 0)) throw Error(StatusCode::invalid_input, "the restart file is damaged");
 }
 
 }  // namespace espalier::dynamics

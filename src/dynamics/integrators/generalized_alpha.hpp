@@ -10,8 +10,11 @@ struct AlphaOptions {
   double step = 1e-3;            ///< constant step size, divided where Newton fails
   double spectral_radius = 0.8;  ///< at infinite frequency (rho): 1 no damping, 0 annihilation; order 2 for any
   double hht_alpha = 1;          ///< in [-1/3, 0]: the HHT method with this alpha instead (1: not used)
-  double tolerance = 1e-8;  ///< Newton: weighted change of q and h v relative to (relative |q| + absolute), see below
-  double relative = 1.0;    ///< weights of the Newton test: tolerance * (relative * |q_i| + absolute)
+  /// Error that the end of Newton's iteration may leave in accelerations and multipliers, in units of the error that
+  /// the method itself makes in a step.
+  double newton_tolerance = 0.01;
+  double tolerance = 1e-8;  ///< and at most so much of q and h v, relative to (relative |q| + absolute)
+  double relative = 1.0;    ///< weights of that: tolerance * (relative * |q_i| + absolute)
   double absolute = 1.0;
   double constraint_tolerance = 1e-10;  ///< of Phi
   int max_newton = 15;
@@ -24,6 +27,16 @@ struct AlphaOptions {
 ///   (1 - alpha_m) a_(n+1) + alpha_m a_n = (1 - alpha_f) v'_(n+1) + alpha_f v'_n
 /// with F and Phi = 0 at t_(n+1); v' and lambda are the accelerations and multipliers of the state. The velocity and
 /// acceleration levels of the constraints are not enforced (index 3): their violations are reported, of order h^2.
+///
+/// Newton's unknowns are v' and lambda, q moves by c_q = h^2 beta (1 - alpha_f) / (1 - alpha_m) times the change of v',
+/// and the constraints are divided by c_q: in these variables K does not depend on h (Bottasso, Dopico, Trainelli,
+/// Multibody Syst. Dyn. 19, 2008). Changes are measured as KktSolver scales them, |W_ii|^1/2 |dv'_i| and the like for
+/// lambda, so that masses, lengths and angles count alike. What counts is v': a change of q of 1e-8 that is left over
+/// means 1e-8 / c_q in v' and lambda, and a step ten times as small makes a hundred times as much of it. The method's
+/// own error in v' is of the size of h^2 |v'''| / 12 and more (that of the trapezoidal rule, the least of all A-stable
+/// methods of order 2: Dahlquist 1963); the iteration ends when it has newton_tolerance times that left
+/// (alpha_newton.cpp). Where the rounding of q, |q| eps / c_q in v', does not allow it, the iteration ends when it
+/// falls no more, and StepReport::rounding says at which level.
 class GeneralizedAlpha final : public Integrator {
  public:
   GeneralizedAlpha(Equations& equations, const AlphaOptions& options);
@@ -38,16 +51,35 @@ class GeneralizedAlpha final : public Integrator {
 
  private:
   enum class Outcome { converged, slow, diverged };
+  // One pass of Newton.
+  struct Change {
+    double force = 0;     // largest residual of the equations of motion before it, in the same scale
+    double scaled = 0;    // largest change of v' and lambda, as KktSolver scales them
+    double weighted = 0;  // of q and h v, in units of the tolerance
+    double q = 0;         // largest of q
+  };
   void coefficients(double h);
   void predict();
   void learn_trend();
   void factorize(long& reason);
-  bool attempt(double t_limit, bool renew, StepReport& report);
+  [[nodiscard]] double next_length(double t_limit) const;
+  bool attempt(double h, bool renew, StepReport& report);
   void begin_factor(bool renew);
   void give_way();
   void accept();
+  // Newton's iteration (alpha_newton.cpp)
   Outcome solve(StepReport& report);
-  double iterate(StepReport& report);
+  Change iterate(StepReport& report);
+  [[nodiscard]] double scaled_norm(ConstSpan a, ConstSpan lambda) const;
+  [[nodiscard]] double scaled_force(ConstSpan f) const;
+  [[nodiscard]] double local_error() const;
+  [[nodiscard]] bool rounding_ends(const Change& change, double rate);
+  Outcome end_at_rounding(const Change& change, StepReport& report);
+  // Lengths of steps that change (alpha_length.cpp)
+  void fit(double h);
+  void learn_jerk();
+  void add_offset(double h, double sign, Span out) const;
+  [[nodiscard]] bool settle(StepReport& report);
 
   Equations& equations_;
   AlphaOptions options_;
@@ -65,10 +97,20 @@ class GeneralizedAlpha final : public Integrator {
   int steps_at_length_ = 0;   // accepted since the last change of halvings_
   int fresh_left_ = 0;        // steps that renew the factor, see kFreshSteps
   double rate_ = 0.5;
+  double local_error_ = 0;  // of the step before, scaled
+  double floor_ = 0;        // c_q times the change at which Newton stood still with a new factor; 0: not met
+  double force_floor_ = 0;  // residual of the equations of motion there, scaled
+  double size_q_ = 0;       // largest coordinate
+  double fitted_ = 0;       // the length of steps that v and a_old_ belong to; 0: to none yet
+  bool jerk_known_ = false;
+  bool plain_start_ = false;  // the start is not fitted: no v'' was found
+  std::vector<double> jerk_;  // dv'/dt at the beginning of the step
   std::vector<double> a_old_, a_base_, v_base_,
       delta_base_;                                // algorithmic acceleration; constant parts of the formulas
+  std::vector<double> a_from_, v_from_;           // a_old_ and v, fitted to the length of the step
   std::vector<double> a_before_, lambda_before_;  // at the beginning of the step before
-  std::vector<double> delta_, weight_, f_, rhs_, change_;
+  std::vector<double> delta_, weight_, f_, rhs_, work_;
+  mutable std::vector<double> second_;  // second differences, n + m
 };
 
 }  // namespace espalier::dynamics

@@ -20,6 +20,8 @@ void Integrator::count(const StepReport& report) {
   counts_.error_failures += report.error_failures;
   counts_.newton_failures += report.newton_failures;
   counts_.crossings += report.crossings;
+  if (report.rounding > 0) ++counts_.rounded;
+  counts_.largest_rounding = std::max(counts_.largest_rounding, report.rounding);
   counts_.largest_position = std::max(counts_.largest_position, report.levels.position);
   counts_.largest_velocity = std::max(counts_.largest_velocity, report.levels.velocity);
   counts_.largest_acceleration = std::max(counts_.largest_acceleration, report.levels.acceleration);

@@ -22,7 +22,10 @@ struct StepReport {
   double residual = 0;     ///< largest residual of the equations of motion at the last evaluation
   double error = 0;        ///< local error estimate in units of the tolerance (accepted below 1); 0 when not tested
   double newton_rate = 0;  ///< convergence rate of the last iteration, 0 when there was only one
-  Levels levels;           ///< constraint violations at the end of the step (motion = residual)
+  /// Where rounding ended Newton's iteration: its last change of accelerations and multipliers, in units of the largest
+  /// of them (scaled by masses). 0: it reached the accuracy asked for.
+  double rounding = 0;
+  Levels levels;  ///< constraint violations at the end of the step (motion = residual)
 };
 
 /// Sums over all steps.
@@ -31,12 +34,14 @@ struct IntegratorCounts {
   long newton_iterations = 0;
   long error_failures = 0;
   long newton_failures = 0;
-  long crossings = 0;        ///< steps over singular positions
-  long refactor_first = 0;   ///< factorizations because there was none yet
-  long refactor_step = 0;    ///< ... because the step size left the band of the factor
-  long refactor_rate = 0;    ///< ... because Newton slowed down
-  long refactor_failed = 0;  ///< ... because Newton failed with an old factor
-  long divisions = 0;        ///< halvings of a constant step in which Newton failed with a new factor
+  long crossings = 0;           ///< steps over singular positions
+  long refactor_first = 0;      ///< factorizations because there was none yet
+  long refactor_step = 0;       ///< ... because the step size left the band of the factor
+  long refactor_rate = 0;       ///< ... because Newton slowed down
+  long refactor_failed = 0;     ///< ... because Newton failed with an old factor
+  long divisions = 0;           ///< halvings of a constant step in which Newton failed with a new factor
+  long rounded = 0;             ///< steps in which rounding ended Newton's iteration
+  double largest_rounding = 0;  ///< StepReport::rounding of them
   double first_division = 0, shortest_step = 0;  ///< time of the first of them; the shortest step that came of them
   double largest_position = 0, largest_velocity = 0, largest_acceleration = 0;  ///< constraint violations
 };

@@ -40,6 +40,7 @@ void read_alpha(Section& s, AlphaOptions& o) {
     o.hht_alpha = s.number("hht_alpha");
     if (!(o.hht_alpha >= -1.0 / 3 && o.hht_alpha <= 0)) fail(s.place("hht_alpha"), "must lie in [-1/3, 0]");
   }
+  o.newton_tolerance = s.positive("newton_tolerance", o.newton_tolerance);
   o.tolerance = s.positive("tolerance", o.tolerance);
   o.relative = s.positive("relative", o.relative);
   o.absolute = s.positive("absolute", o.absolute);

@@ -194,9 +194,9 @@ void Runner::run(const SimulationObserver& observer) {
   const Stopwatch watch(summary_.phases.total);
   try {
     loop(observer);
-    note_divisions();
+    note_steps();
   } catch (const Error& error) {
-    note_divisions();
+    note_steps();
     const Error explained(error.status().code, explain_failure(error), error.status().row);
     if (files_) files_->emergency(sample(last_report_));
     finish();
@@ -237,8 +237,15 @@ void Runner::loop(const SimulationObserver& observer) {
   files_->end(sample(last_report_));
 }
 
-void Runner::note_divisions() {
+void Runner::note_steps() {
   const IntegratorCounts& c = integrator_->counts();
+  // Less than that hides behind the errors of the methods; a few steps of a run do not matter.
+  constexpr double kWorthSaying = 1e-6;
+  if (c.rounded > c.steps / 2 && c.largest_rounding > kWorthSaying)
+    summary_.notices.push_back(fmt::format(
+        "the steps are so short that rounding shows: in {} of {} steps Newton's iteration ended with changes of "
+        "accelerations and multipliers of up to {:.1e} of the largest; longer steps give them more exactly",
+        c.rounded, c.steps, c.largest_rounding));
   if (c.divisions == 0) return;
   summary_.notices.push_back(
       fmt::format("steps of {:g} in which Newton did not converge were divided: {} halvings, the first at t = {:g}, "
@@ -279,6 +286,8 @@ void Runner::finish() {
   summary_.newton_failures = c.newton_failures;
   summary_.crossings = c.crossings;
   summary_.divisions = c.divisions;
+  summary_.rounded = c.rounded;
+  summary_.largest_rounding = c.largest_rounding;
   summary_.refactor_first = c.refactor_first;
   summary_.refactor_step = c.refactor_step;
   summary_.refactor_rate = c.refactor_rate;

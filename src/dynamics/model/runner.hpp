@@ -37,7 +37,7 @@ class Runner {
   void start_integrator();
   void loop(const SimulationObserver& observer);
   [[nodiscard]] StepReport step(double limit);
-  void note_divisions();  ///< as a notice of the summary
+  void note_steps();  ///< divided ones and those at rounding, as notices of the summary
   [[nodiscard]] Sample sample(const StepReport& report);
   [[nodiscard]] const State& current() const { return integrator_ ? integrator_->state() : state_; }
   [[nodiscard]] std::string explain_failure(const Error& error);

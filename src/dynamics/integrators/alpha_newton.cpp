@@ -1,0 +1,192 @@
+// Newton's iteration of generalized-alpha, and when it ends.
+#include <algorithm>
+#include <cmath>
+
+#include "dynamics/integrators/generalized_alpha.hpp"
+
+namespace espalier::dynamics {
+
+namespace {
+// With a new factor a slower rate asks for a better one within the step: the predictor stretches what turns, so that W
+// at its state lacks the right geometric stiffness; after two passes the state is good enough for a better W.
+constexpr double kSlow = 0.25;
+// Changes that fall by less than this from pass to pass stand still.
+constexpr double kStill = 0.5;
+// Changes of q below this part of its largest number may be rounding, which solutions with K magnify.
+constexpr double kRounding = 1e-11;
+// An old factor is taken to have met rounding where the changes stand still at most so many times above the level at
+// which they did with a new one.
+constexpr double kAboveFloor = 4;
+// Changes of the size of rounding hide what an old factor is worth. The equations of motion show it, which have less
+// rounding than the constraints: of a change they keep what the factor does wrong. Above this part the factor is
+// renewed. Otherwise the part of a that lags behind in each step the same way adds up (spatial slider crank, steps of
+// 10 microseconds: 1e-4 of q after half a second instead of 1e-7).
+constexpr double kTrusted = 2e-3;
+// What is remembered of the method's own error from step to step: second differences pass through zero.
+constexpr double kMemory = 0.5;
+}  // namespace
+
+void GeneralizedAlpha::predict() {
+  trial_.t = state_.t + h_;
+  // On the line through the last two points, as far as that served in the step before. Chain of 400 bars, constraints
+  // to 1e-12: 2.9 passes of Newton a step where the last values alone need 4.1.
+  const double ahead = h_before_ > 0 ? trend_ * h_ / h_before_ : 0;
+  for (std::size_t i = 0; i < trial_.lambda.size(); ++i) {
+    trial_.lambda[i] = state_.lambda[i] + ahead * (state_.lambda[i] - lambda_before_[i]);
+  }
+  for (std::size_t i = 0; i < delta_.size(); ++i) {
+    trial_.a[i] = state_.a[i] + ahead * (state_.a[i] - a_before_[i]);
+    trial_.v[i] = v_base_[i] + c_v_ * trial_.a[i];
+    delta_[i] = delta_base_[i] + c_q_ * trial_.a[i];
+  }
+  equations_.system().retract(state_.q, delta_, trial_.q);
+  equations_.system().magnitude(state_.q, weight_);
+  size_q_ = std::max(max_norm(weight_), max_norm(delta_));
+  for (double& w : weight_) w = 1 / (options_.tolerance * (options_.relative * w + options_.absolute));
+}
+
+// The multiple of the last change that would have predicted this step best (least squares, weighted), in [0, 1]: near 1
+// in smooth motion, 0 where the accelerations of stiff modes change their sign from step to step, which a whole change
+// would triple (wheelset: two passes of Newton a step instead of three).
+void GeneralizedAlpha::learn_trend() {
+  double along = 0, square = 0;
+  for (std::size_t i = 0; i < a_before_.size(); ++i) {
+    const double w = weight_[i] * weight_[i], last = state_.a[i] - a_before_[i];
+    along += w * last * (trial_.a[i] - state_.a[i]);
+    square += w * last * last;
+  }
+  trend_ = square > 0 && h_before_ > 0 ? std::clamp(along * h_before_ / (square * h_), 0.0, 1.0) : 1.0;
+}
+
+double GeneralizedAlpha::scaled_norm(ConstSpan a, ConstSpan lambda) const {
+  const ConstSpan scale = equations_.kkt().scale();
+  double largest = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) largest = std::max(largest, std::abs(a[i]) / scale[i]);
+  for (std::size_t i = 0; i < lambda.size(); ++i) {
+    if (!equations_.dropped()[i]) largest = std::max(largest, std::abs(lambda[i]) / scale[a.size() + i]);
+  }
+  return largest;
+}
+
+double GeneralizedAlpha::scaled_force(ConstSpan f) const {
+  const ConstSpan scale = equations_.kkt().scale();
+  double largest = 0;
+  for (std::size_t i = 0; i < f.size(); ++i) largest = std::max(largest, std::abs(f[i]) * scale[i]);
+  return largest;
+}
+
+// The least error that a method of second order makes in v' and lambda, h^2 |v'''| / 12, from their second differences;
+// 0 where there are none yet.
+double GeneralizedAlpha::local_error() const {
+  if (h_before_ == 0) return 0;
+  const std::size_t n = delta_.size(), m = trial_.lambda.size();
+  const double ratio = h_ / h_before_, unequal = 2 * h_ / (h_ + h_before_);
+  for (std::size_t i = 0; i < n; ++i) second_[i] = trial_.a[i] - state_.a[i] - ratio * (state_.a[i] - a_before_[i]);
+  for (std::size_t i = 0; i < m; ++i)
+    second_[n + i] = trial_.lambda[i] - state_.lambda[i] - ratio * (state_.lambda[i] - lambda_before_[i]);
+  const ConstSpan second = second_;
+  return unequal / 12 * scaled_norm(second.first(n), second.subspan(n));
+}
+
+// K [da; dlambda] = [-F; -Phi / c_q]. @pre constraints are evaluated at the trial state
+GeneralizedAlpha::Change GeneralizedAlpha::iterate(StepReport& report) {
+  const std::size_t n = delta_.size(), m = trial_.lambda.size();
+  equations_.motion(trial_.view(), f_);
+  report.residual = max_norm(f_);
+  Change change;
+  change.force = scaled_force(f_);
+  for (std::size_t i = 0; i < n; ++i) rhs_[i] = -f_[i];
+  const ConstSpan phi = equations_.phi();
+  for (std::size_t i = 0; i < m; ++i) rhs_[n + i] = -phi[i] / c_q_;
+  equations_.solve(rhs_);
+  const Span da(rhs_.data(), n), dlambda(rhs_.data() + n, m);
+  change.scaled = scaled_norm(da, dlambda);
+  // K takes the change of q at the trial state; that of delta, and so of a, is T(delta)^-1 times it.
+  equations_.system().rate_of_velocity(delta_, da, da);
+  double sum = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    trial_.a[i] += da[i];
+    trial_.v[i] += c_v_ * da[i];
+    delta_[i] += c_q_ * da[i];
+    const double weighted = std::max(c_q_, h_ * c_v_) * std::abs(da[i]) * weight_[i];
+    sum += weighted * weighted;
+    change.q = std::max(change.q, c_q_ * std::abs(da[i]));
+  }
+  for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += dlambda[i];
+  equations_.system().retract(state_.q, delta_, trial_.q);
+  equations_.evaluate_constraints(trial_.t, trial_.q, {});
+  change.weighted = n == 0 ? 0.0 : std::sqrt(sum / static_cast<double>(n));
+  if (!std::isfinite(sum)) change.scaled = sum;
+  return change;
+}
+
+// True where changes that stand still have met rounding. With an old factor that is believed only at the level where it
+// was seen with a new one; elsewhere the factor is renewed, and the next pass tells.
+bool GeneralizedAlpha::rounding_ends(const Change& change, double rate) {
+  const bool tiny = change.q <= kRounding * size_q_;
+  if (!(tiny && rate > kStill) && !(change.weighted <= 0.1 && rate > 0.9)) return false;
+  const double level = c_q_ * change.scaled;
+  if (!fresh_) return level <= kAboveFloor * floor_;
+  floor_ = std::max(level, 0.5 * floor_);
+  force_floor_ = change.force;
+  return true;
+}
+
+GeneralizedAlpha::Outcome GeneralizedAlpha::end_at_rounding(const Change& change, StepReport& report) {
+  rate_poor_ = false;
+  const double size = scaled_norm(trial_.a, trial_.lambda);
+  report.rounding = size > 0 ? change.scaled / size : 0;
+  local_error_ = local_error();
+  return Outcome::converged;
+}
+
+GeneralizedAlpha::Outcome GeneralizedAlpha::solve(StepReport& report) {
+  Change change;
+  double previous = 0, first = 0, last = 0;
+  int renewed = 0;
+  report.newton_rate = 0;
+  report.rounding = 0;
+  for (int iteration = 1; iteration <= options_.max_newton; ++iteration) {
+    change = iterate(report);
+    report.newton_iterations = iteration;
+    report.levels.position = max_norm(equations_.phi());
+    if (!std::isfinite(change.scaled)) return Outcome::diverged;
+    if (iteration == 1) first = change.scaled;
+    const bool tiny = change.q <= kRounding * size_q_;
+    const double seen = previous > 0 ? change.scaled / previous : 0, forces = last > 0 ? change.force / last : 0;
+    if (previous > 0) report.newton_rate = seen;
+    if (iteration > 1) rate_ = std::max(0.3 * rate_, tiny ? forces : seen);
+    const double rate = std::min(rate_, 0.9), left = rate / (1 - rate);
+    const double own = local_error(), allowed = options_.newton_tolerance * std::max(own, kMemory * local_error_);
+    const bool trusted =
+        fresh_ || !tiny || (last > 0 && change.force <= std::max(kTrusted * last, kAboveFloor * force_floor_));
+    const bool holds = report.levels.position <= options_.constraint_tolerance && trusted;
+    if (change.scaled == 0 || (holds && left * change.scaled <= allowed && left * change.weighted <= 1)) {
+      // The change hides in rounding what the forces show.
+      if (tiny && seen > std::max(10 * forces, kTrusted)) return end_at_rounding(change, report);
+      rate_poor_ = rate_ > options_.refactor_rate;
+      if (iteration == 1) rate_ = std::min(2 * rate_, 0.5);  // one pass tells nothing of the rate
+      local_error_ = std::max(own, kMemory * local_error_);
+      return Outcome::converged;
+    }
+    if (previous > 0 && trusted && rounding_ends(change, seen)) return end_at_rounding(change, report);
+    if (iteration > 2 && seen > 2 && change.scaled > first && !tiny) return Outcome::diverged;
+    // Even the passes that are left will not do at this rate, but a new factor will.
+    if (!fresh_ && iteration > 2 && !tiny && change.scaled * std::pow(seen, options_.max_newton - iteration) > allowed)
+      return Outcome::slow;
+    const bool still = tiny && !fresh_ && last > 0 && (seen > kStill || !trusted);
+    const bool slow = fresh_ && !tiny && iteration >= renewed + 2 && seen > std::max(kSlow, options_.refactor_rate);
+    previous = still ? 0 : change.scaled;
+    last = change.scaled;
+    if (still || slow) {
+      renewed = iteration;
+      factorize(counts_.refactor_rate);
+    }
+  }
+  // No standstill, no end: good enough for q, at least.
+  if (fresh_ && change.weighted <= 0.1 && report.levels.position <= options_.constraint_tolerance)
+    return end_at_rounding(change, report);
+  return Outcome::slow;
+}
+
+}  // namespace espalier::dynamics
