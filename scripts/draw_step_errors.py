@@ -62,16 +62,12 @@ def by_case(rows):
 
 
 def slope(points, kind, floor):
-    """Steepest line through neighbours a factor of four and more apart, among the errors above the floor; and where the
-    errors end."""
-    best = None
-    good = [p for p in points if p[kind] > floor]
-    for a in good:
-        for b in good:
-            if a["h"] > 3.9 * b["h"] and a["h"] < 11 * b["h"] and a[kind] < 0.1:
-                s = math.log(a[kind] / b[kind]) / math.log(a["h"] / b["h"])
-                best = s if best is None else max(best, s)
-    return best
+    """Median of the slopes between neighbours a factor of 4 to 11 apart, among the errors from 0.3 down to the least one."""
+    end = best_error(points, kind)["h"]
+    good = [p for p in points if floor <= p[kind] < 0.3 and p["h"] >= end]
+    slopes = sorted(math.log(a[kind] / b[kind]) / math.log(a["h"] / b["h"]) for a in good for b in good
+                    if 3.9 * b["h"] < a["h"] < 11 * b["h"])
+    return slopes[len(slopes) // 2] if slopes else None
 
 
 def draw(cases):
@@ -105,7 +101,7 @@ def summary_table(cases):
              "|---|---|---|---|---|---|---|"]
     for (_, title), methods in cases.items():
         for method, points in methods.items():
-            seen = [slope(points, kind, 30 * best_error(points, kind)[kind]) for kind in KINDS]
+            seen = [slope(points, kind, max(best_error(points, kind)[kind], 1e-13)) for kind in KINDS]
             least = [best_error(points, kind) for kind in KINDS]
             lines.append(f"| {title} | {METHODS[method]} | " + ", ".join("-" if s is None else f"{s:.1f}" for s in seen) + " | " +
                          " | ".join(f"{number(p[k])} ({number(p['h'])})" for p, k in zip(least, KINDS)) + " |")
@@ -147,10 +143,16 @@ def write(document):
             "coordinates q, velocities v, accelerations a and multipliers. The truth comes from another integrator",
             "(`tests/dynamics/step_cases.hpp`). All options are the defaults: spectral radius 0.8, HHT with alpha -0.1, BDF with",
             "constant step and order, from exact starting points. How the methods end Newton's iteration:",
-            "[simulate.md](../guide/simulate.md#constant-steps).", "", "![error against step](../images/step_errors.png)", "",
+            "[simulate.md](../guide/simulate.md#constant-steps). Measured on 2026-11-22 on two cores that did other work as well: times",
+            "are rough. Accelerations and multipliers of generalized-alpha and HHT meet rounding, which grows with 1 / h^2, at",
+            "1e-6 to 1e-8. Errors of the car axis begin where its steps resolve the springs, and the axial vibrations of the flexible",
+            "pendulum spoil the order of its accelerations until its steps resolve them.", "", "![error against step](../images/step_errors.png)", "",
             "## What each method reaches", "", *summary_table(cases), "", "## Beside Exudyn", "",
             "`bench/dynamics/exudyn_steps.py`, one run, both programs in turn on one thread, least time of two; Exudyn 1.13 with its",
-            "defaults but for the spectral radius 0.8 and index 3. q, v, a: of the bodies' centres (of the nodes).", "",
+            "defaults but for the spectral radius 0.8 and index 3. q, v, a: of the bodies' centres (of the nodes). On the spatial crank",
+            "and the flexible pendulum both have the same errors down to rounding. On the heavy top, whose quaternion Exudyn integrates",
+            "as four coordinates, its errors are 3.5 times smaller at equal steps; at equal times ours are smaller. Cables take Exudyn",
+            "less time.", "",
             *exudyn_table(document.get("exudyn", [])), "", "## All errors", "",
             "Each cell: errors of q, v, a, multipliers."]
     text += full_tables(cases)
