@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -55,6 +56,12 @@ std::string simulate_summary(const SimulationSummary& s) {
   table.add({"system", simulate_headline(s)});
   for (const std::string& notice : s.redundant) table.add({"redundant", notice});
   for (const std::string& notice : s.notices) table.add({"notice", notice});
+  constexpr std::size_t kMostShown = 20;
+  for (std::size_t k = 0; k < std::min(kMostShown, s.events.size()); ++k)
+    table.add({"event", fmt::format("{} at t = {:.9g}{}", s.events[k].name, s.events[k].t,
+                                    s.events[k].name == s.stopped_by ? " (the end)" : "")});
+  if (s.event_count > static_cast<long>(kMostShown))
+    table.add({"event", fmt::format("{} in all; the first {} are in the report", s.event_count, s.events.size())});
   if (s.statics_iterations > 0) table.add({"statics", fmt::format("{} iterations", s.statics_iterations)});
   for (const SimulationMode& m : s.modes)
     table.add({"mode", fmt::format("{:.6g} Hz, damping {:.2g} %", m.frequency, 100 * m.damping_ratio)});
@@ -104,6 +111,9 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
     modes.push_back({{"frequency", m.frequency}, {"damping_ratio", m.damping_ratio}});
   j["initial"]["modes"] = modes;
   j["time"] = {{"begin", s.t_begin}, {"end", s.t_end}};
+  Json events = Json::array();
+  for (const SimulationEvent& e : s.events) events.push_back({{"name", e.name}, {"t", e.t}});
+  j["events"] = {{"count", s.event_count}, {"stopped_by", s.stopped_by}, {"first", events}};
   j["integrator"] = {{"method", s.method},
                      {"steps", s.steps},
                      {"newton_iterations", s.newton_iterations},

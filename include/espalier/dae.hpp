@@ -114,14 +114,15 @@ struct DaeFunctions {
 /// Largest differences between what a system states of its derivatives and central differences, each relative to the
 /// largest entry of the matrix concerned (or 1). Differences themselves are good to about 1e-9.
 struct JacobianCheck {
-  double f_a = 0;     ///< dF/da
-  double f_v = 0;     ///< dF/dv
-  double f_q = 0;     ///< d(F + Phi_q^T lambda)/dq
-  double phi_q = 0;   ///< Phi_q against Phi(t, q)
-  double nu = 0;      ///< Phi_t against Phi(t, q)
-  double gamma = 0;   ///< gamma against d/dt (Phi_q v + Phi_t) along the motion
-  double chart = 0;   ///< of systems whose configurations are no vector space: 0 for functions
-  std::string worst;  ///< names the entry of the largest of them
+  double f_a = 0;       ///< dF/da
+  double f_v = 0;       ///< dF/dv
+  double f_q = 0;       ///< d(F + Phi_q^T lambda)/dq
+  double phi_q = 0;     ///< Phi_q against Phi(t, q)
+  double nu = 0;        ///< Phi_t against Phi(t, q)
+  double gamma = 0;     ///< gamma against d/dt (Phi_q v + Phi_t) along the motion
+  double f_lambda = 0;  ///< dF/dlambda + Phi_q^T against F + Phi_q^T lambda
+  double chart = 0;     ///< of systems whose configurations are no vector space: 0 for functions
+  std::string worst;    ///< names the entry of the largest of them
   [[nodiscard]] double largest() const;
 };
 

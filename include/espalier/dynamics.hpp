@@ -3,6 +3,7 @@
 ///
 ///     espalier::Simulation simulation;
 ///     if (auto s = simulation.load("pendulum.toml"); !s.ok()) ...   // s.message: file, line, what to do
+///     simulation.set_input("throttle", 0.5);                        // of the model's [inputs]
 ///     if (auto s = simulation.run(); !s.ok()) ...
 ///     double x = simulation.value("bob.position.x");
 #pragma once
@@ -75,10 +76,23 @@ struct SimulationMode {
   double damping_ratio = 0;  ///< of critical damping
 };
 
+/// Something that happened, see [events] of a model.
+struct SimulationEvent {
+  std::string name;
+  double t = 0;
+};
+
+/// A number that the program may set, see [inputs] of a model.
+struct SimulationInput {
+  std::string name;
+  double value = 0;
+};
+
 /// Everything that is known of a run; filled in as far as it got.
 struct SimulationSummary {
   Status status;
   bool interrupted = false;  ///< the observer stopped it
+  std::string stopped_by;    ///< the event that ended the run; empty: none
   std::string title;
   std::string method;  ///< "bdf" or "generalized-alpha"
 
@@ -105,6 +119,8 @@ struct SimulationSummary {
   long residuals = 0, tangents = 0, analyses = 0, factorizations = 0, solves = 0;
   /// Why factorizations of the integrator were made.
   long refactor_first = 0, refactor_step = 0, refactor_rate = 0, refactor_failed = 0;
+  std::vector<SimulationEvent> events;  ///< in their order; of very many the first 10,000
+  long event_count = 0;
   SimulationEnergy energy_begin, energy_end;
   SimulationViolation largest_violation;  ///< over all steps
   SimulationPhases phases;
@@ -146,6 +162,12 @@ class Simulation {
   /// A quantity of the present state by its name (docs/guide/simulate.md), for instance "rod.position.x".
   /// @throws std::invalid_argument if there is no such scalar quantity @pre load() succeeded
   [[nodiscard]] double value(const std::string& quantity) const;
+  /// The inputs of the model with their present values. @pre load() succeeded
+  [[nodiscard]] std::vector<SimulationInput> inputs() const;
+  /// Sets an input; expressions see it from the next step on. May be called before run() and from its observer. A jump
+  /// is followed like any other steep function; the integrator does not begin anew.
+  /// @throws std::invalid_argument if there is no such input, or the number is not finite @pre load() succeeded
+  void set_input(const std::string& name, double value);
 
  private:
   struct Impl;

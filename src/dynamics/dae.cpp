@@ -31,7 +31,7 @@ double& MatrixEntries::operator()(Index row, Index col) {
   return data_[found - ind_];
 }
 
-double JacobianCheck::largest() const { return std::max({f_a, f_v, f_q, phi_q, nu, gamma, chart}); }
+double JacobianCheck::largest() const { return std::max({f_a, f_v, f_q, phi_q, nu, gamma, f_lambda, chart}); }
 
 namespace {
 

@@ -155,15 +155,29 @@ std::vector<DependentRow> RedundancyGuard::dependent_at(double t, ConstSpan q) {
   System& system = equations_.system();
   std::vector<double> values(static_cast<std::size_t>(system.constraint_pattern().nonzeros()));
   system.constraints(t, q, {}, {{}, {}, {}, values});
+  const SparsePattern& p = system.constraint_pattern();
+  for (Index row = 0; row < p.rows; ++row)
+    if (absent(row)) std::fill(values.begin() + p.ptr[at(row)], values.begin() + p.ptr[at(row) + 1], 0.0);
   // Four are named; the nearest rows of the loop that closes are among the first found.
   constexpr std::size_t kMostPartners = 64;
-  return find_dependent_rows(system.constraint_pattern(), values, options_.tolerance, kMostPartners);
+  std::vector<DependentRow> rows = find_dependent_rows(p, values, options_.tolerance, kMostPartners);
+  std::erase_if(rows, [&](const DependentRow& d) { return absent(d.row); });
+  return rows;
+}
+
+void RedundancyGuard::adopt(const std::vector<char>& dropped) {
+  redundant_.clear();
+  for (Index row = 0; row < static_cast<Index>(dropped.size()); ++row)
+    if (dropped[at(row)] != 0 && !absent(row))
+      redundant_.push_back({row, equations_.system().constraint_name(row), {}, 0});
+  equations_.set_dropped(dropped);
 }
 
 void RedundancyGuard::analyze(const State& state) {
   std::vector<char> dropped(state.lambda.size(), 0);
   const auto mark = [&](const std::vector<DependentRow>& rows) {
     std::fill(dropped.begin(), dropped.end(), 0);
+    if (!absent_.empty()) dropped = absent_;
     redundant_.clear();
     for (const DependentRow& d : rows) {
       dropped[static_cast<std::size_t>(d.row)] = 1;
@@ -241,7 +255,8 @@ std::vector<std::string> RedundancyGuard::notices() const {
 
 Index RedundancyGuard::degrees_of_freedom() const {
   const Sizes s = equations_.sizes();
-  return s.velocity - s.constraints + static_cast<Index>(redundant_.size());
+  const auto absent = static_cast<Index>(std::count(absent_.begin(), absent_.end(), char{1}));
+  return s.velocity - s.constraints + static_cast<Index>(redundant_.size()) + absent;
 }
 
 }  // namespace espalier::dynamics

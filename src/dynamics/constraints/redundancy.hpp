@@ -45,6 +45,12 @@ class RedundancyGuard {
  public:
   RedundancyGuard(Equations& equations, RedundancyOptions options = {}) : equations_(equations), options_(options) {}
 
+  /// Constraints (m marks) that are not there at present, because their joint is switched off: left out, and no reason
+  /// to leave out others. To be followed by analyze() or prepare().
+  void set_absent(std::vector<char> absent) { absent_ = std::move(absent); }
+  /// Takes up a decision made earlier (m marks, as in Equations::dropped()) instead of making one.
+  void adopt(const std::vector<char>& dropped);
+
   /// Decides which constraints are left out, at a configuration near the constraints. Where the given configuration is
   /// singular (rank smaller than next to it), the decision is made beside it, so that no constraint is lost that
   /// matters as soon as the mechanism moves.
@@ -66,7 +72,10 @@ class RedundancyGuard {
 
   Equations& equations_;
   RedundancyOptions options_;
+  [[nodiscard]] bool absent(Index row) const { return !absent_.empty() && absent_[static_cast<std::size_t>(row)] != 0; }
+
   std::vector<RedundantConstraint> redundant_;
+  std::vector<char> absent_;  // m, or empty
 };
 
 }  // namespace espalier::dynamics

@@ -22,6 +22,7 @@ class Checker {
     result_.f_v = tangent({0, 1, 0}, "F_v", &State::v);
     result_.f_q = tangent({0, 0, 1}, "F_q", nullptr);
     if (m_ > 0) {
+      multiplier_jacobian();
       constraint_jacobian();
       rates();
     }
@@ -87,6 +88,33 @@ class Checker {
     double field = 0;
     note(field, difference / size, place_);
     return field;
+  }
+
+  // F_lambda + Phi_q^T against differences; noted in f_lambda.
+  void multiplier_jacobian() {
+    std::vector<double> dense(n_ * m_, 0.0);
+    system_.constraints(s_.t, s_.q, {}, {{}, {}, {}, phi_q_});
+    const SparsePattern& p = system_.constraint_pattern();
+    for (std::size_t r = 0; r < m_; ++r)
+      for (auto k = static_cast<std::size_t>(p.ptr[r]); k < static_cast<std::size_t>(p.ptr[r + 1]); ++k)
+        dense[r * n_ + static_cast<std::size_t>(p.ind[k])] = phi_q_[k];
+    if (const SparsePattern* more = system_.multiplier_pattern()) {
+      std::vector<double> values(static_cast<std::size_t>(more->nonzeros()));
+      system_.multiplier_tangent(s_.view(), values);
+      for (std::size_t r = 0; r < m_; ++r)
+        for (auto k = static_cast<std::size_t>(more->ptr[r]); k < static_cast<std::size_t>(more->ptr[r + 1]); ++k)
+          dense[r * n_ + static_cast<std::size_t>(more->ind[k])] += values[k];
+    }
+    const double size = std::max(1.0, max_norm(dense));
+    for (std::size_t r = 0; r < m_; ++r) {
+      const double step = kStep * std::max(1.0, std::abs(s_.lambda[r]));
+      const std::vector<double> plus = residual(moved(&State::lambda, r, step)),
+                                minus = residual(moved(&State::lambda, r, -step));
+      for (std::size_t i = 0; i < n_; ++i)
+        note(result_.f_lambda, std::abs((plus[i] - minus[i]) / (2 * step) - dense[r * n_ + i]) / size,
+             "F_lambda (" + system_.coordinate_name(static_cast<Index>(i)) + "; " +
+                 system_.constraint_name(static_cast<Index>(r)) + ")");
+    }
   }
 
   void constraint_jacobian() {

@@ -43,7 +43,7 @@ bool Equations::update_pattern() {
   if (system_.tangent_pattern().cols != sizes_.velocity || system_.constraint_pattern().rows != sizes_.constraints) {
     throw std::logic_error("the patterns of the system do not fit its sizes (was finish() called?)");
   }
-  kkt_.set_pattern(system_.tangent_pattern(), system_.constraint_pattern());
+  kkt_.set_pattern(system_.tangent_pattern(), system_.constraint_pattern(), system_.multiplier_pattern());
   if (dropped_.size() != m) dropped_.assign(m, 0);
   kkt_.set_dropped(dropped_);
   phi_.assign(m, 0.0);
@@ -111,6 +111,7 @@ void Equations::factorize(const StateView& s, const TangentWeights& weights) {
     const Stopwatch watch(counts_.assembly_seconds);
     ++counts_.tangents;
     system_.tangent(s, weights, kkt_.w_values());
+    if (system_.multiplier_pattern() != nullptr) system_.multiplier_tangent(s, kkt_.f_lambda_values());
     std::copy(phi_q_.begin(), phi_q_.end(), kkt_.phi_q_values().begin());
   }
   const Stopwatch watch(first_factorization_ ? counts_.analysis_seconds : counts_.factor_seconds);

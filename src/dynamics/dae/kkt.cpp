@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace espalier::dynamics {
 
@@ -26,20 +27,30 @@ void add_transposed(const SparsePattern& p, ConstSpan values, ConstSpan x, Span 
   }
 }
 
-void KktSolver::set_pattern(const SparsePattern& w, const SparsePattern& phi_q) {
+void KktSolver::set_pattern(const SparsePattern& w, const SparsePattern& phi_q, const SparsePattern* f_lambda) {
   w_ = &w;
   phi_q_ = &phi_q;
+  f_lambda_ = f_lambda;
   n_ = w.cols;
   m_ = phi_q.rows;
   dropped_.assign(at(m_), 0);
   w_values_.assign(at(w.nonzeros()), 0.0);
   phi_q_values_.assign(at(phi_q.nonzeros()), 0.0);
+  f_lambda_values_.assign(f_lambda == nullptr ? 0 : at(f_lambda->nonzeros()), 0.0);
   scale_.assign(at(n_ + m_), 1.0);
   layout();
   analyzed_ = false;
 }
 
 void KktSolver::set_dropped(const std::vector<char>& dropped) { dropped_ = dropped; }
+
+// Rows of F_lambda in the column of a constraint.
+std::span<const Index> KktSolver::multiplier_rows(Index constraint) const {
+  if (f_lambda_ == nullptr) return {};
+  return std::span(f_lambda_->ind)
+      .subspan(at(f_lambda_->ptr[at(constraint)]),
+               at(f_lambda_->ptr[at(constraint) + 1] - f_lambda_->ptr[at(constraint)]));
+}
 
 void KktSolver::layout() {
   std::vector<Offset> below(at(n_), 0);  // entries of Phi_q in each column
@@ -48,8 +59,14 @@ void KktSolver::layout() {
   for (Index j = 0; j < n_; ++j) {
     k_ptr_[at(j) + 1] = k_ptr_[at(j)] + (w_->ptr[at(j) + 1] - w_->ptr[at(j)]) + below[at(j)];
   }
+  std::vector<Index> rows;
   for (Index i = 0; i < m_; ++i) {
-    k_ptr_[at(n_ + i) + 1] = k_ptr_[at(n_ + i)] + (phi_q_->ptr[at(i) + 1] - phi_q_->ptr[at(i)]) + 1;
+    const auto own =
+        std::span(phi_q_->ind).subspan(at(phi_q_->ptr[at(i)]), at(phi_q_->ptr[at(i) + 1] - phi_q_->ptr[at(i)]));
+    const auto more = multiplier_rows(i);
+    rows.clear();
+    std::set_union(own.begin(), own.end(), more.begin(), more.end(), std::back_inserter(rows));
+    k_ptr_[at(n_ + i) + 1] = k_ptr_[at(n_ + i)] + static_cast<Offset>(rows.size()) + 1;
   }
   k_ind_.resize(at(k_ptr_.back()));
   k_values_.assign(at(k_ptr_.back()), 0.0);
@@ -61,12 +78,28 @@ void KktSolver::layout() {
   }
   phi_position_.resize(phi_q_->ind.size());
   for (Index i = 0; i < m_; ++i) {
-    Offset right = k_ptr_[at(n_ + i)];
     for (Offset p = phi_q_->ptr[at(i)]; p < phi_q_->ptr[at(i) + 1]; ++p) {
-      const Index j = phi_q_->ind[at(p)];
-      phi_position_[at(p)] = next[at(j)]++;
+      phi_position_[at(p)] = next[at(phi_q_->ind[at(p)])]++;
       k_ind_[at(phi_position_[at(p)])] = n_ + i;
-      k_ind_[at(right++)] = j;
+    }
+  }
+  layout_right();
+}
+
+// The columns of the multipliers: Phi_q^T and F_lambda merged, then the diagonal.
+void KktSolver::layout_right() {
+  right_position_.resize(phi_q_->ind.size());
+  f_lambda_position_.resize(f_lambda_values_.size());
+  for (Index i = 0; i < m_; ++i) {
+    const auto more = multiplier_rows(i);
+    Offset p = phi_q_->ptr[at(i)], right = k_ptr_[at(n_ + i)];
+    const Offset end = phi_q_->ptr[at(i) + 1];
+    std::size_t e = 0;
+    for (; p < end || e < more.size(); ++right) {
+      const Index own = p < end ? phi_q_->ind[at(p)] : n_, other = e < more.size() ? more[e] : n_;
+      k_ind_[at(right)] = std::min(own, other);
+      if (own <= other) right_position_[at(p++)] = right;
+      if (other <= own) f_lambda_position_[at(f_lambda_->ptr[at(i)]) + e++] = right;
     }
     k_ind_[at(right)] = n_ + i;
   }
@@ -101,15 +134,18 @@ void KktSolver::factorize() {
       k_values_[at(k++)] = w_values_[at(p)] * scale_[at(w_->ind[at(p)])] * scale_[at(j)];
     }
   }
+  if (f_lambda_ != nullptr) std::fill(k_values_.begin() + k_ptr_[at(n_)], k_values_.end(), 0.0);
   for (Index i = 0; i < m_; ++i) {
-    Offset right = k_ptr_[at(n_ + i)];
     const double row = dropped_[at(i)] ? 0.0 : scale_[at(n_ + i)];
     for (Offset p = phi_q_->ptr[at(i)]; p < phi_q_->ptr[at(i) + 1]; ++p) {
       const double value = phi_q_values_[at(p)] * row * scale_[at(phi_q_->ind[at(p)])];
       k_values_[at(phi_position_[at(p)])] = value;
-      k_values_[at(right++)] = value;
+      k_values_[at(right_position_[at(p)])] = value;
     }
-    k_values_[at(right)] = dropped_[at(i)] ? 1.0 : 0.0;
+    k_values_[at(k_ptr_[at(n_ + i) + 1] - 1)] = dropped_[at(i)] ? 1.0 : 0.0;
+    if (f_lambda_ == nullptr) continue;
+    for (Offset p = f_lambda_->ptr[at(i)]; p < f_lambda_->ptr[at(i) + 1]; ++p)
+      k_values_[at(f_lambda_position_[at(p)])] += f_lambda_values_[at(p)] * row * scale_[at(f_lambda_->ind[at(p)])];
   }
   if (!analyzed_) {
     if (const Status s = solver_->analyze(matrix()); !s.ok()) throw Error(s);

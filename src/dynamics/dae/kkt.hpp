@@ -1,5 +1,5 @@
 /// \file
-/// The matrix of every Newton step, K = [W Phi_q^T; Phi_q 0], with its scaling and its factor.
+/// The matrix of every Newton step, K = [W Phi_q^T + F_lambda; Phi_q 0], with its scaling and its factor.
 #pragma once
 
 #include <memory>
@@ -26,8 +26,9 @@ class KktSolver {
  public:
   explicit KktSolver(std::unique_ptr<LinearSolver> solver) : solver_(std::move(solver)) {}
 
-  /// Lays out K for the two patterns and analyses it (symbolic phase). Both patterns must stay alive.
-  void set_pattern(const SparsePattern& w, const SparsePattern& phi_q);
+  /// Lays out K for the patterns and analyses it (symbolic phase). They must stay alive.
+  /// @param f_lambda n x m, by columns; null: zero
+  void set_pattern(const SparsePattern& w, const SparsePattern& phi_q, const SparsePattern* f_lambda = nullptr);
   /// Marks dropped constraints (m entries, non-zero = dropped).
   void set_dropped(const std::vector<char>& dropped);
 
@@ -35,6 +36,7 @@ class KktSolver {
   /// factor).
   [[nodiscard]] Span w_values() { return w_values_; }
   [[nodiscard]] Span phi_q_values() { return phi_q_values_; }
+  [[nodiscard]] Span f_lambda_values() { return f_lambda_values_; }
   /// @throws espalier::Error if K is singular; Status.row is the row of K (>= n: constraint row - n).
   void factorize();
   /// Solves K [x_v; x_c] = [b_v; b_c] for `columns` right sides held in `b` (each n + m numbers), in place.
@@ -49,19 +51,23 @@ class KktSolver {
 
  private:
   void layout();
+  void layout_right();
+  [[nodiscard]] std::span<const Index> multiplier_rows(Index constraint) const;
   void compute_scaling();
 
   std::unique_ptr<LinearSolver> solver_;
   const SparsePattern* w_ = nullptr;
   const SparsePattern* phi_q_ = nullptr;
+  const SparsePattern* f_lambda_ = nullptr;
   Index n_ = 0, m_ = 0;
   bool analyzed_ = false;
   std::vector<char> dropped_;  // m
-  std::vector<double> w_values_, phi_q_values_;
+  std::vector<double> w_values_, phi_q_values_, f_lambda_values_;
   std::vector<Offset> k_ptr_;  // n + m + 1
   std::vector<Index> k_ind_;
   std::vector<double> k_values_, scale_;  // scale_: n + m
-  std::vector<Offset> phi_position_;      // position in K of each entry of Phi_q (lower left block)
+  // Positions in K of each entry of Phi_q: in the lower left and in the upper right block; of each entry of F_lambda.
+  std::vector<Offset> phi_position_, right_position_, f_lambda_position_;
 };
 
 }  // namespace espalier::dynamics

@@ -156,10 +156,18 @@ void AssembledSystem::finish() {
   PatternBuilder w(sizes_.velocity, sizes_.velocity, true);
   PatternBuilder phi_q(sizes_.constraints, sizes_.velocity, false);
   for (Index i = 0; i < sizes_.velocity; ++i) w.add(i, i);
-  for (const auto& c : components_) c->declare(w, phi_q);
+  PatternBuilder f_lambda(sizes_.velocity, sizes_.constraints, true);
+  for (const auto& c : components_) {
+    c->declare(w, phi_q);
+    c->declare_multipliers(f_lambda);
+  }
   w_pattern_ = w.build();
   phi_q_pattern_ = phi_q.build();
-  for (const auto& c : components_) c->bind(w_pattern_, phi_q_pattern_);
+  f_lambda_pattern_ = f_lambda.build();
+  for (const auto& c : components_) {
+    c->bind(w_pattern_, phi_q_pattern_);
+    c->bind_multipliers(f_lambda_pattern_);
+  }
   ++version_;
 }
 
@@ -253,6 +261,11 @@ void AssembledSystem::accept(const StateView& s) {
 void AssembledSystem::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
   std::fill(w_values.begin(), w_values.end(), 0.0);
   for (const auto& c : components_) evaluate(*c, [&] { c->tangent(s, weights, w_values); });
+}
+
+void AssembledSystem::multiplier_tangent(const StateView& s, Span values) {
+  std::fill(values.begin(), values.end(), 0.0);
+  for (const auto& c : components_) evaluate(*c, [&] { c->multiplier_tangent(s, values); });
 }
 
 // ---- Frame

@@ -14,6 +14,7 @@
 ///   Phi_q a   - gamma = 0                         acceleration level, gamma = -(d/dt Phi_q) v - d/dt Phi_t
 /// where Phi_q is the derivative with respect to increments: Phi(q (+) dq) = Phi(q) + Phi_q dq + O(dq^2).
 /// Derivatives of F with respect to q are meant in the same way, and contain the derivative of Phi_q^T lambda.
+/// F may depend on lambda itself (friction that grows with a joint's reaction): F_lambda then stands beside Phi_q^T.
 #pragma once
 
 #include <cstdint>
@@ -113,6 +114,10 @@ class System {
   [[nodiscard]] virtual std::uint64_t pattern_version() const { return 0; }
   /// W = weights.a F_a + weights.v F_v + weights.q (F + Phi_q^T lambda)_q; overwrites the values.
   virtual void tangent(const StateView& s, const TangentWeights& weights, Span w_values) = 0;
+  /// Pattern of F_lambda, n x m, by columns. Null: F does not depend on lambda.
+  [[nodiscard]] virtual const SparsePattern* multiplier_pattern() const { return nullptr; }
+  /// F_lambda without Phi_q^T; overwrites the values. Called where multiplier_pattern() is not null.
+  virtual void multiplier_tangent(const StateView& /*s*/, Span /*values*/) {}
 };
 
 /// Where a component's own unknowns stand in the global arrays.
@@ -163,6 +168,11 @@ class Component {
   virtual void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out);
   /// Adds its part of W.
   virtual void tangent(const StateView& s, const TangentWeights& weights, Span w_values) = 0;
+  /// The same three for F_lambda (rows: velocity coordinates, columns: constraints), for forces that depend on
+  /// multipliers; most do not.
+  virtual void declare_multipliers(PatternBuilder& /*f_lambda*/) const {}
+  virtual void bind_multipliers(const SparsePattern& /*f_lambda*/) {}
+  virtual void multiplier_tangent(const StateView& /*s*/, Span /*values*/) {}
   [[nodiscard]] virtual Energy energy(const StateView& s);
   /// Called with every accepted state.
   virtual void accept(const StateView& /*s*/) {}
@@ -208,6 +218,10 @@ class AssembledSystem final : public System {
   [[nodiscard]] const SparsePattern& constraint_pattern() const override { return phi_q_pattern_; }
   [[nodiscard]] std::uint64_t pattern_version() const override { return version_; }
   void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
+  [[nodiscard]] const SparsePattern* multiplier_pattern() const override {
+    return f_lambda_pattern_.ind.empty() ? nullptr : &f_lambda_pattern_;
+  }
+  void multiplier_tangent(const StateView& s, Span values) override;
 
  private:
   void insert(std::unique_ptr<Component> component);
@@ -216,7 +230,7 @@ class AssembledSystem final : public System {
   std::vector<Component*> owners_of_coordinates_;  // components with velocity coordinates
   std::vector<Component*> owners_of_constraints_;
   Sizes sizes_;
-  SparsePattern w_pattern_, phi_q_pattern_;
+  SparsePattern w_pattern_, phi_q_pattern_, f_lambda_pattern_;
   std::uint64_t version_ = 0;
 };
 

@@ -2,11 +2,13 @@
 /// Forces between frames: what all of them share, and the kinds.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "dynamics/forces/force_inputs.hpp"
 #include "dynamics/joints/joint.hpp"
 
 namespace espalier::dynamics {
@@ -19,32 +21,59 @@ class FrameForce : public Component {
  public:
   FrameForce(std::string name, FramePtr a, FramePtr b);
 
+  /// Numbers of the state that the law depends on beside the motion of its frames. To be set before the system is
+  /// finished; what each means is the law's own.
+  void set_inputs(std::vector<StateFunctionPtr> inputs) { inputs_ = ForceInputs(std::move(inputs)); }
+  [[nodiscard]] const ForceInputs& inputs() const { return inputs_; }
+  /// A force that is switched off is zero; it keeps its place in the tangent.
+  void set_active(bool active) { active_ = active; }
+  [[nodiscard]] bool active() const { return active_; }
+  [[nodiscard]] const Frame& frame(int f) const { return *frames_.at(static_cast<std::size_t>(f)); }
+
   [[nodiscard]] Sizes sizes() const override { return {}; }
   void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;
   void bind(const SparsePattern& w, const SparsePattern& phi_q) override;
   void residual(const StateView& s, Span f) override;
   void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
+  void declare_multipliers(PatternBuilder& f_lambda) const override;
+  void bind_multipliers(const SparsePattern& f_lambda) override;
+  void multiplier_tangent(const StateView& s, Span values) override;
   [[nodiscard]] Energy energy(const StateView& s) override;
   /// Force and moment on frame A (0) or B (1) at its origin, in global axes.
   [[nodiscard]] Wrench applied(const StateView& s, int f) const;
 
- protected:
   struct Pair {
     double t = 0;
     FrameMotion a, b;
+    std::vector<double> inputs;
   };
+  /// Derivatives of the wrenches: by the twist increments (k), the twists (d), and each input.
+  struct Derivatives {
+    Mat12 k = Mat12::Zero(), d = Mat12::Zero();
+    std::vector<Vec12> inputs;
+  };
+  /// All at once, for quantities made of this force. @return the wrenches; zero where it is switched off
+  Vec12 wrenches(const StateView& s, Derivatives* derivatives) const;
+
+ protected:
   /// The wrenches [force; moment] on A and on B at the origins of the frames, global axes.
   [[nodiscard]] virtual Vec12 law(const Pair& p) const = 0;
   /// Derivatives of the wrenches with respect to the twist increments (k) and the twists (d); both come in as zero.
   virtual void law_derivatives(const Pair& p, Mat12& k, Mat12& d) const = 0;
+  /// Derivative of the wrenches by input i.
+  [[nodiscard]] virtual Vec12 law_by_input(const Pair& /*p*/, std::size_t /*i*/) const { return Vec12::Zero(); }
   [[nodiscard]] virtual double potential(const Pair& /*p*/) const { return 0; }
 
  private:
   [[nodiscard]] Pair pair(const StateView& s) const;
+  [[nodiscard]] std::vector<Index> all_coordinates() const;
+  std::vector<double> to_coordinates(ConstSpan q, const Pair& p, const Vec12& wrench) const;
 
   std::array<FramePtr, 2> frames_;
+  ForceInputs inputs_;
+  bool active_ = true;
   std::vector<Offset> w_position_;
-  std::vector<double> jacobian_, rate_jacobian_, block_, projected_;
+  std::vector<double> jacobian_, rate_jacobian_, block_;
 };
 
 /// Law of a spring with damper on a relative coordinate g: force s along g (positive pulls g down).
@@ -57,7 +86,8 @@ struct SpringLaw {
   bool active = false;
 };
 
-/// Spring-damper on a relative coordinate: distance (point to point), along (on an axis), angle (rotational).
+/// Spring-damper on a relative coordinate: distance (point to point), along (on an axis), angle (rotational, turns
+/// counted). Inputs (set_inputs) are added to s.
 [[nodiscard]] std::unique_ptr<FrameForce> spring_damper(std::string name, FramePtr a, FramePtr b, SpringLaw law);
 [[nodiscard]] std::unique_ptr<FrameForce> axial_spring(std::string name, FramePtr a, FramePtr b, SpringLaw law);
 [[nodiscard]] std::unique_ptr<FrameForce> rotational_spring(std::string name, FramePtr a, FramePtr b, SpringLaw law);
@@ -78,6 +108,8 @@ struct LoadLaw {
   Vec3 moment = Vec3::Zero();
   TimeFunction factor = TimeFunction::constant(1);
   bool follower = false;
+  /// Inputs that stand for parts: of components 0 to 2 of force, 3 to 5 of moment, and of the factor (6). -1: as above.
+  std::array<int, 7> input = {-1, -1, -1, -1, -1, -1, -1};
 };
 [[nodiscard]] std::unique_ptr<FrameForce> load(std::string name, FramePtr a, LoadLaw law);
 

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "dynamics/bodies/rotation.hpp"
+#include "dynamics/forces/penalty.hpp"
 
 namespace espalier::dynamics {
 
@@ -79,23 +80,16 @@ class Guide final : public FrameForce {
       : FrameForce(std::move(name), std::move(a), std::move(b)), law_(std::move(law)) {}
 
  protected:
-  /// Elastic normal force and its first two derivatives by the penetration.
-  struct Normal {
-    double force = 0, slope = 0, bend = 0, energy = 0;
-  };
-  [[nodiscard]] Normal normal(double p) const {
-    const double k = law_.stiffness, e = law_.smoothing;
-    if (law_.both_sides) return {k * p, k, 0, 0.5 * k * p * p};
-    if (p <= 0) return {};
-    if (p < e) return {0.5 * k * p * p / e, k * p / e, k / e, k * p * p * p / (6 * e)};
-    return {k * (p - 0.5 * e), k, 0, k * (0.5 * p * p - 0.5 * e * p + e * e / 6)};
+  [[nodiscard]] PenaltyForce normal(double p) const {
+    const double k = law_.stiffness;
+    return law_.both_sides ? PenaltyForce{k * p, k, 0, 0.5 * k * p * p} : penalty(p, k, law_.smoothing);
   }
 
   struct Contact {
     Vec3 d, u;  // B from A and its rate, in axes of A
     Vec3 d_global, u_global;
     GuidePath::Nearest at;
-    Normal n;
+    PenaltyForce n;
     double rate = 0, slip = 0;        // along normal and tangent
     double damping = 0;               // c N'/k
     double drag = 0, drag_slope = 0;  // tanh and its derivative by the slip

@@ -2,59 +2,28 @@
 #include <stdexcept>
 
 #include "dynamics/bodies/rotation.hpp"
-#include "dynamics/forces/frame_force.hpp"
+#include "dynamics/forces/coordinate_force.hpp"
 
 namespace espalier::dynamics {
 
 namespace {
 
-Vec12 twist(const FrameMotion& a, const FrameMotion& b) {
-  Vec12 w;
-  w << a.vel, a.omega, b.vel, b.omega;
-  return w;
-}
-
-// Wrench -c s(g, g'), c = dg/dx.
-class CoordinateForce final : public FrameForce {
+class Spring final : public CoordinateLaw {
  public:
-  CoordinateForce(std::string name, FramePtr a, FramePtr b, Relative kind, int axis, SpringLaw law)
-      : FrameForce(std::move(name), std::move(a), std::move(b)), kind_(kind), axis_(axis), law_(std::move(law)) {}
-
- protected:
-  [[nodiscard]] Vec12 law(const Pair& p) const override {
-    RelativeValue g;
-    evaluate(kind_, axis_, 0, p.a, p.b, false, g);
-    const Eigen::Map<const Vec12> c(g.c.data());
-    return -strength(p, g.value, c.dot(twist(p.a, p.b))) * c;
+  explicit Spring(SpringLaw law) : law_(std::move(law)) {}
+  [[nodiscard]] Strength strength(const LawPoint& p) const override {
+    double s = law_.stiffness * (p.g - law_.rest) + law_.damping * p.rate + law_.preload;
+    if (law_.active) s += law_.actuator.value(p.t);
+    for (const double u : p.inputs) s += u;
+    return {s, law_.stiffness, law_.damping};
   }
-
-  void law_derivatives(const Pair& p, Mat12& k, Mat12& d) const override {
-    RelativeValue g;
-    evaluate(kind_, axis_, 0, p.a, p.b, false, g);
-    const Eigen::Map<const Vec12> c(g.c.data());
-    const Vec12 w = twist(p.a, p.b);
-    Mat12 curvature = Mat12::Zero();
-    add_curvature(kind_, axis_, 0, p.a, p.b, 1.0, curvature);
-    k = -strength(p, g.value, c.dot(w)) * curvature;
-    k -= c * (law_.stiffness * c.transpose() + law_.damping * (w.transpose() * curvature));
-    d = -law_.damping * c * c.transpose();
-  }
-
-  [[nodiscard]] double potential(const Pair& p) const override {
-    RelativeValue g;
-    evaluate(kind_, axis_, 0, p.a, p.b, false, g);
-    const double stretch = g.value - law_.rest;
+  [[nodiscard]] double by_input(const LawPoint& /*p*/, std::size_t /*i*/) const override { return 1; }
+  [[nodiscard]] double potential(double g) const override {
+    const double stretch = g - law_.rest;
     return 0.5 * law_.stiffness * stretch * stretch + law_.preload * stretch;
   }
 
  private:
-  [[nodiscard]] double strength(const Pair& p, double g, double rate) const {
-    return law_.stiffness * (g - law_.rest) + law_.damping * rate + law_.preload +
-           (law_.active ? law_.actuator.value(p.t) : 0.0);
-  }
-
-  Relative kind_;
-  int axis_;
   SpringLaw law_;
 };
 
@@ -144,12 +113,34 @@ class Load final : public FrameForce {
       : FrameForce(std::move(name), std::move(a), std::make_unique<GroundFrame>()), law_(std::move(law)) {}
 
  protected:
-  [[nodiscard]] Vec12 law(const Pair& p) const override {
-    const double factor = law_.factor.value(p.t);
+  struct Parts {
+    Vec3 force, moment;  // without the factor, in the load's own axes
+    double factor;
+  };
+  [[nodiscard]] Parts parts(const Pair& p) const {
+    const auto part = [&](int k, double otherwise) {
+      const int input = law_.input.at(static_cast<std::size_t>(k));
+      return input < 0 ? otherwise : p.inputs.at(static_cast<std::size_t>(input));
+    };
+    Parts x{law_.force, law_.moment, 0};
+    for (int i = 0; i < 3; ++i) {
+      x.force[i] = part(i, law_.force[i]);
+      x.moment[i] = part(3 + i, law_.moment[i]);
+    }
+    x.factor = law_.factor.value(p.t) * part(6, 1);
+    return x;
+  }
+  /// The wrench of force and moment in the load's own axes.
+  [[nodiscard]] Vec12 wrench(const Pair& p, const Vec3& force, const Vec3& moment) const {
     Vec12 w = Vec12::Zero();
-    w.head<3>() = factor * (law_.follower ? Vec3(p.a.rot * law_.force) : law_.force);
-    w.segment<3>(3) = factor * (law_.follower ? Vec3(p.a.rot * law_.moment) : law_.moment);
+    w.head<3>() = law_.follower ? Vec3(p.a.rot * force) : force;
+    w.segment<3>(3) = law_.follower ? Vec3(p.a.rot * moment) : moment;
     return w;
+  }
+
+  [[nodiscard]] Vec12 law(const Pair& p) const override {
+    const Parts x = parts(p);
+    return x.factor * wrench(p, x.force, x.moment);
   }
 
   void law_derivatives(const Pair& p, Mat12& k, Mat12& /*d*/) const override {
@@ -159,25 +150,44 @@ class Load final : public FrameForce {
     k.block<3, 3>(3, 3) = -skew(w.segment<3>(3));
   }
 
+  [[nodiscard]] Vec12 law_by_input(const Pair& p, std::size_t i) const override {
+    const Parts x = parts(p);
+    Vec3 force = Vec3::Zero(), moment = Vec3::Zero();
+    for (int k = 0; k < 3; ++k) {
+      if (law_.input.at(static_cast<std::size_t>(k)) == static_cast<int>(i)) force[k] = 1;
+      if (law_.input.at(static_cast<std::size_t>(3 + k)) == static_cast<int>(i)) moment[k] = 1;
+    }
+    Vec12 w = x.factor * wrench(p, force, moment);
+    if (law_.input[6] == static_cast<int>(i)) w += law_.factor.value(p.t) * wrench(p, x.force, x.moment);
+    return w;
+  }
+
  private:
   LoadLaw law_;
 };
 
 }  // namespace
 
+namespace {
+
+std::unique_ptr<FrameForce> spring(std::string name, FramePtr a, FramePtr b, CoordinateForce::Coordinate coordinate,
+                                   SpringLaw law) {
+  return std::make_unique<CoordinateForce>(std::move(name), std::move(a), std::move(b), coordinate,
+                                           std::make_unique<Spring>(std::move(law)));
+}
+
+}  // namespace
+
 std::unique_ptr<FrameForce> spring_damper(std::string name, FramePtr a, FramePtr b, SpringLaw law) {
-  return std::make_unique<CoordinateForce>(std::move(name), std::move(a), std::move(b), Relative::distance, 0,
-                                           std::move(law));
+  return spring(std::move(name), std::move(a), std::move(b), {Relative::distance, 0}, std::move(law));
 }
 
 std::unique_ptr<FrameForce> axial_spring(std::string name, FramePtr a, FramePtr b, SpringLaw law) {
-  return std::make_unique<CoordinateForce>(std::move(name), std::move(a), std::move(b), Relative::along, 2,
-                                           std::move(law));
+  return spring(std::move(name), std::move(a), std::move(b), {Relative::along, 2}, std::move(law));
 }
 
 std::unique_ptr<FrameForce> rotational_spring(std::string name, FramePtr a, FramePtr b, SpringLaw law) {
-  return std::make_unique<CoordinateForce>(std::move(name), std::move(a), std::move(b), Relative::angle, 0,
-                                           std::move(law));
+  return spring(std::move(name), std::move(a), std::move(b), {Relative::angle, 0}, std::move(law));
 }
 
 std::unique_ptr<FrameForce> bushing(std::string name, FramePtr a, FramePtr b, BushingLaw law) {

@@ -63,6 +63,7 @@ class BdfIntegrator final : public Integrator {
   void start(const std::vector<State>& past);
   StepReport step(double t_limit) override;
   [[nodiscard]] const State& state() const override { return state_; }
+  [[nodiscard]] std::unique_ptr<Integrator> clone() const override;
   void save(std::vector<double>& out) override;
   void restore(ConstSpan& in) override;
   [[nodiscard]] int order() const { return order_; }

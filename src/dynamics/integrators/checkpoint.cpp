@@ -66,6 +66,19 @@ void Integrator::restore_counts(ConstSpan& in) {
     *x = take(in);
 }
 
+std::unique_ptr<Integrator> BdfIntegrator::clone() const {
+  auto copy = std::make_unique<BdfIntegrator>(*this);
+  copy->factor_hp_ = 0;
+  copy->reach_ = std::numeric_limits<double>::infinity();
+  return copy;
+}
+
+std::unique_ptr<Integrator> GeneralizedAlpha::clone() const {
+  auto copy = std::make_unique<GeneralizedAlpha>(*this);
+  copy->factor_c_q_ = 0;
+  return copy;
+}
+
 void BdfIntegrator::save(std::vector<double>& out) {
   save_counts(out);
   put_state(out, state_);

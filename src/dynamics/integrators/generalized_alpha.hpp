@@ -46,6 +46,7 @@ class GeneralizedAlpha final : public Integrator {
   /// double length is tried. IntegratorCounts::divisions counts it.
   StepReport step(double t_limit) override;
   [[nodiscard]] const State& state() const override { return state_; }
+  [[nodiscard]] std::unique_ptr<Integrator> clone() const override;
   void save(std::vector<double>& out) override;
   void restore(ConstSpan& in) override;
 

@@ -76,7 +76,9 @@ double project_velocity(Equations& eq, State& s, const ConsistencyOptions& o, Wo
 }
 
 void solve_accelerations(Equations& eq, State& s, const ConsistencyOptions& o, Work& w) {
-  double previous = std::numeric_limits<double>::infinity();
+  double previous = std::numeric_limits<double>::infinity(), first = 0;
+  // Forces that depend on multipliers (friction) are not linear in them: a true Newton iteration.
+  const bool linear = eq.system().multiplier_pattern() == nullptr;
   for (int k = 0; k < o.max_iterations; ++k) {
     eq.motion(s.view(), w.f);
     eq.level(s.a, eq.gamma(), w.level);
@@ -85,12 +87,20 @@ void solve_accelerations(Equations& eq, State& s, const ConsistencyOptions& o, W
     const double size = std::max(max_norm(w.f), max_norm(w.level));
     if (!std::isfinite(size))
       throw Error(StatusCode::invalid_input, "forces are not finite at t = " + std::to_string(s.t));
-    if (size == 0 || (k > 1 && size >= 0.5 * previous)) return;
+    if (k == 0) first = size;
+    if (size == 0 || (k > 1 && size >= 0.5 * previous && (linear || size <= 1e-9 * first))) return;
     previous = size;
+    if (k > 0 && !linear) eq.factorize(s.view(), {1, 0, 0});
     eq.solve(w.b);
     for (std::size_t i = 0; i < w.n; ++i) s.a[i] += w.b[i];
     for (std::size_t i = 0; i < w.m; ++i) s.lambda[i] += w.b[w.n + i];
   }
+  if (!linear && previous > 1e-6 * first)
+    throw Error(
+        StatusCode::accuracy_not_reached,
+        fmt::format("no accelerations and reactions were found at t = {:g} that fit each other: friction that is "
+                    "so strong may lock; make coefficients smaller",
+                    s.t));
 }
 
 void refuse(double change, double allowed, const char* what) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 
 #include "dynamics/dae/equations.hpp"
 
@@ -58,6 +59,8 @@ class Integrator {
   [[nodiscard]] virtual const State& state() const = 0;
   [[nodiscard]] const IntegratorCounts& counts() const { return counts_; }
 
+  /// A copy of its memory without the factor, from which the coming steps can be taken anew.
+  [[nodiscard]] virtual std::unique_ptr<Integrator> clone() const = 0;
   /// Appends all numbers that the coming steps depend on to `out` and drops the factor, so that the run that goes on
   /// and one that restores these numbers take the same steps (implementations: integrators/checkpoint.cpp).
   virtual void save(std::vector<double>& out) = 0;

@@ -24,7 +24,7 @@ Joint::Joint(std::string kind, std::string name, std::vector<std::unique_ptr<Fra
     frames_.push_back({std::move(frame), {}, {}, {}});
   }
   for (const JointRow& row : rows_) {
-    last_angle_.emplace_back(row.terms.size(), std::numeric_limits<double>::quiet_NaN());
+    turns_.emplace_back(row.terms.size());
     for (const JointRow::Term& term : row.terms) {
       counts_turns_ = counts_turns_ || (term.kind == Relative::angle && row.terms.size() > 1);
       couples_translation_ = couples_translation_ || curves_in_translation(term.kind);
@@ -150,35 +150,36 @@ void Joint::evaluate_frames(ConstSpan q, ConstSpan v) {
 
 void Joint::residual(const StateView& /*s*/, Span /*f*/) {}
 
-// Couplings of angles need the number of turns: the branch nearest to the angle of the last accepted state, so a step
-// must turn less than pi. Trial states do not count: a rejected one may lie on another branch.
-double Joint::unwrapped(std::size_t row, std::size_t term, double angle) const {
-  const double last = last_angle_[row][term];
-  return std::isnan(last) ? angle : angle + kTwoPi * std::round((last - angle) / kTwoPi);
+// The counter after the motion in frames_ has been accepted.
+TurnCounter Joint::followed(const JointRow::Term& term, TurnCounter turns, double t) const {
+  const FrameMotion &a = frames_[at(term.a)].motion, &b = frames_[at(term.b)].motion;
+  RelativeValue angle;
+  evaluate(term.kind, term.i, term.j, a, b, false, angle);
+  double rate = 0;
+  for (Eigen::Index i = 0; i < 3; ++i)
+    rate += angle.c[at(3 + static_cast<int>(i))] * a.omega[i] + angle.c[at(9 + static_cast<int>(i))] * b.omega[i];
+  turns.accept(angle.value, rate, t);
+  return turns;
 }
 
 void Joint::accept(const StateView& s) {
-  if (!counts_turns_) return;
-  evaluate_frames(s.q, {});
-  RelativeValue value;
-  for (std::size_t r = 0; r < rows_.size(); ++r) {
+  if (!counts_turns_ && !spin_) return;
+  evaluate_frames(s.q, s.v);
+  if (spin_) spin_ = followed({Relative::angle}, *spin_, s.t);
+  for (std::size_t r = 0; counts_turns_ && r < rows_.size(); ++r) {
     for (std::size_t k = 0; k < rows_[r].terms.size(); ++k) {
-      const JointRow::Term& term = rows_[r].terms[k];
-      if (term.kind != Relative::angle) continue;
-      evaluate(term.kind, term.i, term.j, frames_[at(term.a)].motion, frames_[at(term.b)].motion, false, value);
-      last_angle_[r][k] = unwrapped(r, k, value.value);
+      if (rows_[r].terms[k].kind == Relative::angle) turns_[r][k] = followed(rows_[r].terms[k], turns_[r][k], s.t);
     }
   }
 }
 
 // Evaluates one term at the frames' motion: adds its value to phi and, for gamma, its curvature.
-void Joint::add_term(std::size_t r, std::size_t k, bool rates, RelativeValue& value, double& phi,
-                     double& curvature) const {
+void Joint::add_term(std::size_t r, std::size_t k, bool rates, RelativeValue& value, Sum& sum) const {
   const JointRow::Term& term = rows_[r].terms[k];
   const FrameMotion &a = frames_[at(term.a)].motion, &b = frames_[at(term.b)].motion;
   evaluate(term.kind, term.i, term.j, a, b, rates, value);
   const bool counted = term.kind == Relative::angle && rows_[r].terms.size() > 1;
-  phi += term.factor * (counted ? unwrapped(r, k, value.value) : value.value);
+  sum.phi += term.factor * (counted ? turns_[r][k].unwrapped(value.value, sum.t) : value.value);
   if (!rates) return;
   const Row12& c = value.c;
   double bias = 0;
@@ -186,7 +187,7 @@ void Joint::add_term(std::size_t r, std::size_t k, bool rates, RelativeValue& va
     const auto e = static_cast<Eigen::Index>(i);
     bias += c[i] * a.bias_acc[e] + c[3 + i] * a.bias_alpha[e] + c[6 + i] * b.bias_acc[e] + c[9 + i] * b.bias_alpha[e];
   }
-  curvature += term.factor * (value.curvature + bias);
+  sum.curvature += term.factor * (value.curvature + bias);
 }
 
 // Adds the gradients collected in gradients_ (one per row, zero where a row has no term between these frames) to Phi_q.
@@ -229,9 +230,9 @@ void Joint::general_constraints(double t, ConstSpan q, ConstSpan v, const Constr
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     JointRow& row = rows_[r];
     const std::size_t global = static_cast<std::size_t>(placement().c) + r;
-    double phi = -row.offset, curvature = 0;
+    Sum sum{t, -row.offset, 0};
     for (std::size_t k = 0; k < row.terms.size(); ++k) {
-      add_term(r, k, rates, value, phi, curvature);
+      add_term(r, k, rates, value, sum);
       if (!gradients) continue;
       const JointRow::Term& term = row.terms[k];
       double* ga = gradients_.data() + 6 * (at(term.a) * rows_.size() + r);
@@ -241,6 +242,7 @@ void Joint::general_constraints(double t, ConstSpan q, ConstSpan v, const Constr
         gb[i] += term.factor * value.c[6 + i];
       }
     }
+    double phi = sum.phi;
     if (row.measure_offset) {
       row.offset = phi;
       row.measure_offset = false;
@@ -251,7 +253,7 @@ void Joint::general_constraints(double t, ConstSpan q, ConstSpan v, const Constr
     if (row.terms.size() == 1 && row.terms[0].kind == Relative::angle) phi -= kTwoPi * std::round(phi / kTwoPi);
     if (!out.phi.empty()) out.phi[global] = phi;
     if (!out.nu.empty()) out.nu[global] = row.driven ? row.function.rate(t) : 0.0;
-    if (rates) out.gamma[global] = (row.driven ? row.function.acceleration(t) : 0.0) - curvature;
+    if (rates) out.gamma[global] = (row.driven ? row.function.acceleration(t) : 0.0) - sum.curvature;
   }
   if (!gradients) return;
   const Span own = out.phi_q_values.subspan(phi_q_begin_, phi_q_count_);
@@ -320,23 +322,35 @@ void Joint::general_tangent(const StateView& s, double weight, Span w_values) {
   }
 }
 
+void Joint::hold_here(double t, ConstSpan q) {
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    JointRow& row = rows_[r];
+    if (row.terms.size() > 1) {
+      row.measure_offset = true;
+    } else if (row.driven || row.terms.front().kind == Relative::distance) {
+      row.offset = coordinate(q, static_cast<int>(r)) - (row.driven ? row.function.value(t) : 0.0);
+    }
+  }
+}
+
 void Joint::save(std::vector<double>& out) const {
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     out.push_back(rows_[r].offset);
     out.push_back(rows_[r].measure_offset ? 1 : 0);
-    out.insert(out.end(), last_angle_[r].begin(), last_angle_[r].end());
+    for (const TurnCounter& turns : turns_[r]) turns.save(out);
   }
+  if (spin_) spin_->save(out);
 }
 
 void Joint::restore(ConstSpan& in) {
   for (std::size_t r = 0; r < rows_.size(); ++r) {
-    const std::size_t count = 2 + last_angle_[r].size();
-    if (in.size() < count) throw Error(StatusCode::invalid_input, "the restart file ends too early");
+    if (in.size() < 2) throw Error(StatusCode::invalid_input, "the restart file ends too early");
     rows_[r].offset = in[0];
     rows_[r].measure_offset = in[1] != 0;
-    std::copy_n(in.begin() + 2, last_angle_[r].size(), last_angle_[r].begin());
-    in = in.subspan(count);
+    in = in.subspan(2);
+    for (TurnCounter& turns : turns_[r]) turns.restore(in);
   }
+  if (spin_) spin_->restore(in);
 }
 
 FrameMotion Joint::frame_motion(ConstSpan q, ConstSpan v, int f) const {

@@ -10,6 +10,7 @@
 #include "dynamics/joints/relative.hpp"
 #include "dynamics/joints/rigid_pair.hpp"
 #include "dynamics/joints/time_function.hpp"
+#include "dynamics/joints/turn_counter.hpp"
 
 namespace espalier::dynamics {
 
@@ -43,6 +44,16 @@ class Joint final : public Component {
   Joint(std::string kind, std::string name, std::vector<std::unique_ptr<Frame>> frames, std::vector<JointRow> rows);
 
   [[nodiscard]] const std::string& kind() const { return kind_; }
+  /// Follows the angle about z from x of frame 0 to x of frame 1 through its turns. Of joints whose z axes are one.
+  void count_turns() { spin_.emplace(); }
+  /// Of that angle; none where nobody follows it.
+  [[nodiscard]] const std::optional<TurnCounter>& spin() const { return spin_; }
+  [[nodiscard]] const std::vector<JointRow>& rows() const { return rows_; }
+  /// Takes the present value of driven rows, distances and couplings as the one to go on from: of joints that are
+  /// switched on in mid-motion and count from where they begin.
+  void hold_here(double t, ConstSpan q);
+  [[nodiscard]] int frames() const { return static_cast<int>(frames_.size()); }
+  [[nodiscard]] const Frame& frame(int f) const { return *frames_.at(static_cast<std::size_t>(f)).frame; }
   /// Reaction on frame `f` of the joint.
   [[nodiscard]] Wrench reaction(const StateView& s, int f) const;
   /// Value of the relative coordinate of a row's first term (an angle: in (-pi, pi]).
@@ -74,15 +85,19 @@ class Joint final : public Component {
   void general_constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out);
   void rigid_constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out);
   void general_tangent(const StateView& s, double weight, Span w_values);
-  void add_term(std::size_t r, std::size_t k, bool rates, RelativeValue& value, double& phi, double& curvature) const;
+  struct Sum {
+    double t = 0, phi = 0, curvature = 0;
+  };
+  void add_term(std::size_t r, std::size_t k, bool rates, RelativeValue& value, Sum& sum) const;
   void add_gradients(ConstSpan q, std::size_t f, Span phi_q_values);
-  [[nodiscard]] double unwrapped(std::size_t row, std::size_t term, double angle) const;
+  [[nodiscard]] TurnCounter followed(const JointRow::Term& term, TurnCounter turns, double t) const;
 
   std::string kind_;
   std::vector<Attached> frames_;
   std::vector<JointRow> rows_;
-  std::vector<std::vector<double>> last_angle_;  // rows x terms: continuous angles of couplings
+  std::vector<std::vector<TurnCounter>> turns_;  // rows x terms: of the angles that couplings add
   bool counts_turns_ = false;                    // some row adds angles
+  std::optional<TurnCounter> spin_;
   bool couples_translation_ = false, couples_rotation_ = false;
   std::vector<std::ptrdiff_t> w_position_;  // of all coupled pairs in the order of tangent(); -1: not declared
   std::vector<double> gradients_;           // frames x rows x 6: of every equation by the motion of every frame

@@ -46,6 +46,12 @@ std::unique_ptr<Joint> make(const char* kind, std::string name, FramePtr a, Fram
   return std::make_unique<Joint>(kind, std::move(name), std::move(frames), std::move(rows));
 }
 
+/// Joints about whose z axis something turns: the angle is a quantity, with its turns.
+std::unique_ptr<Joint> counted(std::unique_ptr<Joint> joint) {
+  joint->count_turns();
+  return joint;
+}
+
 void check_length(double length, const char* kind, const std::string& name) {
   if (!(length > 0)) {
     throw std::invalid_argument(std::string(kind) + " \"" + name +
@@ -67,7 +73,7 @@ std::unique_ptr<Joint> revolute_joint(std::string name, FramePtr a, FramePtr b) 
   std::vector<JointRow> rows;
   add_coincidence(rows);
   add_parallel(rows);
-  return make("revolute", std::move(name), std::move(a), std::move(b), std::move(rows));
+  return counted(make("revolute", std::move(name), std::move(a), std::move(b), std::move(rows)));
 }
 
 std::unique_ptr<Joint> spherical_joint(std::string name, FramePtr a, FramePtr b) {
@@ -86,7 +92,7 @@ std::unique_ptr<Joint> universal_joint(std::string name, FramePtr a, FramePtr b)
 std::unique_ptr<Joint> cylindrical_joint(std::string name, FramePtr a, FramePtr b) {
   std::vector<JointRow> rows = {row("translation along x", kAlongX), row("translation along y", kAlongY)};
   add_parallel(rows);
-  return make("cylindrical", std::move(name), std::move(a), std::move(b), std::move(rows));
+  return counted(make("cylindrical", std::move(name), std::move(a), std::move(b), std::move(rows)));
 }
 
 std::unique_ptr<Joint> prismatic_joint(std::string name, FramePtr a, FramePtr b) {
@@ -99,7 +105,7 @@ std::unique_ptr<Joint> prismatic_joint(std::string name, FramePtr a, FramePtr b)
 std::unique_ptr<Joint> planar_joint(std::string name, FramePtr a, FramePtr b) {
   std::vector<JointRow> rows = {row("translation along z", kAlongZ)};
   add_parallel(rows);
-  return make("planar", std::move(name), std::move(a), std::move(b), std::move(rows));
+  return counted(make("planar", std::move(name), std::move(a), std::move(b), std::move(rows)));
 }
 
 std::unique_ptr<Joint> point_on_line(std::string name, FramePtr a, FramePtr b) {
@@ -119,8 +125,8 @@ std::unique_ptr<Joint> revolute_spherical_joint(std::string name, FramePtr a, Fr
 }
 
 std::unique_ptr<Joint> rotation_motor(std::string name, FramePtr a, FramePtr b, TimeFunction f) {
-  return make("rotation motor", std::move(name), std::move(a), std::move(b),
-              {driven("angle about z", {Relative::angle}, std::move(f))});
+  return counted(make("rotation motor", std::move(name), std::move(a), std::move(b),
+                      {driven("angle about z", {Relative::angle}, std::move(f))}));
 }
 
 std::unique_ptr<Joint> translation_motor(std::string name, FramePtr a, FramePtr b, TimeFunction f) {

@@ -13,6 +13,15 @@ Corners sorted_corners(std::span<const Index> nodes, int corners) {
   return key;
 }
 
+std::map<Corners, MeshFace> faces_by_corners(const Mesh& mesh) {
+  std::map<Corners, MeshFace> faces;
+  for (const MeshFace& face : mesh.boundary_faces()) {
+    const auto& shape = shape_of(mesh.type(face.element)).faces[static_cast<std::size_t>(face.face)];
+    faces[sorted_corners(mesh.face_nodes(face), shape_of(shape.type).corners)] = face;
+  }
+  return faces;
+}
+
 }  // namespace
 
 std::span<const Index> FileElements::Element::list() const {
@@ -49,11 +58,7 @@ void FileElements::finish(Mesh& mesh) const {
 }
 
 void FileElements::add_face_sets(Mesh& mesh) const {
-  std::map<Corners, MeshFace> faces;
-  for (const MeshFace& face : mesh.boundary_faces()) {
-    const auto& shape = shape_of(mesh.type(face.element)).faces[static_cast<std::size_t>(face.face)];
-    faces[sorted_corners(mesh.face_nodes(face), shape_of(shape.type).corners)] = face;
-  }
+  const std::map<Corners, MeshFace> faces = faces_by_corners(mesh);
   for (const auto& [name, members] : sets_)
     for (const std::size_t k : members) {
       const auto& shape = shape_of(elements_[k].type);
@@ -61,6 +66,22 @@ void FileElements::add_face_sets(Mesh& mesh) const {
       const auto found = faces.find(sorted_corners(elements_[k].list(), shape.corners));
       if (found != faces.end()) mesh.face_sets[name].push_back(found->second);
     }
+}
+
+void add_faces_of_surface_elements(Mesh& mesh) {
+  std::map<Corners, MeshFace> faces;
+  for (const auto& [name, elements] : mesh.element_sets) {
+    if (mesh.face_sets.contains(name)) continue;
+    std::vector<MeshFace> found;
+    for (const Index e : elements) {
+      const auto& shape = shape_of(mesh.type(e));
+      if (shape.dimension != 2) continue;
+      if (faces.empty()) faces = faces_by_corners(mesh);
+      if (const auto it = faces.find(sorted_corners(mesh.element(e), shape.corners)); it != faces.end())
+        found.push_back(it->second);
+    }
+    if (!found.empty()) mesh.face_sets[name] = std::move(found);
+  }
 }
 
 void add_faces_of_node_sets(Mesh& mesh) {

@@ -43,4 +43,8 @@ class FileElements {
 /// such faces and names that are face sets already are passed over.
 void add_faces_of_node_sets(Mesh& mesh);
 
+/// Adds to every element set a face set of the same name, of the outer faces of solids that its surface elements lie on
+/// (Gmsh's .inp files mark faces so). Sets without such elements and names that are face sets already are passed over.
+void add_faces_of_surface_elements(Mesh& mesh);
+
 }  // namespace espalier::dynamics

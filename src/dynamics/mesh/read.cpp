@@ -23,6 +23,7 @@ Mesh read_mesh(const std::string& path) {
   for (const Format& format : kFormats)
     if (name.ends_with(format.ending)) {
       Mesh mesh = format.read(path);
+      add_faces_of_surface_elements(mesh);
       add_faces_of_node_sets(mesh);
       return mesh;
     }

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "dynamics/forces/guide.hpp"
@@ -22,6 +23,10 @@ class Builder {
     for (const JointSpec& joint : model_.joints)
       at_place(joint.place, [&] { out_.joints.push_back(&out_.system.add(make_joint(joint))); });
     for (const ForceSpec& force : model_.forces) at_place(force.place, [&] { add_force(force); });
+    for (std::size_t k = 0; k < model_.joints.size(); ++k)
+      at_place(model_.joints[k].place, [&] { build_contacts(model_.joints[k], frames_, *out_.joints[k], out_); });
+    build_controls(model_, out_);
+    build_functions(model_, out_);
     out_.system.finish();
   }
 
@@ -89,11 +94,25 @@ class Builder {
     law.damping = f.damping;
     law.rest = f.measured ? measure(kind, axis, f.frames) : f.rest;
     law.preload = f.preload;
-    if (f.function) {
-      law.actuator = f.function->function(f.place.text());
-      law.active = true;
-    }
     return law;
+  }
+
+  /// The order of the inputs is that of build_functions(): components, then the factor.
+  static LoadLaw load_law(const ForceSpec& f) {
+    LoadLaw law;
+    law.force = f.linear;
+    law.moment = f.angular;
+    law.follower = f.follower;
+    int next = 0;
+    for (std::size_t k = 0; k < 6; ++k)
+      if (f.components[k]) law.input[k] = next++;
+    if (f.formula) law.input[6] = next;
+    return law;
+  }
+
+  static std::unique_ptr<FrameForce> motor(const ForceSpec& f, FramePtr a, FramePtr b,
+                                           CoordinateForce::Coordinate coordinate) {
+    return std::make_unique<CoordinateForce>(f.name, std::move(a), std::move(b), coordinate, motor_law());
   }
 
   void add_force(const ForceSpec& f) {
@@ -115,8 +134,23 @@ class Builder {
     frames_.unknown_body(f.body, f.place);
   }
 
+  /// Moments and directions of a place without axes would be lost without a word.
+  static void check_axes(const ForceSpec& f, const Frame& a, const Frame* b) {
+    const bool moments =
+        f.type == ForceType::rotational_spring || f.type == ForceType::torque_motor || !f.angular.isZero() ||
+        !f.angular_damping.isZero() ||
+        std::any_of(f.components.begin() + 3, f.components.end(), [](const auto& c) { return c.has_value(); });
+    const bool directions = moments || f.follower || f.type == ForceType::axial_spring ||
+                            f.type == ForceType::force_motor || f.type == ForceType::bushing ||
+                            f.type == ForceType::guide;
+    if ((directions && !a.has_rotation()) || (moments && b != nullptr && !b->has_rotation()))
+      throw std::invalid_argument(
+          "needs a frame with axes, which nodes and point masses do not have; attach it to a rigid body or a face");
+  }
+
   std::unique_ptr<FrameForce> make_force(const ForceSpec& f) {
     FramePtr a = frames_.make(f.frames[0]), b = f.frames.size() > 1 ? frames_.make(f.frames[1]) : nullptr;
+    check_axes(f, *a, b.get());
     switch (f.type) {
       case ForceType::spring:
         return spring_damper(f.name, std::move(a), std::move(b), spring_law(f, Relative::distance, 0));
@@ -126,14 +160,12 @@ class Builder {
         return rotational_spring(f.name, std::move(a), std::move(b), spring_law(f, Relative::angle, 0));
       case ForceType::bushing:
         return bushing(f.name, std::move(a), std::move(b), {f.linear, f.linear_damping, f.angular, f.angular_damping});
-      case ForceType::load: {
-        LoadLaw law;
-        law.force = f.linear;
-        law.moment = f.angular;
-        law.follower = f.follower;
-        if (f.function) law.factor = f.function->function(f.place.text());
-        return load(f.name, std::move(a), law);
-      }
+      case ForceType::load:
+        return load(f.name, std::move(a), load_law(f));
+      case ForceType::torque_motor:
+        return motor(f, std::move(a), std::move(b), {Relative::angle, 0});
+      case ForceType::force_motor:
+        return motor(f, std::move(a), std::move(b), {Relative::along, 2});
       case ForceType::guide: {
         GuideLaw law;
         law.path = GuidePath(f.start, f.direction);

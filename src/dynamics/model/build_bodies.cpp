@@ -58,6 +58,34 @@ Material material_of(const Mesh& mesh, const SolidSpec& solid) {
               "needs 'material': the mesh file states none (or more than one, or no density)");
 }
 
+/// The solids of a mesh, where it has surfaces, lines and points too that lie on them (Gmsh writes .inp files so).
+/// Empty: all elements are solids. @throws where some do not lie on solids: they might be meant
+std::vector<Index> solids_of(Mesh& mesh) {
+  std::vector<Index> solids, others;
+  std::vector<char> of_solids(mesh.nodes.size(), 0);
+  for (Index e = 0; e < mesh.element_count(); ++e) {
+    const bool solid = shape_of(mesh.type(e)).dimension == 3;
+    (solid ? solids : others).push_back(e);
+    if (!solid) continue;
+    for (const Index n : mesh.element(e)) of_solids[static_cast<std::size_t>(n)] = 1;
+  }
+  if (others.empty() || solids.empty()) return {};
+  std::string sets;
+  for (const auto& entry : mesh.element_sets) sets += (sets.empty() ? "" : ", ") + entry.first;
+  for (const Index e : others)
+    for (const Index n : mesh.element(e))
+      if (of_solids[static_cast<std::size_t>(n)] == 0)
+        throw Error(
+            StatusCode::invalid_input,
+            fmt::format("the mesh has {} elements that are no solids, for instance {} ({}); choose the solids by "
+                        "'element_set'; the sets are: {}",
+                        others.size(), mesh.element_label(e), shape_of(mesh.type(e)).name,
+                        sets.empty() ? "none" : sets));
+  mesh.notices.push_back(
+      fmt::format("{} surface and line elements that lie on the solids serve as sets only", others.size()));
+  return solids;
+}
+
 /// The same mesh for bodies that are copies of each other (links of a chain) would be made many times; it is cheap
 /// beside one factorization.
 std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& solid, BuiltBody& out) {
@@ -66,7 +94,7 @@ std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& 
                                                                           : make_part(std::get<MeshPart>(solid.mesh)));
   out.material = material_of(*mesh, solid);
   std::vector<Index> elements;
-  if (!solid.element_set.empty()) elements = mesh->element_set(solid.element_set);
+  elements = solid.element_set.empty() ? solids_of(*mesh) : mesh->element_set(solid.element_set);
   auto body = make_solid_body(spec.name, *mesh, out.material, solid.options, elements);
   out.notices = mesh->notices;
   if (std::string folds = corner_folds(*mesh, elements); !folds.empty()) out.notices.push_back(std::move(folds));
@@ -111,6 +139,12 @@ BuiltBody build_body(const BodySpec& spec, const Description& model, Mechanism& 
     RigidBodyData data = rigid->data;
     data.gravity = gravity;
     built.rigid = &out.system.add(std::make_unique<RigidBody>(spec.name, data));
+    return built;
+  }
+  if (const auto* point = std::get_if<PointSpec>(&spec.shape)) {
+    PointMassData data = point->data;
+    data.gravity = gravity;
+    built.point = &out.system.add(std::make_unique<PointMass>(spec.name, data));
     return built;
   }
   auto body = make_flexible_body(spec, built);

@@ -150,6 +150,10 @@ std::unique_ptr<Frame> FrameBuilder::make(const MarkerSpec& marker) const {
   at_place(m.place, [&] {
     if (body->flexible != nullptr) {
       frame = make_flexible(m, *body);
+    } else if (body->point != nullptr) {
+      if (m.node || m.near || !m.face.empty() || !m.nodes.empty() || m.bore || (m.point_given && !m.global))
+        throw std::invalid_argument(fmt::format("'{}' is a point mass: the body alone says where", m.body));
+      frame = std::make_unique<PointFrame>(*body->point);
     } else {
       if (m.node || m.near || !m.face.empty() || !m.nodes.empty() || m.bore)
         throw std::invalid_argument(fmt::format("'{}' is a rigid body: give a 'point', not a node or a face", m.body));

@@ -53,4 +53,11 @@ class FrameBuilder {
   std::vector<double> q_, v_;
 };
 
+/// Stops and friction of a joint that is in the system already.
+void build_contacts(const JointSpec& spec, const FrameBuilder& frames, Joint& joint, Mechanism& out);
+/// Inputs of the program and switches; before build_functions().
+void build_controls(const Description& model, Mechanism& out);
+/// What forces, sensors and events are functions of; when all joints and forces stand, before the system is finished.
+void build_functions(const Description& model, Mechanism& out);
+
 }  // namespace espalier::dynamics::model

@@ -3,6 +3,7 @@
 /// consistent system of units of the author's choice.
 #pragma once
 
+#include <array>
 #include <map>
 #include <memory>
 #include <optional>
@@ -11,7 +12,10 @@
 #include <vector>
 
 #include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/bodies/point_mass.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/forces/joint_friction.hpp"
+#include "dynamics/forces/stop.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/integrators/initial.hpp"
@@ -21,11 +25,21 @@
 
 namespace espalier::dynamics::model {
 
+/// A function of quantities of the state, with its place in the text.
+struct Formula {
+  Place place;
+  Expression expression;
+};
+
 // Bodies -------------------------------------------------------------------------------------------------------------
 
 struct RigidSpec {
   RigidBodyData data;       ///< gravity is filled in by the builder
   std::optional<Vec3> box;  ///< edge lengths of the box that stands for it in pictures; none: from its inertia
+};
+
+struct PointSpec {
+  PointMassData data;  ///< gravity is filled in by the builder
 };
 
 /// A mesh from a file.
@@ -72,7 +86,7 @@ struct ShellSpec {
 struct BodySpec {
   Place place;
   std::string name;
-  std::variant<RigidSpec, SolidSpec, CableSpec, BeamSpec, ShellSpec> shape;
+  std::variant<RigidSpec, SolidSpec, CableSpec, BeamSpec, ShellSpec, PointSpec> shape;
   std::optional<Vec3> gravity;  ///< instead of the model's
   bool velocity_given = false;  ///< velocity or angular_velocity stands in the text
   // Flexible bodies; a rigid body keeps its own in RigidBodyData.
@@ -131,9 +145,21 @@ enum class JointType {
 };
 [[nodiscard]] const std::vector<std::string>& joint_type_names();
 
+/// Friction of a joint, see forces/joint_friction.hpp.
+struct FrictionSpec {
+  Place place;
+  FrictionCurve curve;
+  FrictionLoad load;
+  double radius = 1;  ///< of the pin; 1 where nothing turns
+  double viscous = 0, angular_viscous = 0;
+};
+
 struct JointSpec {
   Place place;
   std::string name;
+  bool active = true;                       ///< at the start
+  std::optional<StopLaw> stop, angle_stop;  ///< of displacement along and angle about z
+  std::optional<FrictionSpec> friction;
   JointType type = JointType::fixed;
   std::vector<MarkerSpec> frames;      ///< two, or four of gear and rack-and-pinion
   double parameter = 0;                ///< length, ratio or radius
@@ -143,7 +169,17 @@ struct JointSpec {
   bool relative = false;               ///< the function is added to the initial value
 };
 
-enum class ForceType { spring, axial_spring, rotational_spring, bushing, load, pressure, guide };
+enum class ForceType {
+  spring,
+  axial_spring,
+  rotational_spring,
+  bushing,
+  load,
+  pressure,
+  guide,
+  torque_motor,
+  force_motor
+};
 [[nodiscard]] const std::vector<std::string>& force_type_names();
 
 /// A path in the x-y plane of a frame: straight pieces and arcs, one after the other (see forces/guide.hpp).
@@ -155,12 +191,15 @@ struct GuidePiece {
 struct ForceSpec {
   Place place;
   std::string name;
+  bool active = true;  ///< at the start
   ForceType type = ForceType::spring;
   std::vector<MarkerSpec> frames;  ///< two; one of a load
   // Springs; guide: stiffness and damping of the contact
   double stiffness = 0, damping = 0, rest = 0, preload = 0;
   bool measured = false;               ///< rest is the initial value
-  std::optional<Expression> function;  ///< actuator of springs, factor of loads, value of a pressure
+  std::optional<Expression> function;  ///< value of a pressure
+  std::optional<Formula> formula;      ///< actuator of springs, factor of loads, torque or force of motors
+  std::array<std::optional<Formula>, 6> components;  ///< of force and moment of a load, instead of linear and angular
   // Bushing: stiffness and damping; load: force and moment
   Vec3 linear = Vec3::Zero(), linear_damping = Vec3::Zero(), angular = Vec3::Zero(), angular_damping = Vec3::Zero();
   bool follower = false;
@@ -173,6 +212,20 @@ struct ForceSpec {
   bool both_sides = false;
 };
 
+// Sensors and events -------------------------------------------------------------------------------------------------
+
+struct EventSpec {
+  Place place;
+  std::string name;
+  Formula condition;                                 ///< holds where it is >= 0
+  bool stop = false;                                 ///< the run ends
+  bool once = false;                                 ///< only the first time
+  std::vector<std::string> on, off;                  ///< joints and forces to be switched
+  std::vector<std::pair<std::string, Formula>> set;  ///< inputs and their new values
+  double tolerance = 0;                              ///< of the time; 0: 1e-6 of the step
+  double position_tolerance = 1e-6;                  ///< largest change of positions for joints switched on
+};
+
 // The run ------------------------------------------------------------------------------------------------------------
 
 enum class Method { bdf, generalized_alpha };
@@ -180,7 +233,8 @@ enum class Method { bdf, generalized_alpha };
 struct IntegratorSpec {
   Place place;
   Method method = Method::bdf;
-  double start = 0, end = 0;
+  double start = 0, end = 0;  ///< end: infinite where the number of steps alone ends the run
+  long steps = 0;             ///< accepted steps after which the run ends; 0: any number
   BdfOptions bdf;
   AlphaOptions alpha;
 };
@@ -215,6 +269,10 @@ struct Description {
   std::map<std::string, MarkerSpec> markers;
   std::vector<JointSpec> joints;
   std::vector<ForceSpec> forces;
+  std::map<std::string, CurvePtr> splines;
+  std::vector<std::pair<std::string, double>> inputs;  ///< with their values at the start
+  std::vector<std::pair<std::string, Formula>> sensors;
+  std::vector<EventSpec> events;
   IntegratorSpec integrator;
   InitialSpec initial;
   OutputSpec output;
@@ -230,5 +288,13 @@ struct Description {
 void read_bodies(Section& root, Description& model);
 void read_joints(Section& root, Description& model);
 void read_forces(Section& root, Description& model);
+/// The keys limits, angle_limits and friction of a joint.
+void read_joint_contacts(Section& joint, JointSpec& out);
+/// [splines]: from CSV files (looked for in model.folder) or points.
+void read_splines(Section& root, Description& model);
+/// [inputs], [sensors] and [events].
+void read_events(Section& root, Description& model);
+/// Gives every expression the splines that it names. @throws Error(invalid_input) for functions that nobody knows
+void bind_curves(Description& model);
 
 }  // namespace espalier::dynamics::model

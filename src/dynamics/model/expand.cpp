@@ -82,7 +82,7 @@ void note_scope(Value& value, const ScopePtr& scope) {
   for (auto& entry : value.entries) note_scope(entry.second, scope);
 }
 
-constexpr std::array<std::string_view, 4> kRepeatable = {"bodies", "markers", "joints", "forces"};
+constexpr std::array<std::string_view, 6> kRepeatable = {"bodies", "markers", "joints", "forces", "sensors", "events"};
 
 /// Number of values in a tree, its root included.
 std::int64_t count_values(const Value& value) {
@@ -145,7 +145,7 @@ class Repeater {
         bounded = true;
       } else if (!repeatable(key)) {
         fail(value.place, fmt::format("unknown key{}", suggestion(key, {"index", "from", "to", "bodies", "markers",
-                                                                        "joints", "forces"})));
+                                                                        "joints", "forces", "sensors", "events"})));
       }
     }
     if (!bounded) fail(block.place, "needs 'to', the last value of the index");
@@ -186,6 +186,17 @@ class Repeater {
   double values_ = 0;                                                  // made by all blocks
 };
 
+/// Whether a path leads to a body, joint, ... that does not stand in the text, where there are repetitions that may
+/// make it.
+bool made_by_repetition(const Value& root, const std::string& path) {
+  const std::size_t dot = path.find('.');
+  if (root.find("repeat") == nullptr || dot == std::string::npos) return false;
+  const std::string section = path.substr(0, dot);
+  if (std::find(kRepeatable.begin(), kRepeatable.end(), section) == kRepeatable.end()) return false;
+  const Value* table = root.find(section);
+  return table == nullptr || table->find(path.substr(dot + 1, path.find('.', dot + 1) - dot - 1)) == nullptr;
+}
+
 void remove(Value& root, std::string_view key) {
   std::erase_if(root.entries, [&](const auto& entry) { return entry.first == key; });
 }
@@ -197,7 +208,16 @@ std::string number_text(double value) {
 }
 
 void expand(Value& root, const std::vector<std::string>& overrides) {
-  for (const std::string& assignment : overrides) set_value(root, assignment);
+  // What repetition will make cannot be set before it is there.
+  std::vector<Assignment> late;
+  for (const std::string& text : overrides) {
+    Assignment a = parse_assignment(text);
+    if (made_by_repetition(root, a.path)) {
+      late.push_back(std::move(a));
+    } else {
+      set_value(root, a.path, std::move(a.value));
+    }
+  }
   const auto parameters = std::make_shared<const Scope>(read_parameters(root));
   note_scope(root, parameters);
   for (auto& [name, value] : root.entries)
@@ -209,6 +229,10 @@ void expand(Value& root, const std::vector<std::string>& overrides) {
     Repeater repeater(root, *parameters);
     for (const Value& block : blocks.items) repeater.check(block);
     for (const Value& block : blocks.items) repeater.repeat(block);
+  }
+  for (Assignment& a : late) {
+    a.value = instantiate(a.value, parameters, a.path);
+    set_value(root, a.path, std::move(a.value));
   }
   remove(root, "repeat");
   remove(root, "parameters");

@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <memory>
 #include <numbers>
+#include <utility>
 
 namespace espalier::dynamics::model {
 namespace {
@@ -149,8 +150,12 @@ Jet smooth_integral(const Jet& x) {
 /// Recursive descent; writes postfix code.
 class ExpressionParser {
  public:
-  ExpressionParser(std::string_view text, const Scope& scope, bool of_time, Expression& out)
-      : text_(text), scope_(scope), of_time_(of_time), out_(out) {}
+  ExpressionParser(std::string_view text, const Scope& scope, Expression::Names names, Expression& out)
+      : text_(text),
+        scope_(scope),
+        of_time_(names != Expression::Names::numbers),
+        of_state_(names == Expression::Names::state),
+        out_(out) {}
 
   void run() {
     sum();
@@ -161,14 +166,14 @@ class ExpressionParser {
  private:
   using Kind = Expression::Code::Kind;
 
-  [[noreturn]] void stop(const std::string& what) const {
+  [[noreturn]] void stop(const std::string& what) const { throw Error(StatusCode::invalid_input, here() + what); }
+  [[nodiscard]] std::string here() const {
     // Of a text that fills pages, what stands around the place is enough.
     constexpr std::size_t kBefore = 40, kShown = 120;
     const std::size_t first = text_.size() > kShown && at_ > kBefore ? at_ - kBefore : 0;
     const std::size_t last = std::min(text_.size(), first + kShown);
-    throw Error(StatusCode::invalid_input,
-                fmt::format("in the expression \"{}{}{}\", character {}: {}", first > 0 ? "..." : "",
-                            text_.substr(first, last - first), last < text_.size() ? "..." : "", at_ + 1, what));
+    return fmt::format("in the expression \"{}{}{}\", character {}: ", first > 0 ? "..." : "",
+                       text_.substr(first, last - first), last < text_.size() ? "..." : "", at_ + 1);
   }
   void skip() {
     while (at_ < text_.size() && (text_[at_] == ' ' || text_[at_] == '\t' || text_[at_] == '\n')) ++at_;
@@ -250,6 +255,8 @@ class ExpressionParser {
       if (!take(')')) stop("')' is missing");
     } else if ((c >= '0' && c <= '9') || c == '.') {
       number();
+    } else if (c == '\'' && of_state_) {
+      quoted();
     } else if (std::isalpha(static_cast<unsigned char>(c)) != 0 || c == '_') {
       name();
     } else {
@@ -271,6 +278,7 @@ class ExpressionParser {
     while (at_ < text_.size() && (std::isalnum(static_cast<unsigned char>(text_[at_])) != 0 || text_[at_] == '_'))
       ++at_;
     const std::string word(text_.substr(start, at_ - start));
+    if (of_state_ && at_ < text_.size() && text_[at_] == '.') return quantity(start);
     if (take('(')) return call(word, start);
     if (word == "t" && of_time_) {
       out_.depends_on_time_ = true;
@@ -284,6 +292,29 @@ class ExpressionParser {
     if (of_time_) names.emplace_back("t");
     for (const auto& [known, value] : scope_) names.push_back(known);
     stop(fmt::format("unknown name '{}'{}", excerpt(word), suggestion(word, names)));
+  }
+  /// The place of a name in a list of those that others know.
+  int note(std::vector<Expression::Unknown>& list, const std::string& name, std::size_t start) {
+    for (std::size_t k = 0; k < list.size(); ++k)
+      if (list[k].name == name) return static_cast<int>(k);
+    const std::size_t end = std::exchange(at_, start);
+    list.push_back({name, here()});
+    at_ = end;
+    return static_cast<int>(list.size()) - 1;
+  }
+  void quantity(std::size_t start) {
+    while (at_ < text_.size() &&
+           (std::isalnum(static_cast<unsigned char>(text_[at_])) != 0 || text_[at_] == '_' || text_[at_] == '.'))
+      ++at_;
+    emit(Kind::quantity, 0, note(out_.quantities_, std::string(text_.substr(start, at_ - start)), start));
+  }
+  void quoted() {
+    const std::size_t start = at_++;
+    const std::size_t close = text_.find('\'', at_);
+    if (close == std::string_view::npos) stop("the second ' is missing");
+    const std::string name(text_.substr(at_, close - at_));
+    at_ = close + 1;
+    emit(Kind::quantity, 0, note(out_.quantities_, name, start));
   }
   void arguments(int count, const std::string& word) {
     for (int k = 0; k < count; ++k) {
@@ -311,30 +342,40 @@ class ExpressionParser {
       arguments(3, word);
       return emit(Kind::ramp);
     }
+    if (of_time_) {  // perhaps a spline: whoever knows the model will say
+      const int which = note(out_.curve_names_, word, start);
+      out_.curves_.resize(out_.curve_names_.size());
+      arguments(1, word);
+      return emit(Kind::curve, 0, which);
+    }
     at_ = start;
-    std::vector<std::string> names = {"step", "ramp"};
-    for (const auto& f : kFunctions1) names.emplace_back(f.name);
-    for (const auto& f : kFunctions2) names.emplace_back(f.name);
-    stop(fmt::format("unknown function '{}'{}", excerpt(word), suggestion(word, names)));
+    stop(fmt::format("unknown function '{}'{}", excerpt(word), suggestion(word, Expression::functions())));
   }
 
   std::string_view text_;
   const Scope& scope_;
-  bool of_time_;
+  bool of_time_, of_state_;
   Expression& out_;
   std::size_t at_ = 0;
   int depth_ = 0;
 };
 
-Expression::Expression(std::string_view text, const Scope& scope, bool of_time) : text_(text) {
+Expression::Expression(std::string_view text, const Scope& scope, Names names) : text_(text) {
   constexpr std::size_t kLongest = 100000;
   if (text.size() > kLongest)
     throw Error(StatusCode::invalid_input, fmt::format("the expression \"{}\" has {} characters; the most is {}",
                                                        excerpt(text), text.size(), kLongest));
-  ExpressionParser(text, scope, of_time, *this).run();
+  ExpressionParser(text, scope, names, *this).run();
 }
 
-Jet Expression::jet(double t) const {
+std::vector<std::string> Expression::functions() {
+  std::vector<std::string> names = {"step", "ramp"};
+  for (const auto& f : kFunctions1) names.emplace_back(f.name);
+  for (const auto& f : kFunctions2) names.emplace_back(f.name);
+  return names;
+}
+
+Jet Expression::evaluate(const Jet& time, std::span<const Jet> given) const {
   std::vector<Jet> stack;
   stack.reserve(8);
   const auto pop = [&stack] {
@@ -352,7 +393,10 @@ Jet Expression::jet(double t) const {
         stack.push_back({c.number});
         break;
       case Code::Kind::time:
-        stack.push_back({t, 1, 0});
+        stack.push_back(time);
+        break;
+      case Code::Kind::quantity:
+        stack.push_back(given[static_cast<std::size_t>(c.function)]);
         break;
       case Code::Kind::negate:
         stack.back() = -stack.back();
@@ -381,6 +425,11 @@ Jet Expression::jet(double t) const {
       case Code::Kind::call2:
         binary(kFunctions2[static_cast<std::size_t>(c.function)].apply);
         break;
+      case Code::Kind::curve: {
+        const CurvePoint p = curves_[static_cast<std::size_t>(c.function)]->at(stack.back().value);
+        stack.back() = chain(stack.back(), p.y, p.slope, p.bend);
+        break;
+      }
       case Code::Kind::step: {
         const Jet y1 = pop(), t1 = pop(), y0 = pop(), t0 = pop(), x = pop();
         stack.push_back(y0 + (y1 - y0) * smooth((x - t0) / (t1 - t0)));

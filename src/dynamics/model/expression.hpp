@@ -1,12 +1,15 @@
 /// \file
-/// Arithmetic in model texts: numbers made of parameters, and functions of time with two exact derivatives.
+/// Arithmetic in model texts: numbers made of parameters, functions of time with two exact derivatives, and functions
+/// of quantities of the state.
 #pragma once
 
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "dynamics/joints/time_function.hpp"
+#include "dynamics/model/curve.hpp"
 #include "dynamics/model/value.hpp"
 
 namespace espalier::dynamics::model {
@@ -23,13 +26,38 @@ struct Jet {
 /// The names pi and e are known. floor, ceil, round, sign and % have the derivatives of their smooth pieces.
 class Expression {
  public:
+  /// What may be named beside the numbers of the scope.
+  enum class Names {
+    numbers,  ///< nothing
+    time,     ///< t, and splines: NAME(x)
+    state     ///< quantities too: bob.position.x, or 'left-rod.position.x' where a name has a '-'
+  };
+  /// A name that the text uses and somebody else has to know. Equal names stand once.
+  struct Unknown {
+    std::string name;
+    std::string complaint;  ///< "in the expression ..., character N: ", for the message that it is not known
+  };
+
+  Expression() = default;
   /// @param scope names with fixed numbers @param of_time whether the name t may be used
   /// @throws Error(invalid_input) without a place: what is wrong, and at which character
-  Expression(std::string_view text, const Scope& scope, bool of_time);
+  Expression(std::string_view text, const Scope& scope, bool of_time)
+      : Expression(text, scope, of_time ? Names::time : Names::numbers) {}
+  Expression(std::string_view text, const Scope& scope, Names names);
 
   [[nodiscard]] double value(double t = 0) const { return jet(t).value; }
-  [[nodiscard]] Jet jet(double t) const;
+  [[nodiscard]] Jet jet(double t) const { return evaluate({t, 1, 0}, {}); }
+  /// @param given one jet for each of quantities(). The derivatives are those along the one that time and quantities
+  /// have.
+  [[nodiscard]] Jet evaluate(const Jet& time, std::span<const Jet> given) const;
   [[nodiscard]] bool depends_on_time() const { return depends_on_time_; }
+  [[nodiscard]] const std::string& text() const { return text_; }
+  [[nodiscard]] const std::vector<Unknown>& quantities() const { return quantities_; }
+  /// Functions that may be splines; each has to be given by set_curve() before the expression is evaluated.
+  [[nodiscard]] const std::vector<Unknown>& curves() const { return curve_names_; }
+  void set_curve(std::size_t k, CurvePtr curve) { curves_.at(k) = std::move(curve); }
+  /// Names of all functions, for suggestions.
+  [[nodiscard]] static std::vector<std::string> functions();
   /// For motors and loads. @param place begins the message of the Error(invalid_input) that a function throws where it
   /// (or the derivative asked for) is not a finite number
   [[nodiscard]] TimeFunction function(const std::string& place) const;
@@ -38,13 +66,31 @@ class Expression {
   friend class ExpressionParser;
   /// One instruction for a stack machine.
   struct Code {
-    enum class Kind { number, time, negate, add, subtract, multiply, divide, modulo, power, call1, call2, step, ramp };
+    enum class Kind {
+      number,
+      time,
+      quantity,
+      negate,
+      add,
+      subtract,
+      multiply,
+      divide,
+      modulo,
+      power,
+      call1,
+      call2,
+      curve,
+      step,
+      ramp
+    };
     Kind kind;
     double number = 0;
-    int function = 0;
+    int function = 0;  ///< of functions, quantities and curves: which
   };
   std::string text_;
   std::vector<Code> code_;
+  std::vector<Unknown> quantities_, curve_names_;
+  std::vector<CurvePtr> curves_;
   bool depends_on_time_ = false;
 };
 

@@ -16,7 +16,8 @@ namespace espalier::dynamics::model {
 namespace {
 
 bool free_to_change(std::string_view path) {
-  constexpr std::array<std::string_view, 5> kFree = {"output", "solver", "title", "initial.modes", "integrator.end"};
+  constexpr std::array<std::string_view, 6> kFree = {"output",        "solver",         "title",
+                                                     "initial.modes", "integrator.end", "integrator.steps"};
   return std::find(kFree.begin(), kFree.end(), path) != kFree.end() ||
          (path.starts_with("bodies.") && path.ends_with(".mesh.file"));
 }

@@ -10,27 +10,42 @@
 #include "base/thread_pool.hpp"
 #include "dynamics/bodies/flexible_body.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
-#include "dynamics/forces/frame_force.hpp"
+#include "dynamics/forces/coordinate_force.hpp"
 #include "dynamics/joints/joint.hpp"
+#include "dynamics/model/controls.hpp"
 #include "dynamics/model/description.hpp"
 #include "dynamics/model/identity.hpp"
 
 namespace espalier::dynamics::model {
 
-/// One body of the system; one of the two pointers is set.
+/// One body of the system; one of the three pointers is set.
 struct BuiltBody {
   BodySpec spec;
   RigidBody* rigid = nullptr;
   FlexibleBody* flexible = nullptr;
+  PointMass* point = nullptr;
   std::shared_ptr<const Mesh> mesh;  ///< of solids
   Material material;                 ///< of solids
   std::vector<std::string> notices;  ///< about the mesh of solids
+  [[nodiscard]] const Component& component() const {
+    if (rigid != nullptr) return *rigid;
+    if (point != nullptr) return *point;
+    return *flexible;
+  }
 };
 
 /// A force with the frame on which it is reported: b (1), or a (0) where there is no other.
 struct BuiltForce {
   FrameForce* force = nullptr;
   int side = 1;
+};
+
+/// Stops and friction of a joint; null where it has none.
+struct JointContacts {
+  CoordinateForce* stop = nullptr;
+  CoordinateForce* angle_stop = nullptr;
+  CoordinateForce* friction = nullptr;
+  CoordinateForce* angle_friction = nullptr;
 };
 
 /// A system with its names. Frames and components point into it, so it does not move.
@@ -47,7 +62,12 @@ class Mechanism {
   std::map<std::string, std::unique_ptr<Frame>> markers;  ///< named markers, for outputs
   std::vector<Joint*> joints;
   std::vector<BuiltForce> forces;
-  ModelKeys keys;  ///< what the model is, mesh files included: for restart files
+  ModelKeys keys;                                 ///< what the model is, mesh files included: for restart files
+  std::map<std::string, JointContacts> contacts;  ///< by joint
+  std::vector<std::pair<std::string, StateFunctionPtr>> sensors;  ///< of the model's [sensors]
+  std::vector<StateFunctionPtr> conditions;                       ///< of the model's events, in their order
+  std::vector<std::vector<StateFunctionPtr>> settings;            ///< values that events set, likewise
+  Controls* controls = nullptr;                                   ///< null: nothing can be set, switched or happen
 
   [[nodiscard]] const BuiltBody* body(const std::string& name) const;
   [[nodiscard]] Joint* joint(const std::string& name) const;

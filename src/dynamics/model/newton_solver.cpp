@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 #include "matrix/matrix_market.hpp"
@@ -10,6 +11,37 @@
 
 namespace espalier::dynamics::model {
 namespace {
+
+/// Compares the two halves of matrices of one pattern.
+class SymmetryCheck {
+ public:
+  explicit SymmetryCheck(const MatrixView& a) {
+    std::vector<Offset> next(a.col_ptr.begin(), a.col_ptr.end());
+    mirror_.assign(a.row_ind.size(), -1);
+    // Columns in turn: the entries (j, i) with j < i of column i come in the order of j.
+    const auto at = [](Offset k) { return static_cast<std::size_t>(k); };
+    for (Index j = 0; j < a.cols; ++j)
+      for (Offset k = a.col_ptr[at(j)]; k < a.col_ptr[at(j) + 1]; ++k) {
+        const Index i = a.row_ind[at(k)];
+        if (i <= j) continue;
+        Offset& other = next[at(i)];
+        while (other < a.col_ptr[at(i) + 1] && a.row_ind[at(other)] < j) ++other;
+        if (other < a.col_ptr[at(i) + 1] && a.row_ind[at(other)] == j) mirror_[at(k)] = other;
+      }
+  }
+  /// max |a_ij - a_ji| / max |a_ij|, of entries below the diagonal that have a mirror image in the pattern
+  [[nodiscard]] double largest_difference(std::span<const double> values) const {
+    double most = 0, size = 0;
+    for (std::size_t k = 0; k < mirror_.size(); ++k) {
+      size = std::max(size, std::abs(values[k]));
+      if (mirror_[k] >= 0) most = std::max(most, std::abs(values[k] - values[static_cast<std::size_t>(mirror_[k])]));
+    }
+    return size > 0 ? most / size : 0.0;
+  }
+
+ private:
+  std::vector<Offset> mirror_;  // of every entry below the diagonal the one above; -1: none
+};
 
 /// Espalier's solver, as make_espalier_solver(), with a record.
 class RecordedSolver final : public LinearSolver {
@@ -19,12 +51,20 @@ class RecordedSolver final : public LinearSolver {
   Status analyze(const MatrixView& a) override {
     MatrixView k = a;
     // Chosen by the user, who knows that no force makes the tangent unsymmetric.
-    if (solver_.options().kind == Kind::ldlt) k.storage = Storage::symmetric_both;
+    if (solver_.options().kind == Kind::ldlt) {
+      k.storage = Storage::symmetric_both;
+      symmetry_ = std::make_unique<SymmetryCheck>(a);
+    }
     record_.analysis = solver_.analyze(k);
     record_.analysis_seconds += record_.analysis.seconds;
     return record_.analysis.status;
   }
   Status factorize(std::span<const double> values) override {
+    if (symmetry_) {
+      const double asymmetry = symmetry_->largest_difference(values);
+      record_.largest_asymmetry = std::max(record_.largest_asymmetry, asymmetry);
+      record_.unsymmetric += asymmetry > kAsymmetry ? 1 : 0;
+    }
     record_.factor = solver_.refactorize(values);
     // Perturbed pivots mean a singular K here: redundant constraints that nobody took out.
     if (record_.factor.status.ok() && record_.factor.perturbed > 0)
@@ -37,8 +77,11 @@ class RecordedSolver final : public LinearSolver {
   }
 
  private:
+  /// Newton's iteration contracts by about so much when it sees one half for both. Turning bodies always make a little.
+  static constexpr double kAsymmetry = 1e-3;
   Solver solver_;
   SolverRecord& record_;
+  std::unique_ptr<SymmetryCheck> symmetry_;
 };
 
 /// Hands everything on; writes each chosen matrix with the first right-hand sides that it is solved for.

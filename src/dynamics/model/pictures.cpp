@@ -64,6 +64,9 @@ Pictures::Pictures(const std::string& path, const Mechanism& mechanism, const St
   for (const BuiltBody& body : mechanism.bodies) {
     if (body.rigid != nullptr) {
       add_rigid(body, number);
+    } else if (body.point != nullptr) {
+      add_cell(ElementType::point1, std::array<Index, 1>{0}, number);
+      ++point_count_;
     } else if (body.mesh) {
       add_solid(body, number);
     } else {
@@ -130,6 +133,10 @@ void Pictures::place(const State& s) {
       }
       continue;
     }
+    if (body.point != nullptr) {
+      put(body.point->position(s.q), body.point->velocity(s.v));
+      continue;
+    }
     const Index step = body.flexible->vertices_per_node();
     for (Index k = 0; k < body.flexible->nodes(); ++k) {
       const double* x = &s.q[at(body.flexible->configuration(k * step))];
@@ -145,7 +152,7 @@ void Pictures::stresses(const State& s) {
   for (const BuiltBody& body : mechanism_.bodies) {
     if (!body.mesh) {
       const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
-      cell += body.rigid != nullptr ? 1 : at(shell != nullptr ? shell->nx * shell->ny : body.flexible->nodes() - 1);
+      cell += body.flexible == nullptr ? 1 : at(shell != nullptr ? shell->nx * shell->ny : body.flexible->nodes() - 1);
       continue;
     }
     for (Index e = 0; e < body.mesh->element_count(); ++e, ++cell) {

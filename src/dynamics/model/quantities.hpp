@@ -31,10 +31,10 @@ struct Quantity {
 ///                   .rotation (rotation vector) .angular_velocity        [.x .y .z]
 ///   JOINT           .force .moment: of the joint on its frame b, global axes, at the frame  [.x .y .z]
 ///                   .coordinate: value of its first equation's relative coordinate (angle, displacement, distance)
-///   FORCE           .force .moment on frame b (a load: on a)   [.x .y .z]
-///   energy          .kinetic .potential .total
-///   constraints     .position .velocity .acceleration: largest violation
-///   step            .h .order .newton .error
+///                   .angle .angular_speed .displacement .speed and contacts: see model/functions.hpp
+///   FORCE           .force .moment on frame b (a load: on a)   [.x .y .z]; springs, motors: .coordinate .rate
+///   .strength inputs, sensors by their names energy          .kinetic .potential .total constraints     .position
+///   .velocity .acceleration: largest violation step            .h .order .newton .error
 /// A vector also has .norm. @throws Error(invalid_input) naming the request
 [[nodiscard]] std::vector<Quantity> find_quantities(Mechanism& mechanism, const std::string& request,
                                                     const Place& place);

@@ -10,7 +10,7 @@
 namespace espalier::dynamics::model {
 namespace {
 
-const std::vector<std::string> kTypes = {"rigid", "solid", "cable", "beam", "shell"};
+const std::vector<std::string> kTypes = {"rigid", "solid", "cable", "beam", "shell", "point"};
 
 /// The materials of the model by name, and where bodies find them.
 class BodyReader {
@@ -30,6 +30,8 @@ class BodyReader {
     const int type = s.choice("type", kTypes);
     if (type == 0) {
       body.shape = read_rigid(s);
+    } else if (type == 5) {
+      body.shape = read_point(s);
     } else {
       read_motion(s, body);
       if (type == 1) body.shape = read_solid(s);
@@ -69,6 +71,14 @@ class BodyReader {
     const auto found = material(s);
     if (!found) fail(s.place(), "needs 'material'");
     return *found;
+  }
+
+  static PointSpec read_point(Section& s) {
+    PointSpec p;
+    p.data.mass = s.positive("mass");
+    p.data.position = s.vector("position", Vec3::Zero());
+    p.data.velocity = s.vector("velocity", Vec3::Zero());
+    return p;
   }
 
   static RigidSpec read_rigid(Section& s) {

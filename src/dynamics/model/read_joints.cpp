@@ -1,6 +1,7 @@
 // The sections [markers], [joints] and [forces].
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "dynamics/model/description.hpp"
@@ -99,6 +100,8 @@ JointSpec read_joint(const std::string& name, const Value& value) {
     default:
       break;
   }
+  j.active = s.flag("active", true);
+  read_joint_contacts(s, j);
   s.finish();
   return j;
 }
@@ -108,7 +111,21 @@ void read_spring(Section& s, ForceSpec& f) {
   f.damping = s.number("damping", 0);
   f.rest = read_measure(s, "rest", f.measured);
   f.preload = s.number("preload", 0);
-  if (s.has("actuator")) f.function = s.function("actuator");
+  if (s.has("actuator")) f.formula = {s.place("actuator"), s.state_function("actuator")};
+}
+
+/// Three numbers or expressions of quantities: `numbers` where all are numbers, else `formulas` from `first` on.
+void read_components(Section& s, const std::string& key, Vec3& numbers, ForceSpec& f, std::size_t first) {
+  const Value* list = s.value(key);
+  if (list == nullptr) return;
+  const auto is_text = [](const Value& item) { return item.type == Value::Type::text; };
+  if (list->type != Value::Type::array || list->items.size() != 3 ||
+      std::none_of(list->items.begin(), list->items.end(), is_text)) {
+    numbers = s.vector(key);
+    return;
+  }
+  for (std::size_t k = 0; k < 3; ++k)
+    f.components[first + k] = {list->items[k].place, Section::state_function(list->items[k])};
 }
 
 void read_guide(Section& s, ForceSpec& f) {
@@ -155,17 +172,24 @@ ForceSpec read_force(const std::string& name, const Value& value) {
       f.angular_damping = s.vector("angular_damping", Vec3::Zero());
       break;
     case ForceType::load:
-      f.linear = s.vector("force", Vec3::Zero());
-      f.angular = s.vector("moment", Vec3::Zero());
-      if (s.has("factor")) f.function = s.function("factor");
+      read_components(s, "force", f.linear, f, 0);
+      read_components(s, "moment", f.angular, f, 3);
+      if (s.has("factor")) f.formula = {s.place("factor"), s.state_function("factor")};
       f.follower = s.flag("follower", false);
       break;
     case ForceType::guide:
       read_guide(s, f);
       break;
+    case ForceType::torque_motor:
+      f.formula = {s.place("torque"), s.state_function("torque")};
+      break;
+    case ForceType::force_motor:
+      f.formula = {s.place("force"), s.state_function("force")};
+      break;
     case ForceType::pressure:
       break;
   }
+  if (f.type != ForceType::pressure) f.active = s.flag("active", true);
   s.finish();
   return f;
 }
@@ -181,8 +205,8 @@ const std::vector<std::string>& joint_type_names() {
 }
 
 const std::vector<std::string>& force_type_names() {
-  static const std::vector<std::string> names = {"spring",   "axial-spring", "rotational-spring", "bushing", "load",
-                                                 "pressure", "guide"};
+  static const std::vector<std::string> names = {"spring",   "axial-spring", "rotational-spring", "bushing",    "load",
+                                                 "pressure", "guide",        "torque-motor",      "force-motor"};
   return names;
 }
 

@@ -52,7 +52,8 @@ void read_alpha(Section& s, AlphaOptions& o) {
 void read_integrator(Section s, IntegratorSpec& out) {
   out.place = s.place();
   out.start = s.number("start", 0);
-  out.end = s.number("end");
+  out.steps = s.integer("steps", 1, 0);
+  out.end = out.steps > 0 && !s.has("end") ? std::numeric_limits<double>::infinity() : s.number("end");
   if (!(out.end > out.start)) fail(s.place("end"), fmt::format("must be later than the start, {}", out.start));
   out.method = static_cast<Method>(s.choice("method", {"bdf", "generalized-alpha"}, 0));
   if (out.method == Method::bdf) {
@@ -119,7 +120,8 @@ void read_solver(const Value& table, Description& model) {
 void check_names(const Description& model) {
   std::map<std::string, Place> taken;
   const auto take = [&](const std::string& name, const Place& place) {
-    if (name == "ground" || name == "energy" || name == "constraints" || name == "step" || name == "time")
+    if (name == "ground" || name == "energy" || name == "constraints" || name == "step" || name == "time" ||
+        name == "inputs" || name == "sensors")
       fail(place, fmt::format("the name '{}' is taken; choose another", name));
     const auto [it, fresh] = taken.emplace(name, place);
     if (!fresh)
@@ -146,8 +148,11 @@ Description read_description(const Value& root_value, const std::string& file) {
   read_bodies(root, model);
   root.named("markers",
              [&](const std::string& name, const Value& value) { model.markers[name] = read_marker(value, name); });
+  read_splines(root, model);
   read_joints(root, model);
   read_forces(root, model);
+  read_events(root, model);
+  bind_curves(model);
   if (!root.has("integrator"))
     fail({file, 0, ""}, "needs a section [integrator] with 'end', the time where the run ends");
   read_integrator(*root.table("integrator"), model.integrator);

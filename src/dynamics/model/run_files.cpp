@@ -12,6 +12,7 @@
 #include <limits>
 
 #include "base/output_file.hpp"
+#include "dynamics/integrators/interpolation.hpp"
 #include "dynamics/model/restart.hpp"
 
 namespace espalier::dynamics::model {
@@ -47,7 +48,7 @@ HeldFolder::~HeldFolder() {
 }
 
 RunFiles::RunFiles(const OutputSpec& spec, std::string folder, Mechanism& mechanism,
-                   const std::vector<Quantity>& quantities, Integrator& integrator)
+                   const std::vector<Quantity>& quantities, const std::unique_ptr<Integrator>& integrator)
     : spec_(spec), folder_(std::move(folder)), mechanism_(mechanism), chosen_(quantities), integrator_(integrator) {
   if (folder_.empty()) return;
   held_ = std::make_unique<HeldFolder>(folder_);
@@ -79,15 +80,25 @@ void RunFiles::write_csv(const Sample& s) {
   csv_time_ = s.state->t;
 }
 
-void RunFiles::write_picture(const Sample& s) {
-  if (vtu_time_ == s.state->t) return;
-  pictures_->write(*s.state);
-  vtu_time_ = s.state->t;
+void RunFiles::write_picture(const State& s) {
+  if (vtu_time_ == s.t) return;
+  pictures_->write(s);
+  vtu_time_ = s.t;
+}
+
+// Evenly spaced, whatever the steps: at the due times, by interpolation where no step ends there.
+void RunFiles::write_due_pictures(const State& s) {
+  Clock& clock = vtu_clock_;
+  if (clock.interval == 0) return write_picture(s);
+  const double slip = 1e-9 * clock.interval;  // round-off of a due time
+  for (; clock.due() <= s.t + slip; ++clock.next)
+    write_picture(clock.due() < s.t - slip ? between(mechanism_.system, before_, s, clock.due()) : s);
+  before_ = s;
 }
 
 void RunFiles::write_restart_file(const Sample& s) {
   if (restart_time_ == s.state->t) return;
-  write_restart(folder_ + "/state.restart", mechanism_, integrator_);
+  write_restart(folder_ + "/state.restart", mechanism_, *integrator_);
   restart_time_ = s.state->t;
 }
 
@@ -115,14 +126,15 @@ void RunFiles::begin(const Sample& s, const State& initial, bool restarted) {
     pictures_ = std::make_unique<Pictures>(path, mechanism_, initial, keep_until);
     written_.push_back(path);
     if (restarted) vtu_time_ = pictures_->kept();
-    if (!restarted) write_picture(s);
+    if (!restarted) write_picture(*s.state);
+    before_ = *s.state;
   }
   written_.push_back(folder_ + "/state.restart");
 }
 
 void RunFiles::step(const Sample& s) {
   if (csv_ && csv_clock_.strikes(s.state->t)) write_csv(s);
-  if (pictures_ && vtu_clock_.strikes(s.state->t)) write_picture(s);
+  if (pictures_) write_due_pictures(*s.state);
   if (folder_.empty() || !restart_clock_.strikes(s.state->t)) return;
   if (csv_) csv_->catch_up();
   write_restart_file(s);
@@ -134,7 +146,7 @@ void RunFiles::end(const Sample& s) {
     csv_->finish();
   }
   if (pictures_) {
-    write_picture(s);
+    write_picture(*s.state);
     pictures_->finish();
   }
   if (!folder_.empty()) write_restart_file(s);
@@ -151,7 +163,7 @@ void RunFiles::emergency(const Sample& s) noexcept {
   if (!folder_.empty()) save([&] { write_restart_file(s); });
   if (csv_) save([&] { write_csv(s); });
   if (csv_) save([&] { csv_->catch_up(); });
-  if (pictures_) save([&] { write_picture(s); });
+  if (pictures_) save([&] { write_picture(*s.state); });
   held_.reset();
 }
 

@@ -28,12 +28,13 @@ class HeldFolder {
 };
 
 /// Writes into one folder: quantities.csv, motion.pvd with its .vtu files, state.restart. An output with an interval is
-/// written at the first step that ends at or after its time (with exact_times: steps end there).
+/// written at the first step that ends at or after its time (with exact_times: steps end there); pictures are those of
+/// that very time, by interpolation between the ends of the step.
 class RunFiles {
  public:
   /// @param folder made if it is not there; empty: nothing is written
   RunFiles(const OutputSpec& spec, std::string folder, Mechanism& mechanism, const std::vector<Quantity>& quantities,
-           Integrator& integrator);
+           const std::unique_ptr<Integrator>& integrator);
 
   /// @param initial the state at the start of the motion @param restarted files in the folder are gone on with
   void begin(const Sample& s, const State& initial, bool restarted);
@@ -57,7 +58,8 @@ class RunFiles {
     void wind_to(double t);
   };
   void write_csv(const Sample& s);
-  void write_picture(const Sample& s);
+  void write_picture(const State& s);
+  void write_due_pictures(const State& s);
   void write_restart_file(const Sample& s);
   void begin_csv(const Sample& s, double keep_until);
 
@@ -66,11 +68,12 @@ class RunFiles {
   std::unique_ptr<HeldFolder> held_;
   Mechanism& mechanism_;
   const std::vector<Quantity>& chosen_;
-  Integrator& integrator_;
+  const std::unique_ptr<Integrator>& integrator_;  // of the run, which may replace it
   std::vector<Quantity> columns_;
   std::unique_ptr<CsvWriter> csv_;
   const Sample* sample_ = nullptr;  // of the row being written
   std::unique_ptr<Pictures> pictures_;
+  State before_;  // at the end of the step before, for pictures
   Clock csv_clock_, vtu_clock_, restart_clock_;
   std::optional<double> csv_time_, vtu_time_, restart_time_;  // of the last that was written
   std::vector<std::string> written_;

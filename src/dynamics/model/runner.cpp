@@ -27,6 +27,7 @@ SimulationEnergy to_public(const Energy& e) { return {e.kinetic, e.potential}; }
 void check_intervals(const Description& model) {
   constexpr double kMost = 1e9;
   const double duration = model.integrator.end - model.integrator.start;
+  if (std::isinf(duration)) return;
   for (const double interval : {model.output.csv_interval, model.output.vtu_interval, model.output.restart_interval})
     if (interval > 0 && duration > kMost * interval)
       fail(model.output.place, fmt::format("an interval of {:g} asks for more than {:g} outputs until {:g}; 0 writes "
@@ -86,6 +87,8 @@ void Runner::prepare() {
   mechanism_->system.initial(state_.q, state_.v);
   const State given = state_;
   guard_ = std::make_unique<RedundancyGuard>(*equations_);
+  if (mechanism_->controls != nullptr)
+    guard_->set_absent(mechanism_->controls->absent_rows(static_cast<std::size_t>(sizes.constraints)));
   ConsistencyOptions consistency;
   consistency.allowed_position = model_.initial.position_tolerance;
   ConsistencyResult result;
@@ -129,7 +132,7 @@ void Runner::check_velocities(const State& given, const State& consistent) const
   const double largest = max_norm(consistent.v);
   for (const BuiltBody& body : mechanism_->bodies) {
     if (!body.spec.velocity_given) continue;
-    const Component& component = body.rigid != nullptr ? static_cast<const Component&>(*body.rigid) : *body.flexible;
+    const Component& component = body.component();
     const auto first = static_cast<std::size_t>(component.placement().v);
     const auto count = static_cast<std::size_t>(component.sizes().velocity);
     for (std::size_t i = first; i < first + count; ++i) {
@@ -152,15 +155,20 @@ void Runner::start_integrator() {
     integrator_ = std::make_unique<GeneralizedAlpha>(*equations_, model_.integrator.alpha);
   }
   integrator_->start(state_);
+  events_ = std::make_unique<EventWatch>(model_, *mechanism_);
   if (!options_.restart.empty()) {
     for (const std::string& change : read_restart(options_.restart, options_.accept_changes, *mechanism_, *integrator_))
       summary_.notices.push_back("accepted: " + change);
+    take_up_switches();
     guard_->check(current());
     // A run that was killed after its last restart file has nothing to do but to write its results.
     if (time() > model_.integrator.end)
       throw Error(StatusCode::invalid_input,
-                  fmt::format("{}: the state is at t = {:g}, the run ends at {:g}; give a later --until",
+                  fmt::format("{}: the state is at t = {:g}, the run ends at {:g} already; give a later --until",
                               options_.restart, time(), model_.integrator.end));
+    if (complete())
+      summary_.notices.push_back(
+          fmt::format("{}: the run is complete, nothing was left to do; a later --until goes on", options_.restart));
     summary_.t_begin = time();
     summary_.energy_begin = to_public(mechanism_->system.energy(current().view()));
   }
@@ -210,13 +218,16 @@ void Runner::loop(const SimulationObserver& observer) {
   {
     const Stopwatch output(summary_.phases.output);
     files_.reset();  // of a run that an observer broke off
-    files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, *integrator_);
+    files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, integrator_);
     files_->begin(sample(last_report_), state_, !options_.restart.empty());
   }
-  const double slack = 4e-16 * std::max(std::abs(end), std::abs(time()));
   constexpr long kWatchEvery = 100;
-  while (end - time() > slack) {
-    last_report_ = step(std::min(end, files_->next_exact_time()));
+  stopped_ = false;
+  happen();
+  while (!stopped_ && !complete()) {
+    const double limit = std::min(end, files_->next_exact_time());
+    last_report_ = events_->empty() ? integrator_->step(limit) : events_->step(integrator_, limit);
+    happen();
     if (last_report_.index % kWatchEvery == 0) guard_->check(current());
     {
       const Stopwatch output(summary_.phases.output);
@@ -228,7 +239,7 @@ void Runner::loop(const SimulationObserver& observer) {
       files_->step(s);
     }
     if (observer && !observer(public_step(last_report_))) {
-      summary_.interrupted = end - time() > slack;
+      summary_.interrupted = !stopped_ && !complete();
       break;
     }
   }
@@ -237,7 +248,21 @@ void Runner::loop(const SimulationObserver& observer) {
   files_->end(sample(last_report_));
 }
 
+bool Runner::complete() const {
+  const double end = model_.integrator.end;
+  if (model_.integrator.steps > 0 && integrator_->counts().steps >= model_.integrator.steps) return true;
+  return std::isfinite(end) && !(end - time() > 4e-16 * std::max(std::abs(end), std::abs(time())));
+}
+
 void Runner::note_steps() {
+  if (record_.unsymmetric > 0)
+    summary_.notices.push_back(fmt::format(
+        "kind = ldlt took {} unsymmetric Newton matrices for symmetric ones (a_ij and a_ji differ by up to {:.1e} of "
+        "the "
+        "largest entry: gyroscopic terms, followers, friction, forces as functions of state). The results hold, Newton "
+        "takes more iterations ({} in {} steps); kind = lu has the whole matrix",
+        record_.unsymmetric, record_.largest_asymmetry, integrator_->counts().newton_iterations,
+        integrator_->counts().steps));
   const IntegratorCounts& c = integrator_->counts();
   // Less than that hides behind the errors of the methods; a few steps of a run do not matter.
   constexpr double kWorthSaying = 1e-6;
@@ -252,8 +277,6 @@ void Runner::note_steps() {
                   "down to {:.3g}",
                   model_.integrator.alpha.step, c.divisions, c.first_division, c.shortest_step));
 }
-
-StepReport Runner::step(double limit) { return integrator_->step(limit); }
 
 std::string Runner::explain_failure(const Error& error) {
   std::string text = error.what();

@@ -8,6 +8,7 @@
 
 #include "dynamics/constraints/redundancy.hpp"
 #include "dynamics/integrators/integrator.hpp"
+#include "dynamics/model/events.hpp"
 #include "dynamics/model/mechanism.hpp"
 #include "dynamics/model/newton_solver.hpp"
 #include "dynamics/model/quantities.hpp"
@@ -30,14 +31,27 @@ class Runner {
   [[nodiscard]] double time() const { return current().t; }
   [[nodiscard]] double end_time() const { return model_.integrator.end; }
   [[nodiscard]] double value(const std::string& quantity);
+  /// Inputs that the program may set, and their present values.
+  [[nodiscard]] std::vector<std::pair<std::string, double>> inputs() const;
+  /// @throws std::invalid_argument for unknown names and numbers that are not finite
+  void set_input(const std::string& name, double value);
 
  private:
   void prepare();
   void check_velocities(const State& given, const State& consistent) const;
   void start_integrator();
   void loop(const SimulationObserver& observer);
-  [[nodiscard]] StepReport step(double limit);
-  void note_steps();  ///< divided ones and those at rounding, as notices of the summary
+  // What events do (runner_events.cpp)
+  void happen();
+  struct Change {
+    bool any = false, joints = false, joints_on = false;
+  };
+  void act(const EventSpec& event, const std::vector<double>& settings, Change& change);
+  void begin_joint(const std::string& name);
+  void begin_anew(const EventSpec& event, const Change& change);
+  void take_up_switches();
+  [[nodiscard]] bool complete() const;
+  void note_steps();  ///< divided ones, those at rounding, unsymmetric matrices, as notices of the summary
   [[nodiscard]] Sample sample(const StepReport& report);
   [[nodiscard]] const State& current() const { return integrator_ ? integrator_->state() : state_; }
   [[nodiscard]] std::string explain_failure(const Error& error);
@@ -50,6 +64,8 @@ class Runner {
   std::unique_ptr<Equations> equations_;
   std::unique_ptr<RedundancyGuard> guard_;
   std::unique_ptr<Integrator> integrator_;
+  std::unique_ptr<EventWatch> events_;
+  bool stopped_ = false;  // by an event
   std::unique_ptr<RunFiles> files_;
   std::vector<Quantity> quantities_;
   State state_;

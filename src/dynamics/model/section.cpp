@@ -195,17 +195,29 @@ Mat3 Section::rotation(const std::string& key) {
   return result;
 }
 
+namespace {
+
+Expression parsed(const Value& value, const std::string& text, Expression::Names names) {
+  try {
+    return {text, scope_of(value), names};
+  } catch (const Error& error) {
+    fail(value.place, error.what());
+  }
+}
+
+}  // namespace
+
 Expression Section::function(const std::string& key) {
   const Value& value = need(key);
-  const auto parse = [&](const std::string& text) {
-    try {
-      return Expression(text, scope_of(value), true);
-    } catch (const Error& error) {
-      fail(value.place, error.what());
-    }
-  };
-  if (value.type == Value::Type::text) return parse(value.text);
-  return parse(fmt::format("{}", to_number(value)));
+  if (value.type == Value::Type::text) return parsed(value, value.text, Expression::Names::time);
+  return parsed(value, fmt::format("{}", to_number(value)), Expression::Names::time);
+}
+
+Expression Section::state_function(const std::string& key) { return state_function(need(key)); }
+
+Expression Section::state_function(const Value& value) {
+  if (value.type == Value::Type::text) return parsed(value, value.text, Expression::Names::state);
+  return parsed(value, fmt::format("{}", to_number(value)), Expression::Names::state);
 }
 
 const Value* Section::value(const std::string& key) { return get(key); }

@@ -49,6 +49,9 @@ class Section {
   [[nodiscard]] Mat3 rotation(const std::string& key);
   /// A number or an expression of t.
   [[nodiscard]] Expression function(const std::string& key);
+  /// A number or an expression of t and quantities.
+  [[nodiscard]] Expression state_function(const std::string& key);
+  [[nodiscard]] static Expression state_function(const Value& value);
   /// The table under a key, or nothing.
   [[nodiscard]] const Value* value(const std::string& key);
   [[nodiscard]] std::optional<Section> table(const std::string& key);

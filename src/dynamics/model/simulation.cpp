@@ -76,6 +76,12 @@ Status Simulation::run(const SimulationObserver& observer) {
 }
 
 const SimulationSummary& Simulation::summary() const { return impl_->summary; }
+std::vector<SimulationInput> Simulation::inputs() const {
+  std::vector<SimulationInput> list;
+  for (const auto& [name, value] : impl_->loaded().inputs()) list.push_back({name, value});
+  return list;
+}
+void Simulation::set_input(const std::string& name, double value) { impl_->loaded().set_input(name, value); }
 double Simulation::time() const { return impl_->loaded().time(); }
 double Simulation::end_time() const { return impl_->loaded().end_time(); }
 double Simulation::value(const std::string& quantity) const { return impl_->loaded().value(quantity); }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <numeric>
 
 namespace espalier::dynamics::model {
@@ -94,9 +95,10 @@ std::string suggestion(std::string_view wrong, const std::vector<std::string>& n
   return fmt::format("; known are {}{}", list, names.size() > kMost ? ", ..." : "");
 }
 
-void set_value(Value& root, const std::string& assignment) {
+Assignment parse_assignment(const std::string& assignment) {
   const std::size_t equals = assignment.find('=');
-  const std::string path = assignment.substr(0, equals);
+  Assignment result{assignment.substr(0, equals), {}};
+  const std::string& path = result.path;
   const Place place{"--set", 0, path};
   if (equals == std::string::npos || path.empty())
     fail({"--set", 0, excerpt(assignment)}, "needs PATH=VALUE, for instance parameters.size=2");
@@ -104,39 +106,59 @@ void set_value(Value& root, const std::string& assignment) {
     fail({"--set", 0, excerpt(path)},
          fmt::format("the path is longer than {} characters or {} parts", kLongestKey, kMostKeyParts));
   const std::string text = assignment.substr(equals + 1);
-  Value value;
   try {
-    value = std::move(parse_toml("x = " + text, "--set").entries.at(0).second);
+    result.value = std::move(parse_toml("x = " + text, "--set").entries.at(0).second);
   } catch (const Error&) {  // not TOML: a text without quotes
-    value.type = Value::Type::text;
-    value.text = text;
+    result.value.type = Value::Type::text;
+    result.value.text = text;
   }
-  value.place = place;
-  Value* table = &root;
-  std::size_t from = 0;
-  for (;;) {
+  result.value.place = place;
+  return result;
+}
+
+namespace {
+
+/// Item of a list by its number from 0.
+Value& item_of(Value& list, const std::string& key, const Place& place) {
+  std::size_t index = 0;
+  const auto [end, error] = std::from_chars(key.data(), key.data() + key.size(), index);
+  if (error != std::errc() || end != key.data() + key.size() || index >= list.items.size())
+    fail(place, fmt::format("'{}' is a list of {}; its items are numbered from 0, not '{}'", list.place.path,
+                            list.items.size(), key));
+  return list.items[index];
+}
+
+void give_scope(Value& value, const std::shared_ptr<const Scope>& scope) {
+  value.scope = scope;
+  for (Value& item : value.items) give_scope(item, scope);
+  for (Entry& entry : value.entries) give_scope(entry.second, scope);
+}
+
+}  // namespace
+
+void set_value(Value& root, const std::string& path, Value value) {
+  const Place place = value.place;
+  Value* at = &root;
+  for (std::size_t from = 0; from != std::string::npos;) {
     const std::size_t dot = path.find('.', from);
     const std::string key = path.substr(from, dot == std::string::npos ? dot : dot - from);
     if (key.empty()) fail(place, "the path has an empty key");
-    if (!table->is_table())
-      fail(place, fmt::format("'{}' is {}, not a table", path.substr(0, from - 1), name_of(table->type)));
-    Value* next = table->find(key);
-    if (dot == std::string::npos) {
-      if (next == nullptr) {
-        table->entries.emplace_back(key, std::move(value));
-      } else {
-        *next = std::move(value);
-      }
-      return;
-    }
-    if (next == nullptr) {
-      table->entries.emplace_back(key, Value{});
-      next = &table->entries.back().second;
+    Value* next = nullptr;
+    if (at->type == Value::Type::array) {
+      next = &item_of(*at, key, place);
+    } else if (!at->is_table()) {
+      fail(place, fmt::format("'{}' is {}, not a table", path.substr(0, from - 1), name_of(at->type)));
+    } else if (next = at->find(key); next == nullptr) {
+      at->entries.emplace_back(key, Value{});
+      next = &at->entries.back().second;
       next->place = {"--set", 0, path.substr(0, dot)};
+      next->scope = at->scope;
     }
-    table = next;
-    from = dot + 1;
+    at = next;
+    from = dot == std::string::npos ? dot : dot + 1;
   }
+  give_scope(value, at->scope);
+  *at = std::move(value);
 }
 
 }  // namespace espalier::dynamics::model

@@ -76,8 +76,16 @@ inline constexpr std::size_t kLongestKey = 1000, kMostKeyParts = 64;
 /// Parses TOML. @param file its name for messages @throws Error(invalid_input) "file:line: what"
 [[nodiscard]] Value parse_toml(std::string_view text, const std::string& file);
 
-/// Sets one value by its path: "bodies.rod.mass=2" (a TOML value; what is none is taken as text). Missing tables on the
-/// way are made. @throws Error(invalid_input) where the path runs through something that is no table
-void set_value(Value& root, const std::string& assignment);
+/// A value for a path of keys: "bodies.rod.mass=2" (a TOML value; what is none is taken as text).
+struct Assignment {
+  std::string path;
+  Value value;
+};
+/// @throws Error(invalid_input) without a path or a value
+[[nodiscard]] Assignment parse_assignment(const std::string& assignment);
+
+/// Sets one value by its path; items of lists are numbered from 0: "repeat.0.to". Missing tables on the way are made.
+/// @throws Error(invalid_input) where the path runs through something that is neither table nor list
+void set_value(Value& root, const std::string& path, Value value);
 
 }  // namespace espalier::dynamics::model

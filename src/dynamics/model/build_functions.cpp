@@ -1,0 +1,161 @@
+// Inputs of forces, sensors, conditions of events: expressions over quantities, each made after those it needs.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "dynamics/model/builders.hpp"
+#include "dynamics/model/functions.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+class FunctionBuilder {
+ public:
+  FunctionBuilder(const Description& model, Mechanism& out) : model_(model), out_(out) {}
+
+  void run() {
+    for (const ForceSpec& force : model_.forces) need_force(force);
+    for (const auto& sensor : model_.sensors) need_sensor(sensor.first);
+    for (const EventSpec& event : model_.events) {
+      out_.conditions.push_back(make(event.condition));
+      out_.settings.emplace_back();
+      for (const auto& [input, value] : event.set) out_.settings.back().push_back(make(value));
+    }
+  }
+
+ private:
+  /// The objects whose functions are being made, in the order in which one asks for the next.
+  class Asking {
+   public:
+    Asking(std::vector<std::string>& way, const std::string& name, const Place& place) : way_(way) {
+      const auto it = std::find(way.begin(), way.end(), name);
+      if (it != way.end()) {
+        std::string circle;
+        for (auto at = it; at != way.end(); ++at) circle += *at + " -> ";
+        fail(place, fmt::format("depends on itself: {}{}; a force or sensor may not need its own value", circle, name));
+      }
+      way.push_back(name);
+    }
+    ~Asking() { way_.pop_back(); }
+    Asking(const Asking&) = delete;
+    Asking& operator=(const Asking&) = delete;
+
+   private:
+    std::vector<std::string>& way_;
+  };
+
+  StateFunctionPtr make(const Formula& formula) {
+    std::vector<StateFunctionPtr> parts;
+    for (const Expression::Unknown& wanted : formula.expression.quantities()) {
+      const std::vector<std::string> name = split_name(wanted.name);
+      if (name[0] == "sensors" && name.size() == 2) need_sensor(name[1]);
+      // A spring's length does not need its strength: springs and motors may depend on their own coordinate.
+      const bool own_motion = name.size() == 2 && (name[1] == "coordinate" || name[1] == "rate");
+      if (!own_motion)
+        for (const ForceSpec& force : model_.forces)
+          if (force.name == name[0]) need_force(force);
+      try {
+        parts.push_back(find_function(out_, wanted.name));
+      } catch (const Error& error) {
+        fail(formula.place, wanted.complaint + error.what());
+      }
+    }
+    return expression_function(formula, std::move(parts));
+  }
+
+  void need_force(const ForceSpec& spec) {
+    const auto it = std::find_if(out_.forces.begin(), out_.forces.end(),
+                                 [&](const BuiltForce& f) { return f.force->name() == spec.name; });
+    if (it == out_.forces.end() || std::find(done_.begin(), done_.end(), spec.name) != done_.end()) return;
+    const Asking asking(way_, spec.name, spec.place);
+    std::vector<StateFunctionPtr> inputs;
+    for (const auto& component : spec.components)
+      if (component) inputs.push_back(make(*component));
+    if (spec.formula) inputs.push_back(make(*spec.formula));
+    it->force->set_inputs(std::move(inputs));
+    done_.push_back(spec.name);
+  }
+
+  void need_sensor(const std::string& name) {
+    const auto known = [&](const auto& entry) { return entry.first == name; };
+    if (std::any_of(out_.sensors.begin(), out_.sensors.end(), known)) return;
+    const auto it = std::find_if(model_.sensors.begin(), model_.sensors.end(), known);
+    if (it == model_.sensors.end()) return;
+    const Asking asking(way_, "sensors." + name, it->second.place);
+    StateFunctionPtr made = make(it->second);
+    out_.sensors.emplace_back(name, std::move(made));
+  }
+
+  const Description& model_;
+  Mechanism& out_;
+  std::vector<std::string> way_, done_;
+};
+
+void add_friction(const JointSpec& spec, const FrameBuilder& frames, Joint& joint, Mechanism& out) {
+  const FrictionSpec& f = *spec.friction;
+  const bool turns = spec.type != JointType::prismatic, slides = spec.type != JointType::revolute;
+  const StateFunctionPtr load = friction_load(joint, f.load);
+  const auto rate = [&](Relative kind, double radius) {
+    return scaled(relative_quantity({&joint.frame(0), &joint.frame(1), kind, 2, nullptr, true}), radius);
+  };
+  const auto add = [&](const char* what, Relative kind, const FrictionLaw& law, std::vector<StateFunctionPtr> inputs) {
+    auto force = std::make_unique<CoordinateForce>(spec.name + " " + what, frames.make(spec.frames[0]),
+                                                   frames.make(spec.frames[1]), CoordinateForce::Coordinate{kind, 2},
+                                                   friction_law(law));
+    force->set_inputs(std::move(inputs));
+    return &out.system.add(std::move(force));
+  };
+  JointContacts& contacts = out.contacts[spec.name];
+  std::vector<StateFunctionPtr> along = {load}, about = {load};
+  if (turns && slides) {
+    along.push_back(rate(Relative::angle, f.radius));
+    about.push_back(rate(Relative::along, 1));
+  }
+  if (slides) contacts.friction = add("friction", Relative::along, {f.curve, 1, f.viscous}, along);
+  if (turns)
+    contacts.angle_friction = add("angular friction", Relative::angle, {f.curve, f.radius, f.angular_viscous}, about);
+}
+
+}  // namespace
+
+void build_functions(const Description& model, Mechanism& out) { FunctionBuilder(model, out).run(); }
+
+void build_contacts(const JointSpec& spec, const FrameBuilder& frames, Joint& joint, Mechanism& out) {
+  const auto add_stop = [&](const char* what, Relative kind, const StopLaw& law) {
+    return &out.system.add(std::make_unique<CoordinateForce>(spec.name + " " + what, frames.make(spec.frames[0]),
+                                                             frames.make(spec.frames[1]),
+                                                             CoordinateForce::Coordinate{kind, 2}, stop_law(law)));
+  };
+  if (spec.stop) out.contacts[spec.name].stop = add_stop("stop", Relative::along, *spec.stop);
+  if (spec.angle_stop) out.contacts[spec.name].angle_stop = add_stop("angular stop", Relative::angle, *spec.angle_stop);
+  if (spec.friction) add_friction(spec, frames, joint, out);
+}
+
+void build_controls(const Description& model, Mechanism& out) {
+  const auto switched = [&](const std::string& name, bool active) {
+    const auto names = [&](const EventSpec& e) {
+      return std::count(e.on.begin(), e.on.end(), name) + std::count(e.off.begin(), e.off.end(), name) > 0;
+    };
+    return !active || std::any_of(model.events.begin(), model.events.end(), names);
+  };
+  auto controls = std::make_unique<Controls>();
+  controls->inputs = model.inputs;
+  controls->events.resize(model.events.size());
+  for (const JointSpec& spec : model.joints) {
+    if (!switched(spec.name, spec.active)) continue;
+    Switch s{spec.name, out.joint(spec.name), {}, spec.active};
+    if (const auto it = out.contacts.find(spec.name); it != out.contacts.end())
+      for (CoordinateForce* f :
+           {it->second.stop, it->second.angle_stop, it->second.friction, it->second.angle_friction})
+        if (f != nullptr) s.forces.push_back(f);
+    controls->switches.push_back(std::move(s));
+  }
+  for (const ForceSpec& spec : model.forces)
+    if (const BuiltForce* built = out.force(spec.name); built != nullptr && switched(spec.name, spec.active))
+      controls->switches.push_back({spec.name, nullptr, {built->force}, spec.active});
+  if (controls->inputs.empty() && controls->switches.empty() && controls->events.empty()) return;
+  controls->apply();
+  out.controls = &out.system.add(std::move(controls));
+}
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,95 @@
+#include "dynamics/model/events.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace espalier::dynamics::model {
+
+std::vector<std::size_t> EventWatch::happening(const StateView& s) const {
+  std::vector<std::size_t> found;
+  for (std::size_t k = 0; k < model_.events.size(); ++k) {
+    const Controls::Event& memory = mechanism_.controls->events[k];
+    if (!memory.held && !memory.spent && mechanism_.conditions[k]->value(s) >= 0) found.push_back(k);
+  }
+  return found;
+}
+
+void EventWatch::note(const StateView& s, const std::vector<std::size_t>& happened) {
+  for (std::size_t k = 0; k < model_.events.size(); ++k)
+    mechanism_.controls->events[k].held = mechanism_.conditions[k]->value(s) >= 0;
+  for (const std::size_t k : happened) {
+    mechanism_.controls->events[k].held =
+        true;  // its own action may have ended the condition: that counts as having been
+    mechanism_.controls->events[k].spent = model_.events[k].once;
+  }
+}
+
+EventWatch::Memory EventWatch::remember(const Integrator& integrator) const {
+  Memory memory{integrator.clone(), {}};
+  for (const auto& component : mechanism_.system.components()) component->save(memory.components);
+  return memory;
+}
+
+void EventWatch::go_back(const Memory& memory, std::unique_ptr<Integrator>& integrator) const {
+  integrator = memory.integrator->clone();
+  ConstSpan numbers = memory.components;
+  for (const auto& component : mechanism_.system.components()) component->restore(numbers);
+}
+
+// From the beginning of the step to t; the integrator may need more than one.
+StepReport EventWatch::step_again(const Memory& memory, double t, std::unique_ptr<Integrator>& integrator) const {
+  go_back(memory, integrator);
+  StepReport report;
+  do {
+    report = integrator->step(t);
+  } while (t - integrator->state().t > 4e-16 * std::abs(t));
+  return report;
+}
+
+double EventWatch::largest(const StateView& s, const std::vector<std::size_t>& events) const {
+  double most = -std::numeric_limits<double>::infinity();
+  for (const std::size_t k : events) most = std::max(most, mechanism_.conditions[k]->value(s));
+  return most;
+}
+
+double EventWatch::tolerance(const std::vector<std::size_t>& events, double t, double step) const {
+  double least = std::numeric_limits<double>::infinity();
+  for (const std::size_t k : events)
+    if (model_.events[k].tolerance > 0) least = std::min(least, model_.events[k].tolerance);
+  if (std::isinf(least)) least = 1e-6 * step;
+  return std::max(least, 16 * std::numeric_limits<double>::epsilon() * std::abs(t));
+}
+
+StepReport EventWatch::step(std::unique_ptr<Integrator>& integrator, double t_limit) {
+  const Memory memory = remember(*integrator);
+  const double begin = integrator->state().t;
+  StepReport report = integrator->step(t_limit);
+  const std::vector<std::size_t> events = happening(integrator->state().view());
+  if (events.empty()) return report;
+  // Illinois: the secant between a (no condition holds) and b (one does); the weight of an end that stays is halved.
+  double a = begin, b = integrator->state().t;
+  double at_a = largest(memory.integrator->state().view(), events), at_b = largest(integrator->state().view(), events);
+  const double wanted = tolerance(events, b, b - a);
+  double end = b;
+  for (int side = 0; b - a > wanted;) {
+    const double secant = at_a < 0 ? b - at_b * (b - a) / (at_b - at_a) : 0.5 * (a + b);
+    const double t = std::clamp(std::isfinite(secant) ? secant : 0.5 * (a + b), a + 0.4 * wanted, b - 0.4 * wanted);
+    report = step_again(memory, t, integrator);
+    end = t;
+    const double value = largest(integrator->state().view(), events);
+    if (value >= 0) {
+      b = t, at_b = value;
+      if (side == 1) at_a *= 0.5;
+      side = 1;
+    } else {
+      a = t, at_a = value;
+      if (side == -1) at_b *= 0.5;
+      side = -1;
+    }
+  }
+  if (end != b) report = step_again(memory, b, integrator);
+  return report;
+}
+
+}  // namespace espalier::dynamics::model
