@@ -1,6 +1,7 @@
-# espalier_module(name FOLDER folder SUBFOLDERS names... DEPENDS other modules... LIBRARIES external targets...)
+# espalier_module(name FOLDER folder SUBFOLDERS names... GENERATED sources... DEPENDS other modules... LIBRARIES external targets...)
 # One static library espalier_<name> per folder src/<folder> (by default src/<name>), made of all sources in that folder and
-# in the sub-folders that SUBFOLDERS names. HEADERS: further ones that espalier_precompile() takes.
+# in the sub-folders that SUBFOLDERS names; or, with GENERATED, of these sources alone. HEADERS: further ones that
+# espalier_precompile() takes.
 # A module sees the headers of the modules below it as "module/header.hpp".
 function(espalier_flags target)
   target_compile_features(${target} PUBLIC cxx_std_20)
@@ -52,7 +53,7 @@ function(espalier_together target name)
 endfunction()
 
 function(espalier_module name)
-  cmake_parse_arguments(ARG "" "FOLDER" "SUBFOLDERS;DEPENDS;LIBRARIES;HEADERS" ${ARGN})
+  cmake_parse_arguments(ARG "" "FOLDER" "SUBFOLDERS;GENERATED;DEPENDS;LIBRARIES;HEADERS" ${ARGN})
   if(NOT ARG_FOLDER)
     set(ARG_FOLDER ${name})
   endif()
@@ -60,7 +61,11 @@ function(espalier_module name)
   foreach(sub IN LISTS ARG_SUBFOLDERS)
     list(APPEND globs ${CMAKE_CURRENT_SOURCE_DIR}/${ARG_FOLDER}/${sub}/*.cpp)
   endforeach()
-  file(GLOB sources CONFIGURE_DEPENDS ${globs})
+  if(ARG_GENERATED)
+    set(sources ${ARG_GENERATED})
+  else()
+    file(GLOB sources CONFIGURE_DEPENDS ${globs})
+  endif()
   if(NOT sources)
     file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/${name}_empty.cpp "")
     set(sources ${CMAKE_CURRENT_BINARY_DIR}/${name}_empty.cpp)

@@ -61,6 +61,10 @@ step() {
     printf '%-8s %-18s %5d s\n' "$group" "$name" "$limit"
     return 0
   fi
+  if [[ $1 == */* && ! -x $1 ]]; then
+    summary+=("$(printf '%-18s %6s  %s' "$name" - "left out: this build has no ${1##*/}")")
+    return 0
+  fi
   left=$((seconds - (SECONDS - begun)))
   if ((left < 5)); then
     summary+=("$(printf '%-18s %6s  %s' "$name" - "left out: $seconds s are gone")")

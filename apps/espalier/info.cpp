@@ -14,6 +14,7 @@
 #include "base/thread_pool.hpp"
 #include "command.hpp"
 #include "device/host/kernels.hpp"
+#include "device/registry.hpp"
 #include "plan/machine_model.hpp"
 #include "solver/build_info.hpp"
 #include "terminal.hpp"
@@ -94,7 +95,7 @@ nlohmann::ordered_json info_json(const solver::BuildInfo& build, const Machine& 
         {"flags", build.flags},
         {"processor", build.processor},
         {"sanitizers", build.sanitizers},
-        {"cuda", build.cuda}}},
+        {"backends", build.backends}}},
       {"libraries", libraries},
       {"machine", {{"processor", machine.processor}, {"cores", machine.cores}, {"memory_bytes", machine.memory_bytes}}},
       {"kernels", {{"target", kernels.target}, {"gemm_flops_per_second", kernels.flops_per_second}}},
@@ -114,7 +115,9 @@ std::string info_text(const solver::BuildInfo& build, const Machine& machine, co
   table.add({"processor", machine.processor});
   table.add({"host", fmt::format("{} {}, {}", machine.cores, machine.cores == 1 ? "core" : "cores",
                                  base::format_bytes(machine.memory_bytes))});
-  table.add({"GPUs", build.cuda ? "CUDA backend compiled in" : "none: built without CUDA (-DESPALIER_CUDA=ON)"});
+  table.add({"backends", fmt::format("{}", fmt::join(build.backends, ", "))});
+  for (const device::LeftOut& l : device::registry().left_out)
+    table.add({"no " + std::string(l.name), std::string(l.reason)});
   table.add({"kernels", fmt::format("{}, matrix product in FP64: {} on one thread", kernels.target,
                                     rate(kernels.flops_per_second))});
   return toned(Tone::strong, "espalier " + build.version) + "\n" + table.text();

@@ -16,7 +16,9 @@ void SolverFlags::add_to(CLI::App& command) {
   };
   add("kind", "KIND", "auto (default) | llt | ldlt | lu");
   add("precision", "NAME", "fp64 (default) | fp32 | mixed: factor in FP32, refine to FP64 accuracy");
-  add("device", "NAME", "auto (default) | cpu | host:N | host:N,M (threads of each host device) | gpu:all | gpu:0,1");
+  add("device", "NAME",
+      "auto (default) | cpu | host:N | host:N,M (threads of each host device) | gpu:all | gpu:0,1 | "
+      "reference (slow, to compare with)");
   add("device-memory", "SIZE", "memory budget of each device, for instance 2GiB (default: what is free)");
   add("host-memory", "SIZE", "memory budget on the host, for instance 512M (default: what is free)");
   add("pinned-memory", "SIZE",

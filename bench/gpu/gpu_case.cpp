@@ -53,7 +53,7 @@ void lay_out_for_host(GpuCase& c, bool single, base::ThreadPool& pool) {
 template <class T>
 GpuNumbers<T>::GpuNumbers(const GpuCase& c, base::ThreadPool& pool)
     : values(static_cast<std::size_t>(c.equations.a.nonzeros())) {
-  const double largest = solver::scale_values(c.equations, values.data(), pool);
+  const double largest = solver::scale_values(c.equations, c.equations.a.values, values.data(), pool);
   rule = {0.01, (c.kind == Kind::llt ? 0 : unit_of<T>()) * largest};
 }
 

@@ -149,6 +149,13 @@ const char* espalier_status_name(int status);
  * cannot be understood there is said by the first analysis. Where no number of threads is set, OMP_NUM_THREADS counts.
  */
 int espalier_create(espalier_solver** solver);
+/**
+ * Makes another solver for the same pattern, with the same options, which shares the analysis of `solver` and has a
+ * factor of its own: for batches, load cases and threads. It is analysed as `solver` is, not factorized. Both may be
+ * used at the same time, and either may be ended first.
+ * @param threads  of the clone, which are its own; 0: as many as `solver` has
+ */
+int espalier_clone(espalier_solver* solver, int32_t threads, espalier_solver** clone);
 /** Ends a solver; NULL is allowed. */
 void espalier_destroy(espalier_solver* solver);
 /** Why the last call on this solver failed, and what to do; "" after success. Valid until the next call on it. */

@@ -111,6 +111,8 @@ struct FactorResult {
   double determinant_sign = 0;  ///< -1, 0 or 1
   double determinant_log = 0;   ///< natural logarithm of |det A|
   Offset peak_host_bytes = 0;   ///< most bytes that this solver held on the host
+  /// Where it was done, and why, in one sentence: other than the analysis said where devices could not be used.
+  std::string device;
   std::vector<DeviceReport> devices;
 };
 
@@ -130,8 +132,9 @@ struct ConditionResult {
   double estimate = 0;  ///< 1-norm condition number, a lower bound that is rarely off by more than a factor of 3
 };
 
-/// The direct solver. One object serves one pattern at a time; objects are independent of each other. Not safe for
-/// concurrent calls on one object. One that was moved from can be assigned to or destroyed, nothing else.
+/// The direct solver. One object serves one pattern at a time; objects are independent of each other, clones too, and
+/// may be used in different threads at the same time. Not safe for concurrent calls on one object. One that was moved
+/// from can be assigned to or destroyed, nothing else.
 class Solver {
  public:
   enum class State { empty, analyzed, factorized };
@@ -165,7 +168,18 @@ class Solver {
   SolveResult solve_device(const double* b, double* x, Index columns = 1, Transpose transpose = Transpose::no,
                            void* stream = nullptr);
 
+  /// Another solver for the same pattern, with the same options, which shares this one's analysis and has a factor of
+  /// its own: for batches of systems, for load cases, for threads. Nothing is ordered again; what the clone takes at
+  /// once is memory for its values. It is analyzed (or empty, as this one), not factorized. What either does later,
+  /// even another analysis, does not touch the other. Several threads may clone one solver at the same time, as long as
+  /// nobody calls anything else on it.
+  /// @param threads  host threads of the clone, which are its own; 0: as many as this solver has. Where many clones
+  ///                 work at the same time, 1 serves best
+  /// @throws std::invalid_argument for fewer than 0 or more than 4096 threads; std::bad_alloc
+  [[nodiscard]] Solver clone(int threads = 0) const;
+
   [[nodiscard]] State state() const;
+  /// As they were given to the constructor: what the solver chose itself stands in the results.
   [[nodiscard]] const Options& options() const;
   [[nodiscard]] const AnalysisResult& analysis() const;
   /// 1-norm condition estimate of the factored matrix (Hager-Higham); costs a few solves. @pre state() == factorized
@@ -186,6 +200,7 @@ class Solver {
 
  private:
   struct Impl;
+  explicit Solver(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
 

@@ -8,32 +8,11 @@
 #include <vector>
 
 #include "base/memory.hpp"
+#include "device/device_equations.hpp"
 #include "espalier/types.hpp"
 #include "plan/plan.hpp"
 
 namespace espalier::device {
-
-/// Pivoting inside a diagonal tile.
-struct PivotRule {
-  double threshold = 0.01;  ///< u: a pivot column with an entry of L above 1/u is reported as failed
-  double tiny = 0;          ///< a pivot smaller in magnitude is replaced by +-tiny (absolute; matrix scaled to about 1)
-  /// llt: by position; a positive pivot not above it is kept, but reported as replaced. Empty: none is.
-  std::span<const double> smallest = {};
-};
-
-/// What one numeric factorization came to. Positions are those of the plan's elimination order.
-struct FactorOutcome {
-  Index not_positive = -1;      ///< llt: lowest position whose pivot was not positive (or NaN); -1: none
-  Index negative = 0;           ///< negative eigenvalues of D (ldlt), replaced pivots left out
-  Index two_by_two = 0;         ///< 2x2 pivots
-  std::vector<Index> replaced;  ///< positions of pivots that were smaller than tiny, ascending
-  std::vector<Index> failed;    ///< positions whose column of L exceeds 1/threshold, ascending
-  double determinant_sign = 1;  ///< of the factored (scaled, permuted) matrix
-  double determinant_log = 0;   ///< natural logarithm of the magnitude
-  double busy_seconds = 0;      ///< mean over workers of the time inside tasks
-  double waiting_seconds = 0;   ///< mean over workers of the time inside tasks that wait for others
-  double seconds = 0;           ///< wall time
-};
 
 /// Seconds in which a device computed, by what it did.
 struct StreamTimes {
@@ -92,6 +71,13 @@ class Executor {
   [[nodiscard]] virtual StreamReport streaming() const { return {}; }
   /// The last factorization by devices; empty where there is one, for which the outcome tells all.
   [[nodiscard]] virtual std::vector<DeviceWork> device_work() const { return {}; }
+  /// The equations in the memory of the (first) device, beside the factor, which they must not outlive. Null: this
+  /// executor works on arrays of the host alone.
+  /// @param memory_bytes  budget for what is taken besides the factor; 0: what is free
+  /// @throws Error(out_of_memory), Error(device_error)
+  virtual std::unique_ptr<DeviceEquations> make_equations(const EquationArrays& /*arrays*/, Offset /*memory_bytes*/) {
+    return nullptr;
+  }
 };
 
 }  // namespace espalier::device

@@ -48,9 +48,11 @@ double ratio(double above, double below) {
 }  // namespace
 
 ResidualOperator::ResidualOperator(const MatrixView& a, base::ThreadPool& pool)
-    : a_(a), values_(a.values), pool_(&pool) {
-  if (a.storage == Storage::symmetric_both) return;  // a column is the row
-  rows_ = matrix::index_rows(a, pool);
+    : ResidualOperator(a, rows_of(a, pool), pool) {}
+
+std::shared_ptr<const matrix::RowIndex> ResidualOperator::rows_of(const MatrixView& a, base::ThreadPool& pool) {
+  if (a.storage == Storage::symmetric_both) return std::make_shared<const matrix::RowIndex>();
+  return std::make_shared<const matrix::RowIndex>(matrix::index_rows(a, pool));
 }
 
 // Calls use0 and use1 in turn with (value, column) for every entry of a row of op(A), in a fixed order: two chains of
@@ -68,16 +70,17 @@ template <class Use0, class Use1>
     }
     if (q < end) use0(values_[q], a_.row_ind[q]);
   }
-  if (rows_.ptr.empty() || (general && transpose)) return;
-  Offset q = rows_.ptr[row];
-  const Offset end = rows_.ptr[row + 1];
+  const matrix::RowIndex& rows = *rows_;
+  if (rows.ptr.empty() || (general && transpose)) return;
+  Offset q = rows.ptr[row];
+  const Offset end = rows.ptr[row + 1];
   for (; q + 1 < end; q += 2) {
-    __builtin_prefetch(&values_[rows_.source[std::min(q + kAhead, end - 1)]]);
-    __builtin_prefetch(&values_[rows_.source[std::min(q + kAhead + 1, end - 1)]]);
-    use0(values_[rows_.source[q]], rows_.col[q]);
-    use1(values_[rows_.source[q + 1]], rows_.col[q + 1]);
+    __builtin_prefetch(&values_[rows.source[std::min(q + kAhead, end - 1)]]);
+    __builtin_prefetch(&values_[rows.source[std::min(q + kAhead + 1, end - 1)]]);
+    use0(values_[rows.source[q]], rows.col[q]);
+    use1(values_[rows.source[q + 1]], rows.col[q + 1]);
   }
-  if (q < end) use0(values_[rows_.source[q]], rows_.col[q]);
+  if (q < end) use0(values_[rows.source[q]], rows.col[q]);
 }
 
 void ResidualOperator::set_values(std::span<const double> values) {
@@ -209,7 +212,7 @@ void ResidualOperator::compute(std::span<ResidualColumn> columns, bool transpose
 RowEntries ResidualOperator::gather_row(Index row, bool transpose, std::vector<double>& values,
                                         std::vector<Index>& cols) const {
   auto most = static_cast<std::size_t>(a_.col_ptr[row + 1] - a_.col_ptr[row]);
-  if (!rows_.ptr.empty()) most += static_cast<std::size_t>(rows_.ptr[row + 1] - rows_.ptr[row]);
+  if (!rows_->ptr.empty()) most += static_cast<std::size_t>(rows_->ptr[row + 1] - rows_->ptr[row]);
   if (values.size() < most) {
     values.resize(2 * most);
     cols.resize(2 * most);
@@ -295,6 +298,6 @@ ResidualSpace::Vectors ResidualOperator::vectors(Index, Index columns) const {
   return {data, std::move(owner)};
 }
 
-Offset ResidualOperator::bytes() const { return rows_.bytes(); }
+Offset ResidualOperator::bytes() const { return rows_->bytes(); }
 
 }  // namespace espalier::solve

@@ -3,25 +3,36 @@
 /// threads.
 #pragma once
 
+#include <memory>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
+#include "device/residual_space.hpp"
 #include "espalier/matrix.hpp"
 #include "matrix/row_index.hpp"
-#include "solve/residual_space.hpp"
 #include "solve/row_sums.hpp"
 
 namespace espalier::solve {
+
+using device::BackwardError;
+using device::ResidualColumn;
+using device::ResidualSpace;
 
 /// Computes b - A x and b - A^T x for one pattern and changing values. Products are accumulated in twice the working
 /// precision (error-free transformations of Ogita, Rump and Oishi 2005).
 class ResidualOperator final : public ResidualSpace {
  public:
-  ResidualOperator() = default;
   /// Indexes the pattern of `a` (any storage; duplicates allowed) by rows. @param a must outlive the operator
   ResidualOperator(const MatrixView& a, base::ThreadPool& pool);
+  /// The same with an index that is there already (rows_of()).
+  ResidualOperator(const MatrixView& a, std::shared_ptr<const matrix::RowIndex> rows, base::ThreadPool& pool)
+      : a_(a), values_(a.values), pool_(&pool), rows_(std::move(rows)) {}
+  /// The index that operators of a pattern share; without entries where both triangles are stored: there a column is
+  /// the row.
+  static std::shared_ptr<const matrix::RowIndex> rows_of(const MatrixView& a, base::ThreadPool& pool);
 
   /// New values, in the order of `a`. The span must stay valid while the operator is used.
   void set_values(std::span<const double> values);
@@ -41,7 +52,7 @@ class ResidualOperator final : public ResidualSpace {
   bool add(const double* from, double* to) const override;
   [[nodiscard]] Vectors vectors(Index slot, Index columns) const override;
   /// Of the pattern; empty where both triangles are stored.
-  [[nodiscard]] const matrix::RowIndex& row_index() const { return rows_; }
+  [[nodiscard]] const matrix::RowIndex& row_index() const { return *rows_; }
   [[nodiscard]] Offset bytes() const;
 
  private:
@@ -59,7 +70,7 @@ class ResidualOperator final : public ResidualSpace {
   MatrixView a_;
   std::span<const double> values_;
   base::ThreadPool* pool_ = nullptr;
-  matrix::RowIndex rows_;
+  std::shared_ptr<const matrix::RowIndex> rows_;
   mutable double norm_inf_ = -1;  // -1: not known yet
   mutable double norm_one_ = -1;
 };

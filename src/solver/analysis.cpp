@@ -1,20 +1,18 @@
+#include "solver/analysis.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <utility>
 
+#include "analysis/ordering.hpp"
 #include "analysis/verify.hpp"
-#include "base/beside.hpp"
-#include "base/forks.hpp"
-#include "device/cuda/executor/cuda_executor.hpp"
-#include "device/cuda/tables/device_plan.hpp"
-#include "device/host/host_executor.hpp"
 #include "matrix/validate.hpp"
+#include "solve/residual.hpp"
 #include "solver/analysis_file.hpp"
 #include "solver/option_text.hpp"
-#include "solver/solver_impl.hpp"
 
-namespace espalier {
+namespace espalier::solver {
 
 namespace {
 
@@ -32,178 +30,192 @@ Offset plan_bytes(const plan::Plan& p) {
          of(p.tasks) + of(p.memory.factor) * 4 + of(p.tree.parent) * 6;
 }
 
+// An analysis in the making.
+struct Draft {
+  System system;
+  Values values;
+  AnalysisResult result;
+};
+
+device::PlanWish wish_of(const System& system, const Context& context) {
+  device::PlanWish wish;
+  wish.kind = system.kind;
+  wish.precision = context.options.precision;
+  wish.max_block_size = context.options.max_block_size;
+  wish.sharing = context.options.sharing;
+  wish.threads = context.pool.size();
+  wish.machine = plan::machine_with(context.options.machine);
+  return wish;
+}
+
+Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tree, Changes changes,
+                 const Context& context) {
+  const Equations& e = system->equations;
+  device::PlanWish wish = wish_of(*system, context);
+  if (changes.free_pivots) wish.max_block_size = 0;
+  wish.devices = changes.device.devices();
+  wish.unequal = changes.device.unequal;
+  wish.speed = changes.device.speed;
+  Analysis made;
+  made.plan = plan::make_plan(std::move(tree), e.a, e.row_of_col, changes.device.backend->plan_options(wish),
+                              context.pool, system->rows.get());
+  made.system = std::move(system);
+  made.device = std::move(changes.device);
+  made.moved_pivots = changes.moved_pivots;
+  made.free_pivots = changes.free_pivots;
+  return made;
+}
+
+void describe(Analysis& a, const Context& context) {
+  AnalysisResult& r = a.result;
+  r.kind = a.kind();
+  r.nonzeros_factor = a.plan.nonzeros_factor;
+  r.flops = a.plan.flops;
+  r.fronts = a.plan.fronts();
+  for (Index f = 0; f < a.plan.fronts(); ++f) {
+    r.tiers = std::max(r.tiers, a.plan.tier[f] + 1);
+    r.largest_front = std::max(r.largest_front, a.plan.layout[f].rows);
+  }
+  r.predicted_bytes = predicted_host_bytes(a, context);
+  r.predicted_seconds = a.device.backend->predict(a.plan.tree, wish_of(*a.system, context)).on(a.device.devices());
+  r.device = a.device.reason;
+}
+
+// Chooses devices and lays out the plan: the end of every analysis.
+Analyzed finish(Draft draft, analysis::AssemblyTree tree, double start, double ordered, const Context& context) {
+  auto system = std::make_shared<const System>(std::move(draft.system));
+  Changes changes{choose_device(context.options, context.registry, tree, wish_of(*system, context))};
+  if (!changes.device.notice.empty()) context.log(changes.device.notice);
+  auto made = std::make_shared<Analysis>(lay_out(std::move(system), std::move(tree), std::move(changes), context));
+  made->result = std::move(draft.result);
+  made->result.plan_seconds = base::now_seconds() - ordered;
+  describe(*made, context);
+  AnalysisResult& r = made->result;
+  r.seconds = base::now_seconds() - start;
+  context.log(
+      fmt::format("analysis: {} fronts in {} tiers, largest {}, {:.3g} entries of the factor, {:.3g} flops, {:.3f} s",
+                  r.fronts, r.tiers, r.largest_front, static_cast<double>(r.nonzeros_factor), r.flops, r.seconds));
+  return {std::move(made), std::move(draft.values)};
+}
+
+// A copy of the matrix, scaled and matched for `kind`; then ordered.
+Draft prepare(const MatrixView& a, Kind kind, const Context& context) {
+  Draft draft;
+  draft.system.kind = kind;
+  draft.system.equations = copy_equations(a, kind, context.pool);
+  const double copied = base::now_seconds();
+  scale_and_match(draft.system.equations, kind, context.options, context.pool);
+  draft.result.matching_seconds = base::now_seconds() - copied;
+  return draft;
+}
+
+analysis::AssemblyTree order(Draft& draft, const Context& context) {
+  const double start = base::now_seconds();
+  const Equations& e = draft.system.equations;
+  draft.system.rows = solve::ResidualOperator::rows_of(e.a, context.pool);
+  analysis::TreeOptions options;
+  options.permutation = context.options.permutation;
+  options.pair = e.pair;
+  options.zero_diagonal = e.zero_diagonal;
+  analysis::TreeStatistics statistics;
+  const analysis::Graph graph = analysis::graph_of(e.a, context.pool, e.row_of_col, draft.system.rows.get());
+  analysis::AssemblyTree tree = analysis::build_tree(graph, options, context.pool, &statistics);
+  draft.result.ordering_seconds = base::now_seconds() - start;
+  return tree;
+}
+
+// What the analysis does not need any more.
+void give_values_away(Draft& draft) { draft.values = std::exchange(draft.system.equations.a.values, {}); }
+
+Analyzed complete(Draft draft, double start, const Context& context) {
+  analysis::AssemblyTree tree = order(draft, context);
+  give_values_away(draft);
+  return finish(std::move(draft), std::move(tree), start, base::now_seconds(), context);
+}
+
+// A tree that comes from a file may be anything.
+void check_tree(const std::string& path, const System& system, const analysis::AssemblyTree& tree,
+                const Context& context) {
+  const Equations& e = system.equations;
+  const analysis::Graph graph = analysis::graph_of(e.a, context.pool, e.row_of_col, system.rows.get());
+  if (const std::string wrong = analysis::verify_tree(graph, tree); !wrong.empty())
+    throw Error(StatusCode::invalid_input,
+                fmt::format("{}: the file is not a valid analysis of this matrix: {}; analyze the matrix and save the "
+                            "analysis again",
+                            path, wrong));
+}
+
 }  // namespace
 
-Offset Solver::Impl::analysis_bytes() const { return equations.bytes() + residual.bytes() + plan_bytes(plan); }
+Offset Analysis::bytes() const {
+  const Offset values = system->equations.a.nonzeros() * static_cast<Offset>(sizeof(double));
+  return system->bytes() + values + plan_bytes(plan);
+}
 
-Offset Solver::Impl::predicted_host_bytes() const {
-  const Offset n = equations.n(), entries = equations.a.nonzeros();
-  const Offset value_bytes = single() ? sizeof(float) : sizeof(double);
-  const Offset numbers = single() ? device::host::host_bytes<float>(plan, kind, pool.size())
-                                  : device::host::host_bytes<double>(plan, kind, pool.size());
+Offset predicted_host_bytes(const Analysis& a, const Context& context) {
+  const Offset n = a.n(), entries = a.system->equations.a.nonzeros();
+  const Offset value_bytes = context.single() ? sizeof(float) : sizeof(double);
+  const Offset numbers =
+      a.device.backend->executor_bytes(a.plan, a.kind(), context.options.precision, context.pool.size());
   const Offset vectors = 4 * n * static_cast<Offset>(sizeof(double));  // of llt's smallest pivots, of the refinement
-  return analysis_bytes() + numbers + (entries + n) * value_bytes + vectors;
+  return a.bytes() + numbers + (entries + n) * value_bytes + vectors;
 }
 
-// @throws Error(out_of_memory) where the budget is too small for the factorization as it is planned
-void Solver::Impl::charge_analysis() {
-  budget.give_back(std::exchange(charged, 0));
-  const bool in_core =
-      device.backend == solver::DeviceChoice::Backend::host &&
-      !(device.budgeted && (options.device_memory_bytes > 0 || !options.device_memory_each_bytes.empty()));
-  const Offset limit = budget.limit(), needed = in_core ? predicted_host_bytes() : analysis_bytes();
-  if (limit > 0 && needed > limit)
-    throw Error(
-        StatusCode::out_of_memory,
-        fmt::format(
-            "the factorization needs {} on the host, its budget is {}; a budget of at least {} bytes would do, or "
-            "fewer threads",
-            base::format_bytes(needed), base::format_bytes(limit), needed));
-  budget.take(analysis_bytes());
-  charged = analysis_bytes();
-}
-
-void Solver::Impl::analyze(const MatrixView& a) {
+Analyzed analyze(const MatrixView& a, const Context& context) {
   const double start = base::now_seconds();
-  state = State::empty;
-  check_matrix(a, pool);
-  const Kind wish = options.kind;
-  const Kind chosen = solver::choose_kind(a, wish, pool);
-  kind_may_change = wish == Kind::automatic && chosen == Kind::llt;
-  moved_pivots = 0;
-  free_pivots = false;
-  analyze_as(a, chosen);
-  describe_plan(start);
+  check_matrix(a, context.pool);
+  const Kind wish = context.options.kind;
+  const Kind chosen = choose_kind(a, wish, context.pool);
+  Draft draft = prepare(a, chosen, context);
+  draft.system.kind_may_change = wish == Kind::automatic && chosen == Kind::llt;
+  return complete(std::move(draft), start, context);
 }
 
-// The driver's start and the contexts take as long as an analysis.
-void Solver::Impl::open_gpus() {
-  if (gpus_open.valid() || !options.device.starts_with("gpu")) return;
-  gpu_forks = base::forks();
-  gpus_open = base::start_beside([device = options.device] { device::cuda::open_devices(solver::named_gpus(device)); });
-}
-
-void Solver::Impl::analyze_as(const MatrixView& a, Kind chosen) {
-  open_gpus();
-  numeric.reset();
-  kind = chosen;
-  analysis = AnalysisResult{};
-  equations = solver::copy_equations(a, kind, pool);
-  const double copied = base::now_seconds();
-  solver::scale_and_match(equations, kind, options, pool);
-  const double matched = base::now_seconds();
-  analysis.matching_seconds = matched - copied;
-
-  analysis::TreeOptions tree_options;
-  tree_options.permutation = options.permutation;
-  tree_options.pair = equations.pair;
-  tree_options.zero_diagonal = equations.zero_diagonal;
-  analysis::TreeStatistics statistics;
-  analysis::AssemblyTree tree;
-  residual = solve::ResidualOperator(equations.a, pool);
-  {
-    const analysis::Graph graph = analysis::graph_of(equations.a, pool, equations.row_of_col, &residual.row_index());
-    tree = analysis::build_tree(graph, tree_options, pool, &statistics);
-  }
-  const double ordered = base::now_seconds();
-  analysis.ordering_seconds = ordered - matched;
-  lay_out_plan(std::move(tree));
-  analysis.plan_seconds = base::now_seconds() - ordered;
-}
-
-void Solver::Impl::lay_out_plan(analysis::AssemblyTree tree) {
-  const plan::Machine machine = plan::machine_with(options.machine);
-  predicted = solver::predict_time(tree, kind, single(), pool.size(), machine);
-  device = solver::choose_device(options, predicted);
-  if (free_pivots && device.backend == solver::DeviceChoice::Backend::cuda) {
-    device = solver::DeviceChoice();
-    device.budgeted = false;
-  }
-  if (!device.notice.empty()) log(device.notice);
-  if (device.backend == solver::DeviceChoice::Backend::cuda) {
-    device::cuda::DeviceTuning tuning;
-    tuning.max_block_size = options.max_block_size;
-    tuning.machine = machine.gpu;
-    plan::PlanOptions gpu_options = device::cuda::cuda_plan_options(kind, tuning, device.devices);
-    gpu_options.additional_subtrees = options.sharing.additional_subtrees;
-    gpu_options.stealing = options.sharing.stealing && device.unequal;  // among equal ones it only costs (measured)
-    gpu_options.shared_top = options.sharing.shared_top;
-    gpu_options.device_speed = device.speed;
-    plan =
-        plan::make_plan(std::move(tree), equations.a, equations.row_of_col, gpu_options, pool, &residual.row_index());
-    return;
-  }
-  plan::PlanOptions plan_options;
-  plan_options.tiles.panel = static_cast<Index>(single() ? 64 / sizeof(float) : 64 / sizeof(double));
-  plan_options.tiles.max_block_size = free_pivots ? 0 : options.max_block_size;
-  plan_options.machine = machine.host;
-  plan_options.unsymmetric = kind == Kind::lu;
-  plan_options.ldlt = kind == Kind::ldlt;
-  plan_options.devices = device.devices;
-  plan_options.additional_subtrees = options.sharing.additional_subtrees;
-  plan_options.stealing = options.sharing.stealing;
-  plan_options.shared_top = options.sharing.shared_top;
-  plan_options.interleave = static_cast<Index>(2 * pool.size());
-  plan_options.reuse_distance = static_cast<Index>(16 * pool.size());
-  plan = plan::make_plan(std::move(tree), equations.a, equations.row_of_col, plan_options, pool, &residual.row_index());
-}
-
-void Solver::Impl::describe_plan(double start) {
-  AnalysisResult& r = analysis;
-  r.kind = kind;
-  r.nonzeros_factor = plan.nonzeros_factor;
-  r.flops = plan.flops;
-  r.fronts = plan.fronts();
-  for (Index f = 0; f < plan.fronts(); ++f) {
-    r.tiers = std::max(r.tiers, plan.tier[f] + 1);
-    r.largest_front = std::max(r.largest_front, plan.layout[f].rows);
-  }
-  r.predicted_bytes = predicted_host_bytes();
-  const bool on_gpu = device.backend == solver::DeviceChoice::Backend::cuda;
-  r.predicted_seconds = on_gpu ? predicted.gpu_seconds_on(device.devices) : predicted.host_seconds;
-  r.device = device.reason;
-  state = State::analyzed;
-  r.seconds = base::now_seconds() - start;
-  log(fmt::format("analysis: {} fronts in {} tiers, largest {}, {:.3g} entries of the factor, {:.3g} flops, {:.3f} s",
-                  r.fronts, r.tiers, r.largest_front, static_cast<double>(r.nonzeros_factor), r.flops, r.seconds));
-}
-
-void Solver::Impl::load_analysis(const std::string& path, const MatrixView& a) {
+Analyzed analyze_for_ldlt(const Analysis& llt, std::span<const double> values, const Context& context) {
   const double start = base::now_seconds();
-  state = State::empty;
-  check_matrix(a, pool);
-  solver::SavedAnalysis saved = solver::read_analysis(path, solver::pattern_hash(a, pool));
-  moved_pivots = 0;
-  free_pivots = false;
-  if (options.kind != Kind::automatic && options.kind != saved.kind)
+  const Equations& before = llt.system->equations;
+  MatrixView a = before.a;
+  a.values = values;
+  Draft draft = prepare(a, Kind::ldlt, context);
+  Equations& e = draft.system.equations;
+  e.target = before.target;
+  e.caller_nonzeros = before.caller_nonzeros;
+  e.caller_pattern = before.caller_pattern;
+  e.symmetric_values = before.symmetric_values;
+  return complete(std::move(draft), start, context);
+}
+
+Analyzed load_analysis(const std::string& path, const MatrixView& a, const Context& context) {
+  const double start = base::now_seconds();
+  check_matrix(a, context.pool);
+  SavedAnalysis saved = read_analysis(path, pattern_hash(a, context.pool));
+  const Kind wish = context.options.kind;
+  if (wish != Kind::automatic && wish != saved.kind)
     throw Error(StatusCode::invalid_input, fmt::format("{}: the saved analysis is for {}, but {} was asked for", path,
-                                                       solver::name_of(saved.kind), solver::name_of(options.kind)));
-  (void)solver::choose_kind(a, saved.kind, pool);  // llt and ldlt need a symmetric matrix
-  open_gpus();
-  numeric.reset();
-  kind = saved.kind;
-  kind_may_change = options.kind == Kind::automatic && kind == Kind::llt;
-  analysis = AnalysisResult{};
-  equations = solver::copy_equations(a, kind, pool);
-  if (saved.tree.n != equations.n())
+                                                       name_of(saved.kind), name_of(wish)));
+  (void)choose_kind(a, saved.kind, context.pool);  // llt and ldlt need a symmetric matrix
+  Draft draft;
+  draft.system.kind = saved.kind;
+  draft.system.kind_may_change = wish == Kind::automatic && saved.kind == Kind::llt;
+  Equations& e = draft.system.equations = copy_equations(a, saved.kind, context.pool);
+  if (saved.tree.n != e.n())
     throw Error(StatusCode::invalid_input, path + ": the analysis belongs to a matrix of another size");
-  equations.row_scale = std::move(saved.row_scale);
-  equations.col_scale = std::move(saved.col_scale);
-  equations.row_of_col = std::move(saved.row_of_col);
-  solver::note_determinant(equations);
-  residual = solve::ResidualOperator(equations.a, pool);
-  {
-    const analysis::Graph graph = analysis::graph_of(equations.a, pool, equations.row_of_col, &residual.row_index());
-    if (const std::string wrong = analysis::verify_tree(graph, saved.tree); !wrong.empty())
-      throw Error(
-          StatusCode::invalid_input,
-          fmt::format("{}: the file is not a valid analysis of this matrix: {}; analyze the matrix and save the "
-                      "analysis again",
-                      path, wrong));
-  }
-  lay_out_plan(std::move(saved.tree));
-  analysis.plan_seconds = base::now_seconds() - start;
-  describe_plan(start);
+  e.row_scale = std::move(saved.row_scale);
+  e.col_scale = std::move(saved.col_scale);
+  e.row_of_col = std::move(saved.row_of_col);
+  note_determinant(e);
+  draft.system.rows = solve::ResidualOperator::rows_of(e.a, context.pool);
+  check_tree(path, draft.system, saved.tree, context);
+  give_values_away(draft);
+  return finish(std::move(draft), std::move(saved.tree), start, start, context);
 }
 
-}  // namespace espalier
+SharedAnalysis lay_out_again(const Analysis& before, analysis::AssemblyTree tree, Changes changes,
+                             const Context& context) {
+  auto made = std::make_shared<Analysis>(lay_out(before.system, std::move(tree), std::move(changes), context));
+  made->result = before.result;
+  if (made->device.reason != before.device.reason) made->result.device = made->device.reason;
+  return made;
+}
+
+}  // namespace espalier::solver

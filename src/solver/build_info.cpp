@@ -5,6 +5,8 @@
 #include <hwy/highway.h>
 #include <zlib.h>
 
+#include "device/registry.hpp"
+
 namespace espalier::solver {
 
 namespace {
@@ -31,7 +33,7 @@ BuildInfo build_info() {
   info.flags = ESPALIER_BUILD_FLAGS;
   info.processor = ESPALIER_PROCESSOR;
   info.sanitizers = ESPALIER_SANITIZE;
-  info.cuda = ESPALIER_WITH_CUDA != 0;
+  for (const device::Backend* b : device::registry().backends) info.backends.emplace_back(b->name());
   info.libraries = {
       {"Highway", fmt::format("{}.{}.{}", HWY_MAJOR, HWY_MINOR, HWY_PATCH)},
       {"fmt", fmt::format("{}.{}.{}", FMT_VERSION / 10000, FMT_VERSION / 100 % 100, FMT_VERSION % 100)},

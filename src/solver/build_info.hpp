@@ -15,13 +15,13 @@ struct LinkedLibrary {
 
 /// Fixed when the library was compiled.
 struct BuildInfo {
-  std::string version;     ///< of espalier, "major.minor.patch"
-  std::string build_type;  ///< "Release", "Debug", ...
-  std::string compiler;    ///< name and version
-  std::string flags;       ///< the compiler's flags beyond those of the project
-  std::string processor;   ///< "x86_64", ...
-  std::string sanitizers;  ///< empty: none
-  bool cuda = false;       ///< whether the CUDA backend is compiled in
+  std::string version;                ///< of espalier, "major.minor.patch"
+  std::string build_type;             ///< "Release", "Debug", ...
+  std::string compiler;               ///< name and version
+  std::string flags;                  ///< the compiler's flags beyond those of the project
+  std::string processor;              ///< "x86_64", ...
+  std::string sanitizers;             ///< empty: none
+  std::vector<std::string> backends;  ///< that are compiled in, as Options::device calls them
   std::vector<LinkedLibrary> libraries;
 };
 

@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <tuple>
 
 #include "base/forks.hpp"
 #include "espalier/espalier.h"
@@ -287,6 +288,21 @@ int espalier_create(espalier_solver** solver) {
     return ESPALIER_OUT_OF_MEMORY;
   }
   return ESPALIER_OK;
+}
+
+int espalier_clone(espalier_solver* solver, int32_t threads, espalier_solver** clone) {
+  if (clone == nullptr) return ESPALIER_MISUSE;
+  *clone = nullptr;
+  return guarded(solver, [&](espalier_solver& s) {
+    require(threads >= 0, "the number of threads must be 0 (as many as the solver has) or greater");
+    auto other = std::make_unique<espalier_solver>();
+    other->options = s.options;
+    std::tie(other->log, other->log_user) = std::tie(s.log, s.log_user);
+    if (s.solver) other->solver.emplace(s.solver->clone(threads));
+    std::tie(other->rows, other->nonzeros, other->transposed) = std::tie(s.rows, s.nonzeros, s.transposed);
+    *clone = other.release();
+    return Status{};
+  });
 }
 
 void espalier_destroy(espalier_solver* solver) {

@@ -3,137 +3,155 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
+#include <numeric>
 
-#include "device/cuda/executor/cuda_executor.hpp"
-#include "plan/plan.hpp"
-#include "solver/option_check.hpp"
+#include "solver/device_text.hpp"
 
 namespace espalier::solver {
 
 namespace {
 
-constexpr double kGainOfDevice = 0.9;  // another GPU must bring the predicted time below this part of it
+constexpr double kGainOfDevice = 0.9;  // another device must bring the predicted time below this part of it
 
-DeviceChoice on_gpus(const device::cuda::Availability& found, std::vector<int> gpus, std::string reason) {
-  const auto count = static_cast<int>(gpus.size());
-  const auto& names = found.devices;
-  const std::string& first = names[static_cast<std::size_t>(gpus.front())].name;
-  const bool unequal = std::any_of(gpus.begin(), gpus.end(),
-                                   [&](int gpu) { return names[static_cast<std::size_t>(gpu)].name != first; });
-  return {DeviceChoice::Backend::cuda, std::move(gpus), count, std::move(reason), true, unequal};
-}
-DeviceChoice on_host(int devices, std::string reason) {
-  return {DeviceChoice::Backend::host, {}, devices, std::move(reason), false};
-}
-
-// The GPUs that were asked for by number; none: all.
-DeviceChoice asked_for(std::vector<int> gpus) {
-  const device::cuda::Availability found = device::cuda::available_devices();
-  if (found.devices.empty()) throw Error(StatusCode::device_error, "no GPU can be used: " + found.reason);
-  const auto count = static_cast<int>(found.devices.size());
-  if (gpus.empty())
-    for (int d = 0; d < std::min(count, device::cuda::kMostDevices); ++d) gpus.push_back(d);
-  for (const int gpu : gpus)
-    if (gpu < 0 || gpu >= count)
-      throw Error(StatusCode::device_error, fmt::format("GPU {} was asked for, but this machine has {}", gpu, count));
-  std::string reason = gpus.size() == 1 ? "GPU: asked for" : fmt::format("{} GPUs: asked for", gpus.size());
-  return on_gpus(found, std::move(gpus), std::move(reason));
+DeviceChoice devices_of(const device::Backend& backend, const device::FoundDevices& found, std::vector<int> numbers,
+                        std::string reason) {
+  DeviceChoice choice;
+  choice.backend = &backend;
+  const std::string& first = found.names[static_cast<std::size_t>(numbers.front())];
+  choice.unequal = std::any_of(numbers.begin(), numbers.end(),
+                               [&](int number) { return found.names[static_cast<std::size_t>(number)] != first; });
+  choice.numbers = std::move(numbers);
+  choice.reason = std::move(reason);
+  return choice;
 }
 
-// "0" or "0,1,2": every number once, at most device::cuda::kMostDevices of them.
-std::optional<std::vector<int>> gpu_list(const std::string& text) {
-  std::vector<int> gpus;
-  const char* at = text.data();
-  const char* const end = at + text.size();
-  for (;;) {
-    int gpu = 0;
-    const auto [stop, error] = std::from_chars(at, end, gpu);
-    if (error != std::errc() || gpu < 0 || std::find(gpus.begin(), gpus.end(), gpu) != gpus.end()) return std::nullopt;
-    gpus.push_back(gpu);
-    if (static_cast<int>(gpus.size()) > device::cuda::kMostDevices) return std::nullopt;
-    if (stop == end) return gpus;
-    if (*stop != ',') return std::nullopt;
-    at = stop + 1;
+std::vector<int> first_devices(int count) {
+  std::vector<int> numbers(static_cast<std::size_t>(count));
+  std::iota(numbers.begin(), numbers.end(), 0);
+  return numbers;
+}
+
+DeviceChoice host_devices_asked_for(const device::Registry& registry, int devices) {
+  DeviceChoice choice;
+  choice.backend = &registry.host();
+  choice.numbers = first_devices(devices);
+  choice.reason = fmt::format("{} {}{}: asked for", devices, registry.host().noun(), devices == 1 ? "" : "s");
+  return choice;
+}
+
+// The devices that were asked for by number; none: all.
+DeviceChoice asked_for(const DeviceText& text, const device::Registry& registry) {
+  const device::Backend* backend = registry.find(text.backend);
+  if (backend == nullptr)
+    throw Error(StatusCode::device_error,
+                fmt::format("no {} can be used: {}", text.backend, registry.find_left_out(text.backend)->reason));
+  const device::FoundDevices found = backend->find();
+  const std::string_view noun = backend->noun();
+  if (found.names.empty())
+    throw Error(StatusCode::device_error, fmt::format("no {} can be used: {}", noun, found.reason));
+  const auto count = static_cast<int>(found.names.size());
+  std::vector<int> numbers = text.numbers;
+  if (numbers.empty()) numbers = first_devices(std::min(count, backend->limits().most_devices));
+  for (const int number : numbers)
+    if (number >= count)
+      throw Error(StatusCode::device_error,
+                  fmt::format("{} {} was asked for, but this machine has {}", noun, number, count));
+  if (static_cast<int>(numbers.size()) > backend->limits().most_devices)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("at most {} {}s can share a factorization", backend->limits().most_devices, noun));
+  std::string reason =
+      numbers.size() == 1 ? fmt::format("{}: asked for", noun) : fmt::format("{} {}s: asked for", numbers.size(), noun);
+  return devices_of(*backend, found, std::move(numbers), std::move(reason));
+}
+
+DeviceChoice named(const DeviceText& text, const device::Registry& registry) {
+  if (text.whole_host) return whole_host(registry, "host: asked for");
+  if (text.hosts) return host_devices_asked_for(registry, text.hosts->devices);
+  return asked_for(text, registry);
+}
+
+// What is known of a backend that could be faster than the host.
+struct Candidate {
+  const device::Backend* backend = nullptr;
+  device::FoundDevices found;
+  device::PredictedTime time;
+};
+
+// Backends with devices, other than the host's, and why others have none.
+std::vector<Candidate> candidates(const device::Registry& registry, const analysis::AssemblyTree& tree,
+                                  const device::PlanWish& wish, std::string& why_none) {
+  std::vector<Candidate> list;
+  const auto note = [&](std::string_view reason) {
+    why_none += why_none.empty() ? "" : "; ";
+    why_none += reason;
+  };
+  for (const device::Backend* backend : registry.backends) {
+    if (backend == &registry.host()) continue;
+    Candidate c{backend, {}, backend->predict(tree, wish)};
+    if (std::isinf(c.time.on(1))) continue;
+    c.found = backend->find();
+    if (c.found.names.empty())
+      note(c.found.reason);
+    else
+      list.push_back(std::move(c));
   }
+  for (const device::LeftOut& l : registry.left_out) note(l.reason);
+  return list;
 }
 
-DeviceChoice automatic(const PredictedTime& t, std::size_t budgets) {
-  const device::cuda::Availability found = device::cuda::available_devices();
-  if (found.devices.empty()) return on_host(1, "host: " + found.reason);
-  int most = std::min(static_cast<int>(found.devices.size()), device::cuda::kMostDevices);
-  if (budgets > 0) most = std::min(most, static_cast<int>(budgets));
-  const int count = fastest_count(t.gpu, most);
-  const std::string figures = fmt::format("predicted {:.2g} s on {} of {} GPU{}, {:.2g} s on the host",
-                                          t.gpu_seconds_on(count), count, most, most == 1 ? "" : "s", t.host_seconds);
-  if (t.gpu_seconds_on(count) >= t.host_seconds) return on_host(1, "host: " + figures);
-  std::vector<int> gpus;
-  for (int d = 0; d < count; ++d) gpus.push_back(d);
-  return on_gpus(found, std::move(gpus), "GPU: " + figures);
+DeviceChoice automatic(const device::Registry& registry, const analysis::AssemblyTree& tree,
+                       const device::PlanWish& wish, std::size_t budgets) {
+  std::string why_none;
+  const std::vector<Candidate> list = candidates(registry, tree, wish, why_none);
+  DeviceChoice best = whole_host(registry, "host: " + why_none);
+  double seconds = registry.host().predict(tree, wish).on(1);
+  const double on_host = seconds;
+  for (const Candidate& c : list) {
+    int most = std::min(static_cast<int>(c.found.names.size()), c.backend->limits().most_devices);
+    if (budgets > 0) most = std::min(most, static_cast<int>(budgets));
+    const int count = fastest_count(c.time, most);
+    const std::string figures =
+        fmt::format("predicted {:.2g} s on {} of {} {}{}, {:.2g} s on the host", c.time.on(count), count, most,
+                    c.backend->noun(), most == 1 ? "" : "s", on_host);
+    if (c.time.on(count) < seconds) {
+      seconds = c.time.on(count);
+      best = devices_of(*c.backend, c.found, first_devices(count), fmt::format("{}: {}", c.backend->noun(), figures));
+    } else if (best.backend == &registry.host()) {
+      best.reason = "host: " + figures;
+    }
+  }
+  best.ours = true;
+  return best;
+}
+
+std::vector<device::DeviceRates> measured(const DeviceChoice& choice) {
+  choice.backend->open(choice.numbers);
+  std::vector<device::DeviceRates> rates;
+  for (const int number : choice.numbers) rates.push_back(choice.backend->measure(number));
+  return rates;
 }
 
 }  // namespace
 
-int fastest_count(const plan::GpuTime& time, int most) {
+DeviceChoice whole_host(const device::Registry& registry, std::string reason) {
+  DeviceChoice choice;
+  choice.backend = &registry.host();
+  choice.reason = std::move(reason);
+  choice.budgeted = false;
+  return choice;
+}
+
+int fastest_count(const device::PredictedTime& time, int most) {
   int best = 1;
   for (int count = 2; count <= most; ++count)
     if (time.on(count) < kGainOfDevice * time.on(best)) best = count;
   return best;
 }
 
-std::optional<HostDevices> host_devices(const std::string& device, int threads) {
-  if (!device.starts_with("host:")) return std::nullopt;
-  HostDevices host;
-  const char* end = device.data() + device.size();
-  auto [stop, error] = std::from_chars(device.data() + 5, end, host.devices);
-  if (error != std::errc() || host.devices < 1) return std::nullopt;
-  host.threads = std::max(1, threads / host.devices);
-  if (stop != end) {
-    if (*stop != ',') return std::nullopt;
-    const auto [last, second_error] = std::from_chars(stop + 1, end, host.threads);
-    if (second_error != std::errc() || last != end || host.threads < 1) return std::nullopt;
-  }
-  if (std::int64_t{host.devices} * host.threads > kMostThreads) return std::nullopt;
-  return host;
-}
-
-PredictedTime predict_time(const analysis::AssemblyTree& tree, Kind kind, bool single, int threads,
-                           const plan::Machine& machine) {
-  PredictedTime t;
-  t.host_seconds = plan::host_seconds(tree, kind, single, threads, machine.host);
-  t.gpu = plan::gpu_time(tree, kind, single, machine.gpu);
-  t.gpu_seconds = machine.gpu.start + t.gpu.on(1);
-  return t;
-}
-
-namespace {
-
-DeviceChoice choose(const Options& options, const PredictedTime& predicted) {
-  const std::string& text = options.device;
-  if (text == "auto") return automatic(predicted, options.device_memory_each_bytes.size());
-  if (text == "cpu") return on_host(1, "host: asked for");
-  if (const auto host = host_devices(text, 1)) {
-    DeviceChoice choice = on_host(
-        host->devices, fmt::format("{} host device{}: asked for", host->devices, host->devices == 1 ? "" : "s"));
-    choice.budgeted = true;
-    return choice;
-  }
-  if (text == "gpu:all") return asked_for({});
-  if (text.starts_with("gpu:"))
-    if (auto gpus = gpu_list(text.substr(4))) return asked_for(std::move(*gpus));
-  throw Error(StatusCode::invalid_input, fmt::format("device '{}' is not known; use {}", text, kDeviceTexts));
-}
-
-}  // namespace
-
-bool is_device(const std::string& text) {
-  if (text == "auto" || text == "cpu" || text == "gpu:all" || host_devices(text, 1)) return true;
-  return text.starts_with("gpu:") && gpu_list(text.substr(4));
-}
-
-DeviceChoice leave_out(DeviceChoice choice, const std::vector<device::cuda::DeviceRates>& rates) {
-  constexpr double kSlow = 0.25;  // a GPU below this part of the fastest makes its blocks of the top too late for all
+DeviceChoice leave_out(DeviceChoice choice, const std::vector<device::DeviceRates>& rates) {
+  constexpr double kSlow =
+      0.25;  // a device below this part of the fastest makes its blocks of the top too late for all
   constexpr double kSteps = 8;
   double best = 0, copy = 0;
   for (const auto& r : rates) {
@@ -142,23 +160,23 @@ DeviceChoice leave_out(DeviceChoice choice, const std::vector<device::cuda::Devi
     copy = std::max(copy, r.copy_bytes);
   }
   DeviceChoice kept = choice;
-  kept.gpus.clear();
+  kept.numbers.clear();
   for (std::size_t k = 0; k < rates.size(); ++k) {
     const double speed = best > 0 ? rates[k].flops / best : 0;
     const bool refused = !rates[k].refused.empty();
     if (refused || speed < kSlow) {
       kept.notice += fmt::format(
-          "{}GPU {} is left out: {}", kept.notice.empty() ? "" : "; ", choice.gpus[k],
+          "{}{} {} is left out: {}", kept.notice.empty() ? "" : "; ", choice.backend->noun(), choice.numbers[k],
           refused ? rates[k].refused : fmt::format("it has {:.0f} % of the speed of the fastest", 100 * speed));
       continue;
     }
-    kept.gpus.push_back(choice.gpus[k]);
+    kept.numbers.push_back(choice.numbers[k]);
     kept.places.push_back(k);
     kept.speed.push_back(std::round(kSteps * speed) / kSteps);
   }
   kept.reason += fmt::format("; measured {:.1f} TFLOP/s and {:.1f} TB/s on the fastest", 1e-12 * best, 1e-12 * copy);
-  if (kept.gpus.empty()) throw Error(StatusCode::device_error, "no GPU can be used: " + kept.notice);
-  kept.devices = static_cast<int>(kept.gpus.size());
+  if (kept.numbers.empty())
+    throw Error(StatusCode::device_error, fmt::format("no {} can be used: {}", choice.backend->noun(), kept.notice));
   if (std::all_of(kept.speed.begin(), kept.speed.end(), [](double s) { return s == 1; }))
     kept.speed.clear();
   else
@@ -166,28 +184,56 @@ DeviceChoice leave_out(DeviceChoice choice, const std::vector<device::cuda::Devi
   return kept;
 }
 
-std::vector<int> named_gpus(const std::string& device) {
-  Options options;
-  options.device = device;
+std::optional<DeviceChoice> named_devices(const std::string& device, const device::Registry& registry) {
+  const auto text = read_device(device, registry);
+  if (!text || text->automatic) return std::nullopt;
   try {
-    return choose(options, {}).gpus;
+    return named(*text, registry);
   } catch (const Error&) {
-    return {};
+    return std::nullopt;
   }
 }
 
-DeviceChoice choose_device(const Options& options, const PredictedTime& predicted) {
-  DeviceChoice choice = choose(options, predicted);
-  const auto budgets = static_cast<int>(options.device_memory_each_bytes.size());
-  if (budgets > 0 && choice.budgeted && budgets != choice.devices && options.device != "auto")
+DeviceChoice choose_device(const Options& options, const device::Registry& registry, const analysis::AssemblyTree& tree,
+                           const device::PlanWish& wish) {
+  const auto text = read_device(options.device, registry);
+  if (!text)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("device '{}' is not known; use {}", options.device, kDeviceTexts));
+  const std::size_t budgets = options.device_memory_each_bytes.size();
+  DeviceChoice choice = text->automatic ? automatic(registry, tree, wish, budgets) : named(*text, registry);
+  if (budgets > 0 && choice.budgeted && !choice.ours && static_cast<int>(budgets) != choice.devices())
     throw Error(StatusCode::invalid_input,
                 fmt::format("{} budgets of device memory for {} device{}: give one for all, or one for each", budgets,
-                            choice.devices, choice.devices == 1 ? "" : "s"));
-  if (choice.backend == DeviceChoice::Backend::host || choice.devices == 1) return choice;
-  device::cuda::open_devices(choice.gpus);
-  std::vector<device::cuda::DeviceRates> rates;
-  for (const int gpu : choice.gpus) rates.push_back(device::cuda::measured_rates(gpu));
+                            choice.devices(), choice.devices() == 1 ? "" : "s"));
+  if (choice.devices() == 1 || !choice.backend->limits().own_memory) return choice;
+  const auto rates = measured(choice);
   return leave_out(std::move(choice), rates);
+}
+
+std::optional<DeviceChoice> take_over(const DeviceChoice& failed, const std::string& why,
+                                      const device::Registry& registry) {
+  if (!failed.ours || failed.backend == &registry.host()) return std::nullopt;
+  DeviceChoice next = whole_host(registry, "the host: " + why);
+  if (failed.devices() > 1) {
+    next = DeviceChoice{};
+    next.backend = failed.backend;
+    next.numbers = {failed.numbers.front()};
+    next.reason = fmt::format("one {}: {}", failed.backend->noun(), why);
+    next.places = {failed.places.empty() ? 0 : failed.places.front()};
+  }
+  next.ours = true;
+  return next;
+}
+
+std::vector<Offset> budgets_of(const DeviceChoice& choice, const Options& options) {
+  const auto count = choice.numbers.size();
+  if (!choice.budgeted) return std::vector<Offset>(count, 0);
+  const std::vector<Offset>& each = options.device_memory_each_bytes;
+  std::vector<Offset> list(count, options.device_memory_bytes);
+  for (std::size_t d = 0; d < count && !each.empty(); ++d)
+    list[d] = each[std::min(choice.places.empty() ? d : choice.places[d], each.size() - 1)];
+  return list;
 }
 
 }  // namespace espalier::solver

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "analysis/matching.hpp"
+#include "base/scalar.hpp"
 #include "device/determinant.hpp"
 #include "matrix/norms.hpp"
 #include "matrix/transform.hpp"
@@ -198,7 +199,7 @@ Equations copy_equations(const MatrixView& a, Kind kind, base::ThreadPool& pool)
   if (e.symmetric_values) e.a.storage = Storage::symmetric_both;
   e.a.values.resize(e.a.row_ind.size());
   if (!a.values.empty())
-    copy_values(e, a.values, pool);
+    copy_values(e, a.values, e.a.values, pool);
   else
     pool.for_each_piece(e.a.nonzeros(), kEntries, [&](std::int64_t begin, std::int64_t end) {
       std::fill(e.a.values.begin() + begin, e.a.values.begin() + end, 1.0);
@@ -206,23 +207,24 @@ Equations copy_equations(const MatrixView& a, Kind kind, base::ThreadPool& pool)
   return e;
 }
 
-void copy_values(Equations& e, std::span<const double> values, base::ThreadPool& pool) {
+void copy_values(const Equations& e, std::span<const double> from, Values& to, base::ThreadPool& pool) {
   std::vector<double> sums;
   if (!e.target.empty()) {
-    sums.assign(e.source.empty() ? e.a.values.size() : static_cast<std::size_t>(e.a.nonzeros()), 0.0);
-    for (std::size_t q = 0; q < e.target.size(); ++q) sums[static_cast<std::size_t>(e.target[q])] += values[q];
-    values = sums;
+    sums.assign(e.source.empty() ? to.size() : static_cast<std::size_t>(e.a.nonzeros()), 0.0);
+    for (std::size_t q = 0; q < e.target.size(); ++q) sums[static_cast<std::size_t>(e.target[q])] += from[q];
+    from = sums;
   }
   pool.for_each_piece(e.a.nonzeros(), kEntries, [&](std::int64_t begin, std::int64_t end) {
     if (e.source.empty()) {
-      std::copy(values.begin() + begin, values.begin() + end, e.a.values.begin() + begin);
+      std::copy(from.begin() + begin, from.begin() + end, to.begin() + begin);
     } else {
       for (auto q = static_cast<std::size_t>(begin); q < static_cast<std::size_t>(end); ++q)
-        e.a.values[q] = values[static_cast<std::size_t>(e.source[q])];
+        to[q] = from[static_cast<std::size_t>(e.source[q])];
     }
   });
   if (!e.symmetric_values) return;
   MatrixView general = e.a;
+  general.values = to;
   general.storage = Storage::general;
   if (!matrix::values_are_symmetric(general))
     throw Error(
@@ -276,11 +278,12 @@ void note_determinant(Equations& e) {
            std::any_of(e.col_scale.begin(), e.col_scale.end(), far);
 }
 
-[[noreturn]] void refuse_entry(const Equations& e) {
+[[noreturn]] void refuse_entry(const Equations& e, std::span<const double> values) {
   for (Index c = 0; c < e.n(); ++c)
     for (Offset q = e.a.col_ptr[c]; q < e.a.col_ptr[c + 1]; ++q)
-      if (!std::isfinite(e.a.values[q]))
-        throw Error(StatusCode::invalid_input, fmt::format("entry ({}, {}) is {}", e.a.row_ind[q], c, e.a.values[q]),
+      if (!std::isfinite(values[static_cast<std::size_t>(q)]))
+        throw Error(StatusCode::invalid_input,
+                    fmt::format("entry ({}, {}) is {}", e.a.row_ind[q], c, values[static_cast<std::size_t>(q)]),
                     e.a.row_ind[q]);
   throw Error(
       StatusCode::invalid_input,
@@ -301,14 +304,14 @@ double wide_product(double a, double s, double r) {
 // FP64: the squares of such entries are numbers still. FP32: the entries are, and so are pivots that count.
 template <class T>
 bool fits(double largest) {
-  constexpr double kFar = sizeof(T) == sizeof(double) ? 0x1p480 : 0x1p100;
+  constexpr double kFar = base::keeps_fp64<T> ? 0x1p480 : 0x1p100;
   return largest == 0 || (largest < kFar && largest > 1 / kFar);
 }
 
 }  // namespace
 
 template <class T>
-double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool) {
+double scale_values(const Equations& e, std::span<const double> values, T* scaled, base::ThreadPool& pool) {
   constexpr std::int64_t kColumnsPerPiece = 4096;
   std::atomic<double> largest{0};
   std::atomic<bool> finite{true};
@@ -320,7 +323,7 @@ double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool) {
       for (Offset q = e.a.col_ptr[c]; q < e.a.col_ptr[c + 1]; ++q) {
         const auto at = static_cast<std::size_t>(q);
         const double r = e.row_scale.empty() ? 1.0 : e.row_scale[static_cast<std::size_t>(e.a.row_ind[at])];
-        scaled[at] = static_cast<T>(e.wide ? wide_product(e.a.values[at], s, r) : e.a.values[at] * s * r);
+        scaled[at] = static_cast<T>(e.wide ? wide_product(values[at], s, r) : values[at] * s * r);
         const auto magnitude = std::abs(static_cast<double>(scaled[at]));
         most = std::max(most, magnitude);
         fine = fine && magnitude <= std::numeric_limits<double>::max();
@@ -331,12 +334,12 @@ double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool) {
     while (most > known && !largest.compare_exchange_weak(known, most)) {
     }
   });
-  if (!finite || !fits<T>(largest.load())) refuse_entry(e);
+  if (!finite || !fits<T>(largest.load())) refuse_entry(e, values);
   return largest;
 }
 
-template double scale_values(const Equations&, double*, base::ThreadPool&);
-template double scale_values(const Equations&, float*, base::ThreadPool&);
+template double scale_values(const Equations&, std::span<const double>, double*, base::ThreadPool&);
+template double scale_values(const Equations&, std::span<const double>, float*, base::ThreadPool&);
 
 std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> order, base::ThreadPool& pool) {
   constexpr std::int64_t kColumns = 4096;  // per piece of work

@@ -30,10 +30,15 @@ struct StoredMatrix {
   }
 };
 
+/// Values of the entries of Equations::a, in their order.
+using Values = analysis::LazyVector<double>;
+
 /// A copy of the caller's matrix in the form that the factorization kind needs, and the transformation to the scaled,
 /// row-permuted matrix B = R P A C that is factored: B(c', c) = r_i a_ic c_c with i = row_of_col[c'].
 struct Equations {
-  StoredMatrix a;                 ///< general storage for lu, a symmetric one otherwise
+  /// General storage for lu, a symmetric one otherwise. An analysis has given the values away: each of its factors has
+  /// its own.
+  StoredMatrix a;
   std::vector<Offset> target;     ///< entry to which each of the caller's values is added; empty: no duplicates
   std::vector<Offset> source;     ///< lu of symmetric storage: entry before expansion of each entry of `a`; else empty
   bool symmetric_values = false;  ///< stored in general, taken as symmetric: new values must be symmetric as well
@@ -66,9 +71,9 @@ Kind choose_kind(const MatrixView& a, Kind wish, base::ThreadPool& pool);
 /// symmetric one is expanded for lu. Duplicates are summed, so that errors are measured against the entries themselves.
 Equations copy_equations(const MatrixView& a, Kind kind, base::ThreadPool& pool);
 
-/// Takes new values from the caller's array. @pre values.size() == e.caller_nonzeros
-/// @throws Error(invalid_input) when a matrix in general storage that was analyzed as symmetric is so no more
-void copy_values(Equations& e, std::span<const double> values, base::ThreadPool& pool);
+/// Takes new values from the caller's array to those of e.a. @pre from.size() == e.caller_nonzeros
+/// @throws Error(invalid_input) when a matrix in general storage was analyzed as symmetric and its new values are not
+void copy_values(const Equations& e, std::span<const double> from, Values& to, base::ThreadPool& pool);
 
 /// Whether `a` has the pattern from which `e` was copied.
 bool same_pattern(const Equations& e, const MatrixView& a, base::ThreadPool& pool);
@@ -84,14 +89,14 @@ void scale_and_match(Equations& e, Kind kind, const Options& options, base::Thre
 void note_determinant(Equations& e);
 
 /// Throws Error(invalid_input) naming an entry that is not finite, or saying that scaling made one so.
-[[noreturn]] void refuse_entry(const Equations& e);
+[[noreturn]] void refuse_entry(const Equations& e, std::span<const double> values);
 
-/// scaled[q] = r_i a_ij c_j for the entries of e.a in their order. @returns the largest magnitude
+/// scaled[q] = r_i a_ij c_j for the entries of e.a in their order; `values` are the a_ij. @returns the largest
+/// magnitude
 /// @throws Error(invalid_input) naming an entry that is not finite, or saying that the values have gone too far from
-/// the
-///         analyzed ones for their scaling
+///         the analyzed ones for their scaling
 template <class T>
-double scale_values(const Equations& e, T* scaled, base::ThreadPool& pool);
+double scale_values(const Equations& e, std::span<const double> values, T* scaled, base::ThreadPool& pool);
 
 /// By position of the elimination: where the diagonal entry stands among the values of `a`. Empty when one is missing.
 std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> order, base::ThreadPool& pool);

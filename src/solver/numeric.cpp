@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "device/cuda/executor/cuda_executor.hpp"
+#include "base/scalar.hpp"
 #include "solver/executor_choice.hpp"
 
 namespace espalier::solver {
@@ -16,30 +16,33 @@ constexpr Index kMostColumnsAtOnce = 32;  // right-hand sides per sweep: 32 doub
 template <class T>
 class NumericOf final : public Numeric {
  public:
-  NumericOf(const plan::Plan& plan, const Equations& equations, const solve::ResidualOperator& residual,
-            const NumericOptions& options, base::ThreadPool& pool, base::MemoryBudget& budget, base::Timeline* timeline)
-      : plan_(plan),
-        equations_(equations),
-        options_(options),
-        pool_(pool),
-        budget_(budget),
-        rule_{options.threshold, 0},
-        executor_(make_executor<T>(plan, options, rule_, pool, budget, timeline)) {
-    take_device_system(residual);
-    if (device_ != nullptr) return;
-    values_ = base::Buffer<T>(equations.a.nonzeros(), &budget);
-    if (options.kind == Kind::llt && sizeof(T) == sizeof(double))
-      diagonal_ = diagonal_places(equations.a, plan.tree.order, pool);
+  NumericOf(const Analysis& analysis, std::span<const double> values, const Context& context)
+      : plan_(analysis.plan),
+        equations_(analysis.system->equations),
+        given_(values),
+        pool_(context.pool),
+        budget_(context.budget),
+        rule_{context.options.pivot_threshold, 0},
+        executor_(make_executor<T>(analysis, rule_, context)) {
+    // A Cholesky pivot is judged by its diagonal entry where no digit of that was lost.
+    if (analysis.kind() == Kind::llt && base::keeps_fp64<T>)
+      diagonal_ = diagonal_places(equations_.a, plan_.tree.order, pool_);
+    take_device_equations(analysis, context);
+    if (device_ != nullptr) {
+      diagonal_ = {};
+      return;
+    }
+    values_ = base::Buffer<T>(equations_.a.nonzeros(), &budget_);
     smallest_.resize(diagonal_.size());
   }
 
   device::FactorOutcome factorize() override {
     if (device_ != nullptr) {
-      if (auto outcome = device_->factorize(options_.smallest_pivot)) return *outcome;
-      refuse_entry(equations_);
+      if (auto outcome = device_->factorize(smallest_pivot_)) return *outcome;
+      refuse_entry(equations_, given_);
     }
-    const double largest = scale_values(equations_, values_.data(), pool_);
-    rule_.tiny = options_.smallest_pivot * largest;
+    const double largest = scale_values(equations_, given_, values_.data(), pool_);
+    rule_.tiny = smallest_pivot_ * largest;
     for (std::size_t k = 0; k < smallest_.size(); ++k)
       smallest_[k] = kRoundingOfPivot * values_[diagonal_[static_cast<std::size_t>(k)]];
     rule_.smallest = smallest_;
@@ -47,12 +50,12 @@ class NumericOf final : public Numeric {
     return executor_->factorize(values_.span());
   }
 
-  DeviceSystem* device_system() override { return device_.get(); }
+  device::DeviceEquations* device_equations() override { return device_.get(); }
   std::optional<device::FactorOutcome> factorize_device(const double* values) override {
     device_->take_values(values);
-    return device_->factorize(options_.smallest_pivot);
+    return device_->factorize(smallest_pivot_);
   }
-  void set_smallest_pivot(double smallest_pivot) override { options_.smallest_pivot = smallest_pivot; }
+  void set_smallest_pivot(double smallest_pivot) override { smallest_pivot_ = smallest_pivot; }
 
   // One by one where the budget has no room for several right-hand sides.
   void solve(const double* b, double* x, Index columns, bool transpose) override {
@@ -78,19 +81,40 @@ class NumericOf final : public Numeric {
   [[nodiscard]] std::vector<device::DeviceWork> device_work() const override { return executor_->device_work(); }
 
  private:
-  // One GPU or several keep the equations beside the factor when memory allows; else refinement works on the host.
-  void take_device_system(const solve::ResidualOperator& residual) {
-    auto* executor = dynamic_cast<device::cuda::CudaExecutor<T>*>(executor_.get());
-    if (executor == nullptr || equations_.wide) return;  // a GPU scales by plain products
+  // Devices that can keep the equations beside the factor do when memory allows; else refinement works on the host.
+  void take_device_equations(const Analysis& analysis, const Context& context) {
+    if (equations_.wide) return;  // devices scale by plain products
     Offset left = 0;
-    if (const Offset budget = options_.device_memory_bytes.front(); budget > 0)
-      left = std::max<Offset>(1, budget - executor->peak_bytes());
+    if (const Offset budget = budgets_of(analysis.device, context.options).front(); budget > 0)
+      left = std::max<Offset>(1, budget - executor_->peak_bytes());
     try {
-      device_ = make_device_system<T>(plan_, equations_, residual, options_.kind, *executor,
-                                      options_.device.gpus.front(), left, pool_);
+      device_ = executor_->make_equations(device_arrays(*analysis.system), left);
     } catch (const Error& e) {
       if (e.status().code != StatusCode::out_of_memory) throw;
     }
+  }
+
+  device::EquationArrays device_arrays(const System& system) {
+    device::EquationArrays arrays;
+    const auto indexed = static_cast<std::size_t>(system.rows->col.size());
+    arrays.pattern = equations_.a;
+    arrays.row_ptr = system.rows->ptr;
+    arrays.row_col = {system.rows->col.data(), indexed};
+    arrays.row_source = {system.rows->source.data(), indexed};
+    arrays.order = plan_.tree.order;
+    arrays.row_of_col = equations_.row_of_col;
+    arrays.row_scale = equations_.row_scale;
+    arrays.col_scale = equations_.col_scale;
+    arrays.diagonal = diagonal_;
+    arrays.rounding = kRoundingOfPivot;
+    arrays.values = given_;
+    arrays.copy = [&pool = pool_](double* to, const double* from, Offset count) {
+      constexpr std::int64_t kPiece = 1 << 16;  // doubles
+      pool.for_each_piece(count, kPiece, [&](std::int64_t begin, std::int64_t end) {
+        std::copy(from + begin, from + end, to + begin);
+      });
+    };
+    return arrays;
   }
 
   static double factor_of(const std::vector<double>& scale, Index i) {
@@ -113,7 +137,7 @@ class NumericOf final : public Numeric {
   // FP32: a right-hand side may be far from 1 where the scaled matrix is not. It is measured in a power of two, which
   // changes no digit.
   void find_units(const double* b, Index columns, bool transpose) {
-    if (sizeof(T) == sizeof(double)) return;
+    if (base::keeps_fp64<T>) return;
     unit_.assign(static_cast<std::size_t>(columns), 1);
     const Index n = plan_.tree.n;
     pool_.for_each_piece(columns, 1, [&](std::int64_t c, std::int64_t) {
@@ -130,10 +154,10 @@ class NumericOf final : public Numeric {
   }
 
   [[nodiscard]] T in_unit(double v, Index c) const {
-    return static_cast<T>(sizeof(T) == sizeof(double) ? v : v / unit_[static_cast<std::size_t>(c)]);
+    return static_cast<T>(base::keeps_fp64<T> ? v : v / unit_[static_cast<std::size_t>(c)]);
   }
   [[nodiscard]] double from_unit(T v, Index c) const {
-    return sizeof(T) == sizeof(double) ? v : static_cast<double>(v) * unit_[static_cast<std::size_t>(c)];
+    return base::keeps_fp64<T> ? v : static_cast<double>(v) * unit_[static_cast<std::size_t>(c)];
   }
 
   // Scaled right-hand sides in elimination order; columns that pad the width are zero.
@@ -169,27 +193,26 @@ class NumericOf final : public Numeric {
 
   const plan::Plan& plan_;
   const Equations& equations_;
-  NumericOptions options_;
+  std::span<const double> given_;  // the solver's values
   base::ThreadPool& pool_;
   base::MemoryBudget& budget_;
-  base::Buffer<T> values_;  // scaled; only without device_
+  double smallest_pivot_ = 0;  // relative to the largest scaled entry
+  base::Buffer<T> values_;     // scaled; only without device_
   base::Buffer<T> rhs_;
   std::vector<double> unit_;      // FP32: of the right-hand sides in work
-  std::vector<Offset> diagonal_;  // llt in FP64: n, by position
-  std::vector<double> smallest_;  // llt in FP64: n, by position: a pivot below counts as zero
+  std::vector<Offset> diagonal_;  // llt in FP64, without device_: n, by position
+  std::vector<double> smallest_;  // likewise: a pivot below counts as zero
   device::PivotRule rule_;
   std::unique_ptr<device::Executor<T>> executor_;
-  std::unique_ptr<DeviceSystem> device_;
+  std::unique_ptr<device::DeviceEquations> device_;
 };
 
 }  // namespace
 
-std::unique_ptr<Numeric> make_numeric(const plan::Plan& plan, const Equations& equations,
-                                      const solve::ResidualOperator& residual, const NumericOptions& options,
-                                      bool single, base::ThreadPool& pool, base::MemoryBudget& budget,
-                                      base::Timeline* timeline) {
-  if (single) return std::make_unique<NumericOf<float>>(plan, equations, residual, options, pool, budget, timeline);
-  return std::make_unique<NumericOf<double>>(plan, equations, residual, options, pool, budget, timeline);
+std::unique_ptr<Numeric> make_numeric(const Analysis& analysis, std::span<const double> values,
+                                      const Context& context) {
+  if (context.single()) return std::make_unique<NumericOf<float>>(analysis, values, context);
+  return std::make_unique<NumericOf<double>>(analysis, values, context);
 }
 
 }  // namespace espalier::solver

@@ -4,13 +4,11 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 
-#include "base/timeline.hpp"
 #include "device/executor.hpp"
-#include "plan/plan.hpp"
-#include "solver/device_choice.hpp"
-#include "solver/device_system.hpp"
-#include "solver/equations.hpp"
+#include "solver/analysis.hpp"
+#include "solver/context.hpp"
 
 namespace espalier::solver {
 
@@ -18,12 +16,12 @@ namespace espalier::solver {
 class Numeric {
  public:
   virtual ~Numeric() = default;
-  /// Factors the values in `equations`, which must have been sent to device_system() where there is one. Pivots below
-  /// `smallest_pivot` times the largest scaled entry are replaced.
+  /// Factors the solver's values, which must have been sent to device_equations() where there are some. Pivots below
+  /// the smallest pivot times the largest scaled entry are replaced.
   virtual device::FactorOutcome factorize() = 0;
-  /// The equations on the GPU of the factor; null: they are on the host alone.
-  virtual DeviceSystem* device_system() = 0;
-  /// factorize() with values in that GPU's memory, in the order of Equations::a. Nothing when one is not finite.
+  /// The equations on the device of the factor; null: they are on the host alone.
+  virtual device::DeviceEquations* device_equations() = 0;
+  /// factorize() with values in that device's memory, in the order of Equations::a. Nothing when one is not finite.
   virtual std::optional<device::FactorOutcome> factorize_device(const double* values) = 0;
   virtual void set_smallest_pivot(double smallest_pivot) = 0;
   /// Solves op(A) x = b for `columns` right-hand sides, column-major, n values each; x may alias b.
@@ -36,20 +34,8 @@ class Numeric {
   [[nodiscard]] virtual std::vector<device::DeviceWork> device_work() const = 0;
 };
 
-struct NumericOptions {
-  Kind kind = Kind::llt;
-  DeviceChoice device;
-  std::vector<Offset> device_memory_bytes = {};  ///< budget of each device; 0: what is free
-  Offset pinned_memory_bytes = 0;                ///< of a factor that streams; -1: half of the machine's memory
-  double threshold = 0.01;
-  double smallest_pivot = 0;  ///< relative to the largest scaled entry
-};
-
-/// @param single  FP32 instead of FP64
-/// @param residual  of the same equations; looked at during the call alone
-std::unique_ptr<Numeric> make_numeric(const plan::Plan& plan, const Equations& equations,
-                                      const solve::ResidualOperator& residual, const NumericOptions& options,
-                                      bool single, base::ThreadPool& pool, base::MemoryBudget& budget,
-                                      base::Timeline* timeline);
+/// In the precision of the options. All arguments outlive the factor.
+/// @param values  of the factorizations to come, where the caller keeps them
+std::unique_ptr<Numeric> make_numeric(const Analysis& analysis, std::span<const double> values, const Context& context);
 
 }  // namespace espalier::solver

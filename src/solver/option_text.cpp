@@ -9,7 +9,7 @@
 #include <limits>
 
 #include "plan/machine_model.hpp"
-#include "solver/device_choice.hpp"
+#include "solver/device_text.hpp"
 #include "solver/option_check.hpp"
 
 namespace espalier::solver {

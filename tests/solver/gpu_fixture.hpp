@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "device/cuda/executor/cuda_executor.hpp"
+#include "device/registry.hpp"
 #include "espalier/espalier.hpp"
 
 namespace espalier::test {
@@ -12,8 +12,10 @@ namespace espalier::test {
 class OnGpu : public testing::Test {
  protected:
   void SetUp() override {
-    const auto found = device::cuda::available_devices();
-    if (found.devices.empty()) GTEST_SKIP() << found.reason;
+    const device::Backend* gpus = device::registry().find("gpu");
+    if (gpus == nullptr) GTEST_SKIP() << device::registry().find_left_out("gpu")->reason;
+    const device::FoundDevices found = gpus->find();
+    if (found.names.empty()) GTEST_SKIP() << found.reason;
   }
 };
 

@@ -1,7 +1,5 @@
 #include "device/cuda/executor/cuda_executor.hpp"
 
-#if ESPALIER_WITH_CUDA
-
 #include <atomic>
 #include <bit>
 #include <future>
@@ -266,5 +264,3 @@ template std::unique_ptr<CudaExecutor<float>> make_cuda_executor(const plan::Pla
                                                                  const CudaOptions&);
 
 }  // namespace espalier::device::cuda
-
-#endif

@@ -1,6 +1,5 @@
 /// \file
-/// The CUDA backend: carries out a plan on one GPU. The header needs no CUDA; where the backend was not built, every
-/// call but available_devices() throws.
+/// The executor of the CUDA backend: carries out a plan on one GPU or on several. The header needs no CUDA.
 #pragma once
 
 #include <memory>

@@ -2,11 +2,12 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
-#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "device/cuda/executor/device_equations.hpp"
 #include "device/cuda/executor/device_side.hpp"
+#include "device/cuda/executor/equation_memory.cuh"
 #include "device/cuda/kernels/equation_kernels.cuh"
 #include "device/cuda/kernels/residual_kernels.cuh"
 #include "device/cuda/runtime/device_memory.hpp"
@@ -16,90 +17,68 @@ namespace espalier::device::cuda {
 
 namespace {
 
-constexpr Index kMostColumns = 64;  // right-hand sides of one substitution
-constexpr Index kColumnGroup = 8;   // several right-hand sides come in multiples of it
-constexpr int kResidualNumbers = kResidualColumns * ResidualSizes::kCount;
+constexpr Index kMostColumns = 64;          // right-hand sides of one substitution
+constexpr Index kColumnGroup = 8;           // several right-hand sides come in multiples of it
 constexpr int kGroups = 8;                  // passes of residuals before the host looks at them
 constexpr Offset kPiece = Offset{1} << 19;  // doubles that go through the link at a time: 4 MiB
 
-unsigned blocks_for(Offset threads) {
-  return static_cast<unsigned>((threads + kEquationThreads - 1) / kEquationThreads);
-}
+// Pinning takes 0.4 s per GiB; what it saves each time are 30 ms of copying into pinned buffers.
+constexpr int kPinFrom = 16;
 
-Offset budget_for(int device, Offset memory_bytes) {
-  const DeviceGuard guard(device);
-  std::size_t free = 0, total = 0;
-  call("cudaMemGetInfo", [&] { return cudaMemGetInfo(&free, &total); });
-  const auto all = static_cast<Offset>(free);
-  return memory_bytes > 0 ? std::min(memory_bytes, all) : all;
-}
-
-// Blocks of the kernel that are on the device at a time.
-template <class Kernel>
-unsigned resident_blocks(Kernel* kernel, int device) {
-  int multiprocessors = 0, each = 0;
-  call("cudaDeviceGetAttribute",
-       [&] { return cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device); });
-  call("cudaOccupancyMaxActiveBlocksPerMultiprocessor",
-       [&] { return cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, kEquationThreads, 0); });
-  return static_cast<unsigned>(std::max(1, each * multiprocessors));
+double ratio(double above, double below) {
+  const double infinity = std::numeric_limits<double>::infinity();
+  if (above == infinity) return infinity;
+  if (below > 0) return above / below;
+  return above == 0 ? 0 : infinity;
 }
 
 template <class T>
-class Equations final : public DeviceEquations<T> {
+class Equations final : public DeviceEquations {
  public:
-  using typename DeviceEquations<T>::Column;
-
   Equations(const EquationArrays& a, CudaExecutor<T>& executor, int device, Offset memory_bytes)
       : executor_(executor),
         device_(device),
-        budget_(budget_for(device, memory_bytes)),
-        guard_(device),
         n_(a.pattern.cols),
-        nonzeros_(a.pattern.nonzeros()),
-        general_(a.pattern.storage == Storage::general),
-        scales_(!a.row_scale.empty() || !a.col_scale.empty()),
+        rounding_(a.rounding),
+        values_(a.values),
+        host_copy_(a.copy),
+        memory_(a, executor, device, memory_bytes),
+        guard_(device),
         ends_(kGroups),
         aborted_(1),
         link_(std::min<Offset>(kPiece, kColumnGroup * Offset{n_})) {
-    constexpr Offset kMost = std::numeric_limits<std::uint32_t>::max() - 64;  // kernels look so far ahead
-    if (nonzeros_ > kMost) throw Error(StatusCode::out_of_memory, "more than 2^32 entries are not indexed on a device");
-    upload(col_ptr_, a.pattern.col_ptr);
-    upload(row_ind_, a.pattern.row_ind);
-    upload(row_ptr_, a.row_ptr);
-    upload(row_col_, a.row_col);
-    upload_source(a.row_source);
-    upload(order_, a.order);
-    upload(row_of_col_, a.row_of_col);
-    upload(row_scale_, a.row_scale);
-    upload(col_scale_, a.col_scale);
-    upload(diagonal_, a.diagonal);
-    take_values_memory();
-    take_residual_memory();
     guard_.leave();
   }
   ~Equations() override { settle(); }
 
   void take_values(const double* values) override {
     const DeviceGuard guard(device_);
-    enqueue_values(values, copy_.size() > 0 ? copy_.data() : nullptr);
+    enqueue_values(values, memory_.copy());
+    sent_ = false;
   }
-  void send_values(const double* values, Offset first, Offset count, const HostCopy& copy) override {
+  void send_values(Offset first, Offset count) override {
     const DeviceGuard guard(device_);
-    if (!pinned_values_) return link_.send(given() + first, values + first, count, stream(), copy);
-    call("cudaMemcpyAsync(values)", [&] {
-      return cudaMemcpyAsync(given() + first, values + first, static_cast<std::size_t>(count) * sizeof(double),
-                             cudaMemcpyHostToDevice, stream());
-    });
+    if (first == 0 && ++sendings_ == kPinFrom) pin(values_);
+    const double* from = values_.data() + first;
+    double* to = memory_.given() + first;
+    if (!pinned_values_)
+      link_.send(to, from, count, stream(), host_copy_);
+    else
+      call("cudaMemcpyAsync(values)", [&] {
+        return cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(double), cudaMemcpyHostToDevice,
+                               stream());
+      });
+    sent_ = true;
   }
-  void take_sent_values() override {
-    const DeviceGuard guard(device_);
-    enqueue_values(given(), nullptr);
+  std::optional<FactorOutcome> factorize(double smallest_pivot) override {
+    if (std::exchange(sent_, false)) {
+      const DeviceGuard guard(device_);
+      enqueue_values(memory_.given(), nullptr);
+    }
+    const auto parts = static_cast<int>(memory_.largest().size());
+    return executor_.factorize_filled({memory_.largest().data(), parts, smallest_pivot, memory_.diagonal(), rounding_});
   }
-  FilledValues filled() const override {
-    return {largest_.data(), static_cast<int>(largest_.size()), 0, diagonal_.data(), 0};
-  }
-  void read_values(std::span<double> to) const override { read(to.data(), given(), nonzeros_); }
+  void read_values(std::span<double> to) const override { read(to.data(), memory_.given(), memory_.nonzeros()); }
 
   void substitute(const double* b, double* x, Index columns, bool transpose) override {
     const DeviceGuard guard(device_);
@@ -108,13 +87,12 @@ class Equations final : public DeviceEquations<T> {
       pending_ = unreported_ = true;
       const Index now = std::min(kMostColumns, columns - first);
       const Index width = now == 1 ? 1 : (now + kColumnGroup - 1) / kColumnGroup * kColumnGroup;
-      const Passage p{order_.data(), row_of_col_.data(), row_scale_.data(), col_scale_.data(), n_, now,
-                      width,         transpose};
+      const Passage p = memory_.passage(now, width, transpose);
       T* rhs = executor_.device_rhs(width);
       const SolveClear clear = executor_.clear_before_solve(width);
       const unsigned blocks = blocks_for(static_cast<Offset>(n_) * width);
       const Offset at = static_cast<Offset>(first) * n_;
-      gather_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(p, b + at, rhs, clear, clock());
+      gather_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(p, b + at, rhs, clear, memory_.clock());
       call("launch of the gather kernel", [&] { return cudaGetLastError(); });
       executor_.enqueue_solve(rhs, width, transpose);
       scatter_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(p, rhs, x + at);
@@ -122,7 +100,7 @@ class Equations final : public DeviceEquations<T> {
     }
   }
 
-  void residuals(std::span<const Column> columns, bool transpose, std::span<DeviceResidual> found) override {
+  void compute(std::span<ResidualColumn> columns, bool transpose) const override {
     const DeviceGuard guard(device_);
     pending_ = true;
     constexpr std::size_t kEach = kResidualColumns;
@@ -134,28 +112,26 @@ class Equations final : public DeviceEquations<T> {
       wait();
       for (std::size_t at = first; at < end; ++at) {
         const double* f = ends_.data()[(at - first) / kEach].found[(at - first) % kEach];
-        found[at] = {f[0], f[1], f[2], f[3], f[4]};
+        // |r|, componentwise, |x|, |b|, |op(A)|: see residual_kernels.cuh
+        columns[at].error = {ratio(f[0], f[4] * f[2] + f[3]), f[1]};
       }
-      if (first == 0) substitution_seconds_ = ends_.data()->substitution;
+      if (first == 0 && substitution_seconds_ < 0) substitution_seconds_ = ends_.data()->substitution;
       unreported_ = false;
       if (ends_.data()->aborted != 0) throw executor_.solve_given_up();
     }
   }
-  [[nodiscard]] double substitution_seconds() const override { return substitution_seconds_; }
+  double take_substitution_seconds() override { return std::exchange(substitution_seconds_, -1); }
 
-  void copy(const double* from, double* to, Offset count) override {
-    const DeviceGuard guard(device_);
-    pending_ = true;
-    call("cudaMemcpyAsync(vectors)", [&] {
-      return cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(double), cudaMemcpyDefault, stream());
-    });
-  }
+  [[nodiscard]] Index size() const override { return n_; }
+  void copy(const double* from, double* to) const override { enqueue_copy(from, to, n_); }
+  void copy_vectors(const double* from, double* to, Offset count) override { enqueue_copy(from, to, count); }
 
-  void add(const double* from, double* to) override {
+  bool add(const double* from, double* to) const override {
     const DeviceGuard guard(device_);
     pending_ = true;
     add_kernel<<<blocks_for(n_), kEquationThreads, 0, stream()>>>(n_, from, to);
     call("launch of the addition kernel", [&] { return cudaGetLastError(); });
+    return true;
   }
 
   void finish() override {
@@ -175,33 +151,19 @@ class Equations final : public DeviceEquations<T> {
     pending_ = unreported_ = false;
   }
 
-  double* vectors(Index slot, Index columns) override {
-    DeviceArray<double>& s = slots_[static_cast<std::size_t>(slot)];
-    if (s.size() < static_cast<Offset>(n_) * columns) {
-      const DeviceGuard guard(device_);
-      s = DeviceArray<double>();
-      s = take<double>(static_cast<Offset>(n_) * columns);
-    }
-    return s.data();
-  }
+  [[nodiscard]] Vectors vectors(Index slot, Index columns) const override { return {slot_of(slot, columns), nullptr}; }
+  double* right_hand_sides(Index columns) override { return slot_of(2, columns); }
+  double* solutions(Index columns) override { return slot_of(3, columns); }
 
-  void send(double* to, const double* from, Offset count, const HostCopy& copy) override {
+  void send(double* to, const double* from, Offset count) override {
     const DeviceGuard guard(device_);
     pending_ = true;
-    link_.send(to, from, count, stream(), copy);
+    link_.send(to, from, count, stream(), host_copy_);
   }
-  void fetch(double* to, const double* from, Offset count, const HostCopy& copy) override {
+  void fetch(double* to, const double* from, Offset count) override {
     const DeviceGuard guard(device_);
-    link_.fetch(to, from, count, stream(), copy);
+    link_.fetch(to, from, count, stream(), host_copy_);
     pending_ = unreported_;
-  }
-  // Where pinning is refused, copies are slower, but nothing else changes.
-  void pin(std::span<const double> values) override {
-    const DeviceGuard guard(device_);
-    auto* p = const_cast<double*>(values.data());  // the device only reads
-    if (!values.empty() && cudaHostRegister(p, values.size_bytes(), cudaHostRegisterDefault) == cudaSuccess)
-      pinned_values_.reset(p);
-    (void)cudaGetLastError();
   }
   void expect_reachable(const double* array, const char* what) const override {
     cudaPointerAttributes found{};
@@ -219,9 +181,10 @@ class Equations final : public DeviceEquations<T> {
     else
       check(state, "cudaStreamQuery(caller's stream)");
   }
-  [[nodiscard]] Offset bytes() const override { return budget_.held(); }
 
  private:
+  static constexpr Index kSlots = 4;  // two of refinement, right-hand sides, solutions
+
   struct Unpin {
     void operator()(double* p) const { (void)cudaHostUnregister(p); }
   };
@@ -236,71 +199,45 @@ class Equations final : public DeviceEquations<T> {
     std::unique_ptr<DeviceGuard> guard_;
   };
 
-  template <class U>
-  DeviceArray<U> take(Offset count) {
-    return DeviceArray<U>(count, budget_, budget_.held() + count * static_cast<Offset>(sizeof(U)));
-  }
-  template <class U>
-  void upload(DeviceArray<U>& to, std::span<const U> from) {
-    to = take<U>(static_cast<Offset>(from.size()));
-    executor_.uploads().copy(to.data(), from.data(), to.bytes(), stream());
-  }
-  // In 32 bits: half the memory and half the traffic of every residual.
-  void upload_source(std::span<const Offset> source) {
-    row_source_ = take<std::uint32_t>(static_cast<Offset>(source.size()));
-    executor_.uploads().make(row_source_.data(), row_source_.size(), sizeof(std::uint32_t), stream(),
-                             [source](std::byte* stage, Offset first, Offset end) {
-                               auto* to = reinterpret_cast<std::uint32_t*>(stage);
-                               for (Offset k = first; k < end; ++k)
-                                 *to++ = static_cast<std::uint32_t>(source[static_cast<std::size_t>(k)]);
-                             });
+  // Where pinning is refused, copies are slower, but nothing else changes.
+  void pin(std::span<const double> values) {
+    const DeviceGuard guard(device_);
+    auto* p = const_cast<double*>(values.data());  // the device only reads
+    if (!values.empty() && cudaHostRegister(p, values.size_bytes(), cudaHostRegisterDefault) == cudaSuccess)
+      pinned_values_.reset(p);
+    (void)cudaGetLastError();
   }
 
-  // FP64 values that nothing scales are factored as they are; all others need a place of their own.
-  void take_values_memory() {
-    if (sizeof(T) != sizeof(double) || scales_ || executor_.values_size() < nonzeros_) copy_ = take<double>(nonzeros_);
-    const unsigned most =
-        scales_ ? resident_blocks(scale_kernel<T>, device_) : resident_blocks(take_kernel<T>, device_);
-    const Offset threads = scales_ ? static_cast<Offset>(n_) * kLanes : nonzeros_;
-    largest_ = take<double>(std::clamp<Offset>(blocks_for(threads), 1, most));
+  double* slot_of(Index slot, Index columns) const {
+    DeviceArray<double>& s = slots_[static_cast<std::size_t>(slot)];
+    const Offset count = static_cast<Offset>(n_) * columns;
+    if (s.size() < count) {
+      const DeviceGuard guard(device_);
+      s = DeviceArray<double>();
+      s = DeviceArray<double>(count, memory_.budget(),
+                              memory_.budget().held() + count * static_cast<Offset>(sizeof(double)));
+    }
+    return s.data();
   }
-  void take_residual_memory() {
-    const unsigned rows = blocks_for(static_cast<Offset>(n_) * kLanes);
-    const auto blocks = [&](auto* kernel) { return std::clamp(resident_blocks(kernel, device_), 1U, rows); };
-    residual_blocks_[0] = blocks(short_rows() ? residual_kernel<1, 2> : residual_kernel<1, 4>);
-    residual_blocks_[1] = blocks(residual_kernel<kResidualColumns, 1>);
-    residual_control_ = take<unsigned long long>(kResidualNumbers + 3);
-    call("cudaMemset",
-         [&] { return cudaMemset(residual_control_.data(), 0, static_cast<std::size_t>(residual_control_.bytes())); });
-  }
-  // Both halves of most rows fit into a batch of two: more rows at a time then serve better than more entries.
-  [[nodiscard]] bool short_rows() const { return nonzeros_ <= 2 * kLanes * Offset{n_}; }
-  [[nodiscard]] unsigned long long* clock() const { return residual_control_.data() + kResidualNumbers; }
 
-  // The values as they were given.
-  [[nodiscard]] double* given() const {
-    if constexpr (std::is_same_v<T, double>)
-      if (copy_.size() == 0) return executor_.values();
-    return copy_.data();
-  }
   void enqueue_values(const double* values, double* copy) {
-    const ValuesJob<T> job{values,
-                           copy,
-                           executor_.values(),
-                           row_scale_.data(),
-                           col_scale_.data(),
-                           nonzeros_,
-                           executor_.values_size(),
-                           largest_.data()};
-    const auto blocks = static_cast<unsigned>(largest_.size());
-    if (scales_)
-      scale_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(pattern(), job);
+    const ValuesJob<T> job = memory_.values_job(values, copy);
+    const auto blocks = static_cast<unsigned>(memory_.largest().size());
+    if (memory_.scales())
+      scale_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(memory_.pattern(), job);
     else
       take_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(job);
     call("launch of the scaling kernel", [&] { return cudaGetLastError(); });
   }
+  void enqueue_copy(const double* from, double* to, Offset count) const {
+    const DeviceGuard guard(device_);
+    pending_ = true;
+    call("cudaMemcpyAsync(vectors)", [&] {
+      return cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(double), cudaMemcpyDefault, stream());
+    });
+  }
 
-  void enqueue_residuals(std::span<const Column> columns, bool transpose, ResidualEnd* end) {
+  void enqueue_residuals(std::span<const ResidualColumn> columns, bool transpose, ResidualEnd* end) const {
     ResidualJob job{};
     for (std::size_t k = 0; k < columns.size(); ++k) {
       job.b[k] = columns[k].b;
@@ -309,15 +246,15 @@ class Equations final : public DeviceEquations<T> {
     }
     job.columns = static_cast<int>(columns.size());
     job.transpose = transpose;
-    job.largest = residual_control_.data();
-    job.ticket = reinterpret_cast<int*>(clock() + 2);
-    job.clock = clock();
+    job.largest = memory_.maxima();
+    job.ticket = reinterpret_cast<int*>(memory_.clock() + 2);
+    job.clock = memory_.clock();
     job.aborted = unreported_ ? executor_.solve_aborted() : nullptr;
     job.end = end;
-    if (columns.size() == 1 && short_rows()) {
-      residual_kernel<1, 2><<<residual_blocks_[0], kEquationThreads, 0, stream()>>>(pattern(), job);
+    if (columns.size() == 1 && memory_.short_rows()) {
+      residual_kernel<1, 2><<<memory_.residual_blocks(false), kEquationThreads, 0, stream()>>>(memory_.pattern(), job);
     } else if (columns.size() == 1) {
-      residual_kernel<1, 4><<<residual_blocks_[0], kEquationThreads, 0, stream()>>>(pattern(), job);
+      residual_kernel<1, 4><<<memory_.residual_blocks(false), kEquationThreads, 0, stream()>>>(memory_.pattern(), job);
     } else {
       // Right-hand sides of the factorization are not needed now; their memory is.
       constexpr Index kWidth = kResidualColumns * static_cast<Index>(sizeof(double) / sizeof(T));
@@ -326,7 +263,8 @@ class Equations final : public DeviceEquations<T> {
       pack_kernel<<<blocks_for(static_cast<Offset>(n_) * kResidualColumns), kEquationThreads, 0, stream()>>>(n_, job,
                                                                                                              packed);
       call("launch of the packing kernel", [&] { return cudaGetLastError(); });
-      residual_kernel<kResidualColumns, 1><<<residual_blocks_[1], kEquationThreads, 0, stream()>>>(pattern(), job);
+      residual_kernel<kResidualColumns, 1>
+          <<<memory_.residual_blocks(true), kEquationThreads, 0, stream()>>>(memory_.pattern(), job);
     }
     call("launch of the residual kernel", [&] { return cudaGetLastError(); });
   }
@@ -343,49 +281,43 @@ class Equations final : public DeviceEquations<T> {
     call("cudaStreamSynchronize", [&] { return cudaStreamSynchronize(stream()); });
     pending_ = false;
   }
-  [[nodiscard]] cudaStream_t stream() const { return static_cast<cudaStream_t>(executor_.stream()); }
-  [[nodiscard]] DevicePattern pattern() const {
-    return {col_ptr_.data(), row_ind_.data(), row_ptr_.data(), row_col_.data(), row_source_.data(), given(), n_,
-            general_};
+  void wait() const {
+    call("cudaStreamSynchronize", [&] { return cudaStreamSynchronize(stream()); });
+    pending_ = false;
   }
+  [[nodiscard]] cudaStream_t stream() const { return static_cast<cudaStream_t>(executor_.stream()); }
 
   CudaExecutor<T>& executor_;
   int device_;
-  DeviceBudget budget_;
-  ConstructionGuard guard_;
   Index n_;
-  Offset nonzeros_;
-  bool general_, scales_;
-  PinnedArray<ResidualEnd> ends_;
+  double rounding_;
+  std::span<const double> values_;  // of the host
+  HostCopy host_copy_;
+  mutable EquationMemory<T> memory_;
+  ConstructionGuard guard_;
+  mutable PinnedArray<ResidualEnd> ends_;
   PinnedArray<int> aborted_;
   HostLink link_;
-  DeviceArray<Offset> col_ptr_, row_ptr_, diagonal_;
-  DeviceArray<Index> row_ind_, row_col_, order_, row_of_col_;
-  DeviceArray<std::uint32_t> row_source_;
-  DeviceArray<double> row_scale_, col_scale_;
-  DeviceArray<double> copy_;     // values as they were given; empty: the executor has them
-  DeviceArray<double> largest_;  // of the blocks of the scaling kernel
-  // Maxima; when right-hand sides were gathered, when residuals began; ticket.
-  DeviceArray<unsigned long long> residual_control_;
-  unsigned residual_blocks_[2] = {};  // for one right-hand side, for several
   std::unique_ptr<double, Unpin> pinned_values_;
-  DeviceArray<double> slots_[DeviceEquations<T>::kSlots];
-  bool pending_ = false;     // work on vectors is enqueued
-  bool unreported_ = false;  // a substitution among it
-  double substitution_seconds_ = 0;
+  mutable DeviceArray<double> slots_[kSlots];
+  bool sent_ = false;  // values that are not scaled yet
+  int sendings_ = 0;
+  mutable bool pending_ = false;     // work on vectors is enqueued
+  mutable bool unreported_ = false;  // a substitution among it
+  mutable double substitution_seconds_ = -1;
 };
 
 }  // namespace
 
 template <class T>
-std::unique_ptr<DeviceEquations<T>> make_device_equations(const EquationArrays& arrays, CudaExecutor<T>& executor,
-                                                          int device, Offset memory_bytes) {
+std::unique_ptr<DeviceEquations> make_device_equations(const EquationArrays& arrays, CudaExecutor<T>& executor,
+                                                       int device, Offset memory_bytes) {
   return std::make_unique<Equations<T>>(arrays, executor, device, memory_bytes);
 }
 
-template std::unique_ptr<DeviceEquations<double>> make_device_equations(const EquationArrays&, CudaExecutor<double>&,
-                                                                        int, Offset);
-template std::unique_ptr<DeviceEquations<float>> make_device_equations(const EquationArrays&, CudaExecutor<float>&, int,
-                                                                       Offset);
+template std::unique_ptr<DeviceEquations> make_device_equations(const EquationArrays&, CudaExecutor<double>&, int,
+                                                                Offset);
+template std::unique_ptr<DeviceEquations> make_device_equations(const EquationArrays&, CudaExecutor<float>&, int,
+                                                                Offset);
 
 }  // namespace espalier::device::cuda

@@ -1,7 +1,5 @@
 #include "device/cuda/executor/device_side.hpp"
 
-#if ESPALIER_WITH_CUDA
-
 #include <algorithm>
 #include <numeric>
 
@@ -340,5 +338,3 @@ template class DeviceSide<double>;
 template class DeviceSide<float>;
 
 }  // namespace espalier::device::cuda
-
-#endif

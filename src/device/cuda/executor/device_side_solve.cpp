@@ -1,9 +1,7 @@
 // What a side does for a solve.
-#include "device/cuda/executor/device_side.hpp"
-
-#if ESPALIER_WITH_CUDA
-
 #include <algorithm>
+
+#include "device/cuda/executor/device_side.hpp"
 
 namespace espalier::device::cuda {
 
@@ -102,5 +100,3 @@ template class DeviceSide<double>;
 template class DeviceSide<float>;
 
 }  // namespace espalier::device::cuda
-
-#endif

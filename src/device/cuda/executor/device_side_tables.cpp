@@ -1,8 +1,6 @@
 // How a side gets its tables.
 #include "device/cuda/executor/device_side.hpp"
 
-#if ESPALIER_WITH_CUDA
-
 namespace espalier::device::cuda {
 
 template <class T>
@@ -84,5 +82,3 @@ template class DeviceSide<double>;
 template class DeviceSide<float>;
 
 }  // namespace espalier::device::cuda
-
-#endif

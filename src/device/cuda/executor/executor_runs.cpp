@@ -1,5 +1,3 @@
-#if ESPALIER_WITH_CUDA
-
 #include <algorithm>
 #include <bit>
 #include <chrono>
@@ -197,5 +195,3 @@ template class ExecutorOnDevices<double>;
 template class ExecutorOnDevices<float>;
 
 }  // namespace espalier::device::cuda
-
-#endif

@@ -1,5 +1,3 @@
-#if ESPALIER_WITH_CUDA
-
 #include <bit>
 
 #include "device/cuda/executor/executor_on_devices.hpp"
@@ -157,5 +155,3 @@ template class ExecutorOnDevices<double>;
 template class ExecutorOnDevices<float>;
 
 }  // namespace espalier::device::cuda
-
-#endif

@@ -1,7 +1,5 @@
 #include "device/cuda/out_of_core/cuda_stream.hpp"
 
-#if ESPALIER_WITH_CUDA
-
 #include <algorithm>
 #include <array>
 #include <optional>
@@ -255,5 +253,3 @@ template std::vector<std::unique_ptr<out_of_core::StreamBackend<float>>> make_cu
     const plan::Plan&, Kind, const PivotRule&, base::ThreadPool&, const std::vector<CudaStreamOptions>&);
 
 }  // namespace espalier::device::cuda
-
-#endif

@@ -1,5 +1,5 @@
 /// \file
-/// Streaming on a GPU. The header needs no CUDA; where the backend was not built, make_cuda_stream() throws.
+/// Streaming on a GPU. The header needs no CUDA.
 #pragma once
 
 #include <memory>

@@ -1,5 +1,3 @@
-#if ESPALIER_WITH_CUDA
-
 #include "device/cuda/out_of_core/launches.hpp"
 
 #include <algorithm>
@@ -202,5 +200,3 @@ template class StreamLaunches<double>;
 template class StreamLaunches<float>;
 
 }  // namespace espalier::device::cuda
-
-#endif

@@ -1,5 +1,3 @@
-#if ESPALIER_WITH_CUDA
-
 #include "device/cuda/out_of_core/resources.hpp"
 
 #include <string>
@@ -62,5 +60,3 @@ void StreamResources::make_events(std::vector<cudaEvent_t>& list, std::size_t co
 }
 
 }  // namespace espalier::device::cuda
-
-#endif

@@ -1,5 +1,5 @@
 /// \file
-/// What refinement needs of the memory in which it works: the host's, or that of a GPU.
+/// What refinement needs of the memory in which it works, be it that of the host or of a device.
 #pragma once
 
 #include <memory>
@@ -7,7 +7,7 @@
 
 #include "espalier/types.hpp"
 
-namespace espalier::solve {
+namespace espalier::device {
 
 /// Backward errors of an approximate solution.
 struct BackwardError {
@@ -43,4 +43,4 @@ class ResidualSpace {
   [[nodiscard]] virtual Vectors vectors(Index slot, Index columns) const = 0;
 };
 
-}  // namespace espalier::solve
+}  // namespace espalier::device

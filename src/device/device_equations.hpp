@@ -1,0 +1,74 @@
+/// \file
+/// The optional part of an executor: the equations themselves in the memory of its device, beside their factor. Values
+/// are scaled there, right-hand sides permuted, residuals computed in twice the precision; a factorization and a solve
+/// then need no array of the host.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <span>
+
+#include "device/factor_outcome.hpp"
+#include "device/residual_space.hpp"
+#include "espalier/matrix.hpp"
+
+namespace espalier::device {
+
+/// Copies on the host, by as many threads as it likes.
+using HostCopy = std::function<void(double* to, const double* from, Offset count)>;
+
+/// What the device gets a copy of; but for `values`, the views need not outlive the construction. Empty spans:
+/// identity, ones.
+struct EquationArrays {
+  MatrixView pattern;  ///< any storage, no duplicates; values are not looked at
+  /// Index of the entries by rows: of all (general storage), of those off the diagonal (a triangle), empty (both).
+  std::span<const Offset> row_ptr;
+  std::span<const Index> row_col;
+  std::span<const Offset> row_source;            ///< where the entry stands in the pattern
+  std::span<const Index> order;                  ///< n; unknown by position of the elimination
+  std::span<const Index> row_of_col;             ///< n; equation matched to each unknown
+  std::span<const double> row_scale, col_scale;  ///< n
+  std::span<const Offset> diagonal;              ///< n, by position: where the diagonal entry stands; empty: not wanted
+  double rounding = 0;             ///< a pivot of at most so many times its diagonal entry counts as zero (llt)
+  std::span<const double> values;  ///< of the host, in the pattern's order: where send_values() finds them
+  HostCopy copy;                   ///< copies on the host
+};
+
+/// Pointers are memory of the device unless said otherwise; values are in the order of the pattern, vectors have n
+/// values, several stand one after another. Calls enqueue what they do in one order and return at once, unless they say
+/// that they wait.
+class DeviceEquations : public ResidualSpace {
+ public:
+  /// Takes a copy of new values and scales it for the factorization.
+  virtual void take_values(const double* values) = 0;
+  /// The same for the part [first, first + count) of EquationArrays::values; all of them must be sent.
+  virtual void send_values(Offset first, Offset count) = 0;
+  /// Factors the values that were taken or sent last. Waits.
+  /// @param smallest_pivot  smaller ones are replaced; relative to the largest scaled entry
+  /// @returns nothing when an entry is not finite
+  virtual std::optional<FactorOutcome> factorize(double smallest_pivot) = 0;
+  /// The values as they were given, to host memory. Waits.
+  virtual void read_values(std::span<double> to) const = 0;
+
+  /// x = op(A)^-1 b with the factor, for `columns` right-hand sides; x may equal b.
+  virtual void substitute(const double* b, double* x, Index columns, bool transpose) = 0;
+  /// Seconds of the first substitution since the last call, if compute() came after it; else -1.
+  virtual double take_substitution_seconds() = 0;
+  /// Waits until vectors are as the calls left them; an Error when a substitution was given up.
+  virtual void finish() = 0;
+  /// The same after a failure whose error is known.
+  virtual void settle() noexcept = 0;
+  /// Memory for right-hand sides and solutions; grows, and moves, when more are asked for than ever before.
+  virtual double* right_hand_sides(Index columns) = 0;
+  virtual double* solutions(Index columns) = 0;
+  /// @throws std::invalid_argument naming `what` when the array is in host memory that the device cannot reach
+  virtual void expect_reachable(const double* array, const char* what) const = 0;
+  /// Waits for what is enqueued on a queue of the device that is the caller's (a cudaStream_t); null: the default one.
+  virtual void wait_for(void* queue) = 0;
+  virtual void copy_vectors(const double* from, double* to, Offset count) = 0;
+  /// From host memory, which may change on return, and to host memory (waits).
+  virtual void send(double* to, const double* from, Offset count) = 0;
+  virtual void fetch(double* to, const double* from, Offset count) = 0;
+};
+
+}  // namespace espalier::device

@@ -1,0 +1,34 @@
+/// \file
+/// What a numeric factorization is told about pivots, and what it came to.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "espalier/types.hpp"
+
+namespace espalier::device {
+
+/// Pivoting inside a diagonal tile.
+struct PivotRule {
+  double threshold = 0.01;  ///< u: a pivot column with an entry of L above 1/u is reported as failed
+  double tiny = 0;          ///< a pivot smaller in magnitude is replaced by +-tiny (absolute; matrix scaled to about 1)
+  /// llt: by position; a positive pivot not above it is kept, but reported as replaced. Empty: none is.
+  std::span<const double> smallest = {};
+};
+
+/// What one numeric factorization came to. Positions are those of the plan's elimination order.
+struct FactorOutcome {
+  Index not_positive = -1;      ///< llt: lowest position whose pivot was not positive (or NaN); -1: none
+  Index negative = 0;           ///< negative eigenvalues of D (ldlt), replaced pivots left out
+  Index two_by_two = 0;         ///< 2x2 pivots
+  std::vector<Index> replaced;  ///< positions of pivots that were smaller than tiny, ascending
+  std::vector<Index> failed;    ///< positions whose column of L exceeds 1/threshold, ascending
+  double determinant_sign = 1;  ///< of the factored (scaled, permuted) matrix
+  double determinant_log = 0;   ///< natural logarithm of the magnitude
+  double busy_seconds = 0;      ///< mean over workers of the time inside tasks
+  double waiting_seconds = 0;   ///< mean over workers of the time inside tasks that wait for others
+  double seconds = 0;           ///< wall time
+};
+
+}  // namespace espalier::device

@@ -1,0 +1,110 @@
+// The host as a backend: N devices of this machine's threads and memory.
+#include "device/backend.hpp"
+
+#include "device/host/host_executor.hpp"
+#include "device/host/out_of_core/host_stream.hpp"
+#include "out_of_core/factory.hpp"
+
+namespace espalier::device::host {
+
+namespace {
+
+// Each device has its part of the threads.
+class HostFactory final : public out_of_core::Factory {
+ public:
+  [[nodiscard]] std::vector<std::unique_ptr<out_of_core::StreamBackend<double>>> make(const Job& job,
+                                                                                      Scalar<double>) const override {
+    return all<double>(job);
+  }
+  [[nodiscard]] std::vector<std::unique_ptr<out_of_core::StreamBackend<float>>> make(const Job& job,
+                                                                                     Scalar<float>) const override {
+    return all<float>(job);
+  }
+
+ private:
+  template <class T>
+  static std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> all(const Job& job) {
+    std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> list;
+    const auto devices = static_cast<int>(job.devices.size());
+    for (int d = 0; d < devices; ++d) {
+      HostStreamOptions host;
+      host.device = d;
+      host.devices = devices;
+      if (devices > 1) host.threads = std::max(1, job.pool.size() / devices);
+      list.push_back(make_host_stream<T>(job.plan, job.kind, job.rule, job.pool, job.budget, host));
+    }
+    return list;
+  }
+};
+
+class HostBackend final : public Backend {
+ public:
+  [[nodiscard]] std::string_view name() const override { return "host"; }
+  [[nodiscard]] std::string_view noun() const override { return "host device"; }
+  [[nodiscard]] FoundDevices find() const override { return {{"host"}, {}}; }
+  [[nodiscard]] Limits limits() const override {
+    Limits limits;
+    limits.most_devices = kMostHostDevices;
+    return limits;
+  }
+
+  [[nodiscard]] const plan::MachineModel& model(const plan::Machine& machine) const override { return machine.host; }
+  [[nodiscard]] PredictedTime predict(const analysis::AssemblyTree& tree, const PlanWish& wish) const override {
+    const bool single = wish.precision != Precision::fp64;
+    PredictedTime t;
+    t.fixed = plan::host_seconds(tree, wish.kind, single, wish.threads, model(wish.machine));
+    return t;
+  }
+
+  [[nodiscard]] plan::PlanOptions plan_options(const PlanWish& wish) const override {
+    plan::PlanOptions o;
+    const std::size_t value = wish.precision == Precision::fp64 ? sizeof(double) : sizeof(float);
+    o.tiles.panel = static_cast<Index>(64 / value);
+    o.tiles.max_block_size = wish.max_block_size;
+    o.machine = model(wish.machine);
+    o.unsymmetric = wish.kind == Kind::lu;
+    o.ldlt = wish.kind == Kind::ldlt;
+    o.devices = wish.devices;
+    o.additional_subtrees = wish.sharing.additional_subtrees;
+    o.stealing = wish.sharing.stealing;
+    o.shared_top = wish.sharing.shared_top;
+    o.interleave = static_cast<Index>(2 * wish.threads);
+    o.reuse_distance = static_cast<Index>(16 * wish.threads);
+    return o;
+  }
+
+  [[nodiscard]] Offset executor_bytes(const plan::Plan& plan, Kind kind, Precision precision,
+                                      int threads) const override {
+    return precision == Precision::fp64 ? host_bytes<double>(plan, kind, threads)
+                                        : host_bytes<float>(plan, kind, threads);
+  }
+
+  [[nodiscard]] std::unique_ptr<Executor<double>> make_executor(const Job& job, Scalar<double>) const override {
+    return make<double>(job);
+  }
+  [[nodiscard]] std::unique_ptr<Executor<float>> make_executor(const Job& job, Scalar<float>) const override {
+    return make<float>(job);
+  }
+  [[nodiscard]] const out_of_core::Factory* out_of_core() const override { return &factory_; }
+
+ private:
+  static constexpr int kMostHostDevices = 4096;  // as many as there may be threads
+
+  template <class T>
+  static std::unique_ptr<Executor<T>> make(const Job& job) {
+    HostOptions options;
+    options.device_memory_bytes = job.memory_bytes;
+    return make_host_executor<T>(job.plan, job.kind, job.rule, job.pool, job.budget, job.timeline, std::move(options));
+  }
+
+  HostFactory factory_;
+};
+
+}  // namespace
+
+const Backend& backend() {
+  static const HostBackend the_backend;
+  return the_backend;
+}
+
+}  // namespace espalier::device::host

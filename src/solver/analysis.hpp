@@ -1,0 +1,66 @@
+/// \file
+/// What is known of a system before its values are factorized: a value that nobody changes once it is made, and that
+/// any number of factors share.
+#pragma once
+
+#include <memory>
+
+#include "matrix/row_index.hpp"
+#include "plan/plan.hpp"
+#include "solver/context.hpp"
+#include "solver/device_choice.hpp"
+#include "solver/equations.hpp"
+
+namespace espalier::solver {
+
+/// The part that does not depend on where pivots are eliminated.
+struct System {
+  Kind kind = Kind::automatic;
+  bool kind_may_change = false;                  ///< automatic took llt: ldlt when a pivot is not positive
+  Equations equations;                           ///< without values
+  std::shared_ptr<const matrix::RowIndex> rows;  ///< of equations.a, see ResidualOperator::rows_of()
+
+  [[nodiscard]] Offset bytes() const { return equations.bytes() + rows->bytes(); }
+};
+
+struct Analysis {
+  std::shared_ptr<const System> system;
+  DeviceChoice device;  ///< where it will be factorized
+  plan::Plan plan;
+  Index moved_pivots = 0;      ///< columns moved to later fronts since analyze()
+  bool free_pivots = false;    ///< the host's own widths of tiles, whatever the caller asked for
+  AnalysisResult result = {};  ///< what analyze() tells the caller
+
+  [[nodiscard]] Kind kind() const { return system->kind; }
+  [[nodiscard]] Index n() const { return plan.tree.n; }
+  /// With the values of one factor.
+  [[nodiscard]] Offset bytes() const;
+};
+/// Most bytes on the host, with a factor and a refined solution for one right-hand side.
+Offset predicted_host_bytes(const Analysis& analysis, const Context& context);
+using SharedAnalysis = std::shared_ptr<const Analysis>;
+
+/// A new analysis, and the values that it was made with, for its first factor.
+struct Analyzed {
+  SharedAnalysis analysis;
+  Values values;
+};
+
+/// @throws Error(invalid_input) for a matrix that is not square, has no rows, or is inconsistent
+Analyzed analyze(const MatrixView& a, const Context& context);
+/// From a file of write_analysis().
+Analyzed load_analysis(const std::string& path, const MatrixView& a, const Context& context);
+/// The same system for ldlt, with these values; the caller's values still go where they went.
+Analyzed analyze_for_ldlt(const Analysis& llt, std::span<const double> values, const Context& context);
+
+/// What changes when a plan is laid out anew: pivots were moved, or other devices take over.
+struct Changes {
+  DeviceChoice device;
+  Index moved_pivots = 0;  ///< in all
+  bool free_pivots = false;
+};
+/// The same system with this tree.
+SharedAnalysis lay_out_again(const Analysis& before, analysis::AssemblyTree tree, Changes changes,
+                             const Context& context);
+
+}  // namespace espalier::solver

@@ -1,0 +1,211 @@
+#include "solver/factor.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "analysis/relocation.hpp"
+#include "base/scalar.hpp"
+#include "solver/pivot_policy.hpp"
+
+namespace espalier::solver {
+
+Factor::Factor(SharedAnalysis analysis, Values values, const Context& context)
+    : context_(context), analysis_(std::move(analysis)), values_(*analysis_->system, std::move(values), context.pool) {}
+
+void Factor::drop() {
+  numeric_.reset();
+  factorized_ = false;
+}
+
+const solve::ResidualOperator& Factor::residual() {
+  values_.fetch(numeric_->device_equations());
+  return values_.residual();
+}
+
+void Factor::factorize(std::span<const double> values) {
+  const double start = base::now_seconds();
+  begin();
+  values_.load(*analysis_->system, values, numeric_->device_equations(), context_.pool);
+  finish(settle_pivots(), start);
+}
+
+// New values that lie on the device of the factor stay there, unless pivots fail: what follows then works on the host's
+// copy.
+void Factor::factorize_device(const double* values, Offset count, void* queue) {
+  const double start = base::now_seconds();
+  begin();
+  device::DeviceEquations* device = numeric_->device_equations();
+  if (device == nullptr)
+    throw Error(StatusCode::device_error,
+                "the factor is not in the memory of a GPU (" + numeric_->device_name() + "); use refactorize()");
+  device->expect_reachable(values, "Solver::refactorize_device: the values");
+  device->wait_for(queue);
+  if (!analysis_->system->equations.keeps_order()) {
+    std::vector<double> copy(static_cast<std::size_t>(count));
+    device->fetch(copy.data(), values, count);
+    return factorize(copy);
+  }
+  set_smallest_pivot(0);
+  const std::optional<device::FactorOutcome> outcome = numeric_->factorize_device(values);
+  values_.note_on_device();
+  if (outcome && outcome->not_positive < 0 && outcome->replaced.empty() && outcome->failed.empty())
+    return finish(*outcome, start);
+  values_.fetch(device);
+  finish(settle_pivots(), start);
+}
+
+void Factor::begin() {
+  factorized_ = false;
+  result_ = FactorResult{};
+  if (context_.timeline != nullptr) context_.timeline->clear();
+  if (!numeric_) make_numeric();
+}
+
+void Factor::finish(device::FactorOutcome outcome, double start) {
+  if (turns_to_ldlt(analysis_->kind(), analysis_->system->kind_may_change, outcome)) {
+    turn_to_ldlt();
+    make_numeric();
+    values_.send(numeric_->device_equations());
+    outcome = settle_pivots();
+  }
+  result_ = report_factor(*analysis_, *numeric_, outcome, context_.options, context_.budget.peak());
+  result_.seconds = base::now_seconds() - start;
+  result_.flops_per_second = analysis_->plan.flops / result_.seconds;
+  factorized_ = result_.status.ok();
+}
+
+// Where the choice of devices was ours and they fail, others take over.
+void Factor::make_numeric() {
+  numeric_.reset();  // its memory goes before new memory comes
+  while (!numeric_) {
+    try {
+      charge_analysis();
+      numeric_ = solver::make_numeric(*analysis_, values_.values(), context_);
+    } catch (const Error& e) {
+      auto next = take_over(analysis_->device, e.what(), context_.registry);
+      if (!next) throw;
+      context_.log(fmt::format("the {} cannot take the factorization: going on with {}",
+                               analysis_->device.backend->noun(), next->reason));
+      change_plan(analysis::AssemblyTree(analysis_->plan.tree),
+                  {std::move(*next), analysis_->moved_pivots, analysis_->free_pivots});
+    }
+  }
+  numeric_->set_smallest_pivot(smallest_pivot_);
+}
+
+// @throws Error(out_of_memory) where the budget is too small for the factorization as it is planned
+void Factor::charge_analysis() {
+  context_.budget.give_back(std::exchange(charged_, 0));
+  const std::vector<Offset> budgets = budgets_of(analysis_->device, context_.options);
+  const bool budgeted = std::any_of(budgets.begin(), budgets.end(), [](Offset b) { return b > 0; });
+  const bool in_core = !analysis_->device.backend->limits().own_memory && !budgeted;
+  const Offset limit = context_.budget.limit();
+  const Offset needed = in_core ? predicted_host_bytes(*analysis_, context_) : analysis_->bytes();
+  if (limit > 0 && needed > limit)
+    throw Error(
+        StatusCode::out_of_memory,
+        fmt::format(
+            "the factorization needs {} on the host, its budget is {}; a budget of at least {} bytes would do, or "
+            "fewer threads",
+            base::format_bytes(needed), base::format_bytes(limit), needed));
+  context_.budget.take(analysis_->bytes());
+  charged_ = analysis_->bytes();
+}
+
+void Factor::change_plan(analysis::AssemblyTree tree, Changes changes) {
+  numeric_.reset();
+  analysis_ = lay_out_again(*analysis_, std::move(tree), std::move(changes), context_);
+  ++changes_;
+}
+
+void Factor::again(device::FactorOutcome& outcome) {
+  make_numeric();
+  values_.send(numeric_->device_equations());
+  outcome = numeric_->factorize();
+}
+
+// 0: the caller's, or what rounding makes of a zero.
+void Factor::set_smallest_pivot(double smallest_pivot) {
+  const double epsilon = context_.single() ? base::ScalarTraits<float>::epsilon : base::ScalarTraits<double>::epsilon;
+  const double given = context_.options.perturbation;
+  smallest_pivot_ = smallest_pivot > 0 ? smallest_pivot : given > 0 ? given : zero_pivot(analysis_->n(), epsilon);
+  numeric_->set_smallest_pivot(smallest_pivot_);
+}
+
+device::FactorOutcome Factor::settle_pivots() {
+  set_smallest_pivot(0);
+  device::FactorOutcome outcome = numeric_->factorize();
+  if (analysis_->kind() == Kind::llt) return outcome;
+  PivotPolicy policy(narrow_tiles(), context_.options.perturbation > 0);
+  for (;;) {
+    const std::vector<Index> movable = pivots_to_move(analysis_->plan, outcome);
+    switch (policy.next(outcome, !movable.empty(), [&] { return factor_solves(); })) {
+      case PivotPolicy::Step::stop:
+        return outcome;
+      case PivotPolicy::Step::move:
+        move_pivots(movable);
+        again(outcome);
+        break;
+      case PivotPolicy::Step::widen:
+        choose_pivots_freely();
+        again(outcome);
+        break;
+      case PivotPolicy::Step::raise_zero:
+        set_smallest_pivot(PivotPolicy::kSingularFactor * smallest_pivot_);
+        outcome = numeric_->factorize();
+        break;
+    }
+  }
+}
+
+bool Factor::narrow_tiles() const {
+  if (analysis_->free_pivots) return false;
+  return is_narrow(context_.options.max_block_size) || is_narrow(analysis_->device.backend->limits().widest_tile);
+}
+
+// A solution of A x = A 1 has half of the digits.
+bool Factor::factor_solves() const {
+  constexpr double kHalfOfTheDigits = 1e-8;
+  const auto n = static_cast<std::size_t>(analysis_->n());
+  const std::vector<double> ones(n, 1.0);
+  std::vector<double> b(n), x(n);
+  values_.residual().multiply(ones.data(), b.data(), false);
+  numeric_->solve(b.data(), x.data(), 1, false);
+  return values_.residual().compute(b.data(), x.data(), nullptr, false).normwise <= kHalfOfTheDigits;
+}
+
+void Factor::move_pivots(const std::vector<Index>& moved) {
+  context_.log(fmt::format("{} pivot{} moved to a later front", moved.size(), moved.size() == 1 ? " is" : "s are"));
+  analysis::AssemblyTree changed = analysis_->plan.tree;
+  analysis::relocate_pivots(changed, moved);
+  const Index all = analysis_->moved_pivots + static_cast<Index>(moved.size());
+  change_plan(std::move(changed), {analysis_->device, all, analysis_->free_pivots});
+}
+
+// CONT-201 of the collection moves 444 pivots in 40 rounds in tiles of 32 and 64 columns, and is no nearer to a factor;
+// in the host's it moves four. So the host goes on, with its own widths, until the next analysis.
+void Factor::choose_pivots_freely() {
+  const std::string why =
+      fmt::format("pivots failed in {} rounds of moving them to later fronts, for want of partners in their tiles",
+                  PivotPolicy::kMovesInNarrowTiles);
+  const bool elsewhere = analysis_->device.backend != &context_.registry.host();
+  context_.log(fmt::format("{}: going on {}with the host's widths of tiles", why, elsewhere ? "on the host " : ""));
+  DeviceChoice device = elsewhere ? whole_host(context_.registry, "host: " + why) : analysis_->device;
+  change_plan(analysis::AssemblyTree(analysis_->plan.tree), {std::move(device), analysis_->moved_pivots, true});
+}
+
+// The matrix that llt gave up is analyzed again from this factor's copy. Values of which no ldlt can be made cost this
+// factorization alone: the analysis for llt stands.
+void Factor::turn_to_ldlt() {
+  context_.log("a pivot is not positive: going on with ldlt");
+  numeric_.reset();
+  Analyzed made = analyze_for_ldlt(*analysis_, values_.values(), context_);
+  analysis_ = std::move(made.analysis);
+  ++changes_;
+  values_ = FactorValues(*analysis_->system, std::move(made.values), context_.pool);
+}
+
+}  // namespace espalier::solver

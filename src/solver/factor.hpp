@@ -1,0 +1,100 @@
+/// \file
+/// The numeric part of a solver: values, their factor, and what both need. Several may stand on one analysis.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+
+#include "solve/residual.hpp"
+#include "solver/analysis.hpp"
+#include "solver/context.hpp"
+#include "solver/numeric.hpp"
+
+namespace espalier::solver {
+
+/// The last values that went into a factor, and the residuals that they make.
+class FactorValues {
+ public:
+  FactorValues(const System& system, Values values, base::ThreadPool& pool);
+
+  /// Takes new values of the caller; where a device has the equations, on to it.
+  void load(const System& system, std::span<const double> from, device::DeviceEquations* device,
+            base::ThreadPool& pool);
+  /// To a device that has the equations, if any.
+  void send(device::DeviceEquations* device) const;
+  /// The last values came from the memory of this device, and are there alone.
+  void note_on_device() { on_device_ = true; }
+  /// They come here, if they are there alone.
+  void fetch(device::DeviceEquations* device);
+
+  [[nodiscard]] std::span<const double> values() const { return values_; }
+  [[nodiscard]] const solve::ResidualOperator& residual() const { return residual_; }
+
+ private:
+  Values values_;
+  solve::ResidualOperator residual_;
+  bool on_device_ = false;
+};
+
+class Factor {
+ public:
+  /// @param values  as many as the analysis' equations have entries, of the analysed matrix or not yet any
+  /// @param context  outlives the factor
+  Factor(SharedAnalysis analysis, Values values, const Context& context);
+  ~Factor() { context_.budget.give_back(charged_); }
+  Factor(const Factor&) = delete;
+  Factor& operator=(const Factor&) = delete;
+
+  void factorize(std::span<const double> values);
+  void factorize_device(const double* values, Offset count, void* queue);
+  /// Gives back all memory of the factor; the values stay.
+  void drop();
+  /// Leaves the memory of the factor to itself: in the child of a fork(), a device of the parent cannot be asked.
+  void abandon() noexcept { (void)numeric_.release(); }
+
+  /// Where factorizations have moved pivots, changed the kind or the devices, no longer the one that was given.
+  [[nodiscard]] const SharedAnalysis& analysis() const { return analysis_; }
+  /// How often it has become another one.
+  [[nodiscard]] int changes() const { return changes_; }
+  /// Of the last factorization.
+  [[nodiscard]] const FactorResult& result() const { return result_; }
+  [[nodiscard]] FactorResult& result() { return result_; }
+  [[nodiscard]] bool factorized() const { return factorized_; }
+
+  /// @pre factorized(), for all below
+  [[nodiscard]] Numeric& numeric() { return *numeric_; }
+  /// The equations in the host's memory.
+  [[nodiscard]] const solve::ResidualOperator& residual();
+
+ private:
+  void begin();
+  void make_numeric();
+  void charge_analysis();
+  void again(device::FactorOutcome& outcome);
+  void change_plan(analysis::AssemblyTree tree, Changes changes);
+  void set_smallest_pivot(double smallest_pivot);
+  device::FactorOutcome settle_pivots();
+  void move_pivots(const std::vector<Index>& moved);
+  void choose_pivots_freely();
+  void turn_to_ldlt();
+  [[nodiscard]] bool factor_solves() const;
+  [[nodiscard]] bool narrow_tiles() const;
+  void finish(device::FactorOutcome outcome, double start);
+
+  const Context& context_;
+  SharedAnalysis analysis_;
+  int changes_ = 0;
+  FactorValues values_;
+  Offset charged_ = 0;                // of the analysis and the values, in the budget
+  std::unique_ptr<Numeric> numeric_;  // made by the first factorization; of analysis_ and values_
+  double smallest_pivot_ = 0;         // relative; a smaller pivot counts as zero
+  FactorResult result_;
+  bool factorized_ = false;
+};
+
+/// What `numeric` came to, as the caller reads it. @param held_bytes  by the solver, on the host
+FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, const device::FactorOutcome& outcome,
+                           const Options& options, Offset held_bytes);
+
+}  // namespace espalier::solver

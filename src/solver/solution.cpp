@@ -1,0 +1,200 @@
+#include "solver/solution.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <vector>
+
+#include "solve/refinement.hpp"
+#include "solver/condition.hpp"
+
+namespace espalier::solver {
+
+namespace {
+
+// Right-hand sides that are brought to a device at a time.
+constexpr Index kColumnsOnDevice = 32;
+
+// Waits for a device that a failure has left at work on the caller's arrays.
+class Settled {
+ public:
+  explicit Settled(device::DeviceEquations& device) : device_(device) {}
+  Settled(const Settled&) = delete;
+  Settled& operator=(const Settled&) = delete;
+  ~Settled() { device_.settle(); }
+
+ private:
+  device::DeviceEquations& device_;
+};
+
+bool overlap(const double* a, const double* b, std::size_t count) {
+  const std::less<> before;
+  return before(a, b + count) && before(b, a + count);
+}
+
+// What a solution that is not finite comes from: a right-hand side that is not, or numbers near the overflow. `b` may
+// be null: it lies on a device.
+Status not_finite(const double* b, Index rows, Index columns) {
+  for (Offset k = 0; b != nullptr && k < Offset{rows} * columns; ++k)
+    if (!std::isfinite(b[k]))
+      return {StatusCode::invalid_input, fmt::format("row {} of right-hand side {} is {}", k % rows, k / rows, b[k]),
+              static_cast<Index>(k % rows)};
+  return {StatusCode::accuracy_not_reached,
+          "the solution is not finite: it, or what is multiplied on the way, is above the largest number; scale the "
+          "right-hand side or the matrix",
+          -1};
+}
+
+class Solving {
+ public:
+  Solving(Factor& factor, const Context& context)
+      : factor_(factor), options_(context.options), n_(factor.analysis()->n()) {}
+
+  void on_host(const SolveJob& job) {
+    const solve::ResidualOperator& residual = factor_.residual();
+    double first = -1;
+    const solve::Preconditioner apply = [&](const double* from, double* to, Index count) {
+      const double began = base::now_seconds();
+      factor_.numeric().solve(from, to, count, job.transpose);
+      if (first < 0) first = base::now_seconds() - began;
+    };
+    result_ = SolveResult{};
+    refine(residual, apply, job, options_.precision == Precision::mixed);
+    result_.solve_seconds = first;
+  }
+
+  // False: no device has the equations, its memory is too small, or only a Krylov method helps.
+  bool through_device(const SolveJob& job) {
+    device::DeviceEquations* device = factor_.numeric().device_equations();
+    if (device == nullptr) return false;
+    const Settled settled(*device);
+    const Offset n = n_;
+    try {
+      for (Index first = 0; first < job.columns; first += kColumnsOnDevice) {
+        const Index now = std::min(kColumnsOnDevice, job.columns - first);
+        double* from = device->right_hand_sides(now);
+        double* to = device->solutions(now);
+        device->send(from, job.b + first * n, now * n);
+        on_device(*device, {from, to, now, job.transpose});
+        device->fetch(job.x + first * n, to, now * n);
+      }
+    } catch (const Error& e) {
+      if (e.status().code != StatusCode::out_of_memory) throw;
+      return false;
+    }
+    return options_.precision != Precision::mixed || result_.backward_error <= options_.required_backward_error;
+  }
+
+  void on_device(device::DeviceEquations& device, const SolveJob& job) {
+    const double start = base::now_seconds();
+    (void)device.take_substitution_seconds();
+    const solve::Preconditioner apply = [&](const double* from, double* to, Index count) {
+      device.substitute(from, to, count, job.transpose);
+    };
+    refine(device, apply, job, false);
+    double seconds = device.take_substitution_seconds();
+    if (seconds < 0) {  // nobody looked at the solution
+      device.finish();
+      seconds = base::now_seconds() - start;
+    }
+    result_.solve_seconds += seconds;
+  }
+
+  SolveResult judged(const double* b, Index columns, double start) {
+    judge(b, columns);
+    result_.seconds = base::now_seconds() - start;
+    return std::move(result_);
+  }
+
+ private:
+  // First solution and refinement where `space` is; adds to what the result says of earlier columns.
+  void refine(const solve::ResidualSpace& space, const solve::Preconditioner& apply, const SolveJob& job, bool krylov) {
+    apply(job.b, job.x, job.columns);
+    if (options_.refinement_steps == 0 && std::isinf(options_.required_backward_error)) {  // nobody asks for it
+      result_.backward_error = result_.componentwise_error = std::numeric_limits<double>::quiet_NaN();
+      return;
+    }
+    solve::RefinementOptions refinement;
+    refinement.steps = options_.precision == Precision::fp32 ? 0 : options_.refinement_steps;
+    refinement.krylov = krylov;
+    refinement.positive_definite = factor_.analysis()->kind() == Kind::llt;
+    const solve::RefinementResult r = solve::refine(space, apply, job.b, job.x, job.columns, job.transpose, refinement);
+    result_.refinement_steps = std::max(result_.refinement_steps, r.steps + r.krylov_steps);
+    result_.backward_error = std::max(result_.backward_error, r.error.normwise);
+    result_.componentwise_error = std::max(result_.componentwise_error, r.error.componentwise);
+  }
+
+  // `b` may be null: it lies on a device.
+  void judge(const double* b, Index columns) {
+    const double asked = options_.required_backward_error;
+    const double limit = options_.precision == Precision::fp32 ? std::max(asked, 1e-5) : asked;
+    if (result_.backward_error <= limit || std::isinf(limit)) return;
+    if (std::isinf(result_.backward_error)) {
+      result_.status = not_finite(b, n_, columns);
+      return;
+    }
+    result_.status = {StatusCode::accuracy_not_reached,
+                      fmt::format("the backward error is {:.1e} after {} steps of refinement, above the {:.1e} asked "
+                                  "for; use precision fp64, matching, or a larger pivot_threshold",
+                                  result_.backward_error, result_.refinement_steps, limit),
+                      -1};
+  }
+
+  Factor& factor_;
+  const Options& options_;
+  Index n_;
+  SolveResult result_;
+};
+
+}  // namespace
+
+SolveResult solve(Factor& factor, const SolveJob& asked, const Context& context) {
+  const double start = base::now_seconds();
+  SolveJob job = asked;
+  const auto size = static_cast<std::size_t>(factor.analysis()->n()) * static_cast<std::size_t>(job.columns);
+  // b is needed after x has been written.
+  std::vector<double> copy;
+  if (overlap(job.b, job.x, size)) {
+    copy.assign(job.b, job.b + size);
+    job.b = copy.data();
+  }
+  Solving solving(factor, context);
+  if (!solving.through_device(job)) solving.on_host(job);
+  return solving.judged(job.b, job.columns, start);
+}
+
+SolveResult solve_device(Factor& factor, const SolveJob& asked, void* queue, const Context& context) {
+  const double start = base::now_seconds();
+  SolveJob job = asked;
+  device::DeviceEquations* device = factor.numeric().device_equations();
+  if (device == nullptr)
+    throw Error(StatusCode::device_error,
+                "the factor is not in the memory of a GPU (" + factor.numeric().device_name() + "); use solve()");
+  device->expect_reachable(job.b, "Solver::solve_device: the right-hand sides");
+  device->expect_reachable(job.x, "Solver::solve_device: the solutions");
+  const Settled settled(*device);
+  device->wait_for(queue);
+  const Offset count = Offset{factor.analysis()->n()} * job.columns;
+  if (overlap(job.b, job.x, static_cast<std::size_t>(count))) {
+    double* copy = device->right_hand_sides(job.columns);
+    device->copy_vectors(job.b, copy, count);
+    job.b = copy;
+  }
+  Solving solving(factor, context);
+  solving.on_device(*device, job);
+  device->finish();
+  return solving.judged(nullptr, job.columns, start);
+}
+
+double estimate_condition(Factor& factor) {
+  const solve::ResidualOperator& residual = factor.residual();
+  const double inverse = estimate_inverse_norm(factor.analysis()->n(), [&](const double* x, double* y, bool transpose) {
+    factor.numeric().solve(x, y, 1, transpose);
+  });
+  return inverse * residual.norm(true);
+}
+
+}  // namespace espalier::solver

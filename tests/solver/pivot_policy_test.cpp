@@ -1,0 +1,131 @@
+// Decisions after a factorization, one by one. Truth: the rules in pivot_policy.hpp, with outcomes made by hand.
+#include "solver/pivot_policy.hpp"
+
+#include <gtest/gtest.h>
+
+namespace espalier::solver {
+namespace {
+
+using Step = PivotPolicy::Step;
+
+device::FactorOutcome outcome(std::vector<Index> failed, std::vector<Index> replaced = {}) {
+  device::FactorOutcome o;
+  o.failed = std::move(failed);
+  o.replaced = std::move(replaced);
+  return o;
+}
+
+bool never_asked() {
+  ADD_FAILURE() << "nobody needs to know whether the factor solves";
+  return true;
+}
+
+int moves(PivotPolicy& policy, const device::FactorOutcome& o, const std::function<bool()>& solves, Step& after) {
+  for (int count = 0;; ++count)
+    if ((after = policy.next(o, true, solves)) != Step::move) return count;
+}
+
+TEST(PivotPolicy, AGoodFactorStands) {
+  PivotPolicy policy(false, false);
+  EXPECT_EQ(policy.next(outcome({}), false, never_asked), Step::stop);
+}
+
+TEST(PivotPolicy, FailuresAreMovedFortyTimesAtMost) {
+  PivotPolicy policy(false, false);
+  Step after = Step::move;
+  EXPECT_EQ(moves(policy, outcome({3}), never_asked, after), 40);
+  EXPECT_EQ(after, Step::stop);
+}
+
+TEST(PivotPolicy, NarrowTilesBecomeWideWhereTheFactorDoesNotSolve) {
+  PivotPolicy policy(true, false);
+  Step after = Step::move;
+  EXPECT_EQ(moves(
+                policy, outcome({3}), [] { return false; }, after),
+            16);
+  EXPECT_EQ(after, Step::widen);
+  EXPECT_EQ(moves(policy, outcome({3}), never_asked, after), 40) << "it begins anew in wide tiles";
+  EXPECT_EQ(after, Step::stop);
+}
+
+TEST(PivotPolicy, NarrowTilesStayWhereTheFactorSolves) {
+  PivotPolicy policy(true, false);
+  Step after = Step::move;
+  EXPECT_EQ(moves(
+                policy, outcome({3}), [] { return true; }, after),
+            16);
+  EXPECT_EQ(after, Step::stop);
+}
+
+TEST(PivotPolicy, AZeroPivotRaisesTheLimitOnce) {
+  PivotPolicy policy(false, false);
+  EXPECT_EQ(policy.next(outcome({}, {7}), false, never_asked), Step::raise_zero);
+  EXPECT_EQ(policy.next(outcome({}, {7}), true, never_asked), Step::move) << "what shows up then may still move";
+  EXPECT_EQ(policy.next(outcome({}, {7}), false, never_asked), Step::stop);
+}
+
+TEST(PivotPolicy, TheCallersLimitStands) {
+  PivotPolicy policy(false, true);
+  EXPECT_EQ(policy.next(outcome({}, {7}), false, never_asked), Step::stop);
+}
+
+TEST(PivotPolicy, InNarrowTilesTheLastRoundsComeAfterTheLimitWasRaised) {
+  PivotPolicy policy(true, false);
+  Step after = Step::move;
+  EXPECT_EQ(moves(
+                policy, outcome({}, {7}), [] { return true; }, after),
+            16);
+  EXPECT_EQ(after, Step::raise_zero);
+  EXPECT_EQ(moves(policy, outcome({}, {7}), never_asked, after), 40 - 16);
+  EXPECT_EQ(after, Step::stop);
+}
+
+TEST(PivotPolicy, OnlyAChoiceOfOursTurnsToLdlt) {
+  device::FactorOutcome indefinite;
+  indefinite.not_positive = 4;
+  EXPECT_TRUE(turns_to_ldlt(Kind::llt, true, indefinite));
+  EXPECT_TRUE(turns_to_ldlt(Kind::llt, true, outcome({}, {4})));
+  EXPECT_FALSE(turns_to_ldlt(Kind::llt, false, indefinite));
+  EXPECT_FALSE(turns_to_ldlt(Kind::llt, true, outcome({})));
+  EXPECT_FALSE(turns_to_ldlt(Kind::ldlt, true, outcome({}, {4})));
+}
+
+TEST(PivotPolicy, NarrowMeansNarrowerThanTheHostsOwnTiles) {
+  EXPECT_FALSE(is_narrow(0));
+  EXPECT_TRUE(is_narrow(64));
+  EXPECT_FALSE(is_narrow(128));
+}
+
+// Three fronts in a chain, 0 below 1 below 2 (the root), with positions 0-1, 2-3, 4-7; the root in tiles of two.
+plan::Plan chain() {
+  plan::Plan plan;
+  plan.tree.n = 8;
+  plan.tree.first = {0, 2, 4, 8};
+  plan.tree.parent = {1, 2, -1};
+  plan.tree.row_ptr = {0, 2, 4, 4};
+  for (const Index pivots : {2, 2, 4}) {
+    plan::FrontLayout l;
+    l.pivots = pivots;
+    l.rows = pivots == 4 ? 4 : 4;
+    l.pivot_width = 2;
+    l.below_width = 2;
+    l.pivot_tiles = pivots / 2;
+    l.tiles = 2;
+    plan.layout.push_back(l);
+  }
+  return plan;
+}
+
+TEST(PivotsToMove, OnlyTheLowestFailuresMove) {
+  EXPECT_EQ(pivots_to_move(chain(), outcome({1, 3, 5})), (std::vector<Index>{1}));
+  EXPECT_EQ(pivots_to_move(chain(), outcome({2}, {3})), (std::vector<Index>{2, 3})) << "two of one front";
+  EXPECT_TRUE(pivots_to_move(chain(), outcome({})).empty());
+}
+
+TEST(PivotsToMove, TheLastTileOfARootHasNowhereToGo) {
+  EXPECT_EQ(pivots_to_move(chain(), outcome({4, 7})), (std::vector<Index>{4}));
+  EXPECT_TRUE(pivots_to_move(chain(), outcome({6, 7})).empty());
+}
+
+}  // namespace
+}  // namespace espalier::solver
