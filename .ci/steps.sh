@@ -13,7 +13,11 @@ check_format() {
 }
 
 # Without CUDA, as on the machines that run the tests.
-build_release() { configure_and_build release; }
+# With the options of ./test, so that the tests find everything built.
+build_release() {
+  # shellcheck disable=SC2046 # words without blanks
+  configure_and_build release -DESPALIER_TESTS=ON -DESPALIER_EVIDENCE=ON -DESPALIER_BENCH=ON $(from_scratch)
+}
 
 # The CUDA sources compile where nvcc is found. One architecture: that shows it.
 build_cuda() {
@@ -90,6 +94,9 @@ check_package() {
 
 # Work counted, not timed: flops, fill, memory, instructions of fixed systems against .ci/bounds.json.
 check_bounds() { python3 .ci/check_bounds.py --binary build/release/espalier; }
+
+# The same bits as before, for a table of systems against .ci/bits.json.
+check_bits() { python3 .ci/check_bits.py --program build/release/tests/espalier_bits; }
 
 sanitizer_options() {
   # test_solver replaces operator new to make allocations fail; the sanitizer takes that for a mismatch.

@@ -1,7 +1,6 @@
 # espalier_module(name FOLDER folder SUBFOLDERS names... GENERATED sources... DEPENDS other modules... LIBRARIES external targets...)
 # One static library espalier_<name> per folder src/<folder> (by default src/<name>), made of all sources in that folder and
-# in the sub-folders that SUBFOLDERS names; or, with GENERATED, of these sources alone. HEADERS: further ones that
-# espalier_precompile() takes.
+# in the sub-folders that SUBFOLDERS names; or, with GENERATED, of these sources alone.
 # A module sees the headers of the modules below it as "module/header.hpp".
 function(espalier_flags target)
   target_compile_features(${target} PUBLIC cxx_std_20)
@@ -23,15 +22,6 @@ function(espalier_flags target)
   endif()
 endfunction()
 
-# Headers that most sources of a target include, compiled once (ESPALIER_PRECOMPILE). Sources with flags of their own that the
-# headers do not share are left out by SKIP_PRECOMPILE_HEADERS.
-function(espalier_precompile target)
-  if(ESPALIER_PRECOMPILE)
-    target_precompile_headers(${target} PRIVATE <algorithm> <array> <cmath> <cstdint> <functional> <map> <memory> <mutex>
-      <optional> <span> <string> <string_view> <unordered_map> <vector> <fmt/format.h> ${ARGN})
-  endif()
-endfunction()
-
 # Compiles sources of a target together, as one file, with these options (ESPALIER_FROM_SCRATCH): their headers are read and their
 # templates made once. Names in their anonymous namespaces must differ; a clash is an error of the compiler.
 # espalier_together(target name OPTIONS options... SOURCES files...), files relative to the current folder.
@@ -46,14 +36,14 @@ function(espalier_together target name)
     endforeach()
     set(together ${CMAKE_CURRENT_BINARY_DIR}/${target}_${name}.cpp)
     file(CONFIGURE OUTPUT ${together} CONTENT "${text}" @ONLY)
-    set_source_files_properties(${together} PROPERTIES COMPILE_OPTIONS "${ARG_OPTIONS}" SKIP_PRECOMPILE_HEADERS ON)
+    set_source_files_properties(${together} PROPERTIES COMPILE_OPTIONS "${ARG_OPTIONS}")
     set_source_files_properties(${ARG_SOURCES} PROPERTIES HEADER_FILE_ONLY ON)
     target_sources(${target} PRIVATE ${together})
   endif()
 endfunction()
 
 function(espalier_module name)
-  cmake_parse_arguments(ARG "" "FOLDER" "SUBFOLDERS;GENERATED;DEPENDS;LIBRARIES;HEADERS" ${ARGN})
+  cmake_parse_arguments(ARG "" "FOLDER" "SUBFOLDERS;GENERATED;DEPENDS;LIBRARIES" ${ARGN})
   if(NOT ARG_FOLDER)
     set(ARG_FOLDER ${name})
   endif()
@@ -73,7 +63,6 @@ function(espalier_module name)
   add_library(espalier_${name} STATIC ${sources})
   set_target_properties(espalier_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
   espalier_flags(espalier_${name})
-  espalier_precompile(espalier_${name} ${ARG_HEADERS})
   target_include_directories(espalier_${name} PUBLIC ${PROJECT_SOURCE_DIR}/src
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>)
   foreach(dependency IN LISTS ARG_DEPENDS)
