@@ -134,8 +134,7 @@ class EquationMemory {
 
   // FP64 values that nothing scales are factored as they are; all others need a place of their own.
   void take_values_memory() {
-    if (!base::keeps_fp64<T> || scales_ || executor_.values_size() < nonzeros_)
-      copy_ = take<double>(nonzeros_);
+    if (!base::keeps_fp64<T> || scales_ || executor_.values_size() < nonzeros_) copy_ = take<double>(nonzeros_);
     const unsigned most =
         scales_ ? resident_blocks(scale_kernel<T>, device_) : resident_blocks(take_kernel<T>, device_);
     const Offset threads = scales_ ? static_cast<Offset>(n_) * kLanes : nonzeros_;
