@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """Same source, same bits: hashes of factors and solutions against .ci/bits.json.
 
-    .ci/check_bits.py [--program build/release/tests/espalier_bits] [--update]
+    .ci/check_bits.py [--program build/release/tests/espalier_bits] [--gpu] [--update]
 
 The program tests/bits/bits.cpp factorizes a table of systems (kinds, precisions, threads, host devices, out of core) and prints a
 hash of the bits of the solutions, without refinement, with the determinant and the counts of pivots. The hashes were made
 before the backends were rebuilt (commit 98f6ff2). They hold for one compiler and one set of vector instructions; for others
 the file has no hashes until --update writes them, and the check says so and passes. Cases that must agree with each
-other (any number of threads and of host devices in core) are compared on every machine.
+other (any number of threads and of host devices in core) are compared on every machine. --gpu: the same on the first GPU.
 """
 import argparse
 import json
@@ -19,6 +19,11 @@ import sys
 FILE = pathlib.Path(__file__).with_name("bits.json")
 
 
+def gpu_key():
+    listed = subprocess.run(["nvidia-smi", "--query-gpu=name", "--format=csv,noheader"], capture_output=True, text=True)
+    return listed.stdout.splitlines()[0].strip() if listed.stdout else "no GPU"
+
+
 def machine_key():
     flags = re.search(r"^flags\s*:(.*)$", pathlib.Path("/proc/cpuinfo").read_text(), re.M)
     flags = set(flags.group(1).split()) if flags else set()
@@ -27,8 +32,8 @@ def machine_key():
     return f"{simd}, c++ {version}"
 
 
-def measured(program):
-    out = subprocess.run([program], capture_output=True, text=True, check=True).stdout
+def measured(program, words):
+    out = subprocess.run([program, *words], capture_output=True, text=True, check=True).stdout
     return dict(line.split("\t") for line in out.splitlines())
 
 
@@ -45,11 +50,12 @@ def disagreements(hashes):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--program", default="build/release/tests/espalier_bits")
+    parser.add_argument("--gpu", action="store_true")
     parser.add_argument("--update", action="store_true")
     arguments = parser.parse_args()
-    hashes = measured(arguments.program)
+    hashes = measured(arguments.program, ["--gpu"] if arguments.gpu else [])
     known = json.loads(FILE.read_text()) if FILE.exists() else {}
-    key = machine_key()
+    key = gpu_key() if arguments.gpu else machine_key()
     found = [f"{name}: {value}" for name, value in hashes.items() if not re.fullmatch(r"[0-9a-f]{16}", value)]
     found += disagreements(hashes)
     if arguments.update:
