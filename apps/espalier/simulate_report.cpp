@@ -62,11 +62,16 @@ std::string simulate_summary(const SimulationSummary& s) {
                                     s.events[k].name == s.stopped_by ? " (the end)" : "")});
   if (s.event_count > static_cast<long>(kMostShown))
     table.add({"event", fmt::format("{} in all; the first {} are in the report", s.event_count, s.events.size())});
-  if (s.statics_iterations > 0) table.add({"statics", fmt::format("{} iterations", s.statics_iterations)});
+  if (s.statics_steps > 0)
+    table.add({"statics", fmt::format("{}, {}, residual {}{}", counted(s.statics_steps, "load step", "load steps"),
+                                      counted(s.statics_iterations, "iteration", "iterations"),
+                                      small(s.statics_residual), s.statics_relaxed ? ", by relaxation" : "")});
+  for (const SimulationCritical& c : s.critical)
+    table.add({"critical", fmt::format("{} at load factor {:.9g}", c.limit ? "limit point" : "bifurcation", c.load)});
   for (const SimulationMode& m : s.modes)
     table.add({"mode", fmt::format("{:.6g} Hz, damping {:.2g} %", m.frequency, 100 * m.damping_ratio)});
-  table.add(
-      {"time", fmt::format("{:g} to {:g}, {} ({})", s.t_begin, s.t_end, counted(s.steps, "step", "steps"), s.method)});
+  table.add({s.method == "statics" ? "load" : "time",
+             fmt::format("{:g} to {:g}, {} ({})", s.t_begin, s.t_end, counted(s.steps, "step", "steps"), s.method)});
   table.add({"newton", fmt::format("{} iterations, {} failures, {} steps rejected", grouped(s.newton_iterations),
                                    s.newton_failures, s.error_failures)});
   table.add({"factorizations", fmt::format("{} ({} by step size, {} by slow Newton, {} by failures), {} solves",
@@ -106,6 +111,14 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
   j["initial"] = {{"position_change", number(s.position_change)},
                   {"velocity_change", number(s.velocity_change)},
                   {"statics_iterations", s.statics_iterations}};
+  Json critical = Json::array();
+  for (const SimulationCritical& c : s.critical)
+    critical.push_back({{"load", c.load}, {"kind", c.limit ? "limit" : "bifurcation"}});
+  j["statics"] = {{"steps", s.statics_steps},
+                  {"iterations", s.statics_iterations},
+                  {"residual", number(s.statics_residual)},
+                  {"relaxed", s.statics_relaxed},
+                  {"critical", critical}};
   Json modes = Json::array();
   for (const SimulationMode& m : s.modes)
     modes.push_back({{"frequency", m.frequency}, {"damping_ratio", m.damping_ratio}});

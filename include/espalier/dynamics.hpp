@@ -23,7 +23,7 @@ namespace espalier {
 struct SimulationOptions {
   std::vector<std::string> set;  ///< values of the model text to be replaced: "parameters.size=2"
   std::string out;               ///< folder for results, made if it is not there; empty: nothing is written
-  std::optional<double> until;   ///< instead of integrator.end
+  std::optional<double> until;   ///< instead of integrator.end; of a statics run: instead of statics.load
   std::string restart;           ///< a restart file to go on from; empty: from the beginning
   bool accept_changes = false;   ///< go on from it although it is of another model; the notices say what differs
   std::string dump;              ///< folder for Newton matrices; empty: none
@@ -33,16 +33,16 @@ struct SimulationOptions {
   std::vector<std::pair<std::string, std::string>> solver;
 };
 
-/// One accepted step.
+/// One accepted step, of time or (statics) of the load.
 struct SimulationStep {
   long index = 0;             ///< from 1
-  double t = 0;               ///< time at its end
+  double t = 0;               ///< time at its end; load factor
   double h = 0;               ///< its length
   int order = 0;              ///< of the formula
   int newton_iterations = 0;  ///< of the attempt that succeeded
   int factorizations = 0;     ///< of all attempts
   int failures = 0;           ///< attempts rejected, by the error test or because Newton did not converge
-  double residual = 0;        ///< largest residual of the equations of motion
+  double residual = 0;        ///< largest residual of the equations of motion; statics: as in statics.tolerance
   double error = 0;           ///< local error in units of the tolerance; 0 where it is not controlled
 };
 
@@ -70,6 +70,12 @@ struct SimulationEnergy {
   double kinetic = 0, potential = 0;
 };
 
+/// A point on the way to an equilibrium where the structure gives way.
+struct SimulationCritical {
+  double load = 0;    ///< load factor
+  bool limit = true;  ///< limit point, where the load turns back; false: bifurcation, where the path goes straight on
+};
+
 /// A natural frequency of the system linearised at the start.
 struct SimulationMode {
   double frequency = 0;      ///< per unit of time
@@ -94,7 +100,7 @@ struct SimulationSummary {
   bool interrupted = false;  ///< the observer stopped it
   std::string stopped_by;    ///< the event that ended the run; empty: none
   std::string title;
-  std::string method;  ///< "bdf" or "generalized-alpha"
+  std::string method;  ///< "bdf", "generalized-alpha" or "statics"
 
   // The system
   Index bodies = 0, joints = 0, forces = 0;
@@ -107,7 +113,12 @@ struct SimulationSummary {
   // The start
   double position_change = 0;  ///< of the given initial configuration to satisfy the constraints
   double velocity_change = 0;
-  int statics_iterations = 0;  ///< 0 without statics
+  // Equilibrium, at the start of a motion or as a run of its own; all 0 without
+  long statics_steps = 0;        ///< of the load
+  int statics_iterations = 0;    ///< of Newton
+  double statics_residual = 0;   ///< largest entry of what is out of balance
+  bool statics_relaxed = false;  ///< found by relaxation: nothing held the unloaded system
+  std::vector<SimulationCritical> critical;
   std::vector<SimulationMode> modes;
 
   // The run

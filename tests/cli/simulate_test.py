@@ -115,6 +115,19 @@ class Simulate(Cli):
         parts = sum(value for key, value in seconds.items() if key != "total")
         self.assertAlmostEqual(parts, seconds["total"], delta=0.05 * seconds["total"] + 1e-3)
 
+    def test_statics_runs_without_an_end_and_writes_its_load_steps(self):
+        text = PENDULUM.replace("[integrator]\nend = 1\n", "[statics]\nload = 2\n")
+        out = self.folder / "statics"
+        report = self.report(text, "--out", out)
+        self.assertEqual(report["time"], {"begin": 0, "end": 2})
+        self.assertEqual(report["integrator"]["method"], "statics")
+        self.assertGreater(report["statics"]["steps"], 0)
+        self.assertEqual(report["statics"]["critical"], [])
+        self.assertEqual([pathlib.Path(name).name for name in report["files"]], ["quantities.csv", "motion.pvd"])
+        rows = self.rows(out)
+        self.assertEqual([rows[0]["time"], rows[-1]["time"]], [0, 2])
+        self.assertAlmostEqual(rows[-1]["bob.position.y"], -1, delta=1e-9)
+
     def test_csv_holds_the_motion(self):
         out = self.folder / "out"
         report = self.report(PENDULUM, "--out", out)

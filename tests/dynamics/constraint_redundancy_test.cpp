@@ -10,6 +10,7 @@
 #include "dynamics/constraints/redundancy.hpp"
 #include "dynamics/forces/frame_force.hpp"
 #include "dynamics/integrators/bdf.hpp"
+#include "dynamics/integrators/statics.hpp"
 #include "dynamics/joints/joint.hpp"
 
 namespace espalier::dynamics {

@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <random>
 
+#include "dynamics/bodies/carried_frame.hpp"
 #include "dynamics/meshers/parts.hpp"
 
 namespace espalier::dynamics::test {
@@ -13,13 +14,16 @@ namespace {
 
 constexpr double kEps = 2.220446049250313e-16;
 
+const Vec3 kArm(0.3, -0.2, 0.5);
+
 struct Framed {
   AssembledSystem system;
   FlexibleBody* body;
   std::vector<double> q, v;
   std::unique_ptr<Frame> frame;
 
-  explicit Framed(bool beam, double noise) {
+  /// @param carried with an arm and axes of its own
+  Framed(bool beam, double noise, bool carried = false) {
     const Material m{SolidLaw::st_venant_kirchhoff, 200, 0.3, 7};
     const Mesh mesh = make_block({1, 1, 1}, 2, 2, 1);
     body =
@@ -27,6 +31,9 @@ struct Framed {
                          : make_solid_body("block", mesh, m));
     system.finish();
     frame = beam ? make_beam_frame(*body, 1) : make_face_frame(*body, mesh, mesh.face_set("x1"));
+    if (carried)
+      frame =
+          std::make_unique<CarriedFrame>(std::move(frame), kArm, Eigen::AngleAxisd(0.4, kArm.normalized()).matrix());
     const double c = std::cos(0.8), s = std::sin(0.8);
     body->set_initial_motion({c, -s, 0, s, c, 0, 0, 0, 1}, {1, 2, 3}, {0.5, 0.1, 0.2}, {0.3, -0.4, 0.9});
     q.resize(static_cast<std::size_t>(system.sizes().configuration));
@@ -41,14 +48,17 @@ struct Framed {
 
 // Truth: under rigid motion a frame moves like the rigid body: r = R X + t, rot = R, omega.
 TEST(FlexibleFrame, FollowsRigidMotion) {
-  for (const bool beam : {false, true}) {
-    Framed s(beam, 0);
+  for (const int kind : {0, 1, 2, 3}) {
+    const bool beam = kind % 2 == 1, carried = kind >= 2;
+    Framed s(beam, 0, carried);
     FrameMotion m;
     s.frame->motion(s.q, s.v, m);
     const Mat3 r = Eigen::AngleAxisd(0.8, Vec3::UnitZ()).toRotationMatrix();
-    const Vec3 at = beam ? Vec3(0.5, 0, 0) : Vec3(1, 0.5, 0.5), omega(0.3, -0.4, 0.9);
+    const Vec3 own = beam ? Vec3(0.5, 0, 0) : Vec3(1, 0.5, 0.5), omega(0.3, -0.4, 0.9);
+    const Vec3 at = carried ? Vec3(own + kArm) : own;
+    const Mat3 turn = Eigen::AngleAxisd(carried ? 0.4 : 0, kArm.normalized()).matrix();
     EXPECT_LT((m.r - (r * at + Vec3(1, 2, 3))).norm(), 50 * kEps);
-    EXPECT_LT((m.rot - r).norm(), 50 * kEps);
+    EXPECT_LT((m.rot - r * turn).norm(), 50 * kEps);
     EXPECT_LT((m.omega - omega).norm(), 100 * kEps);
     EXPECT_LT((m.vel - (Vec3(0.5, 0.1, 0.2) + omega.cross(m.r))).norm(), 100 * kEps);
   }
@@ -56,8 +66,8 @@ TEST(FlexibleFrame, FollowsRigidMotion) {
 
 // Truth: central differences of rotation, of J v along the motion, and of J^T wrench.
 TEST(FlexibleFrame, DerivativesMatchFiniteDifferences) {
-  for (const bool beam : {false, true}) {
-    Framed s(beam, 0.05);
+  for (const int kind : {0, 1, 2, 3}) {
+    Framed s(kind % 2 == 1, 0.05, kind >= 2);
     const auto coordinates = s.frame->coordinates();
     const auto n = static_cast<Eigen::Index>(coordinates.size());
     const double h = std::cbrt(kEps), tolerance = 100 * h * h;

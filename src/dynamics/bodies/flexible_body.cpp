@@ -165,7 +165,7 @@ AssemblyState FlexibleBody::state(const StateView& s) const {
 /// f += M (a + alpha v) - M g
 void FlexibleBody::add_inertia(const double* a, const double* v, double* f) const {
   const VertexPattern& p = assembly_.pattern();
-  const double alpha = v == nullptr ? 0.0 : damping_.mass;
+  const double alpha = v == nullptr ? 0.0 : damping_.mass, load = load_factor();
   const auto body = [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t b = begin; b < end; ++b) {
       double sum[3] = {};
@@ -174,7 +174,7 @@ void FlexibleBody::add_inertia(const double* a, const double* v, double* f) cons
           const std::size_t from = 3 * at(p.ind[at(e)]) + i;
           sum[i] += mass_[at(e)] * ((a == nullptr ? 0.0 : a[from]) + (alpha == 0 ? 0.0 : alpha * v[from]));
         }
-      for (std::size_t i = 0; i < 3; ++i) f[3 * at(b) + i] += sum[i] - weight_[3 * at(b) + i];
+      for (std::size_t i = 0; i < 3; ++i) f[3 * at(b) + i] += sum[i] - load * weight_[3 * at(b) + i];
     }
   };
   if (pool_ == nullptr)
@@ -185,7 +185,7 @@ void FlexibleBody::add_inertia(const double* a, const double* v, double* f) cons
 
 void FlexibleBody::add_pressures(double t, const double* q, double* f) const {
   for (const PressureLoad& load : pressure_faces_) {
-    const double p = pressures_[at(load.law)](t);
+    const double p = load_factor() * pressures_[at(load.law)](t);
     double x[24], force[24] = {};
     for (std::size_t a = 0; a < load.nodes.size(); ++a)
       for (std::size_t i = 0; i < 3; ++i) x[3 * a + i] = q[3 * at(load.nodes[a]) + i];
@@ -197,7 +197,7 @@ void FlexibleBody::add_pressures(double t, const double* q, double* f) const {
 
 void FlexibleBody::add_pressure_tangents(double t, const double* q, double weight, const BlockTarget& target) const {
   for (const PressureLoad& load : pressure_faces_) {
-    const double p = pressures_[at(load.law)](t);
+    const double p = load_factor() * pressures_[at(load.law)](t);
     const std::size_t n = load.nodes.size();
     double x[24], k[24 * 24] = {};
     for (std::size_t a = 0; a < n; ++a)
@@ -248,7 +248,7 @@ Energy FlexibleBody::energy(const StateView& s) {
   std::vector<double> scratch(n, 0.0);
   static_cast<void>(assembly_.add_forces(pool_, state(s), scratch.data(), result.potential));
   const double* q = s.q.data() + placement().q;
-  for (std::size_t i = 0; i < n; ++i) result.potential -= weight_[i] * q[i];
+  for (std::size_t i = 0; i < n; ++i) result.potential -= load_factor() * weight_[i] * q[i];
   if (s.v.empty()) return result;
   const double* v = s.v.data() + placement().v;
   const VertexPattern& p = assembly_.pattern();

@@ -110,7 +110,7 @@ void RigidBody::bind(const SparsePattern& w, const SparsePattern& /*phi_q*/) {
 
 void RigidBody::residual(const StateView& s, Span f) {
   const Index at = placement().v;
-  const Vec3 force = data_.mass * (vec3(s.a, at) - data_.gravity);
+  const Vec3 force = data_.mass * (vec3(s.a, at) - load_factor() * data_.gravity);
   const Vec3 omega = vec3(s.v, at + 3);
   const Vec3 torque = data_.inertia * vec3(s.a, at + 3) + omega.cross(data_.inertia * omega);
   for (int k = 0; k < 3; ++k) {
@@ -130,7 +130,7 @@ void RigidBody::tangent(const StateView& s, const TangentWeights& weights, Span 
 Energy RigidBody::energy(const StateView& s) {
   const Vec3 omega = angular(s.v);
   return {0.5 * (data_.mass * velocity(s.v).squaredNorm() + omega.dot(data_.inertia * omega)),
-          -data_.mass * data_.gravity.dot(position(s.q))};
+          -data_.mass * load_factor() * data_.gravity.dot(position(s.q))};
 }
 
 // ---- RigidFrame: r = r_c + R s, J = [I, -R s~; 0, R]

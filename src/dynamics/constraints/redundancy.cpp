@@ -219,7 +219,7 @@ ConsistencyResult RedundancyGuard::prepare(State& state, const ConsistencyOption
   return result;
 }
 
-void RedundancyGuard::check(const State& state) {
+void RedundancyGuard::check(const State& state, bool at_rest) {
   if (redundant_.empty()) return;
   System& system = equations_.system();
   const std::size_t m = state.lambda.size();
@@ -230,7 +230,7 @@ void RedundancyGuard::check(const State& state) {
   for (RedundantConstraint& r : redundant_) {
     const auto i = static_cast<std::size_t>(r.row);
     r.violation = std::abs(phi[i]);
-    const double slip = std::abs(rate[i] - nu[i]) / speed;
+    const double slip = at_rest ? 0 : std::abs(rate[i] - nu[i]) / speed;
     if (r.violation <= options_.inconsistency && slip <= options_.inconsistency) continue;
     const std::string partner = r.partners.empty() ? "the other constraints" : r.partners.front();
     const bool position = r.violation > options_.inconsistency;

@@ -58,8 +58,9 @@ class RedundancyGuard {
   /// analyze(), make_consistent() and check(): the usual beginning of a simulation.
   ConsistencyResult prepare(State& state, const ConsistencyOptions& options = {});
   /// Looks whether the constraints left out are satisfied at position and velocity level; to be called now and then.
+  /// @param at_rest look at the positions only (statics, where motors do not turn)
   /// @throws espalier::Error that names the pair if they contradict the others by more than `inconsistency`
-  void check(const State& state);
+  void check(const State& state, bool at_rest = false);
 
   [[nodiscard]] const std::vector<RedundantConstraint>& redundant() const { return redundant_; }
   /// Lines for the log, one per constraint left out.

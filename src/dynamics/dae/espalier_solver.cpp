@@ -13,18 +13,21 @@ class EspalierSolver final : public LinearSolver {
   Status analyze(const MatrixView& a) override { return solver_.analyze(a).status; }
   Status factorize(std::span<const double> values) override {
     FactorResult result = solver_.refactorize(values);
+    sign_ = static_cast<int>(result.determinant_sign);
     // Perturbed pivots mean a singular K here: redundant constraints that nobody took out.
     if (result.status.ok() && result.perturbed > 0) {
       return {StatusCode::singular, std::to_string(result.perturbed) + " pivots vanished", result.status.row};
     }
     return result.status;
   }
+  [[nodiscard]] int determinant_sign() const override { return sign_; }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
     return solver_.solve(b, x, columns).status;
   }
 
  private:
   Solver solver_;
+  int sign_ = 0;
 };
 
 }  // namespace

@@ -39,6 +39,8 @@ class KktSolver {
   [[nodiscard]] Span f_lambda_values() { return f_lambda_values_; }
   /// @throws espalier::Error if K is singular; Status.row is the row of K (>= n: constraint row - n).
   void factorize();
+  /// Sign of the determinant of the last factor, 0 where it is not known.
+  [[nodiscard]] int determinant_sign() const { return solver_->determinant_sign(); }
   /// Solves K [x_v; x_c] = [b_v; b_c] for `columns` right sides held in `b` (each n + m numbers), in place.
   void solve(Span b, Index columns);
   /// y = Phi_q x with the Phi_q of the factor.

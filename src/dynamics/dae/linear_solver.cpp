@@ -35,8 +35,12 @@ class DenseSolver final : public LinearSolver {
         return {StatusCode::singular, "dense LU: no pivot in column " + std::to_string(i), i};
       }
     }
+    sign_ = lu_.permutationP().determinant() < 0 ? -1 : 1;
+    for (Index i = 0; i < n_; ++i)
+      if (lu_.matrixLU()(i, i) < 0) sign_ = -sign_;
     return {};
   }
+  [[nodiscard]] int determinant_sign() const override { return sign_; }
 
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
     for (Index c = 0; c < columns; ++c) {
@@ -52,6 +56,7 @@ class DenseSolver final : public LinearSolver {
 
  private:
   Index n_ = 0;
+  int sign_ = 0;
   std::vector<Offset> col_ptr_;
   std::vector<Index> row_ind_;
   Eigen::MatrixXd dense_;

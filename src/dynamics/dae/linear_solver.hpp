@@ -17,6 +17,8 @@ class LinearSolver {
   virtual Status analyze(const MatrixView& a) = 0;
   /// Numeric phase; values in the order of the analysed pattern. Status.row names a row of a singular matrix.
   virtual Status factorize(std::span<const double> values) = 0;
+  /// Sign of the determinant of the matrix last factorized: -1 or 1; 0: not known.
+  [[nodiscard]] virtual int determinant_sign() const { return 0; }
   /// Solves for `columns` right sides, stored one after the other; x may alias b.
   virtual Status solve(std::span<const double> b, std::span<double> x, Index columns) = 0;
 };

@@ -254,6 +254,10 @@ Energy AssembledSystem::energy(const StateView& s) {
   return sum;
 }
 
+void AssembledSystem::set_load_factor(double factor) {
+  for (const auto& c : components_) c->set_load_factor(factor);
+}
+
 void AssembledSystem::accept(const StateView& s) {
   for (const auto& c : components_) c->accept(s);
 }

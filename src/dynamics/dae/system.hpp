@@ -105,6 +105,8 @@ class System {
   /// Constraint quantities at (t, q, v); v may be empty unless gamma is wanted. Does nothing where m = 0.
   virtual void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) = 0;
   [[nodiscard]] virtual Energy energy(const StateView& s);
+  /// Multiplies gravity, loads, pressures and actuators from now on (1 unless statics puts them on step by step).
+  virtual void set_load_factor(double /*factor*/) {}
   /// Called by the integrators with every accepted state: the place to remember what has a history (turns of an angle).
   virtual void accept(const StateView& /*s*/) {}
 
@@ -174,6 +176,8 @@ class Component {
   virtual void bind_multipliers(const SparsePattern& /*f_lambda*/) {}
   virtual void multiplier_tangent(const StateView& /*s*/, Span /*values*/) {}
   [[nodiscard]] virtual Energy energy(const StateView& s);
+  /// See System::set_load_factor().
+  void set_load_factor(double factor) { load_factor_ = factor; }
   /// Called with every accepted state.
   virtual void accept(const StateView& /*s*/) {}
   /// What it remembers beside the state (turns of an angle, measured offsets), for restart files: save() appends,
@@ -181,9 +185,13 @@ class Component {
   virtual void save(std::vector<double>& /*out*/) const {}
   virtual void restore(ConstSpan& /*in*/) {}
 
+ protected:
+  [[nodiscard]] double load_factor() const { return load_factor_; }
+
  private:
   std::string name_;
   Placement at_;
+  double load_factor_ = 1;
 };
 
 /// A system made of components. Add all components, then call finish() once; adding more later and calling finish()
@@ -213,6 +221,7 @@ class AssembledSystem final : public System {
   void residual(const StateView& s, Span f) override;
   void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) override;
   [[nodiscard]] Energy energy(const StateView& s) override;
+  void set_load_factor(double factor) override;
   void accept(const StateView& s) override;
   [[nodiscard]] const SparsePattern& tangent_pattern() const override { return w_pattern_; }
   [[nodiscard]] const SparsePattern& constraint_pattern() const override { return phi_q_pattern_; }

@@ -17,10 +17,10 @@ class MotorLaw final : public CoordinateLaw {
  public:
   [[nodiscard]] Strength strength(const LawPoint& p) const override {
     double sum = 0;
-    for (const double u : p.inputs) sum += u;
+    for (const double u : p.inputs) sum += p.load * u;
     return {-sum, 0, 0};
   }
-  [[nodiscard]] double by_input(const LawPoint& /*p*/, std::size_t /*i*/) const override { return -1; }
+  [[nodiscard]] double by_input(const LawPoint& p, std::size_t /*i*/) const override { return -p.load; }
 };
 
 }  // namespace
@@ -32,7 +32,7 @@ CoordinateForce::CoordinateForce(std::string name, FramePtr a, FramePtr b, Coord
 LawPoint CoordinateForce::point(const Pair& p, RelativeValue& g) const {
   dynamics::evaluate(coordinate_.kind, coordinate_.axis, 0, p.a, p.b, false, g);
   if (coordinate_.kind == Relative::angle) g.value = turns_.unwrapped(g.value, p.t);
-  return {p.t, g.value, gradient(g).dot(twist(p)), p.inputs};
+  return {p.t, g.value, gradient(g).dot(twist(p)), p.inputs, load_factor()};
 }
 
 Vec12 CoordinateForce::law(const Pair& p) const {

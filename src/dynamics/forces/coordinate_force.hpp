@@ -11,6 +11,7 @@ namespace espalier::dynamics {
 struct LawPoint {
   double t = 0, g = 0, rate = 0;
   std::span<const double> inputs;
+  double load = 1;  ///< load factor of statics: on what drives, not on what is elastic
 };
 
 /// s(t, g, g', inputs): the force along g, positive where it pulls g down.

@@ -13,11 +13,11 @@ class Spring final : public CoordinateLaw {
   explicit Spring(SpringLaw law) : law_(std::move(law)) {}
   [[nodiscard]] Strength strength(const LawPoint& p) const override {
     double s = law_.stiffness * (p.g - law_.rest) + law_.damping * p.rate + law_.preload;
-    if (law_.active) s += law_.actuator.value(p.t);
-    for (const double u : p.inputs) s += u;
+    if (law_.active) s += p.load * law_.actuator.value(p.t);
+    for (const double u : p.inputs) s += p.load * u;
     return {s, law_.stiffness, law_.damping};
   }
-  [[nodiscard]] double by_input(const LawPoint& /*p*/, std::size_t /*i*/) const override { return 1; }
+  [[nodiscard]] double by_input(const LawPoint& p, std::size_t /*i*/) const override { return p.load; }
   [[nodiscard]] double potential(double g) const override {
     const double stretch = g - law_.rest;
     return 0.5 * law_.stiffness * stretch * stretch + law_.preload * stretch;
@@ -127,7 +127,7 @@ class Load final : public FrameForce {
       x.force[i] = part(i, law_.force[i]);
       x.moment[i] = part(3 + i, law_.moment[i]);
     }
-    x.factor = law_.factor.value(p.t) * part(6, 1);
+    x.factor = load_factor() * law_.factor.value(p.t) * part(6, 1);
     return x;
   }
   /// The wrench of force and moment in the load's own axes.
@@ -158,7 +158,8 @@ class Load final : public FrameForce {
       if (law_.input.at(static_cast<std::size_t>(3 + k)) == static_cast<int>(i)) moment[k] = 1;
     }
     Vec12 w = x.factor * wrench(p, force, moment);
-    if (law_.input[6] == static_cast<int>(i)) w += law_.factor.value(p.t) * wrench(p, x.force, x.moment);
+    if (law_.input[6] == static_cast<int>(i))
+      w += load_factor() * law_.factor.value(p.t) * wrench(p, x.force, x.moment);
     return w;
   }
 

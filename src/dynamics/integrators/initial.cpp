@@ -137,61 +137,6 @@ ConsistencyResult make_consistent(Equations& equations, State& state, const Cons
 
 namespace {
 
-// Rounding of the forces at a configuration, from the W of the factor: 4 eps max_i sum_j |W_ij| |q_j|.
-double rounding_of_forces(Equations& eq, const State& s) {
-  const SparsePattern& p = eq.kkt().w_pattern();
-  const ConstSpan values = eq.kkt().w_values();
-  std::vector<double> size(s.v.size()), sum(s.v.size(), 0.0);
-  eq.system().magnitude(s.q, size);
-  for (std::size_t j = 0; j < size.size(); ++j) {
-    for (auto k = static_cast<std::size_t>(p.ptr[j]); k < static_cast<std::size_t>(p.ptr[j + 1]); ++k) {
-      sum[static_cast<std::size_t>(p.ind[k])] += std::abs(values[k]) * size[j];
-    }
-  }
-  return 4 * std::numeric_limits<double>::epsilon() * max_norm(sum);
-}
-
-}  // namespace
-
-StaticsResult static_equilibrium(Equations& equations, State& state, const StaticsOptions& options) {
-  Work w(equations.sizes());
-  std::fill(state.v.begin(), state.v.end(), 0.0);
-  std::fill(state.a.begin(), state.a.end(), 0.0);
-  StaticsResult result;
-  double stiffening = 1 / (options.pseudo_time * options.pseudo_time), previous = 0, scale = 0;
-  for (int k = 0; k < options.max_iterations; ++k) {
-    equations.evaluate_constraints(state.t, state.q, {});
-    if (k == 0) {  // the scale of the forces: without multipliers
-      std::fill(state.lambda.begin(), state.lambda.end(), 0.0);
-      equations.motion(state.view(), w.f);
-      scale = max_norm(w.f);
-    }
-    equations.motion(state.view(), w.f);
-    result = {k, max_norm(w.f), max_norm(equations.phi())};
-    if (!std::isfinite(result.residual)) break;
-    scale = std::max(scale, 1e-300);
-    if (result.residual <= options.tolerance * scale && result.position <= options.tolerance) return result;
-    const bool falls = k < 2 || result.residual < 0.5 * previous;
-    if (!falls && result.position <= options.tolerance && result.residual <= rounding_of_forces(equations, state)) {
-      return result;
-    }
-    if (k > 1 && previous > 0) stiffening *= std::clamp(result.residual / previous, 0.05, 4.0);
-    previous = result.residual;
-    equations.factorize(state.view(), {stiffening, 0, 1});
-    for (std::size_t i = 0; i < w.n; ++i) w.b[i] = -w.f[i];
-    for (std::size_t i = 0; i < w.m; ++i) w.lower()[i] = -equations.phi()[i];
-    equations.solve(w.b);
-    equations.system().retract(state.q, w.upper(), state.q);
-    for (std::size_t i = 0; i < w.m; ++i) state.lambda[i] += w.lower()[i];
-  }
-  throw Error(StatusCode::accuracy_not_reached,
-              fmt::format("no static equilibrium after {} iterations: residual {:.3e} (allowed {:.3e}), constraints "
-                          "{:.3e}; give a start nearer to it, or add damping and let it swing down",
-                          result.iterations, result.residual, options.tolerance * scale, result.position));
-}
-
-namespace {
-
 Eigen::MatrixXd dense_w(const SparsePattern& p, ConstSpan values) {
   Eigen::MatrixXd a = Eigen::MatrixXd::Zero(p.rows, p.cols);
   for (Index j = 0; j < p.cols; ++j) {

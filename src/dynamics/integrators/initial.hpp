@@ -1,5 +1,5 @@
 /// \file
-/// States without motion in time: consistent initial conditions, static equilibrium, small vibrations.
+/// States at one instant: consistent initial conditions, small vibrations.
 #pragma once
 
 #include <complex>
@@ -29,25 +29,6 @@ struct ConsistencyResult {
 /// nearest velocities that satisfy the velocity level, then accelerations and multipliers from the equations of motion.
 /// @throws espalier::Error naming the constraint with the largest violation if no such state is found
 ConsistencyResult make_consistent(Equations& equations, State& state, const ConsistencyOptions& options = {});
-
-struct StaticsOptions {
-  double tolerance = 1e-9;  ///< of |F + Phi_q^T lambda| relative to the largest force, and of |Phi|
-  int max_iterations = 200;
-  double pseudo_time = 0.1;  ///< first step of the pseudo-transient continuation; it grows as the residual falls
-};
-
-struct StaticsResult {
-  int iterations = 0;
-  double residual = 0;  ///< |F + Phi_q^T lambda|
-  double position = 0;  ///< |Phi|
-};
-
-/// Static equilibrium at time state.t: F(q, 0, 0, lambda) + Phi_q^T lambda = 0, Phi = 0, by Newton's method with
-/// W = F_q + F_a / tau^2, tau growing to infinity (pseudo-transient continuation; Kelley and Keyes 1998), so that it
-/// starts like a motion and ends like Newton. A residual that no longer falls and lies at the rounding of the forces,
-/// 4 eps max_i sum_j |W_ij| |q_j|, ends it too: stiff beams and shells do not get nearer.
-/// @throws espalier::Error if no equilibrium is found
-StaticsResult static_equilibrium(Equations& equations, State& state, const StaticsOptions& options = {});
 
 /// One mode of the linearised system.
 struct Mode {

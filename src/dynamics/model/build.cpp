@@ -6,6 +6,7 @@
 #include "dynamics/forces/guide.hpp"
 #include "dynamics/joints/relative.hpp"
 #include "dynamics/model/builders.hpp"
+#include "dynamics/model/hold_joint.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -51,7 +52,11 @@ class Builder {
 
   std::unique_ptr<Joint> make_joint(const JointSpec& j) {
     std::vector<FramePtr> f;
-    for (const MarkerSpec& marker : j.frames) f.push_back(frames_.make(marker));
+    if (j.frames.size() == 2) {
+      f = held_frames(j, frames_, out_, out_.notices);
+    } else {
+      for (const MarkerSpec& marker : j.frames) f.push_back(frames_.make(marker));
+    }
     switch (j.type) {
       case JointType::fixed:
         return fixed_joint(j.name, std::move(f[0]), std::move(f[1]));

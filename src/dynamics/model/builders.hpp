@@ -39,10 +39,10 @@ class FrameBuilder {
   /// Where the frame is in the initial state of the model.
   [[nodiscard]] FrameMotion initial_motion(const MarkerSpec& marker) const;
   [[noreturn]] void unknown_body(const std::string& name, const Place& place) const;
-
- private:
   /// Follows references. @throws on a cycle and on unknown names
   [[nodiscard]] const MarkerSpec& resolve(const MarkerSpec& marker) const;
+
+ private:
   [[nodiscard]] std::unique_ptr<Frame> make_flexible(const MarkerSpec& marker, const BuiltBody& body) const;
   [[nodiscard]] std::unique_ptr<Frame> make_face(const MarkerSpec& marker, const BuiltBody& body,
                                                  const Mat3& axes) const;

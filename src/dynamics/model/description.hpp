@@ -19,6 +19,7 @@
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/integrators/initial.hpp"
+#include "dynamics/integrators/statics.hpp"
 #include "dynamics/meshers/parts.hpp"
 #include "dynamics/model/identity.hpp"
 #include "dynamics/model/section.hpp"
@@ -167,6 +168,7 @@ struct JointSpec {
   int axis = 0;                        ///< of prescribed
   std::optional<Expression> function;  ///< of motors
   bool relative = false;               ///< the function is added to the initial value
+  bool pull = false;                   ///< frames that do not fit at the start are brought together
 };
 
 enum class ForceType {
@@ -239,6 +241,13 @@ struct IntegratorSpec {
   AlphaOptions alpha;
 };
 
+/// A run of its own without motion: equilibrium, step by step along the load factor.
+struct StaticsSpec {
+  Place place;
+  StaticsOptions options;
+  double time = 0;  ///< at which functions of time are taken
+};
+
 struct InitialSpec {
   Place place;
   bool statics = false;  ///< the motion begins at rest in equilibrium
@@ -273,7 +282,8 @@ struct Description {
   std::vector<std::pair<std::string, double>> inputs;  ///< with their values at the start
   std::vector<std::pair<std::string, Formula>> sensors;
   std::vector<EventSpec> events;
-  IntegratorSpec integrator;
+  IntegratorSpec integrator;           ///< unused where `statics` is set
+  std::optional<StaticsSpec> statics;  ///< instead of a motion
   InitialSpec initial;
   OutputSpec output;
   std::vector<std::pair<std::string, std::string>> solver;  ///< options by name, see solver/option_text.hpp

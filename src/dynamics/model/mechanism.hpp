@@ -68,6 +68,7 @@ class Mechanism {
   std::vector<StateFunctionPtr> conditions;                       ///< of the model's events, in their order
   std::vector<std::vector<StateFunctionPtr>> settings;            ///< values that events set, likewise
   Controls* controls = nullptr;                                   ///< null: nothing can be set, switched or happen
+  std::vector<std::string> notices;                               ///< what joints do not fit at the start
 
   [[nodiscard]] const BuiltBody* body(const std::string& name) const;
   [[nodiscard]] Joint* joint(const std::string& name) const;

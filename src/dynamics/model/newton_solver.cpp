@@ -72,6 +72,7 @@ class RecordedSolver final : public LinearSolver {
               record_.factor.status.row};
     return record_.factor.status;
   }
+  [[nodiscard]] int determinant_sign() const override { return static_cast<int>(record_.factor.determinant_sign); }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
     return solver_.solve(b, x, columns).status;
   }
@@ -109,6 +110,7 @@ class DumpingSolver final : public LinearSolver {
     if (waiting_) values_.assign(values.begin(), values.end());
     return inner_->factorize(values);
   }
+  [[nodiscard]] int determinant_sign() const override { return inner_->determinant_sign(); }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
     if (waiting_) write(b, columns);
     waiting_ = false;

@@ -171,7 +171,7 @@ void Pictures::stresses(const State& s) {
   }
 }
 
-void Pictures::write(const State& s) {
+void Pictures::write(const State& s, double time) {
   place(s);
   stresses(s);
   for (std::size_t i = 0; i < points_.size(); ++i) displacement_[i] = points_[i] - initial_[i];
@@ -180,7 +180,7 @@ void Pictures::write(const State& s) {
   const std::array<OutputField, 2> cell_fields = {OutputField{"body", 1, body_},
                                                   OutputField{"von_mises", 1, von_mises_}};
   write_vtu(series_.file_name(0), points_, cells_, point_fields, cell_fields);
-  series_.add(s.t, 0);
+  series_.add(time, 0);
 }
 
 }  // namespace espalier::dynamics::model

@@ -18,7 +18,8 @@ class Pictures {
   /// @param path of the .pvd file @param initial the state from which displacements count
   /// @param keep_until entries of an existing series up to this time are kept (a restarted run); NaN: none
   Pictures(const std::string& path, const Mechanism& mechanism, const State& initial, double keep_until);
-  void write(const State& s);
+  /// @param time what stands for it in the .pvd
+  void write(const State& s, double time);
   /// Time of the last entry that was kept; none without one.
   [[nodiscard]] std::optional<double> kept() const { return kept_; }
   /// The run has reached its end: entries of earlier runs beyond it are forgotten.

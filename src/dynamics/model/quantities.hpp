@@ -19,6 +19,9 @@ struct Sample {
   StepReport report;  ///< of the step that ended there; levels are always filled in
   /// Of the state, once a quantity has asked for it: one evaluation serves all columns of a row.
   mutable std::optional<Energy> energy = std::nullopt;
+  /// In a statics run: the load factor, which then stands for the time.
+  std::optional<double> load = std::nullopt;
+  [[nodiscard]] double time() const { return load ? *load : state->t; }
 };
 
 struct Quantity {

@@ -76,6 +76,7 @@ JointSpec read_joint(const std::string& name, const Value& value) {
   j.type = static_cast<JointType>(s.choice("type", joint_type_names()));
   const bool four = j.type == JointType::gear || j.type == JointType::rack_and_pinion;
   j.frames = read_frames(s, four ? 4 : 2);
+  j.pull = s.flag("pull", false);
   switch (j.type) {
     case JointType::distance:
     case JointType::revolute_spherical:

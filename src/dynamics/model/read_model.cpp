@@ -64,12 +64,39 @@ void read_integrator(Section s, IntegratorSpec& out) {
   s.finish();
 }
 
+void read_statics_options(Section& s, StaticsOptions& o) {
+  o.tolerance = s.positive("tolerance", o.tolerance);
+  o.load = s.number("load", o.load);
+  o.first_step = s.positive("first_step", o.first_step);
+  o.largest_step = s.positive("largest_step", o.largest_step);
+  o.smallest_step = s.positive("smallest_step", o.smallest_step);
+  if (o.smallest_step > o.first_step)
+    fail(s.place("smallest_step"), fmt::format("must not be above first_step, {:g}", o.first_step));
+  o.max_steps = s.integer("max_steps", 1, o.max_steps);
+  o.max_iterations = s.integer("max_iterations", 1, o.max_iterations);
+  o.pseudo_time = s.positive("pseudo_time", o.pseudo_time);
+  o.path = static_cast<StaticPath>(s.choice("path", {"automatic", "load-steps", "relaxation"}, 0));
+}
+
+StaticsSpec read_statics(Section s) {
+  StaticsSpec out;
+  out.place = s.place();
+  out.time = s.number("time", 0);
+  read_statics_options(s, out.options);
+  s.finish();
+  return out;
+}
+
 void read_initial(Section s, InitialSpec& out) {
   out.place = s.place();
-  out.statics = s.flag("statics", false);
-  out.statics_options.tolerance = s.positive("statics_tolerance", out.statics_options.tolerance);
-  out.statics_options.max_iterations = s.integer("statics_iterations", 1, out.statics_options.max_iterations);
-  out.statics_options.pseudo_time = s.positive("statics_pseudo_time", out.statics_options.pseudo_time);
+  if (const Value* statics = s.value("statics"); statics != nullptr && statics->type == Value::Type::table) {
+    out.statics = true;
+    Section options(*statics);
+    read_statics_options(options, out.statics_options);
+    options.finish();
+  } else {
+    out.statics = s.flag("statics", false);
+  }
   out.project_velocities = s.choice("velocities", {"exact", "project"}, 0) == 1;
   out.position_tolerance = s.positive("position_tolerance", out.position_tolerance);
   out.velocity_tolerance = s.positive("velocity_tolerance", out.velocity_tolerance);
@@ -153,9 +180,17 @@ Description read_description(const Value& root_value, const std::string& file) {
   read_forces(root, model);
   read_events(root, model);
   bind_curves(model);
-  if (!root.has("integrator"))
-    fail({file, 0, ""}, "needs a section [integrator] with 'end', the time where the run ends");
-  read_integrator(*root.table("integrator"), model.integrator);
+  if (!root.has("integrator") && !root.has("statics"))
+    fail({file, 0, ""},
+         "needs a section [integrator] with 'end', the time where the run ends, or [statics] for an equilibrium");
+  if (const auto s = root.table("statics")) model.statics = read_statics(*s);
+  if (const auto s = root.table("integrator")) {
+    if (model.statics)
+      fail(s->place(),
+           "a run is a motion, [integrator], or an equilibrium, [statics]; a motion that begins in "
+           "equilibrium says statics = true in [initial]");
+    read_integrator(*s, model.integrator);
+  }
   if (const auto s = root.table("initial")) read_initial(*s, model.initial);
   if (const auto s = root.table("output")) read_output(*s, model.output);
   if (const Value* s = root.value("solver")) read_solver(*s, model);

@@ -74,15 +74,24 @@ RunFiles::RunFiles(const OutputSpec& spec, std::string folder, Mechanism& mechan
 }
 
 void RunFiles::write_csv(const Sample& s) {
-  if (csv_time_ == s.state->t) return;
+  if (csv_time_ == s.time()) return;
   sample_ = &s;
-  csv_->write(s.state->view());
-  csv_time_ = s.state->t;
+  StateView row = s.state->view();
+  row.t = s.time();
+  csv_->write(row);
+  csv_time_ = s.time();
+}
+
+// The load factor of a statics run stands for the time.
+State RunFiles::pictured(const Sample& s) {
+  State picture = *s.state;
+  picture.t = s.time();
+  return picture;
 }
 
 void RunFiles::write_picture(const State& s) {
   if (vtu_time_ == s.t) return;
-  pictures_->write(s);
+  pictures_->write(s, s.t);
   vtu_time_ = s.t;
 }
 
@@ -97,9 +106,9 @@ void RunFiles::write_due_pictures(const State& s) {
 }
 
 void RunFiles::write_restart_file(const Sample& s) {
-  if (restart_time_ == s.state->t) return;
+  if (integrator_ == nullptr || restart_time_ == s.time()) return;
   write_restart(folder_ + "/state.restart", mechanism_, *integrator_);
-  restart_time_ = s.state->t;
+  restart_time_ = s.time();
 }
 
 void RunFiles::begin_csv(const Sample& s, double keep_until) {
@@ -116,26 +125,26 @@ void RunFiles::begin_csv(const Sample& s, double keep_until) {
 void RunFiles::begin(const Sample& s, const State& initial, bool restarted) {
   if (folder_.empty()) return;
   for (Clock* clock : {&csv_clock_, &vtu_clock_, &restart_clock_}) {
-    clock->start = initial.t;
-    clock->wind_to(s.state->t);
+    clock->start = s.load ? 0 : initial.t;
+    clock->wind_to(s.time());
   }
-  const double keep_until = restarted ? s.state->t : std::numeric_limits<double>::quiet_NaN();
+  const double keep_until = restarted ? s.time() : std::numeric_limits<double>::quiet_NaN();
   if (spec_.csv_interval >= 0) begin_csv(s, keep_until);
   if (spec_.vtu_interval >= 0) {
     const std::string path = folder_ + "/motion.pvd";
     pictures_ = std::make_unique<Pictures>(path, mechanism_, initial, keep_until);
     written_.push_back(path);
     if (restarted) vtu_time_ = pictures_->kept();
-    if (!restarted) write_picture(*s.state);
-    before_ = *s.state;
+    if (!restarted) write_picture(pictured(s));
+    before_ = pictured(s);
   }
-  written_.push_back(folder_ + "/state.restart");
+  if (integrator_ != nullptr) written_.push_back(folder_ + "/state.restart");
 }
 
 void RunFiles::step(const Sample& s) {
-  if (csv_ && csv_clock_.strikes(s.state->t)) write_csv(s);
-  if (pictures_) write_due_pictures(*s.state);
-  if (folder_.empty() || !restart_clock_.strikes(s.state->t)) return;
+  if (csv_ && csv_clock_.strikes(s.time())) write_csv(s);
+  if (pictures_) write_due_pictures(pictured(s));
+  if (folder_.empty() || !restart_clock_.strikes(s.time())) return;
   if (csv_) csv_->catch_up();
   write_restart_file(s);
 }
@@ -146,7 +155,7 @@ void RunFiles::end(const Sample& s) {
     csv_->finish();
   }
   if (pictures_) {
-    write_picture(*s.state);
+    write_picture(pictured(s));
     pictures_->finish();
   }
   if (!folder_.empty()) write_restart_file(s);
@@ -163,7 +172,7 @@ void RunFiles::emergency(const Sample& s) noexcept {
   if (!folder_.empty()) save([&] { write_restart_file(s); });
   if (csv_) save([&] { write_csv(s); });
   if (csv_) save([&] { csv_->catch_up(); });
-  if (pictures_) save([&] { write_picture(*s.state); });
+  if (pictures_) save([&] { write_picture(pictured(s)); });
   held_.reset();
 }
 

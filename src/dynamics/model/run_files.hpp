@@ -29,10 +29,12 @@ class HeldFolder {
 
 /// Writes into one folder: quantities.csv, motion.pvd with its .vtu files, state.restart. An output with an interval is
 /// written at the first step that ends at or after its time (with exact_times: steps end there); pictures are those of
-/// that very time, by interpolation between the ends of the step.
+/// that very time, by interpolation between the ends of the step. The time
+/// of a statics run is its load factor.
 class RunFiles {
  public:
   /// @param folder made if it is not there; empty: nothing is written
+  /// @param integrator null in a statics run, which has no restart file
   RunFiles(const OutputSpec& spec, std::string folder, Mechanism& mechanism, const std::vector<Quantity>& quantities,
            const std::unique_ptr<Integrator>& integrator);
 
@@ -58,6 +60,7 @@ class RunFiles {
     void wind_to(double t);
   };
   void write_csv(const Sample& s);
+  [[nodiscard]] static State pictured(const Sample& s);
   void write_picture(const State& s);
   void write_due_pictures(const State& s);
   void write_restart_file(const Sample& s);

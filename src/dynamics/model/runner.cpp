@@ -9,6 +9,7 @@
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/model/restart.hpp"
+#include "dynamics/model/start_report.hpp"
 #include "solver/option_text.hpp"
 
 namespace espalier::dynamics::model {
@@ -26,29 +27,35 @@ SimulationEnergy to_public(const Energy& e) { return {e.kinetic, e.potential}; }
 /// So many times of output can be told apart and reached; more are a slip of the pen.
 void check_intervals(const Description& model) {
   constexpr double kMost = 1e9;
-  const double duration = model.integrator.end - model.integrator.start;
+  const double end = model.statics ? model.statics->options.load : model.integrator.end;
+  const double duration = end - (model.statics ? 0 : model.integrator.start);
   if (std::isinf(duration)) return;
   for (const double interval : {model.output.csv_interval, model.output.vtu_interval, model.output.restart_interval})
     if (interval > 0 && duration > kMost * interval)
       fail(model.output.place, fmt::format("an interval of {:g} asks for more than {:g} outputs until {:g}; 0 writes "
                                            "every step",
-                                           interval, kMost, model.integrator.end));
+                                           interval, kMost, end));
 }
 
 }  // namespace
 
+void Runner::set_end(double until) {
+  const double start = model_.statics ? 0 : model_.integrator.start;
+  if (!(until > start) || !std::isfinite(until))
+    throw Error(StatusCode::invalid_input, fmt::format("--until {}: must be a {} than the start, {}", until,
+                                                       model_.statics ? "load factor greater" : "time later", start));
+  (model_.statics ? model_.statics->options.load : model_.integrator.end) = until;
+}
+
 Runner::Runner(Description model, SimulationOptions options, SimulationSummary& summary)
     : model_(std::move(model)), options_(std::move(options)), summary_(summary) {
   const Stopwatch watch(summary_.phases.total);
-  if (options_.until) {
-    if (!(*options_.until > model_.integrator.start) || !std::isfinite(*options_.until))
-      throw Error(StatusCode::invalid_input, fmt::format("--until {}: must be a time later than the start, {}",
-                                                         *options_.until, model_.integrator.start));
-    model_.integrator.end = *options_.until;
-  }
+  if (options_.until) set_end(*options_.until);
+  if (model_.statics && !options_.restart.empty())
+    throw Error(StatusCode::invalid_input, "--restart: a statics run begins anew, it has no restart file");
   check_intervals(model_);
   summary_.title = model_.title;
-  summary_.method = model_.integrator.method == Method::bdf ? "bdf" : "generalized-alpha";
+  summary_.method = model_.statics ? "statics" : model_.integrator.method == Method::bdf ? "bdf" : "generalized-alpha";
   std::vector<std::pair<std::string, std::string>> by_name = model_.solver;
   by_name.insert(by_name.end(), options_.solver.begin(), options_.solver.end());
   {
@@ -76,55 +83,56 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
         quantities_.push_back(std::move(q));
   }
   prepare();
-  start_integrator();
+  if (!model_.statics) start_integrator();
   finish();
 }
 
 void Runner::prepare() {
-  const Sizes sizes = mechanism_->system.sizes();
-  state_ = State(sizes);
-  state_.t = model_.integrator.start;
+  state_ = State(mechanism_->system.sizes());
+  state_.t = model_.statics ? model_.statics->time : model_.integrator.start;
   mechanism_->system.initial(state_.q, state_.v);
   const State given = state_;
   guard_ = std::make_unique<RedundancyGuard>(*equations_);
-  if (mechanism_->controls != nullptr)
-    guard_->set_absent(mechanism_->controls->absent_rows(static_cast<std::size_t>(sizes.constraints)));
+  if (mechanism_->controls != nullptr) guard_->set_absent(mechanism_->controls->absent_rows(state_.lambda.size()));
   ConsistencyOptions consistency;
   consistency.allowed_position = model_.initial.position_tolerance;
-  ConsistencyResult result;
+  const bool statics = model_.initial.statics && options_.restart.empty();
   try {
-    result = guard_->prepare(state_, consistency);
+    if (statics || model_.statics) {
+      guard_->analyze(state_);  // statics closes the joints itself, while it puts the loads on
+    } else {
+      const ConsistencyResult result = guard_->prepare(state_, consistency);
+      summary_.position_change = result.position_change;
+      summary_.velocity_change = result.velocity_change;
+    }
   } catch (const Error& error) {
     throw Error(error.status().code, explain_failure(error), error.status().row);
   }
-  summary_.position_change = result.position_change;
-  summary_.velocity_change = result.velocity_change;
+  describe_system();
+  if (options_.restart.empty()) {
+    for (const auto& lines : {open_joints(*mechanism_, given), moved_bodies(*mechanism_, given, state_)})
+      summary_.notices.insert(summary_.notices.end(), lines.begin(), lines.end());
+  }
+  if (!model_.initial.project_velocities && !model_.initial.statics && !model_.statics) check_velocities(given, state_);
+  if (statics) find_equilibrium(consistency);
+  if (options_.restart.empty() && !model_.statics) find_modes();
+  if (model_.statics) mechanism_->system.set_load_factor(0);
+  summary_.t_begin = time();
+  summary_.energy_begin = to_public(mechanism_->system.energy(state_.view()));
+}
+
+void Runner::describe_system() {
+  const Sizes sizes = mechanism_->system.sizes();
   summary_.redundant = guard_->notices();
   for (const BuiltBody& body : mechanism_->bodies)
     for (const std::string& notice : body.notices) summary_.notices.push_back(body.spec.name + ": " + notice);
+  summary_.notices.insert(summary_.notices.end(), mechanism_->notices.begin(), mechanism_->notices.end());
   summary_.bodies = static_cast<Index>(mechanism_->bodies.size());
   summary_.joints = static_cast<Index>(mechanism_->joints.size());
   summary_.forces = static_cast<Index>(model_.forces.size());
   summary_.velocities = sizes.velocity;
   summary_.constraints = sizes.constraints;
   summary_.degrees_of_freedom = guard_->degrees_of_freedom();
-  if (!model_.initial.project_velocities && !model_.initial.statics) check_velocities(given, state_);
-  if (model_.initial.statics && options_.restart.empty()) {
-    try {
-      summary_.statics_iterations = static_equilibrium(*equations_, state_, model_.initial.statics_options).iterations;
-      make_consistent(*equations_, state_, consistency);
-    } catch (const Error& error) {
-      throw Error(error.status().code, "initial.statics: " + explain_failure(error), error.status().row);
-    }
-  }
-  if (model_.initial.modes > 0 && options_.restart.empty()) {
-    for (const Mode& mode : eigenfrequencies(*equations_, state_)) {
-      if (static_cast<int>(summary_.modes.size()) == model_.initial.modes) break;
-      summary_.modes.push_back({mode.frequency, mode.damping_ratio});
-    }
-  }
-  summary_.t_begin = state_.t;
-  summary_.energy_begin = to_public(mechanism_->system.energy(state_.view()));
 }
 
 // Velocities that stand in the text are meant; those of other bodies may be found from the constraints.
@@ -177,6 +185,7 @@ void Runner::start_integrator() {
 
 Sample Runner::sample(const StepReport& report) {
   Sample s{&current(), report};
+  if (model_.statics) s.load = load_;
   equations_->evaluate_constraints(s.state->t, s.state->q, s.state->v);
   std::vector<double> level(s.state->lambda.size());
   s.report.levels.position = max_norm(equations_->phi());
@@ -201,10 +210,14 @@ double Runner::value(const std::string& quantity) {
 void Runner::run(const SimulationObserver& observer) {
   const Stopwatch watch(summary_.phases.total);
   try {
-    loop(observer);
-    note_steps();
+    if (model_.statics) {
+      run_statics(observer);
+    } else {
+      loop(observer);
+      note_steps();
+    }
   } catch (const Error& error) {
-    note_steps();
+    if (integrator_) note_steps();
     const Error explained(error.status().code, explain_failure(error), error.status().row);
     if (files_) files_->emergency(sample(last_report_));
     finish();
@@ -302,9 +315,9 @@ std::string Runner::explain_failure(const Error& error) {
 
 void Runner::finish() {
   summary_.t_end = time();
-  const IntegratorCounts& c = integrator_->counts();
-  summary_.steps = c.steps;
-  summary_.newton_iterations = c.newton_iterations;
+  const IntegratorCounts c = integrator_ ? integrator_->counts() : IntegratorCounts{};
+  summary_.steps = model_.statics ? last_report_.index : c.steps;
+  summary_.newton_iterations = model_.statics ? summary_.statics_iterations : c.newton_iterations;
   summary_.error_failures = c.error_failures;
   summary_.newton_failures = c.newton_failures;
   summary_.crossings = c.crossings;

@@ -28,8 +28,11 @@ class Runner {
   /// Brings the summary up to date; called by run() too, also when it fails.
   void finish();
 
-  [[nodiscard]] double time() const { return current().t; }
-  [[nodiscard]] double end_time() const { return model_.integrator.end; }
+  /// Time, or the load factor of a statics run.
+  [[nodiscard]] double time() const { return model_.statics ? load_ : current().t; }
+  [[nodiscard]] double end_time() const {
+    return model_.statics ? model_.statics->options.load : model_.integrator.end;
+  }
   [[nodiscard]] double value(const std::string& quantity);
   /// Inputs that the program may set, and their present values.
   [[nodiscard]] std::vector<std::pair<std::string, double>> inputs() const;
@@ -37,7 +40,13 @@ class Runner {
   void set_input(const std::string& name, double value);
 
  private:
+  void set_end(double until);
   void prepare();
+  void describe_system();
+  void find_equilibrium(const ConsistencyOptions& consistency);  ///< at the start of a motion
+  void run_statics(const SimulationObserver& observer);
+  void note_statics(const StaticsResult& result);
+  void find_modes();
   void check_velocities(const State& given, const State& consistent) const;
   void start_integrator();
   void loop(const SimulationObserver& observer);
@@ -69,6 +78,7 @@ class Runner {
   std::unique_ptr<RunFiles> files_;
   std::vector<Quantity> quantities_;
   State state_;
+  double load_ = 0;  // load factor of state_ in a statics run
   StepReport last_report_;
 };
 

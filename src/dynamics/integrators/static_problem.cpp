@@ -1,0 +1,178 @@
+#include "dynamics/integrators/static_problem.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace espalier::dynamics {
+
+StaticProblem::StaticProblem(Equations& equations, const State& start, double load)
+    : equations_(equations),
+      start_(start),
+      load_(load),
+      n_(start.v.size()),
+      m_(start.lambda.size()),
+      size_(n_),
+      f0_(n_, 0.0),
+      phi0_(m_, 0.0) {
+  std::fill(start_.lambda.begin(), start_.lambda.end(), 0.0);
+  System& system = equations.system();
+  system.magnitude(start.q, size_);
+  extent_ = max_norm(size_) > 0 ? max_norm(size_) : 1.0;
+  const double far = max_norm(start.q);
+  const SparsePattern& p = system.tangent_pattern();
+  std::vector<double> values(static_cast<std::size_t>(p.nonzeros()));
+  system.tangent(start_.view(), {1, 0, 0}, values);
+  mass_.assign(n_, 1.0);
+  for (std::size_t i = 0; i < n_; ++i) {
+    const auto entry = static_cast<std::size_t>(find_entry(p, static_cast<Index>(i), static_cast<Index>(i)));
+    if (values[entry] > 0) mass_[i] = values[entry];
+    size_norm_ += mass_[i] * (size_[i] > 0 ? size_[i] * size_[i] : extent_ * extent_);
+    size_[i] = std::max(size_[i], far);
+  }
+  size_norm_ = std::sqrt(size_norm_);
+  StaticPoint x = this->start();
+  if (!evaluate(x)) return;  // the caller finds that too
+  f0_ = x.motion;
+  phi0_ = x.phi;
+  reference_ = std::max(force_norm(f0_), force_norm(load_rate(x)));
+}
+
+StaticProblem::~StaticProblem() = default;
+
+StaticPoint StaticProblem::start() const {
+  return {start_, 0, std::vector<double>(n_, 0.0), std::vector<double>(m_, 0.0)};
+}
+
+bool StaticProblem::evaluate(StaticPoint& x) {
+  System& system = equations_.system();
+  system.set_load_factor(load(x));
+  try {
+    equations_.evaluate_constraints(x.state.t, x.state.q, {});
+    equations_.motion(x.state.view(), x.motion);
+  } catch (const Error& error) {
+    if (error.status().code != StatusCode::singular) throw;
+    why_ = error.status();
+    return false;
+  }
+  const double rest = 1 - x.share;
+  for (std::size_t i = 0; i < n_; ++i) x.motion[i] -= rest * f0_[i];
+  for (std::size_t i = 0; i < m_; ++i) x.phi[i] = equations_.phi()[i] - rest * phi0_[i];
+  return std::isfinite(max_norm(x.motion)) && std::isfinite(max_norm(x.phi));
+}
+
+StaticPoint StaticProblem::moved(const StaticPoint& x, const StaticIncrement& d, double factor) const {
+  StaticPoint y = x;
+  std::vector<double> dq(d.x.begin(), d.x.begin() + static_cast<std::ptrdiff_t>(n_));
+  for (double& value : dq) value *= factor;
+  equations_.system().retract(x.state.q, dq, y.state.q);
+  for (std::size_t i = 0; i < m_; ++i) y.state.lambda[i] += factor * d.x[n_ + i];
+  y.share += factor * d.share;
+  return y;
+}
+
+bool StaticProblem::factorize(const StaticPoint& x, double stiffening) {
+  try {
+    equations_.factorize(x.state.view(), {stiffening, 0, 1});
+  } catch (const Error& error) {
+    if (error.status().code != StatusCode::singular) throw;
+    why_ = error.status();
+    return false;
+  }
+  return true;
+}
+
+StaticIncrement StaticProblem::correction(const StaticPoint& x) {
+  StaticIncrement d{std::vector<double>(n_ + m_), 0};
+  for (std::size_t i = 0; i < n_; ++i) d.x[i] = -x.motion[i];
+  for (std::size_t i = 0; i < m_; ++i) d.x[n_ + i] = -x.phi[i];
+  equations_.solve(d.x);
+  return d;
+}
+
+/// Derivative of motion with respect to the share. It is linear in the load factor: the difference of two of them.
+std::vector<double> StaticProblem::load_rate(const StaticPoint& x) {
+  std::vector<double> unloaded(n_), rate(n_);
+  System& system = equations_.system();
+  system.set_load_factor(0);
+  equations_.motion(x.state.view(), unloaded);
+  system.set_load_factor(load_);
+  equations_.motion(x.state.view(), rate);
+  system.set_load_factor(load(x));
+  for (std::size_t i = 0; i < n_; ++i) rate[i] += f0_[i] - unloaded[i];
+  return rate;
+}
+
+StaticIncrement StaticProblem::rate(const StaticPoint& x) {
+  StaticIncrement d{load_rate(x), 1};
+  reference_ = std::max({reference_, force_norm(d.x), reactions(x)});
+  for (double& value : d.x) value = -value;
+  for (const double gap : phi0_) d.x.push_back(-gap);
+  equations_.solve(d.x);
+  return d;
+}
+
+double StaticProblem::force_norm(ConstSpan f) const {
+  double sum = 0;
+  for (std::size_t i = 0; i < n_; ++i) sum += f[i] * f[i] / mass_[i];
+  return std::sqrt(sum);
+}
+
+// Reactions count as forces: a body that is pulled into its joints has no others.
+double StaticProblem::reactions(const StaticPoint& x) const {
+  std::vector<double> reaction(n_, 0.0);
+  if (m_ > 0) add_transposed(equations_.system().constraint_pattern(), equations_.phi_q(), x.state.lambda, reaction);
+  return force_norm(reaction);
+}
+
+double StaticProblem::dot(const StaticIncrement& a, const StaticIncrement& b) const {
+  double sum = 0;
+  for (std::size_t i = 0; i < n_; ++i) sum += mass_[i] * a.x[i] * b.x[i];
+  return sum;
+}
+
+double StaticProblem::norm(const StaticIncrement& d) const { return std::sqrt(dot(d, d)); }
+
+double StaticProblem::residual(const StaticPoint& x) const { return force_norm(x.motion); }
+
+bool StaticProblem::balanced(const StaticPoint& x, double tolerance) const {
+  return residual(x) <= tolerance * std::max(reference_, reactions(x)) && max_norm(x.phi) <= tolerance * extent_;
+}
+
+bool StaticProblem::at_rounding(const StaticPoint& x) const {
+  constexpr double kRounding = 16 * std::numeric_limits<double>::epsilon();
+  std::vector<double> of_motion(n_, 0.0), of_phi(m_, 0.0);
+  const auto add = [](const SparsePattern& p, ConstSpan values, ConstSpan factors,
+                      Span sums) {  // sums += |A^T| factors
+    for (std::size_t line = 0; line + 1 < p.ptr.size(); ++line)
+      for (auto k = static_cast<std::size_t>(p.ptr[line]); k < static_cast<std::size_t>(p.ptr[line + 1]); ++k)
+        sums[static_cast<std::size_t>(p.ind[k])] += std::abs(values[k] * factors[line]);
+  };
+  KktSolver& kkt = equations_.kkt();
+  add(kkt.w_pattern(), kkt.w_values(), size_, of_motion);
+  add(kkt.phi_q_pattern(), kkt.phi_q_values(), x.state.lambda, of_motion);
+  const SparsePattern& p = kkt.phi_q_pattern();
+  for (std::size_t c = 0; c < m_; ++c)
+    for (auto k = static_cast<std::size_t>(p.ptr[c]); k < static_cast<std::size_t>(p.ptr[c + 1]); ++k)
+      of_phi[c] += std::abs(kkt.phi_q_values()[k]) * size_[static_cast<std::size_t>(p.ind[k])];
+  for (std::size_t i = 0; i < n_; ++i)
+    if (!(std::abs(x.motion[i]) <= kRounding * of_motion[i])) return false;
+  for (std::size_t c = 0; c < m_; ++c)
+    if (!(std::abs(x.phi[c]) <= kRounding * of_phi[c])) return false;
+  return true;
+}
+
+std::string StaticProblem::worst(const StaticPoint& x) const {
+  std::size_t at = 0;
+  const auto value = [&](std::size_t i) { return std::abs(x.motion[i]) / std::sqrt(mass_[i]); };
+  for (std::size_t i = 0; i < n_; ++i)
+    if (!(value(i) <= value(at))) at = i;
+  std::size_t row = 0;
+  for (std::size_t i = 0; i < m_; ++i)
+    if (!(std::abs(x.phi[i]) <= std::abs(x.phi[row]))) row = i;
+  const bool joint = m_ > 0 && !(std::abs(x.phi[row]) <= 1e-6 * extent_);
+  return joint ? equations_.system().constraint_name(static_cast<Index>(row))
+               : equations_.system().coordinate_name(static_cast<Index>(at));
+}
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,146 @@
+#include "dynamics/integrators/statics.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "dynamics/integrators/relaxation.hpp"
+#include "dynamics/integrators/static_path.hpp"
+
+namespace espalier::dynamics {
+namespace {
+
+const char* text_of(StaticOutcome outcome) {
+  switch (outcome) {
+    case StaticOutcome::not_finite:
+      return "the first trial turned elements inside out or gave forces that are no numbers";
+    case StaticOutcome::singular:
+      return "Newton's matrix is singular";
+    case StaticOutcome::no_progress:
+      return "no part of Newton's step brought it nearer";
+    case StaticOutcome::too_many:
+      return "Newton needed too many iterations";
+    case StaticOutcome::converged:
+      break;
+  }
+  return "the last allowed step was taken";
+}
+
+class Statics {
+ public:
+  Statics(Equations& equations, State& state, const StaticsOptions& options, const StaticsObserver& observer)
+      : options_(options),
+        state_(state),
+        problem_(equations, at_rest(state), options.load),
+        path_(problem_, options, observer) {}
+
+  StaticsResult run() {
+    StaticPoint x = problem_.start();
+    if (!problem_.evaluate(x))
+      throw Error(StatusCode::accuracy_not_reached, "statics: the forces on the given configuration are no numbers (" +
+                                                        problem_.worst(x) +
+                                                        "); its elements must not be inverted, its loads finite");
+    if (options_.path == StaticPath::relaxation) return relaxed(x, "");
+    if (!path_.begin()) {
+      if (options_.path == StaticPath::load_steps) fail_loose();
+      return relaxed(x, "nothing holds the unloaded system; ");
+    }
+    const bool arrived = path_.follow();
+    state_ = path_.point().state;
+    if (!arrived && !path_.stopped()) fail_path();
+    return result(path_.point());
+  }
+
+ private:
+  static const State& at_rest(State& state) {
+    std::fill(state.v.begin(), state.v.end(), 0.0);
+    std::fill(state.a.begin(), state.a.end(), 0.0);
+    return state;
+  }
+
+  StaticsResult result(StaticPoint x) {
+    static_cast<void>(problem_.evaluate(x));  // the factor of the load, and the constraints, of this point
+    StaticsResult r;
+    r.steps = path_.steps();
+    r.iterations = path_.iterations();
+    r.load = problem_.load(x);
+    r.residual = max_norm(x.motion);
+    r.position = max_norm(x.phi);
+    r.critical = path_.critical();
+    return r;
+  }
+
+  StaticsResult relaxed(StaticPoint x, const std::string& because) {
+    const RelaxationResult r = relax(problem_, x, options_);
+    const std::string name = problem_.worst(x);
+    if (r.runs_away)
+      throw Error(
+          StatusCode::accuracy_not_reached,
+          fmt::format("no static equilibrium: nothing holds the system against its loads; after {} steps it had "
+                      "moved many times its size, most of all {}; join it to the ground",
+                      r.iterations, fastest(r.last)));
+    if (!r.converged)
+      throw Error(
+          StatusCode::accuracy_not_reached,
+          fmt::format("no static equilibrium: {}relaxation at the whole load ended after {} steps with {:.3g} of "
+                      "the loads out of balance, most of all {}; give a start nearer to it, or add damping and "
+                      "let it swing down",
+                      because, r.iterations, relative(x), name));
+    state_ = x.state;
+    path_.take(x,
+               {1, problem_.load(x), problem_.load(x), r.iterations, r.factorizations, r.failures, relative(x), false});
+    StaticsResult result = this->result(x);
+    result.relaxed = true;
+    return result;
+  }
+
+  [[nodiscard]] double relative(const StaticPoint& x) const {
+    return problem_.residual(x) / std::max(problem_.reference(), 1e-300);
+  }
+
+  /// Name of the coordinate with the largest part in a motion.
+  [[nodiscard]] std::string fastest(const StaticIncrement& d) const {
+    const std::size_t n = state_.v.size();
+    std::size_t at = 0;
+    for (std::size_t i = 0; i < n; ++i)
+      if (std::abs(d.x[i]) > std::abs(d.x[at])) at = i;
+    return n == 0 || d.x.empty() ? "" : problem_.equations().system().coordinate_name(static_cast<Index>(at));
+  }
+
+  [[noreturn]] void fail_loose() {
+    throw Error(
+        StatusCode::accuracy_not_reached,
+        fmt::format("no load path: nothing holds the unloaded system ({}); hold it, or let path = \"relaxation\" "
+                    "find its place",
+                    path_.loose_end()));
+  }
+
+  [[noreturn]] void fail_path() {
+    const StaticPoint& x = path_.point();
+    problem_.equations().system().set_load_factor(problem_.load(x));
+    std::string limits;
+    for (const CriticalPoint& c : path_.critical())
+      limits += fmt::format("{}{} at load factor {:.9g}", limits.empty() ? "; " : ", ",
+                            c.limit ? "limit point" : "bifurcation", c.load);
+    throw Error(StatusCode::accuracy_not_reached,
+                fmt::format("no static equilibrium beyond load factor {:.6g} of {:.6g} after {} steps: {} at a step of "
+                            "{:.3g}, furthest out of balance {}{}",
+                            problem_.load(x), options_.load, path_.steps(), text_of(path_.failure()), path_.last_try(),
+                            path_.where(), limits));
+  }
+
+  const StaticsOptions& options_;
+  State& state_;
+  StaticProblem problem_;
+  StaticFollower path_;
+};
+
+}  // namespace
+
+StaticsResult static_equilibrium(Equations& equations, State& state, const StaticsOptions& options,
+                                 const StaticsObserver& observer) {
+  return Statics(equations, state, options, observer).run();
+}
+
+}  // namespace espalier::dynamics

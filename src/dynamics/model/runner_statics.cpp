@@ -1,0 +1,92 @@
+// Equilibrium: as a run of its own, and as the start of a motion.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "base/stopwatch.hpp"
+#include "dynamics/model/runner.hpp"
+
+namespace espalier::dynamics::model {
+
+using base::Stopwatch;
+
+void Runner::find_equilibrium(const ConsistencyOptions& consistency) {
+  try {
+    note_statics(static_equilibrium(*equations_, state_, model_.initial.statics_options));
+    mechanism_->system.set_load_factor(1);
+    make_consistent(*equations_, state_, consistency);
+    guard_->check(state_);
+  } catch (const Error& error) {
+    throw Error(error.status().code, "initial.statics: " + explain_failure(error), error.status().row);
+  }
+}
+
+void Runner::run_statics(const SimulationObserver& observer) {
+  {
+    const Stopwatch output(summary_.phases.output);
+    files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, integrator_);
+    files_->begin(sample(last_report_), state_, false);
+  }
+  const auto each = [&](const StaticsStep& step, const State& state) {
+    state_ = state;
+    load_ = step.load;
+    last_report_ = {};
+    last_report_.index = step.index;
+    last_report_.t = step.load;
+    last_report_.h = step.change;
+    last_report_.newton_iterations = step.iterations;
+    last_report_.factorizations = step.factorizations;
+    last_report_.newton_failures = step.failures;
+    last_report_.residual = step.residual;
+    summary_.statics_iterations += step.iterations;
+    const Stopwatch output(summary_.phases.output);
+    const Sample s = sample(last_report_);
+    files_->step(s);
+    if (!observer) return true;
+    SimulationStep told;
+    told.index = step.index;
+    told.t = step.load;
+    told.h = step.change;
+    told.newton_iterations = step.iterations;
+    told.factorizations = step.factorizations;
+    told.failures = step.failures;
+    told.residual = step.residual;
+    if (observer(told)) return true;
+    summary_.interrupted = true;
+    return false;
+  };
+  State state = state_;
+  const StaticsOptions& options = model_.statics->options;
+  try {
+    const StaticsResult result = static_equilibrium(*equations_, state, options, each);
+    summary_.interrupted = summary_.interrupted && result.load != options.load;
+    note_statics(result);
+    guard_->check(state_, true);
+    find_modes();
+  } catch (const Error& error) {
+    const Error explained(error.status().code, explain_failure(error), error.status().row);
+    mechanism_->system.set_load_factor(load_);
+    throw explained;
+  }
+  const Stopwatch output(summary_.phases.output);
+  files_->end(sample(last_report_));
+}
+
+void Runner::note_statics(const StaticsResult& result) {
+  summary_.statics_steps = result.steps;
+  summary_.statics_iterations = result.iterations;
+  summary_.statics_residual = result.residual;
+  summary_.statics_relaxed = result.relaxed;
+  if (model_.statics) summary_.largest_violation.position = result.position;  // at the end; on the way joints close
+  for (const CriticalPoint& c : result.critical) summary_.critical.push_back({c.load, c.limit});
+}
+
+void Runner::find_modes() {
+  if (model_.initial.modes == 0) return;
+  for (const Mode& mode : eigenfrequencies(*equations_, state_)) {
+    if (static_cast<int>(summary_.modes.size()) == model_.initial.modes) break;
+    summary_.modes.push_back({mode.frequency, mode.damping_ratio});
+  }
+}
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,83 @@
+#include "dynamics/model/start_report.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace espalier::dynamics::model {
+namespace {
+
+constexpr double kRoundOff = 1e-9;
+
+/// Of the largest coordinate.
+double extent(const State& s) { return std::max(max_norm(s.q), 1e-300); }
+
+/// Strain energy alone: the load factor takes the weight out of the potential energy.
+double strain_energy(FlexibleBody& body, const State& s) {
+  body.set_load_factor(0);
+  StateView at = s.view();
+  at.v = {};
+  const double energy = body.energy(at).potential;
+  body.set_load_factor(1);
+  return energy;
+}
+
+/// Of two attitudes: their chord is 2 sin(angle / 4).
+double angle_between(const Quat& a, const Quat& b) {
+  return 4 * std::asin(0.5 * std::min((a - b).norm(), (a + b).norm()));
+}
+
+double largest_way(const FlexibleBody& body, const State& given, const State& now) {
+  double most = 0;
+  for (Index k = 0; k < body.vertices(); k += body.vertices_per_node()) {
+    const auto at = static_cast<std::size_t>(body.configuration(k));
+    most = std::max(
+        most, std::hypot(now.q[at] - given.q[at], now.q[at + 1] - given.q[at + 1], now.q[at + 2] - given.q[at + 2]));
+  }
+  return most;
+}
+
+}  // namespace
+
+std::vector<std::string> open_joints(Mechanism& mechanism, const State& given) {
+  std::vector<double> phi(given.lambda.size());
+  mechanism.system.constraints(given.t, given.q, {}, {phi, {}, {}, {}});
+  std::vector<std::string> lines;
+  for (const Joint* joint : mechanism.joints) {
+    const auto first = static_cast<std::size_t>(joint->placement().c);
+    std::size_t worst = first;
+    for (std::size_t i = first; i < first + static_cast<std::size_t>(joint->sizes().constraints); ++i)
+      if (std::abs(phi[i]) > std::abs(phi[worst])) worst = i;
+    if (joint->sizes().constraints == 0 || !(std::abs(phi[worst]) > kRoundOff * std::max(extent(given), 1e-3)))
+      continue;
+    lines.push_back(fmt::format("{} is open by {:.3g} in the given positions",
+                                mechanism.system.constraint_name(static_cast<Index>(worst)), std::abs(phi[worst])));
+  }
+  return lines;
+}
+
+std::vector<std::string> moved_bodies(Mechanism& mechanism, const State& given, const State& now) {
+  std::vector<std::string> lines;
+  const double least = kRoundOff * extent(given);
+  for (const BuiltBody& body : mechanism.bodies) {
+    if (body.rigid != nullptr) {
+      const double way = (body.rigid->position(now.q) - body.rigid->position(given.q)).norm();
+      const double turn = angle_between(body.rigid->quaternion(now.q), body.rigid->quaternion(given.q));
+      if (way > least || turn > kRoundOff)
+        lines.push_back(fmt::format("{}: the joints moved it by {:.3g} and turned it by {:.3g} rad at the start",
+                                    body.spec.name, way, turn));
+      continue;
+    }
+    if (body.flexible == nullptr) continue;  // a point mass
+    const double way = largest_way(*body.flexible, given, now);
+    if (way > least)
+      lines.push_back(
+          fmt::format("{}: the joints moved its nodes by up to {:.3g} at the start, which takes {:.4g} of "
+                      "strain energy",
+                      body.spec.name, way, strain_energy(*body.flexible, now) - strain_energy(*body.flexible, given)));
+  }
+  return lines;
+}
+
+}  // namespace espalier::dynamics::model

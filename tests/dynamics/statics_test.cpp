@@ -1,0 +1,319 @@
+// Static equilibrium as a run of its own. Truths: closed forms, named at each test.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "model_common.hpp"
+
+namespace espalier::dynamics {
+namespace {
+
+/// What went wrong with a model that must not load and run.
+Status failed(const std::string& text) {
+  Simulation simulation;
+  Status status = simulation.load_text(text, "model.toml");
+  if (status.ok()) status = simulation.run();
+  EXPECT_FALSE(status.ok());
+  return status;
+}
+
+// ---- Limit points: a truss of two springs, half span b = 1, height h, spring constant k = 1000
+
+std::string truss(double height, double force, const std::string& statics = "") {
+  return fmt::format(R"([bodies.apex]
+type = "rigid"
+mass = 1
+box = [0.1, 0.1, 0.1]
+position = [0, 0, {0}]
+[joints.rail]
+type = "prismatic"
+bodies = ["ground", "apex"]
+at = [0, 0, {0}]
+[forces.left]
+type = "spring"
+a = {{ body = "ground", point = [-1, 0, 0] }}
+b = {{ body = "apex" }}
+stiffness = 1000
+[forces.right]
+type = "spring"
+a = {{ body = "ground", point = [1, 0, 0] }}
+b = {{ body = "apex" }}
+stiffness = 1000
+[forces.weight]
+type = "load"
+a = {{ body = "apex" }}
+force = [0, 0, {1}]
+[statics]
+{2}
+)",
+                     height, -force, statics);
+}
+
+/// Force down that holds the apex at z: 2 k z (1 - L0 / L).
+double truss_force(double height, double z) { return -2000 * z * (1 - std::hypot(1, height) / std::hypot(1, z)); }
+
+/// dP/dz = 0 at L^3 = L0 b^2 (von Mises 1923).
+double truss_limit(double height) {
+  const double length = std::cbrt(std::hypot(1, height));
+  return truss_force(height, std::sqrt(length * length - 1));
+}
+
+TEST(StaticsLimit, TrussSnapsThroughAtItsClosedForm) {
+  for (const double height : {0.05, 0.2, 0.6, 1.0}) {
+    const double limit = truss_limit(height), force = 1.5 * limit;
+    const Simulation s = simulated(truss(height, force));
+    ASSERT_EQ(s.summary().critical.size(), 2U) << height;  // up to the limit, back to its opposite, and up again
+    EXPECT_TRUE(s.summary().critical[0].limit);
+    EXPECT_NEAR(s.summary().critical[0].load, limit / force, 1e-9) << height;
+    EXPECT_NEAR(s.summary().critical[1].load, -limit / force, 1e-9) << height;
+    const double z = s.value("apex.position.z");
+    EXPECT_LT(z, -height);
+    EXPECT_NEAR(truss_force(height, z) / force, 1, 1e-8) << height;
+  }
+}
+
+TEST(StaticsLimit, StepsAndArcsOfAnySizeFindTheSamePoints) {
+  const double height = 0.4, limit = truss_limit(height);
+  for (const char* statics : {"first_step = 1", "first_step = 0.01", "largest_step = 0.02\nfirst_step = 0.02",
+                              "tolerance = 1e-6", "tolerance = 1e-12", "largest_step = 1\nfirst_step = 0.5"}) {
+    const Simulation s = simulated(truss(height, 2 * limit, statics));
+    ASSERT_EQ(s.summary().critical.size(), 2U) << statics;
+    EXPECT_NEAR(s.summary().critical[0].load, 0.5, 1e-5) << statics;
+    EXPECT_NEAR(truss_force(height, s.value("apex.position.z")) / limit, 2, 1e-5) << statics;
+  }
+}
+
+TEST(StaticsLimit, BelowTheLimitNothingIsReported) {
+  const double height = 0.4, limit = truss_limit(height);
+  const Simulation s = simulated(truss(height, 0.999 * limit));
+  EXPECT_TRUE(s.summary().critical.empty());
+  EXPECT_GT(s.value("apex.position.z"), 0);
+  EXPECT_NEAR(truss_force(height, s.value("apex.position.z")) / limit, 0.999, 1e-9);
+}
+
+TEST(StaticsLimit, LoadStepsAloneEndThereAndSayWhere) {
+  const double height = 0.4, limit = truss_limit(height);
+  const Status status = failed(truss(height, 2 * limit, "path = \"load-steps\""));
+  EXPECT_EQ(status.code, StatusCode::accuracy_not_reached);
+  EXPECT_NE(status.message.find("load factor 0.49"), std::string::npos) << status.message;
+  EXPECT_NE(status.message.find("apex"), std::string::npos) << status.message;
+}
+
+TEST(StaticsLimit, ALoadFactorBeyondOneIsTheSameAsALargerLoad) {
+  const double height = 0.4, limit = truss_limit(height);
+  const Simulation s = simulated(truss(height, limit, "load = 2"));
+  ASSERT_EQ(s.summary().critical.size(), 2U);
+  EXPECT_NEAR(s.summary().critical[0].load, 1, 1e-8);
+  EXPECT_EQ(s.time(), 2);
+}
+
+// ---- Bifurcation: a column of length 1, clamped at its foot
+
+std::string column(int elements, double force, const std::string& statics = "") {
+  return fmt::format(R"([bodies.column]
+type = "beam"
+start = [0, 0, 0]
+end = [0, 0, 1]
+y = [0, 1, 0]
+elements = {}
+height = 0.02
+width = 0.01
+material = {{ young = 2e11, poisson = 0, density = 7800 }}
+[joints.foot]
+type = "fixed"
+a = {{ body = "ground" }}
+b = {{ body = "column", node = 1 }}
+[markers.head]
+body = "column"
+node = -1
+[forces.weight]
+type = "load"
+a = "head"
+force = [0, 0, {}]
+[statics]
+{}
+)",
+                     elements, -force, statics);
+}
+
+// Truth: Euler, pi^2 EI / (4 L^2) about the weak axis; the compression P / EA and the shear are below 1e-3 of it.
+TEST(StaticsBifurcation, StraightColumnBucklesAtEulersLoad) {
+  const double weak = 2e11 * 0.02 * 1e-6 / 12;
+  const double euler = std::numbers::pi * std::numbers::pi * weak / 4;
+  double error[2];
+  for (const int elements : {16}) {
+    const Simulation s = simulated(column(elements, 2 * euler));
+    ASSERT_EQ(s.summary().critical.size(), 1U) << elements;
+    EXPECT_FALSE(s.summary().critical[0].limit);
+    error[elements == 16] = s.summary().critical[0].load / 0.5 - 1;
+    EXPECT_NEAR(s.summary().critical[0].load / 0.5, 1, 2.0 / (elements * elements)) << elements;
+  }
+  EXPECT_LT(std::abs(error[1]), std::abs(error[0]));
+}
+
+// ---- Large turns
+
+// Truth: M L / EI = 2 pi bends a straight beam to a circle: its tip is where it began.
+TEST(StaticsTurns, MomentRollsABeamUpToACircle) {
+  const double length = 2, ei = 2.1e11 * 0.02 * 1e-6 / 12;
+  for (const int elements : {8, 16}) {
+    const Simulation s = simulated(fmt::format(R"([bodies.strip]
+type = "beam"
+start = [0, 0, 0]
+end = [{}, 0, 0]
+y = [0, 1, 0]
+elements = {}
+height = 0.01
+width = 0.02
+material = {{ young = 2.1e11, poisson = 0, density = 7800 }}
+[joints.wall]
+type = "fixed"
+a = {{ body = "ground" }}
+b = {{ body = "strip", node = 1 }}
+[markers.tip]
+body = "strip"
+node = -1
+[forces.moment]
+type = "load"
+a = "tip"
+moment = [0, 0, {}]
+[statics]
+)",
+                                               length, elements, 2 * std::numbers::pi * ei / length));
+    const double off = std::hypot(s.value("tip.position.x"), s.value("tip.position.y"));
+    EXPECT_LT(off / length, 10.0 / (elements * elements)) << elements;
+    EXPECT_LE(s.summary().steps, 60) << elements;
+    EXPECT_TRUE(s.summary().critical.empty());
+  }
+}
+
+// ---- Inverted elements
+
+/// So wide that it does not buckle; `stress` per undeformed area of 100.
+std::string bar(double stress, const std::string& rest = "[statics]\n") {
+  return fmt::format(R"([bodies.bar]
+type = "solid"
+mesh = {{ part = "block", lx = 1, ly = 10, lz = 10, divisions = [2, 2, 2] }}
+hex8 = "full"
+material = {{ law = "neo-hookean", young = 1e6, poisson = 0, density = 1000 }}
+[joints.wall]
+type = "fixed"
+a = {{ body = "ground", point = [0, 5, 5] }}
+b = {{ body = "bar", face = "x0" }}
+[markers.end]
+body = "bar"
+face = "x1"
+[forces.pull]
+type = "load"
+a = "end"
+force = [{}, 0, 0]
+{})",
+                     100 * stress, rest);
+}
+
+// Truth: W = mu/2 (tr C - 3) - mu ln J at poisson 0: P = E/2 (s - 1/s). The first Newton step for P = -4 E leads to a
+// stretch of -3, inside out.
+TEST(StaticsInverted, BlockUnderFourTimesItsModulusIsCompressedNotInverted) {
+  for (const double p : {-4.0, -0.9, 3.0}) {
+    const Simulation s = simulated(bar(1e6 * p));
+    EXPECT_NEAR(s.value("end.position.x"), p + std::sqrt(p * p + 1), 1e-7) << p;
+  }
+}
+
+// Truth: St. Venant-Kirchhoff, P = E/2 (s^3 - s), falls back at s = 1/sqrt(3): no more than E / (3 sqrt 3) holds it.
+TEST(StaticsInverted, SoftMaterialReachesItsLimitPoint) {
+  std::string text = bar(-1e6);
+  text.replace(text.find("neo-hookean"), 11, "st-venant-kirchhoff");
+  Simulation s;
+  ASSERT_TRUE(s.load_text(text, "model.toml").ok());
+  const Status status = s.run();
+  EXPECT_EQ(status.code, StatusCode::accuracy_not_reached);
+  EXPECT_NE(status.message.find("limit point at load factor 0.19245"), std::string::npos) << status.message;
+}
+
+// ---- Loose ends
+
+TEST(StaticsLoose, AFreeBodyFallsAndIsNamed) {
+  std::string text = "gravity = [0, 0, -10]\n" + bar(0);
+  const std::size_t joint = text.find("[joints.wall]"), end = text.find("[markers.end]");
+  text.erase(joint, end - joint);
+  const Status status = failed(text);
+  EXPECT_EQ(status.code, StatusCode::accuracy_not_reached);
+  EXPECT_NE(status.message.find("nothing holds"), std::string::npos) << status.message;
+  EXPECT_NE(status.message.find("'bar'"), std::string::npos) << status.message;
+}
+
+TEST(StaticsLoose, NoLoadsNoSteps) {
+  const Simulation s = simulated(bar(0));
+  EXPECT_EQ(s.summary().statics_iterations, 0);
+  EXPECT_EQ(s.value("end.position.x"), 1);
+}
+
+TEST(StaticsLoose, AMechanismFindsItsPlace) {
+  const Simulation s = simulated(R"(gravity = [0, 0, -10]
+[bodies.rod]
+type = "rigid"
+mass = 1
+box = [1, 0.1, 0.1]
+position = [0.5, 0, 0]
+[joints.hinge]
+type = "revolute"
+bodies = ["ground", "rod"]
+at = [0, 0, 0]
+axis = [0, 1, 0]
+[statics]
+)");
+  EXPECT_TRUE(s.summary().statics_relaxed);
+  EXPECT_NEAR(s.value("rod.position.z"), -0.5, 1e-9);
+  EXPECT_NEAR(s.value("hinge.force.z"), 10, 1e-8);
+}
+
+// ---- What the given configuration has out of balance comes in with the load
+
+TEST(StaticsMisfit, MotorsAndJointsPullAFaceStepByStep) {
+  // The end face is pulled by half of the length at once: one step of Newton from the start would invert elements.
+  std::string text = bar(0);
+  text += R"([joints.motor]
+type = "translation-motor"
+a = { body = "ground", point = [1, 5, 5], axis = [1, 0, 0] }
+b = "end"
+motion = "-0.7"
+)";
+  const Simulation s = simulated(text);
+  EXPECT_NEAR(s.value("end.position.x"), 0.3, 1e-9);
+  // Uniform: P = E/2 (s - 1/s); the motor's force on the bar.
+  EXPECT_NEAR(s.value("motor.force.x"), 0.5e8 * (0.3 - 1 / 0.3), 1);
+}
+
+TEST(StaticsMisfit, PrestressedSpringsFindTheirBalance) {
+  // Truth: k1 (x - l1) = k2 (l2 - x) for two springs in line.
+  const Simulation s = simulated(R"([bodies.bead]
+type = "rigid"
+mass = 1
+box = [0.1, 0.1, 0.1]
+[joints.rail]
+type = "prismatic"
+bodies = ["ground", "bead"]
+at = [0, 0, 0]
+axis = [1, 0, 0]
+[forces.left]
+type = "axial-spring"
+a = { body = "ground", point = [-1, 0, 0], axis = [1, 0, 0] }
+b = { body = "bead" }
+stiffness = 100
+rest = 0.2
+[forces.right]
+type = "axial-spring"
+a = { body = "bead", axis = [1, 0, 0] }
+b = { body = "ground", point = [1, 0, 0] }
+stiffness = 300
+rest = 0.5
+[statics]
+)");
+  EXPECT_NEAR(s.value("bead.position.x"), (300 * 0.5 - 100 * 0.8) / 400, 1e-12);
+}
+
+}  // namespace
+}  // namespace espalier::dynamics
