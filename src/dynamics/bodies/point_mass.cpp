@@ -38,7 +38,7 @@ void PointMass::bind(const SparsePattern& w, const SparsePattern& /*phi_q*/) {
 }
 
 void PointMass::residual(const StateView& s, Span f) {
-  const Vec3 sum = data_.mass * (three(s.a, placement().v) - data_.gravity);
+  const Vec3 sum = data_.mass * (three(s.a, placement().v) - load_factor() * data_.gravity);
   for (std::size_t k = 0; k < 3; ++k) f[static_cast<std::size_t>(coordinates_[k])] += sum[static_cast<int>(k)];
 }
 
@@ -47,7 +47,8 @@ void PointMass::tangent(const StateView& /*s*/, const TangentWeights& weights, S
 }
 
 Energy PointMass::energy(const StateView& s) {
-  return {0.5 * data_.mass * velocity(s.v).squaredNorm(), -data_.mass * data_.gravity.dot(position(s.q))};
+  return {0.5 * data_.mass * velocity(s.v).squaredNorm(),
+          -data_.mass * load_factor() * data_.gravity.dot(position(s.q))};
 }
 
 void PointFrame::motion(ConstSpan q, ConstSpan v, FrameMotion& out) const {
