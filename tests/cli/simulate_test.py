@@ -173,7 +173,7 @@ class Simulate(Cli):
         self.assertIn("host", report["solver"]["device"])
         self.assertEqual(report["solver"]["kind"], "lu")
         self.assertGreater(report["solver"]["nonzeros_factor"], 0)
-        self.expect(4, "simulate", self.model(BLOCK), "--host-memory", "10k", says="needed")
+        self.expect(4, "simulate", self.model(BLOCK), "--host-memory", "10k", says="needs")
         self.expect(5, "simulate", self.model(BLOCK), "--device", "gpu:7")
 
     def test_dumped_matrices_solve(self):
@@ -237,7 +237,7 @@ class Simulate(Cli):
                 self.expect(2, "simulate", self.model(PENDULUM.replace(old, new)), says=says)
         self.expect(2, "simulate", self.folder / "none.toml", says="none.toml")
         self.expect(2, "simulate", self.model(PENDULUM), "--set", "parameters.lenght=2,", says="--set")
-        self.expect(2, "simulate", self.model(PENDULUM), "--restart", self.folder / "none", says="restart")
+        self.expect(2, "simulate", self.model(PENDULUM), "--restart", self.folder / "none", says="none: cannot be read")
         for until in (-1, 0, "nan", "inf"):
             self.expect(2, "simulate", self.model(PENDULUM), "--until", until, says="later than the start")
         self.expect(2, "simulate", self.folder, says="directory")

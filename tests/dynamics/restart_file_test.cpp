@@ -82,7 +82,7 @@ TEST_F(RestartFiles, NumbersThatNoRunWrites) {
     std::memcpy(crafted.data() + 16, &sum, 8);
     store(path_, crafted);
   };
-  constexpr std::size_t kState = 15, kStateEnd = kState + 1 + 7 + 6 + 6 + 5;  // behind the counts: t, q, v, a, lambda
+  constexpr std::size_t kState = 17, kStateEnd = kState + 1 + 7 + 6 + 6 + 5;  // behind the counts: t, q, v, a, lambda
   ASSERT_GT(numbers, kStateEnd);
   for (std::size_t k = 0; k < numbers; ++k) {
     put(k, std::numeric_limits<double>::quiet_NaN());
