@@ -28,10 +28,14 @@ build_cuda() {
     -DESPALIER_BENCH=OFF -- espalier_device_cuda
 }
 
-# Sources of the library and the command line, those changed last first.
+# Sources of the library and the command line, those changed last first; of the CUDA backend those that this build compiles.
 tidy_files() {
   { git log --format= --name-only -n 300; git ls-files; } |
-    awk '/^(src|apps)\/.*\.cpp$/ && !seen[$0]++' | while read -r file; do [[ -f $file ]] && echo "$file"; done
+    awk '/^(src|apps)\/.*\.cpp$/ && !seen[$0]++' | while read -r file; do
+      [[ -f $file ]] || continue
+      [[ $file != src/device/cuda/* ]] || grep -q "/$file\"" build/release/compile_commands.json || continue
+      echo "$file"
+    done
 }
 
 tidy_one() {

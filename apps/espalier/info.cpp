@@ -71,7 +71,7 @@ void add_model(Table& table, const std::string& device, plan::MachineModel model
       value += ", " + shown(rates[k + 1]) + ", " + shown(rates[k + 2]);
       k += 2;
     }
-    table.add({device + "." + key, value, r.unit, std::string(plan::name_of(r.rate->source)), meaning});
+    table.add({fmt::format("{}.{}", device, key), value, r.unit, std::string(plan::name_of(r.rate->source)), meaning});
   }
 }
 
