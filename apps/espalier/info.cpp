@@ -76,7 +76,7 @@ void add_model(Table& table, const std::string& device, plan::MachineModel model
 }
 
 std::string machine_text(const plan::Machine& machine) {
-  Table table("<<<<");
+  Table table("<<<<<");
   add_model(table, "host", machine.host);
   add_model(table, "gpu", machine.gpu);
   return fmt::format("machine model: host is {}, gpu is {}; --machine key=value,... changes it\n{}", machine.host.name,

@@ -109,7 +109,10 @@ std::string operations(double flops) { return with_prefix(flops, "FLOP"); }
 
 std::string small(double number) { return fmt::format("{:.1e}", number); }
 
-void Table::add(std::vector<std::string> cells, Tone tone) { rows_.push_back({std::move(cells), tone}); }
+void Table::add(std::vector<std::string> cells, Tone tone) {
+  if (cells.size() > align_.size()) throw std::logic_error("Table::add: a row has more cells than the table has columns");
+  rows_.push_back({std::move(cells), tone});
+}
 
 std::string Table::text() const {
   std::vector<std::size_t> widths(align_.size(), 0);
