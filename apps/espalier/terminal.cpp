@@ -110,7 +110,8 @@ std::string operations(double flops) { return with_prefix(flops, "FLOP"); }
 std::string small(double number) { return fmt::format("{:.1e}", number); }
 
 void Table::add(std::vector<std::string> cells, Tone tone) {
-  if (cells.size() > align_.size()) throw std::logic_error("Table::add: a row has more cells than the table has columns");
+  if (cells.size() > align_.size())
+    throw std::logic_error("Table::add: a row has more cells than the table has columns");
   rows_.push_back({std::move(cells), tone});
 }
 
