@@ -54,7 +54,7 @@ TEST(Fork, APoolThatIsNotUsedEndsInTheChild) {
 
 // The stacks of 400 threads do not fit into what is left of the address space.
 TEST(Threads, ThatTheSystemRefusesAreDoneWithout) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if defined(ESPALIER_SANITIZED)
   GTEST_SKIP() << "the sanitizers need the address space";
 #endif
   EXPECT_EQ(test::in_child([] {

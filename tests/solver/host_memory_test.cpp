@@ -65,7 +65,7 @@ std::int64_t kilobytes(const std::string& key) {
 
 // What is not counted: code, thread stacks, the allocator's own, the ordering (gone before the factor comes).
 TEST(HostMemory, ThePeakOfTheProcess) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if defined(ESPALIER_SANITIZED)
   GTEST_SKIP() << "the sanitizers take memory of their own";
 #endif
   constexpr std::int64_t kRest = 48 << 10;  // KiB

@@ -1,7 +1,7 @@
 // Threads that the system refuses: fewer work. Truth: the bits of the solution by one thread, the backward error.
 #include <gtest/gtest.h>
 
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // they have a pthread_create of their own
+#if !defined(ESPALIER_SANITIZED)  // sanitizers have a pthread_create of their own
 
 #include <dlfcn.h>
 #include <pthread.h>
