@@ -127,9 +127,7 @@ std::string html_page(const std::vector<Results>& all) {
 std::string markdown(const std::vector<Results>& all) {
   std::string out =
       "# Results\n\nMade by `espalier report --markdown bench/results/*.json --out docs/notebook/results.md`; do not "
-      "edit. What "
-      "the "
-      "columns mean: [measure.md](../guide/measure.md).\n\n";
+      "edit. What the columns mean: [measure.md](../guide/measure.md).\n\n";
   for (const Results& results : all)
     out += fmt::format("- [{}: {}](#{}) ({})\n", heading_of(results), machine_of(results), results.id,
                        text(results.data, "date").substr(0, 10));
