@@ -272,8 +272,7 @@ void Runner::note_steps() {
     summary_.notices.push_back(fmt::format(
         "kind = ldlt took {} unsymmetric Newton matrices for symmetric ones (a_ij and a_ji differ by up to {:.1e} of "
         "the largest entry: gyroscopic terms, followers, friction, forces as functions of state). The results hold, "
-        "Newton "
-        "takes more iterations ({} in {} steps); kind = lu has the whole matrix",
+        "Newton takes more iterations ({} in {} steps); kind = lu has the whole matrix",
         record_.unsymmetric, record_.largest_asymmetry, integrator_->counts().newton_iterations,
         integrator_->counts().steps));
   const IntegratorCounts& c = integrator_->counts();
