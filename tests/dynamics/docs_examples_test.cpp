@@ -2,11 +2,12 @@
 #include <gtest/gtest.h>
 
 #include "model_common.hpp"
+#include "places.hpp"
 
 namespace espalier::dynamics {
 namespace {
 
-const std::string kPage = (std::filesystem::path(__FILE__).parent_path() / "../../docs/guide/forces.md").string();
+const std::string kPage = (espalier::test::source_folder() / "docs/guide/forces.md").string();
 
 /// The fenced blocks of a page in one language.
 std::vector<std::string> blocks(const std::string& page, const std::string& language) {

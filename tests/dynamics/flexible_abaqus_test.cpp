@@ -6,13 +6,14 @@
 #include "dynamics/elements/solid.hpp"
 #include "dynamics/mesh/read.hpp"
 #include "flexible_statics.hpp"
+#include "places.hpp"
 
 namespace espalier::dynamics::test {
 namespace {
 
 namespace fs = std::filesystem;
 
-fs::path data_folder() { return fs::path(__FILE__).parent_path() / "../../../shared/data"; }
+fs::path data_folder() { return espalier::test::shared_data(); }
 
 /// A symmetric MatrixMarket file as a full matrix.
 Eigen::MatrixXd read_matrix(const fs::path& path) {

@@ -2,12 +2,13 @@
 #include <filesystem>
 
 #include "dynamics/model_common.hpp"
+#include "places.hpp"
 
 namespace espalier::dynamics {
 namespace {
 
 TEST(FlexibleEngine, ConstraintsHoldOnAllThreeLevels) {
-  const auto models = std::filesystem::path(__FILE__).parent_path() / "../../models";
+  const auto models = espalier::test::source_folder() / "models";
   if (!std::filesystem::exists(models / "engine.toml")) GTEST_SKIP() << models << " is not there";
   SimulationOptions options;
   options.set = {"parameters.unknowns=1000"};

@@ -17,12 +17,12 @@
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/initial.hpp"
 #include "dynamics/joints/joint.hpp"
+#include "places.hpp"
 
 namespace espalier::dynamics {
 namespace {
 
-const std::filesystem::path kTables =
-    std::filesystem::path(__FILE__).parent_path() / "../../../shared/dynamics_cases/data/adams_joints";
+const std::filesystem::path kTables = espalier::test::shared_data() / "../dynamics_cases/data/adams_joints";
 
 using Table = std::vector<std::vector<double>>;
 

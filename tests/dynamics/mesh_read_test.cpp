@@ -4,6 +4,7 @@
 
 #include "dynamics/elements/groups.hpp"
 #include "dynamics/mesh_files.hpp"
+#include "places.hpp"
 
 namespace espalier::dynamics::test {
 namespace {
@@ -284,7 +285,7 @@ struct RealMesh {
 
 // Truth: counts of ../shared/data/INDEX.md, made by another program.
 TEST(RealMeshes, CountsAndJacobians) {
-  const fs::path folder = fs::path(__FILE__).parent_path() / "../../../shared/data/mesh";
+  const fs::path folder = espalier::test::shared_data() / "mesh";
   if (!fs::exists(folder)) GTEST_SKIP() << folder << " is not there";
   const RealMesh meshes[] = {{"exudyn_blockC3D4.inp", 214, 767, ElementType::tet4},
                              {"exudyn_blockC3D8.inp", 176, 90, ElementType::hex8},

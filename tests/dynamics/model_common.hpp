@@ -10,6 +10,7 @@
 #include <string>
 
 #include "espalier/dynamics.hpp"
+#include "places.hpp"
 
 namespace espalier::dynamics {
 
@@ -21,8 +22,7 @@ inline std::string content_of(const std::string& path) {
 }
 
 /// The pendulum of the examples: released at rest from the horizontal at distance 1 from its hinge, gravity 10, mass 2.
-inline const std::string kPendulum =
-    content_of((std::filesystem::path(__FILE__).parent_path() / "../../examples/pendulum.toml").string());
+inline const std::string kPendulum = content_of((espalier::test::source_folder() / "examples/pendulum.toml").string());
 
 /// Loads and runs; fails the test with the message of the status.
 inline Simulation simulated(const std::string& text, SimulationOptions options = {}) {

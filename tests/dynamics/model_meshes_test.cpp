@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "model_common.hpp"
+#include "places.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -43,7 +44,7 @@ end = 2e-3
 )toml";
 
 TEST(ModelMeshes, SliderCrankOfExudynFollowsTheRigidMotion) {
-  const std::string folder = std::string(ESPALIER_SHARED_DATA) + "/mesh";
+  const std::string folder = (espalier::test::shared_data() / "mesh").string();
   if (!std::filesystem::exists(folder + "/exudyn_crank.inp")) GTEST_SKIP() << "no meshes in " << folder;
   Simulation s;
   Status status = s.load_text(kEngine, folder + "/engine.toml");  // meshes are looked for beside the text
@@ -60,10 +61,9 @@ TEST(ModelMeshes, SliderCrankOfExudynFollowsTheRigidMotion) {
 // models/real/wheelset.toml. Truth: INDEX.md's node count; angular momentum J omega of a wheelset that turns as a rigid
 // body, with J = 2 E / omega^2 of its kinetic energy.
 TEST(ModelMeshes, WheelsetTurns) {
-  const std::string model =
-      (std::filesystem::path(__FILE__).parent_path() / "../../models/real/wheelset.toml").string();
-  if (!std::filesystem::exists(std::string(ESPALIER_SHARED_DATA) + "/mesh/sfepy_wheelset.vtk"))
-    GTEST_SKIP() << "no meshes in " << ESPALIER_SHARED_DATA;
+  const std::string model = (espalier::test::source_folder() / "models/real/wheelset.toml").string();
+  if (!std::filesystem::exists(espalier::test::shared_data() / "mesh/sfepy_wheelset.vtk"))
+    GTEST_SKIP() << "no meshes in " << espalier::test::shared_data();
   Simulation s;
   const Status status = s.load(model);
   ASSERT_TRUE(status.ok()) << status.message;

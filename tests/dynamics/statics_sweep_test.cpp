@@ -9,6 +9,7 @@
 
 #include "dynamics/mesh/read.hpp"
 #include "model_common.hpp"
+#include "places.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -104,7 +105,7 @@ TEST(StaticsSweep, RandomCantileversAreSolvedOrTheirLimitPointsReported) {
 }
 
 TEST(StaticsSweep, ModelsOfTheRepositoryUnderGravityAndTenTimesIt) {
-  const std::filesystem::path models = std::filesystem::path(__FILE__).parent_path() / "../../models";
+  const std::filesystem::path models = espalier::test::source_folder() / "models";
   for (const char* name : {"chain", "engine", "rotor"})
     for (const double times : {1.0, 10.0}) {
       SimulationOptions options;
@@ -155,7 +156,7 @@ material = {{ young = 2.1e11, poisson = 0.3, density = 7850 }}
 
 // All meshes of one kind of solid that the readers know. With ESPALIER_ALL_MESHES=1 those above 100 kB too (minutes).
 TEST(StaticsSweep, MeshesOfOtherPeopleUnderGravityAndTenTimesIt) {
-  const std::filesystem::path folder = std::filesystem::path(ESPALIER_SHARED_DATA) / "mesh";
+  const std::filesystem::path folder = espalier::test::shared_data() / "mesh";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is not there";
   const bool all = std::getenv("ESPALIER_ALL_MESHES") != nullptr;
   int tried = 0;

@@ -11,6 +11,7 @@
 #include "matrix/transform.hpp"
 #include "matrix/triplets.hpp"
 #include "matrix/validate.hpp"
+#include "places.hpp"
 
 namespace espalier::matrix {
 namespace {
@@ -47,7 +48,7 @@ std::int64_t nonzeros_in_full(const SparseMatrix& a) {
 }
 
 TEST(SharedData, EveryMatrixAgreesWithTheIndex) {
-  const fs::path data = ESPALIER_SHARED_DATA;
+  const fs::path data = test::shared_data();
   if (!fs::exists(data / "INDEX.md")) GTEST_SKIP() << data << " is absent";
   const auto claims = read_index(data / "INDEX.md");
   std::size_t files = 0, compared = 0;
@@ -74,7 +75,7 @@ TEST(SharedData, EveryMatrixAgreesWithTheIndex) {
 
 // Truth: SPD matrices stored as general ones are found to be symmetric (INDEX.md: superlu_g20 is SPD).
 TEST(SharedData, SymmetryOfAGeneralFileIsFound) {
-  const fs::path file = fs::path(ESPALIER_SHARED_DATA) / "unsym/superlu_g20.mtx";
+  const fs::path file = test::shared_data() / "unsym/superlu_g20.mtx";
   if (!fs::exists(file)) GTEST_SKIP() << file << " is absent";
   const auto a = read_matrix(file.string());
   EXPECT_EQ(a.storage, Storage::general);

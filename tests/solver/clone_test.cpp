@@ -44,8 +44,9 @@ std::vector<System> systems() {
 
 TEST(Clone, ManyInManyThreadsGiveTheBitsOfOne) {
   constexpr int kClones = 6;
-  for (const auto& [name, a] : systems()) {
-    SCOPED_TRACE(name);
+  for (const System& system : systems()) {
+    SCOPED_TRACE(system.name);
+    const SparseMatrix& a = system.a;  // a name of a structured binding could not be used in the threads (C++20)
     const std::vector<double> b = reference::random_vector(a.rows, 4);
     Solver original(test::two_threads());
     ASSERT_TRUE(original.analyze(a).status.ok());

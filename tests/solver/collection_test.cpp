@@ -10,6 +10,7 @@
 #include "espalier/espalier.hpp"
 #include "gpu_fixture.hpp"
 #include "matrix/read.hpp"
+#include "places.hpp"
 #include "reference/reference.hpp"
 
 namespace espalier {
@@ -22,7 +23,7 @@ constexpr Index kLargestDense = 500;
 
 std::vector<fs::path> small_files() {
   std::vector<fs::path> files;
-  const fs::path data = ESPALIER_SHARED_DATA;
+  const fs::path data = test::shared_data();
   if (!fs::exists(data)) return files;
   for (const auto& entry : fs::recursive_directory_iterator(data))
     if (entry.is_regular_file() && entry.path().extension() == ".mtx" && entry.file_size() <= kLargestFile)
@@ -33,7 +34,7 @@ std::vector<fs::path> small_files() {
 
 TEST(Collection, SmallFilesAreSolvedOrRefusedWithAReason) {
   const auto files = small_files();
-  if (files.empty()) GTEST_SKIP() << ESPALIER_SHARED_DATA << " is absent";
+  if (files.empty()) GTEST_SKIP() << test::shared_data() << " is absent";
   int solved = 0, refused = 0;
   for (const fs::path& file : files) {
     SCOPED_TRACE(file.string());
@@ -66,7 +67,7 @@ TEST(Collection, SmallFilesAreSolvedOrRefusedWithAReason) {
 // GPU, whose tiles have 32 and 64. Truth: its condition allows a backward error of rounding, and its inertia is that of
 // 40,397 unknowns and 40,198 constraints.
 void expect_wider_tiles(Options o) {
-  const fs::path file = fs::path(ESPALIER_SHARED_DATA) / "indef/maros_meszaros_kkt/mm_CONT-201_kkt.mtx.gz";
+  const fs::path file = test::shared_data() / "indef/maros_meszaros_kkt/mm_CONT-201_kkt.mtx.gz";
   if (!fs::exists(file)) GTEST_SKIP() << file << " is absent";
   const SparseMatrix a = matrix::read_matrix(file.string());
   o.threads = 2;
@@ -106,7 +107,7 @@ TEST_F(CollectionOnGpu, TheHostTakesWhatNeedsWiderTiles) {
 
 TEST(Collection, InertiaIsThatOfTheEigenvalues) {
   const auto files = small_files();
-  if (files.empty()) GTEST_SKIP() << ESPALIER_SHARED_DATA << " is absent";
+  if (files.empty()) GTEST_SKIP() << test::shared_data() << " is absent";
   int compared = 0;
   for (const fs::path& file : files) {
     const fs::path claim = fs::path(file).replace_extension(".json");

@@ -12,6 +12,7 @@
 #include "analysis/ordering.hpp"
 #include "espalier/solver.hpp"
 #include "matrix/generators/generate.hpp"
+#include "places.hpp"
 #include "plan/front_cost.hpp"
 #include "solver/equations.hpp"
 
@@ -42,7 +43,7 @@ Case analyzed(const std::string& system, base::ThreadPool& pool) {
 
 // Rows of a file of results: the median seconds of a refactorization, by system.
 std::map<std::string, double> measured(const std::string& file, const std::string& rival) {
-  std::ifstream in(std::string(ESPALIER_RESULTS) + "/" + file);
+  std::ifstream in(test::source_folder() / "bench/results" / file);
   const auto results = nlohmann::json::parse(in);
   std::map<std::string, double> seconds;
   for (const auto& row : results["rows"])

@@ -35,7 +35,7 @@ bool StaticFollower::find_tangent(Knot& knot, const StaticIncrement* along) {
 bool StaticFollower::begin() {
   // Linear deflections beyond that are those of rounded zeros, or of cables that hang.
   constexpr double kLargest = 1e3;
-  if (!find_tangent(at_, nullptr)) {
+  if (!find_tangent(at_, nullptr) || (problem_.forget_rounding() && !find_tangent(at_, nullptr))) {
     loose_end_ = problem_.why().message;
     return false;
   }

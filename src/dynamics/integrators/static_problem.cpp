@@ -139,27 +139,48 @@ bool StaticProblem::balanced(const StaticPoint& x, double tolerance) const {
   return residual(x) <= tolerance * std::max(reference_, reactions(x)) && max_norm(x.phi) <= tolerance * extent_;
 }
 
-bool StaticProblem::at_rounding(const StaticPoint& x) const {
+StaticProblem::Rounding StaticProblem::rounding(const State& state) const {
   constexpr double kRounding = 16 * std::numeric_limits<double>::epsilon();
-  std::vector<double> of_motion(n_, 0.0), of_phi(m_, 0.0);
-  const auto add = [](const SparsePattern& p, ConstSpan values, ConstSpan factors,
-                      Span sums) {  // sums += |A^T| factors
+  Rounding sums{std::vector<double>(n_, 0.0), std::vector<double>(m_, 0.0)};
+  const auto add = [](const SparsePattern& p, ConstSpan values, ConstSpan factors, Span to) {  // to += |A^T| factors
     for (std::size_t line = 0; line + 1 < p.ptr.size(); ++line)
       for (auto k = static_cast<std::size_t>(p.ptr[line]); k < static_cast<std::size_t>(p.ptr[line + 1]); ++k)
-        sums[static_cast<std::size_t>(p.ind[k])] += std::abs(values[k] * factors[line]);
+        to[static_cast<std::size_t>(p.ind[k])] += kRounding * std::abs(values[k] * factors[line]);
   };
   KktSolver& kkt = equations_.kkt();
-  add(kkt.w_pattern(), kkt.w_values(), size_, of_motion);
-  add(kkt.phi_q_pattern(), kkt.phi_q_values(), x.state.lambda, of_motion);
+  add(kkt.w_pattern(), kkt.w_values(), size_, sums.motion);
+  add(kkt.phi_q_pattern(), kkt.phi_q_values(), state.lambda, sums.motion);
   const SparsePattern& p = kkt.phi_q_pattern();
   for (std::size_t c = 0; c < m_; ++c)
     for (auto k = static_cast<std::size_t>(p.ptr[c]); k < static_cast<std::size_t>(p.ptr[c + 1]); ++k)
-      of_phi[c] += std::abs(kkt.phi_q_values()[k]) * size_[static_cast<std::size_t>(p.ind[k])];
-  for (std::size_t i = 0; i < n_; ++i)
-    if (!(std::abs(x.motion[i]) <= kRounding * of_motion[i])) return false;
-  for (std::size_t c = 0; c < m_; ++c)
-    if (!(std::abs(x.phi[c]) <= kRounding * of_phi[c])) return false;
-  return true;
+      sums.phi[c] += kRounding * std::abs(kkt.phi_q_values()[k]) * size_[static_cast<std::size_t>(p.ind[k])];
+  return sums;
+}
+
+bool StaticProblem::at_rounding(const StaticPoint& x) const {
+  const auto below = [](ConstSpan values, ConstSpan bounds) {
+    for (std::size_t i = 0; i < values.size(); ++i)
+      if (!(std::abs(values[i]) <= bounds[i])) return false;
+    return true;
+  };
+  const Rounding bounds = rounding(x.state);
+  return below(x.motion, bounds.motion) && below(x.phi, bounds.phi);
+}
+
+bool StaticProblem::forget_rounding() {
+  const Rounding bounds = rounding(start_);
+  bool forgotten = false;
+  const auto forget = [&](std::vector<double>& values, ConstSpan limits) {
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      if (values[i] == 0 || std::abs(values[i]) > limits[i]) continue;
+      values[i] = 0;
+      forgotten = true;
+    }
+  };
+  forget(f0_, bounds.motion);
+  forget(phi0_, bounds.phi);
+  if (forgotten) reference_ = 0;  // it came from the noise, if there was nothing else
+  return forgotten;
 }
 
 std::string StaticProblem::worst(const StaticPoint& x) const {

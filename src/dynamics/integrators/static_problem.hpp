@@ -62,10 +62,19 @@ class StaticProblem {
   /// Every row of motion and phi is at the rounding of the terms that it is the sum of: 16 eps sum_j |K_ij| |q_j|, with
   /// the last K. Nothing gets nearer then.
   [[nodiscard]] bool at_rounding(const StaticPoint& x) const;
+  /// Sets to zero what the start has out of balance by no more than that: a body without loads has none.
+  /// @pre factorize(start()) @return true if anything changed: rates computed before are out of date
+  [[nodiscard]] bool forget_rounding();
   /// Name of the coordinate or constraint that is furthest out of balance.
   [[nodiscard]] std::string worst(const StaticPoint& x) const;
 
  private:
+  struct Rounding {
+    std::vector<double> motion, phi;  // n, m: what rounding may leave in each row
+  };
+
+  /// With the last K.
+  [[nodiscard]] Rounding rounding(const State& state) const;
   [[nodiscard]] std::vector<double> load_rate(const StaticPoint& x);
   [[nodiscard]] double force_norm(ConstSpan f) const;
   [[nodiscard]] double reactions(const StaticPoint& x) const;
