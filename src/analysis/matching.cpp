@@ -7,6 +7,7 @@
 
 #include "analysis/columns.hpp"
 #include "analysis/product_matcher.hpp"
+#include "matrix/row_index.hpp"
 
 namespace espalier::analysis {
 
@@ -15,21 +16,32 @@ namespace {
 auto at(Index k) { return static_cast<std::size_t>(k); }
 auto at(Offset k) { return static_cast<std::size_t>(k); }
 
-/// Cycles and paths of a matching of a symmetric matrix, split into pairs and single vertices (Duff and Pralet 2005).
+/// A matching with the scaling that goes with it.
+struct Matched {
+  const std::vector<Index>&row_of_col, &col_of_row;
+  const std::vector<double>&row_scale, &col_scale;
+};
+
+/// Cycles and paths of a matching of a matrix with symmetric pattern, split into pairs and single vertices (Duff and
+/// Pralet 2005). Where values are not symmetric, the entry opposite to the matched one is the weaker of the two, and it
+/// decides which pairs a cycle is split into.
 class PairChooser {
  public:
-  PairChooser(const EntryView& a, const ProductMatcher& matched, const std::vector<double>& scale,
-              base::ThreadPool& pool)
-      : a_(a), next_(matched.row_of_col), diagonal_(scale.size(), 0), link_(scale.size(), 0), pair_(scale.size()) {
+  PairChooser(const EntryView& a, const Matched& m, bool symmetric, base::ThreadPool& pool)
+      : a_(a), next_(m.row_of_col), diagonal_(at(a.n), 0), link_(at(a.n), 0), pair_(at(a.n)) {
     std::iota(pair_.begin(), pair_.end(), 0);
     constexpr std::int64_t kColumns = 2048;  // per piece
+    const std::vector<Index>& partner = symmetric ? m.row_of_col : m.col_of_row;
     pool.for_each_piece(a.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
       for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j)
         for (Offset k = a.ptr[at(j)]; k < a.ptr[at(j) + 1]; ++k) {
           const Index i = a.row[at(k)];
-          if (i != j && i != next_[at(j)]) continue;
-          const double v = a.meaning(a.magnitude(k) * scale[at(i)] * scale[at(j)]);
-          (i == j ? diagonal_ : link_)[at(j)] = v;
+          if (i != j && i != partner[at(j)]) continue;
+          const double v = a.meaning(a.magnitude(k) * m.row_scale[at(i)] * m.col_scale[at(j)]);
+          if (i == j)
+            diagonal_[at(j)] = v;
+          else
+            link_[at(symmetric ? j : i)] = v;
         }
     });
   }
@@ -49,6 +61,20 @@ class PairChooser {
     for (Index v = 0; v < a_.n; ++v)
       if (seen[at(v)] == 0 && next_[at(v)] != v) split_cycle(follow(v));
     return std::move(pair_);
+  }
+
+  /// How many pairs and single vertices hold no good pivot, on the diagonal or, in a pair, off it.
+  [[nodiscard]] Index count_poor(const std::vector<Index>& pair) const {
+    constexpr double kGood = 0.01;  // the default threshold of the pivoting
+    Index poor = 0;
+    for (Index v = 0; v < a_.n; ++v) {
+      const Index w = pair[at(v)];
+      if (w < v) continue;
+      double best = diagonal_[at(v)];  // of the two products in the determinant of a pair
+      if (w != v) best = std::max(best * diagonal_[at(w)], link_[at(next_[at(v)] == w ? v : w)]);
+      poor += best < kGood ? 1 : 0;
+    }
+    return poor;
   }
 
  private:
@@ -108,10 +134,28 @@ SymmetricMatching match_symmetric(const EntryView& entries, base::ThreadPool& po
   out.scale.resize(at(entries.n));
   for (std::size_t i = 0; i < out.scale.size(); ++i)
     out.scale[i] = std::sqrt(matcher.row_scale[i]) * std::sqrt(matcher.col_scale[i]);
-  PairChooser chooser(entries, matcher, out.scale, pool);
+  PairChooser chooser(entries, {matcher.row_of_col, matcher.col_of_row, out.scale, out.scale}, true, pool);
   out.pair = chooser.run(matcher.col_of_row);
   if (entries.roots) raise(out.scale, 0);
   return out;
+}
+
+// Whether nearly every entry (i, j) off the diagonal has a counterpart (j, i).
+bool is_nearly_symmetric(const MatrixView& a, base::ThreadPool& pool) {
+  constexpr double kShare = 0.9;
+  const matrix::RowIndex rows = matrix::index_rows(a, pool);
+  std::vector<Index> column(at(a.rows), -1);  // the last one in which the row was met
+  Offset off = 0, met = 0;
+  for (Index j = 0; j < a.cols; ++j) {
+    for (Offset k = a.col_ptr[at(j)]; k < a.col_ptr[at(j) + 1]; ++k) column[at(a.row_ind[at(k)])] = j;
+    for (Offset k = rows.ptr[at(j)]; k < rows.ptr[at(j) + 1]; ++k) {
+      const Index i = rows.col[at(k)];
+      if (i == j) continue;
+      ++off;
+      met += column[at(i)] == j ? 1 : 0;
+    }
+  }
+  return static_cast<double>(met) >= kShare * static_cast<double>(off);
 }
 
 // The middle of the exponents of positive numbers.
@@ -148,6 +192,22 @@ Matching maximum_product_matching(const MatrixView& a, base::ThreadPool& pool) {
     raise(matcher.col_scale, -k);
   }
   return {std::move(matcher.row_scale), std::move(matcher.col_scale), std::move(matcher.row_of_col), matcher.rank};
+}
+
+std::vector<Index> pairs_for_lu(const MatrixView& a, const Matching& m, base::ThreadPool& pool) {
+  std::vector<Index> col_of_row(at(a.cols));
+  bool on_diagonal = true;
+  for (Index c = 0; c < a.cols; ++c) {
+    on_diagonal = on_diagonal && m.row_of_col[at(c)] == c;
+    col_of_row[at(m.row_of_col[at(c)])] = c;
+  }
+  if (on_diagonal || is_wide(a.values, pool) || !is_nearly_symmetric(a, pool)) return {};
+  const EntryView entries{a.cols, a.col_ptr, a.row_ind, a.values};
+  PairChooser chooser(entries, {m.row_of_col, col_of_row, m.row_scale, m.col_scale}, false, pool);
+  std::vector<Index> pair = chooser.run(col_of_row);
+  constexpr Index kOneIn = 100;  // unknowns may hold no good pivot
+  if (chooser.count_poor(pair) > a.cols / kOneIn) return {};
+  return pair;
 }
 
 SymmetricMatching symmetric_matching(const MatrixView& a, base::ThreadPool& pool) {

@@ -36,6 +36,16 @@ struct SymmetricMatching {
 };
 SymmetricMatching symmetric_matching(const MatrixView& a, base::ThreadPool& pool);
 
+/// The same pairs for L U of a matrix (storage general) whose pattern is symmetric or nearly so, as in incompressible
+/// flow: rows stay with their columns, and the two unknowns of a matched entry off the diagonal are eliminated next to
+/// each other, where row pivoting finds the entry. Rows that follow the matching instead make the pattern unsymmetric,
+/// and the fill and the pivots that fail many times more (docs/design/analysis.md).
+/// @param m  of full structural rank
+/// @returns n entries as above; empty where the rows had better follow the matching: it lies on the diagonal, or less
+///          than 0.9 of the entries off the diagonal have a counterpart, or more than a hundredth of the pairs and
+///          single unknowns hold no pivot of 0.01 of the largest scaled entries
+std::vector<Index> pairs_for_lu(const MatrixView& a, const Matching& m, base::ThreadPool& pool);
+
 /// Symmetric or two-sided equilibration in the infinity norm (Ruiz 2001), powers of two: for llt and wherever matching
 /// is switched off. row_scale == col_scale for symmetric storage.
 struct Scaling {

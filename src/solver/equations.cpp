@@ -251,9 +251,10 @@ void scale_and_match(Equations& e, Kind kind, const Options& options, base::Thre
   } else if (kind == Kind::lu && options.matching) {
     analysis::Matching m = analysis::maximum_product_matching(e.a, pool);
     if (m.structural_rank < e.n()) refuse_unmatched(unmatched_rows(m.row_of_col), e.n());
+    e.pair = analysis::pairs_for_lu(e.a, m, pool);
     e.row_scale = std::move(m.row_scale);
     e.col_scale = std::move(m.col_scale);
-    e.row_of_col = std::move(m.row_of_col);
+    if (e.pair.empty()) e.row_of_col = std::move(m.row_of_col);
   } else {
     analysis::Scaling s = analysis::equilibrate(e.a);
     e.row_scale = std::move(s.row);

@@ -47,7 +47,7 @@ struct Equations {
   std::vector<double> row_scale;     ///< n; empty: 1
   std::vector<double> col_scale;     ///< n; empty: 1
   std::vector<Index> row_of_col;     ///< n; empty: identity
-  std::vector<Index> pair;           ///< n; 2x2 pivot candidates; empty: none
+  std::vector<Index> pair;           ///< n; 2x2 pivot candidates; empty: none. lu: then row_of_col is empty
   std::vector<char> zero_diagonal;   ///< n; empty: none
   /// det A = det B * transform_sign * exp(-transform_log): sign of P, logarithm of det(R C). See note_determinant().
   double transform_sign = 1, transform_log = 0;

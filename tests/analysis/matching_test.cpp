@@ -210,6 +210,45 @@ TEST(SymmetricMatching, MultipliersArePairedWithWhatTheyTouch) {
   }
 }
 
+TEST(PairsForLu, MultipliersStandBesideWhatTheyTouch) {
+  // K = [F B^T; C 0], the signs of B and C opposite, F unsymmetric: incompressible flow in small.
+  std::mt19937 random(12);
+  const std::size_t n = 40, m = 10;
+  Dense d(n + m, std::vector<double>(n + m, 0));
+  for (std::size_t k = 0; k < n; ++k) {
+    d[k][k] = 2 + static_cast<double>(random() % 5);
+    d[k][(k + 1) % n] = 1, d[(k + 1) % n][k] = -0.5;
+  }
+  for (std::size_t k = 0; k < m; ++k)
+    for (std::size_t u : {4 * k, 4 * k + 1, (4 * k + 7) % n}) {
+      d[u][n + k] = 1 + static_cast<double>(random() % 3);
+      d[n + k][u] = -d[u][n + k];
+    }
+  base::ThreadPool pool(2);
+  const SparseMatrix a = sparse_of(d);
+  const std::vector<Index> pair = pairs_for_lu(a, maximum_product_matching(a), pool);
+  ASSERT_EQ(pair.size(), n + m);
+  for (std::size_t v = 0; v < n + m; ++v) {
+    const auto w = static_cast<std::size_t>(pair[v]);
+    EXPECT_EQ(static_cast<std::size_t>(pair[w]), v);
+    EXPECT_TRUE(w == v || (d[v][w] != 0 && d[w][v] != 0));
+    EXPECT_TRUE(v < n || w < n) << "multiplier " << v - n << " stands alone";
+  }
+}
+
+TEST(PairsForLu, RowsFollowAMatchingThatLiesOffThePattern) {
+  base::ThreadPool pool(1);
+  const auto none = [&](const Dense& d) {
+    const SparseMatrix a = sparse_of(d);
+    return pairs_for_lu(a, maximum_product_matching(a), pool).empty();
+  };
+  EXPECT_TRUE(none({{4, 1, 0}, {1, 4, 1}, {0, 1, 4}})) << "on the diagonal already";
+  EXPECT_TRUE(none({{0, 5, 0}, {0, 0, 5}, {5, 0, 0}})) << "no entry has a counterpart";
+  const double e = 1e-7;
+  EXPECT_TRUE(none({{e, 1, e}, {e, e, 1}, {1, e, e}})) << "no pair and no diagonal entry of the cycle is a pivot";
+  EXPECT_FALSE(none({{0, 2, 0}, {3, 0, 0}, {0, 0, 4}}));
+}
+
 TEST(Equilibrate, BringsTheLargestEntriesOfRowsAndColumnsNearOne) {
   for (const Storage storage : {Storage::general, Storage::symmetric_lower}) {
     std::mt19937 random(5);
