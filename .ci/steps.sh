@@ -116,7 +116,8 @@ test_sanitized() {
   local preset=$1 filter=$2 program status=0
   shift 2
   sanitizer_options
-  configure_and_build "$preset" -- "$@" || return 1
+  # shellcheck disable=SC2046 # words without blanks
+  configure_and_build "$preset" $(from_scratch) -- "$@" || return 1
   GTEST_TOTAL_SHARDS=$(nproc)
   export GTEST_TOTAL_SHARDS
   for program in "$@"; do
@@ -193,7 +194,8 @@ run_fuzzers() {
   sanitizer_options
   with_clang || return 1
   local targets=(fuzz_matrix_market fuzz_rutherford_boeing fuzz_c_api fuzz_mesh_gmsh fuzz_mesh_nastran fuzz_mesh_vtk)
-  configure_and_build asan -- "${targets[@]}" || return 1
+  # shellcheck disable=SC2046 # words without blanks
+  configure_and_build asan $(from_scratch) -- "${targets[@]}" || return 1
   export -f fuzz_one
   printf '%s\n' "${targets[@]/#/build/asan/tests/fuzz/}" | xargs -P "$(nproc)" -I{} bash -c 'fuzz_one "$1"' fuzz {}
 }

@@ -153,7 +153,8 @@ struct Parameter {
 class CudaTablesBits : public ::testing::TestWithParam<Parameter> {};
 
 TEST_P(CudaTablesBits, AreThoseOfTheCodeBefore) {
-  const auto& [words, kind, hashes] = GetParam();
+  const auto& [words, kind, known_hashes] = GetParam();
+  const auto& hashes = known_hashes;  // C++20: lambdas of the macros may not name a structured binding
   base::ThreadPool pool{2};
   const SparseMatrix a = matrix::generate(matrix::parse_generator(words), &pool);
   const auto tree = analysis::build_tree(analysis::graph_of(a, pool), {}, pool);

@@ -3,16 +3,12 @@
 #include <stdexcept>
 #include <vector>
 
+#include "dynamics/bodies/rotation.hpp"
+
 namespace espalier::dynamics {
 namespace {
 
 using Columns = Eigen::Matrix<double, 6, Eigen::Dynamic>;
-
-Mat3 skew(const Vec3& a) {
-  Mat3 m;
-  m << 0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0;
-  return m;
-}
 
 Columns jacobian_of(const Frame& frame, ConstSpan q) {
   Columns j(6, static_cast<Eigen::Index>(frame.coordinates().size()));

@@ -3,27 +3,16 @@
 #include <cmath>
 
 #include "dynamics/integrators/generalized_alpha.hpp"
+#include "dynamics/integrators/newton_limits.hpp"
 
 namespace espalier::dynamics {
 
 namespace {
-// With a new factor a slower rate asks for a better one within the step: the predictor stretches what turns, so that W
-// at its state lacks the right geometric stiffness; after two passes the state is good enough for a better W.
-constexpr double kSlow = 0.25;
-// Changes that fall by less than this from pass to pass stand still.
-constexpr double kStill = 0.5;
-// Changes of q below this part of its largest number may be rounding, which solutions with K magnify.
-constexpr double kRounding = 1e-11;
-// An old factor is taken to have met rounding where the changes stand still at most so many times above the level at
-// which they did with a new one.
-constexpr double kAboveFloor = 4;
 // Changes of the size of rounding hide what an old factor is worth. The equations of motion show it, which have less
 // rounding than the constraints: of a change they keep what the factor does wrong. Above this part the factor is
 // renewed. Otherwise the part of a that lags behind in each step the same way adds up (spatial slider crank, steps of
 // 10 microseconds: 1e-4 of q after half a second instead of 1e-7).
 constexpr double kTrusted = 2e-3;
-// What is remembered of the method's own error from step to step: second differences pass through zero.
-constexpr double kMemory = 0.5;
 }  // namespace
 
 void GeneralizedAlpha::predict() {

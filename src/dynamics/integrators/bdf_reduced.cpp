@@ -3,15 +3,9 @@
 #include <cmath>
 
 #include "dynamics/integrators/bdf.hpp"
+#include "dynamics/integrators/newton_limits.hpp"
 
 namespace espalier::dynamics {
-
-namespace {
-// With a new factor a slower rate asks for a better one within the attempt.
-constexpr double kSlow = 0.25;
-// As in alpha_newton.cpp.
-constexpr double kStill = 0.5, kRounding = 1e-11, kAboveFloor = 4, kMemory = 0.5;
-}  // namespace
 
 // R1 = v - T(theta) (theta - theta^)/h' and R2 = a - (v - v^)/h'; theta_ must belong to s.
 void BdfIntegrator::stage_residuals(const State& s) {

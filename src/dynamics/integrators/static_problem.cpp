@@ -140,12 +140,12 @@ bool StaticProblem::balanced(const StaticPoint& x, double tolerance) const {
 }
 
 StaticProblem::Rounding StaticProblem::rounding(const State& state) const {
-  constexpr double kRounding = 16 * std::numeric_limits<double>::epsilon();
+  constexpr double kRoundingOfSums = 16 * std::numeric_limits<double>::epsilon();
   Rounding sums{std::vector<double>(n_, 0.0), std::vector<double>(m_, 0.0)};
   const auto add = [](const SparsePattern& p, ConstSpan values, ConstSpan factors, Span to) {  // to += |A^T| factors
     for (std::size_t line = 0; line + 1 < p.ptr.size(); ++line)
       for (auto k = static_cast<std::size_t>(p.ptr[line]); k < static_cast<std::size_t>(p.ptr[line + 1]); ++k)
-        to[static_cast<std::size_t>(p.ind[k])] += kRounding * std::abs(values[k] * factors[line]);
+        to[static_cast<std::size_t>(p.ind[k])] += kRoundingOfSums * std::abs(values[k] * factors[line]);
   };
   KktSolver& kkt = equations_.kkt();
   add(kkt.w_pattern(), kkt.w_values(), size_, sums.motion);
@@ -153,7 +153,7 @@ StaticProblem::Rounding StaticProblem::rounding(const State& state) const {
   const SparsePattern& p = kkt.phi_q_pattern();
   for (std::size_t c = 0; c < m_; ++c)
     for (auto k = static_cast<std::size_t>(p.ptr[c]); k < static_cast<std::size_t>(p.ptr[c + 1]); ++k)
-      sums.phi[c] += kRounding * std::abs(kkt.phi_q_values()[k]) * size_[static_cast<std::size_t>(p.ind[k])];
+      sums.phi[c] += kRoundingOfSums * std::abs(kkt.phi_q_values()[k]) * size_[static_cast<std::size_t>(p.ind[k])];
   return sums;
 }
 

@@ -131,16 +131,16 @@ ESPALIER_INLINE Mat3 columns_cross(const Mat3& m, const Vec3& x) {
   return -cross_columns(x, m.transpose()).transpose();
 }
 
-constexpr int kPhiA = 3, kXB = 6, kPhiB = 9;
+constexpr int kTurnA = 3, kPlaceB = 6, kTurnB = 9;
 
 // Derivatives of the gradients, for d/dt C = C w_B~ - w_A~ C:
 //   dot:    d(a x C b) = a~ (C b)~ dA - a~ C b~ dB,  d(b x C^T a) = b~ (C^T a)~ dB - b~ C^T a~ dA
 ESPALIER_INLINE void stiffness_of_dot(const RigidPair::Row& row, const Mat3& c, double lambda, double* k) {
   const Mat3 mixed = cross_columns(row.a, columns_cross(c, row.b));
-  add(k, kPhiA, kPhiA, lambda, twice(row.a, c * row.b));
-  add(k, kPhiA, kPhiB, -lambda, mixed);
-  add(k, kPhiB, kPhiA, -lambda, mixed.transpose());
-  add(k, kPhiB, kPhiB, lambda, twice(row.b, c.transpose() * row.a));
+  add(k, kTurnA, kTurnA, lambda, twice(row.a, c * row.b));
+  add(k, kTurnA, kTurnB, -lambda, mixed);
+  add(k, kTurnB, kTurnA, -lambda, mixed.transpose());
+  add(k, kTurnB, kTurnB, lambda, twice(row.b, c.transpose() * row.a));
 }
 
 //   along, with p = R_A^T (r_B - x_A):
@@ -151,14 +151,14 @@ ESPALIER_INLINE void stiffness_of_along(const RigidPair::Row& row, const Pose& a
                                         const Vec3& s_b, double lambda, double* k) {
   const Mat3 turn = cross_columns(row.a, a.rot.transpose());  // a~ R_A^T = (-R_A a~)^T
   const Mat3 mixed = cross_columns(row.a, columns_cross(c, s_b));
-  add(k, 0, kPhiA, -lambda, turn.transpose());
-  add(k, kXB, kPhiA, lambda, turn.transpose());
-  add(k, kPhiA, 0, -lambda, turn);
-  add(k, kPhiA, kXB, lambda, turn);
-  add(k, kPhiA, kPhiA, lambda, twice(row.a, p));
-  add(k, kPhiA, kPhiB, -lambda, mixed);
-  add(k, kPhiB, kPhiA, -lambda, mixed.transpose());
-  add(k, kPhiB, kPhiB, lambda, twice(s_b, c.transpose() * row.a));
+  add(k, 0, kTurnA, -lambda, turn.transpose());
+  add(k, kPlaceB, kTurnA, lambda, turn.transpose());
+  add(k, kTurnA, 0, -lambda, turn);
+  add(k, kTurnA, kPlaceB, lambda, turn);
+  add(k, kTurnA, kTurnA, lambda, twice(row.a, p));
+  add(k, kTurnA, kTurnB, -lambda, mixed);
+  add(k, kTurnB, kTurnA, -lambda, mixed.transpose());
+  add(k, kTurnB, kTurnB, lambda, twice(s_b, c.transpose() * row.a));
 }
 
 ESPALIER_CLONES void local_stiffness_of(const RigidPair::Side& side_a, const RigidPair::Side& side_b,
@@ -175,8 +175,8 @@ ESPALIER_CLONES void local_stiffness_of(const RigidPair::Side& side_a, const Rig
     if (row.kind == Relative::along) stiffness_of_along(row, a, c, seen, side_b.point, lambda[r], k);
   }
   // global: d(s x R^T f) = s~ (R^T f)~ dtheta, with f on B and -f on A
-  add(k, kPhiA, kPhiA, -1, twice(side_a.point, a.rot.transpose() * force));
-  add(k, kPhiB, kPhiB, 1, twice(side_b.point, b.rot.transpose() * force));
+  add(k, kTurnA, kTurnA, -1, twice(side_a.point, a.rot.transpose() * force));
+  add(k, kTurnB, kTurnB, 1, twice(side_b.point, b.rot.transpose() * force));
 }
 
 }  // namespace
