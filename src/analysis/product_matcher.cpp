@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdint>
 #include <limits>
+#include <utility>
 
 namespace espalier::analysis {
 
@@ -123,9 +124,9 @@ void ProductMatcher::match_tight() {
 void ProductMatcher::scan(Index j, double base) {
   for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k) {
     const Index i = a_.row[at(k)];
-    const double b = a_.magnitude(k);
-    if (b == 0 || final_[at(i)] != 0 || deficient_row_[at(i)] != 0 || col_of_row[at(i)] == j) continue;
-    const double d = base + std::max(0.0, -(std::log(b) + log_row_[at(i)] + log_col_[at(j)]));
+    if (log_[at(k)] == -kInfinity || final_[at(i)] != 0 || deficient_row_[at(i)] != 0 || col_of_row[at(i)] == j)
+      continue;
+    const double d = base + std::max(0.0, -(log_[at(k)] + log_row_[at(i)] + log_col_[at(j)]));
     if (d >= best_ || d >= distance_[at(i)]) continue;
     if (distance_[at(i)] == kInfinity) touched_.push_back(i);
     distance_[at(i)] = d;
@@ -218,6 +219,87 @@ void ProductMatcher::repair_deficient() {
   }
 }
 
+void ProductMatcher::take_logarithms() {
+  log_row_.resize(at(a_.n));
+  log_col_.resize(at(a_.n));
+  log_.resize(a_.row.size());
+  pool_.for_each_piece(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    for (auto j = at(begin); j < at(end); ++j) {
+      log_row_[j] = std::log(row_scale[j]);
+      log_col_[j] = std::log(col_scale[j]);
+      for (Offset k = a_.ptr[j]; k < a_.ptr[j + 1]; ++k) log_[at(k)] = std::log(a_.magnitude(k));
+    }
+  });
+}
+
+/// Column j takes the row in which it is cheapest, at a price by which its next best row would be as cheap. Where both
+/// are equally cheap, it takes one that nobody has, if there is one, else the second, and pays nothing.
+/// @return the column that had the row and paid less: it bids at once; -1: none. Columns that lose a row for nothing go
+///         to `displaced`, so that two of them do not bid against each other for ever.
+Index ProductMatcher::bid_for_row(Index j, std::vector<Index>& displaced) {
+  double least = kInfinity, second = kInfinity;
+  Index best = -1, other = -1;
+  effort_ -= a_.ptr[at(j) + 1] - a_.ptr[at(j)];
+  for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k) {
+    const Index i = a_.row[at(k)];
+    const double cost = -(log_[at(k)] + log_row_[at(i)]);
+    if (cost >= second) continue;
+    if (cost < least) {
+      second = std::exchange(least, cost);
+      other = std::exchange(best, i);
+    } else {
+      second = cost;
+      other = i;
+    }
+  }
+  if (other < 0) return -1;  // no choice: left to a search
+  log_col_[at(j)] = second;
+  const bool pays = second > least;
+  if (pays)
+    log_row_[at(best)] -= second - least;
+  else if (col_of_row[at(best)] >= 0)
+    best = other;
+  const Index loser = col_of_row[at(best)];
+  match(best, j);
+  if (loser < 0) return -1;
+  row_of_col[at(loser)] = -1;
+  if (pays) return loser;
+  displaced.push_back(loser);
+  return -1;
+}
+
+void ProductMatcher::bid() {
+  // Measured on late interior-point systems (docs/notebook/performance.md, "Matching"): more bids cost more than the
+  // searches that they save; without the bound on a chain, two columns with nearly the same wishes eat up all of it.
+  constexpr int kPasses = 5;
+  constexpr int kChain = 20;
+  constexpr Offset kEffort = 20;  // times the entries of the matrix
+  effort_ = kEffort * static_cast<Offset>(a_.row.size());
+  std::vector<Index> waiting, displaced;
+  for (Index j = 0; j < a_.n; ++j)
+    if (row_of_col[at(j)] < 0) waiting.push_back(j);
+  for (int pass = 0; pass < kPasses; ++pass) {
+    for (Index j : waiting) {
+      for (int step = 0; j >= 0 && effort_ > 0 && step < kChain; ++step) j = bid_for_row(j, displaced);
+      if (j >= 0) displaced.push_back(j);
+    }
+    waiting = std::exchange(displaced, {});
+  }
+}
+
+/// A shortest augmenting path for every column that is left.
+void ProductMatcher::search_all() {
+  const std::size_t n = at(a_.n);
+  distance_.assign(n, kInfinity);
+  via_.assign(n, -1);
+  final_.assign(n, 0);
+  deficient_row_.assign(n, 0);
+  deficient_col_.assign(n, 0);
+  deficient_sets_ = 0;
+  for (Index j = 0; j < a_.n; ++j)
+    if (row_of_col[at(j)] < 0) search(j);
+}
+
 void ProductMatcher::run() {
   scale_by_diagonal();
   scale_columns();
@@ -225,23 +307,19 @@ void ProductMatcher::run() {
   match_tight();
   rank = a_.n - static_cast<Index>(std::count(row_of_col.begin(), row_of_col.end(), -1));
   if (rank == a_.n) return;
-  const std::size_t n = at(a_.n);
-  log_row_.resize(n);
-  log_col_.resize(n);
-  pool_.for_each_piece(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
-    for (auto k = at(begin); k < at(end); ++k) {
-      log_row_[k] = std::log(row_scale[k]);
-      log_col_[k] = std::log(col_scale[k]);
-    }
-  });
-  distance_.assign(n, kInfinity);
-  via_.assign(n, -1);
-  final_.assign(n, 0);
-  deficient_row_.assign(n, 0);
-  deficient_col_.assign(n, 0);
-  for (Index j = 0; j < a_.n; ++j)
-    if (row_of_col[at(j)] < 0) search(j);
-  if (deficient_sets_ > 0) repair_deficient();
+  take_logarithms();
+  const std::vector<Index> greedy_row = row_of_col, greedy_col = col_of_row;
+  bid();
+  search_all();
+  if (deficient_sets_ > 0) {
+    // Bids for rows of a closed set raise prices there until they give up, and these become scaling factors: again
+    // without.
+    row_of_col = greedy_row;
+    col_of_row = greedy_col;
+    take_logarithms();
+    search_all();
+    repair_deficient();
+  }
   rank = a_.n - static_cast<Index>(std::count(row_of_col.begin(), row_of_col.end(), -1));
   pool_.for_each_piece(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
     for (auto k = at(begin); k < at(end); ++k) {

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "analysis/lazy_vector.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/types.hpp"
 
@@ -39,8 +40,10 @@ struct EntryView {
 ///
 /// With scaling factors r, c > 0 such that r_i |a_ij| c_j <= 1, an entry is *tight* where equality holds; a matching of
 /// tight entries is optimal. The start is r_i = |a_ii|^(-1/2), which makes every diagonal entry of a positive definite
-/// matrix tight at once; then columns and rows are scaled to maximum 1, tight entries are matched greedily, and every
-/// column left is matched by a shortest augmenting path in the reduced costs -log(r_i |a_ij| c_j) (Dijkstra).
+/// matrix tight at once; then columns and rows are scaled to maximum 1 and tight entries are matched greedily. Columns
+/// that are left bid for rows (augmenting row reduction of Jonker and Volgenant 1987, in chains of bounded length),
+/// which matches most of them at the price of looking at their entries; every column still left is matched by a
+/// shortest augmenting path in the reduced costs -log(r_i |a_ij| c_j) (Dijkstra).
 class ProductMatcher {
  public:
   /// @param symmetric values and pattern are symmetric: rows are read as columns, by all threads
@@ -68,6 +71,10 @@ class ProductMatcher {
   void match_tight();
   bool match_tight_column(Index j);
   void match(Index i, Index j);
+  void take_logarithms();
+  void bid();
+  Index bid_for_row(Index j, std::vector<Index>& displaced);
+  void search_all();
   void search(Index root);
   void scan(Index j, double base);
   void augment(Index root);
@@ -78,7 +85,9 @@ class ProductMatcher {
   EntryView a_;
   bool symmetric_;
   base::ThreadPool& pool_;
-  std::vector<double> log_row_, log_col_;  // logarithms of the scaling factors, from the first search on
+  std::vector<double> log_row_, log_col_;  // logarithms of the scaling factors, from the first bid on
+  LazyVector<double> log_;                 // logarithms of the magnitudes, -infinity for no entry
+  Offset effort_ = 0;                      // entries that bids may still look at
   // One search: distances of rows, the columns they were reached from, the rows whose distance is final.
   std::vector<double> distance_;
   std::vector<Index> via_;

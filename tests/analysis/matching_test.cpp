@@ -140,6 +140,61 @@ TEST(Matching, DualityHoldsOnLargerAndSingularMatrices) {
   EXPECT_GT(singular, 20);
 }
 
+/// [H A' -Z; A 0 0; -Z 0 -X], the 3x3 blocks of an interior-point method late in its run: of each pair x, z > 0 with
+/// x z = mu one is large and one small. Both triangles.
+SparseMatrix late_interior_point(Index variables, Index rows, double mu, unsigned seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  const Index n = 2 * variables + rows;
+  std::vector<std::vector<std::pair<Index, double>>> columns(static_cast<std::size_t>(n));
+  const auto add = [&](Index i, Index j, double v) {
+    columns[static_cast<std::size_t>(j)].emplace_back(i, v);
+    if (i != j) columns[static_cast<std::size_t>(i)].emplace_back(j, v);
+  };
+  for (Index v = 0; v < variables; ++v) {
+    const double x = std::exp(normal(random)) * (random() % 2 == 0 ? 1 : mu), z = mu / x;
+    add(v, v, random() % 3 == 0 ? 1.0 : 1e-8);
+    add(variables + rows + v, v, -std::sqrt(z));
+    add(variables + rows + v, variables + rows + v, -x);
+  }
+  for (Index r = 0; r < rows; ++r)
+    for (Index k = 0; k < 4; ++k)  // distinct columns in each row
+      add(variables + r, (r + k * (rows + 1)) % variables, normal(random));
+  SparseMatrix a{n, n, {0}, {}, {}, Storage::general};
+  for (auto& column : columns) {
+    std::sort(column.begin(), column.end());
+    for (const auto& [i, v] : column) {
+      a.row_ind.push_back(i);
+      a.values.push_back(v);
+    }
+    a.col_ptr.push_back(static_cast<Offset>(a.row_ind.size()));
+  }
+  return a;
+}
+
+// The truth is duality: r |a| c <= 1 everywhere and = 1 on a complete matching proves that no product is larger.
+TEST(Matching, IsOptimalWhereColumnsBidForRows) {
+  for (unsigned seed = 0; seed < 8; ++seed) {
+    const double mu = seed % 2 == 0 ? 1e-8 : 1e-3;
+    const SparseMatrix a = late_interior_point(1500, 700 + 50 * static_cast<Index>(seed), mu, seed);
+    const Matching m = maximum_product_matching(a);
+    ASSERT_EQ(m.structural_rank, a.cols) << "seed " << seed;
+    std::vector<char> used(static_cast<std::size_t>(a.rows), 0);
+    const double rounding = 1e4 * static_cast<double>(a.cols) * std::numeric_limits<double>::epsilon();
+    for (Index j = 0; j < a.cols; ++j)
+      for (Offset k = a.col_ptr[static_cast<std::size_t>(j)]; k < a.col_ptr[static_cast<std::size_t>(j) + 1]; ++k) {
+        const auto i = static_cast<std::size_t>(a.row_ind[static_cast<std::size_t>(k)]);
+        const double scaled =
+            std::abs(a.values[static_cast<std::size_t>(k)]) * m.row_scale[i] * m.col_scale[static_cast<std::size_t>(j)];
+        ASSERT_LE(scaled, 1 + rounding) << "seed " << seed << " column " << j;
+        if (m.row_of_col[static_cast<std::size_t>(j)] != static_cast<Index>(i)) continue;
+        ASSERT_NEAR(scaled, 1, rounding) << "seed " << seed << " column " << j;
+        ASSERT_EQ(used[i]++, 0) << "seed " << seed;
+      }
+    ASSERT_EQ(std::count(used.begin(), used.end(), 1), a.cols) << "seed " << seed;
+  }
+}
+
 TEST(Matching, EmptyAndZeroMatrices) {
   const Matching none = maximum_product_matching(sparse_of({}));
   EXPECT_EQ(none.structural_rank, 0);
