@@ -13,15 +13,19 @@ namespace {
 auto at(Index k) { return static_cast<std::size_t>(k); }
 auto at(Offset k) { return static_cast<std::size_t>(k); }
 
-// Hill climbing ends after so many moves without gain (METIS: 300 or 500).
+// Hill climbing ends after so many moves without gain (METIS: 300 or 500), or, as long as the separator is hardly
+// heavier than the best one, after kLongPatience times as many: in grids of points long steps lead there.
 constexpr std::size_t kPatience = 300;
+constexpr std::size_t kLongPatience = 3;
+constexpr double kHardlyHeavier = 1.1;
+constexpr double kImbalance = 0.1;  // see score()
 
 double score_of(const std::array<Offset, 3>& weight) {
   const double sides = static_cast<double>(weight[0] + weight[1]);
   if (sides == 0) return std::numeric_limits<double>::infinity();
   const double imbalance = static_cast<double>(weight[0] - weight[1]) / sides;
   // An empty separator is the best one, but an even one of two empty ones is better.
-  return (static_cast<double>(weight[2]) + 1e-3) * (1 + imbalance * imbalance);
+  return (static_cast<double>(weight[2]) + 1e-3) * (1 + kImbalance * imbalance * imbalance);
 }
 
 class Refiner {
@@ -120,7 +124,12 @@ bool Refiner::pass(int to) {
   Offset least =
       s_.weight[2];  // lightest separator so far; to meet it again is progress: a step in a plane runs to the rim
   std::size_t progress = 0;
-  while (!queue_.empty() && moves_.size() - progress < patience) {
+  const auto hopeful = [&] {
+    const std::size_t since = moves_.size() - progress;
+    return since < patience || (since < kLongPatience * patience &&
+                                static_cast<double>(s_.weight[2]) < kHardlyHeavier * static_cast<double>(least));
+  };
+  while (!queue_.empty() && hopeful()) {
     const Index v = queue_.top();
     if (s_.weight[to_] + g_.weight[at(v)] > most_side_) {  // would tip the balance: others may still fit
       queue_.remove(v);

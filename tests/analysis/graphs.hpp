@@ -68,6 +68,17 @@ inline Graph brick(Index nx, Index ny, Index nz, Index dofs) {
   return g;
 }
 
+/// nx x ny x nz points, each joined to its neighbours along the axes (finite differences: 5 or 7 points).
+inline Graph axis_grid(Index nx, Index ny, Index nz) {
+  Edges e;
+  for (Index p = 0; p < nx * ny * nz; ++p) {
+    if (p % nx + 1 < nx) e.emplace_back(p, p + 1);
+    if (p / nx % ny + 1 < ny) e.emplace_back(p, p + nx);
+    if (p / nx / ny + 1 < nz) e.emplace_back(p, p + nx * ny);
+  }
+  return graph_of_edges(nx * ny * nz, e);
+}
+
 inline Edges random_edges(Index n, Index count, std::mt19937& random) {
   std::uniform_int_distribution<Index> pick(0, n - 1);
   Edges e;
