@@ -113,21 +113,25 @@ def kkt(n):
 
 
 def lp_basis(n):
-    """Stages of a staircase: each balances flows (+-1) and hands stocks on; some columns are slacks."""
+    """Stages balance flows (+-1, each stage regular by its dense determinant) and hand stocks on to later ones."""
     rng = np.random.default_rng(16)
-    row, col, value = [], [], []
     stage = 40
-    for j in range(n):
-        low = max(0, j // stage * stage - stage // 2)
-        high = min(n, low + 2 * stage)
-        row.append(j), col.append(j), value.append(rng.choice([1.0, -1.0]))
-        if rng.random() < 0.25:
-            continue
-        for i in rng.choice(np.arange(low, high), size=rng.integers(1, 5), replace=False):
-            if i != j:
-                row.append(i), col.append(j)
-                value.append(rng.choice([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 0.1, 12.5]))
-    a = sp.csc_matrix((value, (row, col)), shape=(n, n))
+    n = n // stage * stage
+    a = sp.lil_matrix((n, n))
+    for first in range(0, n, stage):
+        while True:
+            block = np.zeros((stage, stage))
+            for j in range(stage):
+                block[j, j] = rng.choice([1.0, -1.0])
+                for i in rng.choice(stage, size=rng.integers(0, 5), replace=False):
+                    block[i, j] = rng.choice([1.0, -1.0])
+            if np.linalg.cond(block) < 1e3:
+                break
+        a[first:first + stage, first:first + stage] = block
+        for j in rng.choice(stage, size=12, replace=False):
+            if first // stage % 3 != 2 and first + stage < n:
+                a[rng.integers(first + stage, first + 2 * stage), first + j] = rng.choice([1.0, 12.5])
+    a = a.tocsc()
     return a[rng.permutation(n)][:, rng.permutation(n)]
 
 

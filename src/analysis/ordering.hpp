@@ -37,9 +37,4 @@ struct TreeStatistics {
 AssemblyTree build_tree(const Graph& graph, const TreeOptions& options, base::ThreadPool& pool,
                         TreeStatistics* statistics = nullptr);
 
-/// Static delayed pivoting: moves the given pivots (positions, ascending) out of their fronts to the end of the pivots
-/// of the parent front (of a root front: to the end of its own pivots), and renumbers all positions. The tree stays
-/// valid for the matrix: all rows of a front are pivots or rows of its parent, so the parent only gains pivots.
-void relocate_pivots(AssemblyTree& tree, std::span<const Index> positions);
-
 }  // namespace espalier::analysis

@@ -11,30 +11,42 @@ namespace {
 auto at(Index k) { return static_cast<std::size_t>(k); }
 auto at(Offset k) { return static_cast<std::size_t>(k); }
 
-/// Where everything goes: for each front the old positions that leave and those that arrive.
-struct Moves {
-  std::vector<std::vector<Index>> leaving, arriving;  // fronts; ascending
+Index front_of(const AssemblyTree& t, Index position) {
+  return static_cast<Index>(std::upper_bound(t.first.begin(), t.first.end(), position) - t.first.begin()) - 1;
+}
 
-  Moves(const AssemblyTree& t, std::span<const Index> positions) : leaving(at(t.fronts())), arriving(at(t.fronts())) {
-    for (const Index p : positions) {
-      const auto f = std::upper_bound(t.first.begin(), t.first.end(), p) - t.first.begin() - 1;
-      leaving[static_cast<std::size_t>(f)].push_back(p);
+/// For each front the old positions that leave it, that arrive, and that it hands on to its parent (its own among
+/// them); ascending.
+struct Moves {
+  std::vector<std::vector<Index>> leaving, arriving, passing;
+
+  Moves(const AssemblyTree& t, std::span<const PivotMove> moves)
+      : leaving(at(t.fronts())), arriving(at(t.fronts())), passing(at(t.fronts())) {
+    for (const PivotMove& m : moves) {
+      const Index from = front_of(t, m.position);
+      leaving[at(from)].push_back(m.position);
+      arriving[at(m.front)].push_back(m.position);
+      for (Index f = from; f != m.front; f = t.parent[at(f)]) passing[at(f)].push_back(m.position);
     }
-    for (Index f = 0; f < t.fronts(); ++f) {
-      auto& mine = leaving[at(f)];
-      std::sort(mine.begin(), mine.end());
-      auto& to = arriving[t.parent[at(f)] < 0 ? at(f) : at(t.parent[at(f)])];
-      to.insert(to.end(), mine.begin(), mine.end());
-    }
-    for (auto& list : arriving) std::sort(list.begin(), list.end());
+    for (auto* lists : {&leaving, &arriving, &passing})
+      for (auto& list : *lists) std::sort(list.begin(), list.end());
   }
 };
 
 }  // namespace
 
-void relocate_pivots(AssemblyTree& tree, std::span<const Index> positions) {
-  if (positions.empty()) return;
-  const Moves moves(tree, positions);
+std::vector<PivotMove> one_front_up(const AssemblyTree& tree, std::span<const Index> positions) {
+  std::vector<PivotMove> moves;
+  for (const Index p : positions) {
+    const Index f = front_of(tree, p), parent = tree.parent[at(f)];
+    moves.push_back({p, parent < 0 ? f : parent});
+  }
+  return moves;
+}
+
+void relocate_pivots(AssemblyTree& tree, std::span<const PivotMove> list) {
+  if (list.empty()) return;
+  const Moves moves(tree, list);
   std::vector<Index> where(at(tree.n));            // old position -> new position
   std::vector<Index> name(at(tree.fronts()), -1);  // old front -> new front
   AssemblyTree out;
@@ -68,8 +80,7 @@ void relocate_pivots(AssemblyTree& tree, std::span<const Index> positions) {
           if (where[at(p)] > last) out.rows.push_back(where[at(p)]);
         };
     for (Offset k = tree.row_ptr[at(f)]; k < tree.row_ptr[at(f) + 1]; ++k) add(tree.rows[at(k)]);
-    if (tree.parent[at(f)] >= 0)
-      for (const Index p : moves.leaving[at(f)]) add(p);
+    for (const Index p : moves.passing[at(f)]) add(p);
     std::sort(out.rows.begin() + begin, out.rows.end());
     out.row_ptr.push_back(static_cast<Offset>(out.rows.size()));
   }

@@ -1,18 +1,28 @@
 /// \file
-/// Static delayed pivoting: columns that could not be eliminated where the tree has them move one front up.
+/// Static delayed pivoting: columns that could not be eliminated where the tree has them move to later fronts.
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "analysis/assembly_tree.hpp"
 
 namespace espalier::analysis {
 
-/// Moves the columns at `positions` (distinct places in tree.order) from the pivots of their front to the end of the
-/// pivots of its parent; columns of a root go to the end of the root's own pivots. Columns that arrive in one front
-/// stand in the order of their old positions. A front that loses all its pivots disappears: its children become
-/// children of its parent, and what they hand on stays the same. Positions are renumbered; the result is a postordered
-/// tree that is valid for the same matrix.
-void relocate_pivots(AssemblyTree& tree, std::span<const Index> positions);
+/// The column at `position` (a place in tree.order) is to be eliminated in `front`.
+struct PivotMove {
+  Index position = 0;
+  Index front = 0;  ///< an ancestor of the front that has it, or that front itself
+};
+
+/// Moves each pivot to the end of the pivots of its new front; columns that arrive in one front stand in the order of
+/// their old positions. The fronts on the way hand the column on as one of their rows below. A front that loses all its
+/// pivots disappears: its children become children of its parent, and what they hand on stays the same. Positions are
+/// renumbered; the result is a postordered tree that is valid for the same matrix.
+/// @param moves  of distinct positions
+void relocate_pivots(AssemblyTree& tree, std::span<const PivotMove> moves);
+
+/// To the parents of their fronts; columns of a root to the end of its own pivots.
+std::vector<PivotMove> one_front_up(const AssemblyTree& tree, std::span<const Index> positions);
 
 }  // namespace espalier::analysis

@@ -5,12 +5,14 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 #include <type_traits>
 #include <vector>
 
 #include "analysis/assembly_tree.hpp"
+#include "analysis/relocation.hpp"
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "base/timeline.hpp"
@@ -76,6 +78,16 @@ struct Job {
   std::vector<Offset> memory_bytes = {};  ///< by device; its budget, 0: what is free. Empty: all are 0
 };
 
+/// Values whose pivots are to find their fronts. All references outlive the call.
+struct PlacementJob {
+  const plan::Plan& plan;  ///< of any backend
+  Kind kind = Kind::ldlt;  ///< or lu
+  PivotRule rule = {};
+  std::span<const double> values;  ///< scaled, in the order of the plan's entries
+  base::ThreadPool& pool;
+  base::MemoryBudget* budget = nullptr;
+};
+
 /// Scalars of executors; a value of this type picks the overload.
 template <class T>
 using Scalar = std::type_identity<T>;
@@ -114,6 +126,11 @@ class Backend {
   /// In core. @throws Error(out_of_memory) naming the bytes needed; Error(device_error) with the failing call
   [[nodiscard]] virtual std::unique_ptr<Executor<double>> make_executor(const Job& job, Scalar<double>) const = 0;
   [[nodiscard]] virtual std::unique_ptr<Executor<float>> make_executor(const Job& job, Scalar<float>) const = 0;
+  /// Where pivots that are not stable in the fronts of the plan have to go, found in one elimination with delayed
+  /// pivots. Nothing: none has to move, or this backend does not know; the host does.
+  /// @throws Error(out_of_memory)
+  [[nodiscard]] virtual std::vector<analysis::PivotMove> place_pivots(const PlacementJob& /*job*/) const { return {}; }
+
   /// Where a device's memory holds only a part of the factorization (out_of_core/factory.hpp); null: it must hold all.
   [[nodiscard]] virtual const out_of_core::Factory* out_of_core() const { return nullptr; }
 };

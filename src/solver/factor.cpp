@@ -177,16 +177,48 @@ bool Factor::factor_solves() const {
   return values_.residual().compute(b.data(), x.data(), nullptr, false).normwise <= kHalfOfTheDigits;
 }
 
-void Factor::move_pivots(const std::vector<Index>& moved) {
-  context_.log(fmt::format("{} pivot{} moved to a later front", moved.size(), moved.size() == 1 ? " is" : "s are"));
-  analysis::AssemblyTree changed = analysis_->plan.tree;
-  analysis::relocate_pivots(changed, moved);
-  const Index all = analysis_->moved_pivots + static_cast<Index>(moved.size());
+// As far as they must, all at once; where finding that out takes too much time or memory, those that fail go one front
+// up.
+void Factor::move_pivots(const std::vector<Index>& failing) {
+  const analysis::AssemblyTree& tree = analysis_->plan.tree;
+  std::vector<analysis::PivotMove> moves = place_pivots();
+  if (moves.empty()) moves = analysis::one_front_up(tree, failing);
+  context_.log(fmt::format("{} pivot{} moved to a later front", moves.size(), moves.size() == 1 ? " is" : "s are"));
+  analysis::AssemblyTree changed = tree;
+  analysis::relocate_pivots(changed, moves);
+  const Index all = analysis_->moved_pivots + static_cast<Index>(moves.size());
   change_plan(std::move(changed), {analysis_->device, all, analysis_->free_pivots});
 }
 
-// CONT-201 of the collection moves 444 pivots in 40 rounds in tiles of 32 and 64 columns, and is no nearer to a factor;
-// in the host's it moves four. So the host goes on, with its own widths, until the next analysis.
+// On the host, which would be slower than many rounds on the fastest devices.
+bool Factor::search_pays() const {
+  constexpr double kRounds = 20, kSeconds = 1;
+  device::PlanWish wish;
+  wish.kind = analysis_->kind();
+  wish.threads = context_.pool.size();
+  wish.machine = plan::machine_with(context_.options.machine);
+  const double search = context_.registry.host().predict(analysis_->plan.tree, wish).on(1);
+  return search <= std::max(kSeconds, kRounds * analysis_->result.predicted_seconds);
+}
+
+std::vector<analysis::PivotMove> Factor::place_pivots() {
+  if (!search_pays()) return {};
+  const Equations& e = analysis_->system->equations;
+  numeric_.reset();  // its memory is not needed any more
+  try {
+    base::Buffer<double> scaled(e.a.nonzeros(), &context_.budget);
+    const double largest = scale_values(e, values_.values(), scaled.data(), context_.pool);
+    const device::PivotRule rule{context_.options.pivot_threshold, smallest_pivot_ * largest};
+    return context_.registry.host().place_pivots(
+        {analysis_->plan, analysis_->kind(), rule, scaled.span(), context_.pool, &context_.budget});
+  } catch (const Error& error) {
+    if (error.status().code != StatusCode::out_of_memory) throw;
+    return {};
+  }
+}
+
+// One front a round, CONT-201 of the collection moves 444 pivots in 40 rounds in tiles of 32 and 64 columns, and is no
+// nearer to a factor; in the host's it moves four. So the host goes on, with its own widths, until the next analysis.
 void Factor::choose_pivots_freely() {
   const std::string why =
       fmt::format("pivots failed in {} rounds of moving them to later fronts, for want of partners in their tiles",

@@ -75,7 +75,9 @@ class Factor {
   void change_plan(analysis::AssemblyTree tree, Changes changes);
   void set_smallest_pivot(double smallest_pivot);
   device::FactorOutcome settle_pivots();
-  void move_pivots(const std::vector<Index>& moved);
+  void move_pivots(const std::vector<Index>& failing);
+  [[nodiscard]] bool search_pays() const;
+  [[nodiscard]] std::vector<analysis::PivotMove> place_pivots();
   void choose_pivots_freely();
   void turn_to_ldlt();
   [[nodiscard]] bool factor_solves() const;

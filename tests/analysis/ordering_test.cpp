@@ -286,7 +286,7 @@ TEST(RelocatePivots, TreeStaysValidAndColumnsMoveOneFrontUp) {
       const unsigned share = 2 + seed % 9;
       for (Index p = 0; p < n; ++p)
         if (random() % share == 0 || (round == 1 && front_of(tree, p) % 3 == 0)) positions.push_back(p);
-      relocate_pivots(tree, positions);
+      relocate_pivots(tree, one_front_up(tree, positions));
       ASSERT_EQ(verify_tree(g, tree), "") << "seed " << seed << " round " << round;
       vanished += before.fronts() - tree.fronts();
       std::vector<Index> place(static_cast<std::size_t>(n));
@@ -308,6 +308,47 @@ TEST(RelocatePivots, TreeStaysValidAndColumnsMoveOneFrontUp) {
     }
   }
   EXPECT_GT(moved_up, 100);
+  EXPECT_GT(vanished, 10);
+}
+
+TEST(RelocatePivots, TreeStaysValidWhateverAncestorAColumnMovesTo) {
+  base::ThreadPool pool(2);
+  int far = 0, vanished = 0;
+  for (unsigned seed = 0; seed < 150; ++seed) {
+    std::mt19937 random(seed);
+    const Index n = 2 + static_cast<Index>(random() % 300);
+    const Graph g = graph_of_edges(n, random_edges(n, n + n / 2, random));
+    AssemblyTree tree = build_tree(g, {}, pool);
+    for (int round = 0; round < 3; ++round) {
+      const AssemblyTree before = tree;
+      std::vector<PivotMove> moves;
+      for (Index p = 0; p < n; ++p) {
+        Index f = front_of(before, p);
+        if (random() % (2 + seed % 9) != 0 && (round != 1 || f % 3 != 0)) continue;
+        const Index start = f;
+        if (round == 1 && f % 3 == 0 && before.parent[static_cast<std::size_t>(f)] >= 0)
+          f = before.parent[static_cast<std::size_t>(f)];
+        while (before.parent[static_cast<std::size_t>(f)] >= 0 && random() % 3 != 0)
+          f = before.parent[static_cast<std::size_t>(f)];
+        far += f != start && f != before.parent[static_cast<std::size_t>(start)] ? 1 : 0;
+        moves.push_back({p, f});
+      }
+      relocate_pivots(tree, moves);
+      ASSERT_EQ(verify_tree(g, tree), "") << "seed " << seed << " round " << round;
+      vanished += before.fronts() - tree.fronts();
+      std::vector<Index> place(static_cast<std::size_t>(n));
+      for (Index k = 0; k < n; ++k) place[static_cast<std::size_t>(tree.order[static_cast<std::size_t>(k)])] = k;
+      std::vector<Index> of_home(static_cast<std::size_t>(before.fronts()), -1);  // front by the one before
+      for (const PivotMove& m : moves) {
+        Index& home = of_home[static_cast<std::size_t>(m.front)];
+        const Index now =
+            front_of(tree, place[static_cast<std::size_t>(before.order[static_cast<std::size_t>(m.position)])]);
+        if (home < 0) home = now;
+        ASSERT_EQ(home, now) << "what moves to one front stays together";
+      }
+    }
+  }
+  EXPECT_GT(far, 100);
   EXPECT_GT(vanished, 10);
 }
 

@@ -64,9 +64,9 @@ TEST(Collection, SmallFilesAreSolvedOrRefusedWithAReason) {
 }
 
 // In tiles of 16 columns this matrix was called singular after 40 rounds of moved pivots, and it was not solved on a
-// GPU, whose tiles have 32 and 64. Truth: its condition allows a backward error of rounding, and its inertia is that of
-// 40,397 unknowns and 40,198 constraints.
-void expect_wider_tiles(Options o) {
+// GPU, whose tiles have 32 and 64, when pivots went up one front a round. Truth: its condition allows a backward error
+// of rounding, and its inertia is that of 40,397 unknowns and 40,198 constraints.
+void expect_places_in_narrow_tiles(Options o) {
   const fs::path file = test::shared_data() / "indef/maros_meszaros_kkt/mm_CONT-201_kkt.mtx.gz";
   if (!fs::exists(file)) GTEST_SKIP() << file << " is absent";
   const SparseMatrix a = matrix::read_matrix(file.string());
@@ -85,24 +85,25 @@ void expect_wider_tiles(Options o) {
     ASSERT_TRUE(s.solve(b, x).status.ok());
     EXPECT_LE(reference::backward_error(a, b, x), 1e-14);
     EXPECT_LE(widened, 1) << "once, for all later factorizations";
-  }
-  if (o.max_block_size > 0) {
-    EXPECT_EQ(widened, 1);
+    if (o.max_block_size > 0) {
+      EXPECT_LE(f.delayed, 40);
+      EXPECT_EQ(widened, 0);
+    }
   }
 }
 
-TEST(Collection, PivotsThatFailInNarrowTilesGetWiderOnes) {
+TEST(Collection, PivotsThatFailInNarrowTilesFindTheirPlace) {
   Options o;
   o.max_block_size = 16;
-  expect_wider_tiles(o);
+  expect_places_in_narrow_tiles(o);
 }
 
 using CollectionOnGpu = test::OnGpu;
 
-TEST_F(CollectionOnGpu, TheHostTakesWhatNeedsWiderTiles) {
+TEST_F(CollectionOnGpu, PivotsThatFailInNarrowTilesFindTheirPlace) {
   Options o;
   o.device = "gpu:0";
-  expect_wider_tiles(o);
+  expect_places_in_narrow_tiles(o);
 }
 
 TEST(Collection, InertiaIsThatOfTheEigenvalues) {

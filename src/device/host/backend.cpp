@@ -3,6 +3,7 @@
 
 #include "device/host/host_executor.hpp"
 #include "device/host/out_of_core/host_stream.hpp"
+#include "device/host/pivot_placement.hpp"
 #include "out_of_core/factory.hpp"
 
 namespace espalier::device::host {
@@ -84,6 +85,9 @@ class HostBackend final : public Backend {
   }
   [[nodiscard]] std::unique_ptr<Executor<float>> make_executor(const Job& job, Scalar<float>) const override {
     return make<float>(job);
+  }
+  [[nodiscard]] std::vector<analysis::PivotMove> place_pivots(const PlacementJob& job) const override {
+    return host::place_pivots(job);
   }
   [[nodiscard]] const out_of_core::Factory* out_of_core() const override { return &factory_; }
 

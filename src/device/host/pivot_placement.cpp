@@ -1,0 +1,182 @@
+#include "device/host/pivot_placement.hpp"
+
+#include <algorithm>
+#include <atomic>
+
+#include "device/host/delaying_front.hpp"
+
+namespace espalier::device::host {
+
+namespace {
+
+auto at(Index k) { return static_cast<std::size_t>(k); }
+auto at(Offset k) { return static_cast<std::size_t>(k); }
+
+/// What a front leaves to its parent.
+struct Contribution {
+  std::vector<Index> unknowns;  ///< positions: first the pivots that leave the front
+  Index delayed = 0;            ///< that many
+  base::Buffer<double> values;  ///< column-major, square (lu) or its lower triangle
+};
+
+/// What one thread works with.
+struct Worker {
+  DelayingFront front;
+  std::vector<Index> unknowns;  // of the front: positions
+  std::vector<Index> local;     // n; place of a position among the front's rows
+};
+
+class Placement {
+ public:
+  explicit Placement(const PlacementJob& job)
+      : job_(job), plan_(job.plan), lu_(job.kind == Kind::lu), left_(at(plan_.fronts())), moves_(at(plan_.fronts())) {}
+
+  std::vector<analysis::PivotMove> run();
+
+ private:
+  [[nodiscard]] std::vector<Index> cut_tree() const;
+  void take(Worker& w, Index f);
+  void name_rows(Worker& w, Index f) const;
+  void add_entries(Worker& w, Index f, Index arrived) const;
+  void add_child(Worker& w, Index child);
+  void note_moves(const Worker& w, Index f);
+  void leave(const Worker& w, Index f);
+  [[nodiscard]] Worker make_worker() const {
+    return {{job_.kind, job_.rule, plan_.options.tiles, job_.budget}, {}, std::vector<Index>(at(plan_.tree.n), -1)};
+  }
+
+  const PlacementJob& job_;
+  const plan::Plan& plan_;
+  bool lu_;
+  std::vector<Contribution> left_;                       // fronts
+  std::vector<std::vector<analysis::PivotMove>> moves_;  // by the front that they go to
+};
+
+/// For each front the root of the sub-tree that it belongs to, -1 above: sub-trees of a small part of all flops.
+std::vector<Index> Placement::cut_tree() const {
+  constexpr double kTasksPerThread = 8;
+  const auto& parent = plan_.tree.parent;
+  std::vector<double> flops(at(plan_.fronts()), 0);
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    flops[at(f)] += plan::front_flops(plan_.layout[f].pivots, plan_.layout[f].rows, lu_);
+    if (parent[f] >= 0) flops[at(parent[f])] += flops[at(f)];
+  }
+  const double most = plan_.flops / (kTasksPerThread * job_.pool.size());
+  std::vector<Index> task(at(plan_.fronts()), -1);
+  for (Index f = plan_.fronts() - 1; f >= 0; --f) {
+    if (parent[f] >= 0 && task[at(parent[f])] >= 0)
+      task[at(f)] = task[at(parent[f])];
+    else if (flops[at(f)] <= most)
+      task[at(f)] = f;
+  }
+  return task;
+}
+
+std::vector<analysis::PivotMove> Placement::run() {
+  const std::vector<Index> task = cut_tree();
+  std::vector<std::vector<Index>> members(at(plan_.fronts()));
+  std::vector<Index> roots;
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    if (task[at(f)] >= 0) members[at(task[at(f)])].push_back(f);
+    if (task[at(f)] == f) roots.push_back(f);
+  }
+  std::atomic<std::size_t> taken{0};
+  job_.pool.run([&](int) {
+    Worker w = make_worker();
+    for (std::size_t k = taken++; k < roots.size(); k = taken++)
+      for (const Index f : members[at(roots[k])]) take(w, f);
+  });
+  Worker w = make_worker();
+  for (Index f = 0; f < plan_.fronts(); ++f)
+    if (task[at(f)] < 0) take(w, f);
+  std::vector<analysis::PivotMove> all;
+  for (const auto& moves : moves_) all.insert(all.end(), moves.begin(), moves.end());
+  return all;
+}
+
+void Placement::take(Worker& w, Index f) {
+  name_rows(w, f);
+  const Index arrived = static_cast<Index>(w.unknowns.size()) - plan_.layout[f].rows;
+  w.front.start(plan_.layout[f].pivots + arrived, static_cast<Index>(w.unknowns.size()));
+  add_entries(w, f, arrived);
+  for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c) add_child(w, plan_.children[c]);
+  w.front.eliminate();
+  note_moves(w, f);
+  if (plan_.tree.parent[f] >= 0) leave(w, f);
+}
+
+// Its own pivots, those of its children that could not be eliminated there, the rows below.
+void Placement::name_rows(Worker& w, Index f) const {
+  const auto& t = plan_.tree;
+  w.unknowns.clear();
+  for (Index p = t.first[f]; p < t.first[f + 1]; ++p) w.unknowns.push_back(p);
+  for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c) {
+    const Contribution& child = left_[at(plan_.children[c])];
+    w.unknowns.insert(w.unknowns.end(), child.unknowns.begin(), child.unknowns.begin() + child.delayed);
+  }
+  std::sort(w.unknowns.begin() + t.pivots(f), w.unknowns.end());
+  w.unknowns.insert(w.unknowns.end(), t.rows.begin() + t.row_ptr[f], t.rows.begin() + t.row_ptr[f + 1]);
+  for (std::size_t k = 0; k < w.unknowns.size(); ++k) w.local[at(w.unknowns[k])] = static_cast<Index>(k);
+}
+
+void Placement::add_entries(Worker& w, Index f, Index arrived) const {
+  const plan::FrontLayout& l = plan_.layout[f];
+  const auto place = [&](Index row) { return row < l.pivots ? row : row + arrived; };
+  const auto add_tile = [&](Offset tile, Index row_begin, Index col_begin) {
+    for (Offset k = plan_.entry_ptr[plan_.first_tile[f] + tile]; k < plan_.entry_ptr[plan_.first_tile[f] + tile + 1];
+         ++k) {
+      const plan::Entry& e = plan_.entries[k];
+      const Index row = place(row_begin + e.row()), col = place(col_begin + e.col());
+      const double value = job_.values[at(e.source())];
+      w.front.add(e.transposed() ? col : row, e.transposed() ? row : col, value);
+    }
+  };
+  if (plan_.whole[f] != 0) return add_tile(0, 0, 0);
+  for (Index j = 0; j < l.pivot_tiles; ++j)
+    for (Index i = j; i < l.tiles; ++i) add_tile(l.tile_index(i, j), l.begin(i), l.begin(j));
+}
+
+void Placement::add_child(Worker& w, Index child) {
+  Contribution& from = left_[at(child)];
+  const auto rows = static_cast<Index>(from.unknowns.size());
+  for (Index c = 0; c < rows; ++c) {
+    const Index col = w.local[at(from.unknowns[at(c)])];
+    for (Index r = lu_ ? 0 : c; r < rows; ++r) {
+      const Index row = w.local[at(from.unknowns[at(r)])];
+      const double value = from.values[Offset{c} * rows + r];
+      if (lu_)
+        w.front.add(row, col, value);
+      else
+        w.front.add(std::max(row, col), std::min(row, col), value);
+    }
+  }
+  from.values = base::Buffer<double>();
+}
+
+// What arrived and found its place here, or will find none; own pivots that went behind the others.
+void Placement::note_moves(const Worker& w, Index f) {
+  const Index own = plan_.tree.pivots(f);
+  Index here = w.front.eliminated();
+  if (plan_.tree.parent[f] < 0) here += w.front.leaving();
+  const bool several = plan_.layout[f].pivot_tiles > 1;
+  for (Index k = 0; k < here; ++k) {
+    const Index row = w.front.order()[at(k)];
+    if (row >= own || (several && w.front.late(row))) moves_[at(f)].push_back({w.unknowns[at(row)], f});
+  }
+}
+
+void Placement::leave(const Worker& w, Index f) {
+  Contribution& to = left_[at(f)];
+  const Index done = w.front.eliminated(), rows = static_cast<Index>(w.unknowns.size()) - done;
+  to.delayed = w.front.leaving();
+  for (Index k = 0; k < rows; ++k) to.unknowns.push_back(w.unknowns[at(w.front.order()[at(done + k)])]);
+  to.values = base::Buffer<double>(Offset{rows} * rows, job_.budget);
+  for (Index c = 0; c < rows; ++c)
+    for (Index r = lu_ ? 0 : c; r < rows; ++r) to.values[Offset{c} * rows + r] = w.front.rest(r, c);
+}
+
+}  // namespace
+
+std::vector<analysis::PivotMove> place_pivots(const PlacementJob& job) { return Placement(job).run(); }
+
+}  // namespace espalier::device::host
