@@ -49,6 +49,15 @@ void* operator new(std::size_t n) { return take(n, 1); }
 void* operator new[](std::size_t n) { return take(n, 1); }
 void* operator new(std::size_t n, std::align_val_t a) { return take(n, static_cast<std::size_t>(a)); }
 void* operator new[](std::size_t n, std::align_val_t a) { return take(n, static_cast<std::size_t>(a)); }
+// A sanitizer's own would take them past the count (std::stable_sort asks this way).
+void* operator new(std::size_t n, const std::nothrow_t&) noexcept {
+  try {
+    return take(n, 1);
+  } catch (const std::bad_alloc&) {
+    return nullptr;
+  }
+}
+void* operator new[](std::size_t n, const std::nothrow_t& tag) noexcept { return operator new(n, tag); }
 [[gnu::noinline]] void operator delete(void* p) noexcept { give_back(p); }
 [[gnu::noinline]] void operator delete[](void* p) noexcept { give_back(p); }
 [[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { give_back(p); }
