@@ -2,13 +2,13 @@
 //
 // In a smooth motion a_n is not v' at t_n but at t_n + (alpha_m - alpha_f) h, and in the directions that constraints
 // hold, where q is exact, v_n is off by
-//     d(h) = (gamma / 2 - beta - 1/12) h^2 v'' + h/6 (T(h v)^-1 v' - v'),      v'' = dv'/dt,
-// the last term on groups only: both follow from the formulas of q and v with h v + h^2/2 v' + h^3/6 (v'' + [v, v']/2)
-// for the true increment of q (Magnus) on their left side. A start with d = 0, and a step of another length, are thus
-// off by order h^2 in v and by order h in v' and lambda, which then swing and fade with spectral_radius^n, or never
-// with 1 (Arnold, Bruels, Cardona, Numer. Math. 129, 2015, who perturb the initial values). Here v and a_n are moved by
-// the difference of the two lengths, v in normal directions only; at the start v'' comes from the first step itself,
-// which is taken again until it agrees with its own v''.
+//     d(h) = (gamma / 2 - beta - 1/12) h^2 v'' + h/6 (T(-h v)^-1 v' - v'),      v'' = dv'/dt,
+// the last term on groups only: both follow from the formulas of q and v with h v + h^2/2 v' + h^3/6 (v'' - [v, v']/2)
+// for the true increment of q (Magnus, in axes that do not turn) on their left side. A start with d = 0, and a step of
+// another length, are thus off by order h^2 in v and by order h in v' and lambda, which then swing and fade with
+// spectral_radius^n, or never with 1 (Arnold, Bruels, Cardona, Numer. Math. 129, 2015, who perturb the initial values).
+// Here v and a_n are moved by the difference of the two lengths, v in normal directions only; at the start v'' comes
+// from the first step itself, which is taken again until it agrees with its own v''.
 #include <algorithm>
 #include <cmath>
 
@@ -26,7 +26,7 @@ constexpr double kSettled = 1e-3;
 void GeneralizedAlpha::add_offset(double h, double sign, Span out) const {
   if (h == 0) return;
   std::vector<double> theta(out.size()), turned(out.size());
-  for (std::size_t i = 0; i < out.size(); ++i) theta[i] = h * state_.v[i];
+  for (std::size_t i = 0; i < out.size(); ++i) theta[i] = -h * state_.v[i];
   equations_.system().rate_of_velocity(theta, state_.a, turned);
   const double c = gamma_ / 2 - beta_ - 1.0 / 12;
   for (std::size_t i = 0; i < out.size(); ++i)
@@ -59,7 +59,7 @@ void GeneralizedAlpha::learn_jerk() {
   const bool two = h_before_ > 0;
   const std::vector<double>& before = two ? a_before_ : state_.a;
   const double time = two ? h_ + h_before_ : h_;
-  for (std::size_t i = 0; i < jerk_.size(); ++i) jerk_[i] = (trial_.a[i] - before[i]) / time;
+  for (std::size_t i = 0; i < jerk_.size(); ++i) jerk_[i] = (a_step_[i] - before[i]) / time;
   jerk_known_ = true;
 }
 
@@ -71,7 +71,7 @@ bool GeneralizedAlpha::settle(StepReport& report) {
   const std::size_t n = jerk_.size();
   double last = 0;
   for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
-    for (std::size_t i = 0; i < n; ++i) work_[i] = (trial_.a[i] - state_.a[i]) / h_;
+    for (std::size_t i = 0; i < n; ++i) work_[i] = (a_step_[i] - state_.a[i]) / h_;
     const double size = scaled_norm(work_, {});
     for (std::size_t i = 0; i < n; ++i) std::swap(work_[i], jerk_[i]);
     if (sweep > 0)

@@ -13,6 +13,9 @@ namespace {
 // renewed. Otherwise the part of a that lags behind in each step the same way adds up (spatial slider crank, steps of
 // 10 microseconds: 1e-4 of q after half a second instead of 1e-7).
 constexpr double kTrusted = 2e-3;
+// What moves by less than this part of the largest coordinate in a step stands still; accelerations and multipliers of
+// which rounding is more than kNothing are nothing but rounding then.
+constexpr double kStandsStill = 1e-13, kNothing = 0.01;
 }  // namespace
 
 void GeneralizedAlpha::predict() {
@@ -24,14 +27,31 @@ void GeneralizedAlpha::predict() {
     trial_.lambda[i] = state_.lambda[i] + ahead * (state_.lambda[i] - lambda_before_[i]);
   }
   for (std::size_t i = 0; i < delta_.size(); ++i) {
-    trial_.a[i] = state_.a[i] + ahead * (state_.a[i] - a_before_[i]);
-    trial_.v[i] = v_base_[i] + c_v_ * trial_.a[i];
-    delta_[i] = delta_base_[i] + c_q_ * trial_.a[i];
+    a_step_[i] = state_.a[i] + ahead * (state_.a[i] - a_before_[i]);
   }
-  equations_.system().retract(state_.q, delta_, trial_.q);
+  reach();
   equations_.system().magnitude(state_.q, weight_);
   size_q_ = std::max(max_norm(weight_), max_norm(delta_));
   for (double& w : weight_) w = 1 / (options_.tolerance * (options_.relative * w + options_.absolute));
+}
+
+// The trial state that a_step_ leads to.
+void GeneralizedAlpha::reach() {
+  for (std::size_t i = 0; i < delta_.size(); ++i) {
+    trial_.a[i] = a_step_[i];
+    trial_.v[i] = v_base_[i] + c_v_ * a_step_[i];
+    delta_[i] = delta_base_[i] + c_q_ * a_step_[i];
+  }
+  equations_.system().retract(state_.q, delta_, trial_.q);
+  carry(trial_.a);
+  carry(trial_.v);
+}
+
+// From the axes of q_n to those of q_n (+) delta: exp(-delta) x = T(-delta)^-1 T(delta) x.
+void GeneralizedAlpha::carry(Span x) const {
+  for (std::size_t i = 0; i < x.size(); ++i) minus_delta_[i] = -delta_[i];
+  equations_.system().velocity_of_rate(delta_, x, turned_);
+  equations_.system().rate_of_velocity(minus_delta_, turned_, x);
 }
 
 // The multiple of the last change that would have predicted this step best (least squares, weighted), in [0, 1]: near 1
@@ -41,7 +61,7 @@ void GeneralizedAlpha::learn_trend() {
   double along = 0, square = 0;
   for (std::size_t i = 0; i < a_before_.size(); ++i) {
     const double w = weight_[i] * weight_[i], last = state_.a[i] - a_before_[i];
-    along += w * last * (trial_.a[i] - state_.a[i]);
+    along += w * last * (a_step_[i] - state_.a[i]);
     square += w * last * last;
   }
   trend_ = square > 0 && h_before_ > 0 ? std::clamp(along * h_before_ / (square * h_), 0.0, 1.0) : 1.0;
@@ -70,7 +90,7 @@ double GeneralizedAlpha::local_error() const {
   if (h_before_ == 0) return 0;
   const std::size_t n = delta_.size(), m = trial_.lambda.size();
   const double ratio = h_ / h_before_, unequal = 2 * h_ / (h_ + h_before_);
-  for (std::size_t i = 0; i < n; ++i) second_[i] = trial_.a[i] - state_.a[i] - ratio * (state_.a[i] - a_before_[i]);
+  for (std::size_t i = 0; i < n; ++i) second_[i] = a_step_[i] - state_.a[i] - ratio * (state_.a[i] - a_before_[i]);
   for (std::size_t i = 0; i < m; ++i)
     second_[n + i] = trial_.lambda[i] - state_.lambda[i] - ratio * (state_.lambda[i] - lambda_before_[i]);
   const ConstSpan second = second_;
@@ -94,15 +114,13 @@ GeneralizedAlpha::Change GeneralizedAlpha::iterate(StepReport& report) {
   equations_.system().rate_of_velocity(delta_, da, da);
   double sum = 0;
   for (std::size_t i = 0; i < n; ++i) {
-    trial_.a[i] += da[i];
-    trial_.v[i] += c_v_ * da[i];
-    delta_[i] += c_q_ * da[i];
+    a_step_[i] += da[i];
     const double weighted = std::max(c_q_, h_ * c_v_) * std::abs(da[i]) * weight_[i];
     sum += weighted * weighted;
     change.q = std::max(change.q, c_q_ * std::abs(da[i]));
   }
   for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += dlambda[i];
-  equations_.system().retract(state_.q, delta_, trial_.q);
+  reach();
   equations_.evaluate_constraints(trial_.t, trial_.q, {});
   change.weighted = n == 0 ? 0.0 : std::sqrt(sum / static_cast<double>(n));
   if (!std::isfinite(sum)) change.scaled = sum;
@@ -124,7 +142,8 @@ bool GeneralizedAlpha::rounding_ends(const Change& change, double rate) {
 GeneralizedAlpha::Outcome GeneralizedAlpha::end_at_rounding(const Change& change, StepReport& report) {
   rate_poor_ = false;
   const double size = scaled_norm(trial_.a, trial_.lambda);
-  report.rounding = size > 0 ? change.scaled / size : 0;
+  const bool rests = h_ * max_norm(trial_.v) <= kStandsStill * size_q_ && change.scaled > kNothing * size;
+  report.rounding = size > 0 && !rests ? change.scaled / size : 0;
   local_error_ = local_error();
   return Outcome::converged;
 }

@@ -36,8 +36,8 @@ GeneralizedAlpha::GeneralizedAlpha(Equations& equations, const AlphaOptions& opt
   beta_ = 0.25 * (gamma_ + 0.5) * (gamma_ + 0.5);
   const auto n = static_cast<std::size_t>(equations.sizes().velocity);
   const auto m = static_cast<std::size_t>(equations.sizes().constraints);
-  for (auto* x :
-       {&a_old_, &a_base_, &v_base_, &delta_base_, &delta_, &weight_, &f_, &work_, &jerk_, &a_from_, &v_from_})
+  for (auto* x : {&a_old_, &a_base_, &v_base_, &delta_base_, &delta_, &weight_, &f_, &work_, &jerk_, &a_from_, &v_from_,
+                  &a_step_, &minus_delta_, &turned_})
     x->assign(n, 0.0);
   rhs_.assign(n + m, 0.0);
   second_.assign(n + m, 0.0);
@@ -168,10 +168,11 @@ StepReport GeneralizedAlpha::step(double t_limit) {
 
 void GeneralizedAlpha::accept() {
   const double slope = (1 - alpha_f_) / (1 - alpha_m_);
-  for (std::size_t i = 0; i < a_old_.size(); ++i) a_old_[i] = a_base_[i] + slope * trial_.a[i];
+  for (std::size_t i = 0; i < a_old_.size(); ++i) a_old_[i] = a_base_[i] + slope * a_step_[i];
   learn_trend();
   learn_jerk();
   a_before_ = state_.a;
+  for (auto* x : {&a_old_, &jerk_, &a_before_}) carry(*x);
   lambda_before_ = state_.lambda;
   h_before_ = fitted_ = h_;
   std::swap(state_, trial_);

@@ -25,7 +25,10 @@ struct AlphaOptions {
 ///   q_(n+1) = q_n (+) (h v_n + h^2 (1/2 - beta) a_n + h^2 beta a_(n+1))
 ///   v_(n+1) = v_n + h (1 - gamma) a_n + h gamma a_(n+1)
 ///   (1 - alpha_m) a_(n+1) + alpha_m a_n = (1 - alpha_f) v'_(n+1) + alpha_f v'_n
-/// with F and Phi = 0 at t_(n+1); v' and lambda are the accelerations and multipliers of the state. The velocity and
+/// with F and Phi = 0 at t_(n+1); v' and lambda are the accelerations and multipliers of the state. Velocities and
+/// accelerations are meant in axes that do not turn, those of q_n: angular ones of rigid bodies, which the state has in
+/// body axes, are turned by exp(-delta) at the end of the step (carry()). In body axes whatever a body that spins sees
+/// from outside oscillates with its speed, and the error grows with it (heavy top: 100 times). The velocity and
 /// acceleration levels of the constraints are not enforced (index 3): their violations are reported, of order h^2.
 ///
 /// Newton's unknowns are v' and lambda, q moves by c_q = h^2 beta (1 - alpha_f) / (1 - alpha_m) times the change of v',
@@ -61,6 +64,8 @@ class GeneralizedAlpha final : public Integrator {
   };
   void coefficients(double h);
   void predict();
+  void reach();
+  void carry(Span x) const;
   void learn_trend();
   void factorize(long& reason);
   [[nodiscard]] double next_length(double t_limit) const;
@@ -109,9 +114,11 @@ class GeneralizedAlpha final : public Integrator {
   std::vector<double> a_old_, a_base_, v_base_,
       delta_base_;                                // algorithmic acceleration; constant parts of the formulas
   std::vector<double> a_from_, v_from_;           // a_old_ and v, fitted to the length of the step
+  std::vector<double> a_step_;                    // v' of the trial state, in the axes of q_n as all but the state is
   std::vector<double> a_before_, lambda_before_;  // at the beginning of the step before
   std::vector<double> delta_, weight_, f_, rhs_, work_;
-  mutable std::vector<double> second_;  // second differences, n + m
+  mutable std::vector<double> second_;                // second differences, n + m
+  mutable std::vector<double> minus_delta_, turned_;  // of carry()
 };
 
 }  // namespace espalier::dynamics

@@ -10,14 +10,10 @@
 
 #include "dynamics/joints/time_function.hpp"
 #include "dynamics/model/curve.hpp"
+#include "dynamics/model/jet_functions.hpp"
 #include "dynamics/model/value.hpp"
 
 namespace espalier::dynamics::model {
-
-/// A value with its first and second derivative by time.
-struct Jet {
-  double value = 0, rate = 0, acceleration = 0;
-};
 
 /// Operators + - * / % ^ (right-associative, binds tighter than a sign before it), brackets, and the functions
 ///   sin cos tan asin acos atan sinh cosh tanh exp log sqrt abs sign floor ceil round, atan2(y, x) min(a, b) max(a, b)
