@@ -46,7 +46,10 @@ void BdfIntegrator::start(const State& state) {
   factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
   h_ = options_.fixed_step > 0 ? options_.fixed_step : first_step();
-  projected_left_ = noisy_left_ = 0;
+  projected_left_ = noisy_left_ = jump_left_ = 0;
+  largest_reaction_ = 0;
+  first_.reset();
+  first_left_ = options_.fixed_step > 0 && options_.fixed_order > 2 ? options_.fixed_order - 1 : 0;
   // The formula of order 1 wants one past point more for its predictor; a point on the parabola through the state at
   // t - h serves: it differs from the true past by O(h^3) in q and O(h^2) in v.
   const std::size_t n = state.v.size();
@@ -65,6 +68,7 @@ void BdfIntegrator::start(const std::vector<State>& past) {
   if (past.empty()) throw std::invalid_argument("no past points");
   start(past.back());
   history_.clear();
+  first_left_ = 0;
   for (const State& s : past) history_.push(s.t, s.q, s.v, s.lambda);
   order_ = std::clamp(static_cast<int>(past.size()) - 1, 1, kMaxBdfOrder);
   if (options_.fixed_order > 0) order_ = std::min(order_, options_.fixed_order);
@@ -165,6 +169,7 @@ StepReport BdfIntegrator::step(double t_limit) {
   for (;;) {
     const double h = clip(h_, t_limit);
     check_step(h, t_limit);
+    if (first_left_ > 0 && first_points(h, report)) break;
     if (!attempt(h, retry, report)) {
       if (fixed && factor_fresh_) {
         throw Error(StatusCode::accuracy_not_reached,
@@ -197,7 +202,48 @@ void BdfIntegrator::check_step(double h, double t_limit) const {
                   std::to_string(order_) + "): the motion may be singular there, or the tolerances too tight");
 }
 
+// The formula of order k wants k points that are as good as it is; one that comes up from order 1 brings an error of
+// h^2 along that no later order takes away. @return false where that is not to be had: forces that jump, vibrations
+// that steps of this length do not resolve
+bool BdfIntegrator::first_points(double h, StepReport& report) {
+  constexpr double kTighter = 1e-4;
+  constexpr int kMostSteps = 300;
+  if (!first_) {
+    BdfOptions tight = options_;
+    tight.fixed_step = tight.reactions = 0;
+    tight.fixed_order = 0;
+    tight.max_order = kMaxBdfOrder;
+    tight.relative = kTighter * options_.relative;
+    tight.absolute = kTighter * options_.absolute;
+    tight.absolute_velocity = kTighter * options_.absolute_velocity;
+    first_ = std::make_shared<BdfIntegrator>(equations_, tight);
+    first_->start(state_);
+  }
+  const double end = state_.t + h;
+  try {
+    while (first_->state().t < end) {
+      if (first_->counts().steps == kMostSteps) throw Error(StatusCode::accuracy_not_reached, "too many steps");
+      const StepReport part = first_->step(end);
+      report.newton_iterations += part.newton_iterations;
+      report.levels = part.levels;
+      report.residual = part.residual;
+    }
+  } catch (const Error& error) {
+    if (error.status().code != StatusCode::accuracy_not_reached) throw;
+    first_.reset();
+    first_left_ = 0;
+    factor_hp_ = 0;
+    return false;
+  }
+  trial_ = first_->state();
+  set_formula(h, 1);
+  if (--first_left_ == 0) first_.reset();
+  return true;
+}
+
 void BdfIntegrator::reject(double error, int failures) {
+  constexpr int kJump = 4;  // rejections after which the reactions are taken to jump
+  if (failures >= kJump) jump_left_ = History::kDepth;
   if (failures >= 3) order_ = 1;
   h_ *= failures == 1 ? std::clamp(0.9 * std::pow(2 * error, -1.0 / (order_ + 1)), 0.2, 0.9) : 0.25;
   steps_at_order_ = 0;
@@ -221,6 +267,7 @@ void BdfIntegrator::accept(StepReport& report) {
   std::swap(state_, trial_);
   history_.push(state_.t, state_.q, state_.v, state_.lambda);
   equations_.system().accept(state_.view());
+  remember_reactions();
   count(report);
   report.index = counts_.steps;
 }

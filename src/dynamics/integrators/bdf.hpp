@@ -5,6 +5,7 @@
 #pragma once
 
 #include <limits>
+#include <memory>
 #include <optional>
 
 #include "dynamics/integrators/history.hpp"
@@ -26,11 +27,15 @@ struct BdfOptions {
   double absolute = 1e-8;        ///< absolute tolerance of q
   double absolute_velocity = 0;  ///< absolute tolerance of v; 0: the one of q
   bool test_velocity = true;     ///< v takes part in the error test
-  double initial_step = 0;       ///< 0: from the accelerations
+  /// Tolerance of the multipliers, relative to the largest so far in the scale of K; 0: they take no part in the test.
+  double reactions = 0;
+  double initial_step = 0;  ///< 0: from the accelerations
   double max_step = std::numeric_limits<double>::infinity();
-  double min_step = 0;    ///< 0: 1e-14 of the time scale
-  double fixed_step = 0;  ///< > 0: constant step, no error test
-  int fixed_order = 0;    ///< > 0: this order as soon as the history allows
+  double min_step = 0;  ///< 0: 1e-14 of the time scale
+  /// > 0: constant step, no error test. With fixed_order > 2 the first points come from steps of variable length and
+  /// order with a ten-thousandth of the tolerances, unless that takes too many of them.
+  double fixed_step = 0;
+  int fixed_order = 0;  ///< > 0: this order as soon as the history allows
   double constraint_tolerance =
       1e-10;            ///< of Phi; of the velocity and acceleration levels times max(1, |v|) and max(1, |a|)
   int max_newton = 12;  ///< iterations before a step is given up
@@ -113,6 +118,10 @@ class BdfIntegrator final : public Integrator {
   [[nodiscard]] bool constraints_hold(StepReport& report);
   [[nodiscard]] bool finish_levels(StepReport& report);
   [[nodiscard]] double error_estimate(int order);
+  [[nodiscard]] double scaled_reaction(std::size_t i, double value) const;
+  [[nodiscard]] double reaction_error(std::span<const double> weights) const;
+  void remember_reactions();
+  [[nodiscard]] bool first_points(double h, StepReport& report);
   [[nodiscard]] bool attempt(double h, bool retry, StepReport& report);
   void check_step(double h, double t_limit) const;
   void accept(StepReport& report);
@@ -135,12 +144,16 @@ class BdfIntegrator final : public Integrator {
   int order_ = 1;
   double h_ = 0;
   int steps_at_order_ = 0;
-  int projected_left_ = 0;             // steps that begin with the projected iteration
-  int noisy_left_ = 0;                 // steps until the points next to a singular position have left the history
-  bool formula_is_projected_ = false;  // the trial state comes from the projected iteration
-  double factor_hp_ = 0;               // h' of the factor; 0: none
-  bool factor_fresh_ = false;          // the factor belongs to this very attempt
-  std::vector<double> factor_q_;       // configuration of the factor
+  int projected_left_ = 0;       // steps that begin with the projected iteration
+  double largest_reaction_ = 0;  // so far, scaled
+  int jump_left_ = 0;            // steps whose reactions are not tested: they jump, and no step is short enough
+  int first_left_ = 0;           // steps of first_points()
+  std::shared_ptr<BdfIntegrator> first_;  // that takes them
+  int noisy_left_ = 0;                    // steps until the points next to a singular position have left the history
+  bool formula_is_projected_ = false;     // the trial state comes from the projected iteration
+  double factor_hp_ = 0;                  // h' of the factor; 0: none
+  bool factor_fresh_ = false;             // the factor belongs to this very attempt
+  std::vector<double> factor_q_;          // configuration of the factor
   double reach_ = std::numeric_limits<double>::infinity();  // learned: farther from factor_q_ the factor will not do
   bool rate_poor_ = false;
   double rate_ = 0.5;

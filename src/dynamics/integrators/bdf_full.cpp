@@ -26,6 +26,17 @@ Eigen::MatrixXd dense_phi_q(const SparsePattern& p, ConstSpan values, const std:
   return g;
 }
 
+// Adds F_lambda^T to the rows of Phi_q: what stands in the upper right block of K.
+void add_f_lambda(const SparsePattern& p, ConstSpan values, const std::vector<char>& dropped, Eigen::MatrixXd& g) {
+  Eigen::Index row = 0;
+  for (std::size_t i = 0; i < dropped.size(); ++i) {
+    if (dropped[i]) continue;
+    for (auto k = static_cast<std::size_t>(p.ptr[i]); k < static_cast<std::size_t>(p.ptr[i + 1]); ++k)
+      g(row, p.ind[k]) += values[k];
+    ++row;
+  }
+}
+
 Eigen::MatrixXd tangent_basis(const Eigen::MatrixXd& g) {
   const Eigen::HouseholderQR<Eigen::MatrixXd> qr(g.transpose());
   return (qr.householderQ() * Eigen::MatrixXd::Identity(g.cols(), g.cols())).rightCols(g.cols() - g.rows());
@@ -45,12 +56,16 @@ Eigen::MatrixXd boolean_basis(const Eigen::MatrixXd& g) {
 // U of the kind in use, from the matrix that was factorized last.
 void BdfIntegrator::parametrise() {
   KktSolver& kkt = equations_.kkt();
-  const Eigen::MatrixXd g = dense_phi_q(kkt.phi_q_pattern(), kkt.phi_q_values(), equations_.dropped());
+  Eigen::MatrixXd g = dense_phi_q(kkt.phi_q_pattern(), kkt.phi_q_values(), equations_.dropped());
   const Index n = equations_.sizes().velocity;
   Eigen::MatrixXd u;
   if (options_.iteration == BdfIteration::full_boolean) {
     u = boolean_basis(g);
   } else {
+    // The solves with K leave free what lies along W^-1 (Phi_q^T + F_lambda).
+    const SparsePattern* f_lambda = equations_.system().multiplier_pattern();
+    if (f_lambda != nullptr && options_.iteration != BdfIteration::full_tangent)
+      add_f_lambda(*f_lambda, kkt.f_lambda_values(), equations_.dropped(), g);
     u = g.rows() == 0 ? Eigen::MatrixXd::Identity(n, n) : tangent_basis(g);
     if (options_.iteration != BdfIteration::full_tangent) {
       Eigen::MatrixXd w = Eigen::MatrixXd::Zero(n, n);

@@ -70,6 +70,7 @@ std::unique_ptr<Integrator> BdfIntegrator::clone() const {
   auto copy = std::make_unique<BdfIntegrator>(*this);
   copy->factor_hp_ = 0;
   copy->reach_ = std::numeric_limits<double>::infinity();
+  if (first_) copy->first_ = std::make_shared<BdfIntegrator>(*first_);
   return copy;
 }
 
@@ -91,8 +92,12 @@ void BdfIntegrator::save(std::vector<double>& out) {
     put(out, history_.v(j));
     put(out, history_.lambda(j));
   }
+  out.push_back(largest_reaction_);
+  out.push_back(static_cast<double>(jump_left_));
   factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
+  first_.reset();
+  first_left_ = 0;
 }
 
 void BdfIntegrator::restore(ConstSpan& in) {
@@ -115,6 +120,10 @@ void BdfIntegrator::restore(ConstSpan& in) {
     for (auto* x : {&past.q, &past.v, &past.lambda}) take(in, *x);
     history_.push(past.t, past.q, past.v, past.lambda);
   }
+  largest_reaction_ = take(in);
+  jump_left_ = static_cast<int>(take_count(in, 2e9));
+  first_.reset();
+  first_left_ = 0;
   factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
 }

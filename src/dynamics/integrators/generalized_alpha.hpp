@@ -28,7 +28,7 @@ struct AlphaOptions {
 /// with F and Phi = 0 at t_(n+1); v' and lambda are the accelerations and multipliers of the state. Velocities and
 /// accelerations are meant in axes that do not turn, those of q_n: angular ones of rigid bodies, which the state has in
 /// body axes, are turned by exp(-delta) at the end of the step (carry()). In body axes whatever a body that spins sees
-/// from outside oscillates with its speed, and the error grows with it (heavy top: 100 times). The velocity and
+/// from outside oscillates with its speed, and the error grows with it (heavy top: five times). The velocity and
 /// acceleration levels of the constraints are not enforced (index 3): their violations are reported, of order h^2.
 ///
 /// Newton's unknowns are v' and lambda, q moves by c_q = h^2 beta (1 - alpha_f) / (1 - alpha_m) times the change of v',

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 namespace espalier::dynamics {
 namespace {
@@ -25,8 +26,10 @@ class Corrector {
       const double length = this->length(*next);
       if (result_.iterations++ == 0) result_.first = length;
       if (!std::isfinite(length)) return end(StaticOutcome::singular);
-      next = search(x, *next, length);
-      if (!moved_) return end(problem_.at_rounding(x) ? StaticOutcome::converged : StaticOutcome::no_progress);
+      const StaticIncrement d = *std::exchange(next, std::nullopt);
+      next = search(x, d, length);
+      if (!moved_ && problem_.at_rounding(x)) break;
+      if (!moved_ && !leap(x, d, length)) return end(StaticOutcome::no_progress);
     }
     return end(StaticOutcome::converged);
   }
@@ -79,9 +82,22 @@ class Corrector {
     return std::nullopt;
   }
 
+  /// The whole step, though the level rises: where a slender member has been stretched by its turn, Newton takes the
+  /// stretch out first and bends it later, and no shorter step is any better. As long as the steps stay small beside
+  /// what the caller allows for the first one.
+  bool leap(StaticPoint& x, const StaticIncrement& d, double length) {
+    constexpr int kMostLeaps = 6;
+    StaticPoint trial = problem_.moved(x, d, 1);
+    if (++leaps_ > kMostLeaps || !problem_.evaluate(trial)) return false;
+    result_.first = std::max(result_.first, length);
+    x = std::move(trial);
+    return true;
+  }
+
   StaticProblem& problem_;
   const StaticPlane* plane_;
   double tolerance_;
+  int leaps_ = 0;
   StaticIncrement rate_;
   bool moved_ = false, slow_ = false;  // the last step: was one found, did it gain little
   StaticNewtonResult result_;

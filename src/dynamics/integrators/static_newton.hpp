@@ -24,7 +24,8 @@ struct StaticNewtonResult {
   StaticOutcome outcome = StaticOutcome::converged;
   int iterations = 0;
   int factorizations = 0;
-  double first = 0;  ///< length of the first correction, in the metric of the plane (a given load: |dq|)
+  double first = 0;  ///< length of the first correction or of a longer one that was taken although the level rose, in
+                     ///< the metric of the plane (a given load: |dq|)
 };
 
 /// Corrects x until it is balanced. Steps are halved until the next correction with the same K is shorter (the natural

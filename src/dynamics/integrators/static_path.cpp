@@ -149,7 +149,7 @@ bool StaticFollower::follow() {
 
 void StaticFollower::lengthen(const Knot& knot) {
   const int k = knot.newton.factorizations;
-  step_ *= k <= 2 ? 2.0 : k <= 4 ? 1.5 : k <= 6 ? 1.0 : 0.6;
+  step_ *= k <= 3 ? 2.0 : k <= 6 ? 1.4 : k <= 9 ? 1.0 : 0.6;
   step_ = std::min(step_, options_.largest_step);
 }
 

@@ -140,7 +140,14 @@ class ExpressionParser {
     while (at_ < text_.size() && (std::isalnum(static_cast<unsigned char>(text_[at_])) != 0 || text_[at_] == '_'))
       ++at_;
     const std::string word(text_.substr(start, at_ - start));
-    if (of_state_ && at_ < text_.size() && text_[at_] == '.') return quantity(start);
+    if (at_ < text_.size() && text_[at_] == '.' && of_time_) {
+      if (of_state_) return quantity(start);
+      stop(
+          fmt::format("'{}.' begins a quantity of the state, and what stands here is a function of t alone; forces, "
+                      "moments, torques and sensors take quantities (a motor that follows the state is a "
+                      "torque-motor or force-motor)",
+                      excerpt(word)));
+    }
     if (take('(')) return call(word, start);
     if (word == "t" && of_time_) {
       out_.depends_on_time_ = true;

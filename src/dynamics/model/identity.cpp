@@ -19,7 +19,8 @@ bool free_to_change(std::string_view path) {
   constexpr std::array<std::string_view, 6> kFree = {"output",        "solver",         "title",
                                                      "initial.modes", "integrator.end", "integrator.steps"};
   return std::find(kFree.begin(), kFree.end(), path) != kFree.end() ||
-         (path.starts_with("bodies.") && path.ends_with(".mesh.file"));
+         (path.starts_with("bodies.") && path.ends_with(".mesh.file")) ||
+         (path.starts_with("splines.") && path.ends_with(".file"));
 }
 
 /// "; length = 2" for every name with a number that stands in an expression.

@@ -59,7 +59,11 @@ double von_mises(ElementType type, const Material& material, std::span<const dou
 
 Pictures::Pictures(const std::string& path, const Mechanism& mechanism, const State& initial, double keep_until)
     : mechanism_(mechanism), series_(path) {
-  if (!std::isnan(keep_until)) kept_ = series_.resume(keep_until);
+  if (std::isnan(keep_until)) {
+    series_.begin_anew();
+  } else {
+    kept_ = series_.resume(keep_until);
+  }
   double number = 0;
   for (const BuiltBody& body : mechanism.bodies) {
     if (body.rigid != nullptr) {

@@ -6,6 +6,7 @@
 #include <charconv>
 #include <stdexcept>
 
+#include "base/checksum.hpp"
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/description.hpp"
 
@@ -138,7 +139,15 @@ Points read_pairs(const Value& list) {
   return result;
 }
 
-CurvePtr read_spline(const std::string& name, const Value& value, const std::string& folder) {
+/// For the restart file: what a file held counts, not how it is called.
+std::string digest(const Points& p) {
+  base::Checksum sum;
+  sum.add_list<double>(p.x);
+  sum.add_list<double>(p.y);
+  return fmt::format("{:016x}", sum.value());
+}
+
+CurvePtr read_spline(const std::string& name, const Value& value, const std::string& folder, ModelKeys& keys) {
   Section s(value);
   const auto kind = static_cast<Curve::Kind>(s.choice("kind", {"linear", "akima", "monotone", "cubic"}, 1));
   const auto outside = static_cast<Curve::Outside>(s.choice("outside", {"constant", "linear", "error"}, 2));
@@ -151,6 +160,7 @@ CurvePtr read_spline(const std::string& name, const Value& value, const std::str
       const std::string file = s.text("file");
       CsvTable table(folder.empty() || file.starts_with('/') ? file : folder + "/" + file, s);
       p = table.points();
+      keys.emplace_back(fmt::format("splines.{}.file (its content)", name), digest(p));
     }
     const double x_scale = s.number("x_scale", 1), y_scale = s.number("y_scale", 1);
     if (x_scale == 0) fail(s.place("x_scale"), "must not be 0");
@@ -199,7 +209,7 @@ void read_splines(Section& root, Description& model) {
     if (name.find('-') != std::string::npos || std::isdigit(static_cast<unsigned char>(name.front())) != 0)
       fail(value.place,
            "the name of a spline is used like that of a function: letters, digits and _ only, a letter first");
-    model.splines[name] = read_spline(name, value, model.folder);
+    model.splines[name] = read_spline(name, value, model.folder, model.keys);
   });
 }
 

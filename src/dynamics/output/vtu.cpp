@@ -117,7 +117,8 @@ std::string PvdSeries::file_name(int part) const {
   return (pvd.parent_path() / fmt::format("{}_{}_{:06}.vtu", pvd.stem().string(), part, number)).string();
 }
 
-std::optional<double> PvdSeries::resume(double t) {
+std::vector<PvdSeries::Entry> PvdSeries::listed() const {
+  std::vector<Entry> result;
   std::ifstream in(path_);
   std::string line;
   while (std::getline(in, line)) {
@@ -131,7 +132,31 @@ std::optional<double> PvdSeries::resume(double t) {
     constexpr int kMostParts = 1000000;
     const Entry entry{std::strtod(attribute("timestep").c_str(), nullptr), std::atoi(attribute("part").c_str()),
                       attribute("file")};
-    if (entry.part < 0 || entry.part >= kMostParts) continue;
+    if (entry.part >= 0 && entry.part < kMostParts) result.push_back(entry);
+  }
+  return result;
+}
+
+void PvdSeries::remove_file(const Entry& entry) const {
+  const std::filesystem::path pvd(path_);
+  const std::string begin = fmt::format("{}_{}_", pvd.stem().string(), entry.part), end = ".vtu";
+  const std::string& name = entry.file;
+  if (name.size() <= begin.size() + end.size() || !name.starts_with(begin) || !name.ends_with(end)) return;
+  const std::string number = name.substr(begin.size(), name.size() - begin.size() - end.size());
+  if (number.find_first_not_of("0123456789") != std::string::npos) return;
+  std::error_code ignored;  // a file that is not there, or is held, does no harm
+  std::filesystem::remove(pvd.parent_path() / name, ignored);
+}
+
+void PvdSeries::begin_anew() {
+  try {
+    for (const Entry& entry : listed()) remove_file(entry);
+  } catch (const Error&) {  // somebody else's file, which is about to be replaced
+  }
+}
+
+std::optional<double> PvdSeries::resume(double t) {
+  for (const Entry& entry : listed()) {
     if (!(entry.t <= t)) {
       later_.push_back(entry);
       continue;
@@ -155,8 +180,10 @@ void PvdSeries::add(double t, int part) {
 
 void PvdSeries::finish() {
   if (later_.empty()) return;
+  const std::vector<Entry> stale = std::move(later_);
   later_.clear();
   write();
+  for (const Entry& entry : stale) remove_file(entry);
 }
 
 void PvdSeries::write() const {

@@ -52,9 +52,12 @@ class PvdSeries {
   /// new ones take their place: a run that dies early loses nothing. Does nothing where there is no such file.
   /// @return the time of the last entry up to t; none without one @throws Error(invalid_input) if it is not one of ours
   std::optional<double> resume(double t);
+  /// Begins anew: removes the .vtu files that an earlier run has listed, which would stay beside a shorter series for
+  /// ever. Files that the series does not list, or that have other names than its own, are left alone.
+  void begin_anew();
   /// Takes up the file of that name at time t. Parts of one time are added one after the other.
   void add(double t, int part);
-  /// Forgets the entries of earlier runs that no new one has replaced.
+  /// Forgets the entries of earlier runs that no new one has replaced, and removes their files.
   void finish();
 
  private:
@@ -63,6 +66,8 @@ class PvdSeries {
     int part;
     std::string file;
   };
+  [[nodiscard]] std::vector<Entry> listed() const;
+  void remove_file(const Entry& entry) const;
   void write() const;
 
   std::string path_;
