@@ -82,12 +82,9 @@ std::vector<DelayingFront::Failure> DelayingFront::factor_tile(Index width) {
   const double limit = kMargin / rule_.threshold;
   std::vector<Failure> failures;
   for (Index k = 0; k < width; ++k) {
-    double most = 0;
-    for (Index i = width; i < rows; ++i) {
-      const double l = std::abs(c[k * ld_ + i]);
-      if (!(l <= most)) most = l;  // NaN stays
-    }
-    if (replaced_[at(k)] == 0 && most <= limit) continue;
+    bool stable = replaced_[at(k)] == 0;
+    for (Index i = width; i < rows && stable; ++i) stable = std::abs(c[k * ld_ + i]) <= limit;  // NaN is not
+    if (stable) continue;
     failures.push_back({lu_ ? k : perm_[at(k)], perm_[at(k)]});
   }
   return failures;
