@@ -148,7 +148,7 @@ def write(document):
             "1e-6 to 1e-8. Errors of the car axis begin where its steps resolve the springs, and the axial vibrations of the flexible",
             "pendulum spoil the order of its accelerations until its steps resolve them.", "", "![error against step](../images/step_errors.png)", "",
             "## What each method reaches", "", *summary_table(cases), "", "## Beside Exudyn", "",
-            "`bench/dynamics/exudyn_steps.py`, one run, both programs in turn on one thread, least time of two; Exudyn 1.13 with its",
+            "`bench/dynamics/exudyn_steps.py`, `--repeats 1`, both programs in turn on one thread of a busy machine; Exudyn 1.13 with its",
             "defaults but for the spectral radius 0.8 and index 3. q, v, a: of the bodies' centres (of the nodes). On the spatial crank",
             "and the flexible pendulum both have the same errors down to rounding. The heavy top shows what coordinates do: in axes that",
             "turn with the body whatever is slow outside oscillates with its speed of 150 rad/s, in Exudyn's quaternion with half of it.",
