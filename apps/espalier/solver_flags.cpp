@@ -27,6 +27,7 @@ void SolverFlags::add_to(CLI::App& command) {
   add("machine", "KEY=VALUE,...",
       "rates by which devices and plans are chosen, for instance gpu.flops=2e13 (`espalier info` lists them)");
   add("threads", "N", "threads on the host (default: all cores)");
+  add("singular", "WORD", "error (default) | report: a singular matrix gets rank, inertia and a factor");
   add("max-block-size", "B", "widest block column of a front (default: by the size of the front)");
 }
 

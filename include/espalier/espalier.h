@@ -120,6 +120,7 @@ typedef struct espalier_factor_info {
   double determinant_sign; /**< -1, 0 or 1 */
   double determinant_log;  /**< natural logarithm of |det A| */
   int64_t peak_host_bytes;
+  int64_t rank; /**< of the matrix to rounding; -1: not known (option "singular": error or report) */
 } espalier_factor_info;
 
 /** What the solve did. */

@@ -23,6 +23,14 @@ struct Sharing {
   bool shared_top = true;          ///< the top of the tree is dealt to all devices; else the first one does it
 };
 
+/// What a matrix that is singular to the rounding of its entries comes to.
+enum class SingularMatrix {
+  error,  ///< status singular; there is no factor
+  /// Status ok, rank below n, inertia, rows and null vectors, and a factor that solves consistent systems: a zero pivot
+  /// stands as rounding left it, or as a small number.
+  report,
+};
+
 /// What the caller may choose. Every field has a default that suits mechanics.
 struct Options {
   Kind kind = Kind::automatic;            ///< the factorization
@@ -42,8 +50,19 @@ struct Options {
   Index max_block_size = 0;
   double pivot_threshold = 0.01;  ///< u of threshold pivoting: entries of L stay below 1/u
   double perturbation = 0;        ///< relative size of a perturbed pivot; 0: sqrt(eps) of the factor's precision
-  bool matching = true;           ///< maximum product matching and scaling for ldlt and lu
-  int refinement_steps = 10;      ///< most steps of iterative refinement
+  SingularMatrix singular = SingularMatrix::error;
+  /// A bound of pivots as a number: smaller ones of the scaled matrix (entries of about 1) are zeros, all others are
+  /// none, and the matrix is not judged. 0: our verdict. Optimisers that ask for the inertia of nearly singular
+  /// matrices set it to 1e-20 or so.
+  double zero_pivot = 0;
+  /// Whether an analysis looks at values, for matching, scaling and the kind. Without it they may be anything.
+  bool analyze_values = true;
+  /// ldlt, lu: every factorization scales its own values, by the scaling of a matching (without `matching`, by
+  /// equilibration, which is cheaper and weaker), in the order of the analysis. For values that wander over many
+  /// decades. A GPU is then given scaled values.
+  bool rescale = false;
+  bool matching = true;       ///< maximum product matching and scaling for ldlt and lu
+  int refinement_steps = 10;  ///< most steps of iterative refinement
   double required_backward_error =
       1e-10;  ///< a normwise backward error above it ends in accuracy_not_reached; infinity
               ///< with refinement_steps = 0: residuals are not computed, errors are NaN
@@ -106,11 +125,17 @@ struct FactorResult {
   double flops_per_second = 0;  ///< flops of the analysis over seconds
   Inertia inertia;
   Index two_by_two = 0;         ///< 2x2 pivots taken
-  Index perturbed = 0;          ///< pivots that were too small and were replaced
+  Index perturbed = 0;          ///< pivots that were too small and were replaced, or stand for a zero
   Index delayed = 0;            ///< columns whose elimination was moved to a later front by re-analysis
   double determinant_sign = 0;  ///< -1, 0 or 1
   double determinant_log = 0;   ///< natural logarithm of |det A|
-  Offset peak_host_bytes = 0;   ///< most bytes that this solver held on the host
+  Index rank = -1;              ///< n less the singular values that are zero to the rounding of the entries
+  /// Of a singular matrix: n - rank rows (from 0, ascending) that hang on the others, and as many vectors v with A v =
+  /// 0 to rounding, n values each, one after another, the largest 1 in magnitude. Fewer vectors, or none, where more
+  /// than some hundred zeros were met, or a factor gives no finite numbers.
+  std::vector<Index> dependent_rows;
+  std::vector<double> null_vectors;
+  Offset peak_host_bytes = 0;  ///< most bytes that this solver held on the host
   /// Where it was done, and why, in one sentence: other than the analysis said where devices could not be used.
   std::string device;
   std::vector<DeviceReport> devices;

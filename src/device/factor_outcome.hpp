@@ -13,6 +13,7 @@ namespace espalier::device {
 struct PivotRule {
   double threshold = 0.01;  ///< u: a pivot column with an entry of L above 1/u is reported as failed
   double tiny = 0;          ///< a pivot smaller in magnitude is replaced by +-tiny (absolute; matrix scaled to about 1)
+  double suspect = 0;       ///< ldlt, lu: a kept pivot below it (absolute) is reported as small; 0: none is
   /// llt: by position; a positive pivot not above it is kept, but reported as replaced. Empty: none is.
   std::span<const double> smallest = {};
 };
@@ -23,6 +24,9 @@ struct FactorOutcome {
   Index negative = 0;           ///< negative eigenvalues of D (ldlt), replaced pivots left out
   Index two_by_two = 0;         ///< 2x2 pivots
   std::vector<Index> replaced;  ///< positions of pivots that were smaller than tiny, ascending
+  /// Positions of pivots that were kept, but are below PivotRule::suspect, ascending. GPUs do not list them.
+  std::vector<Index> small;
+  Index small_negative = 0;     ///< of them, how many `negative` counts (ldlt)
   std::vector<Index> failed;    ///< positions whose column of L exceeds 1/threshold, ascending
   double determinant_sign = 1;  ///< of the factored (scaled, permuted) matrix
   double determinant_log = 0;   ///< natural logarithm of the magnitude

@@ -34,6 +34,8 @@ device::FactorOutcome together(const std::vector<device::FactorOutcome>& parts) 
     all.negative += o.negative;
     all.two_by_two += o.two_by_two;
     join(all.replaced, o.replaced);
+    join(all.small, o.small);
+    all.small_negative += o.small_negative;
     join(all.failed, o.failed);
     all.determinant_sign *= o.determinant_sign;
     all.determinant_log += o.determinant_log;

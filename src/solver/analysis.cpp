@@ -40,7 +40,7 @@ struct Draft {
 device::PlanWish wish_of(const System& system, const Context& context) {
   device::PlanWish wish;
   wish.kind = system.kind;
-  wish.precision = context.options.precision;
+  wish.precision = context.precision();
   wish.max_block_size = context.options.max_block_size;
   wish.sharing = context.options.sharing;
   wish.threads = context.pool.size();
@@ -109,6 +109,21 @@ Draft prepare(const MatrixView& a, Kind kind, const Context& context) {
   return draft;
 }
 
+// Zeros among the entries belong to the pattern: where the others alone cannot be matched, the pattern is analyzed, as
+// if there were no values. Optimisers fill them in later.
+Draft prepare_pattern_at_worst(const MatrixView& a, Kind kind, const Context& context) {
+  try {
+    return prepare(a, kind, context);
+  } catch (const Error& e) {
+    const bool zeros = std::find(a.values.begin(), a.values.end(), 0.0) != a.values.end();
+    if (e.status().code != StatusCode::singular || !zeros) throw;
+  }
+  context.log("the entries that are not zero cannot be matched: the pattern is analyzed without its values");
+  MatrixView pattern = a;
+  pattern.values = {};
+  return prepare(pattern, kind, context);
+}
+
 analysis::AssemblyTree order(Draft& draft, const Context& context) {
   const double start = base::now_seconds();
   const Equations& e = draft.system.equations;
@@ -155,18 +170,19 @@ Offset Analysis::bytes() const {
 Offset predicted_host_bytes(const Analysis& a, const Context& context) {
   const Offset n = a.n(), entries = a.system->equations.a.nonzeros();
   const Offset value_bytes = context.single() ? sizeof(float) : sizeof(double);
-  const Offset numbers =
-      a.device.backend->executor_bytes(a.plan, a.kind(), context.options.precision, context.pool.size());
+  const Offset numbers = a.device.backend->executor_bytes(a.plan, a.kind(), context.precision(), context.pool.size());
   const Offset vectors = 4 * n * static_cast<Offset>(sizeof(double));  // of llt's smallest pivots, of the refinement
   return a.bytes() + numbers + (entries + n) * value_bytes + vectors;
 }
 
-Analyzed analyze(const MatrixView& a, const Context& context) {
+Analyzed analyze(const MatrixView& given, const Context& context) {
   const double start = base::now_seconds();
-  check_matrix(a, context.pool);
+  check_matrix(given, context.pool);
+  MatrixView a = given;
+  if (!context.options.analyze_values) a.values = {};
   const Kind wish = context.options.kind;
   const Kind chosen = choose_kind(a, wish, context.pool);
-  Draft draft = prepare(a, chosen, context);
+  Draft draft = prepare_pattern_at_worst(a, chosen, context);
   draft.system.kind_may_change = wish == Kind::automatic && chosen == Kind::llt;
   return complete(std::move(draft), start, context);
 }

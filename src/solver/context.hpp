@@ -18,11 +18,14 @@ struct Context {
   base::ThreadPool& pool;
   base::MemoryBudget& budget;
   base::Timeline* timeline = nullptr;
+  bool raised = false;  ///< mixed was asked for, but FP32 does not do: a factor goes on in FP64
 
   void log(const std::string& line) const {
     if (options.log) options.log(line);
   }
-  [[nodiscard]] bool single() const { return options.precision != Precision::fp64; }
+  /// Of factors.
+  [[nodiscard]] Precision precision() const { return raised ? Precision::fp64 : options.precision; }
+  [[nodiscard]] bool single() const { return precision() != Precision::fp64; }
 };
 
 }  // namespace espalier::solver

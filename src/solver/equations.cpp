@@ -268,15 +268,44 @@ void scale_and_match(Equations& e, Kind kind, const Options& options, base::Thre
   note_determinant(e);
 }
 
+namespace {
+
+// Logarithm of the product of all factors, and whether one is far from 1.
+void measure_scales(const std::vector<double>& row, const std::vector<double>& col, double& log, bool& wide) {
+  device::Determinant product;
+  wide = false;
+  for (const auto* scale : {&row, &col})
+    for (const double s : *scale) {
+      product.multiply(s);
+      wide = wide || s > 0x1p300 || s < 0x1p-300;
+    }
+  log = product.log();
+}
+
+}  // namespace
+
 void note_determinant(Equations& e) {
-  device::Determinant scales;
-  for (const double s : e.row_scale) scales.multiply(s);
-  for (const double s : e.col_scale) scales.multiply(s);
-  e.transform_log = scales.log();
+  measure_scales(e.row_scale, e.col_scale, e.transform_log, e.wide);
   e.transform_sign = permutation_sign(e.row_of_col);
-  const auto far = [](double s) { return s > 0x1p300 || s < 0x1p-300; };
-  e.wide = std::any_of(e.row_scale.begin(), e.row_scale.end(), far) ||
-           std::any_of(e.col_scale.begin(), e.col_scale.end(), far);
+}
+
+Scales scales_for(const Equations& e, std::span<const double> values, bool matching, base::ThreadPool& pool) {
+  MatrixView a = e.a;
+  a.values = values;
+  Scales scales;
+  if (matching && a.symmetric()) {
+    scales.row = scales.col = analysis::symmetric_matching(a, pool).scale;
+  } else if (matching) {
+    analysis::Matching m = analysis::maximum_product_matching(a, pool);
+    scales.row = std::move(m.row_scale);
+    scales.col = std::move(m.col_scale);
+  } else {
+    analysis::Scaling s = analysis::equilibrate(a);
+    scales.row = std::move(s.row);
+    scales.col = std::move(s.col);
+  }
+  measure_scales(scales.row, scales.col, scales.log, scales.wide);
+  return scales;
 }
 
 [[noreturn]] void refuse_entry(const Equations& e, std::span<const double> values) {
@@ -312,7 +341,8 @@ bool fits(double largest) {
 }  // namespace
 
 template <class T>
-double scale_values(const Equations& e, std::span<const double> values, T* scaled, base::ThreadPool& pool) {
+double scale_values(const Equations& e, const Scales& scales, std::span<const double> values, T* scaled,
+                    base::ThreadPool& pool) {
   constexpr std::int64_t kColumnsPerPiece = 4096;
   std::atomic<double> largest{0};
   std::atomic<bool> finite{true};
@@ -320,11 +350,11 @@ double scale_values(const Equations& e, std::span<const double> values, T* scale
     double most = 0;
     bool fine = true;
     for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c) {
-      const double s = e.col_scale.empty() ? 1.0 : e.col_scale[c];
+      const double s = scales.col.empty() ? 1.0 : scales.col[c];
       for (Offset q = e.a.col_ptr[c]; q < e.a.col_ptr[c + 1]; ++q) {
         const auto at = static_cast<std::size_t>(q);
-        const double r = e.row_scale.empty() ? 1.0 : e.row_scale[static_cast<std::size_t>(e.a.row_ind[at])];
-        scaled[at] = static_cast<T>(e.wide ? wide_product(values[at], s, r) : values[at] * s * r);
+        const double r = scales.row.empty() ? 1.0 : scales.row[static_cast<std::size_t>(e.a.row_ind[at])];
+        scaled[at] = static_cast<T>(scales.wide ? wide_product(values[at], s, r) : values[at] * s * r);
         const auto magnitude = std::abs(static_cast<double>(scaled[at]));
         most = std::max(most, magnitude);
         fine = fine && magnitude <= std::numeric_limits<double>::max();
@@ -339,8 +369,8 @@ double scale_values(const Equations& e, std::span<const double> values, T* scale
   return largest;
 }
 
-template double scale_values(const Equations&, std::span<const double>, double*, base::ThreadPool&);
-template double scale_values(const Equations&, std::span<const double>, float*, base::ThreadPool&);
+template double scale_values(const Equations&, const Scales&, std::span<const double>, double*, base::ThreadPool&);
+template double scale_values(const Equations&, const Scales&, std::span<const double>, float*, base::ThreadPool&);
 
 std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> order, base::ThreadPool& pool) {
   constexpr std::int64_t kColumns = 4096;  // per piece of work

@@ -2,7 +2,6 @@
 /// The linear system as the solver keeps it: a copy of the matrix, its scaling and matching.
 #pragma once
 
-#include <limits>
 #include <span>
 #include <string>
 #include <vector>
@@ -91,18 +90,25 @@ void note_determinant(Equations& e);
 /// Throws Error(invalid_input) naming an entry that is not finite, or saying that scaling made one so.
 [[noreturn]] void refuse_entry(const Equations& e, std::span<const double> values);
 
+/// The scaling of a factorization: that of the equations, or its own.
+struct Scales {
+  std::vector<double> row, col;  ///< n each; empty: 1
+  double log = 0;                ///< Equations::transform_log
+  bool wide = false;             ///< Equations::wide
+};
+/// What `values` of e.a need (Options::rescale): the scaling of a maximum product matching, or equilibration.
+Scales scales_for(const Equations& e, std::span<const double> values, bool matching, base::ThreadPool& pool);
+
 /// scaled[q] = r_i a_ij c_j for the entries of e.a in their order; `values` are the a_ij. @returns the largest
 /// magnitude
 /// @throws Error(invalid_input) naming an entry that is not finite, or saying that the values have gone too far from
 ///         the analyzed ones for their scaling
 template <class T>
-double scale_values(const Equations& e, std::span<const double> values, T* scaled, base::ThreadPool& pool);
+double scale_values(const Equations& e, const Scales& scales, std::span<const double> values, T* scaled,
+                    base::ThreadPool& pool);
 
 /// By position of the elimination: where the diagonal entry stands among the values of `a`. Empty when one is missing.
 std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> order, base::ThreadPool& pool);
-
-/// A Cholesky pivot that kept no more of its diagonal entry carries no digit: the error of one subtraction is eps / 2.
-inline constexpr double kRoundingOfPivot = 8 * std::numeric_limits<double>::epsilon();
 
 /// "row 17 (counted from 0)", "rows 3, 8, 9 and 14 more (counted from 0)": rows of the caller's matrix, ascending.
 std::string name_rows(std::vector<Index> rows);

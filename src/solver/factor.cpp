@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -11,6 +12,17 @@
 #include "solver/pivot_policy.hpp"
 
 namespace espalier::solver {
+
+namespace {
+
+// llt reports its suspicious pivots as replaced, and has replaced none.
+device::FactorOutcome with_suspects(device::FactorOutcome llt) {
+  llt.small = std::move(llt.replaced);
+  llt.replaced.clear();
+  return llt;
+}
+
+}  // namespace
 
 Factor::Factor(SharedAnalysis analysis, Values values, const Context& context)
     : context_(context), analysis_(std::move(analysis)), values_(*analysis_->system, std::move(values), context.pool) {}
@@ -48,11 +60,12 @@ void Factor::factorize_device(const double* values, Offset count, void* queue) {
     device->fetch(copy.data(), values, count);
     return factorize(copy);
   }
-  set_smallest_pivot(0);
+  set_smallest_pivot();
   const std::optional<device::FactorOutcome> outcome = numeric_->factorize_device(values);
   values_.note_on_device();
-  if (outcome && outcome->not_positive < 0 && outcome->replaced.empty() && outcome->failed.empty())
-    return finish(*outcome, start);
+  const bool llt = analysis_->kind() == Kind::llt;
+  if (outcome && outcome->not_positive < 0 && (llt || outcome->replaced.empty()) && outcome->failed.empty())
+    return finish(llt ? with_suspects(*outcome) : *outcome, start);
   values_.fetch(device);
   finish(settle_pivots(), start);
 }
@@ -60,18 +73,25 @@ void Factor::factorize_device(const double* values, Offset count, void* queue) {
 void Factor::begin() {
   factorized_ = false;
   result_ = FactorResult{};
+  deficiency_.reset();
+  looked_ = false;
   if (context_.timeline != nullptr) context_.timeline->clear();
   if (!numeric_) make_numeric();
 }
 
 void Factor::finish(device::FactorOutcome outcome, double start) {
+  if (needs_fp64(outcome)) {
+    raise_precision();
+    again(outcome);
+    outcome = settle_pivots(std::move(outcome));
+  }
   if (turns_to_ldlt(analysis_->kind(), analysis_->system->kind_may_change, outcome)) {
     turn_to_ldlt();
     make_numeric();
     values_.send(numeric_->device_equations());
     outcome = settle_pivots();
   }
-  result_ = report_factor(*analysis_, *numeric_, outcome, context_.options, context_.budget.peak());
+  result_ = report_factor(*analysis_, *numeric_, outcome, judge(outcome), context_.options, context_.budget.peak());
   result_.seconds = base::now_seconds() - start;
   result_.flops_per_second = analysis_->plan.flops / result_.seconds;
   factorized_ = result_.status.ok();
@@ -124,25 +144,31 @@ void Factor::change_plan(analysis::AssemblyTree tree, Changes changes) {
 void Factor::again(device::FactorOutcome& outcome) {
   make_numeric();
   values_.send(numeric_->device_equations());
+  deficiency_.reset();
   outcome = numeric_->factorize();
 }
 
-// 0: the caller's, or what rounding makes of a zero.
-void Factor::set_smallest_pivot(double smallest_pivot) {
+// The caller's, or what rounding makes of a zero.
+void Factor::set_smallest_pivot() {
   const double epsilon = context_.single() ? base::ScalarTraits<float>::epsilon : base::ScalarTraits<double>::epsilon;
   const double given = context_.options.perturbation;
-  smallest_pivot_ = smallest_pivot > 0 ? smallest_pivot : given > 0 ? given : zero_pivot(analysis_->n(), epsilon);
-  numeric_->set_smallest_pivot(smallest_pivot_);
+  smallest_pivot_ = given > 0 ? given : zero_pivot(analysis_->n(), epsilon);
+  if (numeric_) numeric_->set_smallest_pivot(smallest_pivot_);
 }
 
 device::FactorOutcome Factor::settle_pivots() {
-  set_smallest_pivot(0);
-  device::FactorOutcome outcome = numeric_->factorize();
-  if (analysis_->kind() == Kind::llt) return outcome;
-  PivotPolicy policy(narrow_tiles(), context_.options.perturbation > 0);
+  deficiency_.reset();
+  set_smallest_pivot();
+  return settle_pivots(numeric_->factorize());
+}
+
+device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
+  if (analysis_->kind() == Kind::llt) return with_suspects(std::move(outcome));
+  PivotPolicy policy(narrow_tiles());
+  if (zeros_explain(outcome)) return outcome;
   for (;;) {
     const std::vector<Index> movable = pivots_to_move(analysis_->plan, outcome);
-    switch (policy.next(outcome, !movable.empty(), [&] { return factor_solves(); })) {
+    switch (policy.next(!movable.empty(), [&] { return factor_solves(); })) {
       case PivotPolicy::Step::stop:
         return outcome;
       case PivotPolicy::Step::move:
@@ -153,12 +179,79 @@ device::FactorOutcome Factor::settle_pivots() {
         choose_pivots_freely();
         again(outcome);
         break;
-      case PivotPolicy::Step::raise_zero:
-        set_smallest_pivot(PivotPolicy::kSingularFactor * smallest_pivot_);
-        outcome = numeric_->factorize();
-        break;
     }
   }
+}
+
+// Looked at once for each factor, where its pivots give cause. The caller's own bound of pivots is a verdict by itself.
+const Deficiency& Factor::judge(const device::FactorOutcome& outcome) {
+  if (deficiency_) return *deficiency_;
+  deficiency_.emplace();
+  // Who asks for no residual (Newton's methods) pays for no look at small pivots either, unless for a report.
+  const Options& o = context_.options;
+  const bool looks =
+      o.singular == SingularMatrix::report || o.refinement_steps > 0 || std::isfinite(o.required_backward_error);
+  const auto suspects = static_cast<Index>(outcome.replaced.size() + outcome.small.size());
+  if (suspects == 0 || (!looks && outcome.replaced.empty()) || outcome.not_positive >= 0 || pivots_are_given())
+    return *deficiency_;
+  return *(deficiency_ = deficiency(!outcome.replaced.empty(), suspects));
+}
+
+Deficiency Factor::deficiency(bool replaced, Index suspects) {
+  looked_ = true;
+  values_.fetch(numeric_->device_equations());
+  return find_deficiency({analysis_->system->equations, values_.values(), values_.residual(), *numeric_,
+                          analysis_->kind(), context_.single(), replaced, suspects});
+}
+
+Status Factor::second_look(const double* b, const double* x, bool transpose) {
+  // A random right-hand side of a singular matrix grows by 1e15 / sqrt(n), in FP32 by 1e7 / sqrt(n) at first.
+  const double far = context_.single() ? 1e5 : 1e11;
+  if (looked_ || pivots_are_given()) return {};
+  const bool llt = analysis_->kind() == Kind::llt;
+  if (llt && numeric_->device_equations() != nullptr) return {};  // a GPU has looked at all pivots of llt
+  const Scales& s = numeric_->scales();
+  const Index n = analysis_->n();
+  const auto& of_b = transpose ? s.col : s.row;
+  const auto& of_x = transpose ? s.row : s.col;
+  double given = 0, found = 0;
+  for (Index i = 0; i < n; ++i) {
+    given = std::max(given, std::abs(of_b.empty() ? b[i] : b[i] * of_b[static_cast<std::size_t>(i)]));
+    found = std::max(found, std::abs(of_x.empty() ? x[i] : x[i] / of_x[static_cast<std::size_t>(i)]));
+  }
+  if (of_x.empty()) found *= values_.residual().norm(transpose);
+  if (!(found > far * given) || !std::isfinite(found)) return {};
+  Deficiency d = deficiency(false, 0);
+  if (d.zeros == 0) return {};
+  result_.rank = n - d.zeros;
+  result_.dependent_rows = d.rows;
+  result_.null_vectors = std::move(d.null_vectors);
+  if (context_.options.singular == SingularMatrix::report) return {};
+  return singular(d.rows, d.zeros, n);
+}
+
+// A singular matrix leaves pivots for which no other front has better partners.
+bool Factor::zeros_explain(const device::FactorOutcome& outcome) {
+  if (outcome.replaced.empty() || pivots_are_given()) return false;
+  // With a replaced pivot of lu, its row failed as well. Other failures spoil the factor that is to be asked.
+  const std::size_t with_it = analysis_->kind() == Kind::lu ? outcome.replaced.size() : 0;
+  if (outcome.failed.size() > with_it) return false;
+  return judge(outcome).zeros >= static_cast<Index>(outcome.replaced.size());
+}
+
+// FP32 cannot tell a matrix of this condition from a singular one, nor would refinement converge.
+bool Factor::needs_fp64(const device::FactorOutcome& outcome) {
+  constexpr double kLeastForFp32 = 1e-6;
+  if (!context_.single() || context_.options.precision != Precision::mixed) return false;
+  return outcome.not_positive >= 0 || !outcome.replaced.empty() || judge(outcome).smallest < kLeastForFp32;
+}
+
+void Factor::raise_precision() {
+  context_.log("mixed precision: FP32 does not tell this matrix from a singular one; going on in FP64");
+  context_.raised = true;
+  change_plan(analysis::AssemblyTree(analysis_->plan.tree),
+              {analysis_->device, analysis_->moved_pivots, analysis_->free_pivots});
+  set_smallest_pivot();
 }
 
 bool Factor::narrow_tiles() const {
@@ -204,10 +297,11 @@ bool Factor::search_pays() const {
 std::vector<analysis::PivotMove> Factor::place_pivots() {
   if (!search_pays()) return {};
   const Equations& e = analysis_->system->equations;
+  const Scales scales = numeric_->scales();
   numeric_.reset();  // its memory is not needed any more
   try {
     base::Buffer<double> scaled(e.a.nonzeros(), &context_.budget);
-    const double largest = scale_values(e, values_.values(), scaled.data(), context_.pool);
+    const double largest = scale_values(e, scales, values_.values(), scaled.data(), context_.pool);
     const device::PivotRule rule{context_.options.pivot_threshold, smallest_pivot_ * largest};
     return context_.registry.host().place_pivots(
         {analysis_->plan, analysis_->kind(), rule, scaled.span(), context_.pool, &context_.budget});

@@ -9,6 +9,7 @@
 #include "solve/residual.hpp"
 #include "solver/analysis.hpp"
 #include "solver/context.hpp"
+#include "solver/deficiency.hpp"
 #include "solver/numeric.hpp"
 
 namespace espalier::solver {
@@ -64,6 +65,9 @@ class Factor {
 
   /// @pre factorized(), for all below
   [[nodiscard]] Numeric& numeric() { return *numeric_; }
+  /// Singularity that no pivot has shown: a solution that is far larger than its right-hand side (n values each, on the
+  /// host) has the matrix judged, once for each factorization.
+  Status second_look(const double* b, const double* x, bool transpose);
   /// The equations in the host's memory.
   [[nodiscard]] const solve::ResidualOperator& residual();
 
@@ -73,30 +77,44 @@ class Factor {
   void charge_analysis();
   void again(device::FactorOutcome& outcome);
   void change_plan(analysis::AssemblyTree tree, Changes changes);
-  void set_smallest_pivot(double smallest_pivot);
+  void set_smallest_pivot();
   device::FactorOutcome settle_pivots();
+  device::FactorOutcome settle_pivots(device::FactorOutcome outcome);
   void move_pivots(const std::vector<Index>& failing);
   [[nodiscard]] bool search_pays() const;
   [[nodiscard]] std::vector<analysis::PivotMove> place_pivots();
   void choose_pivots_freely();
   void turn_to_ldlt();
   [[nodiscard]] bool factor_solves() const;
+  const Deficiency& judge(const device::FactorOutcome& outcome);
+  [[nodiscard]] Deficiency deficiency(bool replaced, Index suspects);
+  [[nodiscard]] bool pivots_are_given() const {
+    return context_.options.perturbation > 0 || context_.options.zero_pivot > 0;
+  }
+  [[nodiscard]] bool zeros_explain(const device::FactorOutcome& outcome);
+  [[nodiscard]] bool needs_fp64(const device::FactorOutcome& outcome);
+  void raise_precision();
   [[nodiscard]] bool narrow_tiles() const;
   void finish(device::FactorOutcome outcome, double start);
 
-  const Context& context_;
+  Context context_;  ///< a copy: this factor may be raised to FP64
   SharedAnalysis analysis_;
   int changes_ = 0;
   FactorValues values_;
-  Offset charged_ = 0;                // of the analysis and the values, in the budget
-  std::unique_ptr<Numeric> numeric_;  // made by the first factorization; of analysis_ and values_
-  double smallest_pivot_ = 0;         // relative; a smaller pivot counts as zero
+  Offset charged_ = 0;                    // of the analysis and the values, in the budget
+  std::unique_ptr<Numeric> numeric_;      // made by the first factorization; of analysis_ and values_
+  double smallest_pivot_ = 0;             // relative; a smaller pivot counts as zero
+  std::optional<Deficiency> deficiency_;  // of the last numeric factorization; empty: not judged
+  bool looked_ = false;                   // at the matrix itself, whatever the pivots say
   FactorResult result_;
   bool factorized_ = false;
 };
 
+/// The status of a matrix whose rank is n - zeros. @param rows  that hang on the others
+Status singular(const std::vector<Index>& rows, Index zeros, Index n);
+
 /// What `numeric` came to, as the caller reads it. @param held_bytes  by the solver, on the host
 FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, const device::FactorOutcome& outcome,
-                           const Options& options, Offset held_bytes);
+                           Deficiency deficiency, const Options& options, Offset held_bytes);
 
 }  // namespace espalier::solver

@@ -54,21 +54,40 @@ Status not_positive(Index row) {
           row};
 }
 
-Status singular(const std::vector<Index>& rows, Index n) {
-  return {StatusCode::singular,
-          fmt::format("the matrix is numerically singular: {} of {} pivots vanish, at {}; remove or fix dependent rows",
-                      rows.size(), n, name_rows(rows)),
-          rows.front()};
+// Pivots count by their signs (Sylvester), those that stand for a zero do not. Where these are not known one by one,
+// what is left of the matrix for all small ones has the inertia of B on the directions of its smallest eigenvalues
+// (Haynsworth 1968).
+Index negative_eigenvalues(const device::FactorOutcome& outcome, const Deficiency& deficiency) {
+  const auto replaced = static_cast<Index>(outcome.replaced.size()), small = static_cast<Index>(outcome.small.size());
+  if (deficiency.zeros == replaced) return outcome.negative;
+  const Index others = outcome.negative - outcome.small_negative;
+  return deficiency.zeros >= replaced + small ? others : others + deficiency.negative;
+}
+
+std::vector<Index> vanishing(const device::FactorOutcome& outcome, bool with_small) {
+  std::vector<Index> positions(outcome.replaced);
+  if (!with_small) return positions;
+  positions.insert(positions.end(), outcome.small.begin(), outcome.small.end());
+  return positions;
 }
 
 }  // namespace
 
+Status singular(const std::vector<Index>& rows, Index zeros, Index n) {
+  return {
+      StatusCode::singular,
+      fmt::format("the matrix is numerically singular: its rank is {} of {}; {} {} on the other rows: remove or fix "
+                  "{}, or ask for a report (singular=report)",
+                  n - zeros, n, name_rows(rows), rows.size() == 1 ? "hangs" : "hang", rows.size() == 1 ? "it" : "them"),
+      rows.empty() ? -1 : rows.front()};
+}
+
 FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, const device::FactorOutcome& outcome,
-                           const Options& options, Offset held_bytes) {
+                           Deficiency deficiency, const Options& options, Offset held_bytes) {
   FactorResult r;
   const Index n = analysis.n();
   r.two_by_two = outcome.two_by_two;
-  r.perturbed = static_cast<Index>(outcome.replaced.size());
+  r.perturbed = std::max(static_cast<Index>(outcome.replaced.size()), deficiency.zeros);
   r.delayed = analysis.moved_pivots;
   r.peak_host_bytes = held_bytes;
   r.device = analysis.result.device;
@@ -79,14 +98,23 @@ FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, con
   }
   const Equations& e = analysis.system->equations;
   r.determinant_sign = outcome.determinant_sign * e.transform_sign;
-  r.determinant_log = outcome.determinant_log - e.transform_log;
-  if (analysis.kind() == Kind::llt) r.inertia = {n - r.perturbed, 0, r.perturbed};
-  if (analysis.kind() == Kind::ldlt) r.inertia = {n - outcome.negative - r.perturbed, outcome.negative, r.perturbed};
-  if (r.perturbed > 0 && options.perturbation <= 0) {
-    r.determinant_sign = 0;
-    r.determinant_log = -std::numeric_limits<double>::infinity();
-    r.status = singular(rows_of(analysis, outcome.replaced), n);
+  r.determinant_log = outcome.determinant_log - numeric.scales().log;
+  const bool bounded = options.perturbation > 0;  // the caller's bound says which pivots count as zero
+  const bool given = bounded || options.zero_pivot > 0;
+  const Index zeros = given ? static_cast<Index>(outcome.replaced.size()) : deficiency.zeros;
+  r.rank = n - zeros;
+  if (analysis.kind() == Kind::llt) r.inertia = {n - zeros, 0, zeros};
+  if (analysis.kind() == Kind::ldlt) {
+    const Index negative = given ? outcome.negative : negative_eigenvalues(outcome, deficiency);
+    r.inertia = {n - negative - zeros, negative, zeros};
   }
+  if (zeros == 0 || bounded) return r;
+  r.determinant_sign = 0;
+  r.determinant_log = -std::numeric_limits<double>::infinity();
+  r.dependent_rows =
+      deficiency.complete && !given ? std::move(deficiency.rows) : rows_of(analysis, vanishing(outcome, !given));
+  r.null_vectors = std::move(deficiency.null_vectors);
+  if (options.singular == SingularMatrix::error) r.status = singular(r.dependent_rows, zeros, n);
   return r;
 }
 

@@ -6,6 +6,7 @@
 
 #include "base/scalar.hpp"
 #include "solver/executor_choice.hpp"
+#include "solver/pivot_policy.hpp"
 
 namespace espalier::solver {
 
@@ -19,14 +20,17 @@ class NumericOf final : public Numeric {
   NumericOf(const Analysis& analysis, std::span<const double> values, const Context& context)
       : plan_(analysis.plan),
         equations_(analysis.system->equations),
+        scales_{equations_.row_scale, equations_.col_scale, equations_.transform_log, equations_.wide},
+        rescale_(context.options.rescale && analysis.kind() != Kind::llt),
+        matching_(context.options.matching),
+        given_zero_(context.options.zero_pivot),
         given_(values),
         pool_(context.pool),
         budget_(context.budget),
         rule_{context.options.pivot_threshold, 0},
         executor_(make_executor<T>(analysis, rule_, context)) {
-    // A Cholesky pivot is judged by its diagonal entry where no digit of that was lost.
-    if (analysis.kind() == Kind::llt && base::keeps_fp64<T>)
-      diagonal_ = diagonal_places(equations_.a, plan_.tree.order, pool_);
+    // A Cholesky pivot is judged by its diagonal entry.
+    if (analysis.kind() == Kind::llt) diagonal_ = diagonal_places(equations_.a, plan_.tree.order, pool_);
     take_device_equations(analysis, context);
     if (device_ != nullptr) {
       diagonal_ = {};
@@ -41,10 +45,12 @@ class NumericOf final : public Numeric {
       if (auto outcome = device_->factorize(smallest_pivot_)) return *outcome;
       refuse_entry(equations_, given_);
     }
-    const double largest = scale_values(equations_, given_, values_.data(), pool_);
-    rule_.tiny = smallest_pivot_ * largest;
+    if (rescale_) scales_ = scales_for(equations_, given_, matching_, pool_);
+    const double largest = scale_values(equations_, scales_, given_, values_.data(), pool_);
+    rule_.tiny = given_zero_ > 0 ? given_zero_ : smallest_pivot_ * largest;
+    rule_.suspect = suspect_pivot(base::ScalarTraits<T>::epsilon) * largest;
     for (std::size_t k = 0; k < smallest_.size(); ++k)
-      smallest_[k] = kRoundingOfPivot * values_[diagonal_[static_cast<std::size_t>(k)]];
+      smallest_[k] = suspect_pivot(base::ScalarTraits<T>::epsilon) * values_[diagonal_[static_cast<std::size_t>(k)]];
     rule_.smallest = smallest_;
     executor_->set_pivot_rule(rule_);
     return executor_->factorize(values_.span());
@@ -75,6 +81,7 @@ class NumericOf final : public Numeric {
     }
   }
 
+  [[nodiscard]] const Scales& scales() const override { return scales_; }
   [[nodiscard]] std::string device_name() const override { return executor_->name(); }
   [[nodiscard]] Offset device_peak_bytes() const override { return executor_->peak_bytes(); }
   [[nodiscard]] device::StreamReport streaming() const override { return executor_->streaming(); }
@@ -83,7 +90,7 @@ class NumericOf final : public Numeric {
  private:
   // Devices that can keep the equations beside the factor do when memory allows; else refinement works on the host.
   void take_device_equations(const Analysis& analysis, const Context& context) {
-    if (equations_.wide) return;  // devices scale by plain products
+    if (scales_.wide || rescale_) return;  // devices scale by plain products, always the same
     Offset left = 0;
     if (const Offset budget = budgets_of(analysis.device, context.options).front(); budget > 0)
       left = std::max<Offset>(1, budget - executor_->peak_bytes());
@@ -106,7 +113,7 @@ class NumericOf final : public Numeric {
     arrays.row_scale = equations_.row_scale;
     arrays.col_scale = equations_.col_scale;
     arrays.diagonal = diagonal_;
-    arrays.rounding = kRoundingOfPivot;
+    arrays.rounding = suspect_pivot(base::ScalarTraits<T>::epsilon);
     arrays.values = given_;
     arrays.copy = [&pool = pool_](double* to, const double* from, Offset count) {
       constexpr std::int64_t kPiece = 1 << 16;  // doubles
@@ -144,8 +151,8 @@ class NumericOf final : public Numeric {
       double most = 0;
       for (Index k = 0; k < n; ++k) {
         const Index i = transpose ? k : equations_.row_of(k);
-        const double v = std::abs(factor_of(transpose ? equations_.col_scale : equations_.row_scale, i) *
-                                  b[static_cast<Offset>(c) * n + i]);
+        const double v =
+            std::abs(factor_of(transpose ? scales_.col : scales_.row, i) * b[static_cast<Offset>(c) * n + i]);
         if (v > most) most = v;
       }
       if (most > 0 && std::isfinite(most) && (most > kFar || most < 1 / kFar))
@@ -167,7 +174,7 @@ class NumericOf final : public Numeric {
       for (auto k = begin; k < end; ++k) {
         const Index col = plan_.tree.order[static_cast<std::size_t>(k)];
         const Index i = transpose ? col : equations_.row_of(col);
-        const double s = factor_of(transpose ? equations_.col_scale : equations_.row_scale, i);
+        const double s = factor_of(transpose ? scales_.col : scales_.row, i);
         T* row = rhs_.data() + k * width;
         for (Index c = 0; c < columns; ++c) row[c] = in_unit(s * b[static_cast<Offset>(c) * n + i], c);
         std::fill(row + columns, row + width, T(0));
@@ -181,7 +188,7 @@ class NumericOf final : public Numeric {
       for (auto k = begin; k < end; ++k) {
         const Index col = plan_.tree.order[static_cast<std::size_t>(k)];
         const Index i = transpose ? equations_.row_of(col) : col;
-        const double s = factor_of(transpose ? equations_.row_scale : equations_.col_scale, i);
+        const double s = factor_of(transpose ? scales_.row : scales_.col, i);
         const T* row = rhs_.data() + k * width;
         for (Index c = 0; c < columns; ++c) x[static_cast<Offset>(c) * n + i] = s * from_unit(row[c], c);
       }
@@ -193,6 +200,9 @@ class NumericOf final : public Numeric {
 
   const plan::Plan& plan_;
   const Equations& equations_;
+  Scales scales_;
+  bool rescale_, matching_;
+  double given_zero_;              // Options::zero_pivot
   std::span<const double> given_;  // the solver's values
   base::ThreadPool& pool_;
   base::MemoryBudget& budget_;
@@ -200,8 +210,8 @@ class NumericOf final : public Numeric {
   base::Buffer<T> values_;     // scaled; only without device_
   base::Buffer<T> rhs_;
   std::vector<double> unit_;      // FP32: of the right-hand sides in work
-  std::vector<Offset> diagonal_;  // llt in FP64, without device_: n, by position
-  std::vector<double> smallest_;  // likewise: a pivot below counts as zero
+  std::vector<Offset> diagonal_;  // llt, without device_: n, by position
+  std::vector<double> smallest_;  // likewise: a pivot below is suspicious
   device::PivotRule rule_;
   std::unique_ptr<device::Executor<T>> executor_;
   std::unique_ptr<device::DeviceEquations> device_;

@@ -26,6 +26,8 @@ class Numeric {
   virtual void set_smallest_pivot(double smallest_pivot) = 0;
   /// Solves op(A) x = b for `columns` right-hand sides, column-major, n values each; x may alias b.
   virtual void solve(const double* b, double* x, Index columns, bool transpose) = 0;
+  /// Of the last factorization.
+  [[nodiscard]] virtual const Scales& scales() const = 0;
   [[nodiscard]] virtual std::string device_name() const = 0;
   /// Most bytes of factor and work arrays that the device held.
   [[nodiscard]] virtual Offset device_peak_bytes() const = 0;

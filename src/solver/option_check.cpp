@@ -40,6 +40,9 @@ void check_options(const Options& o) {
   require<double>("max_block_size", o.max_block_size, 0, INFINITY, "0 (our choice) or greater");
   require("pivot_threshold", o.pivot_threshold, 0.0, 1.0, "from 0 to 1");
   require("perturbation", o.perturbation, 0.0, 1.0, "from 0 (our choice) to 1");
+  require("singular", static_cast<int>(o.singular), 0, static_cast<int>(SingularMatrix::report),
+          "one of the enumeration");
+  require("zero_pivot", o.zero_pivot, 0.0, 1.0, "from 0 (our verdict) to 1");
   require<double>("refinement_steps", o.refinement_steps, 0, INFINITY, "0 or greater");
   require<double>("required_backward_error", o.required_backward_error, 0, INFINITY, "0 or greater");
   require("sharing.additional_subtrees", o.sharing.additional_subtrees, 0.0, 1e6, "from 0 to 1e6");

@@ -94,7 +94,10 @@ void set_machine(Options& options, std::string_view, std::string_view value) {
   options.machine = value;
 }
 
-constexpr std::array<Entry, 15> kEntries{{
+constexpr std::array<std::pair<std::string_view, SingularMatrix>, 2> kSingular{
+    {{"error", SingularMatrix::error}, {"report", SingularMatrix::report}}};
+
+constexpr std::array<Entry, 19> kEntries{{
     {"kind", [](Options& o, std::string_view k, std::string_view v) { o.kind = parse_name(k, v, kKinds); }},
     {"precision",
      [](Options& o, std::string_view k, std::string_view v) { o.precision = parse_name(k, v, kPrecisions); }},
@@ -121,6 +124,14 @@ constexpr std::array<Entry, 15> kEntries{{
      [](Options& o, std::string_view k, std::string_view v) {
        o.perturbation = parse_number<double>(k, v, 0, 1, "a number from 0 (our choice) to 1");
      }},
+    {"singular", [](Options& o, std::string_view k, std::string_view v) { o.singular = parse_name(k, v, kSingular); }},
+    {"zero_pivot",
+     [](Options& o, std::string_view k, std::string_view v) {
+       o.zero_pivot = parse_number<double>(k, v, 0, 1, "a number from 0 (our verdict) to 1");
+     }},
+    {"analyze_values",
+     [](Options& o, std::string_view k, std::string_view v) { o.analyze_values = parse_switch(k, v); }},
+    {"rescale", [](Options& o, std::string_view k, std::string_view v) { o.rescale = parse_switch(k, v); }},
     {"matching", [](Options& o, std::string_view k, std::string_view v) { o.matching = parse_switch(k, v); }},
     {"refinement_steps",
      [](Options& o, std::string_view k, std::string_view v) {

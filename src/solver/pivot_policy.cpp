@@ -30,7 +30,7 @@ std::vector<Index> pivots_to_move(const plan::Plan& plan, const device::FactorOu
 }
 
 bool turns_to_ldlt(Kind kind, bool kind_may_change, const device::FactorOutcome& outcome) {
-  return kind == Kind::llt && kind_may_change && (outcome.not_positive >= 0 || !outcome.replaced.empty());
+  return kind == Kind::llt && kind_may_change && outcome.not_positive >= 0;
 }
 
 bool is_narrow(Index widest_tile) {
@@ -40,22 +40,18 @@ bool is_narrow(Index widest_tile) {
 
 double zero_pivot(Index n, double epsilon) { return 4 * epsilon * std::sqrt(static_cast<double>(n)); }
 
-auto PivotPolicy::next(const device::FactorOutcome& outcome, bool movable, const std::function<bool()>& factor_solves)
-    -> Step {
-  const int most = narrow_ && !raised_ ? kMovesInNarrowTiles : kMostMoves;
+auto PivotPolicy::next(bool movable, const std::function<bool()>& factor_solves) -> Step {
+  const int most = narrow_ ? kMovesInNarrowTiles : kMostMoves;
   if (movable && round_ < most) {
     ++round_;
     return Step::move;
   }
-  if (raised_) return Step::stop;
   if (narrow_ && round_ == kMovesInNarrowTiles && !factor_solves()) {
     narrow_ = false;
     round_ = 0;
     return Step::widen;
   }
-  if (outcome.replaced.empty() || zero_given_) return Step::stop;
-  raised_ = true;
-  return Step::raise_zero;
+  return Step::stop;
 }
 
 }  // namespace espalier::solver

@@ -22,39 +22,38 @@ bool turns_to_ldlt(Kind kind, bool kind_may_change, const device::FactorOutcome&
 /// host's own (plan/front_layout.cpp).
 bool is_narrow(Index widest_tile);
 
-/// A pivot below this, relative to the largest scaled entry, carries no digit: it is rounding error of a zero.
+/// A pivot below this, relative to the largest scaled entry, carries no digit and is replaced. Whether it stands for a
+/// zero is another question: solver/deficiency.hpp.
 double zero_pivot(Index n, double epsilon);
+
+/// A pivot below this (llt: relative to its diagonal entry, else to the largest scaled entry) makes a matrix
+/// suspicious. The pivot of a zero was seen at 14,000 eps (free bodies in tiles of 32); where a null vector fades
+/// towards the last unknown, several share what is missing. FP64: 2e-6; FP32 has no room for more than 1e4 eps.
+inline double suspect_pivot(double epsilon) { return (epsilon > 1e-10 ? 1e4 : 1e10) * epsilon; }
 
 /// Steps from one factorization of ldlt or lu to the next, until it is as good as it gets.
 class PivotPolicy {
  public:
   enum class Step {
-    stop,        ///< the outcome stands
-    move,        ///< the movable pivots go to later fronts
-    widen,       ///< the host goes on with its own widths of tiles
-    raise_zero,  ///< the matrix is singular: more pivots count as zero, see kSingularFactor
+    stop,   ///< the outcome stands
+    move,   ///< the movable pivots go to later fronts
+    widen,  ///< the host goes on with its own widths of tiles
   };
 
   /// Most rounds of moving failed pivots to later fronts: each lifts the lowest failures by one front. After fewer,
   /// tiles in which a pivot has more partners to choose from are better, where there are any.
   static constexpr int kMostMoves = 40;
   static constexpr int kMovesInNarrowTiles = 16;
-  /// Once a zero pivot has shown that the matrix is singular, the pivots of its other zero eigenvalues may stand above
-  /// the rounding error of one: measured on free bodies, whose six vanish within a factor of 50 of each other, but
-  /// within 14,000 (the next pivot 20,000 further up) where tiles of 32 leave less choice of pivots, as on a GPU.
-  static constexpr double kSingularFactor = 1e5;
 
   /// @param narrow  see is_narrow()
-  /// @param zero_given  the caller has said which pivots count as zero
-  PivotPolicy(bool narrow, bool zero_given) : narrow_(narrow), zero_given_(zero_given) {}
+  explicit PivotPolicy(bool narrow) : narrow_(narrow) {}
 
   /// @param movable  pivots_to_move() found some
   /// @param factor_solves  whether refinement can mend what failed pivots have done to the factor; asked once at most
-  Step next(const device::FactorOutcome& outcome, bool movable, const std::function<bool()>& factor_solves);
+  Step next(bool movable, const std::function<bool()>& factor_solves);
 
  private:
-  bool narrow_, zero_given_;
-  bool raised_ = false;
+  bool narrow_;
   int round_ = 0;
 };
 

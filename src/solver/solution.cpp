@@ -163,7 +163,10 @@ SolveResult solve(Factor& factor, const SolveJob& asked, const Context& context)
   }
   Solving solving(factor, context);
   if (!solving.through_device(job)) solving.on_host(job);
-  return solving.judged(job.b, job.columns, start);
+  SolveResult result = solving.judged(job.b, job.columns, start);
+  if (std::isnan(result.backward_error)) return result;  // nobody asks
+  if (Status status = factor.second_look(job.b, job.x, job.transpose); !status.ok()) result.status = std::move(status);
+  return result;
 }
 
 SolveResult solve_device(Factor& factor, const SolveJob& asked, void* queue, const Context& context) {

@@ -20,63 +20,40 @@ bool never_asked() {
   return true;
 }
 
-int moves(PivotPolicy& policy, const device::FactorOutcome& o, const std::function<bool()>& solves, Step& after) {
+int moves(PivotPolicy& policy, const std::function<bool()>& solves, Step& after) {
   for (int count = 0;; ++count)
-    if ((after = policy.next(o, true, solves)) != Step::move) return count;
+    if ((after = policy.next(true, solves)) != Step::move) return count;
 }
 
 TEST(PivotPolicy, AGoodFactorStands) {
-  PivotPolicy policy(false, false);
-  EXPECT_EQ(policy.next(outcome({}), false, never_asked), Step::stop);
+  PivotPolicy policy(false);
+  EXPECT_EQ(policy.next(false, never_asked), Step::stop);
 }
 
 TEST(PivotPolicy, FailuresAreMovedFortyTimesAtMost) {
-  PivotPolicy policy(false, false);
+  PivotPolicy policy(false);
   Step after = Step::move;
-  EXPECT_EQ(moves(policy, outcome({3}), never_asked, after), 40);
+  EXPECT_EQ(moves(policy, never_asked, after), 40);
   EXPECT_EQ(after, Step::stop);
 }
 
 TEST(PivotPolicy, NarrowTilesBecomeWideWhereTheFactorDoesNotSolve) {
-  PivotPolicy policy(true, false);
+  PivotPolicy policy(true);
   Step after = Step::move;
   EXPECT_EQ(moves(
-                policy, outcome({3}), [] { return false; }, after),
+                policy, [] { return false; }, after),
             16);
   EXPECT_EQ(after, Step::widen);
-  EXPECT_EQ(moves(policy, outcome({3}), never_asked, after), 40) << "it begins anew in wide tiles";
+  EXPECT_EQ(moves(policy, never_asked, after), 40) << "it begins anew in wide tiles";
   EXPECT_EQ(after, Step::stop);
 }
 
 TEST(PivotPolicy, NarrowTilesStayWhereTheFactorSolves) {
-  PivotPolicy policy(true, false);
+  PivotPolicy policy(true);
   Step after = Step::move;
   EXPECT_EQ(moves(
-                policy, outcome({3}), [] { return true; }, after),
+                policy, [] { return true; }, after),
             16);
-  EXPECT_EQ(after, Step::stop);
-}
-
-TEST(PivotPolicy, AZeroPivotRaisesTheLimitOnce) {
-  PivotPolicy policy(false, false);
-  EXPECT_EQ(policy.next(outcome({}, {7}), false, never_asked), Step::raise_zero);
-  EXPECT_EQ(policy.next(outcome({}, {7}), true, never_asked), Step::move) << "what shows up then may still move";
-  EXPECT_EQ(policy.next(outcome({}, {7}), false, never_asked), Step::stop);
-}
-
-TEST(PivotPolicy, TheCallersLimitStands) {
-  PivotPolicy policy(false, true);
-  EXPECT_EQ(policy.next(outcome({}, {7}), false, never_asked), Step::stop);
-}
-
-TEST(PivotPolicy, InNarrowTilesTheLastRoundsComeAfterTheLimitWasRaised) {
-  PivotPolicy policy(true, false);
-  Step after = Step::move;
-  EXPECT_EQ(moves(
-                policy, outcome({}, {7}), [] { return true; }, after),
-            16);
-  EXPECT_EQ(after, Step::raise_zero);
-  EXPECT_EQ(moves(policy, outcome({}, {7}), never_asked, after), 40 - 16);
   EXPECT_EQ(after, Step::stop);
 }
 
@@ -84,7 +61,7 @@ TEST(PivotPolicy, OnlyAChoiceOfOursTurnsToLdlt) {
   device::FactorOutcome indefinite;
   indefinite.not_positive = 4;
   EXPECT_TRUE(turns_to_ldlt(Kind::llt, true, indefinite));
-  EXPECT_TRUE(turns_to_ldlt(Kind::llt, true, outcome({}, {4})));
+  EXPECT_FALSE(turns_to_ldlt(Kind::llt, true, outcome({}, {4}))) << "a small pivot is judged";
   EXPECT_FALSE(turns_to_ldlt(Kind::llt, false, indefinite));
   EXPECT_FALSE(turns_to_ldlt(Kind::llt, true, outcome({})));
   EXPECT_FALSE(turns_to_ldlt(Kind::ldlt, true, outcome({}, {4})));

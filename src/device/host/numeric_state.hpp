@@ -29,11 +29,12 @@ struct FrontOutcome {
   Index not_positive = -1;  ///< position; -1: none
   Index negative = 0;
   Index two_by_two = 0;
+  Index small_negative = 0;
   Determinant determinant;
 };
 
 /// Bits of NumericState::column_state.
-enum ColumnState : char { kColumnFine = 0, kColumnReplaced = 1, kColumnFailed = 2 };
+enum ColumnState : char { kColumnFine = 0, kColumnReplaced = 1, kColumnFailed = 2, kColumnSmall = 4 };
 
 /// A front of which only block columns from `first_column` on are made, from what stands in their places; everything to
 /// the left of them is accounted for there. Streaming only.

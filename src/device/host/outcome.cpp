@@ -25,6 +25,7 @@ FactorOutcome summarize(const NumericState<T>& state, const std::vector<Workspac
       out.not_positive = f.not_positive;
     out.negative += f.negative;
     out.two_by_two += f.two_by_two;
+    out.small_negative += f.small_negative;
     determinant.multiply(f.determinant);
   }
   out.determinant_sign = determinant.sign();
@@ -32,6 +33,7 @@ FactorOutcome summarize(const NumericState<T>& state, const std::vector<Workspac
   for (Index p = 0; p < state.plan.tree.n; ++p) {
     const char s = state.column_state[static_cast<std::size_t>(p)];
     if ((s & kColumnReplaced) != 0) out.replaced.push_back(p);
+    if ((s & kColumnSmall) != 0) out.small.push_back(p);
     if ((s & kColumnFailed) != 0) out.failed.push_back(p);
   }
   for (const auto& w : work) {

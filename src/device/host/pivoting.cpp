@@ -33,6 +33,27 @@ void invert_d(NumericState<T>& s, Index at, Index n, const T* d, const T* e, Fro
   }
 }
 
+// Eigenvalues of the pivots of ldlt that are kept, but small.
+template <class T>
+void mark_small(NumericState<T>& s, Index at, Index n, const T* d, const T* e, const char* replaced,
+                FrontOutcome& out) {
+  const auto judge = [&](Index k, double eigenvalue) {
+    if (!(std::abs(eigenvalue) < s.rule.suspect)) return;
+    s.column_state[at + s.pivot_order[at + k]] |= kColumnSmall;
+    if (eigenvalue < 0) ++out.small_negative;
+  };
+  for (Index k = 0; k < n; ++k) {
+    if (k + 1 < n && e[k] != T(0)) {
+      const double a = d[k], b = e[k], c = d[k + 1];
+      const double larger = (a + c) / 2 + std::copysign(std::hypot((a - c) / 2, b), a + c);
+      judge(k, larger);
+      judge(++k, (a * c - b * b) / larger);
+    } else if (replaced[k] == 0) {
+      judge(k, static_cast<double>(d[k]));
+    }
+  }
+}
+
 // Sign of a permutation: each cycle of even length flips it. Visited entries are marked by their complement and
 // restored.
 double permutation_sign(std::int32_t* perm, Index n) {
@@ -61,12 +82,15 @@ void book_pivots(NumericState<T>& s, Workspace<T>& w, Index f, Index at, Index n
   out.negative += counts.negative;
   if (s.kind == Kind::ldlt) {
     invert_d(s, at, n, w.column.data(), w.column.data() + n, out);
+    if (s.rule.suspect > 0) mark_small(s, at, n, w.column.data(), w.column.data() + n, replaced, out);
   } else {
     const bool judged = s.kind == Kind::llt && !s.rule.smallest.empty();
     for (Index k = 0; k < n; ++k) {
       const auto d = static_cast<double>(c[k * ld + k]);
       if (judged && d * d <= s.rule.smallest[static_cast<std::size_t>(at + k)])
         s.column_state[at + k] |= kColumnReplaced;
+      if (s.kind == Kind::lu && std::abs(d) < s.rule.suspect && replaced[k] == 0)
+        s.column_state[at + k] |= kColumnSmall;
       out.determinant.multiply(d);
       if (s.kind == Kind::llt) out.determinant.multiply(d);
     }

@@ -1,0 +1,48 @@
+/// \file
+/// Whether a factored matrix is singular, and by how much: the directions that it takes to nothing.
+///
+/// The matrix is judged as it was scaled for the factorization (by its diagonal for llt), B = R A C, so that the
+/// verdict does not hang on the caller's units. Inverse iteration with the factor finds an orthonormal block Q of the
+/// smallest singular values; B Q is formed in extended precision from the caller's values, and corrected by the factor
+/// until it is as small as it gets. A direction counts as null when |B q|_2 <= kZero |B|, |B| = sqrt(|B|_1 |B|_inf),
+/// which bounds |B|_2: then a change of the entries by their own rounding makes the matrix singular exactly.
+#pragma once
+
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "solve/residual.hpp"
+#include "solver/equations.hpp"
+#include "solver/numeric.hpp"
+
+namespace espalier::solver {
+
+/// Entries that were assembled in a few roundings leave a zero singular value at some eps; regular matrices up to a
+/// condition of 3e14, scaled, stay regular.
+inline constexpr double kZero = 16 * std::numeric_limits<double>::epsilon();
+
+struct Deficiency {
+  double smallest = 1;               ///< singular value found, over |B|; 1: none was sought
+  Index zeros = 0;                   ///< n less the rank
+  std::vector<double> null_vectors;  ///< n * zeros, column-major: A v = 0, largest entry 1 in magnitude
+  std::vector<Index> rows;           ///< rows of A that hang on the others, ascending; as many as zeros
+  Index negative = 0;                ///< symmetric: negative eigenvalues among the `suspects` smallest
+  bool complete = true;              ///< false: more zeros than vectors were sought; `zeros` counts pivots
+};
+
+struct DeficiencyJob {
+  const Equations& equations;
+  std::span<const double> values;  ///< of equations.a
+  const solve::ResidualOperator& residual;
+  Numeric& numeric;
+  Kind kind;
+  bool single;         ///< the factor is FP32
+  bool replaced;       ///< the factor has pivots that were replaced
+  Index suspects = 0;  ///< pivots that are small or were replaced
+};
+
+/// @pre the numeric factor solves (llt: no pivot was lost)
+Deficiency find_deficiency(const DeficiencyJob& job);
+
+}  // namespace espalier::solver

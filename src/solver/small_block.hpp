@@ -1,0 +1,46 @@
+/// \file
+/// A few long vectors side by side, and the dense arithmetic on them that a search for null vectors needs.
+#pragma once
+
+#include <vector>
+
+#include "espalier/types.hpp"
+
+namespace espalier::solver {
+
+/// `columns` vectors of `rows` values, column-major.
+struct Block {
+  Index rows = 0;
+  Index columns = 0;
+  std::vector<double> values;  ///< rows * columns
+
+  Block(Index the_rows, Index the_columns)
+      : rows(the_rows),
+        columns(the_columns),
+        values(static_cast<std::size_t>(the_rows) * static_cast<std::size_t>(the_columns), 0.0) {}
+  [[nodiscard]] double* column(Index c) { return values.data() + Offset{c} * rows; }
+  [[nodiscard]] const double* column(Index c) const { return values.data() + Offset{c} * rows; }
+};
+
+double dot(const double* x, const double* y, Index n);
+/// |x|_2 of numbers whose squares neither overflow nor all vanish.
+double norm_two(const double* x, Index n);
+/// Columns of about 1, by powers of two. @returns false when one is not finite
+bool normalize(Block& x);
+
+/// Orthonormal columns that span what those of `x` span (modified Gram and Schmidt, again
+/// while more than half of a column goes: Giraud and Langou 2002). A column that hangs on the earlier ones becomes a
+/// direction of rounding errors, which is as good as a random one.
+void orthonormalize(Block& x);
+/// x -= q q^T x.
+void project_out(const Block& q, Block& x);
+
+/// Rotates the columns of `y` until they are orthogonal, those of `q` with them (one-sided Jacobi: small singular
+/// values are found to high relative accuracy, Demmel and Veselic 1992); then sorts both by the columns of `y`.
+/// @returns |y_j|_2, ascending
+std::vector<double> rotate_apart(Block& y, Block& q);
+
+/// Eigenvalues of the symmetric part of x^T y, ordered by magnitude (Jacobi).
+std::vector<double> ritz_values(const Block& x, const Block& y);
+
+}  // namespace espalier::solver

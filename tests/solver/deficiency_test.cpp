@@ -1,0 +1,197 @@
+// Singular is singular, regular is regular. Truth: ranks known by construction (tests/verdict/cases.hpp), the dense
+// singular values of a matrix, A v in long double.
+#include <algorithm>
+#include <cmath>
+
+#include "solver_common.hpp"
+#include "verdict/cases.hpp"
+
+namespace espalier::test {
+namespace {
+
+using reference::Triple;
+
+Options reporting(Kind kind = Kind::automatic, Precision precision = Precision::fp64) {
+  Options o = two_threads();
+  o.singular = SingularMatrix::report;
+  o.kind = kind;
+  o.precision = precision;
+  return o;
+}
+
+FactorResult factor(const SparseMatrix& a, const Options& o) {
+  Solver s(o);
+  const AnalysisResult analysis = s.analyze(a);
+  EXPECT_TRUE(analysis.status.ok()) << analysis.status.message;
+  if (!analysis.status.ok()) return {};
+  return s.factorize(a);
+}
+
+// |A v|_inf over |A|_inf |v|_inf for every null vector, by an independent residual.
+void expect_null_vectors(const SparseMatrix& a, const FactorResult& f) {
+  const auto n = static_cast<std::size_t>(a.rows);
+  const Index zeros = a.rows - f.rank;
+  ASSERT_EQ(f.null_vectors.size(), n * static_cast<std::size_t>(zeros));
+  EXPECT_EQ(static_cast<Index>(f.dependent_rows.size()), zeros);
+  EXPECT_TRUE(std::is_sorted(f.dependent_rows.begin(), f.dependent_rows.end()));
+  const std::vector<double> zero(n, 0.0);
+  for (std::size_t at = 0; at < f.null_vectors.size(); at += n) {
+    const std::vector<double> v(f.null_vectors.begin() + static_cast<std::ptrdiff_t>(at),
+                                f.null_vectors.begin() + static_cast<std::ptrdiff_t>(at + n));
+    EXPECT_LE(reference::backward_error(a, zero, v), 16 * kEps);
+  }
+}
+
+TEST(Deficiency, OfRandomStructuresInManyDisguises) {
+  for (Index structure = 0; structure < verdict::structures(); ++structure)
+    for (const std::uint64_t seed : {3, 4})
+      for (const Index n : {12, 70, 190}) {
+        const verdict::Case c = verdict::make_case(structure, n, seed);
+        SCOPED_TRACE(testing::Message() << c.name << " seed " << seed << " n " << c.a.rows);
+        for (const SparseMatrix& a : {c.a, verdict::disguised(c.a, 100, seed)})
+          for (const Kind kind : {Kind::automatic, Kind::lu}) {
+            Solver s(reporting(kind));
+            if (!s.analyze(a).status.ok()) {
+              EXPECT_GT(c.zeros, 0);
+              continue;
+            }
+            const FactorResult f = s.factorize(a);
+            ASSERT_TRUE(f.status.ok()) << f.status.message;
+            EXPECT_EQ(a.rows - f.rank, c.zeros);
+            if (f.inertia.zero >= 0 && c.negative >= 0) {
+              EXPECT_EQ(f.inertia.negative, c.negative);
+            }
+            if (c.zeros > 0 && &a == &c.a) expect_null_vectors(a, f);
+          }
+      }
+}
+
+// 1 as an eigenvector of nothing: in integers, so that no rounding of the entries is an excuse.
+TEST(Deficiency, FreeGridsOfManySizes) {
+  for (const Index side : {20, 45, 110}) {
+    const verdict::Case c = verdict::make_case(2, side * side, 1);
+    for (const Kind kind : {Kind::automatic, Kind::ldlt, Kind::lu})
+      for (const Precision precision : {Precision::fp64, Precision::mixed}) {
+        if (side > 45 && kind != Kind::automatic) continue;
+        const FactorResult f = factor(c.a, reporting(kind, precision));
+        ASSERT_TRUE(f.status.ok()) << f.status.message;
+        ASSERT_EQ(f.rank, c.a.rows - 1) << side;
+        expect_null_vectors(c.a, f);
+        for (const double v : f.null_vectors) EXPECT_NEAR(std::abs(v), 1, 1e-10) << "the null vector is 1";
+      }
+    Solver s(two_threads());  // an error unless a report is asked for
+    ASSERT_TRUE(s.analyze(c.a).status.ok());
+    const FactorResult f = s.factorize(c.a);
+    EXPECT_EQ(f.status.code, StatusCode::singular);
+    EXPECT_GE(f.status.row, 0);
+    EXPECT_EQ(s.state(), Solver::State::analyzed);
+  }
+}
+
+TEST(Deficiency, ABorderThatHoldsTheFreeGridMakesItRegular) {
+  const verdict::Case free = verdict::make_case(2, 400, 1);
+  for (const Kind kind : {Kind::automatic, Kind::lu}) {
+    const FactorResult f = factor(verdict::bordered(free.a, 7), reporting(kind));
+    ASSERT_TRUE(f.status.ok()) << f.status.message;
+    EXPECT_EQ(f.rank, free.a.rows + 1);
+  }
+}
+
+// Small matrices by their singular values; the equilibrated Hilbert matrix has a condition of 1e12 at n = 10.
+TEST(Deficiency, IllConditionedIsNotSingular) {
+  for (const Index n : {4, 7, 9}) {
+    std::vector<Triple> t;
+    for (Index c = 0; c < n; ++c)
+      for (Index r = c; r < n; ++r) t.push_back({r, c, 1.0 / (r + c + 1)});
+    const SparseMatrix a = reference::from_triples(n, t, Storage::symmetric_lower);
+    for (const Kind kind : {Kind::automatic, Kind::ldlt, Kind::lu}) EXPECT_EQ(factor(a, reporting(kind)).rank, n);
+  }
+  for (const double range : {10.0, 140.0}) {  // graded over 2 * range decades
+    std::vector<double> d;
+    for (int k = 0; k <= 60; ++k) d.push_back(std::pow(10.0, range * (k - 30) / 30) * (k % 3 == 0 ? -1 : 1));
+    for (const Kind kind : {Kind::automatic, Kind::lu})
+      EXPECT_EQ(factor(diagonal(d), reporting(kind)).rank, 61) << range;
+  }
+}
+
+TEST(Deficiency, AReportKeepsAFactorThatSolvesConsistentSystems) {
+  for (const Index structure : {0, 2, 4, 5}) {
+    const verdict::Case c = verdict::make_case(structure, 150, 9);
+    const auto n = static_cast<std::size_t>(c.a.rows);
+    Solver s(reporting());
+    ASSERT_TRUE(s.analyze(c.a).status.ok());
+    ASSERT_TRUE(s.factorize(c.a).status.ok());
+    ASSERT_EQ(s.state(), Solver::State::factorized);
+    const std::vector<double> zero(n, 0.0), ones = reference::random_vector(c.a.rows, 3);
+    std::vector<double> b = reference::residual(c.a, zero.data(), ones.data(), false), x(n);
+    EXPECT_TRUE(s.solve(b, x).status.ok()) << c.name;
+    EXPECT_LE(reference::backward_error(c.a, b, x), 1e-10) << c.name;
+  }
+}
+
+TEST(Deficiency, TheCallersBoundIsAVerdictByItself) {
+  const verdict::Case c = verdict::make_case(2, 400, 1);
+  Options o = reporting(Kind::ldlt);
+  o.zero_pivot = 1e-30;  // no pivot is as small: regular, says the caller
+  EXPECT_EQ(factor(c.a, o).rank, c.a.rows);
+  o.zero_pivot = 1e-8;
+  EXPECT_EQ(factor(c.a, o).rank, c.a.rows - 1);
+}
+
+// ---- optimisers as callers ------------------------------------------------------------------------------------------
+
+TEST(Optimisers, AnAnalysisTakesZerosForEntries) {
+  const SparseMatrix a = reference::saddle_point(60, 20, 5);
+  SparseMatrix zeros = a;
+  std::fill(zeros.values.begin(), zeros.values.end(), 0.0);
+  for (const bool looks : {true, false})
+    for (const Kind kind : {Kind::ldlt, Kind::lu}) {
+      Options o = two_threads();
+      o.kind = kind;
+      o.analyze_values = looks;
+      Solver s(o);
+      const AnalysisResult analysis = s.analyze(zeros);
+      ASSERT_TRUE(analysis.status.ok()) << analysis.status.message;
+      ASSERT_TRUE(s.refactorize(a.values).status.ok());
+      const std::vector<double> b = reference::random_vector(a.rows, 1);
+      std::vector<double> x(b.size());
+      EXPECT_TRUE(s.solve(b, x).status.ok());
+      EXPECT_LE(reference::backward_error(a, b, x), 8 * kEps);
+    }
+}
+
+// A saddle point whose rows wander over 2 * 20 decades between factorizations; its inertia stays.
+TEST(Optimisers, RescaledFactorizationsFollowTheValues) {
+  const SparseMatrix a = reference::saddle_point(80, 30, 6);
+  for (const Kind kind : {Kind::ldlt, Kind::lu}) {
+    Options o = two_threads();
+    o.kind = kind;
+    o.rescale = true;
+    Solver s(o);
+    ASSERT_TRUE(s.analyze(a).status.ok());
+    const FactorResult first = s.factorize(a);
+    ASSERT_TRUE(first.status.ok());
+    for (const int decades : {3, 10, 20}) {
+      SparseMatrix b = a;
+      double log = 0;
+      const auto scale = [&](Index k) { return std::ldexp(1.0, (k * 7 % 13 - 6) * decades / 2); };
+      for (Index c = 0; c < b.cols; ++c) {
+        log += 2 * std::log(scale(c));
+        for (Offset q = b.col_ptr[static_cast<std::size_t>(c)]; q < b.col_ptr[static_cast<std::size_t>(c) + 1]; ++q)
+          b.values[static_cast<std::size_t>(q)] *= scale(c) * scale(b.row_ind[static_cast<std::size_t>(q)]);
+      }
+      const FactorResult f = s.refactorize(b.values);
+      ASSERT_TRUE(f.status.ok()) << f.status.message;
+      EXPECT_EQ(f.rank, a.rows);
+      EXPECT_EQ(f.inertia.negative, first.inertia.negative);
+      EXPECT_NEAR(f.determinant_log, first.determinant_log + log, 1e-9 * std::abs(log));
+      const std::vector<double> rhs = reference::random_vector(a.rows, 1);
+      std::vector<double> x(rhs.size());
+      EXPECT_TRUE(s.solve(rhs, x).status.ok());
+      EXPECT_LE(reference::backward_error(b, rhs, x), 8 * kEps);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace espalier::test
