@@ -29,6 +29,10 @@ endfunction()
 function(espalier_precompile target)
   if(ESPALIER_FROM_SCRATCH AND TARGET ${target})
     target_precompile_headers(${target} PRIVATE ${ARGN})
+    if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)  # forgets that what it has read came from the system: false alarms there
+      target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-Wno-array-bounds -Wno-stringop-overflow
+        -Wno-stringop-overread>)
+    endif()
     get_target_property(sources ${target} SOURCES)
     foreach(source IN LISTS sources)
       get_source_file_property(options ${source} COMPILE_OPTIONS)

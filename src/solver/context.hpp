@@ -18,13 +18,15 @@ struct Context {
   base::ThreadPool& pool;
   base::MemoryBudget& budget;
   base::Timeline* timeline = nullptr;
-  bool raised = false;  ///< mixed was asked for, but FP32 does not do: a factor goes on in FP64
+  bool raised = false;    ///< mixed was asked for, but FP32 does not do: a factor goes on in FP64
+  bool rescaled = false;  ///< pivots vanished in the analysis's scaling alone: a factor takes one of its own
 
   void log(const std::string& line) const {
     if (options.log) options.log(line);
   }
   /// Of factors.
   [[nodiscard]] Precision precision() const { return raised ? Precision::fp64 : options.precision; }
+  [[nodiscard]] bool rescales() const { return rescaled || options.rescale; }
   [[nodiscard]] bool single() const { return precision() != Precision::fp64; }
 };
 

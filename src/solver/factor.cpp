@@ -85,6 +85,12 @@ void Factor::finish(device::FactorOutcome outcome, double start) {
     again(outcome);
     outcome = settle_pivots(std::move(outcome));
   }
+  if (lost_to_scaling(outcome)) {
+    context_.log("pivots vanish in the scaling of the analysis, in a scaling of their own the values are regular");
+    context_.rescaled = true;
+    again(outcome);
+    outcome = settle_pivots(std::move(outcome));
+  }
   if (turns_to_ldlt(analysis_->kind(), analysis_->system->kind_may_change, outcome)) {
     turn_to_ldlt();
     make_numeric();
@@ -244,6 +250,13 @@ bool Factor::needs_fp64(const device::FactorOutcome& outcome) {
   constexpr double kLeastForFp32 = 1e-6;
   if (!context_.single() || context_.options.precision != Precision::mixed) return false;
   return outcome.not_positive >= 0 || !outcome.replaced.empty() || judge(outcome).smallest < kLeastForFp32;
+}
+
+// Values may have moved far from those that the analysis scaled.
+bool Factor::lost_to_scaling(const device::FactorOutcome& outcome) {
+  if (outcome.replaced.empty() || pivots_are_given() || context_.rescales() || analysis_->kind() == Kind::llt)
+    return false;
+  return judge(outcome).zeros < static_cast<Index>(outcome.replaced.size());
 }
 
 void Factor::raise_precision() {

@@ -93,6 +93,7 @@ class Factor {
   }
   [[nodiscard]] bool zeros_explain(const device::FactorOutcome& outcome);
   [[nodiscard]] bool needs_fp64(const device::FactorOutcome& outcome);
+  bool lost_to_scaling(const device::FactorOutcome& outcome);
   void raise_precision();
   [[nodiscard]] bool narrow_tiles() const;
   void finish(device::FactorOutcome outcome, double start);

@@ -108,6 +108,10 @@ FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, con
     const Index negative = given ? outcome.negative : negative_eigenvalues(outcome, deficiency);
     r.inertia = {n - negative - zeros, negative, zeros};
   }
+  if (!given && r.perturbed > zeros) {  // the factor is that of another matrix
+    r.determinant_sign = 0;
+    r.determinant_log = std::numeric_limits<double>::quiet_NaN();
+  }
   if (zeros == 0 || bounded) return r;
   r.determinant_sign = 0;
   r.determinant_log = -std::numeric_limits<double>::infinity();

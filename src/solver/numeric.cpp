@@ -21,7 +21,7 @@ class NumericOf final : public Numeric {
       : plan_(analysis.plan),
         equations_(analysis.system->equations),
         scales_{equations_.row_scale, equations_.col_scale, equations_.transform_log, equations_.wide},
-        rescale_(context.options.rescale && analysis.kind() != Kind::llt),
+        rescale_(context.rescales() && analysis.kind() != Kind::llt),
         matching_(context.options.matching),
         given_zero_(context.options.zero_pivot),
         given_(values),
