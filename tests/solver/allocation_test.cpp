@@ -49,15 +49,6 @@ void* operator new(std::size_t n) { return take(n, 1); }
 void* operator new[](std::size_t n) { return take(n, 1); }
 void* operator new(std::size_t n, std::align_val_t a) { return take(n, static_cast<std::size_t>(a)); }
 void* operator new[](std::size_t n, std::align_val_t a) { return take(n, static_cast<std::size_t>(a)); }
-// A sanitizer's own would take them past the count (std::stable_sort asks this way).
-void* operator new(std::size_t n, const std::nothrow_t&) noexcept {
-  try {
-    return take(n, 1);
-  } catch (const std::bad_alloc&) {
-    return nullptr;
-  }
-}
-void* operator new[](std::size_t n, const std::nothrow_t& tag) noexcept { return operator new(n, tag); }
 [[gnu::noinline]] void operator delete(void* p) noexcept { give_back(p); }
 [[gnu::noinline]] void operator delete[](void* p) noexcept { give_back(p); }
 [[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { give_back(p); }
@@ -155,6 +146,9 @@ TEST(Allocation, EveryOneFailsOnce) {
 
 // Whatever fails, the solver's end gives everything back.
 TEST(Allocation, NothingStaysBehindAFailure) {
+#ifdef ESPALIER_SANITIZED
+  GTEST_SKIP() << "sanitizers take memory past these operators, and look for what is left by themselves";
+#endif
   for (const Case& c : cases()) {
     SCOPED_TRACE(c.name);
     const std::vector<double> b = reference::random_vector(2 * static_cast<std::int64_t>(c.a.rows), 7);
