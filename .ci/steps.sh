@@ -42,7 +42,7 @@ tidy_one() {
   local tool=$1 deadline=$2 file=$3 out
   [[ $(date +%s) -lt $deadline ]] || return 0
   out=$(mktemp)
-  if "$tool" -p build/release --quiet "$file" >"$out" 2>/dev/null; then
+  if "$tool" -p build/tidy --quiet "$file" >"$out" 2>/dev/null; then
     echo "checked" >>build/tidy.count
   else
     cat "$out"
@@ -56,6 +56,9 @@ check_tidy() {
   tool=$(clang_tool clang-tidy) || { echo "clang-tidy is missing"; return 1; }
   deadline=$(($(date +%s) + ${tidy_seconds:?}))
   : >build/tidy.count
+  # clang cannot read the precompiled headers of GCC: the same commands without them.
+  mkdir -p build/tidy
+  sed -E 's/-Winvalid-pch -include [^ ]*cmake_pch\.hxx//' build/release/compile_commands.json >build/tidy/compile_commands.json
   export -f tidy_one
   tidy_files | xargs -r -P "$(nproc)" -I{} bash -c 'tidy_one "$@"' tidy "$tool" "$deadline" {}
   local checked bad

@@ -287,7 +287,7 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
   const Search search(job);
   if (!job.replaced && !job.single && !search.looks_singular()) return found;
   const Index n = job.equations.n();
-  const auto affordable = static_cast<Index>(std::sqrt(static_cast<double>(kMostWork / n)));
+  const auto affordable = static_cast<Index>(std::sqrt(static_cast<double>(kMostWork) / n));
   const Index most = std::min(n, std::clamp(affordable, kFirstColumns, kMostColumns));
   Index columns = std::min(most, std::max(kFirstColumns, (job.suspects + 2 + 7) / 8 * 8));
   Directions d = search.find(columns, false);
