@@ -51,7 +51,8 @@ std::string scalar(const Value& value) {
 void collect(const Value& value, const std::string& path, ModelKeys& keys) {
   if (free_to_change(path)) return;
   if (value.is_table()) {
-    for (const auto& [name, entry] : value.entries) collect(entry, path.empty() ? name : path + "." + name, keys);
+    for (const auto& [name, entry] : value.entries)
+      collect(entry, path.empty() ? name : fmt::format("{}.{}", path, name), keys);
   } else if (value.type == Value::Type::array) {
     for (std::size_t k = 0; k < value.items.size(); ++k) collect(value.items[k], fmt::format("{}[{}]", path, k), keys);
   } else {
