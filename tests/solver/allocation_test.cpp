@@ -147,7 +147,8 @@ TEST(Allocation, EveryOneFailsOnce) {
 // Whatever fails, the solver's end gives everything back.
 TEST(Allocation, NothingStaysBehindAFailure) {
 #ifdef ESPALIER_SANITIZED
-  GTEST_SKIP() << "sanitizers take memory past these operators, and look for what is left by themselves";
+  GTEST_SKIP()
+      << "three more are given back than were taken here, for a reason not found yet; LeakSanitizer looks for leaks";
 #endif
   for (const Case& c : cases()) {
     SCOPED_TRACE(c.name);
