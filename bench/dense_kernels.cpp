@@ -18,6 +18,7 @@
 
 #include "base/memory.hpp"
 #include "device/host/kernels.hpp"
+#include "gemm.hpp"
 
 namespace {
 

@@ -35,7 +35,7 @@ install(TARGETS espalier_cli RUNTIME DESTINATION bin COMPONENT bundle EXCLUDE_FR
 install(PROGRAMS scripts/evidence.sh RENAME espalier-evidence DESTINATION bin COMPONENT bundle EXCLUDE_FROM_ALL)
 set(bundled "")
 foreach(part espalier_rival_host rival_espalier rival_pardiso rival_cudss rival_eigen espalier_gpu_check
-    espalier_stream_curve espalier_collection espalier_pivot_check test_device test_out_of_core test_solver)
+    espalier_memory_curve espalier_collection espalier_pivot_check test_device test_out_of_core test_solver)
   if(NOT TARGET ${part})
     continue()
   endif()

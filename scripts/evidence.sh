@@ -99,7 +99,7 @@ step tests test_device 120 "$programs/test_device" --gtest_brief=1 --gtest_filte
 step tests test_solver 300 "$programs/test_solver" --gtest_brief=1
 step tests small 120 "$programs/espalier_gpu_check" --small --out "$out/small.json"
 step tests small-fp32 120 "$programs/espalier_gpu_check" --small --fp32 --out "$out/small-fp32.json"
-step tests stream-small 120 "$programs/espalier_stream_curve" --small
+step tests memory-curve-small 120 "$programs/espalier_memory_curve" --small
 [[ -x $programs/espalier_pivot_check ]] && step tests pivots 60 "$programs/espalier_pivot_check"
 [[ -n $data ]] && step tests collection 300 "$programs/espalier_collection" "$data" --device gpu:0
 ((gpus > 1)) && step tests small-several 240 "$programs/espalier_gpu_check" --small --devices "$devices" --counts "$counts" --out "$out/small-several.json"
@@ -110,7 +110,7 @@ step tables gpu-check 300 "$programs/espalier_gpu_check" --repeat 7 --out "$out/
   --out "$out/gpus-check.json"
 bench tables peers-gpu 3000 peers --set gpu
 ((gpus > 1)) && bench tables peers-gpus 900 peers --set gpus
-step tables memory-curve 300 "$programs/espalier_stream_curve" --repeat 2 --out "$out/memory-curve.json" \
+step tables memory-curve 300 "$programs/espalier_memory_curve" --repeat 2 --out "$out/memory-curve.json" \
   "elasticity 64" 16384 8192 4096 2048 1024 512 256 64
 
 # Sweeps.

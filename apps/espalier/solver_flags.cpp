@@ -22,7 +22,7 @@ void SolverFlags::add_to(CLI::App& command) {
   add("device-memory", "SIZE", "memory budget of each device, for instance 2GiB (default: what is free)");
   add("host-memory", "SIZE", "memory budget on the host, for instance 512M (default: what is free)");
   add("pinned-memory", "SIZE",
-      "of the host's memory that holds a factor which streams, what may be page-locked (default: half of the "
+      "of the host's memory that holds a factor out of core, what may be page-locked (default: half of the "
       "machine's)");
   add("machine", "KEY=VALUE,...",
       "rates by which devices and plans are chosen, for instance gpu.flops=2e13 (`espalier info` lists them)");

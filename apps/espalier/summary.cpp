@@ -105,8 +105,9 @@ Table result_table(const RunRecord& record) {
     if (device.transferred_bytes > 0)
       line += fmt::format("; {} exchanged with others", bytes(device.transferred_bytes));
     if (device.streamed_out_bytes > 0)
-      line += fmt::format("; {} streamed to it and {} back, which takes the link {}", bytes(device.streamed_in_bytes),
-                          bytes(device.streamed_out_bytes), duration(device.link_seconds));
+      line +=
+          fmt::format("; {} brought to it and {} taken back, which takes the link {}", bytes(device.streamed_in_bytes),
+                      bytes(device.streamed_out_bytes), duration(device.link_seconds));
     table.add({"device", line});
   }
   if (record.symmetric() && factor.inertia.positive >= 0) table.add({"inertia", inertia_line(factor.inertia)});

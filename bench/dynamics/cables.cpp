@@ -2,13 +2,12 @@
 // horizontal, generalized-alpha with constant step. Prints the wall time, how it splits, and writes the end positions.
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "alpha_arguments.hpp"
 #include "dynamics/bodies/flexible_frame.hpp"
-#include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/integrators/initial.hpp"
 #include "dynamics/joints/joint.hpp"
 
@@ -17,14 +16,9 @@ namespace {
 using namespace espalier;
 using namespace espalier::dynamics;
 
-struct Arguments {
+struct Arguments : bench::AlphaArguments {
   int cables = 32;
   int elements = 8;
-  int steps = 1000;
-  double until = 1;
-  double radius = 0.8;
-  double tolerance = 1e-8;  // of Newton, relative to 1 m
-  std::string json;
 };
 
 Arguments parse(int argc, char** argv) {
@@ -32,16 +26,8 @@ Arguments parse(int argc, char** argv) {
   CLI::App app{"Hanging ANCF cables by generalized-alpha"};
   app.add_option("--cables", a.cables, "number of cables");
   app.add_option("--elements", a.elements, "elements of each");
-  app.add_option("--steps", a.steps, "number of steps");
-  app.add_option("--until", a.until, "end time, s");
-  app.add_option("--radius", a.radius, "spectral radius at infinity");
-  app.add_option("--tolerance", a.tolerance, "of Newton's iteration, m");
-  app.add_option("--json", a.json, "file for times, counts and end positions");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    std::exit(app.exit(e));
-  }
+  a.add_to(app);
+  bench::parse_or_exit(app, argc, argv);
   return a;
 }
 
@@ -75,11 +61,7 @@ int main(int argc, char** argv) {
   State start(system.sizes());
   system.initial(start.q, start.v);
   make_consistent(equations, start);
-  AlphaOptions options;
-  options.step = a.until / a.steps;
-  options.spectral_radius = a.radius;
-  options.tolerance = a.tolerance;
-  GeneralizedAlpha integrator(equations, options);
+  GeneralizedAlpha integrator(equations, a.options());
   integrator.start(start);
   integrator.integrate(a.until);
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();

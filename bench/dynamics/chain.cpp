@@ -4,13 +4,12 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "alpha_arguments.hpp"
 #include "dynamics/integrators/bdf.hpp"
-#include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/integrators/initial.hpp"
 
 namespace {
@@ -18,35 +17,23 @@ namespace {
 using namespace espalier;
 using namespace espalier::dynamics;
 
-struct Arguments {
+struct Arguments : bench::AlphaArguments {
+  Arguments() { tolerance = 1e-9; }
   int bars = 400;
-  int steps = 1000;
-  double until = 1;
-  double radius = 0.8;
-  double tolerance = 1e-9;      // of Newton, relative to 1 m and 1 rad
   double refactor_rate = 0.05;  // a factorization costs about four passes here
   double constraints = 1e-12;   // of Phi, m
   double bdf = 0;               // > 0: BDF with this tolerance instead
-  std::string json;
 };
 
 Arguments parse(int argc, char** argv) {
   Arguments a;
   CLI::App app{"Chain of rigid bars by generalized-alpha"};
   app.add_option("--bars", a.bars, "number of bars and of revolute joints");
-  app.add_option("--steps", a.steps, "number of steps");
-  app.add_option("--until", a.until, "end time, s");
-  app.add_option("--radius", a.radius, "spectral radius at infinity");
-  app.add_option("--tolerance", a.tolerance, "of Newton's iteration, m and rad");
   app.add_option("--refactor-rate", a.refactor_rate, "a slower convergence rate asks for a new factor");
   app.add_option("--constraints", a.constraints, "tolerance of the position constraints");
   app.add_option("--bdf", a.bdf, "take BDF of variable step and order with this tolerance");
-  app.add_option("--json", a.json, "file for times, counts and end positions");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    std::exit(app.exit(e));
-  }
+  a.add_to(app);
+  bench::parse_or_exit(app, argc, argv);
   return a;
 }
 
@@ -56,10 +43,7 @@ std::unique_ptr<Integrator> make_integrator(Equations& equations, const Argument
     o.relative = o.absolute = a.bdf;
     return std::make_unique<BdfIntegrator>(equations, o);
   }
-  AlphaOptions o;
-  o.step = a.until / a.steps;
-  o.spectral_radius = a.radius;
-  o.tolerance = a.tolerance;
+  AlphaOptions o = a.options();
   o.constraint_tolerance = a.constraints;
   o.refactor_rate = a.refactor_rate;
   return std::make_unique<GeneralizedAlpha>(equations, o);

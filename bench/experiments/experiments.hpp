@@ -29,7 +29,7 @@ void run_block_size(Bench& bench);
 void run_memory(Bench& bench);
 /// Time and idle fraction against the number of devices, with timelines.
 void run_scaling(Bench& bench);
-/// What each idea of the assignment to devices brings.
+/// What each idea of how tiles are dealt to devices brings.
 void run_ablation(Bench& bench);
 /// One Newton step (refactorization and solve) from 1,000 unknowns up.
 void run_refactor(Bench& bench);

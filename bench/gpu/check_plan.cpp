@@ -17,7 +17,7 @@ struct Shares {
 
 Shares shares_of(const GpuCase& c) {
   Shares s{std::vector<double>(static_cast<std::size_t>(c.devices), 0)};
-  const auto& a = c.plan.assignment;
+  const auto& a = c.plan.ownership;
   for (Index f = 0; f < c.plan.fronts(); ++f) {
     const auto& l = c.plan.layout[f];
     const double flops = plan::front_flops(l.pivots, l.rows, c.kind == Kind::lu);
@@ -53,7 +53,7 @@ nlohmann::json show_plan(const GpuCase& c, const CheckSettings& settings) {
   const Shares shares = shares_of(c);
   fmt::print("{:<18} x{} {:<4} {} fronts, top {} with {:.1f} % of the work, {} sub-trees, plan {:.3f} + {:.3f} s\n",
              c.name, c.devices, name_of(c.kind), c.plan.fronts(), shares.top_fronts, 100 * shares.top / c.plan.flops,
-             c.plan.assignment.subtrees.size(), c.plan_seconds, seconds);
+             c.plan.ownership.subtrees.size(), c.plan_seconds, seconds);
   const double simulation = base::now_seconds();
   const SimulatedRun run = simulate(d, gpu_rates(plan::h200(), c.kind));
   double busy = 0;

@@ -1,5 +1,5 @@
 /// \file
-/// A generated system with its plan, as the GPU's executors take it: what espalier_gpu_check and espalier_stream_curve
+/// A generated system with its plan, as the GPU's executors take it: what espalier_gpu_check and espalier_memory_curve
 /// share.
 #pragma once
 

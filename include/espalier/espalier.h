@@ -195,6 +195,16 @@ int espalier_refactorize_device(espalier_solver* solver, const double* values, i
                                 espalier_factor_info* info);
 int espalier_solve_device(espalier_solver* solver, const double* b, double* x, int64_t columns, int transpose,
                           void* stream, espalier_solve_info* info);
+/**
+ * What the last factorization found of a singular matrix: rows that depend on the others, and vectors v with A v = 0 to
+ * rounding, whose largest entry is 1. Ask after ESPALIER_SINGULAR, or with the option "singular" set to "report".
+ * @param capacity  rows and vectors that the caller has room for
+ * @param rows      `capacity` indices from 0 on, ascending; NULL: not wanted
+ * @param vectors   `capacity` times as many values as A has rows, one vector after another; NULL: not wanted
+ * @param found     how many there are, 0 for a regular matrix; of more than `capacity` the first are handed out. Where
+ *                  more than some hundred zeros were met it may be less than rows - rank.
+ */
+int espalier_null_space(espalier_solver* solver, int64_t capacity, int64_t* rows, double* vectors, int64_t* found);
 /** Estimates the condition number of the factored matrix (1-norm; infinity norm for a general matrix given by rows). */
 int espalier_condition_estimate(espalier_solver* solver, double* estimate);
 /** Saves the analysis to a file, for espalier_load_analysis of the same pattern. */

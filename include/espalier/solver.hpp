@@ -41,10 +41,10 @@ struct Options {
   /// as many GPUs at most.
   std::vector<Offset> device_memory_each_bytes;
   Offset host_memory_bytes = 0;  ///< budget on the host; 0: what is free
-  /// Of the host's memory that holds the factor when it streams, what may be page-locked, which is done from the second
+  /// Of the host's memory that holds a factor out of core, what may be page-locked, which is done from the second
   /// factorization on: GPUs reach it without a detour, but it cannot be swapped out. -1: half of the machine's memory.
   Offset pinned_memory_bytes = -1;
-  int threads = 0;  ///< host threads; 0: all cores this process may use
+  int threads = 0;  ///< host threads; 0: OMP_NUM_THREADS where that is set, else all cores this process may use
   /// Widest block column (= tile) of a front; 0: by front size. The kernels of a GPU know tiles of 32 and 64 columns:
   /// there a value below 64 means 32 for all fronts, any other the widths by front size.
   Index max_block_size = 0;
@@ -135,6 +135,10 @@ struct FactorResult {
   /// than some hundred zeros were met, or a factor gives no finite numbers.
   std::vector<Index> dependent_rows;
   std::vector<double> null_vectors;
+  /// lu: as many columns that depend on the others, ascending, and vectors w with A^T w = 0, likewise column by column.
+  /// Empty for a symmetric matrix, where they are the same.
+  std::vector<Index> dependent_columns;
+  std::vector<double> left_null_vectors;
   Offset peak_host_bytes = 0;  ///< most bytes that this solver held on the host
   /// Where it was done, and why, in one sentence: other than the analysis said where devices could not be used.
   std::string device;

@@ -37,12 +37,6 @@ void Timeline::clear() {
   for (auto& t : tracks_) t.events.clear();
 }
 
-std::int64_t Timeline::size() const {
-  std::int64_t n = 0;
-  for (const auto& t : tracks_) n += static_cast<std::int64_t>(t.events.size());
-  return n;
-}
-
 void Timeline::write(const std::string& path) const {
   OutputFile file(path);
   double start = 0;

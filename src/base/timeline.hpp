@@ -27,7 +27,7 @@ struct TimelineEvent {
   double waited = 0;        ///< seconds between begin and end in which it waited for tasks of others
 };
 
-/// Events by track (a worker of a device, or a stream). Each track is written by one thread at a time.
+/// Events by track (a worker of a device, or a queue). Each track is written by one thread at a time.
 class Timeline {
  public:
   /// The number of the track of that device and name, which is added when there is none. Not thread-safe.
@@ -37,7 +37,6 @@ class Timeline {
   }
   /// Forgets the events, keeps the tracks.
   void clear();
-  [[nodiscard]] std::int64_t size() const;
   /// Writes the Chrome trace-event JSON format. @throws Error(invalid_input) when the file cannot be written
   void write(const std::string& path) const;
 

@@ -15,7 +15,7 @@
 namespace espalier::device {
 
 /// Seconds in which a device computed, by what it did.
-struct StreamTimes {
+struct OperationTimes {
   double steps = 0;       ///< sets of fronts eliminated in core
   double assembly = 0;    ///< groups of block columns: entries of A and children's contributions
   double updates = 0;     ///< ... products with the columns of earlier groups
@@ -23,8 +23,8 @@ struct StreamTimes {
   [[nodiscard]] double sum() const { return steps + assembly + updates + own_pivots; }
 };
 
-/// What a factorization in less device memory than the factor needs moves; budget_bytes 0: it does not stream.
-struct StreamReport {
+/// What a factorization in less device memory than the factor needs moves; budget_bytes 0: it fits, and nothing moves.
+struct OutOfCoreReport {
   Offset budget_bytes = 0;
   Offset predicted_bytes = 0;    ///< peak of device memory by the plan
   Offset bytes_in = 0;           ///< from the host to the device, each factorization
@@ -35,7 +35,7 @@ struct StreamReport {
   double copy_out_seconds = 0;   ///< likewise from it
   Index steps = 0;               ///< sets of fronts eliminated in core
   Index groups = 0;              ///< groups of block columns of fronts too large for that
-  StreamTimes times = {};        ///< last factorization
+  OperationTimes times = {};     ///< last factorization
   Offset store_bytes = 0;        ///< of the host's store, which all devices share
   Offset pinned_bytes = 0;       ///< of it, reached without the staging ring so far
   Offset direct_bytes = 0;       ///< last factorization: moved without the ring, both directions
@@ -44,12 +44,12 @@ struct StreamReport {
 /// One device's part in a factorization that several share.
 struct DeviceWork {
   std::string name;
-  double busy_seconds = 0;       ///< mean over its workers of the time inside tasks, waits left out
-  double waiting_seconds = 0;    ///< likewise of the time inside tasks that wait for others
-  Index stolen_subtrees = 0;     ///< sub-trees of other devices that it did
-  Offset peak_bytes = 0;         ///< its part of factor and work arrays, and what its workers hold
-  Offset transferred_bytes = 0;  ///< stored into and fetched from other devices
-  StreamReport streaming = {};   ///< where the factorization streams
+  double busy_seconds = 0;           ///< mean over its workers of the time inside tasks, waits left out
+  double waiting_seconds = 0;        ///< likewise of the time inside tasks that wait for others
+  Index stolen_subtrees = 0;         ///< sub-trees of other devices that it did
+  Offset peak_bytes = 0;             ///< its part of factor and work arrays, and what its workers hold
+  Offset transferred_bytes = 0;      ///< stored into and fetched from other devices
+  OutOfCoreReport out_of_core = {};  ///< where the factor does not fit in the device's memory
 };
 
 /// One backend's numeric factor of a matrix with the pattern of a plan. All memory is taken in the constructor;
@@ -68,7 +68,7 @@ class Executor {
   virtual void solve(T* x, Index columns, bool transpose) = 0;
   [[nodiscard]] virtual std::string name() const = 0;
   [[nodiscard]] virtual Offset peak_bytes() const = 0;
-  [[nodiscard]] virtual StreamReport streaming() const { return {}; }
+  [[nodiscard]] virtual OutOfCoreReport out_of_core() const { return {}; }
   /// The last factorization by devices; empty where there is one, for which the outcome tells all.
   [[nodiscard]] virtual std::vector<DeviceWork> device_work() const { return {}; }
   /// The equations in the memory of the (first) device, beside the factor, which they must not outlive. Null: this

@@ -24,7 +24,7 @@ struct FactorOutcome {
   Index negative = 0;           ///< negative eigenvalues of D (ldlt), replaced pivots left out
   Index two_by_two = 0;         ///< 2x2 pivots
   std::vector<Index> replaced;  ///< positions of pivots that were smaller than tiny, ascending
-  /// Positions of pivots that were kept, but are below PivotRule::suspect, ascending. GPUs do not list them.
+  /// Positions of pivots that were kept, but are below PivotRule::suspect, ascending.
   std::vector<Index> small;
   Index small_negative = 0;     ///< of them, how many `negative` counts (ldlt)
   std::vector<Index> failed;    ///< positions whose column of L exceeds 1/threshold, ascending

@@ -4,34 +4,17 @@
 
 #include <algorithm>
 
+#include "matrix/line_pieces.hpp"
 #include "matrix/parallel.hpp"
 
 namespace espalier::matrix {
 
 namespace {
 
-constexpr std::size_t kPieceBytes = std::size_t{1} << 20;
-
 // The numbers of some whole lines.
-struct Piece {
-  const char* begin = nullptr;
-  const char* end = nullptr;
+struct Piece : LinePiece {
   std::vector<double> numbers;
-  const char* error_at = nullptr;
-  std::string error;
 };
-
-std::vector<Piece> cut(const char* begin, const char* end) {
-  std::vector<Piece> pieces;
-  while (begin < end) {
-    const char* stop = end;
-    if (static_cast<std::size_t>(end - begin) > kPieceBytes) stop = end_of_line(begin + kPieceBytes, end);
-    if (stop < end) ++stop;
-    pieces.push_back({begin, stop, {}, nullptr, {}});
-    begin = stop;
-  }
-  return pieces;
-}
 
 void parse_piece(Piece& piece) {
   const char* p = skip_to_data(piece.begin, piece.end);
@@ -61,7 +44,7 @@ std::vector<double> parse_array_numbers(const Source& source, const MatrixMarket
             fmt::format("the size line promises {} numbers, but only {} characters follow; the file "
                         "is truncated or its size line wrong",
                         header.count, end - header.data));
-  auto pieces = cut(header.data, end);
+  auto pieces = cut_lines<Piece>(header.data, end);
   for_each(options.pool, static_cast<std::int64_t>(pieces.size()),
            [&](std::int64_t i) { parse_piece(pieces[static_cast<std::size_t>(i)]); });
   for (const auto& piece : pieces)

@@ -7,26 +7,20 @@
 #include <cmath>
 #include <vector>
 
+#include "matrix/line_pieces.hpp"
 #include "matrix/parallel.hpp"
 
 namespace espalier::matrix {
 
 namespace {
 
-// Large enough that taking a piece costs nothing, small enough that a pool of 64 threads finds work in 100 MB.
-constexpr std::size_t kPieceBytes = std::size_t{1} << 20;
-
-// Some whole lines of the text, and what was found there.
-struct Piece {
-  const char* begin = nullptr;
-  const char* end = nullptr;
+// What was found in some lines.
+struct Piece : LinePiece {
   Offset first = 0;  // position of its first entry in the buffers
   Offset lines = 0;  // lines, hence at most so many entries
   Offset count = 0;  // entries found
   bool below = false;
   bool above = false;
-  const char* error_at = nullptr;  // set when the piece is malformed there
-  std::string error;
 };
 
 struct Entry {
@@ -34,20 +28,6 @@ struct Entry {
   std::int64_t col = 0;
   double value = 1;
 };
-
-std::vector<Piece> cut(const char* begin, const char* end) {
-  std::vector<Piece> pieces;
-  while (begin < end) {
-    const char* stop = end;
-    if (static_cast<std::size_t>(end - begin) > kPieceBytes) stop = end_of_line(begin + kPieceBytes, end);
-    if (stop < end) ++stop;
-    pieces.push_back({});
-    pieces.back().begin = begin;
-    pieces.back().end = stop;
-    begin = stop;
-  }
-  return pieces;
-}
 
 // The common form of an index: up to 9 digits and a blank behind them. Leaves everything else to scan_integer.
 inline bool scan_short_index(const char*& p, const char* end, std::int64_t& value) {
@@ -179,7 +159,7 @@ const char* locate_coordinate_entry(const Source& source, const MatrixMarketHead
 RawEntries parse_coordinate_entries(const Source& source, const MatrixMarketHeader& header,
                                     const ReadOptions& options) {
   const char* end = source.text.data() + source.text.size();
-  auto pieces = cut(header.data, end);
+  auto pieces = cut_lines<Piece>(header.data, end);
   const Offset lines = count_lines(pieces, options.pool);
   if (lines < header.count)
     fail_at(source, header.sizes,

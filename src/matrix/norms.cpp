@@ -66,15 +66,6 @@ double norm_inf(const MatrixView& a, base::ThreadPool* pool) { return largest_su
 
 double norm_one(const MatrixView& a, base::ThreadPool* pool) { return largest_sum(a, Transpose::yes, pool); }
 
-double norm_max(const MatrixView& a) {
-  double most = 0;
-  for (const double v : a.values) {
-    if (std::isnan(v)) return std::numeric_limits<double>::infinity();
-    most = std::max(most, std::abs(v));
-  }
-  return most;
-}
-
 bool structure_is_symmetric(const MatrixView& a) {
   if (a.rows != a.cols) return false;
   if (half_stored(a)) return true;

@@ -14,8 +14,6 @@ namespace espalier::matrix {
 double norm_inf(const MatrixView& a, base::ThreadPool* pool = nullptr);
 /// max_j sum_i |a_ij|.
 double norm_one(const MatrixView& a, base::ThreadPool* pool = nullptr);
-/// max_ij |a_ij|.
-double norm_max(const MatrixView& a);
 
 /// Is (j, i) an entry wherever (i, j) is one? Explicit zeros are entries. Symmetric storage: true. Not square: false.
 bool structure_is_symmetric(const MatrixView& a);

@@ -6,7 +6,7 @@
 
 namespace espalier::out_of_core {
 
-Offset StreamArena::cut(std::map<Offset, Offset>::iterator hole, Offset at, Offset bytes) {
+Offset Arena::cut(std::map<Offset, Offset>::iterator hole, Offset at, Offset bytes) {
   const Offset begin = hole->first, end = begin + hole->second;
   holes_.erase(hole);
   if (at > begin) holes_[begin] = at - begin;
@@ -15,7 +15,7 @@ Offset StreamArena::cut(std::map<Offset, Offset>::iterator hole, Offset at, Offs
   return at;
 }
 
-Offset StreamArena::take_passing(Offset bytes) {
+Offset Arena::take_passing(Offset bytes) {
   bytes = round(bytes);
   if (bytes == 0) return 0;
   auto it = holes_.lower_bound(cursor_);
@@ -37,7 +37,7 @@ Offset StreamArena::take_passing(Offset bytes) {
   return -1;
 }
 
-Offset StreamArena::take_lasting(Offset bytes) {
+Offset Arena::take_lasting(Offset bytes) {
   bytes = round(bytes);
   if (bytes == 0) return 0;
   for (auto it = holes_.end(); it != holes_.begin();) {
@@ -47,12 +47,12 @@ Offset StreamArena::take_lasting(Offset bytes) {
   return -1;
 }
 
-Offset StreamArena::take_lowest(Offset bytes) {
+Offset Arena::take_lowest(Offset bytes) {
   cursor_ = 0;
   return take_passing(bytes);
 }
 
-void StreamArena::give_back(Offset at, Offset bytes) {
+void Arena::give_back(Offset at, Offset bytes) {
   bytes = round(bytes);
   if (bytes == 0) return;
   auto next = holes_.lower_bound(at);

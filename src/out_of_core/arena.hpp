@@ -13,12 +13,12 @@ namespace espalier::out_of_core {
 
 /// Hands out places. What passes through goes round from the low end on, so that a place rests before it is taken
 /// again; what lasts stands at the high end.
-class StreamArena {
+class Arena {
  public:
   static constexpr Offset kAlignment = 256;  ///< bytes
   /// @param around  false: what passes through takes the next hole's beginning, which splits memory less where it is
   ///                tight, but takes places again sooner
-  explicit StreamArena(Offset size, bool around = true) : size_(size / kAlignment * kAlignment), around_(around) {
+  explicit Arena(Offset size, bool around = true) : size_(size / kAlignment * kAlignment), around_(around) {
     holes_[0] = size_;
   }
   /// @returns the place, -1 when there is none

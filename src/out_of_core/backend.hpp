@@ -1,7 +1,7 @@
 /// \file
-/// The seam of streaming: what a backend does for an executor whose device memory holds only a part of the
-/// factorization. Operations of one queue are asked for by one thread and run in order; the queues run side by side.
-/// Several devices have a backend each; what one stores, another may wait for.
+/// The seam of a factorization out of core: what a backend does for an executor whose device memory holds only a part
+/// of the factorization. Operations of one queue are asked for by one thread and run in order; the queues run side by
+/// side. Several devices have a backend each; what one stores, another may wait for.
 #pragma once
 
 #include <cstddef>
@@ -12,7 +12,7 @@
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "device/executor.hpp"
-#include "out_of_core/streaming_plan.hpp"
+#include "out_of_core/plan.hpp"
 
 namespace espalier::out_of_core {
 
@@ -24,13 +24,13 @@ class AllocationRefused : public Error {
 };
 
 /// Where the time of an operation is counted.
-inline double& time_of(device::StreamTimes& times, out_of_core::StreamWork work) {
-  switch (work) {
-    case out_of_core::StreamWork::eliminate:
+inline double& time_of(device::OperationTimes& times, OperationType type) {
+  switch (type) {
+    case OperationType::eliminate:
       return times.steps;
-    case out_of_core::StreamWork::update:
+    case OperationType::update:
       return times.updates;
-    case out_of_core::StreamWork::eliminate_group:
+    case OperationType::eliminate_group:
       return times.own_pivots;
     default:
       return times.assembly;
@@ -38,12 +38,12 @@ inline double& time_of(device::StreamTimes& times, out_of_core::StreamWork work)
 }
 
 template <class T>
-class StreamBackend : public out_of_core::StreamLayout {
+class OutOfCoreBackend : public OutOfCoreLayout {
  public:
   virtual void set_pivot_rule(const device::PivotRule& rule) = 0;
   /// Takes the arena and the staging ring, and lays out the tables. The plan must outlive the backend.
   /// @throws AllocationRefused when the device has less
-  virtual void prepare(const out_of_core::StreamingPlan& plan, int slots, Offset slot_bytes) = 0;
+  virtual void prepare(const OutOfCorePlan& plan, int slots, Offset slot_bytes) = 0;
   /// Forgets the last factorization. `values` is the caller's array, valid until finish().
   virtual void begin(std::span<const T> values) = 0;
   /// Called by each thread that uses the backend.
@@ -66,29 +66,28 @@ class StreamBackend : public out_of_core::StreamLayout {
   virtual void copy_out_direct(std::byte* to, Offset from, Offset bytes) = 0;
 
   /// What load_tables copies.
-  virtual std::span<const std::byte> tables(const out_of_core::StreamOp& op) = 0;
+  virtual std::span<const std::byte> tables(const Operation& op) = 0;
   /// Starts an operation of the run queue.
-  virtual void run(const out_of_core::StreamOp& op) = 0;
+  virtual void run(const Operation& op) = 0;
   /// Gets what store_outputs brought.
-  virtual void take_outputs(const out_of_core::StreamOp& op, std::span<const std::byte> bytes) = 0;
+  virtual void take_outputs(const Operation& op, std::span<const std::byte> bytes) = 0;
 
   /// Marks the end of operation `number` (from 1) of a queue; what `queue` is asked for later waits for it.
-  virtual void mark(out_of_core::StreamQueue queue, std::int64_t number) = 0;
-  virtual void wait_for_mark(out_of_core::StreamQueue queue, out_of_core::StreamQueue other, std::int64_t number) = 0;
+  virtual void mark(Queue queue, std::int64_t number) = 0;
+  virtual void wait_for_mark(Queue queue, Queue other, std::int64_t number) = 0;
   /// Likewise for the mark of another device's backend, of the same sort.
-  virtual void wait_for_mark(out_of_core::StreamQueue queue, StreamBackend<T>& of, out_of_core::StreamQueue other,
-                             std::int64_t number) = 0;
+  virtual void wait_for_mark(Queue queue, OutOfCoreBackend<T>& of, Queue other, std::int64_t number) = 0;
   /// Blocks the caller instead.
-  virtual void wait_until(out_of_core::StreamQueue queue, std::int64_t number) = 0;
+  virtual void wait_until(Queue queue, std::int64_t number) = 0;
   /// Blocks until all is done. @throws Error(device_error)
   virtual void finish() = 0;
   /// After a failure: lets what runs come to an end.
   virtual void abandon() noexcept = 0;
   virtual device::FactorOutcome outcome() = 0;
   /// Of the last factorization.
-  [[nodiscard]] virtual device::StreamTimes times() const = 0;
+  [[nodiscard]] virtual device::OperationTimes times() const = 0;
   /// Several devices: takes over what another backend of the same sort keeps of its pivots for solves.
-  virtual void take_pivots(StreamBackend<T>& from) = 0;
+  virtual void take_pivots(OutOfCoreBackend<T>& from) = 0;
 
   /// Like Executor::solve, from the factors in the host's store.
   virtual void solve(const T* store, T* x, Index columns, bool transpose) = 0;

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "base/stream_copy.hpp"
+#include "base/copy_past_cache.hpp"
 
 namespace espalier::out_of_core {
 
@@ -55,8 +55,7 @@ void HostPieces::copy_from(const std::byte* from, Offset begin, Offset size, bas
         [&](std::byte* at, Offset done, std::size_t n) { base::copy_past_cache(at, from + done, n); });
 }
 
-void ValuePieces::set(const out_of_core::StreamLayout& layout, const out_of_core::StreamingPlan& streaming,
-                      const out_of_core::StreamOp& op) {
+void ValuePieces::set(const OutOfCoreLayout& layout, const OutOfCorePlan& units, const Operation& op) {
   plan_ = &layout.plan();
   first_.clear();
   end_.clear();
@@ -66,11 +65,11 @@ void ValuePieces::set(const out_of_core::StreamLayout& layout, const out_of_core
     first_.push_back(first);
   };
   if (op.grouped) {
-    const out_of_core::ColumnGroup& g = streaming.groups[static_cast<std::size_t>(op.unit)];
+    const ColumnGroup& g = units.groups[static_cast<std::size_t>(op.unit)];
     add(g.first_entry, g.entries);
     return;
   }
-  for (const Index f : streaming.steps[static_cast<std::size_t>(op.unit)].fronts) {
+  for (const Index f : units.steps[static_cast<std::size_t>(op.unit)].fronts) {
     const Offset first = plan_->entry_ptr[plan_->first_tile[f]];
     add(first, plan_->entry_ptr[plan_->first_tile[f + 1]] - first);
   }

@@ -1,6 +1,6 @@
 /// \file
-/// The host's side of streaming: what an operation copies, piece by piece, between the host's store and the staging
-/// ring.
+/// The host's side of a factorization out of core: what an operation copies, piece by piece, between the host's store
+/// and the staging ring.
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/thread_pool.hpp"
-#include "out_of_core/streaming_plan.hpp"
+#include "out_of_core/plan.hpp"
 
 namespace espalier::out_of_core {
 
@@ -43,8 +43,7 @@ class HostPieces {
 class ValuePieces {
  public:
   /// Of the load_values operation `op`.
-  void set(const out_of_core::StreamLayout& layout, const out_of_core::StreamingPlan& streaming,
-           const out_of_core::StreamOp& op);
+  void set(const OutOfCoreLayout& layout, const OutOfCorePlan& units, const Operation& op);
   [[nodiscard]] Offset size() const { return end_.empty() ? 0 : end_.back(); }
   /// Values [begin, begin + size) to `to`.
   template <class T>

@@ -11,10 +11,10 @@ namespace {
 // Bottom-up: every front takes its children's parts along while they fit together; the heaviest are left behind first.
 class Cutter {
  public:
-  Cutter(const StreamLayout& layout, const StreamCut& cut)
+  Cutter(const OutOfCoreLayout& layout, const TreeCut& cut)
       : layout_(layout), plan_(layout.plan()), cut_(cut), fronts_(plan_.fronts()) {}
 
-  std::vector<StreamUnit> cut() {
+  std::vector<Unit> cut() {
     const auto n = static_cast<std::size_t>(fronts_);
     part_.assign(n, {});
     closed_.assign(n, 0);
@@ -92,13 +92,13 @@ class Cutter {
   }
 
   // Steps by rising root; neighbours that do not need each other are put together while they fit.
-  [[nodiscard]] std::vector<StreamUnit> gather() const {
+  [[nodiscard]] std::vector<Unit> gather() const {
     std::vector<Index> root(static_cast<std::size_t>(fronts_));
     for (Index f = fronts_ - 1; f >= 0; --f) root[f] = closed_[f] != 0 ? f : root[plan_.tree.parent[f]];
     std::vector<std::vector<Index>> members(static_cast<std::size_t>(fronts_));
     for (Index f = 0; f < fronts_; ++f) members[root[f]].push_back(f);
-    std::vector<StreamUnit> units;
-    StreamUnit now;
+    std::vector<Unit> units;
+    Unit now;
     Offset bytes = 0;
     std::vector<char> here(static_cast<std::size_t>(fronts_), 0);  // roots of what is in `now`
     const auto flush = [&] {
@@ -108,7 +108,7 @@ class Cutter {
         now.devices = {device_of(now.fronts.front())};
         units.push_back(std::move(now));
       }
-      now = StreamUnit{};
+      now = Unit{};
       bytes = 0;
     };
     for (Index f = 0; f < fronts_; ++f) {
@@ -130,13 +130,13 @@ class Cutter {
     flush();
     // What devices share comes after all that they do alone: otherwise one waits for another before its own is done.
     std::stable_partition(units.begin(), units.end(),
-                          [&](const StreamUnit& u) { return !shared(u.large >= 0 ? u.large : u.fronts.front()); });
+                          [&](const Unit& u) { return !shared(u.large >= 0 ? u.large : u.fronts.front()); });
     return units;
   }
 
-  const StreamLayout& layout_;
+  const OutOfCoreLayout& layout_;
   const plan::Plan& plan_;
-  const StreamCut& cut_;
+  const TreeCut& cut_;
   Index fronts_;
   std::vector<Part> part_;    // fronts: what is eliminated together with the front
   std::vector<char> closed_;  // fronts; 1: its parent is in another unit
@@ -146,7 +146,7 @@ class Cutter {
 
 }  // namespace
 
-std::vector<StreamUnit> cut_for_streaming(const StreamLayout& layout, const StreamCut& cut) {
+std::vector<Unit> cut_into_units(const OutOfCoreLayout& layout, const TreeCut& cut) {
   return Cutter(layout, cut).cut();
 }
 
@@ -155,7 +155,7 @@ namespace {
 // What plan_memory() needs of a plan, for some fronts of it.
 class StepBuilder {
  public:
-  StepBuilder(const StreamLayout& layout, const StreamUnit& unit, std::vector<plan::Task> tasks)
+  StepBuilder(const OutOfCoreLayout& layout, const Unit& unit, std::vector<plan::Task> tasks)
       : layout_(layout), plan_(layout.plan()), fronts_(unit.fronts) {
     s_.fronts = unit.fronts;
     s_.tasks = std::move(tasks);
@@ -219,7 +219,7 @@ class StepBuilder {
     }
   }
 
-  const StreamLayout& layout_;
+  const OutOfCoreLayout& layout_;
   const plan::Plan& plan_;
   const std::vector<Index>& fronts_;
   InCoreStep s_;
@@ -229,7 +229,7 @@ class StepBuilder {
 
 }  // namespace
 
-std::vector<InCoreStep> make_in_core_steps(const StreamLayout& layout, const std::vector<StreamUnit>& units) {
+std::vector<InCoreStep> make_in_core_steps(const OutOfCoreLayout& layout, const std::vector<Unit>& units) {
   std::vector<std::int32_t> unit_of(static_cast<std::size_t>(layout.plan().fronts()), -1);
   for (std::size_t u = 0; u < units.size(); ++u)
     for (const Index f : units[u].fronts) unit_of[f] = static_cast<std::int32_t>(u);

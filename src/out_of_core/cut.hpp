@@ -1,33 +1,33 @@
 /// \file
-/// Cutting a tree into the units of a streaming plan.
+/// Cutting a tree into the units of an out-of-core plan.
 #pragma once
 
 #include <vector>
 
+#include "out_of_core/plan.hpp"
 #include "out_of_core/share.hpp"
-#include "out_of_core/streaming_plan.hpp"
 
 namespace espalier::out_of_core {
 
 /// An in-core step, or a large front (`fronts` empty).
-struct StreamUnit {
+struct Unit {
   std::vector<Index> fronts;  ///< ascending
   Index large = -1;
   std::vector<Index> devices;  ///< that work on it, ascending; one for a step
 };
 
 /// How a tree is cut.
-struct StreamCut {
+struct TreeCut {
   std::vector<Offset> limit_bytes;  ///< devices; of an in-core step, about
   DeviceSets sets;                  ///< fronts; see share_fronts()
-  double share_seconds = 0;         ///< see StreamRates
+  double share_seconds = 0;         ///< see PlanningRates
 };
 
 /// Units in topological order, each in-core step within its device's limit as far as fronts allow. A front of several
 /// devices that is no large front is done by the one with the highest limit.
-std::vector<StreamUnit> cut_for_streaming(const StreamLayout& layout, const StreamCut& cut);
+std::vector<Unit> cut_into_units(const OutOfCoreLayout& layout, const TreeCut& cut);
 
 /// The in-core steps of these units (empty for large fronts): tasks, externals, places of their arrays.
-std::vector<InCoreStep> make_in_core_steps(const StreamLayout& layout, const std::vector<StreamUnit>& units);
+std::vector<InCoreStep> make_in_core_steps(const OutOfCoreLayout& layout, const std::vector<Unit>& units);
 
 }  // namespace espalier::out_of_core

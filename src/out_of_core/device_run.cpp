@@ -8,29 +8,25 @@
 
 namespace espalier::out_of_core {
 
-using out_of_core::StreamOp;
-using out_of_core::StreamQueue;
-using out_of_core::StreamWait;
-using out_of_core::StreamWork;
-
 namespace {
 
 constexpr int kNoSlot = -1;
 
-std::int64_t waits_for(const StreamOp& op, StreamQueue q) { return op.waits[static_cast<std::size_t>(q)]; }
+std::int64_t waits_for(const Operation& op, Queue q) { return op.waits[static_cast<std::size_t>(q)]; }
 
 // Arrays that an operation copies; in-core steps store both factor arrays in one piece.
-int parts_of(const StreamOp& op) {
-  if (op.work == StreamWork::load_tables || op.work == StreamWork::load_values || op.work == StreamWork::store_outputs)
+int parts_of(const Operation& op) {
+  if (op.type == OperationType::load_tables || op.type == OperationType::load_values ||
+      op.type == OperationType::store_outputs)
     return 1;
-  return op.at[1] >= 0 && (op.work != StreamWork::store_factor || op.grouped) ? 2 : 1;
+  return op.at[1] >= 0 && (op.type != OperationType::store_factor || op.grouped) ? 2 : 1;
 }
 
 }  // namespace
 
 template <class T>
-StreamDeviceRun<T>::StreamDeviceRun(std::unique_ptr<out_of_core::StreamBackend<T>> backend, Index number,
-                                    const StreamingOptions& options, StreamProgress& progress)
+DeviceRun<T>::DeviceRun(std::unique_ptr<OutOfCoreBackend<T>> backend, Index number, const OutOfCoreOptions& options,
+                        QueueProgress& progress)
     : backend_(std::move(backend)),
       number_(number),
       options_(options),
@@ -39,17 +35,16 @@ StreamDeviceRun<T>::StreamDeviceRun(std::unique_ptr<out_of_core::StreamBackend<T
       out_crew_(options.copy_threads) {}
 
 template <class T>
-void StreamDeviceRun<T>::prepare(const out_of_core::StreamingPlan& plan,
-                                 const std::vector<out_of_core::StreamBackend<T>*>& peers) {
+void DeviceRun<T>::prepare(const OutOfCorePlan& plan, const std::vector<OutOfCoreBackend<T>*>& peers) {
   plan_ = &plan;
   peers_ = &peers;
   backend_->prepare(plan, 2 * options_.slots, options_.slot_bytes);
-  for (const StreamOp& op : plan.ops)
-    (op.queue == StreamQueue::in ? loads_ : op.queue == StreamQueue::out ? stores_ : runs_).push_back(&op);
+  for (const Operation& op : plan.ops)
+    (op.queue == Queue::in ? loads_ : op.queue == Queue::out ? stores_ : runs_).push_back(&op);
 }
 
 template <class T>
-void StreamDeviceRun<T>::begin(std::span<const T> values, T* store, const PinnedStore& pinned) {
+void DeviceRun<T>::begin(std::span<const T> values, T* store, const PinnedStore& pinned) {
   values_ = values;
   store_ = store;
   pinned_ = &pinned;
@@ -61,7 +56,7 @@ void StreamDeviceRun<T>::begin(std::span<const T> values, T* store, const Pinned
 }
 
 template <class T>
-device::StreamReport StreamDeviceRun<T>::report(Offset budget_bytes) const {
+device::OutOfCoreReport DeviceRun<T>::report(Offset budget_bytes) const {
   const auto steps =
       std::count_if(plan_->steps.begin(), plan_->steps.end(), [](const auto& s) { return !s.fronts.empty(); });
   return {budget_bytes,
@@ -83,10 +78,10 @@ device::StreamReport StreamDeviceRun<T>::report(Offset budget_bytes) const {
 // ---- what computes --------------------------------------------------------------------------------------------------
 
 template <class T>
-void StreamDeviceRun<T>::run_all() {
-  std::array<std::int64_t, out_of_core::kStreamQueues> numbers{};
-  for (const StreamOp* op : runs_) {
-    for (const StreamQueue q : {StreamQueue::in, StreamQueue::out, StreamQueue::run, StreamQueue::second_run}) {
+void DeviceRun<T>::run_all() {
+  std::array<std::int64_t, kQueues> numbers{};
+  for (const Operation* op : runs_) {
+    for (const Queue q : {Queue::in, Queue::out, Queue::run, Queue::second_run}) {
       const std::int64_t n = waits_for(*op, q);
       if (n == 0 || q == op->queue) continue;
       progress_.wait_asked(number_, q, n);
@@ -97,16 +92,16 @@ void StreamDeviceRun<T>::run_all() {
     backend_->mark(op->queue, number);
     progress_.asked(number_, op->queue, number);
   }
-  progress_.wait_asked(number_, StreamQueue::in, static_cast<std::int64_t>(loads_.size()));
-  progress_.wait_done(number_, StreamQueue::out, static_cast<std::int64_t>(stores_.size()));
+  progress_.wait_asked(number_, Queue::in, static_cast<std::int64_t>(loads_.size()));
+  progress_.wait_done(number_, Queue::out, static_cast<std::int64_t>(stores_.size()));
   backend_->finish();
 }
 
 // Makes a queue of copies wait for what computes.
 template <class T>
 template <class Meanwhile>
-void StreamDeviceRun<T>::wait_for_runs(const StreamOp& op, Meanwhile&& meanwhile) {
-  for (const StreamQueue lane : {StreamQueue::run, StreamQueue::second_run}) {
+void DeviceRun<T>::wait_for_runs(const Operation& op, Meanwhile&& meanwhile) {
+  for (const Queue lane : {Queue::run, Queue::second_run}) {
     const std::int64_t n = waits_for(op, lane);
     if (n == 0) continue;
     progress_.wait_asked(number_, lane, n, meanwhile);
@@ -118,9 +113,9 @@ void StreamDeviceRun<T>::wait_for_runs(const StreamOp& op, Meanwhile&& meanwhile
 // leaves open when it has been asked for.
 template <class T>
 template <class Meanwhile>
-void StreamDeviceRun<T>::wait_for_others(const StreamOp& op, Meanwhile&& meanwhile) {
-  for (const StreamWait& w : op.others) {
-    if (w.queue == StreamQueue::out)
+void DeviceRun<T>::wait_for_others(const Operation& op, Meanwhile&& meanwhile) {
+  for (const QueueWait& w : op.others) {
+    if (w.queue == Queue::out)
       progress_.wait_done(w.device, w.queue, w.number, meanwhile);
     else {
       progress_.wait_asked(w.device, w.queue, w.number, meanwhile);
@@ -132,29 +127,28 @@ void StreamDeviceRun<T>::wait_for_others(const StreamOp& op, Meanwhile&& meanwhi
 // ---- to the device --------------------------------------------------------------------------------------------------
 
 template <class T>
-void StreamDeviceRun<T>::load_all() {
+void DeviceRun<T>::load_all() {
   std::int64_t number = 0;
   int slot = 0;
-  for (const StreamOp* op : loads_) {
+  for (const Operation* op : loads_) {
     ++number;
     const auto idle = [] { return false; };
     wait_for_others(*op, idle);
     wait_for_runs(*op, idle);
-    if (const std::int64_t n = waits_for(*op, StreamQueue::out); n > 0)
-      progress_.wait_done(number_, StreamQueue::out, n);
+    if (const std::int64_t n = waits_for(*op, Queue::out); n > 0) progress_.wait_done(number_, Queue::out, n);
     load(*op, slot);
-    backend_->mark(StreamQueue::in, number);
-    progress_.asked(number_, StreamQueue::in, number);
+    backend_->mark(Queue::in, number);
+    progress_.asked(number_, Queue::in, number);
   }
 }
 
 template <class T>
-void StreamDeviceRun<T>::load(const StreamOp& op, int& slot) {
-  if (op.work == StreamWork::load_values) return load_values(op, slot);
+void DeviceRun<T>::load(const Operation& op, int& slot) {
+  if (op.type == OperationType::load_values) return load_values(op, slot);
   for (int part = 0; part < parts_of(op); ++part) {
     pieces_of(op, part, pieces_);
     const Offset to = op.at[static_cast<std::size_t>(part)];
-    if (op.work != StreamWork::load_tables && goes_directly(pieces_)) {
+    if (op.type != OperationType::load_tables && goes_directly(pieces_)) {
       load_directly(to);
       continue;
     }
@@ -165,7 +159,7 @@ void StreamDeviceRun<T>::load(const StreamOp& op, int& slot) {
 }
 
 template <class T>
-void StreamDeviceRun<T>::load_values(const StreamOp& op, int& slot) {
+void DeviceRun<T>::load_values(const Operation& op, int& slot) {
   constexpr auto kSize = static_cast<Offset>(sizeof(T));
   gathered_.set(*backend_, *plan_, op);
   load_through_ring(op.at[0], op.bytes, slot, [&](std::byte* staging, Offset done, Offset now) {
@@ -174,7 +168,7 @@ void StreamDeviceRun<T>::load_values(const StreamOp& op, int& slot) {
 }
 
 template <class T>
-void StreamDeviceRun<T>::load_directly(Offset to) {
+void DeviceRun<T>::load_directly(Offset to) {
   by_pinned_piece(
       pieces_, [&](const std::byte* host, Offset done, Offset now) { backend_->copy_in_direct(to + done, host, now); });
   in_direct_ += pieces_.bytes();
@@ -183,7 +177,7 @@ void StreamDeviceRun<T>::load_directly(Offset to) {
 // fill(staging memory, first byte, bytes) for every slot in turn.
 template <class T>
 template <class Fill>
-void StreamDeviceRun<T>::load_through_ring(Offset to, Offset bytes, int& slot, Fill&& fill) {
+void DeviceRun<T>::load_through_ring(Offset to, Offset bytes, int& slot, Fill&& fill) {
   for (Offset done = 0; done < bytes; done += options_.slot_bytes) {
     const Offset now = std::min(options_.slot_bytes, bytes - done);
     backend_->wait_for_slot(slot);
@@ -196,18 +190,18 @@ void StreamDeviceRun<T>::load_through_ring(Offset to, Offset bytes, int& slot, F
 }
 
 template <class T>
-void StreamDeviceRun<T>::pieces_of(const StreamOp& op, int part, HostPieces& pieces) {
+void DeviceRun<T>::pieces_of(const Operation& op, int part, HostPieces& pieces) {
   pieces.clear();
   constexpr auto kSize = static_cast<Offset>(sizeof(T));
   std::byte* store = reinterpret_cast<std::byte*>(store_);
   const Offset host = op.host[static_cast<std::size_t>(part)];
-  if (op.work == StreamWork::load_tables) {
+  if (op.type == OperationType::load_tables) {
     const std::span<const std::byte> t = backend_->tables(op);
     pieces.add(const_cast<std::byte*>(t.data()), static_cast<Offset>(t.size()));
-  } else if (op.work == StreamWork::load_panel) {
-    std::vector<out_of_core::Piece> list;
-    backend_->panel(op.front, op.begin, op.end, op.row, list);
-    for (const out_of_core::Piece& p : list) pieces.add(store + (host + p.at) * kSize, p.size * kSize);
+  } else if (op.type == OperationType::load_slab) {
+    std::vector<Piece> list;
+    backend_->slab(op.front, op.begin, op.end, op.row, list);
+    for (const Piece& p : list) pieces.add(store + (host + p.at) * kSize, p.size * kSize);
   } else {
     pieces.add(store + host * kSize, op.bytes / parts_of(op));
   }
@@ -217,7 +211,7 @@ void StreamDeviceRun<T>::pieces_of(const StreamOp& op, int part, HostPieces& pie
 
 // All of the pieces lie in pinned memory, and they are large enough.
 template <class T>
-bool StreamDeviceRun<T>::goes_directly(const HostPieces& pieces) const {
+bool DeviceRun<T>::goes_directly(const HostPieces& pieces) const {
   if (pieces.count() == 0 || pieces.bytes() / static_cast<Offset>(pieces.count()) < options_.least_direct_bytes)
     return false;
   return pieces.each([&](const std::byte* at, Offset, Offset bytes) { return pinned_->holds(at, bytes); });
@@ -226,7 +220,7 @@ bool StreamDeviceRun<T>::goes_directly(const HostPieces& pieces) const {
 // copy(host memory, bytes before it, bytes) for what lies within one pinned piece.
 template <class T>
 template <class Copy>
-void StreamDeviceRun<T>::by_pinned_piece(const HostPieces& pieces, Copy&& copy) const {
+void DeviceRun<T>::by_pinned_piece(const HostPieces& pieces, Copy&& copy) const {
   pieces.each([&](std::byte* at, Offset before, Offset bytes) {
     for (Offset done = 0; done < bytes;) {
       const Offset now = std::min(bytes - done, pinned_->left_in_piece(at + done));
@@ -240,29 +234,29 @@ void StreamDeviceRun<T>::by_pinned_piece(const HostPieces& pieces, Copy&& copy) 
 // ---- to the host ----------------------------------------------------------------------------------------------------
 
 template <class T>
-void StreamDeviceRun<T>::store_all() {
+void DeviceRun<T>::store_all() {
   std::int64_t number = 0;
   int slot = 0;
   const auto receive_one = [&] { return receive(); };
-  for (const StreamOp* op : stores_) {
+  for (const Operation* op : stores_) {
     ++number;
     wait_for_others(*op, receive_one);
     wait_for_runs(*op, receive_one);
-    if (const std::int64_t n = waits_for(*op, StreamQueue::in); n > 0) {
-      progress_.wait_asked(number_, StreamQueue::in, n, receive_one);
-      backend_->wait_for_mark(StreamQueue::out, StreamQueue::in, n);
+    if (const std::int64_t n = waits_for(*op, Queue::in); n > 0) {
+      progress_.wait_asked(number_, Queue::in, n, receive_one);
+      backend_->wait_for_mark(Queue::out, Queue::in, n);
     }
     send(*op, number, slot);
-    backend_->mark(StreamQueue::out, number);
-    progress_.asked(number_, StreamQueue::out, number);
+    backend_->mark(Queue::out, number);
+    progress_.asked(number_, Queue::out, number);
   }
   while (receive()) {
   }
 }
 
 template <class T>
-void StreamDeviceRun<T>::send(const StreamOp& op, std::int64_t number, int& slot) {
-  if (op.work != StreamWork::store_outputs) {
+void DeviceRun<T>::send(const Operation& op, std::int64_t number, int& slot) {
+  if (op.type != OperationType::store_outputs) {
     arrivals_of(op, arrivals_);
     if (goes_directly(arrivals_)) return send_directly(op, number);
   }
@@ -270,7 +264,7 @@ void StreamDeviceRun<T>::send(const StreamOp& op, std::int64_t number, int& slot
 }
 
 template <class T>
-void StreamDeviceRun<T>::send_directly(const StreamOp& op, std::int64_t number) {
+void DeviceRun<T>::send_directly(const Operation& op, std::int64_t number) {
   const Offset each = op.bytes / parts_of(op);
   by_pinned_piece(arrivals_, [&](std::byte* host, Offset done, Offset now) {
     backend_->copy_out_direct(host, op.at[static_cast<std::size_t>(done / each)] + done % each, now);
@@ -280,7 +274,7 @@ void StreamDeviceRun<T>::send_directly(const StreamOp& op, std::int64_t number) 
 }
 
 template <class T>
-void StreamDeviceRun<T>::send_through_ring(const StreamOp& op, std::int64_t number, int& slot) {
+void DeviceRun<T>::send_through_ring(const Operation& op, std::int64_t number, int& slot) {
   const int parts = parts_of(op);
   const Offset each = op.bytes / parts;
   for (int part = 0; part < parts; ++part)
@@ -297,7 +291,7 @@ void StreamDeviceRun<T>::send_through_ring(const StreamOp& op, std::int64_t numb
 
 // Where what an operation sends belongs.
 template <class T>
-void StreamDeviceRun<T>::arrivals_of(const StreamOp& op, HostPieces& pieces) {
+void DeviceRun<T>::arrivals_of(const Operation& op, HostPieces& pieces) {
   pieces.clear();
   for (int part = 0; part < parts_of(op); ++part)
     pieces.add(reinterpret_cast<std::byte*>(store_ + op.host[static_cast<std::size_t>(part)]), op.bytes / parts_of(op));
@@ -305,25 +299,25 @@ void StreamDeviceRun<T>::arrivals_of(const StreamOp& op, HostPieces& pieces) {
 
 // The oldest arrival to its place. @returns false when there is none
 template <class T>
-bool StreamDeviceRun<T>::receive() {
+bool DeviceRun<T>::receive() {
   if (on_the_way_.empty()) return false;
   const Arrival a = on_the_way_.front();
   on_the_way_.pop_front();
   if (a.slot == kNoSlot) {
-    backend_->wait_until(StreamQueue::out, a.number);
+    backend_->wait_until(Queue::out, a.number);
   } else {
     --slots_on_the_way_;
     backend_->wait_for_slot(a.slot);
     empty(a);
   }
-  if (a.last) progress_.done(number_, StreamQueue::out, a.number);
+  if (a.last) progress_.done(number_, Queue::out, a.number);
   return true;
 }
 
 template <class T>
-void StreamDeviceRun<T>::empty(const Arrival& a) {
+void DeviceRun<T>::empty(const Arrival& a) {
   const std::byte* from = backend_->staging(a.slot);
-  if (a.op->work == StreamWork::store_outputs) {
+  if (a.op->type == OperationType::store_outputs) {
     outputs_.resize(static_cast<std::size_t>(a.op->bytes));
     std::copy_n(from, a.size, outputs_.data() + a.begin);
     if (a.last) backend_->take_outputs(*a.op, outputs_);
@@ -335,7 +329,7 @@ void StreamDeviceRun<T>::empty(const Arrival& a) {
   out_seconds_ += base::now_seconds() - start;
 }
 
-template class StreamDeviceRun<double>;
-template class StreamDeviceRun<float>;
+template class DeviceRun<double>;
+template class DeviceRun<float>;
 
 }  // namespace espalier::out_of_core

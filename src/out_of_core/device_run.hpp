@@ -1,6 +1,6 @@
 /// \file
-/// One device of a streaming factorization: three loops, each on a thread of its own, that ask its backend for what the
-/// device computes, what comes to it and what leaves it.
+/// One device of a factorization out of core: three loops, each on a thread of its own, that ask its backend for what
+/// the device computes, what comes to it and what leaves it.
 #pragma once
 
 #include <deque>
@@ -18,65 +18,65 @@
 namespace espalier::out_of_core {
 
 template <class T>
-class StreamDeviceRun {
+class DeviceRun {
  public:
-  StreamDeviceRun(std::unique_ptr<out_of_core::StreamBackend<T>> backend, Index number, const StreamingOptions& options,
-                  StreamProgress& progress);
+  DeviceRun(std::unique_ptr<OutOfCoreBackend<T>> backend, Index number, const OutOfCoreOptions& options,
+            QueueProgress& progress);
 
   /// Takes the device's memory; `plan` and `peers`, the backends of all devices, must stay.
-  void prepare(const out_of_core::StreamingPlan& plan, const std::vector<out_of_core::StreamBackend<T>*>& peers);
+  void prepare(const OutOfCorePlan& plan, const std::vector<OutOfCoreBackend<T>*>& peers);
   /// @param pinned  of the store
   void begin(std::span<const T> values, T* store, const PinnedStore& pinned);
   void run_all();
   void load_all();
   void store_all();
 
-  [[nodiscard]] out_of_core::StreamBackend<T>& backend() { return *backend_; }
-  [[nodiscard]] const out_of_core::StreamBackend<T>& backend() const { return *backend_; }
+  [[nodiscard]] OutOfCoreBackend<T>& backend() { return *backend_; }
+  [[nodiscard]] const OutOfCoreBackend<T>& backend() const { return *backend_; }
   /// Threads that copy to the host.
   base::ThreadPool& crew() { return out_crew_; }
-  [[nodiscard]] device::StreamReport report(Offset budget_bytes) const;
+  [[nodiscard]] device::OutOfCoreReport report(Offset budget_bytes) const;
 
  private:
   struct Arrival {  // a slot on its way to the host, or a whole operation that needs none
     int slot;
-    const out_of_core::StreamOp* op;
+    const Operation* op;
     std::int64_t number;
     Offset begin, size;
     bool last;
   };
 
   template <class Meanwhile>
-  void wait_for_runs(const out_of_core::StreamOp& op, Meanwhile&& meanwhile);
+  void wait_for_runs(const Operation& op, Meanwhile&& meanwhile);
   template <class Meanwhile>
-  void wait_for_others(const out_of_core::StreamOp& op, Meanwhile&& meanwhile);
-  void load(const out_of_core::StreamOp& op, int& slot);
-  void load_values(const out_of_core::StreamOp& op, int& slot);
+  void wait_for_others(const Operation& op, Meanwhile&& meanwhile);
+  void load(const Operation& op, int& slot);
+  void load_values(const Operation& op, int& slot);
   void load_directly(Offset to);
   template <class Fill>
   void load_through_ring(Offset to, Offset bytes, int& slot, Fill&& fill);
-  void pieces_of(const out_of_core::StreamOp& op, int part, HostPieces& pieces);
-  void arrivals_of(const out_of_core::StreamOp& op, HostPieces& pieces);
+  void pieces_of(const Operation& op, int part, HostPieces& pieces);
+  void arrivals_of(const Operation& op, HostPieces& pieces);
   [[nodiscard]] bool goes_directly(const HostPieces& pieces) const;
   template <class Copy>
   void by_pinned_piece(const HostPieces& pieces, Copy&& copy) const;
-  void send(const out_of_core::StreamOp& op, std::int64_t number, int& slot);
-  void send_directly(const out_of_core::StreamOp& op, std::int64_t number);
-  void send_through_ring(const out_of_core::StreamOp& op, std::int64_t number, int& slot);
+  void send(const Operation& op, std::int64_t number, int& slot);
+  void send_directly(const Operation& op, std::int64_t number);
+  void send_through_ring(const Operation& op, std::int64_t number, int& slot);
   void empty(const Arrival& a);
   bool receive();
 
-  std::unique_ptr<out_of_core::StreamBackend<T>> backend_;
+  std::unique_ptr<OutOfCoreBackend<T>> backend_;
   Index number_;
-  const StreamingOptions& options_;
-  StreamProgress& progress_;
-  const out_of_core::StreamingPlan* plan_ = nullptr;
+  const OutOfCoreOptions& options_;
+  QueueProgress& progress_;
+  const OutOfCorePlan* plan_ = nullptr;
   base::ThreadPool in_crew_, out_crew_;
-  std::vector<const out_of_core::StreamOp*> loads_, runs_, stores_;
+  std::vector<const Operation*> loads_, runs_, stores_;
   std::span<const T> values_;
   T* store_ = nullptr;
   const PinnedStore* pinned_ = nullptr;
-  const std::vector<out_of_core::StreamBackend<T>*>* peers_ = nullptr;
+  const std::vector<OutOfCoreBackend<T>*>* peers_ = nullptr;
   ValuePieces gathered_;            // of the copies to the device
   HostPieces pieces_;               // likewise
   std::deque<Arrival> on_the_way_;  // of the copies to the host

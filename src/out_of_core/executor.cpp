@@ -17,8 +17,7 @@ namespace espalier::out_of_core {
 namespace {
 
 using device::FactorOutcome;
-using device::StreamReport;
-using out_of_core::StreamBackend;
+using device::OutOfCoreReport;
 
 // Sums of what the devices' pivots came to, in the order of the devices.
 device::FactorOutcome together(const std::vector<device::FactorOutcome>& parts) {
@@ -48,14 +47,14 @@ device::FactorOutcome together(const std::vector<device::FactorOutcome>& parts) 
 }
 
 template <class T>
-class StreamingExecutor final : public device::Executor<T> {
+class OutOfCoreExecutor final : public device::Executor<T> {
  public:
-  StreamingExecutor(std::vector<std::unique_ptr<StreamBackend<T>>> backends, const StreamingOptions& options,
+  OutOfCoreExecutor(std::vector<std::unique_ptr<OutOfCoreBackend<T>>> backends, const OutOfCoreOptions& options,
                     base::MemoryBudget* budget)
       : options_(options),
         progress_(static_cast<Index>(backends.size())),
         crew_(kRoles * static_cast<int>(backends.size())),
-        plans_(out_of_core::plan_streaming(*backends.front(), options.devices, options.rates)) {
+        plans_(plan_out_of_core(*backends.front(), options.devices, options.rates)) {
     if (crew_.size() < kRoles * static_cast<int>(backends.size()))
       throw Error(StatusCode::out_of_memory,
                   "the system refuses the threads that bring a factor out of core to its device; raise the limit "
@@ -117,7 +116,7 @@ class StreamingExecutor final : public device::Executor<T> {
     for (const auto& d : devices_) most = std::max(most, d.backend().peak_bytes());
     return most;
   }
-  [[nodiscard]] device::StreamReport streaming() const override { return report(0); }
+  [[nodiscard]] device::OutOfCoreReport out_of_core() const override { return report(0); }
   [[nodiscard]] std::vector<device::DeviceWork> device_work() const override {
     std::vector<device::DeviceWork> list;
     if (devices_.size() == 1) return list;
@@ -130,14 +129,14 @@ class StreamingExecutor final : public device::Executor<T> {
         w.waiting_seconds = outcomes_[d].waiting_seconds;
       }
       w.peak_bytes = devices_[d].backend().peak_bytes();
-      w.streaming = report(d);
+      w.out_of_core = report(d);
       list.push_back(std::move(w));
     }
     return list;
   }
 
  private:
-  [[nodiscard]] device::StreamReport report(std::size_t d) const {
+  [[nodiscard]] device::OutOfCoreReport report(std::size_t d) const {
     return devices_[d].report(options_.devices[d].budget_bytes);
   }
 
@@ -153,7 +152,7 @@ class StreamingExecutor final : public device::Executor<T> {
 
   // From the second factorization on.
   void pin_store_later() {
-    StreamBackend<T>& first = *backends_.front();
+    OutOfCoreBackend<T>& first = *backends_.front();
     pinned_.emplace(reinterpret_cast<std::byte*>(store_.data()), store_.bytes(), options_.pinned_bytes,
                     options_.pinned_piece_bytes,
                     PinnedStore::Calls{[&first] { first.enter_thread(); },
@@ -163,7 +162,7 @@ class StreamingExecutor final : public device::Executor<T> {
 
   // What one thread throws ends all of them.
   template <class Work>
-  void guarded(StreamDeviceRun<T>& device, Work&& work) {
+  void guarded(DeviceRun<T>& device, Work&& work) {
     try {
       device.backend().enter_thread();
       work();
@@ -177,12 +176,12 @@ class StreamingExecutor final : public device::Executor<T> {
 
   static constexpr int kRoles = 3;  // threads per device: one computes, one loads, one stores
 
-  StreamingOptions options_;
-  StreamProgress progress_;
+  OutOfCoreOptions options_;
+  QueueProgress progress_;
   base::ThreadPool crew_;
-  std::vector<out_of_core::StreamingPlan> plans_;
-  std::deque<StreamDeviceRun<T>> devices_;
-  std::vector<StreamBackend<T>*> backends_;  // of the devices
+  std::vector<OutOfCorePlan> plans_;
+  std::deque<DeviceRun<T>> devices_;
+  std::vector<OutOfCoreBackend<T>*> backends_;  // of the devices
   base::Buffer<T> store_;
   std::optional<PinnedStore> pinned_;            // of the store; ends before it
   bool again_ = false;                           // a factorization was asked for before
@@ -194,15 +193,15 @@ class StreamingExecutor final : public device::Executor<T> {
 }  // namespace
 
 template <class T>
-std::unique_ptr<device::Executor<T>> make_streaming_executor(std::vector<std::unique_ptr<StreamBackend<T>>> backends,
-                                                             const StreamingOptions& options,
-                                                             base::MemoryBudget* budget) {
-  return std::make_unique<StreamingExecutor<T>>(std::move(backends), options, budget);
+std::unique_ptr<device::Executor<T>> make_out_of_core_executor(
+    std::vector<std::unique_ptr<OutOfCoreBackend<T>>> backends, const OutOfCoreOptions& options,
+    base::MemoryBudget* budget) {
+  return std::make_unique<OutOfCoreExecutor<T>>(std::move(backends), options, budget);
 }
 
-template std::unique_ptr<device::Executor<double>> make_streaming_executor(
-    std::vector<std::unique_ptr<StreamBackend<double>>>, const StreamingOptions&, base::MemoryBudget*);
-template std::unique_ptr<device::Executor<float>> make_streaming_executor(
-    std::vector<std::unique_ptr<StreamBackend<float>>>, const StreamingOptions&, base::MemoryBudget*);
+template std::unique_ptr<device::Executor<double>> make_out_of_core_executor(
+    std::vector<std::unique_ptr<OutOfCoreBackend<double>>>, const OutOfCoreOptions&, base::MemoryBudget*);
+template std::unique_ptr<device::Executor<float>> make_out_of_core_executor(
+    std::vector<std::unique_ptr<OutOfCoreBackend<float>>>, const OutOfCoreOptions&, base::MemoryBudget*);
 
 }  // namespace espalier::out_of_core

@@ -1,6 +1,6 @@
 /// \file
-/// Factorization in device memory of any size: carries out streaming plans on backends, one for each device, and keeps
-/// the factor in the host's memory.
+/// Factorization in device memory of any size: carries out out-of-core plans on backends, one for each device, and
+/// keeps the factor in the host's memory.
 #pragma once
 
 #include <memory>
@@ -10,17 +10,17 @@
 
 namespace espalier::out_of_core {
 
-struct StreamingOptions {
-  std::vector<out_of_core::StreamDevice> devices;  ///< one for each backend
-  Offset slot_bytes = 8 << 20;                     ///< of a buffer of the staging ring
-  int slots = 6;                                   ///< buffers in each direction, for each device
-  int copy_threads = 1;                            ///< in each direction, for each device
-  Offset pinned_bytes = 0;                         ///< of the host's store that may be page-locked (PinnedStore)
-  Offset pinned_piece_bytes = 64 << 20;            ///< at a time
+struct OutOfCoreOptions {
+  std::vector<OutOfCoreDevice> devices;  ///< one for each backend
+  Offset slot_bytes = 8 << 20;           ///< of a buffer of the staging ring
+  int slots = 6;                         ///< buffers in each direction, for each device
+  int copy_threads = 1;                  ///< in each direction, for each device
+  Offset pinned_bytes = 0;               ///< of the host's store that may be page-locked (PinnedStore)
+  Offset pinned_piece_bytes = 64 << 20;  ///< at a time
   /// Mean bytes of the pieces of a copy from which on it goes without the ring: at 55 GB/s such a piece takes two
   /// microseconds, about as long as asking for it.
   Offset least_direct_bytes = 128 << 10;
-  out_of_core::StreamRates rates;
+  PlanningRates rates;
 };
 
 /// Substitution runs on the host, where the factor is: it does two operations per number, so the host's memory, several
@@ -28,18 +28,18 @@ struct StreamingOptions {
 /// @param backends  of one plan, and laid out alike; the first one does the solves
 /// @throws Error(out_of_memory) naming the least budget that works
 template <class T>
-std::unique_ptr<device::Executor<T>> make_streaming_executor(
-    std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> backends, const StreamingOptions& options,
+std::unique_ptr<device::Executor<T>> make_out_of_core_executor(
+    std::vector<std::unique_ptr<OutOfCoreBackend<T>>> backends, const OutOfCoreOptions& options,
     base::MemoryBudget* budget);
 
 /// One device.
 template <class T>
-std::unique_ptr<device::Executor<T>> make_streaming_executor(std::unique_ptr<out_of_core::StreamBackend<T>> backend,
-                                                             const StreamingOptions& options,
-                                                             base::MemoryBudget* budget) {
-  std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> backends;
+std::unique_ptr<device::Executor<T>> make_out_of_core_executor(std::unique_ptr<OutOfCoreBackend<T>> backend,
+                                                               const OutOfCoreOptions& options,
+                                                               base::MemoryBudget* budget) {
+  std::vector<std::unique_ptr<OutOfCoreBackend<T>>> backends;
   backends.push_back(std::move(backend));
-  return make_streaming_executor<T>(std::move(backends), options, budget);
+  return make_out_of_core_executor<T>(std::move(backends), options, budget);
 }
 
 }  // namespace espalier::out_of_core

@@ -14,10 +14,24 @@ class Factory {
  public:
   virtual ~Factory() = default;
   /// One for each of job.devices, of one sort; the first one does the solves. They take their memory in prepare().
-  [[nodiscard]] virtual std::vector<std::unique_ptr<StreamBackend<double>>> make(const device::Job& job,
-                                                                                 device::Scalar<double>) const = 0;
-  [[nodiscard]] virtual std::vector<std::unique_ptr<StreamBackend<float>>> make(const device::Job& job,
-                                                                                device::Scalar<float>) const = 0;
+  [[nodiscard]] virtual std::vector<std::unique_ptr<OutOfCoreBackend<double>>> make(const device::Job& job,
+                                                                                    device::Scalar<double>) const = 0;
+  [[nodiscard]] virtual std::vector<std::unique_ptr<OutOfCoreBackend<float>>> make(const device::Job& job,
+                                                                                   device::Scalar<float>) const = 0;
+};
+
+/// A factory by `Of`, whose template all<T>(job) serves every scalar.
+template <class Of>
+class FactoryOf final : public Factory {
+ public:
+  [[nodiscard]] std::vector<std::unique_ptr<OutOfCoreBackend<double>>> make(const device::Job& job,
+                                                                            device::Scalar<double>) const override {
+    return Of::template all<double>(job);
+  }
+  [[nodiscard]] std::vector<std::unique_ptr<OutOfCoreBackend<float>>> make(const device::Job& job,
+                                                                           device::Scalar<float>) const override {
+    return Of::template all<float>(job);
+  }
 };
 
 }  // namespace espalier::out_of_core

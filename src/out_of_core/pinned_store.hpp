@@ -12,7 +12,7 @@
 namespace espalier::out_of_core {
 
 /// Through the ring every byte crosses the host's memory three times, straight into the store once; but page-locking
-/// takes as long as streaming the same bytes several times does, so that it pays for those who factor again. It goes
+/// takes as long as moving the same bytes several times does, so that it pays for those who factor again. It goes
 /// from the end of the store to its beginning: there stand contributions and the largest fronts, which cross the link
 /// most often.
 class PinnedStore {

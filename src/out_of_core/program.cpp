@@ -11,16 +11,16 @@ namespace {
 // While plans are made, contributions in the store count from kFar for every device; finish() puts them together.
 constexpr Offset kFar = Offset{1} << 52;
 
-Index places(const StreamLayout& layout) { return layout.plan().fronts(); }
+Index places(const OutOfCoreLayout& layout) { return layout.plan().fronts(); }
 
 }  // namespace
 
-StreamProgram::DeviceState::DeviceState(Offset budget, double its_speed, bool around)
+Program::DeviceState::DeviceState(Offset budget, double its_speed, bool around)
     : arena(budget, around), host(kFar / 16), speed(its_speed) {}
 
-StreamProgram::StreamProgram(const StreamLayout& the_layout, const std::vector<StreamUnit>& the_units,
-                             const std::vector<InCoreStep>& steps, const std::vector<StreamDevice>& devices,
-                             const StreamShape& the_shape, const StreamRates& the_rates)
+Program::Program(const OutOfCoreLayout& the_layout, const std::vector<Unit>& the_units,
+                 const std::vector<InCoreStep>& steps, const std::vector<OutOfCoreDevice>& devices,
+                 const PlanShape& the_shape, const PlanningRates& the_rates)
     : layout(the_layout),
       plan(the_layout.plan()),
       units(the_units),
@@ -31,13 +31,13 @@ StreamProgram::StreamProgram(const StreamLayout& the_layout, const std::vector<S
       factor_parts(plan.options.unsymmetric || plan.options.ldlt ? 2 : 1),
       plans(devices.size()),
       contributions(static_cast<std::size_t>(places(the_layout))),
-      store_touches_(static_cast<int>(devices.size() * kStreamQueues)),
+      store_touches_(static_cast<int>(devices.size() * kQueues)),
       unit_of_(static_cast<std::size_t>(places(the_layout)), -1) {
   for (std::size_t d = 0; d < devices.size(); ++d) {
     states_.emplace_back(devices[d].budget_bytes, devices[d].speed, shape.around);
     plans[d].lanes = shape.lanes;
     plans[d].steps.resize(units.size());
-    plans[d].shared_at = need(static_cast<Index>(d), StreamArena::kAlignment, true);
+    plans[d].shared_at = need(static_cast<Index>(d), Arena::kAlignment, true);
   }
   for (std::size_t u = 0; u < units.size(); ++u) {
     for (const Index f : units[u].fronts) unit_of_[f] = static_cast<Index>(u);
@@ -50,7 +50,7 @@ StreamProgram::StreamProgram(const StreamLayout& the_layout, const std::vector<S
 }
 
 // Factors first, in the order of the units; contributions come and go behind them.
-void StreamProgram::lay_out_store() {
+void Program::lay_out_store() {
   std::vector<Offset> first(contributions.size(), -1), second(contributions.size(), -1);
   Offset at = 0;
   for (std::size_t u = 0; u < units.size(); ++u) {
@@ -68,7 +68,7 @@ void StreamProgram::lay_out_store() {
   }
   constexpr Offset kLine = 64;  // elements
   factor_elements_ = (at + kLine - 1) / kLine * kLine;
-  for (StreamingPlan& p : plans) {
+  for (OutOfCorePlan& p : plans) {
     p.factor_store = first;
     p.factor2_store = second;
     p.factor_elements = factor_elements_;
@@ -77,90 +77,89 @@ void StreamProgram::lay_out_store() {
 
 // ---- operations -----------------------------------------------------------------------------------------------------
 
-StreamQueue StreamProgram::queue_for(StreamWork work) const {
-  switch (work) {
-    case StreamWork::load_tables:
-    case StreamWork::load_values:
-    case StreamWork::load_panel:
-    case StreamWork::load_contribution:
-      return StreamQueue::in;
-    case StreamWork::store_factor:
-    case StreamWork::store_contribution:
-    case StreamWork::store_outputs:
-      return StreamQueue::out;
+Queue Program::queue_for(OperationType type) const {
+  switch (type) {
+    case OperationType::load_tables:
+    case OperationType::load_values:
+    case OperationType::load_slab:
+    case OperationType::load_contribution:
+      return Queue::in;
+    case OperationType::store_factor:
+    case OperationType::store_contribution:
+    case OperationType::store_outputs:
+      return Queue::out;
     default:
-      return shape.lanes == 2 && unit % 2 == 1 ? StreamQueue::second_run : StreamQueue::run;
+      return shape.lanes == 2 && unit % 2 == 1 ? Queue::second_run : Queue::run;
   }
 }
 
-double StreamProgram::seconds_of(const DeviceState& s, const StreamOp& op, double flops, double chain) const {
-  if (op.queue == StreamQueue::in) return rates.copy_start + static_cast<double>(op.bytes) / rates.bytes_in;
-  if (op.queue == StreamQueue::out) return rates.copy_start + static_cast<double>(op.bytes) / rates.bytes_out;
+double Program::seconds_of(const DeviceState& s, const Operation& op, double flops, double chain) const {
+  if (op.queue == Queue::in) return rates.copy_start + static_cast<double>(op.bytes) / rates.bytes_in;
+  if (op.queue == Queue::out) return rates.copy_start + static_cast<double>(op.bytes) / rates.bytes_out;
   const double work = flops / (rates.flops * s.speed);
-  if (op.work != StreamWork::eliminate) return rates.start + work + chain;
+  if (op.type != OperationType::eliminate) return rates.start + work + chain;
   // Among the fronts of a step, some have work while another's pivots wait for one another.
   const bool half = shape.lanes == 2;  // of the machine
   return rates.start + (half ? std::max(chain, 2 * work) : std::max(work, chain) + std::min(work, chain) / 2);
 }
 
-double StreamProgram::begin_of(Index device, const StreamOp& op, std::size_t queue) const {
+double Program::begin_of(Index device, const Operation& op, std::size_t queue) const {
   const DeviceState& s = state(device);
   double begin = s.clock[queue];
   const auto after = [&](const DeviceState& of, std::size_t q, std::int64_t number) {
     if (number > 0) begin = std::max(begin, of.finished[q][static_cast<std::size_t>(number - 1)]);
   };
-  for (std::size_t q = 0; q < kStreamQueues; ++q)
+  for (std::size_t q = 0; q < kQueues; ++q)
     if (q != queue) after(s, q, op.waits[q]);
-  for (const StreamWait& w : op.others) after(state(w.device), static_cast<std::size_t>(w.queue), w.number);
+  for (const QueueWait& w : op.others) after(state(w.device), static_cast<std::size_t>(w.queue), w.number);
   return begin;
 }
 
-void StreamProgram::wait_in_store(Index device, StreamOp& op, int queue, std::span<const StreamAccess> store) {
-  std::vector<std::int64_t> waits(states_.size() * kStreamQueues, 0);
-  const int first = static_cast<int>(device) * static_cast<int>(kStreamQueues);
-  for (const StreamAccess& a : store)
+void Program::wait_in_store(Index device, Operation& op, int queue, std::span<const Access> store) {
+  std::vector<std::int64_t> waits(states_.size() * kQueues, 0);
+  const int first = static_cast<int>(device) * static_cast<int>(kQueues);
+  for (const Access& a : store)
     if (a.at >= 0)
       store_touches_.touch(a.at, a.bytes, first + queue, state(device).count[static_cast<std::size_t>(queue)], a.write,
                            waits);
   for (std::size_t k = 0; k < waits.size(); ++k) {
     if (waits[k] == 0) continue;
-    const auto other = static_cast<Index>(k / kStreamQueues);
-    const std::size_t q = k % kStreamQueues;
+    const auto other = static_cast<Index>(k / kQueues);
+    const std::size_t q = k % kQueues;
     if (other == device)
       op.waits[q] = std::max(op.waits[q], waits[k]);
     else
-      op.others.push_back({other, static_cast<StreamQueue>(q), waits[k]});
+      op.others.push_back({other, static_cast<Queue>(q), waits[k]});
   }
 }
 
-void StreamProgram::emit(Index device, StreamOp op, std::span<const StreamAccess> touched,
-                         std::span<const StreamAccess> store, double flops, double chain) {
+void Program::emit(Index device, Operation op, std::span<const Access> touched, std::span<const Access> store,
+                   double flops, double chain) {
   DeviceState& s = state(device);
-  op.queue = queue_for(op.work);
+  op.queue = queue_for(op.type);
   const auto q = static_cast<std::size_t>(op.queue);
   const std::int64_t number = ++s.count[q];
-  for (const StreamAccess& a : touched)
+  for (const Access& a : touched)
     if (a.at >= 0 && a.bytes > 0)
-      s.touches.touch(a.at, StreamArena::round(a.bytes), static_cast<int>(q), number, a.write, op.waits);
+      s.touches.touch(a.at, Arena::round(a.bytes), static_cast<int>(q), number, a.write, op.waits);
   wait_in_store(device, op, static_cast<int>(q), store);
   s.clock[q] = begin_of(device, op, q) + seconds_of(s, op, flops, chain);
   s.finished[q].push_back(s.clock[q]);
-  StreamingPlan& p = plans[static_cast<std::size_t>(device)];
-  if (op.queue == StreamQueue::in) p.bytes_in += op.bytes;
-  if (op.queue == StreamQueue::out) p.bytes_out += op.bytes;
+  OutOfCorePlan& p = plans[static_cast<std::size_t>(device)];
+  if (op.queue == Queue::in) p.bytes_in += op.bytes;
+  if (op.queue == Queue::out) p.bytes_out += op.bytes;
   p.ops.push_back(std::move(op));
 }
 
-double StreamProgram::free_at(Index device) const {
+double Program::free_at(Index device) const {
   const auto& clock = state(device).clock;
-  return std::max(clock[static_cast<std::size_t>(StreamQueue::run)],
-                  clock[static_cast<std::size_t>(StreamQueue::second_run)]);
+  return std::max(clock[static_cast<std::size_t>(Queue::run)], clock[static_cast<std::size_t>(Queue::second_run)]);
 }
 
 // ---- memory ---------------------------------------------------------------------------------------------------------
 
-Offset StreamProgram::take(Index device, Offset bytes, bool lasting) {
-  StreamArena& arena = state(device).arena;
+Offset Program::take(Index device, Offset bytes, bool lasting) {
+  Arena& arena = state(device).arena;
   for (;;) {
     const Offset at = lasting ? arena.take_lasting(bytes) : arena.take_passing(bytes);
     if (at >= 0) return at;
@@ -168,29 +167,29 @@ Offset StreamProgram::take(Index device, Offset bytes, bool lasting) {
   }
 }
 
-Offset StreamProgram::need(Index device, Offset bytes, bool lasting) {
+Offset Program::need(Index device, Offset bytes, bool lasting) {
   const Offset at = take(device, bytes, lasting);
   if (at < 0) throw NoRoom{};
   return at;
 }
 
 // Sends away what is needed last. @returns false when nothing can go
-bool StreamProgram::evict_one(Index device) {
-  StreamSegment* worst = nullptr;
-  const auto ask = [&](StreamSegment& s) {
+bool Program::evict_one(Index device) {
+  Segment* worst = nullptr;
+  const auto ask = [&](Segment& s) {
     if (!s.resident || s.device != device || s.pinned > 0) return;
     if (worst == nullptr || s.next_unit > worst->next_unit) worst = &s;
   };
   for (const Index f : held_)
-    for (StreamSegment& s : contributions[f]) ask(s);
-  for (StreamSegment& s : factors) ask(s);
+    for (Segment& s : contributions[f]) ask(s);
+  for (Segment& s : factors) ask(s);
   if (worst == nullptr) return false;
   if (!worst->stored) store_contribution(*worst);
   release(*worst);
   return true;
 }
 
-void StreamProgram::release(StreamSegment& s) {
+void Program::release(Segment& s) {
   if (!s.resident) return;
   for (int k = 0; k < (s.factor ? factor_parts : contribution_parts); ++k) give_back(s.device, s.at[k], s.part_bytes);
   s.resident = false;
@@ -198,13 +197,13 @@ void StreamProgram::release(StreamSegment& s) {
 
 // ---- contributions --------------------------------------------------------------------------------------------------
 
-void StreamProgram::store_contribution(StreamSegment& s) {
+void Program::store_contribution(Segment& s) {
   const bool two = contribution_parts == 2;
   const Offset start = factor_elements_ + s.device * kFar;
   for (int k = 0; k < contribution_parts; ++k)
     s.host[k] = start + state(s.device).host.take_lowest(s.part_bytes) / element;
-  StreamOp op;
-  op.work = StreamWork::store_contribution;
+  Operation op;
+  op.type = OperationType::store_contribution;
   op.front = s.front;
   op.begin = s.begin;
   op.end = s.end;
@@ -212,33 +211,31 @@ void StreamProgram::store_contribution(StreamSegment& s) {
   op.host = s.host;
   op.bytes = s.part_bytes * contribution_parts;
   const Offset elements = s.part_bytes / element;
-  emit(s.device, op,
-       std::array<StreamAccess, 2>{{{s.at[0], s.part_bytes, false}, {two ? s.at[1] : -1, s.part_bytes, false}}},
-       std::array<StreamAccess, 2>{{{s.host[0], elements, true}, {s.host[1], elements, true}}});
+  emit(s.device, op, std::array<Access, 2>{{{s.at[0], s.part_bytes, false}, {two ? s.at[1] : -1, s.part_bytes, false}}},
+       std::array<Access, 2>{{{s.host[0], elements, true}, {s.host[1], elements, true}}});
   s.stored = true;
 }
 
-void StreamProgram::load_contribution(const StreamSegment& s, Index device, Index begin, Index end,
-                                      const std::array<Offset, 2>& at) {
+void Program::load_contribution(const Segment& s, Index device, Index begin, Index end,
+                                const std::array<Offset, 2>& at) {
   const bool two = contribution_parts == 2;
   const Offset skip = contribution_bytes(s.front, s.begin, begin) / element;
   const Offset bytes = contribution_bytes(s.front, begin, end);
-  StreamOp op;
-  op.work = StreamWork::load_contribution;
+  Operation op;
+  op.type = OperationType::load_contribution;
   op.front = s.front;
   op.begin = begin;
   op.end = end;
   op.at = at;
   for (int k = 0; k < contribution_parts; ++k) op.host[k] = s.host[k] + skip;
   op.bytes = bytes * contribution_parts;
-  emit(device, op, std::array<StreamAccess, 2>{{{at[0], bytes, true}, {two ? at[1] : -1, bytes, true}}},
-       std::array<StreamAccess, 2>{
-           {{op.host[0], bytes / element, false}, {two ? op.host[1] : -1, bytes / element, false}}});
+  emit(device, op, std::array<Access, 2>{{{at[0], bytes, true}, {two ? at[1] : -1, bytes, true}}},
+       std::array<Access, 2>{{{op.host[0], bytes / element, false}, {two ? op.host[1] : -1, bytes / element, false}}});
 }
 
-void StreamProgram::add_contribution(Index f, Index device, Index begin, Index end, const std::array<Offset, 2>& at,
-                                     Offset bytes) {
-  StreamSegment s;
+void Program::add_contribution(Index f, Index device, Index begin, Index end, const std::array<Offset, 2>& at,
+                               Offset bytes) {
+  Segment s;
   s.front = f;
   s.device = device;
   s.begin = begin;
@@ -248,14 +245,14 @@ void StreamProgram::add_contribution(Index f, Index device, Index begin, Index e
   s.next_unit = unit_of(plan.tree.parent[f]);
   if (contributions[f].empty()) held_.push_back(f);
   contributions[f].push_back(s);
-  StreamSegment& mine = contributions[f].back();
+  Segment& mine = contributions[f].back();
   const std::vector<Index>& readers = units[static_cast<std::size_t>(s.next_unit)].devices;
   const bool read_elsewhere = readers.size() > 1 || readers.front() != device;
   if (shape.frugal || read_elsewhere) store_contribution(mine);
   if (shape.frugal) release(mine);
 }
 
-void StreamProgram::forget(StreamSegment& s) {
+void Program::forget(Segment& s) {
   release(s);
   if (s.stored)
     for (int k = 0; k < contribution_parts; ++k)
@@ -264,49 +261,49 @@ void StreamProgram::forget(StreamSegment& s) {
   s.begin = s.end;
 }
 
-void StreamProgram::forget_contribution(Index f) {
-  for (StreamSegment& s : contributions[f]) forget(s);
+void Program::forget_contribution(Index f) {
+  for (Segment& s : contributions[f]) forget(s);
   contributions[f].clear();
   std::erase(held_, f);
 }
 
 // ---- units ----------------------------------------------------------------------------------------------------------
 
-void StreamProgram::load_inputs(Index device, const StreamOp& of, Offset tables_at, Offset tables, Offset values_at,
-                                Offset entries) {
-  StreamOp op = of;
-  const auto load = [&](StreamWork work, Offset at, Offset bytes) {
-    op.work = work;
+void Program::load_inputs(Index device, const Operation& of, Offset tables_at, Offset tables, Offset values_at,
+                          Offset entries) {
+  Operation op = of;
+  const auto load = [&](OperationType type, Offset at, Offset bytes) {
+    op.type = type;
     op.at[0] = at;
     op.bytes = bytes;
-    if (bytes > 0) emit(device, op, std::array<StreamAccess, 1>{{{at, bytes, true}}});
+    if (bytes > 0) emit(device, op, std::array<Access, 1>{{{at, bytes, true}}});
   };
-  load(StreamWork::load_tables, tables_at, tables);
-  load(StreamWork::load_values, values_at, entries * element);
+  load(OperationType::load_tables, tables_at, tables);
+  load(OperationType::load_values, values_at, entries * element);
 }
 
-void StreamProgram::store_outputs(Index device, const StreamOp& of, Offset scratch_at, Offset bytes) {
-  StreamOp op = of;
-  op.work = StreamWork::store_outputs;
+void Program::store_outputs(Index device, const Operation& of, Offset scratch_at, Offset bytes) {
+  Operation op = of;
+  op.type = OperationType::store_outputs;
   op.at[0] = scratch_at;
   op.bytes = bytes;
-  if (bytes > 0) emit(device, op, std::array<StreamAccess, 1>{{{scratch_at, bytes, false}}});
+  if (bytes > 0) emit(device, op, std::array<Access, 1>{{{scratch_at, bytes, false}}});
 }
 
 // ---- the end --------------------------------------------------------------------------------------------------------
 
 // Contributions of the devices one after another behind the factors.
-void StreamProgram::move_contributions() {
+void Program::move_contributions() {
   std::vector<Offset> start;
   Offset at = factor_elements_;
   for (const DeviceState& s : states_) {
     start.push_back(at);
     at += s.host.peak() / element;
   }
-  for (StreamingPlan& p : plans) {
+  for (OutOfCorePlan& p : plans) {
     p.store_elements = at;
-    for (StreamOp& op : p.ops) {
-      if (op.work != StreamWork::store_contribution && op.work != StreamWork::load_contribution) continue;
+    for (Operation& op : p.ops) {
+      if (op.type != OperationType::store_contribution && op.type != OperationType::load_contribution) continue;
       for (Offset& host : op.host)
         if (host >= 0) {
           const Offset place = host - factor_elements_;
@@ -316,16 +313,16 @@ void StreamProgram::move_contributions() {
   }
 }
 
-std::vector<StreamingPlan> StreamProgram::finish() {
+std::vector<OutOfCorePlan> Program::finish() {
   move_contributions();
   double bytes = 0, queues = 0;
-  for (const StreamingPlan& p : plans) bytes += static_cast<double>(p.bytes_in + p.bytes_out);
+  for (const OutOfCorePlan& p : plans) bytes += static_cast<double>(p.bytes_in + p.bytes_out);
   for (const DeviceState& s : states_)
     for (const double clock : s.clock) queues = std::max(queues, clock);
   const double memory = bytes / rates.host_bytes;
   const double seconds = std::max(queues, memory) + std::min(queues, memory) / 10;
   for (std::size_t d = 0; d < plans.size(); ++d) {
-    StreamingPlan& p = plans[d];
+    OutOfCorePlan& p = plans[d];
     p.arena_bytes = states_[d].arena.peak();
     p.predicted_seconds = seconds;
     p.link_seconds =

@@ -1,5 +1,5 @@
 /// \file
-/// What the parts of the streaming planner share while they write the devices' operations: memory, waits, predicted
+/// What the parts of the planner share while they write the devices' operations: memory, waits, predicted
 /// clocks, and where contributions are.
 #pragma once
 
@@ -9,7 +9,7 @@
 
 #include "out_of_core/arena.hpp"
 #include "out_of_core/cut.hpp"
-#include "out_of_core/streaming_plan.hpp"
+#include "out_of_core/plan.hpp"
 
 namespace espalier::out_of_core {
 
@@ -17,19 +17,19 @@ namespace espalier::out_of_core {
 struct NoRoom {};
 
 /// What plans are made with; the candidates differ in it.
-struct StreamShape {
+struct PlanShape {
   double step = 0.3;    ///< bytes of an in-core step, of the device's arena
   double group = 0.4;   ///< bytes of a group, likewise
   int turns = 1;        ///< groups that each device gets of a front that several share, about
-  Offset chunks = 3;    ///< chunks of what streams past that are on a device at one time ...
+  Offset chunks = 3;    ///< slabs that are on a device at one time ...
   double chunk = 0;     ///< ... and bytes of one, of the arena; raised to one block column
   bool frugal = false;  ///< contributions go to the host at once
   int lanes = 1;        ///< queues that compute
-  bool around = false;  ///< see StreamArena
+  bool around = false;  ///< see Arena
 };
 
 /// Block columns of a front that lie on a device, in the host's store, or both.
-struct StreamSegment {
+struct Segment {
   Index front = 0;
   bool factor = false;  ///< else contribution
   Index device = 0;
@@ -44,27 +44,27 @@ struct StreamSegment {
 };
 
 /// A place that an operation touches: bytes of a device's arena, or elements of the store.
-struct StreamAccess {
+struct Access {
   Offset at, bytes;
   bool write;
 };
 
-class StreamProgram {
+class Program {
  public:
-  StreamProgram(const StreamLayout& layout, const std::vector<StreamUnit>& units, const std::vector<InCoreStep>& steps,
-                const std::vector<StreamDevice>& devices, const StreamShape& shape, const StreamRates& rates);
+  Program(const OutOfCoreLayout& layout, const std::vector<Unit>& units, const std::vector<InCoreStep>& steps,
+          const std::vector<OutOfCoreDevice>& devices, const PlanShape& shape, const PlanningRates& rates);
 
-  const StreamLayout& layout;
+  const OutOfCoreLayout& layout;
   const plan::Plan& plan;
-  const std::vector<StreamUnit>& units;
-  const StreamShape shape;
-  const StreamRates rates;
-  const Offset element;                                   ///< bytes
-  const int contribution_parts, factor_parts;             ///< arrays of a front
-  std::vector<StreamingPlan> plans;                       ///< devices
-  std::vector<std::vector<StreamSegment>> contributions;  ///< fronts
-  std::vector<StreamSegment> factors;                     ///< of the large front at hand, by rising columns
-  Index unit = 0;                                         ///< at hand
+  const std::vector<Unit>& units;
+  const PlanShape shape;
+  const PlanningRates rates;
+  const Offset element;                             ///< bytes
+  const int contribution_parts, factor_parts;       ///< arrays of a front
+  std::vector<OutOfCorePlan> plans;                 ///< devices
+  std::vector<std::vector<Segment>> contributions;  ///< fronts
+  std::vector<Segment> factors;                     ///< of the large front at hand, by rising columns
+  Index unit = 0;                                   ///< at hand
 
   [[nodiscard]] Index unit_of(Index front) const { return unit_of_[static_cast<std::size_t>(front)]; }
   [[nodiscard]] Offset contribution_bytes(Index f, Index begin, Index end) const {
@@ -76,7 +76,7 @@ class StreamProgram {
 
   /// Appends an operation of a device: the places that it touches there and in the store, what it computes, and the
   /// seconds that its longest chain of pivots takes however many compute.
-  void emit(Index device, StreamOp op, std::span<const StreamAccess> places, std::span<const StreamAccess> store = {},
+  void emit(Index device, Operation op, std::span<const Access> places, std::span<const Access> store = {},
             double flops = 0, double chain = 0);
   [[nodiscard]] Offset arena_bytes(Index device) const { return state(device).arena.size(); }
   /// When the device is predicted to be free to compute, in seconds.
@@ -88,41 +88,42 @@ class StreamProgram {
   Offset need(Index device, Offset bytes, bool lasting = false);
   void give_back(Index device, Offset at, Offset bytes) { state(device).arena.give_back(at, bytes); }
   /// The segment's place on its device is free afterwards.
-  void release(StreamSegment& s);
+  void release(Segment& s);
 
-  void store_contribution(StreamSegment& s);
+  void store_contribution(Segment& s);
   /// Copies columns [begin, end) of a stored segment to a device.
-  void load_contribution(const StreamSegment& s, Index device, Index begin, Index end, const std::array<Offset, 2>& at);
+  void load_contribution(const Segment& s, Index device, Index begin, Index end, const std::array<Offset, 2>& at);
   /// Makes columns [begin, end) below of front f known as a contribution.
   void add_contribution(Index f, Index device, Index begin, Index end, const std::array<Offset, 2>& at, Offset bytes);
   /// The segment, or the whole contribution, has been used up.
-  void forget(StreamSegment& s);
+  void forget(Segment& s);
   void forget_contribution(Index f);
 
   /// Tables and values of a unit.
-  void load_inputs(Index device, const StreamOp& of, Offset tables_at, Offset tables, Offset values_at, Offset entries);
-  void store_outputs(Index device, const StreamOp& of, Offset scratch_at, Offset bytes);
+  void load_inputs(Index device, const Operation& of, Offset tables_at, Offset tables, Offset values_at,
+                   Offset entries);
+  void store_outputs(Index device, const Operation& of, Offset scratch_at, Offset bytes);
 
   /// The finished plans.
-  std::vector<StreamingPlan> finish();
+  std::vector<OutOfCorePlan> finish();
 
  private:
   struct DeviceState {
     DeviceState(Offset budget, double its_speed, bool around);
-    StreamArena arena;
-    StreamArena host;  // contributions in the store, counted from the device's own start
-    Touches touches{kStreamQueues};
+    Arena arena;
+    Arena host;  // contributions in the store, counted from the device's own start
+    Touches touches{kQueues};
     double speed;
-    std::array<std::int64_t, kStreamQueues> count{};
-    std::array<double, kStreamQueues> clock{};
-    std::array<std::vector<double>, kStreamQueues> finished;
+    std::array<std::int64_t, kQueues> count{};
+    std::array<double, kQueues> clock{};
+    std::array<std::vector<double>, kQueues> finished;
   };
   [[nodiscard]] DeviceState& state(Index device) { return states_[static_cast<std::size_t>(device)]; }
   [[nodiscard]] const DeviceState& state(Index device) const { return states_[static_cast<std::size_t>(device)]; }
-  [[nodiscard]] StreamQueue queue_for(StreamWork work) const;
-  [[nodiscard]] double seconds_of(const DeviceState& s, const StreamOp& op, double flops, double chain) const;
-  [[nodiscard]] double begin_of(Index device, const StreamOp& op, std::size_t queue) const;
-  void wait_in_store(Index device, StreamOp& op, int queue, std::span<const StreamAccess> store);
+  [[nodiscard]] Queue queue_for(OperationType type) const;
+  [[nodiscard]] double seconds_of(const DeviceState& s, const Operation& op, double flops, double chain) const;
+  [[nodiscard]] double begin_of(Index device, const Operation& op, std::size_t queue) const;
+  void wait_in_store(Index device, Operation& op, int queue, std::span<const Access> store);
   void lay_out_store();
   bool evict_one(Index device);
   void move_contributions();

@@ -1,4 +1,5 @@
-// Large fronts of a streaming plan: groups of block columns, left-looking, dealt to the devices that share the front.
+// Large fronts of an out-of-core plan: groups of block columns, left-looking, dealt to the devices that share the
+// front.
 #include <algorithm>
 
 #include "out_of_core/programmers.hpp"
@@ -43,19 +44,19 @@ Index FrontProgrammer::next_device() const {
 }
 
 void FrontProgrammer::write() {
-  const StreamUnit& u = p_.units[static_cast<std::size_t>(p_.unit)];
+  const Unit& u = p_.units[static_cast<std::size_t>(p_.unit)];
   const Index f = u.large;
   p_.factors.clear();
   for (const Index d : u.devices) take_chunks(d, f);
   for (Index begin = 0; begin < columns_of(f);) begin = one_group(next_device(), f, begin);
-  for (StreamSegment& s : p_.factors) p_.release(s);
+  for (Segment& s : p_.factors) p_.release(s);
   p_.factors.clear();
   for (const Index d : u.devices)
     for (const Offset at : chunks_[d].at) p_.give_back(d, at, chunks_[d].bytes);
   for (Offset c = p_.plan.child_ptr[f]; c < p_.plan.child_ptr[f + 1]; ++c) p_.forget_contribution(p_.plan.children[c]);
 }
 
-// Places for what streams past; one block column at least.
+// Places for slabs; one block column at least.
 void FrontProgrammer::take_chunks(Index device, Index f) {
   Chunks& c = chunks_[static_cast<std::size_t>(device)];
   Offset most = p_.factor_bytes(f, 0, 1) * p_.factor_parts;
@@ -65,7 +66,7 @@ void FrontProgrammer::take_chunks(Index device, Index f) {
       most = std::max(most, p_.contribution_bytes(child, 0, 1) * p_.contribution_parts);
   }
   const auto wanted = static_cast<Offset>(p_.shape.chunk * static_cast<double>(p_.arena_bytes(device)));
-  c.bytes = StreamArena::round(std::max(most + 2 * StreamArena::kAlignment, wanted));
+  c.bytes = Arena::round(std::max(most + 2 * Arena::kAlignment, wanted));
   c.at.clear();
   for (Offset k = 0; k < p_.shape.chunks; ++k) c.at.push_back(p_.need(device, c.bytes));
   c.next = 0;
@@ -132,7 +133,7 @@ Index FrontProgrammer::one_group(Index device, Index f, Index begin) {
   groups.push_back(c);
   p_.load_inputs(device, g.op, c.tables_at, p_.layout.table_bytes(f, c.begin, c.end), c.values_at,
                  p_.layout.copies_values() ? c.entries : 0);
-  run(g, StreamWork::begin_group, g.op, {}, 0);
+  run(g, OperationType::begin_group, g.op, {}, 0);
   for (Offset k = p_.plan.child_ptr[f]; k < p_.plan.child_ptr[f + 1]; ++k) add_child(g, p_.plan.children[k]);
   update(g);
   finish(g);
@@ -140,7 +141,7 @@ Index FrontProgrammer::one_group(Index device, Index f, Index begin) {
 }
 
 // An operation on the group's arrays that reads `reads` besides.
-void FrontProgrammer::run(const Group& g, StreamWork work, const StreamOp& more, std::vector<StreamAccess> reads,
+void FrontProgrammer::run(const Group& g, OperationType type, const Operation& more, std::vector<Access> reads,
                           double flops, double chain) {
   const ColumnGroup& c = g.columns;
   const Index f = c.front, pivots = p_.plan.layout[f].pivot_tiles;
@@ -151,8 +152,8 @@ void FrontProgrammer::run(const Group& g, StreamWork work, const StreamOp& more,
   reads.push_back({c.tables_at, p_.layout.table_bytes(f, c.begin, c.end), false});
   reads.push_back({c.values_at, p_.layout.copies_values() ? c.entries * p_.element : 0, false});
   reads.push_back({c.scratch_at, p_.layout.scratch_bytes(f, c.begin, c.end), true});
-  StreamOp op = more;
-  op.work = work;
+  Operation op = more;
+  op.type = type;
   p_.emit(g.device, op, reads, {}, flops, chain);
 }
 
@@ -172,18 +173,18 @@ void FrontProgrammer::add_child(const Group& g, Index child) {
   if (r0 == r1) return;
   const Index width = p_.plan.layout[child].below_width;
   const Index b0 = r0 / width, b1 = (r1 - 1) / width + 1;
-  for (StreamSegment& s : p_.contributions[child]) {
+  for (Segment& s : p_.contributions[child]) {
     const Index first = std::max(b0, s.begin), last = std::min(b1, s.end);
     for (Index b = first; b < last;) b = add_columns(g, s, b, last);
   }
-  for (StreamSegment& s : p_.contributions[child])
+  for (Segment& s : p_.contributions[child])
     if (s.begin < s.end && (c.end == columns_of(c.front) || s.end * width <= r1)) p_.forget(s);
 }
 
 // Adds columns of a segment from `begin` on, as many as a chunk holds where they come from the host.
-Index FrontProgrammer::add_columns(const Group& g, const StreamSegment& s, Index begin, Index last) {
+Index FrontProgrammer::add_columns(const Group& g, const Segment& s, Index begin, Index last) {
   const bool two = p_.contribution_parts == 2;
-  StreamOp op = g.op;
+  Operation op = g.op;
   op.front = s.front;
   op.begin = begin;
   op.end = last;
@@ -193,80 +194,81 @@ Index FrontProgrammer::add_columns(const Group& g, const StreamSegment& s, Index
   } else {
     op.end = begin + 1;
     const auto fits = [&](Index end) {
-      return StreamArena::round(p_.contribution_bytes(s.front, begin, end)) * p_.contribution_parts <=
+      return Arena::round(p_.contribution_bytes(s.front, begin, end)) * p_.contribution_parts <=
              chunks_[g.device].bytes;
     };
     while (op.end < last && fits(op.end + 1)) ++op.end;
     const Offset at = next_chunk(g.device);
-    op.at = {at, two ? at + StreamArena::round(p_.contribution_bytes(s.front, begin, op.end)) : -1};
+    op.at = {at, two ? at + Arena::round(p_.contribution_bytes(s.front, begin, op.end)) : -1};
     p_.load_contribution(s, g.device, begin, op.end, op.at);
   }
   const Offset bytes = p_.contribution_bytes(s.front, begin, op.end);
-  std::vector<StreamAccess> reads{{op.at[0], bytes, false}};
+  std::vector<Access> reads{{op.at[0], bytes, false}};
   if (two) reads.push_back({op.at[1], bytes, false});
-  run(g, StreamWork::add_child, op, std::move(reads), 0);
+  run(g, OperationType::add_child, op, std::move(reads), 0);
   return op.end;
 }
 
-// ---- pivot columns of earlier groups stream past --------------------------------------------------------------------
+// ---- slabs of the pivot columns of earlier groups
+// --------------------------------------------------------------------
 
 void FrontProgrammer::update(const Group& g) {
   for (std::size_t k = 0; k < p_.factors.size(); ++k) {
-    const StreamSegment& s = p_.factors[k];
+    const Segment& s = p_.factors[k];
     for (Index b = s.begin; b < s.end;) b = update_columns(g, s, b);
   }
 }
 
-Offset FrontProgrammer::panel_bytes(Index f, Index begin, Index end, Index row) {
+Offset FrontProgrammer::slab_bytes(Index f, Index begin, Index end, Index row) {
   pieces_.clear();
-  p_.layout.panel(f, begin, end, row, pieces_);
+  p_.layout.slab(f, begin, end, row, pieces_);
   Offset sum = 0;
   for (const Piece& p : pieces_) sum += p.size;
   return sum * p_.element;
 }
 
-Index FrontProgrammer::update_columns(const Group& g, const StreamSegment& s, Index begin) {
+Index FrontProgrammer::update_columns(const Group& g, const Segment& s, Index begin) {
   const ColumnGroup& c = g.columns;
   const bool two = p_.factor_parts == 2;
-  StreamOp op = g.op;
+  Operation op = g.op;
   op.front = c.front;
   op.begin = begin;
   op.end = s.end;
   op.row = c.begin;
-  std::vector<StreamAccess> reads;
+  std::vector<Access> reads;
   if (s.resident && s.device == g.device) {
     op.at = s.at;
     op.begin = s.begin;
     for (int k = 0; k < p_.factor_parts; ++k) reads.push_back({s.at[k], s.part_bytes, false});
   } else {
     op.end = begin + 1;
-    while (op.end < s.end && StreamArena::round(panel_bytes(c.front, begin, op.end + 1, c.begin)) * p_.factor_parts <=
-                                 chunks_[g.device].bytes)
+    while (op.end < s.end &&
+           Arena::round(slab_bytes(c.front, begin, op.end + 1, c.begin)) * p_.factor_parts <= chunks_[g.device].bytes)
       ++op.end;
-    const Offset bytes = panel_bytes(c.front, begin, op.end, c.begin);
+    const Offset bytes = slab_bytes(c.front, begin, op.end, c.begin);
     const Offset at = next_chunk(g.device);
-    op.at = {at, two ? at + StreamArena::round(bytes) : -1};
-    op.panel = true;
-    load_panel(g.device, op, bytes);
+    op.at = {at, two ? at + Arena::round(bytes) : -1};
+    op.slab = true;
+    load_slab(g.device, op, bytes);
     for (int k = 0; k < p_.factor_parts; ++k) reads.push_back({op.at[k], bytes, false});
   }
   const plan::FrontLayout& l = p_.plan.layout[c.front];
   const double depth = l.begin(op.end) - l.begin(op.begin);
-  run(g, StreamWork::update, op, std::move(reads), 2 * depth * elements_of(c));
+  run(g, OperationType::update, op, std::move(reads), 2 * depth * elements_of(c));
   return op.end;
 }
 
-void FrontProgrammer::load_panel(Index device, const StreamOp& of, Offset bytes) {
+void FrontProgrammer::load_slab(Index device, const Operation& of, Offset bytes) {
   const bool two = p_.factor_parts == 2;
-  const StreamingPlan& plan = p_.plans[static_cast<std::size_t>(device)];
-  StreamOp op = of;
-  op.work = StreamWork::load_panel;
+  const OutOfCorePlan& plan = p_.plans[static_cast<std::size_t>(device)];
+  Operation op = of;
+  op.type = OperationType::load_slab;
   op.bytes = bytes * p_.factor_parts;
   op.host = {plan.factor_store[of.front], two ? plan.factor2_store[of.front] : -1};
   const Offset from = p_.layout.factor_offset(of.front, of.begin),
                size = p_.layout.factor_offset(of.front, of.end) - from;
-  p_.emit(device, op, std::array<StreamAccess, 2>{{{op.at[0], bytes, true}, {two ? op.at[1] : -1, bytes, true}}},
-          std::array<StreamAccess, 2>{{{op.host[0] + from, size, false}, {two ? op.host[1] + from : -1, size, false}}});
+  p_.emit(device, op, std::array<Access, 2>{{{op.at[0], bytes, true}, {two ? op.at[1] : -1, bytes, true}}},
+          std::array<Access, 2>{{{op.host[0] + from, size, false}, {two ? op.host[1] + from : -1, size, false}}});
 }
 
 // ---- the group's own pivots -----------------------------------------------------------------------------------------
@@ -276,7 +278,7 @@ void FrontProgrammer::finish(const Group& g) {
   const Index f = c.front, pivots = p_.plan.layout[f].pivot_tiles, end = std::min(c.end, pivots);
   const plan::FrontLayout& l = p_.plan.layout[f];
   const double depth = c.begin < end ? l.begin(end) - l.begin(c.begin) : 0;
-  run(g, StreamWork::eliminate_group, g.op, {}, depth * elements_of(c), depth * p_.rates.chain);
+  run(g, OperationType::eliminate_group, g.op, {}, depth * elements_of(c), depth * p_.rates.chain);
   if (c.begin < end) {
     store(g, end);
     p_.store_outputs(g.device, g.op, c.scratch_at, p_.layout.output_bytes(f, c.begin, c.end));
@@ -297,12 +299,12 @@ void FrontProgrammer::store(const Group& g, Index end) {
   const ColumnGroup& c = g.columns;
   const Index f = c.front;
   const bool two = p_.factor_parts == 2, shared = p_.units[static_cast<std::size_t>(p_.unit)].devices.size() > 1;
-  const StreamingPlan& plan = p_.plans[static_cast<std::size_t>(g.device)];
+  const OutOfCorePlan& plan = p_.plans[static_cast<std::size_t>(g.device)];
   for (Index begin = c.begin; begin < end;) {
     Index last = shared ? begin + 1 : end;
     while (last < end && p_.factor_bytes(f, begin, last + 1) * p_.factor_parts <= chunks_[g.device].bytes) ++last;
-    StreamOp op = g.op;
-    op.work = StreamWork::store_factor;
+    Operation op = g.op;
+    op.type = OperationType::store_factor;
     const Offset from = p_.layout.factor_offset(f, begin), bytes = p_.factor_bytes(f, begin, last);
     const Offset skip = p_.factor_bytes(f, c.begin, begin);
     op.at = {c.factor_at[0] + skip, two ? c.factor_at[1] + skip : -1};
@@ -311,12 +313,11 @@ void FrontProgrammer::store(const Group& g, Index end) {
     op.front = f;
     op.begin = begin;
     op.end = last;
-    p_.emit(
-        g.device, op, std::array<StreamAccess, 2>{{{op.at[0], bytes, false}, {op.at[1], bytes, false}}},
-        std::array<StreamAccess, 2>{{{op.host[0], bytes / p_.element, true}, {op.host[1], bytes / p_.element, true}}});
+    p_.emit(g.device, op, std::array<Access, 2>{{{op.at[0], bytes, false}, {op.at[1], bytes, false}}},
+            std::array<Access, 2>{{{op.host[0], bytes / p_.element, true}, {op.host[1], bytes / p_.element, true}}});
     begin = last;
   }
-  StreamSegment s;
+  Segment s;
   s.front = f;
   s.factor = true;
   s.device = g.device;

@@ -1,11 +1,11 @@
-// In-core steps of a streaming plan.
+// In-core steps of an out-of-core plan.
 #include <algorithm>
 
 #include "out_of_core/programmers.hpp"
 
 namespace espalier::out_of_core {
 
-StepProgrammer::StepProgrammer(StreamProgram& program)
+StepProgrammer::StepProgrammer(Program& program)
     : p_(program), chain_(static_cast<std::size_t>(program.plan.fronts()), 0) {}
 
 bool StepProgrammer::leaves_step(Index f) const {
@@ -14,17 +14,17 @@ bool StepProgrammer::leaves_step(Index f) const {
 }
 
 // The whole contribution of a child in one place.
-std::array<Offset, 2> StepProgrammer::bring_external(Index device, Index child, std::vector<StreamAccess>& loaded) {
+std::array<Offset, 2> StepProgrammer::bring_external(Index device, Index child, std::vector<Access>& loaded) {
   auto& list = p_.contributions[child];
   if (list.size() == 1 && list[0].resident && list[0].device == device) {
     ++list[0].pinned;
     return list[0].at;
   }
   const bool two = p_.contribution_parts == 2;
-  const Offset bytes = StreamArena::round(p_.layout.sizes().contribution[child] * p_.element);
+  const Offset bytes = Arena::round(p_.layout.sizes().contribution[child] * p_.element);
   const Offset at = p_.need(device, bytes * p_.contribution_parts);
   loaded.push_back({at, bytes * p_.contribution_parts, true});
-  for (StreamSegment& s : list) {
+  for (Segment& s : list) {
     if (!s.stored) p_.store_contribution(s);
     p_.release(s);
     const Offset from = p_.layout.contribution_offset(child, s.begin) * p_.element;
@@ -44,7 +44,7 @@ double StepProgrammer::count_chain(Index f) {
 void StepProgrammer::write() {
   const Index device = p_.units[static_cast<std::size_t>(p_.unit)].devices.front();
   InCoreStep& s = p_.plans[static_cast<std::size_t>(device)].steps[static_cast<std::size_t>(p_.unit)];
-  std::vector<StreamAccess> loaded, touched;
+  std::vector<Access> loaded, touched;
   for (std::size_t k = 0; k < s.externals.size(); ++k)
     s.external_at[k] = bring_external(device, s.externals[k], loaded);
   const Offset values = p_.layout.copies_values() ? s.entries : 0;
@@ -64,24 +64,24 @@ void StepProgrammer::write() {
     longest = std::max(longest, count_chain(f));
     flops += plan::front_flops(p_.plan.layout[f].pivots, p_.plan.layout[f].rows, p_.plan.options.unsymmetric);
     if (!leaves_step(f)) continue;
-    const Offset bytes = StreamArena::round(p_.layout.sizes().contribution[f] * p_.element);
+    const Offset bytes = Arena::round(p_.layout.sizes().contribution[f] * p_.element);
     region(s.root_at[k][0], bytes * p_.contribution_parts, true, true);
     if (p_.contribution_parts == 2) s.root_at[k][1] = s.root_at[k][0] + bytes;
   }
-  for (const StreamAccess& a : loaded) touched.push_back({a.at, a.bytes, false});
+  for (const Access& a : loaded) touched.push_back({a.at, a.bytes, false});
   for (const Index child : s.externals)
-    for (const StreamSegment& g : p_.contributions[child])
+    for (const Segment& g : p_.contributions[child])
       for (int k = 0; g.resident && k < p_.contribution_parts; ++k) touched.push_back({g.at[k], g.part_bytes, false});
-  StreamOp op;
+  Operation op;
   op.unit = p_.unit;
   p_.load_inputs(device, op, s.tables_at, room.tables, s.values_at, values);
-  op.work = StreamWork::eliminate;
+  op.type = OperationType::eliminate;
   p_.emit(device, op, touched, {}, flops, longest);
   finish(device, s, room, loaded);
 }
 
-void StepProgrammer::finish(Index device, InCoreStep& s, const Room& room, const std::vector<StreamAccess>& loaded) {
-  StreamOp op;
+void StepProgrammer::finish(Index device, InCoreStep& s, const Room& room, const std::vector<Access>& loaded) {
+  Operation op;
   op.unit = p_.unit;
   p_.store_outputs(device, op, s.scratch_at, p_.layout.output_bytes(s));
   // Before the factors: others may wait for them.
@@ -89,20 +89,20 @@ void StepProgrammer::finish(Index device, InCoreStep& s, const Room& room, const
     const Index f = s.fronts[k];
     if (s.root_at[k][0] < 0) continue;
     p_.add_contribution(f, device, 0, p_.plan.layout[f].tiles_below(), s.root_at[k],
-                        StreamArena::round(p_.layout.sizes().contribution[f] * p_.element));
+                        Arena::round(p_.layout.sizes().contribution[f] * p_.element));
   }
-  op.work = StreamWork::store_factor;
+  op.type = OperationType::store_factor;
   op.at[0] = s.work_at;
   op.host[0] = s.store_at;
   op.bytes = s.memory.factor_size * p_.element;
   if (op.bytes > 0)
-    p_.emit(device, op, std::array<StreamAccess, 1>{{{s.work_at, op.bytes, false}}},
-            std::array<StreamAccess, 1>{{{s.store_at, s.memory.factor_size, true}}});
+    p_.emit(device, op, std::array<Access, 1>{{{s.work_at, op.bytes, false}}},
+            std::array<Access, 1>{{{s.store_at, s.memory.factor_size, true}}});
   p_.give_back(device, s.tables_at, room.tables);
   p_.give_back(device, s.values_at, room.values);
   p_.give_back(device, s.scratch_at, room.scratch);
   p_.give_back(device, s.work_at, room.work);
-  for (const StreamAccess& a : loaded) p_.give_back(device, a.at, a.bytes);
+  for (const Access& a : loaded) p_.give_back(device, a.at, a.bytes);
   for (const Index child : s.externals) p_.forget_contribution(child);
 }
 

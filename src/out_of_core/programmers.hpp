@@ -1,5 +1,5 @@
 /// \file
-/// The two sorts of units of a streaming plan.
+/// The two sorts of units of an out-of-core plan.
 #pragma once
 
 #include <vector>
@@ -11,7 +11,7 @@ namespace espalier::out_of_core {
 /// Writes in-core steps.
 class StepProgrammer {
  public:
-  explicit StepProgrammer(StreamProgram& program);
+  explicit StepProgrammer(Program& program);
   /// The step of the program's unit at hand. @throws NoRoom
   void write();
 
@@ -20,18 +20,18 @@ class StepProgrammer {
     Offset tables = 0, values = 0, scratch = 0, work = 0;
   };
   [[nodiscard]] bool leaves_step(Index f) const;
-  std::array<Offset, 2> bring_external(Index device, Index child, std::vector<StreamAccess>& loaded);
-  void finish(Index device, InCoreStep& s, const Room& room, const std::vector<StreamAccess>& loaded);
+  std::array<Offset, 2> bring_external(Index device, Index child, std::vector<Access>& loaded);
+  void finish(Index device, InCoreStep& s, const Room& room, const std::vector<Access>& loaded);
   double count_chain(Index f);
 
-  StreamProgram& p_;
+  Program& p_;
   std::vector<double> chain_;  // fronts: seconds of the longest chain of pivots below, within the step
 };
 
 /// Writes large fronts.
 class FrontProgrammer {
  public:
-  explicit FrontProgrammer(StreamProgram& program) : p_(program), chunks_(program.plans.size()) {}
+  explicit FrontProgrammer(Program& program) : p_(program), chunks_(program.plans.size()) {}
   /// The front of the program's unit at hand. @throws NoRoom
   void write();
 
@@ -44,7 +44,7 @@ class FrontProgrammer {
   /// A group in the making.
   struct Group {
     Index device = 0;
-    StreamOp op;  // with the group's number
+    Operation op;  // with the group's number
     ColumnGroup columns;
   };
 
@@ -58,19 +58,19 @@ class FrontProgrammer {
   void count_entries(ColumnGroup& g) const;
   bool place(Index device, ColumnGroup& g, Offset tables, Offset scratch);
   Index one_group(Index device, Index f, Index begin);
-  void run(const Group& g, StreamWork work, const StreamOp& more, std::vector<StreamAccess> reads, double flops,
+  void run(const Group& g, OperationType type, const Operation& more, std::vector<Access> reads, double flops,
            double chain = 0);
   [[nodiscard]] Index first_row(Index child, Index parent, Index row) const;
   void add_child(const Group& g, Index child);
-  Index add_columns(const Group& g, const StreamSegment& s, Index begin, Index last);
+  Index add_columns(const Group& g, const Segment& s, Index begin, Index last);
   void update(const Group& g);
-  Index update_columns(const Group& g, const StreamSegment& s, Index begin);
-  [[nodiscard]] Offset panel_bytes(Index f, Index begin, Index end, Index row);
-  void load_panel(Index device, const StreamOp& of, Offset bytes);
+  Index update_columns(const Group& g, const Segment& s, Index begin);
+  [[nodiscard]] Offset slab_bytes(Index f, Index begin, Index end, Index row);
+  void load_slab(Index device, const Operation& of, Offset bytes);
   void finish(const Group& g);
   void store(const Group& g, Index end);
 
-  StreamProgram& p_;
+  Program& p_;
   std::vector<Chunks> chunks_;  // devices
   std::vector<Piece> pieces_;
 };

@@ -1,5 +1,5 @@
 /// \file
-/// How far the queues of all streaming devices are.
+/// How far the queues of all devices are.
 #pragma once
 
 #include <condition_variable>
@@ -7,7 +7,7 @@
 #include <mutex>
 #include <vector>
 
-#include "out_of_core/streaming_plan.hpp"
+#include "out_of_core/plan.hpp"
 
 namespace espalier::out_of_core {
 
@@ -15,33 +15,32 @@ namespace espalier::out_of_core {
 struct Stopped {};
 
 /// Operations of every queue that were asked for, and, for copies, those whose host side is done.
-class StreamProgress {
+class QueueProgress {
  public:
-  explicit StreamProgress(Index devices)
-      : asked_(static_cast<std::size_t>(devices) * out_of_core::kStreamQueues, 0), done_(asked_) {}
+  explicit QueueProgress(Index devices) : asked_(static_cast<std::size_t>(devices) * kQueues, 0), done_(asked_) {}
 
   void reset() {
     std::fill(asked_.begin(), asked_.end(), 0);
     std::fill(done_.begin(), done_.end(), 0);
     stopped_ = false;
   }
-  void asked(Index device, out_of_core::StreamQueue q, std::int64_t number) { set(asked_[at(device, q)], number); }
-  void done(Index device, out_of_core::StreamQueue q, std::int64_t number) { set(done_[at(device, q)], number); }
+  void asked(Index device, Queue q, std::int64_t number) { set(asked_[at(device, q)], number); }
+  void done(Index device, Queue q, std::int64_t number) { set(done_[at(device, q)], number); }
 
   /// Waits; as long as there is something to wait for and meanwhile() returns true, it is called again.
   /// @throws Stopped after stop()
   template <class Meanwhile>
-  void wait_asked(Index device, out_of_core::StreamQueue q, std::int64_t number, Meanwhile&& meanwhile) {
+  void wait_asked(Index device, Queue q, std::int64_t number, Meanwhile&& meanwhile) {
     wait(asked_[at(device, q)], number, meanwhile);
   }
   template <class Meanwhile>
-  void wait_done(Index device, out_of_core::StreamQueue q, std::int64_t number, Meanwhile&& meanwhile) {
+  void wait_done(Index device, Queue q, std::int64_t number, Meanwhile&& meanwhile) {
     wait(done_[at(device, q)], number, meanwhile);
   }
-  void wait_asked(Index device, out_of_core::StreamQueue q, std::int64_t number) {
+  void wait_asked(Index device, Queue q, std::int64_t number) {
     wait_asked(device, q, number, [] { return false; });
   }
-  void wait_done(Index device, out_of_core::StreamQueue q, std::int64_t number) {
+  void wait_done(Index device, Queue q, std::int64_t number) {
     wait_done(device, q, number, [] { return false; });
   }
 
@@ -52,8 +51,8 @@ class StreamProgress {
   }
 
  private:
-  [[nodiscard]] static std::size_t at(Index device, out_of_core::StreamQueue q) {
-    return static_cast<std::size_t>(device) * out_of_core::kStreamQueues + static_cast<std::size_t>(q);
+  [[nodiscard]] static std::size_t at(Index device, Queue q) {
+    return static_cast<std::size_t>(device) * kQueues + static_cast<std::size_t>(q);
   }
   void set(std::int64_t& of, std::int64_t number) {
     const std::lock_guard lock(mutex_);

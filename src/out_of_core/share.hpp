@@ -1,5 +1,5 @@
 /// \file
-/// Which devices work on which fronts when several stream.
+/// Which devices work on which fronts when several factor out of core.
 #pragma once
 
 #include <cstdint>

@@ -14,6 +14,29 @@ double seconds(double flops, double rows, double front, double flops_per_second,
   return front + flops / flops_per_second * (1 + m.half_rows / rows);
 }
 
+// The longest path from a leaf to the root, by the lengths of its fronts.
+class LongestPath {
+ public:
+  explicit LongestPath(const analysis::AssemblyTree& tree)
+      : tree_(tree), to_(static_cast<std::size_t>(tree.fronts()), 0) {}
+  // Of all fronts, in ascending order.
+  void add(Index f, double length) {
+    double& mine = to_[static_cast<std::size_t>(f)];
+    mine += length;
+    length_ = std::max(length_, mine);
+    if (const Index parent = tree_.parent[f]; parent >= 0) {
+      double& above = to_[static_cast<std::size_t>(parent)];
+      above = std::max(above, mine);
+    }
+  }
+  [[nodiscard]] double length() const { return length_; }
+
+ private:
+  const analysis::AssemblyTree& tree_;
+  std::vector<double> to_;  // fronts
+  double length_ = 0;
+};
+
 }  // namespace
 
 double front_flops(Index pivots, Index rows, bool unsymmetric) {
@@ -26,26 +49,28 @@ double front_seconds(Index pivots, Index rows, bool unsymmetric, const MachineMo
 }
 
 double host_seconds(const analysis::AssemblyTree& tree, Kind kind, bool single, int threads, const MachineModel& m) {
-  double flops = 0;
-  for (Index f = 0; f < tree.fronts(); ++f)
-    flops += front_flops(tree.pivots(f), tree.pivots(f) + tree.rows_below(f), kind == Kind::lu);
-  const double precision = single ? m.single.value : 1.0;
-  return flops / (m.flops * precision * threads) + m.front * tree.fronts() / threads;
+  const double flops_per_second = m.flops * (single ? m.single.value : 1.0);
+  double work = 0;
+  LongestPath path(tree);
+  for (Index f = 0; f < tree.fronts(); ++f) {
+    const Index pivots = tree.pivots(f), rows = pivots + tree.rows_below(f);
+    const double one = seconds(front_flops(pivots, rows, kind == Kind::lu), rows, m.front, flops_per_second, m);
+    work += one;
+    path.add(f, one / std::clamp(rows / m.thread_rows, 1.0, static_cast<double>(threads)));
+  }
+  return std::max(work / threads, path.length());
 }
 
 GpuTime gpu_time(const analysis::AssemblyTree& tree, Kind kind, bool single, const MachineModel& m) {
   const double per_pivot = m.pivot.of(kind), flops_per_second = m.flops * (single ? m.single.value : 1.0);
   GpuTime t{0, 0, m};
-  std::vector<double> chain(static_cast<std::size_t>(tree.fronts()), 0);
+  LongestPath path(tree);
   for (Index f = 0; f < tree.fronts(); ++f) {
-    const Index pivots = tree.pivots(f), parent = tree.parent[f];
-    const Index rows = pivots + tree.rows_below(f);
+    const Index pivots = tree.pivots(f), rows = pivots + tree.rows_below(f);
     t.work_seconds += seconds(front_flops(pivots, rows, kind == Kind::lu), rows, m.front, flops_per_second, m);
-    double& mine = chain[static_cast<std::size_t>(f)];
-    mine += per_pivot * pivots;
-    t.chain_seconds = std::max(t.chain_seconds, mine);
-    if (parent >= 0) chain[static_cast<std::size_t>(parent)] = std::max(chain[static_cast<std::size_t>(parent)], mine);
+    path.add(f, per_pivot * pivots);
   }
+  t.chain_seconds = path.length();
   return t;
 }
 

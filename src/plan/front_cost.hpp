@@ -15,7 +15,9 @@ double front_flops(Index pivots, Index rows, bool unsymmetric);
 /// Predicted seconds of a front on one device (a host's thread, a GPU) that has enough else to do.
 double front_seconds(Index pivots, Index rows, bool unsymmetric, const MachineModel& machine);
 
-/// Predicted seconds of a factorization by threads of the host. @param single  FP32
+/// Predicted seconds of a factorization by threads of the host: all fronts by all threads, but no less than the longest
+/// path from a leaf to the root, on which a front is worked on by one thread for every `thread_rows` of its rows.
+/// @param single  FP32
 double host_seconds(const analysis::AssemblyTree& tree, Kind kind, bool single, int threads,
                     const MachineModel& machine);
 

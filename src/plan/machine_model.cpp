@@ -22,6 +22,7 @@ MachineModel host_thread() {
   m.half_rows = 300;
   m.front = 1.5e-6;
   m.dealt_front = 1.5e-6;
+  m.thread_rows = 160;  // the tiles of large fronts have 128 to 192
   m.multiprocessors = 1;
   m.blocks = 1;
   m.out_of_core = h200().out_of_core;
@@ -156,6 +157,7 @@ std::vector<NamedRate> rates_of(MachineModel& m) {
   l.add("half_rows", kCount, "rows of a front at half of that rate", m.half_rows);
   l.add("front", kSeconds, "every front, among many", m.front);
   l.add("dealt_front", kSeconds, "every front, where a tree is dealt to devices", m.dealt_front);
+  l.add("thread_rows", kCount, "rows of a front for every thread that works on it (host)", m.thread_rows);
   l.add("pivot", kSeconds, "a pivot on the longest chain", m.pivot);
   l.add("start", kSeconds, "values to the device, outcome back", m.start);
   l.add("launch", kSeconds, "start of every device", m.launch);

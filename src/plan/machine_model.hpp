@@ -77,6 +77,7 @@ struct MachineModel {
   Rate half_rows;    ///< rows of a front that runs at half of that
   Rate front;        ///< of every front, among many
   Rate dealt_front;  ///< likewise, when a tree is cut and dealt to devices
+  Rate thread_rows;  ///< host: rows of a front for every thread that works on it; a smaller one occupies one thread
   RateByKind pivot;  ///< of a pivot on the longest chain from a leaf to the root
   Rate start;        ///< of a factorization: values to the device, outcome back
   Rate launch;       ///< of every device, by one host thread

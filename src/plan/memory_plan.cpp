@@ -151,7 +151,7 @@ class MemoryPlanner {
     if (plan_.options.unsymmetric) m_.contribution2.assign(n, 0);
     contribution_.assign(n, {});
     work_.assign(n, {});
-    m_.device_size.assign(static_cast<std::size_t>(plan_.assignment.devices), 0);
+    m_.device_size.assign(static_cast<std::size_t>(plan_.ownership.devices), 0);
     place();
     if (backwards()) place_backwards();
     share_memory();
@@ -203,7 +203,7 @@ class MemoryPlanner {
       r.at = heap_.take(size);
   }
 
-  [[nodiscard]] bool backwards() const { return plan_.assignment.devices == 1; }
+  [[nodiscard]] bool backwards() const { return plan_.ownership.devices == 1; }
 
   void begin_front(Index f) {
     m_.factor[f] = factor_end_;
@@ -244,13 +244,13 @@ class MemoryPlanner {
   // Counts what the sub-tree took.
   void leave() {
     if (subtree_ >= 0)
-      m_.device_size[plan_.assignment.subtrees[subtree_].device] += factor_end_ + heap_.high() - counted_;
+      m_.device_size[plan_.ownership.subtrees[subtree_].device] += factor_end_ + heap_.high() - counted_;
     counted_ = factor_end_ + heap_.high();
   }
 
   // Several devices: nothing of one device's lies where another's factors go, and everybody has a part of the top.
   void share_memory() {
-    const DeviceAssignment& a = plan_.assignment;
+    const Ownership& a = plan_.ownership;
     if (a.devices == 1) {
       m_.device_size[0] = m_.size;
       return;
@@ -276,7 +276,7 @@ class MemoryPlanner {
     for (std::size_t k = 0; k < plan_.tasks.size(); ++k) {
       const Task& task = plan_.tasks[k];
       const Index at = number(k);
-      if (plan_.assignment.subtree(task.front) != subtree_) enter(plan_.assignment.subtree(task.front));
+      if (plan_.ownership.subtree(task.front) != subtree_) enter(plan_.ownership.subtree(task.front));
       while (!waiting_.empty() && waiting_.front().ready <= at) {
         heap_.give_back(waiting_.front().at, waiting_.front().size);
         waiting_.pop_front();

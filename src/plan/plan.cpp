@@ -303,7 +303,7 @@ Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vect
   cut_fronts(plan);
   // Tasks and memory are one chain of small steps that needs no entries: it goes beside them.
   const auto list_and_place = [&plan, threads = pool.size()] {
-    plan.assignment = assign_devices(plan);
+    plan.ownership = assign_owners(plan);
     list_tasks(plan);
     if (plan.options.arrays == nullptr) return plan_memory(plan);
     const ArraySizes sizes = array_sizes(plan, name_regions(plan, true));

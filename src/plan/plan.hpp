@@ -12,8 +12,8 @@
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
 #include "matrix/row_index.hpp"
-#include "plan/device_assignment.hpp"
 #include "plan/front_layout.hpp"
+#include "plan/ownership.hpp"
 
 namespace espalier::plan {
 
@@ -93,7 +93,7 @@ struct PlanOptions {
   /// Speeds of the devices, relative to each other; empty: all are equal.
   std::vector<double> device_speed;
   bool balance_columns = false;  ///< block columns of the top are dealt by predicted load, not in turn
-  Index column_group = 1;        ///< at most so many; see DeviceAssignment
+  Index column_group = 1;        ///< at most so many; see Ownership
   /// The task list walks every sub-tree alone, so that it can be stolen; else all sub-trees of a device together, so
   /// that more fronts are in work at a time.
   bool subtrees_apart = true;
@@ -144,7 +144,7 @@ struct Plan {
   std::vector<Index> first_task;        ///< fronts; number of the front's first task
   std::vector<Index> last_task;         ///< fronts; number of the front's last task
   std::vector<Index> tier;              ///< fronts; distance from the root
-  DeviceAssignment assignment;
+  Ownership ownership;
   MemoryPlan memory;
   Offset nonzeros_factor = 0;  ///< entries of L (L + U for lu), no padding
   double flops = 0;            ///< multiply and add count as two

@@ -34,7 +34,7 @@ std::vector<char> wide_fronts(const Plan& plan) {
 }
 
 Regions name_regions(const Plan& plan, bool peer_access) {
-  const auto& a = plan.assignment;
+  const auto& a = plan.ownership;
   Regions r;
   r.device.assign(1, 0);
   if (a.devices > 1)
@@ -68,7 +68,7 @@ ArraySizes array_sizes(const Plan& plan) {
 
 ArraySizes array_sizes(const Plan& plan, const Regions& regions) {
   ArraySizes sizes = array_sizes(plan);
-  if (plan.assignment.devices == 1) return sizes;
+  if (plan.ownership.devices == 1) return sizes;
   const auto n = static_cast<std::size_t>(plan.fronts());
   sizes.regions = static_cast<Index>(regions.device.size());
   sizes.region.resize(n);

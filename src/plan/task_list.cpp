@@ -18,7 +18,7 @@ class TaskLister {
     plan_.tasks.clear();
     plan_.first_task.assign(static_cast<std::size_t>(fronts_), 0);
     plan_.last_task.assign(static_cast<std::size_t>(fronts_), 0);
-    if (plan_.assignment.devices > 1) {
+    if (plan_.ownership.devices > 1) {
       list_for_devices();
       return;
     }
@@ -33,7 +33,7 @@ class TaskLister {
 
  private:
   void list_for_devices() {
-    DeviceAssignment& a = plan_.assignment;
+    Ownership& a = plan_.ownership;
     for (auto s = a.subtrees.begin(); s != a.subtrees.end();) {
       auto end = s;
       while (end != a.subtrees.end() && end->device == s->device) ++end;
@@ -230,7 +230,7 @@ Plan plan_for_one_device(const Plan& plan) {
   Plan one = plan;
   one.memory = MemoryPlan{};
   one.options.devices = 1;
-  one.assignment = assign_devices(one);
+  one.ownership = assign_owners(one);
   list_tasks(one);
   return one;
 }

@@ -1,15 +1,15 @@
 /// \file
 /// The order of work: depth-first over groups of sub-trees, tier by tier inside a group. With several devices: one such
-/// walk for each sub-tree of the assignment, then the top of the tree tier by tier.
+/// walk for each sub-tree that one device has, then the top of the tree tier by tier.
 #pragma once
 
 #include "plan/plan.hpp"
 
 namespace espalier::plan {
 
-/// Fills plan.tasks, plan.first_task and plan.last_task, and the places of the sub-trees of plan.assignment in the
+/// Fills plan.tasks, plan.first_task and plan.last_task, and the places of the sub-trees of plan.ownership in the
 /// list.
-/// @pre layout, whole, children, tier and assignment are set
+/// @pre layout, whole, children, tier and ownership are set
 void list_tasks(Plan& plan);
 
 }  // namespace espalier::plan

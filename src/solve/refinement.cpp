@@ -146,18 +146,18 @@ class Refinement {
 
 }  // namespace
 
-RefinementResult refine(const ResidualSpace& a, const Preconditioner& m, const double* b, double* x, Index columns,
-                        bool transpose, const RefinementOptions& options) {
+RefinementResult refine(const ResidualSpace& a, const Preconditioner& m, const Systems& systems,
+                        const RefinementOptions& options) {
   const auto* host = dynamic_cast<const ResidualOperator*>(&a);
   if (options.krylov && host == nullptr) throw std::logic_error("refine: Krylov methods work in host memory");
   const auto n = static_cast<std::size_t>(a.size());
   RefinementResult all;
-  Refinement refinement(a, host, m, transpose, options, std::min(columns, kColumnsAtOnce));
-  for (Index first = 0; first < columns; first += kColumnsAtOnce) {
-    std::vector<Column> group(static_cast<std::size_t>(std::min(kColumnsAtOnce, columns - first)));
+  Refinement refinement(a, host, m, systems.transpose, options, std::min(systems.columns, kColumnsAtOnce));
+  for (Index first = 0; first < systems.columns; first += kColumnsAtOnce) {
+    std::vector<Column> group(static_cast<std::size_t>(std::min(kColumnsAtOnce, systems.columns - first)));
     for (std::size_t k = 0; k < group.size(); ++k) {
-      group[k].b = b + (static_cast<std::size_t>(first) + k) * n;
-      group[k].x = x + (static_cast<std::size_t>(first) + k) * n;
+      group[k].b = systems.b + (static_cast<std::size_t>(first) + k) * n;
+      group[k].x = systems.x + (static_cast<std::size_t>(first) + k) * n;
     }
     refinement.run(group);
     for (const Column& c : group) {

@@ -27,15 +27,23 @@ struct RefinementResult {
   int krylov_steps = 0;  ///< products with A in the Krylov phase
 };
 
+/// Systems with one matrix, in the memory of a ResidualSpace.
+struct Systems {
+  const double* b = nullptr;  ///< n x columns, column-major
+  double* x = nullptr;        ///< likewise
+  Index columns = 1;
+  bool transpose = false;
+};
+
 /// Fixed-precision refinement with residuals of twice the precision (Wilkinson; Arioli, Demmel and Duff 1989): corrects
 /// x until the componentwise backward error no longer halves, nor the normwise one where it is above 1e-14 (zeros in
 /// solution and right-hand side keep the former at 1), and keeps the best x.
 /// Right-hand sides are refined side by side, at most 32 at a time, each until it stalls.
-/// @param b, x  n x columns, column-major; x: on entry the first solutions, on return the best
-/// options.krylov needs a ResidualOperator, in host memory. b and x are in the memory of `a`.
+/// @param systems  x: on entry the first solutions, on return the best. In the memory of `a`
+/// options.krylov needs a ResidualOperator, in host memory.
 /// @returns the largest errors and the most steps of any column
-RefinementResult refine(const ResidualSpace& a, const Preconditioner& m, const double* b, double* x, Index columns,
-                        bool transpose, const RefinementOptions& options);
+RefinementResult refine(const ResidualSpace& a, const Preconditioner& m, const Systems& systems,
+                        const RefinementOptions& options);
 
 /// Solves A d = r to a relative residual of `tolerance`, d = 0 at the start: conjugate gradients (positive definite A)
 /// or flexible GMRES (Saad 1993). @returns the number of products with A

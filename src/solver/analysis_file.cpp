@@ -140,9 +140,18 @@ void check(const SavedAnalysis& s, const Reader& file) {
           "rows and columns of a symmetric factorization must go together");
 }
 
-}  // namespace
-
-namespace {
+/// use(array) for every array of an analysis, in the order of the file.
+template <class Analysis, class Use>
+void each_array(Analysis& s, Use&& use) {
+  use(s.tree.order);
+  use(s.tree.first);
+  use(s.tree.parent);
+  use(s.tree.row_ptr);
+  use(s.tree.rows);
+  use(s.row_scale);
+  use(s.col_scale);
+  use(s.row_of_col);
+}
 
 /// Hashes of pieces, hashed in their turn: the same for any number of threads.
 template <class T>
@@ -175,14 +184,7 @@ void write_analysis(const std::string& path, const SavedAnalysis& s, std::uint64
   w.value(hash);
   w.value(static_cast<std::int32_t>(s.kind));
   w.value(s.tree.n);
-  w.array(s.tree.order);
-  w.array(s.tree.first);
-  w.array(s.tree.parent);
-  w.array(s.tree.row_ptr);
-  w.array(s.tree.rows);
-  w.array(s.row_scale);
-  w.array(s.col_scale);
-  w.array(s.row_of_col);
+  each_array(s, [&](const auto& list) { w.array(list); });
   w.finish();
 }
 
@@ -198,14 +200,7 @@ SavedAnalysis read_analysis(const std::string& path, std::uint64_t hash) {
     r.fail("the file is not a valid analysis");
   s.kind = static_cast<Kind>(kind);
   s.tree.n = r.value<Index>();
-  r.array(s.tree.order);
-  r.array(s.tree.first);
-  r.array(s.tree.parent);
-  r.array(s.tree.row_ptr);
-  r.array(s.tree.rows);
-  r.array(s.row_scale);
-  r.array(s.col_scale);
-  r.array(s.row_of_col);
+  each_array(s, [&](auto& list) { r.array(list); });
   r.finish();
   check(s, r);
   return s;

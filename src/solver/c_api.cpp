@@ -1,180 +1,27 @@
 /// \file
-/// The C interface: a lock and an error message around the C++ solver.
+/// The C interface: calls of the C++ solver under the lock of a handle.
 #include <algorithm>
-#include <atomic>
-#include <cstdio>
-#include <cstring>
-#include <exception>
+#include <cstdint>
 #include <memory>
-#include <mutex>
-#include <new>
-#include <optional>
 #include <string>
-#include <thread>
 #include <tuple>
+#include <utility>
 
-#include "base/forks.hpp"
-#include "espalier/espalier.h"
-#include "espalier/solver.hpp"
 #include "solver/build_info.hpp"
+#include "solver/c_handle.hpp"
 #include "solver/c_matrix.hpp"
-#include "solver/environment.hpp"
+#include "solver/c_results.hpp"
 #include "solver/option_text.hpp"
 
 using espalier::Error;
 using espalier::Index;
-using espalier::Offset;
 using espalier::Status;
 using espalier::StatusCode;
+using espalier::solver::guarded;
+using espalier::solver::hand_out;
+using espalier::solver::require;
 
 namespace {
-
-/// Counts the threads inside the calls of one solver, so that the child of a fork() can tell a lock that nobody will
-/// ever give back: a thread of the parent holds it.
-class Callers {
- public:
-  /// False when another thread was inside at the last fork(): that call will never end here.
-  bool enter() {
-    const std::uint64_t now = espalier::base::forks() << kBits;
-    std::uint64_t seen = state_.load();
-    for (;;) {
-      const bool same = (seen & ~kMask) == now;
-      if (!same && (seen & kMask) != 0) return false;
-      if (state_.compare_exchange_weak(seen, same ? seen + 1 : now + 1)) return true;
-    }
-  }
-  void leave() { state_.fetch_sub(1); }
-
- private:
-  static constexpr int kBits = 32;
-  static constexpr std::uint64_t kMask = (std::uint64_t{1} << kBits) - 1;
-  std::atomic<std::uint64_t> state_{espalier::base::forks() << kBits};  // forks, then callers
-};
-
-void log_to_stderr(const char* line, void*) { std::fprintf(stderr, "espalier: %s\n", line); }
-
-}  // namespace
-
-struct espalier_solver {
-  Callers callers;
-  std::mutex mutex;
-  std::atomic<std::thread::id> owner{};  // the thread inside a call: a log callback that calls back is turned away
-  const espalier::solver::Environment environment = espalier::solver::read_environment();
-  espalier::Options options = environment.options;
-  espalier_log_callback log = environment.log_to_stderr ? &log_to_stderr : nullptr;
-  void* log_user = nullptr;
-  std::optional<espalier::Solver> solver;  // made at analysis, with the options of that moment
-  Index rows = 0;
-  Offset nonzeros = 0;
-  bool transposed = false;  // the solver holds A^T
-  std::string error;
-  int64_t error_row = -1;
-};
-
-namespace {
-
-int fail(espalier_solver& s, int code, const char* message, int64_t row = -1) noexcept {
-  s.error_row = row;
-  try {
-    s.error = message;
-  } catch (...) {
-    s.error.clear();  // no memory for a message: the code alone must do
-  }
-  return code;
-}
-
-int finish(espalier_solver& s, const Status& status) noexcept {
-  return fail(s, static_cast<int>(status.code), status.message.c_str(), status.row);
-}
-
-struct Inside {
-  Callers& callers;
-  explicit Inside(Callers& the_callers) : callers(the_callers) {}
-  Inside(const Inside&) = delete;
-  Inside& operator=(const Inside&) = delete;
-  ~Inside() { callers.leave(); }
-};
-
-/// Runs `body` (returns a status) under the solver's lock; every exception becomes a code and a message.
-template <class Body>
-int guarded(espalier_solver* s, const Body& body) noexcept {
-  if (s == nullptr) return ESPALIER_MISUSE;
-  if (s->owner.load() == std::this_thread::get_id()) return ESPALIER_MISUSE;  // from inside a log callback
-  if (!s->callers.enter())
-    return fail(*s, ESPALIER_MISUSE,
-                "another thread was inside a call on this solver when the process forked; make a new solver here");
-  const Inside inside(s->callers);
-  const std::lock_guard lock(s->mutex);
-  s->owner = std::this_thread::get_id();
-  int code = ESPALIER_OK;
-  try {
-    code = finish(*s, body(*s));
-  } catch (const Error& e) {
-    code = finish(*s, e.status());
-  } catch (const std::bad_alloc&) {
-    code = fail(*s, ESPALIER_OUT_OF_MEMORY, "the machine's memory is too small");
-  } catch (const std::logic_error& e) {
-    code = fail(*s, ESPALIER_MISUSE, e.what());
-  } catch (const std::exception& e) {
-    code = fail(*s, ESPALIER_INTERNAL_ERROR, e.what());
-  } catch (...) {
-    code = fail(*s, ESPALIER_INTERNAL_ERROR, "an unknown exception");
-  }
-  s->owner = std::thread::id{};
-  return code;
-}
-
-void require(bool condition, const char* what) {
-  if (!condition) throw std::invalid_argument(what);
-}
-
-/// Copies as much of `result` as the caller's struct holds; leaves its `size` alone.
-template <class Info>
-void hand_out(Info result, Info* info) {
-  if (info == nullptr) return;
-  require(info->size >= sizeof(std::size_t), "the info's field 'size' must be sizeof of its struct");
-  result.size = info->size;
-  std::memcpy(info, &result, std::min(info->size, sizeof(Info)));
-}
-
-espalier_analysis_info to_c(const espalier::AnalysisResult& r) {
-  espalier_analysis_info info{};
-  info.seconds = r.seconds;
-  info.ordering_seconds = r.ordering_seconds;
-  info.flops = r.flops;
-  info.predicted_seconds = r.predicted_seconds;
-  info.predicted_bytes = r.predicted_bytes;
-  info.nonzeros_factor = r.nonzeros_factor;
-  info.fronts = r.fronts;
-  info.tiers = r.tiers;
-  info.largest_front = r.largest_front;
-  return info;
-}
-
-espalier_factor_info to_c(const espalier::FactorResult& r) {
-  espalier_factor_info info{};
-  info.seconds = r.seconds;
-  info.flops_per_second = r.flops_per_second;
-  info.positive = r.inertia.positive;
-  info.negative = r.inertia.negative;
-  info.zero = r.inertia.zero;
-  info.two_by_two = r.two_by_two;
-  info.perturbed = r.perturbed;
-  info.rank = r.rank;
-  info.determinant_sign = r.determinant_sign;
-  info.determinant_log = r.determinant_log;
-  info.peak_host_bytes = r.peak_host_bytes;
-  return info;
-}
-
-espalier_solve_info to_c(const espalier::SolveResult& r) {
-  espalier_solve_info info{};
-  info.seconds = r.seconds;
-  info.refinement_steps = r.refinement_steps;
-  info.backward_error = r.backward_error;
-  info.componentwise_error = r.componentwise_error;
-  return info;
-}
 
 espalier::Solver& make_solver(espalier_solver& s) {
   if (!s.environment.status.ok()) throw Error(s.environment.status);
@@ -206,7 +53,8 @@ int analyze_by(espalier_solver* solver, const Matrix* a, espalier_analysis_info*
     s.rows = matrix.view().rows;
     s.nonzeros = matrix.view().nonzeros();
     s.transposed = matrix.transposed();
-    hand_out(to_c(result), info);
+    s.null_space = {};
+    hand_out(result, info);
     return result.status;
   });
 }
@@ -225,6 +73,17 @@ int load_analysis(espalier_solver* solver, const char* path, const Matrix* a, es
   });
 }
 
+// A factorization by `call`.
+template <class Call>
+Status factorize_by(espalier_solver& s, espalier_factor_info* info, Call&& call) {
+  s.null_space = {};
+  espalier::FactorResult result = call();
+  hand_out(result, info);
+  Status status = result.status;
+  s.null_space = espalier::solver::null_space_of(std::move(result), s.transposed);
+  return status;
+}
+
 template <class Matrix>
 int factorize(espalier_solver* solver, const Matrix* a, espalier_factor_info* info) {
   return guarded(solver, [&](espalier_solver& s) {
@@ -232,9 +91,7 @@ int factorize(espalier_solver* solver, const Matrix* a, espalier_factor_info* in
     espalier::Solver& cpp = solver_of(s);
     const espalier::solver::CMatrix matrix(*a, true);
     require(matrix.transposed() == s.transposed, "the layout is not that of the analysed matrix");
-    const auto result = cpp.factorize(matrix.view());
-    hand_out(to_c(result), info);
-    return result.status;
+    return factorize_by(s, info, [&] { return cpp.factorize(matrix.view()); });
   });
 }
 
@@ -246,9 +103,7 @@ int refactorize(espalier_solver* solver, const double* values, std::int64_t coun
     espalier::Solver& cpp = solver_of(s);
     require(count == s.nonzeros, "the number of values is not that of the analysed matrix");
     require(count == 0 || values != nullptr, "the values are null");
-    const auto result = call(cpp);
-    hand_out(to_c(result), info);
-    return result.status;
+    return factorize_by(s, info, [&] { return call(cpp); });
   });
 }
 
@@ -263,7 +118,7 @@ int solve(espalier_solver* solver, const double* b, const double* x, std::int64_
     require(size == 0 || (b != nullptr && x != nullptr), "the right-hand side or the solution is null");
     const bool flip = (transpose == ESPALIER_TRANSPOSE) != s.transposed;
     const auto result = call(cpp, size, flip ? espalier::Transpose::yes : espalier::Transpose::no);
-    hand_out(to_c(result), info);
+    hand_out(result, info);
     return result.status;
   });
 }
@@ -375,6 +230,21 @@ int espalier_solve_device(espalier_solver* solver, const double* b, double* x, i
                [&](espalier::Solver& cpp, std::size_t, espalier::Transpose how) {
                  return cpp.solve_device(b, x, static_cast<Index>(columns), how, stream);
                });
+}
+
+int espalier_null_space(espalier_solver* solver, int64_t capacity, int64_t* rows, double* vectors, int64_t* found) {
+  return guarded(solver, [&](espalier_solver& s) {
+    require(found != nullptr, "the place for the number of vectors is null");
+    require(capacity >= 0, "the capacity is negative");
+    const auto& known = s.null_space;
+    const auto n = static_cast<std::size_t>(s.rows);
+    const std::size_t count = n == 0 ? 0 : known.vectors.size() / n;
+    const std::size_t given = std::min(count, static_cast<std::size_t>(capacity));
+    if (rows != nullptr) std::copy_n(known.rows.begin(), std::min(given, known.rows.size()), rows);
+    if (vectors != nullptr) std::copy_n(known.vectors.begin(), given * n, vectors);
+    *found = static_cast<int64_t>(count);
+    return Status{};
+  });
 }
 
 int espalier_condition_estimate(espalier_solver* solver, double* estimate) {

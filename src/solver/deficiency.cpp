@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 #include <numeric>
 #include <utility>
 
@@ -15,6 +16,7 @@ constexpr Index kFirstColumns = 8;     // a substitution takes as many in the ti
 constexpr Index kMostColumns = 256;    // sought at most ...
 constexpr Offset kMostWork = 1 << 28;  // ... and rows * columns^2: a few tenths of a second
 constexpr int kInverseSteps = 3;
+constexpr std::int64_t kColumnsOfPiece = 4096;
 
 // Numbers without pattern (the finalizer of splitmix64, Steele et al. 2014), the same in every run: of both signs, from
 // 1/2 to 1 in magnitude.
@@ -33,7 +35,26 @@ class ScaledMatrix {
   explicit ScaledMatrix(const DeficiencyJob& job)
       : job_(job), n_(job.equations.n()), row_(job.numeric.scales().row), col_(job.numeric.scales().col) {
     if (job.kind == Kind::llt || row_.empty()) by_diagonal();
-    make_even();
+    measure();
+  }
+
+  // Further sweeps of Ruiz (2001) where the scaling of the factorization has left rows or columns uneven, which costs a
+  // factor little and a verdict much. A matched scaling needs none.
+  void make_even() {
+    constexpr int kMostSweeps = 12;
+    const auto uneven = [](double m) { return m > 0 && (m < 0.5 || m > 2); };
+    for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+      std::vector<double> rows(row_.size(), 0.0), cols(rows);
+      visit([&](std::size_t i, std::size_t j, double v) {
+        rows[i] = std::max(rows[i], v);
+        cols[j] = std::max(cols[j], v);
+      });
+      if (std::none_of(rows.begin(), rows.end(), uneven) && std::none_of(cols.begin(), cols.end(), uneven)) break;
+      for (std::size_t i = 0; i < rows.size(); ++i) {
+        if (rows[i] > 0) row_[i] /= std::sqrt(rows[i]);
+        if (cols[i] > 0) col_[i] /= std::sqrt(cols[i]);
+      }
+    }
     measure();
   }
 
@@ -70,9 +91,12 @@ class ScaledMatrix {
   void by_diagonal() {
     row_.assign(static_cast<std::size_t>(n_), 1.0);
     const auto& a = job_.equations.a;
-    for (Index c = 0; job_.kind == Kind::llt && c < n_; ++c)
-      for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
-        if (a.row_ind[q] == c) row_[static_cast<std::size_t>(c)] = 1 / std::sqrt(job_.values[q]);
+    if (job_.kind == Kind::llt)
+      job_.pool.for_each_piece(n_, kColumnsOfPiece, [&](std::int64_t begin, std::int64_t end) {
+        for (auto c = begin; c < end; ++c)
+          for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
+            if (a.row_ind[q] == c) row_[static_cast<std::size_t>(c)] = 1 / std::sqrt(job_.values[q]);
+      });
     col_ = row_;
   }
 
@@ -89,32 +113,29 @@ class ScaledMatrix {
       }
   }
 
-  // Further sweeps of Ruiz (2001) where the scaling of the factorization has left rows or columns uneven, which costs a
-  // factor little and a verdict much. A matched scaling needs none.
-  void make_even() {
-    constexpr int kMostSweeps = 12;
-    const auto uneven = [](double m) { return m > 0 && (m < 0.5 || m > 2); };
-    for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
-      std::vector<double> rows(row_.size(), 0.0), cols(rows);
-      visit([&](std::size_t i, std::size_t j, double v) {
-        rows[i] = std::max(rows[i], v);
-        cols[j] = std::max(cols[j], v);
-      });
-      if (std::none_of(rows.begin(), rows.end(), uneven) && std::none_of(cols.begin(), cols.end(), uneven)) return;
-      for (std::size_t i = 0; i < rows.size(); ++i) {
-        if (rows[i] > 0) row_[i] /= std::sqrt(rows[i]);
-        if (cols[i] > 0) col_[i] /= std::sqrt(cols[i]);
-      }
-    }
-  }
-
+  // In one triangle, what stands in the columns and in the rows makes up a row together.
   void measure() {
-    std::vector<double> rows(row_.size(), 0.0), cols(rows);
-    visit([&](std::size_t i, std::size_t j, double v) {
-      rows[i] += v;
-      cols[j] += v;
+    const auto& a = job_.equations.a;
+    const matrix::RowIndex& rows = job_.rows;
+    const bool general = a.storage == Storage::general;
+    std::mutex mutex;
+    double most_row = 0, most_column = 0;
+    job_.pool.for_each_piece(n_, kColumnsOfPiece, [&](std::int64_t begin, std::int64_t end) {
+      double row = 0, column = 0;
+      for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+        double in_column = 0, in_row = 0;
+        for (Offset q = a.col_ptr[k]; q < a.col_ptr[k + 1]; ++q)
+          in_column += std::abs(job_.values[q] * col_[k] * row_[a.row_ind[q]]);
+        for (Offset q = rows.ptr.empty() ? 0 : rows.ptr[k]; q < (rows.ptr.empty() ? 0 : rows.ptr[k + 1]); ++q)
+          in_row += std::abs(job_.values[rows.source[q]] * col_[rows.col[q]] * row_[k]);
+        row = std::max(row, general ? in_row : in_row + in_column);
+        column = std::max(column, general ? in_column : in_row + in_column);
+      }
+      const std::lock_guard lock(mutex);
+      most_row = std::max(most_row, row);
+      most_column = std::max(most_column, column);
     });
-    norm_ = std::sqrt(*std::max_element(rows.begin(), rows.end()) * *std::max_element(cols.begin(), cols.end()));
+    norm_ = std::sqrt(most_row * most_column);
   }
 
   void scale(Block& x, const std::vector<double>& by, bool inverse) const {
@@ -146,16 +167,15 @@ struct Directions {
 
 class Search {
  public:
-  explicit Search(const DeficiencyJob& job) : job_(job), b_(job), zero_(kZero * b_.norm()) {}
+  explicit Search(const DeficiencyJob& job) : job_(job), b_(job) {}
 
-  // One solution with a random right-hand side: whether it grows as if by a zero. It is at least 1/sqrt(n) of what the
-  // best one would do, but for a few of a thousand.
-  [[nodiscard]] bool looks_singular() const {
-    constexpr double kUnlucky = 256;
-    const Block r = start(1);
-    const Block x = b_.inverse(r, false);
-    const double growth = norm_two(x.column(0), b_.n()) / norm_two(r.column(0), b_.n());
-    return !(growth * zero_ * kUnlucky * std::sqrt(static_cast<double>(b_.n())) < 1);
+  /// Whether the matrix is surely regular, by a few solutions: no singular value is near the bound of a zero (FP32:
+  /// near what it can tell from one).
+  [[nodiscard]] bool surely_regular() const { return surely_above((job_.single ? kLeastForFp32 : kZero) * b_.norm()); }
+  /// Before all below.
+  void prepare() {
+    b_.make_even();
+    zero_ = kZero * b_.norm();
   }
 
   [[nodiscard]] Directions find(Index columns, bool transpose) const {
@@ -173,6 +193,26 @@ class Search {
   [[nodiscard]] const ScaledMatrix& matrix() const { return b_; }
 
  private:
+  // Whether all singular values are surely above a bound. A random vector of unit length has a part of at least
+  // 1 / (kUnlucky sqrt(n)) in the direction of the smallest one, s, but for a few of a thousand; k solutions in turn
+  // let that part alone grow by s^-k.
+  [[nodiscard]] bool surely_above(double bound) const {
+    constexpr double kUnlucky = 256;
+    constexpr int kMostSolutions = 4;
+    Block x = start(1);
+    double most = kUnlucky * std::sqrt(static_cast<double>(b_.n()));  // ... times what growth was, over s^-k
+    double length = norm_two(x.column(0), b_.n());
+    for (int k = 0; k < kMostSolutions; ++k) {
+      for (double& v : x.values) v /= length;
+      x = b_.inverse(std::move(x), job_.kind == Kind::lu && k % 2 == 1);
+      length = norm_two(x.column(0), b_.n());
+      most *= length * bound;
+      if (most < 1) return true;
+      if (!(length * bound < 1)) return false;
+    }
+    return false;
+  }
+
   [[nodiscard]] Block start(Index columns) const {
     Block x(b_.n(), columns);
     for (std::size_t k = 0; k < x.values.size(); ++k) x.values[k] = random_number(k);
@@ -229,7 +269,7 @@ class Search {
 
   const DeficiencyJob& job_;
   ScaledMatrix b_;
-  double zero_;
+  double zero_ = 0;
 };
 
 // One row for each null vector, by elimination with complete pivoting: without these rows (and as many columns) the
@@ -266,13 +306,13 @@ Block first_columns(const Block& q, Index columns) {
   return part;
 }
 
-std::vector<double> callers_vectors(const ScaledMatrix& b, const Block& q) {
+std::vector<double> callers_vectors(const ScaledMatrix& b, const Block& q, bool transpose) {
   std::vector<double> out(q.values.size());
   for (Index c = 0; c < q.columns; ++c) {
     double* v = out.data() + Offset{c} * q.rows;
     double most = 0;
     for (Index i = 0; i < q.rows; ++i) {
-      v[i] = b.unscaled(i, q.column(c)[i], false);
+      v[i] = b.unscaled(i, q.column(c)[i], transpose);
       most = std::max(most, std::abs(v[i]));
     }
     for (Index i = 0; i < q.rows && most > 0; ++i) v[i] /= most;
@@ -284,8 +324,9 @@ std::vector<double> callers_vectors(const ScaledMatrix& b, const Block& q) {
 
 Deficiency find_deficiency(const DeficiencyJob& job) {
   Deficiency found;
-  const Search search(job);
-  if (!job.replaced && !job.single && !search.looks_singular()) return found;
+  Search search(job);
+  if (!job.replaced && search.surely_regular()) return found;
+  search.prepare();
   const Index n = job.equations.n();
   const auto affordable = static_cast<Index>(std::sqrt(static_cast<double>(kMostWork) / n));
   const Index most = std::min(n, std::clamp(affordable, kFirstColumns, kMostColumns));
@@ -310,10 +351,13 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
   }
   if (found.zeros == 0) return found;
   const Block null = first_columns(d.q, found.zeros);
-  found.null_vectors = callers_vectors(search.matrix(), null);
+  found.null_vectors = callers_vectors(search.matrix(), null, false);
   if (job.kind == Kind::lu) {
-    const Directions left = search.find(columns, true);
-    found.rows = leading_rows(first_columns(left.q, found.zeros));
+    const Directions directions = search.find(columns, true);
+    const Block left = first_columns(directions.q, found.zeros);
+    found.left_vectors = callers_vectors(search.matrix(), left, true);
+    found.rows = leading_rows(left);
+    found.columns = leading_rows(null);
   } else {
     found.rows = leading_rows(null);
   }

@@ -12,6 +12,7 @@
 #include <span>
 #include <vector>
 
+#include "base/thread_pool.hpp"
 #include "solve/residual.hpp"
 #include "solver/equations.hpp"
 #include "solver/numeric.hpp"
@@ -22,11 +23,16 @@ namespace espalier::solver {
 /// condition of 3e14, scaled, stay regular.
 inline constexpr double kZero = 16 * std::numeric_limits<double>::epsilon();
 
+/// FP32 cannot tell a matrix with a smaller singular value, over |B|, from a singular one.
+inline constexpr double kLeastForFp32 = 1e-6;
+
 struct Deficiency {
   double smallest = 1;               ///< singular value found, over |B|; 1: none was sought
   Index zeros = 0;                   ///< n less the rank
   std::vector<double> null_vectors;  ///< n * zeros, column-major: A v = 0, largest entry 1 in magnitude
   std::vector<Index> rows;           ///< rows of A that hang on the others, ascending; as many as zeros
+  std::vector<Index> columns;        ///< lu: likewise columns
+  std::vector<double> left_vectors;  ///< lu: n * zeros, A^T w = 0
   Index negative = 0;                ///< symmetric: negative eigenvalues among the `suspects` smallest
   bool complete = true;              ///< false: more zeros than vectors were sought; `zeros` counts pivots
 };
@@ -36,6 +42,8 @@ struct DeficiencyJob {
   std::span<const double> values;  ///< of equations.a
   const solve::ResidualOperator& residual;
   Numeric& numeric;
+  base::ThreadPool& pool;
+  const matrix::RowIndex& rows;  ///< of equations.a
   Kind kind;
   bool single;         ///< the factor is FP32
   bool replaced;       ///< the factor has pivots that were replaced

@@ -44,10 +44,10 @@ std::vector<Offset> device_bytes(const Backend& backend, const Job& job, Offset 
   return list;
 }
 
-out_of_core::StreamingOptions out_of_core_options(const Analysis& analysis, const Job& job,
+out_of_core::OutOfCoreOptions out_of_core_options(const Analysis& analysis, const Job& job,
                                                   const std::vector<Offset>& bytes, const Context& context) {
   const DeviceChoice& device = analysis.device;
-  out_of_core::StreamingOptions o;
+  out_of_core::OutOfCoreOptions o;
   for (std::size_t d = 0; d < bytes.size(); ++d)
     o.devices.push_back({bytes[d], device.speed.empty() ? 1 : device.speed[d]});
   o.slot_bytes = slot_bytes(*std::min_element(bytes.begin(), bytes.end()));
@@ -55,7 +55,7 @@ out_of_core::StreamingOptions out_of_core_options(const Analysis& analysis, cons
     o.copy_threads = std::max(1, context.pool.size() / (2 * device.devices()));
     o.pinned_bytes = pinned_bytes(context.options.pinned_memory_bytes);
   }
-  o.rates = out_of_core::StreamRates(job.plan.options.machine.out_of_core, job.kind, o.pinned_bytes > 0);
+  o.rates = out_of_core::PlanningRates(job.plan.options.machine.out_of_core, job.kind, o.pinned_bytes > 0);
   return o;
 }
 
@@ -70,8 +70,8 @@ std::unique_ptr<device::Executor<T>> make_out_of_core(const Analysis& analysis, 
     const std::vector<Offset> bytes = device_bytes(backend, job, need, attempt);
     try {
       auto options = out_of_core_options(analysis, job, bytes, context);
-      return out_of_core::make_streaming_executor<T>(backend.out_of_core()->make(job, device::Scalar<T>()), options,
-                                                     job.budget);
+      return out_of_core::make_out_of_core_executor<T>(backend.out_of_core()->make(job, device::Scalar<T>()), options,
+                                                       job.budget);
     } catch (const out_of_core::AllocationRefused&) {
       if (attempt + 1 == attempts) throw;
     }

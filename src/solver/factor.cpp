@@ -145,6 +145,7 @@ void Factor::change_plan(analysis::AssemblyTree tree, Changes changes) {
   numeric_.reset();
   analysis_ = lay_out_again(*analysis_, std::move(tree), std::move(changes), context_);
   ++changes_;
+  harmless_ = 0;
 }
 
 void Factor::again(device::FactorOutcome& outcome) {
@@ -189,7 +190,9 @@ device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
   }
 }
 
-// Looked at once for each factor, where its pivots give cause. The caller's own bound of pivots is a verdict by itself.
+// Looked at once for each factor, where its pivots give cause: once for as many small pivots as belong to this matrix,
+// which large plates always have. Should it become singular later, solutions show it, and a report is always exact. The
+// caller's own bound of pivots is a verdict by itself.
 const Deficiency& Factor::judge(const device::FactorOutcome& outcome) {
   if (deficiency_) return *deficiency_;
   deficiency_.emplace();
@@ -200,13 +203,18 @@ const Deficiency& Factor::judge(const device::FactorOutcome& outcome) {
   const auto suspects = static_cast<Index>(outcome.replaced.size() + outcome.small.size());
   if (suspects == 0 || (!looks && outcome.replaced.empty()) || outcome.not_positive >= 0 || pivots_are_given())
     return *deficiency_;
-  return *(deficiency_ = deficiency(!outcome.replaced.empty(), suspects));
+  const bool known = outcome.replaced.empty() && suspects <= harmless_ && o.singular != SingularMatrix::report;
+  if (known) return *deficiency_;
+  deficiency_ = deficiency(!outcome.replaced.empty(), suspects);
+  if (deficiency_->zeros == 0 && outcome.replaced.empty()) harmless_ = std::max(harmless_, suspects);
+  return *deficiency_;
 }
 
 Deficiency Factor::deficiency(bool replaced, Index suspects) {
   looked_ = true;
   values_.fetch(numeric_->device_equations());
-  return find_deficiency({analysis_->system->equations, values_.values(), values_.residual(), *numeric_,
+  const System& s = *analysis_->system;
+  return find_deficiency({s.equations, values_.values(), values_.residual(), *numeric_, context_.pool, *s.rows,
                           analysis_->kind(), context_.single(), replaced, suspects});
 }
 
@@ -232,6 +240,8 @@ Status Factor::second_look(const double* b, const double* x, bool transpose) {
   result_.rank = n - d.zeros;
   result_.dependent_rows = d.rows;
   result_.null_vectors = std::move(d.null_vectors);
+  result_.dependent_columns = std::move(d.columns);
+  result_.left_null_vectors = std::move(d.left_vectors);
   if (context_.options.singular == SingularMatrix::report) return {};
   return singular(d.rows, d.zeros, n);
 }
@@ -247,7 +257,6 @@ bool Factor::zeros_explain(const device::FactorOutcome& outcome) {
 
 // FP32 cannot tell a matrix of this condition from a singular one, nor would refinement converge.
 bool Factor::needs_fp64(const device::FactorOutcome& outcome) {
-  constexpr double kLeastForFp32 = 1e-6;
   if (!context_.single() || context_.options.precision != Precision::mixed) return false;
   return outcome.not_positive >= 0 || !outcome.replaced.empty() || judge(outcome).smallest < kLeastForFp32;
 }
@@ -344,6 +353,7 @@ void Factor::turn_to_ldlt() {
   Analyzed made = analyze_for_ldlt(*analysis_, values_.values(), context_);
   analysis_ = std::move(made.analysis);
   ++changes_;
+  harmless_ = 0;
   values_ = FactorValues(*analysis_->system, std::move(made.values), context_.pool);
 }
 

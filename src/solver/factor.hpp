@@ -106,6 +106,7 @@ class Factor {
   std::unique_ptr<Numeric> numeric_;      // made by the first factorization; of analysis_ and values_
   double smallest_pivot_ = 0;             // relative; a smaller pivot counts as zero
   std::optional<Deficiency> deficiency_;  // of the last numeric factorization; empty: not judged
+  Index harmless_ = 0;                    // so many small pivots were no sign of singularity, in this plan
   bool looked_ = false;                   // at the matrix itself, whatever the pivots say
   FactorResult result_;
   bool factorized_ = false;

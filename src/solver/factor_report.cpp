@@ -18,10 +18,10 @@ DeviceReport device_report(device::DeviceWork w, double seconds) {
           w.peak_bytes,
           w.waiting_seconds,
           w.stolen_subtrees,
-          w.streaming.bytes_in,
-          w.streaming.bytes_out,
-          w.streaming.link_seconds,
-          w.streaming.predicted_bytes,
+          w.out_of_core.bytes_in,
+          w.out_of_core.bytes_out,
+          w.out_of_core.link_seconds,
+          w.out_of_core.predicted_bytes,
           w.transferred_bytes};
 }
 
@@ -34,7 +34,7 @@ std::vector<DeviceReport> device_reports(const Numeric& numeric, const device::F
   one.busy_seconds = outcome.busy_seconds;
   one.waiting_seconds = outcome.waiting_seconds;
   one.peak_bytes = numeric.device_peak_bytes();
-  one.streaming = numeric.streaming();
+  one.out_of_core = numeric.out_of_core();
   reports.push_back(device_report(std::move(one), outcome.seconds));
   return reports;
 }
@@ -118,6 +118,8 @@ FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, con
   r.dependent_rows =
       deficiency.complete && !given ? std::move(deficiency.rows) : rows_of(analysis, vanishing(outcome, !given));
   r.null_vectors = std::move(deficiency.null_vectors);
+  r.dependent_columns = std::move(deficiency.columns);
+  r.left_null_vectors = std::move(deficiency.left_vectors);
   if (options.singular == SingularMatrix::error) r.status = singular(r.dependent_rows, zeros, n);
   return r;
 }

@@ -84,7 +84,7 @@ class NumericOf final : public Numeric {
   [[nodiscard]] const Scales& scales() const override { return scales_; }
   [[nodiscard]] std::string device_name() const override { return executor_->name(); }
   [[nodiscard]] Offset device_peak_bytes() const override { return executor_->peak_bytes(); }
-  [[nodiscard]] device::StreamReport streaming() const override { return executor_->streaming(); }
+  [[nodiscard]] device::OutOfCoreReport out_of_core() const override { return executor_->out_of_core(); }
   [[nodiscard]] std::vector<device::DeviceWork> device_work() const override { return executor_->device_work(); }
 
  private:

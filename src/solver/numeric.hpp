@@ -31,7 +31,7 @@ class Numeric {
   [[nodiscard]] virtual std::string device_name() const = 0;
   /// Most bytes of factor and work arrays that the device held.
   [[nodiscard]] virtual Offset device_peak_bytes() const = 0;
-  [[nodiscard]] virtual device::StreamReport streaming() const = 0;
+  [[nodiscard]] virtual device::OutOfCoreReport out_of_core() const = 0;
   /// The last factorization by devices; empty where there is one.
   [[nodiscard]] virtual std::vector<device::DeviceWork> device_work() const = 0;
 };

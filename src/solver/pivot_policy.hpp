@@ -40,8 +40,9 @@ class PivotPolicy {
     widen,  ///< the host goes on with its own widths of tiles
   };
 
-  /// Most rounds of moving failed pivots to later fronts: each lifts the lowest failures by one front. After fewer,
-  /// tiles in which a pivot has more partners to choose from are better, where there are any.
+  /// Most rounds of moving failed pivots to later fronts. One round is enough where a search finds all their places at
+  /// once (device::Backend::place_pivots()); where that takes too long, each lifts the lowest failures by one front.
+  /// After fewer, tiles in which a pivot has more partners to choose from are better, where there are any.
   static constexpr int kMostMoves = 40;
   static constexpr int kMovesInNarrowTiles = 16;
 

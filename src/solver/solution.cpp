@@ -121,7 +121,8 @@ class Solving {
     refinement.steps = options_.precision == Precision::fp32 ? 0 : options_.refinement_steps;
     refinement.krylov = krylov;
     refinement.positive_definite = factor_.analysis()->kind() == Kind::llt;
-    const solve::RefinementResult r = solve::refine(space, apply, job.b, job.x, job.columns, job.transpose, refinement);
+    const solve::RefinementResult r =
+        solve::refine(space, apply, {job.b, job.x, job.columns, job.transpose}, refinement);
     result_.refinement_steps = std::max(result_.refinement_steps, r.steps + r.krylov_steps);
     result_.backward_error = std::max(result_.backward_error, r.error.normwise);
     result_.componentwise_error = std::max(result_.componentwise_error, r.error.componentwise);

@@ -33,7 +33,6 @@ TEST(Timeline, WritesWhatWasRecorded) {
   t.record(b, {"panel", 3, 4, 5, 10.5, 10.75, 1e9, 4096, 0.125});
   t.record(c, {"diagonal", 1, 2, 2, 10.0, 11.0, 0, 0});
   for (int k = 0; k < 20000; ++k) t.record(a, {"range", k, 0, 0, 11, 12, 0, 0});  // beyond one block of output
-  EXPECT_EQ(t.size(), 20002);
   const nlohmann::json j = written(t);
   int events = 0;
   std::string device;
@@ -54,7 +53,6 @@ TEST(Timeline, WritesWhatWasRecorded) {
   EXPECT_EQ(events, 20002);
   EXPECT_EQ(device, "host \"fast\" \\ 2 threads");
   t.clear();
-  EXPECT_EQ(t.size(), 0);
   EXPECT_EQ(written(t).at("traceEvents").size(), 5U);  // names of two devices and three tracks
 }
 

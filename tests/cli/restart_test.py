@@ -6,6 +6,7 @@ import json
 import os
 import random
 import re
+import resource
 import shutil
 import signal
 import subprocess
@@ -182,6 +183,18 @@ class Restart(Cli):
         os.symlink("/dev/full", self.out / "state.restart")
         self.simulate("--out", self.out, "--until", 0.01, code=2, says="No space left")
         self.assertTrue((self.out / "state.restart").is_symlink())
+
+    def test_a_full_disk_promises_no_restart_file_that_is_not_there(self):
+        # A limit on the size of files stands for a disk that is full: of the table's first kilobytes, of anything.
+        def limit():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
+        result = self.run_cli("simulate", self.model, "--threads", 1, "--out", self.out, "--set",
+                              "output.vtu_interval=false", "--set", "output.restart_interval=false", preexec_fn=limit)
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn("quantities.csv: writing failed", result.stderr)
+        self.assertNotIn("state.restart", result.stderr)
+        self.assertEqual({p.name for p in self.out.iterdir()}, {"quantities.csv"})
 
 
 if __name__ == "__main__":

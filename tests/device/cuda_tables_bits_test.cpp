@@ -13,13 +13,13 @@
 #include "device/cuda/out_of_core/layout.hpp"
 #include "device/cuda/tables/device_plan.hpp"
 #include "matrix/generators/generate.hpp"
-#include "out_of_core/streaming_plan.hpp"
+#include "out_of_core/plan.hpp"
 
 namespace espalier {
 namespace {
 
 using device::cuda::DevicePlan;
-using device::cuda::StreamSource;
+using device::cuda::OutOfCoreSource;
 
 // FNV-1a, 64 bits (Fowler, Noll, Vo).
 class Hash {
@@ -66,7 +66,7 @@ void add_tables(const DevicePlan& d, Hash& h) {
 }
 
 // The planner's view of a GPU that is not there.
-class Layout : public out_of_core::StreamLayout {
+class Layout : public out_of_core::OutOfCoreLayout {
  public:
   Layout(const plan::Plan& plan, Kind kind) : source_(plan, kind, 8) {
     for (const auto& x : fronts()) {
@@ -74,7 +74,7 @@ class Layout : public out_of_core::StreamLayout {
       sizes_.contribution.push_back((x.contribution_size() + 15) / 16 * 16);
     }
   }
-  [[nodiscard]] const device::cuda::StreamTables& tables() const { return source_.tables; }
+  [[nodiscard]] const device::cuda::OutOfCoreTables& tables() const { return source_.tables; }
   [[nodiscard]] const plan::Plan& plan() const override { return source_.plan; }
   [[nodiscard]] Offset element_bytes() const override { return 8; }
   [[nodiscard]] const std::vector<plan::Task>& order() const override { return tables().order(); }
@@ -87,7 +87,7 @@ class Layout : public out_of_core::StreamLayout {
     const int first = column * x.width;
     return column < x.tiles - x.pivot_tiles ? x.contribution_offset(first, first) : sizes_.contribution[f];
   }
-  void panel(Index f, Index begin, Index end, Index row, std::vector<out_of_core::Piece>& pieces) const override {
+  void slab(Index f, Index begin, Index end, Index row, std::vector<out_of_core::Piece>& pieces) const override {
     const auto& x = fronts()[f];
     const int top = x.column_begin(row);
     for (Index j = begin; j < end; ++j)
@@ -113,7 +113,7 @@ class Layout : public out_of_core::StreamLayout {
 
  private:
   [[nodiscard]] const std::vector<device::cuda::Front>& fronts() const { return tables().device_plan().fronts; }
-  StreamSource source_;
+  OutOfCoreSource source_;
   plan::ArraySizes sizes_;
 };
 
@@ -130,7 +130,7 @@ void add_unit(const device::cuda::UnitTables& u, Hash& h) {
 void add_out_of_core(const plan::Plan& plan, Kind kind, double part, Hash& h) {
   const Layout layout(plan, kind);
   const auto budget = static_cast<Offset>(part * 8 * static_cast<double>(plan.memory.size));
-  for (const auto& p : out_of_core::plan_streaming(layout, {{budget, 1}, {budget, 0.5}})) {
+  for (const auto& p : out_of_core::plan_out_of_core(layout, {{budget, 1}, {budget, 0.5}})) {
     h.add(p.arena_bytes);
     for (const auto& s : p.steps)
       if (!s.fronts.empty()) add_unit(layout.tables().build(s), h);

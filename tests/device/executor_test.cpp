@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Dense>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -215,6 +216,71 @@ TEST_P(ExecutorOf, ASmallBudgetIsRefusedAndLeavesNothingBehind) {
   base::MemoryBudget small("host memory", enough.peak() / 2);
   EXPECT_THROW((void)factored<double>(backend(), a, Kind::llt, 2, 0, &small), Error);
   EXPECT_EQ(small.held(), 0);
+}
+
+// Unknowns that are measured in another unit have small pivots wherever the elimination meets them. ldlt: the pivots of
+// S A S are s^2 times those of A, which is positive or negative definite here; two further unknowns make a pair with
+// the eigenvalues 1e-9 and -1e-9. lu: all of a column is small, whichever row its pivot comes from.
+TEST_P(ExecutorOf, SmallPivotsThatAreKeptAreListed) {
+  constexpr Index n = 160;
+  const std::vector<Index> small = {3, 40, 41, 99, 158};
+  const auto unit = [&](Index k) { return std::binary_search(small.begin(), small.end(), k) ? 1e-5 : 1.0; };
+  for (const double sign : {1.0, -1.0})
+    for (const Kind kind : {Kind::ldlt, Kind::lu})
+      for (const Index width : {8, 0}) {
+        SCOPED_TRACE(testing::Message() << "sign " << sign << (kind == Kind::lu ? " lu" : " ldlt") << ", " << width);
+        const bool symmetric = kind == Kind::ldlt;
+        const SparseMatrix lower = reference::random_system(n, 5, Values::positive, 12);
+        const SparseMatrix a = symmetric ? lower : reference::stored_as(lower, Storage::general);
+        std::vector<reference::Triple> entries;
+        for (Index c = 0; c < n; ++c)
+          for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
+            const double scale = unit(c) * (symmetric ? unit(a.row_ind[q]) : unit(c));
+            entries.push_back({a.row_ind[q], c, sign * scale * a.values[q]});
+          }
+        if (symmetric) entries.push_back({n + 1, n, 1e-9});
+        const SparseMatrix b = reference::from_triples(symmetric ? n + 2 : n, entries, a.storage);
+        auto f = factored<double>(backend(), b, kind, 2, width);
+        EXPECT_EQ(f->outcome.small.size(), 0U) << "nobody asked";
+        PivotRule rule;
+        rule.tiny = 1e-30;
+        rule.suspect = 1e-6;
+        f->executor->set_pivot_rule(rule);
+        const FactorOutcome o = f->executor->factorize(f->values);
+        ASSERT_TRUE(o.replaced.empty());
+        ASSERT_EQ(o.small.size(), small.size() + (symmetric ? 2 : 0));
+        if (symmetric) {
+          EXPECT_EQ(o.small_negative, sign < 0 ? 6 : 1);
+          continue;
+        }
+        std::vector<Index> found;
+        for (const Index position : o.small) found.push_back(f->plan.tree.order[static_cast<std::size_t>(position)]);
+        std::sort(found.begin(), found.end());
+        EXPECT_EQ(found, small);
+      }
+}
+
+// Q D Q^T with eigenvalues 1e-12 and 1e-11 beside others near 1, of both signs: the last pivots of L D L^T are not much
+// larger than the rounding of the first ones' products. The error must stay that of a backward stable method.
+TEST_P(ExecutorOf, TheLastPivotsMayBeTiny) {
+  for (const Index n : {5, 18, 32, 50, 64, 90})
+    for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+      SCOPED_TRACE(testing::Message() << n << " unknowns, seed " << seed);
+      const std::vector<double> random = reference::random_vector(std::int64_t{n} * n + n, seed);
+      const Eigen::MatrixXd q = Eigen::Map<const Eigen::MatrixXd>(random.data(), n, n).householderQr().householderQ();
+      Eigen::VectorXd d = Eigen::Map<const Eigen::VectorXd>(random.data() + std::int64_t{n} * n, n);
+      d[0] *= 1e-12;
+      d[1] *= 1e-11;
+      const Eigen::MatrixXd full = q * d.asDiagonal() * q.transpose();
+      std::vector<reference::Triple> entries;
+      for (Index c = 0; c < n; ++c)
+        for (Index r = c; r < n; ++r) entries.push_back({r, c, full(r, c)});
+      const SparseMatrix a = reference::from_triples(n, entries, Storage::symmetric_lower);
+      auto f = factored<double>(backend(), a, Kind::ldlt, 1, 0);
+      ASSERT_TRUE(f->outcome.replaced.empty());
+      const std::vector<double> b = reference::random_vector(n, seed + 100);
+      EXPECT_LE(reference::backward_error(a, b, solved(*f, b, 1, false), 1, false), 1e-14);
+    }
 }
 
 // With a singular matrix, every backend replaces a pivot and says where.

@@ -56,8 +56,7 @@ class Machine {
     plan_ = plan::make_plan(analysis::build_tree(analysis::graph_of(a, planner), {}, planner), a, {}, options, planner);
   }
   void start(HostOptions options = {}) {
-    executor_ = device::host::make_host_executor<double>(plan_, kind_, {0.01, kTiny}, pool_, nullptr, nullptr,
-                                                         std::move(options));
+    executor_ = device::host::make_host_executor<double>({plan_, kind_, {0.01, kTiny}, pool_}, std::move(options));
   }
   FactorOutcome factorize() { return executor_->factorize(a_.values); }
   // The solution for a fixed right-hand side, whose bits stand for those of the whole factor.
@@ -149,7 +148,7 @@ TEST_P(HostDevices, RandomSpeedsAndDelaysGiveTheSameBits) {
 TEST_P(HostDevices, AnIdleDeviceStealsAllButOneSubTree) {
   // Device 0 does not get beyond its first task before device 1 has done all sub-trees but the one that it holds.
   Machine many(a_, GetParam().kind, 2, 2);
-  const auto& a = many.plan().assignment;
+  const auto& a = many.plan().ownership;
   const Index subtrees = static_cast<Index>(a.subtrees.size());
   const Index of_first = static_cast<Index>(
       std::count_if(a.subtrees.begin(), a.subtrees.end(), [](const auto& s) { return s.device == 0; }));

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "device/dense_reference.hpp"
+#include "gemm.hpp"
 
 namespace espalier::device::host {
 namespace {

@@ -7,6 +7,7 @@
 #include "dynamics/mesh/read.hpp"
 #include "flexible_statics.hpp"
 #include "places.hpp"
+#include "solid_measures.hpp"
 
 namespace espalier::dynamics::test {
 namespace {
@@ -92,9 +93,8 @@ TEST(AbaqusMass, LumpedEqualsOurs) {
     Eigen::VectorXd lumped = Eigen::VectorXd::Zero(3 * static_cast<Eigen::Index>(mesh.nodes.size()));
     for (Index e = 0; e < mesh.element_count(); ++e) {
       std::vector<double> x;
-      double m[kMaxElementNodes];
       for (const Index n : mesh.element(e)) x.insert(x.end(), mesh.nodes[n].begin(), mesh.nodes[n].end());
-      solid_lumped_mass(mesh.type(e), mesh.materials.at(0).density, x.data(), m);
+      const std::vector<double> m = lumped_mass(mesh.type(e), mesh.materials.at(0).density, x.data());
       for (std::size_t a = 0; a < mesh.element(e).size(); ++a)
         lumped.segment<3>(3 * mesh.element(e)[a]).array() += m[a];
     }

@@ -6,6 +6,7 @@
 
 #include "dynamics/meshers/parts.hpp"
 #include "flexible_statics.hpp"
+#include "time_pressure.hpp"
 
 namespace espalier::dynamics::test {
 namespace {
@@ -88,6 +89,14 @@ struct Moving {
   FlexibleBody* body;
   std::vector<double> q, v, a, none;
   explicit Moving(std::unique_ptr<FlexibleBody> b, double amplitude = 0.01) : body(&system.add(std::move(b))) {
+    finish(amplitude);
+  }
+  /// With a pressure of 40 t on the faces z1 of its mesh.
+  Moving(std::unique_ptr<FlexibleBody> b, const Mesh& mesh) : body(&system.add(std::move(b))) {
+    test::press(system, *body, mesh, mesh.face_set("z1"), [](double t) { return 40 * t; });
+    finish(0.01);
+  }
+  void finish(double amplitude) {
     system.finish();
     const auto n = static_cast<std::size_t>(system.sizes().velocity);
     q.resize(n);
@@ -115,19 +124,18 @@ struct Moving {
   }
 };
 
-std::unique_ptr<FlexibleBody> loaded_block(const Material& material) {
-  const Mesh mesh = make_block({3, 2, 1}, 2, 2, 1, ElementType::hex8);
+std::unique_ptr<FlexibleBody> loaded_block(const Mesh& mesh, const Material& material) {
   auto body = make_solid_body("block", mesh, material);
   body->set_damping({0.3, 0.02});
   body->set_gravity({0.5, -9.81, 0.2});
-  body->add_pressure(mesh, mesh.face_set("z1"), [](double t) { return 40 * t; });
   return body;
 }
 
 // Truth: finite differences of the residual by q, v and a, with damping, gravity and follower pressure acting.
 TEST(FlexibleBody, TangentMatchesFiniteDifferences) {
   for (const SolidLaw law : {SolidLaw::st_venant_kirchhoff, SolidLaw::neo_hookean}) {
-    Moving m(loaded_block({law, 200, 0.3, 7}));
+    const Mesh mesh = make_block({3, 2, 1}, 2, 2, 1, ElementType::hex8);
+    Moving m(loaded_block(mesh, {law, 200, 0.3, 7}), mesh);
     const TangentWeights weights{0.8, 0.6, 0.9};
     const auto w = m.tangent(weights, 1.0);
     const SparsePattern& p = m.system.tangent_pattern();
@@ -226,8 +234,9 @@ TEST(FlexibleBody, UniformPressure) {
     const Mesh mesh = make_block({3, 2, 1}, 3, 3, 3, type);
     const double p = 1e-6 * kSteel.young;
     auto body = make_solid_body("block", mesh, kSteel);
-    body->add_pressure(mesh, mesh.boundary_faces(), [=](double) { return p; });
-    Statics s(std::move(body));
+    Statics s(std::move(body), [&](AssembledSystem& system, const FlexibleBody& block) {
+      test::press(system, block, mesh, mesh.boundary_faces(), [=](double) { return p; });
+    });
     const Eigen::VectorXd f = s.residual();
     for (int i = 0; i < 3; ++i) {
       double sum = 0;

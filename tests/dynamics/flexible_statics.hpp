@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Sparse>
+#include <functional>
 #include <vector>
 
 #include "dynamics/bodies/flexible_body.hpp"
@@ -12,7 +13,11 @@ namespace espalier::dynamics::test {
 
 class Statics {
  public:
-  explicit Statics(std::unique_ptr<FlexibleBody> body) : body_(system_.add(std::move(body))) {
+  /// @param add_loads adds what acts on the body to its system
+  using AddLoads = std::function<void(AssembledSystem&, const FlexibleBody&)>;
+  explicit Statics(std::unique_ptr<FlexibleBody> body, const AddLoads& add_loads = {})
+      : body_(system_.add(std::move(body))) {
+    if (add_loads) add_loads(system_, body_);
     system_.finish();
     n_ = system_.sizes().velocity;
     q_.resize(n_);

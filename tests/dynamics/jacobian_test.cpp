@@ -10,6 +10,7 @@
 #include "dynamics/dae/check.hpp"
 #include "dynamics/forces/frame_force.hpp"
 #include "dynamics/joints/joint.hpp"
+#include "harmonic.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -88,7 +89,7 @@ SpringLaw spring_law() {
   law.damping = 0.6;
   law.rest = 0.4;
   law.preload = 0.3;
-  law.actuator = TimeFunction::harmonic(0.1, 0.5, 2, 0.3);
+  law.actuator = harmonic(0.1, 0.5, 2, 0.3);
   law.active = true;
   return law;
 }
@@ -97,7 +98,7 @@ LoadLaw load_law(bool follower) {
   LoadLaw law;
   law.force = {1, -2, 0.5};
   law.moment = {0.3, 0.7, -1};
-  law.factor = TimeFunction::harmonic(1, 0.5, 3, 0.1);
+  law.factor = harmonic(1, 0.5, 3, 0.1);
   law.follower = follower;
   return law;
 }
@@ -118,11 +119,11 @@ INSTANTIATE_TEST_SUITE_P(
              [](FramePtr a, FramePtr b) { return revolute_spherical_joint("j", std::move(a), std::move(b), 0.8); }},
         Case{"rotation_motor",
              [](FramePtr a, FramePtr b) {
-               return rotation_motor("j", std::move(a), std::move(b), TimeFunction::harmonic(0.1, 0.4, 3, 0.2));
+               return rotation_motor("j", std::move(a), std::move(b), harmonic(0.1, 0.4, 3, 0.2));
              }},
         Case{"translation_motor",
              [](FramePtr a, FramePtr b) {
-               return translation_motor("j", std::move(a), std::move(b), TimeFunction::harmonic(0.1, 0.4, 3, 0.2));
+               return translation_motor("j", std::move(a), std::move(b), harmonic(0.1, 0.4, 3, 0.2));
              }},
         Case{"prescribed",
              [](FramePtr a, FramePtr b) {

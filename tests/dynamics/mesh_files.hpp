@@ -14,6 +14,7 @@
 #include "dynamics/elements/groups.hpp"
 #include "dynamics/elements/solid.hpp"
 #include "dynamics/mesh/read.hpp"
+#include "solid_measures.hpp"
 
 namespace espalier::dynamics::test {
 

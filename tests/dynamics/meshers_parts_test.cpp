@@ -9,6 +9,7 @@
 
 #include "dynamics/elements/solid.hpp"
 #include "dynamics/meshers/parts.hpp"
+#include "solid_measures.hpp"
 
 namespace espalier::dynamics::test {
 namespace {

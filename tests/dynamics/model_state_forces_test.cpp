@@ -90,7 +90,12 @@ follower = true
 type = "load"
 a = { body = "two", point = [0.1, 0, 0] }
 force = [1, 2, 3]
-factor = "cos(one.rotation.z) + 0.05*drive.moment.z"
+factor = "cos(one.rotation.z) + 0.05*drive.moment.z + 0.1*blow.pressure"
+[forces.blow]
+type = "pressure"
+body = "bar"
+face = "z1"
+pressure = "3 + two.position.x^2 + 0.5*tip.velocity.z + 0.2*hinge.force.norm + 0.1*leg.strength*t"
 [integrator]
 end = 1
 )toml";

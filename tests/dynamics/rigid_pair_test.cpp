@@ -8,6 +8,7 @@
 
 #include "dynamics/bodies/rigid_body.hpp"
 #include "dynamics/joints/joint.hpp"
+#include "harmonic.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -113,7 +114,7 @@ TEST_P(RigidPairOf, EqualsTheWayThroughFrames) {
 
 Maker motor() {
   return [](std::string name, FramePtr a, FramePtr b) {
-    return translation_motor(std::move(name), std::move(a), std::move(b), TimeFunction::harmonic(0.1, 0.5, 2, 1));
+    return translation_motor(std::move(name), std::move(a), std::move(b), harmonic(0.1, 0.5, 2, 1));
   };
 }
 

@@ -117,6 +117,30 @@ TEST(StaticsSweep, ModelsOfTheRepositoryUnderGravityAndTenTimesIt) {
     }
 }
 
+// The models of other people's meshes, as they stand: rotors turn freely in their bearings. With ESPALIER_ALL_MESHES=1
+// the large ones too (minutes).
+TEST(StaticsSweep, ModelsOfRealMeshesUnderGravityAndTenTimesIt) {
+  if (!std::filesystem::exists(espalier::test::shared_data() / "mesh"))
+    GTEST_SKIP() << espalier::test::shared_data() / "mesh"
+                 << " is not there";
+  const std::filesystem::path models = espalier::test::source_folder() / "models" / "real";
+  const bool all = std::getenv("ESPALIER_ALL_MESHES") != nullptr;
+  for (const char* name : {"engine", "rotor", "wheelset", "slot", "tyre"}) {
+    if (!all && name != std::string("engine") && name != std::string("rotor")) continue;
+    for (const double times : {1.0, 10.0}) {
+      SimulationOptions options;
+      const double inch = name == std::string("slot") ? 1 / 0.0254 : 1;  // its unit of length
+      options.set = {fmt::format("gravity=[0, {}, 0]", -9.81 * inch * times), "initial.statics=true",
+                     "initial.velocities=project", "integrator.end=1e-9"};
+      Simulation s(options);
+      const Status status = s.load((models / (std::string(name) + ".toml")).string());
+      EXPECT_TRUE(status.ok() || status.message.find("limit point") != std::string::npos)
+          << name << " under " << times << " g: " << status.message;
+      if (all) fmt::print("{} {} g: {}\n", name, times, status.ok() ? "solved" : status.message);
+    }
+  }
+}
+
 /// Three nodes far apart from each other.
 std::array<std::int64_t, 3> supports(const Mesh& mesh) {
   std::size_t first = 0, second = 0, third = 0;
@@ -175,7 +199,9 @@ TEST(StaticsSweep, MeshesOfOtherPeopleUnderGravityAndTenTimesIt) {
       if (status.code == StatusCode::invalid_input) break;  // shells, inverted elements: not simulated
       if (status.ok()) status = s.run();
       ++tried;
-      EXPECT_TRUE(status.ok() || status.message.find("limit point") != std::string::npos)
+      const auto says = [&](const char* words) { return status.message.find(words) != std::string::npos; };
+      EXPECT_TRUE(status.ok() || says("limit point") ||
+                  (mesh.pieces({}).size() > 1 && says("pieces that share no node")))
           << entry.path().filename() << " under " << times << " g: " << status.message;
       if (all)
         fmt::print("{} {} g: {} steps, {}\n", entry.path().filename().string(), times, s.summary().steps,

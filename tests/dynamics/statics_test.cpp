@@ -101,6 +101,18 @@ TEST(StaticsLimit, LoadStepsAloneEndThereAndSayWhere) {
   EXPECT_NE(status.message.find("apex"), std::string::npos) << status.message;
 }
 
+// Newton is given too few iterations for any step: the relaxation, which counts its own, does without a path.
+TEST(StaticsLimit, WhereNoStepIsPossibleTheRelaxationFindsThePlace) {
+  const double height = 0.4, force = 0.5 * truss_limit(height);
+  const Simulation s = simulated(truss(height, force, "max_iterations = 1\nfirst_step = 0.1\nsmallest_step = 0.1"));
+  EXPECT_TRUE(s.summary().statics_relaxed);
+  EXPECT_NEAR(truss_force(height, s.value("apex.position.z")) / force, 1, 1e-7);
+  EXPECT_GT(s.value("apex.position.z"), 0);
+  const Status status =
+      failed(truss(height, force, "max_iterations = 1\nfirst_step = 0.1\nsmallest_step = 0.1\npath = \"load-steps\""));
+  EXPECT_NE(status.message.find("too many iterations"), std::string::npos) << status.message;
+}
+
 TEST(StaticsLimit, ALoadFactorBeyondOneIsTheSameAsALargerLoad) {
   const double height = 0.4, limit = truss_limit(height);
   const Simulation s = simulated(truss(height, limit, "load = 2"));
@@ -109,33 +121,41 @@ TEST(StaticsLimit, ALoadFactorBeyondOneIsTheSameAsALargerLoad) {
   EXPECT_EQ(s.time(), 2);
 }
 
-// ---- Bifurcation: a column of length 1, clamped at its foot
+// ---- Beams that are clamped where they begin and loaded at their tip
 
-std::string column(int elements, double force, const std::string& statics = "") {
-  return fmt::format(R"([bodies.column]
+std::string clamped_beam(int elements, const std::string& shape, const std::string& load,
+                         const std::string& statics = "") {
+  return fmt::format(R"([bodies.beam]
 type = "beam"
 start = [0, 0, 0]
-end = [0, 0, 1]
-y = [0, 1, 0]
 elements = {}
-height = 0.02
-width = 0.01
-material = {{ young = 2e11, poisson = 0, density = 7800 }}
-[joints.foot]
+{}
+[joints.wall]
 type = "fixed"
 a = {{ body = "ground" }}
-b = {{ body = "column", node = 1 }}
-[markers.head]
-body = "column"
+b = {{ body = "beam", node = 1 }}
+[markers.tip]
+body = "beam"
 node = -1
-[forces.weight]
+[forces.load]
 type = "load"
-a = "head"
-force = [0, 0, {}]
+a = "tip"
+{}
 [statics]
 {}
 )",
-                     elements, -force, statics);
+                     elements, shape, load, statics);
+}
+
+// ---- Bifurcation: a column of length 1, clamped at its foot
+
+std::string column(int elements, double force) {
+  return clamped_beam(elements, R"(end = [0, 0, 1]
+y = [0, 1, 0]
+height = 0.02
+width = 0.01
+material = { young = 2e11, poisson = 0, density = 7800 })",
+                      fmt::format("force = [0, 0, {}]", -force));
 }
 
 // Truth: Euler, pi^2 EI / (4 L^2) about the weak axis; the compression P / EA and the shear are below 1e-3 of it.
@@ -160,33 +180,30 @@ TEST(StaticsBifurcation, StraightColumnBucklesAtEulersLoad) {
 TEST(StaticsTurns, MomentRollsABeamUpToACircle) {
   const double length = 2, ei = 2.1e11 * 0.02 * 1e-6 / 12;
   for (const int elements : {8, 16}) {
-    const Simulation s = simulated(fmt::format(R"([bodies.strip]
-type = "beam"
-start = [0, 0, 0]
-end = [{}, 0, 0]
+    const Simulation s =
+        simulated(clamped_beam(elements, R"(end = [2, 0, 0]
 y = [0, 1, 0]
-elements = {}
 height = 0.01
 width = 0.02
-material = {{ young = 2.1e11, poisson = 0, density = 7800 }}
-[joints.wall]
-type = "fixed"
-a = {{ body = "ground" }}
-b = {{ body = "strip", node = 1 }}
-[markers.tip]
-body = "strip"
-node = -1
-[forces.moment]
-type = "load"
-a = "tip"
-moment = [0, 0, {}]
-[statics]
-)",
-                                               length, elements, 2 * std::numbers::pi * ei / length));
+material = { young = 2.1e11, poisson = 0, density = 7800 })",
+                               fmt::format("moment = [0, 0, {}]", 2 * std::numbers::pi * ei / length)));
     const double off = std::hypot(s.value("tip.position.x"), s.value("tip.position.y"));
     EXPECT_LT(off / length, 10.0 / (elements * elements)) << elements;
     EXPECT_LE(s.summary().steps, 60) << elements;
     EXPECT_TRUE(s.summary().critical.empty());
+  }
+}
+
+// The same, in at most 20 steps.
+TEST(StaticsTurns, RollUpToAFullCircleInTwentySteps) {
+  for (const int elements : {2, 3, 4, 8, 32, 128, 512}) {
+    const Simulation s = simulated(clamped_beam(elements, R"(end = [2, 0, 0]
+height = 0.02
+width = 0.02
+material = { young = 2.1e11, poisson = 0.3, density = 7850 })",
+                                                "moment = [0, 0, \"2*pi*2.1e11*0.02^4/12/2\"]"));
+    EXPECT_LE(s.summary().statics_steps, 20) << elements;
+    EXPECT_LT(s.value("tip.position.norm"), 1e-7 * 2) << elements;
   }
 }
 

@@ -6,10 +6,10 @@
 #include <string_view>
 
 #include "matrix/matrix_market.hpp"
-#include "matrix/norms.hpp"
 #include "matrix/transform.hpp"
 #include "matrix/triplets.hpp"
 #include "matrix/validate.hpp"
+#include "values.hpp"
 
 namespace {
 
@@ -19,7 +19,7 @@ void read_as_matrix(std::string_view text, const matrix::ReadOptions& options) {
   try {
     const SparseMatrix a = matrix::parse_matrix_market(text, "fuzz.mtx", options);
     // Sums of huge duplicates may overflow; everything else must hold.
-    if (a.values.empty() || matrix::norm_max(a) < 1e308) matrix::validate(a);
+    if (test::all_below(a.values, 1e308)) matrix::validate(a);
     const SparseMatrix general = matrix::to_general(a);
     if (!matrix::is_sorted_unique(general)) std::abort();
   } catch (const Error& error) {

@@ -1,4 +1,4 @@
-// Places and hazards of streaming plans. Truth: a byte map, and a record of every operation on every place.
+// Places and hazards of out-of-core plans. Truth: a byte map, and a record of every operation on every place.
 #include "out_of_core/arena.hpp"
 
 #include <gtest/gtest.h>
@@ -11,10 +11,10 @@
 namespace espalier::out_of_core {
 namespace {
 
-TEST(StreamArena, PlacesDoNotOverlapAndNothingIsLost) {
+TEST(Arena, PlacesDoNotOverlapAndNothingIsLost) {
   constexpr Offset kUnits = 64;
-  StreamArena arena(kUnits * StreamArena::kAlignment + 17);
-  EXPECT_EQ(arena.size(), kUnits * StreamArena::kAlignment);
+  Arena arena(kUnits * Arena::kAlignment + 17);
+  EXPECT_EQ(arena.size(), kUnits * Arena::kAlignment);
   std::vector<int> owner(kUnits, -1);
   struct Place {
     Offset at, bytes;
@@ -25,14 +25,14 @@ TEST(StreamArena, PlacesDoNotOverlapAndNothingIsLost) {
   for (int step = 0; step < 20000; ++step) {
     if (!held.empty() && random() % 2 == 0) {
       const std::size_t k = random() % held.size();
-      const Offset first = held[k].at / StreamArena::kAlignment;
-      std::fill_n(owner.begin() + first, StreamArena::round(held[k].bytes) / StreamArena::kAlignment, -1);
+      const Offset first = held[k].at / Arena::kAlignment;
+      std::fill_n(owner.begin() + first, Arena::round(held[k].bytes) / Arena::kAlignment, -1);
       arena.give_back(held[k].at, held[k].bytes);
       held.erase(held.begin() + static_cast<std::ptrdiff_t>(k));
       continue;
     }
-    const Offset bytes = 1 + static_cast<Offset>(random() % (12 * StreamArena::kAlignment));
-    const Offset units = StreamArena::round(bytes) / StreamArena::kAlignment;
+    const Offset bytes = 1 + static_cast<Offset>(random() % (12 * Arena::kAlignment));
+    const Offset units = Arena::round(bytes) / Arena::kAlignment;
     const auto way = random() % 3;
     const Offset at = way == 0   ? arena.take_passing(bytes)
                       : way == 1 ? arena.take_lasting(bytes)
@@ -43,22 +43,22 @@ TEST(StreamArena, PlacesDoNotOverlapAndNothingIsLost) {
       EXPECT_LT(longest, units) << "there was room";
       continue;
     }
-    const Offset first = at / StreamArena::kAlignment;
+    const Offset first = at / Arena::kAlignment;
     ASSERT_LE(first + units, kUnits);
     for (Offset u = first; u < first + units; ++u) {
       ASSERT_LT(owner[static_cast<std::size_t>(u)], 0) << "taken twice";
       owner[static_cast<std::size_t>(u)] = step;
     }
     held.push_back({at, bytes});
-    highest = std::max(highest, at + StreamArena::round(bytes));
+    highest = std::max(highest, at + Arena::round(bytes));
   }
   EXPECT_EQ(arena.peak(), highest);
   for (const Place& p : held) arena.give_back(p.at, p.bytes);
   EXPECT_EQ(arena.take_lowest(arena.size()), 0);
 }
 
-TEST(StreamArena, WhatPassesGoesRound) {
-  StreamArena arena(8 * StreamArena::kAlignment);
+TEST(Arena, WhatPassesGoesRound) {
+  Arena arena(8 * Arena::kAlignment);
   std::vector<Offset> places;
   for (int k = 0; k < 8; ++k) {
     places.push_back(arena.take_passing(1));

@@ -63,18 +63,18 @@ TEST_P(OutOfCore, GivesTheAnswerOfTheTextbook) {
     const auto truth = textbook.make_executor({dense, kind, rule, pool}, device::Scalar<double>());
     const device::FactorOutcome expected = truth->factorize(a.values);
 
-    StreamingOptions options;
+    OutOfCoreOptions options;
     const Offset need = plan.memory.size * static_cast<Offset>(sizeof(double));
     const Offset budget = std::max<Offset>(need / 2, backend.limits().own_memory ? Offset{4} << 20 : 0);
     options.devices = {{budget, 1}};
     options.slot_bytes = 64 << 10;
-    options.rates = StreamRates(plan.options.machine.out_of_core, kind);
+    options.rates = PlanningRates(plan.options.machine.out_of_core, kind);
     const device::Job job{plan, kind, rule, pool};
     const auto executor =
-        make_streaming_executor<double>(backend.out_of_core()->make(job, device::Scalar<double>()), options, nullptr);
+        make_out_of_core_executor<double>(backend.out_of_core()->make(job, device::Scalar<double>()), options, nullptr);
     const device::FactorOutcome outcome = executor->factorize(a.values);
     EXPECT_LE(executor->peak_bytes(), budget);
-    EXPECT_EQ(executor->peak_bytes(), executor->streaming().predicted_bytes);
+    EXPECT_EQ(executor->peak_bytes(), executor->out_of_core().predicted_bytes);
     EXPECT_EQ(outcome.negative, expected.negative);
     EXPECT_EQ(outcome.replaced, expected.replaced);
     // The systems' condition numbers are below 1e6 (scaled or small ones).

@@ -1,4 +1,4 @@
-// Several devices that stream: 2 to 8 host devices with budgets of their own. Truth: the factorization in core (answers
+// Several devices out of core: 2 to 8 host devices with budgets of their own. Truth: the factorization in core (answers
 // to rounding, inertia and counts exactly), the bits of another run whatever is late, the budgets, and a player that
 // lets the queues of all devices go on in any order.
 #include <algorithm>
@@ -13,17 +13,17 @@
 namespace espalier {
 namespace {
 
-using device::host::HostStreamOptions;
-using out_of_core::StreamDevice;
-using out_of_core::StreamingPlan;
-using out_of_core::StreamOp;
+using device::host::HostOutOfCoreOptions;
+using out_of_core::Operation;
+using out_of_core::OutOfCoreDevice;
+using out_of_core::OutOfCorePlan;
+using test::OutOfCoreSystem;
 using test::same_bits;
-using test::StreamedSystem;
 
-class StreamingDevices : public test::StreamedFactorization {
+class OutOfCoreDevices : public test::OutOfCoreFactorization {
  protected:
-  static std::vector<HostStreamOptions> host_devices(int devices) {
-    std::vector<HostStreamOptions> list(static_cast<std::size_t>(devices));
+  static std::vector<HostOutOfCoreOptions> host_devices(int devices) {
+    std::vector<HostOutOfCoreOptions> list(static_cast<std::size_t>(devices));
     for (int d = 0; d < devices; ++d) {
       list[static_cast<std::size_t>(d)].device = d;
       list[static_cast<std::size_t>(d)].devices = devices;
@@ -34,10 +34,10 @@ class StreamingDevices : public test::StreamedFactorization {
   // The floor of several devices; a device may need more than all of it on one.
   Offset floor_on(int devices) { return floor_of(host_devices(devices)); }
   // Budgets between the floor and what the factorization needs in core.
-  static std::vector<StreamDevice> budgets(int devices, Offset floor, Offset need, std::uint64_t seed) {
+  static std::vector<OutOfCoreDevice> budgets(int devices, Offset floor, Offset need, std::uint64_t seed) {
     std::mt19937_64 random(seed);
     std::uniform_real_distribution<double> part(0, 1);
-    std::vector<StreamDevice> list;
+    std::vector<OutOfCoreDevice> list;
     for (int d = 0; d < devices; ++d) {
       const double x = part(random);
       list.push_back({floor + static_cast<Offset>(x * x * x * static_cast<double>(std::max<Offset>(0, need - floor))),
@@ -47,13 +47,13 @@ class StreamingDevices : public test::StreamedFactorization {
   }
 };
 
-TEST_P(StreamingDevices, AnyBudgetsGiveTheAnswerInCore) {
+TEST_P(OutOfCoreDevices, AnyBudgetsGiveTheAnswerInCore) {
   Index shared = 0;
   for (const int devices : {2, 3, 8}) {
     const Offset floor = floor_on(devices);
     for (std::uint64_t seed = 0; seed < (devices == 8 ? 1U : 2U); ++seed) {
       SCOPED_TRACE(std::to_string(devices) + " devices, seed " + std::to_string(seed));
-      const auto list = seed == 0 ? std::vector<StreamDevice>(static_cast<std::size_t>(devices), {floor})
+      const auto list = seed == 0 ? std::vector<OutOfCoreDevice>(static_cast<std::size_t>(devices), {floor})
                                   : budgets(devices, floor, need_, seed);
       auto executor = start(list, host_devices(devices));
       expect_the_same(executor->factorize(a_.values));
@@ -64,10 +64,10 @@ TEST_P(StreamingDevices, AnyBudgetsGiveTheAnswerInCore) {
       Offset stored = 0;
       for (std::size_t d = 0; d < list.size(); ++d) {
         EXPECT_LE(work[d].peak_bytes, list[d].budget_bytes);
-        EXPECT_EQ(work[d].peak_bytes, work[d].streaming.predicted_bytes);
-        stored += work[d].streaming.bytes_out;
+        EXPECT_EQ(work[d].peak_bytes, work[d].out_of_core.predicted_bytes);
+        stored += work[d].out_of_core.bytes_out;
       }
-      shared += std::count_if(work.begin(), work.end(), [](const auto& w) { return w.streaming.groups > 0; }) > 1;
+      shared += std::count_if(work.begin(), work.end(), [](const auto& w) { return w.out_of_core.groups > 0; }) > 1;
       EXPECT_GE(stored, static_cast<Offset>(sizeof(double)) * plan_.nonzeros_factor);
       (void)executor->factorize(a_.values);
       EXPECT_TRUE(same_bits(solved(*executor, false), x));
@@ -76,7 +76,7 @@ TEST_P(StreamingDevices, AnyBudgetsGiveTheAnswerInCore) {
   EXPECT_GT(shared, 0) << "no front was shared: the budgets test little";
 }
 
-TEST_P(StreamingDevices, DelaysDoNotChangeTheBits) {
+TEST_P(OutOfCoreDevices, DelaysDoNotChangeTheBits) {
   constexpr int kDevices = 4;
   const auto list = budgets(kDevices, floor_on(kDevices), need_ / 2, 11);
   auto calm = start(list, host_devices(kDevices));
@@ -87,7 +87,7 @@ TEST_P(StreamingDevices, DelaysDoNotChangeTheBits) {
     std::vector<std::mt19937_64> random;
     for (std::uint64_t d = 0; d < kDevices; ++d) random.emplace_back(100 * seed + d);
     for (std::size_t d = 0; d < options.size(); ++d)
-      options[d].before_run = [&, d](const StreamOp&) {
+      options[d].before_run = [&, d](const Operation&) {
         const unsigned often = d == seed ? 1 : 8;  // one of them is always late
         if (random[d]() % often == 0) std::this_thread::sleep_for(std::chrono::microseconds(random[d]() % 300));
       };
@@ -97,7 +97,7 @@ TEST_P(StreamingDevices, DelaysDoNotChangeTheBits) {
   }
 }
 
-TEST_P(StreamingDevices, ADeviceThatFailsEndsTheRunAndTheNextOneWorks) {
+TEST_P(OutOfCoreDevices, ADeviceThatFailsEndsTheRunAndTheNextOneWorks) {
   constexpr int kDevices = 3;
   const auto list = budgets(kDevices, floor_on(kDevices), need_ / 2, 3);
   for (std::size_t broken = 0; broken < kDevices; ++broken) {
@@ -108,24 +108,25 @@ TEST_P(StreamingDevices, ADeviceThatFailsEndsTheRunAndTheNextOneWorks) {
   }
 }
 
-TEST_P(StreamingDevices, TransposedAndManyRightHandSides) {
+TEST_P(OutOfCoreDevices, TransposedAndManyRightHandSides) {
   constexpr int kDevices = 3;
   expect_transposed_as_in_core(*start(budgets(kDevices, floor_on(kDevices), need_ / 2, 5), host_devices(kDevices)));
 }
 
 // Plays the plans: every queue may do its next operation as soon as what it waits for is done.
-TEST_P(StreamingDevices, NoOrderOfTheQueuesDeadlocks) {
+TEST_P(OutOfCoreDevices, NoOrderOfTheQueuesDeadlocks) {
   constexpr int kDevices = 4;
   const auto layout =
-      device::host::make_host_stream<double>(plan_, GetParam().kind, {0.01, test::kTiny}, pool_, nullptr);
-  out_of_core::StreamRates rates;
+      device::host::make_host_out_of_core_backend<double>({plan_, GetParam().kind, {0.01, test::kTiny}, pool_});
+  out_of_core::PlanningRates rates;
   rates.share_seconds = 0;
-  const auto plans = out_of_core::plan_streaming(*layout, budgets(kDevices, floor_on(kDevices), need_ / 2, 17), rates);
+  const auto plans =
+      out_of_core::plan_out_of_core(*layout, budgets(kDevices, floor_on(kDevices), need_ / 2, 17), rates);
   using Queue = std::pair<std::size_t, std::size_t>;  // device, queue
-  std::map<Queue, std::vector<const StreamOp*>> queues;
+  std::map<Queue, std::vector<const Operation*>> queues;
   std::size_t open = 0, crossing = 0;
   for (std::size_t d = 0; d < plans.size(); ++d)
-    for (const StreamOp& op : plans[d].ops) {
+    for (const Operation& op : plans[d].ops) {
       queues[{d, static_cast<std::size_t>(op.queue)}].push_back(&op);
       crossing += op.others.size();
       ++open;
@@ -136,10 +137,10 @@ TEST_P(StreamingDevices, NoOrderOfTheQueuesDeadlocks) {
   const auto ready = [&](const Queue& q) {
     const auto at = done[q];
     if (at == queues[q].size()) return false;
-    const StreamOp& op = *queues[q][at];
+    const Operation& op = *queues[q][at];
     for (std::size_t k = 0; k < op.waits.size(); ++k)
       if (k != q.second && static_cast<std::int64_t>(done[{q.first, k}]) < op.waits[k]) return false;
-    return std::all_of(op.others.begin(), op.others.end(), [&](const out_of_core::StreamWait& w) {
+    return std::all_of(op.others.begin(), op.others.end(), [&](const out_of_core::QueueWait& w) {
       const Queue other{static_cast<std::size_t>(w.device), static_cast<std::size_t>(w.queue)};
       return static_cast<std::int64_t>(done[other]) >= w.number;
     });
@@ -154,7 +155,7 @@ TEST_P(StreamingDevices, NoOrderOfTheQueuesDeadlocks) {
   }
 }
 
-TEST_P(StreamingDevices, SetsFollowTheTree) {
+TEST_P(OutOfCoreDevices, SetsFollowTheTree) {
   for (const int devices : {1, 2, 5, 64}) {
     const auto sets = out_of_core::share_fronts(plan_, std::vector<double>(static_cast<std::size_t>(devices), 1));
     std::uint64_t used = 0;
@@ -169,12 +170,7 @@ TEST_P(StreamingDevices, SetsFollowTheTree) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Systems, StreamingDevices,
-                         ::testing::Values(StreamedSystem{{"elasticity", "8"}, Kind::llt},
-                                           StreamedSystem{{"plate", "24", "24"}, Kind::llt},
-                                           StreamedSystem{{"elasticity", "6"}, Kind::ldlt},
-                                           StreamedSystem{{"kkt", "6", "4", "3", "3"}, Kind::ldlt},
-                                           StreamedSystem{{"gyroscopic", "6"}, Kind::lu}));
+INSTANTIATE_TEST_SUITE_P(Systems, OutOfCoreDevices, ::testing::ValuesIn(test::out_of_core_systems()));
 
 }  // namespace
 }  // namespace espalier

@@ -1,5 +1,5 @@
 /// \file
-/// Systems that stream, and their factorization in core to compare with.
+/// Systems that are factored out of core, and their factorization in core to compare with.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@
 
 #include "analysis/ordering.hpp"
 #include "device/host/host_executor.hpp"
-#include "device/host/out_of_core/host_stream.hpp"
+#include "device/host/out_of_core/backend.hpp"
 #include "matrix/generators/generate.hpp"
 #include "out_of_core/executor.hpp"
 #include "plan/plan.hpp"
@@ -23,16 +23,24 @@
 namespace espalier::test {
 
 using device::FactorOutcome;
-using device::host::HostStreamOptions;
+using device::host::HostOutOfCoreOptions;
 
 inline constexpr double kTiny = 1e-14;
 
-struct StreamedSystem {
+struct OutOfCoreSystem {
   std::vector<std::string> words;
   Kind kind;
 };
 
-class StreamedFactorization : public ::testing::TestWithParam<StreamedSystem> {
+inline std::vector<OutOfCoreSystem> out_of_core_systems() {
+  return {{{"elasticity", "8"}, Kind::llt},
+          {{"plate", "24", "24"}, Kind::llt},
+          {{"elasticity", "6"}, Kind::ldlt},
+          {{"kkt", "6", "4", "3", "3"}, Kind::ldlt},
+          {{"gyroscopic", "6"}, Kind::lu}};
+}
+
+class OutOfCoreFactorization : public ::testing::TestWithParam<OutOfCoreSystem> {
  protected:
   void SetUp() override {
     a_ = matrix::generate(matrix::parse_generator(GetParam().words), &pool_);
@@ -45,18 +53,17 @@ class StreamedFactorization : public ::testing::TestWithParam<StreamedSystem> {
     options.tiles.whole_rows = 32;
     options.range_flops = 2e4;
     plan_ = plan::make_plan(analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_), a_, {}, options, pool_);
-    auto in_core =
-        device::host::make_host_executor<double>(plan_, GetParam().kind, {0.01, kTiny}, pool_, nullptr, nullptr);
+    auto in_core = device::host::make_host_executor<double>({plan_, GetParam().kind, {0.01, kTiny}, pool_});
     outcome_ = in_core->factorize(a_.values);
     x_ = solved(*in_core, false);
     need_ = plan_.memory.size * static_cast<Offset>(sizeof(double));
-    floor_ = floor_of({HostStreamOptions{}});
+    floor_ = floor_of({HostOutOfCoreOptions{}});
   }
 
   // The least budget of each of these devices, as the refusal of a tiny one says.
-  Offset floor_of(const std::vector<HostStreamOptions>& devices) {
+  Offset floor_of(const std::vector<HostOutOfCoreOptions>& devices) {
     try {
-      (void)start(std::vector<out_of_core::StreamDevice>(devices.size(), {1000}), devices);
+      (void)start(std::vector<out_of_core::OutOfCoreDevice>(devices.size(), {1000}), devices);
     } catch (const out_of_core::BudgetTooSmall& e) {
       EXPECT_EQ(e.status().code, StatusCode::out_of_memory);
       EXPECT_NE(std::string(e.what()).find("needs: " + std::to_string(e.needed())), std::string::npos) << e.what();
@@ -66,24 +73,24 @@ class StreamedFactorization : public ::testing::TestWithParam<StreamedSystem> {
     return 0;
   }
 
-  std::unique_ptr<device::Executor<double>> start(Offset budget, HostStreamOptions options = {}) {
+  std::unique_ptr<device::Executor<double>> start(Offset budget, HostOutOfCoreOptions options = {}) {
     return start({{budget}}, {std::move(options)});
   }
-  std::unique_ptr<device::Executor<double>> start(const std::vector<out_of_core::StreamDevice>& devices,
-                                                  std::vector<HostStreamOptions> options) {
-    out_of_core::StreamingOptions streaming;
-    streaming.pinned_bytes = pinned_bytes_;
-    streaming.pinned_piece_bytes = 16 << 10;
-    streaming.least_direct_bytes = 1;
-    streaming.devices = devices;
-    streaming.slot_bytes = 4096;  // copies of many pieces
-    streaming.slots = 3;
-    streaming.rates.share_seconds = 0;
-    std::vector<std::unique_ptr<out_of_core::StreamBackend<double>>> backends;
-    for (HostStreamOptions& o : options)
-      backends.push_back(
-          device::host::make_host_stream<double>(plan_, GetParam().kind, {0.01, kTiny}, pool_, nullptr, std::move(o)));
-    return out_of_core::make_streaming_executor<double>(std::move(backends), streaming, nullptr);
+  std::unique_ptr<device::Executor<double>> start(const std::vector<out_of_core::OutOfCoreDevice>& devices,
+                                                  std::vector<HostOutOfCoreOptions> options) {
+    out_of_core::OutOfCoreOptions options_of_all;
+    options_of_all.pinned_bytes = pinned_bytes_;
+    options_of_all.pinned_piece_bytes = 16 << 10;
+    options_of_all.least_direct_bytes = 1;
+    options_of_all.devices = devices;
+    options_of_all.slot_bytes = 4096;  // copies of many pieces
+    options_of_all.slots = 3;
+    options_of_all.rates.share_seconds = 0;
+    std::vector<std::unique_ptr<out_of_core::OutOfCoreBackend<double>>> backends;
+    for (HostOutOfCoreOptions& o : options)
+      backends.push_back(device::host::make_host_out_of_core_backend<double>(
+          {plan_, GetParam().kind, {0.01, kTiny}, pool_}, std::move(o)));
+    return out_of_core::make_out_of_core_executor<double>(std::move(backends), options_of_all, nullptr);
   }
 
   [[nodiscard]] std::vector<double> rhs() const {
@@ -128,7 +135,7 @@ class StreamedFactorization : public ::testing::TestWithParam<StreamedSystem> {
     int after;  // operations
     int runs = 0;
     bool armed = true;
-    void operator()(const out_of_core::StreamOp&) {
+    void operator()(const out_of_core::Operation&) {
       if (armed && runs++ == after) throw Error(StatusCode::device_error, "the cable was pulled");
     }
   };
@@ -148,8 +155,7 @@ class StreamedFactorization : public ::testing::TestWithParam<StreamedSystem> {
   // Eight right-hand sides of the transposed system, against the executor in core.
   void expect_transposed_as_in_core(device::Executor<double>& executor) {
     (void)executor.factorize(a_.values);
-    auto in_core =
-        device::host::make_host_executor<double>(plan_, GetParam().kind, {0.01, kTiny}, pool_, nullptr, nullptr);
+    auto in_core = device::host::make_host_executor<double>({plan_, GetParam().kind, {0.01, kTiny}, pool_});
     (void)in_core->factorize(a_.values);
     const Index columns = 8;
     std::vector<double> x(static_cast<std::size_t>(a_.cols) * columns);

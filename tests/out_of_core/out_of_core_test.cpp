@@ -9,14 +9,14 @@
 namespace espalier {
 namespace {
 
-using device::host::HostStreamOptions;
-using out_of_core::StreamOp;
+using device::host::HostOutOfCoreOptions;
+using out_of_core::Operation;
+using test::OutOfCoreSystem;
 using test::same_bits;
-using test::StreamedSystem;
 
-class Streaming : public test::StreamedFactorization {};
+class OutOfCoreSystems : public test::OutOfCoreFactorization {};
 
-TEST_P(Streaming, AnyBudgetGivesTheAnswerInCore) {
+TEST_P(OutOfCoreSystems, AnyBudgetGivesTheAnswerInCore) {
   ASSERT_LT(floor_, need_ / 3) << "the budgets would test little";
   std::mt19937_64 random(7);
   std::vector<Offset> budgets{floor_, need_, need_ / 2};
@@ -29,7 +29,7 @@ TEST_P(Streaming, AnyBudgetGivesTheAnswerInCore) {
     expect_the_same(executor->factorize(a_.values));
     const std::vector<double> x = solved(*executor, false);
     EXPECT_LE(difference(x), tolerance());
-    const auto report = executor->streaming();
+    const auto report = executor->out_of_core();
     EXPECT_LE(executor->peak_bytes(), budget);
     EXPECT_EQ(executor->peak_bytes(), report.predicted_bytes);
     if (budget == floor_) {
@@ -43,15 +43,15 @@ TEST_P(Streaming, AnyBudgetGivesTheAnswerInCore) {
   }
 }
 
-TEST_P(Streaming, DelaysDoNotChangeTheBits) {
+TEST_P(OutOfCoreSystems, DelaysDoNotChangeTheBits) {
   const Offset budget = floor_ + (need_ - floor_) / 8;
   auto calm = start(budget);
   (void)calm->factorize(a_.values);
   const std::vector<double> x = solved(*calm, false);
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     std::mt19937_64 random(seed);
-    HostStreamOptions options;
-    options.before_run = [&](const StreamOp&) {
+    HostOutOfCoreOptions options;
+    options.before_run = [&](const Operation&) {
       if (random() % 4 == 0) std::this_thread::sleep_for(std::chrono::microseconds(random() % 500));
     };
     auto late = start(budget, options);
@@ -60,20 +60,20 @@ TEST_P(Streaming, DelaysDoNotChangeTheBits) {
   }
 }
 
-TEST_P(Streaming, AFailureEndsTheRunAndTheNextOneWorks) {
+TEST_P(OutOfCoreSystems, AFailureEndsTheRunAndTheNextOneWorks) {
   for (const int after : {0, 3, 11}) {
     PulledCable cable{after};
-    HostStreamOptions options;
+    HostOutOfCoreOptions options;
     options.before_run = std::ref(cable);
     expect_recovery(*start(floor_ + (need_ - floor_) / 8, options), cable);
   }
 }
 
-TEST_P(Streaming, TransposedAndManyRightHandSides) {
+TEST_P(OutOfCoreSystems, TransposedAndManyRightHandSides) {
   expect_transposed_as_in_core(*start(floor_ + (need_ - floor_) / 5));
 }
 
-TEST_P(Streaming, TheFloorIsTheFloor) {
+TEST_P(OutOfCoreSystems, TheFloorIsTheFloor) {
   EXPECT_NO_THROW((void)start(floor_));
   try {
     (void)start(floor_ / 2);
@@ -84,12 +84,7 @@ TEST_P(Streaming, TheFloorIsTheFloor) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Systems, Streaming,
-                         ::testing::Values(StreamedSystem{{"elasticity", "8"}, Kind::llt},
-                                           StreamedSystem{{"plate", "24", "24"}, Kind::llt},
-                                           StreamedSystem{{"elasticity", "6"}, Kind::ldlt},
-                                           StreamedSystem{{"kkt", "6", "4", "3", "3"}, Kind::ldlt},
-                                           StreamedSystem{{"gyroscopic", "6"}, Kind::lu}));
+INSTANTIATE_TEST_SUITE_P(Systems, OutOfCoreSystems, ::testing::ValuesIn(test::out_of_core_systems()));
 
 }  // namespace
 }  // namespace espalier

@@ -13,10 +13,10 @@
 namespace espalier {
 namespace {
 
-using device::host::HostStreamOptions;
+using device::host::HostOutOfCoreOptions;
 using out_of_core::PinnedStore;
+using test::OutOfCoreSystem;
 using test::same_bits;
-using test::StreamedSystem;
 
 constexpr Offset kPiece = 1024;
 
@@ -99,13 +99,13 @@ TEST(PinnedStore, TheLimitAndARefusalEndIt) {
   }
 }
 
-class StreamingFromPinnedMemory : public test::StreamedFactorization {
+class OutOfCoreFromPinnedMemory : public test::OutOfCoreFactorization {
  protected:
   // Host devices whose direct copies are late.
-  static std::vector<HostStreamOptions> late_devices(int devices, int refuse_pin = 0) {
-    std::vector<HostStreamOptions> list(static_cast<std::size_t>(devices));
+  static std::vector<HostOutOfCoreOptions> late_devices(int devices, int refuse_pin = 0) {
+    std::vector<HostOutOfCoreOptions> list(static_cast<std::size_t>(devices));
     for (int d = 0; d < devices; ++d) {
-      HostStreamOptions& o = list[static_cast<std::size_t>(d)];
+      HostOutOfCoreOptions& o = list[static_cast<std::size_t>(d)];
       o.device = d;
       o.devices = devices;
       o.threads = 1;
@@ -115,42 +115,42 @@ class StreamingFromPinnedMemory : public test::StreamedFactorization {
     return list;
   }
   static Offset direct_bytes(const device::Executor<double>& executor) {
-    Offset sum = executor.streaming().direct_bytes;
+    Offset sum = executor.out_of_core().direct_bytes;
     const auto work = executor.device_work();
-    for (std::size_t d = 1; d < work.size(); ++d) sum += work[d].streaming.direct_bytes;
+    for (std::size_t d = 1; d < work.size(); ++d) sum += work[d].out_of_core.direct_bytes;
     return sum;
   }
   // Factors until the pinned part of the store no longer grows, and the last copies were of that part.
-  device::StreamReport factorize_until_pinned(device::Executor<double>& executor) {
+  device::OutOfCoreReport factorize_until_pinned(device::Executor<double>& executor) {
     Offset before = -1;
     for (int k = 0; k < 1000; ++k) {
       expect_the_same(executor.factorize(a_.values));
-      const device::StreamReport r = executor.streaming();
+      const device::OutOfCoreReport r = executor.out_of_core();
       if (k > 2 && r.pinned_bytes == before) break;
       before = r.pinned_bytes;
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
     (void)executor.factorize(a_.values);
-    return executor.streaming();
+    return executor.out_of_core();
   }
 };
 
-TEST_P(StreamingFromPinnedMemory, TheSameBitsAsThroughTheRing) {
+TEST_P(OutOfCoreFromPinnedMemory, TheSameBitsAsThroughTheRing) {
   for (const int devices : {1, 3}) {
     const Offset budget = floor_of(late_devices(devices)) * 5 / 4;
-    const std::vector<out_of_core::StreamDevice> list(static_cast<std::size_t>(devices), {budget});
+    const std::vector<out_of_core::OutOfCoreDevice> list(static_cast<std::size_t>(devices), {budget});
     pinned_bytes_ = 0;
     auto ring = start(list, late_devices(devices));
     (void)ring->factorize(a_.values);
     const std::vector<double> x = solved(*ring, false);
-    EXPECT_EQ(ring->streaming().pinned_bytes, 0);
+    EXPECT_EQ(ring->out_of_core().pinned_bytes, 0);
     EXPECT_EQ(direct_bytes(*ring), 0);
     for (const int refuse : {0, 4}) {
       SCOPED_TRACE(std::to_string(devices) + " devices, refusal " + std::to_string(refuse));
       pinned_bytes_ = Offset{1} << 40;
       auto pinned = start(list, late_devices(devices, refuse));
       (void)pinned->factorize(a_.values);
-      EXPECT_EQ(pinned->streaming().pinned_bytes, 0) << "who factors once does not pay";
+      EXPECT_EQ(pinned->out_of_core().pinned_bytes, 0) << "who factors once does not pay";
       const auto r = factorize_until_pinned(*pinned);
       EXPECT_GT(r.store_bytes, 6 * (16 << 10)) << "the system is too small for a refusal";
       if (refuse == 0) {
@@ -165,13 +165,13 @@ TEST_P(StreamingFromPinnedMemory, TheSameBitsAsThroughTheRing) {
   }
 }
 
-TEST_P(StreamingFromPinnedMemory, AFailureLeavesNoCopyBehind) {
+TEST_P(OutOfCoreFromPinnedMemory, AFailureLeavesNoCopyBehind) {
   pinned_bytes_ = Offset{1} << 40;
   PulledCable cable{0};
   cable.armed = false;
   auto options = late_devices(2);
   options[1].before_run = std::ref(cable);
-  auto executor = start(std::vector<out_of_core::StreamDevice>(2, {floor_of(late_devices(2)) * 3 / 2}), options);
+  auto executor = start(std::vector<out_of_core::OutOfCoreDevice>(2, {floor_of(late_devices(2)) * 3 / 2}), options);
   (void)factorize_until_pinned(*executor);
   const std::vector<double> x = solved(*executor, false);
   for (const int after : {1, 5}) {
@@ -181,10 +181,10 @@ TEST_P(StreamingFromPinnedMemory, AFailureLeavesNoCopyBehind) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Systems, StreamingFromPinnedMemory,
-                         ::testing::Values(StreamedSystem{{"elasticity", "8"}, Kind::llt},
-                                           StreamedSystem{{"elasticity", "6"}, Kind::ldlt},
-                                           StreamedSystem{{"gyroscopic", "6"}, Kind::lu}));
+INSTANTIATE_TEST_SUITE_P(Systems, OutOfCoreFromPinnedMemory,
+                         ::testing::Values(OutOfCoreSystem{{"elasticity", "8"}, Kind::llt},
+                                           OutOfCoreSystem{{"elasticity", "6"}, Kind::ldlt},
+                                           OutOfCoreSystem{{"gyroscopic", "6"}, Kind::lu}));
 
 }  // namespace
 }  // namespace espalier

@@ -43,7 +43,7 @@ Refined refined(const SparseMatrix& a, double size, bool transpose, Index column
   const std::vector<double> b = reference::random_vector(static_cast<std::int64_t>(a.rows) * columns, 8);
   std::vector<double> x(b.size());
   m(b.data(), x.data(), columns);
-  const RefinementResult r = refine(op, m, b.data(), x.data(), columns, transpose, options);
+  const RefinementResult r = refine(op, m, {b.data(), x.data(), columns, transpose}, options);
   return {r, reference::backward_error(a, b, x, columns, transpose)};
 }
 
@@ -92,7 +92,7 @@ TEST(Refinement, ZerosInTheSolutionDoNotEndIt) {
   };
   std::vector<double> x(6);
   m(b.data(), x.data(), 1);
-  const RefinementResult r = refine(op, m, b.data(), x.data(), 1, false, {});
+  const RefinementResult r = refine(op, m, {b.data(), x.data()}, {});
   EXPECT_LE(reference::backward_error(one, b, x), kEps);
   EXPECT_LE(r.error.normwise, kEps);
   EXPECT_GE(r.steps, 3);
@@ -111,7 +111,7 @@ TEST(Refinement, AHopelessPreconditionerNeverMakesThingsWorse) {
                                       [&](const double* from, double* to, Index columns) {
                                         for (Index k = 0; k < 60 * columns; ++k) to[k] = factor * from[k];
                                       },
-                                      b.data(), x.data(), 1, false, {});
+                                      {b.data(), x.data()}, {});
     EXPECT_LE(reference::backward_error(a, b, x), before);
     EXPECT_LE(r.steps, 10);
   }

@@ -36,6 +36,14 @@ void* take(std::size_t bytes, std::size_t alignment) {
   return p;
 }
 
+void* take_or_null(std::size_t bytes, std::size_t alignment) noexcept {
+  try {
+    return take(bytes, alignment);
+  } catch (const std::bad_alloc&) {
+    return nullptr;
+  }
+}
+
 void give_back(void* p) {
   if (p != nullptr) held.fetch_sub(1, std::memory_order_relaxed);
   std::free(p);
@@ -49,10 +57,18 @@ void* operator new(std::size_t n) { return take(n, 1); }
 void* operator new[](std::size_t n) { return take(n, 1); }
 void* operator new(std::size_t n, std::align_val_t a) { return take(n, static_cast<std::size_t>(a)); }
 void* operator new[](std::size_t n, std::align_val_t a) { return take(n, static_cast<std::size_t>(a)); }
+// The aligned buffers and std::stable_sort ask in this way. The sanitizers' own would not come through the ones above.
+void* operator new(std::size_t n, const std::nothrow_t&) noexcept { return take_or_null(n, 1); }
+void* operator new[](std::size_t n, const std::nothrow_t&) noexcept { return take_or_null(n, 1); }
+void* operator new(std::size_t n, std::align_val_t a, const std::nothrow_t&) noexcept {
+  return take_or_null(n, static_cast<std::size_t>(a));
+}
 [[gnu::noinline]] void operator delete(void* p) noexcept { give_back(p); }
 [[gnu::noinline]] void operator delete[](void* p) noexcept { give_back(p); }
 [[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { give_back(p); }
 [[gnu::noinline]] void operator delete[](void* p, std::size_t) noexcept { give_back(p); }
+[[gnu::noinline]] void operator delete(void* p, const std::nothrow_t&) noexcept { give_back(p); }
+[[gnu::noinline]] void operator delete[](void* p, const std::nothrow_t&) noexcept { give_back(p); }
 [[gnu::noinline]] void operator delete(void* p, std::align_val_t) noexcept { give_back(p); }
 [[gnu::noinline]] void operator delete[](void* p, std::align_val_t) noexcept { give_back(p); }
 [[gnu::noinline]] void operator delete(void* p, std::size_t, std::align_val_t) noexcept { give_back(p); }
@@ -146,10 +162,6 @@ TEST(Allocation, EveryOneFailsOnce) {
 
 // Whatever fails, the solver's end gives everything back.
 TEST(Allocation, NothingStaysBehindAFailure) {
-#ifdef ESPALIER_SANITIZED
-  GTEST_SKIP()
-      << "three more are given back than were taken here, for a reason not found yet; LeakSanitizer looks for leaks";
-#endif
   for (const Case& c : cases()) {
     SCOPED_TRACE(c.name);
     const std::vector<double> b = reference::random_vector(2 * static_cast<std::int64_t>(c.a.rows), 7);

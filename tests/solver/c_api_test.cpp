@@ -6,42 +6,22 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <memory>
 #include <string>
 #include <thread>
 #include <tuple>
 #include <type_traits>
 #include <vector>
 
-#include "espalier/espalier.h"
+#include "solver/c_handle.hpp"
 
 namespace {
 
 constexpr double kEps = std::numeric_limits<double>::epsilon();
 
-struct Destroy {
-  void operator()(espalier_solver* s) const { espalier_destroy(s); }
-};
-using Handle = std::unique_ptr<espalier_solver, Destroy>;
-
-Handle make() {
-  espalier_solver* solver = nullptr;
-  EXPECT_EQ(espalier_create(&solver), ESPALIER_OK);
-  return Handle(solver);
-}
-
-int analyze(espalier_solver* s, const espalier_matrix_i32& a, espalier_analysis_info* info = nullptr) {
-  return espalier_analyze_i32(s, &a, info);
-}
-int analyze(espalier_solver* s, const espalier_matrix_i64& a, espalier_analysis_info* info = nullptr) {
-  return espalier_analyze_i64(s, &a, info);
-}
-int factorize(espalier_solver* s, const espalier_matrix_i32& a, espalier_factor_info* info = nullptr) {
-  return espalier_factorize_i32(s, &a, info);
-}
-int factorize(espalier_solver* s, const espalier_matrix_i64& a, espalier_factor_info* info = nullptr) {
-  return espalier_factorize_i64(s, &a, info);
-}
+using espalier::test::analyze;
+using espalier::test::factorize;
+using espalier::test::Handle;
+using espalier::test::make;
 
 /// A matrix in the arrays of one layout, with the C struct that points at them.
 template <class Int>
@@ -383,6 +363,35 @@ TEST(CApi, ThreadsShareOneSolverAndUseTheirOwn) {
   }
   for (auto& thread : threads) thread.join();
   EXPECT_EQ(good, 20);
+}
+
+// Columns 0 and 1 of [1 2 3; 2 4 7; 0 0 1] are parallel: A v = 0 for v = (1, -1/2, 0) alone, whichever way A is stored,
+// while the left null vector is another one. Any two rows are independent with the third.
+TEST(CApi, NullSpaceIsThatOfTheCallersMatrix) {
+  const std::vector<double> dense = {1, 2, 3, 2, 4, 7, 0, 0, 1};
+  for (const int layout : {ESPALIER_CSR, ESPALIER_CSC})
+    for (const char* answer : {"report", "error"}) {
+      SCOPED_TRACE(testing::Message() << "layout " << layout << ", " << answer);
+      const Arrays<int64_t> a(dense, 3, layout, ESPALIER_GENERAL, 1);
+      const Handle s = make();
+      ASSERT_EQ(espalier_set_option(s.get(), "singular", answer), ESPALIER_OK);
+      ASSERT_EQ(analyze(s.get(), a.matrix), ESPALIER_OK);
+      int64_t found = -1, row = -1;
+      std::vector<double> v(3, -7.0);
+      EXPECT_EQ(espalier_null_space(s.get(), 1, &row, v.data(), &found), ESPALIER_OK);
+      EXPECT_EQ(found, 0) << "nothing is factorized";
+      EXPECT_EQ(factorize(s.get(), a.matrix), std::string(answer) == "error" ? ESPALIER_SINGULAR : ESPALIER_OK);
+      ASSERT_EQ(espalier_null_space(s.get(), 1, &row, v.data(), &found), ESPALIER_OK);
+      EXPECT_EQ(found, 1);
+      EXPECT_TRUE(row >= 0 && row < 3);
+      EXPECT_NEAR(v[0] / std::abs(v[0]) * v[1], -0.5, 1e-14);
+      EXPECT_NEAR(std::abs(v[0]), 1, 1e-14);
+      EXPECT_NEAR(v[2], 0, 1e-14);
+      EXPECT_EQ(espalier_null_space(s.get(), 0, nullptr, nullptr, &found), ESPALIER_OK);
+      EXPECT_EQ(found, 1);
+      EXPECT_EQ(espalier_null_space(s.get(), -1, nullptr, nullptr, &found), ESPALIER_MISUSE);
+      EXPECT_EQ(espalier_null_space(s.get(), 1, nullptr, nullptr, nullptr), ESPALIER_MISUSE);
+    }
 }
 
 TEST(CApi, NamesAndVersion) {

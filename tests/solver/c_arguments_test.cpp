@@ -6,32 +6,20 @@
 #include <cmath>
 #include <cstdlib>
 #include <limits>
-#include <memory>
 #include <random>
 #include <string>
 #include <tuple>
 #include <vector>
 
-#include "espalier/espalier.h"
 #include "espalier/espalier.hpp"
+#include "solver/c_handle.hpp"
 
 namespace {
 
-struct Destroy {
-  void operator()(espalier_solver* s) const { espalier_destroy(s); }
-};
-using Handle = std::unique_ptr<espalier_solver, Destroy>;
-
-Handle make() {
-  espalier_solver* solver = nullptr;
-  EXPECT_EQ(espalier_create(&solver), ESPALIER_OK);
-  return Handle(solver);
-}
-
-int analyze(espalier_solver* s, const espalier_matrix_i32& a) { return espalier_analyze_i32(s, &a, nullptr); }
-int analyze(espalier_solver* s, const espalier_matrix_i64& a) { return espalier_analyze_i64(s, &a, nullptr); }
-int factorize(espalier_solver* s, const espalier_matrix_i32& a) { return espalier_factorize_i32(s, &a, nullptr); }
-int factorize(espalier_solver* s, const espalier_matrix_i64& a) { return espalier_factorize_i64(s, &a, nullptr); }
+using espalier::test::analyze;
+using espalier::test::factorize;
+using espalier::test::Handle;
+using espalier::test::make;
 
 // diag(2, 4, 8)
 template <class Matrix, class Int>

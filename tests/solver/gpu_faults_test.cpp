@@ -110,8 +110,8 @@ TEST_F(GpuFaults, EveryCallRefusedInTurnIsNamedAndLeavesTheSolverUsable) {
   }
 }
 
-// Three threads make the calls of a run that streams, so their order differs from run to run, not their number.
-TEST_F(GpuFaults, CallsRefusedToARunThatStreamsAreNamedAndLeaveTheSolverUsable) {
+// Three threads make the calls of a run out of core, so their order differs from run to run, not their number.
+TEST_F(GpuFaults, CallsRefusedToARunOutOfCoreAreNamedAndLeaveTheSolverUsable) {
   const SparseMatrix a = matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", "10"}));
   for (const Offset pinned : {Offset{0}, Offset{1} << 30}) {
     SCOPED_TRACE(::testing::Message() << "pinned " << pinned);
@@ -138,7 +138,7 @@ TEST_F(GpuFaults, CallsRefusedToARunThatStreamsAreNamedAndLeaveTheSolverUsable) 
   }
 }
 
-TEST_F(GpuFaults, MemoryThatOthersUseMakesTheFactorizationStream) {
+TEST_F(GpuFaults, MemoryThatOthersUseSendsTheFactorizationOutOfCore) {
   const SparseMatrix a = matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", "24"}));
   std::size_t free = 0, total = 0;
   ASSERT_EQ(cudaMemGetInfo(&free, &total), cudaSuccess);

@@ -18,14 +18,6 @@ using reference::Triple;
 using reference::Values;
 using namespace test;
 
-void expect_small_error(Solver& s, const MatrixView& a) {
-  const std::vector<double> b = reference::random_vector(a.rows, 31);
-  std::vector<double> x(b.size());
-  const SolveResult r = s.solve(b, x);
-  EXPECT_TRUE(r.status.ok()) << r.status.message;
-  EXPECT_LE(reference::backward_error(a, b, x), 8 * kEps);
-}
-
 // ---- inertia --------------------------------------------------------------------------------------------------------
 
 void expect_inertia(const SparseMatrix& a, Options o) {

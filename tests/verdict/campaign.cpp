@@ -1,8 +1,9 @@
 // Thousands of random matrices of known rank, each in several disguises (kind, units, numbering, precision), judged by
 // the solver. "late" are singular matrices of which the solution told, not the factorization. Prints a line for every
 // wrong verdict and a table at the end; exit code 1 where one was wrong.
-//   espalier_verdict [CASES [SEED [LARGEST_N [dense]]]]     default: 2000 cases, seed 1, n up to 400
+//   espalier_verdict [CASES [SEED [LARGEST_N [any|dense [DEVICE]]]]]     default: 2000 cases, seed 1, n up to 400
 // dense: n lies near LARGEST_N, and the rank by construction is held against the dense eigenvalues (Eigen) as well.
+// DEVICE: as the solver's option takes it, gpu:0 for one; default: the first core of the host.
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -124,7 +125,8 @@ bool confirmed(const verdict::Case& c, const std::string& name) {
   return false;
 }
 
-void campaign(std::uint64_t seed, Index largest, bool dense, std::map<std::string, Tally>& tallies) {
+void campaign(std::uint64_t seed, Index largest, bool dense, const std::string& device,
+              std::map<std::string, Tally>& tallies) {
   const auto structure = static_cast<Index>(matrix::random_unit(seed, 0) * verdict::structures());
   const double least = dense ? 0.7 * largest : 6;
   const auto n = static_cast<Index>(least * std::pow(largest / least, matrix::random_unit(seed, 1)));
@@ -133,6 +135,7 @@ void campaign(std::uint64_t seed, Index largest, bool dense, std::map<std::strin
   Options plain;
   plain.threads = 1;
   plain.singular = SingularMatrix::report;
+  plain.device = device;
   if (std::getenv("VERDICT_LOG") != nullptr)
     plain.log = [](const std::string& line) { std::printf("  %s\n", line.c_str()); };
   const std::string name = c.name + ", seed " + std::to_string(seed);
@@ -164,9 +167,10 @@ int main(int argc, char** argv) {
   const int cases = argc > 1 ? std::atoi(argv[1]) : 2000;
   const auto seed = static_cast<std::uint64_t>(argc > 2 ? std::atoi(argv[2]) : 1);
   const Index largest = argc > 3 ? std::atoi(argv[3]) : 400;
-  const bool dense = argc > 4;
+  const bool dense = argc > 4 && std::string(argv[4]) == "dense";
+  const std::string device = argc > 5 ? argv[5] : "host:1";
   std::map<std::string, Tally> tallies;
-  for (int k = 0; k < cases; ++k) campaign(seed + static_cast<std::uint64_t>(k), largest, dense, tallies);
+  for (int k = 0; k < cases; ++k) campaign(seed + static_cast<std::uint64_t>(k), largest, dense, device, tallies);
   Tally all;
   std::printf("%-26s %7s %6s %9s %9s %8s %8s %10s %10s\n", "structure", "runs", "late", "verdicts", "inertias",
               "vectors", "answers", "|A v|", "error");

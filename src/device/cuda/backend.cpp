@@ -2,7 +2,7 @@
 #include "device/backend.hpp"
 
 #include "device/cuda/executor/cuda_executor.hpp"
-#include "device/cuda/out_of_core/cuda_stream.hpp"
+#include "device/cuda/out_of_core/backend.hpp"
 #include "device/cuda/runtime/device_rates.hpp"
 #include "device/cuda/tables/device_plan.hpp"
 #include "device/cuda/tables/front_shape.hpp"
@@ -12,23 +12,12 @@ namespace espalier::device::cuda {
 
 namespace {
 
-class CudaFactory final : public out_of_core::Factory {
- public:
-  [[nodiscard]] std::vector<std::unique_ptr<out_of_core::StreamBackend<double>>> make(const Job& job,
-                                                                                      Scalar<double>) const override {
-    return all<double>(job);
-  }
-  [[nodiscard]] std::vector<std::unique_ptr<out_of_core::StreamBackend<float>>> make(const Job& job,
-                                                                                     Scalar<float>) const override {
-    return all<float>(job);
-  }
-
- private:
+struct CudaOutOfCore {
   template <class T>
-  static std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> all(const Job& job) {
-    std::vector<CudaStreamOptions> devices(job.devices.size());
+  static std::vector<std::unique_ptr<out_of_core::OutOfCoreBackend<T>>> all(const Job& job) {
+    std::vector<CudaOutOfCoreOptions> devices(job.devices.size());
     for (std::size_t d = 0; d < devices.size(); ++d) devices[d].device = job.devices[d];
-    return make_cuda_streams<T>(job.plan, job.kind, job.rule, job.pool, devices);
+    return make_cuda_out_of_core_backends<T>(job.plan, job.kind, job.rule, job.pool, devices);
   }
 };
 
@@ -96,7 +85,7 @@ class CudaBackend final : public Backend {
     return make_cuda_executor<T>(job.plan, job.kind, job.rule, options);
   }
 
-  CudaFactory factory_;
+  out_of_core::FactoryOf<CudaOutOfCore> factory_;
 };
 
 }  // namespace

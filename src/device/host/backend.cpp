@@ -2,7 +2,7 @@
 #include "device/backend.hpp"
 
 #include "device/host/host_executor.hpp"
-#include "device/host/out_of_core/host_stream.hpp"
+#include "device/host/out_of_core/backend.hpp"
 #include "device/host/pivot_placement.hpp"
 #include "out_of_core/factory.hpp"
 
@@ -11,28 +11,17 @@ namespace espalier::device::host {
 namespace {
 
 // Each device has its part of the threads.
-class HostFactory final : public out_of_core::Factory {
- public:
-  [[nodiscard]] std::vector<std::unique_ptr<out_of_core::StreamBackend<double>>> make(const Job& job,
-                                                                                      Scalar<double>) const override {
-    return all<double>(job);
-  }
-  [[nodiscard]] std::vector<std::unique_ptr<out_of_core::StreamBackend<float>>> make(const Job& job,
-                                                                                     Scalar<float>) const override {
-    return all<float>(job);
-  }
-
- private:
+struct HostOutOfCore {
   template <class T>
-  static std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> all(const Job& job) {
-    std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> list;
+  static std::vector<std::unique_ptr<out_of_core::OutOfCoreBackend<T>>> all(const Job& job) {
+    std::vector<std::unique_ptr<out_of_core::OutOfCoreBackend<T>>> list;
     const auto devices = static_cast<int>(job.devices.size());
     for (int d = 0; d < devices; ++d) {
-      HostStreamOptions host;
+      HostOutOfCoreOptions host;
       host.device = d;
       host.devices = devices;
       if (devices > 1) host.threads = std::max(1, job.pool.size() / devices);
-      list.push_back(make_host_stream<T>(job.plan, job.kind, job.rule, job.pool, job.budget, host));
+      list.push_back(make_host_out_of_core_backend<T>(job, host));
     }
     return list;
   }
@@ -98,10 +87,10 @@ class HostBackend final : public Backend {
   static std::unique_ptr<Executor<T>> make(const Job& job) {
     HostOptions options;
     options.device_memory_bytes = job.memory_bytes;
-    return make_host_executor<T>(job.plan, job.kind, job.rule, job.pool, job.budget, job.timeline, std::move(options));
+    return make_host_executor<T>(job, std::move(options));
   }
 
-  HostFactory factory_;
+  out_of_core::FactoryOf<HostOutOfCore> factory_;
 };
 
 }  // namespace

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "device/host/pivoting.hpp"
+
 namespace espalier::device::host {
 
 namespace {
@@ -23,23 +25,17 @@ void grow(base::Buffer<double>& buffer, Offset size, base::MemoryBudget* budget)
 }  // namespace
 
 void DelayingFront::start(Index pivots, Index rows) {
-  constexpr Offset kPanelRows = kPanel<double>;
   rows_ = rows;
   ld_ = padded<double>(rows);
-  // Kernels work on whole panels, from the first row of any tile on.
-  const Offset size = ld_ * (ld_ + kPanelRows) + kPanelRows;
-  grow(c_, size, budget_);
-  grow(saved_, size, budget_);
-  std::fill_n(c_.data(), size, 0.0);
-  done_ = failed_ = 0;
+  grow(c_, ld_ * ld_, budget_);
+  std::fill_n(c_.data(), ld_ * ld_, 0.0);
+  done_ = failed_ = first_ = 0;
   suspect_ = -1;
   left_ = pivots;
   order_.resize(at(rows));
   std::iota(order_.begin(), order_.end(), 0);
+  waits_.assign(at(rows), 1);
   late_.assign(at(pivots), 0);
-  perm_.resize(at(pivots));
-  replaced_.resize(at(pivots));
-  grow(d_, 2 * padded<double>(pivots), budget_);
 }
 
 Index DelayingFront::next_width() const {
@@ -54,6 +50,7 @@ void DelayingFront::eliminate() {
     const Index width = next_width();
     std::vector<Failure> failures = factor_tile(width);
     if (failures.empty()) {
+      update(width);
       done_ += width;
       left_ -= width;
       batch = 1;
@@ -65,29 +62,97 @@ void DelayingFront::eliminate() {
   }
 }
 
+// The tile, and L in all rows below it. The front does not change.
 // @returns the failing pivots of the tile in the order in which they were eliminated
 std::vector<DelayingFront::Failure> DelayingFront::factor_tile(Index width) {
-  const Index rows = rows_ - done_;
-  double* c = c_.data() + done_ * ld_ + done_;
-  for (Index j = 0; j < rows; ++j) {
-    const Offset column = (done_ + j) * ld_ + done_;
-    std::copy_n(c_.data() + column, rows, saved_.data() + column);
-  }
+  take_rows(width);
   const auto& dense = kernels<double>();
-  if (lu_)
-    dense.partial_getrf(rows, width, c, ld_, rule_.tiny, perm_.data(), replaced_.data());
-  else
-    dense.partial_ldlt(rows, width, c, ld_, rule_.tiny, perm_.data(), d_.data(), d_.data() + padded<double>(width),
-                       replaced_.data());
+  const std::span<const Index> tile(order_.data() + done_, at(width));
+  const Offset ld = padded<double>(width);
+  for (Index j = 0; j < width; ++j)
+    for (Index i = lu_ ? 0 : j; i < width; ++i) tile_[j * ld + i] = entry(tile[at(i)], tile[at(j)]);
+  const Offset below = rows_ - first_;
+  std::vector<Index> pivots(at(width));
+  if (lu_) {
+    dense.getrf(width, tile_.data(), ld, rule_.tiny, perm_.data(), replaced_.data());
+    dense.invert_upper_transposed(width, tile_.data(), ld, inverse_u_.data());
+    pack_columns(tile, false);
+    dense.trmm_nt(below, width, panels_.data(), inverse_u_.data(), l_.data());
+  } else {
+    double *d = d_.data(), *e = d + width;
+    dense.ldlt(width, tile_.data(), ld, rule_.tiny, perm_.data(), d, e, replaced_.data());
+    dense.invert_lower(width, tile_.data(), ld, true, inverse_.data());
+    for (Index k = 0; k < width; ++k) pivots[at(k)] = tile[at(perm_[at(k)])];
+    pack_columns(pivots, false);
+    dense.trmm_nt(below, width, panels_.data(), inverse_.data(), right_.data());
+    invert_blocks(width, d, e, d_inverse_.data(), e_inverse_.data());
+    dense.scale_columns(below, width, right_.data(), d_inverse_.data(), e_inverse_.data(), l_.data());
+  }
+  growth_.assign(at(width), 0);
+  dense.column_max(below, width, l_.data(), growth_.data());
   const double limit = kMargin / rule_.threshold;
   std::vector<Failure> failures;
-  for (Index k = 0; k < width; ++k) {
-    bool stable = replaced_[at(k)] == 0;
-    for (Index i = width; i < rows && stable; ++i) stable = std::abs(c[k * ld_ + i]) <= limit;  // NaN is not
-    if (stable) continue;
-    failures.push_back({lu_ ? k : perm_[at(k)], perm_[at(k)]});
-  }
+  for (Index k = 0; k < width; ++k)
+    if (replaced_[at(k)] != 0 || !(growth_[at(k)] <= limit)) failures.push_back({lu_ ? k : perm_[at(k)], perm_[at(k)]});
   return failures;
+}
+
+// Which rows stand below the next tile, and room for what becomes of them.
+void DelayingFront::take_rows(Index width) {
+  constexpr Index kPanelRows = kPanel<double>;
+  for (Index k = 0; k < width; ++k) waits_[at(order_[at(done_ + k)])] = 0;
+  Index first = rows_;
+  for (Index i = 0; i < rows_ && first == rows_; ++i)
+    if (waits_[at(i)] != 0) first = i;
+  first_ = first / kPanelRows * kPanelRows;
+  const Offset high = padded<double>(rows_ - first_), wide = padded<double>(width);
+  for (auto* square : {&tile_, &inverse_, &inverse_u_}) grow(*square, wide * wide, budget_);
+  for (auto* part : {&columns_, &panels_, &l_, &right_}) grow(*part, high * wide, budget_);
+  perm_.resize(at(width));
+  replaced_.resize(at(width));
+  d_.resize(at(2 * width));
+  d_inverse_.resize(at(width));
+  e_inverse_.resize(at(width));
+}
+
+// The entries of columns (transposed: of rows) in the rows (columns) below the tile, as panels.
+void DelayingFront::pack_columns(std::span<const Index> columns, bool transposed) {
+  const Offset below = rows_ - first_, high = padded<double>(below);
+  for (std::size_t k = 0; k < columns.size(); ++k) {
+    const Index c = columns[k];
+    double* to = columns_.data() + static_cast<Offset>(k) * high;
+    for (Index i = first_; i < rows_; ++i) {
+      const double value = transposed ? entry(c, i) : entry(i, c);
+      to[i - first_] = waits_[at(i)] != 0 ? value : 0;
+    }
+  }
+  kernels<double>().pack(below, static_cast<std::int64_t>(columns.size()), columns_.data(), high, panels_.data());
+}
+
+// The rest of the front less L D L^T or L U.
+void DelayingFront::update(Index width) {
+  const auto& dense = kernels<double>();
+  if (lu_) {
+    const std::span<const Index> tile(order_.data() + done_, at(width));
+    dense.invert_lower(width, tile_.data(), padded<double>(width), true, inverse_.data());
+    std::vector<Index> rows(at(width));
+    for (Index k = 0; k < width; ++k) rows[at(k)] = tile[at(perm_[at(k)])];
+    pack_columns(rows, true);
+    dense.trmm_nt(rows_ - first_, width, panels_.data(), inverse_.data(), right_.data());
+  }
+  constexpr Offset kColumns = 128;
+  static_assert(kColumns % kPanel<double> == 0);
+  const auto some_columns = [&](Offset begin, Offset end) {
+    double* c = c_.data() + (first_ + begin) * ld_ + first_;
+    if (lu_)
+      dense.gemm_nt(rows_ - first_, end - begin, width, l_.data(), right_.data() + begin * width, c, ld_);
+    else
+      dense.syrk_nt(rows_ - first_ - begin, end - begin, width, l_.data() + begin * width,
+                    right_.data() + begin * width, c + begin, ld_);
+  };
+  const Offset below = rows_ - first_;
+  if (pool_ != nullptr && below > 4 * kColumns) return pool_->for_each_piece(below, kColumns, some_columns);
+  for (Offset begin = 0; begin < below; begin += kColumns) some_columns(begin, std::min(below, begin + kColumns));
 }
 
 // A column of lu may fail for its own sake, or for that of the row which is left over for it. The first time the column
@@ -103,37 +168,25 @@ std::vector<Index> DelayingFront::culprits(std::span<const Failure> failures) {
   return found;
 }
 
-// Undoes the tile; the failing pivots go behind all others of the front or, after their last try, leave it.
+// The failing pivots go behind all others of the front or, after their last try, leave it.
 void DelayingFront::put_back(std::span<const Index> failing, bool last_tile) {
-  std::vector<Index> kept, again, out, order;  // by places from done_ on
+  const auto begin = order_.begin() + done_;
+  std::vector<Index> kept, again, out;
   for (Index k = 0; k < left_; ++k) {
+    const Index row = begin[k];
+    waits_[at(row)] = 1;
     if (std::find(failing.begin(), failing.end(), k) == failing.end()) {
-      kept.push_back(k);
+      kept.push_back(row);
       continue;
     }
-    char& late = late_[at(order_[at(done_ + k)])];
-    (last_tile || late != 0 ? out : again).push_back(k);
+    char& late = late_[at(row)];
+    (last_tile || late != 0 ? out : again).push_back(row);
     late = 1;
   }
-  for (const auto* part : {&kept, &again, &out}) order.insert(order.end(), part->begin(), part->end());
-  for (Index k = left_; k < rows_ - done_; ++k) order.push_back(k);
-  restore(order);
+  auto to = begin;
+  for (const auto* part : {&kept, &again, &out}) to = std::copy(part->begin(), part->end(), to);
   left_ -= static_cast<Index>(out.size());
   failed_ += static_cast<Index>(out.size());
-}
-
-void DelayingFront::restore(std::span<const Index> order) {
-  const Index rows = rows_ - done_;
-  for (Index j = 0; j < rows; ++j) {
-    double* to = c_.data() + (done_ + j) * ld_ + done_;
-    for (Index i = lu_ ? 0 : j; i < rows; ++i) {
-      const Index r = order[at(i)], c = order[at(j)];
-      to[i] = saved_[(done_ + (lu_ ? c : std::min(r, c))) * ld_ + done_ + (lu_ ? r : std::max(r, c))];
-    }
-  }
-  std::vector<Index> moved(order.size());
-  for (std::size_t k = 0; k < order.size(); ++k) moved[k] = order_[at(done_ + order[k])];
-  std::copy(moved.begin(), moved.end(), order_.begin() + done_);
 }
 
 }  // namespace espalier::device::host

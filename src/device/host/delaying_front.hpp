@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/memory.hpp"
+#include "base/thread_pool.hpp"
 #include "device/factor_outcome.hpp"
 #include "device/host/kernels.hpp"
 #include "plan/front_layout.hpp"
@@ -15,10 +16,15 @@ namespace espalier::device::host {
 /// Column-major, `rows` x `rows`; the lower triangle alone for ldlt. Pivots are searched within tiles like those of the
 /// plan, and judged by the entries of L in all rows of the front. A column that fails takes its row along: tries its
 /// luck again behind the other pivots where the front has several tiles, else leaves.
+///
+/// Rows and columns stay where they are; what moves are their numbers in order(). A tile is factored in copies of its
+/// columns (and rows), and the rest of the front hears of it when all of its pivots are good.
 class DelayingFront {
  public:
-  DelayingFront(Kind kind, const PivotRule& rule, const plan::TileRule& tiles, base::MemoryBudget* budget)
-      : lu_(kind == Kind::lu), rule_(rule), tiles_(tiles), budget_(budget) {}
+  /// @param pool  shares the updates of large fronts; null: the calling thread does them alone
+  DelayingFront(Kind kind, const PivotRule& rule, const plan::TileRule& tiles, base::MemoryBudget* budget,
+                base::ThreadPool* pool = nullptr)
+      : lu_(kind == Kind::lu), rule_(rule), tiles_(tiles), budget_(budget), pool_(pool) {}
 
   /// Begins a front of zeros whose first `pivots` rows and columns may be eliminated.
   void start(Index pivots, Index rows);
@@ -32,7 +38,9 @@ class DelayingFront {
   /// Whether the pivot (by its place at start()) was put behind the others.
   [[nodiscard]] bool late(Index pivot) const { return late_[static_cast<std::size_t>(pivot)] != 0; }
   /// What is left, at (row, col) of the rows that were not eliminated; ldlt: row >= col.
-  [[nodiscard]] double rest(Index row, Index col) const { return c_[(done_ + col) * ld_ + done_ + row]; }
+  [[nodiscard]] double rest(Index row, Index col) const {
+    return entry(order_[static_cast<std::size_t>(done_ + row)], order_[static_cast<std::size_t>(done_ + col)]);
+  }
 
  private:
   /// Places from done_ on: a column, and the row that was chosen for it (ldlt: the same).
@@ -40,27 +48,39 @@ class DelayingFront {
     Index column, row;
   };
 
+  [[nodiscard]] double entry(Index row, Index col) const {
+    return lu_ || row >= col ? c_[col * ld_ + row] : c_[row * ld_ + col];
+  }
   [[nodiscard]] Index next_width() const;
   [[nodiscard]] std::vector<Failure> factor_tile(Index width);
+  void take_rows(Index width);
+  void pack_columns(std::span<const Index> columns, bool transposed);
+  void update(Index width);
   [[nodiscard]] std::vector<Index> culprits(std::span<const Failure> failures);
   void put_back(std::span<const Index> failing, bool last_tile);
-  void restore(std::span<const Index> order);
 
   bool lu_;
   PivotRule rule_;
   plan::TileRule tiles_;
   base::MemoryBudget* budget_;
-  base::Buffer<double> c_, saved_;  // the front; what of it a tile is about to change
+  base::ThreadPool* pool_;
+  base::Buffer<double> c_;
   Index rows_ = 0;
   Offset ld_ = 0;
   Index done_ = 0, left_ = 0, failed_ = 0;  // eliminated; pivots to come; pivots that leave
   Index suspect_ = -1;                      // the row (by its place at start()) of the last failure
   std::vector<Index> order_;                // rows
   std::vector<char> late_;                  // pivots
-  // Of one tile.
-  std::vector<std::int32_t> perm_;
-  std::vector<char> replaced_;
-  base::Buffer<double> d_;
+  // Of one tile. Below it stand all rows from first_ on, a multiple of kPanel; those that are not to be changed are
+  // zero.
+  Index first_ = 0;
+  std::vector<char> waits_;                          // rows below the tile
+  std::vector<std::int32_t> perm_;                   // pivots
+  std::vector<char> replaced_;                       // pivots
+  base::Buffer<double> tile_, inverse_, inverse_u_;  // the diagonal tile; inverses of its factors
+  base::Buffer<double> columns_, panels_;            // of the rows below: as they are given; packed
+  base::Buffer<double> l_, right_;                   // panels: L, and L D (ldlt) or the transpose of U (lu)
+  std::vector<double> d_, d_inverse_, e_inverse_, growth_;
 };
 
 }  // namespace espalier::device::host

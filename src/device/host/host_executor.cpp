@@ -90,21 +90,20 @@ namespace {
 template <class T>
 class HostExecutor final : public Executor<T> {
  public:
-  HostExecutor(const plan::Plan& plan, Kind kind, const PivotRule& rule, base::ThreadPool& pool,
-               base::MemoryBudget* budget, base::Timeline* timeline, HostOptions options)
-      : plan_(plan),
-        pool_(pool),
+  HostExecutor(const Job& job, HostOptions options)
+      : plan_(job.plan),
+        pool_(job.pool),
         options_(std::move(options)),
-        devices_(plan.assignment.devices),
-        budget_(budget != nullptr ? budget : &own_budget_),
+        devices_(plan_.ownership.devices),
+        budget_(job.budget != nullptr ? job.budget : &own_budget_),
         held_before_(budget_->held()),
-        timeline_(timeline),
-        queues_(plan),
-        work_(make_workspaces(kind)),
-        state_(plan, kind, rule, budget_),
-        solve_(state_, pool, budget_) {
+        timeline_(job.timeline),
+        queues_(plan_),
+        work_(make_workspaces(job.kind)),
+        state_(plan_, job.kind, job.rule, budget_),
+        solve_(state_, pool_, budget_) {
     if (timeline_ == nullptr) return;
-    for (int t = 0; t < pool.size(); ++t) {
+    for (int t = 0; t < pool_.size(); ++t) {
       const Index d = device_of(t);
       const int first = team_begin(d);
       tracks_.push_back(timeline_->add_track(device_name(d), fmt::format("thread {}", t - first)));
@@ -264,17 +263,11 @@ class HostExecutor final : public Executor<T> {
 }  // namespace
 
 template <class T>
-std::unique_ptr<Executor<T>> make_host_executor(const plan::Plan& plan, Kind kind, const PivotRule& rule,
-                                                base::ThreadPool& pool, base::MemoryBudget* budget,
-                                                base::Timeline* timeline, HostOptions options) {
-  return std::make_unique<HostExecutor<T>>(plan, kind, rule, pool, budget, timeline, std::move(options));
+std::unique_ptr<Executor<T>> make_host_executor(const Job& job, HostOptions options) {
+  return std::make_unique<HostExecutor<T>>(job, std::move(options));
 }
 
-template std::unique_ptr<Executor<double>> make_host_executor(const plan::Plan&, Kind, const PivotRule&,
-                                                              base::ThreadPool&, base::MemoryBudget*, base::Timeline*,
-                                                              HostOptions);
-template std::unique_ptr<Executor<float>> make_host_executor(const plan::Plan&, Kind, const PivotRule&,
-                                                             base::ThreadPool&, base::MemoryBudget*, base::Timeline*,
-                                                             HostOptions);
+template std::unique_ptr<Executor<double>> make_host_executor(const Job&, HostOptions);
+template std::unique_ptr<Executor<float>> make_host_executor(const Job&, HostOptions);
 
 }  // namespace espalier::device::host

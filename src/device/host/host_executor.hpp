@@ -5,9 +5,7 @@
 #include <functional>
 #include <memory>
 
-#include "base/thread_pool.hpp"
-#include "base/timeline.hpp"
-#include "device/executor.hpp"
+#include "device/backend.hpp"
 
 namespace espalier::device::host {
 
@@ -19,24 +17,18 @@ struct HostOptions {
   std::function<void(Index device, const plan::Task& task)> before_task;
 };
 
-/// A plan for N devices (plan.assignment) is carried out by N teams of pool.size() / N threads, which take tasks and
-/// steal sub-trees by the rules of plan::DeviceAssignment. The values of the factor do not depend on N, on the
-/// number of threads, or on what was stolen: every tile is made by one task, in a fixed order of operations.
+/// A plan for N devices (plan.ownership) is carried out by N teams of pool.size() / N threads, which take tasks and
+/// steal sub-trees by the rules of plan::Ownership. The values of the factor do not depend on N, on the number of
+/// threads, or on what was stolen: every tile is made by one task, in a fixed order of operations.
 ///
 /// factorize() of several devices throws Error(device_error) naming the device in whose task something was thrown; the
 /// others stop, and the executor can be used again.
 ///
-/// @param plan      must outlive the executor
-/// @param pool      its threads do the work; must outlive the executor
-/// @param budget    counts all memory taken; may be null
-/// @param timeline  receives one event per task; may be null
+/// @param job  its budget counts all memory taken. Budgets of devices stand in the options
 /// @throws Error(out_of_memory) naming the bytes of the device that needs most when its budget is smaller;
-/// Error(invalid_input)
-///         for fewer threads than devices
+///         Error(invalid_input) for fewer threads than devices
 template <class T>
-std::unique_ptr<Executor<T>> make_host_executor(const plan::Plan& plan, Kind kind, const PivotRule& rule,
-                                                base::ThreadPool& pool, base::MemoryBudget* budget,
-                                                base::Timeline* timeline, HostOptions options = {});
+std::unique_ptr<Executor<T>> make_host_executor(const Job& job, HostOptions options = {});
 
 /// Most bytes that make_host_executor() takes, with a solution for one right-hand side: arrays of the factor, work
 /// arrays of each of `threads` workers, and what is kept by front and by tile. The solution's own part is a bound.

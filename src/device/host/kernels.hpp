@@ -119,10 +119,4 @@ std::vector<Kernels<T>> all_kernels();
 /// Best rate in flop/s of gemm_nt<double> on operands that stay in cache, on one thread, seen in about `seconds`.
 double measure_gemm_rate(double seconds);
 
-/// C (m x n) = alpha op(A) op(B) + beta C on column-major arrays like BLAS gemm, on one thread, through the packed
-/// kernels. Serves measurement against a BLAS and code outside the tile engine.
-template <class T>
-void gemm(bool transpose_a, bool transpose_b, std::int64_t m, std::int64_t n, std::int64_t k, T alpha, const T* a,
-          std::int64_t lda, const T* b, std::int64_t ldb, T beta, T* c, std::int64_t ldc);
-
 }  // namespace espalier::device::host

@@ -1,5 +1,5 @@
 /// \file
-/// Layout: pack, unpack, pack_transposed; and the streams over panels: scale_columns, column_max.
+/// Layout: pack, unpack, pack_transposed; and passes over panels: scale_columns, column_max.
 #include "device/host/kernel_parts.hpp"
 
 #undef HWY_TARGET_INCLUDE

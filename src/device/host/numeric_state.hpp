@@ -37,7 +37,7 @@ struct FrontOutcome {
 enum ColumnState : char { kColumnFine = 0, kColumnReplaced = 1, kColumnFailed = 2, kColumnSmall = 4 };
 
 /// A front of which only block columns from `first_column` on are made, from what stands in their places; everything to
-/// the left of them is accounted for there. Streaming only.
+/// the left of them is accounted for there. Out of core only.
 struct FrontWindow {
   Index front = -1;
   Index first_column = 0;

@@ -41,8 +41,10 @@ class Placement {
   void add_child(Worker& w, Index child);
   void note_moves(const Worker& w, Index f);
   void leave(const Worker& w, Index f);
-  [[nodiscard]] Worker make_worker() const {
-    return {{job_.kind, job_.rule, plan_.options.tiles, job_.budget}, {}, std::vector<Index>(at(plan_.tree.n), -1)};
+  [[nodiscard]] Worker make_worker(base::ThreadPool* helpers) const {
+    return {{job_.kind, job_.rule, plan_.options.tiles, job_.budget, helpers},
+            {},
+            std::vector<Index>(at(plan_.tree.n), -1)};
   }
 
   const PlacementJob& job_;
@@ -82,11 +84,11 @@ std::vector<analysis::PivotMove> Placement::run() {
   }
   std::atomic<std::size_t> taken{0};
   job_.pool.run([&](int) {
-    Worker w = make_worker();
+    Worker w = make_worker(nullptr);
     for (std::size_t k = taken++; k < roots.size(); k = taken++)
       for (const Index f : members[at(roots[k])]) take(w, f);
   });
-  Worker w = make_worker();
+  Worker w = make_worker(&job_.pool);
   for (Index f = 0; f < plan_.fronts(); ++f)
     if (task[at(f)] < 0) take(w, f);
   std::vector<analysis::PivotMove> all;

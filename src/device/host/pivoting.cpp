@@ -6,37 +6,24 @@ namespace espalier::device::host {
 
 namespace {
 
-// D^-1 of the 1x1 and 2x2 blocks; returns sign and logarithm of det D in the front's outcome.
 template <class T>
-void invert_d(NumericState<T>& s, Index at, Index n, const T* d, const T* e, FrontOutcome& out) {
-  T* di = s.d_inverse.data() + at;
-  T* ei = s.e_inverse.data() + at;
+void multiply_determinant(Index n, const T* d, const T* e, Determinant& determinant) {
   for (Index k = 0; k < n; ++k) {
     if (k + 1 < n && e[k] != T(0)) {
-      // [a b; b c]^-1 scaled by b, which is the largest: det / b = (a / b) c - b
-      const T a = d[k];
-      const T b = e[k];
-      const T c = d[k + 1];
-      const T det_over_b = (a / b) * c - b;
-      di[k] = c / b / det_over_b;
-      di[k + 1] = a / b / det_over_b;
-      ei[k] = T(-1) / det_over_b;
-      ei[k + 1] = T(0);
-      out.determinant.multiply(static_cast<double>(det_over_b));
-      out.determinant.multiply(static_cast<double>(b));
+      determinant.multiply(static_cast<double>(pair_over_coupling(d[k], e[k], d[k + 1])));
+      determinant.multiply(static_cast<double>(e[k]));
       ++k;
     } else {
-      di[k] = T(1) / d[k];
-      ei[k] = T(0);
-      out.determinant.multiply(static_cast<double>(d[k]));
+      determinant.multiply(static_cast<double>(d[k]));
     }
   }
 }
 
 // Eigenvalues of the pivots of ldlt that are kept, but small.
 template <class T>
-void mark_small(NumericState<T>& s, Index at, Index n, const T* d, const T* e, const char* replaced,
+void mark_small(NumericState<T>& s, const PivotBlock& block, const T* d, const T* e, const char* replaced,
                 FrontOutcome& out) {
+  const Index at = block.at, n = block.size;
   const auto judge = [&](Index k, double eigenvalue) {
     if (!(std::abs(eigenvalue) < s.rule.suspect)) return;
     s.column_state[at + s.pivot_order[at + k]] |= kColumnSmall;
@@ -75,18 +62,22 @@ double permutation_sign(std::int32_t* perm, Index n) {
 }  // namespace
 
 template <class T>
-void book_pivots(NumericState<T>& s, Workspace<T>& w, Index f, Index at, Index n, const T* c, Offset ld,
-                 const PivotCounts& counts, const char* replaced) {
-  FrontOutcome& out = s.fronts[f];
+void book_pivots(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, const PivotCounts& counts,
+                 const char* replaced) {
+  const Index at = block.at, n = block.size;
+  const T* c = w.c.data();
+  FrontOutcome& out = s.fronts[block.front];
   out.two_by_two += counts.two_by_two;
   out.negative += counts.negative;
   if (s.kind == Kind::ldlt) {
-    invert_d(s, at, n, w.column.data(), w.column.data() + n, out);
-    if (s.rule.suspect > 0) mark_small(s, at, n, w.column.data(), w.column.data() + n, replaced, out);
+    const T *d = w.column.data(), *e = d + n;
+    invert_blocks(n, d, e, s.d_inverse.data() + at, s.e_inverse.data() + at);
+    multiply_determinant(n, d, e, out.determinant);
+    if (s.rule.suspect > 0) mark_small(s, block, d, e, replaced, out);
   } else {
     const bool judged = s.kind == Kind::llt && !s.rule.smallest.empty();
     for (Index k = 0; k < n; ++k) {
-      const auto d = static_cast<double>(c[k * ld + k]);
+      const auto d = static_cast<double>(c[k * block.ld + k]);
       if (judged && d * d <= s.rule.smallest[static_cast<std::size_t>(at + k)])
         s.column_state[at + k] |= kColumnReplaced;
       if (s.kind == Kind::lu && std::abs(d) < s.rule.suspect && replaced[k] == 0)
@@ -111,17 +102,18 @@ void book_pivots(NumericState<T>& s, Workspace<T>& w, Index f, Index at, Index n
 }
 
 template <class T>
-void factor_diagonal(NumericState<T>& s, Workspace<T>& w, Index f, Index at, Index n, Offset ld, T* inverse,
-                     T* inverse2) {
+void factor_diagonal(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, T* inverse, T* inverse2) {
+  const Index at = block.at, n = block.size;
+  const Offset ld = block.ld;
   T* c = w.c.data();
   char* replaced = w.marks.data();
   const auto tiny = static_cast<T>(s.rule.tiny);
   PivotCounts counts;
   if (s.kind == Kind::llt) {
     const auto good = static_cast<Index>(s.dense.potrf(n, c, ld));
-    FrontOutcome& out = s.fronts[f];
+    FrontOutcome& out = s.fronts[block.front];
     if (good < n && out.not_positive < 0) out.not_positive = at + good;
-    book_pivots(s, w, f, at, n, c, ld, counts, nullptr);
+    book_pivots(s, w, block, counts, nullptr);
     s.dense.invert_lower(n, c, ld, false, inverse);
     return;
   }
@@ -132,7 +124,7 @@ void factor_diagonal(NumericState<T>& s, Workspace<T>& w, Index f, Index at, Ind
     counts = s.dense.getrf(n, c, ld, tiny, perm, replaced);
     s.dense.invert_upper_transposed(n, c, ld, inverse2);
   }
-  book_pivots(s, w, f, at, n, c, ld, counts, replaced);
+  book_pivots(s, w, block, counts, replaced);
   s.dense.invert_lower(n, c, ld, true, inverse);
 }
 
@@ -147,12 +139,11 @@ void mark_growth(NumericState<T>& s, Index at, Index n, const T* growth) {
     }
 }
 
-template void book_pivots(NumericState<double>&, Workspace<double>&, Index, Index, Index, const double*, Offset,
-                          const PivotCounts&, const char*);
-template void book_pivots(NumericState<float>&, Workspace<float>&, Index, Index, Index, const float*, Offset,
-                          const PivotCounts&, const char*);
-template void factor_diagonal(NumericState<double>&, Workspace<double>&, Index, Index, Index, Offset, double*, double*);
-template void factor_diagonal(NumericState<float>&, Workspace<float>&, Index, Index, Index, Offset, float*, float*);
+template void book_pivots(NumericState<double>&, Workspace<double>&, const PivotBlock&, const PivotCounts&,
+                          const char*);
+template void book_pivots(NumericState<float>&, Workspace<float>&, const PivotBlock&, const PivotCounts&, const char*);
+template void factor_diagonal(NumericState<double>&, Workspace<double>&, const PivotBlock&, double*, double*);
+template void factor_diagonal(NumericState<float>&, Workspace<float>&, const PivotBlock&, float*, float*);
 template void mark_growth(NumericState<double>&, Index, Index, const double*);
 template void mark_growth(NumericState<float>&, Index, Index, const float*);
 

@@ -6,17 +6,50 @@
 
 namespace espalier::device::host {
 
-/// Factors the n x n diagonal tile in work.c (column-major, ld) whose first pivot stands at position `at` of front f:
-/// writes the inverse(s) to `inverse` (and `inverse2` for lu), the pivot order, D^-1, and the front's outcome.
+/// det [a b; b c] / b, where b is the largest of the three.
 template <class T>
-void factor_diagonal(NumericState<T>& s, Workspace<T>& w, Index f, Index at, Index n, Offset ld, T* inverse,
-                     T* inverse2);
+T pair_over_coupling(T a, T b, T c) {
+  return (a / b) * c - b;
+}
 
-/// Books the results of pivoting n columns from position `at` on. work.column holds d and e of ldlt (n each) on entry.
-/// @param c, ld  the factored tile; its diagonal is read for llt and lu
+/// D^-1 of 1x1 and 2x2 blocks: diagonal d and subdiagonal e of D (n each; e[k] != 0 marks a block at k, k + 1) to those
+/// of the inverse.
 template <class T>
-void book_pivots(NumericState<T>& s, Workspace<T>& w, Index f, Index at, Index n, const T* c, Offset ld,
-                 const PivotCounts& counts, const char* replaced);
+void invert_blocks(Index n, const T* d, const T* e, T* d_inverse, T* e_inverse) {
+  for (Index k = 0; k < n; ++k) {
+    if (k + 1 < n && e[k] != T(0)) {
+      const T a = d[k], b = e[k], c = d[k + 1], det_over_b = pair_over_coupling(a, b, c);
+      d_inverse[k] = c / b / det_over_b;
+      d_inverse[k + 1] = a / b / det_over_b;
+      e_inverse[k] = T(-1) / det_over_b;
+      e_inverse[k + 1] = T(0);
+      ++k;
+    } else {
+      d_inverse[k] = T(1) / d[k];
+      e_inverse[k] = T(0);
+    }
+  }
+}
+
+/// Pivots of a front that are eliminated together, in work.c.
+struct PivotBlock {
+  Index front;
+  Index at;  ///< position of the first
+  Index size;
+  Offset ld;  ///< work.c is column-major
+};
+
+/// Factors the diagonal tile in work.c: writes the inverse(s) to `inverse` (and `inverse2` for lu), the pivot order,
+/// D^-1, and the front's outcome.
+template <class T>
+void factor_diagonal(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, T* inverse, T* inverse2);
+
+/// Books the results of pivoting. work.column holds d and e of ldlt (block.size each) on entry; for llt and lu the
+/// diagonal of the factored tile is read.
+/// @param replaced  block.size; null: none was
+template <class T>
+void book_pivots(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, const PivotCounts& counts,
+                 const char* replaced);
 
 /// Marks the columns whose entries of L (max magnitude in `growth`, n values) exceed 1 / threshold.
 template <class T>

@@ -59,12 +59,13 @@ class WholeFront {
   void eliminate() {
     T* c = w_.c.data();
     const Index at = plan_.tree.first[f_];
+    const PivotBlock block{f_, at, k_, ld_};
     const auto tiny = static_cast<T>(s_.rule.tiny);
     char* replaced = w_.marks.data();
     if (s_.kind == Kind::llt) {
       const auto good = static_cast<Index>(s_.dense.partial_potrf(m_, k_, c, ld_));
       if (good < k_) s_.fronts[f_].not_positive = at + good;
-      book_pivots(s_, w_, f_, at, k_, c, ld_, PivotCounts{}, nullptr);
+      book_pivots(s_, w_, block, PivotCounts{}, nullptr);
       return;
     }
     std::int32_t* perm = s_.pivot_order.data() + at;
@@ -72,7 +73,7 @@ class WholeFront {
         s_.kind == Kind::ldlt
             ? s_.dense.partial_ldlt(m_, k_, c, ld_, tiny, perm, w_.column.data(), w_.column.data() + k_, replaced)
             : s_.dense.partial_getrf(m_, k_, c, ld_, tiny, perm, replaced);
-    book_pivots(s_, w_, f_, at, k_, c, ld_, counts, replaced);
+    book_pivots(s_, w_, block, counts, replaced);
   }
 
   void store_factor() {

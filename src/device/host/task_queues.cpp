@@ -6,10 +6,10 @@
 namespace espalier::device::host {
 
 TaskQueues::TaskQueues(const plan::Plan& plan)
-    : devices_(static_cast<std::size_t>(plan.assignment.devices)),
-      stealing_(plan.assignment.stealing),
+    : devices_(static_cast<std::size_t>(plan.ownership.devices)),
+      stealing_(plan.ownership.stealing),
       queues_(std::make_unique<Queue[]>(devices_)) {
-  const plan::DeviceAssignment& a = plan.assignment;
+  const plan::Ownership& a = plan.ownership;
   for (const plan::SubTree& s : a.subtrees) {
     queues_[static_cast<std::size_t>(s.device)].units.push_back(static_cast<std::uint32_t>(units_.size()));
     units_.push_back({s.first_task, s.end_task, s.seconds});

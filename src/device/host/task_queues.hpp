@@ -1,5 +1,5 @@
 /// \file
-/// Which task comes next on a device: the rules of plan::DeviceAssignment, stealing included.
+/// Which task comes next on a device: the rules of plan::Ownership, stealing included.
 #pragma once
 
 #include <atomic>

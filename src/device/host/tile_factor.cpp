@@ -47,7 +47,7 @@ class TileTask {
     if (j_ >= layout_.pivot_tiles) {
       if (lu_ && i_ == j_) part_diagonal_contribution();
     } else if (i_ == j_)
-      factor_diagonal(s_, w_, f_, position(j_), cols_, ld_, tile(i_, j_), lu_ ? tile2(i_, j_) : nullptr);
+      factor_diagonal(s_, w_, PivotBlock{f_, position(j_), cols_, ld_}, tile(i_, j_), lu_ ? tile2(i_, j_) : nullptr);
     else
       solve_with_diagonal();
     finish();

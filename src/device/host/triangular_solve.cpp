@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "device/block_diagonal.hpp"
+
 namespace espalier::device::host {
 
 namespace {
@@ -220,23 +222,7 @@ void TriangularSolve<T>::start_backward(Index f, Index j, T* y) const {
   if (s_.kind != Kind::ldlt) return;
   const FrontLayout& l = plan_.layout[f];
   const Index at = plan_.tree.first[f] + l.begin(j);
-  const T* d = s_.d_inverse.data() + at;
-  const T* e = s_.e_inverse.data() + at;
-  const Index n = l.width(j);
-  for (Index k = 0; k < n; ++k) {
-    T* row = y + static_cast<Offset>(k) * nr_;
-    if (e[k] != T(0)) {
-      for (Index c = 0; c < nr_; ++c) {
-        const T y0 = row[c];
-        const T y1 = row[nr_ + c];
-        row[c] = d[k] * y0 + e[k] * y1;
-        row[nr_ + c] = e[k] * y0 + d[k + 1] * y1;
-      }
-      ++k;
-    } else {
-      for (Index c = 0; c < nr_; ++c) row[c] *= d[k];
-    }
-  }
+  apply_inverse_d(s_.d_inverse.data() + at, s_.e_inverse.data() + at, l.width(j), nr_, y);
 }
 
 // x = (diagonal block of the backward matrix)^-1 b, stored at the tile's rows of x_. `y` has room for the tile.

@@ -98,6 +98,13 @@ bool DenseFront<T>::llt(const PivotRule& rule, FactorOutcome& out, Determinant& 
 }
 
 template <class T>
+void DenseFront<T>::judge_size(Index unknown, double eigenvalue, const PivotRule& rule, FactorOutcome& out) const {
+  if (!(std::abs(eigenvalue) < rule.suspect)) return;
+  out.small.push_back(position_ + unknown);
+  if (eigenvalue < 0) ++out.small_negative;
+}
+
+template <class T>
 void DenseFront<T>::judge_growth(Index j, Index unknown, const PivotRule& rule, FactorOutcome& out) const {
   const double limit = 1 / rule.threshold;
   for (Index i = j + 1; i < rows_; ++i)
@@ -154,6 +161,9 @@ void DenseFront<T>::ldlt(const PivotRule& rule, FactorOutcome& out, Determinant&
       determinant.multiply(b);
       ++out.two_by_two;
       ++out.negative;  // |a c| <= kOneByOne^2 b^2 < b^2: one eigenvalue of each sign
+      const double root = std::hypot((a - c) / 2, b);
+      judge_size(order_[static_cast<std::size_t>(j)], (a + c) / 2 - root, rule, out);
+      judge_size(order_[static_cast<std::size_t>(j) + 1], (a + c) / 2 + root, rule, out);
       eliminate_two(j, rule, out);
       j += 2;
       continue;
@@ -164,8 +174,9 @@ void DenseFront<T>::ldlt(const PivotRule& rule, FactorOutcome& out, Determinant&
     if (vanishes) {
       d = static_cast<T>(std::copysign(rule.tiny, static_cast<double>(d)));
       out.replaced.push_back(position_ + order_[static_cast<std::size_t>(j)]);
-    } else if (d < T(0)) {
-      ++out.negative;
+    } else {
+      if (d < T(0)) ++out.negative;
+      judge_size(order_[static_cast<std::size_t>(j)], static_cast<double>(d), rule, out);
     }
     determinant.multiply(static_cast<double>(d));
     eliminate_one(j, d, rule, out);
@@ -189,6 +200,8 @@ void DenseFront<T>::lu(const PivotRule& rule, FactorOutcome& out, Determinant& d
       pivot = static_cast<T>(std::copysign(rule.tiny, static_cast<double>(pivot)));
       out.replaced.push_back(position_ + j);
       out.failed.push_back(position_ + order_[static_cast<std::size_t>(j)]);  // its row had better leave as well
+    } else {
+      judge_size(j, std::abs(static_cast<double>(pivot)), rule, out);
     }
     determinant.multiply(static_cast<double>(pivot));
     for (Index i = j + 1; i < rows_; ++i) f(i, j) /= pivot;

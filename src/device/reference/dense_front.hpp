@@ -45,6 +45,7 @@ class DenseFront {
   void exchange_unknowns(Index a, Index b);
   void eliminate_one(Index j, T d, const PivotRule& rule, FactorOutcome& out);
   void eliminate_two(Index j, const PivotRule& rule, FactorOutcome& out);
+  void judge_size(Index unknown, double eigenvalue, const PivotRule& rule, FactorOutcome& out) const;
   void judge_growth(Index j, Index unknown, const PivotRule& rule, FactorOutcome& out) const;
   void divide_by_d(std::vector<T>& x) const;
 

@@ -14,7 +14,7 @@ class ReferenceExecutor final : public Executor<T> {
  public:
   explicit ReferenceExecutor(const Job& job)
       : plan_(job.plan), kind_(job.kind), rule_(job.rule), budget_(job.budget != nullptr ? job.budget : &own_budget_) {
-    if (plan_.assignment.devices != 1)
+    if (plan_.ownership.devices != 1)
       throw Error(StatusCode::invalid_input, "the reference backend is one device; the plan is for several");
     for (Index f = 0; f < plan_.fronts(); ++f)
       fronts_.emplace_back(plan_.tree.first[f], plan_.layout[f].pivots, plan_.layout[f].rows, budget_);
@@ -30,7 +30,7 @@ class ReferenceExecutor final : public Executor<T> {
       assemble(f, values);
       if (!eliminate(f, out, determinant)) break;
     }
-    for (auto* list : {&out.replaced, &out.failed}) {
+    for (auto* list : {&out.replaced, &out.small, &out.failed}) {
       std::sort(list->begin(), list->end());
       list->erase(std::unique(list->begin(), list->end()), list->end());
     }

@@ -4,10 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 #include "base/stopwatch.hpp"
-#include "dynamics/elements/pressure.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -61,17 +59,6 @@ void FlexibleBody::set_initial_motion(const std::array<double, 9>& r, const Poin
       const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
       rate[i] = shift * velocity[i] + w[j] * x[k] - w[k] * x[j];
     }
-  }
-}
-
-void FlexibleBody::add_pressure(const Mesh& mesh, std::span<const MeshFace> faces,
-                                std::function<double(double)> pressure) {
-  if (vertices_per_node_ != 1)
-    throw std::invalid_argument(fmt::format("flexible body '{}': pressure acts on solids only", name()));
-  pressures_.push_back(std::move(pressure));
-  for (const MeshFace& face : faces) {
-    const auto& shape = shape_of(mesh.type(face.element)).faces[static_cast<std::size_t>(face.face)];
-    pressure_faces_.push_back({shape.type, mesh.face_nodes(face), static_cast<int>(pressures_.size()) - 1});
   }
 }
 
@@ -138,8 +125,6 @@ void FlexibleBody::declare(PatternBuilder& w, PatternBuilder&) const {
       const Index rows[3] = {row, row + 1, row + 2}, columns[3] = {column, column + 1, column + 2};
       w.add_block(rows, columns);
     }
-  for (const PressureLoad& load : pressure_faces_)  // fails early when the faces belong to another mesh
-    for (const Index a : load.nodes) static_cast<void>(p.entry(a, load.nodes.front()));
 }
 
 void FlexibleBody::bind(const SparsePattern& w, const SparsePattern&) {
@@ -183,47 +168,14 @@ void FlexibleBody::add_inertia(const double* a, const double* v, double* f) cons
     pool_->for_each_piece(assembly_.vertices(), kPiece, body);
 }
 
-void FlexibleBody::add_pressures(double t, const double* q, double* f) const {
-  for (const PressureLoad& load : pressure_faces_) {
-    const double p = load_factor() * pressures_[at(load.law)](t);
-    double x[24], force[24] = {};
-    for (std::size_t a = 0; a < load.nodes.size(); ++a)
-      for (std::size_t i = 0; i < 3; ++i) x[3 * a + i] = q[3 * at(load.nodes[a]) + i];
-    add_pressure_force(load.type, p, x, force);
-    for (std::size_t a = 0; a < load.nodes.size(); ++a)
-      for (std::size_t i = 0; i < 3; ++i) f[3 * at(load.nodes[a]) + i] -= force[3 * a + i];
-  }
-}
-
-void FlexibleBody::add_pressure_tangents(double t, const double* q, double weight, const BlockTarget& target) const {
-  for (const PressureLoad& load : pressure_faces_) {
-    const double p = load_factor() * pressures_[at(load.law)](t);
-    const std::size_t n = load.nodes.size();
-    double x[24], k[24 * 24] = {};
-    for (std::size_t a = 0; a < n; ++a)
-      for (std::size_t i = 0; i < 3; ++i) x[3 * a + i] = q[3 * at(load.nodes[a]) + i];
-    add_pressure_tangent(load.type, p, -weight, x, k);
-    for (std::size_t b = 0; b < n; ++b)
-      for (std::size_t a = 0; a < n; ++a) {
-        const std::size_t entry = at(assembly_.pattern().entry(load.nodes[a], load.nodes[b]));
-        for (std::size_t j = 0; j < 3; ++j)
-          for (std::size_t i = 0; i < 3; ++i)
-            target.values[at(target.column_start[3 * at(load.nodes[b]) + j] + target.shift[3 * entry + j]) + i] +=
-                k[(3 * b + j) * 3 * n + 3 * a + i];
-      }
-  }
-}
-
 void FlexibleBody::residual(const StateView& s, Span f) {
   const Stopwatch watch(times_.force_seconds);
   ++times_.forces;
   double* own = f.data() + placement().v;
-  const double* q = s.q.data() + placement().q;
   double energy = 0;
   inverted_ = assembly_.add_forces(pool_, state(s), own, energy);
   add_inertia(s.a.empty() ? nullptr : s.a.data() + placement().v, s.v.empty() ? nullptr : s.v.data() + placement().v,
               own);
-  add_pressures(s.t, q, own);
 }
 
 void FlexibleBody::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
@@ -239,7 +191,6 @@ void FlexibleBody::tangent(const StateView& s, const TangentWeights& weights, Sp
   const bool rates = weights.v != 0 && damping_.stiffness != 0;
   if (weights.q == 0 && !rates) return;
   inverted_ = assembly_.add_tangent(pool_, state(s), weights.q, weights.v, target);
-  if (weights.q != 0) add_pressure_tangents(s.t, s.q.data() + placement().q, weights.q, target);
 }
 
 Energy FlexibleBody::energy(const StateView& s) {

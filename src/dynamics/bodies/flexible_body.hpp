@@ -4,7 +4,6 @@
 
 #include <array>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -42,7 +41,7 @@ struct MassProperties {
   Point angular_momentum{};  ///< about the origin
 };
 
-/// Equations: M a + alpha M v + f_int(q, v) - M g - f_pressure(q, t) = 0. M is constant (consistent mass).
+/// Equations: M a + alpha M v + f_int(q, v) - M g = 0. M is constant (consistent mass).
 /// The configuration holds 3 numbers per vertex: node positions and, for ANCF bodies, the gradient vectors of the
 /// node behind its position (`vertices_per_node` vertices per node: solids 1, cables and shells 2, beams 4).
 class FlexibleBody final : public Component {
@@ -61,8 +60,6 @@ class FlexibleBody final : public Component {
   /// rigid motion: velocity of the point at the origin, angular velocity, global axes.
   void set_initial_motion(const std::array<double, 9>& rotation, const Point& translation, const Point& velocity,
                           const Point& angular_velocity);
-  /// Pressure p(t) on faces of the mesh that the body was made of (solids only); follows the deformed surface.
-  void add_pressure(const Mesh& mesh, std::span<const MeshFace> faces, std::function<double(double)> pressure);
 
   [[nodiscard]] Index nodes() const { return assembly_.vertices() / vertices_per_node_; }
   [[nodiscard]] Index vertices() const { return assembly_.vertices(); }
@@ -90,14 +87,7 @@ class FlexibleBody final : public Component {
   [[nodiscard]] Energy energy(const StateView& s) override;
 
  private:
-  struct PressureLoad {
-    ElementType type;
-    std::vector<Index> nodes;
-    int law;  // position in pressures_
-  };
   void add_inertia(const double* a, const double* v, double* f) const;
-  void add_pressures(double t, const double* q, double* f) const;
-  void add_pressure_tangents(double t, const double* q, double weight, const BlockTarget& target) const;
   [[nodiscard]] AssemblyState state(const StateView& s) const;
   [[nodiscard]] bool is_position(Index vertex) const { return vertex % vertices_per_node_ == 0; }
 
@@ -108,8 +98,6 @@ class FlexibleBody final : public Component {
   std::vector<double> weight_;  // M g, 3 per vertex
   Point gravity_{};
   RayleighDamping damping_;
-  std::vector<PressureLoad> pressure_faces_;
-  std::vector<std::function<double(double)>> pressures_;
   base::ThreadPool* pool_ = nullptr;
   std::vector<Offset> column_start_;  // per velocity coordinate: start of its column in W
   std::vector<std::int32_t> shift_;   // see BlockTarget

@@ -232,25 +232,6 @@ void solid_mass(ElementType type, double density, const double* reference, doubl
   });
 }
 
-void solid_lumped_mass(ElementType type, double density, const double* reference, double* m) {
-  const int nodes = shape_of(type).nodes;
-  std::fill(m, m + nodes, 0.0);
-  double total = 0;
-  integrate(type, reference, [&](double volume, const double* n) {
-    total += density * volume;
-    for (int a = 0; a < nodes; ++a) m[a] += density * volume * n[a] * n[a];
-  });
-  double diagonal = 0;
-  for (int a = 0; a < nodes; ++a) diagonal += m[a];
-  for (int a = 0; a < nodes; ++a) m[a] *= total / diagonal;
-}
-
-double solid_volume(ElementType type, const double* reference) {
-  double volume = 0;
-  integrate(type, reference, [&](double dv, const double*) { volume += dv; });
-  return volume;
-}
-
 SmallestJacobian smallest_jacobian(ElementType type, const double* reference) {
   static constexpr QuadraturePoint kTet[] = {{{0, 0, 0}, 0}, {{1, 0, 0}, 0}, {{0, 1, 0}, 0}, {{0, 0, 1}, 0}};
   static constexpr QuadraturePoint kHex[] = {{{-1, -1, -1}, 0}, {{1, -1, -1}, 0}, {{1, 1, -1}, 0}, {{-1, 1, -1}, 0},

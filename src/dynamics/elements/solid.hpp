@@ -16,18 +16,10 @@ namespace espalier::dynamics {
 [[nodiscard]] bool evaluate_solid(ElementType type, Rule rule, const Material& material, const ElementInput& in,
                                   ElementOutput& out);
 
-// Masses and volumes are integrated with Rule::mass, or with Rule::stiffness where the element is folded at a point of
-// the former: a negative volume there could make the mass matrix indefinite, positive weights cannot.
-
-/// Consistent mass of one solid, nodes x nodes: integral of density * N_a * N_b.
+/// Consistent mass of one solid, nodes x nodes: integral of density * N_a * N_b, with Rule::mass, or with
+/// Rule::stiffness where the element is folded at a point of the former: a negative volume there could make the matrix
+/// indefinite, positive weights cannot.
 void solid_mass(ElementType type, double density, const double* reference, double* m);
-
-/// Lumped mass, one number per node: the diagonal of the consistent mass scaled to the element's mass (Hinton, Rock,
-/// Zienkiewicz 1976). Equals the row sums for tet4 and for parallelepiped hex8.
-void solid_lumped_mass(ElementType type, double density, const double* reference, double* m);
-
-/// Volume in the reference state.
-double solid_volume(ElementType type, const double* reference);
 
 /// Smallest Jacobian determinants of an element in the reference state.
 struct SmallestJacobian {

@@ -45,22 +45,24 @@ void BdfIntegrator::start(const State& state) {
   steps_at_order_ = 0;
   factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
-  h_ = options_.fixed_step > 0 ? options_.fixed_step : first_step();
-  projected_left_ = noisy_left_ = jump_left_ = 0;
-  largest_reaction_ = 0;
+  // Long enough for a past point; what is too short to go on with is said by step().
+  const double found = std::max({first_step(), 1e-14 * std::abs(state.t), 1e-290});
+  h_ = options_.fixed_step > 0 ? options_.fixed_step : options_.initial_step > 0 ? options_.initial_step : found;
+  const double past = std::max(options_.fixed_step > 0 ? h_ : std::min(h_, found), 1e-14 * std::abs(state.t));
+  projected_left_ = noisy_left_ = 0;
   first_.reset();
   first_left_ = options_.fixed_step > 0 && options_.fixed_order > 2 ? options_.fixed_order - 1 : 0;
   // The formula of order 1 wants one past point more for its predictor; a point on the parabola through the state at
   // t - h serves: it differs from the true past by O(h^3) in q and O(h^2) in v.
   const std::size_t n = state.v.size();
   for (std::size_t i = 0; i < n; ++i) {
-    dq_[i] = h_ * (-state.v[i] + 0.5 * h_ * state.a[i]);
-    dv_[i] = state.v[i] - h_ * state.a[i];
+    dq_[i] = past * (-state.v[i] + 0.5 * past * state.a[i]);
+    dv_[i] = state.v[i] - past * state.a[i];
   }
   std::vector<double> q_past(state.q.size());
   equations_.system().retract(state.q, dq_, q_past);
   equations_.system().accept(state.view());
-  history_.push(state.t - h_, q_past, dv_, state.lambda);
+  history_.push(state.t - past, q_past, dv_, state.lambda);
   history_.push(state.t, state.q, state.v, state.lambda);
 }
 
@@ -75,7 +77,6 @@ void BdfIntegrator::start(const std::vector<State>& past) {
 }
 
 double BdfIntegrator::first_step() const {
-  if (options_.initial_step > 0) return options_.initial_step;
   // Order 1: the local error h^2 |q''| / 2 shall be a hundredth of the tolerance. v'' is unknown at the start; |a| over
   // a millisecond stands in for it. The error test repairs a guess that was too large.
   double acceleration_q = 0, acceleration_v = 0;
@@ -139,6 +140,22 @@ double BdfIntegrator::clip(double h, double t_limit) const {
   return left < 2 * h ? left / 2 : h;
 }
 
+/// attempt(), where a predicted state that is none (an element inside out, forces that are no numbers) is a failure
+/// too, unless the step is constant or shorter than any that could be to blame.
+bool BdfIntegrator::attempt_anywhere(double h, bool retry, StepReport& report) {
+  constexpr double kBlameless = 1e-9;  // of the first step that was tried from here
+  longest_try_ = std::max(longest_try_, h);
+  try {
+    return attempt(h, retry, report);
+  } catch (const Error& error) {
+    if (options_.fixed_step > 0 || error.status().code != StatusCode::singular || h < kBlameless * longest_try_) throw;
+    ++report.newton_failures;
+    factor_hp_ = 0;
+    factor_fresh_ = true;  // there is none that a new one could be better than
+    return false;
+  }
+}
+
 bool BdfIntegrator::attempt(double h, bool retry, StepReport& report) {
   set_formula(h, order_);
   predict();
@@ -166,11 +183,12 @@ StepReport BdfIntegrator::step(double t_limit) {
   error_weights();
   if (options_.fixed_order > 0) order_ = std::min({options_.fixed_order, order_ + 1, std::max(1, history_.size() - 1)});
   bool retry = false;
+  longest_try_ = 0;
   for (;;) {
     const double h = clip(h_, t_limit);
     check_step(h, t_limit);
-    if (first_left_ > 0 && first_points(h, report)) break;
-    if (!attempt(h, retry, report)) {
+    if (fixed && first_left_ > 0 && first_points(h, report)) break;
+    if (!attempt_anywhere(h, retry, report)) {
       if (fixed && factor_fresh_) {
         throw Error(StatusCode::accuracy_not_reached,
                     "Newton did not converge at t = " + std::to_string(formula_.t) + " with the fixed step");
@@ -210,7 +228,7 @@ bool BdfIntegrator::first_points(double h, StepReport& report) {
   constexpr int kMostSteps = 300;
   if (!first_) {
     BdfOptions tight = options_;
-    tight.fixed_step = tight.reactions = 0;
+    tight.fixed_step = 0;
     tight.fixed_order = 0;
     tight.max_order = kMaxBdfOrder;
     tight.relative = kTighter * options_.relative;
@@ -242,8 +260,6 @@ bool BdfIntegrator::first_points(double h, StepReport& report) {
 }
 
 void BdfIntegrator::reject(double error, int failures) {
-  constexpr int kJump = 4;  // rejections after which the reactions are taken to jump
-  if (failures >= kJump) jump_left_ = History::kDepth;
   if (failures >= 3) order_ = 1;
   h_ *= failures == 1 ? std::clamp(0.9 * std::pow(2 * error, -1.0 / (order_ + 1)), 0.2, 0.9) : 0.25;
   steps_at_order_ = 0;
@@ -267,7 +283,6 @@ void BdfIntegrator::accept(StepReport& report) {
   std::swap(state_, trial_);
   history_.push(state_.t, state_.q, state_.v, state_.lambda);
   equations_.system().accept(state_.view());
-  remember_reactions();
   count(report);
   report.index = counts_.steps;
 }

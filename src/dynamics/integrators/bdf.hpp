@@ -27,9 +27,7 @@ struct BdfOptions {
   double absolute = 1e-8;        ///< absolute tolerance of q
   double absolute_velocity = 0;  ///< absolute tolerance of v; 0: the one of q
   bool test_velocity = true;     ///< v takes part in the error test
-  /// Tolerance of the multipliers, relative to the largest so far in the scale of K; 0: they take no part in the test.
-  double reactions = 0;
-  double initial_step = 0;  ///< 0: from the accelerations
+  double initial_step = 0;       ///< 0: from the accelerations
   double max_step = std::numeric_limits<double>::infinity();
   double min_step = 0;  ///< 0: 1e-14 of the time scale
   /// > 0: constant step, no error test. With fixed_order > 2 the first points come from steps of variable length and
@@ -118,11 +116,9 @@ class BdfIntegrator final : public Integrator {
   [[nodiscard]] bool constraints_hold(StepReport& report);
   [[nodiscard]] bool finish_levels(StepReport& report);
   [[nodiscard]] double error_estimate(int order);
-  [[nodiscard]] double scaled_reaction(std::size_t i, double value) const;
-  [[nodiscard]] double reaction_error(std::span<const double> weights) const;
-  void remember_reactions();
   [[nodiscard]] bool first_points(double h, StepReport& report);
   [[nodiscard]] bool attempt(double h, bool retry, StepReport& report);
+  [[nodiscard]] bool attempt_anywhere(double h, bool retry, StepReport& report);
   void check_step(double h, double t_limit) const;
   void accept(StepReport& report);
   void choose_step(double error);
@@ -143,11 +139,10 @@ class BdfIntegrator final : public Integrator {
   Formula formula_;
   int order_ = 1;
   double h_ = 0;
+  double longest_try_ = 0;  // of the present step
   int steps_at_order_ = 0;
-  int projected_left_ = 0;       // steps that begin with the projected iteration
-  double largest_reaction_ = 0;  // so far, scaled
-  int jump_left_ = 0;            // steps whose reactions are not tested: they jump, and no step is short enough
-  int first_left_ = 0;           // steps of first_points()
+  int projected_left_ = 0;                // steps that begin with the projected iteration
+  int first_left_ = 0;                    // steps of first_points()
   std::shared_ptr<BdfIntegrator> first_;  // that takes them
   int noisy_left_ = 0;                    // steps until the points next to a singular position have left the history
   bool formula_is_projected_ = false;     // the trial state comes from the projected iteration

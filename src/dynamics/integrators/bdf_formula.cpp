@@ -92,33 +92,8 @@ double BdfIntegrator::error_estimate(int order) {
     }
   }
   if (noisy_left_ > 0 || formula_is_projected_) remove_weak_parts();
-  const double error = std::max(norm(dq_, weight_q_), reaction_error({w.data(), static_cast<std::size_t>(points)}));
+  const double error = norm(dq_, weight_q_);
   return factor * (options_.test_velocity ? std::max(error, norm(dv_, weight_v_)) : error);
-}
-
-double BdfIntegrator::scaled_reaction(std::size_t i, double value) const {
-  return equations_.dropped()[i] ? 0.0 : std::abs(value) / equations_.kkt().scale()[theta_.size() + i];
-}
-
-// What the polynomial through the last points does not foresee of the multipliers, in units of their tolerance. They
-// are functions of q, v and t on the constraints, and no more: but of stiff bodies they show errors that are small in
-// q. (Engine: 10 micrometres of a rod of 0.15 m are 1,000 N.)
-double BdfIntegrator::reaction_error(std::span<const double> weights) const {
-  if (options_.reactions <= 0 || jump_left_ > 0 || largest_reaction_ == 0) return 0;
-  double largest = 0;
-  for (std::size_t i = 0; i < trial_.lambda.size(); ++i) {
-    double missing = trial_.lambda[i];
-    for (std::size_t j = 0; j < weights.size(); ++j) missing -= weights[j] * history_.lambda(static_cast<int>(j))[i];
-    largest = std::max(largest, scaled_reaction(i, missing));
-  }
-  return largest / (options_.reactions * largest_reaction_);
-}
-
-void BdfIntegrator::remember_reactions() {
-  if (options_.reactions <= 0) return;
-  jump_left_ = std::max(jump_left_ - 1, 0);
-  for (std::size_t i = 0; i < state_.lambda.size(); ++i)
-    largest_reaction_ = std::max(largest_reaction_, scaled_reaction(i, state_.lambda[i]));
 }
 
 void BdfIntegrator::choose_step(double error) {

@@ -84,7 +84,7 @@ void BdfIntegrator::save(std::vector<double>& out) {
   save_counts(out);
   put_state(out, state_);
   out.push_back(h_);
-  for (const int n : {order_, steps_at_order_, projected_left_, noisy_left_, history_.size()})
+  for (const int n : {order_, steps_at_order_, projected_left_, noisy_left_, first_left_, history_.size()})
     out.push_back(static_cast<double>(n));
   for (int j = history_.size() - 1; j >= 0; --j) {
     out.push_back(history_.time(j));
@@ -92,12 +92,9 @@ void BdfIntegrator::save(std::vector<double>& out) {
     put(out, history_.v(j));
     put(out, history_.lambda(j));
   }
-  out.push_back(largest_reaction_);
-  out.push_back(static_cast<double>(jump_left_));
   factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
-  first_.reset();
-  first_left_ = 0;
+  first_.reset();  // begins anew at the present state, with steps as short as they were at the start
 }
 
 void BdfIntegrator::restore(ConstSpan& in) {
@@ -106,9 +103,10 @@ void BdfIntegrator::restore(ConstSpan& in) {
   trial_ = state_;
   h_ = take(in);
   int points = 0;
-  for (int* n : {&order_, &steps_at_order_, &projected_left_, &noisy_left_, &points})
+  for (int* n : {&order_, &steps_at_order_, &projected_left_, &noisy_left_, &first_left_, &points})
     *n = static_cast<int>(take_count(in, 2e9));
-  if (!(h_ > 0) || order_ < 1 || order_ > kMaxBdfOrder || points < 1 || points > History::kDepth)
+  if (!(h_ > 0) || order_ < 1 || order_ > kMaxBdfOrder || first_left_ >= kMaxBdfOrder || points < 1 ||
+      points > History::kDepth)
     throw Error(StatusCode::invalid_input, "the restart file is damaged");
   history_.clear();
   State past = state_;
@@ -120,10 +118,7 @@ void BdfIntegrator::restore(ConstSpan& in) {
     for (auto* x : {&past.q, &past.v, &past.lambda}) take(in, *x);
     history_.push(past.t, past.q, past.v, past.lambda);
   }
-  largest_reaction_ = take(in);
-  jump_left_ = static_cast<int>(take_count(in, 2e9));
   first_.reset();
-  first_left_ = 0;
   factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
 }

@@ -18,6 +18,7 @@ enum class StaticOutcome {
   singular,     ///< K
   no_progress,  ///< no part of Newton's step gets nearer
   too_many,     ///< iterations
+  other_branch  ///< it converged, but not to a point of this path
 };
 
 struct StaticNewtonResult {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace espalier::dynamics {
 
@@ -79,6 +80,7 @@ std::optional<StaticFollower::Knot> StaticFollower::attempt(double step) {
   next.x = predicted(length);
   if (!arc_) next.x.share = at_.x.share + step > 1 - 1e-9 ? 1.0 : at_.x.share + step;
   next.length = length;
+  const StaticPoint foreseen = next.x;
   const StaticPlane plane{at_.tangent, scale_};
   next.newton = correct(problem_, next.x, arc_ ? &plane : nullptr, options_.tolerance, options_.max_iterations);
   factorizations_ += next.newton.factorizations;
@@ -88,6 +90,7 @@ std::optional<StaticFollower::Knot> StaticFollower::attempt(double step) {
     where_ = problem_.worst(next.x);
     return std::nullopt;
   }
+  next.correction = problem_.norm(problem_.between(foreseen, next.x)) / scale_;
   if (!find_tangent(next, &at_.tangent) || !acceptable(next, length)) return std::nullopt;
   return next;
 }
@@ -97,7 +100,7 @@ bool StaticFollower::acceptable(const Knot& knot, double length) const {
   const double farthest = arc_ ? 0.3 : 0.7;
   const double first = arc_ ? knot.newton.first : knot.newton.first / scale_;
   if (!arc_ && !(knot.tangent.share > 0)) return false;
-  return first <= farthest * length && dot(knot.tangent, at_.tangent) > kSharpest;
+  return std::max(first, knot.correction) <= farthest * length && dot(knot.tangent, at_.tangent) > kSharpest;
 }
 
 void StaticFollower::take(const StaticPoint& x, StaticsStep step) {
@@ -110,6 +113,7 @@ void StaticFollower::take(const StaticPoint& x, StaticsStep step) {
 }
 
 void StaticFollower::accept(Knot knot) {
+  problem_.settle(knot.x);
   StaticsStep step;
   step.load = problem_.load(knot.x);
   step.change = step.load - problem_.load(at_.x);
@@ -132,6 +136,10 @@ bool StaticFollower::follow() {
     const double step = arc_ ? step_ : std::min(step_, 1 - at_.x.share);
     std::optional<Knot> next = attempt(step);
     if (next && arc_ && next->x.share >= 1) next = land();
+    if (next && !note_critical(*next, arc_ ? next->length : step)) {
+      if (turn_back(step)) continue;
+      next.reset();
+    }
     if (!next) {
       ++failures_;
       step_ = 0.4 * step;
@@ -140,7 +148,6 @@ bool StaticFollower::follow() {
       if (step_ < options_.smallest_step) return false;
       continue;
     }
-    note_critical(*next, arc_ ? next->length : step);
     lengthen(*next);
     accept(std::move(*next));
   }
@@ -150,14 +157,34 @@ bool StaticFollower::follow() {
 void StaticFollower::lengthen(const Knot& knot) {
   const int k = knot.newton.factorizations;
   step_ *= k <= 3 ? 2.0 : k <= 6 ? 1.4 : k <= 9 ? 1.0 : 0.6;
-  step_ = std::min(step_, options_.largest_step);
+  step_ = std::min(step_, longest());
+}
+
+/// Arcs may be longer than load steps where the load hardly changes, as long as they are short beside the system.
+double StaticFollower::longest() const {
+  constexpr double kPartOfSystem = 0.4;
+  const double largest = options_.largest_step;
+  if (!arc_) return largest;
+  return std::max(largest, std::min(largest / std::max(std::abs(at_.tangent.share), 1e-300),
+                                    kPartOfSystem * largest * problem_.size() / scale_));
+}
+
+/// After a step that ended on another branch: takes the last point of the own one, and from there shorter steps, by arc
+/// length. @return false if there is no such point
+bool StaticFollower::turn_back(double step) {
+  failure_ = StaticOutcome::other_branch;
+  if (!edge_) return false;
+  step_ = 0.4 * step;
+  accept(*std::exchange(edge_, std::nullopt));
+  if (!arc_ && options_.path == StaticPath::automatic) start_arc();
+  return true;
 }
 
 /// From now on by arc length. The first arc is as long as the first load step that failed.
 void StaticFollower::start_arc() {
   rescale();
   arc_ = true;
-  step_ = std::min(options_.largest_step, step_ * 8 / at_.tangent.share);
+  step_ = std::min(longest(), step_ * 8 / at_.tangent.share);
 }
 
 /// The point at the whole load, where the last arc went past it.
@@ -177,11 +204,21 @@ std::optional<StaticFollower::Knot> StaticFollower::land() {
   return std::nullopt;
 }
 
-void StaticFollower::note_critical(const Knot& next, double step) {
+/// Looks for limit points and bifurcations on the way to `next`. @pre the last factor is that of `next`
+/// @return false if `next` lies on another branch
+bool StaticFollower::note_critical(Knot& next, double step) {
   const bool turns = next.tangent.share * at_.tangent.share < 0;
-  if (!turns && next.sign * at_.sign >= 0) return;
-  const double share = turns ? locate_limit(next, step) : locate_bifurcation(next, step);
-  critical_.push_back({share * options_.load, turns});
+  if (!turns && next.sign * at_.sign >= 0) return true;
+  if (turns) {
+    critical_.push_back({locate_limit(next, step) * options_.load, true});
+  } else if (problem_.indifferent()) {
+    next.sign = 0;  // nobody knows it
+  } else if (const auto share = locate_bifurcation(next, step)) {
+    critical_.push_back({*share * options_.load, false});
+  } else {
+    return false;
+  }
+  return true;
 }
 
 /// Where the tangent has no part of the load: regula falsi (Illinois) on the length of the arc.
@@ -212,18 +249,37 @@ double StaticFollower::locate_limit(const Knot& next, double step) {
   return best;
 }
 
-/// Where the determinant changes its sign: by halving.
-double StaticFollower::locate_bifurcation(const Knot& next, double step) {
+/// Where the determinant changes its sign: by halving. Points on both sides of a bifurcation come together; where they
+/// do not, the step has jumped to another branch. @return none then; edge_ is the last point of this branch, if any
+std::optional<double> StaticFollower::locate_bifurcation(const Knot& next, double step) {
   constexpr double kNarrow = 1e-7;
+  constexpr int kLook = 6;    // halvings after which the two sides are compared,
+  constexpr double kFar = 8;  // and how far apart they may be, in lengths of the interval that is left
   double left = 0, right = step, share = 0.5 * (at_.x.share + next.x.share);
-  while (right - left > kNarrow * step) {
+  edge_.reset();
+  Knot beyond = next;
+  const double length = arc_ ? 1 : 1 / std::abs(at_.tangent.share);
+  for (int k = 1; right - left > kNarrow * step; ++k) {
     const double middle = 0.5 * (left + right);
-    const auto found = attempt(middle);
+    auto found = attempt(middle);
+    if (!found && k <= kLook) return std::nullopt;  // a path that goes straight on has no such place
     if (!found) break;
     share = found->x.share;
-    (found->sign == at_.sign ? left : right) = middle;
+    if (found->sign == at_.sign) {
+      left = middle;
+      edge_ = std::move(found);
+    } else {
+      right = middle;
+      beyond = std::move(*found);
+    }
+    if (k == kLook && distance(edge_ ? *edge_ : at_, beyond) > kFar * (right - left) * length) return std::nullopt;
   }
   return share;
+}
+
+double StaticFollower::distance(const Knot& a, const Knot& b) const {
+  StaticIncrement d = problem_.between(a.x, b.x);
+  return std::sqrt(dot(d, d));
 }
 
 }  // namespace espalier::dynamics

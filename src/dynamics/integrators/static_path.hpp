@@ -42,6 +42,7 @@ class StaticFollower {
     StaticPoint x;
     StaticIncrement tangent;  // of length one in the metric
     double length = 0;        // of the step that led here
+    double correction = 0;    // how far Newton went from what the step foresaw, in the metric
     int sign = 0;             // of the determinant of K
     StaticNewtonResult newton;
   };
@@ -55,16 +56,20 @@ class StaticFollower {
   [[nodiscard]] bool acceptable(const Knot& knot, double length) const;
   void accept(Knot knot);
   void lengthen(const Knot& knot);
+  [[nodiscard]] double longest() const;
+  [[nodiscard]] bool turn_back(double step);
+  [[nodiscard]] double distance(const Knot& a, const Knot& b) const;
   void rescale();
   void start_arc();
-  void note_critical(const Knot& next, double step);
+  [[nodiscard]] bool note_critical(Knot& next, double step);
   [[nodiscard]] double locate_limit(const Knot& next, double step);
-  [[nodiscard]] double locate_bifurcation(const Knot& next, double step);
+  [[nodiscard]] std::optional<double> locate_bifurcation(const Knot& next, double step);
 
   StaticProblem& problem_;
   const StaticsOptions& options_;
   const StaticsObserver& observer_;
   Knot at_;
+  std::optional<Knot> edge_;               // the last point before a jump to another branch
   std::optional<StaticIncrement> before_;  // tangent at the last but one point, for the predictor
   double scale_ = 1;                       // of the metric
   double step_ = 0;

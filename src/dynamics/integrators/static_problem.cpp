@@ -71,6 +71,12 @@ StaticPoint StaticProblem::moved(const StaticPoint& x, const StaticIncrement& d,
   return y;
 }
 
+StaticIncrement StaticProblem::between(const StaticPoint& a, const StaticPoint& b) const {
+  StaticIncrement d{std::vector<double>(n_ + m_, 0.0), b.share - a.share};
+  equations_.system().local(a.state.q, b.state.q, Span(d.x).first(n_));
+  return d;
+}
+
 bool StaticProblem::factorize(const StaticPoint& x, double stiffening) {
   try {
     equations_.factorize(x.state.view(), {stiffening, 0, 1});
@@ -80,6 +86,31 @@ bool StaticProblem::factorize(const StaticPoint& x, double stiffening) {
     return false;
   }
   return true;
+}
+
+// z = K^-1 M z_old turns to the softest motion; its stiffness z^T W z = z^T M z_old counts beside the sum of its terms.
+bool StaticProblem::indifferent() {
+  constexpr double kRoundingOfStiffness = 1000 * std::numeric_limits<double>::epsilon();
+  constexpr int kIterations = 4;
+  StaticIncrement z{std::vector<double>(n_ + m_, 0.0), 0};
+  for (std::size_t i = 0; i < n_; ++i) z.x[i] = 1 + 0.5 * std::sin(static_cast<double>(i * i % 1009));
+  std::vector<double> old;
+  for (int k = 0; k < kIterations; ++k) {
+    const double length = norm(z);
+    if (!std::isfinite(length) || length == 0) return false;
+    for (std::size_t i = 0; i < n_; ++i) z.x[i] *= mass_[i] / length;
+    std::fill(z.x.begin() + static_cast<std::ptrdiff_t>(n_), z.x.end(), 0.0);
+    old = z.x;
+    equations_.solve(z.x);
+  }
+  double stiffness = 0, terms = 0;
+  for (std::size_t i = 0; i < n_; ++i) stiffness += z.x[i] * old[i];
+  const SparsePattern& p = equations_.kkt().w_pattern();
+  const ConstSpan values = equations_.kkt().w_values();
+  for (std::size_t c = 0; c < n_; ++c)
+    for (auto k = static_cast<std::size_t>(p.ptr[c]); k < static_cast<std::size_t>(p.ptr[c + 1]); ++k)
+      terms += std::abs(values[k] * z.x[c] * z.x[static_cast<std::size_t>(p.ind[k])]);
+  return std::abs(stiffness) <= kRoundingOfStiffness * terms;
 }
 
 StaticIncrement StaticProblem::correction(const StaticPoint& x) {
@@ -105,7 +136,6 @@ std::vector<double> StaticProblem::load_rate(const StaticPoint& x) {
 
 StaticIncrement StaticProblem::rate(const StaticPoint& x) {
   StaticIncrement d{load_rate(x), 1};
-  reference_ = std::max({reference_, force_norm(d.x), reactions(x)});
   for (double& value : d.x) value = -value;
   for (const double gap : phi0_) d.x.push_back(-gap);
   equations_.solve(d.x);
@@ -135,8 +165,17 @@ double StaticProblem::norm(const StaticIncrement& d) const { return std::sqrt(do
 
 double StaticProblem::residual(const StaticPoint& x) const { return force_norm(x.motion); }
 
+void StaticProblem::settle(StaticPoint& x) {
+  if (!evaluate(x)) return;
+  reference_ = std::max({reference_, force_norm(load_rate(x)), reactions(x)});
+}
+
+// Of a point that is far off, the reactions are no measure: they may exceed all that was met so far by ten times.
 bool StaticProblem::balanced(const StaticPoint& x, double tolerance) const {
-  return residual(x) <= tolerance * std::max(reference_, reactions(x)) && max_norm(x.phi) <= tolerance * extent_;
+  constexpr double kGrowth = 10;
+  const double reached = reactions(x);
+  const double forces = reference_ > 0 ? std::max(reference_, std::min(reached, kGrowth * reference_)) : reached;
+  return residual(x) <= tolerance * forces && max_norm(x.phi) <= tolerance * extent_;
 }
 
 StaticProblem::Rounding StaticProblem::rounding(const State& state) const {
@@ -179,7 +218,8 @@ bool StaticProblem::forget_rounding() {
   };
   forget(f0_, bounds.motion);
   forget(phi0_, bounds.phi);
-  if (forgotten) reference_ = 0;  // it came from the noise, if there was nothing else
+  StaticPoint x = start();
+  if (forgotten) reference_ = evaluate(x) ? std::max(force_norm(f0_), force_norm(load_rate(x))) : 0;
   return forgotten;
 }
 

@@ -41,16 +41,24 @@ class StaticProblem {
   [[nodiscard]] bool evaluate(StaticPoint& x);
   /// x (+) factor * d
   [[nodiscard]] StaticPoint moved(const StaticPoint& x, const StaticIncrement& d, double factor) const;
+  /// Its inverse, without multipliers: what leads from a to b.
+  [[nodiscard]] StaticIncrement between(const StaticPoint& a, const StaticPoint& b) const;
 
   /// K with W = F_q + stiffening * F_a at a point. @pre evaluate(x) was the last evaluation
   /// @return false if it is singular; why() says where
   [[nodiscard]] bool factorize(const StaticPoint& x, double stiffening = 0);
   [[nodiscard]] const Status& why() const { return why_; }
   [[nodiscard]] int determinant_sign() const { return equations_.kkt().determinant_sign(); }
+  /// Whether some motion meets no resistance but rounding (a body turns freely): then the determinant and its sign are
+  /// rounding, too. By inverse iteration with the last factor.
+  [[nodiscard]] bool indifferent();
   /// -K^-1 [motion; phi], with the last factor.
   [[nodiscard]] StaticIncrement correction(const StaticPoint& x);
   /// The path's direction for a change of the share by one: -K^-1 d[motion; phi]/dshare. @pre factorize(x)
   [[nodiscard]] StaticIncrement rate(const StaticPoint& x);
+
+  /// The path has come to this point: its loads and reactions count from now on.
+  void settle(StaticPoint& x);
 
   [[nodiscard]] double norm(const StaticIncrement& d) const;     ///< of the configuration's part
   [[nodiscard]] double residual(const StaticPoint& x) const;     ///< |motion|

@@ -21,6 +21,8 @@ const char* text_of(StaticOutcome outcome) {
       return "no part of Newton's step brought it nearer";
     case StaticOutcome::too_many:
       return "Newton needed too many iterations";
+    case StaticOutcome::other_branch:
+      return "Newton jumped to another branch";
     case StaticOutcome::converged:
       break;
   }
@@ -47,6 +49,8 @@ class Statics {
       return relaxed(x, "nothing holds the unloaded system; ");
     }
     const bool arrived = path_.follow();
+    const bool stuck = !arrived && !path_.stopped() && path_.steps() == 0 && path_.critical().empty();
+    if (stuck && options_.path == StaticPath::automatic) return relaxed(x, "no step of the path was possible; ");
     state_ = path_.point().state;
     if (!arrived && !path_.stopped()) fail_path();
     return result(path_.point());

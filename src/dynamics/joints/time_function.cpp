@@ -1,7 +1,6 @@
 #include "dynamics/joints/time_function.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 
 namespace espalier::dynamics {
@@ -16,14 +15,6 @@ TimeFunction TimeFunction::linear(double c, double s) {
   TimeFunction f;
   f.value = [c, s](double t) { return c + s * t; };
   f.rate = [s](double) { return s; };
-  return f;
-}
-
-TimeFunction TimeFunction::harmonic(double c, double a, double w, double p) {
-  TimeFunction f;
-  f.value = [=](double t) { return c + a * std::sin(w * t + p); };
-  f.rate = [=](double t) { return a * w * std::cos(w * t + p); };
-  f.acceleration = [=](double t) { return -a * w * w * std::sin(w * t + p); };
   return f;
 }
 

@@ -15,8 +15,6 @@ struct TimeFunction {
   [[nodiscard]] static TimeFunction constant(double c);
   /// c + s t
   [[nodiscard]] static TimeFunction linear(double c, double s);
-  /// c + a sin(w t + p)
-  [[nodiscard]] static TimeFunction harmonic(double c, double a, double w, double p);
   /// From `from` at t0 to `to` at t1 by the quintic with zero rates and accelerations at both ends; constant outside.
   [[nodiscard]] static TimeFunction smooth_step(double t0, double from, double t1, double to);
 };

@@ -114,6 +114,31 @@ std::vector<MeshFace> Mesh::boundary_faces() const {
   return result;
 }
 
+std::vector<Index> Mesh::pieces(std::span<const Index> elements) const {
+  std::vector<Index> lower(nodes.size(), -1);  // of a node: one of the same piece, or itself; -1: not met yet
+  const auto lowest = [&](Index n) {
+    while (lower[static_cast<std::size_t>(n)] != n) {
+      Index& next = lower[static_cast<std::size_t>(n)];
+      next = lower[static_cast<std::size_t>(next)];
+      n = next;
+    }
+    return n;
+  };
+  const auto join = [&](Index e) {
+    for (const Index n : element(e)) {
+      if (lower[static_cast<std::size_t>(n)] < 0) lower[static_cast<std::size_t>(n)] = n;
+      const Index a = lowest(n), b = lowest(element(e).front());
+      lower[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+    }
+  };
+  for (const Index e : elements) join(e);
+  for (Index e = 0; elements.empty() && e < element_count(); ++e) join(e);
+  std::vector<Index> found;
+  for (Index n = 0; n < static_cast<Index>(nodes.size()); ++n)
+    if (lower[static_cast<std::size_t>(n)] == n) found.push_back(n);
+  return found;
+}
+
 Index Mesh::drop_unused_nodes() {
   std::vector<Index> renumbered(nodes.size(), -1);
   for (const Index n : connectivity_) renumbered[static_cast<std::size_t>(n)] = 0;

@@ -68,6 +68,10 @@ class Mesh {
   /// All faces of solids that belong to one element only, in order of element and face.
   [[nodiscard]] std::vector<MeshFace> boundary_faces() const;
 
+  /// The lowest node of each piece that shares no node with the others, rising. @param elements  those that count;
+  /// empty: all
+  [[nodiscard]] std::vector<Index> pieces(std::span<const Index> elements) const;
+
   /// Drops nodes that no element uses and renumbers (sets and labels follow). Reference nodes of couplings and the
   /// like would otherwise be masses without stiffness. @return the number of nodes dropped
   Index drop_unused_nodes();

@@ -25,6 +25,13 @@ struct NamedSide {
   std::string name;
 };
 
+/// A part of an axis, with its number of elements.
+struct Stretch {
+  double begin, end;
+  int elements;
+  [[nodiscard]] double at(double share) const { return begin + share * (end - begin); }
+};
+
 class BlockBuilder {
  public:
   /// @param type hex8 or hex20 (mid-side nodes lie on the map, so curved boundaries are curved)

@@ -81,13 +81,13 @@ PlaneBlock shank_block(const Eye& from, const Eye& to, int along, const EyeDivis
           along, n.arc[0]};
 }
 
-void extrude(BlockBuilder& builder, const PlaneBlock& block, double z0, double z1, int nz, const std::string& set,
+void extrude(BlockBuilder& builder, const PlaneBlock& block, const Stretch& z, const std::string& set,
              const std::vector<NamedSide>& sides) {
   builder.add(
-      {block.nu, block.nv, nz},
+      {block.nu, block.nv, z.elements},
       [&](double u, double v, double w) {
         const Plane p = block.map(u, v);
-        return Point{p[0], p[1], z0 + w * (z1 - z0)};
+        return Point{p[0], p[1], z.at(w)};
       },
       set, sides);
 }

@@ -41,8 +41,8 @@ PlaneBlock shank_block(const Eye& from, const Eye& to, int along, const EyeDivis
 /// Lengths of the four arcs at radius 1, for choosing EyeDivisions::arc.
 std::array<double, 4> arc_angles(const Eye& eye);
 
-/// Extrudes a plane block from z0 to z1.
-void extrude(BlockBuilder& builder, const PlaneBlock& block, double z0, double z1, int nz, const std::string& set,
+/// Extrudes a plane block along z.
+void extrude(BlockBuilder& builder, const PlaneBlock& block, const Stretch& z, const std::string& set,
              const std::vector<NamedSide>& sides);
 
 }  // namespace espalier::dynamics

@@ -50,18 +50,17 @@ Mesh rod(const RodShape& s, const RodNames& names, const MeshSize& size) {
   return mesh_to_size(size, s.thickness / 2, [&](double h) {
     BlockBuilder builder(names.part, size.type, 1e-6 * std::min({h, s.thickness, s.big_outer - s.big_inner}));
     const EyeDivisions n = eye_divisions(big, small, h);
-    const int nz = divisions(s.thickness, h);
-    const double z0 = -0.5 * s.thickness, z1 = 0.5 * s.thickness;
+    const Stretch z{-0.5 * s.thickness, 0.5 * s.thickness, divisions(s.thickness, h)};
     const std::vector<NamedSide> flat = {{BlockSide::w0, "back"}, {BlockSide::w1, "front"}};
     const auto with_bore = [&](const char* bore) {
       std::vector<NamedSide> sides = flat;
       sides.push_back({BlockSide::u0, bore});
       return sides;
     };
-    for (const PlaneBlock& b : ring_blocks(big, n)) extrude(builder, b, z0, z1, nz, "all", with_bore(names.big));
-    for (const PlaneBlock& b : ring_blocks(small, n)) extrude(builder, b, z0, z1, nz, "all", with_bore(names.small));
+    for (const PlaneBlock& b : ring_blocks(big, n)) extrude(builder, b, z, "all", with_bore(names.big));
+    for (const PlaneBlock& b : ring_blocks(small, n)) extrude(builder, b, z, "all", with_bore(names.small));
     const int along = divisions(s.length - s.big_outer - s.small_outer, h);
-    extrude(builder, shank_block(big, small, along, n), z0, z1, nz, "all", flat);
+    extrude(builder, shank_block(big, small, along, n), z, "all", flat);
     return builder.finish();
   });
 }
@@ -76,8 +75,8 @@ struct Layer {
 };
 
 void add_layer(BlockBuilder& builder, const Layer& layer, const Eye& journal, const Eye& pin, const EyeDivisions& n,
-               double z, double h) {
-  const int nz = divisions(layer.length, h);
+               double begin, double h) {
+  const Stretch z{begin, begin + layer.length, divisions(layer.length, h)};
   const auto add_disc = [&](const Eye& eye, const char* set, const char* surface) {
     const auto blocks = disc_blocks(eye, n);
     for (std::size_t k = 0; k < blocks.size(); ++k) {
@@ -85,7 +84,7 @@ void add_layer(BlockBuilder& builder, const Layer& layer, const Eye& journal, co
       if (surface != nullptr && k < 4) sides.push_back({BlockSide::u1, surface});
       if (layer.low != nullptr) sides.push_back({BlockSide::w0, layer.low});
       if (layer.high != nullptr) sides.push_back({BlockSide::w1, layer.high});
-      extrude(builder, blocks[k], z, z + layer.length, nz, set, sides);
+      extrude(builder, blocks[k], z, set, sides);
     }
   };
   const bool web = layer.journal && layer.pin;
@@ -93,9 +92,9 @@ void add_layer(BlockBuilder& builder, const Layer& layer, const Eye& journal, co
   if (layer.pin) add_disc(pin, web ? "webs" : "pin", layer.surface);
   if (!web) return;
   for (const Eye* eye : {&journal, &pin})
-    for (const PlaneBlock& b : ring_blocks(*eye, n)) extrude(builder, b, z, z + layer.length, nz, "webs", {});
+    for (const PlaneBlock& b : ring_blocks(*eye, n)) extrude(builder, b, z, "webs", {});
   const int along = divisions(pin.centre_x - journal.outer - pin.outer, h);
-  extrude(builder, shank_block(journal, pin, along, n), z, z + layer.length, nz, "webs", {});
+  extrude(builder, shank_block(journal, pin, along, n), z, "webs", {});
 }
 
 }  // namespace

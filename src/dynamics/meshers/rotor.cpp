@@ -55,10 +55,10 @@ class Rotor {
       if (k == 4) sides.insert(sides.end(), {{BlockSide::u1, "bearing_right"}, {BlockSide::w1, "end_right"}});
       const int nz = k == 2 ? n_disc : divisions(z[k + 1] - z[k], 1.5 * h_);
       for (const Piece& p : pieces_)
-        ring(p, s_.bore_radius, s_.shaft_radius, z[k] - middle, z[k + 1] - middle, nz, "shaft", sides);
+        ring(p, s_.bore_radius, s_.shaft_radius, {z[k] - middle, z[k + 1] - middle, nz}, "shaft", sides);
     }
     for (const Piece& p : pieces_) {
-      ring(p, s_.shaft_radius, s_.disc_radius, -half, half, n_disc, "disc", {});
+      ring(p, s_.shaft_radius, s_.disc_radius, {-half, half, n_disc}, "disc", {});
       if (p.blade) blade(p, n_disc);
     }
     return builder_.finish();
@@ -69,13 +69,13 @@ class Rotor {
     return std::min({s_.bore_radius, s_.shaft_radius - s_.bore_radius, s_.disc_thickness});
   }
 
-  void ring(const Piece& p, double r0, double r1, double z0, double z1, int nz, const char* set,
+  void ring(const Piece& p, double r0, double r1, const Stretch& z, const char* set,
             const std::vector<NamedSide>& sides) {
     builder_.add(
-        {divisions(r1 - r0, h_), p.n, nz},
+        {divisions(r1 - r0, h_), p.n, z.elements},
         [&](double u, double v, double w) {
           const double r = r0 + u * (r1 - r0), a = p.from + v * (p.to - p.from);
-          return Point{r * std::cos(a), r * std::sin(a), z0 + w * (z1 - z0)};
+          return Point{r * std::cos(a), r * std::sin(a), z.at(w)};
         },
         set, sides);
   }

@@ -132,8 +132,8 @@ class Builder {
     for (BuiltBody& body : out_.bodies) {
       if (body.spec.name != f.body) continue;
       if (!body.mesh) throw std::invalid_argument("pressure acts on solid bodies only");
-      const TimeFunction value = f.function->function(f.place.text());
-      body.flexible->add_pressure(*body.mesh, body.mesh->face_set(f.face), value.value);
+      out_.pressures.push_back(&out_.system.add(
+          std::make_unique<FacePressure>(f.name, *body.flexible, *body.mesh, body.mesh->face_set(f.face))));
       return;
     }
     frames_.unknown_body(f.body, f.place);
@@ -207,6 +207,12 @@ const BuiltBody* Mechanism::body(const std::string& name) const {
 Joint* Mechanism::joint(const std::string& name) const {
   for (Joint* j : joints)
     if (j->name() == name) return j;
+  return nullptr;
+}
+
+FacePressure* Mechanism::pressure(const std::string& name) const {
+  for (FacePressure* p : pressures)
+    if (p->name() == name) return p;
   return nullptr;
 }
 

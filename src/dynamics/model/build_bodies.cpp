@@ -86,6 +86,20 @@ std::vector<Index> solids_of(Mesh& mesh) {
   return solids;
 }
 
+std::string pieces_of(const Mesh& mesh, std::span<const Index> elements) {
+  constexpr std::size_t kShown = 5;
+  const std::vector<Index> first = mesh.pieces(elements);
+  if (first.size() < 2) return "";
+  std::string labels;
+  for (std::size_t k = 0; k < std::min(kShown, first.size()); ++k)
+    labels += fmt::format("{}{}", k > 0 ? ", " : "", mesh.node_label(first[k]));
+  return fmt::format(
+      "the mesh falls into {} pieces that share no node, with the nodes {}{}; where joints do not hold all of them, "
+      "they move "
+      "apart",
+      first.size(), labels, first.size() > kShown ? ", ..." : "");
+}
+
 /// The same mesh for bodies that are copies of each other (links of a chain) would be made many times; it is cheap
 /// beside one factorization.
 std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& solid, BuiltBody& out) {
@@ -98,6 +112,8 @@ std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& 
   auto body = make_solid_body(spec.name, *mesh, out.material, solid.options, elements);
   out.notices = mesh->notices;
   if (std::string folds = corner_folds(*mesh, elements); !folds.empty()) out.notices.push_back(std::move(folds));
+  out.pieces = pieces_of(*mesh, elements);
+  if (!out.pieces.empty()) out.notices.push_back(out.pieces);
   out.mesh = std::move(mesh);
   return body;
 }

@@ -64,15 +64,16 @@ class FunctionBuilder {
   }
 
   void need_force(const ForceSpec& spec) {
-    const auto it = std::find_if(out_.forces.begin(), out_.forces.end(),
-                                 [&](const BuiltForce& f) { return f.force->name() == spec.name; });
-    if (it == out_.forces.end() || std::find(done_.begin(), done_.end(), spec.name) != done_.end()) return;
+    if (std::find(done_.begin(), done_.end(), spec.name) != done_.end()) return;
     const Asking asking(way_, spec.name, spec.place);
     std::vector<StateFunctionPtr> inputs;
     for (const auto& component : spec.components)
       if (component) inputs.push_back(make(*component));
     if (spec.formula) inputs.push_back(make(*spec.formula));
-    it->force->set_inputs(std::move(inputs));
+    if (FacePressure* pressure = out_.pressure(spec.name))
+      pressure->set_pressure(std::move(inputs.front()));
+    else
+      out_.force(spec.name)->force->set_inputs(std::move(inputs));
     done_.push_back(spec.name);
   }
 
@@ -143,16 +144,19 @@ void build_controls(const Description& model, Mechanism& out) {
   controls->events.resize(model.events.size());
   for (const JointSpec& spec : model.joints) {
     if (!switched(spec.name, spec.active)) continue;
-    Switch s{spec.name, out.joint(spec.name), {}, spec.active};
+    Switch s{spec.name, out.joint(spec.name), {}, nullptr, spec.active};
     if (const auto it = out.contacts.find(spec.name); it != out.contacts.end())
       for (CoordinateForce* f :
            {it->second.stop, it->second.angle_stop, it->second.friction, it->second.angle_friction})
         if (f != nullptr) s.forces.push_back(f);
     controls->switches.push_back(std::move(s));
   }
-  for (const ForceSpec& spec : model.forces)
-    if (const BuiltForce* built = out.force(spec.name); built != nullptr && switched(spec.name, spec.active))
-      controls->switches.push_back({spec.name, nullptr, {built->force}, spec.active});
+  for (const ForceSpec& spec : model.forces) {
+    if (!switched(spec.name, spec.active)) continue;
+    Switch s{spec.name, nullptr, {}, out.pressure(spec.name), spec.active};
+    if (const BuiltForce* built = out.force(spec.name)) s.forces.push_back(built->force);
+    controls->switches.push_back(std::move(s));
+  }
   if (controls->inputs.empty() && controls->switches.empty() && controls->events.empty()) return;
   controls->apply();
   out.controls = &out.system.add(std::move(controls));

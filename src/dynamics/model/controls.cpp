@@ -17,8 +17,10 @@ bool Controls::set(const std::string& name, bool on) {
 }
 
 void Controls::apply() {
-  for (const Switch& s : switches)
+  for (const Switch& s : switches) {
     for (FrameForce* force : s.forces) force->set_active(s.on);
+    if (s.pressure != nullptr) s.pressure->set_active(s.on);
+  }
 }
 
 std::vector<char> Controls::absent_rows(std::size_t m) const {

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "dynamics/forces/face_pressure.hpp"
 #include "dynamics/forces/frame_force.hpp"
 
 namespace espalier::dynamics::model {
@@ -16,6 +17,7 @@ struct Switch {
   std::string name;
   Joint* joint = nullptr;
   std::vector<FrameForce*> forces;
+  FacePressure* pressure = nullptr;
   bool on = true;
 };
 

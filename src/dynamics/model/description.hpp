@@ -198,9 +198,8 @@ struct ForceSpec {
   std::vector<MarkerSpec> frames;  ///< two; one of a load
   // Springs; guide: stiffness and damping of the contact
   double stiffness = 0, damping = 0, rest = 0, preload = 0;
-  bool measured = false;               ///< rest is the initial value
-  std::optional<Expression> function;  ///< value of a pressure
-  std::optional<Formula> formula;      ///< actuator of springs, factor of loads, torque or force of motors
+  bool measured = false;           ///< rest is the initial value
+  std::optional<Formula> formula;  ///< actuator of springs, factor of loads, torque or force of motors, pressure
   std::array<std::optional<Formula>, 6> components;  ///< of force and moment of a load, instead of linear and angular
   // Bushing: stiffness and damping; load: force and moment
   Vec3 linear = Vec3::Zero(), linear_damping = Vec3::Zero(), angular = Vec3::Zero(), angular_damping = Vec3::Zero();

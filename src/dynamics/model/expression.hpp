@@ -46,7 +46,6 @@ class Expression {
   /// @param given one jet for each of quantities(). The derivatives are those along the one that time and quantities
   /// have.
   [[nodiscard]] Jet evaluate(const Jet& time, std::span<const Jet> given) const;
-  [[nodiscard]] bool depends_on_time() const { return depends_on_time_; }
   [[nodiscard]] const std::string& text() const { return text_; }
   [[nodiscard]] const std::vector<Unknown>& quantities() const { return quantities_; }
   /// Functions that may be splines; each has to be given by set_curve() before the expression is evaluated.
@@ -87,7 +86,6 @@ class Expression {
   std::vector<Code> code_;
   std::vector<Unknown> quantities_, curve_names_;
   std::vector<CurvePtr> curves_;
-  bool depends_on_time_ = false;
 };
 
 }  // namespace espalier::dynamics::model

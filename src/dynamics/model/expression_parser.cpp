@@ -1,8 +1,10 @@
 // From the text of an expression to postfix code, by recursive descent: a sum of products of powers.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cstdlib>
+#include <initializer_list>
 #include <numbers>
 #include <utility>
 
@@ -59,37 +61,28 @@ class ExpressionParser {
     ExpressionParser& parser_;
   };
 
-  void sum() {
-    const Level level(*this);
-    product();
+  struct Operator {
+    char sign;
+    Kind kind;
+  };
+  /// Operands with operators of one rank between them, from left to right.
+  template <class Operand>
+  void chain(Operand&& operand, std::initializer_list<Operator> operators) {
+    operand();
     for (;;) {
-      if (take('+')) {
-        product();
-        emit(Kind::add);
-      } else if (take('-')) {
-        product();
-        emit(Kind::subtract);
-      } else {
-        break;
-      }
+      const auto* next =
+          std::find_if(operators.begin(), operators.end(), [&](const Operator& o) { return take(o.sign); });
+      if (next == operators.end()) return;
+      operand();
+      emit(next->kind);
     }
   }
+  void sum() {
+    const Level level(*this);
+    chain([&] { product(); }, {{'+', Kind::add}, {'-', Kind::subtract}});
+  }
   void product() {
-    signed_factor();
-    for (;;) {
-      if (take('*')) {
-        signed_factor();
-        emit(Kind::multiply);
-      } else if (take('/')) {
-        signed_factor();
-        emit(Kind::divide);
-      } else if (take('%')) {
-        signed_factor();
-        emit(Kind::modulo);
-      } else {
-        return;
-      }
-    }
+    chain([&] { signed_factor(); }, {{'*', Kind::multiply}, {'/', Kind::divide}, {'%', Kind::modulo}});
   }
   void signed_factor() {
     const Level level(*this);
@@ -144,13 +137,12 @@ class ExpressionParser {
       if (of_state_) return quantity(start);
       stop(
           fmt::format("'{}.' begins a quantity of the state, and what stands here is a function of t alone; forces, "
-                      "moments, torques and sensors take quantities (a motor that follows the state is a "
+                      "moments, torques, pressures and sensors take quantities (a motor that follows the state is a "
                       "torque-motor or force-motor)",
                       excerpt(word)));
     }
     if (take('(')) return call(word, start);
     if (word == "t" && of_time_) {
-      out_.depends_on_time_ = true;
       return emit(Kind::time);
     }
     if (const auto it = scope_.find(word); it != scope_.end()) return emit(Kind::number, it->second);

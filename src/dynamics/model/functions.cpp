@@ -144,6 +144,8 @@ std::optional<Offer> functions_of(const Mechanism& mechanism, const std::string&
     return of_joint(*joint, it == mechanism.contacts.end() ? nullptr : &it->second);
   }
   if (const BuiltForce* force = mechanism.force(object)) return of_force(*force);
+  if (const FacePressure* pressure = mechanism.pressure(object))
+    return Offer{{}, {{"pressure", pressure_of(*pressure)}}};
   if (object == "sensors") return Offer{{}, mechanism.sensors};
   if (object != "inputs") return std::nullopt;
   Offer offer;
@@ -159,6 +161,7 @@ std::vector<std::string> object_names(const Mechanism& mechanism) {
   for (const auto& [name, frame] : mechanism.markers) names.push_back(name);
   for (const Joint* j : mechanism.joints) names.push_back(j->name());
   for (const BuiltForce& f : mechanism.forces) names.push_back(f.force->name());
+  for (const FacePressure* p : mechanism.pressures) names.push_back(p->name());
   if (!mechanism.sensors.empty()) names.emplace_back("sensors");
   if (mechanism.controls != nullptr && !mechanism.controls->inputs.empty()) names.emplace_back("inputs");
   return names;

@@ -11,6 +11,7 @@
 #include "dynamics/bodies/flexible_body.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
 #include "dynamics/forces/coordinate_force.hpp"
+#include "dynamics/forces/face_pressure.hpp"
 #include "dynamics/joints/joint.hpp"
 #include "dynamics/model/controls.hpp"
 #include "dynamics/model/description.hpp"
@@ -27,6 +28,7 @@ struct BuiltBody {
   std::shared_ptr<const Mesh> mesh;  ///< of solids
   Material material;                 ///< of solids
   std::vector<std::string> notices;  ///< about the mesh of solids
+  std::string pieces;                ///< of solids: what their mesh falls into, as a sentence; empty: it is connected
   [[nodiscard]] const Component& component() const {
     if (rigid != nullptr) return *rigid;
     if (point != nullptr) return *point;
@@ -61,7 +63,8 @@ class Mechanism {
   std::vector<BuiltBody> bodies;
   std::map<std::string, std::unique_ptr<Frame>> markers;  ///< named markers, for outputs
   std::vector<Joint*> joints;
-  std::vector<BuiltForce> forces;
+  std::vector<BuiltForce> forces;  ///< but for pressures
+  std::vector<FacePressure*> pressures;
   ModelKeys keys;                                 ///< what the model is, mesh files included: for restart files
   std::map<std::string, JointContacts> contacts;  ///< by joint
   std::vector<std::pair<std::string, StateFunctionPtr>> sensors;  ///< of the model's [sensors]
@@ -73,6 +76,7 @@ class Mechanism {
   [[nodiscard]] const BuiltBody* body(const std::string& name) const;
   [[nodiscard]] Joint* joint(const std::string& name) const;
   [[nodiscard]] const BuiltForce* force(const std::string& name) const;
+  [[nodiscard]] FacePressure* pressure(const std::string& name) const;
   /// "; element 7 of 'rod' is inverted" where the last evaluation of a flexible body found one, else "".
   [[nodiscard]] std::string inverted_elements() const;
 };

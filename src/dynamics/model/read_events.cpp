@@ -82,8 +82,7 @@ EventSpec read_event(const std::string& name, const Value& value, const Descript
 void check_switched(const EventSpec& event, const Description& model) {
   std::vector<std::string> names;
   for (const JointSpec& joint : model.joints) names.push_back(joint.name);
-  for (const ForceSpec& force : model.forces)
-    if (force.type != ForceType::pressure) names.push_back(force.name);
+  for (const ForceSpec& force : model.forces) names.push_back(force.name);
   for (const auto* list : {&event.on, &event.off})
     for (const std::string& name : *list) {
       if (std::find(names.begin(), names.end(), name) == names.end())

@@ -156,7 +156,7 @@ ForceSpec read_force(const std::string& name, const Value& value) {
   if (f.type == ForceType::pressure) {
     f.body = s.text("body");
     f.face = s.text("face");
-    f.function = s.function("pressure");
+    f.formula = {s.place("pressure"), s.state_function("pressure")};
   } else {
     f.frames = read_frames(s, f.type == ForceType::load ? 1 : 2);
   }
@@ -190,7 +190,7 @@ ForceSpec read_force(const std::string& name, const Value& value) {
     case ForceType::pressure:
       break;
   }
-  if (f.type != ForceType::pressure) f.active = s.flag("active", true);
+  f.active = s.flag("active", true);
   s.finish();
   return f;
 }

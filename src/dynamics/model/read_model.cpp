@@ -14,7 +14,6 @@ void read_bdf(Section& s, BdfOptions& o) {
   o.absolute = s.positive("absolute", o.absolute);
   o.absolute_velocity = s.positive("absolute_velocity", o.absolute_velocity);
   o.test_velocity = s.flag("test_velocity", o.test_velocity);
-  o.reactions = s.positive("reactions", o.reactions);
   o.max_order = s.integer("max_order", 1, o.max_order);
   o.fixed_order = s.integer("order", 1, o.fixed_order);
   if (o.max_order > kMaxBdfOrder) fail(s.place("max_order"), "must be 1 to 5");

@@ -218,7 +218,6 @@ void bind_curves(Description& model) {
   for (JointSpec& joint : model.joints)
     if (joint.function) bind(joint.place, *joint.function);
   for (ForceSpec& force : model.forces) {
-    if (force.function) bind(force.place, *force.function);
     if (force.formula) bind(force.formula->place, force.formula->expression);
     for (auto& component : force.components)
       if (component) bind(component->place, component->expression);

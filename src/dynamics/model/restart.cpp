@@ -14,7 +14,7 @@
 namespace espalier::dynamics::model {
 namespace {
 
-constexpr char kMagic[16] = "ESPALIER-RST-3\n";
+constexpr char kMagic[16] = "ESPALIER-RST-4\n";
 constexpr std::string_view kAnyFormat = "ESPALIER-RST-";
 constexpr std::size_t kChecked = sizeof kMagic + 8;  // the checksum covers everything from here on
 
@@ -45,7 +45,7 @@ std::string encode(const Mechanism& mechanism) {
   std::string text = std::string(solver::version()) + '\0';
   for (const std::string& name : component_names(mechanism)) text += name + '\0';
   text += '\0';
-  for (const auto& [key, value] : mechanism.keys) text += key + '\0' + value + '\0';
+  for (const auto& [key, value] : mechanism.keys) text.append(key).append(1, '\0').append(value).append(1, '\0');
   text += '\0';
   text.resize((text.size() + 7) / 8 * 8);
   return text;
@@ -55,7 +55,7 @@ std::string encode(const Mechanism& mechanism) {
 Text decode(std::string_view text) {
   const auto take = [&text] {
     const std::size_t end = std::min(text.find('\0'), text.size());
-    const std::string part(text.substr(0, end));
+    std::string part(text.substr(0, end));
     text.remove_prefix(std::min(end + 1, text.size()));
     return part;
   };
@@ -73,7 +73,10 @@ class RestartFile {
     if (!bytes_.starts_with(kAnyFormat)) refuse("this is not a restart file");
     if (bytes_.size() < kChecked + sizeof(Counts)) refuse("the file ends too early");
     if (std::memcmp(bytes_.data(), kMagic, sizeof kMagic) != 0)
-      refuse("the file is of another format, or damaged; this program reads " + std::string(kMagic, 14));
+      refuse(fmt::format(
+          "its layout is another one ({}), or it is damaged; this program reads {}: go on with the version "
+          "that wrote it, or run again",
+          bytes_.substr(0, std::min(bytes_.find('\n'), kAnyFormat.size() + 1)), std::string_view(kMagic, 14)));
     std::memcpy(&counts_, bytes_.data() + kChecked, sizeof counts_);
     const std::size_t rest = bytes_.size() - kChecked - sizeof counts_;
     if (counts_.text_bytes > rest || counts_.numbers > rest / 8 || rest - counts_.text_bytes != 8 * counts_.numbers)

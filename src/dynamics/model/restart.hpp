@@ -2,7 +2,7 @@
 /// Restart files: all numbers that the rest of a run depends on, as they stand in memory, and the model that they are
 /// of. A file of another format, a damaged one, and one of another model are told apart and refused.
 ///
-///     bytes 0..15   "ESPALIER-RST-3\n", 0
+///     bytes 0..15   "ESPALIER-RST-4\n", 0
 ///     bytes 16..23  uint64 checksum (base/checksum.hpp) of everything from byte 24 on
 ///     bytes 24..63  uint64 each: bytes of the text, numbers, configuration, velocity, constraints
 ///     then          the text: version of the program, names of all components, keys and values of the model, each text

@@ -107,7 +107,9 @@ void RunFiles::write_due_pictures(const State& s) {
 
 void RunFiles::write_restart_file(const Sample& s) {
   if (integrator_ == nullptr || restart_time_ == s.time()) return;
-  write_restart(folder_ + "/state.restart", mechanism_, *integrator_);
+  const std::string path = folder_ + "/state.restart";
+  write_restart(path, mechanism_, *integrator_);
+  if (!restart_time_) written_.push_back(path);
   restart_time_ = s.time();
 }
 
@@ -138,7 +140,6 @@ void RunFiles::begin(const Sample& s, const State& initial, bool restarted) {
     if (!restarted) write_picture(pictured(s));
     before_ = pictured(s);
   }
-  if (integrator_ != nullptr) written_.push_back(folder_ + "/state.restart");
 }
 
 void RunFiles::step(const Sample& s) {

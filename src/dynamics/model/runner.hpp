@@ -64,6 +64,8 @@ class Runner {
   [[nodiscard]] Sample sample(const StepReport& report);
   [[nodiscard]] const State& current() const { return integrator_ ? integrator_->state() : state_; }
   [[nodiscard]] std::string explain_failure(const Error& error);
+  [[nodiscard]] std::string explain_statics(const Error& error);
+  [[nodiscard]] std::string loose_bodies(const State& state);
 
   Description model_;
   SimulationOptions options_;

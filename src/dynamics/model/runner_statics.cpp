@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "base/stopwatch.hpp"
+#include "dynamics/model/free_motions.hpp"
 #include "dynamics/model/runner.hpp"
 
 namespace espalier::dynamics::model {
@@ -17,7 +18,7 @@ void Runner::find_equilibrium(const ConsistencyOptions& consistency) {
     make_consistent(*equations_, state_, consistency);
     guard_->check(state_);
   } catch (const Error& error) {
-    throw Error(error.status().code, "initial.statics: " + explain_failure(error), error.status().row);
+    throw Error(error.status().code, "initial.statics: " + explain_statics(error), error.status().row);
   }
 }
 
@@ -64,12 +65,40 @@ void Runner::run_statics(const SimulationObserver& observer) {
     guard_->check(state_, true);
     find_modes();
   } catch (const Error& error) {
-    const Error explained(error.status().code, explain_failure(error), error.status().row);
+    const Error explained(error.status().code, explain_statics(error), error.status().row);
     mechanism_->system.set_load_factor(load_);
     throw explained;
   }
   const Stopwatch output(summary_.phases.output);
   files_->end(sample(last_report_));
+}
+
+/// "'a' can turn about z; 'b' can ..."; empty where all bodies are held.
+std::string Runner::loose_bodies(const State& state) {
+  constexpr std::size_t kShown = 4;
+  const std::vector<std::string> all = free_motions(*mechanism_, equations_->dropped(), state);
+  std::string text;
+  for (std::size_t k = 0; k < std::min(kShown, all.size()); ++k) text += (k > 0 ? "; " : "") + all[k];
+  if (all.size() > kShown) text += fmt::format("; and {} bodies more", all.size() - kShown);
+  return text;
+}
+
+/// With what nothing holds in the given positions, without loads.
+std::string Runner::explain_statics(const Error& error) {
+  std::string text = explain_failure(error);
+  State start(mechanism_->system.sizes());
+  start.t = state_.t;
+  mechanism_->system.initial(start.q, start.v);
+  std::fill(start.v.begin(), start.v.end(), 0.0);
+  mechanism_->system.set_load_factor(0);
+  if (const std::string loose = loose_bodies(start); !loose.empty())
+    text += fmt::format(
+        "; without loads nothing holds these bodies: {}. Joints or springs to the ground, or to bodies that are held, "
+        "take such motions away",
+        loose);
+  for (const BuiltBody& body : mechanism_->bodies)
+    if (!body.pieces.empty()) text += fmt::format("; '{}': {}", body.spec.name, body.pieces);
+  return text;
 }
 
 void Runner::note_statics(const StaticsResult& result) {
@@ -78,6 +107,9 @@ void Runner::note_statics(const StaticsResult& result) {
   summary_.statics_residual = result.residual;
   summary_.statics_relaxed = result.relaxed;
   if (model_.statics) summary_.largest_violation.position = result.position;  // at the end; on the way joints close
+  if (const std::string loose = loose_bodies(state_); !loose.empty())
+    summary_.notices.push_back(
+        fmt::format("the equilibrium is indifferent: {}. Where they stand is left to chance", loose));
   for (const CriticalPoint& c : result.critical) summary_.critical.push_back({c.load, c.limit});
 }
 

@@ -82,9 +82,9 @@ ExecutorOnDevices<T>::ExecutorOnDevices(const plan::Plan& plan, Kind kind, const
                largest_stealable(tables_),
                values_of(plan, options.pool),
                options.pool} {
-  if (static_cast<Index>(devices_.size()) != plan.assignment.devices)
+  if (static_cast<Index>(devices_.size()) != plan.ownership.devices)
     throw std::invalid_argument(fmt::format("make_cuda_executor: the plan is for {} devices, not for {}",
-                                            plan.assignment.devices, devices_.size()));
+                                            plan.ownership.devices, devices_.size()));
   if (devices_.size() > kMostDevices)
     throw std::invalid_argument(fmt::format("make_cuda_executor: at most {} devices", kMostDevices));
   if (several() && !peers_) take_common();

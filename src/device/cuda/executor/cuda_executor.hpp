@@ -51,9 +51,11 @@ struct CudaOptions {
 struct FilledValues {
   const double* largest = nullptr;  ///< `parts` numbers whose maximum is the largest magnitude; infinity: not finite
   int parts = 0;
-  double tiny = 0;                   ///< PivotRule::tiny relative to the largest magnitude
-  const Offset* diagonal = nullptr;  ///< n; by position: place of the diagonal entry; null: no pivot is judged by it
-  double rounding = 0;               ///< llt: a pivot of at most rounding * its diagonal entry counts as zero
+  double tiny = 0;  ///< PivotRule::tiny relative to the largest magnitude
+  const Offset* diagonal =
+      nullptr;          ///< n; by position: place of the diagonal entry; llt. Null: no pivot is judged by it
+  double rounding = 0;  ///< a pivot of at most rounding * its diagonal entry counts as zero (llt), one
+                        ///< below rounding * the largest magnitude is reported as small (ldlt, lu)
   bool operator==(const FilledValues&) const = default;
 };
 

@@ -89,7 +89,7 @@ void DeviceSide<T>::take_memory() {
   take(values_, context_.values);
   take(base_, static_cast<Offset>(t.regions.size()));
   take(marks_, 2 * n());
-  take(limits_, 2);
+  take(limits_, 3);
   take(products_, judge_blocks(context_.plan.tree.n));
   take(ticket_, 1);
   take(solve_control_, kCounters);  // counters are read with those of a factorization, before the first solve
@@ -190,7 +190,7 @@ void DeviceSide<T>::connect(const std::vector<std::unique_ptr<DeviceSide>>& side
 }
 
 template <class T>
-void DeviceSide<T>::set_limits(const T (&limits)[2]) {
+void DeviceSide<T>::set_limits(const T (&limits)[3]) {
   copy_in(limits_.data(), limits, sizeof limits);
 }
 
@@ -224,15 +224,16 @@ void DeviceSide<T>::enqueue_clear_factor() {
 
 template <class T>
 void DeviceSide<T>::enqueue_begin(const FilledValues& values) {
-  const FactorBegin<T> job{control_.data(), control_.size(), marks_.data(), marks_.size(),
-                           limits_.data(),  values.largest,  values.parts,  values.tiny};
+  const FactorBegin<T> job{control_.data(), control_.size(), marks_.data(), marks_.size(),  limits_.data(),
+                           values.largest,  values.parts,    values.tiny,   values.rounding};
   call("launch of the kernel before the factorization", [&] { return launch_begin(job, stream_.get()); });
 }
 
 template <class T>
 void DeviceSide<T>::enqueue_take(const DeviceSide& first, const FilledValues& values) {
-  const FactorTake<T> job{first.values_.data(), values_.data(), values_.size(), chunks_.data(), chunks_.size(),
-                          control_.data(),      limits_.data(), values.largest, values.parts,   values.tiny};
+  const FactorTake<T> job{first.values_.data(), values_.data(),  values_.size(), chunks_.data(),
+                          chunks_.size(),       control_.data(), limits_.data(), values.largest,
+                          values.parts,         values.tiny,     values.rounding};
   if (chunks_.size() > 0 || values.largest != nullptr)
     call("launch of the kernel that takes the values", [&] { return launch_take(job, stream_.get()); });
 }
@@ -243,11 +244,13 @@ void DeviceSide<T>::enqueue_judge(const FilledValues& values, const std::vector<
   FactorJudge<T> job{};
   job.n = context_.plan.tree.n;
   for (const auto& side : sides) job.pivots[side->self()] = side->pivots_;
+  job.pairs = context_.kind == Kind::ldlt;
   job.owner = owner;
   job.values = values_.data();
   job.diagonal = values.diagonal;
   job.rounding = values.rounding;
-  job.replaced = marks_.data();
+  job.limits = context_.kind == Kind::llt ? nullptr : limits_.data();
+  job.marks = marks_.data();
   job.control = control_.data();
   job.largest = values.largest;
   job.parts = values.parts;

@@ -79,7 +79,7 @@ class DeviceSide {
 
   // Everything below expects this side's device to be current.
 
-  void set_limits(const T (&limits)[2]);
+  void set_limits(const T (&limits)[3]);
   void copy_in(void* to, const void* from, Offset bytes);  ///< waits
   void copy_out(void* to, const void* from, Offset bytes) const;
   /// Zeroes flags and counters for the next factorization, and fills the vectors of the next pass of a solve.
@@ -123,7 +123,7 @@ class DeviceSide {
   [[nodiscard]] const int* solve_aborted() const { return solve_control_.data() + 1; }
   /// Ends kernels that are running; takes effect although they fill the device.
   void abort() noexcept;
-  /// Positions that were marked; failed: 1/threshold exceeded, else replaced.
+  /// Adds marks by position; failed: 1/threshold exceeded, else PivotMark.
   void marked(bool failed, std::vector<unsigned char>& marks) const;
   /// n pivots; only those that this device made or got are defined.
   void pivots(std::vector<T>& to) const;

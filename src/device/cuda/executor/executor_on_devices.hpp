@@ -29,12 +29,11 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   void set_pivot_rule(const PivotRule& rule) override {
     smallest_ = rule.smallest;
-    const T limits[2] = {static_cast<T>(rule.tiny), static_cast<T>(1 / rule.threshold)};
-    if (limits_known_ && limits[0] == limits_[0] && limits[1] == limits_[1]) return;
+    const T limits[3] = {static_cast<T>(rule.tiny), static_cast<T>(1 / rule.threshold), static_cast<T>(rule.suspect)};
+    if (limits_known_ && std::equal(limits, limits + 3, limits_)) return;
     limits_known_ = false;
     for (const auto& side : sides_) at(*side, [&] { side->set_limits(limits); });
-    limits_[0] = limits[0];
-    limits_[1] = limits[1];
+    std::copy(limits, limits + 3, limits_);
     limits_known_ = true;
   }
 
@@ -239,7 +238,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   void read_marks(FactorOutcome& out);
 
-  std::vector<Index> marked(bool failed);
+  std::vector<unsigned char> marks(bool failed);
 
   // The determinant, and the positive pivots (llt) that count as zero: on the host, from all pivots, where several
   // GPUs have them or the rule knows every pivot's own limit; else as the GPU found it.
@@ -287,7 +286,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   std::map<SolveKey, Graph> solve_graphs_;
   std::vector<DeviceWork> work_;
   std::vector<std::vector<T>> pivots_host_;
-  T limits_[2] = {};
+  T limits_[3] = {};
   bool limits_known_ = false;
   bool factor_clean_ = false, solve_clean_ = false;  // what a run on several expects to be clear is so
   std::span<const double> smallest_;                 // PivotRule::smallest

@@ -11,6 +11,14 @@ namespace espalier::device::cuda {
 
 namespace {
 
+template <class Is>
+std::vector<Index> positions(const std::vector<unsigned char>& marks, Is&& is) {
+  std::vector<Index> list;
+  for (std::size_t k = 0; k < marks.size(); ++k)
+    if (is(marks[k])) list.push_back(static_cast<Index>(k));
+  return list;
+}
+
 bool is_finite(double largest) { return largest <= std::numeric_limits<double>::max(); }
 
 }  // namespace
@@ -115,7 +123,7 @@ bool ExecutorOnDevices<T>::set_limits_here(const FilledValues& values) {
   at(first(),
      [&] { first().copy_out(parts.data(), values.largest, values.parts * static_cast<Offset>(sizeof(double))); });
   const double largest = *std::max_element(parts.begin(), parts.end());
-  const T limits[2] = {static_cast<T>(values.tiny * largest), limits_[1]};
+  const T limits[3] = {static_cast<T>(values.tiny * largest), limits_[1], static_cast<T>(values.rounding * largest)};
   for (const auto& side : sides_) at(*side, [&] { side->set_limits(limits); });
   return is_finite(largest);
 }
@@ -149,19 +157,23 @@ void ExecutorOnDevices<T>::read_counters(FactorOutcome& out, bool& stopped) {
 
 template <class T>
 void ExecutorOnDevices<T>::read_marks(FactorOutcome& out) {
-  if (replaced_) out.replaced = marked(false);
-  if (failed_) out.failed = marked(true);
-  if (out.not_positive < 0 && first().factor_end().small > 0) out.replaced = marked(false);
+  if (failed_) out.failed = positions(marks(true), [](unsigned char mark) { return mark != 0; });
+  const bool judged = out.not_positive < 0 && first().factor_end().small > 0;
+  if (!replaced_ && !judged) return;
+  const std::vector<unsigned char> found = marks(false);
+  out.replaced = positions(found, [](unsigned char mark) { return (mark & kPivotReplaced) != 0; });
+  const auto small = [](unsigned char mark) { return (mark & (kPivotReplaced | kPivotSmall)) == kPivotSmall; };
+  out.small = positions(found, small);
+  out.small_negative = static_cast<Index>(std::count_if(found.begin(), found.end(), [&](unsigned char mark) {
+    return small(mark) && (mark & kPivotSmallNegative) != 0;
+  }));
 }
 
 template <class T>
-std::vector<Index> ExecutorOnDevices<T>::marked(bool failed) {
-  std::vector<unsigned char> marks;
-  for (const auto& side : sides_) at(*side, [&] { side->marked(failed, marks); });
-  std::vector<Index> list;
-  for (std::size_t k = 0; k < marks.size(); ++k)
-    if (marks[k] != 0) list.push_back(static_cast<Index>(k));
-  return list;
+std::vector<unsigned char> ExecutorOnDevices<T>::marks(bool failed) {
+  std::vector<unsigned char> all;
+  for (const auto& side : sides_) at(*side, [&] { side->marked(failed, all); });
+  return all;
 }
 
 template <class T>

@@ -1,6 +1,6 @@
 /// \file
-/// A diagonal tile of L U with partial pivoting, in shared memory, column-major, by one block of threads, in panels of
-/// 16 columns: one warp eliminates a panel, a thread a column makes the rows beside it, and all warps update what is
+/// A diagonal tile of L U with partial pivoting, in shared memory, column-major, by one block of threads, in strips of
+/// 16 columns: one warp eliminates a strip, a thread a column makes the rows beside it, and all warps update what is
 /// left.
 #pragma once
 
@@ -21,22 +21,22 @@ __device__ __forceinline__ T inverse_of(T x) {
   return can_be_inverted_fast(twice) ? inverse_of_half(twice) : T(1) / x;
 }
 
-inline constexpr int kPanelColumns = 16;
+inline constexpr int kStripColumns = 16;
 
-/// The columns of a panel that are not eliminated yet, in the registers of one warp; a lane holds row `lane` and, where
+/// The columns of a strip that are not eliminated yet, in the registers of one warp; a lane holds row `lane` and, where
 /// there are more than 32, row `lane + 32`. A step eliminates column 0 and moves the others one to the left, so that
 /// all steps are the same code: what is unrolled over the columns of a tile is fetched from memory again and again.
 template <class T>
-struct Panel {
-  T x[2][kPanelColumns];
+struct Strip {
+  T x[2][kStripColumns];
 
-  /// @param a  the panel's first row and column
-  __device__ __forceinline__ Panel(const T* a, int lda, int rows) {
+  /// @param a  the strip's first row and column
+  __device__ __forceinline__ Strip(const T* a, int lda, int rows) {
     const int lane = static_cast<int>(threadIdx.x) & 31;
 #pragma unroll
     for (int h = 0; h < 2; ++h)
 #pragma unroll
-      for (int c = 0; c < kPanelColumns; ++c) x[h][c] = lane + 32 * h < rows ? a[c * lda + lane + 32 * h] : T(0);
+      for (int c = 0; c < kStripColumns; ++c) x[h][c] = lane + 32 * h < rows ? a[c * lda + lane + 32 * h] : T(0);
   }
 
   /// x(:, c - 1) = x(:, c) - l row(c) for c = 1 .. kLeft; row(c) is the pivot row.
@@ -53,13 +53,13 @@ struct Panel {
   }
 };
 
-/// step(k, columns left) for the 16 columns of a panel: after eight, half of the registers have become free.
+/// step(k, columns left) for the 16 columns of a strip: after eight, half of the registers have become free.
 template <class Step>
 __device__ __forceinline__ void for_each_step(Step&& step) {
 #pragma unroll 1
-  for (int k = 0; k < kPanelColumns / 2; ++k) step.template operator()<kPanelColumns - 1>(k);
+  for (int k = 0; k < kStripColumns / 2; ++k) step.template operator()<kStripColumns - 1>(k);
 #pragma unroll 1
-  for (int k = kPanelColumns / 2; k < kPanelColumns; ++k) step.template operator()<kPanelColumns / 2 - 1>(k);
+  for (int k = kStripColumns / 2; k < kStripColumns; ++k) step.template operator()<kStripColumns / 2 - 1>(k);
 }
 
 /// column = inverse(L) column for 16 rows, L unit lower triangular, by one thread.
@@ -102,21 +102,21 @@ __device__ inline T acceptable_pivot(T d, T tiny, int k, const PivotSink<T>& sin
 
 /// Where the rows of a tile have gone, in shared memory.
 struct RowOrder {
-  int source[64];  ///< of the panel: row r comes from source[r], both counted from the panel's first
-  int origin[64];  ///< of all panels: row r of P A is row origin[r] of A
-  int moved;       ///< the last panel has exchanged rows
+  int source[64];  ///< of the strip: row r comes from source[r], both counted from the strip's first
+  int origin[64];  ///< of all strips: row r of P A is row origin[r] of A
+  int moved;       ///< the last strip has exchanged rows
 };
 
-/// A panel of L U with partial pivoting by one warp. Rows stay where they are: each holds its part of U from the column
-/// on in which it is the pivot, and L before. Only pivots < `pivots` are eliminated; `first`: the panel's first
+/// A strip of L U with partial pivoting by one warp. Rows stay where they are: each holds its part of U from the column
+/// on in which it is the pivot, and L before. Only pivots < `pivots` are eliminated; `first`: the strip's first
 /// column in the tile.
 template <class T>
-__device__ void factor_panel_lu(T* a, int lda, int rows, int first, int pivots, const PivotSink<T>& sink,
+__device__ void factor_strip_lu(T* a, int lda, int rows, int first, int pivots, const PivotSink<T>& sink,
                                 RowOrder& order) {
   const int lane = static_cast<int>(threadIdx.x) & 31;
   const bool two = rows > 32;
   const T tiny = sink.state->tiny();
-  Panel<T> p(a, lda, rows);
+  Strip<T> p(a, lda, rows);
   int place[2] = {lane, lane + 32};
   bool waits[2] = {lane < rows, lane + 32 < rows};
   for_each_step([&]<int kLeft>(int k) {
@@ -144,13 +144,13 @@ __device__ void factor_panel_lu(T* a, int lda, int rows, int first, int pivots, 
       if (chosen) {
 #pragma unroll
         for (int c = 1; c <= kLeft; ++c)
-          if (c < kPanelColumns - k) a[(k + c) * lda + lane + 32 * h] = p.x[h][c];
+          if (c < kStripColumns - k) a[(k + c) * lda + lane + 32 * h] = p.x[h][c];
       }
       waits[h] = waits[h] && !chosen;
     }
     __syncwarp();
     const T* row = a + k * lda + who + (upper ? 32 : 0);
-    p.template eliminate<kLeft>(l, two, [&](int c) { return c < kPanelColumns - k ? row[c * lda] : T(0); });
+    p.template eliminate<kLeft>(l, two, [&](int c) { return c < kStripColumns - k ? row[c * lda] : T(0); });
   });
   bool moved = false;
 #pragma unroll
@@ -178,7 +178,7 @@ __device__ inline void reorder_rows(const RowOrder& order, int rows, int count, 
   }
 }
 
-/// order.origin after a panel from row `first` on has moved rows; by one warp.
+/// order.origin after a strip from row `first` on has moved rows; by one warp.
 __device__ inline void reorder_origin(RowOrder& order, int first, int rows) {
   const int lane = static_cast<int>(threadIdx.x) & 31;
   int from[2];
@@ -223,10 +223,10 @@ __device__ inline void invert_lower_lu(T* a, int lda, int size, int pivots, T* m
   bool moved = false;
   for (int p = 0; p < blocks; ++p) {
     const int first = 16 * p, rows = size - first;
-    T* panel = a + first * (lda + 1);
-    if (warp == 0) factor_panel_lu(panel, lda, rows, first, pivots, sink, order);
+    T* strip = a + first * (lda + 1);
+    if (warp == 0) factor_strip_lu(strip, lda, rows, first, pivots, sink, order);
     __syncthreads();
-    // Columns of M to the left of the panel, and of A from the panel on: `size` in all.
+    // Columns of M to the left of the strip, and of A from the strip on: `size` in all.
     const auto column = [&](int c) { return (c < first ? m + c * ldm : a + c * lda) + first; };
     if (order.moved != 0) {
       moved = true;
@@ -234,8 +234,8 @@ __device__ inline void invert_lower_lu(T* a, int lda, int size, int pivots, T* m
       if (warp == 0) reorder_origin(order, first, rows);
       __syncthreads();
     }
-    if (const int c = static_cast<int>(threadIdx.x); c < size)  // the rows of the panel: M(p, :) and U(p, :)
-      substitute_column(panel, lda, c < first + 16 ? m + c * ldm + first : column(c));
+    if (const int c = static_cast<int>(threadIdx.x); c < size)  // the rows of the strip: M(p, :) and U(p, :)
+      substitute_column(strip, lda, c < first + 16 ? m + c * ldm + first : column(c));
     __syncthreads();
     for (int x = warp; x < (blocks - 1 - p) * blocks; x += 4) {
       const int i = p + 1 + x / blocks, j = x % blocks;

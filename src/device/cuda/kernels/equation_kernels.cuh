@@ -2,7 +2,6 @@
 /// Kernels over the equations on the device: values copied and scaled, right-hand sides permuted.
 #pragma once
 
-#include "device/cuda/executor/cuda_executor.hpp"
 #include "device/cuda/kernels/block_sums.cuh"
 #include "device/cuda/kernels/equation_pattern.cuh"
 

@@ -1,8 +1,10 @@
 #include <algorithm>
+#include <type_traits>
 
 #include "device/cuda/kernels/block_sums.cuh"
 #include "device/cuda/kernels/factor_ends.hpp"
 #include "device/cuda/tables/needed_values.hpp"
+#include "device/cuda/tables/pivot_pair.hpp"
 
 namespace espalier::device::cuda {
 
@@ -64,6 +66,31 @@ __device__ double largest_part(const double* largest, int parts) {
   return largest_of_block(most);
 }
 
+template <class Job>
+__device__ void complete_limits(const Job& job, double largest) {
+  using T = std::remove_pointer_t<decltype(job.limits)>;
+  job.limits[0] = static_cast<T>(job.tiny * largest);
+  job.limits[2] = static_cast<T>(job.suspect * largest);
+}
+
+/// The mark of pivot k of ldlt or lu; 0: it is not small. Each of a pair's eigenvalues stands at one of its two places.
+template <class T>
+__device__ int mark_of(const FactorJudge<T>& job, Index k, const T* pivots) {
+  const auto suspect = static_cast<double>(job.limits[2]);
+  double pivot = static_cast<double>(pivots[k]);
+  if (job.pairs) {
+    const T *d = pivots + job.n, *e = d + job.n;
+    const bool first = e[k] != T(0);
+    const bool after = k > 0 && (job.owner == nullptr || job.owner[k - 1] == job.owner[k]);  // of the same memory
+    if (first || (after && e[k - 1] != T(0))) {
+      const Index at = first ? k : k - 1;
+      pivot = pair_of_pivots(d[at], e[at], d[at + 1]).value[first ? 0 : 1];
+    }
+  }
+  if (!(fabs(pivot) < suspect)) return 0;
+  return job.pairs && pivot < 0 ? kPivotSmall | kPivotSmallNegative : kPivotSmall;
+}
+
 template <class T>
 __global__ void begin_kernel(const FactorBegin<T> job) {
   const Offset first = static_cast<Offset>(blockIdx.x) * kThreadsOfBlock + threadIdx.x;
@@ -75,7 +102,7 @@ __global__ void begin_kernel(const FactorBegin<T> job) {
   if (threadIdx.x < kCounters && threadIdx.x != kAborted) job.control[threadIdx.x] = 0;
   if (threadIdx.x != 0) return;
   job.control[kAborted] = is_finite(largest) ? 0 : 1;
-  if (job.largest != nullptr) job.limits[0] = static_cast<T>(job.tiny * largest);
+  if (job.largest != nullptr) complete_limits(job, largest);
 }
 
 // A warp takes a chunk, several in flight: a read from another GPU takes more than a microsecond.
@@ -99,7 +126,7 @@ __global__ void take_kernel(const FactorTake<T> job) {
   const double largest = largest_part(job.largest, job.parts);
   if (threadIdx.x != 0) return;
   if (!is_finite(largest)) job.control[kAborted] = 1;
-  job.limits[0] = static_cast<T>(job.tiny * largest);
+  complete_limits(job, largest);
 }
 
 template <class T>
@@ -113,11 +140,14 @@ __global__ void judge_kernel(const FactorJudge<T> job) {
     Product factor{pivot, 0};
     factor.normalize();
     product.multiply(factor);
-    if (job.diagonal == nullptr) continue;
-    if (pivot <= job.rounding * static_cast<double>(job.values[job.diagonal[k]])) {
-      job.replaced[k] = 1;
-      ++small;
-    }
+    int mark = 0;
+    if (job.limits != nullptr)
+      mark = mark_of(job, k, job.pivots[owner]);
+    else if (job.diagonal != nullptr && pivot <= job.rounding * static_cast<double>(job.values[job.diagonal[k]]))
+      mark = kPivotReplaced;
+    if (mark == 0 || job.marks[k] != 0) continue;
+    job.marks[k] = static_cast<unsigned char>(mark);
+    ++small;
   }
   combine(product, small);
   if (threadIdx.x == 0) job.products[blockIdx.x] = {product.mantissa, product.exponent, small};

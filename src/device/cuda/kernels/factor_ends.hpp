@@ -21,10 +21,10 @@ struct FactorBegin {
   Offset control_size;
   unsigned char* marks;  ///< FactorState::replaced and failed
   Offset marks_size;
-  T* limits;              ///< FactorState::limits; [0] = tiny * the largest magnitude, unless that is not given
+  T* limits;              ///< FactorState::limits; [0] and [2] are completed, unless `largest` is not given
   const double* largest;  ///< `parts` numbers; their maximum is the largest magnitude among the values; null: not given
   int parts;
-  double tiny;
+  double tiny, suspect;  ///< limits [0] and [2] over the largest magnitude
 };
 
 /// One of several GPUs takes its values. Control memory was cleared after the run before, because others write to it.
@@ -39,13 +39,20 @@ struct FactorTake {
   T* limits;              ///< as in FactorBegin
   const double* largest;  ///< likewise, in the memory of the first GPU
   int parts;
-  double tiny;
+  double tiny, suspect;  ///< likewise
+};
+
+/// Bits of FactorState::replaced. The first is set by the factorization, or by the judge of llt.
+enum PivotMark : unsigned char {
+  kPivotReplaced = 1,       ///< llt: it counts as zero
+  kPivotSmall = 2,          ///< kept, but below limits [2]
+  kPivotSmallNegative = 4,  ///< ... and a negative eigenvalue of D
 };
 
 /// What the host reads after a factorization: pinned memory that the GPU writes.
 struct FactorEnd {
   int counters[kCounters];
-  int small;        ///< pivots that count as zero by FactorJudge::rounding; they are marked as replaced
+  int small;        ///< pivots that the judge has marked
   int sign;         ///< of the product of the pivots: -1, 0, 1
   double mantissa;  ///< |product| = mantissa * 2^exponent; mantissa in [1, 2), zero or not a number
   long long exponent;
@@ -62,14 +69,16 @@ struct PivotProduct {
 template <class T>
 struct FactorJudge {
   Index n;
-  const T* pivots[kMostDevices];  ///< n each
+  const T* pivots[kMostDevices];  ///< n each; ldlt: D^-1 follows them, as in FactorState
+  bool pairs;                     ///< ldlt
   const unsigned char* owner;     ///< n; by position: which of them has it; null: the first
   const T* values;
-  const Offset* diagonal;   ///< n; by position: place of the diagonal entry among `values`; null: pivots are not judged
-  double rounding;          ///< a pivot of at most rounding * its diagonal entry counts as zero
-  unsigned char* replaced;  ///< n; marks of those
-  const int* control;       ///< counters
-  const double* largest;    ///< as in FactorBegin
+  const Offset* diagonal;  ///< n; by position: place of the diagonal entry among `values`; null: pivots are not judged
+  double rounding;         ///< a pivot of at most rounding * its diagonal entry counts as zero
+  const T* limits;         ///< FactorState::limits (ldlt, lu; null: llt)
+  unsigned char* marks;    ///< n; PivotMark
+  const int* control;      ///< counters
+  const double* largest;   ///< as in FactorBegin
   int parts;
   PivotProduct* products;  ///< judge_blocks(n)
   int* ticket;             ///< zero, before and after

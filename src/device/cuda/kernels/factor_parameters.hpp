@@ -71,7 +71,8 @@ struct FactorState {
   int* control;                   ///< counters
   int* flag;                      ///< parts x part_flags; see Front::flag()
   int* finished;                  ///< fronts; tasks done
-  const T* limits;                ///< [0] pivots below it are replaced; [1] largest |L| that is not reported
+  const T* limits;                ///< [0] pivots below it are replaced; [1] largest |L| that is not reported;
+                                  ///< [2] kept pivots below it are reported as small (ldlt, lu)
   std::uint64_t patience;         ///< nanoseconds that one wait may last before the kernel gives up
   std::int64_t part_flags;        ///< flags of one part; those of part 1 (lu) follow those of part 0
   Peers<T> peers;

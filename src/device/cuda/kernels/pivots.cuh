@@ -6,6 +6,9 @@
 /// Nothing is exchanged: rows and columns stay where they are, and rows that have been eliminated stand still. Column c
 /// holds A until it is eliminated, then M D (so M needs no second matrix), since what the elimination adds to it is
 /// -2 A(r, c) exactly as if its own pivot were twice as large.
+///
+/// Both triangles are kept, and rounding makes A(r, c) and A(c, r) differ by eps |A|. Where pivots are not much larger
+/// than that, M must come from the numbers that the products were made of, those of the pivot's row: see take_row().
 #pragma once
 
 #include "device/cuda/kernels/factor_state.cuh"
@@ -232,9 +235,20 @@ class PivotBlock {
       twice_[h] = fma(-l, 2 * v[h], twice_[h]);
       note(h, p, inverse, twice / 2);
     }
+    take_row(p, v);
     negative_ += twice < T(0) ? 1 : 0;
     ++done_;
     return true;
+  }
+
+  /// Column p becomes what the elimination of p makes of row p, -v; v is zero but for rows that wait.
+  __device__ __forceinline__ void take_row(int p, const T (&v)[H]) {
+    if ((p >> 1 & 3) != warp_) return;
+    const int own = (p >> 3) * 2 + (p & 1);
+#pragma unroll
+    for (int j = 0; j < J; ++j)
+#pragma unroll
+      for (int h = 0; h < H; ++h) x_[h][j] = j == own ? -v[h] : x_[h][j];
   }
 
   /// Row p has been eliminated, alone.
@@ -282,16 +296,18 @@ class PivotBlock {
       negative_ += d < T(0) ? 1 : 0;
     }
     const T inverse = T(1) / d;
+    T v[H];
 #pragma unroll
     for (int h = 0; h < H; ++h) {
-      const T v = row(h) < kSize ? line[row(h)] : T(0);
-      const T l = waits(h) && row(h) != p ? v * inverse : T(0);
-      twice_[h] = fma(-2 * l, v, twice_[h]);
+      v[h] = waits(h) && row(h) != p ? line[row(h)] : T(0);
+      const T l = v[h] * inverse;
+      twice_[h] = fma(-2 * l, v[h], twice_[h]);
 #pragma unroll
       for (int j = 0; j < J; ++j) x_[h][j] = fma(-l, line[column(j)], x_[h][j]);
       if (row(h) == p && small) small_ |= 1 << h;
       note(h, p, inverse, d);
     }
+    take_row(p, v);
     ++done_;
   }
 
@@ -309,15 +325,16 @@ class PivotBlock {
       line_q[p] = line_p[q];
     }
     __syncthreads();
-    T l1[H], l2[H];
+    T u[H], v[H], l1[H], l2[H];
 #pragma unroll
     for (int h = 0; h < H; ++h) {
       const int r = row(h);
       const bool other = waits(h) && r != p && r != q;
-      const T u = other ? line_p[r] : T(0), v = other ? line_q[r] : T(0);
-      l1[h] = u * dx + v * e;
-      l2[h] = u * e + v * dz;
-      twice_[h] -= 2 * (l1[h] * u + l2[h] * v);
+      u[h] = other ? line_p[r] : T(0);
+      v[h] = other ? line_q[r] : T(0);
+      l1[h] = u[h] * dx + v[h] * e;
+      l2[h] = u[h] * e + v[h] * dz;
+      twice_[h] -= 2 * (l1[h] * u[h] + l2[h] * v[h]);
       if (r == p || r == q) {
         place_[h] = r == p ? done_ : done_ + 1;
         stage_[h] = done_;
@@ -335,6 +352,8 @@ class PivotBlock {
 #pragma unroll
       for (int h = 0; h < H; ++h) x_[h][j] -= l1[h] * b + l2[h] * c;
     }
+    take_row(p, u);
+    take_row(q, v);
     done_ += 2;
   }
 

@@ -22,7 +22,7 @@ struct AddedPart {
 
 /// Pivot tile columns [begin, end) of the front.
 template <class T>
-struct StreamedPanel {
+struct SlabColumns {
   const T* part[2] = {nullptr, nullptr};  ///< L; U^T (lu) or L D (ldlt)
   int begin = 0, end = 0;
   int row = -1;  ///< chunks hold the padded rows from here on; -1: as in the factor array, which begins at `begin`
@@ -35,7 +35,7 @@ struct GroupKernels {
   static cudaError_t prepare();
   static cudaError_t add(const FactorState<T>& state, int first, int end, const AddedPart<T>& part,
                          cudaStream_t stream);
-  static cudaError_t update(const FactorState<T>& state, int width, int first, int end, const StreamedPanel<T>& panel,
+  static cudaError_t update(const FactorState<T>& state, int width, int first, int end, const SlabColumns<T>& slab,
                             cudaStream_t stream);
 };
 

@@ -69,9 +69,9 @@ __global__ void __launch_bounds__(kThreads)
   add_to_place(place_of_tile(s.base[f.region], f, task, at.row, at.rows), tile, x.ld);
 }
 
-/// Where chunk q of a panel begins at padded row `row`.
+/// Where chunk q of a slab begins at padded row `row`.
 template <class T>
-__device__ inline std::int64_t panel_offset(const StreamedPanel<T>& p, const Front& f, int q, int row) {
+__device__ inline std::int64_t slab_offset(const SlabColumns<T>& p, const Front& f, int q, int row) {
   if (p.row >= 0)
     return static_cast<std::int64_t>(q) * (f.total_pad - p.row) * kChunk +
            static_cast<std::int64_t>(row - p.row) * kChunk;
@@ -81,10 +81,10 @@ __device__ inline std::int64_t panel_offset(const StreamedPanel<T>& p, const Fro
          static_cast<std::int64_t>(row - j * f.width) * kChunk;
 }
 
-/// acc += sum over all chunks of the panel of A_q B_q^T; everything is there.
+/// acc += sum over all chunks of the slab of A_q B_q^T; everything is there.
 template <class T, class S>
-__device__ void panel_products(Accumulator<T, S>& acc, const Front& f, const StreamedPanel<T>& p, const Operand<T>& a,
-                               const Operand<T>& b, int chunks, Pipeline<T>& pipe) {
+__device__ void slab_products(Accumulator<T, S>& acc, const Front& f, const SlabColumns<T>& p, const Operand<T>& a,
+                              const Operand<T>& b, int chunks, Pipeline<T>& pipe) {
   const Corner<S> at;
   const bool active = at.row < a.rows && at.col < b.rows;
 #if ESPALIER_BULK_COPIES
@@ -94,8 +94,8 @@ __device__ void panel_products(Accumulator<T, S>& acc, const Front& f, const Str
     T* to = pipe.stages + stage * S::kStage;
     const unsigned bytes_a = a.rows * kChunk * sizeof(T), bytes_b = b.rows * kChunk * sizeof(T);
     barrier_expect(bar, bytes_a + bytes_b);
-    bulk_copy(to, a.base + panel_offset(p, f, q, a.row), bytes_a, bar);
-    bulk_copy(to + S::kRows * kChunk, b.base + panel_offset(p, f, q, b.row), bytes_b, bar);
+    bulk_copy(to, a.base + slab_offset(p, f, q, a.row), bytes_a, bar);
+    bulk_copy(to + S::kRows * kChunk, b.base + slab_offset(p, f, q, b.row), bytes_b, bar);
   };
   if (threadIdx.x == 0)
     for (int q = 0; q < min(chunks, pipe.depth - 1); ++q) issue(q);
@@ -109,8 +109,8 @@ __device__ void panel_products(Accumulator<T, S>& acc, const Front& f, const Str
   }
 #else
   for (int q = 0; q < chunks; ++q) {
-    const T* from_a = a.base + panel_offset(p, f, q, a.row);
-    const T* from_b = b.base + panel_offset(p, f, q, b.row);
+    const T* from_a = a.base + slab_offset(p, f, q, a.row);
+    const T* from_b = b.base + slab_offset(p, f, q, b.row);
     for (int x = threadIdx.x; x < a.rows * kChunk; x += kThreads) pipe.stages[x] = from_a[x];
     for (int x = threadIdx.x; x < b.rows * kChunk; x += kThreads) pipe.stages[S::kRows * kChunk + x] = from_b[x];
     __syncthreads();
@@ -122,7 +122,7 @@ __device__ void panel_products(Accumulator<T, S>& acc, const Front& f, const Str
 
 template <class T, Kind K, int Width>
 __global__ void __launch_bounds__(kThreads, 2)
-    group_update(const __grid_constant__ FactorState<T> s, int first, const __grid_constant__ StreamedPanel<T> p) {
+    group_update(const __grid_constant__ FactorState<T> s, int first, const __grid_constant__ SlabColumns<T> p) {
   using S = Shape<128, Width>;
   extern __shared__ __align__(128) unsigned char area[];
   __shared__ std::uint64_t barriers[kGroupStages];
@@ -138,7 +138,7 @@ __global__ void __launch_bounds__(kThreads, 2)
   const Operand<T> left{p.part[operand_array<K>(task.part, 0)], at.row, at.rows};
   const Operand<T> right{p.part[operand_array<K>(task.part, 1)], col, cols};
   const int chunks = (f.column_end(p.end - 1) - f.column_begin(p.begin)) / kChunk;
-  panel_products<T, S>(acc, f, p, left, right, chunks, pipe);
+  slab_products<T, S>(acc, f, p, left, right, chunks, pipe);
   const Corner<S> corner;
   T* tile = pipe.stages;
   for_each_element<S>(corner, [&](int m, int n, int e, int r, int c) { tile[c * S::kLd + r] = -acc[m][n][e]; });
@@ -177,12 +177,12 @@ cudaError_t GroupKernels<T, K>::add(const FactorState<T>& state, int first, int 
 
 template <class T, Kind K>
 cudaError_t GroupKernels<T, K>::update(const FactorState<T>& state, int width, int first, int end,
-                                       const StreamedPanel<T>& panel, cudaStream_t stream) {
-  if (first == end || panel.begin == panel.end) return cudaSuccess;
+                                       const SlabColumns<T>& slab, cudaStream_t stream) {
+  if (first == end || slab.begin == slab.end) return cudaSuccess;
   if (width == 64)
-    group_update<T, K, 64><<<end - first, kThreads, update_bytes<T, 64>(), stream>>>(state, first, panel);
+    group_update<T, K, 64><<<end - first, kThreads, update_bytes<T, 64>(), stream>>>(state, first, slab);
   else
-    group_update<T, K, 32><<<end - first, kThreads, update_bytes<T, 32>(), stream>>>(state, first, panel);
+    group_update<T, K, 32><<<end - first, kThreads, update_bytes<T, 32>(), stream>>>(state, first, slab);
   return cudaGetLastError();
 }
 

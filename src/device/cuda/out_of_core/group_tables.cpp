@@ -8,7 +8,7 @@ namespace espalier::device::cuda {
 
 // The group as a front of its own: its pivots are the group's, its rows below all that follow. The arrays have the same
 // layout as the large front's columns.
-Front StreamTables::group_front(Index f, Index begin, Index end) const {
+Front OutOfCoreTables::group_front(Index f, Index begin, Index end) const {
   Front x = in_arena(device_.fronts[f]);
   const int first = x.column_begin(begin);
   const Index pivot_end = std::min<Index>(end, x.pivot_tiles);
@@ -33,7 +33,7 @@ Front StreamTables::group_front(Index f, Index begin, Index end) const {
 }
 
 // The large front with its arrays placed such that the group's columns fall on theirs, and the group as a front.
-void StreamTables::place_group(const out_of_core::ColumnGroup& g, Front& whole, Front& own) const {
+void OutOfCoreTables::place_group(const out_of_core::ColumnGroup& g, Front& whole, Front& own) const {
   const auto& l = plan_.layout[g.front];
   const bool pivots = g.begin < l.pivot_tiles;
   const Index below = std::max(g.begin, l.pivot_tiles) - l.pivot_tiles;
@@ -53,7 +53,7 @@ void StreamTables::place_group(const out_of_core::ColumnGroup& g, Front& whole, 
   place(own, 0, 0);
 }
 
-UnitTables StreamTables::build(const out_of_core::ColumnGroup& g) const {
+UnitTables OutOfCoreTables::build(const out_of_core::ColumnGroup& g) const {
   UnitTables u;
   const Index f = g.front;
   const Counts c = count(f, g.begin, g.end);

@@ -8,12 +8,12 @@ namespace espalier::device::cuda {
 
 using out_of_core::ColumnGroup;
 using out_of_core::InCoreStep;
-using out_of_core::StreamOp;
-using out_of_core::StreamWork;
+using out_of_core::Operation;
+using out_of_core::OperationType;
 
 template <class T>
-StreamLaunches<T>::StreamLaunches(const CudaStreamLayout<T>& layout, const StreamTables& tables, Kind kind,
-                                  const out_of_core::StreamingPlan& plan, std::byte* arena, double patience_seconds)
+Launches<T>::Launches(const CudaOutOfCoreLayout<T>& layout, const OutOfCoreTables& tables, Kind kind,
+                      const out_of_core::OutOfCorePlan& plan, std::byte* arena, double patience_seconds)
     : layout_(layout),
       tables_(tables),
       kind_(kind),
@@ -25,7 +25,7 @@ StreamLaunches<T>::StreamLaunches(const CudaStreamLayout<T>& layout, const Strea
 
 template <class T>
 template <class Use>
-void StreamLaunches<T>::dispatch(const char* name, Use&& use) const {
+void Launches<T>::dispatch(const char* name, Use&& use) const {
   call(name, [&] {
     switch (kind_) {
       case Kind::llt:
@@ -39,7 +39,7 @@ void StreamLaunches<T>::dispatch(const char* name, Use&& use) const {
 }
 
 template <class T>
-void StreamLaunches<T>::choose_shapes(const StreamTables& tables) {
+void Launches<T>::choose_shapes(const OutOfCoreTables& tables) {
   std::size_t whole = 0;
   for (const Front& f : tables.device_plan().fronts)
     if (f.whole != 0) {
@@ -53,17 +53,17 @@ void StreamLaunches<T>::choose_shapes(const StreamTables& tables) {
 }
 
 template <class T>
-void StreamLaunches<T>::run(const StreamOp& op, const UnitTables& unit, cudaStream_t stream) {
+void Launches<T>::run(const Operation& op, const UnitTables& unit, cudaStream_t stream) {
   unit_ = &unit;
   stream_ = stream;
-  if (op.work == StreamWork::eliminate) return eliminate(plan_.steps[static_cast<std::size_t>(op.unit)]);
+  if (op.type == OperationType::eliminate) return eliminate(plan_.steps[static_cast<std::size_t>(op.unit)]);
   const ColumnGroup& g = plan_.groups[static_cast<std::size_t>(op.unit)];
-  switch (op.work) {
-    case StreamWork::begin_group:
+  switch (op.type) {
+    case OperationType::begin_group:
       return begin_group(g);
-    case StreamWork::add_child:
+    case OperationType::add_child:
       return add_child(g, op);
-    case StreamWork::update:
+    case OperationType::update:
       return update(g, op);
     default:
       return launch(state(g), false);
@@ -73,7 +73,7 @@ void StreamLaunches<T>::run(const StreamOp& op, const UnitTables& unit, cudaStre
 // The arguments of the kernels for the unit at hand, whose places these are.
 template <class T>
 template <class Unit>
-FactorState<T> StreamLaunches<T>::state(const Unit& places) const {
+FactorState<T> Launches<T>::state(const Unit& places) const {
   const UnitTables& u = *unit_;
   FactorState<T> s{};
   std::byte* tables = arena_ + places.tables_at;
@@ -104,7 +104,7 @@ FactorState<T> StreamLaunches<T>::state(const Unit& places) const {
 }
 
 template <class T>
-void StreamLaunches<T>::clear_scratch(Offset scratch_at) {
+void Launches<T>::clear_scratch(Offset scratch_at) {
   const ScratchPlaces& at = unit_->scratch;
   std::byte* scratch = arena_ + scratch_at;
   const auto set = [&](Offset begin, int value, Offset bytes) {
@@ -119,7 +119,7 @@ void StreamLaunches<T>::clear_scratch(Offset scratch_at) {
 
 // Steps of two lanes share the multiprocessors: a kernel keeps what it has until its list of tasks is empty.
 template <class T>
-void StreamLaunches<T>::launch(const FactorState<T>& s, bool narrow) {
+void Launches<T>::launch(const FactorState<T>& s, bool narrow) {
   const UnitTables& u = *unit_;
   const auto go = [&](bool wide, int first, int end) {
     if (first == end) return;
@@ -135,20 +135,20 @@ void StreamLaunches<T>::launch(const FactorState<T>& s, bool narrow) {
 }
 
 template <class T>
-void StreamLaunches<T>::eliminate(const InCoreStep& step) {
+void Launches<T>::eliminate(const InCoreStep& step) {
   clear_scratch(step.scratch_at);
   launch(state(step), true);
 }
 
 template <class T>
-void StreamLaunches<T>::zero(Offset at, Offset elements) {
+void Launches<T>::zero(Offset at, Offset elements) {
   if (elements == 0) return;
   call("cudaMemsetAsync",
        [&] { return cudaMemsetAsync(arena_ + at, 0, static_cast<std::size_t>(elements) * sizeof(T), stream_); });
 }
 
 template <class T>
-void StreamLaunches<T>::begin_group(const ColumnGroup& g) {
+void Launches<T>::begin_group(const ColumnGroup& g) {
   clear_scratch(g.scratch_at);
   const Index pivots = layout_.plan().layout[g.front].pivot_tiles;
   const Offset factor = layout_.factor_offset(g.front, std::min(g.end, pivots)) -
@@ -163,14 +163,14 @@ void StreamLaunches<T>::begin_group(const ColumnGroup& g) {
 }
 
 template <class T>
-void StreamLaunches<T>::add(const ColumnGroup& g, const AddedPart<T>& part) {
+void Launches<T>::add(const ColumnGroup& g, const AddedPart<T>& part) {
   dispatch("launch of the assembly kernel", [&](auto, auto kernels) {
     return decltype(kernels)::add(state(g), unit_->end, unit_->group_end, part, stream_);
   });
 }
 
 template <class T>
-void StreamLaunches<T>::add_child(const ColumnGroup& g, const StreamOp& op) {
+void Launches<T>::add_child(const ColumnGroup& g, const Operation& op) {
   const Front& child = front(op.front);
   const Offset before = layout_.contribution_offset(op.front, op.begin);
   AddedPart<T> part;
@@ -184,19 +184,19 @@ void StreamLaunches<T>::add_child(const ColumnGroup& g, const StreamOp& op) {
 }
 
 template <class T>
-void StreamLaunches<T>::update(const ColumnGroup& g, const StreamOp& op) {
-  StreamedPanel<T> panel;
-  panel.begin = op.begin;
-  panel.end = op.end;
-  panel.row = op.panel ? front(op.front).column_begin(op.row) : -1;
-  panel.part[0] = reinterpret_cast<const T*>(arena_ + op.at[0]);
-  if (kind_ != Kind::llt) panel.part[1] = reinterpret_cast<const T*>(arena_ + op.at[1]);
+void Launches<T>::update(const ColumnGroup& g, const Operation& op) {
+  SlabColumns<T> slab;
+  slab.begin = op.begin;
+  slab.end = op.end;
+  slab.row = op.slab ? front(op.front).column_begin(op.row) : -1;
+  slab.part[0] = reinterpret_cast<const T*>(arena_ + op.at[0]);
+  if (kind_ != Kind::llt) slab.part[1] = reinterpret_cast<const T*>(arena_ + op.at[1]);
   dispatch("launch of the update kernel", [&](auto, auto kernels) {
-    return decltype(kernels)::update(state(g), unit_->width, unit_->end, unit_->group_end, panel, stream_);
+    return decltype(kernels)::update(state(g), unit_->width, unit_->end, unit_->group_end, slab, stream_);
   });
 }
 
-template class StreamLaunches<double>;
-template class StreamLaunches<float>;
+template class Launches<double>;
+template class Launches<float>;
 
 }  // namespace espalier::device::cuda

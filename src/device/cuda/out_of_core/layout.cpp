@@ -7,25 +7,25 @@
 namespace espalier::device::cuda {
 
 template <class T>
-CudaStreamLayout<T>::CudaStreamLayout(std::shared_ptr<const StreamSource> source)
+CudaOutOfCoreLayout<T>::CudaOutOfCoreLayout(std::shared_ptr<const OutOfCoreSource> source)
     : source_(std::move(source)), sizes_(plan::array_sizes(source_->plan)) {}
 
 template <class T>
-Offset CudaStreamLayout<T>::factor_offset(Index f, Index column) const {
+Offset CudaOutOfCoreLayout<T>::factor_offset(Index f, Index column) const {
   const Front& x = front(f);
   return column < x.pivot_tiles ? x.column_offset(column) : sizes_.factor[f];
 }
 
 template <class T>
-Offset CudaStreamLayout<T>::contribution_offset(Index f, Index column) const {
+Offset CudaOutOfCoreLayout<T>::contribution_offset(Index f, Index column) const {
   const Front& x = front(f);
   const int first = column * x.width;
   return column < x.tiles - x.pivot_tiles ? x.contribution_offset(first, first) : sizes_.contribution[f];
 }
 
 template <class T>
-void CudaStreamLayout<T>::panel(Index f, Index begin, Index end, Index row,
-                                std::vector<out_of_core::Piece>& pieces) const {
+void CudaOutOfCoreLayout<T>::slab(Index f, Index begin, Index end, Index row,
+                                  std::vector<out_of_core::Piece>& pieces) const {
   const Front& x = front(f);
   const int top = x.column_begin(row);
   for (Index j = begin; j < end; ++j)
@@ -33,7 +33,7 @@ void CudaStreamLayout<T>::panel(Index f, Index begin, Index end, Index row,
       pieces.push_back({x.chunk_offset(q, top), static_cast<Offset>(x.total_pad - top) * kChunk});
 }
 
-template class CudaStreamLayout<double>;
-template class CudaStreamLayout<float>;
+template class CudaOutOfCoreLayout<double>;
+template class CudaOutOfCoreLayout<float>;
 
 }  // namespace espalier::device::cuda

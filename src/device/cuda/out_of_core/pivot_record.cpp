@@ -1,9 +1,11 @@
 #include "device/cuda/out_of_core/pivot_record.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 #include "device/cuda/kernels/factor_parameters.hpp"
+#include "device/cuda/tables/pivot_pair.hpp"
 
 namespace espalier::device::cuda {
 
@@ -19,22 +21,22 @@ U read(std::span<const std::byte> bytes, Offset at) {
 }  // namespace
 
 template <class T>
-StreamPivots<T>::StreamPivots(Kind kind, Index n) : kind_(kind) {
+PivotRecord<T>::PivotRecord(Kind kind, Index n) : kind_(kind) {
   if (kind != Kind::ldlt) return;
   inverse_d_.resize(static_cast<std::size_t>(n));
   inverse_e_.resize(static_cast<std::size_t>(n));
 }
 
 template <class T>
-void StreamPivots<T>::begin() {
+void PivotRecord<T>::begin() {
   outcome_ = FactorOutcome{};
   determinant_ = Determinant{};
   stopped_ = false;
 }
 
 template <class T>
-void StreamPivots<T>::take(const ScratchPlaces& at, const Positions& positions, const PivotRule& rule,
-                           std::span<const std::byte> bytes) {
+void PivotRecord<T>::take(const ScratchPlaces& at, const Positions& positions, const PivotRule& rule,
+                          std::span<const std::byte> bytes) {
   constexpr auto kSize = static_cast<Offset>(sizeof(T));
   const auto control = [&](int counter) { return read<int>(bytes, at.control + 4 * counter); };
   const auto marked = [&](Offset list, Index k) { return bytes[static_cast<std::size_t>(list + k)] != std::byte{0}; };
@@ -51,31 +53,62 @@ void StreamPivots<T>::take(const ScratchPlaces& at, const Positions& positions, 
       if (marked(at.failed, k)) outcome_.failed.push_back(position);
       if (!good && k == at.pivots - control(kNotPositive))
         outcome_.not_positive = outcome_.not_positive < 0 ? position : std::min(outcome_.not_positive, position);
+      if (kind_ == Kind::lu && !marked(at.replaced, k)) judge(position, pivot, rule.suspect);
       if (kind_ != Kind::ldlt) continue;
       inverse_d_[static_cast<std::size_t>(position)] = read<T>(bytes, at.inverse_d + k * kSize);
       inverse_e_[static_cast<std::size_t>(position)] = read<T>(bytes, at.inverse_e + k * kSize);
     }
+  if (kind_ == Kind::ldlt)
+    judge_blocks(positions, rule.suspect, [&](Index pivot) { return marked(at.replaced, pivot); });
   outcome_.negative += control(kNegative);
   outcome_.two_by_two += control(kTwoByTwo);
 }
 
 template <class T>
-void StreamPivots<T>::copy_from(const StreamPivots& other, Index begin, Index count) {
+void PivotRecord<T>::judge(Index position, double pivot, double suspect) {
+  if (!(std::abs(pivot) < suspect)) return;
+  outcome_.small.push_back(position);
+  if (kind_ == Kind::ldlt && pivot < 0) ++outcome_.small_negative;
+}
+
+// A pair of pivots lies in one tile, so in one range.
+template <class T>
+template <class IsReplaced>
+void PivotRecord<T>::judge_blocks(const Positions& positions, double suspect, IsReplaced&& is_replaced) {
+  Index k = 0;
+  for (const auto& [begin, end] : positions)
+    for (Index position = begin; position < end; ++position, ++k) {
+      const auto p = static_cast<std::size_t>(position);
+      const double d = inverse_d_[p], e = inverse_e_[p];
+      if (e != 0) {
+        const PivotPair pair = pair_of_pivots(d, e, inverse_d_[p + 1]);
+        judge(position, pair.value[0], suspect);
+        judge(++position, pair.value[1], suspect);
+        ++k;
+      } else if (!is_replaced(k)) {
+        judge(position, 1 / d, suspect);
+      }
+    }
+}
+
+template <class T>
+void PivotRecord<T>::copy_from(const PivotRecord& other, Index begin, Index count) {
   if (kind_ != Kind::ldlt) return;
   std::copy_n(other.inverse_d_.begin() + begin, count, inverse_d_.begin() + begin);
   std::copy_n(other.inverse_e_.begin() + begin, count, inverse_e_.begin() + begin);
 }
 
 template <class T>
-FactorOutcome StreamPivots<T>::outcome() {
+FactorOutcome PivotRecord<T>::outcome() {
   std::sort(outcome_.replaced.begin(), outcome_.replaced.end());
+  std::sort(outcome_.small.begin(), outcome_.small.end());
   std::sort(outcome_.failed.begin(), outcome_.failed.end());
   outcome_.determinant_sign = determinant_.sign();
   outcome_.determinant_log = determinant_.log();
   return outcome_;
 }
 
-template class StreamPivots<double>;
-template class StreamPivots<float>;
+template class PivotRecord<double>;
+template class PivotRecord<float>;
 
 }  // namespace espalier::device::cuda

@@ -1,5 +1,5 @@
 /// \file
-/// What the pivots of a streaming factorization came to, as it arrives from the GPU unit by unit.
+/// What the pivots of a factorization out of core came to, as it arrives from the GPU unit by unit.
 #pragma once
 
 #include <cstddef>
@@ -17,17 +17,17 @@ namespace espalier::device::cuda {
 using Positions = std::vector<std::pair<Index, Index>>;
 
 template <class T>
-class StreamPivots {
+class PivotRecord {
  public:
   /// @param n  of the matrix
-  StreamPivots(Kind kind, Index n);
+  PivotRecord(Kind kind, Index n);
   /// Forgets the last factorization.
   void begin();
   /// What a unit's scratch brought. @param bytes  those before ScratchPlaces::flags
   void take(const ScratchPlaces& at, const Positions& positions, const PivotRule& rule,
             std::span<const std::byte> bytes);
   /// Copies what solves need (ldlt) of these positions from another device.
-  void copy_from(const StreamPivots& other, Index begin, Index count);
+  void copy_from(const PivotRecord& other, Index begin, Index count);
 
   [[nodiscard]] bool stopped() const { return stopped_; }  ///< a unit was given up
   /// Lists in ascending order.
@@ -36,6 +36,10 @@ class StreamPivots {
   [[nodiscard]] const std::vector<T>& inverse_e() const { return inverse_e_; }
 
  private:
+  void judge(Index position, double pivot, double suspect);
+  template <class IsReplaced>
+  void judge_blocks(const Positions& positions, double suspect, IsReplaced&& is_replaced);
+
   Kind kind_;
   FactorOutcome outcome_;
   Determinant determinant_;

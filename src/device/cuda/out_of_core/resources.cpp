@@ -6,7 +6,7 @@
 
 namespace espalier::device::cuda {
 
-StreamResources::~StreamResources() {
+Resources::~Resources() {
   (void)cudaSetDevice(options_.device);
   for (cudaStream_t s : streams_)
     if (s != nullptr) (void)cudaStreamSynchronize(s);
@@ -20,8 +20,8 @@ StreamResources::~StreamResources() {
   if (ring_ != nullptr) (void)cudaFreeHost(ring_);
 }
 
-void StreamResources::take(Offset arena_bytes, int slots, Offset slot_bytes,
-                           const std::array<std::size_t, out_of_core::kStreamQueues>& marks) {
+void Resources::take(Offset arena_bytes, int slots, Offset slot_bytes,
+                     const std::array<std::size_t, out_of_core::kQueues>& marks) {
   const auto size = [](Offset bytes) { return static_cast<std::size_t>(bytes); };
   call("cudaSetDevice", [&] { return cudaSetDevice(options_.device); });
   slot_bytes_ = slot_bytes;
@@ -33,8 +33,8 @@ void StreamResources::take(Offset arena_bytes, int slots, Offset slot_bytes,
   for (cudaStream_t& s : streams_)
     call("cudaStreamCreate", [&] { return cudaStreamCreateWithFlags(&s, cudaStreamNonBlocking); });
   for (std::size_t q = 0; q < marks.size(); ++q) {
-    const bool timed = q == static_cast<std::size_t>(out_of_core::StreamQueue::run) ||
-                       q == static_cast<std::size_t>(out_of_core::StreamQueue::second_run);
+    const bool timed = q == static_cast<std::size_t>(out_of_core::Queue::run) ||
+                       q == static_cast<std::size_t>(out_of_core::Queue::second_run);
     make_events(marks_[q], marks[q], timed ? cudaEventDefault : cudaEventDisableTiming);
     if (timed) make_events(starts_[q], marks[q], cudaEventDefault);
   }
@@ -42,7 +42,7 @@ void StreamResources::take(Offset arena_bytes, int slots, Offset slot_bytes,
 }
 
 template <class Make>
-void StreamResources::allocate(const char* name, Make&& make) {
+void Resources::allocate(const char* name, Make&& make) {
   const cudaError_t e = attempt(name, make);
   if (e == cudaSuccess) return;
   (void)cudaGetLastError();
@@ -51,7 +51,7 @@ void StreamResources::allocate(const char* name, Make&& make) {
   throw Error(StatusCode::device_error, text);
 }
 
-void StreamResources::make_events(std::vector<cudaEvent_t>& list, std::size_t count, unsigned flags) {
+void Resources::make_events(std::vector<cudaEvent_t>& list, std::size_t count, unsigned flags) {
   for (std::size_t k = 0; k < count; ++k) {
     cudaEvent_t e = nullptr;
     call("cudaEventCreate", [&] { return cudaEventCreateWithFlags(&e, flags); });

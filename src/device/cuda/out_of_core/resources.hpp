@@ -1,5 +1,5 @@
 /// \file
-/// Streams, events and memory of a GPU that streams. Needs the CUDA runtime.
+/// CUDA streams, events and memory of a GPU that works out of core. Needs the CUDA runtime.
 #pragma once
 
 #include <cuda_runtime_api.h>
@@ -7,33 +7,33 @@
 #include <array>
 #include <vector>
 
-#include "device/cuda/out_of_core/cuda_stream.hpp"
-#include "out_of_core/streaming_plan.hpp"
+#include "device/cuda/out_of_core/backend.hpp"
+#include "out_of_core/plan.hpp"
 
 namespace espalier::device::cuda {
 
 /// Everything is released without throwing.
-class StreamResources {
+class Resources {
  public:
-  explicit StreamResources(const CudaStreamOptions& options) : options_(options) {}
-  StreamResources(const StreamResources&) = delete;
-  StreamResources& operator=(const StreamResources&) = delete;
-  ~StreamResources();
+  explicit Resources(const CudaOutOfCoreOptions& options) : options_(options) {}
+  Resources(const Resources&) = delete;
+  Resources& operator=(const Resources&) = delete;
+  ~Resources();
 
   /// @param marks  events of each queue
   /// @throws AllocationRefused
   void take(Offset arena_bytes, int slots, Offset slot_bytes,
-            const std::array<std::size_t, out_of_core::kStreamQueues>& marks);
+            const std::array<std::size_t, out_of_core::kQueues>& marks);
 
   [[nodiscard]] std::byte* arena() const { return arena_; }
   [[nodiscard]] Offset arena_bytes() const { return arena_ != nullptr ? arena_bytes_ : 0; }
   [[nodiscard]] std::byte* slot(int k) const { return ring_ + k * slot_bytes_; }
-  [[nodiscard]] cudaStream_t stream(out_of_core::StreamQueue q) const { return streams_[static_cast<std::size_t>(q)]; }
-  [[nodiscard]] cudaEvent_t mark(out_of_core::StreamQueue q, std::int64_t number) const {
+  [[nodiscard]] cudaStream_t stream(out_of_core::Queue q) const { return streams_[static_cast<std::size_t>(q)]; }
+  [[nodiscard]] cudaEvent_t mark(out_of_core::Queue q, std::int64_t number) const {
     return marks_[static_cast<std::size_t>(q)][static_cast<std::size_t>(number - 1)];
   }
   /// Marks the start of operation `number` of a queue that computes; its mark is the end.
-  [[nodiscard]] cudaEvent_t start(out_of_core::StreamQueue q, std::int64_t number) const {
+  [[nodiscard]] cudaEvent_t start(out_of_core::Queue q, std::int64_t number) const {
     return starts_[static_cast<std::size_t>(q)][static_cast<std::size_t>(number - 1)];
   }
   [[nodiscard]] cudaEvent_t slot_event(int k) const { return slots_[static_cast<std::size_t>(k)]; }
@@ -44,12 +44,12 @@ class StreamResources {
   void allocate(const char* name, Make&& make);
   static void make_events(std::vector<cudaEvent_t>& list, std::size_t count, unsigned flags);
 
-  CudaStreamOptions options_;
+  CudaOutOfCoreOptions options_;
   Offset arena_bytes_ = 0, slot_bytes_ = 0;
   std::byte* arena_ = nullptr;
   std::byte* ring_ = nullptr;
-  std::array<cudaStream_t, out_of_core::kStreamQueues> streams_{};
-  std::array<std::vector<cudaEvent_t>, out_of_core::kStreamQueues> marks_, starts_;
+  std::array<cudaStream_t, out_of_core::kQueues> streams_{};
+  std::array<std::vector<cudaEvent_t>, out_of_core::kQueues> marks_, starts_;
   std::vector<cudaEvent_t> slots_;
 };
 

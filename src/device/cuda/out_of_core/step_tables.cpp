@@ -6,7 +6,8 @@
 namespace espalier::device::cuda {
 
 // The front of place k in the step, with its places, links and entries.
-void StreamTables::add_front(const out_of_core::InCoreStep& step, Index k, UnitArrays& arrays, Position& next) const {
+void OutOfCoreTables::add_front(const out_of_core::InCoreStep& step, Index k, UnitArrays& arrays,
+                                Position& next) const {
   const Index f = step.fronts[static_cast<std::size_t>(k)];
   const Offset work = step.work_at / element_;
   const auto& root = step.root_at[static_cast<std::size_t>(k)];
@@ -34,14 +35,14 @@ void StreamTables::add_front(const out_of_core::InCoreStep& step, Index k, UnitA
 }
 
 // Of a front in the step's tables: its own fronts, then those that were eliminated before.
-std::int32_t StreamTables::place_in(const out_of_core::InCoreStep& step, Index f) {
+std::int32_t OutOfCoreTables::place_in(const out_of_core::InCoreStep& step, Index f) {
   const bool own = std::binary_search(step.fronts.begin(), step.fronts.end(), f);
   const auto& list = own ? step.fronts : step.externals;
   const auto at = std::lower_bound(list.begin(), list.end(), f) - list.begin();
   return static_cast<std::int32_t>(own ? at : at + static_cast<std::ptrdiff_t>(step.fronts.size()));
 }
 
-UnitTables StreamTables::build(const out_of_core::InCoreStep& step) const {
+UnitTables OutOfCoreTables::build(const out_of_core::InCoreStep& step) const {
   UnitTables u;
   const Counts c = count(step);
   u.at = places(c);

@@ -1,5 +1,5 @@
 /// \file
-/// The arrays of one unit of a streaming plan while they are put together.
+/// The arrays of one unit of an out-of-core plan while they are put together.
 #pragma once
 
 #include <cstdint>

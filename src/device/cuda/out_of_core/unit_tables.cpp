@@ -15,7 +15,7 @@ Offset aligned(Offset bytes) { return (bytes + kAligned - 1) / kAligned * kAlign
 
 }  // namespace
 
-StreamTables::StreamTables(const plan::Plan& plan, Kind kind, Offset element_bytes)
+OutOfCoreTables::OutOfCoreTables(const plan::Plan& plan, Kind kind, Offset element_bytes)
     : plan_(plan),
       kind_(kind),
       element_(element_bytes),
@@ -29,12 +29,12 @@ StreamTables::StreamTables(const plan::Plan& plan, Kind kind, Offset element_byt
       link_of_[static_cast<std::size_t>(device_.links[l].child)] = l - x.link_begin;
 }
 
-Offset StreamTables::pivot_tile_count(Index f) const {
+Offset OutOfCoreTables::pivot_tile_count(Index f) const {
   const auto& l = plan_.layout[f];
   return l.pivot_tiles < l.tiles ? l.tile_index(l.pivot_tiles, l.pivot_tiles) : l.tile_count();
 }
 
-Offset StreamTables::share_bytes(Index f) const {
+Offset OutOfCoreTables::share_bytes(Index f) const {
   const Front& x = device_.fronts[f];
   const Offset entries = plan_.entry_ptr[plan_.first_tile[f + 1]] - plan_.entry_ptr[plan_.first_tile[f]];
   const Offset links = x.link_end - x.link_begin;
@@ -43,7 +43,7 @@ Offset StreamTables::share_bytes(Index f) const {
          entries * (8 + element_) + x.flags() * (kind_ == Kind::lu ? 8 : 4) + x.pivots * (3 * element_ + 2) + 16;
 }
 
-StreamTables::Counts StreamTables::count(const out_of_core::InCoreStep& step) const {
+OutOfCoreTables::Counts OutOfCoreTables::count(const out_of_core::InCoreStep& step) const {
   Counts c;
   c.fronts = static_cast<Offset>(step.fronts.size() + step.externals.size());
   c.waits = static_cast<Offset>(step.memory.wait_fronts.size());
@@ -65,7 +65,7 @@ StreamTables::Counts StreamTables::count(const out_of_core::InCoreStep& step) co
   return c;
 }
 
-StreamTables::Counts StreamTables::count(Index f, Index begin, Index end) const {
+OutOfCoreTables::Counts OutOfCoreTables::count(Index f, Index begin, Index end) const {
   const Front& x = device_.fronts[f];
   const auto& l = plan_.layout[f];
   Counts c;
@@ -90,7 +90,7 @@ StreamTables::Counts StreamTables::count(Index f, Index begin, Index end) const 
   return c;
 }
 
-TablePlaces StreamTables::places(const Counts& c) {
+TablePlaces OutOfCoreTables::places(const Counts& c) {
   TablePlaces t;
   Offset at = 0;
   const auto put = [&](Offset& place, Offset count, std::size_t size) {
@@ -109,7 +109,7 @@ TablePlaces StreamTables::places(const Counts& c) {
   return t;
 }
 
-ScratchPlaces StreamTables::scratch_places(const Counts& c) const {
+ScratchPlaces OutOfCoreTables::scratch_places(const Counts& c) const {
   ScratchPlaces s;
   constexpr Offset kControlBytes = (kCounters * 4 + 63) / 64 * 64;
   Offset at = 0;
@@ -133,10 +133,12 @@ ScratchPlaces StreamTables::scratch_places(const Counts& c) const {
   return s;
 }
 
-TablePlaces StreamTables::tables(const out_of_core::InCoreStep& step) const { return places(count(step)); }
-ScratchPlaces StreamTables::scratch(const out_of_core::InCoreStep& step) const { return scratch_places(count(step)); }
-TablePlaces StreamTables::tables(Index f, Index begin, Index end) const { return places(count(f, begin, end)); }
-ScratchPlaces StreamTables::scratch(Index f, Index begin, Index end) const {
+TablePlaces OutOfCoreTables::tables(const out_of_core::InCoreStep& step) const { return places(count(step)); }
+ScratchPlaces OutOfCoreTables::scratch(const out_of_core::InCoreStep& step) const {
+  return scratch_places(count(step));
+}
+TablePlaces OutOfCoreTables::tables(Index f, Index begin, Index end) const { return places(count(f, begin, end)); }
+ScratchPlaces OutOfCoreTables::scratch(Index f, Index begin, Index end) const {
   return scratch_places(count(f, begin, end));
 }
 

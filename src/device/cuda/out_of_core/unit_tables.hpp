@@ -1,13 +1,13 @@
 /// \file
-/// The tables of one unit of a streaming plan: what the kernels read of an in-core step or of a group of block columns,
-/// as one block of bytes with all places in it.
+/// The tables of one unit of an out-of-core plan: what the kernels read of an in-core step or of a group of block
+/// columns, as one block of bytes with all places in it.
 #pragma once
 
 #include <cstddef>
 #include <vector>
 
 #include "device/cuda/tables/device_plan.hpp"
-#include "out_of_core/streaming_plan.hpp"
+#include "out_of_core/plan.hpp"
 
 namespace espalier::device::cuda {
 
@@ -41,9 +41,9 @@ struct UnitArrays;
 
 /// Makes the tables of a plan's units. Front 0 of a group's tables is the group seen as a front of its own, front 1 the
 /// large front, then its children, link k of the large front belonging to its k-th child with rows below.
-class StreamTables {
+class OutOfCoreTables {
  public:
-  StreamTables(const plan::Plan& plan, Kind kind, Offset element_bytes);
+  OutOfCoreTables(const plan::Plan& plan, Kind kind, Offset element_bytes);
 
   [[nodiscard]] const DevicePlan& device_plan() const { return device_; }
   /// Narrow fronts first: the plan lists them so.

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <memory>
 
-#include "device/cuda/executor/device_equations.hpp"
 #include "device/cuda/runtime/device_memory.hpp"
+#include "device/device_equations.hpp"
 
 namespace espalier::device::cuda {
 

@@ -27,7 +27,7 @@ class Builder {
   }
 
   DevicePlan build() {
-    d_.lists.resize(static_cast<std::size_t>(plan_.assignment.devices));
+    d_.lists.resize(static_cast<std::size_t>(plan_.ownership.devices));
     regions_ = plan::name_regions(plan_, peer_access_);
     d_.region_device = regions_.device;
     d_.first_stealable = regions_.first_stealable;
@@ -35,7 +35,7 @@ class Builder {
     describe_fronts();
     link_children();
     take_places();
-    if (plan_.assignment.devices > 1) place_top();
+    if (plan_.ownership.devices > 1) place_top();
     list_tasks(plan_, kind_, regions_.narrow, shape_, pool_, d_);
     list_inverses();
     return std::move(d_);
@@ -101,7 +101,7 @@ class Builder {
   // turn out not to reach each other's memory. A plan of one device without memory is only listed.
   void take_places() {
     const plan::MemoryPlan& m = plan_.memory;
-    if (plan_.assignment.devices == 1) {
+    if (plan_.ownership.devices == 1) {
       d_.regions[0] = m.size;
       if (!m.factor.empty()) take_places(m);
     } else if (m.device_size.size() == d_.regions.size()) {
@@ -143,7 +143,7 @@ class Builder {
   // The top: factors one after another; tile columns of contributions with their makers. Nothing is used twice, so
   // that nobody waits for a reader on another device.
   void place_top() {
-    const auto& a = plan_.assignment;
+    const auto& a = plan_.ownership;
     d_.place_space.assign(static_cast<std::size_t>(a.devices), 0);
     Offset end = 0;
     for (Index f = 0; f < plan_.fronts(); ++f) {
@@ -250,7 +250,7 @@ std::vector<double> transferred_elements(const plan::Plan& plan, Kind kind, cons
     const auto others = static_cast<unsigned>(x.members);
     if (x.region == 0)
       for (Index j = 0; j < x.pivot_tiles; ++j)
-        moved[static_cast<std::size_t>(plan.assignment.owner(f, j))] +=
+        moved[static_cast<std::size_t>(plan.ownership.owner(f, j))] +=
             copies * (std::popcount(others) - 1) * (x.column_end(j) - x.column_begin(j)) *
             static_cast<double>(x.total_pad - x.column_begin(j));
     const auto readers = static_cast<unsigned>(x.readers);

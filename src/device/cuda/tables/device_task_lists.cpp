@@ -93,7 +93,7 @@ class TaskLister {
   [[nodiscard]] std::size_t units() const { return d_.lists.size() + d_.regions.size() - 1; }
   [[nodiscard]] std::size_t unit_of(const FactorTask& task) const {
     if (task.region != 0) return d_.lists.size() + task.region - 1;
-    return static_cast<std::size_t>(plan_.assignment.owner(task.front, task.column));
+    return static_cast<std::size_t>(plan_.ownership.owner(task.front, task.column));
   }
 
   void count(Piece& piece) {

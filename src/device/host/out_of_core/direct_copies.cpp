@@ -23,7 +23,7 @@ void PinnedMemory::check(const std::byte* at, Offset bytes) const {
   const std::lock_guard lock(mutex_);
   const auto next = ranges_.upper_bound(at);
   if (next == ranges_.begin() || at + bytes > std::prev(next)->first + std::prev(next)->second)
-    throw std::logic_error("streaming: a copy without the ring outside of one pinned piece");
+    throw std::logic_error("out of core: a copy without the ring outside of one pinned piece");
 }
 
 PinnedMemory& pinned_memory() {
@@ -35,7 +35,7 @@ void DirectCopies::begin() {
   for (auto& queue : queues_) queue.clear();
 }
 
-void DirectCopies::copy(out_of_core::StreamQueue queue, std::byte* to, const std::byte* from, Offset bytes) {
+void DirectCopies::copy(out_of_core::Queue queue, std::byte* to, const std::byte* from, Offset bytes) {
   if (!late_) {
     std::memcpy(to, from, static_cast<std::size_t>(bytes));
     return;
@@ -44,14 +44,14 @@ void DirectCopies::copy(out_of_core::StreamQueue queue, std::byte* to, const std
   queues_[static_cast<std::size_t>(queue)].push_back({0, to, from, bytes});
 }
 
-void DirectCopies::mark(out_of_core::StreamQueue queue, std::int64_t number) {
+void DirectCopies::mark(out_of_core::Queue queue, std::int64_t number) {
   if (!late_) return;
   const std::lock_guard lock(mutex_);
   for (Copy& c : queues_[static_cast<std::size_t>(queue)])
     if (c.number == 0) c.number = number;
 }
 
-void DirectCopies::wait(out_of_core::StreamQueue queue, std::int64_t number) {
+void DirectCopies::wait(out_of_core::Queue queue, std::int64_t number) {
   if (!late_) return;
   const std::lock_guard lock(mutex_);
   std::erase_if(queues_[static_cast<std::size_t>(queue)], [&](const Copy& c) {

@@ -8,7 +8,7 @@
 #include <mutex>
 #include <vector>
 
-#include "out_of_core/streaming_plan.hpp"
+#include "out_of_core/plan.hpp"
 
 namespace espalier::device::host {
 
@@ -36,11 +36,11 @@ class DirectCopies {
   explicit DirectCopies(bool late) : late_(late) {}
   /// Forgets all.
   void begin();
-  void copy(out_of_core::StreamQueue queue, std::byte* to, const std::byte* from, Offset bytes);
+  void copy(out_of_core::Queue queue, std::byte* to, const std::byte* from, Offset bytes);
   /// What was asked for since the last mark belongs to operation `number`.
-  void mark(out_of_core::StreamQueue queue, std::int64_t number);
+  void mark(out_of_core::Queue queue, std::int64_t number);
   /// The first `number` operations of the queue are done afterwards.
-  void wait(out_of_core::StreamQueue queue, std::int64_t number);
+  void wait(out_of_core::Queue queue, std::int64_t number);
 
  private:
   struct Copy {
@@ -51,7 +51,7 @@ class DirectCopies {
   };
   const bool late_;
   std::mutex mutex_;
-  std::array<std::vector<Copy>, out_of_core::kStreamQueues> queues_;
+  std::array<std::vector<Copy>, out_of_core::kQueues> queues_;
 };
 
 }  // namespace espalier::device::host

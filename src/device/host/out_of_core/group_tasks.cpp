@@ -33,7 +33,7 @@ struct TilePlace {
 
 }  // namespace
 
-Offset panel_offset(const FrontLayout& layout, Index begin, Index column, Index row) {
+Offset slab_offset(const FrontLayout& layout, Index begin, Index column, Index row) {
   const Offset rows = layout.padded_begin(layout.tiles) - layout.padded_begin(row);
   Offset sum = 0;
   for (Index k = begin; k < column; ++k) sum += layout.width(k) * rows;
@@ -55,27 +55,26 @@ void begin_tile(NumericState<T>& s, Index f, Index i, Index j) {
 }
 
 template <class T>
-void add_child_to_tile(NumericState<T>& s, Workspace<T>& w, Index f, Index i, Index j, Index child, const T* lower,
-                       const T* upper, ColumnRange columns) {
+void add_child_to_tile(NumericState<T>& s, Workspace<T>& w, Index f, Index i, Index j, const ChildColumns<T>& child) {
   const TilePlace<T> t(s, f, i, j);
   const Index rb = t.layout.begin(i), cb = t.layout.begin(j);
   Part<T> part{t.c, t.ld, rb, rb + t.rows, cb, cb + t.cols};
-  add_contribution(s.plan, child, lower, part, false, w.runs, columns);
+  add_contribution(s.plan, child.front, child.part[0], part, false, w.runs, child.columns);
   if (!t.lu) return;
   if (i != j) part.data = t.c2;
-  add_contribution(s.plan, child, upper, part, i == j, w.runs, columns);
+  add_contribution(s.plan, child.front, child.part[1], part, i == j, w.runs, child.columns);
 }
 
 template <class T>
-void update_tile(NumericState<T>& s, Index i, Index j, const PanelColumns<T>& panel) {
-  const TilePlace<T> t(s, panel.front, i, j);
+void update_tile(NumericState<T>& s, Index i, Index j, const SlabColumns<T>& slab) {
+  const TilePlace<T> t(s, slab.front, i, j);
   const auto tile = [&](int part, Index r, Index k) {
-    if (panel.row < 0)
-      return panel.part[part] + (t.layout.tile_offset(r, k) - t.layout.tile_offset(panel.begin, panel.begin));
-    return panel.part[part] + panel_offset(t.layout, panel.begin, k, panel.row) +
-           t.layout.width(k) * (t.layout.padded_begin(r) - t.layout.padded_begin(panel.row));
+    if (slab.row < 0)
+      return slab.part[part] + (t.layout.tile_offset(r, k) - t.layout.tile_offset(slab.begin, slab.begin));
+    return slab.part[part] + slab_offset(t.layout, slab.begin, k, slab.row) +
+           t.layout.width(k) * (t.layout.padded_begin(r) - t.layout.padded_begin(slab.row));
   };
-  for (Index k = panel.begin; k < panel.end; ++k) {
+  for (Index k = slab.begin; k < slab.end; ++k) {
     const Index depth = t.layout.width(k);
     if (t.lu) {
       s.dense.gemm_nt(t.rows, t.cols, depth, tile(0, i, k), tile(1, j, k), t.c, t.ld);
@@ -92,11 +91,11 @@ void update_tile(NumericState<T>& s, Index i, Index j, const PanelColumns<T>& pa
 
 template void begin_tile(NumericState<double>&, Index, Index, Index);
 template void begin_tile(NumericState<float>&, Index, Index, Index);
-template void add_child_to_tile(NumericState<double>&, Workspace<double>&, Index, Index, Index, Index, const double*,
-                                const double*, ColumnRange);
-template void add_child_to_tile(NumericState<float>&, Workspace<float>&, Index, Index, Index, Index, const float*,
-                                const float*, ColumnRange);
-template void update_tile(NumericState<double>&, Index, Index, const PanelColumns<double>&);
-template void update_tile(NumericState<float>&, Index, Index, const PanelColumns<float>&);
+template void add_child_to_tile(NumericState<double>&, Workspace<double>&, Index, Index, Index,
+                                const ChildColumns<double>&);
+template void add_child_to_tile(NumericState<float>&, Workspace<float>&, Index, Index, Index,
+                                const ChildColumns<float>&);
+template void update_tile(NumericState<double>&, Index, Index, const SlabColumns<double>&);
+template void update_tile(NumericState<float>&, Index, Index, const SlabColumns<float>&);
 
 }  // namespace espalier::device::host

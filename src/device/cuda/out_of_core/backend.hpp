@@ -1,5 +1,5 @@
 /// \file
-/// Streaming on a GPU. The header needs no CUDA.
+/// Out of core on a GPU. The header needs no CUDA.
 #pragma once
 
 #include <memory>
@@ -11,7 +11,7 @@
 
 namespace espalier::device::cuda {
 
-struct CudaStreamOptions {
+struct CudaOutOfCoreOptions {
   int device = 0;
   double patience_seconds = 30;  ///< a wait between blocks that lasts longer ends the run with an error
 };
@@ -24,16 +24,16 @@ Offset free_device_bytes(int device);
 /// @param pool  its threads do the substitutions
 /// All memory is taken by prepare().
 template <class T>
-std::vector<std::unique_ptr<out_of_core::StreamBackend<T>>> make_cuda_streams(
+std::vector<std::unique_ptr<out_of_core::OutOfCoreBackend<T>>> make_cuda_out_of_core_backends(
     const plan::Plan& plan, Kind kind, const PivotRule& rule, base::ThreadPool& pool,
-    const std::vector<CudaStreamOptions>& devices);
+    const std::vector<CudaOutOfCoreOptions>& devices);
 
 /// One GPU.
 template <class T>
-std::unique_ptr<out_of_core::StreamBackend<T>> make_cuda_stream(const plan::Plan& plan, Kind kind,
-                                                                const PivotRule& rule, base::ThreadPool& pool,
-                                                                const CudaStreamOptions& options = {}) {
-  return std::move(make_cuda_streams<T>(plan, kind, rule, pool, {options}).front());
+std::unique_ptr<out_of_core::OutOfCoreBackend<T>> make_cuda_out_of_core_backend(
+    const plan::Plan& plan, Kind kind, const PivotRule& rule, base::ThreadPool& pool,
+    const CudaOutOfCoreOptions& options = {}) {
+  return std::move(make_cuda_out_of_core_backends<T>(plan, kind, rule, pool, {options}).front());
 }
 
 }  // namespace espalier::device::cuda

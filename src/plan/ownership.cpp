@@ -1,4 +1,4 @@
-#include "plan/device_assignment.hpp"
+#include "plan/ownership.hpp"
 
 #include <algorithm>
 #include <queue>
@@ -148,9 +148,9 @@ std::vector<SubTree> cut_and_assign(const Plan& plan, const Costs& costs, double
 }
 
 // Who works on a front or needs its factor: its sub-tree's device; in the top, everybody with a sub-tree below.
-void find_members(const Plan& plan, DeviceAssignment& a) {
+void find_members(const Plan& plan, Ownership& a) {
   const std::uint64_t one = 1;
-  const std::uint64_t all = a.devices == DeviceAssignment::kMostMembers ? ~std::uint64_t{0} : (one << a.devices) - 1;
+  const std::uint64_t all = a.devices == Ownership::kMostMembers ? ~std::uint64_t{0} : (one << a.devices) - 1;
   a.members.assign(static_cast<std::size_t>(plan.fronts()), 0);
   for (Index f = 0; f < plan.fronts(); ++f) {
     const Index s = a.subtree(f);
@@ -172,7 +172,7 @@ double column_flops(const FrontLayout& l, Index j) {
 
 // How many neighbours of block column j of the top one member takes: of pivot columns as many as it works on at a time.
 // More would begin when the first ones are done, and all that time hold up the members that have the next columns.
-Index group_at(const Plan& plan, const DeviceAssignment& a, Index f, Index j) {
+Index group_at(const Plan& plan, const Ownership& a, Index f, Index j) {
   constexpr Index kRowsOfTask = 128;
   const FrontLayout& l = plan.layout[f];
   if (j >= l.pivot_tiles) return a.column_group;
@@ -182,7 +182,7 @@ Index group_at(const Plan& plan, const DeviceAssignment& a, Index f, Index j) {
 
 // Groups of block columns of the top, in the order of work, go to that member which is predicted to have least to do;
 // among equals in turn.
-void deal_columns(const Plan& plan, DeviceAssignment& a) {
+void deal_columns(const Plan& plan, Ownership& a) {
   std::vector<double> load(static_cast<std::size_t>(a.devices), 0);
   for (const SubTree& s : a.subtrees) load[static_cast<std::size_t>(s.device)] += s.seconds;
   a.owner_ptr.assign(static_cast<std::size_t>(plan.fronts()) + 1, 0);
@@ -216,7 +216,7 @@ void deal_columns(const Plan& plan, DeviceAssignment& a) {
 }
 
 // With subtrees_apart, every sub-tree may be stolen. Otherwise the smallest of each device that is worth it.
-void choose_stealable(const Plan& plan, DeviceAssignment& a) {
+void choose_stealable(const Plan& plan, Ownership& a) {
   if (plan.options.subtrees_apart) return;
   constexpr double kLeastPart = 0.05;  // of its device's load
   std::vector<double> load(static_cast<std::size_t>(a.devices), 0);
@@ -235,8 +235,8 @@ void choose_stealable(const Plan& plan, DeviceAssignment& a) {
 
 }  // namespace
 
-DeviceAssignment assign_devices(const Plan& plan) {
-  DeviceAssignment a;
+Ownership assign_owners(const Plan& plan) {
+  Ownership a;
   a.devices = std::max<Index>(1, plan.options.devices);
   a.stealing = plan.options.stealing;
   a.shared_top = plan.options.shared_top;
@@ -255,7 +255,7 @@ DeviceAssignment assign_devices(const Plan& plan) {
   }
   choose_stealable(plan, a);
   a.column_group = std::max<Index>(1, plan.options.column_group);
-  if (a.devices <= DeviceAssignment::kMostMembers) find_members(plan, a);
+  if (a.devices <= Ownership::kMostMembers) find_members(plan, a);
   if (plan.options.balance_columns && a.shared_top && !a.members.empty()) deal_columns(plan, a);
   return a;
 }

@@ -1,7 +1,9 @@
-#include "device/cuda/tables/fragment_solve.hpp"
+#include "device/cuda/out_of_core/store_solve.hpp"
 
 #include <algorithm>
 #include <atomic>
+
+#include "device/block_diagonal.hpp"
 
 namespace espalier::device::cuda {
 
@@ -97,8 +99,7 @@ void put_chunk(const T* sum, Index columns, T sign, T* v) {
 }  // namespace
 
 template <class T>
-FragmentSolve<T>::FragmentSolve(const plan::Plan& plan, const std::vector<Front>& fronts, Kind kind,
-                                base::ThreadPool& pool)
+StoreSolve<T>::StoreSolve(const plan::Plan& plan, const std::vector<Front>& fronts, Kind kind, base::ThreadPool& pool)
     : plan_(plan), fronts_(fronts), kind_(kind), pool_(pool), benches_(static_cast<std::size_t>(pool.size())) {
   std::vector<Offset> elements;  // by tier
   for (Index f = 0; f < plan.fronts(); ++f) {
@@ -120,7 +121,7 @@ FragmentSolve<T>::FragmentSolve(const plan::Plan& plan, const std::vector<Front>
 }
 
 template <class T>
-void FragmentSolve<T>::run(const HostFactors<T>& factors, T* x, Index columns, bool transpose) {
+void StoreSolve<T>::run(const HostFactors<T>& factors, T* x, Index columns, bool transpose) {
   up_second_ = kind_ == Kind::lu && transpose;
   down_second_ = kind_ == Kind::lu && !transpose;
   const Index n = plan_.tree.n;
@@ -139,7 +140,7 @@ void FragmentSolve<T>::run(const HostFactors<T>& factors, T* x, Index columns, b
 }
 
 template <class T>
-void FragmentSolve<T>::pass(const HostFactors<T>& factors, T* x, Index columns) {
+void StoreSolve<T>::pass(const HostFactors<T>& factors, T* x, Index columns) {
   factors_ = factors;
   x_ = x;
   const std::size_t size = plan_.tree.rows.size() * static_cast<std::size_t>(columns);
@@ -165,7 +166,7 @@ void FragmentSolve<T>::pass(const HostFactors<T>& factors, T* x, Index columns) 
 // use(first panel, end) over pieces of `rows` / 8 panels.
 template <class T>
 template <class Use>
-void FragmentSolve<T>::over_panels(Index rows, bool all_threads, Use&& use) {
+void StoreSolve<T>::over_panels(Index rows, bool all_threads, Use&& use) {
   const Index panels = rows / kPanel;
   if (!all_threads || panels <= kPanelsPerPiece) {
     if (panels > 0) use(0, panels);
@@ -176,7 +177,7 @@ void FragmentSolve<T>::over_panels(Index rows, bool all_threads, Use&& use) {
 }
 
 template <class T>
-void FragmentSolve<T>::forward(Index f, Index columns, Bench& bench, bool all_threads) {
+void StoreSolve<T>::forward(Index f, Index columns, Bench& bench, bool all_threads) {
   const Front& x = fronts_[f];
   const T* factor = factors_.store + (up_second_ ? (*factors_.second)[f] : (*factors_.first)[f]);
   bench.v.assign(static_cast<std::size_t>(x.total_pad) * columns, T(0));
@@ -231,34 +232,16 @@ void FragmentSolve<T>::forward(Index f, Index columns, Bench& bench, bool all_th
 }
 
 template <class T>
-void FragmentSolve<T>::start_backward(const Front& f, Index columns, T* v) const {
-  if (kind_ != Kind::ldlt) return;
-  const T* d = factors_.inverse_d->data() + f.position;
-  const T* e = factors_.inverse_e->data() + f.position;
-  for (Index k = 0; k < f.pivots; ++k) {
-    T* row = v + static_cast<Offset>(k) * columns;
-    if (e[k] == T(0)) {
-      for (Index c = 0; c < columns; ++c) row[c] *= d[k];
-      continue;
-    }
-    for (Index c = 0; c < columns; ++c) {
-      const T y0 = row[c], y1 = row[columns + c];
-      row[c] = d[k] * y0 + e[k] * y1;
-      row[columns + c] = e[k] * y0 + d[k + 1] * y1;
-    }
-    ++k;
-  }
-}
-
-template <class T>
-void FragmentSolve<T>::backward(Index f, Index columns, Bench& bench, bool all_threads) {
+void StoreSolve<T>::backward(Index f, Index columns, Bench& bench, bool all_threads) {
   const Front& x = fronts_[f];
   const T* factor = factors_.store + (down_second_ ? (*factors_.second)[f] : (*factors_.first)[f]);
   bench.v.assign(static_cast<std::size_t>(x.total_pad) * columns, T(0));
   T* v = bench.v.data();
   T* own = x_ + static_cast<Offset>(x.position) * columns;
   std::copy_n(own, static_cast<Offset>(x.pivots) * columns, v);
-  start_backward(x, columns, v);
+  if (kind_ == Kind::ldlt)
+    apply_inverse_d(factors_.inverse_d->data() + x.position, factors_.inverse_e->data() + x.position, x.pivots, columns,
+                    v);
   const Index* rows = plan_.tree.rows.data() + plan_.tree.row_ptr[f];
   for (Index r = 0; r < x.below; ++r)
     std::copy_n(x_ + static_cast<Offset>(rows[r]) * columns, columns,
@@ -309,7 +292,7 @@ void FragmentSolve<T>::backward(Index f, Index columns, Bench& bench, bool all_t
   std::copy_n(v, static_cast<Offset>(x.pivots) * columns, own);
 }
 
-template class FragmentSolve<double>;
-template class FragmentSolve<float>;
+template class StoreSolve<double>;
+template class StoreSolve<float>;
 
 }  // namespace espalier::device::cuda

@@ -1,12 +1,12 @@
 /// \file
-/// The streaming plan: how a factorization runs in a device memory that holds only a part of it. Every place in that
+/// The out-of-core plan: how a factorization runs in a device memory that holds only a part of it. Every place in that
 /// memory, every copy and every wait is fixed before the first number; executors carry it out.
 ///
 /// The tree is cut into *units*, taken in topological order:
-///  - an *in-core step*: fronts that fit together; what they eliminate streams to the host behind the computation;
+///  - an *in-core step*: fronts that fit together; what they eliminate goes to the host behind the computation;
 ///  - a *large front*: too large for that; taken in *groups* of block columns, left-looking. A group is assembled from
 ///    the entries of A and the children's contributions, block column by block column; the pivot columns of earlier
-///    groups stream past it in chunks; then its own pivots are eliminated.
+///    groups come by in slabs; then its own pivots are eliminated.
 /// Contributions stay on the device while there is room; when there is not, those go whose use is farthest (Belady
 /// 1966).
 ///
@@ -33,9 +33,9 @@ struct Piece {
 struct InCoreStep;
 
 /// What the planner knows of a backend. Offsets and sizes are in elements unless they say bytes.
-class StreamLayout {
+class OutOfCoreLayout {
  public:
-  virtual ~StreamLayout() = default;
+  virtual ~OutOfCoreLayout() = default;
   [[nodiscard]] virtual const plan::Plan& plan() const = 0;
   [[nodiscard]] virtual Offset element_bytes() const = 0;
   /// All tasks, in an order in which any subset of fronts can be carried out.
@@ -46,7 +46,7 @@ class StreamLayout {
   /// Start of block column `column` below (0-based) in the contribution array; column == tiles below: its size.
   [[nodiscard]] virtual Offset contribution_offset(Index f, Index column) const = 0;
   /// Appends the pieces of the factor array that hold block columns [begin, end) from block row `row` on.
-  virtual void panel(Index f, Index begin, Index end, Index row, std::vector<Piece>& pieces) const = 0;
+  virtual void slab(Index f, Index begin, Index end, Index row, std::vector<Piece>& pieces) const = 0;
   /// Bytes of front f's share in the tables of an in-core step, scratch included; about.
   [[nodiscard]] virtual Offset share_bytes(Index f) const = 0;
   /// Exact bytes of the tables that the device reads, and of its scratch, whose first output_bytes() go to the host.
@@ -85,10 +85,10 @@ struct ColumnGroup {
   std::array<Offset, 2> contribution_at{};  ///< columns below
 };
 
-enum class StreamWork : char {
+enum class OperationType : char {
   load_tables,         ///< of step or group
   load_values,         ///< likewise
-  load_panel,          ///< pivot columns [begin, end) of `front` from block row `row` on, first part, then second
+  load_slab,           ///< pivot columns [begin, end) of `front` from block row `row` on, first part, then second
   load_contribution,   ///< columns [begin, end) below of `front`, lower part, then upper
   eliminate,           ///< an in-core step
   begin_group,         ///< zero, and the entries of A
@@ -101,39 +101,39 @@ enum class StreamWork : char {
 };
 
 /// Up to two queues compute: steps of the one may hide the chains of pivots at the end of those of the other.
-enum class StreamQueue : char { in, out, run, second_run };
-inline constexpr std::size_t kStreamQueues = 4;
+enum class Queue : char { in, out, run, second_run };
+inline constexpr std::size_t kQueues = 4;
 
 /// The first `number` operations of a queue of another device.
-struct StreamWait {
+struct QueueWait {
   Index device = 0;
-  StreamQueue queue = StreamQueue::in;
+  Queue queue = Queue::in;
   std::int64_t number = 0;
 };
 
 /// One operation. Those of one queue run one after another; before an operation starts, the first waits[q] of queue q
 /// of its device must be finished, and so must be the operations of `others`. Only copies wait for other devices, and
 /// only for copies.
-struct StreamOp {
-  StreamWork work = StreamWork::eliminate;
-  StreamQueue queue = StreamQueue::in;
-  bool panel = false;  ///< update: the columns stand as load_panel leaves them, not as in the factor array
-  Index unit = 0;      ///< number of the step, or of the group
+struct Operation {
+  OperationType type = OperationType::eliminate;
+  Queue queue = Queue::in;
+  bool slab = false;  ///< update: the columns stand as load_slab leaves them, not as in the factor array
+  Index unit = 0;     ///< number of the step, or of the group
   bool grouped = false;
   Index front = -1;
   Index begin = 0, end = 0, row = 0;
   std::array<Offset, 2> at{};    ///< device bytes, by part
   std::array<Offset, 2> host{};  ///< elements of the host's store, by part (contributions, factors of groups)
   Offset bytes = 0;              ///< moved
-  std::array<std::int64_t, kStreamQueues> waits{};
-  std::vector<StreamWait> others;
+  std::array<std::int64_t, kQueues> waits{};
+  std::vector<QueueWait> others;
 };
 
 /// By what a plan is chosen: the machine's rates, and what is not to be varied.
-struct StreamRates {
+struct PlanningRates {
   /// @param pinned  the host's store is to be page-locked
-  explicit StreamRates(const plan::OutOfCoreRates& rates = plan::host_thread().out_of_core, Kind kind = Kind::llt,
-                       bool pinned = false);
+  explicit PlanningRates(const plan::OutOfCoreRates& rates = plan::host_thread().out_of_core, Kind kind = Kind::llt,
+                         bool pinned = false);
 
   double bytes_in, bytes_out;  ///< per second, of each device's link
   double host_bytes;           ///< per second, of all devices and both directions together: the host's memory
@@ -148,18 +148,18 @@ struct StreamRates {
 };
 
 /// A device of several.
-struct StreamDevice {
+struct OutOfCoreDevice {
   Offset budget_bytes = 0;
   double speed = 1;  ///< of its arithmetic, relative to the others
 };
 
 /// What one device does. Units are numbered for all devices alike; `steps` holds those of this device at their numbers.
-struct StreamingPlan {
+struct OutOfCorePlan {
   Offset arena_bytes = 0;  ///< device memory: the peak, exactly
   Offset shared_at = 0;    ///< 256 bytes for what all units share
   std::vector<InCoreStep> steps;
   std::vector<ColumnGroup> groups;
-  std::vector<StreamOp> ops;
+  std::vector<Operation> ops;
   std::vector<Offset> factor_store;   ///< fronts; elements of the host's store where the first factor array begins
   std::vector<Offset> factor2_store;  ///< fronts; likewise of the second (lu; ldlt: large fronts only)
   Offset store_elements = 0;          ///< of the host's store: factors, then contributions
@@ -184,7 +184,7 @@ class BudgetTooSmall : public Error {
 /// The best plans that it finds for the budgets, one for each device; the store's places are the same in all.
 /// @pre layout.plan() is one for a single device
 /// @throws BudgetTooSmall
-std::vector<StreamingPlan> plan_streaming(const StreamLayout& layout, const std::vector<StreamDevice>& devices,
-                                          const StreamRates& rates = StreamRates());
+std::vector<OutOfCorePlan> plan_out_of_core(const OutOfCoreLayout& layout, const std::vector<OutOfCoreDevice>& devices,
+                                            const PlanningRates& rates = PlanningRates());
 
 }  // namespace espalier::out_of_core

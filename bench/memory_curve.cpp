@@ -1,6 +1,6 @@
 /// \file
-/// The memory curve: one system factored on the GPU with several budgets of device memory, in core and streaming, each
-/// answer judged by an independent residual; beside each point the time that the host link bounds.
+/// The memory curve: one system factored on the GPU with several budgets of device memory, in core and out of core,
+/// each answer judged by an independent residual; beside each point the time that the host link bounds.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -12,7 +12,7 @@
 #include <random>
 
 #include "base/timeline.hpp"
-#include "device/cuda/out_of_core/cuda_stream.hpp"
+#include "device/cuda/out_of_core/backend.hpp"
 #include "device/cuda/runtime/cuda_faults.hpp"
 #include "gpu/gpu_case.hpp"
 #include "gpu/gpu_document.hpp"
@@ -72,23 +72,24 @@ class Curve {
   }
 
   /// On the first `count` devices, each with that budget.
-  Json streaming(Offset budget, int count) {
-    out_of_core::StreamingOptions options;
+  Json out_of_core(Offset budget, int count) {
+    out_of_core::OutOfCoreOptions options;
     options.devices.assign(static_cast<std::size_t>(count), {budget});
     options.rates = rates();
     options.copy_threads =
         settings_.copy_threads > 0 ? settings_.copy_threads : std::max(1, pool_.size() / (2 * count));
-    std::vector<device::cuda::CudaStreamOptions> cuda(static_cast<std::size_t>(count));
+    std::vector<device::cuda::CudaOutOfCoreOptions> cuda(static_cast<std::size_t>(count));
     for (std::size_t d = 0; d < cuda.size(); ++d) cuda[d].device = settings_.devices[d];
     if (settings_.pin) options.pinned_bytes = std::numeric_limits<Offset>::max();
     device::cuda::call_faults().arm(settings_.refuse);
     const double start = base::now_seconds();
-    auto executor = out_of_core::make_streaming_executor<T>(
-        device::cuda::make_cuda_streams<T>(c_.plan, c_.kind, numbers_.rule, pool_, cuda), options, nullptr);
+    auto executor = out_of_core::make_out_of_core_executor<T>(
+        device::cuda::make_cuda_out_of_core_backends<T>(c_.plan, c_.kind, numbers_.rule, pool_, cuda), options,
+        nullptr);
     const double setup = base::now_seconds() - start;
     const Json pinning = settings_.pin ? pin_store(*executor) : Json(nullptr);
     Json row = measure(*executor, count);
-    const device::StreamReport r = together(*executor);
+    const device::OutOfCoreReport r = together(*executor);
     row["memory"]["predicted_bytes"] = r.predicted_bytes;
     row["parameters"].update({{"budget_bytes", budget},
                               {"share", need_ > 0 ? Json(static_cast<double>(budget) / need_) : Json(nullptr)},
@@ -118,9 +119,9 @@ class Curve {
   /// Bytes of each device below which no plan exists.
   Offset floor_of(int count) {
     try {
-      (void)out_of_core::plan_streaming(
-          *device::cuda::make_cuda_stream<T>(c_.plan, c_.kind, numbers_.rule, pool_),
-          std::vector<out_of_core::StreamDevice>(static_cast<std::size_t>(count), {1000}));
+      (void)out_of_core::plan_out_of_core(
+          *device::cuda::make_cuda_out_of_core_backend<T>(c_.plan, c_.kind, numbers_.rule, pool_),
+          std::vector<out_of_core::OutOfCoreDevice>(static_cast<std::size_t>(count), {1000}));
     } catch (const out_of_core::BudgetTooSmall& e) {
       return e.needed();
     }
@@ -129,15 +130,15 @@ class Curve {
 
   void print_plan(Offset budget, int count) {
     const double start = base::now_seconds();
-    const auto backend = device::cuda::make_cuda_stream<T>(c_.plan, c_.kind, numbers_.rule, pool_);
+    const auto backend = device::cuda::make_cuda_out_of_core_backend<T>(c_.plan, c_.kind, numbers_.rule, pool_);
     const double made = base::now_seconds();
-    const auto plans = out_of_core::plan_streaming(
-        *backend, std::vector<out_of_core::StreamDevice>(static_cast<std::size_t>(count), {budget}), rates());
+    const auto plans = out_of_core::plan_out_of_core(
+        *backend, std::vector<out_of_core::OutOfCoreDevice>(static_cast<std::size_t>(count), {budget}), rates());
     const double end = base::now_seconds();
     fmt::print("{} x {:.1f} MiB: predicted {:.1f} ms, store {:.2f} GB, planned in {:.2f} s (tables {:.2f} s)\n", count,
                mebibytes(budget), 1e3 * plans.front().predicted_seconds,
                static_cast<double>(plans.front().store_elements) * sizeof(T) * 1e-9, end - made, made - start);
-    for (const out_of_core::StreamingPlan& p : plans) {
+    for (const out_of_core::OutOfCorePlan& p : plans) {
       const auto steps = std::count_if(p.steps.begin(), p.steps.end(), [](const auto& x) { return !x.fronts.empty(); });
       fmt::print("    link {:8.1f} ms, in {:7.2f} GB, out {:7.2f} GB, {} steps, {} groups, {} operations\n",
                  1e3 * p.link_seconds, static_cast<double>(p.bytes_in) * 1e-9, static_cast<double>(p.bytes_out) * 1e-9,
@@ -159,8 +160,8 @@ class Curve {
   int failures = 0;
 
  private:
-  [[nodiscard]] out_of_core::StreamRates rates() const {
-    out_of_core::StreamRates rates(plan::h200().out_of_core, c_.kind, settings_.pin);
+  [[nodiscard]] out_of_core::PlanningRates rates() const {
+    out_of_core::PlanningRates rates(plan::h200().out_of_core, c_.kind, settings_.pin);
     rates.lanes = settings_.lanes;
     rates.step = settings_.step;
     rates.group = settings_.group;
@@ -168,11 +169,11 @@ class Curve {
   }
 
   // Sums over the devices; of peaks, times and predictions the most.
-  static device::StreamReport together(const device::Executor<T>& executor) {
-    device::StreamReport sum = executor.streaming();
+  static device::OutOfCoreReport together(const device::Executor<T>& executor) {
+    device::OutOfCoreReport sum = executor.out_of_core();
     const auto work = executor.device_work();
     for (std::size_t d = 1; d < work.size(); ++d) {
-      const device::StreamReport& r = work[d].streaming;
+      const device::OutOfCoreReport& r = work[d].out_of_core;
       sum.predicted_bytes = std::max(sum.predicted_bytes, r.predicted_bytes);
       sum.bytes_in += r.bytes_in;
       sum.bytes_out += r.bytes_out;
@@ -193,11 +194,11 @@ class Curve {
       const double start = base::now_seconds();
       (void)executor.factorize(numbers_.values);
       const double seconds = base::now_seconds() - start;
-      pinned = executor.streaming().pinned_bytes;
+      pinned = executor.out_of_core().pinned_bytes;
       if (list.empty()) before = -2;  // it begins with the second one
       list.push_back({{"seconds", seconds}, {"pinned_bytes", pinned}});
       fmt::print("  factorization {}: {:.1f} ms, {:.2f} of {:.2f} GB pinned\n", list.size(), 1e3 * seconds,
-                 static_cast<double>(pinned) * 1e-9, static_cast<double>(executor.streaming().store_bytes) * 1e-9);
+                 static_cast<double>(pinned) * 1e-9, static_cast<double>(executor.out_of_core().store_bytes) * 1e-9);
     }
     return list;
   }
@@ -222,8 +223,7 @@ class Curve {
       identical = identical && std::memcmp(x.data(), first.data(), x.size() * sizeof(T)) == 0;
     }
     const auto error = matrix::backward_errors(c_.a, from_plan_order(c_, first, 1), b_, 1, Transpose::no, &pool_);
-    Json row =
-        row_of_case(c_, "espalier:device=" + device_text(count), "Espalier, streaming executor, values on the host");
+    Json row = row_of_case(c_, "espalier:device=" + device_text(count), "Espalier, out of core, values on the host");
     row["first_factorization"] = measure::samples_record({{factor.front()}});
     row["refactorization"] = measure::samples_record({{factor.begin() + 1, factor.end()}});
     row["solve_one"] = measure::samples_record({solve});
@@ -336,7 +336,7 @@ int run(const CurveSettings& settings) {
   if (settings.refuse == 0) keep(curve.in_core());
   const auto point = [&](Offset budget, int count) {
     try {
-      keep(curve.streaming(budget, count));
+      keep(curve.out_of_core(budget, count));
     } catch (const std::exception& e) {
       fmt::print("{} x {:>9.1f} MiB failed: {}\n", count, mebibytes(budget), e.what());
       Json row = measure::empty_row(settings.system, "espalier:device=gpu", "");
@@ -370,7 +370,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   } catch (const std::exception& e) {
-    std::cerr << "espalier_stream_curve: " << e.what() << '\n';
+    std::cerr << "espalier_memory_curve: " << e.what() << '\n';
     return 2;
   }
 }

@@ -1,6 +1,6 @@
 /// \file
-/// Forward and backward substitution on the host with factors in the CUDA backend's layout (tables.hpp), where they lie
-/// after a factorization that streamed. Needs no CUDA.
+/// Forward and backward substitution on the host with the factors that a GPU has left in the host's store (tables.hpp
+/// says how they lie there) after a factorization out of core. Needs no CUDA.
 #pragma once
 
 #include <vector>
@@ -24,9 +24,9 @@ struct HostFactors {
 /// Substitution, tier by tier: the fronts of a tier side by side, large ones by all threads together. The result does
 /// not depend on the number of threads.
 template <class T>
-class FragmentSolve {
+class StoreSolve {
  public:
-  FragmentSolve(const plan::Plan& plan, const std::vector<Front>& fronts, Kind kind, base::ThreadPool& pool);
+  StoreSolve(const plan::Plan& plan, const std::vector<Front>& fronts, Kind kind, base::ThreadPool& pool);
   /// Solves in place: n rows of `columns` values in elimination order.
   void run(const HostFactors<T>& factors, T* x, Index columns, bool transpose);
 
@@ -38,7 +38,6 @@ class FragmentSolve {
   void pass(const HostFactors<T>& factors, T* x, Index columns);
   void forward(Index f, Index columns, Bench& bench, bool all_threads);
   void backward(Index f, Index columns, Bench& bench, bool all_threads);
-  void start_backward(const Front& f, Index columns, T* v) const;
   template <class Use>
   void over_panels(Index rows, bool all_threads, Use&& use);
 

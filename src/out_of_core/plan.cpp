@@ -1,6 +1,6 @@
-// Choosing among streaming plans: the tree is cut in several ways, every cut is written out as operations with
+// Choosing among out-of-core plans: the tree is cut in several ways, every cut is written out as operations with
 // predicted times, and the fastest is taken.
-#include "out_of_core/streaming_plan.hpp"
+#include "out_of_core/plan.hpp"
 
 #include <fmt/format.h>
 
@@ -14,27 +14,27 @@ namespace espalier::out_of_core {
 
 namespace {
 
-using Plans = std::vector<StreamingPlan>;
+using Plans = std::vector<OutOfCorePlan>;
 
 // The units and steps for some sizes of steps, made once each.
 class Candidates {
  public:
-  Candidates(const StreamLayout& layout, const std::vector<StreamDevice>& devices, const StreamRates& rates)
+  Candidates(const OutOfCoreLayout& layout, const std::vector<OutOfCoreDevice>& devices, const PlanningRates& rates)
       : layout_(layout), rates_(rates) {
     std::vector<double> speed;
-    for (const StreamDevice& d : devices) speed.push_back(d.speed);
+    for (const OutOfCoreDevice& d : devices) speed.push_back(d.speed);
     sets_ = share_fronts(layout.plan(), speed);
   }
 
   // The plans of this shape, or none.
-  bool make(const std::vector<StreamDevice>& devices, const StreamShape& shape, Plans& plans) {
+  bool make(const std::vector<OutOfCoreDevice>& devices, const PlanShape& shape, Plans& plans) {
     std::vector<Offset> limits;
-    for (const StreamDevice& d : devices)
+    for (const OutOfCoreDevice& d : devices)
       limits.push_back(static_cast<Offset>(shape.step * static_cast<double>(d.budget_bytes)));
     auto found = cuts_.find(limits);
     if (found == cuts_.end()) {
       Cut cut;
-      cut.units = cut_for_streaming(layout_, {limits, sets_, rates_.share_seconds});
+      cut.units = cut_into_units(layout_, {limits, sets_, rates_.share_seconds});
       cut.steps = make_in_core_steps(layout_, cut.units);
       found = cuts_.emplace(limits, std::move(cut)).first;
     }
@@ -49,12 +49,12 @@ class Candidates {
 
  private:
   struct Cut {
-    std::vector<StreamUnit> units;
+    std::vector<Unit> units;
     std::vector<InCoreStep> steps;
   };
 
-  Plans write(const Cut& cut, const std::vector<StreamDevice>& devices, const StreamShape& shape) {
-    StreamProgram program(layout_, cut.units, cut.steps, devices, shape, rates_);
+  Plans write(const Cut& cut, const std::vector<OutOfCoreDevice>& devices, const PlanShape& shape) {
+    Program program(layout_, cut.units, cut.steps, devices, shape, rates_);
     StepProgrammer steps(program);
     FrontProgrammer fronts(program);
     for (std::size_t u = 0; u < cut.units.size(); ++u) {
@@ -67,16 +67,16 @@ class Candidates {
     return program.finish();
   }
 
-  const StreamLayout& layout_;
-  StreamRates rates_;
+  const OutOfCoreLayout& layout_;
+  PlanningRates rates_;
   DeviceSets sets_;
   std::map<std::vector<Offset>, Cut> cuts_;
 };
 
 // What takes the least memory, for budgets near the floor.
-bool make_frugal(Candidates& candidates, const std::vector<StreamDevice>& devices, Plans& plans) {
+bool make_frugal(Candidates& candidates, const std::vector<OutOfCoreDevice>& devices, Plans& plans) {
   for (const double step : {0.5, 0.25, 0.1, 0.03}) {
-    StreamShape shape;
+    PlanShape shape;
     shape.step = step;
     shape.group = 0.3;
     shape.chunks = 1;
@@ -88,10 +88,10 @@ bool make_frugal(Candidates& candidates, const std::vector<StreamDevice>& device
 
 // The fastest of the shapes that need no frugality; none: empty. First the sizes of steps and groups, then, for the
 // best of them, what matters less.
-Plans fastest(Candidates& candidates, const std::vector<StreamDevice>& devices, const StreamRates& rates) {
+Plans fastest(Candidates& candidates, const std::vector<OutOfCoreDevice>& devices, const PlanningRates& rates) {
   Plans best, plans;
-  StreamShape shape;
-  const auto try_shape = [&](const StreamShape& candidate) {
+  PlanShape shape;
+  const auto try_shape = [&](const PlanShape& candidate) {
     if (!candidates.make(devices, candidate, plans)) return false;
     if (best.empty() || plans.front().predicted_seconds < best.front().predicted_seconds) {
       best = std::move(plans);
@@ -103,47 +103,48 @@ Plans fastest(Candidates& candidates, const std::vector<StreamDevice>& devices, 
   for (const double step : {0.4, 0.3, 0.2, 0.1, 0.05})
     for (const double group : {0.45, 0.3, 0.2, 0.13, 0.09, 0.06}) {
       if ((rates.step > 0 && rates.step != step) || (rates.group > 0 && rates.group != group)) continue;
-      StreamShape candidate{step, group, turns, 3, 1.0 / 32, false, rates.lanes, true};
+      PlanShape candidate{step, group, turns, 3, 1.0 / 32, false, rates.lanes, true};
       if (try_shape(candidate)) continue;
       candidate.around = false;
       (void)try_shape(candidate);
     }
   if (best.empty()) return best;
   const auto with = [&](auto change) {
-    StreamShape candidate = shape;
+    PlanShape candidate = shape;
     change(candidate);
     (void)try_shape(candidate);
   };
-  with([](StreamShape& x) { x.around = !x.around; });
-  for (const double chunk : {1.0 / 64, 1.0 / 16}) with([&](StreamShape& x) { x.chunk = chunk; });
+  with([](PlanShape& x) { x.around = !x.around; });
+  for (const double chunk : {1.0 / 64, 1.0 / 16}) with([&](PlanShape& x) { x.chunk = chunk; });
   if (devices.size() > 1)
-    for (const int t : {1, 4}) with([&](StreamShape& x) { x.turns = t; });
+    for (const int t : {1, 4}) with([&](PlanShape& x) { x.turns = t; });
   return best;
 }
 
 // Certainly needed: of every front a block column, or all of it.
-Offset least_bytes(const StreamLayout& layout) {
-  Offset least = StreamArena::kAlignment;
+Offset least_bytes(const OutOfCoreLayout& layout) {
+  Offset least = Arena::kAlignment;
   for (Index f = 0; f < layout.plan().fronts(); ++f)
     least = std::max(least, layout.factor_offset(f, 1) * layout.element_bytes());
   return least;
 }
 
 // The least budget of every device with which there is a plan, in steps of an eighth.
-Offset floor_of(Candidates& candidates, const StreamLayout& layout, std::vector<StreamDevice> devices, Offset above) {
+Offset floor_of(Candidates& candidates, const OutOfCoreLayout& layout, std::vector<OutOfCoreDevice> devices,
+                Offset above) {
   Offset need = std::max(above, least_bytes(layout));
   Plans plans;
   do {
     candidates.forget();
     need += need / 8;
-    for (StreamDevice& d : devices) d.budget_bytes = std::max(d.budget_bytes, need);
+    for (OutOfCoreDevice& d : devices) d.budget_bytes = std::max(d.budget_bytes, need);
   } while (!make_frugal(candidates, devices, plans));
   return need;
 }
 
 }  // namespace
 
-StreamRates::StreamRates(const plan::OutOfCoreRates& r, Kind kind, bool pinned)
+PlanningRates::PlanningRates(const plan::OutOfCoreRates& r, Kind kind, bool pinned)
     : bytes_in(r.bytes_in),
       bytes_out(r.bytes_out),
       host_bytes(r.host_bytes * (pinned ? r.pinned.value : 1.0)),
@@ -153,7 +154,8 @@ StreamRates::StreamRates(const plan::OutOfCoreRates& r, Kind kind, bool pinned)
       chain(r.pivot.of(kind)),
       share_seconds(r.share) {}
 
-Plans plan_streaming(const StreamLayout& layout, const std::vector<StreamDevice>& devices, const StreamRates& rates) {
+Plans plan_out_of_core(const OutOfCoreLayout& layout, const std::vector<OutOfCoreDevice>& devices,
+                       const PlanningRates& rates) {
   Candidates candidates(layout, devices, rates);
   Plans best = fastest(candidates, devices, rates);
   if (!best.empty() || make_frugal(candidates, devices, best)) return best;
@@ -161,11 +163,11 @@ Plans plan_streaming(const StreamLayout& layout, const std::vector<StreamDevice>
                          return x.budget_bytes < y.budget_bytes;
                        })->budget_bytes;
   const Offset needed = floor_of(candidates, layout, devices, least);
-  throw BudgetTooSmall(
-      fmt::format("the budget of {} bytes of device memory is below what streaming needs: {} bytes{}; give it "
-                  "as much with --device-memory",
-                  least, needed, devices.size() > 1 ? " on each device" : ""),
-      needed);
+  throw BudgetTooSmall(fmt::format("the budget of {} bytes of device memory is below what a factorization out of core "
+                                   "needs: {} bytes{}; give it "
+                                   "as much with --device-memory",
+                                   least, needed, devices.size() > 1 ? " on each device" : ""),
+                       needed);
 }
 
 }  // namespace espalier::out_of_core

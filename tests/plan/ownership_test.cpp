@@ -1,6 +1,6 @@
 // Sub-trees over devices: the cut, the list of tasks and the memory of a plan for several devices. Truth: the rules of
-// analysis/device_assignment.hpp, checked task by task and front by front; Graham's bound for largest-first lists.
-#include "plan/device_assignment.hpp"
+// plan/ownership.hpp, checked task by task and front by front; Graham's bound for largest-first lists.
+#include "plan/ownership.hpp"
 
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ struct Parameter {
   Index devices;
 };
 
-class Assignment : public ::testing::TestWithParam<Parameter> {
+class OwnershipOfTasks : public ::testing::TestWithParam<Parameter> {
  protected:
   void SetUp() override {
     a_ = matrix::generate(matrix::parse_generator(GetParam().words), &pool_);
@@ -43,8 +43,8 @@ class Assignment : public ::testing::TestWithParam<Parameter> {
   plan::Plan plan_;
 };
 
-TEST_P(Assignment, EveryFrontIsInOneSubTreeOrAboveAll) {
-  const auto& a = plan_.assignment;
+TEST_P(OwnershipOfTasks, EveryFrontIsInOneSubTreeOrAboveAll) {
+  const auto& a = plan_.ownership;
   std::vector<int> roots(static_cast<std::size_t>(plan_.fronts()), 0);
   for (std::size_t s = 0; s < a.subtrees.size(); ++s)
     for (const Index f : a.subtrees[s].roots) {
@@ -61,9 +61,9 @@ TEST_P(Assignment, EveryFrontIsInOneSubTreeOrAboveAll) {
   }
 }
 
-TEST_P(Assignment, LargestFirstKeepsGrahamsBound) {
+TEST_P(OwnershipOfTasks, LargestFirstKeepsGrahamsBound) {
   // A list schedule ends at most one piece after the mean: load <= total / N + (1 - 1/N) largest.
-  const auto& a = plan_.assignment;
+  const auto& a = plan_.ownership;
   std::vector<double> load(static_cast<std::size_t>(a.devices), 0);
   double total = 0, largest = 0;
   for (const auto& s : a.subtrees) {
@@ -76,8 +76,8 @@ TEST_P(Assignment, LargestFirstKeepsGrahamsBound) {
   EXPECT_GE(static_cast<Index>(a.subtrees.size()), a.devices) << "every device has a sub-tree";
 }
 
-TEST_P(Assignment, ListHoldsSubTreesThenTheTop) {
-  const auto& a = plan_.assignment;
+TEST_P(OwnershipOfTasks, ListHoldsSubTreesThenTheTop) {
+  const auto& a = plan_.ownership;
   Index at = 0;
   for (std::size_t s = 0; s < a.subtrees.size(); ++s) {
     EXPECT_EQ(a.subtrees[s].first_task, at);
@@ -94,29 +94,29 @@ TEST_P(Assignment, ListHoldsSubTreesThenTheTop) {
   }
 }
 
-TEST_P(Assignment, SubTreesWaitForNobodyElse) {
+TEST_P(OwnershipOfTasks, SubTreesWaitForNobodyElse) {
   const auto& m = plan_.memory;
   for (Index f = 0; f < plan_.fronts(); ++f)
     for (Offset q = m.wait_ptr[f]; q < m.wait_ptr[f + 1]; ++q) {
       const Index g = m.wait_fronts[q];
       EXPECT_LT(plan_.last_task[g], plan_.first_task[f]);
-      if (plan_.assignment.subtree(f) >= 0) {
-        EXPECT_EQ(plan_.assignment.subtree(g), plan_.assignment.subtree(f)) << "front " << f << " waits for " << g;
+      if (plan_.ownership.subtree(f) >= 0) {
+        EXPECT_EQ(plan_.ownership.subtree(g), plan_.ownership.subtree(f)) << "front " << f << " waits for " << g;
       }
     }
 }
 
-TEST_P(Assignment, ShardsOfMemoryAddUp) {
+TEST_P(OwnershipOfTasks, ShardsOfMemoryAddUp) {
   const auto& m = plan_.memory;
-  const Index n = plan_.assignment.devices;
+  const Index n = plan_.ownership.devices;
   ASSERT_EQ(static_cast<Index>(m.device_size.size()), n);
   const Offset sum = std::accumulate(m.device_size.begin(), m.device_size.end(), Offset{0});
   EXPECT_GE(sum, m.size);
   EXPECT_LT(sum, m.size + n);  // rounding of even parts
 }
 
-TEST_P(Assignment, BlockColumnsOfTheTopAreDealtEvenly) {
-  const auto& a = plan_.assignment;
+TEST_P(OwnershipOfTasks, BlockColumnsOfTheTopAreDealtEvenly) {
+  const auto& a = plan_.ownership;
   for (Index f = 0; f < plan_.fronts(); ++f) {
     if (a.subtree(f) >= 0) continue;
     std::vector<int> columns(static_cast<std::size_t>(a.devices), 0);
@@ -134,8 +134,8 @@ TEST_P(Assignment, BlockColumnsOfTheTopAreDealtEvenly) {
   }
 }
 
-TEST_P(Assignment, MembersOfTheTopHaveASubTreeBelow) {
-  const auto& a = plan_.assignment;
+TEST_P(OwnershipOfTasks, MembersOfTheTopHaveASubTreeBelow) {
+  const auto& a = plan_.ownership;
   std::vector<std::uint64_t> below(static_cast<std::size_t>(plan_.fronts()), 0);
   for (Index f = 0; f < plan_.fronts(); ++f) {
     auto& mine = below[static_cast<std::size_t>(f)];
@@ -148,7 +148,7 @@ TEST_P(Assignment, MembersOfTheTopHaveASubTreeBelow) {
   }
 }
 
-TEST_P(Assignment, TasksAreThoseOfOneDevice) {
+TEST_P(OwnershipOfTasks, TasksAreThoseOfOneDevice) {
   // The order changes, the work does not: the same tiles, and the same fronts in ranges.
   const auto works = [](const plan::Plan& plan) {
     std::multiset<std::vector<Index>> set;
@@ -174,15 +174,15 @@ plan::Plan plan_with_root(Index pivots) {
   plan.child_ptr = {0, 0, 0, 2};
   plan.children = {0, 1};
   plan.whole.assign(3, 0);
-  plan.assignment = plan::assign_devices(plan);
+  plan.ownership = plan::assign_owners(plan);
   return plan;
 }
 
-TEST(AssignmentOfPivots, AMemberTakesNoMoreColumnsThanItWorksOnAtATime) {
+TEST(OwnershipOfPivots, AMemberTakesNoMoreColumnsThanItWorksOnAtATime) {
   // 40,000 rows are 313 row blocks of 128: a column is more than the 264 tasks at once, so that no three neighbours
   // have one owner (two may: who has the least to do may be the same twice). Farther on, at 8,000 rows, four fit.
   const plan::Plan large = plan_with_root(40000);
-  const auto owner = [&](Index j) { return large.assignment.owner(2, j); };
+  const auto owner = [&](Index j) { return large.ownership.owner(2, j); };
   for (Index j = 0; j + 2 < large.layout[2].tiles && large.layout[2].rows - large.layout[2].begin(j) > 264 * 128; ++j)
     EXPECT_FALSE(owner(j) == owner(j + 1) && owner(j) == owner(j + 2)) << "column " << j;
   const Index late = (40000 - 8000) / 64;
@@ -192,11 +192,11 @@ TEST(AssignmentOfPivots, AMemberTakesNoMoreColumnsThanItWorksOnAtATime) {
   EXPECT_TRUE(four);
   // Of a small front all eight go together.
   const plan::Plan small = plan_with_root(2000);
-  for (Index j = 1; j < 8; ++j) EXPECT_EQ(small.assignment.owner(2, j), small.assignment.owner(2, 0));
-  EXPECT_NE(small.assignment.owner(2, 8), small.assignment.owner(2, 0));
+  for (Index j = 1; j < 8; ++j) EXPECT_EQ(small.ownership.owner(2, j), small.ownership.owner(2, 0));
+  EXPECT_NE(small.ownership.owner(2, 8), small.ownership.owner(2, 0));
 }
 
-INSTANTIATE_TEST_SUITE_P(Systems, Assignment,
+INSTANTIATE_TEST_SUITE_P(Systems, OwnershipOfTasks,
                          ::testing::Values(Parameter{{"elasticity", "9"}, 2}, Parameter{{"elasticity", "9"}, 8},
                                            Parameter{{"plate", "40", "40"}, 3}, Parameter{{"plate", "40", "40"}, 5},
                                            Parameter{{"kkt", "8", "4", "3", "3"}, 4}, Parameter{{"gyroscopic", "7"}, 4},

@@ -1,4 +1,4 @@
-#include "base/stream_copy.hpp"
+#include "base/copy_past_cache.hpp"
 
 #include <cstdint>
 #include <cstring>

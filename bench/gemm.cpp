@@ -1,9 +1,11 @@
 /// \file
 /// General matrix product on column-major arrays, on one thread.
+#include "gemm.hpp"
+
 #include "device/host/kernel_parts.hpp"
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "device/host/gemm.cpp"
+#define HWY_TARGET_INCLUDE "gemm.cpp"
 #include "hwy/foreach_target.h"  // must precede highway.h
 // clang-format off: the order matters
 #include "device/host/micro_kernel-inl.hpp"

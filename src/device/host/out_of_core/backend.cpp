@@ -1,4 +1,4 @@
-#include "device/host/out_of_core/host_stream.hpp"
+#include "device/host/out_of_core/backend.hpp"
 
 #include <fmt/format.h>
 
@@ -19,30 +19,29 @@ namespace {
 
 using out_of_core::ColumnGroup;
 using out_of_core::InCoreStep;
-using out_of_core::StreamOp;
-using out_of_core::StreamQueue;
-using out_of_core::StreamWork;
+using out_of_core::Operation;
+using out_of_core::OperationType;
+using out_of_core::Queue;
 using plan::FrontLayout;
 using plan::Task;
 
 template <class T>
-class HostStream final : public out_of_core::StreamBackend<T> {
+class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
  public:
-  HostStream(const plan::Plan& plan, Kind kind, const PivotRule& rule, base::ThreadPool& pool,
-             base::MemoryBudget* budget, HostStreamOptions options)
-      : plan_(plan.assignment.devices > 1 ? plan::plan_for_one_device(plan) : plan),
-        kind_(kind),
-        rule_(rule),
+  HostOutOfCoreBackend(const Job& job, HostOutOfCoreOptions options)
+      : plan_(job.plan.ownership.devices > 1 ? plan::plan_for_one_device(job.plan) : job.plan),
+        kind_(job.kind),
+        rule_(job.rule),
         own_pool_(options.threads > 0 ? std::make_unique<base::ThreadPool>(options.threads) : nullptr),
-        pool_(own_pool_ != nullptr ? *own_pool_ : pool),
-        solve_pool_(pool),
-        budget_(budget),
+        pool_(own_pool_ != nullptr ? *own_pool_ : job.pool),
+        solve_pool_(job.pool),
+        budget_(job.budget),
         options_(std::move(options)),
         direct_(options_.late_copies) {
-    const auto panel = static_cast<Offset>(plan.options.tiles.panel);
-    for (Index f = 0; f < plan.fronts(); ++f) {
-      sizes_.factor.push_back((plan.layout[f].factor_size() + panel - 1) / panel * panel);
-      sizes_.contribution.push_back((plan.layout[f].contribution_size() + panel - 1) / panel * panel);
+    const auto panel = static_cast<Offset>(plan_.options.tiles.panel);
+    for (Index f = 0; f < plan_.fronts(); ++f) {
+      sizes_.factor.push_back((plan_.layout[f].factor_size() + panel - 1) / panel * panel);
+      sizes_.contribution.push_back((plan_.layout[f].contribution_size() + panel - 1) / panel * panel);
     }
   }
 
@@ -60,7 +59,7 @@ class HostStream final : public out_of_core::StreamBackend<T> {
     const FrontLayout& l = plan_.layout[f];
     return column < l.tiles_below() ? l.contribution_offset(column, column) : sizes_.contribution[f];
   }
-  void panel(Index f, Index begin, Index end, Index row, std::vector<out_of_core::Piece>& pieces) const override {
+  void slab(Index f, Index begin, Index end, Index row, std::vector<out_of_core::Piece>& pieces) const override {
     const FrontLayout& l = plan_.layout[f];
     for (Index k = begin; k < end; ++k) {
       const Offset rows = l.padded_begin(l.tiles) - l.padded_begin(row);
@@ -78,8 +77,8 @@ class HostStream final : public out_of_core::StreamBackend<T> {
 
   // ---- memory and copies --------------------------------------------------------------------------------------------
 
-  void prepare(const out_of_core::StreamingPlan& plan, int slots, Offset slot_bytes) override {
-    streaming_ = &plan;
+  void prepare(const out_of_core::OutOfCorePlan& plan, int slots, Offset slot_bytes) override {
+    out_of_core_ = &plan;
     slot_bytes_ = slot_bytes;
     ring_ = base::Buffer<std::byte>(slots * slot_bytes, budget_);
     plan_.memory = plan::MemoryPlan{};
@@ -125,27 +124,27 @@ class HostStream final : public out_of_core::StreamBackend<T> {
   void unpin(std::byte* at) noexcept override { pinned_memory().remove(at); }
   void copy_in_direct(Offset to, const std::byte* from, Offset bytes) override {
     pinned_memory().check(from, bytes);
-    direct_.copy(StreamQueue::in, place(to, bytes), from, bytes);
+    direct_.copy(Queue::in, place(to, bytes), from, bytes);
   }
   void copy_out_direct(std::byte* to, Offset from, Offset bytes) override {
     pinned_memory().check(to, bytes);
-    direct_.copy(StreamQueue::out, to, place(from, bytes), bytes);
+    direct_.copy(Queue::out, to, place(from, bytes), bytes);
   }
-  std::span<const std::byte> tables(const StreamOp&) override { return {}; }
-  void take_outputs(const StreamOp&, std::span<const std::byte>) override {}
-  void mark(StreamQueue queue, std::int64_t number) override { direct_.mark(queue, number); }
-  void wait_for_mark(StreamQueue, StreamQueue other, std::int64_t number) override { direct_.wait(other, number); }
-  void wait_for_mark(StreamQueue, out_of_core::StreamBackend<T>& of, StreamQueue other, std::int64_t number) override {
-    dynamic_cast<HostStream&>(of).direct_.wait(other, number);
+  std::span<const std::byte> tables(const Operation&) override { return {}; }
+  void take_outputs(const Operation&, std::span<const std::byte>) override {}
+  void mark(Queue queue, std::int64_t number) override { direct_.mark(queue, number); }
+  void wait_for_mark(Queue, Queue other, std::int64_t number) override { direct_.wait(other, number); }
+  void wait_for_mark(Queue, out_of_core::OutOfCoreBackend<T>& of, Queue other, std::int64_t number) override {
+    dynamic_cast<HostOutOfCoreBackend&>(of).direct_.wait(other, number);
   }
-  void wait_until(StreamQueue queue, std::int64_t number) override { direct_.wait(queue, number); }
+  void wait_until(Queue queue, std::int64_t number) override { direct_.wait(queue, number); }
   void finish() override { state_->window = {}; }
   void abandon() noexcept override { state_->window = {}; }
   FactorOutcome outcome() override { return summarize(*state_, work_); }
-  [[nodiscard]] StreamTimes times() const override { return times_; }
+  [[nodiscard]] OperationTimes times() const override { return times_; }
 
-  void take_pivots(out_of_core::StreamBackend<T>& from) override {
-    auto& other = dynamic_cast<HostStream&>(from);
+  void take_pivots(out_of_core::OutOfCoreBackend<T>& from) override {
+    auto& other = dynamic_cast<HostOutOfCoreBackend&>(from);
     const auto take = [&](Index begin, Index end) {
       const auto copy = [&](auto& to, const auto& list) {
         if (list.size() > 0) std::copy(list.data() + begin, list.data() + end, to.data() + begin);
@@ -154,9 +153,9 @@ class HostStream final : public out_of_core::StreamBackend<T> {
       copy(state_->d_inverse, other.state_->d_inverse);
       copy(state_->e_inverse, other.state_->e_inverse);
     };
-    for (const InCoreStep& s : other.streaming_->steps)
+    for (const InCoreStep& s : other.out_of_core_->steps)
       for (const Index f : s.fronts) take(plan_.tree.first[f], plan_.tree.first[f + 1]);
-    for (const ColumnGroup& g : other.streaming_->groups) {
+    for (const ColumnGroup& g : other.out_of_core_->groups) {
       const FrontLayout& l = plan_.layout[g.front];
       const Index first = plan_.tree.first[g.front], end = std::min(g.end, l.pivot_tiles);
       if (g.begin < end) take(first + l.begin(g.begin), first + l.begin(end));
@@ -165,42 +164,42 @@ class HostStream final : public out_of_core::StreamBackend<T> {
 
   void solve(const T* store, T* x, Index columns, bool transpose) override {
     auto& m = plan_.memory;
-    m.factor = streaming_->factor_store;
-    m.factor2 = streaming_->factor2_store;
+    m.factor = out_of_core_->factor_store;
+    m.factor2 = out_of_core_->factor2_store;
     state_->places = const_cast<T*>(store);  // only read
     solve_->run(x, columns, transpose);
     state_->places = state_->arena.data();
   }
 
   [[nodiscard]] std::string name() const override {
-    const std::string threads = fmt::format("({} thread{}), streaming", pool_.size(), pool_.size() == 1 ? "" : "s");
+    const std::string threads = fmt::format("({} thread{}), out of core", pool_.size(), pool_.size() == 1 ? "" : "s");
     return options_.devices == 1 ? "host " + threads : fmt::format("host device {} {}", options_.device, threads);
   }
   [[nodiscard]] Offset peak_bytes() const override { return state_ ? state_->arena.bytes() : 0; }
 
   // ---- operations ---------------------------------------------------------------------------------------------------
 
-  void run(const StreamOp& op) override {
+  void run(const Operation& op) override {
     if (options_.before_run) options_.before_run(op);
     const double start = base::now_seconds();
     carry_out(op);
-    out_of_core::time_of(times_, op.work) += base::now_seconds() - start;
+    out_of_core::time_of(times_, op.type) += base::now_seconds() - start;
   }
 
  private:
-  void carry_out(const StreamOp& op) {
-    if (!op.grouped) return eliminate(streaming_->steps[static_cast<std::size_t>(op.unit)]);
-    const ColumnGroup& g = streaming_->groups[static_cast<std::size_t>(op.unit)];
+  void carry_out(const Operation& op) {
+    if (!op.grouped) return eliminate(out_of_core_->steps[static_cast<std::size_t>(op.unit)]);
+    const ColumnGroup& g = out_of_core_->groups[static_cast<std::size_t>(op.unit)];
     NumericState<T>& s = *state_;
-    switch (op.work) {
-      case StreamWork::begin_group:
+    switch (op.type) {
+      case OperationType::begin_group:
         place_group(g);
         return for_each_tile(g, [&](Workspace<T>&, Index i, Index j) { begin_tile(s, g.front, i, j); });
-      case StreamWork::add_child:
+      case OperationType::add_child:
         return add_child(op, g);
-      case StreamWork::update: {
-        PanelColumns<T> panel{op.front, op.begin, op.end, op.panel ? op.row : -1, {at(op.at[0]), at(op.at[1])}};
-        return for_each_tile(g, [&](Workspace<T>&, Index i, Index j) { update_tile(s, i, j, panel); });
+      case OperationType::update: {
+        SlabColumns<T> slab{op.front, op.begin, op.end, op.slab ? op.row : -1, {at(op.at[0]), at(op.at[1])}};
+        return for_each_tile(g, [&](Workspace<T>&, Index i, Index j) { update_tile(s, i, j, slab); });
       }
       default:
         return eliminate_group(g);
@@ -209,7 +208,7 @@ class HostStream final : public out_of_core::StreamBackend<T> {
 
   [[nodiscard]] std::byte* place(Offset bytes_at, Offset bytes) {
     if (bytes_at < 0 || bytes_at + bytes > state_->arena.bytes())
-      throw std::logic_error("streaming: a copy outside the device's memory");
+      throw std::logic_error("out of core: a copy outside the device's memory");
     return reinterpret_cast<std::byte*>(state_->arena.data()) + bytes_at;
   }
   [[nodiscard]] static Offset element(Offset bytes) { return bytes / static_cast<Offset>(sizeof(T)); }
@@ -302,15 +301,14 @@ class HostStream final : public out_of_core::StreamBackend<T> {
     });
   }
 
-  void add_child(const StreamOp& op, const ColumnGroup& g) {
+  void add_child(const Operation& op, const ColumnGroup& g) {
     const FrontLayout& child = plan_.layout[op.front];
     const Offset before = contribution_offset(op.front, op.begin);
     const T* lower = at(op.at[0]) - before;
     const T* upper = op.at[1] >= 0 ? at(op.at[1]) - before : nullptr;
     const ColumnRange columns{op.begin * child.below_width, std::min(child.below(), op.end * child.below_width)};
-    for_each_tile(g, [&](Workspace<T>& w, Index i, Index j) {
-      add_child_to_tile(*state_, w, g.front, i, j, op.front, lower, upper, columns);
-    });
+    const ChildColumns<T> added{op.front, {lower, upper}, columns};
+    for_each_tile(g, [&](Workspace<T>& w, Index i, Index j) { add_child_to_tile(*state_, w, g.front, i, j, added); });
   }
 
   void eliminate_group(const ColumnGroup& g) {
@@ -325,13 +323,13 @@ class HostStream final : public out_of_core::StreamBackend<T> {
   base::ThreadPool& pool_;
   base::ThreadPool& solve_pool_;
   base::MemoryBudget* budget_;
-  HostStreamOptions options_;
+  HostOutOfCoreOptions options_;
   plan::ArraySizes sizes_;
   DirectCopies direct_;
   int pins_ = 0;  // asked for
-  const out_of_core::StreamingPlan* streaming_ = nullptr;
+  const out_of_core::OutOfCorePlan* out_of_core_ = nullptr;
   Offset slot_bytes_ = 0;
-  StreamTimes times_;
+  OperationTimes times_;
   base::Buffer<std::byte> ring_;
   std::vector<Workspace<T>> work_;
   std::optional<NumericState<T>> state_;
@@ -341,17 +339,14 @@ class HostStream final : public out_of_core::StreamBackend<T> {
 }  // namespace
 
 template <class T>
-std::unique_ptr<out_of_core::StreamBackend<T>> make_host_stream(const plan::Plan& plan, Kind kind,
-                                                                const PivotRule& rule, base::ThreadPool& pool,
-                                                                base::MemoryBudget* budget, HostStreamOptions options) {
-  return std::make_unique<HostStream<T>>(plan, kind, rule, pool, budget, std::move(options));
+std::unique_ptr<out_of_core::OutOfCoreBackend<T>> make_host_out_of_core_backend(const Job& job,
+                                                                                HostOutOfCoreOptions options) {
+  return std::make_unique<HostOutOfCoreBackend<T>>(job, std::move(options));
 }
 
-template std::unique_ptr<out_of_core::StreamBackend<double>> make_host_stream(const plan::Plan&, Kind, const PivotRule&,
-                                                                              base::ThreadPool&, base::MemoryBudget*,
-                                                                              HostStreamOptions);
-template std::unique_ptr<out_of_core::StreamBackend<float>> make_host_stream(const plan::Plan&, Kind, const PivotRule&,
-                                                                             base::ThreadPool&, base::MemoryBudget*,
-                                                                             HostStreamOptions);
+template std::unique_ptr<out_of_core::OutOfCoreBackend<double>> make_host_out_of_core_backend(const Job&,
+                                                                                              HostOutOfCoreOptions);
+template std::unique_ptr<out_of_core::OutOfCoreBackend<float>> make_host_out_of_core_backend(const Job&,
+                                                                                             HostOutOfCoreOptions);
 
 }  // namespace espalier::device::host

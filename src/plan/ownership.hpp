@@ -37,7 +37,7 @@ struct SubTree {
 /// workers hold tasks of sub-trees that stand before it (2, 3): all finished, so they are free to open it. If it is
 /// open, the worker that opened it has since taken only tasks of it before t: finished, so it takes t. If t belongs to
 /// the top, all sub-trees are finished, and so are the tasks before t that its owner's workers took: they take t.
-struct DeviceAssignment {
+struct Ownership {
   static constexpr Index kMostMembers = 64;  ///< with more devices, all share all of the top
 
   Index devices = 1;
@@ -76,6 +76,6 @@ struct DeviceAssignment {
 /// takes more than the share of 1 / (devices (1 + additional_subtrees)) of all time; neighbouring small ones are put
 /// together; then the largest goes first to the device with the least to do (Graham's LPT rule, 1969).
 /// @pre tree, options, layout and children are set
-DeviceAssignment assign_devices(const Plan& plan);
+Ownership assign_owners(const Plan& plan);
 
 }  // namespace espalier::plan

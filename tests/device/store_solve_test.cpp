@@ -1,6 +1,6 @@
 // Substitution on the host with factors in the CUDA backend's layout. Truth: the same sums by plain loops over the
 // elements, whose places are those of device/cuda/tables.hpp; and one thread gives the bits of several.
-#include "device/cuda/tables/fragment_solve.hpp"
+#include "device/cuda/out_of_core/store_solve.hpp"
 
 #include <gtest/gtest.h>
 
@@ -26,7 +26,7 @@ struct Parameter {
   Index columns;
 };
 
-class FragmentSolve : public ::testing::TestWithParam<Parameter> {
+class StoreSolve : public ::testing::TestWithParam<Parameter> {
  protected:
   void SetUp() override {
     const SparseMatrix a = matrix::generate(matrix::parse_generator(GetParam().words), &pool_);
@@ -130,7 +130,7 @@ class FragmentSolve : public ::testing::TestWithParam<Parameter> {
 
   std::vector<double> solved(int threads, const std::vector<double>& rhs, bool transpose) {
     base::ThreadPool pool(threads);
-    device::cuda::FragmentSolve<double> solve(plan_, device_.fronts, GetParam().kind, pool);
+    device::cuda::StoreSolve<double> solve(plan_, device_.fronts, GetParam().kind, pool);
     std::vector<double> x = rhs;
     solve.run({store_.data(), &first_, &second_, &d_, &e_}, x.data(), GetParam().columns, transpose);
     return x;
@@ -143,7 +143,7 @@ class FragmentSolve : public ::testing::TestWithParam<Parameter> {
   std::vector<Offset> first_, second_;
 };
 
-TEST_P(FragmentSolve, SumsAreThoseOfPlainLoops) {
+TEST_P(StoreSolve, SumsAreThoseOfPlainLoops) {
   const Index n = plan_.tree.n, columns = GetParam().columns;
   std::vector<double> rhs(static_cast<std::size_t>(n) * columns);
   for (std::size_t k = 0; k < rhs.size(); ++k) rhs[k] = std::cos(static_cast<double>(k));
@@ -165,7 +165,7 @@ TEST_P(FragmentSolve, SumsAreThoseOfPlainLoops) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Systems, FragmentSolve,
+INSTANTIATE_TEST_SUITE_P(Systems, StoreSolve,
                          ::testing::Values(Parameter{{"elasticity", "10"}, Kind::llt, 1},
                                            Parameter{{"elasticity", "7"}, Kind::ldlt, 3},
                                            Parameter{{"gyroscopic", "7"}, Kind::lu, 1},

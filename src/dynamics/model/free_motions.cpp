@@ -1,0 +1,232 @@
+#include "dynamics/model/free_motions.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <map>
+
+namespace espalier::dynamics::model {
+namespace {
+
+using Twists = Eigen::Matrix<double, 6, Eigen::Dynamic>;  // velocity of the centre, angular velocity times a length
+
+constexpr double kRounding = 1e-12;  // what a row must have of its largest terms to count
+
+/// The motions of one body as a whole.
+class WholeBody {
+ public:
+  /// @param length makes angular velocities comparable with velocities
+  WholeBody(const BuiltBody& body, const State& s, double length) : body_(body) {
+    if (body.point != nullptr) {
+      centre_ = body.point->position(s.q);
+      add(body.point->coordinates()[0], Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero());
+    } else if (body.rigid != nullptr) {
+      centre_ = body.rigid->position(s.q);
+      const auto& c = body.rigid->coordinates();
+      add(c[0], Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero());
+      add(c[3], Eigen::Matrix3d::Zero(), rotation_matrix(body.rigid->quaternion(s.q)).transpose() / length);
+    } else {
+      add_vertices(*body.flexible, s, length);
+    }
+    find_basis();
+  }
+
+  [[nodiscard]] const BuiltBody& body() const { return body_; }
+  [[nodiscard]] const Vec3& centre() const { return centre_; }
+  /// Global coordinates, and the velocity of each for the six twists.
+  [[nodiscard]] const std::vector<Index>& coordinates() const { return coordinates_; }
+  [[nodiscard]] const Eigen::Matrix<double, 1, 6>& velocity(std::size_t k) const { return velocities_[k]; }
+  /// Twists that move it (a straight cable does not feel a turn about itself), orthonormal.
+  [[nodiscard]] const Twists& basis() const { return basis_; }
+
+ private:
+  void add(Index first, const Eigen::Matrix3d& by_velocity, const Eigen::Matrix3d& by_angular) {
+    for (Index i = 0; i < 3; ++i) {
+      coordinates_.push_back(first + i);
+      velocities_.emplace_back();
+      velocities_.back() << by_velocity.row(i), by_angular.row(i);
+    }
+  }
+
+  void add_vertices(const FlexibleBody& flexible, const State& s, double length) {
+    const Point c = flexible.mass_properties(s.q, {}).centre;
+    centre_ = {c[0], c[1], c[2]};
+    for (Index v = 0; v < flexible.vertices(); ++v) {
+      const bool place = v % flexible.vertices_per_node() == 0;
+      const auto at = static_cast<std::size_t>(flexible.configuration(v));
+      const Vec3 arm = Vec3(s.q[at], s.q[at + 1], s.q[at + 2]) - (place ? 1.0 : 0.0) * centre_;
+      add(flexible.coordinate(v), (place ? 1.0 : 0.0) * Eigen::Matrix3d::Identity(), -skew(arm) / length);
+    }
+  }
+
+  void find_basis() {
+    Eigen::Matrix<double, 6, 6> gram = Eigen::Matrix<double, 6, 6>::Zero();
+    for (const auto& v : velocities_) gram += v.transpose() * v;
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(gram);
+    Eigen::Index first = 0;  // eigenvalues grow
+    while (eigen.eigenvalues()[first] < 1e-12 * eigen.eigenvalues()[5]) ++first;
+    basis_ = eigen.eigenvectors().rightCols(6 - first);
+  }
+
+  const BuiltBody& body_;
+  Vec3 centre_;
+  std::vector<Index> coordinates_;
+  std::vector<Eigen::Matrix<double, 1, 6>> velocities_;
+  Twists basis_;
+};
+
+/// Rows of [F_q; Phi_q] times the motions of whole bodies, each over the sum of its terms, and only where that is more
+/// than rounding.
+class HeldRows {
+ public:
+  HeldRows(const std::vector<WholeBody>& bodies, Index coordinates, Index rows)
+      : columns_(0), rows_(static_cast<std::size_t>(rows)) {
+    owner_.assign(static_cast<std::size_t>(coordinates), nullptr);
+    place_.assign(static_cast<std::size_t>(coordinates), 0);
+    for (const WholeBody& body : bodies) {
+      first_[&body] = columns_;
+      columns_ += body.basis().cols();
+      for (std::size_t k = 0; k < body.coordinates().size(); ++k) {
+        owner_[static_cast<std::size_t>(body.coordinates()[k])] = &body;
+        place_[static_cast<std::size_t>(body.coordinates()[k])] = k;
+      }
+    }
+  }
+
+  [[nodiscard]] Eigen::Index columns() const { return columns_; }
+  [[nodiscard]] Eigen::Index first(const WholeBody& body) const { return first_.at(&body); }
+
+  void add_term(Index row, Index coordinate, double value) {
+    const auto c = static_cast<std::size_t>(coordinate);
+    if (value == 0 || owner_[c] == nullptr) return;
+    const Eigen::Matrix<double, 1, 6> term = value * owner_[c]->velocity(place_[c]);
+    Row& sum = rows_[static_cast<std::size_t>(row)];
+    sum.scale += term.cwiseAbs().maxCoeff();
+    for (auto& [body, part] : sum.parts)
+      if (body == owner_[c]) {
+        part += term;
+        return;
+      }
+    sum.parts.emplace_back(owner_[c], term);
+  }
+
+  [[nodiscard]] Eigen::MatrixXd matrix() const {
+    std::vector<Eigen::RowVectorXd> kept;
+    for (const Row& row : rows_) {
+      Eigen::RowVectorXd line = Eigen::RowVectorXd::Zero(columns_);
+      for (const auto& [body, part] : row.parts)
+        line.segment(first_.at(body), body->basis().cols()) = part / row.scale * body->basis();
+      if (row.scale > 0 && line.cwiseAbs().maxCoeff() > kRounding) kept.push_back(line / line.norm());
+    }
+    Eigen::MatrixXd all(static_cast<Eigen::Index>(kept.size()), columns_);
+    for (std::size_t k = 0; k < kept.size(); ++k) all.row(static_cast<Eigen::Index>(k)) = kept[k];
+    return all;
+  }
+
+ private:
+  struct Row {
+    double scale = 0;
+    std::vector<std::pair<const WholeBody*, Eigen::Matrix<double, 1, 6>>> parts;
+  };
+  Eigen::Index columns_;
+  std::map<const WholeBody*, Eigen::Index> first_;
+  std::vector<const WholeBody*> owner_;
+  std::vector<std::size_t> place_;
+  std::vector<Row> rows_;
+};
+
+Eigen::MatrixXd null_space(const Eigen::MatrixXd& rows, Eigen::Index columns) {
+  constexpr double kDependent = 1e-9;
+  if (rows.rows() == 0) return Eigen::MatrixXd::Identity(columns, columns);
+  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(rows.transpose());
+  qr.setThreshold(kDependent);
+  const Eigen::MatrixXd q = qr.householderQ() * Eigen::MatrixXd::Identity(columns, columns);
+  return q.rightCols(columns - qr.rank());
+}
+
+std::string numbers(const Vec3& x) {
+  const auto clean = [](double v) { return std::abs(v) < 5e-7 ? 0.0 : v; };
+  return fmt::format("({:.4g}, {:.4g}, {:.4g})", clean(x[0]), clean(x[1]), clean(x[2]));
+}
+
+std::string direction(const Vec3& d) {
+  Eigen::Index axis = 0;
+  if (d.cwiseAbs().maxCoeff(&axis) > 1 - 1e-6) return {"xyz"[axis]};
+  return numbers(d[axis] < 0 ? -d : d);
+}
+
+/// One direction by itself, two by the one across, three as all of them.
+std::string directions(const char* noun, const Eigen::Matrix<double, 3, Eigen::Dynamic>& set) {
+  if (set.cols() == 1) return direction(set.col(0));
+  std::string every = fmt::format("every {}", noun);
+  if (set.cols() == 3) return every;
+  return every + " across " + direction(set.col(0).head<3>().cross(set.col(1).head<3>()).normalized());
+}
+
+/// What of the free twists: "move along z and turn about y through (0, 0, 1)".
+std::string words(const Eigen::MatrixXd& twists, const Vec3& centre, double length) {
+  constexpr double kSmall = 1e-6;
+  const Eigen::JacobiSVD<Eigen::MatrixXd> span(twists, Eigen::ComputeThinU);
+  Eigen::Index rank = 0;
+  while (rank < span.singularValues().size() && span.singularValues()[rank] > kSmall) ++rank;
+  if (rank == 0) return "";
+  const Eigen::MatrixXd basis = span.matrixU().leftCols(rank);
+  const Eigen::JacobiSVD<Eigen::MatrixXd> turns(basis.bottomRows(3), Eigen::ComputeFullV | Eigen::ComputeThinU);
+  Eigen::Index turning = 0;
+  while (turning < turns.singularValues().size() && turns.singularValues()[turning] > kSmall) ++turning;
+  const Eigen::MatrixXd sliding = basis.topRows(3) * turns.matrixV().rightCols(rank - turning);
+  std::string text;
+  if (sliding.cols() > 0) text = "move along " + directions("direction", sliding);
+  if (turning == 0) return text;
+  text += text.empty() ? "turn about " : " and turn about ";
+  text += directions("axis", turns.matrixU().leftCols(turning));
+  if (turning > 1 || sliding.cols() > 1) return text;
+  Vec3 velocity = basis.topRows(3) * turns.matrixV().col(0);
+  velocity -= sliding * (sliding.transpose() * velocity);
+  const Vec3 omega = turns.singularValues()[0] / length * turns.matrixU().col(0);
+  return text + " through " + numbers(centre + omega.cross(velocity) / omega.squaredNorm());
+}
+
+/// Largest distance in the model, for angles.
+double length_of(Mechanism& mechanism, const State& s) {
+  std::vector<double> size(s.v.size());
+  mechanism.system.magnitude(s.q, size);
+  return std::max(max_norm(size), 1e-300);
+}
+
+}  // namespace
+
+std::vector<std::string> free_motions(Mechanism& mechanism, const std::vector<char>& dropped, const State& state) {
+  constexpr std::size_t kMostBodies = 200;
+  if (mechanism.bodies.size() > kMostBodies) return {};
+  const double length = length_of(mechanism, state);
+  std::vector<WholeBody> bodies;
+  for (const BuiltBody& body : mechanism.bodies) bodies.emplace_back(body, state, length);
+  const auto n = static_cast<Index>(state.v.size());
+  HeldRows held(bodies, n, n + mechanism.system.sizes().constraints);
+  const SparsePattern& w = mechanism.system.tangent_pattern();
+  std::vector<double> values(static_cast<std::size_t>(w.nonzeros()));
+  mechanism.system.tangent(state.view(), {0, 0, 1}, values);
+  for (Index c = 0; c < w.cols; ++c)
+    for (Offset k = w.ptr[static_cast<std::size_t>(c)]; k < w.ptr[static_cast<std::size_t>(c) + 1]; ++k)
+      held.add_term(w.ind[static_cast<std::size_t>(k)], c, values[static_cast<std::size_t>(k)]);
+  const SparsePattern& g = mechanism.system.constraint_pattern();
+  std::vector<double> phi_q(static_cast<std::size_t>(g.nonzeros()));
+  mechanism.system.constraints(state.t, state.q, {}, {{}, {}, {}, phi_q});
+  for (Index r = 0; r < g.rows; ++r)
+    for (Offset k = g.ptr[static_cast<std::size_t>(r)]; k < g.ptr[static_cast<std::size_t>(r) + 1]; ++k)
+      if (dropped.empty() || dropped[static_cast<std::size_t>(r)] == 0)
+        held.add_term(n + r, g.ind[static_cast<std::size_t>(k)], phi_q[static_cast<std::size_t>(k)]);
+  const Eigen::MatrixXd free = null_space(held.matrix(), held.columns());
+  if (free.cols() == 0) return {};
+  std::vector<std::string> texts;
+  for (const WholeBody& body : bodies) {
+    const Eigen::MatrixXd own = body.basis() * free.middleRows(held.first(body), body.basis().cols());
+    if (const std::string text = words(own, body.centre(), length); !text.empty())
+      texts.push_back(fmt::format("'{}' can {}", body.body().spec.name, text));
+  }
+  return texts;
+}
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,124 @@
+/// \file
+/// The handle of the C interface: a C++ solver with a lock and an error message around it.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <cstdio>
+#include <exception>
+#include <mutex>
+#include <new>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <thread>
+
+#include "base/forks.hpp"
+#include "espalier/espalier.h"
+#include "espalier/solver.hpp"
+#include "solver/c_results.hpp"
+#include "solver/environment.hpp"
+
+namespace espalier::solver {
+
+/// Counts the threads inside the calls of one solver, so that the child of a fork() can tell a lock that nobody will
+/// ever give back: a thread of the parent holds it.
+class Callers {
+ public:
+  /// False when another thread was inside at the last fork(): that call will never end here.
+  bool enter() {
+    const std::uint64_t now = base::forks() << kBits;
+    std::uint64_t seen = state_.load();
+    for (;;) {
+      const bool same = (seen & ~kMask) == now;
+      if (!same && (seen & kMask) != 0) return false;
+      if (state_.compare_exchange_weak(seen, same ? seen + 1 : now + 1)) return true;
+    }
+  }
+  void leave() { state_.fetch_sub(1); }
+
+ private:
+  static constexpr int kBits = 32;
+  static constexpr std::uint64_t kMask = (std::uint64_t{1} << kBits) - 1;
+  std::atomic<std::uint64_t> state_{base::forks() << kBits};  // forks, then callers
+};
+
+inline void log_to_stderr(const char* line, void*) { std::fprintf(stderr, "espalier: %s\n", line); }
+
+}  // namespace espalier::solver
+
+struct espalier_solver {
+  espalier::solver::Callers callers;
+  std::mutex mutex;
+  std::atomic<std::thread::id> owner{};  // the thread inside a call: a log callback that calls back is turned away
+  const espalier::solver::Environment environment = espalier::solver::read_environment();
+  espalier::Options options = environment.options;
+  espalier_log_callback log = environment.log_to_stderr ? &espalier::solver::log_to_stderr : nullptr;
+  void* log_user = nullptr;
+  std::optional<espalier::Solver> solver;  // made at analysis, with the options of that moment
+  espalier::Index rows = 0;
+  espalier::Offset nonzeros = 0;
+  bool transposed = false;                 // the solver holds A^T
+  espalier::solver::NullSpace null_space;  // of the last factorization
+  std::string error;
+  int64_t error_row = -1;
+};
+
+namespace espalier::solver {
+
+inline int fail(espalier_solver& s, int code, const char* message, int64_t row = -1) noexcept {
+  s.error_row = row;
+  try {
+    s.error = message;
+  } catch (...) {
+    s.error.clear();  // no memory for a message: the code alone must do
+  }
+  return code;
+}
+
+inline int finish(espalier_solver& s, const Status& status) noexcept {
+  return fail(s, static_cast<int>(status.code), status.message.c_str(), status.row);
+}
+
+struct Inside {
+  Callers& callers;
+  explicit Inside(Callers& the_callers) : callers(the_callers) {}
+  Inside(const Inside&) = delete;
+  Inside& operator=(const Inside&) = delete;
+  ~Inside() { callers.leave(); }
+};
+
+/// Runs `body` (returns a status) under the solver's lock; every exception becomes a code and a message.
+template <class Body>
+int guarded(espalier_solver* s, const Body& body) noexcept {
+  if (s == nullptr) return ESPALIER_MISUSE;
+  if (s->owner.load() == std::this_thread::get_id()) return ESPALIER_MISUSE;  // from inside a log callback
+  if (!s->callers.enter())
+    return fail(*s, ESPALIER_MISUSE,
+                "another thread was inside a call on this solver when the process forked; make a new solver here");
+  const Inside inside(s->callers);
+  const std::lock_guard lock(s->mutex);
+  s->owner = std::this_thread::get_id();
+  int code = ESPALIER_OK;
+  try {
+    code = finish(*s, body(*s));
+  } catch (const Error& e) {
+    code = finish(*s, e.status());
+  } catch (const std::bad_alloc&) {
+    code = fail(*s, ESPALIER_OUT_OF_MEMORY, "the machine's memory is too small");
+  } catch (const std::logic_error& e) {
+    code = fail(*s, ESPALIER_MISUSE, e.what());
+  } catch (const std::exception& e) {
+    code = fail(*s, ESPALIER_INTERNAL_ERROR, e.what());
+  } catch (...) {
+    code = fail(*s, ESPALIER_INTERNAL_ERROR, "an unknown exception");
+  }
+  s->owner = std::thread::id{};
+  return code;
+}
+
+inline void require(bool condition, const char* what) {
+  if (!condition) throw std::invalid_argument(what);
+}
+
+}  // namespace espalier::solver
