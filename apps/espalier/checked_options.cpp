@@ -35,6 +35,14 @@ CLI::Option* add_file(CLI::App& command, const std::string& option, std::string&
 CLI::Validator positive() { return number_from(0, false, "a number above 0"); }
 CLI::Validator not_negative() { return number_from(0, true, "a number of at least 0"); }
 
+CLI::Validator number() {
+  return {[](std::string& text) {
+            double value = 0;
+            return CLI::detail::lexical_cast(text, value) ? std::string() : fmt::format("'{}' is not a number", text);
+          },
+          ""};
+}
+
 CLI::Validator whole_number() {
   return {[](std::string& text) {
             std::uint64_t number = 0;

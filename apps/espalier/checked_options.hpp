@@ -21,6 +21,8 @@ CLI::Option* add_file(CLI::App& command, const std::string& option, std::string&
 /// A finite number above zero; one of at least zero; a whole number from 0 to 2^64 - 1.
 CLI::Validator positive();
 CLI::Validator not_negative();
+/// Any number; what it may be depends on the model.
+CLI::Validator number();
 CLI::Validator whole_number();
 
 /// A file of a command, as the user knows it; an empty path is passed over.

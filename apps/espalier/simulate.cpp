@@ -120,6 +120,7 @@ void add_simulate(CLI::App& app, Action& action) {
       ->allow_extra_args(false);
   sub->add_option("--until", command->until, "end there instead of at integrator.end")
       ->type_name("TIME")
+      ->check(number())
       ->each([command = command.get()](const std::string&) { command->until_given = true; });
   add_file(*sub, "--restart", o.restart, "go on from this restart file");
   sub->add_flag("--accept-changes", o.accept_changes,

@@ -176,8 +176,7 @@ Json check_case(const GpuCase& c, const CheckSettings& settings, base::ThreadPoo
                 {"determinant_log", first.determinant_log}};
   // With equal row and column scaling of the transposed system: only the residual of the factored matrix is checked
   // where rows were not permuted.
-  if ((c.kind == Kind::lu || settings.common.small) && c.equations.row_of_col.empty() &&
-      c.equations.row_scale.empty()) {
+  if ((c.kind == Kind::lu || settings.common.small) && c.prepared.row_of_col.empty() && c.prepared.row_scale.empty()) {
     std::vector<T> y = rhs;
     gpu->solve(y.data(), columns, true);
     const std::vector<double> transposed = from_plan_order(c, y, columns);

@@ -23,12 +23,12 @@ GpuCase prepare_case(const std::string& name, Kind wish, base::ThreadPool& pool)
   c.a = matrix::generate(matrix::parse_generator(words_of(name)), &pool);
   c.kind = solver::choose_kind(c.a, wish, pool);
   const double start = base::now_seconds();
-  c.equations = solver::copy_equations(c.a, c.kind, pool);
-  solver::scale_and_match(c.equations, c.kind, Options{}, pool);
+  c.prepared = solver::prepare_matrix(c.a, c.kind, pool);
+  solver::scale_and_match(c.prepared, c.kind, Options{}, pool);
   analysis::TreeOptions options;
-  options.pair = c.equations.pair;
-  options.zero_diagonal = c.equations.zero_diagonal;
-  c.tree = analysis::build_tree(analysis::graph_of(c.equations.a, pool, c.equations.row_of_col), options, pool);
+  options.pair = c.prepared.pair;
+  options.zero_diagonal = c.prepared.zero_diagonal;
+  c.tree = analysis::build_tree(analysis::graph_of(c.prepared.a, pool, c.prepared.row_of_col), options, pool);
   c.analysis_seconds = base::now_seconds() - start;
   return c;
 }
@@ -36,7 +36,7 @@ GpuCase prepare_case(const std::string& name, Kind wish, base::ThreadPool& pool)
 void lay_out_for_gpus(GpuCase& c, int devices, const device::cuda::DeviceTuning& tuning, base::ThreadPool& pool) {
   const double start = base::now_seconds();
   c.devices = devices;
-  c.plan = plan::make_plan(c.tree, c.equations.a, c.equations.row_of_col,
+  c.plan = plan::make_plan(c.tree, c.prepared.a, c.prepared.row_of_col,
                            device::cuda::cuda_plan_options(c.kind, tuning, devices), pool);
   c.plan_seconds = base::now_seconds() - start;
 }
@@ -47,13 +47,15 @@ void lay_out_for_host(GpuCase& c, bool single, base::ThreadPool& pool) {
   options.unsymmetric = c.kind == Kind::lu;
   options.ldlt = c.kind == Kind::ldlt;
   c.devices = 1;
-  c.plan = plan::make_plan(c.tree, c.equations.a, c.equations.row_of_col, options, pool);
+  c.plan = plan::make_plan(c.tree, c.prepared.a, c.prepared.row_of_col, options, pool);
 }
 
 template <class T>
 GpuNumbers<T>::GpuNumbers(const GpuCase& c, base::ThreadPool& pool)
-    : values(static_cast<std::size_t>(c.equations.a.nonzeros())) {
-  const double largest = solver::scale_values(c.equations, c.equations.a.values, values.data(), pool);
+    : values(static_cast<std::size_t>(c.prepared.a.nonzeros())) {
+  const solver::PreparedMatrix& p = c.prepared;
+  const solver::Scales scales{p.row_scale, p.col_scale, p.transform_log, p.wide};
+  const double largest = solver::scale_values(p, scales, p.a.values, values.data(), pool);
   rule = {0.01, (c.kind == Kind::llt ? 0 : unit_of<T>()) * largest};
 }
 
@@ -62,8 +64,8 @@ std::vector<T> to_plan_order(const GpuCase& c, const std::vector<double>& b, Ind
   const Index n = c.plan.tree.n;
   std::vector<T> x(static_cast<std::size_t>(n) * columns);
   for (Index k = 0; k < n; ++k) {
-    const Index row = c.equations.row_of(c.plan.tree.order[k]);
-    const double scale = c.equations.row_scale.empty() ? 1.0 : c.equations.row_scale[row];
+    const Index row = c.prepared.row_of(c.plan.tree.order[k]);
+    const double scale = c.prepared.row_scale.empty() ? 1.0 : c.prepared.row_scale[row];
     for (Index j = 0; j < columns; ++j)
       x[static_cast<std::size_t>(k) * columns + j] = static_cast<T>(scale * b[static_cast<std::size_t>(j) * n + row]);
   }
@@ -76,7 +78,7 @@ std::vector<double> from_plan_order(const GpuCase& c, const std::vector<T>& x, I
   std::vector<double> out(x.size());
   for (Index k = 0; k < n; ++k) {
     const Index col = c.plan.tree.order[k];
-    const double scale = c.equations.col_scale.empty() ? 1.0 : c.equations.col_scale[col];
+    const double scale = c.prepared.col_scale.empty() ? 1.0 : c.prepared.col_scale[col];
     for (Index j = 0; j < columns; ++j)
       out[static_cast<std::size_t>(j) * n + col] =
           scale * static_cast<double>(x[static_cast<std::size_t>(k) * columns + j]);

@@ -11,7 +11,7 @@
 #include "device/cuda/executor/cuda_executor.hpp"
 #include "device/executor.hpp"
 #include "espalier/matrix.hpp"
-#include "solver/equations.hpp"
+#include "solver/prepared_matrix.hpp"
 
 namespace espalier::bench {
 
@@ -20,7 +20,7 @@ struct GpuCase {
   std::string name;  ///< words of the generator
   Kind kind = Kind::llt;
   SparseMatrix a;
-  solver::Equations equations;
+  solver::PreparedMatrix prepared;
   analysis::AssemblyTree tree;
   int devices = 1;
   plan::Plan plan;

@@ -14,9 +14,9 @@ namespace espalier::bench {
 SparseMatrix make_system(const std::string& words) {
   if (std::filesystem::is_regular_file(words)) return matrix::read_matrix(words);
   std::istringstream stream(words);
-  const std::vector<std::string> pieces{std::istream_iterator<std::string>(stream), {}};
+  const std::vector<std::string> tokens{std::istream_iterator<std::string>(stream), {}};
   base::ThreadPool pool(base::available_cores());
-  return matrix::generate(matrix::parse_generator(pieces), &pool);
+  return matrix::generate(matrix::parse_generator(tokens), &pool);
 }
 
 Kind automatic_kind(const MatrixView& a) {

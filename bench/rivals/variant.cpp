@@ -7,14 +7,14 @@
 namespace espalier::bench {
 
 Variant::Variant(const std::string& text, const std::string& known) {
-  std::istringstream pieces(text);
-  std::string piece;
-  while (std::getline(pieces, piece, '+')) {
-    const std::size_t equals = piece.find('=');
-    const std::string word = piece.substr(0, equals);
+  std::istringstream parts(text);
+  std::string part;
+  while (std::getline(parts, part, '+')) {
+    const std::size_t equals = part.find('=');
+    const std::string word = part.substr(0, equals);
     if ((" " + known + " ").find(" " + word + " ") == std::string::npos)
       throw Failure(Outcome::failed, "unknown variant '" + word + "'; known: " + (known.empty() ? "none" : known));
-    settings_[word] = equals == std::string::npos ? "" : piece.substr(equals + 1);
+    settings_[word] = equals == std::string::npos ? "" : part.substr(equals + 1);
   }
 }
 

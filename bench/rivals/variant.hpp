@@ -11,7 +11,7 @@ namespace espalier::bench {
 /// The settings of one variant. Every rival names the words that it knows; others are refused.
 class Variant {
  public:
-  /// Splits `text` at plus signs and at the first equals sign of each piece. Throws Failure(Outcome::failed) with the
+  /// Splits `text` at plus signs and at the first equals sign of each part. Throws Failure(Outcome::failed) with the
   /// known words when a word is not in `known` (words separated by spaces).
   Variant(const std::string& text, const std::string& known);
 

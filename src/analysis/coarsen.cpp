@@ -16,7 +16,7 @@ namespace {
 auto at(Index k) { return static_cast<std::size_t>(k); }
 auto at(Offset k) { return static_cast<std::size_t>(k); }
 
-/// Vertices per piece: small graphs are one piece, large ones some dozen.
+/// Vertices per range: small graphs are one range, large ones some dozen.
 Index grain_of(Index n) { return std::max<Index>(4096, (n + 63) / 64); }
 
 /// Numbers the pairs by their lower vertices. @return the lower vertices
@@ -24,15 +24,15 @@ std::vector<Index> number_pairs(std::span<const Index> mate, std::vector<Index>&
   const auto n = static_cast<Index>(mate.size());
   const Index grain = grain_of(n);
   map.resize(mate.size());
-  std::vector<Index> first(at((n + grain - 1) / grain) + 1, 0);  // pairs before each piece
-  workers.for_each_piece(n, grain, [&](std::int64_t begin, std::int64_t end) {
+  std::vector<Index> first(at((n + grain - 1) / grain) + 1, 0);  // pairs before each range
+  workers.for_each_range(n, grain, [&](std::int64_t begin, std::int64_t end) {
     Index count = 0;
     for (auto v = static_cast<Index>(begin); v < static_cast<Index>(end); ++v) count += v <= mate[at(v)] ? 1 : 0;
     first[at(begin / grain) + 1] = count;
   });
   std::partial_sum(first.begin(), first.end(), first.begin());
   std::vector<Index> lower(at(first.back()));
-  workers.for_each_piece(n, grain, [&](std::int64_t begin, std::int64_t end) {
+  workers.for_each_range(n, grain, [&](std::int64_t begin, std::int64_t end) {
     Index k = first[at(begin / grain)];
     for (auto v = static_cast<Index>(begin); v < static_cast<Index>(end); ++v) {
       if (v > mate[at(v)]) continue;
@@ -103,8 +103,8 @@ Coarser coarsen(const PartGraph& g, Offset most_weight, Random& random, base::Re
   c.weight.resize(lower.size());
   c.ptr.resize(lower.size() + 1);
   c.ptr[0] = 0;
-  std::vector<std::unique_ptr<RowSums>> pieces(at((coarse + grain - 1) / grain));
-  workers.for_each_piece(coarse, grain, [&](std::int64_t begin, std::int64_t end) {
+  std::vector<std::unique_ptr<RowSums>> ranges(at((coarse + grain - 1) / grain));
+  workers.for_each_range(coarse, grain, [&](std::int64_t begin, std::int64_t end) {
     const auto most = [&](Index v) { return degree(v) + (mate[at(v)] == v ? 0 : degree(mate[at(v)])); };
     Offset all = 0;
     for (std::int64_t k = begin; k < end; ++k) all += most(lower[at(k)]);
@@ -121,20 +121,20 @@ Coarser coarsen(const PartGraph& g, Offset most_weight, Random& random, base::Re
       c.weight[at(k)] = g.weight[at(v)] + (u == v ? 0 : g.weight[at(u)]);
       c.ptr[at(k) + 1] = sums->size();
     }
-    pieces[at(begin / grain)] = std::move(sums);
+    ranges[at(begin / grain)] = std::move(sums);
   });
   Offset size = 0;
-  std::vector<Offset> first(pieces.size());
-  for (std::size_t p = 0; p < pieces.size(); ++p) {
+  std::vector<Offset> first(ranges.size());
+  for (std::size_t p = 0; p < ranges.size(); ++p) {
     first[p] = size;
-    size += pieces[p]->size();
+    size += ranges[p]->size();
   }
   c.adj.resize(at(size));
   c.edge.resize(at(size));
-  workers.for_each_piece(coarse, grain, [&](std::int64_t begin, std::int64_t end) {
+  workers.for_each_range(coarse, grain, [&](std::int64_t begin, std::int64_t end) {
     const std::size_t p = at(begin / grain);
-    pieces[p]->copy_to(c.adj.data() + first[p], c.edge.data() + first[p]);
-    pieces[p].reset();
+    ranges[p]->copy_to(c.adj.data() + first[p], c.edge.data() + first[p]);
+    ranges[p].reset();
     for (std::int64_t k = begin; k < end; ++k) c.ptr[at(k) + 1] += first[p];
   });
   return out;

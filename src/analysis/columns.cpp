@@ -32,7 +32,7 @@ class Transposer {
       mine.assign(at(n_), 0);
       each_entry(chunk, [&](Index, std::size_t i, Offset) { ++mine[i]; });
     });
-    pool_.for_each_piece(n_, 1 << 16, [&](std::int64_t begin, std::int64_t end) {
+    pool_.for_each_range(n_, 1 << 16, [&](std::int64_t begin, std::int64_t end) {
       for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
         Offset sum = 0;
         for (auto& part : next_) sum += std::exchange(part[i], sum);
@@ -99,7 +99,7 @@ FullMatrix both_triangles(const MatrixView& a, base::ThreadPool& pool) {
   out.row.resize(at(out.ptr.back()));
   out.value.resize(at(out.ptr.back()));
   std::vector<Offset> behind(at(a.cols));  // the mirrored entries of a column stand behind the stored ones
-  pool.for_each_piece(a.cols, 2048, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(a.cols, 2048, [&](std::int64_t begin, std::int64_t end) {
     for (auto j = static_cast<std::size_t>(begin); j < static_cast<std::size_t>(end); ++j) {
       const auto first = a.col_ptr[j], size = a.col_ptr[j + 1] - first;
       std::copy_n(a.row_ind.begin() + first, size, out.row.begin() + out.ptr[j]);

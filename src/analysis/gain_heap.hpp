@@ -20,7 +20,7 @@ class GainHeap {
   [[nodiscard]] bool contains(Index v) const { return place_[static_cast<std::size_t>(v)] >= 0; }
 
   void clear() {
-    for (const Entry& e : heap_) place_[static_cast<std::size_t>(e.vertex)] = -1;
+    for (const Item& e : heap_) place_[static_cast<std::size_t>(e.vertex)] = -1;
     heap_.clear();
   }
   void insert(Index v, Index gain) {
@@ -35,7 +35,7 @@ class GainHeap {
   void remove(Index v) {
     const std::size_t k = static_cast<std::size_t>(place_[static_cast<std::size_t>(v)]);
     place_[static_cast<std::size_t>(v)] = -1;
-    const Entry last = heap_.back();
+    const Item last = heap_.back();
     heap_.pop_back();
     if (k == heap_.size()) return;
     heap_[k] = last;
@@ -45,21 +45,21 @@ class GainHeap {
   }
 
  private:
-  struct Entry {
+  struct Item {
     Index gain, vertex;
-    bool operator<(const Entry& o) const { return gain != o.gain ? gain < o.gain : vertex > o.vertex; }
+    bool operator<(const Item& o) const { return gain != o.gain ? gain < o.gain : vertex > o.vertex; }
   };
-  void put(std::size_t k, Entry e) {
+  void put(std::size_t k, Item e) {
     heap_[k] = e;
     place_[static_cast<std::size_t>(e.vertex)] = static_cast<Index>(k);
   }
   void up(std::size_t k) {
-    const Entry e = heap_[k];
+    const Item e = heap_[k];
     for (; k > 0 && heap_[(k - 1) / 2] < e; k = (k - 1) / 2) put(k, heap_[(k - 1) / 2]);
     put(k, e);
   }
   void down(std::size_t k) {
-    const Entry e = heap_[k];
+    const Item e = heap_[k];
     for (;;) {
       std::size_t child = 2 * k + 1;
       if (child >= heap_.size()) break;
@@ -71,7 +71,7 @@ class GainHeap {
     put(k, e);
   }
 
-  std::vector<Entry> heap_;
+  std::vector<Item> heap_;
   std::vector<Index> place_;
 };
 

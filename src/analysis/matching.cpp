@@ -30,9 +30,9 @@ class PairChooser {
   PairChooser(const EntryView& a, const Matched& m, bool symmetric, base::ThreadPool& pool)
       : a_(a), next_(m.row_of_col), diagonal_(at(a.n), 0), link_(at(a.n), 0), pair_(at(a.n)) {
     std::iota(pair_.begin(), pair_.end(), 0);
-    constexpr std::int64_t kColumns = 2048;  // per piece
+    constexpr std::int64_t kColumns = 2048;  // per range
     const std::vector<Index>& partner = symmetric ? m.row_of_col : m.col_of_row;
-    pool.for_each_piece(a.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    pool.for_each_range(a.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
       for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j)
         for (Offset k = a.ptr[at(j)]; k < a.ptr[at(j) + 1]; ++k) {
           const Index i = a.row[at(k)];
@@ -168,10 +168,10 @@ int middle_exponent(const std::vector<double>& v) {
 }  // namespace
 
 bool is_wide(std::span<const double> values, base::ThreadPool& pool) {
-  constexpr std::int64_t kPiece = 1 << 18;
+  constexpr std::int64_t kRange = 1 << 18;
   constexpr double kLeast = 0x1p-400, kMost = 0x1p400;
   std::atomic<bool> wide{false};
-  pool.for_each_piece(static_cast<std::int64_t>(values.size()), kPiece, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(static_cast<std::int64_t>(values.size()), kRange, [&](std::int64_t begin, std::int64_t end) {
     bool any = false;
     for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
       const double v = std::abs(values[k]);

@@ -14,7 +14,7 @@ auto at(Index k) { return static_cast<std::size_t>(k); }
 auto at(Offset k) { return static_cast<std::size_t>(k); }
 
 constexpr Index kTogether = 1 << 14;      // graphs from this size on are matched in rounds
-constexpr std::int64_t kVertices = 1024;  // per piece of a loop over the vertices that choose
+constexpr std::int64_t kVertices = 1024;  // per range of a loop over the vertices that choose
 constexpr Index kRounds = 12;  // parts into which the vertices are cut: fewer clash more, more wait more often
 
 /// Degrees above the average count as equal.
@@ -96,11 +96,11 @@ std::vector<Index> RoundMatcher::scattered_order() const {
   const Index n = g_.n();
   const DegreeClasses classes(g_);
   const Index grain = std::max<Index>(1 << 13, (n + 31) / 32);
-  const std::size_t pieces = at((n + grain - 1) / grain), buckets = classes.count() * kBuckets;
+  const std::size_t ranges = at((n + grain - 1) / grain), buckets = classes.count() * kBuckets;
   const auto bucket = [&](Index v) { return classes.of(v) * kBuckets + (hash(v) >> 58); };
-  std::vector<Index> next(pieces * buckets, 0);  // by piece, then bucket: how many, then where the next one goes
+  std::vector<Index> next(ranges * buckets, 0);  // by range, then bucket: how many, then where the next one goes
   const auto each = [&](const auto& use) {
-    workers_.for_each_piece(n, grain, [&](std::int64_t begin, std::int64_t end) {
+    workers_.for_each_range(n, grain, [&](std::int64_t begin, std::int64_t end) {
       Index* const mine = next.data() + at(begin / grain) * buckets;
       for (auto v = static_cast<Index>(begin); v < static_cast<Index>(end); ++v) use(v, mine[bucket(v)]);
     });
@@ -108,7 +108,7 @@ std::vector<Index> RoundMatcher::scattered_order() const {
   each([](Index, Index& count) { ++count; });
   Index sum = 0;
   for (std::size_t b = 0; b < buckets; ++b)
-    for (std::size_t p = 0; p < pieces; ++p) sum += std::exchange(next[p * buckets + b], sum);
+    for (std::size_t p = 0; p < ranges; ++p) sum += std::exchange(next[p * buckets + b], sum);
   std::vector<Index> order(at(n));
   each([&](Index v, Index& place) { order[at(place++)] = v; });
   return order;
@@ -146,7 +146,7 @@ void RoundMatcher::reserve(Index v, std::uint64_t rank) {
 /// One round: all of `active` choose; those stay in it that did not get what they wanted.
 void RoundMatcher::play(std::vector<Chooser>& active) {
   const auto size = static_cast<std::int64_t>(active.size());
-  workers_.for_each_piece(size, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  workers_.for_each_range(size, kVertices, [&](std::int64_t begin, std::int64_t end) {
     for (auto k = at(begin); k < at(end); ++k) {
       Chooser& c = active[k];
       if (mate_[at(c.vertex)] >= 0) {
@@ -159,7 +159,7 @@ void RoundMatcher::play(std::vector<Chooser>& active) {
       reserve(c.choice, c.rank);
     }
   });
-  workers_.for_each_piece(size, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  workers_.for_each_range(size, kVertices, [&](std::int64_t begin, std::int64_t end) {
     for (auto k = at(begin); k < at(end); ++k) {
       Chooser& c = active[k];
       if (c.choice < 0) continue;
@@ -175,7 +175,7 @@ void RoundMatcher::play(std::vector<Chooser>& active) {
 
 std::vector<Index> RoundMatcher::run() {
   const std::vector<Index> order = scattered_order();
-  workers_.for_each_piece(g_.n(), 1 << 15, [&](std::int64_t begin, std::int64_t end) {
+  workers_.for_each_range(g_.n(), 1 << 15, [&](std::int64_t begin, std::int64_t end) {
     std::fill(first_.begin() + begin, first_.begin() + end, ~std::uint64_t{0});
   });
   const Index part = (g_.n() + kRounds - 1) / kRounds;

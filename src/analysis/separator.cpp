@@ -58,7 +58,7 @@ Separation separate_coarsest(const PartGraph& g, Random& random) {
 Separation project(const Separation& coarse, const std::vector<Index>& map, base::Recursion& workers) {
   constexpr std::int64_t kVertices = 1 << 16;
   Separation fine{std::vector<char>(map.size()), coarse.weight};
-  workers.for_each_piece(static_cast<std::int64_t>(map.size()), kVertices, [&](std::int64_t begin, std::int64_t end) {
+  workers.for_each_range(static_cast<std::int64_t>(map.size()), kVertices, [&](std::int64_t begin, std::int64_t end) {
     for (auto v = at(begin); v < at(end); ++v) fine.side[v] = coarse.side[at(map[v])];
   });
   return fine;
@@ -103,7 +103,7 @@ Separation best_of_runs(const PartGraph& g, Random& random, base::Recursion& wor
   std::array<Separation, kRuns> runs;
   std::array<std::uint64_t, kRuns> seeds;
   for (std::uint64_t& seed : seeds) seed = random.next();
-  workers.for_each_piece(kRuns, 1, [&](std::int64_t k, std::int64_t) {
+  workers.for_each_range(kRuns, 1, [&](std::int64_t k, std::int64_t) {
     Random mine(seeds[at(k)]);
     runs[at(k)] = one_run(g, mine, workers);
   });

@@ -120,7 +120,8 @@ void OutputFile::open() {
 
 int OutputFile::open_temporary(const fs::path& target) {
   target_ = target.string();
-  if (::access(target_.c_str(), F_OK) == 0 && ::access(target_.c_str(), W_OK) != 0) return -1;
+  const bool there = ::access(target_.c_str(), F_OK) == 0;
+  if (there ? ::access(target_.c_str(), W_OK) != 0 : errno == ENAMETOOLONG) return -1;
   constexpr std::size_t kLongest = 200;  // of a name, so that the ending fits into the 255 bytes of most file systems
   const std::string stem = (target.parent_path() / target.filename().string().substr(0, kLongest)).string();
   temporary_ = fmt::format("{}{}", stem, kEnding);

@@ -137,7 +137,7 @@ void ThreadPool::run(const std::function<void(int)>& body) {
     if (e) std::rethrow_exception(e);
 }
 
-void ThreadPool::for_each_piece(std::int64_t n, std::int64_t grain,
+void ThreadPool::for_each_range(std::int64_t n, std::int64_t grain,
                                 const std::function<void(std::int64_t, std::int64_t)>& body) {
   grain = std::max<std::int64_t>(1, grain);
   if (threads_.empty() || n <= grain) {
@@ -190,7 +190,7 @@ bool Recursion::take_and_run() {
       Loop& loop = *loops_.back();
       loop.helpers.fetch_add(1, std::memory_order_relaxed);
       lock.unlock();
-      run_pieces(loop);
+      run_ranges(loop);
       lock.lock();
       withdraw(loop);
       if (loop.helpers.fetch_sub(1, std::memory_order_release) == 1) left_.notify_all();
@@ -215,7 +215,7 @@ bool Recursion::take_and_run() {
   return true;
 }
 
-void Recursion::run_pieces(Loop& loop) {
+void Recursion::run_ranges(Loop& loop) {
   try {
     for (;;) {
       const std::int64_t b = loop.next.fetch_add(loop.grain, std::memory_order_relaxed);
@@ -235,7 +235,7 @@ void Recursion::withdraw(const Loop& loop) {
   if (at != loops_.end()) loops_.erase(at);
 }
 
-void Recursion::run_loop(std::int64_t n, std::int64_t grain, const Pieces& body) {
+void Recursion::run_loop(std::int64_t n, std::int64_t grain, const RangeBody& body) {
   grain = std::max<std::int64_t>(1, grain);
   if (n <= grain) {
     if (n > 0) body(0, n);
@@ -247,7 +247,7 @@ void Recursion::run_loop(std::int64_t n, std::int64_t grain, const Pieces& body)
     loops_.push_back(&loop);
     announce(true);
   }
-  run_pieces(loop);
+  run_ranges(loop);
   std::unique_lock lock(mutex_);
   withdraw(loop);
   lock.unlock();

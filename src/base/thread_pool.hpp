@@ -38,19 +38,19 @@ class ThreadPool {
     run(reference);
   }
 
-  /// body(begin, end) over pieces of [0, n) of at most `grain` indices, taken by whoever is free. The pieces are the
+  /// body(begin, end) over ranges of [0, n) of at most `grain` indices, taken by whoever is free. The ranges are the
   /// same for every number of threads.
-  void for_each_piece(std::int64_t n, std::int64_t grain,
+  void for_each_range(std::int64_t n, std::int64_t grain,
                       const std::function<void(std::int64_t begin, std::int64_t end)>& body);
   template <class Body>
-  void for_each_piece(std::int64_t n, std::int64_t grain, Body&& body) {
+  void for_each_range(std::int64_t n, std::int64_t grain, Body&& body) {
     const std::function<void(std::int64_t, std::int64_t)> reference(std::ref(body));
-    for_each_piece(n, grain, reference);
+    for_each_range(n, grain, reference);
   }
 
   /// body(i) for each i in [0, n), taken one by one in rising order.
   void for_each(std::int64_t n, const std::function<void(std::int64_t i)>& body) {
-    for_each_piece(n, 1, [&](std::int64_t begin, std::int64_t) { body(begin); });
+    for_each_range(n, 1, [&](std::int64_t begin, std::int64_t) { body(begin); });
   }
 
  private:
@@ -78,18 +78,18 @@ class Recursion {
   /// Adds a task; any worker may take it.
   void spawn(Task task);
 
-  /// Called in a task: body(begin, end) over the pieces of [0, n) as in ThreadPool::for_each_piece, by the caller and
-  /// by all workers that have no task. Returns when all pieces are done; rethrows an exception of a piece.
+  /// Called in a task: body(begin, end) over the ranges of [0, n) as in ThreadPool::for_each_range, by the caller and
+  /// by all workers that have no task. Returns when all ranges are done; rethrows what body throws.
   template <class Body>
-  void for_each_piece(std::int64_t n, std::int64_t grain, Body&& body) {
+  void for_each_range(std::int64_t n, std::int64_t grain, Body&& body) {
     const std::function<void(std::int64_t, std::int64_t)> reference(std::ref(body));
     run_loop(n, grain, reference);
   }
 
  private:
-  using Pieces = std::function<void(std::int64_t, std::int64_t)>;
+  using RangeBody = std::function<void(std::int64_t, std::int64_t)>;
   struct Loop {
-    const Pieces& body;
+    const RangeBody& body;
     std::int64_t n, grain;
     std::atomic<std::int64_t> next{0};
     std::atomic<int> helpers{0};
@@ -97,8 +97,8 @@ class Recursion {
   };
 
   bool take_and_run();
-  void run_loop(std::int64_t n, std::int64_t grain, const Pieces& body);
-  void run_pieces(Loop& loop);
+  void run_loop(std::int64_t n, std::int64_t grain, const RangeBody& body);
+  void run_ranges(Loop& loop);
   void withdraw(const Loop& loop);
   void wait_for_work(std::unique_lock<std::mutex>& lock);
   void announce(bool to_all);
@@ -107,7 +107,7 @@ class Recursion {
   std::condition_variable available_;
   std::condition_variable left_;  // the last helper has left a loop
   std::deque<Task> tasks_;
-  std::vector<Loop*> loops_;            // loops that have pieces left
+  std::vector<Loop*> loops_;            // loops that have ranges left
   std::atomic<std::uint64_t> news_{0};  // counts what an idle worker should look at
   int sleepers_ = 0;
   int open_ = 0;  // tasks waiting or running

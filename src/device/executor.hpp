@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/memory.hpp"
-#include "device/device_equations.hpp"
+#include "device/device_linear_system.hpp"
 #include "espalier/types.hpp"
 #include "plan/plan.hpp"
 
@@ -71,11 +71,12 @@ class Executor {
   [[nodiscard]] virtual OutOfCoreReport out_of_core() const { return {}; }
   /// The last factorization by devices; empty where there is one, for which the outcome tells all.
   [[nodiscard]] virtual std::vector<DeviceWork> device_work() const { return {}; }
-  /// The equations in the memory of the (first) device, beside the factor, which they must not outlive. Null: this
+  /// The linear system in the memory of the (first) device, beside the factor, which it must not outlive. Null: this
   /// executor works on arrays of the host alone.
   /// @param memory_bytes  budget for what is taken besides the factor; 0: what is free
   /// @throws Error(out_of_memory), Error(device_error)
-  virtual std::unique_ptr<DeviceEquations> make_equations(const EquationArrays& /*arrays*/, Offset /*memory_bytes*/) {
+  virtual std::unique_ptr<DeviceLinearSystem> make_linear_system(const LinearSystemArrays& /*arrays*/,
+                                                                 Offset /*memory_bytes*/) {
     return nullptr;
   }
 };

@@ -35,35 +35,35 @@ template <class Accumulator>
   }
 }
 
-/// Columns [first[k], first[k + 1]) form the k-th piece: at most 8 pieces of about equal numbers of entries, each of at
+/// Columns [first[k], first[k + 1]) form the k-th range: at most 8 ranges of about equal numbers of entries, each of at
 /// least 2^17 entries (some 0.2 ms of work, which pays for a vector of sums of its own).
-inline std::vector<Index> column_pieces(const MatrixView& a) {
+inline std::vector<Index> column_ranges(const MatrixView& a) {
   constexpr Offset kLeastEntries = Offset{1} << 17;
-  constexpr Offset kMostPieces = 8;
-  const Offset pieces = std::clamp<Offset>(a.nonzeros() / kLeastEntries, 1, kMostPieces);
-  std::vector<Index> first(static_cast<std::size_t>(pieces) + 1, a.cols);
+  constexpr Offset kMostRanges = 8;
+  const Offset ranges = std::clamp<Offset>(a.nonzeros() / kLeastEntries, 1, kMostRanges);
+  std::vector<Index> first(static_cast<std::size_t>(ranges) + 1, a.cols);
   first[0] = 0;
-  for (Offset k = 1; k < pieces; ++k) {
-    const auto at = std::lower_bound(a.col_ptr.begin(), a.col_ptr.end(), a.nonzeros() / pieces * k) - a.col_ptr.begin();
+  for (Offset k = 1; k < ranges; ++k) {
+    const auto at = std::lower_bound(a.col_ptr.begin(), a.col_ptr.end(), a.nonzeros() / ranges * k) - a.col_ptr.begin();
     first[static_cast<std::size_t>(k)] =
         std::clamp(static_cast<Index>(at), first[static_cast<std::size_t>(k) - 1], a.cols);
   }
   return first;
 }
 
-/// Sums op(A) x with sweep(begin, end, sums) over all pieces and calls finish(row, sum) for every row.
+/// Sums op(A) x with sweep(begin, end, sums) over all ranges and calls finish(row, sum) for every row.
 template <class Accumulator, class Sweep, class Finish>
 void sum_columns(const MatrixView& a, Index rows, base::ThreadPool* pool, const Sweep& sweep, const Finish& finish) {
   constexpr std::int64_t kRowsPerTask = 16384;
-  const auto first = column_pieces(a);
+  const auto first = column_ranges(a);
   const auto n = static_cast<std::size_t>(rows);
   std::vector<std::vector<Accumulator>> sums(first.size() - 1);
   for_each(pool, static_cast<std::int64_t>(sums.size()), [&](std::int64_t k) {
-    const auto piece = static_cast<std::size_t>(k);
-    sums[piece].assign(n, Accumulator{});
-    sweep(first[piece], first[piece + 1], sums[piece].data());
+    const auto range = static_cast<std::size_t>(k);
+    sums[range].assign(n, Accumulator{});
+    sweep(first[range], first[range + 1], sums[range].data());
   });
-  for_each_piece(pool, rows, kRowsPerTask, [&](std::int64_t begin, std::int64_t end) {
+  for_each_range(pool, rows, kRowsPerTask, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t i = begin; i < end; ++i) {
       Accumulator sum = sums[0][static_cast<std::size_t>(i)];
       for (std::size_t k = 1; k < sums.size(); ++k) sum.merge(sums[k][static_cast<std::size_t>(i)]);

@@ -35,8 +35,15 @@ SparseMatrix one_triangle(const RawEntries& raw, bool upper, base::ThreadPool* p
   return to_csc({raw.rows, raw.cols, row, col, value, Storage::symmetric_lower}, pool);
 }
 
-[[noreturn]] void fail_both(const RawEntries& raw, const Source& source, Index row, Index col, double lower,
-                            double upper, const std::function<const char*(Offset)>& locate) {
+// An entry below the diagonal, and the value that stands at its mirror image.
+struct Mirrored {
+  Index row, col;
+  double lower, upper;
+};
+
+[[noreturn]] void fail_both(const RawEntries& raw, const Source& source, const Mirrored& entry,
+                            const std::function<const char*(Offset)>& locate) {
+  const auto [row, col, lower, upper] = entry;
   Offset k = 0;
   while (raw.row[k] != col || raw.col[k] != row) ++k;
   const double sign = raw.symmetry == Symmetry::skew ? -1.0 : 1.0;
@@ -65,7 +72,7 @@ SparseMatrix merge_triangles(const RawEntries& raw, base::ThreadPool* pool, cons
       const Index in_upper = q < upper.col_ptr[j + 1] ? upper.row_ind[static_cast<std::size_t>(q)] : kNone;
       if (in_lower == in_upper && !pattern) {
         const double a = lower.values[static_cast<std::size_t>(p)], b = upper.values[static_cast<std::size_t>(q)];
-        if (a != b) fail_both(raw, source, in_lower, static_cast<Index>(j), a, b, locate);
+        if (a != b) fail_both(raw, source, {in_lower, static_cast<Index>(j), a, b}, locate);
       }
       const bool from_lower = in_upper == kNone || (in_lower != kNone && in_lower <= in_upper);
       take(from_lower ? lower : upper, from_lower ? p : q);

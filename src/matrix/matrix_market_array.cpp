@@ -4,31 +4,31 @@
 
 #include <algorithm>
 
-#include "matrix/line_pieces.hpp"
 #include "matrix/parallel.hpp"
+#include "matrix/text_blocks.hpp"
 
 namespace espalier::matrix {
 
 namespace {
 
 // The numbers of some whole lines.
-struct Piece : LinePiece {
+struct ArrayBlock : TextBlock {
   std::vector<double> numbers;
 };
 
-void parse_piece(Piece& piece) {
-  const char* p = skip_to_data(piece.begin, piece.end);
-  while (p < piece.end) {
+void parse_block(ArrayBlock& block) {
+  const char* p = skip_to_data(block.begin, block.end);
+  while (p < block.end) {
     const char* word = p;
     double value = 0;
-    const ScanError error = scan_real(p, piece.end, value);
-    if (error != ScanError::none || (p < piece.end && !is_blank(*p) && *p != '\n')) {
-      piece.error_at = word;
-      piece.error = fmt::format("value '{}' {}", word_at(word, piece.end), explain(error));
+    const ScanError error = scan_real(p, block.end, value);
+    if (error != ScanError::none || (p < block.end && !is_blank(*p) && *p != '\n')) {
+      block.error_at = word;
+      block.error = fmt::format("value '{}' {}", word_at(word, block.end), explain(error));
       return;
     }
-    piece.numbers.push_back(value);
-    p = skip_to_data(p, piece.end);
+    block.numbers.push_back(value);
+    p = skip_to_data(p, block.end);
   }
 }
 
@@ -44,18 +44,18 @@ std::vector<double> parse_array_numbers(const Source& source, const MatrixMarket
             fmt::format("the size line promises {} numbers, but only {} characters follow; the file "
                         "is truncated or its size line wrong",
                         header.count, end - header.data));
-  auto pieces = cut_lines<Piece>(header.data, end);
-  for_each(options.pool, static_cast<std::int64_t>(pieces.size()),
-           [&](std::int64_t i) { parse_piece(pieces[static_cast<std::size_t>(i)]); });
-  for (const auto& piece : pieces)
-    if (piece.error_at != nullptr) fail_at(source, piece.error_at, piece.error);
+  auto blocks = cut_lines<ArrayBlock>(header.data, end);
+  for_each(options.pool, static_cast<std::int64_t>(blocks.size()),
+           [&](std::int64_t i) { parse_block(blocks[static_cast<std::size_t>(i)]); });
+  for (const auto& block : blocks)
+    if (block.error_at != nullptr) fail_at(source, block.error_at, block.error);
   std::vector<double> numbers;
   numbers.reserve(static_cast<std::size_t>(header.count));
-  for (const auto& piece : pieces) {
-    if (static_cast<Offset>(numbers.size() + piece.numbers.size()) > header.count)
-      fail_at(source, piece.begin,
+  for (const auto& block : blocks) {
+    if (static_cast<Offset>(numbers.size() + block.numbers.size()) > header.count)
+      fail_at(source, block.begin,
               fmt::format("more numbers than the {} that the size line promises stand here or below", header.count));
-    numbers.insert(numbers.end(), piece.numbers.begin(), piece.numbers.end());
+    numbers.insert(numbers.end(), block.numbers.begin(), block.numbers.end());
   }
   if (static_cast<Offset>(numbers.size()) < header.count)
     fail_at(source, end,

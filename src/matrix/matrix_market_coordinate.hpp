@@ -6,7 +6,7 @@
 
 namespace espalier::matrix {
 
-/// Parses the entries behind the header, in pieces of whole lines of about 1 MiB, on options.pool. Of several errors
+/// Parses the entries behind the header, in blocks of whole lines of about 1 MiB, on options.pool. Of several errors
 /// the first in the file is reported. Memory: 16 bytes per line (8 for a pattern).
 /// @throws Error(invalid_input) with the line
 RawEntries parse_coordinate_entries(const Source& source, const MatrixMarketHeader& header, const ReadOptions& options);

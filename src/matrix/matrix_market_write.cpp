@@ -12,7 +12,7 @@ namespace espalier::matrix {
 
 namespace {
 
-constexpr Offset kEntriesPerPiece = 1 << 16;  // about 2 MB of text
+constexpr Offset kEntriesPerBlock = 1 << 16;  // about 2 MB of text
 
 // Appends numbers to a text without a detour over streams.
 class Text {
@@ -43,9 +43,9 @@ std::string banner(const char* kind, const std::string& comment) {
   return head;
 }
 
-// Formats pieces [0, n) with as many threads as there are and writes them in order, a wave of a few per thread at a
+// Formats blocks [0, n) with as many threads as there are and writes them in order, a wave of a few per thread at a
 // time.
-void write_pieces(base::OutputFile& file, Offset n, base::ThreadPool* pool,
+void write_blocks(base::OutputFile& file, Offset n, base::ThreadPool* pool,
                   const std::function<void(Offset, Text&)>& format) {
   const Offset wave = 4 * threads_of(pool);
   for (Offset begin = 0; begin < n; begin += wave) {
@@ -94,9 +94,9 @@ void write_matrix_market(const std::string& path, const MatrixView& a, const std
   base::OutputFile file(path);
   file.write(banner(kind.c_str(), comment));
   file.write(fmt::format("{} {} {}\n", a.rows, a.cols, count_written(a)));
-  const Offset pieces = (a.nonzeros() + kEntriesPerPiece - 1) / kEntriesPerPiece;
-  write_pieces(file, pieces, pool, [&](Offset i, Text& text) {
-    format_entries(a, i * kEntriesPerPiece, std::min(a.nonzeros(), (i + 1) * kEntriesPerPiece), text);
+  const Offset blocks = (a.nonzeros() + kEntriesPerBlock - 1) / kEntriesPerBlock;
+  write_blocks(file, blocks, pool, [&](Offset i, Text& text) {
+    format_entries(a, i * kEntriesPerBlock, std::min(a.nonzeros(), (i + 1) * kEntriesPerBlock), text);
   });
   file.commit();
 }
@@ -110,9 +110,9 @@ void write_matrix_market_vectors(const std::string& path, Index rows, Index cols
   base::OutputFile file(path);
   file.write(banner("array real general", comment));
   file.write(fmt::format("{} {}\n", rows, cols));
-  write_pieces(file, (count + kEntriesPerPiece - 1) / kEntriesPerPiece, pool, [&](Offset i, Text& text) {
-    const Offset end = std::min(count, (i + 1) * kEntriesPerPiece);
-    for (Offset k = i * kEntriesPerPiece; k < end; ++k) text.number(values[static_cast<std::size_t>(k)], '\n');
+  write_blocks(file, (count + kEntriesPerBlock - 1) / kEntriesPerBlock, pool, [&](Offset i, Text& text) {
+    const Offset end = std::min(count, (i + 1) * kEntriesPerBlock);
+    for (Offset k = i * kEntriesPerBlock; k < end; ++k) text.number(values[static_cast<std::size_t>(k)], '\n');
   });
   file.commit();
 }

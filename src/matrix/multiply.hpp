@@ -11,7 +11,7 @@ namespace espalier::matrix {
 
 /// y = A x or y = A^T x for `columns` vectors stored one after another. x holds columns * (columns of op(A)) numbers, y
 /// columns * (rows of op(A)); they must not overlap. Duplicates are summed, as everywhere.
-/// Bit-identical for every number of threads: columns of A are cut into pieces of equal numbers of entries that depend
+/// Bit-identical for every number of threads: columns of A are cut into ranges of equal numbers of entries that depend
 /// on A alone, each sums into a vector of its own, and the vectors are added in order. Memory: up to 7 such vectors.
 /// @throws std::invalid_argument when a span has another length, or A has no values
 void multiply(const MatrixView& a, Transpose transpose, std::span<const double> x, std::span<double> y,

@@ -26,6 +26,9 @@ auto with_text(const std::string& path, ReadOptions options, const Parse& parse)
       unpacked = gunzip(text, path);
       text = unpacked;
     }
+    if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);  // the mark that some editors put before UTF-8
+    if (text.starts_with("\xff\xfe%") || (text.starts_with("\xfe\xff") && text.substr(3).starts_with('%')))
+      throw Error(StatusCode::invalid_input, fmt::format("{}: the text is UTF-16; save it as UTF-8 or ASCII", path));
     std::optional<base::ThreadPool> own;
     if (options.pool == nullptr && text.size() >= kParallelBytes) options.pool = &own.emplace(base::available_cores());
     return parse(text, options);

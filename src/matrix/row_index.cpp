@@ -8,7 +8,7 @@ namespace espalier::matrix {
 namespace {
 
 constexpr std::int64_t kMostBlocks = 32;  // of columns that are indexed side by side: four bytes a row each
-constexpr std::int64_t kRowsPerPiece = 16384;
+constexpr std::int64_t kRowsPerRange = 16384;
 
 bool is_indexed(Storage storage, Index row, Index col) {
   if (storage == Storage::general) return true;
@@ -49,7 +49,7 @@ RowIndex index_rows(const MatrixView& a, base::ThreadPool& pool) {
   });
   RowIndex index;
   index.ptr.assign(n + 1, 0);
-  pool.for_each_piece(a.rows, kRowsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(a.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto r = static_cast<std::size_t>(begin); r < static_cast<std::size_t>(end); ++r) {
       Index in_row = 0;
       for (auto& count : next) in_row += std::exchange(count[r], in_row);

@@ -112,7 +112,7 @@ Header read_header(Lines& lines) {
   return header;
 }
 
-// Reads `count` fields and calls take(k, field): field is a piece of a line. Each section begins on a new line.
+// Reads `count` fields and calls take(k, field): field is a part of a line. Each section begins on a new line.
 template <class Take>
 void read_section(Lines& lines, const FortranFormat& format, Offset count, const char* what, const Take& take) {
   // A field is at least one character unless it is blank at the end of its line; a line holds per_line fields.

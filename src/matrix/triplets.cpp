@@ -161,7 +161,7 @@ bool is_sorted_unique(const MatrixView& a) {
 void sum_duplicates_sorted(SparseMatrix& a, base::ThreadPool* pool) {
   std::vector<Offset> kept(static_cast<std::size_t>(a.cols));
   std::atomic<bool> shrunk{false};
-  for_each_piece(pool, a.cols, kColumnsPerTask, [&](std::int64_t begin, std::int64_t end) {
+  for_each_range(pool, a.cols, kColumnsPerTask, [&](std::int64_t begin, std::int64_t end) {
     std::vector<std::pair<Index, double>> scratch;
     for (std::int64_t j = begin; j < end; ++j) {
       const Offset first = a.col_ptr[static_cast<std::size_t>(j)];

@@ -61,7 +61,7 @@ void validate(const MatrixView& a, base::ThreadPool* pool) {
   std::mutex mutex;
   std::int64_t first_wrong = a.cols;  // the lowest wrong column, so that the message does not depend on the threads
   std::optional<Error> error;
-  for_each_piece(pool, a.cols, kColumnsPerTask, [&](std::int64_t begin, std::int64_t end) {
+  for_each_range(pool, a.cols, kColumnsPerTask, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j) {
       auto wrong = check_column(a, static_cast<Index>(j));
       if (!wrong) continue;

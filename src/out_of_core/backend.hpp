@@ -49,7 +49,7 @@ class OutOfCoreBackend : public OutOfCoreLayout {
   /// Called by each thread that uses the backend.
   virtual void enter_thread() = 0;
 
-  /// A piece of the staging ring, memory that the device reaches at full speed.
+  /// A slot of the staging ring, memory that the device reaches at full speed.
   virtual std::byte* staging(int slot) = 0;
   /// Copies between the arena and staging memory; when they are done, wait_for_slot() returns.
   virtual void copy_in(Offset to, int slot, Offset bytes) = 0;
@@ -61,7 +61,7 @@ class OutOfCoreBackend : public OutOfCoreLayout {
   virtual bool pin(std::byte* at, Offset bytes) = 0;
   /// @param at  as for pin(); no copy is on its way
   virtual void unpin(std::byte* at) noexcept = 0;
-  /// Copies between the arena and memory inside one piece that was pinned; done when the queue's next mark is.
+  /// Copies between the arena and memory inside one pinned block; done when the queue's next mark is.
   virtual void copy_in_direct(Offset to, const std::byte* from, Offset bytes) = 0;
   virtual void copy_out_direct(std::byte* to, Offset from, Offset bytes) = 0;
 

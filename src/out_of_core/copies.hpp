@@ -1,5 +1,5 @@
 /// \file
-/// The host's side of a factorization out of core: what an operation copies, piece by piece, between the host's store
+/// The host's side of a factorization out of core: what an operation copies, extent by extent, between the host's store
 /// and the staging ring.
 #pragma once
 
@@ -12,14 +12,14 @@
 
 namespace espalier::out_of_core {
 
-/// Pieces of host memory that lie one after another on the device.
-class HostPieces {
+/// Extents of host memory that lie one after another on the device.
+class HostExtents {
  public:
   void clear();
   void add(std::byte* at, Offset bytes);
   [[nodiscard]] Offset bytes() const { return end_.empty() ? 0 : end_.back(); }
   [[nodiscard]] std::size_t count() const { return at_.size(); }
-  /// use(address, bytes before it, bytes) for each piece; stops when it returns false. @returns whether all were used
+  /// use(address, bytes before it, bytes) for each extent; stops when it returns false. @returns whether all were used
   template <class Use>
   bool each(Use&& use) const {
     for (std::size_t k = 0; k < at_.size(); ++k) {
@@ -28,7 +28,7 @@ class HostPieces {
     }
     return true;
   }
-  /// Copies bytes [begin, begin + size) of the pieces to `to`, or from `from`, by all threads of the pool.
+  /// Copies bytes [begin, begin + size) of the extents to `to`, or from `from`, by all threads of the pool.
   void copy_to(std::byte* to, Offset begin, Offset size, base::ThreadPool& pool) const;
   void copy_from(const std::byte* from, Offset begin, Offset size, base::ThreadPool& pool) const;
 
@@ -36,11 +36,11 @@ class HostPieces {
   template <class Use>
   void visit(Offset begin, Offset size, base::ThreadPool& pool, Use&& use) const;
   std::vector<std::byte*> at_;
-  std::vector<Offset> end_;  // sum of bytes up to and with the piece
+  std::vector<Offset> end_;  // sum of bytes up to and with the extent
 };
 
 /// Places of the values of A that a step or group needs, in the order of its entries.
-class ValuePieces {
+class EntryRanges {
  public:
   /// Of the load_values operation `op`.
   void set(const OutOfCoreLayout& layout, const OutOfCorePlan& units, const Operation& op);

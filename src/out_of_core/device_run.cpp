@@ -14,7 +14,7 @@ constexpr int kNoSlot = -1;
 
 std::int64_t waits_for(const Operation& op, Queue q) { return op.waits[static_cast<std::size_t>(q)]; }
 
-// Arrays that an operation copies; in-core steps store both factor arrays in one piece.
+// Arrays that an operation copies; in-core steps store both factor arrays as one.
 int parts_of(const Operation& op) {
   if (op.type == OperationType::load_tables || op.type == OperationType::load_values ||
       op.type == OperationType::store_outputs)
@@ -146,14 +146,14 @@ template <class T>
 void DeviceRun<T>::load(const Operation& op, int& slot) {
   if (op.type == OperationType::load_values) return load_values(op, slot);
   for (int part = 0; part < parts_of(op); ++part) {
-    pieces_of(op, part, pieces_);
+    extents_of(op, part, extents_);
     const Offset to = op.at[static_cast<std::size_t>(part)];
-    if (op.type != OperationType::load_tables && goes_directly(pieces_)) {
+    if (op.type != OperationType::load_tables && goes_directly(extents_)) {
       load_directly(to);
       continue;
     }
-    load_through_ring(to, pieces_.bytes(), slot, [&](std::byte* staging, Offset done, Offset now) {
-      pieces_.copy_to(staging, done, now, in_crew_);
+    load_through_ring(to, extents_.bytes(), slot, [&](std::byte* staging, Offset done, Offset now) {
+      extents_.copy_to(staging, done, now, in_crew_);
     });
   }
 }
@@ -169,9 +169,10 @@ void DeviceRun<T>::load_values(const Operation& op, int& slot) {
 
 template <class T>
 void DeviceRun<T>::load_directly(Offset to) {
-  by_pinned_piece(
-      pieces_, [&](const std::byte* host, Offset done, Offset now) { backend_->copy_in_direct(to + done, host, now); });
-  in_direct_ += pieces_.bytes();
+  by_pinned_block(extents_, [&](const std::byte* host, Offset done, Offset now) {
+    backend_->copy_in_direct(to + done, host, now);
+  });
+  in_direct_ += extents_.bytes();
 }
 
 // fill(staging memory, first byte, bytes) for every slot in turn.
@@ -190,40 +191,40 @@ void DeviceRun<T>::load_through_ring(Offset to, Offset bytes, int& slot, Fill&& 
 }
 
 template <class T>
-void DeviceRun<T>::pieces_of(const Operation& op, int part, HostPieces& pieces) {
-  pieces.clear();
+void DeviceRun<T>::extents_of(const Operation& op, int part, HostExtents& extents) {
+  extents.clear();
   constexpr auto kSize = static_cast<Offset>(sizeof(T));
   std::byte* store = reinterpret_cast<std::byte*>(store_);
   const Offset host = op.host[static_cast<std::size_t>(part)];
   if (op.type == OperationType::load_tables) {
     const std::span<const std::byte> t = backend_->tables(op);
-    pieces.add(const_cast<std::byte*>(t.data()), static_cast<Offset>(t.size()));
+    extents.add(const_cast<std::byte*>(t.data()), static_cast<Offset>(t.size()));
   } else if (op.type == OperationType::load_slab) {
-    std::vector<Piece> list;
+    std::vector<Extent> list;
     backend_->slab(op.front, op.begin, op.end, op.row, list);
-    for (const Piece& p : list) pieces.add(store + (host + p.at) * kSize, p.size * kSize);
+    for (const Extent& p : list) extents.add(store + (host + p.at) * kSize, p.size * kSize);
   } else {
-    pieces.add(store + host * kSize, op.bytes / parts_of(op));
+    extents.add(store + host * kSize, op.bytes / parts_of(op));
   }
 }
 
 // ---- without the ring ----------------------------------------------------------------------------------------------
 
-// All of the pieces lie in pinned memory, and they are large enough.
+// All of the extents lie in pinned memory, and they are large enough.
 template <class T>
-bool DeviceRun<T>::goes_directly(const HostPieces& pieces) const {
-  if (pieces.count() == 0 || pieces.bytes() / static_cast<Offset>(pieces.count()) < options_.least_direct_bytes)
+bool DeviceRun<T>::goes_directly(const HostExtents& extents) const {
+  if (extents.count() == 0 || extents.bytes() / static_cast<Offset>(extents.count()) < options_.least_direct_bytes)
     return false;
-  return pieces.each([&](const std::byte* at, Offset, Offset bytes) { return pinned_->holds(at, bytes); });
+  return extents.each([&](const std::byte* at, Offset, Offset bytes) { return pinned_->holds(at, bytes); });
 }
 
-// copy(host memory, bytes before it, bytes) for what lies within one pinned piece.
+// copy(host memory, bytes before it, bytes) for what lies within one pinned block.
 template <class T>
 template <class Copy>
-void DeviceRun<T>::by_pinned_piece(const HostPieces& pieces, Copy&& copy) const {
-  pieces.each([&](std::byte* at, Offset before, Offset bytes) {
+void DeviceRun<T>::by_pinned_block(const HostExtents& extents, Copy&& copy) const {
+  extents.each([&](std::byte* at, Offset before, Offset bytes) {
     for (Offset done = 0; done < bytes;) {
-      const Offset now = std::min(bytes - done, pinned_->left_in_piece(at + done));
+      const Offset now = std::min(bytes - done, pinned_->left_in_block(at + done));
       copy(at + done, before + done, now);
       done += now;
     }
@@ -266,7 +267,7 @@ void DeviceRun<T>::send(const Operation& op, std::int64_t number, int& slot) {
 template <class T>
 void DeviceRun<T>::send_directly(const Operation& op, std::int64_t number) {
   const Offset each = op.bytes / parts_of(op);
-  by_pinned_piece(arrivals_, [&](std::byte* host, Offset done, Offset now) {
+  by_pinned_block(arrivals_, [&](std::byte* host, Offset done, Offset now) {
     backend_->copy_out_direct(host, op.at[static_cast<std::size_t>(done / each)] + done % each, now);
   });
   out_direct_ += op.bytes;
@@ -291,10 +292,11 @@ void DeviceRun<T>::send_through_ring(const Operation& op, std::int64_t number, i
 
 // Where what an operation sends belongs.
 template <class T>
-void DeviceRun<T>::arrivals_of(const Operation& op, HostPieces& pieces) {
-  pieces.clear();
+void DeviceRun<T>::arrivals_of(const Operation& op, HostExtents& extents) {
+  extents.clear();
   for (int part = 0; part < parts_of(op); ++part)
-    pieces.add(reinterpret_cast<std::byte*>(store_ + op.host[static_cast<std::size_t>(part)]), op.bytes / parts_of(op));
+    extents.add(reinterpret_cast<std::byte*>(store_ + op.host[static_cast<std::size_t>(part)]),
+                op.bytes / parts_of(op));
 }
 
 // The oldest arrival to its place. @returns false when there is none

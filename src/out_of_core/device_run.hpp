@@ -55,11 +55,11 @@ class DeviceRun {
   void load_directly(Offset to);
   template <class Fill>
   void load_through_ring(Offset to, Offset bytes, int& slot, Fill&& fill);
-  void pieces_of(const Operation& op, int part, HostPieces& pieces);
-  void arrivals_of(const Operation& op, HostPieces& pieces);
-  [[nodiscard]] bool goes_directly(const HostPieces& pieces) const;
+  void extents_of(const Operation& op, int part, HostExtents& extents);
+  void arrivals_of(const Operation& op, HostExtents& extents);
+  [[nodiscard]] bool goes_directly(const HostExtents& extents) const;
   template <class Copy>
-  void by_pinned_piece(const HostPieces& pieces, Copy&& copy) const;
+  void by_pinned_block(const HostExtents& extents, Copy&& copy) const;
   void send(const Operation& op, std::int64_t number, int& slot);
   void send_directly(const Operation& op, std::int64_t number);
   void send_through_ring(const Operation& op, std::int64_t number, int& slot);
@@ -77,12 +77,12 @@ class DeviceRun {
   T* store_ = nullptr;
   const PinnedStore* pinned_ = nullptr;
   const std::vector<OutOfCoreBackend<T>*>* peers_ = nullptr;
-  ValuePieces gathered_;            // of the copies to the device
-  HostPieces pieces_;               // likewise
-  std::deque<Arrival> on_the_way_;  // of the copies to the host
-  int slots_on_the_way_ = 0;        // likewise
-  HostPieces arrivals_, received_;  // likewise
-  std::vector<std::byte> outputs_;  // likewise
+  EntryRanges gathered_;             // of the copies to the device
+  HostExtents extents_;              // likewise
+  std::deque<Arrival> on_the_way_;   // of the copies to the host
+  int slots_on_the_way_ = 0;         // likewise
+  HostExtents arrivals_, received_;  // likewise
+  std::vector<std::byte> outputs_;   // likewise
   double in_seconds_ = 0, out_seconds_ = 0;
   Offset in_direct_ = 0, out_direct_ = 0;
 };

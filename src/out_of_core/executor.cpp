@@ -143,9 +143,9 @@ class OutOfCoreExecutor final : public device::Executor<T> {
   // The machine finds pages on the first write, one by one: by all threads, before it hurts.
   void touch_store() {
     constexpr Offset kPage = 4096 / static_cast<Offset>(sizeof(T));
-    constexpr std::int64_t kPagesPerPiece = 4096;
+    constexpr std::int64_t kPagesPerRange = 4096;
     const Offset pages = (store_.size() + kPage - 1) / kPage;
-    devices_.front().crew().for_each_piece(pages, kPagesPerPiece, [&](std::int64_t b, std::int64_t e) {
+    devices_.front().crew().for_each_range(pages, kPagesPerRange, [&](std::int64_t b, std::int64_t e) {
       for (Offset p = b; p < e; ++p) store_[p * kPage] = T(0);
     });
   }
@@ -154,7 +154,7 @@ class OutOfCoreExecutor final : public device::Executor<T> {
   void pin_store_later() {
     OutOfCoreBackend<T>& first = *backends_.front();
     pinned_.emplace(reinterpret_cast<std::byte*>(store_.data()), store_.bytes(), options_.pinned_bytes,
-                    options_.pinned_piece_bytes,
+                    options_.pinned_block_bytes,
                     PinnedStore::Calls{[&first] { first.enter_thread(); },
                                        [&first](std::byte* at, Offset bytes) { return first.pin(at, bytes); },
                                        [&first](std::byte* at) { first.unpin(at); }});

@@ -16,8 +16,8 @@ struct OutOfCoreOptions {
   int slots = 6;                         ///< buffers in each direction, for each device
   int copy_threads = 1;                  ///< in each direction, for each device
   Offset pinned_bytes = 0;               ///< of the host's store that may be page-locked (PinnedStore)
-  Offset pinned_piece_bytes = 64 << 20;  ///< at a time
-  /// Mean bytes of the pieces of a copy from which on it goes without the ring: at 55 GB/s such a piece takes two
+  Offset pinned_block_bytes = 64 << 20;  ///< at a time
+  /// Mean bytes of the extents of a copy from which on it goes without the ring: at 55 GB/s such an extent takes two
   /// microseconds, about as long as asking for it.
   Offset least_direct_bytes = 128 << 10;
   PlanningRates rates;

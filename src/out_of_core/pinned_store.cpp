@@ -6,13 +6,13 @@
 
 namespace espalier::out_of_core {
 
-PinnedStore::PinnedStore(std::byte* store, Offset bytes, Offset limit, Offset piece, Calls calls)
-    : store_(store), bytes_(bytes), limit_(limit), piece_(piece), calls_(std::move(calls)), from_(bytes) {}
+PinnedStore::PinnedStore(std::byte* store, Offset bytes, Offset limit, Offset block, Calls calls)
+    : store_(store), bytes_(bytes), limit_(limit), block_(block), calls_(std::move(calls)), from_(bytes) {}
 
 PinnedStore::~PinnedStore() {
   stop_ = true;
   if (thread_.joinable()) thread_.join();
-  for (Offset at = from_; at < bytes_; at += left_in_piece(store_ + at)) calls_.unpin(store_ + at);
+  for (Offset at = from_; at < bytes_; at += left_in_block(store_ + at)) calls_.unpin(store_ + at);
 }
 
 void PinnedStore::start() {
@@ -28,7 +28,7 @@ void PinnedStore::pin_all() {
   try {
     calls_.enter();
     for (Offset end = bytes_; end > 0 && !stop_;) {
-      const Offset at = (end - 1) / piece_ * piece_;
+      const Offset at = (end - 1) / block_ * block_;
       if (bytes_ - at > limit_ || !calls_.pin(store_ + at, end - at)) return;
       from_.store(at, std::memory_order_release);
       end = at;

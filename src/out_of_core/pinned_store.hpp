@@ -1,5 +1,5 @@
 /// \file
-/// The host's store, page-locked piece by piece while the program goes on, so that devices reach it without the ring.
+/// The host's store, page-locked block by block while the program goes on, so that devices reach it without the ring.
 #pragma once
 
 #include <atomic>
@@ -25,8 +25,8 @@ class PinnedStore {
 
   /// Nothing is pinned yet. The store outlives this object.
   /// @param limit  bytes that may be pinned
-  /// @param piece  bytes of a piece, a multiple of 64; other calls of the driver may have to wait for one
-  PinnedStore(std::byte* store, Offset bytes, Offset limit, Offset piece, Calls calls);
+  /// @param block  bytes of a block, a multiple of 64; other calls of the driver may have to wait for one
+  PinnedStore(std::byte* store, Offset bytes, Offset limit, Offset block, Calls calls);
   PinnedStore(const PinnedStore&) = delete;
   PinnedStore& operator=(const PinnedStore&) = delete;
   /// Ends the thread and releases all. @pre no copy is on its way
@@ -41,14 +41,14 @@ class PinnedStore {
     const Offset begin = at - store_;
     return begin >= from_.load(std::memory_order_acquire) && begin + bytes <= bytes_;
   }
-  /// Bytes from `at` to the end of its piece: a copy ends there at the latest.
-  [[nodiscard]] Offset left_in_piece(const std::byte* at) const { return piece_ - (at - store_) % piece_; }
+  /// Bytes from `at` to the end of its block: a copy ends there at the latest.
+  [[nodiscard]] Offset left_in_block(const std::byte* at) const { return block_ - (at - store_) % block_; }
 
  private:
   void pin_all();
 
   std::byte* const store_;
-  const Offset bytes_, limit_, piece_;
+  const Offset bytes_, limit_, block_;
   const Calls calls_;
   std::atomic<Offset> from_;  // the store is pinned from here on
   std::atomic<bool> stop_{false};

@@ -25,7 +25,7 @@
 namespace espalier::out_of_core {
 
 /// Consecutive elements of an array.
-struct Piece {
+struct Extent {
   Offset at = 0;
   Offset size = 0;
 };
@@ -45,8 +45,8 @@ class OutOfCoreLayout {
   [[nodiscard]] virtual Offset factor_offset(Index f, Index column) const = 0;
   /// Start of block column `column` below (0-based) in the contribution array; column == tiles below: its size.
   [[nodiscard]] virtual Offset contribution_offset(Index f, Index column) const = 0;
-  /// Appends the pieces of the factor array that hold block columns [begin, end) from block row `row` on.
-  virtual void slab(Index f, Index begin, Index end, Index row, std::vector<Piece>& pieces) const = 0;
+  /// Appends the extents of the factor array that hold block columns [begin, end) from block row `row` on.
+  virtual void slab(Index f, Index begin, Index end, Index row, std::vector<Extent>& extents) const = 0;
   /// Bytes of front f's share in the tables of an in-core step, scratch included; about.
   [[nodiscard]] virtual Offset share_bytes(Index f) const = 0;
   /// Exact bytes of the tables that the device reads, and of its scratch, whose first output_bytes() go to the host.

@@ -220,10 +220,10 @@ void FrontProgrammer::update(const Group& g) {
 }
 
 Offset FrontProgrammer::slab_bytes(Index f, Index begin, Index end, Index row) {
-  pieces_.clear();
-  p_.layout.slab(f, begin, end, row, pieces_);
+  extents_.clear();
+  p_.layout.slab(f, begin, end, row, extents_);
   Offset sum = 0;
-  for (const Piece& p : pieces_) sum += p.size;
+  for (const Extent& p : extents_) sum += p.size;
   return sum * p_.element;
 }
 
@@ -293,7 +293,7 @@ void FrontProgrammer::finish(const Group& g) {
                       p_.contribution_bytes(f, first, c.end - pivots));
 }
 
-// Where others wait for the columns, they go in pieces, of which the next device takes the first while the last are
+// Where others wait for the columns, they go in parts, of which the next device takes the first while the last are
 // still on their way.
 void FrontProgrammer::store(const Group& g, Index end) {
   const ColumnGroup& c = g.columns;

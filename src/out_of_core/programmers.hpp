@@ -72,7 +72,7 @@ class FrontProgrammer {
 
   Program& p_;
   std::vector<Chunks> chunks_;  // devices
-  std::vector<Piece> pieces_;
+  std::vector<Extent> extents_;
 };
 
 }  // namespace espalier::out_of_core

@@ -17,12 +17,12 @@ Index widest_tile(Index rows, const TileRule& rule) {
   return 192;
 }
 
-// Width of `size` columns cut into pieces of at most `widest`, a multiple of the panel when there are several pieces.
-Index piece_width(Index size, Index widest, const TileRule& rule) {
+// Width of `size` columns cut into tiles of at most `widest`, a multiple of the panel when there are several.
+Index tile_width(Index size, Index widest, const TileRule& rule) {
   if (size <= widest) return std::max<Index>(size, 1);
   if (!rule.even) return widest;
-  const Index pieces = (size + widest - 1) / widest;
-  return round_up((size + pieces - 1) / pieces, rule.panel);
+  const Index tiles = (size + widest - 1) / widest;
+  return round_up((size + tiles - 1) / tiles, rule.panel);
 }
 
 }  // namespace
@@ -34,8 +34,8 @@ FrontLayout cut_front(Index pivots, Index rows, const TileRule& rule) {
   f.panel = rule.panel;
   const bool whole = rows <= rule.whole_rows && pivots <= rule.whole_pivots;
   const Index widest = whole ? std::max(rule.whole_rows, rule.whole_pivots) : widest_tile(rows, rule);
-  f.pivot_width = piece_width(pivots, widest, rule);
-  f.below_width = piece_width(rows - pivots, widest, rule);
+  f.pivot_width = tile_width(pivots, widest, rule);
+  f.below_width = tile_width(rows - pivots, widest, rule);
   f.pivot_tiles = (pivots + f.pivot_width - 1) / f.pivot_width;
   const Index below = rows - pivots;
   f.tiles = f.pivot_tiles + (below + f.below_width - 1) / f.below_width;

@@ -18,7 +18,7 @@ namespace espalier::plan {
 namespace {
 
 constexpr Index kMostTileWidth = 2047;
-constexpr std::int64_t kFrontsPerPiece = 256;
+constexpr std::int64_t kFrontsPerRange = 256;
 constexpr Offset kEntriesPerDraw = 1 << 15;
 
 void link_children(Plan& plan) {
@@ -41,7 +41,7 @@ void link_children(Plan& plan) {
 void relate_rows(Plan& plan, base::ThreadPool& pool) {
   const auto& t = plan.tree;
   plan.relative.resize(t.rows.size());
-  pool.for_each_piece(plan.fronts(), kFrontsPerPiece, [&](std::int64_t b, std::int64_t e) {
+  pool.for_each_range(plan.fronts(), kFrontsPerRange, [&](std::int64_t b, std::int64_t e) {
     for (auto f = static_cast<Index>(b); f < e; ++f) {
       const Index p = t.parent[f];
       if (p < 0) continue;
@@ -148,7 +148,7 @@ class FrontEntries {
       Index i = j, begin = first, end = layout.begin(j + 1);  // rows ascend within a column, and so do their tiles
       each_of_column(f, col, [&](const Raw& e, Index row) {
         for (; row >= end; end = layout.begin(i + 1)) begin = layout.begin(++i);
-        use(layout.tile_index(i, j), Entry(e.source, row - begin, col - first, e.transposed));
+        use(layout.tile_index(i, j), EntryPlace(e.source, row - begin, col - first, e.transposed));
       });
     }
   }
@@ -158,7 +158,7 @@ class FrontEntries {
   void visit_whole(Index f, Use&& use) {
     number_rows(f);
     for (Index col = 0; col < plan_.layout[f].pivots; ++col)
-      each_of_column(f, col, [&](const Raw& e, Index row) { use(Entry(e.source, row, col, e.transposed)); });
+      each_of_column(f, col, [&](const Raw& e, Index row) { use(EntryPlace(e.source, row, col, e.transposed)); });
   }
 
  private:
@@ -184,20 +184,20 @@ class FrontEntries {
 // Where each front's entries begin (fronts + 1): all entries of a front stand together. Fronts ascend like positions,
 // so an entry belongs to the lower front of its row and its column.
 std::vector<Offset> count_entries(const Plan& plan, const Permuted& permuted, base::ThreadPool& pool) {
-  constexpr std::int64_t kColumns = 4096;  // per piece
+  constexpr std::int64_t kColumns = 4096;  // per range
   const MatrixView& a = permuted.a;
   const auto& t = plan.tree;
   std::vector<Index> of_position(permuted.order.size()), of_row(permuted.order.size());
-  pool.for_each_piece(plan.fronts(), kFrontsPerPiece, [&](std::int64_t b, std::int64_t e) {
+  pool.for_each_range(plan.fronts(), kFrontsPerRange, [&](std::int64_t b, std::int64_t e) {
     for (auto f = static_cast<Index>(b); f < e; ++f)
       std::fill(of_position.begin() + t.first[f], of_position.begin() + t.first[f + 1], f);
   });
-  pool.for_each_piece(t.n, kColumns, [&](std::int64_t b, std::int64_t e) {
+  pool.for_each_range(t.n, kColumns, [&](std::int64_t b, std::int64_t e) {
     for (std::int64_t r = b; r < e; ++r) of_row[r] = of_position[permuted.row_position[r]];
   });
   std::vector<Offset> begin(static_cast<std::size_t>(plan.fronts()) + 1, 0);
   const bool both = a.storage == Storage::symmetric_both;
-  pool.for_each_piece(t.n, kColumns, [&](std::int64_t b, std::int64_t e) {
+  pool.for_each_range(t.n, kColumns, [&](std::int64_t b, std::int64_t e) {
     for (auto c = static_cast<Index>(b); c < e; ++c) {
       const Index mine = of_position[permuted.column_position[c]];
       Index front = mine;
@@ -223,7 +223,7 @@ std::vector<Offset> count_entries(const Plan& plan, const Permuted& permuted, ba
 
 Permuted permute(const Plan& plan, const MatrixView& a, const matrix::RowIndex& rows,
                  const std::vector<Index>& row_of_col, base::ThreadPool& pool) {
-  constexpr std::int64_t kPositions = 1 << 15;  // per piece
+  constexpr std::int64_t kPositions = 1 << 15;  // per range
   const auto n = static_cast<std::size_t>(plan.tree.n);
   Permuted p{a,
              rows,
@@ -233,11 +233,11 @@ Permuted permute(const Plan& plan, const MatrixView& a, const matrix::RowIndex& 
              analysis::LazyVector<Index>(n),
              analysis::LazyVector<Index>(row_of_col.size()),
              {}};
-  pool.for_each_piece(plan.tree.n, kPositions, [&](std::int64_t b, std::int64_t e) {
+  pool.for_each_range(plan.tree.n, kPositions, [&](std::int64_t b, std::int64_t e) {
     for (auto k = static_cast<Index>(b); k < e; ++k) p.column_position[plan.tree.order[k]] = k;
   });
   if (!row_of_col.empty())
-    pool.for_each_piece(plan.tree.n, kPositions, [&](std::int64_t b, std::int64_t e) {
+    pool.for_each_range(plan.tree.n, kPositions, [&](std::int64_t b, std::int64_t e) {
       for (auto c = b; c < e; ++c) p.matched_position[row_of_col[c]] = p.column_position[c];
     });
   p.row_position = row_of_col.empty() ? p.column_position : p.matched_position;
@@ -253,30 +253,30 @@ void place_front(Plan& plan, Index f, Offset begin, FrontEntries& front, std::ve
   if (plan.whole[f] != 0) {
     std::fill(at.begin() + 1, at.end(), begin + front.size());
     std::copy(at.begin(), at.end() - 1, first);
-    front.visit_whole(f, [&](const Entry& e) { plan.entries[begin++] = e; });
+    front.visit_whole(f, [&](const EntryPlace& e) { plan.entries[begin++] = e; });
     return;
   }
-  front.visit(f, [&](Offset tile, const Entry&) { ++at[tile + 1]; });
+  front.visit(f, [&](Offset tile, const EntryPlace&) { ++at[tile + 1]; });
   std::partial_sum(at.begin(), at.end(), at.begin());
   std::copy(at.begin(), at.end() - 1, first);
-  front.visit(f, [&](Offset tile, const Entry& e) { plan.entries[at[tile]++] = e; });
+  front.visit(f, [&](Offset tile, const EntryPlace& e) { plan.entries[at[tile]++] = e; });
 }
 
 void place_entries(Plan& plan, const Permuted& permuted, base::ThreadPool& pool) {
   const std::vector<Offset> begin = count_entries(plan, permuted, pool);
   plan.entry_ptr.assign(static_cast<std::size_t>(plan.tiles()) + 1, 0);
   plan.entries.resize(static_cast<std::size_t>(begin.back()));
-  std::vector<Index> piece{0};  // its first front; the large fronts at the end, most of them alone, are taken first
+  std::vector<Index> draw{0};  // its first front; the large fronts at the end, most of them alone, are taken first
   for (Index f = 0; f < plan.fronts(); ++f)
-    if (begin[f + 1] - begin[piece.back()] >= kEntriesPerDraw || f + 1 == plan.fronts()) piece.push_back(f + 1);
+    if (begin[f + 1] - begin[draw.back()] >= kEntriesPerDraw || f + 1 == plan.fronts()) draw.push_back(f + 1);
   std::atomic<std::size_t> taken{0};
   pool.run([&](int) {
     FrontEntries front(plan, permuted);
     std::vector<Offset> at;
     for (;;) {
       const std::size_t p = ++taken;
-      if (p >= piece.size()) return;
-      for (Index f = piece[piece.size() - p - 1]; f < piece[piece.size() - p]; ++f)
+      if (p >= draw.size()) return;
+      for (Index f = draw[draw.size() - p - 1]; f < draw[draw.size() - p]; ++f)
         place_front(plan, f, begin[f], front, at);
     }
   });

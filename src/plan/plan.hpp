@@ -32,10 +32,10 @@ struct Task {
 /// An entry of the caller's matrix on its way into a tile: values[source] is added at (row, column) of the tile. For
 /// lu, an entry of U stands transposed, in the tile of U^T (`transposed`), except in diagonal tiles, which are full
 /// squares. Packed into 64 bits: up to 2^40 values, tiles up to 2,047 wide.
-class Entry {
+class EntryPlace {
  public:
-  Entry() = default;
-  Entry(Offset source, Index row, Index col, bool transposed)
+  EntryPlace() = default;
+  EntryPlace(Offset source, Index row, Index col, bool transposed)
       : bits_(static_cast<std::uint64_t>(source) << 23 | static_cast<std::uint64_t>(row) << 12 |
               static_cast<std::uint64_t>(col) << 1 | static_cast<std::uint64_t>(transposed)) {}
   [[nodiscard]] Offset source() const { return static_cast<Offset>(bits_ >> 23); }
@@ -132,18 +132,18 @@ struct MemoryPlan {
 struct Plan {
   analysis::AssemblyTree tree;
   PlanOptions options;
-  std::vector<FrontLayout> layout;      ///< fronts
-  std::vector<char> whole;              ///< fronts; 1: taken whole, by a range task
-  std::vector<Offset> child_ptr;        ///< fronts + 1
-  std::vector<Index> children;          ///< in the order in which their contributions are added
-  std::vector<Index> relative;          ///< like tree.rows: the row's place (0-based row) in the parent's front
-  std::vector<Offset> first_tile;       ///< fronts + 1; number of the front's first tile among all tiles
-  std::vector<Offset> entry_ptr;        ///< tiles + 1 (whole fronts: all entries at their first tile)
-  analysis::LazyVector<Entry> entries;  ///< sorted by tile, then column, then row
-  std::vector<Task> tasks;              ///< in topological order
-  std::vector<Index> first_task;        ///< fronts; number of the front's first task
-  std::vector<Index> last_task;         ///< fronts; number of the front's last task
-  std::vector<Index> tier;              ///< fronts; distance from the root
+  std::vector<FrontLayout> layout;           ///< fronts
+  std::vector<char> whole;                   ///< fronts; 1: taken whole, by a range task
+  std::vector<Offset> child_ptr;             ///< fronts + 1
+  std::vector<Index> children;               ///< in the order in which their contributions are added
+  std::vector<Index> relative;               ///< like tree.rows: the row's place (0-based row) in the parent's front
+  std::vector<Offset> first_tile;            ///< fronts + 1; number of the front's first tile among all tiles
+  std::vector<Offset> entry_ptr;             ///< tiles + 1 (whole fronts: all entries at their first tile)
+  analysis::LazyVector<EntryPlace> entries;  ///< sorted by tile, then column, then row
+  std::vector<Task> tasks;                   ///< in topological order
+  std::vector<Index> first_task;             ///< fronts; number of the front's first task
+  std::vector<Index> last_task;              ///< fronts; number of the front's last task
+  std::vector<Index> tier;                   ///< fronts; distance from the root
   Ownership ownership;
   MemoryPlan memory;
   Offset nonzeros_factor = 0;  ///< entries of L (L + U for lu), no padding

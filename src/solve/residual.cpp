@@ -10,10 +10,10 @@ namespace espalier::solve {
 
 namespace {
 
-constexpr std::int64_t kRowsPerPiece = 2048;
-constexpr std::int64_t kVectorPiece = 16384;  // values of a vector per piece of work
-constexpr std::size_t kGroups = 2;            // registers of right-hand sides in one pass over the matrix
-constexpr Offset kAhead = 16;                 // entries between asking for a scattered value and using it
+constexpr std::int64_t kRowsPerRange = 2048;
+constexpr std::int64_t kValuesPerRange = 16384;  // values of a vector per range of work
+constexpr std::size_t kGroups = 2;               // registers of right-hand sides in one pass over the matrix
+constexpr Offset kAhead = 16;                    // entries between asking for a scattered value and using it
 
 // A sum of products in twice the working precision: TwoProduct by fused multiply-add, TwoSum of Knuth.
 class LongSum {
@@ -91,8 +91,8 @@ void ResidualOperator::set_values(std::span<const double> values) {
 double ResidualOperator::norm(bool transpose) const {
   double& known = transpose && a_.storage == Storage::general ? norm_one_ : norm_inf_;
   if (known >= 0) return known;
-  std::vector<double> piece_max(static_cast<std::size_t>((a_.rows + kRowsPerPiece - 1) / kRowsPerPiece), 0);
-  pool_->for_each_piece(a_.rows, kRowsPerPiece, [&](std::int64_t b, std::int64_t e) {
+  std::vector<double> range_max(static_cast<std::size_t>((a_.rows + kRowsPerRange - 1) / kRowsPerRange), 0);
+  pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t b, std::int64_t e) {
     double most = 0;
     for (auto r = static_cast<Index>(b); r < e; ++r) {
       double sum0 = 0;
@@ -101,14 +101,14 @@ double ResidualOperator::norm(bool transpose) const {
           r, transpose, [&](double v, Index) { sum0 += std::abs(v); }, [&](double v, Index) { sum1 += std::abs(v); });
       most = std::max(most, sum0 + sum1);
     }
-    piece_max[static_cast<std::size_t>(b / kRowsPerPiece)] = most;
+    range_max[static_cast<std::size_t>(b / kRowsPerRange)] = most;
   });
-  known = piece_max.empty() ? 0.0 : *std::max_element(piece_max.begin(), piece_max.end());
+  known = range_max.empty() ? 0.0 : *std::max_element(range_max.begin(), range_max.end());
   return known;
 }
 
-// What a piece of rows contributes to the errors.
-struct ResidualOperator::Piece {
+// What a range of rows contributes to the errors.
+struct ResidualOperator::RangeErrors {
   double residual = 0, componentwise = 0, x = 0, b = 0;
   bool finite = true;
 
@@ -125,7 +125,7 @@ struct ResidualOperator::Piece {
 
 [[gnu::always_inline]] inline void ResidualOperator::residual_rows(Index begin, Index end, const double* b,
                                                                    const double* x, double* r, bool transpose,
-                                                                   Piece& piece) const {
+                                                                   RangeErrors& range) const {
   for (Index i = begin; i < end; ++i) {
     LongSum sum0(b[i]);
     LongSum sum1(0);
@@ -143,7 +143,7 @@ struct ResidualOperator::Piece {
         });
     sum0.add(sum1);
     const double value = sum0.value();
-    piece.add(value, scale0 + scale1, x[i], b[i]);
+    range.add(value, scale0 + scale1, x[i], b[i]);
     if (r != nullptr) r[i] = value;
   }
 }
@@ -153,27 +153,27 @@ struct ResidualOperator::Piece {
 #if defined(__x86_64__)
 __attribute__((target("avx2,fma"))) void ResidualOperator::residual_rows_fma(Index begin, Index end, const double* b,
                                                                              const double* x, double* r, bool transpose,
-                                                                             Piece& piece) const {
-  residual_rows(begin, end, b, x, r, transpose, piece);
+                                                                             RangeErrors& range) const {
+  residual_rows(begin, end, b, x, r, transpose, range);
 }
 #endif
 
 BackwardError ResidualOperator::compute(const double* b, const double* x, double* r, bool transpose) const {
-  std::vector<Piece> pieces(static_cast<std::size_t>((a_.rows + kRowsPerPiece - 1) / kRowsPerPiece));
-  pool_->for_each_piece(a_.rows, kRowsPerPiece, [&](std::int64_t begin, std::int64_t end) {
-    Piece& piece = pieces[static_cast<std::size_t>(begin / kRowsPerPiece)];
+  std::vector<RangeErrors> ranges(static_cast<std::size_t>((a_.rows + kRowsPerRange - 1) / kRowsPerRange));
+  pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
+    RangeErrors& range = ranges[static_cast<std::size_t>(begin / kRowsPerRange)];
 #if defined(__x86_64__)
     static const bool fma = __builtin_cpu_supports("fma") != 0 && __builtin_cpu_supports("avx2") != 0;
-    if (fma) return residual_rows_fma(static_cast<Index>(begin), static_cast<Index>(end), b, x, r, transpose, piece);
+    if (fma) return residual_rows_fma(static_cast<Index>(begin), static_cast<Index>(end), b, x, r, transpose, range);
 #endif
-    residual_rows(static_cast<Index>(begin), static_cast<Index>(end), b, x, r, transpose, piece);
+    residual_rows(static_cast<Index>(begin), static_cast<Index>(end), b, x, r, transpose, range);
   });
-  return judge(pieces, transpose);
+  return judge(ranges, transpose);
 }
 
-BackwardError ResidualOperator::judge(std::span<const Piece> pieces, bool transpose) const {
-  Piece all;
-  for (const Piece& p : pieces) {
+BackwardError ResidualOperator::judge(std::span<const RangeErrors> ranges, bool transpose) const {
+  RangeErrors all;
+  for (const RangeErrors& p : ranges) {
     all.residual = std::max(all.residual, p.residual);
     all.componentwise = std::max(all.componentwise, p.componentwise);
     all.x = std::max(all.x, p.x);
@@ -234,18 +234,18 @@ void ResidualOperator::compute_pass(std::span<ResidualColumn> columns, const Row
   const auto lanes = static_cast<std::size_t>(sums.lanes);
   const auto n = static_cast<std::size_t>(a_.rows);
   const std::size_t count = columns.size(), padded = (count + lanes - 1) / lanes * lanes;
-  pool_->for_each_piece(a_.rows, kRowsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+  pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
     for (std::size_t first = 0; first < padded; first += lanes)
       for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
         for (std::size_t k = 0; k < lanes; ++k)
           packed[first * n + i * lanes + k] = first + k < count ? columns[first + k].x[i] : 0;
   });
-  const auto pieces_each = (n + kRowsPerPiece - 1) / kRowsPerPiece;
-  std::vector<Piece> pieces(pieces_each * count);
-  pool_->for_each_piece(a_.rows, kRowsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+  const auto ranges_each = (n + kRowsPerRange - 1) / kRowsPerRange;
+  std::vector<RangeErrors> ranges(ranges_each * count);
+  pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
     std::vector<double> values, b(padded, 0), residual(padded), scale(padded);
     std::vector<Index> cols;
-    std::vector<Piece> mine(count);
+    std::vector<RangeErrors> mine(count);
     for (auto i = static_cast<Index>(begin); i < end; ++i) {
       const RowEntries row = gather_row(i, transpose, values, cols);
       for (std::size_t k = 0; k < count; ++k) b[k] = columns[k].b[i];
@@ -256,14 +256,14 @@ void ResidualOperator::compute_pass(std::span<ResidualColumn> columns, const Row
       }
     }
     for (std::size_t k = 0; k < count; ++k)
-      pieces[k * pieces_each + static_cast<std::size_t>(begin / kRowsPerPiece)] = mine[k];
+      ranges[k * ranges_each + static_cast<std::size_t>(begin / kRowsPerRange)] = mine[k];
   });
   for (std::size_t k = 0; k < count; ++k)
-    columns[k].error = judge(std::span<const Piece>(pieces).subspan(k * pieces_each, pieces_each), transpose);
+    columns[k].error = judge(std::span<const RangeErrors>(ranges).subspan(k * ranges_each, ranges_each), transpose);
 }
 
 void ResidualOperator::multiply(const double* x, double* y, bool transpose) const {
-  pool_->for_each_piece(a_.rows, kRowsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+  pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto i = static_cast<Index>(begin); i < end; ++i) {
       double sum0 = 0;
       double sum1 = 0;
@@ -275,13 +275,13 @@ void ResidualOperator::multiply(const double* x, double* y, bool transpose) cons
 }
 
 void ResidualOperator::copy(const double* from, double* to) const {
-  pool_->for_each_piece(a_.rows, kVectorPiece,
+  pool_->for_each_range(a_.rows, kValuesPerRange,
                         [&](std::int64_t begin, std::int64_t end) { std::copy(from + begin, from + end, to + begin); });
 }
 
 bool ResidualOperator::add(const double* from, double* to) const {
   std::atomic<bool> finite{true};
-  pool_->for_each_piece(a_.rows, kVectorPiece, [&](std::int64_t begin, std::int64_t end) {
+  pool_->for_each_range(a_.rows, kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {
     bool fine = true;
     for (auto i = begin; i < end; ++i) {
       fine = fine && std::isfinite(to[i]);

@@ -56,14 +56,14 @@ class ResidualOperator final : public ResidualSpace {
   [[nodiscard]] Offset bytes() const;
 
  private:
-  struct Piece;
+  struct RangeErrors;
   void residual_rows(Index begin, Index end, const double* b, const double* x, double* r, bool transpose,
-                     Piece& piece) const;
+                     RangeErrors& range) const;
   void residual_rows_fma(Index begin, Index end, const double* b, const double* x, double* r, bool transpose,
-                         Piece& piece) const;
+                         RangeErrors& range) const;
   void compute_pass(std::span<ResidualColumn> columns, const RowSums& sums, double* packed, bool transpose) const;
   RowEntries gather_row(Index row, bool transpose, std::vector<double>& values, std::vector<Index>& cols) const;
-  [[nodiscard]] BackwardError judge(std::span<const Piece> pieces, bool transpose) const;
+  [[nodiscard]] BackwardError judge(std::span<const RangeErrors> ranges, bool transpose) const;
   template <class Use0, class Use1>
   void visit_row(Index row, bool transpose, Use0&& use0, Use1&& use1) const;
 

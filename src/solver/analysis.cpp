@@ -50,14 +50,14 @@ device::PlanWish wish_of(const System& system, const Context& context) {
 
 Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tree, Changes changes,
                  const Context& context) {
-  const Equations& e = system->equations;
+  const PreparedMatrix& p = system->prepared;
   device::PlanWish wish = wish_of(*system, context);
   if (changes.free_pivots) wish.max_block_size = 0;
   wish.devices = changes.device.devices();
   wish.unequal = changes.device.unequal;
   wish.speed = changes.device.speed;
   Analysis made;
-  made.plan = plan::make_plan(std::move(tree), e.a, e.row_of_col, changes.device.backend->plan_options(wish),
+  made.plan = plan::make_plan(std::move(tree), p.a, p.row_of_col, changes.device.backend->plan_options(wish),
                               context.pool, system->rows.get());
   made.system = std::move(system);
   made.device = std::move(changes.device);
@@ -102,9 +102,9 @@ Analyzed finish(Draft draft, analysis::AssemblyTree tree, double start, double o
 Draft prepare(const MatrixView& a, Kind kind, const Context& context) {
   Draft draft;
   draft.system.kind = kind;
-  draft.system.equations = copy_equations(a, kind, context.pool);
+  draft.system.prepared = prepare_matrix(a, kind, context.pool);
   const double copied = base::now_seconds();
-  scale_and_match(draft.system.equations, kind, context.options, context.pool);
+  scale_and_match(draft.system.prepared, kind, context.options, context.pool);
   draft.result.matching_seconds = base::now_seconds() - copied;
   return draft;
 }
@@ -126,21 +126,21 @@ Draft prepare_pattern_at_worst(const MatrixView& a, Kind kind, const Context& co
 
 analysis::AssemblyTree order(Draft& draft, const Context& context) {
   const double start = base::now_seconds();
-  const Equations& e = draft.system.equations;
-  draft.system.rows = solve::ResidualOperator::rows_of(e.a, context.pool);
+  const PreparedMatrix& p = draft.system.prepared;
+  draft.system.rows = solve::ResidualOperator::rows_of(p.a, context.pool);
   analysis::TreeOptions options;
   options.permutation = context.options.permutation;
-  options.pair = e.pair;
-  options.zero_diagonal = e.zero_diagonal;
+  options.pair = p.pair;
+  options.zero_diagonal = p.zero_diagonal;
   analysis::TreeStatistics statistics;
-  const analysis::Graph graph = analysis::graph_of(e.a, context.pool, e.row_of_col, draft.system.rows.get());
+  const analysis::Graph graph = analysis::graph_of(p.a, context.pool, p.row_of_col, draft.system.rows.get());
   analysis::AssemblyTree tree = analysis::build_tree(graph, options, context.pool, &statistics);
   draft.result.ordering_seconds = base::now_seconds() - start;
   return tree;
 }
 
 // What the analysis does not need any more.
-void give_values_away(Draft& draft) { draft.values = std::exchange(draft.system.equations.a.values, {}); }
+void give_values_away(Draft& draft) { draft.values = std::exchange(draft.system.prepared.a.values, {}); }
 
 Analyzed complete(Draft draft, double start, const Context& context) {
   analysis::AssemblyTree tree = order(draft, context);
@@ -151,8 +151,8 @@ Analyzed complete(Draft draft, double start, const Context& context) {
 // A tree that comes from a file may be anything.
 void check_tree(const std::string& path, const System& system, const analysis::AssemblyTree& tree,
                 const Context& context) {
-  const Equations& e = system.equations;
-  const analysis::Graph graph = analysis::graph_of(e.a, context.pool, e.row_of_col, system.rows.get());
+  const PreparedMatrix& p = system.prepared;
+  const analysis::Graph graph = analysis::graph_of(p.a, context.pool, p.row_of_col, system.rows.get());
   if (const std::string wrong = analysis::verify_tree(graph, tree); !wrong.empty())
     throw Error(StatusCode::invalid_input,
                 fmt::format("{}: the file is not a valid analysis of this matrix: {}; analyze the matrix and save the "
@@ -163,12 +163,12 @@ void check_tree(const std::string& path, const System& system, const analysis::A
 }  // namespace
 
 Offset Analysis::bytes() const {
-  const Offset values = system->equations.a.nonzeros() * static_cast<Offset>(sizeof(double));
+  const Offset values = system->prepared.a.nonzeros() * static_cast<Offset>(sizeof(double));
   return system->bytes() + values + plan_bytes(plan);
 }
 
 Offset predicted_host_bytes(const Analysis& a, const Context& context) {
-  const Offset n = a.n(), entries = a.system->equations.a.nonzeros();
+  const Offset n = a.n(), entries = a.system->prepared.a.nonzeros();
   const Offset value_bytes = context.single() ? sizeof(float) : sizeof(double);
   const Offset numbers = a.device.backend->executor_bytes(a.plan, a.kind(), context.precision(), context.pool.size());
   const Offset vectors = 4 * n * static_cast<Offset>(sizeof(double));  // of llt's smallest pivots, of the refinement
@@ -189,15 +189,15 @@ Analyzed analyze(const MatrixView& given, const Context& context) {
 
 Analyzed analyze_for_ldlt(const Analysis& llt, std::span<const double> values, const Context& context) {
   const double start = base::now_seconds();
-  const Equations& before = llt.system->equations;
+  const PreparedMatrix& before = llt.system->prepared;
   MatrixView a = before.a;
   a.values = values;
   Draft draft = prepare(a, Kind::ldlt, context);
-  Equations& e = draft.system.equations;
-  e.target = before.target;
-  e.caller_nonzeros = before.caller_nonzeros;
-  e.caller_pattern = before.caller_pattern;
-  e.symmetric_values = before.symmetric_values;
+  PreparedMatrix& p = draft.system.prepared;
+  p.target = before.target;
+  p.caller_nonzeros = before.caller_nonzeros;
+  p.caller_pattern = before.caller_pattern;
+  p.symmetric_values = before.symmetric_values;
   return complete(std::move(draft), start, context);
 }
 
@@ -213,14 +213,14 @@ Analyzed load_analysis(const std::string& path, const MatrixView& a, const Conte
   Draft draft;
   draft.system.kind = saved.kind;
   draft.system.kind_may_change = wish == Kind::automatic && saved.kind == Kind::llt;
-  Equations& e = draft.system.equations = copy_equations(a, saved.kind, context.pool);
-  if (saved.tree.n != e.n())
+  PreparedMatrix& p = draft.system.prepared = prepare_matrix(a, saved.kind, context.pool);
+  if (saved.tree.n != p.n())
     throw Error(StatusCode::invalid_input, path + ": the analysis belongs to a matrix of another size");
-  e.row_scale = std::move(saved.row_scale);
-  e.col_scale = std::move(saved.col_scale);
-  e.row_of_col = std::move(saved.row_of_col);
-  note_determinant(e);
-  draft.system.rows = solve::ResidualOperator::rows_of(e.a, context.pool);
+  p.row_scale = std::move(saved.row_scale);
+  p.col_scale = std::move(saved.col_scale);
+  p.row_of_col = std::move(saved.row_of_col);
+  note_determinant(p);
+  draft.system.rows = solve::ResidualOperator::rows_of(p.a, context.pool);
   check_tree(path, draft.system, saved.tree, context);
   give_values_away(draft);
   return finish(std::move(draft), std::move(saved.tree), start, start, context);

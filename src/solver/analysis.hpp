@@ -9,7 +9,7 @@
 #include "plan/plan.hpp"
 #include "solver/context.hpp"
 #include "solver/device_choice.hpp"
-#include "solver/equations.hpp"
+#include "solver/prepared_matrix.hpp"
 
 namespace espalier::solver {
 
@@ -17,10 +17,10 @@ namespace espalier::solver {
 struct System {
   Kind kind = Kind::automatic;
   bool kind_may_change = false;                  ///< automatic took llt: ldlt when a pivot is not positive
-  Equations equations;                           ///< without values
-  std::shared_ptr<const matrix::RowIndex> rows;  ///< of equations.a, see ResidualOperator::rows_of()
+  PreparedMatrix prepared;                       ///< without values
+  std::shared_ptr<const matrix::RowIndex> rows;  ///< of prepared.a, see ResidualOperator::rows_of()
 
-  [[nodiscard]] Offset bytes() const { return equations.bytes() + rows->bytes(); }
+  [[nodiscard]] Offset bytes() const { return prepared.bytes() + rows->bytes(); }
 };
 
 struct Analysis {

@@ -153,18 +153,18 @@ void each_array(Analysis& s, Use&& use) {
   use(s.row_of_col);
 }
 
-/// Hashes of pieces, hashed in their turn: the same for any number of threads.
+/// Hashes of ranges, hashed in their turn: the same for any number of threads.
 template <class T>
-void add_pieces(Fnv& h, std::span<const T> words, base::ThreadPool& pool) {
+void add_ranges(Fnv& h, std::span<const T> words, base::ThreadPool& pool) {
   constexpr std::size_t kWords = 1 << 16;
-  std::vector<std::uint64_t> pieces((words.size() + kWords - 1) / kWords);
-  pool.for_each(static_cast<std::int64_t>(pieces.size()), [&](std::int64_t p) {
+  std::vector<std::uint64_t> ranges((words.size() + kWords - 1) / kWords);
+  pool.for_each(static_cast<std::int64_t>(ranges.size()), [&](std::int64_t p) {
     const std::size_t first = static_cast<std::size_t>(p) * kWords;
-    Fnv piece;
-    piece.add_words(words.subspan(first, std::min(kWords, words.size() - first)));
-    pieces[static_cast<std::size_t>(p)] = piece.value();
+    Fnv range;
+    range.add_words(words.subspan(first, std::min(kWords, words.size() - first)));
+    ranges[static_cast<std::size_t>(p)] = range.value();
   });
-  h.add_words(std::span<const std::uint64_t>(pieces));
+  h.add_words(std::span<const std::uint64_t>(ranges));
 }
 
 }  // namespace
@@ -173,8 +173,8 @@ std::uint64_t pattern_hash(const MatrixView& a, base::ThreadPool& pool) {
   Fnv h;
   const std::int64_t head[] = {a.rows, a.cols, static_cast<std::int64_t>(a.storage)};
   h.add(head, sizeof head);
-  add_pieces(h, a.col_ptr, pool);
-  add_pieces(h, a.row_ind, pool);
+  add_ranges(h, a.col_ptr, pool);
+  add_ranges(h, a.row_ind, pool);
   return h.value();
 }
 

@@ -6,7 +6,7 @@
 
 #include "analysis/assembly_tree.hpp"
 #include "base/thread_pool.hpp"
-#include "solver/equations.hpp"
+#include "solver/prepared_matrix.hpp"
 
 namespace espalier::solver {
 

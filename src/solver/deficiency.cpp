@@ -16,7 +16,7 @@ constexpr Index kFirstColumns = 8;     // a substitution takes as many in the ti
 constexpr Index kMostColumns = 256;    // sought at most ...
 constexpr Offset kMostWork = 1 << 28;  // ... and rows * columns^2: a few tenths of a second
 constexpr int kInverseSteps = 3;
-constexpr std::int64_t kColumnsOfPiece = 4096;
+constexpr std::int64_t kColumnsPerRange = 4096;
 
 // Numbers without pattern (the finalizer of splitmix64, Steele et al. 2014), the same in every run: of both signs, from
 // 1/2 to 1 in magnitude.
@@ -33,7 +33,7 @@ double random_number(std::uint64_t k) {
 class ScaledMatrix {
  public:
   explicit ScaledMatrix(const DeficiencyJob& job)
-      : job_(job), n_(job.equations.n()), row_(job.numeric.scales().row), col_(job.numeric.scales().col) {
+      : job_(job), n_(job.prepared.n()), row_(job.numeric.scales().row), col_(job.numeric.scales().col) {
     if (job.kind == Kind::llt || row_.empty()) by_diagonal();
     measure();
   }
@@ -90,9 +90,9 @@ class ScaledMatrix {
  private:
   void by_diagonal() {
     row_.assign(static_cast<std::size_t>(n_), 1.0);
-    const auto& a = job_.equations.a;
+    const auto& a = job_.prepared.a;
     if (job_.kind == Kind::llt)
-      job_.pool.for_each_piece(n_, kColumnsOfPiece, [&](std::int64_t begin, std::int64_t end) {
+      job_.pool.for_each_range(n_, kColumnsPerRange, [&](std::int64_t begin, std::int64_t end) {
         for (auto c = begin; c < end; ++c)
           for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
             if (a.row_ind[q] == c) row_[static_cast<std::size_t>(c)] = 1 / std::sqrt(job_.values[q]);
@@ -103,7 +103,7 @@ class ScaledMatrix {
   // use(row, column, |b_rc|) for every entry of the full matrix.
   template <class Use>
   void visit(Use&& use) const {
-    const auto& a = job_.equations.a;
+    const auto& a = job_.prepared.a;
     const bool mirrored = a.storage == Storage::symmetric_lower || a.storage == Storage::symmetric_upper;
     for (Index c = 0; c < n_; ++c)
       for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
@@ -115,12 +115,12 @@ class ScaledMatrix {
 
   // In one triangle, what stands in the columns and in the rows makes up a row together.
   void measure() {
-    const auto& a = job_.equations.a;
+    const auto& a = job_.prepared.a;
     const matrix::RowIndex& rows = job_.rows;
     const bool general = a.storage == Storage::general;
     std::mutex mutex;
     double most_row = 0, most_column = 0;
-    job_.pool.for_each_piece(n_, kColumnsOfPiece, [&](std::int64_t begin, std::int64_t end) {
+    job_.pool.for_each_range(n_, kColumnsPerRange, [&](std::int64_t begin, std::int64_t end) {
       double row = 0, column = 0;
       for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
         double in_column = 0, in_row = 0;
@@ -327,7 +327,7 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
   Search search(job);
   if (!job.replaced && search.surely_regular()) return found;
   search.prepare();
-  const Index n = job.equations.n();
+  const Index n = job.prepared.n();
   const auto affordable = static_cast<Index>(std::sqrt(static_cast<double>(kMostWork) / n));
   const Index most = std::min(n, std::clamp(affordable, kFirstColumns, kMostColumns));
   Index columns = std::min(most, std::max(kFirstColumns, (job.suspects + 2 + 7) / 8 * 8));

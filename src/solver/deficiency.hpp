@@ -14,8 +14,8 @@
 
 #include "base/thread_pool.hpp"
 #include "solve/residual.hpp"
-#include "solver/equations.hpp"
 #include "solver/numeric.hpp"
+#include "solver/prepared_matrix.hpp"
 
 namespace espalier::solver {
 
@@ -38,12 +38,12 @@ struct Deficiency {
 };
 
 struct DeficiencyJob {
-  const Equations& equations;
-  std::span<const double> values;  ///< of equations.a
+  const PreparedMatrix& prepared;
+  std::span<const double> values;  ///< of prepared.a
   const solve::ResidualOperator& residual;
   Numeric& numeric;
   base::ThreadPool& pool;
-  const matrix::RowIndex& rows;  ///< of equations.a
+  const matrix::RowIndex& rows;  ///< of prepared.a
   Kind kind;
   bool single;         ///< the factor is FP32
   bool replaced;       ///< the factor has pivots that were replaced

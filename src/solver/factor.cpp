@@ -33,14 +33,14 @@ void Factor::drop() {
 }
 
 const solve::ResidualOperator& Factor::residual() {
-  values_.fetch(numeric_->device_equations());
+  values_.fetch(numeric_->device_system());
   return values_.residual();
 }
 
 void Factor::factorize(std::span<const double> values) {
   const double start = base::now_seconds();
   begin();
-  values_.load(*analysis_->system, values, numeric_->device_equations(), context_.pool);
+  values_.load(*analysis_->system, values, numeric_->device_system(), context_.pool);
   finish(settle_pivots(), start);
 }
 
@@ -49,13 +49,13 @@ void Factor::factorize(std::span<const double> values) {
 void Factor::factorize_device(const double* values, Offset count, void* queue) {
   const double start = base::now_seconds();
   begin();
-  device::DeviceEquations* device = numeric_->device_equations();
+  device::DeviceLinearSystem* device = numeric_->device_system();
   if (device == nullptr)
     throw Error(StatusCode::device_error,
                 "the factor is not in the memory of a GPU (" + numeric_->device_name() + "); use refactorize()");
   device->expect_reachable(values, "Solver::refactorize_device: the values");
   device->wait_for(queue);
-  if (!analysis_->system->equations.keeps_order()) {
+  if (!analysis_->system->prepared.keeps_order()) {
     std::vector<double> copy(static_cast<std::size_t>(count));
     device->fetch(copy.data(), values, count);
     return factorize(copy);
@@ -94,7 +94,7 @@ void Factor::finish(device::FactorOutcome outcome, double start) {
   if (turns_to_ldlt(analysis_->kind(), analysis_->system->kind_may_change, outcome)) {
     turn_to_ldlt();
     make_numeric();
-    values_.send(numeric_->device_equations());
+    values_.send(numeric_->device_system());
     outcome = settle_pivots();
   }
   result_ = report_factor(*analysis_, *numeric_, outcome, judge(outcome), context_.options, context_.budget.peak());
@@ -150,7 +150,7 @@ void Factor::change_plan(analysis::AssemblyTree tree, Changes changes) {
 
 void Factor::again(device::FactorOutcome& outcome) {
   make_numeric();
-  values_.send(numeric_->device_equations());
+  values_.send(numeric_->device_system());
   deficiency_.reset();
   outcome = numeric_->factorize();
 }
@@ -212,9 +212,9 @@ const Deficiency& Factor::judge(const device::FactorOutcome& outcome) {
 
 Deficiency Factor::deficiency(bool replaced, Index suspects) {
   looked_ = true;
-  values_.fetch(numeric_->device_equations());
+  values_.fetch(numeric_->device_system());
   const System& s = *analysis_->system;
-  return find_deficiency({s.equations, values_.values(), values_.residual(), *numeric_, context_.pool, *s.rows,
+  return find_deficiency({s.prepared, values_.values(), values_.residual(), *numeric_, context_.pool, *s.rows,
                           analysis_->kind(), context_.single(), replaced, suspects});
 }
 
@@ -223,7 +223,7 @@ Status Factor::second_look(const double* b, const double* x, bool transpose) {
   const double far = context_.single() ? 1e5 : 1e11;
   if (looked_ || pivots_are_given()) return {};
   const bool llt = analysis_->kind() == Kind::llt;
-  if (llt && numeric_->device_equations() != nullptr) return {};  // a GPU has looked at all pivots of llt
+  if (llt && numeric_->device_system() != nullptr) return {};  // a GPU has looked at all pivots of llt
   const Scales& s = numeric_->scales();
   const Index n = analysis_->n();
   const auto& of_b = transpose ? s.col : s.row;
@@ -318,12 +318,12 @@ bool Factor::search_pays() const {
 
 std::vector<analysis::PivotMove> Factor::place_pivots() {
   if (!search_pays()) return {};
-  const Equations& e = analysis_->system->equations;
+  const PreparedMatrix& p = analysis_->system->prepared;
   const Scales scales = numeric_->scales();
   numeric_.reset();  // its memory is not needed any more
   try {
-    base::Buffer<double> scaled(e.a.nonzeros(), &context_.budget);
-    const double largest = scale_values(e, scales, values_.values(), scaled.data(), context_.pool);
+    base::Buffer<double> scaled(p.a.nonzeros(), &context_.budget);
+    const double largest = scale_values(p, scales, values_.values(), scaled.data(), context_.pool);
     const device::PivotRule rule{context_.options.pivot_threshold, smallest_pivot_ * largest};
     return context_.registry.host().place_pivots(
         {analysis_->plan, analysis_->kind(), rule, scaled.span(), context_.pool, &context_.budget});

@@ -19,15 +19,15 @@ class FactorValues {
  public:
   FactorValues(const System& system, Values values, base::ThreadPool& pool);
 
-  /// Takes new values of the caller; where a device has the equations, on to it.
-  void load(const System& system, std::span<const double> from, device::DeviceEquations* device,
+  /// Takes new values of the caller; where a device holds the linear system, on to it.
+  void load(const System& system, std::span<const double> from, device::DeviceLinearSystem* device,
             base::ThreadPool& pool);
-  /// To a device that has the equations, if any.
-  void send(device::DeviceEquations* device) const;
+  /// To a device that holds the linear system, if any.
+  void send(device::DeviceLinearSystem* device) const;
   /// The last values came from the memory of this device, and are there alone.
   void note_on_device() { on_device_ = true; }
   /// They come here, if they are there alone.
-  void fetch(device::DeviceEquations* device);
+  void fetch(device::DeviceLinearSystem* device);
 
   [[nodiscard]] std::span<const double> values() const { return values_; }
   [[nodiscard]] const solve::ResidualOperator& residual() const { return residual_; }
@@ -40,7 +40,7 @@ class FactorValues {
 
 class Factor {
  public:
-  /// @param values  as many as the analysis' equations have entries, of the analysed matrix or not yet any
+  /// @param values  as many as the analysed matrix has entries, or none yet
   /// @param context  outlives the factor
   Factor(SharedAnalysis analysis, Values values, const Context& context);
   ~Factor() { context_.budget.give_back(charged_); }
@@ -68,7 +68,7 @@ class Factor {
   /// Singularity that no pivot has shown: a solution that is far larger than its right-hand side (n values each, on the
   /// host) has the matrix judged, once for each factorization.
   Status second_look(const double* b, const double* x, bool transpose);
-  /// The equations in the host's memory.
+  /// The linear system in the host's memory.
   [[nodiscard]] const solve::ResidualOperator& residual();
 
  private:

@@ -42,7 +42,7 @@ std::vector<DeviceReport> device_reports(const Numeric& numeric, const device::F
 std::vector<Index> rows_of(const Analysis& analysis, const std::vector<Index>& positions) {
   std::vector<Index> rows;
   for (const Index p : positions)
-    rows.push_back(analysis.system->equations.row_of(analysis.plan.tree.order[static_cast<std::size_t>(p)]));
+    rows.push_back(analysis.system->prepared.row_of(analysis.plan.tree.order[static_cast<std::size_t>(p)]));
   std::sort(rows.begin(), rows.end());
   return rows;
 }
@@ -96,8 +96,8 @@ FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, con
     r.status = not_positive(rows_of(analysis, {outcome.not_positive}).front());
     return r;
   }
-  const Equations& e = analysis.system->equations;
-  r.determinant_sign = outcome.determinant_sign * e.transform_sign;
+  const PreparedMatrix& p = analysis.system->prepared;
+  r.determinant_sign = outcome.determinant_sign * p.transform_sign;
   r.determinant_log = outcome.determinant_log - numeric.scales().log;
   const bool bounded = options.perturbation > 0;  // the caller's bound says which pivots count as zero
   const bool given = bounded || options.zero_pivot > 0;

@@ -6,39 +6,39 @@
 namespace espalier::solver {
 
 FactorValues::FactorValues(const System& system, Values values, base::ThreadPool& pool)
-    : values_(std::move(values)), residual_(system.equations.a, system.rows, pool) {
+    : values_(std::move(values)), residual_(system.prepared.a, system.rows, pool) {
   residual_.set_values(values_);
 }
 
-void FactorValues::load(const System& system, std::span<const double> from, device::DeviceEquations* device,
+void FactorValues::load(const System& system, std::span<const double> from, device::DeviceLinearSystem* device,
                         base::ThreadPool& pool) {
   on_device_ = false;
-  if (device != nullptr && system.equations.keeps_order()) {
-    // One piece is on the link while the next one is copied: a quarter at a time, between 1 and 32 MiB; two parts of it
+  if (device != nullptr && system.prepared.keeps_order()) {
+    // One range is on the link while the next one is copied: a quarter at a time, between 1 and 32 MiB; two parts of it
     // for each thread.
-    const Offset all = system.equations.a.nonzeros(), piece = std::clamp(all / 4, Offset{1} << 17, Offset{1} << 22);
-    const std::int64_t part = std::max<std::int64_t>(1 << 14, piece / (2 * pool.size()));
-    for (Offset first = 0; first < all; first += piece) {
-      const Offset now = std::min(piece, all - first);
+    const Offset all = system.prepared.a.nonzeros(), range = std::clamp(all / 4, Offset{1} << 17, Offset{1} << 22);
+    const std::int64_t part = std::max<std::int64_t>(1 << 14, range / (2 * pool.size()));
+    for (Offset first = 0; first < all; first += range) {
+      const Offset now = std::min(range, all - first);
       const double* begin_from = from.data() + first;
       double* begin_to = values_.data() + first;
-      pool.for_each_piece(now, part, [&](std::int64_t begin, std::int64_t end) {
+      pool.for_each_range(now, part, [&](std::int64_t begin, std::int64_t end) {
         std::copy(begin_from + begin, begin_from + end, begin_to + begin);
       });
       device->send_values(first, now);
     }
   } else {
-    copy_values(system.equations, from, values_, pool);
+    copy_values(system.prepared, from, values_, pool);
     send(device);
   }
   residual_.set_values(values_);
 }
 
-void FactorValues::send(device::DeviceEquations* device) const {
+void FactorValues::send(device::DeviceLinearSystem* device) const {
   if (device != nullptr) device->send_values(0, static_cast<Offset>(values_.size()));
 }
 
-void FactorValues::fetch(device::DeviceEquations* device) {
+void FactorValues::fetch(device::DeviceLinearSystem* device) {
   if (!on_device_) return;
   device->read_values(values_);
   residual_.set_values(values_);

@@ -19,8 +19,8 @@ class NumericOf final : public Numeric {
  public:
   NumericOf(const Analysis& analysis, std::span<const double> values, const Context& context)
       : plan_(analysis.plan),
-        equations_(analysis.system->equations),
-        scales_{equations_.row_scale, equations_.col_scale, equations_.transform_log, equations_.wide},
+        prepared_(analysis.system->prepared),
+        scales_{prepared_.row_scale, prepared_.col_scale, prepared_.transform_log, prepared_.wide},
         rescale_(context.rescales() && analysis.kind() != Kind::llt),
         matching_(context.options.matching),
         given_zero_(context.options.zero_pivot),
@@ -30,23 +30,23 @@ class NumericOf final : public Numeric {
         rule_{context.options.pivot_threshold, 0},
         executor_(make_executor<T>(analysis, rule_, context)) {
     // A Cholesky pivot is judged by its diagonal entry.
-    if (analysis.kind() == Kind::llt) diagonal_ = diagonal_places(equations_.a, plan_.tree.order, pool_);
-    take_device_equations(analysis, context);
+    if (analysis.kind() == Kind::llt) diagonal_ = diagonal_places(prepared_.a, plan_.tree.order, pool_);
+    take_device_system(analysis, context);
     if (device_ != nullptr) {
       diagonal_ = {};
       return;
     }
-    values_ = base::Buffer<T>(equations_.a.nonzeros(), &budget_);
+    values_ = base::Buffer<T>(prepared_.a.nonzeros(), &budget_);
     smallest_.resize(diagonal_.size());
   }
 
   device::FactorOutcome factorize() override {
     if (device_ != nullptr) {
       if (auto outcome = device_->factorize(smallest_pivot_)) return *outcome;
-      refuse_entry(equations_, given_);
+      refuse_entry(prepared_, given_);
     }
-    if (rescale_) scales_ = scales_for(equations_, given_, matching_, pool_);
-    const double largest = scale_values(equations_, scales_, given_, values_.data(), pool_);
+    if (rescale_) scales_ = scales_for(prepared_, given_, matching_, pool_);
+    const double largest = scale_values(prepared_, scales_, given_, values_.data(), pool_);
     rule_.tiny = given_zero_ > 0 ? given_zero_ : smallest_pivot_ * largest;
     rule_.suspect = suspect_pivot(base::ScalarTraits<T>::epsilon) * largest;
     for (std::size_t k = 0; k < smallest_.size(); ++k)
@@ -56,7 +56,7 @@ class NumericOf final : public Numeric {
     return executor_->factorize(values_.span());
   }
 
-  device::DeviceEquations* device_equations() override { return device_.get(); }
+  device::DeviceLinearSystem* device_system() override { return device_.get(); }
   std::optional<device::FactorOutcome> factorize_device(const double* values) override {
     device_->take_values(values);
     return device_->factorize(smallest_pivot_);
@@ -88,36 +88,36 @@ class NumericOf final : public Numeric {
   [[nodiscard]] std::vector<device::DeviceWork> device_work() const override { return executor_->device_work(); }
 
  private:
-  // Devices that can keep the equations beside the factor do when memory allows; else refinement works on the host.
-  void take_device_equations(const Analysis& analysis, const Context& context) {
+  // Devices that can keep the linear system beside the factor do when memory allows; else refinement works on the host.
+  void take_device_system(const Analysis& analysis, const Context& context) {
     if (scales_.wide || rescale_) return;  // devices scale by plain products, always the same
     Offset left = 0;
     if (const Offset budget = budgets_of(analysis.device, context.options).front(); budget > 0)
       left = std::max<Offset>(1, budget - executor_->peak_bytes());
     try {
-      device_ = executor_->make_equations(device_arrays(*analysis.system), left);
+      device_ = executor_->make_linear_system(device_arrays(*analysis.system), left);
     } catch (const Error& e) {
       if (e.status().code != StatusCode::out_of_memory) throw;
     }
   }
 
-  device::EquationArrays device_arrays(const System& system) {
-    device::EquationArrays arrays;
+  device::LinearSystemArrays device_arrays(const System& system) {
+    device::LinearSystemArrays arrays;
     const auto indexed = static_cast<std::size_t>(system.rows->col.size());
-    arrays.pattern = equations_.a;
+    arrays.pattern = prepared_.a;
     arrays.row_ptr = system.rows->ptr;
     arrays.row_col = {system.rows->col.data(), indexed};
     arrays.row_source = {system.rows->source.data(), indexed};
     arrays.order = plan_.tree.order;
-    arrays.row_of_col = equations_.row_of_col;
-    arrays.row_scale = equations_.row_scale;
-    arrays.col_scale = equations_.col_scale;
+    arrays.row_of_col = prepared_.row_of_col;
+    arrays.row_scale = prepared_.row_scale;
+    arrays.col_scale = prepared_.col_scale;
     arrays.diagonal = diagonal_;
     arrays.rounding = suspect_pivot(base::ScalarTraits<T>::epsilon);
     arrays.values = given_;
     arrays.copy = [&pool = pool_](double* to, const double* from, Offset count) {
-      constexpr std::int64_t kPiece = 1 << 16;  // doubles
-      pool.for_each_piece(count, kPiece, [&](std::int64_t begin, std::int64_t end) {
+      constexpr std::int64_t kRange = 1 << 16;  // doubles
+      pool.for_each_range(count, kRange, [&](std::int64_t begin, std::int64_t end) {
         std::copy(from + begin, from + end, to + begin);
       });
     };
@@ -147,10 +147,10 @@ class NumericOf final : public Numeric {
     if (base::keeps_fp64<T>) return;
     unit_.assign(static_cast<std::size_t>(columns), 1);
     const Index n = plan_.tree.n;
-    pool_.for_each_piece(columns, 1, [&](std::int64_t c, std::int64_t) {
+    pool_.for_each_range(columns, 1, [&](std::int64_t c, std::int64_t) {
       double most = 0;
       for (Index k = 0; k < n; ++k) {
-        const Index i = transpose ? k : equations_.row_of(k);
+        const Index i = transpose ? k : prepared_.row_of(k);
         const double v =
             std::abs(factor_of(transpose ? scales_.col : scales_.row, i) * b[static_cast<Offset>(c) * n + i]);
         if (v > most) most = v;
@@ -170,10 +170,10 @@ class NumericOf final : public Numeric {
   // Scaled right-hand sides in elimination order; columns that pad the width are zero.
   void gather(const double* b, Index columns, Index width, bool transpose) {
     const Index n = plan_.tree.n;
-    pool_.for_each_piece(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+    pool_.for_each_range(n, kRows, [&](std::int64_t begin, std::int64_t end) {
       for (auto k = begin; k < end; ++k) {
         const Index col = plan_.tree.order[static_cast<std::size_t>(k)];
-        const Index i = transpose ? col : equations_.row_of(col);
+        const Index i = transpose ? col : prepared_.row_of(col);
         const double s = factor_of(transpose ? scales_.col : scales_.row, i);
         T* row = rhs_.data() + k * width;
         for (Index c = 0; c < columns; ++c) row[c] = in_unit(s * b[static_cast<Offset>(c) * n + i], c);
@@ -184,10 +184,10 @@ class NumericOf final : public Numeric {
 
   void scatter(double* x, Index columns, Index width, bool transpose) {
     const Index n = plan_.tree.n;
-    pool_.for_each_piece(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+    pool_.for_each_range(n, kRows, [&](std::int64_t begin, std::int64_t end) {
       for (auto k = begin; k < end; ++k) {
         const Index col = plan_.tree.order[static_cast<std::size_t>(k)];
-        const Index i = transpose ? equations_.row_of(col) : col;
+        const Index i = transpose ? prepared_.row_of(col) : col;
         const double s = factor_of(transpose ? scales_.row : scales_.col, i);
         const T* row = rhs_.data() + k * width;
         for (Index c = 0; c < columns; ++c) x[static_cast<Offset>(c) * n + i] = s * from_unit(row[c], c);
@@ -195,11 +195,11 @@ class NumericOf final : public Numeric {
     });
   }
 
-  static constexpr std::int64_t kRows = 8192;  // rows per piece of work
+  static constexpr std::int64_t kRows = 8192;  // rows per range of work
   static constexpr double kFar = 0x1p40;       // from 1: then a right-hand side gets a unit of its own
 
   const plan::Plan& plan_;
-  const Equations& equations_;
+  const PreparedMatrix& prepared_;
   Scales scales_;
   bool rescale_, matching_;
   double given_zero_;              // Options::zero_pivot
@@ -214,7 +214,7 @@ class NumericOf final : public Numeric {
   std::vector<double> smallest_;  // likewise: a pivot below is suspicious
   device::PivotRule rule_;
   std::unique_ptr<device::Executor<T>> executor_;
-  std::unique_ptr<device::DeviceEquations> device_;
+  std::unique_ptr<device::DeviceLinearSystem> device_;
 };
 
 }  // namespace

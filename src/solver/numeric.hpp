@@ -16,12 +16,13 @@ namespace espalier::solver {
 class Numeric {
  public:
   virtual ~Numeric() = default;
-  /// Factors the solver's values, which must have been sent to device_equations() where there are some. Pivots below
+  /// Factors the solver's values, which must have been sent to device_system() where there are some. Pivots below
   /// the smallest pivot times the largest scaled entry are replaced.
   virtual device::FactorOutcome factorize() = 0;
-  /// The equations on the device of the factor; null: they are on the host alone.
-  virtual device::DeviceEquations* device_equations() = 0;
-  /// factorize() with values in that device's memory, in the order of Equations::a. Nothing when one is not finite.
+  /// The linear system on the device of the factor; null: it is on the host alone.
+  virtual device::DeviceLinearSystem* device_system() = 0;
+  /// factorize() with values in that device's memory, in the order of PreparedMatrix::a. Nothing when one is not
+  /// finite.
   virtual std::optional<device::FactorOutcome> factorize_device(const double* values) = 0;
   virtual void set_smallest_pivot(double smallest_pivot) = 0;
   /// Solves op(A) x = b for `columns` right-hand sides, column-major, n values each; x may alias b.

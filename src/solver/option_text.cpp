@@ -55,7 +55,7 @@ constexpr std::array<std::pair<std::string_view, Precision>, 3> kPrecisions{
     {{"fp64", Precision::fp64}, {"fp32", Precision::fp32}, {"mixed", Precision::mixed}}};
 
 using Setter = void (*)(Options&, std::string_view key, std::string_view value);
-struct Entry {
+struct OptionText {
   std::string_view key;
   Setter set;
 };
@@ -97,7 +97,7 @@ void set_machine(Options& options, std::string_view, std::string_view value) {
 constexpr std::array<std::pair<std::string_view, SingularMatrix>, 2> kSingular{
     {{"error", SingularMatrix::error}, {"report", SingularMatrix::report}}};
 
-constexpr std::array<Entry, 19> kEntries{{
+constexpr std::array<OptionText, 19> kOptions{{
     {"kind", [](Options& o, std::string_view k, std::string_view v) { o.kind = parse_name(k, v, kKinds); }},
     {"precision",
      [](Options& o, std::string_view k, std::string_view v) { o.precision = parse_name(k, v, kPrecisions); }},
@@ -181,17 +181,18 @@ Offset parse_bytes(std::string_view text) {
 void set_option(Options& options, std::string_view key, std::string_view value) {
   std::string name(key);
   std::replace(name.begin(), name.end(), '-', '_');
-  const auto* entry = std::find_if(kEntries.begin(), kEntries.end(), [&](const Entry& e) { return e.key == name; });
-  if (entry == kEntries.end()) {
+  const auto* option =
+      std::find_if(kOptions.begin(), kOptions.end(), [&](const OptionText& e) { return e.key == name; });
+  if (option == kOptions.end()) {
     throw Error(StatusCode::invalid_input,
                 fmt::format("there is no option '{}'; the options are {}", key, fmt::join(option_keys(), ", ")));
   }
-  entry->set(options, key, value);
+  option->set(options, key, value);
 }
 
 std::vector<std::string_view> option_keys() {
   std::vector<std::string_view> keys;
-  for (const Entry& entry : kEntries) keys.push_back(entry.key);
+  for (const OptionText& option : kOptions) keys.push_back(option.key);
   return keys;
 }
 

@@ -55,7 +55,7 @@ Session::Session(const Session& other, int threads)
       context{options, other.context.registry, pool, budget, timeline.get()} {
   if (!other.factor) return;
   Values values;
-  values.resize(static_cast<std::size_t>(other.current().system->equations.a.nonzeros()));
+  values.resize(static_cast<std::size_t>(other.current().system->prepared.a.nonzeros()));
   factor.emplace(other.factor->analysis(), std::move(values), context);
   analysis = other.analysis;
 }

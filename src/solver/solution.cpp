@@ -21,13 +21,13 @@ constexpr Index kColumnsOnDevice = 32;
 // Waits for a device that a failure has left at work on the caller's arrays.
 class Settled {
  public:
-  explicit Settled(device::DeviceEquations& device) : device_(device) {}
+  explicit Settled(device::DeviceLinearSystem& device) : device_(device) {}
   Settled(const Settled&) = delete;
   Settled& operator=(const Settled&) = delete;
   ~Settled() { device_.settle(); }
 
  private:
-  device::DeviceEquations& device_;
+  device::DeviceLinearSystem& device_;
 };
 
 bool overlap(const double* a, const double* b, std::size_t count) {
@@ -66,9 +66,9 @@ class Solving {
     result_.solve_seconds = first;
   }
 
-  // False: no device has the equations, its memory is too small, or only a Krylov method helps.
+  // False: no device holds the linear system, its memory is too small, or only a Krylov method helps.
   bool through_device(const SolveJob& job) {
-    device::DeviceEquations* device = factor_.numeric().device_equations();
+    device::DeviceLinearSystem* device = factor_.numeric().device_system();
     if (device == nullptr) return false;
     const Settled settled(*device);
     const Offset n = n_;
@@ -88,7 +88,7 @@ class Solving {
     return options_.precision != Precision::mixed || result_.backward_error <= options_.required_backward_error;
   }
 
-  void on_device(device::DeviceEquations& device, const SolveJob& job) {
+  void on_device(device::DeviceLinearSystem& device, const SolveJob& job) {
     const double start = base::now_seconds();
     (void)device.take_substitution_seconds();
     const solve::Preconditioner apply = [&](const double* from, double* to, Index count) {
@@ -173,7 +173,7 @@ SolveResult solve(Factor& factor, const SolveJob& asked, const Context& context)
 SolveResult solve_device(Factor& factor, const SolveJob& asked, void* queue, const Context& context) {
   const double start = base::now_seconds();
   SolveJob job = asked;
-  device::DeviceEquations* device = factor.numeric().device_equations();
+  device::DeviceLinearSystem* device = factor.numeric().device_system();
   if (device == nullptr)
     throw Error(StatusCode::device_error,
                 "the factor is not in the memory of a GPU (" + factor.numeric().device_name() + "); use solve()");

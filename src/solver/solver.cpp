@@ -53,7 +53,7 @@ Result copy_of(const Result& result) {
 
 void check_values(const Session& s, const char* call, Offset count) {
   if (!s.factor) throw std::logic_error(fmt::format("Solver::{}: call analyze() first", call));
-  const Offset expected = s.current().system->equations.caller_nonzeros;
+  const Offset expected = s.current().system->prepared.caller_nonzeros;
   if (count != expected)
     throw std::invalid_argument(
         fmt::format("Solver::{}: {} values for a pattern of {} entries", call, count, expected));
@@ -132,7 +132,7 @@ FactorResult Solver::factorize(const MatrixView& a) {
   if (!impl_->factor) throw std::logic_error("Solver::factorize: call analyze() first");
   Status status = guarded([&] {
     matrix::validate(a, &impl_->pool);
-    if (!solver::same_pattern(impl_->current().system->equations, a, impl_->pool))
+    if (!solver::same_pattern(impl_->current().system->prepared, a, impl_->pool))
       throw Error(StatusCode::invalid_input,
                   "the matrix has another pattern than the one analyzed; call analyze() again");
     if (a.values.empty() && a.nonzeros() > 0)
@@ -214,8 +214,8 @@ Status Solver::save_analysis(const std::string& path) const {
   if (!impl_->factor) throw std::logic_error("Solver::save_analysis: there is no analysis");
   return guarded([&] {
     const solver::Analysis& a = impl_->current();
-    const auto& e = a.system->equations;
-    solver::write_analysis(path, {a.kind(), a.plan.tree, e.row_scale, e.col_scale, e.row_of_col}, e.caller_pattern);
+    const auto& p = a.system->prepared;
+    solver::write_analysis(path, {a.kind(), a.plan.tree, p.row_scale, p.col_scale, p.row_of_col}, p.caller_pattern);
   });
 }
 

@@ -16,7 +16,7 @@ bool adds_up(ThreadPool& pool) {
   constexpr std::int64_t kNumbers = 100000;
   std::atomic<std::int64_t> sum{0};
   for (int round = 0; round < 20; ++round)
-    pool.for_each_piece(kNumbers, 100, [&](std::int64_t b, std::int64_t e) {
+    pool.for_each_range(kNumbers, 100, [&](std::int64_t b, std::int64_t e) {
       for (std::int64_t k = b; k < e; ++k) sum += k;
     });
   return sum == 20 * (kNumbers * (kNumbers - 1) / 2);

@@ -32,7 +32,7 @@ TEST(ThreadPool, PiecesCoverTheRangeAndDoNotDependOnThreads) {
         std::vector<std::atomic<int>> hits(static_cast<std::size_t>(n));
         std::mutex mutex;
         std::set<std::pair<std::int64_t, std::int64_t>> pieces;
-        pool.for_each_piece(n, grain, [&](std::int64_t b, std::int64_t e) {
+        pool.for_each_range(n, grain, [&](std::int64_t b, std::int64_t e) {
           for (std::int64_t k = b; k < e; ++k) ++hits[static_cast<std::size_t>(k)];
           const std::lock_guard lock(mutex);
           pieces.emplace(b, e);
@@ -79,7 +79,7 @@ TEST(ThreadPool, OwnPoolsMayBeNested) {
   std::atomic<std::int64_t> sum{0};
   outer.for_each(8, [&](std::int64_t i) {
     ThreadPool inner(2);
-    inner.for_each_piece(100, 7, [&](std::int64_t b, std::int64_t e) { sum += (e - b) * (i + 1); });
+    inner.for_each_range(100, 7, [&](std::int64_t b, std::int64_t e) { sum += (e - b) * (i + 1); });
   });
   EXPECT_EQ(sum, 100 * 36);
 }
@@ -120,7 +120,7 @@ TEST(Recursion, LoopsCoverTheirRangeBesideTasks) {
       Recursion::run(pool, [&](Recursion& r) {
         for (std::int64_t t = 0; t < kTasks; ++t)
           r.spawn([&visits, t](Recursion& mine) {
-            mine.for_each_piece(kSize, 7, [&](std::int64_t begin, std::int64_t end) {
+            mine.for_each_range(kSize, 7, [&](std::int64_t begin, std::int64_t end) {
               EXPECT_TRUE(end - begin == 7 || end == kSize);
               for (std::int64_t i = begin; i < end; ++i) ++visits[static_cast<std::size_t>(t * kSize + i)];
             });
@@ -129,7 +129,7 @@ TEST(Recursion, LoopsCoverTheirRangeBesideTasks) {
       });
       EXPECT_THROW(Recursion::run(pool,
                                   [](Recursion& r) {
-                                    r.for_each_piece(100, 1, [](std::int64_t i, std::int64_t) {
+                                    r.for_each_range(100, 1, [](std::int64_t i, std::int64_t) {
                                       if (i == 57) throw std::runtime_error("piece");
                                     });
                                   }),

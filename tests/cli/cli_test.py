@@ -162,6 +162,14 @@ class UnreadableInput(Cli):
         self.refuse(coordinate(2, [(1, 1, 1.0), (2, 2, 1.0)]) + "2 1 5.0\n")
         self.refuse(b"\x00\xff\x7fELF" * 100, name="bad.bin")
 
+    def test_encodings(self):
+        text = coordinate(1, [(1, 1, 2.0)])
+        self.expect(0, "solve", self.file("bom.mtx", b"\xef\xbb\xbf" + text.encode()))
+        self.expect(0, "solve", self.file("bom.mtx.gz", gzip.compress(b"\xef\xbb\xbf" + text.encode())))
+        self.expect(0, "solve", self.file("crlf.mtx", text.replace("\n", "\r\n")))
+        for encoding in ("utf-16-le", "utf-16-be"):
+            self.refuse(("\ufeff" + text).encode(encoding), "UTF-16")
+
     def test_not_finite(self):
         for value in ("nan", "NaN", "inf", "-inf", "1e999"):
             self.refuse(f"%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1\n2 2 {value}\n", ":4")

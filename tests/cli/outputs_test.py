@@ -27,6 +27,9 @@ class Outputs(Cli):
         for command in (["solve", "--out"], ["analyze", "--save"], ["analyze", "--report"], ["simulate", "--report"]):
             result = self.expect(2, command[0], "absent", command[1], self.folder / "no" / "x", says=(command[1], "no/x"))
             self.assertNotIn("absent", result.stderr)
+        for name in ("n" * 256, "n" * 5000):  # longer than file systems take; temporary names are shorter
+            result = self.expect(2, "solve", "absent", "--out", self.folder / name, says="File name too long")
+            self.assertNotIn("absent", result.stderr)
         bench = self.expect(2, "bench", "peers", "--out", self.folder / "no" / "x.json", says="--out")
         self.assertEqual(bench.stdout, "")
         self.assertEqual(list(self.folder.iterdir()), [])

@@ -240,6 +240,7 @@ class Simulate(Cli):
         self.expect(2, "simulate", self.model(PENDULUM), "--restart", self.folder / "none", says="none: cannot be read")
         for until in (-1, 0, "nan", "inf"):
             self.expect(2, "simulate", self.model(PENDULUM), "--until", until, says="later than the start")
+        self.expect(2, "simulate", self.model(PENDULUM), "--until", "soon", says=("--until", "'soon' is not a number"))
         self.expect(2, "simulate", self.folder, says="directory")
         self.expect(2, "simulate", self.model(PENDULUM), "--out", self.file("a file", "x"), says="folder")
 

@@ -87,12 +87,12 @@ class Layout : public out_of_core::OutOfCoreLayout {
     const int first = column * x.width;
     return column < x.tiles - x.pivot_tiles ? x.contribution_offset(first, first) : sizes_.contribution[f];
   }
-  void slab(Index f, Index begin, Index end, Index row, std::vector<out_of_core::Piece>& pieces) const override {
+  void slab(Index f, Index begin, Index end, Index row, std::vector<out_of_core::Extent>& extents) const override {
     const auto& x = fronts()[f];
     const int top = x.column_begin(row);
     for (Index j = begin; j < end; ++j)
       for (int q = x.column_begin(j) / 16; q < x.column_end(j) / 16; ++q)
-        pieces.push_back({x.chunk_offset(q, top), static_cast<Offset>(x.total_pad - top) * 16});
+        extents.push_back({x.chunk_offset(q, top), static_cast<Offset>(x.total_pad - top) * 16});
   }
   [[nodiscard]] Offset share_bytes(Index f) const override { return tables().share_bytes(f); }
   [[nodiscard]] Offset table_bytes(const out_of_core::InCoreStep& s) const override { return tables().tables(s).bytes; }

@@ -80,7 +80,7 @@ class OutOfCoreFactorization : public ::testing::TestWithParam<OutOfCoreSystem> 
                                                   std::vector<HostOutOfCoreOptions> options) {
     out_of_core::OutOfCoreOptions options_of_all;
     options_of_all.pinned_bytes = pinned_bytes_;
-    options_of_all.pinned_piece_bytes = 16 << 10;
+    options_of_all.pinned_block_bytes = 16 << 10;
     options_of_all.least_direct_bytes = 1;
     options_of_all.devices = devices;
     options_of_all.slot_bytes = 4096;  // copies of many pieces

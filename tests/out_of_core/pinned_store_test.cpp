@@ -18,7 +18,7 @@ using out_of_core::PinnedStore;
 using test::OutOfCoreSystem;
 using test::same_bits;
 
-constexpr Offset kPiece = 1024;
+constexpr Offset kBlock = 1024;
 
 // Notes what is pinned.
 struct Machine {
@@ -46,11 +46,11 @@ bool wait_for(const PinnedStore& store, Offset bytes) {
 }
 
 TEST(PinnedStore, GoesFromTheEndToTheBeginningAndReleasesAll) {
-  constexpr Offset kBytes = 5 * kPiece + 100;
+  constexpr Offset kBytes = 5 * kBlock + 100;
   std::vector<std::byte> memory(kBytes);
   Machine machine;
   {
-    PinnedStore store(memory.data(), kBytes, kBytes, kPiece, machine.calls());
+    PinnedStore store(memory.data(), kBytes, kBytes, kBlock, machine.calls());
     EXPECT_EQ(store.pinned_bytes(), 0);
     EXPECT_FALSE(store.holds(memory.data() + kBytes - 1, 1)) << "not before start()";
     store.start();
@@ -58,7 +58,7 @@ TEST(PinnedStore, GoesFromTheEndToTheBeginningAndReleasesAll) {
     ASSERT_TRUE(wait_for(store, kBytes));
     EXPECT_TRUE(store.holds(memory.data(), kBytes));
     EXPECT_FALSE(store.holds(memory.data(), kBytes + 1));
-    EXPECT_EQ(store.left_in_piece(memory.data() + kPiece - 8), 8);
+    EXPECT_EQ(store.left_in_block(memory.data() + kBlock - 8), 8);
     ASSERT_EQ(machine.pinned.size(), 6U);
     Offset at = 0;
     for (const auto& [begin, bytes] : machine.pinned) {
@@ -71,29 +71,29 @@ TEST(PinnedStore, GoesFromTheEndToTheBeginningAndReleasesAll) {
 }
 
 TEST(PinnedStore, TheLimitAndARefusalEndIt) {
-  constexpr Offset kBytes = 6 * kPiece;
+  constexpr Offset kBytes = 6 * kBlock;
   std::vector<std::byte> memory(kBytes);
   {
     Machine machine;
-    PinnedStore store(memory.data(), kBytes, 3 * kPiece + kPiece / 2, kPiece, machine.calls());
+    PinnedStore store(memory.data(), kBytes, 3 * kBlock + kBlock / 2, kBlock, machine.calls());
     store.start();
-    ASSERT_TRUE(wait_for(store, 3 * kPiece));
-    EXPECT_TRUE(store.holds(memory.data() + 3 * kPiece, 3 * kPiece));
-    EXPECT_FALSE(store.holds(memory.data() + 3 * kPiece - 1, 2));
+    ASSERT_TRUE(wait_for(store, 3 * kBlock));
+    EXPECT_TRUE(store.holds(memory.data() + 3 * kBlock, 3 * kBlock));
+    EXPECT_FALSE(store.holds(memory.data() + 3 * kBlock - 1, 2));
   }
   {
     Machine machine;
     machine.refuse = 3;
-    PinnedStore store(memory.data(), kBytes, kBytes, kPiece, machine.calls());
+    PinnedStore store(memory.data(), kBytes, kBytes, kBlock, machine.calls());
     store.start();
-    ASSERT_TRUE(wait_for(store, 2 * kPiece));
+    ASSERT_TRUE(wait_for(store, 2 * kBlock));
     for (int k = 0; k < 2000 && machine.requests < 3; ++k) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
     EXPECT_EQ(machine.requests, 3) << "asked again after a refusal";
   }
   {
     Machine machine;
-    PinnedStore store(memory.data(), kBytes, 0, kPiece, machine.calls());
+    PinnedStore store(memory.data(), kBytes, 0, kBlock, machine.calls());
     store.start();
     EXPECT_FALSE(machine.entered) << "nothing may be pinned";
   }

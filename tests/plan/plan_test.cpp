@@ -80,7 +80,7 @@ Dense gathered(const Plan& p, const MatrixView& a) {
           EXPECT_EQ(p.entry_ptr[tile], p.entry_ptr[tile + 1]) << "a whole front has all entries at its first tile";
         }
         for (Offset q = p.entry_ptr[tile]; q < p.entry_ptr[tile + 1]; ++q) {
-          const Entry& e = p.entries[q];
+          const EntryPlace& e = p.entries[q];
           EXPECT_LT(e.row(), p.whole[f] ? l.rows : l.width(i));
           EXPECT_LT(e.col(), p.whole[f] ? l.pivots : l.width(j));
           if (!p.whole[f]) {
@@ -390,7 +390,7 @@ TEST(Plan, TilesWiderThanAnEntryCanSayAreRefused) {
   // The widest that is accepted is rounded up to whole panels; the last row of such a tile still fits an entry.
   o.tiles.max_block_size = 2047;
   const Index widest = cut_front(5000, 5000, o.tiles).pivot_width;
-  const Entry last((Offset{1} << 40) - 1, widest - 1, widest - 1, true);
+  const EntryPlace last((Offset{1} << 40) - 1, widest - 1, widest - 1, true);
   EXPECT_EQ(last.row(), widest - 1);
   EXPECT_EQ(last.col(), widest - 1);
   EXPECT_EQ(last.source(), (Offset{1} << 40) - 1);

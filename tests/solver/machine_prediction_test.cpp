@@ -14,7 +14,7 @@
 #include "matrix/generators/generate.hpp"
 #include "places.hpp"
 #include "plan/front_cost.hpp"
-#include "solver/equations.hpp"
+#include "solver/prepared_matrix.hpp"
 
 namespace espalier::solver {
 namespace {
@@ -32,12 +32,12 @@ Case analyzed(const std::string& system, base::ThreadPool& pool) {
   const SparseMatrix a = matrix::generate(matrix::parse_generator(words), &pool);
   Case c;
   c.kind = choose_kind(a, Kind::automatic, pool);
-  Equations equations = copy_equations(a, c.kind, pool);
-  scale_and_match(equations, c.kind, Options{}, pool);
+  PreparedMatrix prepared = prepare_matrix(a, c.kind, pool);
+  scale_and_match(prepared, c.kind, Options{}, pool);
   analysis::TreeOptions options;
-  options.pair = equations.pair;
-  options.zero_diagonal = equations.zero_diagonal;
-  c.tree = analysis::build_tree(analysis::graph_of(equations.a, pool, equations.row_of_col), options, pool);
+  options.pair = prepared.pair;
+  options.zero_diagonal = prepared.zero_diagonal;
+  c.tree = analysis::build_tree(analysis::graph_of(prepared.a, pool, prepared.row_of_col), options, pool);
   return c;
 }
 

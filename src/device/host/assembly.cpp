@@ -61,7 +61,8 @@ void add_contribution(const plan::Plan& plan, Index child, const T* source, cons
 }
 
 template <class T>
-void add_entries(std::span<const plan::Entry> entries, std::span<const T> values, T* c, Offset ld, EntryPart part) {
+void add_entries(std::span<const plan::EntryPlace> entries, std::span<const T> values, T* c, Offset ld,
+                 EntryPart part) {
   // The values of a tile lie scattered over the caller's array: their cache lines are asked for ahead of their use.
   constexpr std::size_t kAhead = 24;
   const auto prefetch = [&](std::size_t k) {
@@ -72,7 +73,7 @@ void add_entries(std::span<const plan::Entry> entries, std::span<const T> values
   const bool transposed = part == EntryPart::transposed;
   for (std::size_t k = 0; k < entries.size(); ++k) {
     prefetch(k);
-    const plan::Entry& e = entries[k];
+    const plan::EntryPlace& e = entries[k];
     const T value = values[static_cast<std::size_t>(e.source())];
     if (square)
       c[e.transposed() ? e.row() * ld + e.col() : e.col() * ld + e.row()] += value;
@@ -85,7 +86,7 @@ template void add_contribution(const plan::Plan&, Index, const double*, const Pa
                                ColumnRange);
 template void add_contribution(const plan::Plan&, Index, const float*, const Part<float>&, bool, std::vector<Run>&,
                                ColumnRange);
-template void add_entries(std::span<const plan::Entry>, std::span<const double>, double*, Offset, EntryPart);
-template void add_entries(std::span<const plan::Entry>, std::span<const float>, float*, Offset, EntryPart);
+template void add_entries(std::span<const plan::EntryPlace>, std::span<const double>, double*, Offset, EntryPart);
+template void add_entries(std::span<const plan::EntryPlace>, std::span<const float>, float*, Offset, EntryPart);
 
 }  // namespace espalier::device::host

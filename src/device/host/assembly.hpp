@@ -36,6 +36,6 @@ void add_contribution(const plan::Plan& plan, Index child, const T* source, cons
 /// transposed entries, its L part the others; a square part (diagonal tile or whole front) takes both.
 enum class EntryPart { lower, transposed, square };
 template <class T>
-void add_entries(std::span<const plan::Entry> entries, std::span<const T> values, T* c, Offset ld, EntryPart part);
+void add_entries(std::span<const plan::EntryPlace> entries, std::span<const T> values, T* c, Offset ld, EntryPart part);
 
 }  // namespace espalier::device::host

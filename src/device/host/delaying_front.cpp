@@ -151,7 +151,7 @@ void DelayingFront::update(Index width) {
                     right_.data() + begin * width, c + begin, ld_);
   };
   const Offset below = rows_ - first_;
-  if (pool_ != nullptr && below > 4 * kColumns) return pool_->for_each_piece(below, kColumns, some_columns);
+  if (pool_ != nullptr && below > 4 * kColumns) return pool_->for_each_range(below, kColumns, some_columns);
   for (Offset begin = 0; begin < below; begin += kColumns) some_columns(begin, std::min(below, begin + kColumns));
 }
 

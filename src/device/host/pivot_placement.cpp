@@ -127,7 +127,7 @@ void Placement::add_entries(Worker& w, Index f, Index arrived) const {
   const auto add_tile = [&](Offset tile, Index row_begin, Index col_begin) {
     for (Offset k = plan_.entry_ptr[plan_.first_tile[f] + tile]; k < plan_.entry_ptr[plan_.first_tile[f] + tile + 1];
          ++k) {
-      const plan::Entry& e = plan_.entries[k];
+      const plan::EntryPlace& e = plan_.entries[k];
       const Index row = place(row_begin + e.row()), col = place(col_begin + e.col());
       const double value = job_.values[at(e.source())];
       w.front.add(e.transposed() ? col : row, e.transposed() ? row : col, value);

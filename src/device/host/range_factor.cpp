@@ -43,7 +43,7 @@ class WholeFront {
   void assemble() {
     std::memset(w_.c.data(), 0, static_cast<std::size_t>(ld_ * m_) * sizeof(T));
     const Offset tile = plan_.first_tile[f_];
-    const std::span<const plan::Entry> entries(
+    const std::span<const plan::EntryPlace> entries(
         plan_.entries.data() + plan_.entry_ptr[tile],
         static_cast<std::size_t>(plan_.entry_ptr[plan_.first_tile[f_ + 1]] - plan_.entry_ptr[tile]));
     add_entries(entries, s_.values, w_.c.data(), ld_, EntryPart::square);

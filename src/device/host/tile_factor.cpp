@@ -81,8 +81,9 @@ class TileTask {
     std::memset(c_, 0, size);
     if (two_parts()) std::memset(c2_, 0, size);
     const Offset me = number(i_, j_);
-    const std::span<const plan::Entry> entries(plan_.entries.data() + plan_.entry_ptr[me],
-                                               static_cast<std::size_t>(plan_.entry_ptr[me + 1] - plan_.entry_ptr[me]));
+    const std::span<const plan::EntryPlace> entries(
+        plan_.entries.data() + plan_.entry_ptr[me],
+        static_cast<std::size_t>(plan_.entry_ptr[me + 1] - plan_.entry_ptr[me]));
     if (!entries.empty()) {
       add_entries(entries, s_.values, c_, ld_, lu_ && i_ == j_ ? EntryPart::square : EntryPart::lower);
       if (two_parts()) add_entries(entries, s_.values, c2_, ld_, EntryPart::transposed);

@@ -75,7 +75,7 @@ class ReferenceExecutor final : public Executor<T> {
   void add_entries(DenseFront<T>& front, Offset first_tile, Offset end_tile, Index row, Index col,
                    std::span<const T> values) {
     for (Offset q = plan_.entry_ptr[first_tile]; q < plan_.entry_ptr[end_tile]; ++q) {
-      const plan::Entry& e = plan_.entries[static_cast<std::size_t>(q)];
+      const plan::EntryPlace& e = plan_.entries[static_cast<std::size_t>(q)];
       Index i = row + e.row(), j = col + e.col();
       if (e.transposed()) std::swap(i, j);
       const T value = values[static_cast<std::size_t>(e.source())];

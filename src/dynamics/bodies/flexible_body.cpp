@@ -10,7 +10,7 @@
 namespace espalier::dynamics {
 namespace {
 
-constexpr std::int64_t kPiece = 2048;  // vertices per piece of a threaded loop over vertices
+constexpr std::int64_t kVerticesPerRange = 2048;  // vertices per range of a threaded loop over vertices
 
 using base::Stopwatch;
 
@@ -165,7 +165,7 @@ void FlexibleBody::add_inertia(const double* a, const double* v, double* f) cons
   if (pool_ == nullptr)
     body(0, assembly_.vertices());
   else
-    pool_->for_each_piece(assembly_.vertices(), kPiece, body);
+    pool_->for_each_range(assembly_.vertices(), kVerticesPerRange, body);
 }
 
 void FlexibleBody::residual(const StateView& s, Span f) {

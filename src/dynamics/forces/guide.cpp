@@ -13,27 +13,27 @@ namespace espalier::dynamics {
 
 GuidePath::GuidePath(Vec3 start, double direction) : end_(start.x(), start.y(), 0), end_direction_(direction) {}
 
-Vec3 GuidePath::Piece::at(double s) const {
+Vec3 GuidePath::Segment::at(double s) const {
   if (curvature == 0) return start + s * Vec3(std::cos(direction), std::sin(direction), 0);
   const double a = turn(s);
   return start + Vec3(std::sin(a) - std::sin(direction), std::cos(direction) - std::cos(a), 0) / curvature;
 }
 
 void GuidePath::add(double length, double curvature) {
-  const Piece piece{end_, end_direction_, length, curvature};
-  pieces_.push_back(piece);
-  end_ = piece.at(length);
-  end_direction_ = piece.turn(length);
+  const Segment segment{end_, end_direction_, length, curvature};
+  segments_.push_back(segment);
+  end_ = segment.at(length);
+  end_direction_ = segment.turn(length);
 }
 
 double GuidePath::length() const {
   double sum = 0;
-  for (const Piece& p : pieces_) sum += p.length;
+  for (const Segment& p : segments_) sum += p.length;
   return sum;
 }
 
 Vec3 GuidePath::point(double s) const {
-  for (const Piece& p : pieces_) {
+  for (const Segment& p : segments_) {
     if (s <= p.length) return p.at(s);
     s -= p.length;
   }
@@ -51,8 +51,8 @@ GuidePath::Nearest GuidePath::nearest(const Vec3& given) const {
     least = size;
     best = {normal.dot(x - foot), curvature, tangent, normal};
   };
-  for (std::size_t k = 0; k < pieces_.size(); ++k) {
-    const Piece& p = pieces_[k];
+  for (std::size_t k = 0; k < segments_.size(); ++k) {
+    const Segment& p = segments_[k];
     const Vec3 tangent(std::cos(p.direction), std::sin(p.direction), 0);
     double s = tangent.dot(x - p.start);
     if (p.curvature != 0) {
@@ -64,7 +64,7 @@ GuidePath::Nearest GuidePath::nearest(const Vec3& given) const {
       if (s < 0 && -s > 0.5 * (2 * std::numbers::pi / std::abs(p.curvature) - p.length))
         s += 2 * std::numbers::pi / std::abs(p.curvature);
     }
-    const bool first = k == 0 && p.curvature == 0, last = k + 1 == pieces_.size() && p.curvature == 0;
+    const bool first = k == 0 && p.curvature == 0, last = k + 1 == segments_.size() && p.curvature == 0;
     s = std::clamp(s, first ? -std::numeric_limits<double>::max() : 0.0,
                    last ? std::numeric_limits<double>::max() : p.length);
     offer(p.at(s), p.turn(s), p.curvature);

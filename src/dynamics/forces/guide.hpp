@@ -1,5 +1,5 @@
 /// \file
-/// A point that slides along a guide: contact with a path of straight pieces and arcs, by penalty.
+/// A point that slides along a guide: contact with a path of straight segments and arcs, by penalty.
 #pragma once
 
 #include <memory>
@@ -10,8 +10,8 @@
 
 namespace espalier::dynamics {
 
-/// A smooth path in a plane: straight pieces and arcs, each beginning where and in the direction in which its
-/// predecessor ends. Before its first and behind its last piece it goes on straight.
+/// A smooth path in a plane: straight segments and arcs, each beginning where and in the direction in which its
+/// predecessor ends. Before its first and behind its last segment it goes on straight.
 class GuidePath {
  public:
   /// @param start its first point (z is not used) @param direction of its first tangent, radians from x towards y
@@ -30,13 +30,13 @@ class GuidePath {
   [[nodiscard]] double length() const;
 
  private:
-  struct Piece {
+  struct Segment {
     Vec3 start;
     double direction, length, curvature;
     [[nodiscard]] double turn(double s) const { return direction + curvature * s; }
     [[nodiscard]] Vec3 at(double s) const;
   };
-  std::vector<Piece> pieces_;
+  std::vector<Segment> segments_;
   Vec3 end_;
   double end_direction_;
 };

@@ -183,13 +183,15 @@ void BdfIntegrator::measure_blocks() {
   full_residual(trial_, h);
   const std::size_t n = trial_.v.size(), free = u_.size() / std::max<std::size_t>(n, 1),
                     m = (h.size() - n - 2 * free) / 3;
-  const auto piece = [&](std::size_t first, std::size_t count) { return max_norm(ConstSpan(h).subspan(first, count)); };
-  blocks_ = {piece(0, n),
-             piece(n, m),
-             piece(n + m, m),
-             piece(n + 2 * m, m),
-             piece(n + 3 * m, free),
-             piece(n + 3 * m + free, free)};
+  const auto block_norm = [&](std::size_t first, std::size_t count) {
+    return max_norm(ConstSpan(h).subspan(first, count));
+  };
+  blocks_ = {block_norm(0, n),
+             block_norm(n, m),
+             block_norm(n + m, m),
+             block_norm(n + 2 * m, m),
+             block_norm(n + 3 * m, free),
+             block_norm(n + 3 * m + free, free)};
 }
 
 }  // namespace espalier::dynamics

@@ -123,7 +123,7 @@ class Flattener {
   }
 
   /// Calls body(name space) for the one that an entry belongs to.
-  const Labels& space_of(const InpEntry& entry, const Labels& home) const {
+  const Labels& space_of(const InpMember& entry, const Labels& home) const {
     if (entry.instance.empty()) return home;
     const auto found = space_.find(entry.instance);
     if (found == space_.end()) fail(entry.line, fmt::format("instance {} is not defined", entry.instance));
@@ -131,7 +131,7 @@ class Flattener {
   }
 
   /// Resolves one entry to indices, nested sets included.
-  void resolve(const InpEntry& entry, const Labels& home, bool nodes, int depth, std::vector<Index>& out) const {
+  void resolve(const InpMember& entry, const Labels& home, bool nodes, int depth, std::vector<Index>& out) const {
     const char* kind = nodes ? "node" : "element";
     const Labels& space = space_of(entry, home);
     if (entry.name.empty()) return resolve_labels(entry, space, nodes, out);
@@ -142,13 +142,13 @@ class Flattener {
       const auto set = sets.find(entry.name);
       if (set == sets.end()) continue;
       found = true;
-      for (const InpEntry& inner : set->second.entries) resolve(inner, space, nodes, depth + 1, out);
+      for (const InpMember& inner : set->second.entries) resolve(inner, space, nodes, depth + 1, out);
     }
     if (!found) fail(entry.line, fmt::format("{} set {} is not defined", kind, entry.name));
   }
 
   /// The labels of one entry; of a range that goes beyond what is defined, the first that is not ends it.
-  void resolve_labels(const InpEntry& entry, const Labels& space, bool nodes, std::vector<Index>& out) const {
+  void resolve_labels(const InpMember& entry, const Labels& space, bool nodes, std::vector<Index>& out) const {
     for (std::int64_t label = entry.first;; label += entry.step) {
       const Index found = index_of(label, space, nodes);
       if (found < 0) fail(entry.line, fmt::format("{} {} is not defined", nodes ? "node" : "element", label));
@@ -174,7 +174,7 @@ class Flattener {
   }
 
   /// Sets that hold one another, or ranges without end, make members of a few lines.
-  void count_member(const InpEntry& entry) const {
+  void count_member(const InpMember& entry) const {
     constexpr std::size_t kFree = 1000000, kEach = 100;
     if (++members_ > kFree + kEach * (mesh_.nodes.size() + mesh_.element_labels.size()))
       fail(entry.line,
@@ -193,7 +193,7 @@ class Flattener {
       for (const bool nodes : {true, false})
         for (const auto& [key, set] : nodes ? scope->node_sets : scope->element_sets) {
           std::vector<Index> members;
-          for (const InpEntry& entry : set.entries) resolve(entry, space, nodes, 0, members);
+          for (const InpMember& entry : set.entries) resolve(entry, space, nodes, 0, members);
           auto& sets = nodes ? mesh_.node_sets : mesh_.element_sets;
           append(sets[spelling(nodes ? node_names_ : element_names_, set.spelling)], members);
           if (!instance.empty()) append(sets[instance + "." + set.spelling], members);
@@ -206,7 +206,7 @@ class Flattener {
 
   void add_surface(const Labels& space, const InpSet& surface) {
     auto& faces = mesh_.face_sets[surface.spelling];
-    for (const InpEntry& entry : surface.entries) {
+    for (const InpMember& entry : surface.entries) {
       std::vector<Index> elements;
       resolve(entry, space, false, 0, elements);
       for (const Index e : elements) {

@@ -25,7 +25,7 @@ struct InpElement {
 };
 
 /// One entry of a set: labels or the name of another set, perhaps of an instance.
-struct InpEntry {
+struct InpMember {
   std::string instance;  ///< upper case, or empty
   std::string name;      ///< upper case name of a set, or empty
   /// The labels first, first + step ... up to last: more than one of GENERATE. @pre first <= last, step > 0
@@ -36,7 +36,7 @@ struct InpEntry {
 
 struct InpSet {
   std::string spelling;  ///< as first written
-  std::vector<InpEntry> entries;
+  std::vector<InpMember> entries;
 };
 using InpSets = std::map<std::string, InpSet>;  // by upper-case name
 

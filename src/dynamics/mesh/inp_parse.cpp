@@ -211,8 +211,8 @@ class InpParser {
     }
   }
 
-  static InpEntry labels(std::int64_t first, std::int64_t last, const LineReader& reader) {
-    InpEntry e;
+  static InpMember labels(std::int64_t first, std::int64_t last, const LineReader& reader) {
+    InpMember e;
     e.first = first;
     e.last = last;
     e.line = reader.line();
@@ -220,8 +220,8 @@ class InpParser {
   }
 
   /// "12", "SET-1", "PART-1-1.12", "PART-1-1.SET-1"
-  static InpEntry entry(std::string_view field, const std::string& instance, std::int64_t line) {
-    InpEntry e;
+  static InpMember entry(std::string_view field, const std::string& instance, std::int64_t line) {
+    InpMember e;
     e.instance = instance;
     e.line = line;
     std::string text = upper(unquoted(field));
@@ -248,7 +248,7 @@ class InpParser {
         Fields ahead = fields;
         const std::int64_t by = ahead.next(field) && !field.empty() ? fields.integer("increment") : 1;
         if (by <= 0 || to < from) reader.fail(fmt::format("GENERATE from {} to {} by {} makes no set", from, to, by));
-        InpEntry& e = target.entries.emplace_back(labels(from, to, reader));
+        InpMember& e = target.entries.emplace_back(labels(from, to, reader));
         e.instance = instance;
         e.step = by;
         continue;
@@ -266,7 +266,7 @@ class InpParser {
     while (data(reader, line)) {
       Fields fields(reader, line, ',');
       if (!fields.next(field) || field.empty()) continue;
-      InpEntry e = entry(field, upper(k.get("INSTANCE")), reader.line());
+      InpMember e = entry(field, upper(k.get("INSTANCE")), reader.line());
       if (!fields.next(field) || field.size() != 2 || std::toupper(field[0]) != 'S' || field[1] < '1' || field[1] > '6')
         continue;  // sides of shells, free surfaces: no faces of solids
       e.face = field[1] - '1';

@@ -24,8 +24,8 @@ void check(const RotorShape& s) {
         "0 < blade_fraction < 1 and 0 <= blade_taper < 1");
 }
 
-/// Angular pieces of the rotor: a blade's foot, then the gap to the next, for every blade.
-struct Piece {
+/// Angular sectors of the rotor: a blade's foot, then the gap to the next, for every blade.
+struct Sector {
   double from, to;
   int n;
   bool blade;
@@ -40,8 +40,8 @@ class Rotor {
     const int n_foot = divisions(foot * s_.disc_radius, 2 * h),
               n_gap = divisions((sector - foot) * s_.disc_radius, 2 * h);
     for (int k = 0; k < s_.blades; ++k) {
-      pieces_.push_back({k * sector - 0.5 * foot, k * sector + 0.5 * foot, n_foot, true});
-      pieces_.push_back({k * sector + 0.5 * foot, (k + 1) * sector - 0.5 * foot, n_gap, false});
+      sectors_.push_back({k * sector - 0.5 * foot, k * sector + 0.5 * foot, n_foot, true});
+      sectors_.push_back({k * sector + 0.5 * foot, (k + 1) * sector - 0.5 * foot, n_gap, false});
     }
   }
 
@@ -54,10 +54,10 @@ class Rotor {
       if (k == 0) sides.insert(sides.end(), {{BlockSide::u1, "bearing_left"}, {BlockSide::w0, "end_left"}});
       if (k == 4) sides.insert(sides.end(), {{BlockSide::u1, "bearing_right"}, {BlockSide::w1, "end_right"}});
       const int nz = k == 2 ? n_disc : divisions(z[k + 1] - z[k], 1.5 * h_);
-      for (const Piece& p : pieces_)
+      for (const Sector& p : sectors_)
         ring(p, s_.bore_radius, s_.shaft_radius, {z[k] - middle, z[k + 1] - middle, nz}, "shaft", sides);
     }
-    for (const Piece& p : pieces_) {
+    for (const Sector& p : sectors_) {
       ring(p, s_.shaft_radius, s_.disc_radius, {-half, half, n_disc}, "disc", {});
       if (p.blade) blade(p, n_disc);
     }
@@ -69,7 +69,7 @@ class Rotor {
     return std::min({s_.bore_radius, s_.shaft_radius - s_.bore_radius, s_.disc_thickness});
   }
 
-  void ring(const Piece& p, double r0, double r1, const Stretch& z, const char* set,
+  void ring(const Sector& p, double r0, double r1, const Stretch& z, const char* set,
             const std::vector<NamedSide>& sides) {
     builder_.add(
         {divisions(r1 - r0, h_), p.n, z.elements},
@@ -81,7 +81,7 @@ class Rotor {
   }
 
   /// The foot is the rim's arc; outwards the section flattens, tapers and twists about the blade's radial axis.
-  void blade(const Piece& p, int n_disc) {
+  void blade(const Sector& p, int n_disc) {
     const double centre = 0.5 * (p.from + p.to), er[2] = {std::cos(centre), std::sin(centre)};
     builder_.add({divisions(s_.tip_radius - s_.disc_radius, h_), p.n, n_disc},
                  [&](double u, double v, double w) {
@@ -100,7 +100,7 @@ class Rotor {
   RotorShape s_;
   double h_;
   BlockBuilder builder_;
-  std::vector<Piece> pieces_;
+  std::vector<Sector> sectors_;
 };
 
 }  // namespace

@@ -174,7 +174,7 @@ class Builder {
       case ForceType::guide: {
         GuideLaw law;
         law.path = GuidePath(f.start, f.direction);
-        for (const GuidePiece& piece : f.pieces) law.path.add(piece.length, piece.curvature);
+        for (const GuideSegment& s : f.segments) law.path.add(s.length, s.curvature);
         law.stiffness = f.stiffness;
         law.damping = f.damping;
         law.friction = f.friction;

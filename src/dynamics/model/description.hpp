@@ -185,7 +185,7 @@ enum class ForceType {
 [[nodiscard]] const std::vector<std::string>& force_type_names();
 
 /// A path in the x-y plane of a frame: straight pieces and arcs, one after the other (see forces/guide.hpp).
-struct GuidePiece {
+struct GuideSegment {
   double length = 0;
   double curvature = 0;  ///< to the left is positive; 0: straight
 };
@@ -207,7 +207,7 @@ struct ForceSpec {
   // Pressure
   std::string body, face;
   // Guide
-  std::vector<GuidePiece> pieces;
+  std::vector<GuideSegment> segments;
   Vec3 start = Vec3::Zero();
   double direction = 0, friction = 0, slip_speed = 0, smoothing = 0;
   bool both_sides = false;

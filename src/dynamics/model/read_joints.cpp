@@ -143,7 +143,7 @@ void read_guide(Section& s, ForceSpec& f) {
     fail(s.place("curvatures"), "'lengths' and 'curvatures' need one number for each piece of the guide");
   for (std::size_t k = 0; k < lengths.size(); ++k) {
     if (!(lengths[k] > 0)) fail(s.place("lengths"), "must be greater than 0");
-    f.pieces.push_back({lengths[k], curvatures[k]});
+    f.segments.push_back({lengths[k], curvatures[k]});
   }
 }
 

@@ -21,7 +21,7 @@ void fail(const Place& place, const std::string& message) {
 }
 
 const Value* Value::find(std::string_view key) const {
-  for (const Entry& entry : entries)
+  for (const KeyValue& entry : entries)
     if (entry.first == key) return &entry.second;
   return nullptr;
 }
@@ -131,7 +131,7 @@ Value& item_of(Value& list, const std::string& key, const Place& place) {
 void give_scope(Value& value, const std::shared_ptr<const Scope>& scope) {
   value.scope = scope;
   for (Value& item : value.items) give_scope(item, scope);
-  for (Entry& entry : value.entries) give_scope(entry.second, scope);
+  for (KeyValue& entry : value.entries) give_scope(entry.second, scope);
 }
 
 }  // namespace

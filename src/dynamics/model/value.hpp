@@ -31,7 +31,7 @@ struct Place {
 /// Names and their numbers, for expressions.
 using Scope = std::map<std::string, double>;
 
-struct Entry;
+struct KeyValue;
 
 /// A value: a scalar, an array or a table. Tables keep the order of the text.
 struct Value {
@@ -43,7 +43,7 @@ struct Value {
   double real = 0;
   std::string text;
   std::vector<Value> items;
-  std::vector<Entry> entries;
+  std::vector<KeyValue> entries;
   Place place;
   std::shared_ptr<const Scope> scope;  ///< names that expressions in this text may use; null until expand()
 
@@ -53,8 +53,8 @@ struct Value {
 };
 
 /// A key and its value.
-struct Entry {
-  Entry(std::string key, Value value) : first(std::move(key)), second(std::move(value)) {}
+struct KeyValue {
+  KeyValue(std::string key, Value value) : first(std::move(key)), second(std::move(value)) {}
   std::string first;
   Value second;
 };

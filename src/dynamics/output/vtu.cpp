@@ -117,8 +117,8 @@ std::string PvdSeries::file_name(int part) const {
   return (pvd.parent_path() / fmt::format("{}_{}_{:06}.vtu", pvd.stem().string(), part, number)).string();
 }
 
-std::vector<PvdSeries::Entry> PvdSeries::listed() const {
-  std::vector<Entry> result;
+std::vector<PvdSeries::DataSet> PvdSeries::listed() const {
+  std::vector<DataSet> result;
   std::ifstream in(path_);
   std::string line;
   while (std::getline(in, line)) {
@@ -130,14 +130,14 @@ std::vector<PvdSeries::Entry> PvdSeries::listed() const {
       return line.substr(from + name.size() + 2, to - from - name.size() - 2);
     };
     constexpr int kMostParts = 1000000;
-    const Entry entry{std::strtod(attribute("timestep").c_str(), nullptr), std::atoi(attribute("part").c_str()),
-                      attribute("file")};
+    const DataSet entry{std::strtod(attribute("timestep").c_str(), nullptr), std::atoi(attribute("part").c_str()),
+                        attribute("file")};
     if (entry.part >= 0 && entry.part < kMostParts) result.push_back(entry);
   }
   return result;
 }
 
-void PvdSeries::remove_file(const Entry& entry) const {
+void PvdSeries::remove_file(const DataSet& entry) const {
   const std::filesystem::path pvd(path_);
   const std::string begin = fmt::format("{}_{}_", pvd.stem().string(), entry.part), end = ".vtu";
   const std::string& name = entry.file;
@@ -150,40 +150,40 @@ void PvdSeries::remove_file(const Entry& entry) const {
 
 void PvdSeries::begin_anew() {
   try {
-    for (const Entry& entry : listed()) remove_file(entry);
+    for (const DataSet& entry : listed()) remove_file(entry);
   } catch (const Error&) {  // somebody else's file, which is about to be replaced
   }
 }
 
 std::optional<double> PvdSeries::resume(double t) {
-  for (const Entry& entry : listed()) {
+  for (const DataSet& entry : listed()) {
     if (!(entry.t <= t)) {
       later_.push_back(entry);
       continue;
     }
-    entries_.push_back(entry);
+    data_sets_.push_back(entry);
     const auto part = static_cast<std::size_t>(entry.part);
     if (next_.size() <= part) next_.resize(part + 1, 0);
     ++next_[part];
   }
-  return entries_.empty() ? std::nullopt : std::optional(entries_.back().t);
+  return data_sets_.empty() ? std::nullopt : std::optional(data_sets_.back().t);
 }
 
 void PvdSeries::add(double t, int part) {
   if (part < 0) throw std::invalid_argument(fmt::format("PvdSeries::add: part {} is negative", part));
-  entries_.push_back({t, part, std::filesystem::path(file_name(part)).filename().string()});
+  data_sets_.push_back({t, part, std::filesystem::path(file_name(part)).filename().string()});
   if (next_.size() <= static_cast<std::size_t>(part)) next_.resize(static_cast<std::size_t>(part) + 1, 0);
   ++next_[static_cast<std::size_t>(part)];
-  std::erase_if(later_, [&](const Entry& e) { return e.t <= t || e.file == entries_.back().file; });
+  std::erase_if(later_, [&](const DataSet& e) { return e.t <= t || e.file == data_sets_.back().file; });
   write();
 }
 
 void PvdSeries::finish() {
   if (later_.empty()) return;
-  const std::vector<Entry> stale = std::move(later_);
+  const std::vector<DataSet> stale = std::move(later_);
   later_.clear();
   write();
-  for (const Entry& entry : stale) remove_file(entry);
+  for (const DataSet& entry : stale) remove_file(entry);
 }
 
 void PvdSeries::write() const {
@@ -191,8 +191,8 @@ void PvdSeries::write() const {
   file.write(
       "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n"
       "  <Collection>\n");
-  for (const auto* list : {&entries_, &later_})
-    for (const Entry& e : *list)
+  for (const auto* list : {&data_sets_, &later_})
+    for (const DataSet& e : *list)
       file.write(fmt::format("    <DataSet timestep=\"{}\" part=\"{}\" file=\"{}\"/>\n", e.t, e.part, escaped(e.file)));
   file.write("  </Collection>\n</VTKFile>\n");
   file.commit();

@@ -61,19 +61,19 @@ class PvdSeries {
   void finish();
 
  private:
-  struct Entry {
+  struct DataSet {
     double t;
     int part;
     std::string file;
   };
-  [[nodiscard]] std::vector<Entry> listed() const;
-  void remove_file(const Entry& entry) const;
+  [[nodiscard]] std::vector<DataSet> listed() const;
+  void remove_file(const DataSet& entry) const;
   void write() const;
 
   std::string path_;
-  std::vector<Entry> entries_;
-  std::vector<Entry> later_;  // of an earlier run, behind the time that this one has reached
-  std::vector<int> next_;     // next number of every part
+  std::vector<DataSet> data_sets_;
+  std::vector<DataSet> later_;  // of an earlier run, behind the time that this one has reached
+  std::vector<int> next_;       // next number of every part
 };
 
 }  // namespace espalier::dynamics

@@ -21,10 +21,10 @@ Offset values_of(const plan::Plan& plan, base::ThreadPool* pool) {
     while (most > known && !values.compare_exchange_weak(known, most)) {
     }
   };
-  constexpr std::int64_t kEntries = 1 << 18;  // per piece of work
+  constexpr std::int64_t kEntries = 1 << 18;  // per range of work
   const auto count = static_cast<std::int64_t>(plan.entries.size());
   if (pool != nullptr)
-    pool->for_each_piece(count, kEntries, look);
+    pool->for_each_range(count, kEntries, look);
   else
     look(0, count);
   return values;

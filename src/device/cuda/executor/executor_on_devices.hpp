@@ -12,7 +12,7 @@
 #include <tuple>
 
 #include "base/timeline.hpp"
-#include "device/cuda/executor/device_equations.hpp"
+#include "device/cuda/executor/device_linear_system.hpp"
 #include "device/cuda/executor/device_side.hpp"
 
 namespace espalier::device::cuda {
@@ -83,8 +83,9 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     return most;
   }
   [[nodiscard]] std::vector<DeviceWork> device_work() const override { return work_; }
-  std::unique_ptr<DeviceEquations> make_equations(const EquationArrays& arrays, Offset memory_bytes) override {
-    return make_device_equations<T>(arrays, *this, devices_.front(), memory_bytes);
+  std::unique_ptr<DeviceLinearSystem> make_linear_system(const LinearSystemArrays& arrays,
+                                                         Offset memory_bytes) override {
+    return make_device_linear_system<T>(arrays, *this, devices_.front(), memory_bytes);
   }
 
  private:

@@ -1,5 +1,5 @@
 /// \file
-/// Gathering: the entries of A and the children's contributions that belong to a piece of a front, into a column-major
+/// Gathering: the entries of A and the children's contributions that belong to a part of a front, into a column-major
 /// tile in shared memory. Every element is summed in a fixed order: entries, then children as listed.
 #pragma once
 
@@ -57,7 +57,7 @@ __device__ void add_entries_of_tile(const FactorState<T>& s, const Front& f, con
 }
 
 /// Rows [r0, r1) and columns [c0, c1) of a child's contribution (0-based among its rows below).
-struct Piece {
+struct Overlap {
   int child;
   int r0, r1, c0, c1;
 };
@@ -70,17 +70,17 @@ struct Source {
   std::int64_t rows;  ///< place of its first row below in FactorState::relative
   int shift;          ///< log2 of the width of its tile columns
   int ld;             ///< Front::below_ld
-  int placed;         ///< 1: it does not lie in one piece, see Front::place()
+  int placed;         ///< 1: it does not lie contiguously, see Front::place()
 };
 
-/// use(piece, number, source) for every child that has a part in the target, in order; every warp finds the same.
+/// use(overlap, number, source) for every child that has a part in the target, in order; every warp finds the same.
 /// Sources are looked up only where wanted, for up to 32 children at a time, so that their way through memory is waited
 /// for once and not by every child.
 template <bool Sources, class T, class Use>
-__device__ inline void for_each_piece(const FactorState<T>& s, const Front& f, const Target<T>& x, Use&& use) {
+__device__ inline void for_each_overlap(const FactorState<T>& s, const Front& f, const Target<T>& x, Use&& use) {
   const int lane = static_cast<int>(threadIdx.x) & 31;
   for (int base = f.link_begin; base < f.link_end; base += 32) {
-    Piece mine{};
+    Overlap mine{};
     Source<T> source{};
     if (base + lane < f.link_end) {
       const Link link = s.links[base + lane];
@@ -100,7 +100,7 @@ __device__ inline void for_each_piece(const FactorState<T>& s, const Front& f, c
     unsigned mask = __ballot_sync(0xffffffffu, mine.r0 < mine.r1 && mine.c0 < mine.c1);
     for (; mask != 0; mask &= mask - 1) {
       const int k = __ffs(static_cast<int>(mask)) - 1;
-      Piece p;
+      Overlap p;
       p.child = __shfl_sync(0xffffffffu, mine.child, k);
       p.r0 = __shfl_sync(0xffffffffu, mine.r0, k);
       p.r1 = __shfl_sync(0xffffffffu, mine.r1, k);
@@ -123,31 +123,31 @@ __device__ inline void for_each_piece(const FactorState<T>& s, const Front& f, c
   }
 }
 
-/// Adds a piece of the array `from` (only r >= c, or r > c for the strict part). A warp owns the target columns with
+/// Adds an overlap of the array `from` (only r >= c, or r > c for the strict part). A warp owns the target columns with
 /// its number modulo four (target rows where transposed). places: where the tile columns of the array begin, if it does
-/// not lie in one piece; else null.
+/// not lie contiguously; else null.
 template <class T>
-__device__ void add_piece(const FactorState<T>& s, const Front& f, const Target<T>& x, const Piece& piece,
-                          const Source<T>& source, const T* from, T* const* places, bool transposed, bool strict) {
+__device__ void add_overlap(const FactorState<T>& s, const Front& f, const Target<T>& x, const Overlap& overlap,
+                            const Source<T>& source, const T* from, T* const* places, bool transposed, bool strict) {
   const std::int32_t* map = s.relative + source.rows;
   const int shift = source.shift, child_ld = source.ld;
   const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31;
   const int row_step = transposed ? x.ld : 1, col_step = transposed ? 1 : x.ld;
-  for (int rb = piece.r0; rb < piece.r1; rb += 128) {
+  for (int rb = overlap.r0; rb < overlap.r1; rb += 128) {
     int row[4];
 #pragma unroll
     for (int u = 0; u < 4; ++u) {
       const int r = rb + lane + 32 * u;
-      const int to = r < piece.r1 ? map[r] : 0;
+      const int to = r < overlap.r1 ? map[r] : 0;
       row[u] = (to - x.row0 + (to >= f.pivots ? x.gap : 0)) * row_step;
     }
-    for (int cb = piece.c0; cb < piece.c1; cb += 32) {
+    for (int cb = overlap.c0; cb < overlap.c1; cb += 32) {
       // Lane k prepares column cb + k: where it goes, and where its element of row 0 would stand.
       int col = 0;
       const T* column = from;
       bool mine = false;
       const int c = cb + lane;
-      if (c < piece.c1) {
+      if (c < overlap.c1) {
         const int to = map[c];
         col = to - x.col0 + (to >= f.pivots ? x.gap : 0);
         mine = (col & 3) == warp;
@@ -167,13 +167,13 @@ __device__ void add_piece(const FactorState<T>& s, const Front& f, const Target<
           const int bit = mask != 0 ? __ffs(static_cast<int>(mask)) - 1 : 0;
           const bool any = mask != 0;
           place[k] = __shfl_sync(0xffffffffu, col, bit) * col_step;
-          lowest[k] = any ? cb + bit + (strict ? 1 : 0) : piece.r1;
+          lowest[k] = any ? cb + bit + (strict ? 1 : 0) : overlap.r1;
           const T* at =
               reinterpret_cast<const T*>(__shfl_sync(0xffffffffu, reinterpret_cast<unsigned long long>(column), bit));
 #pragma unroll
           for (int u = 0; u < 4; ++u) {
             const int r = rb + lane + 32 * u;
-            v[k][u] = r < piece.r1 && r >= lowest[k] ? at[r] : T(0);
+            v[k][u] = r < overlap.r1 && r >= lowest[k] ? at[r] : T(0);
           }
           mask &= mask - 1;
         }
@@ -182,7 +182,7 @@ __device__ void add_piece(const FactorState<T>& s, const Front& f, const Target<
 #pragma unroll
           for (int u = 0; u < 4; ++u) {
             const int r = rb + lane + 32 * u;
-            if (r < piece.r1 && r >= lowest[k]) x.to[place[k] + row[u]] += v[k][u];
+            if (r < overlap.r1 && r >= lowest[k]) x.to[place[k] + row[u]] += v[k][u];
           }
       }
     }
@@ -191,21 +191,21 @@ __device__ void add_piece(const FactorState<T>& s, const Front& f, const Target<
 }
 
 template <class T>
-__device__ inline void add_piece(const FactorState<T>& s, const Front& f, const Target<T>& x, const Piece& piece,
-                                 const T* from, T* const* places, bool transposed, bool strict) {
-  const Front& child = s.fronts[piece.child];
+__device__ inline void add_overlap(const FactorState<T>& s, const Front& f, const Target<T>& x, const Overlap& overlap,
+                                   const T* from, T* const* places, bool transposed, bool strict) {
+  const Front& child = s.fronts[overlap.child];
   const Source<T> source{from, from, child.rows, child.width_log2, child.below_ld, 0};
-  add_piece(s, f, x, piece, source, from, places, transposed, strict);
+  add_overlap(s, f, x, overlap, source, from, places, transposed, strict);
 }
 
-/// Waits until the blocks of the child's contribution that hold the piece are finished; by one warp. @returns
+/// Waits until the blocks of the child's contribution that hold the overlap are finished; by one warp. @returns
 /// nanoseconds that this lane waited
 template <class T>
-__device__ unsigned wait_for_piece(const FactorState<T>& s, const Piece& piece, int part) {
-  const Front& child = s.fronts[piece.child];
-  const int b0 = piece.c0 / child.width, columns = (piece.c1 - 1) / child.width - b0 + 1;
+__device__ unsigned wait_for_overlap(const FactorState<T>& s, const Overlap& overlap, int part) {
+  const Front& child = s.fronts[overlap.child];
+  const int b0 = overlap.c0 / child.width, columns = (overlap.c1 - 1) / child.width - b0 + 1;
   unsigned waited = 0;
-  const int a0 = piece.r0 / kRowBlock, count = columns * ((piece.r1 - 1) / kRowBlock - a0 + 1);
+  const int a0 = overlap.r0 / kRowBlock, count = columns * ((overlap.r1 - 1) / kRowBlock - a0 + 1);
   for (int x = static_cast<int>(threadIdx.x) & 31; x < count; x += 32) {
     const int b = b0 + x % columns, a = a0 + x / columns;
     if ((a + 1) * kRowBlock <= b * child.width) continue;  // above the diagonal: no such task
@@ -221,22 +221,22 @@ template <class T, bool Lu>
 __device__ inline unsigned assemble(const FactorState<T>& s, const Front& f, const Target<T>& x) {
   unsigned waited = 0;
   const int warp = static_cast<int>(threadIdx.x) >> 5;
-  for_each_piece<false>(s, f, x, [&](const Piece& piece, int k, const Source<T>&) {
+  for_each_overlap<false>(s, f, x, [&](const Overlap& overlap, int k, const Source<T>&) {
     if ((k & 3) != warp) return;
-    if (!Lu || x.part == 0 || x.square) waited += wait_for_piece(s, piece, 0);
-    if (Lu && (x.part == 1 || x.square)) waited += wait_for_piece(s, piece, 1);
+    if (!Lu || x.part == 0 || x.square) waited += wait_for_overlap(s, overlap, 0);
+    if (Lu && (x.part == 1 || x.square)) waited += wait_for_overlap(s, overlap, 1);
   });
   if (f.whole)
     add_entries_of_tile(s, f, x, 0, 0);  // all entries of a whole front stand at its first tile
   else if (x.tile_col < f.pivot_tiles)
     for (int i = x.tile_row; i < x.tile_row_end; ++i) add_entries_of_tile(s, f, x, i, x.tile_col);
   __syncthreads();
-  for_each_piece<true>(s, f, x, [&](const Piece& piece, int, const Source<T>& from) {
+  for_each_overlap<true>(s, f, x, [&](const Overlap& overlap, int, const Source<T>& from) {
     const auto places = [&](int part) -> T* const* {
-      return from.placed != 0 ? s.places + s.fronts[piece.child].place(0, part) : nullptr;
+      return from.placed != 0 ? s.places + s.fronts[overlap.child].place(0, part) : nullptr;
     };
-    if (!Lu || x.square || x.part == 0) add_piece(s, f, x, piece, from, from.lower, places(0), false, false);
-    if (Lu && (x.square || x.part == 1)) add_piece(s, f, x, piece, from, from.upper, places(1), x.square, true);
+    if (!Lu || x.square || x.part == 0) add_overlap(s, f, x, overlap, from, from.lower, places(0), false, false);
+    if (Lu && (x.square || x.part == 1)) add_overlap(s, f, x, overlap, from, from.upper, places(1), x.square, true);
   });
   __syncthreads();
   return waited;

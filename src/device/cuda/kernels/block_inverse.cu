@@ -40,14 +40,14 @@ __device__ void read_block(const Front& f, const T* factor, int row, int rows, i
   }
 }
 
-/// Pieces of 16 x 8 of a product of at most kMostJoined rows and columns: a warp has eight of them at most.
+/// Fragments of 16 x 8 of a product of at most kMostJoined rows and columns: a warp has eight of them at most.
 template <class T>
-struct Pieces {
+struct Fragments {
   static constexpr int kMost = kMostJoined / 16 * (kMostJoined / 8) / (kThreads / 32);
   T sum[kMost][4] = {};
   int rows, cols;
 
-  __device__ Pieces(int r, int c) : rows(r), cols(c) {}
+  __device__ Fragments(int r, int c) : rows(r), cols(c) {}
 
   /// use(sums, first row, first column)
   template <class Use>
@@ -78,13 +78,13 @@ __device__ void join(const Front& f, T* factor, int col, int size, int next, T* 
   read_block(f, factor, col, size, col, size, one);  // M1
   read_block(f, factor, row, next, col, size, two);  // L21
   __syncthreads();
-  Pieces<T> z(next, size);
+  Fragments<T> z(next, size);
   z.multiply(two, one, size);
   __syncthreads();
   z.put(T(1), one);                                  // L21 M1
   read_block(f, factor, row, next, row, next, two);  // M2
   __syncthreads();
-  Pieces<T> p(next, size);
+  Fragments<T> p(next, size);
   p.multiply(two, one, next);
   __syncthreads();
   p.put(T(-1), two);

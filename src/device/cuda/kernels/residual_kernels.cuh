@@ -5,7 +5,7 @@
 #pragma once
 
 #include "device/cuda/kernels/block_sums.cuh"
-#include "device/cuda/kernels/equation_pattern.cuh"
+#include "device/cuda/kernels/device_pattern.cuh"
 
 namespace espalier::device::cuda {
 
@@ -99,7 +99,7 @@ __device__ inline void visit_row_together(const DevicePattern& p, Index row, boo
 /// the numbers are. Blocks look before they raise a maximum: atomic operations on one place come one after the other.
 template <int Columns>
 __device__ inline void report_sizes(ResidualSizes& mine, const ResidualJob& job) {
-  constexpr int kNumbers = Columns * ResidualSizes::kCount, kWarps = kEquationThreads / 32;
+  constexpr int kNumbers = Columns * ResidualSizes::kCount, kWarps = kSystemThreads / 32;
   __shared__ double warps[kWarps][kNumbers];
   const int lane = static_cast<int>(threadIdx.x) % 32, warp = static_cast<int>(threadIdx.x) / 32;
 #pragma unroll
@@ -171,7 +171,7 @@ __device__ inline void visit_row_ahead(const DevicePattern& p, Index row, bool t
 /// Columns: 1 or kResidualColumns (of which job.columns are wanted). Batch: of visit_row_ahead(). More blocks on a
 /// multiprocessor by fewer registers (64 instead of 78) make it slower (0.67 instead of 0.62 ms, chain of 400 bodies).
 template <int Columns, int Batch>
-__global__ void __launch_bounds__(kEquationThreads)
+__global__ void __launch_bounds__(kSystemThreads)
     residual_kernel(const DevicePattern p, const __grid_constant__ ResidualJob job) {
   static_assert(Columns == 1 || Columns == kLanes, "a thread of a group has a column");
   if (blockIdx.x == 0 && threadIdx.x == 0) job.clock[1] = nanoseconds_now();
@@ -212,7 +212,7 @@ __global__ void __launch_bounds__(kEquationThreads)
 
 /// packed (n x kResidualColumns, row-major) = job.x; zero where there is no column.
 __global__ void pack_kernel(Index n, const __grid_constant__ ResidualJob job, double* packed) {
-  const Offset at = static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x;
+  const Offset at = static_cast<Offset>(blockIdx.x) * kSystemThreads + threadIdx.x;
   if (at >= static_cast<Offset>(n) * kResidualColumns) return;
   const auto c = static_cast<int>(at % kResidualColumns);
   packed[at] = c < job.columns ? job.x[c][at / kResidualColumns] : 0;

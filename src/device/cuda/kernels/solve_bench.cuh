@@ -107,11 +107,11 @@ struct SolveBench {
 __device__ inline int lane_of_thread() { return static_cast<int>(threadIdx.x) & 31; }
 __device__ inline int warp_of_thread() { return static_cast<int>(threadIdx.x) >> 5; }
 
-/// use(constant N, k) for [first, end) in pieces [k, k + N) of Most, and of 2 and 1 at the end. What a piece loads is
+/// use(constant N, k) for [first, end) unrolled: steps [k, k + N) of Most, then of 2 and 1. What a step loads is
 /// defined on every way to its use: registers that are set under a condition stay taken through the whole loop over
 /// tasks.
 template <int Most, class Use>
-__device__ inline void for_each_piece(int first, int end, Use&& use) {
+__device__ inline void for_each_unrolled(int first, int end, Use&& use) {
   static_assert(Most == 4 || Most == 2);
 #pragma unroll 1
   for (; first + Most <= end; first += Most) use(std::integral_constant<int, Most>{}, first);
@@ -136,7 +136,7 @@ __device__ inline void prefetch(const T* p, int count) {
 template <class T, int N>
 struct FactorPanels {
   static constexpr int kChunks = N;
-  PairOf<T> l[N][2][2] = {};  ///< by chunk, panel, half of a panel; defined from the start: see for_each_piece()
+  PairOf<T> l[N][2][2] = {};  ///< by chunk, panel, half of a panel; defined from the start: see for_each_unrolled()
 
   /// Rows from row + top on of the first `chunks` chunks.
   __device__ FactorPanels(const Front& f, const T* factor, int row, int top, int chunks)

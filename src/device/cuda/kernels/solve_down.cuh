@@ -21,7 +21,7 @@ __device__ inline int position_of_row(const SolveState<T>& s, const Front& f, in
 template <class T, int N>
 struct BelowPanels {
   static constexpr int kPerGroup = kRowBlock / kPanel;
-  PairOf<T> l[N][2] = {};                    ///< defined from the start: see for_each_piece()
+  PairOf<T> l[N][2] = {};                    ///< defined from the start: see for_each_unrolled()
   int panels, parts, warp, part, low, high;  ///< of the rows; of a group; this warp's columns, part, and panels of it
   bool mine;
 
@@ -119,15 +119,15 @@ __device__ void multiply_columns(const BlockView<T>& a, int row, int row_end, in
     const int panels = (row_end - first) / kPanel, half = (panels + 1) / 2;
     const T* from = a.panels(c / kChunk, first) + lane * 2;
     T acc[4] = {};
-    for_each_piece<4>(h * half, h == 0 ? half : panels, [&](auto pieces, int p0) {
-      constexpr int kPieces = decltype(pieces)::value;
-      PairOf<T> l[kPieces][2];
+    for_each_unrolled<4>(h * half, h == 0 ? half : panels, [&](auto unroll, int p0) {
+      constexpr int kUnroll = decltype(unroll)::value;
+      PairOf<T> l[kUnroll][2];
 #pragma unroll
-      for (int p = 0; p < kPieces; ++p)
+      for (int p = 0; p < kUnroll; ++p)
 #pragma unroll
         for (int k = 0; k < 2; ++k) l[p][k] = load_pair(from + (p0 + p) * 128 + k * 64);
 #pragma unroll
-      for (int p = 0; p < kPieces; ++p) {
+      for (int p = 0; p < kUnroll; ++p) {
         const T z = value(first + kPanel * (p0 + p) + g);
         acc[0] += l[p][0].x * z;
         acc[1] += l[p][0].y * z;

@@ -12,7 +12,7 @@ namespace {
 /// N panels of a chunk in registers, on their way to a product with L^T.
 template <class T, int N>
 struct Panels {
-  T operand[N / 2][2][4] = {};  ///< two together; defined from the start: see for_each_piece()
+  T operand[N / 2][2][4] = {};  ///< two together; defined from the start: see for_each_unrolled()
 
   /// Those from `first` on; past `last` the last ones come again. load(pointer): an element.
   template <class Load>
@@ -131,8 +131,8 @@ __device__ void multiply_columns(const BlockView<T>& a, int row, int row_end, in
     const int panels = (row_end - first) / kPanel, half = (panels / 2 + 1) / 2 * 2, end = h == 0 ? half : panels;
     const T* from = a.panels(c / kChunk, first);
     ChunkSums<T, C> sums;
-    for_each_piece<2>(h * half / 2, end / 2, [&](auto pieces, int p) {
-      Panels<T, 2 * decltype(pieces)::value> l;
+    for_each_unrolled<2>(h * half / 2, end / 2, [&](auto unroll, int p) {
+      Panels<T, 2 * decltype(unroll)::value> l;
       l.fetch(from, 2 * p, panels - 1, [](const T* at) { return *at; });
       sums.add(l, first + 2 * p * kPanel, x);
     });

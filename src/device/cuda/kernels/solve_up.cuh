@@ -108,17 +108,17 @@ __device__ void multiply_rows(const BlockView<T>& a, int row, int row_end, int c
     const int r0 = row + p * kPanel, r1 = row + (panels - 1 - p) * kPanel;
     const int end0 = min(col_end, a.row_end(r0)) / kChunk, end1 = min(col_end, a.row_end(r1)) / kChunk;
     T acc[2][2] = {};
-    const auto add = [&](auto pieces, int q, auto one) {  // chunks from q on; one: of the second panel alone
-      constexpr int kPieces = decltype(pieces)::value, kFirst = decltype(one)::value ? 1 : 0;
-      PairOf<T> l[kPieces][2][2];
+    const auto add = [&](auto unroll, int q, auto one) {  // chunks from q on; one: of the second panel alone
+      constexpr int kUnroll = decltype(unroll)::value, kFirst = decltype(one)::value ? 1 : 0;
+      PairOf<T> l[kUnroll][2][2];
 #pragma unroll
-      for (int k = 0; k < kPieces; ++k)
+      for (int k = 0; k < kUnroll; ++k)
 #pragma unroll
         for (int i = kFirst; i < 2; ++i)
 #pragma unroll
           for (int h = 0; h < 2; ++h) l[k][i][h] = load_pair(a.panels(q + k, i == 0 ? r0 : r1) + lane * 2 + h * 64);
 #pragma unroll
-      for (int k = 0; k < kPieces; ++k) {
+      for (int k = 0; k < kUnroll; ++k) {
         const T* y = in + (q + k) * kChunk + t;
 #pragma unroll
         for (int i = kFirst; i < 2; ++i) {
@@ -129,8 +129,8 @@ __device__ void multiply_rows(const BlockView<T>& a, int row, int row_end, int c
         }
       }
     };
-    for_each_piece<2>(col / kChunk, end0, [&](auto pieces, int q) { add(pieces, q, std::false_type{}); });
-    for_each_piece<4>(end0, end1, [&](auto pieces, int q) { add(pieces, q, std::true_type{}); });
+    for_each_unrolled<2>(col / kChunk, end0, [&](auto unroll, int q) { add(unroll, q, std::false_type{}); });
+    for_each_unrolled<4>(end0, end1, [&](auto unroll, int q) { add(unroll, q, std::true_type{}); });
     const T sum = sum_over_columns(acc[0][0] + acc[0][1], acc[1][0] + acc[1][1]);
     if (t < 2) use((t == 0 ? r0 : r1) + g, sum);
   }

@@ -158,15 +158,15 @@ __device__ void multiply_rows(const BlockView<T>& a, int row, int row_end, int c
     if (first + mine >= panels) continue;
     const int r = row + (first + mine) * kPanel, end = min(col_end, a.row_end(r));
     T sum[4] = {};
-    for_each_piece<4>(col / kChunk, end / kChunk, [&](auto pieces, int q) {
-      constexpr int kPieces = decltype(pieces)::value;
-      PairOf<T> l[kPieces][2];
+    for_each_unrolled<4>(col / kChunk, end / kChunk, [&](auto unroll, int q) {
+      constexpr int kUnroll = decltype(unroll)::value;
+      PairOf<T> l[kUnroll][2];
 #pragma unroll
-      for (int k = 0; k < kPieces; ++k)
+      for (int k = 0; k < kUnroll; ++k)
 #pragma unroll
         for (int h = 0; h < 2; ++h) l[k][h] = load_pair(a.panels(q + k, r) + lane * 2 + 64 * h);
 #pragma unroll
-      for (int k = 0; k < kPieces; ++k) {
+      for (int k = 0; k < kUnroll; ++k) {
         T values[8], panel[4];
         load_values<T, C>(values, in.from((q + k) * kChunk));
         order_panel<T>(l[k], panel);

@@ -47,7 +47,7 @@ __device__ void multiply_below(const FactorState<T>& s, const Front& f, T* a, co
   T* low = a + p;
   T* up = a + p * ld;
 #pragma unroll 1
-  for (int y = warp; y < below / 16 * (p / 8); y += kThreads / 32) {  // pieces of 16 x 8
+  for (int y = warp; y < below / 16 * (p / 8); y += kThreads / 32) {  // fragments of 16 x 8
     const int i = 16 * (y / (p / 8)), n = 8 * (y % (p / 8));
     T c[4] = {};
 #pragma unroll 1

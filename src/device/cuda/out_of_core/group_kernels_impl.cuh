@@ -24,11 +24,11 @@ __device__ inline FactorTask begin_task(const FactorState<T>& s, int first, Fron
   return s.tasks[first + static_cast<int>(blockIdx.x)];
 }
 
-/// A child's contribution out of core lies in one piece.
+/// A child's contribution out of core lies contiguously.
 template <class T>
-__device__ inline void add_columns(const FactorState<T>& s, const Front& f, const Target<T>& x, const Piece& piece,
+__device__ inline void add_columns(const FactorState<T>& s, const Front& f, const Target<T>& x, const Overlap& overlap,
                                    const T* from, bool transposed, bool strict) {
-  add_piece(s, f, x, piece, from, static_cast<T* const*>(nullptr), transposed, strict);
+  add_overlap(s, f, x, overlap, from, static_cast<T* const*>(nullptr), transposed, strict);
 }
 
 template <class T, Kind K>
@@ -39,18 +39,18 @@ __global__ void __launch_bounds__(kThreads)
   const FactorTask task = begin_task(s, first, f);
   T* tile = reinterpret_cast<T*>(area);
   const Target<T> x = target_of<T, K>(f, task, tile);
-  Piece piece{};
+  Overlap overlap{};
   if (part.link < 0) {
     if (task.column >= f.pivot_tiles) return;
   } else {
     const Link link = s.links[part.link];
     const std::int32_t* b = s.bounds + link.bound;
-    piece.child = link.child;
-    piece.c0 = max(b[x.tile_col], part.begin);
-    piece.c1 = min(b[x.tile_col_end], part.end);
-    piece.r0 = max(b[x.tile_row], piece.c0);
-    piece.r1 = b[x.tile_row_end];
-    if (piece.c0 >= piece.c1 || piece.r0 >= piece.r1) return;
+    overlap.child = link.child;
+    overlap.c0 = max(b[x.tile_col], part.begin);
+    overlap.c1 = min(b[x.tile_col_end], part.end);
+    overlap.r0 = max(b[x.tile_row], overlap.c0);
+    overlap.r1 = b[x.tile_row_end];
+    if (overlap.c0 >= overlap.c1 || overlap.r0 >= overlap.r1) return;
   }
   zero_area(tile, x.ld * f.width);
   __syncthreads();
@@ -58,10 +58,10 @@ __global__ void __launch_bounds__(kThreads)
     for (int i = x.tile_row; i < x.tile_row_end; ++i) add_entries_of_tile(s, f, x, i, x.tile_col);
   } else {
     const bool lu = K == Kind::lu;
-    if (!lu || x.square || x.part == 0) add_columns(s, f, x, piece, part.lower, false, false);
+    if (!lu || x.square || x.part == 0) add_columns(s, f, x, overlap, part.lower, false, false);
     if (lu && (x.square || x.part == 1)) {
       __syncthreads();
-      add_columns(s, f, x, piece, part.upper, x.square, true);
+      add_columns(s, f, x, overlap, part.upper, x.square, true);
     }
   }
   __syncthreads();

@@ -25,12 +25,12 @@ Offset CudaOutOfCoreLayout<T>::contribution_offset(Index f, Index column) const 
 
 template <class T>
 void CudaOutOfCoreLayout<T>::slab(Index f, Index begin, Index end, Index row,
-                                  std::vector<out_of_core::Piece>& pieces) const {
+                                  std::vector<out_of_core::Extent>& extents) const {
   const Front& x = front(f);
   const int top = x.column_begin(row);
   for (Index j = begin; j < end; ++j)
     for (int q = x.column_begin(j) / kChunk; q < x.column_end(j) / kChunk; ++q)
-      pieces.push_back({x.chunk_offset(q, top), static_cast<Offset>(x.total_pad - top) * kChunk});
+      extents.push_back({x.chunk_offset(q, top), static_cast<Offset>(x.total_pad - top) * kChunk});
 }
 
 template class CudaOutOfCoreLayout<double>;

@@ -35,7 +35,7 @@ class CudaOutOfCoreLayout : public out_of_core::OutOfCoreBackend<T> {
   [[nodiscard]] const plan::ArraySizes& sizes() const override { return sizes_; }
   [[nodiscard]] Offset factor_offset(Index f, Index column) const override;
   [[nodiscard]] Offset contribution_offset(Index f, Index column) const override;
-  void slab(Index f, Index begin, Index end, Index row, std::vector<out_of_core::Piece>& pieces) const override;
+  void slab(Index f, Index begin, Index end, Index row, std::vector<out_of_core::Extent>& extents) const override;
   [[nodiscard]] Offset share_bytes(Index f) const override { return out_of_core_tables().share_bytes(f); }
   [[nodiscard]] Offset table_bytes(const out_of_core::InCoreStep& s) const override {
     return out_of_core_tables().tables(s).bytes;

@@ -11,7 +11,7 @@ namespace {
 
 // A front with a larger factor is worked on by all threads: 4 MiB are some 0.3 ms of one core's memory traffic.
 constexpr Offset kLargeElements = 1 << 19;
-constexpr Index kPanelsPerPiece = 32;
+constexpr Index kPanelsPerRange = 32;
 constexpr int kTogether = 8;  // tile columns between two meetings of all threads
 
 // A panel holds 8 rows of 16 columns; a row's columns stand in two groups of eight, each in this order.
@@ -163,16 +163,16 @@ void StoreSolve<T>::pass(const HostFactors<T>& factors, T* x, Index columns) {
   }
 }
 
-// use(first panel, end) over pieces of `rows` / 8 panels.
+// use(first panel, end) over ranges of `rows` / 8 panels.
 template <class T>
 template <class Use>
 void StoreSolve<T>::over_panels(Index rows, bool all_threads, Use&& use) {
   const Index panels = rows / kPanel;
-  if (!all_threads || panels <= kPanelsPerPiece) {
+  if (!all_threads || panels <= kPanelsPerRange) {
     if (panels > 0) use(0, panels);
     return;
   }
-  pool_.for_each_piece(panels, kPanelsPerPiece,
+  pool_.for_each_range(panels, kPanelsPerRange,
                        [&](std::int64_t b, std::int64_t e) { use(static_cast<Index>(b), static_cast<Index>(e)); });
 }
 
@@ -246,15 +246,15 @@ void StoreSolve<T>::backward(Index f, Index columns, Bench& bench, bool all_thre
   for (Index r = 0; r < x.below; ++r)
     std::copy_n(x_ + static_cast<Offset>(rows[r]) * columns, columns,
                 v + static_cast<Offset>(x.pivot_pad + r) * columns);
-  // Some tile columns together: sums over the rows after them, by pieces whose number does not depend on the threads,
+  // Some tile columns together: sums over the rows after them, by ranges whose number does not depend on the threads,
   // then their own rows.
   const int groups = (x.pivot_tiles + kTogether - 1) / kTogether;
   for (int g = groups - 1; g >= 0; --g) {
     const int first = g * kTogether, last = std::min<int>(first + kTogether, x.pivot_tiles);
     const int begin = x.column_begin(first), end = x.column_end(last - 1);
-    const Index panels = (x.total_pad - end) / kPanel, pieces = (panels + kPanelsPerPiece - 1) / kPanelsPerPiece;
+    const Index panels = (x.total_pad - end) / kPanel, ranges = (panels + kPanelsPerRange - 1) / kPanelsPerRange;
     const Offset each = static_cast<Offset>(end - begin) * columns;
-    bench.y.assign(static_cast<std::size_t>((pieces + 1) * each), T(0));
+    bench.y.assign(static_cast<std::size_t>((ranges + 1) * each), T(0));
     T* const sums = bench.y.data();
     const auto add = [&](int j, Index row, Index count, T* to) {
       const int col = x.column_begin(j);
@@ -262,15 +262,15 @@ void StoreSolve<T>::backward(Index f, Index columns, Bench& bench, bool all_thre
         panels_backward(factor + x.chunk_offset(q / kChunk, row), count, v + static_cast<Offset>(row) * columns,
                         columns, to + static_cast<Offset>(q - begin) * columns);
     };
-    const auto piece = [&](Index k) {
-      const Index b = k * kPanelsPerPiece, e = std::min(panels, b + kPanelsPerPiece);
+    const auto sum_range = [&](Index k) {
+      const Index b = k * kPanelsPerRange, e = std::min(panels, b + kPanelsPerRange);
       for (int j = first; j < last; ++j) add(j, end + b * kPanel, e - b, sums + k * each);
     };
-    if (all_threads && pieces > 1)
-      pool_.for_each_piece(pieces, 1, [&](std::int64_t b, std::int64_t) { piece(static_cast<Index>(b)); });
+    if (all_threads && ranges > 1)
+      pool_.for_each_range(ranges, 1, [&](std::int64_t b, std::int64_t) { sum_range(static_cast<Index>(b)); });
     else
-      for (Index k = 0; k < pieces; ++k) piece(k);
-    T* own_sum = sums + pieces * each;
+      for (Index k = 0; k < ranges; ++k) sum_range(k);
+    T* own_sum = sums + ranges * each;
     for (int j = last - 1; j >= first; --j) {
       const int col = x.column_begin(j), size = x.column_end(j) - col;
       const Offset skip = static_cast<Offset>(col - begin) * columns;
@@ -278,7 +278,7 @@ void StoreSolve<T>::backward(Index f, Index columns, Bench& bench, bool all_thre
       add(j, col + size, (end - col - size) / kPanel, own_sum);
       for (int q = 0; q < size; q += kChunk) {
         const Offset at = skip + static_cast<Offset>(q) * columns;
-        for (Index k = 0; k <= pieces; ++k)
+        for (Index k = 0; k <= ranges; ++k)
           put_chunk(sums + k * each + at, columns, T(-1), vj + static_cast<Offset>(q) * columns);
       }
       std::fill_n(own_sum + skip, static_cast<Offset>(size) * columns, T(0));

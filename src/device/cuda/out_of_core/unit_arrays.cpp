@@ -50,7 +50,7 @@ void UnitArrays::add_entries(const plan::Plan& plan, Offset tile, Offset tiles, 
   const auto so_far = static_cast<std::int64_t>(entries.size());
   for (Offset t = tile; t <= tile + tiles; ++t) entry_ptr.push_back(so_far + plan.entry_ptr[t] - first);
   for (Offset e = first; e < end; ++e) {
-    const plan::Entry& from = plan.entries[static_cast<std::size_t>(e)];
+    const plan::EntryPlace& from = plan.entries[static_cast<std::size_t>(e)];
     entries.emplace_back(so_far + e - first, from.row(), from.col(), from.transposed());
   }
 }

@@ -16,7 +16,7 @@ struct UnitArrays {
   std::vector<Link> links;
   std::vector<std::int32_t> bounds, waits, relative;
   std::vector<std::int64_t> entry_ptr;
-  std::vector<plan::Entry> entries;
+  std::vector<plan::EntryPlace> entries;
 
   void add_task(std::int32_t front, Work work, int part = 0, Index block = 0, Index column = 0);
   /// The tasks of tile column j of front number `front` of the unit, whose shape is `x`.

@@ -1,26 +1,26 @@
 /// \file
-/// Copies between the caller's pageable memory and a GPU, in pieces through two pinned buffers: while one piece is on
-/// the link, the host copies the next one. For this backend alone: needs the CUDA runtime.
+/// Copies between the caller's pageable memory and a GPU through two pinned buffers: while one is on the link, the host
+/// fills the other. For this backend alone: needs the CUDA runtime.
 #pragma once
 
 #include <algorithm>
 #include <memory>
 
 #include "device/cuda/runtime/device_memory.hpp"
-#include "device/device_equations.hpp"
+#include "device/device_linear_system.hpp"
 
 namespace espalier::device::cuda {
 
 class HostLink {
  public:
-  /// @param piece  doubles in each buffer; taken when first needed
-  explicit HostLink(Offset piece) : piece_(piece) {}
+  /// @param buffer_size  doubles in each buffer; taken when first needed
+  explicit HostLink(Offset buffer_size) : buffer_size_(buffer_size) {}
 
   /// Enqueues the copy to the device; `from` may change when it returns.
   void send(double* to, const double* from, Offset count, cudaStream_t stream, const HostCopy& copy) {
     open();
-    for (Offset at = 0; at < count; at += piece_) {
-      const Offset now = std::min(piece_, count - at);
+    for (Offset at = 0; at < count; at += buffer_size_) {
+      const Offset now = std::min(buffer_size_, count - at);
       double* stage = next();
       copy(stage, from + at, now);
       enqueue(to + at, stage, now, cudaMemcpyHostToDevice, stream);
@@ -30,13 +30,13 @@ class HostLink {
   void fetch(double* to, const double* from, Offset count, cudaStream_t stream, const HostCopy& copy) {
     open();
     double* before = nullptr;
-    for (Offset at = 0; at < count; at += piece_) {
+    for (Offset at = 0; at < count; at += buffer_size_) {
       double* stage = next();
-      enqueue(stage, from + at, std::min(piece_, count - at), cudaMemcpyDeviceToHost, stream);
-      if (before != nullptr) take(to + at - piece_, before, piece_, copy);
+      enqueue(stage, from + at, std::min(buffer_size_, count - at), cudaMemcpyDeviceToHost, stream);
+      if (before != nullptr) take(to + at - buffer_size_, before, buffer_size_, copy);
       before = stage;
     }
-    const Offset last = (count - 1) / piece_ * piece_;
+    const Offset last = (count - 1) / buffer_size_ * buffer_size_;
     if (before != nullptr) take(to + last, before, count - last, copy);
   }
 
@@ -49,7 +49,7 @@ class HostLink {
 
   void open() {
     for (auto& half : halves_)
-      if (!half) half = std::make_unique<Half>(piece_);
+      if (!half) half = std::make_unique<Half>(buffer_size_);
   }
   // The buffer that is free, or becomes so first.
   double* next() {
@@ -68,7 +68,7 @@ class HostLink {
     copy(to, stage, count);
   }
 
-  Offset piece_;
+  Offset buffer_size_;
   std::unique_ptr<Half> halves_[2];
   int turn_ = 0;
 };

@@ -53,9 +53,9 @@ class TableUpload {
   }
 
  private:
-  static constexpr Offset kBuffer = Offset{4} << 20;   // bytes; pinning takes 0.4 ms per MiB
-  static constexpr Offset kDirect = Offset{4} << 20;   // smaller tables are not worth the buffers
-  static constexpr Offset kPiece = Offset{256} << 10;  // bytes that one thread fills at a time
+  static constexpr Offset kBuffer = Offset{4} << 20;            // bytes; pinning takes 0.4 ms per MiB
+  static constexpr Offset kDirect = Offset{4} << 20;            // smaller tables are not worth the buffers
+  static constexpr Offset kBytesPerThread = Offset{256} << 10;  // bytes that one thread fills at a time
 
   struct Buffer {
     Buffer() : data(kBuffer) {}
@@ -72,7 +72,7 @@ class TableUpload {
   }
   void fill_by_all(std::byte* stage, Offset first, Offset count, Offset element, const Fill& fill) {
     if (pool_ == nullptr) return fill(stage, first, first + count);
-    pool_->for_each_piece(count, kPiece / element, [&](std::int64_t begin, std::int64_t end) {
+    pool_->for_each_range(count, kBytesPerThread / element, [&](std::int64_t begin, std::int64_t end) {
       fill(stage + begin * element, first + begin, first + end);
     });
   }

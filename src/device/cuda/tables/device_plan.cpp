@@ -16,7 +16,7 @@ namespace {
 
 using plan::Plan;
 
-constexpr std::int64_t kFrontsPerPiece = 512;
+constexpr std::int64_t kFrontsPerRange = 512;
 
 class Builder {
  public:
@@ -47,7 +47,7 @@ class Builder {
   void describe_fronts() {
     const auto& t = plan_.tree;
     d_.fronts.resize(static_cast<std::size_t>(plan_.fronts()));
-    pool_.for_each_piece(plan_.fronts(), kFrontsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+    pool_.for_each_range(plan_.fronts(), kFrontsPerRange, [&](std::int64_t begin, std::int64_t end) {
       for (auto f = static_cast<Index>(begin); f < end; ++f) {
         Front& x = d_.fronts[f];
         x = shape_of(plan_.layout[f], plan_.form(f));
@@ -79,7 +79,7 @@ class Builder {
       x.link_end = static_cast<std::int32_t>(d_.links.size());
     }
     d_.bounds.resize(static_cast<std::size_t>(bounds));
-    pool_.for_each_piece(plan_.fronts(), kFrontsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+    pool_.for_each_range(plan_.fronts(), kFrontsPerRange, [&](std::int64_t begin, std::int64_t end) {
       for (auto f = static_cast<Index>(begin); f < end; ++f)
         for (int l = d_.fronts[f].link_begin; l < d_.fronts[f].link_end; ++l) find_bounds(f, d_.links[l]);
     });

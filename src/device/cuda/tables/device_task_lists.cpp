@@ -15,7 +15,7 @@ using plan::Plan;
 using plan::Task;
 
 constexpr std::int64_t kTasksPerDraw = 1 << 16;  // of the plan's
-constexpr std::size_t kColumnsPerPiece = 256;    // tasks of the plan from which lists of tasks follow
+constexpr std::size_t kColumnsPerRange = 256;    // tasks of the plan from which lists of tasks follow
 
 class TaskLister {
  public:
@@ -23,18 +23,18 @@ class TaskLister {
              base::ThreadPool& pool, DevicePlan& d)
       : plan_(plan), narrow_(narrow), tile_tasks_(kind, order), pool_(pool), d_(d) {}
 
-  // Pieces of the order side by side: first it is counted what each lists, beside what a solve does, then each writes
+  // Ranges of the order side by side: first it is counted what each lists, beside what a solve does, then each writes
   // its tasks to their places.
   void list() {
     find_columns();
-    cut_pieces();
-    pool_.for_each(1 + static_cast<std::int64_t>(pieces_.size()), [&](std::int64_t k) {
+    cut_ranges();
+    pool_.for_each(1 + static_cast<std::int64_t>(ranges_.size()), [&](std::int64_t k) {
       if (k == 0) return list_solve_tasks();
-      count(pieces_[static_cast<std::size_t>(k - 1)]);
+      count(ranges_[static_cast<std::size_t>(k - 1)]);
     });
     take_places();
-    pool_.for_each(static_cast<std::int64_t>(pieces_.size()),
-                   [&](std::int64_t k) { write(pieces_[static_cast<std::size_t>(k)]); });
+    pool_.for_each(static_cast<std::int64_t>(ranges_.size()),
+                   [&](std::int64_t k) { write(ranges_[static_cast<std::size_t>(k)]); });
   }
 
  private:
@@ -48,7 +48,7 @@ class TaskLister {
     std::int64_t at;
   };
   // A task goes to a *unit*: a device's part of the top, or a region from 1 on.
-  struct Piece {
+  struct ColumnRange {
     std::size_t begin, end;  // of columns_
     int phase;
     std::vector<std::int64_t> tasks;  // units: how many, then how many stand before them in the phase
@@ -81,10 +81,10 @@ class TaskLister {
     });
   }
 
-  void cut_pieces() {
+  void cut_ranges() {
     const auto cut = [&](std::size_t begin, std::size_t end, int phase) {
-      for (; begin < end; begin = pieces_.back().end)
-        pieces_.push_back({begin, std::min(end, begin + kColumnsPerPiece), phase, {}});
+      for (; begin < end; begin = ranges_.back().end)
+        ranges_.push_back({begin, std::min(end, begin + kColumnsPerRange), phase, {}});
     };
     cut(0, narrow_columns_, 0);
     cut(narrow_columns_, columns_.size(), 1);
@@ -96,15 +96,15 @@ class TaskLister {
     return static_cast<std::size_t>(plan_.ownership.owner(task.front, task.column));
   }
 
-  void count(Piece& piece) {
-    piece.tasks.assign(units(), 0);
-    for (std::size_t c = piece.begin; c < piece.end; ++c) {
+  void count(ColumnRange& range) {
+    range.tasks.assign(units(), 0);
+    for (std::size_t c = range.begin; c < range.end; ++c) {
       std::int32_t tasks = 0;
       list_column(columns_[c], [&](const FactorTask& task) {
-        ++piece.tasks[unit_of(task)];
+        ++range.tasks[unit_of(task)];
         ++tasks;
       });
-      // Other pieces may have tasks of the front, too.
+      // Other ranges may have tasks of the front, too.
       std::atomic_ref(d_.fronts[columns_[c].front].tasks).fetch_add(tasks, std::memory_order_relaxed);
     }
   }
@@ -113,9 +113,9 @@ class TaskLister {
   void take_places() {
     std::vector<std::int64_t> all[2];
     for (auto& of_phase : all) of_phase.assign(units(), 0);
-    for (Piece& piece : pieces_)
+    for (ColumnRange& range : ranges_)
       for (std::size_t unit = 0; unit < units(); ++unit)
-        all[piece.phase][unit] += std::exchange(piece.tasks[unit], all[piece.phase][unit]);
+        all[range.phase][unit] += std::exchange(range.tasks[unit], all[range.phase][unit]);
     for (auto& of_phase : places_) of_phase.resize(units());
     const std::size_t devices = d_.lists.size();
     for (std::size_t d = 0; d < devices; ++d) {
@@ -141,14 +141,14 @@ class TaskLister {
   }
 
   // To the first list that has the unit; from there to the others.
-  void write(const Piece& piece) {
-    const auto& places = places_[piece.phase];
+  void write(const ColumnRange& range) {
+    const auto& places = places_[range.phase];
     const auto place = [&](std::size_t unit, const Place& p) {
-      return p.list->tasks.data() + p.at + piece.tasks[unit];
+      return p.list->tasks.data() + p.at + range.tasks[unit];
     };
     std::vector<FactorTask*> to;
     for (std::size_t unit = 0; unit < units(); ++unit) to.push_back(place(unit, places[unit].front()));
-    for (std::size_t c = piece.begin; c < piece.end; ++c)
+    for (std::size_t c = range.begin; c < range.end; ++c)
       list_column(columns_[c], [&](const FactorTask& task) { *to[unit_of(task)]++ = task; });
     for (std::size_t unit = 0; unit < units(); ++unit)
       for (std::size_t k = 1; k < places[unit].size(); ++k)
@@ -207,7 +207,7 @@ class TaskLister {
   DevicePlan& d_;
   std::vector<Column> columns_;  // in the order of the plan, those of narrow fronts first
   std::size_t narrow_columns_ = 0;
-  std::vector<Piece> pieces_;                  // of columns_
+  std::vector<ColumnRange> ranges_;            // of columns_
   std::vector<std::vector<Place>> places_[2];  // phases: units: in which lists they are
 };
 

@@ -11,8 +11,8 @@ std::vector<std::vector<std::uint32_t>> needed_values(const plan::Plan& plan, co
   const Offset chunks = (values + kValueChunk - 1) / kValueChunk;
   const std::size_t devices = tables.lists.size();
   std::vector<std::uint16_t> users(static_cast<std::size_t>(chunks), 0);  // bit d: device d
-  constexpr std::int64_t kFronts = 64;                                    // per piece of work
-  threads.for_each_piece(plan.fronts(), kFronts, [&](std::int64_t begin, std::int64_t end) {
+  constexpr std::int64_t kFronts = 64;                                    // per range of work
+  threads.for_each_range(plan.fronts(), kFronts, [&](std::int64_t begin, std::int64_t end) {
     for (auto f = static_cast<Index>(begin); f < end; ++f) {
       const Front& x = tables.fronts[f];
       const bool movable = x.region >= tables.first_stealable;
@@ -27,7 +27,7 @@ std::vector<std::vector<std::uint32_t>> needed_values(const plan::Plan& plan, co
     }
   });
   std::vector<std::vector<std::uint32_t>> needed(devices);
-  threads.for_each_piece(static_cast<std::int64_t>(devices), 1, [&](std::int64_t begin, std::int64_t end) {
+  threads.for_each_range(static_cast<std::int64_t>(devices), 1, [&](std::int64_t begin, std::int64_t end) {
     for (auto d = static_cast<std::size_t>(std::max<std::int64_t>(begin, 1)); d < static_cast<std::size_t>(end); ++d)
       for (Offset c = 0; c < chunks; ++c)
         if ((users[static_cast<std::size_t>(c)] >> d & 1) != 0) needed[d].push_back(static_cast<std::uint32_t>(c));

@@ -6,7 +6,7 @@
 /// into *tile columns* of `width`; the rows of the pivots and the rows below are each cut into *row blocks* of 128. A
 /// task makes the part of one row block that lies in one tile column.
 ///
-/// Fronts belong to *regions* of memory, each of which lies in one piece, on whatever device: the kernels get a table
+/// Fronts belong to *regions* of memory, each of which is contiguous, on whatever device: the kernels get a table
 /// of their bases, and the offsets in a Front count from the base of its region.
 ///
 /// Factor array of a front: tile column j < pivot_tiles holds the rows from its first column's on, height
@@ -75,7 +75,7 @@ struct Front {
   /// In the top of several devices: the front's first entry in the table of places of tile columns below, whose second
   /// half (lu) is for contribution_up; -1: contributions stand in the region.
   std::int32_t first_place = 0;
-  /// Pivot columns whose inverse the solve finds in one piece: `width`, or kRowBlock where inverses of tiles were put
+  /// Pivot columns whose inverse the solve finds joined: `width`, or kRowBlock where inverses of tiles were put
   /// together after the factorization (block_inverse.hpp).
   std::int32_t inverted = 0;
 

@@ -21,7 +21,7 @@ struct TaskOrder {
   /// column begins; else at the head of its own column.
   bool look_ahead = true;
 
-  /// One tile column after another: out of core, where the columns to the left come by in pieces anyway.
+  /// One tile column after another: out of core, where the columns to the left come by in groups anyway.
   static constexpr TaskOrder by_columns(bool look_ahead) {
     return {1, 1 << 24, std::numeric_limits<Index>::max(), look_ahead};
   }

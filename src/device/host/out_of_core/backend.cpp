@@ -59,11 +59,11 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
     const FrontLayout& l = plan_.layout[f];
     return column < l.tiles_below() ? l.contribution_offset(column, column) : sizes_.contribution[f];
   }
-  void slab(Index f, Index begin, Index end, Index row, std::vector<out_of_core::Piece>& pieces) const override {
+  void slab(Index f, Index begin, Index end, Index row, std::vector<out_of_core::Extent>& extents) const override {
     const FrontLayout& l = plan_.layout[f];
     for (Index k = begin; k < end; ++k) {
       const Offset rows = l.padded_begin(l.tiles) - l.padded_begin(row);
-      pieces.push_back({l.tile_offset(row, k), l.width(k) * rows});
+      extents.push_back({l.tile_offset(row, k), l.width(k) * rows});
     }
   }
   [[nodiscard]] Offset share_bytes(Index) const override { return 0; }

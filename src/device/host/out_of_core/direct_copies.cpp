@@ -23,7 +23,7 @@ void PinnedMemory::check(const std::byte* at, Offset bytes) const {
   const std::lock_guard lock(mutex_);
   const auto next = ranges_.upper_bound(at);
   if (next == ranges_.begin() || at + bytes > std::prev(next)->first + std::prev(next)->second)
-    throw std::logic_error("out of core: a copy without the ring outside of one pinned piece");
+    throw std::logic_error("out of core: a copy without the ring outside of one pinned block");
 }
 
 PinnedMemory& pinned_memory() {

@@ -48,8 +48,9 @@ void begin_tile(NumericState<T>& s, Index f, Index i, Index j) {
   std::memset(t.c, 0, bytes);
   if (two) std::memset(t.c2, 0, bytes);
   const Offset me = s.plan.first_tile[f] + t.layout.tile_index(i, j);
-  const std::span<const plan::Entry> entries(s.plan.entries.data() + s.plan.entry_ptr[me],
-                                             static_cast<std::size_t>(s.plan.entry_ptr[me + 1] - s.plan.entry_ptr[me]));
+  const std::span<const plan::EntryPlace> entries(
+      s.plan.entries.data() + s.plan.entry_ptr[me],
+      static_cast<std::size_t>(s.plan.entry_ptr[me + 1] - s.plan.entry_ptr[me]));
   add_entries(entries, s.values, t.c, t.ld, t.lu && i == j ? EntryPart::square : EntryPart::lower);
   if (two) add_entries(entries, s.values, t.c2, t.ld, EntryPart::transposed);
 }

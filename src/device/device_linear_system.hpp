@@ -1,5 +1,5 @@
 /// \file
-/// The optional part of an executor: the equations themselves in the memory of its device, beside their factor. Values
+/// The optional part of an executor: the linear system itself in the memory of its device, beside its factor. Values
 /// are scaled there, right-hand sides permuted, residuals computed in twice the precision; a factorization and a solve
 /// then need no array of the host.
 #pragma once
@@ -19,7 +19,7 @@ using HostCopy = std::function<void(double* to, const double* from, Offset count
 
 /// What the device gets a copy of; but for `values`, the views need not outlive the construction. Empty spans:
 /// identity, ones.
-struct EquationArrays {
+struct LinearSystemArrays {
   MatrixView pattern;  ///< any storage, no duplicates; values are not looked at
   /// Index of the entries by rows: of all (general storage), of those off the diagonal (a triangle), empty (both).
   std::span<const Offset> row_ptr;
@@ -37,11 +37,11 @@ struct EquationArrays {
 /// Pointers are memory of the device unless said otherwise; values are in the order of the pattern, vectors have n
 /// values, several stand one after another. Calls enqueue what they do in one order and return at once, unless they say
 /// that they wait.
-class DeviceEquations : public ResidualSpace {
+class DeviceLinearSystem : public ResidualSpace {
  public:
   /// Takes a copy of new values and scales it for the factorization.
   virtual void take_values(const double* values) = 0;
-  /// The same for the part [first, first + count) of EquationArrays::values; all of them must be sent.
+  /// The same for the part [first, first + count) of LinearSystemArrays::values; all of them must be sent.
   virtual void send_values(Offset first, Offset count) = 0;
   /// Factors the values that were taken or sent last. Waits.
   /// @param smallest_pivot  smaller ones are replaced; relative to the largest scaled entry

@@ -1,5 +1,5 @@
 /// \file
-/// The pattern of the equations on the device, and how the threads of a group walk along a row. Eight share one.
+/// The pattern of the matrix on the device, and how the threads of a group walk along a row. Eight share one.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace espalier::device::cuda {
 
-/// The pattern, its index by rows and its values; see EquationArrays.
+/// The pattern, its index by rows and its values; see LinearSystemArrays.
 struct DevicePattern {
   const Offset* col_ptr;
   const Index* row_ind;
@@ -20,9 +20,9 @@ struct DevicePattern {
   bool general;
 };
 
-constexpr int kLanes = 8;                                ///< threads of a row
-constexpr int kEquationThreads = 256;                    ///< of a block
-constexpr int kRowsOfBlock = kEquationThreads / kLanes;  ///< that it has at a time
+constexpr int kLanes = 8;                              ///< threads of a row
+constexpr int kSystemThreads = 256;                    ///< of a block
+constexpr int kRowsOfBlock = kSystemThreads / kLanes;  ///< that it has at a time
 
 /// Sum over the lanes of a row, in a fixed order; every lane gets it.
 __device__ inline double sum_lanes(double x) {

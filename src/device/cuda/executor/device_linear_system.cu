@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
-#include "device/cuda/executor/device_equations.hpp"
+#include "device/cuda/executor/device_linear_system.hpp"
 #include "device/cuda/executor/device_side.hpp"
-#include "device/cuda/executor/equation_memory.cuh"
-#include "device/cuda/kernels/equation_kernels.cuh"
+#include "device/cuda/executor/linear_system_memory.cuh"
+#include "device/cuda/kernels/linear_system_kernels.cuh"
 #include "device/cuda/kernels/residual_kernels.cuh"
 #include "device/cuda/runtime/device_memory.hpp"
 #include "device/cuda/runtime/host_link.hpp"
@@ -17,10 +17,10 @@ namespace espalier::device::cuda {
 
 namespace {
 
-constexpr Index kMostColumns = 64;          // right-hand sides of one substitution
-constexpr Index kColumnGroup = 8;           // several right-hand sides come in multiples of it
-constexpr int kGroups = 8;                  // passes of residuals before the host looks at them
-constexpr Offset kPiece = Offset{1} << 19;  // doubles that go through the link at a time: 4 MiB
+constexpr Index kMostColumns = 64;               // right-hand sides of one substitution
+constexpr Index kColumnGroup = 8;                // several right-hand sides come in multiples of it
+constexpr int kGroups = 8;                       // passes of residuals before the host looks at them
+constexpr Offset kLinkBuffer = Offset{1} << 19;  // doubles that go through the link at a time: 4 MiB
 
 // Pinning takes 0.4 s per GiB; what it saves each time are 30 ms of copying into pinned buffers.
 constexpr int kPinFrom = 16;
@@ -33,9 +33,9 @@ double ratio(double above, double below) {
 }
 
 template <class T>
-class Equations final : public DeviceEquations {
+class LinearSystemOnGpu final : public DeviceLinearSystem {
  public:
-  Equations(const EquationArrays& a, CudaExecutor<T>& executor, int device, Offset memory_bytes)
+  LinearSystemOnGpu(const LinearSystemArrays& a, CudaExecutor<T>& executor, int device, Offset memory_bytes)
       : executor_(executor),
         device_(device),
         n_(a.pattern.cols),
@@ -46,10 +46,10 @@ class Equations final : public DeviceEquations {
         guard_(device),
         ends_(kGroups),
         aborted_(1),
-        link_(std::min<Offset>(kPiece, kColumnGroup * Offset{n_})) {
+        link_(std::min<Offset>(kLinkBuffer, kColumnGroup * Offset{n_})) {
     guard_.leave();
   }
-  ~Equations() override { settle(); }
+  ~LinearSystemOnGpu() override { settle(); }
 
   void take_values(const double* values) override {
     const DeviceGuard guard(device_);
@@ -92,10 +92,10 @@ class Equations final : public DeviceEquations {
       const SolveClear clear = executor_.clear_before_solve(width);
       const unsigned blocks = blocks_for(static_cast<Offset>(n_) * width);
       const Offset at = static_cast<Offset>(first) * n_;
-      gather_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(p, b + at, rhs, clear, memory_.clock());
+      gather_kernel<T><<<blocks, kSystemThreads, 0, stream()>>>(p, b + at, rhs, clear, memory_.clock());
       call("launch of the gather kernel", [&] { return cudaGetLastError(); });
       executor_.enqueue_solve(rhs, width, transpose);
-      scatter_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(p, rhs, x + at);
+      scatter_kernel<T><<<blocks, kSystemThreads, 0, stream()>>>(p, rhs, x + at);
       call("launch of the scatter kernel", [&] { return cudaGetLastError(); });
     }
   }
@@ -129,7 +129,7 @@ class Equations final : public DeviceEquations {
   bool add(const double* from, double* to) const override {
     const DeviceGuard guard(device_);
     pending_ = true;
-    add_kernel<<<blocks_for(n_), kEquationThreads, 0, stream()>>>(n_, from, to);
+    add_kernel<<<blocks_for(n_), kSystemThreads, 0, stream()>>>(n_, from, to);
     call("launch of the addition kernel", [&] { return cudaGetLastError(); });
     return true;
   }
@@ -224,9 +224,9 @@ class Equations final : public DeviceEquations {
     const ValuesJob<T> job = memory_.values_job(values, copy);
     const auto blocks = static_cast<unsigned>(memory_.largest().size());
     if (memory_.scales())
-      scale_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(memory_.pattern(), job);
+      scale_kernel<T><<<blocks, kSystemThreads, 0, stream()>>>(memory_.pattern(), job);
     else
-      take_kernel<T><<<blocks, kEquationThreads, 0, stream()>>>(job);
+      take_kernel<T><<<blocks, kSystemThreads, 0, stream()>>>(job);
     call("launch of the scaling kernel", [&] { return cudaGetLastError(); });
   }
   void enqueue_copy(const double* from, double* to, Offset count) const {
@@ -252,19 +252,19 @@ class Equations final : public DeviceEquations {
     job.aborted = unreported_ ? executor_.solve_aborted() : nullptr;
     job.end = end;
     if (columns.size() == 1 && memory_.short_rows()) {
-      residual_kernel<1, 2><<<memory_.residual_blocks(false), kEquationThreads, 0, stream()>>>(memory_.pattern(), job);
+      residual_kernel<1, 2><<<memory_.residual_blocks(false), kSystemThreads, 0, stream()>>>(memory_.pattern(), job);
     } else if (columns.size() == 1) {
-      residual_kernel<1, 4><<<memory_.residual_blocks(false), kEquationThreads, 0, stream()>>>(memory_.pattern(), job);
+      residual_kernel<1, 4><<<memory_.residual_blocks(false), kSystemThreads, 0, stream()>>>(memory_.pattern(), job);
     } else {
       // Right-hand sides of the factorization are not needed now; their memory is.
       constexpr Index kWidth = kResidualColumns * static_cast<Index>(sizeof(double) / sizeof(T));
       auto* packed = reinterpret_cast<double*>(executor_.device_rhs(kWidth));
       job.packed = packed;
-      pack_kernel<<<blocks_for(static_cast<Offset>(n_) * kResidualColumns), kEquationThreads, 0, stream()>>>(n_, job,
-                                                                                                             packed);
+      pack_kernel<<<blocks_for(static_cast<Offset>(n_) * kResidualColumns), kSystemThreads, 0, stream()>>>(n_, job,
+                                                                                                           packed);
       call("launch of the packing kernel", [&] { return cudaGetLastError(); });
       residual_kernel<kResidualColumns, 1>
-          <<<memory_.residual_blocks(true), kEquationThreads, 0, stream()>>>(memory_.pattern(), job);
+          <<<memory_.residual_blocks(true), kSystemThreads, 0, stream()>>>(memory_.pattern(), job);
     }
     call("launch of the residual kernel", [&] { return cudaGetLastError(); });
   }
@@ -293,7 +293,7 @@ class Equations final : public DeviceEquations {
   double rounding_;
   std::span<const double> values_;  // of the host
   HostCopy host_copy_;
-  mutable EquationMemory<T> memory_;
+  mutable LinearSystemMemory<T> memory_;
   ConstructionGuard guard_;
   mutable PinnedArray<ResidualEnd> ends_;
   PinnedArray<int> aborted_;
@@ -310,14 +310,15 @@ class Equations final : public DeviceEquations {
 }  // namespace
 
 template <class T>
-std::unique_ptr<DeviceEquations> make_device_equations(const EquationArrays& arrays, CudaExecutor<T>& executor,
-                                                       int device, Offset memory_bytes) {
-  return std::make_unique<Equations<T>>(arrays, executor, device, memory_bytes);
+std::unique_ptr<DeviceLinearSystem> make_device_linear_system(const LinearSystemArrays& arrays,
+                                                              CudaExecutor<T>& executor, int device,
+                                                              Offset memory_bytes) {
+  return std::make_unique<LinearSystemOnGpu<T>>(arrays, executor, device, memory_bytes);
 }
 
-template std::unique_ptr<DeviceEquations> make_device_equations(const EquationArrays&, CudaExecutor<double>&, int,
-                                                                Offset);
-template std::unique_ptr<DeviceEquations> make_device_equations(const EquationArrays&, CudaExecutor<float>&, int,
-                                                                Offset);
+template std::unique_ptr<DeviceLinearSystem> make_device_linear_system(const LinearSystemArrays&, CudaExecutor<double>&,
+                                                                       int, Offset);
+template std::unique_ptr<DeviceLinearSystem> make_device_linear_system(const LinearSystemArrays&, CudaExecutor<float>&,
+                                                                       int, Offset);
 
 }  // namespace espalier::device::cuda

@@ -1,4 +1,4 @@
-#include "solver/equations.hpp"
+#include "solver/prepared_matrix.hpp"
 
 #include <fmt/format.h>
 
@@ -21,13 +21,13 @@ namespace espalier::solver {
 
 namespace {
 
-constexpr std::int64_t kEntries = 1 << 18;  // per piece of work: 2 MiB of values
+constexpr std::int64_t kEntries = 1 << 18;  // per range of work: 2 MiB of values
 
 // All threads take part in the page faults of the copy.
 template <class T>
 void copy_array(std::span<const T> from, analysis::LazyVector<T>& to, base::ThreadPool& pool) {
   to.resize(from.size());
-  pool.for_each_piece(static_cast<std::int64_t>(from.size()), kEntries, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(static_cast<std::int64_t>(from.size()), kEntries, [&](std::int64_t begin, std::int64_t end) {
     std::copy(from.begin() + begin, from.begin() + end, to.begin() + begin);
   });
 }
@@ -36,7 +36,7 @@ template <class T>
 bool equal_arrays(std::span<const T> x, std::span<const T> y, base::ThreadPool& pool) {
   if (x.size() != y.size()) return false;
   std::atomic<bool> equal{true};
-  pool.for_each_piece(static_cast<std::int64_t>(x.size()), kEntries, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(static_cast<std::int64_t>(x.size()), kEntries, [&](std::int64_t begin, std::int64_t end) {
     if (!std::equal(x.begin() + begin, x.begin() + end, y.begin() + begin))
       equal.store(false, std::memory_order_relaxed);
   });
@@ -50,9 +50,9 @@ Offset bytes_of(const V& v) {
 
 // Sums of the diagonal entries of each column.
 std::vector<double> diagonal(const MatrixView& a, base::ThreadPool& pool) {
-  constexpr std::int64_t kColumns = 4096;  // per piece of work
+  constexpr std::int64_t kColumns = 4096;  // per range of work
   std::vector<double> d(static_cast<std::size_t>(a.cols), 0.0);
-  pool.for_each_piece(a.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(a.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
     for (auto c = static_cast<Index>(begin); c < end; ++c)
       for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
         if (a.row_ind[q] == c) d[static_cast<std::size_t>(c)] += a.values[q];
@@ -62,9 +62,9 @@ std::vector<double> diagonal(const MatrixView& a, base::ThreadPool& pool) {
 
 // Whether some entry of `a` stands twice. Columns in order show it by themselves.
 bool has_duplicates(const MatrixView& a, base::ThreadPool& pool) {
-  constexpr std::int64_t kColumns = 4096;  // per piece of work
+  constexpr std::int64_t kColumns = 4096;  // per range of work
   std::atomic<bool> sorted{true};
-  pool.for_each_piece(a.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(a.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
     for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c) {
       const auto first = a.row_ind.begin() + a.col_ptr[c], last = a.row_ind.begin() + a.col_ptr[c + 1];
       if (std::adjacent_find(first, last, std::greater_equal<>()) != last)
@@ -80,31 +80,31 @@ bool has_duplicates(const MatrixView& a, base::ThreadPool& pool) {
 }
 
 // The pattern of `a` with each entry once (in the order of first appearance), and where the caller's values go.
-void merge_duplicates(const MatrixView& a, Equations& e) {
+void merge_duplicates(const MatrixView& a, PreparedMatrix& p) {
   std::vector<Offset> entry(static_cast<std::size_t>(a.rows), -1);  // of the row in the current column, if >= its start
-  e.a.col_ptr.assign(1, 0);
-  e.a.row_ind.clear();
-  e.target.resize(static_cast<std::size_t>(a.nonzeros()));
+  p.a.col_ptr.assign(1, 0);
+  p.a.row_ind.clear();
+  p.target.resize(static_cast<std::size_t>(a.nonzeros()));
   for (Index c = 0; c < a.cols; ++c) {
-    const Offset start = e.a.col_ptr.back();
+    const Offset start = p.a.col_ptr.back();
     for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
       Offset& at = entry[a.row_ind[q]];
       if (at < start) {
-        at = static_cast<Offset>(e.a.row_ind.size());
-        e.a.row_ind.push_back(a.row_ind[q]);
+        at = static_cast<Offset>(p.a.row_ind.size());
+        p.a.row_ind.push_back(a.row_ind[q]);
       }
-      e.target[q] = at;
+      p.target[q] = at;
     }
-    e.a.col_ptr.push_back(static_cast<Offset>(e.a.row_ind.size()));
+    p.a.col_ptr.push_back(static_cast<Offset>(p.a.row_ind.size()));
   }
 }
 
-// Makes the symmetric pattern of `e` general and keeps the position that each entry came from.
-void expand(Equations& e) {
-  const StoredMatrix a = std::move(e.a);
-  e.a = {a.rows, a.cols, {}, {}, {}, Storage::general};
+// Makes the symmetric pattern of `p` general and keeps the position that each entry came from.
+void expand(PreparedMatrix& p) {
+  const StoredMatrix a = std::move(p.a);
+  p.a = {a.rows, a.cols, {}, {}, {}, Storage::general};
   const bool both = a.storage == Storage::symmetric_both;
-  auto& ptr = e.a.col_ptr;
+  auto& ptr = p.a.col_ptr;
   ptr.assign(static_cast<std::size_t>(a.cols) + 1, 0);
   const auto visit = [&](auto&& use) {
     for (Index c = 0; c < a.cols; ++c)
@@ -115,13 +115,13 @@ void expand(Equations& e) {
   };
   visit([&](Index, Index c, Offset) { ++ptr[c + 1]; });
   std::partial_sum(ptr.begin(), ptr.end(), ptr.begin());
-  e.a.row_ind.resize(static_cast<std::size_t>(ptr.back()));
-  e.source.resize(e.a.row_ind.size());
+  p.a.row_ind.resize(static_cast<std::size_t>(ptr.back()));
+  p.source.resize(p.a.row_ind.size());
   std::vector<Offset> next(ptr.begin(), ptr.end() - 1);
   visit([&](Index r, Index c, Offset q) {
     const Offset at = next[c]++;
-    e.a.row_ind[at] = r;
-    e.source[at] = q;
+    p.a.row_ind[at] = r;
+    p.source[at] = q;
   });
 }
 
@@ -162,7 +162,7 @@ double permutation_sign(const std::vector<Index>& p) {
 
 }  // namespace
 
-Offset Equations::bytes() const {
+Offset PreparedMatrix::bytes() const {
   return bytes_of(a.col_ptr) + bytes_of(a.row_ind) + bytes_of(a.values) + bytes_of(target) + bytes_of(source) +
          bytes_of(row_scale) + bytes_of(col_scale) + bytes_of(row_of_col) + bytes_of(pair) + bytes_of(zero_diagonal);
 }
@@ -183,47 +183,47 @@ Kind choose_kind(const MatrixView& a, Kind wish, base::ThreadPool& pool) {
   return std::all_of(d.begin(), d.end(), [](double x) { return x > 0; }) ? Kind::llt : Kind::ldlt;
 }
 
-Equations copy_equations(const MatrixView& a, Kind kind, base::ThreadPool& pool) {
-  Equations e;
-  e.caller_nonzeros = a.nonzeros();
-  e.a.rows = a.rows;
-  e.a.cols = a.cols;
-  e.a.storage = a.storage;
-  e.caller_pattern = pattern_hash(a, pool);
+PreparedMatrix prepare_matrix(const MatrixView& a, Kind kind, base::ThreadPool& pool) {
+  PreparedMatrix p;
+  p.caller_nonzeros = a.nonzeros();
+  p.a.rows = a.rows;
+  p.a.cols = a.cols;
+  p.a.storage = a.storage;
+  p.caller_pattern = pattern_hash(a, pool);
   const bool duplicates = has_duplicates(a, pool);
-  copy_array(a.col_ptr, e.a.col_ptr, pool);
-  if (!duplicates) copy_array(a.row_ind, e.a.row_ind, pool);
-  if (duplicates) merge_duplicates(a, e);
-  if (kind == Kind::lu && a.symmetric()) expand(e);
-  e.symmetric_values = kind != Kind::lu && a.storage == Storage::general;
-  if (e.symmetric_values) e.a.storage = Storage::symmetric_both;
-  e.a.values.resize(e.a.row_ind.size());
+  copy_array(a.col_ptr, p.a.col_ptr, pool);
+  if (!duplicates) copy_array(a.row_ind, p.a.row_ind, pool);
+  if (duplicates) merge_duplicates(a, p);
+  if (kind == Kind::lu && a.symmetric()) expand(p);
+  p.symmetric_values = kind != Kind::lu && a.storage == Storage::general;
+  if (p.symmetric_values) p.a.storage = Storage::symmetric_both;
+  p.a.values.resize(p.a.row_ind.size());
   if (!a.values.empty())
-    copy_values(e, a.values, e.a.values, pool);
+    copy_values(p, a.values, p.a.values, pool);
   else
-    pool.for_each_piece(e.a.nonzeros(), kEntries, [&](std::int64_t begin, std::int64_t end) {
-      std::fill(e.a.values.begin() + begin, e.a.values.begin() + end, 1.0);
+    pool.for_each_range(p.a.nonzeros(), kEntries, [&](std::int64_t begin, std::int64_t end) {
+      std::fill(p.a.values.begin() + begin, p.a.values.begin() + end, 1.0);
     });
-  return e;
+  return p;
 }
 
-void copy_values(const Equations& e, std::span<const double> from, Values& to, base::ThreadPool& pool) {
+void copy_values(const PreparedMatrix& p, std::span<const double> from, Values& to, base::ThreadPool& pool) {
   std::vector<double> sums;
-  if (!e.target.empty()) {
-    sums.assign(e.source.empty() ? to.size() : static_cast<std::size_t>(e.a.nonzeros()), 0.0);
-    for (std::size_t q = 0; q < e.target.size(); ++q) sums[static_cast<std::size_t>(e.target[q])] += from[q];
+  if (!p.target.empty()) {
+    sums.assign(p.source.empty() ? to.size() : static_cast<std::size_t>(p.a.nonzeros()), 0.0);
+    for (std::size_t q = 0; q < p.target.size(); ++q) sums[static_cast<std::size_t>(p.target[q])] += from[q];
     from = sums;
   }
-  pool.for_each_piece(e.a.nonzeros(), kEntries, [&](std::int64_t begin, std::int64_t end) {
-    if (e.source.empty()) {
+  pool.for_each_range(p.a.nonzeros(), kEntries, [&](std::int64_t begin, std::int64_t end) {
+    if (p.source.empty()) {
       std::copy(from.begin() + begin, from.begin() + end, to.begin() + begin);
     } else {
       for (auto q = static_cast<std::size_t>(begin); q < static_cast<std::size_t>(end); ++q)
-        to[q] = from[static_cast<std::size_t>(e.source[q])];
+        to[q] = from[static_cast<std::size_t>(p.source[q])];
     }
   });
-  if (!e.symmetric_values) return;
-  MatrixView general = e.a;
+  if (!p.symmetric_values) return;
+  MatrixView general = p.a;
   general.values = to;
   general.storage = Storage::general;
   if (!matrix::values_are_symmetric(general))
@@ -232,40 +232,40 @@ void copy_values(const Equations& e, std::span<const double> from, Values& to, b
         "the matrix was analyzed as a symmetric one, but its new values are not symmetric; call analyze() again");
 }
 
-bool same_pattern(const Equations& e, const MatrixView& a, base::ThreadPool& pool) {
-  if (a.rows != e.a.rows || a.cols != e.a.cols || a.nonzeros() != e.caller_nonzeros) return false;
-  if (!e.source.empty() || !e.target.empty()) return pattern_hash(a, pool) == e.caller_pattern;
-  const MatrixView mine = e.a;
+bool same_pattern(const PreparedMatrix& p, const MatrixView& a, base::ThreadPool& pool) {
+  if (a.rows != p.a.rows || a.cols != p.a.cols || a.nonzeros() != p.caller_nonzeros) return false;
+  if (!p.source.empty() || !p.target.empty()) return pattern_hash(a, pool) == p.caller_pattern;
+  const MatrixView mine = p.a;
   return equal_arrays(a.col_ptr, mine.col_ptr, pool) && equal_arrays(a.row_ind, mine.row_ind, pool);
 }
 
-void scale_and_match(Equations& e, Kind kind, const Options& options, base::ThreadPool& pool) {
-  if (kind == Kind::llt && options.precision == Precision::fp64 && !analysis::is_wide(e.a.values, pool)) return;
+void scale_and_match(PreparedMatrix& p, Kind kind, const Options& options, base::ThreadPool& pool) {
+  if (kind == Kind::llt && options.precision == Precision::fp64 && !analysis::is_wide(p.a.values, pool)) return;
   if (kind == Kind::ldlt && options.matching) {
-    analysis::SymmetricMatching m = analysis::symmetric_matching(e.a, pool);
-    if (m.structural_rank < e.n())
-      refuse_unmatched(unmatched_rows(analysis::maximum_product_matching(matrix::to_general(e.a)).row_of_col), e.n());
-    e.row_scale = m.scale;
-    e.col_scale = std::move(m.scale);
-    e.pair = std::move(m.pair);
+    analysis::SymmetricMatching m = analysis::symmetric_matching(p.a, pool);
+    if (m.structural_rank < p.n())
+      refuse_unmatched(unmatched_rows(analysis::maximum_product_matching(matrix::to_general(p.a)).row_of_col), p.n());
+    p.row_scale = m.scale;
+    p.col_scale = std::move(m.scale);
+    p.pair = std::move(m.pair);
   } else if (kind == Kind::lu && options.matching) {
-    analysis::Matching m = analysis::maximum_product_matching(e.a, pool);
-    if (m.structural_rank < e.n()) refuse_unmatched(unmatched_rows(m.row_of_col), e.n());
-    e.pair = analysis::pairs_for_lu(e.a, m, pool);
-    e.row_scale = std::move(m.row_scale);
-    e.col_scale = std::move(m.col_scale);
-    if (e.pair.empty()) e.row_of_col = std::move(m.row_of_col);
+    analysis::Matching m = analysis::maximum_product_matching(p.a, pool);
+    if (m.structural_rank < p.n()) refuse_unmatched(unmatched_rows(m.row_of_col), p.n());
+    p.pair = analysis::pairs_for_lu(p.a, m, pool);
+    p.row_scale = std::move(m.row_scale);
+    p.col_scale = std::move(m.col_scale);
+    if (p.pair.empty()) p.row_of_col = std::move(m.row_of_col);
   } else {
-    analysis::Scaling s = analysis::equilibrate(e.a);
-    e.row_scale = std::move(s.row);
-    e.col_scale = std::move(s.col);
+    analysis::Scaling s = analysis::equilibrate(p.a);
+    p.row_scale = std::move(s.row);
+    p.col_scale = std::move(s.col);
   }
   if (kind == Kind::ldlt) {
-    const std::vector<double> d = diagonal(e.a, pool);
-    e.zero_diagonal.resize(d.size());
-    std::transform(d.begin(), d.end(), e.zero_diagonal.begin(), [](double x) { return static_cast<char>(x == 0); });
+    const std::vector<double> d = diagonal(p.a, pool);
+    p.zero_diagonal.resize(d.size());
+    std::transform(d.begin(), d.end(), p.zero_diagonal.begin(), [](double x) { return static_cast<char>(x == 0); });
   }
-  note_determinant(e);
+  note_determinant(p);
 }
 
 namespace {
@@ -284,13 +284,13 @@ void measure_scales(const std::vector<double>& row, const std::vector<double>& c
 
 }  // namespace
 
-void note_determinant(Equations& e) {
-  measure_scales(e.row_scale, e.col_scale, e.transform_log, e.wide);
-  e.transform_sign = permutation_sign(e.row_of_col);
+void note_determinant(PreparedMatrix& p) {
+  measure_scales(p.row_scale, p.col_scale, p.transform_log, p.wide);
+  p.transform_sign = permutation_sign(p.row_of_col);
 }
 
-Scales scales_for(const Equations& e, std::span<const double> values, bool matching, base::ThreadPool& pool) {
-  MatrixView a = e.a;
+Scales scales_for(const PreparedMatrix& p, std::span<const double> values, bool matching, base::ThreadPool& pool) {
+  MatrixView a = p.a;
   a.values = values;
   Scales scales;
   if (matching && a.symmetric()) {
@@ -308,13 +308,13 @@ Scales scales_for(const Equations& e, std::span<const double> values, bool match
   return scales;
 }
 
-[[noreturn]] void refuse_entry(const Equations& e, std::span<const double> values) {
-  for (Index c = 0; c < e.n(); ++c)
-    for (Offset q = e.a.col_ptr[c]; q < e.a.col_ptr[c + 1]; ++q)
+[[noreturn]] void refuse_entry(const PreparedMatrix& p, std::span<const double> values) {
+  for (Index c = 0; c < p.n(); ++c)
+    for (Offset q = p.a.col_ptr[c]; q < p.a.col_ptr[c + 1]; ++q)
       if (!std::isfinite(values[static_cast<std::size_t>(q)]))
         throw Error(StatusCode::invalid_input,
-                    fmt::format("entry ({}, {}) is {}", e.a.row_ind[q], c, values[static_cast<std::size_t>(q)]),
-                    e.a.row_ind[q]);
+                    fmt::format("entry ({}, {}) is {}", p.a.row_ind[q], c, values[static_cast<std::size_t>(q)]),
+                    p.a.row_ind[q]);
   throw Error(
       StatusCode::invalid_input,
       "the values are too far from those that were analyzed: scaled like these they leave the range of the factor's "
@@ -341,19 +341,19 @@ bool fits(double largest) {
 }  // namespace
 
 template <class T>
-double scale_values(const Equations& e, const Scales& scales, std::span<const double> values, T* scaled,
+double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<const double> values, T* scaled,
                     base::ThreadPool& pool) {
-  constexpr std::int64_t kColumnsPerPiece = 4096;
+  constexpr std::int64_t kColumnsPerRange = 4096;
   std::atomic<double> largest{0};
   std::atomic<bool> finite{true};
-  pool.for_each_piece(e.n(), kColumnsPerPiece, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(p.n(), kColumnsPerRange, [&](std::int64_t begin, std::int64_t end) {
     double most = 0;
     bool fine = true;
     for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c) {
       const double s = scales.col.empty() ? 1.0 : scales.col[c];
-      for (Offset q = e.a.col_ptr[c]; q < e.a.col_ptr[c + 1]; ++q) {
+      for (Offset q = p.a.col_ptr[c]; q < p.a.col_ptr[c + 1]; ++q) {
         const auto at = static_cast<std::size_t>(q);
-        const double r = scales.row.empty() ? 1.0 : scales.row[static_cast<std::size_t>(e.a.row_ind[at])];
+        const double r = scales.row.empty() ? 1.0 : scales.row[static_cast<std::size_t>(p.a.row_ind[at])];
         scaled[at] = static_cast<T>(scales.wide ? wide_product(values[at], s, r) : values[at] * s * r);
         const auto magnitude = std::abs(static_cast<double>(scaled[at]));
         most = std::max(most, magnitude);
@@ -365,24 +365,24 @@ double scale_values(const Equations& e, const Scales& scales, std::span<const do
     while (most > known && !largest.compare_exchange_weak(known, most)) {
     }
   });
-  if (!finite || !fits<T>(largest.load())) refuse_entry(e, values);
+  if (!finite || !fits<T>(largest.load())) refuse_entry(p, values);
   return largest;
 }
 
-template double scale_values(const Equations&, const Scales&, std::span<const double>, double*, base::ThreadPool&);
-template double scale_values(const Equations&, const Scales&, std::span<const double>, float*, base::ThreadPool&);
+template double scale_values(const PreparedMatrix&, const Scales&, std::span<const double>, double*, base::ThreadPool&);
+template double scale_values(const PreparedMatrix&, const Scales&, std::span<const double>, float*, base::ThreadPool&);
 
 std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> order, base::ThreadPool& pool) {
-  constexpr std::int64_t kColumns = 4096;  // per piece of work
+  constexpr std::int64_t kColumns = 4096;  // per range of work
   std::vector<Offset> of_column(order.size(), -1);
-  pool.for_each_piece(a.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(a.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
     for (auto c = static_cast<Index>(begin); c < end; ++c)
       for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
         if (a.row_ind[q] == c) of_column[c] = q;
   });
   std::vector<Offset> places(order.size());
   std::atomic<bool> complete{true};
-  pool.for_each_piece(a.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(a.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
     for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
       if ((places[k] = of_column[static_cast<std::size_t>(order[k])]) < 0)
         complete.store(false, std::memory_order_relaxed);

@@ -29,12 +29,12 @@ struct StoredMatrix {
   }
 };
 
-/// Values of the entries of Equations::a, in their order.
+/// Values of the entries of PreparedMatrix::a, in their order.
 using Values = analysis::LazyVector<double>;
 
 /// A copy of the caller's matrix in the form that the factorization kind needs, and the transformation to the scaled,
 /// row-permuted matrix B = R P A C that is factored: B(c', c) = r_i a_ic c_c with i = row_of_col[c'].
-struct Equations {
+struct PreparedMatrix {
   /// General storage for lu, a symmetric one otherwise. An analysis has given the values away: each of its factors has
   /// its own.
   StoredMatrix a;
@@ -68,43 +68,43 @@ Kind choose_kind(const MatrixView& a, Kind wish, base::ThreadPool& pool);
 
 /// Copies the matrix for `kind`. A general matrix with symmetric values becomes symmetric_both for llt and ldlt; a
 /// symmetric one is expanded for lu. Duplicates are summed, so that errors are measured against the entries themselves.
-Equations copy_equations(const MatrixView& a, Kind kind, base::ThreadPool& pool);
+PreparedMatrix prepare_matrix(const MatrixView& a, Kind kind, base::ThreadPool& pool);
 
-/// Takes new values from the caller's array to those of e.a. @pre from.size() == e.caller_nonzeros
+/// Takes new values from the caller's array to those of p.a. @pre from.size() == p.caller_nonzeros
 /// @throws Error(invalid_input) when a matrix in general storage was analyzed as symmetric and its new values are not
-void copy_values(const Equations& e, std::span<const double> from, Values& to, base::ThreadPool& pool);
+void copy_values(const PreparedMatrix& p, std::span<const double> from, Values& to, base::ThreadPool& pool);
 
-/// Whether `a` has the pattern from which `e` was copied.
-bool same_pattern(const Equations& e, const MatrixView& a, base::ThreadPool& pool);
+/// Whether `a` has the pattern from which `p` was copied.
+bool same_pattern(const PreparedMatrix& p, const MatrixView& a, base::ThreadPool& pool);
 
 /// Scaling and, with options.matching, the maximum product matching (ldlt, lu). llt is scaled only for factors of low
 /// precision (in FP64 Cholesky's error does not depend on scaling: van der Sluis 1969) and where products of its
 /// entries would overflow.
 /// @throws Error(singular) for a structurally singular matrix
-void scale_and_match(Equations& e, Kind kind, const Options& options, base::ThreadPool& pool);
+void scale_and_match(PreparedMatrix& p, Kind kind, const Options& options, base::ThreadPool& pool);
 
-/// Sets e.transform_sign, e.transform_log and e.wide for its scaling and matching. Once an analysis: n logarithms after
+/// Sets p.transform_sign, p.transform_log and p.wide for its scaling and matching. Once an analysis: n logarithms after
 /// every factorization cost a small system more than its arithmetic.
-void note_determinant(Equations& e);
+void note_determinant(PreparedMatrix& p);
 
 /// Throws Error(invalid_input) naming an entry that is not finite, or saying that scaling made one so.
-[[noreturn]] void refuse_entry(const Equations& e, std::span<const double> values);
+[[noreturn]] void refuse_entry(const PreparedMatrix& p, std::span<const double> values);
 
-/// The scaling of a factorization: that of the equations, or its own.
+/// The scaling of a factorization: that of the prepared matrix, or its own.
 struct Scales {
   std::vector<double> row, col;  ///< n each; empty: 1
-  double log = 0;                ///< Equations::transform_log
-  bool wide = false;             ///< Equations::wide
+  double log = 0;                ///< PreparedMatrix::transform_log
+  bool wide = false;             ///< PreparedMatrix::wide
 };
-/// What `values` of e.a need (Options::rescale): the scaling of a maximum product matching, or equilibration.
-Scales scales_for(const Equations& e, std::span<const double> values, bool matching, base::ThreadPool& pool);
+/// What `values` of p.a need (Options::rescale): the scaling of a maximum product matching, or equilibration.
+Scales scales_for(const PreparedMatrix& p, std::span<const double> values, bool matching, base::ThreadPool& pool);
 
-/// scaled[q] = r_i a_ij c_j for the entries of e.a in their order; `values` are the a_ij. @returns the largest
+/// scaled[q] = r_i a_ij c_j for the entries of p.a in their order; `values` are the a_ij. @returns the largest
 /// magnitude
 /// @throws Error(invalid_input) naming an entry that is not finite, or saying that the values have gone too far from
 ///         the analyzed ones for their scaling
 template <class T>
-double scale_values(const Equations& e, const Scales& scales, std::span<const double> values, T* scaled,
+double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<const double> values, T* scaled,
                     base::ThreadPool& pool);
 
 /// By position of the elimination: where the diagonal entry stands among the values of `a`. Empty when one is missing.

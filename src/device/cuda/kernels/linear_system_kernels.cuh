@@ -1,9 +1,9 @@
 /// \file
-/// Kernels over the equations on the device: values copied and scaled, right-hand sides permuted.
+/// Kernels over the linear system on the device: values copied and scaled, right-hand sides permuted.
 #pragma once
 
 #include "device/cuda/kernels/block_sums.cuh"
-#include "device/cuda/kernels/equation_pattern.cuh"
+#include "device/cuda/kernels/device_pattern.cuh"
 
 namespace espalier::device::cuda {
 
@@ -25,10 +25,10 @@ constexpr int kAtOnce = 4;  ///< entries that a thread loads before it stores th
 
 /// Without scales: entries in their order. scaled may be `values`.
 template <class T>
-__global__ void __launch_bounds__(kEquationThreads) take_kernel(const ValuesJob<T> job) {
-  const Offset step = static_cast<Offset>(gridDim.x) * kEquationThreads;
+__global__ void __launch_bounds__(kSystemThreads) take_kernel(const ValuesJob<T> job) {
+  const Offset step = static_cast<Offset>(gridDim.x) * kSystemThreads;
   double most = 0;
-  for (Offset first = static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x; first < job.nonzeros;
+  for (Offset first = static_cast<Offset>(blockIdx.x) * kSystemThreads + threadIdx.x; first < job.nonzeros;
        first += kAtOnce * step) {
     double v[kAtOnce];
 #pragma unroll
@@ -48,7 +48,7 @@ __global__ void __launch_bounds__(kEquationThreads) take_kernel(const ValuesJob<
 
 /// With scales: a column for each group of lanes.
 template <class T>
-__global__ void __launch_bounds__(kEquationThreads) scale_kernel(DevicePattern p, const ValuesJob<T> job) {
+__global__ void __launch_bounds__(kSystemThreads) scale_kernel(DevicePattern p, const ValuesJob<T> job) {
   const int lane = static_cast<int>(threadIdx.x) % kLanes;
   const Offset step = static_cast<Offset>(gridDim.x) * kRowsOfBlock;
   double most = 0;
@@ -103,10 +103,10 @@ template <class T>
 __global__ void gather_kernel(Passage p, const double* b, T* rhs, SolveClear clear, unsigned long long* clock) {
   if (blockIdx.x == 0 && threadIdx.x == 0) *clock = nanoseconds_now();
   if (blockIdx.x == 0 && threadIdx.x < clear.zeros_count) clear.zeros[threadIdx.x] = 0;
-  const Offset step = static_cast<Offset>(gridDim.x) * kEquationThreads;
-  for (Offset k = static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x; k < clear.ones_count; k += step)
+  const Offset step = static_cast<Offset>(gridDim.x) * kSystemThreads;
+  for (Offset k = static_cast<Offset>(blockIdx.x) * kSystemThreads + threadIdx.x; k < clear.ones_count; k += step)
     clear.ones[k] = -1;
-  const Offset at = static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x;
+  const Offset at = static_cast<Offset>(blockIdx.x) * kSystemThreads + threadIdx.x;
   if (at >= static_cast<Offset>(p.n) * p.width) return;
   const auto k = static_cast<Index>(at / p.width), c = static_cast<Index>(at % p.width);
   const Index i = p.place(k, false);
@@ -116,7 +116,7 @@ __global__ void gather_kernel(Passage p, const double* b, T* rhs, SolveClear cle
 /// x = scaled rhs.
 template <class T>
 __global__ void scatter_kernel(Passage p, const T* rhs, double* x) {
-  const Offset at = static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x;
+  const Offset at = static_cast<Offset>(blockIdx.x) * kSystemThreads + threadIdx.x;
   if (at >= static_cast<Offset>(p.n) * p.width) return;
   const auto k = static_cast<Index>(at / p.width), c = static_cast<Index>(at % p.width);
   if (c >= p.columns) return;
@@ -126,7 +126,7 @@ __global__ void scatter_kernel(Passage p, const T* rhs, double* x) {
 
 /// to += from.
 __global__ void add_kernel(Index n, const double* from, double* to) {
-  const Offset i = static_cast<Offset>(blockIdx.x) * kEquationThreads + threadIdx.x;
+  const Offset i = static_cast<Offset>(blockIdx.x) * kSystemThreads + threadIdx.x;
   if (i < n) to[i] += from[i];
 }
 

@@ -1,5 +1,5 @@
 /// \file
-/// The arrays of the equations on a GPU: pattern, permutations, scales, values. For device_equations.cu alone.
+/// The arrays of the linear system on a GPU: pattern, permutations, scales, values. For device_linear_system.cu alone.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 #include "base/scalar.hpp"
 #include "device/cuda/executor/cuda_executor.hpp"
 #include "device/cuda/executor/device_side.hpp"
-#include "device/cuda/kernels/equation_kernels.cuh"
+#include "device/cuda/kernels/linear_system_kernels.cuh"
 #include "device/cuda/kernels/residual_kernels.cuh"
 #include "device/cuda/runtime/device_memory.hpp"
 
@@ -18,7 +18,7 @@ namespace espalier::device::cuda {
 inline constexpr int kResidualNumbers = kResidualColumns * ResidualSizes::kCount;
 
 inline unsigned blocks_for(Offset threads) {
-  return static_cast<unsigned>((threads + kEquationThreads - 1) / kEquationThreads);
+  return static_cast<unsigned>((threads + kSystemThreads - 1) / kSystemThreads);
 }
 
 inline Offset budget_for(int device, Offset memory_bytes) {
@@ -36,15 +36,15 @@ unsigned resident_blocks(Kernel* kernel, int device) {
   call("cudaDeviceGetAttribute",
        [&] { return cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device); });
   call("cudaOccupancyMaxActiveBlocksPerMultiprocessor",
-       [&] { return cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, kEquationThreads, 0); });
+       [&] { return cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, kSystemThreads, 0); });
   return static_cast<unsigned>(std::max(1, each * multiprocessors));
 }
 
 /// Arrays in the order of the executor's stream. Whoever uses them makes the device current.
 template <class T>
-class EquationMemory {
+class LinearSystemMemory {
  public:
-  EquationMemory(const EquationArrays& a, CudaExecutor<T>& executor, int device, Offset memory_bytes)
+  LinearSystemMemory(const LinearSystemArrays& a, CudaExecutor<T>& executor, int device, Offset memory_bytes)
       : executor_(executor),
         device_(device),
         budget_(budget_for(device, memory_bytes)),
