@@ -130,7 +130,7 @@ struct FactorResult {
   double determinant_sign = 0;  ///< -1, 0 or 1
   double determinant_log = 0;   ///< natural logarithm of |det A|; NaN if more pivots were replaced than A has zeros
   Index rank = -1;              ///< n less the singular values that are zero to the rounding of the entries
-  /// Of a singular matrix: n - rank rows (from 0, ascending) that hang on the others, and as many vectors v with A v =
+  /// Of a singular matrix: n - rank rows (from 0, ascending) that depend on others, and as many vectors v with A v =
   /// 0 to rounding, n values each, one after another, the largest 1 in magnitude. Fewer vectors, or none, where more
   /// than some hundred zeros were met, or a factor gives no finite numbers.
   std::vector<Index> dependent_rows;

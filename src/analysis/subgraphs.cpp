@@ -16,7 +16,7 @@ constexpr std::int64_t kVertices = 1 << 13;  // per range of a loop: small graph
 
 std::size_t ranges_of(std::size_t n) { return (n + at(kVertices) - 1) / at(kVertices); }
 
-/// Trees of vertices that are known to hang together; the root is the lowest vertex. Any thread may join two.
+/// Trees of vertices that are known to be connected; the root is the lowest vertex. Any thread may join two.
 class Forest {
  public:
   explicit Forest(Index n) : parent_(at(n)) { std::iota(parent_.begin(), parent_.end(), 0); }
@@ -39,7 +39,7 @@ class Forest {
       v = root(v);
       if (u == v) return;
       if (u > v) std::swap(u, v);
-      Index expected = v;  // the higher root hangs itself below the lower one, so no circle can close
+      Index expected = v;  // the higher root becomes a child of the lower one, so no circle can close
       if (std::atomic_ref<Index>(parent_[at(v)]).compare_exchange_strong(expected, u, std::memory_order_relaxed))
         return;
     }

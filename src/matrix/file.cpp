@@ -51,7 +51,7 @@ void feed(z_stream& stream, std::string_view& rest) {
 
 }  // namespace
 
-FileBytes::FileBytes(const std::string& path) {
+FileBytes::FileBytes(const std::string& path, Offset limit) {
   const Descriptor file{::open(path.c_str(), O_RDONLY | O_CLOEXEC)};
   if (file.fd < 0) cannot_read(path, std::strerror(errno));
   struct stat info {};
@@ -67,14 +67,17 @@ FileBytes::FileBytes(const std::string& path) {
       return;
     }
   }
-  read_all(file.fd, path);
+  read_all(file.fd, path, limit);
 }
 
 FileBytes::~FileBytes() {
   if (mapping_ != nullptr) ::munmap(mapping_, bytes_.size());
 }
 
-void FileBytes::read_all(int descriptor, const std::string& path) {
+// While the buffer grows it stands in memory twice.
+Offset FileBytes::pipe_limit() { return machine_memory() / 3; }
+
+void FileBytes::read_all(int descriptor, const std::string& path, Offset limit) {
   for (;;) {
     const std::size_t old = buffer_.size();
     buffer_.resize(old + kChunk);
@@ -82,6 +85,10 @@ void FileBytes::read_all(int descriptor, const std::string& path) {
     if (got < 0 && errno != EINTR) cannot_read(path, std::strerror(errno));
     buffer_.resize(old + static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
     if (got == 0) break;
+    if (static_cast<Offset>(buffer_.size()) > limit)
+      throw Error(StatusCode::out_of_memory,
+                  fmt::format("{}: brings more than {} without an end; give a file instead of a pipe or device", path,
+                              base::format_bytes(limit)));
   }
   bytes_ = buffer_;
 }

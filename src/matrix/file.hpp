@@ -13,14 +13,16 @@ namespace espalier::matrix {
 class FileBytes {
  public:
   /// @throws Error(invalid_input) when the file cannot be opened or read, with the system's reason
-  explicit FileBytes(const std::string& path);
+  /// @throws Error(out_of_memory) when a pipe or device (which may never end, as /dev/zero) brings more than `limit`
+  explicit FileBytes(const std::string& path, Offset limit = pipe_limit());
   ~FileBytes();
   FileBytes(const FileBytes&) = delete;
   FileBytes& operator=(const FileBytes&) = delete;
   [[nodiscard]] std::string_view bytes() const { return bytes_; }
 
  private:
-  void read_all(int descriptor, const std::string& path);
+  static Offset pipe_limit();
+  void read_all(int descriptor, const std::string& path, Offset limit);
 
   std::string_view bytes_;
   void* mapping_ = nullptr;

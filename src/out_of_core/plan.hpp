@@ -47,7 +47,7 @@ class OutOfCoreLayout {
   [[nodiscard]] virtual Offset contribution_offset(Index f, Index column) const = 0;
   /// Appends the extents of the factor array that hold block columns [begin, end) from block row `row` on.
   virtual void slab(Index f, Index begin, Index end, Index row, std::vector<Extent>& extents) const = 0;
-  /// Bytes of front f's share in the tables of an in-core step, scratch included; about.
+  /// About the bytes of front f's share in the tables of an in-core step, scratch included.
   [[nodiscard]] virtual Offset share_bytes(Index f) const = 0;
   /// Exact bytes of the tables that the device reads, and of its scratch, whose first output_bytes() go to the host.
   /// Both depend on the fronts, not on the places.

@@ -54,7 +54,7 @@ class RegionPlanner {
     part.memory = std::move(light.memory);
   }
 
-  // What is passed on to other regions hangs on a front that is never eliminated, so that it stays.
+  // What is passed on to other regions is made the contribution to a front that is never eliminated, so that it stays.
   void take_fronts(Index region, Plan& light, ArraySizes& sizes) const {
     const std::vector<Index>& fronts = parts_[static_cast<std::size_t>(region)].fronts;
     const auto n = fronts.size();

@@ -182,7 +182,7 @@ class TaskLister {
     list.push_back({f, begin, 0, 0});
   }
 
-  // The fronts advance together, one block column a step. What the next step hangs on comes first: tile (s, s - 1),
+  // The fronts advance together, one block column a step. What the next step depends on comes first: tile (s, s - 1),
   // which completes the row of the next diagonal tile, that diagonal tile, and only then the rest of column s - 1,
   // behind which the factorization of the diagonal tile hides.
   void emit_tiles(const std::vector<Index>& fronts) {

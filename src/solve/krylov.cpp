@@ -24,16 +24,16 @@ constexpr int kRestart = 30;  // basis vectors kept by FGMRES: memory of 60 vect
 }  // namespace
 
 int solve_cg(const ResidualOperator& a, const Preconditioner& m, std::span<const double> r0, std::span<double> d,
-             double tolerance, int most_steps) {
+             const KrylovEnd& end) {
   const std::size_t n = r0.size();
   std::vector<double> r(r0.begin(), r0.end());
   std::vector<double> z(n);
   std::vector<double> p(n);
   std::vector<double> ap(n);
   std::fill(d.begin(), d.end(), 0.0);
-  const double target = tolerance * norm(r);
+  const double target = end.tolerance * norm(r);
   double rho = 0;
-  for (int step = 0; step < most_steps; ++step) {
+  for (int step = 0; step < end.most_steps; ++step) {
     m(r.data(), z.data(), 1);
     const double rho_new = dot(r, z);
     if (!(rho_new > 0)) return step;  // the preconditioner is not positive definite, or the residual is zero
@@ -47,13 +47,13 @@ int solve_cg(const ResidualOperator& a, const Preconditioner& m, std::span<const
     add_scaled(-rho / curvature, ap, r);
     if (norm(r) <= target) return step + 1;
   }
-  return most_steps;
+  return end.most_steps;
 }
 
 int solve_fgmres(const ResidualOperator& a, const Preconditioner& m, std::span<const double> r0, std::span<double> d,
-                 bool transpose, double tolerance, int most_steps) {
+                 bool transpose, const KrylovEnd& end) {
   const std::size_t n = r0.size();
-  const int basis = std::min(kRestart, most_steps);
+  const int basis = std::min(kRestart, end.most_steps);
   std::fill(d.begin(), d.end(), 0.0);
   const double beta = norm(r0);
   if (!(beta > 0) || basis == 0) return 0;
@@ -67,7 +67,7 @@ int solve_fgmres(const ResidualOperator& a, const Preconditioner& m, std::span<c
   std::vector<double> g(static_cast<std::size_t>(basis) + 1, 0);
   g[0] = beta;
   int k = 0;
-  for (; k < basis && std::abs(g[static_cast<std::size_t>(k)]) > tolerance * beta; ++k) {
+  for (; k < basis && std::abs(g[static_cast<std::size_t>(k)]) > end.tolerance * beta; ++k) {
     z.emplace_back(n);
     m(v[static_cast<std::size_t>(k)].data(), z.back().data(), 1);
     std::vector<double> w(n);

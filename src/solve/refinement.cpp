@@ -97,10 +97,9 @@ class Refinement {
     const auto n = static_cast<std::size_t>(n_);
     const std::span<const double> residual(c.residual, n);
     const std::span<double> trial(c.trial, n);
-    const int left = options_.krylov_steps - c.result.krylov_steps;
-    c.result.krylov_steps += options_.positive_definite
-                                 ? solve_cg(*host_, m_, residual, trial, kKrylovReduction, left)
-                                 : solve_fgmres(*host_, m_, residual, trial, transpose_, kKrylovReduction, left);
+    const KrylovEnd end{kKrylovReduction, options_.krylov_steps - c.result.krylov_steps};
+    c.result.krylov_steps += options_.positive_definite ? solve_cg(*host_, m_, residual, trial, end)
+                                                        : solve_fgmres(*host_, m_, residual, trial, transpose_, end);
   }
 
   // trial += x. A correction that is not finite ends its column.

@@ -36,8 +36,8 @@ struct Systems {
 };
 
 /// Fixed-precision refinement with residuals of twice the precision (Wilkinson; Arioli, Demmel and Duff 1989): corrects
-/// x until the componentwise backward error no longer halves, nor the normwise one where it is above 1e-14 (zeros in
-/// solution and right-hand side keep the former at 1), and keeps the best x.
+/// x until the componentwise backward error no longer halves, nor the normwise one where that is above 1e-14, and keeps
+/// the best x. (Zeros in solution and right-hand side keep the componentwise error at 1.)
 /// Right-hand sides are refined side by side, at most 32 at a time, each until it stalls.
 /// @param systems  x: on entry the first solutions, on return the best. In the memory of `a`
 /// options.krylov needs a ResidualOperator, in host memory.
@@ -45,11 +45,17 @@ struct Systems {
 RefinementResult refine(const ResidualSpace& a, const Preconditioner& m, const Systems& systems,
                         const RefinementOptions& options);
 
-/// Solves A d = r to a relative residual of `tolerance`, d = 0 at the start: conjugate gradients (positive definite A)
-/// or flexible GMRES (Saad 1993). @returns the number of products with A
+/// Where a Krylov method ends.
+struct KrylovEnd {
+  double tolerance;  ///< of the residual, relative to the first one
+  int most_steps;
+};
+
+/// Solves A d = r, d = 0 at the start: conjugate gradients (positive definite A) or flexible GMRES (Saad 1993).
+/// @returns the number of products with A
 int solve_cg(const ResidualOperator& a, const Preconditioner& m, std::span<const double> r, std::span<double> d,
-             double tolerance, int most_steps);
+             const KrylovEnd& end);
 int solve_fgmres(const ResidualOperator& a, const Preconditioner& m, std::span<const double> r, std::span<double> d,
-                 bool transpose, double tolerance, int most_steps);
+                 bool transpose, const KrylovEnd& end);
 
 }  // namespace espalier::solve

@@ -123,16 +123,25 @@ struct ResidualOperator::RangeErrors {
   }
 };
 
-[[gnu::always_inline]] inline void ResidualOperator::residual_rows(Index begin, Index end, const double* b,
-                                                                   const double* x, double* r, bool transpose,
-                                                                   RangeErrors& range) const {
-  for (Index i = begin; i < end; ++i) {
-    LongSum sum0(b[i]);
+// Rows [begin, end) of r = b - op(A) x; r may be null.
+struct ResidualOperator::RowRange {
+  Index begin, end;
+  const double* b;
+  const double* x;
+  double* r;
+  bool transpose;
+};
+
+[[gnu::always_inline]] inline void ResidualOperator::residual_rows(const RowRange& rows, RangeErrors& errors) const {
+  const double* const x = rows.x;
+  for (Index i = rows.begin; i < rows.end; ++i) {
+    const double b_i = rows.b[i];
+    LongSum sum0(b_i);
     LongSum sum1(0);
-    double scale0 = std::abs(b[i]);
+    double scale0 = std::abs(b_i);
     double scale1 = 0;
     visit_row(
-        i, transpose,
+        i, rows.transpose,
         [&](double v, Index c) __attribute__((always_inline)) {
           sum0.subtract_product(v, x[c]);
           scale0 += std::abs(v * x[c]);
@@ -143,30 +152,30 @@ struct ResidualOperator::RangeErrors {
         });
     sum0.add(sum1);
     const double value = sum0.value();
-    range.add(value, scale0 + scale1, x[i], b[i]);
-    if (r != nullptr) r[i] = value;
+    errors.add(value, scale0 + scale1, x[i], b_i);
+    if (rows.r != nullptr) rows.r[i] = value;
   }
 }
 
 // std::fma is a call into the C library unless the compiler may assume the instruction, so the rows are compiled once
 // more for processors that have it. Both give the same bits.
 #if defined(__x86_64__)
-__attribute__((target("avx2,fma"))) void ResidualOperator::residual_rows_fma(Index begin, Index end, const double* b,
-                                                                             const double* x, double* r, bool transpose,
-                                                                             RangeErrors& range) const {
-  residual_rows(begin, end, b, x, r, transpose, range);
+__attribute__((target("avx2,fma"))) void ResidualOperator::residual_rows_fma(const RowRange& rows,
+                                                                             RangeErrors& errors) const {
+  residual_rows(rows, errors);
 }
 #endif
 
 BackwardError ResidualOperator::compute(const double* b, const double* x, double* r, bool transpose) const {
   std::vector<RangeErrors> ranges(static_cast<std::size_t>((a_.rows + kRowsPerRange - 1) / kRowsPerRange));
   pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
-    RangeErrors& range = ranges[static_cast<std::size_t>(begin / kRowsPerRange)];
+    RangeErrors& errors = ranges[static_cast<std::size_t>(begin / kRowsPerRange)];
+    const RowRange rows{static_cast<Index>(begin), static_cast<Index>(end), b, x, r, transpose};
 #if defined(__x86_64__)
     static const bool fma = __builtin_cpu_supports("fma") != 0 && __builtin_cpu_supports("avx2") != 0;
-    if (fma) return residual_rows_fma(static_cast<Index>(begin), static_cast<Index>(end), b, x, r, transpose, range);
+    if (fma) return residual_rows_fma(rows, errors);
 #endif
-    residual_rows(static_cast<Index>(begin), static_cast<Index>(end), b, x, r, transpose, range);
+    residual_rows(rows, errors);
   });
   return judge(ranges, transpose);
 }

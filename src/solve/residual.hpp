@@ -57,10 +57,9 @@ class ResidualOperator final : public ResidualSpace {
 
  private:
   struct RangeErrors;
-  void residual_rows(Index begin, Index end, const double* b, const double* x, double* r, bool transpose,
-                     RangeErrors& range) const;
-  void residual_rows_fma(Index begin, Index end, const double* b, const double* x, double* r, bool transpose,
-                         RangeErrors& range) const;
+  struct RowRange;
+  void residual_rows(const RowRange& rows, RangeErrors& errors) const;
+  void residual_rows_fma(const RowRange& rows, RangeErrors& errors) const;
   void compute_pass(std::span<ResidualColumn> columns, const RowSums& sums, double* packed, bool transpose) const;
   RowEntries gather_row(Index row, bool transpose, std::vector<double>& values, std::vector<Index>& cols) const;
   [[nodiscard]] BackwardError judge(std::span<const RangeErrors> ranges, bool transpose) const;

@@ -107,16 +107,25 @@ int refactorize(espalier_solver* solver, const double* values, std::int64_t coun
   });
 }
 
+/// What the caller wants solved.
+struct RightHandSides {
+  const double* b;
+  const double* x;
+  std::int64_t columns;
+  int transpose;
+};
+
 template <class Call>
-int solve(espalier_solver* solver, const double* b, const double* x, std::int64_t columns, int transpose,
-          espalier_solve_info* info, Call&& call) {
+int solve(espalier_solver* solver, const RightHandSides& wanted, espalier_solve_info* info, Call&& call) {
   return guarded(solver, [&](espalier_solver& s) {
+    const std::int64_t columns = wanted.columns;
+    const bool transposed = wanted.transpose == ESPALIER_TRANSPOSE;
     espalier::Solver& cpp = factorized(s);
     require(columns >= 1 && columns <= INT32_MAX, "the number of right-hand sides must lie from 1 to 2^31 - 1");
-    require(transpose == ESPALIER_NO_TRANSPOSE || transpose == ESPALIER_TRANSPOSE, "transpose must be 0 or 1");
+    require(wanted.transpose == ESPALIER_NO_TRANSPOSE || transposed, "transpose must be 0 or 1");
     const auto size = static_cast<std::size_t>(columns) * static_cast<std::size_t>(s.rows);
-    require(size == 0 || (b != nullptr && x != nullptr), "the right-hand side or the solution is null");
-    const bool flip = (transpose == ESPALIER_TRANSPOSE) != s.transposed;
+    require(size == 0 || (wanted.b != nullptr && wanted.x != nullptr), "the right-hand side or the solution is null");
+    const bool flip = transposed != s.transposed;
     const auto result = call(cpp, size, flip ? espalier::Transpose::yes : espalier::Transpose::no);
     hand_out(result, info);
     return result.status;
@@ -218,7 +227,7 @@ int espalier_refactorize_device(espalier_solver* solver, const double* values, i
 
 int espalier_solve(espalier_solver* solver, const double* b, double* x, int64_t columns, int transpose,
                    espalier_solve_info* info) {
-  return solve(solver, b, x, columns, transpose, info,
+  return solve(solver, {b, x, columns, transpose}, info,
                [&](espalier::Solver& cpp, std::size_t size, espalier::Transpose how) {
                  return cpp.solve({b, size}, {x, size}, static_cast<Index>(columns), how);
                });
@@ -226,7 +235,7 @@ int espalier_solve(espalier_solver* solver, const double* b, double* x, int64_t 
 
 int espalier_solve_device(espalier_solver* solver, const double* b, double* x, int64_t columns, int transpose,
                           void* stream, espalier_solve_info* info) {
-  return solve(solver, b, x, columns, transpose, info,
+  return solve(solver, {b, x, columns, transpose}, info,
                [&](espalier::Solver& cpp, std::size_t, espalier::Transpose how) {
                  return cpp.solve_device(b, x, static_cast<Index>(columns), how, stream);
                });

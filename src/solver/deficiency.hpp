@@ -2,7 +2,7 @@
 /// Whether a factored matrix is singular, and by how much: the directions that it takes to nothing.
 ///
 /// The matrix is judged as it was scaled for the factorization (by its diagonal for llt), B = R A C, so that the
-/// verdict does not hang on the caller's units. Inverse iteration with the factor finds an orthonormal block Q of the
+/// verdict does not depend on the caller's units. Inverse iteration with the factor finds an orthonormal block Q of the
 /// smallest singular values; B Q is formed in extended precision from the caller's values, and corrected by the factor
 /// until it is as small as it gets. A direction counts as null when |B q|_2 <= kZero |B|, |B| = sqrt(|B|_1 |B|_inf),
 /// which bounds |B|_2: then a change of the entries by their own rounding makes the matrix singular exactly.
@@ -30,7 +30,7 @@ struct Deficiency {
   double smallest = 1;               ///< singular value found, over |B|; 1: none was sought
   Index zeros = 0;                   ///< n less the rank
   std::vector<double> null_vectors;  ///< n * zeros, column-major: A v = 0, largest entry 1 in magnitude
-  std::vector<Index> rows;           ///< rows of A that hang on the others, ascending; as many as zeros
+  std::vector<Index> rows;           ///< rows of A that depend on the others, ascending; as many as zeros
   std::vector<Index> columns;        ///< lu: likewise columns
   std::vector<double> left_vectors;  ///< lu: n * zeros, A^T w = 0
   Index negative = 0;                ///< symmetric: negative eigenvalues among the `suspects` smallest

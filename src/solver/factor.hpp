@@ -112,7 +112,7 @@ class Factor {
   bool factorized_ = false;
 };
 
-/// The status of a matrix whose rank is n - zeros. @param rows  that hang on the others
+/// The status of a matrix whose rank is n - zeros. @param rows  that depend on the others
 Status singular(const std::vector<Index>& rows, Index zeros, Index n);
 
 /// What `numeric` came to, as the caller reads it. @param held_bytes  by the solver, on the host

@@ -74,12 +74,12 @@ std::vector<Index> vanishing(const device::FactorOutcome& outcome, bool with_sma
 }  // namespace
 
 Status singular(const std::vector<Index>& rows, Index zeros, Index n) {
-  return {
-      StatusCode::singular,
-      fmt::format("the matrix is numerically singular: its rank is {} of {}; {} {} on the other rows: remove or fix "
-                  "{}, or ask for a report (singular=report)",
-                  n - zeros, n, name_rows(rows), rows.size() == 1 ? "hangs" : "hang", rows.size() == 1 ? "it" : "them"),
-      rows.empty() ? -1 : rows.front()};
+  return {StatusCode::singular,
+          fmt::format(
+              "the matrix is numerically singular: its rank is {} of {}; {} {} on the other rows: remove or fix "
+              "{}, or ask for a report (singular=report)",
+              n - zeros, n, name_rows(rows), rows.size() == 1 ? "depends" : "depend", rows.size() == 1 ? "it" : "them"),
+          rows.empty() ? -1 : rows.front()};
 }
 
 FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, const device::FactorOutcome& outcome,

@@ -15,9 +15,7 @@ namespace espalier::solver {
 /// @throws Error(invalid_input) that says what is wrong and shows examples
 Offset parse_bytes(std::string_view text);
 
-/// Sets one option by name; '-' and '_' are the same in `key`. Keys: kind, precision, device, device_memory,
-/// host_memory, pinned_memory, machine, threads, max_block_size, pivot_threshold, perturbation, matching,
-/// refinement_steps, required_backward_error, record_timeline.
+/// Sets one option by name; '-' and '_' are the same in `key`. option_keys() lists the names.
 /// @throws Error(invalid_input) for an unknown key (lists the known ones) or a value that does not parse (lists what
 /// does)
 void set_option(Options& options, std::string_view key, std::string_view value);

@@ -29,7 +29,7 @@ double norm_two(const double* x, Index n);
 bool normalize(Block& x);
 
 /// Orthonormal columns that span what those of `x` span (modified Gram and Schmidt, again
-/// while more than half of a column goes: Giraud and Langou 2002). A column that hangs on the earlier ones becomes a
+/// while more than half of a column goes: Giraud and Langou 2002). A column that depends on the earlier ones becomes a
 /// direction of rounding errors, which is as good as a random one.
 void orthonormalize(Block& x);
 /// x -= q q^T x.

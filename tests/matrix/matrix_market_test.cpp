@@ -8,6 +8,7 @@
 #include <fstream>
 #include <limits>
 
+#include "matrix/file.hpp"
 #include "matrix/helpers.hpp"
 #include "matrix/read.hpp"
 #include "matrix/transform.hpp"
@@ -192,7 +193,7 @@ void expect_same(const SparseMatrix& a, const SparseMatrix& b) {
   EXPECT_EQ(a.storage, b.storage);
 }
 
-// Truth: the matrix that was written; identity of bits, in files of several pieces, with and without threads and gzip.
+// Truth: the matrix that was written; identity of bits, in files of several blocks, with and without threads and gzip.
 TEST(MatrixMarket, WrittenAndReadBackTheSameBits) {
   base::ThreadPool pool(3);
   ReadOptions threaded;
@@ -205,7 +206,7 @@ TEST(MatrixMarket, WrittenAndReadBackTheSameBits) {
     const std::string path = temporary(name);
     write_matrix_market(path, a, "two\nlines", &pool);
     if (std::string(name) == "a.mtx") {
-      EXPECT_GT(std::filesystem::file_size(path), std::size_t{2} << 20) << "the file has several pieces";
+      EXPECT_GT(std::filesystem::file_size(path), std::size_t{2} << 20) << "the file has several blocks";
     }
     expect_same(read_matrix(path), a);
     expect_same(read_matrix(path, threaded), a);
@@ -273,6 +274,16 @@ TEST(ReadMatrix, FilesThatCannotBeRead) {
         write_matrix_market("/nonexistent/a.mtx", SparseMatrix{0, 0, {0}, {}, {}, Storage::general});
       },
       {"/nonexistent/a.mtx", "cannot be written"});
+}
+
+TEST(ReadMatrix, DevicesThatNeverEnd) {
+  try {
+    const FileBytes file("/dev/zero", Offset{3} << 20);
+    FAIL() << "read " << file.bytes().size() << " bytes";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status().code, StatusCode::out_of_memory);
+    EXPECT_NE(error.status().message.find("/dev/zero: brings more than 3.00 MiB"), std::string::npos) << error.what();
+  }
 }
 
 TEST(ReadMatrix, TruncatedGzip) {

@@ -51,7 +51,7 @@ TEST(Multiply, EqualsDense) {
   EXPECT_THROW(multiply(r, Transpose::no, y, x), std::invalid_argument);
 }
 
-// Truth: the run on one thread, bit for bit, on a matrix large enough for several pieces.
+// Truth: the run on one thread, bit for bit, on a matrix large enough for several ranges.
 TEST(Multiply, SameBitsForAnyNumberOfThreads) {
   const auto a = generate(parse_generator(std::vector<std::string>{"elasticity", "12"}));
   ASSERT_GT(a.nonzeros(), 1 << 17);

@@ -37,6 +37,16 @@ class DeviceGuard {
   bool changed_ = false;
 };
 
+/// One pass of a solve over `width` right-hand sides from `first_column` on: one, or a multiple of kSlab, of which
+/// those beyond `columns` are zero.
+template <class T>
+struct SolvePass {
+  const T* rhs;  ///< what the side reads
+  T* result;     ///< where solutions go, maybe on another device
+  Index columns, first_column, width;
+  bool transpose;
+};
+
 /// What all sides of an executor have in common; outlives them.
 struct SideContext {
   const plan::Plan& plan;
@@ -85,7 +95,7 @@ class DeviceSide {
   /// Zeroes flags and counters for the next factorization, and fills the vectors of the next pass of a solve.
   void enqueue_clear_factor();
   void enqueue_clear_solve(Index pass);
-  /// The memory that the latter clears.
+  /// The memory that enqueue_clear_solve() clears.
   [[nodiscard]] SolveClear solve_clear(Index pass) const;
   /// The kernels, and what they prepare for solves. skip_last_half: only the first half of the tasks, as if the device
   /// had died then (for tests).
@@ -111,10 +121,7 @@ class DeviceSide {
   [[nodiscard]] bool has_room_for(Index pass) const;
   /// Buffers of one pass with so many right-hand sides. @returns whether they moved
   bool take_solve_memory(Index pass);
-  /// One pass. rhs: what this side reads; result: where solutions go, maybe on another device. `pass` right-hand sides
-  /// from `first_column` on: one, or a multiple of kSlab, of which those beyond `columns` are zero.
-  void enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>& sides, const T* rhs, T* result, Index columns,
-                     Index first_column, Index pass, bool transpose);
+  void enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>& sides, const SolvePass<T>& pass);
   /// Copies the counters to the host, where they are valid once the stream is done.
   void enqueue_counters();
   [[nodiscard]] const int* factor_counters() const { return counters_.data(); }

@@ -54,8 +54,7 @@ void DeviceSide<T>::enqueue_clear_solve(Index pass) {
 }
 
 template <class T>
-void DeviceSide<T>::enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>& sides, const T* rhs, T* result,
-                                  Index columns, Index first_column, Index pass, bool transpose) {
+void DeviceSide<T>::enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>& sides, const SolvePass<T>& pass) {
   const bool lu = context_.kind == Kind::lu;
   const TaskLists& l = lists();
   SolveState<T> s{};
@@ -73,24 +72,24 @@ void DeviceSide<T>::enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>
   s.base = base_.data();
   s.inverse_d = state_.inverse_d;
   s.inverse_e = state_.inverse_e;
-  s.up_second = lu && transpose;
-  s.down_second = lu && !transpose;
+  s.up_second = lu && pass.transpose;
+  s.down_second = lu && !pass.transpose;
   s.up_triangular = context_.kind == Kind::llt || s.up_second;  // all others hold permutations, too
   s.down_triangular = context_.kind == Kind::llt || s.down_second;
-  s.rhs = rhs;
-  s.result = result;
-  s.columns = columns;
-  s.pass = static_cast<int>(pass);
-  s.first_column = static_cast<int>(first_column);
+  s.rhs = pass.rhs;
+  s.result = pass.result;
+  s.columns = pass.columns;
+  s.pass = static_cast<int>(pass.width);
+  s.first_column = static_cast<int>(pass.first_column);
   s.forward = vectors_.data();
-  s.updates = updates(pass);
-  s.solution = vectors_.data() + n() * pass;
+  s.updates = updates(pass.width);
+  s.solution = vectors_.data() + n() * pass.width;
   s.control = solve_control_.data();
   s.patience = state_.patience;
   s.devices = static_cast<int>(sides.size());
   s.self = self_;
   for (std::size_t d = 0; d < sides.size(); ++d) {
-    s.peer_updates[d] = sides[d]->updates(pass);
+    s.peer_updates[d] = sides[d]->updates(pass.width);
     s.peer_control[d] = common_.updates != nullptr ? solve_control_.data() : sides[d]->solve_control_.data();
   }
   call("launch of the solve kernel", [&] { return SolveKernel<T>::launch(solve_shape_, s, stream_.get()); });

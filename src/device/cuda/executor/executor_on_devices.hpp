@@ -281,7 +281,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   DeviceArray<T> rhs_;
   std::vector<DeviceArray<T>> side_rhs_;
   DeviceArray<unsigned char> owner_;     // n, on the first of several: whose pivot counts
-  FactorGraphs graphs_, filled_graphs_;  // the latter of factorize_filled() with filled_
+  FactorGraphs graphs_, filled_graphs_;  // the second: of factorize_filled() with filled_
   FilledValues filled_;
   bool last_filled_ = false;  // the last factorization was one of these
   std::map<SolveKey, Graph> solve_graphs_;

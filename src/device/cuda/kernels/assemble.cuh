@@ -70,7 +70,7 @@ struct Source {
   std::int64_t rows;  ///< place of its first row below in FactorState::relative
   int shift;          ///< log2 of the width of its tile columns
   int ld;             ///< Front::below_ld
-  int placed;         ///< 1: it does not lie contiguously, see Front::place()
+  int placed;         ///< 1: it is not contiguous, see Front::place()
 };
 
 /// use(overlap, number, source) for every child that has a part in the target, in order; every warp finds the same.
@@ -124,8 +124,8 @@ __device__ inline void for_each_overlap(const FactorState<T>& s, const Front& f,
 }
 
 /// Adds an overlap of the array `from` (only r >= c, or r > c for the strict part). A warp owns the target columns with
-/// its number modulo four (target rows where transposed). places: where the tile columns of the array begin, if it does
-/// not lie contiguously; else null.
+/// its number modulo four (target rows where transposed). places: where the tile columns of the array begin, if it is
+/// not contiguous; else null.
 template <class T>
 __device__ void add_overlap(const FactorState<T>& s, const Front& f, const Target<T>& x, const Overlap& overlap,
                             const Source<T>& source, const T* from, T* const* places, bool transposed, bool strict) {

@@ -30,8 +30,9 @@ template <class T>
 struct Peers {
   int count = 1;  ///< 1: there are none, or all see the same flags and the same copy of the top
   int self = 0;
-  bool same_memory = false;   ///< the latter: what a task makes must be visible to all devices before its flag is set
-  T* top[kMostDevices] = {};  ///< region 0
+  bool same_memory =
+      false;  ///< all see the same: what a task makes must be visible to all devices before its flag is set
+  T* top[kMostDevices] = {};        ///< region 0
   int* control[kMostDevices] = {};  ///< counters
   int* flag[kMostDevices] = {};
   T** base[kMostDevices] = {};  ///< FactorState::base
