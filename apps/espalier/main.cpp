@@ -10,6 +10,7 @@
 #include <exception>
 #include <new>
 #include <sstream>
+#include <string_view>
 #include <system_error>
 
 #include "command.hpp"
@@ -38,12 +39,21 @@ int flush_output(int code) {
   return code == kSolved ? kBadInput : code;
 }
 
+/// A file that is cut short while it is mapped into memory, or whose disk fails, is met as a signal. Nothing but the
+/// end of the process is safe then.
+extern "C" void end_for_lost_input(int) {
+  constexpr std::string_view kText = "espalier: error: a file became shorter while it was read, or its disk failed\n";
+  [[maybe_unused]] const auto written = ::write(STDERR_FILENO, kText.data(), kText.size());
+  ::_exit(kBadInput);
+}
+
 /// A reader that goes away, or a limit on the size of files, is an error of one write, not the end of the process. And
 /// a standard stream that is closed must not leave its number to the next file that is opened: what is printed would go
 /// there. Reading from what takes its place ends at once, writing to it fails (to stderr: is not noticed).
 void prepare_streams() {
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
+  std::signal(SIGBUS, end_for_lost_input);
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     if (::fcntl(stream, F_GETFD) < 0)
       static_cast<void>(::open("/dev/null", stream == STDERR_FILENO ? O_WRONLY : O_RDONLY));

@@ -5,8 +5,10 @@
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <csignal>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <system_error>
 
 #include "checked_options.hpp"
 #include "command.hpp"
@@ -51,8 +53,10 @@ void print_outcome(const SimulateCommand& command, const SimulationSummary& s) {
   if (!command.quiet) print_result("{}", simulate_summary(s));
   if (!s.status.ok()) {
     print_error(s.status.message);
+    std::error_code gone;  // with its folder, perhaps
     for (const std::string& file : s.files)
-      if (file.ends_with(".restart")) print_hint(fmt::format("the last state is in '{}'", file));
+      if (file.ends_with(".restart") && std::filesystem::exists(file, gone))
+        print_hint(fmt::format("the last state is in '{}'", file));
   } else if (s.interrupted) {
     print_note("espalier: stopped at t = {:g}\n", s.t_end);
   } else if (!command.quiet) {

@@ -197,8 +197,13 @@ void OutputFile::commit() {
     std::remove(temporary_.c_str());
     fail("writing failed");
   }
-  if (std::rename(temporary_.c_str(), target_.c_str()) != 0)
-    fail(fmt::format("cannot be given its name (its content is in '{}')", temporary_).c_str());
+  if (std::rename(temporary_.c_str(), target_.c_str()) != 0) {
+    const int reason = errno;
+    const bool there = ::access(temporary_.c_str(), F_OK) == 0;  // not where the whole folder has gone
+    errno = reason;
+    fail(there ? fmt::format("cannot be given its name (its content is in '{}')", temporary_).c_str()
+               : "cannot be given its name");
+  }
 }
 
 bool same_file(const std::string& a, const std::string& b) {

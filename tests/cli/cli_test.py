@@ -170,6 +170,26 @@ class UnreadableInput(Cli):
         for encoding in ("utf-16-le", "utf-16-be"):
             self.refuse(("\ufeff" + text).encode(encoding), "UTF-16")
 
+    def test_a_file_that_is_cut_short_while_it_is_read(self):
+        matrix = self.folder / "big.mtx"
+        self.expect(0, "generate", "poisson", 60, "--out", matrix)
+        text = matrix.read_bytes()
+        seen = set()
+        for _ in range(10):
+            matrix.write_bytes(text)
+            process = subprocess.Popen([BINARY, "analyze", matrix, "--threads", "1"], stdout=subprocess.DEVNULL,
+                                       stderr=subprocess.PIPE, text=True)
+            maps = pathlib.Path(f"/proc/{process.pid}/maps")
+            while process.poll() is None and "big.mtx" not in maps.read_text():
+                pass
+            os.truncate(matrix, 0)
+            said = process.communicate()[1]
+            self.assertIn(process.returncode, (0, 2), said)
+            seen.add(process.returncode)
+            if process.returncode == 2:
+                self.assertRegex(said, "became shorter|is empty|truncated")
+        self.assertIn(2, seen)
+
     def test_not_finite(self):
         for value in ("nan", "NaN", "inf", "-inf", "1e999"):
             self.refuse(f"%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1\n2 2 {value}\n", ":4")

@@ -207,6 +207,22 @@ class Restart(Cli):
         self.assertNotIn("state.restart", result.stderr)
         self.assertEqual({p.name for p in self.out.iterdir()}, {"quantities.csv"})
 
+    def test_a_folder_that_goes_away(self):
+        process = subprocess.Popen([BINARY, "simulate", self.model, "--threads", "1", "--out", self.out, "-v"],
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        steps = 0
+        for line in process.stderr:
+            steps += bool(re.match(r"\s*[0-9]+\s+[0-9.e-]+\s", line))
+            if steps == 20:
+                break
+        self.out.rename(self.folder / "elsewhere")
+        said = process.stderr.read()
+        process.stderr.close()
+        self.assertEqual(process.wait(), 2, said)
+        self.assertIn("No such file or directory", said)
+        for promise in ("the last state is in", "its content is in"):
+            self.assertNotIn(promise, said)
+
 
 if __name__ == "__main__":
     unittest.main()
