@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "base/output_file.hpp"
 #include "checked_options.hpp"
@@ -23,14 +24,24 @@ struct ReportCommand {
   bool markdown = false;
 
   int run() const;
+  [[nodiscard]] std::string make() const;
 };
+
+std::string ReportCommand::make() const {
+  std::vector<measure::Results> all;
+  for (const std::string& file : files) all.push_back(measure::read_results(file));
+  try {
+    measure::sort_results(all);
+    return markdown ? evidence::markdown(all) : evidence::html_page(all);
+  } catch (const nlohmann::json::exception& error) {  // says what was wanted and what was found
+    throw Error(StatusCode::invalid_input, fmt::format("{}: a field has not the type that `espalier bench` writes: {}",
+                                                       fmt::join(files, ", "), error.what()));
+  }
+}
 
 int ReportCommand::run() const {
   for (const std::string& file : files) check_outputs({{"the results", file}}, {{"--out", out_file}});
-  std::vector<measure::Results> all;
-  for (const std::string& file : files) all.push_back(measure::read_results(file));
-  measure::sort_results(all);
-  const std::string made = markdown ? evidence::markdown(all) : evidence::html_page(all);
+  const std::string made = make();
   if (!check_file.empty()) {
     if (matrix::FileBytes(check_file).bytes() == made) return kSolved;
     throw Error(StatusCode::invalid_input,

@@ -223,6 +223,16 @@ class Report(Cli):
         self.expect(2, "report", self.folder, says="directory")
         rows = {"schema": "espalier-bench/1", "experiment": "peers", "date": "", "machine": {}, "rows": [{}]}
         self.expect(2, "report", self.file("c.json", json.dumps(rows)), says="row without system")
+        for change in ({"experiment": 3}, {"subject": []}, {"machine": {"gpus": [1]}},
+                       {"rows": [{"system": None, "outcome": "ok"}]}, {"command": {}}):
+            wrong = self.file("d.json", json.dumps({**json.loads(pathlib.Path(RESULTS[0]).read_text()), **change}))
+            for form in ([], ["--markdown"]):
+                result = self.run_cli("report", wrong, "--out", self.folder / "out", *form)
+                self.assertIn(result.returncode, (0, 2), (change, result.stderr))
+                if result.returncode == 2:
+                    self.assertIn("d.json: a field has not the type", result.stderr)
+            if "experiment" in change:
+                self.assertEqual(result.returncode, 2)
 
     def test_browser_shows_it(self):
         """Loads, logs nothing, draws: in a real browser, in both themes; the screenshots are kept."""
