@@ -47,6 +47,15 @@ bool StaticFollower::begin() {
                  "-fold of its size";
     return false;
   }
+  // Rounding is the stiffness of a motion that nothing holds, and where loads work on it, the path is rounding, too.
+  if (deflection > 0 && problem_.indifferent()) {
+    constexpr double kMoved = 1e-3;
+    const double along = std::abs(problem_.dot(problem_.softest(), at_.tangent)) / at_.tangent.share;
+    if (along > kMoved * problem_.size()) {
+      loose_end_ = "a motion without stiffness, on which the loads work";
+      return false;
+    }
+  }
   rescale();
   return true;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace espalier::dynamics {
 
@@ -110,7 +111,11 @@ bool StaticProblem::indifferent() {
   for (std::size_t c = 0; c < n_; ++c)
     for (auto k = static_cast<std::size_t>(p.ptr[c]); k < static_cast<std::size_t>(p.ptr[c + 1]); ++k)
       terms += std::abs(values[k] * z.x[c] * z.x[static_cast<std::size_t>(p.ind[k])]);
-  return std::abs(stiffness) <= kRoundingOfStiffness * terms;
+  if (!(std::abs(stiffness) <= kRoundingOfStiffness * terms)) return false;
+  const double length = norm(z);
+  for (double& value : z.x) value /= length;
+  softest_ = std::move(z);
+  return true;
 }
 
 StaticIncrement StaticProblem::correction(const StaticPoint& x) {

@@ -52,6 +52,8 @@ class StaticProblem {
   /// Whether some motion meets no resistance but rounding (a body turns freely): then the determinant and its sign are
   /// rounding, too. By inverse iteration with the last factor.
   [[nodiscard]] bool indifferent();
+  /// The softest motion, of length one. @pre indifferent()
+  [[nodiscard]] const StaticIncrement& softest() const { return softest_; }
   /// -K^-1 [motion; phi], with the last factor.
   [[nodiscard]] StaticIncrement correction(const StaticPoint& x);
   /// The path's direction for a change of the share by one: -K^-1 d[motion; phi]/dshare. @pre factorize(x)
@@ -94,6 +96,7 @@ class StaticProblem {
   std::vector<double> mass_;       // n: diagonal of F_a
   std::vector<double> size_;       // n: magnitude of the coordinates, for rounding
   std::vector<double> f0_, phi0_;  // out of balance at the start
+  StaticIncrement softest_;
   double extent_ = 0, size_norm_ = 0, reference_ = 0;
   Status why_;
 };
