@@ -76,14 +76,22 @@ int SimulateCommand::run() {
                  {"state.restart of --out", state}},
                 {{"--report", report_file}});
   for (const auto& [key, value] : flags.values()) options.solver.emplace_back(key, value);
-  Simulation simulation(options);
   Progress progress(!quiet && !json);
+  StepLog starting(!quiet && !json, verbose, 0, 1);
+  StepLog* log_of_search = &starting;
+  options.on_search = [&](const SimulationSearch& search) {
+    if (log_of_search == &starting) progress.abandon();
+    log_of_search->search(search);
+    return !stop_asked.load();
+  };
+  Simulation simulation(options);
   progress.begin("model");
   Status status = simulation.load(model);
   if (status.ok()) {
     progress.end(simulate_headline(simulation.summary()));
     on_stop_signals(ask_to_stop);
     StepLog log(!quiet && !json, verbose, simulation.time(), simulation.end_time());
+    log_of_search = &log;
     status = simulation.run([&log](const SimulationStep& step) {
       log.add(step);
       return !stop_asked.load();

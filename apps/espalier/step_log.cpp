@@ -45,6 +45,18 @@ void StepLog::add(const SimulationStep& step) {
   }
 }
 
+void StepLog::search(const SimulationSearch& s) {
+  constexpr double kSilence = 5;
+  const auto now = Clock::now();
+  if (!enabled_ || seconds(now - std::max(last_line_, start_)) < kSilence) return;
+  clear();
+  print_note(
+      "statics: {} steps to load factor {:.6g}, trial at {:.6g}, {} factorizations, {:.1e} of the loads out of "
+      "balance\n",
+      s.steps, s.load, s.trial, s.factorizations, s.residual);
+  last_line_ = now;
+}
+
 void StepLog::close() {
   if (!enabled_) return;
   clear();

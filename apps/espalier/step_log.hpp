@@ -16,6 +16,8 @@ class StepLog {
   /// @param enabled false: says nothing @param all a line for every step
   StepLog(bool enabled, bool all, double t_begin, double t_end);
   void add(const SimulationStep& step);
+  /// Where a search for an equilibrium stands, when no line was written for some seconds.
+  void search(const SimulationSearch& search);
   /// Shows the last step if it was not shown.
   void close();
 

@@ -19,6 +19,15 @@
 
 namespace espalier {
 
+/// What a search for an equilibrium is at, before each of its factorizations.
+struct SimulationSearch {
+  long steps = 0;          ///< of the load, accepted so far
+  double load = 0;         ///< load factor of the last of them
+  double trial = 0;        ///< load factor that is tried
+  int factorizations = 0;  ///< so far
+  double residual = 0;     ///< what the trial has out of balance, as in statics.tolerance
+};
+
 /// What the caller may choose; the model text says the rest.
 struct SimulationOptions {
   std::vector<std::string> set;  ///< values of the model text to be replaced: "parameters.size=2"
@@ -31,6 +40,9 @@ struct SimulationOptions {
   long dump_count = 10;          ///< ... and at most so many
   /// Options of the solver by name ("device", "host_memory", ...: the fields of Options), over those of the model.
   std::vector<std::pair<std::string, std::string>> solver;
+  /// Statics, also at the start of a motion (in load()), may take long: called with what it is at. false: stop it; in
+  /// load() that is the error `cancelled`.
+  std::function<bool(const SimulationSearch&)> on_search;
 };
 
 /// One accepted step, of time or (statics) of the load.

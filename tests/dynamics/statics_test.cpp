@@ -288,6 +288,73 @@ axis = [0, 1, 0]
   EXPECT_NEAR(s.value("hinge.force.z"), 10, 1e-8);
 }
 
+// An axle in two springs, which leave its turn free, with a small weight at its side. Only rounding holds the turn
+// without loads, and a path that follows rounding creeps.
+TEST(StaticsLoose, AnAxleTurnsItsHeavySideDown) {
+  const Simulation s = simulated(R"(gravity = [0, 0, -9.81]
+[bodies.axle]
+type = "solid"
+mesh = { part = "block", lx = 1, ly = 0.1, lz = 0.1, divisions = [8, 2, 2] }
+material = { young = 2e11, poisson = 0.3, density = 7800 }
+[bodies.bob]
+type = "rigid"
+mass = 0.1
+box = [0.01, 0.01, 0.01]
+position = [0.5, 0.2, 0.05]
+[joints.weld]
+type = "fixed"
+a = { body = "axle", face = "y1" }
+b = { body = "bob", point = [0, -0.1, 0] }
+[forces.left]
+type = "bushing"
+a = { body = "ground", point = [0, 0.05, 0.05] }
+b = { body = "axle", face = "x0" }
+stiffness = [1e7, 1e7, 1e7]
+[forces.right]
+type = "bushing"
+a = { body = "ground", point = [1, 0.05, 0.05] }
+b = { body = "axle", face = "x1" }
+stiffness = [1e7, 1e7, 1e7]
+[statics]
+)");
+  EXPECT_TRUE(s.summary().statics_relaxed);
+  EXPECT_LT(s.summary().factorizations, 400);
+  EXPECT_NEAR(s.value("bob.position.y"), 0.05, 1e-4);
+  EXPECT_NEAR(s.value("bob.position.z"), -0.1, 2e-4);  // and the springs give a little
+}
+
+// ---- Work that takes long is seen, can be stopped, and has a limit
+
+TEST(StaticsWork, IsLimited) {
+  const Status status = failed(bar(-1e6) + "max_factorizations = 3\n");
+  EXPECT_EQ(status.code, StatusCode::accuracy_not_reached);
+  EXPECT_NE(status.message.find("after 3 factorizations"), std::string::npos) << status.message;
+  EXPECT_NE(status.message.find("max_factorizations allows no more"), std::string::npos) << status.message;
+}
+
+TEST(StaticsWork, IsSeenAndStopped) {
+  const std::string text = bar(-1e6);
+  int seen = 0, most = 1000;
+  SimulationOptions options;
+  options.on_search = [&](const SimulationSearch& search) {
+    EXPECT_EQ(search.factorizations, seen);
+    return ++seen < most;
+  };
+  EXPECT_EQ(simulated(text, options).summary().factorizations, seen);
+
+  seen = 0, most = 4;
+  const Simulation stopped = simulated(text, options);
+  EXPECT_TRUE(stopped.summary().interrupted);
+  EXPECT_EQ(stopped.summary().factorizations, most - 1);
+  EXPECT_LT(stopped.time(), 1);
+
+  seen = 0;
+  std::string motion = text;
+  motion.replace(motion.find("[statics]"), 9, "[integrator]\nend = 1\n[initial]\nstatics = true\n");
+  Simulation s(options);
+  EXPECT_EQ(s.load_text(motion, "model.toml").code, StatusCode::cancelled);
+}
+
 // ---- What the given configuration has out of balance comes in with the load
 
 TEST(StaticsMisfit, MotorsAndJointsPullAFaceStepByStep) {

@@ -114,7 +114,8 @@ void KktSolver::compute_scaling() {
       if (w_->ind[at(p)] == j) diagonal = value;
     }
     // A massless coordinate has no useful diagonal; its largest entry, or one, stands in.
-    const double size = diagonal > 1e-6 * largest ? diagonal : largest;
+    double size = diagonal > 1e-6 * largest ? diagonal : largest;
+    if (!typical_.empty() && size < 1e-6 * typical_[at(j)]) size = typical_[at(j)];
     scale_[at(j)] = size > 0 ? 1 / std::sqrt(size) : 1.0;
   }
   for (Index i = 0; i < m_; ++i) {

@@ -31,6 +31,9 @@ class KktSolver {
   void set_pattern(const SparsePattern& w, const SparsePattern& phi_q, const SparsePattern* f_lambda = nullptr);
   /// Marks dropped constraints (m entries, non-zero = dropped).
   void set_dropped(const std::vector<char>& dropped);
+  /// n diagonals of W that stand in, for the scaling, for those that are nothing beside them: a rigid body has no
+  /// stiffness of its own but rounding. Empty: none.
+  void set_typical(std::vector<double> diagonals) { typical_ = std::move(diagonals); }
 
   /// Entries of W and Phi_q to be written by the caller before factorize(); they stay readable (the values of the
   /// factor).
@@ -63,7 +66,8 @@ class KktSolver {
   const SparsePattern* f_lambda_ = nullptr;
   Index n_ = 0, m_ = 0;
   bool analyzed_ = false;
-  std::vector<char> dropped_;  // m
+  std::vector<char> dropped_;    // m
+  std::vector<double> typical_;  // n, or none
   std::vector<double> w_values_, phi_q_values_, f_lambda_values_;
   std::vector<Offset> k_ptr_;  // n + m + 1
   std::vector<Index> k_ind_;

@@ -14,7 +14,9 @@ class Relaxation {
     x.share = 1;
     if (!problem_.evaluate(x)) return result_;
     begin(x);
-    double previous = problem_.residual(x), travelled = 0;
+    constexpr int kStagnant = 50;  // steps without a halving of the residual
+    double previous = problem_.residual(x), travelled = 0, best = previous;
+    int since_best = 0;
     while (!problem_.balanced(x, options_.tolerance)) {
       if (result_.iterations == options_.max_steps) return result_;
       const double length = step(x);
@@ -22,6 +24,9 @@ class Relaxation {
       travelled += length;
       const double now = problem_.residual(x);
       if (result_.iterations > 1 && now > 0.5 * previous && problem_.at_rounding(x)) break;
+      since_best = now < 0.5 * best ? 0 : since_best + 1;
+      if (since_best == 0) best = now;
+      if (since_best >= kStagnant && problem_.near_rounding(x)) break;
       // The first residual is one without reactions.
       if (result_.iterations > 1 && previous > 0) stiffening_ *= std::clamp(now / previous, 0.05, 4.0);
       previous = now;

@@ -32,6 +32,7 @@ StaticProblem::StaticProblem(Equations& equations, const State& start, double lo
     size_[i] = std::max(size_[i], far);
   }
   size_norm_ = std::sqrt(size_norm_);
+  set_typical();
   StaticPoint x = this->start();
   if (!evaluate(x)) return;  // the caller finds that too
   f0_ = x.motion;
@@ -39,7 +40,30 @@ StaticProblem::StaticProblem(Equations& equations, const State& start, double lo
   reference_ = std::max(force_norm(f0_), force_norm(load_rate(x)));
 }
 
-StaticProblem::~StaticProblem() = default;
+StaticProblem::~StaticProblem() { equations_.kkt().set_typical({}); }
+
+// Without inertia a rigid body has no diagonal in W, or one of rounding (the curvature of its joints). Scaled by that,
+// its part would be all that is left of the joint's rows, and K singular. So its diagonal counts as the mass times the
+// usual ratio of stiffness to mass.
+void StaticProblem::set_typical() {
+  constexpr double kSoft = 1e-6;
+  System& system = equations_.system();
+  const SparsePattern& p = system.tangent_pattern();
+  std::vector<double> values(static_cast<std::size_t>(p.nonzeros())), typical(n_, 0.0);
+  system.tangent(start_.view(), {0, 0, 1}, values);
+  double largest = 0;
+  for (std::size_t i = 0; i < n_; ++i) {
+    const auto entry = static_cast<std::size_t>(find_entry(p, static_cast<Index>(i), static_cast<Index>(i)));
+    typical[i] = std::abs(values[entry]) / mass_[i];
+    largest = std::max(largest, typical[i]);
+  }
+  if (!(largest > 0) || !std::isfinite(largest)) return;
+  double sum = 0, count = 0;
+  for (const double ratio : typical)
+    if (ratio > kSoft * largest) sum += std::log(ratio), ++count;
+  for (std::size_t i = 0; i < n_; ++i) typical[i] = mass_[i] * std::exp(sum / count);
+  equations_.kkt().set_typical(std::move(typical));
+}
 
 StaticPoint StaticProblem::start() const {
   return {start_, 0, std::vector<double>(n_, 0.0), std::vector<double>(m_, 0.0)};
@@ -79,6 +103,7 @@ StaticIncrement StaticProblem::between(const StaticPoint& a, const StaticPoint& 
 }
 
 bool StaticProblem::factorize(const StaticPoint& x, double stiffening) {
+  if (watch_) watch_(x);
   try {
     equations_.factorize(x.state.view(), {stiffening, 0, 1});
   } catch (const Error& error) {
@@ -209,6 +234,13 @@ bool StaticProblem::at_rounding(const StaticPoint& x) const {
   };
   const Rounding bounds = rounding(x.state);
   return below(x.motion, bounds.motion) && below(x.phi, bounds.phi);
+}
+
+bool StaticProblem::near_rounding(const StaticPoint& x) const {
+  const Rounding bounds = rounding(x.state);
+  for (std::size_t i = 0; i < m_; ++i)
+    if (!(std::abs(x.phi[i]) <= bounds.phi[i])) return false;
+  return force_norm(x.motion) <= force_norm(bounds.motion);
 }
 
 bool StaticProblem::forget_rounding() {

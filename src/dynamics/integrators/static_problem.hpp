@@ -2,6 +2,7 @@
 /// The equations of statics at one load: what is out of balance, how large that is, and Newton's matrix.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "dynamics/dae/equations.hpp"
@@ -44,6 +45,8 @@ class StaticProblem {
   /// Its inverse, without multipliers: what leads from a to b.
   [[nodiscard]] StaticIncrement between(const StaticPoint& a, const StaticPoint& b) const;
 
+  /// Called before every factorization with the point; what it throws ends the search.
+  void set_watch(std::function<void(const StaticPoint&)> watch) { watch_ = std::move(watch); }
   /// K with W = F_q + stiffening * F_a at a point. @pre evaluate(x) was the last evaluation
   /// @return false if it is singular; why() says where
   [[nodiscard]] bool factorize(const StaticPoint& x, double stiffening = 0);
@@ -72,6 +75,9 @@ class StaticProblem {
   /// Every row of motion and phi is at the rounding of the terms that it is the sum of: 16 eps sum_j |K_ij| |q_j|, with
   /// the last K. Nothing gets nearer then.
   [[nodiscard]] bool at_rounding(const StaticPoint& x) const;
+  /// The same of the norm of motion: a light body's rows may be above their own rounding, because those of heavy ones
+  /// stand in the same solution. Not a proof by itself that nothing gets nearer.
+  [[nodiscard]] bool near_rounding(const StaticPoint& x) const;
   /// Sets to zero what the start has out of balance by no more than that: a body without loads has none.
   /// @pre factorize(start()) @return true if anything changed: rates computed before are out of date
   [[nodiscard]] bool forget_rounding();
@@ -85,6 +91,7 @@ class StaticProblem {
 
   /// With the last K.
   [[nodiscard]] Rounding rounding(const State& state) const;
+  void set_typical();
   [[nodiscard]] std::vector<double> load_rate(const StaticPoint& x);
   [[nodiscard]] double force_norm(ConstSpan f) const;
   [[nodiscard]] double reactions(const StaticPoint& x) const;
@@ -99,6 +106,7 @@ class StaticProblem {
   StaticIncrement softest_;
   double extent_ = 0, size_norm_ = 0, reference_ = 0;
   Status why_;
+  std::function<void(const StaticPoint&)> watch_;
 };
 
 }  // namespace espalier::dynamics

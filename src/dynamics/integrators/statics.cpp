@@ -31,11 +31,15 @@ const char* text_of(StaticOutcome outcome) {
 
 class Statics {
  public:
-  Statics(Equations& equations, State& state, const StaticsOptions& options, const StaticsObserver& observer)
+  Statics(Equations& equations, State& state, const StaticsOptions& options, const StaticsObserver& observer,
+          const StaticsWatch& watch)
       : options_(options),
         state_(state),
+        watch_(watch),
         problem_(equations, at_rest(state), options.load),
-        path_(problem_, options, observer) {}
+        path_(problem_, options, observer) {
+    problem_.set_watch([this](const StaticPoint& x) { look(x); });
+  }
 
   StaticsResult run() {
     StaticPoint x = problem_.start();
@@ -57,6 +61,25 @@ class Statics {
   }
 
  private:
+  void look(const StaticPoint& x) {
+    const StaticPoint& last = path_.point();
+    const double load = problem_.load(last), trial = problem_.load(x);
+    StatusCode code = StatusCode::ok;
+    if (factorizations_ == options_.max_factorizations) code = StatusCode::accuracy_not_reached;
+    if (watch_ && !watch_({path_.steps(), load, trial, factorizations_, relative(x)})) code = StatusCode::cancelled;
+    ++factorizations_;
+    if (code == StatusCode::ok) return;
+    const std::string place = problem_.worst(x);
+    state_ = last.state;
+    problem_.equations().system().set_load_factor(load);
+    throw Error(code,
+                fmt::format("{} after {} factorizations and {} steps, at load factor {:.6g} of {:.6g}; the trial at "
+                            "{:.6g} has {:.3g} of the loads out of balance, most of all {}{}",
+                            code == StatusCode::cancelled ? "statics was stopped" : "no static equilibrium",
+                            factorizations_ - 1, path_.steps(), load, options_.load, trial, relative(x), place,
+                            code == StatusCode::cancelled ? "" : "; max_factorizations allows no more" + criticals()));
+  }
+
   static const State& at_rest(State& state) {
     std::fill(state.v.begin(), state.v.end(), 0.0);
     std::fill(state.a.begin(), state.a.end(), 0.0);
@@ -123,19 +146,25 @@ class Statics {
   [[noreturn]] void fail_path() {
     const StaticPoint& x = path_.point();
     problem_.equations().system().set_load_factor(problem_.load(x));
-    std::string limits;
-    for (const CriticalPoint& c : path_.critical())
-      limits += fmt::format("{}{} at load factor {:.9g}", limits.empty() ? "; " : ", ",
-                            c.limit ? "limit point" : "bifurcation", c.load);
     throw Error(StatusCode::accuracy_not_reached,
                 fmt::format("no static equilibrium beyond load factor {:.6g} of {:.6g} after {} steps: {} at a step of "
                             "{:.3g}, furthest out of balance {}{}",
                             problem_.load(x), options_.load, path_.steps(), text_of(path_.failure()), path_.last_try(),
-                            path_.where(), limits));
+                            path_.where(), criticals()));
+  }
+
+  [[nodiscard]] std::string criticals() const {
+    std::string text;
+    for (const CriticalPoint& c : path_.critical())
+      text += fmt::format("{}{} at load factor {:.9g}", text.empty() ? "; " : ", ",
+                          c.limit ? "limit point" : "bifurcation", c.load);
+    return text;
   }
 
   const StaticsOptions& options_;
   State& state_;
+  const StaticsWatch& watch_;
+  int factorizations_ = 0;
   StaticProblem problem_;
   StaticFollower path_;
 };
@@ -143,8 +172,8 @@ class Statics {
 }  // namespace
 
 StaticsResult static_equilibrium(Equations& equations, State& state, const StaticsOptions& options,
-                                 const StaticsObserver& observer) {
-  return Statics(equations, state, options, observer).run();
+                                 const StaticsObserver& observer, const StaticsWatch& watch) {
+  return Statics(equations, state, options, observer, watch).run();
 }
 
 }  // namespace espalier::dynamics

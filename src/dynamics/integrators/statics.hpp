@@ -34,6 +34,7 @@ struct StaticsOptions {
   double smallest_step = 1e-6;    ///< ... below it the run gives up
   int max_steps = 1000;           ///< accepted steps; steps of the relaxation
   int max_iterations = 25;        ///< of Newton in one step
+  int max_factorizations = 5000;  ///< of the whole search, with those of steps taken back
   double largest_turnback = 100;  ///< an arc that leads to a load factor below -largest_turnback is given up
   double pseudo_time = 0;         ///< first step of the relaxation; 0: from the size and the forces of the system
   StaticPath path = StaticPath::automatic;
@@ -71,6 +72,18 @@ struct StaticsResult {
 /// false: stop here.
 using StaticsObserver = std::function<bool(const StaticsStep&, const State&)>;
 
+/// What a search is at; a step may take long.
+struct StaticsTrial {
+  long steps = 0;          ///< accepted so far
+  double load = 0;         ///< load factor of the last of them
+  double trial = 0;        ///< load factor that is tried
+  int factorizations = 0;  ///< so far
+  double residual = 0;     ///< of the trial, as in StaticsStep
+};
+
+/// Called before every factorization. false: give up.
+using StaticsWatch = std::function<bool(const StaticsTrial&)>;
+
 /// Static equilibrium at the load factor options.load and the time state.t, from the given configuration on; v and a
 /// become zero, lambda the reactions. Newton's method with backtracking on the natural level |K^-1 r| (Deuflhard,
 /// Newton Methods for Nonlinear Problems, 2004, section 3.3): it does not take the stretch that a turning step gives to
@@ -78,8 +91,8 @@ using StaticsObserver = std::function<bool(const StaticsStep&, const State&)>;
 /// Arc length: Riks' hyperplane (Int. J. Solids Struct. 15 (1979)), in the metric sum m_ii dq_i^2.
 /// The load factor of the system is options.load afterwards, or that of the last state accepted where it throws.
 /// @throws espalier::Error if no equilibrium is found: accuracy_not_reached, with the load factor and the place where
-/// the iteration ended; state is the last equilibrium on the path
+/// the iteration ended; cancelled if the watch gave up. state is the last equilibrium on the path
 StaticsResult static_equilibrium(Equations& equations, State& state, const StaticsOptions& options = {},
-                                 const StaticsObserver& observer = {});
+                                 const StaticsObserver& observer = {}, const StaticsWatch& watch = {});
 
 }  // namespace espalier::dynamics

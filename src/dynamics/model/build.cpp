@@ -7,6 +7,7 @@
 #include "dynamics/joints/relative.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/hold_joint.hpp"
+#include "dynamics/model/reach.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -20,6 +21,7 @@ class Builder {
     for (const BodySpec& body : model_.bodies)
       at_place(body.place, [&] { out_.bodies.push_back(build_body(body, model_, out_)); });
     frames_.note_initial_state();
+    check_places();
     for (const auto& [name, marker] : model_.markers) out_.markers[name] = frames_.make(marker);
     for (const JointSpec& joint : model_.joints)
       at_place(joint.place, [&] { out_.joints.push_back(&out_.system.add(make_joint(joint))); });
@@ -32,6 +34,23 @@ class Builder {
   }
 
  private:
+  void check_places() const {
+    const Reach reach(out_.bodies);
+    for (const BuiltBody& body : out_.bodies)
+      if (const auto* rigid = std::get_if<RigidSpec>(&body.spec.shape)) {
+        reach.check(rigid->data.position, body.spec.place, fmt::format("body '{}'", body.spec.name));
+      } else if (body.flexible != nullptr) {
+        reach.check(body.spec.position, body.spec.place, fmt::format("body '{}'", body.spec.name));
+      }
+    const auto check = [&](const auto& what, const char* noun) {
+      for (std::size_t k = 0; k < what.frames.size(); ++k)
+        reach.check(frames_.initial_motion(what.frames[k]).r, what.place,
+                    fmt::format("frame {} of the {} '{}'", "abcd"[k], noun, what.name));
+    };
+    for (const JointSpec& joint : model_.joints) at_place(joint.place, [&] { check(joint, "joint"); });
+    for (const ForceSpec& force : model_.forces) at_place(force.place, [&] { check(force, "force"); });
+  }
+
   /// The value of a relative coordinate of the first two frames in the initial state.
   double measure(Relative kind, int axis, const std::vector<MarkerSpec>& frames) {
     const FrameMotion a = frames_.initial_motion(frames[0]), b = frames_.initial_motion(frames[1]);

@@ -108,7 +108,14 @@ class DumpingSolver final : public LinearSolver {
     waiting_ = record_.dumped < options_.most && count_ % options_.every == 0;
     ++count_;
     if (waiting_) values_.assign(values.begin(), values.end());
-    return inner_->factorize(values);
+    Status status = inner_->factorize(values);
+    if (waiting_ && !status.ok()) {  // there will be no right-hand sides; who looks for the reason needs the matrix
+      waiting_ = false;
+      matrix::write_matrix_market(fmt::format("{}/newton_{:04}.mtx", options_.folder, ++record_.dumped),
+                                  {rows_, rows_, ptr_, ind_, values_, storage_},
+                                  fmt::format("Newton matrix of factorization {}, which failed", count_));
+    }
+    return status;
   }
   [[nodiscard]] int determinant_sign() const override { return inner_->determinant_sign(); }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {

@@ -74,6 +74,7 @@ void read_statics_options(Section& s, StaticsOptions& o) {
     fail(s.place("smallest_step"), fmt::format("must not be above first_step, {:g}", o.first_step));
   o.max_steps = s.integer("max_steps", 1, o.max_steps);
   o.max_iterations = s.integer("max_iterations", 1, o.max_iterations);
+  o.max_factorizations = s.integer("max_factorizations", 1, o.max_factorizations);
   o.pseudo_time = s.positive("pseudo_time", o.pseudo_time);
   o.path = static_cast<StaticPath>(s.choice("path", {"automatic", "load-steps", "relaxation"}, 0));
 }

@@ -11,14 +11,27 @@ namespace espalier::dynamics::model {
 
 using base::Stopwatch;
 
+namespace {
+
+StaticsWatch watch_of(const SimulationOptions& options) {
+  if (!options.on_search) return {};
+  return [&options](const StaticsTrial& t) {
+    return options.on_search({t.steps, t.load, t.trial, t.factorizations, t.residual});
+  };
+}
+
+}  // namespace
+
 void Runner::find_equilibrium(const ConsistencyOptions& consistency) {
   try {
-    note_statics(static_equilibrium(*equations_, state_, model_.initial.statics_options));
+    note_statics(static_equilibrium(*equations_, state_, model_.initial.statics_options, {}, watch_of(options_)));
     mechanism_->system.set_load_factor(1);
     make_consistent(*equations_, state_, consistency);
     guard_->check(state_);
   } catch (const Error& error) {
-    throw Error(error.status().code, "initial.statics: " + explain_statics(error), error.status().row);
+    const bool cancelled = error.status().code == StatusCode::cancelled;
+    const std::string text = cancelled ? error.what() : explain_statics(error);
+    throw Error(error.status().code, "initial.statics: " + text, error.status().row);
   }
 }
 
@@ -59,12 +72,19 @@ void Runner::run_statics(const SimulationObserver& observer) {
   State state = state_;
   const StaticsOptions& options = model_.statics->options;
   try {
-    const StaticsResult result = static_equilibrium(*equations_, state, options, each);
+    const StaticsResult result = static_equilibrium(*equations_, state, options, each, watch_of(options_));
     summary_.interrupted = summary_.interrupted && result.load != options.load;
     note_statics(result);
     guard_->check(state_, true);
     find_modes();
   } catch (const Error& error) {
+    if (error.status().code == StatusCode::cancelled) {
+      mechanism_->system.set_load_factor(load_);
+      summary_.interrupted = true;
+      const Stopwatch output(summary_.phases.output);
+      files_->end(sample(last_report_));
+      return;
+    }
     const Error explained(error.status().code, explain_statics(error), error.status().row);
     mechanism_->system.set_load_factor(load_);
     throw explained;
