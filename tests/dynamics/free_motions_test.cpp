@@ -15,7 +15,7 @@ std::vector<std::string> loose(const std::string& text) {
   State s(mechanism->system.sizes());
   mechanism->system.initial(s.q, s.v);
   mechanism->system.set_load_factor(0);
-  return model::free_motions(*mechanism, {}, s);
+  return model::free_motions(*mechanism, {}, s).texts;
 }
 
 using Lines = std::vector<std::string>;
@@ -80,6 +80,44 @@ TEST(FreeMotions, OfBodiesTogether) {
   EXPECT_EQ(loose(both + "[forces.coil]\ntype = \"rotational-spring\"\nstiffness = 1\n"
                          "a = { body = \"ground\", axis = [0, 1, 0] }\nb = { body = \"bob\", axis = [0, 1, 0] }\n"),
             Lines{});
+}
+
+/// `count` rods in a row, `links` of them in each chain, which hangs on the ground by a hinge.
+std::string chains(int count, int links) {
+  std::string text;
+  for (int k = 0; k < count; ++k) {
+    text +=
+        fmt::format("[bodies.rod{0}]\ntype = \"rigid\"\nmass = 1\nbox = [1, 0.1, 0.1]\nposition = [{0}.5, 0, 0]\n", k);
+    const std::string before = k % links == 0 ? "ground" : fmt::format("rod{}", k - 1);
+    text += fmt::format(
+        "[joints.hinge{0}]\ntype = \"revolute\"\nbodies = [\"{1}\", \"rod{0}\"]\nat = [{0}, 0, 0]\naxis = [0, 1, 0]\n",
+        k, before);
+  }
+  return text;
+}
+
+// 2,000 rods on hinges, of which all but one are kept from turning: that one is found among them.
+TEST(FreeMotions, OfThousandsOfBodies) {
+  constexpr int kBodies = 2000;
+  std::string text = chains(kBodies, 1);
+  for (int k = 0; k < kBodies; ++k)
+    if (k != 1234)
+      text += fmt::format(
+          "[forces.coil{0}]\ntype = \"rotational-spring\"\nstiffness = 1\na = {{ body = \"ground\", axis = [0, 1, 0] "
+          "}}\n"
+          "b = {{ body = \"rod{0}\", axis = [0, 1, 0] }}\n",
+          k);
+  EXPECT_EQ(loose(text), Lines{"'rod1234' can turn about y through (1234, 0, 0)"});
+}
+
+// A chain that is too long for a dense matrix is counted, its neighbours are looked at.
+TEST(FreeMotions, LongChainsAreCounted) {
+  const auto mechanism = built(chains(240, 240) + kBob + "[statics]\n");
+  State s(mechanism->system.sizes());
+  mechanism->system.initial(s.q, s.v);
+  const model::FreeMotions found = model::free_motions(*mechanism, {}, s);
+  EXPECT_EQ(found.unseen, 240U);
+  EXPECT_EQ(found.texts, Lines{"'bob' can move along every direction and turn about every axis"});
 }
 
 // What a user sees: statics that finds no place for a body names it.

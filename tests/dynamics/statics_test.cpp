@@ -323,6 +323,24 @@ stiffness = [1e7, 1e7, 1e7]
   EXPECT_NEAR(s.value("bob.position.z"), -0.1, 2e-4);  // and the springs give a little
 }
 
+// What overflows, or is beyond all rounding, balances nothing.
+TEST(StaticsLoose, MonstrousLoadsHaveNoEquilibrium) {
+  for (const char* gravity : {"-1e12", "-1e200", "-1e308"}) {
+    const Status status = failed(fmt::format("gravity = [0, 0, {}]\n", gravity) + bar(0));
+    EXPECT_EQ(status.code, StatusCode::accuracy_not_reached) << gravity << ": " << status.message;
+  }
+}
+
+TEST(StaticsLoose, ACoarseToleranceIsRefused) {
+  EXPECT_EQ(failed(bar(-1e5) + "tolerance = 0.2\n").code, StatusCode::invalid_input);
+}
+
+TEST(StaticsLoose, TheLastStepIsNamed) {
+  const std::string message = failed(bar(-1e5) + "max_steps = 1\n").message;
+  EXPECT_NE(message.find("max_steps allows no more"), std::string::npos) << message;
+  EXPECT_EQ(message.find("furthest out of balance ;"), std::string::npos) << message;
+}
+
 // ---- Work that takes long is seen, can be stopped, and has a limit
 
 TEST(StaticsWork, IsLimited) {

@@ -1,5 +1,7 @@
 #include "dynamics/integrators/static_path.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -43,8 +45,7 @@ bool StaticFollower::begin() {
   const double deflection = problem_.norm(at_.tangent) / at_.tangent.share;
   if (deflection == 0) step_ = 1;  // no loads
   if (deflection > kLargest * problem_.size()) {
-    loose_end_ = "its linear deflection is a " + std::to_string(static_cast<long>(deflection / problem_.size())) +
-                 "-fold of its size";
+    loose_end_ = fmt::format("its linear deflection is {:.3g} times its size", deflection / problem_.size());
     return false;
   }
   // Rounding is the stiffness of a motion that nothing holds, and where loads work on it, the path is rounding, too.

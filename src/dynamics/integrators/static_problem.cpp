@@ -83,7 +83,8 @@ bool StaticProblem::evaluate(StaticPoint& x) {
   const double rest = 1 - x.share;
   for (std::size_t i = 0; i < n_; ++i) x.motion[i] -= rest * f0_[i];
   for (std::size_t i = 0; i < m_; ++i) x.phi[i] = equations_.phi()[i] - rest * phi0_[i];
-  return std::isfinite(max_norm(x.motion)) && std::isfinite(max_norm(x.phi));
+  return std::isfinite(residual(x)) &&
+         std::isfinite(max_norm(x.phi));  // a square that overflows is balanced by nothing
 }
 
 StaticPoint StaticProblem::moved(const StaticPoint& x, const StaticIncrement& d, double factor) const {
@@ -104,6 +105,7 @@ StaticIncrement StaticProblem::between(const StaticPoint& a, const StaticPoint& 
 
 bool StaticProblem::factorize(const StaticPoint& x, double stiffening) {
   if (watch_) watch_(x);
+  stiffening_ = stiffening;
   try {
     equations_.factorize(x.state.view(), {stiffening, 0, 1});
   } catch (const Error& error) {
@@ -205,7 +207,7 @@ bool StaticProblem::balanced(const StaticPoint& x, double tolerance) const {
   constexpr double kGrowth = 10;
   const double reached = reactions(x);
   const double forces = reference_ > 0 ? std::max(reference_, std::min(reached, kGrowth * reference_)) : reached;
-  return residual(x) <= tolerance * forces && max_norm(x.phi) <= tolerance * extent_;
+  return std::isfinite(forces) && residual(x) <= tolerance * forces && max_norm(x.phi) <= tolerance * extent_;
 }
 
 StaticProblem::Rounding StaticProblem::rounding(const State& state) const {
@@ -226,7 +228,24 @@ StaticProblem::Rounding StaticProblem::rounding(const State& state) const {
   return sums;
 }
 
+// Terms of W that stand for pseudo-time are none of the forces, and what is out of balance by a part that can be seen
+// is no rounding, however large the terms.
+bool StaticProblem::may_be_rounding(const StaticPoint& x) const {
+  constexpr double kVisible = 1e-2;
+  if (reference_ > 0 && residual(x) > kVisible * std::max(reference_, reactions(x))) return false;
+  if (stiffening_ == 0) return true;
+  const SparsePattern& p = equations_.kkt().w_pattern();
+  double damped = 0, all = 0;
+  for (std::size_t i = 0; i < n_; ++i) {
+    const auto entry = static_cast<std::size_t>(find_entry(p, static_cast<Index>(i), static_cast<Index>(i)));
+    damped += stiffening_ * mass_[i];
+    all += std::abs(equations_.kkt().w_values()[entry]);
+  }
+  return damped <= 0.5 * all;
+}
+
 bool StaticProblem::at_rounding(const StaticPoint& x) const {
+  if (!may_be_rounding(x)) return false;
   const auto below = [](ConstSpan values, ConstSpan bounds) {
     for (std::size_t i = 0; i < values.size(); ++i)
       if (!(std::abs(values[i]) <= bounds[i])) return false;
@@ -237,6 +256,7 @@ bool StaticProblem::at_rounding(const StaticPoint& x) const {
 }
 
 bool StaticProblem::near_rounding(const StaticPoint& x) const {
+  if (!may_be_rounding(x)) return false;
   const Rounding bounds = rounding(x.state);
   for (std::size_t i = 0; i < m_; ++i)
     if (!(std::abs(x.phi[i]) <= bounds.phi[i])) return false;

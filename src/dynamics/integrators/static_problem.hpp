@@ -89,6 +89,7 @@ class StaticProblem {
     std::vector<double> motion, phi;  // n, m: what rounding may leave in each row
   };
 
+  [[nodiscard]] bool may_be_rounding(const StaticPoint& x) const;
   /// With the last K.
   [[nodiscard]] Rounding rounding(const State& state) const;
   void set_typical();
@@ -104,6 +105,7 @@ class StaticProblem {
   std::vector<double> size_;       // n: magnitude of the coordinates, for rounding
   std::vector<double> f0_, phi0_;  // out of balance at the start
   StaticIncrement softest_;
+  double stiffening_ = 0;  // of the last K
   double extent_ = 0, size_norm_ = 0, reference_ = 0;
   Status why_;
   std::function<void(const StaticPoint&)> watch_;

@@ -26,7 +26,7 @@ const char* text_of(StaticOutcome outcome) {
     case StaticOutcome::converged:
       break;
   }
-  return "the last allowed step was taken";
+  return "max_steps allows no more";
 }
 
 class Statics {
@@ -50,7 +50,7 @@ class Statics {
     if (options_.path == StaticPath::relaxation) return relaxed(x, "");
     if (!path_.begin()) {
       if (options_.path == StaticPath::load_steps) fail_loose();
-      return relaxed(x, "nothing holds the unloaded system; ");
+      return relaxed(x, fmt::format("nothing holds the unloaded system ({}); ", path_.loose_end()));
     }
     const bool arrived = path_.follow();
     const bool stuck = !arrived && !path_.stopped() && path_.steps() == 0 && path_.critical().empty();
@@ -148,9 +148,9 @@ class Statics {
     problem_.equations().system().set_load_factor(problem_.load(x));
     throw Error(StatusCode::accuracy_not_reached,
                 fmt::format("no static equilibrium beyond load factor {:.6g} of {:.6g} after {} steps: {} at a step of "
-                            "{:.3g}, furthest out of balance {}{}",
+                            "{:.3g}{}{}{}",
                             problem_.load(x), options_.load, path_.steps(), text_of(path_.failure()), path_.last_try(),
-                            path_.where(), criticals()));
+                            path_.where().empty() ? "" : ", furthest out of balance ", path_.where(), criticals()));
   }
 
   [[nodiscard]] std::string criticals() const {

@@ -80,22 +80,21 @@ class WholeBody {
 /// than rounding.
 class HeldRows {
  public:
+  struct Row {
+    double scale = 0;
+    std::vector<std::pair<const WholeBody*, Eigen::Matrix<double, 1, 6>>> parts;
+  };
+
   HeldRows(const std::vector<WholeBody>& bodies, Index coordinates, Index rows)
-      : columns_(0), rows_(static_cast<std::size_t>(rows)) {
+      : rows_(static_cast<std::size_t>(rows)) {
     owner_.assign(static_cast<std::size_t>(coordinates), nullptr);
     place_.assign(static_cast<std::size_t>(coordinates), 0);
-    for (const WholeBody& body : bodies) {
-      first_[&body] = columns_;
-      columns_ += body.basis().cols();
+    for (const WholeBody& body : bodies)
       for (std::size_t k = 0; k < body.coordinates().size(); ++k) {
         owner_[static_cast<std::size_t>(body.coordinates()[k])] = &body;
         place_[static_cast<std::size_t>(body.coordinates()[k])] = k;
       }
-    }
   }
-
-  [[nodiscard]] Eigen::Index columns() const { return columns_; }
-  [[nodiscard]] Eigen::Index first(const WholeBody& body) const { return first_.at(&body); }
 
   void add_term(Index row, Index coordinate, double value) {
     const auto c = static_cast<std::size_t>(coordinate);
@@ -111,26 +110,35 @@ class HeldRows {
     sum.parts.emplace_back(owner_[c], term);
   }
 
-  [[nodiscard]] Eigen::MatrixXd matrix() const {
-    std::vector<Eigen::RowVectorXd> kept;
-    for (const Row& row : rows_) {
-      Eigen::RowVectorXd line = Eigen::RowVectorXd::Zero(columns_);
-      for (const auto& [body, part] : row.parts)
-        line.segment(first_.at(body), body->basis().cols()) = part / row.scale * body->basis();
-      if (row.scale > 0 && line.cwiseAbs().maxCoeff() > kRounding) kept.push_back(line / line.norm());
+  /// Bodies that rows join, each group in the order of the bodies; a body by itself is a group, too.
+  [[nodiscard]] std::vector<std::vector<const WholeBody*>> groups(const std::vector<WholeBody>& bodies) const {
+    std::map<const WholeBody*, const WholeBody*> parent;
+    for (const WholeBody& body : bodies) parent[&body] = &body;
+    const auto root = [&parent](const WholeBody* body) {
+      while (parent[body] != body) body = parent[body] = parent[parent[body]];
+      return body;
+    };
+    for (const Row& row : rows_)
+      for (const auto& [body, part] : row.parts) parent[root(body)] = root(row.parts.front().first);
+    std::map<const WholeBody*, std::size_t> index;
+    std::vector<std::vector<const WholeBody*>> all;
+    for (const WholeBody& body : bodies) {
+      const auto [at, fresh] = index.emplace(root(&body), all.size());
+      if (fresh) all.emplace_back();
+      all[at->second].push_back(&body);
     }
-    Eigen::MatrixXd all(static_cast<Eigen::Index>(kept.size()), columns_);
-    for (std::size_t k = 0; k < kept.size(); ++k) all.row(static_cast<Eigen::Index>(k)) = kept[k];
     return all;
   }
 
+  /// The rows by the first body that each of them names.
+  [[nodiscard]] std::map<const WholeBody*, std::vector<const Row*>> rows_of_bodies() const {
+    std::map<const WholeBody*, std::vector<const Row*>> by_body;
+    for (const Row& row : rows_)
+      if (!row.parts.empty()) by_body[row.parts.front().first].push_back(&row);
+    return by_body;
+  }
+
  private:
-  struct Row {
-    double scale = 0;
-    std::vector<std::pair<const WholeBody*, Eigen::Matrix<double, 1, 6>>> parts;
-  };
-  Eigen::Index columns_;
-  std::map<const WholeBody*, Eigen::Index> first_;
   std::vector<const WholeBody*> owner_;
   std::vector<std::size_t> place_;
   std::vector<Row> rows_;
@@ -144,6 +152,52 @@ Eigen::MatrixXd null_space(const Eigen::MatrixXd& rows, Eigen::Index columns) {
   const Eigen::MatrixXd q = qr.householderQ() * Eigen::MatrixXd::Identity(columns, columns);
   return q.rightCols(columns - qr.rank());
 }
+
+/// Motions of the bodies of one group that no row resists: six rows for every body.
+class Group {
+ public:
+  Group(const std::vector<const WholeBody*>& bodies,
+        const std::map<const WholeBody*, std::vector<const HeldRows::Row*>>& rows) {
+    for (const WholeBody* body : bodies) {
+      first_[body] = columns_;
+      columns_ += body->basis().cols();
+    }
+    Eigen::MatrixXd held(2 * columns_ + 6, columns_);
+    Eigen::Index count = 0;
+    for (const WholeBody* body : bodies) {
+      const auto own = rows.find(body);
+      if (own == rows.end()) continue;
+      for (const HeldRows::Row* row : own->second) {
+        Eigen::RowVectorXd line = Eigen::RowVectorXd::Zero(columns_);
+        for (const auto& [other, part] : row->parts)
+          line.segment(first_.at(other), other->basis().cols()) += part / row->scale * other->basis();
+        if (!(row->scale > 0) || line.cwiseAbs().maxCoeff() <= kRounding) continue;
+        if (count == held.rows()) count = condense(held);
+        held.row(count++) = line / line.norm();
+      }
+    }
+    free_ = null_space(held.topRows(count), columns_);
+  }
+
+  [[nodiscard]] bool held() const { return free_.cols() == 0; }
+  [[nodiscard]] Eigen::MatrixXd twists(const WholeBody& body) const {
+    return body.basis() * free_.middleRows(first_.at(&body), body.basis().cols());
+  }
+
+ private:
+  /// As many rows as columns that demand the same.
+  static Eigen::Index condense(Eigen::MatrixXd& rows) {
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(rows);
+    const Eigen::Index n = rows.cols();
+    const Eigen::MatrixXd r = qr.matrixQR().topRows(n).triangularView<Eigen::Upper>();
+    rows.topRows(n) = r;
+    return n;
+  }
+
+  Eigen::Index columns_ = 0;
+  std::map<const WholeBody*, Eigen::Index> first_;
+  Eigen::MatrixXd free_;
+};
 
 std::string numbers(const Vec3& x) {
   const auto clean = [](double v) { return std::abs(v) < 5e-7 ? 0.0 : v; };
@@ -197,9 +251,8 @@ double length_of(Mechanism& mechanism, const State& s) {
 
 }  // namespace
 
-std::vector<std::string> free_motions(Mechanism& mechanism, const std::vector<char>& dropped, const State& state) {
-  constexpr std::size_t kMostBodies = 200;
-  if (mechanism.bodies.size() > kMostBodies) return {};
+FreeMotions free_motions(Mechanism& mechanism, const std::vector<char>& dropped, const State& state) {
+  constexpr std::size_t kMostBodies = 200;  // of a group: the matrix of its motions is dense
   const double length = length_of(mechanism, state);
   std::vector<WholeBody> bodies;
   for (const BuiltBody& body : mechanism.bodies) bodies.emplace_back(body, state, length);
@@ -218,15 +271,23 @@ std::vector<std::string> free_motions(Mechanism& mechanism, const std::vector<ch
     for (Offset k = g.ptr[static_cast<std::size_t>(r)]; k < g.ptr[static_cast<std::size_t>(r) + 1]; ++k)
       if (dropped.empty() || dropped[static_cast<std::size_t>(r)] == 0)
         held.add_term(n + r, g.ind[static_cast<std::size_t>(k)], phi_q[static_cast<std::size_t>(k)]);
-  const Eigen::MatrixXd free = null_space(held.matrix(), held.columns());
-  if (free.cols() == 0) return {};
-  std::vector<std::string> texts;
-  for (const WholeBody& body : bodies) {
-    const Eigen::MatrixXd own = body.basis() * free.middleRows(held.first(body), body.basis().cols());
-    if (const std::string text = words(own, body.centre(), length); !text.empty())
-      texts.push_back(fmt::format("'{}' can {}", body.body().spec.name, text));
+  FreeMotions result;
+  const auto rows = held.rows_of_bodies();
+  std::map<const WholeBody*, std::string> texts;
+  for (const auto& members : held.groups(bodies)) {
+    if (members.size() > kMostBodies) {
+      result.unseen += members.size();
+      continue;
+    }
+    const Group group(members, rows);
+    if (group.held()) continue;
+    for (const WholeBody* body : members)
+      if (std::string text = words(group.twists(*body), body->centre(), length); !text.empty())
+        texts[body] = fmt::format("'{}' can {}", body->body().spec.name, text);
   }
-  return texts;
+  for (const WholeBody& body : bodies)
+    if (const auto at = texts.find(&body); at != texts.end()) result.texts.push_back(at->second);
+  return result;
 }
 
 }  // namespace espalier::dynamics::model

@@ -66,6 +66,9 @@ void read_integrator(Section s, IntegratorSpec& out) {
 
 void read_statics_options(Section& s, StaticsOptions& o) {
   o.tolerance = s.positive("tolerance", o.tolerance);
+  constexpr double kCoarsest = 0.1;
+  if (o.tolerance > kCoarsest)
+    fail(s.place("tolerance"), fmt::format("must not be above {:g}, a part of the loads", kCoarsest));
   o.load = s.number("load", o.load);
   o.first_step = s.positive("first_step", o.first_step);
   o.largest_step = s.positive("largest_step", o.largest_step);

@@ -96,10 +96,11 @@ void Runner::run_statics(const SimulationObserver& observer) {
 /// "'a' can turn about z; 'b' can ..."; empty where all bodies are held.
 std::string Runner::loose_bodies(const State& state) {
   constexpr std::size_t kShown = 4;
-  const std::vector<std::string> all = free_motions(*mechanism_, equations_->dropped(), state);
+  const auto [all, unseen] = free_motions(*mechanism_, equations_->dropped(), state);
   std::string text;
   for (std::size_t k = 0; k < std::min(kShown, all.size()); ++k) text += (k > 0 ? "; " : "") + all[k];
   if (all.size() > kShown) text += fmt::format("; and {} bodies more", all.size() - kShown);
+  if (unseen > 0 && !all.empty()) text += fmt::format("; {} bodies that hang together were not looked at", unseen);
   return text;
 }
 
@@ -116,6 +117,8 @@ std::string Runner::explain_statics(const Error& error) {
         "; without loads nothing holds these bodies: {}. Joints or springs to the ground, or to bodies that are held, "
         "take such motions away",
         loose);
+  else if (const std::size_t unseen = free_motions(*mechanism_, equations_->dropped(), start).unseen; unseen > 0)
+    text += fmt::format("; whether something holds the {} bodies that hang together was not looked at", unseen);
   for (const BuiltBody& body : mechanism_->bodies)
     if (!body.pieces.empty()) text += fmt::format("; '{}': {}", body.spec.name, body.pieces);
   return text;
