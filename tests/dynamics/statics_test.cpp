@@ -328,6 +328,7 @@ TEST(StaticsLoose, MonstrousLoadsHaveNoEquilibrium) {
   for (const char* gravity : {"-1e12", "-1e200", "-1e308"}) {
     const Status status = failed(fmt::format("gravity = [0, 0, {}]\n", gravity) + bar(0));
     EXPECT_EQ(status.code, StatusCode::accuracy_not_reached) << gravity << ": " << status.message;
+    EXPECT_EQ(status.message.find("nan"), std::string::npos) << status.message;
   }
 }
 

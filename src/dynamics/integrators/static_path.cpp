@@ -40,6 +40,7 @@ bool StaticFollower::begin() {
   constexpr double kLargest = 1e3;
   if (!find_tangent(at_, nullptr) || (problem_.forget_rounding() && !find_tangent(at_, nullptr))) {
     loose_end_ = problem_.why().message;
+    if (loose_end_.empty()) loose_end_ = "its linear deflection is not a finite number";
     return false;
   }
   const double deflection = problem_.norm(at_.tangent) / at_.tangent.share;

@@ -107,6 +107,11 @@ class Statics {
           fmt::format("no static equilibrium: nothing holds the system against its loads; after {} steps it had "
                       "moved many times its size, most of all {}; join it to the ground",
                       r.iterations, fastest(r.last)));
+    if (!std::isfinite(relative(x)))
+      throw Error(StatusCode::accuracy_not_reached,
+                  fmt::format("no static equilibrium: {}the whole load gives forces that are no numbers, or whose "
+                              "squares overflow, first at {}",
+                              because, name));
     if (!r.converged)
       throw Error(
           StatusCode::accuracy_not_reached,
