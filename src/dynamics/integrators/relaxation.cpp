@@ -14,7 +14,7 @@ class Relaxation {
     x.share = 1;
     if (!problem_.evaluate(x)) return result_;
     begin(x);
-    constexpr int kStagnant = 50;  // steps without a halving of the residual
+    constexpr int kStagnant = 100;  // steps without a halving of the residual
     double previous = problem_.residual(x), travelled = 0, best = previous;
     int since_best = 0;
     while (!problem_.balanced(x, options_.tolerance)) {
