@@ -86,6 +86,20 @@ void ProductMatcher::scale_rows() {
     if (most[i] > 0) row_scale[i] = 1 / most[i];
 }
 
+/// Whether the diagonal is a measure of its rows and columns. Entries of rounding error there are none: scaled to 1
+/// they would lift the others far above it, and no matching brings such factors down again.
+bool ProductMatcher::diagonal_measures() const {
+  constexpr double kFar = 1e4;
+  std::atomic<bool> measures{true};
+  pool_.for_each_range(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j)
+      for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
+        if (!(a_.magnitude(k) * row_scale[at(a_.row[at(k)])] * row_scale[at(j)] <= kFar))
+          return measures.store(false, std::memory_order_relaxed);
+  });
+  return measures;
+}
+
 void ProductMatcher::match_tight_diagonal() {
   pool_.for_each_range(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
     for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j)
@@ -300,8 +314,50 @@ void ProductMatcher::search_all() {
     if (row_of_col[at(j)] < 0) search(j);
 }
 
+/// Bids and searches lower the factors of rows further than the matching needs: a column whose second choice is an
+/// entry of 1e-70 pays that much for a row that nobody else wants, and the row's other entries vanish beside it. Here
+/// each row gets back the largest factor, up to `most`, with which no r |a| c exceeds 1 and matched entries stay tight:
+/// shortest paths, since such factors are potentials of the matching (columns lead from their own rows to the others).
+/// @param most  logarithms of the factors before the first bid
+void ProductMatcher::raise_rows(const std::vector<double>& most) {
+  const std::size_t n = at(a_.n);
+  std::vector<double>& raised = distance_;  // by how much, at most
+  raised.resize(n);
+  for (std::size_t i = 0; i < n; ++i) raised[i] = std::max(0.0, most[i] - log_row_[i]);
+  const auto relax = [&](Index from) {
+    const Index j = col_of_row[at(from)];
+    for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k) {
+      const Index i = a_.row[at(k)];
+      if (log_[at(k)] == -kInfinity || raised[at(i)] <= raised[at(from)]) continue;
+      const double d = raised[at(from)] + std::max(0.0, -(log_[at(k)] + log_row_[at(i)] + log_col_[at(j)]));
+      if (d >= raised[at(i)]) continue;
+      raised[at(i)] = d;
+      heap_.push_back({d, i});
+      std::push_heap(heap_.begin(), heap_.end());
+    }
+  };
+  heap_.clear();
+  for (std::size_t i = 0; i < n; ++i)
+    if (raised[i] > 0) heap_.push_back({raised[i], static_cast<Index>(i)});
+  std::make_heap(heap_.begin(), heap_.end());
+  if (heap_.empty()) return;
+  for (std::size_t i = 0; i < n; ++i)
+    if (raised[i] == 0) relax(static_cast<Index>(i));
+  while (!heap_.empty()) {
+    std::pop_heap(heap_.begin(), heap_.end());
+    const Reached nearest = heap_.back();
+    heap_.pop_back();
+    if (nearest.distance == raised[at(nearest.row)]) relax(nearest.row);
+  }
+  for (std::size_t i = 0; i < n; ++i) {
+    log_row_[i] += raised[i];
+    log_col_[at(col_of_row[i])] -= raised[i];
+  }
+}
+
 void ProductMatcher::run() {
   scale_by_diagonal();
+  if (!diagonal_measures()) std::fill(row_scale.begin(), row_scale.end(), 1.0);
   scale_columns();
   scale_rows();
   match_tight();
@@ -309,6 +365,7 @@ void ProductMatcher::run() {
   if (rank == a_.n) return;
   take_logarithms();
   const std::vector<Index> greedy_row = row_of_col, greedy_col = col_of_row;
+  const std::vector<double> first_factors = log_row_;
   bid();
   search_all();
   if (deficient_sets_ > 0) {
@@ -319,6 +376,8 @@ void ProductMatcher::run() {
     take_logarithms();
     search_all();
     repair_deficient();
+  } else {
+    raise_rows(first_factors);
   }
   rank = a_.n - static_cast<Index>(std::count(row_of_col.begin(), row_of_col.end(), -1));
   pool_.for_each_range(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {

@@ -67,6 +67,7 @@ class ProductMatcher {
   void scale_columns();
   void divide_by_column_maxima(const std::vector<double>& factor, std::vector<double>& scale);
   void scale_rows();
+  [[nodiscard]] bool diagonal_measures() const;
   void match_tight_diagonal();
   void match_tight();
   bool match_tight_column(Index j);
@@ -80,6 +81,7 @@ class ProductMatcher {
   void augment(Index root);
   void update_duals(Index root);
   void repair_deficient();
+  void raise_rows(const std::vector<double>& most);
   [[nodiscard]] double product(Offset k, Index j) const;
 
   EntryView a_;

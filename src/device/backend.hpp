@@ -5,6 +5,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -86,6 +87,9 @@ struct PlacementJob {
   std::span<const double> values;  ///< scaled, in the order of the plan's entries
   base::ThreadPool& pool;
   base::MemoryBudget* budget = nullptr;
+  /// Positions of failed pivots, ascending. Not empty: only the sub-trees below them are eliminated, and fronts above
+  /// as long as pivots arrive there; what fails above that has yet to show. Empty: the whole tree.
+  std::span<const Index> failed = {};
 };
 
 /// Scalars of executors; a value of this type picks the overload.
@@ -127,9 +131,13 @@ class Backend {
   [[nodiscard]] virtual std::unique_ptr<Executor<double>> make_executor(const Job& job, Scalar<double>) const = 0;
   [[nodiscard]] virtual std::unique_ptr<Executor<float>> make_executor(const Job& job, Scalar<float>) const = 0;
   /// Where pivots that are not stable in the fronts of the plan have to go, found in one elimination with delayed
-  /// pivots. Nothing: none has to move, or this backend does not know; the host does.
+  /// pivots. An empty list: none has to move, or this backend does not know; the host does. No list: the search is
+  /// given up, since it takes too much work.
   /// @throws Error(out_of_memory)
-  [[nodiscard]] virtual std::vector<analysis::PivotMove> place_pivots(const PlacementJob& /*job*/) const { return {}; }
+  [[nodiscard]] virtual std::optional<std::vector<analysis::PivotMove>> place_pivots(
+      const PlacementJob& /*job*/) const {
+    return std::vector<analysis::PivotMove>{};
+  }
 
   /// Where a device's memory holds only a part of the factorization (out_of_core/factory.hpp); null: it must hold all.
   [[nodiscard]] virtual const out_of_core::Factory* out_of_core() const { return nullptr; }

@@ -15,6 +15,16 @@ namespace espalier::solver {
 
 namespace {
 
+Status no_place(std::size_t replaced, bool matching) {
+  return {StatusCode::accuracy_not_reached,
+          fmt::format("pivots fail nearly everywhere in this order, {} had to be replaced: this factor gives neither "
+                      "solutions nor a rank; {}",
+                      replaced,
+                      matching ? "analyze with the values to be factorized, or scale the matrix"
+                               : "turn matching on, which brings large entries to the diagonal"),
+          -1};
+}
+
 // llt reports its suspicious pivots as replaced, and has replaced none.
 device::FactorOutcome with_suspects(device::FactorOutcome llt) {
   llt.small = std::move(llt.replaced);
@@ -74,7 +84,7 @@ void Factor::begin() {
   factorized_ = false;
   result_ = FactorResult{};
   deficiency_.reset();
-  looked_ = false;
+  looked_ = gave_up_ = false;
   if (context_.timeline != nullptr) context_.timeline->clear();
   if (!numeric_) make_numeric();
 }
@@ -97,7 +107,10 @@ void Factor::finish(device::FactorOutcome outcome, double start) {
     values_.send(numeric_->device_system());
     outcome = settle_pivots();
   }
-  result_ = report_factor(*analysis_, *numeric_, outcome, judge(outcome), context_.options, context_.budget.peak());
+  const bool hopeless = gave_up_ && !outcome.replaced.empty();
+  result_ = report_factor(*analysis_, *numeric_, outcome, hopeless ? Deficiency{} : judge(outcome), context_.options,
+                          context_.budget.peak());
+  if (hopeless) result_.status = no_place(outcome.replaced.size(), context_.options.matching);
   result_.seconds = base::now_seconds() - start;
   result_.flops_per_second = analysis_->plan.flops / result_.seconds;
   factorized_ = result_.status.ok();
@@ -179,7 +192,10 @@ device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
       case PivotPolicy::Step::stop:
         return outcome;
       case PivotPolicy::Step::move:
-        move_pivots(movable);
+        if (!move_pivots(movable, policy.first_round())) {
+          again(outcome);
+          return outcome;
+        }
         again(outcome);
         break;
       case PivotPolicy::Step::widen:
@@ -293,16 +309,39 @@ bool Factor::factor_solves() const {
 }
 
 // As far as they must, all at once; where finding that out takes too much time or memory, those that fail go one front
-// up.
-void Factor::move_pivots(const std::vector<Index>& failing) {
+// up. At first only the fronts are asked in which the lowest failures are, and those that they reach: most of what
+// fails above was made of their debris.
+// @returns false where most pivots fail, and no search ends: another matching is needed, or another threshold
+bool Factor::move_pivots(const std::vector<Index>& failing, bool first_round) {
   const analysis::AssemblyTree& tree = analysis_->plan.tree;
-  std::vector<analysis::PivotMove> moves = place_pivots();
-  if (moves.empty()) moves = analysis::one_front_up(tree, failing);
+  std::vector<Index> below;
+  std::vector<analysis::PivotMove> moves;
+  if (first_round) {
+    for (const analysis::PivotMove& up : analysis::one_front_up(tree, failing)) {
+      const bool in_root = up.position >= tree.first[up.front];
+      // The end of a root is all that is left to its pivots.
+      if (in_root)
+        moves.push_back(up);
+      else
+        below.push_back(up.position);
+    }
+  }
+  if (moves.empty() || !below.empty()) {
+    std::optional<std::vector<analysis::PivotMove>> found = place_pivots(below);
+    if (!found) {
+      context_.log("pivots fail nearly everywhere: the search for their places is given up");
+      gave_up_ = true;
+      return false;
+    }
+    if (found->empty()) found = analysis::one_front_up(tree, below.empty() ? failing : below);
+    moves.insert(moves.end(), found->begin(), found->end());
+  }
   context_.log(fmt::format("{} pivot{} moved to a later front", moves.size(), moves.size() == 1 ? " is" : "s are"));
   analysis::AssemblyTree changed = tree;
   analysis::relocate_pivots(changed, moves);
   const Index all = analysis_->moved_pivots + static_cast<Index>(moves.size());
   change_plan(std::move(changed), {analysis_->device, all, analysis_->free_pivots});
+  return true;
 }
 
 // On the host, which would be slower than many rounds on the fastest devices.
@@ -316,8 +355,9 @@ bool Factor::search_pays() const {
   return search <= std::max(kSeconds, kRounds * analysis_->result.predicted_seconds);
 }
 
-std::vector<analysis::PivotMove> Factor::place_pivots() {
-  if (!search_pays()) return {};
+std::optional<std::vector<analysis::PivotMove>> Factor::place_pivots(std::span<const Index> failed) {
+  const std::vector<analysis::PivotMove> unknown;
+  if (!search_pays()) return unknown;
   const PreparedMatrix& p = analysis_->system->prepared;
   const Scales scales = numeric_->scales();
   numeric_.reset();  // its memory is not needed any more
@@ -326,10 +366,10 @@ std::vector<analysis::PivotMove> Factor::place_pivots() {
     const double largest = scale_values(p, scales, values_.values(), scaled.data(), context_.pool);
     const device::PivotRule rule{context_.options.pivot_threshold, smallest_pivot_ * largest};
     return context_.registry.host().place_pivots(
-        {analysis_->plan, analysis_->kind(), rule, scaled.span(), context_.pool, &context_.budget});
+        {analysis_->plan, analysis_->kind(), rule, scaled.span(), context_.pool, &context_.budget, failed});
   } catch (const Error& error) {
     if (error.status().code != StatusCode::out_of_memory) throw;
-    return {};
+    return unknown;
   }
 }
 

@@ -80,9 +80,9 @@ class Factor {
   void set_smallest_pivot();
   device::FactorOutcome settle_pivots();
   device::FactorOutcome settle_pivots(device::FactorOutcome outcome);
-  void move_pivots(const std::vector<Index>& failing);
+  bool move_pivots(const std::vector<Index>& failing, bool first_round);
   [[nodiscard]] bool search_pays() const;
-  [[nodiscard]] std::vector<analysis::PivotMove> place_pivots();
+  [[nodiscard]] std::optional<std::vector<analysis::PivotMove>> place_pivots(std::span<const Index> failed);
   void choose_pivots_freely();
   void turn_to_ldlt();
   [[nodiscard]] bool factor_solves() const;
@@ -108,6 +108,7 @@ class Factor {
   std::optional<Deficiency> deficiency_;  // of the last numeric factorization; empty: not judged
   Index harmless_ = 0;                    // so many small pivots were no sign of singularity, in this plan
   bool looked_ = false;                   // at the matrix itself, whatever the pivots say
+  bool gave_up_ = false;                  // no place was found for failing pivots
   FactorResult result_;
   bool factorized_ = false;
 };

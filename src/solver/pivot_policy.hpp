@@ -52,6 +52,7 @@ class PivotPolicy {
   /// @param movable  pivots_to_move() found some
   /// @param factor_solves  whether refinement can mend what failed pivots have done to the factor; asked once at most
   Step next(bool movable, const std::function<bool()>& factor_solves);
+  [[nodiscard]] bool first_round() const { return round_ == 1; }
 
  private:
   bool narrow_;

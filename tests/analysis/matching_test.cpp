@@ -327,5 +327,51 @@ TEST(Equilibrate, BringsTheLargestEntriesOfRowsAndColumnsNearOne) {
   }
 }
 
+/// A permuted matrix of entries around 1, and `tiny` ones elsewhere, on the diagonal too.
+Dense with_tiny_entries(std::size_t n, double tiny, bool symmetric, std::mt19937& random) {
+  std::uniform_real_distribution<double> magnitude(0.5, 1);
+  std::uniform_int_distribution<std::size_t> place(0, n - 1);
+  std::vector<std::size_t> p(n);
+  std::iota(p.begin(), p.end(), std::size_t{0});
+  std::shuffle(p.begin(), p.end(), random);
+  Dense d(n, std::vector<double>(n, 0));
+  const auto set = [&](std::size_t i, std::size_t j, double v) {
+    if (d[i][j] == 0) d[i][j] = v;
+    if (symmetric && d[j][i] == 0) d[j][i] = v;
+  };
+  for (std::size_t j = 0; j < n; ++j) set(p[j], j, magnitude(random));
+  for (std::size_t k = 0; k < 3 * n; ++k) set(place(random), place(random), magnitude(random));
+  for (std::size_t k = 0; k < 4 * n; ++k) set(place(random), place(random), tiny * magnitude(random));
+  for (std::size_t j = 0; j < n; ++j) set(j, j, tiny);
+  return d;
+}
+
+// Rounding errors among the entries must not be measures of their rows: all entries around 1 stay there.
+TEST(Matching, TinyEntriesSetNoScale) {
+  std::mt19937 random(11);
+  for (const double tiny : {1e-9, 1e-20, 1e-70, 1e-160})
+    for (int run = 0; run < 10; ++run)
+      for (const bool symmetric : {false, true}) {
+        SCOPED_TRACE(testing::Message() << tiny << ", run " << run << (symmetric ? ", symmetric" : ""));
+        const Dense d = with_tiny_entries(60, tiny, symmetric, random);
+        std::vector<double> row, col;
+        if (symmetric) {
+          const SparseMatrix m = sparse_of(d, Storage::symmetric_lower);
+          base::ThreadPool pool(1);
+          row = col = symmetric_matching(m, pool).scale;
+        } else {
+          const SparseMatrix m = sparse_of(d);
+          const Matching found = maximum_product_matching(m);
+          row = found.row_scale;
+          col = found.col_scale;
+        }
+        double least = 1;
+        for (std::size_t j = 0; j < d.size(); ++j)
+          for (std::size_t i = 0; i < d.size(); ++i)
+            if (d[i][j] > 0.1) least = std::min(least, row[i] * d[i][j] * col[j]);
+        EXPECT_GT(least, 1e-4);
+      }
+}
+
 }  // namespace
 }  // namespace espalier::analysis

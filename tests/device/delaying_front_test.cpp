@@ -50,7 +50,7 @@ TEST(DelayingFront, EliminatesWhatIsStableAndLeavesTheSchurComplement) {
           front.start(pivots, rows);
           for (Index j = 0; j < rows; ++j)
             for (Index i = kind == Kind::lu ? 0 : j; i < rows; ++i) front.add(i, j, a(i, j));
-          front.eliminate();
+          ASSERT_TRUE(front.eliminate());
           const Index done = front.eliminated();
           const auto order = front.order();
           ASSERT_EQ(done + front.leaving(), pivots);
@@ -73,6 +73,21 @@ TEST(DelayingFront, EliminatesWhatIsStableAndLeavesTheSchurComplement) {
           EXPECT_LE(worst, 1e-15 * 100 * rows * most) << "not what elimination leaves";
         }
   EXPECT_GT(left, 100);
+}
+
+TEST(DelayingFront, EndsWhereTheEffortIsSpent) {
+  std::mt19937 random(3);
+  const Index rows = 200, pivots = 130;
+  const Dense a = front_with_bad_pivots(rows, pivots, 3, true, random);
+  for (const double most : {1e3, 1e5, 1e9}) {
+    Effort effort(most);
+    DelayingFront front(Kind::ldlt, {0.01, 1e-15}, plan::TileRule{}, nullptr, nullptr, &effort);
+    front.start(pivots, rows);
+    for (Index j = 0; j < rows; ++j)
+      for (Index i = j; i < rows; ++i) front.add(i, j, a(i, j));
+    EXPECT_EQ(front.eliminate(), most == 1e9);
+    EXPECT_EQ(effort.spent(), most != 1e9);
+  }
 }
 
 }  // namespace

@@ -75,7 +75,7 @@ class HostBackend final : public Backend {
   [[nodiscard]] std::unique_ptr<Executor<float>> make_executor(const Job& job, Scalar<float>) const override {
     return make<float>(job);
   }
-  [[nodiscard]] std::vector<analysis::PivotMove> place_pivots(const PlacementJob& job) const override {
+  [[nodiscard]] std::optional<std::vector<analysis::PivotMove>> place_pivots(const PlacementJob& job) const override {
     return host::place_pivots(job);
   }
   [[nodiscard]] const out_of_core::Factory* out_of_core() const override { return &factory_; }

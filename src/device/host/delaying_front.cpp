@@ -42,14 +42,18 @@ Index DelayingFront::next_width() const {
   return std::min(left_, plan::cut_front(done_ + left_, rows_, tiles_).pivot_width);
 }
 
-void DelayingFront::eliminate() {
+bool DelayingFront::eliminate() {
   // Failures behind the first of a tile may be its debris. It is put back alone, unless another try costs much.
   constexpr Index kCheapRows = 512;
   std::size_t batch = 1;
   while (left_ > 0) {
     const Index width = next_width();
+    const double tile_work = 2.0 * static_cast<double>(rows_ - done_) * width * width;
+    if (effort_ != nullptr && !effort_->spend(tile_work)) return false;
     std::vector<Failure> failures = factor_tile(width);
     if (failures.empty()) {
+      const double below = rows_ - done_;
+      if (effort_ != nullptr && !effort_->spend((lu_ ? 2 : 1) * below * below * width)) return false;
       update(width);
       done_ += width;
       left_ -= width;
@@ -60,6 +64,7 @@ void DelayingFront::eliminate() {
     if (rows_ > kCheapRows) batch *= 2;
     put_back(culprits(failures), width == left_);
   }
+  return true;
 }
 
 // The tile, and L in all rows below it. The front does not change.

@@ -2,6 +2,7 @@
 /// A dense front that eliminates the pivots that are stable there, and says which have to go on to its parent.
 #pragma once
 
+#include <atomic>
 #include <span>
 #include <vector>
 
@@ -13,6 +14,18 @@
 
 namespace espalier::device::host {
 
+/// How much work a search may be, in operations. Shared by threads.
+class Effort {
+ public:
+  explicit Effort(double most) : left_(most) {}
+  /// @returns false from the call on that takes more than there is
+  bool spend(double operations) { return left_.fetch_sub(operations, std::memory_order_relaxed) >= operations; }
+  [[nodiscard]] bool spent() const { return left_.load(std::memory_order_relaxed) < 0; }
+
+ private:
+  std::atomic<double> left_;
+};
+
 /// Column-major, `rows` x `rows`; the lower triangle alone for ldlt. Pivots are searched within tiles like those of the
 /// plan, and judged by the entries of L in all rows of the front. A column that fails takes its row along: tries its
 /// luck again behind the other pivots where the front has several tiles, else leaves.
@@ -22,14 +35,16 @@ namespace espalier::device::host {
 class DelayingFront {
  public:
   /// @param pool  shares the updates of large fronts; null: the calling thread does them alone
+  /// @param effort  null: no end
   DelayingFront(Kind kind, const PivotRule& rule, const plan::TileRule& tiles, base::MemoryBudget* budget,
-                base::ThreadPool* pool = nullptr)
-      : lu_(kind == Kind::lu), rule_(rule), tiles_(tiles), budget_(budget), pool_(pool) {}
+                base::ThreadPool* pool = nullptr, Effort* effort = nullptr)
+      : lu_(kind == Kind::lu), rule_(rule), tiles_(tiles), budget_(budget), pool_(pool), effort_(effort) {}
 
   /// Begins a front of zeros whose first `pivots` rows and columns may be eliminated.
   void start(Index pivots, Index rows);
   void add(Index row, Index col, double value) { c_[col * ld_ + row] += value; }
-  void eliminate();
+  /// @returns false where the effort is spent: then the front is unfinished
+  bool eliminate();
 
   /// The rows as they stand now, by their places at start(): eliminated ones, pivots that leave, rows below.
   [[nodiscard]] std::span<const Index> order() const { return order_; }
@@ -64,6 +79,7 @@ class DelayingFront {
   plan::TileRule tiles_;
   base::MemoryBudget* budget_;
   base::ThreadPool* pool_;
+  Effort* effort_;
   base::Buffer<double> c_;
   Index rows_ = 0;
   Offset ld_ = 0;

@@ -26,23 +26,39 @@ struct Worker {
   std::vector<Index> local;     // n; place of a position among the front's rows
 };
 
+// A search that takes more work than so many factorizations of the plan finds no places worth having: a matrix whose
+// pivots nearly all fail ends as one dense front. Small ones may take what a second allows.
+constexpr double kFactorizations = 10;
+constexpr double kLeastEffort = 1e10;
+
 class Placement {
  public:
   explicit Placement(const PlacementJob& job)
-      : job_(job), plan_(job.plan), lu_(job.kind == Kind::lu), left_(at(plan_.fronts())), moves_(at(plan_.fronts())) {}
+      : job_(job),
+        plan_(job.plan),
+        lu_(job.kind == Kind::lu),
+        effort_(std::max(kLeastEffort, kFactorizations * plan_.flops)),
+        wanted_(at(plan_.fronts())),
+        done_(at(plan_.fronts())),
+        left_(at(plan_.fronts())),
+        moves_(at(plan_.fronts())) {}
 
-  std::vector<analysis::PivotMove> run();
+  std::optional<std::vector<analysis::PivotMove>> run();
 
  private:
   [[nodiscard]] std::vector<Index> cut_tree() const;
+  void want_sub_tree(Index f);
+  void want_failed();
+  bool want_reached();
+  void take_wanted();
   void take(Worker& w, Index f);
   void name_rows(Worker& w, Index f) const;
   void add_entries(Worker& w, Index f, Index arrived) const;
   void add_child(Worker& w, Index child);
   void note_moves(const Worker& w, Index f);
   void leave(const Worker& w, Index f);
-  [[nodiscard]] Worker make_worker(base::ThreadPool* helpers) const {
-    return {{job_.kind, job_.rule, plan_.options.tiles, job_.budget, helpers},
+  [[nodiscard]] Worker make_worker(base::ThreadPool* helpers) {
+    return {{job_.kind, job_.rule, plan_.options.tiles, job_.budget, helpers, &effort_},
             {},
             std::vector<Index>(at(plan_.tree.n), -1)};
   }
@@ -50,6 +66,11 @@ class Placement {
   const PlacementJob& job_;
   const plan::Plan& plan_;
   bool lu_;
+  Effort effort_;
+  std::vector<Index> task_;                              // fronts; see cut_tree()
+  std::vector<Index> first_below_;                       // fronts; the first front of the sub-tree
+  std::vector<char> wanted_, done_;                      // fronts
+  std::vector<Worker> workers_;                          // by thread; the last one has all of them as helpers
   std::vector<Contribution> left_;                       // fronts
   std::vector<std::vector<analysis::PivotMove>> moves_;  // by the front that they go to
 };
@@ -74,26 +95,69 @@ std::vector<Index> Placement::cut_tree() const {
   return task;
 }
 
-std::vector<analysis::PivotMove> Placement::run() {
-  const std::vector<Index> task = cut_tree();
-  std::vector<std::vector<Index>> members(at(plan_.fronts()));
-  std::vector<Index> roots;
-  for (Index f = 0; f < plan_.fronts(); ++f) {
-    if (task[at(f)] >= 0) members[at(task[at(f)])].push_back(f);
-    if (task[at(f)] == f) roots.push_back(f);
-  }
-  std::atomic<std::size_t> taken{0};
-  job_.pool.run([&](int) {
-    Worker w = make_worker(nullptr);
-    for (std::size_t k = taken++; k < roots.size(); k = taken++)
-      for (const Index f : members[at(roots[k])]) take(w, f);
-  });
-  Worker w = make_worker(&job_.pool);
+std::optional<std::vector<analysis::PivotMove>> Placement::run() {
+  task_ = cut_tree();
+  first_below_.resize(at(plan_.fronts()));
+  for (Index f = plan_.fronts() - 1; f >= 0; --f) first_below_[at(f)] = f;
   for (Index f = 0; f < plan_.fronts(); ++f)
-    if (task[at(f)] < 0) take(w, f);
+    if (const Index up = plan_.tree.parent[f]; up >= 0)
+      first_below_[at(up)] = std::min(first_below_[at(up)], first_below_[at(f)]);
+  for (int t = 0; t < job_.pool.size(); ++t) workers_.push_back(make_worker(nullptr));
+  workers_.push_back(make_worker(&job_.pool));
+  want_failed();
+  do take_wanted();
+  while (!effort_.spent() && want_reached());
+  if (effort_.spent()) return std::nullopt;
   std::vector<analysis::PivotMove> all;
   for (const auto& moves : moves_) all.insert(all.end(), moves.begin(), moves.end());
   return all;
+}
+
+void Placement::want_sub_tree(Index f) { std::fill(wanted_.begin() + first_below_[at(f)], wanted_.begin() + f + 1, 1); }
+
+void Placement::want_failed() {
+  if (job_.failed.empty()) return std::fill(wanted_.begin(), wanted_.end(), 1);
+  Index f = 0;
+  for (const Index p : job_.failed) {
+    while (plan_.tree.first[f + 1] <= p) ++f;
+    want_sub_tree(f);
+  }
+}
+
+// Fronts that pivots have reached.
+bool Placement::want_reached() {
+  bool any = false;
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    const Index up = plan_.tree.parent[f];
+    if (done_[at(f)] == 0 || up < 0 || wanted_[at(up)] != 0 || left_[at(f)].delayed == 0) continue;
+    want_sub_tree(up);
+    any = true;
+  }
+  return any;
+}
+
+// Sub-trees side by side, what is above them front by front.
+void Placement::take_wanted() {
+  std::vector<std::vector<Index>> members(at(plan_.fronts()));
+  std::vector<Index> roots, above;
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    if (wanted_[at(f)] == 0 || done_[at(f)] != 0) continue;
+    const Index root = task_[at(f)];
+    if (root < 0) {
+      above.push_back(f);
+      continue;
+    }
+    if (members[at(root)].empty()) roots.push_back(root);
+    members[at(root)].push_back(f);
+  }
+  std::atomic<std::size_t> taken{0};
+  job_.pool.run([&](int t) {
+    for (std::size_t k = taken++; k < roots.size(); k = taken++)
+      for (const Index f : members[at(roots[k])])
+        if (!effort_.spent()) take(workers_[static_cast<std::size_t>(t)], f);
+  });
+  for (const Index f : above)
+    if (!effort_.spent()) take(workers_.back(), f);
 }
 
 void Placement::take(Worker& w, Index f) {
@@ -102,9 +166,10 @@ void Placement::take(Worker& w, Index f) {
   w.front.start(plan_.layout[f].pivots + arrived, static_cast<Index>(w.unknowns.size()));
   add_entries(w, f, arrived);
   for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c) add_child(w, plan_.children[c]);
-  w.front.eliminate();
+  if (!w.front.eliminate()) return;
   note_moves(w, f);
   if (plan_.tree.parent[f] >= 0) leave(w, f);
+  done_[at(f)] = 1;
 }
 
 // Its own pivots, those of its children that could not be eliminated there, the rows below.
@@ -179,6 +244,6 @@ void Placement::leave(const Worker& w, Index f) {
 
 }  // namespace
 
-std::vector<analysis::PivotMove> place_pivots(const PlacementJob& job) { return Placement(job).run(); }
+std::optional<std::vector<analysis::PivotMove>> place_pivots(const PlacementJob& job) { return Placement(job).run(); }
 
 }  // namespace espalier::device::host
