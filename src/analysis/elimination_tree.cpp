@@ -167,7 +167,7 @@ void ColumnCounter::count_column(Index j) {
 std::vector<Index> ColumnCounter::run(base::ThreadPool& pool) {
   std::vector<SubTree> trees = cut(pool);
   std::atomic<std::size_t> next{0};
-  pool.run([&](int) {
+  pool.share([&](int) {
     std::vector<Row> outside;
     for (;;) {
       constexpr std::size_t kTrees = 4;  // per draw: a forest has many tiny ones

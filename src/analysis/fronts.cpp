@@ -273,7 +273,7 @@ std::vector<Index> front_rows(const Graph& graph, const FrontTree& tree, std::sp
     if (size <= kFronts)
       work(0);
     else
-      pool.run(work);
+      pool.share(work);
   }
   return count;
 }

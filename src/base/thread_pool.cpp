@@ -30,6 +30,19 @@ constexpr int kCallBits = 48;
 std::uint64_t first_generation() { return forks() << kCallBits; }
 bool same_process(std::uint64_t generation) { return generation >> kCallBits == first_generation() >> kCallBits; }
 
+// ThreadPool::running_: the call in the upper bits, then whether others may join it, then how many are in it.
+constexpr int kCountBits = 15;
+constexpr std::uint64_t kJoin = std::uint64_t{1} << kCountBits;
+constexpr std::uint64_t kCalls = ~std::uint64_t{0} << (kCountBits + 1);
+std::uint64_t in_call(std::uint64_t generation, bool join, std::uint64_t count) {
+  return (generation << (kCountBits + 1)) | (join ? kJoin : 0) | count;
+}
+std::uint64_t count(std::uint64_t running) { return running & (kJoin - 1); }
+bool may_join(std::uint64_t running) { return (running & kJoin) != 0; }
+bool same_call(std::uint64_t running, std::uint64_t generation) {
+  return (running & kCalls) == generation << (kCountBits + 1);
+}
+
 // In the child of a fork(), where the threads are no more: their locks may be held for ever, and a condition variable
 // with a sleeper waits for him when it is destroyed. New ones take their places; the old ones own nothing.
 void abandon(std::vector<std::thread>& threads, std::mutex& mutex, std::condition_variable& wake,
@@ -87,40 +100,59 @@ void ThreadPool::work(int worker) {
     }
     seen = generation_.load(std::memory_order_acquire);
     if (stop_) return;
+    if (!enter(seen)) continue;
     try {
       (*body_)(worker);
     } catch (...) {
       errors_[static_cast<std::size_t>(worker)] = std::current_exception();
     }
-    if (running_.fetch_sub(1, std::memory_order_acq_rel) == 1) {
+    if (count(running_.fetch_sub(1, std::memory_order_acq_rel)) == 1) {
       const std::lock_guard lock(mutex_);
       done_.notify_one();
     }
   }
 }
 
-void ThreadPool::run(const std::function<void(int)>& body) {
-  if (!same_process(generation_)) {
-    const auto before = threads_.size();
-    const std::uint64_t parents = generation_;
-    ::new (this) ThreadPool(size());  // the parent's team stays where it lies
-    if (threads_.size() < before) {   // callers have counted the workers: all or none
-      stop_and_join();
-      threads_.resize(before);
-      generation_ = parents;
-      throw Error(
-          StatusCode::out_of_memory,
-          fmt::format("after a fork() {} threads are to be started again, and the system refuses; ask for fewer "
-                      "threads, or raise the limit (ulimit -u)",
-                      before));
-    }
+// Into the call of this generation: where all are waited for, the worker is counted already, else unless it is over.
+bool ThreadPool::enter(std::uint64_t generation) {
+  std::uint64_t now = running_.load(std::memory_order_acquire);
+  while (same_call(now, generation) && count(now) > 0) {
+    if (!may_join(now)) return true;
+    if (running_.compare_exchange_weak(now, now + 1, std::memory_order_acq_rel)) return true;
   }
+  return false;
+}
+
+// After a fork(): the parent's team stays where it lies.
+void ThreadPool::start_again() {
+  const auto before = threads_.size();
+  const std::uint64_t parents = generation_;
+  ::new (this) ThreadPool(size());
+  if (threads_.size() >= before) return;
+  stop_and_join();  // callers have counted the workers: all or none
+  threads_.resize(before);
+  generation_ = parents;
+  throw Error(StatusCode::out_of_memory,
+              fmt::format("after a fork() {} threads are to be started again, and the system refuses; ask for fewer "
+                          "threads, or raise the limit (ulimit -u)",
+                          before));
+}
+
+void ThreadPool::run(const std::function<void(int)>& body) { call(body, Mode::all); }
+void ThreadPool::share(const std::function<void(int)>& body) { call(body, Mode::who_comes); }
+
+void ThreadPool::call(const std::function<void(int)>& body, Mode mode) {
+  if (!same_process(generation_)) start_again();
+  if (threads_.empty()) return body(0);
   std::fill(errors_.begin(), errors_.end(), nullptr);
   body_ = &body;
-  running_.store(static_cast<int>(threads_.size()), std::memory_order_relaxed);
+  const std::uint64_t generation = generation_.load(std::memory_order_relaxed) + 1;
+  // The caller counts as one of those in the call.
+  running_.store(in_call(generation, mode == Mode::who_comes, mode == Mode::all ? threads_.size() + 1 : 1),
+                 std::memory_order_release);
   {
     const std::lock_guard lock(mutex_);
-    generation_.fetch_add(1, std::memory_order_release);
+    generation_.store(generation, std::memory_order_release);
   }
   wake_.notify_all();
   try {
@@ -128,10 +160,11 @@ void ThreadPool::run(const std::function<void(int)>& body) {
   } catch (...) {
     errors_[0] = std::current_exception();
   }
-  for (int s = 0; s < kSpins && running_.load(std::memory_order_acquire) != 0; ++s) relax();
-  {
+  if (count(running_.fetch_sub(1, std::memory_order_acq_rel)) > 1) {
+    const auto all_left = [&] { return count(running_.load(std::memory_order_acquire)) == 0; };
+    for (int s = 0; s < kSpins && !all_left(); ++s) relax();
     std::unique_lock lock(mutex_);
-    done_.wait(lock, [&] { return running_.load(std::memory_order_acquire) == 0; });
+    done_.wait(lock, all_left);
   }
   for (auto& e : errors_)
     if (e) std::rethrow_exception(e);
@@ -145,7 +178,7 @@ void ThreadPool::for_each_range(std::int64_t n, std::int64_t grain,
     return;
   }
   std::atomic<std::int64_t> next{0};
-  run([&](int) {
+  share([&](int) {
     for (;;) {
       const std::int64_t b = next.fetch_add(grain, std::memory_order_relaxed);
       if (b >= n) return;
@@ -260,7 +293,7 @@ void Recursion::run_loop(std::int64_t n, std::int64_t grain, const RangeBody& bo
 void Recursion::run(ThreadPool& pool, Task root) {
   Recursion recursion;
   recursion.spawn(std::move(root));
-  pool.run([&](int) {
+  pool.share([&](int) {
     while (recursion.take_and_run()) {
     }
   });

@@ -38,6 +38,15 @@ class ThreadPool {
     run(reference);
   }
 
+  /// body(0) by the caller, and body(worker) by each other worker that is awake before the caller's has returned; who
+  /// comes too late is not waited for. For bodies that take pieces of work until none is left.
+  void share(const std::function<void(int worker)>& body);
+  template <class Body>
+  void share(Body&& body) {
+    const std::function<void(int)> reference(std::ref(body));
+    share(reference);
+  }
+
   /// body(begin, end) over ranges of [0, n) of at most `grain` indices, taken by whoever is free. The ranges are the
   /// same for every number of threads.
   void for_each_range(std::int64_t n, std::int64_t grain,
@@ -54,6 +63,10 @@ class ThreadPool {
   }
 
  private:
+  enum class Mode { all, who_comes };
+  void call(const std::function<void(int)>& body, Mode mode);
+  bool enter(std::uint64_t generation);
+  void start_again();
   void work(int worker);
   void stop_and_join();
 
@@ -64,7 +77,7 @@ class ThreadPool {
   const std::function<void(int)>* body_ = nullptr;
   std::vector<std::exception_ptr> errors_;
   std::atomic<std::uint64_t> generation_{0};
-  std::atomic<int> running_{0};
+  std::atomic<std::uint64_t> running_{0};  // how many are in the call, whether others may join, and which call it is
   std::atomic<bool> stop_{false};
 };
 

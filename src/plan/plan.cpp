@@ -270,7 +270,7 @@ void place_entries(Plan& plan, const Permuted& permuted, base::ThreadPool& pool)
   for (Index f = 0; f < plan.fronts(); ++f)
     if (begin[f + 1] - begin[draw.back()] >= kEntriesPerDraw || f + 1 == plan.fronts()) draw.push_back(f + 1);
   std::atomic<std::size_t> taken{0};
-  pool.run([&](int) {
+  pool.share([&](int) {
     FrontEntries front(plan, permuted);
     std::vector<Offset> at;
     for (;;) {

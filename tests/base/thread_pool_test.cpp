@@ -47,6 +47,35 @@ TEST(ThreadPool, PiecesCoverTheRangeAndDoNotDependOnThreads) {
     }
 }
 
+// Workers that sleep are not waited for: all work is done all the same, by whoever comes, each worker once a call.
+TEST(ThreadPool, WhoComesTooLateIsNotWaitedFor) {
+  ThreadPool pool(4);
+  std::int64_t helped = 0;
+  for (int call = 0; call < 2000; ++call) {
+    std::atomic<int> next{0}, inside{0};
+    std::vector<int> done(50, 0), times(4, 0);
+    pool.share([&](int worker) {
+      ++inside;
+      ++times[static_cast<std::size_t>(worker)];
+      for (int k = next++; k < 50; k = next++) ++done[static_cast<std::size_t>(k)];
+      --inside;
+    });
+    ASSERT_EQ(inside, 0);
+    ASSERT_EQ(done, std::vector<int>(50, 1));
+    ASSERT_EQ(times[0], 1);
+    for (const int t : times) {
+      ASSERT_LE(t, 1);
+      helped += t;
+    }
+    std::atomic<int> all{0};  // the other sort of call in between
+    if (call % 3 == 0) {
+      pool.run([&](int) { ++all; });
+      ASSERT_EQ(all, 4);
+    }
+  }
+  EXPECT_GE(helped, 2000);
+}
+
 TEST(ThreadPool, RethrowsTheLowestWorkersExceptionAndGoesOn) {
   ThreadPool pool(4);
   for (int round = 0; round < 50; ++round) {

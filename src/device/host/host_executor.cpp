@@ -115,7 +115,7 @@ class HostExecutor final : public Executor<T> {
   FactorOutcome factorize(std::span<const T> values) override {
     const double start = base::now_seconds();
     reset(values);
-    pool_.run([&](int worker) {
+    const auto take_tasks = [&](int worker) {
       const double begin = base::now_seconds();
       const Index device = device_of(worker);
       try {
@@ -129,7 +129,12 @@ class HostExecutor final : public Executor<T> {
         fail(device);
       }
       work_[static_cast<std::size_t>(worker)].task_seconds = base::now_seconds() - begin;
-    });
+    };
+    // Each device has tasks of its own, so its threads must come.
+    if (devices_ > 1)
+      pool_.run(take_tasks);
+    else
+      pool_.share(take_tasks);
     FactorOutcome out = summarize(state_, work_);
     out.seconds = base::now_seconds() - start;
     return out;

@@ -151,7 +151,7 @@ void Placement::take_wanted() {
     members[at(root)].push_back(f);
   }
   std::atomic<std::size_t> taken{0};
-  job_.pool.run([&](int t) {
+  job_.pool.share([&](int t) {
     for (std::size_t k = taken++; k < roots.size(); k = taken++)
       for (const Index f : members[at(roots[k])])
         if (!effort_.spent()) take(workers_[static_cast<std::size_t>(t)], f);

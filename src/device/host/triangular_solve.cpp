@@ -139,7 +139,7 @@ void TriangularSolve<T>::sweep(const std::vector<SolveTask>& tasks,
                                void (TriangularSolve::*one)(const SolveTask&, Worker&)) {
   std::atomic<std::size_t> next{0};
   s_.abort = false;
-  pool_.run([&](int t) {
+  pool_.share([&](int t) {
     Worker& w = workers_[static_cast<std::size_t>(t)];
     try {
       for (std::size_t at = next++; at < tasks.size(); at = next++) (this->*one)(tasks[at], w);
