@@ -25,7 +25,7 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 # In the order in which they run: words of `espalier generate`, files below --data, systems of bench/pivot_cases.py and of MADE.
-SYSTEMS = ["poisson 22", "ns-0.05-0.001", "poisson 300 300 1", "lp-2000", "ipm3-4000", "ipm3-40000", "stokes-0.1", "graph-20000", "circuit-40000",
+SYSTEMS = ["ipm3-48", "ipm3-192", "ipm3-712", "poisson 22", "ns-0.05-0.001", "poisson 300 300 1", "lp-2000", "ipm3-4000", "ipm3-40000", "stokes-0.1", "graph-20000", "circuit-40000",
            "control3-40000", "kkt-4000", "hachtel-4000", "ns-0.1-0.01", "indef/meg4.mtx", "spd/C9840.mtx",
            "spd/bcsstk16.mtx.gz", "indef/hangGlider_2.mtx", "indef/resolve_matrix_ACTIVSg200_AC_renumbered_add9_01.mtx",
            "spd/s1rmq4m1.mtx.gz", "spd/1138_bus.mtx", "indef/bcsstm34.mtx", "stokes-0.05", "nsc-0.1-0.001", "lp-5000",

@@ -188,16 +188,16 @@ device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
   if (zeros_explain(outcome)) return outcome;
   for (;;) {
     const std::vector<Index> movable = pivots_to_move(analysis_->plan, outcome);
-    switch (policy.next(!movable.empty(), [&] { return factor_solves(); })) {
+    switch (policy.next(static_cast<Index>(movable.size()), [&] { return factor_solves(); })) {
       case PivotPolicy::Step::stop:
         return outcome;
-      case PivotPolicy::Step::move:
-        if (!move_pivots(movable, policy.first_round())) {
-          again(outcome);
-          return outcome;
-        }
+      case PivotPolicy::Step::move: {
+        const Moved moved = move_pivots(movable, policy.first_round());
         again(outcome);
+        if (moved == Moved::nowhere) return outcome;
+        if (moved == Moved::searched) policy.note_search();
         break;
+      }
       case PivotPolicy::Step::widen:
         choose_pivots_freely();
         again(outcome);
@@ -311,11 +311,12 @@ bool Factor::factor_solves() const {
 // As far as they must, all at once; where finding that out takes too much time or memory, those that fail go one front
 // up. At first only the fronts are asked in which the lowest failures are, and those that they reach: most of what
 // fails above was made of their debris.
-// @returns false where most pivots fail, and no search ends: another matching is needed, or another threshold
-bool Factor::move_pivots(const std::vector<Index>& failing, bool first_round) {
+// Nowhere: most pivots fail, and no search ends: another matching is needed, or another threshold.
+auto Factor::move_pivots(const std::vector<Index>& failing, bool first_round) -> Moved {
   const analysis::AssemblyTree& tree = analysis_->plan.tree;
   std::vector<Index> below;
   std::vector<analysis::PivotMove> moves;
+  bool searched = false;
   if (first_round) {
     for (const analysis::PivotMove& up : analysis::one_front_up(tree, failing)) {
       const bool in_root = up.position >= tree.first[up.front];
@@ -331,8 +332,9 @@ bool Factor::move_pivots(const std::vector<Index>& failing, bool first_round) {
     if (!found) {
       context_.log("pivots fail nearly everywhere: the search for their places is given up");
       gave_up_ = true;
-      return false;
+      return Moved::nowhere;
     }
+    searched = !found->empty();
     if (found->empty()) found = analysis::one_front_up(tree, below.empty() ? failing : below);
     moves.insert(moves.end(), found->begin(), found->end());
   }
@@ -341,7 +343,7 @@ bool Factor::move_pivots(const std::vector<Index>& failing, bool first_round) {
   analysis::relocate_pivots(changed, moves);
   const Index all = analysis_->moved_pivots + static_cast<Index>(moves.size());
   change_plan(std::move(changed), {analysis_->device, all, analysis_->free_pivots});
-  return true;
+  return searched ? Moved::searched : Moved::one_up;
 }
 
 // On the host, which would be slower than many rounds on the fastest devices.

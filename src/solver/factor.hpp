@@ -80,7 +80,8 @@ class Factor {
   void set_smallest_pivot();
   device::FactorOutcome settle_pivots();
   device::FactorOutcome settle_pivots(device::FactorOutcome outcome);
-  bool move_pivots(const std::vector<Index>& failing, bool first_round);
+  enum class Moved { nowhere, one_up, searched };
+  Moved move_pivots(const std::vector<Index>& failing, bool first_round);
   [[nodiscard]] bool search_pays() const;
   [[nodiscard]] std::optional<std::vector<analysis::PivotMove>> place_pivots(std::span<const Index> failed);
   void choose_pivots_freely();

@@ -40,15 +40,18 @@ bool is_narrow(Index widest_tile) {
 
 double zero_pivot(Index n, double epsilon) { return 4 * epsilon * std::sqrt(static_cast<double>(n)); }
 
-auto PivotPolicy::next(bool movable, const std::function<bool()>& factor_solves) -> Step {
+auto PivotPolicy::next(Index movable, const std::function<bool()>& factor_solves) -> Step {
   const int most = narrow_ ? kMovesInNarrowTiles : kMostMoves;
-  if (movable && round_ < most) {
+  // A few may have a long way to go, one front a round.
+  in_vain_ = movable > kFew && movable >= fewest_ ? in_vain_ + 1 : 0;
+  fewest_ = std::min(fewest_, movable);
+  const bool exhausted = round_ == most || in_vain_ >= kMostInVain || searches_ >= kMostSearches;
+  if (movable > 0 && !exhausted) {
     ++round_;
     return Step::move;
   }
-  if (narrow_ && round_ == kMovesInNarrowTiles && !factor_solves()) {
-    narrow_ = false;
-    round_ = 0;
+  if (narrow_ && exhausted && !factor_solves()) {
+    *this = PivotPolicy(false);
     return Step::widen;
   }
   return Step::stop;

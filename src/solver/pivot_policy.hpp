@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include "device/factor_outcome.hpp"
@@ -45,18 +46,29 @@ class PivotPolicy {
   /// After fewer, tiles in which a pivot has more partners to choose from are better, where there are any.
   static constexpr int kMostMoves = 40;
   static constexpr int kMovesInNarrowTiles = 16;
+  /// Where more than a few pivots fail, and no fewer after so many rounds in turn, further ones are in vain, too.
+  static constexpr Index kFew = 20;
+  static constexpr int kMostInVain = 6;
+  /// A search finds all places at once. Where its tiles and the plan's disagree again and again, further ones are in
+  /// vain.
+  static constexpr int kMostSearches = 8;
 
   /// @param narrow  see is_narrow()
   explicit PivotPolicy(bool narrow) : narrow_(narrow) {}
 
-  /// @param movable  pivots_to_move() found some
+  /// @param movable  how many pivots_to_move() found
   /// @param factor_solves  whether refinement can mend what failed pivots have done to the factor; asked once at most
-  Step next(bool movable, const std::function<bool()>& factor_solves);
+  Step next(Index movable, const std::function<bool()>& factor_solves);
+  /// The move that next() asked for was found by a search.
+  void note_search() { ++searches_; }
   [[nodiscard]] bool first_round() const { return round_ == 1; }
 
  private:
   bool narrow_;
   int round_ = 0;
+  int searches_ = 0;
+  int in_vain_ = 0;  // rounds in turn that did not lessen the failures
+  Index fewest_ = std::numeric_limits<Index>::max();
 };
 
 }  // namespace espalier::solver

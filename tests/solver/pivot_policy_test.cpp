@@ -22,12 +22,12 @@ bool never_asked() {
 
 int moves(PivotPolicy& policy, const std::function<bool()>& solves, Step& after) {
   for (int count = 0;; ++count)
-    if ((after = policy.next(true, solves)) != Step::move) return count;
+    if ((after = policy.next(3, solves)) != Step::move) return count;
 }
 
 TEST(PivotPolicy, AGoodFactorStands) {
   PivotPolicy policy(false);
-  EXPECT_EQ(policy.next(false, never_asked), Step::stop);
+  EXPECT_EQ(policy.next(0, never_asked), Step::stop);
 }
 
 TEST(PivotPolicy, FailuresAreMovedFortyTimesAtMost) {
@@ -35,6 +35,22 @@ TEST(PivotPolicy, FailuresAreMovedFortyTimesAtMost) {
   Step after = Step::move;
   EXPECT_EQ(moves(policy, never_asked, after), 40);
   EXPECT_EQ(after, Step::stop);
+}
+
+TEST(PivotPolicy, ManyThatFailAgainAndAgainAreLeft) {
+  PivotPolicy policy(false);
+  int rounds = 0;
+  for (const Index failing : {300, 200, 100, 100, 90, 99, 95, 98, 97, 96, 94, 93, 92, 91})
+    if (policy.next(failing, never_asked) == PivotPolicy::Step::move) ++rounds;
+  EXPECT_EQ(rounds, 4 + 1 + PivotPolicy::kMostInVain - 1);
+  EXPECT_EQ(policy.next(91, never_asked), PivotPolicy::Step::stop);
+}
+
+TEST(PivotPolicy, EightSearchesAreEnough) {
+  PivotPolicy policy(false);
+  int rounds = 0;
+  for (; rounds < 40 && policy.next(3, never_asked) == Step::move; ++rounds) policy.note_search();
+  EXPECT_EQ(rounds, PivotPolicy::kMostSearches);
 }
 
 TEST(PivotPolicy, NarrowTilesBecomeWideWhereTheFactorDoesNotSolve) {
