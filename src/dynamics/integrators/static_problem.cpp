@@ -229,10 +229,11 @@ StaticProblem::Rounding StaticProblem::rounding(const State& state) const {
 }
 
 // Terms of W that stand for pseudo-time are none of the forces, and what is out of balance by a part that can be seen
-// is no rounding, however large the terms.
+// is no rounding, however large the terms; unless the loads themselves are (a joint that pulls a body without strain).
 bool StaticProblem::may_be_rounding(const StaticPoint& x) const {
   constexpr double kVisible = 1e-2;
-  if (reference_ > 0 && residual(x) > kVisible * std::max(reference_, reactions(x))) return false;
+  const bool visible = residual(x) > kVisible * std::max(reference_, reactions(x));
+  if (visible && reference_ > force_norm(rounding(x.state).motion)) return false;
   if (stiffening_ == 0) return true;
   const SparsePattern& p = equations_.kkt().w_pattern();
   double damped = 0, all = 0;

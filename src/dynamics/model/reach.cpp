@@ -32,11 +32,11 @@ Reach::Reach(const std::vector<BuiltBody>& bodies) {
 }
 
 void Reach::check(const Vec3& r, const Place& place, const std::string& what) const {
-  constexpr double kRounding = 1e-5, kLargest = 1e100;  // of the largest body; squares of more come to an end
+  constexpr double kCoarsest = 1e-5, kLargest = 1e100;  // of the largest body; squares of more come to an end
   const double far = r.cwiseAbs().maxCoeff(), rounding = far * std::numeric_limits<double>::epsilon();
   if (far > kLargest || !std::isfinite(far))
     fail(place, fmt::format("{} lies {:.3g} from the origin, too far for computing with its square", what, far));
-  if (extent_ == 0 || rounding <= kRounding * extent_) return;
+  if (extent_ == 0 || rounding <= kCoarsest * extent_) return;
   fail(place,
        fmt::format("{} lies {:.3g} from the origin, where double precision keeps places {:.1e} apart; the largest "
                    "body measures {:.3g}. Put the origin near the bodies",
