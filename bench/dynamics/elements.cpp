@@ -1,0 +1,237 @@
+// Elements per second: internal force and tangent of one body, assembled, for every solid element, law and damping.
+// Every answer is checked in the same program: the force against differences of the energy (undamped) and the tangent
+// against differences of the force, along one random direction.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <functional>
+#include <limits>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "base/thread_pool.hpp"
+#include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/meshers/parts.hpp"
+
+namespace {
+
+using namespace espalier;
+using namespace espalier::dynamics;
+using Vector = std::vector<double>;
+
+struct Arguments {
+  int elements = 4096;  // about that many in a body
+  int threads = 1;
+  double seconds = 0.3;  // at least that long per figure
+  std::string only, json;
+};
+
+struct Case {
+  std::string name;
+  ElementType type;
+  SolidOptions options;
+};
+
+std::vector<Case> cases() {
+  std::vector<Case> all = {{"tet4", ElementType::tet4, {}},
+                           {"tet10", ElementType::tet10, {}},
+                           {"hex20", ElementType::hex20, {}},
+                           {"hex20 reduced", ElementType::hex20, {Hex8Formulation::full, true}}};
+  const std::pair<const char*, Hex8Formulation> forms[] = {{"hex8 full", Hex8Formulation::full},
+                                                           {"hex8 mean", Hex8Formulation::mean_dilatation},
+                                                           {"hex8 enhanced", Hex8Formulation::enhanced},
+                                                           {"hex8 shell", Hex8Formulation::shell}};
+  for (const auto& [name, form] : forms) all.push_back({name, ElementType::hex8, {form, false}});
+  return all;
+}
+
+/// Every hexahedron cut into six tetrahedra around its diagonal, with nodes in the middle of edges where wanted.
+Mesh tetrahedra(const Mesh& hexes, bool quadratic) {
+  static constexpr int kCut[6][4] = {{0, 1, 2, 6}, {0, 2, 3, 6}, {0, 3, 7, 6},
+                                     {0, 7, 4, 6}, {0, 4, 5, 6}, {0, 5, 1, 6}};
+  static constexpr int kEdge[6][2] = {{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}};
+  Mesh mesh;
+  mesh.nodes = hexes.nodes;
+  std::map<std::pair<Index, Index>, Index> middles;
+  for (Index e = 0; e < hexes.element_count(); ++e)
+    for (const auto& cut : kCut) {
+      std::vector<Index> nodes;
+      for (const int a : cut) nodes.push_back(hexes.element(e)[static_cast<std::size_t>(a)]);
+      for (const auto& edge : kEdge) {
+        if (!quadratic) break;
+        const auto [low, high] =
+            std::minmax(nodes[static_cast<std::size_t>(edge[0])], nodes[static_cast<std::size_t>(edge[1])]);
+        const auto [place, added] = middles.try_emplace({low, high}, static_cast<Index>(mesh.nodes.size()));
+        if (added) {
+          const Point &x = mesh.nodes[static_cast<std::size_t>(low)], &y = mesh.nodes[static_cast<std::size_t>(high)];
+          mesh.nodes.push_back({(x[0] + y[0]) / 2, (x[1] + y[1]) / 2, (x[2] + y[2]) / 2});
+        }
+        nodes.push_back(place->second);
+      }
+      mesh.add_element(quadratic ? ElementType::tet10 : ElementType::tet4, nodes);
+    }
+  return mesh;
+}
+
+Mesh make_mesh(ElementType type, int elements) {
+  const bool cut = type == ElementType::tet4 || type == ElementType::tet10;
+  const int n = std::max(2, static_cast<int>(std::lround(std::cbrt(elements / (cut ? 6.0 : 1.0)))));
+  const Mesh block = make_block({1, 1, 1}, n, n, n, cut ? ElementType::hex8 : type);
+  return cut ? tetrahedra(block, type == ElementType::tet10) : block;
+}
+
+/// A body in a random state near its reference, with the directions that the check uses.
+class Probe {
+ public:
+  Probe(const Case& c, SolidLaw law, bool damped, const Arguments& arguments, base::ThreadPool* pool) {
+    Mesh mesh = make_mesh(c.type, arguments.elements);
+    auto owned = make_solid_body("body", mesh, {law, 200, 0.3, 1}, c.options);
+    owned->set_pool(pool);
+    if (damped) owned->set_damping({0, 1e-3});
+    body_ = &system_.add(std::move(owned));
+    system_.finish();
+    const auto n = static_cast<std::size_t>(system_.sizes().velocity);
+    q_.resize(n);
+    v_.resize(n);
+    system_.initial(q_, v_);
+    const double size = 0.05 / std::cbrt(static_cast<double>(mesh.element_count()));
+    std::mt19937 generator(3);
+    std::uniform_real_distribution<double> uniform(-size, size);
+    for (double& x : q_) x += 0.3 * uniform(generator);
+    for (double& x : v_) x = 30 * uniform(generator);
+    for (std::size_t i = 0; i < n; ++i) direction_.push_back(uniform(generator));
+    values_.resize(static_cast<std::size_t>(system_.tangent_pattern().nonzeros()));
+    force_.resize(n);
+  }
+
+  void force() { system_.residual(state(), force_); }
+  void tangent() { system_.tangent(state(), {0, velocity_weight, 1}, values_); }
+  [[nodiscard]] Index elements() const { return body_->assembly().elements(); }
+
+  /// Largest difference, relative to the largest entry, of K d from the difference of two forces; undamped also of
+  /// f . d from that of two energies. Steps h with errors h^2 + eps / h.
+  double check(bool damped) {
+    const double h = 1e-5;
+    const Vector keep_q = q_, keep_v = v_;
+    tangent();
+    force();
+    const double slope = dot(force_, direction_);
+    const Vector product = times_direction();
+    Vector sides[2];
+    double energy[2];
+    for (int side = 0; side < 2; ++side) {
+      for (std::size_t i = 0; i < q_.size(); ++i) {
+        const double step = (side == 0 ? h : -h) * direction_[i];
+        q_[i] = keep_q[i] + step;
+        v_[i] = keep_v[i] + velocity_weight * step;
+      }
+      force();
+      sides[side] = force_;
+      energy[side] = system_.energy(state()).potential;
+    }
+    q_ = keep_q;
+    v_ = keep_v;
+    double worst = 0, largest = 0;
+    for (std::size_t i = 0; i < product.size(); ++i) {
+      largest = std::max(largest, std::abs(product[i]));
+      const double difference = std::abs(product[i] - (sides[0][i] - sides[1][i]) / (2 * h));
+      if (!(difference <= worst)) worst = difference;
+    }
+    worst /= largest;
+    if (damped) return worst;
+    const double difference = std::abs(slope - (energy[0] - energy[1]) / (2 * h));
+    return std::max(worst, difference / std::abs(slope));
+  }
+
+ private:
+  static constexpr double velocity_weight = 3;
+  [[nodiscard]] StateView state() const { return {0, q_, v_, {}, {}}; }
+  static double dot(const Vector& a, const Vector& b) {
+    double sum = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
+    return sum;
+  }
+  [[nodiscard]] Vector times_direction() const {
+    const SparsePattern& p = system_.tangent_pattern();
+    Vector product(q_.size(), 0.0);
+    for (std::size_t c = 0; c < q_.size(); ++c)
+      for (Offset k = p.ptr[c]; k < p.ptr[c + 1]; ++k)
+        product[static_cast<std::size_t>(p.ind[static_cast<std::size_t>(k)])] +=
+            values_[static_cast<std::size_t>(k)] * direction_[c];
+    return product;
+  }
+
+  AssembledSystem system_;
+  FlexibleBody* body_ = nullptr;
+  Vector q_, v_, direction_, force_, values_;
+};
+
+/// Seconds of the fastest call within the time given.
+double fastest(double seconds, const std::function<void()>& call) {
+  using Clock = std::chrono::steady_clock;
+  call();
+  const auto start = Clock::now();
+  double best = std::numeric_limits<double>::infinity();
+  for (int calls = 0; calls < 3 || std::chrono::duration<double>(Clock::now() - start).count() < seconds; ++calls) {
+    const auto begin = Clock::now();
+    call();
+    best = std::min(best, std::chrono::duration<double>(Clock::now() - begin).count());
+  }
+  return best;
+}
+
+Arguments parse(int argc, char** argv) {
+  Arguments a;
+  CLI::App app{"Elements per second: internal force and tangent of solids, assembled"};
+  app.add_option("--elements", a.elements, "elements of each body, about");
+  app.add_option("--threads", a.threads, "threads of the assembly");
+  app.add_option("--seconds", a.seconds, "time spent on each figure, at least");
+  app.add_option("--only", a.only, "cases whose names begin so");
+  app.add_option("--json", a.json, "file for the figures");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    std::exit(app.exit(e));
+  }
+  return a;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const Arguments a = parse(argc, argv);
+  constexpr double kWrong = 1e-6;  // of differences: h^2 = 1e-10 and eps / (h * strain)
+  base::ThreadPool pool(a.threads);
+  nlohmann::json out = nlohmann::json::array();
+  bool right = true;
+  fmt::print("microseconds an element, {} thread(s)\n{:34}{:>8}{:>9}{:>9}{:>13}{:>13}{:>10}\n", a.threads, "",
+             "elements", "force", "tangent", "forces/s", "tangents/s", "error");
+  for (const Case& c : cases())
+    for (const SolidLaw law : {SolidLaw::st_venant_kirchhoff, SolidLaw::neo_hookean})
+      for (const bool damped : {false, true}) {
+        const std::string name =
+            c.name + (law == SolidLaw::neo_hookean ? ", neo-Hookean" : ", SVK") + (damped ? ", damped" : "");
+        if (!name.starts_with(a.only)) continue;
+        Probe probe(c, law, damped, a, &pool);
+        const double error = probe.check(damped);
+        const double n = probe.elements();
+        const double force = fastest(a.seconds, [&] { probe.force(); }) / n;
+        const double tangent = fastest(a.seconds, [&] { probe.tangent(); }) / n;
+        const bool good = error < kWrong;
+        right = right && good;
+        fmt::print("{:34}{:8}{:9.3f}{:9.3f}{:13.3e}{:13.3e}{:10.1e}{}\n", name, probe.elements(), 1e6 * force,
+                   1e6 * tangent, 1 / force, 1 / tangent, error, good ? "" : "  WRONG");
+        out.push_back({{"case", name},
+                       {"elements", probe.elements()},
+                       {"threads", a.threads},
+                       {"force_seconds", force},
+                       {"tangent_seconds", tangent},
+                       {"error", error}});
+      }
+  if (!a.json.empty()) std::ofstream(a.json) << out.dump(1) << "\n";
+  return right ? 0 : 1;
+}
