@@ -4,6 +4,7 @@ bytes in every file of results."""
 
 import json
 import os
+import pathlib
 import random
 import re
 import resource
@@ -14,6 +15,8 @@ import time
 import unittest
 
 from cli_test import BINARY, Cli
+
+ENGINE = pathlib.Path(__file__).resolve().parents[2] / "models/engine.toml"
 
 # Two bodies, a flexible one with pictures among them; some 600 steps, a restart file every 20 or so.
 MODEL = """title = "a block on a pendulum"
@@ -118,6 +121,17 @@ class Restart(Cli):
             self.kill_after(0, steps=100)
         self.go_on()
         self.expect_results(expected)
+
+    def test_an_engine_that_began_in_equilibrium_goes_on_with_the_same_bytes(self):
+        # The undisturbed run analysed its first matrix in the search for the equilibrium, the restarted one did not.
+        self.model = ENGINE
+        arguments = ["--until", 0.006, "--set", "output.restart_interval=0.001", "--set", "parameters.unknowns=500"]
+        whole = self.folder / "whole"
+        self.simulate("--out", whole, *arguments)
+        while not (self.out / "state.restart").exists():
+            self.kill_after(0, *arguments, steps=60)
+        self.go_on(*arguments)
+        self.expect_results(self.results(whole))
 
     def test_a_restart_that_dies_early_keeps_the_history(self):
         self.simulate("--out", self.out, "--until", 0.2)

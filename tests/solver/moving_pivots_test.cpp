@@ -8,6 +8,7 @@
 #include <random>
 #include <utility>
 
+#include "device/registry.hpp"
 #include "solver_common.hpp"
 
 namespace espalier::test {
@@ -143,7 +144,11 @@ Index expect_moved_at_once(const SparseMatrix& a, Options o, int most_rounds, In
   o.log = [&](const std::string& line) { rounds += line.find("to a later front") != std::string::npos ? 1 : 0; };
   Solver s(o);
   expect_solved(s, a);
-  const Index moved = s.factorize(a).delayed;
+  const FactorResult factor = s.factorize(a);
+  const Index moved = factor.delayed;
+  if (o.device == "gpu:0") {
+    EXPECT_NE(factor.device.find("GPU"), std::string::npos) << factor.device;
+  }
   EXPECT_LE(rounds, most_rounds);
   EXPECT_LE(moved, most_moved);
   rounds = 0;
@@ -152,32 +157,47 @@ Index expect_moved_at_once(const SparseMatrix& a, Options o, int most_rounds, In
   return moved;
 }
 
-TEST(MovingPivots, FlowKeepsItsPivotsWhereTheOrderingPutsThem) {
+/// On the host and, where there is one, on the first GPU, which keeps the matrix whatever fails.
+class MovingPivots : public testing::TestWithParam<const char*> {
+ protected:
+  void SetUp() override {
+    options_.device = GetParam();
+    if (options_.device == "cpu") return;
+    const device::Backend* gpus = device::registry().find("gpu");
+    if (gpus == nullptr || gpus->find().names.empty()) GTEST_SKIP() << "no GPU here";
+  }
+  Options options_;
+};
+
+INSTANTIATE_TEST_SUITE_P(Devices, MovingPivots, testing::Values("cpu", "gpu:0"),
+                         [](const auto& of) { return std::string(of.param).substr(0, 3); });
+
+TEST_P(MovingPivots, FlowKeepsItsPivotsWhereTheOrderingPutsThem) {
   for (const double viscosity : {1.0, 1e-1, 1e-2, 1e-3})
     for (const Index side : {4, 12, 30, 60}) {
       SCOPED_TRACE(testing::Message() << "viscosity " << viscosity << ", side " << side);
       const SparseMatrix a = FlowInABox(side, viscosity, 16).matrix();
-      expect_moved_at_once(a, {}, 4, 2 + a.rows / 100);
+      expect_moved_at_once(a, options_, 4, 2 + a.rows / 100);
     }
 }
 
-TEST(MovingPivots, ABasisOfALinearProgramIsRegular) {
+TEST_P(MovingPivots, ABasisOfALinearProgramIsRegular) {
   Index all = 0;
   for (const Index stages : {1, 4, 20, 90})
     for (std::uint64_t seed = 1; seed <= 6; ++seed) {
       SCOPED_TRACE(testing::Message() << stages << " stages, seed " << seed);
       const SparseMatrix a = staircase_basis(stages, seed);
-      all += expect_moved_at_once(a, {}, 2, a.rows / 10);
+      all += expect_moved_at_once(a, options_, 2, a.rows / 10);
     }
   EXPECT_GE(all, 20);
 }
 
-TEST(MovingPivots, APivotGoesAsFarAsItMustInOneGo) {
+TEST_P(MovingPivots, APivotGoesAsFarAsItMustInOneGo) {
   for (const Kind kind : {Kind::ldlt, Kind::lu})
     for (const Index length : {60, 150, 400}) {
       SCOPED_TRACE(testing::Message() << (kind == Kind::lu ? "lu" : "ldlt") << ", length " << length);
       const SparseMatrix a = partner_at_the_other_end(length, kind);
-      Options o;
+      Options o = options_;
       o.kind = kind;
       o.matching = false;
       o.permutation.resize(static_cast<std::size_t>(a.rows));

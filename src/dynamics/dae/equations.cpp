@@ -58,6 +58,11 @@ bool Equations::update_pattern() {
   return true;
 }
 
+void Equations::forget_analysis() {
+  kkt_.forget_analysis();
+  first_factorization_ = true;
+}
+
 void Equations::set_dropped(std::vector<char> dropped) {
   if (!dropped.empty() && dropped.size() != phi_.size())
     throw std::invalid_argument("one mark per constraint is needed");

@@ -79,6 +79,8 @@ class Equations {
   void factorize(const StateView& s, const TangentWeights& weights);
   /// Factorizes [identity-like metric; Phi_q]: K with W = F_a, for projections. Same as factorize with {1, 0, 0}.
   [[nodiscard]] KktSolver& kkt() { return kkt_; }
+  /// Forgets factor and analysis: what comes depends on the coming matrices alone, not on those before.
+  void forget_analysis();
   /// Solves with K in place; b holds `columns` pieces of n + m numbers.
   void solve(Span b, Index columns = 1);
 

@@ -34,6 +34,9 @@ class KktSolver {
   /// n diagonals of W that stand in, for the scaling, for those that are nothing beside them: a rigid body has no
   /// stiffness of its own but rounding. Empty: none.
   void set_typical(std::vector<double> diagonals) { typical_ = std::move(diagonals); }
+  /// The next factorize() analyses K anew, with the values it finds: an analysis takes its scaling from the first
+  /// values it meets and remembers pivots that moved since.
+  void forget_analysis() { analyzed_ = false; }
 
   /// Entries of W and Phi_q to be written by the caller before factorize(); they stay readable (the values of the
   /// factor).

@@ -92,6 +92,7 @@ void BdfIntegrator::save(std::vector<double>& out) {
     put(out, history_.v(j));
     put(out, history_.lambda(j));
   }
+  equations_.forget_analysis();
   factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
   first_.reset();  // begins anew at the present state, with steps as short as they were at the start
@@ -119,6 +120,7 @@ void BdfIntegrator::restore(ConstSpan& in) {
     history_.push(past.t, past.q, past.v, past.lambda);
   }
   first_.reset();
+  equations_.forget_analysis();
   factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
 }
@@ -133,6 +135,7 @@ void GeneralizedAlpha::save(std::vector<double>& out) {
   const int halvings = halvings_, steps = steps_at_length_;
   const double fitted = fitted_;
   start(State(state_));
+  equations_.forget_analysis();
   a_old_ = a_old;
   fitted_ = fitted;
   halvings_ = halvings;
@@ -144,6 +147,7 @@ void GeneralizedAlpha::restore(ConstSpan& in) {
   State state = state_;
   take_state(in, state);
   start(state);
+  equations_.forget_analysis();
   take(in, a_old_);
   constexpr double kMostHalvings = 64;
   halvings_ = static_cast<int>(take_count(in, kMostHalvings));

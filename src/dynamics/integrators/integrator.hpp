@@ -61,8 +61,8 @@ class Integrator {
 
   /// A copy of its memory without the factor, from which the coming steps can be taken anew.
   [[nodiscard]] virtual std::unique_ptr<Integrator> clone() const = 0;
-  /// Appends all numbers that the coming steps depend on to `out` and drops the factor, so that the run that goes on
-  /// and one that restores these numbers take the same steps (implementations: integrators/checkpoint.cpp).
+  /// Appends all numbers that the coming steps depend on to `out` and drops factor and analysis, so that the run that
+  /// goes on and one that restores these numbers take the same steps (implementations: integrators/checkpoint.cpp).
   virtual void save(std::vector<double>& out) = 0;
   /// Takes up what save() wrote and removes it from the front of `in`. @pre start() was called for the same system
   /// @throws Error(invalid_input) if the numbers do not fit

@@ -108,6 +108,7 @@ void Runner::prepare() {
   } catch (const Error& error) {
     throw Error(error.status().code, explain_failure(error), error.status().row);
   }
+  reference_ = model_.initial.statics ? given : state_;
   describe_system();
   if (options_.restart.empty()) {
     for (const auto& lines : {open_joints(*mechanism_, given), moved_bodies(*mechanism_, given, state_)})
@@ -232,7 +233,7 @@ void Runner::loop(const SimulationObserver& observer) {
     const Stopwatch output(summary_.phases.output);
     files_.reset();  // of a run that an observer broke off
     files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, integrator_);
-    files_->begin(sample(last_report_), state_, !options_.restart.empty());
+    files_->begin(sample(last_report_), reference_, !options_.restart.empty());
   }
   constexpr long kWatchEvery = 100;
   stopped_ = false;

@@ -80,6 +80,7 @@ class Runner {
   std::unique_ptr<RunFiles> files_;
   std::vector<Quantity> quantities_;
   State state_;
+  State reference_;  // displacements in pictures count from it: a restarted run must find the same
   double load_ = 0;  // load factor of state_ in a statics run
   StepReport last_report_;
 };
