@@ -140,6 +140,10 @@ int BenchCommand::run() const {
     print_result("{}\n", session.document().dump(1, ' ', false, nlohmann::json::error_handler_t::replace));
   else
     print_result("results: {}\n", session.settings().out);
+  if (!session.unreadable().empty())
+    throw Error(StatusCode::invalid_input,
+                fmt::format("--system: could be neither made nor read: {} (the others were measured; why stands in {})",
+                            fmt::join(session.unreadable(), ", "), session.settings().out));
   return kSolved;
 }
 

@@ -228,7 +228,14 @@ nlohmann::json Bench::measure(const std::string& system, const std::vector<Conte
       const std::string needs = estimate > 0 ? fmt::format("it takes about {:.0f} s, and ", estimate) : "";
       none("left out", fmt::format("{}{:.0f} s of the {:.0f} s allowed were gone", needs, gone, allowed));
     } else {
-      for (auto& row : rows_of(system, load(system), contestants)) document_["rows"].push_back(std::move(row));
+      const Loaded* loaded = nullptr;
+      try {
+        loaded = &load(system);
+      } catch (const Error&) {
+        unreadable_.push_back(system);
+        throw;
+      }
+      for (auto& row : rows_of(system, *loaded, contestants)) document_["rows"].push_back(std::move(row));
       print(fmt::format("{}: {:.1f} s in all\n\n", system, seconds_gone() - gone));
     }
   } catch (const std::bad_alloc&) {

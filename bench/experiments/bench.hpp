@@ -54,6 +54,8 @@ class Bench {
   [[nodiscard]] const Settings& settings() const { return settings_; }
   [[nodiscard]] Plan& plan() { return settings_.plan; }
   [[nodiscard]] nlohmann::json& document() { return document_; }
+  /// Systems that could be neither made nor read; their rows say why.
+  [[nodiscard]] const std::vector<std::string>& unreadable() const { return unreadable_; }
   [[nodiscard]] int gpus() const;
   /// For runs outside this document: the same settings with so many timed rounds, one analysis and one right-hand side;
   /// says nothing and writes nothing.
@@ -88,6 +90,7 @@ class Bench {
   Settings settings_;
   Voice voice_;
   nlohmann::json document_;
+  std::vector<std::string> unreadable_;
   std::unique_ptr<Loaded> loaded_;  ///< the last matrix, kept for stages that ask for it again
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };

@@ -65,7 +65,7 @@ class Bench(Cli):
         system = self.file("diagonal.mtx", diagonal)
         rivals = ",".join(f"faulty:{trick}" for trick in tricks) + ",nobody,espalier"
         document = self.bench("peers", "--system", system, "--system", "no such generator", "--rivals", rivals,
-                              "--no-ceilings")
+                              "--no-ceilings", code=2)
         rows = {(row["system"], row["rival"]): row for row in document["rows"]}
         for trick, outcome in tricks.items():
             self.assertEqual(rows[system, f"faulty:{trick}"]["outcome"], outcome)
