@@ -139,36 +139,100 @@ void ElementAssembly::for_each_chunk(base::ThreadPool* pool, const Body& body) c
   }
 }
 
-/// Gathers the state of every element, calls body(group, e, number, pairs, input) and reports the first element (by
-/// number) for which it returns false.
+namespace {
+
+/// The state of one element, or of several side by side, and what they give.
+class Evaluation {
+ public:
+  Evaluation(const ElementGroup& group, const AssemblyState& state, bool tangent, double position_weight,
+             double velocity_weight)
+      : group_(group),
+        state_(state),
+        width_(group.width()),
+        tangent_(tangent),
+        position_weight_(position_weight),
+        velocity_weight_(velocity_weight) {
+    static_assert(kMaxBlockDofs * kMaxLanes >= kMaxElementDofs);
+    static_assert(kMaxBlockDofs * kMaxBlockDofs * kMaxLanes >= kMaxElementDofs * kMaxElementDofs);
+  }
+
+  [[nodiscard]] Index width() const { return width_; }
+
+  /// Evaluates the elements first .. last, at most width() of them; lanes left over repeat the last one.
+  void run(Index first, Index last) {
+    for (int lane = 0; lane < width_; ++lane) gather(std::min<Index>(first + lane, last), lane);
+    const double* velocity = state_.velocity == nullptr ? nullptr : velocity_values_;
+    double* tangent = tangent_ ? tangent_values_ : nullptr;
+    if (width_ > 1) {
+      whole_ =
+          group_.evaluate_block({reference_, position_, velocity, state_.damping, position_weight_, velocity_weight_},
+                                {force_, tangent, energy_});
+      return;
+    }
+    ElementOutput out{force_, tangent, 0};
+    whole_ = group_.evaluate(first,
+                             {reference_, position_, velocity, state_.damping, position_weight_, velocity_weight_}, out)
+                 ? 1
+                 : 0;
+    energy_[0] = out.energy;
+  }
+
+  [[nodiscard]] ElementResult result(Index lane) const {
+    return {force_ + lane, tangent_ ? tangent_values_ + lane : nullptr, energy_[lane], width_,
+            (whole_ >> lane & 1) != 0};
+  }
+
+ private:
+  void gather(Index e, int lane) {
+    std::size_t to = static_cast<std::size_t>(lane);
+    for (const Index v : group_.vertices(e))
+      for (std::size_t i = 0; i < 3; ++i, to += static_cast<std::size_t>(width_)) {
+        const std::size_t from = 3 * static_cast<std::size_t>(v) + i;
+        reference_[to] = state_.reference[from];
+        position_[to] = state_.position[from];
+        if (state_.velocity != nullptr) velocity_values_[to] = state_.velocity[from];
+      }
+  }
+
+  static constexpr int kNumbers = kMaxBlockDofs * kMaxLanes;
+  const ElementGroup& group_;
+  const AssemblyState& state_;
+  int width_;
+  bool tangent_;
+  double position_weight_, velocity_weight_;
+  unsigned whole_ = 0;
+  alignas(64) double reference_[kNumbers], position_[kNumbers], velocity_values_[kNumbers], force_[kNumbers];
+  alignas(64) double tangent_values_[kNumbers * kMaxBlockDofs];
+  double energy_[kMaxLanes];
+};
+
+}  // namespace
+
+/// Evaluates every element, calls body(group, e, number, pairs, result) in the order of its chunk and reports the first
+/// element (by number) that is not whole.
 template <class Body>
-std::int64_t ElementAssembly::for_each_element(base::ThreadPool* pool, const AssemblyState& state,
-                                               const Body& body) const {
+std::int64_t ElementAssembly::evaluate_all(base::ThreadPool* pool, const AssemblyState& state, bool tangent,
+                                           double position_weight, double velocity_weight, const Body& body) const {
   std::mutex mutex;
   Offset first_bad = std::numeric_limits<Offset>::max();
   std::int64_t label = -1;
   for_each_chunk(pool, [&](const Chunk& chunk) {
     const ElementGroup& group = *groups_[static_cast<std::size_t>(chunk.group)];
-    const int n = group.vertices_per_element();
-    double reference[kMaxElementDofs], position[kMaxElementDofs], velocity[kMaxElementDofs];
-    for (Index e = chunk.begin; e < chunk.end; ++e) {
-      const auto list = group.vertices(e);
-      for (int a = 0; a < n; ++a)
-        for (int i = 0; i < 3; ++i) {
-          const std::size_t from =
-              3 * static_cast<std::size_t>(list[static_cast<std::size_t>(a)]) + static_cast<std::size_t>(i);
-          reference[3 * a + i] = state.reference[from];
-          position[3 * a + i] = state.position[from];
-          if (state.velocity != nullptr) velocity[3 * a + i] = state.velocity[from];
-        }
-      const ElementInput in{reference, position, state.velocity == nullptr ? nullptr : velocity, state.damping, 1, 0};
-      const Offset number = chunk.first_element + (e - chunk.begin);
-      const Offset pairs = chunk.first_pair + static_cast<Offset>(e - chunk.begin) * n * n;
-      if (body(group, e, number, pairs, in)) continue;
-      const std::lock_guard lock(mutex);
-      if (number >= first_bad) continue;
-      first_bad = number;
-      label = group.label(e);
+    const Offset n = group.vertices_per_element();
+    Evaluation evaluation(group, state, tangent, position_weight, velocity_weight);
+    for (Index begin = chunk.begin; begin < chunk.end; begin += evaluation.width()) {
+      const Index end = std::min(begin + evaluation.width(), chunk.end);
+      evaluation.run(begin, end - 1);
+      for (Index e = begin; e < end; ++e) {
+        const Offset in_chunk = e - chunk.begin, number = chunk.first_element + in_chunk;
+        const ElementResult result = evaluation.result(e - begin);
+        body(group, e, number, chunk.first_pair + in_chunk * n * n, result);
+        if (result.whole) continue;
+        const std::scoped_lock lock(mutex);
+        if (number >= first_bad) continue;
+        first_bad = number;
+        label = group.label(e);
+      }
     }
   });
   return label;
@@ -177,67 +241,59 @@ std::int64_t ElementAssembly::for_each_element(base::ThreadPool* pool, const Ass
 std::int64_t ElementAssembly::add_forces(base::ThreadPool* pool, const AssemblyState& state, double* f,
                                          double& energy) const {
   std::vector<double> energies(static_cast<std::size_t>(elements_));
-  const std::int64_t bad = for_each_element(
-      pool, state, [&](const ElementGroup& group, Index e, Offset number, Offset, const ElementInput& in) {
-        double force[kMaxElementDofs];
-        ElementOutput out{force, nullptr, 0};
-        const bool ok = group.evaluate(e, in, out);
-        if (!ok) std::fill_n(force, 3 * group.vertices_per_element(), std::numeric_limits<double>::quiet_NaN());
-        const auto list = group.vertices(e);
-        for (std::size_t a = 0; a < list.size(); ++a)
-          for (std::size_t i = 0; i < 3; ++i) f[3 * static_cast<std::size_t>(list[a]) + i] += force[3 * a + i];
-        energies[static_cast<std::size_t>(number)] = ok ? out.energy : std::numeric_limits<double>::quiet_NaN();
-        return ok;
-      });
+  const auto add = [&](const ElementGroup& group, Index e, Offset number, Offset, const ElementResult& r) {
+    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+    const double* from = r.force;
+    for (const Index v : group.vertices(e))
+      for (std::size_t i = 0; i < 3; ++i, from += r.stride)
+        f[3 * static_cast<std::size_t>(v) + i] += r.whole ? *from : kNan;
+    energies[static_cast<std::size_t>(number)] = r.whole ? r.energy : kNan;
+  };
+  const std::int64_t bad = evaluate_all(pool, state, false, 1, 0, add);
   for (const double value : energies) energy += value;  // in order of the elements
   return bad;
 }
 
 std::int64_t ElementAssembly::add_tangent(base::ThreadPool* pool, const AssemblyState& state, double position_weight,
                                           double velocity_weight, const BlockTarget& target) const {
-  return for_each_element(
-      pool, state, [&](const ElementGroup& group, Index e, Offset, Offset pairs, const ElementInput& state_in) {
-        double force[kMaxElementDofs], tangent[kMaxElementDofs * kMaxElementDofs];
-        ElementInput in = state_in;
-        in.position_weight = position_weight;
-        in.velocity_weight = velocity_weight;
-        ElementOutput out{force, tangent, 0};
-        const bool ok = group.evaluate(e, in, out);
-        const auto list = group.vertices(e);
-        const std::size_t n = list.size();
-        if (!ok) std::fill_n(tangent, 9 * n * n, std::numeric_limits<double>::quiet_NaN());
-        const std::int32_t* pair = pairs_.data() + pairs;
-        for (std::size_t b = 0; b < n; ++b) {
-          const std::size_t column = static_cast<std::size_t>(list[b]);
-          for (std::size_t a = 0; a < n; ++a) {
-            const std::size_t entry =
-                static_cast<std::size_t>(pattern_.ptr[column]) + static_cast<std::size_t>(*pair++);
-            for (std::size_t j = 0; j < 3; ++j) {
-              double* to = target.values + target.column_start[3 * column + j] + target.shift[3 * entry + j];
-              const double* from = tangent + (3 * b + j) * 3 * n + 3 * a;
-              to[0] += from[0];
-              to[1] += from[1];
-              to[2] += from[2];
-            }
-          }
+  const auto add = [&](const ElementGroup& group, Index e, Offset, Offset pairs, const ElementResult& r) {
+    const auto list = group.vertices(e);
+    const std::size_t n = list.size(), stride = static_cast<std::size_t>(r.stride);
+    const double invalid = r.whole ? 0 : std::numeric_limits<double>::quiet_NaN();
+    const std::int32_t* pair = pairs_.data() + pairs;
+    for (std::size_t b = 0; b < n; ++b) {
+      const std::size_t column = static_cast<std::size_t>(list[b]);
+      for (std::size_t a = 0; a < n; ++a) {
+        const std::size_t entry = static_cast<std::size_t>(pattern_.ptr[column]) + static_cast<std::size_t>(*pair++);
+        for (std::size_t j = 0; j < 3; ++j) {
+          double* to = target.values + target.column_start[3 * column + j] + target.shift[3 * entry + j];
+          const double* from = r.tangent + ((3 * b + j) * 3 * n + 3 * a) * stride;
+          to[0] += from[0] + invalid;
+          to[1] += from[stride] + invalid;
+          to[2] += from[2 * stride] + invalid;
         }
-        return ok;
-      });
+      }
+    }
+  };
+  return evaluate_all(pool, state, true, position_weight, velocity_weight, add);
 }
 
 std::vector<double> ElementAssembly::mass(const double* reference) const {
   std::vector<double> values(pattern_.ind.size(), 0.0);
-  const AssemblyState state{reference, reference, nullptr, 0};
-  for_each_element(nullptr, state,
-                   [&](const ElementGroup& group, Index e, Offset, Offset pairs, const ElementInput& in) {
-                     double m[kMaxVertices * kMaxVertices];
-                     group.mass(e, in.reference, m);
-                     const auto list = group.vertices(e);
-                     for (std::size_t k = 0; k < list.size() * list.size(); ++k)
-                       values[static_cast<std::size_t>(pattern_.ptr[static_cast<std::size_t>(list[k / list.size()])] +
-                                                       pairs_[static_cast<std::size_t>(pairs) + k])] += m[k];
-                     return true;
-                   });
+  for_each_chunk(nullptr, [&](const Chunk& chunk) {
+    const ElementGroup& group = *groups_[static_cast<std::size_t>(chunk.group)];
+    const std::int32_t* pair = pairs_.data() + chunk.first_pair;
+    for (Index e = chunk.begin; e < chunk.end; ++e) {
+      double x[kMaxElementDofs], m[kMaxVertices * kMaxVertices];
+      const auto list = group.vertices(e);
+      for (std::size_t k = 0; k < 3 * list.size(); ++k)
+        x[k] = reference[3 * static_cast<std::size_t>(list[k / 3]) + k % 3];
+      group.mass(e, x, m);
+      for (std::size_t k = 0; k < list.size() * list.size(); ++k)
+        values[static_cast<std::size_t>(pattern_.ptr[static_cast<std::size_t>(list[k / list.size()])] + *pair++)] +=
+            m[k];
+    }
+  });
   return values;
 }
 

@@ -42,6 +42,15 @@ struct BlockTarget {
   const std::int32_t* shift;
 };
 
+/// What one element gives; number k stands at [k * stride].
+struct ElementResult {
+  const double* force;
+  const double* tangent;  ///< null when not wanted
+  double energy = 0;
+  int stride = 1;
+  bool whole = true;  ///< false: turned inside out, the rest is not defined
+};
+
 /// All elements of one body.
 class ElementAssembly {
  public:
@@ -76,7 +85,8 @@ class ElementAssembly {
   template <class Body>
   void for_each_chunk(base::ThreadPool* pool, const Body& body) const;
   template <class Body>
-  std::int64_t for_each_element(base::ThreadPool* pool, const AssemblyState& state, const Body& body) const;
+  std::int64_t evaluate_all(base::ThreadPool* pool, const AssemblyState& state, bool tangent, double position_weight,
+                            double velocity_weight, const Body& body) const;
 
   std::vector<std::unique_ptr<ElementGroup>> groups_;
   Index elements_ = 0;

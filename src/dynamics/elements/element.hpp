@@ -30,6 +30,22 @@ struct ElementOutput {
   double energy = 0;          ///< strain energy (written, not added)
 };
 
+/// The state of several elements side by side: number k of the element in lane l at [k * width + l], k as in
+/// ElementInput.
+struct BlockInput {
+  const double* reference;
+  const double* position;
+  const double* velocity;  ///< may be null: zero
+  double damping = 0, position_weight = 1, velocity_weight = 0;
+};
+
+/// What they give, in the same order; arrays as in ElementOutput.
+struct BlockOutput {
+  double* force;
+  double* tangent = nullptr;  ///< may be null: not wanted
+  double* energy = nullptr;   ///< one per lane
+};
+
 /// A set of elements of one kind. Stateless: evaluate() is a function of its arguments alone, so that calls from
 /// several threads, in any order, give the same bits.
 class ElementGroup {
@@ -41,6 +57,11 @@ class ElementGroup {
   [[nodiscard]] virtual std::span<const Index> vertices(Index e) const = 0;
   /// Internal force, tangent and energy. @return false when the element has turned inside out (output undefined)
   [[nodiscard]] virtual bool evaluate(Index e, const ElementInput& in, ElementOutput& out) const = 0;
+  /// How many elements evaluate_block() takes; 1: there is only evaluate().
+  [[nodiscard]] virtual int width() const { return 1; }
+  /// Evaluates width() elements side by side; what a lane gives does not depend on the others.
+  /// @return bit l is set where the element of lane l is whole; the others' output is undefined
+  [[nodiscard]] virtual unsigned evaluate_block(const BlockInput&, const BlockOutput&) const { return 0; }
   /// Consistent mass, vertices x vertices, one number per pair: integral of density * N_a * N_b.
   virtual void mass(Index e, const double* reference, double* m) const = 0;
   /// Number of the element in messages (its number in the mesh file, or its position counted from 1).
@@ -50,5 +71,8 @@ class ElementGroup {
 /// Largest number of vertices of any element (hex20).
 inline constexpr int kMaxVertices = 20;
 inline constexpr int kMaxElementDofs = 3 * kMaxVertices;
+/// Largest width(), and the largest number of degrees of freedom of an element that has more than one lane.
+inline constexpr int kMaxLanes = 8;
+inline constexpr int kMaxBlockDofs = 24;
 
 }  // namespace espalier::dynamics

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "dynamics/elements/ancf_shell.hpp"
+#include "dynamics/elements/hex8_block.hpp"
 #include "dynamics/elements/solid.hpp"
 
 namespace espalier::dynamics {
@@ -15,7 +16,9 @@ namespace {
 class SolidGroup final : public ElementGroup {
  public:
   SolidGroup(ElementType type, const Material& material, const SolidOptions& options)
-      : type_(type), material_(material), options_(options), nodes_(shape_of(type).nodes) {}
+      : type_(type), material_(material), options_(options), nodes_(shape_of(type).nodes) {
+    if (type == ElementType::hex8 && hex8_block_serves(options.hex8, material.law)) kernel_ = vector_hex8_kernel();
+  }
   void add(std::span<const Index> nodes, std::int64_t label) {
     connectivity_.insert(connectivity_.end(), nodes.begin(), nodes.end());
     labels_.push_back(label);
@@ -30,6 +33,10 @@ class SolidGroup final : public ElementGroup {
       return evaluate_hex8(options_.hex8, material_, in, out);
     return evaluate_solid(type_, options_.reduced_hex20 ? Rule::reduced : Rule::stiffness, material_, in, out);
   }
+  [[nodiscard]] int width() const override { return kernel_.width; }
+  [[nodiscard]] unsigned evaluate_block(const BlockInput& in, const BlockOutput& out) const override {
+    return kernel_.evaluate({options_.hex8, material_.lambda(), material_.mu()}, in, out);
+  }
   void mass(Index, const double* reference, double* m) const override {
     solid_mass(type_, material_.density, reference, m);
   }
@@ -40,6 +47,7 @@ class SolidGroup final : public ElementGroup {
   Material material_;
   SolidOptions options_;
   int nodes_;
+  Hex8Kernel kernel_;
   std::vector<Index> connectivity_;
   std::vector<std::int64_t> labels_;
 };
