@@ -79,10 +79,12 @@ void ElementAssembly::build_pairs() {
 void ElementAssembly::build_chunks() {
   // Large enough that neighbouring elements are reused from cache, small enough that a colour has many chunks.
   constexpr Index kSmallest = 1, kLargest = 32, kWantedChunks = 512;
-  const Index size = std::clamp(elements_ / kWantedChunks, kSmallest, kLargest);
+  const Index wanted = std::clamp(elements_ / kWantedChunks, kSmallest, kLargest);
   Offset element = 0, pair = 0;
   for (std::size_t g = 0; g < groups_.size(); ++g) {
     const Offset pairs = static_cast<Offset>(groups_[g]->vertices_per_element()) * groups_[g]->vertices_per_element();
+    const Index width = groups_[g]->width();
+    const Index size = (wanted + width - 1) / width * width;  // full lanes, in small bodies too
     for (Index begin = 0; begin < groups_[g]->count(); begin += size) {
       const Index end = std::min(begin + size, groups_[g]->count());
       chunks_.push_back({static_cast<std::int32_t>(g), begin, end, element, pair});
