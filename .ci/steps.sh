@@ -4,7 +4,7 @@
 # The newest tools first: Debian 12 and Ubuntu 24.04 both have version 14 under this name, and formats must not differ.
 clang_tool() { command -v "$1-14" || command -v "$1"; }
 
-source_files() { git ls-files -- 'include/*' 'src/*' 'apps/*' 'tests/*' 'bench/*' 'examples/*' | grep -E '\.(cpp|hpp|h|c|cu|cuh)$'; }
+source_files() { git ls-files -- 'include/*' 'src/*' 'apps/*' 'tests/*' 'bench/*' 'examples/*' 'python/*' | grep -E '\.(cpp|hpp|h|c|cu|cuh)$'; }
 
 check_format() {
   local tool

@@ -1,0 +1,11 @@
+/// \file
+/// The parts of the module.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+namespace espalier::python {
+
+void bind_solver(nanobind::module_& m);
+
+}  // namespace espalier::python

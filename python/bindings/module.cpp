@@ -1,0 +1,29 @@
+#include "bindings.hpp"
+#include "espalier/types.hpp"
+
+// An Error that leaves C++ becomes espalier.Error by its status: _errors.py sets the function that makes one.
+namespace {
+
+nanobind::object& maker() {
+  static nanobind::object* the_maker = new nanobind::object();  // NOLINT: the interpreter ends before static objects do
+  return *the_maker;
+}
+
+}  // namespace
+
+NB_MODULE(_core, m) {
+  namespace nb = nanobind;
+  nb::set_leak_warnings(false);  // objects that live when the interpreter ends are freed by the system
+  m.attr("__version__") = ESPALIER_VERSION;
+  m.def("set_error_maker", [](nb::object make) { maker() = std::move(make); });
+  nb::register_exception_translator([](const std::exception_ptr& p, void*) {
+    try {
+      std::rethrow_exception(p);
+    } catch (const espalier::Error& e) {
+      const espalier::Status& s = e.status();
+      const nb::object error = maker()(static_cast<int>(s.code), s.message.c_str(), s.row);
+      PyErr_SetObject(reinterpret_cast<PyObject*>(Py_TYPE(error.ptr())), error.ptr());
+    }
+  });
+  espalier::python::bind_solver(m);
+}

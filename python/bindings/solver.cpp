@@ -1,0 +1,114 @@
+// The solver's part of the module _core. Private: the modules of the package give it types, checks and exceptions.
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "bindings.hpp"
+#include "solver/build_info.hpp"
+#include "solver/option_text.hpp"
+#include "solver_handle.hpp"
+
+namespace espalier::python {
+
+namespace {
+
+using namespace nb::literals;
+
+nb::tuple status_of(const Status& s) { return nb::make_tuple(static_cast<int>(s.code), s.message, s.row); }
+
+std::string text(std::string_view view) { return std::string(view); }
+
+// Fields in the order of the dataclass in _results.py.
+nb::tuple fields(const AnalysisResult& r) {
+  return nb::make_tuple(text(solver::name_of(r.kind)), r.seconds, r.matching_seconds, r.ordering_seconds,
+                        r.plan_seconds, r.nonzeros_factor, r.flops, r.fronts, r.tiers, r.largest_front,
+                        r.predicted_bytes, r.predicted_seconds, r.device);
+}
+
+nb::object vectors(const std::vector<double>& all, std::size_t count) {
+  if (count == 0 || all.empty()) return nb::none();
+  const std::size_t n = all.size() / (all.size() % count == 0 ? count : 1);
+  auto* copy = new std::vector<double>(all);
+  nb::capsule owner(copy, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
+  return nb::cast(nb::ndarray<nb::numpy, double, nb::ndim<2>>(copy->data(), {all.size() / n, n}, owner));
+}
+
+nb::tuple fields(const FactorResult& r, bool transposed, Index n) {
+  const bool swapped = transposed && !r.dependent_columns.empty();
+  const auto& rows = swapped ? r.dependent_columns : r.dependent_rows;
+  const auto& columns = swapped || r.dependent_columns.empty() ? r.dependent_rows : r.dependent_columns;
+  const auto& right = swapped ? r.left_null_vectors : r.null_vectors;
+  const auto& left = swapped || r.left_null_vectors.empty() ? r.null_vectors : r.left_null_vectors;
+  const auto count = [n](const std::vector<double>& v) { return n > 0 ? v.size() / static_cast<std::size_t>(n) : 0; };
+  return nb::make_tuple(r.seconds, r.flops_per_second,
+                        nb::make_tuple(r.inertia.positive, r.inertia.negative, r.inertia.zero), r.determinant_sign,
+                        r.determinant_log, r.rank, r.two_by_two, r.perturbed, r.delayed, r.peak_host_bytes, r.device,
+                        nb::cast(rows), nb::cast(columns), vectors(right, count(right)), vectors(left, count(left)));
+}
+
+nb::tuple fields(const SolveResult& r) {
+  return nb::make_tuple(r.seconds, r.solve_seconds, r.refinement_steps, r.backward_error, r.componentwise_error);
+}
+
+Shape shape_of(const Pointers& pointers, bool by_rows, int storage) {
+  return {static_cast<Index>(pointers.size()) - 1, by_rows, static_cast<Storage>(storage)};
+}
+
+}  // namespace
+
+void bind_solver(nb::module_& m) {
+  const auto array = [](const char* name) { return nb::arg(name).noconvert(); };
+  nb::class_<SolverHandle>(m, "Solver", nb::dynamic_attr())
+      .def(nb::init<>())
+      .def("set_option", &SolverHandle::set_option)
+      .def("set_permutation", &SolverHandle::set_permutation, array("order"))
+      .def("set_log", &SolverHandle::set_log, "log"_a.none())
+      .def(
+          "analyze",
+          [](SolverHandle& s, const Pointers& p, const Indices& i, const std::optional<Values>& v, bool by_rows,
+             int storage) {
+            const AnalysisResult r = s.analyze(p, i, v, shape_of(p, by_rows, storage));
+            return nb::make_tuple(status_of(r.status), fields(r));
+          },
+          array("pointers"), array("indices"), nb::arg("values").noconvert().none(), "by_rows"_a, "storage"_a)
+      .def(
+          "load_analysis",
+          [](SolverHandle& s, const std::string& path, const Pointers& p, const Indices& i,
+             const std::optional<Values>& v, bool by_rows, int storage) {
+            const AnalysisResult r = s.load_analysis(path, p, i, v, shape_of(p, by_rows, storage));
+            return nb::make_tuple(status_of(r.status), fields(r));
+          },
+          "path"_a, array("pointers"), array("indices"), nb::arg("values").noconvert().none(), "by_rows"_a, "storage"_a)
+      .def(
+          "factorize",
+          [](SolverHandle& s, const Pointers& p, const Indices& i, const Values& v, bool by_rows, int storage) {
+            const Shape shape = shape_of(p, by_rows, storage);
+            const FactorResult r = s.factorize(p, i, v, shape);
+            return nb::make_tuple(status_of(r.status), fields(r, s.transposed(), shape.n));
+          },
+          array("pointers"), array("indices"), array("values"), "by_rows"_a, "storage"_a)
+      .def(
+          "refactorize",
+          [](SolverHandle& s, const Values& v, Index n) {
+            const FactorResult r = s.refactorize(v);
+            return nb::make_tuple(status_of(r.status), fields(r, s.transposed(), n));
+          },
+          array("values"), "n"_a)
+      .def(
+          "solve",
+          [](SolverHandle& s, const nb::ndarray<const double, nb::device::cpu>& b,
+             const nb::ndarray<double, nb::device::cpu>& x, Index columns, bool transpose) {
+            const SolveResult r = s.solve(b, x, columns, transpose);
+            return nb::make_tuple(status_of(r.status), fields(r));
+          },
+          array("b"), array("x"), "columns"_a, "transpose"_a)
+      .def("condition",
+           [](SolverHandle& s) {
+             const ConditionResult r = s.condition();
+             return nb::make_tuple(status_of(r.status), r.estimate);
+           })
+      .def("save_analysis", [](SolverHandle& s, const std::string& path) { return status_of(s.save_analysis(path)); })
+      .def("close", &SolverHandle::close);
+}
+
+}  // namespace espalier::python

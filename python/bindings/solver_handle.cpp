@@ -1,0 +1,164 @@
+#include "solver_handle.hpp"
+
+#include <nanobind/stl/string.h>
+
+#include <type_traits>
+#include <utility>
+
+#include "solver/environment.hpp"
+#include "solver/option_text.hpp"
+
+namespace espalier::python {
+
+namespace {
+
+// Threads take longer to start than such systems to factorize.
+constexpr Offset kSmall = 20'000;  // entries
+
+// The rows of a triangle are the columns of the other one.
+Storage by_columns(const Shape& shape) {
+  if (!shape.by_rows) return shape.storage;
+  if (shape.storage == Storage::symmetric_lower) return Storage::symmetric_upper;
+  if (shape.storage == Storage::symmetric_upper) return Storage::symmetric_lower;
+  return shape.storage;
+}
+
+MatrixView view_of(const Pointers& pointers, const Indices& indices, const Values* values, const Shape& shape) {
+  MatrixView view;
+  view.rows = view.cols = shape.n;
+  view.col_ptr = {pointers.data(), pointers.size()};
+  view.row_ind = {indices.data(), indices.size()};
+  if (values != nullptr) view.values = {values->data(), values->size()};
+  view.storage = by_columns(shape);
+  return view;
+}
+
+}  // namespace
+
+void Host::write(const std::string& line) {
+  const nb::gil_scoped_acquire gil;
+  if (raised || log.is_none() || !log.is_valid()) return;
+  try {
+    log(line);
+  } catch (...) {
+    raised = std::current_exception();
+  }
+}
+
+SolverHandle::SolverHandle() {
+  solver::Environment environment = solver::read_environment();
+  if (!environment.status.ok()) throw Error(environment.status);
+  options_ = std::move(environment.options);
+  Host* host = host_.get();  // lives as long as the solver that asks
+  options_.log = [host](const std::string& line) { host->write(line); };
+}
+
+void SolverHandle::set_option(const std::string& key, const std::string& value) {
+  solver::set_option(options_, key, value);
+}
+
+void SolverHandle::set_permutation(const Indices& order) {
+  options_.permutation.assign(order.data(), order.data() + order.size());
+}
+
+// Runs `body` without the GIL and under the lock; what Python raised meanwhile is raised afterwards.
+template <class Body>
+auto SolverHandle::call(Body&& body) {
+  if (owner_.load() == std::this_thread::get_id())
+    throw std::logic_error("a solver was called from its own log handler");
+  std::invoke_result_t<Body> result;
+  {
+    const nb::gil_scoped_release released;
+    if (!callers_.enter())
+      throw std::logic_error(
+          "another thread was inside a call on this solver when the process forked; make a new solver here");
+    const solver::Inside inside(callers_);
+    const std::lock_guard lock(mutex_);
+    if (closed_) throw std::logic_error("the solver is closed");
+    owner_ = std::this_thread::get_id();
+    struct Leave {
+      std::atomic<std::thread::id>& owner;
+      ~Leave() { owner = std::thread::id{}; }
+    } const leave{owner_};
+    result = body();
+  }
+  if (host_->raised) std::rethrow_exception(std::exchange(host_->raised, nullptr));
+  return result;
+}
+
+void SolverHandle::make_solver(Offset nonzeros) {
+  const bool single =
+      options_.threads == 0 && nonzeros < kSmall && (options_.device == "auto" || options_.device == "cpu");
+  if (solver_ && single == single_) return;
+  Options options = options_;
+  if (single) options.threads = 1;
+  solver_.reset();
+  solver_.emplace(std::move(options));
+  single_ = single;
+}
+
+AnalysisResult SolverHandle::analyze(const Pointers& pointers, const Indices& indices,
+                                     const std::optional<Values>& values, const Shape& shape) {
+  const MatrixView view = view_of(pointers, indices, values ? &*values : nullptr, shape);
+  return call([&] {
+    make_solver(static_cast<Offset>(indices.size()));
+    transposed_ = shape.by_rows && shape.storage == Storage::general;
+    return solver_->analyze(view);
+  });
+}
+
+AnalysisResult SolverHandle::load_analysis(const std::string& path, const Pointers& pointers, const Indices& indices,
+                                           const std::optional<Values>& values, const Shape& shape) {
+  const MatrixView view = view_of(pointers, indices, values ? &*values : nullptr, shape);
+  return call([&] {
+    make_solver(static_cast<Offset>(indices.size()));
+    transposed_ = shape.by_rows && shape.storage == Storage::general;
+    return solver_->load_analysis(path, view);
+  });
+}
+
+Solver& SolverHandle::analyzed() {
+  if (!solver_ || solver_->state() == Solver::State::empty)
+    throw std::logic_error("there is no analysis: call analyze(A) or factorize(A) first");
+  return *solver_;
+}
+
+FactorResult SolverHandle::factorize(const Pointers& pointers, const Indices& indices, const Values& values,
+                                     const Shape& shape) {
+  const MatrixView view = view_of(pointers, indices, &values, shape);
+  return call([&] { return analyzed().factorize(view); });
+}
+
+FactorResult SolverHandle::refactorize(const Values& values) {
+  return call([&] { return analyzed().refactorize({values.data(), values.size()}); });
+}
+
+SolveResult SolverHandle::solve(const nb::ndarray<const double, nb::device::cpu>& b,
+                                const nb::ndarray<double, nb::device::cpu>& x, Index columns, bool transpose) {
+  return call([&] {
+    const bool other = transpose != transposed_;
+    return analyzed().solve({b.data(), b.size()}, {x.data(), x.size()}, columns,
+                            other ? Transpose::yes : Transpose::no);
+  });
+}
+
+ConditionResult SolverHandle::condition() {
+  return call([&] { return analyzed().condition_estimate(); });
+}
+
+Status SolverHandle::save_analysis(const std::string& path) {
+  return call([&] { return analyzed().save_analysis(path); });
+}
+
+void SolverHandle::close() {
+  if (owner_.load() == std::this_thread::get_id())
+    throw std::logic_error("a solver was closed from its own log handler");
+  const nb::gil_scoped_release released;
+  if (!callers_.enter()) return;  // in the child of a fork: the parent's call goes on there
+  const solver::Inside inside(callers_);
+  const std::lock_guard lock(mutex_);
+  solver_.reset();
+  closed_ = true;
+}
+
+}  // namespace espalier::python

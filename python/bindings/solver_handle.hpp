@@ -1,0 +1,86 @@
+/// \file
+/// A solver as the Python module holds it: the C++ solver with a lock around it, and calls that let other Python
+/// threads run.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <atomic>
+#include <exception>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "espalier/solver.hpp"
+#include "solver/c_handle.hpp"
+
+namespace espalier::python {
+
+namespace nb = nanobind;
+
+template <class T, int Dimensions>
+using HostArray = nb::ndarray<T, nb::ndim<Dimensions>, nb::c_contig, nb::device::cpu>;
+using Pointers = HostArray<const Offset, 1>;
+using Indices = HostArray<const Index, 1>;
+using Values = HostArray<const double, 1>;
+
+/// Where log lines go, and what Python has raised in the meantime. All members need the GIL.
+struct Host {
+  nb::object log;             ///< called with a line; None: nobody listens
+  std::exception_ptr raised;  ///< by `log`
+
+  void write(const std::string& line);
+};
+
+/// How the arrays of a matrix are to be read.
+struct Shape {
+  Index n = 0;
+  bool by_rows = false;                ///< compressed rows
+  Storage storage = Storage::general;  ///< of the matrix itself, whatever the layout
+};
+
+class SolverHandle {
+ public:
+  SolverHandle();
+
+  /// @throws Error(invalid_input)
+  void set_option(const std::string& key, const std::string& value);
+  void set_permutation(const Indices& order);
+  void set_log(nb::object log) { host_->log = std::move(log); }
+
+  AnalysisResult analyze(const Pointers& pointers, const Indices& indices, const std::optional<Values>& values,
+                         const Shape& shape);
+  AnalysisResult load_analysis(const std::string& path, const Pointers& pointers, const Indices& indices,
+                               const std::optional<Values>& values, const Shape& shape);
+  FactorResult factorize(const Pointers& pointers, const Indices& indices, const Values& values, const Shape& shape);
+  FactorResult refactorize(const Values& values);
+  /// @param b, x  columns * n values, column by column; may be the same array
+  SolveResult solve(const nb::ndarray<const double, nb::device::cpu>& b, const nb::ndarray<double, nb::device::cpu>& x,
+                    Index columns, bool transpose);
+  ConditionResult condition();
+  Status save_analysis(const std::string& path);
+  void close();
+
+  /// Whether the C++ solver holds the transpose of the caller's matrix.
+  [[nodiscard]] bool transposed() const { return transposed_; }
+
+ private:
+  template <class Body>
+  auto call(Body&& body);
+  void make_solver(Offset nonzeros);
+  Solver& analyzed();
+
+  Options options_;
+  std::shared_ptr<Host> host_ = std::make_shared<Host>();
+  std::optional<Solver> solver_;
+  bool single_ = false;      // it has one thread because its system was small
+  bool transposed_ = false;  // it holds A^T
+  bool closed_ = false;
+  solver::Callers callers_;
+  std::mutex mutex_;
+  std::atomic<std::thread::id> owner_{};
+};
+
+}  // namespace espalier::python

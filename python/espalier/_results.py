@@ -1,0 +1,72 @@
+"""What calls found out, one dataclass per call. Times in seconds, memory in bytes, indices from 0."""
+
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+
+class _Table:
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        rows = "".join(f"<tr><th>{f.name}</th><td>{escape(repr(getattr(self, f.name)))}</td></tr>"
+                       for f in fields(self))  # type: ignore[arg-type]
+        return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+
+
+class Inertia(NamedTuple):
+    """Counts of eigenvalues by sign; -1 each for kind lu."""
+
+    positive: int
+    negative: int
+    zero: int
+
+
+@dataclass(frozen=True)
+class Analysis(_Table):
+    """Of a pattern. `kind`: llt, ldlt or lu; `flops` and `nonzeros_factor` of one factorization."""
+
+    kind: str
+    seconds: float
+    matching_seconds: float
+    ordering_seconds: float
+    plan_seconds: float
+    nonzeros_factor: int
+    flops: float
+    fronts: int
+    tiers: int
+    largest_front: int
+    predicted_bytes: int
+    predicted_seconds: float
+    device: str
+
+
+@dataclass(frozen=True)
+class Factor(_Table):
+    """Of a factorization. `null_vectors`: (n - rank, n) float64 with A v = 0, or None for a regular matrix."""
+
+    seconds: float
+    flops_per_second: float
+    inertia: Inertia
+    determinant_sign: float
+    determinant_log: float
+    rank: int
+    two_by_two: int
+    perturbed: int
+    delayed: int
+    peak_host_bytes: int
+    device: str
+    dependent_rows: "list[int]"
+    dependent_columns: "list[int]"
+    null_vectors: Any
+    left_null_vectors: Any
+
+
+@dataclass(frozen=True)
+class Solve(_Table):
+    """Of a solve: errors are the largest over all right-hand sides."""
+
+    seconds: float
+    solve_seconds: float
+    refinement_steps: int
+    backward_error: float
+    componentwise_error: float

@@ -1,0 +1,224 @@
+"""The direct solver: analyze a pattern, factorize values, solve."""
+
+import logging
+import warnings
+from typing import Any
+
+from . import _core
+from ._errors import AccuracyWarning, Error, make_error, transposed_error
+from ._results import Analysis, Factor, Inertia, Solve
+
+_core.set_error_maker(make_error)
+_STORAGE = {"auto": 0, "general": 0, "lower": 1, "upper": 2, "symmetric": 3}
+
+
+def _numbers(a: Any, what: str) -> Any:
+    """`a` as float64 without a copy where it is that already."""
+    import numpy as np
+
+    a = np.asarray(a)
+    if a.dtype.kind not in "fiub" or a.dtype.itemsize > 8:
+        raise TypeError(f"{what} has dtype {a.dtype}; espalier computes in float64 and takes real numbers of 64 bits"
+                        " or fewer" + ("; complex systems are not supported yet" if a.dtype.kind == "c" else ""))
+    return a.astype(np.float64, copy=False)
+
+
+def _indices(a: Any, what: str, most: int, dtype: str) -> Any:
+    import numpy as np
+
+    a = np.asarray(a)
+    if a.ndim != 1 or (a.dtype.kind not in "iu" and a.size > 0):
+        raise TypeError(f"{what} must be a vector of integers, not {a.ndim}-D {a.dtype}")
+    if a.size > 0 and (int(a.min()) < 0 or int(a.max()) > most):
+        raise ValueError(f"{what} run from {a.min()} to {a.max()}; they must lie from 0 to {most}")
+    return np.ascontiguousarray(a.astype(dtype, copy=False))
+
+
+def _arrays(a: Any) -> "tuple[Any, Any, Any, bool]":
+    """(indptr int64, indices int32, values float64 or None, whether they are compressed rows)."""
+    import numpy as np
+
+    if isinstance(a, tuple):
+        if len(a) != 3:
+            raise TypeError("a matrix as a tuple is (indptr, indices, data) of compressed rows; data may be None")
+        indptr, indices, data, by_rows = *a, True
+        n = len(indptr) - 1
+    else:
+        if not hasattr(a, "tocsc"):
+            raise TypeError(f"{type(a).__name__} is no sparse matrix: give one of scipy.sparse or (indptr, indices, data)")
+        if len(a.shape) != 2 or a.shape[0] != a.shape[1]:
+            raise ValueError(f"a matrix of shape {a.shape} is not square")
+        if a.format not in ("csc", "csr"):
+            a = a.tocsc()
+        indptr, indices, data, by_rows = a.indptr, a.indices, a.data, a.format == "csr"
+        nonzeros, n = int(indptr[-1]), a.shape[0]
+        indices, data = indices[:nonzeros], data[:nonzeros]
+    if not 0 < n < 2**31:
+        raise ValueError(f"a matrix of {n} rows; there must be from 1 to 2^31 - 1")
+    if data is not None:
+        data = np.ascontiguousarray(_numbers(data, "the matrix"))
+        if data.shape != (len(indices),):
+            raise ValueError(f"data of shape {data.shape} for {len(indices)} indices")
+    return (_indices(indptr, "indptr", 2**62, "int64"), _indices(indices, "indices", n - 1, "int32"), data, by_rows)
+
+
+def _finite(values: Any) -> bool:
+    import numpy as np
+
+    return bool(np.isfinite(values).all())
+
+
+def _matrix_error(status: "tuple[int, str, int]", by_rows: bool, kind: str) -> Error:
+    """The solver reads compressed rows as columns. What a symmetric factor says of rows holds for columns, too."""
+    swapped = by_rows and (status[0] == 2 or status[0] == 3 and kind not in ("llt", "ldlt"))
+    return transposed_error(*status) if swapped else make_error(*status)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, (list, tuple)):
+        return ",".join(map(_text, value))
+    return repr(float(value)) if isinstance(value, float) else str(value)
+
+
+class Solver:
+    """A direct solver for one sparse system at a time.
+
+    A: scipy.sparse matrix or array of any format, or (indptr, indices, data) of compressed rows with indices from 0;
+    it is analyzed and factorized. None: analyze() or factorize() come later. Its arrays are read during calls only.
+    symmetry: "auto" finds out from the values; "general"; "symmetric" (both triangles are stored, the upper one is not
+    read); "lower", "upper" (only that triangle is stored). log: a logging.Logger, by default "espalier".
+    options: those of the command line (kind, precision, device, threads, singular, ...).
+
+    Calls let other Python threads run and wait for each other on one solver. Ctrl-C is seen
+    when the call has ended; the solver is usable afterwards. Raises InvalidInputError for wrong options.
+    """
+
+    def __init__(self, A: Any = None, *, symmetry: str = "auto", log: "logging.Logger | None" = None,
+                 permutation: Any = None, **options: Any) -> None:
+        if symmetry not in _STORAGE:
+            raise ValueError(f"symmetry {symmetry!r} is none of {', '.join(_STORAGE)}")
+        self._storage = _STORAGE[symmetry]
+        self._core = _core.Solver()
+        for key, value in options.items():
+            self._core.set_option(key, _text(value))
+        if permutation is not None:
+            self._core.set_permutation(_indices(permutation, "permutation", 2**31 - 1, "int32"))
+        self._core.set_log((log or logging.getLogger("espalier")).debug)
+        self._n, self._by_rows = 0, False
+        self.analysis: "Analysis | None" = None
+        self.factor: "Factor | None" = None
+        self.last_solve: "Solve | None" = None
+        if A is not None:
+            self.factorize(A)
+
+    def analyze(self, A: Any) -> Analysis:
+        """Orders the pattern of A; values, where there are any, are used for matching, scaling and the kind."""
+        return self._analyze(_arrays(A))
+
+    def _analyze(self, arrays: Any) -> Analysis:
+        self.analysis = self.factor = None
+        status, found = self._core.analyze(*arrays, self._storage)
+        if status[0]:
+            raise _matrix_error(status, arrays[3], "")
+        self._n, self._by_rows = len(arrays[0]) - 1, arrays[3]
+        self.analysis = Analysis(*found)
+        return self.analysis
+
+    def factorize(self, A: Any) -> Factor:
+        """Factorizes a matrix, or new values of the analyzed one: a vector in the order of its `data` (of a format
+        other than CSR and CSC: in that of `A.tocsc().data`). A matrix with another pattern is analyzed first.
+
+        Raises SingularMatrixError, NotPositiveDefiniteError, OutOfMemoryError, InvalidInputError (NaN, wrong sizes,
+        values that are not symmetric any more: give the matrix again)."""
+        if isinstance(A, tuple) or hasattr(A, "tocsc"):
+            arrays = _arrays(A)
+            if arrays[2] is None:
+                raise ValueError("a pattern without values cannot be factorized")
+            known = self.analysis is not None and self._n == len(arrays[0]) - 1 and self._by_rows == arrays[3]
+            if not known:
+                self._analyze(arrays)
+            status, found = self._core.factorize(*arrays, self._storage)
+            if known and status[0] == 2 and _finite(arrays[2]):  # another pattern, or no longer symmetric
+                self._analyze(arrays)
+                status, found = self._core.factorize(*arrays, self._storage)
+        else:
+            values = _numbers(A, "the values")
+            if values.ndim != 1:
+                raise ValueError(f"values of shape {values.shape}: give a vector in the order of the matrix's data")
+            status, found = self._core.refactorize(values if values.flags.c_contiguous else values.copy(), self._n)
+        if status[0]:
+            self.factor = None
+            raise _matrix_error(status, self._by_rows, self.analysis.kind if self.analysis else "")
+        self.factor = Factor(found[0], found[1], Inertia(*found[2]), *found[3:])
+        return self.factor
+
+    def solve(self, b: Any, *, out: Any = None, transpose: bool = False) -> Any:
+        """x with A x = b, or A^T x = b: float64 of the shape of b, (n,) or (n, k).
+
+        out: a writable float64 array of that shape, which is filled and returned; it may be b. Contiguous vectors and
+        Fortran-ordered columns are read and written in place; others are copied. Warns AccuracyWarning."""
+        import numpy as np
+
+        b = _numbers(b, "b")
+        if b.ndim not in (1, 2) or b.shape[0] != self._n:
+            raise ValueError(f"b has shape {b.shape}; the matrix has {self._n} rows")
+        if out is not None and not (isinstance(out, np.ndarray) and out.dtype == np.float64 and out.shape == b.shape
+                                    and out.dtype.isnative and out.flags.writeable):
+            raise ValueError(f"out must be a writable float64 array of shape {b.shape}")
+        columns = 1 if b.ndim == 1 else b.shape[1]
+        right = np.asfortranarray(b)
+        direct = out is not None and out.flags.f_contiguous
+        x = out if direct else np.empty(b.shape, order="F")
+        if columns > 0:
+            status, found = self._core.solve(right.T, x.T, columns, bool(transpose))
+            self.last_solve = Solve(*found)
+            if status[0] == 7:
+                warnings.warn(status[1], AccuracyWarning, stacklevel=2)
+            elif status[0]:
+                raise make_error(*status)
+        if out is not None and not direct:
+            out[...] = x
+        return x if out is None else out
+
+    __call__ = solve
+
+    @property
+    def inertia(self) -> Inertia:
+        """Of the factored matrix."""
+        return self._factored().inertia
+
+    @property
+    def slogdet(self) -> "tuple[float, float]":
+        """Sign and logarithm of |det A|, as numpy.linalg.slogdet."""
+        return self._factored().determinant_sign, self._factored().determinant_log
+
+    def _factored(self) -> Factor:
+        if self.factor is None:
+            raise RuntimeError("there is no factorization: call factorize(A) first")
+        return self.factor
+
+    def condition(self) -> float:
+        """Estimate of the condition number in the 1-norm (of a general matrix by rows: in the maximum norm)."""
+        status, estimate = self._core.condition()
+        if status[0]:
+            raise make_error(*status)
+        return estimate
+
+    def close(self) -> None:
+        """Gives all memory back; waits for a call of another thread."""
+        self._core.close()
+        self.factor = None
+
+    def __enter__(self) -> "Solver":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+
+def solve(A: Any, b: Any, **options: Any) -> Any:
+    """x with A x = b; A and options as for Solver, b and x as for Solver.solve()."""
+    with Solver(A, **options) as solver:
+        return solver.solve(b)

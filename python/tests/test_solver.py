@@ -1,0 +1,227 @@
+import logging
+import multiprocessing
+import re
+import subprocess
+import sys
+import threading
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import espalier as esp
+
+FORMATS = ["csc", "csr", "coo", "bsr", "lil", "dok", "dia"]
+
+
+def matrix(n, kind, seed=0):
+    a = sp.random(n, n, min(1.0, 4 / n), random_state=seed, format="csr")
+    if kind == "lu":
+        return (a + 5 * sp.eye(n)).tocsr()
+    sign = np.where(np.arange(n) % 3 == 1, -9.0, 9.0) if kind == "ldlt" else np.full(n, 9.0)
+    return (a + a.T + sp.diags(sign)).tocsr()
+
+
+def check(a, x, b):
+    scale = abs(a).sum(axis=1).max() * abs(x).max() + abs(b).max()
+    assert abs(a @ x - b).max() <= 1e-13 * scale
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("kind", ["llt", "ldlt", "lu"])
+def test_formats_shapes_orders(form, kind):
+    a = matrix(60, kind)
+    solver = esp.Solver(a.asformat(form))
+    assert solver.analysis.kind == kind
+    for b in (np.arange(60.0), np.ones((60, 3)), np.asfortranarray(np.ones((60, 3))), np.arange(120.0)[::2],
+              np.arange(60), np.ones((60, 1), ">f4"), np.ones((60, 0))):
+        x = solver.solve(b)
+        assert x.shape == b.shape and x.dtype == np.float64
+        if b.size:
+            check(a, x, b)
+            check(a.T, solver.solve(b, transpose=True), b)
+    sign, log = np.linalg.slogdet(a.toarray())
+    assert solver.slogdet == pytest.approx((sign, log))
+    if kind != "lu":
+        w = np.linalg.eigvalsh(a.toarray())
+        assert solver.inertia == ((w > 0).sum(), (w < 0).sum(), 0)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 25), st.integers(0, 10**6), st.booleans(), st.sampled_from(["int32", "int64"]))
+def test_random_patterns_with_duplicates(n, seed, by_rows, dtype):
+    rng = np.random.default_rng(seed)
+    i, j = rng.integers(0, n, (2, 3 * n))
+    rows, cols = np.r_[i, np.arange(n)], np.r_[j, np.arange(n)]
+    order = np.lexsort((rng.random(len(rows)), rows))  # rows rise, columns in any order, entries may repeat
+    values = np.r_[rng.normal(size=3 * n), np.full(n, 20.0)][order]
+    pointers = np.r_[0, np.cumsum(np.bincount(rows, minlength=n))].astype(dtype)
+    indices = cols[order].astype(dtype)
+    a = sp.csr_matrix((values, indices, pointers), shape=(n, n))
+    given_matrix = (pointers, indices, values) if by_rows else sp.csc_matrix((values, indices, pointers), shape=(n, n))
+    b = rng.normal(size=n)
+    check(a if by_rows else a.T.tocsr(), esp.solve(given_matrix, b), b)
+
+
+def test_new_values_out_and_no_copies():
+    a = sp.diags([-1.0, 4.0, -1.0], [-1, 0, 1], shape=(20000, 20000)).tocsc()
+    b, x = np.ones(20000), np.empty(20000)
+    solver = esp.Solver(a)
+    values = 2 * a.data
+    tracemalloc.start()
+    solver.factorize(values)
+    assert solver.solve(b, out=x) is x
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < b.nbytes / 4
+    check(2 * a, x, b)
+    values[:] = np.nan  # the solver has its own
+    check(2 * a, solver.solve(b), b)
+    y = b.copy()
+    check(2 * a, solver.solve(y, out=y), b)
+
+
+def test_no_longer_symmetric_is_analyzed_again():
+    a = matrix(30, "llt")
+    solver = esp.Solver(a)
+    c = a.copy()
+    c.data[:] = np.random.default_rng(1).normal(size=c.nnz)
+    with pytest.raises(esp.InvalidInputError, match="not symmetric"):
+        solver.factorize(c.data)
+    assert solver.factorize(c) and solver.analysis.kind == "lu"
+    check(c, solver.solve(np.ones(30)), np.ones(30))
+
+
+def test_analysis_is_kept_while_it_fits():
+    a = matrix(30, "ldlt")
+    for form, symmetry, part in (("csc", "auto", a), ("csr", "auto", a), ("csr", "lower", sp.tril(a)),
+                                 ("csc", "upper", sp.triu(a))):
+        part = part.asformat(form)
+        solver = esp.Solver(part, symmetry=symmetry)
+        analysis = solver.analysis
+        solver.factorize(2 * part)
+        check(2 * a, solver.solve(np.ones(30)), np.ones(30))
+        bad = part.copy()
+        bad.data[3] = np.nan
+        with pytest.raises(esp.InvalidInputError, match="nan"):
+            solver.factorize(bad)
+        assert solver.analysis is analysis
+        solver.factorize(part)
+        check(a, solver.solve(np.ones(30)), np.ones(30))
+    solver.factorize(sp.eye(30, format="csc"))
+    assert solver.analysis is not analysis
+
+
+# Truth: row 4 of A is twice row 2, and so column 4 of A^T twice column 2.
+def test_rows_and_columns_in_errors():
+    a = sp.random(9, 9, 0.6, random_state=3).toarray() + 4 * np.eye(9)
+    a[4] = 2 * a[2]
+    for form, given_matrix, word in (("csc", a, "row"), ("csr", a.T, "column")):
+        given_matrix = sp.csc_matrix(given_matrix).asformat(form)
+        with pytest.raises(esp.SingularMatrixError) as caught:
+            esp.Solver(given_matrix, kind="lu")
+        found = getattr(caught.value, word)
+        assert found in (2, 4) and (caught.value.row is None) == (form == "csr")
+        assert f"{word} {found} (counted from 0) depends on the other {word}s" in str(caught.value)
+        report = esp.Solver(given_matrix, kind="lu", singular="report").factor
+        assert report.rank == 8 and getattr(report, f"dependent_{word}s")[0] in (2, 4)
+        assert abs(given_matrix @ report.null_vectors[0]).max() < 1e-12
+        assert abs(given_matrix.T @ report.left_null_vectors[0]).max() < 1e-12
+        given_matrix[3, 7] = np.inf
+        with pytest.raises(esp.InvalidInputError, match=r"entry \(3, 7\) is inf"):
+            esp.Solver(given_matrix)
+        with pytest.raises(esp.InvalidInputError, match="outside the upper triangle"):
+            esp.Solver(given_matrix, symmetry="upper")
+    hollow = sp.csr_matrix(np.diag([1.0, 2, 0, 3]) + np.eye(4, k=3))
+    for form, word in (("csc", "row"), ("csr", "column")):
+        with pytest.raises(esp.SingularMatrixError, match=f"without partner: {word} 2"):
+            esp.Solver(hollow.asformat(form), kind="lu")
+    with pytest.raises(esp.InvalidInputError) as caught:
+        esp.Solver(matrix(5, "lu")).solve([1, 2, np.nan, 4, 5])
+    assert caught.value.row == 2 and "row 2" in str(caught.value)
+
+
+@pytest.mark.parametrize("bad, error", [
+    (np.eye(3), ValueError), (sp.eye(3, 4), ValueError), (sp.eye(3) * 1j, TypeError),
+    (sp.csr_matrix((0, 0)), ValueError), (sp.diags([1.0, np.nan]), esp.InvalidInputError),
+    (sp.csr_matrix((2, 2)), esp.SingularMatrixError), (([0, 1], [5], [1.0]), ValueError),
+    (([0, 1], [-1], [1.0]), ValueError), (([0, 9], [0], [1.0]), esp.InvalidInputError),
+    (([0, 2**40], [0], [1.0]), esp.InvalidInputError), (([0, 1], [2**40], [1.0]), ValueError),
+    (([0, 1], [0], np.array([object()])), TypeError), (([0, 1], [0.0], [1.0]), TypeError),
+])
+def test_bad_matrices(bad, error):
+    with pytest.raises(error):
+        esp.Solver(bad)
+
+
+def test_errors():
+    assert issubclass(esp.SingularMatrixError, ArithmeticError) and issubclass(esp.OutOfMemoryError, MemoryError)
+    with pytest.raises(esp.InvalidInputError, match="no option"):
+        esp.Solver(colour="red")
+    solver = esp.Solver(matrix(5, "lu"))
+    fixed = np.ones(5)
+    fixed.flags.writeable = False
+    solver.solve(fixed)
+    for call in (lambda: solver.solve(np.ones(6)), lambda: solver.solve(np.ones(5), out=fixed),
+                 lambda: solver.factorize(np.ones(2)), lambda: solver.factorize(np.full(5, np.nan))):
+        with pytest.raises(ValueError):
+            call()
+    with pytest.raises(esp.NotPositiveDefiniteError):
+        esp.Solver(matrix(9, "ldlt"), kind="llt")
+    with pytest.raises(RuntimeError):
+        esp.Solver().inertia
+    solver.close()
+    with pytest.raises(RuntimeError, match="closed"):
+        solver.solve(np.ones(5))
+
+
+def test_threads_share_and_own_solvers():
+    a, b = matrix(400, "lu"), np.ones(400)
+    shared, failures = esp.Solver(a), []
+
+    def work():
+        own = esp.Solver(a)
+        for _ in range(20):
+            for solver in (own, shared):
+                if abs(a @ solver.solve(b) - b).max() > 1e-10:
+                    failures.append(1)
+
+    team = [threading.Thread(target=work) for _ in range(8)]
+    [t.start() for t in team], [t.join() for t in team]
+    assert not failures
+
+
+def in_child(a):
+    return abs(a @ SOLVER.solve(np.ones(300)) - 1).max()
+
+
+def test_fork():
+    global SOLVER
+    a = matrix(300, "llt")
+    SOLVER = esp.Solver(a, threads=2)
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        assert max(pool.map(in_child, [a] * 4)) < 1e-12
+
+
+def test_log_that_raises_is_heard():
+    logger = logging.Logger("test", logging.DEBUG)
+    logger.debug = lambda line: 1 / 0
+    with pytest.raises(ZeroDivisionError):
+        esp.Solver(matrix(5, "lu"), log=logger)
+
+
+def test_import_is_light():
+    code = "import espalier, sys; print('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
+
+
+def test_guide():
+    guide = Path(__file__).parents[2] / "docs/guide/python.md"
+    blocks = re.findall(r"```python\n(.*?)```", guide.read_text(), re.S)
+    assert blocks
+    for block in blocks:
+        exec(block, {})
