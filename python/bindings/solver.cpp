@@ -1,6 +1,7 @@
 // The solver's part of the module _core. Private: the modules of the package give it types, checks and exceptions.
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
 #include "bindings.hpp"
@@ -108,6 +109,7 @@ void bind_solver(nb::module_& m) {
              return nb::make_tuple(status_of(r.status), r.estimate);
            })
       .def("save_analysis", [](SolverHandle& s, const std::string& path) { return status_of(s.save_analysis(path)); })
+      .def("clone", &SolverHandle::clone, "threads"_a)
       .def("close", &SolverHandle::close);
 }
 

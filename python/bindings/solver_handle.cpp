@@ -35,6 +35,8 @@ MatrixView view_of(const Pointers& pointers, const Indices& indices, const Value
 
 }  // namespace
 
+thread_local std::exception_ptr Host::raised;
+
 void Host::write(const std::string& line) {
   const nb::gil_scoped_acquire gil;
   if (raised || log.is_none() || !log.is_valid()) return;
@@ -49,8 +51,16 @@ SolverHandle::SolverHandle() {
   solver::Environment environment = solver::read_environment();
   if (!environment.status.ok()) throw Error(environment.status);
   options_ = std::move(environment.options);
-  Host* host = host_.get();  // lives as long as the solver that asks
-  options_.log = [host](const std::string& line) { host->write(line); };
+  options_.log = [host = host_](const std::string& line) { host->write(line); };
+}
+
+SolverHandle::SolverHandle(const SolverHandle& original, Solver&& clone, int threads)
+    : options_(original.options_),
+      host_(original.host_),
+      solver_(std::move(clone)),
+      single_(original.single_ && threads == 0),
+      transposed_(original.transposed_) {
+  if (threads > 0) options_.threads = threads;
 }
 
 void SolverHandle::set_option(const std::string& key, const std::string& value) {
@@ -82,7 +92,7 @@ auto SolverHandle::call(Body&& body) {
     } const leave{owner_};
     result = body();
   }
-  if (host_->raised) std::rethrow_exception(std::exchange(host_->raised, nullptr));
+  if (Host::raised) std::rethrow_exception(std::exchange(Host::raised, nullptr));
   return result;
 }
 
@@ -148,6 +158,12 @@ ConditionResult SolverHandle::condition() {
 
 Status SolverHandle::save_analysis(const std::string& path) {
   return call([&] { return analyzed().save_analysis(path); });
+}
+
+std::unique_ptr<SolverHandle> SolverHandle::clone(int threads) {
+  return call([&] {  // the constructor is private: no make_unique
+    return std::unique_ptr<SolverHandle>(new SolverHandle(*this, analyzed().clone(threads), threads));
+  });
 }
 
 void SolverHandle::close() {

@@ -8,6 +8,7 @@
 
 #include <atomic>
 #include <exception>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -26,10 +27,11 @@ using Pointers = HostArray<const Offset, 1>;
 using Indices = HostArray<const Index, 1>;
 using Values = HostArray<const double, 1>;
 
-/// Where log lines go, and what Python has raised in the meantime. All members need the GIL.
+/// Where log lines go. A solver and its clones share it. Needs the GIL.
 struct Host {
-  nb::object log;             ///< called with a line; None: nobody listens
-  std::exception_ptr raised;  ///< by `log`
+  nb::object log;  ///< called with a line; None: nobody listens
+  /// What `log` raised in a call of this thread: lines come from the thread that calls.
+  static thread_local std::exception_ptr raised;
 
   void write(const std::string& line);
 };
@@ -61,12 +63,16 @@ class SolverHandle {
                     Index columns, bool transpose);
   ConditionResult condition();
   Status save_analysis(const std::string& path);
+  /// See Solver::clone(). @throws std::logic_error without an analysis
+  std::unique_ptr<SolverHandle> clone(int threads);
   void close();
 
   /// Whether the C++ solver holds the transpose of the caller's matrix.
   [[nodiscard]] bool transposed() const { return transposed_; }
 
  private:
+  SolverHandle(const SolverHandle& original, Solver&& clone, int threads);
+
   template <class Body>
   auto call(Body&& body);
   void make_solver(Offset nonzeros);

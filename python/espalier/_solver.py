@@ -1,6 +1,7 @@
 """The direct solver: analyze a pattern, factorize values, solve."""
 
 import logging
+import os
 import warnings
 from typing import Any
 
@@ -117,9 +118,31 @@ class Solver:
         """Orders the pattern of A; values, where there are any, are used for matching, scaling and the kind."""
         return self._analyze(_arrays(A))
 
-    def _analyze(self, arrays: Any) -> Analysis:
+    def save_analysis(self, path: "str | os.PathLike[str]") -> None:
+        """Writes the analysis to a file; load_analysis() of the same pattern then needs no ordering."""
+        status = self._core.save_analysis(os.fspath(path))
+        if status[0]:
+            raise make_error(*status)
+
+    def load_analysis(self, path: "str | os.PathLike[str]", A: Any) -> Analysis:
+        """Takes the analysis of A from the file of save_analysis(), in place of analyze(A). Raises InvalidInputError
+        where the file is damaged or belongs to another pattern."""
+        return self._analyze(_arrays(A), os.fspath(path))
+
+    def clone(self, threads: int = 0) -> "Solver":
+        """Another solver with the same options that shares the analysis and has no factor yet: for threads, load cases
+        and batches. threads: host threads of its own; 0: as many as this solver has."""
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__, _core=self._core.clone(threads))
+        other.factor = other.last_solve = None
+        return other
+
+    def _analyze(self, arrays: Any, path: "str | None" = None) -> Analysis:
         self.analysis = self.factor = None
-        status, found = self._core.analyze(*arrays, self._storage)
+        if path is None:
+            status, found = self._core.analyze(*arrays, self._storage)
+        else:
+            status, found = self._core.load_analysis(path, *arrays, self._storage)
         if status[0]:
             raise _matrix_error(status, arrays[3], "")
         self._n, self._by_rows = len(arrays[0]) - 1, arrays[3]
@@ -210,6 +233,9 @@ class Solver:
         """Gives all memory back; waits for a call of another thread."""
         self._core.close()
         self.factor = None
+
+    def __reduce__(self) -> Any:
+        raise TypeError("a solver cannot be pickled or copied; see clone() and save_analysis()")
 
     def __enter__(self) -> "Solver":
         return self

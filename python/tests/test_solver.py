@@ -1,9 +1,12 @@
+import copy
 import logging
 import multiprocessing
+import pickle
 import re
 import subprocess
 import sys
 import threading
+import time
 import tracemalloc
 from pathlib import Path
 
@@ -177,6 +180,101 @@ def test_errors():
     solver.close()
     with pytest.raises(RuntimeError, match="closed"):
         solver.solve(np.ones(5))
+
+
+@pytest.mark.parametrize("form", ["csc", "csr"])
+@pytest.mark.parametrize("kind", ["llt", "ldlt", "lu"])
+def test_clones(form, kind):
+    a, b = matrix(500, kind).asformat(form), np.arange(500.0)
+    lines = []
+    logger = logging.Logger("test", logging.DEBUG)
+    logger.debug = lines.append
+    solver = esp.Solver(a, log=logger)
+    check(a, solver.solve(b), b)
+    clones = [solver.clone(threads) for threads in (0, 1, 2)]
+    for k, clone in enumerate(clones):
+        assert clone.analysis is solver.analysis and clone.factor is None and clone.last_solve is None
+        with pytest.raises(RuntimeError):
+            clone.solve(b)
+        clone.factorize((k + 2) * a.data)
+    solver.close()
+    del solver
+    lines.clear()
+    for k, clone in enumerate(clones):
+        check((k + 2) * a, clone.solve(b), b)
+        clone.factorize(a)
+        check(a, clone.solve(b), b)
+        clone.factorize(matrix(700, kind))  # another analysis is its own
+    assert lines
+    with pytest.raises(ValueError):
+        clones[0].clone(-1)
+    with pytest.raises(RuntimeError):
+        esp.Solver().clone()
+
+
+# The loud thread keeps the global lock long enough for the other one to wait for it, with a call that has just ended.
+def test_clones_log_for_the_thread_that_calls():
+    a = matrix(200, "lu")
+    loud, done, raised, stop = threading.local(), [], [], threading.Event()
+
+    def log(line):
+        if getattr(loud, "on", False):
+            end = time.perf_counter() + 0.01
+            while time.perf_counter() < end:
+                pass
+            raise ZeroDivisionError
+
+    logger = logging.Logger("test", logging.DEBUG)
+    logger.debug = log
+    solver = esp.Solver(a, log=logger, threads=1)
+    clone = solver.clone()
+
+    def quiet():
+        while not stop.is_set():
+            try:
+                done.append(solver.factorize(a.data))
+            except ZeroDivisionError:
+                raised.append(1)
+
+    team = threading.Thread(target=quiet)
+    interval = sys.getswitchinterval()
+    try:
+        sys.setswitchinterval(1)
+        team.start()
+        loud.on = True
+        for _ in range(20):
+            with pytest.raises(ZeroDivisionError):
+                clone.analyze(a)
+    finally:
+        stop.set()
+        team.join()
+        sys.setswitchinterval(interval)
+    assert done and not raised
+
+
+@pytest.mark.parametrize("form", ["csc", "csr"])
+def test_saved_analysis(form, tmp_path):
+    a, b = matrix(300, "lu").asformat(form), np.ones(300)
+    solver = esp.Solver(a)
+    solver.save_analysis(tmp_path / "a.analysis")
+    other = esp.Solver()
+    loaded = other.load_analysis(tmp_path / "a.analysis", a)
+    assert (loaded.kind, loaded.nonzeros_factor) == (solver.analysis.kind, solver.analysis.nonzeros_factor)
+    other.factorize(a)
+    assert other.analysis is loaded and (other.solve(b) == solver.solve(b)).all()
+    with pytest.raises(esp.InvalidInputError):
+        other.load_analysis(tmp_path / "a.analysis", matrix(301, "lu"))
+    (tmp_path / "b.analysis").write_bytes((tmp_path / "a.analysis").read_bytes()[:-9])
+    for file in ("b.analysis", "absent"):
+        with pytest.raises(esp.InvalidInputError, match=file):
+            other.load_analysis(tmp_path / file, a)
+    with pytest.raises(esp.Error):
+        solver.save_analysis(tmp_path / "no" / "folder")
+    with pytest.raises(RuntimeError):
+        esp.Solver().save_analysis(tmp_path / "c")
+    for spoil in (pickle.dumps, copy.copy):
+        with pytest.raises(TypeError, match="clone"):
+            spoil(solver)
 
 
 def test_threads_share_and_own_solvers():
