@@ -156,7 +156,7 @@ class ScaledMatrix {
 
 // A block of directions that op(B) makes smallest.
 struct Directions {
-  Block q, y;                  // orthonormal; y = op(B) q
+  Block q{0, 0}, y{0, 0};      // orthonormal; y = op(B) q
   std::vector<double> values;  // |y_j|, ascending
   bool found = false;          // false: numbers overflowed
 
@@ -164,6 +164,12 @@ struct Directions {
     return static_cast<Index>(std::upper_bound(values.begin(), values.end(), bound) - values.begin());
   }
 };
+
+Block first_columns(const Block& q, Index columns) {
+  Block part(q.rows, columns);
+  std::copy_n(q.values.begin(), part.values.size(), part.values.begin());
+  return part;
+}
 
 class Search {
  public:
@@ -233,19 +239,20 @@ class Search {
 
   // Newton's steps for the null directions, q -= (1 - Q Q^T) B^-1 (1 - U U^T) B q, as long as they help: the error of
   // the factor, which inverse iteration leaves in q, shrinks in each of them by itself over the next singular value. U,
-  // the directions on the left, keeps the inverse from making much of what belongs to the zeros.
+  // the null directions on the left, keeps the inverse from making much of what belongs to the zeros; further ones
+  // would keep it from what it is to correct.
   void improve(Directions& d, bool transpose) const {
     const double near = b_.norm() * (job_.single ? 1e-3 : 1e-8);
     const int most = job_.single ? 20 : 6;
     inspect(d, transpose);
     const Index candidates = d.below(near);
     if (candidates == 0) return;
-    const Block left = job_.kind == Kind::lu ? left_of(d.q.columns, transpose) : Block(0, 0);
+    const Block left = job_.kind == Kind::lu ? left_of(d.q.columns, candidates, transpose) : Block(0, 0);
     for (int step = 0; step < most; ++step) {
       Directions next = d;
       Block part(b_.n(), candidates);
       std::copy_n(d.y.values.begin(), part.values.size(), part.values.begin());
-      project_out(left.columns > 0 ? left : d.q, part);
+      project_out(left.columns > 0 ? left : first_columns(d.q, candidates), part);
       part = b_.inverse(std::move(part), transpose);
       project_out(d.q, part);
       for (std::size_t k = 0; k < part.values.size(); ++k) next.q.values[k] -= part.values[k];
@@ -260,11 +267,13 @@ class Search {
     }
   }
 
-  [[nodiscard]] Block left_of(Index columns, bool transpose) const {
-    Block left = start(columns);
+  // The `keep` smallest directions on the other side, of a block of so many columns.
+  [[nodiscard]] Block left_of(Index columns, Index keep, bool transpose) const {
+    Directions left{start(columns), Block(0, 0), {}};
     for (int step = 0; step < kInverseSteps; ++step)
-      if (!iterate(left, transpose) || !iterate(left, !transpose)) return {0, 0};
-    return left;
+      if (!iterate(left.q, transpose) || !iterate(left.q, !transpose)) return {0, 0};
+    inspect(left, !transpose);
+    return first_columns(left.q, keep);
   }
 
   const DeficiencyJob& job_;
@@ -298,12 +307,6 @@ std::vector<Index> leading_rows(Block v) {
   }
   std::sort(rows.begin(), rows.end());
   return rows;
-}
-
-Block first_columns(const Block& q, Index columns) {
-  Block part(q.rows, columns);
-  std::copy_n(q.values.begin(), part.values.size(), part.values.begin());
-  return part;
 }
 
 std::vector<double> callers_vectors(const ScaledMatrix& b, const Block& q, bool transpose) {
@@ -350,11 +353,16 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
     for (Index k = found.zeros; k < end; ++k) found.negative += ritz[static_cast<std::size_t>(k)] < 0 ? 1 : 0;
   }
   if (found.zeros == 0) return found;
+  // As many directions on the left as on the right: one side proves what the factor's errors blur a little on the
+  // other.
+  constexpr double kBlurred = 16;
+  const Directions other = job.kind == Kind::lu ? search.find(columns, true) : Directions{};
+  if (other.found)
+    found.zeros = std::max(found.zeros, std::min(other.below(search.zero()), d.below(kBlurred * search.zero())));
   const Block null = first_columns(d.q, found.zeros);
   found.null_vectors = callers_vectors(search.matrix(), null, false);
   if (job.kind == Kind::lu) {
-    const Directions directions = search.find(columns, true);
-    const Block left = first_columns(directions.q, found.zeros);
+    const Block left = first_columns(other.q, found.zeros);
     found.left_vectors = callers_vectors(search.matrix(), left, true);
     found.rows = leading_rows(left);
     found.columns = leading_rows(null);

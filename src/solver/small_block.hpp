@@ -30,7 +30,7 @@ bool normalize(Block& x);
 
 /// Orthonormal columns that span what those of `x` span (modified Gram and Schmidt, again
 /// while more than half of a column goes: Giraud and Langou 2002). A column that depends on the earlier ones becomes a
-/// direction of rounding errors, which is as good as a random one.
+/// direction of rounding errors, which is as good as a random one, or of sines where these depend on them, too.
 void orthonormalize(Block& x);
 /// x -= q q^T x.
 void project_out(const Block& q, Block& x);

@@ -66,6 +66,28 @@ TEST(Deficiency, OfRandomStructuresInManyDisguises) {
       }
 }
 
+// Two zeros, of which the factor shows one clearly and the other through its own errors only; and one zero in a matrix
+// so small that the block of directions fills the space. Found by tests/verdict/campaign.cpp.
+TEST(Deficiency, AZeroBehindTheErrorsOfTheFactor) {
+  constexpr Index kGraph = 0, kRows = 6;
+  const struct {
+    Index structure, n;
+    std::uint64_t seed;
+    int range;
+  } cases[] = {{kRows, 125, 5900236, 0}, {kRows, 128, 1900246, 0}, {kRows, 62, 70000111, 0}, {kRows, 156, 70002501, 0},
+               {kRows, 35, 70004272, 0}, {kRows, 46, 70004883, 0}, {kRows, 85, 2900285, 30}, {kGraph, 6, 2900233, 30}};
+  for (const auto& [structure, n, seed, range] : cases) {
+    const verdict::Case c = verdict::make_case(structure, n, seed);
+    SCOPED_TRACE(testing::Message() << c.name << " seed " << seed << " n " << c.a.rows);
+    const SparseMatrix a = range > 0 ? verdict::disguised(c.a, range, seed) : c.a;
+    Options o = reporting();
+    o.threads = 1;
+    const FactorResult f = factor(a, o);
+    EXPECT_EQ(a.rows - f.rank, c.zeros);
+    if (range == 0) expect_null_vectors(a, f);
+  }
+}
+
 // 1 as an eigenvector of nothing: in integers, so that no rounding of the entries is an excuse.
 TEST(Deficiency, FreeGridsOfManySizes) {
   for (const Index side : {20, 45, 110}) {
