@@ -14,7 +14,7 @@ nanobind::object& maker() {
 NB_MODULE(_core, m) {
   namespace nb = nanobind;
   nb::set_leak_warnings(false);  // objects that live when the interpreter ends are freed by the system
-  m.attr("__version__") = ESPALIER_VERSION;
+  m.attr("version") = ESPALIER_VERSION;
   m.def("set_error_maker", [](nb::object make) { maker() = std::move(make); });
   nb::register_exception_translator([](const std::exception_ptr& p, void*) {
     try {

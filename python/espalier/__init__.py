@@ -1,6 +1,6 @@
 """Espalier: a sparse direct solver for mechanics."""
 
-from ._core import __version__
+from ._core import version as __version__
 from ._errors import (AccuracyWarning, DeviceError, Error, InvalidInputError, NotPositiveDefiniteError,
                       OutOfMemoryError, SingularMatrixError)
 from ._results import Analysis, Factor, Inertia, Solve

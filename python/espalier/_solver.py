@@ -137,7 +137,7 @@ class Solver:
         other.factor = other.last_solve = None
         return other
 
-    def _analyze(self, arrays: Any, path: "str | None" = None) -> Analysis:
+    def _analyze(self, arrays: "tuple[Any, Any, Any, bool]", path: "str | None" = None) -> Analysis:
         self.analysis = self.factor = None
         if path is None:
             status, found = self._core.analyze(*arrays, self._storage)
@@ -193,7 +193,7 @@ class Solver:
         columns = 1 if b.ndim == 1 else b.shape[1]
         right = np.asfortranarray(b)
         direct = out is not None and out.flags.f_contiguous
-        x = out if direct else np.empty(b.shape, order="F")
+        x: Any = out if direct else np.empty(b.shape, order="F")
         if columns > 0:
             status, found = self._core.solve(right.T, x.T, columns, bool(transpose))
             self.last_solve = Solve(*found)
@@ -227,7 +227,7 @@ class Solver:
         status, estimate = self._core.condition()
         if status[0]:
             raise make_error(*status)
-        return estimate
+        return float(estimate)
 
     def close(self) -> None:
         """Gives all memory back; waits for a call of another thread."""
