@@ -168,8 +168,12 @@ class Solver:
                 status, found = self._core.factorize(*arrays, self._storage)
         else:
             values = _numbers(A, "the values")
+            if values.ndim == 2:
+                raise ValueError(f"a dense array of shape {values.shape}: give a sparse matrix, scipy.sparse.csc_array(A)")
             if values.ndim != 1:
                 raise ValueError(f"values of shape {values.shape}: give a vector in the order of the matrix's data")
+            if self.analysis is None:
+                raise RuntimeError("values of no matrix: call factorize(A) with a sparse matrix first")
             status, found = self._core.refactorize(values if values.flags.c_contiguous else values.copy(), self._n)
         if status[0]:
             self.factor = None
@@ -180,10 +184,12 @@ class Solver:
     def solve(self, b: Any, *, out: Any = None, transpose: bool = False) -> Any:
         """x with A x = b, or A^T x = b: float64 of the shape of b, (n,) or (n, k).
 
-        out: a writable float64 array of that shape, which is filled and returned; it may be b. Contiguous vectors and
+        out: a writable float64 array of that shape, which is filled and returned; it may be b, or overlap it. Contiguous vectors and
         Fortran-ordered columns are read and written in place; others are copied. Warns AccuracyWarning."""
         import numpy as np
 
+        if self._n == 0:
+            raise RuntimeError("there is no matrix yet: call factorize(A) first")
         b = _numbers(b, "b")
         if b.ndim not in (1, 2) or b.shape[0] != self._n:
             raise ValueError(f"b has shape {b.shape}; the matrix has {self._n} rows")
@@ -246,5 +252,7 @@ class Solver:
 
 def solve(A: Any, b: Any, **options: Any) -> Any:
     """x with A x = b; A and options as for Solver, b and x as for Solver.solve()."""
+    if A is None:
+        raise TypeError("A is None; it must be a sparse matrix")
     with Solver(A, **options) as solver:
         return solver.solve(b)

@@ -88,6 +88,29 @@ def test_new_values_out_and_no_copies():
     check(2 * a, solver.solve(y, out=y), b)
 
 
+@pytest.mark.parametrize("shift", [1, 7, 199])
+def test_out_that_overlaps_b(shift):
+    a = matrix(200, "lu")
+    solver = esp.Solver(a)
+    memory = np.random.default_rng(shift).standard_normal(200 + shift)
+    b = memory[:200].copy()
+    check(a, solver.solve(memory[:200], out=memory[shift:]), b)
+    memory = np.random.default_rng(shift).standard_normal(200 + shift)
+    b = memory[shift:].copy()
+    check(a, solver.solve(memory[shift:], out=memory[:200]), b)
+
+
+def test_what_is_no_matrix_is_told():
+    with pytest.raises(ValueError, match="dense array .*csc_array"):
+        esp.solve(np.eye(3), np.ones(3))
+    with pytest.raises(TypeError, match="None"):
+        esp.solve(None, np.ones(3))
+    with pytest.raises(RuntimeError, match="no matrix yet"):
+        esp.Solver().solve(np.ones(3))
+    with pytest.raises(RuntimeError, match="no matrix"):
+        esp.Solver().factorize(np.ones(3))
+
+
 def test_no_longer_symmetric_is_analyzed_again():
     a = matrix(30, "llt")
     solver = esp.Solver(a)
