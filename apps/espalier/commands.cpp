@@ -10,6 +10,7 @@ void add_commands(CLI::App& app, int argc, const char* const* argv, Action& acti
   add_bench(app, argc, argv, action);
   add_report(app, action);
   add_fetch_matrix(app, action);
+  add_run(app, action);
   add_info(app, action);
 }
 

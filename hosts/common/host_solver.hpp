@@ -1,0 +1,74 @@
+/// \file
+/// A solver of the C interface as the host libraries use it: owned, with a line in the log for each factorization.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "espalier/espalier.h"
+
+namespace espalier::hosts {
+
+/// Results of the C interface with their sizes set.
+template <class Info>
+Info sized() {
+  Info info{};
+  info.size = sizeof info;
+  return info;
+}
+
+class HostSolver {
+ public:
+  /// @param interface  as it stands in log lines, for instance "ma97"
+  explicit HostSolver(std::string interface);
+
+  /// An option of espalier_set_option; what ESPALIER_OPTIONS says comes later and wins. @throws std::logic_error for
+  /// one that there is not
+  void set_default(const char* key, const std::string& value);
+  /// Over the user's words: without it, the host would misread the answers.
+  void insist(std::string key, std::string value) { insisted_.emplace_back(std::move(key), std::move(value)); }
+
+  /// These return an espalier_status, like the calls of the C interface. Options count from the next analysis on.
+  int analyze(const espalier_matrix_i32& a);
+  int analyze(const espalier_matrix_i64& a);
+  int factorize(const double* values, std::int64_t count);
+  int solve(const double* b, double* x, std::int64_t columns, int transpose);
+  /// Of the solves to come: at most so many steps, 0: no residual is formed.
+  int set_refinement(int steps);
+  /// Another solver on the same analysis. @returns an espalier_status
+  int clone(std::unique_ptr<HostSolver>& to);
+
+  /// Of the last call of each sort.
+  [[nodiscard]] const espalier_analysis_info& analysis() const { return analysis_; }
+  [[nodiscard]] const espalier_factor_info& factor() const { return factor_; }
+  [[nodiscard]] const espalier_solve_info& solution() const { return solution_; }
+  /// Why the last call failed; "" after success.
+  [[nodiscard]] std::string message() const { return espalier_last_error(solver_.get()); }
+  /// The row that it concerns, from 0 on; -1 when none does.
+  [[nodiscard]] std::int64_t row() const { return espalier_last_error_row(solver_.get()); }
+  [[nodiscard]] espalier_solver* handle() { return solver_.get(); }
+
+ private:
+  struct Destroy {
+    void operator()(espalier_solver* solver) const { espalier_destroy(solver); }
+  };
+  HostSolver(std::string interface, espalier_solver* solver) : interface_(std::move(interface)), solver_(solver) {}
+  int prepare();
+  int spare_threads(int status);
+  void note_matrix(std::int64_t rows, std::int64_t entries);
+  void say_factorized(int status) const;
+
+  std::string interface_;
+  std::unique_ptr<espalier_solver, Destroy> solver_;
+  std::vector<std::pair<std::string, std::string>> insisted_;
+  std::int64_t rows_ = 0, entries_ = 0;
+  int refinement_steps_ = -1;  // that this object has set
+  espalier_analysis_info analysis_ = sized<espalier_analysis_info>();
+  espalier_factor_info factor_ = sized<espalier_factor_info>();
+  espalier_solve_info solution_ = sized<espalier_solve_info>();
+};
+
+}  // namespace espalier::hosts

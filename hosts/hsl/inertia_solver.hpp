@@ -1,0 +1,57 @@
+/// \file
+/// L D L^T for optimisers, which read the inertia and probe singular matrices on purpose.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/host_solver.hpp"
+#include "hsl/symmetric_pattern.hpp"
+
+namespace espalier::hosts {
+
+/// How pivots are chosen and judged.
+struct PivotWish {
+  double threshold = 0.01;    ///< entries of L stay below its inverse
+  double zero_pivot = 1e-20;  ///< smaller pivots of the scaled matrix are zeros
+  bool operator==(const PivotWish&) const = default;
+};
+
+/// What a factorization says to an optimiser.
+struct Inertia {
+  int status = ESPALIER_OK;     ///< espalier_status; the rest counts only with ESPALIER_OK
+  std::int64_t rank = 0;        ///< n less the zero pivots
+  std::int64_t negative = 0;    ///< eigenvalues
+  std::int64_t two_by_two = 0;  ///< pivots
+  std::int64_t delayed = 0;     ///< pivots
+  bool singular = false;        ///< pivots are zero, or were replaced, so that signs cannot be trusted
+};
+
+/// One factor of one pattern. It solves A x = b to the factor's accuracy: such hosts refine by themselves.
+class InertiaSolver {
+ public:
+  /// @param interface  as it stands in log lines
+  InertiaSolver(std::string interface, std::shared_ptr<const SymmetricPattern> pattern);
+
+  /// @param values  in the host's order
+  Inertia factorize(const double* values, const PivotWish& wish);
+  /// Solves in place for `columns` right-hand sides, `stride` >= n values from one to the next.
+  /// @returns an espalier_status
+  int solve(double* x, int columns, int stride);
+
+  [[nodiscard]] const HostSolver& solver() const { return solver_; }
+  [[nodiscard]] const SymmetricPattern& pattern() const { return *pattern_; }
+
+ private:
+  int analyze(const double* values, const PivotWish& wish);
+
+  std::shared_ptr<const SymmetricPattern> pattern_;
+  HostSolver solver_;
+  PivotWish wish_;
+  bool analyzed_ = false, factorized_ = false;
+  std::vector<double> values_;  // where the host's order is not ours
+};
+
+}  // namespace espalier::hosts

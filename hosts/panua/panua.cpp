@@ -1,0 +1,153 @@
+/// \file
+/// PARDISO as Panua and the PARDISO project have it (libpardiso.so): a 17th argument, and indices from 1 on always.
+/// Ipopt and Clarabel load it. Words of iparm are numbered from 0.
+#include <algorithm>
+
+#include "common/border.hpp"
+#include "common/handles.hpp"
+#include "pardiso/pardiso.hpp"
+
+namespace espalier::hosts::pardiso {
+
+namespace {
+
+constexpr int kWords = 64, kReals = 64;
+
+Handles<Problem>& problems() {
+  static auto& live = *new Handles<Problem>;
+  return live;
+}
+
+Settings settings_of(const int* iparm) {
+  Settings s;
+  s.into_b = iparm[5] != 0;
+  s.refinement_steps = std::clamp(iparm[7], -1000, 1000);
+  s.perturbation = iparm[9] > 0 ? std::min(iparm[9], 300) : 12;
+  s.matching = iparm[12] != 0;
+  s.transpose = iparm[11];
+  return s;
+}
+
+void hand_out(const Report& r, int* iparm) {
+  const auto set = [&](int word, std::int64_t value) {
+    if (value >= 0) iparm[word] = static_cast<int>(std::min<std::int64_t>(value, INT32_MAX));
+  };
+  set(6, r.refinement_steps);
+  set(13, r.perturbed);
+  set(14, r.analysis_kilobytes);
+  set(15, r.analysis_kilobytes);
+  set(16, r.factor_kilobytes);
+  set(17, r.factor_entries);
+  set(18, r.megaflops);
+  set(21, r.positive);
+  set(22, r.negative);
+}
+
+int run(void** pt, const int* maxfct, const int* mnum, const int* type, const int* phase, const int* n,
+        const double* values, const int* pointers, const int* indices, const int* columns, int* iparm, double* b,
+        double* x) {
+  if (pt == nullptr || phase == nullptr) return kBadInput;
+  if (*phase == -1 || *phase == 0) {
+    problems().end(pt[0]);
+    pt[0] = nullptr;
+    return kOk;
+  }
+  if (maxfct == nullptr || mnum == nullptr || type == nullptr || n == nullptr || iparm == nullptr) return kBadInput;
+  if (iparm[31] != 0) return kBadInput;  // the iterative solver
+  std::shared_ptr<Problem> problem = problems().find(pt[0]);
+  if (problem == nullptr) {
+    if (*phase / 10 != 1) return kBadInput;
+    problem = std::make_shared<Problem>("panua");  // Ipopt clears 64 bytes of pt, pardisoinit all
+    pt[0] = problems().add(problem);
+  }
+  Call<std::int32_t> call;
+  call.maxfct = *maxfct;
+  call.mnum = *mnum;
+  call.type = *type;
+  call.phase = *phase;
+  call.n = *n;
+  call.columns = columns == nullptr ? 0 : *columns;
+  call.values = values;
+  call.pointers = pointers;
+  call.indices = indices;
+  call.b = b;
+  call.x = x;
+  call.settings = settings_of(iparm);
+  Report report;
+  const int error = problem->run(call, report);
+  hand_out(report, iparm);
+  return error;
+}
+
+void call_pardiso(void** pt, const int* maxfct, const int* mnum, const int* type, const int* phase, const int* n,
+                  const double* values, const int* pointers, const int* indices, const int* columns, int* iparm,
+                  double* b, double* x, int* error) noexcept {
+  int unread = 0;
+  int& to = error == nullptr ? unread : *error;
+  guarded([&] { to = run(pt, maxfct, mnum, type, phase, n, values, pointers, indices, columns, iparm, b, x); },
+          [&] { to = kNoMemory; }, [&] { to = kInternal; });
+}
+
+void initialize(void** pt, const int* type, const int* solver, int* iparm, double* dparm, int* error) noexcept {
+  if (pt != nullptr) std::fill_n(pt, kWords, nullptr);
+  const int processors = iparm == nullptr ? 0 : iparm[2];
+  if (iparm != nullptr) {
+    std::fill_n(iparm, kWords, 0);
+    iparm[0] = 1;
+    iparm[1] = 2;
+    iparm[2] = processors;
+    iparm[7] = 2;
+    iparm[9] = type != nullptr && *type == kIndefinite ? 8 : 13;
+    if (type != nullptr && *type == kUnsymmetric) iparm[10] = iparm[12] = 1;
+    iparm[17] = -1;
+  }
+  if (dparm != nullptr) std::fill_n(dparm, kReals, 0.0);
+  if (error != nullptr) *error = solver != nullptr && *solver != 0 ? int{kBadInput} : int{kOk};
+}
+
+// The lengths and the range of indices; 0 or -1. The matrices of our types are checked again by the analysis.
+int check_matrix(const int* n, const double* values, const int* pointers, const int* indices) {
+  if (n == nullptr || *n < 1 || pointers == nullptr || values == nullptr || indices == nullptr) return kBadInput;
+  if (pointers[0] != 1 || !std::is_sorted(pointers, pointers + *n + 1)) return kBadInput;
+  const bool inside = std::all_of(indices, indices + pointers[*n] - 1, [&](int i) { return i >= 1 && i <= *n; });
+  return inside ? kOk : kBadInput;
+}
+
+}  // namespace
+
+ESPALIER_HOST_CALL void pardiso(void** pt, const int* maxfct, const int* mnum, const int* type, const int* phase,
+                                const int* n, const double* values, const int* pointers, const int* indices, int*,
+                                const int* columns, int* iparm, const int*, double* b, double* x, int* error, double*) {
+  call_pardiso(pt, maxfct, mnum, type, phase, n, values, pointers, indices, columns, iparm, b, x, error);
+}
+ESPALIER_HOST_CALL void pardiso_(void** pt, const int* maxfct, const int* mnum, const int* type, const int* phase,
+                                 const int* n, const double* values, const int* pointers, const int* indices, int*,
+                                 const int* columns, int* iparm, const int*, double* b, double* x, int* error,
+                                 double*) {
+  call_pardiso(pt, maxfct, mnum, type, phase, n, values, pointers, indices, columns, iparm, b, x, error);
+}
+ESPALIER_HOST_CALL void pardisoinit(void** pt, const int* type, const int* solver, int* iparm, double* dparm,
+                                    int* error) {
+  initialize(pt, type, solver, iparm, dparm, error);
+}
+ESPALIER_HOST_CALL void pardisoinit_(void** pt, const int* type, const int* solver, int* iparm, double* dparm,
+                                     int* error) {
+  initialize(pt, type, solver, iparm, dparm, error);
+}
+ESPALIER_HOST_CALL void pardiso_chkmatrix_(const int*, const int* n, const double* values, const int* pointers,
+                                           const int* indices, int* error) {
+  if (error != nullptr) *error = check_matrix(n, values, pointers, indices);
+}
+ESPALIER_HOST_CALL void pardiso_chkvec_(const int* n, const int* columns, const double* b, int* error) {
+  if (error != nullptr)
+    *error = n != nullptr && *n > 0 && columns != nullptr && *columns > 0 && b != nullptr ? kOk : kBadInput;
+}
+ESPALIER_HOST_CALL void pardiso_printstats_(const int*, const int* n, const double* values, const int* pointers,
+                                            const int* indices, const int*, const double*, int* error) {
+  if (error != nullptr) *error = check_matrix(n, values, pointers, indices);
+}
+// Ipopt asks whether they are there, and calls neither.
+ESPALIER_HOST_CALL void pardiso_ipopt_newinterface(void) {}
+ESPALIER_HOST_CALL void pardiso_exist_parallel(void) {}
+
+}  // namespace espalier::hosts::pardiso
