@@ -26,4 +26,6 @@ NB_MODULE(_core, m) {
     }
   });
   espalier::python::bind_solver(m);
+  espalier::python::bind_simulation(m);
+  espalier::python::bind_dae(m);
 }

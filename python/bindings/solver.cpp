@@ -4,9 +4,11 @@
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
+#include "arrays.hpp"
 #include "bindings.hpp"
 #include "solver/build_info.hpp"
 #include "solver/option_text.hpp"
+#include "solver/transposed_text.hpp"
 #include "solver_handle.hpp"
 
 namespace espalier::python {
@@ -14,8 +16,6 @@ namespace espalier::python {
 namespace {
 
 using namespace nb::literals;
-
-nb::tuple status_of(const Status& s) { return nb::make_tuple(static_cast<int>(s.code), s.message, s.row); }
 
 std::string text(std::string_view view) { return std::string(view); }
 
@@ -29,9 +29,7 @@ nb::tuple fields(const AnalysisResult& r) {
 nb::object vectors(const std::vector<double>& all, std::size_t count) {
   if (count == 0 || all.empty()) return nb::none();
   const std::size_t n = all.size() / (all.size() % count == 0 ? count : 1);
-  auto* copy = new std::vector<double>(all);
-  nb::capsule owner(copy, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
-  return nb::cast(nb::ndarray<nb::numpy, double, nb::ndim<2>>(copy->data(), {all.size() / n, n}, owner));
+  return array_of(all, {all.size() / n, n});
 }
 
 nb::tuple fields(const FactorResult& r, bool transposed, Index n) {
@@ -59,6 +57,7 @@ Shape shape_of(const Pointers& pointers, bool by_rows, int storage) {
 
 void bind_solver(nb::module_& m) {
   const auto array = [](const char* name) { return nb::arg(name).noconvert(); };
+  m.def("transposed_text", [](const std::string& message) { return solver::transposed_text(message); });
   nb::class_<SolverHandle>(m, "Solver", nb::dynamic_attr())
       .def(nb::init<>())
       .def("set_option", &SolverHandle::set_option)
@@ -109,6 +108,19 @@ void bind_solver(nb::module_& m) {
              return nb::make_tuple(status_of(r.status), r.estimate);
            })
       .def("save_analysis", [](SolverHandle& s, const std::string& path) { return status_of(s.save_analysis(path)); })
+      .def("state", [](SolverHandle& s) { return static_cast<int>(s.state()); })
+      .def(
+          "has_pattern",
+          [](SolverHandle& s, const Pointers& p, const Indices& i, bool by_rows, int storage) {
+            return s.has_pattern(p, i, shape_of(p, by_rows, storage));
+          },
+          array("pointers"), array("indices"), "by_rows"_a, "storage"_a)
+      .def("values",
+           [](SolverHandle& s) {
+             std::vector<double> values = s.values();
+             const std::size_t count = values.size();
+             return array_of(std::move(values), {count});
+           })
       .def("clone", &SolverHandle::clone, "threads"_a)
       .def("close", &SolverHandle::close);
 }

@@ -35,22 +35,12 @@ MatrixView view_of(const Pointers& pointers, const Indices& indices, const Value
 
 }  // namespace
 
-thread_local std::exception_ptr Host::raised;
-
-void Host::write(const std::string& line) {
-  const nb::gil_scoped_acquire gil;
-  if (raised || log.is_none() || !log.is_valid()) return;
-  try {
-    log(line);
-  } catch (...) {
-    raised = std::current_exception();
-  }
-}
-
 SolverHandle::SolverHandle() {
   solver::Environment environment = solver::read_environment();
   if (!environment.status.ok()) throw Error(environment.status);
   options_ = std::move(environment.options);
+  options_.interrupted = &Host::signals_raise;
+  options_.interrupted_every = 0.1;  // the global lock may take 5 ms to come
   options_.log = [host = host_](const std::string& line) { host->write(line); };
 }
 
@@ -158,6 +148,19 @@ ConditionResult SolverHandle::condition() {
 
 Status SolverHandle::save_analysis(const std::string& path) {
   return call([&] { return analyzed().save_analysis(path); });
+}
+
+Solver::State SolverHandle::state() {
+  return call([&] { return solver_ ? solver_->state() : Solver::State::empty; });
+}
+
+bool SolverHandle::has_pattern(const Pointers& pointers, const Indices& indices, const Shape& shape) {
+  const MatrixView view = view_of(pointers, indices, nullptr, shape);
+  return call([&] { return analyzed().has_pattern(view); });
+}
+
+std::vector<double> SolverHandle::values() {
+  return call([&] { return analyzed().values(); });
 }
 
 std::unique_ptr<SolverHandle> SolverHandle::clone(int threads) {

@@ -7,14 +7,15 @@
 #include <nanobind/ndarray.h>
 
 #include <atomic>
-#include <exception>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "espalier/solver.hpp"
+#include "host.hpp"
 #include "solver/c_handle.hpp"
 
 namespace espalier::python {
@@ -26,15 +27,6 @@ using HostArray = nb::ndarray<T, nb::ndim<Dimensions>, nb::c_contig, nb::device:
 using Pointers = HostArray<const Offset, 1>;
 using Indices = HostArray<const Index, 1>;
 using Values = HostArray<const double, 1>;
-
-/// Where log lines go. A solver and its clones share it. Needs the GIL.
-struct Host {
-  nb::object log;  ///< called with a line; None: nobody listens
-  /// What `log` raised in a call of this thread: lines come from the thread that calls.
-  static thread_local std::exception_ptr raised;
-
-  void write(const std::string& line);
-};
 
 /// How the arrays of a matrix are to be read.
 struct Shape {
@@ -63,6 +55,10 @@ class SolverHandle {
                     Index columns, bool transpose);
   ConditionResult condition();
   Status save_analysis(const std::string& path);
+  [[nodiscard]] Solver::State state();
+  /// See Solver::has_pattern() and Solver::values().
+  bool has_pattern(const Pointers& pointers, const Indices& indices, const Shape& shape);
+  std::vector<double> values();
   /// See Solver::clone(). @throws std::logic_error without an analysis
   std::unique_ptr<SolverHandle> clone(int threads);
   void close();

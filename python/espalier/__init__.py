@@ -1,11 +1,13 @@
-"""Espalier: a sparse direct solver for mechanics."""
+"""Espalier: a sparse direct solver and a simulator for mechanics."""
 
 from ._core import version as __version__
+from ._dae import Dae
 from ._errors import (AccuracyWarning, DeviceError, Error, InvalidInputError, NotPositiveDefiniteError,
                       OutOfMemoryError, SingularMatrixError)
 from ._results import Analysis, Factor, Inertia, Solve
+from ._simulation import Model, Result, Simulation, Step, sweep
 from ._solver import Solver, solve
 
-__all__ = ["AccuracyWarning", "Analysis", "DeviceError", "Error", "Factor", "Inertia", "InvalidInputError",
-           "NotPositiveDefiniteError", "OutOfMemoryError", "SingularMatrixError", "Solve", "Solver", "__version__",
-           "solve"]
+__all__ = ["AccuracyWarning", "Analysis", "Dae", "DeviceError", "Error", "Factor", "Inertia", "InvalidInputError", "Model",
+           "NotPositiveDefiniteError", "OutOfMemoryError", "Result", "Simulation", "SingularMatrixError", "Solve", "Solver",
+           "Step", "__version__", "solve", "sweep"]

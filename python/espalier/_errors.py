@@ -1,7 +1,6 @@
 """Exceptions: each is an Error and the built-in exception that callers expect."""
 
-import re
-
+from . import _core
 
 class Error(RuntimeError):
     """What the solver reports. `row`, `column`: of the caller's matrix, from 0; None when none is concerned."""
@@ -44,12 +43,8 @@ def make_error(code: int, message: str, row: int) -> Error:
     return error
 
 
-_OTHER = {"row": "column", "rows": "columns", "column": "row", "columns": "rows", "lower": "upper", "upper": "lower"}
-
-
 def transposed_error(code: int, message: str, row: int) -> Error:
     """As make_error, of a solver that was given the transpose: its rows are the caller's columns."""
-    message = re.sub(r"\b(rows?|columns?|(lower|upper)(?= triangle))\b", lambda word: _OTHER[word[0]], message)
-    error = make_error(code, re.sub(r"entry \((\d+), (\d+)\)", r"entry (\2, \1)", message), -1)
+    error = make_error(code, _core.transposed_text(message), -1)
     error.column = row if row >= 0 else None
     return error

@@ -92,8 +92,12 @@ class Solver:
     read); "lower", "upper" (only that triangle is stored). log: a logging.Logger, by default "espalier".
     options: those of the command line (kind, precision, device, threads, singular, ...).
 
-    Calls let other Python threads run and wait for each other on one solver. Ctrl-C is seen
-    when the call has ended; the solver is usable afterwards. Raises InvalidInputError for wrong options.
+    Calls let other Python threads run and wait for each other on one solver. Ctrl-C ends a call of the main thread within
+    about a tenth of a second, with KeyboardInterrupt: an analysis, or a factor, in the making is lost; the solver is
+    usable afterwards. Raises InvalidInputError for wrong options.
+
+    A solver can be pickled and copied: options, pattern, analysis and values go along, and the copy factorizes again when
+    it is loaded. Arrays of the pattern are kept for that, without a copy where they need no conversion.
     """
 
     def __init__(self, A: Any = None, *, symmetry: str = "auto", log: "logging.Logger | None" = None,
@@ -102,6 +106,8 @@ class Solver:
             raise ValueError(f"symmetry {symmetry!r} is none of {', '.join(_STORAGE)}")
         self._storage = _STORAGE[symmetry]
         self._core = _core.Solver()
+        self._options = {"symmetry": symmetry, "log": log, "permutation": permutation, **options}
+        self._pattern: Any = None
         for key, value in options.items():
             self._core.set_option(key, _text(value))
         if permutation is not None:
@@ -138,14 +144,14 @@ class Solver:
         return other
 
     def _analyze(self, arrays: "tuple[Any, Any, Any, bool]", path: "str | None" = None) -> Analysis:
-        self.analysis = self.factor = None
+        self.analysis = self.factor = self._pattern = None
         if path is None:
             status, found = self._core.analyze(*arrays, self._storage)
         else:
             status, found = self._core.load_analysis(path, *arrays, self._storage)
         if status[0]:
             raise _matrix_error(status, arrays[3], "")
-        self._n, self._by_rows = len(arrays[0]) - 1, arrays[3]
+        self._n, self._by_rows, self._pattern = len(arrays[0]) - 1, arrays[3], arrays[:2]
         self.analysis = Analysis(*found)
         return self.analysis
 
@@ -162,6 +168,7 @@ class Solver:
             known = self.analysis is not None and self._n == len(arrays[0]) - 1 and self._by_rows == arrays[3]
             if not known:
                 self._analyze(arrays)
+            self.factor = None
             status, found = self._core.factorize(*arrays, self._storage)
             if known and status[0] == 2 and _finite(arrays[2]):  # another pattern, or no longer symmetric
                 self._analyze(arrays)
@@ -174,9 +181,13 @@ class Solver:
                 raise ValueError(f"values of shape {values.shape}: give a vector in the order of the matrix's data")
             if self.analysis is None:
                 raise RuntimeError("values of no matrix: call factorize(A) with a sparse matrix first")
-            status, found = self._core.refactorize(values if values.flags.c_contiguous else values.copy(), self._n)
+            before, self.factor = self.factor, None
+            try:
+                status, found = self._core.refactorize(values if values.flags.c_contiguous else values.copy(), self._n)
+            except ValueError:  # not even begun: the number of values is wrong
+                self.factor = before
+                raise
         if status[0]:
-            self.factor = None
             raise _matrix_error(status, self._by_rows, self.analysis.kind if self.analysis else "")
         self.factor = Factor(found[0], found[1], Inertia(*found[2]), *found[3:])
         return self.factor
@@ -241,13 +252,58 @@ class Solver:
         self.factor = None
 
     def __reduce__(self) -> Any:
-        raise TypeError("a solver cannot be pickled or copied; see clone() and save_analysis()")
+        state = self._core.state()
+        if state == 0:
+            return _revive, (type(self), self._options)
+        if not self._core.has_pattern(self._pattern[0], self._pattern[1], self._by_rows, self._storage):
+            raise ValueError("the arrays of the matrix have been changed since its analysis: call factorize(A) again"
+                             " before the solver is pickled")
+        from tempfile import TemporaryDirectory
+
+        with TemporaryDirectory() as folder:
+            file = os.path.join(folder, "analysis")
+            self.save_analysis(file)
+            with open(file, "rb") as f:
+                analysis = f.read()
+        return _revive, (type(self), self._options, self._pattern, self._by_rows, analysis,
+                         self._core.values() if state == 2 else None)
+
+    def __repr__(self) -> str:
+        return f"<espalier.Solver: {self._words()}>"
+
+    def _words(self) -> str:
+        if self.analysis is None:
+            return "no matrix yet"
+        done = "factorized" if self.factor is not None else "analyzed"
+        return (f"{self._n} unknowns, {done} as {self.analysis.kind}, {self.analysis.nonzeros_factor:.3g} entries of the"
+                f" factor")
+
+    def _repr_html_(self) -> str:
+        tables = [t for t in (self.analysis, self.factor, self.last_solve) if t is not None]
+        return f"<p>espalier.Solver: {self._words()}</p>" + "".join(t._repr_html_() for t in tables)
 
     def __enter__(self) -> "Solver":
         return self
 
     def __exit__(self, *_: Any) -> None:
         self.close()
+
+
+def _revive(kind: "type[Solver]", options: "dict[str, Any]", pattern: Any = None, by_rows: bool = False,
+            analysis: bytes = b"", values: Any = None) -> Solver:
+    solver = kind(**options)
+    if pattern is None:
+        return solver
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory() as folder:
+        file = os.path.join(folder, "analysis")
+        with open(file, "wb") as f:
+            f.write(analysis)
+        solver._analyze((*pattern, values, by_rows), file)
+    if values is not None:
+        solver.factorize(values)
+    return solver
 
 
 def solve(A: Any, b: Any, **options: Any) -> Any:

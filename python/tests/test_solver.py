@@ -1,7 +1,5 @@
-import copy
 import logging
 import multiprocessing
-import pickle
 import re
 import subprocess
 import sys
@@ -295,9 +293,6 @@ def test_saved_analysis(form, tmp_path):
         solver.save_analysis(tmp_path / "no" / "folder")
     with pytest.raises(RuntimeError):
         esp.Solver().save_analysis(tmp_path / "c")
-    for spoil in (pickle.dumps, copy.copy):
-        with pytest.raises(TypeError, match="clone"):
-            spoil(solver)
 
 
 def test_threads_share_and_own_solvers():
@@ -305,10 +300,10 @@ def test_threads_share_and_own_solvers():
     shared, failures = esp.Solver(a), []
 
     def work():
-        own = esp.Solver(a)
-        for _ in range(20):
-            for solver in (own, shared):
-                if abs(a @ solver.solve(b) - b).max() > 1e-10:
+        own = [esp.Solver((k + 1) * a) for k in range(8)]
+        for _ in range(5):
+            for factor, solver in [*enumerate(own), (0, shared)]:
+                if abs((factor + 1) * (a @ solver.solve(b)) - b).max() > 1e-10:
                     failures.append(1)
 
     team = [threading.Thread(target=work) for _ in range(8)]

@@ -1,0 +1,29 @@
+/// \file
+/// C++ values as Python sees them.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+
+#include <initializer_list>
+#include <utility>
+#include <vector>
+
+#include "espalier/types.hpp"
+
+namespace espalier::python {
+
+namespace nb = nanobind;
+
+/// Code, message, row.
+inline nb::tuple status_of(const Status& s) { return nb::make_tuple(static_cast<int>(s.code), s.message, s.row); }
+
+/// An array of NumPy that owns the numbers.
+inline nb::object array_of(std::vector<double> numbers, std::initializer_list<std::size_t> shape) {
+  auto* kept = new std::vector<double>(std::move(numbers));
+  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
+  return nb::cast(nb::ndarray<nb::numpy, double>(kept->data(), shape, owner));
+}
+
+}  // namespace espalier::python

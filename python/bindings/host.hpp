@@ -1,0 +1,28 @@
+/// \file
+/// What calls that run without the global lock hear from Python, and tell it.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <exception>
+#include <string>
+
+namespace espalier::python {
+
+namespace nb = nanobind;
+
+/// Where log lines go. A solver and its clones share it. write() and signals_raise() take the global lock.
+struct Host {
+  nb::object log;  ///< called with a line; None: nobody listens
+  /// What Python raised in a call of this thread: lines come from, and signals are seen in, the thread that calls.
+  static thread_local std::exception_ptr raised;
+
+  void write(const std::string& line);
+  /// Options::interrupted: runs the handlers of signals that have arrived (Ctrl-C raises KeyboardInterrupt).
+  static bool signals_raise();
+};
+
+/// What an observer returned: None and what counts as true go on.
+bool goes_on(const nb::object& answer);
+
+}  // namespace espalier::python

@@ -1,0 +1,224 @@
+// The simulator's part of the module _core. Private: espalier/_simulation.py gives it types and checks.
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <type_traits>
+#include <utility>
+
+#include "arrays.hpp"
+#include "bindings.hpp"
+#include "espalier/dynamics.hpp"
+#include "host.hpp"
+
+namespace espalier::python {
+
+namespace {
+
+using namespace nb::literals;
+
+// A simulation with a lock; calls let other Python threads run.
+class SimulationHandle {
+ public:
+  SimulationHandle(std::vector<std::string> set, std::string out, std::optional<double> until, std::string restart,
+                   bool accept_changes, std::vector<std::string> quantities,
+                   std::vector<std::pair<std::string, std::string>> solver) {
+    SimulationOptions o;
+    o.set = std::move(set);
+    o.out = std::move(out);
+    o.until = until;
+    o.restart = std::move(restart);
+    o.accept_changes = accept_changes;
+    o.quantities = std::move(quantities);
+    o.solver = std::move(solver);
+    o.keep_series = true;
+    o.interrupted = &Host::signals_raise;
+    o.interrupted_every = 0.1;
+    simulation_ = std::make_unique<Simulation>(std::move(o));
+  }
+
+  Status load(const std::string& text, const std::string& name, bool is_path) {
+    return call([&](Simulation& s) { return is_path ? s.load(text) : s.load_text(text, name); });
+  }
+  Status run(const nb::object& observer) {
+    return call([&](Simulation& s) { return s.run(told(observer)); });
+  }
+  Status step_to(double t, const nb::object& observer) {
+    return call([&](Simulation& s) { return s.step_to(t, told(observer)); });
+  }
+  Status restore(std::string_view state) {
+    return call([&](Simulation& s) { return s.restore(state); });
+  }
+  // Small calls, also from the observer of a run.
+  template <class Body>
+  std::invoke_result_t<Body, Simulation&> look(Body&& body) {
+    if (owner_.load() == std::this_thread::get_id()) return body(*simulation_);
+    return call(body);
+  }
+
+ private:
+  template <class Body>
+  std::invoke_result_t<Body, Simulation&> call(Body&& body) {
+    if (owner_.load() == std::this_thread::get_id())
+      throw std::logic_error("a simulation was run, stepped or restored from its own observer");
+    std::invoke_result_t<Body, Simulation&> result;
+    {
+      const nb::gil_scoped_release released;
+      const std::lock_guard lock(mutex_);
+      owner_ = std::this_thread::get_id();
+      struct Leave {
+        std::atomic<std::thread::id>& owner;
+        ~Leave() { owner = std::thread::id{}; }
+      } const leave{owner_};
+      result = body(*simulation_);
+    }
+    if (Host::raised) std::rethrow_exception(std::exchange(Host::raised, nullptr));
+    return result;
+  }
+
+  // What the observer raises stops the run and is raised when it has ended.
+  static SimulationObserver told(const nb::object& observer) {
+    if (observer.is_none()) return {};
+    return [&observer](const SimulationStep& s) {
+      const nb::gil_scoped_acquire gil;
+      try {
+        const nb::object answer = observer(nb::make_tuple(s.index, s.t, s.h, s.order, s.newton_iterations,
+                                                          s.factorizations, s.failures, s.residual, s.error));
+        return goes_on(answer);
+      } catch (...) {
+        Host::raised = std::current_exception();
+        return false;
+      }
+    };
+  }
+
+  std::unique_ptr<Simulation> simulation_;
+  std::mutex mutex_;
+  std::atomic<std::thread::id> owner_{};
+};
+
+nb::dict fields(const SimulationSummary& s) {
+  nb::dict d;
+  d["title"] = s.title;
+  d["method"] = s.method;
+  d["interrupted"] = s.interrupted;
+  d["stopped_by"] = s.stopped_by;
+  d["bodies"] = s.bodies;
+  d["joints"] = s.joints;
+  d["forces"] = s.forces;
+  d["velocities"] = s.velocities;
+  d["constraints"] = s.constraints;
+  d["degrees_of_freedom"] = s.degrees_of_freedom;
+  d["redundant"] = s.redundant;
+  d["notices"] = s.notices;
+  d["t_begin"] = s.t_begin;
+  d["t_end"] = s.t_end;
+  d["steps"] = s.steps;
+  d["newton_iterations"] = s.newton_iterations;
+  d["failures"] = s.error_failures + s.newton_failures;
+  d["residuals"] = s.residuals;
+  d["tangents"] = s.tangents;
+  d["analyses"] = s.analyses;
+  d["factorizations"] = s.factorizations;
+  d["solves"] = s.solves;
+  nb::list events, modes, critical;
+  for (const SimulationEvent& e : s.events) events.append(nb::make_tuple(e.name, e.t));
+  for (const SimulationMode& m : s.modes) modes.append(nb::make_tuple(m.frequency, m.damping_ratio));
+  for (const SimulationCritical& c : s.critical) critical.append(nb::make_tuple(c.load, c.limit));
+  d["events"] = events;
+  d["modes"] = modes;
+  d["critical"] = critical;
+  d["energy_begin"] = nb::make_tuple(s.energy_begin.kinetic, s.energy_begin.potential);
+  d["energy_end"] = nb::make_tuple(s.energy_end.kinetic, s.energy_end.potential);
+  d["seconds"] = s.phases.total;
+  d["device"] = s.device;
+  d["kind"] = s.kind;
+  nb::dict values;
+  for (const auto& [name, value] : s.values) values[name.c_str()] = value;
+  d["values"] = values;
+  d["files"] = s.files;
+  return d;
+}
+
+}  // namespace
+
+void bind_simulation(nb::module_& m) {
+  nb::class_<SimulationHandle>(m, "Simulation")
+      .def(nb::init<std::vector<std::string>, std::string, std::optional<double>, std::string, bool,
+                    std::vector<std::string>, std::vector<std::pair<std::string, std::string>>>(),
+           "set"_a, "out"_a, "until"_a.none(), "restart"_a, "accept_changes"_a, "quantities"_a, "solver"_a)
+      .def(
+          "load",
+          [](SimulationHandle& s, const std::string& text, const std::string& name, bool is_path) {
+            return status_of(s.load(text, name, is_path));
+          },
+          "text"_a, "name"_a, "is_path"_a)
+      .def(
+          "run", [](SimulationHandle& s, const nb::object& observer) { return status_of(s.run(observer)); },
+          "observer"_a.none())
+      .def(
+          "step_to",
+          [](SimulationHandle& s, double t, const nb::object& observer) { return status_of(s.step_to(t, observer)); },
+          "t"_a, "observer"_a.none())
+      .def("save",
+           [](SimulationHandle& s) {
+             const std::string bytes = s.look([](Simulation& sim) { return sim.save(); });
+             return nb::bytes(bytes.data(), bytes.size());
+           })
+      .def(
+          "restore",
+          [](SimulationHandle& s, const nb::bytes& state) {
+            const std::string_view bytes(state.c_str(), state.size());
+            return status_of(s.restore(bytes));
+          },
+          "state"_a)
+      .def("time", [](SimulationHandle& s) { return s.look([](Simulation& sim) { return sim.time(); }); })
+      .def("end_time", [](SimulationHandle& s) { return s.look([](Simulation& sim) { return sim.end_time(); }); })
+      .def(
+          "value",
+          [](SimulationHandle& s, const std::string& quantity) {
+            return s.look([&](Simulation& sim) { return sim.value(quantity); });
+          },
+          "quantity"_a)
+      .def("inputs",
+           [](SimulationHandle& s) {
+             nb::dict d;
+             for (const SimulationInput& i : s.look([](Simulation& sim) { return sim.inputs(); }))
+               d[i.name.c_str()] = i.value;
+             return d;
+           })
+      .def(
+          "set_input",
+          [](SimulationHandle& s, const std::string& name, double value) {
+            s.look([&](Simulation& sim) {
+              sim.set_input(name, value);
+              return 0;
+            });
+          },
+          "name"_a, "value"_a)
+      .def("quantities",
+           [](SimulationHandle& s) {
+             nb::dict d;
+             for (const SimulationQuantity& q : s.look([](Simulation& sim) { return sim.quantities(); }))
+               d[q.name.c_str()] = q.dimension;
+             return d;
+           })
+      .def("series",
+           [](SimulationHandle& s) {
+             SimulationSeries series = s.look([](Simulation& sim) { return sim.series(); });
+             const std::size_t rows = series.t.size(), columns = series.names.size();
+             return nb::make_tuple(series.names, array_of(std::move(series.t), {rows}),
+                                   array_of(std::move(series.values), {rows, columns}));
+           })
+      .def("summary",
+           [](SimulationHandle& s) { return fields(s.look([](Simulation& sim) { return sim.summary(); })); });
+}
+
+}  // namespace espalier::python

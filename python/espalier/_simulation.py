@@ -1,0 +1,319 @@
+"""The simulator: models, runs, and motions that a program steps through."""
+
+import os
+import sys
+import time
+from dataclasses import dataclass
+from typing import Any, Callable, Iterable, Mapping, NamedTuple
+
+from . import _core
+from ._errors import make_error
+from ._toml import toml_of
+
+
+class Step(NamedTuple):
+    """One accepted step, of time or (statics) of the load factor."""
+
+    index: int  # type: ignore[assignment]
+    t: float
+    h: float
+    order: int
+    newton_iterations: int
+    factorizations: int
+    failures: int
+    residual: float
+    error: float
+
+
+Observer = Callable[[Step], Any]
+
+
+class Model:
+    """A model as a tree of keys and values, those of docs/guide/simulate.md.
+
+    Model.load(path) reads a text; Model(dictionary) takes the same keys from Python; body(), joint() and so on add named
+    parts. Nothing is checked before a run.
+    """
+
+    def __init__(self, tree: "Mapping[str, Any] | None" = None, **keys: Any) -> None:
+        """tree, keys: at the top (gravity=[0, 0, -9.81], integrator={"end": 1})."""
+        self.tree: "dict[str, Any]" = {**(tree or {}), **keys}
+        self._text: "str | None" = None
+        self._path: "str | None" = None
+
+    @classmethod
+    def load(cls, path: "str | os.PathLike[str]") -> "Model":
+        """Of a model file, which is read by every run; mesh files are looked for beside it."""
+        model = cls()
+        model._path = os.fspath(path)
+        return model
+
+    @classmethod
+    def from_text(cls, text: str) -> "Model":
+        """Of a model text; mesh files are looked for in the current folder."""
+        model = cls()
+        model._text = text
+        return model
+
+    @property
+    def text(self) -> str:
+        """As TOML."""
+        if self._path is not None:
+            with open(self._path, encoding="utf-8") as f:
+                return f.read()
+        return toml_of(self.tree) if self._text is None else self._text
+
+    def _add(self, section: str, name: str, keys: "dict[str, Any]") -> str:
+        if self._path is not None or self._text is not None:
+            raise TypeError("parts are added to a model of Python's, Model(); a text is changed by set={'path': value}")
+        parts = self.tree[section] = dict(self.tree.get(section, {}))
+        if name in parts:
+            raise ValueError(f"{section}.{name} is there already")
+        parts[name] = keys
+        return name
+
+    def body(self, name: str, /, type: str = "rigid", **keys: Any) -> str:
+        """Adds [bodies.NAME] and returns the name; so do the others."""
+        return self._add("bodies", name, {"type": type, **keys})
+
+    def joint(self, name: str, /, type: str, **keys: Any) -> str:
+        return self._add("joints", name, {"type": type, **keys})
+
+    def force(self, name: str, /, type: str, **keys: Any) -> str:
+        return self._add("forces", name, {"type": type, **keys})
+
+    def marker(self, name: str, /, **keys: Any) -> str:
+        return self._add("markers", name, keys)
+
+    def material(self, name: str, /, **keys: Any) -> str:
+        return self._add("materials", name, keys)
+
+    def sensor(self, name: str, /, value: Any) -> str:
+        return self._add("sensors", name, value)
+
+    def input(self, name: str, /, value: float = 0.0) -> str:
+        return self._add("inputs", name, value)  # type: ignore[arg-type]
+
+    def event(self, name: str, /, when: str, **keys: Any) -> str:
+        return self._add("events", name, {"when": when, **keys})
+
+    def run(self, until: "float | None" = None, *, observer: "Observer | None" = None, progress: "bool | str" = "auto",
+            **options: Any) -> "Result":
+        """Simulation(model, until=until, **options).run(observer, progress). To go on after Ctrl-C, make the Simulation
+        yourself."""
+        return Simulation(self, until=until, **options).run(observer, progress=progress)
+
+    def __repr__(self) -> str:
+        if self._path is not None:
+            return f"<espalier.Model of {self._path}>"
+        return f"<espalier.Model: {', '.join(self.tree) if self._text is None else f'{len(self._text)} characters'}>"
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a run came to. t: (steps + 1,) times, or load factors; names and values (steps + 1, len(names)): the chosen
+    quantities; summary: everything that is known of the run, by name."""
+
+    t: Any
+    names: "list[str]"
+    values: Any
+    summary: "dict[str, Any]"
+
+    def __getitem__(self, name: str) -> Any:
+        """One quantity over time, (steps + 1,), or the three columns of a vector, (steps + 1, 3)."""
+        if name in self.names:
+            return self.values[:, self.names.index(name)]
+        parts = [f"{name}.{c}" for c in "xyz"]
+        if all(p in self.names for p in parts):
+            return self.values[:, [self.names.index(p) for p in parts]]
+        raise KeyError(f"{name!r} was not chosen; there are {', '.join(self.names) or 'none'}: give quantities=[...]")
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.names
+
+    def to_pandas(self) -> Any:
+        """A pandas.DataFrame with the times as index."""
+        import pandas
+
+        return pandas.DataFrame(self.values, index=pandas.Index(self.t, name="t"), columns=self.names)
+
+    def to_xarray(self) -> Any:
+        """An xarray.Dataset over the dimension t."""
+        import xarray
+
+        return xarray.Dataset({n: ("t", self.values[:, k]) for k, n in enumerate(self.names)}, {"t": self.t})
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        rows = "".join(f"<tr><th>{k}</th><td>{escape(str(v))}</td></tr>" for k, v in self.summary.items()
+                       if v not in ("", [], {}) and k != "values")
+        return f"<table><caption>Result</caption>{rows}</table>"
+
+    def __repr__(self) -> str:
+        s = self.summary
+        return (f"<espalier.Result: {s['title']!r}, {s['method']}, t = {s['t_begin']:g} to {s['t_end']:g} in {s['steps']}"
+                f" steps, {s['seconds']:.3g} s>")
+
+
+class _Progress:
+    """A line that tells how far a run is: in a terminal, or in a notebook; after a second, and twice a second."""
+
+    def __init__(self, begin: float, end: float) -> None:
+        self._begin, self._span = begin, end - begin
+        self._next = time.monotonic() + 1
+        self._handle: Any = None
+        self._shown = False
+        shell = sys.modules.get("IPython")
+        self._notebook = shell is not None and hasattr(shell.get_ipython(), "kernel")
+        self.wanted = self._notebook or sys.stderr.isatty()
+
+    def __call__(self, step: Step) -> None:
+        if time.monotonic() < self._next:
+            return
+        self._next = time.monotonic() + 0.5
+        share = (step.t - self._begin) / self._span if 0 < self._span < float("inf") else 0.0
+        text = f"t = {step.t:.6g}, step {step.index}"
+        if self._notebook:
+            from IPython.display import HTML, display  # type: ignore[import-not-found]
+
+            page = HTML(f"<progress value='{share:.3f}'></progress> {text}")
+            if self._handle is None:
+                self._handle = display(page, display_id=True)
+            else:
+                self._handle.update(page)
+        else:
+            bar = "#" * int(30 * share)
+            print(f"\r[{bar:<30}] {text} ", end="", file=sys.stderr, flush=True)
+            self._shown = True
+
+    def end(self) -> None:
+        if self._shown:
+            print(file=sys.stderr)
+
+
+class Simulation:
+    """One motion of one model, made consistent and ready to go.
+
+    model: a Model, a dictionary, or the path of a model file. set: values to be replaced, {"parameters.size": 2}. until:
+    end instead of the model's. quantities: names ("rod.position.x", "rod.position", "energy.total") of what is kept at
+    every step, besides those of the model's [output]. out: folder for files. restart: a restart file to go on from.
+    Further options are those of the solver (device, threads, ...).
+
+    Calls let other Python threads run. Ctrl-C ends a run after a step, or in a long factorization, with
+    KeyboardInterrupt; run() or step() then go on. Raises InvalidInputError for what is wrong in the model, with its line.
+    """
+
+    def __init__(self, model: "Model | Mapping[str, Any] | str | os.PathLike[str]", *,
+                 set: "Mapping[str, Any] | None" = None, until: "float | None" = None, quantities: Iterable[str] = (),
+                 out: "str | os.PathLike[str]" = "", restart: "str | os.PathLike[str]" = "",
+                 accept_changes: bool = False, **solver: Any) -> None:
+        from ._solver import _text
+        from ._toml import _value
+
+        if isinstance(quantities, str):
+            quantities = [quantities]
+        self._core = _core.Simulation([f"{k}={_value(v, k)}" for k, v in (set or {}).items()], os.fspath(out), until,
+                                      os.fspath(restart), accept_changes, list(quantities),
+                                      [(k, _text(v)) for k, v in solver.items()])
+        if not isinstance(model, Model):
+            model = Model(model) if isinstance(model, Mapping) else Model.load(model)
+        if model._path is not None:
+            self._check(self._core.load(model._path, "", True))
+        else:
+            self._check(self._core.load(model.text, "model", False))
+
+    @staticmethod
+    def _check(status: "tuple[int, str, int]") -> None:
+        if status[0]:
+            raise make_error(*status)
+
+    @property
+    def time(self) -> float:
+        return self._core.time()
+
+    @property
+    def end_time(self) -> float:
+        return self._core.end_time()
+
+    def run(self, observer: "Observer | None" = None, *, progress: "bool | str" = "auto") -> Result:
+        """To the end. observer: called with a Step after every step; False (any false value but None) stops the run. progress: "auto" shows it in
+        terminals and notebooks."""
+        bar = _Progress(self.time, self.end_time)
+        if progress is False or (progress == "auto" and not bar.wanted):
+            tell = None if observer is None else lambda s: observer(Step(*s))
+        else:
+            def tell(s: Any) -> Any:
+                bar(Step(*s))
+                return None if observer is None else observer(Step(*s))
+        try:
+            self._check(self._core.run(tell))
+        finally:
+            bar.end()
+        return self.result()
+
+    def step_to(self, t: float, observer: "Observer | None" = None) -> None:
+        """Steps until exactly t, an event that stops, or the observer's False."""
+        self._check(self._core.step_to(t, None if observer is None else lambda s: observer(Step(*s))))
+
+    def step(self, dt: float) -> None:
+        """step_to(time + dt)."""
+        self.step_to(self.time + dt)
+
+    def value(self, quantity: str) -> float:
+        """A quantity of the present state. Raises ValueError for unknown ones."""
+        return self._core.value(quantity)
+
+    __getitem__ = value
+
+    @property
+    def inputs(self) -> "dict[str, float]":
+        """[inputs] of the model with their present values."""
+        return self._core.inputs()
+
+    def set_input(self, name: str, value: float) -> None:
+        """For the steps to come; also from the observer of a run."""
+        self._core.set_input(name, value)
+
+    @property
+    def quantities(self) -> "dict[str, str]":
+        """Everything that value() knows, with its dimension in the units of the model ("length/time")."""
+        return self._core.quantities()
+
+    def save(self) -> bytes:
+        """The present state, inputs and switches included; as in a restart file. Costs an analysis of the solver."""
+        return self._core.save()
+
+    def restore(self, state: bytes) -> None:
+        """Goes to a state of save(), of this or another simulation of the same model; what was kept of later steps goes."""
+        self._check(self._core.restore(state))
+
+    def result(self) -> Result:
+        """What is known so far."""
+        names, t, values = self._core.series()
+        return Result(t, names, values, self._core.summary())
+
+    def __repr__(self) -> str:
+        return f"<espalier.Simulation at t = {self.time:g}>"
+
+
+def _one(job: "tuple[Any, dict[str, Any], dict[str, Any]]") -> Result:
+    model, point, options = job
+    return Simulation(model, set=point, **options).run(progress=False)
+
+
+def sweep(model: Any, parameters: "Mapping[str, Iterable[Any]]", *, workers: "int | None" = None,
+          **options: Any) -> "list[tuple[dict[str, Any], Result]]":
+    """Runs a model for all combinations of values, on several processes: [({"parameters.size": 1}, Result), ...] in the
+    order of itertools.product. options: those of Simulation. The first run that fails raises its error."""
+    from concurrent.futures import ProcessPoolExecutor
+    from itertools import product
+    from multiprocessing import get_context
+
+    fixed = dict(options.pop("set", None) or {})
+    points = [dict(zip(parameters, values)) for values in product(*parameters.values())]
+    jobs = [(model, {**fixed, **p}, {"threads": 1, **options}) for p in points]
+    if workers == 1 or len(jobs) < 2:
+        return list(zip(points, map(_one, jobs)))
+    with ProcessPoolExecutor(workers or min(len(jobs), len(os.sched_getaffinity(0))), get_context("spawn")) as pool:
+        return list(zip(points, pool.map(_one, jobs)))

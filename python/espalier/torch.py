@@ -1,0 +1,69 @@
+"""Sparse solves in PyTorch, with gradients: x = espalier.torch.solve(A, b).
+
+The adjoint takes one more solve with the factor that is there: with lambda = A^-T dL/dx, dL/db = lambda and
+dL/dA[i, j] = -lambda[i] x[j] for the entries of the pattern. Backward is made of the same operator, so derivatives of
+every order come out. Tensors are those of the CPU, float64 or float32; the arithmetic is float64.
+"""
+
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from . import _cache
+
+clear = _cache.clear
+
+
+@torch.library.custom_op("espalier::solve", mutates_args=())
+def _solve(crow: Tensor, col: Tensor, values: Tensor, b: Tensor, transpose: bool) -> Tensor:
+    x = _cache.solve(crow.numpy(), col.numpy(), values.detach().numpy(), b.detach().numpy(), transpose)
+    return torch.from_numpy(x).to(torch.promote_types(values.dtype, b.dtype)).contiguous()
+
+
+@_solve.register_fake
+def _(crow: Tensor, col: Tensor, values: Tensor, b: Tensor, transpose: bool) -> Tensor:
+    return torch.empty(b.shape, dtype=torch.promote_types(values.dtype, b.dtype), device=b.device)
+
+
+def _setup(ctx: Any, inputs: Any, output: Tensor) -> None:
+    crow, col, values, b, ctx.transpose = inputs
+    ctx.dtypes = values.dtype, b.dtype
+    ctx.save_for_backward(crow, col, values, output)
+
+
+def _backward(ctx: Any, grad: Tensor) -> Any:
+    crow, col, values, x = ctx.saved_tensors
+    adjoint = _solve(crow, col, values, grad.contiguous(), not ctx.transpose)
+    to_values = None
+    if ctx.needs_input_grad[2]:
+        count = crow[1:] - crow[:-1]
+        row = torch.repeat_interleave(torch.arange(len(count)), count)
+        left, right = (x, adjoint) if ctx.transpose else (adjoint, x)
+        product = left[row] * right[col]
+        to_values = -(product if product.ndim == 1 else product.sum(1)).to(ctx.dtypes[0])
+    return None, None, to_values, adjoint.to(ctx.dtypes[1]) if ctx.needs_input_grad[3] else None, None
+
+
+_solve.register_autograd(_backward, setup_context=_setup)
+
+
+def solve(A: Any, b: Tensor, *, transpose: bool = False) -> Tensor:
+    """x with A x = b, or A^T x = b, of the shape of b: (n,) or (n, k).
+
+    A: a sparse tensor (CSR, or COO or CSC, which are converted), or (crow_indices, col_indices, values) of compressed
+    rows; gradients go to its values and to b. Raises the errors of espalier.Solver; TypeError for other devices and
+    dtypes."""
+    if isinstance(A, Tensor):
+        if A.layout != torch.sparse_csr:
+            A = A.to_sparse_csr()
+        A = A.crow_indices(), A.col_indices(), A.values()
+    crow, col, values = A
+    for name, tensor in (("A", values), ("b", b)):
+        if tensor.device.type != "cpu":
+            raise TypeError(f"{name} lies on {tensor.device}; espalier.torch takes tensors of the CPU")
+        if tensor.dtype not in (torch.float64, torch.float32):
+            raise TypeError(f"{name} has dtype {tensor.dtype}; it must be float64 or float32")
+    if b.ndim not in (1, 2) or b.shape[0] != len(crow) - 1:
+        raise ValueError(f"b has shape {tuple(b.shape)}; the matrix has {len(crow) - 1} rows")
+    return _solve(crow, col, values, b, transpose)

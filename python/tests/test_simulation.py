@@ -1,0 +1,287 @@
+"""Models, runs and steps from Python. Truth: closed forms, and the C++ side's own runs."""
+
+import math
+import os
+import pickle
+import signal
+import threading
+import time
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import espalier as esp
+from espalier._toml import toml_of
+
+ROOT = Path(__file__).parents[2]
+BDF = {"relative": 1e-9, "absolute": 1e-9, "end": 2.0}
+
+
+def cart():
+    model = esp.Model(title="cart", integrator=BDF)
+    body = model.body("cart", "point", mass=2)
+    model.input("push", 0)
+    model.force("push", "load", a={"body": body}, force=["inputs.push", 0, 0])
+    return model
+
+
+def pendulum(**keys):
+    model = esp.Model(gravity=[0, -10, 0], integrator={**BDF, **keys})
+    model.body("bob", mass=2, inertia=np.full(3, 1e-9), position=(1, 0, 0))
+    model.joint("hinge", "revolute", bodies=["ground", "bob"], at=[0, 0, 0])
+    return model
+
+
+def test_toml_of_trees():
+    tree = {"a": 1, "b": True, "c": [1.5, 1e300, -2], "d": 'quote " and \\ and \n', "e": np.float64(0.1),
+            "section": {"x": np.arange(3), "part one": {"deep": {"deeper": [{"k": 1}]}}}, "empty": {}, "inf": math.inf}
+    back = tomllib.loads(toml_of(tree))
+    assert back["section"]["x"] == [0, 1, 2] and back["section"]["part one"] == tree["section"]["part one"]
+    for key in "abcde":
+        assert back[key] == tree[key]
+    for bad, word in (({"a": object()}, "a: object"), ({"s": {"p": {"q": [1, None]}}}, r"s\.p\.q\[1\]"), ({1: 2}, "name")):
+        with pytest.raises(TypeError, match=word):
+            toml_of(bad)
+
+
+def test_run_from_calls_dictionaries_texts_and_files(tmp_path):
+    model = pendulum()
+    options = {"quantities": ["bob.position", "energy.total", "hinge.force.norm"]}
+    first = model.run(**options)
+    (tmp_path / "pendulum.toml").write_text(model.text)
+    for other in (esp.Model(model.tree), esp.Model.from_text(model.text), esp.Model.load(tmp_path / "pendulum.toml")):
+        again = other.run(**options)
+        assert (again.values == first.values).all() and (again.t == first.t).all()
+    assert esp.Simulation(tmp_path / "pendulum.toml").run().summary["steps"] == first.summary["steps"]
+    assert esp.Simulation(model.tree).run().summary["steps"] == first.summary["steps"]
+    r = first["bob.position"]
+    assert r.shape == (len(first.t), 3) and first["bob.position.x"] == pytest.approx(r[:, 0])
+    assert np.hypot(r[:, 0], r[:, 1]) == pytest.approx(np.ones(len(r)), abs=1e-9)
+    assert np.ptp(first["energy.total"]) < 1e-6
+    assert first["hinge.force.norm"] == pytest.approx(-60 * r[:, 1], abs=1e-4)  # 3 m g cos of the angle from below
+    assert "bob.position.x" in first and "bob.velocity.x" not in first
+    with pytest.raises(KeyError, match="quantities="):
+        first["bob.velocity.x"]
+    assert first.summary["t_end"] == 2 and first.summary["values"]["bob.position.x"] == r[-1, 0]
+    assert "<table>" in first._repr_html_() and "bdf" in repr(first)
+    assert (pickle.loads(pickle.dumps(first)).values == first.values).all()
+
+
+def test_frames_of_data():
+    pandas, xarray = pytest.importorskip("pandas"), pytest.importorskip("xarray")
+    result = pendulum(end=0.1).run(quantities="bob.position")
+    frame, data = result.to_pandas(), result.to_xarray()
+    assert isinstance(frame, pandas.DataFrame) and isinstance(data, xarray.Dataset)
+    assert (frame["bob.position.y"].to_numpy() == result["bob.position.y"]).all() and frame.index.name == "t"
+    assert (data["bob.position.y"].values == result["bob.position.y"]).all()
+    assert (data.sel(t=result.t[3])["bob.position.y"] == result["bob.position.y"][3]).all()
+
+
+def test_steps_inputs_and_saved_states():
+    sim = esp.Simulation(cart())
+    assert sim.inputs == {"push": 0} and sim.quantities["cart.velocity.x"] == "length/time"
+    x = v = 0.0
+    for k in range(10):
+        push = float((k * 3) % 5 - 2)
+        sim.set_input("push", push)
+        sim.step(0.1)
+        x, v = x + v * 0.1 + push / 4 * 0.01, v + push / 2 * 0.1
+        if k == 4:
+            saved = sim.save()
+    assert sim.time == pytest.approx(1, abs=1e-12)
+    assert (sim["cart.position.x"], sim.value("cart.velocity.x")) == pytest.approx((x, v), abs=1e-6)
+    end = sim["cart.position.x"]
+    for other in (sim, esp.Simulation(cart())):
+        other.restore(saved)
+        assert other.time == pytest.approx(0.5) and other.inputs == {"push": 0.0}
+        for k in range(5, 10):
+            other.set_input("push", float((k * 3) % 5 - 2))
+            other.step(0.1)
+        assert other["cart.position.x"] == end
+    for call, error in ((lambda: sim.set_input("pull", 1), ValueError), (lambda: sim.set_input("push", math.nan), ValueError),
+                        (lambda: sim.value("cart.positon.x"), ValueError), (lambda: sim.step(-1), ValueError),
+                        (lambda: sim.restore(b"nonsense"), esp.InvalidInputError)):
+        with pytest.raises(error):
+            call()
+    assert sim["cart.position.x"] == end
+
+
+def test_observers_stop_raise_and_control():
+    sim = esp.Simulation(cart())
+    steps = []
+
+    def three(step):
+        steps.append(step)
+        return len(steps) < 3
+
+    result = sim.run(three)
+    assert result.summary["interrupted"] and [s.index for s in steps] == [1, 2, 3] and steps[-1].t == sim.time
+    with pytest.raises(ZeroDivisionError):
+        sim.run(lambda step: 1 / 0)
+    with pytest.raises(RuntimeError, match="own observer"):
+        sim.run(lambda step: sim.step(1))
+
+    def hold(step):  # a controller, with looks at the state and new inputs during the run
+        sim.set_input("push", -40 * (sim["cart.position.x"] - 0.5) - 15 * sim["cart.velocity.x"])
+
+    assert sim.step_to(20, hold) is None and sim["cart.position.x"] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_errors_have_lines():
+    model = pendulum()
+    model.tree["bodies"]["bob"]["mas"] = 3
+    with pytest.raises(esp.InvalidInputError, match=r"model:\d+: bodies.bob.mas"):
+        esp.Simulation(model)
+    with pytest.raises(esp.InvalidInputError, match="absent.toml"):
+        esp.Simulation("absent.toml")
+    with pytest.raises(ValueError, match="there already"):
+        model.body("bob")
+    with pytest.raises(TypeError, match="set="):
+        esp.Model.from_text("").body("bob")
+    with pytest.raises(esp.InvalidInputError, match="no option"):
+        esp.Simulation(pendulum(), colour="red")
+
+
+def test_overrides_until_and_files(tmp_path):
+    result = esp.Simulation(pendulum(), set={"bodies.bob.position": [2, 0, 0], "title": "long"}, until=0.5, out=tmp_path,
+                            quantities=["bob.position.x"], threads=1).run()
+    assert result.summary["title"] == "long" and result.t[-1] == 0.5 and result["bob.position.x"][0] == 2
+    assert {Path(f).name for f in result.summary["files"]} >= {"quantities.csv", "state.restart"}
+    more = esp.Simulation(pendulum(), set={"bodies.bob.position": [2, 0, 0], "title": "long"}, until=1,
+                          restart=tmp_path / "state.restart").run()
+    assert more.t[0] == 0.5 and more.t[-1] == 1
+
+
+def test_statics():
+    model = esp.Model(statics={}, gravity=[0, 0, -10])
+    model.material("rubber", young=1e7, density=1000)
+    model.body("beam", "beam", start=[0, 0, 0], end=[1, 0, 0], elements=8, radius=0.02, material="rubber")
+    model.joint("clamp", "fixed", a={"body": "ground"}, b={"body": "beam", "node": 1})
+    model.marker("tip", body="beam", node=-1)
+    result = model.run(quantities=["tip.position"])
+    assert result.summary["method"] == "statics" and result.t[-1] == 1 and result["tip.position.z"][-1] < -0.1
+    with pytest.raises(RuntimeError, match="statics"):
+        esp.Simulation(model).step(1)
+
+
+def test_sweep():
+    points = esp.sweep(pendulum(), {"bodies.bob.mass": [1, 2], "integrator.end": [0.1, 0.2]}, workers=2,
+                       quantities=["hinge.force.y"])
+    assert [tuple(p.values()) for p, _ in points] == [(1, 0.1), (1, 0.2), (2, 0.1), (2, 0.2)]
+    for point, result in points:
+        assert result.t[-1] == point["integrator.end"]
+    assert points[2][1]["hinge.force.y"] == pytest.approx(2 * points[0][1]["hinge.force.y"], rel=1e-5, abs=1e-4)
+    with pytest.raises(esp.InvalidInputError, match="mas"):
+        esp.sweep(pendulum(), {"bodies.bob.mas": [1, 2]}, workers=2)
+
+
+def test_threads_run_side_by_side():
+    ends = {}
+
+    def work(k):
+        ends[k] = esp.Simulation(pendulum(), quantities="bob.position").run().values[-1]
+
+    team = [threading.Thread(target=work, args=(k,)) for k in range(4)]
+    [t.start() for t in team], [t.join() for t in team]
+    assert len(ends) == 4 and all((e == ends[0]).all() for e in ends.values())
+
+
+def test_ctrl_c_and_on():
+    sim = esp.Simulation(pendulum(end=1e4), quantities="bob.position.x")
+    threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    begin = time.perf_counter()
+    with pytest.raises(KeyboardInterrupt):
+        sim.run()
+    assert time.perf_counter() - begin < 3
+    reached = sim.time
+    assert reached > 0
+    sim.step(0.1)
+    assert sim.time == pytest.approx(reached + 0.1)
+    assert (np.diff(sim.result().t) > 0).all()
+
+
+def test_progress(capfd, monkeypatch):
+    from espalier import _simulation
+
+    monkeypatch.setattr(_simulation.time, "monotonic", iter(np.arange(0, 1e6, 2.0)).__next__)
+    pendulum(end=0.1).run(progress=True)
+    assert "t = 0." in capfd.readouterr().err
+
+
+def test_model_files_of_the_repository():
+    sim = esp.Simulation(ROOT / "models/chain.toml", set={"parameters.unknowns": 1000}, until=1e-3)
+    assert sim.end_time == 1e-3 and sim.result().summary["bodies"] > 5 and len(sim.quantities) > 100
+    assert all(math.isfinite(sim[q]) for q in list(sim.quantities)[:200])
+
+
+class TestDae:
+    @staticmethod
+    def functions():
+        """A point of mass 2 on a circle of radius 1 under gravity 10."""
+        return dict(mass=lambda q: 2 * np.eye(2), force=lambda t, q, v: np.array([0, -20.0]),
+                    constraint=lambda t, q: np.array([q @ q - 1]),
+                    energy=lambda t, q, v, a, lam: (v @ v, 20 * q[1]))
+
+    def test_pendulum(self):
+        dae = esp.Dae(2, 1, relative=1e-9, absolute=1e-9, **self.functions())
+        dae.start(0, [1, 0], [0, 0])
+        times = []
+        dae.integrate(1, times.append)
+        assert times[-1] == dae.t == 1 and len(times) == dae.summary["steps"]
+        truth = pendulum(end=1.0).run(quantities="bob.position")
+        assert dae.q == pytest.approx(truth["bob.position"][-1, :2], abs=1e-5)
+        assert sum(dae.energy()) == pytest.approx(0, abs=1e-5)
+        assert dae.q @ dae.v == pytest.approx(0, abs=1e-9) and dae.lam.shape == (1,)
+        dae.integrate(2, lambda t: t < 1.5)
+        assert 1.5 <= dae.t < 2
+
+    def test_given_derivatives_and_sparse_matrices(self):
+        sp = pytest.importorskip("scipy.sparse")
+        f = {**self.functions(), "mass": lambda q: sp.csr_array(2 * np.eye(2)),
+             "constraint_jacobian": lambda t, q: sp.coo_array(2 * q[None, :]),
+             "constraint_gamma": lambda t, q, v: np.array([-2 * v @ v]),
+             "tangent": lambda t, q, v, a, lam, wa, wv, wq: (2 * wa + 2 * lam[0] * wq) * np.eye(2)}
+        dae = esp.Dae(2, 1, relative=1e-9, absolute=1e-9, tangent_pattern=[(0, 0), (1, 1)], **f)
+        dae.start(0, [1, 0], [0, 0.5])
+        assert dae.check_jacobians()["largest"] < 1e-7
+        dae.integrate(0.5)
+        other = esp.Dae(2, 1, relative=1e-9, absolute=1e-9, **self.functions())
+        other.start(0, [1, 0], [0, 0.5])
+        other.integrate(0.5)
+        assert dae.q == pytest.approx(other.q, abs=1e-7)
+        wrong = esp.Dae(2, 1, **{**f, "constraint_gamma": lambda t, q, v: np.array([2 * v @ v])})
+        wrong.start(0, [1, 0], [0, 0.5])
+        assert wrong.check_jacobians()["gamma"] > 0.1
+
+    def test_generalized_alpha_and_sparse_solver(self):
+        n = 80  # a chain of masses and springs: its first mode
+        k = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+        pattern = [(i, j) for i in range(n) for j in range(n) if abs(i - j) < 2]
+        dae = esp.Dae(n, mass=lambda q: np.eye(n), force=lambda t, q, v: -k @ q, tangent_pattern=pattern,
+                      method="generalized-alpha", step=0.05, spectral_radius=1, solver={"threads": 1})
+        mode = np.sin(np.pi * np.arange(1, n + 1) / (n + 1))
+        dae.start(0, mode, np.zeros(n))
+        dae.integrate(10)
+        omega = 2 * np.sin(np.pi / (2 * (n + 1)))
+        assert dae.q == pytest.approx(mode * math.cos(omega * 10), abs=1e-5)
+
+    def test_errors(self):
+        f = self.functions()
+        for change, error, word in (({"mass": lambda q: np.eye(3)}, ValueError, r"mass.*\(2, 2\)"),
+                                    ({"force": lambda t, q, v: np.ones(3)}, ValueError, r"force.*\(2,\)"),
+                                    ({"constraint": lambda t, q: 1 / 0}, ZeroDivisionError, ""),
+                                    ({"constraint": lambda t, q: np.array([q @ q + 1])}, esp.Error, "")):
+            with pytest.raises(error, match=word):
+                esp.Dae(2, 1, **{**f, **change}).start(0, [1, 0], [0, 0])
+        for options, error in (({"colour": 1}, ValueError), ({"method": "euler"}, ValueError), ({"max_order": 9}, ValueError)):
+            with pytest.raises(error):
+                esp.Dae(2, 1, **f, **options)
+        with pytest.raises(ValueError):
+            esp.Dae(2, 1, **f).start(0, [1, 0, 0], [0, 0])
+        with pytest.raises((RuntimeError, ValueError)):
+            esp.Dae(2, 1, **f).integrate(1)
+        sparse = esp.Dae(2, tangent_pattern=[(0, 0), (1, 1)], mass=lambda q: np.ones((2, 2)), force=f["force"])
+        with pytest.raises((RuntimeError, ValueError)):
+            sparse.start(0, [1, 0], [0, 0])
