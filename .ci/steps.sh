@@ -4,7 +4,7 @@
 # The newest tools first: Debian 12 and Ubuntu 24.04 both have version 14 under this name, and formats must not differ.
 clang_tool() { command -v "$1-14" || command -v "$1"; }
 
-source_files() { git ls-files -- 'include/*' 'src/*' 'apps/*' 'tests/*' 'bench/*' 'examples/*' 'python/*' | grep -E '\.(cpp|hpp|h|c|cu|cuh)$'; }
+source_files() { git ls-files -- 'include/*' 'src/*' 'apps/*' 'tests/*' 'bench/*' 'examples/*' 'hosts/*' 'python/*' | grep -E '\.(cpp|hpp|h|c|cu|cuh)$'; }
 
 check_format() {
   local tool
@@ -25,13 +25,14 @@ build_cuda() {
   nvcc=$(find_nvcc)
   [[ -n $nvcc ]] || { echo "left out: no nvcc here"; return 0; }
   configure_and_build cuda "-DCMAKE_CUDA_COMPILER=$nvcc" -DESPALIER_CUDA_ARCHITECTURES=90-real -DESPALIER_TESTS=OFF \
-    -DESPALIER_BENCH=OFF -- espalier_device_cuda
+    -DESPALIER_BENCH=OFF -- espalier_device_cuda \
+    src/CMakeFiles/espalier_dynamics.dir/dynamics/cuda/{assembly,body,elements,matrix}.cu.o
 }
 
 # Sources of the library and the command line, those changed last first; of the CUDA backend those that this build compiles.
 tidy_files() {
   { git log --format= --name-only -n 300; git ls-files; } |
-    awk '/^(src|apps)\/.*\.cpp$/ && !seen[$0]++' | while read -r file; do
+    awk '/^(src|apps|hosts)\/.*\.cpp$/ && !seen[$0]++' | while read -r file; do
       [[ -f $file ]] || continue
       [[ $file != src/device/cuda/* ]] || grep -q "/$file\"" build/release/compile_commands.json || continue
       echo "$file"
@@ -98,6 +99,9 @@ check_package() {
   env -i "$binary" bench peers --system "elasticity 4" --rivals espalier,eigen --out "$root/peers.json"
   [[ $(grep -c '"outcome": "ok"' "$root/peers.json") == 2 ]] || { echo "the bundle's rivals do not work"; return 1; }
 }
+
+# A share of the real hosts, in the Python of ESPALIER_HOSTS_PYTHON; it says which are not installed there.
+check_hosts() { "${ESPALIER_HOSTS_PYTHON:-python3}" tests/hosts/table.py --quick --print --repeat 1; }
 
 # Work counted, not timed: flops, fill, memory, instructions of fixed systems against .ci/bounds.json.
 check_bounds() { python3 .ci/check_bounds.py --binary build/release/espalier; }

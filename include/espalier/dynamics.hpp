@@ -6,12 +6,16 @@
 ///     simulation.set_input("throttle", 0.5);                        // of the model's [inputs]
 ///     if (auto s = simulation.run(); !s.ok()) ...
 ///     double x = simulation.value("bob.position.x");
+///
+/// Who sets inputs between steps of his own (a controller, another simulator) calls step_to() again and again, and goes
+/// back by restore() to what save() gave him.
 #pragma once
 
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -38,11 +42,34 @@ struct SimulationOptions {
   std::string dump;              ///< folder for Newton matrices; empty: none
   long dump_every = 1;           ///< every N-th factorization is written ...
   long dump_count = 10;          ///< ... and at most so many
+  /// Quantities by name, besides those of the model's [output]: chosen ones, see SimulationSummary::values.
+  std::vector<std::string> quantities;
+  bool keep_series = false;  ///< chosen quantities are kept in memory, a row for every step: Simulation::series()
   /// Options of the solver by name ("device", "host_memory", ...: the fields of Options), over those of the model.
   std::vector<std::pair<std::string, std::string>> solver;
   /// Statics, also at the start of a motion (in load()), may take long: called with what it is at. false: stop it; in
   /// load() that is the error `cancelled`.
   std::function<bool(const SimulationSearch&)> on_search;
+  /// Whether to stop, asked between steps and in long analyses and factorizations (Options::interrupted): as if the
+  /// observer had said so at the end of the step before; in load() the error `cancelled`.
+  std::function<bool()> interrupted;
+  double interrupted_every = 0.02;  ///< seconds between two such questions
+};
+
+/// A number that may be asked for by name.
+struct SimulationQuantity {
+  std::string name;  ///< "rod.position.x"
+  /// In the units of the model: "length", "length/time", "force", "force*length", "angle", "energy", "1", ... Empty
+  /// where the program does not know: inputs and sensors; coordinates, rates and strengths, which are lengths or
+  /// angles.
+  std::string dimension;
+};
+
+/// Chosen quantities at the beginning and at the ends of steps.
+struct SimulationSeries {
+  std::vector<std::string> names;
+  std::vector<double> t;       ///< rising; of a statics run, the load factor, which may turn back
+  std::vector<double> values;  ///< t.size() rows of names.size() numbers
 };
 
 /// One accepted step, of time or (statics) of the load.
@@ -179,6 +206,24 @@ class Simulation {
   /// @pre load() succeeded
   Status run(const SimulationObserver& observer = {});
 
+  /// Steps until exactly t, or until the observer or an event says stop; may go beyond end_time(). Files of the model's
+  /// [output] are written on the way, and ended by run(). At the present time there is nothing to do.
+  /// @throws std::invalid_argument for a time in the past or one that is not finite; std::logic_error for statics
+  /// @pre load() succeeded
+  Status step_to(double t, const SimulationObserver& observer = {});
+  /// The present state as bytes, those of a restart file: all that the coming steps depend on, inputs and switches,
+  /// too. Costs an analysis of Newton's matrix, which the run that goes on makes anew, so that it takes the same steps
+  /// as one that is restored. @throws std::logic_error for statics @pre load() succeeded
+  [[nodiscard]] std::string save();
+  /// Goes (back) to a state that save() gave, of this object or another one with the same model; the series ends there.
+  /// On failure (status invalid_input: bytes that are damaged, or of another model) nothing has changed.
+  /// @throws std::logic_error for statics @pre load() succeeded
+  Status restore(std::string_view state);
+
+  /// All that value() knows, in the order of the model; sorted by objects. @pre load() succeeded
+  [[nodiscard]] std::vector<SimulationQuantity> quantities() const;
+  /// SimulationOptions::keep_series; empty without. @pre load() succeeded
+  [[nodiscard]] const SimulationSeries& series() const;
   [[nodiscard]] const SimulationSummary& summary() const;
   [[nodiscard]] double time() const;      ///< present time. @pre load() succeeded
   [[nodiscard]] double end_time() const;  ///< @pre load() succeeded

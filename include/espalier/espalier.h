@@ -42,8 +42,8 @@ typedef enum espalier_status {
   ESPALIER_OUT_OF_MEMORY = 5,         /**< a budget or the machine's memory is too small */
   ESPALIER_DEVICE_ERROR = 6,          /**< a device failed */
   ESPALIER_ACCURACY_NOT_REACHED = 7,  /**< the solution is returned, its backward error is above what was required */
-  ESPALIER_CANCELLED = 8,
-  ESPALIER_INTERNAL_ERROR = 99 /**< a bug of ours; the message says what is known */
+  ESPALIER_CANCELLED = 8,             /**< espalier_set_interrupt: the caller said stop */
+  ESPALIER_INTERNAL_ERROR = 99        /**< a bug of ours; the message says what is known */
 } espalier_status;
 
 /** How the arrays of a matrix run. */
@@ -120,7 +120,8 @@ typedef struct espalier_factor_info {
   double determinant_sign; /**< -1, 0 or 1 */
   double determinant_log;  /**< natural logarithm of |det A| */
   int64_t peak_host_bytes;
-  int64_t rank; /**< of the matrix to rounding; -1: not known (option "singular": error or report) */
+  int64_t rank;    /**< of the matrix to rounding; -1: not known (option "singular": error or report) */
+  int64_t delayed; /**< columns whose elimination was moved to a later front */
 } espalier_factor_info;
 
 /** What the solve did. */
@@ -138,6 +139,9 @@ typedef struct espalier_solver espalier_solver;
 /** Receives one line of log text without newline, from the thread that called. It must not call back into the solver.
  */
 typedef void (*espalier_log_callback)(const char* line, void* user);
+/** Whether to stop: 0 goes on, anything else ends the call with ESPALIER_CANCELLED. It must not call back into the
+ * solver. */
+typedef int (*espalier_interrupt_callback)(void* user);
 
 /** "major.minor.patch"; a static string. */
 const char* espalier_version(void);
@@ -163,14 +167,27 @@ void espalier_destroy(espalier_solver* solver);
 const char* espalier_last_error(const espalier_solver* solver);
 /** The row of the caller's matrix that the last failure concerns, from 0 on; -1 when none does. */
 int64_t espalier_last_error_row(const espalier_solver* solver);
+/** Likewise the column, where it is the column that is known: of matrices by rows (ESPALIER_CSR). */
+int64_t espalier_last_error_column(const espalier_solver* solver);
 
 /**
  * Sets an option by name, for instance ("kind", "ldlt"), ("threads", "8"), ("host_memory", "2GiB"); the names and
  * values are those of the command line, with '-' or '_'. Takes effect at the next analysis.
  */
 int espalier_set_option(espalier_solver* solver, const char* key, const char* value);
+/**
+ * Applies ESPALIER_OPTIONS once more, over what espalier_set_option has said since: for libraries that serve other
+ * programs with defaults of their own, so that the user has the last word.
+ */
+int espalier_apply_environment(espalier_solver* solver);
 /** Where log lines go; NULL: nowhere. Takes effect at the next analysis. */
 int espalier_set_log(espalier_solver* solver, espalier_log_callback log, void* user);
+/**
+ * Who is asked, every 20 ms or so and from the thread that called, whether to stop; NULL: nobody. Takes effect at the
+ * next analysis. The solver stays usable: without an analysis if that was stopped, with it but without a factor if a
+ * factorization was; a stopped solve leaves x undefined and the factor as it was.
+ */
+int espalier_set_interrupt(espalier_solver* solver, espalier_interrupt_callback interrupt, void* user);
 
 /** Orders the matrix and lays out the factorization. `info` may be NULL, here and below. */
 int espalier_analyze_i32(espalier_solver* solver, const espalier_matrix_i32* a, espalier_analysis_info* info);
@@ -195,6 +212,11 @@ int espalier_refactorize_device(espalier_solver* solver, const double* values, i
                                 espalier_factor_info* info);
 int espalier_solve_device(espalier_solver* solver, const double* b, double* x, int64_t columns, int transpose,
                           void* stream, espalier_solve_info* info);
+/**
+ * Sets the options refinement_steps and required_backward_error (infinity: none) for the solves to come, at once.
+ * ESPALIER_MISUSE for values that they cannot have.
+ */
+int espalier_set_refinement(espalier_solver* solver, int32_t steps, double required_backward_error);
 /**
  * What the last factorization found of a singular matrix: rows that depend on the others, and vectors v with A v = 0 to
  * rounding, whose largest entry is 1. Ask after ESPALIER_SINGULAR, or with the option "singular" set to "report".

@@ -31,6 +31,15 @@ enum class SingularMatrix {
   report,
 };
 
+/// Which scaling a factorization of ldlt or lu takes. llt needs none.
+enum class Rescale {
+  off,  ///< that of the analysis
+  /// One of its own values, of the analysis's sort: of a matching, or without `matching` equilibration. A matching can
+  /// cost as much as the factorization of a sparse factor.
+  on,
+  equilibration,  ///< one of its own values, cheap and weaker; where pivots vanish, that of a matching after all
+};
+
 /// What the caller may choose. Every field has a default that suits mechanics.
 struct Options {
   Kind kind = Kind::automatic;            ///< the factorization
@@ -57,12 +66,13 @@ struct Options {
   double zero_pivot = 0;
   /// Whether an analysis looks at values, for matching, scaling and the kind. Without it they may be anything.
   bool analyze_values = true;
-  /// ldlt, lu: every factorization scales its own values, by the scaling of a matching (without `matching`, by
-  /// equilibration, which is cheaper and weaker), in the order of the analysis. For values that wander over many
+  /// Whether each factorization scales its own values, in the order of the analysis: for values that wander over many
   /// decades. A GPU is then given scaled values.
-  bool rescale = false;
+  Rescale rescale = Rescale::off;
   bool matching = true;       ///< maximum product matching and scaling for ldlt and lu
   int refinement_steps = 10;  ///< most steps of iterative refinement
+  /// A componentwise backward error at which refinement ends, though it could be made smaller.
+  double refinement_target = 2e-16;
   double required_backward_error =
       1e-10;  ///< a normwise backward error above it ends in accuracy_not_reached; infinity
               ///< with refinement_steps = 0: residuals are not computed, errors are NaN
@@ -74,6 +84,12 @@ struct Options {
   Sharing sharing;                 ///< among several devices
   std::vector<Index> permutation;  ///< the caller's own elimination order (old index of the k-th); empty: ours
   LogCallback log;                 ///< where log lines go; empty: nowhere
+  /// Whether to stop: asked now and then in the thread that calls; must not throw. Once it says yes, the call ends
+  /// with status cancelled, as soon as the pieces of work in hand are done; what a GPU has begun it finishes. The
+  /// solver stays usable: without an analysis if that was stopped, with it but without a factor if a factorization was;
+  /// a stopped solve() leaves x undefined and the factor as it was. Clones ask, too, each for itself.
+  std::function<bool()> interrupted;
+  double interrupted_every = 0.02;  ///< seconds between two such questions; 0: asked at every border of work
 };
 
 /// Inertia of the factored matrix: counts of eigenvalues by sign (exact for ldlt and llt, -1 for lu).
@@ -196,6 +212,12 @@ class Solver {
   FactorResult refactorize_device(const double* values, Offset count, void* stream = nullptr);
   SolveResult solve_device(const double* b, double* x, Index columns = 1, Transpose transpose = Transpose::no,
                            void* stream = nullptr);
+  /// The GPU (as the CUDA runtime counts) whose arrays these two take; -1: none, or no factor was made yet.
+  [[nodiscard]] int gpu() const;
+
+  /// Sets options().refinement_steps and required_backward_error for the solves to come.
+  /// @throws std::invalid_argument for values that they cannot have
+  void set_refinement(int steps, double required_backward_error);
 
   /// Another solver for the same pattern, with the same options, which shares this one's analysis and has a factor of
   /// its own: for batches of systems, for load cases, for threads. Nothing is ordered again; what the clone takes at
@@ -208,6 +230,11 @@ class Solver {
   [[nodiscard]] Solver clone(int threads = 0) const;
 
   [[nodiscard]] State state() const;
+  /// Whether `a` has the pattern that was analyzed, entry by entry. @pre state() != empty
+  [[nodiscard]] bool has_pattern(const MatrixView& a) const;
+  /// The values of the last factorization in the order of refactorize(); of an entry that is stored twice the sum
+  /// stands at the first place, and zero at the other. @pre state() == factorized
+  [[nodiscard]] std::vector<double> values() const;
   /// As they were given to the constructor: what the solver chose itself stands in the results.
   [[nodiscard]] const Options& options() const;
   [[nodiscard]] const AnalysisResult& analysis() const;

@@ -53,6 +53,12 @@ void abandon(std::vector<std::thread>& threads, std::mutex& mutex, std::conditio
   ::new (&done) std::condition_variable();
 }
 
+template <class Done>
+void wait(Interruption* interruption, std::condition_variable& changed, std::unique_lock<std::mutex>& lock, Done done) {
+  if (interruption != nullptr) return interruption->wait(changed, lock, done);
+  changed.wait(lock, done);
+}
+
 }  // namespace
 
 int available_cores() {
@@ -62,7 +68,7 @@ int available_cores() {
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 
-ThreadPool::ThreadPool(int threads) {
+ThreadPool::ThreadPool(int threads, Interruption* interruption) : interruption_(interruption) {
   const int extra = std::max(1, threads) - 1;
   errors_.resize(static_cast<std::size_t>(extra) + 1);
   threads_.reserve(static_cast<std::size_t>(extra));
@@ -127,7 +133,7 @@ bool ThreadPool::enter(std::uint64_t generation) {
 void ThreadPool::start_again() {
   const auto before = threads_.size();
   const std::uint64_t parents = generation_;
-  ::new (this) ThreadPool(size());
+  ::new (this) ThreadPool(size(), interruption_);
   if (threads_.size() >= before) return;
   stop_and_join();  // callers have counted the workers: all or none
   threads_.resize(before);
@@ -164,7 +170,7 @@ void ThreadPool::call(const std::function<void(int)>& body, Mode mode) {
     const auto all_left = [&] { return count(running_.load(std::memory_order_acquire)) == 0; };
     for (int s = 0; s < kSpins && !all_left(); ++s) relax();
     std::unique_lock lock(mutex_);
-    done_.wait(lock, all_left);
+    wait(interruption_, done_, lock, all_left);
   }
   for (auto& e : errors_)
     if (e) std::rethrow_exception(e);
@@ -174,7 +180,10 @@ void ThreadPool::for_each_range(std::int64_t n, std::int64_t grain,
                                 const std::function<void(std::int64_t, std::int64_t)>& body) {
   grain = std::max<std::int64_t>(1, grain);
   if (threads_.empty() || n <= grain) {
-    for (std::int64_t b = 0; b < n; b += grain) body(b, std::min(n, b + grain));
+    for (std::int64_t b = 0; b < n; b += grain) {
+      check();
+      body(b, std::min(n, b + grain));
+    }
     return;
   }
   std::atomic<std::int64_t> next{0};
@@ -182,6 +191,7 @@ void ThreadPool::for_each_range(std::int64_t n, std::int64_t grain,
     for (;;) {
       const std::int64_t b = next.fetch_add(grain, std::memory_order_relaxed);
       if (b >= n) return;
+      check();
       body(b, std::min(n, b + grain));
     }
   });
@@ -210,7 +220,7 @@ void Recursion::wait_for_work(std::unique_lock<std::mutex>& lock) {
   for (int s = 0; s < kSpins && news_.load(std::memory_order_acquire) == seen; ++s) relax();
   lock.lock();
   ++sleepers_;
-  available_.wait(lock, something);
+  wait(interruption_, available_, lock, something);
   --sleepers_;
 }
 
@@ -238,6 +248,7 @@ bool Recursion::take_and_run() {
     }
   }
   try {
+    check();
     task(*this);
   } catch (...) {
     const std::lock_guard lock(mutex_);
@@ -253,6 +264,7 @@ void Recursion::run_ranges(Loop& loop) {
     for (;;) {
       const std::int64_t b = loop.next.fetch_add(loop.grain, std::memory_order_relaxed);
       if (b >= loop.n) return;
+      check();
       loop.body(b, std::min(loop.n, b + loop.grain));
     }
   } catch (...) {
@@ -286,12 +298,12 @@ void Recursion::run_loop(std::int64_t n, std::int64_t grain, const RangeBody& bo
   lock.unlock();
   for (int s = 0; s < kSpins && loop.helpers.load(std::memory_order_acquire) != 0; ++s) relax();
   lock.lock();  // also where nobody helps any more: the last helper must have let go of the mutex
-  left_.wait(lock, [&] { return loop.helpers.load(std::memory_order_acquire) == 0; });
+  wait(interruption_, left_, lock, [&] { return loop.helpers.load(std::memory_order_acquire) == 0; });
   if (loop.error) std::rethrow_exception(loop.error);
 }
 
 void Recursion::run(ThreadPool& pool, Task root) {
-  Recursion recursion;
+  Recursion recursion(pool.interruption());
   recursion.spawn(std::move(root));
   pool.share([&](int) {
     while (recursion.take_and_run()) {

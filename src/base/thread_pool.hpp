@@ -12,6 +12,8 @@
 #include <thread>
 #include <vector>
 
+#include "base/interruption.hpp"
+
 namespace espalier::base {
 
 /// Cores that this process may use (its affinity mask), at least 1.
@@ -21,10 +23,17 @@ int available_cores();
 /// between calls (after a short spin, for calls that follow closely). One parallel call at a time. See also forks.hpp.
 class ThreadPool {
  public:
-  explicit ThreadPool(int threads);
+  /// @param interruption  asked between ranges and tasks, which then end with what it throws; null: nobody is
+  explicit ThreadPool(int threads, Interruption* interruption = nullptr);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;
+
+  /// Between pieces of work, in any worker. @throws Error(cancelled), see Interruption
+  void check() {
+    if (interruption_ != nullptr) interruption_->check();
+  }
+  [[nodiscard]] Interruption* interruption() const { return interruption_; }
 
   [[nodiscard]] int size() const { return static_cast<int>(threads_.size()) + 1; }
 
@@ -70,6 +79,7 @@ class ThreadPool {
   void work(int worker);
   void stop_and_join();
 
+  Interruption* interruption_;
   std::vector<std::thread> threads_;
   std::mutex mutex_;
   std::condition_variable wake_;
@@ -114,6 +124,13 @@ class Recursion {
   void run_ranges(Loop& loop);
   void withdraw(const Loop& loop);
   void wait_for_work(std::unique_lock<std::mutex>& lock);
+  void check() {
+    if (interruption_ != nullptr) interruption_->check();
+  }
+
+  explicit Recursion(Interruption* interruption) : interruption_(interruption) {}
+
+  Interruption* interruption_;
   void announce(bool to_all);
 
   std::mutex mutex_;

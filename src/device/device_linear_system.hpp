@@ -39,6 +39,8 @@ struct LinearSystemArrays {
 /// that they wait.
 class DeviceLinearSystem : public ResidualSpace {
  public:
+  /// Of the device, as its runtime counts.
+  [[nodiscard]] virtual int number() const = 0;
   /// Takes a copy of new values and scales it for the factorization.
   virtual void take_values(const double* values) = 0;
   /// The same for the part [first, first + count) of LinearSystemArrays::values; all of them must be sent.

@@ -81,6 +81,7 @@ template <class T>
 void DeviceRun<T>::run_all() {
   std::array<std::int64_t, kQueues> numbers{};
   for (const Operation* op : runs_) {
+    if (options_.interruption != nullptr) options_.interruption->check();
     for (const Queue q : {Queue::in, Queue::out, Queue::run, Queue::second_run}) {
       const std::int64_t n = waits_for(*op, q);
       if (n == 0 || q == op->queue) continue;

@@ -53,7 +53,7 @@ class OutOfCoreExecutor final : public device::Executor<T> {
                     base::MemoryBudget* budget)
       : options_(options),
         progress_(static_cast<Index>(backends.size())),
-        crew_(kRoles * static_cast<int>(backends.size())),
+        crew_(kRoles * static_cast<int>(backends.size()), options.interruption),
         plans_(plan_out_of_core(*backends.front(), options.devices, options.rates)) {
     if (crew_.size() < kRoles * static_cast<int>(backends.size()))
       throw Error(StatusCode::out_of_memory,

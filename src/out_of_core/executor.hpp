@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "base/interruption.hpp"
 #include "out_of_core/backend.hpp"
 
 namespace espalier::out_of_core {
@@ -21,6 +22,7 @@ struct OutOfCoreOptions {
   /// microseconds, about as long as asking for it.
   Offset least_direct_bytes = 128 << 10;
   PlanningRates rates;
+  base::Interruption* interruption = nullptr;  ///< asked between the operations of the first device; null: nobody is
 };
 
 /// Substitution runs on the host, where the factor is: it does two operations per number, so the host's memory, several

@@ -11,12 +11,16 @@
 #include "solver/c_handle.hpp"
 #include "solver/c_matrix.hpp"
 #include "solver/c_results.hpp"
+#include "solver/option_check.hpp"
 #include "solver/option_text.hpp"
+#include "solver/transposed_text.hpp"
 
 using espalier::Error;
 using espalier::Index;
+using espalier::Kind;
 using espalier::Status;
 using espalier::StatusCode;
+using espalier::solver::CallerStatus;
 using espalier::solver::guarded;
 using espalier::solver::hand_out;
 using espalier::solver::require;
@@ -30,6 +34,8 @@ espalier::Solver& make_solver(espalier_solver& s) {
     options.log = [log = s.log, user = s.log_user](const std::string& line) { log(line.c_str(), user); };
   }
   s.solver.reset();  // gives back the memory of the pattern before
+  if (s.interrupt != nullptr)
+    options.interrupted = [ask = s.interrupt, user = s.interrupt_user] { return ask(user) != 0; };
   return s.solver.emplace(std::move(options));
 }
 
@@ -43,6 +49,15 @@ espalier::Solver& factorized(espalier_solver& s) {
   return *s.solver;
 }
 
+/// What the solver says of the matrix, of the matrix that the caller gave: of compressed rows it has taken the
+/// transpose. The dependent rows of a symmetric matrix are columns, too.
+CallerStatus to_caller(const espalier_solver& s, const Status& status, Kind kind) {
+  const bool of_rows = status.code == StatusCode::singular && (kind == Kind::llt || kind == Kind::ldlt);
+  const bool of_entries = status.code == StatusCode::invalid_input || status.code == StatusCode::singular;
+  if (!s.by_rows || of_rows || !of_entries) return status;
+  return {{status.code, espalier::solver::transposed_text(status.message), -1}, status.row};
+}
+
 /// Analysis of a new pattern by `analyze(solver, view)`.
 template <class Matrix, class Analyze>
 int analyze_by(espalier_solver* solver, const Matrix* a, espalier_analysis_info* info, const Analyze& analyze) {
@@ -53,9 +68,10 @@ int analyze_by(espalier_solver* solver, const Matrix* a, espalier_analysis_info*
     s.rows = matrix.view().rows;
     s.nonzeros = matrix.view().nonzeros();
     s.transposed = matrix.transposed();
+    s.by_rows = matrix.by_rows();
     s.null_space = {};
     hand_out(result, info);
-    return result.status;
+    return to_caller(s, result.status, result.kind);
   });
 }
 
@@ -75,11 +91,11 @@ int load_analysis(espalier_solver* solver, const char* path, const Matrix* a, es
 
 // A factorization by `call`.
 template <class Call>
-Status factorize_by(espalier_solver& s, espalier_factor_info* info, Call&& call) {
+CallerStatus factorize_by(espalier_solver& s, espalier_factor_info* info, Call&& call) {
   s.null_space = {};
   espalier::FactorResult result = call();
   hand_out(result, info);
-  Status status = result.status;
+  CallerStatus status = to_caller(s, result.status, s.solver->analysis().kind);
   s.null_space = espalier::solver::null_space_of(std::move(result), s.transposed);
   return status;
 }
@@ -163,8 +179,10 @@ int espalier_clone(espalier_solver* solver, int32_t threads, espalier_solver** c
     auto other = std::make_unique<espalier_solver>();
     other->options = s.options;
     std::tie(other->log, other->log_user) = std::tie(s.log, s.log_user);
+    std::tie(other->interrupt, other->interrupt_user) = std::tie(s.interrupt, s.interrupt_user);
     if (s.solver) other->solver.emplace(s.solver->clone(threads));
-    std::tie(other->rows, other->nonzeros, other->transposed) = std::tie(s.rows, s.nonzeros, s.transposed);
+    std::tie(other->rows, other->nonzeros, other->transposed, other->by_rows) =
+        std::tie(s.rows, s.nonzeros, s.transposed, s.by_rows);
     *clone = other.release();
     return Status{};
   });
@@ -181,6 +199,10 @@ const char* espalier_last_error(const espalier_solver* solver) {
 
 int64_t espalier_last_error_row(const espalier_solver* solver) { return solver == nullptr ? -1 : solver->error_row; }
 
+int64_t espalier_last_error_column(const espalier_solver* solver) {
+  return solver == nullptr ? -1 : solver->error_column;
+}
+
 int espalier_set_option(espalier_solver* solver, const char* key, const char* value) {
   return guarded(solver, [&](espalier_solver& s) {
     require(key != nullptr && value != nullptr, "the option's name or value is null");
@@ -189,10 +211,26 @@ int espalier_set_option(espalier_solver* solver, const char* key, const char* va
   });
 }
 
+int espalier_apply_environment(espalier_solver* solver) {
+  return guarded(solver, [&](espalier_solver& s) {
+    espalier::solver::Environment environment = espalier::solver::read_environment(s.options);
+    if (environment.status.ok()) s.options = std::move(environment.options);
+    return environment.status;
+  });
+}
+
 int espalier_set_log(espalier_solver* solver, espalier_log_callback log, void* user) {
   return guarded(solver, [&](espalier_solver& s) {
     s.log = log;
     s.log_user = user;
+    return Status{};
+  });
+}
+
+int espalier_set_interrupt(espalier_solver* solver, espalier_interrupt_callback interrupt, void* user) {
+  return guarded(solver, [&](espalier_solver& s) {
+    s.interrupt = interrupt;
+    s.interrupt_user = user;
     return Status{};
   });
 }
@@ -231,6 +269,18 @@ int espalier_solve(espalier_solver* solver, const double* b, double* x, int64_t 
                [&](espalier::Solver& cpp, std::size_t size, espalier::Transpose how) {
                  return cpp.solve({b, size}, {x, size}, static_cast<Index>(columns), how);
                });
+}
+
+int espalier_set_refinement(espalier_solver* solver, int32_t steps, double required_backward_error) {
+  return guarded(solver, [&](espalier_solver& s) {
+    espalier::Options changed = s.options;
+    changed.refinement_steps = steps;
+    changed.required_backward_error = required_backward_error;
+    espalier::solver::check_options(changed);
+    if (s.solver) s.solver->set_refinement(steps, required_backward_error);
+    s.options = std::move(changed);
+    return Status{};
+  });
 }
 
 int espalier_solve_device(espalier_solver* solver, const double* b, double* x, int64_t columns, int transpose,

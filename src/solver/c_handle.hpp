@@ -12,6 +12,7 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "base/forks.hpp"
 #include "espalier/espalier.h"
@@ -55,19 +56,24 @@ struct espalier_solver {
   espalier::Options options = environment.options;
   espalier_log_callback log = environment.log_to_stderr ? &espalier::solver::log_to_stderr : nullptr;
   void* log_user = nullptr;
+  espalier_interrupt_callback interrupt = nullptr;
+  void* interrupt_user = nullptr;
   std::optional<espalier::Solver> solver;  // made at analysis, with the options of that moment
   espalier::Index rows = 0;
   espalier::Offset nonzeros = 0;
   bool transposed = false;                 // the solver holds A^T
+  bool by_rows = false;                    // its columns are the caller's rows, of a symmetric matrix, too
   espalier::solver::NullSpace null_space;  // of the last factorization
   std::string error;
   int64_t error_row = -1;
+  int64_t error_column = -1;  // where the solver's row is the caller's column
 };
 
 namespace espalier::solver {
 
 inline int fail(espalier_solver& s, int code, const char* message, int64_t row = -1) noexcept {
   s.error_row = row;
+  s.error_column = -1;
   try {
     s.error = message;
   } catch (...) {
@@ -76,8 +82,18 @@ inline int fail(espalier_solver& s, int code, const char* message, int64_t row =
   return code;
 }
 
-inline int finish(espalier_solver& s, const Status& status) noexcept {
-  return fail(s, static_cast<int>(status.code), status.message.c_str(), status.row);
+/// How a call ended, in terms of the caller's matrix.
+struct CallerStatus {
+  CallerStatus(Status the_status, Index the_column = -1)  // NOLINT(google-explicit-constructor): most concern no column
+      : status(std::move(the_status)), column(the_column) {}
+  Status status;
+  Index column;
+};
+
+inline int finish(espalier_solver& s, const CallerStatus& end) noexcept {
+  const int code = fail(s, static_cast<int>(end.status.code), end.status.message.c_str(), end.status.row);
+  s.error_column = end.column;
+  return code;
 }
 
 struct Inside {
@@ -88,7 +104,8 @@ struct Inside {
   ~Inside() { callers.leave(); }
 };
 
-/// Runs `body` (returns a status) under the solver's lock; every exception becomes a code and a message.
+/// Runs `body` (returns a Status or a CallerStatus) under the solver's lock; every exception becomes a code and a
+/// message.
 template <class Body>
 int guarded(espalier_solver* s, const Body& body) noexcept {
   if (s == nullptr) return ESPALIER_MISUSE;

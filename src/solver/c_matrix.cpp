@@ -104,6 +104,7 @@ CMatrix::CMatrix(const Matrix& a, bool values_needed) {
   }
   if (a.values != nullptr) view_.values = {a.values, count};
   transposed_ = by_rows && storage == Storage::general;
+  by_rows_ = by_rows;
 }
 
 template CMatrix::CMatrix(const espalier_matrix_i32&, bool);

@@ -23,12 +23,15 @@ class CMatrix {
   /// True when the view is A^T: a general matrix given by rows. Its values keep their order, so that nothing is
   /// moved at a refactorization; whoever solves transposes once more.
   [[nodiscard]] bool transposed() const { return transposed_; }
+  /// The view's columns are the caller's rows: messages about the one are to be told of the other.
+  [[nodiscard]] bool by_rows() const { return by_rows_; }
 
  private:
   std::vector<Offset> pointers_;
   std::vector<Index> indices_;
   MatrixView view_;
   bool transposed_ = false;
+  bool by_rows_ = false;
 };
 
 }  // namespace espalier::solver

@@ -28,6 +28,7 @@ espalier_factor_info to_c(const FactorResult& r) {
   info.two_by_two = r.two_by_two;
   info.perturbed = r.perturbed;
   info.rank = r.rank;
+  info.delayed = r.delayed;
   info.determinant_sign = r.determinant_sign;
   info.determinant_log = r.determinant_log;
   info.peak_host_bytes = r.peak_host_bytes;

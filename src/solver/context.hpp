@@ -26,7 +26,11 @@ struct Context {
   }
   /// Of factors.
   [[nodiscard]] Precision precision() const { return raised ? Precision::fp64 : options.precision; }
-  [[nodiscard]] bool rescales() const { return rescaled || options.rescale; }
+  [[nodiscard]] bool rescales() const { return rescaled || options.rescale != Rescale::off; }
+  /// Whether scalings are those of matchings.
+  [[nodiscard]] bool matches() const {
+    return options.matching && (rescaled || options.rescale != Rescale::equilibration);
+  }
   [[nodiscard]] bool single() const { return precision() != Precision::fp64; }
 };
 

@@ -20,8 +20,9 @@ void read_item(Environment& to, std::string_view item) {
 
 }  // namespace
 
-Environment read_environment() {
+Environment read_environment(const Options& defaults) {
   Environment result;
+  result.options = defaults;
   const char* text = std::getenv("ESPALIER_OPTIONS");
   if (text == nullptr) return result;
   try {
@@ -31,8 +32,7 @@ Environment read_environment() {
       rest = end == std::string_view::npos ? std::string_view() : rest.substr(end + 1);
     }
   } catch (const Error& e) {
-    result = Environment();
-    result.status = {StatusCode::invalid_input, std::string("ESPALIER_OPTIONS: ") + e.what(), -1};
+    result = {defaults, false, {StatusCode::invalid_input, std::string("ESPALIER_OPTIONS: ") + e.what(), -1}};
   }
   return result;
 }

@@ -7,12 +7,13 @@
 namespace espalier::solver {
 
 /// What ESPALIER_OPTIONS says: "device=gpu:0;threads=8;log=stderr", names and values as in set_option(), and where log
-/// lines go (nowhere, or stderr). Unset or empty: the defaults.
+/// lines go (nowhere, or stderr).
 struct Environment {
   Options options;
   bool log_to_stderr = false;
-  Status status;  ///< invalid_input, naming the variable, when it is not understood; options are the defaults then
+  Status status;  ///< invalid_input, naming the variable, when it is not understood; options are `defaults` then
 };
-Environment read_environment();
+/// @param defaults  the options that it does not name
+Environment read_environment(const Options& defaults = {});
 
 }  // namespace espalier::solver

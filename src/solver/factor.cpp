@@ -80,13 +80,24 @@ void Factor::factorize_device(const double* values, Offset count, void* queue) {
   finish(settle_pivots(), start);
 }
 
+std::vector<double> Factor::values_by_caller() {
+  values_.fetch(numeric_->device_system());
+  return solver::values_by_caller(analysis_->system->prepared, values_.values());
+}
+
+int Factor::gpu() const {
+  const device::DeviceLinearSystem* device = numeric_ ? numeric_->device_system() : nullptr;
+  return device == nullptr ? -1 : device->number();
+}
+
 void Factor::begin() {
   factorized_ = false;
   result_ = FactorResult{};
   deficiency_.reset();
-  looked_ = gave_up_ = false;
+  looked_ = gave_up_ = matched_ = false;
   if (context_.timeline != nullptr) context_.timeline->clear();
   if (!numeric_) make_numeric();
+  numeric_->scale_by_matching(context_.matches());
 }
 
 void Factor::finish(device::FactorOutcome outcome, double start) {
@@ -94,6 +105,12 @@ void Factor::finish(device::FactorOutcome outcome, double start) {
     raise_precision();
     again(outcome);
     outcome = settle_pivots(std::move(outcome));
+  }
+  if (weakly_scaled(outcome)) {
+    context_.log("pivots vanish after equilibration: going on with the scaling of a matching");
+    matched_ = true;
+    numeric_->scale_by_matching(true);
+    outcome = settle_pivots();
   }
   if (lost_to_scaling(outcome)) {
     context_.log("pivots vanish in the scaling of the analysis, in a scaling of their own the values are regular");
@@ -124,6 +141,7 @@ void Factor::make_numeric() {
       charge_analysis();
       numeric_ = solver::make_numeric(*analysis_, values_.values(), context_);
     } catch (const Error& e) {
+      if (e.status().code == StatusCode::cancelled) throw;
       auto next = take_over(analysis_->device, e.what(), context_.registry);
       if (!next) throw;
       context_.log(fmt::format("the {} cannot take the factorization: going on with {}",
@@ -133,6 +151,7 @@ void Factor::make_numeric() {
     }
   }
   numeric_->set_smallest_pivot(smallest_pivot_);
+  numeric_->scale_by_matching(matched_ || context_.matches());
 }
 
 // @throws Error(out_of_memory) where the budget is too small for the factorization as it is planned
@@ -284,6 +303,12 @@ bool Factor::lost_to_scaling(const device::FactorOutcome& outcome) {
   return judge(outcome).zeros < static_cast<Index>(outcome.replaced.size());
 }
 
+bool Factor::weakly_scaled(const device::FactorOutcome& outcome) const {
+  const Options& o = context_.options;
+  const bool equilibrated = o.rescale == Rescale::equilibration && o.matching && !context_.rescaled;
+  return equilibrated && !outcome.replaced.empty() && analysis_->kind() != Kind::llt;
+}
+
 void Factor::raise_precision() {
   context_.log("mixed precision: FP32 does not tell this matrix from a singular one; going on in FP64");
   context_.raised = true;
@@ -393,10 +418,11 @@ void Factor::turn_to_ldlt() {
   context_.log("a pivot is not positive: going on with ldlt");
   numeric_.reset();
   Analyzed made = analyze_for_ldlt(*analysis_, values_.values(), context_);
+  FactorValues values(*made.analysis->system, std::move(made.values), context_.pool);  // may be interrupted
   analysis_ = std::move(made.analysis);
   ++changes_;
   harmless_ = 0;
-  values_ = FactorValues(*analysis_->system, std::move(made.values), context_.pool);
+  values_ = std::move(values);
 }
 
 }  // namespace espalier::solver

@@ -61,6 +61,8 @@ class Factor {
   /// Of the last factorization.
   [[nodiscard]] const FactorResult& result() const { return result_; }
   [[nodiscard]] FactorResult& result() { return result_; }
+  /// Where factorize_device() takes values from; -1: nowhere.
+  [[nodiscard]] int gpu() const;
   [[nodiscard]] bool factorized() const { return factorized_; }
 
   /// @pre factorized(), for all below
@@ -68,6 +70,8 @@ class Factor {
   /// Singularity that no pivot has shown: a solution that is far larger than its right-hand side (n values each, on the
   /// host) has the matrix judged, once for each factorization.
   Status second_look(const double* b, const double* x, bool transpose);
+  /// See Solver::values().
+  [[nodiscard]] std::vector<double> values_by_caller();
   /// The linear system in the host's memory.
   [[nodiscard]] const solve::ResidualOperator& residual();
 
@@ -95,6 +99,7 @@ class Factor {
   [[nodiscard]] bool zeros_explain(const device::FactorOutcome& outcome);
   [[nodiscard]] bool needs_fp64(const device::FactorOutcome& outcome);
   bool lost_to_scaling(const device::FactorOutcome& outcome);
+  [[nodiscard]] bool weakly_scaled(const device::FactorOutcome& outcome) const;
   void raise_precision();
   [[nodiscard]] bool narrow_tiles() const;
   void finish(device::FactorOutcome outcome, double start);
@@ -109,6 +114,7 @@ class Factor {
   std::optional<Deficiency> deficiency_;  // of the last numeric factorization; empty: not judged
   Index harmless_ = 0;                    // so many small pivots were no sign of singularity, in this plan
   bool looked_ = false;                   // at the matrix itself, whatever the pivots say
+  bool matched_ = false;                  // this factorization has turned from equilibration to a matching
   bool gave_up_ = false;                  // no place was found for failing pivots
   FactorResult result_;
   bool factorized_ = false;

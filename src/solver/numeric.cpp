@@ -22,7 +22,7 @@ class NumericOf final : public Numeric {
         prepared_(analysis.system->prepared),
         scales_{prepared_.row_scale, prepared_.col_scale, prepared_.transform_log, prepared_.wide},
         rescale_(context.rescales() && analysis.kind() != Kind::llt),
-        matching_(context.options.matching),
+        matching_(context.matches()),
         given_zero_(context.options.zero_pivot),
         given_(values),
         pool_(context.pool),
@@ -56,6 +56,7 @@ class NumericOf final : public Numeric {
     return executor_->factorize(values_.span());
   }
 
+  void scale_by_matching(bool matching) override { matching_ = matching; }
   device::DeviceLinearSystem* device_system() override { return device_.get(); }
   std::optional<device::FactorOutcome> factorize_device(const double* values) override {
     device_->take_values(values);

@@ -25,6 +25,8 @@ class Numeric {
   /// finite.
   virtual std::optional<device::FactorOutcome> factorize_device(const double* values) = 0;
   virtual void set_smallest_pivot(double smallest_pivot) = 0;
+  /// Whether scalings of the values' own are those of matchings, from the next factorization on.
+  virtual void scale_by_matching(bool matching) = 0;
   /// Solves op(A) x = b for `columns` right-hand sides, column-major, n values each; x may alias b.
   virtual void solve(const double* b, double* x, Index columns, bool transpose) = 0;
   /// Of the last factorization.

@@ -42,9 +42,13 @@ void check_options(const Options& o) {
   require("perturbation", o.perturbation, 0.0, 1.0, "from 0 (our choice) to 1");
   require("singular", static_cast<int>(o.singular), 0, static_cast<int>(SingularMatrix::report),
           "one of the enumeration");
+  require("rescale", static_cast<int>(o.rescale), 0, static_cast<int>(Rescale::equilibration),
+          "one of the enumeration");
   require("zero_pivot", o.zero_pivot, 0.0, 1.0, "from 0 (our verdict) to 1");
   require<double>("refinement_steps", o.refinement_steps, 0, INFINITY, "0 or greater");
+  require("refinement_target", o.refinement_target, 0.0, 1.0, "from 0 to 1");
   require<double>("required_backward_error", o.required_backward_error, 0, INFINITY, "0 or greater");
+  require("interrupted_every", o.interrupted_every, 0.0, 3600.0, "from 0 to 3600 seconds");
   require("sharing.additional_subtrees", o.sharing.additional_subtrees, 0.0, 1e6, "from 0 to 1e6");
   require_bytes("device_memory_bytes", o.device_memory_bytes);
   for (const Offset bytes : o.device_memory_each_bytes) require_bytes("device_memory_each_bytes", bytes);

@@ -97,7 +97,10 @@ void set_machine(Options& options, std::string_view, std::string_view value) {
 constexpr std::array<std::pair<std::string_view, SingularMatrix>, 2> kSingular{
     {{"error", SingularMatrix::error}, {"report", SingularMatrix::report}}};
 
-constexpr std::array<OptionText, 19> kOptions{{
+constexpr std::array<std::pair<std::string_view, Rescale>, 3> kRescale{
+    {{"off", Rescale::off}, {"on", Rescale::on}, {"equilibration", Rescale::equilibration}}};
+
+constexpr std::array<OptionText, 20> kOptions{{
     {"kind", [](Options& o, std::string_view k, std::string_view v) { o.kind = parse_name(k, v, kKinds); }},
     {"precision",
      [](Options& o, std::string_view k, std::string_view v) { o.precision = parse_name(k, v, kPrecisions); }},
@@ -131,11 +134,15 @@ constexpr std::array<OptionText, 19> kOptions{{
      }},
     {"analyze_values",
      [](Options& o, std::string_view k, std::string_view v) { o.analyze_values = parse_switch(k, v); }},
-    {"rescale", [](Options& o, std::string_view k, std::string_view v) { o.rescale = parse_switch(k, v); }},
+    {"rescale", [](Options& o, std::string_view k, std::string_view v) { o.rescale = parse_name(k, v, kRescale); }},
     {"matching", [](Options& o, std::string_view k, std::string_view v) { o.matching = parse_switch(k, v); }},
     {"refinement_steps",
      [](Options& o, std::string_view k, std::string_view v) {
        o.refinement_steps = parse_number<int>(k, v, 0, 1000, "a whole number from 0 to 1000");
+     }},
+    {"refinement_target",
+     [](Options& o, std::string_view k, std::string_view v) {
+       o.refinement_target = parse_number<double>(k, v, 0, 1, "a number from 0 to 1");
      }},
     {"required_backward_error",
      [](Options& o, std::string_view k, std::string_view v) {

@@ -232,6 +232,19 @@ void copy_values(const PreparedMatrix& p, std::span<const double> from, Values& 
         "the matrix was analyzed as a symmetric one, but its new values are not symmetric; call analyze() again");
 }
 
+std::vector<double> values_by_caller(const PreparedMatrix& p, std::span<const double> values) {
+  std::vector<double> merged(values.begin(), values.end());
+  if (!p.source.empty()) {
+    merged.assign(static_cast<std::size_t>(*std::max_element(p.source.begin(), p.source.end())) + 1, 0.0);
+    for (std::size_t q = 0; q < p.source.size(); ++q) merged[static_cast<std::size_t>(p.source[q])] = values[q];
+  }
+  if (p.target.empty()) return merged;
+  std::vector<double> all(p.target.size());
+  for (std::size_t q = 0; q < p.target.size(); ++q)
+    all[q] = std::exchange(merged[static_cast<std::size_t>(p.target[q])], 0.0);
+  return all;
+}
+
 bool same_pattern(const PreparedMatrix& p, const MatrixView& a, base::ThreadPool& pool) {
   if (a.rows != p.a.rows || a.cols != p.a.cols || a.nonzeros() != p.caller_nonzeros) return false;
   if (!p.source.empty() || !p.target.empty()) return pattern_hash(a, pool) == p.caller_pattern;

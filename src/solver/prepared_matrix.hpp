@@ -74,6 +74,9 @@ PreparedMatrix prepare_matrix(const MatrixView& a, Kind kind, base::ThreadPool& 
 /// @throws Error(invalid_input) when a matrix in general storage was analyzed as symmetric and its new values are not
 void copy_values(const PreparedMatrix& p, std::span<const double> from, Values& to, base::ThreadPool& pool);
 
+/// The way back: values in the caller's order that make `values` of p.a. Of duplicates the first takes all.
+std::vector<double> values_by_caller(const PreparedMatrix& p, std::span<const double> values);
+
 /// Whether `a` has the pattern from which `p` was copied.
 bool same_pattern(const PreparedMatrix& p, const MatrixView& a, base::ThreadPool& pool);
 

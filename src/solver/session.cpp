@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <chrono>
 #include <cstdlib>
 #include <cstring>
 #include <new>
@@ -34,6 +35,11 @@ int threads_of(const Options& o) {
   return host ? host->devices * host->threads : threads;
 }
 
+base::Interruption::Clock::duration period_of(const Options& o) {
+  const std::chrono::duration<double> seconds(o.interrupted_every);
+  return std::chrono::duration_cast<base::Interruption::Clock::duration>(seconds);
+}
+
 std::unique_ptr<base::Timeline> timeline_of(const Options& o) {
   return o.record_timeline ? std::make_unique<base::Timeline>() : nullptr;
 }
@@ -42,14 +48,16 @@ std::unique_ptr<base::Timeline> timeline_of(const Options& o) {
 
 Session::Session(Options the_options, const device::Registry& registry)
     : options(std::move(the_options)),
-      pool(threads_of(options)),
+      interruption(options.interrupted, period_of(options)),
+      pool(threads_of(options), &interruption),
       budget("host memory", options.host_memory_bytes),
       timeline(timeline_of(options)),
       context{options, registry, pool, budget, timeline.get()} {}
 
 Session::Session(const Session& other, int threads)
     : options(other.options),
-      pool(threads > 0 ? threads : other.pool.size()),
+      interruption(options.interrupted, period_of(options)),
+      pool(threads > 0 ? threads : other.pool.size(), &interruption),
       budget("host memory", options.host_memory_bytes),
       timeline(timeline_of(options)),
       context{options, other.context.registry, pool, budget, timeline.get()} {

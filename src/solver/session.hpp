@@ -40,7 +40,8 @@ class Session {
   /// @pre factor
   [[nodiscard]] const Analysis& current() const { return *factor->analysis(); }
 
-  const Options options;  ///< the caller's, whatever becomes of them
+  Options options;  ///< the caller's, whatever becomes of them; Solver::set_refinement() alone changes them
+  base::Interruption interruption;
   base::ThreadPool pool;
   base::MemoryBudget budget;
   std::unique_ptr<base::Timeline> timeline;

@@ -119,6 +119,7 @@ class Solving {
     }
     solve::RefinementOptions refinement;
     refinement.steps = options_.precision == Precision::fp32 ? 0 : options_.refinement_steps;
+    refinement.target = options_.refinement_target;
     refinement.krylov = krylov;
     refinement.positive_definite = factor_.analysis()->kind() == Kind::llt;
     const solve::RefinementResult r =

@@ -19,10 +19,11 @@ namespace {
 
 using solver::Session;
 
-// Runs body() and turns its failure into a value.
+// Runs body() and turns its failure into a value. Meanwhile the caller may interrupt.
 template <class Body>
-Status guarded(Body&& body) {
+Status guarded(Session& s, Body&& body) {
   try {
+    const base::Interruption::Call call(s.interruption);
     body();
     return {};
   } catch (const Error& e) {
@@ -68,7 +69,7 @@ void check_factorized(const Session& s, const char* call) {
 template <class Body>
 FactorResult factor_by(Session& s, Body&& body) {
   const int before = s.factor->changes();
-  Status status = guarded([&] {
+  Status status = guarded(s, [&] {
     s.expect_usable();
     if (s.opening.valid()) s.opening.wait();
     s.note_devices();
@@ -86,7 +87,7 @@ FactorResult factor_by(Session& s, Body&& body) {
 template <class Body>
 SolveResult solve_by(Session& s, Body&& body) {
   s.solution = SolveResult{};
-  Status status = guarded([&] {
+  Status status = guarded(s, [&] {
     s.expect_usable();
     s.solution = body();
   });
@@ -97,7 +98,7 @@ SolveResult solve_by(Session& s, Body&& body) {
 template <class Body>
 AnalysisResult analysis_by(Session& s, Body&& body) {
   s.analysis = AnalysisResult{};
-  s.analysis.status = guarded([&] {
+  s.analysis.status = guarded(s, [&] {
     s.expect_usable();
     body();
   });
@@ -130,7 +131,7 @@ AnalysisResult Solver::analyze(const MatrixView& a) {
 
 FactorResult Solver::factorize(const MatrixView& a) {
   if (!impl_->factor) throw std::logic_error("Solver::factorize: call analyze() first");
-  Status status = guarded([&] {
+  Status status = guarded(*impl_, [&] {
     matrix::validate(a, &impl_->pool);
     if (!solver::same_pattern(impl_->current().system->prepared, a, impl_->pool))
       throw Error(StatusCode::invalid_input,
@@ -157,6 +158,8 @@ FactorResult Solver::refactorize_device(const double* values, Offset count, void
   return factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize_device(values, count, stream); });
 }
 
+int Solver::gpu() const { return impl_->factor ? impl_->factor->gpu() : -1; }
+
 SolveResult Solver::solve_device(const double* b, double* x, Index columns, Transpose transpose, void* stream) {
   check_factorized(*impl_, "solve_device");
   if (columns < 1 || b == nullptr || x == nullptr)
@@ -177,6 +180,25 @@ SolveResult Solver::solve(std::span<const double> b, std::span<double> x, Index 
   return solve_by(*impl_, [&] { return solver::solve(*impl_->factor, job, impl_->context); });
 }
 
+void Solver::set_refinement(int steps, double required_backward_error) {
+  Options changed = impl_->options;
+  changed.refinement_steps = steps;
+  changed.required_backward_error = required_backward_error;
+  solver::check_options(changed);
+  impl_->options.refinement_steps = steps;
+  impl_->options.required_backward_error = required_backward_error;
+}
+
+bool Solver::has_pattern(const MatrixView& a) const {
+  if (!impl_->factor) throw std::logic_error("Solver::has_pattern: there is no analysis");
+  return solver::same_pattern(impl_->current().system->prepared, a, impl_->pool);
+}
+
+std::vector<double> Solver::values() const {
+  check_factorized(*impl_, "values");
+  return impl_->factor->values_by_caller();
+}
+
 Solver::State Solver::state() const { return impl_->state(); }
 const Options& Solver::options() const { return impl_->options; }
 const AnalysisResult& Solver::analysis() const { return impl_->analysis; }
@@ -184,7 +206,7 @@ const AnalysisResult& Solver::analysis() const { return impl_->analysis; }
 ConditionResult Solver::condition_estimate() {
   check_factorized(*impl_, "condition_estimate");
   ConditionResult r;
-  r.status = guarded([&] {
+  r.status = guarded(*impl_, [&] {
     impl_->expect_usable();
     r.estimate = solver::estimate_condition(*impl_->factor);
   });
@@ -212,7 +234,7 @@ std::vector<Solver::TierRow> Solver::tiers() const {
 
 Status Solver::save_analysis(const std::string& path) const {
   if (!impl_->factor) throw std::logic_error("Solver::save_analysis: there is no analysis");
-  return guarded([&] {
+  return guarded(*impl_, [&] {
     const solver::Analysis& a = impl_->current();
     const auto& p = a.system->prepared;
     solver::write_analysis(path, {a.kind(), a.plan.tree, p.row_scale, p.col_scale, p.row_of_col}, p.caller_pattern);
@@ -225,7 +247,7 @@ AnalysisResult Solver::load_analysis(const std::string& path, const MatrixView& 
 
 Status Solver::write_trace(const std::string& path) const {
   if (!impl_->timeline) throw std::logic_error("Solver::write_trace: Options::record_timeline was not set");
-  return guarded([&] { impl_->timeline->write(path); });
+  return guarded(*impl_, [&] { impl_->timeline->write(path); });
 }
 
 }  // namespace espalier

@@ -9,6 +9,7 @@ import os
 import pathlib
 import pty
 import subprocess
+import sys
 import tempfile
 import unittest
 
@@ -73,6 +74,44 @@ class Cli(unittest.TestCase):
         most = max(map(abs, exact))
         for mine, true in zip(x, exact):
             self.assertLessEqual(abs(mine - true), factor * len(exact) * EPS * most)
+
+
+class RunPrograms(Cli):
+    """`espalier run`: what the program finds, its exit code, and what is said in the end."""
+    # The interface of MKL's PARDISO, from the library that programs find by MKLROOT: 2 x = 4.
+    PARDISO = """
+import ctypes, os
+from ctypes import byref, c_double, c_int
+lib = ctypes.CDLL(os.environ["MKLROOT"] + "/lib/libmkl_rt.so")
+pt, iparm, error, x = (ctypes.c_void_p * 64)(), (c_int * 64)(), c_int(), c_double()
+def call(phase):
+    lib.pardiso(pt, byref(c_int(1)), byref(c_int(1)), byref(c_int(11)), byref(c_int(phase)), byref(c_int(1)), byref(c_double(2)),
+                (c_int * 2)(1, 2), (c_int * 1)(1), None, byref(c_int(1)), iparm, byref(c_int(0)), byref(c_double(4)), byref(x), byref(error))
+call(13)
+print(x.value, error.value, os.environ["ESPALIER_OPTIONS"])
+call(-1)
+raise SystemExit(7)
+"""
+
+    def setUp(self):
+        super().setUp()
+        if not (pathlib.Path(BINARY).parent / "hosts" / "libespalier_mkl_pardiso.so").exists():
+            self.skipTest("the libraries of hosts/ are not built")
+
+    def test_a_program_finds_ours(self):
+        result = self.run_cli("run", "--as", "mkl", "--threads", "1", "--", sys.executable, "-c", self.PARDISO,
+                              env={"ESPALIER_OPTIONS": "device=cpu", "TMPDIR": str(self.folder)})
+        self.assertEqual(result.returncode, 7, result.stderr)
+        self.assertEqual(result.stdout.strip(), "2.0 0 device=cpu;threads=1")
+        self.assertIn("pardiso: 1 factorization, largest n 1,", result.stderr)
+        self.assertEqual(list(self.folder.iterdir()), [], "nothing is left behind")
+
+    def test_programs_that_end_badly(self):
+        self.assertEqual(self.run_cli("run", "--", "sh", "-c", "kill -9 $$").returncode, 128 + 9)
+        self.expect(2, "run", "--", "no-such-program", says="no-such-program")
+        self.expect(2, "run", says="program")
+        self.expect(2, "run", "--as", "tarot", "--", "true", says="tarot")
+        self.assertIn("no solver of ours", self.run_cli("run", "--", "true").stderr)
 
 
 class Usage(Cli):

@@ -184,7 +184,7 @@ TEST(FlexibleBody, ThreadsDoNotChangeABit) {
     if (threads == 1) {
       force = f;
       tangent = w;
-      EXPECT_GT(m.body->assembly().colours(), 1);
+      EXPECT_GT(m.body->assembly().batches(), 1);
     }
     EXPECT_EQ(f, force) << threads;
     EXPECT_EQ(w, tangent) << threads;

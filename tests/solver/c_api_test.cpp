@@ -394,6 +394,41 @@ TEST(CApi, NullSpaceIsThatOfTheCallersMatrix) {
     }
 }
 
+// Where the layouts differ, what is said is of the caller's rows and columns.
+TEST(CApi, ErrorsNameTheCallersRowsAndColumns) {
+  std::vector<double> dense = {4, 1, 0, 0, 4, 1, 2, 0, 4};
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const int layout : {ESPALIER_CSR, ESPALIER_CSC})
+    for (const int storage : {ESPALIER_GENERAL, ESPALIER_SYMMETRIC_UPPER}) {
+      SCOPED_TRACE(testing::Message() << "layout " << layout << ", storage " << storage);
+      const bool by_rows = layout == ESPALIER_CSR;
+      std::vector<double> bad = dense;
+      bad[5] = nan;
+      const Arrays<int32_t> a(dense, 3, layout, storage, 0), b(bad, 3, layout, storage, 0);
+      const Handle s = make();
+      ASSERT_EQ(analyze(s.get(), a.matrix), ESPALIER_OK) << espalier_last_error(s.get());
+      EXPECT_EQ(espalier_last_error_column(s.get()), -1);
+      EXPECT_EQ(factorize(s.get(), b.matrix), ESPALIER_INVALID_INPUT);
+      EXPECT_NE(std::string(espalier_last_error(s.get())).find("entry (1, 2) is nan"), std::string::npos)
+          << espalier_last_error(s.get());
+      EXPECT_EQ(espalier_last_error_row(s.get()), by_rows ? -1 : 1);
+      EXPECT_EQ(espalier_last_error_column(s.get()), by_rows ? 2 : -1);
+      EXPECT_EQ(espalier_refactorize(s.get(), b.values.data(), b.matrix.nonzeros, nullptr), ESPALIER_INVALID_INPUT);
+      EXPECT_NE(std::string(espalier_last_error(s.get())).find("entry (1, 2) is nan"), std::string::npos);
+      ASSERT_EQ(factorize(s.get(), a.matrix), ESPALIER_OK);
+      EXPECT_EQ(espalier_last_error_column(s.get()), -1);
+    }
+  // Row 1 has no entry, columns 0 and 1 have: by rows the solver finds a column without partner.
+  const Arrays<int32_t> hollow({1, 1, 0, 0, 0, 0, 0, 1, 1}, 3, ESPALIER_CSR, ESPALIER_GENERAL, 0);
+  const Handle s = make();
+  EXPECT_EQ(analyze(s.get(), hollow.matrix), ESPALIER_SINGULAR);
+  const std::string text = espalier_last_error(s.get());
+  EXPECT_NE(text.find("its 3 columns can be matched to rows"), std::string::npos) << text;
+  EXPECT_EQ(espalier_last_error_row(s.get()), -1);
+  EXPECT_GE(espalier_last_error_column(s.get()), 0);
+  EXPECT_EQ(espalier_last_error_column(nullptr), -1);
+}
+
 TEST(CApi, NamesAndVersion) {
   EXPECT_STREQ(espalier_status_name(ESPALIER_SINGULAR), "singular");
   EXPECT_STREQ(espalier_status_name(ESPALIER_MISUSE), "misuse");

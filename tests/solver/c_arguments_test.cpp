@@ -178,6 +178,21 @@ TEST(Environment, OptionsOfTheCInterface) {
     EXPECT_EQ(std::get<1>(run(nullptr, nullptr)), -1) << "lu has no inertia";
     EXPECT_EQ(std::get<1>(run("kind", "ldlt")), 3) << "the program has the last word";
   }
+  // A library between a program and us: its defaults, and over them the user's words.
+  const auto positive_of = [&](const char* variable, int applied) {
+    const Handle s = make();
+    EXPECT_EQ(espalier_set_option(s.get(), "kind", "ldlt"), ESPALIER_OK);
+    const Variable v("ESPALIER_OPTIONS", variable);
+    EXPECT_EQ(espalier_apply_environment(s.get()), applied) << variable;
+    espalier_factor_info info{};
+    info.size = sizeof info;
+    EXPECT_EQ(analyze(s.get(), a), ESPALIER_OK);
+    EXPECT_EQ(factorize(s.get(), a, &info), ESPALIER_OK);
+    return info.positive;
+  };
+  EXPECT_EQ(positive_of("kind=lu", ESPALIER_OK), -1);
+  EXPECT_EQ(positive_of("threads=1", ESPALIER_OK), 3) << "what it does not name stays";
+  EXPECT_EQ(positive_of("kind=lu;kind=qr", ESPALIER_INVALID_INPUT), 3) << "nothing was changed";
   for (const char* text : {"kind=qr", "colour=red", "kind", "log=file"}) {
     const Variable v("ESPALIER_OPTIONS", text);
     const auto [status, positive, error] = run(nullptr, nullptr);
@@ -188,6 +203,29 @@ TEST(Environment, OptionsOfTheCInterface) {
   ::testing::internal::CaptureStderr();
   EXPECT_EQ(std::get<0>(run(nullptr, nullptr)), ESPALIER_OK);
   EXPECT_NE(::testing::internal::GetCapturedStderr().find("espalier: analysis"), std::string::npos);
+}
+
+// A factor in FP32 needs steps to 1e-16, and none to 1e-3.
+TEST(Environment, RefinementEndsAtItsTarget) {
+  const Diagonal<espalier_matrix_i64, int64_t> arrays;
+  espalier_matrix_i64 a = arrays.matrix();
+  const std::vector<double> values{3, 7, 11}, b{1, 1, 1};
+  a.values = values.data();
+  const auto steps = [&](const char* target) {
+    const Handle s = make();
+    EXPECT_EQ(espalier_set_option(s.get(), "precision", "mixed"), ESPALIER_OK);
+    EXPECT_EQ(espalier_set_option(s.get(), "refinement_target", target), ESPALIER_OK);
+    EXPECT_EQ(analyze(s.get(), a), ESPALIER_OK);
+    EXPECT_EQ(factorize(s.get(), a), ESPALIER_OK);
+    std::vector<double> x(3);
+    espalier_solve_info info{};
+    info.size = sizeof info;
+    EXPECT_EQ(espalier_solve(s.get(), b.data(), x.data(), 1, 0, &info),
+              ESPALIER_ACCURACY_NOT_REACHED * (*target == '1'));
+    return info.refinement_steps;
+  };
+  EXPECT_GE(steps("2e-16"), 1);
+  EXPECT_EQ(steps("1e-3"), 0);
 }
 
 // As solver.hpp says: without residuals, errors are NaN and no status comes of them.
@@ -208,6 +246,12 @@ TEST(Environment, NoErrorIsTooLarge) {
   EXPECT_EQ(espalier_solve(s.get(), b.data(), x.data(), 1, 0, &info), ESPALIER_OK);
   EXPECT_TRUE(std::isnan(info.backward_error));
   for (const double v : x) EXPECT_NEAR(v, 1, 4e-16);
+  // At once, for the factor that is there.
+  EXPECT_EQ(espalier_set_refinement(s.get(), -1, 1e-10), ESPALIER_MISUSE);
+  EXPECT_EQ(espalier_set_refinement(s.get(), 2, std::numeric_limits<double>::quiet_NaN()), ESPALIER_MISUSE);
+  EXPECT_EQ(espalier_set_refinement(s.get(), 2, 1e-10), ESPALIER_OK);
+  EXPECT_EQ(espalier_solve(s.get(), b.data(), x.data(), 1, 0, &info), ESPALIER_OK);
+  EXPECT_LT(info.backward_error, 1e-15);
 }
 
 }  // namespace

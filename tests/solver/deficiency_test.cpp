@@ -182,10 +182,11 @@ TEST(Optimisers, AnAnalysisTakesZerosForEntries) {
 // A saddle point whose rows wander over 2 * 20 decades between factorizations; its inertia stays.
 TEST(Optimisers, RescaledFactorizationsFollowTheValues) {
   const SparseMatrix a = reference::saddle_point(80, 30, 6);
-  for (const Kind kind : {Kind::ldlt, Kind::lu}) {
+  for (const auto& [kind, rescale] : {std::pair(Kind::ldlt, Rescale::on), std::pair(Kind::lu, Rescale::on),
+                                      std::pair(Kind::ldlt, Rescale::equilibration)}) {
     Options o = two_threads();
     o.kind = kind;
-    o.rescale = true;
+    o.rescale = rescale;
     Solver s(o);
     ASSERT_TRUE(s.analyze(a).status.ok());
     const FactorResult first = s.factorize(a);

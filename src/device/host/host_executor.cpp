@@ -121,6 +121,7 @@ class HostExecutor final : public Executor<T> {
       try {
         for (Offset at = queues_.next(device); at >= 0; at = queues_.next(device)) {
           if (state_.abort.load(std::memory_order_relaxed)) break;
+          pool_.check();
           execute(plan_.tasks[static_cast<std::size_t>(at)], device, worker);
         }
       } catch (const Aborted&) {
@@ -204,6 +205,9 @@ class HostExecutor final : public Executor<T> {
     if (devices_ == 1) throw;
     try {
       throw;
+    } catch (const Error& e) {
+      if (e.status().code == StatusCode::cancelled) throw;
+      throw Error(StatusCode::device_error, fmt::format("{} failed: {}", device_name(device), e.what()));
     } catch (const std::exception& e) {
       throw Error(StatusCode::device_error, fmt::format("{} failed: {}", device_name(device), e.what()));
     } catch (...) {

@@ -154,10 +154,16 @@ void Placement::take_wanted() {
   job_.pool.share([&](int t) {
     for (std::size_t k = taken++; k < roots.size(); k = taken++)
       for (const Index f : members[at(roots[k])])
-        if (!effort_.spent()) take(workers_[static_cast<std::size_t>(t)], f);
+        if (!effort_.spent()) {
+          job_.pool.check();
+          take(workers_[static_cast<std::size_t>(t)], f);
+        }
   });
   for (const Index f : above)
-    if (!effort_.spent()) take(workers_.back(), f);
+    if (!effort_.spent()) {
+      job_.pool.check();
+      take(workers_.back(), f);
+    }
 }
 
 void Placement::take(Worker& w, Index f) {

@@ -142,7 +142,10 @@ void TriangularSolve<T>::sweep(const std::vector<SolveTask>& tasks,
   pool_.share([&](int t) {
     Worker& w = workers_[static_cast<std::size_t>(t)];
     try {
-      for (std::size_t at = next++; at < tasks.size(); at = next++) (this->*one)(tasks[at], w);
+      for (std::size_t at = next++; at < tasks.size(); at = next++) {
+        pool_.check();
+        (this->*one)(tasks[at], w);
+      }
     } catch (const Aborted&) {
     } catch (...) {  // others may wait for what this worker does not finish any more
       s_.abort = true;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "base/stopwatch.hpp"
 
@@ -19,15 +20,16 @@ std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
 }  // namespace
 
 FlexibleBody::FlexibleBody(std::string name, int vertices_per_node, std::vector<double> reference,
-                           std::vector<std::unique_ptr<ElementGroup>> groups)
+                           std::vector<std::unique_ptr<ElementGroup>> groups, base::ThreadPool* pool)
     : Component(std::move(name)),
       vertices_per_node_(vertices_per_node),
       reference_(std::move(reference)),
       initial_position_(reference_),
       initial_velocity_(reference_.size(), 0.0),
-      assembly_(static_cast<Index>(reference_.size() / 3), std::move(groups)),
-      mass_(assembly_.mass(reference_.data())),
-      weight_(reference_.size(), 0.0) {
+      assembly_(static_cast<Index>(reference_.size() / 3), std::move(groups), pool),
+      mass_(assembly_.mass(reference_.data(), pool)),
+      weight_(reference_.size(), 0.0),
+      pool_(pool) {
   const VertexPattern& p = assembly_.pattern();
   for (Index v = 0; v < assembly_.vertices(); ++v)
     if (!(mass_[at(p.entry(v, v))] > 0))
@@ -119,32 +121,86 @@ void FlexibleBody::magnitude(ConstSpan, Span out) const {
 
 void FlexibleBody::declare(PatternBuilder& w, PatternBuilder&) const {
   const VertexPattern& p = assembly_.pattern();
-  for (Index b = 0; b < assembly_.vertices(); ++b)
-    for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e) {
-      const Index row = coordinate(p.ind[at(e)]), column = coordinate(b);
-      const Index rows[3] = {row, row + 1, row + 2}, columns[3] = {column, column + 1, column + 2};
-      w.add_block(rows, columns);
-    }
+  std::vector<Index> rows;
+  for (Index b = 0; b < assembly_.vertices(); ++b) {
+    rows.clear();
+    for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e)
+      for (Index i = 0; i < 3; ++i) rows.push_back(coordinate(p.ind[at(e)]) + i);
+    for (Index j = 0; j < 3; ++j) w.add_rows(rows, coordinate(b) + j);
+  }
 }
 
 void FlexibleBody::bind(const SparsePattern& w, const SparsePattern&) {
   const VertexPattern& p = assembly_.pattern();
   column_start_.resize(reference_.size());
   shift_.resize(3 * p.ind.size());
-  for (Index b = 0; b < assembly_.vertices(); ++b)
-    for (Index j = 0; j < 3; ++j) {
-      const Index column = coordinate(b) + j;
-      const Offset start = w.ptr[at(column)];
-      column_start_[at(3 * b + j)] = start;
-      for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e)
-        shift_[at(3 * e + j)] = static_cast<std::int32_t>(find_entry(w, column, coordinate(p.ind[at(e)])) - start);
-    }
+  for_ranges_of_vertices([&](std::int64_t begin, std::int64_t end) {
+    for (auto b = static_cast<Index>(begin); b < end; ++b)
+      for (Index j = 0; j < 3; ++j) {
+        const Index column = coordinate(b) + j;
+        const Offset start = w.ptr[at(column)];
+        column_start_[at(3 * b + j)] = start;
+        Offset k = start;  // both lists rise
+        for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e) {
+          while (w.ind[at(k)] != coordinate(p.ind[at(e)])) ++k;
+          shift_[at(3 * e + j)] = static_cast<std::int32_t>(k - start);
+        }
+      }
+  });
 }
 
 AssemblyState FlexibleBody::state(const StateView& s) const {
   const bool damped = damping_.stiffness != 0 && !s.v.empty();
   return {reference_.data(), s.q.data() + placement().q, damped ? s.v.data() + placement().v : nullptr,
           damping_.stiffness};
+}
+
+template <class Body>
+void FlexibleBody::for_ranges_of_vertices(const Body& body) const {
+  if (pool_ == nullptr)
+    body(0, assembly_.vertices());
+  else
+    pool_->for_each_range(assembly_.vertices(), kVerticesPerRange, body);
+}
+
+bool FlexibleBody::fits_device() const {
+  bool all = true;
+  assembly_.for_each_group(
+      [&](const ElementGroup& group, std::span<const Index>) { all = all && group.device_law() != nullptr; });
+  return all;
+}
+
+void FlexibleBody::use_device(DeviceAssembly& device, std::span<const Offset> k_ptr) {
+  DeviceBodyTables tables;
+  assembly_.for_each_group([&](const ElementGroup& group, std::span<const Index> vertices) {
+    tables.groups.push_back({*group.device_law(), group.vertices_per_element(), {vertices.begin(), vertices.end()}});
+  });
+  tables.reference = reference_;
+  tables.pattern = &assembly_.pattern();
+  tables.mass = mass_;
+  tables.mass_damping = damping_.mass;
+  tables.stiffness_damping = damping_.stiffness;
+  device_ = device.make_body(tables);
+  device_->bind(k_ptr.subspan(at(placement().v), reference_.size()), shift_);
+}
+
+BodyState FlexibleBody::own(const StateView& s) const {
+  return {s.q.data() + placement().q, s.v.empty() ? nullptr : s.v.data() + placement().v,
+          s.a.empty() ? nullptr : s.a.data() + placement().v};
+}
+
+void FlexibleBody::start_residual(const StateView& s) {
+  residual_started_ = false;  // what another component's failure has left behind is not taken
+  if (device_ == nullptr) return;
+  device_->start_forces(own(s));
+  residual_started_ = true;
+}
+
+void FlexibleBody::start_tangent(const StateView& s, const TangentWeights& weights, double* device_values) {
+  tangent_started_ = false;
+  if (device_ == nullptr || device_values == nullptr) return;
+  device_->start_tangent(own(s), weights, device_values);
+  tangent_started_ = true;
 }
 
 /// f += M (a + alpha v) - M g
@@ -162,32 +218,40 @@ void FlexibleBody::add_inertia(const double* a, const double* v, double* f) cons
       for (std::size_t i = 0; i < 3; ++i) f[3 * at(b) + i] += sum[i] - load * weight_[3 * at(b) + i];
     }
   };
-  if (pool_ == nullptr)
-    body(0, assembly_.vertices());
-  else
-    pool_->for_each_range(assembly_.vertices(), kVerticesPerRange, body);
+  for_ranges_of_vertices(body);
 }
 
 void FlexibleBody::residual(const StateView& s, Span f) {
   const Stopwatch watch(times_.force_seconds);
   ++times_.forces;
-  double* own = f.data() + placement().v;
+  double* to = f.data() + placement().v;
+  const BodyState mine = own(s);
+  if (std::exchange(residual_started_, false)) {
+    inverted_ = assembly_.label(device_->finish_forces(to));
+    add_inertia(nullptr, nullptr, to);
+    return;
+  }
   double energy = 0;
-  inverted_ = assembly_.add_forces(pool_, state(s), own, energy);
-  add_inertia(s.a.empty() ? nullptr : s.a.data() + placement().v, s.v.empty() ? nullptr : s.v.data() + placement().v,
-              own);
+  inverted_ = assembly_.add_forces(pool_, state(s), to, energy);
+  add_inertia(mine.a, mine.v, to);
 }
 
 void FlexibleBody::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
   const Stopwatch watch(times_.tangent_seconds);
   ++times_.tangents;
+  if (std::exchange(tangent_started_, false)) {
+    inverted_ = assembly_.label(device_->finish_tangent());
+    return;
+  }
   const BlockTarget target{w_values.data(), column_start_.data(), shift_.data()};
   const VertexPattern& p = assembly_.pattern();
   const double mass_weight = weights.a + damping_.mass * weights.v;
-  for (Index b = 0; b < assembly_.vertices() && mass_weight != 0; ++b)
-    for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e)
-      for (std::size_t j = 0; j < 3; ++j)
-        w_values[at(column_start_[3 * at(b) + j] + shift_[3 * at(e) + j]) + j] += mass_weight * mass_[at(e)];
+  const auto add_mass = [&](std::int64_t begin, std::int64_t end) {
+    for (auto b = static_cast<Index>(begin); b < end; ++b)
+      for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e)
+        for (int j = 0; j < 3; ++j) target.place(b, e, j)[j] += mass_weight * mass_[at(e)];
+  };
+  if (mass_weight != 0) for_ranges_of_vertices(add_mass);
   const bool rates = weights.v != 0 && damping_.stiffness != 0;
   if (weights.q == 0 && !rates) return;
   inverted_ = assembly_.add_tangent(pool_, state(s), weights.q, weights.v, target);

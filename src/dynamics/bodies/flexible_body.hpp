@@ -12,6 +12,7 @@
 #include "base/thread_pool.hpp"
 #include "dynamics/bodies/beam_axis.hpp"
 #include "dynamics/dae/system.hpp"
+#include "dynamics/device/device_assembly.hpp"
 #include "dynamics/elements/assembly.hpp"
 #include "dynamics/elements/groups.hpp"
 #include "dynamics/mesh/mesh.hpp"
@@ -47,14 +48,15 @@ struct MassProperties {
 class FlexibleBody final : public Component {
  public:
   /// @param reference coordinates of all vertices in the stress-free state, 3 each; also the initial configuration
+  /// @param pool threads for making it and for assembly; not owned, may be null (then the calling thread works)
   FlexibleBody(std::string name, int vertices_per_node, std::vector<double> reference,
-               std::vector<std::unique_ptr<ElementGroup>> groups);
+               std::vector<std::unique_ptr<ElementGroup>> groups, base::ThreadPool* pool = nullptr);
 
   // Settings; all before the first evaluation.
   void set_damping(const RayleighDamping& damping) { damping_ = damping; }
   /// Acceleration of gravity in global axes.
   void set_gravity(const Point& gravity);
-  /// Threads for assembly; not owned, may be null (then the calling thread assembles).
+  /// As the constructor's.
   void set_pool(base::ThreadPool* pool) { pool_ = pool; }
   /// Initial state: the reference turned by `rotation` (row by row), moved by `translation`, with the velocities of a
   /// rigid motion: velocity of the point at the origin, angular velocity, global axes.
@@ -85,8 +87,19 @@ class FlexibleBody final : public Component {
   void residual(const StateView& s, Span f) override;
   void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
   [[nodiscard]] Energy energy(const StateView& s) override;
+  /// Bodies of solids alone, of laws that GPUs know.
+  [[nodiscard]] bool fits_device() const override;
+  void use_device(DeviceAssembly& device, std::span<const Offset> k_ptr) override;
+  void leave_device() override { device_.reset(); }
+  [[nodiscard]] bool on_device() const { return device_ != nullptr; }
+  void start_residual(const StateView& s) override;
+  void start_tangent(const StateView& s, const TangentWeights& weights, double* device_values) override;
 
  private:
+  [[nodiscard]] BodyState own(const StateView& s) const;
+  /// body(begin, end) over ranges of vertices, in parallel.
+  template <class Body>
+  void for_ranges_of_vertices(const Body& body) const;
   void add_inertia(const double* a, const double* v, double* f) const;
   [[nodiscard]] AssemblyState state(const StateView& s) const;
   [[nodiscard]] bool is_position(Index vertex) const { return vertex % vertices_per_node_ == 0; }
@@ -101,13 +114,16 @@ class FlexibleBody final : public Component {
   base::ThreadPool* pool_ = nullptr;
   std::vector<Offset> column_start_;  // per velocity coordinate: start of its column in W
   std::vector<std::int32_t> shift_;   // see BlockTarget
+  std::unique_ptr<DeviceBody> device_;
+  bool residual_started_ = false, tangent_started_ = false;
   AssemblyTimes times_;
   std::int64_t inverted_ = -1;
 };
 
 /// A solid body of the elements of one mesh (an empty list: all of its elements).
 std::unique_ptr<FlexibleBody> make_solid_body(std::string name, const Mesh& mesh, const Material& material,
-                                              const SolidOptions& options = {}, std::span<const Index> elements = {});
+                                              const SolidOptions& options = {}, std::span<const Index> elements = {},
+                                              base::ThreadPool* pool = nullptr);
 /// A straight chain of `elements` beams from `start` to `end`; the section's y axis lies in the plane of the axis
 /// and `y_direction`.
 std::unique_ptr<FlexibleBody> make_beam_body(std::string name, const Point& start, const Point& end,

@@ -50,11 +50,12 @@ std::vector<double> equal_lengths(const Axis& axis, Index elements) {
 }  // namespace
 
 std::unique_ptr<FlexibleBody> make_solid_body(std::string name, const Mesh& mesh, const Material& material,
-                                              const SolidOptions& options, std::span<const Index> elements) {
+                                              const SolidOptions& options, std::span<const Index> elements,
+                                              base::ThreadPool* pool) {
   std::vector<double> reference;
   for (const Point& p : mesh.nodes) reference.insert(reference.end(), p.begin(), p.end());
   return std::make_unique<FlexibleBody>(std::move(name), 1, std::move(reference),
-                                        make_solid_groups(mesh, elements, material, options));
+                                        make_solid_groups(mesh, elements, material, options), pool);
 }
 
 std::unique_ptr<FlexibleBody> make_beam_body(std::string name, const AxisShape& shape, const Point& y_direction,

@@ -205,7 +205,8 @@ void RedundancyGuard::analyze(const State& state) {
     ConsistencyOptions options;
     options.tolerance = 1e-10;
     make_consistent(equations_, beside, options);
-  } catch (const Error&) {
+  } catch (const Error& error) {
+    if (error.status().code == StatusCode::cancelled) throw;
     return;  // no neighbour found: the decision at the given configuration stands
   }
   const std::vector<DependentRow> there = dependent_at(beside.t, beside.q);

@@ -37,6 +37,7 @@ Equations::Equations(System& system, std::unique_ptr<LinearSolver> solver)
 
 bool Equations::update_pattern() {
   if (have_pattern_ && version_ == system_.pattern_version()) return false;
+  leave_device();
   sizes_ = system_.sizes();
   const auto n = static_cast<std::size_t>(sizes_.velocity);
   const auto m = static_cast<std::size_t>(sizes_.constraints);
@@ -110,19 +111,51 @@ Levels Equations::levels(const StateView& s) {
   return result;
 }
 
-void Equations::factorize(const StateView& s, const TangentWeights& weights) {
-  update_pattern();
-  {
-    const Stopwatch watch(counts_.assembly_seconds);
-    ++counts_.tangents;
-    system_.tangent(s, weights, kkt_.w_values());
-    if (system_.multiplier_pattern() != nullptr) system_.multiplier_tangent(s, kkt_.f_lambda_values());
-    std::copy(phi_q_.begin(), phi_q_.end(), kkt_.phi_q_values().begin());
-  }
-  const Stopwatch watch(first_factorization_ ? counts_.analysis_seconds : counts_.factor_seconds);
-  ++counts_.factorizations;
-  if (first_factorization_) ++counts_.analyses;
+void Equations::allow_device(base::ThreadPool* pool) {
+  device_allowed_ = true;
+  device_pool_ = pool;
+  try_device();
+}
+
+void Equations::try_device() {
+  if (!device_allowed_ || device_ != nullptr || kkt_.gpu() < 0) return;
   try {
+    device_ = make_device_assembly(kkt_.gpu(), device_pool_);
+    if (device_ != nullptr && system_.use_device(*device_, kkt_.k_ptr()))
+      return kkt_.use_device(*device_, system_.host_entries());
+    device_.reset();
+    device_allowed_ = false;
+  } catch (const Error& error) {
+    if (error.status().code != StatusCode::out_of_memory) throw;
+    leave_device();
+    device_allowed_ = false;
+    device_notice_ = fmt::format("bodies are evaluated on the host: {}", error.what());
+  }
+}
+
+void Equations::leave_device() {
+  if (device_ == nullptr) return;
+  kkt_.leave_device();
+  system_.leave_device();
+  device_.reset();
+}
+
+void Equations::assemble(const StateView& s, const TangentWeights& weights, bool on_device) {
+  const Stopwatch watch(counts_.assembly_seconds);
+  ++counts_.tangents;
+  if (on_device)
+    system_.tangent_on_device(s, weights, kkt_.clear_on_device(), kkt_.w_values());
+  else
+    system_.tangent(s, weights, kkt_.w_values());
+  if (system_.multiplier_pattern() != nullptr) system_.multiplier_tangent(s, kkt_.f_lambda_values());
+  std::copy(phi_q_.begin(), phi_q_.end(), kkt_.phi_q_values().begin());
+}
+
+// @return false: see KktSolver::factorize_on_device()
+bool Equations::factorize_assembled(const StateView& s, bool on_device) {
+  const Stopwatch watch(first_factorization_ ? counts_.analysis_seconds : counts_.factor_seconds);
+  try {
+    if (on_device) return kkt_.factorize_on_device();
     kkt_.factorize();
   } catch (const Error& error) {
     Status status = error.status();
@@ -135,7 +168,22 @@ void Equations::factorize(const StateView& s, const TangentWeights& weights) {
     status.message = fmt::format("the matrix of the Newton step at t = {:g} {}: {}", s.t, what, status.message);
     throw Error(status);
   }
+  return true;
+}
+
+void Equations::factorize(const StateView& s, const TangentWeights& weights) {
+  update_pattern();
+  const bool on_device = kkt_.on_device();
+  assemble(s, weights, on_device);
+  ++counts_.factorizations;
+  if (first_factorization_) ++counts_.analyses;
+  if (!factorize_assembled(s, on_device)) {
+    leave_device();
+    assemble(s, weights, false);
+    (void)factorize_assembled(s, false);
+  }
   first_factorization_ = false;
+  try_device();
 }
 
 void Equations::solve(Span b, Index columns) {

@@ -52,6 +52,9 @@ class Equations {
  public:
   /// Takes the default solver for the size of the system, or `solver`.
   explicit Equations(System& system, std::unique_ptr<LinearSolver> solver = nullptr);
+  ~Equations() { leave_device(); }
+  Equations(const Equations&) = delete;
+  Equations& operator=(const Equations&) = delete;
 
   [[nodiscard]] System& system() { return system_; }
   [[nodiscard]] const Sizes& sizes() const { return sizes_; }
@@ -79,6 +82,13 @@ class Equations {
   void factorize(const StateView& s, const TangentWeights& weights);
   /// Factorizes [identity-like metric; Phi_q]: K with W = F_a, for projections. Same as factorize with {1, 0, 0}.
   [[nodiscard]] KktSolver& kkt() { return kkt_; }
+  /// From now on a GPU that has the factor also evaluates what it can of F and W, as soon as there is a factor; see
+  /// device/device_assembly.hpp. Where its memory is too small, the host goes on alone and says so in device_notice().
+  /// Not for statics, which looks at W itself.
+  /// @param pool  outlives the object; null: the calling thread alone
+  void allow_device(base::ThreadPool* pool);
+  [[nodiscard]] bool on_device() const { return device_ != nullptr; }
+  [[nodiscard]] const std::string& device_notice() const { return device_notice_; }
   /// Forgets factor and analysis: what comes depends on the coming matrices alone, not on those before.
   void forget_analysis();
   /// Solves with K in place; b holds `columns` pieces of n + m numbers.
@@ -87,8 +97,17 @@ class Equations {
   [[nodiscard]] const EquationCounts& counts() const { return counts_; }
 
  private:
+  void try_device();
+  void leave_device();
+  void assemble(const StateView& s, const TangentWeights& weights, bool on_device);
+  [[nodiscard]] bool factorize_assembled(const StateView& s, bool on_device);
+
   System& system_;
   Sizes sizes_;
+  std::unique_ptr<DeviceAssembly> device_;  // outlives what lies on it: a part of K, and of the system (leave_device())
+  bool device_allowed_ = false;
+  base::ThreadPool* device_pool_ = nullptr;
+  std::string device_notice_;
   KktSolver kkt_;
   std::uint64_t version_ = 0;
   bool have_pattern_ = false;

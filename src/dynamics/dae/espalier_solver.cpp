@@ -11,14 +11,10 @@ class EspalierSolver final : public LinearSolver {
   explicit EspalierSolver(Options options) : solver_(std::move(options)) {}
 
   Status analyze(const MatrixView& a) override { return solver_.analyze(a).status; }
-  Status factorize(std::span<const double> values) override {
-    FactorResult result = solver_.refactorize(values);
-    sign_ = static_cast<int>(result.determinant_sign);
-    // Perturbed pivots mean a singular K here: redundant constraints that nobody took out.
-    if (result.status.ok() && result.perturbed > 0) {
-      return {StatusCode::singular, std::to_string(result.perturbed) + " pivots vanished", result.status.row};
-    }
-    return result.status;
+  Status factorize(std::span<const double> values) override { return take(solver_.refactorize(values)); }
+  [[nodiscard]] int gpu() const override { return solver_.gpu(); }
+  Status factorize_device(const double* values, Offset count, void* stream) override {
+    return take(solver_.refactorize_device(values, count, stream));
   }
   [[nodiscard]] int determinant_sign() const override { return sign_; }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
@@ -26,11 +22,23 @@ class EspalierSolver final : public LinearSolver {
   }
 
  private:
+  Status take(const FactorResult& result) {
+    sign_ = static_cast<int>(result.determinant_sign);
+    // Perturbed pivots mean a singular K here: redundant constraints that nobody took out.
+    if (result.status.ok() && result.perturbed > 0) {
+      return {StatusCode::singular, std::to_string(result.perturbed) + " pivots vanished", result.status.row};
+    }
+    return result.status;
+  }
   Solver solver_;
   int sign_ = 0;
 };
 
 }  // namespace
+
+Status LinearSolver::factorize_device(const double*, Offset, void*) {
+  return {StatusCode::device_error, "this solver takes no values from a GPU", -1};
+}
 
 std::unique_ptr<LinearSolver> make_espalier_solver(Options options) {
   return std::make_unique<EspalierSolver>(std::move(options));

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <utility>
 
 namespace espalier::dynamics {
 
@@ -38,6 +39,10 @@ void KktSolver::set_pattern(const SparsePattern& w, const SparsePattern& phi_q, 
   phi_q_values_.assign(at(phi_q.nonzeros()), 0.0);
   f_lambda_values_.assign(f_lambda == nullptr ? 0 : at(f_lambda->nonzeros()), 0.0);
   scale_.assign(at(n_ + m_), 1.0);
+  diagonal_.assign(at(n_), 0.0);
+  largest_.assign(at(n_), 0.0);
+  device_.reset();
+  w_on_device_ = false;
   layout();
   analyzed_ = false;
 }
@@ -105,7 +110,7 @@ void KktSolver::layout_right() {
   }
 }
 
-void KktSolver::compute_scaling() {
+void KktSolver::measure_columns() {
   for (Index j = 0; j < n_; ++j) {
     double largest = 0, diagonal = 0;
     for (Offset p = w_->ptr[at(j)]; p < w_->ptr[at(j) + 1]; ++p) {
@@ -113,6 +118,14 @@ void KktSolver::compute_scaling() {
       largest = std::max(largest, value);
       if (w_->ind[at(p)] == j) diagonal = value;
     }
+    largest_[at(j)] = largest;
+    diagonal_[at(j)] = diagonal;
+  }
+}
+
+void KktSolver::compute_scaling() {
+  for (Index j = 0; j < n_; ++j) {
+    const double largest = largest_[at(j)], diagonal = diagonal_[at(j)];
     // A massless coordinate has no useful diagonal; its largest entry, or one, stands in.
     double size = diagonal > 1e-6 * largest ? diagonal : largest;
     if (!typical_.empty() && size < 1e-6 * typical_[at(j)]) size = typical_[at(j)];
@@ -127,14 +140,8 @@ void KktSolver::compute_scaling() {
   }
 }
 
-void KktSolver::factorize() {
-  compute_scaling();
-  for (Index j = 0; j < n_; ++j) {
-    Offset k = k_ptr_[at(j)];
-    for (Offset p = w_->ptr[at(j)]; p < w_->ptr[at(j) + 1]; ++p) {
-      k_values_[at(k++)] = w_values_[at(p)] * scale_[at(w_->ind[at(p)])] * scale_[at(j)];
-    }
-  }
+// K outside W.
+void KktSolver::fill_rest() {
   if (f_lambda_ != nullptr) std::fill(k_values_.begin() + k_ptr_[at(n_)], k_values_.end(), 0.0);
   for (Index i = 0; i < m_; ++i) {
     const double row = dropped_[at(i)] ? 0.0 : scale_[at(n_ + i)];
@@ -148,11 +155,68 @@ void KktSolver::factorize() {
     for (Offset p = f_lambda_->ptr[at(i)]; p < f_lambda_->ptr[at(i) + 1]; ++p)
       k_values_[at(f_lambda_position_[at(p)])] += f_lambda_values_[at(p)] * row * scale_[at(f_lambda_->ind[at(p)])];
   }
+}
+
+void KktSolver::factorize() {
+  w_on_device_ = false;
+  measure_columns();
+  compute_scaling();
+  for (Index j = 0; j < n_; ++j) {
+    Offset k = k_ptr_[at(j)];
+    for (Offset p = w_->ptr[at(j)]; p < w_->ptr[at(j) + 1]; ++p) {
+      k_values_[at(k++)] = w_values_[at(p)] * scale_[at(w_->ind[at(p)])] * scale_[at(j)];
+    }
+  }
+  fill_rest();
   if (!analyzed_) {
     if (const Status s = solver_->analyze(matrix()); !s.ok()) throw Error(s);
     analyzed_ = true;
   }
   if (const Status s = solver_->factorize(k_values_); !s.ok()) throw Error(s);
+}
+
+void KktSolver::use_device(DeviceAssembly& device, std::vector<Offset> host_entries) {
+  host_entries_ = std::move(host_entries);
+  rest_.clear();
+  for (Index j = 0; j < n_ + m_; ++j) {
+    const Offset w = j < n_ ? w_->ptr[at(j) + 1] - w_->ptr[at(j)] : 0;
+    for (Offset k = k_ptr_[at(j)] + w; k < k_ptr_[at(j) + 1]; ++k) rest_.push_back(k);
+  }
+  std::vector<Offset> in_k;
+  in_k.reserve(host_entries_.size());
+  Index j = 0;
+  for (const Offset p : host_entries_) {
+    while (p >= w_->ptr[at(j) + 1]) ++j;
+    in_k.push_back(k_ptr_[at(j)] + p - w_->ptr[at(j)]);
+  }
+  device_ = device.make_matrix({w_, k_ptr_, in_k, rest_});
+}
+
+void KktSolver::leave_device() {
+  w_on_device_ = false;  // nothing is fetched: a GPU that has failed would throw here, in a destructor too
+  device_.reset();
+}
+
+bool KktSolver::factorize_on_device() {
+  work_.clear();
+  for (const Offset p : host_entries_) work_.push_back(w_values_[at(p)]);
+  device_->add_from_host(work_);
+  device_->column_sizes(diagonal_, largest_);
+  compute_scaling();
+  fill_rest();
+  work_.clear();
+  for (const Offset k : rest_) work_.push_back(k_values_[at(k)]);
+  const double* values = device_->complete(scale_, work_);
+  const Status s = solver_->factorize_device(values, k_ptr_.back(), device_->stream());
+  if (s.code == StatusCode::device_error && solver_->gpu() < 0) return false;
+  if (!s.ok()) throw Error(s);
+  w_on_device_ = true;
+  return true;
+}
+
+ConstSpan KktSolver::w_of_factor() {
+  if (std::exchange(w_on_device_, false)) device_->fetch_w(w_values_);
+  return w_values_;
 }
 
 void KktSolver::solve(Span b, Index columns) {

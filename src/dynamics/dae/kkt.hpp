@@ -7,6 +7,7 @@
 
 #include "dynamics/dae/linear_solver.hpp"
 #include "dynamics/dae/system.hpp"
+#include "dynamics/device/device_assembly.hpp"
 
 namespace espalier::dynamics {
 
@@ -45,6 +46,24 @@ class KktSolver {
   [[nodiscard]] Span f_lambda_values() { return f_lambda_values_; }
   /// @throws espalier::Error if K is singular; Status.row is the row of K (>= n: constraint row - n).
   void factorize();
+
+  // K on a GPU: bodies write W where it stands, the host sends what is left.
+  /// Where the columns of K begin, n + m + 1: what System::use_device() is told.
+  [[nodiscard]] std::span<const Offset> k_ptr() const { return k_ptr_; }
+  /// Whether the factor lies on a GPU that takes matrices from its own memory.
+  [[nodiscard]] int gpu() const { return analyzed_ ? solver_->gpu() : -1; }
+  /// @param host_entries  positions in W of what the host adds
+  void use_device(DeviceAssembly& device, std::vector<Offset> host_entries);
+  void leave_device();
+  /// Whether factorize_on_device() can be used; the first factorization of an analysis is made on the host.
+  [[nodiscard]] bool on_device() const { return device_ != nullptr && gpu() >= 0; }
+  /// Zeros; W's entries, for System::tangent_on_device().
+  [[nodiscard]] double* clear_on_device() { return device_->clear(); }
+  /// As factorize(), W on the GPU, where w_values() holds what the host adds.
+  /// @return false: the factor went to the host, which has to assemble K; nothing was factorized
+  [[nodiscard]] bool factorize_on_device();
+  /// W of the factor.
+  [[nodiscard]] ConstSpan w_of_factor();
   /// Sign of the determinant of the last factor, 0 where it is not known.
   [[nodiscard]] int determinant_sign() const { return solver_->determinant_sign(); }
   /// Solves K [x_v; x_c] = [b_v; b_c] for `columns` right sides held in `b` (each n + m numbers), in place.
@@ -61,7 +80,9 @@ class KktSolver {
   void layout();
   void layout_right();
   [[nodiscard]] std::span<const Index> multiplier_rows(Index constraint) const;
+  void measure_columns();
   void compute_scaling();
+  void fill_rest();
 
   std::unique_ptr<LinearSolver> solver_;
   const SparsePattern* w_ = nullptr;
@@ -74,9 +95,15 @@ class KktSolver {
   std::vector<double> w_values_, phi_q_values_, f_lambda_values_;
   std::vector<Offset> k_ptr_;  // n + m + 1
   std::vector<Index> k_ind_;
-  std::vector<double> k_values_, scale_;  // scale_: n + m
+  std::vector<double> k_values_, scale_;    // scale_: n + m
+  std::vector<double> diagonal_, largest_;  // n; |W_jj| and the largest |W_ij| of column j
   // Positions in K of each entry of Phi_q: in the lower left and in the upper right block; of each entry of F_lambda.
   std::vector<Offset> phi_position_, right_position_, f_lambda_position_;
+  std::unique_ptr<DeviceMatrix> device_;
+  bool w_on_device_ = false;          // W of the factor lies there alone
+  std::vector<Offset> host_entries_;  // positions in W
+  std::vector<Offset> rest_;          // positions in K outside W, ascending
+  std::vector<double> work_;
 };
 
 }  // namespace espalier::dynamics

@@ -17,6 +17,10 @@ class LinearSolver {
   virtual Status analyze(const MatrixView& a) = 0;
   /// Numeric phase; values in the order of the analysed pattern. Status.row names a row of a singular matrix.
   virtual Status factorize(std::span<const double> values) = 0;
+  /// The GPU whose memory factorize_device() takes values from; -1: none, or nothing was factorized yet.
+  [[nodiscard]] virtual int gpu() const { return -1; }
+  /// factorize() with `count` values in that memory, when all that was enqueued on `stream` is done.
+  virtual Status factorize_device(const double* values, Offset count, void* stream);
   /// Sign of the determinant of the matrix last factorized: -1 or 1; 0: not known.
   [[nodiscard]] virtual int determinant_sign() const { return 0; }
   /// Solves for `columns` right sides, stored one after the other; x may alias b.

@@ -30,6 +30,8 @@ namespace espalier::dynamics {
 using Span = std::span<double>;
 using ConstSpan = std::span<const double>;
 
+class DeviceAssembly;
+
 /// What a call of constraints() shall fill in. An empty span is not wanted (and then not computed).
 struct ConstraintBuffers {
   Span phi;           ///< m: Phi(q, t)
@@ -60,12 +62,17 @@ class PatternBuilder {
   void add(Index row, Index col);
   /// Declares every (row, col) pair of the two lists.
   void add_block(std::span<const Index> rows, std::span<const Index> cols);
+  /// Declares the entries of one column, faster than one by one. @pre built by columns; rows rise, within the matrix
+  void add_rows(std::span<const Index> rows, Index col);
+  /// How many entries were declared so far, those declared several times among them.
+  [[nodiscard]] Offset declared() const { return declared_; }
   /// The pattern of all entries declared so far.
   [[nodiscard]] SparsePattern build() const;
 
  private:
   Index rows_, cols_;
   bool by_columns_;
+  Offset declared_ = 0;
   mutable std::vector<std::vector<Index>> lists_;  // minor indices of every major index, compacted lazily
 };
 
@@ -116,6 +123,17 @@ class System {
   [[nodiscard]] virtual std::uint64_t pattern_version() const { return 0; }
   /// W = weights.a F_a + weights.v F_v + weights.q (F + Phi_q^T lambda)_q; overwrites the values.
   virtual void tangent(const StateView& s, const TangentWeights& weights, Span w_values) = 0;
+  // A GPU may take a part of F and W; see device/device_assembly.hpp. residual() then uses it without being asked.
+  /// Moves what it can there, unless most of W would have to follow over the link each time. @param k_ptr where the
+  /// columns of W begin in the GPU's matrix. @return false: nothing
+  virtual bool use_device(DeviceAssembly& /*device*/, std::span<const Offset> /*k_ptr*/) { return false; }
+  virtual void leave_device() {}
+  /// Positions in W of the entries that components on the host add to, ascending.
+  [[nodiscard]] virtual std::vector<Offset> host_entries() const { return {}; }
+  /// tangent() in two parts: those on the GPU write theirs there, the others add theirs to w_values, of which
+  /// host_entries() alone are set to zero first.
+  virtual void tangent_on_device(const StateView& /*s*/, const TangentWeights& /*weights*/, double* /*device_values*/,
+                                 Span /*w_values*/) {}
   /// Pattern of F_lambda, n x m, by columns. Null: F does not depend on lambda.
   [[nodiscard]] virtual const SparsePattern* multiplier_pattern() const { return nullptr; }
   /// F_lambda without Phi_q^T; overwrites the values. Called where multiplier_pattern() is not null.
@@ -170,6 +188,13 @@ class Component {
   virtual void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out);
   /// Adds its part of W.
   virtual void tangent(const StateView& s, const TangentWeights& weights, Span w_values) = 0;
+  // On a GPU; see System. What start_*() begins there runs beside the other components, and the call of the same name
+  // that follows with the same state takes what it gave.
+  [[nodiscard]] virtual bool fits_device() const { return false; }
+  virtual void use_device(DeviceAssembly& /*device*/, std::span<const Offset> /*k_ptr*/) {}
+  virtual void leave_device() {}
+  virtual void start_residual(const StateView& /*s*/) {}
+  virtual void start_tangent(const StateView& /*s*/, const TangentWeights& /*weights*/, double* /*device_values*/) {}
   /// The same three for F_lambda (rows: velocity coordinates, columns: constraints), for forces that depend on
   /// multipliers; most do not.
   virtual void declare_multipliers(PatternBuilder& /*f_lambda*/) const {}
@@ -227,6 +252,13 @@ class AssembledSystem final : public System {
   [[nodiscard]] const SparsePattern& constraint_pattern() const override { return phi_q_pattern_; }
   [[nodiscard]] std::uint64_t pattern_version() const override { return version_; }
   void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
+  bool use_device(DeviceAssembly& device, std::span<const Offset> k_ptr) override;
+  void leave_device() override;
+  [[nodiscard]] std::vector<Offset> host_entries() const override { return host_entries_; }
+  /// What components that do not fit a GPU declare of W, over the entries of W; 1 where none fits.
+  [[nodiscard]] double host_share() const;
+  void tangent_on_device(const StateView& s, const TangentWeights& weights, double* device_values,
+                         Span w_values) override;
   [[nodiscard]] const SparsePattern* multiplier_pattern() const override {
     return f_lambda_pattern_.ind.empty() ? nullptr : &f_lambda_pattern_;
   }
@@ -240,6 +272,8 @@ class AssembledSystem final : public System {
   std::vector<Component*> owners_of_constraints_;
   Sizes sizes_;
   SparsePattern w_pattern_, phi_q_pattern_, f_lambda_pattern_;
+  std::vector<Offset> host_entries_;
+  std::vector<Offset> declared_;  // components; entries of W that each of them declared
   std::uint64_t version_ = 0;
 };
 

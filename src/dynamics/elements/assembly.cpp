@@ -3,299 +3,314 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
+#include <cstring>
 #include <limits>
-#include <mutex>
 #include <stdexcept>
 
 namespace espalier::dynamics {
+namespace {
 
-Offset VertexPattern::entry(Index row, Index column) const {
-  const auto begin = ind.begin() + ptr[static_cast<std::size_t>(column)];
-  const auto end = ind.begin() + ptr[static_cast<std::size_t>(column) + 1];
-  const auto found = std::lower_bound(begin, end, row);
-  if (found == end || *found != row)
-    throw std::logic_error(fmt::format("vertices {} and {} share no element", row, column));
-  return found - ind.begin();
+std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
+
+/// Tangents of a batch take about so many bytes for each thread: a part of its cache.
+constexpr std::int64_t kBatchBytes = 1 << 20;
+
+void for_each_range(base::ThreadPool* pool, std::int64_t n, std::int64_t grain, const auto& body) {
+  if (pool == nullptr || pool->size() == 1 || n <= grain) {
+    for (std::int64_t begin = 0; begin < n; begin += grain) body(begin, std::min(begin + grain, n));
+  } else {
+    pool->for_each_range(n, grain, body);
+  }
 }
 
-ElementAssembly::ElementAssembly(Index vertices, std::vector<std::unique_ptr<ElementGroup>> groups)
-    : groups_(std::move(groups)) {
-  for (const auto& group : groups_) elements_ += group->count();
-  build_pattern(vertices);
-  build_pairs();
-  build_chunks();
-  colour_chunks();
+}  // namespace
+
+ElementAssembly::ElementAssembly(Index vertices, std::vector<std::unique_ptr<ElementGroup>> groups,
+                                 base::ThreadPool* pool) {
+  for (auto& group : groups) add_kind(std::move(group), vertices);
+  energies_.resize(at(elements_));
+  build_pattern(vertices, pool);
+  for (Kind& kind : kinds_) build_batches(kind, pool);
 }
 
-void ElementAssembly::build_pattern(Index vertices) {
-  // Elements at every vertex, as (group, element) pairs in compressed form.
-  struct Reference {
-    std::int32_t group;
-    Index element;
-  };
-  std::vector<Offset> start(static_cast<std::size_t>(vertices) + 1, 0);
-  for (const auto& group : groups_)
-    for (Index e = 0; e < group->count(); ++e)
-      for (const Index v : group->vertices(e)) {
-        if (v < 0 || v >= vertices)
-          throw std::invalid_argument(
-              fmt::format("element {} uses vertex {}, the body has {}", group->label(e), v, vertices));
-        ++start[static_cast<std::size_t>(v) + 1];
+void ElementAssembly::add_kind(std::unique_ptr<ElementGroup> group, Index vertices) {
+  const Index count = group->count();
+  const int n = group->vertices_per_element(), lanes = group->width();
+  if (std::int64_t{count} * n > std::numeric_limits<std::int32_t>::max())
+    throw Error(StatusCode::invalid_input, fmt::format("a body of {} elements with {} nodes is too large", count, n));
+  Kind kind{std::move(group), ResultLayout(n, lanes), {}, elements_, {}, {}};
+  kind.vertex.reserve(at(count) * at(n));
+  for (Index e = 0; e < count; ++e)
+    for (const Index v : kind.group->vertices(e)) {
+      if (v < 0 || v >= vertices)
+        throw std::invalid_argument(
+            fmt::format("element {} uses vertex {}, the body has {}", kind.group->label(e), v, vertices));
+      kind.vertex.push_back(v);
+    }
+  kind.forces = make_force_list(kind.connectivity(), vertices);
+  elements_ += count;
+  kinds_.push_back(std::move(kind));
+}
+
+void ElementAssembly::build_pattern(Index vertices, base::ThreadPool* pool) {
+  constexpr Index kVertices = 2048;  // of a range
+  std::vector<std::vector<Index>> parts(at((vertices + kVertices - 1) / kVertices));
+  pattern_.ptr.assign(at(vertices) + 1, 0);
+  for_each_range(pool, vertices, kVertices, [&](std::int64_t begin, std::int64_t end) {
+    std::vector<Index>& part = parts[at(begin / kVertices)];
+    std::vector<Index> rows;
+    for (auto v = static_cast<Index>(begin); v < end; ++v) {
+      rows.assign(1, v);
+      for (const Kind& kind : kinds_) {
+        const int n = kind.layout.vertices();
+        for (std::int32_t k = kind.forces.ptr[at(v)]; k < kind.forces.ptr[at(v) + 1]; ++k) {
+          const auto first = kind.vertex.begin() + kind.forces.from[at(k)] / n * n;
+          rows.insert(rows.end(), first, first + n);
+        }
       }
-  for (std::size_t v = 0; v < static_cast<std::size_t>(vertices); ++v) start[v + 1] += start[v];
-  std::vector<Reference> at(static_cast<std::size_t>(start.back()));
-  std::vector<Offset> next(start.begin(), start.end() - 1);
-  for (std::size_t g = 0; g < groups_.size(); ++g)
-    for (Index e = 0; e < groups_[g]->count(); ++e)
-      for (const Index v : groups_[g]->vertices(e))
-        at[static_cast<std::size_t>(next[static_cast<std::size_t>(v)]++)] = {static_cast<std::int32_t>(g), e};
-  pattern_.ptr.assign(1, 0);
-  std::vector<Index> rows;
-  for (std::size_t v = 0; v < static_cast<std::size_t>(vertices); ++v) {
-    rows.assign(1, static_cast<Index>(v));
-    for (Offset k = start[v]; k < start[v + 1]; ++k) {
-      const Reference& r = at[static_cast<std::size_t>(k)];
-      const auto list = groups_[static_cast<std::size_t>(r.group)]->vertices(r.element);
-      rows.insert(rows.end(), list.begin(), list.end());
+      std::sort(rows.begin(), rows.end());
+      rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+      part.insert(part.end(), rows.begin(), rows.end());
+      pattern_.ptr[at(v) + 1] = static_cast<Offset>(rows.size());
     }
-    std::sort(rows.begin(), rows.end());
-    rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
-    pattern_.ind.insert(pattern_.ind.end(), rows.begin(), rows.end());
-    pattern_.ptr.push_back(static_cast<Offset>(pattern_.ind.size()));
-  }
+  });
+  for (std::size_t v = 0; v < at(vertices); ++v) pattern_.ptr[v + 1] += pattern_.ptr[v];
+  pattern_.ind.reserve(at(pattern_.ptr.back()));
+  for (const std::vector<Index>& part : parts) pattern_.ind.insert(pattern_.ind.end(), part.begin(), part.end());
+  if (pattern_.ptr.back() > std::numeric_limits<std::int32_t>::max())
+    throw Error(StatusCode::invalid_input, fmt::format("a body of {} nodes has too many pairs of them", vertices));
 }
 
-void ElementAssembly::build_pairs() {
-  for (const auto& group : groups_)
-    for (Index e = 0; e < group->count(); ++e) {
-      const auto list = group->vertices(e);
-      for (const Index column : list)
-        for (const Index row : list)
-          pairs_.push_back(
-              static_cast<std::int32_t>(pattern_.entry(row, column) - pattern_.ptr[static_cast<std::size_t>(column)]));
+void ElementAssembly::build_batches(Kind& kind, base::ThreadPool* pool) const {
+  const std::int64_t threads = std::clamp(pool == nullptr ? 1 : pool->size(), 2, 64);
+  const std::int64_t most = threads * kBatchBytes / (8 * kind.layout.tangents()) / kMaxLanes * kMaxLanes;
+  const auto size = static_cast<Index>(std::clamp<std::int64_t>(most, kMaxLanes, kMostElementsOfList));
+  kind.batches.resize(at((kind.count() + size - 1) / size));
+  for_each_range(pool, static_cast<std::int64_t>(kind.batches.size()), 1, [&](std::int64_t k, std::int64_t) {
+    const auto first = static_cast<Index>(k) * size;
+    kind.batches[at(k)] = make_pair_list(kind.connectivity(), pattern_, first, std::min(first + size, kind.count()));
+  });
+}
+
+int ElementAssembly::batches() const {
+  std::size_t sum = 0;
+  for (const Kind& kind : kinds_) sum += kind.batches.size();
+  return static_cast<int>(sum);
+}
+
+std::int64_t ElementAssembly::label(std::int64_t element) const {
+  if (element < 0) return -1;
+  for (const Kind& kind : kinds_)
+    if (element < kind.first_element + kind.count())
+      return kind.group->label(static_cast<Index>(element - kind.first_element));
+  return -1;
+}
+
+/// The state for all elements, and what they are found to be.
+struct ElementAssembly::Evaluation {
+  const AssemblyState& state;
+  double position_weight, velocity_weight;
+  double* energies;  // of all elements
+  std::atomic<std::int64_t> first_bad{std::numeric_limits<std::int64_t>::max()};
+
+  /// Evaluates the elements first .. last - 1 of a kind, at most as many as it has lanes, and at `force` and, if not
+  /// null, `tangent` writes what they give side by side. Lanes left over repeat the last element.
+  void run(const Kind& kind, Index first, Index last, double* force, double* tangent) {
+    const int lanes = kind.layout.lanes();
+    alignas(64) double reference[kNumbers], position[kNumbers], velocity[kNumbers];
+    for (int lane = 0; lane < lanes; ++lane) {
+      const Index* vertex = kind.vertex.data() + at(std::min(first + lane, last - 1)) * at(kind.layout.vertices());
+      gather(vertex, kind.layout, lane, reference, position, velocity);
     }
-}
-
-void ElementAssembly::build_chunks() {
-  // Large enough that neighbouring elements are reused from cache, small enough that a colour has many chunks.
-  constexpr Index kSmallest = 1, kLargest = 32, kWantedChunks = 512;
-  const Index wanted = std::clamp(elements_ / kWantedChunks, kSmallest, kLargest);
-  Offset element = 0, pair = 0;
-  for (std::size_t g = 0; g < groups_.size(); ++g) {
-    const Offset pairs = static_cast<Offset>(groups_[g]->vertices_per_element()) * groups_[g]->vertices_per_element();
-    const Index width = groups_[g]->width();
-    const Index size = (wanted + width - 1) / width * width;  // full lanes, in small bodies too
-    for (Index begin = 0; begin < groups_[g]->count(); begin += size) {
-      const Index end = std::min(begin + size, groups_[g]->count());
-      chunks_.push_back({static_cast<std::int32_t>(g), begin, end, element, pair});
-      element += end - begin;
-      pair += pairs * (end - begin);
-    }
-  }
-}
-
-void ElementAssembly::colour_chunks() {
-  // First fit in order of the chunks; a vertex remembers its colours in a bit set of growing width.
-  const std::size_t n = chunks_.size();
-  std::vector<int> colour(n, 0);
-  int colours = 0;
-  std::vector<std::vector<std::uint64_t>> used(static_cast<std::size_t>(vertices()));
-  for (std::size_t c = 0; c < n; ++c) {
-    std::vector<std::uint64_t> taken(static_cast<std::size_t>(colours) / 64 + 1, 0);
-    const auto visit = [&](const auto& body) {
-      const ElementGroup& group = *groups_[static_cast<std::size_t>(chunks_[c].group)];
-      for (Index e = chunks_[c].begin; e < chunks_[c].end; ++e)
-        for (const Index v : group.vertices(e)) body(used[static_cast<std::size_t>(v)]);
-    };
-    visit([&](const std::vector<std::uint64_t>& bits) {
-      for (std::size_t w = 0; w < bits.size(); ++w) taken[w] |= bits[w];
-    });
-    int pick = 0;
-    while (taken[static_cast<std::size_t>(pick) / 64] >> (pick % 64) & 1) ++pick;
-    colour[c] = pick;
-    colours = std::max(colours, pick + 1);
-    visit([&](std::vector<std::uint64_t>& bits) {
-      bits.resize(std::max(bits.size(), static_cast<std::size_t>(pick) / 64 + 1), 0);
-      bits[static_cast<std::size_t>(pick) / 64] |= std::uint64_t{1} << (pick % 64);
-    });
-  }
-  colour_ptr_.assign(static_cast<std::size_t>(colours) + 1, 0);
-  for (const int k : colour) ++colour_ptr_[static_cast<std::size_t>(k) + 1];
-  for (std::size_t k = 0; k < static_cast<std::size_t>(colours); ++k) colour_ptr_[k + 1] += colour_ptr_[k];
-  std::vector<Chunk> sorted(n);
-  std::vector<Index> next(colour_ptr_.begin(), colour_ptr_.end() - 1);
-  for (std::size_t c = 0; c < n; ++c)
-    sorted[static_cast<std::size_t>(next[static_cast<std::size_t>(colour[c])]++)] = chunks_[c];
-  chunks_ = std::move(sorted);
-}
-
-template <class Body>
-void ElementAssembly::for_each_chunk(base::ThreadPool* pool, const Body& body) const {
-  for (int k = 0; k < colours(); ++k) {
-    const Index begin = colour_ptr_[static_cast<std::size_t>(k)], end = colour_ptr_[static_cast<std::size_t>(k) + 1];
-    if (pool == nullptr || pool->size() == 1 || end - begin == 1) {
-      for (Index c = begin; c < end; ++c) body(chunks_[static_cast<std::size_t>(c)]);
+    const double* rates = state.velocity == nullptr ? nullptr : velocity;
+    double energy[kMaxLanes];
+    unsigned whole = 0;
+    if (lanes > 1) {
+      whole = kind.group->evaluate_block({reference, position, rates, state.damping, position_weight, velocity_weight},
+                                         {force, tangent, energy});
     } else {
-      pool->for_each(end - begin, [&](std::int64_t c) { body(chunks_[static_cast<std::size_t>(begin + c)]); });
+      ElementOutput out{force, tangent, 0};
+      whole = kind.group->evaluate(first, {reference, position, rates, state.damping, position_weight, velocity_weight},
+                                   out)
+                  ? 1
+                  : 0;
+      energy[0] = out.energy;
+    }
+    for (Index e = first; e < last; ++e) {
+      const auto lane = static_cast<int>(e - first);
+      energies[kind.first_element + e] = energy[lane];
+      if ((whole >> lane & 1) == 0) spoil(kind, e, lane, force, tangent);
     }
   }
+
+ private:
+  static constexpr int kNumbers = kMaxElementDofs * kMaxLanes;
+
+  void gather(const Index* vertex, const ResultLayout& layout, int lane, double* reference, double* position,
+              double* velocity) const {
+    const std::size_t lanes = at(layout.lanes());
+    std::size_t to = at(lane);
+    for (int a = 0; a < layout.vertices(); ++a)
+      for (std::size_t i = 0; i < 3; ++i, to += lanes) {
+        const std::size_t from = 3 * at(vertex[a]) + i;
+        reference[to] = state.reference[from];
+        position[to] = state.position[from];
+        if (state.velocity != nullptr) velocity[to] = state.velocity[from];
+      }
+  }
+
+  /// What an element that is not whole gives: no numbers.
+  void spoil(const Kind& kind, Index e, int lane, double* force, double* tangent) {
+    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+    const int lanes = kind.layout.lanes();
+    for (int k = 0; k < kind.layout.forces(); ++k) force[k * lanes + lane] = kNan;
+    for (int k = 0; k < kind.layout.tangents() && tangent != nullptr; ++k) tangent[k * lanes + lane] = kNan;
+    const std::int64_t number = kind.first_element + e;
+    energies[number] = kNan;
+    for (std::int64_t seen = first_bad.load(); number < seen && !first_bad.compare_exchange_weak(seen, number);) {
+    }
+  }
+};
+
+void ElementAssembly::add_forces_of(const Kind& kind, base::ThreadPool* pool, Evaluation& evaluation, double* f) {
+  constexpr Index kElements = 64, kVertices = 512;  // of a task: some 20 microseconds
+  const Index lanes = kind.layout.lanes();
+  std::vector<double>& forces = buffer_[0];
+  const std::size_t needed = at((kind.count() + lanes - 1) / lanes * lanes) * at(kind.layout.forces());
+  if (forces.size() < needed) forces.resize(needed);
+  for_each_range(pool, kind.count(), kElements, [&](std::int64_t begin, std::int64_t end) {
+    for (auto e = static_cast<Index>(begin); e < end; e += lanes)
+      evaluation.run(kind, e, std::min(e + lanes, static_cast<Index>(end)), &forces[at(kind.layout.force(e, 0))],
+                     nullptr);
+  });
+  for_each_range(pool, vertices(), kVertices, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t v = begin; v < end; ++v)
+      sum_forces(kind.forces, kind.layout, forces.data(), static_cast<Index>(v), f + 3 * v);
+  });
+}
+
+std::int64_t ElementAssembly::add_forces(base::ThreadPool* pool, const AssemblyState& state, double* f,
+                                         double& energy) {
+  Evaluation evaluation{state, 1, 0, energies_.data()};
+  for (const Kind& kind : kinds_) add_forces_of(kind, pool, evaluation, f);
+  for (const double value : energies_) energy += value;  // in order of the elements
+  return label(evaluation.first_bad);
 }
 
 namespace {
 
-/// The state of one element, or of several side by side, and what they give.
-class Evaluation {
- public:
-  Evaluation(const ElementGroup& group, const AssemblyState& state, bool tangent, double position_weight,
-             double velocity_weight)
-      : group_(group),
-        state_(state),
-        width_(group.width()),
-        tangent_(tangent),
-        position_weight_(position_weight),
-        velocity_weight_(velocity_weight) {
-    static_assert(kMaxBlockDofs * kMaxLanes >= kMaxElementDofs);
-    static_assert(kMaxBlockDofs * kMaxBlockDofs * kMaxLanes >= kMaxElementDofs * kMaxElementDofs);
+/// One lane of tangents side by side, of symmetric ones the half that is there, as ResultLayout says.
+void separate(const ResultLayout& layout, bool symmetric, const double* side_by_side, int lane, double* to) {
+  const int rows = layout.forces(), lanes = layout.lanes();
+  const double* from = side_by_side + lane;
+  for (int column = 0; column < rows; ++column, from += std::int64_t{rows} * lanes, to += rows)
+    for (int row = 0, end = symmetric ? column / 3 * 3 + 3 : rows; row < end; ++row) to[row] = from[row * lanes];
+}
+
+/// Adds the blocks of pair p to the matrix.
+void add_pair(const PairList& list, const ResultLayout& layout, const double* tangents, bool symmetric, std::int32_t p,
+              const BlockTarget& target) {
+  constexpr std::size_t kColumn = 3 * sizeof(double);
+  const VertexPair& pair = list.pair[at(p)];
+  double block[3][3], transposed[3][3];
+  double* to[3] = {target.place(pair.column, pair.entry, 0), target.place(pair.column, pair.entry, 1),
+                   target.place(pair.column, pair.entry, 2)};
+  double* mirror[3] = {target.place(pair.row, pair.mirror, 0), target.place(pair.row, pair.mirror, 1),
+                       target.place(pair.row, pair.mirror, 2)};
+  for (int j = 0; j < 3; ++j) {
+    std::memcpy(block[j], to[j], kColumn);
+    std::memcpy(transposed[j], mirror[j], kColumn);
   }
-
-  [[nodiscard]] Index width() const { return width_; }
-
-  /// Evaluates the elements first .. last, at most width() of them; lanes left over repeat the last one.
-  void run(Index first, Index last) {
-    for (int lane = 0; lane < width_; ++lane) gather(std::min<Index>(first + lane, last), lane);
-    const double* velocity = state_.velocity == nullptr ? nullptr : velocity_values_;
-    double* tangent = tangent_ ? tangent_values_ : nullptr;
-    if (width_ > 1) {
-      whole_ =
-          group_.evaluate_block({reference_, position_, velocity, state_.damping, position_weight_, velocity_weight_},
-                                {force_, tangent, energy_});
-      return;
-    }
-    ElementOutput out{force_, tangent, 0};
-    whole_ = group_.evaluate(first,
-                             {reference_, position_, velocity, state_.damping, position_weight_, velocity_weight_}, out)
-                 ? 1
-                 : 0;
-    energy_[0] = out.energy;
+  sum_blocks(list, layout, tangents, symmetric, p, block, transposed);
+  for (int j = 0; j < 3; ++j) {
+    std::memcpy(mirror[j], transposed[j], kColumn);
+    std::memcpy(to[j], block[j], kColumn);
   }
-
-  [[nodiscard]] ElementResult result(Index lane) const {
-    return {force_ + lane, tangent_ ? tangent_values_ + lane : nullptr, energy_[lane], width_,
-            (whole_ >> lane & 1) != 0};
-  }
-
- private:
-  void gather(Index e, int lane) {
-    std::size_t to = static_cast<std::size_t>(lane);
-    for (const Index v : group_.vertices(e))
-      for (std::size_t i = 0; i < 3; ++i, to += static_cast<std::size_t>(width_)) {
-        const std::size_t from = 3 * static_cast<std::size_t>(v) + i;
-        reference_[to] = state_.reference[from];
-        position_[to] = state_.position[from];
-        if (state_.velocity != nullptr) velocity_values_[to] = state_.velocity[from];
-      }
-  }
-
-  static constexpr int kNumbers = kMaxBlockDofs * kMaxLanes;
-  const ElementGroup& group_;
-  const AssemblyState& state_;
-  int width_;
-  bool tangent_;
-  double position_weight_, velocity_weight_;
-  unsigned whole_ = 0;
-  alignas(64) double reference_[kNumbers], position_[kNumbers], velocity_values_[kNumbers], force_[kNumbers];
-  alignas(64) double tangent_values_[kNumbers * kMaxBlockDofs];
-  double energy_[kMaxLanes];
-};
+}
 
 }  // namespace
 
-/// Evaluates every element, calls body(group, e, number, pairs, result) in the order of its chunk and reports the first
-/// element (by number) that is not whole.
-template <class Body>
-std::int64_t ElementAssembly::evaluate_all(base::ThreadPool* pool, const AssemblyState& state, bool tangent,
-                                           double position_weight, double velocity_weight, const Body& body) const {
-  std::mutex mutex;
-  Offset first_bad = std::numeric_limits<Offset>::max();
-  std::int64_t label = -1;
-  for_each_chunk(pool, [&](const Chunk& chunk) {
-    const ElementGroup& group = *groups_[static_cast<std::size_t>(chunk.group)];
-    const Offset n = group.vertices_per_element();
-    Evaluation evaluation(group, state, tangent, position_weight, velocity_weight);
-    for (Index begin = chunk.begin; begin < chunk.end; begin += evaluation.width()) {
-      const Index end = std::min(begin + evaluation.width(), chunk.end);
-      evaluation.run(begin, end - 1);
-      for (Index e = begin; e < end; ++e) {
-        const Offset in_chunk = e - chunk.begin, number = chunk.first_element + in_chunk;
-        const ElementResult result = evaluation.result(e - begin);
-        body(group, e, number, chunk.first_pair + in_chunk * n * n, result);
-        if (result.whole) continue;
-        const std::scoped_lock lock(mutex);
-        if (number >= first_bad) continue;
-        first_bad = number;
-        label = group.label(e);
-      }
-    }
-  });
-  return label;
+/// Tangents of elements begin .. end - 1 of a batch whose first element is `first`.
+void ElementAssembly::evaluate_tangents(const Kind& kind, Evaluation& evaluation, Index first, Index begin, Index end,
+                                        double* tangents) {
+  constexpr int kDofs = kMaxElementDofs;
+  const Index lanes = kind.layout.lanes();
+  alignas(64) double force[kDofs * kMaxLanes], side_by_side[kDofs * kDofs * kMaxLanes];
+  for (Index e = begin; e < end; e += lanes) {
+    const Index last = std::min(e + lanes, end);
+    evaluation.run(kind, first + e, first + last, force,
+                   lanes == 1 ? tangents + kind.layout.block(e, 0, 0) : side_by_side);
+    for (Index l = e; l < last && lanes > 1; ++l)
+      separate(kind.layout, evaluation.state.symmetric(), side_by_side, static_cast<int>(l - e),
+               tangents + kind.layout.block(l, 0, 0));
+  }
 }
 
-std::int64_t ElementAssembly::add_forces(base::ThreadPool* pool, const AssemblyState& state, double* f,
-                                         double& energy) const {
-  std::vector<double> energies(static_cast<std::size_t>(elements_));
-  const auto add = [&](const ElementGroup& group, Index e, Offset number, Offset, const ElementResult& r) {
-    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-    const double* from = r.force;
-    for (const Index v : group.vertices(e))
-      for (std::size_t i = 0; i < 3; ++i, from += r.stride)
-        f[3 * static_cast<std::size_t>(v) + i] += r.whole ? *from : kNan;
-    energies[static_cast<std::size_t>(number)] = r.whole ? r.energy : kNan;
-  };
-  const std::int64_t bad = evaluate_all(pool, state, false, 1, 0, add);
-  for (const double value : energies) energy += value;  // in order of the elements
-  return bad;
+/// One parallel loop a batch: it adds up the batch before and evaluates this one.
+void ElementAssembly::add_tangent_of(const Kind& kind, base::ThreadPool* pool, Evaluation& evaluation,
+                                     const BlockTarget& target) {
+  constexpr std::int64_t kPairs = 256;
+  const Index lanes = kind.layout.lanes(), grain = std::max<Index>(lanes, 16);  // elements of a task
+  const bool symmetric = evaluation.state.symmetric();
+  const std::size_t batches = kind.batches.size();
+  for (std::size_t k = 0; k <= batches; ++k) {
+    const PairList* done = k > 0 ? &kind.batches[k - 1] : nullptr;
+    const PairList* next = k < batches ? &kind.batches[k] : nullptr;
+    const std::int64_t pairs = done == nullptr ? 0 : static_cast<std::int64_t>(done->pair.size());
+    const std::int64_t sums = (pairs + kPairs - 1) / kPairs;
+    const Index elements = next == nullptr ? 0 : next->last - next->first;
+    const std::vector<double>& ready = buffer_[(k + 1) % 2];
+    std::vector<double>& made = buffer_[k % 2];
+    const std::size_t needed = at(elements) * at(kind.layout.tangents());
+    if (made.size() < needed) made.resize(needed);
+    for_each_range(pool, sums + (elements + grain - 1) / grain, 1, [&](std::int64_t task, std::int64_t) {
+      if (task < sums) {
+        for (std::int64_t p = task * kPairs; p < std::min((task + 1) * kPairs, pairs); ++p)
+          add_pair(*done, kind.layout, ready.data(), symmetric, static_cast<std::int32_t>(p), target);
+        return;
+      }
+      const auto begin = static_cast<Index>(task - sums) * grain, end = std::min(begin + grain, elements);
+      evaluate_tangents(kind, evaluation, next->first, begin, end, made.data());
+    });
+  }
 }
 
 std::int64_t ElementAssembly::add_tangent(base::ThreadPool* pool, const AssemblyState& state, double position_weight,
-                                          double velocity_weight, const BlockTarget& target) const {
-  const auto add = [&](const ElementGroup& group, Index e, Offset, Offset pairs, const ElementResult& r) {
-    const auto list = group.vertices(e);
-    const std::size_t n = list.size(), stride = static_cast<std::size_t>(r.stride);
-    const double invalid = r.whole ? 0 : std::numeric_limits<double>::quiet_NaN();
-    const std::int32_t* pair = pairs_.data() + pairs;
-    for (std::size_t b = 0; b < n; ++b) {
-      const std::size_t column = static_cast<std::size_t>(list[b]);
-      for (std::size_t a = 0; a < n; ++a) {
-        const std::size_t entry = static_cast<std::size_t>(pattern_.ptr[column]) + static_cast<std::size_t>(*pair++);
-        for (std::size_t j = 0; j < 3; ++j) {
-          double* to = target.values + target.column_start[3 * column + j] + target.shift[3 * entry + j];
-          const double* from = r.tangent + ((3 * b + j) * 3 * n + 3 * a) * stride;
-          to[0] += from[0] + invalid;
-          to[1] += from[stride] + invalid;
-          to[2] += from[2 * stride] + invalid;
-        }
-      }
-    }
-  };
-  return evaluate_all(pool, state, true, position_weight, velocity_weight, add);
+                                          double velocity_weight, const BlockTarget& target) {
+  Evaluation evaluation{state, position_weight, velocity_weight, energies_.data()};
+  for (const Kind& kind : kinds_) add_tangent_of(kind, pool, evaluation, target);
+  return label(evaluation.first_bad);
 }
 
-std::vector<double> ElementAssembly::mass(const double* reference) const {
-  std::vector<double> values(pattern_.ind.size(), 0.0);
-  for_each_chunk(nullptr, [&](const Chunk& chunk) {
-    const ElementGroup& group = *groups_[static_cast<std::size_t>(chunk.group)];
-    const std::int32_t* pair = pairs_.data() + chunk.first_pair;
-    for (Index e = chunk.begin; e < chunk.end; ++e) {
-      double x[kMaxElementDofs], m[kMaxVertices * kMaxVertices];
-      const auto list = group.vertices(e);
-      for (std::size_t k = 0; k < 3 * list.size(); ++k)
-        x[k] = reference[3 * static_cast<std::size_t>(list[k / 3]) + k % 3];
-      group.mass(e, x, m);
-      for (std::size_t k = 0; k < list.size() * list.size(); ++k)
-        values[static_cast<std::size_t>(pattern_.ptr[static_cast<std::size_t>(list[k / list.size()])] + *pair++)] +=
-            m[k];
+std::vector<double> ElementAssembly::mass(const double* reference, base::ThreadPool* pool) const {
+  std::vector<double> values(pattern_.ind.size(), 0.0), results;
+  for (const Kind& kind : kinds_) {
+    const int n = kind.layout.vertices();
+    const std::size_t size = at(n) * at(n);
+    for (const PairList& batch : kind.batches) {
+      results.resize(at(batch.last - batch.first) * size);
+      for_each_range(pool, batch.last - batch.first, 32, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t e = begin; e < end; ++e) {
+          double x[kMaxElementDofs];
+          const Index* vertex = kind.vertex.data() + at(batch.first + e) * at(n);
+          for (int k = 0; k < 3 * n; ++k) x[k] = reference[3 * vertex[k / 3] + k % 3];
+          kind.group->mass(batch.first + static_cast<Index>(e), x, &results[at(e) * size]);
+        }
+      });
+      for_each_range(pool, static_cast<std::int64_t>(batch.pair.size()), 2048,
+                     [&](std::int64_t begin, std::int64_t end) {
+                       for (auto p = at(begin); p < at(end); ++p) {
+                         double sum = values[at(batch.pair[p].entry)];
+                         for (std::int32_t k = batch.ptr[p]; k < batch.ptr[p + 1]; ++k) {
+                           const BlockSource s(batch.from[at(k)]);
+                           sum += results[at(s.element) * size + at(s.b) * at(n) + at(s.a)];
+                         }
+                         values[at(batch.pair[p].entry)] = values[at(batch.pair[p].mirror)] = sum;
+                       }
+                     });
     }
-  });
+  }
   return values;
 }
 

@@ -1,10 +1,10 @@
 /// \file
 /// Threaded assembly of element forces and tangents, with the same bits for any number of threads.
 ///
-/// Elements are cut into chunks of consecutive elements, and the chunks are coloured so that two chunks of one colour
-/// share no vertex. Colours are worked off one after the other, the chunks of a colour in parallel, the elements of a
-/// chunk in order: every sum has a fixed order, and no two threads ever write to the same place. Chunks and colours
-/// depend on the mesh alone.
+/// Elements are evaluated into buffers, as many side by side as their group has lanes; then sums are made by position
+/// (gather.hpp). The tangents of a whole body would be some gigabytes, so they are made and added in batches of
+/// consecutive elements that stay in cache; a sum over several batches goes on where the last one ended, so batches do
+/// not change a bit either.
 #pragma once
 
 #include <cstdint>
@@ -13,18 +13,9 @@
 
 #include "base/thread_pool.hpp"
 #include "dynamics/elements/element.hpp"
+#include "dynamics/elements/gather.hpp"
 
 namespace espalier::dynamics {
-
-/// Pairs of vertices that share an element, by columns: rows of column b are ind[ptr[b] .. ptr[b + 1]), sorted.
-/// The pattern is symmetric and holds the diagonal.
-struct VertexPattern {
-  std::vector<Offset> ptr;
-  std::vector<Index> ind;
-  [[nodiscard]] Index columns() const { return static_cast<Index>(ptr.size()) - 1; }
-  /// Position of (row, column) in ind. @throws std::logic_error when the pair shares no element
-  [[nodiscard]] Offset entry(Index row, Index column) const;
-};
 
 /// The coordinates of all vertices of a body, 3 per vertex.
 struct AssemblyState {
@@ -32,6 +23,8 @@ struct AssemblyState {
   const double* position;
   const double* velocity;  ///< may be null: zero
   double damping = 0;      ///< stiffness-proportional damping factor in seconds
+  /// Whether tangents are symmetric: forces are gradients of an energy where there is no viscous stress.
+  [[nodiscard]] bool symmetric() const { return damping == 0 || velocity == nullptr; }
 };
 
 /// Where 3 x 3 blocks of a tangent go: entry e of the vertex pattern in column b has its column j (0..2) at
@@ -40,60 +33,69 @@ struct BlockTarget {
   double* values;
   const Offset* column_start;
   const std::int32_t* shift;
+  [[nodiscard]] double* place(Index column, Offset entry, int j) const {
+    return values + column_start[3 * static_cast<std::size_t>(column) + static_cast<std::size_t>(j)] +
+           shift[3 * static_cast<std::size_t>(entry) + static_cast<std::size_t>(j)];
+  }
 };
 
-/// What one element gives; number k stands at [k * stride].
-struct ElementResult {
-  const double* force;
-  const double* tangent;  ///< null when not wanted
-  double energy = 0;
-  int stride = 1;
-  bool whole = true;  ///< false: turned inside out, the rest is not defined
-};
-
-/// All elements of one body.
+/// All elements of one body. Calls on one object exclude each other: they share the buffers.
 class ElementAssembly {
  public:
   /// @param vertices number of vertices of the body
-  ElementAssembly(Index vertices, std::vector<std::unique_ptr<ElementGroup>> groups);
+  /// @param pool threads that make the lists; may be null
+  /// @throws std::invalid_argument when an element names a vertex that the body has not; Error(invalid_input) when
+  /// there are more elements than 32-bit lists can name
+  ElementAssembly(Index vertices, std::vector<std::unique_ptr<ElementGroup>> groups, base::ThreadPool* pool = nullptr);
 
   [[nodiscard]] const VertexPattern& pattern() const { return pattern_; }
   [[nodiscard]] Index vertices() const { return pattern_.columns(); }
   [[nodiscard]] Index elements() const { return elements_; }
-  [[nodiscard]] int colours() const { return static_cast<int>(colour_ptr_.size()) - 1; }
+  /// use(group, vertices of the body, element by element) for all groups, in the order in which elements are counted.
+  template <class Use>
+  void for_each_group(const Use& use) const {
+    for (const Kind& kind : kinds_) use(*kind.group, std::span<const Index>(kind.vertex));
+  }
+  /// What messages call element number `element` over all groups; -1: none has this number.
+  [[nodiscard]] std::int64_t label(std::int64_t element) const;
+  /// Number of batches that a tangent is made in.
+  [[nodiscard]] int batches() const;
 
   /// Adds the internal forces to f (3 per vertex) and the strain energy to `energy`. The forces of an inverted
   /// element are NaN. @return the label of the first inverted element in order of the groups, or -1
-  std::int64_t add_forces(base::ThreadPool* pool, const AssemblyState& state, double* f, double& energy) const;
+  std::int64_t add_forces(base::ThreadPool* pool, const AssemblyState& state, double* f, double& energy);
   /// Adds position_weight * df/dq + velocity_weight * df/dv. @return as add_forces (its block is NaN)
   std::int64_t add_tangent(base::ThreadPool* pool, const AssemblyState& state, double position_weight,
-                           double velocity_weight, const BlockTarget& target) const;
+                           double velocity_weight, const BlockTarget& target);
   /// Consistent mass, one number per entry of pattern().
-  [[nodiscard]] std::vector<double> mass(const double* reference) const;
+  [[nodiscard]] std::vector<double> mass(const double* reference, base::ThreadPool* pool = nullptr) const;
 
  private:
-  struct Chunk {
-    std::int32_t group;
-    Index begin, end;      // elements of the group
-    Offset first_element;  // number of the first one over all groups
-    Offset first_pair;     // position of its first pair in pairs_
+  /// Elements of one kind and their lists.
+  struct Kind {
+    std::unique_ptr<ElementGroup> group;
+    ResultLayout layout;
+    std::vector<Index> vertex;   // of element e: [e * n .. (e + 1) * n)
+    std::int64_t first_element;  // number of its first element over all kinds
+    ForceList forces;
+    std::vector<PairList> batches;
+    [[nodiscard]] Connectivity connectivity() const { return {layout.vertices(), vertex}; }
+    [[nodiscard]] Index count() const { return static_cast<Index>(vertex.size()) / layout.vertices(); }
   };
-  void build_pattern(Index vertices);
-  void build_pairs();
-  void build_chunks();
-  void colour_chunks();
-  template <class Body>
-  void for_each_chunk(base::ThreadPool* pool, const Body& body) const;
-  template <class Body>
-  std::int64_t evaluate_all(base::ThreadPool* pool, const AssemblyState& state, bool tangent, double position_weight,
-                            double velocity_weight, const Body& body) const;
+  struct Evaluation;
+  void add_kind(std::unique_ptr<ElementGroup> group, Index vertices);
+  void build_pattern(Index vertices, base::ThreadPool* pool);
+  void build_batches(Kind& kind, base::ThreadPool* pool) const;
+  void add_forces_of(const Kind& kind, base::ThreadPool* pool, Evaluation& evaluation, double* f);
+  static void evaluate_tangents(const Kind& kind, Evaluation& evaluation, Index first, Index begin, Index end,
+                                double* tangents);
+  void add_tangent_of(const Kind& kind, base::ThreadPool* pool, Evaluation& evaluation, const BlockTarget& target);
 
-  std::vector<std::unique_ptr<ElementGroup>> groups_;
+  std::vector<Kind> kinds_;
   Index elements_ = 0;
   VertexPattern pattern_;
-  std::vector<std::int32_t> pairs_;  // per element: entry - ptr[column] of every (row, column) pair, column by column
-  std::vector<Chunk> chunks_;        // by colour
-  std::vector<Index> colour_ptr_;
+  std::vector<double> buffer_[2];  // results of elements: forces; tangents of a batch and of the one before
+  std::vector<double> energies_;   // of the elements
 };
 
 }  // namespace espalier::dynamics

@@ -13,6 +13,8 @@
 
 namespace espalier::dynamics {
 
+struct DeviceLaw;
+
 /// The state of one element; arrays of 3 * vertices numbers, x y z of vertex 0 first.
 struct ElementInput {
   const double* reference;     ///< coordinates in the stress-free state
@@ -42,8 +44,10 @@ struct BlockInput {
 /// What they give, in the same order; arrays as in ElementOutput.
 struct BlockOutput {
   double* force;
-  double* tangent = nullptr;  ///< may be null: not wanted
-  double* energy = nullptr;   ///< one per lane
+  /// May be null: not wanted. Where it is symmetric (no damping, or no velocity) only the 3 x 3 blocks of vertices a <=
+  /// b need be written.
+  double* tangent = nullptr;
+  double* energy = nullptr;  ///< one per lane
 };
 
 /// A set of elements of one kind. Stateless: evaluate() is a function of its arguments alone, so that calls from
@@ -62,6 +66,8 @@ class ElementGroup {
   /// Evaluates width() elements side by side; what a lane gives does not depend on the others.
   /// @return bit l is set where the element of lane l is whole; the others' output is undefined
   [[nodiscard]] virtual unsigned evaluate_block(const BlockInput&, const BlockOutput&) const { return 0; }
+  /// What GPUs have to know of these elements (device_law.hpp); null: the host alone evaluates them.
+  [[nodiscard]] virtual const DeviceLaw* device_law() const { return nullptr; }
   /// Consistent mass, vertices x vertices, one number per pair: integral of density * N_a * N_b.
   virtual void mass(Index e, const double* reference, double* m) const = 0;
   /// Number of the element in messages (its number in the mesh file, or its position counted from 1).
@@ -71,7 +77,7 @@ class ElementGroup {
 /// Largest number of vertices of any element (hex20).
 inline constexpr int kMaxVertices = 20;
 inline constexpr int kMaxElementDofs = 3 * kMaxVertices;
-/// Largest width(), and the largest number of degrees of freedom of an element that has more than one lane.
+/// Largest width().
 inline constexpr int kMaxLanes = 8;
 inline constexpr int kMaxBlockDofs = 24;
 

@@ -7,8 +7,10 @@
 #include <stdexcept>
 
 #include "dynamics/elements/ancf_shell.hpp"
+#include "dynamics/elements/device_law.hpp"
 #include "dynamics/elements/hex8_block.hpp"
 #include "dynamics/elements/solid.hpp"
+#include "dynamics/elements/solid_block.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -17,7 +19,18 @@ class SolidGroup final : public ElementGroup {
  public:
   SolidGroup(ElementType type, const Material& material, const SolidOptions& options)
       : type_(type), material_(material), options_(options), nodes_(shape_of(type).nodes) {
-    if (type == ElementType::hex8 && hex8_block_serves(options.hex8, material.law)) kernel_ = vector_hex8_kernel();
+    assumed_strain_ = type == ElementType::hex8 && options.hex8 != Hex8Formulation::full;
+    if (!assumed_strain_)
+      solid_ = vector_solid_kernels();
+    else
+      hex8_ = vector_hex8_kernel();
+    const bool neo_hookean = material.law == SolidLaw::neo_hookean;
+    law_ = {type,
+            rule(),
+            assumed_strain_,
+            {options.hex8, material.lambda(), material.mu(), neo_hookean},
+            {neo_hookean, material.lambda(), material.mu()}};
+    on_devices_ = !assumed_strain_ || (!neo_hookean && options.hex8 != Hex8Formulation::shell);
   }
   void add(std::span<const Index> nodes, std::int64_t label) {
     connectivity_.insert(connectivity_.end(), nodes.begin(), nodes.end());
@@ -29,25 +42,31 @@ class SolidGroup final : public ElementGroup {
     return std::span(connectivity_).subspan(static_cast<std::size_t>(e) * nodes_, nodes_);
   }
   [[nodiscard]] bool evaluate(Index, const ElementInput& in, ElementOutput& out) const override {
-    if (type_ == ElementType::hex8 && options_.hex8 != Hex8Formulation::full)
-      return evaluate_hex8(options_.hex8, material_, in, out);
-    return evaluate_solid(type_, options_.reduced_hex20 ? Rule::reduced : Rule::stiffness, material_, in, out);
+    if (assumed_strain_) return evaluate_hex8(options_.hex8, material_, in, out);
+    return evaluate_solid(type_, rule(), material_, in, out);
   }
-  [[nodiscard]] int width() const override { return kernel_.width; }
+  [[nodiscard]] int width() const override { return assumed_strain_ ? hex8_.width : solid_.width; }
   [[nodiscard]] unsigned evaluate_block(const BlockInput& in, const BlockOutput& out) const override {
-    return kernel_.evaluate({options_.hex8, material_.lambda(), material_.mu()}, in, out);
+    if (!assumed_strain_) return evaluate_solid_block(solid_, type_, rule(), material_, in, out);
+    return hex8_.evaluate(law_.hexahedra, in, out);
   }
+  [[nodiscard]] const DeviceLaw* device_law() const override { return on_devices_ ? &law_ : nullptr; }
   void mass(Index, const double* reference, double* m) const override {
     solid_mass(type_, material_.density, reference, m);
   }
   [[nodiscard]] std::int64_t label(Index e) const override { return labels_[static_cast<std::size_t>(e)]; }
 
  private:
+  [[nodiscard]] Rule rule() const { return options_.reduced_hex20 ? Rule::reduced : Rule::stiffness; }
+
   ElementType type_;
   Material material_;
   SolidOptions options_;
   int nodes_;
-  Hex8Kernel kernel_;
+  bool assumed_strain_ = false, on_devices_ = false;
+  DeviceLaw law_;
+  SolidKernels solid_;
+  Hex8Kernel hex8_;
   std::vector<Index> connectivity_;
   std::vector<std::int64_t> labels_;
 };

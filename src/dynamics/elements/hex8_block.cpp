@@ -1,17 +1,17 @@
 #include "dynamics/elements/hex8_block.hpp"
 
-#include <cmath>
+#include <algorithm>
 
+#include "dynamics/elements/anywhere.hpp"
 #include "dynamics/elements/hex8_kinematics.hpp"
+#include "dynamics/elements/lane_scalar.hpp"
+#include "dynamics/elements/lane_targets.hpp"
 
-// AVX-512, AVX2 and the baseline; scalable vectors cannot stand in arrays.
-#define HWY_DISABLED_TARGETS                                                                                   \
-  (HWY_AVX3_DL | HWY_SSE4 | HWY_SSSE3 | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV | HWY_PPC8 | \
-   HWY_WASM | HWY_WASM_EMU256)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "dynamics/elements/hex8_block.cpp"
 #include "hwy/foreach_target.h"  // must precede highway.h
 // clang-format off: the order matters
+#include "hwy/contrib/math/math-inl.h"
 #include "hwy/highway.h"
 // clang-format on
 
@@ -19,41 +19,19 @@ HWY_BEFORE_NAMESPACE();
 namespace espalier::dynamics::HWY_NAMESPACE {
 namespace {
 
-namespace hn = hwy::HWY_NAMESPACE;
+inline const hex8::BlockTables& tables() { return kHex8BlockTables; }
 
-/// One element in each lane.
-struct Lanes {
-  using Tag = hn::CappedTag<double, kMaxLanes>;
-  using Mask = hn::Mask<Tag>;
-  static constexpr int kWidth = static_cast<int>(HWY_MIN(HWY_LANES(double), kMaxLanes));
-  hn::Vec<Tag> v;
-  HWY_INLINE Lanes() = default;
-  HWY_INLINE explicit Lanes(double x) : v(hn::Set(Tag(), x)) {}
-  HWY_INLINE explicit Lanes(hn::Vec<Tag> x) : v(x) {}
-  static HWY_INLINE Lanes load(const double* from) { return Lanes(hn::LoadU(Tag(), from)); }
-  HWY_INLINE void store(double* to) const { hn::StoreU(v, Tag(), to); }
-  static HWY_INLINE Mask all() { return hn::FirstN(Tag(), static_cast<std::size_t>(kWidth)); }
-  static HWY_INLINE unsigned bits(Mask mask) {
-    std::uint8_t bytes[8] = {};
-    hn::StoreMaskBits(Tag(), mask, bytes);
-    return bytes[0];
-  }
-};
-HWY_INLINE Lanes operator+(Lanes a, Lanes b) { return Lanes(hn::Add(a.v, b.v)); }
-HWY_INLINE Lanes operator-(Lanes a, Lanes b) { return Lanes(hn::Sub(a.v, b.v)); }
-HWY_INLINE Lanes operator*(Lanes a, Lanes b) { return Lanes(hn::Mul(a.v, b.v)); }
-HWY_INLINE Lanes operator/(Lanes a, Lanes b) { return Lanes(hn::Div(a.v, b.v)); }
-HWY_INLINE Lanes mul_add(Lanes a, Lanes b, Lanes c) { return Lanes(hn::MulAdd(a.v, b.v, c.v)); }
-HWY_INLINE Lanes square_root(Lanes a) { return Lanes(hn::Sqrt(a.v)); }
-HWY_INLINE Lanes::Mask and_positive(Lanes::Mask mask, Lanes a) {
-  return hn::And(mask, hn::Gt(a.v, hn::Zero(Lanes::Tag())));
-}
-
+#include "dynamics/elements/lane_vector-inl.hpp"
+//
+#include "dynamics/elements/lane_algebra-inl.hpp"
+//
 #include "dynamics/elements/hex8_block-inl.hpp"
+//
+#include "dynamics/elements/hex8_strain_block-inl.hpp"
 
 }  // namespace
 
-Hex8Kernel make_hex8_kernel() { return {Lanes::kWidth, &evaluate_block<Lanes>}; }
+Hex8Kernel make_hex8_kernel() { return {Lanes::kWidth, &evaluate_hexahedra<Lanes>}; }
 
 }  // namespace espalier::dynamics::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -63,32 +41,31 @@ namespace espalier::dynamics {
 namespace scalar {
 namespace {
 
-/// One element.
-struct Scalar {
-  using Mask = bool;
-  static constexpr int kWidth = 1;
-  double v;
-  Scalar() = default;
-  explicit Scalar(double x) : v(x) {}
-  static Scalar load(const double* from) { return Scalar(*from); }
-  void store(double* to) const { *to = v; }
-  static Mask all() { return true; }
-  static unsigned bits(Mask mask) { return mask ? 1 : 0; }
-};
-inline Scalar operator+(Scalar a, Scalar b) { return Scalar(a.v + b.v); }
-inline Scalar operator-(Scalar a, Scalar b) { return Scalar(a.v - b.v); }
-inline Scalar operator*(Scalar a, Scalar b) { return Scalar(a.v * b.v); }
-inline Scalar operator/(Scalar a, Scalar b) { return Scalar(a.v / b.v); }
-inline Scalar mul_add(Scalar a, Scalar b, Scalar c) { return Scalar(a.v * b.v + c.v); }
-inline Scalar square_root(Scalar a) { return Scalar(std::sqrt(a.v)); }
-inline bool and_positive(bool mask, Scalar a) { return mask && a.v > 0; }
+inline const hex8::BlockTables& tables() { return kHex8BlockTables; }
 
+#include "dynamics/elements/lane_algebra-inl.hpp"
+//
 #include "dynamics/elements/hex8_block-inl.hpp"
+//
+#include "dynamics/elements/hex8_strain_block-inl.hpp"
 
 }  // namespace
 }  // namespace scalar
 
-Hex8Kernel scalar_hex8_kernel() { return {1, &scalar::evaluate_block<scalar::Scalar>}; }
+const hex8::BlockTables kHex8BlockTables = [] {
+  const hex8::Tables& all = hex8::tables();
+  hex8::BlockTables block;
+  for (int q = 0; q < hex8::kPoints; ++q) {
+    std::copy_n(&all.points.gradient[q][0][0], 3 * hex8::kNodes, &block.gradient[q][0][0]);
+    block.weight[q] = all.points.weight[q];
+    for (int k = 0; k < hex8::kEnhancedModes; ++k)
+      block.mode[q][k] = hex8::polynomial(hex8::enhanced_mode(k).polynomial, all.xi[q]);
+  }
+  std::copy_n(&all.centre[0][0], 3 * hex8::kNodes, &block.centre[0][0]);
+  return block;
+}();
+
+Hex8Kernel scalar_hex8_kernel() { return {1, &scalar::evaluate_hexahedra<ScalarLane>}; }
 
 HWY_EXPORT(make_hex8_kernel);
 

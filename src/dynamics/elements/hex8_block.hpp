@@ -1,11 +1,12 @@
 /// \file
-/// Eight-node hexahedra side by side: the St. Venant-Kirchhoff solids of hex8_strain.hpp (all but shells), several
-/// elements in the lanes of one vector. The formulas stand once (hex8_block-inl.hpp) for a lane type; evaluate_hex8()
-/// is the second implementation that tests compare with.
+/// Eight-node hexahedra of hex8_strain.hpp side by side, several elements in the lanes of one vector. The formulas
+/// stand once for a lane type: hex8_block-inl.hpp for St. Venant-Kirchhoff solids, hex8_strain_block-inl.hpp for shells
+/// and for neo-Hookean ones. evaluate_hex8() is the second implementation that tests compare with.
 #pragma once
 
 #include "dynamics/elements/element.hpp"
 #include "dynamics/elements/hex8_strain.hpp"
+#include "dynamics/elements/hex8_tables.hpp"
 
 namespace espalier::dynamics {
 
@@ -13,6 +14,7 @@ namespace espalier::dynamics {
 struct Hex8Law {
   Hex8Formulation formulation = Hex8Formulation::full;
   double lambda = 0, mu = 0;  ///< Lame's constants
+  bool neo_hookean = false;   ///< else St. Venant-Kirchhoff
 };
 
 /// A kernel and its number of lanes.
@@ -23,10 +25,8 @@ struct Hex8Kernel {
   unsigned (*evaluate)(const Hex8Law& law, const BlockInput& in, const BlockOutput& out) = nullptr;
 };
 
-/// Whether these kernels serve: not for shells, not for laws that are not linear in the Green-Lagrange strain.
-[[nodiscard]] inline bool hex8_block_serves(Hex8Formulation formulation, SolidLaw law) {
-  return formulation != Hex8Formulation::shell && law == SolidLaw::st_venant_kirchhoff;
-}
+/// The numbers that the kernels of hex8_block-inl.hpp read.
+extern const hex8::BlockTables kHex8BlockTables;
 /// One element at a time.
 [[nodiscard]] Hex8Kernel scalar_hex8_kernel();
 /// As many lanes as the vectors of this processor have.

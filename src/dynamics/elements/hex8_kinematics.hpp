@@ -7,20 +7,17 @@
 #include <algorithm>
 
 #include "dynamics/elements/dispatch.hpp"
+#include "dynamics/elements/hex8_tables.hpp"
 #include "dynamics/elements/shape_functions.hpp"
 #include "dynamics/elements/strain_material.hpp"
 
 namespace espalier::dynamics::hex8 {
 
-inline constexpr int kNodes = 8;
-inline constexpr int kDofs = 24;
-inline constexpr int kPoints = 8;
 inline constexpr int kMaxModes = 9;
 // Strain components in the order 11 22 33 12 23 13, shear as engineering strain (twice the tensor component).
 inline constexpr int kRow[6] = {0, 1, 2, 0, 1, 0};
 inline constexpr int kCol[6] = {0, 1, 2, 1, 2, 2};
 
-using Gradients = double[3][kNodes];
 using Row = double[kDofs];
 
 /// Where strain components are sampled: integration points, and for shells the tying points.
@@ -140,30 +137,10 @@ struct Element {
   double alpha[kMaxModes] = {};
 };
 
-/// Covariant enhanced modes: (component, polynomial) pairs; polynomial 0 xi, 1 eta, 2 zeta, 3 xi zeta, 4 eta zeta,
-/// 5 xi eta zeta.
-struct Mode {
-  int component, polynomial;
-};
-inline constexpr Mode kEnhanced[9] = {{0, 0}, {1, 1}, {2, 2}, {3, 0}, {3, 1}, {4, 1}, {4, 2}, {5, 0}, {5, 2}};
+inline constexpr Mode kEnhanced[kEnhancedModes] = {enhanced_mode(0), enhanced_mode(1), enhanced_mode(2),
+                                                   enhanced_mode(3), enhanced_mode(4), enhanced_mode(5),
+                                                   enhanced_mode(6), enhanced_mode(7), enhanced_mode(8)};
 inline constexpr Mode kShell[8] = {{0, 0}, {1, 1}, {3, 0}, {3, 1}, {2, 2}, {2, 3}, {2, 4}, {2, 5}};
-
-inline double polynomial(int which, const double* xi) {
-  switch (which) {
-    case 0:
-      return xi[0];
-    case 1:
-      return xi[1];
-    case 2:
-      return xi[2];
-    case 3:
-      return xi[0] * xi[2];
-    case 4:
-      return xi[1] * xi[2];
-    default:
-      return xi[0] * xi[1] * xi[2];
-  }
-}
 
 /// M = (det J0 / det J) T0 M_cov(xi): T0 of the centre makes the modes pass the patch test (Simo and Rifai 1990).
 ESPALIER_INLINE void fill_modes(const Mode* modes, int count, const double (&t0)[6][6], double scale, const double* xi,

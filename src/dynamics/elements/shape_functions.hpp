@@ -56,4 +56,14 @@ ShapeTable<kNodes, kMaxPoints> make_shape_table(ElementType type, std::span<cons
   return table;
 }
 
+/// The table of a simulated solid and rule, made once.
+template <int kNodes, int kMaxPoints>
+const ShapeTable<kNodes, kMaxPoints>& solid_table(ElementType type, Rule rule) {
+  static const ShapeTable<kNodes, kMaxPoints> tables[3] = {
+      make_shape_table<kNodes, kMaxPoints>(type, quadrature(type, Rule::stiffness)),
+      make_shape_table<kNodes, kMaxPoints>(type, quadrature(type, Rule::reduced)),
+      make_shape_table<kNodes, kMaxPoints>(type, quadrature(type, Rule::mass))};
+  return tables[static_cast<int>(rule)];
+}
+
 }  // namespace espalier::dynamics

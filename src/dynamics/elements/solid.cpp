@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <limits>
 #include <stdexcept>
+#include <vector>
 
 #include "dynamics/elements/dispatch.hpp"
 
@@ -146,19 +147,6 @@ ESPALIER_INLINE bool evaluate(const Table& table, const Material& material, cons
   return true;
 }
 
-template <int kN, int kPoints>
-const ShapeTable<kN, kPoints>& table_of(ElementType type, Rule rule) {
-  static const ShapeTable<kN, kPoints> tables[3] = {
-      make_shape_table<kN, kPoints>(type, quadrature(type, Rule::stiffness)),
-      make_shape_table<kN, kPoints>(type, quadrature(type, Rule::reduced)),
-      make_shape_table<kN, kPoints>(type, quadrature(type, Rule::mass))};
-  return tables[static_cast<int>(rule)];
-}
-const auto& tet4_table(Rule rule) { return table_of<4, 4>(ElementType::tet4, rule); }
-const auto& tet10_table(Rule rule) { return table_of<10, 14>(ElementType::tet10, rule); }
-const auto& hex8_table(Rule rule) { return table_of<8, 8>(ElementType::hex8, rule); }
-const auto& hex20_table(Rule rule) { return table_of<20, 27>(ElementType::hex20, rule); }
-
 ESPALIER_CLONES bool evaluate_tet4(const ShapeTable<4, 4>& t, const Material& m, const ElementInput& in,
                                    ElementOutput& out) {
   return evaluate<4>(t, m, in, out);
@@ -176,34 +164,60 @@ ESPALIER_CLONES bool evaluate_hex20(const ShapeTable<20, 27>& t, const Material&
   return evaluate<20>(t, m, in, out);
 }
 
-double jacobian_at(ElementType type, const double* reference, const double* xi) {
-  const int nodes = shape_of(type).nodes;
-  double dn[3 * kMaxElementNodes];
-  shape_gradients(type, xi, dn);
-  Mat33 jacobian = {};
-  for (int a = 0; a < nodes; ++a)
-    for (int i = 0; i < 3; ++i)
-      for (int d = 0; d < 3; ++d) jacobian[i][d] += reference[3 * a + i] * dn[d * nodes + a];
-  return determinant(jacobian);
-}
-
-/// Smallest Jacobian determinant over some points; what is not a number wins.
-double smallest_over(ElementType type, const double* reference, std::span<const QuadraturePoint> points) {
-  double smallest = std::numeric_limits<double>::infinity();
-  for (const QuadraturePoint& point : points)
-    if (const double det = jacobian_at(type, reference, point.xi.data()); !(det >= smallest)) smallest = det;
-  return smallest;
-}
-
-/// Calls body(weight * det J, N) at every point of the rule for masses.
-template <class Body>
-void integrate(ElementType type, const double* reference, const Body& body) {
-  const bool folded = !(smallest_over(type, reference, quadrature(type, Rule::mass)) > 0);
-  for (const QuadraturePoint& point : quadrature(type, folded ? Rule::stiffness : Rule::mass)) {
-    double n[kMaxElementNodes];
-    shape_values(type, point.xi.data(), n);
-    body(point.weight * jacobian_at(type, reference, point.xi.data()), n);
+/// The shape functions at some points, for loops over elements before the first step.
+struct SampledShape {
+  int nodes;
+  std::vector<double> weight, value, gradient;  // of each point: 1, nodes and 3 * nodes numbers
+  SampledShape(ElementType type, std::span<const QuadraturePoint> points) : nodes(shape_of(type).nodes) {
+    value.resize(points.size() * static_cast<std::size_t>(nodes));
+    gradient.resize(3 * value.size());
+    for (const QuadraturePoint& point : points) {
+      shape_values(type, point.xi.data(), &value[weight.size() * static_cast<std::size_t>(nodes)]);
+      shape_gradients(type, point.xi.data(), &gradient[3 * weight.size() * static_cast<std::size_t>(nodes)]);
+      weight.push_back(point.weight);
+    }
   }
+  [[nodiscard]] double jacobian(std::size_t q, const double* reference) const {
+    const double* dn = &gradient[3 * q * static_cast<std::size_t>(nodes)];
+    Mat33 jacobian = {};
+    for (int a = 0; a < nodes; ++a)
+      for (int i = 0; i < 3; ++i)
+        for (int d = 0; d < 3; ++d) jacobian[i][d] += reference[3 * a + i] * dn[d * nodes + a];
+    return determinant(jacobian);
+  }
+  /// Smallest Jacobian determinant; what is not a number wins.
+  [[nodiscard]] double smallest_jacobian(const double* reference) const {
+    double smallest = std::numeric_limits<double>::infinity();
+    for (std::size_t q = 0; q < weight.size(); ++q)
+      if (const double det = jacobian(q, reference); !(det >= smallest)) smallest = det;
+    return smallest;
+  }
+};
+
+/// At the points of both rules and at the corners.
+struct SampledSolid {
+  SampledShape stiffness, mass, corners;
+  explicit SampledSolid(ElementType type)
+      : stiffness(type, quadrature(type, Rule::stiffness)),
+        mass(type, quadrature(type, Rule::mass)),
+        corners(type, corners_of(type)) {}
+
+ private:
+  static std::span<const QuadraturePoint> corners_of(ElementType type) {
+    static constexpr QuadraturePoint kTet[] = {{{0, 0, 0}, 0}, {{1, 0, 0}, 0}, {{0, 1, 0}, 0}, {{0, 0, 1}, 0}};
+    static constexpr QuadraturePoint kHex[] = {{{-1, -1, -1}, 0}, {{1, -1, -1}, 0}, {{1, 1, -1}, 0}, {{-1, 1, -1}, 0},
+                                               {{-1, -1, 1}, 0},  {{1, -1, 1}, 0},  {{1, 1, 1}, 0},  {{-1, 1, 1}, 0}};
+    return shape_of(type).corners == 4 ? std::span<const QuadraturePoint>(kTet) : kHex;
+  }
+};
+
+const SampledSolid& sampled(ElementType type) {
+  static const SampledSolid tet4(ElementType::tet4), tet10(ElementType::tet10), hex8(ElementType::hex8),
+      hex20(ElementType::hex20);
+  return type == ElementType::tet4    ? tet4
+         : type == ElementType::tet10 ? tet10
+         : type == ElementType::hex8  ? hex8
+                                      : hex20;
 }
 
 }  // namespace
@@ -211,36 +225,35 @@ void integrate(ElementType type, const double* reference, const Body& body) {
 bool evaluate_solid(ElementType type, Rule rule, const Material& material, const ElementInput& in, ElementOutput& out) {
   switch (type) {
     case ElementType::tet4:
-      return evaluate_tet4(tet4_table(rule), material, in, out);
+      return evaluate_tet4(solid_table<4, 4>(type, rule), material, in, out);
     case ElementType::tet10:
-      return evaluate_tet10(tet10_table(rule), material, in, out);
+      return evaluate_tet10(solid_table<10, 14>(type, rule), material, in, out);
     case ElementType::hex8:
-      return evaluate_hex8(hex8_table(rule), material, in, out);
+      return evaluate_hex8(solid_table<8, 8>(type, rule), material, in, out);
     case ElementType::hex20:
-      return evaluate_hex20(hex20_table(rule), material, in, out);
+      return evaluate_hex20(solid_table<20, 27>(type, rule), material, in, out);
     default:
       throw std::invalid_argument(fmt::format("evaluate_solid: {} is not a simulated solid", shape_of(type).name));
   }
 }
 
 void solid_mass(ElementType type, double density, const double* reference, double* m) {
-  const int nodes = shape_of(type).nodes;
+  const SampledSolid& solid = sampled(type);
+  const SampledShape& shape = solid.mass.smallest_jacobian(reference) > 0 ? solid.mass : solid.stiffness;
+  const int nodes = shape.nodes;
   std::fill(m, m + nodes * nodes, 0.0);
-  integrate(type, reference, [&](double volume, const double* n) {
+  for (std::size_t q = 0; q < shape.weight.size(); ++q) {
+    const double volume = shape.weight[q] * shape.jacobian(q, reference);
+    const double* n = &shape.value[q * static_cast<std::size_t>(nodes)];
     for (int b = 0; b < nodes; ++b)
       for (int a = 0; a < nodes; ++a) m[b * nodes + a] += density * volume * n[a] * n[b];
-  });
+  }
 }
 
 SmallestJacobian smallest_jacobian(ElementType type, const double* reference) {
-  static constexpr QuadraturePoint kTet[] = {{{0, 0, 0}, 0}, {{1, 0, 0}, 0}, {{0, 1, 0}, 0}, {{0, 0, 1}, 0}};
-  static constexpr QuadraturePoint kHex[] = {{{-1, -1, -1}, 0}, {{1, -1, -1}, 0}, {{1, 1, -1}, 0}, {{-1, 1, -1}, 0},
-                                             {{-1, -1, 1}, 0},  {{1, -1, 1}, 0},  {{1, 1, 1}, 0},  {{-1, 1, 1}, 0}};
-  const bool tetrahedron = shape_of(type).corners == 4;
-  const std::span<const QuadraturePoint> corners = tetrahedron ? std::span<const QuadraturePoint>(kTet) : kHex;
-  return {
-      smallest_over(type, reference, quadrature(type, Rule::stiffness)),
-      std::min(smallest_over(type, reference, quadrature(type, Rule::mass)), smallest_over(type, reference, corners))};
+  const SampledSolid& solid = sampled(type);
+  return {solid.stiffness.smallest_jacobian(reference),
+          std::min(solid.mass.smallest_jacobian(reference), solid.corners.smallest_jacobian(reference))};
 }
 
 }  // namespace espalier::dynamics

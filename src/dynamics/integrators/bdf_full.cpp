@@ -73,7 +73,7 @@ void BdfIntegrator::parametrise() {
       for (Index j = 0; j < n; ++j) {
         for (auto k = static_cast<std::size_t>(p.ptr[static_cast<std::size_t>(j)]);
              k < static_cast<std::size_t>(p.ptr[static_cast<std::size_t>(j) + 1]); ++k) {
-          w(p.ind[k], j) = kkt.w_values()[k];
+          w(p.ind[k], j) = kkt.w_of_factor()[k];
         }
       }
       u = w.transpose() * u;

@@ -29,8 +29,9 @@ void BdfIntegrator::remove_weak_parts() {
   if (m == 0) return;
   std::fill(rhs_.begin(), rhs_.end(), 0.0);
   KktSolver& kkt = equations_.kkt();
-  add_transposed(kkt.w_pattern(), kkt.w_values(), dq_, Span(rhs_).first(n));
-  add_transposed(kkt.w_pattern(), kkt.w_values(), dv_, Span(rhs_).subspan(n + m, n));
+  const ConstSpan w = kkt.w_of_factor();
+  add_transposed(kkt.w_pattern(), w, dq_, Span(rhs_).first(n));
+  add_transposed(kkt.w_pattern(), w, dv_, Span(rhs_).subspan(n + m, n));
   equations_.solve(rhs_, 2);
   std::copy_n(rhs_.begin(), n, dq_.begin());
   std::copy_n(rhs_.begin() + static_cast<std::ptrdiff_t>(n + m), n, dv_.begin());

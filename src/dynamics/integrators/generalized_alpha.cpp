@@ -100,7 +100,7 @@ bool GeneralizedAlpha::attempt(double h, bool renew, StepReport& report) {
     return solve(report) == Outcome::converged;
   } catch (const Error& error) {  // a trial state beyond what angles, elements or pivots allow
     const StatusCode code = error.status().code;
-    if (code == StatusCode::out_of_memory || code == StatusCode::device_error) throw;
+    if (code == StatusCode::out_of_memory || code == StatusCode::device_error || code == StatusCode::cancelled) throw;
     failure_ = error.status();
     factor_c_q_ = 0;
     began_fresh_ = fresh_ = true;

@@ -102,14 +102,15 @@ std::string pieces_of(const Mesh& mesh, std::span<const Index> elements) {
 
 /// The same mesh for bodies that are copies of each other (links of a chain) would be made many times; it is cheap
 /// beside one factorization.
-std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& solid, BuiltBody& out) {
+std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& solid, base::ThreadPool& pool,
+                                         BuiltBody& out) {
   auto mesh =
       std::make_shared<Mesh>(std::holds_alternative<MeshFile>(solid.mesh) ? load_mesh(std::get<MeshFile>(solid.mesh))
                                                                           : make_part(std::get<MeshPart>(solid.mesh)));
   out.material = material_of(*mesh, solid);
   std::vector<Index> elements;
   elements = solid.element_set.empty() ? solids_of(*mesh) : mesh->element_set(solid.element_set);
-  auto body = make_solid_body(spec.name, *mesh, out.material, solid.options, elements);
+  auto body = make_solid_body(spec.name, *mesh, out.material, solid.options, elements, &pool);
   out.notices = mesh->notices;
   if (std::string folds = corner_folds(*mesh, elements); !folds.empty()) out.notices.push_back(std::move(folds));
   out.pieces = pieces_of(*mesh, elements);
@@ -136,8 +137,8 @@ std::unique_ptr<FlexibleBody> make_shell(const BodySpec& spec, const ShellSpec& 
   return make_shell_body(spec.name, positions, directors, quads, s.material, s.thickness);
 }
 
-std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, BuiltBody& out) {
-  if (const auto* solid = std::get_if<SolidSpec>(&spec.shape)) return make_solid(spec, *solid, out);
+std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, base::ThreadPool& pool, BuiltBody& out) {
+  if (const auto* solid = std::get_if<SolidSpec>(&spec.shape)) return make_solid(spec, *solid, pool, out);
   if (const auto* c = std::get_if<CableSpec>(&spec.shape))
     return make_cable_body(spec.name, to_point(c->start), to_point(c->end), c->elements, c->section);
   if (const auto* b = std::get_if<BeamSpec>(&spec.shape))
@@ -163,7 +164,7 @@ BuiltBody build_body(const BodySpec& spec, const Description& model, Mechanism& 
     built.point = &out.system.add(std::make_unique<PointMass>(spec.name, data));
     return built;
   }
-  auto body = make_flexible_body(spec, built);
+  auto body = make_flexible_body(spec, out.pool, built);
   body->set_damping(spec.damping);
   body->set_gravity(to_point(gravity));
   body->set_pool(&out.pool);

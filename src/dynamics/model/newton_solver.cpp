@@ -65,12 +65,12 @@ class RecordedSolver final : public LinearSolver {
       record_.largest_asymmetry = std::max(record_.largest_asymmetry, asymmetry);
       record_.unsymmetric += asymmetry > kAsymmetry ? 1 : 0;
     }
-    record_.factor = solver_.refactorize(values);
-    // Perturbed pivots mean a singular K here: redundant constraints that nobody took out.
-    if (record_.factor.status.ok() && record_.factor.perturbed > 0)
-      return {StatusCode::singular, fmt::format("{} pivots vanished", record_.factor.perturbed),
-              record_.factor.status.row};
-    return record_.factor.status;
+    return take(solver_.refactorize(values));
+  }
+  // Symmetry is looked at on the host.
+  [[nodiscard]] int gpu() const override { return symmetry_ ? -1 : solver_.gpu(); }
+  Status factorize_device(const double* values, Offset count, void* stream) override {
+    return take(solver_.refactorize_device(values, count, stream));
   }
   [[nodiscard]] int determinant_sign() const override { return static_cast<int>(record_.factor.determinant_sign); }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
@@ -78,6 +78,15 @@ class RecordedSolver final : public LinearSolver {
   }
 
  private:
+  Status take(FactorResult result) {
+    record_.factor = std::move(result);
+    // Perturbed pivots mean a singular K here: redundant constraints that nobody took out.
+    if (record_.factor.status.ok() && record_.factor.perturbed > 0)
+      return {StatusCode::singular, fmt::format("{} pivots vanished", record_.factor.perturbed),
+              record_.factor.status.row};
+    return record_.factor.status;
+  }
+
   /// Newton's iteration contracts by about so much when it sees one half for both. Turning bodies always make a little.
   static constexpr double kAsymmetry = 1e-3;
   Solver solver_;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "dynamics/model/functions.hpp"
 
@@ -109,7 +110,50 @@ Columns find_columns(Mechanism& mechanism, const std::string& object, const std:
   return columns;
 }
 
+/// Of inputs, sensors, and what depends on the kind of a joint or spring: nothing.
+std::string dimension_of(const std::string& object, const std::string& what) {
+  static const std::map<std::string, std::string> kDimensions = {{"position", "length"},
+                                                                 {"velocity", "length/time"},
+                                                                 {"acceleration", "length/time^2"},
+                                                                 {"rotation", "angle"},
+                                                                 {"angular_velocity", "angle/time"},
+                                                                 {"momentum", "mass*length/time"},
+                                                                 {"angular_momentum", "mass*length^2/time"},
+                                                                 {"mass", "mass"},
+                                                                 {"force", "force"},
+                                                                 {"moment", "force*length"},
+                                                                 {"angle", "angle"},
+                                                                 {"angular_speed", "angle/time"},
+                                                                 {"displacement", "length"},
+                                                                 {"speed", "length/time"},
+                                                                 {"friction_force", "force"},
+                                                                 {"friction_moment", "force*length"},
+                                                                 {"stop_force", "force"},
+                                                                 {"stop_moment", "force*length"},
+                                                                 {"pressure", "force/length^2"}};
+  if (object == "inputs" || object == "sensors" || object == "constraints") return "";
+  if (object == "energy") return "energy";
+  if (object == "step") return what == "h" ? "time" : "1";
+  const auto known = kDimensions.find(what);
+  return known == kDimensions.end() ? "" : known->second;
+}
+
 }  // namespace
+
+std::vector<SimulationQuantity> list_quantities(Mechanism& mechanism) {
+  std::vector<std::string> objects = object_names(mechanism);
+  objects.insert(objects.end(), {"energy", "constraints", "step"});
+  std::vector<SimulationQuantity> list;
+  for (const std::string& object : objects) {
+    const Columns columns = find_columns(mechanism, object, object, {});
+    for (const auto& [name, value] : columns.vectors)
+      for (const char* component : {"x", "y", "z", "norm"})
+        list.push_back({fmt::format("{}.{}.{}", object, name, component), dimension_of(object, name)});
+    for (const auto& [name, value] : columns.scalars)
+      list.push_back({fmt::format("{}.{}", object, name), dimension_of(object, name)});
+  }
+  return list;
+}
 
 std::vector<Quantity> find_quantities(Mechanism& mechanism, const std::string& request, const Place& place) {
   const std::vector<std::string> parts = split_name(request);

@@ -10,6 +10,7 @@
 #include "dynamics/dae/equations.hpp"
 #include "dynamics/integrators/integrator.hpp"
 #include "dynamics/model/mechanism.hpp"
+#include "espalier/dynamics.hpp"
 
 namespace espalier::dynamics::model {
 
@@ -41,5 +42,8 @@ struct Quantity {
 /// A vector also has .norm. @throws Error(invalid_input) naming the request
 [[nodiscard]] std::vector<Quantity> find_quantities(Mechanism& mechanism, const std::string& request,
                                                     const Place& place);
+
+/// All of them by full names, with dimensions.
+[[nodiscard]] std::vector<SimulationQuantity> list_quantities(Mechanism& mechanism);
 
 }  // namespace espalier::dynamics::model

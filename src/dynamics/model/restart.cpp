@@ -66,10 +66,10 @@ Text decode(std::string_view text) {
   return result;
 }
 
-/// A restart file in memory, checked in itself.
+/// The bytes of a restart file, checked in themselves.
 class RestartFile {
  public:
-  explicit RestartFile(const std::string& path) : path_(path), file_(path), bytes_(file_.bytes()) {
+  RestartFile(std::string name, std::string_view bytes) : name_(std::move(name)), bytes_(bytes) {
     if (!bytes_.starts_with(kAnyFormat)) refuse("this is not a restart file");
     if (bytes_.size() < kChecked + sizeof(Counts)) refuse("the file ends too early");
     if (std::memcmp(bytes_.data(), kMagic, sizeof kMagic) != 0)
@@ -92,7 +92,7 @@ class RestartFile {
   }
 
   [[noreturn]] void refuse(const std::string& what) const {
-    throw Error(StatusCode::invalid_input, fmt::format("restart file {}: {}", path_, what));
+    throw Error(StatusCode::invalid_input, fmt::format("{}: {}", name_, what));
   }
   /// @return what differs, where that is accepted
   [[nodiscard]] std::vector<std::string> compare(const Mechanism& mechanism, bool accept_changes) const {
@@ -115,11 +115,19 @@ class RestartFile {
                     "with what differs:{}",
                     list));
   }
-  [[nodiscard]] ConstSpan numbers() const { return numbers_; }
+  void take_up(Mechanism& mechanism, Integrator& integrator) const {
+    ConstSpan rest = numbers_;
+    try {
+      integrator.restore(rest);
+      for (const auto& component : mechanism.system.components()) component->restore(rest);
+    } catch (const Error& error) {
+      refuse(error.what());
+    }
+    if (!rest.empty()) refuse("the file holds more numbers than this model takes; was the integrator changed?");
+  }
 
  private:
-  std::string path_;
-  matrix::FileBytes file_;
+  std::string name_;
   std::string_view bytes_;
   Counts counts_;
   Text text_;
@@ -128,7 +136,7 @@ class RestartFile {
 
 }  // namespace
 
-void write_restart(const std::string& path, Mechanism& mechanism, Integrator& integrator) {
+std::string restart_bytes(Mechanism& mechanism, Integrator& integrator) {
   std::vector<double> numbers;
   integrator.save(numbers);
   for (const auto& component : mechanism.system.components()) component->save(numbers);
@@ -142,25 +150,31 @@ void write_restart(const std::string& path, Mechanism& mechanism, Integrator& in
   base::Checksum sum;
   for (const std::string_view part : parts) sum.add(part.data(), part.size());
   const std::uint64_t checksum = sum.value();
+  std::string bytes(kMagic, sizeof kMagic);
+  bytes.append(reinterpret_cast<const char*>(&checksum), sizeof checksum);
+  for (const std::string_view part : parts) bytes += part;
+  return bytes;
+}
+
+void write_restart(const std::string& path, Mechanism& mechanism, Integrator& integrator) {
+  const std::string bytes = restart_bytes(mechanism, integrator);
   base::OutputFile out(path, base::OutputFile::Durability::power_failure);
-  out.write({kMagic, sizeof kMagic});
-  out.write({reinterpret_cast<const char*>(&checksum), sizeof checksum});
-  for (const std::string_view part : parts) out.write(part);
+  out.write(bytes);
   out.commit();
+}
+
+void take_restart_bytes(std::string_view bytes, const std::string& name, Mechanism& mechanism, Integrator& integrator) {
+  const RestartFile file(name, bytes);
+  (void)file.compare(mechanism, false);
+  file.take_up(mechanism, integrator);
 }
 
 std::vector<std::string> read_restart(const std::string& path, bool accept_changes, Mechanism& mechanism,
                                       Integrator& integrator) {
-  const RestartFile file(path);
+  const matrix::FileBytes bytes(path);
+  const RestartFile file("restart file " + path, bytes.bytes());
   std::vector<std::string> accepted = file.compare(mechanism, accept_changes);
-  ConstSpan rest = file.numbers();
-  try {
-    integrator.restore(rest);
-    for (const auto& component : mechanism.system.components()) component->restore(rest);
-  } catch (const Error& error) {
-    file.refuse(error.what());
-  }
-  if (!rest.empty()) file.refuse("the file holds more numbers than this model takes; was the integrator changed?");
+  file.take_up(mechanism, integrator);
   return accepted;
 }
 

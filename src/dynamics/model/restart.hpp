@@ -11,6 +11,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "dynamics/integrators/integrator.hpp"
@@ -18,8 +19,15 @@
 
 namespace espalier::dynamics::model {
 
-/// Writes a restart file (under another name, then renamed: a run that is killed leaves the last whole one). The factor
-/// of the integrator is dropped, so that the run that goes on takes the same steps as one that restarts from the file.
+/// The bytes of a restart file. The factor of the integrator is dropped, so that the run that goes on takes the same
+/// steps as one that restarts from them.
+[[nodiscard]] std::string restart_bytes(Mechanism& mechanism, Integrator& integrator);
+/// Takes up their state. @param name for messages @throws Error(invalid_input) as read_restart(); nothing has changed
+/// then
+void take_restart_bytes(std::string_view bytes, const std::string& name, Mechanism& mechanism, Integrator& integrator);
+
+/// Writes a restart file (under another name, then renamed: a run that is killed leaves the last whole one); see
+/// restart_bytes().
 /// @throws Error(invalid_input) when it cannot be written
 void write_restart(const std::string& path, Mechanism& mechanism, Integrator& integrator);
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 
 #include "base/stopwatch.hpp"
@@ -23,6 +24,10 @@ SimulationStep public_step(const StepReport& r) {
 }
 
 SimulationEnergy to_public(const Energy& e) { return {e.kinetic, e.potential}; }
+
+base::Interruption::Clock::duration period_of(double seconds) {
+  return std::chrono::duration_cast<base::Interruption::Clock::duration>(std::chrono::duration<double>(seconds));
+}
 
 /// So many times of output can be told apart and reached; more are a slip of the pen.
 void check_intervals(const Description& model) {
@@ -48,7 +53,10 @@ void Runner::set_end(double until) {
 }
 
 Runner::Runner(Description model, SimulationOptions options, SimulationSummary& summary)
-    : model_(std::move(model)), options_(std::move(options)), summary_(summary) {
+    : model_(std::move(model)),
+      options_(std::move(options)),
+      interruption_(options_.interrupted, period_of(options_.interrupted_every)),
+      summary_(summary) {
   const Stopwatch watch(summary_.phases.total);
   if (options_.until) set_end(*options_.until);
   if (model_.statics && !options_.restart.empty())
@@ -72,19 +80,29 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
     Options solver;
     try {
       solver = run_options(by_name, unknowns);
+      solver.interrupted = options_.interrupted;
+      solver.interrupted_every = options_.interrupted_every;
     } catch (const Error& error) {
       throw Error(error.status().code, std::string("solver: ") + error.what());
     }
     equations_ = std::make_unique<Equations>(
         mechanism_->system, make_run_solver(solver, unknowns <= kLargestDense && !chosen,
                                             {options_.dump, options_.dump_every, options_.dump_count}, record_));
-    for (const std::string& request : model_.output.quantities)
-      for (Quantity& q : find_quantities(*mechanism_, request, model_.output.place))
-        quantities_.push_back(std::move(q));
+    for (const std::string& request : model_.output.quantities) choose(request, model_.output.place);
+    for (const std::string& request : options_.quantities) choose(request, {});
+    for (const Quantity& q : quantities_) series_.names.push_back(q.name);
   }
   prepare();
   if (!model_.statics) start_integrator();
   finish();
+}
+
+// What is chosen twice is there once.
+void Runner::choose(const std::string& request, const Place& place) {
+  for (Quantity& q : find_quantities(*mechanism_, request, place)) {
+    const auto same = [&q](const Quantity& known) { return known.name == q.name; };
+    if (std::none_of(quantities_.begin(), quantities_.end(), same)) quantities_.push_back(std::move(q));
+  }
 }
 
 void Runner::prepare() {
@@ -164,6 +182,8 @@ void Runner::start_integrator() {
     integrator_ = std::make_unique<GeneralizedAlpha>(*equations_, model_.integrator.alpha);
   }
   integrator_->start(state_);
+  equations_->allow_device(&mechanism_->pool);
+  if (const std::string& notice = equations_->device_notice(); !notice.empty()) summary_.notices.push_back(notice);
   events_ = std::make_unique<EventWatch>(model_, *mechanism_);
   if (!options_.restart.empty()) {
     for (const std::string& change : read_restart(options_.restart, options_.accept_changes, *mechanism_, *integrator_))
@@ -175,13 +195,14 @@ void Runner::start_integrator() {
       throw Error(StatusCode::invalid_input,
                   fmt::format("{}: the state is at t = {:g}, the run ends at {:g} already; give a later --until",
                               options_.restart, time(), model_.integrator.end));
-    if (complete())
+    if (reached(model_.integrator.end))
       summary_.notices.push_back(
           fmt::format("{}: the run is complete, nothing was left to do; a later --until goes on", options_.restart));
     summary_.t_begin = time();
     summary_.energy_begin = to_public(mechanism_->system.energy(current().view()));
   }
   last_report_.t = time();
+  dropped_at_start_ = equations_->dropped();
 }
 
 Sample Runner::sample(const StepReport& report) {
@@ -208,17 +229,13 @@ double Runner::value(const std::string& quantity) {
   return found[0].value(sample(last_report_));
 }
 
-void Runner::run(const SimulationObserver& observer) {
+void Runner::guarded(const std::function<void()>& body) {
   const Stopwatch watch(summary_.phases.total);
   try {
-    if (model_.statics) {
-      run_statics(observer);
-    } else {
-      loop(observer);
-      note_steps();
-    }
+    body();
   } catch (const Error& error) {
     if (integrator_) note_steps();
+    going_ = false;
     const Error explained(error.status().code, explain_failure(error), error.status().row);
     if (files_) files_->emergency(sample(last_report_));
     finish();
@@ -227,43 +244,77 @@ void Runner::run(const SimulationObserver& observer) {
   finish();
 }
 
-void Runner::loop(const SimulationObserver& observer) {
-  const double end = model_.integrator.end;
+void Runner::run(const SimulationObserver& observer) {
+  guarded([&] {
+    if (model_.statics) return run_statics(observer);
+    stopped_ = false;
+    if (!going_) go();
+    advance(model_.integrator.end, observer);
+    guard_->check(current());
+    {
+      const Stopwatch output(summary_.phases.output);
+      files_->end(sample(last_report_));
+      going_ = false;
+    }
+    note_steps();
+  });
+}
+
+void Runner::go() {
   {
     const Stopwatch output(summary_.phases.output);
     files_.reset();  // of a run that an observer broke off
     files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, integrator_);
-    files_->begin(sample(last_report_), reference_, !options_.restart.empty());
+    const Sample s = sample(last_report_);
+    files_->begin(s, reference_, !options_.restart.empty());
+    keep(s);
   }
-  constexpr long kWatchEvery = 100;
-  stopped_ = false;
+  going_ = true;
   happen();
-  while (!stopped_ && !complete()) {
-    const double limit = std::min(end, files_->next_exact_time());
-    last_report_ = events_->empty() ? integrator_->step(limit) : events_->step(integrator_, limit);
-    happen();
-    if (last_report_.index % kWatchEvery == 0) guard_->check(current());
-    {
-      const Stopwatch output(summary_.phases.output);
-      const Sample s = sample(last_report_);
-      auto& most = summary_.largest_violation;
-      most.position = std::max(most.position, s.report.levels.position);
-      most.velocity = std::max(most.velocity, s.report.levels.velocity);
-      most.acceleration = std::max(most.acceleration, s.report.levels.acceleration);
-      files_->step(s);
+}
+
+// Steps until `end`, an event, the observer or the caller's interruption.
+void Runner::advance(double end, const SimulationObserver& observer) {
+  summary_.interrupted = false;
+  const base::Interruption::Call call(interruption_);
+  while (!stopped_ && !reached(end)) {
+    try {
+      interruption_.check();
+      step(std::min(end, files_->next_exact_time()));
+    } catch (const Error& error) {
+      if (error.status().code != StatusCode::cancelled) throw;
+      return halt();
     }
     if (observer && !observer(public_step(last_report_))) {
-      summary_.interrupted = !stopped_ && !complete();
+      summary_.interrupted = !stopped_ && !reached(end);
       break;
     }
   }
-  guard_->check(current());
-  const Stopwatch output(summary_.phases.output);
-  files_->end(sample(last_report_));
 }
 
-bool Runner::complete() const {
-  const double end = model_.integrator.end;
+void Runner::step(double limit) {
+  constexpr long kWatchEvery = 100;
+  last_report_ = events_->empty() ? integrator_->step(limit) : events_->step(integrator_, limit);
+  happen();
+  if (last_report_.index % kWatchEvery == 0) guard_->check(current());
+  const Stopwatch output(summary_.phases.output);
+  const Sample s = sample(last_report_);
+  auto& most = summary_.largest_violation;
+  most.position = std::max(most.position, s.report.levels.position);
+  most.velocity = std::max(most.velocity, s.report.levels.velocity);
+  most.acceleration = std::max(most.acceleration, s.report.levels.acceleration);
+  files_->step(s);
+  keep(s);
+}
+
+// There is no factor, or half of one.
+void Runner::halt() {
+  summary_.interrupted = true;
+  integrator_ = integrator_->clone();
+  equations_->forget_analysis();
+}
+
+bool Runner::reached(double end) const {
   if (model_.integrator.steps > 0 && integrator_->counts().steps >= model_.integrator.steps) return true;
   return std::isfinite(end) && !(end - time() > 4e-16 * std::max(std::abs(end), std::abs(time())));
 }

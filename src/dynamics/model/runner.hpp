@@ -2,10 +2,13 @@
 /// One run: from the description to the last file. Reading and building are elsewhere; here is the order of events.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "base/interruption.hpp"
 #include "dynamics/constraints/redundancy.hpp"
 #include "dynamics/integrators/integrator.hpp"
 #include "dynamics/model/events.hpp"
@@ -25,6 +28,12 @@ class Runner {
 
   /// To the end, or until the observer stops it.
   void run(const SimulationObserver& observer);
+  /// See Simulation.
+  void step_to(double t, const SimulationObserver& observer);
+  [[nodiscard]] std::string save();
+  void restore(std::string_view state);
+  [[nodiscard]] std::vector<SimulationQuantity> all_quantities() { return list_quantities(*mechanism_); }
+  [[nodiscard]] const SimulationSeries& series() const { return series_; }
   /// Brings the summary up to date; called by run() too, also when it fails.
   void finish();
 
@@ -49,7 +58,14 @@ class Runner {
   void find_modes();
   void check_velocities(const State& given, const State& consistent) const;
   void start_integrator();
-  void loop(const SimulationObserver& observer);
+  /// Runs `body`; where it fails, what can be saved is, and the summary is brought up to date.
+  void guarded(const std::function<void()>& body);
+  void go();  ///< the beginning of a motion: files, and what happens at once
+  void advance(double end, const SimulationObserver& observer);
+  void step(double limit);
+  void halt();  ///< the caller has interrupted a step: the state before it stands
+  void keep(const Sample& s);
+  void expect_motion(const char* call) const;
   // What events do (runner_events.cpp)
   void happen();
   struct Change {
@@ -59,7 +75,8 @@ class Runner {
   void begin_joint(const std::string& name);
   void begin_anew(const EventSpec& event, const Change& change);
   void take_up_switches();
-  [[nodiscard]] bool complete() const;
+  [[nodiscard]] bool reached(double end) const;  ///< that time, or the number of steps asked for
+  void choose(const std::string& request, const Place& place);
   void note_steps();  ///< divided ones, those at rounding, unsymmetric matrices, as notices of the summary
   [[nodiscard]] Sample sample(const StepReport& report);
   [[nodiscard]] const State& current() const { return integrator_ ? integrator_->state() : state_; }
@@ -69,6 +86,7 @@ class Runner {
 
   Description model_;
   SimulationOptions options_;
+  base::Interruption interruption_;  // between steps; the solver has one of its own
   SimulationSummary& summary_;
   std::unique_ptr<Mechanism> mechanism_;
   SolverRecord record_;
@@ -79,6 +97,9 @@ class Runner {
   bool stopped_ = false;  // by an event
   std::unique_ptr<RunFiles> files_;
   std::vector<Quantity> quantities_;
+  SimulationSeries series_;
+  std::vector<char> dropped_at_start_;  // constraint rows, m marks
+  bool going_ = false;                  // go() was called, and the files have not been ended
   State state_;
   State reference_;  // displacements in pictures count from it: a restarted run must find the same
   double load_ = 0;  // load factor of state_ in a statics run

@@ -39,7 +39,9 @@ void Runner::run_statics(const SimulationObserver& observer) {
   {
     const Stopwatch output(summary_.phases.output);
     files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, integrator_);
-    files_->begin(sample(last_report_), state_, false);
+    const Sample s = sample(last_report_);
+    files_->begin(s, state_, false);
+    keep(s);
   }
   const auto each = [&](const StaticsStep& step, const State& state) {
     state_ = state;
@@ -56,6 +58,7 @@ void Runner::run_statics(const SimulationObserver& observer) {
     const Stopwatch output(summary_.phases.output);
     const Sample s = sample(last_report_);
     files_->step(s);
+    keep(s);
     if (!observer) return true;
     SimulationStep told;
     told.index = step.index;

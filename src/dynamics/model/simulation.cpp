@@ -44,6 +44,8 @@ struct Simulation::Impl {
 Simulation::Simulation(SimulationOptions options) : impl_(std::make_unique<Impl>()) {
   if (options.dump_every < 1 || options.dump_count < 1)
     throw std::invalid_argument("SimulationOptions: dump_every and dump_count must be at least 1");
+  if (!(options.interrupted_every >= 0 && options.interrupted_every <= 3600))
+    throw std::invalid_argument("SimulationOptions: interrupted_every must be from 0 to 3600 seconds");
   impl_->options = std::move(options);
 }
 Simulation::~Simulation() = default;
@@ -75,6 +77,19 @@ Status Simulation::run(const SimulationObserver& observer) {
   return status;
 }
 
+Status Simulation::step_to(double t, const SimulationObserver& observer) {
+  Runner& runner = impl_->loaded();
+  return impl_->guard([&] { runner.step_to(t, observer); });
+}
+
+std::string Simulation::save() { return impl_->loaded().save(); }
+Status Simulation::restore(std::string_view state) {
+  Runner& runner = impl_->loaded();
+  return impl_->guard([&] { runner.restore(state); });
+}
+
+std::vector<SimulationQuantity> Simulation::quantities() const { return impl_->loaded().all_quantities(); }
+const SimulationSeries& Simulation::series() const { return impl_->loaded().series(); }
 const SimulationSummary& Simulation::summary() const { return impl_->summary; }
 std::vector<SimulationInput> Simulation::inputs() const {
   std::vector<SimulationInput> list;

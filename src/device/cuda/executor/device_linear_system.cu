@@ -126,6 +126,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   void copy(const double* from, double* to) const override { enqueue_copy(from, to, n_); }
   void copy_vectors(const double* from, double* to, Offset count) override { enqueue_copy(from, to, count); }
 
+  [[nodiscard]] int number() const override { return device_; }
   bool add(const double* from, double* to) const override {
     const DeviceGuard guard(device_);
     pending_ = true;

@@ -12,30 +12,12 @@
 #include "device/cuda/kernels/factor_kernel.cuh"
 #include "device/cuda/kernels/factor_parameters.hpp"
 #include "device/cuda/kernels/solve_kernel.cuh"
+#include "device/cuda/runtime/device_guard.hpp"
 #include "device/cuda/runtime/device_memory.hpp"
 #include "device/cuda/runtime/table_upload.hpp"
 #include "plan/plan.hpp"
 
 namespace espalier::device::cuda {
-
-/// Makes a device current for its lifetime.
-class DeviceGuard {
- public:
-  explicit DeviceGuard(int device) {
-    call("cudaGetDevice", [&] { return cudaGetDevice(&before_); });
-    changed_ = before_ != device;
-    if (changed_) call("cudaSetDevice", [&] { return cudaSetDevice(device); });
-  }
-  DeviceGuard(const DeviceGuard&) = delete;
-  DeviceGuard& operator=(const DeviceGuard&) = delete;
-  ~DeviceGuard() {
-    if (changed_) (void)cudaSetDevice(before_);
-  }
-
- private:
-  int before_ = 0;
-  bool changed_ = false;
-};
 
 /// One pass of a solve over `width` right-hand sides from `first_column` on: one, or a multiple of kSlab, of which
 /// those beyond `columns` are zero.

@@ -236,6 +236,7 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
     std::atomic<std::size_t> next{0};
     on_all([&](Workspace<T>& w) {
       for (std::size_t k = next++; k < step.tasks.size(); k = next++) {
+        pool_.check();
         if (step.tasks[k].is_range())
           eliminate_range(*state_, w, step.tasks[k]);
         else

@@ -1,0 +1,64 @@
+/// \file
+/// Memory of a GPU for the assembly. For this folder alone: needs the CUDA runtime.
+#pragma once
+
+#include <span>
+
+#include "base/thread_pool.hpp"
+#include "device/cuda/runtime/device_guard.hpp"
+#include "device/cuda/runtime/device_memory.hpp"
+#include "espalier/types.hpp"
+
+namespace espalier::dynamics::cuda {
+
+using device::cuda::call;
+using device::cuda::DeviceArray;
+using device::cuda::DeviceBudget;
+using device::cuda::DeviceGuard;
+using device::cuda::PinnedArray;
+
+/// The GPU that all arrays of one DeviceAssembly lie on, and the order in which its work is done.
+struct Gpu {
+  int number;
+  DeviceBudget budget;
+  device::cuda::Stream stream;
+  base::ThreadPool* pool;  ///< null: the calling thread alone
+
+  /// Calls body(begin, end) for parts of 0 .. count, on several threads.
+  template <class Body>
+  void for_each_range(Offset count, const Body& body) const {
+    constexpr std::int64_t kNumbers = 1 << 15;  // per range
+    if (pool == nullptr)
+      body(0, count);
+    else
+      pool->for_each_range(count, kNumbers, body);
+  }
+};
+
+template <class T>
+DeviceArray<T> make_array(Offset size, Gpu& gpu) {
+  return DeviceArray<T>(size, gpu.budget, size * static_cast<Offset>(sizeof(T)));
+}
+
+/// Waits until the copy is made.
+template <class T>
+DeviceArray<T> upload(std::span<const T> from, Gpu& gpu) {
+  DeviceArray<T> to = make_array<T>(static_cast<Offset>(from.size()), gpu);
+  if (from.empty()) return to;
+  call("cudaMemcpyAsync(tables)", [&] {
+    return cudaMemcpyAsync(to.data(), from.data(), from.size_bytes(), cudaMemcpyHostToDevice, gpu.stream.get());
+  });
+  gpu.stream.wait();
+  return to;
+}
+
+inline void copy(double* to, const double* from, Offset count, cudaMemcpyKind kind, const Gpu& gpu) {
+  if (count == 0) return;
+  call("cudaMemcpyAsync", [&] {
+    return cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(double), kind, gpu.stream.get());
+  });
+}
+
+inline unsigned blocks_for(Offset threads, int each) { return static_cast<unsigned>((threads + each - 1) / each); }
+
+}  // namespace espalier::dynamics::cuda

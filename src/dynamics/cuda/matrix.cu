@@ -1,0 +1,160 @@
+#include <algorithm>
+
+#include "dynamics/cuda/matrix.hpp"
+
+namespace espalier::dynamics::cuda {
+
+namespace {
+
+constexpr int kThreads = 256, kWarp = 32;
+
+__global__ void add_kernel(Offset count, const Offset* place, const double* from, double* values) {
+  const Offset k = static_cast<Offset>(blockIdx.x) * blockDim.x + threadIdx.x;
+  if (k < count) values[place[k]] += from[k];
+}
+
+__global__ void set_kernel(Offset count, const Offset* place, const double* from, double* values) {
+  const Offset k = static_cast<Offset>(blockIdx.x) * blockDim.x + threadIdx.x;
+  if (k < count) values[place[k]] = from[k];
+}
+
+struct Columns {
+  Offset count;
+  const Offset *w_ptr, *k_ptr;
+  const Index* w_ind;
+};
+
+// One warp per column of W.
+__global__ void sizes_kernel(Columns c, const double* values, double* diagonal, double* largest) {
+  const Offset j = (static_cast<Offset>(blockIdx.x) * blockDim.x + threadIdx.x) / kWarp;
+  if (j >= c.count) return;
+  double most = 0, own = 0;
+  for (Offset p = c.w_ptr[j] + threadIdx.x % kWarp; p < c.w_ptr[j + 1]; p += kWarp) {
+    const double v = fabs(values[c.k_ptr[j] + p - c.w_ptr[j]]);
+    if (!(v <= most)) most = v;  // a NaN gets through
+    if (c.w_ind[p] == j) own = v;
+  }
+  for (int step = kWarp / 2; step > 0; step /= 2) {
+    const double other = __shfl_xor_sync(0xffffffffU, most, step);
+    if (!(other <= most)) most = other;
+    own += __shfl_xor_sync(0xffffffffU, own, step);
+  }
+  if (threadIdx.x % kWarp != 0) return;
+  diagonal[j] = own;
+  largest[j] = most;
+}
+
+__global__ void scale_kernel(Columns c, const double* scale, double* values) {
+  const Offset j = (static_cast<Offset>(blockIdx.x) * blockDim.x + threadIdx.x) / kWarp;
+  if (j >= c.count) return;
+  for (Offset p = c.w_ptr[j] + threadIdx.x % kWarp; p < c.w_ptr[j + 1]; p += kWarp) {
+    double& v = values[c.k_ptr[j] + p - c.w_ptr[j]];
+    v = v * scale[c.w_ind[p]] * scale[j];
+  }
+}
+
+}  // namespace
+
+CudaMatrix::CudaMatrix(const DeviceMatrixLayout& layout, Gpu& gpu)
+    : gpu_(gpu),
+      columns_(layout.w->cols),
+      size_(layout.k_ptr.back()),
+      unknowns_(static_cast<Offset>(layout.k_ptr.size()) - 1) {
+  const DeviceGuard guard(gpu_.number);
+  k_ptr_ = upload(layout.k_ptr, gpu_);
+  w_ptr_ = upload<Offset>(layout.w->ptr, gpu_);
+  w_ind_ = upload<Index>(layout.w->ind, gpu_);
+  w_of_host_ = upload(layout.w_of_host, gpu_);
+  rest_ = upload(layout.rest, gpu_);
+  values_ = make_array<double>(size_, gpu_);
+  sizes_ = make_array<double>(2 * columns_, gpu_);
+  scale_ = make_array<double>(unknowns_, gpu_);
+  const Offset most = std::max({w_of_host_.size(), rest_.size(), unknowns_, 2 * columns_});
+  from_host_ = make_array<double>(most, gpu_);
+  stage_ = PinnedArray<double>(most);
+}
+
+// Through pinned memory.
+void CudaMatrix::send(ConstSpan from, double* to) {
+  const auto count = static_cast<Offset>(from.size());
+  gpu_.stream.wait();  // the last copy has left the staging area
+  gpu_.for_each_range(
+      count, [&](std::int64_t b, std::int64_t e) { std::copy(from.data() + b, from.data() + e, stage_.data() + b); });
+  copy(to, stage_.data(), count, cudaMemcpyHostToDevice, gpu_);
+}
+
+double* CudaMatrix::clear() {
+  const DeviceGuard guard(gpu_.number);
+  call("cudaMemsetAsync", [&] {
+    return cudaMemsetAsync(values_.data(), 0, static_cast<std::size_t>(values_.bytes()), gpu_.stream.get());
+  });
+  return values_.data();
+}
+
+void CudaMatrix::add_from_host(ConstSpan values) {
+  if (values.empty()) return;
+  const DeviceGuard guard(gpu_.number);
+  send(values, from_host_.data());
+  const auto count = static_cast<Offset>(values.size());
+  add_kernel<<<blocks_for(count, kThreads), kThreads, 0, gpu_.stream.get()>>>(count, w_of_host_.data(),
+                                                                              from_host_.data(), values_.data());
+  call("launch of the addition to W", [&] { return cudaGetLastError(); });
+}
+
+void CudaMatrix::column_sizes(Span diagonal, Span largest) {
+  const DeviceGuard guard(gpu_.number);
+  const Columns c{columns_, w_ptr_.data(), k_ptr_.data(), w_ind_.data()};
+  sizes_kernel<<<blocks_for(columns_ * kWarp, kThreads), kThreads, 0, gpu_.stream.get()>>>(
+      c, values_.data(), sizes_.data(), sizes_.data() + columns_);
+  call("launch of the sizes of columns", [&] { return cudaGetLastError(); });
+  copy(stage_.data(), sizes_.data(), 2 * columns_, cudaMemcpyDeviceToHost, gpu_);
+  gpu_.stream.wait();
+  gpu_.for_each_range(columns_, [&](std::int64_t b, std::int64_t e) {
+    std::copy(stage_.data() + b, stage_.data() + e, diagonal.data() + b);
+    std::copy(stage_.data() + columns_ + b, stage_.data() + columns_ + e, largest.data() + b);
+  });
+}
+
+const double* CudaMatrix::complete(ConstSpan scale, ConstSpan rest) {
+  const DeviceGuard guard(gpu_.number);
+  send(scale, scale_.data());
+  const Columns c{columns_, w_ptr_.data(), k_ptr_.data(), w_ind_.data()};
+  scale_kernel<<<blocks_for(columns_ * kWarp, kThreads), kThreads, 0, gpu_.stream.get()>>>(c, scale_.data(),
+                                                                                           values_.data());
+  call("launch of the scaling", [&] { return cudaGetLastError(); });
+  if (!rest.empty()) {
+    send(rest, from_host_.data());
+    const auto count = static_cast<Offset>(rest.size());
+    set_kernel<<<blocks_for(count, kThreads), kThreads, 0, gpu_.stream.get()>>>(count, rest_.data(), from_host_.data(),
+                                                                                values_.data());
+    call("launch of the entries of constraints", [&] { return cudaGetLastError(); });
+  }
+  return values_.data();
+}
+
+void CudaMatrix::fetch_w(Span values) const {
+  const DeviceGuard guard(gpu_.number);
+  std::vector<double> k(static_cast<std::size_t>(size_)), scale(static_cast<std::size_t>(columns_));
+  std::vector<Offset> w_ptr(static_cast<std::size_t>(columns_) + 1), k_ptr(w_ptr.size());
+  std::vector<Index> w_ind(values.size());
+  const auto fetch = [&](auto& to, const auto& from) {
+    call("cudaMemcpyAsync", [&] {
+      return cudaMemcpyAsync(to.data(), from.data(), to.size() * sizeof(to[0]), cudaMemcpyDeviceToHost,
+                             gpu_.stream.get());
+    });
+  };
+  fetch(k, values_);
+  fetch(scale, scale_);
+  fetch(w_ptr, w_ptr_);
+  fetch(k_ptr, k_ptr_);
+  fetch(w_ind, w_ind_);
+  gpu_.stream.wait();
+  gpu_.for_each_range(columns_, [&](std::int64_t b, std::int64_t e) {
+    for (auto j = static_cast<std::size_t>(b); j < static_cast<std::size_t>(e); ++j)
+      for (Offset p = w_ptr[j]; p < w_ptr[j + 1]; ++p)
+        values[static_cast<std::size_t>(p)] = k[static_cast<std::size_t>(k_ptr[j] + p - w_ptr[j])] / scale[j] /
+                                              scale[static_cast<std::size_t>(w_ind[static_cast<std::size_t>(p)])];
+  });
+}
+
+}  // namespace espalier::dynamics::cuda

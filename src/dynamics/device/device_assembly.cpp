@@ -1,0 +1,20 @@
+#include "dynamics/device/device_assembly.hpp"
+
+namespace espalier::dynamics {
+
+#ifdef ESPALIER_DYNAMICS_CUDA
+
+namespace cuda {
+std::unique_ptr<DeviceAssembly> make_device_assembly(int gpu, base::ThreadPool* pool);
+}
+std::unique_ptr<DeviceAssembly> make_device_assembly(int gpu, base::ThreadPool* pool) {
+  return cuda::make_device_assembly(gpu, pool);
+}
+
+#else
+
+std::unique_ptr<DeviceAssembly> make_device_assembly(int /*gpu*/, base::ThreadPool* /*pool*/) { return nullptr; }
+
+#endif
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,41 @@
+/// \file
+/// Displacement-based solids (solid.hpp) side by side: several elements in the lanes of one vector. The formulas stand
+/// once (solid_block-inl.hpp) for a lane type; evaluate_solid() is the second implementation that tests compare with.
+#pragma once
+
+#include "dynamics/elements/element.hpp"
+#include "dynamics/elements/material.hpp"
+#include "dynamics/elements/shape_functions.hpp"
+
+namespace espalier::dynamics {
+
+/// What the kernels need to know of the law.
+struct SolidConstants {
+  bool neo_hookean = false;   ///< else St. Venant-Kirchhoff
+  double lambda = 0, mu = 0;  ///< Lame's constants
+};
+
+/// Evaluates as many elements as the kernels have lanes. @return bit l is set where the element of lane l is whole; the
+/// others' output is undefined
+template <int kNodes, int kPoints>
+using SolidKernel = unsigned (*)(const SolidConstants& law, const ShapeTable<kNodes, kPoints>& table,
+                                 const BlockInput& in, const BlockOutput& out);
+
+/// Kernels and their number of lanes.
+struct SolidKernels {
+  int width = 1;
+  SolidKernel<4, 4> tet4 = nullptr;
+  SolidKernel<10, 14> tet10 = nullptr;
+  SolidKernel<8, 8> hex8 = nullptr;
+  SolidKernel<20, 27> hex20 = nullptr;
+};
+/// One element at a time.
+[[nodiscard]] SolidKernels scalar_solid_kernels();
+/// As many lanes as the vectors of this processor have.
+[[nodiscard]] SolidKernels vector_solid_kernels();
+
+/// Evaluates kernels.width elements of `type`; otherwise as evaluate_solid().
+[[nodiscard]] unsigned evaluate_solid_block(const SolidKernels& kernels, ElementType type, Rule rule,
+                                            const Material& material, const BlockInput& in, const BlockOutput& out);
+
+}  // namespace espalier::dynamics

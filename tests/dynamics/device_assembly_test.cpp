@@ -1,0 +1,240 @@
+// Bodies and the matrix K on a GPU. Truth: the host.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <sstream>
+
+#include "built_model.hpp"
+#include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/dae/equations.hpp"
+#include "dynamics/integrators/bdf.hpp"
+#include "dynamics/integrators/initial.hpp"
+#include "dynamics/meshers/parts.hpp"
+#include "elements_common.hpp"
+#include "places.hpp"
+#include "solver/gpu_fixture.hpp"
+
+namespace espalier::dynamics {
+namespace {
+
+class DeviceAssemblyTest : public espalier::test::OnGpu {};
+
+std::unique_ptr<LinearSolver> solver_on(const std::string& device, Index unknowns) {
+  Options options = newton_options(unknowns);
+  options.device = device;
+  return make_espalier_solver(options);
+}
+
+double difference(ConstSpan a, ConstSpan b) {
+  double worst = 0, largest = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const double d = std::abs(a[i] - b[i]);
+    if (!(d <= worst)) worst = d;
+    largest = std::max(largest, std::abs(b[i]));
+  }
+  return worst / std::max(largest, 1e-300);
+}
+
+std::unique_ptr<model::Mechanism> built_from(const std::string& name, const std::vector<std::string>& overrides) {
+  std::ifstream file(espalier::test::source_folder() / "models" / name);
+  std::stringstream text;
+  text << file.rdbuf();
+  model::Value root = model::parse_toml(text.str(), name);
+  model::expand(root, overrides);
+  return model::build(model::read_description(root, name), 2);
+}
+
+std::unique_ptr<model::Mechanism> engine(const std::string& formulation, double damping) {
+  return built_from("engine.toml", {"parameters.unknowns=1200", "bodies.crank.hex8=\"" + formulation + "\"",
+                                    "bodies.crank.damping.stiffness=" + std::to_string(damping),
+                                    "bodies.crank.damping.mass=" + std::to_string(1e5 * damping)});
+}
+
+/// Two Equations of one system, the second with its bodies on the GPU. F, W and solutions with K are compared at a few
+/// states with a few weights.
+void compare(const std::string& formulation, double damping) {
+  SCOPED_TRACE(formulation + ", damping " + std::to_string(damping));
+  const auto on_host = engine(formulation, damping), on_gpu = engine(formulation, damping);
+  const Sizes sizes = on_host->system.sizes();
+  const Index unknowns = sizes.velocity + sizes.constraints;
+  Equations host(on_host->system, solver_on("cpu", unknowns)), gpu(on_gpu->system, solver_on("gpu:0", unknowns));
+  gpu.allow_device(&on_gpu->pool);
+  EXPECT_FALSE(gpu.on_device());  // no factor, no device
+  for (const unsigned seed : {1U, 2U}) {
+    const State s = anywhere(*on_host, seed, 2e-5);
+    for (const TangentWeights w : {TangentWeights{1, 1e-4, 1e-8}, TangentWeights{1, 0, 0}, TangentWeights{1, 2e-3, 0},
+                                   TangentWeights{0.5, 0, 1e-7}}) {
+      std::vector<double> b(static_cast<std::size_t>(unknowns)), x;
+      for (std::size_t i = 0; i < b.size(); ++i) b[i] = std::sin(1.0 + static_cast<double>(i) * seed);
+      x = b;
+      std::vector<double> f(static_cast<std::size_t>(sizes.velocity)), g(f);
+      for (Equations* e : {&host, &gpu}) {
+        e->evaluate_constraints(s.t, s.q, s.v);
+        e->factorize(s.view(), w);
+        e->factorize(s.view(), w);  // the first one of the GPU's was assembled on the host
+      }
+      EXPECT_TRUE(gpu.on_device());
+      host.motion(s.view(), f);
+      gpu.motion(s.view(), g);
+      EXPECT_LT(difference(g, f), 1e-13);
+      EXPECT_LT(difference(gpu.kkt().scale(), host.kkt().scale()), 1e-12);
+      EXPECT_LT(difference(gpu.kkt().w_of_factor(), host.kkt().w_of_factor()), 1e-12);
+      host.solve(b);
+      gpu.solve(x);
+      EXPECT_LT(difference(x, b), 1e-8);
+      std::vector<double> again(g);
+      gpu.motion(s.view(), again);
+      EXPECT_EQ(again, g);
+    }
+  }
+}
+
+TEST_F(DeviceAssemblyTest, GivesWhatTheHostGives) {
+  for (const char* formulation : {"full", "mean-dilatation", "enhanced"})
+    for (const double damping : {0.0, 2e-6}) compare(formulation, damping);
+}
+
+/// Elements of one type, each by itself.
+Mesh single_elements(ElementType type, Index count) {
+  Mesh mesh;
+  const test::Vector x = test::regular_element(type);
+  for (Index e = 0; e < count; ++e) {
+    std::vector<Index> nodes;
+    for (Eigen::Index a = 0; a < x.size(); a += 3) {
+      nodes.push_back(static_cast<Index>(mesh.nodes.size()));
+      mesh.nodes.push_back({x[a] + 2 * e, x[a + 1], x[a + 2]});
+    }
+    mesh.add_element(type, nodes);
+  }
+  return mesh;
+}
+
+/// The body somewhere, in motion.
+void compare_body(const Mesh& mesh, const Material& material, const SolidOptions& options, double damping) {
+  SCOPED_TRACE(testing::Message() << shape_of(mesh.type(0)).name << ", " << mesh.element_count() << " elements, law "
+                                  << static_cast<int>(material.law) << ", formulation "
+                                  << static_cast<int>(options.hex8) << ", damping " << damping);
+  AssembledSystem system;
+  FlexibleBody& body = system.add(make_solid_body("body", mesh, material, options));
+  body.set_damping({100 * damping, damping});
+  body.set_gravity({0, 0, -9.81});
+  system.finish();
+  State s(system.sizes());
+  system.initial(s.q, s.v);
+  for (std::size_t i = 0; i < s.q.size(); ++i) s.q[i] += 0.005 * std::sin(static_cast<double>(3 * i));
+  for (std::size_t i = 0; i < s.v.size(); ++i) s.a[i] = s.v[i] = std::cos(static_cast<double>(2 * i));
+  std::vector<double> on_host(s.v.size()), on_gpu(s.v.size());
+  system.residual(s.view(), on_host);
+  const TangentWeights weights{1, 1e-2, 1e-4};
+  std::vector<double> w(static_cast<std::size_t>(system.tangent_pattern().nonzeros()));
+  system.tangent(s.view(), weights, w);
+  Equations equations(system, solver_on("gpu:0", system.sizes().velocity));
+  equations.allow_device(nullptr);
+  equations.factorize(s.view(), weights);
+  ASSERT_TRUE(body.on_device());
+  system.residual(s.view(), on_gpu);
+  EXPECT_LT(difference(on_gpu, on_host), 1e-13);
+  equations.factorize(s.view(), weights);
+  EXPECT_LT(difference(equations.kkt().w_of_factor(), w), 1e-13);
+}
+
+TEST_F(DeviceAssemblyTest, EverySolid) {
+  for (const ElementType type : {ElementType::tet4, ElementType::tet10, ElementType::hex8, ElementType::hex20})
+    for (const SolidLaw law : {SolidLaw::st_venant_kirchhoff, SolidLaw::neo_hookean})
+      for (const double damping : {0.0, 1e-3}) {
+        SolidOptions options;
+        options.hex8 = law == SolidLaw::neo_hookean ? Hex8Formulation::full : Hex8Formulation::enhanced;
+        compare_body(single_elements(type, 37), {law, 2e5, 0.3, 1000}, options, damping);
+      }
+}
+
+TEST_F(DeviceAssemblyTest, OneElementAndRowsThatAreNotFull) {
+  for (const Index across : {1, 3, 5})
+    for (const Hex8Formulation form : {Hex8Formulation::full, Hex8Formulation::mean_dilatation})
+      for (const double damping : {0.0, 1e-3}) {
+        SolidOptions options;
+        options.hex8 = form;
+        compare_body(make_block({3, 2, 1}, across, 3, across, ElementType::hex8),
+                     {SolidLaw::st_venant_kirchhoff, 2e5, 0.3, 1000}, options, damping);
+      }
+}
+
+// A vertex pushed through the opposite face.
+TEST_F(DeviceAssemblyTest, InvertedElementsAreNamed) {
+  AssembledSystem system;
+  FlexibleBody& body = system.add(make_solid_body("block", make_block({3, 1, 1}, 3, 1, 1, ElementType::hex8),
+                                                  {SolidLaw::st_venant_kirchhoff, 2e5, 0.3, 1000}));
+  system.finish();
+  State s(system.sizes());
+  system.initial(s.q, s.v);
+  Equations equations(system, solver_on("gpu:0", system.sizes().velocity));
+  equations.allow_device(nullptr);
+  equations.factorize(s.view(), {1, 0, 1e-4});
+  ASSERT_TRUE(body.on_device());
+  std::vector<double> f(s.v.size());
+  system.residual(s.view(), f);
+  EXPECT_EQ(body.inverted_element(), -1);
+  for (std::size_t i = 0; i < s.q.size(); i += 3)
+    if (s.q[i] > 2.9) s.q[i] -= 2;
+  std::vector<double> on_gpu(f);
+  system.residual(s.view(), on_gpu);
+  const auto label = body.inverted_element();
+  system.leave_device();
+  system.residual(s.view(), f);
+  EXPECT_EQ(label, body.inverted_element());
+  EXPECT_GE(label, 0);
+  for (std::size_t i = 0; i < f.size(); ++i) EXPECT_EQ(std::isnan(f[i]), std::isnan(on_gpu[i])) << i;
+}
+
+/// A soft block that tumbles for 0.05 s. @return its state at the end
+State tumbled(const std::string& device, bool& on_device) {
+  AssembledSystem system;
+  auto owned = make_solid_body("block", make_block({3, 2, 1}, 4, 3, 2, ElementType::hex8),
+                               {SolidLaw::st_venant_kirchhoff, 2e5, 0.3, 1000});
+  owned->set_initial_motion({1, 0, 0, 0, 1, 0, 0, 0, 1}, {-1.5, -1, -0.5}, {1, -2, 0.5}, {1, 2, 3});
+  owned->set_damping({0, 1e-3});
+  system.add(std::move(owned));
+  system.finish();
+  Equations equations(system, solver_on(device, system.sizes().velocity));
+  State s(system.sizes());
+  system.initial(s.q, s.v);
+  make_consistent(equations, s);
+  BdfOptions options;
+  options.relative = options.absolute = 1e-7;
+  BdfIntegrator bdf(equations, options);
+  bdf.start(s);
+  equations.allow_device(nullptr);
+  bdf.integrate(0.05, [](const StepReport&) { return true; });
+  on_device = equations.on_device();
+  return bdf.state();
+}
+
+TEST_F(DeviceAssemblyTest, RunsAgree) {
+  bool on_host = true, on_gpu = false;
+  const State host = tumbled("cpu", on_host), gpu = tumbled("gpu:0", on_gpu), again = tumbled("gpu:0", on_gpu);
+  EXPECT_FALSE(on_host);
+  EXPECT_TRUE(on_gpu);
+  EXPECT_LT(difference(gpu.q, host.q), 1e-9);
+  EXPECT_LT(difference(gpu.v, host.v), 1e-7);
+  EXPECT_EQ(gpu.q, again.q);
+  EXPECT_EQ(gpu.v, again.v);
+}
+
+// The engine's few faces go over the link, the chain's many would be most of K.
+TEST(DeviceAssemblyWithoutGpu, FacesOfTheHostDecide) {
+  EXPECT_LT(engine("enhanced", 2e-6)->system.host_share(), 0.8);
+  EXPECT_GT(built_from("chain.toml", {"parameters.unknowns=20000"})->system.host_share(), 0.8);
+  AssembledSystem nothing_fits;
+  nothing_fits.finish();
+  EXPECT_EQ(nothing_fits.host_share(), 1.0);
+}
+
+TEST(DeviceAssemblyWithoutGpu, TheHostGoesOn) {
+  bool on_device = true;
+  (void)tumbled("cpu", on_device);
+  EXPECT_FALSE(on_device);
+}
+
+}  // namespace
+}  // namespace espalier::dynamics
