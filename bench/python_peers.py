@@ -1,18 +1,21 @@
 #!/usr/bin/env python3
-"""espalier in Python beside PyPardiso and SciPy's SuperLU, on the same matrices, as one table.
+"""espalier in Python beside PyPardiso, SciPy's SuperLU, UMFPACK and CHOLMOD, on the same matrices, as one table.
 
-    python3 -m venv venv && venv/bin/pip install './python[scipy]' pypardiso
+    python3 -m venv venv && venv/bin/pip install './python[scipy]' pypardiso scikit-sparse scikit-umfpack
     venv/bin/python bench/python_peers.py [--seconds 120] [--repeats 5] [--only poisson2-100,...] [--json FILE]
 
-For every system the solvers take turns: analysis and factorization from nothing (with the thread start-up of a first
-call, in a process of its own, in column `first`), the next factorization of the same pattern, one solve. Times are the
-least of the repeats, in milliseconds. Every answer is checked by one residual, |b - A x| / (|A| |x| + |b|) in the
-maximum norm; above 1e-10 the time is not printed. A solver that takes longer than --seconds is left out. PyPardiso
-factorizes and analyzes in one call, SuperLU too: their `next` is that call once more.
+The last two need SuiteSparse and a compiler to install; what is not there is left out. For every system the solvers take
+turns, each time in a new process: the first call (analysis, factorization and one solve, with all that starts then;
+imports not), the same once more without the solve (`factor`), the next factorization of the same pattern, one solve.
+The last two are medians of three in a process, all are medians of the processes, in milliseconds. Every answer is checked
+by one residual, |b - A x| / (|A| |x| + |b|) in the maximum norm; above 1e-10 the time is not printed. A solver that takes
+longer than --seconds is left out. PyPardiso and SuperLU factorize and analyze in one call: their `next` is that call once
+more.
 """
 import argparse
 import json
 import os
+import statistics
 import subprocess
 import sys
 import time
@@ -64,15 +67,14 @@ class Espalier:
 class Pardiso:
     def __init__(self):
         import pypardiso
-        self.new = pypardiso.PyPardisoSolver
+        self.solver = pypardiso.PyPardisoSolver()
 
     def first(self, a):
-        self.solver, self.a = self.new(), a
+        self.solver.remove_stored_factorization()
+        self.a = a
         self.solver.factorize(a)
 
-    def next(self, a):
-        self.solver.remove_stored_factorization()
-        self.solver.factorize(a)
+    next = first
 
     def solve(self, b):
         return self.solver.solve(self.a, b)
@@ -89,7 +91,43 @@ class SuperLU:
         return self.lu.solve(b)
 
 
-RIVALS = {"espalier": Espalier, "pypardiso": Pardiso, "superlu": SuperLU}
+class Umfpack:
+    def __init__(self):
+        import scikits.umfpack
+        self.module = scikits.umfpack
+
+    def first(self, a):
+        self.context, self.a = self.module.UmfpackContext("di"), a.tocsc()
+        self.context.symbolic(self.a)
+        self.context.numeric(self.a)
+
+    def next(self, a):
+        self.a = a.tocsc()
+        self.context.numeric(self.a)
+
+    def solve(self, b):
+        return self.context.solve(self.module.UMFPACK_A, self.a, b, autoTranspose=False)
+
+
+class Cholmod:
+    def __init__(self):
+        import sksparse.cholmod
+        self.module = sksparse.cholmod
+
+    def first(self, a):
+        if abs(a - a.T).nnz > 0:
+            raise SystemExit("symmetric matrices alone")
+        self.factor = self.module.analyze(a.tocsc())
+        self.next(a)
+
+    def next(self, a):
+        self.factor.cholesky_inplace(a.tocsc())
+
+    def solve(self, b):
+        return self.factor(b)
+
+
+RIVALS = {"espalier": Espalier, "pypardiso": Pardiso, "superlu": SuperLU, "umfpack": Umfpack, "cholmod": Cholmod}
 
 
 def timed(call, *args):
@@ -102,24 +140,35 @@ def error_of(a, x, b):
     return abs(b - a @ x).max() / (abs(a).sum(axis=1).max() * abs(x).max() + abs(b).max())
 
 
-def child(name, rival, repeats):
+def child(name, rival):
     """One solver on one system, in a process of its own: seconds, or what went wrong."""
     a = SYSTEMS[name]()
     b = np.random.default_rng(0).normal(size=a.shape[0])
     solver = RIVALS[rival]()
     first = timed(solver.first, a)[0] + timed(solver.solve, b)[0]
-    fresh, again, solves, errors = [], [], [], []
-    for k in range(repeats):
-        fresh.append(timed(solver.first, a)[0])
+    factor = timed(solver.first, a)[0]
+    again, solves, errors = [], [], []
+    for k in range(3):
         scaled = (k + 2) * a
         again.append(timed(solver.next, scaled)[0])
-        if rival == "pypardiso":
-            solver.a = scaled
         seconds, x = timed(solver.solve, b)
         solves.append(seconds)
         errors.append(error_of(scaled, x, b))
-    print(json.dumps({"first": first, "factor": min(fresh), "next": min(again), "solve": min(solves),
-                      "error": max(errors)}))
+    print(json.dumps({"first": first, "factor": factor, "next": statistics.median(again),
+                      "solve": statistics.median(solves), "error": max(errors)}))
+
+
+def run(name, rival, seconds):
+    """What child() found, or a sentence."""
+    command = [sys.executable, __file__, "--child", name, rival]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=seconds)
+    except subprocess.TimeoutExpired:
+        return f"longer than {seconds:g} s"
+    if done.returncode != 0:
+        return (done.stderr.strip().splitlines() or ["failed"])[-1]
+    found = json.loads(done.stdout)
+    return found if found["error"] <= 1e-10 else f"wrong: error {found['error']:.1e}"
 
 
 def main():
@@ -131,33 +180,29 @@ def main():
     parser.add_argument("--child", nargs=2, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.child:
-        return child(*args.child, args.repeats)
-    found = {}
-    print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; milliseconds\n")
+        return child(*args.child)
+    table = {}
+    print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; milliseconds, medians of {args.repeats}\n")
     print(f"| {'system':12} | {'n':>7} | {'solver':10} | {'first':>9} | {'factor':>9} | {'next':>9} | {'solve':>8} | {'error':>7} |")
     print("|---|--:|---|--:|--:|--:|--:|--:|")
     for name in filter(None, args.only.split(",")) if args.only else SYSTEMS:
         n = SYSTEMS[name]().shape[0]
-        for rival in RIVALS:
-            command = [sys.executable, __file__, "--child", name, rival, "--repeats", str(args.repeats)]
+        found = {rival: [] for rival in RIVALS}
+        for _ in range(args.repeats):
+            for rival, runs in found.items():
+                if not runs or isinstance(runs[-1], dict):
+                    runs.append(run(name, rival, args.seconds))
+        for rival, runs in found.items():
             row = f"| {name:12} | {n:7} | {rival:10} | "
-            try:
-                run = subprocess.run(command, capture_output=True, text=True, timeout=args.seconds)
-            except subprocess.TimeoutExpired:
-                print(row + f"longer than {args.seconds:g} s |||||")
+            if not isinstance(runs[-1], dict):
+                print(row + runs[-1] + " |||||")
                 continue
-            if run.returncode != 0:
-                print(row + (run.stderr.strip().splitlines() or ["failed"])[-1] + " |||||")
-                continue
-            t = found[f"{name} {rival}"] = json.loads(run.stdout)
-            if not t["error"] <= 1e-10:
-                print(row + f"wrong: error {t['error']:.1e} |||||")
-                continue
+            t = table[f"{name} {rival}"] = {key: statistics.median(r[key] for r in runs) for key in runs[0]}
             print(row + f"{1e3 * t['first']:9.2f} | {1e3 * t['factor']:9.2f} | {1e3 * t['next']:9.2f} | "
                         f"{1e3 * t['solve']:8.3f} | {t['error']:.0e} |", flush=True)
     if args.json:
         with open(args.json, "w") as f:
-            json.dump(found, f, indent=1)
+            json.dump(table, f, indent=1)
 
 
 if __name__ == "__main__":

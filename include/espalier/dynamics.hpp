@@ -42,6 +42,9 @@ struct SimulationOptions {
   std::string dump;              ///< folder for Newton matrices; empty: none
   long dump_every = 1;           ///< every N-th factorization is written ...
   long dump_count = 10;          ///< ... and at most so many
+  /// Folder where analyses of Newton matrices are kept, one file for each pattern: a simulation that finds its own
+  /// there orders nothing, also in other processes. Empty: none. Scalings are those of the matrix that was analyzed.
+  std::string analyses;
   /// Quantities by name, besides those of the model's [output]: chosen ones, see SimulationSummary::values.
   std::vector<std::string> quantities;
   bool keep_series = false;  ///< chosen quantities are kept in memory, a row for every step: Simulation::series()

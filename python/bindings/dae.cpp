@@ -9,12 +9,10 @@
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
-#include <atomic>
+#include <functional>
 #include <memory>
-#include <mutex>
 #include <span>
 #include <stdexcept>
-#include <thread>
 #include <tuple>
 #include <type_traits>
 #include <utility>
@@ -23,6 +21,7 @@
 #include "bindings.hpp"
 #include "dynamics/model/newton_solver.hpp"
 #include "host.hpp"
+#include "turns.hpp"
 
 namespace espalier::python {
 
@@ -53,57 +52,42 @@ nb::tuple state_of(const StateView& s) {
   return nb::make_tuple(s.t, vector_of(s.q), vector_of(s.v), vector_of(s.a), vector_of(s.lambda));
 }
 
-// The function of that name; None: it was not given.
-nb::object function_of(const nb::dict& functions, const char* name) {
-  return functions.contains(name) ? nb::object(functions[name]) : nb::none();
+// What the library hands to a function, as Python's arguments.
+void append(nb::list& to, double x) { to.append(x); }
+void append(nb::list& to, ConstSpan x) { to.append(vector_of(x)); }
+void append(nb::list& to, const StateView& s) { to.extend(state_of(s)); }
+void append(nb::list& to, const TangentWeights& w) { to.extend(nb::make_tuple(w.a, w.v, w.q)); }
+
+// The function of that name, where one was given: its last argument is where the answer goes.
+template <class... Args>
+void connect(std::function<void(Args...)>& f, const nb::dict& functions, const char* name) {
+  if (!functions.contains(name)) return;
+  f = [call = nb::object(functions[name])](Args... args) {
+    const nb::gil_scoped_acquire gil;
+    const auto all = std::forward_as_tuple(args...);
+    [&]<std::size_t... I>(std::index_sequence<I...>) {
+      nb::list in;
+      (append(in, std::get<I>(all)), ...);
+      take(call(*in), std::get<sizeof...(I)>(all));
+    }
+    (std::make_index_sequence<sizeof...(Args) - 1>{});
+  };
 }
 
 DaeFunctions functions_of(Index n, Index m, const nb::dict& given) {
   DaeFunctions f;
   f.coordinates = n;
   f.constraints = m;
-  if (const nb::object call = function_of(given, "mass"); !call.is_none())
-    f.mass = [call](ConstSpan q, MatrixEntries out) {
-      const nb::gil_scoped_acquire gil;
-      take(call(vector_of(q)), out);
-    };
-  if (const nb::object call = function_of(given, "force"); !call.is_none())
-    f.force = [call](double t, ConstSpan q, ConstSpan v, std::span<double> out) {
-      const nb::gil_scoped_acquire gil;
-      take(call(t, vector_of(q), vector_of(v)), out);
-    };
-  if (const nb::object call = function_of(given, "residual"); !call.is_none())
-    f.residual = [call](const StateView& s, std::span<double> out) {
-      const nb::gil_scoped_acquire gil;
-      take(call(*state_of(s)), out);
-    };
-  if (const nb::object call = function_of(given, "tangent"); !call.is_none())
-    f.tangent = [call](const StateView& s, const TangentWeights& w, MatrixEntries out) {
-      const nb::gil_scoped_acquire gil;
-      take(call(*state_of(s), w.a, w.v, w.q), out);
-    };
-  if (const nb::object call = function_of(given, "constraint"); !call.is_none())
-    f.constraint = [call](double t, ConstSpan q, std::span<double> out) {
-      const nb::gil_scoped_acquire gil;
-      take(call(t, vector_of(q)), out);
-    };
-  if (const nb::object call = function_of(given, "constraint_jacobian"); !call.is_none())
-    f.constraint_jacobian = [call](double t, ConstSpan q, MatrixEntries out) {
-      const nb::gil_scoped_acquire gil;
-      take(call(t, vector_of(q)), out);
-    };
-  if (const nb::object call = function_of(given, "constraint_rate"); !call.is_none())
-    f.constraint_rate = [call](double t, ConstSpan q, std::span<double> out) {
-      const nb::gil_scoped_acquire gil;
-      take(call(t, vector_of(q)), out);
-    };
-  if (const nb::object call = function_of(given, "constraint_gamma"); !call.is_none())
-    f.constraint_gamma = [call](double t, ConstSpan q, ConstSpan v, std::span<double> out) {
-      const nb::gil_scoped_acquire gil;
-      take(call(t, vector_of(q), vector_of(v)), out);
-    };
-  if (const nb::object call = function_of(given, "energy"); !call.is_none())
-    f.energy = [call](const StateView& s) {
+  connect(f.mass, given, "mass");
+  connect(f.force, given, "force");
+  connect(f.residual, given, "residual");
+  connect(f.tangent, given, "tangent");
+  connect(f.constraint, given, "constraint");
+  connect(f.constraint_jacobian, given, "constraint_jacobian");
+  connect(f.constraint_rate, given, "constraint_rate");
+  connect(f.constraint_gamma, given, "constraint_gamma");
+  if (given.contains("energy"))
+    f.energy = [call = nb::object(given["energy"])](const StateView& s) {
       const nb::gil_scoped_acquire gil;
       const auto [kinetic, potential] = nb::cast<std::pair<double, double>>(call(*state_of(s)));
       return Energy{kinetic, potential};
@@ -111,50 +95,47 @@ DaeFunctions functions_of(Index n, Index m, const nb::dict& given) {
   return f;
 }
 
+// Options that are numbers, by name.
+constexpr std::pair<const char*, int DaeOptions::*> kWhole[] = {
+    {"max_order", &DaeOptions::max_order}, {"order", &DaeOptions::order}, {"max_newton", &DaeOptions::max_newton}};
+constexpr std::pair<const char*, double DaeOptions::*> kNumbers[] = {
+    {"relative", &DaeOptions::relative},
+    {"absolute", &DaeOptions::absolute},
+    {"absolute_velocity", &DaeOptions::absolute_velocity},
+    {"step", &DaeOptions::step},
+    {"initial_step", &DaeOptions::initial_step},
+    {"min_step", &DaeOptions::min_step},
+    {"max_step", &DaeOptions::max_step},
+    {"spectral_radius", &DaeOptions::spectral_radius},
+    {"constraint_tolerance", &DaeOptions::constraint_tolerance},
+    {"newton_tolerance", &DaeOptions::newton_tolerance},
+    {"newton_change", &DaeOptions::newton_change},
+    {"refactor_rate", &DaeOptions::refactor_rate},
+    {"refactor_step", &DaeOptions::refactor_step},
+    {"allowed_position", &DaeOptions::allowed_position},
+    {"allowed_velocity", &DaeOptions::allowed_velocity}};
+
 DaeOptions options_of(const nb::dict& given, const std::vector<std::pair<std::string, std::string>>& solver,
                       Index unknowns) {
   DaeOptions o;
-  for (const auto& [key, value] : given) {
+  const auto set = [&o](const auto& table, const std::string& name, double value) {
+    for (const auto& [known, member] : table)
+      if (name == known) {
+        o.*member = static_cast<std::remove_reference_t<decltype(o.*member)>>(value);
+        return true;
+      }
+    return false;
+  };
+  for (const auto& [key, given_value] : given) {
     const auto name = nb::cast<std::string>(key);
-    const auto number = [&, value = nb::object(nb::borrow(value))] { return nb::cast<double>(value); };
-    const auto whole = [&] { return static_cast<int>(number()); };
+    const auto value = nb::cast<double>(given_value);
     if (name == "generalized_alpha")
-      o.method = number() != 0 ? DaeMethod::generalized_alpha : DaeMethod::bdf;
+      o.method = value != 0 ? DaeMethod::generalized_alpha : DaeMethod::bdf;
     else if (name == "test_velocity")
-      o.test_velocity = number() != 0;
-    else if (name == "max_order")
-      o.max_order = whole();
-    else if (name == "order")
-      o.order = whole();
-    else if (name == "max_newton")
-      o.max_newton = whole();
+      o.test_velocity = value != 0;
     else if (name == "hht_alpha")
-      o.hht_alpha = number();
-    else if (name == "relative")
-      o.relative = number();
-    else if (name == "absolute")
-      o.absolute = number();
-    else if (name == "absolute_velocity")
-      o.absolute_velocity = number();
-    else if (name == "step")
-      o.step = number();
-    else if (name == "initial_step")
-      o.initial_step = number();
-    else if (name == "min_step")
-      o.min_step = number();
-    else if (name == "max_step")
-      o.max_step = number();
-    else if (name == "spectral_radius")
-      o.spectral_radius = number();
-    else if (name == "constraint_tolerance")
-      o.constraint_tolerance = number();
-    else if (name == "newton_tolerance")
-      o.newton_tolerance = number();
-    else if (name == "allowed_position")
-      o.allowed_position = number();
-    else if (name == "allowed_velocity")
-      o.allowed_velocity = number();
-    else
+      o.hht_alpha = value;
+    else if (!set(kWhole, name, value) && !set(kNumbers, name, value))
       throw std::invalid_argument("there is no option '" + name + "'");
   }
   if (!solver.empty()) o.solver = dynamics::model::run_options(solver, unknowns);
@@ -176,12 +157,12 @@ class DaeHandle {
   }
 
   Status start(double t, const Vector& q, const Vector& v) {
-    return call([&] { return dae_->start(t, {q.data(), q.size()}, {v.data(), v.size()}); });
+    return turns_.call([&] { return dae_->start(t, {q.data(), q.size()}, {v.data(), v.size()}); });
   }
   Status integrate(double end, const nb::object& observer) {
-    return call([&] {
+    return turns_.call([&] {
       return dae_->integrate(end, [&](const DaeStep& s) {
-        if (Host::signals_raise()) return false;
+        if (Host::interrupted()) return false;
         if (observer.is_none()) return true;
         const nb::gil_scoped_acquire gil;
         const nb::object answer = observer(
@@ -190,29 +171,26 @@ class DaeHandle {
       });
     });
   }
-  Dae& dae() { return *dae_; }
-  template <class Body>
-  std::invoke_result_t<Body> call(Body&& body) {
-    if (owner_ == std::this_thread::get_id()) throw std::logic_error("a system was used from its own functions");
-    std::invoke_result_t<Body> result;
-    {
-      const nb::gil_scoped_release released;
-      const std::lock_guard lock(mutex_);
-      owner_ = std::this_thread::get_id();
-      struct Leave {
-        std::atomic<std::thread::id>& owner;
-        ~Leave() { owner = std::thread::id{}; }
-      } const leave{owner_};
-      result = body();
-    }
-    if (Host::raised) std::rethrow_exception(std::exchange(Host::raised, nullptr));
-    return result;
+  Energy energy() {
+    return turns_.call([&] { return dae_->energy(); });
+  }
+  JacobianCheck check_jacobians() {
+    return turns_.call([&] { return dae_->check_jacobians(); });
+  }
+  // Also from the system's own functions and observer.
+  nb::tuple state() {
+    return turns_.look([&] {
+      const nb::gil_scoped_acquire gil;
+      return state_of(dae_->state());
+    });
+  }
+  DaeSummary summary() {
+    return turns_.look([&] { return dae_->summary(); });
   }
 
  private:
   std::unique_ptr<Dae> dae_;
-  std::mutex mutex_;
-  std::atomic<std::thread::id> owner_{};
+  Turns turns_{"a system was used from its own functions"};
 };
 
 nb::dict fields(const DaeSummary& s) {
@@ -263,14 +241,14 @@ void bind_dae(nb::module_& m) {
           "integrate",
           [](DaeHandle& d, double end, const nb::object& observer) { return status_of(d.integrate(end, observer)); },
           "end"_a, "observer"_a.none())
-      .def("state", [](DaeHandle& d) { return state_of(d.dae().state()); })
+      .def("state", &DaeHandle::state)
       .def("energy",
            [](DaeHandle& d) {
-             const Energy e = d.call([&] { return d.dae().energy(); });
+             const Energy e = d.energy();
              return nb::make_tuple(e.kinetic, e.potential);
            })
-      .def("check_jacobians", [](DaeHandle& d) { return fields(d.call([&] { return d.dae().check_jacobians(); })); })
-      .def("summary", [](DaeHandle& d) { return fields(d.dae().summary()); });
+      .def("check_jacobians", [](DaeHandle& d) { return fields(d.check_jacobians()); })
+      .def("summary", [](DaeHandle& d) { return fields(d.summary()); });
 }
 
 }  // namespace espalier::python

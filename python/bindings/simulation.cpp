@@ -5,11 +5,8 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
-#include <atomic>
 #include <memory>
-#include <mutex>
 #include <optional>
-#include <thread>
 #include <type_traits>
 #include <utility>
 
@@ -17,6 +14,7 @@
 #include "bindings.hpp"
 #include "espalier/dynamics.hpp"
 #include "host.hpp"
+#include "turns.hpp"
 
 namespace espalier::python {
 
@@ -29,7 +27,7 @@ class SimulationHandle {
  public:
   SimulationHandle(std::vector<std::string> set, std::string out, std::optional<double> until, std::string restart,
                    bool accept_changes, std::vector<std::string> quantities,
-                   std::vector<std::pair<std::string, std::string>> solver) {
+                   std::vector<std::pair<std::string, std::string>> solver, std::string analyses) {
     SimulationOptions o;
     o.set = std::move(set);
     o.out = std::move(out);
@@ -38,51 +36,32 @@ class SimulationHandle {
     o.accept_changes = accept_changes;
     o.quantities = std::move(quantities);
     o.solver = std::move(solver);
+    o.analyses = std::move(analyses);
     o.keep_series = true;
-    o.interrupted = &Host::signals_raise;
+    o.interrupted = &Host::interrupted;
     o.interrupted_every = 0.1;
     simulation_ = std::make_unique<Simulation>(std::move(o));
   }
 
   Status load(const std::string& text, const std::string& name, bool is_path) {
-    return call([&](Simulation& s) { return is_path ? s.load(text) : s.load_text(text, name); });
+    return turns_.call([&] { return is_path ? simulation_->load(text) : simulation_->load_text(text, name); });
   }
   Status run(const nb::object& observer) {
-    return call([&](Simulation& s) { return s.run(told(observer)); });
+    return turns_.call([&] { return simulation_->run(told(observer)); });
   }
   Status step_to(double t, const nb::object& observer) {
-    return call([&](Simulation& s) { return s.step_to(t, told(observer)); });
+    return turns_.call([&] { return simulation_->step_to(t, told(observer)); });
   }
   Status restore(std::string_view state) {
-    return call([&](Simulation& s) { return s.restore(state); });
+    return turns_.call([&] { return simulation_->restore(state); });
   }
   // Small calls, also from the observer of a run.
   template <class Body>
   std::invoke_result_t<Body, Simulation&> look(Body&& body) {
-    if (owner_.load() == std::this_thread::get_id()) return body(*simulation_);
-    return call(body);
+    return turns_.look([&] { return body(*simulation_); });
   }
 
  private:
-  template <class Body>
-  std::invoke_result_t<Body, Simulation&> call(Body&& body) {
-    if (owner_.load() == std::this_thread::get_id())
-      throw std::logic_error("a simulation was run, stepped or restored from its own observer");
-    std::invoke_result_t<Body, Simulation&> result;
-    {
-      const nb::gil_scoped_release released;
-      const std::lock_guard lock(mutex_);
-      owner_ = std::this_thread::get_id();
-      struct Leave {
-        std::atomic<std::thread::id>& owner;
-        ~Leave() { owner = std::thread::id{}; }
-      } const leave{owner_};
-      result = body(*simulation_);
-    }
-    if (Host::raised) std::rethrow_exception(std::exchange(Host::raised, nullptr));
-    return result;
-  }
-
   // What the observer raises stops the run and is raised when it has ended.
   static SimulationObserver told(const nb::object& observer) {
     if (observer.is_none()) return {};
@@ -100,8 +79,7 @@ class SimulationHandle {
   }
 
   std::unique_ptr<Simulation> simulation_;
-  std::mutex mutex_;
-  std::atomic<std::thread::id> owner_{};
+  Turns turns_{"a simulation was run, stepped or restored from its own observer"};
 };
 
 nb::dict fields(const SimulationSummary& s) {
@@ -152,8 +130,9 @@ nb::dict fields(const SimulationSummary& s) {
 void bind_simulation(nb::module_& m) {
   nb::class_<SimulationHandle>(m, "Simulation")
       .def(nb::init<std::vector<std::string>, std::string, std::optional<double>, std::string, bool,
-                    std::vector<std::string>, std::vector<std::pair<std::string, std::string>>>(),
-           "set"_a, "out"_a, "until"_a.none(), "restart"_a, "accept_changes"_a, "quantities"_a, "solver"_a)
+                    std::vector<std::string>, std::vector<std::pair<std::string, std::string>>, std::string>(),
+           "set"_a, "out"_a, "until"_a.none(), "restart"_a, "accept_changes"_a, "quantities"_a, "solver"_a,
+           "analyses"_a)
       .def(
           "load",
           [](SimulationHandle& s, const std::string& text, const std::string& name, bool is_path) {

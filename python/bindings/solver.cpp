@@ -4,8 +4,13 @@
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
+#include <cstdint>
+#include <string_view>
+#include <utility>
+
 #include "arrays.hpp"
 #include "bindings.hpp"
+#include "device/registry.hpp"
 #include "solver/build_info.hpp"
 #include "solver/option_text.hpp"
 #include "solver/transposed_text.hpp"
@@ -53,10 +58,41 @@ Shape shape_of(const Pointers& pointers, bool by_rows, int storage) {
   return {static_cast<Index>(pointers.size()) - 1, by_rows, static_cast<Storage>(storage)};
 }
 
+// What is to be known of an array on a device; keeps it alive.
+class Exported {
+ public:
+  explicit Exported(nb::ndarray<> array) : array_(std::move(array)) {}
+  [[nodiscard]] std::uintptr_t address() const { return reinterpret_cast<std::uintptr_t>(array_.data()); }
+  // "f8": kind and bytes, as NumPy calls them; "?" and bytes for kinds that it does not know.
+  [[nodiscard]] std::string dtype() const {
+    constexpr std::string_view kKinds = "iuf";  // in the order of DLPack's codes
+    const nb::dlpack::dtype t = array_.dtype();
+    return (t.code < kKinds.size() ? kKinds[t.code] : '?') + std::to_string(t.bits * t.lanes / 8);
+  }
+  // Of all dimensions; strides in elements.
+  template <class Function>
+  [[nodiscard]] nb::tuple all(Function function) const {
+    nb::list list;
+    for (std::size_t k = 0; k < array_.ndim(); ++k) list.append((array_.*function)(k));
+    return nb::tuple(list);
+  }
+
+ private:
+  nb::ndarray<> array_;
+};
+
 }  // namespace
 
 void bind_solver(nb::module_& m) {
   const auto array = [](const char* name) { return nb::arg(name).noconvert(); };
+  m.attr("has_gpu") = device::registry().find("gpu") != nullptr;
+  m.def("set_tick", &Host::set_tick, "tick"_a.none());
+  nb::class_<Exported>(m, "Exported")  // an array that another library exported, a capsule of DLPack
+      .def(nb::init<nb::ndarray<>>(), "capsule"_a)
+      .def_prop_ro("address", &Exported::address)
+      .def_prop_ro("dtype", &Exported::dtype)
+      .def_prop_ro("shape", [](const Exported& e) { return e.all(&nb::ndarray<>::shape); })
+      .def_prop_ro("strides", [](const Exported& e) { return e.all(&nb::ndarray<>::stride); });
   m.def("transposed_text", [](const std::string& message) { return solver::transposed_text(message); });
   nb::class_<SolverHandle>(m, "Solver", nb::dynamic_attr())
       .def(nb::init<>())
@@ -102,6 +138,22 @@ void bind_solver(nb::module_& m) {
             return nb::make_tuple(status_of(r.status), fields(r));
           },
           array("b"), array("x"), "columns"_a, "transpose"_a)
+      .def(
+          "refactorize_device",
+          [](SolverHandle& s, std::uintptr_t values, Offset count, std::uintptr_t stream, Index n) {
+            const FactorResult r = s.refactorize_device(values, count, stream);
+            return nb::make_tuple(status_of(r.status), fields(r, s.transposed(), n));
+          },
+          "values"_a, "count"_a, "stream"_a, "n"_a)
+      .def(
+          "solve_device",
+          [](SolverHandle& s, std::uintptr_t b, std::uintptr_t x, Index columns, bool transpose,
+             std::uintptr_t stream) {
+            const SolveResult r = s.solve_device(b, x, columns, transpose, stream);
+            return nb::make_tuple(status_of(r.status), fields(r));
+          },
+          "b"_a, "x"_a, "columns"_a, "transpose"_a, "stream"_a)
+      .def("gpu", &SolverHandle::gpu)
       .def("condition",
            [](SolverHandle& s) {
              const ConditionResult r = s.condition();

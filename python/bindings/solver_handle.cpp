@@ -2,7 +2,7 @@
 
 #include <nanobind/stl/string.h>
 
-#include <type_traits>
+#include <stdexcept>
 #include <utility>
 
 #include "solver/environment.hpp"
@@ -33,13 +33,19 @@ MatrixView view_of(const Pointers& pointers, const Indices& indices, const Value
   return view;
 }
 
+// An address of GPU memory, or a stream, as Python's array interfaces give them.
+template <class T>
+T* address(std::uintptr_t number) {
+  return reinterpret_cast<T*>(number);  // NOLINT(performance-no-int-to-ptr)
+}
+
 }  // namespace
 
 SolverHandle::SolverHandle() {
   solver::Environment environment = solver::read_environment();
   if (!environment.status.ok()) throw Error(environment.status);
   options_ = std::move(environment.options);
-  options_.interrupted = &Host::signals_raise;
+  options_.interrupted = &Host::interrupted;
   options_.interrupted_every = 0.1;  // the global lock may take 5 ms to come
   options_.log = [host = host_](const std::string& line) { host->write(line); };
 }
@@ -61,29 +67,12 @@ void SolverHandle::set_permutation(const Indices& order) {
   options_.permutation.assign(order.data(), order.data() + order.size());
 }
 
-// Runs `body` without the GIL and under the lock; what Python raised meanwhile is raised afterwards.
 template <class Body>
 auto SolverHandle::call(Body&& body) {
-  if (owner_.load() == std::this_thread::get_id())
-    throw std::logic_error("a solver was called from its own log handler");
-  std::invoke_result_t<Body> result;
-  {
-    const nb::gil_scoped_release released;
-    if (!callers_.enter())
-      throw std::logic_error(
-          "another thread was inside a call on this solver when the process forked; make a new solver here");
-    const solver::Inside inside(callers_);
-    const std::lock_guard lock(mutex_);
+  return turns_.call([&] {
     if (closed_) throw std::logic_error("the solver is closed");
-    owner_ = std::this_thread::get_id();
-    struct Leave {
-      std::atomic<std::thread::id>& owner;
-      ~Leave() { owner = std::thread::id{}; }
-    } const leave{owner_};
-    result = body();
-  }
-  if (Host::raised) std::rethrow_exception(std::exchange(Host::raised, nullptr));
-  return result;
+    return body();
+  });
 }
 
 void SolverHandle::make_solver(Offset nonzeros) {
@@ -142,6 +131,24 @@ SolveResult SolverHandle::solve(const nb::ndarray<const double, nb::device::cpu>
   });
 }
 
+FactorResult SolverHandle::refactorize_device(std::uintptr_t values, Offset count, std::uintptr_t stream) {
+  return call(
+      [&] { return analyzed().refactorize_device(address<const double>(values), count, address<void>(stream)); });
+}
+
+SolveResult SolverHandle::solve_device(std::uintptr_t b, std::uintptr_t x, Index columns, bool transpose,
+                                       std::uintptr_t stream) {
+  return call([&] {
+    const bool other = transpose != transposed_;
+    return analyzed().solve_device(address<const double>(b), address<double>(x), columns,
+                                   other ? Transpose::yes : Transpose::no, address<void>(stream));
+  });
+}
+
+int SolverHandle::gpu() {
+  return call([&] { return solver_ ? solver_->gpu() : -1; });
+}
+
 ConditionResult SolverHandle::condition() {
   return call([&] { return analyzed().condition_estimate(); });
 }
@@ -170,14 +177,10 @@ std::unique_ptr<SolverHandle> SolverHandle::clone(int threads) {
 }
 
 void SolverHandle::close() {
-  if (owner_.load() == std::this_thread::get_id())
-    throw std::logic_error("a solver was closed from its own log handler");
-  const nb::gil_scoped_release released;
-  if (!callers_.enter()) return;  // in the child of a fork: the parent's call goes on there
-  const solver::Inside inside(callers_);
-  const std::lock_guard lock(mutex_);
-  solver_.reset();
-  closed_ = true;
+  turns_.enter([&] {  // in the child of a fork the parent's call may go on elsewhere: nothing happens then
+    solver_.reset();
+    closed_ = true;
+  });
 }
 
 }  // namespace espalier::python

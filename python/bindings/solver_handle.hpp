@@ -6,17 +6,15 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
-#include <atomic>
+#include <cstdint>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "espalier/solver.hpp"
 #include "host.hpp"
-#include "solver/c_handle.hpp"
+#include "turns.hpp"
 
 namespace espalier::python {
 
@@ -53,6 +51,12 @@ class SolverHandle {
   /// @param b, x  columns * n values, column by column; may be the same array
   SolveResult solve(const nb::ndarray<const double, nb::device::cpu>& b, const nb::ndarray<double, nb::device::cpu>& x,
                     Index columns, bool transpose);
+  /// The same with arrays in the memory of the GPU that holds the factor; addresses and a cudaStream_t as numbers. See
+  /// Solver::refactorize_device() and solve_device().
+  FactorResult refactorize_device(std::uintptr_t values, Offset count, std::uintptr_t stream);
+  SolveResult solve_device(std::uintptr_t b, std::uintptr_t x, Index columns, bool transpose, std::uintptr_t stream);
+  /// See Solver::gpu().
+  int gpu();
   ConditionResult condition();
   Status save_analysis(const std::string& path);
   [[nodiscard]] Solver::State state();
@@ -80,9 +84,7 @@ class SolverHandle {
   bool single_ = false;      // it has one thread because its system was small
   bool transposed_ = false;  // it holds A^T
   bool closed_ = false;
-  solver::Callers callers_;
-  std::mutex mutex_;
-  std::atomic<std::thread::id> owner_{};
+  Turns turns_{"a solver was called from its own log handler"};
 };
 
 }  // namespace espalier::python

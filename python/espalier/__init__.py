@@ -1,6 +1,7 @@
 """Espalier: a sparse direct solver and a simulator for mechanics."""
 
-from ._core import version as __version__
+from . import _load  # first: it chooses the extension module
+from ._version import __version__
 from ._dae import Dae
 from ._errors import (AccuracyWarning, DeviceError, Error, InvalidInputError, NotPositiveDefiniteError,
                       OutOfMemoryError, SingularMatrixError)

@@ -1,13 +1,12 @@
 """The simulator: models, runs, and motions that a program steps through."""
 
 import os
-import sys
-import time
 from dataclasses import dataclass
 from typing import Any, Callable, Iterable, Mapping, NamedTuple
 
 from . import _core
 from ._errors import make_error
+from ._progress import Bar, wanted
 from ._toml import toml_of
 
 
@@ -156,48 +155,13 @@ class Result:
                 f" steps, {s['seconds']:.3g} s>")
 
 
-class _Progress:
-    """A line that tells how far a run is: in a terminal, or in a notebook; after a second, and twice a second."""
-
-    def __init__(self, begin: float, end: float) -> None:
-        self._begin, self._span = begin, end - begin
-        self._next = time.monotonic() + 1
-        self._handle: Any = None
-        self._shown = False
-        shell = sys.modules.get("IPython")
-        self._notebook = shell is not None and hasattr(shell.get_ipython(), "kernel")
-        self.wanted = self._notebook or sys.stderr.isatty()
-
-    def __call__(self, step: Step) -> None:
-        if time.monotonic() < self._next:
-            return
-        self._next = time.monotonic() + 0.5
-        share = (step.t - self._begin) / self._span if 0 < self._span < float("inf") else 0.0
-        text = f"t = {step.t:.6g}, step {step.index}"
-        if self._notebook:
-            from IPython.display import HTML, display  # type: ignore[import-not-found]
-
-            page = HTML(f"<progress value='{share:.3f}'></progress> {text}")
-            if self._handle is None:
-                self._handle = display(page, display_id=True)
-            else:
-                self._handle.update(page)
-        else:
-            bar = "#" * int(30 * share)
-            print(f"\r[{bar:<30}] {text} ", end="", file=sys.stderr, flush=True)
-            self._shown = True
-
-    def end(self) -> None:
-        if self._shown:
-            print(file=sys.stderr)
-
-
 class Simulation:
     """One motion of one model, made consistent and ready to go.
 
     model: a Model, a dictionary, or the path of a model file. set: values to be replaced, {"parameters.size": 2}. until:
     end instead of the model's. quantities: names ("rod.position.x", "rod.position", "energy.total") of what is kept at
     every step, besides those of the model's [output]. out: folder for files. restart: a restart file to go on from.
+    analyses: a folder that keeps the orderings of Newton's matrices for other simulations of the same structure.
     Further options are those of the solver (device, threads, ...).
 
     Calls let other Python threads run. Ctrl-C ends a run after a step, or in a long factorization, with
@@ -207,7 +171,7 @@ class Simulation:
     def __init__(self, model: "Model | Mapping[str, Any] | str | os.PathLike[str]", *,
                  set: "Mapping[str, Any] | None" = None, until: "float | None" = None, quantities: Iterable[str] = (),
                  out: "str | os.PathLike[str]" = "", restart: "str | os.PathLike[str]" = "",
-                 accept_changes: bool = False, **solver: Any) -> None:
+                 accept_changes: bool = False, analyses: "str | os.PathLike[str]" = "", **solver: Any) -> None:
         from ._solver import _text
         from ._toml import _value
 
@@ -215,7 +179,7 @@ class Simulation:
             quantities = [quantities]
         self._core = _core.Simulation([f"{k}={_value(v, k)}" for k, v in (set or {}).items()], os.fspath(out), until,
                                       os.fspath(restart), accept_changes, list(quantities),
-                                      [(k, _text(v)) for k, v in solver.items()])
+                                      [(k, _text(v)) for k, v in solver.items()], os.fspath(analyses))
         if not isinstance(model, Model):
             model = Model(model) if isinstance(model, Mapping) else Model.load(model)
         if model._path is not None:
@@ -239,13 +203,16 @@ class Simulation:
     def run(self, observer: "Observer | None" = None, *, progress: "bool | str" = "auto") -> Result:
         """To the end. observer: called with a Step after every step; False (any false value but None) stops the run. progress: "auto" shows it in
         terminals and notebooks."""
-        bar = _Progress(self.time, self.end_time)
-        if progress is False or (progress == "auto" and not bar.wanted):
+        bar, begin, span = Bar(), self.time, self.end_time - self.time
+        if progress is False or (progress == "auto" and not wanted()):
             tell = None if observer is None else lambda s: observer(Step(*s))
         else:
             def tell(s: Any) -> Any:
-                bar(Step(*s))
-                return None if observer is None else observer(Step(*s))
+                step = Step(*s)
+                if bar.due():
+                    share = (step.t - begin) / span if 0 < span < float("inf") else None
+                    bar.show(share, f"t = {step.t:.6g}, step {step.index}")
+                return None if observer is None else observer(step)
         try:
             self._check(self._core.run(tell))
         finally:
@@ -305,15 +272,20 @@ def _one(job: "tuple[Any, dict[str, Any], dict[str, Any]]") -> Result:
 def sweep(model: Any, parameters: "Mapping[str, Iterable[Any]]", *, workers: "int | None" = None,
           **options: Any) -> "list[tuple[dict[str, Any], Result]]":
     """Runs a model for all combinations of values, on several processes: [({"parameters.size": 1}, Result), ...] in the
-    order of itertools.product. options: those of Simulation. The first run that fails raises its error."""
+    order of itertools.product. options: those of Simulation. The ordering of Newton's matrix is made once for each
+    structure and shared. The first run that fails raises its error."""
     from concurrent.futures import ProcessPoolExecutor
     from itertools import product
     from multiprocessing import get_context
 
+    from tempfile import TemporaryDirectory
+
     fixed = dict(options.pop("set", None) or {})
     points = [dict(zip(parameters, values)) for values in product(*parameters.values())]
-    jobs = [(model, {**fixed, **p}, {"threads": 1, **options}) for p in points]
-    if workers == 1 or len(jobs) < 2:
-        return list(zip(points, map(_one, jobs)))
-    with ProcessPoolExecutor(workers or min(len(jobs), len(os.sched_getaffinity(0))), get_context("spawn")) as pool:
-        return list(zip(points, pool.map(_one, jobs)))
+    with TemporaryDirectory(prefix="espalier-") as folder:
+        jobs = [(model, {**fixed, **p}, {"threads": 1, "analyses": folder, **options}) for p in points]
+        if workers == 1 or len(jobs) < 2:
+            return list(zip(points, map(_one, jobs)))
+        workers = workers or min(len(jobs), len(os.sched_getaffinity(0)))
+        with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+            return list(zip(points, pool.map(_one, jobs)))

@@ -5,8 +5,9 @@ import os
 import warnings
 from typing import Any
 
-from . import _core
+from . import _core, _device
 from ._errors import AccuracyWarning, Error, make_error, transposed_error
+from ._progress import UNWATCHED, Unwatched, Watch, wanted
 from ._results import Analysis, Factor, Inertia, Solve
 
 _core.set_error_maker(make_error)
@@ -90,7 +91,11 @@ class Solver:
     it is analyzed and factorized. None: analyze() or factorize() come later. Its arrays are read during calls only.
     symmetry: "auto" finds out from the values; "general"; "symmetric" (both triangles are stored, the upper one is not
     read); "lower", "upper" (only that triangle is stored). log: a logging.Logger, by default "espalier".
-    options: those of the command line (kind, precision, device, threads, singular, ...).
+    progress: "auto" shows analyses and factorizations that take longer than a second, in terminals and notebooks; True,
+    False. options: those of the command line (kind, precision, device, threads, singular, ...).
+
+    The values of A (then a matrix of cupyx.scipy.sparse, a sparse tensor of torch, or a triple) may lie on an NVIDIA GPU,
+    as float64; `device` is then that GPU unless it is given. The pattern is analyzed on the host.
 
     Calls let other Python threads run and wait for each other on one solver. Ctrl-C ends a call of the main thread within
     about a tenth of a second, with KeyboardInterrupt: an analysis, or a factor, in the making is lost; the solver is
@@ -101,12 +106,12 @@ class Solver:
     """
 
     def __init__(self, A: Any = None, *, symmetry: str = "auto", log: "logging.Logger | None" = None,
-                 permutation: Any = None, **options: Any) -> None:
+                 permutation: Any = None, progress: "bool | str" = "auto", **options: Any) -> None:
         if symmetry not in _STORAGE:
             raise ValueError(f"symmetry {symmetry!r} is none of {', '.join(_STORAGE)}")
         self._storage = _STORAGE[symmetry]
         self._core = _core.Solver()
-        self._options = {"symmetry": symmetry, "log": log, "permutation": permutation, **options}
+        self._options = {"symmetry": symmetry, "log": log, "permutation": permutation, "progress": progress, **options}
         self._pattern: Any = None
         for key, value in options.items():
             self._core.set_option(key, _text(value))
@@ -114,6 +119,7 @@ class Solver:
             self._core.set_permutation(_indices(permutation, "permutation", 2**31 - 1, "int32"))
         self._core.set_log((log or logging.getLogger("espalier")).debug)
         self._n, self._by_rows = 0, False
+        self._watched = wanted() if progress == "auto" else bool(progress)
         self.analysis: "Analysis | None" = None
         self.factor: "Factor | None" = None
         self.last_solve: "Solve | None" = None
@@ -122,7 +128,19 @@ class Solver:
 
     def analyze(self, A: Any) -> Analysis:
         """Orders the pattern of A; values, where there are any, are used for matching, scaling and the kind."""
-        return self._analyze(_arrays(A))
+        return self._analyze(self._taken(A)[0])
+
+    def _taken(self, A: Any) -> "tuple[tuple[Any, Any, Any, bool], Any]":
+        """_arrays() of A, and its values where they lie on a GPU."""
+        A, on_gpu = _device.parts(A)
+        if (on_gpu is not None and self.analysis is None and "device" not in self._options
+                and "device" not in os.environ.get("ESPALIER_OPTIONS", "")):
+            self._options["device"] = f"gpu:{_device.number_of(on_gpu)}"
+            self._core.set_option("device", self._options["device"])
+        return _arrays(A), on_gpu
+
+    def _watch(self, what: str, expected: "float | None" = None) -> "Watch | Unwatched":
+        return Watch(what, expected) if self._watched else UNWATCHED
 
     def save_analysis(self, path: "str | os.PathLike[str]") -> None:
         """Writes the analysis to a file; load_analysis() of the same pattern then needs no ordering."""
@@ -133,7 +151,7 @@ class Solver:
     def load_analysis(self, path: "str | os.PathLike[str]", A: Any) -> Analysis:
         """Takes the analysis of A from the file of save_analysis(), in place of analyze(A). Raises InvalidInputError
         where the file is damaged or belongs to another pattern."""
-        return self._analyze(_arrays(A), os.fspath(path))
+        return self._analyze(self._taken(A)[0], os.fspath(path))
 
     def clone(self, threads: int = 0) -> "Solver":
         """Another solver with the same options that shares the analysis and has no factor yet: for threads, load cases
@@ -145,65 +163,100 @@ class Solver:
 
     def _analyze(self, arrays: "tuple[Any, Any, Any, bool]", path: "str | None" = None) -> Analysis:
         self.analysis = self.factor = self._pattern = None
-        if path is None:
-            status, found = self._core.analyze(*arrays, self._storage)
-        else:
-            status, found = self._core.load_analysis(path, *arrays, self._storage)
+        with self._watch(f"analyzing {len(arrays[0]) - 1} unknowns"):
+            if path is None:
+                status, found = self._core.analyze(*arrays, self._storage)
+            else:
+                status, found = self._core.load_analysis(path, *arrays, self._storage)
         if status[0]:
             raise _matrix_error(status, arrays[3], "")
         self._n, self._by_rows, self._pattern = len(arrays[0]) - 1, arrays[3], arrays[:2]
         self.analysis = Analysis(*found)
         return self.analysis
 
-    def factorize(self, A: Any) -> Factor:
+    def factorize(self, A: Any, *, stream: Any = None) -> Factor:
         """Factorizes a matrix, or new values of the analyzed one: a vector in the order of its `data` (of a format
         other than CSR and CSC: in that of `A.tocsc().data`). A matrix with another pattern is analyzed first.
 
-        Raises SingularMatrixError, NotPositiveDefiniteError, OutOfMemoryError, InvalidInputError (NaN, wrong sizes,
-        values that are not symmetric any more: give the matrix again)."""
-        if isinstance(A, tuple) or hasattr(A, "tocsc"):
-            arrays = _arrays(A)
-            if arrays[2] is None:
-                raise ValueError("a pattern without values cannot be factorized")
-            known = self.analysis is not None and self._n == len(arrays[0]) - 1 and self._by_rows == arrays[3]
-            if not known:
-                self._analyze(arrays)
-            self.factor = None
-            status, found = self._core.factorize(*arrays, self._storage)
-            if known and status[0] == 2 and _finite(arrays[2]):  # another pattern, or no longer symmetric
-                self._analyze(arrays)
-                status, found = self._core.factorize(*arrays, self._storage)
+        Values may lie on the GPU that holds the factor, and are read there. stream: a CUDA stream (a number, or an object
+        of CuPy, torch or numba) whose work is waited for, besides that of the array's own library.
+
+        Raises SingularMatrixError, NotPositiveDefiniteError, OutOfMemoryError, DeviceError, InvalidInputError (NaN, wrong
+        sizes, values that are not symmetric any more: give the matrix again)."""
+        if isinstance(A, tuple) or hasattr(A, "tocsc") or _device.is_sparse_tensor(A):
+            status, found = self._factorize_matrix(A, stream)
         else:
-            values = _numbers(A, "the values")
-            if values.ndim == 2:
-                raise ValueError(f"a dense array of shape {values.shape}: give a sparse matrix, scipy.sparse.csc_array(A)")
-            if values.ndim != 1:
-                raise ValueError(f"values of shape {values.shape}: give a vector in the order of the matrix's data")
-            if self.analysis is None:
-                raise RuntimeError("values of no matrix: call factorize(A) with a sparse matrix first")
-            before, self.factor = self.factor, None
-            try:
-                status, found = self._core.refactorize(values if values.flags.c_contiguous else values.copy(), self._n)
-            except ValueError:  # not even begun: the number of values is wrong
-                self.factor = before
-                raise
+            status, found = self._factorize_values(A, stream)
         if status[0]:
             raise _matrix_error(status, self._by_rows, self.analysis.kind if self.analysis else "")
         self.factor = Factor(found[0], found[1], Inertia(*found[2]), *found[3:])
         return self.factor
 
-    def solve(self, b: Any, *, out: Any = None, transpose: bool = False) -> Any:
+    def _factorize_matrix(self, A: Any, stream: Any) -> Any:
+        arrays, on_gpu = self._taken(A)
+        if arrays[2] is None:
+            raise ValueError("a pattern without values cannot be factorized")
+        known = self.analysis is not None and self._n == len(arrays[0]) - 1 and self._by_rows == arrays[3]
+        if known and on_gpu is not None:
+            known = self._core.has_pattern(arrays[0], arrays[1], arrays[3], self._storage)
+        if not known:
+            self._analyze(arrays)
+        if on_gpu is not None:
+            return self._factorize_values(on_gpu, stream)
+        self.factor = None
+        with self._watch(*self._factorizing()):
+            status, found = self._core.factorize(*arrays, self._storage)
+        if known and status[0] == 2 and _finite(arrays[2]):  # another pattern, or no longer symmetric
+            self._analyze(arrays)
+            with self._watch(*self._factorizing()):
+                status, found = self._core.factorize(*arrays, self._storage)
+        return status, found
+
+    def _factorize_values(self, values: Any, stream: Any) -> Any:
+        on_gpu = _device.on_gpu(values)
+        if not on_gpu:
+            values = _numbers(values, "the values")
+        if values.ndim == 2:
+            raise ValueError(f"a dense array of shape {values.shape}: give a sparse matrix, scipy.sparse.csc_array(A)")
+        if values.ndim != 1:
+            raise ValueError(f"values of shape {values.shape}: give a vector in the order of the matrix's data")
+        if self.analysis is None:
+            raise RuntimeError("values of no matrix: call factorize(A) with a sparse matrix first")
+        if on_gpu:
+            _device.expect_kernels(values)
+            view = _device.columns(values, "the values", stream)
+        before, self.factor = self.factor, None
+        try:
+            with self._watch(*self._factorizing(before)):
+                if on_gpu:
+                    return self._core.refactorize_device(view.address, view.shape[0], view.stream, self._n)
+                return self._core.refactorize(values if values.flags.c_contiguous else values.copy(), self._n)
+        except ValueError:  # not even begun: the number of values is wrong
+            self.factor = before
+            raise
+
+    def _factorizing(self, before: "Factor | None" = None) -> "tuple[str, float | None]":
+        """For _watch()."""
+        assert self.analysis is not None
+        return "factorizing", self.analysis.predicted_seconds if before is None else before.seconds
+
+    def solve(self, b: Any, *, out: Any = None, transpose: bool = False, stream: Any = None) -> Any:
         """x with A x = b, or A^T x = b: float64 of the shape of b, (n,) or (n, k).
 
         out: a writable float64 array of that shape, which is filled and returned; it may be b, or overlap it. Contiguous vectors and
-        Fortran-ordered columns are read and written in place; others are copied. Warns AccuracyWarning."""
+        Fortran-ordered columns are read and written in place; others are copied. Warns AccuracyWarning.
+
+        b may lie on the GPU that holds the factor; so does x then, an array of the same library (CuPy, torch, JAX, numba;
+        of others, `out` must be given). Columns in C order are rearranged by their library. stream: as for factorize();
+        x is there when the call returns."""
         import numpy as np
 
         if self._n == 0:
             raise RuntimeError("there is no matrix yet: call factorize(A) first")
+        if type(b) is not np.ndarray and _device.on_gpu(b):
+            return self._solve_on_gpu(b, out, transpose, stream)
         b = _numbers(b, "b")
-        if b.ndim not in (1, 2) or b.shape[0] != self._n:
-            raise ValueError(f"b has shape {b.shape}; the matrix has {self._n} rows")
+        self._check_rows(b)
         if out is not None and not (isinstance(out, np.ndarray) and out.dtype == np.float64 and out.shape == b.shape
                                     and out.dtype.isnative and out.flags.writeable):
             raise ValueError(f"out must be a writable float64 array of shape {b.shape}")
@@ -212,15 +265,33 @@ class Solver:
         direct = out is not None and out.flags.f_contiguous
         x: Any = out if direct else np.empty(b.shape, order="F")
         if columns > 0:
-            status, found = self._core.solve(right.T, x.T, columns, bool(transpose))
-            self.last_solve = Solve(*found)
-            if status[0] == 7:
-                warnings.warn(status[1], AccuracyWarning, stacklevel=2)
-            elif status[0]:
-                raise make_error(*status)
+            self._solved(self._core.solve(right.T, x.T, columns, bool(transpose)))
         if out is not None and not direct:
             out[...] = x
         return x if out is None else out
+
+    def _check_rows(self, b: Any) -> None:
+        if b.ndim not in (1, 2) or b.shape[0] != self._n:
+            raise ValueError(f"b has shape {tuple(b.shape)}; the matrix has {self._n} rows")
+
+    def _solved(self, answer: Any) -> None:
+        status, found = answer
+        self.last_solve = Solve(*found)
+        if status[0] == 7:
+            warnings.warn(status[1], AccuracyWarning, stacklevel=3)
+        elif status[0]:
+            raise make_error(*status)
+
+    def _solve_on_gpu(self, b: Any, out: Any, transpose: bool, stream: Any) -> Any:
+        _device.expect_kernels(b)
+        self._check_rows(b)
+        shape = tuple(b.shape)
+        right = _device.columns(b, "b", stream)
+        x, answer = _device.answer_like(b, out, shape, stream)
+        count = 1 if len(shape) == 1 else shape[1]
+        if count > 0:
+            self._solved(self._core.solve_device(right.address, x.address, count, bool(transpose), right.stream or x.stream))
+        return answer()
 
     __call__ = solve
 

@@ -1,5 +1,10 @@
 """Other programs with this solver inside. Truth: their own solvers."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -61,21 +66,46 @@ def test_sfepy():
     assert 2 * a @ solver(np.ones(50), mtx=2 * a) == pytest.approx(np.ones(50))
 
 
+CVXPY = """
+import cvxpy as cp, numpy as np, sys
+rng = np.random.default_rng(0)
+a, b, x = rng.normal(size=(60, 40)), rng.normal(size=60), cp.Variable(40)
+problem = cp.Problem(cp.Minimize(cp.sum_squares(a @ x - b)), [cp.abs(x) <= 0.1])
+options = {"direct_solve_method": "mkl"} if sys.argv[1:] else {}
+problem.solve(solver=cp.CLARABEL, **options)
+print(repr(list(x.value)))
+"""
+
+
+def test_cvxpy(tmp_path):
+    pytest.importorskip("cvxpy")
+    library = Path(__file__).parents[2] / "build/release/hosts/libespalier_mkl_pardiso.so"
+    if not library.exists():
+        pytest.skip(f"{library} is not built (target espalier_hosts)")
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib" / "libmkl_rt.so").symlink_to(library)
+
+    def solution(*options, **environment):
+        run = subprocess.run([sys.executable, "-c", CVXPY, *options], capture_output=True, text=True,
+                             env={**os.environ, **environment})
+        assert run.returncode == 0, run.stderr
+        return run.stdout.splitlines()[-1], run.stderr
+
+    ours, log = solution("mkl", MKLROOT=str(tmp_path), ESPALIER_OPTIONS="log=stderr")
+    assert "espalier" in log  # it was us
+    number = lambda text: np.array(eval(text, {"np": np}))  # noqa: E731
+    assert number(ours) == pytest.approx(number(solution()[0]), abs=1e-6)
+
+
 class TestNgsolve:
-    @pytest.fixture(scope="class")
+    @pytest.fixture
     def problem(self):
         ng = pytest.importorskip("ngsolve")
+        from netgen.geom2d import unit_square
         from ngsolve import dx, grad
 
         import espalier.ngsolve  # noqa: F401
-        mesh = ng.Mesh(ng.unit_square.GenerateMesh(maxh=0.1)) if hasattr(ng, "unit_square") else self._mesh(ng)
-        return ng, mesh, dx, grad
-
-    @staticmethod
-    def _mesh(ng):
-        from netgen.geom2d import unit_square
-
-        return ng.Mesh(unit_square.GenerateMesh(maxh=0.1))
+        return ng, ng.Mesh(unit_square.GenerateMesh(maxh=0.1)), dx, grad
 
     @pytest.mark.parametrize("symmetric, half", [(True, True), (True, False), (False, False)])
     def test_inverse(self, problem, symmetric, half):

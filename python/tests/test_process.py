@@ -111,22 +111,47 @@ def interrupted(call):
     assert late < max(0.3, usual / 3), f"{late:.2f} s after the signal; the whole call takes {usual:.2f} s"
 
 
-def test_ctrl_c_ends_calls_and_the_solver_goes_on():
-    a = poisson(44)
-    b = np.ones(a.shape[0])
-    solver = esp.Solver(threads=1)
-    solver.analyze(a)
-    interrupted(lambda: solver.analyze(a))
+def long(make, sizes):
+    """The first of the systems that takes this machine, now, long enough to be interrupted for certain."""
+    for n in sizes:
+        call, *rest = make(n)
+        begin = time.perf_counter()
+        call()
+        if time.perf_counter() - begin > 1.3:
+            break
+    return call, *rest
+
+
+def test_ctrl_c_ends_analyses():
+    def make(n):
+        line = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n))
+        a = (sp.kron(line, sp.eye_array(n)) + sp.kron(sp.eye_array(n), line)).tocsc()
+        solver = esp.Solver(threads=1)
+        return lambda: solver.analyze(a), solver, a
+
+    call, solver, a = long(make, (300, 500, 800))
+    interrupted(call)
     assert solver.analysis is None
     with pytest.raises(RuntimeError):
-        solver.solve(b)
+        solver.solve(np.ones(a.shape[0]))
     solver.factorize(a)
-    interrupted(lambda: solver.factorize(a.data))
+    check(a, solver.solve(np.ones(a.shape[0])), np.ones(a.shape[0]))
+
+
+def test_ctrl_c_ends_factorizations_and_solves():
+    def make(n):
+        a = poisson(n)
+        solver = esp.Solver(a, threads=1)
+        return lambda: solver.factorize(a.data), solver, a
+
+    call, solver, a = long(make, (40, 48, 60))
+    b = np.ones(a.shape[0])
+    interrupted(call)
     assert solver.factor is None and solver.analysis is not None
     with pytest.raises(RuntimeError):
         solver.solve(b)
     solver.factorize(a.data)
-    many = np.asfortranarray(np.ones((len(b), 60)))
+    many = np.asfortranarray(np.ones((len(b), 80)))
     interrupted(lambda: solver.solve(many))
     assert solver.factor is not None
     check(a, solver.solve(b), b)

@@ -177,6 +177,25 @@ def test_sweep():
         esp.sweep(pendulum(), {"bodies.bob.mas": [1, 2]}, workers=2)
 
 
+def test_analyses_are_kept_for_others(tmp_path):
+    def run(folder):
+        return esp.Simulation(ROOT / "models/chain.toml", set={"parameters.unknowns": 2000}, until=1e-3, analyses=folder,
+                              quantities="energy.total").run()
+
+    alone = run("")
+    run(tmp_path)
+    made = {f: f.stat().st_ino for f in tmp_path.iterdir()}
+    assert made and all(f.suffix == ".analysis" for f in made)
+    found = run(tmp_path)
+    assert {f: f.stat().st_ino for f in tmp_path.iterdir()} == made  # nothing was analyzed again
+    assert found.values[-1] == pytest.approx(alone.values[-1], rel=1e-9)
+    for f in made:
+        f.write_bytes(f.read_bytes()[:-9])
+    assert run(tmp_path).values[-1] == pytest.approx(alone.values[-1], rel=1e-9)  # damaged: made anew
+    assert {f.stat().st_ino for f in tmp_path.iterdir()}.isdisjoint(made.values())
+    assert run(tmp_path / "absent").summary["steps"] > 0
+
+
 def test_threads_run_side_by_side():
     ends = {}
 
@@ -203,11 +222,14 @@ def test_ctrl_c_and_on():
 
 
 def test_progress(capfd, monkeypatch):
-    from espalier import _simulation
+    from espalier import _progress
 
-    monkeypatch.setattr(_simulation.time, "monotonic", iter(np.arange(0, 1e6, 2.0)).__next__)
+    monkeypatch.setattr(_progress.time, "monotonic", iter(np.arange(0, 1e6, 2.0)).__next__)
     pendulum(end=0.1).run(progress=True)
     assert "t = 0." in capfd.readouterr().err
+    monkeypatch.setattr(_progress.sys.stderr, "isatty", lambda: False)
+    pendulum(end=0.1).run()
+    assert capfd.readouterr().err == ""
 
 
 def test_model_files_of_the_repository():

@@ -323,6 +323,49 @@ def test_fork():
         assert max(pool.map(in_child, [a] * 4)) < 1e-12
 
 
+def test_progress_of_long_calls(capfd, monkeypatch):
+    from espalier import _core, _progress
+
+    a = matrix(200, "lu")
+    now = iter(np.arange(0, 1e6, 2.0))
+    monkeypatch.setattr(_progress.time, "monotonic", lambda: float(next(now)))
+    ticks = []
+    set_tick = _core.set_tick
+    monkeypatch.setattr(_core, "set_tick", lambda tick: (ticks.append(tick), tick and (tick(), tick()), set_tick(tick)))
+    solver = esp.Solver(a, progress=True)
+    shown = capfd.readouterr().err
+    assert "analyzing 200 unknowns: " in shown and "factorizing: " in shown and shown.endswith("\n")
+    assert len(ticks) == 4 and ticks[1] is ticks[3] is None
+    solver.solve(np.ones(200))
+    esp.Solver(a, progress=False)
+    esp.Solver(a)  # nobody looks: no terminal
+    assert len(ticks) == 4 and capfd.readouterr().err == ""
+
+
+def test_ticks_come_from_long_calls_and_may_raise():
+    from espalier import _core
+    from test_process import poisson
+
+    a, solver, ticks = poisson(36), esp.Solver(), []
+
+    def tick():
+        ticks.append(time.perf_counter())
+        if len(ticks) == 3:
+            raise ZeroDivisionError
+
+    try:
+        _core.set_tick(tick)
+        with pytest.raises(ZeroDivisionError):
+            for _ in range(100):
+                solver.factorize(a)
+    finally:
+        _core.set_tick(None)
+    assert len(ticks) == 3
+    solver.factorize(a)
+    assert len(ticks) == 3
+    check(a, solver.solve(np.ones(a.shape[0])), np.ones(a.shape[0]))
+
+
 def test_log_that_raises_is_heard():
     logger = logging.Logger("test", logging.DEBUG)
     logger.debug = lambda line: 1 / 0

@@ -1,9 +1,11 @@
 #include "dynamics/model/newton_solver.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 
 #include "matrix/matrix_market.hpp"
@@ -43,10 +45,49 @@ class SymmetryCheck {
   std::vector<Offset> mirror_;  // of every entry below the diagonal the one above; -1: none
 };
 
+/// Analyses that simulations share through a folder, a file for each pattern and kind. What cannot be read or written
+/// costs an analysis, no more.
+class KeptAnalyses {
+ public:
+  explicit KeptAnalyses(std::string folder) : folder_(std::move(folder)) {}
+
+  AnalysisResult analyze(Solver& solver, const MatrixView& a) const {
+    if (folder_.empty()) return solver.analyze(a);
+    const std::string path =
+        fmt::format("{}/{:016x}-{}.analysis", folder_, hash(a), static_cast<int>(solver.options().kind));
+    std::error_code absent;
+    if (std::filesystem::exists(path, absent)) {
+      AnalysisResult loaded = solver.load_analysis(path, a);
+      if (loaded.status.ok() || loaded.status.code == StatusCode::cancelled) return loaded;
+    }
+    AnalysisResult made = solver.analyze(a);
+    if (made.status.ok()) {  // under another name at first: others may be reading
+      const std::string part = fmt::format("{}.{}.part", path, ::getpid());
+      if (solver.save_analysis(part).ok()) std::filesystem::rename(part, path, absent);
+    }
+    return made;
+  }
+
+ private:
+  // FNV-1a of 64-bit words, for names; the file itself holds a hash that load_analysis() checks.
+  static std::uint64_t hash(const MatrixView& a) {
+    std::uint64_t h = 0xcbf29ce484222325;
+    const auto add = [&h](auto range) {
+      for (const auto x : range) h = (h ^ static_cast<std::uint64_t>(x)) * 0x100000001b3;
+    };
+    add(a.col_ptr);
+    add(a.row_ind);
+    return h;
+  }
+
+  std::string folder_;
+};
+
 /// Espalier's solver, as make_espalier_solver(), with a record.
 class RecordedSolver final : public LinearSolver {
  public:
-  RecordedSolver(Options options, SolverRecord& record) : solver_(std::move(options)), record_(record) {}
+  RecordedSolver(Options options, const std::string& analyses, SolverRecord& record)
+      : solver_(std::move(options)), kept_(analyses), record_(record) {}
 
   Status analyze(const MatrixView& a) override {
     MatrixView k = a;
@@ -55,7 +96,7 @@ class RecordedSolver final : public LinearSolver {
       k.storage = Storage::symmetric_both;
       symmetry_ = std::make_unique<SymmetryCheck>(a);
     }
-    record_.analysis = solver_.analyze(k);
+    record_.analysis = kept_.analyze(solver_, k);
     record_.analysis_seconds += record_.analysis.seconds;
     return record_.analysis.status;
   }
@@ -90,6 +131,7 @@ class RecordedSolver final : public LinearSolver {
   /// Newton's iteration contracts by about so much when it sees one half for both. Turning bodies always make a little.
   static constexpr double kAsymmetry = 1e-3;
   Solver solver_;
+  KeptAnalyses kept_;
   SolverRecord& record_;
   std::unique_ptr<SymmetryCheck> symmetry_;
 };
@@ -166,14 +208,14 @@ Options run_options(const std::vector<std::pair<std::string, std::string>>& by_n
 }
 
 std::unique_ptr<LinearSolver> make_run_solver(const Options& options, bool dense, const DumpOptions& dump,
-                                              SolverRecord& record) {
+                                              const std::string& analyses, SolverRecord& record) {
   record.dense = dense;
   record.options = options;
   std::unique_ptr<LinearSolver> solver;
   if (dense) {
     solver = make_dense_solver();
   } else {
-    solver = std::make_unique<RecordedSolver>(options, record);
+    solver = std::make_unique<RecordedSolver>(options, analyses, record);
   }
   if (!dump.folder.empty()) solver = std::make_unique<DumpingSolver>(std::move(solver), dump, record);
   return solver;

@@ -36,8 +36,9 @@ struct DumpOptions {
 [[nodiscard]] Options run_options(const std::vector<std::pair<std::string, std::string>>& by_name, Index unknowns);
 
 /// @param dense take the dense solver, for systems of a few dozen unknowns
+/// @param analyses  folder where analyses are kept (SimulationOptions::analyses); empty: none
 /// @param record kept up to date; must outlive the solver
 [[nodiscard]] std::unique_ptr<LinearSolver> make_run_solver(const Options& options, bool dense, const DumpOptions& dump,
-                                                            SolverRecord& record);
+                                                            const std::string& analyses, SolverRecord& record);
 
 }  // namespace espalier::dynamics::model

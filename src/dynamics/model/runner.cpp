@@ -86,8 +86,9 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
       throw Error(error.status().code, std::string("solver: ") + error.what());
     }
     equations_ = std::make_unique<Equations>(
-        mechanism_->system, make_run_solver(solver, unknowns <= kLargestDense && !chosen,
-                                            {options_.dump, options_.dump_every, options_.dump_count}, record_));
+        mechanism_->system,
+        make_run_solver(solver, unknowns <= kLargestDense && !chosen,
+                        {options_.dump, options_.dump_every, options_.dump_count}, options_.analyses, record_));
     for (const std::string& request : model_.output.quantities) choose(request, model_.output.place);
     for (const std::string& request : options_.quantities) choose(request, {});
     for (const Quantity& q : quantities_) series_.names.push_back(q.name);
