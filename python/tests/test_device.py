@@ -224,3 +224,70 @@ def test_a_matrix_whose_values_lie_on_a_gpu(cupy):
     solver.factorize((other.indptr, other.indices, Cupy(other.data)))
     assert solver.analysis is not analysis
     check(other, solver.solve(Cupy(np.ones(30))).data, np.ones(30))
+
+
+class TestLibraries:
+    """Arrays of the real libraries, on the host, that say they were on GPU 0."""
+
+    @pytest.fixture
+    def torch(self, monkeypatch, cupy):
+        torch = pytest.importorskip("torch")
+        export = torch.Tensor.__dlpack__
+        monkeypatch.setattr(torch.Tensor, "__dlpack_device__", lambda self: (2, 0))
+        monkeypatch.setattr(torch.Tensor, "__dlpack__", lambda self, stream=None: export(self))
+        return torch
+
+    @pytest.fixture
+    def jax(self, monkeypatch, cupy):
+        jax = pytest.importorskip("jax")
+        jax.config.update("jax_platforms", "cpu")
+        jax.config.update("jax_enable_x64", True)
+        kind = type(jax.numpy.ones(1))
+        export = kind.__dlpack__
+        monkeypatch.setattr(kind, "__dlpack_device__", lambda self: (2, 0))
+        monkeypatch.setattr(kind, "__dlpack__", lambda self, stream=None, **_: export(self))
+        yield jax
+        jax.config.update("jax_enable_x64", False)
+
+    def test_torch(self, torch):
+        a = matrix(40, "lu")
+        b = np.random.default_rng(0).normal(size=(40, 3))
+        solver = on_gpu(a)
+        solver.factorize(torch.from_numpy(2 * a.data))
+        x = solver.solve(torch.from_numpy(b[:, 0].copy()))
+        assert type(x) is torch.Tensor and _device.copies == 0
+        check(2 * a, x.numpy(), b[:, 0])
+        columns = torch.from_numpy(np.asfortranarray(b))
+        x = solver.solve(columns)
+        assert x.shape == (40, 3) and _device.copies == 0
+        check(2 * a, x.numpy(), b)
+        out = torch.empty(3, 40, dtype=torch.float64).T
+        assert solver.solve(columns, out=out) is out and (out == x).all()
+        check(2 * a, solver.solve(torch.from_numpy(b)).numpy(), b)
+        assert _device.copies == 1
+        csr = torch.sparse_csr_tensor(torch.from_numpy(a.indptr), torch.from_numpy(a.indices), torch.from_numpy(a.data), a.shape)
+        for tensor in (csr, csr.to_sparse_coo()):
+            assert solver.factorize(tensor).rank == 40
+            check(a, solver.solve(columns).numpy(), b)
+        with pytest.raises(TypeError, match="float64"):
+            solver.solve(columns.float())
+
+    def test_sparse_tensors_of_the_host(self):
+        torch = pytest.importorskip("torch")
+        a = matrix(40, "lu")
+        csr = torch.sparse_csr_tensor(torch.from_numpy(a.indptr), torch.from_numpy(a.indices), torch.from_numpy(a.data), a.shape)
+        check(a, esp.solve(csr, np.ones(40)), np.ones(40))
+
+    def test_jax(self, jax):
+        a = matrix(40, "lu")
+        b = np.random.default_rng(0).normal(size=(40, 3))
+        solver = on_gpu(a)
+        solver.factorize(jax.numpy.asarray(2 * a.data))
+        for right in (b[:, 0], b, b[:, :1]):
+            given = jax.numpy.asarray(right)
+            x = solver.solve(given)
+            assert isinstance(x, jax.Array) and x.shape == right.shape
+            check(2 * a, np.asarray(x), right)
+            assert (np.asarray(given) == right).all()
+        with pytest.raises(TypeError, match="JAX"):
+            solver.solve(given, out=given)

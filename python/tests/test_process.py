@@ -144,14 +144,14 @@ def test_ctrl_c_ends_factorizations_and_solves():
         solver = esp.Solver(a, threads=1)
         return lambda: solver.factorize(a.data), solver, a
 
-    call, solver, a = long(make, (40, 48, 60))
+    call, solver, a = long(make, (38, 44, 50))
     b = np.ones(a.shape[0])
     interrupted(call)
     assert solver.factor is None and solver.analysis is not None
     with pytest.raises(RuntimeError):
         solver.solve(b)
     solver.factorize(a.data)
-    many = np.asfortranarray(np.ones((len(b), 80)))
+    many = np.asfortranarray(np.ones((len(b), 60)))
     interrupted(lambda: solver.solve(many))
     assert solver.factor is not None
     check(a, solver.solve(b), b)
