@@ -8,8 +8,8 @@
 #include <span>
 #include <vector>
 
+#include "base/parallel.hpp"
 #include "espalier/matrix.hpp"
-#include "matrix/parallel.hpp"
 
 namespace espalier::matrix {
 
@@ -58,12 +58,12 @@ void sum_columns(const MatrixView& a, Index rows, base::ThreadPool* pool, const 
   const auto first = column_ranges(a);
   const auto n = static_cast<std::size_t>(rows);
   std::vector<std::vector<Accumulator>> sums(first.size() - 1);
-  for_each(pool, static_cast<std::int64_t>(sums.size()), [&](std::int64_t k) {
+  base::for_each(pool, static_cast<std::int64_t>(sums.size()), [&](std::int64_t k) {
     const auto range = static_cast<std::size_t>(k);
     sums[range].assign(n, Accumulator{});
     sweep(first[range], first[range + 1], sums[range].data());
   });
-  for_each_range(pool, rows, kRowsPerTask, [&](std::int64_t begin, std::int64_t end) {
+  base::for_each_range(pool, rows, kRowsPerTask, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t i = begin; i < end; ++i) {
       Accumulator sum = sums[0][static_cast<std::size_t>(i)];
       for (std::size_t k = 1; k < sums.size(); ++k) sum.merge(sums[k][static_cast<std::size_t>(i)]);

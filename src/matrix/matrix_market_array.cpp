@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "matrix/parallel.hpp"
+#include "base/parallel.hpp"
 #include "matrix/text_blocks.hpp"
 
 namespace espalier::matrix {

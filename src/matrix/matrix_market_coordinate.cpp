@@ -7,7 +7,7 @@
 #include <cmath>
 #include <vector>
 
-#include "matrix/parallel.hpp"
+#include "base/parallel.hpp"
 #include "matrix/text_blocks.hpp"
 
 namespace espalier::matrix {
@@ -119,7 +119,7 @@ void parse_block(CoordinateBlock& block, const MatrixMarketHeader& header, RawEn
 
 // Upper bounds of the numbers of entries; @returns their sum.
 Offset count_lines(std::vector<CoordinateBlock>& blocks, base::ThreadPool* pool) {
-  for_each(pool, static_cast<std::int64_t>(blocks.size()), [&](std::int64_t i) {
+  base::for_each(pool, static_cast<std::int64_t>(blocks.size()), [&](std::int64_t i) {
     CoordinateBlock& block = blocks[static_cast<std::size_t>(i)];
     block.lines = count_newlines(block.begin, block.end) + (block.end[-1] == '\n' ? 0 : 1);
   });

@@ -5,8 +5,8 @@
 #include <functional>
 
 #include "base/output_file.hpp"
+#include "base/parallel.hpp"
 #include "matrix/matrix_market.hpp"
-#include "matrix/parallel.hpp"
 
 namespace espalier::matrix {
 
@@ -47,11 +47,11 @@ std::string banner(const char* kind, const std::string& comment) {
 // time.
 void write_blocks(base::OutputFile& file, Offset n, base::ThreadPool* pool,
                   const std::function<void(Offset, Text&)>& format) {
-  const Offset wave = 4 * threads_of(pool);
+  const Offset wave = 4 * base::threads_of(pool);
   for (Offset begin = 0; begin < n; begin += wave) {
     const Offset size = std::min(wave, n - begin);
     std::vector<Text> texts(static_cast<std::size_t>(size));
-    for_each(pool, size, [&](std::int64_t i) { format(begin + i, texts[static_cast<std::size_t>(i)]); });
+    base::for_each(pool, size, [&](std::int64_t i) { format(begin + i, texts[static_cast<std::size_t>(i)]); });
     for (const auto& text : texts) file.write(text.text());
   }
 }

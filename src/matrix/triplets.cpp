@@ -6,7 +6,7 @@
 #include <atomic>
 #include <utility>
 
-#include "matrix/parallel.hpp"
+#include "base/parallel.hpp"
 
 namespace espalier::matrix {
 
@@ -44,8 +44,8 @@ std::vector<Index> balanced_ranges(const std::vector<Offset>& col_ptr, int worke
 // Every worker sweeps over all entries and counts those of its own columns: no atomics, no private histograms.
 std::vector<Offset> count_columns(const TripletView& t, base::ThreadPool* pool) {
   std::vector<Offset> col_ptr(static_cast<std::size_t>(t.cols) + 1, 0);
-  const int workers = threads_of(pool);
-  for_each(pool, workers, [&](std::int64_t w) {
+  const int workers = base::threads_of(pool);
+  base::for_each(pool, workers, [&](std::int64_t w) {
     const auto begin = static_cast<Index>(static_cast<Offset>(t.cols) * w / workers);
     const auto end = static_cast<Index>(static_cast<Offset>(t.cols) * (w + 1) / workers);
     for (std::size_t k = 0; k < t.row.size(); ++k) {
@@ -59,10 +59,10 @@ std::vector<Offset> count_columns(const TripletView& t, base::ThreadPool* pool) 
 
 void scatter(const TripletView& t, SparseMatrix& a, base::ThreadPool* pool) {
   std::vector<Offset> next(a.col_ptr.begin(), a.col_ptr.end() - 1);
-  const auto first = balanced_ranges(a.col_ptr, threads_of(pool));
+  const auto first = balanced_ranges(a.col_ptr, base::threads_of(pool));
   const bool pattern = t.value.empty();
   std::atomic<bool> bad{false};
-  for_each(pool, threads_of(pool), [&](std::int64_t w) {
+  base::for_each(pool, base::threads_of(pool), [&](std::int64_t w) {
     const Index begin = first[static_cast<std::size_t>(w)], end = first[static_cast<std::size_t>(w) + 1];
     for (std::size_t k = 0; k < t.row.size(); ++k) {
       const Place p = place_of(t, k);
@@ -161,7 +161,7 @@ bool is_sorted_unique(const MatrixView& a) {
 void sum_duplicates_sorted(SparseMatrix& a, base::ThreadPool* pool) {
   std::vector<Offset> kept(static_cast<std::size_t>(a.cols));
   std::atomic<bool> shrunk{false};
-  for_each_range(pool, a.cols, kColumnsPerTask, [&](std::int64_t begin, std::int64_t end) {
+  base::for_each_range(pool, a.cols, kColumnsPerTask, [&](std::int64_t begin, std::int64_t end) {
     std::vector<std::pair<Index, double>> scratch;
     for (std::int64_t j = begin; j < end; ++j) {
       const Offset first = a.col_ptr[static_cast<std::size_t>(j)];

@@ -6,7 +6,7 @@
 #include <mutex>
 #include <optional>
 
-#include "matrix/parallel.hpp"
+#include "base/parallel.hpp"
 
 namespace espalier::matrix {
 
@@ -61,7 +61,7 @@ void validate(const MatrixView& a, base::ThreadPool* pool) {
   std::mutex mutex;
   std::int64_t first_wrong = a.cols;  // the lowest wrong column, so that the message does not depend on the threads
   std::optional<Error> error;
-  for_each_range(pool, a.cols, kColumnsPerTask, [&](std::int64_t begin, std::int64_t end) {
+  base::for_each_range(pool, a.cols, kColumnsPerTask, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j) {
       auto wrong = check_column(a, static_cast<Index>(j));
       if (!wrong) continue;

@@ -59,7 +59,8 @@ void compare(const std::string& formulation, double damping) {
   const Sizes sizes = on_host->system.sizes();
   const Index unknowns = sizes.velocity + sizes.constraints;
   Equations host(on_host->system, solver_on("cpu", unknowns)), gpu(on_gpu->system, solver_on("gpu:0", unknowns));
-  gpu.allow_device(&on_gpu->pool);
+  gpu.set_pool(&on_gpu->pool);
+  gpu.allow_device();
   EXPECT_FALSE(gpu.on_device());  // no factor, no device
   for (const unsigned seed : {1U, 2U}) {
     const State s = anywhere(*on_host, seed, 2e-5);
@@ -130,7 +131,7 @@ void compare_body(const Mesh& mesh, const Material& material, const SolidOptions
   std::vector<double> w(static_cast<std::size_t>(system.tangent_pattern().nonzeros()));
   system.tangent(s.view(), weights, w);
   Equations equations(system, solver_on("gpu:0", system.sizes().velocity));
-  equations.allow_device(nullptr);
+  equations.allow_device();
   equations.factorize(s.view(), weights);
   ASSERT_TRUE(body.on_device());
   system.residual(s.view(), on_gpu);
@@ -169,7 +170,7 @@ TEST_F(DeviceAssemblyTest, InvertedElementsAreNamed) {
   State s(system.sizes());
   system.initial(s.q, s.v);
   Equations equations(system, solver_on("gpu:0", system.sizes().velocity));
-  equations.allow_device(nullptr);
+  equations.allow_device();
   equations.factorize(s.view(), {1, 0, 1e-4});
   ASSERT_TRUE(body.on_device());
   std::vector<double> f(s.v.size());
@@ -204,7 +205,7 @@ State tumbled(const std::string& device, bool& on_device) {
   options.relative = options.absolute = 1e-7;
   BdfIntegrator bdf(equations, options);
   bdf.start(s);
-  equations.allow_device(nullptr);
+  equations.allow_device();
   bdf.integrate(0.05, [](const StepReport&) { return true; });
   on_device = equations.on_device();
   return bdf.state();

@@ -111,16 +111,20 @@ Levels Equations::levels(const StateView& s) {
   return result;
 }
 
-void Equations::allow_device(base::ThreadPool* pool) {
+void Equations::set_pool(base::ThreadPool* pool) {
+  pool_ = pool;
+  kkt_.set_pool(pool);
+}
+
+void Equations::allow_device() {
   device_allowed_ = true;
-  device_pool_ = pool;
   try_device();
 }
 
 void Equations::try_device() {
   if (!device_allowed_ || device_ != nullptr || kkt_.gpu() < 0) return;
   try {
-    device_ = make_device_assembly(kkt_.gpu(), device_pool_);
+    device_ = make_device_assembly(kkt_.gpu(), pool_);
     if (device_ != nullptr && system_.use_device(*device_, kkt_.k_ptr()))
       return kkt_.use_device(*device_, system_.host_entries());
     device_.reset();
@@ -186,10 +190,9 @@ void Equations::factorize(const StateView& s, const TangentWeights& weights) {
   try_device();
 }
 
-void Equations::solve(Span b, Index columns) {
+void Equations::solve(Span b, Index columns, Index normal) {
   const Stopwatch watch(counts_.solve_seconds);
-  counts_.solves += columns;
-  kkt_.solve(b, columns);
+  counts_.solves += kkt_.solve(b, columns, normal);
 }
 
 }  // namespace espalier::dynamics

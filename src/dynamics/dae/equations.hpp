@@ -82,17 +82,18 @@ class Equations {
   void factorize(const StateView& s, const TangentWeights& weights);
   /// Factorizes [identity-like metric; Phi_q]: K with W = F_a, for projections. Same as factorize with {1, 0, 0}.
   [[nodiscard]] KktSolver& kkt() { return kkt_; }
+  /// Threads for K; outlives the object; null: the calling thread alone.
+  void set_pool(base::ThreadPool* pool);
   /// From now on a GPU that has the factor also evaluates what it can of F and W, as soon as there is a factor; see
   /// device/device_assembly.hpp. Where its memory is too small, the host goes on alone and says so in device_notice().
   /// Not for statics, which looks at W itself.
-  /// @param pool  outlives the object; null: the calling thread alone
-  void allow_device(base::ThreadPool* pool);
+  void allow_device();
   [[nodiscard]] bool on_device() const { return device_ != nullptr; }
   [[nodiscard]] const std::string& device_notice() const { return device_notice_; }
   /// Forgets factor and analysis: what comes depends on the coming matrices alone, not on those before.
   void forget_analysis();
-  /// Solves with K in place; b holds `columns` pieces of n + m numbers.
-  void solve(Span b, Index columns = 1);
+  /// Solves with K in place; b holds `columns` pieces of n + m numbers, of which the last `normal` ones have n zeros.
+  void solve(Span b, Index columns = 1, Index normal = 0);
 
   [[nodiscard]] const EquationCounts& counts() const { return counts_; }
 
@@ -106,7 +107,7 @@ class Equations {
   Sizes sizes_;
   std::unique_ptr<DeviceAssembly> device_;  // outlives what lies on it: a part of K, and of the system (leave_device())
   bool device_allowed_ = false;
-  base::ThreadPool* device_pool_ = nullptr;
+  base::ThreadPool* pool_ = nullptr;
   std::string device_notice_;
   KktSolver kkt_;
   std::uint64_t version_ = 0;

@@ -10,13 +10,18 @@ class EspalierSolver final : public LinearSolver {
  public:
   explicit EspalierSolver(Options options) : solver_(std::move(options)) {}
 
-  Status analyze(const MatrixView& a) override { return solver_.analyze(a).status; }
+  Status analyze(const MatrixView& a) override {
+    AnalysisResult result = solver_.analyze(a);
+    numbers_ = numbers_of_factor_in(result);
+    return std::move(result.status);
+  }
   Status factorize(std::span<const double> values) override { return take(solver_.refactorize(values)); }
   [[nodiscard]] int gpu() const override { return solver_.gpu(); }
   Status factorize_device(const double* values, Offset count, void* stream) override {
     return take(solver_.refactorize_device(values, count, stream));
   }
   [[nodiscard]] int determinant_sign() const override { return sign_; }
+  [[nodiscard]] Offset numbers_of_factor() const override { return numbers_; }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
     return solver_.solve(b, x, columns).status;
   }
@@ -32,9 +37,14 @@ class EspalierSolver final : public LinearSolver {
   }
   Solver solver_;
   int sign_ = 0;
+  Offset numbers_ = 0;
 };
 
 }  // namespace
+
+Offset numbers_of_factor_in(const AnalysisResult& analysis) {
+  return analysis.kind == Kind::lu ? analysis.nonzeros_factor : 2 * analysis.nonzeros_factor;
+}
 
 Status LinearSolver::factorize_device(const double*, Offset, void*) {
   return {StatusCode::device_error, "this solver takes no values from a GPU", -1};

@@ -5,6 +5,8 @@
 #include <iterator>
 #include <utility>
 
+#include "base/parallel.hpp"
+
 namespace espalier::dynamics {
 
 namespace {
@@ -43,6 +45,7 @@ void KktSolver::set_pattern(const SparsePattern& w, const SparsePattern& phi_q, 
   largest_.assign(at(n_), 0.0);
   device_.reset();
   w_on_device_ = false;
+  response_.forget();
   layout();
   analyzed_ = false;
 }
@@ -110,8 +113,15 @@ void KktSolver::layout_right() {
   }
 }
 
+void KktSolver::for_columns_of_w(const std::function<void(Index)>& body) const {
+  constexpr std::int64_t kColumns = 512;  // some ten microseconds
+  base::for_each_range(pool_, n_, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    for (auto j = static_cast<Index>(begin); j < end; ++j) body(j);
+  });
+}
+
 void KktSolver::measure_columns() {
-  for (Index j = 0; j < n_; ++j) {
+  for_columns_of_w([this](Index j) {
     double largest = 0, diagonal = 0;
     for (Offset p = w_->ptr[at(j)]; p < w_->ptr[at(j) + 1]; ++p) {
       const double value = std::abs(w_values_[at(p)]);
@@ -120,7 +130,7 @@ void KktSolver::measure_columns() {
     }
     largest_[at(j)] = largest;
     diagonal_[at(j)] = diagonal;
-  }
+  });
 }
 
 void KktSolver::compute_scaling() {
@@ -161,19 +171,22 @@ void KktSolver::factorize() {
   w_on_device_ = false;
   measure_columns();
   compute_scaling();
-  for (Index j = 0; j < n_; ++j) {
+  for_columns_of_w([this](Index j) {
     Offset k = k_ptr_[at(j)];
     for (Offset p = w_->ptr[at(j)]; p < w_->ptr[at(j) + 1]; ++p) {
       k_values_[at(k++)] = w_values_[at(p)] * scale_[at(w_->ind[at(p)])] * scale_[at(j)];
     }
-  }
+  });
   fill_rest();
   if (!analyzed_) {
     if (const Status s = solver_->analyze(matrix()); !s.ok()) throw Error(s);
     analyzed_ = true;
   }
+  factor_is_new();
   if (const Status s = solver_->factorize(k_values_); !s.ok()) throw Error(s);
 }
+
+void KktSolver::factor_is_new() { response_.start(n_, m_, dropped_, solver_->numbers_of_factor()); }
 
 void KktSolver::use_device(DeviceAssembly& device, std::vector<Offset> host_entries) {
   host_entries_ = std::move(host_entries);
@@ -207,6 +220,7 @@ bool KktSolver::factorize_on_device() {
   work_.clear();
   for (const Offset k : rest_) work_.push_back(k_values_[at(k)]);
   const double* values = device_->complete(scale_, work_);
+  factor_is_new();
   const Status s = solver_->factorize_device(values, k_ptr_.back(), device_->stream());
   if (s.code == StatusCode::device_error && solver_->gpu() < 0) return false;
   if (!s.ok()) throw Error(s);
@@ -219,7 +233,18 @@ ConstSpan KktSolver::w_of_factor() {
   return w_values_;
 }
 
-void KktSolver::solve(Span b, Index columns) {
+Index KktSolver::solve(Span b, Index columns, Index normal) {
+  const std::size_t size = at(n_ + m_);
+  const Index before = response_.columns();
+  const bool ready =
+      normal > 0 && response_.ready(normal, [this](Span x, Index count) { solve_with_factor(x, count); });
+  const Index solved = ready ? columns - normal : columns;
+  if (solved > 0) solve_with_factor(b.first(at(solved) * size), solved);
+  for (Index c = solved; c < columns; ++c) response_.apply(b.subspan(at(c) * size, size), pool_);
+  return solved + response_.columns() - before;
+}
+
+void KktSolver::solve_with_factor(Span b, Index columns) {
   const std::size_t size = at(n_ + m_);
   for (std::size_t c = 0; c < at(columns); ++c) {
     for (std::size_t i = 0; i < size; ++i) b[c * size + i] *= scale_[i];

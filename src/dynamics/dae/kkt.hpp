@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "dynamics/dae/constraint_response.hpp"
 #include "dynamics/dae/linear_solver.hpp"
 #include "dynamics/dae/system.hpp"
 #include "dynamics/device/device_assembly.hpp"
@@ -27,6 +28,9 @@ class KktSolver {
  public:
   explicit KktSolver(std::unique_ptr<LinearSolver> solver) : solver_(std::move(solver)) {}
 
+  /// Threads for what is done here; outlives the object; null: the calling thread.
+  void set_pool(base::ThreadPool* pool) { pool_ = pool; }
+
   /// Lays out K for the patterns and analyses it (symbolic phase). They must stay alive.
   /// @param f_lambda n x m, by columns; null: zero
   void set_pattern(const SparsePattern& w, const SparsePattern& phi_q, const SparsePattern* f_lambda = nullptr);
@@ -37,7 +41,10 @@ class KktSolver {
   void set_typical(std::vector<double> diagonals) { typical_ = std::move(diagonals); }
   /// The next factorize() analyses K anew, with the values it finds: an analysis takes its scaling from the first
   /// values it meets and remembers pivots that moved since.
-  void forget_analysis() { analyzed_ = false; }
+  void forget_analysis() {
+    analyzed_ = false;
+    response_.forget();
+  }
 
   /// Entries of W and Phi_q to be written by the caller before factorize(); they stay readable (the values of the
   /// factor).
@@ -67,7 +74,9 @@ class KktSolver {
   /// Sign of the determinant of the last factor, 0 where it is not known.
   [[nodiscard]] int determinant_sign() const { return solver_->determinant_sign(); }
   /// Solves K [x_v; x_c] = [b_v; b_c] for `columns` right sides held in `b` (each n + m numbers), in place.
-  void solve(Span b, Index columns);
+  /// @param normal  that many, the last ones, have b_v = 0
+  /// @return right sides that the factor solved for; see ConstraintResponse
+  Index solve(Span b, Index columns, Index normal = 0);
   /// y = Phi_q x with the Phi_q of the factor.
   void multiply_phi_q(ConstSpan x, Span y) const { multiply_by_rows(*phi_q_, phi_q_values_, x, y); }
   /// The s_i of the factor, n + m: x_i / s_i are the unknowns of S K S.
@@ -80,11 +89,16 @@ class KktSolver {
   void layout();
   void layout_right();
   [[nodiscard]] std::span<const Index> multiplier_rows(Index constraint) const;
+  void for_columns_of_w(const std::function<void(Index column)>& body) const;
   void measure_columns();
   void compute_scaling();
   void fill_rest();
+  void factor_is_new();
+  void solve_with_factor(Span b, Index columns);
 
   std::unique_ptr<LinearSolver> solver_;
+  base::ThreadPool* pool_ = nullptr;
+  ConstraintResponse response_;
   const SparsePattern* w_ = nullptr;
   const SparsePattern* phi_q_ = nullptr;
   const SparsePattern* f_lambda_ = nullptr;

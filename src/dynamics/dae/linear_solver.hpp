@@ -23,9 +23,14 @@ class LinearSolver {
   virtual Status factorize_device(const double* values, Offset count, void* stream);
   /// Sign of the determinant of the matrix last factorized: -1 or 1; 0: not known.
   [[nodiscard]] virtual int determinant_sign() const { return 0; }
+  /// Numbers of the factor that a solve reads; 0: few, or not known.
+  [[nodiscard]] virtual Offset numbers_of_factor() const { return 0; }
   /// Solves for `columns` right sides, stored one after the other; x may alias b.
   virtual Status solve(std::span<const double> b, std::span<double> x, Index columns) = 0;
 };
+
+/// What a solve reads of Espalier's factor: L and U, or L twice.
+[[nodiscard]] Offset numbers_of_factor_in(const AnalysisResult& analysis);
 
 /// Dense LU with partial pivoting: for systems of a few dozen unknowns, where sparse bookkeeping costs more than it
 /// saves.

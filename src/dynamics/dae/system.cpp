@@ -5,6 +5,7 @@
 #include <functional>
 #include <stdexcept>
 
+#include "base/parallel.hpp"
 #include "dynamics/dae/frame.hpp"
 
 namespace espalier::dynamics {
@@ -278,7 +279,9 @@ void AssembledSystem::accept(const StateView& s) {
 }
 
 void AssembledSystem::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
-  std::fill(w_values.begin(), w_values.end(), 0.0);
+  constexpr std::int64_t kEntries = 1 << 16;
+  base::for_each_range(pool_, static_cast<std::int64_t>(w_values.size()), kEntries,
+                       [&](auto begin, auto end) { std::fill(w_values.begin() + begin, w_values.begin() + end, 0.0); });
   for (const auto& c : components_) c->start_tangent(s, weights, nullptr);
   for (const auto& c : components_) evaluate(*c, [&] { c->tangent(s, weights, w_values); });
 }

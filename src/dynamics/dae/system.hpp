@@ -23,6 +23,7 @@
 #include <string>
 #include <vector>
 
+#include "base/thread_pool.hpp"
 #include "espalier/dae.hpp"
 
 namespace espalier::dynamics {
@@ -231,6 +232,8 @@ class AssembledSystem final : public System {
     return reference;
   }
   void finish();
+  /// Threads for what is done here; outlives the object; null: the calling thread.
+  void set_pool(base::ThreadPool* pool) { pool_ = pool; }
   /// Initial configuration and velocities as the components state them (not yet consistent with the constraints).
   void initial(Span q, Span v) const;
   [[nodiscard]] const std::vector<std::unique_ptr<Component>>& components() const { return components_; }
@@ -267,6 +270,7 @@ class AssembledSystem final : public System {
  private:
   void insert(std::unique_ptr<Component> component);
 
+  base::ThreadPool* pool_ = nullptr;
   std::vector<std::unique_ptr<Component>> components_;
   std::vector<Component*> owners_of_coordinates_;  // components with velocity coordinates
   std::vector<Component*> owners_of_constraints_;

@@ -8,21 +8,17 @@
 #include <limits>
 #include <stdexcept>
 
+#include "base/parallel.hpp"
+
 namespace espalier::dynamics {
 namespace {
+
+using base::for_each_range;
 
 std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
 
 /// Tangents of a batch take about so many bytes for each thread: a part of its cache.
 constexpr std::int64_t kBatchBytes = 1 << 20;
-
-void for_each_range(base::ThreadPool* pool, std::int64_t n, std::int64_t grain, const auto& body) {
-  if (pool == nullptr || pool->size() == 1 || n <= grain) {
-    for (std::int64_t begin = 0; begin < n; begin += grain) body(begin, std::min(begin + grain, n));
-  } else {
-    pool->for_each_range(n, grain, body);
-  }
-}
 
 }  // namespace
 

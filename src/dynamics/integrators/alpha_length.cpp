@@ -48,7 +48,7 @@ void GeneralizedAlpha::fit(double h) {
   equations_.evaluate_constraints(state_.t, state_.q, {});
   std::fill(rhs_.begin(), rhs_.end(), 0.0);
   equations_.level(work_, {}, Span(rhs_).subspan(n));
-  equations_.solve(rhs_);
+  equations_.solve(rhs_, 1, 1);
   for (std::size_t i = 0; i < n; ++i) v_from_[i] += rhs_[i];
 }
 

@@ -46,7 +46,7 @@ void BdfIntegrator::add_normal_part(ConstSpan violation, Span change) {
   equations_.kkt().multiply_phi_q(change, lower);
   std::fill_n(x.begin(), n, 0.0);
   for (std::size_t i = 0; i < m; ++i) lower[i] = -violation[i] - lower[i];
-  equations_.solve(x, 1);
+  equations_.solve(x, 1, 1);
   for (std::size_t i = 0; i < n; ++i) change[i] += x[i];
 }
 
@@ -66,7 +66,8 @@ void BdfIntegrator::iterate_reduced(StepReport& report) {
   std::fill(rhs_.begin(), rhs_.end(), 0.0);
   for (std::size_t i = 0; i < n; ++i) tangential[i] = -f_[i];
   for (std::size_t i = 0; i < m; ++i) normal[n + i] = -level_[i];
-  equations_.solve(m > 0 ? Span(rhs_) : tangential, m > 0 ? 2 : 1);
+  const Index normal_columns = m > 0 ? 1 : 0;
+  equations_.solve(m > 0 ? Span(rhs_) : tangential, 1 + normal_columns, normal_columns);
   for (std::size_t i = 0; i < n; ++i) {
     const double da = tangential[i];
     trial_.a[i] += da + normal[i];

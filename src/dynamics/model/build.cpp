@@ -215,7 +215,7 @@ class Builder {
 
 }  // namespace
 
-Mechanism::Mechanism(int threads) : pool(threads > 0 ? threads : base::available_cores()) {}
+Mechanism::Mechanism(int threads) : pool(threads > 0 ? threads : base::available_cores()) { system.set_pool(&pool); }
 
 const BuiltBody* Mechanism::body(const std::string& name) const {
   for (const BuiltBody& b : bodies)

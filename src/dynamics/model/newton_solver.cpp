@@ -114,6 +114,7 @@ class RecordedSolver final : public LinearSolver {
     return take(solver_.refactorize_device(values, count, stream));
   }
   [[nodiscard]] int determinant_sign() const override { return static_cast<int>(record_.factor.determinant_sign); }
+  [[nodiscard]] Offset numbers_of_factor() const override { return numbers_of_factor_in(record_.analysis); }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
     return solver_.solve(b, x, columns).status;
   }
@@ -169,6 +170,7 @@ class DumpingSolver final : public LinearSolver {
     return status;
   }
   [[nodiscard]] int determinant_sign() const override { return inner_->determinant_sign(); }
+  [[nodiscard]] Offset numbers_of_factor() const override { return inner_->numbers_of_factor(); }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
     if (waiting_) write(b, columns);
     waiting_ = false;

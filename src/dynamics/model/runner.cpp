@@ -89,6 +89,7 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
         mechanism_->system,
         make_run_solver(solver, unknowns <= kLargestDense && !chosen,
                         {options_.dump, options_.dump_every, options_.dump_count}, options_.analyses, record_));
+    equations_->set_pool(&mechanism_->pool);
     for (const std::string& request : model_.output.quantities) choose(request, model_.output.place);
     for (const std::string& request : options_.quantities) choose(request, {});
     for (const Quantity& q : quantities_) series_.names.push_back(q.name);
@@ -183,7 +184,7 @@ void Runner::start_integrator() {
     integrator_ = std::make_unique<GeneralizedAlpha>(*equations_, model_.integrator.alpha);
   }
   integrator_->start(state_);
-  equations_->allow_device(&mechanism_->pool);
+  equations_->allow_device();
   if (const std::string& notice = equations_->device_notice(); !notice.empty()) summary_.notices.push_back(notice);
   events_ = std::make_unique<EventWatch>(model_, *mechanism_);
   if (!options_.restart.empty()) {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "matrix/parallel.hpp"
+#include "base/parallel.hpp"
 #include "matrix/transform.hpp"
 
 namespace espalier::matrix {
@@ -88,7 +88,7 @@ SparseMatrix assemble_groups(const GroupModel& model, std::span<const Index> pla
   const Index n = groups * model.group_size();
   SparseMatrix a{n, n, std::vector<Offset>(static_cast<std::size_t>(n) + 1, 0), {}, {}, storage};
   const auto for_each_column = [&](const auto& body) {
-    for_each_range(pool, groups, kGroupsPerTask, [&](std::int64_t begin, std::int64_t end) {
+    base::for_each_range(pool, groups, kGroupsPerTask, [&](std::int64_t begin, std::int64_t end) {
       std::vector<Neighbour> neighbours;
       std::vector<Block> blocks;
       for (auto column = static_cast<Index>(begin); column < static_cast<Index>(end); ++column) {

@@ -7,11 +7,11 @@
 
 #include "base/thread_pool.hpp"
 
-namespace espalier::matrix {
+namespace espalier::base {
 
 /// body(begin, end) over ranges of [0, n) of at most `grain` indices. The ranges do not depend on `pool` (may be null).
 template <class Body>
-void for_each_range(base::ThreadPool* pool, std::int64_t n, std::int64_t grain, const Body& body) {
+void for_each_range(ThreadPool* pool, std::int64_t n, std::int64_t grain, const Body& body) {
   if (pool != nullptr) {
     pool->for_each_range(n, grain, body);
   } else {
@@ -21,11 +21,11 @@ void for_each_range(base::ThreadPool* pool, std::int64_t n, std::int64_t grain, 
 
 /// body(i) for each i in [0, n), each as a task of its own.
 template <class Body>
-void for_each(base::ThreadPool* pool, std::int64_t n, const Body& body) {
+void for_each(ThreadPool* pool, std::int64_t n, const Body& body) {
   for_each_range(pool, n, 1, [&](std::int64_t begin, std::int64_t) { body(begin); });
 }
 
 /// Threads that for_each() will use.
-inline int threads_of(const base::ThreadPool* pool) { return pool == nullptr ? 1 : pool->size(); }
+inline int threads_of(const ThreadPool* pool) { return pool == nullptr ? 1 : pool->size(); }
 
-}  // namespace espalier::matrix
+}  // namespace espalier::base

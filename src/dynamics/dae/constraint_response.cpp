@@ -1,0 +1,68 @@
+#include "dynamics/dae/constraint_response.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/parallel.hpp"
+
+namespace espalier::dynamics {
+
+namespace {
+
+// Many right-hand sides at a time take a third of the time of as many solves (host, 32 of them; a GPU gains more).
+constexpr Index kColumnsPerSolve = 3;
+// A product must read this much less than a solve: its columns are read once, but come from memory that nobody else
+// uses.
+constexpr Offset kCheaper = 2;
+
+std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+void ConstraintResponse::start(Index n, Index m, const std::vector<char>& dropped, Offset entries) {
+  n_ = n;
+  m_ = m;
+  entries_ = entries;
+  before_ = std::exchange(solved_, 0);
+  made_ = false;
+  kept_.clear();
+  for (Index i = 0; i < m; ++i)
+    if (dropped[at(i)] == 0) kept_.push_back(i);
+}
+
+bool ConstraintResponse::ready(Index columns, const std::function<void(Span, Index)>& solve) {
+  const auto width = static_cast<Index>(kept_.size());
+  const bool enough = before_ * kColumnsPerSolve >= 2 * width || solved_ >= width;
+  solved_ += columns;
+  if (made_) return true;
+  if (!enough || kCheaper * width * (Offset{n_} + m_) > entries_) return false;
+  make(solve);
+  return true;
+}
+
+void ConstraintResponse::make(const std::function<void(Span, Index)>& solve) {
+  const std::size_t size = at(Offset{n_} + m_);
+  columns_.assign(size * kept_.size(), 0.0);
+  for (std::size_t c = 0; c < kept_.size(); ++c) columns_[c * size + at(n_) + at(kept_[c])] = 1;
+  solve(columns_, static_cast<Index>(kept_.size()));
+  made_ = true;
+}
+
+// By rows that stay in cache while the columns pass by: sums do not depend on the threads.
+void ConstraintResponse::apply(Span x, base::ThreadPool* pool) const {
+  constexpr std::int64_t kRows = 1024;
+  const std::size_t size = x.size();
+  r_.resize(kept_.size());
+  for (std::size_t c = 0; c < kept_.size(); ++c) r_[c] = x[at(n_) + at(kept_[c])];
+  const auto rows = [&](std::int64_t begin, std::int64_t end) {
+    std::fill(x.begin() + begin, x.begin() + end, 0.0);
+    for (std::size_t c = 0; c < kept_.size(); ++c) {
+      const double r = r_[c];
+      const double* column = columns_.data() + c * size;
+      for (std::int64_t i = begin; i < end; ++i) x[at(i)] += r * column[i];
+    }
+  };
+  base::for_each_range(pool, static_cast<std::int64_t>(size), kRows, rows);
+}
+
+}  // namespace espalier::dynamics
