@@ -83,6 +83,8 @@ LOOKS = {
                   factors=(1, 1e3), size=(8.0, 5.6), share=0.6),
     "real-engine": Look(times=(0.0185, 0.0225), view=(24, 50), curve=("crank_pin.force.norm",),
                         axes=("time, ms", "force on the crank pin, N"), factors=(1e3, 1), size=(8.0, 4.8), share=0.5),
+    "real-rotor": Look(times=(0.002, 0.03), view=(22, -52), curve=("bearing_left.force.norm",),
+                       axes=("time, ms", "force in the\nlower bearing, N"), factors=(1e3, 1), size=(8.0, 4.6), share=0.55),
     "real-wheelset": Look(times=(0.008, 0.012), view=(18, -62), curve=("suspension_left.force.z", "suspension_right.force.z"),
                           names=("left", "right"), axes=("time, ms", "force of the\nsuspension, kN"), factors=(1e3, 1e-3),
                           size=(8.0, 4.6), share=0.55, mesh=0.15),

@@ -1,0 +1,368 @@
+#!/usr/bin/env python3
+"""The keys of a model's text, from the functions that read them, with what the guide says of each.
+
+    python3 docs/site/model_keys.py            writes the page to stdout
+    python3 docs/site/model_keys.py --check    says what the sources read and the guide does not know; exit code 1
+
+Every key is read by a call such as s.positive("young") in src/dynamics/model/read_*.cpp: type and default stand there, the
+default often as a field of a struct. This module finds those calls. A literal in these files that it cannot place is an
+error, so that a new way of reading cannot go unnoticed. The meaning is that of the tables of docs/guide/simulate.md and
+forces.md; a key of the sources without a word there is an error too.
+"""
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+MODEL = ROOT / "src/dynamics/model"
+GUIDE = ("simulate.md", "forces.md")
+
+# Title, source, function, structs of its defaults, tables of the guide: (heading, first header cell), patterns.
+SECTIONS = (
+    ("The model", "read_model.cpp", "read_description", (), (("The text", "at the top"),)),
+    ("[bodies], [joints], [forces], [materials]", "read_bodies.cpp", "read_bodies", (), (("The text", "at the top"),)),
+    ("", "read_joints.cpp", "read_joints", (), (("The text", "at the top"),)),
+    ("", "read_joints.cpp", "read_forces", (), (("The text", "at the top"),)),
+    ("", "read_bodies.cpp", "BodyReader", (), (("The text", "at the top"),)),
+    ("[inputs], [sensors], [events]", "read_events.cpp", "read_events", (), (("The text", "at the top"),)),
+    ("[splines]", "read_splines.cpp", "read_splines", (), (("The text", "at the top"),)),
+    ("[materials.NAME]", "read_bodies.cpp", "read_material", (), (("", "material"),)),
+    ("[bodies.NAME]", "read_bodies.cpp", "read", (), (("Bodies", ""),)),
+    ("Rigid bodies", "read_bodies.cpp", "read_rigid", (), (("Bodies", "rigid"),)),
+    ("Points", "read_bodies.cpp", "read_point", (), (("Bodies", "rigid"),)),
+    ("Flexible bodies: motion and damping", "read_bodies.cpp", "read_motion", (), (("Bodies", "solid"),)),
+    ("Solids", "read_bodies.cpp", "read_solid", (), (("Bodies", "solid"),)),
+    ("Solids: mesh", "read_bodies.cpp", "read_mesh_source", (), (("Bodies", "solid"),)),
+    ("Part block", "read_bodies.cpp", "read_block", ("BlockShape",), (("Bodies", "part"),)),
+    ("Part connecting-rod", "read_bodies.cpp", "read_rod", ("RodShape",), (("Bodies", "part"),)),
+    ("Part chain-link", "read_bodies.cpp", "read_link", ("LinkShape",), (("Bodies", "part"),)),
+    ("Part crank", "read_bodies.cpp", "read_crank", ("CrankShape",), (("Bodies", "part"),)),
+    ("Part guide", "read_bodies.cpp", "read_guide", ("GuideShape",), (("Bodies", "part"),)),
+    ("Part bladed-rotor", "read_bodies.cpp", "read_rotor", ("RotorShape",), (("Bodies", "part"),)),
+    ("Cables", "read_bodies.cpp", "read_cable", (), (("Bodies", "type"),)),
+    ("Beams: axis", "read_bodies.cpp", "read_axis", (), (("Beams", "keys"),)),
+    ("Beams: section", "read_bodies.cpp", "read_beam", (), (("Beams", "key$"),)),
+    ("Shells", "read_bodies.cpp", "read_shell", (), (("Bodies", "type"),)),
+    ("Material of a body", "read_bodies.cpp", "material", (), (("Bodies", "solid"),)),
+    ("[markers.NAME] and frames", "read_joints.cpp", "read_marker", (), (("Markers", "key"),)),
+    ("Axes of a marker", "read_joints.cpp", "read_axes", (), (("Markers", "key"),)),
+    ("Frames of a joint or force", "read_joints.cpp", "read_frames", (), (("Joints", ""), ("Forces", ""))),
+    ("[joints.NAME]", "read_joints.cpp", "read_joint", (), (("Joints", "type"),)),
+    ("Limits and friction of a joint", "read_contacts.cpp", "read_joint_contacts", (), (("Limits", ""),)),
+    ("`limits` of a joint", "read_contacts.cpp", "read_limits", (), (("Limits", "key"),)),
+    ("`friction` of a joint", "read_contacts.cpp", "read_friction", (), (("Limits", "key"),)),
+    ("[forces.NAME]", "read_joints.cpp", "read_force", (), (("Forces", "type"), ("Expressions", "key"))),
+    ("Springs", "read_joints.cpp", "read_spring", (), (("Expressions", "key"),)),
+    ("Force guide", "read_joints.cpp", "read_guide", (), (("Forces", "type"),)),
+    ("[splines.NAME]", "read_splines.cpp", "read_spline", (), (("Splines", "splines"),)),
+    ("[splines.NAME]: columns", "read_splines.cpp", "class CsvTable", (), (("Splines", "splines"),)),
+    ("[events.NAME]", "read_events.cpp", "read_event", (), (("Events", "events"),)),
+    ("[events.NAME]: condition", "read_events.cpp", "read_condition", (), (("Events", "events"),)),
+    ("[integrator]", "read_model.cpp", "read_integrator", (), (("Integrator", "key"),)),
+    ("[integrator] of bdf", "read_model.cpp", "read_bdf", ("BdfOptions",), (("Integrator", "bdf"),)),
+    ("[integrator] of generalized-alpha", "read_model.cpp", "read_alpha", ("AlphaOptions",),
+     (("Integrator", "generalized-alpha"), ("Integrator", "bdf"))),
+    ("[statics]", "read_model.cpp", "read_statics", (), (("Statics", "statics"),)),
+    ("[statics] and initial.statics", "read_model.cpp", "read_statics_options", ("StaticsOptions",), (("Statics", "statics"),)),
+    ("[initial]", "read_model.cpp", "read_initial", ("InitialSpec",), (("Start", "initial"),)),
+    ("[output]", "read_model.cpp", "read_output", (), (("Results", "output"),)),
+    ("[solver]", "read_model.cpp", "read_solver", (), ()),
+)
+
+TYPES = {"number": "number", "positive": "number > 0", "integer": "whole number", "flag": "true or false", "text": "text",
+         "choice": "one of", "texts": "list of texts", "numbers": "list of numbers", "vector": "list of three numbers",
+         "vectors": "list of points", "matrix": "three numbers, or a 3 x 3 matrix", "rotation": "rotation",
+         "function": "function of time", "state_function": "expression", "value": "", "table": "table",
+         "named": "tables by name", "not_negative": "number >= 0", "lever": "number > 0", "read_measure": 'number, or "initial"',
+         "read_interval": "time, 0 or false", "elements": "whole number", "read_components": "three numbers or expressions",
+         "plain_values": "names and values", "read_frame": "a marker's name or a table"}
+METHODS = [t for t in TYPES if not t.startswith(("not_", "lever", "read_", "elements", "plain_"))]
+HELPERS = [t for t in TYPES if t not in METHODS]
+NO_DEFAULT = {"value", "table", "named", "plain_values", "texts", "read_components", "lever", "rotation", "read_measure"}
+
+# Literals of these files that are no keys: reserved names, the words of an option, a guess in a message.
+OTHER_WORDS = {"ground", "energy", "constraints", "step", "time", "true", "false", "initial", "keys", "bodies"}
+
+
+@dataclass
+class Key:
+    name: str
+    kind: str
+    default: str  # "needed" where there is none
+    line: int
+
+
+def body_of(text, name):
+    """(offset, text) of the body of the function or class called `name`."""
+    start = rf"\b{name}\b(?: final)?" if " " in name else rf"\b{name}\([^;{{}}]*\)(?: const)?"
+    for m in re.finditer(start + r"\s*\{", text):
+        at = m.end() - 1
+        depth, k, quoted = 0, at, False
+        while True:
+            c = text[k]
+            if c == "\\" and quoted:
+                k += 2
+                continue
+            if c == '"':
+                quoted = not quoted
+            if not quoted and c in "{}":
+                depth += 1 if c == "{" else -1
+                if depth == 0:
+                    return at, text[at:k + 1]
+            k += 1
+    raise SystemExit(f"model_keys.py: there is no function '{name}' any more; mend SECTIONS")
+
+
+def arguments(text, at):
+    """The arguments of a call whose bracket opens at `at`, and where it closes."""
+    depth, start, parts, k, quoted = 0, at + 1, [], at, False
+    while True:
+        c = text[k]
+        if c == '"':
+            quoted = not quoted
+        if not quoted:
+            if c in "([{":
+                depth += 1
+            elif c in ")]}":
+                depth -= 1
+                if depth == 0:
+                    parts.append(text[start:k].strip())
+                    return parts, k
+            elif c == "," and depth == 1:
+                parts.append(text[start:k].strip())
+                start = k + 1
+        k += 1
+
+
+def members():
+    """(struct, field) -> initial value, over the headers of the dynamics."""
+    found = {}
+    for header in sorted((ROOT / "src/dynamics").rglob("*.hpp")):
+        text = header.read_text()
+        for m in re.finditer(r"\bstruct (\w+) \{", text):
+            _, body = body_of(text[m.start():], "struct " + m[1])
+            body = re.sub(r"///.*", "", body)
+            for f in re.finditer(r"\b(\w+)\s*=\s*([^;,{}]+?)(?=[;,])", body):
+                found.setdefault((m[1], f[1]), " ".join(f[2].split()))
+    return found
+
+
+WORDS = {"std::numeric_limits<double>::infinity()": "any", "Vec3::Zero()": "[0, 0, 0]", "Vec3::UnitZ()": "[0, 0, 1]",
+         '""': '""', "1e300": "any"}
+
+
+def default_of(kind, args, structs, fields):
+    """The default as it is written in a text of a model."""
+    if kind == "choice":
+        names = re.findall(r'"([\w-]+)"', args[1])
+        if len(args) < 3:
+            return "needed"
+        return names[int(args[2])] if names and args[2].isdigit() else "by the file"
+    if kind in NO_DEFAULT:
+        return ""
+    given = args[2:] if kind in ("integer",) else args[1:]
+    if not given:
+        return "needed"
+    word = given[0]
+    if m := re.fullmatch(r"(?:\w+\.)+(\w+)", word.lstrip("&")):
+        for struct in structs:
+            if (struct, m[1]) in fields:
+                word = fields[struct, m[1]]
+                break
+        else:
+            return ""
+    word = "false" if (kind, word) == ("read_interval", "-1") else WORDS.get(word, word)
+    if word in ("0", "0.0") and kind == "positive":
+        return ""
+    return word if re.fullmatch(r"[\w.+\-\[\], ]+", word) else ""
+
+
+NAMES = {}
+
+
+def name_lists():
+    """Functions that return lists of names, for choice()."""
+    if not NAMES:
+        for file in sorted(MODEL.glob("read_*.cpp")):
+            text = file.read_text()
+            for m in re.finditer(r"(\w+)\(\) \{\s*static const std::vector<std::string> names = \{([^}]*)\}", text):
+                NAMES[m[1] + "()"] = re.findall(r'"([\w-]+)"', m[2])
+            for m in re.finditer(r"const std::vector<std::string> (\w+) = \{([^}]*)\}", text):
+                NAMES.setdefault(m[1], re.findall(r'"([\w-]+)"', m[2]))
+    return NAMES
+
+
+def keys_of(text, function, structs, fields, seen):
+    """The keys that a function reads. `seen` gets the offsets of literals that are understood."""
+    start, body = body_of(text, function)
+    found = {}
+
+    def add(name, kind, default, at):
+        seen.add(at)
+        line = text.count("\n", 0, at) + 1
+        old = found.get(name)
+        if old is None or (old.default == "needed" and default not in ("needed", "")) or not old.kind:
+            found[name] = Key(name, kind, default, line)
+
+    calls = re.compile(r"(?:(?:\.|->)(" + "|".join(METHODS) + r")|\b(" + "|".join(HELPERS) + r"))\(")
+    for m in calls.finditer(body):
+        kind = m[1] or m[2]
+        args, _ = arguments(body, m.end() - 1)
+        if m[2]:
+            args = args[1:]  # the section comes first
+        written = list(re.finditer(r'"([a-z_][a-z0-9_]*)"', args[0])) if args else []  # slides ? "viscous" : "friction"
+        if not written or not re.fullmatch(r'(?:\w+ \? )?"\w+"(?: : "\w+")?', args[0]):
+            continue
+        word = TYPES[kind]
+        if kind == "choice":
+            names = name_lists().get(args[1]) or re.findall(r'"([\w-]+)"', args[1])
+            word = "one of " + ", ".join(f"`{n}`" for n in names)
+            for n in re.finditer(r'"([\w-]+)"', args[1]):
+                seen.add(start + body.index(args[1], m.end()) + n.start())
+        place = start + body.index(args[0], m.end() - 1)
+        default = default_of(kind, args, structs, fields)
+        if kind == "choice" and default == "by the file" and args[2] == "0" and name_lists().get(args[1]):
+            default = name_lists()[args[1]][0]
+        if default == "needed" and re.search(rf'has\("{written[0][1]}"\)', body):
+            default = ""
+        for name in written:
+            add(name[1], word, default, place + name.start())
+    # {"lx", &b.shape.lx}: lengths with the defaults of a struct, or numbers that are needed.
+    for m in re.finditer(r'\{("([a-z_][a-z0-9_]*)"), &([\w.]+)\}', body):
+        member = m[3].split(".")[-1]
+        default = next((fields[s, member] for s in structs if (s, member) in fields), "needed")
+        add(m[2], "number > 0", default, start + m.start(1))
+    # Frames, and lists of keys that a function looks for.
+    for m in re.finditer(r'static const char\* const kKeys\[\] = \{([^}]*)\}', body):
+        for n in re.finditer(r'"([a-z])"', m[1]):
+            add(n[1], TYPES["read_frame"], "needed", start + m.start(1) + n.start())
+    for m in re.finditer(r'(?:has|place)\("([a-z_][a-z0-9_]*)"\)|for \(const char\* \w+ : \{([^}]*)\}', body):
+        for n in re.finditer(r'"([a-z_][a-z0-9_]*)"', m[0]):
+            seen.add(start + m.start() + n.start())
+    return sorted(found.values(), key=lambda k: k.line)
+
+
+def unknown_literals(text, seen):
+    """Literals that look like keys and were not understood."""
+    lists = [m.span() for m in re.finditer(r"std::vector<std::string>>? \w+ = \{[^}]*\}", text)]
+    for m in re.finditer(r'"([a-z_][a-z0-9_]*)"', text):
+        line_start = text.rfind("\n", 0, m.start()) + 1
+        line = text[line_start:text.find("\n", m.start())]
+        inside = m.start() - line_start
+        if m.start() in seen or m[1] in OTHER_WORDS or line.lstrip().startswith(("//", "#include")):
+            continue
+        if any(a <= m.start() < b for a, b in lists) or line[:inside].endswith("== "):
+            continue
+        if line[:inside].count('"') % 2 == 1:  # inside another literal
+            continue
+        yield text.count("\n", 0, m.start()) + 1, m[1]
+
+
+# The guide ----------------------------------------------------------------------------------------------------------
+
+def cells(line):
+    return [c.strip().replace("\\|", "|") for c in re.split(r"(?<!\\)\|", line.strip().strip("|"))]
+
+
+def guide_rows():
+    """(page, heading, first header cell, words of the first cell, meaning, default) of every row of the tables."""
+    rows = []
+    for page in GUIDE:
+        heading, header, fenced = "", None, False
+        for line in (ROOT / "docs/guide" / page).read_text().splitlines():
+            if line.startswith("```"):
+                fenced = not fenced
+            if not fenced and line.startswith("#"):
+                heading, header = line.lstrip("# "), None
+            elif not fenced and line.startswith("|"):
+                c = cells(line)
+                if header is None:
+                    header = c
+                elif not set("".join(c)) <= set("-: "):
+                    words = re.findall(r"[\w-]+", " ".join(re.findall(r"`([^`]+)`", c[0])))
+                    meaning = c[1 + (header[1:2] == ["of"])] if len(c) > 1 else ""
+                    default = c[2] if len(header) > 2 and len(c) > 2 and header[2].startswith("default") else ""
+                    rows.append((page, heading, header[0].strip("` "), words, meaning, default, c))
+            else:
+                header = None if not line.startswith("|") else header
+    return rows
+
+
+def meaning_of(key, tables, rows):
+    """What the guide says of a key in the tables of its section: (meaning, page), or nothing."""
+    for heading, header in tables:
+        for page, h, first, words, meaning, _, row in rows:
+            if not h.startswith(heading) or not re.search(header or ".*", first):
+                continue
+            if key in words and header not in ("type", "part"):
+                return meaning, page
+    return None
+
+
+def mentioned(key, text):
+    return re.search(rf"`[^`\n]*\b{re.escape(key)}\b[^`\n]*`|^\s*{re.escape(key)} = |[{{,] *{re.escape(key)} = ", text, re.M)
+
+
+def collect():
+    """(sections with their keys, complaints)."""
+    fields, complaints, sections = members(), [], []
+    rows = guide_rows()
+    text_of_guide = "\n".join((ROOT / "docs/guide" / p).read_text() for p in GUIDE)
+    sources = {f.name: f.read_text() for f in sorted(MODEL.glob("read_*.cpp"))}
+    seen = {name: set() for name in sources}
+    for title, file, function, structs, tables in SECTIONS:
+        keys = keys_of(sources[file], function, structs, fields, seen[file])
+        lines = []
+        for key in keys:
+            if not mentioned(key.name, text_of_guide):
+                complaints.append(f"src/dynamics/model/{file}:{key.line}: the guide says nothing of '{key.name}' ({title})")
+            lines.append((key, meaning_of(key.name, tables, rows)))
+        sections.append((title, file, lines))
+    for name, text in sources.items():
+        for line, word in unknown_literals(text, seen[name]):
+            complaints.append(f"src/dynamics/model/{name}:{line}: '{word}' is read in a way that model_keys.py does not know")
+    return sections, complaints
+
+
+def row_texts(lines):
+    out = []
+    for key, said in lines:
+        meaning = re.sub(r"\]\((?!\w+://)([\w.]*)(#[^)]*)?\)", lambda m: f"](../guide/{m[1] or said[1]}{m[2] or ''})",
+                         said[0]) if said else ""
+        meaning = "[guide](../guide/simulate.md)" if meaning == "below" else meaning
+        default = key.default if key.default == "" else "*needed*" if key.default == "needed" else f"`{key.default}`"
+        out.append("| " + " | ".join(c.replace("|", "\\|") for c in (f"`{key.name}`", key.kind, default, meaning)) + " |")
+    return out
+
+
+def page(sections):
+    out = ["# Keys of a model", "",
+           "Made from `src/dynamics/model/read_*.cpp` when this site is built: the key, what is read there, and its default; the",
+           "words are those of the [guide](../guide/simulate.md). *needed* means that a model without the key is an error.", ""]
+    for title, file, lines in sections:
+        if not lines:
+            continue
+        if not title:  # goes on with the table before
+            out.pop()
+            out += row_texts(lines) + [""]
+            continue
+        name = re.sub(r"(\[[\w.]+\])", r"`\1`", title)
+        out += [f"## {name}", "", "| key | is | default | meaning |", "|---|---|---|---|"]
+        out += row_texts(lines) + [""]
+    return "\n".join(out)
+
+
+def main():
+    sections, complaints = collect()
+    if "--check" in sys.argv:
+        print(f"{sum(len(lines) for _, _, lines in sections)} keys in {len(sections)} sections")
+    else:
+        print(page(sections))
+    for c in complaints:
+        print(c, file=sys.stderr)
+    return 1 if complaints else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,20 @@
+"""Docstrings of the package are plain text: marks of reStructuredText in them mean nothing, and what is indented is set as it stands."""
+import re
+
+
+def process(app, what, name, obj, options, lines):
+    out, literal = [], False
+    for k, line in enumerate(lines):
+        indented = line.startswith("    ") and bool(line.strip())
+        if indented and not literal and (k == 0 or not lines[k - 1].strip()):
+            out += [".. code-block:: text", ""]
+            literal = True
+        elif line.strip() and not indented:
+            literal = False
+        out.append(line if literal else re.sub(r"([*|`\\]|_(?=\W|$))", r"\\\1", line.strip()))
+    lines[:] = out
+
+
+def setup(app):
+    app.connect("autodoc-process-docstring", process)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,129 @@
+#!/usr/bin/env python3
+"""Puts the source folder of the site together: docs/ as it is, and the pages that are made from the sources.
+
+    python3 docs/site/stage.py STAGE --binary build/release/espalier
+
+Made here: the reference of the command line (from --help of every command), of model keys (model_keys.py), of options by
+name, of C and C++ (pages with the classes and functions that Doxygen found). Files whose text has not changed keep their
+time, so that Sphinx reads only what has.
+"""
+import argparse
+import re
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+import model_keys  # noqa: E402
+import option_names  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+HEADERS = ("solver.hpp", "matrix.hpp", "types.hpp", "dynamics.hpp", "dae.hpp", "eigen.hpp", "sundials.hpp")
+
+
+def put(path, text, kept):
+    kept.add(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.exists() or path.read_text() != text:
+        path.write_text(text)
+
+
+def copy_tree(stage, kept):
+    """docs/ without the machinery of the site."""
+    for source in sorted((ROOT / "docs").rglob("*")):
+        relative = source.relative_to(ROOT / "docs")
+        if source.is_dir() or relative.parts[0] == "site" or "__pycache__" in relative.parts:
+            continue
+        target = stage / relative
+        kept.add(target)
+        if not target.exists() or target.read_bytes() != source.read_bytes():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, target)
+
+
+def help_of(binary, *command):
+    return subprocess.run([binary, *command, "--help"], check=True, capture_output=True, text=True).stdout.rstrip()
+
+
+def commands_of(binary):
+    """The subcommands, as the program's own help names them."""
+    text = help_of(binary)
+    listed = text[re.search(r"^(SUBCOMMANDS|Subcommands):", text, re.M).end():]
+    return re.findall(r"^  ([a-z][\w-]*)\s", listed, re.M)
+
+
+def command_line(binary):
+    out = ["# Help of every command", "", "What `espalier --help` says; written by the program that this site was built with. With words around it:",
+           "[the command line](../guide/command_line.md).", "", "```text", help_of(binary), "```", ""]
+    for command in commands_of(binary):
+        out += [f"## espalier {command}", "", "```text", help_of(binary, command), "```", ""]
+    return "\n".join(out)
+
+
+def text_of(element):
+    return "" if element is None else "".join(element.itertext()).strip()
+
+
+def cpp_page(xml, header):
+    """Everything in one public header: its words, then classes, functions and enumerations."""
+    index = ET.parse(xml / "index.xml").getroot()
+    file_id = next(c.get("refid") for c in index if c.get("kind") == "file" and text_of(c.find("name")) == header)
+    file = ET.parse(xml / f"{file_id}.xml").getroot().find("compounddef")
+    title = f"espalier/{header}"
+    out = [title, "=" * len(title), "", text_of(file.find("briefdescription")), ""]
+    c_header = header.endswith(".h")
+    classes = [text_of(c) for c in file.findall("innerclass")]
+    for name in classes:
+        if not c_header and name.count("::") > 1 or name.rpartition("::")[2] in ("Impl",) or name.startswith("std"):
+            continue
+        kind = next((c.get("kind") for c in index if text_of(c.find("name")) == name), "struct")
+        out += [f".. doxygen{kind}:: {name}", "   :members:", "   :undoc-members:", ""]
+    # Free functions, enumerations and names for types stand in the file (C) or in its namespace (C++).
+    sections = [file]
+    for inner in file.findall("innernamespace"):
+        if text_of(inner) == "espalier":
+            sections.append(ET.parse(xml / f"{inner.get('refid')}.xml").getroot().find("compounddef"))
+    names = set()
+    for section in sections:
+        for member in section.iter("memberdef"):
+            location = member.find("location")
+            kind, name = member.get("kind"), text_of(member.find("name"))
+            if location is None or not location.get("file", "").endswith("/" + header) or not name:
+                continue
+            if kind not in ("function", "enum", "typedef") or (kind, name) in names or name.startswith("@"):
+                continue
+            if kind == "typedef" and c_header and (name in classes or text_of(member.find("type")).startswith("enum ")):
+                continue  # the structure or enumeration of that name says it all
+            names.add((kind, name))
+            qualified = name if c_header else "espalier::" + name
+            arguments = text_of(member.find("argsstring")) if kind == "function" and not c_header else ""
+            out += [f".. doxygen{kind}:: {qualified}{arguments if kind == 'function' and not c_header else ''}", ""]
+    return "\n".join(out)
+
+
+def main():
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("stage", type=Path)
+    p.add_argument("--binary", required=True, help="the program espalier")
+    p.add_argument("--doxygen", type=Path, required=True, help="folder of Doxygen's XML")
+    a = p.parse_args()
+    kept = set()
+    copy_tree(a.stage, kept)
+    sections, complaints = model_keys.collect()
+    if complaints:
+        sys.exit("\n".join(complaints))
+    put(a.stage / "reference/model_keys.md", model_keys.page(sections), kept)
+    put(a.stage / "reference/help.md", command_line(a.binary), kept)
+    put(a.stage / "reference/options.md", option_names.page(), kept)
+    put(a.stage / "reference/python.rst", (ROOT / "docs/site/python.rst").read_text(), kept)
+    for header in (*HEADERS, "espalier.h"):
+        put(a.stage / "reference" / "headers" / (header.replace(".", "_") + ".rst"), cpp_page(a.doxygen, header), kept)
+    for path in sorted(a.stage.rglob("*"), reverse=True):
+        if path.is_file() and path not in kept:
+            path.unlink()
+
+
+if __name__ == "__main__":
+    main()
