@@ -2,6 +2,14 @@
 import re
 
 
+def plain(text):
+    """Words between `marks` are code; the rest has no marks."""
+    parts = re.split(r"`([^`]+)`", text)
+    for k, part in enumerate(parts):
+        parts[k] = f"``{part}``" if k % 2 else re.sub(r"([*|`\\]|_(?=\W|$))", r"\\\1", part)
+    return "".join(parts)
+
+
 def process(app, what, name, obj, options, lines):
     out, literal = [], False
     for k, line in enumerate(lines):
@@ -11,7 +19,7 @@ def process(app, what, name, obj, options, lines):
             literal = True
         elif line.strip() and not indented:
             literal = False
-        out.append(line if literal else re.sub(r"([*|`\\]|_(?=\W|$))", r"\\\1", line.strip()))
+        out.append(line if literal else plain(line.strip()))
     lines[:] = out
 
 

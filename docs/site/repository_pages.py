@@ -17,6 +17,8 @@ from pygments.util import ClassNotFound
 SCHEME = "repository"
 LINK = re.compile(r"\]\(((?:\.\.?/)[^)\s#]+)(#[^)\s]*)?\)")
 ANCHOR = re.compile(r'^<a (?:id|name)="([\w.-]+)"></a>\s*$', re.M)
+REFERENCE = ("python", *(f"headers/{h}" for h in ("solver_hpp", "matrix_hpp", "types_hpp", "dynamics_hpp", "dae_hpp", "eigen_hpp",
+                                                   "sundials_hpp", "espalier_h")), "help", "options", "model_keys")  # in this order
 LARGEST = 400_000  # bytes; larger files are named, not shown
 
 
@@ -44,6 +46,8 @@ def toctree(app, docname):
     folder = docname.rpartition("/")[0]
     text = (Path(app.srcdir) / (docname + ".md")).read_text()
     pages = [f"{folder}/{name}" for name in re.findall(r"\]\(([\w-]+)\.md\)", text)]
+    if folder == "reference":
+        pages += [f"reference/{p}" for p in REFERENCE]
     pages += sorted(d for d in app.env.found_docs if d.startswith(folder + "/") and d != docname)
     shown = "" if folder == "reference" else ":hidden:\n"
     return f"\n\n```{{toctree}}\n{shown}:maxdepth: 1\n\n" + "\n".join("/" + d for d in dict.fromkeys(pages)) + "\n```\n"
