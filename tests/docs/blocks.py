@@ -7,6 +7,7 @@
 The blocks of a page are worked off in order, in a folder of their own that ends with the page:
 
     ```python         runs; names stay for the next Python block of the page
+    ```{code-cell}    the same, of a notebook
     ```console        commands after "$ " (and their continuation lines) run in bash; other lines are what they print
     ```sh             runs in bash
     ```toml, csv, c, cpp, cmake, text
@@ -331,6 +332,8 @@ def run_page(path, verbose):
 
 
 def main():
+    os.environ.setdefault("MPLBACKEND", "Agg")
+    os.environ.setdefault("ESPALIER_SITE_ROOT", str(ROOT))
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("pages", nargs="+", type=Path, help="pages, or folders of them")
     p.add_argument("--list", action="store_true", help="list blocks and their notes")
