@@ -217,3 +217,65 @@ def test_ten_thousand_cycles_leak_nothing():
     for k in range(9000):
         cycle(k)
     assert memory() - before < 3_000_000
+
+
+def in_fork(work):
+    """What `work` returns in a child that is forked now."""
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            os.write(write, str(work()).encode())
+        finally:
+            os._exit(0)
+    os.close(write)
+    with os.fdopen(read) as f:
+        text = f.read()
+    os.waitpid(child, 0)
+    return text
+
+
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+@pytest.mark.parametrize("what", ["solver", "simulation"])
+def test_fork_while_another_thread_is_inside(what):
+    """The child cannot wait for a thread that it does not have: it is told, and can make a new object."""
+    inside, leave = threading.Event(), threading.Event()
+
+    def stay(*_):
+        inside.set()
+        leave.wait(60)
+
+    if what == "solver":
+        class Logger:
+            debug = staticmethod(stay)
+
+        thing = esp.Solver(log=Logger)
+        team = threading.Thread(target=lambda: thing.analyze(matrix(200, "lu")))
+
+        def use():
+            thing.factorize(matrix(200, "lu"))
+    else:
+        model = esp.Model(integrator={"end": 1.0})
+        model.body("bob", mass=1, box=[1, 1, 1])
+        thing = esp.Simulation(model)
+        team = threading.Thread(target=lambda: thing.run(stay))
+
+        def use():
+            thing.step(0.1)
+    team.start()
+    assert inside.wait(30)
+
+    def work():
+        try:
+            use()
+        except RuntimeError as error:
+            x = esp.Solver(matrix(50, "lu")).solve(np.ones(50))
+            return f"{error} {x.shape}"
+
+    try:
+        text = in_fork(work)
+    finally:
+        leave.set()
+        team.join()
+    assert "forked; make a new one here (50,)" in text
+    use()
