@@ -229,7 +229,8 @@ class Solver:
         try:
             with self._watch(*self._factorizing(before)):
                 if on_gpu:
-                    return self._core.refactorize_device(view.address, view.shape[0], view.stream, self._n)
+                    return self._advised(
+                        self._core.refactorize_device(view.address, view.shape[0], view.stream, self._n), values)
                 return self._core.refactorize(values if values.flags.c_contiguous else values.copy(), self._n)
         except ValueError:  # not even begun: the number of values is wrong
             self.factor = before
@@ -290,8 +291,17 @@ class Solver:
         x, answer = _device.answer_like(b, out, shape, stream)
         count = 1 if len(shape) == 1 else shape[1]
         if count > 0:
-            self._solved(self._core.solve_device(right.address, x.address, count, bool(transpose), right.stream or x.stream))
+            stream = right.stream or x.stream
+            self._solved(self._advised(
+                self._core.solve_device(right.address, x.address, count, bool(transpose), stream), b))
         return answer()
+
+    def _advised(self, answer: Any, array: Any) -> Any:
+        """An answer to a call with an array on a GPU; where the factor is elsewhere, with what to do about it."""
+        (code, message, row), found = answer
+        if code == 6 and self._core.gpu() < 0:
+            message += f"; give Solver(device='gpu:{_device.number_of(array)}')"
+        return (code, message, row), found
 
     __call__ = solve
 
@@ -381,5 +391,8 @@ def solve(A: Any, b: Any, **options: Any) -> Any:
     """x with A x = b; A and options as for Solver, b and x as for Solver.solve()."""
     if A is None:
         raise TypeError("A is None; it must be a sparse matrix")
+    if "device" not in options and _device.on_gpu(b):
+        _device.expect_kernels(b)
+        options["device"] = f"gpu:{_device.number_of(b)}"
     with Solver(A, **options) as solver:
         return solver.solve(b)

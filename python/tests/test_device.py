@@ -106,7 +106,7 @@ def test_a_build_without_kernels_says_what_to_install(make):
     a = matrix(20, "lu")
     solver = esp.Solver(a)
     for call in (lambda: solver.factorize(make(a.data)), lambda: solver.solve(make(np.ones(20))),
-                 lambda: esp.Solver((a.indptr, a.indices, make(a.data)))):
+                 lambda: esp.Solver((a.indptr, a.indices, make(a.data))), lambda: esp.solve(a, make(np.ones(20)))):
         with pytest.raises(esp.DeviceError, match=f"GPU 0.*pip install espalier-cuda=={esp.__version__}"):
             call()
     check(a, solver.solve(np.ones(20)), np.ones(20))  # the factor is still there
@@ -127,6 +127,14 @@ def test_values_and_vectors_are_read_where_they_lie(cupy, kind):
     out = Cupy(np.empty(50))
     assert solver.solve(right, out=out) is out
     assert (out.data == x.data).all()
+
+
+def test_a_factor_that_lies_elsewhere_is_told(cupy):
+    a = matrix(20, "lu")
+    solver = esp.Solver(a, device="cpu")
+    for call in (lambda: solver.solve(Cupy(np.ones(20))), lambda: solver.factorize(Cupy(a.data))):  # the C++ code itself
+        with pytest.raises(esp.DeviceError, match=r"not in the memory of a GPU.*Solver\(device='gpu:0'\)"):
+            call()
 
 
 def test_columns_in_both_orders(cupy):
