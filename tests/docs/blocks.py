@@ -136,6 +136,13 @@ def same(wanted, printed):
     return re.fullmatch(pattern, " ".join(printed.split()), re.S) is not None
 
 
+def link_words(passed="-Wl,"):
+    """The library of the build and what it needs; a shared one is found where it lies."""
+    library = os.environ["ESPALIER_LIBRARY"]
+    found = [] if library.endswith(".a") else [f"{passed}-rpath={Path(library).parent}"]
+    return [library, *found, *os.environ.get("ESPALIER_LINK", LINK).split()]
+
+
 class Failure(Exception):
     pass
 
@@ -221,8 +228,7 @@ class Page:
             run = subprocess.run([*words, "-c", "-o", obj], capture_output=True, text=True, timeout=300)
             if run.returncode != 0:
                 raise Failure(run.stderr[-3000:])
-            words = [os.environ.get("CXX") or "c++", obj, "-o", str(program), os.environ["ESPALIER_LIBRARY"],
-                     *os.environ.get("ESPALIER_LINK", LINK).split()]
+            words = [os.environ.get("CXX") or "c++", obj, "-o", str(program), *link_words()]
         run = subprocess.run(words, capture_output=True, text=True, timeout=300)
         if run.returncode != 0:
             raise Failure(run.stderr[-3000:])
@@ -240,8 +246,7 @@ class Page:
             print(f"{source.name}: compiled, not run: {', '.join(absent)} is not here")
             return ""
         program = source.with_suffix("")
-        run = subprocess.run(["nvcc", str(obj), "-o", str(program), os.environ["ESPALIER_LIBRARY"],
-                              *os.environ.get("ESPALIER_LINK", LINK).split()], capture_output=True, text=True, timeout=300)
+        run = subprocess.run(["nvcc", str(obj), "-o", str(program), *link_words("-Xlinker=")], capture_output=True, text=True, timeout=300)
         if run.returncode != 0:
             raise Failure(run.stderr[-3000:])
         return self.shell(f"./{program.name}")
