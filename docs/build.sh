@@ -34,7 +34,7 @@ if [[ -z ${ESPALIER_SITE_VENV:-} ]]; then
     if ! "$venv/bin/pip" install -q -r docs/site/requirements.txt -c docs/site/constraints.txt >"$site/pip.log" 2>&1; then
       tail -3 "$site/pip.log" >&2
       echo "espalier: pip could not install all packages (no network?); its log is $site/pip.log. Missing:" >&2
-      "$venv/bin/python" docs/site/missing.py docs/site/requirements.txt >&2
+      "$venv/bin/python" docs/site/missing.py docs/site/requirements.txt >&2 || true
       exit 2
     fi
     echo "$wanted" >"$venv/wanted"

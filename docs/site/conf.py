@@ -18,7 +18,7 @@ author = "the authors of Espalier"
 project_copyright = author
 version = release = re.search(r"VERSION (\d+\.\d+\.\d+)", (ROOT / "CMakeLists.txt").read_text()).group(1)
 root_doc = "index"
-exclude_patterns = ["site/**", "README.md"]
+exclude_patterns = ["site/**", "downloads/**", "README.md"]
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx_copybutton",
               "sphinx_design", "breathe", "mathml", "plain_docstrings", "repository_pages"]

@@ -17,6 +17,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 import model_keys  # noqa: E402
+import notebooks  # noqa: E402
 import option_names  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -38,6 +39,10 @@ def copy_tree(stage, kept):
             continue
         target = stage / relative
         kept.add(target)
+        if source.suffix == ".md" and notebooks.is_notebook(text := source.read_text()):
+            put(target, notebooks.with_download(text, source.stem), kept)
+            put(stage / "downloads" / f"{source.stem}.ipynb", notebooks.to_ipynb(text), kept)
+            continue
         if not target.exists() or target.read_bytes() != source.read_bytes():
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, target)
