@@ -53,6 +53,7 @@ html_title = f"Espalier {release}"
 html_static_path = ["static", str(STAGE / "images/engine_motion.png")]
 html_css_files = ["espalier.css"]
 html_favicon = "static/espalier.svg"
+html_extra_path = [str(STAGE.parent / "extra")]  # report.html, by stage.py
 html_copy_source = False
 html_show_sourcelink = False
 html_show_sphinx = False

@@ -108,6 +108,21 @@ def cpp_page(xml, header):
     return "\n".join(out)
 
 
+def report(binary, stage, kept):
+    """Every committed measurement as one page with drawings, by `espalier report`; a link to it in the notebook."""
+    extra = stage.parent / "extra"
+    extra.mkdir(exist_ok=True)
+    results = sorted((ROOT / "bench/results").glob("*.json"))
+    run = subprocess.run([binary, "report", *results, "--out", extra / "report.html"], capture_output=True, text=True)
+    if run.returncode != 0:
+        print(f"left out: the page of results, since `espalier report` says: {run.stderr.strip()}")
+        (extra / "report.html").unlink(missing_ok=True)
+        return
+    readme = (ROOT / "docs/notebook/README.md").read_text()
+    link = '<p><a class="reference internal" href="../report.html">Every committed measurement, with drawings and tables that sort</a></p>'
+    put(stage / "notebook/README.md", readme.replace("\n\n", f"\n\n{link}\n\n", 1), kept)
+
+
 def main():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("stage", type=Path)
@@ -116,6 +131,7 @@ def main():
     a = p.parse_args()
     kept = set()
     copy_tree(a.stage, kept)
+    report(a.binary, a.stage, kept)
     sections, complaints = model_keys.collect()
     if complaints:
         sys.exit("\n".join(complaints))

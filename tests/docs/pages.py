@@ -8,7 +8,7 @@
   line or of the library (docs/site/option_names.py);
 - the names in the last columns of docs/coming_from/*.md are in the public headers or in the Python package;
 - with the program: every option of --help is on the page of the command line, and every option there is in --help;
-- pictures of docs/images are used.
+- pictures of docs/images are used, and every model of models/ has one in the gallery.
 """
 import argparse
 import re
@@ -84,6 +84,15 @@ def check_images():
             complain(f"docs/images/{image.name} is on no page")
 
 
+def check_gallery():
+    """Every model has its place and its picture."""
+    parts = re.split(r"^### ", (ROOT / "docs/gallery.md").read_text(), flags=re.M)
+    for model in sorted(ROOT.glob("models/**/*.toml")):
+        place = next((p for p in parts if f"(../{model.relative_to(ROOT).as_posix()})" in p), None)
+        if place is None or "![" not in place:
+            complain(f"docs/gallery.md has no picture of {model.relative_to(ROOT)}")
+
+
 def check_keys():
     sections, wrong = model_keys.collect()
     complaints.extend(wrong)
@@ -145,6 +154,7 @@ def main():
     option_names.page()
     check_folders()
     check_images()
+    check_gallery()
     if a.binary:
         print("%d commands, %d options of the program" % check_help(a.binary))
     print("\n".join(complaints))
