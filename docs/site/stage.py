@@ -53,17 +53,23 @@ def help_of(binary, *command):
 
 
 def commands_of(binary):
-    """The subcommands, as the program's own help names them."""
-    text = help_of(binary)
-    listed = text[re.search(r"^(SUBCOMMANDS|Subcommands):", text, re.M).end():]
-    return re.findall(r"^  ([a-z][\w-]*)\s", listed, re.M)
+    """The commands and their commands, as the program's own help names them."""
+    found, todo = [], [()]
+    while todo:
+        command = todo.pop(0)
+        if command:
+            found.append(command)
+        text = help_of(binary, *command)
+        if m := re.search(r"^Subcommands:", text, re.M):
+            todo = [(*command, name) for name in re.findall(r"^  ([a-z][\w-]*)\s", text[m.end():].partition("\n\n")[0], re.M)] + todo
+    return found
 
 
 def command_line(binary):
     out = ["# Help of every command", "", "What `espalier --help` says; written by the program that this site was built with. With words around it:",
            "[the command line](../guide/command_line.md).", "", "```text", help_of(binary), "```", ""]
     for command in commands_of(binary):
-        out += [f"## espalier {command}", "", "```text", help_of(binary, command), "```", ""]
+        out += [f"{'#' * (1 + len(command))} espalier {' '.join(command)}", "", "```text", help_of(binary, *command), "```", ""]
     return "\n".join(out)
 
 
