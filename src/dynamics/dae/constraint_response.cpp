@@ -9,8 +9,9 @@ namespace espalier::dynamics {
 
 namespace {
 
-// Many right-hand sides at a time take a third of the time of as many solves (host, 32 of them; a GPU gains more).
-constexpr Index kColumnsPerSolve = 3;
+// So many right-hand sides at a time take as long as one alone (engine of 6,200 unknowns, 18 of them, one core; a GPU
+// gains more).
+constexpr Index kColumnsPerSolve = 5;
 // A product must read this much less than a solve: its columns are read once, but come from memory that nobody else
 // uses.
 constexpr Offset kCheaper = 2;
@@ -32,7 +33,7 @@ void ConstraintResponse::start(Index n, Index m, const std::vector<char>& droppe
 
 bool ConstraintResponse::ready(Index columns, const std::function<void(Span, Index)>& solve) {
   const auto width = static_cast<Index>(kept_.size());
-  const bool enough = before_ * kColumnsPerSolve >= 2 * width || solved_ >= width;
+  const bool enough = before_ * kColumnsPerSolve >= width + width / 4 || solved_ * kColumnsPerSolve >= 2 * width;
   solved_ += columns;
   if (made_) return true;
   if (!enough || kCheaper * width * (Offset{n_} + m_) > entries_) return false;
