@@ -31,6 +31,22 @@ def put(path, text, kept):
         path.write_text(text)
 
 
+def with_rows(text):
+    """A page with `<!-- rows: HOST -->` gets the rows of that host from the table of hosts.md, which a program has measured."""
+    guide = (ROOT / "docs/guide/hosts.md").read_text()
+    table = guide[guide.index("table.py: begin"):guide.index("table.py: end")]
+    head = [line for line in table.splitlines() if line.startswith("|")][:2]
+
+    def rows(match):
+        found = [line for line in table.splitlines() if line.startswith(f"| {match[1]}")]
+        if not found:
+            sys.exit(f"docs/guide/hosts.md has no rows of {match[1]}")
+        words = " ".join(line for line in table.splitlines()[1:] if line and not line.startswith(("|", "<")))
+        return "\n".join([words, "", *head, *found])
+
+    return re.sub(r"^<!-- rows: (.*?) -->$", rows, text, flags=re.M)
+
+
 def copy_tree(stage, kept):
     """docs/ without the machinery of the site."""
     for source in sorted((ROOT / "docs").rglob("*")):
@@ -43,7 +59,9 @@ def copy_tree(stage, kept):
             put(target, notebooks.with_download(text, source.stem), kept)
             put(stage / "downloads" / f"{source.stem}.ipynb", notebooks.to_ipynb(text), kept)
             continue
-        if not target.exists() or target.read_bytes() != source.read_bytes():
+        if relative.parts[0] == "use":
+            put(target, with_rows(source.read_text()), kept)
+        elif not target.exists() or target.read_bytes() != source.read_bytes():
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, target)
 
