@@ -56,13 +56,20 @@ class RunFolder {
   fs::path path_;
 };
 
-/// Beside this binary as it is built, or in the library folder of the installation.
-fs::path host_library(const std::string& name) {
+/// Beside this binary as it is built, or in the library folder of the installation; empty where it is in neither.
+fs::path find_host_library(const std::string& name) {
   const fs::path binary = fs::read_symlink("/proc/self/exe").parent_path();
   for (const fs::path& folder : {binary / "hosts", binary / ".." / "lib", binary / ".." / ESPALIER_LIBRARY_FOLDER}) {
     if (fs::exists(folder / name)) return fs::canonical(folder / name);
   }
-  refuse(fmt::format("{} is not there; build it: cmake --build build/release --target espalier_hosts", name));
+  return {};
+}
+
+fs::path host_library(const std::string& name) {
+  const fs::path found = find_host_library(name);
+  if (found.empty())
+    refuse(fmt::format("{} is not there; build it: cmake --build build/release --target espalier_hosts", name));
+  return found;
 }
 
 /// Each way in: what a program looks for, and where it finds ours.
@@ -83,6 +90,26 @@ void offer_panua(const RunFolder& folder) {
   fs::create_symlink(host_library("libespalier_panua.so"), folder.path() / "lib" / "libpardiso.so");
   ::setenv("PARDISO_PATH", (folder.path() / "lib").c_str(), 1);
   prepend("LD_LIBRARY_PATH", (folder.path() / "lib").string(), ':');
+}
+
+/// Functions that a program calls in a library of its own: ours stand before them.
+void offer_before(const std::string& name) {
+  prepend("LD_PRELOAD", host_library("libespalier_" + name + ".so").string(), ':');
+}
+
+/// For the solvers that are named neither by the program nor by the user's own options, which count.
+void offer_petsc() {
+  const std::string options = "-dll_append " + host_library("libespalier_petsc.so").string() +
+                              " -pc_factor_mat_solver_type espalier -st_pc_factor_mat_solver_type espalier";
+  prepend("PETSC_OPTIONS", options, ' ');
+}
+
+/// Those that a program which knows none of them does not notice, as far as they were built.
+std::vector<std::string> usual_interfaces() {
+  std::vector<std::string> names = {"hsl", "mkl", "panua", "umfpack"};
+  for (const char* name : {"cholmod", "mumps"})  // need headers of others
+    if (!find_host_library(fmt::format("libespalier_{}.so", name)).empty()) names.emplace_back(name);
+  return names;
 }
 
 /// Factorizations of one interface.
@@ -158,7 +185,9 @@ int RunCommand::run() const {
   const bool own_log = std::getenv("ESPALIER_LOG") != nullptr;
   const fs::path log = folder.path() / "log";
   if (!own_log) ::setenv("ESPALIER_LOG", log.c_str(), 1);
-  for (const std::string& name : as) {
+  for (const std::string& name : as.empty() ? usual_interfaces() : as) {
+    if (name == "umfpack" || name == "cholmod" || name == "mumps") offer_before(name);
+    if (name == "petsc") offer_petsc();
     if (name == "hsl") offer_hsl(folder);
     if (name == "mkl") offer_mkl(folder);
     if (name == "panua") offer_panua(folder);
@@ -179,12 +208,11 @@ int RunCommand::run() const {
 
 void add_run(CLI::App& app, Action& action) {
   auto command = std::make_shared<RunCommand>();
-  command->as = {"hsl", "mkl", "panua"};
   CLI::App* sub = app.add_subcommand("run", "Run a program with our solver in place of those that it loads");
-  sub->add_option("--as", command->as, "the interfaces that are offered (default: all)")
+  sub->add_option("--as", command->as, "the interfaces that are offered (default: all but petsc)")
       ->delimiter(',')
-      ->check(CLI::IsMember({"hsl", "mkl", "panua"}))
-      ->type_name("hsl,mkl,panua");
+      ->check(CLI::IsMember({"hsl", "mkl", "panua", "umfpack", "cholmod", "mumps", "petsc"}))
+      ->type_name("hsl,mkl,panua,umfpack,cholmod,mumps,petsc");
   sub->add_option("--device", command->device, "where our solver works, as of solve")->type_name("DEVICE");
   sub->add_option("--threads", command->threads, "of our solver")->check(CLI::Range(1, 4096))->type_name("N");
   sub->add_option("program", command->words, "the program and its arguments, after --")

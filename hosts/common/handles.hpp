@@ -23,6 +23,11 @@ class Handles {
     objects_[handle] = std::move(object);
     return handle;
   }
+  /// For an object that stands behind a pointer of the real library.
+  void add(const void* handle, std::shared_ptr<T> object) {
+    const std::lock_guard lock(table_lock());
+    objects_[handle].swap(object);
+  }
   /// Null for what is no handle.
   std::shared_ptr<T> find(const void* handle) const {
     const std::lock_guard lock(table_lock());

@@ -20,6 +20,9 @@ Info sized() {
   return info;
 }
 
+/// +1 or -1, by a pattern that no matrix has (Knuth's multiplicative hash): for probing a factor.
+inline double scattered_sign(std::size_t k) { return ((k * 2654435761U) & 0x8000U) != 0 ? -1.0 : 1.0; }
+
 class HostSolver {
  public:
   /// @param interface  as it stands in log lines, for instance "ma97"

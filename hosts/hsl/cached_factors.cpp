@@ -29,8 +29,8 @@ constexpr int kHeader = sizeof(Header) / sizeof(std::int32_t);
 struct CachedFactor {
   CachedFactor(const std::string& interface, const KeptMatrix& m)
       : id(m.id),
-        solver(interface, std::make_shared<const SymmetricPattern>(
-                              SymmetricPattern::from_coordinates(m.n, m.entries, m.rows, m.columns))) {}
+        solver(interface,
+               std::make_shared<const HostPattern>(HostPattern::from_coordinates(m.n, m.entries, m.rows, m.columns))) {}
   const std::int64_t id;
   std::mutex mutex;    // of all below
   int generation = 0;  // of the factor that is there

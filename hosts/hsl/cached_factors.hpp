@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "hsl/inertia_solver.hpp"
+#include "common/inertia_solver.hpp"
 
 namespace espalier::hosts {
 

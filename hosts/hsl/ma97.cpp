@@ -10,7 +10,7 @@
 
 #include "common/border.hpp"
 #include "common/handles.hpp"
-#include "hsl/inertia_solver.hpp"
+#include "common/inertia_solver.hpp"
 
 namespace espalier::hosts::ma97 {
 
@@ -19,7 +19,7 @@ namespace {
 constexpr int kPositiveDefinite = 3, kIndefinite = 4;
 
 struct Analysis {
-  std::shared_ptr<const SymmetricPattern> pattern;
+  std::shared_ptr<const HostPattern> pattern;
   Info info{};
 };
 
@@ -69,7 +69,7 @@ bool strays(int n, const int* pointers, const int* rows, int base) {
   return false;
 }
 
-int missing_diagonals(const SymmetricPattern& pattern) {
+int missing_diagonals(const HostPattern& pattern) {
   const espalier_matrix_i32 a = pattern.matrix(nullptr);
   int missing = 0;
   for (int column = 0; column < pattern.n(); ++column) {
@@ -116,7 +116,7 @@ int analyse(const Control* control, int check, int n, const int* pointers, const
   if (check == 0 && strays(n, pointers, rows, base)) return kBadMatrix;
   auto analysis = std::make_shared<Analysis>();
   analysis->pattern =
-      std::make_shared<const SymmetricPattern>(SymmetricPattern::from_columns(n, pointers, rows, base, check != 0));
+      std::make_shared<const HostPattern>(HostPattern::from_columns(n, pointers, rows, base, check != 0));
   info.matrix_rank = n;
   info.matrix_outrange = clamped(analysis->pattern->left_out());
   info.matrix_missing_diag = missing_diagonals(*analysis->pattern);

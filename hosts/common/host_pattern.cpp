@@ -1,12 +1,12 @@
-#include "hsl/symmetric_pattern.hpp"
+#include "common/host_pattern.hpp"
 
 #include <algorithm>
 #include <numeric>
 
 namespace espalier::hosts {
 
-SymmetricPattern SymmetricPattern::from_columns(int n, const int* pointers, const int* rows, int base, bool clean) {
-  SymmetricPattern p;
+HostPattern HostPattern::from_columns(int n, const int* pointers, const int* rows, int base, bool clean) {
+  HostPattern p;
   p.given_ = pointers[n] - base;
   p.pointers_.reserve(static_cast<std::size_t>(n) + 1);
   p.rows_.reserve(static_cast<std::size_t>(p.given_));
@@ -25,20 +25,22 @@ SymmetricPattern SymmetricPattern::from_columns(int n, const int* pointers, cons
   return p;
 }
 
-SymmetricPattern SymmetricPattern::from_coordinates(int n, int count, const int* rows, const int* columns) {
-  SymmetricPattern p;
+HostPattern HostPattern::from_coordinates(int n, int count, const int* rows, const int* columns, bool symmetric) {
+  HostPattern p;
+  p.symmetric_ = symmetric;
   p.given_ = count;
   p.pointers_.assign(static_cast<std::size_t>(n) + 1, 0);
   p.place_.assign(static_cast<std::size_t>(count), -1);
   const auto inside = [&](int k) { return rows[k] >= 1 && rows[k] <= n && columns[k] >= 1 && columns[k] <= n; };
   for (int k = 0; k < count; ++k)
-    if (inside(k)) ++p.pointers_[static_cast<std::size_t>(std::min(rows[k], columns[k]))];
+    if (inside(k)) ++p.pointers_[static_cast<std::size_t>(symmetric ? std::min(rows[k], columns[k]) : columns[k])];
   std::partial_sum(p.pointers_.begin(), p.pointers_.end(), p.pointers_.begin());
   p.rows_.resize(static_cast<std::size_t>(p.pointers_.back()));
   std::vector<int> next(p.pointers_.begin(), p.pointers_.end() - 1);
   for (int k = 0; k < count; ++k) {
     if (!inside(k)) continue;
-    const auto [column, row] = std::minmax(rows[k], columns[k]);
+    const bool flip = symmetric && rows[k] < columns[k];
+    const int column = flip ? rows[k] : columns[k], row = flip ? columns[k] : rows[k];
     const int place = next[static_cast<std::size_t>(column - 1)]++;
     p.rows_[static_cast<std::size_t>(place)] = row - 1;
     p.place_[static_cast<std::size_t>(k)] = place;
@@ -46,7 +48,7 @@ SymmetricPattern SymmetricPattern::from_coordinates(int n, int count, const int*
   return p;
 }
 
-espalier_matrix_i32 SymmetricPattern::matrix(const double* values) const {
+espalier_matrix_i32 HostPattern::matrix(const double* values) const {
   espalier_matrix_i32 a{};
   a.size = sizeof a;
   a.rows = a.cols = n();
@@ -55,11 +57,11 @@ espalier_matrix_i32 SymmetricPattern::matrix(const double* values) const {
   a.indices = rows_.data();
   a.values = values;
   a.layout = ESPALIER_CSC;
-  a.storage = ESPALIER_SYMMETRIC_LOWER;
+  a.storage = symmetric_ ? ESPALIER_SYMMETRIC_LOWER : ESPALIER_GENERAL;
   return a;
 }
 
-const double* SymmetricPattern::gather(const double* given, std::vector<double>& buffer) const {
+const double* HostPattern::gather(const double* given, std::vector<double>& buffer) const {
   if (place_.empty()) return given;
   buffer.resize(rows_.size());
   for (std::size_t k = 0; k < place_.size(); ++k)
@@ -67,7 +69,7 @@ const double* SymmetricPattern::gather(const double* given, std::vector<double>&
   return buffer.data();
 }
 
-std::int64_t SymmetricPattern::bytes() const {
+std::int64_t HostPattern::bytes() const {
   return static_cast<std::int64_t>((pointers_.size() + rows_.size() + place_.size()) * sizeof(int));
 }
 

@@ -1,10 +1,10 @@
-#include "hsl/inertia_solver.hpp"
+#include "common/inertia_solver.hpp"
 
 #include <fmt/format.h>
 
 namespace espalier::hosts {
 
-InertiaSolver::InertiaSolver(std::string interface, std::shared_ptr<const SymmetricPattern> pattern)
+InertiaSolver::InertiaSolver(std::string interface, std::shared_ptr<const HostPattern> pattern)
     : pattern_(std::move(pattern)), solver_(std::move(interface)) {
   solver_.insist("kind", "ldlt");
   solver_.insist("singular", "report");

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "common/host_pattern.hpp"
 #include "common/host_solver.hpp"
-#include "hsl/symmetric_pattern.hpp"
 
 namespace espalier::hosts {
 
@@ -33,7 +33,7 @@ struct Inertia {
 class InertiaSolver {
  public:
   /// @param interface  as it stands in log lines
-  InertiaSolver(std::string interface, std::shared_ptr<const SymmetricPattern> pattern);
+  InertiaSolver(std::string interface, std::shared_ptr<const HostPattern> pattern);
 
   /// @param values  in the host's order
   Inertia factorize(const double* values, const PivotWish& wish);
@@ -41,13 +41,16 @@ class InertiaSolver {
   /// @returns an espalier_status
   int solve(double* x, int columns, int stride);
 
+  /// Of the solves to come, for a host that wants it; none by default. @returns an espalier_status
+  int set_refinement(int steps) { return solver_.set_refinement(steps); }
+
   [[nodiscard]] const HostSolver& solver() const { return solver_; }
-  [[nodiscard]] const SymmetricPattern& pattern() const { return *pattern_; }
+  [[nodiscard]] const HostPattern& pattern() const { return *pattern_; }
 
  private:
   int analyze(const double* values, const PivotWish& wish);
 
-  std::shared_ptr<const SymmetricPattern> pattern_;
+  std::shared_ptr<const HostPattern> pattern_;
   HostSolver solver_;
   PivotWish wish_;
   bool analyzed_ = false, factorized_ = false;

@@ -1,5 +1,5 @@
 /// \file
-/// The pattern of a symmetric matrix as hosts of HSL's solvers give it, as a lower triangle by columns.
+/// The pattern of a matrix as hosts give it, by columns; of a symmetric one the lower triangle.
 #pragma once
 
 #include <cstdint>
@@ -10,15 +10,16 @@
 namespace espalier::hosts {
 
 /// A copy of a host's pattern, and where its values go. Entries that are repeated stay so, and are summed later.
-class SymmetricPattern {
+class HostPattern {
  public:
-  /// From columns. @param pointers  n + 1, from `base` on, never falling; @param rows  the entries' rows, from `base`
-  /// on
+  /// Of a symmetric matrix, from columns. @param pointers  n + 1, from `base` on, never falling; @param rows  the
+  /// entries' rows, from `base` on
   /// @pre all rows lie from base to n - 1 + base
   /// @param clean  entries above the diagonal and outside of the matrix are left out, instead of being refused later
-  static SymmetricPattern from_columns(int n, const int* pointers, const int* rows, int base, bool clean);
-  /// From 1-based coordinates of either triangle; entries outside of the matrix are left out.
-  static SymmetricPattern from_coordinates(int n, int count, const int* rows, const int* columns);
+  static HostPattern from_columns(int n, const int* pointers, const int* rows, int base, bool clean);
+  /// From 1-based coordinates; those of a symmetric matrix lie in either triangle. Entries outside of the matrix are
+  /// left out.
+  static HostPattern from_coordinates(int n, int count, const int* rows, const int* columns, bool symmetric = true);
 
   [[nodiscard]] int n() const { return static_cast<int>(pointers_.size()) - 1; }
   /// Entries that the host gives, and those of them that are left out.
@@ -34,6 +35,7 @@ class SymmetricPattern {
  private:
   std::vector<int> pointers_, rows_;  // 0-based
   std::vector<int> place_;            // of each given entry, -1: left out; empty: as given
+  bool symmetric_ = true;
   std::int64_t given_ = 0;
 };
 
