@@ -5,6 +5,7 @@
 #include <limits>
 #include <new>
 #include <stdexcept>
+#include <string_view>
 
 #include "common/log.hpp"
 
@@ -17,6 +18,7 @@ HostSolver::HostSolver(std::string interface) : interface_(std::move(interface))
 }
 
 void HostSolver::set_default(const char* key, const std::string& value) {
+  if (std::string_view(key) == "threads") threads_chosen_ = true;
   if (espalier_set_option(handle(), key, value.c_str()) != ESPALIER_OK) throw std::logic_error(message());
 }
 
@@ -28,32 +30,28 @@ int HostSolver::prepare() {
   return status;
 }
 
-void HostSolver::note_matrix(std::int64_t rows, std::int64_t entries) {
-  rows_ = rows;
-  entries_ = entries;
-}
-
 // Waking threads costs more than a small factorization, which optimisers repeat thousands of times: 15,000 unknowns in
-// 20 Mflop took a third longer with two threads than with one. The bits do not depend on the number of threads.
-int HostSolver::spare_threads(int status) {
+// 20 Mflop took a third longer with two threads than with one. Starting them costs more than the analysis of some
+// hundred unknowns. The bits do not depend on the number of threads.
+template <class Matrix>
+int HostSolver::analyze_any(const Matrix& a, int (*call)(espalier_solver*, const Matrix*, espalier_analysis_info*)) {
+  constexpr std::int64_t kEntriesForThreads = 8000;
   constexpr double kFlopsForThreads = 3e7;
-  if (status != ESPALIER_OK || analysis_.flops >= kFlopsForThreads) return status;
+  rows_ = a.rows;
+  entries_ = a.nonzeros;
+  const bool small = a.nonzeros < kEntriesForThreads;
+  if (!threads_chosen_) espalier_set_option(handle(), "threads", small ? "1" : "0");
+  int status = prepare();
+  if (status == ESPALIER_OK) status = call(handle(), &a, &analysis_);
+  if (status != ESPALIER_OK || (small && !threads_chosen_) || analysis_.flops >= kFlopsForThreads) return status;
   espalier_solver* alone = nullptr;
   if (espalier_clone(handle(), 1, &alone) == ESPALIER_OK) solver_.reset(alone);
   return status;
 }
 
-int HostSolver::analyze(const espalier_matrix_i32& a) {
-  note_matrix(a.rows, a.nonzeros);
-  const int status = prepare();
-  return status != ESPALIER_OK ? status : spare_threads(espalier_analyze_i32(handle(), &a, &analysis_));
-}
+int HostSolver::analyze(const espalier_matrix_i32& a) { return analyze_any(a, espalier_analyze_i32); }
 
-int HostSolver::analyze(const espalier_matrix_i64& a) {
-  note_matrix(a.rows, a.nonzeros);
-  const int status = prepare();
-  return status != ESPALIER_OK ? status : spare_threads(espalier_analyze_i64(handle(), &a, &analysis_));
-}
+int HostSolver::analyze(const espalier_matrix_i64& a) { return analyze_any(a, espalier_analyze_i64); }
 
 int HostSolver::factorize(const double* values, std::int64_t count) {
   const int status = espalier_refactorize(handle(), values, count, &factor_);
@@ -78,7 +76,9 @@ int HostSolver::clone(std::unique_ptr<HostSolver>& to) {
   if (status != ESPALIER_OK) return status;
   to.reset(new HostSolver(interface_, solver));
   to->insisted_ = insisted_;
-  to->note_matrix(rows_, entries_);
+  to->rows_ = rows_;
+  to->entries_ = entries_;
+  to->threads_chosen_ = threads_chosen_;
   to->analysis_ = analysis_;
   to->refinement_steps_ = refinement_steps_;
   return status;

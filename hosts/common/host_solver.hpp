@@ -60,13 +60,14 @@ class HostSolver {
   };
   HostSolver(std::string interface, espalier_solver* solver) : interface_(std::move(interface)), solver_(solver) {}
   int prepare();
-  int spare_threads(int status);
-  void note_matrix(std::int64_t rows, std::int64_t entries);
+  template <class Matrix>
+  int analyze_any(const Matrix& a, int (*call)(espalier_solver*, const Matrix*, espalier_analysis_info*));
   void say_factorized(int status) const;
 
   std::string interface_;
   std::unique_ptr<espalier_solver, Destroy> solver_;
   std::vector<std::pair<std::string, std::string>> insisted_;
+  bool threads_chosen_ = false;  // by the host
   std::int64_t rows_ = 0, entries_ = 0;
   int refinement_steps_ = -1;  // that this object has set
   espalier_analysis_info analysis_ = sized<espalier_analysis_info>();

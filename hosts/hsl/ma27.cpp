@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <climits>
 
-#include "common/border.hpp"
 #include "hsl/cached_factors.hpp"
+#include "hsl/fortran.hpp"
 
 namespace espalier::hosts::ma27 {
 
@@ -27,9 +27,7 @@ enum Flag : int {
 
 // Index of INFO, from 0, by what stands there.
 enum Place : int {
-  kFlag,
-  kDetail,
-  kTotalReals,
+  kTotalReals = 2,
   kTotalIntegers,
   kNeededReals,
   kNeededIntegers,
@@ -40,18 +38,7 @@ enum Place : int {
 
 template <class Body>
 void answer(int* info, Body&& body) noexcept {
-  if (info == nullptr) return;
-  guarded(
-      [&] {
-        std::fill_n(info, kInfos, 0);
-        info[kFlag] = body();
-      },
-      [&] { info[kFlag] = kBadMatrix; }, [&] { info[kFlag] = kBadMatrix; });
-}
-
-int fail(int* info, Flag flag, std::int64_t detail) {
-  info[kDetail] = static_cast<int>(std::clamp<std::int64_t>(detail, INT_MIN, INT_MAX));
-  return flag;
+  answer_in_info(info, kInfos, kBadMatrix, body);
 }
 
 int check(int n, int entries, int* info) {
@@ -63,9 +50,7 @@ int check(int n, int entries, int* info) {
 int analyse(int n, int entries, const int* rows, const int* columns, int* info) {
   if (const int flag = check(n, entries, info); flag != kOk) return flag;
   if (entries > 0 && (rows == nullptr || columns == nullptr)) return kBadMatrix;
-  int left_out = 0;
-  for (int k = 0; k < entries; ++k)
-    if (std::min(rows[k], columns[k]) < 1 || std::max(rows[k], columns[k]) > n) ++left_out;
+  const int left_out = count_outside(n, entries, rows, columns);
   info[kTotalReals] = info[kNeededReals] = std::max(entries, 1);
   info[kTotalIntegers] = info[kNeededIntegers] = static_cast<int>(kept_length(entries));
   return left_out > 0 ? fail(info, kEntriesLeftOut, left_out) : int{kOk};
@@ -77,8 +62,7 @@ int factorize(KeptMatrix m, const double* values, int reals, int* iw, int intege
   if (reals < m.entries) return fail(info, kSmallA, m.entries);
   const bool arrays = m.entries == 0 || (values != nullptr && m.rows != nullptr && m.columns != nullptr);
   if (iw == nullptr || cntl == nullptr || !arrays) return kBadMatrix;
-  if (cntl[0] > 0) m.wish.threshold = std::min(cntl[0], 0.5);
-  if (cntl[2] > 0) m.wish.zero_pivot = std::min(cntl[2], 1.0);
+  set_wish(cntl[0], cntl[2], m.wish);
   m.id = cached_id(m, iw, integers);
   const Inertia inertia = factorize_cached("ma27", m, values);
   if (inertia.status != ESPALIER_OK) return kBadMatrix;

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <climits>
 
-#include "common/border.hpp"
 #include "hsl/cached_factors.hpp"
+#include "hsl/fortran.hpp"
 
 namespace espalier::hosts::ma57 {
 
@@ -36,9 +36,7 @@ enum Flag : int {
 
 // Index of INFO and CNTL, from 0, by what stands there.
 enum Place : int {
-  kFlag,
-  kDetail,
-  kOutOfRange,
+  kOutOfRange = 2,
   kFactorEntries = 13,
   kNeedFact = 16,
   kNeedIfact = 17,
@@ -51,19 +49,10 @@ enum Place : int {
 
 template <class Body>
 void answer(int* info, double* rinfo, Body&& body) noexcept {
-  if (info == nullptr) return;
-  guarded(
-      [&] {
-        std::fill_n(info, kInfos, 0);
-        if (rinfo != nullptr) std::fill_n(rinfo, kReals, 0.0);
-        info[kFlag] = body();
-      },
-      [&] { info[kFlag] = kBadMatrix; }, [&] { info[kFlag] = kBadMatrix; });
-}
-
-int fail(int* info, Flag flag, std::int64_t detail) {
-  info[kDetail] = static_cast<int>(std::clamp<std::int64_t>(detail, INT_MIN, INT_MAX));
-  return flag;
+  answer_in_info(info, kInfos, kBadMatrix, [&] {
+    if (rinfo != nullptr) std::fill_n(rinfo, kReals, 0.0);
+    return body();
+  });
 }
 
 int analyse(int n, int entries, const int* rows, const int* columns, int length, int* keep_array, int* info) {
@@ -80,8 +69,7 @@ int analyse(int n, int entries, const int* rows, const int* columns, int length,
   m.rows = rows;
   m.columns = columns;
   keep(m, keep_array);
-  for (int k = 0; k < entries; ++k)
-    if (std::min(rows[k], columns[k]) < 1 || std::max(rows[k], columns[k]) > n) ++info[kOutOfRange];
+  info[kOutOfRange] = count_outside(n, entries, rows, columns);
   info[8] = std::max(entries, 1);                    // INFO(9): what FACT needs
   info[9] = static_cast<int>(kept_length(entries));  // INFO(10): IFACT
   return info[kOutOfRange] > 0 ? kEntriesLeftOut : kOk;
@@ -118,8 +106,7 @@ int factorize(int n, int entries, const double* values, const Arrays& to, const 
   if (to.fact_length < entries) return fail(info, kSmallFact, to.fact_length);
   if (to.ifact_length < kept_length(entries)) return fail(info, kSmallIfact, to.ifact_length);
   if (to.ifact == nullptr || (entries > 0 && (to.fact == nullptr || values == nullptr))) return kBadMatrix;
-  if (cntl[0] > 0) m->wish.threshold = std::min(cntl[0], 0.5);
-  if (cntl[1] > 0) m->wish.zero_pivot = std::min(cntl[1], 1.0);
+  set_wish(cntl[0], cntl[1], m->wish);
   m->id = cached_id(*m, to.ifact, to.ifact_length);
   const Inertia inertia = factorize_cached("ma57", *m, values);
   if (inertia.status != ESPALIER_OK) return kBadMatrix;
@@ -198,11 +185,11 @@ ESPALIER_HOST_CALL void ma57ed_(const int*, const int* which, int*, const double
                                 int* new_ifact, const int* new_ifact_length, int* info) {
   if (info == nullptr || which == nullptr) return;
   if (*which <= 0 && fact_length != nullptr && new_fact_length != nullptr) {
-    info[kFlag] = enlarge(fact, *fact_length, new_fact, *new_fact_length, info);
+    info[kInfoFlag] = enlarge(fact, *fact_length, new_fact, *new_fact_length, info);
   } else if (*which > 0 && ifact_length != nullptr && new_ifact_length != nullptr) {
-    info[kFlag] = enlarge(ifact, *ifact_length, new_ifact, *new_ifact_length, info);
+    info[kInfoFlag] = enlarge(ifact, *ifact_length, new_ifact, *new_ifact_length, info);
   } else {
-    info[kFlag] = kBadMatrix;
+    info[kInfoFlag] = kBadMatrix;
   }
 }
 

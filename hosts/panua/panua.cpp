@@ -3,8 +3,6 @@
 /// Ipopt and Clarabel load it. Words of iparm are numbered from 0.
 #include <algorithm>
 
-#include "common/border.hpp"
-#include "common/handles.hpp"
 #include "pardiso/pardiso.hpp"
 
 namespace espalier::hosts::pardiso {
@@ -12,11 +10,6 @@ namespace espalier::hosts::pardiso {
 namespace {
 
 constexpr int kWords = 64, kReals = 64;
-
-Handles<Problem>& problems() {
-  static auto& live = *new Handles<Problem>;
-  return live;
-}
 
 Settings settings_of(const int* iparm) {
   Settings s;
@@ -26,66 +19,6 @@ Settings settings_of(const int* iparm) {
   s.matching = iparm[12] != 0;
   s.transpose = iparm[11];
   return s;
-}
-
-void hand_out(const Report& r, int* iparm) {
-  const auto set = [&](int word, std::int64_t value) {
-    if (value >= 0) iparm[word] = static_cast<int>(std::min<std::int64_t>(value, INT32_MAX));
-  };
-  set(6, r.refinement_steps);
-  set(13, r.perturbed);
-  set(14, r.analysis_kilobytes);
-  set(15, r.analysis_kilobytes);
-  set(16, r.factor_kilobytes);
-  set(17, r.factor_entries);
-  set(18, r.megaflops);
-  set(21, r.positive);
-  set(22, r.negative);
-}
-
-int run(void** pt, const int* maxfct, const int* mnum, const int* type, const int* phase, const int* n,
-        const double* values, const int* pointers, const int* indices, const int* columns, int* iparm, double* b,
-        double* x) {
-  if (pt == nullptr || phase == nullptr) return kBadInput;
-  if (*phase == -1 || *phase == 0) {
-    problems().end(pt[0]);
-    pt[0] = nullptr;
-    return kOk;
-  }
-  if (maxfct == nullptr || mnum == nullptr || type == nullptr || n == nullptr || iparm == nullptr) return kBadInput;
-  if (iparm[31] != 0) return kBadInput;  // the iterative solver
-  std::shared_ptr<Problem> problem = problems().find(pt[0]);
-  if (problem == nullptr) {
-    if (*phase / 10 != 1) return kBadInput;
-    problem = std::make_shared<Problem>("panua");  // Ipopt clears 64 bytes of pt, pardisoinit all
-    pt[0] = problems().add(problem);
-  }
-  Call<std::int32_t> call;
-  call.maxfct = *maxfct;
-  call.mnum = *mnum;
-  call.type = *type;
-  call.phase = *phase;
-  call.n = *n;
-  call.columns = columns == nullptr ? 0 : *columns;
-  call.values = values;
-  call.pointers = pointers;
-  call.indices = indices;
-  call.b = b;
-  call.x = x;
-  call.settings = settings_of(iparm);
-  Report report;
-  const int error = problem->run(call, report);
-  hand_out(report, iparm);
-  return error;
-}
-
-void call_pardiso(void** pt, const int* maxfct, const int* mnum, const int* type, const int* phase, const int* n,
-                  const double* values, const int* pointers, const int* indices, const int* columns, int* iparm,
-                  double* b, double* x, int* error) noexcept {
-  int unread = 0;
-  int& to = error == nullptr ? unread : *error;
-  guarded([&] { to = run(pt, maxfct, mnum, type, phase, n, values, pointers, indices, columns, iparm, b, x); },
-          [&] { to = kNoMemory; }, [&] { to = kInternal; });
 }
 
 void initialize(void** pt, const int* type, const int* solver, int* iparm, double* dparm, int* error) noexcept {
@@ -115,25 +48,27 @@ int check_matrix(const int* n, const double* values, const int* pointers, const 
 
 }  // namespace
 
+// Ipopt clears 64 bytes of pt, pardisoinit all.
 ESPALIER_HOST_CALL void pardiso(void** pt, const int* maxfct, const int* mnum, const int* type, const int* phase,
                                 const int* n, const double* values, const int* pointers, const int* indices, int*,
                                 const int* columns, int* iparm, const int*, double* b, double* x, int* error, double*) {
-  call_pardiso(pt, maxfct, mnum, type, phase, n, values, pointers, indices, columns, iparm, b, x, error);
-}
-ESPALIER_HOST_CALL void pardiso_(void** pt, const int* maxfct, const int* mnum, const int* type, const int* phase,
-                                 const int* n, const double* values, const int* pointers, const int* indices, int*,
-                                 const int* columns, int* iparm, const int*, double* b, double* x, int* error,
-                                 double*) {
-  call_pardiso(pt, maxfct, mnum, type, phase, n, values, pointers, indices, columns, iparm, b, x, error);
+  const auto settings = [&](Settings& to) {
+    to = settings_of(iparm);
+    return iparm[31] != 0 ? kBadInput : kOk;  // the iterative solver
+  };
+  const auto tell = [&](Report r) {
+    r.bad_row = -1;  // has no word
+    hand_out(r, iparm);
+  };
+  const HostCall<int> host{pt, maxfct, mnum, type, phase, n, values, pointers, indices, columns, iparm, b, x};
+  answer(error, [&] { return serve("panua", host, false, settings, tell); });
 }
 ESPALIER_HOST_CALL void pardisoinit(void** pt, const int* type, const int* solver, int* iparm, double* dparm,
                                     int* error) {
   initialize(pt, type, solver, iparm, dparm, error);
 }
-ESPALIER_HOST_CALL void pardisoinit_(void** pt, const int* type, const int* solver, int* iparm, double* dparm,
-                                     int* error) {
-  initialize(pt, type, solver, iparm, dparm, error);
-}
+ESPALIER_HOST_CALL __attribute__((alias("pardiso"))) decltype(pardiso) pardiso_;
+ESPALIER_HOST_CALL __attribute__((alias("pardisoinit"))) decltype(pardisoinit) pardisoinit_;
 ESPALIER_HOST_CALL void pardiso_chkmatrix_(const int*, const int* n, const double* values, const int* pointers,
                                            const int* indices, int* error) {
   if (error != nullptr) *error = check_matrix(n, values, pointers, indices);

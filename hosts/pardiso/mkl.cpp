@@ -4,11 +4,8 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdlib>
-#include <limits>
 #include <thread>
 
-#include "common/border.hpp"
-#include "common/handles.hpp"
 #include "pardiso/pardiso.hpp"
 
 namespace espalier::hosts::pardiso {
@@ -17,30 +14,20 @@ namespace {
 
 constexpr int kWords = 64;
 
-// iparm, by what stands there.
+// iparm, by what stands there, beside ReportWord.
 enum Word : int {
   kUserValues = 0,
   kOrdering = 1,
   kUserPermutation = 4,
   kIntoB = 5,
-  kStepsDone = 6,
   kSteps = 7,
   kPerturbation = 9,
   kScaling = 10,
   kTranspose = 11,
   kMatching = 12,
-  kPerturbed = 13,
-  kPeakKilobytes = 14,
-  kAnalysisKilobytes = 15,
-  kFactorKilobytes = 16,
-  kEntries = 17,
-  kMegaflops = 18,
   kPivoting = 20,
-  kPositive = 21,
-  kNegative = 22,
   kCheck = 26,
   kSingle = 27,
-  kBadRow = 29,
   kZeroBased = 34,
   kSchur = 35,
   kBlocks = 36,
@@ -68,11 +55,6 @@ int threads() {
 int number_at(const int* address) {
   const auto value = reinterpret_cast<std::uintptr_t>(address);
   return value < 4096 ? static_cast<int>(value) : *address;
-}
-
-Handles<Problem>& problems() {
-  static auto& live = *new Handles<Problem>;
-  return live;
 }
 
 template <class Int>
@@ -112,66 +94,21 @@ Settings settings_of(const Int* iparm) {
   return s;
 }
 
-template <class Int>
-void hand_out(const Report& r, Int* iparm) {
-  const auto set = [&](Word word, std::int64_t value) {
-    if (value >= 0) iparm[word] = static_cast<Int>(std::min<std::int64_t>(value, std::numeric_limits<Int>::max()));
-  };
-  set(kStepsDone, r.refinement_steps);
-  set(kPerturbed, r.perturbed);
-  set(kPositive, r.positive);
-  set(kNegative, r.negative);
-  set(kPeakKilobytes, r.analysis_kilobytes);
-  set(kAnalysisKilobytes, r.analysis_kilobytes);
-  set(kFactorKilobytes, r.factor_kilobytes);
-  set(kBadRow, r.bad_row);
-  if (iparm[kEntries] < 0) set(kEntries, r.factor_entries);
-  if (iparm[kMegaflops] < 0) set(kMegaflops, r.megaflops);
-}
-
 // What remains of a problem's factors goes with the problem: phase 0 would free the factor alone.
 template <class Int>
-int run(void** pt, const Int* maxfct, const Int* mnum, const Int* type, const Int* phase, const Int* n,
-        const void* values, const Int* pointers, const Int* indices, const Int* columns, Int* iparm, void* b, void* x) {
-  if (pt == nullptr || phase == nullptr) return kBadInput;
-  if (*phase == -1 || *phase == 0) {
-    problems().end(pt[0]);
-    pt[0] = nullptr;
-    return kOk;
-  }
-  if (maxfct == nullptr || mnum == nullptr || type == nullptr || n == nullptr || iparm == nullptr) return kBadInput;
-  if (iparm[kUserValues] == 0) defaults(static_cast<int>(*type), iparm);
-  if (asks_for_more(iparm)) return kBadInput;
-  std::shared_ptr<Problem> problem = problems().find(pt[0]);
-  if (problem == nullptr) {
-    if (pt[0] != nullptr || *phase / 10 != 1) return kBadInput;  // not cleared by the host, or out of order
-    problem = std::make_shared<Problem>("pardiso");
-    pt[0] = problems().add(problem);
-  }
-  Call<Int> call;
-  call.maxfct = *maxfct;
-  call.mnum = *mnum;
-  call.type = *type;
-  call.phase = *phase;
-  call.n = *n;
-  call.columns = columns == nullptr ? 0 : *columns;
-  call.values = values;
-  call.pointers = pointers;
-  call.indices = indices;
-  call.b = b;
-  call.x = x;
-  call.settings = settings_of(iparm);
-  Report report;
-  const int error = problem->run(call, report);
-  hand_out(report, iparm);
-  return error;
-}
-
-template <class Int, class... Arguments>
-void answer(Int* error, Arguments... arguments) noexcept {
-  Int unread = 0;
-  Int& to = error == nullptr ? unread : *error;
-  guarded([&] { to = run<Int>(arguments...); }, [&] { to = kNoMemory; }, [&] { to = kInternal; });
+void call_pardiso(Int* error, const HostCall<Int>& host) noexcept {
+  Int* iparm = host.iparm;
+  const auto settings = [&](Settings& to) {
+    if (iparm[kUserValues] == 0) defaults(static_cast<int>(*host.type), iparm);
+    to = settings_of(iparm);
+    return asks_for_more(iparm) ? kBadInput : kOk;
+  };
+  const auto tell = [&](Report r) {
+    if (iparm[kEntries] >= 0) r.factor_entries = -1;  // not asked for
+    if (iparm[kMegaflops] >= 0) r.megaflops = -1;
+    hand_out(r, iparm);
+  };
+  answer(error, [&] { return serve("pardiso", host, true, settings, tell); });
 }
 
 template <class Int>
@@ -189,13 +126,13 @@ ESPALIER_HOST_CALL void pardiso(void** pt, const Int32* maxfct, const Int32* mnu
                                 const Int32* phase, const Int32* n, const void* values, const Int32* pointers,
                                 const Int32* indices, Int32*, const Int32* columns, Int32* iparm, const Int32*, void* b,
                                 void* x, Int32* error) {
-  answer(error, pt, maxfct, mnum, type, phase, n, values, pointers, indices, columns, iparm, b, x);
+  call_pardiso<Int32>(error, {pt, maxfct, mnum, type, phase, n, values, pointers, indices, columns, iparm, b, x});
 }
 ESPALIER_HOST_CALL void pardiso_64(void** pt, const Int64* maxfct, const Int64* mnum, const Int64* type,
                                    const Int64* phase, const Int64* n, const void* values, const Int64* pointers,
                                    const Int64* indices, Int64*, const Int64* columns, Int64* iparm, const Int64*,
                                    void* b, void* x, Int64* error) {
-  answer(error, pt, maxfct, mnum, type, phase, n, values, pointers, indices, columns, iparm, b, x);
+  call_pardiso<Int64>(error, {pt, maxfct, mnum, type, phase, n, values, pointers, indices, columns, iparm, b, x});
 }
 ESPALIER_HOST_CALL void pardisoinit(void** pt, const Int32* type, Int32* iparm) { initialize(pt, type, iparm); }
 

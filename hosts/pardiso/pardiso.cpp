@@ -79,6 +79,11 @@ const char* kind_of(int type) {
 
 }  // namespace
 
+Handles<Problem>& problems() {
+  static auto& live = *new Handles<Problem>;
+  return live;
+}
+
 // Floats as doubles; doubles stay where they are.
 const double* Problem::as_doubles(const void* from, std::int64_t count, bool single,
                                   std::vector<double>& buffer) const {

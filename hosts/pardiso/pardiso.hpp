@@ -2,11 +2,15 @@
 /// What the interfaces of PARDISO have in common: phases, types of matrices, errors.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <vector>
 
+#include "common/border.hpp"
+#include "common/handles.hpp"
 #include "common/host_solver.hpp"
 
 namespace espalier::hosts::pardiso {
@@ -56,6 +60,37 @@ struct Report {
   std::int64_t bad_row = -1;  ///< from 1 on: where a pivot vanished
 };
 
+/// Words of iparm that mean the same in all interfaces of PARDISO, from 0 on.
+enum ReportWord : int {
+  kStepsDone = 6,
+  kPerturbed = 13,
+  kPeakKilobytes = 14,
+  kAnalysisKilobytes = 15,
+  kFactorKilobytes = 16,
+  kEntries = 17,
+  kMegaflops = 18,
+  kPositive = 21,
+  kNegative = 22,
+  kBadRow = 29,
+};
+
+template <class Int>
+void hand_out(const Report& r, Int* iparm) {
+  const auto set = [&](ReportWord word, std::int64_t value) {
+    if (value >= 0) iparm[word] = static_cast<Int>(std::min<std::int64_t>(value, std::numeric_limits<Int>::max()));
+  };
+  set(kStepsDone, r.refinement_steps);
+  set(kPerturbed, r.perturbed);
+  set(kPositive, r.positive);
+  set(kNegative, r.negative);
+  set(kPeakKilobytes, r.analysis_kilobytes);
+  set(kAnalysisKilobytes, r.analysis_kilobytes);
+  set(kFactorKilobytes, r.factor_kilobytes);
+  set(kEntries, r.factor_entries);
+  set(kMegaflops, r.megaflops);
+  set(kBadRow, r.bad_row);
+}
+
 /// The factors behind one handle of the host: up to maxfct of one pattern.
 class Problem {
  public:
@@ -88,5 +123,68 @@ class Problem {
   std::vector<Slot> slots_;
   std::vector<double> values_, right_hand_sides_;  // where the host's are floats
 };
+
+/// All that live in this library.
+Handles<Problem>& problems();
+
+/// The arguments as they stand in the call, any of them null.
+template <class Int>
+struct HostCall {
+  void** pt;
+  const Int *maxfct, *mnum, *type, *phase, *n;
+  const void* values;
+  const Int *pointers, *indices, *columns;
+  Int* iparm;
+  void *b, *x;
+};
+
+/// Does what the host asks for. pt[0] is a handle of ours.
+/// @param must_be_clear  whether the host must have cleared pt[0] before the first call
+/// @param settings      of an iparm; an Error where it asks for what is not offered
+/// @param tell          writes a Report to iparm
+/// @returns an Error
+template <class Int, class SettingsOf, class Tell>
+int serve(const char* interface, const HostCall<Int>& host, bool must_be_clear, SettingsOf&& settings, Tell&& tell) {
+  if (host.pt == nullptr || host.phase == nullptr) return kBadInput;
+  if (*host.phase == -1 || *host.phase == 0) {
+    problems().end(host.pt[0]);
+    host.pt[0] = nullptr;
+    return kOk;
+  }
+  if (host.maxfct == nullptr || host.mnum == nullptr || host.type == nullptr || host.n == nullptr ||
+      host.iparm == nullptr)
+    return kBadInput;
+  Call<Int> call;
+  if (const int error = settings(call.settings); error != kOk) return error;
+  std::shared_ptr<Problem> problem = problems().find(host.pt[0]);
+  if (problem == nullptr) {
+    if (*host.phase / 10 != 1 || (must_be_clear && host.pt[0] != nullptr)) return kBadInput;
+    problem = std::make_shared<Problem>(interface);
+    host.pt[0] = problems().add(problem);
+  }
+  call.maxfct = *host.maxfct;
+  call.mnum = *host.mnum;
+  call.type = *host.type;
+  call.phase = *host.phase;
+  call.n = *host.n;
+  call.columns = host.columns == nullptr ? 0 : *host.columns;
+  call.values = host.values;
+  call.pointers = host.pointers;
+  call.indices = host.indices;
+  call.b = host.b;
+  call.x = host.x;
+  Report report;
+  const int error = problem->run(call, report);
+  tell(report);
+  return error;
+}
+
+/// serve() with nothing that leaves it but `error`, which may be null.
+template <class Int, class Body>
+void answer(Int* error, Body&& body) noexcept {
+  Int unread = 0;
+  Int& to = error == nullptr ? unread : *error;
+  guarded([&] { to = body(); }, [&] { to = kNoMemory; }, [&] { to = kInternal; });
+}
 
 }  // namespace espalier::hosts::pardiso

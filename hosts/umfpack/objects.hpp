@@ -34,13 +34,15 @@ int ask_real(const char* what, int otherwise, Arguments... arguments) {
   return function(arguments...);
 }
 
-/// A Symbolic object: a pattern, and solvers that share its analysis. Values decide the order as well, so it is made
-/// with those of the first factorization.
+/// A Symbolic object: a pattern, and solvers that share its analysis. Values decide our order as well, so it is made
+/// with those of the first factorization. It has to pay: it begins once the real library has spent about as much on
+/// this pattern as our analysis would take, or will have done with the next matrix.
 template <class Int>
 class Symbolic {
  public:
-  /// @param control  of the host, for the real library; may be null
-  Symbolic(Int n, const Int* pointers, const Int* indices, const double* control);
+  /// @param real   the real library's object for the same matrix, which is now ours to end; null: there is none
+  /// @param flops  of a factorization by its order, as far as it knows
+  Symbolic(Int n, const Int* pointers, const Int* indices, void* real, double flops);
   ~Symbolic();
   Symbolic(const Symbolic&) = delete;
   Symbolic& operator=(const Symbolic&) = delete;
@@ -49,18 +51,24 @@ class Symbolic {
   /// `afresh` is true afterwards. Null: `status` says why.
   std::shared_ptr<HostSolver> take(const double* values, bool& afresh, int& status);
   [[nodiscard]] bool same_pattern(const Int* pointers, const Int* indices) const;
-  /// The real library's object for this pattern, made when it is first wanted; null: there is none.
-  void* real(const double* values);
+  /// The real library's object; null: there is none.
+  [[nodiscard]] void* real() const { return real_; }
+  [[nodiscard]] bool pays();
+  /// Whether our order is so much worse than the real library's that its factorization is the faster one.
+  [[nodiscard]] bool too_costly(double our_flops) const;
+  /// The real library has factorized one, in so many seconds.
+  void note_real(double seconds);
 
   const Int n;
   const void* const site = Caller::current();  // who has made it
   const std::vector<Int> pointers, indices;
 
  private:
-  const Control control_;
+  void* real_;
+  const double flops_;
   std::mutex mutex_;  // of the two below
   std::vector<std::shared_ptr<HostSolver>> solvers_;
-  void* real_ = nullptr;
+  double spent_ = 0;
 };
 
 /// A Numeric object. It keeps the values, for hosts that will ask for the factors themselves.
@@ -72,7 +80,7 @@ class Numeric {
   Numeric(const Numeric&) = delete;
   Numeric& operator=(const Numeric&) = delete;
 
-  /// @returns an espalier_status
+  /// @returns an espalier_status; ESPALIER_CANCELLED where it was too costly
   int factorize();
   /// 1 / (|R A| |(R A)^-1 v|), R the inverse of the rows' sums and v of ones and minus ones: about what the ratio of
   /// pivots says, by which UMFPACK judges.

@@ -4,6 +4,7 @@
 #include "umfpack/umfpack.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 
 #include "common/border.hpp"
@@ -16,8 +17,7 @@ namespace {
 
 // Below it the real library says what it thinks of the matrix, so that its warnings stay: hosts warn at about 1e-16.
 constexpr double kNearlySingular = 1e-13;
-// Fewer entries are left to the real library: at 5,000 (a Laplacian of 1,000 unknowns) ours took 1.8 times as long, at
-// 18,000 two thirds.
+// Fewer entries are left to the real library: at 5,000 (a Laplacian of 1,000 unknowns) ours took 1.8 times as long.
 constexpr std::int64_t kFewestEntries = 15000;
 
 template <class Int>
@@ -86,23 +86,31 @@ void start_info(double* info, const Symbolic<Int>& a) {
   info[kSizeOfPointer] = sizeof(void*);
 }
 
+// The real library's analysis is a small part of its work, and says what a factorization would cost it.
 template <class Int>
 int make_symbolic(Int n, Int columns, const Int* pointers, const Int* indices, const double* values, void** symbolic,
                   const double* control, double* info) {
+  double own_info[kInfos];
+  double* to = info == nullptr ? own_info : info;
   const auto real = [&](int otherwise) {
-    return ask_real<Int>("symbolic", otherwise, n, columns, pointers, indices, values, symbolic, control, info);
+    return ask_real<Int>("symbolic", otherwise, n, columns, pointers, indices, values, symbolic, control, to);
   };
   if (InsideReal::now() || n != columns || wants_factors().has(Caller::current())) return real(kBadMatrix);
   if (symbolic == nullptr || pointers == nullptr || indices == nullptr) return kMissing;
   *symbolic = nullptr;
   if (n < 1) return kBadOrder;
   if (!valid(n, pointers, indices)) return kBadMatrix;
-  if (pointers[n] < kFewestEntries && !takes_small_systems()) {
-    if (const int status = real(kInternal); status != kInternal) return status;
+  const int status = real(kOk);
+  if (status != kOk) return status;
+  if (*symbolic != nullptr && pointers[n] < kFewestEntries && !takes_small_systems()) return kOk;
+  // Without a symmetric strategy there is an upper bound alone, of some twenty times what is needed.
+  double flops = 0;
+  if (*symbolic != nullptr) flops = to[kSymmetricFlops] >= 0 ? to[kSymmetricFlops] : to[kFlopsEstimate] / 20;
+  auto made = std::make_shared<Symbolic<Int>>(n, pointers, indices, *symbolic, flops);
+  if (*symbolic == nullptr) {
+    start_info(info, *made);
+    if (info != nullptr) info[kSymbolicTime] = info[kSymbolicWallTime] = 0;
   }
-  auto made = std::make_shared<Symbolic<Int>>(n, pointers, indices, control);
-  start_info(info, *made);
-  if (info != nullptr) info[kSymbolicTime] = info[kSymbolicWallTime] = 0;
   *symbolic = symbolics<Int>().add(std::move(made));
   return kOk;
 }
@@ -136,15 +144,18 @@ int make_numeric(const Int* pointers, const Int* indices, const double* values, 
   if (numeric == nullptr || pointers == nullptr || indices == nullptr || values == nullptr) return kMissing;
   *numeric = nullptr;
   if (!of->same_pattern(pointers, indices)) return kOtherPattern;
+  const auto real = [&] {
+    const auto begin = std::chrono::steady_clock::now();
+    const int done = ask_real<Int>("numeric", kInternal, pointers, indices, values, of->real(), numeric, control, info);
+    of->note_real(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+    return done;
+  };
+  if (!of->pays()) return real();
   auto made = std::make_shared<Numeric<Int>>(of, values, control);
   const int status = made->factorize();
   if (status == ESPALIER_OUT_OF_MEMORY) return kNoMemory;
   const double rcond = status != ESPALIER_OK ? 0 : info != nullptr ? made->reciprocal_condition() : 1;
-  if (rcond < kNearlySingular) {
-    if (void* theirs = of->real(values)) {
-      return ask_real<Int>("numeric", kInternal, pointers, indices, values, theirs, numeric, control, info);
-    }
-  }
+  if (rcond < kNearlySingular && of->real() != nullptr) return real();
   if (status != ESPALIER_OK && status != ESPALIER_SINGULAR) return error_of(status);
   if (status == ESPALIER_OK) fill_info(info, *made, rcond);
   if (status == ESPALIER_SINGULAR && info != nullptr) info[kRcond] = 0;
@@ -224,14 +235,14 @@ int with_numeric_first(const char* what, void* numeric, Argument argument) {
 template <class Int, class... Arguments>
 int with_symbolic_last(const char* what, void* symbolic, Arguments... arguments) {
   const auto found = symbolics<Int>().find(symbolic);
-  if (found != nullptr && !InsideReal::now()) symbolic = found->real(nullptr);
+  if (found != nullptr && !InsideReal::now()) symbolic = found->real();
   return symbolic == nullptr ? int{kBadSymbolic} : ask_real<Int>(what, kBadSymbolic, arguments..., symbolic);
 }
 
 template <class Int, class Argument>
 int with_symbolic_first(const char* what, void* symbolic, Argument argument) {
   const auto found = symbolics<Int>().find(symbolic);
-  if (found != nullptr && !InsideReal::now()) symbolic = found->real(nullptr);
+  if (found != nullptr && !InsideReal::now()) symbolic = found->real();
   return symbolic == nullptr ? int{kBadSymbolic} : ask_real<Int>(what, kBadSymbolic, symbolic, argument);
 }
 

@@ -40,6 +40,7 @@ enum Info : int {
   kFlopsEstimate = 22,
   kLowerEstimate = 23,
   kUpperEstimate = 24,
+  kSymmetricFlops = 37,  ///< of the order that a symmetric strategy takes; -1 with the other
   kSize = 40,
   kPeak = 41,
   kFlops = 42,

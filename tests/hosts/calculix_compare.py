@@ -1,0 +1,51 @@
+#!/usr/bin/env python3
+"""Compares what calculix.sh has left: numbers of the .dat files, deck by deck. Fails where they differ."""
+import pathlib
+import re
+import sys
+
+NUMBER = re.compile(r"[-+]?\d+\.\d+(?:[EeDd][-+]?\d+)?")
+
+
+def numbers(path):
+    """The numbers of each block of lines; a block is what stands between two empty lines."""
+    text = path.read_text(errors="replace") if path.exists() else ""
+    blocks = [[float(n.replace("D", "E").replace("d", "e")) for n in NUMBER.findall(block)] for block in re.split(r"\n\s*\n", text)]
+    return [block for block in blocks if block]
+
+
+def difference(ours, own):
+    """The largest difference, relative to the largest number of its block; infinite where the files are of other shapes."""
+    if [len(block) for block in ours] != [len(block) for block in own]:
+        return float("inf")
+    worst = 0.0
+    for mine, theirs in zip(ours, own):
+        scale = max(map(abs, theirs))
+        if scale > 0:
+            worst = max(worst, max(abs(x - y) for x, y in zip(mine, theirs)) / scale)
+    return worst
+
+
+def main():
+    work = pathlib.Path(sys.argv[1])
+    decks, wrong, factorized, seconds = 0, 0, 0, [0.0, 0.0]
+    for line in (work / "times").read_text().splitlines():
+        name, own, ours, count = line.split()
+        if own == "failed":
+            continue  # a deck that CalculiX does not run as it stands
+        decks += 1
+        factorized += int(count)
+        folder = work / "runs" / name
+        worst = difference(numbers(folder / "PARDISO" / f"{name}.dat"), numbers(folder / "SPOOLES" / f"{name}.dat"))
+        verdict = "failed" if ours == "failed" else "same" if worst < 1e-3 else f"differs by {worst:.1e}"
+        wrong += verdict != "same"
+        if ours != "failed":
+            seconds[0] += float(own)
+            seconds[1] += float(ours)
+        print(f"{name:24} SPOOLES {own:>7} s   ours {ours:>7} s   {count:>4} factorizations   {worst:.1e}   {verdict}")
+    print(f"{decks} decks, {factorized} factorizations of ours, {wrong} differences; SPOOLES {seconds[0]:.1f} s, ours {seconds[1]:.1f} s")
+    return 1 if wrong or not factorized else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
