@@ -2,8 +2,10 @@
 /// The library in whose place a host finds ours (by LD_PRELOAD, as a rule): what we do not do, it does.
 #pragma once
 
+#include <map>
 #include <mutex>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace espalier::hosts {
@@ -38,12 +40,14 @@ class RealLibrary {
 
  private:
   void* find(const char* name);
+  void* look_up(const char* name);
   void* open();
 
   const char* variable_;
   std::vector<std::string> names_;
   std::once_flag asked_, opened_;
   void *named_ = nullptr, *system_ = nullptr;
+  std::map<std::pair<const void*, std::string>, void*> found_;  // by caller and name
 };
 
 /// Whether small systems are ours as well, for which the real library is faster: ESPALIER_SMALL=ours.

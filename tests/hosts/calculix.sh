@@ -41,7 +41,7 @@ if [[ ! -x $ccx ]]; then
   : >stubs/mkl_service.h
   echo "building CalculiX in $work ..."
   make -s -j"$(nproc)" -C CalculiX/ccx_2.20/src ccx_2.20 \
-    CFLAGS="-w ${FLAGS:--O2} -I/usr/include/spooles -I$work/stubs -DARCH='\"Linux\"' -DSPOOLES -DARPACK -DMATRIXSTORAGE -DUSE_MT=1 -DPARDISO" \
+    CFLAGS="-w ${FLAGS:--O2} -I/usr/include/spooles -I$work/stubs -DARCH=Linux -DSPOOLES -DARPACK -DMATRIXSTORAGE -DUSE_MT=1 -DPARDISO" \
     FFLAGS="-w ${FLAGS:--O2} -fallow-argument-mismatch" \
     LIBS="-lspooles -lpthread -larpack -llapack -lblas -L$libraries -lespalier_mkl_pardiso -Wl,-rpath,$libraries -lm -lc" >build.log 2>&1 ||
     { tail -20 build.log >&2; exit 1; }

@@ -232,7 +232,7 @@ TEST_F(Cholmod, PatternsThatComeAgainBecomeOurs) {
   EXPECT_EQ(count(), 1);
   expect_solution(a);
   ours<int(cholmod_factor**, cholmod_common*)>("cholmod_l_free_factor")(&factor, &common);
-  Grid large(24);
+  Grid large(30);
   ASSERT_TRUE(analyze(large.sparse()));
   ASSERT_EQ(factorize(large.sparse()), 1);
   EXPECT_EQ(count(), 2);
