@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "common/log.hpp"
+#include "common/real_library.hpp"
 
 namespace espalier::hosts::mumps {
 
@@ -30,6 +31,11 @@ void set_info(DMUMPS_STRUC_C& id, int place, std::int64_t value) {
 void report(DMUMPS_STRUC_C& id, int error, std::int64_t detail) {
   set_info(id, 1, error);
   set_info(id, 2, detail);
+}
+
+bool Instance::small(const DMUMPS_STRUC_C& id) {
+  constexpr std::int64_t kFewestEntries = 15000;
+  return id.sym != 2 && entries_of(id) < kFewestEntries && !takes_small_systems();
 }
 
 bool Instance::takes(const DMUMPS_STRUC_C& id) {

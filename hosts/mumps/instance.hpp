@@ -59,6 +59,9 @@ class Instance {
  public:
   /// Whether the problem and what is asked of it are ours: an assembled matrix in one place, of valid sizes.
   static bool takes(const DMUMPS_STRUC_C& id);
+  /// Whether the real library would be done before our analysis: few entries, and no optimiser that will come again
+  /// (they say SYM = 2).
+  static bool small(const DMUMPS_STRUC_C& id);
   /// These report to `id` and return whether to go on.
   bool analyze(DMUMPS_STRUC_C& id);
   bool factorize(DMUMPS_STRUC_C& id);

@@ -89,10 +89,11 @@ void run(DMUMPS_STRUC_C& id, Instance& instance) {
   const bool analyze = id.job == 1 || id.job == 4 || id.job == 6, solve = id.job == 3 || id.job == 5 || id.job == 6;
   const bool factorize = id.job == 2 || id.job >= 4;
   if (analyze) instance.real = false;
-  if (analyze && !Instance::takes(id)) {
+  const bool takes = analyze && Instance::takes(id);
+  if (analyze && (!takes || Instance::small(id))) {
     instance.real = ask_real(id);
-    if (!instance.real) refuse(id);
-    return;
+    if (instance.real) return;
+    if (!takes) return refuse(id);
   }
   if (instance.real) {
     ask_real(id);

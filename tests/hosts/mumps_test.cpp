@@ -1,6 +1,7 @@
 // The interface of MUMPS in libespalier_mumps.so, as hosts call it. Truths: known solutions, inertia by construction,
 // the error codes of its guide, and the real library where it is installed.
 #include <dmumps_c.h>
+#include <unistd.h>
 
 #include <climits>
 #include <cmath>
@@ -53,6 +54,7 @@ std::vector<double> truth(int n) {
 }
 
 struct Host {
+  Variable small{"ESPALIER_SMALL", "ours"};
   Library library{ESPALIER_MUMPS};
   void (*dmumps)(DMUMPS_STRUC_C*) = library.function<void(DMUMPS_STRUC_C*)>("dmumps_c");
   DMUMPS_STRUC_C id{};
@@ -246,6 +248,25 @@ TEST(Mumps, TheRestIsTheRealLibrarys) {
   std::vector<double> x = a.times(truth(20), true);
   ASSERT_EQ(host.solve(x), 0);
   EXPECT_NEAR(x[3], 4, 1e-13);
+}
+
+TEST(Mumps, SmallSystemsAreTheRealLibrarys) {
+  if (::dlopen("libdmumps_seq-5.5.so", RTLD_LAZY) == nullptr) GTEST_SKIP() << "libdmumps_seq-5.5 is not installed";
+  const std::string log = std::string(::testing::TempDir()) + "mumps_log_" + std::to_string(::getpid());
+  const Variable logged("ESPALIER_LOG", log);
+  for (const int sym : {0, 2}) {
+    for (const int n : {40, 8000}) {
+      Host host(sym);
+      ::unsetenv("ESPALIER_SMALL");
+      Coordinates a = chain(n, sym != 0);
+      std::vector<double> x = a.times(truth(n), sym != 0);
+      host.id.rhs = x.data();
+      ASSERT_EQ(host.call(6, a), 0);
+      for (int k = 0; k < n; ++k) ASSERT_NEAR(x[k], truth(n)[k], 1e-12);
+      EXPECT_EQ(::access(log.c_str(), F_OK) == 0, sym == 2 || n == 8000) << sym << " " << n;
+      ::unlink(log.c_str());
+    }
+  }
 }
 
 TEST(Mumps, AnyArguments) {
