@@ -29,12 +29,13 @@ build_cuda() {
     src/CMakeFiles/espalier_dynamics.dir/dynamics/cuda/{assembly,body,elements,matrix}.cu.o
 }
 
-# Sources of the library and the command line, those changed last first; of the CUDA backend those that this build compiles.
+# Sources of the library and the command line, those changed last first; of the CUDA backend and of the hosts those that
+# this build compiles.
 tidy_files() {
   { git log --format= --name-only -n 300; git ls-files; } |
     awk '/^(src|apps|hosts)\/.*\.cpp$/ && !seen[$0]++' | while read -r file; do
       [[ -f $file ]] || continue
-      [[ $file != src/device/cuda/* ]] || grep -q "/$file\"" build/release/compile_commands.json || continue
+      [[ $file != src/device/cuda/* && $file != hosts/* ]] || grep -q "/$file\"" build/release/compile_commands.json || continue
       echo "$file"
     done
 }

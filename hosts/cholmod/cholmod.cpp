@@ -230,6 +230,7 @@ using Dense = cholmod_dense;
 using Common = cholmod_common;
 
 // All functions for integers I under the prefix P.
+// NOLINTBEGIN(bugprone-macro-parentheses): I is a type
 #define ESPALIER_CHOLMOD(P, I)                                                                                         \
   ESPALIER_HOST_CALL Factor* P##analyze(Sparse* a, Common* c) {                                                        \
     ESPALIER_NOTE_CALLER;                                                                                              \
@@ -326,6 +327,7 @@ using Common = cholmod_common;
     return with_real<I>("rowdel", 0, f, c, k, r, f, c);                                                                \
   }
 
+// NOLINTEND(bugprone-macro-parentheses)
 ESPALIER_CHOLMOD(cholmod_, int)
 ESPALIER_CHOLMOD(cholmod_l_, Long)
 

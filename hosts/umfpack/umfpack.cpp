@@ -264,6 +264,7 @@ void end(Handles<Object>& live, const char* what, void** object) noexcept {
 }  // namespace
 
 // All functions for integers I under the prefix P.
+// NOLINTBEGIN(bugprone-macro-parentheses): I is a type
 #define ESPALIER_UMFPACK(P, I)                                                                                         \
   ESPALIER_HOST_CALL I P##symbolic(I n, I m, const I* p, const I* i, const double* v, void** s, const double* c,       \
                                    double* info) {                                                                     \
@@ -345,6 +346,7 @@ void end(Handles<Object>& live, const char* what, void** object) noexcept {
     return answer(nullptr, [&] { return with_symbolic_first<I>("save_symbolic", s, file); });                          \
   }
 
+// NOLINTEND(bugprone-macro-parentheses)
 ESPALIER_UMFPACK(umfpack_di_, std::int32_t)
 ESPALIER_UMFPACK(umfpack_dl_, std::int64_t)
 
