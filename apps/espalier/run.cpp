@@ -66,7 +66,7 @@ fs::path find_host_library(const std::string& name) {
 }
 
 fs::path host_library(const std::string& name) {
-  const fs::path found = find_host_library(name);
+  fs::path found = find_host_library(name);
   if (found.empty())
     refuse(fmt::format("{} is not there; build it: cmake --build build/release --target espalier_hosts", name));
   return found;
