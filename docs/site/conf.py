@@ -1,4 +1,5 @@
 """Sphinx configuration of the documentation site; docs/build.sh runs it over the tree that stage.py puts together."""
+import importlib.util
 import os
 import re
 import sys
@@ -40,6 +41,8 @@ nb_merge_streams = True
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
 autodoc_default_options = {"members": True, "undoc-members": False}
+# Adapters of packages that are not here are described all the same.
+autodoc_mock_imports = [m for m in ("torch", "ngsolve", "sfepy", "jax", "scipy") if importlib.util.find_spec(m) is None]
 autosummary_generate = False
 python_display_short_literal_types = True
 

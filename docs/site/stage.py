@@ -21,7 +21,8 @@ import notebooks  # noqa: E402
 import option_names  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
-HEADERS = ("solver.hpp", "matrix.hpp", "types.hpp", "dynamics.hpp", "dae.hpp", "eigen.hpp", "sundials.hpp")
+# All public headers but the one that includes the others.
+HEADERS = sorted(h.name for h in (ROOT / "include/espalier").iterdir() if h.name != "espalier.hpp")
 
 
 def put(path, text, kept):
@@ -163,7 +164,7 @@ def main():
     put(a.stage / "reference/help.md", command_line(a.binary), kept)
     put(a.stage / "reference/options.md", option_names.page(), kept)
     put(a.stage / "reference/python.rst", (ROOT / "docs/site/python.rst").read_text(), kept)
-    for header in (*HEADERS, "espalier.h"):
+    for header in HEADERS:
         put(a.stage / "reference" / "headers" / (header.replace(".", "_") + ".rst"), cpp_page(a.doxygen, header), kept)
     for path in sorted(a.stage.rglob("*"), reverse=True):
         if path.is_file() and path not in kept:

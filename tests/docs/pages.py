@@ -6,6 +6,7 @@
 - links between pages, to headings and to files of the repository lead somewhere; the README of a folder names all its pages;
 - every key that a model may have is in the guide (docs/site/model_keys.py), every option of the solver on the page of the command
   line or of the library (docs/site/option_names.py);
+- every public name of the Python package is in its reference (docs/site/python.rst);
 - the names in the last columns of docs/coming_from/*.md are in the public headers or in the Python package;
 - with the program: every option of --help is on the page of the command line, and every option there is in --help;
 - pictures of docs/images are used, and every model of models/ has one in the gallery.
@@ -99,6 +100,18 @@ def check_keys():
     return sum(len(lines) for _, _, lines in sections)
 
 
+def check_python():
+    """The reference of Python has every public name and module."""
+    text = (ROOT / "docs/site/python.rst").read_text()
+    listed = re.search(r"__all__ = \[(.*?)\]", (ROOT / "python/espalier/__init__.py").read_text(), re.S)[1]
+    for name in re.findall(r'"(\w+)"', listed):
+        if not name.startswith("__") and f":: espalier.{name}\n" not in text:
+            complain(f"docs/site/python.rst has no espalier.{name}")
+    for module in sorted((ROOT / "python/espalier").glob("[a-z]*.py")):
+        if f"automodule:: espalier.{module.stem}\n" not in text:
+            complain(f"docs/site/python.rst has no module espalier.{module.stem}")
+
+
 def check_names():
     """Names of ours in the tables for those who come from elsewhere."""
     headers = "\n".join(f.read_text() for f in sorted((ROOT / "include/espalier").iterdir()))
@@ -155,6 +168,7 @@ def main():
     check_folders()
     check_images()
     check_gallery()
+    check_python()
     if a.binary:
         print("%d commands, %d options of the program" % check_help(a.binary))
     print("\n".join(complaints))
