@@ -6,7 +6,6 @@ import pickle
 import signal
 import threading
 import time
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +34,7 @@ def pendulum(**keys):
 
 
 def test_toml_of_trees():
+    tomllib = pytest.importorskip("tomllib")  # of Python 3.11
     tree = {"a": 1, "b": True, "c": [1.5, 1e300, -2], "d": 'quote " and \\ and \n', "e": np.float64(0.1),
             "section": {"x": np.arange(3), "part one": {"deep": {"deeper": [{"k": 1}]}}}, "empty": {}, "inf": math.inf}
     back = tomllib.loads(toml_of(tree))
