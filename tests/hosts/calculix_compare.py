@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Compares what calculix.sh has left: numbers of the .dat files, deck by deck. Fails where they differ."""
+"""Compares what calculix.sh has left: numbers of the .dat and .frd files, deck by deck. Fails where they differ."""
 import pathlib
 import re
 import sys
@@ -7,10 +7,13 @@ import sys
 NUMBER = re.compile(r"[-+]?\d+\.\d+(?:[EeDd][-+]?\d+)?")
 
 
-def numbers(path):
-    """The numbers of each block of lines; a block is what stands between two empty lines."""
-    text = path.read_text(errors="replace") if path.exists() else ""
-    blocks = [[float(n.replace("D", "E").replace("d", "e")) for n in NUMBER.findall(block)] for block in re.split(r"\n\s*\n", text)]
+def numbers(folder, name):
+    """The numbers of each block of lines; a block ends with an empty line (.dat) or with -3 (.frd)."""
+    blocks = []
+    for path in (folder / f"{name}.dat", folder / f"{name}.frd"):
+        text = path.read_text(errors="replace") if path.exists() else ""
+        for block in re.split(r"\n\s*\n|\n -3 *\n", text):
+            blocks.append([float(n.replace("D", "E").replace("d", "e")) for n in NUMBER.findall(block)])
     return [block for block in blocks if block]
 
 
@@ -28,7 +31,7 @@ def difference(ours, own):
 
 def main():
     work = pathlib.Path(sys.argv[1])
-    decks, wrong, factorized, seconds = 0, 0, 0, [0.0, 0.0]
+    decks, wrong, factorized, compared, seconds = 0, 0, 0, 0, [0.0, 0.0]
     for line in (work / "times").read_text().splitlines():
         name, own, ours, count = line.split()
         if own == "failed":
@@ -36,15 +39,17 @@ def main():
         decks += 1
         factorized += int(count)
         folder = work / "runs" / name
-        worst = difference(numbers(folder / "PARDISO" / f"{name}.dat"), numbers(folder / "SPOOLES" / f"{name}.dat"))
+        theirs = numbers(folder / "SPOOLES", name)
+        worst = difference(numbers(folder / "PARDISO", name), theirs)
+        compared += sum(map(len, theirs))
         verdict = "failed" if ours == "failed" else "same" if worst < 1e-3 else f"differs by {worst:.1e}"
         wrong += verdict != "same"
         if ours != "failed":
             seconds[0] += float(own)
             seconds[1] += float(ours)
         print(f"{name:24} SPOOLES {own:>7} s   ours {ours:>7} s   {count:>4} factorizations   {worst:.1e}   {verdict}")
-    print(f"{decks} decks, {factorized} factorizations of ours, {wrong} differences; SPOOLES {seconds[0]:.1f} s, ours {seconds[1]:.1f} s")
-    return 1 if wrong or not factorized else 0
+    print(f"{decks} decks, {factorized} factorizations of ours, {compared} numbers compared, {wrong} differences; SPOOLES {seconds[0]:.1f} s, ours {seconds[1]:.1f} s")
+    return 1 if wrong or not factorized or not compared else 0
 
 
 if __name__ == "__main__":
