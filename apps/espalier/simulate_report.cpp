@@ -74,9 +74,10 @@ std::string simulate_summary(const SimulationSummary& s) {
              fmt::format("{:g} to {:g}, {} ({})", s.t_begin, s.t_end, counted(s.steps, "step", "steps"), s.method)});
   table.add({"newton", fmt::format("{} iterations, {} failures, {} steps rejected", grouped(s.newton_iterations),
                                    s.newton_failures, s.error_failures)});
-  table.add({"factorizations", fmt::format("{} ({} by step size, {} by slow Newton, {} by failures), {} solves",
-                                           grouped(s.factorizations), s.refactor_step, s.refactor_rate,
-                                           s.refactor_failed, grouped(s.solves))});
+  table.add(
+      {"factorizations", fmt::format("{} ({} by step size, {} by slow Newton, {} by failures), turned {}, {} solves",
+                                     grouped(s.factorizations), s.refactor_step, s.refactor_rate, s.refactor_failed,
+                                     counted(s.turned, "time", "times"), grouped(s.solves))});
   table.add(
       {"constraints", fmt::format("position {}, velocity {}, acceleration {}", small(s.largest_violation.position),
                                   small(s.largest_violation.velocity), small(s.largest_violation.acceleration))});
@@ -141,6 +142,7 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
                  {"analyses", s.analyses},
                  {"factorizations", s.factorizations},
                  {"solves", s.solves},
+                 {"turned", s.turned},
                  {"refactor_first", s.refactor_first},
                  {"refactor_step", s.refactor_step},
                  {"refactor_rate", s.refactor_rate},

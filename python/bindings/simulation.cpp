@@ -106,6 +106,7 @@ nb::dict fields(const SimulationSummary& s) {
   d["analyses"] = s.analyses;
   d["factorizations"] = s.factorizations;
   d["solves"] = s.solves;
+  d["turned"] = s.turned;
   nb::list events, modes, critical;
   for (const SimulationEvent& e : s.events) events.append(nb::make_tuple(e.name, e.t));
   for (const SimulationMode& m : s.modes) modes.append(nb::make_tuple(m.frequency, m.damping_ratio));

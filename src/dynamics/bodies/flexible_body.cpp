@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -117,6 +118,36 @@ void FlexibleBody::magnitude(ConstSpan, Span out) const {
   const double size = std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2]});
   for (Index v = 0; v < assembly_.vertices(); ++v)
     for (Index i = 0; i < 3; ++i) out[at(coordinate(v) + i)] = is_position(v) ? size : 1.0;
+}
+
+std::optional<BodyTurn> FlexibleBody::turn(ConstSpan from, ConstSpan to) const {
+  constexpr double kLine = 1e-6;  // second singular value over the first
+  const double *x = from.data() + placement().q, *y = to.data() + placement().q;
+  const auto point = [](const double* p, Index v) { return Eigen::Vector3d(p[3 * v], p[3 * v + 1], p[3 * v + 2]); };
+  Eigen::Vector3d x_mean = Eigen::Vector3d::Zero(), y_mean = x_mean;
+  for (Index v = 0; v < vertices(); v += vertices_per_node_) {
+    x_mean += point(x, v) / nodes();
+    y_mean += point(y, v) / nodes();
+  }
+  Eigen::Matrix3d positions = Eigen::Matrix3d::Zero(), gradients = positions;
+  for (Index v = 0; v < vertices(); ++v) {
+    if (is_position(v))
+      positions += (point(y, v) - y_mean) * (point(x, v) - x_mean).transpose();
+    else
+      gradients += point(y, v) * point(x, v).transpose();
+  }
+  // Gradients have no unit: they count as points at a tenth of the size of the body.
+  const double square = positions.cwiseAbs().maxCoeff() / nodes();
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(positions + 0.01 * square * gradients,
+                                              Eigen::ComputeFullU | Eigen::ComputeFullV);
+  if (!(svd.singularValues()[1] > kLine * svd.singularValues()[0])) return {};
+  Eigen::Vector3d sign = Eigen::Vector3d::Ones();
+  sign[2] = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
+  const Eigen::Matrix3d r = svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
+  if (!r.allFinite()) return {};
+  BodyTurn turn{placement().v, vertices(), {}};
+  for (Index i = 0; i < 9; ++i) turn.rotation[at(i)] = r(i / 3, i % 3);
+  return turn;
 }
 
 void FlexibleBody::declare(PatternBuilder& w, PatternBuilder&) const {

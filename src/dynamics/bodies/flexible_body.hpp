@@ -87,6 +87,9 @@ class FlexibleBody final : public Component {
   void residual(const StateView& s, Span f) override;
   void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
   [[nodiscard]] Energy energy(const StateView& s) override;
+  /// The rotation that brings the nodes (and, for ANCF bodies, the gradients) of one configuration nearest to those of
+  /// the other: Kabsch, Acta Cryst. A32 (1976). None for points on a line, which leave it open.
+  [[nodiscard]] std::optional<BodyTurn> turn(ConstSpan from, ConstSpan to) const override;
   /// Bodies of solids alone, of laws that GPUs know.
   [[nodiscard]] bool fits_device() const override;
   void use_device(DeviceAssembly& device, std::span<const Offset> k_ptr) override;

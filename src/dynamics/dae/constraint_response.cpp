@@ -1,6 +1,7 @@
 #include "dynamics/dae/constraint_response.hpp"
 
 #include <algorithm>
+#include <new>
 #include <utility>
 
 #include "base/parallel.hpp"
@@ -37,8 +38,13 @@ bool ConstraintResponse::ready(Index columns, const std::function<void(Span, Ind
   solved_ += columns;
   if (made_) return true;
   if (!enough || kCheaper * width * (Offset{n_} + m_) > entries_) return false;
-  make(solve);
-  return true;
+  try {
+    make(solve);
+  } catch (const std::bad_alloc&) {
+    entries_ = 0;
+    columns_ = {};
+  }
+  return made_;
 }
 
 void ConstraintResponse::make(const std::function<void(Span, Index)>& solve) {
@@ -47,6 +53,16 @@ void ConstraintResponse::make(const std::function<void(Span, Index)>& solve) {
   for (std::size_t c = 0; c < kept_.size(); ++c) columns_[c * size + at(n_) + at(kept_[c])] = 1;
   solve(columns_, static_cast<Index>(kept_.size()));
   made_ = true;
+}
+
+void ConstraintResponse::take(std::vector<double> columns) {
+  columns_ = std::move(columns);
+  made_ = true;
+}
+
+std::vector<double> ConstraintResponse::give() {
+  if (!std::exchange(made_, false)) return {};
+  return std::move(columns_);
 }
 
 // By rows that stay in cache while the columns pass by: sums do not depend on the threads.

@@ -26,7 +26,12 @@ class ConstraintResponse {
   /// Whether apply() can be used. `columns` right-hand sides [0; r] are to be solved for; makes the columns where that
   /// pays.
   /// @param solve  solves K X = B in place for the given number of columns, each n + m
+  /// Without memory for the columns there are none.
   [[nodiscard]] bool ready(Index columns, const std::function<void(Span, Index)>& solve);
+  /// The columns are known: n + m numbers for each constraint that is not dropped.
+  void take(std::vector<double> columns);
+  /// Gives the columns away; none where there are none. They are not known any more.
+  [[nodiscard]] std::vector<double> give();
   /// x = K^-1 [0; r], r the last m of x. @pre ready()
   void apply(Span x, base::ThreadPool* pool) const;
   /// Columns that were made of this factor.

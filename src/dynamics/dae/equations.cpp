@@ -190,6 +190,17 @@ void Equations::factorize(const StateView& s, const TangentWeights& weights) {
   try_device();
 }
 
+bool Equations::turn_factor(ConstSpan q_of_factor, ConstSpan q) {
+  const Stopwatch watch(counts_.factor_seconds);
+  std::vector<BodyTurn> turns = system_.turns(q_of_factor, q);
+  if (turns.empty()) return false;
+  const Index solved = kkt_.turn(std::move(turns), phi_q_);
+  if (solved < 0) return false;
+  ++counts_.turns;
+  counts_.solves += solved;
+  return true;
+}
+
 void Equations::solve(Span b, Index columns, Index normal) {
   const Stopwatch watch(counts_.solve_seconds);
   counts_.solves += kkt_.solve(b, columns, normal);

@@ -39,6 +39,7 @@ struct EquationCounts {
   long tangents = 0;        ///< assemblies of W
   long analyses = 0;        ///< symbolic analyses
   long factorizations = 0;  ///< numeric factorizations
+  long turns = 0;           ///< factors that were turned
   long solves = 0;          ///< right sides solved for
   double assembly_seconds = 0;
   double analysis_seconds = 0;  ///< the first factorization of a pattern, which contains the analysis
@@ -80,6 +81,9 @@ class Equations {
   /// Factorizes K with W = weights.a F_a + ... at the state and the last evaluated Phi_q.
   /// @throws espalier::Error that names the coordinate or constraint if K is singular.
   void factorize(const StateView& s, const TangentWeights& weights);
+  /// Lets the factor stand for K at the state, to which bodies have turned from the configuration of the factor, with
+  /// the last evaluated Phi_q; see TurnedFactor. @return false: it cannot, or a new factor is cheaper
+  [[nodiscard]] bool turn_factor(ConstSpan q_of_factor, ConstSpan q);
   /// Factorizes [identity-like metric; Phi_q]: K with W = F_a, for projections. Same as factorize with {1, 0, 0}.
   [[nodiscard]] KktSolver& kkt() { return kkt_; }
   /// Threads for K; outlives the object; null: the calling thread alone.

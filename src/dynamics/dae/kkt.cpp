@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <new>
 #include <utility>
 
 #include "base/parallel.hpp"
@@ -12,23 +13,6 @@ namespace espalier::dynamics {
 namespace {
 std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
 }  // namespace
-
-void multiply_by_rows(const SparsePattern& p, ConstSpan values, ConstSpan x, Span y) {
-  for (Index i = 0; i < p.rows; ++i) {
-    double sum = 0;
-    for (auto k = at(p.ptr[at(i)]); k < at(p.ptr[at(i) + 1]); ++k) sum += values[k] * x[at(p.ind[k])];
-    y[at(i)] = sum;
-  }
-}
-
-void add_transposed(const SparsePattern& p, ConstSpan values, ConstSpan x, Span y) {
-  const std::size_t lines = p.ptr.size() - 1;
-  for (std::size_t i = 0; i < lines; ++i) {
-    const double xi = x[i];
-    if (xi == 0) continue;
-    for (auto k = at(p.ptr[i]); k < at(p.ptr[i + 1]); ++k) y[at(p.ind[k])] += values[k] * xi;
-  }
-}
 
 void KktSolver::set_pattern(const SparsePattern& w, const SparsePattern& phi_q, const SparsePattern* f_lambda) {
   w_ = &w;
@@ -186,7 +170,33 @@ void KktSolver::factorize() {
   if (const Status s = solver_->factorize(k_values_); !s.ok()) throw Error(s);
 }
 
-void KktSolver::factor_is_new() { response_.start(n_, m_, dropped_, solver_->numbers_of_factor()); }
+void KktSolver::factor_is_new() {
+  response_.start(n_, m_, dropped_, solver_->numbers_of_factor());
+  turned_.start(*phi_q_, phi_q_values_, dropped_);
+}
+
+Index KktSolver::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values) {
+  constexpr Offset kCheaper = 2;  // numbers that the columns have and the factor has
+  const Offset columns = 3 * turned_.constraints();
+  std::vector<double> response = response_.give();
+  if (!turned_.active() && !response.empty()) turned_.know(std::move(response));
+  turned_.drop();
+  if (f_lambda_ != nullptr || kCheaper * columns * (n_ + m_) > solver_->numbers_of_factor()) return -1;
+  Index solved = 0;
+  const auto solve = [&](Span x, Index count) {
+    solve_with_factor(x, count);
+    solved += count;
+  };
+  try {
+    if (!turned_.turn(std::move(turns), phi_q_values, solve)) return -1;
+    response_.take(turned_.response());
+  } catch (const std::bad_alloc&) {  // a new factor needs no more than the last one did
+    turned_.drop();
+    return -1;
+  }
+  std::copy(phi_q_values.begin(), phi_q_values.end(), phi_q_values_.begin());
+  return solved;
+}
 
 void KktSolver::use_device(DeviceAssembly& device, std::vector<Offset> host_entries) {
   host_entries_ = std::move(host_entries);
@@ -239,9 +249,15 @@ Index KktSolver::solve(Span b, Index columns, Index normal) {
   const bool ready =
       normal > 0 && response_.ready(normal, [this](Span x, Index count) { solve_with_factor(x, count); });
   const Index solved = ready ? columns - normal : columns;
-  if (solved > 0) solve_with_factor(b.first(at(solved) * size), solved);
+  if (solved > 0) solve_now(b.first(at(solved) * size), solved);
   for (Index c = solved; c < columns; ++c) response_.apply(b.subspan(at(c) * size, size), pool_);
   return solved + response_.columns() - before;
+}
+
+void KktSolver::solve_now(Span b, Index columns) {
+  if (!turned_.active()) return solve_with_factor(b, columns);
+  turned_.solve(
+      b, columns, [this](Span x, Index count) { solve_with_factor(x, count); }, pool_);
 }
 
 void KktSolver::solve_with_factor(Span b, Index columns) {

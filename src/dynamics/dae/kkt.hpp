@@ -7,15 +7,12 @@
 
 #include "dynamics/dae/constraint_response.hpp"
 #include "dynamics/dae/linear_solver.hpp"
+#include "dynamics/dae/sparse_products.hpp"
 #include "dynamics/dae/system.hpp"
+#include "dynamics/dae/turned_factor.hpp"
 #include "dynamics/device/device_assembly.hpp"
 
 namespace espalier::dynamics {
-
-/// y = A x for A stored by rows (ptr over rows).
-void multiply_by_rows(const SparsePattern& p, ConstSpan values, ConstSpan x, Span y);
-/// y += A^T x for A stored by rows; with A stored by columns the same loop is y += A x.
-void add_transposed(const SparsePattern& p, ConstSpan values, ConstSpan x, Span y);
 
 /// Assembles, scales and solves with K (n + m unknowns). A dropped constraint keeps its row and column, emptied, with a
 /// one on the diagonal: its multiplier is zero and the pattern does not change.
@@ -73,6 +70,11 @@ class KktSolver {
   [[nodiscard]] ConstSpan w_of_factor();
   /// Sign of the determinant of the last factor, 0 where it is not known.
   [[nodiscard]] int determinant_sign() const { return solver_->determinant_sign(); }
+  /// From now on the factor stands for K at another state: see TurnedFactor.
+  /// @param turns  since the state of the factor @param phi_q_values  there
+  /// @return right sides that the factor solved for; -1: not possible, or it does not pay; nothing has changed but
+  /// that the factor is not turned
+  [[nodiscard]] Index turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values);
   /// Solves K [x_v; x_c] = [b_v; b_c] for `columns` right sides held in `b` (each n + m numbers), in place.
   /// @param normal  that many, the last ones, have b_v = 0
   /// @return right sides that the factor solved for; see ConstraintResponse
@@ -94,11 +96,13 @@ class KktSolver {
   void compute_scaling();
   void fill_rest();
   void factor_is_new();
+  void solve_now(Span b, Index columns);
   void solve_with_factor(Span b, Index columns);
 
   std::unique_ptr<LinearSolver> solver_;
   base::ThreadPool* pool_ = nullptr;
   ConstraintResponse response_;
+  TurnedFactor turned_;
   const SparsePattern* w_ = nullptr;
   const SparsePattern* phi_q_ = nullptr;
   const SparsePattern* f_lambda_ = nullptr;

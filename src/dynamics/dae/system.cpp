@@ -274,6 +274,13 @@ void AssembledSystem::set_load_factor(double factor) {
   for (const auto& c : components_) c->set_load_factor(factor);
 }
 
+std::vector<BodyTurn> AssembledSystem::turns(ConstSpan from, ConstSpan to) const {
+  std::vector<BodyTurn> all;
+  for (const auto& c : components_)
+    if (const std::optional<BodyTurn> turn = c->turn(from, to)) all.push_back(*turn);
+  return all;
+}
+
 void AssembledSystem::accept(const StateView& s) {
   for (const auto& c : components_) c->accept(s);
 }

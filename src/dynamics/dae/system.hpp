@@ -17,8 +17,10 @@
 /// F may depend on lambda itself (friction that grows with a joint's reaction): F_lambda then stands beside Phi_q^T.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -83,6 +85,13 @@ struct Sizes {
   Index constraints = 0;    ///< m
 };
 
+/// A body's turn between two configurations: x_to - centre = rotation (x_from - centre), but for its strain.
+struct BodyTurn {
+  Index first = 0;                                            ///< first velocity coordinate of the body
+  Index vertices = 0;                                         ///< that many times three coordinates turn with it
+  std::array<double, 9> rotation{1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< row by row
+};
+
 /// A system of equations that the integrators can integrate. All arrays are global. Implementations need not be safe
 /// for concurrent calls on one object.
 class System {
@@ -115,6 +124,8 @@ class System {
   [[nodiscard]] virtual Energy energy(const StateView& s);
   /// Multiplies gravity, loads, pressures and actuators from now on (1 unless statics puts them on step by step).
   virtual void set_load_factor(double /*factor*/) {}
+  /// How bodies whose tangents turn with them have turned from a configuration to another one.
+  [[nodiscard]] virtual std::vector<BodyTurn> turns(ConstSpan /*from*/, ConstSpan /*to*/) const { return {}; }
   /// Called by the integrators with every accepted state: the place to remember what has a history (turns of an angle).
   virtual void accept(const StateView& /*s*/) {}
 
@@ -204,6 +215,8 @@ class Component {
   [[nodiscard]] virtual Energy energy(const StateView& s);
   /// See System::set_load_factor().
   void set_load_factor(double factor) { load_factor_ = factor; }
+  /// See System::turns(). None: its tangent does not turn with it.
+  [[nodiscard]] virtual std::optional<BodyTurn> turn(ConstSpan /*from*/, ConstSpan /*to*/) const { return {}; }
   /// Called with every accepted state.
   virtual void accept(const StateView& /*s*/) {}
   /// What it remembers beside the state (turns of an angle, measured offsets), for restart files: save() appends,
@@ -250,6 +263,7 @@ class AssembledSystem final : public System {
   void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) override;
   [[nodiscard]] Energy energy(const StateView& s) override;
   void set_load_factor(double factor) override;
+  [[nodiscard]] std::vector<BodyTurn> turns(ConstSpan from, ConstSpan to) const override;
   void accept(const StateView& s) override;
   [[nodiscard]] const SparsePattern& tangent_pattern() const override { return w_pattern_; }
   [[nodiscard]] const SparsePattern& constraint_pattern() const override { return phi_q_pattern_; }

@@ -105,11 +105,14 @@ void BdfIntegrator::ensure_factor(bool retry) {
   } else if (moved) {
     reach_ *= kReachGrowth;
   }
-  if (!none && !retry && !step_left && !rate_poor_ && !moved) {
+  const bool was_turned = std::exchange(turned_, false), poor = retry || rate_poor_;
+  if (!none && !poor && !step_left && !moved) {
     factor_fresh_ = false;
     return;
   }
   equations_.evaluate_constraints(trial_.t, trial_.q, {});
+  // Where a factor that was turned does not do, a new one is due.
+  if (!none && !step_left && !(poor && (was_turned || factor_fresh_)) && turn_factor()) return;
   renew_factor(none        ? counts_.refactor_first
                : retry     ? counts_.refactor_failed
                : step_left ? counts_.refactor_step
@@ -118,15 +121,24 @@ void BdfIntegrator::ensure_factor(bool retry) {
 
 // In units of the tolerance of q: how far the predicted configuration lies from the one of the factor.
 double BdfIntegrator::distance_from_factor() {
-  equations_.system().local(factor_q_, trial_.q, work_n_);
+  equations_.system().local(placed_q_, trial_.q, work_n_);
   return norm(work_n_, weight_q_);
+}
+
+bool BdfIntegrator::turn_factor() {
+  if (!equations_.turn_factor(factor_q_, trial_.q)) return false;
+  placed_q_ = trial_.q;
+  factor_fresh_ = rate_poor_ = false;
+  turned_ = true;
+  rate_ = 0.5;
+  return true;
 }
 
 void BdfIntegrator::renew_factor(long& reason) {
   ++reason;
   equations_.factorize(trial_.view(), {1, formula_.hp, formula_.hp * formula_.hp});
   factor_hp_ = formula_.hp;
-  factor_q_ = trial_.q;
+  factor_q_ = placed_q_ = trial_.q;
   factor_fresh_ = true;
   rate_poor_ = false;
   rate_ = 0.5;

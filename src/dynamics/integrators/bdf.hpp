@@ -99,6 +99,7 @@ class BdfIntegrator final : public Integrator {
   Outcome solve_step(StepReport& report);
   Outcome solve_reduced(StepReport& report);
   Outcome solve_full(StepReport& report);
+  [[nodiscard]] bool turn_factor();
   void project_stages();
   void add_normal_part(ConstSpan violation, Span change);
   void iterate_reduced(StepReport& report);
@@ -149,7 +150,9 @@ class BdfIntegrator final : public Integrator {
   double factor_hp_ = 0;                  // h' of the factor; 0: none
   bool factor_fresh_ = false;             // the factor belongs to this very attempt
   std::vector<double> factor_q_;          // configuration of the factor
-  double reach_ = std::numeric_limits<double>::infinity();  // learned: farther from factor_q_ the factor will not do
+  std::vector<double> placed_q_;          // to which it was turned
+  bool turned_ = false;                   // the present attempt began with that
+  double reach_ = std::numeric_limits<double>::infinity();  // learned: farther from placed_q_ the factor will not do
   bool rate_poor_ = false;
   double rate_ = 0.5;
   double own_error_ = 0, latest_error_ = 0;  // of the formula, in units of the tolerance; with memory, of the last pass

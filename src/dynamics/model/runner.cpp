@@ -387,6 +387,7 @@ void Runner::finish() {
   summary_.analyses = e.analyses;
   summary_.factorizations = e.factorizations;
   summary_.solves = e.solves;
+  summary_.turned = e.turns;
   SimulationPhases& p = summary_.phases;
   p.assembly = e.assembly_seconds;
   p.analysis = record_.analysis_seconds;
