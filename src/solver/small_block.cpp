@@ -48,6 +48,46 @@ bool sweep(Block& y, Block& q) {
   return any;
 }
 
+// y = z r, z orthonormal, r upper triangular: r = z^T y to the rounding of each column.
+struct Triangular {
+  Block z, r;
+
+  explicit Triangular(const Block& y) : z(y), r(y.columns, y.columns) {
+    orthonormalize(z);
+    for (Index j = 0; j < y.columns; ++j)
+      for (Index i = 0; i <= j; ++i) r.column(j)[i] = dot(z.column(i), y.column(j), y.rows);
+  }
+};
+
+// x m, m square
+Block product(const Block& x, const Block& m) {
+  Block out(x.rows, m.columns);
+  for (Index c = 0; c < m.columns; ++c)
+    for (Index k = 0; k < x.columns; ++k) {
+      const double factor = m.column(c)[k];
+      const double* from = x.column(k);
+      double* to = out.column(c);
+      for (Index i = 0; i < x.rows; ++i) to[i] += factor * from[i];
+    }
+  return out;
+}
+
+void rotate_all(Block& y, Block& q) {
+  for (int k = 0; k < kMostSweeps && sweep(y, q); ++k) {
+  }
+}
+
+// The rotations are found on the triangle, which is as good: an error of r in a column is one of y relative to the same
+// column.
+void rotate_triangle(Block& y, Block& q) {
+  Triangular t(y);
+  Block v(y.columns, y.columns);
+  for (Index c = 0; c < v.columns; ++c) v.column(c)[c] = 1;
+  rotate_all(t.r, v);
+  y = product(t.z, t.r);
+  q = product(q, v);
+}
+
 void pick(Block& x, const std::vector<Index>& order) {
   const Block from = x;
   for (Index c = 0; c < x.columns; ++c) {
@@ -59,13 +99,13 @@ void pick(Block& x, const std::vector<Index>& order) {
 }  // namespace
 
 double dot(const double* x, const double* y, Index n) {
-  constexpr Index kSums = 4;  // one sum after another would wait for itself
+  constexpr Index kSums = 8;  // one sum after another would wait for itself
   double sum[kSums] = {};
   Index i = 0;
   for (; i + kSums <= n; i += kSums)
     for (Index k = 0; k < kSums; ++k) sum[k] += x[i + k] * y[i + k];
   for (; i < n; ++i) sum[0] += x[i] * y[i];
-  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+  return ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]));
 }
 
 double norm_two(const double* x, Index n) { return std::sqrt(dot(x, x, n)); }
@@ -116,8 +156,11 @@ void project_out(const Block& q, Block& x) {
 }
 
 std::vector<double> rotate_apart(Block& y, Block& q) {
-  for (int k = 0; k < kMostSweeps && sweep(y, q); ++k) {
-  }
+  constexpr Index kLong = 4;  // rows over columns
+  if (y.rows >= kLong * y.columns)
+    rotate_triangle(y, q);
+  else
+    rotate_all(y, q);
   std::vector<double> length(static_cast<std::size_t>(y.columns));
   for (Index c = 0; c < y.columns; ++c) length[static_cast<std::size_t>(c)] = norm_two(y.column(c), y.rows);
   std::vector<Index> order(length.size());

@@ -36,7 +36,8 @@ void orthonormalize(Block& x);
 void project_out(const Block& q, Block& x);
 
 /// Rotates the columns of `y` until they are orthogonal, those of `q` with them (one-sided Jacobi: small singular
-/// values are found to high relative accuracy, Demmel and Veselic 1992); then sorts both by the columns of `y`.
+/// values are found to high relative accuracy, Demmel and Veselic 1992; of long columns on the triangle of a QR
+/// factorization, Drmac and Veselic 2008); then sorts both by the columns of `y`.
 /// @returns |y_j|_2, ascending
 std::vector<double> rotate_apart(Block& y, Block& q);
 
