@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "base/parallel.hpp"
+#include "dynamics/dae/at.hpp"
 
 namespace espalier::dynamics {
 
@@ -16,8 +17,6 @@ constexpr Index kColumnsPerSolve = 5;
 // A product must read this much less than a solve: its columns are read once, but come from memory that nobody else
 // uses.
 constexpr Offset kCheaper = 2;
-
-std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 

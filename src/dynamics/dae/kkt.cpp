@@ -7,12 +7,9 @@
 #include <utility>
 
 #include "base/parallel.hpp"
+#include "dynamics/dae/at.hpp"
 
 namespace espalier::dynamics {
-
-namespace {
-std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
-}  // namespace
 
 void KktSolver::set_pattern(const SparsePattern& w, const SparsePattern& phi_q, const SparsePattern* f_lambda) {
   w_ = &w;

@@ -1,10 +1,8 @@
 #include "dynamics/dae/sparse_products.hpp"
 
-namespace espalier::dynamics {
+#include "dynamics/dae/at.hpp"
 
-namespace {
-std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
-}  // namespace
+namespace espalier::dynamics {
 
 void multiply_by_rows(const SparsePattern& p, ConstSpan values, ConstSpan x, Span y) {
   for (Index i = 0; i < p.rows; ++i) {

@@ -4,13 +4,10 @@
 #include <cmath>
 
 #include "base/parallel.hpp"
+#include "dynamics/dae/at.hpp"
 #include "dynamics/dae/sparse_products.hpp"
 
 namespace espalier::dynamics {
-
-namespace {
-std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
-}  // namespace
 
 void TurnedFactor::start(const SparsePattern& phi_q, ConstSpan phi_q_values, const std::vector<char>& dropped) {
   phi_q_ = &phi_q;
