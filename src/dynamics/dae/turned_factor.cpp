@@ -53,12 +53,13 @@ bool TurnedFactor::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, con
   active_ = false;
   turns_ = std::move(turns);
   phi_q_now_.assign(phi_q_values.begin(), phi_q_values.end());
+  g_.setZero(static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(2 * k));
+  if (k == 0) return active_ = true;
   if (y_0_.empty()) {
     y_0_.assign(size * k, 0.0);
     for (std::size_t c = 0; c < k; ++c) y_0_[c * size + n + at(kept_[c])] = 1;
     solve(y_0_, static_cast<Index>(k));
   }
-  g_.setZero(static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(2 * k));
   for (std::size_t c = 0; c < k; ++c) {  // R^T P^T - P_0^T
     const Span column(g_.data() + c * size, size);
     const Index row = kept_[c];
@@ -87,8 +88,10 @@ void TurnedFactor::solve(Span b, Index columns, const Solve& solve, base::Thread
   Eigen::VectorXd w(static_cast<Eigen::Index>(k));
   for (std::size_t c = 0; c < at(columns); ++c) {
     const Span x = b.subspan(c * size, size);
-    apply_v(x, w.data());
-    w = core_.solve(w).eval();
+    if (k > 0) {
+      apply_v(x, w.data());
+      w = core_.solve(w).eval();
+    }
     base::for_each_range(pool, static_cast<std::int64_t>(size), kRows, [&](std::int64_t begin, std::int64_t end) {
       for (std::size_t j = 0; j < k; ++j) {
         const double factor = w[static_cast<Eigen::Index>(j)];
@@ -103,6 +106,7 @@ void TurnedFactor::solve(Span b, Index columns, const Solve& solve, base::Thread
 std::vector<double> TurnedFactor::response() const {
   const Eigen::Index size = g_.rows(), k = static_cast<Eigen::Index>(kept_.size());
   std::vector<double> columns = y_0_;
+  if (k == 0) return columns;
   Eigen::Map<Eigen::MatrixXd> y(columns.data(), size, k);
   y.noalias() -= g_ * core_.solve(core_matrix_.rightCols(k));
   for (Eigen::Index c = 0; c < k; ++c) rotate({columns.data() + c * size, at(size)}, false);
