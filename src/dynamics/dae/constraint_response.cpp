@@ -4,8 +4,8 @@
 #include <new>
 #include <utility>
 
-#include "base/parallel.hpp"
 #include "dynamics/dae/at.hpp"
+#include "dynamics/dae/products.hpp"
 
 namespace espalier::dynamics {
 
@@ -64,21 +64,11 @@ std::vector<double> ConstraintResponse::give() {
   return std::move(columns_);
 }
 
-// By rows that stay in cache while the columns pass by: sums do not depend on the threads.
 void ConstraintResponse::apply(Span x, base::ThreadPool* pool) const {
-  constexpr std::int64_t kRows = 1024;
-  const std::size_t size = x.size();
   r_.resize(kept_.size());
   for (std::size_t c = 0; c < kept_.size(); ++c) r_[c] = x[at(n_) + at(kept_[c])];
-  const auto rows = [&](std::int64_t begin, std::int64_t end) {
-    std::fill(x.begin() + begin, x.begin() + end, 0.0);
-    for (std::size_t c = 0; c < kept_.size(); ++c) {
-      const double r = r_[c];
-      const double* column = columns_.data() + c * size;
-      for (std::int64_t i = begin; i < end; ++i) x[at(i)] += r * column[i];
-    }
-  };
-  base::for_each_range(pool, static_cast<std::int64_t>(size), kRows, rows);
+  std::fill(x.begin(), x.end(), 0.0);
+  add_columns(columns_.data(), r_, x, pool);
 }
 
 }  // namespace espalier::dynamics

@@ -7,7 +7,7 @@
 
 #include "dynamics/dae/constraint_response.hpp"
 #include "dynamics/dae/linear_solver.hpp"
-#include "dynamics/dae/sparse_products.hpp"
+#include "dynamics/dae/products.hpp"
 #include "dynamics/dae/system.hpp"
 #include "dynamics/dae/turned_factor.hpp"
 #include "dynamics/device/device_assembly.hpp"

@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/parallel.hpp"
 #include "dynamics/dae/at.hpp"
-#include "dynamics/dae/sparse_products.hpp"
+#include "dynamics/dae/products.hpp"
 
 namespace espalier::dynamics {
 
@@ -56,9 +55,10 @@ bool TurnedFactor::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, con
   g_.setZero(static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(2 * k));
   if (k == 0) return active_ = true;
   if (y_0_.empty()) {
-    y_0_.assign(size * k, 0.0);
-    for (std::size_t c = 0; c < k; ++c) y_0_[c * size + n + at(kept_[c])] = 1;
-    solve(y_0_, static_cast<Index>(k));
+    std::vector<double> units(size * k, 0.0);
+    for (std::size_t c = 0; c < k; ++c) units[c * size + n + at(kept_[c])] = 1;
+    solve(units, static_cast<Index>(k));  // may be interrupted
+    y_0_ = std::move(units);
   }
   for (std::size_t c = 0; c < k; ++c) {  // R^T P^T - P_0^T
     const Span column(g_.data() + c * size, size);
@@ -80,7 +80,6 @@ bool TurnedFactor::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, con
 }
 
 void TurnedFactor::solve(Span b, Index columns, const Solve& solve, base::ThreadPool* pool) const {
-  constexpr std::int64_t kRows = 1024;
   const auto size = static_cast<std::size_t>(g_.rows());
   const std::size_t k = 2 * kept_.size();
   for (std::size_t c = 0; c < at(columns); ++c) rotate(b.subspan(c * size, size), true);
@@ -90,15 +89,9 @@ void TurnedFactor::solve(Span b, Index columns, const Solve& solve, base::Thread
     const Span x = b.subspan(c * size, size);
     if (k > 0) {
       apply_v(x, w.data());
-      w = core_.solve(w).eval();
+      w = -core_.solve(w).eval();
+      add_columns(g_.data(), {w.data(), k}, x, pool);
     }
-    base::for_each_range(pool, static_cast<std::int64_t>(size), kRows, [&](std::int64_t begin, std::int64_t end) {
-      for (std::size_t j = 0; j < k; ++j) {
-        const double factor = w[static_cast<Eigen::Index>(j)];
-        const double* g = g_.data() + j * size;
-        for (std::int64_t i = begin; i < end; ++i) x[at(i)] -= factor * g[i];
-      }
-    });
     rotate(x, false);
   }
 }

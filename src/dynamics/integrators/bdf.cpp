@@ -112,7 +112,9 @@ void BdfIntegrator::ensure_factor(bool retry) {
   }
   equations_.evaluate_constraints(trial_.t, trial_.q, {});
   // Where a factor that was turned does not do, a new one is due.
-  if (!none && !step_left && !(poor && (was_turned || factor_fresh_)) && turn_factor()) return;
+  // measure_blocks() looks at the matrix of the factor itself.
+  const bool may_turn = !none && !step_left && !options_.measure_blocks;
+  if (may_turn && !(poor && (was_turned || factor_fresh_)) && turn_factor()) return;
   renew_factor(none        ? counts_.refactor_first
                : retry     ? counts_.refactor_failed
                : step_left ? counts_.refactor_step

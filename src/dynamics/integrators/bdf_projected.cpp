@@ -41,6 +41,7 @@ void BdfIntegrator::remove_weak_parts() {
 void BdfIntegrator::iterate_projected(StepReport& report) {
   const double hp = formula_.hp;
   equations_.factorize(trial_.view(), {1, hp, hp * hp});
+  factor_q_ = placed_q_ = trial_.q;
   equations_.evaluate_constraints(trial_.t, trial_.q, {});
   iterate_reduced(report);
 }

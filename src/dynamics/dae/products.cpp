@@ -1,5 +1,6 @@
-#include "dynamics/dae/sparse_products.hpp"
+#include "dynamics/dae/products.hpp"
 
+#include "base/parallel.hpp"
 #include "dynamics/dae/at.hpp"
 
 namespace espalier::dynamics {
@@ -19,6 +20,18 @@ void add_transposed(const SparsePattern& p, ConstSpan values, ConstSpan x, Span 
     if (xi == 0) continue;
     for (auto k = at(p.ptr[i]); k < at(p.ptr[i + 1]); ++k) y[at(p.ind[k])] += values[k] * xi;
   }
+}
+
+// By rows that stay in cache while the columns pass by.
+void add_columns(const double* columns, ConstSpan factors, Span x, base::ThreadPool* pool) {
+  constexpr std::int64_t kRows = 1024;
+  base::for_each_range(pool, static_cast<std::int64_t>(x.size()), kRows, [&](std::int64_t begin, std::int64_t end) {
+    for (std::size_t c = 0; c < factors.size(); ++c) {
+      const double factor = factors[c];
+      const double* column = columns + c * x.size();
+      for (std::int64_t i = begin; i < end; ++i) x[at(i)] += factor * column[i];
+    }
+  });
 }
 
 }  // namespace espalier::dynamics
