@@ -173,12 +173,12 @@ void KktSolver::factor_is_new() {
 }
 
 Index KktSolver::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values) {
-  constexpr Offset kCheaper = 2;  // numbers that the columns have and the factor has
+  constexpr Offset kSmaller = 2;  // than the factor, in numbers
   const Offset columns = 3 * turned_.constraints();
   std::vector<double> response = response_.give();
   if (!turned_.active() && !response.empty()) turned_.know(std::move(response));
   turned_.drop();
-  if (f_lambda_ != nullptr || kCheaper * columns * (n_ + m_) > solver_->numbers_of_factor()) return -1;
+  if (f_lambda_ != nullptr || kSmaller * columns * (n_ + m_) > solver_->numbers_of_factor()) return -1;
   Index solved = 0;
   const auto solve = [&](Span x, Index count) {
     solve_with_factor(x, count);
