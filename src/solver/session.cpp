@@ -28,13 +28,6 @@ int usual_threads() {
   return base::available_cores();
 }
 
-int threads_of(const Options& o) {
-  check_options(o);
-  const int threads = o.threads > 0 ? o.threads : usual_threads();
-  const auto host = host_devices(o.device, threads);
-  return host ? host->devices * host->threads : threads;
-}
-
 base::Interruption::Clock::duration period_of(const Options& o) {
   const std::chrono::duration<double> seconds(o.interrupted_every);
   return std::chrono::duration_cast<base::Interruption::Clock::duration>(seconds);
@@ -45,6 +38,13 @@ std::unique_ptr<base::Timeline> timeline_of(const Options& o) {
 }
 
 }  // namespace
+
+int threads_of(const Options& o) {
+  check_options(o);
+  const int threads = o.threads > 0 ? o.threads : usual_threads();
+  const auto host = host_devices(o.device, threads);
+  return host ? host->devices * host->threads : threads;
+}
 
 Session::Session(Options the_options, const device::Registry& registry)
     : options(std::move(the_options)),

@@ -14,6 +14,9 @@
 
 namespace espalier::solver {
 
+/// Threads of a session with these options. @throws std::invalid_argument for values that options cannot have
+int threads_of(const Options& options);
+
 /// Methods throw Error; Solver turns it into a Status.
 class Session {
  public:

@@ -46,21 +46,22 @@ Signs inertia(const SparseMatrix& a) {
 
 // Truth: the sizes named in the project's list of benchmark systems.
 TEST(Generate, UnknownsByFormula) {
-  const std::pair<const char*, std::int64_t> known[] = {{"elasticity 20", 26460},    {"elasticity 40 40 40", 201720},
-                                                        {"elasticity 64", 811200},   {"elasticity 96", 2709792},
-                                                        {"plate 200 200", 241200},   {"plate 1200", 8647200},
-                                                        {"kkt 20 20 8 8", 102120},   {"kkt 2", 10212},
-                                                        {"kkt 200 3 2 2", 22200},    {"kkt 1000 2 1 1", 39000},
-                                                        {"kkt 400 10 8 8", 1070400}, {"kkt 20 3x2x2", 2220},
-                                                        {"gyroscopic 24", 45000},    {"gyro 48", 345744},
-                                                        {"poisson 30", 27000},       {"kkt-redundant 3 2", 10215},
-                                                        {"shell 100 60", 36600},     {"kkt-scaled 2", 10212}};
+  const std::pair<const char*, std::int64_t> known[] = {{"elasticity 20", 26460},      {"elasticity 40 40 40", 201720},
+                                                        {"elasticity 64", 811200},     {"elasticity 96", 2709792},
+                                                        {"plate 200 200", 241200},     {"plate 1200", 8647200},
+                                                        {"kkt 20 20 8 8", 102120},     {"kkt 2", 10212},
+                                                        {"kkt 200 3 2 2", 22200},      {"kkt 1000 2 1 1", 39000},
+                                                        {"kkt 400 10 8 8", 1070400},   {"kkt 20 3x2x2", 2220},
+                                                        {"gyroscopic 24", 45000},      {"gyro 48", 345744},
+                                                        {"poisson 30", 27000},         {"kkt-redundant 3 2", 10215},
+                                                        {"shell 100 60", 36600},       {"kkt-scaled 2", 10212},
+                                                        {"elasticity-mass 40", 201720}};
   for (const auto& [words, n] : known) EXPECT_EQ(unknowns(spec_of(words)), n) << words;
 }
 
-const char* const kSmall[] = {"elasticity 3 2 4",        "plate 5 4",       "shell 4 6",
-                              "poisson 5 4 3",           "kkt 3 2 1 2",     "kkt-scaled 3 2 1 2",
-                              "kkt-redundant 2 3 2 1 2", "gyroscopic 3 2 2"};
+const char* const kSmall[] = {"elasticity 3 2 4",        "plate 5 4",        "shell 4 6",
+                              "poisson 5 4 3",           "kkt 3 2 1 2",      "kkt-scaled 3 2 1 2",
+                              "kkt-redundant 2 3 2 1 2", "gyroscopic 3 2 2", "elasticity-mass 3 2 2"};
 
 TEST(Generate, ValidSortedOfTheRightSize) {
   for (const auto* words : kSmall) {
@@ -230,6 +231,20 @@ TEST(Generate, GyroscopicIsElasticityPlusSkew) {
   EXPECT_NEAR(coupling, 0.8 * (2 * 2 * (2 + 1.0 / 3)), 1000 * kEps);
   EXPECT_TRUE(structure_is_symmetric(g));
   EXPECT_FALSE(values_are_symmetric(g));
+}
+
+// Truth: the coupling of the gyroscopic system of the same seed is 0.8 times the mass between x and y.
+TEST(Generate, MassOfElasticityInItsNumbering) {
+  auto spec = spec_of("gyroscopic 3 2 2");
+  const Eigen::MatrixXd g = dense(generate(spec)), skew = (g - g.transpose()) / 2;
+  spec.family = Family::elasticity_mass;
+  const Eigen::MatrixXd m = dense(generate(spec));
+  ASSERT_EQ(m.rows(), skew.rows());
+  for (Index a = 0; a < m.rows(); a += 3)
+    for (Index b = 0; b < m.cols(); b += 3)
+      for (Index i = 0; i < 3; ++i)
+        for (Index k = 0; k < 3; ++k) EXPECT_NEAR(m(a + i, b + k), i == k ? skew(a, b + 1) / 0.8 : 0.0, 8 * kEps);
+  EXPECT_EQ(Eigen::LLT<Eigen::MatrixXd>(m).info(), Eigen::Success);
 }
 
 // Truth: rigid translations of a body of the chain have no strain, so u^T (K + M/2) u = mass / 2; the rows of a joint

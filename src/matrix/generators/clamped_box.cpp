@@ -42,7 +42,36 @@ class ClampedBox final : public GroupModel {
   Index clamped_;  // nodes of the face x = 0, the first ones of the grid
 };
 
+class ClampedBoxMass final : public GroupModel {
+ public:
+  explicit ClampedBoxMass(HexGrid grid)
+      : grid_(grid), clamped_((grid.ny + 1) * (grid.nz + 1)), mass_(hex8_mass(hex_box(1, 1, 1))) {}
+
+  [[nodiscard]] Index groups() const override { return static_cast<Index>(grid_.nodes()) - clamped_; }
+
+  void neighbours(Index group, std::vector<Neighbour>& out) const override {
+    grid_.for_each_neighbour(grid_.node_place(group + clamped_), [&](GridPlace q) {
+      if (q.x > 0) out.push_back({grid_.node(q) - clamped_, BlockShape::diagonal});
+    });
+  }
+
+  void block(Index row, Index col, BlockValues& values) const override {
+    values.fill(0);
+    double mass = 0;
+    grid_.for_each_shared_element(grid_.node_place(row + clamped_), grid_.node_place(col + clamped_),
+                                  [&](GridPlace, std::size_t a, std::size_t b) { mass += mass_[a * 8 + b]; });
+    values[0] = values[4] = values[8] = mass;
+  }
+
+ private:
+  HexGrid grid_;
+  Index clamped_;
+  HexMass mass_;
+};
+
 }  // namespace
+
+std::unique_ptr<GroupModel> make_clamped_box_mass(HexGrid grid) { return std::make_unique<ClampedBoxMass>(grid); }
 
 std::unique_ptr<GroupModel> make_clamped_box(HexGrid grid, double height, Randomness random) {
   return make_clamped_box(grid, {hex8_stiffness(hex_box(1, 1, height), kYoung, kPoisson)}, random);

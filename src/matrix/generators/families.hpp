@@ -25,6 +25,9 @@ std::unique_ptr<GroupModel> make_clamped_box(HexGrid grid, double height, Random
 /// The same with elements of other shapes. @param stiffness one for all, or one for each y
 std::unique_ptr<GroupModel> make_clamped_box(HexGrid grid, std::vector<HexStiffness> stiffness, Randomness random);
 
+/// The consistent mass of the box of unit cubes, density 1, in the numbering of its stiffness. Positive definite.
+std::unique_ptr<GroupModel> make_clamped_box_mass(HexGrid grid);
+
 /// A cylindrical roof (as Scordelis and Lo's): nx elements along the axis, ny along an arc of 80 degrees, one element
 /// of thickness 0.3; elements are 1 long on the middle surface in both directions, so the radius is ny / (80 pi / 180).
 /// Clamped at the curved edge x = 0, the other edges free: n = 3 nx (ny + 1) 2. Positive definite.

@@ -27,6 +27,7 @@ std::uint64_t stream_seed(const GeneratorSpec& spec, Stream stream) {
 // Entries per unknown, stored, rounded up: 14 blocks of 3 x 3 in a lower triangle, 27 in a general matrix.
 std::int64_t entries_per_unknown(Family f) {
   if (f == Family::gyroscopic) return 81;
+  if (f == Family::elasticity_mass) return 14;
   return f == Family::poisson ? 4 : 42;
 }
 
@@ -56,6 +57,8 @@ std::unique_ptr<GroupModel> make_model(const GeneratorSpec& s) {
       return make_shell(s.nx, s.ny, random);
     case Family::poisson:
       return make_poisson(s.nx, s.ny, s.nz);
+    case Family::elasticity_mass:
+      return make_clamped_box_mass({s.nx, s.ny, s.nz});
     case Family::gyroscopic:
       return make_gyroscopic({s.nx, s.ny, s.nz}, random);
     default:
@@ -108,6 +111,7 @@ std::int64_t unknowns(const GeneratorSpec& s) {
     case Family::shell:
       return product({3, x, y + 1, 2});
     case Family::elasticity:
+    case Family::elasticity_mass:
     case Family::gyroscopic:
       return product({3, x, y + 1, z + 1});
     default:

@@ -12,7 +12,7 @@
 namespace espalier::matrix {
 
 /// What is generated; defined in families.hpp.
-enum class Family { elasticity, plate, shell, poisson, kkt, kkt_scaled, kkt_redundant, gyroscopic };
+enum class Family { elasticity, plate, shell, poisson, kkt, kkt_scaled, kkt_redundant, gyroscopic, elasticity_mass };
 
 /// Order of the groups of unknowns in the matrix.
 enum class Numbering {
@@ -35,8 +35,8 @@ std::string generator_usage();
 
 /// Reads words such as "elasticity 40 40 40", "elasticity 40" (a cube), "plate 200 200", "shell 100 60", "poisson 50",
 /// "kkt 20 20 8 8" (bodies, then elements of each; 20 8 8 by default), "kkt-scaled 20", "kkt-redundant 3 20 20 8 8"
-/// (redundant rows first), "gyroscopic 24" (also "gyro"). Sizes may be joined: "20x8x8". Seed and numbering keep their
-/// defaults.
+/// (redundant rows first), "gyroscopic 24" (also "gyro"), "elasticity-mass 40" (the mass matrix of "elasticity 40").
+/// Sizes may be joined: "20x8x8". Seed and numbering keep their defaults.
 /// @throws Error(invalid_input) that says what was expected
 GeneratorSpec parse_generator(std::span<const std::string> words);
 

@@ -35,6 +35,8 @@ constexpr std::array kForms{
          "kkt-redundant K BODIES [NX NY NZ]  the chain with K redundant constraints"},
     Form{"gyroscopic", Family::gyroscopic, false, false, 3,
          "gyroscopic NX [NY NZ]        elasticity that spins: unsymmetric"},
+    Form{"elasticity-mass", Family::elasticity_mass, false, false, 3,
+         "elasticity-mass NX [NY NZ]   the mass matrix of elasticity NX [NY NZ]"},
 };
 
 [[noreturn]] void refuse(const std::string& what) {

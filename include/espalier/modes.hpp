@@ -1,0 +1,99 @@
+/// \file
+/// Modes: eigenvalues and eigenvectors of symmetric pencils, found with a factor and proven complete by inertia.
+///
+///     K x = l M x     vibration: find_modes(); l is the square of an angular frequency
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "espalier/solver.hpp"
+
+namespace espalier {
+
+/// Which modes are sought, and how.
+struct ModesOptions {
+  /// So many of the lowest eigenvalues. 0: all below `below`.
+  Index count = 0;
+  /// All eigenvalues below this number (find_modes() alone); with a `count`, too, the fewer of both. Infinite: no
+  /// bound.
+  double below = std::numeric_limits<double>::infinity();
+  /// What ||OP v - theta v|| <= tolerance |theta| ends the search for a mode, in the norm of M, OP = (K - s M)^-1 M,
+  /// theta = 1 / (l - s). Errors of eigenvalues are about its square, of shapes about it, over relative gaps.
+  double tolerance = 1e-10;
+  /// Where the search begins. NaN: our choice, a little below zero.
+  double shift = std::numeric_limits<double>::quiet_NaN();
+  bool prove = true;       ///< count by inertia at the end whether a mode was missed: one factorization more
+  bool check_mass = true;  ///< factorize M to see that it is semi-definite; without, that is the caller's word
+  Index block_size = 0;    ///< vectors that are solved for at a time; 0: 8
+  Index basis_size = 0;    ///< most vectors that are kept at a time, n values each; 0: by count and memory
+  std::uint64_t seed = 1;  ///< of the vectors that the search starts with
+  /// Device, threads, memory, where log lines go and whether to stop; `host_memory_bytes` holds for the vectors and the
+  /// factor together. Kind, precision, refinement and singular matrices are our choice.
+  Options solver;
+};
+
+/// How many eigenvalues lie below a number, by the inertia of K - at M (Sylvester's law).
+struct ModeCount {
+  double at = 0;
+  Index below = 0;
+};
+
+/// Seconds of the parts of a search.
+struct ModesSeconds {
+  double total = 0;
+  double mass = 0;           ///< M looked at
+  double analysis = 0;       ///< of K - s M
+  double factorization = 0;  ///< all of them
+  double solves = 0;         ///< with the factors
+  double orthogonalization = 0;
+  double products = 0;  ///< with K and M
+};
+
+/// Modes of a symmetric pencil. What was found stands here also where the status is not ok.
+struct ModesResult {
+  Status status;
+  Index n = 0;                      ///< rows of K
+  std::vector<double> eigenvalues;  ///< ascending
+  /// Shapes, n values each, one after another: x_i^T M x_j is 1 for i = j, else 0.
+  std::vector<double> vectors;
+  /// ||K x - l M x||_2 / ((||K||_inf + |l| ||M||_inf) ||x||_2) of each mode, computed anew at the end.
+  std::vector<double> residuals;
+  /// |l - s| ||OP v - theta v|| / |theta|, of the search: an eigenvalue lies no farther from the given one, but for
+  /// rounding. The true error is about its square over the distance to the next eigenvalue.
+  std::vector<double> error_bounds;
+  double orthogonality = 0;       ///< the largest |x_i^T M x_j - delta_ij|
+  bool complete = false;          ///< proven: no eigenvalue is missing between those given, nor below them
+  std::string completeness;       ///< how that was proven, or why not
+  Index finite = -1;              ///< finite eigenvalues of the pencil; -1: not known
+  Index massless = 0;             ///< unknowns without mass: rows of M that are zero
+  std::vector<ModeCount> counts;  ///< at all numbers at which the pencil was factorized
+  Index factorizations = 0;       ///< of K - s M
+  Index restarts = 0;
+  Offset solved_columns = 0;  ///< right-hand sides
+  Offset peak_bytes = 0;      ///< of factor and vectors together, on the host
+  ModesSeconds seconds;
+
+  [[nodiscard]] Index count() const { return static_cast<Index>(eigenvalues.size()); }
+};
+
+/// The lowest eigenvalues of K x = l M x and their shapes. K is symmetric: it may be singular (free bodies) or have
+/// rows of constraints, [A G^T; G 0], for which M has no entries. M is symmetric and positive semi-definite: rows
+/// without mass are no hindrance. Any storage; both 0-based and of one size; general matrices must be symmetric to
+/// 1e-12 of their largest entry. Nothing is kept of either.
+///
+/// Block Lanczos with shift and invert in the inner product of M, full reorthogonalization and thick restarts; for many
+/// modes several shifts, each of which counts what lies below it (R. Grimes, J. Lewis, H. Simon, "A shifted block
+/// Lanczos algorithm for solving sparse symmetric generalized eigenproblems", SIAM J. Matrix Anal. Appl. 15, 1994;
+/// K. Wu, H. Simon, "Thick-restart Lanczos method for large symmetric eigenvalue problems", same journal 22, 2000). The
+/// same bits for any number of threads.
+///
+/// Status invalid_input: matrices of other sizes, empty, unsymmetric, or with numbers that are not finite; M that has
+/// negative eigenvalues, or none but zeros; more modes asked for than there are; nothing asked for. singular: det(K - s
+/// M) = 0 for every s (redundant constraints, unknowns with neither mass nor stiffness), or for the caller's `shift`.
+/// accuracy_not_reached: some were not found. out_of_memory, device_error, cancelled: as for Solver.
+ModesResult find_modes(const MatrixView& k, const MatrixView& m, const ModesOptions& options);
+
+}  // namespace espalier

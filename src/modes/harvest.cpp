@@ -1,0 +1,76 @@
+#include "modes/harvest.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "matrix/norms.hpp"
+
+namespace espalier::modes {
+
+namespace {
+
+constexpr Index kColumns = 32;  // examined at a time
+
+Eigen::Map<const Eigen::VectorXd> vector_of(const double* x, Index n) { return {x, n}; }
+
+}  // namespace
+
+void Harvest::add(Tall batch, const std::vector<double>& eigenvalues, const std::vector<double>& bounds) {
+  batches_.push_back(std::make_unique<Tall>(std::move(batch)));
+  for (std::size_t k = 0; k < eigenvalues.size(); ++k)
+    sorted_.push_back({eigenvalues[k], bounds[k], batches_.back()->col(static_cast<Index>(k))});
+  std::stable_sort(sorted_.begin(), sorted_.end(),
+                   [](const Found& a, const Found& b) { return a.eigenvalue < b.eigenvalue; });
+}
+
+Index Harvest::below(double at) const {
+  const auto end = std::lower_bound(sorted_.begin(), sorted_.end(), at,
+                                    [](const Found& f, double limit) { return f.eigenvalue < limit; });
+  return static_cast<Index>(end - sorted_.begin());
+}
+
+void Harvest::deliver(Index count, Index n, ModesResult& result) {
+  count = std::min(count, size());
+  const auto rows = static_cast<std::size_t>(n);
+  result.vectors.resize(rows * static_cast<std::size_t>(count));
+  for (Index i = 0; i < count; ++i) {
+    const Found& f = (*this)[i];
+    result.eigenvalues.push_back(f.eigenvalue);
+    result.error_bounds.push_back(f.bound);
+    // The largest component is positive: shapes do not depend on where the search began.
+    const auto x = vector_of(f.vector, n);
+    Eigen::Index at = 0;
+    x.cwiseAbs().maxCoeff(&at);
+    const double sign = x[at] < 0 ? -1.0 : 1.0;
+    double* to = result.vectors.data() + rows * static_cast<std::size_t>(i);
+    for (std::size_t k = 0; k < rows; ++k) to[k] = sign * f.vector[k];
+  }
+  sorted_.clear();
+  batches_.clear();
+}
+
+void examine(const SparseMatrix& k, const SparseMatrix& m, bool inner_is_k, Workshop& shop, ModesResult& result) {
+  const Index n = result.n, count = result.count();
+  const double k_norm = matrix::norm_inf(k, &shop.pool), m_norm = matrix::norm_inf(m, &shop.pool);
+  const Product k_full(k), m_full(m);
+  Tall kx(n, std::min(count, kColumns), &shop.budget), mx(n, std::min(count, kColumns), &shop.budget);
+  result.residuals.assign(static_cast<std::size_t>(count), 0.0);
+  for (Index c = 0; c < count; c += kColumns) {
+    const Index width = std::min(kColumns, count - c);
+    const double* x = result.vectors.data() + static_cast<std::int64_t>(n) * c;
+    k_full.apply(shop.pool, x, kx.col(0), width);
+    m_full.apply(shop.pool, x, mx.col(0), width);
+    for (Index j = 0; j < width; ++j) {
+      const auto i = static_cast<std::size_t>(c + j);
+      const double l = result.eigenvalues[i];
+      const double size = (k_norm + std::abs(l) * m_norm) * vector_of(x + static_cast<std::int64_t>(n) * j, n).norm();
+      result.residuals[i] = (vector_of(kx.col(j), n) - l * vector_of(mx.col(j), n)).norm() / size;
+    }
+    const Dense g = gram(shop.pool, n, result.vectors.data(), count, inner_is_k ? kx.col(0) : mx.col(0), width);
+    for (Index j = 0; j < width; ++j)
+      for (Index i = 0; i < count; ++i)
+        result.orthogonality = std::max(result.orthogonality, std::abs(g(i, j) - (i == c + j ? 1.0 : 0.0)));
+  }
+}
+
+}  // namespace espalier::modes

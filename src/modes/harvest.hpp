@@ -1,0 +1,37 @@
+/// \file
+/// The modes that were found so far, and what is said of them in the end.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "modes/product.hpp"
+#include "modes/workshop.hpp"
+
+namespace espalier::modes {
+
+class Harvest {
+ public:
+  struct Found {
+    double eigenvalue = 0, bound = 0;
+    const double* vector = nullptr;  ///< n values, in a batch
+  };
+
+  /// Takes a batch of vectors with their eigenvalues and error bounds, one for each column; sorts.
+  void add(Tall batch, const std::vector<double>& eigenvalues, const std::vector<double>& bounds);
+  [[nodiscard]] Index below(double at) const;
+  [[nodiscard]] Index size() const { return static_cast<Index>(sorted_.size()); }
+  [[nodiscard]] const Found& operator[](Index i) const { return sorted_[static_cast<std::size_t>(i)]; }
+
+  /// Moves the `count` first ones into the result: eigenvalues, vectors, bounds.
+  void deliver(Index count, Index n, ModesResult& result);
+
+ private:
+  std::vector<std::unique_ptr<Tall>> batches_;
+  std::vector<Found> sorted_;
+};
+
+/// Residuals of K x = l M x and orthogonality in the inner product of `inner` (M or K), of what stands in the result.
+void examine(const SparseMatrix& k, const SparseMatrix& m, bool inner_is_k, Workshop& shop, ModesResult& result);
+
+}  // namespace espalier::modes

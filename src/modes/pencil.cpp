@@ -1,0 +1,166 @@
+#include "modes/pencil.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/stopwatch.hpp"
+#include "matrix/transform.hpp"
+#include "matrix/validate.hpp"
+
+namespace espalier::modes {
+
+namespace {
+
+constexpr double kAsymmetry = 1e-12;
+
+// Entry by entry of two matrices with rising rows: use(row, column, a, b), zero where one has none.
+template <class Use>
+void merge(const SparseMatrix& a, const SparseMatrix& b, const Use& use) {
+  for (Index j = 0; j < a.cols; ++j) {
+    auto p = static_cast<std::size_t>(a.col_ptr[static_cast<std::size_t>(j)]);
+    auto q = static_cast<std::size_t>(b.col_ptr[static_cast<std::size_t>(j)]);
+    const auto p_end = static_cast<std::size_t>(a.col_ptr[static_cast<std::size_t>(j) + 1]);
+    const auto q_end = static_cast<std::size_t>(b.col_ptr[static_cast<std::size_t>(j) + 1]);
+    while (p < p_end || q < q_end) {
+      const Index none = std::numeric_limits<Index>::max();
+      const Index i = p < p_end ? a.row_ind[p] : none, k = q < q_end ? b.row_ind[q] : none;
+      const Index row = std::min(i, k);
+      use(row, j, i == row ? a.values[p] : 0.0, k == row ? b.values[q] : 0.0);
+      p += i == row ? 1U : 0U;
+      q += k == row ? 1U : 0U;
+    }
+  }
+}
+
+SparseMatrix mean_of_triangles(MatrixView a, const std::string& name, base::ThreadPool& pool) {
+  a.storage = Storage::symmetric_both;  // read as such rows are put in order and duplicates summed
+  const SparseMatrix full = matrix::to_general(a, &pool);
+  const SparseMatrix turned = matrix::transpose(full);
+  double largest = 0;
+  for (const double v : full.values) largest = std::max(largest, std::abs(v));
+  SparseMatrix lower;
+  lower.rows = lower.cols = a.rows;
+  lower.storage = Storage::symmetric_lower;
+  lower.col_ptr.assign(static_cast<std::size_t>(a.cols) + 1, 0);
+  merge(full, turned, [&](Index i, Index j, double x, double y) {
+    if (std::abs(x - y) > kAsymmetry * largest)
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("{} is not symmetric: entry ({}, {}) is {:.17g}, entry ({}, {}) is {:.17g}", name, i, j,
+                              x, j, i, y),
+                  i);
+    if (i < j) return;
+    lower.row_ind.push_back(i);
+    lower.values.push_back((x + y) / 2);
+    ++lower.col_ptr[static_cast<std::size_t>(j) + 1];
+  });
+  for (std::size_t j = 1; j < lower.col_ptr.size(); ++j) lower.col_ptr[j] += lower.col_ptr[j - 1];
+  return lower;
+}
+
+}  // namespace
+
+SparseMatrix symmetric_lower(const MatrixView& a, const std::string& name, base::ThreadPool& pool) {
+  if (a.rows != a.cols)
+    throw Error(StatusCode::invalid_input, fmt::format("{} is {} x {}; it must be square", name, a.rows, a.cols));
+  if (a.rows == 0) throw Error(StatusCode::invalid_input, fmt::format("{} is empty (0 x 0)", name));
+  if (a.values.empty() && a.nonzeros() > 0)
+    throw Error(StatusCode::invalid_input, fmt::format("{} has no values, only a pattern", name));
+  try {
+    matrix::validate(a, &pool);
+  } catch (const Error& e) {
+    throw Error(e.status().code, fmt::format("{}: {}", name, e.what()), e.status().row);
+  }
+  if (a.storage == Storage::symmetric_lower || a.storage == Storage::symmetric_upper) return matrix::to_lower(a, &pool);
+  return mean_of_triangles(a, name, pool);
+}
+
+SparseMatrix sum(double alpha, const SparseMatrix& a, double beta, const SparseMatrix& b) {
+  SparseMatrix out;
+  out.rows = out.cols = a.rows;
+  out.storage = Storage::symmetric_lower;
+  out.col_ptr.assign(static_cast<std::size_t>(a.cols) + 1, 0);
+  merge(a, b, [&](Index i, Index j, double x, double y) {
+    out.row_ind.push_back(i);
+    out.values.push_back(alpha * x + beta * y);
+    ++out.col_ptr[static_cast<std::size_t>(j) + 1];
+  });
+  for (std::size_t j = 1; j < out.col_ptr.size(); ++j) out.col_ptr[j] += out.col_ptr[j - 1];
+  return out;
+}
+
+std::vector<double> diagonal_of(const SparseMatrix& lower) {
+  std::vector<double> d(static_cast<std::size_t>(lower.rows), 0.0);
+  for (std::size_t j = 0; j < d.size(); ++j) {
+    const auto p = static_cast<std::size_t>(lower.col_ptr[j]);
+    if (lower.col_ptr[j] < lower.col_ptr[j + 1] && lower.row_ind[p] == static_cast<Index>(j)) d[j] = lower.values[p];
+  }
+  return d;
+}
+
+Options factor_options(const Options& from, Kind kind) {
+  Options o = from;
+  o.kind = kind;
+  o.precision = Precision::fp64;
+  o.singular = SingularMatrix::error;
+  o.refinement_steps = 0;
+  o.required_backward_error = std::numeric_limits<double>::infinity();
+  o.permutation.clear();
+  o.record_timeline = false;
+  return o;
+}
+
+Pencil::Pencil(SparseMatrix k, SparseMatrix m, const ModesOptions& options)
+    : k_(std::move(k)),
+      m_(std::move(m)),
+      options_(options.solver),
+      solver_(factor_options(options.solver, Kind::ldlt)) {}
+
+void Pencil::lay_out() {
+  const base::Stopwatch watch(analysis_seconds);
+  pattern_ = sum(1, k_, 0, m_);
+  k_values_ = pattern_.values;
+  m_values_ = sum(0, k_, 1, m_).values;
+}
+
+Shifted Pencil::factorize(double shift) {
+  if (pattern_.rows == 0) lay_out();
+  shift_ = shift;
+  std::vector<double>& values = pattern_.values;
+  for (std::size_t p = 0; p < values.size(); ++p) values[p] = k_values_[p] - shift * m_values_[p];
+  // Matching and scaling look at the values of the first shift; the kind is chosen by them.
+  if (solver_.state() == Solver::State::empty) {
+    analysis_ = solver_.analyze(pattern_);
+    analysis_seconds += analysis_.seconds;
+    if (analysis_.status.code == StatusCode::singular) {
+      ++factorizations;
+      return {analysis_.status, 0, false};
+    }
+    if (!analysis_.status.ok()) throw Error(analysis_.status);
+  }
+  const FactorResult r = solver_.refactorize(values);
+  ++factorizations;
+  factor_seconds += r.seconds;
+  factor_peak_bytes = std::max(factor_peak_bytes, r.peak_host_bytes);
+  if (r.status.code == StatusCode::singular) return {r.status, 0, false};
+  if (!r.status.ok()) throw Error(r.status);
+  if (options_.log)
+    options_.log(
+        fmt::format("modes: shift {:.6g}: {} negative pivots, {:.2f} s", shift, r.inertia.negative, r.seconds));
+  // Pivots that were replaced: their solutions want refinement.
+  if (r.perturbed > 0)
+    solver_.set_refinement(3, std::numeric_limits<double>::infinity());
+  else
+    solver_.set_refinement(0, std::numeric_limits<double>::infinity());
+  return {{}, r.inertia.negative, r.perturbed == 0};
+}
+
+void Pencil::solve(const double* b, double* x, Index columns) {
+  const auto size = static_cast<std::size_t>(n()) * static_cast<std::size_t>(columns);
+  const SolveResult r = solver_.solve({b, size}, {x, size}, columns);
+  if (!r.status.ok()) throw Error(r.status);
+}
+
+}  // namespace espalier::modes

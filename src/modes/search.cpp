@@ -1,0 +1,206 @@
+#include "modes/search.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/stopwatch.hpp"
+
+namespace espalier::modes {
+
+namespace {
+
+// Modes sought to the right of one shift; for more another factorization is cheaper than a longer basis.
+constexpr Index kAtATime = 100;
+constexpr Index kColumns = 32;  // that are multiplied and solved for at a time in the end
+
+}  // namespace
+
+Search::Search(SparseMatrix k, SparseMatrix m, const ModesOptions& options, Workshop& shop, ModesResult& result)
+    : options_(options),
+      shop_(shop),
+      result_(result),
+      pencil_(std::move(k), std::move(m), options),
+      stiffness_(pencil_.k()),
+      mass_(pencil_.m()) {
+  op_.n = pencil_.n();
+  op_.inner = "M";
+  op_.diagonal = diagonal_of(pencil_.m());
+  op_.b = [this](const double* x, double* y, Index columns) {
+    const base::Stopwatch watch(result_.seconds.products);
+    mass_.apply(shop_.pool, x, y, columns);
+  };
+  op_.solve = [this](const double* x, double* y, Index columns) { pencil_.solve(x, y, columns); };
+  result_.n = pencil_.n();
+}
+
+void Search::run() {
+  {
+    const base::Stopwatch watch(result_.seconds.mass);
+    report_ = look_at_mass(pencil_.k(), pencil_.m(), options_.check_mass, options_.solver);
+  }
+  result_.finite = report_.finite;
+  result_.massless = report_.massless;
+  if (options_.count > report_.finite)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("{} modes are asked for, and there are {} finite eigenvalues ({} unknowns, {} of them with "
+                            "mass; constraints take away the rest)",
+                            options_.count, report_.finite, pencil_.n(), report_.rank));
+  wanted_ = options_.count > 0 ? options_.count : report_.finite;
+  block_ = std::min(options_.block_size > 0 ? options_.block_size : Index{8}, report_.finite);
+  measure();
+  if (!std::isinf(options_.below)) count_below_bound();
+  if (wanted_ > 0 && !finished()) {
+    choose_first();
+    do {
+      explore();
+    } while (!finished() && choose_next());
+  }
+  say_complete();
+}
+
+bool Search::finished() const {
+  if (harvest_.size() >= report_.finite) return true;
+  if (!options_.prove && harvest_.size() >= wanted_ && attempts_ > 0) return true;
+  const auto end = proven();
+  return end && end->below >= wanted_;
+}
+
+Index Search::known_beyond(double from) const { return harvest_.size() - harvest_.below(from); }
+
+// Modes found above the last shift are kept out of the search: they would be found again.
+Index Search::known_vectors(Tall& basis, double from) {
+  const Index first = harvest_.below(from), known = harvest_.size() - first;
+  for (Index i = 0; i < known; ++i) std::copy_n(harvest_[first + i].vector, pencil_.n(), basis.col(i));
+  return known;
+}
+
+// The modes next to the shift that are not known yet: all below it, and to the right as many as are wanted.
+void Search::explore() {
+  const auto sure = proven();
+  const double from = sure ? sure->at : -std::numeric_limits<double>::infinity();
+  const Index left = std::max<Index>(0, below_shift_ - harvest_.below(shift_));
+  const Index right = std::clamp<Index>(wanted_ - below_shift_, 0, kAtATime) - known_beyond(shift_);
+  ++attempts_;
+  if (left == 0 && right <= 0) return;
+  LanczosOptions o;
+  o.wanted = {left, std::max<Index>(right, 0)};
+  o.block = block_;
+  o.tolerance = options_.tolerance;
+  o.seed = options_.seed + 7919 * draws_++;
+  const Index known = known_beyond(from), want = o.wanted.negative + o.wanted.positive;
+  o.dimension = report_.finite - known;
+  const Index usual = options_.basis_size > 0 ? options_.basis_size : 2 * want + 12 * block_;
+  const Index most = std::min<Index>(std::max(usual, want + 3 * block_), o.dimension + block_) + known;
+  const Index least = std::min<Index>(want + 3 * block_, o.dimension + block_) + known;
+  Tall basis = shop_.basis(pencil_.n(), most, least, pencil_.factor_peak_bytes);
+  Tall image(pencil_.n(), block_, &shop_.budget);
+  known_vectors(basis, from);
+  Lanczos lanczos(op_, basis, known, image, shop_.pool, clock_);
+  const LanczosResult found = lanczos.run(o);
+  result_.restarts += found.restarts;
+  result_.peak_bytes = std::max(result_.peak_bytes, pencil_.factor_peak_bytes + shop_.budget.peak());
+  shop_.log(fmt::format("modes: shift {:.6g}: {} of {} below and {} of {} above it found, {} right-hand sides so far",
+                        shift_, found.found.negative, left, found.found.positive, right, clock_.columns));
+  collect(found, basis, known);
+}
+
+// Those that were found, into the harvest.
+void Search::collect(const LanczosResult& found, Tall& basis, Index known) {
+  right_edge_ = found.next_positive > 0 ? shift_ + 1 / found.next_positive : std::numeric_limits<double>::quiet_NaN();
+  // More than lie below the shift cannot be there: the last ones are rounding.
+  const Index left = std::min(found.found.negative, std::max<Index>(0, below_shift_ - harvest_.below(shift_)));
+  std::vector<Index> taken;
+  for (Index i = 0; i < static_cast<Index>(found.theta.size()); ++i)
+    if (i < left || i >= found.found.negative) taken.push_back(i);
+  if (taken.empty()) return;
+  std::vector<double> eigenvalues, bounds;
+  double largest = 0;
+  for (const Index i : taken) {
+    const double theta = found.theta[static_cast<std::size_t>(i)];
+    eigenvalues.push_back(shift_ + 1 / theta);
+    bounds.push_back(found.residual[static_cast<std::size_t>(i)] / (theta * theta));
+    largest = std::max(largest, std::abs(theta));
+  }
+  Tall batch(pencil_.n(), static_cast<Index>(taken.size()), &shop_.budget);
+  combine(shop_.pool, pencil_.n(), basis.col(known), found.combination(Eigen::all, taken), batch.col(0));
+  basis = Tall();  // its memory serves the products
+  purify(batch, std::numeric_limits<double>::epsilon() * largest, eigenvalues);
+  harvest_.add(std::move(batch), eigenvalues, bounds);
+}
+
+// One application of OP takes out what belongs to infinite eigenvalues (B. Nour-Omid, B. Parlett, T. Ericsson, P.
+// Jensen, "How to implement the spectral transformation", Math. Comp. 48, 1987). Then x^T K x is a better eigenvalue
+// than that of OP, where its rounding is less.
+// @param rounding  of the eigenvalues of OP
+void Search::purify(Tall& batch, double rounding, std::vector<double>& eigenvalues) {
+  const Index n = pencil_.n(), count = batch.columns();
+  Tall image(n, std::min(count, kColumns), &shop_.budget);
+  for (Index c = 0; c < count; c += kColumns) {
+    const Index width = std::min(kColumns, count - c);
+    op_.b(batch.col(c), image.col(0), width);
+    const base::Stopwatch watch(clock_.solves);
+    pencil_.solve(image.col(0), batch.col(c), width);
+    clock_.columns += width;
+  }
+  orthonormalize(shop_.pool, op_.b, batch, image);
+  const std::vector<double> k_diagonal = diagonal_of(pencil_.k());
+  const Eigen::Map<const Eigen::VectorXd> diagonal(k_diagonal.data(), n);
+  for (Index c = 0; c < count; c += kColumns) {
+    const Index width = std::min(kColumns, count - c);
+    stiffness_.apply(shop_.pool, batch.col(c), image.col(0), width);
+    for (Index j = 0; j < width; ++j) {
+      const Eigen::Map<const Eigen::VectorXd> x(batch.col(c + j), n), kx(image.col(j), n);
+      double& l = eigenvalues[static_cast<std::size_t>(c + j)];
+      // Errors by rounding: eps sum |K_ii| x_i^2, of the size of the largest eigenvalue; and that of 1 / theta.
+      const double of_quotient = std::numeric_limits<double>::epsilon() * x.cwiseAbs2().dot(diagonal.cwiseAbs());
+      if (of_quotient < rounding * (l - shift_) * (l - shift_)) l = x.dot(kx);
+    }
+  }
+}
+
+void Search::say_complete() {
+  result_.counts = counts_;
+  const auto end = proven();
+  const bool all = harvest_.size() >= report_.finite;
+  const bool enough = all || (end && end->below >= wanted_);
+  const Index kept = std::min(wanted_, harvest_.size());
+  std::string doubt = report_.why;
+  if (!exact_) doubt = "pivots were replaced: the inertia is not exact";
+  if (!enough) doubt = options_.prove ? "" : "no count was asked for";
+  if (enough && end && !all)
+    for (Index i = 0; i < harvest_.size(); ++i)
+      if (std::abs(harvest_[i].eigenvalue - end->at) <= 1e4 * std::numeric_limits<double>::epsilon() * largest_)
+        doubt = fmt::format("an eigenvalue lies at {:.6g}, where they were counted", end->at);
+  result_.complete = enough && doubt.empty();
+  if (result_.complete)
+    result_.completeness =
+        all ? fmt::format("all {} finite eigenvalues were found", report_.finite)
+            : fmt::format(
+                  "K - s M has {} negative eigenvalues at s = {:.17g} ({} of them of infinite "
+                  "eigenvalues), and {} eigenvalues below s were found",
+                  end->below + report_.negative_at_infinity, end->at, report_.negative_at_infinity, end->below);
+  else
+    result_.completeness = "not proven: " + doubt;
+  if (kept < wanted_ || (options_.prove && !enough)) {
+    result_.completeness = fmt::format("not proven: {} modes of {} were found", kept, wanted_);
+    throw Error(StatusCode::accuracy_not_reached,
+                fmt::format("{} of {} modes were found; allow a longer basis (basis_size), a larger tolerance, or ask "
+                            "for fewer",
+                            kept, wanted_));
+  }
+}
+
+void Search::deliver() {
+  result_.factorizations = pencil_.factorizations;
+  result_.solved_columns = clock_.columns;
+  result_.seconds.analysis = pencil_.analysis_seconds;
+  result_.seconds.factorization = pencil_.factor_seconds;
+  result_.seconds.solves = clock_.solves;
+  result_.seconds.orthogonalization = clock_.orthogonalization;
+  harvest_.deliver(wanted_, pencil_.n(), result_);
+  if (result_.count() > 0) examine(pencil_.k(), pencil_.m(), false, shop_, result_);
+}
+
+}  // namespace espalier::modes

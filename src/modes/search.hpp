@@ -1,0 +1,65 @@
+/// \file
+/// The search for the lowest modes of K x = l M x: which shifts, what is sought from each, and the proof that none is
+/// missing.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "modes/harvest.hpp"
+#include "modes/lanczos.hpp"
+#include "modes/mass.hpp"
+#include "modes/pencil.hpp"
+
+namespace espalier::modes {
+
+class Search {
+ public:
+  Search(SparseMatrix k, SparseMatrix m, const ModesOptions& options, Workshop& shop, ModesResult& result);
+  /// @throws Error where nothing can be found; what was found when it gives up is in the result all the same
+  void run();
+  /// What was found goes into the result, with its residuals.
+  void deliver();
+
+ private:
+  // Shifts (search_shifts.cpp)
+  void measure();
+  void choose_first();
+  void count_below_bound();
+  bool choose_next();
+  double beyond_found() const;
+  double gap_after_wanted() const;
+  Index count_at(double& s, bool movable);
+  [[nodiscard]] std::optional<ModeCount> proven() const;
+  // Vectors (search.cpp)
+  void explore();
+  void collect(const LanczosResult& found, Tall& basis, Index known);
+  void purify(Tall& batch, double rounding, std::vector<double>& eigenvalues);
+  Index known_vectors(Tall& basis, double from);
+  [[nodiscard]] Index known_beyond(double from) const;
+  [[nodiscard]] bool finished() const;
+  void say_complete();
+
+  const ModesOptions& options_;
+  Workshop& shop_;
+  ModesResult& result_;
+  Pencil pencil_;
+  Product stiffness_, mass_;
+  MassReport report_;
+  Harvest harvest_;
+  LanczosClock clock_;
+  SpectralOperator op_;
+  Index wanted_ = 0;  // modes to be found
+  Index block_ = 8;
+  double unit_ = 1;     // what is small among eigenvalues; see measure()
+  double largest_ = 1;  // about the largest eigenvalue
+  double shift_ = 0;    // of the factor that there is
+  Index below_shift_ = 0;
+  std::vector<ModeCount> counts_;  // rising
+  double right_edge_ = 0;          // the next Ritz value beyond what was found; NaN: none was seen
+  int attempts_ = 0;               // at this shift
+  bool exact_ = true;
+  std::uint64_t draws_ = 0;
+};
+
+}  // namespace espalier::modes
