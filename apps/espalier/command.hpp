@@ -21,7 +21,7 @@ enum ExitCode : int {
   kMemory = 4,
   kDevice = 5,
   kAccuracy = 6,       ///< backward error above what was asked for; Newton or the step size control gave up
-  kInterrupted = 130,  ///< Ctrl-C, SIGTERM: stopped cleanly, results and restart file are written
+  kInterrupted = 130,  ///< Ctrl-C, SIGTERM: stopped cleanly; results and restart file of a simulation are written
 };
 
 /// The exit code for a status of the library.
@@ -36,6 +36,7 @@ void add_commands(CLI::App& app, int argc, const char* const* argv, Action& acti
 /// Each adds its subcommand to `app`; `action` is set when the user chose it.
 void add_solve(CLI::App& app, Action& action);
 void add_analyze(CLI::App& app, Action& action);
+void add_modes(CLI::App& app, Action& action);
 void add_simulate(CLI::App& app, Action& action);
 void add_generate(CLI::App& app, Action& action);
 /// argc and argv: for the record of what was asked. In a build without benchmarks (absent/bench.cpp) it and

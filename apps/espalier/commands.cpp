@@ -5,6 +5,7 @@ namespace espalier::cli {
 void add_commands(CLI::App& app, int argc, const char* const* argv, Action& action) {
   add_solve(app, action);
   add_analyze(app, action);
+  add_modes(app, action);
   add_simulate(app, action);
   add_generate(app, action);
   add_bench(app, argc, argv, action);

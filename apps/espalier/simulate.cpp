@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <atomic>
-#include <csignal>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -17,26 +15,12 @@
 #include "simulate_report.hpp"
 #include "solver_flags.hpp"
 #include "step_log.hpp"
+#include "stop_signals.hpp"
 #include "terminal.hpp"
 
 namespace espalier::cli {
 
 namespace {
-
-/// Ctrl-C, SIGTERM of a queueing system, or SIGHUP of a terminal that is closed asks the run to stop after the present
-/// step; a second one ends the program at once.
-std::atomic<bool> stop_asked{false};
-
-void on_stop_signals(void (*handler)(int)) {
-  std::signal(SIGINT, handler);
-  std::signal(SIGTERM, handler);
-  if (std::signal(SIGHUP, handler) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);  // nohup
-}
-
-extern "C" void ask_to_stop(int) {
-  stop_asked.store(true);
-  on_stop_signals(SIG_DFL);
-}
 
 struct SimulateCommand {
   std::string model, report_file;
@@ -82,22 +66,21 @@ int SimulateCommand::run() {
   options.on_search = [&](const SimulationSearch& search) {
     if (log_of_search == &starting) progress.abandon();
     log_of_search->search(search);
-    return !stop_asked.load();
+    return !stop_was_asked();
   };
   Simulation simulation(options);
   progress.begin("model");
   Status status = simulation.load(model);
   if (status.ok()) {
     progress.end(simulate_headline(simulation.summary()));
-    on_stop_signals(ask_to_stop);
+    const StopSignals signals;
     StepLog log(!quiet && !json, verbose, simulation.time(), simulation.end_time());
     log_of_search = &log;
     status = simulation.run([&log](const SimulationStep& step) {
       log.add(step);
-      return !stop_asked.load();
+      return !stop_was_asked();
     });
     log.close();
-    on_stop_signals(SIG_DFL);
   }
   progress.abandon();
   const SimulationSummary& summary = simulation.summary();

@@ -2,6 +2,7 @@
 /// Modes: eigenvalues and eigenvectors of symmetric pencils, found with a factor and proven complete by inertia.
 ///
 ///     K x = l M x     vibration: find_modes(); l is the square of an angular frequency
+///     K x = l Kg x    buckling: find_buckling_modes(); l is a load factor
 #pragma once
 
 #include <cstdint>
@@ -15,7 +16,7 @@ namespace espalier {
 
 /// Which modes are sought, and how.
 struct ModesOptions {
-  /// So many of the lowest eigenvalues. 0: all below `below`.
+  /// So many of the lowest eigenvalues (find_buckling_modes(): of the smallest positive ones). 0: all below `below`.
   Index count = 0;
   /// All eigenvalues below this number (find_modes() alone); with a `count`, too, the fewer of both. Infinite: no
   /// bound.
@@ -57,7 +58,7 @@ struct ModesResult {
   Status status;
   Index n = 0;                      ///< rows of K
   std::vector<double> eigenvalues;  ///< ascending
-  /// Shapes, n values each, one after another: x_i^T M x_j is 1 for i = j, else 0.
+  /// Shapes, n values each, one after another: x_i^T M x_j is 1 for i = j, else 0 (buckling: x_i^T K x_j).
   std::vector<double> vectors;
   /// ||K x - l M x||_2 / ((||K||_inf + |l| ||M||_inf) ||x||_2) of each mode, computed anew at the end.
   std::vector<double> residuals;
@@ -95,5 +96,12 @@ struct ModesResult {
 /// M) = 0 for every s (redundant constraints, unknowns with neither mass nor stiffness), or for the caller's `shift`.
 /// accuracy_not_reached: some were not found. out_of_memory, device_error, cancelled: as for Solver.
 ModesResult find_modes(const MatrixView& k, const MatrixView& m, const ModesOptions& options);
+
+/// The smallest positive eigenvalues of K x = l Kg x: load factors, where Kg is the negative of the geometric stiffness
+/// of the unit load in the convention (K + l Kgeo) x = 0. K is positive definite, but for rows of constraints as above;
+/// Kg is symmetric, of any signs. `below`, `shift` and `check_mass` are not used. Vectors are orthonormal in the inner
+/// product of K, and so is `orthogonality` meant. Operator K^-1 Kg in that inner product; the count of eigenvalues in
+/// (0, e) is by how many more negative eigenvalues K - e Kg has than K (Grimes, Lewis, Simon, section 2.3).
+ModesResult find_buckling_modes(const MatrixView& k, const MatrixView& kg, const ModesOptions& options);
 
 }  // namespace espalier

@@ -2,31 +2,30 @@
 
 #include <fmt/format.h>
 
+#include <optional>
+
 #include "base/stopwatch.hpp"
+#include "modes/buckling.hpp"
 #include "modes/search.hpp"
 
 namespace espalier {
 
 namespace {
 
-void check_pair(const SparseMatrix& k, const SparseMatrix& m, const char* second) {
-  if (k.rows != m.rows)
-    throw Error(StatusCode::invalid_input, fmt::format("K is {} x {}, {} is {} x {}; they must be of one size", k.rows,
-                                                       k.cols, second, m.rows, m.cols));
-}
-
-}  // namespace
-
-ModesResult find_modes(const MatrixView& k, const MatrixView& m, const ModesOptions& options) {
+// A search of either kind, from the matrices of the caller to the result.
+template <class Search>
+ModesResult found_by(const MatrixView& k, const MatrixView& m, const char* second, const ModesOptions& options) {
   ModesResult result;
   const base::Stopwatch watch(result.seconds.total);
   modes::Workshop shop(options.solver);
-  std::optional<modes::Search> search;
+  std::optional<Search> search;
   result.status = modes::guarded(shop, [&] {
     modes::check_options(options);
-    SparseMatrix k_lower = modes::symmetric_lower(k, "K", shop.pool),
-                 m_lower = modes::symmetric_lower(m, "M", shop.pool);
-    check_pair(k_lower, m_lower, "M");
+    SparseMatrix k_lower = modes::symmetric_lower(k, "K", shop.pool);
+    SparseMatrix m_lower = modes::symmetric_lower(m, second, shop.pool);
+    if (k.rows != m.rows)
+      throw Error(StatusCode::invalid_input, fmt::format("K is {} x {}, {} is {} x {}; they must be of one size",
+                                                         k.rows, k.cols, second, m.rows, m.cols));
     search.emplace(std::move(k_lower), std::move(m_lower), options, shop, result);
     search->run();
   });
@@ -34,7 +33,18 @@ ModesResult find_modes(const MatrixView& k, const MatrixView& m, const ModesOpti
   // What was found serves the caller, too, where some are missing.
   const Status end = modes::guarded(shop, [&] { search->deliver(); });
   if (result.status.ok()) result.status = end;
+  if (!result.status.ok()) result.complete = false;
   return result;
+}
+
+}  // namespace
+
+ModesResult find_modes(const MatrixView& k, const MatrixView& m, const ModesOptions& options) {
+  return found_by<modes::Search>(k, m, "M", options);
+}
+
+ModesResult find_buckling_modes(const MatrixView& k, const MatrixView& kg, const ModesOptions& options) {
+  return found_by<modes::BucklingSearch>(k, kg, "Kg", options);
 }
 
 }  // namespace espalier

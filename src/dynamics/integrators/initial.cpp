@@ -166,6 +166,16 @@ Eigen::MatrixXd null_space(const SparsePattern& p, ConstSpan values) {
 
 }  // namespace
 
+std::vector<double> real_shape(const Eigen::VectorXcd& x) {
+  Eigen::Index at = 0;
+  const double largest = x.size() > 0 ? x.cwiseAbs().maxCoeff(&at) : 0.0;
+  std::vector<double> shape(static_cast<std::size_t>(x.size()), 0.0);
+  if (!(largest > 0)) return shape;
+  const std::complex<double> turn = 1.0 / x[at];
+  for (std::size_t i = 0; i < shape.size(); ++i) shape[i] = (turn * x[static_cast<Eigen::Index>(i)]).real();
+  return shape;
+}
+
 std::vector<Mode> eigenfrequencies(Equations& equations, const State& state) {
   System& system = equations.system();
   const SparsePattern& p = system.tangent_pattern();
@@ -186,13 +196,17 @@ std::vector<Mode> eigenfrequencies(Equations& equations, const State& state) {
   companion.topRightCorner(n, n).setIdentity();
   companion.bottomLeftCorner(n, n) = -lu.solve(stiffness);
   companion.bottomRightCorner(n, n) = -lu.solve(damping);
-  const Eigen::VectorXcd eigenvalues = companion.eigenvalues();
+  const Eigen::EigenSolver<Eigen::MatrixXd> eigen(companion);
+  const Eigen::VectorXcd& eigenvalues = eigen.eigenvalues();
+  const Eigen::MatrixXcd vectors = eigen.eigenvectors().topRows(n);
   std::vector<Mode> modes;
   const double largest = eigenvalues.cwiseAbs().maxCoeff();
-  for (const std::complex<double>& e : eigenvalues) {
+  for (Eigen::Index k = 0; k < eigenvalues.size(); ++k) {
+    const std::complex<double> e = eigenvalues[k];
     if (e.imag() < -1e-14 * largest) continue;
     const double modulus = std::abs(e);
-    modes.push_back({e, std::abs(e.imag()) / (2 * std::numbers::pi), modulus > 0 ? -e.real() / modulus : 0.0});
+    modes.push_back({e, std::abs(e.imag()) / (2 * std::numbers::pi), modulus > 0 ? -e.real() / modulus : 0.0,
+                     real_shape(basis * vectors.col(k))});
   }
   std::sort(modes.begin(), modes.end(),
             [](const Mode& a, const Mode& b) { return std::abs(a.eigenvalue) < std::abs(b.eigenvalue); });

@@ -2,6 +2,7 @@
 /// States at one instant: consistent initial conditions, small vibrations.
 #pragma once
 
+#include <Eigen/Core>
 #include <complex>
 #include <string>
 #include <vector>
@@ -35,10 +36,15 @@ struct Mode {
   std::complex<double> eigenvalue;  ///< exp(eigenvalue t), 1/s
   double frequency = 0;             ///< |imaginary part| / (2 pi), Hz
   double damping_ratio = 0;         ///< -real / |eigenvalue|
+  /// n numbers, a velocity: the real part of the shape, turned so that the largest component is real and 1.
+  std::vector<double> shape;
 };
 
 /// Eigenvalues of M x'' + D x' + C x = 0 on the tangent space of the constraints at a state (normally an equilibrium),
 /// sorted by modulus, one of each conjugate pair. Dense: O(n^3), for n up to about a thousand.
 std::vector<Mode> eigenfrequencies(Equations& equations, const State& state);
+
+/// The shape of a mode. @param x  complex, n numbers
+std::vector<double> real_shape(const Eigen::VectorXcd& x);
 
 }  // namespace espalier::dynamics

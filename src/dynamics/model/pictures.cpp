@@ -1,5 +1,6 @@
 #include "dynamics/model/pictures.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numeric>
@@ -116,6 +117,20 @@ void Pictures::add_line_or_plate(const BuiltBody& body, double number) {
     for (Index k = 0; k + 1 < body.flexible->nodes(); ++k) add_cell(ElementType::line2, std::array{k, k + 1}, number);
   }
   point_count_ += body.flexible->nodes();
+}
+
+double Pictures::extent_over_speed(const State& s) {
+  place(s);
+  double extent = 0, speed = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    double low = points_.empty() ? 0 : points_[i], high = low;
+    for (std::size_t k = i; k < points_.size(); k += 3)
+      low = std::min(low, points_[k]), high = std::max(high, points_[k]);
+    extent = std::max(extent, high - low);
+  }
+  for (std::size_t k = 0; k < velocity_.size(); k += 3)
+    speed = std::max(speed, std::hypot(velocity_[k], velocity_[k + 1], velocity_[k + 2]));
+  return speed > 0 ? extent / speed : 0;
 }
 
 void Pictures::place(const State& s) {

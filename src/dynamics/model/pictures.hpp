@@ -20,6 +20,8 @@ class Pictures {
   Pictures(const std::string& path, const Mechanism& mechanism, const State& initial, double keep_until);
   /// @param time what stands for it in the .pvd
   void write(const State& s, double time);
+  /// The largest extent of the bodies over the largest speed of their points; 0 where nothing moves.
+  [[nodiscard]] double extent_over_speed(const State& s);
   /// Time of the last entry that was kept; none without one.
   [[nodiscard]] std::optional<double> kept() const { return kept_; }
   /// The run has reached its end: entries of earlier runs beyond it are forgotten.

@@ -142,6 +142,25 @@ void RunFiles::begin(const Sample& s, const State& initial, bool restarted) {
   }
 }
 
+void RunFiles::modes(const State& state, const std::vector<std::vector<double>>& shapes) {
+  if (folder_.empty() || shapes.empty()) return;
+  const std::string path = folder_ + "/modes.pvd";
+  State shown = state;
+  std::fill(shown.v.begin(), shown.v.end(), 0.0);
+  Pictures pictures(path, mechanism_, shown, std::numeric_limits<double>::quiet_NaN());
+  for (std::size_t k = 0; k < shapes.size(); ++k) {
+    shown.q = state.q;
+    shown.v = shapes[k];
+    const double scale = 0.05 * pictures.extent_over_speed(shown);
+    std::vector<double> step = shapes[k];
+    for (double& x : step) x *= scale;
+    mechanism_.system.retract(state.q, step, shown.q);
+    pictures.write(shown, static_cast<double>(k + 1));
+  }
+  pictures.finish();
+  written_.push_back(path);
+}
+
 void RunFiles::step(const Sample& s) {
   if (csv_ && csv_clock_.strikes(s.time())) write_csv(s);
   if (pictures_) write_due_pictures(pictured(s));

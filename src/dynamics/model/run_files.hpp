@@ -40,6 +40,9 @@ class RunFiles {
 
   /// @param initial the state at the start of the motion @param restarted files in the folder are gone on with
   void begin(const Sample& s, const State& initial, bool restarted);
+  /// Shapes of modes at a state (n numbers each) as modes.pvd, numbered from 1 where others have the time: the bodies
+  /// displaced by 5 % of their extent, the shape itself as their velocity.
+  void modes(const State& state, const std::vector<std::vector<double>>& shapes);
   void step(const Sample& s);
   void end(const Sample& s);  ///< the last; other runs may have the folder from then on
   /// Saves what can be saved when the run fails; never throws.

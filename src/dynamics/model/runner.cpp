@@ -85,6 +85,7 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
     } catch (const Error& error) {
       throw Error(error.status().code, std::string("solver: ") + error.what());
     }
+    modes_solver_ = solver;
     equations_ = std::make_unique<Equations>(
         mechanism_->system,
         make_run_solver(solver, unknowns <= kLargestDense && !chosen,
@@ -269,6 +270,7 @@ void Runner::go() {
     files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, integrator_);
     const Sample s = sample(last_report_);
     files_->begin(s, reference_, !options_.restart.empty());
+    files_->modes(state_, shapes_);
     keep(s);
   }
   going_ = true;

@@ -101,8 +101,10 @@ class Runner {
   std::vector<char> dropped_at_start_;  // constraint rows, m marks
   bool going_ = false;                  // go() was called, and the files have not been ended
   State state_;
-  State reference_;  // displacements in pictures count from it: a restarted run must find the same
-  double load_ = 0;  // load factor of state_ in a statics run
+  State reference_;       // displacements in pictures count from it: a restarted run must find the same
+  Options modes_solver_;  // of initial.modes
+  std::vector<std::vector<double>> shapes_;  // of these modes
+  double load_ = 0;                          // load factor of state_ in a statics run
   StepReport last_report_;
 };
 

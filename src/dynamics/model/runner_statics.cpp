@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "base/stopwatch.hpp"
+#include "dynamics/integrators/vibrations.hpp"
 #include "dynamics/model/free_motions.hpp"
 #include "dynamics/model/runner.hpp"
 
@@ -80,6 +81,7 @@ void Runner::run_statics(const SimulationObserver& observer) {
     note_statics(result);
     guard_->check(state_, true);
     find_modes();
+    files_->modes(state_, shapes_);
   } catch (const Error& error) {
     if (error.status().code == StatusCode::cancelled) {
       mechanism_->system.set_load_factor(load_);
@@ -140,10 +142,23 @@ void Runner::note_statics(const StaticsResult& result) {
 }
 
 void Runner::find_modes() {
+  // Up to here the dense method, which takes damping as it is, is quick.
+  constexpr Index kDense = 300;
   if (model_.initial.modes == 0) return;
-  for (const Mode& mode : eigenfrequencies(*equations_, state_)) {
-    if (static_cast<int>(summary_.modes.size()) == model_.initial.modes) break;
+  const auto wanted = static_cast<Index>(model_.initial.modes);
+  std::vector<Mode> modes;
+  if (equations_->sizes().velocity <= kDense) {
+    modes = eigenfrequencies(*equations_, state_);
+  } else {
+    Vibrations found = small_vibrations(*equations_, state_, wanted, modes_solver_);
+    modes = std::move(found.modes);
+    if (!found.notice.empty()) summary_.notices.push_back(found.notice);
+  }
+  modes.resize(std::min(modes.size(), static_cast<std::size_t>(wanted)));
+  shapes_.clear();
+  for (Mode& mode : modes) {
     summary_.modes.push_back({mode.frequency, mode.damping_ratio});
+    shapes_.push_back(std::move(mode.shape));
   }
 }
 

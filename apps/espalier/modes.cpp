@@ -1,0 +1,232 @@
+/// \file
+/// `espalier modes`: the lowest eigenvalues of K x = l M x, or load factors of K x = l Kg x.
+#include "espalier/modes.hpp"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <sstream>
+
+#include "base/memory.hpp"
+#include "base/output_file.hpp"
+#include "checked_options.hpp"
+#include "command.hpp"
+#include "matrix/generators/generate.hpp"
+#include "matrix/matrix_market.hpp"
+#include "matrix/read.hpp"
+#include "report.hpp"
+#include "solver/build_info.hpp"
+#include "solver_flags.hpp"
+#include "stop_signals.hpp"
+#include "terminal.hpp"
+
+namespace espalier::cli {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct ModesCommand {
+  std::string k_file, m_file, generator, out_file, csv_file, report_file;
+  ModesOptions options;
+  SolverFlags flags;
+  bool buckling = false, json = false, quiet = false, verbose = false, no_proof = false, trust_mass = false;
+
+  int run();
+  [[nodiscard]] std::pair<SparseMatrix, SparseMatrix> matrices(base::ThreadPool& pool) const;
+};
+
+std::pair<SparseMatrix, SparseMatrix> ModesCommand::matrices(base::ThreadPool& pool) const {
+  if (generator.empty()) {
+    if (k_file.empty() || m_file.empty())
+      throw Error(StatusCode::invalid_input, "give two matrix files, K and M, or --generate \"elasticity NX NY NZ\"");
+    return {matrix::read_matrix(k_file, {&pool, false}), matrix::read_matrix(m_file, {&pool, false})};
+  }
+  std::istringstream stream(generator);
+  std::vector<std::string> words;
+  for (std::string word; stream >> word;) words.push_back(word);
+  matrix::GeneratorSpec spec = matrix::parse_generator(words);
+  if (spec.family != matrix::Family::elasticity)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("--generate {}: a mass is known for elasticity NX NY NZ alone", generator));
+  SparseMatrix k = matrix::generate(spec, &pool);
+  spec.family = matrix::Family::elasticity_mass;
+  return {std::move(k), matrix::generate(spec, &pool)};
+}
+
+// l is the square of an angular frequency; NaN where it is negative.
+double frequency(double l) {
+  return l >= 0 ? std::sqrt(l) / (2 * std::numbers::pi) : std::numeric_limits<double>::quiet_NaN();
+}
+
+std::string table_of(const ModesResult& r, bool buckling) {
+  Table table(buckling ? ">>>>" : ">>>>>");
+  std::vector<std::string> head = {"mode", buckling ? "load factor" : "eigenvalue", "residual", "error bound"};
+  if (!buckling) head.insert(head.begin() + 2, "frequency");
+  table.add(head, Tone::quiet);
+  for (std::size_t i = 0; i < r.eigenvalues.size(); ++i) {
+    const double l = r.eigenvalues[i];
+    std::vector<std::string> row = {fmt::format("{}", i + 1), fmt::format("{:.12g}", l), small(r.residuals[i]),
+                                    small(r.error_bounds[i])};
+    if (!buckling) row.insert(row.begin() + 2, l >= 0 ? fmt::format("{:.9g}", frequency(l)) : "-");
+    table.add(row);
+  }
+  return table.text();
+}
+
+std::string cost_of(const ModesResult& r) {
+  const ModesSeconds& s = r.seconds;
+  Table table("<<");
+  table.add({"unknowns", fmt::format("{}{}", grouped(r.n),
+                                     r.massless > 0 ? fmt::format(", {} without mass", grouped(r.massless)) : "")});
+  table.add({"time", fmt::format("{}: mass {}, analysis {}, {} in {}, {} in {}, orthogonalization {}, products {}",
+                                 duration(s.total), duration(s.mass), duration(s.analysis),
+                                 counted(r.factorizations, "factorization", "factorizations"),
+                                 duration(s.factorization), counted(r.solved_columns, "solve", "solves"),
+                                 duration(s.solves), duration(s.orthogonalization), duration(s.products))});
+  table.add({"memory", base::format_bytes(r.peak_bytes)});
+  table.add({"orthogonal", fmt::format("to {}", small(r.orthogonality))});
+  table.add({"complete", r.complete ? "proven: " + r.completeness : r.completeness});
+  return table.text();
+}
+
+Json report_of(const ModesCommand& command, const ModesResult& r, int code) {
+  Json modes = Json::array();
+  for (std::size_t i = 0; i < r.eigenvalues.size(); ++i) {
+    Json mode = {{"eigenvalue", r.eigenvalues[i]}};
+    if (!command.buckling && r.eigenvalues[i] >= 0) mode["frequency"] = frequency(r.eigenvalues[i]);
+    mode["residual"] = r.residuals[i];
+    mode["error_bound"] = r.error_bounds[i];
+    modes.push_back(std::move(mode));
+  }
+  Json counts = Json::array();
+  for (const ModeCount& c : r.counts) counts.push_back({{"at", c.at}, {"below", c.below}});
+  const ModesSeconds& s = r.seconds;
+  return {{"espalier", solver::version()},
+          {"exit_code", code},
+          {"message", r.status.message},
+          {"problem", command.buckling ? "buckling" : "vibration"},
+          {"unknowns", r.n},
+          {"massless", r.massless},
+          {"finite", r.finite},
+          {"modes", modes},
+          {"orthogonality", r.orthogonality},
+          {"complete", r.complete},
+          {"completeness", r.completeness},
+          {"counts", counts},
+          {"factorizations", r.factorizations},
+          {"solved_columns", r.solved_columns},
+          {"restarts", r.restarts},
+          {"peak_bytes", r.peak_bytes},
+          {"seconds",
+           {{"total", s.total},
+            {"mass", s.mass},
+            {"analysis", s.analysis},
+            {"factorization", s.factorization},
+            {"solves", s.solves},
+            {"orthogonalization", s.orthogonalization},
+            {"products", s.products}}}};
+}
+
+void write_csv(const std::string& path, const ModesResult& r) {
+  std::string text = "mode,eigenvalue,frequency,residual,error_bound\n";
+  for (std::size_t i = 0; i < r.eigenvalues.size(); ++i)
+    text += fmt::format("{},{},{},{},{}\n", i + 1, r.eigenvalues[i],
+                        r.eigenvalues[i] >= 0 ? fmt::format("{}", frequency(r.eigenvalues[i])) : "", r.residuals[i],
+                        r.error_bounds[i]);
+  base::OutputFile file(path);
+  file.write(text);
+  file.commit();
+}
+
+int ModesCommand::run() {
+  for (const char* key : {"kind", "precision", "singular"})
+    if (flags.values().contains(key))
+      throw Error(StatusCode::invalid_input, fmt::format("--{} has no meaning here: modes choose it", key));
+  options.solver = flags.options();
+  options.prove = !no_proof;
+  options.check_mass = !trust_mass;
+  check_outputs({{"K", k_file}, {"M", m_file}}, {{"--out", out_file}, {"--csv", csv_file}, {"--report", report_file}});
+  if (verbose) options.solver.log = [](const std::string& line) { print_note("{}\n", line); };
+  options.solver.interrupted = stop_was_asked;
+  Progress progress(!quiet && !json);
+  progress.begin("reading");
+  base::ThreadPool pool(options.solver.threads > 0 ? options.solver.threads : base::available_cores());
+  const auto [k, m] = matrices(pool);
+  progress.end("");
+  progress.begin("modes");
+  ModesResult r;
+  {
+    const StopSignals signals;
+    r = buckling ? find_buckling_modes(k, m, options) : find_modes(k, m, options);
+  }
+  if (r.status.ok())
+    progress.end(fmt::format("{} found in {}", counted(r.count(), "mode", "modes"), duration(r.seconds.total)));
+  progress.abandon();
+  const bool stopped = r.status.code == StatusCode::cancelled;
+  const int code = stopped ? static_cast<int>(kInterrupted) : exit_code(r.status.code);
+  const Json report = report_of(*this, r, code);
+  const std::optional<Error> unwritten = write_report(report_file, report);
+  if (!csv_file.empty() && r.count() > 0) write_csv(csv_file, r);
+  if (!out_file.empty() && r.count() > 0)
+    matrix::write_matrix_market_vectors(out_file, r.n, r.count(), r.vectors, "modes by espalier");
+  if (json)
+    print_result("{}\n", to_text(report));
+  else if (!quiet && r.n > 0 && !stopped)
+    print_result("{}\n{}", table_of(r, buckling), cost_of(r));
+  if (stopped)
+    print_note("espalier: stopped\n");
+  else if (!r.status.ok())
+    print_error(r.status.message);
+  if (unwritten) throw Error(*unwritten);
+  return code;
+}
+
+void add_search(CLI::App& sub, ModesCommand& command) {
+  ModesOptions& o = command.options;
+  sub.add_option("--count", o.count, "so many of the lowest modes")->type_name("N")->check(CLI::Range(1, 1000000));
+  sub.add_option("--below", o.below, "all modes whose eigenvalue is below this number")
+      ->type_name("L")
+      ->check(number());
+  sub.add_option("--shift", o.shift, "where the search begins (default: a little below zero)")
+      ->type_name("S")
+      ->check(number());
+  sub.add_option("--tolerance", o.tolerance, "of a mode's residual in the search (default 1e-10)")
+      ->type_name("T")
+      ->check(positive());
+  sub.add_option("--block-size", o.block_size, "vectors solved for at a time (default 8)")
+      ->type_name("B")
+      ->check(CLI::Range(1, 256));
+  sub.add_option("--basis-size", o.basis_size, "most vectors kept at a time (default: by N and memory)")
+      ->type_name("V")
+      ->check(CLI::Range(1, 1000000));
+  sub.add_flag("--buckling", command.buckling, "the second matrix is Kg: the smallest positive l of K x = l Kg x");
+  sub.add_flag("--no-proof", command.no_proof, "no count at the end: one factorization less, and no proof");
+  sub.add_flag("--trust-mass", command.trust_mass, "M is semi-definite: it is not factorized, and nothing is proven");
+}
+
+}  // namespace
+
+void add_modes(CLI::App& app, Action& action) {
+  auto command = std::make_shared<ModesCommand>();
+  CLI::App* sub = app.add_subcommand("modes", "The lowest modes of K x = l M x (docs/use/modes.md)");
+  add_file(*sub, "K", command->k_file, "the stiffness: Matrix Market or Rutherford-Boeing, also .gz");
+  add_file(*sub, "M", command->m_file, "the mass; with --buckling Kg");
+  sub->add_option("--generate", command->generator, "both matrices: \"elasticity NX NY NZ\"")->type_name("\"SPEC\"");
+  add_search(*sub, *command);
+  add_file(*sub, "--out", command->out_file, "write the shapes here, Matrix Market array, one column a mode");
+  add_file(*sub, "--csv", command->csv_file, "write eigenvalues, frequencies and residuals here");
+  add_file(*sub, "--report", command->report_file, "write the report as JSON here");
+  sub->add_flag("--json", command->json, "print the report as JSON instead of the table");
+  sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
+  sub->add_flag("-v,--verbose", command->verbose, "print the search's log on stderr");
+  command->flags.add_to(*sub);
+  sub->callback([command, &action] { action = [command] { return command->run(); }; });
+}
+
+}  // namespace espalier::cli

@@ -1,0 +1,186 @@
+#include "dynamics/integrators/vibrations.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <Eigen/SparseCore>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace espalier::dynamics {
+
+namespace {
+
+std::size_t vibration_at(Offset i) { return static_cast<std::size_t>(i); }
+
+// A matrix of the pattern of tangents, with rows of constraints below where they are wanted, general storage.
+struct VibrationMatrices {
+  SparseMatrix mass, damping, stiffness;  // n x n
+  Index n = 0;
+};
+
+VibrationMatrices vibration_matrices(Equations& equations, const State& state) {
+  System& system = equations.system();
+  const SparsePattern& p = system.tangent_pattern();
+  VibrationMatrices out;
+  out.n = p.cols;
+  const auto part = [&](const TangentWeights& weights) {
+    SparseMatrix a;
+    a.rows = p.rows;
+    a.cols = p.cols;
+    a.col_ptr = p.ptr;
+    a.row_ind = p.ind;
+    a.values.resize(vibration_at(p.nonzeros()));
+    system.tangent(state.view(), weights, a.values);
+    return a;
+  };
+  out.mass = part({1, 0, 0});
+  out.damping = part({0, 1, 0});
+  out.stiffness = part({0, 0, 1});
+  return out;
+}
+
+// The symmetric part of A as a lower triangle, bordered by rows of constraints; every entry twice, halved, which is
+// summed up by whoever reads it.
+SparseMatrix bordered(const SparseMatrix& a, const SparsePattern& phi, ConstSpan values,
+                      const std::vector<Index>& rows) {
+  struct Entry {
+    Index row;
+    double value;
+  };
+  std::vector<std::vector<Entry>> columns(vibration_at(a.cols) + rows.size());
+  for (Index j = 0; j < a.cols; ++j)
+    for (Offset k = a.col_ptr[vibration_at(j)]; k < a.col_ptr[vibration_at(j) + 1]; ++k) {
+      const Index i = a.row_ind[vibration_at(k)];
+      const double half = 0.5 * a.values[vibration_at(k)];
+      columns[vibration_at(std::min(i, j))].push_back({std::max(i, j), i == j ? 2 * half : half});
+    }
+  for (std::size_t r = 0; r < rows.size() && !values.empty(); ++r)
+    for (Offset k = phi.ptr[vibration_at(rows[r])]; k < phi.ptr[vibration_at(rows[r]) + 1]; ++k)
+      columns[vibration_at(phi.ind[vibration_at(k)])].push_back(
+          {a.cols + static_cast<Index>(r), values[vibration_at(k)]});
+  SparseMatrix out;
+  out.rows = out.cols = static_cast<Index>(columns.size());
+  out.storage = Storage::symmetric_lower;
+  out.col_ptr.assign(1, 0);
+  for (const std::vector<Entry>& column : columns) {
+    for (const Entry& e : column) {
+      out.row_ind.push_back(e.row);
+      out.values.push_back(e.value);
+    }
+    out.col_ptr.push_back(static_cast<Offset>(out.row_ind.size()));
+  }
+  return out;
+}
+
+// How far a matrix is from its symmetric part, relative to its largest entry.
+double asymmetry(const SparseMatrix& a) {
+  Eigen::SparseMatrix<double> full(a.rows, a.cols);
+  std::vector<Eigen::Triplet<double>> entries;
+  double largest = 0;
+  for (Index j = 0; j < a.cols; ++j)
+    for (Offset k = a.col_ptr[vibration_at(j)]; k < a.col_ptr[vibration_at(j) + 1]; ++k) {
+      const double v = a.values[vibration_at(k)];
+      entries.emplace_back(a.row_ind[vibration_at(k)], j, v);
+      entries.emplace_back(j, a.row_ind[vibration_at(k)], -v);
+      largest = std::max(largest, std::abs(v));
+    }
+  full.setFromTriplets(entries.begin(), entries.end());
+  double worst = 0;
+  for (Eigen::Index k = 0; k < full.nonZeros(); ++k) worst = std::max(worst, std::abs(full.valuePtr()[k]));
+  return largest > 0 ? worst / largest : 0;
+}
+
+// X^T A X.
+Eigen::MatrixXd projected(const SparseMatrix& a, const Eigen::MatrixXd& x) {
+  Eigen::MatrixXd ax = Eigen::MatrixXd::Zero(x.rows(), x.cols());
+  for (Eigen::Index c = 0; c < x.cols(); ++c)
+    for (Index j = 0; j < a.cols; ++j)
+      for (Offset k = a.col_ptr[vibration_at(j)]; k < a.col_ptr[vibration_at(j) + 1]; ++k)
+        ax(a.row_ind[vibration_at(k)], c) += a.values[vibration_at(k)] * x(j, c);
+  return x.transpose() * ax;
+}
+
+Mode vibration_of(std::complex<double> e, const Eigen::VectorXcd& shape) {
+  const double modulus = std::abs(e);
+  return {e, std::abs(e.imag()) / (2 * std::numbers::pi), modulus > 0 ? -e.real() / modulus : 0.0, real_shape(shape)};
+}
+
+// Of z'' + D z' + C z = 0, by modulus, one of each pair.
+std::vector<Mode> damped(const Eigen::MatrixXd& damping, const Eigen::MatrixXd& stiffness, const Eigen::MatrixXd& x) {
+  const Eigen::Index q = damping.rows();
+  Eigen::MatrixXd companion = Eigen::MatrixXd::Zero(2 * q, 2 * q);
+  companion.topRightCorner(q, q).setIdentity();
+  companion.bottomLeftCorner(q, q) = -stiffness;
+  companion.bottomRightCorner(q, q) = -damping;
+  const Eigen::EigenSolver<Eigen::MatrixXd> eigen(companion);
+  std::vector<Mode> modes;
+  const double largest = eigen.eigenvalues().cwiseAbs().maxCoeff();
+  for (Eigen::Index k = 0; k < 2 * q; ++k)
+    if (eigen.eigenvalues()[k].imag() >= -1e-14 * largest)
+      modes.push_back(vibration_of(eigen.eigenvalues()[k], x.leftCols(q) * eigen.eigenvectors().col(k).head(q)));
+  std::sort(modes.begin(), modes.end(),
+            [](const Mode& a, const Mode& b) { return std::abs(a.eigenvalue) < std::abs(b.eigenvalue); });
+  return modes;
+}
+
+std::vector<Mode> undamped(const ModesResult& found, const Eigen::MatrixXd& x) {
+  std::vector<Mode> modes;
+  for (std::size_t i = 0; i < found.eigenvalues.size(); ++i) {
+    const double l = found.eigenvalues[i];
+    const std::complex<double> e = l >= 0 ? std::complex<double>(0, std::sqrt(l)) : std::sqrt(-l);
+    modes.push_back(vibration_of(e, x.col(static_cast<Eigen::Index>(i)).cast<std::complex<double>>()));
+  }
+  return modes;
+}
+
+}  // namespace
+
+Vibrations small_vibrations(Equations& equations, const State& state, Index count, const Options& solver) {
+  constexpr double kUnsymmetric = 1e-8;
+  const VibrationMatrices a = vibration_matrices(equations, state);
+  equations.evaluate_constraints(state.t, state.q, {});
+  std::vector<Index> rows;
+  const std::vector<char>& dropped = equations.dropped();
+  for (Index i = 0; i < equations.sizes().constraints; ++i)
+    if (dropped.empty() || dropped[vibration_at(i)] == 0) rows.push_back(i);
+  const double velocity_forces = max_norm(a.damping.values);
+  const bool plain = velocity_forces == 0 && asymmetry(a.stiffness) < kUnsymmetric;
+  const Index free = a.n - static_cast<Index>(rows.size());
+  ModesOptions options;
+  options.count = std::min(plain ? count : 3 * count + 40, free);
+  options.solver = solver;
+  Vibrations out;
+  if (options.count <= 0) return out;
+  const SparsePattern& phi = equations.system().constraint_pattern();
+  const ModesResult found =
+      find_modes(bordered(a.stiffness, phi, equations.phi_q(), rows), bordered(a.mass, phi, {}, rows), options);
+  if (!found.status.ok()) throw Error(found.status.code, "initial.modes: " + found.status.message);
+  const Eigen::Map<const Eigen::MatrixXd> all(found.vectors.data(), found.n, found.count());
+  const Eigen::MatrixXd x = all.topRows(a.n);
+  if (plain) {
+    out.modes = undamped(found, x);
+    if (!found.complete) out.notice = "initial.modes: " + found.completeness;
+    return out;
+  }
+  const Eigen::MatrixXd d = projected(a.damping, x), c = projected(a.stiffness, x);
+  out.modes = damped(d, c, x);
+  const Eigen::Index fewer = d.rows() < free ? std::max<Eigen::Index>(count, 3 * d.rows() / 4) : d.rows();
+  const std::vector<Mode> less = damped(d.topLeftCorner(fewer, fewer), c.topLeftCorner(fewer, fewer), x);
+  double change = 0;
+  const std::size_t shown = std::min({vibration_at(count), out.modes.size(), less.size()});
+  for (std::size_t i = 0; i < shown; ++i)
+    change = std::max(change, std::abs(std::abs(less[i].eigenvalue) - std::abs(out.modes[i].eigenvalue)) /
+                                  std::max(std::abs(out.modes[i].eigenvalue), 1e-300));
+  out.modes.resize(std::min(vibration_at(count), out.modes.size()));
+  if (fewer < d.rows())
+    out.notice = fmt::format(
+        "initial.modes: damping is taken in the space of {} undamped modes; with {} of them eigenvalues differ by up "
+        "to "
+        "{:.1e}",
+        d.rows(), fewer, change);
+  return out;
+}
+
+}  // namespace espalier::dynamics

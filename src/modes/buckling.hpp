@@ -1,0 +1,40 @@
+/// \file
+/// The smallest positive eigenvalues of K x = l Kg x.
+#pragma once
+
+#include "modes/harvest.hpp"
+#include "modes/lanczos.hpp"
+#include "modes/pencil.hpp"
+
+namespace espalier::modes {
+
+class BucklingSearch {
+ public:
+  BucklingSearch(SparseMatrix k, SparseMatrix kg, const ModesOptions& options, Workshop& shop, ModesResult& result);
+  /// @throws Error where nothing can be found; what was found when it gives up is in the result all the same
+  void run();
+  /// What was found goes into the result, with its residuals.
+  void deliver();
+
+ private:
+  void factorize_stiffness();
+  void explore();
+  void purify(Tall& batch);
+  void prove();
+  [[nodiscard]] double gap_after_wanted() const;
+
+  const ModesOptions& options_;
+  Workshop& shop_;
+  ModesResult& result_;
+  Pencil pencil_;
+  Product stiffness_, geometric_;
+  SpectralOperator op_;
+  LanczosClock clock_;
+  Harvest harvest_;
+  Index multipliers_ = 0;  // rows of constraints
+  Index wanted_ = 0;
+  double next_ = 0;  // the next eigenvalue as the search saw it; 0: none
+  bool exhausted_ = false, exact_ = true;
+};
+
+}  // namespace espalier::modes
