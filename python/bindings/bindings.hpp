@@ -9,5 +9,6 @@ namespace espalier::python {
 void bind_solver(nanobind::module_& m);
 void bind_simulation(nanobind::module_& m);
 void bind_dae(nanobind::module_& m);
+void bind_modes(nanobind::module_& m);
 
 }  // namespace espalier::python

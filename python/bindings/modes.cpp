@@ -1,0 +1,111 @@
+// Modes of pencils. Private: espalier/_modes.py gives them types, checks and exceptions.
+#include "espalier/modes.hpp"
+
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <utility>
+
+#include "arrays.hpp"
+#include "bindings.hpp"
+#include "host.hpp"
+#include "solver/environment.hpp"
+#include "solver/option_text.hpp"
+#include "solver_handle.hpp"
+
+namespace espalier::python {
+
+namespace {
+
+using namespace nb::literals;
+
+// Compressed columns of a symmetric matrix, whose rows are its columns.
+MatrixView view_of(const Pointers& pointers, const Indices& indices, const Values& values, int storage) {
+  MatrixView view;
+  view.rows = view.cols = static_cast<Index>(pointers.size()) - 1;
+  view.col_ptr = {pointers.data(), pointers.size()};
+  view.row_ind = {indices.data(), indices.size()};
+  view.values = {values.data(), values.size()};
+  view.storage = static_cast<Storage>(storage);
+  return view;
+}
+
+ModesOptions options_of(const nb::dict& given, const std::vector<std::pair<std::string, std::string>>& solver,
+                        Host& host) {
+  ModesOptions o;
+  solver::Environment environment = solver::read_environment();
+  if (!environment.status.ok()) throw Error(environment.status);
+  o.solver = std::move(environment.options);
+  for (const auto& [key, value] : solver) solver::set_option(o.solver, key, value);
+  o.solver.interrupted = &Host::interrupted;
+  o.solver.interrupted_every = 0.1;  // the global lock may take 5 ms to come
+  o.solver.log = [&host](const std::string& line) { host.write(line); };
+  o.count = nb::cast<Index>(given["count"]);
+  o.below = nb::cast<double>(given["below"]);
+  o.shift = nb::cast<double>(given["shift"]);
+  o.tolerance = nb::cast<double>(given["tolerance"]);
+  o.block_size = nb::cast<Index>(given["block_size"]);
+  o.basis_size = nb::cast<Index>(given["basis_size"]);
+  o.seed = nb::cast<std::uint64_t>(given["seed"]);
+  o.prove = nb::cast<bool>(given["prove"]);
+  o.check_mass = nb::cast<bool>(given["check_mass"]);
+  return o;
+}
+
+nb::dict seconds_of(const ModesSeconds& s) {
+  nb::dict d;
+  d["total"] = s.total;
+  d["mass"] = s.mass;
+  d["analysis"] = s.analysis;
+  d["factorization"] = s.factorization;
+  d["solves"] = s.solves;
+  d["orthogonalization"] = s.orthogonalization;
+  d["products"] = s.products;
+  return d;
+}
+
+// Status, and the fields in the order of the dataclass in _modes.py. Vectors row by row.
+nb::tuple fields(ModesResult r) {
+  const auto count = static_cast<std::size_t>(r.count());
+  nb::list counts;
+  for (const ModeCount& c : r.counts) counts.append(nb::make_tuple(c.at, c.below));
+  const auto numbers = [&](std::vector<double>& v) {
+    v.resize(count);  // of a search that was stopped, not all are known
+    return array_of(std::move(v), {count});
+  };
+  r.vectors.resize(count * static_cast<std::size_t>(r.n));
+  const nb::tuple status = status_of(r.status);
+  return nb::make_tuple(
+      status,
+      nb::make_tuple(numbers(r.eigenvalues), array_of(std::move(r.vectors), {count, static_cast<std::size_t>(r.n)}),
+                     numbers(r.residuals), numbers(r.error_bounds), r.orthogonality, r.complete, r.completeness,
+                     r.finite, r.massless, nb::tuple(counts), r.factorizations, r.solved_columns, r.restarts,
+                     r.peak_bytes, seconds_of(r.seconds)));
+}
+
+}  // namespace
+
+void bind_modes(nb::module_& m) {
+  const auto array = [](const char* name) { return nb::arg(name).noconvert(); };
+  m.def(
+      "find_modes",
+      [](const Pointers& kp, const Indices& ki, const Values& kv, const Pointers& mp, const Indices& mi,
+         const Values& mv, int storage, bool buckling, const nb::dict& options,
+         const std::vector<std::pair<std::string, std::string>>& solver, nb::object log) {
+        Host host{std::move(log)};
+        const ModesOptions o = options_of(options, solver, host);
+        const MatrixView k = view_of(kp, ki, kv, storage), second = view_of(mp, mi, mv, storage);
+        ModesResult result;
+        {
+          const nb::gil_scoped_release released;
+          result = buckling ? find_buckling_modes(k, second, o) : find_modes(k, second, o);
+        }
+        if (Host::raised) std::rethrow_exception(std::exchange(Host::raised, nullptr));
+        return fields(std::move(result));
+      },
+      array("k_pointers"), array("k_indices"), array("k_values"), array("m_pointers"), array("m_indices"),
+      array("m_values"), "storage"_a, "buckling"_a, "options"_a, "solver"_a, "log"_a.none());
+}
+
+}  // namespace espalier::python

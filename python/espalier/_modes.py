@@ -1,0 +1,118 @@
+"""Modes: the lowest eigenvalues of symmetric pencils, proven complete."""
+
+import logging
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from . import _core
+from ._errors import AccuracyWarning, make_error
+from ._results import _Table
+from ._solver import _STORAGE, _arrays, _text
+
+
+@dataclass(frozen=True)
+class Modes(_Table):
+    """Of a pencil. Vectors are the columns of `vectors`, (n, count), orthonormal in the inner product of M (buckling: of K).
+
+    `residuals`: ||K x - l M x||_2 / ((||K||_inf + |l| ||M||_inf) ||x||_2). `error_bounds`: an eigenvalue lies no farther from
+    the given one, but for rounding. `orthogonality`: the largest |x_i' M x_j - delta_ij|. `complete`: proven that none is
+    missing; `completeness` says how, or why not. `counts`: pairs of a number and how many eigenvalues lie below it.
+    """
+
+    eigenvalues: Any
+    vectors: Any
+    residuals: Any
+    error_bounds: Any
+    orthogonality: float
+    complete: bool
+    completeness: str
+    finite: int
+    massless: int
+    counts: "tuple[tuple[float, int], ...]"
+    factorizations: int
+    solved_columns: int
+    restarts: int
+    peak_bytes: int
+    seconds: "dict[str, float]"
+
+    @property
+    def frequencies(self) -> Any:
+        """sqrt(l) / (2 pi) of each mode of vibration; NaN where l is negative."""
+        import numpy as np
+
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(self.eigenvalues) / (2 * math.pi)
+
+    def __len__(self) -> int:
+        return len(self.eigenvalues)
+
+
+def _search(K: Any, M: Any, symmetry: str, buckling: bool, log: "logging.Logger | None", given: "dict[str, Any]",
+            solver: "dict[str, Any]") -> Modes:
+    import warnings
+
+    if symmetry not in ("auto", "symmetric", "lower", "upper"):
+        raise ValueError(f"symmetry {symmetry!r} is none of auto, symmetric, lower, upper")
+    for key in ("kind", "precision", "singular", "permutation"):
+        if key in solver:
+            raise ValueError(f"{key} has no meaning here: modes choose it")
+    arrays = []
+    for name, a in (("K", K), ("M", M)):
+        pointers, indices, values, by_rows = _arrays(a)
+        if values is None:
+            raise ValueError(f"{name} has no values, only a pattern")
+        arrays.append((pointers, indices, values, by_rows))
+    # Rows of a symmetric matrix are its columns; those of a triangle are the columns of the other one.
+    storage = {_STORAGE[symmetry] if not by_rows or symmetry not in ("lower", "upper") else 3 - _STORAGE[symmetry]
+               for *_, by_rows in arrays}
+    if len(storage) > 1:
+        raise ValueError("K and M are triangles, one by rows and one by columns: convert one of them")
+    status, fields = _core.find_modes(*arrays[0][:3], *arrays[1][:3], storage.pop(), buckling, given,
+                                      [(key, _text(value)) for key, value in solver.items()],
+                                      (log or logging.getLogger("espalier")).debug)
+    eigenvalues, vectors, *rest = fields
+    found = Modes(eigenvalues, vectors.T, *rest)
+    if status[0] == 7:
+        warnings.warn(AccuracyWarning(status[1]), stacklevel=3)
+    elif status[0] != 0:
+        raise make_error(*status)
+    return found
+
+
+def _options(count: "int | None", below: "float | None", shift: "float | None", tolerance: float, prove: bool,
+             check_mass: bool, block_size: int, basis_size: int, seed: int) -> "dict[str, Any]":
+    if count is None and below is None:
+        raise ValueError("nothing is asked for: give count, or below")
+    if count is not None and not 0 < int(count) < 2**31:
+        raise ValueError(f"count = {count}: give a number of modes from 1")
+    return {"count": 0 if count is None else int(count), "below": math.inf if below is None else float(below),
+            "shift": math.nan if shift is None else float(shift), "tolerance": float(tolerance), "prove": bool(prove),
+            "check_mass": bool(check_mass), "block_size": int(block_size), "basis_size": int(basis_size), "seed": int(seed)}
+
+
+def modes(K: Any, M: Any, count: "int | None" = None, *, below: "float | None" = None, shift: "float | None" = None,
+          tolerance: float = 1e-10, prove: bool = True, check_mass: bool = True, block_size: int = 0, basis_size: int = 0,
+          seed: int = 1, symmetry: str = "auto", log: "logging.Logger | None" = None, **solver: Any) -> Modes:
+    """The lowest eigenvalues of K x = l M x with their vectors: `count` of them, or all below `below`, or the fewer of both.
+
+    K: symmetric, of scipy.sparse or (indptr, indices, data), also singular (free bodies) or with rows of constraints
+    [A G'; G 0]. M: symmetric positive semi-definite, of the same shape; rows of zeros are no hindrance. symmetry: "auto" and
+    "symmetric" (both triangles are stored), "lower", "upper" (only that one). shift: where the search begins, by default a
+    little below zero. prove: count by inertia at the end that none is missing. check_mass: factorize M to see that it is
+    semi-definite. solver: device, threads, host_memory and the like, as for Solver.
+
+    Raises InvalidInputError for matrices and numbers that cannot be, SingularMatrixError where det(K - s M) = 0 for every s or
+    for `shift`, OutOfMemoryError. Warns with AccuracyWarning where some were not found. Ctrl-C ends it with KeyboardInterrupt.
+    """
+    return _search(K, M, symmetry, False, log,
+                   _options(count, below, shift, tolerance, prove, check_mass, block_size, basis_size, seed), solver)
+
+
+def buckling_modes(K: Any, Kg: Any, count: int, *, tolerance: float = 1e-10, prove: bool = True, block_size: int = 0,
+                   basis_size: int = 0, seed: int = 1, symmetry: str = "auto", log: "logging.Logger | None" = None,
+                   **solver: Any) -> Modes:
+    """The smallest positive l of K x = l Kg x (where a program has K + l Kgeo: Kg = -Kgeo). K: symmetric positive definite, but
+    for rows of constraints; Kg: symmetric. Arguments and exceptions as for modes(); vectors have x' K x = 1."""
+    return _search(K, Kg, symmetry, True, log,
+                   _options(count, None, None, tolerance, prove, True, block_size, basis_size, seed), solver)
