@@ -24,7 +24,7 @@ build_cuda() {
   local nvcc
   nvcc=$(find_nvcc)
   [[ -n $nvcc ]] || { echo "left out: no nvcc here"; return 0; }
-  configure_and_build cuda "-DCMAKE_CUDA_COMPILER=$nvcc" -DESPALIER_CUDA_ARCHITECTURES=90-real -DESPALIER_TESTS=OFF \
+  configure_and_build cuda "-DCMAKE_CUDA_COMPILER=$nvcc" -DESPALIER_CUDA_ARCHITECTURES=90a-real -DESPALIER_TESTS=OFF \
     -DESPALIER_BENCH=OFF -- espalier_device_cuda \
     src/CMakeFiles/espalier_dynamics.dir/dynamics/cuda/{assembly,body,elements,matrix}.cu.o
 }

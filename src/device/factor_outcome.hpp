@@ -14,6 +14,7 @@ struct PivotRule {
   double threshold = 0.01;  ///< u: a pivot column with an entry of L above 1/u is reported as failed
   double tiny = 0;          ///< a pivot smaller in magnitude is replaced by +-tiny (absolute; matrix scaled to about 1)
   double suspect = 0;       ///< ldlt, lu: a kept pivot below it (absolute) is reported as small; 0: none is
+  double largest = 1;       ///< no entry of the matrix is larger in magnitude
   /// llt: by position; a positive pivot not above it is kept, but reported as replaced. Empty: none is.
   std::span<const double> smallest = {};
 };

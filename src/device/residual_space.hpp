@@ -35,7 +35,14 @@ class ResidualSpace {
   /// to += from. @returns whether all of `to` was finite before; true where that is not known yet: then its residual
   /// is infinite
   virtual bool add(const double* from, double* to) const = 0;
-  /// Memory for so many vectors, one after another, as long as the owner lives. Two slots: 0 and 1.
+  /// y = op(A) x in plain double precision. May be under way on return.
+  virtual void multiply(const double* x, double* y, bool transpose) const = 0;
+  /// y = a x + b y; y is not read where b is zero. May be under way on return.
+  virtual void combine(double a, const double* x, double b, double* y) const = 0;
+  /// Sum of the products of two vectors, in an order that depends on n alone. Waits.
+  [[nodiscard]] virtual double dot(const double* a, const double* b) const = 0;
+  /// Memory for so many vectors, one after another, as long as the owner lives and nobody asks for the same slot again.
+  /// Slots are numbered from 0.
   struct Vectors {
     double* data = nullptr;
     std::shared_ptr<void> owner;

@@ -1,7 +1,6 @@
 #include "solve/refinement.hpp"
 
 #include <algorithm>
-#include <stdexcept>
 #include <vector>
 
 namespace espalier::solve {
@@ -14,6 +13,11 @@ constexpr double kKrylovReduction = 1e-6;
 // Rows in which A, x and b meet only in zeros have a componentwise error of about 1 for ever. Above this normwise error
 // (some 50 roundings) a step that halves it is one in the right direction whatever they say.
 constexpr double kNormwiseMatters = 1e-14;
+
+// A plain step that leaves more of the error than this costs more than a step of a Krylov method gains...
+constexpr double kFast = 0.1;
+// ... unless nothing is left to gain.
+constexpr double kAtRounding = 1e-15;
 
 constexpr Index kColumnsAtOnce = 16;  // bounds the memory: two vectors a column
 
@@ -30,9 +34,9 @@ struct Column {
 
 class Refinement {
  public:
-  Refinement(const ResidualSpace& a, const ResidualOperator* host, const Preconditioner& m, bool transpose,
-             const RefinementOptions& options, Index columns)
-      : a_(a), host_(host), m_(m), transpose_(transpose), options_(options), n_(a.size()) {
+  Refinement(const ResidualSpace& a, const Preconditioner& m, bool transpose, const RefinementOptions& options,
+             Index columns)
+      : a_(a), m_(m), transpose_(transpose), options_(options), n_(a.size()) {
     if (options.steps == 0) return;  // errors are wanted, not residuals
     residuals_ = a.vectors(0, columns);
     trials_ = a.vectors(1, columns);
@@ -94,12 +98,9 @@ class Refinement {
   }
 
   void solve_krylov(Column& c) {
-    const auto n = static_cast<std::size_t>(n_);
-    const std::span<const double> residual(c.residual, n);
-    const std::span<double> trial(c.trial, n);
     const KrylovEnd end{kKrylovReduction, options_.krylov_steps - c.result.krylov_steps};
-    c.result.krylov_steps += options_.positive_definite ? solve_cg(*host_, m_, residual, trial, end)
-                                                        : solve_fgmres(*host_, m_, residual, trial, transpose_, end);
+    c.result.krylov_steps += options_.positive_definite ? solve_cg(a_, m_, c.residual, c.trial, end)
+                                                        : solve_fgmres(a_, m_, c.residual, c.trial, transpose_, end);
   }
 
   // trial += x. A correction that is not finite ends its column.
@@ -126,8 +127,9 @@ class Refinement {
         a_.copy(c.trial, c.x);
       }
       const bool stalled = !falls && !(now.componentwise <= before.componentwise / 2);
-      if (stalled && (c.krylov || !options_.krylov)) c.done = true;
-      if (stalled) c.krylov = options_.krylov;
+      if (stalled && (c.krylov || !options_.krylov || c.result.error.componentwise <= kAtRounding)) c.done = true;
+      const bool slow = now.normwise > kNormwiseMatters && !(now.normwise <= kFast * before.normwise);
+      c.krylov = c.krylov || (options_.krylov && (stalled || slow));
       c.done = c.done || !worth_going_on(c);
       if (!c.done && !better) lost.push_back(&c);
     }
@@ -135,7 +137,6 @@ class Refinement {
   }
 
   const ResidualSpace& a_;
-  const ResidualOperator* host_;  // where Krylov methods work; null: they are not wanted
   const Preconditioner& m_;
   bool transpose_;
   const RefinementOptions& options_;
@@ -147,11 +148,9 @@ class Refinement {
 
 RefinementResult refine(const ResidualSpace& a, const Preconditioner& m, const Systems& systems,
                         const RefinementOptions& options) {
-  const auto* host = dynamic_cast<const ResidualOperator*>(&a);
-  if (options.krylov && host == nullptr) throw std::logic_error("refine: Krylov methods work in host memory");
   const auto n = static_cast<std::size_t>(a.size());
   RefinementResult all;
-  Refinement refinement(a, host, m, systems.transpose, options, std::min(systems.columns, kColumnsAtOnce));
+  Refinement refinement(a, m, systems.transpose, options, std::min(systems.columns, kColumnsAtOnce));
   for (Index first = 0; first < systems.columns; first += kColumnsAtOnce) {
     std::vector<Column> group(static_cast<std::size_t>(std::min(kColumnsAtOnce, systems.columns - first)));
     for (std::size_t k = 0; k < group.size(); ++k) {

@@ -14,8 +14,9 @@ namespace espalier::solve {
 using Preconditioner = std::function<void(const double* x, double* y, Index columns)>;
 
 struct RefinementOptions {
-  int steps = 10;       ///< most steps
-  bool krylov = false;  ///< go on with FGMRES (or CG) when refinement stalls: for a factor of lower precision
+  int steps = 10;  ///< most steps
+  /// Go on with FGMRES (or CG) when refinement is slow: for a factor of lower precision.
+  bool krylov = false;
   bool positive_definite = false;  ///< CG instead of FGMRES
   int krylov_steps = 100;          ///< most products in the Krylov phase
   double target = 2e-16;           ///< a componentwise backward error at most this is as good as it gets
@@ -38,9 +39,9 @@ struct Systems {
 /// Fixed-precision refinement with residuals of twice the precision (Wilkinson; Arioli, Demmel and Duff 1989): corrects
 /// x until the componentwise backward error no longer halves, nor the normwise one where that is above 1e-14, and keeps
 /// the best x. (Zeros in solution and right-hand side keep the componentwise error at 1.)
-/// Right-hand sides are refined side by side, at most 32 at a time, each until it stalls.
+/// Right-hand sides are refined side by side, at most 32 at a time, each until it stalls. With options.krylov a step
+/// that leaves more than a tenth of the error is the last plain one.
 /// @param systems  x: on entry the first solutions, on return the best. In the memory of `a`
-/// options.krylov needs a ResidualOperator, in host memory.
 /// @returns the largest errors and the most steps of any column
 RefinementResult refine(const ResidualSpace& a, const Preconditioner& m, const Systems& systems,
                         const RefinementOptions& options);
@@ -52,10 +53,13 @@ struct KrylovEnd {
 };
 
 /// Solves A d = r, d = 0 at the start: conjugate gradients (positive definite A) or flexible GMRES (Saad 1993).
+/// @param r, d  n values each, in the memory of `a`, of which slots from kKrylovSlot on are used
 /// @returns the number of products with A
-int solve_cg(const ResidualOperator& a, const Preconditioner& m, std::span<const double> r, std::span<double> d,
-             const KrylovEnd& end);
-int solve_fgmres(const ResidualOperator& a, const Preconditioner& m, std::span<const double> r, std::span<double> d,
-                 bool transpose, const KrylovEnd& end);
+int solve_cg(const ResidualSpace& a, const Preconditioner& m, const double* r, double* d, const KrylovEnd& end);
+int solve_fgmres(const ResidualSpace& a, const Preconditioner& m, const double* r, double* d, bool transpose,
+                 const KrylovEnd& end);
+
+/// Refinement itself has the slots before.
+inline constexpr Index kKrylovSlot = 2;
 
 }  // namespace espalier::solve

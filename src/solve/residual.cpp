@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 namespace espalier::solve {
@@ -281,6 +282,24 @@ void ResidualOperator::multiply(const double* x, double* y, bool transpose) cons
       y[i] = sum0 + sum1;
     }
   });
+}
+
+void ResidualOperator::combine(double a, const double* x, double b, double* y) const {
+  pool_->for_each_range(a_.rows, kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {
+    if (b == 0) {
+      for (auto i = begin; i < end; ++i) y[i] = a * x[i];
+    } else {
+      for (auto i = begin; i < end; ++i) y[i] = a * x[i] + b * y[i];
+    }
+  });
+}
+
+double ResidualOperator::dot(const double* a, const double* b) const {
+  std::vector<double> sums(static_cast<std::size_t>((a_.rows + kValuesPerRange - 1) / kValuesPerRange), 0);
+  pool_->for_each_range(a_.rows, kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {
+    sums[static_cast<std::size_t>(begin / kValuesPerRange)] = std::inner_product(a + begin, a + end, b + begin, 0.0);
+  });
+  return std::accumulate(sums.begin(), sums.end(), 0.0);
 }
 
 void ResidualOperator::copy(const double* from, double* to) const {

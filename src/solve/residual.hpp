@@ -42,8 +42,9 @@ class ResidualOperator final : public ResidualSpace {
   /// The same for several right-hand sides, two registers of them in each pass over the matrix. The sums are grouped
   /// otherwise than for one alone, so that residuals may differ by their own rounding.
   void compute(std::span<ResidualColumn> columns, bool transpose) const override;
-  /// y = op(A) x in plain double precision.
-  void multiply(const double* x, double* y, bool transpose) const;
+  void multiply(const double* x, double* y, bool transpose) const override;
+  void combine(double a, const double* x, double b, double* y) const override;
+  [[nodiscard]] double dot(const double* a, const double* b) const override;
 
   /// |op(A)|_inf; computed when first asked for after set_values(). Not safe for concurrent first calls.
   [[nodiscard]] double norm(bool transpose) const;

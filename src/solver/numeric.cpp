@@ -48,6 +48,7 @@ class NumericOf final : public Numeric {
     if (rescale_) scales_ = scales_for(prepared_, given_, matching_, pool_);
     const double largest = scale_values(prepared_, scales_, given_, values_.data(), pool_);
     rule_.tiny = given_zero_ > 0 ? given_zero_ : smallest_pivot_ * largest;
+    rule_.largest = largest;
     rule_.suspect = suspect_pivot(base::ScalarTraits<T>::epsilon) * largest;
     for (std::size_t k = 0; k < smallest_.size(); ++k)
       smallest_[k] = suspect_pivot(base::ScalarTraits<T>::epsilon) * values_[diagonal_[static_cast<std::size_t>(k)]];

@@ -62,11 +62,11 @@ class Solving {
       if (first < 0) first = base::now_seconds() - began;
     };
     result_ = SolveResult{};
-    refine(residual, apply, job, options_.precision == Precision::mixed);
+    refine(residual, apply, job);
     result_.solve_seconds = first;
   }
 
-  // False: no device holds the linear system, its memory is too small, or only a Krylov method helps.
+  // False: no device holds the linear system, or its memory is too small.
   bool through_device(const SolveJob& job) {
     device::DeviceLinearSystem* device = factor_.numeric().device_system();
     if (device == nullptr) return false;
@@ -85,7 +85,7 @@ class Solving {
       if (e.status().code != StatusCode::out_of_memory) throw;
       return false;
     }
-    return options_.precision != Precision::mixed || result_.backward_error <= options_.required_backward_error;
+    return true;
   }
 
   void on_device(device::DeviceLinearSystem& device, const SolveJob& job) {
@@ -94,7 +94,7 @@ class Solving {
     const solve::Preconditioner apply = [&](const double* from, double* to, Index count) {
       device.substitute(from, to, count, job.transpose);
     };
-    refine(device, apply, job, false);
+    refine(device, apply, job);
     double seconds = device.take_substitution_seconds();
     if (seconds < 0) {  // nobody looked at the solution
       device.finish();
@@ -111,7 +111,7 @@ class Solving {
 
  private:
   // First solution and refinement where `space` is; adds to what the result says of earlier columns.
-  void refine(const solve::ResidualSpace& space, const solve::Preconditioner& apply, const SolveJob& job, bool krylov) {
+  void refine(const solve::ResidualSpace& space, const solve::Preconditioner& apply, const SolveJob& job) {
     apply(job.b, job.x, job.columns);
     if (options_.refinement_steps == 0 && std::isinf(options_.required_backward_error)) {  // nobody asks for it
       result_.backward_error = result_.componentwise_error = std::numeric_limits<double>::quiet_NaN();
@@ -120,7 +120,7 @@ class Solving {
     solve::RefinementOptions refinement;
     refinement.steps = options_.precision == Precision::fp32 ? 0 : options_.refinement_steps;
     refinement.target = options_.refinement_target;
-    refinement.krylov = krylov;
+    refinement.krylov = options_.precision == Precision::mixed;
     refinement.positive_definite = factor_.analysis()->kind() == Kind::llt;
     const solve::RefinementResult r =
         solve::refine(space, apply, {job.b, job.x, job.columns, job.transpose}, refinement);

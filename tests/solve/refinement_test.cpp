@@ -154,14 +154,14 @@ TEST(Cg, ConvergesWithinNStepsAndStopsWhenNotPositive) {
   const ResidualOperator op(a, pool);
   const std::vector<double> r = reference::random_vector(60, 15);
   std::vector<double> d(60);
-  const int steps = solve_cg(op, kIdentity60, r, d, {1e-10, 120});
+  const int steps = solve_cg(op, kIdentity60, r.data(), d.data(), {1e-10, 120});
   EXPECT_LE(steps, 120);
   EXPECT_LE(relative_residual(a, r, d, false), 2e-10);
   const std::vector<double> zero(60, 0.0);
-  EXPECT_EQ(solve_cg(op, kIdentity60, zero, d, {1e-10, 10}), 0);
+  EXPECT_EQ(solve_cg(op, kIdentity60, zero.data(), d.data(), {1e-10, 10}), 0);
   EXPECT_EQ(d, zero);
   const SparseMatrix indefinite = reference::random_system(60, 5, Values::indefinite, 16);
-  EXPECT_LE(solve_cg(ResidualOperator(indefinite, pool), kIdentity60, r, d, {1e-10, 500}), 500);
+  EXPECT_LE(solve_cg(ResidualOperator(indefinite, pool), kIdentity60, r.data(), d.data(), {1e-10, 500}), 500);
   for (const double e : d) EXPECT_TRUE(std::isfinite(e));
 }
 
@@ -173,13 +173,13 @@ TEST(Fgmres, ConvergesWithinItsBasis) {
     const std::vector<double> r = reference::random_vector(25, 18);
     std::vector<double> d(25);
     const Preconditioner identity = [](const double* x, double* y, Index columns) { std::copy_n(x, 25 * columns, y); };
-    const int steps = solve_fgmres(op, identity, r, d, transpose, {1e-12, 30});
+    const int steps = solve_fgmres(op, identity, r.data(), d.data(), transpose, {1e-12, 30});
     EXPECT_LE(steps, 30);
     EXPECT_LE(relative_residual(a, r, d, transpose), 1e-10);  // n steps solve exactly, up to rounding
     const std::vector<double> zero(25, 0.0);
-    EXPECT_EQ(solve_fgmres(op, identity, zero, d, transpose, {1e-12, 30}), 0);
+    EXPECT_EQ(solve_fgmres(op, identity, zero.data(), d.data(), transpose, {1e-12, 30}), 0);
     EXPECT_EQ(d, zero);
-    EXPECT_EQ(solve_fgmres(op, identity, r, d, transpose, {1e-12, 0}), 0);
+    EXPECT_EQ(solve_fgmres(op, identity, r.data(), d.data(), transpose, {1e-12, 0}), 0);
   }
 }
 

@@ -45,6 +45,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
         memory_(a, executor, device, memory_bytes),
         guard_(device),
         ends_(kGroups),
+        dot_(1),
         aborted_(1),
         link_(std::min<Offset>(kLinkBuffer, kColumnGroup * Offset{n_})) {
     guard_.leave();
@@ -135,6 +136,36 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     return true;
   }
 
+  void multiply(const double* x, double* y, bool transpose) const override {
+    const DeviceGuard guard(device_);
+    pending_ = true;
+    multiply_kernel<<<memory_.residual_blocks(false), kSystemThreads, 0, stream()>>>(memory_.pattern(), x, y,
+                                                                                     transpose);
+    call("launch of the multiplication kernel", [&] { return cudaGetLastError(); });
+  }
+  void combine(double a, const double* x, double b, double* y) const override {
+    const DeviceGuard guard(device_);
+    pending_ = true;
+    combine_kernel<<<blocks_for(n_), kSystemThreads, 0, stream()>>>(n_, a, x, b, y);
+    call("launch of the combination kernel", [&] { return cudaGetLastError(); });
+  }
+  [[nodiscard]] double dot(const double* a, const double* b) const override {
+    const DeviceGuard guard(device_);
+    const DotJob job{n_,
+                     a,
+                     b,
+                     memory_.dot_sums(),
+                     reinterpret_cast<int*>(memory_.clock() + 2),
+                     unreported_ ? executor_.solve_aborted() : nullptr,
+                     dot_.data()};
+    dot_kernel<<<dot_blocks(n_), kSystemThreads, 0, stream()>>>(job);
+    call("launch of the kernel of scalar products", [&] { return cudaGetLastError(); });
+    wait();
+    unreported_ = false;
+    if (dot_.data()->aborted != 0) throw executor_.solve_given_up();
+    return dot_.data()->sum;
+  }
+
   void finish() override {
     if (!pending_) return;
     const DeviceGuard guard(device_);
@@ -152,9 +183,13 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     pending_ = unreported_ = false;
   }
 
-  [[nodiscard]] Vectors vectors(Index slot, Index columns) const override { return {slot_of(slot, columns), nullptr}; }
-  double* right_hand_sides(Index columns) override { return slot_of(2, columns); }
-  double* solutions(Index columns) override { return slot_of(3, columns); }
+  [[nodiscard]] Vectors vectors(Index slot, Index columns) const override {
+    const auto at = static_cast<std::size_t>(slot);
+    if (slots_.size() <= at) slots_.resize(at + 1);
+    return {grown(slots_[at], columns), nullptr};
+  }
+  double* right_hand_sides(Index columns) override { return grown(right_hand_sides_, columns); }
+  double* solutions(Index columns) override { return grown(solutions_, columns); }
 
   void send(double* to, const double* from, Offset count) override {
     const DeviceGuard guard(device_);
@@ -184,8 +219,6 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   }
 
  private:
-  static constexpr Index kSlots = 4;  // two of refinement, right-hand sides, solutions
-
   struct Unpin {
     void operator()(double* p) const { (void)cudaHostUnregister(p); }
   };
@@ -209,16 +242,15 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     (void)cudaGetLastError();
   }
 
-  double* slot_of(Index slot, Index columns) const {
-    DeviceArray<double>& s = slots_[static_cast<std::size_t>(slot)];
+  double* grown(DeviceArray<double>& array, Index columns) const {
     const Offset count = static_cast<Offset>(n_) * columns;
-    if (s.size() < count) {
+    if (array.size() < count) {
       const DeviceGuard guard(device_);
-      s = DeviceArray<double>();
-      s = DeviceArray<double>(count, memory_.budget(),
-                              memory_.budget().held() + count * static_cast<Offset>(sizeof(double)));
+      array = DeviceArray<double>();
+      array = DeviceArray<double>(count, memory_.budget(),
+                                  memory_.budget().held() + count * static_cast<Offset>(sizeof(double)));
     }
-    return s.data();
+    return array.data();
   }
 
   void enqueue_values(const double* values, double* copy) {
@@ -297,10 +329,12 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   mutable LinearSystemMemory<T> memory_;
   ConstructionGuard guard_;
   mutable PinnedArray<ResidualEnd> ends_;
+  mutable PinnedArray<DotEnd> dot_;
   PinnedArray<int> aborted_;
   HostLink link_;
   std::unique_ptr<double, Unpin> pinned_values_;
-  mutable DeviceArray<double> slots_[kSlots];
+  mutable std::vector<DeviceArray<double>> slots_;
+  DeviceArray<double> right_hand_sides_, solutions_;
   bool sent_ = false;  // values that are not scaled yet
   int sendings_ = 0;
   mutable bool pending_ = false;     // work on vectors is enqueued

@@ -89,7 +89,7 @@ void DeviceSide<T>::take_memory() {
   take(values_, context_.values);
   take(base_, static_cast<Offset>(t.regions.size()));
   take(marks_, 2 * n());
-  take(limits_, 3);
+  take(limits_, static_cast<Offset>(PivotLimits<T>().size()));
   take(products_, judge_blocks(context_.plan.tree.n));
   take(ticket_, 1);
   take(solve_control_, kCounters);  // counters are read with those of a factorization, before the first solve
@@ -190,8 +190,8 @@ void DeviceSide<T>::connect(const std::vector<std::unique_ptr<DeviceSide>>& side
 }
 
 template <class T>
-void DeviceSide<T>::set_limits(const T (&limits)[3]) {
-  copy_in(limits_.data(), limits, sizeof limits);
+void DeviceSide<T>::set_limits(const PivotLimits<T>& limits) {
+  copy_in(limits_.data(), limits.data(), sizeof limits);
 }
 
 template <class T>

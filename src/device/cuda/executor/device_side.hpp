@@ -71,7 +71,7 @@ class DeviceSide {
 
   // Everything below expects this side's device to be current.
 
-  void set_limits(const T (&limits)[3]);
+  void set_limits(const PivotLimits<T>& limits);
   void copy_in(void* to, const void* from, Offset bytes);  ///< waits
   void copy_out(void* to, const void* from, Offset bytes) const;
   /// Zeroes flags and counters for the next factorization, and fills the vectors of the next pass of a solve.

@@ -29,11 +29,11 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   void set_pivot_rule(const PivotRule& rule) override {
     smallest_ = rule.smallest;
-    const T limits[3] = {static_cast<T>(rule.tiny), static_cast<T>(1 / rule.threshold), static_cast<T>(rule.suspect)};
-    if (limits_known_ && std::equal(limits, limits + 3, limits_)) return;
+    const PivotLimits<T> limits = limits_of<T>(rule);
+    if (limits_known_ && limits == limits_) return;
     limits_known_ = false;
     for (const auto& side : sides_) at(*side, [&] { side->set_limits(limits); });
-    std::copy(limits, limits + 3, limits_);
+    limits_ = limits;
     limits_known_ = true;
   }
 
@@ -287,7 +287,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   std::map<SolveKey, Graph> solve_graphs_;
   std::vector<DeviceWork> work_;
   std::vector<std::vector<T>> pivots_host_;
-  T limits_[3] = {};
+  PivotLimits<T> limits_ = {};
   bool limits_known_ = false;
   bool factor_clean_ = false, solve_clean_ = false;  // what a run on several expects to be clear is so
   std::span<const double> smallest_;                 // PivotRule::smallest

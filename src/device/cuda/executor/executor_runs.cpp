@@ -123,7 +123,8 @@ bool ExecutorOnDevices<T>::set_limits_here(const FilledValues& values) {
   at(first(),
      [&] { first().copy_out(parts.data(), values.largest, values.parts * static_cast<Offset>(sizeof(double))); });
   const double largest = *std::max_element(parts.begin(), parts.end());
-  const T limits[3] = {static_cast<T>(values.tiny * largest), limits_[1], static_cast<T>(values.rounding * largest)};
+  const PivotLimits<T> limits = {static_cast<T>(values.tiny * largest), limits_[1],
+                                 static_cast<T>(values.rounding * largest), static_cast<T>(largest)};
   for (const auto& side : sides_) at(*side, [&] { side->set_limits(limits); });
   return is_finite(largest);
 }

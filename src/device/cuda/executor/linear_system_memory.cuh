@@ -11,6 +11,7 @@
 #include "device/cuda/executor/device_side.hpp"
 #include "device/cuda/kernels/linear_system_kernels.cuh"
 #include "device/cuda/kernels/residual_kernels.cuh"
+#include "device/cuda/kernels/vector_kernels.cuh"
 #include "device/cuda/runtime/device_memory.hpp"
 
 namespace espalier::device::cuda {
@@ -78,6 +79,8 @@ class LinearSystemMemory {
   [[nodiscard]] unsigned long long* clock() const { return residual_control_.data() + kResidualNumbers; }
   /// Maxima of the residual kernel.
   [[nodiscard]] unsigned long long* maxima() const { return residual_control_.data(); }
+  /// By the blocks of the kernel of scalar products.
+  [[nodiscard]] double* dot_sums() const { return dot_sums_.data(); }
   /// Blocks of the residual kernel, for one right-hand side and for several.
   [[nodiscard]] unsigned residual_blocks(bool several) const { return residual_blocks_[several ? 1 : 0]; }
   /// By the blocks of the scaling kernel.
@@ -145,6 +148,7 @@ class LinearSystemMemory {
     const auto blocks = [&](auto* kernel) { return std::clamp(resident_blocks(kernel, device_), 1U, rows); };
     residual_blocks_[0] = blocks(short_rows() ? residual_kernel<1, 2> : residual_kernel<1, 4>);
     residual_blocks_[1] = blocks(residual_kernel<kResidualColumns, 1>);
+    dot_sums_ = take<double>(dot_blocks(n_));
     residual_control_ = take<unsigned long long>(kResidualNumbers + 3);
     call("cudaMemset",
          [&] { return cudaMemset(residual_control_.data(), 0, static_cast<std::size_t>(residual_control_.bytes())); });
@@ -164,6 +168,7 @@ class LinearSystemMemory {
   DeviceArray<double> row_scale_, col_scale_;
   DeviceArray<double> copy_;     // values as they were given; empty: the executor has them
   DeviceArray<double> largest_;  // of the blocks of the scaling kernel
+  DeviceArray<double> dot_sums_;
   DeviceArray<unsigned long long> residual_control_;
   unsigned residual_blocks_[2] = {};  // for one right-hand side, for several
 };

@@ -71,6 +71,7 @@ __device__ void complete_limits(const Job& job, double largest) {
   using T = std::remove_pointer_t<decltype(job.limits)>;
   job.limits[0] = static_cast<T>(job.tiny * largest);
   job.limits[2] = static_cast<T>(job.suspect * largest);
+  job.limits[3] = static_cast<T>(largest);
 }
 
 /// The mark of pivot k of ldlt or lu; 0: it is not small. Each of a pair's eigenvalues stands at one of its two places.

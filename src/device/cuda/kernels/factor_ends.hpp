@@ -21,7 +21,7 @@ struct FactorBegin {
   Offset control_size;
   unsigned char* marks;  ///< FactorState::replaced and failed
   Offset marks_size;
-  T* limits;              ///< FactorState::limits; [0] and [2] are completed, unless `largest` is not given
+  T* limits;              ///< FactorState::limits; all but [1] are completed, unless `largest` is not given
   const double* largest;  ///< `parts` numbers; their maximum is the largest magnitude among the values; null: not given
   int parts;
   double tiny, suspect;  ///< limits [0] and [2] over the largest magnitude

@@ -16,11 +16,11 @@ namespace {
 constexpr int kMostStages = 8;
 
 template <class T, Kind K, int Width>
-__device__ void run_block(Workshop<T>& w, const Front& f, const FactorTask& task, bool any) {
-  if (rows_of(f, task).rows <= 64)
-    block_task<T, K, Shape<64, Width>>(w, f, task, any);
+__device__ __forceinline__ void run_block(Workshop<T>& w, const Front& f, const FactorTask& task, bool any) {
+  if (uniform(rows_of(f, task).rows) <= 64)
+    block_task<T, K, Shape<T, 64, Width>>(w, f, task, any);
   else
-    block_task<T, K, Shape<128, Width>>(w, f, task, any);
+    block_task<T, K, Shape<T, 128, Width>>(w, f, task, any);
 }
 
 template <class T, Kind K, bool Wide>
@@ -61,7 +61,7 @@ __global__ void __launch_bounds__(kThreads, Wide ? 2 : 3)
       feed.waited = 0;
       id = feed.id;
     }
-    if (feed.stop) {
+    if (uniform(feed.stop)) {
       if (threadIdx.x == 0) {
         auto* sums = reinterpret_cast<unsigned long long*>(state.control);
         atomicAdd(sums + kBusy / 2, (global_nanoseconds() - start) / gridDim.x);
@@ -77,9 +77,9 @@ __global__ void __launch_bounds__(kThreads, Wide ? 2 : 3)
     if (state.delay != 0 && threadIdx.x == 0) __nanosleep(state.delay);
     if (front.wait_begin < front.wait_end) wait_for_memory(state, front);
     const bool any = gather<T, K>(state, front, task, w.pipe.stages, feed.waited);
-    if (task.work != Work::block)
+    if (uniform(task.work != Work::block))
       pivot_task<T, K, Wide>(w, front, task);
-    else if (Wide && front.width == 64)
+    else if (Wide && uniform(front.width) == 64)
       run_block<T, K, Wide ? 64 : 32>(w, front, task, any);
     else
       run_block<T, K, 32>(w, front, task, any);
@@ -110,7 +110,9 @@ cudaError_t FactorKernel<T, K>::shape_for(bool wide, std::size_t whole_elements,
   constexpr std::size_t kReserved = 2048;  // per block: what the system keeps, and the static part
   const std::size_t share = static_cast<std::size_t>(per_multiprocessor) / (wide ? 2 : 3) - kReserved;
   shape.stages = static_cast<int>(std::min<std::size_t>(kMostStages, std::max(share, least) / stage));
-  if (shape.stages > (wide ? 4 : 3)) shape.stages = wide ? 4 : 3;
+  const int most = (wide ? 4 : 3) * static_cast<int>(sizeof(double) / sizeof(T));
+  if (shape.stages > most) shape.stages = most;
+  if (sizeof(T) == 4) shape.stages -= shape.stages % static_cast<int>(width / kChunk);  // see sum_by_warpgroup()
   if (shape.stages < 1) shape.stages = 1;
   shape.shared_bytes = std::max(least, shape.stages * stage);
   if (shape.shared_bytes + 1024 > static_cast<std::size_t>(per_block)) return cudaErrorInvalidConfiguration;

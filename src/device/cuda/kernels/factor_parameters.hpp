@@ -2,9 +2,22 @@
 /// What the factorization kernel gets.
 #pragma once
 
+#include <array>
+
 #include "device/cuda/tables/tables.hpp"
+#include "device/factor_outcome.hpp"
 
 namespace espalier::device::cuda {
+
+/// See FactorState::limits.
+template <class T>
+using PivotLimits = std::array<T, 4>;
+
+template <class T>
+PivotLimits<T> limits_of(const PivotRule& rule) {
+  return {static_cast<T>(rule.tiny), static_cast<T>(1 / rule.threshold), static_cast<T>(rule.suspect),
+          static_cast<T>(rule.largest)};
+}
 
 /// Counters: the control array. Flags and finished tasks have arrays of their own.
 enum Control : int {
@@ -73,7 +86,8 @@ struct FactorState {
   int* flag;                      ///< parts x part_flags; see Front::flag()
   int* finished;                  ///< fronts; tasks done
   const T* limits;                ///< [0] pivots below it are replaced; [1] largest |L| that is not reported;
-                                  ///< [2] kept pivots below it are reported as small (ldlt, lu)
+                                  ///< [2] kept pivots below it are reported as small (ldlt, lu);
+                                  ///< [3] no entry of the matrix is larger in magnitude
   std::uint64_t patience;         ///< nanoseconds that one wait may last before the kernel gives up
   std::int64_t part_flags;        ///< flags of one part; those of part 1 (lu) follow those of part 0
   Peers<T> peers;
@@ -87,6 +101,7 @@ struct FactorState {
 
   ESPALIER_BOTH T tiny() const { return limits[0]; }
   ESPALIER_BOTH T growth() const { return limits[1]; }
+  ESPALIER_BOTH T largest() const { return limits[3]; }
   ESPALIER_BOTH int* flags(int part) const { return flag + part * part_flags; }
 };
 

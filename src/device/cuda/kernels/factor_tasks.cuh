@@ -64,14 +64,15 @@ __device__ void multiply_by_inverse(Accumulator<T, S>& acc, Workshop<T>& w, cons
   w.pipe.wait(0);
 #endif
   __syncthreads();
+  Products<T, Parts::tf32, S> products(acc, {1, 1});  // an inverse may be large
   if (at.row < rows && at.col < cols)
-    for (int q = 0; q < cols / kChunk; ++q)
-      multiply_chunk<T, S>(acc, x + q * S::kRows * kChunk, m + q * cols * kChunk, at);
+    for (int q = 0; q < cols / kChunk; ++q) products.add(x + q * S::kRows * kChunk, m + q * cols * kChunk, at);
+  products.finish();
 }
 
 /// One row block of a tile column, in S::kRows x S::kWidth at most.
 template <class T, Kind K, class S>
-__device__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& task, bool any) {
+__device__ __forceinline__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& task, bool any) {
   const FactorState<T>& s = *w.state;
   const Corner<S> at;
   const int j = task.column, a = task.block, part = task.part;
@@ -84,8 +85,9 @@ __device__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& tas
   const int* flag_a = s.flags(K == Kind::lu ? from_a : 0) + f.flag(a, 0);
   const int* flag_b = s.flags(K == Kind::lu ? from_b : 0) + f.flag(f.block_of_column(j), 0);
   const Operand<T> left{array_of(w.base(), f, from_a), row, rows}, right{array_of(w.base(), f, from_b), col, cols};
-  sum_products<T, S>(acc, f, left, right, false, (pivot ? col : f.pivot_pad) / kChunk, flag_a, flag_b, f.blocks, w.pipe,
-                     s.control, s.patience);
+  const int chunks = (pivot ? col : f.pivot_pad) / kChunk;
+  sum_products<T, S>(acc, ChunkSum<T>{&f, left, right, false, chunks, flag_a, flag_b, f.blocks}, w.pipe, s.control,
+                     s.patience, operand_scales<K>(s.largest(), s.growth(), part));
   if (!pivot) {
     const int r0 = row - f.pivot_pad, c0 = col - f.pivot_pad;
     const std::int64_t ld = f.below_ld - c0;
@@ -156,8 +158,8 @@ __device__ void invert_pivot_block(const FactorState<T>& s, T* base, const Front
 
 /// The diagonal tile of a pivot column, up to its factorization: what was gathered loses the products to its left.
 template <class T, Kind K, int Width>
-__device__ void subtract_from_diagonal(Workshop<T>& w, const Front& f, int j) {
-  using S = Shape<Width, Width>;
+__device__ __forceinline__ void subtract_from_diagonal(Workshop<T>& w, const Front& f, int j) {
+  using S = Shape<T, Width, Width>;
   const FactorState<T>& s = *w.state;
   const Corner<S> at;
   const int col = f.column_begin(j), size = f.column_end(j) - col;
@@ -168,8 +170,8 @@ __device__ void subtract_from_diagonal(Workshop<T>& w, const Front& f, int j) {
   const int* flag_a = s.flags(0) + f.flag(a, 0);
   const int* flag_b = s.flags(K == Kind::lu ? 1 : 0) + f.flag(a, 0);
   const Operand<T> left{array_of(w.base(), f, from_a), col, size}, right{array_of(w.base(), f, from_b), col, size};
-  sum_products<T, S>(acc, f, left, right, K == Kind::llt, col / kChunk, flag_a, flag_b, f.blocks, w.pipe, s.control,
-                     s.patience);
+  const ChunkSum<T> sum{&f, left, right, K == Kind::llt, col / kChunk, flag_a, flag_b, f.blocks};
+  sum_products<T, S>(acc, sum, w.pipe, s.control, s.patience, operand_scales<K>(s.largest(), s.growth(), 0));
   T* c = w.pipe.stages;
   for_each_element<S>(at, [&](int m, int n, int e, int r, int k) {
     if (r < size && k < size) c[k * S::kLd + r] = -acc[m][n][e];
@@ -179,7 +181,7 @@ __device__ void subtract_from_diagonal(Workshop<T>& w, const Front& f, int j) {
 
 /// A diagonal tile, or a whole front.
 template <class T, Kind K, bool Wide>
-__device__ void pivot_task(Workshop<T>& w, const Front& f, const FactorTask& task) {
+__device__ __forceinline__ void pivot_task(Workshop<T>& w, const Front& f, const FactorTask& task) {
   const FactorState<T>& s = *w.state;
   const bool whole = task.work == Work::whole;
   const int j = task.column, col = f.column_begin(j), size = f.column_end(j) - col;

@@ -15,7 +15,18 @@ namespace espalier::device::cuda {
 #define ESPALIER_BULK_COPIES 0
 #endif
 
+// Products by a whole warpgroup belong to sm_90a alone; nothing newer or older has them.
+#if defined(__CUDA_ARCH_FEAT_SM90_ALL)
+#define ESPALIER_WARPGROUP_PRODUCTS 1
+#else
+#define ESPALIER_WARPGROUP_PRODUCTS 0
+#endif
+
 __device__ inline unsigned shared_address(const void* p) { return static_cast<unsigned>(__cvta_generic_to_shared(p)); }
+
+/// The same number in all threads, as the compiler then knows: products of a warpgroup must not stand in branches that
+/// threads could take differently.
+__device__ inline int uniform(int x) { return __shfl_sync(0xffffffffu, x, 0); }
 
 // ---- flags between blocks ---------------------------------------------------------------------------------------
 

@@ -124,10 +124,4 @@ __global__ void scatter_kernel(Passage p, const T* rhs, double* x) {
   x[static_cast<Offset>(c) * p.n + i] = p.scale(i, true) * static_cast<double>(rhs[at]);
 }
 
-/// to += from.
-__global__ void add_kernel(Index n, const double* from, double* to) {
-  const Offset i = static_cast<Offset>(blockIdx.x) * kSystemThreads + threadIdx.x;
-  if (i < n) to[i] += from[i];
-}
-
 }  // namespace espalier::device::cuda

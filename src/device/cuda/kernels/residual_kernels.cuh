@@ -210,6 +210,22 @@ __global__ void __launch_bounds__(kSystemThreads)
   report_sizes<Columns>(sizes, job);
 }
 
+/// y = op(A) x in plain double precision.
+__global__ void __launch_bounds__(kSystemThreads)
+    multiply_kernel(const DevicePattern p, const double* x, double* y, bool transpose) {
+  const int lane = static_cast<int>(threadIdx.x) % kLanes;
+  const Offset step = static_cast<Offset>(gridDim.x) * kRowsOfBlock;
+  const Offset mine = threadIdx.x / kLanes;
+  for (Offset first = static_cast<Offset>(blockIdx.x) * kRowsOfBlock; first < p.n; first += step) {
+    const bool inside = first + mine < p.n;
+    const Index row = inside ? static_cast<Index>(first + mine) : 0;
+    double sum = 0;
+    if (inside) visit_row_ahead<2>(p, row, transpose, lane, x, [&](double v, double other) { sum += v * other; });
+    sum = sum_lanes(sum);
+    if (inside && lane == 0) y[row] = sum;
+  }
+}
+
 /// packed (n x kResidualColumns, row-major) = job.x; zero where there is no column.
 __global__ void pack_kernel(Index n, const __grid_constant__ ResidualJob job, double* packed) {
   const Offset at = static_cast<Offset>(blockIdx.x) * kSystemThreads + threadIdx.x;

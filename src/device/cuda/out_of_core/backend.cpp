@@ -57,8 +57,8 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
     rule_ = rule;
     if (out_of_core_ == nullptr) return;
     enter_thread();
-    const T limits[3] = {static_cast<T>(rule.tiny), static_cast<T>(1 / rule.threshold), static_cast<T>(rule.suspect)};
-    copy_now(out_of_core_->shared_at + kLimitsAt, limits, sizeof limits);
+    const PivotLimits<T> limits = limits_of<T>(rule);
+    copy_now(out_of_core_->shared_at + kLimitsAt, limits.data(), sizeof limits);
   }
 
   void begin(std::span<const T>) override {

@@ -84,9 +84,10 @@ __device__ inline std::int64_t slab_offset(const SlabColumns<T>& p, const Front&
 /// acc += sum over all chunks of the slab of A_q B_q^T; everything is there.
 template <class T, class S>
 __device__ void slab_products(Accumulator<T, S>& acc, const Front& f, const SlabColumns<T>& p, const Operand<T>& a,
-                              const Operand<T>& b, int chunks, Pipeline<T>& pipe) {
+                              const Operand<T>& b, int chunks, Pipeline<T>& pipe, HalfScales scales) {
   const Corner<S> at;
   const bool active = at.row < a.rows && at.col < b.rows;
+  Products<T, Parts::half, S> products(acc, scales);
 #if ESPALIER_BULK_COPIES
   const auto issue = [&](int q) {
     const int stage = q % pipe.depth;
@@ -104,7 +105,7 @@ __device__ void slab_products(Accumulator<T, S>& acc, const Front& f, const Slab
     if (threadIdx.x == 0 && q + pipe.depth - 1 < chunks) issue(q + pipe.depth - 1);
     pipe.wait(q % pipe.depth);
     const T* left = pipe.stages + q % pipe.depth * S::kStage;
-    if (active) multiply_chunk<T, S>(acc, left, left + S::kRows * kChunk, at);
+    if (active) products.add(left, left + S::kRows * kChunk, at);
     __syncthreads();
   }
 #else
@@ -114,16 +115,17 @@ __device__ void slab_products(Accumulator<T, S>& acc, const Front& f, const Slab
     for (int x = threadIdx.x; x < a.rows * kChunk; x += kThreads) pipe.stages[x] = from_a[x];
     for (int x = threadIdx.x; x < b.rows * kChunk; x += kThreads) pipe.stages[S::kRows * kChunk + x] = from_b[x];
     __syncthreads();
-    if (active) multiply_chunk<T, S>(acc, pipe.stages, pipe.stages + S::kRows * kChunk, at);
+    if (active) products.add(pipe.stages, pipe.stages + S::kRows * kChunk, at);
     __syncthreads();
   }
 #endif
+  products.finish();
 }
 
 template <class T, Kind K, int Width>
 __global__ void __launch_bounds__(kThreads, 2)
     group_update(const __grid_constant__ FactorState<T> s, int first, const __grid_constant__ SlabColumns<T> p) {
-  using S = Shape<128, Width>;
+  using S = Shape<T, 128, Width>;
   extern __shared__ __align__(128) unsigned char area[];
   __shared__ std::uint64_t barriers[kGroupStages];
   __shared__ Front f;
@@ -138,7 +140,7 @@ __global__ void __launch_bounds__(kThreads, 2)
   const Operand<T> left{p.part[operand_array<K>(task.part, 0)], at.row, at.rows};
   const Operand<T> right{p.part[operand_array<K>(task.part, 1)], col, cols};
   const int chunks = (f.column_end(p.end - 1) - f.column_begin(p.begin)) / kChunk;
-  slab_products<T, S>(acc, f, p, left, right, chunks, pipe);
+  slab_products<T, S>(acc, f, p, left, right, chunks, pipe, operand_scales<K>(s.largest(), s.growth(), task.part));
   const Corner<S> corner;
   T* tile = pipe.stages;
   for_each_element<S>(corner, [&](int m, int n, int e, int r, int c) { tile[c * S::kLd + r] = -acc[m][n][e]; });
@@ -152,7 +154,8 @@ constexpr std::size_t add_bytes() {
 }
 template <class T, int Width>
 constexpr std::size_t update_bytes() {
-  return std::max<std::size_t>(kGroupStages * Shape<128, Width>::kStage, Shape<128, Width>::kLd * Width) * sizeof(T);
+  return std::max<std::size_t>(kGroupStages * Shape<T, 128, Width>::kStage, Shape<T, 128, Width>::kLd * Width) *
+         sizeof(T);
 }
 
 }  // namespace

@@ -1,0 +1,147 @@
+/// \file
+/// Products of FP32 factors as in split_products.cuh, by the four warps of a block together: the tensor cores of sm_90a
+/// read FP16 operands from shared memory themselves, while the warps split the next chunks.
+///
+/// A panel of 8 rows and 16 columns of floats is split where it lies. Its 512 bytes then hold four matrices of 8 x 8
+/// numbers in FP16: the high parts of columns 0, 4, 1, 5, 2, 6, 3, 7, those of the other eight columns in the same
+/// order, and the low parts likewise. The order of columns does not matter, since it is the same in A and B.
+#pragma once
+
+#include "device/cuda/kernels/pipeline.cuh"
+#include "device/cuda/kernels/split_products.cuh"
+
+namespace espalier::device::cuda {
+
+#if ESPALIER_WARPGROUP_PRODUCTS
+
+/// Splits `Rows` rows of a chunk in place, those that hold nothing, too: branches would cost more. By all warps; a
+/// panel has one warp, of which a lane has four neighbouring numbers.
+template <int Rows>
+__device__ __forceinline__ void split_rows(float* chunk, float scale) {
+  constexpr int kPanels = Rows / kPanel / (kThreads / 32);
+  const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31;
+  float4 x[kPanels];
+#pragma unroll
+  for (int k = 0; k < kPanels; ++k) x[k] = reinterpret_cast<const float4*>(chunk + (warp * kPanels + k) * 128)[lane];
+  __syncwarp();
+#pragma unroll
+  for (int k = 0; k < kPanels; ++k) {
+    SplitPanel<Parts::half> parts;
+    parts.take(0, {x[k].x, x[k].y}, scale);
+    parts.take(1, {x[k].z, x[k].w}, scale);
+    auto* to = reinterpret_cast<uint2*>(chunk + (warp * kPanels + k) * 128) + lane;
+    to[0] = {parts.high[0], parts.high[1]};
+    to[32] = {parts.low[0], parts.low[1]};
+  }
+}
+
+/// Describes the high (0) or low (1) parts of 64 (or fewer) rows and 16 columns in shared memory to the tensor cores:
+/// matrices of 8 x 8 are 128 bytes apart along the columns and 512 along the rows.
+__device__ inline std::uint64_t describe(const float* rows, int part) {
+  const std::uint64_t address = shared_address(rows) + 256u * static_cast<unsigned>(part);
+  return (address & 0x3ffff) >> 4 | std::uint64_t{128 >> 4} << 16 | std::uint64_t{512 >> 4} << 32;
+}
+
+/// d (64 x 64 or 64 x 32, 16 rows of each warp) += A B^T, or without `add` d = A B^T; may be under way on return.
+__device__ __forceinline__ void multiply_together(float (&d)[8][4], std::uint64_t a, std::uint64_t b, int add) {
+  asm volatile(
+      "{\n.reg .pred add;\nsetp.ne.b32 add,%34,0;\n"
+      "wgmma.mma_async.sync.aligned.m64n64k16.f32.f16.f16 "
+      "{%0,%1,%2,%3,%4,%5,%6,%7,%8,%9,%10,%11,%12,%13,%14,%15,%16,%17,%18,%19,%20,%21,%22,%23,%24,%25,%26,%27,%28,%29,%"
+      "30,%31},%32,%33,add,1,1,0,0;\n}"
+      : "+f"(d[0][0]), "+f"(d[0][1]), "+f"(d[0][2]), "+f"(d[0][3]), "+f"(d[1][0]), "+f"(d[1][1]), "+f"(d[1][2]),
+        "+f"(d[1][3]), "+f"(d[2][0]), "+f"(d[2][1]), "+f"(d[2][2]), "+f"(d[2][3]), "+f"(d[3][0]), "+f"(d[3][1]),
+        "+f"(d[3][2]), "+f"(d[3][3]), "+f"(d[4][0]), "+f"(d[4][1]), "+f"(d[4][2]), "+f"(d[4][3]), "+f"(d[5][0]),
+        "+f"(d[5][1]), "+f"(d[5][2]), "+f"(d[5][3]), "+f"(d[6][0]), "+f"(d[6][1]), "+f"(d[6][2]), "+f"(d[6][3]),
+        "+f"(d[7][0]), "+f"(d[7][1]), "+f"(d[7][2]), "+f"(d[7][3])
+      : "l"(a), "l"(b), "r"(add));
+}
+__device__ __forceinline__ void multiply_together(float (&d)[4][4], std::uint64_t a, std::uint64_t b, int add) {
+  asm volatile(
+      "{\n.reg .pred add;\nsetp.ne.b32 add,%18,0;\n"
+      "wgmma.mma_async.sync.aligned.m64n32k16.f32.f16.f16 "
+      "{%0,%1,%2,%3,%4,%5,%6,%7,%8,%9,%10,%11,%12,%13,%14,%15},%16,%17,add,1,1,0,0;\n}"
+      : "+f"(d[0][0]), "+f"(d[0][1]), "+f"(d[0][2]), "+f"(d[0][3]), "+f"(d[1][0]), "+f"(d[1][1]), "+f"(d[1][2]),
+        "+f"(d[1][3]), "+f"(d[2][0]), "+f"(d[2][1]), "+f"(d[2][2]), "+f"(d[2][3]), "+f"(d[3][0]), "+f"(d[3][1]),
+        "+f"(d[3][2]), "+f"(d[3][3])
+      : "l"(a), "l"(b), "r"(add));
+}
+
+/// What was written to shared memory and to accumulators stands there for the products that follow.
+__device__ inline void begin_products() { asm volatile("wgmma.fence.sync.aligned;" ::: "memory"); }
+__device__ inline void commit_products() { asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory"); }
+/// All products are done.
+template <class S>
+__device__ inline void wait_for_products(Accumulator<float, S>& sums) {
+  asm volatile("wgmma.wait_group.sync.aligned 0;" ::: "memory");
+#pragma unroll
+  for (int m = 0; m < S::kM; ++m)
+#pragma unroll
+    for (int n = 0; n < S::kN; ++n)
+#pragma unroll
+      for (int e = 0; e < 4; ++e) asm volatile("" : "+f"(sums[m][n][e])::"memory");
+}
+
+/// sums (+)= A B^T for a chunk whose rows have been split.
+template <class S>
+__device__ __forceinline__ void multiply_split_stage(Accumulator<float, S>& sums, const float* a, const float* b,
+                                                     bool add) {
+  const std::uint64_t b_high = describe(b, 0), b_low = describe(b, 1);
+#pragma unroll
+  for (int m = 0; m < S::kM; ++m) {
+    const std::uint64_t a_high = describe(a + m * 64 * kChunk, 0), a_low = describe(a + m * 64 * kChunk, 1);
+    multiply_together(sums[m], a_low, b_high, add ? 1 : 0);
+    multiply_together(sums[m], a_high, b_low, 1);
+    multiply_together(sums[m], a_high, b_high, 1);
+  }
+}
+
+/// acc += the sum, tile column by tile column; each is a partial sum. Where the last one is short, zeros take the place
+/// of the chunks that are missing. While this block splits a tile column, the tensor cores have another block's.
+template <class S>
+__device__ __forceinline__ void sum_by_warpgroup(Accumulator<float, S>& acc, const ChunkSum<float>& sum,
+                                                 ChunkLoader<float, S>& loader, Pipeline<float>& pipe,
+                                                 HalfScales scales) {
+  constexpr int kTogether = S::kWidth / kChunk;
+  static_assert(kTogether <= kChunksPerSum);
+  const int columns = (uniform(sum.chunks) + kTogether - 1) / kTogether, rounds = uniform(pipe.depth) / kTogether;
+  const bool same = uniform(sum.same) != 0;
+  constexpr int kB = S::kRows * kChunk;  // where the rows of B begin in a stage
+  for (int column = 0, round = 0; column < columns; ++column) {
+    if (threadIdx.x < 32) loader.issue_columns(column, column, rounds);
+    __syncwarp();
+    float* const stages = pipe.stages + round * kTogether * S::kStage;
+    pipe.wait(round * kTogether);
+    const int missing = max(0, (column + 1) * kTogether - sum.chunks);
+    for (int x = static_cast<int>(threadIdx.x); x < missing * S::kStage; x += kThreads)
+      stages[(kTogether - missing) * S::kStage + x] = 0;
+    if (missing > 0) __syncthreads();
+#pragma unroll 2
+    for (int k = 0; k < kTogether; ++k) {
+      split_rows<S::kRows>(stages + k * S::kStage, scales.a);
+      if (!same) split_rows<S::kWidth>(stages + k * S::kStage + kB, scales.b);
+    }
+    fence_copies();
+    __syncthreads();
+    float sums[S::kM][S::kN][4];
+    begin_products();
+#pragma unroll
+    for (int k = 0; k < kTogether; ++k)
+      multiply_split_stage<S>(sums, stages + k * S::kStage, stages + k * S::kStage + (same ? 0 : kB), k > 0);
+    commit_products();
+    wait_for_products<S>(sums);
+    take_sums<Parts::half, S>(acc, sums, scales);
+    __syncthreads();
+    round = round + 1 == rounds ? 0 : round + 1;
+  }
+}
+
+#else
+
+template <class S>
+__device__ void sum_by_warpgroup(Accumulator<float, S>&, const ChunkSum<float>&, ChunkLoader<float, S>&,
+                                 Pipeline<float>&, HalfScales) {}
+
+#endif
+
+}  // namespace espalier::device::cuda
