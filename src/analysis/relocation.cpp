@@ -1,6 +1,7 @@
 #include "analysis/relocation.hpp"
 
 #include <algorithm>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -44,15 +45,19 @@ std::vector<PivotMove> one_front_up(const AssemblyTree& tree, std::span<const In
   return moves;
 }
 
-void relocate_pivots(AssemblyTree& tree, std::span<const PivotMove> list) {
-  if (list.empty()) return;
+std::vector<Index> relocate_pivots(AssemblyTree& tree, std::span<const PivotMove> list) {
+  std::vector<Index> kept_fronts;
+  if (list.empty()) {
+    kept_fronts.resize(at(tree.fronts()));
+    std::iota(kept_fronts.begin(), kept_fronts.end(), 0);
+    return kept_fronts;
+  }
   const Moves moves(tree, list);
   std::vector<Index> where(at(tree.n));            // old position -> new position
   std::vector<Index> name(at(tree.fronts()), -1);  // old front -> new front
   AssemblyTree out;
   out.n = tree.n;
   out.first.push_back(0);
-  std::vector<Index> kept_fronts;
   for (Index f = 0; f < tree.fronts(); ++f) {
     const auto& leaving = moves.leaving[at(f)];
     std::vector<Index> pivots;
@@ -85,6 +90,7 @@ void relocate_pivots(AssemblyTree& tree, std::span<const PivotMove> list) {
     out.row_ptr.push_back(static_cast<Offset>(out.rows.size()));
   }
   tree = std::move(out);
+  return kept_fronts;
 }
 
 }  // namespace espalier::analysis

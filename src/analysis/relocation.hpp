@@ -20,7 +20,8 @@ struct PivotMove {
 /// pivots disappears: its children become children of its parent, and what they hand on stays the same. Positions are
 /// renumbered; the result is a postordered tree that is valid for the same matrix.
 /// @param moves  of distinct positions
-void relocate_pivots(AssemblyTree& tree, std::span<const PivotMove> moves);
+/// @returns by front of the new tree: which one it was before
+std::vector<Index> relocate_pivots(AssemblyTree& tree, std::span<const PivotMove> moves);
 
 /// To the parents of their fronts; columns of a root to the end of its own pivots.
 std::vector<PivotMove> one_front_up(const AssemblyTree& tree, std::span<const Index> positions);

@@ -87,6 +87,36 @@ class Buffer {
   MemoryBudget* budget_ = nullptr;
 };
 
+/// Bytes of a budget that count as taken as long as this stands for them.
+class BudgetShare {
+ public:
+  BudgetShare() = default;
+  /// @param budget  may be null
+  BudgetShare(std::int64_t bytes, MemoryBudget* budget) : bytes_(bytes), budget_(budget) {
+    if (budget_ != nullptr) budget_->take(bytes_);
+  }
+  BudgetShare(BudgetShare&& o) noexcept : bytes_(std::exchange(o.bytes_, 0)), budget_(o.budget_) {}
+  BudgetShare& operator=(BudgetShare&& o) noexcept {
+    std::swap(bytes_, o.bytes_);
+    std::swap(budget_, o.budget_);
+    return *this;
+  }
+  BudgetShare(const BudgetShare&) = delete;
+  BudgetShare& operator=(const BudgetShare&) = delete;
+  /// @throws Error(out_of_memory); nothing has changed then
+  void grow(std::int64_t bytes) {
+    if (budget_ != nullptr) budget_->take(bytes);
+    bytes_ += bytes;
+  }
+  ~BudgetShare() {
+    if (budget_ != nullptr) budget_->give_back(bytes_);
+  }
+
+ private:
+  std::int64_t bytes_ = 0;
+  MemoryBudget* budget_ = nullptr;
+};
+
 /// "1.5 GiB", "640 B": for messages.
 std::string format_bytes(std::int64_t bytes);
 

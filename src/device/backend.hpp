@@ -90,6 +90,8 @@ struct PlacementJob {
   /// Positions of failed pivots, ascending. Not empty: only the sub-trees below them are eliminated, and fronts above
   /// as long as pivots arrive there; what fails above that has yet to show. Empty: the whole tree.
   std::span<const Index> failed = {};
+  /// With `failed`: contributions that need not be made again, by fronts of the plan; null: there are none.
+  const LeftContributions* left = nullptr;
 };
 
 /// Scalars of executors; a value of this type picks the overload.

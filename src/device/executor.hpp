@@ -10,6 +10,7 @@
 #include "base/memory.hpp"
 #include "device/device_linear_system.hpp"
 #include "espalier/types.hpp"
+#include "plan/changed_plan.hpp"
 #include "plan/plan.hpp"
 
 namespace espalier::device {
@@ -52,6 +53,17 @@ struct DeviceWork {
   OutOfCoreReport out_of_core = {};  ///< where the factor does not fit in the device's memory
 };
 
+/// What a halted factorization has left of the fronts that were made.
+class LeftContributions {
+ public:
+  virtual ~LeftContributions() = default;
+  /// Whether the front's contribution is still there.
+  [[nodiscard]] virtual bool has(Index front) const = 0;
+  /// Column-major, as many rows and columns as the front has rows below; of ldlt the lower triangle alone is written.
+  /// @pre has(front)
+  virtual void copy(Index front, double* to) const = 0;
+};
+
 /// One backend's numeric factor of a matrix with the pattern of a plan. All memory is taken in the constructor;
 /// factorize() and solve() allocate nothing on the device. T = double or float.
 template <class T>
@@ -71,6 +83,20 @@ class Executor {
   [[nodiscard]] virtual OutOfCoreReport out_of_core() const { return {}; }
   /// The last factorization by devices; empty where there is one, for which the outcome tells all.
   [[nodiscard]] virtual std::vector<DeviceWork> device_work() const { return {}; }
+  /// Whether factorizations of ldlt and lu end where pivots fail: what is above them waits until they have moved. At
+  /// first they do not; backends that cannot go on never do.
+  virtual void halt_at_failures(bool /*halt*/) {}
+  /// @returns null where the last factorization was not halted
+  [[nodiscard]] virtual const LeftContributions* left_contributions() const { return nullptr; }
+  /// An executor for a plan that change_plan() has made of this one's, with the memory of this one, which is to be
+  /// destroyed then. Its next factorize() must get the same values: after a halted factorization it makes only what was
+  /// not made, or is not the same any more, with the same bits as if it had made all.
+  /// @returns null where the backend cannot do that
+  /// @throws Error(out_of_memory); this executor stays as it is
+  virtual std::unique_ptr<Executor> with_changed_plan(const plan::Plan& /*plan*/,
+                                                      const plan::FrontsBefore& /*before*/) {
+    return nullptr;
+  }
   /// The linear system in the memory of the (first) device, beside the factor, which it must not outlive. Null: this
   /// executor works on arrays of the host alone.
   /// @param memory_bytes  budget for what is taken besides the factor; 0: what is free

@@ -27,8 +27,11 @@ struct FactorOutcome {
   std::vector<Index> replaced;  ///< positions of pivots that were smaller than tiny, ascending
   /// Positions of pivots that were kept, but are below PivotRule::suspect, ascending.
   std::vector<Index> small;
-  Index small_negative = 0;     ///< of them, how many `negative` counts (ldlt)
-  std::vector<Index> failed;    ///< positions whose column of L exceeds 1/threshold, ascending
+  Index small_negative = 0;   ///< of them, how many `negative` counts (ldlt)
+  std::vector<Index> failed;  ///< positions whose column of L exceeds 1/threshold, ascending
+  /// Fronts above failed or replaced pivots, or in whose memory results of theirs are still needed, were not made:
+  /// there is no factor (Executor::halt_at_failures()).
+  bool halted = false;
   double determinant_sign = 1;  ///< of the factored (scaled, permuted) matrix
   double determinant_log = 0;   ///< natural logarithm of the magnitude
   double busy_seconds = 0;      ///< mean over workers of the time inside tasks

@@ -3,13 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
 #include <numeric>
 #include <utility>
 
 #include "analysis/fronts.hpp"
-#include "analysis/lazy_vector.hpp"
 #include "base/beside.hpp"
+#include "plan/entry_places.hpp"
+#include "plan/layout_steps.hpp"
 #include "plan/regions.hpp"
 #include "plan/task_list.hpp"
 
@@ -19,7 +19,8 @@ namespace {
 
 constexpr Index kMostTileWidth = 2047;
 constexpr std::int64_t kFrontsPerRange = 256;
-constexpr Offset kEntriesPerDraw = 1 << 15;
+
+}  // namespace
 
 void link_children(Plan& plan) {
   const Index fronts = plan.fronts();
@@ -79,212 +80,6 @@ void cut_fronts(Plan& plan) {
   }
 }
 
-// An entry of A in permuted form: it belongs to the column list of the lower of its two positions.
-struct Raw {
-  Offset source;
-  Index row;        // the higher position
-  bool transposed;  // the entry lies above the diagonal of the permuted matrix (lu)
-};
-
-// The matrix by positions of the elimination.
-struct Permuted {
-  const MatrixView& a;
-  const matrix::RowIndex& rows;
-  const std::vector<Index>& order;       // column by position
-  const std::vector<Index>& row_of_col;  // empty: identity
-  bool unsymmetric;
-  analysis::LazyVector<Index> column_position, matched_position;
-  std::span<const Index> row_position;  // of either
-
-  // Calls use(source, row position, transposed) for the entries that belong to position k. An entry is found in its
-  // column when that is the lower of its positions, else in its row.
-  template <class Use>
-  void visit(Index k, Use&& use) const {
-    constexpr Offset kAhead = 16;  // entries between asking for a position and using it
-    const Index c = order[k];
-    const bool both = a.storage == Storage::symmetric_both;
-    for (Offset q = a.col_ptr[c], end = a.col_ptr[c + 1]; q < end; ++q) {
-      __builtin_prefetch(&row_position[a.row_ind[std::min(q + kAhead, end - 1)]]);
-      const Index r = a.row_ind[q];
-      if (both && r < c) continue;  // the lower triangle stands for both
-      if (const Index p = row_position[r]; p >= k) use(q, p, false);
-    }
-    const Index r = row_of_col.empty() ? c : row_of_col[c];
-    for (Offset q = rows.ptr[r], end = rows.ptr[r + 1]; q < end; ++q) {
-      __builtin_prefetch(&column_position[rows.col[std::min(q + kAhead, end - 1)]]);
-      if (const Index p = column_position[rows.col[q]]; p > k) use(rows.source[q], p, unsymmetric);
-    }
-  }
-};
-
-// The entries of one front at a time, sorted.
-class FrontEntries {
- public:
-  FrontEntries(const Plan& plan, const Permuted& permuted)
-      : plan_(plan), permuted_(permuted), local_(static_cast<std::size_t>(plan.tree.n), -1) {}
-
-  // Collects the columns of front f: in each, rows ascending, duplicates by source.
-  void collect(Index f) {
-    list_.clear();
-    ptr_.assign(1, 0);
-    for (Index k = plan_.tree.first[f]; k < plan_.tree.first[f + 1]; ++k) {
-      permuted_.visit(k, [&](Offset q, Index row, bool transposed) { list_.push_back({q, row, transposed}); });
-      std::sort(list_.begin() + static_cast<std::ptrdiff_t>(ptr_.back()), list_.end(),
-                [](const Raw& x, const Raw& y) { return x.row != y.row ? x.row < y.row : x.source < y.source; });
-      ptr_.push_back(list_.size());
-    }
-  }
-
-  [[nodiscard]] Offset size() const { return static_cast<Offset>(list_.size()); }
-
-  // Calls use(tile, entry) for every entry collected, columns ascending.
-  template <class Use>
-  void visit(Index f, Use&& use) {
-    const FrontLayout& layout = plan_.layout[f];
-    number_rows(f);
-    for (Index col = 0; col < layout.pivots; ++col) {
-      const Index j = layout.tile_of(col);
-      const Index first = layout.begin(j);
-      Index i = j, begin = first, end = layout.begin(j + 1);  // rows ascend within a column, and so do their tiles
-      each_of_column(f, col, [&](const Raw& e, Index row) {
-        for (; row >= end; end = layout.begin(i + 1)) begin = layout.begin(++i);
-        use(layout.tile_index(i, j), EntryPlace(e.source, row - begin, col - first, e.transposed));
-      });
-    }
-  }
-
-  // The same for a front taken whole: all entries in one tile.
-  template <class Use>
-  void visit_whole(Index f, Use&& use) {
-    number_rows(f);
-    for (Index col = 0; col < plan_.layout[f].pivots; ++col)
-      each_of_column(f, col, [&](const Raw& e, Index row) { use(EntryPlace(e.source, row, col, e.transposed)); });
-  }
-
- private:
-  void number_rows(Index f) {
-    const auto& t = plan_.tree;
-    for (Offset r = t.row_ptr[f]; r < t.row_ptr[f + 1]; ++r)
-      local_[t.rows[r]] = plan_.layout[f].pivots + static_cast<Index>(r - t.row_ptr[f]);
-  }
-  template <class Use>
-  void each_of_column(Index f, Index col, Use&& use) const {
-    const Index first = plan_.tree.first[f], end = plan_.tree.first[f + 1];
-    for (std::size_t q = ptr_[static_cast<std::size_t>(col)]; q < ptr_[static_cast<std::size_t>(col) + 1]; ++q)
-      use(list_[q], list_[q].row < end ? list_[q].row - first : local_[list_[q].row]);
-  }
-
-  const Plan& plan_;
-  const Permuted& permuted_;
-  std::vector<Raw> list_;
-  std::vector<std::size_t> ptr_;  // pivots + 1: each column's part of the list
-  std::vector<Index> local_;      // position -> row of the current front, valid for its rows below
-};
-
-// Where each front's entries begin (fronts + 1): all entries of a front stand together. Fronts ascend like positions,
-// so an entry belongs to the lower front of its row and its column.
-std::vector<Offset> count_entries(const Plan& plan, const Permuted& permuted, base::ThreadPool& pool) {
-  constexpr std::int64_t kColumns = 4096;  // per range
-  const MatrixView& a = permuted.a;
-  const auto& t = plan.tree;
-  std::vector<Index> of_position(permuted.order.size()), of_row(permuted.order.size());
-  pool.for_each_range(plan.fronts(), kFrontsPerRange, [&](std::int64_t b, std::int64_t e) {
-    for (auto f = static_cast<Index>(b); f < e; ++f)
-      std::fill(of_position.begin() + t.first[f], of_position.begin() + t.first[f + 1], f);
-  });
-  pool.for_each_range(t.n, kColumns, [&](std::int64_t b, std::int64_t e) {
-    for (std::int64_t r = b; r < e; ++r) of_row[r] = of_position[permuted.row_position[r]];
-  });
-  std::vector<Offset> begin(static_cast<std::size_t>(plan.fronts()) + 1, 0);
-  const bool both = a.storage == Storage::symmetric_both;
-  pool.for_each_range(t.n, kColumns, [&](std::int64_t b, std::int64_t e) {
-    for (auto c = static_cast<Index>(b); c < e; ++c) {
-      const Index mine = of_position[permuted.column_position[c]];
-      Index front = mine;
-      Offset count = 0;  // of the entries of `front` since it was last another one
-      const auto add = [&] {
-        std::atomic_ref<Offset>(begin[front + 1]).fetch_add(count, std::memory_order_relaxed);
-        count = 0;
-      };
-      for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
-        if (both && a.row_ind[q] < c) continue;
-        if (const Index next = std::min(mine, of_row[a.row_ind[q]]); next != front) {
-          add();
-          front = next;
-        }
-        ++count;
-      }
-      add();
-    }
-  });
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  return begin;
-}
-
-Permuted permute(const Plan& plan, const MatrixView& a, const matrix::RowIndex& rows,
-                 const std::vector<Index>& row_of_col, base::ThreadPool& pool) {
-  constexpr std::int64_t kPositions = 1 << 15;  // per range
-  const auto n = static_cast<std::size_t>(plan.tree.n);
-  Permuted p{a,
-             rows,
-             plan.tree.order,
-             row_of_col,
-             plan.options.unsymmetric,
-             analysis::LazyVector<Index>(n),
-             analysis::LazyVector<Index>(row_of_col.size()),
-             {}};
-  pool.for_each_range(plan.tree.n, kPositions, [&](std::int64_t b, std::int64_t e) {
-    for (auto k = static_cast<Index>(b); k < e; ++k) p.column_position[plan.tree.order[k]] = k;
-  });
-  if (!row_of_col.empty())
-    pool.for_each_range(plan.tree.n, kPositions, [&](std::int64_t b, std::int64_t e) {
-      for (auto c = b; c < e; ++c) p.matched_position[row_of_col[c]] = p.column_position[c];
-    });
-  p.row_position = row_of_col.empty() ? p.column_position : p.matched_position;
-  return p;
-}
-
-// Writes the entries of front f from plan.entries[begin] on. at: scratch
-void place_front(Plan& plan, Index f, Offset begin, FrontEntries& front, std::vector<Offset>& at) {
-  const auto first = plan.entry_ptr.begin() + plan.first_tile[f];
-  front.collect(f);
-  at.assign(static_cast<std::size_t>(plan.layout[f].tile_count()) + 1, 0);
-  at[0] = begin;
-  if (plan.whole[f] != 0) {
-    std::fill(at.begin() + 1, at.end(), begin + front.size());
-    std::copy(at.begin(), at.end() - 1, first);
-    front.visit_whole(f, [&](const EntryPlace& e) { plan.entries[begin++] = e; });
-    return;
-  }
-  front.visit(f, [&](Offset tile, const EntryPlace&) { ++at[tile + 1]; });
-  std::partial_sum(at.begin(), at.end(), at.begin());
-  std::copy(at.begin(), at.end() - 1, first);
-  front.visit(f, [&](Offset tile, const EntryPlace& e) { plan.entries[at[tile]++] = e; });
-}
-
-void place_entries(Plan& plan, const Permuted& permuted, base::ThreadPool& pool) {
-  const std::vector<Offset> begin = count_entries(plan, permuted, pool);
-  plan.entry_ptr.assign(static_cast<std::size_t>(plan.tiles()) + 1, 0);
-  plan.entries.resize(static_cast<std::size_t>(begin.back()));
-  std::vector<Index> draw{0};  // its first front; the large fronts at the end, most of them alone, are taken first
-  for (Index f = 0; f < plan.fronts(); ++f)
-    if (begin[f + 1] - begin[draw.back()] >= kEntriesPerDraw || f + 1 == plan.fronts()) draw.push_back(f + 1);
-  std::atomic<std::size_t> taken{0};
-  pool.share([&](int) {
-    FrontEntries front(plan, permuted);
-    std::vector<Offset> at;
-    for (;;) {
-      const std::size_t p = ++taken;
-      if (p >= draw.size()) return;
-      for (Index f = draw[draw.size() - p - 1]; f < draw[draw.size() - p]; ++f)
-        place_front(plan, f, begin[f], front, at);
-    }
-  });
-  plan.entry_ptr.back() = static_cast<Offset>(plan.entries.size());
-}
-
-}  // namespace
-
 double front_seconds(const Plan& plan, Index f) {
   const FrontLayout& l = plan.layout[f];
   if (plan.options.balance_unknowns) return l.pivots;
@@ -313,7 +108,7 @@ Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vect
   relate_rows(plan, pool);
   matrix::RowIndex own;
   if (rows == nullptr || rows->ptr.empty()) rows = &(own = matrix::index_rows(a, pool));
-  place_entries(plan, permute(plan, a, *rows, row_of_col, pool), pool);
+  place_entries(plan, {a, *rows, row_of_col}, pool);
   beside.get();
   return plan;
 }

@@ -114,6 +114,7 @@ struct PlanOptions {
 /// top reuses what the sub-trees leave.
 struct MemoryPlan {
   Offset size = 0;                    ///< elements of the arena
+  Offset added = 0;                   ///< elements of it that changed plans have added (plan/changed_plan.hpp)
   Offset factor_size = 0;             ///< elements of it that hold factors at the end
   Offset stack_size = 0;              ///< elements of each worker's stack for range tasks
   std::vector<Offset> factor;         ///< fronts; start of L (tile by tile)

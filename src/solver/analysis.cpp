@@ -234,4 +234,22 @@ SharedAnalysis lay_out_again(const Analysis& before, analysis::AssemblyTree tree
   return made;
 }
 
+ChangedAnalysis change_analysis(const Analysis& before, analysis::AssemblyTree tree, std::vector<Index> front_before,
+                                Index moved_pivots, const Context& context) {
+  const PreparedMatrix& p = before.system->prepared;
+  const matrix::RowIndex& rows = *before.system->rows;
+  if (rows.ptr.empty()) return {};
+  auto changed =
+      plan::change_plan(before.plan, std::move(tree), std::move(front_before), p.a, p.row_of_col, rows, context.pool);
+  if (!changed) return {};
+  auto made = std::make_shared<Analysis>();
+  made->system = before.system;
+  made->device = before.device;
+  made->plan = std::move(changed->plan);
+  made->moved_pivots = moved_pivots;
+  made->free_pivots = before.free_pivots;
+  made->result = before.result;
+  return {std::move(made), std::move(changed->before)};
+}
+
 }  // namespace espalier::solver

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "matrix/row_index.hpp"
-#include "plan/plan.hpp"
+#include "plan/changed_plan.hpp"
 #include "solver/context.hpp"
 #include "solver/device_choice.hpp"
 #include "solver/prepared_matrix.hpp"
@@ -62,5 +62,15 @@ struct Changes {
 /// The same system with this tree.
 SharedAnalysis lay_out_again(const Analysis& before, analysis::AssemblyTree tree, Changes changes,
                              const Context& context);
+/// The same system and devices where pivots have moved, in a plan that is made of the one before (plan::change_plan()).
+struct ChangedAnalysis {
+  SharedAnalysis analysis;
+  plan::FrontsBefore fronts;
+};
+/// @param front_before  what relocate_pivots() returned for this tree
+/// @param moved_pivots  in all
+/// @returns no analysis where the plan has to be laid out anew
+ChangedAnalysis change_analysis(const Analysis& before, analysis::AssemblyTree tree, std::vector<Index> front_before,
+                                Index moved_pivots, const Context& context);
 
 }  // namespace espalier::solver

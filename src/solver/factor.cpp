@@ -25,13 +25,6 @@ Status no_place(std::size_t replaced, bool matching) {
           -1};
 }
 
-// llt reports its suspicious pivots as replaced, and has replaced none.
-device::FactorOutcome with_suspects(device::FactorOutcome llt) {
-  llt.small = std::move(llt.replaced);
-  llt.replaced.clear();
-  return llt;
-}
-
 }  // namespace
 
 Factor::Factor(SharedAnalysis analysis, Values values, const Context& context)
@@ -94,10 +87,13 @@ void Factor::begin() {
   factorized_ = false;
   result_ = FactorResult{};
   deficiency_.reset();
-  looked_ = gave_up_ = matched_ = false;
+  looked_ = gave_up_ = matched_ = follows_ = false;
+  // Values that were singular a moment ago leave pivots without a place again.
+  halts_ = !had_zeros_;
   if (context_.timeline != nullptr) context_.timeline->clear();
   if (!numeric_) make_numeric();
   numeric_->scale_by_matching(context_.matches());
+  numeric_->halt_at_failures(halts_);
 }
 
 void Factor::finish(device::FactorOutcome outcome, double start) {
@@ -124,6 +120,7 @@ void Factor::finish(device::FactorOutcome outcome, double start) {
     values_.send(numeric_->device_system());
     outcome = settle_pivots();
   }
+  had_zeros_ = !outcome.replaced.empty();
   const bool hopeless = gave_up_ && !outcome.replaced.empty();
   result_ = report_factor(*analysis_, *numeric_, outcome, hopeless ? Deficiency{} : judge(outcome), context_.options,
                           context_.budget.peak());
@@ -152,6 +149,7 @@ void Factor::make_numeric() {
   }
   numeric_->set_smallest_pivot(smallest_pivot_);
   numeric_->scale_by_matching(matched_ || context_.matches());
+  numeric_->halt_at_failures(halts_);
 }
 
 // @throws Error(out_of_memory) where the budget is too small for the factorization as it is planned
@@ -181,9 +179,13 @@ void Factor::change_plan(analysis::AssemblyTree tree, Changes changes) {
 }
 
 void Factor::again(device::FactorOutcome& outcome) {
+  deficiency_.reset();
+  if (std::exchange(follows_, false)) {
+    outcome = numeric_->factorize_rest();
+    return;
+  }
   make_numeric();
   values_.send(numeric_->device_system());
-  deficiency_.reset();
   outcome = numeric_->factorize();
 }
 
@@ -199,30 +201,6 @@ device::FactorOutcome Factor::settle_pivots() {
   deficiency_.reset();
   set_smallest_pivot();
   return settle_pivots(numeric_->factorize());
-}
-
-device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
-  if (analysis_->kind() == Kind::llt) return with_suspects(std::move(outcome));
-  PivotPolicy policy(narrow_tiles());
-  if (zeros_explain(outcome)) return outcome;
-  for (;;) {
-    const std::vector<Index> movable = pivots_to_move(analysis_->plan, outcome);
-    switch (policy.next(static_cast<Index>(movable.size()), [&] { return factor_solves(); })) {
-      case PivotPolicy::Step::stop:
-        return outcome;
-      case PivotPolicy::Step::move: {
-        const Moved moved = move_pivots(movable, policy.first_round());
-        again(outcome);
-        if (moved == Moved::nowhere) return outcome;
-        if (moved == Moved::searched) policy.note_search();
-        break;
-      }
-      case PivotPolicy::Step::widen:
-        choose_pivots_freely();
-        again(outcome);
-        break;
-    }
-  }
 }
 
 // Looked at once for each factor, where its pivots give cause: once for as many small pivots as belong to this matrix,
@@ -281,15 +259,6 @@ Status Factor::second_look(const double* b, const double* x, bool transpose) {
   return singular(d.rows, d.zeros, n);
 }
 
-// A singular matrix leaves pivots for which no other front has better partners.
-bool Factor::zeros_explain(const device::FactorOutcome& outcome) {
-  if (outcome.replaced.empty() || pivots_are_given()) return false;
-  // With a replaced pivot of lu, its row failed as well. Other failures spoil the factor that is to be asked.
-  const std::size_t with_it = analysis_->kind() == Kind::lu ? outcome.replaced.size() : 0;
-  if (outcome.failed.size() > with_it) return false;
-  return judge(outcome).zeros >= static_cast<Index>(outcome.replaced.size());
-}
-
 // FP32 cannot tell a matrix of this condition from a singular one, nor would refinement converge.
 bool Factor::needs_fp64(const device::FactorOutcome& outcome) {
   if (!context_.single() || context_.options.precision != Precision::mixed) return false;
@@ -315,101 +284,6 @@ void Factor::raise_precision() {
   change_plan(analysis::AssemblyTree(analysis_->plan.tree),
               {analysis_->device, analysis_->moved_pivots, analysis_->free_pivots});
   set_smallest_pivot();
-}
-
-bool Factor::narrow_tiles() const {
-  if (analysis_->free_pivots) return false;
-  return is_narrow(context_.options.max_block_size) || is_narrow(analysis_->device.backend->limits().widest_tile);
-}
-
-// A solution of A x = A 1 has half of the digits.
-bool Factor::factor_solves() const {
-  constexpr double kHalfOfTheDigits = 1e-8;
-  const auto n = static_cast<std::size_t>(analysis_->n());
-  const std::vector<double> ones(n, 1.0);
-  std::vector<double> b(n), x(n);
-  values_.residual().multiply(ones.data(), b.data(), false);
-  numeric_->solve(b.data(), x.data(), 1, false);
-  return values_.residual().compute(b.data(), x.data(), nullptr, false).normwise <= kHalfOfTheDigits;
-}
-
-// As far as they must, all at once; where finding that out takes too much time or memory, those that fail go one front
-// up. At first only the fronts are asked in which the lowest failures are, and those that they reach: most of what
-// fails above was made of their debris.
-// Nowhere: most pivots fail, and no search ends: another matching is needed, or another threshold.
-auto Factor::move_pivots(const std::vector<Index>& failing, bool first_round) -> Moved {
-  const analysis::AssemblyTree& tree = analysis_->plan.tree;
-  std::vector<Index> below;
-  std::vector<analysis::PivotMove> moves;
-  bool searched = false;
-  if (first_round) {
-    for (const analysis::PivotMove& up : analysis::one_front_up(tree, failing)) {
-      const bool in_root = up.position >= tree.first[up.front];
-      // The end of a root is all that is left to its pivots.
-      if (in_root)
-        moves.push_back(up);
-      else
-        below.push_back(up.position);
-    }
-  }
-  if (moves.empty() || !below.empty()) {
-    std::optional<std::vector<analysis::PivotMove>> found = place_pivots(below);
-    if (!found) {
-      context_.log("pivots fail nearly everywhere: the search for their places is given up");
-      gave_up_ = true;
-      return Moved::nowhere;
-    }
-    searched = !found->empty();
-    if (found->empty()) found = analysis::one_front_up(tree, below.empty() ? failing : below);
-    moves.insert(moves.end(), found->begin(), found->end());
-  }
-  context_.log(fmt::format("{} pivot{} moved to a later front", moves.size(), moves.size() == 1 ? " is" : "s are"));
-  analysis::AssemblyTree changed = tree;
-  analysis::relocate_pivots(changed, moves);
-  const Index all = analysis_->moved_pivots + static_cast<Index>(moves.size());
-  change_plan(std::move(changed), {analysis_->device, all, analysis_->free_pivots});
-  return searched ? Moved::searched : Moved::one_up;
-}
-
-// On the host, which would be slower than many rounds on the fastest devices.
-bool Factor::search_pays() const {
-  constexpr double kRounds = 20, kSeconds = 1;
-  device::PlanWish wish;
-  wish.kind = analysis_->kind();
-  wish.threads = context_.pool.size();
-  wish.machine = plan::machine_with(context_.options.machine);
-  const double search = context_.registry.host().predict(analysis_->plan.tree, wish).on(1);
-  return search <= std::max(kSeconds, kRounds * analysis_->result.predicted_seconds);
-}
-
-std::optional<std::vector<analysis::PivotMove>> Factor::place_pivots(std::span<const Index> failed) {
-  const std::vector<analysis::PivotMove> unknown;
-  if (!search_pays()) return unknown;
-  const PreparedMatrix& p = analysis_->system->prepared;
-  const Scales scales = numeric_->scales();
-  numeric_.reset();  // its memory is not needed any more
-  try {
-    base::Buffer<double> scaled(p.a.nonzeros(), &context_.budget);
-    const double largest = scale_values(p, scales, values_.values(), scaled.data(), context_.pool);
-    const device::PivotRule rule{context_.options.pivot_threshold, smallest_pivot_ * largest};
-    return context_.registry.host().place_pivots(
-        {analysis_->plan, analysis_->kind(), rule, scaled.span(), context_.pool, &context_.budget, failed});
-  } catch (const Error& error) {
-    if (error.status().code != StatusCode::out_of_memory) throw;
-    return unknown;
-  }
-}
-
-// One front a round, CONT-201 of the collection moves 444 pivots in 40 rounds in tiles of 32 and 64 columns, and is no
-// nearer to a factor; in the host's it moves four. So the host goes on, with its own widths, until the next analysis.
-void Factor::choose_pivots_freely() {
-  const std::string why =
-      fmt::format("pivots failed in {} rounds of moving them to later fronts, for want of partners in their tiles",
-                  PivotPolicy::kMovesInNarrowTiles);
-  const bool elsewhere = analysis_->device.backend != &context_.registry.host();
-  context_.log(fmt::format("{}: going on {}with the host's widths of tiles", why, elsewhere ? "on the host " : ""));
-  DeviceChoice device = elsewhere ? whole_host(context_.registry, "host: " + why) : analysis_->device;
-  change_plan(analysis::AssemblyTree(analysis_->plan.tree), {std::move(device), analysis_->moved_pivots, true});
 }
 
 // The matrix that llt gave up is analyzed again from this factor's copy. Values of which no ldlt can be made cost this

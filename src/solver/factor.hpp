@@ -80,12 +80,15 @@ class Factor {
   void make_numeric();
   void charge_analysis();
   void again(device::FactorOutcome& outcome);
+  void complete(device::FactorOutcome& outcome);
   void change_plan(analysis::AssemblyTree tree, Changes changes);
+  void go_on_with(std::span<const analysis::PivotMove> moves);
+  [[nodiscard]] bool follow(const analysis::AssemblyTree& tree, std::vector<Index> front_before, Index moved_pivots);
   void set_smallest_pivot();
   device::FactorOutcome settle_pivots();
   device::FactorOutcome settle_pivots(device::FactorOutcome outcome);
   enum class Moved { nowhere, one_up, searched };
-  Moved move_pivots(const std::vector<Index>& failing, bool first_round);
+  Moved move_pivots(const std::vector<Index>& failing, bool near);
   [[nodiscard]] bool search_pays() const;
   [[nodiscard]] std::optional<std::vector<analysis::PivotMove>> place_pivots(std::span<const Index> failed);
   void choose_pivots_freely();
@@ -96,7 +99,7 @@ class Factor {
   [[nodiscard]] bool pivots_are_given() const {
     return context_.options.perturbation > 0 || context_.options.zero_pivot > 0;
   }
-  [[nodiscard]] bool zeros_explain(const device::FactorOutcome& outcome);
+  [[nodiscard]] bool zeros_explain(device::FactorOutcome& outcome);
   [[nodiscard]] bool needs_fp64(const device::FactorOutcome& outcome);
   bool lost_to_scaling(const device::FactorOutcome& outcome);
   [[nodiscard]] bool weakly_scaled(const device::FactorOutcome& outcome) const;
@@ -115,6 +118,9 @@ class Factor {
   Index harmless_ = 0;                    // so many small pivots were no sign of singularity, in this plan
   bool looked_ = false;                   // at the matrix itself, whatever the pivots say
   bool matched_ = false;                  // this factorization has turned from equilibration to a matching
+  bool halts_ = true;                     // factorizations end where pivots fail
+  bool had_zeros_ = false;                // the last factorization ended with replaced pivots
+  bool follows_ = false;                  // numeric_ goes on with what the last factorization has left
   bool gave_up_ = false;                  // no place was found for failing pivots
   FactorResult result_;
   bool factorized_ = false;

@@ -18,7 +18,7 @@ template <class T>
 class NumericOf final : public Numeric {
  public:
   NumericOf(const Analysis& analysis, std::span<const double> values, const Context& context)
-      : plan_(analysis.plan),
+      : plan_(&analysis.plan),
         prepared_(analysis.system->prepared),
         scales_{prepared_.row_scale, prepared_.col_scale, prepared_.transform_log, prepared_.wide},
         rescale_(context.rescales() && analysis.kind() != Kind::llt),
@@ -30,7 +30,7 @@ class NumericOf final : public Numeric {
         rule_{context.options.pivot_threshold, 0},
         executor_(make_executor<T>(analysis, rule_, context)) {
     // A Cholesky pivot is judged by its diagonal entry.
-    if (analysis.kind() == Kind::llt) diagonal_ = diagonal_places(prepared_.a, plan_.tree.order, pool_);
+    if (analysis.kind() == Kind::llt) diagonal_ = diagonal_places(prepared_.a, plan_->tree.order, pool_);
     take_device_system(analysis, context);
     if (device_ != nullptr) {
       diagonal_ = {};
@@ -57,6 +57,27 @@ class NumericOf final : public Numeric {
     return executor_->factorize(values_.span());
   }
 
+  void halt_at_failures(bool halt) override { executor_->halt_at_failures(halt); }
+  [[nodiscard]] const device::LeftContributions* left_contributions() const override {
+    return executor_->left_contributions();
+  }
+  bool change_analysis(const ChangedAnalysis& changed) override {
+    if (device_ != nullptr || !diagonal_.empty()) return false;
+    auto executor = executor_->with_changed_plan(changed.analysis->plan, changed.fronts);
+    if (executor == nullptr) return false;
+    executor_ = std::move(executor);
+    plan_ = &changed.analysis->plan;
+    return true;
+  }
+  device::FactorOutcome factorize_rest() override {
+    executor_->set_pivot_rule(rule_);
+    return executor_->factorize(values_.span());
+  }
+  [[nodiscard]] std::span<const double> scaled_values() const override {
+    if constexpr (base::keeps_fp64<T>) return {values_.data(), static_cast<std::size_t>(values_.size())};
+    return {};
+  }
+  [[nodiscard]] const device::PivotRule& pivot_rule() const override { return rule_; }
   void scale_by_matching(bool matching) override { matching_ = matching; }
   device::DeviceLinearSystem* device_system() override { return device_.get(); }
   std::optional<device::FactorOutcome> factorize_device(const double* values) override {
@@ -67,7 +88,7 @@ class NumericOf final : public Numeric {
 
   // One by one where the budget has no room for several right-hand sides.
   void solve(const double* b, double* x, Index columns, bool transpose) override {
-    const Offset n = plan_.tree.n;
+    const Offset n = plan_->tree.n;
     Index most = kMostColumnsAtOnce;
     for (Index done = 0; done < columns;) {
       const Index now = std::min(columns - done, most);
@@ -110,7 +131,7 @@ class NumericOf final : public Numeric {
     arrays.row_ptr = system.rows->ptr;
     arrays.row_col = {system.rows->col.data(), indexed};
     arrays.row_source = {system.rows->source.data(), indexed};
-    arrays.order = plan_.tree.order;
+    arrays.order = plan_->tree.order;
     arrays.row_of_col = prepared_.row_of_col;
     arrays.row_scale = prepared_.row_scale;
     arrays.col_scale = prepared_.col_scale;
@@ -133,9 +154,9 @@ class NumericOf final : public Numeric {
   void solve_together(const double* b, double* x, Index columns, bool transpose) {
     constexpr Index kGroup = static_cast<Index>(64 / sizeof(T));
     const Index width = columns == 1 ? 1 : (columns + kGroup - 1) / kGroup * kGroup;
-    if (rhs_.size() < static_cast<Offset>(plan_.tree.n) * width) {
+    if (rhs_.size() < static_cast<Offset>(plan_->tree.n) * width) {
       rhs_ = base::Buffer<T>();
-      rhs_ = base::Buffer<T>(static_cast<Offset>(plan_.tree.n) * width, &budget_);
+      rhs_ = base::Buffer<T>(static_cast<Offset>(plan_->tree.n) * width, &budget_);
     }
     find_units(b, columns, transpose);
     gather(b, columns, width, transpose);
@@ -148,7 +169,7 @@ class NumericOf final : public Numeric {
   void find_units(const double* b, Index columns, bool transpose) {
     if (base::keeps_fp64<T>) return;
     unit_.assign(static_cast<std::size_t>(columns), 1);
-    const Index n = plan_.tree.n;
+    const Index n = plan_->tree.n;
     pool_.for_each_range(columns, 1, [&](std::int64_t c, std::int64_t) {
       double most = 0;
       for (Index k = 0; k < n; ++k) {
@@ -171,10 +192,10 @@ class NumericOf final : public Numeric {
 
   // Scaled right-hand sides in elimination order; columns that pad the width are zero.
   void gather(const double* b, Index columns, Index width, bool transpose) {
-    const Index n = plan_.tree.n;
+    const Index n = plan_->tree.n;
     pool_.for_each_range(n, kRows, [&](std::int64_t begin, std::int64_t end) {
       for (auto k = begin; k < end; ++k) {
-        const Index col = plan_.tree.order[static_cast<std::size_t>(k)];
+        const Index col = plan_->tree.order[static_cast<std::size_t>(k)];
         const Index i = transpose ? col : prepared_.row_of(col);
         const double s = factor_of(transpose ? scales_.col : scales_.row, i);
         T* row = rhs_.data() + k * width;
@@ -185,10 +206,10 @@ class NumericOf final : public Numeric {
   }
 
   void scatter(double* x, Index columns, Index width, bool transpose) {
-    const Index n = plan_.tree.n;
+    const Index n = plan_->tree.n;
     pool_.for_each_range(n, kRows, [&](std::int64_t begin, std::int64_t end) {
       for (auto k = begin; k < end; ++k) {
-        const Index col = plan_.tree.order[static_cast<std::size_t>(k)];
+        const Index col = plan_->tree.order[static_cast<std::size_t>(k)];
         const Index i = transpose ? prepared_.row_of(col) : col;
         const double s = factor_of(transpose ? scales_.row : scales_.col, i);
         const T* row = rhs_.data() + k * width;
@@ -200,7 +221,7 @@ class NumericOf final : public Numeric {
   static constexpr std::int64_t kRows = 8192;  // rows per range of work
   static constexpr double kFar = 0x1p40;       // from 1: then a right-hand side gets a unit of its own
 
-  const plan::Plan& plan_;
+  const plan::Plan* plan_;
   const PreparedMatrix& prepared_;
   Scales scales_;
   bool rescale_, matching_;

@@ -19,6 +19,20 @@ class Numeric {
   /// Factors the solver's values, which must have been sent to device_system() where there are some. Pivots below
   /// the smallest pivot times the largest scaled entry are replaced.
   virtual device::FactorOutcome factorize() = 0;
+  /// See Executor::halt_at_failures().
+  virtual void halt_at_failures(bool halt) = 0;
+  /// After a halted factorization; null: the last one was not.
+  [[nodiscard]] virtual const device::LeftContributions* left_contributions() const = 0;
+  /// Goes on with an analysis in which pivots have moved, which takes the place of the one before. @returns false where
+  /// that cannot be; nothing has changed then
+  /// @throws Error(out_of_memory); likewise
+  virtual bool change_analysis(const ChangedAnalysis& changed) = 0;
+  /// Of the values of the last factorization, after change_analysis(): see Executor::with_changed_plan().
+  virtual device::FactorOutcome factorize_rest() = 0;
+  /// As they were scaled for the last factorization; empty: they are not there in FP64.
+  [[nodiscard]] virtual std::span<const double> scaled_values() const = 0;
+  /// The rule of the last factorization. Without meaning where scaled_values() is empty.
+  [[nodiscard]] virtual const device::PivotRule& pivot_rule() const = 0;
   /// The linear system on the device of the factor; null: it is on the host alone.
   virtual device::DeviceLinearSystem* device_system() = 0;
   /// factorize() with values in that device's memory, in the order of PreparedMatrix::a. Nothing when one is not

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace espalier::solver {
 
@@ -27,6 +28,12 @@ std::vector<Index> pivots_to_move(const plan::Plan& plan, const device::FactorOu
     if (any && tree.parent[f] >= 0) below[tree.parent[f]] = 1;
   }
   return moved;
+}
+
+device::FactorOutcome with_suspects(device::FactorOutcome llt) {
+  llt.small = std::move(llt.replaced);
+  llt.replaced.clear();
+  return llt;
 }
 
 bool turns_to_ldlt(Kind kind, bool kind_may_change, const device::FactorOutcome& outcome) {

@@ -16,6 +16,9 @@ namespace espalier::solver {
 /// debris. Ascending.
 std::vector<Index> pivots_to_move(const plan::Plan& plan, const device::FactorOutcome& outcome);
 
+/// An outcome of llt, which reports its suspicious pivots as replaced, and has replaced none.
+device::FactorOutcome with_suspects(device::FactorOutcome llt);
+
 /// Whether a matrix taken for positive definite by our choice (kind automatic) turned out to be none.
 bool turns_to_ldlt(Kind kind, bool kind_may_change, const device::FactorOutcome& outcome);
 
@@ -61,7 +64,10 @@ class PivotPolicy {
   Step next(Index movable, const std::function<bool()>& factor_solves);
   /// The move that next() asked for was found by a search.
   void note_search() { ++searches_; }
-  [[nodiscard]] bool first_round() const { return round_ == 1; }
+  /// Whether the move that next() asked for is to be looked for near the failures first: most of what fails above them
+  /// was made of their debris.
+  /// @param clean  it was not made at all: then some more rounds are worth it
+  [[nodiscard]] bool near(bool clean) const { return round_ <= (clean ? 3 : 1); }
 
  private:
   bool narrow_;

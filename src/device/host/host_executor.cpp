@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "device/host/halting.hpp"
 #include "device/host/numeric_state.hpp"
 #include "device/host/outcome.hpp"
 #include "device/host/task_queues.hpp"
@@ -87,6 +88,13 @@ template struct Workspace<float>;
 
 namespace {
 
+// What is kept is so for one factorization, however it ends.
+template <class T>
+struct KeptOnce {
+  NumericState<T>& state;
+  ~KeptOnce() { state.kept.clear(); }
+};
+
 template <class T>
 class HostExecutor final : public Executor<T> {
  public:
@@ -100,7 +108,7 @@ class HostExecutor final : public Executor<T> {
         timeline_(job.timeline),
         queues_(plan_),
         work_(make_workspaces(job.kind)),
-        state_(plan_, job.kind, job.rule, budget_),
+        state_(plan_, job.kind, job.rule, budget_, plan::elements_with_room(plan_.memory)),
         solve_(state_, pool_, budget_) {
     if (timeline_ == nullptr) return;
     for (int t = 0; t < pool_.size(); ++t) {
@@ -110,10 +118,37 @@ class HostExecutor final : public Executor<T> {
     }
   }
 
+  /// Takes over the memory of `from`.
+  HostExecutor(const plan::Plan& changed, const plan::FrontsBefore& before, HostExecutor& from)
+      : plan_(changed),
+        pool_(from.pool_),
+        options_(from.options_),
+        devices_(1),
+        budget_(from.budget_),
+        held_before_(from.held_before_),
+        timeline_(from.timeline_),
+        queues_(plan_),
+        work_(from.fitting_workspaces(changed)),
+        state_(plan_, before, fronts_to_keep(from.state_, changed, before), from.state_, budget_),
+        solve_(state_, pool_, budget_),
+        tracks_(from.tracks_) {
+    state_.take_arena(from.state_);
+    if (work_.empty()) work_ = std::move(from.work_);
+  }
+
   void set_pivot_rule(const PivotRule& rule) override { state_.rule = rule; }
+  void halt_at_failures(bool halt) override { state_.halting = halt && devices_ == 1 && state_.kind != Kind::llt; }
+  [[nodiscard]] const LeftContributions* left_contributions() const override { return halted_ ? &left_ : nullptr; }
+  std::unique_ptr<Executor<T>> with_changed_plan(const plan::Plan& plan, const plan::FrontsBefore& before) override {
+    const auto& limits = options_.device_memory_bytes;
+    const bool limited = std::any_of(limits.begin(), limits.end(), [](Offset bytes) { return bytes > 0; });
+    if (devices_ > 1 || limited || budget_ == &own_budget_) return nullptr;
+    return std::make_unique<HostExecutor>(plan, before, *this);
+  }
 
   FactorOutcome factorize(std::span<const T> values) override {
     const double start = base::now_seconds();
+    const KeptOnce<T> once{state_};
     reset(values);
     const auto take_tasks = [&](int worker) {
       const double begin = base::now_seconds();
@@ -137,6 +172,7 @@ class HostExecutor final : public Executor<T> {
     else
       pool_.share(take_tasks);
     FactorOutcome out = summarize(state_, work_);
+    halted_ = out.halted;
     out.seconds = base::now_seconds() - start;
     return out;
   }
@@ -215,13 +251,31 @@ class HostExecutor final : public Executor<T> {
     }
   }
 
+  // Empty: those of this executor will do for the other plan.
+  [[nodiscard]] std::vector<Workspace<T>> fitting_workspaces(const plan::Plan& plan) const {
+    std::vector<Workspace<T>> work;
+    const Extent have = largest_tile<T>(plan_), need = largest_tile<T>(plan);
+    const bool fit = need.area <= have.area && need.widest <= have.widest;
+    if (fit && plan.memory.stack_size <= plan_.memory.stack_size) return work;
+    for (int t = 0; t < pool_.size(); ++t) work.emplace_back(plan, state_.kind, budget_);
+    return work;
+  }
+
   void reset(std::span<const T> values) {
+    halted_ = false;
     reset_state(state_, values);
     queues_.reset();
     for (auto& w : work_) w.waited_seconds = w.task_seconds = 0;
   }
 
+  [[nodiscard]] bool is_kept(const plan::Task& task) const {
+    bool kept = state_.is_kept(task.front);
+    for (Index f = task.begin; task.is_range() && kept && f < task.front; ++f) kept = state_.is_kept(f);
+    return kept;
+  }
+
   void execute(const plan::Task& task, Index device, int worker) {
+    if (is_kept(task)) return;
     if (options_.before_task) options_.before_task(device, task);
     Workspace<T>& w = work_[static_cast<std::size_t>(worker)];
     const double begin = timeline_ != nullptr ? base::now_seconds() : 0, waited = w.waited_seconds;
@@ -267,6 +321,8 @@ class HostExecutor final : public Executor<T> {
   NumericState<T> state_;
   TriangularSolve<T> solve_;
   std::vector<int> tracks_;
+  bool halted_ = false;
+  LeftInArena<T> left_{state_};
 };
 
 }  // namespace

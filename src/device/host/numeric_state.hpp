@@ -12,6 +12,7 @@
 #include "device/executor.hpp"
 #include "device/host/kernels.hpp"
 #include "device/host/progress.hpp"
+#include "plan/changed_plan.hpp"
 #include "plan/plan.hpp"
 
 namespace espalier::device::host {
@@ -36,6 +37,14 @@ struct FrontOutcome {
 /// Bits of NumericState::column_state.
 enum ColumnState : char { kColumnFine = 0, kColumnReplaced = 1, kColumnFailed = 2, kColumnSmall = 4 };
 
+/// What came of a front in a factorization that halts at failures; values of NumericState::verdict.
+enum Verdict : std::uint8_t {
+  kVerdictOpen = 0,
+  kVerdictGood = 1,
+  kVerdictFailed = 2,  ///< some of its pivots failed: nothing above it is made
+  kVerdictHalted = 3,  ///< it was not made
+};
+
 /// A front of which only block columns from `first_column` on are made, from what stands in their places; everything to
 /// the left of them is accounted for there. Out of core only.
 struct FrontWindow {
@@ -47,12 +56,15 @@ struct FrontWindow {
 /// transposed in `factor2` (lu).
 template <class T>
 struct NumericState {
-  NumericState(const plan::Plan& the_plan, Kind the_kind, const PivotRule& the_rule, base::MemoryBudget* budget)
+  /// @param elements  of the arena; -1: as many as the plan needs
+  NumericState(const plan::Plan& the_plan, Kind the_kind, const PivotRule& the_rule, base::MemoryBudget* budget,
+               Offset elements = -1)
       : plan(the_plan),
         kind(the_kind),
         rule(the_rule),
         dense(kernels<T>()),
-        arena(the_plan.memory.size, budget),
+        arena_share(elements == 0 ? 0 : the_plan.memory.size * static_cast<Offset>(sizeof(T)), budget),
+        arena(elements < 0 ? the_plan.memory.size : elements, nullptr),
         places(arena.data()),
         pivot_order(the_kind == Kind::llt ? 0 : the_plan.tree.n, budget),
         d_inverse(the_kind == Kind::ldlt ? the_plan.tree.n : 0, budget),
@@ -61,7 +73,16 @@ struct NumericState {
         fronts(static_cast<std::size_t>(the_plan.fronts())),
         tile_done(the_plan.tiles()),
         front_done(the_plan.fronts()),
-        open_tiles(std::make_unique<std::atomic<Index>[]>(static_cast<std::size_t>(the_plan.fronts()))) {}
+        open_tiles(std::make_unique<std::atomic<Index>[]>(static_cast<std::size_t>(the_plan.fronts()))),
+        verdict(the_plan.fronts()),
+        open_pivot_tiles(std::make_unique<std::atomic<Index>[]>(static_cast<std::size_t>(the_plan.fronts()))),
+        begun(static_cast<std::size_t>(the_plan.fronts()), 0) {}
+  /// For a changed plan, with what `from` has made of the fronts that are kept: `keep`, by front. Without an arena as
+  /// yet.
+  NumericState(const plan::Plan& changed, const plan::FrontsBefore& before, std::vector<char> keep,
+               const NumericState& from, base::MemoryBudget* budget);
+  /// That of `from`, which is left without one. @throws Error(out_of_memory); nothing has changed then
+  void take_arena(NumericState& from);
 
   const plan::Plan& plan;
   Kind kind;
@@ -69,8 +90,9 @@ struct NumericState {
   const Kernels<T>& dense;
   std::span<const T> values;  ///< of the current factorize() call
 
-  base::Buffer<T> arena;
-  T* places;  ///< what plan.memory counts from: the arena, or a store of factors
+  base::BudgetShare arena_share;  ///< of the plan's part of the arena
+  base::Buffer<T> arena;          ///< with room for changed plans
+  T* places;                      ///< what plan.memory counts from: the arena, or a store of factors
   FrontWindow window;
   base::Buffer<std::int32_t> pivot_order;  ///< n; by position: the row within its tile that the pivoting put there
   base::Buffer<T> d_inverse;               ///< n; diagonal of D^-1 (ldlt)
@@ -81,10 +103,16 @@ struct NumericState {
   Progress tile_done;                                ///< by global tile number
   Progress front_done;                               ///< by front
   std::unique_ptr<std::atomic<Index>[]> open_tiles;  ///< by front: tile tasks not yet finished
+  bool halting = false;
+  Progress verdict;                                        ///< by front; set where halting
+  std::unique_ptr<std::atomic<Index>[]> open_pivot_tiles;  ///< by front: as open_tiles, of pivot columns; where halting
+  std::vector<char> begun;  ///< fronts; 1: it was made in an earlier factorization of these values
+  std::vector<char> kept;   ///< fronts; 1: the next factorization does not make it again. Empty: makes all
   std::atomic<bool> abort{false};
 
   [[nodiscard]] T* factor(Index f) { return places + plan.memory.factor[f]; }
   [[nodiscard]] T* factor2(Index f) { return places + plan.memory.factor2[f]; }
+  [[nodiscard]] bool is_kept(Index f) const { return !kept.empty() && kept[static_cast<std::size_t>(f)] != 0; }
 };
 
 /// One worker's own memory.

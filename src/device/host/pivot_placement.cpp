@@ -54,6 +54,7 @@ class Placement {
   void take(Worker& w, Index f);
   void name_rows(Worker& w, Index f) const;
   void add_entries(Worker& w, Index f, Index arrived) const;
+  void fetch(Index child);
   void add_child(Worker& w, Index child);
   void note_moves(const Worker& w, Index f);
   void leave(const Worker& w, Index f);
@@ -113,7 +114,28 @@ std::optional<std::vector<analysis::PivotMove>> Placement::run() {
   return all;
 }
 
-void Placement::want_sub_tree(Index f) { std::fill(wanted_.begin() + first_below_[at(f)], wanted_.begin() + f + 1, 1); }
+// As far as contributions are not there.
+void Placement::want_sub_tree(Index f) {
+  if (job_.left == nullptr) return std::fill(wanted_.begin() + first_below_[at(f)], wanted_.begin() + f + 1, 1);
+  std::vector<Index> open{f};
+  while (!open.empty()) {
+    const Index g = open.back();
+    open.pop_back();
+    if (wanted_[at(g)] != 0) continue;
+    wanted_[at(g)] = 1;
+    for (Offset c = plan_.child_ptr[g]; c < plan_.child_ptr[g + 1]; ++c)
+      if (!job_.left->has(plan_.children[c])) open.push_back(plan_.children[c]);
+  }
+}
+
+// From where a factorization has left it.
+void Placement::fetch(Index child) {
+  Contribution& to = left_[at(child)];
+  const auto& t = plan_.tree;
+  to.unknowns.assign(t.rows.begin() + t.row_ptr[child], t.rows.begin() + t.row_ptr[child + 1]);
+  to.values = base::Buffer<double>(Offset{t.rows_below(child)} * t.rows_below(child), job_.budget);
+  job_.left->copy(child, to.values.data());
+}
 
 void Placement::want_failed() {
   if (job_.failed.empty()) return std::fill(wanted_.begin(), wanted_.end(), 1);
@@ -167,6 +189,8 @@ void Placement::take_wanted() {
 }
 
 void Placement::take(Worker& w, Index f) {
+  for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c)
+    if (done_[at(plan_.children[c])] == 0) fetch(plan_.children[c]);
   name_rows(w, f);
   const Index arrived = static_cast<Index>(w.unknowns.size()) - plan_.layout[f].rows;
   w.front.start(plan_.layout[f].pivots + arrived, static_cast<Index>(w.unknowns.size()));

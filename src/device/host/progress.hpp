@@ -25,7 +25,9 @@ class Progress {
   void reset() {
     for (Offset e = 0; e < size_; ++e) flags_[e].store(0, std::memory_order_relaxed);
   }
-  void set(Offset event) { flags_[event].store(1, std::memory_order_release); }
+  /// @param value  not 0
+  void set(Offset event, std::uint8_t value = 1) { flags_[event].store(value, std::memory_order_release); }
+  [[nodiscard]] std::uint8_t value(Offset event) const { return flags_[event].load(std::memory_order_acquire); }
   [[nodiscard]] bool is_set(Offset event) const { return flags_[event].load(std::memory_order_acquire) != 0; }
 
   /// @param abort   checked while waiting

@@ -2,6 +2,7 @@
 #include <cstring>
 
 #include "device/host/assembly.hpp"
+#include "device/host/halting.hpp"
 #include "device/host/pivoting.hpp"
 #include "device/host/tile_factor.hpp"
 
@@ -122,10 +123,18 @@ class WholeFront {
 template <class T>
 void eliminate_range(NumericState<T>& state, Workspace<T>& work, const Task& task) {
   const auto& m = state.plan.memory;
+  double* waited = &work.waited_seconds;
+  const bool free = !state.halting || memory_is_free(state, task.front, waited);
   for (Offset q = m.wait_ptr[task.front]; q < m.wait_ptr[task.front + 1]; ++q)
-    state.front_done.wait(m.wait_fronts[q], state.abort, &work.waited_seconds);
+    state.front_done.wait(m.wait_fronts[q], state.abort, waited);
   for (Index f = task.begin; f <= task.front; ++f) {
-    WholeFront<T>(state, work, f).run();
+    if (state.is_kept(f)) continue;
+    if (state.halting && (!free || !children_are_good(state, f, waited))) {
+      state.verdict.set(f, kVerdictHalted);
+    } else {
+      WholeFront<T>(state, work, f).run();
+      if (state.halting) judge_front(state, f);
+    }
     state.front_done.set(f);
   }
 }

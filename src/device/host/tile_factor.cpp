@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "device/host/assembly.hpp"
+#include "device/host/halting.hpp"
 #include "device/host/pivoting.hpp"
 
 namespace espalier::device::host {
@@ -41,6 +42,26 @@ class TileTask {
   }
 
   void run() {
+    if (s_.halting && !may_begin()) return finish();
+    make();
+    if (s_.halting && j_ < layout_.pivot_tiles && s_.open_pivot_tiles[f_].fetch_sub(1, std::memory_order_acq_rel) == 1)
+      judge_front(s_, f_);
+    finish();
+  }
+
+ private:
+  // Contributions of a front whose pivots have failed are of no use.
+  bool may_begin() {
+    if (!memory_is_free(s_, f_, &w_.waited_seconds) || !children_are_good(s_, f_, &w_.waited_seconds)) {
+      s_.verdict.set(f_, kVerdictHalted);
+      return false;
+    }
+    if (j_ < layout_.pivot_tiles) return true;
+    s_.verdict.wait(f_, s_.abort, &w_.waited_seconds);
+    return s_.verdict.value(f_) == kVerdictGood;
+  }
+
+  void make() {
     wait_for_memory();
     gather();
     subtract_products();
@@ -50,10 +71,8 @@ class TileTask {
       factor_diagonal(s_, w_, PivotBlock{f_, position(j_), cols_, ld_}, tile(i_, j_), lu_ ? tile2(i_, j_) : nullptr);
     else
       solve_with_diagonal();
-    finish();
   }
 
- private:
   [[nodiscard]] Index position(Index j) const { return plan_.tree.first[f_] + layout_.begin(j); }
   [[nodiscard]] Offset number(Index i, Index j) const { return plan_.first_tile[f_] + layout_.tile_index(i, j); }
   [[nodiscard]] T* tile(Index i, Index j) { return s_.factor(f_) + layout_.tile_offset(i, j); }

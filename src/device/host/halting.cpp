@@ -1,0 +1,215 @@
+#include "device/host/halting.hpp"
+
+#include <algorithm>
+
+namespace espalier::device::host {
+
+namespace {
+
+auto at(Index k) { return static_cast<std::size_t>(k); }
+
+// Whether a front has been made, in the last factorization or in an earlier one of the same values.
+template <class T>
+bool was_begun(const NumericState<T>& s, Index f) {
+  const std::uint8_t verdict = s.verdict.value(f);
+  return s.begun[at(f)] != 0 || verdict == kVerdictGood || verdict == kVerdictFailed;
+}
+
+// Fronts that must be made again, in numbers of the plan before; closed under all that follows from one of them.
+template <class T>
+class Again {
+ public:
+  explicit Again(const NumericState<T>& s)
+      : s_(s), plan_(s.plan), must_(at(plan_.fronts())), range_begin_(must_.size()) {
+    for (Index f = 0; f < plan_.fronts(); ++f) range_begin_[at(f)] = f;
+    for (const plan::Task& t : plan_.tasks)
+      if (t.is_range()) range_begin_[at(t.front)] = t.begin;
+    list_waiters();
+  }
+
+  void add(Index f) {
+    if (must_[at(f)] != 0) return;
+    must_[at(f)] = 1;
+    open_.push_back(f);
+  }
+
+  std::vector<char> close() {
+    while (!open_.empty()) {
+      const Index f = open_.back();
+      open_.pop_back();
+      if (plan_.tree.parent[f] >= 0) add(plan_.tree.parent[f]);
+      const bool lost = add_waiters(f);
+      for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c)
+        if (lost || plan_.memory.on_stack[plan_.children[c]] != 0) add(plan_.children[c]);
+    }
+    return std::move(must_);
+  }
+
+ private:
+  void list_waiters() {
+    const plan::MemoryPlan& m = plan_.memory;
+    waiter_ptr_.assign(must_.size() + 1, 0);
+    for (const Index f : m.wait_fronts) ++waiter_ptr_[at(f) + 1];
+    for (std::size_t f = 0; f < must_.size(); ++f) waiter_ptr_[f + 1] += waiter_ptr_[f];
+    waiter_.resize(m.wait_fronts.size());
+    std::vector<Offset> next(waiter_ptr_.begin(), waiter_ptr_.end() - 1);
+    for (Index g = 0; g < plan_.fronts(); ++g)
+      for (Offset q = m.wait_ptr[g]; q < m.wait_ptr[g + 1]; ++q) waiter_[next[at(m.wait_fronts[q])]++] = g;
+  }
+
+  // Those that have taken over memory which f and its children had. @returns whether there are any
+  bool add_waiters(Index f) {
+    bool any = false;
+    for (Offset q = waiter_ptr_[at(f)]; q < waiter_ptr_[at(f) + 1]; ++q) {
+      const Index last = waiter_[q], first = range_begin_[at(last)];
+      bool begun = false;
+      for (Index g = first; g <= last && !begun; ++g) begun = was_begun(s_, g);
+      if (!begun) continue;
+      any = true;
+      for (Index g = first; g <= last; ++g) add(g);
+    }
+    return any;
+  }
+
+  const NumericState<T>& s_;
+  const plan::Plan& plan_;
+  std::vector<char> must_;
+  std::vector<Index> range_begin_;  // by the last front of a range; else the front itself
+  std::vector<Offset> waiter_ptr_;
+  std::vector<Index> waiter_;
+  std::vector<Index> open_;
+};
+
+}  // namespace
+
+template <class T>
+bool LeftInArena<T>::has(Index f) const {
+  const Index parent = s_.plan.tree.parent[f];
+  return s_.verdict.value(f) == kVerdictGood && s_.plan.memory.on_stack[f] == 0 && parent >= 0 &&
+         s_.verdict.value(parent) != kVerdictGood;
+}
+
+template <class T>
+void LeftInArena<T>::copy(Index f, double* to) const {
+  const plan::FrontLayout& l = s_.plan.layout[f];
+  const Offset rows = l.below();
+  const auto copy_part = [&](const T* from, bool upper) {
+    for (Index j = 0; j < l.tiles_below(); ++j)
+      for (Index i = j; i < l.tiles_below(); ++i) {
+        const T* tile = from + l.contribution_offset(i, j);
+        for (Index c = 0; c < l.below_rows(j); ++c)
+          for (Index r = 0; r < l.below_rows(i); ++r) {
+            const Offset row = Offset{i} * l.below_width + r, col = Offset{j} * l.below_width + c;
+            if (row < col || (upper && row == col)) continue;
+            const auto value = static_cast<double>(tile[c * l.contribution_ld(i) + r]);
+            (upper ? to[row * rows + col] : to[col * rows + row]) = value;
+          }
+      }
+  };
+  copy_part(s_.places + s_.plan.memory.contribution[f], false);
+  if (s_.kind == Kind::lu) copy_part(s_.places + s_.plan.memory.contribution2[f], true);
+}
+
+template <class T>
+bool memory_is_free(const NumericState<T>& s, Index f, double* waited) {
+  const plan::MemoryPlan& m = s.plan.memory;
+  bool good = true;
+  for (Offset q = m.wait_ptr[f]; q < m.wait_ptr[f + 1]; ++q) {
+    s.front_done.wait(m.wait_fronts[q], s.abort, waited);
+    good = good && s.verdict.value(m.wait_fronts[q]) == kVerdictGood;
+  }
+  return good;
+}
+
+template <class T>
+bool children_are_good(const NumericState<T>& s, Index f, double* waited) {
+  bool good = true;
+  for (Offset c = s.plan.child_ptr[f]; c < s.plan.child_ptr[f + 1]; ++c) {
+    s.verdict.wait(s.plan.children[c], s.abort, waited);
+    good = good && s.verdict.value(s.plan.children[c]) == kVerdictGood;
+  }
+  return good;
+}
+
+template <class T>
+void judge_front(NumericState<T>& s, Index f) {
+  const char* state = s.column_state.data();
+  const bool failed = std::any_of(state + s.plan.tree.first[f], state + s.plan.tree.first[f + 1],
+                                  [](char c) { return (c & (kColumnReplaced | kColumnFailed)) != 0; });
+  s.verdict.set(f, failed ? kVerdictFailed : kVerdictGood);
+}
+
+template <class T>
+std::vector<char> fronts_to_keep(const NumericState<T>& s, const plan::Plan& changed,
+                                 const plan::FrontsBefore& before) {
+  Again<T> again(s);
+  std::vector<char> same(at(s.plan.fronts()), 0);
+  for (const Index f : before.same)
+    if (f >= 0) same[at(f)] = 1;
+  for (Index f = 0; f < s.plan.fronts(); ++f)
+    if (same[at(f)] == 0 || s.verdict.value(f) != kVerdictGood) again.add(f);
+  const std::vector<char> must = again.close();
+  std::vector<char> keep(at(changed.fronts()), 0);
+  for (std::size_t f = 0; f < keep.size(); ++f)
+    keep[f] = static_cast<char>(before.same[f] >= 0 && must[at(before.same[f])] == 0);
+  return keep;
+}
+
+template <class T>
+std::vector<char> fronts_begun(const NumericState<T>& s, const plan::Plan& changed, const plan::FrontsBefore& before) {
+  std::vector<char> begun(at(changed.fronts()), 0);
+  std::vector<Index> name(at(s.plan.fronts()), -1);
+  for (std::size_t f = 0; f < before.front.size(); ++f) name[at(before.front[f])] = static_cast<Index>(f);
+  for (Index f = 0; f < s.plan.fronts(); ++f) {
+    Index heir = f;  // of a front that has vanished: whoever waits in its place
+    while (heir >= 0 && name[at(heir)] < 0) heir = s.plan.tree.parent[heir];
+    if (heir >= 0 && was_begun(s, f)) begun[at(name[at(heir)])] = 1;
+  }
+  return begun;
+}
+
+template <class T>
+NumericState<T>::NumericState(const plan::Plan& changed, const plan::FrontsBefore& before, std::vector<char> keep,
+                              const NumericState& from, base::MemoryBudget* budget)
+    : NumericState(changed, from.kind, from.rule, budget, 0) {
+  begun = fronts_begun(from, changed, before);
+  kept = std::move(keep);
+  halting = from.halting;
+  for (Index f = 0; f < changed.fronts(); ++f) {
+    if (!is_kept(f)) continue;
+    const Index old = before.same[at(f)], size = changed.tree.pivots(f);
+    const Index here = changed.tree.first[f], there = from.plan.tree.first[old];
+    const auto take_over = [&](const auto& of, auto& to) {
+      if (to.size() > 0) std::copy(of.data() + there, of.data() + there + size, to.data() + here);
+    };
+    take_over(from.pivot_order, pivot_order);
+    take_over(from.d_inverse, d_inverse);
+    take_over(from.e_inverse, e_inverse);
+    take_over(from.column_state, column_state);
+    fronts[at(f)] = from.fronts[at(old)];
+  }
+}
+
+template <class T>
+void NumericState<T>::take_arena(NumericState& from) {
+  from.arena_share.grow((plan.memory.size - from.plan.memory.size) * static_cast<Offset>(sizeof(T)));
+  arena_share = std::move(from.arena_share);
+  arena = std::move(from.arena);
+  places = arena.data();
+}
+
+#define ESPALIER_INSTANTIATE(T)                                                                                    \
+  template bool memory_is_free(const NumericState<T>&, Index, double*);                                            \
+  template bool children_are_good(const NumericState<T>&, Index, double*);                                         \
+  template void judge_front(NumericState<T>&, Index);                                                              \
+  template std::vector<char> fronts_to_keep(const NumericState<T>&, const plan::Plan&, const plan::FrontsBefore&); \
+  template std::vector<char> fronts_begun(const NumericState<T>&, const plan::Plan&, const plan::FrontsBefore&);   \
+  template NumericState<T>::NumericState(const plan::Plan&, const plan::FrontsBefore&, std::vector<char>,          \
+                                         const NumericState<T>&, base::MemoryBudget*);                             \
+  template void NumericState<T>::take_arena(NumericState<T>&);                                                     \
+  template class LeftInArena<T>;
+ESPALIER_INSTANTIATE(double)
+ESPALIER_INSTANTIATE(float)
+#undef ESPALIER_INSTANTIATE
+
+}  // namespace espalier::device::host
