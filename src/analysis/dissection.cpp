@@ -7,6 +7,7 @@
 #include <span>
 #include <utility>
 
+#include "analysis/approximate_degree.hpp"
 #include "analysis/minimum_degree.hpp"
 #include "analysis/separator.hpp"
 #include "analysis/subgraphs.hpp"
@@ -37,7 +38,7 @@ class Dissector {
   explicit Dissector(const CompressedGraph& whole)
       : whole_(whole), order_(whole.weight.size()), local_(whole.weight.size(), -1) {}
 
-  std::vector<Index> run(base::ThreadPool& pool);
+  Orders run(bool minimum_degree, base::ThreadPool& pool);
 
  private:
   using Task = std::shared_ptr<const Domain>;
@@ -174,18 +175,33 @@ void Dissector::order_leaf(const Domain& domain) {
   for (std::size_t k = 0; k < local.size(); ++k) order_[at(domain.begin) + k] = domain.vertices[at(local[k])];
 }
 
-std::vector<Index> Dissector::run(base::ThreadPool& pool) {
-  base::Recursion::run(pool, [this](base::Recursion& r) {
-    auto root = std::make_shared<const Domain>(without_dense_vertices(r));
-    if (root->graph.n() > 0) dissect(root, r);
+Orders Dissector::run(bool minimum_degree, base::ThreadPool& pool) {
+  Orders out;
+  Task root;
+  MinimumDegreeOrder other;
+  base::Recursion::run(pool, [&](base::Recursion& r) {
+    root = std::make_shared<const Domain>(without_dense_vertices(r));
+    if (root->graph.n() == 0) return;
+    if (minimum_degree) r.spawn([&other, root](base::Recursion&) { other = approximate_minimum_degree(root->graph); });
+    dissect(root, r);
   });
-  return std::move(order_);
+  if (!other.order.empty()) {
+    out.minimum_degree = order_;  // the dense vertices
+    for (std::size_t k = 0; k < other.order.size(); ++k) out.minimum_degree[k] = root->vertices[at(other.order[k])];
+    out.minimum_degree_flops = other.flops;
+  }
+  out.dissection = std::move(order_);
+  return out;
 }
 
 }  // namespace
 
+Orders fill_reducing_orders(const CompressedGraph& graph, bool minimum_degree, base::ThreadPool& pool) {
+  return Dissector(graph).run(minimum_degree, pool);
+}
+
 std::vector<Index> nested_dissection(const CompressedGraph& graph, base::ThreadPool& pool) {
-  return Dissector(graph).run(pool);
+  return fill_reducing_orders(graph, false, pool).dissection;
 }
 
 }  // namespace espalier::analysis

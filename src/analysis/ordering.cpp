@@ -9,6 +9,7 @@
 
 #include "analysis/dissection.hpp"
 #include "analysis/elimination_tree.hpp"
+#include "analysis/fronts.hpp"
 #include "analysis/symbolic.hpp"
 
 namespace espalier::analysis {
@@ -74,6 +75,53 @@ std::vector<Index> postpone_multipliers(const CompressedGraph& graph, std::span<
   return order;
 }
 
+// Dissection serves meshes; irregular systems, as those of optimisers are, often fill up less by minimum degree, which
+// costs little beside it. It is worth a try where multipliers or pairs say that the matrix is no mesh's, or where it is
+// small.
+bool tries_minimum_degree(const CompressedGraph& graph, const TreeOptions& options) {
+  constexpr Index kSmall = 3000, kMost = 300000;
+  const bool irregular = !options.pair.empty() || !options.zero_diagonal.empty();
+  return graph.graph.n <= (irregular ? kMost : kSmall);
+}
+
+/// Work on the longest path from a leaf to a root: what no number of threads can shorten. A front costs something
+/// besides its flops.
+double critical_work(const AssemblyTree& tree) {
+  constexpr double kFront = 5e4;  // flops: some microseconds
+  std::vector<double> path(at(tree.fronts()), 0);
+  double longest = 0;
+  for (Index f = 0; f < tree.fronts(); ++f) {
+    path[at(f)] += kFront + front_flops(tree.pivots(f), tree.rows_below(f));
+    longest = std::max(longest, path[at(f)]);
+    if (const Index up = tree.parent[at(f)]; up >= 0) path[at(up)] = std::max(path[at(up)], path[at(f)]);
+  }
+  return longest;
+}
+
+/// The tree of the order with fewer flops. That of dissection is the broader one, which more threads can share: the
+/// other one has to be clearly better, and no chain (a control problem of 1,000 steps: half of the flops, but one front
+/// after another, twenty times as long on two threads of a busy machine).
+AssemblyTree better_tree(const CompressedGraph& compressed, const TreeOptions& options, base::ThreadPool& pool,
+                         TreeStatistics& statistics) {
+  constexpr double kClearly = 0.93;
+  const double start = seconds_now();
+  Orders orders = fill_reducing_orders(compressed, tries_minimum_degree(compressed, options), pool);
+  const auto tree_of = [&](std::vector<Index> order, TreeStatistics& of) {
+    if (!options.zero_diagonal.empty())
+      order = postpone_multipliers(compressed, options.zero_diagonal, std::move(order), pool);
+    return symbolic_tree(compressed, std::move(order), pool, of);
+  };
+  statistics.ordering_seconds = seconds_now() - start;
+  AssemblyTree tree = tree_of(std::move(orders.dissection), statistics);
+  if (orders.minimum_degree.empty() || orders.minimum_degree_flops > kClearly * statistics.flops_exact) return tree;
+  TreeStatistics other;
+  other.ordering_seconds = statistics.ordering_seconds;
+  AssemblyTree second = tree_of(std::move(orders.minimum_degree), other);
+  if (other.flops > kClearly * statistics.flops || critical_work(second) > critical_work(tree)) return tree;
+  statistics = other;
+  return second;
+}
+
 }  // namespace
 
 AssemblyTree build_tree(const Graph& graph, const TreeOptions& options, base::ThreadPool& pool,
@@ -82,20 +130,20 @@ AssemblyTree build_tree(const Graph& graph, const TreeOptions& options, base::Th
   const double start = seconds_now();
   CompressedGraph compressed;
   std::vector<Index> order;
+  AssemblyTree tree;
   if (options.permutation.empty()) {
     compressed = compress(graph, options.pair, pool);
-    order = nested_dissection(compressed, pool);
-    if (!options.zero_diagonal.empty())
-      order = postpone_multipliers(compressed, options.zero_diagonal, std::move(order), pool);
+    const double compressing = seconds_now() - start;
+    tree = better_tree(compressed, options, pool, mine);
+    mine.ordering_seconds += compressing;
   } else {
     const std::vector<Index> position = checked_inverse(options.permutation, graph.n);
     compressed = compress_pairs(graph, options.pair, pool);
     order = order_by_last_member(compressed, position);
+    mine.ordering_seconds = seconds_now() - start;
+    tree = symbolic_tree(compressed, std::move(order), pool, mine);
   }
-  const double ordered = seconds_now();
-  AssemblyTree tree = symbolic_tree(compressed, std::move(order), pool, mine);
-  mine.ordering_seconds = ordered - start;
-  mine.symbolic_seconds = seconds_now() - ordered;
+  mine.symbolic_seconds = seconds_now() - start - mine.ordering_seconds;
   if (statistics != nullptr) *statistics = mine;
   return tree;
 }
