@@ -1,5 +1,7 @@
 #include "modes/harvest.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -12,6 +14,22 @@ namespace {
 constexpr Index kColumns = 32;  // examined at a time
 
 Eigen::Map<const Eigen::VectorXd> vector_of(const double* x, Index n) { return {x, n}; }
+
+// Far above what a search leaves; a mode that has as much is none.
+constexpr double kWorst = 1e-6;
+
+void judge(ModesResult& result) {
+  double worst = 0;
+  for (const double r : result.residuals) worst = std::isnan(r) ? r : std::max(worst, r);
+  if (worst <= kWorst && result.orthogonality <= kWorst) return;
+  result.complete = false;
+  result.completeness =
+      fmt::format("not proven: residuals are up to {:.1e}, vectors orthogonal to {:.1e}", worst, result.orthogonality);
+  throw Error(StatusCode::accuracy_not_reached,
+              fmt::format("modes were found with residuals up to {:.1e} and orthogonal to {:.1e}: the matrices are too "
+                          "badly scaled, or K - s M too badly conditioned; give another shift",
+                          worst, result.orthogonality));
+}
 
 }  // namespace
 
@@ -71,6 +89,7 @@ void examine(const SparseMatrix& k, const SparseMatrix& m, bool inner_is_k, Work
       for (Index i = 0; i < count; ++i)
         result.orthogonality = std::max(result.orthogonality, std::abs(g(i, j) - (i == c + j ? 1.0 : 0.0)));
   }
+  judge(result);
 }
 
 }  // namespace espalier::modes

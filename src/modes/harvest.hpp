@@ -32,6 +32,8 @@ class Harvest {
 };
 
 /// Residuals of K x = l M x and orthogonality in the inner product of `inner` (M or K), of what stands in the result.
+/// Where one of them is too large, nothing is proven.
+/// @throws Error(accuracy_not_reached) then, after all are in the result
 void examine(const SparseMatrix& k, const SparseMatrix& m, bool inner_is_k, Workshop& shop, ModesResult& result);
 
 }  // namespace espalier::modes

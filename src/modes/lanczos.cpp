@@ -17,8 +17,9 @@ using base::Stopwatch;
 using Vector = Eigen::VectorXd;
 
 constexpr double kEps = std::numeric_limits<double>::epsilon();
-// A Ritz value below this part of the largest is rounding.
-constexpr double kNothing = 1e-13;
+// Rounding of the operator is of the size of its largest eigenvalue: of one that is this part of it two or three digits
+// more are right than are asked for.
+constexpr double kSmallest = 1e-7;
 constexpr double kSettled = 1e-3;
 
 }  // namespace
@@ -43,6 +44,7 @@ LanczosResult Lanczos::run(const LanczosOptions& options) {
   t_ = Dense::Zero(capacity_ + options_.block, capacity_ + options_.block);
   coupling_.resize(0, 0);
   j_ = 0;
+  still_ = 0;
   Index width = begin();
   Index look = std::max<Index>(options_.block, options_.wanted.negative + options_.wanted.positive);
   for (;;) {
@@ -52,7 +54,7 @@ LanczosResult Lanczos::run(const LanczosOptions& options) {
     if (j_ < look && !full && !exhausted) continue;
     const Ritz now = ritz(width);
     look = j_ + std::max(options_.block, j_ / 12);
-    if (exhausted || enough(now) || restarts_ >= options_.restarts) return result(now, exhausted);
+    if (exhausted || enough(now) || stalled(now) || restarts_ >= options_.restarts) return result(now, exhausted);
     if (!full) continue;
     restart(now, width);
     ++restarts_;
@@ -100,9 +102,8 @@ Index Lanczos::expand(Index width) {
   t_.block(j_, j_, width, width) = (corner + corner.transpose()) / 2;
   j_ = before;
   const Index room = options_.dimension - j_;
-  next = std::min(next, room);  // what is left beyond is rounding
   coupling_ = Dense::Zero(next, before);
-  if (next > 0) coupling_.rightCols(width) = r.topRows(next);
+  if (next > 0) coupling_.rightCols(width) = r;
   if (next == 0 && room > 0) {  // an invariant subspace: another one may hold more
     next = new_directions(j_, std::min(options_.block, room));
     coupling_ = Dense::Zero(next, j_);
@@ -117,6 +118,7 @@ Index Lanczos::expand(Index width) {
 // many are left; image_ then holds B Q.
 Index Lanczos::orthonormalize(Index columns, Index width, Dense* h, Dense* r) {
   constexpr int kMostPasses = 8;
+  const Index room = options_.dimension - columns;  // what is left beyond is rounding
   const Stopwatch watch(clock_.orthogonalization);
   double* w = v(columns);
   double* image = image_.col(0);
@@ -135,7 +137,7 @@ Index Lanczos::orthonormalize(Index columns, Index width, Dense* h, Dense* r) {
     if (h != nullptr) *h += all.bottomRows(columns) * total;
     op_.b(w, image, left);
     Dense step;
-    left = independent(w, image, left, {size, pass == 0, pass + 1 == kMostPasses}, total, step);
+    left = independent(w, image, left, {size, room, pass == 0, pass + 1 == kMostPasses}, total, step);
     // Small differences of large numbers: the image has lost digits on the way.
     rough = step.size() > 0 && step.rowwise().norm().minCoeff() < 1e-2 * step.rowwise().norm().maxCoeff();
     // What had to be taken away was so little that rounding of it is below that of the vectors.
@@ -172,13 +174,14 @@ Index Lanczos::independent(double* w, double* image, Index width, const Dropping
   const Vector values = eigen.eigenvalues().reverse(), root = values.cwiseMax(kRaised).cwiseSqrt();
   Dense to_q = scale.asDiagonal() * u * root.cwiseInverse().asDiagonal();
   Dense from_q = root.asDiagonal() * u.transpose() * unscale.asDiagonal();
-  if (values[width - 1] > 0.5) {  // the polar factor: near the identity where W is nearly orthonormal already
+  if (values[width - 1] > 0.5 &&
+      width <= dropping.room) {  // the polar factor: near the identity where W is nearly orthonormal already
     to_q = (to_q * u.transpose()).eval();
     from_q = (u * from_q).eval();
   }
   const Dense next = from_q * total;
   std::vector<Index> kept;
-  for (Index k = 0; k < width; ++k)
+  for (Index k = 0; k < std::min(width, dropping.room); ++k)
     if ((!dropping.last || values[k] > 0.5) && next.row(k).norm() > 1e-3 * kEps * dropping.size) kept.push_back(k);
   total = next(kept, Eigen::all);
   r = from_q(kept, Eigen::all);
@@ -195,9 +198,9 @@ Lanczos::Ritz Lanczos::ritz(Index width) const {
   out.vectors = eigen.eigenvectors();
   out.residual = Vector::Zero(j_);
   if (width > 0 && coupling_.rows() > 0) out.residual = (coupling_ * out.vectors).colwise().norm().transpose();
-  const double nothing = kNothing * out.theta.cwiseAbs().maxCoeff();
-  for (Index k = 0; k < j_ && out.theta[k] < -nothing; ++k) out.negative.push_back(k);
-  for (Index k = j_; k-- > 0 && out.theta[k] > nothing;) out.positive.push_back(k);
+  const double least = kSmallest * out.theta.cwiseAbs().maxCoeff();
+  for (Index k = 0; k < j_ && out.theta[k] < -least; ++k) out.negative.push_back(k);
+  for (Index k = j_; k-- > 0 && out.theta[k] > least;) out.positive.push_back(k);
   const auto good = [&](const std::vector<Index>& side) {
     const auto bad = std::find_if(side.begin(), side.end(), [&](Index k) {
       return !(out.residual[k] <= options_.tolerance * std::abs(out.theta[k]));
@@ -211,6 +214,16 @@ Lanczos::Ritz Lanczos::ritz(Index width) const {
 
 bool Lanczos::enough(const Ritz& ritz) const {
   return ritz.good_negative >= options_.wanted.negative && ritz.good_positive >= options_.wanted.positive;
+}
+
+// Nothing is left to converge of what is large enough, and nothing comes up: the others are too far from the shift.
+bool Lanczos::stalled(const Ritz& ritz) {
+  constexpr int kLooks = 4;
+  const Index good = ritz.good_negative + ritz.good_positive;
+  const bool all = good == static_cast<Index>(ritz.negative.size() + ritz.positive.size());
+  still_ = all && good == last_good_ ? still_ + 1 : 0;
+  last_good_ = good;
+  return still_ >= kLooks;
 }
 
 // Keeps the Ritz vectors that are wanted and about half of the others, from both ends as they are wanted; OP times them

@@ -28,7 +28,7 @@ struct Wanted {
 struct LanczosOptions {
   Wanted wanted;
   Index block = 8;
-  Index dimension = 0;  ///< eigenvectors with theta != 0 that there are, less those kept out: no basis is larger
+  Index dimension = 0;  ///< rank of B, less those kept out: no basis is larger
   double tolerance = 1e-9;
   int restarts = 60;  ///< most of them
   std::uint64_t seed = 1;
@@ -65,6 +65,7 @@ class Lanczos {
   Index orthonormalize(Index columns, Index width, Dense* h, Dense* r);
   struct Dropping {
     double size;  ///< of the vectors of which a direction is to be a part that counts
+    Index room;   ///< so many are left at most
     bool first;
     bool last;  ///< no other step follows
   };
@@ -72,6 +73,7 @@ class Lanczos {
   Index new_directions(Index columns, Index width);
   [[nodiscard]] Ritz ritz(Index width) const;
   [[nodiscard]] bool enough(const Ritz& ritz) const;
+  bool stalled(const Ritz& ritz);
   void restart(const Ritz& ritz, Index width);
   [[nodiscard]] LanczosResult result(const Ritz& ritz, bool exhausted) const;
   [[nodiscard]] double* v(Index j) { return basis_.col(known_ + j); }
@@ -88,6 +90,8 @@ class Lanczos {
   Dense t_;             // capacity + block
   Dense coupling_;      // C: rows of the next block, columns of the basis
   int restarts_ = 0;
+  int still_ = 0;  // looks at which nothing has changed
+  Index last_good_ = -1;
   std::uint64_t draws_ = 0;
 };
 

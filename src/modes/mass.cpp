@@ -148,7 +148,43 @@ SparseMatrix restricted(const SparseMatrix& k, const Places& places, const Colum
   return all;
 }
 
-// Negative and zero eigenvalues of a symmetric matrix; rows without entries count as zeros.
+// As it stands, or, where that cannot be factorized (more multipliers than massless unknowns, for instance), by the
+// negative eigenvalues with a little less and a little more on the diagonal.
+Inertia inertia_of_regular(const SparseMatrix& a, const Options& options) {
+  Options o = factor_options(options, Kind::ldlt);
+  o.singular = SingularMatrix::report;
+  Solver solver(o);
+  const AnalysisResult analysis = solver.analyze(a);
+  if (analysis.status.ok()) {
+    const FactorResult factor = solver.refactorize(a.values);
+    if (factor.status.ok()) return factor.inertia;
+    if (factor.status.code != StatusCode::singular) throw Error(factor.status);
+  } else if (analysis.status.code != StatusCode::singular) {
+    throw Error(analysis.status);
+  }
+  constexpr double kLittle = 1e-9;
+  double largest = 0;
+  for (const double v : a.values) largest = std::max(largest, std::abs(v));
+  SparseMatrix identity;
+  identity.rows = identity.cols = a.rows;
+  identity.storage = Storage::symmetric_lower;
+  for (Index i = 0; i <= a.rows; ++i) identity.col_ptr.push_back(i);
+  for (Index i = 0; i < a.rows; ++i) identity.row_ind.push_back(i);
+  identity.values.assign(static_cast<std::size_t>(a.rows), kLittle * largest);
+  const auto negative = [&](double sign) {
+    Solver moved(factor_options(options, Kind::ldlt));
+    const SparseMatrix b = sum(1, a, sign, identity);
+    const AnalysisResult analyzed = moved.analyze(b);
+    if (!analyzed.status.ok()) throw Error(analyzed.status);
+    const FactorResult factor = moved.refactorize(b.values);
+    if (!factor.status.ok()) throw Error(factor.status);
+    return factor.inertia.negative;
+  };
+  const Index below = negative(1), upto = negative(-1);
+  return {a.rows - upto, below, upto - below};
+}
+
+// Rows without entries count as zeros.
 Inertia inertia_of(const SparseMatrix& a, const Options& options) {
   std::vector<Index> place(static_cast<std::size_t>(a.rows), -1);
   for (Index j = 0; j < a.cols; ++j)
@@ -158,19 +194,9 @@ Inertia inertia_of(const SparseMatrix& a, const Options& options) {
   Index used = 0;
   for (Index& i : place)
     if (i == 0) i = used++;
-  Inertia out{0, 0, a.rows - used};
-  if (used == 0) return out;
-  const SparseMatrix rest = part(a, place, used);
-  Options o = factor_options(options, Kind::ldlt);
-  o.singular = SingularMatrix::report;
-  Solver solver(o);
-  const AnalysisResult analysis = solver.analyze(rest);
-  if (!analysis.status.ok()) throw Error(analysis.status);
-  const FactorResult factor = solver.refactorize(rest.values);
-  if (!factor.status.ok()) throw Error(factor.status);
-  out.positive = factor.inertia.positive;
-  out.negative = factor.inertia.negative;
-  out.zero += factor.inertia.zero;
+  Inertia out{0, 0, 0};
+  if (used > 0) out = inertia_of_regular(part(a, place, used), options);
+  out.zero += a.rows - used;
   return out;
 }
 

@@ -81,7 +81,8 @@ void Search::explore() {
   const auto sure = proven();
   const double from = sure ? sure->at : -std::numeric_limits<double>::infinity();
   const Index left = std::max<Index>(0, below_shift_ - harvest_.below(shift_));
-  const Index right = std::clamp<Index>(wanted_ - below_shift_, 0, kAtATime) - known_beyond(shift_);
+  const Index sought = std::min(wanted_ + extra_, report_.finite);
+  const Index right = std::clamp<Index>(sought - below_shift_, 0, kAtATime + extra_) - known_beyond(shift_);
   ++attempts_;
   if (left == 0 && right <= 0) return;
   LanczosOptions o;
@@ -90,7 +91,7 @@ void Search::explore() {
   o.tolerance = options_.tolerance;
   o.seed = options_.seed + 7919 * draws_++;
   const Index known = known_beyond(from), want = o.wanted.negative + o.wanted.positive;
-  o.dimension = report_.finite - known;
+  o.dimension = report_.rank - known;
   const Index usual = options_.basis_size > 0 ? options_.basis_size : 2 * want + 12 * block_;
   const Index most = std::min<Index>(std::max(usual, want + 3 * block_), o.dimension + block_) + known;
   const Index least = std::min<Index>(want + 3 * block_, o.dimension + block_) + known;
@@ -109,11 +110,12 @@ void Search::explore() {
 // Those that were found, into the harvest.
 void Search::collect(const LanczosResult& found, Tall& basis, Index known) {
   right_edge_ = found.next_positive > 0 ? shift_ + 1 / found.next_positive : std::numeric_limits<double>::quiet_NaN();
-  // More than lie below the shift cannot be there: the last ones are rounding.
+  // More than lie below or above the shift cannot be there: the last ones are rounding.
   const Index left = std::min(found.found.negative, std::max<Index>(0, below_shift_ - harvest_.below(shift_)));
+  const Index right = std::max<Index>(0, report_.finite - below_shift_ - known_beyond(shift_));
   std::vector<Index> taken;
   for (Index i = 0; i < static_cast<Index>(found.theta.size()); ++i)
-    if (i < left || i >= found.found.negative) taken.push_back(i);
+    if (i < left || (i >= found.found.negative && i < found.found.negative + right)) taken.push_back(i);
   if (taken.empty()) return;
   std::vector<double> eigenvalues, bounds;
   double largest = 0;
@@ -171,7 +173,7 @@ void Search::say_complete() {
   if (!enough) doubt = options_.prove ? "" : "no count was asked for";
   if (enough && end && !all)
     for (Index i = 0; i < harvest_.size(); ++i)
-      if (std::abs(harvest_[i].eigenvalue - end->at) <= 1e4 * std::numeric_limits<double>::epsilon() * largest_)
+      if (std::abs(harvest_[i].eigenvalue - end->at) <= 1e2 * std::numeric_limits<double>::epsilon() * largest_)
         doubt = fmt::format("an eigenvalue lies at {:.6g}, where they were counted", end->at);
   result_.complete = enough && doubt.empty();
   if (result_.complete)

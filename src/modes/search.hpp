@@ -49,6 +49,7 @@ class Search {
   Harvest harvest_;
   LanczosClock clock_;
   SpectralOperator op_;
+  Index extra_ = 0;   // sought beyond the wanted ones, to the end of a cluster
   Index wanted_ = 0;  // modes to be found
   Index block_ = 8;
   double unit_ = 1;     // what is small among eigenvalues; see measure()

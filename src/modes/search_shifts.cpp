@@ -13,7 +13,7 @@ namespace {
 
 // Of the largest eigenvalue: so far below zero the search begins, that a free body's K - s M is well conditioned and
 // its elastic modes are far from the shift.
-constexpr double kBelowZero = 1e-8;
+constexpr double kBelowZero = 1e-7;
 constexpr Index kInOneSlice = 160;  // modes between two shifts: more are shared with a shift between them
 constexpr int kAttempts = 3;        // searches from one shift
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -118,6 +118,10 @@ bool Search::choose_next() {
     return true;
   }
   double s = harvest_.size() >= wanted_ ? gap_after_wanted() : beyond_found();
+  if (std::isnan(s)) {  // the last one wanted is one of several: to their end
+    extra_ += block_;
+    return extra_ < 20 * block_ + wanted_;
+  }
   const double lower = shift_;
   if (!(s > lower)) return false;
   below_shift_ = count_at(s, true);
@@ -139,7 +143,9 @@ double Search::beyond_found() const {
     const Index back = std::min<Index>(found - 1, 20);
     const double from = back > 0 ? std::max(shift_, harvest_[found - 1 - back].eigenvalue) : shift_;
     spacing = (last - from) / static_cast<double>(std::max<Index>(back, 1));
-    spacing = std::max(spacing, 1e-6 * (last - shift_));
+    // Where the next ones are too far from this shift to be seen, as behind rigid motions, by some decades.
+    if (std::isnan(right_edge_)) spacing = std::max(spacing, 1e3 * (last - shift_) / 50);
+    spacing = std::max(spacing, 1e-2 * (last - shift_));
   } else if (!std::isnan(right_edge_)) {
     spacing = (right_edge_ - shift_) / 2;
   } else {
@@ -151,7 +157,7 @@ double Search::beyond_found() const {
   return s;
 }
 
-// Between two modes, behind the last one that is wanted.
+// Between two modes, behind the last one that is wanted; NaN: no gap is known.
 double Search::gap_after_wanted() const {
   const Index found = harvest_.size();
   double best = kNaN, widest = 0;
@@ -167,7 +173,7 @@ double Search::gap_after_wanted() const {
     if (gap > widest) best = here + 0.3 * (next - here), widest = gap;
     if (gap > 1e-4) break;
   }
-  return best;
+  return widest > 1e-6 ? best : kNaN;
 }
 
 }  // namespace espalier::modes
