@@ -155,15 +155,19 @@ class PlanChange {
   void place_changed(Index f, bool lu) {
     MemoryPlan& m = plan_.memory;
     const FrontLayout& l = plan_.layout[f];
+    const Index o = front_before_[f], up = old_.tree.parent[o];
+    const FrontLayout& was = old_.layout[o];
     const Offset factor = round(l.factor_size()), left = round(l.contribution_size());
-    if (factor > round(old_.layout[front_before_[f]].factor_size())) {
+    const bool grows = factor > round(was.factor_size());
+    if (grows) {
       m.factor[f] = add(factor);
       m.factor_size += factor * (lu ? 2 : 1);
       if (lu) m.factor2[f] = add(factor);
     }
-    if (plan_.options.ldlt && plan_.whole[f] == 0) m.factor2[f] = add(factor);
+    if (plan_.options.ldlt && plan_.whole[f] == 0 && (grows || old_.whole[o] != 0)) m.factor2[f] = add(factor);
+    const bool had_place = m.on_stack[f] == 0 && up >= 0 && name_[up] >= 0;
     m.on_stack[f] = 0;
-    if (plan_.tree.parent[f] < 0 || left == 0) return;
+    if (plan_.tree.parent[f] < 0 || left == 0 || (had_place && left <= round(was.contribution_size()))) return;
     m.contribution[f] = add(left);
     if (lu) m.contribution2[f] = add(left);
   }

@@ -30,7 +30,7 @@ struct ChangedPlan {
 };
 
 /// The plan of a tree in which pivots have moved to later fronts. A front that changes keeps its place in the order of
-/// work. Its factor stays where it is if it fits there; other arrays of it go behind the end of the memory.
+/// work. Its arrays stay where they are if they fit there, or go behind the end of the memory.
 /// @param tree  of relocate_pivots() with the tree of `before`
 /// @param front_before  what relocate_pivots() returned: by front of the tree
 /// @param rows  index of `a`
