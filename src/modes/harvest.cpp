@@ -41,6 +41,16 @@ void Harvest::add(Tall batch, const std::vector<double>& eigenvalues, const std:
                    [](const Found& a, const Found& b) { return a.eigenvalue < b.eigenvalue; });
 }
 
+void Harvest::project_out(base::ThreadPool& pool, const Apply& b, Tall& v, Tall& work) const {
+  for (Index c = 0; c < v.columns() && !batches_.empty(); c += work.columns()) {
+    const Index width = std::min(work.columns(), v.columns() - c);
+    b(v.col(c), work.col(0), width);
+    for (const auto& batch : batches_)
+      subtract(pool, v.rows(), batch->col(0), gram(pool, v.rows(), batch->col(0), batch->columns(), work.col(0), width),
+               v.col(c));
+  }
+}
+
 Index Harvest::below(double at) const {
   const auto end = std::lower_bound(sorted_.begin(), sorted_.end(), at,
                                     [](const Found& f, double limit) { return f.eigenvalue < limit; });

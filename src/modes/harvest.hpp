@@ -19,6 +19,8 @@ class Harvest {
 
   /// Takes a batch of vectors with their eigenvalues and error bounds, one for each column; sorts.
   void add(Tall batch, const std::vector<double>& eigenvalues, const std::vector<double>& bounds);
+  /// Takes out of the columns of `v` what lies in the direction of modes found, in the inner product of B.
+  void project_out(base::ThreadPool& pool, const Apply& b, Tall& v, Tall& work) const;
   [[nodiscard]] Index below(double at) const;
   [[nodiscard]] Index size() const { return static_cast<Index>(sorted_.size()); }
   [[nodiscard]] const Found& operator[](Index i) const { return sorted_[static_cast<std::size_t>(i)]; }

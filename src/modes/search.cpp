@@ -117,6 +117,11 @@ void Search::collect(const LanczosResult& found, Tall& basis, Index known) {
   for (Index i = 0; i < static_cast<Index>(found.theta.size()); ++i)
     if (i < left || (i >= found.found.negative && i < found.found.negative + right)) taken.push_back(i);
   if (taken.empty()) return;
+  // Those next to the shift first: the others are made orthogonal to them, since rounding leaves most in their
+  // direction.
+  std::stable_sort(taken.begin(), taken.end(), [&](Index a, Index b) {
+    return std::abs(found.theta[static_cast<std::size_t>(a)]) > std::abs(found.theta[static_cast<std::size_t>(b)]);
+  });
   std::vector<double> eigenvalues, bounds;
   double largest = 0;
   for (const Index i : taken) {
@@ -146,6 +151,7 @@ void Search::purify(Tall& batch, double rounding, std::vector<double>& eigenvalu
     pencil_.solve(image.col(0), batch.col(c), width);
     clock_.columns += width;
   }
+  harvest_.project_out(shop_.pool, op_.b, batch, image);
   orthonormalize(shop_.pool, op_.b, batch, image);
   const std::vector<double> k_diagonal = diagonal_of(pencil_.k());
   const Eigen::Map<const Eigen::VectorXd> diagonal(k_diagonal.data(), n);

@@ -84,10 +84,10 @@ void orthonormalize(base::ThreadPool& pool, const Apply& b, Tall& v, Tall& work)
     b(v.col(c), work.col(0), width);
     g.middleCols(c, width) = gram(pool, n, v.col(0), count, work.col(0), width);
   }
-  const Eigen::VectorXd scale = g.diagonal().cwiseSqrt().cwiseInverse();
-  const Dense scaled = scale.asDiagonal() * ((g + g.transpose()) / 2) * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Dense> eigen(scaled);
-  combine(pool, n, v.col(0), scale.asDiagonal() * eigen.operatorInverseSqrt(), v.col(0));
+  const Eigen::LLT<Dense> llt((g + g.transpose()) / 2);
+  Dense to_q = Dense::Identity(count, count);
+  llt.matrixU().solveInPlace(to_q);
+  combine(pool, n, v.col(0), to_q, v.col(0));
 }
 
 void randomize(base::ThreadPool& pool, Index n, double* w, Index b, std::uint64_t seed) {

@@ -41,8 +41,8 @@ void subtract(base::ThreadPool& pool, Index n, const double* v, const Dense& h, 
 void combine(base::ThreadPool& pool, Index n, const double* v, const Dense& s, double* out);
 /// y = B x for so many columns.
 using Apply = std::function<void(const double* x, double* y, Index columns)>;
-/// V (V^T B V)^-1/2, which of all B-orthonormal columns are nearest to those of V (P.-O. Loewdin, J. Chem. Phys. 18,
-/// 1950), of any lengths. @param work  some columns of n rows  @pre they are nearly orthogonal
+/// Makes columns B-orthonormal, each to those before it: V R^-1 with R^T R = V^T B V.
+/// @param work  some columns of n rows  @pre they are nearly orthogonal
 void orthonormalize(base::ThreadPool& pool, const Apply& b, Tall& v, Tall& work);
 /// Random numbers in [-1, 1) that depend on seed, row and column alone.
 void randomize(base::ThreadPool& pool, Index n, double* w, Index b, std::uint64_t seed);
