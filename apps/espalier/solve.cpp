@@ -81,6 +81,7 @@ class SolveRun {
     progress_.begin("factorization", record_.analysis->predicted_seconds);
     record_.factor = solver_.factorize(matrix_);
     record_.first_factor_seconds = record_.factor->seconds;
+    record_.precision = record_.factor->precision;
     record_.analysis = solver_.analysis();  // the kind may have changed from llt to ldlt
     if (!keep(record_.factor->status)) return false;
     progress_.end(fmt::format("{}, {}", duration(record_.factor->seconds), rate(record_.factor->flops_per_second)));

@@ -34,7 +34,8 @@ Precision precision_named(const std::string& word) {
   if (word == "fp64") return Precision::fp64;
   if (word == "fp32") return Precision::fp32;
   if (word == "mixed") return Precision::mixed;
-  throw Failure(Outcome::failed, "precision=" + word + ": known are fp64, fp32, mixed");
+  if (word == "auto") return Precision::automatic;
+  throw Failure(Outcome::failed, "precision=" + word + ": known are fp64, fp32, mixed, auto");
 }
 
 class EspalierRival : public Rival {

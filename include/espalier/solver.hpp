@@ -43,7 +43,7 @@ enum class Rescale {
 /// What the caller may choose. Every field has a default that suits mechanics.
 struct Options {
   Kind kind = Kind::automatic;            ///< the factorization
-  Precision precision = Precision::fp64;  ///< precision of the factor
+  Precision precision = Precision::fp64;  ///< precision of the factor; automatic: see there
   std::string device = "auto";     ///< auto | cpu | host:N | host:N,M (threads per host device) | gpu:all | gpu:0,1
   Offset device_memory_bytes = 0;  ///< budget per device; 0: what is free
   /// Budgets that differ, one for each device in the order of `device`; empty: device_memory_bytes for all. With auto,
@@ -155,7 +155,8 @@ struct FactorResult {
   /// Empty for a symmetric matrix, where they are the same.
   std::vector<Index> dependent_columns;
   std::vector<double> left_null_vectors;
-  Offset peak_host_bytes = 0;  ///< most bytes that this solver held on the host
+  Precision precision = Precision::fp64;  ///< of this factor; never automatic
+  Offset peak_host_bytes = 0;             ///< most bytes that this solver held on the host
   /// Where it was done, and why, in one sentence: other than the analysis said where devices could not be used.
   std::string device;
   std::vector<DeviceReport> devices;

@@ -25,8 +25,11 @@ enum class Storage {
 /// when a pivot is not positive; ldlt for any other symmetric matrix; lu otherwise.
 enum class Kind { automatic, llt, ldlt, lu };
 
-/// Precision of the factor. `mixed` factors in FP32 and refines to FP64 accuracy.
-enum class Precision { fp64, fp32, mixed };
+/// Precision of the factor. `mixed` factors in FP32 and refines to FP64 accuracy. `automatic` is mixed where the
+/// devices are predicted to gain by it, and goes to FP64, until the next analysis, when FP32 does not do for the
+/// matrix, when a solution is less accurate than asked for, or when two factors with their solves took longer than FP64
+/// would have.
+enum class Precision { fp64, fp32, mixed, automatic };
 
 /// Which system is solved: A x = b or A^T x = b.
 enum class Transpose { no, yes };

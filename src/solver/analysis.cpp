@@ -11,6 +11,7 @@
 #include "solve/residual.hpp"
 #include "solver/analysis_file.hpp"
 #include "solver/option_text.hpp"
+#include "solver/precision_choice.hpp"
 
 namespace espalier::solver {
 
@@ -63,6 +64,7 @@ Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tr
   made.device = std::move(changes.device);
   made.moved_pivots = changes.moved_pivots;
   made.free_pivots = changes.free_pivots;
+  made.fp64 = context.raised;
   return made;
 }
 
@@ -82,11 +84,17 @@ void describe(Analysis& a, const Context& context) {
 }
 
 // Chooses devices and lays out the plan: the end of every analysis.
-Analyzed finish(Draft draft, analysis::AssemblyTree tree, double start, double ordered, const Context& context) {
+Analyzed finish(Draft draft, analysis::AssemblyTree tree, double start, double ordered, Context context) {
   auto system = std::make_shared<const System>(std::move(draft.system));
   Changes changes{choose_device(context.options, context.registry, tree, wish_of(*system, context))};
   if (!changes.device.notice.empty()) context.log(changes.device.notice);
+  double gain = 1;
+  if (context.options.precision == Precision::automatic && !context.raised) {
+    gain = gain_of_single(*changes.device.backend, tree, wish_of(*system, context), changes.device.devices());
+    context.raised = gain < kLeastGain;
+  }
   auto made = std::make_shared<Analysis>(lay_out(std::move(system), std::move(tree), std::move(changes), context));
+  made->gain_of_single = gain;
   made->result = std::move(draft.result);
   made->result.plan_seconds = base::now_seconds() - ordered;
   describe(*made, context);

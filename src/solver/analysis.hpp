@@ -29,6 +29,8 @@ struct Analysis {
   plan::Plan plan;
   Index moved_pivots = 0;      ///< columns moved to later fronts since analyze()
   bool free_pivots = false;    ///< the host's own widths of tiles, whatever the caller asked for
+  bool fp64 = false;           ///< whatever the caller asked for: see Context::raised
+  double gain_of_single = 1;   ///< Precision::automatic: see gain_of_single()
   AnalysisResult result = {};  ///< what analyze() tells the caller
 
   [[nodiscard]] Kind kind() const { return system->kind; }

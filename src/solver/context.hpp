@@ -18,14 +18,17 @@ struct Context {
   base::ThreadPool& pool;
   base::MemoryBudget& budget;
   base::Timeline* timeline = nullptr;
-  bool raised = false;    ///< mixed was asked for, but FP32 does not do: a factor goes on in FP64
+  bool raised = false;    ///< FP32 does not do, or does not pay: a factor goes on in FP64
   bool rescaled = false;  ///< pivots vanished in the analysis's scaling alone: a factor takes one of its own
 
   void log(const std::string& line) const {
     if (options.log) options.log(line);
   }
-  /// Of factors.
-  [[nodiscard]] Precision precision() const { return raised ? Precision::fp64 : options.precision; }
+  /// Of factors; never automatic.
+  [[nodiscard]] Precision precision() const {
+    if (raised) return Precision::fp64;
+    return options.precision == Precision::automatic ? Precision::mixed : options.precision;
+  }
   [[nodiscard]] bool rescales() const { return rescaled || options.rescale != Rescale::off; }
   /// Whether scalings are those of matchings.
   [[nodiscard]] bool matches() const {

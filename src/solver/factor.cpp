@@ -9,6 +9,7 @@
 
 #include "analysis/relocation.hpp"
 #include "base/scalar.hpp"
+#include "solver/option_text.hpp"
 #include "solver/pivot_policy.hpp"
 
 namespace espalier::solver {
@@ -28,7 +29,12 @@ Status no_place(std::size_t replaced, bool matching) {
 }  // namespace
 
 Factor::Factor(SharedAnalysis analysis, Values values, const Context& context)
-    : context_(context), analysis_(std::move(analysis)), values_(*analysis_->system, std::move(values), context.pool) {}
+    : context_(context),
+      watch_(analysis->gain_of_single),
+      analysis_(std::move(analysis)),
+      values_(*analysis_->system, std::move(values), context.pool) {
+  context_.raised = analysis_->fp64;
+}
 
 void Factor::drop() {
   numeric_.reset();
@@ -91,6 +97,7 @@ void Factor::begin() {
   // Values that were singular a moment ago leave pivots without a place again.
   halts_ = !had_zeros_;
   if (context_.timeline != nullptr) context_.timeline->clear();
+  raise_where_noted();
   if (!numeric_) make_numeric();
   numeric_->scale_by_matching(context_.matches());
   numeric_->halt_at_failures(halts_);
@@ -98,7 +105,7 @@ void Factor::begin() {
 
 void Factor::finish(device::FactorOutcome outcome, double start) {
   if (needs_fp64(outcome)) {
-    raise_precision();
+    raise_precision("FP32 does not tell this matrix from a singular one");
     again(outcome);
     outcome = settle_pivots(std::move(outcome));
   }
@@ -125,7 +132,9 @@ void Factor::finish(device::FactorOutcome outcome, double start) {
   result_ = report_factor(*analysis_, *numeric_, outcome, hopeless ? Deficiency{} : judge(outcome), context_.options,
                           context_.budget.peak());
   if (hopeless) result_.status = no_place(outcome.replaced.size(), context_.options.matching);
+  result_.precision = context_.precision();
   result_.seconds = base::now_seconds() - start;
+  watch_.add_factorization(result_.seconds);
   result_.flops_per_second = analysis_->plan.flops / result_.seconds;
   factorized_ = result_.status.ok();
 }
@@ -261,7 +270,7 @@ Status Factor::second_look(const double* b, const double* x, bool transpose) {
 
 // FP32 cannot tell a matrix of this condition from a singular one, nor would refinement converge.
 bool Factor::needs_fp64(const device::FactorOutcome& outcome) {
-  if (!context_.single() || context_.options.precision != Precision::mixed) return false;
+  if (context_.precision() != Precision::mixed) return false;
   return outcome.not_positive >= 0 || !outcome.replaced.empty() || judge(outcome).smallest < kLeastForFp32;
 }
 
@@ -278,12 +287,40 @@ bool Factor::weakly_scaled(const device::FactorOutcome& outcome) const {
   return equilibrated && !outcome.replaced.empty() && analysis_->kind() != Kind::llt;
 }
 
-void Factor::raise_precision() {
-  context_.log("mixed precision: FP32 does not tell this matrix from a singular one; going on in FP64");
+void Factor::raise_precision(std::string_view why) {
+  context_.log(fmt::format("{} precision: {}; going on in FP64", name_of(context_.options.precision), why));
   context_.raised = true;
   change_plan(analysis::AssemblyTree(analysis_->plan.tree),
               {analysis_->device, analysis_->moved_pivots, analysis_->free_pivots});
   set_smallest_pivot();
+}
+
+void Factor::note(const SolveResult& solve) {
+  watch_.add_solve(solve);
+  const bool may = context_.options.precision == Precision::automatic && context_.single();
+  if (may && solve.status.code == StatusCode::accuracy_not_reached)
+    inaccurate_ = fmt::format("a backward error of {:.1e} remains", solve.backward_error);
+}
+
+// Before a factorization.
+void Factor::raise_where_noted() {
+  if (context_.options.precision != Precision::automatic || !context_.single()) return;
+  std::string why = std::exchange(inaccurate_, {});
+  if (watch_.next_factor() && why.empty())
+    why = fmt::format("two factors with their solves took longer than FP64 would (the last {:.3g} s for {:.3g} s)",
+                      watch_.seconds(), watch_.seconds_in_fp64());
+  if (why.empty()) return;
+  raise_precision(why);
+}
+
+bool Factor::goes_to_fp64() {
+  if (inaccurate_.empty()) return false;
+  const double start = base::now_seconds();
+  values_.fetch(numeric_->device_system());
+  begin();
+  values_.send(numeric_->device_system());
+  finish(settle_pivots(), start);
+  return factorized_;
 }
 
 // The matrix that llt gave up is analyzed again from this factor's copy. Values of which no ldlt can be made cost this

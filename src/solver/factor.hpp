@@ -11,6 +11,7 @@
 #include "solver/context.hpp"
 #include "solver/deficiency.hpp"
 #include "solver/numeric.hpp"
+#include "solver/precision_choice.hpp"
 
 namespace espalier::solver {
 
@@ -65,8 +66,16 @@ class Factor {
   [[nodiscard]] int gpu() const;
   [[nodiscard]] bool factorized() const { return factorized_; }
 
+  /// Of this factor; never automatic.
+  [[nodiscard]] Precision precision() const { return context_.precision(); }
+
   /// @pre factorized(), for all below
   [[nodiscard]] Numeric& numeric() { return *numeric_; }
+  /// What came of a solve with this factor. Precision::automatic: where it was not accurate enough, the next
+  /// factorization is in FP64.
+  void note(const SolveResult& solve);
+  /// Does so at once, with the same values. @returns whether there is a factor in FP64 that was not there before
+  [[nodiscard]] bool goes_to_fp64();
   /// Singularity that no pivot has shown: a solution that is far larger than its right-hand side (n values each, on the
   /// host) has the matrix judged, once for each factorization.
   Status second_look(const double* b, const double* x, bool transpose);
@@ -103,11 +112,14 @@ class Factor {
   [[nodiscard]] bool needs_fp64(const device::FactorOutcome& outcome);
   bool lost_to_scaling(const device::FactorOutcome& outcome);
   [[nodiscard]] bool weakly_scaled(const device::FactorOutcome& outcome) const;
-  void raise_precision();
+  void raise_precision(std::string_view why);
+  void raise_where_noted();
   [[nodiscard]] bool narrow_tiles() const;
   void finish(device::FactorOutcome outcome, double start);
 
-  Context context_;  ///< a copy: this factor may be raised to FP64
+  Context context_;         ///< a copy: this factor may be raised to FP64
+  PrecisionWatch watch_;    ///< Precision::automatic
+  std::string inaccurate_;  ///< why the next factorization is in FP64; empty: no reason
   SharedAnalysis analysis_;
   int changes_ = 0;
   FactorValues values_;

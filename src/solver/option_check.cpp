@@ -35,7 +35,8 @@ void check_machine(const std::string& text) {
 
 void check_options(const Options& o) {
   require("kind", static_cast<int>(o.kind), 0, static_cast<int>(Kind::lu), "one of the enumeration");
-  require("precision", static_cast<int>(o.precision), 0, static_cast<int>(Precision::mixed), "one of the enumeration");
+  require("precision", static_cast<int>(o.precision), 0, static_cast<int>(Precision::automatic),
+          "one of the enumeration");
   require("threads", o.threads, 0, kMostThreads, "0 (all cores) to 4096");
   require<double>("max_block_size", o.max_block_size, 0, INFINITY, "0 (our choice) or greater");
   require("pivot_threshold", o.pivot_threshold, 0.0, 1.0, "from 0 to 1");

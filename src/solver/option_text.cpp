@@ -51,8 +51,10 @@ T parse_name(std::string_view key, std::string_view value, const std::array<std:
 
 constexpr std::array<std::pair<std::string_view, Kind>, 4> kKinds{
     {{"auto", Kind::automatic}, {"llt", Kind::llt}, {"ldlt", Kind::ldlt}, {"lu", Kind::lu}}};
-constexpr std::array<std::pair<std::string_view, Precision>, 3> kPrecisions{
-    {{"fp64", Precision::fp64}, {"fp32", Precision::fp32}, {"mixed", Precision::mixed}}};
+constexpr std::array<std::pair<std::string_view, Precision>, 4> kPrecisions{{{"fp64", Precision::fp64},
+                                                                             {"fp32", Precision::fp32},
+                                                                             {"mixed", Precision::mixed},
+                                                                             {"auto", Precision::automatic}}};
 
 using Setter = void (*)(Options&, std::string_view key, std::string_view value);
 struct OptionText {

@@ -118,9 +118,9 @@ class Solving {
       return;
     }
     solve::RefinementOptions refinement;
-    refinement.steps = options_.precision == Precision::fp32 ? 0 : options_.refinement_steps;
+    refinement.steps = factor_.precision() == Precision::fp32 ? 0 : options_.refinement_steps;
     refinement.target = options_.refinement_target;
-    refinement.krylov = options_.precision == Precision::mixed;
+    refinement.krylov = factor_.precision() == Precision::mixed;
     refinement.positive_definite = factor_.analysis()->kind() == Kind::llt;
     const solve::RefinementResult r =
         solve::refine(space, apply, {job.b, job.x, job.columns, job.transpose}, refinement);
@@ -132,7 +132,7 @@ class Solving {
   // `b` may be null: it lies on a device.
   void judge(const double* b, Index columns) {
     const double asked = options_.required_backward_error;
-    const double limit = options_.precision == Precision::fp32 ? std::max(asked, 1e-5) : asked;
+    const double limit = factor_.precision() == Precision::fp32 ? std::max(asked, 1e-5) : asked;
     if (result_.backward_error <= limit || std::isinf(limit)) return;
     if (std::isinf(result_.backward_error)) {
       result_.status = not_finite(b, n_, columns);
@@ -163,9 +163,14 @@ SolveResult solve(Factor& factor, const SolveJob& asked, const Context& context)
     copy.assign(job.b, job.b + size);
     job.b = copy.data();
   }
-  Solving solving(factor, context);
-  if (!solving.through_device(job)) solving.on_host(job);
-  SolveResult result = solving.judged(job.b, job.columns, start);
+  const auto once = [&] {
+    Solving solving(factor, context);
+    if (!solving.through_device(job)) solving.on_host(job);
+    return solving.judged(job.b, job.columns, start);
+  };
+  SolveResult result = once();
+  factor.note(result);
+  if (factor.goes_to_fp64()) result = once();
   if (std::isnan(result.backward_error)) return result;  // nobody asks
   if (Status status = factor.second_look(job.b, job.x, job.transpose); !status.ok()) result.status = std::move(status);
   return result;
@@ -191,7 +196,9 @@ SolveResult solve_device(Factor& factor, const SolveJob& asked, void* queue, con
   Solving solving(factor, context);
   solving.on_device(*device, job);
   device->finish();
-  return solving.judged(nullptr, job.columns, start);
+  SolveResult result = solving.judged(nullptr, job.columns, start);
+  factor.note(result);
+  return result;
 }
 
 double estimate_condition(Factor& factor) {

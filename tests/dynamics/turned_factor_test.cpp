@@ -1,11 +1,14 @@
 // A factor that serves when bodies have turned. Truth: the factor of the matrix that it stands for, and runs whose
 // tolerance decides.
+#include "dynamics/dae/turned_factor.hpp"
+
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
 #include <array>
 #include <cmath>
 #include <random>
+#include <stdexcept>
 #include <vector>
 
 #include "dynamics/bodies/flexible_body.hpp"
@@ -143,6 +146,47 @@ TEST(TurnedFactor, WithoutConstraintsItIsARotation) {
   turned.solve(x, 1);
   truth.solve(y, 1);
   for (std::size_t i = 0; i < x.size(); ++i) EXPECT_NEAR(x[i], y[i], 1e-13);
+}
+
+// What was half made when a solve was stopped must not be taken for columns of the inverse.
+TEST(TurnedFactor, AnInterruptedSolveLeavesNothingBehind) {
+  constexpr Index kMotions = 6, kRows = 2;  // one body of two vertices
+  const SparsePattern phi_q{kRows, kMotions, {0, 3, 6}, {0, 1, 4, 2, 3, 5}};
+  const std::vector<double> before{1, -0.5, 2, 0.3, 1.5, -1}, now{0.9, -0.7, 2.1, 0.2, 1.4, -1.2};
+  const auto dense = [&](const std::vector<double>& values, const Eigen::Matrix3d& turned) {
+    std::mt19937 random(5);
+    Eigen::MatrixXd k = Eigen::MatrixXd::Zero(kMotions + kRows, kMotions + kRows), r = Eigen::MatrixXd::Identity(6, 6);
+    for (Index i = 0; i < kMotions; ++i)
+      for (Index j = 0; j < kMotions; ++j)
+        k(i, j) = std::uniform_real_distribution<double>(-1, 1)(random) + (i == j ? 5 : 0);
+    r.topLeftCorner(3, 3) = r.bottomRightCorner(3, 3) = turned;
+    k.topLeftCorner(6, 6) = (r * k.topLeftCorner(6, 6) * r.transpose()).eval();
+    for (Index i = 0; i < kRows; ++i)
+      for (Offset p = phi_q.ptr[at(i)]; p < phi_q.ptr[at(i) + 1]; ++p)
+        k(kMotions + i, phi_q.ind[static_cast<std::size_t>(p)]) =
+            k(phi_q.ind[static_cast<std::size_t>(p)], kMotions + i) = values[static_cast<std::size_t>(p)];
+    return k;
+  };
+  const Eigen::PartialPivLU<Eigen::MatrixXd> k_0(dense(before, Eigen::Matrix3d::Identity()));
+  const TurnedFactor::Solve solve = [&](Span b, Index columns) {
+    Eigen::Map<Eigen::MatrixXd> x(b.data(), kMotions + kRows, columns);
+    x = k_0.solve(x).eval();
+  };
+  const Eigen::Matrix3d r = rotation(0.4, {1, 2, -1});
+  TurnedFactor factor;
+  factor.start(phi_q, before, {0, 0});
+  EXPECT_THROW((void)factor.turn({turn_of(0, 2, r)}, now, [](Span, Index) { throw std::runtime_error("stopped"); }),
+               std::runtime_error);
+  EXPECT_FALSE(factor.active());
+  ASSERT_TRUE(factor.turn({turn_of(0, 2, r)}, now, solve));
+  const Eigen::MatrixXd truth = dense(now, r).inverse();
+  Eigen::VectorXd b = Eigen::VectorXd::LinSpaced(kMotions + kRows, -1, 2);
+  const Eigen::VectorXd x = truth * b;
+  factor.solve({b.data(), static_cast<std::size_t>(b.size())}, 1, solve, nullptr);
+  EXPECT_LT((b - x).norm(), 1e-12 * x.norm());
+  const std::vector<double> columns = factor.response();
+  const Eigen::Map<const Eigen::MatrixXd> response(columns.data(), kMotions + kRows, kRows);
+  EXPECT_LT((response - truth.rightCols(kRows)).norm(), 1e-12 * truth.norm());
 }
 
 TEST(TurnedFactor, ABodyKnowsItsTurn) {

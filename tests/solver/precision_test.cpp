@@ -1,0 +1,123 @@
+// Precision::automatic: when it is FP32 with refinement, and when it goes to FP64. Truth: independent residuals, and
+// what Precision::mixed and fp64 do with the same matrix.
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "espalier/espalier.hpp"
+#include "matrix/generators/generate.hpp"
+#include "matrix/residual.hpp"
+#include "reference/reference.hpp"
+#include "solver/precision_choice.hpp"
+
+namespace espalier {
+namespace {
+
+constexpr double kEps = std::numeric_limits<double>::epsilon();
+
+struct Outcome {
+  Precision precision;
+  SolveResult solve;
+  double error;
+  std::vector<std::string> log;
+};
+
+Outcome run(const SparseMatrix& a, Options o) {
+  Outcome r;
+  o.device = "cpu";
+  o.threads = 2;
+  o.log = [&](const std::string& line) { r.log.push_back(line); };
+  Solver s(o);
+  EXPECT_TRUE(s.analyze(a).status.ok());
+  const FactorResult f = s.factorize(a);
+  EXPECT_TRUE(f.status.ok()) << f.status.message;
+  const std::vector<double> b = reference::random_vector(a.rows, 3);
+  std::vector<double> x(b.size());
+  r.solve = s.solve(b, x);
+  r.precision = s.refactorize(a.values).precision;
+  r.error = matrix::backward_errors(a, x, b, 1, Transpose::no, nullptr).normwise;
+  return r;
+}
+
+SparseMatrix generated(const std::vector<std::string>& words) {
+  return matrix::generate(matrix::parse_generator(words));
+}
+
+Options automatic() {
+  Options o;
+  o.precision = Precision::automatic;
+  return o;
+}
+
+bool says(const Outcome& r, const std::string& words) {
+  for (const std::string& line : r.log)
+    if (line.find(words) != std::string::npos) return true;
+  return false;
+}
+
+TEST(Precision, AutoTakesFp32WhereItGains) {
+  const SparseMatrix a = generated({"elasticity", "14"});
+  const Outcome r = run(a, automatic());
+  EXPECT_EQ(r.precision, Precision::mixed);
+  EXPECT_TRUE(r.solve.status.ok()) << r.solve.status.message;
+  EXPECT_LE(r.error, 2 * kEps);
+  EXPECT_GE(r.solve.refinement_steps, 2) << "a factor in FP32 needs them";
+}
+
+TEST(Precision, AutoTakesFp64ForSmallSystems) {
+  const Outcome r = run(reference::random_system(200, 5, reference::Values::positive, 1), automatic());
+  EXPECT_EQ(r.precision, Precision::fp64);
+  EXPECT_LE(r.error, 2 * kEps);
+}
+
+TEST(Precision, AutoTakesFp64ForIllConditionedSystems) {
+  SparseMatrix a = generated({"plate", "40"});
+  Options o = automatic();
+  o.machine = "host.single=100";  // however much it would gain
+  const Outcome r = run(a, o);
+  EXPECT_TRUE(r.solve.status.ok()) << r.solve.status.message;
+  EXPECT_LE(r.error, 2 * kEps);
+  EXPECT_TRUE(r.precision == Precision::mixed || says(r, "going on in FP64"));
+}
+
+// One step of refinement leaves too large an error with a factor in FP32: the same call makes another one.
+TEST(Precision, AutoKeepsItsPromiseOfAccuracy) {
+  const SparseMatrix a = generated({"elasticity", "14"});
+  Options o = automatic();
+  o.refinement_steps = 1;
+  o.required_backward_error = 1e-15;
+  const Outcome r = run(a, o);
+  EXPECT_TRUE(r.solve.status.ok()) << r.solve.status.message;
+  EXPECT_LE(r.error, 1e-15);
+  EXPECT_EQ(r.precision, Precision::fp64);
+  EXPECT_TRUE(says(r, "a backward error of")) << "the log tells why";
+  o.precision = Precision::mixed;
+  EXPECT_EQ(run(a, o).solve.status.code, StatusCode::accuracy_not_reached) << "else this test shows nothing";
+}
+
+TEST(Precision, TwoSlowFactorsInARowEndIt) {
+  SolveResult slow;
+  slow.seconds = 1;
+  slow.solve_seconds = 0.1;
+  slow.refinement_steps = 7;  // 8 passes of 0.125; in FP64 two of 0.225
+  solver::PrecisionWatch watch(2);
+  EXPECT_FALSE(watch.next_factor()) << "nothing is known";
+  watch.add_factorization(1);  // 2 in FP64
+  watch.add_solve(slow);
+  EXPECT_DOUBLE_EQ(watch.seconds(), 2);
+  EXPECT_DOUBLE_EQ(watch.seconds_in_fp64(), 2.45);
+  EXPECT_FALSE(watch.next_factor());
+  for (int k = 0; k < 2; ++k) {
+    watch.add_factorization(1);
+    watch.add_solve(slow);
+    watch.add_solve(slow);  // 3 against 2.9
+    EXPECT_EQ(watch.next_factor(), k == 1);
+  }
+  watch.add_factorization(1);
+  EXPECT_FALSE(watch.next_factor()) << "a factor without solves tells nothing";
+}
+
+}  // namespace
+}  // namespace espalier
