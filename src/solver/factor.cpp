@@ -271,7 +271,10 @@ Status Factor::second_look(const double* b, const double* x, bool transpose) {
 // FP32 cannot tell a matrix of this condition from a singular one, nor would refinement converge.
 bool Factor::needs_fp64(const device::FactorOutcome& outcome) {
   if (context_.precision() != Precision::mixed) return false;
-  return outcome.not_positive >= 0 || !outcome.replaced.empty() || judge(outcome).smallest < kLeastForFp32;
+  // A look at many small pivots takes longer than FP64.
+  constexpr std::size_t kFew = 8;
+  return outcome.not_positive >= 0 || !outcome.replaced.empty() || outcome.small.size() > kFew ||
+         judge(outcome).smallest < kLeastForFp32;
 }
 
 // Values may have moved far from those that the analysis scaled.

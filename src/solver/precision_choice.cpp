@@ -4,14 +4,20 @@
 
 namespace espalier::solver {
 
+namespace {
+
+constexpr double kShort = 1e-3;  // seconds: what refinement costs besides its arithmetic counts here
+
+}  // namespace
+
 double gain_of_single(const device::Backend& backend, const analysis::AssemblyTree& tree, device::PlanWish wish,
                       int devices) {
   const auto seconds = [&](Precision precision) {
     wish.precision = precision;
     return backend.predict(tree, wish).on(devices);
   };
-  const double single = seconds(Precision::mixed);
-  return single > 0 ? seconds(Precision::fp64) / single : 1;
+  const double single = seconds(Precision::mixed), fp64 = seconds(Precision::fp64);
+  return fp64 > kShort ? fp64 / single : 1;
 }
 
 void PrecisionWatch::add_factorization(double seconds) {

@@ -7,7 +7,8 @@
 
 namespace espalier::solver {
 
-/// How many times as long a factorization takes in FP64 as in FP32, by the model of the devices.
+/// How many times as long a factorization takes in FP64 as in FP32, by the model of the devices; 1 where it is short
+/// in any case.
 double gain_of_single(const device::Backend& backend, const analysis::AssemblyTree& tree, device::PlanWish wish,
                       int devices);
 
