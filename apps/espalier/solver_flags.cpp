@@ -15,7 +15,8 @@ void SolverFlags::add_to(CLI::App& command) {
         ->group("Solver");
   };
   add("kind", "KIND", "auto (default) | llt | ldlt | lu");
-  add("precision", "NAME", "fp64 (default) | fp32 | mixed: factor in FP32, refine to FP64 accuracy | auto: mixed where it pays");
+  add("precision", "NAME",
+      "fp64 (default) | fp32 | mixed: factor in FP32, refine to FP64 accuracy | auto: mixed where it pays");
   add("device", "NAME",
       "auto (default) | cpu | host:N | host:N,M (threads of each host device) | gpu:all | gpu:0,1 | "
       "reference (slow, to compare with)");
