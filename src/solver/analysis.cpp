@@ -237,6 +237,7 @@ Analyzed load_analysis(const std::string& path, const MatrixView& a, const Conte
 SharedAnalysis lay_out_again(const Analysis& before, analysis::AssemblyTree tree, Changes changes,
                              const Context& context) {
   auto made = std::make_shared<Analysis>(lay_out(before.system, std::move(tree), std::move(changes), context));
+  made->gain_of_single = before.gain_of_single;
   made->result = before.result;
   if (made->device.reason != before.device.reason) made->result.device = made->device.reason;
   return made;
@@ -256,6 +257,8 @@ ChangedAnalysis change_analysis(const Analysis& before, analysis::AssemblyTree t
   made->plan = std::move(changed->plan);
   made->moved_pivots = moved_pivots;
   made->free_pivots = before.free_pivots;
+  made->fp64 = before.fp64;
+  made->gain_of_single = before.gain_of_single;
   made->result = before.result;
   return {std::move(made), std::move(changed->before)};
 }
