@@ -186,12 +186,7 @@ void BucklingSearch::prove() {
 }
 
 void BucklingSearch::deliver() {
-  result_.factorizations = pencil_.factorizations;
-  result_.solved_columns = clock_.columns;
-  result_.seconds.analysis = pencil_.analysis_seconds;
-  result_.seconds.factorization = pencil_.factor_seconds;
-  result_.seconds.solves = clock_.solves;
-  result_.seconds.orthogonalization = clock_.orthogonalization;
+  note_costs(pencil_, clock_, result_);
   harvest_.deliver(wanted_, pencil_.n(), result_);
   if (result_.count() > 0) examine(pencil_.k(), pencil_.m(), true, shop_, result_);
 }

@@ -77,6 +77,15 @@ void Harvest::deliver(Index count, Index n, ModesResult& result) {
   batches_.clear();
 }
 
+void note_costs(const Pencil& pencil, const LanczosClock& clock, ModesResult& result) {
+  result.factorizations = pencil.factorizations;
+  result.solved_columns = clock.columns;
+  result.seconds.analysis = pencil.analysis_seconds;
+  result.seconds.factorization = pencil.factor_seconds;
+  result.seconds.solves = clock.solves;
+  result.seconds.orthogonalization = clock.orthogonalization;
+}
+
 void examine(const SparseMatrix& k, const SparseMatrix& m, bool inner_is_k, Workshop& shop, ModesResult& result) {
   const Index n = result.n, count = result.count();
   const double k_norm = matrix::norm_inf(k, &shop.pool), m_norm = matrix::norm_inf(m, &shop.pool);

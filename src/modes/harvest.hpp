@@ -5,6 +5,8 @@
 #include <memory>
 #include <vector>
 
+#include "modes/lanczos.hpp"
+#include "modes/pencil.hpp"
 #include "modes/product.hpp"
 #include "modes/workshop.hpp"
 
@@ -32,6 +34,9 @@ class Harvest {
   std::vector<std::unique_ptr<Tall>> batches_;
   std::vector<Found> sorted_;
 };
+
+/// What the search took.
+void note_costs(const Pencil& pencil, const LanczosClock& clock, ModesResult& result);
 
 /// Residuals of K x = l M x and orthogonality in the inner product of `inner` (M or K), of what stands in the result.
 /// Where one of them is too large, nothing is proven.
