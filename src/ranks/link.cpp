@@ -1,0 +1,432 @@
+#include "ranks/link.hpp"
+
+#include <fmt/format.h>
+#include <sched.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <thread>
+
+namespace espalier::ranks {
+
+namespace {
+
+// The link's own messages.
+enum MessageKind : std::int32_t {
+  kPart = -1,   // of an all_gather(); number: bytes of the whole
+  kAbort = -2,  // the sender has given up this call; the body says why
+  kLost = -3,   // ... and knows that a rank is lost
+  kSign = -4,   // of life
+};
+
+constexpr std::size_t kMostPart = std::size_t{1} << 28;      // bytes of a message; MPI counts in int
+constexpr std::size_t kMostIncoming = std::size_t{1} << 29;  // bytes in receipt at a time, beyond one message
+constexpr std::size_t kTested = 8;                           // requests looked at in one round
+
+std::string host_name() {
+  char name[256] = {};
+  return ::gethostname(name, sizeof name - 1) == 0 ? name : "unknown";
+}
+
+Message text_message(std::int32_t kind, const std::string& text) {
+  Message m(text.size());
+  Header h;
+  h.kind = kind;
+  m.set_header(h);
+  Writer(m.body()).put(text.data(), text.size());
+  return m;
+}
+
+std::string text_of(const Message& m) { return {reinterpret_cast<const char*>(m.body()), m.body_bytes()}; }
+
+}  // namespace
+
+Link::Link(const espalier_rank_functions& functions, double patience) : table_(functions), patience_(patience) {
+  const bool whole = functions.size >= sizeof(espalier_rank_functions) && functions.send != nullptr &&
+                     functions.probe != nullptr && functions.receive != nullptr && functions.test != nullptr &&
+                     functions.explain != nullptr && functions.release != nullptr;
+  if (!whole || functions.ranks < 1 || functions.rank < 0 || functions.rank >= functions.ranks)
+    throw Error(StatusCode::invalid_input,
+                "the table of functions for messages between ranks is not whole; espalier/mpi.h fills one");
+  if (!(patience > 0) || !std::isfinite(patience)) {
+    table_.release(table_.context);
+    throw Error(StatusCode::invalid_input, "the patience with other ranks must be a number of seconds above 0");
+  }
+  incoming_.resize(static_cast<std::size_t>(size()));
+  heard_.assign(static_cast<std::size_t>(size()), now());
+  try {
+    exchange_hosts();
+  } catch (...) {
+    table_.release(table_.context);
+    throw;
+  }
+}
+
+Link::~Link() {
+  // Whoever left a call in good order has received all; after a failure the rest is left to itself.
+  const double begin = now();
+  try {
+    while (lost_.empty() && !outgoing_.empty() && now() - begin < std::min(1.0, patience_)) finish_sent();
+  } catch (const Error&) {
+  }
+  keep_what_is_open();
+  if (lost_.empty()) table_.release(table_.context);  // else it could wait for the dead
+}
+
+// What is still being sent or received must stay where it is, to the end of the process.
+void Link::keep_what_is_open() {
+  static std::mutex mutex;
+  static auto& sent = *new std::vector<std::deque<Outgoing>>;
+  static auto& received = *new std::vector<std::deque<Incoming>>;
+  const std::lock_guard lock(mutex);
+  static auto& lost = *new std::vector<void*>;
+  if (!lost_.empty()) lost.push_back(table_.context);
+  if (!outgoing_.empty()) sent.push_back(std::move(outgoing_));
+  for (auto& queue : incoming_)
+    if (!queue.empty()) received.push_back(std::move(queue));
+}
+
+double Link::now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+std::string Link::name_of(int rank) const {
+  const auto r = static_cast<std::size_t>(rank);
+  return r < hosts_.size() ? fmt::format("rank {} on host {}", rank, hosts_[r]) : fmt::format("rank {}", rank);
+}
+
+void Link::exchange_hosts() {
+  begin_call();
+  const std::string mine = host_name();
+  for (const auto& bytes : all_gather(std::as_bytes(std::span(mine))))
+    hosts_.emplace_back(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  cpu_set_t cores;
+  CPU_ZERO(&cores);
+  (void)::sched_getaffinity(0, sizeof cores, &cores);
+  neighbours_ = 0;
+  const auto all = all_gather(std::as_bytes(std::span(&cores, 1)));
+  const auto me = static_cast<std::size_t>(rank());
+  for (std::size_t r = 0; r < all.size(); ++r) neighbours_ += hosts_[r] == hosts_[me] && all[r] == all[me] ? 1 : 0;
+}
+
+void Link::begin_call() {
+  if (!lost_.empty()) throw Error(StatusCode::device_error, lost_);
+  ++call_;
+  operation_ = 0;
+  aborts_.erase(aborts_.begin(), aborts_.lower_bound(call_));
+  aborted_ = aborts_.count(call_) != 0 ? aborts_[call_] : std::string();
+  early_.erase(early_.begin(), early_.lower_bound({call_, 0}));
+}
+
+void Link::begin_operation() { ++operation_; }
+
+void Link::post(std::span<const int> to, Message message) {
+  Header h = message.header();
+  h.call = call_;
+  h.operation = operation_;
+  message.set_header(h);
+  const std::lock_guard lock(mutex_);
+  for (const int r : to) posted_.emplace_back(r, message);
+}
+
+void Link::check(int error) {
+  if (error == 0) return;
+  char text[512] = {};
+  table_.explain(table_.context, error, text, sizeof text);
+  const int dead = table_.dead_rank != nullptr ? table_.dead_rank(table_.context) : -1;
+  lose(dead >= 0 && dead < size() ? fmt::format("{} has died ({})", name_of(dead), text)
+                                  : fmt::format("messages between ranks fail: {}", text));
+}
+
+void Link::lose(const std::string& why) {
+  if (lost_.empty()) {
+    lost_ = why + "; this solver cannot be used any more, make a new one with ranks that answer";
+    try {
+      tell_all(kLost, lost_);
+    } catch (const Error&) {  // to whom it may concern
+    }
+  }
+  throw Error(StatusCode::device_error, lost_);
+}
+
+// Best effort: whoever is there hears of it.
+void Link::tell_all(std::int32_t kind, const std::string& text) {
+  Message m = text_message(kind, text);
+  Header h = m.header();
+  h.call = call_;
+  m.set_header(h);
+  for (int to = 0; to < size(); ++to) {
+    if (to == rank()) continue;
+    void* request = nullptr;
+    if (table_.send(table_.context, m.data(), m.bytes(), to, &request) == 0) outgoing_.push_back({m, request});
+  }
+}
+
+void Link::send_posted() {
+  std::vector<std::pair<int, Message>> list;
+  {
+    const std::lock_guard lock(mutex_);
+    list.swap(posted_);
+  }
+  for (auto& [to, message] : list) {
+    void* request = nullptr;
+    check(table_.send(table_.context, message.data(), message.bytes(), to, &request));
+    sent_bytes_ += static_cast<std::int64_t>(message.bytes());
+    outgoing_.push_back({message, request});
+  }
+}
+
+void Link::finish_sent() {
+  for (std::size_t k = 0, most = std::min(kTested, outgoing_.size()); k < most; ++k) {
+    Outgoing o = std::move(outgoing_.front());
+    outgoing_.pop_front();
+    std::int32_t done = 0;
+    const int error = table_.test(table_.context, &o.request, &done);
+    if (done == 0 && error == 0) outgoing_.push_back(std::move(o));
+    check(error);
+  }
+}
+
+void Link::receive() {
+  while (incoming_bytes_ < kMostIncoming) {
+    std::int32_t from = -1;
+    std::size_t bytes = 0;
+    check(table_.probe(table_.context, &from, &bytes));
+    if (from < 0) return;
+    if (from >= size() || bytes < sizeof(Header))
+      lose("a message came that is none of ours: use a communicator of your own");
+    Incoming in{Message::of_bytes(bytes), nullptr, false};
+    check(table_.receive(table_.context, in.message.data(), bytes, from, &in.request));
+    incoming_bytes_ += bytes;
+    incoming_[static_cast<std::size_t>(from)].push_back(std::move(in));
+  }
+}
+
+// Messages of a rank are handed out in the order in which it sent them, whichever arrives first.
+void Link::deliver(const Handler& handler) {
+  for (int from = 0; from < size(); ++from) {
+    auto& queue = incoming_[static_cast<std::size_t>(from)];
+    std::size_t tested = 0;
+    for (Incoming& in : queue) {
+      if (in.done) continue;
+      if (++tested > kTested) break;
+      std::int32_t done = 0;
+      check(table_.test(table_.context, &in.request, &done));
+      in.done = done != 0;
+      if (in.done) heard_[static_cast<std::size_t>(from)] = now();
+    }
+    while (!queue.empty() && queue.front().done) {
+      const Message message = std::move(queue.front().message);
+      queue.pop_front();
+      incoming_bytes_ -= message.bytes();
+      hand_out(from, message, handler);
+    }
+  }
+}
+
+void Link::hand_out(int from, const Message& message, const Handler& handler) {
+  const Header h = message.header();
+  if (h.kind == kSign) return;
+  if (h.kind == kAbort || h.kind == kLost) return take_abort(message);
+  if (h.call == call_ && h.operation == operation_)
+    handler(from, message);
+  else if (h.call > call_ || (h.call == call_ && h.operation > operation_))
+    early_[{h.call, h.operation}].emplace_back(from, message);
+}
+
+void Link::take_abort(const Message& message) {
+  const Header h = message.header();
+  if (h.kind == kLost) {
+    lost_ = text_of(message);
+    throw Error(StatusCode::device_error, lost_);
+  }
+  if (h.call < call_) return;
+  aborts_.try_emplace(h.call, text_of(message));
+  if (h.call == call_) aborted_ = aborts_[call_];
+}
+
+void Link::hand_out_early(const Handler& handler) {
+  const auto found = early_.find({call_, operation_});
+  if (found == early_.end()) return;
+  const auto list = std::move(found->second);
+  early_.erase(found);
+  for (const auto& [from, message] : list) handler(from, message);
+}
+
+void Link::drive(const Handler& handler) {
+  if (!lost_.empty()) throw Error(StatusCode::device_error, lost_);
+  send_posted();
+  if (!outgoing_.empty()) finish_sent();
+  receive();
+  hand_out_early(handler);  // before what has come since, so that the order stays
+  deliver(handler);
+  give_sign_of_life();
+  if (!aborted_.empty() && operation_ != kLeave) throw Error(StatusCode::device_error, aborted_);
+}
+
+void Link::give_sign_of_life() {
+  const double time = now();
+  if (time - signed_ < patience_ / 4) return;
+  signed_ = time;
+  for (int to = 0; to < size(); ++to) {
+    if (to == rank()) continue;
+    Message m(0);
+    Header h;
+    h.kind = kSign;
+    h.call = call_;
+    m.set_header(h);
+    void* request = nullptr;
+    check(table_.send(table_.context, m.data(), m.bytes(), to, &request));
+    outgoing_.push_back({m, request});
+  }
+}
+
+void Link::expect_patience() {
+  const double time = now();
+  if (time - waiting_since_ <= patience_) return;
+  std::string silent;
+  for (int r = 0; r < size(); ++r)
+    if (r != rank() && time - heard_[static_cast<std::size_t>(r)] > patience_)
+      silent += (silent.empty() ? "" : " and ") + name_of(r);
+  if (!silent.empty())
+    lose(fmt::format("nothing has come for {:.3g} s from {}: it has died, is stopped, or makes other calls", patience_,
+                     silent));
+}
+
+void Link::wait(const Handler& handler, const std::function<bool()>& done) {
+  constexpr int kSpins = 2000, kYields = 4000;
+  begin_waiting();
+  for (int rounds = 0;; ++rounds) {
+    drive(handler);
+    if (done()) return;
+    if (rounds % 64 == 63) expect_patience();
+    if (rounds > kSpins + kYields)
+      std::this_thread::sleep_for(std::chrono::microseconds(50));
+    else if (rounds > kSpins / (size() > 1 ? 100 : 1))
+      std::this_thread::yield();
+  }
+}
+
+std::vector<std::vector<std::byte>> Link::all_gather(std::span<const std::byte> mine) {
+  begin_operation();
+  std::vector<std::vector<std::byte>> all(static_cast<std::size_t>(size()));
+  all[static_cast<std::size_t>(rank())].assign(mine.begin(), mine.end());
+  int missing = size() - 1;
+  std::vector<int> others;  // each begins with its neighbour, so that not all send to the same one first
+  for (int k = 1; k < size(); ++k) others.push_back((rank() + k) % size());
+  for (std::size_t at = 0; at == 0 || at < mine.size(); at += kMostPart) {
+    const auto part = mine.subspan(at, std::min(kMostPart, mine.size() - at));
+    Message m(part.size());
+    Header h;
+    h.kind = kPart;
+    h.number = static_cast<std::int64_t>(mine.size());
+    m.set_header(h);
+    Writer(m.body()).put(part.data(), part.size());
+    post(others, m);
+  }
+  const Handler take = [&](int from, const Message& m) {
+    auto& to = all[static_cast<std::size_t>(from)];
+    const auto bytes = static_cast<std::size_t>(m.header().number);
+    if (to.empty()) to.reserve(bytes);
+    to.insert(to.end(), m.body(), m.body() + m.body_bytes());
+    if (to.size() >= bytes) --missing;
+  };
+  wait(take, [&] { return missing == 0; });
+  return all;
+}
+
+std::vector<std::int64_t> Link::all_numbers(std::int64_t mine) {
+  std::vector<std::int64_t> all;
+  for (const auto& list : all_gather_of(std::span<const std::int64_t>(&mine, 1))) all.push_back(list.at(0));
+  return all;
+}
+
+namespace {
+
+// A status as bytes, and back. `echo` marks what only repeats another rank's failure.
+std::vector<std::byte> packed(const Status& s, bool echo) {
+  std::vector<std::byte> bytes(3 * sizeof(std::int32_t) + s.message.size());
+  const std::int32_t head[3] = {static_cast<std::int32_t>(s.code), s.row, echo ? 1 : 0};
+  Writer w(bytes.data());
+  w.put(head, 3);
+  w.put(s.message.data(), s.message.size());
+  return bytes;
+}
+
+struct Unpacked {
+  Status status;
+  bool echo = false;
+};
+
+Unpacked unpacked(const std::vector<std::byte>& bytes) {
+  std::int32_t head[3] = {};
+  Reader r(bytes.data(), bytes.size());
+  r.get(head, 3);
+  std::string message(r.left(), ' ');
+  r.get(message.data(), message.size());
+  return {{static_cast<StatusCode>(head[0]), std::move(message), head[1]}, head[2] != 0};
+}
+
+}  // namespace
+
+Status Link::meet(const Status& own) {
+  const bool echo = !own.ok() && !aborted_.empty() && own.message == aborted_;
+  if (!own.ok() && !echo) tell_all(kAbort, fmt::format("{} has given up: {}", name_of(rank()), own.message));
+  {
+    const std::lock_guard lock(mutex_);
+    posted_.clear();  // of an operation that has failed; of others nothing is left
+  }
+  operation_ = kLeave - 1;
+  const auto all = all_gather(packed(own, echo));
+  int first = -1;
+  bool same = true;
+  std::vector<Unpacked> ends;
+  for (const auto& bytes : all) ends.push_back(unpacked(bytes));
+  for (std::size_t r = 0; r < ends.size(); ++r) {
+    if (ends[r].status.ok() || ends[r].echo) continue;
+    if (first < 0) first = static_cast<int>(r);
+    same = same && ends[r].status.message == ends[static_cast<std::size_t>(first)].status.message;
+  }
+  if (first < 0) return {};
+  const bool by_all =
+      same && std::none_of(ends.begin(), ends.end(), [](const Unpacked& u) { return u.status.ok() || u.echo; });
+  Status status = ends[static_cast<std::size_t>(first)].status;
+  if (!by_all) status.message = fmt::format("{}: {}", name_of(first), status.message);
+  return status;
+}
+
+Status Link::end_call(Status own) {
+  if (lost_.empty()) {
+    try {
+      Status all = meet(own);
+      // What was sent has been received: it takes a look to learn that.
+      for (int k = 0; k < 1000 && !outgoing_.empty(); ++k) finish_sent();
+      return all;
+    } catch (const Error& e) {
+      own = e.status();
+    }
+  }
+  return lost_.empty() ? own : Status{StatusCode::device_error, lost_, -1};
+}
+
+void Link::expect_all(const std::function<void()>& body) {
+  Status own;
+  try {
+    body();
+  } catch (const Error& e) {
+    own = e.status();
+  } catch (const std::bad_alloc&) {
+    own = {StatusCode::out_of_memory, "the machine refused memory", -1};
+  }
+  const auto all = all_gather(packed(own, false));
+  for (std::size_t r = 0; r < all.size(); ++r) {
+    const Unpacked u = unpacked(all[r]);
+    if (u.status.ok()) continue;
+    // The same text everywhere, so that the end of the call finds one failure of all.
+    throw Error(u.status.code, fmt::format("{}: {}", name_of(static_cast<int>(r)), u.status.message), u.status.row);
+  }
+}
+
+}  // namespace espalier::ranks

@@ -1,0 +1,158 @@
+// Ranks that die, stop, lack memory or are interrupted: a clear status on all others, never a hang.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "espalier/espalier.hpp"
+#include "matrix/generators/generate.hpp"
+#include "on_threads.hpp"
+#include "reference/reference.hpp"
+
+namespace espalier::ranks {
+namespace {
+
+SparseMatrix system_of(const std::string& kind) {
+  if (kind == "llt")
+    return matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", "5", "4", "4"}));
+  if (kind == "ldlt") return reference::saddle_point(300, 60, 3);
+  return matrix::generate(matrix::parse_generator(std::vector<std::string>{"gyroscopic", "4", "4", "4"}));
+}
+
+// Everything with one solver; the first failure.
+Status life_of(const Ranks& ranks, const SparseMatrix& a, const Options& options = {}) {
+  Options o = options;
+  o.threads = 1;
+  Solver solver(ranks, o);
+  if (Status s = solver.analyze(a).status; !s.ok()) return s;
+  for (int k = 0; k < 2; ++k) {
+    if (Status s = solver.factorize(a).status; !s.ok()) return s;
+    std::vector<double> x(static_cast<std::size_t>(a.rows), 1.0);
+    if (Status s = solver.solve(x, x).status; !s.ok()) return s;
+  }
+  return {};
+}
+
+// The k-th message of a rank is its last, for k all over its life: with deaths that are told (ULFM) and in silence.
+TEST(RankFailures, DeathAtAnyMessage) {
+  for (const char* kind : {"llt", "ldlt", "lu"}) {
+    const SparseMatrix a = system_of(kind);
+    for (const bool told : {true, false})
+      for (const std::int64_t at : {1, 5, 13, 20, 31, 60}) {
+        SCOPED_TRACE(std::string(kind) + ", message " + std::to_string(at) + (told ? ", told" : ", in silence"));
+        Faults faults;
+        faults.dead_rank = 1;
+        faults.dies_at = at;
+        faults.deaths_are_told = told;
+        std::mutex mutex;
+        std::vector<Status> ends(3);
+        const auto begin = std::chrono::steady_clock::now();
+        const ThreadRanks shared(3, faults);
+        std::vector<std::thread> threads;
+        for (int r = 0; r < 3; ++r)
+          threads.emplace_back([&, r] {
+            Status end;
+            try {
+              end = life_of(Ranks(shared.table(r), 0.25), a);
+            } catch (const Error& e) {  // in the first exchange
+              end = e.status();
+            }
+            const std::lock_guard lock(mutex);
+            ends[static_cast<std::size_t>(r)] = end;
+          });
+        for (std::thread& t : threads) t.join();
+        const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+        EXPECT_LT(took.count(), 20);
+        if (ends[1].ok()) continue;  // it lived through all of it
+        for (const int r : {0, 2}) {
+          EXPECT_EQ(ends[static_cast<std::size_t>(r)].code, StatusCode::device_error);
+          EXPECT_NE(ends[static_cast<std::size_t>(r)].message.find("rank 1"), std::string::npos)
+              << ends[static_cast<std::size_t>(r)].message;
+        }
+      }
+  }
+}
+
+// After a loss every call says the same, at once.
+TEST(RankFailures, NothingWorksAfterALoss) {
+  const SparseMatrix a = system_of("llt");
+  Faults faults;
+  faults.dead_rank = 0;
+  faults.dies_at = 30;
+  on_threads(
+      2, faults,
+      [&](const Ranks& ranks) {
+        Options o;
+        o.threads = 1;
+        Solver solver(ranks, o);
+        Status first;
+        for (int k = 0; k < 100 && first.ok(); ++k) {
+          first = solver.analyze(a).status;
+          if (first.ok()) first = solver.factorize(a).status;
+        }
+        EXPECT_EQ(first.code, StatusCode::device_error);
+        if (ranks.rank() == 0) return;
+        const auto begin = std::chrono::steady_clock::now();
+        EXPECT_EQ(solver.analyze(a).status.message, first.message);
+        EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count(), 0.2);
+        EXPECT_NE(first.message.find("rank 0 on host "), std::string::npos) << first.message;
+      },
+      0.3);
+}
+
+// A rank whose budget is too small: the same error on all, and a larger budget works.
+TEST(RankFailures, MemoryOfOneRank) {
+  const SparseMatrix a = system_of("llt");
+  on_threads(3, {}, [&](const Ranks& ranks) {
+    Options o;
+    if (ranks.rank() == 1) o.host_memory_bytes = 1000;
+    const Status poor = life_of(ranks, a, o);
+    EXPECT_EQ(poor.code, StatusCode::out_of_memory);
+    EXPECT_NE(poor.message.find("rank 1"), std::string::npos) << poor.message;
+    EXPECT_TRUE(life_of(ranks, a).ok());
+  });
+}
+
+TEST(RankFailures, InterruptedOnOneRank) {
+  const SparseMatrix a = system_of("lu");
+  on_threads(3, {}, [&](const Ranks& ranks) {
+    Options o;
+    o.interrupted_every = 0;
+    int asked = 0;
+    if (ranks.rank() == 2) o.interrupted = [&asked] { return ++asked > 40; };
+    EXPECT_EQ(life_of(ranks, a, o).code, StatusCode::cancelled);
+    EXPECT_TRUE(life_of(ranks, a).ok());
+  });
+}
+
+// Matrices that differ, or options: an error on all.
+TEST(RankFailures, DifferentOptions) {
+  const SparseMatrix a = system_of("llt");
+  on_threads(2, {}, [&](const Ranks& ranks) {
+    Options o;
+    if (ranks.rank() == 1) o.max_block_size = 32;
+    const Status s = life_of(ranks, a, o);
+    EXPECT_EQ(s.code, StatusCode::invalid_input);
+    EXPECT_NE(s.message.find("different plans"), std::string::npos) << s.message;
+    o.device = "host:2";
+    o.max_block_size = 0;
+    EXPECT_EQ(life_of(ranks, a, o).code, StatusCode::device_error);
+    EXPECT_TRUE(life_of(ranks, a).ok());
+  });
+}
+
+TEST(RankFailures, TablesThatAreNotWhole) {
+  espalier_rank_functions t{};
+  t.size = sizeof t;
+  EXPECT_THROW(Ranks{t}, Error);
+  const ThreadRanks shared(1);
+  EXPECT_THROW(Ranks(shared.table(0), -1), Error);
+  const Ranks alone(shared.table(0));
+  EXPECT_TRUE(life_of(alone, system_of("llt")).ok());
+}
+
+}  // namespace
+}  // namespace espalier::ranks

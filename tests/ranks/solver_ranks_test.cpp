@@ -1,0 +1,250 @@
+// A solver on several ranks, here threads with a link between them. The truth is the solver of one process: the same
+// bits, whatever the number of ranks and however their messages are late.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "espalier/espalier.hpp"
+#include "matrix/generators/generate.hpp"
+#include "on_threads.hpp"
+#include "reference/reference.hpp"
+
+namespace espalier::ranks {
+namespace {
+
+using reference::random_vector;
+
+SparseMatrix generated(std::vector<std::string> words) { return matrix::generate(matrix::parse_generator(words)); }
+
+// Everything that a user sees of one system.
+struct Answer {
+  AnalysisResult analysis;
+  FactorResult factor;
+  SolveResult solve;
+  ConditionResult condition;
+  std::vector<double> x;
+};
+
+struct Wanted {
+  SparseMatrix a;
+  Options options;
+  Index columns = 1;
+  Transpose transpose = Transpose::no;
+};
+
+Answer answer_of(Solver& solver, const Wanted& w) {
+  Answer r;
+  r.analysis = solver.analyze(w.a);
+  if (!r.analysis.status.ok()) return r;
+  r.factor = solver.factorize(w.a);
+  if (!r.factor.status.ok()) return r;
+  const std::vector<double> b = random_vector(Offset{w.a.rows} * w.columns, 5);
+  r.x.assign(b.size(), 0.0);
+  r.solve = solver.solve(b, r.x, w.columns, w.transpose);
+  r.condition = solver.condition_estimate();
+  return r;
+}
+
+Answer of_one_process(const Wanted& w) {
+  Options options = w.options;
+  options.device = "cpu";
+  options.threads = 2;
+  Solver solver(options);
+  return answer_of(solver, w);
+}
+
+bool same_bits(const std::vector<double>& a, const std::vector<double>& b) {
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0);
+}
+
+void expect_same(const Answer& found, const Answer& truth, bool with_solution) {
+  EXPECT_EQ(found.analysis.status.code, truth.analysis.status.code) << found.analysis.status.message;
+  EXPECT_EQ(found.analysis.status.message, truth.analysis.status.message);
+  EXPECT_EQ(found.factor.status.code, truth.factor.status.code) << found.factor.status.message;
+  EXPECT_EQ(found.factor.status.message, truth.factor.status.message);
+  EXPECT_EQ(found.factor.inertia.negative, truth.factor.inertia.negative);
+  EXPECT_EQ(found.factor.inertia.zero, truth.factor.inertia.zero);
+  EXPECT_EQ(found.factor.rank, truth.factor.rank);
+  EXPECT_EQ(found.factor.two_by_two, truth.factor.two_by_two);
+  EXPECT_EQ(found.factor.perturbed, truth.factor.perturbed);
+  EXPECT_EQ(found.factor.delayed, truth.factor.delayed);
+  EXPECT_TRUE(same_bits({found.factor.determinant_log, found.factor.determinant_sign},
+                        {truth.factor.determinant_log, truth.factor.determinant_sign}));
+  EXPECT_EQ(found.factor.dependent_rows, truth.factor.dependent_rows);
+  EXPECT_TRUE(same_bits(found.factor.null_vectors, truth.factor.null_vectors));
+  EXPECT_EQ(found.solve.status.code, truth.solve.status.code) << found.solve.status.message;
+  EXPECT_EQ(found.solve.refinement_steps, truth.solve.refinement_steps);
+  EXPECT_EQ(found.solve.backward_error, truth.solve.backward_error);
+  EXPECT_EQ(found.condition.estimate, truth.condition.estimate);
+  if (with_solution) {
+    EXPECT_TRUE(same_bits(found.x, truth.x));
+  }
+}
+
+void expect_bits_of_one(const Wanted& w, std::vector<int> counts = {2, 3, 4, 8}, const Faults& faults = {},
+                        int threads = 1) {
+  const Answer truth = of_one_process(w);
+  for (const int count : counts) {
+    SCOPED_TRACE(std::to_string(count) + " ranks");
+    std::mutex mutex;
+    on_threads(count, faults, [&](const Ranks& ranks) {
+      Options options = w.options;
+      options.threads = threads;
+      Solver solver(ranks, options);
+      const Answer found = answer_of(solver, w);
+      const std::lock_guard lock(mutex);
+      expect_same(found, truth, ranks.rank() == 0);
+    });
+  }
+}
+
+// Of rank 0.
+Answer of_ranks(const Wanted& w, int count) {
+  Answer first;
+  on_threads(count, {}, [&](const Ranks& ranks) {
+    Options options = w.options;
+    options.threads = 1;
+    Solver solver(ranks, options);
+    Answer found = answer_of(solver, w);
+    if (ranks.rank() == 0) first = std::move(found);
+  });
+  return first;
+}
+
+TEST(SolverRanks, PositiveDefinite) {
+  expect_bits_of_one({generated({"elasticity", "8", "6", "5"}), {}, 3});
+  expect_bits_of_one({generated({"poisson", "9"}), {}});
+}
+
+TEST(SolverRanks, Indefinite) {
+  expect_bits_of_one({generated({"kkt", "3", "4", "2", "2"}), {}, 2});
+  expect_bits_of_one({reference::saddle_point(300, 60, 3), {}});
+}
+
+TEST(SolverRanks, Unsymmetric) {
+  expect_bits_of_one({generated({"gyroscopic", "6", "5", "4"}), {}});
+  expect_bits_of_one({generated({"gyroscopic", "6", "5", "4"}), {}, 2, Transpose::yes});
+}
+
+TEST(SolverRanks, MixedPrecision) {
+  Options o;
+  o.precision = Precision::mixed;
+  expect_bits_of_one({generated({"elasticity", "6", "5", "4"}), o}, {2, 3});
+}
+
+// Tiles of 32 columns: fronts of many tiles, shared column by column.
+TEST(SolverRanks, NarrowTiles) {
+  Options o;
+  o.max_block_size = 32;
+  expect_bits_of_one({generated({"elasticity", "9", "9", "9"}), o, 2}, {2, 3, 5});
+  expect_bits_of_one({generated({"gyroscopic", "7", "7", "7"}), o}, {3});
+}
+
+TEST(SolverRanks, SeveralThreadsEach) {
+  Options o;
+  o.max_block_size = 32;
+  expect_bits_of_one({generated({"elasticity", "8"}), o}, {2, 3}, {}, 2);
+  expect_bits_of_one({generated({"kkt", "2", "6", "4", "4"}), o}, {2}, {}, 3);
+}
+
+// Messages that are late, receipts that end in any order, and few that may be under way.
+TEST(SolverRanks, DelaysAndFewCredits) {
+  Options o;
+  o.max_block_size = 32;
+  for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Faults faults;
+    faults.seed = seed;
+    faults.most_delay = 2e-4;
+    faults.reorder = true;
+    faults.credits = seed % 2 == 0 ? 1 : 3;
+    expect_bits_of_one({generated({"elasticity", "5", "5", "5"}), o}, {3}, faults, seed == 2 ? 2 : 1);
+    expect_bits_of_one({reference::saddle_point(200, 40, seed), o}, {4}, faults);
+    expect_bits_of_one({generated({"gyroscopic", "4"}), o}, {2}, faults);
+  }
+}
+
+// A strip of a grid, unsymmetric, whose first unknown has next to nothing on its diagonal and beside it: its only
+// partner is the last one.
+SparseMatrix partner_at_the_other_end(Index length, Index width) {
+  const Index n = length * width;
+  std::vector<reference::Triple> t;
+  const auto add = [&](Index i, Index j, double value) {
+    t.push_back({i, j, value});
+    if (i != j) t.push_back({j, i, 0.7 * value});
+  };
+  for (Index k = 1; k < n; ++k) {
+    add(k, k, 4.1);
+    if (k % width != 0) add(k, k - 1, k == 1 ? 1e-12 : -1);
+    if (k >= width) add(k, k - width, k == width ? 1e-12 : -1);
+  }
+  add(0, 0, 1e-13);
+  add(n - 1, 0, 1);
+  return reference::from_triples(n, t, Storage::general);
+}
+
+// Pivots that fail and move to later fronts, whose contributions other ranks have.
+TEST(SolverRanks, MovedPivots) {
+  Options o;
+  o.matching = false;
+  o.pivot_threshold = 0.3;
+  for (const Index width : {0, 32}) {
+    o.max_block_size = width;
+    for (const Wanted& w : {Wanted{reference::saddle_point(300, 60, 3), o},
+                            Wanted{reference::random_system(300, 3, reference::Values::indefinite, 3), o, 2},
+                            Wanted{partner_at_the_other_end(60, 6), o}}) {
+      const Answer one = of_one_process(w), two = of_ranks(w, 2);
+      EXPECT_GT(two.factor.delayed, 0) << "no pivot has moved: the test has not tested anything";
+      // One process finds failures in another order, since it goes on with what it has: it may move others.
+      EXPECT_EQ(two.factor.inertia.negative, one.factor.inertia.negative);
+      EXPECT_NEAR(two.factor.determinant_log, one.factor.determinant_log, 1e-8);
+      EXPECT_LE(two.solve.backward_error, 1e-15);
+      for (const int count : {3, 5, 8}) {
+        SCOPED_TRACE(std::to_string(count) + " ranks");
+        expect_same(of_ranks(w, count), two, true);
+      }
+    }
+  }
+}
+
+TEST(SolverRanks, SingularMatrices) {
+  Options report;
+  report.singular = SingularMatrix::report;
+  expect_bits_of_one({generated({"kkt-redundant", "3", "2", "4", "2", "2"}), {}}, {2, 4});
+  expect_bits_of_one({generated({"kkt-redundant", "3", "2", "4", "2", "2"}), report}, {2, 4});
+  // Nothing in a row and a column.
+  SparseMatrix empty = generated({"poisson", "6"});
+  for (std::size_t k = 0; k < empty.values.size(); ++k)
+    if (empty.row_ind[k] == 40) empty.values[k] = 0;
+  for (Offset k = empty.col_ptr[40]; k < empty.col_ptr[41]; ++k) empty.values[static_cast<std::size_t>(k)] = 0;
+  expect_bits_of_one({empty, {}}, {3});
+}
+
+// A row that is full: one front above all others.
+TEST(SolverRanks, DenseRow) {
+  SparseMatrix a = generated({"poisson", "8", "8", "8"});
+  std::vector<reference::Triple> all;
+  const Index n = a.cols;
+  for (Index c = 0; c < n; ++c)
+    for (Offset k = a.col_ptr[static_cast<std::size_t>(c)]; k < a.col_ptr[static_cast<std::size_t>(c) + 1]; ++k)
+      all.push_back({a.row_ind[static_cast<std::size_t>(k)], c, a.values[static_cast<std::size_t>(k)]});
+  for (Index c = 0; c < n; ++c) all.push_back({n, c, 0.01});
+  all.push_back({n, n, 50});
+  expect_bits_of_one({reference::from_triples(n + 1, all, a.storage), {}});
+}
+
+// Far more ranks than there is work.
+TEST(SolverRanks, TinyMatrices) {
+  const Options o;
+  expect_bits_of_one({reference::from_triples(1, {{0, 0, 4}}, Storage::general), o}, {2, 8});
+  expect_bits_of_one({reference::random_system(5, 2, reference::Values::positive, 1), o}, {2, 8});
+  expect_bits_of_one({reference::random_system(40, 3, reference::Values::general, 1), o}, {8});
+  expect_bits_of_one({reference::from_triples(3, {{0, 0, 1}, {1, 1, 2}, {2, 2, 3}}, Storage::symmetric_lower), o}, {5});
+}
+
+}  // namespace
+}  // namespace espalier::ranks
