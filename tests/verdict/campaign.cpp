@@ -155,7 +155,16 @@ void campaign(std::uint64_t seed, Index largest, bool dense, const std::string& 
   judge({name + ", 2^30", hidden, c.zeros, c.negative, plain}, tally, false);
   judge({name + ", 2^200", far, c.zeros, c.negative, plain}, tally, false);
   judge({name + ", lu 2^200", far, c.zeros, -1, with(Kind::lu, true, Precision::fp64)}, tally, false);
+  constexpr int kFar = 498;  // 2^498 is about 1e150
+  judge({name + ", 1e150", verdict::in_units(c.a, kFar), c.zeros, c.negative, plain}, tally, false);
+  judge({name + ", 1e-150", verdict::in_units(c.a, -kFar), c.zeros, c.negative, plain}, tally, false);
   if (!symmetric) return;
+  if (c.definite) {  // one row and column more take one zero away, or make one eigenvalue negative
+    const auto row = static_cast<Index>(seed % static_cast<std::uint64_t>(c.a.rows));
+    const bool connected = c.zeros == 0 || c.name.find("free") != std::string::npos || c.name.find("graph") == 0;
+    if (connected)
+      judge({name + ", bordered", verdict::bordered(c.a, row), std::max<Index>(0, c.zeros - 1), 1, plain}, tally, true);
+  }
   judge({name + ", ldlt", c.a, c.zeros, c.negative, with(Kind::ldlt, true, Precision::fp64)}, tally, true);
   judge({name + ", ldlt unmatched", c.a, c.zeros, c.negative, with(Kind::ldlt, false, Precision::fp64)}, tally, true);
   judge({name + ", ldlt 2^30", hidden, c.zeros, c.negative, with(Kind::ldlt, true, Precision::fp64)}, tally, false);
@@ -165,7 +174,7 @@ void campaign(std::uint64_t seed, Index largest, bool dense, const std::string& 
 
 int main(int argc, char** argv) {
   const int cases = argc > 1 ? std::atoi(argv[1]) : 2000;
-  const auto seed = static_cast<std::uint64_t>(argc > 2 ? std::atoi(argv[2]) : 1);
+  const auto seed = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : std::uint64_t{1};
   const Index largest = argc > 3 ? std::atoi(argv[3]) : 400;
   const bool dense = argc > 4 && std::string(argv[4]) == "dense";
   const std::string device = argc > 5 ? argv[5] : "host:1";

@@ -1,6 +1,7 @@
 #include "verdict/cases.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <numeric>
@@ -76,7 +77,8 @@ Case grid(Index n, std::uint64_t seed, bool held) {
       if (x + 1 < side) add_edge(a, at(x, y), at(x + 1, y), 1);
       if (y + 1 < side) add_edge(a, at(x, y), at(x, y + 1), 1);
     }
-  if (held) a.add(at(static_cast<Index>(seed) % side, 0), at(static_cast<Index>(seed) % side, 0), 1);
+  const Index where = at(static_cast<Index>(seed % static_cast<std::uint64_t>(side)), 0);
+  if (held) a.add(where, where, 1);
   return {held ? "grid, held at one point" : "grid, free", a.matrix(Storage::symmetric_lower), held ? 0 : 1, true, 0};
 }
 
@@ -104,6 +106,78 @@ Case truss(Index n, std::uint64_t seed) {
   for (Index k = 1; k < points; ++k)
     for (Index back = 1; back <= std::min<Index>(k, 3); ++back) bar(k - back, k);
   return {"truss, free", a.matrix(Storage::symmetric_lower), 3, true, 0};
+}
+
+// The same in space: bars from each point to the ten before it, six rigid motions.
+Case body(Index n, std::uint64_t seed) {
+  Random random(seed);
+  const Index points = std::max<Index>(8, n / 3);
+  std::vector<std::array<double, 3>> x;
+  for (Index k = 0; k < points; ++k)
+    x.push_back({k / 4 + 0.3 * random.unit(), k % 2 + 0.3 * random.unit(), k / 2 % 2 + 0.3 * random.unit()});
+  Sum a(3 * points);
+  for (Index j = 1; j < points; ++j)
+    for (Index i = std::max<Index>(0, j - 10); i < j; ++i) {
+      std::array<double, 3> d{};
+      for (std::size_t p = 0; p < 3; ++p) d[p] = x[static_cast<std::size_t>(j)][p] - x[static_cast<std::size_t>(i)][p];
+      const double square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+      const double stiffness = (0.5 + random.unit()) / (square * std::sqrt(square));
+      for (Index p = 0; p < 3; ++p)
+        for (Index q = 0; q < 3; ++q) {
+          const double k = stiffness * d[static_cast<std::size_t>(p)] * d[static_cast<std::size_t>(q)];
+          if (p >= q) a.add(3 * i + p, 3 * i + q, k);
+          if (p >= q) a.add(3 * j + p, 3 * j + q, k);
+          a.add(3 * j + p, 3 * i + q, -k);
+        }
+    }
+  return {"body, free", a.matrix(Storage::symmetric_lower), 6, true, 0};
+}
+
+// Second differences with weights in doubles: a beam that is held nowhere. Its softest bending is a 1e11th of the
+// stiffest, and the factor's error may be as large as that of a regular matrix.
+Case beam(Index n, std::uint64_t seed) {
+  Random random(seed);
+  Sum a(n);
+  for (Index k = 0; k + 2 < n; ++k) {
+    const double weight = std::pow(10, 4 * random.unit() - 2);
+    const std::array<double, 3> d{1, -2, 1};
+    for (Index p = 0; p < 3; ++p)
+      for (Index q = 0; q <= p; ++q)
+        a.add(k + p, k + q, weight * d[static_cast<std::size_t>(p)] * d[static_cast<std::size_t>(q)]);
+  }
+  return {"beam, free", a.matrix(Storage::symmetric_lower), 2, true, 0};
+}
+
+// [H B^T; B -D] with definite H and D, however small: as many negative eigenvalues as rows of B (Vanderbei 1995).
+Case quasi_definite(Index n, std::uint64_t seed) {
+  Random random(seed);
+  const Index unknowns = std::max<Index>(4, 3 * n / 5), rows = std::max<Index>(2, 2 * n / 5);
+  Sum a(unknowns + rows);
+  const auto small = [&] { return std::ldexp(1.0, -static_cast<int>(random.below(24))); };
+  for (Index k = 0; k < unknowns; ++k) a.add(k, k, random.unit() < 0.3 ? small() : 1 + random.below(5));
+  for (Index k = 0; k < rows; ++k) {
+    a.add(unknowns + k, unknowns + k, -small());
+    for (int entry = 0; entry < 4; ++entry) a.add(unknowns + k, random.below(unknowns), random.integer(3));
+  }
+  return {"quasi-definite", a.matrix(Storage::symmetric_lower), 0, false, rows};
+}
+
+// A basis of a linear program: the product of two triangles with ones on their diagonals and a few more, in integers,
+// so that its determinant is 1; rows and columns change places.
+Case basis(Index n, std::uint64_t seed) {
+  Random random(seed);
+  std::vector<std::map<Index, double>> lower(static_cast<std::size_t>(n)), upper(static_cast<std::size_t>(n));
+  for (Index k = 0; k < n; ++k) {
+    lower[static_cast<std::size_t>(k)][k] = upper[static_cast<std::size_t>(k)][k] = 1;
+    if (k > 0 && random.unit() < 0.5) lower[static_cast<std::size_t>(k)][random.below(k)] = random.integer(1);
+    if (k + 1 < n && random.unit() < 0.5)
+      upper[static_cast<std::size_t>(k)][k + 1 + random.below(n - 1 - k)] = random.integer(1);
+  }
+  Sum a(n);
+  for (Index r = 0; r < n; ++r)
+    for (const auto& [k, left] : lower[static_cast<std::size_t>(r)])
+      for (const auto& [c, right] : upper[static_cast<std::size_t>(k)]) a.add((r * 11 + 5) % n, c, left * right);
+  return {"basis", a.matrix(Storage::general), 0};
 }
 
 // [H B^T; B 0] with a definite H and rows of B that repeat or add up: so many zeros.
@@ -223,7 +297,7 @@ Case dominant(Index n, std::uint64_t seed) {
 
 }  // namespace
 
-Index structures() { return 12; }
+Index structures() { return 16; }
 
 Case make_case(Index structure, Index n, std::uint64_t seed) {
   switch (structure) {
@@ -249,6 +323,14 @@ Case make_case(Index structure, Index n, std::uint64_t seed) {
       return rotated(std::min<Index>(n, 60), seed, 1e-12, 1e-11, true);
     case 10:
       return many(n, seed);
+    case 12:
+      return body(n, seed);
+    case 13:
+      return quasi_definite(n, seed);
+    case 15:
+      return beam(n, seed);
+    case 14:
+      return basis(n % 11 == 0 ? n + 1 : n, seed);
     default:
       return dominant(n % 7 == 0 ? n + 1 : n, seed);
   }
@@ -283,6 +365,12 @@ SparseMatrix disguised(const SparseMatrix& a, int range, std::uint64_t seed) {
                        col[static_cast<std::size_t>(c)]});
     }
   return reference::from_triples(n, t, a.storage);
+}
+
+SparseMatrix in_units(const SparseMatrix& a, int exponent) {
+  SparseMatrix out = a;
+  for (double& v : out.values) v = std::ldexp(v, exponent);
+  return out;
 }
 
 SparseMatrix bordered(const SparseMatrix& a, Index row) {

@@ -1,0 +1,218 @@
+// Many small systems of one pattern: Batch beside MKL PARDISO in a loop, with all threads in PARDISO, or one loop a
+// thread.
+//   espalier_bench_batch [COUNT [UNKNOWNS [THREADS [SORT]]]]     default: 1,000 KKT systems of about 500 unknowns, all
+//   cores
+// SORT: kkt (saddle points, ldlt) or grid (Poisson on a square, llt). COUNT systems with values of their own and one
+// right-hand side each. PARDISO: one analysis a handle, then phase 23 and phase 33 for each system, with its own
+// refinement. Every answer is checked; the largest backward errors stand beside the times. Medians of three rounds.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <functional>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "base/thread_pool.hpp"
+#include "espalier/batch.hpp"
+#include "matrix/generators/generate.hpp"
+#include "rivals/rival.hpp"
+#include "rivals/shared_library.hpp"
+
+namespace {
+
+using namespace espalier;
+
+double seconds_of(const std::function<void()>& body) {
+  const auto start = std::chrono::steady_clock::now();
+  body();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+double median(std::vector<double> v) {
+  std::sort(v.begin(), v.end());
+  return v[v.size() / 2];
+}
+
+// [K B^T; B 0]: a grid's K, and a constraint for every fourth unknown; every diagonal entry is stored (PARDISO asks for
+// it).
+SparseMatrix saddle_point(Index n) {
+  const Index m = n / 5, k = n - m;
+  SparseMatrix a;
+  a.rows = a.cols = n;
+  a.storage = Storage::symmetric_lower;
+  a.col_ptr.push_back(0);
+  const auto side = static_cast<Index>(std::sqrt(k));
+  for (Index c = 0; c < n; ++c) {
+    const auto add = [&](Index r, double v) {
+      a.row_ind.push_back(r);
+      a.values.push_back(v);
+    };
+    add(c, c < k ? 4.5 : 0.0);
+    if (c < k) {
+      if (c + 1 < k && (c + 1) % side != 0) add(c + 1, -1);
+      if (c + side < k) add(c + side, -1);
+      for (Index j = 0; j < m; ++j)
+        if (c == 4 * j % k || c == (4 * j + 1) % k) add(k + j, c % 2 == 0 ? 1 : -0.5);
+    }
+    a.col_ptr.push_back(static_cast<Offset>(a.row_ind.size()));
+  }
+  return a;
+}
+
+double backward_error(const SparseMatrix& a, const double* values, const double* b, const double* x) {
+  std::vector<double> r(b, b + a.cols), row(static_cast<std::size_t>(a.cols), 0.0);
+  for (Index c = 0; c < a.cols; ++c)
+    for (Offset q = a.col_ptr[static_cast<std::size_t>(c)]; q < a.col_ptr[static_cast<std::size_t>(c) + 1]; ++q) {
+      const Index i = a.row_ind[static_cast<std::size_t>(q)];
+      r[static_cast<std::size_t>(i)] -= values[q] * x[c];
+      row[static_cast<std::size_t>(i)] += std::abs(values[q]);
+      if (i == c) continue;
+      r[static_cast<std::size_t>(c)] -= values[q] * x[i];
+      row[static_cast<std::size_t>(c)] += std::abs(values[q]);
+    }
+  double of_r = 0, of_x = 0, of_b = 0, of_a = 0;
+  for (Index i = 0; i < a.cols; ++i) {
+    of_r = std::max(of_r, std::abs(r[static_cast<std::size_t>(i)]));
+    of_x = std::max(of_x, std::abs(x[i]));
+    of_b = std::max(of_b, std::abs(b[i]));
+    of_a = std::max(of_a, row[static_cast<std::size_t>(i)]);
+  }
+  return of_r / (of_a * of_x + of_b);
+}
+
+struct Mkl {
+  using Call = void (*)(void*, const int*, const int*, const int*, const int*, const int*, const void*, const int*,
+                        const int*, int*, const int*, int*, const int*, void*, void*, int*);
+  bench::SharedLibrary gomp{{"libgomp.so.1"}, bench::SharedLibrary::Scope::global};
+  bench::SharedLibrary core{{"libmkl_core.so.3", "libmkl_core.so.2"}, bench::SharedLibrary::Scope::global};
+  bench::SharedLibrary threads{{"libmkl_gnu_thread.so.3", "libmkl_gnu_thread.so.2"},
+                               bench::SharedLibrary::Scope::global};
+  bench::SharedLibrary interface {
+    {"libmkl_intel_lp64.so.3", "libmkl_intel_lp64.so.2"}, bench::SharedLibrary::Scope::global
+  };
+  Call call = interface.function<Call>("pardiso");
+};
+
+class Pardiso {
+ public:
+  Pardiso(const Mkl& mkl, const SparseMatrix& a, bool definite) : mkl_(mkl), n_(a.cols), mtype_(definite ? 2 : -2) {
+    for (const Offset p : a.col_ptr) pointers_.push_back(static_cast<int>(p) + 1);
+    for (const Index r : a.row_ind) columns_.push_back(r + 1);
+    iparm_[0] = 1;
+    iparm_[1] = 2;
+    iparm_[7] = 2;
+    iparm_[9] = 8;
+    if (!definite) iparm_[10] = iparm_[12] = 1;
+    run(11, a.values.data(), nullptr, nullptr);
+  }
+  void solve(const double* values, const double* b, double* x) {
+    run(22, values, nullptr, nullptr);
+    run(33, values, const_cast<double*>(b), x);  // the solver does not write there
+  }
+
+ private:
+  void run(int phase, const double* values, double* b, double* x) {
+    const int one = 1, silent = 0;
+    int error = 0;
+    mkl_.call(handle_.data(), &one, &one, &mtype_, &phase, &n_, values, pointers_.data(), columns_.data(), nullptr,
+              &one, iparm_.data(), &silent, b, x, &error);
+    if (error != 0) throw std::runtime_error(fmt::format("PARDISO: error {} in phase {}", error, phase));
+  }
+  const Mkl& mkl_;
+  int n_, mtype_;
+  std::vector<int> pointers_, columns_;
+  std::array<void*, 64> handle_{};
+  std::array<int, 64> iparm_{};
+};
+
+int run(Index count, Index unknowns, int threads, bool definite) {
+  SparseMatrix a = saddle_point(unknowns);
+  if (definite) {
+    const std::string side = std::to_string(std::max(2, static_cast<int>(std::sqrt(unknowns))));
+    a = matrix::generate(matrix::parse_generator(std::vector<std::string>{"poisson", side, side, "1"}));
+  }
+  const auto n = static_cast<std::size_t>(a.cols), nonzeros = a.values.size();
+  std::mt19937_64 random(1);
+  std::vector<double> values, b(n * static_cast<std::size_t>(count)), x(b.size()), y(b.size());
+  for (Index k = 0; k < count; ++k)
+    for (const double v : a.values) values.push_back(v * (1 + static_cast<double>(random() % 1000) / 20000));
+  for (double& v : b) v = static_cast<double>(random() % 2000) / 1000 - 1;
+  Options options;
+  options.threads = threads;
+  options.kind = definite ? Kind::llt : Kind::ldlt;
+  Batch batch(options);
+  if (const AnalysisResult analysis = batch.analyze(a); !analysis.status.ok())
+    throw std::runtime_error(analysis.status.message);
+  const Mkl mkl;
+  base::ThreadPool pool(threads);
+  std::vector<std::unique_ptr<Pardiso>> handles;
+  for (int t = 0; t < pool.size(); ++t) handles.push_back(std::make_unique<Pardiso>(mkl, a, definite));
+  const auto system = [&](Pardiso& p, Index k) {
+    const auto at = static_cast<std::size_t>(k);
+    p.solve(values.data() + at * nonzeros, b.data() + at * n, y.data() + at * n);
+  };
+  const auto set_threads = mkl.interface.function<int (*)(int)>("MKL_Set_Num_Threads_Local");
+  std::vector<double> ours, loop, loops;
+  double error = 0, of_loop = 0, of_loops = 0;
+  for (int round = 0; round < 4; ++round) {
+    BatchResult result;
+    const double mine = seconds_of([&] { result = batch.solve(values, b, x, count); });
+    if (!result.status.ok()) throw std::runtime_error(result.status.message);
+    set_threads(threads);
+    const double one = seconds_of([&] {
+      for (Index k = 0; k < count; ++k) system(*handles[0], k);
+    });
+    const auto worst = [&](const std::vector<double>& of) {
+      double most = 0;
+      for (Index k = 0; k < count; ++k) {
+        const auto at = static_cast<std::size_t>(k);
+        most = std::max(most, backward_error(a, values.data() + at * nonzeros, b.data() + at * n, of.data() + at * n));
+      }
+      return most;
+    };
+    error = worst(x);
+    of_loop = worst(y);
+    std::atomic<Index> next{0};
+    const double each = seconds_of([&] {
+      pool.share([&](int t) {
+        set_threads(1);
+        for (Index k = next++; k < count; k = next++) system(*handles[static_cast<std::size_t>(t)], k);
+      });
+    });
+    of_loops = worst(y);
+    if (round == 0) continue;
+    ours.push_back(mine);
+    loop.push_back(one);
+    loops.push_back(each);
+  }
+  const auto line = [&](const char* name, double seconds, double of) {
+    fmt::print("{:36} {:>9.4f} s  {:>8.2f} us a system  {:>6.2f} times ours; backward errors {:.1e}\n", name, seconds,
+               1e6 * seconds / count, seconds / median(ours), of);
+  };
+  fmt::print("{} systems of {} unknowns, {} entries ({}), {} threads\n", count, n, nonzeros, definite ? "llt" : "ldlt",
+             pool.size());
+  line("Batch", median(ours), error);
+  line("PARDISO in a loop, all threads", median(loop), of_loop);
+  line("PARDISO, a loop on each thread", median(loops), of_loops);
+  return error < 1e-12 ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    const int threads = argc > 3 ? std::atoi(argv[3]) : 0;
+    return run(argc > 1 ? std::atoi(argv[1]) : 1000, argc > 2 ? std::atoi(argv[2]) : 500,
+               threads > 0 ? threads : base::available_cores(), argc > 4 && std::string(argv[4]) == "grid");
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "espalier_bench_batch: {}\n", e.what());
+    return 1;
+  }
+}

@@ -1,0 +1,79 @@
+/// \file
+/// Batches: many small systems in one call, one on each thread.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "espalier/solver.hpp"
+
+namespace espalier {
+
+/// What became of one system of a batch.
+struct SystemResult {
+  Status status;
+  Inertia inertia;            ///< -1 for lu
+  Index rank = -1;            ///< n less the singular values that are zero to the rounding of the entries
+  Index perturbed = 0;        ///< pivots that were replaced
+  int refinement_steps = 0;   ///< the most of any right-hand side
+  double backward_error = 0;  ///< normwise, the largest of any right-hand side; as SolveResult has it
+  double componentwise_error = 0;
+};
+
+/// What became of a batch.
+struct BatchResult {
+  /// Ok where all systems are. Else the code of the first failure, and a message with its number and how many failed.
+  Status status;
+  Index failed = 0;                   ///< systems whose status is not ok
+  std::vector<SystemResult> systems;  ///< in the caller's order; empty where nothing was begun
+  double seconds = 0;                 ///< whole call
+  int workers = 0;                    ///< systems that were worked on at a time
+};
+
+/// Many systems of one pattern. The pattern is analyzed once; then each system is factorized and solved by one thread,
+/// next to the others. Solutions have the bits that a Solver with this analysis would give for the system alone,
+/// whatever the number of threads and the order of the batch (precision auto apart, which looks at the clock). One
+/// system that fails does not touch the others.
+class Batch {
+ public:
+  /// Options as for Solver. `threads`: systems at a time; where there are fewer systems, each gets several threads.
+  /// With a device that is not the host systems go there one after another. Log lines come from the analysis alone.
+  /// @throws std::invalid_argument for numbers and enumerations that no option can be
+  explicit Batch(Options options = {});
+  ~Batch();
+  Batch(Batch&&) noexcept;
+  Batch& operator=(Batch&&) noexcept;
+
+  /// As Solver::analyze(): `a` has values that are typical of the batch, or none.
+  AnalysisResult analyze(const MatrixView& a);
+  /// op(A_k) X_k = B_k for `count` systems. No factor is kept; each worker has memory for one, which stays for the next
+  /// call.
+  /// @param values  count * nonzeros: of one system after another, each in the order of the analyzed matrix
+  /// @param b, x    count * columns * n: of one system after another, column by column; x may be b. Solutions of
+  /// systems
+  ///                that fail are NaN, but for accuracy_not_reached: there they are the best that was found
+  /// @pre analyze() was called, and succeeded
+  /// @throws std::invalid_argument for arrays of other sizes, std::logic_error without an analysis
+  BatchResult solve(std::span<const double> values, std::span<const double> b, std::span<double> x, Index count,
+                    Index columns = 1, Transpose transpose = Transpose::no);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// A system of a pattern of its own.
+struct System {
+  MatrixView a;               ///< with values
+  std::span<const double> b;  ///< columns * n
+  std::span<double> x;        ///< likewise; may be b
+  Index columns = 1;
+  Transpose transpose = Transpose::no;
+};
+
+/// Many small systems of any patterns: each is analyzed, factorized and solved by one thread, with the bits that a
+/// Solver of these options gives for it. Nothing is kept. Options, statuses and solutions as for Batch.
+BatchResult solve_systems(std::span<const System> systems, const Options& options = {});
+
+}  // namespace espalier
