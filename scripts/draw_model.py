@@ -38,7 +38,8 @@ def outlines(faces, edges):
     return tuple(tuple(n for a, b in zip(f, f[1:] + f[:1]) for n in (a, edges[frozenset((a, b))])) for f in faces)
 
 
-FACES = {10: TET, 24: outlines(TET, TET_EDGES), 12: HEX, 25: outlines(HEX, HEX_EDGES), 9: ((0, 1, 2, 3),)}
+FACES = {10: TET, 24: outlines(TET, TET_EDGES), 12: HEX, 25: outlines(HEX, HEX_EDGES), 9: ((0, 1, 2, 3),),
+         5: ((0, 1, 2),)}
 LINE = 3
 LARGEST = 150_000  # bytes; larger pictures get a palette of 256 colours
 
@@ -78,6 +79,8 @@ LOOKS = {
                    axes=("time, ms", "force on the\ncrank pin, kN"), factors=(1e3, 1e-3), size=(8.0, 4.6), share=0.55),
     "chain": Look(times=(0.02, 0.2), view=(14, -80), up="y", curve=("haul.force.y",), path=chain_guide(),
                   axes=("time, s", "pull at the head, N"), factors=(1, -1), size=(8.0, 5.2), share=0.45),
+    "sprocket": Look(times=(0.0, 0.2), view=(14, -72), up="y", colour="velocity", curve=("hook.force.norm",), mesh=0.1,
+                     axes=("time, s", "force in the\nhook, N"), size=(8.0, 5.6), share=0.35),
     "rotor": Look(times=(0.06, 0.1028), view=(22, -42), up="y", curve=("centre.position.radius",),
                   against="unbalance.angular_velocity.z", axes=("speed, rad/s", "radius of the whirl, mm"),
                   factors=(1, 1e3), size=(8.0, 5.6), share=0.6),

@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <system_error>
@@ -12,6 +14,7 @@
 #include "command.hpp"
 #include "espalier/dynamics.hpp"
 #include "report.hpp"
+#include "sensitivity_report.hpp"
 #include "simulate_report.hpp"
 #include "solver_flags.hpp"
 #include "step_log.hpp"
@@ -23,14 +26,17 @@ namespace espalier::cli {
 namespace {
 
 struct SimulateCommand {
-  std::string model, report_file;
+  std::string model, report_file, trace_file;
   SimulationOptions options;
   double until = 0;
   bool until_given = false;
   SolverFlags flags;
   bool json = false, quiet = false, verbose = false;
+  std::vector<std::string> parameters;  // --derivative
 
   int run();
+  [[nodiscard]] std::optional<Error> write_trace(const Simulation& simulation) const;
+  int differentiate();
 };
 
 void print_outcome(const SimulateCommand& command, const SimulationSummary& s) {
@@ -48,6 +54,13 @@ void print_outcome(const SimulateCommand& command, const SimulationSummary& s) {
   }
 }
 
+std::optional<Error> SimulateCommand::write_trace(const Simulation& simulation) const {
+  if (trace_file.empty()) return {};
+  const Status status = simulation.write_trace(trace_file);
+  if (status.ok()) return {};
+  return Error(status);
+}
+
 int SimulateCommand::run() {
   if (until_given) options.until = until;
   static_cast<void>(flags.options());  // names a wrong value before anything is read
@@ -58,7 +71,8 @@ int SimulateCommand::run() {
                  {"quantities.csv of --out", csv},
                  {"motion.pvd of --out", series},
                  {"state.restart of --out", state}},
-                {{"--report", report_file}});
+                {{"--report", report_file}, {"--trace", trace_file}});
+  options.record_timeline = !trace_file.empty();
   for (const auto& [key, value] : flags.values()) options.solver.emplace_back(key, value);
   Progress progress(!quiet && !json);
   StepLog starting(!quiet && !json, verbose, 0, 1);
@@ -71,7 +85,8 @@ int SimulateCommand::run() {
   Simulation simulation(options);
   progress.begin("model");
   Status status = simulation.load(model);
-  if (status.ok()) {
+  const bool loaded = status.ok();
+  if (loaded) {
     progress.end(simulate_headline(simulation.summary()));
     const StopSignals signals;
     StepLog log(!quiet && !json, verbose, simulation.time(), simulation.end_time());
@@ -89,6 +104,7 @@ int SimulateCommand::run() {
   // A run that is restarted at its end moves nothing, and writes what a kill kept from being written.
   const bool ran = !options.out.empty() && (status.ok() || summary.t_end > summary.t_begin);
   const std::optional<Error> unwritten[] = {write_report(report_file, report),
+                                            loaded ? write_trace(simulation) : std::nullopt,
                                             write_report(ran ? options.out + "/summary.json" : "", report)};
   if (json) {
     print_result("{}\n", to_text(report));
@@ -99,6 +115,47 @@ int SimulateCommand::run() {
   for (const auto& error : unwritten)
     if (error) throw Error(*error);
   return code;
+}
+
+std::vector<SensitivityParameter> parameters_of(const std::vector<std::string>& given) {
+  std::vector<SensitivityParameter> list;
+  for (const std::string& text : given) {
+    const std::size_t colon = text.find(':');
+    list.push_back({text.substr(0, colon), 0});
+    if (colon == std::string::npos) continue;
+    char* end = nullptr;
+    list.back().step = std::strtod(text.c_str() + colon + 1, &end);
+    if (*end != 0 || !(list.back().step > 0))
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("--derivative {}: behind the colon stands a step greater than 0", text));
+  }
+  return list;
+}
+
+int SimulateCommand::differentiate() {
+  if (json || !report_file.empty() || !trace_file.empty())
+    throw Error(StatusCode::invalid_input, "--derivative: --json, --report and --trace do not go with it");
+  if (until_given) options.until = until;
+  static_cast<void>(flags.options());
+  for (const auto& [key, value] : flags.values()) options.solver.emplace_back(key, value);
+  const std::string csv = options.out.empty() ? "" : options.out + "/derivatives.csv";
+  check_outputs({{"the model", model}, {"derivatives.csv of --out", csv}}, {{"--report", report_file}});
+  const StopSignals signals;
+  options.interrupted = [] { return stop_was_asked(); };
+  const SensitivityResult r = sensitivities(model, parameters_of(parameters), options);
+  if (!r.status.ok()) {
+    print_error(r.status.message);
+    return exit_code(r.status.code);
+  }
+  if (!quiet) print_result("{}", sensitivity_summary(r));
+  if (r.summary.interrupted) print_note("espalier: stopped at t = {:g}\n", r.summary.t_end);
+  if (!csv.empty()) {
+    std::ofstream file(csv);
+    file << sensitivity_csv(r);
+    if (!file.flush()) throw Error(StatusCode::invalid_input, fmt::format("cannot write '{}'", csv));
+    if (!quiet) print_result("wrote {}\n", csv);
+  }
+  return r.summary.interrupted ? kInterrupted : exit_code(r.status.code);
 }
 
 }  // namespace
@@ -128,11 +185,20 @@ void add_simulate(CLI::App& app, Action& action) {
       ->type_name("K")
       ->check(CLI::Range(1L, 1000000L));
   add_file(*sub, "--report", command->report_file, "write the summary as JSON here");
+  add_file(*sub, "--trace", command->trace_file, "write what each step does when, for ui.perfetto.dev");
   sub->add_flag("--json", command->json, "print the summary as JSON instead of text");
   sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
   sub->add_flag("-v,--verbose", command->verbose, "a line for every step");
+  sub->add_option("--derivative", command->parameters,
+                  "differentiate the quantities by this number of the model, for instance parameters.size, and print "
+                  "that alone; may be repeated (docs/use/sensitivities.md)")
+      ->type_name("PATH[:STEP]")
+      ->take_all()
+      ->allow_extra_args(false);
   command->flags.add_to(*sub);
-  sub->callback([command, &action] { action = [command] { return command->run(); }; });
+  sub->callback([command, &action] {
+    action = [command] { return command->parameters.empty() ? command->run() : command->differentiate(); };
+  });
 }
 
 }  // namespace espalier::cli

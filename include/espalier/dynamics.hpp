@@ -11,6 +11,7 @@
 /// back by restore() to what save() gave him.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -47,7 +48,11 @@ struct SimulationOptions {
   std::string analyses;
   /// Quantities by name, besides those of the model's [output]: chosen ones, see SimulationSummary::values.
   std::vector<std::string> quantities;
-  bool keep_series = false;  ///< chosen quantities are kept in memory, a row for every step: Simulation::series()
+  /// Pictures of the bodies are kept in memory at such intervals of time (of the load factor), by interpolation between
+  /// the ends of steps: Simulation::frames(). 0: at the end of every step; -1: none.
+  double frame_interval = -1;
+  bool record_timeline = false;  ///< keep what each step does when, for Simulation::write_trace()
+  bool keep_series = false;      ///< chosen quantities are kept in memory, a row for every step: Simulation::series()
   /// Options of the solver by name ("device", "host_memory", ...: the fields of Options), over those of the model.
   std::vector<std::pair<std::string, std::string>> solver;
   /// Statics, also at the start of a motion (in load()), may take long: called with what it is at. false: stop it; in
@@ -73,6 +78,26 @@ struct SimulationSeries {
   std::vector<std::string> names;
   std::vector<double> t;       ///< rising; of a statics run, the load factor, which may turn back
   std::vector<double> values;  ///< t.size() rows of names.size() numbers
+};
+
+/// The bodies as cells of VTK, which stay as they are: flexible bodies with their meshes, rigid bodies as boxes, point
+/// masses as points.
+struct SimulationMesh {
+  std::vector<std::uint8_t> types;  ///< shapes by VTK's numbers (vtkCellType.h), one for each cell
+  std::vector<std::int64_t>
+      offsets;  ///< cell k has the points connectivity[offsets[k]] up to, not with, offsets[k + 1]
+  std::vector<std::int64_t> connectivity;  ///< numbers of points, from 0
+  std::vector<Index> body;                 ///< of each cell, its place in `bodies`
+  std::vector<std::string> bodies;         ///< names, in the order of the text
+};
+
+/// Points of a SimulationMesh at one time, in the units of the model.
+struct SimulationFrame {
+  double t = 0;                      ///< in a statics run the load factor
+  std::vector<double> points;        ///< 3 numbers per point
+  std::vector<double> displacement;  ///< from the start, 3 per point
+  std::vector<double> velocity;      ///< 3 per point
+  std::vector<double> von_mises;     ///< of each cell: stress in the middle of solid elements, 0 elsewhere
 };
 
 /// One accepted step, of time or (statics) of the load.
@@ -228,7 +253,17 @@ class Simulation {
   [[nodiscard]] std::vector<SimulationQuantity> quantities() const;
   /// SimulationOptions::keep_series; empty without. @pre load() succeeded
   [[nodiscard]] const SimulationSeries& series() const;
+  /// What frames are pictures of. @pre load() succeeded
+  [[nodiscard]] SimulationMesh mesh() const;
+  /// The present state. @pre load() succeeded
+  [[nodiscard]] SimulationFrame frame() const;
+  /// SimulationOptions::frame_interval; empty without. restore() drops those of later times. @pre load() succeeded
+  [[nodiscard]] const std::vector<SimulationFrame>& frames() const;
   [[nodiscard]] const SimulationSummary& summary() const;
+  /// Writes the phases of all steps so far, on the host and on a device, as a Chrome trace that Perfetto opens; of very
+  /// many the first two million. @throws std::logic_error without SimulationOptions::record_timeline
+  /// @pre load() succeeded
+  Status write_trace(const std::string& path) const;
   [[nodiscard]] double time() const;      ///< present time. @pre load() succeeded
   [[nodiscard]] double end_time() const;  ///< @pre load() succeeded
   /// A quantity of the present state by its name (docs/guide/simulate.md), for instance "rod.position.x".

@@ -1,4 +1,4 @@
-// Every model on the page about forces runs to its end.
+// Every model on the pages about forces and contact runs to its end.
 #include <gtest/gtest.h>
 
 #include "model_common.hpp"
@@ -36,6 +36,13 @@ TEST(DocsExamples, OfForcesRun) {
     EXPECT_TRUE(status.ok()) << "example " << k + 1 << ": " << status.message;
     EXPECT_GT(s.summary().steps, 10) << k + 1;
   }
+}
+
+TEST(DocsExamples, OfContactRun) {
+  const std::string page = content_of((espalier::test::source_folder() / "docs/guide/contact.md").string());
+  const std::vector<std::string> models = blocks(page, "toml");
+  EXPECT_EQ(models.size(), 1U);
+  for (const std::string& text : models) EXPECT_GT(simulated(text).summary().steps, 10);
 }
 
 }  // namespace

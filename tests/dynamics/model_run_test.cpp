@@ -143,6 +143,25 @@ void expect_same_after_restart(const std::string& model, const std::string& quan
 
 TEST(ModelRestart, TheRestContinuesToTheSameBits) { expect_same_after_restart(kPendulum, "bob.position.x"); }
 
+// The shapes are made anew, and have to be the same to the last bit.
+TEST(ModelRestart, OfReducedBodiesContinuesToTheSameBits) {
+  const std::string text = R"(
+gravity = [0, -9.81, 0]
+[bodies.arm]
+type = "solid"
+mesh = { part = "block", lx = 1.0, ly = 0.1, lz = 0.1, divisions = [8, 2, 2] }
+material = { young = 1e8, poisson = 0.3, density = 1000 }
+reduce = { modes = 6 }
+[joints.hinge]
+type = "revolute"
+a = { body = "ground" }
+b = { body = "arm", face = "x0" }
+[integrator]
+end = 0.5
+)";
+  expect_same_after_restart(text, "arm.position.y");
+}
+
 TEST(ModelRestart, AlsoWithGeneralizedAlphaAndTurnsThatGearsCount) {
   const std::string text = R"(gravity = [0, -10, 0]
 [bodies.a]

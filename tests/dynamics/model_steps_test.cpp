@@ -59,6 +59,43 @@ Simulation loaded(const std::string& text, SimulationOptions options = {}) {
 
 void expect_ok(const Status& status) { EXPECT_TRUE(status.ok()) << status.message; }
 
+// Two sums of the same steps differ by rounding: who asks for one time and then for the other asks for 1e-14 of a
+// second.
+TEST(Steps, AsShortAsRoundingDoNoHarm) {
+  const std::string swing = kSwing.substr(0, kSwing.find("[events")) + "[integrator]\n";
+  for (const char* method : kMethods) {
+    Simulation plain = loaded(swing + method);
+    expect_ok(plain.step_to(1));
+    const double x = plain.value("bob.position.x"), y = plain.value("bob.position.y");
+    const double force = plain.value("hinge.force.norm");
+    for (const double sliver : {1e-18, 1e-16, 1e-14, 1e-12, 1e-10, 1e-8, 3e-7}) {
+      Simulation s = loaded(swing + method);
+      for (int k = 0; k <= 4; ++k) {
+        expect_ok(s.step_to(s.time() + sliver));
+        expect_ok(s.step_to(s.time() + 2 * sliver));
+        EXPECT_NEAR(s.value("hinge.force.norm"), k == 0 ? 0 : s.value("hinge.force.norm"), 0.1) << method << sliver;
+        expect_ok(s.step_to(0.2 * (k + 1)));
+      }
+      EXPECT_NEAR(s.value("bob.position.x"), x, 2e-6) << method << sliver;
+      EXPECT_NEAR(s.value("bob.position.y"), y, 2e-6) << method << sliver;
+      EXPECT_NEAR(s.value("hinge.force.norm"), force, 1e-3 * force) << method << sliver;
+      EXPECT_LT(s.summary().steps, 2 * plain.summary().steps + 20) << method << sliver;
+    }
+  }
+}
+
+// Steps of a caller that are all shorter than what the method would take are steps of the method all the same, from a
+// hundredth of its last step on.
+TEST(Steps, MuchShorterThanTheMethodsFollowInputs) {
+  for (const char* method : kMethods) {
+    Simulation s = loaded(kCart + "[integrator]\n" + method);
+    expect_ok(s.step_to(0.5));
+    s.set_input("push", 2);
+    for (int k = 1; k <= 3000; ++k) expect_ok(s.step_to(0.5 + k * 1e-6));
+    EXPECT_NEAR(s.value("cart.velocity.x"), 3e-3, 1.1e-4) << method;
+  }
+}
+
 TEST(Steps, EndWhereTheyAreAskedToAndFollowInputs) {
   Simulation s = loaded(kCart + "[integrator]\n" + kMethods[0]);
   double t = 0, x = 0, v = 0;

@@ -24,7 +24,7 @@ class TimeValue final : public StateFunction {
 /// Adds it to the system that the body stands in, before that is finished.
 inline void press(AssembledSystem& system, const FlexibleBody& body, const Mesh& mesh, std::span<const MeshFace> faces,
                   std::function<double(double)> pressure) {
-  system.add(std::make_unique<FacePressure>("pressure", body, mesh, faces))
+  system.add(std::make_unique<FacePressure>("pressure", press_nodal(body, mesh, faces)))
       .set_pressure(std::make_shared<TimeValue>(std::move(pressure)));
 }
 

@@ -175,16 +175,17 @@ TEST(TurnedFactor, AnInterruptedSolveLeavesNothingBehind) {
   const Eigen::Matrix3d r = rotation(0.4, {1, 2, -1});
   TurnedFactor factor;
   factor.start(phi_q, before, {0, 0});
-  EXPECT_THROW((void)factor.turn({turn_of(0, 2, r)}, now, [](Span, Index) { throw std::runtime_error("stopped"); }),
+  EXPECT_THROW((void)factor.turn(
+                   {turn_of(0, 2, r)}, now, [](Span, Index) { throw std::runtime_error("stopped"); }, nullptr),
                std::runtime_error);
   EXPECT_FALSE(factor.active());
-  ASSERT_TRUE(factor.turn({turn_of(0, 2, r)}, now, solve));
+  ASSERT_TRUE(factor.turn({turn_of(0, 2, r)}, now, solve, nullptr));
   const Eigen::MatrixXd truth = dense(now, r).inverse();
   Eigen::VectorXd b = Eigen::VectorXd::LinSpaced(kMotions + kRows, -1, 2);
   const Eigen::VectorXd x = truth * b;
   factor.solve({b.data(), static_cast<std::size_t>(b.size())}, 1, solve, nullptr);
   EXPECT_LT((b - x).norm(), 1e-12 * x.norm());
-  const std::vector<double> columns = factor.response();
+  const std::vector<double> columns = factor.response(nullptr);
   const Eigen::Map<const Eigen::MatrixXd> response(columns.data(), kMotions + kRows, kRows);
   EXPECT_LT((response - truth.rightCols(kRows)).norm(), 1e-12 * truth.norm());
 }

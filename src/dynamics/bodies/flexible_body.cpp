@@ -8,6 +8,8 @@
 #include <utility>
 
 #include "base/stopwatch.hpp"
+#include "dynamics/dae/at.hpp"
+#include "dynamics/dae/vectors.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -15,8 +17,6 @@ namespace {
 constexpr std::int64_t kVerticesPerRange = 2048;  // vertices per range of a threaded loop over vertices
 
 using base::Stopwatch;
-
-std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
@@ -27,16 +27,24 @@ FlexibleBody::FlexibleBody(std::string name, int vertices_per_node, std::vector<
       reference_(std::move(reference)),
       initial_position_(reference_),
       initial_velocity_(reference_.size(), 0.0),
+      extent_(largest_extent()),
       assembly_(static_cast<Index>(reference_.size() / 3), std::move(groups), pool),
       mass_(assembly_.mass(reference_.data(), pool)),
       weight_(reference_.size(), 0.0),
       pool_(pool) {
   const VertexPattern& p = assembly_.pattern();
-  for (Index v = 0; v < assembly_.vertices(); ++v)
-    if (!(mass_[at(p.entry(v, v))] > 0))
-      throw Error(StatusCode::invalid_input,
-                  fmt::format("flexible body '{}': node {} has no mass (no element uses it, or the density is 0)",
-                              this->name(), v / vertices_per_node_ + 1));
+  const auto massless = reduce_blocks<Index>(
+      pool_, at(vertices()),
+      [&](std::size_t begin, std::size_t end) {  // one after the first in the block; 0: none
+        for (auto v = static_cast<Index>(begin); v < static_cast<Index>(end); ++v)
+          if (!(mass_[at(p.entry(v, v))] > 0)) return v + 1;
+        return 0;
+      },
+      [](Index& first, Index next) { first = first > 0 ? first : next; });
+  if (massless > 0)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("flexible body '{}': node {} has no mass (no element uses it, or the density is 0)",
+                            this->name(), (massless - 1) / vertices_per_node_ + 1));
 }
 
 void FlexibleBody::set_gravity(const Point& gravity) {
@@ -106,18 +114,23 @@ void FlexibleBody::initial(Span q, Span v) const {
   std::copy(initial_velocity_.begin(), initial_velocity_.end(), v.begin() + placement().v);
 }
 
-/// Positions are measured by the size of the body, not by the distance from the origin; gradients by 1.
-void FlexibleBody::magnitude(ConstSpan, Span out) const {
+double FlexibleBody::largest_extent() const {
+  if (reference_.empty()) return 0;
   double low[3], high[3];
   for (std::size_t i = 0; i < 3; ++i) low[i] = high[i] = reference_[i];
-  for (Index v = 0; v < assembly_.vertices(); v += vertices_per_node_)
+  for (std::size_t v = 0; 3 * v < reference_.size(); v += at(vertices_per_node_))
     for (std::size_t i = 0; i < 3; ++i) {
-      low[i] = std::min(low[i], reference_[3 * at(v) + i]);
-      high[i] = std::max(high[i], reference_[3 * at(v) + i]);
+      low[i] = std::min(low[i], reference_[3 * v + i]);
+      high[i] = std::max(high[i], reference_[3 * v + i]);
     }
-  const double size = std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2]});
-  for (Index v = 0; v < assembly_.vertices(); ++v)
-    for (Index i = 0; i < 3; ++i) out[at(coordinate(v) + i)] = is_position(v) ? size : 1.0;
+  return std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2]});
+}
+
+/// Positions are measured by the size of the body, not by the distance from the origin; gradients by 1.
+void FlexibleBody::magnitude(ConstSpan, Span out) const {
+  double* own = out.data() + placement().v;
+  for_each_entry(pool_, reference_.size(),
+                 [&](std::size_t i) { own[i] = is_position(static_cast<Index>(i / 3)) ? extent_ : 1.0; });
 }
 
 std::optional<BodyTurn> FlexibleBody::turn(ConstSpan from, ConstSpan to) const {
@@ -151,14 +164,7 @@ std::optional<BodyTurn> FlexibleBody::turn(ConstSpan from, ConstSpan to) const {
 }
 
 void FlexibleBody::declare(PatternBuilder& w, PatternBuilder&) const {
-  const VertexPattern& p = assembly_.pattern();
-  std::vector<Index> rows;
-  for (Index b = 0; b < assembly_.vertices(); ++b) {
-    rows.clear();
-    for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e)
-      for (Index i = 0; i < 3; ++i) rows.push_back(coordinate(p.ind[at(e)]) + i);
-    for (Index j = 0; j < 3; ++j) w.add_rows(rows, coordinate(b) + j);
-  }
+  w.add_vertex_pairs(placement().v, assembly_.pattern().ptr, assembly_.pattern().ind);
 }
 
 void FlexibleBody::bind(const SparsePattern& w, const SparsePattern&) {
@@ -294,14 +300,17 @@ Energy FlexibleBody::energy(const StateView& s) {
   std::vector<double> scratch(n, 0.0);
   static_cast<void>(assembly_.add_forces(pool_, state(s), scratch.data(), result.potential));
   const double* q = s.q.data() + placement().q;
-  for (std::size_t i = 0; i < n; ++i) result.potential -= load_factor() * weight_[i] * q[i];
+  result.potential -= load_factor() * sum_of(pool_, n, [&](std::size_t i) { return weight_[i] * q[i]; });
   if (s.v.empty()) return result;
   const double* v = s.v.data() + placement().v;
   const VertexPattern& p = assembly_.pattern();
-  for (Index b = 0; b < assembly_.vertices(); ++b)
-    for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e)
-      for (std::size_t i = 0; i < 3; ++i)
-        result.kinetic += 0.5 * mass_[at(e)] * v[3 * at(p.ind[at(e)]) + i] * v[3 * at(b) + i];
+  const double twice = sum_of(pool_, at(vertices()), [&](std::size_t b) {
+    double sum = 0;
+    for (Offset e = p.ptr[b]; e < p.ptr[b + 1]; ++e)
+      for (std::size_t i = 0; i < 3; ++i) sum += mass_[at(e)] * v[3 * at(p.ind[at(e)]) + i] * v[3 * b + i];
+    return sum;
+  });
+  result.kinetic = 0.5 * twice;
   return result;
 }
 

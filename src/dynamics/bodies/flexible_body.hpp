@@ -68,6 +68,10 @@ class FlexibleBody final : public Component {
   [[nodiscard]] int vertices_per_node() const { return vertices_per_node_; }
   [[nodiscard]] std::span<const double> reference() const { return reference_; }
   [[nodiscard]] const ElementAssembly& assembly() const { return assembly_; }
+  /// Consistent mass, one number for every entry of assembly().pattern().
+  [[nodiscard]] std::span<const double> mass() const { return mass_; }
+  /// The longest edge of the box around the nodes in the reference state.
+  [[nodiscard]] double size() const { return extent_; }
   /// Global index of the first velocity coordinate of vertex `vertex`; valid after place().
   [[nodiscard]] Index coordinate(Index vertex) const { return placement().v + 3 * vertex; }
   /// Position in the global configuration of the first number of vertex `vertex`; valid after place().
@@ -81,6 +85,7 @@ class FlexibleBody final : public Component {
   [[nodiscard]] Sizes sizes() const override;
   [[nodiscard]] std::string coordinate_name(Index local_coordinate) const override;
   void initial(Span q, Span v) const override;
+  [[nodiscard]] bool is_vector_space() const override { return true; }
   void magnitude(ConstSpan q, Span out) const override;
   void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;
   void bind(const SparsePattern& w, const SparsePattern& phi_q) override;
@@ -106,9 +111,11 @@ class FlexibleBody final : public Component {
   void add_inertia(const double* a, const double* v, double* f) const;
   [[nodiscard]] AssemblyState state(const StateView& s) const;
   [[nodiscard]] bool is_position(Index vertex) const { return vertex % vertices_per_node_ == 0; }
+  [[nodiscard]] double largest_extent() const;
 
   int vertices_per_node_;
   std::vector<double> reference_, initial_position_, initial_velocity_;
+  double extent_;  // of the reference: the longest edge of the box around its nodes
   ElementAssembly assembly_;
   std::vector<double> mass_;    // per entry of the vertex pattern
   std::vector<double> weight_;  // M g, 3 per vertex

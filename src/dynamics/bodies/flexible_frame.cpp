@@ -171,13 +171,13 @@ void FlexibleFrame::wrench_stiffness(ConstSpan q, const Vec6& wrench, double sca
     }
 }
 
-std::unique_ptr<Frame> make_node_frame(const FlexibleBody& body, Index node) {
+std::unique_ptr<FlexibleFrame> make_node_frame(const FlexibleBody& body, Index node) {
   return std::make_unique<FlexibleFrame>(body,
                                          std::vector<FrameVertex>{{node * body.vertices_per_node(), 1, Vec3::Zero()}});
 }
 
-std::unique_ptr<Frame> make_face_frame(const FlexibleBody& body, const Mesh& mesh, std::span<const MeshFace> faces,
-                                       const Mat3& axes) {
+std::unique_ptr<FlexibleFrame> make_face_frame(const FlexibleBody& body, const Mesh& mesh,
+                                               std::span<const MeshFace> faces, const Mat3& axes) {
   if (faces.empty() || body.vertices_per_node() != 1)
     throw std::invalid_argument(fmt::format("face frame on '{}': needs faces of a solid body", body.name()));
   std::map<Index, double> weights;
@@ -197,7 +197,7 @@ std::unique_ptr<Frame> make_face_frame(const FlexibleBody& body, const Mesh& mes
   return std::make_unique<FlexibleFrame>(body, std::move(vertices), axes);
 }
 
-std::unique_ptr<Frame> make_beam_frame(const FlexibleBody& body, Index node, const Mat3& axes) {
+std::unique_ptr<FlexibleFrame> make_beam_frame(const FlexibleBody& body, Index node, const Mat3& axes) {
   if (body.vertices_per_node() != 4)
     throw std::invalid_argument(fmt::format("beam frame on '{}': it is not a beam body", body.name()));
   const Index first = 4 * node;

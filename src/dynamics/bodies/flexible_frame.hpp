@@ -25,6 +25,8 @@ class FlexibleFrame final : public Frame {
   /// @param axes columns: the frame's axes in the reference state, global components
   FlexibleFrame(const FlexibleBody& body, std::vector<FrameVertex> vertices, const Mat3& axes = Mat3::Identity());
 
+  [[nodiscard]] const std::vector<FrameVertex>& vertices() const { return vertices_; }
+  [[nodiscard]] const Mat3& axes() const { return axes_; }
   [[nodiscard]] std::span<const Index> coordinates() const override;
   [[nodiscard]] bool has_rotation() const override { return has_rotation_; }
   void motion(ConstSpan q, ConstSpan v, FrameMotion& out) const override;
@@ -62,15 +64,16 @@ class FlexibleFrame final : public Frame {
 };
 
 /// A node: position only.
-std::unique_ptr<Frame> make_node_frame(const FlexibleBody& body, Index node);
+std::unique_ptr<FlexibleFrame> make_node_frame(const FlexibleBody& body, Index node);
 
 /// The average of a face set: every face gives its reference area in equal parts to its nodes. Its rotation couples all
 /// nodes of the set in the tangent (a dense block), so sets should stay below some hundred nodes.
 /// @throws std::invalid_argument on an empty set or one whose nodes lie on a line
-std::unique_ptr<Frame> make_face_frame(const FlexibleBody& body, const Mesh& mesh, std::span<const MeshFace> faces,
-                                       const Mat3& axes = Mat3::Identity());
+std::unique_ptr<FlexibleFrame> make_face_frame(const FlexibleBody& body, const Mesh& mesh,
+                                               std::span<const MeshFace> faces, const Mat3& axes = Mat3::Identity());
 
 /// A node of a beam body: rotation of the cross-section (polar rotation of r_y, r_z). @pre vertices_per_node() == 4
-std::unique_ptr<Frame> make_beam_frame(const FlexibleBody& body, Index node, const Mat3& axes = Mat3::Identity());
+std::unique_ptr<FlexibleFrame> make_beam_frame(const FlexibleBody& body, Index node,
+                                               const Mat3& axes = Mat3::Identity());
 
 }  // namespace espalier::dynamics

@@ -55,7 +55,7 @@ std::unique_ptr<FlexibleBody> make_solid_body(std::string name, const Mesh& mesh
   std::vector<double> reference;
   for (const Point& p : mesh.nodes) reference.insert(reference.end(), p.begin(), p.end());
   return std::make_unique<FlexibleBody>(std::move(name), 1, std::move(reference),
-                                        make_solid_groups(mesh, elements, material, options), pool);
+                                        make_solid_groups(mesh, elements, material, options, pool), pool);
 }
 
 std::unique_ptr<FlexibleBody> make_beam_body(std::string name, const AxisShape& shape, const Point& y_direction,

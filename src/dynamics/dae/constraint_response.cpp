@@ -6,6 +6,7 @@
 
 #include "dynamics/dae/at.hpp"
 #include "dynamics/dae/products.hpp"
+#include "dynamics/dae/vectors.hpp"
 
 namespace espalier::dynamics {
 
@@ -67,7 +68,7 @@ std::vector<double> ConstraintResponse::give() {
 void ConstraintResponse::apply(Span x, base::ThreadPool* pool) const {
   r_.resize(kept_.size());
   for (std::size_t c = 0; c < kept_.size(); ++c) r_[c] = x[at(n_) + at(kept_[c])];
-  std::fill(x.begin(), x.end(), 0.0);
+  fill_zero(pool, x);
   add_columns(columns_.data(), r_, x, pool);
 }
 

@@ -6,20 +6,15 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "base/stopwatch.hpp"
+#include "dynamics/dae/vectors.hpp"
 
 namespace espalier::dynamics {
 
-using base::Stopwatch;
+double max_norm(ConstSpan x) { return max_norm(nullptr, x); }
 
-double max_norm(ConstSpan x) {
-  double largest = 0;
-  for (const double value : x) {
-    if (!(std::abs(value) <= largest)) largest = std::abs(value);  // a NaN gets through
-    if (std::isnan(largest)) return largest;
-  }
-  return largest;
-}
+namespace {
+PhaseRow row_of(bool on_device) { return on_device ? PhaseRow::device : PhaseRow::host; }
+}  // namespace
 
 std::unique_ptr<LinearSolver> make_linear_solver(Index unknowns) {
   // Dense LU of 60 unknowns takes about 30 us, as long as the bookkeeping of a sparse one (2-core x86 server).
@@ -28,10 +23,11 @@ std::unique_ptr<LinearSolver> make_linear_solver(Index unknowns) {
   return make_espalier_solver(newton_options(unknowns));
 }
 
-Equations::Equations(System& system, std::unique_ptr<LinearSolver> solver)
+Equations::Equations(System& system, std::unique_ptr<LinearSolver> solver, base::ThreadPool* pool)
     : system_(system),
       sizes_(system.sizes()),
       kkt_(solver ? std::move(solver) : make_linear_solver(sizes_.velocity + sizes_.constraints)) {
+  set_pool(pool);
   update_pattern();
 }
 
@@ -74,7 +70,7 @@ void Equations::set_dropped(std::vector<char> dropped) {
 
 void Equations::evaluate_constraints(double t, ConstSpan q, ConstSpan v) {
   if (phi_.empty()) return;
-  const Stopwatch watch(counts_.assembly_seconds);
+  const Phase phase("constraints", counts_.assembly_seconds, trace_);
   ++counts_.constraints;
   system_.constraints(t, q, v, {phi_, nu_, v.empty() ? Span{} : Span(gamma_), phi_q_});
   for (std::size_t i = 0; i < dropped_.size(); ++i) {
@@ -92,7 +88,7 @@ void Equations::level(ConstSpan x, ConstSpan shift, Span out) const {
 }
 
 void Equations::motion(const StateView& s, Span f) {
-  const Stopwatch watch(counts_.assembly_seconds);
+  const Phase phase("forces", counts_.assembly_seconds, trace_, row_of(device_ != nullptr));
   ++counts_.residuals;
   system_.residual(s, f);
   if (!phi_.empty()) add_transposed(system_.constraint_pattern(), phi_q_, s.lambda, f);
@@ -102,7 +98,7 @@ Levels Equations::levels(const StateView& s) {
   Levels result;
   evaluate_constraints(s.t, s.q, s.v);
   motion(s, work_n_);
-  result.motion = max_norm(work_n_);
+  result.motion = max_norm(pool_, work_n_);
   result.position = max_norm(phi_);
   level(s.v, nu_, work_m_);
   result.velocity = max_norm(work_m_);
@@ -145,7 +141,7 @@ void Equations::leave_device() {
 }
 
 void Equations::assemble(const StateView& s, const TangentWeights& weights, bool on_device) {
-  const Stopwatch watch(counts_.assembly_seconds);
+  const Phase phase("tangents", counts_.assembly_seconds, trace_, row_of(on_device));
   ++counts_.tangents;
   if (on_device)
     system_.tangent_on_device(s, weights, kkt_.clear_on_device(), kkt_.w_values());
@@ -157,7 +153,9 @@ void Equations::assemble(const StateView& s, const TangentWeights& weights, bool
 
 // @return false: see KktSolver::factorize_on_device()
 bool Equations::factorize_assembled(const StateView& s, bool on_device) {
-  const Stopwatch watch(first_factorization_ ? counts_.analysis_seconds : counts_.factor_seconds);
+  const Phase phase(first_factorization_ ? "analysis, factorization" : "factorization",
+                    first_factorization_ ? counts_.analysis_seconds : counts_.factor_seconds, trace_,
+                    row_of(kkt_.gpu() >= 0));
   try {
     if (on_device) return kkt_.factorize_on_device();
     kkt_.factorize();
@@ -176,7 +174,8 @@ bool Equations::factorize_assembled(const StateView& s, bool on_device) {
 }
 
 void Equations::factorize(const StateView& s, const TangentWeights& weights) {
-  update_pattern();
+  system_.update_pattern(s.q);
+  if (update_pattern()) evaluate_constraints(s.t, s.q, s.v);  // what was evaluated has gone with the old pattern
   const bool on_device = kkt_.on_device();
   assemble(s, weights, on_device);
   ++counts_.factorizations;
@@ -191,7 +190,7 @@ void Equations::factorize(const StateView& s, const TangentWeights& weights) {
 }
 
 bool Equations::turn_factor(ConstSpan q_of_factor, ConstSpan q) {
-  const Stopwatch watch(counts_.factor_seconds);
+  const Phase phase("turned factor", counts_.factor_seconds, trace_, row_of(kkt_.gpu() >= 0));
   std::vector<BodyTurn> turns = system_.turns(q_of_factor, q);
   if (turns.empty()) return false;
   const Index solved = kkt_.turn(std::move(turns), phi_q_);
@@ -202,7 +201,7 @@ bool Equations::turn_factor(ConstSpan q_of_factor, ConstSpan q) {
 }
 
 void Equations::solve(Span b, Index columns, Index normal) {
-  const Stopwatch watch(counts_.solve_seconds);
+  const Phase phase("solve", counts_.solve_seconds, trace_, row_of(kkt_.gpu() >= 0));
   counts_.solves += kkt_.solve(b, columns, normal);
 }
 

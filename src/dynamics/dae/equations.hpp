@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "dynamics/dae/kkt.hpp"
+#include "dynamics/dae/phase.hpp"
 #include "dynamics/dae/system.hpp"
 
 namespace espalier::dynamics {
@@ -51,8 +52,8 @@ struct EquationCounts {
 /// concurrent calls.
 class Equations {
  public:
-  /// Takes the default solver for the size of the system, or `solver`.
-  explicit Equations(System& system, std::unique_ptr<LinearSolver> solver = nullptr);
+  /// Takes the default solver for the size of the system, or `solver`. @param pool  see set_pool()
+  explicit Equations(System& system, std::unique_ptr<LinearSolver> solver = nullptr, base::ThreadPool* pool = nullptr);
   ~Equations() { leave_device(); }
   Equations(const Equations&) = delete;
   Equations& operator=(const Equations&) = delete;
@@ -86,8 +87,11 @@ class Equations {
   [[nodiscard]] bool turn_factor(ConstSpan q_of_factor, ConstSpan q);
   /// Factorizes [identity-like metric; Phi_q]: K with W = F_a, for projections. Same as factorize with {1, 0, 0}.
   [[nodiscard]] KktSolver& kkt() { return kkt_; }
-  /// Threads for K; outlives the object; null: the calling thread alone.
+  /// Threads for K and for what integrators do with long vectors; outlives the object; null: the calling thread alone.
   void set_pool(base::ThreadPool* pool);
+  [[nodiscard]] base::ThreadPool* pool() const { return pool_; }
+  /// What comes is recorded there; outlives the object; null: nowhere.
+  void set_trace(PhaseTrace* trace) { trace_ = trace; }
   /// From now on a GPU that has the factor also evaluates what it can of F and W, as soon as there is a factor; see
   /// device/device_assembly.hpp. Where its memory is too small, the host goes on alone and says so in device_notice().
   /// Not for statics, which looks at W itself.
@@ -112,6 +116,7 @@ class Equations {
   std::unique_ptr<DeviceAssembly> device_;  // outlives what lies on it: a part of K, and of the system (leave_device())
   bool device_allowed_ = false;
   base::ThreadPool* pool_ = nullptr;
+  PhaseTrace* trace_ = nullptr;
   std::string device_notice_;
   KktSolver kkt_;
   std::uint64_t version_ = 0;

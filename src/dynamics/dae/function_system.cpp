@@ -53,6 +53,12 @@ SparsePattern dense_pattern(Index rows, Index cols, bool by_columns) {
 
 SparsePattern pattern_of(const std::vector<std::pair<Index, Index>>& entries, Index rows, Index cols, bool by_columns,
                          const char* name) {
+  constexpr Offset kMostByDefault = Offset{1} << 30;
+  if (entries.empty() && static_cast<Offset>(rows) * cols > kMostByDefault)
+    throw std::invalid_argument(
+        fmt::format("{}: all entries of a {} x {} matrix are too many; give those that may be other "
+                    "than zero",
+                    name, rows, cols));
   if (entries.empty()) return dense_pattern(rows, cols, by_columns);
   PatternBuilder builder(rows, cols, by_columns);
   for (const auto& [row, col] : entries) {

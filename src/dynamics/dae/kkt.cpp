@@ -8,6 +8,7 @@
 
 #include "base/parallel.hpp"
 #include "dynamics/dae/at.hpp"
+#include "dynamics/dae/vectors.hpp"
 
 namespace espalier::dynamics {
 
@@ -18,7 +19,9 @@ void KktSolver::set_pattern(const SparsePattern& w, const SparsePattern& phi_q, 
   n_ = w.cols;
   m_ = phi_q.rows;
   dropped_.assign(at(m_), 0);
-  w_values_.assign(at(w.nonzeros()), 0.0);
+  w_values_ = {};
+  w_values_.resize(at(w.nonzeros()));
+  fill_zero(pool_, w_values_);
   phi_q_values_.assign(at(phi_q.nonzeros()), 0.0);
   f_lambda_values_.assign(f_lambda == nullptr ? 0 : at(f_lambda->nonzeros()), 0.0);
   scale_.assign(at(n_ + m_), 1.0);
@@ -57,14 +60,17 @@ void KktSolver::layout() {
     std::set_union(own.begin(), own.end(), more.begin(), more.end(), std::back_inserter(rows));
     k_ptr_[at(n_ + i) + 1] = k_ptr_[at(n_ + i)] + static_cast<Offset>(rows.size()) + 1;
   }
+  k_ind_ = {};
   k_ind_.resize(at(k_ptr_.back()));
-  k_values_.assign(at(k_ptr_.back()), 0.0);
+  k_values_ = {};
+  k_values_.resize(at(k_ptr_.back()));
+  fill_zero(pool_, k_values_);
   std::vector<Offset> next(at(n_));
-  for (Index j = 0; j < n_; ++j) {
-    Offset k = k_ptr_[at(j)];
-    for (Offset p = w_->ptr[at(j)]; p < w_->ptr[at(j) + 1]; ++p) k_ind_[at(k++)] = w_->ind[at(p)];
-    next[at(j)] = k;
-  }
+  for_columns_of_w([&](Index j) {
+    const auto of_w = std::span(w_->ind).subspan(at(w_->ptr[at(j)]), at(w_->ptr[at(j) + 1] - w_->ptr[at(j)]));
+    std::copy(of_w.begin(), of_w.end(), k_ind_.begin() + k_ptr_[at(j)]);
+    next[at(j)] = k_ptr_[at(j)] + static_cast<Offset>(of_w.size());
+  });
   phi_position_.resize(phi_q_->ind.size());
   for (Index i = 0; i < m_; ++i) {
     for (Offset p = phi_q_->ptr[at(i)]; p < phi_q_->ptr[at(i) + 1]; ++p) {
@@ -115,13 +121,13 @@ void KktSolver::measure_columns() {
 }
 
 void KktSolver::compute_scaling() {
-  for (Index j = 0; j < n_; ++j) {
-    const double largest = largest_[at(j)], diagonal = diagonal_[at(j)];
+  for_each_entry(pool_, at(n_), [&](std::size_t j) {
+    const double largest = largest_[j], diagonal = diagonal_[j];
     // A massless coordinate has no useful diagonal; its largest entry, or one, stands in.
     double size = diagonal > 1e-6 * largest ? diagonal : largest;
-    if (!typical_.empty() && size < 1e-6 * typical_[at(j)]) size = typical_[at(j)];
-    scale_[at(j)] = size > 0 ? 1 / std::sqrt(size) : 1.0;
-  }
+    if (!typical_.empty() && size < 1e-6 * typical_[j]) size = typical_[j];
+    scale_[j] = size > 0 ? 1 / std::sqrt(size) : 1.0;
+  });
   for (Index i = 0; i < m_; ++i) {
     double largest = 0;
     for (Offset p = phi_q_->ptr[at(i)]; p < phi_q_->ptr[at(i) + 1]; ++p) {
@@ -185,8 +191,8 @@ Index KktSolver::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values) {
     solved += count;
   };
   try {
-    if (!turned_.turn(std::move(turns), phi_q_values, solve)) return -1;
-    response_.take(turned_.response());
+    if (!turned_.turn(std::move(turns), phi_q_values, solve, pool_)) return -1;
+    response_.take(turned_.response(pool_));
   } catch (const std::bad_alloc&) {  // a new factor needs no more than the last one did
     turned_.drop();
     return -1;
@@ -259,17 +265,18 @@ void KktSolver::solve_now(Span b, Index columns) {
 
 void KktSolver::solve_with_factor(Span b, Index columns) {
   const std::size_t size = at(n_ + m_);
+  const auto scale = [&](std::size_t column) {
+    for_each_entry(pool_, size, [&](std::size_t i) { b[column * size + i] *= scale_[i]; });
+  };
   for (std::size_t c = 0; c < at(columns); ++c) {
-    for (std::size_t i = 0; i < size; ++i) b[c * size + i] *= scale_[i];
+    scale(c);
     for (std::size_t i = 0; i < at(m_); ++i) {
       if (dropped_[i]) b[c * size + at(n_) + i] = 0;
     }
   }
   const Status s = solver_->solve(b, b, columns);
   if (!s.ok() && s.code != StatusCode::accuracy_not_reached) throw Error(s);
-  for (std::size_t c = 0; c < at(columns); ++c) {
-    for (std::size_t i = 0; i < size; ++i) b[c * size + i] *= scale_[i];
-  }
+  for (std::size_t c = 0; c < at(columns); ++c) scale(c);
 }
 
 MatrixView KktSolver::matrix() const { return {n_ + m_, n_ + m_, k_ptr_, k_ind_, k_values_, Storage::general}; }

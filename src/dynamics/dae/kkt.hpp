@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "base/untouched_vector.hpp"
 #include "dynamics/dae/constraint_response.hpp"
 #include "dynamics/dae/linear_solver.hpp"
 #include "dynamics/dae/products.hpp"
@@ -110,10 +111,12 @@ class KktSolver {
   bool analyzed_ = false;
   std::vector<char> dropped_;    // m
   std::vector<double> typical_;  // n, or none
-  std::vector<double> w_values_, phi_q_values_, f_lambda_values_;
+  base::UntouchedVector<double> w_values_;
+  std::vector<double> phi_q_values_, f_lambda_values_;
   std::vector<Offset> k_ptr_;  // n + m + 1
-  std::vector<Index> k_ind_;
-  std::vector<double> k_values_, scale_;    // scale_: n + m
+  base::UntouchedVector<Index> k_ind_;
+  base::UntouchedVector<double> k_values_;
+  std::vector<double> scale_;               // n + m
   std::vector<double> diagonal_, largest_;  // n; |W_jj| and the largest |W_ij| of column j
   // Positions in K of each entry of Phi_q: in the lower left and in the upper right block; of each entry of F_lambda.
   std::vector<Offset> phi_position_, right_position_, f_lambda_position_;

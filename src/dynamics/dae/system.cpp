@@ -7,6 +7,7 @@
 
 #include "base/parallel.hpp"
 #include "dynamics/dae/frame.hpp"
+#include "dynamics/dae/vectors.hpp"
 
 namespace espalier::dynamics {
 
@@ -44,26 +45,70 @@ void PatternBuilder::add_block(std::span<const Index> rows, std::span<const Inde
   }
 }
 
-void PatternBuilder::add_rows(std::span<const Index> rows, Index col) {
-  declared_ += static_cast<Offset>(rows.size());
-  auto& list = lists_[static_cast<std::size_t>(col)];
-  if (list.size() == 1 && std::binary_search(rows.begin(), rows.end(), list[0])) list.clear();  // the diagonal
-  list.insert(list.end(), rows.begin(), rows.end());
+void PatternBuilder::add_vertex_pairs(Index first, std::span<const Offset> ptr, std::span<const Index> ind) {
+  if (ptr.size() < 2) return;
+  if (!pairs_.empty() && first < pairs_.back().first + 3 * static_cast<Index>(pairs_.back().ptr.size() - 1))
+    throw std::logic_error("columns of vertices were declared out of order");
+  if (!by_columns_ || first < 0 || first + 3 * static_cast<Index>(ptr.size() - 1) > cols_)
+    throw std::logic_error("pattern entry outside of the matrix");
+  declared_ += 9 * static_cast<Offset>(ind.size());
+  pairs_.push_back({first, ptr, ind});
 }
 
-SparsePattern PatternBuilder::build() const {
-  SparsePattern p{rows_, cols_, {}, {}};
-  p.ptr.reserve(lists_.size() + 1);
-  p.ptr.push_back(0);
-  for (auto& list : lists_) {
-    if (std::adjacent_find(list.begin(), list.end(), std::greater_equal<>()) != list.end()) {
-      std::sort(list.begin(), list.end());
-      list.erase(std::unique(list.begin(), list.end()), list.end());
-    }
-    p.ptr.push_back(p.ptr.back() + static_cast<Offset>(list.size()));
+// The vertices whose rows add_vertex_pairs() has declared in a column; they count from the first of its range.
+std::span<const Index> PatternBuilder::vertices_of(Index major) const {
+  const auto after = std::upper_bound(pairs_.begin(), pairs_.end(), major,
+                                      [](Index column, const VertexPairs& p) { return column < p.first; });
+  if (after == pairs_.begin()) return {};
+  const VertexPairs& p = *(after - 1);
+  const auto vertex = static_cast<std::size_t>(major - p.first) / 3;
+  if (vertex + 1 >= p.ptr.size()) return {};
+  return p.ind.subspan(static_cast<std::size_t>(p.ptr[vertex]),
+                       static_cast<std::size_t>(p.ptr[vertex + 1] - p.ptr[vertex]));
+}
+
+// out := the minor indices of a major one, sorted and unique.
+void PatternBuilder::collect(Index major, std::vector<Index>& out) const {
+  const std::vector<Index>& list = lists_[static_cast<std::size_t>(major)];
+  const std::span<const Index> vertices = vertices_of(major);
+  out.clear();
+  if (!vertices.empty()) {
+    const Index first =
+        std::prev(std::upper_bound(pairs_.begin(), pairs_.end(), major, [](Index column, const VertexPairs& p) {
+          return column < p.first;
+        }))->first;
+    for (const Index v : vertices)
+      for (Index i = 0; i < 3; ++i) out.push_back(first + 3 * v + i);
   }
-  p.ind.reserve(static_cast<std::size_t>(p.ptr.back()));
-  for (const auto& list : lists_) p.ind.insert(p.ind.end(), list.begin(), list.end());
+  const auto sorted = static_cast<std::ptrdiff_t>(out.size());
+  out.insert(out.end(), list.begin(), list.end());
+  if (diagonal_ && !std::binary_search(out.begin(), out.begin() + sorted, major)) out.push_back(major);
+  if (sorted == static_cast<std::ptrdiff_t>(out.size())) return;
+  std::sort(out.begin() + sorted, out.end());
+  std::inplace_merge(out.begin(), out.begin() + sorted, out.end());
+  out.erase(std::unique(out.begin(), out.end()), out.end());
+}
+
+// Counted first and then written where they stay: memory that is touched for the first time is what takes time here.
+SparsePattern PatternBuilder::build(base::ThreadPool* pool) const {
+  constexpr std::int64_t kLines = 1024;
+  const auto lines = static_cast<std::int64_t>(lists_.size());
+  const auto for_lines = [&](const auto& body) {
+    base::for_each_range(pool, lines, kLines, [&](std::int64_t begin, std::int64_t end) {
+      std::vector<Index> line;
+      for (std::int64_t k = begin; k < end; ++k) {
+        collect(static_cast<Index>(k), line);
+        body(static_cast<std::size_t>(k), line);
+      }
+    });
+  };
+  SparsePattern p{rows_, cols_, std::vector<Offset>(lists_.size() + 1, 0), {}};
+  for_lines([&](std::size_t k, const std::vector<Index>& line) { p.ptr[k + 1] = static_cast<Offset>(line.size()); });
+  for (std::size_t k = 0; k < lists_.size(); ++k) p.ptr[k + 1] += p.ptr[k];
+  p.ind.resize(static_cast<std::size_t>(p.ptr.back()));
+  for_lines([&](std::size_t k, const std::vector<Index>& line) {
+    std::copy(line.begin(), line.end(), p.ind.begin() + p.ptr[k]);
+  });
   return p;
 }
 
@@ -159,7 +204,18 @@ void AssembledSystem::insert(std::unique_ptr<Component> component) {
   sizes_.configuration += own.configuration;
   sizes_.velocity += own.velocity;
   sizes_.constraints += own.constraints;
-  if (own.velocity > 0) owners_of_coordinates_.push_back(component.get());
+  if (own.velocity > 0) {
+    owners_of_coordinates_.push_back(component.get());
+    if (!component->is_vector_space()) {
+      curved_.push_back(component.get());
+    } else {
+      const Range r = own_range(*component);
+      if (!flat_.empty() && flat_.back().q + flat_.back().n == r.q && flat_.back().v + flat_.back().n == r.v)
+        flat_.back().n += r.n;
+      else
+        flat_.push_back({r.q, r.v, r.n});
+    }
+  }
   if (own.constraints > 0) owners_of_constraints_.push_back(component.get());
   components_.push_back(std::move(component));
 }
@@ -167,7 +223,7 @@ void AssembledSystem::insert(std::unique_ptr<Component> component) {
 void AssembledSystem::finish() {
   PatternBuilder w(sizes_.velocity, sizes_.velocity, true);
   PatternBuilder phi_q(sizes_.constraints, sizes_.velocity, false);
-  for (Index i = 0; i < sizes_.velocity; ++i) w.add(i, i);
+  w.add_diagonal();
   PatternBuilder f_lambda(sizes_.velocity, sizes_.constraints, true);
   declared_.clear();
   for (const auto& c : components_) {
@@ -176,7 +232,7 @@ void AssembledSystem::finish() {
     declared_.push_back(w.declared() - before);
     c->declare_multipliers(f_lambda);
   }
-  w_pattern_ = w.build();
+  w_pattern_ = w.build(pool_);
   phi_q_pattern_ = phi_q.build();
   f_lambda_pattern_ = f_lambda.build();
   for (const auto& c : components_) {
@@ -213,20 +269,29 @@ std::string AssembledSystem::coordinate_name(Index coordinate) const {
   return c.coordinate_name(coordinate - c.placement().v);
 }
 
+template <class Body>
+void AssembledSystem::for_each_flat(const Body& body) const {
+  for (const FlatRange& r : flat_) for_each_entry(pool_, r.n, [&](std::size_t i) { body(r.q + i, r.v + i); });
+}
+
 void AssembledSystem::retract(ConstSpan q, ConstSpan dq, Span q_out) const {
-  for (const Component* c : owners_of_coordinates_) c->retract(q, dq, q_out);
+  for_each_flat([&](std::size_t in_q, std::size_t in_v) { q_out[in_q] = q[in_q] + dq[in_v]; });
+  for (const Component* c : curved_) c->retract(q, dq, q_out);
 }
 
 void AssembledSystem::local(ConstSpan base, ConstSpan q, Span theta) const {
-  for (const Component* c : owners_of_coordinates_) c->local(base, q, theta);
+  for_each_flat([&](std::size_t in_q, std::size_t in_v) { theta[in_v] = q[in_q] - base[in_q]; });
+  for (const Component* c : curved_) c->local(base, q, theta);
 }
 
 void AssembledSystem::velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const {
-  for (const Component* c : owners_of_coordinates_) c->velocity_of_rate(theta, theta_dot, v);
+  if (v.data() != theta_dot.data()) for_each_flat([&](std::size_t, std::size_t in_v) { v[in_v] = theta_dot[in_v]; });
+  for (const Component* c : curved_) c->velocity_of_rate(theta, theta_dot, v);
 }
 
 void AssembledSystem::rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_dot) const {
-  for (const Component* c : owners_of_coordinates_) c->rate_of_velocity(theta, v, theta_dot);
+  if (v.data() != theta_dot.data()) for_each_flat([&](std::size_t, std::size_t in_v) { theta_dot[in_v] = v[in_v]; });
+  for (const Component* c : curved_) c->rate_of_velocity(theta, v, theta_dot);
 }
 
 void AssembledSystem::magnitude(ConstSpan q, Span out) const {
@@ -249,8 +314,8 @@ void evaluate(const Component& component, const Call& call) {
 }  // namespace
 
 void AssembledSystem::residual(const StateView& s, Span f) {
-  std::fill(f.begin(), f.end(), 0.0);
   for (const auto& c : components_) c->start_residual(s);
+  fill_zero(pool_, f);
   for (const auto& c : components_) evaluate(*c, [&] { c->residual(s, f); });
 }
 
@@ -270,6 +335,12 @@ Energy AssembledSystem::energy(const StateView& s) {
   return sum;
 }
 
+void AssembledSystem::update_pattern(ConstSpan q) {
+  bool changed = false;
+  for (const auto& c : components_) changed = c->update_pattern(q) || changed;
+  if (changed) finish();
+}
+
 void AssembledSystem::set_load_factor(double factor) {
   for (const auto& c : components_) c->set_load_factor(factor);
 }
@@ -283,6 +354,12 @@ std::vector<BodyTurn> AssembledSystem::turns(ConstSpan from, ConstSpan to) const
 
 void AssembledSystem::accept(const StateView& s) {
   for (const auto& c : components_) c->accept(s);
+}
+
+bool AssembledSystem::augment(const StateView& s) {
+  bool changed = false;
+  for (const auto& c : components_) changed = c->augment(s) || changed;
+  return changed;
 }
 
 void AssembledSystem::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
@@ -316,7 +393,7 @@ bool AssembledSystem::use_device(DeviceAssembly& device, std::span<const Offset>
     else
       c->declare(of_host, unused);
   }
-  const SparsePattern entries = of_host.build();
+  const SparsePattern entries = of_host.build(pool_);
   host_entries_.clear();
   host_entries_.reserve(entries.ind.size());
   for (std::size_t j = 0; j + 1 < entries.ptr.size(); ++j) {

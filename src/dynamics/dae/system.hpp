@@ -65,18 +65,32 @@ class PatternBuilder {
   void add(Index row, Index col);
   /// Declares every (row, col) pair of the two lists.
   void add_block(std::span<const Index> rows, std::span<const Index> cols);
-  /// Declares the entries of one column, faster than one by one. @pre built by columns; rows rise, within the matrix
-  void add_rows(std::span<const Index> rows, Index col);
-  /// How many entries were declared so far, those declared several times among them.
+  /// Declares the whole diagonal.
+  void add_diagonal() { diagonal_ = true; }
+  /// Declares 3 x 3 blocks, without a copy: vertex b has the columns first + 3 b and the next two, and in them the
+  /// three rows of each vertex ind[ptr[b] .. ptr[b + 1]), which rise. @pre built by columns; ranges of columns come in
+  /// rising order and do not overlap; the lists live until the last build()
+  void add_vertex_pairs(Index first, std::span<const Offset> ptr, std::span<const Index> ind);
+  /// How many entries were declared so far, those declared several times among them; without the diagonal.
   [[nodiscard]] Offset declared() const { return declared_; }
-  /// The pattern of all entries declared so far.
-  [[nodiscard]] SparsePattern build() const;
+  /// The pattern of all entries declared so far. @param pool  null: the calling thread alone
+  [[nodiscard]] SparsePattern build(base::ThreadPool* pool = nullptr) const;
 
  private:
+  struct VertexPairs {
+    Index first;
+    std::span<const Offset> ptr;
+    std::span<const Index> ind;
+  };
+  [[nodiscard]] std::span<const Index> vertices_of(Index major) const;
+  void collect(Index major, std::vector<Index>& out) const;
+
   Index rows_, cols_;
   bool by_columns_;
+  bool diagonal_ = false;
   Offset declared_ = 0;
-  mutable std::vector<std::vector<Index>> lists_;  // minor indices of every major index, compacted lazily
+  std::vector<VertexPairs> pairs_;
+  std::vector<std::vector<Index>> lists_;  // minor indices of every major index, compacted lazily
 };
 
 struct Sizes {
@@ -128,11 +142,17 @@ class System {
   [[nodiscard]] virtual std::vector<BodyTurn> turns(ConstSpan /*from*/, ConstSpan /*to*/) const { return {}; }
   /// Called by the integrators with every accepted state: the place to remember what has a history (turns of an angle).
   virtual void accept(const StateView& /*s*/) {}
+  /// Called where the equations hold at a trial state: whether multipliers that the system keeps to itself (augmented
+  /// Lagrangian) were changed, so that they are to be solved again from there.
+  virtual bool augment(const StateView& /*s*/) { return false; }
 
   // Jacobians. The patterns are fixed while pattern_version() stays the same.
   [[nodiscard]] virtual const SparsePattern& tangent_pattern() const = 0;     ///< n x n, by columns
   [[nodiscard]] virtual const SparsePattern& constraint_pattern() const = 0;  ///< m x n, by rows
   [[nodiscard]] virtual std::uint64_t pattern_version() const { return 0; }
+  /// Called before W is evaluated at a configuration: the place to make the patterns anew (and to raise
+  /// pattern_version()) where bodies have come near each other whose entries they lack.
+  virtual void update_pattern(ConstSpan /*q*/) {}
   /// W = weights.a F_a + weights.v F_v + weights.q (F + Phi_q^T lambda)_q; overwrites the values.
   virtual void tangent(const StateView& s, const TangentWeights& weights, Span w_values) = 0;
   // A GPU may take a part of F and W; see device/device_assembly.hpp. residual() then uses it without being asked.
@@ -182,6 +202,8 @@ class Component {
   virtual void initial(Span q, Span v) const;
 
   // Manifold operations on its own ranges; the defaults are those of a vector space.
+  /// Whether the first four of them are the defaults; the system then makes them itself, for many at a time.
+  [[nodiscard]] virtual bool is_vector_space() const { return false; }
   virtual void retract(ConstSpan q, ConstSpan dq, Span q_out) const;
   virtual void local(ConstSpan base, ConstSpan q, Span theta) const;
   virtual void velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const;
@@ -191,6 +213,9 @@ class Component {
   /// Declares the entries of W (rows, columns: global velocity coordinates) and of Phi_q (rows: global constraints)
   /// that it will ever touch.
   virtual void declare(PatternBuilder& w, PatternBuilder& phi_q) const = 0;
+  /// Whether the entries at a configuration are not all declared; declare() then declares them as well, and all others
+  /// that are likely to follow. The system makes its patterns anew.
+  virtual bool update_pattern(ConstSpan /*q*/) { return false; }
   /// Called when the patterns stand: look up (find_entry) the positions of the entries, once.
   virtual void bind(const SparsePattern& w, const SparsePattern& phi_q) = 0;
 
@@ -219,6 +244,8 @@ class Component {
   [[nodiscard]] virtual std::optional<BodyTurn> turn(ConstSpan /*from*/, ConstSpan /*to*/) const { return {}; }
   /// Called with every accepted state.
   virtual void accept(const StateView& /*s*/) {}
+  /// See System::augment().
+  virtual bool augment(const StateView& /*s*/) { return false; }
   /// What it remembers beside the state (turns of an angle, measured offsets), for restart files: save() appends,
   /// restore() takes as many numbers from the front.
   virtual void save(std::vector<double>& /*out*/) const {}
@@ -265,9 +292,11 @@ class AssembledSystem final : public System {
   void set_load_factor(double factor) override;
   [[nodiscard]] std::vector<BodyTurn> turns(ConstSpan from, ConstSpan to) const override;
   void accept(const StateView& s) override;
+  bool augment(const StateView& s) override;
   [[nodiscard]] const SparsePattern& tangent_pattern() const override { return w_pattern_; }
   [[nodiscard]] const SparsePattern& constraint_pattern() const override { return phi_q_pattern_; }
   [[nodiscard]] std::uint64_t pattern_version() const override { return version_; }
+  void update_pattern(ConstSpan q) override;
   void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
   bool use_device(DeviceAssembly& device, std::span<const Offset> k_ptr) override;
   void leave_device() override;
@@ -282,9 +311,17 @@ class AssembledSystem final : public System {
   void multiplier_tangent(const StateView& s, Span values) override;
 
  private:
+  /// Coordinates that form a vector space, of as many components as follow each other: q[q + i] belongs to v[v + i].
+  struct FlatRange {
+    std::size_t q, v, n;
+  };
   void insert(std::unique_ptr<Component> component);
+  template <class Body>
+  void for_each_flat(const Body& body) const;
 
   base::ThreadPool* pool_ = nullptr;
+  std::vector<FlatRange> flat_;
+  std::vector<Component*> curved_;  // those with coordinates that form none
   std::vector<std::unique_ptr<Component>> components_;
   std::vector<Component*> owners_of_coordinates_;  // components with velocity coordinates
   std::vector<Component*> owners_of_constraints_;

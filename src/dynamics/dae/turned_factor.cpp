@@ -5,6 +5,7 @@
 
 #include "dynamics/dae/at.hpp"
 #include "dynamics/dae/products.hpp"
+#include "dynamics/dae/vectors.hpp"
 
 namespace espalier::dynamics {
 
@@ -19,40 +20,70 @@ void TurnedFactor::start(const SparsePattern& phi_q, ConstSpan phi_q_values, con
 }
 
 // The part of motion of x: R x, or R^T x.
-void TurnedFactor::rotate(Span x, bool back) const {
+void TurnedFactor::rotate(Span x, bool back, base::ThreadPool* pool) const {
   for (const BodyTurn& turn : turns_) {
     const auto& r = turn.rotation;
-    double* v = x.data() + turn.first;
-    for (Index k = 0; k < turn.vertices; ++k, v += 3) {
+    for_each_entry(pool, at(turn.vertices), [&](std::size_t k) {
+      double* v = x.data() + at(turn.first) + 3 * k;
       const double a = v[0], b = v[1], c = v[2];
       for (std::size_t i = 0; i < 3; ++i)
         v[i] = back ? r[i] * a + r[3 + i] * b + r[6 + i] * c : r[3 * i] * a + r[3 * i + 1] * b + r[3 * i + 2] * c;
+    });
+  }
+}
+
+// D = P R - P_0, row by row: as many entries as P has, or the others of their vertices too.
+void TurnedFactor::make_change(ConstSpan phi_q_values) {
+  std::sort(turns_.begin(), turns_.end(), [](const BodyTurn& x, const BodyTurn& y) { return x.first < y.first; });
+  change_ = {static_cast<Index>(kept_.size()), phi_q_->cols, {0}, {}};
+  change_values_.clear();
+  const auto turn_of = [this](Index column) -> const BodyTurn* {
+    const auto after = std::upper_bound(turns_.begin(), turns_.end(), column,
+                                        [](Index c, const BodyTurn& turn) { return c < turn.first; });
+    if (after == turns_.begin() || column >= (after - 1)->first + 3 * (after - 1)->vertices) return nullptr;
+    return &*(after - 1);
+  };
+  for (const Index row : kept_) {
+    const Offset end = phi_q_->ptr[at(row) + 1];
+    for (Offset p = phi_q_->ptr[at(row)]; p < end;) {
+      const Index column = phi_q_->ind[at(p)];
+      const BodyTurn* turn = turn_of(column);
+      if (turn == nullptr) {
+        change_.ind.push_back(column);
+        change_values_.push_back(phi_q_values[at(p)] - phi_q_0_[at(p)]);
+        ++p;
+        continue;
+      }
+      const Index first = column - (column - turn->first) % 3;
+      double now[3] = {}, before[3] = {};
+      for (; p < end && phi_q_->ind[at(p)] < first + 3; ++p) {
+        now[phi_q_->ind[at(p)] - first] = phi_q_values[at(p)];
+        before[phi_q_->ind[at(p)] - first] = phi_q_0_[at(p)];
+      }
+      const auto& r = turn->rotation;
+      for (std::size_t i = 0; i < 3; ++i) {
+        change_.ind.push_back(first + static_cast<Index>(i));
+        change_values_.push_back(r[i] * now[0] + r[3 + i] * now[1] + r[6 + i] * now[2] - before[i]);
+      }
     }
+    change_.ptr.push_back(static_cast<Offset>(change_.ind.size()));
   }
 }
 
-// V^T z = [mu; P R z_v - P_0 z_v], of the constraints kept.
+// V^T z = [mu; D z_v], of the constraints kept.
 void TurnedFactor::apply_v(ConstSpan z, double* out) const {
-  const std::size_t n = at(phi_q_->cols);
-  work_n_.assign(z.begin(), z.begin() + phi_q_->cols);
-  work_m_.resize(at(phi_q_->rows));
-  multiply_by_rows(*phi_q_, phi_q_0_, work_n_, work_m_);
-  const std::size_t k = kept_.size();
-  for (std::size_t c = 0; c < k; ++c) {
-    out[c] = z[n + at(kept_[c])];
-    out[k + c] = -work_m_[at(kept_[c])];
-  }
-  rotate(work_n_, false);
-  multiply_by_rows(*phi_q_, phi_q_now_, work_n_, work_m_);
-  for (std::size_t c = 0; c < k; ++c) out[k + c] += work_m_[at(kept_[c])];
+  const std::size_t n = at(phi_q_->cols), k = kept_.size();
+  for (std::size_t c = 0; c < k; ++c) out[c] = z[n + at(kept_[c])];
+  multiply_by_rows(change_, change_values_, z.first(n), {out + k, k});
 }
 
-bool TurnedFactor::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, const Solve& solve) {
+bool TurnedFactor::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, const Solve& solve,
+                        base::ThreadPool* pool) {
   const std::size_t n = at(phi_q_->cols), size = n + at(phi_q_->rows), k = kept_.size();
   active_ = false;
   turns_ = std::move(turns);
-  phi_q_now_.assign(phi_q_values.begin(), phi_q_values.end());
-  g_.setZero(static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(2 * k));
+  make_change(phi_q_values);
+  g_.resize(static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(2 * k));
   if (k == 0) return active_ = true;
   if (y_0_.empty()) {
     std::vector<double> units(size * k, 0.0);
@@ -60,17 +91,13 @@ bool TurnedFactor::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, con
     solve(units, static_cast<Index>(k));  // may be interrupted
     y_0_ = std::move(units);
   }
-  for (std::size_t c = 0; c < k; ++c) {  // R^T P^T - P_0^T
-    const Span column(g_.data() + c * size, size);
-    const Index row = kept_[c];
-    for (Offset p = phi_q_->ptr[at(row)]; p < phi_q_->ptr[at(row) + 1]; ++p)
-      column[at(phi_q_->ind[at(p)])] = phi_q_now_[at(p)];
-    rotate(column, true);
-    for (Offset p = phi_q_->ptr[at(row)]; p < phi_q_->ptr[at(row) + 1]; ++p)
-      column[at(phi_q_->ind[at(p)])] -= phi_q_0_[at(p)];
-  }
-  solve({g_.data(), k * size}, static_cast<Index>(k));
-  std::copy(y_0_.begin(), y_0_.end(), g_.data() + k * size);
+  const Span of_motion(g_.data(), k * size), of_constraints(g_.data() + k * size, k * size);
+  fill_zero(pool, of_motion);
+  for (std::size_t c = 0; c < k; ++c)
+    for (Offset p = change_.ptr[c]; p < change_.ptr[c + 1]; ++p)
+      of_motion[c * size + at(change_.ind[at(p)])] = change_values_[at(p)];
+  solve(of_motion, static_cast<Index>(k));
+  copy(pool, y_0_, of_constraints);
   core_matrix_.resize(static_cast<Eigen::Index>(2 * k), static_cast<Eigen::Index>(2 * k));
   for (std::size_t c = 0; c < 2 * k; ++c) apply_v({g_.data() + c * size, size}, core_matrix_.data() + c * 2 * k);
   core_.compute(core_matrix_ + Eigen::MatrixXd::Identity(core_matrix_.rows(), core_matrix_.cols()));
@@ -82,7 +109,7 @@ bool TurnedFactor::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, con
 void TurnedFactor::solve(Span b, Index columns, const Solve& solve, base::ThreadPool* pool) const {
   const auto size = static_cast<std::size_t>(g_.rows());
   const std::size_t k = 2 * kept_.size();
-  for (std::size_t c = 0; c < at(columns); ++c) rotate(b.subspan(c * size, size), true);
+  for (std::size_t c = 0; c < at(columns); ++c) rotate(b.subspan(c * size, size), true, pool);
   solve(b, columns);
   Eigen::VectorXd w(static_cast<Eigen::Index>(k));
   for (std::size_t c = 0; c < at(columns); ++c) {
@@ -92,17 +119,21 @@ void TurnedFactor::solve(Span b, Index columns, const Solve& solve, base::Thread
       w = -core_.solve(w).eval();
       add_columns(g_.data(), {w.data(), k}, x, pool);
     }
-    rotate(x, false);
+    rotate(x, false, pool);
   }
 }
 
-std::vector<double> TurnedFactor::response() const {
-  const Eigen::Index size = g_.rows(), k = static_cast<Eigen::Index>(kept_.size());
+std::vector<double> TurnedFactor::response(base::ThreadPool* pool) const {
+  const std::size_t size = at(g_.rows()), k = kept_.size();
   std::vector<double> columns = y_0_;
   if (k == 0) return columns;
-  Eigen::Map<Eigen::MatrixXd> y(columns.data(), size, k);
-  y.noalias() -= g_ * core_.solve(core_matrix_.rightCols(k));
-  for (Eigen::Index c = 0; c < k; ++c) rotate({columns.data() + c * size, at(size)}, false);
+  const Eigen::MatrixXd factors = core_.solve(core_matrix_.rightCols(static_cast<Eigen::Index>(k)));
+  Eigen::Map<Eigen::MatrixXd> y(columns.data(), g_.rows(), static_cast<Eigen::Index>(k));
+  for_each_block(pool, size, [&](std::size_t begin, std::size_t end) {
+    const auto first = static_cast<Eigen::Index>(begin), count = static_cast<Eigen::Index>(end - begin);
+    y.middleRows(first, count).noalias() -= g_.middleRows(first, count) * factors;
+  });
+  for (std::size_t c = 0; c < k; ++c) rotate({columns.data() + c * size, size}, false, pool);
   return columns;
 }
 

@@ -36,26 +36,29 @@ class TurnedFactor {
   [[nodiscard]] Offset constraints() const { return static_cast<Offset>(kept_.size()); }
 
   /// Turns from the state of the factor. @return false where I + V^T G is singular: nothing is turned then
-  [[nodiscard]] bool turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, const Solve& solve);
+  [[nodiscard]] bool turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, const Solve& solve,
+                          base::ThreadPool* pool);
   /// x = K^-1 b in place for `columns` right-hand sides.
   void solve(Span b, Index columns, const Solve& solve, base::ThreadPool* pool) const;
   /// K^-1 [0; I], a column for each of the constraints.
-  [[nodiscard]] std::vector<double> response() const;
+  [[nodiscard]] std::vector<double> response(base::ThreadPool* pool) const;
 
  private:
-  void rotate(Span x, bool back) const;
+  void rotate(Span x, bool back, base::ThreadPool* pool) const;
+  void make_change(ConstSpan phi_q_values);
   void apply_v(ConstSpan z, double* out) const;
 
   const SparsePattern* phi_q_ = nullptr;
   std::vector<Index> kept_;
-  std::vector<double> phi_q_0_, phi_q_now_;
-  std::vector<BodyTurn> turns_;
+  std::vector<double> phi_q_0_;
+  std::vector<BodyTurn> turns_;  // by their first coordinates
+  SparsePattern change_;         // D by rows, of the constraints kept; E is its transpose
+  std::vector<double> change_values_;
   std::vector<double> y_0_;  // K_0^-1 [0; I]: made once for a factor
   Eigen::MatrixXd g_;        // n + m rows, first the columns of E, then y_0
   Eigen::PartialPivLU<Eigen::MatrixXd> core_;
   Eigen::MatrixXd core_matrix_;  // V^T G
   bool active_ = false;
-  mutable std::vector<double> work_n_, work_m_;
 };
 
 }  // namespace espalier::dynamics

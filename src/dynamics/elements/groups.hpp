@@ -5,11 +5,13 @@
 #include <memory>
 #include <vector>
 
+#include "base/thread_pool.hpp"
 #include "dynamics/elements/ancf_beam.hpp"
 #include "dynamics/elements/ancf_cable.hpp"
 #include "dynamics/elements/element.hpp"
 #include "dynamics/elements/hex8_strain.hpp"
 #include "dynamics/elements/material.hpp"
+#include "dynamics/elements/solid.hpp"
 #include "dynamics/mesh/mesh.hpp"
 
 namespace espalier::dynamics {
@@ -25,13 +27,18 @@ struct SolidOptions {
 /// @throws Error(invalid_input) that names the first element that is not a simulated solid, or whose Jacobian
 /// determinant is not positive at all points where stresses are integrated; std::invalid_argument on a bad
 /// material
+/// @param pool  threads, here and below; null: the calling one
 std::vector<std::unique_ptr<ElementGroup>> make_solid_groups(const Mesh& mesh, std::span<const Index> elements,
-                                                             const Material& material,
-                                                             const SolidOptions& options = {});
+                                                             const Material& material, const SolidOptions& options = {},
+                                                             base::ThreadPool* pool = nullptr);
 
 /// A notice that counts the elements (as above) folded at a corner, which integration does not see; empty: there are
 /// none. @pre make_solid_groups() accepts them
-std::string corner_folds(const Mesh& mesh, std::span<const Index> elements);
+std::string corner_folds(const Mesh& mesh, std::span<const Index> elements, base::ThreadPool* pool = nullptr);
+
+/// Of the elements (as above), in their order.
+std::vector<SmallestJacobian> smallest_jacobians(const Mesh& mesh, std::span<const Index> elements,
+                                                 base::ThreadPool* pool = nullptr);
 
 /// A chain of cables: element e joins nodes nodes[e] and nodes[e + 1]; node k has the vertices 2k (r), 2k + 1 (r_x).
 /// @param length undeformed length of every element

@@ -2,22 +2,20 @@
 /// Pressure on faces of a solid as a function of the state.
 #pragma once
 
-#include <span>
+#include <memory>
 #include <string>
 #include <vector>
 
-#include "dynamics/bodies/flexible_body.hpp"
 #include "dynamics/forces/force_inputs.hpp"
+#include "dynamics/forces/pressed_faces.hpp"
 
 namespace espalier::dynamics {
 
-/// Pressure p(t, q, v, lambda) on a set of faces, positive towards the solid. It is even over the faces, normal to them
-/// and acts on their deformed area (a follower): F = p * integral of N_a (dx/dxi x dx/deta).
+/// Pressure p(t, q, v, lambda) on a set of faces, positive towards the solid.
 class FacePressure final : public Component {
  public:
-  /// @param body of a system already @param mesh the one that the body was made of
-  /// @throws std::invalid_argument unless the body is a solid; std::logic_error if the faces belong to another mesh
-  FacePressure(std::string name, const FlexibleBody& body, const Mesh& mesh, std::span<const MeshFace> faces);
+  FacePressure(std::string name, std::unique_ptr<PressedFaces> faces)
+      : Component(std::move(name)), faces_(std::move(faces)) {}
 
   /// To be set before the system is finished.
   void set_pressure(StateFunctionPtr pressure) { pressure_ = ForceInputs({std::move(pressure)}); }
@@ -37,18 +35,10 @@ class FacePressure final : public Component {
   void multiplier_tangent(const StateView& s, Span values) override;
 
  private:
-  struct Face {
-    ElementType type;
-    std::vector<Index> rows;       ///< velocity coordinates, three for every node
-    std::vector<Index> places;     ///< of the same numbers in the configuration
-    std::vector<std::size_t> own;  ///< of the same in rows_
-    std::vector<Offset> entries;   ///< of W, column by column
-  };
-  /// dF/dp at a configuration, one entry for each of rows_.
+  /// dF/dp at a configuration, one entry for each row of the faces.
   [[nodiscard]] std::vector<double> slope(ConstSpan q) const;
 
-  std::vector<Face> faces_;
-  std::vector<Index> rows_;  // of all faces, each once
+  std::unique_ptr<PressedFaces> faces_;
   ForceInputs pressure_;
   bool active_ = true;
 };

@@ -26,22 +26,23 @@ void GeneralizedAlpha::predict() {
   for (std::size_t i = 0; i < trial_.lambda.size(); ++i) {
     trial_.lambda[i] = state_.lambda[i] + ahead * (state_.lambda[i] - lambda_before_[i]);
   }
-  for (std::size_t i = 0; i < delta_.size(); ++i) {
-    a_step_[i] = state_.a[i] + ahead * (state_.a[i] - a_before_[i]);
-  }
+  for_coordinates([&](std::size_t i) { a_step_[i] = state_.a[i] + ahead * (state_.a[i] - a_before_[i]); });
   reach();
   equations_.system().magnitude(state_.q, weight_);
-  size_q_ = std::max(max_norm(weight_), max_norm(delta_));
-  for (double& w : weight_) w = 1 / (options_.tolerance * (options_.relative * w + options_.absolute));
+  size_q_ = largest_of(equations_.pool(), weight_.size(), [&](std::size_t i) {
+    const double size = weight_[i];
+    weight_[i] = 1 / (options_.tolerance * (options_.relative * size + options_.absolute));
+    return std::max(size, std::abs(delta_[i]));
+  });
 }
 
 // The trial state that a_step_ leads to.
 void GeneralizedAlpha::reach() {
-  for (std::size_t i = 0; i < delta_.size(); ++i) {
+  for_coordinates([&](std::size_t i) {
     trial_.a[i] = a_step_[i];
     trial_.v[i] = v_base_[i] + c_v_ * a_step_[i];
     delta_[i] = delta_base_[i] + c_q_ * a_step_[i];
-  }
+  });
   equations_.system().retract(state_.q, delta_, trial_.q);
   carry(trial_.a);
   carry(trial_.v);
@@ -49,7 +50,7 @@ void GeneralizedAlpha::reach() {
 
 // From the axes of q_n to those of q_n (+) delta: exp(-delta) x = T(-delta)^-1 T(delta) x.
 void GeneralizedAlpha::carry(Span x) const {
-  for (std::size_t i = 0; i < x.size(); ++i) minus_delta_[i] = -delta_[i];
+  for_coordinates([&](std::size_t i) { minus_delta_[i] = -delta_[i]; });
   equations_.system().velocity_of_rate(delta_, x, turned_);
   equations_.system().rate_of_velocity(minus_delta_, turned_, x);
 }
@@ -58,19 +59,19 @@ void GeneralizedAlpha::carry(Span x) const {
 // in smooth motion, 0 where the accelerations of stiff modes change their sign from step to step, which a whole change
 // would triple (wheelset: two passes of Newton a step instead of three).
 void GeneralizedAlpha::learn_trend() {
-  double along = 0, square = 0;
-  for (std::size_t i = 0; i < a_before_.size(); ++i) {
-    const double w = weight_[i] * weight_[i], last = state_.a[i] - a_before_[i];
-    along += w * last * (a_step_[i] - state_.a[i]);
-    square += w * last * last;
-  }
+  const double along = sum_of(equations_.pool(), a_before_.size(), [&](std::size_t i) {
+    return weight_[i] * weight_[i] * (state_.a[i] - a_before_[i]) * (a_step_[i] - state_.a[i]);
+  });
+  const double square = sum_of(equations_.pool(), a_before_.size(), [&](std::size_t i) {
+    const double last = weight_[i] * (state_.a[i] - a_before_[i]);
+    return last * last;
+  });
   trend_ = square > 0 && h_before_ > 0 ? std::clamp(along * h_before_ / (square * h_), 0.0, 1.0) : 1.0;
 }
 
 double GeneralizedAlpha::scaled_norm(ConstSpan a, ConstSpan lambda) const {
   const ConstSpan scale = equations_.kkt().scale();
-  double largest = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) largest = std::max(largest, std::abs(a[i]) / scale[i]);
+  double largest = largest_of(equations_.pool(), a.size(), [&](std::size_t i) { return a[i] / scale[i]; });
   for (std::size_t i = 0; i < lambda.size(); ++i) {
     if (!equations_.dropped()[i]) largest = std::max(largest, std::abs(lambda[i]) / scale[a.size() + i]);
   }
@@ -79,9 +80,7 @@ double GeneralizedAlpha::scaled_norm(ConstSpan a, ConstSpan lambda) const {
 
 double GeneralizedAlpha::scaled_force(ConstSpan f) const {
   const ConstSpan scale = equations_.kkt().scale();
-  double largest = 0;
-  for (std::size_t i = 0; i < f.size(); ++i) largest = std::max(largest, std::abs(f[i]) * scale[i]);
-  return largest;
+  return largest_of(equations_.pool(), f.size(), [&](std::size_t i) { return f[i] * scale[i]; });
 }
 
 // The least error that a method of second order makes in v' and lambda, h^2 |v'''| / 12, from their second differences;
@@ -90,7 +89,7 @@ double GeneralizedAlpha::local_error() const {
   if (h_before_ == 0) return 0;
   const std::size_t n = delta_.size(), m = trial_.lambda.size();
   const double ratio = h_ / h_before_, unequal = 2 * h_ / (h_ + h_before_);
-  for (std::size_t i = 0; i < n; ++i) second_[i] = a_step_[i] - state_.a[i] - ratio * (state_.a[i] - a_before_[i]);
+  for_coordinates([&](std::size_t i) { second_[i] = a_step_[i] - state_.a[i] - ratio * (state_.a[i] - a_before_[i]); });
   for (std::size_t i = 0; i < m; ++i)
     second_[n + i] = trial_.lambda[i] - state_.lambda[i] - ratio * (state_.lambda[i] - lambda_before_[i]);
   const ConstSpan second = second_;
@@ -101,10 +100,9 @@ double GeneralizedAlpha::local_error() const {
 GeneralizedAlpha::Change GeneralizedAlpha::iterate(StepReport& report) {
   const std::size_t n = delta_.size(), m = trial_.lambda.size();
   equations_.motion(trial_.view(), f_);
-  report.residual = max_norm(f_);
   Change change;
   change.force = scaled_force(f_);
-  for (std::size_t i = 0; i < n; ++i) rhs_[i] = -f_[i];
+  report.residual = largest_of(equations_.pool(), n, [&](std::size_t i) { return rhs_[i] = -f_[i]; });
   const ConstSpan phi = equations_.phi();
   for (std::size_t i = 0; i < m; ++i) rhs_[n + i] = -phi[i] / c_q_;
   equations_.solve(rhs_);
@@ -112,13 +110,13 @@ GeneralizedAlpha::Change GeneralizedAlpha::iterate(StepReport& report) {
   change.scaled = scaled_norm(da, dlambda);
   // K takes the change of q at the trial state; that of delta, and so of a, is T(delta)^-1 times it.
   equations_.system().rate_of_velocity(delta_, da, da);
-  double sum = 0;
-  for (std::size_t i = 0; i < n; ++i) {
+  change.q = c_q_ * max_norm(equations_.pool(), da);
+  const double c = std::max(c_q_, h_ * c_v_);
+  const double sum = sum_of(equations_.pool(), n, [&](std::size_t i) {
     a_step_[i] += da[i];
-    const double weighted = std::max(c_q_, h_ * c_v_) * std::abs(da[i]) * weight_[i];
-    sum += weighted * weighted;
-    change.q = std::max(change.q, c_q_ * std::abs(da[i]));
-  }
+    const double weighted = c * da[i] * weight_[i];
+    return weighted * weighted;
+  });
   for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += dlambda[i];
   reach();
   equations_.evaluate_constraints(trial_.t, trial_.q, {});
@@ -142,7 +140,8 @@ bool GeneralizedAlpha::rounding_ends(const Change& change, double rate) {
 GeneralizedAlpha::Outcome GeneralizedAlpha::end_at_rounding(const Change& change, StepReport& report) {
   rate_poor_ = false;
   const double size = scaled_norm(trial_.a, trial_.lambda);
-  const bool rests = h_ * max_norm(trial_.v) <= kStandsStill * size_q_ && change.scaled > kNothing * size;
+  const bool rests =
+      h_ * max_norm(equations_.pool(), trial_.v) <= kStandsStill * size_q_ && change.scaled > kNothing * size;
   report.rounding = size > 0 && !rests ? change.scaled / size : 0;
   local_error_ = local_error();
   return Outcome::converged;

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "dynamics/integrators/newton_limits.hpp"
+
 namespace espalier::dynamics {
 
 namespace {
@@ -14,7 +16,9 @@ constexpr double kReachGrowth = 1.02;
 }  // namespace
 
 BdfIntegrator::BdfIntegrator(Equations& equations, const BdfOptions& options)
-    : equations_(equations), options_(options), history_(equations.system()) {
+    : equations_(equations),
+      options_(options),
+      history_(equations.system(), std::max(options.max_order, options.fixed_order) + 2) {
   if (options.max_order < 1 || options.max_order > kMaxBdfOrder)
     throw std::invalid_argument("max_order must be 1 to 5");
   if (options.fixed_order < 0 || options.fixed_order > kMaxBdfOrder) {
@@ -29,8 +33,7 @@ void BdfIntegrator::allocate() {
   const auto n = static_cast<std::size_t>(equations_.sizes().velocity);
   const auto m = static_cast<std::size_t>(equations_.sizes().constraints);
   state_ = trial_ = State(equations_.sizes());
-  for (auto* x : {&theta_, &theta_hat_, &v_hat_, &theta_pred_, &v_pred_, &weight_q_, &weight_v_, &r1_, &r2_, &dq_, &dv_,
-                  &f_, &work_n_}) {
+  for (auto* x : {&theta_, &theta_hat_, &v_hat_, &weight_q_, &weight_v_, &r1_, &r2_, &dq_, &dv_, &f_, &work_n_}) {
     x->assign(n, 0.0);
   }
   level_.assign(m, 0.0);
@@ -54,16 +57,15 @@ void BdfIntegrator::start(const State& state) {
   first_left_ = options_.fixed_step > 0 && options_.fixed_order > 2 ? options_.fixed_order - 1 : 0;
   // The formula of order 1 wants one past point more for its predictor; a point on the parabola through the state at
   // t - h serves: it differs from the true past by O(h^3) in q and O(h^2) in v.
-  const std::size_t n = state.v.size();
-  for (std::size_t i = 0; i < n; ++i) {
+  for_coordinates([&](std::size_t i) {
     dq_[i] = past * (-state.v[i] + 0.5 * past * state.a[i]);
     dv_[i] = state.v[i] - past * state.a[i];
-  }
+  });
   std::vector<double> q_past(state.q.size());
   equations_.system().retract(state.q, dq_, q_past);
   equations_.system().accept(state.view());
-  history_.push(state.t - past, q_past, dv_, state.lambda);
-  history_.push(state.t, state.q, state.v, state.lambda);
+  history_.push(state.t - past, q_past, dv_, state.lambda, equations_.pool());
+  history_.push(state.t, state.q, state.v, state.lambda, equations_.pool());
 }
 
 void BdfIntegrator::start(const std::vector<State>& past) {
@@ -72,22 +74,21 @@ void BdfIntegrator::start(const std::vector<State>& past) {
   history_.clear();
   first_left_ = 0;
   for (const State& s : past) history_.push(s.t, s.q, s.v, s.lambda);
-  order_ = std::clamp(static_cast<int>(past.size()) - 1, 1, kMaxBdfOrder);
+  order_ = std::max(1, std::min(history_.size() - 1, kMaxBdfOrder));
   if (options_.fixed_order > 0) order_ = std::min(order_, options_.fixed_order);
 }
 
 double BdfIntegrator::first_step() const {
   // Order 1: the local error h^2 |q''| / 2 shall be a hundredth of the tolerance. v'' is unknown at the start; |a| over
   // a millisecond stands in for it. The error test repairs a guess that was too large.
-  double acceleration_q = 0, acceleration_v = 0;
   std::vector<double> size(state_.v.size());
   equations_.system().magnitude(state_.q, size);
-  for (std::size_t i = 0; i < size.size(); ++i) {
-    const double a = std::abs(state_.a[i]);
-    acceleration_q = std::max(acceleration_q, a / (options_.relative * size[i] + options_.absolute));
-    acceleration_v =
-        std::max(acceleration_v, a / (options_.relative * std::abs(state_.v[i]) + options_.absolute_velocity));
-  }
+  const double acceleration_q = largest_of(equations_.pool(), size.size(), [&](std::size_t i) {
+    return state_.a[i] / (options_.relative * size[i] + options_.absolute);
+  });
+  const double acceleration_v = largest_of(equations_.pool(), size.size(), [&](std::size_t i) {
+    return state_.a[i] / (options_.relative * std::abs(state_.v[i]) + options_.absolute_velocity);
+  });
   double h = std::min(options_.max_step, 1e-3);
   if (acceleration_q > 0) h = std::min(h, std::sqrt(0.02 / acceleration_q));
   if (acceleration_v > 0 && options_.test_velocity) h = std::min(h, std::sqrt(0.02 * 1e-3 / acceleration_v));
@@ -129,7 +130,7 @@ double BdfIntegrator::distance_from_factor() {
 
 bool BdfIntegrator::turn_factor() {
   if (!equations_.turn_factor(factor_q_, trial_.q)) return false;
-  placed_q_ = trial_.q;
+  copy(equations_.pool(), trial_.q, placed_q_);
   factor_fresh_ = rate_poor_ = false;
   turned_ = true;
   rate_ = 0.5;
@@ -170,13 +171,21 @@ bool BdfIntegrator::attempt_anywhere(double h, bool retry, StepReport& report) {
   }
 }
 
+// Once more from where it stands, as long as the system changes multipliers of its own.
+BdfIntegrator::Outcome BdfIntegrator::solve_augmented(StepReport& report) {
+  Outcome outcome = solve_step(report);
+  for (int round = 0; outcome == Outcome::converged && equations_.system().augment(trial_.view()); ++round)
+    outcome = round < kMostAugmentations ? solve_step(report) : Outcome::slow;
+  return outcome;
+}
+
 bool BdfIntegrator::attempt(double h, bool retry, StepReport& report) {
   set_formula(h, order_);
   predict();
   report.crossings = 0;
   if (projected_left_ == 0) {
     ensure_factor(retry);
-    if (solve_step(report) == Outcome::converged) return true;
+    if (solve_augmented(report) == Outcome::converged) return true;
     ++report.newton_failures;
     if (!factor_fresh_ || options_.iteration != BdfIteration::reduced || level_.empty()) return false;
     predict();
@@ -279,23 +288,33 @@ void BdfIntegrator::reject(double error, int failures) {
   steps_at_order_ = 0;
 }
 
+// A step that the caller's limit cut that short says nothing of the length of the next one, and a point that close to
+// the last would leave differences of rounding errors: it takes that one's place, while the one before is near enough.
+bool BdfIntegrator::sliver() const {
+  constexpr double kShortestShare = 1e-3;
+  return options_.fixed_step == 0 && formula_.h < kShortestShare * h_ && history_.size() > 1 &&
+         formula_.t - history_.time(1) < 2 * h_;
+}
+
 void BdfIntegrator::accept(StepReport& report) {
   report.order = formula_.order;
   report.h = formula_.h;
   report.t = formula_.t;
   const double error = report.error;
-  if (options_.fixed_step == 0) {
+  if (sliver()) {
+    history_.drop_newest();
+  } else if (options_.fixed_step == 0) {
     h_ = formula_.h;
     choose_step(error);
   }
   if (report.crossings > 0) {
     projected_left_ = std::max(projected_left_ - 1, 0);
-    noisy_left_ = History::kDepth;
+    noisy_left_ = history_.depth();
   } else if (noisy_left_ > 0) {
     --noisy_left_;
   }
   std::swap(state_, trial_);
-  history_.push(state_.t, state_.q, state_.v, state_.lambda);
+  history_.push(state_.t, state_.q, state_.v, state_.lambda, equations_.pool());
   equations_.system().accept(state_.view());
   count(report);
   report.index = counts_.steps;

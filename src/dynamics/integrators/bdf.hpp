@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 
+#include "dynamics/dae/vectors.hpp"
 #include "dynamics/integrators/history.hpp"
 #include "dynamics/integrators/integrator.hpp"
 
@@ -96,7 +97,17 @@ class BdfIntegrator final : public Integrator {
   [[nodiscard]] double distance_from_factor();
   void error_weights();
   [[nodiscard]] double norm(ConstSpan x, ConstSpan weight) const;
+  /// body(i) for each velocity coordinate, on all threads.
+  template <class Body>
+  void for_coordinates(const Body& body) const {
+    for_each_entry(equations_.pool(), theta_.size(), body);
+  }
+  struct Motion {
+    Span theta, v;
+  };
+  void combine_past(const Motion& from, ConstSpan weights, const Motion& to);
   Outcome solve_step(StepReport& report);
+  Outcome solve_augmented(StepReport& report);
   Outcome solve_reduced(StepReport& report);
   Outcome solve_full(StepReport& report);
   [[nodiscard]] bool turn_factor();
@@ -113,6 +124,7 @@ class BdfIntegrator final : public Integrator {
   Outcome solve_projected(StepReport& report);
   void iterate_projected(StepReport& report);
   void remove_weak_parts();
+  void rates_of_formula();
   void stage_residuals(const State& s);
   [[nodiscard]] bool constraints_hold(StepReport& report);
   [[nodiscard]] bool finish_levels(StepReport& report);
@@ -121,6 +133,7 @@ class BdfIntegrator final : public Integrator {
   [[nodiscard]] bool attempt(double h, bool retry, StepReport& report);
   [[nodiscard]] bool attempt_anywhere(double h, bool retry, StepReport& report);
   void check_step(double h, double t_limit) const;
+  [[nodiscard]] bool sliver() const;  ///< whether the step that is being accepted is one
   void accept(StepReport& report);
   void choose_step(double error);
   [[nodiscard]] double first_step() const;
@@ -160,7 +173,7 @@ class BdfIntegrator final : public Integrator {
   double level_of_a_ = 0;                    // the last change of a over a
   double size_q_ = 0;                        // largest coordinate
   double floor_ = 0;  // change at which the iteration stood still with a new factor, in the same units; 0: not met
-  std::vector<double> theta_, theta_hat_, v_hat_, theta_pred_, v_pred_, weight_q_, weight_v_;
+  std::vector<double> theta_, theta_hat_, v_hat_, weight_q_, weight_v_;
   std::vector<double> r1_, r2_, dq_, dv_, f_, level_, work_n_, rhs_;
   Blocks blocks_;
   std::vector<double> u_;  // n x (n - m), column by column, for the reference iterations

@@ -14,32 +14,29 @@ void BdfIntegrator::set_formula(double h, int order) {
   std::array<double, kMaxBdfOrder + 1> w{};
   derivative_weights(formula_.t, history_.times(order), w);
   formula_.hp = 1 / w[0];
-  std::fill(theta_hat_.begin(), theta_hat_.end(), 0.0);
-  std::fill(v_hat_.begin(), v_hat_.end(), 0.0);
-  for (int j = 0; j < order; ++j) {
-    const double factor = -formula_.hp * w[static_cast<std::size_t>(j) + 1];
-    const ConstSpan theta = history_.theta(j), v = history_.v(j);
-    for (std::size_t i = 0; i < theta.size(); ++i) {
-      theta_hat_[i] += factor * theta[i];
-      v_hat_[i] += factor * v[i];
+  for (double& weight : w) weight *= -formula_.hp;
+  combine_past({}, ConstSpan(w).subspan(1, static_cast<std::size_t>(order)), {theta_hat_, v_hat_});
+}
+
+// to.theta = from.theta + the sum of weights[j] theta_j over the newest points, and v likewise; from: {} is zero.
+void BdfIntegrator::combine_past(const Motion& from, ConstSpan weights, const Motion& to) {
+  for_each_block(equations_.pool(), theta_.size(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) to.theta[i] = from.theta.empty() ? 0.0 : from.theta[i];
+    for (std::size_t i = begin; i < end; ++i) to.v[i] = from.v.empty() ? 0.0 : from.v[i];
+    for (std::size_t j = 0; j < weights.size(); ++j) {
+      const double weight = weights[j];
+      const ConstSpan theta_j = history_.theta(static_cast<int>(j)), v_j = history_.v(static_cast<int>(j));
+      for (std::size_t i = begin; i < end; ++i) to.theta[i] += weight * theta_j[i];
+      for (std::size_t i = begin; i < end; ++i) to.v[i] += weight * v_j[i];
     }
-  }
+  });
 }
 
 void BdfIntegrator::predict() {
   std::array<double, kMaxBdfOrder + 2> w{};
   const int points = std::min(formula_.order + 1, history_.size());
   value_weights(formula_.t, history_.times(points), w);
-  std::fill(theta_pred_.begin(), theta_pred_.end(), 0.0);
-  std::fill(v_pred_.begin(), v_pred_.end(), 0.0);
-  for (int j = 0; j < points; ++j) {
-    const double factor = w[static_cast<std::size_t>(j)];
-    const ConstSpan theta = history_.theta(j), v = history_.v(j);
-    for (std::size_t i = 0; i < theta.size(); ++i) {
-      theta_pred_[i] += factor * theta[i];
-      v_pred_[i] += factor * v[i];
-    }
-  }
+  combine_past({}, ConstSpan(w).first(static_cast<std::size_t>(points)), {theta_, trial_.v});
   const int lambda_points = std::min(points, 3);
   value_weights(formula_.t, history_.times(lambda_points), w);
   std::fill(trial_.lambda.begin(), trial_.lambda.end(), 0.0);
@@ -48,24 +45,23 @@ void BdfIntegrator::predict() {
     for (std::size_t i = 0; i < lambda.size(); ++i) trial_.lambda[i] += w[static_cast<std::size_t>(j)] * lambda[i];
   }
   trial_.t = formula_.t;
-  theta_ = theta_pred_;
-  trial_.v = v_pred_;
-  for (std::size_t i = 0; i < theta_.size(); ++i) trial_.a[i] = (v_pred_[i] - v_hat_[i]) / formula_.hp;
-  equations_.system().retract(history_.q(0), theta_pred_, trial_.q);
+  for_coordinates([&](std::size_t i) { trial_.a[i] = (trial_.v[i] - v_hat_[i]) / formula_.hp; });
+  equations_.system().retract(history_.q(0), theta_, trial_.q);
 }
 
 void BdfIntegrator::error_weights() {
   equations_.system().magnitude(state_.q, weight_q_);
-  size_q_ = max_norm(weight_q_);
-  for (std::size_t i = 0; i < weight_q_.size(); ++i) {
-    weight_q_[i] = 1 / (options_.relative * weight_q_[i] + options_.absolute);
+  size_q_ = largest_of(equations_.pool(), weight_q_.size(), [&](std::size_t i) {
+    const double size = weight_q_[i];
+    weight_q_[i] = 1 / (options_.relative * size + options_.absolute);
     weight_v_[i] = 1 / (options_.relative * std::abs(state_.v[i]) + options_.absolute_velocity);
-  }
+    return size;
+  });
 }
 
 double BdfIntegrator::norm(ConstSpan x, ConstSpan weight) const {
-  double sum = 0;
-  for (std::size_t i = 0; i < x.size(); ++i) sum += x[i] * x[i] * weight[i] * weight[i];
+  const double sum =
+      sum_of(equations_.pool(), x.size(), [&](std::size_t i) { return x[i] * x[i] * weight[i] * weight[i]; });
   return x.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(x.size()));
 }
 
@@ -79,18 +75,8 @@ double BdfIntegrator::error_estimate(int order) {
   value_weights(formula_.t, history_.times(points), w);
   derivative_weights(formula_.t, history_.times(order), d);
   const double factor = 1 / (d[0] * (formula_.t - history_.time(order)));
-  for (std::size_t i = 0; i < theta_.size(); ++i) {
-    dq_[i] = theta_[i];
-    dv_[i] = trial_.v[i];
-  }
-  for (int j = 0; j < points; ++j) {
-    const double wj = w[static_cast<std::size_t>(j)];
-    const ConstSpan theta = history_.theta(j), v = history_.v(j);
-    for (std::size_t i = 0; i < theta_.size(); ++i) {
-      dq_[i] -= wj * theta[i];
-      dv_[i] -= wj * v[i];
-    }
-  }
+  for (double& weight : w) weight = -weight;
+  combine_past({theta_, trial_.v}, ConstSpan(w).first(static_cast<std::size_t>(points)), {dq_, dv_});
   if (noisy_left_ > 0 || formula_is_projected_) remove_weak_parts();
   const double error = norm(dq_, weight_q_);
   return factor * (options_.test_velocity ? std::max(error, norm(dv_, weight_v_)) : error);

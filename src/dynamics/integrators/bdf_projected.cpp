@@ -27,14 +27,14 @@ constexpr double kWeakLimit = 100;
 void BdfIntegrator::remove_weak_parts() {
   const std::size_t n = theta_.size(), m = level_.size();
   if (m == 0) return;
-  std::fill(rhs_.begin(), rhs_.end(), 0.0);
+  fill_zero(equations_.pool(), rhs_);
   KktSolver& kkt = equations_.kkt();
   const ConstSpan w = kkt.w_of_factor();
   add_transposed(kkt.w_pattern(), w, dq_, Span(rhs_).first(n));
   add_transposed(kkt.w_pattern(), w, dv_, Span(rhs_).subspan(n + m, n));
   equations_.solve(rhs_, 2);
-  std::copy_n(rhs_.begin(), n, dq_.begin());
-  std::copy_n(rhs_.begin() + static_cast<std::ptrdiff_t>(n + m), n, dv_.begin());
+  copy(equations_.pool(), Span(rhs_).first(n), dq_);
+  copy(equations_.pool(), Span(rhs_).subspan(n + m, n), dv_);
 }
 
 // One pass; leaves the changes of q and v in dq_ and dv_.

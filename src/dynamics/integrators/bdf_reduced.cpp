@@ -7,15 +7,21 @@
 
 namespace espalier::dynamics {
 
+// r1_ = T(theta) (theta - theta^)/h', the velocity that the formula gives.
+void BdfIntegrator::rates_of_formula() {
+  const double inverse = 1 / formula_.hp;
+  for_coordinates([&](std::size_t i) { r1_[i] = (theta_[i] - theta_hat_[i]) * inverse; });
+  equations_.system().velocity_of_rate(theta_, r1_, r1_);
+}
+
 // R1 = v - T(theta) (theta - theta^)/h' and R2 = a - (v - v^)/h'; theta_ must belong to s.
 void BdfIntegrator::stage_residuals(const State& s) {
   const double inverse = 1 / formula_.hp;
-  for (std::size_t i = 0; i < theta_.size(); ++i) {
-    r1_[i] = (theta_[i] - theta_hat_[i]) * inverse;
+  rates_of_formula();
+  for_coordinates([&](std::size_t i) {
+    r1_[i] = s.v[i] - r1_[i];
     r2_[i] = s.a[i] - (s.v[i] - v_hat_[i]) * inverse;
-  }
-  equations_.system().velocity_of_rate(theta_, r1_, r1_);
-  for (std::size_t i = 0; i < theta_.size(); ++i) r1_[i] = s.v[i] - r1_[i];
+  });
 }
 
 // The first two solves of a pass: q, then v at the new q, onto their levels along the BDF formulas. One after the
@@ -23,11 +29,14 @@ void BdfIntegrator::stage_residuals(const State& s) {
 // times 2 |omega| h' (0.12 in the engine, nine passes where four do).
 // @pre constraints evaluated at the trial position
 void BdfIntegrator::project_stages() {
-  const std::size_t n = theta_.size(), m = level_.size();
-  const double hp = formula_.hp;
-  stage_residuals(trial_);
-  for (std::size_t i = 0; i < n; ++i) dq_[i] = hp * (r1_[i] + hp * r2_[i]);
-  for (std::size_t i = 0; i < n; ++i) dv_[i] = hp * r2_[i];
+  const std::size_t m = level_.size();
+  const double hp = formula_.hp, inverse = 1 / hp;
+  rates_of_formula();
+  for_coordinates([&](std::size_t i) {  // R1 and R2 as in stage_residuals()
+    const double r1 = trial_.v[i] - r1_[i], r2 = trial_.a[i] - (trial_.v[i] - v_hat_[i]) * inverse;
+    dq_[i] = hp * (r1 + hp * r2);
+    dv_[i] = hp * r2;
+  });
   if (m > 0) add_normal_part(equations_.phi(), dq_);
   equations_.system().retract(trial_.q, dq_, trial_.q);
   if (m > 0) {
@@ -35,7 +44,7 @@ void BdfIntegrator::project_stages() {
     equations_.level(trial_.v, equations_.nu(), level_);
     add_normal_part(level_, dv_);
   }
-  for (std::size_t i = 0; i < n; ++i) trial_.v[i] += dv_[i];
+  for_coordinates([&](std::size_t i) { trial_.v[i] += dv_[i]; });
 }
 
 // change += x, K [x; .] = [0; -violation - Phi_q,K change]: what the level lacks after the change, in normal
@@ -44,10 +53,10 @@ void BdfIntegrator::add_normal_part(ConstSpan violation, Span change) {
   const std::size_t n = theta_.size(), m = level_.size();
   const Span x(rhs_.data(), n + m), lower = x.subspan(n);
   equations_.kkt().multiply_phi_q(change, lower);
-  std::fill_n(x.begin(), n, 0.0);
+  fill_zero(equations_.pool(), x.first(n));
   for (std::size_t i = 0; i < m; ++i) lower[i] = -violation[i] - lower[i];
   equations_.solve(x, 1, 1);
-  for (std::size_t i = 0; i < n; ++i) change[i] += x[i];
+  for_coordinates([&](std::size_t i) { change[i] += x[i]; });
 }
 
 // One pass of the reduced iteration; leaves the changes of q and v in dq_ and dv_. v and q get that part of da only
@@ -60,22 +69,27 @@ void BdfIntegrator::iterate_reduced(StepReport& report) {
   project_stages();
   equations_.evaluate_constraints(trial_.t, trial_.q, trial_.v);
   equations_.motion(trial_.view(), f_);
-  report.residual = max_norm(f_);
   equations_.level(trial_.a, equations_.gamma(), level_);
   const Span tangential(rhs_.data(), n + m), normal(rhs_.data() + n + m, n + m);
-  std::fill(rhs_.begin(), rhs_.end(), 0.0);
-  for (std::size_t i = 0; i < n; ++i) tangential[i] = -f_[i];
-  for (std::size_t i = 0; i < m; ++i) normal[n + i] = -level_[i];
+  report.residual = largest_of(equations_.pool(), n, [&](std::size_t i) {
+    tangential[i] = -f_[i];
+    normal[i] = 0;
+    return f_[i];
+  });
+  for (std::size_t i = 0; i < m; ++i) {
+    tangential[n + i] = 0;
+    normal[n + i] = -level_[i];
+  }
   const Index normal_columns = m > 0 ? 1 : 0;
   equations_.solve(m > 0 ? Span(rhs_) : tangential, 1 + normal_columns, normal_columns);
-  for (std::size_t i = 0; i < n; ++i) {
+  for_coordinates([&](std::size_t i) {
     const double da = tangential[i];
     trial_.a[i] += da + normal[i];
     trial_.v[i] += hp * da;
     work_n_[i] = hp * hp * da;
     dv_[i] += hp * da;
     dq_[i] += work_n_[i];
-  }
+  });
   for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += tangential[n + i] + normal[n + i];
   system.retract(trial_.q, work_n_, trial_.q);
   system.local(history_.q(0), trial_.q, theta_);
@@ -93,8 +107,8 @@ bool BdfIntegrator::constraints_hold(StepReport& report) {
   report.levels.acceleration = max_norm(level_);
   const double tolerance = options_.constraint_tolerance;
   return report.levels.position <= tolerance &&
-         report.levels.velocity <= tolerance * std::max(1.0, max_norm(trial_.v)) &&
-         report.levels.acceleration <= tolerance * std::max(1.0, max_norm(trial_.a));
+         report.levels.velocity <= tolerance * std::max(1.0, max_norm(equations_.pool(), trial_.v)) &&
+         report.levels.acceleration <= tolerance * std::max(1.0, max_norm(equations_.pool(), trial_.a));
 }
 
 // What is left of the violations once q and v are as good as the error test asks for: projections of q, v and a along
@@ -103,23 +117,24 @@ bool BdfIntegrator::constraints_hold(StepReport& report) {
 bool BdfIntegrator::finish_levels(StepReport& report) {
   constexpr int kMostRounds = 4;
   const std::size_t n = theta_.size(), m = level_.size();
+  base::ThreadPool* const pool = equations_.pool();
   for (int round = 0; round < kMostRounds; ++round) {
     if (constraints_hold(report)) return true;
     if (report.levels.position > options_.constraint_tolerance) {
-      std::fill(work_n_.begin(), work_n_.end(), 0.0);
+      fill_zero(pool, work_n_);
       add_normal_part(equations_.phi(), work_n_);
       equations_.system().retract(trial_.q, work_n_, trial_.q);
       equations_.evaluate_constraints(trial_.t, trial_.q, {});
     }
     equations_.level(trial_.v, equations_.nu(), level_);
-    std::fill(work_n_.begin(), work_n_.end(), 0.0);
+    fill_zero(pool, work_n_);
     add_normal_part(level_, work_n_);
-    for (std::size_t i = 0; i < n; ++i) trial_.v[i] += work_n_[i];
+    for_coordinates([&](std::size_t i) { trial_.v[i] += work_n_[i]; });
     equations_.evaluate_constraints(trial_.t, trial_.q, trial_.v);
     equations_.level(trial_.a, equations_.gamma(), level_);
-    std::fill(work_n_.begin(), work_n_.end(), 0.0);
+    fill_zero(pool, work_n_);
     add_normal_part(level_, work_n_);
-    for (std::size_t i = 0; i < n; ++i) trial_.a[i] += work_n_[i];
+    for_coordinates([&](std::size_t i) { trial_.a[i] += work_n_[i]; });
     for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += rhs_[n + i];
     equations_.system().local(history_.q(0), trial_.q, theta_);
   }
@@ -134,9 +149,9 @@ bool BdfIntegrator::hopeless(double change, double rate, int iteration) const {
 // Rounding of v where all are as large as the largest, in units of the tolerance, but at most half of it: passes cannot
 // agree better at tolerances like 1e-13 (Andrews' mechanism: 0.1 to 0.4).
 double BdfIntegrator::rounding_of_change() const {
-  const double eps = std::numeric_limits<double>::epsilon() * max_norm(trial_.v);
-  double sum = 0;
-  for (const double w : weight_v_) sum += eps * eps * w * w;
+  const double eps = std::numeric_limits<double>::epsilon() * max_norm(equations_.pool(), trial_.v);
+  const double sum = sum_of(equations_.pool(), weight_v_.size(),
+                            [&](std::size_t i) { return eps * eps * weight_v_[i] * weight_v_[i]; });
   return std::min(0.5, std::sqrt(sum / static_cast<double>(weight_v_.size())));
 }
 
@@ -169,10 +184,36 @@ bool BdfIntegrator::rounding_ends(double change, const StepReport& report) {
 
 // The change of q and v of a pass in units of the tolerance; sets tiny_ and level_of_a_.
 double BdfIntegrator::change_of_pass() {
-  const double dv = formula_.hp * max_norm(dv_), a = formula_.hp * formula_.hp * max_norm(trial_.a);
-  tiny_ = std::max(max_norm(dq_), dv) <= kRounding * size_q_;
+  struct Part {
+    LargestValue dq, dv, a;
+    double square_q = 0, square_v = 0;
+  };
+  const Part all = reduce_blocks<Part>(
+      equations_.pool(), dq_.size(),
+      [&](std::size_t begin, std::size_t end) {
+        Part part;
+        for (std::size_t i = begin; i < end; ++i) {
+          part.dq.see(dq_[i]);
+          part.dv.see(dv_[i]);
+          part.a.see(trial_.a[i]);
+        }
+        part.square_q =
+            sum_in_order(begin, end, [&](std::size_t i) { return dq_[i] * dq_[i] * weight_q_[i] * weight_q_[i]; });
+        part.square_v =
+            sum_in_order(begin, end, [&](std::size_t i) { return dv_[i] * dv_[i] * weight_v_[i] * weight_v_[i]; });
+        return part;
+      },
+      [](Part& sum, const Part& next) {
+        sum.dq.see(next.dq);
+        sum.dv.see(next.dv);
+        sum.a.see(next.a);
+        sum.square_q += next.square_q;
+        sum.square_v += next.square_v;
+      });
+  const double dv = formula_.hp * all.dv.value(), a = formula_.hp * formula_.hp * all.a.value();
+  tiny_ = std::max(all.dq.value(), dv) <= kRounding * size_q_;
   level_of_a_ = a > 0 ? dv / a : 0;
-  return std::max(norm(dq_, weight_q_), norm(dv_, weight_v_));
+  return dq_.empty() ? 0.0 : std::sqrt(std::max(all.square_q, all.square_v) / static_cast<double>(dq_.size()));
 }
 
 BdfIntegrator::Outcome BdfIntegrator::solve_reduced(StepReport& report) {

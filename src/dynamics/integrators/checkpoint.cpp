@@ -117,8 +117,9 @@ void BdfIntegrator::restore(ConstSpan& in) {
     if (!std::isfinite(past.t) || (j > 0 && past.t <= before))
       throw Error(StatusCode::invalid_input, "the restart file is damaged");
     for (auto* x : {&past.q, &past.v, &past.lambda}) take(in, *x);
-    history_.push(past.t, past.q, past.v, past.lambda);
+    history_.push(past.t, past.q, past.v, past.lambda, equations_.pool());
   }
+  order_ = std::max(1, std::min(order_, history_.size() - 1));  // of a run with a higher order
   first_.reset();
   equations_.forget_analysis();
   factor_hp_ = own_error_ = latest_error_ = floor_ = 0;

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "dynamics/integrators/newton_limits.hpp"
+
 namespace espalier::dynamics {
 
 namespace {
@@ -50,7 +52,7 @@ void GeneralizedAlpha::start(const State& state) {
   factor_c_q_ = 0;
   fresh_left_ = 0;
   halvings_ = steps_at_length_ = 0;
-  h_before_ = fitted_ = local_error_ = floor_ = force_floor_ = 0;
+  drifted_ = h_before_ = fitted_ = local_error_ = floor_ = force_floor_ = 0;
   jerk_known_ = plain_start_ = false;
   trend_ = 1;
   a_before_ = state.a;
@@ -64,11 +66,11 @@ void GeneralizedAlpha::coefficients(double h) {
   const double slope = (1 - alpha_f_) / (1 - alpha_m_);
   c_v_ = h * gamma_ * slope;
   c_q_ = h * h * beta_ * slope;
-  for (std::size_t i = 0; i < a_old_.size(); ++i) {
+  for_coordinates([&](std::size_t i) {
     a_base_[i] = (alpha_f_ * state_.a[i] - alpha_m_ * a_from_[i]) / (1 - alpha_m_);
     v_base_[i] = v_from_[i] + h * ((1 - gamma_) * a_from_[i] + gamma_ * a_base_[i]);
     delta_base_[i] = h * v_from_[i] + h * h * ((0.5 - beta_) * a_from_[i] + beta_ * a_base_[i]);
-  }
+  });
 }
 
 void GeneralizedAlpha::factorize(long& reason) {
@@ -97,7 +99,10 @@ bool GeneralizedAlpha::attempt(double h, bool renew, StepReport& report) {
   try {
     equations_.evaluate_constraints(trial_.t, trial_.q, {});
     begin_factor(renew);
-    return solve(report) == Outcome::converged;
+    Outcome outcome = solve(report);
+    for (int round = 0; outcome == Outcome::converged && equations_.system().augment(trial_.view()); ++round)
+      outcome = round < kMostAugmentations ? solve(report) : Outcome::slow;
+    return outcome == Outcome::converged;
   } catch (const Error& error) {  // a trial state beyond what angles, elements or pivots allow
     const StatusCode code = error.status().code;
     if (code == StatusCode::out_of_memory || code == StatusCode::device_error || code == StatusCode::cancelled) throw;
@@ -149,6 +154,15 @@ StepReport GeneralizedAlpha::step(double t_limit) {
   if (state_.v.size() != delta_.size()) throw std::logic_error("start() was not called");
   if (t_limit <= state_.t) throw std::invalid_argument("t_limit lies before the present time");
   StepReport report;
+  report.order = 2;
+  if (sliver(t_limit)) {
+    report.h = t_limit - state_.t;
+    drift(t_limit);
+    report.t = state_.t;
+    count(report);
+    report.index = counts_.steps;
+    return report;
+  }
   const long factorizations = equations_.counts().factorizations;
   if (equations_.update_pattern()) factor_c_q_ = 0;
   for (bool renew = false; !attempt(next_length(t_limit), renew, report) || !settle(report); renew = true) {
@@ -158,7 +172,6 @@ StepReport GeneralizedAlpha::step(double t_limit) {
   accept();
   report.t = state_.t;
   report.h = h_;
-  report.order = 2;
   report.levels.motion = report.residual;
   report.factorizations = static_cast<int>(equations_.counts().factorizations - factorizations);
   count(report);
@@ -168,13 +181,14 @@ StepReport GeneralizedAlpha::step(double t_limit) {
 
 void GeneralizedAlpha::accept() {
   const double slope = (1 - alpha_f_) / (1 - alpha_m_);
-  for (std::size_t i = 0; i < a_old_.size(); ++i) a_old_[i] = a_base_[i] + slope * a_step_[i];
+  for_coordinates([&](std::size_t i) { a_old_[i] = a_base_[i] + slope * a_step_[i]; });
   learn_trend();
   learn_jerk();
-  a_before_ = state_.a;
+  copy(equations_.pool(), state_.a, a_before_);
   for (auto* x : {&a_old_, &jerk_, &a_before_}) carry(*x);
   lambda_before_ = state_.lambda;
   h_before_ = fitted_ = h_;
+  drifted_ = 0;
   std::swap(state_, trial_);
   equations_.system().accept(state_.view());
   if (halvings_ > 0 && ++steps_at_length_ >= kShortSteps << std::min(counts_.divisions - 1, kMostDoublings)) {

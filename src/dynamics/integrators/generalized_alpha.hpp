@@ -2,6 +2,7 @@
 /// The generalized-alpha method on a Lie group, index 3.
 #pragma once
 
+#include "dynamics/dae/vectors.hpp"
 #include "dynamics/integrators/integrator.hpp"
 
 namespace espalier::dynamics {
@@ -62,6 +63,11 @@ class GeneralizedAlpha final : public Integrator {
     double weighted = 0;  // of q and h v, in units of the tolerance
     double q = 0;         // largest of q
   };
+  /// body(i) for each velocity coordinate, on all threads.
+  template <class Body>
+  void for_coordinates(const Body& body) const {
+    for_each_entry(equations_.pool(), delta_.size(), body);
+  }
   void coefficients(double h);
   void predict();
   void reach();
@@ -73,6 +79,9 @@ class GeneralizedAlpha final : public Integrator {
   void begin_factor(bool renew);
   void give_way();
   void accept();
+  /// Whether the time up to t_limit is too short for a step of the method.
+  [[nodiscard]] bool sliver(double t_limit) const;
+  void drift(double t);  ///< to there, with the acceleration that is known
   // Newton's iteration (alpha_newton.cpp)
   Outcome solve(StepReport& report);
   Change iterate(StepReport& report);
@@ -107,6 +116,7 @@ class GeneralizedAlpha final : public Integrator {
   double floor_ = 0;        // c_q times the change at which Newton stood still with a new factor; 0: not met
   double force_floor_ = 0;  // residual of the equations of motion there, scaled
   double size_q_ = 0;       // largest coordinate
+  double drifted_ = 0;      // time since the last step of the method
   double fitted_ = 0;       // the length of steps that v and a_old_ belong to; 0: to none yet
   bool jerk_known_ = false;
   bool plain_start_ = false;  // the start is not fitted: no v'' was found

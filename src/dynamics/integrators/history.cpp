@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "dynamics/dae/vectors.hpp"
+
 namespace espalier::dynamics {
 
 void derivative_weights(double t, std::span<const double> nodes, Span w) {
@@ -27,9 +29,9 @@ void value_weights(double t, std::span<const double> nodes, Span w) {
   }
 }
 
-History::History(const System& system) : system_(system) {
+History::History(const System& system, int depth) : system_(system), depth_(std::clamp(depth, 1, kDepth)) {
   const Sizes s = system.sizes();
-  for (Point& p : points_) {
+  for (Point& p : std::span(points_).first(static_cast<std::size_t>(depth_))) {
     p.q.resize(static_cast<std::size_t>(s.configuration));
     p.v.resize(static_cast<std::size_t>(s.velocity));
     p.theta.resize(static_cast<std::size_t>(s.velocity));
@@ -37,24 +39,29 @@ History::History(const System& system) : system_(system) {
   }
 }
 
-void History::push(double t, ConstSpan q, ConstSpan v, ConstSpan lambda) {
+void History::push(double t, ConstSpan q, ConstSpan v, ConstSpan lambda, base::ThreadPool* pool) {
   if (count_ > 0 && t <= time(0)) throw std::invalid_argument("points of the history must increase in time");
-  newest_ = (newest_ + 1) % kDepth;
-  count_ = std::min(count_ + 1, kDepth);
+  newest_ = (newest_ + 1) % depth_;
+  count_ = std::min(count_ + 1, depth_);
   Point& p = points_[static_cast<std::size_t>(newest_)];
   p.t = t;
-  std::copy(q.begin(), q.end(), p.q.begin());
-  std::copy(v.begin(), v.end(), p.v.begin());
+  copy(pool, q, p.q);
+  copy(pool, v, p.v);
   std::copy(lambda.begin(), lambda.end(), p.lambda.begin());
   for (int j = 0; j < count_; ++j) {
-    Point& past = points_[static_cast<std::size_t>((newest_ + kDepth - j) % kDepth)];
+    Point& past = points_[static_cast<std::size_t>((newest_ + depth_ - j) % depth_)];
     times_[static_cast<std::size_t>(j)] = past.t;
     if (j == 0) {
-      std::fill(past.theta.begin(), past.theta.end(), 0.0);
+      fill_zero(pool, past.theta);
     } else {
       system_.local(p.q, past.q, past.theta);
     }
   }
+}
+
+void History::drop_newest() {
+  newest_ = (newest_ + depth_ - 1) % depth_;
+  --count_;
 }
 
 }  // namespace espalier::dynamics

@@ -18,20 +18,24 @@ void derivative_weights(double t, std::span<const double> nodes, Span w);
 /// Weights of the value at `t` of the polynomial through the nodes.
 void value_weights(double t, std::span<const double> nodes, Span w);
 
-/// The last kMaxBdfOrder + 2 accepted points, newest first, in the chart around the newest configuration:
+/// The last accepted points, newest first, in the chart around the newest configuration:
 /// theta_j = local(q_newest, q_j). In a vector space these are differences, which saves digits; on a group they are
 /// rotation vectors of a few steps, far from any singularity. BDF is then applied to theta and v, and
 /// v = T(theta) d(theta)/dt links them, so the order of the formula is kept on the group.
 class History {
  public:
   static constexpr int kDepth = kMaxBdfOrder + 2;
-  explicit History(const System& system);
+  /// @param depth  points that are held, at most kDepth: the order of the formulas + 2
+  explicit History(const System& system, int depth = kDepth);
 
   void clear() { count_ = 0; }
-  /// Adds a point; times must increase.
-  void push(double t, ConstSpan q, ConstSpan v, ConstSpan lambda);
+  /// Adds a point; times must increase. @param pool  threads for long vectors; null: the calling one
+  void push(double t, ConstSpan q, ConstSpan v, ConstSpan lambda, base::ThreadPool* pool = nullptr);
+  /// Another push() will put its point in place of the newest. @pre size() > 1
+  void drop_newest();
   /// Number of points held.
   [[nodiscard]] int size() const { return count_; }
+  [[nodiscard]] int depth() const { return depth_; }
   [[nodiscard]] double time(int j) const { return slot(j).t; }
   /// Times of the newest `count` points, newest first.
   [[nodiscard]] std::span<const double> times(int count) const {
@@ -48,10 +52,11 @@ class History {
     std::vector<double> q, v, lambda, theta;
   };
   [[nodiscard]] const Point& slot(int j) const {
-    return points_[static_cast<std::size_t>((newest_ + kDepth - j) % kDepth)];
+    return points_[static_cast<std::size_t>((newest_ + depth_ - j) % depth_)];
   }
 
   const System& system_;
+  int depth_;
   std::array<Point, kDepth> points_;
   std::array<double, kDepth> times_{};
   int newest_ = 0;

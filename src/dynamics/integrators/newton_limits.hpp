@@ -17,4 +17,7 @@ inline constexpr double kAboveFloor = 4;
 /// What is remembered of the method's own error from step to step: second differences pass through zero.
 inline constexpr double kMemory = 0.5;
 
+/// Rounds of augmented Lagrangian (System::augment()) in one step.
+inline constexpr int kMostAugmentations = 60;
+
 }  // namespace espalier::dynamics

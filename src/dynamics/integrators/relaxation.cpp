@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dynamics/integrators/newton_limits.hpp"
+
 namespace espalier::dynamics {
 namespace {
 
@@ -17,7 +19,7 @@ class Relaxation {
     constexpr int kStagnant = 100;  // steps without a halving of the residual
     double previous = problem_.residual(x), travelled = 0, best = previous;
     int since_best = 0;
-    while (!problem_.balanced(x, options_.tolerance)) {
+    while (unfinished(x)) {
       if (result_.iterations == options_.max_steps) return result_;
       const double length = step(x);
       if (!(length > 0)) return result_;
@@ -41,6 +43,14 @@ class Relaxation {
 
  private:
   static constexpr double kRunsAway = 30, kLongest = 0.33, kFirst = 0.1;
+
+  /// Out of balance, or the system has changed multipliers of its own (augmented Lagrangian).
+  [[nodiscard]] bool unfinished(StaticPoint& x) {
+    if (!problem_.balanced(x, options_.tolerance)) return true;
+    if (augmentations_ == kMostAugmentations || !problem_.equations().system().augment(x.state.view())) return false;
+    ++augmentations_;
+    return problem_.evaluate(x);
+  }
 
   /// The first step covers a tenth of the system, M^-1 r / stiffening, unless the options say how long it is.
   void begin(const StaticPoint& x) {
@@ -76,6 +86,7 @@ class Relaxation {
   StaticProblem& problem_;
   const StaticsOptions& options_;
   double stiffening_ = 0;
+  int augmentations_ = 0;
   RelaxationResult result_;
 };
 

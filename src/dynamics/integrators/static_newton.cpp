@@ -5,6 +5,8 @@
 #include <optional>
 #include <utility>
 
+#include "dynamics/integrators/newton_limits.hpp"
+
 namespace espalier::dynamics {
 namespace {
 
@@ -107,7 +109,15 @@ class Corrector {
 
 StaticNewtonResult correct(StaticProblem& problem, StaticPoint& x, const StaticPlane* plane, double tolerance,
                            int most_iterations) {
-  return Corrector(problem, plane, tolerance).run(x, most_iterations);
+  StaticNewtonResult result = Corrector(problem, plane, tolerance).run(x, most_iterations);
+  System& system = problem.equations().system();
+  for (int round = 0; result.outcome == StaticOutcome::converged && system.augment(x.state.view()); ++round) {
+    const StaticNewtonResult next = Corrector(problem, plane, tolerance).run(x, most_iterations);
+    result.outcome = round < kMostAugmentations ? next.outcome : StaticOutcome::no_progress;
+    result.iterations += next.iterations;
+    result.factorizations += next.factorizations;
+  }
+  return result;
 }
 
 }  // namespace espalier::dynamics

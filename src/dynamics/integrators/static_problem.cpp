@@ -200,6 +200,7 @@ double StaticProblem::residual(const StaticPoint& x) const { return force_norm(x
 void StaticProblem::settle(StaticPoint& x) {
   if (!evaluate(x)) return;
   reference_ = std::max({reference_, force_norm(load_rate(x)), reactions(x)});
+  equations_.system().accept(x.state.view());
 }
 
 // Of a point that is far off, the reactions are no measure: they may exceed all that was met so far by ten times.

@@ -2,6 +2,7 @@
 /// The lowest modes of a linearised system of any size.
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -24,5 +25,23 @@ struct Vibrations {
 /// @param solver  device, threads, memory, interruption
 /// @throws Error where they cannot be found
 Vibrations small_vibrations(Equations& equations, const State& state, Index count, const Options& solver);
+
+/// Systems with a parameter below and above its value (p -+ step), each with its state.
+struct PencilSides {
+  double step = 0;
+  std::array<Equations*, 2> equations;
+  std::array<const State*, 2> states;
+};
+
+struct FrequencySlopes {
+  std::vector<double> frequencies;  ///< lowest first
+  std::vector<double> derivatives;  ///< by each parameter, a row for each frequency
+};
+
+/// The lowest frequencies without damping, and how they change: l' = x^T (K' - l M') x with x^T M x = 1, multipliers
+/// and rows of constraints included (R. L. Fox, M. P. Kapoor, AIAA Journal 6, 1968). Modes of one frequency: the
+/// eigenvalues of X^T (K' - l M') X. K' and M' are central differences of the tangents.
+[[nodiscard]] FrequencySlopes frequency_slopes(Equations& equations, const State& state, Index count,
+                                               const std::vector<PencilSides>& parameters, const Options& solver);
 
 }  // namespace espalier::dynamics

@@ -69,6 +69,30 @@ void Joint::declare(PatternBuilder& w, PatternBuilder& phi_q) const {
   }
 }
 
+namespace {
+
+// Entries of one column, asked for in an order that mostly rises: the next one is near the last.
+class EntryFinder {
+ public:
+  EntryFinder(const SparsePattern& pattern, Index column) : pattern_(pattern), column_(column) {}
+  [[nodiscard]] Offset find(Index row) {
+    constexpr Offset kNear = 8;
+    if (last_ >= 0) {
+      const Offset end = std::min(pattern_.ptr[at(column_ + 1)], last_ + kNear);
+      for (Offset p = last_; p < end; ++p)
+        if (pattern_.ind[static_cast<std::size_t>(p)] == row) return last_ = p;
+    }
+    return last_ = find_entry(pattern_, column_, row);
+  }
+
+ private:
+  const SparsePattern& pattern_;
+  Index column_;
+  Offset last_ = -1;
+};
+
+}  // namespace
+
 void Joint::bind(const SparsePattern& w, const SparsePattern& phi_q) {
   std::size_t widest = 0, total = 0;
   w_position_.clear();
@@ -87,9 +111,10 @@ void Joint::bind(const SparsePattern& w, const SparsePattern& phi_q) {
     for (std::size_t g = 0; g < frames_.size(); ++g) {
       const auto cols = frames_[g].frame->coordinates();
       for (std::size_t l = 0; l < cols.size(); ++l) {
+        EntryFinder column(w, cols[l]);
         for (std::size_t k = 0; k < coordinates.size(); ++k) {
           const bool use = coupled(f, k, g, l) && coordinates[k] >= 0 && cols[l] >= 0;
-          w_position_.push_back(use ? find_entry(w, cols[l], coordinates[k]) : -1);
+          w_position_.push_back(use ? column.find(coordinates[k]) : -1);
         }
       }
     }

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "dynamics/elements/solid.hpp"
+#include "dynamics/elements/groups.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -25,7 +25,8 @@ std::uint64_t cell_key(std::int64_t x, std::int64_t y, std::int64_t z) {
 
 }  // namespace
 
-BlockBuilder::BlockBuilder(std::string name, ElementType type, double tolerance) : type_(type), tolerance_(tolerance) {
+BlockBuilder::BlockBuilder(std::string name, ElementType type, double tolerance, base::ThreadPool* pool)
+    : type_(type), tolerance_(tolerance), pool_(pool) {
   if (type != ElementType::hex8 && type != ElementType::hex20)
     throw std::invalid_argument(
         fmt::format("mesher '{}': element type must be hex8 or hex20, got {}", name, shape_of(type).name));
@@ -50,11 +51,16 @@ Index BlockBuilder::node(const Point& p) {
           if (std::hypot(p[0] - o[0], p[1] - o[1], p[2] - o[2]) < tolerance_) return n;
         }
       }
-  const Index n = static_cast<Index>(mesh_.nodes.size());
-  mesh_.nodes.push_back(p);
+  const Index n = inner_node(p);
   const auto home = [&](std::size_t i) { return static_cast<std::int64_t>(std::floor(p[i] / size)); };
   cells_[cell_key(home(0), home(1), home(2))].push_back(n);
   return n;
+}
+
+// A node that no other block can have.
+Index BlockBuilder::inner_node(const Point& p) {
+  mesh_.nodes.push_back(p);
+  return static_cast<Index>(mesh_.nodes.size()) - 1;
 }
 
 void BlockBuilder::add(const std::array<int, 3>& divisions, const BlockMap& map, const std::string& set,
@@ -66,8 +72,10 @@ void BlockBuilder::add(const std::array<int, 3>& divisions, const BlockMap& map,
     Index& n = grid[(static_cast<std::size_t>(k) * static_cast<std::size_t>(steps[1]) + static_cast<std::size_t>(j)) *
                         static_cast<std::size_t>(steps[0]) +
                     static_cast<std::size_t>(i)];
-    if (n < 0) n = node(map(i / (2.0 * divisions[0]), j / (2.0 * divisions[1]), k / (2.0 * divisions[2])));
-    return n;
+    if (n >= 0) return n;
+    const Point p = map(i / (2.0 * divisions[0]), j / (2.0 * divisions[1]), k / (2.0 * divisions[2]));
+    const bool inside = i > 0 && j > 0 && k > 0 && i + 1 < steps[0] && j + 1 < steps[1] && k + 1 < steps[2];
+    return n = inside ? inner_node(p) : node(p);
   };
   const std::array<int, 3> last = {divisions[0] - 1, divisions[1] - 1, divisions[2] - 1};
   std::array<Index, 20> nodes{};
@@ -87,17 +95,13 @@ void BlockBuilder::add(const std::array<int, 3>& divisions, const BlockMap& map,
 }
 
 Mesh BlockBuilder::finish() {
-  for (Index e = 0; e < mesh_.element_count(); ++e) {
-    double x[3 * kMaxElementNodes];
-    const auto nodes = mesh_.element(e);
-    for (std::size_t a = 0; a < nodes.size(); ++a)
-      for (std::size_t i = 0; i < 3; ++i) x[3 * a + i] = mesh_.nodes[static_cast<std::size_t>(nodes[a])][i];
-    if (const double det = smallest_jacobian(type_, x).corners; !(det > 0))
+  const std::vector<SmallestJacobian> found = smallest_jacobians(mesh_, {}, pool_);
+  for (std::size_t e = 0; e < found.size(); ++e)
+    if (const double det = found[e].corners; !(det > 0))
       throw std::logic_error(
           fmt::format("mesher '{}': element {} has the Jacobian determinant {:.3g}; its shape "
                       "parameters do not make a valid part",
                       mesh_.name, e + 1, det));
-  }
   for (const auto& [set, faces] : mesh_.face_sets) mesh_.node_sets[set] = mesh_.nodes_of_faces(faces);
   cells_.clear();
   return std::move(mesh_);

@@ -9,6 +9,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "base/thread_pool.hpp"
 #include "dynamics/mesh/mesh.hpp"
 
 namespace espalier::dynamics {
@@ -36,7 +37,8 @@ class BlockBuilder {
  public:
   /// @param type hex8 or hex20 (mid-side nodes lie on the map, so curved boundaries are curved)
   /// @param tolerance nodes nearer than this are one node; must be far below the smallest element edge
-  BlockBuilder(std::string name, ElementType type, double tolerance);
+  /// @param pool threads that check the elements; null: the calling one
+  BlockBuilder(std::string name, ElementType type, double tolerance, base::ThreadPool* pool = nullptr);
 
   /// Adds divisions[0] x divisions[1] x divisions[2] elements; they join the element set `set`. Neighbouring blocks
   /// must place the same nodes on their common side (same divisions, same points).
@@ -49,10 +51,12 @@ class BlockBuilder {
 
  private:
   Index node(const Point& p);
+  Index inner_node(const Point& p);
 
   Mesh mesh_;
   ElementType type_;
   double tolerance_;
+  base::ThreadPool* pool_;
   std::unordered_map<std::uint64_t, std::vector<Index>> cells_;  // spatial hash of the nodes
 };
 

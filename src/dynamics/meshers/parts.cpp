@@ -48,7 +48,8 @@ Mesh rod(const RodShape& s, const RodNames& names, const MeshSize& size) {
   const Eye big{0, s.big_inner, s.big_outer, half_angle(s.shank_big, s.big_outer), 1};
   const Eye small{s.length, s.small_inner, s.small_outer, half_angle(s.shank_small, s.small_outer), -1};
   return mesh_to_size(size, s.thickness / 2, [&](double h) {
-    BlockBuilder builder(names.part, size.type, 1e-6 * std::min({h, s.thickness, s.big_outer - s.big_inner}));
+    BlockBuilder builder(names.part, size.type, 1e-6 * std::min({h, s.thickness, s.big_outer - s.big_inner}),
+                         size.pool);
     const EyeDivisions n = eye_divisions(big, small, h);
     const Stretch z{-0.5 * s.thickness, 0.5 * s.thickness, divisions(s.thickness, h)};
     const std::vector<NamedSide> flat = {{BlockSide::w0, "back"}, {BlockSide::w1, "front"}};
@@ -145,7 +146,7 @@ Mesh make_crank(const CrankShape& s, const MeshSize& size) {
                            {s.web_thickness, true, true, nullptr, nullptr, nullptr},
                            {s.journal_length, true, false, "journal_right", nullptr, "end_right"}};
   return mesh_to_size(size, s.web_thickness, [&](double h) {
-    BlockBuilder builder("crank", size.type, 1e-6 * std::min(h, s.web_big - s.journal_radius));
+    BlockBuilder builder("crank", size.type, 1e-6 * std::min(h, s.web_big - s.journal_radius), size.pool);
     const EyeDivisions n = eye_divisions(journal, pin, h);
     double z = -(s.journal_length + s.web_thickness + 0.5 * s.pin_length);
     for (const Layer& layer : layers) {
@@ -169,7 +170,7 @@ Mesh make_guide(const GuideShape& s, const MeshSize& size) {
     return std::array<double, 2>{p[0] + (after ? c * x : x), p[1] + (after ? sn * x : 0)};
   };
   return mesh_to_size(size, s.height, [&](double h) {
-    BlockBuilder builder("guide", size.type, 1e-6 * std::min(h, s.height));
+    BlockBuilder builder("guide", size.type, 1e-6 * std::min(h, s.height), size.pool);
     const int ny = divisions(s.height, h), nz = divisions(s.width, h), lead = divisions(s.lead, h);
     const std::vector<NamedSide> sides = {{BlockSide::v0, "base"}, {BlockSide::v1, "running"}};
     const auto add = [&](int nx, const auto& map, const std::vector<NamedSide>& extra) {

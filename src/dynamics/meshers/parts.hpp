@@ -3,6 +3,7 @@
 /// 10^3 to 10^6 unknowns by one number. Face sets (and node sets of the same names) are there for joints and loads.
 #pragma once
 
+#include "base/thread_pool.hpp"
 #include "dynamics/mesh/mesh.hpp"
 
 namespace espalier::dynamics {
@@ -11,6 +12,7 @@ namespace espalier::dynamics {
 struct MeshSize {
   double unknowns = 1e4;                 ///< wished number of unknowns (3 per node); met within a factor of about 1.5
   ElementType type = ElementType::hex8;  ///< hex8 or hex20
+  base::ThreadPool* pool = nullptr;      ///< threads that check the elements; null: the calling one
 };
 
 /// A box [0, lx] x [0, ly] x [0, lz]. Face sets: x0, x1, y0, y1, z0, z1.

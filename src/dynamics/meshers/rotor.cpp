@@ -34,7 +34,7 @@ struct Sector {
 class Rotor {
  public:
   Rotor(const RotorShape& shape, const MeshSize& size, double h)
-      : s_(shape), h_(h), builder_("bladed rotor", size.type, 1e-6 * std::min(h, smallest_length())) {
+      : s_(shape), h_(h), builder_("bladed rotor", size.type, 1e-6 * std::min(h, smallest_length()), size.pool) {
     const double sector = 2 * std::numbers::pi / s_.blades, foot = s_.blade_fraction * sector;
     // The rim decides the number of elements around; the shaft has the same number.
     const int n_foot = divisions(foot * s_.disc_radius, 2 * h),

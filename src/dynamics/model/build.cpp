@@ -19,7 +19,7 @@ class Builder {
 
   void run() {
     for (const BodySpec& body : model_.bodies)
-      at_place(body.place, [&] { out_.bodies.push_back(build_body(body, model_, out_)); });
+      at_place(body.place, [&] { out_.bodies.push_back(build_body(body, model_, frames_, out_)); });
     frames_.note_initial_state();
     check_places();
     for (const auto& [name, marker] : model_.markers) out_.markers[name] = frames_.make(marker);
@@ -28,6 +28,7 @@ class Builder {
     for (const ForceSpec& force : model_.forces) at_place(force.place, [&] { add_force(force); });
     for (std::size_t k = 0; k < model_.joints.size(); ++k)
       at_place(model_.joints[k].place, [&] { build_contacts(model_.joints[k], frames_, *out_.joints[k], out_); });
+    build_surface_contacts(model_, frames_, out_);
     build_controls(model_, out_);
     build_functions(model_, out_);
     out_.system.finish();
@@ -151,8 +152,10 @@ class Builder {
     for (BuiltBody& body : out_.bodies) {
       if (body.spec.name != f.body) continue;
       if (!body.mesh) throw std::invalid_argument("pressure acts on solid bodies only");
-      out_.pressures.push_back(&out_.system.add(
-          std::make_unique<FacePressure>(f.name, *body.flexible, *body.mesh, body.mesh->face_set(f.face))));
+      const std::vector<MeshFace>& faces = body.mesh->face_set(f.face);
+      auto pressed = body.reduced != nullptr ? press_reduced(*body.reduced, *body.mesh, faces)
+                                             : press_nodal(*body.flexible, *body.mesh, faces);
+      out_.pressures.push_back(&out_.system.add(std::make_unique<FacePressure>(f.name, std::move(pressed))));
       return;
     }
     frames_.unknown_body(f.body, f.place);
@@ -232,6 +235,12 @@ Joint* Mechanism::joint(const std::string& name) const {
 FacePressure* Mechanism::pressure(const std::string& name) const {
   for (FacePressure* p : pressures)
     if (p->name() == name) return p;
+  return nullptr;
+}
+
+const BuiltContact* Mechanism::surface_contact(const std::string& name) const {
+  for (const BuiltContact& c : surface_contacts)
+    if (c.name == name) return &c;
   return nullptr;
 }
 

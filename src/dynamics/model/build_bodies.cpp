@@ -12,7 +12,9 @@ namespace {
 
 Point to_point(const Vec3& x) { return {x.x(), x.y(), x.z()}; }
 
-Mesh make_part(const MeshPart& part) {
+Mesh make_part(const MeshPart& part, base::ThreadPool& pool) {
+  MeshSize own = part.size;
+  own.pool = &pool;
   struct Visitor {
     const MeshSize& size;
     Mesh operator()(const BlockMesh& b) const {
@@ -25,7 +27,7 @@ Mesh make_part(const MeshPart& part) {
     Mesh operator()(const GuideShape& s) const { return make_guide(s, size); }
     Mesh operator()(const RotorShape& s) const { return make_bladed_rotor(s, size); }
   };
-  return std::visit(Visitor{part.size}, part.shape);
+  return std::visit(Visitor{own}, part.shape);
 }
 
 Mesh load_mesh(const MeshFile& file) {
@@ -104,15 +106,18 @@ std::string pieces_of(const Mesh& mesh, std::span<const Index> elements) {
 /// beside one factorization.
 std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& solid, base::ThreadPool& pool,
                                          BuiltBody& out) {
+  const auto* file = std::get_if<MeshFile>(&solid.mesh);
   auto mesh =
-      std::make_shared<Mesh>(std::holds_alternative<MeshFile>(solid.mesh) ? load_mesh(std::get<MeshFile>(solid.mesh))
-                                                                          : make_part(std::get<MeshPart>(solid.mesh)));
+      std::make_shared<Mesh>(file != nullptr ? load_mesh(*file) : make_part(std::get<MeshPart>(solid.mesh), pool));
   out.material = material_of(*mesh, solid);
   std::vector<Index> elements;
   elements = solid.element_set.empty() ? solids_of(*mesh) : mesh->element_set(solid.element_set);
   auto body = make_solid_body(spec.name, *mesh, out.material, solid.options, elements, &pool);
   out.notices = mesh->notices;
-  if (std::string folds = corner_folds(*mesh, elements); !folds.empty()) out.notices.push_back(std::move(folds));
+  if (file != nullptr) {  // meshers refuse to make elements that are folded
+    std::string folds = corner_folds(*mesh, elements, &pool);
+    if (!folds.empty()) out.notices.push_back(std::move(folds));
+  }
   out.pieces = pieces_of(*mesh, elements);
   if (!out.pieces.empty()) out.notices.push_back(out.pieces);
   out.mesh = std::move(mesh);
@@ -148,7 +153,7 @@ std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, base::Thr
 
 }  // namespace
 
-BuiltBody build_body(const BodySpec& spec, const Description& model, Mechanism& out) {
+BuiltBody build_body(const BodySpec& spec, const Description& model, const FrameBuilder& frames, Mechanism& out) {
   BuiltBody built;
   built.spec = spec;
   const Vec3 gravity = spec.gravity.value_or(model.gravity);
@@ -165,6 +170,10 @@ BuiltBody build_body(const BodySpec& spec, const Description& model, Mechanism& 
     return built;
   }
   auto body = make_flexible_body(spec, out.pool, built);
+  if (spec.reduction) {
+    reduce_body(std::move(body), model, frames, out, built);
+    return built;
+  }
   body->set_damping(spec.damping);
   body->set_gravity(to_point(gravity));
   body->set_pool(&out.pool);

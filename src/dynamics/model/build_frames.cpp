@@ -8,7 +8,7 @@
 #include <optional>
 #include <set>
 
-#include "dynamics/bodies/flexible_frame.hpp"
+#include "dynamics/bodies/reduced_frame.hpp"
 #include "dynamics/model/builders.hpp"
 
 namespace espalier::dynamics::model {
@@ -149,7 +149,11 @@ std::unique_ptr<Frame> FrameBuilder::make(const MarkerSpec& marker) const {
   std::unique_ptr<Frame> frame;
   at_place(m.place, [&] {
     if (body->flexible != nullptr) {
-      frame = make_flexible(m, *body);
+      std::unique_ptr<FlexibleFrame> nodal = make_nodal(m, *body);
+      if (body->reduced != nullptr)
+        frame = std::make_unique<ReducedFrame>(*body->reduced, *nodal);
+      else
+        frame = std::move(nodal);
     } else if (body->point != nullptr) {
       if (m.node || m.near || !m.face.empty() || !m.nodes.empty() || m.bore || (m.point_given && !m.global))
         throw std::invalid_argument(fmt::format("'{}' is a point mass: the body alone says where", m.body));
@@ -195,7 +199,7 @@ Index FrameBuilder::node(const MarkerSpec& m, const BuiltBody& body) const {
   throw std::invalid_argument(fmt::format("the mesh of '{}' has no node {}", m.body, *m.node));
 }
 
-std::unique_ptr<Frame> FrameBuilder::make_flexible(const MarkerSpec& m, const BuiltBody& body) const {
+std::unique_ptr<FlexibleFrame> FrameBuilder::make_nodal(const MarkerSpec& m, const BuiltBody& body) const {
   const int ways = (m.node ? 1 : 0) + (m.near && m.face.empty() ? 1 : 0) + (m.face.empty() ? 0 : 1) +
                    (m.nodes.empty() ? 0 : 1) + (m.bore ? 1 : 0);
   if (ways != 1)
@@ -217,7 +221,8 @@ std::unique_ptr<Frame> FrameBuilder::make_flexible(const MarkerSpec& m, const Bu
   return flexible.vertices_per_node() == 4 ? make_beam_frame(flexible, k, axes) : make_node_frame(flexible, k);
 }
 
-std::unique_ptr<Frame> FrameBuilder::make_face(const MarkerSpec& m, const BuiltBody& body, const Mat3& axes) const {
+std::unique_ptr<FlexibleFrame> FrameBuilder::make_face(const MarkerSpec& m, const BuiltBody& body,
+                                                       const Mat3& axes) const {
   if (!body.mesh) throw std::invalid_argument(fmt::format("'{}' has no face sets; give a node", m.body));
   std::vector<MeshFace> faces = m.bore ? faces_of_bore(body, *m.bore) : body.mesh->face_set(m.face);
   if (m.radius > 0) {

@@ -157,6 +157,10 @@ void build_controls(const Description& model, Mechanism& out) {
     if (const BuiltForce* built = out.force(spec.name)) s.forces.push_back(built->force);
     controls->switches.push_back(std::move(s));
   }
+  for (const ContactSpec& spec : model.contacts)
+    if (switched(spec.name, spec.active))
+      controls->switches.push_back(
+          {spec.name, nullptr, {}, nullptr, spec.active, out.surface_contact(spec.name)->parts});
   if (controls->inputs.empty() && controls->switches.empty() && controls->events.empty()) return;
   controls->apply();
   out.controls = &out.system.add(std::move(controls));

@@ -4,6 +4,7 @@
 
 #include <stdexcept>
 
+#include "dynamics/bodies/flexible_frame.hpp"
 #include "dynamics/model/mechanism.hpp"
 
 namespace espalier::dynamics::model {
@@ -24,8 +25,14 @@ void at_place(const Place& place, const Make& make) {
   }
 }
 
+class FrameBuilder;
+
 /// Makes one body and adds it to the system.
-[[nodiscard]] BuiltBody build_body(const BodySpec& spec, const Description& model, Mechanism& out);
+[[nodiscard]] BuiltBody build_body(const BodySpec& spec, const Description& model, const FrameBuilder& frames,
+                                   Mechanism& out);
+/// The same for what is kept of a flexible body.
+void reduce_body(std::unique_ptr<FlexibleBody> nodal, const Description& model, const FrameBuilder& frames,
+                 Mechanism& out, BuiltBody& body);
 
 /// Makes frames of markers.
 class FrameBuilder {
@@ -38,14 +45,17 @@ class FrameBuilder {
   [[nodiscard]] std::unique_ptr<Frame> make(const MarkerSpec& marker) const;
   /// Where the frame is in the initial state of the model.
   [[nodiscard]] FrameMotion initial_motion(const MarkerSpec& marker) const;
+  /// The configuration that note_initial_state() found.
+  [[nodiscard]] ConstSpan initial_configuration() const { return q_; }
   [[noreturn]] void unknown_body(const std::string& name, const Place& place) const;
   /// Follows references. @throws on a cycle and on unknown names
   [[nodiscard]] const MarkerSpec& resolve(const MarkerSpec& marker) const;
+  /// A frame on the nodes of a flexible body, which need not be in the system yet. @pre the marker is resolved
+  [[nodiscard]] std::unique_ptr<FlexibleFrame> make_nodal(const MarkerSpec& marker, const BuiltBody& body) const;
 
  private:
-  [[nodiscard]] std::unique_ptr<Frame> make_flexible(const MarkerSpec& marker, const BuiltBody& body) const;
-  [[nodiscard]] std::unique_ptr<Frame> make_face(const MarkerSpec& marker, const BuiltBody& body,
-                                                 const Mat3& axes) const;
+  [[nodiscard]] std::unique_ptr<FlexibleFrame> make_face(const MarkerSpec& marker, const BuiltBody& body,
+                                                         const Mat3& axes) const;
   [[nodiscard]] Index node(const MarkerSpec& marker, const BuiltBody& body) const;
 
   const Description& model_;
@@ -53,6 +63,9 @@ class FrameBuilder {
   std::vector<double> q_, v_;
 };
 
+/// Surfaces and the contacts between them. @throws Error(invalid_input) with the place, for surfaces that are missing,
+/// empty, inside out, or overlap in the configuration q by more than is allowed
+void build_surface_contacts(const Description& model, const FrameBuilder& frames, Mechanism& out);
 /// Stops and friction of a joint that is in the system already.
 void build_contacts(const JointSpec& spec, const FrameBuilder& frames, Joint& joint, Mechanism& out);
 /// Inputs of the program and switches; before build_functions().

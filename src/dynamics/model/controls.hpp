@@ -7,18 +7,20 @@
 #include <utility>
 #include <vector>
 
+#include "dynamics/contact/contact.hpp"
 #include "dynamics/forces/face_pressure.hpp"
 #include "dynamics/forces/frame_force.hpp"
 
 namespace espalier::dynamics::model {
 
-/// A joint or force that can be switched. A joint takes its friction and stops with it.
+/// A joint, force or contact that can be switched. A joint takes its friction and stops with it.
 struct Switch {
   std::string name;
   Joint* joint = nullptr;
   std::vector<FrameForce*> forces;
   FacePressure* pressure = nullptr;
   bool on = true;
+  std::vector<contact::Contact*> contacts = {};
 };
 
 /// A component without unknowns that keeps all of this, so that it goes into restart files.

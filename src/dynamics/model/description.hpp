@@ -13,7 +13,11 @@
 
 #include "dynamics/bodies/flexible_body.hpp"
 #include "dynamics/bodies/point_mass.hpp"
+#include "dynamics/bodies/reduction.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/contact/law.hpp"
+#include "dynamics/contact/shape.hpp"
+#include "dynamics/contact/sprocket.hpp"
 #include "dynamics/forces/joint_friction.hpp"
 #include "dynamics/forces/stop.hpp"
 #include "dynamics/integrators/bdf.hpp"
@@ -94,6 +98,7 @@ struct BodySpec {
   Mat3 rotation = Mat3::Identity();
   Vec3 position = Vec3::Zero(), velocity = Vec3::Zero(), angular_velocity = Vec3::Zero();
   RayleighDamping damping;
+  std::optional<ReductionOptions> reduction;  ///< of flexible bodies; none: all nodes move
   [[nodiscard]] bool rigid() const { return std::holds_alternative<RigidSpec>(shape); }
 };
 
@@ -213,6 +218,39 @@ struct ForceSpec {
   bool both_sides = false;
 };
 
+// Contact ------------------------------------------------------------------------------------------------------------
+
+/// A triangle mesh from a file; see contact/triangles.hpp.
+struct SurfaceFile {
+  std::string path;
+  double scale = 1;
+};
+/// Faces of a solid body.
+struct SolidFaces {
+  std::string set;  ///< of faces; empty: all outer faces
+};
+
+/// What may touch other surfaces: a shape on a rigid body or the ground, or faces of a solid.
+struct SurfaceSpec {
+  Place place;
+  std::string name, body;
+  std::variant<contact::Shape, SurfaceFile, SolidFaces, contact::SprocketShape> shape;
+  Vec3 point = Vec3::Zero();     ///< of the shape's origin, from the centre of mass, in body axes (ground: global)
+  Mat3 axes = Mat3::Identity();  ///< columns: axes of the shape in body axes
+};
+
+struct ContactSpec {
+  Place place;
+  std::string name;
+  bool active = true;                 ///< at the start
+  std::vector<std::string> surfaces;  ///< names, with * for any letters
+  std::vector<std::string> against;   ///< empty: each of `surfaces` may touch each other one
+  contact::ContactLaw law;
+  double margin = 0;              ///< of the search for near pairs; 0: chosen
+  std::optional<double> overlap;  ///< allowed at the start
+  double penetration = 0;         ///< of solids: augmented Lagrangian to at most so much; 0: penalty alone
+};
+
 // Sensors and events -------------------------------------------------------------------------------------------------
 
 struct EventSpec {
@@ -277,6 +315,8 @@ struct Description {
   std::map<std::string, MarkerSpec> markers;
   std::vector<JointSpec> joints;
   std::vector<ForceSpec> forces;
+  std::vector<SurfaceSpec> surfaces;
+  std::vector<ContactSpec> contacts;
   std::map<std::string, CurvePtr> splines;
   std::vector<std::pair<std::string, double>> inputs;  ///< with their values at the start
   std::vector<std::pair<std::string, Formula>> sensors;
@@ -297,6 +337,8 @@ struct Description {
 void read_bodies(Section& root, Description& model);
 void read_joints(Section& root, Description& model);
 void read_forces(Section& root, Description& model);
+/// [surfaces] and [contacts].
+void read_surfaces(Section& root, Description& model);
 /// The keys limits, angle_limits and friction of a joint.
 void read_joint_contacts(Section& joint, JointSpec& out);
 /// [splines]: from CSV files (looked for in model.folder) or points.

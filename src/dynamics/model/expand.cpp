@@ -82,7 +82,8 @@ void note_scope(Value& value, const ScopePtr& scope) {
   for (auto& entry : value.entries) note_scope(entry.second, scope);
 }
 
-constexpr std::array<std::string_view, 6> kRepeatable = {"bodies", "markers", "joints", "forces", "sensors", "events"};
+constexpr std::array<std::string_view, 8> kRepeatable = {"bodies",   "markers",  "joints",  "forces",
+                                                         "surfaces", "contacts", "sensors", "events"};
 
 /// Number of values in a tree, its root included.
 std::int64_t count_values(const Value& value) {
@@ -144,8 +145,9 @@ class Repeater {
         range.to = number(value, parameters_);
         bounded = true;
       } else if (!repeatable(key)) {
-        fail(value.place, fmt::format("unknown key{}", suggestion(key, {"index", "from", "to", "bodies", "markers",
-                                                                        "joints", "forces", "sensors", "events"})));
+        fail(value.place,
+             fmt::format("unknown key{}", suggestion(key, {"index", "from", "to", "bodies", "markers", "joints",
+                                                           "forces", "surfaces", "contacts", "sensors", "events"})));
       }
     }
     if (!bounded) fail(block.place, "needs 'to', the last value of the index");
@@ -236,6 +238,46 @@ void expand(Value& root, const std::vector<std::string>& overrides) {
   }
   remove(root, "repeat");
   remove(root, "parameters");
+}
+
+double number_at(Value root, const std::vector<std::string>& overrides, const std::string& path) {
+  const std::string prefix = "parameters.";
+  const auto none = [&](const char* what) {
+    throw Error(StatusCode::invalid_input,
+                fmt::format("'{}' {} in the text of the model; a parameter is a number that stands there", path, what));
+  };
+  if (path.rfind(prefix, 0) == 0) {
+    for (const std::string& text : overrides) {
+      Assignment a = parse_assignment(text);
+      if (!made_by_repetition(root, a.path)) set_value(root, a.path, std::move(a.value));
+    }
+    const Scope scope = read_parameters(root);
+    const auto it = scope.find(path.substr(prefix.size()));
+    if (it == scope.end()) none("is not");
+    return it->second;
+  }
+  expand(root, overrides);
+  const Value* at = &root;
+  for (std::size_t begin = 0; begin <= path.size();) {
+    const std::size_t end = std::min(path.find('.', begin), path.size());
+    const std::string key = path.substr(begin, end - begin);
+    if (at->type == Value::Type::array) {
+      const bool digits = !key.empty() && key.size() < 10 && key.find_first_not_of("0123456789") == std::string::npos;
+      const std::size_t item = digits ? std::stoul(key) : at->items.size();
+      if (item >= at->items.size()) none("is not");
+      at = &at->items[item];
+    } else {
+      at = at->is_table() ? at->find(key) : nullptr;
+      if (at == nullptr) none("is not");
+    }
+    begin = end + 1;
+  }
+  if (at->type == Value::Type::text) {
+    if (at->scope == nullptr) none("is no number");
+    return evaluate(at->text, *at->scope, at->place);
+  }
+  if (at->type != Value::Type::real && at->type != Value::Type::integer) none("is no number");
+  return at->real;
 }
 
 }  // namespace espalier::dynamics::model

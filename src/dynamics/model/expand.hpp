@@ -19,6 +19,10 @@ namespace espalier::dynamics::model {
 /// @throws Error(invalid_input) "file:line: path: what"
 void expand(Value& root, const std::vector<std::string>& overrides);
 
+/// A number of a text by its path, after overrides; an expression in [parameters] counts as its value.
+/// @throws Error(invalid_input) where there is none
+[[nodiscard]] double number_at(Value root, const std::vector<std::string>& overrides, const std::string& path);
+
 /// The text of a number as it appears in names: 3, not 3.0.
 [[nodiscard]] std::string number_text(double value);
 

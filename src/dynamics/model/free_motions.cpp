@@ -26,6 +26,11 @@ class WholeBody {
       const auto& c = body.rigid->coordinates();
       add(c[0], Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero());
       add(c[3], Eigen::Matrix3d::Zero(), rotation_matrix(body.rigid->quaternion(s.q)).transpose() / length);
+    } else if (body.reduced != nullptr) {
+      centre_ = body.reduced->position(s.q);
+      const auto c = body.reduced->coordinates();
+      add(c[0], Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero());
+      add(c[3], Eigen::Matrix3d::Zero(), rotation_matrix(body.reduced->quaternion(s.q)).transpose() / length);
     } else {
       add_vertices(*body.flexible, s, length);
     }

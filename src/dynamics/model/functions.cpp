@@ -146,6 +146,7 @@ std::optional<Offer> functions_of(const Mechanism& mechanism, const std::string&
   if (const BuiltForce* force = mechanism.force(object)) return of_force(*force);
   if (const FacePressure* pressure = mechanism.pressure(object))
     return Offer{{}, {{"pressure", pressure_of(*pressure)}}};
+  if (mechanism.surface_contact(object) != nullptr) return Offer{};
   if (object == "sensors") return Offer{{}, mechanism.sensors};
   if (object != "inputs") return std::nullopt;
   Offer offer;
@@ -162,6 +163,7 @@ std::vector<std::string> object_names(const Mechanism& mechanism) {
   for (const Joint* j : mechanism.joints) names.push_back(j->name());
   for (const BuiltForce& f : mechanism.forces) names.push_back(f.force->name());
   for (const FacePressure* p : mechanism.pressures) names.push_back(p->name());
+  for (const BuiltContact& c : mechanism.surface_contacts) names.push_back(c.name);
   if (!mechanism.sensors.empty()) names.emplace_back("sensors");
   if (mechanism.controls != nullptr && !mechanism.controls->inputs.empty()) names.emplace_back("inputs");
   return names;
@@ -203,6 +205,8 @@ StateFunctionPtr find_function(const Mechanism& mechanism, const std::string& re
   for (const auto& [name, function] : offer->vectors) known.push_back(name);
   if (known.empty() && mechanism.body(parts[0]) != nullptr)
     refuse(fmt::format("expressions know flexible bodies by markers on them; give '{}' one", parts[0]));
+  if (mechanism.surface_contact(parts[0]) != nullptr)
+    refuse("what a contact says goes to outputs; expressions take no part of it");
   refuse(fmt::format("'{}' has no '{}' for expressions{}", parts[0], what, suggestion(what, known)));
   return nullptr;
 }

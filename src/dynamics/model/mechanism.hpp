@@ -9,7 +9,9 @@
 
 #include "base/thread_pool.hpp"
 #include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/bodies/reduced_body.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/contact/rigid_contact.hpp"
 #include "dynamics/forces/coordinate_force.hpp"
 #include "dynamics/forces/face_pressure.hpp"
 #include "dynamics/joints/joint.hpp"
@@ -19,19 +21,22 @@
 
 namespace espalier::dynamics::model {
 
-/// One body of the system; one of the three pointers is set.
+/// One body of the system; one of the first three pointers is set.
 struct BuiltBody {
   BodySpec spec;
   RigidBody* rigid = nullptr;
   FlexibleBody* flexible = nullptr;
   PointMass* point = nullptr;
+  ReducedBody* reduced = nullptr;    ///< of a flexible body that is reduced; `flexible` is then its mesh alone
   std::shared_ptr<const Mesh> mesh;  ///< of solids
   Material material;                 ///< of solids
   std::vector<std::string> notices;  ///< about the mesh of solids
   std::string pieces;                ///< of solids: what their mesh falls into, as a sentence; empty: it is connected
+  std::vector<contact::RigidSurface> surfaces;  ///< of rigid bodies
   [[nodiscard]] const Component& component() const {
     if (rigid != nullptr) return *rigid;
     if (point != nullptr) return *point;
+    if (reduced != nullptr) return *reduced;
     return *flexible;
   }
 };
@@ -50,6 +55,14 @@ struct JointContacts {
   CoordinateForce* angle_friction = nullptr;
 };
 
+/// A contact of the model: one component for the rigid shapes, and one for each pair with faces of a solid.
+struct BuiltContact {
+  std::string name;
+  std::vector<contact::Contact*> parts;
+  /// Sums, and largest values, over the parts.
+  [[nodiscard]] contact::ContactReport report(const StateView& s) const;
+};
+
 /// A system with its names. Frames and components point into it, so it does not move.
 class Mechanism {
  public:
@@ -65,6 +78,7 @@ class Mechanism {
   std::vector<Joint*> joints;
   std::vector<BuiltForce> forces;  ///< but for pressures
   std::vector<FacePressure*> pressures;
+  std::vector<BuiltContact> surface_contacts;
   ModelKeys keys;                                 ///< what the model is, mesh files included: for restart files
   std::map<std::string, JointContacts> contacts;  ///< by joint
   std::vector<std::pair<std::string, StateFunctionPtr>> sensors;  ///< of the model's [sensors]
@@ -77,6 +91,7 @@ class Mechanism {
   [[nodiscard]] Joint* joint(const std::string& name) const;
   [[nodiscard]] const BuiltForce* force(const std::string& name) const;
   [[nodiscard]] FacePressure* pressure(const std::string& name) const;
+  [[nodiscard]] const BuiltContact* surface_contact(const std::string& name) const;
   /// "; element 7 of 'rod' is inverted" where the last evaluation of a flexible body found one, else "".
   [[nodiscard]] std::string inverted_elements() const;
 };

@@ -47,7 +47,8 @@ VectorValue acceleration_of(std::shared_ptr<const Frame> frame) {
   };
 }
 
-Columns of_flexible(const FlexibleBody& body) {
+template <class Body>
+Columns of_flexible(const Body& body) {
   return {
       {{"position", [&body](const Sample& s) { return to_vec(body.mass_properties(s.state->q, s.state->v).centre); }},
        {"velocity",
@@ -72,6 +73,24 @@ Columns of_energy(Mechanism& mechanism) {
            {"total", [energy](const Sample& s) { return energy(s).total(); }}}};
 }
 
+Columns of_contact(const BuiltContact& contact) {
+  using contact::ContactReport;
+  const auto number = [&contact](double ContactReport::*member) {
+    return [&contact, member](const Sample& s) { return contact.report(s.state->view()).*member; };
+  };
+  return {{{"force", [&contact](const Sample& s) { return contact.report(s.state->view()).force; }},
+           {"moment", [&contact](const Sample& s) { return contact.report(s.state->view()).moment; }}},
+          {{"normal_force", number(&ContactReport::normal_force)},
+           {"friction_force", number(&ContactReport::friction_force)},
+           {"penetration", number(&ContactReport::penetration)},
+           {"pressure", number(&ContactReport::pressure)},
+           {"area", number(&ContactReport::area)},
+           {"slip_speed", number(&ContactReport::slip_speed)},
+           {"points", number(&ContactReport::points)},
+           {"slipping", number(&ContactReport::slipping)},
+           {"energy", number(&ContactReport::energy)}}};
+}
+
 Columns of_run(const std::string& object) {
   if (object == "constraints")
     return {{},
@@ -89,13 +108,15 @@ Columns of_run(const std::string& object) {
 Columns find_columns(Mechanism& mechanism, const std::string& object, const std::string& request, const Place& place) {
   if (object == "energy") return of_energy(mechanism);
   if (object == "constraints" || object == "step") return of_run(object);
+  if (const BuiltContact* contact = mechanism.surface_contact(object)) return of_contact(*contact);
   const BuiltBody* body = mechanism.body(object);
+  if (body != nullptr && body->reduced != nullptr) return of_flexible(*body->reduced);
   if (body != nullptr && body->flexible != nullptr) return of_flexible(*body->flexible);
   const std::optional<Offer> offer = functions_of(mechanism, object);
   if (!offer) {
     std::vector<std::string> names = {"energy", "constraints", "step"};
     for (const std::string& name : object_names(mechanism)) names.push_back(name);
-    fail(place, fmt::format("\"{}\": there is no body, marker, joint or force '{}'{}", request, object,
+    fail(place, fmt::format("\"{}\": there is no body, marker, joint, force or contact '{}'{}", request, object,
                             suggestion(object, names)));
   }
   Columns columns = columns_of(*offer);
@@ -130,7 +151,14 @@ std::string dimension_of(const std::string& object, const std::string& what) {
                                                                  {"friction_moment", "force*length"},
                                                                  {"stop_force", "force"},
                                                                  {"stop_moment", "force*length"},
-                                                                 {"pressure", "force/length^2"}};
+                                                                 {"pressure", "force/length^2"},
+                                                                 {"normal_force", "force"},
+                                                                 {"penetration", "length"},
+                                                                 {"area", "length^2"},
+                                                                 {"slip_speed", "length/time"},
+                                                                 {"energy", "energy"},
+                                                                 {"points", "1"},
+                                                                 {"slipping", "1"}};
   if (object == "inputs" || object == "sensors" || object == "constraints") return "";
   if (object == "energy") return "energy";
   if (object == "step") return what == "h" ? "time" : "1";

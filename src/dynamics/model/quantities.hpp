@@ -23,6 +23,12 @@ struct Sample {
   /// In a statics run: the load factor, which then stands for the time.
   std::optional<double> load = std::nullopt;
   [[nodiscard]] double time() const { return load ? *load : state->t; }
+  /// The state with time() as its time.
+  [[nodiscard]] State pictured() const {
+    State picture = *state;
+    picture.t = time();
+    return picture;
+  }
 };
 
 struct Quantity {
@@ -39,6 +45,8 @@ struct Quantity {
 ///   FORCE           .force .moment on frame b (a load: on a)   [.x .y .z]; springs, motors: .coordinate .rate
 ///   .strength inputs, sensors by their names energy          .kinetic .potential .total constraints     .position
 ///   .velocity .acceleration: largest violation step            .h .order .newton .error
+///   CONTACT         .force .moment on its second surfaces [.x .y .z]; .normal_force .friction_force .penetration
+///                   .pressure .area .slip_speed .points .slipping .energy: see contact/contact.hpp
 /// A vector also has .norm. @throws Error(invalid_input) naming the request
 [[nodiscard]] std::vector<Quantity> find_quantities(Mechanism& mechanism, const std::string& request,
                                                     const Place& place);

@@ -117,6 +117,19 @@ class BodyReader {
       if (body.damping.stiffness < 0) fail(d->place("stiffness"), "must not be negative");
       d->finish();
     }
+    if (auto r = s.table("reduce")) body.reduction = read_reduction(*r);
+  }
+
+  static ReductionOptions read_reduction(Section& s) {
+    ReductionOptions r;
+    if (!s.has("modes") && !s.has("frequency"))
+      fail(s.place(), "needs 'modes', how many are kept beside those of the interfaces, or 'frequency', below which");
+    if (s.has("modes")) r.modes = s.integer("modes", 0, 0);
+    r.frequency = s.positive("frequency", r.frequency);
+    r.damping = s.number("damping", 0);
+    if (!(r.damping >= 0)) fail(s.place("damping"), "must not be negative");
+    s.finish();
+    return r;
   }
 
   SolidSpec read_solid(Section& s) const {

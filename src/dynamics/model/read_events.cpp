@@ -78,16 +78,17 @@ EventSpec read_event(const std::string& name, const Value& value, const Descript
   return e;
 }
 
-/// Joints and forces that an event switches must be there.
+/// Joints, forces and contacts that an event switches must be there.
 void check_switched(const EventSpec& event, const Description& model) {
   std::vector<std::string> names;
   for (const JointSpec& joint : model.joints) names.push_back(joint.name);
   for (const ForceSpec& force : model.forces) names.push_back(force.name);
+  for (const ContactSpec& contact : model.contacts) names.push_back(contact.name);
   for (const auto* list : {&event.on, &event.off})
     for (const std::string& name : *list) {
       if (std::find(names.begin(), names.end(), name) == names.end())
         fail(event.place,
-             fmt::format("there is no joint or force '{}' to be switched{}", name, suggestion(name, names)));
+             fmt::format("there is no joint, force or contact '{}' to be switched{}", name, suggestion(name, names)));
       if (list == &event.on && std::find(event.off.begin(), event.off.end(), name) != event.off.end())
         fail(event.place, fmt::format("switches '{}' on and off at once", name));
     }

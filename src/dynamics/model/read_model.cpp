@@ -156,14 +156,15 @@ void check_names(const Description& model) {
       fail(place, fmt::format("the name '{}' is taken; choose another", name));
     const auto [it, fresh] = taken.emplace(name, place);
     if (!fresh)
-      fail(place, fmt::format("the name '{}' is taken by {} (line {}); bodies, markers, joints and forces share "
-                              "their names",
+      fail(place, fmt::format("the name '{}' is taken by {} (line {}); bodies, markers, joints, forces and contacts "
+                              "share their names",
                               name, it->second.path, it->second.line));
   };
   for (const BodySpec& body : model.bodies) take(body.name, body.place);
   for (const auto& [name, marker] : model.markers) take(name, marker.place);
   for (const JointSpec& joint : model.joints) take(joint.name, joint.place);
   for (const ForceSpec& force : model.forces) take(force.name, force.place);
+  for (const ContactSpec& contact : model.contacts) take(contact.name, contact.place);
 }
 
 }  // namespace
@@ -182,6 +183,7 @@ Description read_description(const Value& root_value, const std::string& file) {
   read_splines(root, model);
   read_joints(root, model);
   read_forces(root, model);
+  read_surfaces(root, model);
   read_events(root, model);
   bind_curves(model);
   if (!root.has("integrator") && !root.has("statics"))

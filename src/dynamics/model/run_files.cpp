@@ -12,23 +12,9 @@
 #include <limits>
 
 #include "base/output_file.hpp"
-#include "dynamics/integrators/interpolation.hpp"
 #include "dynamics/model/restart.hpp"
 
 namespace espalier::dynamics::model {
-
-// Round-off of a due time that a step was to meet must not delay it to the next step.
-bool RunFiles::Clock::strikes(double t) {
-  if (interval < 0) return false;
-  if (interval == 0) return true;
-  if (t < due() - 1e-9 * interval) return false;
-  wind_to(t);
-  return true;
-}
-
-void RunFiles::Clock::wind_to(double t) {
-  if (interval > 0) next = static_cast<long>(std::floor((t - start) / interval + 1e-9)) + 1;
-}
 
 HeldFolder::HeldFolder(const std::string& path) {
   std::error_code error;
@@ -82,26 +68,14 @@ void RunFiles::write_csv(const Sample& s) {
   csv_time_ = s.time();
 }
 
-// The load factor of a statics run stands for the time.
-State RunFiles::pictured(const Sample& s) {
-  State picture = *s.state;
-  picture.t = s.time();
-  return picture;
-}
-
 void RunFiles::write_picture(const State& s) {
   if (vtu_time_ == s.t) return;
   pictures_->write(s, s.t);
   vtu_time_ = s.t;
 }
 
-// Evenly spaced, whatever the steps: at the due times, by interpolation where no step ends there.
 void RunFiles::write_due_pictures(const State& s) {
-  Clock& clock = vtu_clock_;
-  if (clock.interval == 0) return write_picture(s);
-  const double slip = 1e-9 * clock.interval;  // round-off of a due time
-  for (; clock.due() <= s.t + slip; ++clock.next)
-    write_picture(clock.due() < s.t - slip ? between(mechanism_.system, before_, s, clock.due()) : s);
+  vtu_clock_.visit(mechanism_.system, before_, s, [this](const State& due) { write_picture(due); });
   before_ = s;
 }
 
@@ -126,7 +100,7 @@ void RunFiles::begin_csv(const Sample& s, double keep_until) {
 
 void RunFiles::begin(const Sample& s, const State& initial, bool restarted) {
   if (folder_.empty()) return;
-  for (Clock* clock : {&csv_clock_, &vtu_clock_, &restart_clock_}) {
+  for (DueTimes* clock : {&csv_clock_, &vtu_clock_, &restart_clock_}) {
     clock->start = s.load ? 0 : initial.t;
     clock->wind_to(s.time());
   }
@@ -137,8 +111,8 @@ void RunFiles::begin(const Sample& s, const State& initial, bool restarted) {
     pictures_ = std::make_unique<Pictures>(path, mechanism_, initial, keep_until);
     written_.push_back(path);
     if (restarted) vtu_time_ = pictures_->kept();
-    if (!restarted) write_picture(pictured(s));
-    before_ = pictured(s);
+    if (!restarted) write_picture(s.pictured());
+    before_ = s.pictured();
   }
 }
 
@@ -163,9 +137,10 @@ void RunFiles::modes(const State& state, const std::vector<std::vector<double>>&
 
 void RunFiles::step(const Sample& s) {
   if (csv_ && csv_clock_.strikes(s.time())) write_csv(s);
-  if (pictures_) write_due_pictures(pictured(s));
+  if (pictures_) write_due_pictures(s.pictured());
   if (folder_.empty() || !restart_clock_.strikes(s.time())) return;
   if (csv_) csv_->catch_up();
+  if (pictures_) pictures_->catch_up();
   write_restart_file(s);
 }
 
@@ -175,7 +150,7 @@ void RunFiles::end(const Sample& s) {
     csv_->finish();
   }
   if (pictures_) {
-    write_picture(pictured(s));
+    write_picture(s.pictured());
     pictures_->finish();
   }
   if (!folder_.empty()) write_restart_file(s);
@@ -192,14 +167,15 @@ void RunFiles::emergency(const Sample& s) noexcept {
   if (!folder_.empty()) save([&] { write_restart_file(s); });
   if (csv_) save([&] { write_csv(s); });
   if (csv_) save([&] { csv_->catch_up(); });
-  if (pictures_) save([&] { write_picture(pictured(s)); });
+  if (pictures_) save([&] { write_picture(s.pictured()); });
+  if (pictures_) save([&] { pictures_->catch_up(); });
   held_.reset();
 }
 
 double RunFiles::next_exact_time() const {
   double next = std::numeric_limits<double>::infinity();
   if (!spec_.exact_times || folder_.empty()) return next;
-  for (const Clock* clock : {&csv_clock_, &vtu_clock_, &restart_clock_})
+  for (const DueTimes* clock : {&csv_clock_, &vtu_clock_, &restart_clock_})
     if (clock->interval > 0) next = std::min(next, clock->due());
   return next;
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "dynamics/integrators/integrator.hpp"
+#include "dynamics/model/due_times.hpp"
 #include "dynamics/model/pictures.hpp"
 #include "dynamics/model/quantities.hpp"
 #include "dynamics/output/csv.hpp"
@@ -52,18 +53,7 @@ class RunFiles {
   [[nodiscard]] const std::vector<std::string>& written() const { return written_; }
 
  private:
-  /// Due times start + k * interval.
-  struct Clock {
-    double interval = -1, start = 0;
-    long next = 0;
-    [[nodiscard]] double due() const { return start + static_cast<double>(next) * interval; }
-    /// True (and set to the next time) if something is due at t.
-    bool strikes(double t);
-    /// The first due time after t.
-    void wind_to(double t);
-  };
   void write_csv(const Sample& s);
-  [[nodiscard]] static State pictured(const Sample& s);
   void write_picture(const State& s);
   void write_due_pictures(const State& s);
   void write_restart_file(const Sample& s);
@@ -80,7 +70,7 @@ class RunFiles {
   const Sample* sample_ = nullptr;  // of the row being written
   std::unique_ptr<Pictures> pictures_;
   State before_;  // at the end of the step before, for pictures
-  Clock csv_clock_, vtu_clock_, restart_clock_;
+  DueTimes csv_clock_, vtu_clock_, restart_clock_;
   std::optional<double> csv_time_, vtu_time_, restart_time_;  // of the last that was written
   std::vector<std::string> written_;
 };

@@ -30,7 +30,7 @@ base::Interruption::Clock::duration period_of(double seconds) {
 }
 
 /// So many times of output can be told apart and reached; more are a slip of the pen.
-void check_intervals(const Description& model) {
+void check_intervals(const Description& model, double frame_interval) {
   constexpr double kMost = 1e9;
   const double end = model.statics ? model.statics->options.load : model.integrator.end;
   const double duration = end - (model.statics ? 0 : model.integrator.start);
@@ -40,6 +40,11 @@ void check_intervals(const Description& model) {
       fail(model.output.place, fmt::format("an interval of {:g} asks for more than {:g} outputs until {:g}; 0 writes "
                                            "every step",
                                            interval, kMost, end));
+  constexpr double kMostFrames = 1e6;  // of memory
+  if (frame_interval > 0 && duration > kMostFrames * frame_interval)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("a frame_interval of {:g} asks for more than {:g} pictures until {:g}; 0 keeps every step",
+                            frame_interval, kMostFrames, end));
 }
 
 }  // namespace
@@ -61,7 +66,7 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
   if (options_.until) set_end(*options_.until);
   if (model_.statics && !options_.restart.empty())
     throw Error(StatusCode::invalid_input, "--restart: a statics run begins anew, it has no restart file");
-  check_intervals(model_);
+  check_intervals(model_, options_.frame_interval);
   summary_.title = model_.title;
   summary_.method = model_.statics ? "statics" : model_.integrator.method == Method::bdf ? "bdf" : "generalized-alpha";
   std::vector<std::pair<std::string, std::string>> by_name = model_.solver;
@@ -89,8 +94,10 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
     equations_ = std::make_unique<Equations>(
         mechanism_->system,
         make_run_solver(solver, unknowns <= kLargestDense && !chosen,
-                        {options_.dump, options_.dump_every, options_.dump_count}, options_.analyses, record_));
-    equations_->set_pool(&mechanism_->pool);
+                        {options_.dump, options_.dump_every, options_.dump_count}, options_.analyses, record_),
+        &mechanism_->pool);
+    if (options_.record_timeline) trace_ = std::make_unique<PhaseTrace>();
+    equations_->set_trace(trace_.get());
     for (const std::string& request : model_.output.quantities) choose(request, model_.output.place);
     for (const std::string& request : options_.quantities) choose(request, {});
     for (const Quantity& q : quantities_) series_.names.push_back(q.name);
@@ -255,7 +262,7 @@ void Runner::run(const SimulationObserver& observer) {
     advance(model_.integrator.end, observer);
     guard_->check(current());
     {
-      const Stopwatch output(summary_.phases.output);
+      const Phase output("output", summary_.phases.output, trace_.get());
       files_->end(sample(last_report_));
       going_ = false;
     }
@@ -265,13 +272,13 @@ void Runner::run(const SimulationObserver& observer) {
 
 void Runner::go() {
   {
-    const Stopwatch output(summary_.phases.output);
+    const Phase output("output", summary_.phases.output, trace_.get());
     files_.reset();  // of a run that an observer broke off
     files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, integrator_);
     const Sample s = sample(last_report_);
     files_->begin(s, reference_, !options_.restart.empty());
     files_->modes(state_, shapes_);
-    keep(s);
+    begin_keeping(s, reference_);
   }
   going_ = true;
   happen();
@@ -298,10 +305,15 @@ void Runner::advance(double end, const SimulationObserver& observer) {
 
 void Runner::step(double limit) {
   constexpr long kWatchEvery = 100;
-  last_report_ = events_->empty() ? integrator_->step(limit) : events_->step(integrator_, limit);
+  double seconds = 0;  // counted in other phases
+  {
+    Phase phase("step", seconds, trace_.get(), PhaseRow::steps);
+    phase.set_number(last_report_.index + 1);
+    last_report_ = events_->empty() ? integrator_->step(limit) : events_->step(integrator_, limit);
+  }
   happen();
   if (last_report_.index % kWatchEvery == 0) guard_->check(current());
-  const Stopwatch output(summary_.phases.output);
+  const Phase output("output", summary_.phases.output, trace_.get());
   const Sample s = sample(last_report_);
   auto& most = summary_.largest_violation;
   most.position = std::max(most.position, s.report.levels.position);
@@ -366,6 +378,11 @@ std::string Runner::explain_failure(const Error& error) {
     text += fmt::format("; near a singular position at t = {:g}: these constraints are about to depend on others: {}",
                         s.t, names);
   return text;
+}
+
+void Runner::write_trace(const std::string& path) const {
+  if (!trace_) throw std::logic_error("Simulation::write_trace: SimulationOptions::record_timeline was not set");
+  trace_->write(path);
 }
 
 void Runner::finish() {

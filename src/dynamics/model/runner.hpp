@@ -12,6 +12,7 @@
 #include "dynamics/constraints/redundancy.hpp"
 #include "dynamics/integrators/integrator.hpp"
 #include "dynamics/model/events.hpp"
+#include "dynamics/model/kept_frames.hpp"
 #include "dynamics/model/mechanism.hpp"
 #include "dynamics/model/newton_solver.hpp"
 #include "dynamics/model/quantities.hpp"
@@ -34,6 +35,11 @@ class Runner {
   void restore(std::string_view state);
   [[nodiscard]] std::vector<SimulationQuantity> all_quantities() { return list_quantities(*mechanism_); }
   [[nodiscard]] const SimulationSeries& series() const { return series_; }
+  /// Pictures in memory: of the run, of the present state; made at the first call.
+  [[nodiscard]] KeptFrames& kept_frames();
+  [[nodiscard]] SimulationFrame frame();
+  /// See Simulation.
+  void write_trace(const std::string& path) const;
   /// Brings the summary up to date; called by run() too, also when it fails.
   void finish();
 
@@ -43,6 +49,11 @@ class Runner {
     return model_.statics ? model_.statics->options.load : model_.integrator.end;
   }
   [[nodiscard]] double value(const std::string& quantity);
+  // For those who look at the system itself.
+  [[nodiscard]] Mechanism& mechanism() { return *mechanism_; }
+  [[nodiscard]] Equations& equations() { return *equations_; }
+  [[nodiscard]] const State& state() const { return current(); }
+  [[nodiscard]] const std::vector<Quantity>& chosen() const { return quantities_; }
   /// Inputs that the program may set, and their present values.
   [[nodiscard]] std::vector<std::pair<std::string, double>> inputs() const;
   /// @throws std::invalid_argument for unknown names and numbers that are not finite
@@ -64,6 +75,7 @@ class Runner {
   void advance(double end, const SimulationObserver& observer);
   void step(double limit);
   void halt();  ///< the caller has interrupted a step: the state before it stands
+  void begin_keeping(const Sample& s, const State& initial);
   void keep(const Sample& s);
   void expect_motion(const char* call) const;
   // What events do (runner_events.cpp)
@@ -90,6 +102,7 @@ class Runner {
   SimulationSummary& summary_;
   std::unique_ptr<Mechanism> mechanism_;
   SolverRecord record_;
+  std::unique_ptr<PhaseTrace> trace_;
   std::unique_ptr<Equations> equations_;
   std::unique_ptr<RedundancyGuard> guard_;
   std::unique_ptr<Integrator> integrator_;
@@ -98,6 +111,7 @@ class Runner {
   std::unique_ptr<RunFiles> files_;
   std::vector<Quantity> quantities_;
   SimulationSeries series_;
+  std::unique_ptr<KeptFrames> frames_;
   std::vector<char> dropped_at_start_;  // constraint rows, m marks
   bool going_ = false;                  // go() was called, and the files have not been ended
   State state_;

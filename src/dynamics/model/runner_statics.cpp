@@ -3,14 +3,11 @@
 
 #include <algorithm>
 
-#include "base/stopwatch.hpp"
 #include "dynamics/integrators/vibrations.hpp"
 #include "dynamics/model/free_motions.hpp"
 #include "dynamics/model/runner.hpp"
 
 namespace espalier::dynamics::model {
-
-using base::Stopwatch;
 
 namespace {
 
@@ -38,11 +35,11 @@ void Runner::find_equilibrium(const ConsistencyOptions& consistency) {
 
 void Runner::run_statics(const SimulationObserver& observer) {
   {
-    const Stopwatch output(summary_.phases.output);
+    const Phase output("output", summary_.phases.output, trace_.get());
     files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, integrator_);
     const Sample s = sample(last_report_);
     files_->begin(s, state_, false);
-    keep(s);
+    begin_keeping(s, state_);
   }
   const auto each = [&](const StaticsStep& step, const State& state) {
     state_ = state;
@@ -56,7 +53,7 @@ void Runner::run_statics(const SimulationObserver& observer) {
     last_report_.newton_failures = step.failures;
     last_report_.residual = step.residual;
     summary_.statics_iterations += step.iterations;
-    const Stopwatch output(summary_.phases.output);
+    const Phase output("output", summary_.phases.output, trace_.get());
     const Sample s = sample(last_report_);
     files_->step(s);
     keep(s);
@@ -86,7 +83,7 @@ void Runner::run_statics(const SimulationObserver& observer) {
     if (error.status().code == StatusCode::cancelled) {
       mechanism_->system.set_load_factor(load_);
       summary_.interrupted = true;
-      const Stopwatch output(summary_.phases.output);
+      const Phase output("output", summary_.phases.output, trace_.get());
       files_->end(sample(last_report_));
       return;
     }
@@ -94,7 +91,7 @@ void Runner::run_statics(const SimulationObserver& observer) {
     mechanism_->system.set_load_factor(load_);
     throw explained;
   }
-  const Stopwatch output(summary_.phases.output);
+  const Phase output("output", summary_.phases.output, trace_.get());
   files_->end(sample(last_report_));
 }
 

@@ -18,6 +18,10 @@ void Runner::step_to(double t, const SimulationObserver& observer) {
   expect_motion("step_to");
   if (!std::isfinite(t) || t < time())
     throw std::invalid_argument(fmt::format("Simulation::step_to: {} is no time from {} on", t, time()));
+  constexpr double kShortest = 1e-100;  // squares of steps are still numbers
+  if (t > time() && t - time() < kShortest)
+    throw std::invalid_argument(
+        fmt::format("Simulation::step_to: {} is {:g} from now, too short for a step", t, t - time()));
   guarded([&] {
     stopped_ = false;
     summary_.stopped_by.clear();
@@ -57,11 +61,26 @@ void Runner::restore(std::string_view state) {
   const auto kept = std::upper_bound(series_.t.begin(), series_.t.end(), time()) - series_.t.begin();
   series_.t.resize(static_cast<std::size_t>(kept));
   series_.values.resize(static_cast<std::size_t>(kept) * series_.names.size());
+  if (options_.frame_interval >= 0) kept_frames().restore(sample(last_report_).pictured());
   finish();
 }
 
+void Runner::begin_keeping(const Sample& s, const State& initial) {
+  if (options_.frame_interval >= 0 && kept_frames().frames().empty())
+    kept_frames().begin(s.pictured(), s.load ? 0 : initial.t);
+  keep(s);
+}
+
+KeptFrames& Runner::kept_frames() {
+  if (!frames_) frames_ = std::make_unique<KeptFrames>(*mechanism_, options_.frame_interval, reference_);
+  return *frames_;
+}
+
+SimulationFrame Runner::frame() { return kept_frames().frame(sample(last_report_).pictured()); }
+
 // A state that is there already (the start of a run that goes on) is not kept twice.
 void Runner::keep(const Sample& s) {
+  if (options_.frame_interval >= 0) kept_frames().step(s.pictured());
   if (!options_.keep_series || (!series_.t.empty() && series_.t.back() == s.time())) return;
   series_.t.push_back(s.time());
   for (const Quantity& q : quantities_) series_.values.push_back(q.value(s));

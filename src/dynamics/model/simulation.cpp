@@ -1,5 +1,6 @@
 // The public entry: failures become a Status.
 #include <algorithm>
+#include <cmath>
 #include <new>
 #include <stdexcept>
 
@@ -46,6 +47,8 @@ Simulation::Simulation(SimulationOptions options) : impl_(std::make_unique<Impl>
     throw std::invalid_argument("SimulationOptions: dump_every and dump_count must be at least 1");
   if (!(options.interrupted_every >= 0 && options.interrupted_every <= 3600))
     throw std::invalid_argument("SimulationOptions: interrupted_every must be from 0 to 3600 seconds");
+  if (!(options.frame_interval == -1 || (options.frame_interval >= 0 && std::isfinite(options.frame_interval))))
+    throw std::invalid_argument("SimulationOptions: frame_interval must be -1, 0 or a positive time");
   impl_->options = std::move(options);
 }
 Simulation::~Simulation() = default;
@@ -90,7 +93,19 @@ Status Simulation::restore(std::string_view state) {
 
 std::vector<SimulationQuantity> Simulation::quantities() const { return impl_->loaded().all_quantities(); }
 const SimulationSeries& Simulation::series() const { return impl_->loaded().series(); }
+SimulationMesh Simulation::mesh() const { return impl_->loaded().kept_frames().mesh(); }
+SimulationFrame Simulation::frame() const { return impl_->loaded().frame(); }
+const std::vector<SimulationFrame>& Simulation::frames() const { return impl_->loaded().kept_frames().frames(); }
 const SimulationSummary& Simulation::summary() const { return impl_->summary; }
+Status Simulation::write_trace(const std::string& path) const {
+  const Runner& runner = impl_->loaded();
+  try {
+    runner.write_trace(path);
+  } catch (const Error& error) {
+    return error.status();
+  }
+  return {};
+}
 std::vector<SimulationInput> Simulation::inputs() const {
   std::vector<SimulationInput> list;
   for (const auto& [name, value] : impl_->loaded().inputs()) list.push_back({name, value});

@@ -28,6 +28,16 @@ double angle_between(const Quat& a, const Quat& b) {
   return 4 * std::asin(0.5 * std::min((a - b).norm(), (a + b).norm()));
 }
 
+double largest_way(const ReducedBody& body, const State& given, const State& now) {
+  std::vector<double> from, to, none;
+  body.nodal_motion(given.q, {}, from, none);
+  body.nodal_motion(now.q, {}, to, none);
+  double most = 0;
+  for (std::size_t i = 0; i < to.size(); i += 3 * static_cast<std::size_t>(body.nodal().vertices_per_node()))
+    most = std::max(most, std::hypot(to[i] - from[i], to[i + 1] - from[i + 1], to[i + 2] - from[i + 2]));
+  return most;
+}
+
 double largest_way(const FlexibleBody& body, const State& given, const State& now) {
   double most = 0;
   for (Index k = 0; k < body.vertices(); k += body.vertices_per_node()) {
@@ -70,12 +80,15 @@ std::vector<std::string> moved_bodies(Mechanism& mechanism, const State& given, 
       continue;
     }
     if (body.flexible == nullptr) continue;  // a point mass
-    const double way = largest_way(*body.flexible, given, now);
+    const bool reduced = body.reduced != nullptr;
+    const double way = reduced ? largest_way(*body.reduced, given, now) : largest_way(*body.flexible, given, now);
+    const double energy = reduced ? body.reduced->strain_energy(now.q) - body.reduced->strain_energy(given.q)
+                                  : strain_energy(*body.flexible, now) - strain_energy(*body.flexible, given);
     if (way > least)
       lines.push_back(
           fmt::format("{}: the joints moved its nodes by up to {:.3g} at the start, which takes {:.4g} of "
                       "strain energy",
-                      body.spec.name, way, strain_energy(*body.flexible, now) - strain_energy(*body.flexible, given)));
+                      body.spec.name, way, energy));
   }
   return lines;
 }

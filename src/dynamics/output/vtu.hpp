@@ -25,6 +25,10 @@ class VtuCells {
   /// Adds a cell of these points and returns its number.
   Index add(ElementType type, std::span<const Index> points);
   [[nodiscard]] Index count() const { return static_cast<Index>(types_.size()); }
+  /// Points of all cells, where those of each end, and VTK's numbers of the shapes.
+  [[nodiscard]] const std::vector<std::int64_t>& connectivity() const { return connectivity_; }
+  [[nodiscard]] const std::vector<std::int64_t>& offsets() const { return offsets_; }
+  [[nodiscard]] const std::vector<std::uint8_t>& types() const { return types_; }
 
  private:
   friend void write_vtu(const std::string&, std::span<const double>, const VtuCells&, std::span<const OutputField>,

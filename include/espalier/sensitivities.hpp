@@ -1,0 +1,65 @@
+/// \file
+/// Derivatives of what a simulation comes to by parameters of its model.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "espalier/dynamics.hpp"
+
+namespace espalier {
+
+/// A number of the model text by its path, as in SimulationOptions::set: "parameters.length",
+/// "forces.spring.stiffness", "bodies.arm.position.0".
+struct SensitivityParameter {
+  std::string path;
+  /// So far the equations are looked at to both sides of the value, in the units of the parameter. The derivatives'
+  /// error is about its square (over the square of the value) plus 1e-16 over it, both times the ratio of the largest
+  /// stiffness to the smallest. 0: 5e-6 of the value (1e-4 where the start is an equilibrium, known to its tolerance);
+  /// of a value of zero it has to be given.
+  double step = 0;
+};
+
+/// Natural frequencies of the model at its start ([initial] modes), without damping.
+struct SensitivityModes {
+  std::vector<double> frequencies;  ///< per unit of time, rising
+  /// d frequency / d parameter: frequencies.size() rows of parameters. Those of one frequency that several modes share
+  /// are the slopes of its branches, rising; 0 for a mode without stiffness.
+  std::vector<double> derivatives;
+};
+
+struct SensitivityResult {
+  Status status;
+  std::vector<std::string> parameters;   ///< paths
+  std::vector<double> parameter_values;  ///< present values
+  std::vector<std::string> quantities;   ///< names
+  std::vector<double> t;                 ///< start and ends of steps; statics: the last load factor alone
+  std::vector<double> values;            ///< t.size() rows of quantities
+  /// d quantity / d parameter: t.size() blocks of quantities.size() rows of parameters.size() numbers.
+  std::vector<double> derivatives;
+  SensitivityModes modes;
+  /// How well the linear equations of the derivatives are solved: the largest last change of an iteration over the
+  /// largest derivative.
+  double defect = 0;
+  SimulationSummary summary;
+
+  /// The last value of a quantity and its derivative. @throws std::out_of_range for unknown names
+  [[nodiscard]] double value(const std::string& quantity) const;
+  [[nodiscard]] double derivative(const std::string& quantity, const std::string& parameter) const;
+};
+
+/// Runs a model (a file, or its text with a name for messages) and differentiates its quantities, those of
+/// options.quantities and of the model's [output], by the parameters: statics at its equilibrium, motions forward
+/// through the steps that the run takes. Those steps do not depend on the parameters: the derivatives are those of the
+/// computed motion, and as exact as it is. One run and, for each step, one factorization and a few solves for each
+/// parameter; for each parameter the model is built and brought to its start twice more.
+///
+/// Status invalid_input, beside what a simulation reports: a path that names no number, a parameter by which the
+/// number of unknowns or the shapes of a reduced body jump, models with events, restart files.
+SensitivityResult sensitivities(const std::string& path, const std::vector<SensitivityParameter>& parameters,
+                                const SimulationOptions& options = {});
+SensitivityResult sensitivities_of_text(const std::string& text, const std::string& name,
+                                        const std::vector<SensitivityParameter>& parameters,
+                                        const SimulationOptions& options = {});
+
+}  // namespace espalier

@@ -1,0 +1,89 @@
+#include "dynamics/contact/face_touch.hpp"
+
+namespace espalier::dynamics::contact {
+
+FaceTouch::FaceTouch(const FacePlace& point, int point_nodes, const SurfaceFace& second,
+                     const std::array<double, 2>& xi)
+    : point_(point),
+      face_(second),
+      xi_(xi),
+      first_(point_nodes),
+      second_(second.count()),
+      opposite_(face_place(second.type, second.x, xi.data())),
+      normal_(opposite_.normal_area().normalized()),
+      gap_(normal_.dot(point.x - opposite_.x)) {}
+
+VecX FaceTouch::share(const Vec3& force) const {
+  VecX f(coordinates());
+  for (int a = 0; a < first_; ++a) f.segment<3>(3 * a) = point_.value[static_cast<std::size_t>(a)] * force;
+  for (int a = 0; a < second_; ++a)
+    f.segment<3>(3 * (first_ + a)) = -opposite_.value[static_cast<std::size_t>(a)] * force;
+  return f;
+}
+
+void FaceTouch::differentiate() {
+  const auto& t = opposite_.tangent;
+  const auto bends = face_bends(face_.type, face_.x, xi_.data());
+  bend_ << normal_.dot(bends[0]), normal_.dot(bends[1]), normal_.dot(bends[1]), normal_.dot(bends[2]);
+  Eigen::Matrix2d metric;
+  metric << t[0].dot(t[0]), t[0].dot(t[1]), t[0].dot(t[1]), t[1].dot(t[1]);
+  raised_ = metric.inverse();
+  gap_by_ = share(normal_);
+  for (std::size_t d = 0; d < 2; ++d) {
+    along_[d] = share(t[d]);
+    turn_[d] = VecX::Zero(coordinates());
+    for (int a = 0; a < second_; ++a)
+      turn_[d].segment<3>(3 * (first_ + a)) = opposite_.slope[d][static_cast<std::size_t>(a)] * normal_;
+  }
+  const Eigen::Matrix2d inverse = (metric - gap_ * bend_).inverse();
+  for (int d = 0; d < 2; ++d)
+    place_by_[static_cast<std::size_t>(d)] =
+        inverse(d, 0) * (along_[0] + gap_ * turn_[0]) + inverse(d, 1) * (along_[1] + gap_ * turn_[1]);
+  for (int d = 0; d < 2; ++d)
+    bent_[static_cast<std::size_t>(d)] =
+        turn_[static_cast<std::size_t>(d)] + bend_(d, 0) * place_by_[0] + bend_(d, 1) * place_by_[1];
+}
+
+MatX FaceTouch::gap_by_twice() const {
+  MatX h = MatX::Zero(coordinates(), coordinates());
+  for (int d = 0; d < 2; ++d) {
+    const auto at = static_cast<std::size_t>(d);
+    h.noalias() -= (raised_(d, 0) * along_[0] + raised_(d, 1) * along_[1]) * bent_[at].transpose();
+    h.noalias() -= turn_[at] * place_by_[at].transpose();
+  }
+  return h;
+}
+
+// n stays normal to both tangents: dn = -t^a (n . dt_a + k_ab dxi^b).
+Mat3X FaceTouch::normal_by() const {
+  Mat3X n = Mat3X::Zero(3, coordinates());
+  for (int d = 0; d < 2; ++d) {
+    const Vec3 dual = raised_(d, 0) * opposite_.tangent[0] + raised_(d, 1) * opposite_.tangent[1];
+    n.noalias() -= dual * bent_[static_cast<std::size_t>(d)].transpose();
+  }
+  return n;
+}
+
+Mat3X FaceTouch::slip_by() const {
+  Mat3X s = Mat3X::Zero(3, coordinates());
+  for (int a = 0; a < first_; ++a)
+    s.block<3, 3>(0, 3 * a).diagonal().array() = point_.value[static_cast<std::size_t>(a)];
+  for (int a = 0; a < second_; ++a)
+    s.block<3, 3>(0, 3 * (first_ + a)).diagonal().array() = -opposite_.value[static_cast<std::size_t>(a)];
+  return s;
+}
+
+void FaceTouch::add_shift(const std::array<Vec3, 2>& w, double factor, Mat3X& out) const {
+  for (std::size_t d = 0; d < 2; ++d) out.noalias() -= factor * w[d] * place_by_[d].transpose();
+}
+
+MatX FaceTouch::share_by(const Vec3& force) const {
+  MatX k = MatX::Zero(coordinates(), coordinates());
+  for (int a = 0; a < second_; ++a)
+    for (std::size_t d = 0; d < 2; ++d)
+      k.middleRows<3>(3 * (first_ + a)).noalias() -=
+          opposite_.slope[d][static_cast<std::size_t>(a)] * force * place_by_[d].transpose();
+  return k;
+}
+
+}  // namespace espalier::dynamics::contact

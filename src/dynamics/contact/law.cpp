@@ -1,0 +1,74 @@
+#include "dynamics/contact/law.hpp"
+
+#include <cmath>
+#include <stdexcept>
+
+#include "dynamics/forces/penalty.hpp"
+
+namespace espalier::dynamics::contact {
+
+void ContactLaw::check() const {
+  const auto need = [](bool good, const char* what) {
+    if (!good) throw std::invalid_argument(what);
+  };
+  need(stiffness > 0 && std::isfinite(stiffness), "the stiffness of a contact must be greater than 0");
+  need(exponent >= 1 && exponent <= 4, "the exponent of a contact must lie between 1 and 4");
+  need(smoothing >= 0 && (smoothing == 0 || exponent == 1), "smoothing goes with the exponent 1 and is not negative");
+  need(damping >= 0, "the damping of a contact must not be negative");
+  need(restitution > 0 && restitution <= 1, "the restitution of a contact must lie in (0, 1]");
+  need(damping == 0 || restitution == 1, "a contact has damping or restitution, not both");
+  need(friction >= 0, "the friction of a contact must not be negative");
+  need(friction == 0 || tangential_stiffness > 0, "friction needs a tangential stiffness greater than 0");
+  need(tangential_damping >= 0, "the tangential damping of a contact must not be negative");
+}
+
+NormalForce normal_force(const ContactLaw& law, double p, double rate, double damping) {
+  if (!(p > 0)) return {};
+  PenaltyForce e;
+  if (law.exponent == 1) {
+    e = penalty(p, law.stiffness, law.smoothing);
+  } else {
+    const double power = law.stiffness * std::pow(p, law.exponent - 1);
+    e = {power * p, law.exponent * power, 0, power * p * p / (law.exponent + 1)};
+  }
+  const double factor = 1 + damping * rate;
+  if (factor <= 0) return {0, 0, 0, e.energy};
+  return {e.force * factor, e.slope * factor, e.force * damping, e.energy};
+}
+
+double damping_number(double restitution) {
+  if (restitution >= 1) return 0;
+  // ln((1 + X) / (1 - r X)) - (1 + r) X is negative up to its root and grows without bound towards 1 / r.
+  const double r = restitution;
+  double low = 0, high = 1 / r;
+  for (int k = 0; k < 200 && high - low > 1e-16 * high; ++k) {
+    const double x = 0.5 * (low + high);
+    const double value = std::log1p(x) - std::log1p(-r * x) - (1 + r) * x;
+    (value < 0 ? low : high) = x;
+  }
+  return 0.5 * (low + high);
+}
+
+FrictionForce friction_force(const ContactLaw& law, double normal, const Vec3& stretch, const Vec3& rate) {
+  FrictionForce result;
+  const Vec3 trial = law.tangential_stiffness * stretch + law.tangential_damping * rate;
+  const double size = trial.norm(), limit = law.friction * normal;
+  if (size <= limit) {
+    result.force = -trial;
+    result.by_trial = -Mat3::Identity();
+    return result;
+  }
+  const Vec3 e = trial / size;
+  result.slips = true;
+  result.force = -limit * e;
+  result.by_trial = -limit / size * (Mat3::Identity() - e * e.transpose());
+  result.by_normal = -law.friction * e;
+  return result;
+}
+
+Vec3 kept_stretch(const ContactLaw& law, double normal, const Vec3& stretch) {
+  const double size = law.tangential_stiffness * stretch.norm(), limit = law.friction * normal;
+  return size <= limit ? stretch : Vec3(limit / size * stretch);
+}
+
+}  // namespace espalier::dynamics::contact

@@ -1,0 +1,358 @@
+#include "dynamics/contact/rigid_contact.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace espalier::dynamics::contact {
+namespace {
+
+constexpr double kFlatEnough = 0.8;  // cosine of the angle by which a normal may turn while a spring moves on with it
+
+std::size_t slot(Index i) { return static_cast<std::size_t>(i); }
+
+/// A tenth of the least extent of any shape.
+double chosen_margin(const std::vector<RigidSurface>& surfaces) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const RigidSurface& s : surfaces) least = std::min(least, least_extent(s.shape));
+  return std::isfinite(least) ? 0.1 * least : 1.0;
+}
+
+}  // namespace
+
+RigidContact::RigidContact(std::string name, const ContactLaw& law, std::vector<RigidSurface> surfaces,
+                           std::size_t against, double margin)
+    : Contact(std::move(name)), law_(law), surfaces_(std::move(surfaces)), against_(against), margin_(margin) {
+  law_.check();
+  for (const RigidSurface& s : surfaces_) {
+    check_shape(s.shape);
+    auto it = std::find(bodies_.begin(), bodies_.end(), s.body);
+    if (it == bodies_.end()) it = bodies_.insert(bodies_.end(), s.body);
+    body_index_.push_back(static_cast<Index>(it - bodies_.begin()));
+  }
+  if (margin_ <= 0) margin_ = chosen_margin(surfaces_);
+  for (std::size_t i = 0; i < surfaces_.size(); ++i) {
+    const bool plane = std::holds_alternative<PlaneShape>(surfaces_[i].shape);
+    (plane ? planes_ : bounded_).push_back(static_cast<Index>(i));
+  }
+  bool any = false;
+  const auto count = static_cast<Index>(surfaces_.size());
+  for (Index i = 0; i < count && !any; ++i)
+    for (Index j = i + 1; j < count && !any; ++j) any = may_touch(i, j);
+  if (!any) throw std::invalid_argument("the contact has no two surfaces on different bodies that could touch");
+  motion_.resize(bodies_.size());
+  placed_.resize(surfaces_.size());
+  boxes_.resize(surfaces_.size());
+}
+
+bool RigidContact::may_touch(Index i, Index j) const {
+  const bool first_i = slot(i) < against_, first_j = slot(j) < against_;
+  return body_of(i) != body_of(j) && (against_ == 0 || first_i != first_j) &&
+         can_touch(surfaces_[slot(i)].shape, surfaces_[slot(j)].shape);
+}
+
+// ---- Where things are
+
+BodyMotion RigidContact::motion_of(Index body, ConstSpan q, ConstSpan v) const {
+  const RigidBody* rigid = bodies_[slot(body)];
+  BodyMotion m;
+  if (rigid == nullptr) return m;
+  m.origin = rigid->position(q);
+  m.axes = rotation_matrix(rigid->quaternion(q));
+  if (v.empty()) return m;
+  m.velocity = rigid->velocity(v);
+  m.omega = m.axes * rigid->angular(v);
+  return m;
+}
+
+void RigidContact::move_to(ConstSpan q, ConstSpan v) {
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    motion_[b] = motion_of(static_cast<Index>(b), q, v);
+    if (!motion_[b].origin.allFinite() || !motion_[b].axes.allFinite())
+      throw Error(StatusCode::singular, "a body of the contact is at a place that is no number");
+  }
+  place_shapes();
+  const auto left = [this](Index i) { return !widened_[slot(i)].holds(boxes_[slot(i)]); };
+  bool moved = widened_.empty() || std::any_of(bounded_.begin(), bounded_.end(), left);
+  // Planes have no box; one that moves is looked at again each time.
+  moved = moved ||
+          std::any_of(planes_.begin(), planes_.end(), [this](Index i) { return surfaces_[slot(i)].body != nullptr; });
+  if (moved) search();
+}
+
+void RigidContact::place_shapes() {
+  for (std::size_t i = 0; i < surfaces_.size(); ++i) {
+    const RigidSurface& s = surfaces_[i];
+    const BodyMotion& m = motion_[slot(body_index_[i])];
+    placed_[i] = {&s.shape, m.to_global(s.point), m.axes * s.axes};
+    boxes_[i] = box_around(placed_[i]);
+  }
+}
+
+// ---- Broad phase
+
+std::vector<RigidContact::Pair> RigidContact::near_pairs(double margin) {
+  std::vector<Box> boxes;
+  for (const Index i : bounded_) {
+    boxes.push_back(boxes_[slot(i)]);
+    boxes.back().widen(margin);
+  }
+  tree_.refit(boxes);
+  std::vector<Pair> pairs;
+  for (std::size_t k = 0; k < bounded_.size(); ++k) {
+    const Index i = bounded_[k];
+    tree_.query(boxes[k], [&](Index other) {
+      const Index j = bounded_[slot(other)];
+      if (i < j && may_touch(i, j)) pairs.push_back({i, j});
+    });
+    for (const Index p : planes_) {
+      if (!may_touch(i, p)) continue;
+      // the lowest corner of the box over the plane
+      const Vec3 n = placed_[slot(p)].z();
+      const Vec3 middle = 0.5 * (boxes[k].low + boxes[k].high), half = 0.5 * (boxes[k].high - boxes[k].low);
+      if (n.dot(middle - placed_[slot(p)].origin) <= n.cwiseAbs().dot(half))
+        pairs.push_back({std::min(i, p), std::max(i, p)});
+    }
+  }
+  std::sort(pairs.begin(), pairs.end());
+  return pairs;
+}
+
+void RigidContact::search() {
+  ++searches_;
+  pairs_ = near_pairs(margin_);
+  widened_ = boxes_;
+  for (Box& box : widened_) box.widen(margin_);
+}
+
+// ---- Pattern
+
+bool RigidContact::update_pattern(ConstSpan q) {
+  move_to(q, {});
+  const auto bodies_of = [this](const Pair& pair) {
+    const std::array<Index, 2> bodies = {body_of(pair[0]), body_of(pair[1])};
+    return std::array{std::min(bodies[0], bodies[1]), std::max(bodies[0], bodies[1])};
+  };
+  const auto needs_block = [this](const std::array<Index, 2>& bodies) {
+    return bodies_[slot(bodies[0])] != nullptr && bodies_[slot(bodies[1])] != nullptr;
+  };
+  const auto missing = [&](const Pair& pair) {
+    const auto bodies = bodies_of(pair);
+    return needs_block(bodies) && !std::binary_search(pattern_.begin(), pattern_.end(), bodies);
+  };
+  const bool outgrown = std::any_of(pairs_.begin(), pairs_.end(), missing);
+  if (outgrown) {
+    pattern_.clear();
+    for (const Pair& pair : near_pairs(2 * margin_))
+      if (const auto bodies = bodies_of(pair); needs_block(bodies)) pattern_.push_back(bodies);
+    std::sort(pattern_.begin(), pattern_.end());
+    pattern_.erase(std::unique(pattern_.begin(), pattern_.end()), pattern_.end());
+    ++patterns_;
+  }
+  return outgrown || std::exchange(pattern_stale_, false);
+}
+
+void RigidContact::declare(PatternBuilder& w, PatternBuilder& /*phi_q*/) const {
+  for (const RigidBody* body : bodies_)
+    if (body != nullptr) w.add_block(body->coordinates(), body->coordinates());
+  for (const auto& [a, b] : pattern_) {
+    w.add_block(bodies_[slot(a)]->coordinates(), bodies_[slot(b)]->coordinates());
+    w.add_block(bodies_[slot(b)]->coordinates(), bodies_[slot(a)]->coordinates());
+  }
+}
+
+void RigidContact::bind(const SparsePattern& w, const SparsePattern& /*phi_q*/) {
+  places_.clear();
+  const auto note = [&](Index row, Index column) {
+    std::array<Offset, 6>& starts = places_[{row, column}];
+    for (std::size_t c = 0; c < 6; ++c)
+      starts[c] = find_entry(w, bodies_[slot(column)]->coordinates()[c], bodies_[slot(row)]->coordinates().front());
+  };
+  for (std::size_t b = 0; b < bodies_.size(); ++b)
+    if (bodies_[b] != nullptr) note(static_cast<Index>(b), static_cast<Index>(b));
+  for (const auto& [a, b] : pattern_) {
+    note(a, b);
+    note(b, a);
+  }
+  pattern_stale_ = false;
+}
+
+// ---- Touches and what they remember
+
+const RigidContact::Memory* RigidContact::memory_of(const Pair& pair, const Touch& touch,
+                                                    std::vector<char>& taken) const {
+  const auto first =
+      std::lower_bound(memory_.begin(), memory_.end(), pair, [](const Memory& m, const Pair& p) { return m.pair < p; });
+  const Memory* same_corner = nullptr;
+  for (auto it = first; it != memory_.end() && it->pair == pair; ++it) {
+    if (taken[static_cast<std::size_t>(it - memory_.begin())] != 0) continue;
+    if (it->id == touch.id) {
+      same_corner = &*it;
+      break;
+    }
+    const Vec3 normal = motion_[slot(body_of(pair[0]))].axes.transpose() * touch.normal;
+    if (same_corner == nullptr && touch_group(it->id) == touch_group(touch.id) && it->normal.dot(normal) > kFlatEnough)
+      same_corner = &*it;
+  }
+  if (same_corner != nullptr) taken[static_cast<std::size_t>(same_corner - memory_.data())] = 1;
+  return same_corner;
+}
+
+// Of a touch that was open at the last accepted state: by the speed with which its points approached each other there.
+double RigidContact::first_damping(const Pair& pair, const Touch& touch) const {
+  if (law_.restitution >= 1) return law_.damping;
+  if (last_q_.empty()) return 0;
+  const Vec3 x = touch.second.point - touch.second.radius * touch.normal;
+  const auto before = [&](Index surface) {
+    const Index body = body_of(surface);
+    const BodyMotion then = motion_of(body, last_q_, last_v_);
+    return then.velocity_at(then.to_global(motion_[slot(body)].to_own(x)));
+  };
+  const Vec3 n = touch.flipped ? Vec3(-touch.normal) : touch.normal;
+  const double speed = -n.dot(before(pair[1]) - before(pair[0]));
+  return speed > 0 ? damping_number(law_.restitution) / speed : 0;
+}
+
+const std::vector<RigidContact::Active>& RigidContact::find_active() {
+  active_touches_.clear();
+  if (!active()) return active_touches_;
+  std::vector<char> taken(memory_.size(), 0);
+  for (const Pair& pair : pairs_) {
+    const Box &a = boxes_[slot(pair[0])], &b = boxes_[slot(pair[1])];
+    const bool boxed = a.low[0] <= a.high[0] && b.low[0] <= b.high[0];
+    if (boxed && !a.meets(b)) continue;
+    found_.clear();
+    find_touches(placed_[slot(pair[0])], placed_[slot(pair[1])], 0, found_);
+    for (const Touch& touch : found_) active_touches_.push_back({pair, touch, nullptr, 0});
+  }
+  // The same features first; others take what is left.
+  for (Active& active : active_touches_) {
+    active.memory = memory_of(active.pair, active.touch, taken);
+    active.damping = active.memory != nullptr ? active.memory->damping : first_damping(active.pair, active.touch);
+  }
+  return active_touches_;
+}
+
+TouchForce RigidContact::force_of(const Active& active, TouchTangent* tangent) const {
+  const BodyMotion &a = motion_[slot(body_of(active.pair[0]))], &b = motion_[slot(body_of(active.pair[1]))];
+  return touch_force(law_, active.damping, active.touch, a, b,
+                     active.memory != nullptr ? &active.memory->ends : nullptr, tangent);
+}
+
+void RigidContact::accept(const StateView& s) {
+  if (!active()) {
+    memory_.clear();
+    return;
+  }
+  move_to(s.q, s.v);
+  std::vector<Memory> next;
+  for (const Active& active : find_active()) {
+    const BodyMotion &a = motion_[slot(body_of(active.pair[0]))], &b = motion_[slot(body_of(active.pair[1]))];
+    const TouchForce force = force_of(active, nullptr);
+    const Touch& t = active.touch;
+    const Vec3 kept = law_.friction > 0 ? kept_stretch(law_, force.normal.force, force.stretch) : Vec3(Vec3::Zero());
+    next.push_back({active.pair, t.id, a.axes.transpose() * t.normal, spring_ends(t, a, b, kept), active.damping});
+  }
+  memory_ = std::move(next);
+  last_q_.assign(s.q.begin(), s.q.end());
+  last_v_.assign(s.v.begin(), s.v.end());
+}
+
+// ---- Forces
+
+void RigidContact::residual(const StateView& s, Span f) {
+  move_to(s.q, s.v);
+  for (const Active& active : find_active()) {
+    const TouchForce force = force_of(active, nullptr);
+    for (const int side : {0, 1}) {
+      const Index body = body_of(active.pair[static_cast<std::size_t>(side)]);
+      if (bodies_[slot(body)] == nullptr) continue;
+      const auto& coordinates = bodies_[slot(body)]->coordinates();
+      const Vec3 moment = motion_[slot(body)].axes.transpose() * force.wrench.segment<3>(6 * side + 3);
+      for (int k = 0; k < 3; ++k) {
+        f[slot(coordinates[static_cast<std::size_t>(k)])] -= force.wrench[6 * side + k];
+        f[slot(coordinates[static_cast<std::size_t>(3 + k)])] -= moment[k];
+      }
+    }
+  }
+}
+
+void RigidContact::add_block(const Mat12& k, Index body_row, Index body_column, int row, int column,
+                             Span w_values) const {
+  const auto it = places_.find({body_row, body_column});
+  if (it == places_.end()) return;  // not in the pattern yet: Newton does without
+  for (int c = 0; c < 6; ++c) {
+    double* values = &w_values[static_cast<std::size_t>(it->second[static_cast<std::size_t>(c)])];
+    for (int r = 0; r < 6; ++r) values[r] += k(6 * row + r, 6 * column + c);
+  }
+}
+
+void RigidContact::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
+  if (weights.v == 0 && weights.q == 0) return;
+  move_to(s.q, s.v);
+  for (const Active& active : find_active()) {
+    TouchTangent t;
+    const TouchForce force = force_of(active, &t);
+    const std::array<Index, 2> bodies = {body_of(active.pair[0]), body_of(active.pair[1])};
+    const Mat12 k =
+        coordinate_tangent(force, t, weights.q, weights.v, motion_[slot(bodies[0])], motion_[slot(bodies[1])]);
+    for (const int row : {0, 1})
+      for (const int column : {0, 1})
+        if (bodies_[slot(bodies[static_cast<std::size_t>(row)])] != nullptr &&
+            bodies_[slot(bodies[static_cast<std::size_t>(column)])] != nullptr)
+          add_block(k, bodies[static_cast<std::size_t>(row)], bodies[static_cast<std::size_t>(column)], row, column,
+                    w_values);
+  }
+}
+
+// ---- What can be asked
+
+Energy RigidContact::energy(const StateView& s) {
+  Energy sum;
+  move_to(s.q, s.v);
+  for (const Active& active : find_active()) {
+    const TouchForce force = force_of(active, nullptr);
+    sum.potential += force.normal.energy;
+    if (law_.friction > 0)
+      sum.potential +=
+          0.5 * law_.tangential_stiffness * kept_stretch(law_, force.normal.force, force.stretch).squaredNorm();
+  }
+  return sum;
+}
+
+ContactReport RigidContact::report(const StateView& s) {
+  ContactReport r;
+  move_to(s.q, s.v);
+  for (const Active& active : find_active()) {
+    const TouchForce f = force_of(active, nullptr);
+    const Vec3 force = f.wrench.segment<3>(6);
+    const Vec3 origin = motion_[slot(body_of(active.pair[1]))].origin;
+    r.force += force;
+    r.moment += f.wrench.segment<3>(9) + origin.cross(force);
+    r.normal_force += f.normal.force;
+    r.friction_force += f.friction.force.norm();
+    r.penetration = std::max(r.penetration, -active.touch.gap);
+    r.slip_speed = std::max(r.slip_speed, f.slip_rate.norm());
+    r.points += 1;
+    r.slipping += f.friction.slips ? 1 : 0;
+    r.energy += f.normal.energy;
+  }
+  return r;
+}
+
+std::vector<Overlap> RigidContact::overlaps(ConstSpan q) {
+  move_to(q, {});
+  std::map<Pair, double> deepest;
+  for (const Active& active : find_active()) {
+    double& depth = deepest[active.pair];
+    depth = std::max(depth, -active.touch.gap);
+  }
+  std::vector<Overlap> all;
+  for (const auto& [pair, depth] : deepest) {
+    const RigidSurface &a = surfaces_[slot(pair[0])], &b = surfaces_[slot(pair[1])];
+    all.push_back({a.name, b.name, depth, std::min(least_extent(a.shape), least_extent(b.shape))});
+  }
+  return all;
+}
+
+}  // namespace espalier::dynamics::contact

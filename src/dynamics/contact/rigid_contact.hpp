@@ -1,0 +1,110 @@
+/// \file
+/// Contact between rigid shapes.
+#pragma once
+
+#include <array>
+#include <map>
+#include <optional>
+
+#include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/contact/contact.hpp"
+#include "dynamics/contact/touch_motion.hpp"
+
+namespace espalier::dynamics::contact {
+
+/// A shape on a rigid body or on the ground.
+struct RigidSurface {
+  std::string name;
+  const RigidBody* body = nullptr;  ///< null: the ground
+  Shape shape;
+  Vec3 point = Vec3::Zero();     ///< of the shape's origin, from the centre of mass, in body axes (ground: global)
+  Mat3 axes = Mat3::Identity();  ///< columns: axes of the shape in body axes
+};
+
+/// Each pair of surfaces on different bodies (with `against` > 0: of the first `against` ones with the others) may
+/// touch. Broad phase: boxes around the shapes in a tree, widened by `margin`; the list of pairs serves until a shape
+/// leaves its widened box. The pattern of W holds the blocks of all pairs of bodies that were near each other when it
+/// was made, within twice the margin, so it changes seldom; see update_pattern().
+class RigidContact final : public Contact {
+ public:
+  /// @param margin 0: chosen from the shapes
+  /// @throws std::invalid_argument where shapes, law or pairs make no sense
+  RigidContact(std::string name, const ContactLaw& law, std::vector<RigidSurface> surfaces, std::size_t against = 0,
+               double margin = 0);
+
+  void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;
+  void bind(const SparsePattern& w, const SparsePattern& phi_q) override;
+  bool update_pattern(ConstSpan q) override;
+  void residual(const StateView& s, Span f) override;
+  void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
+  [[nodiscard]] Energy energy(const StateView& s) override;
+  void accept(const StateView& s) override;
+  void save(std::vector<double>& out) const override;
+  void restore(ConstSpan& in) override;
+
+  [[nodiscard]] ContactReport report(const StateView& s) override;
+  [[nodiscard]] std::vector<Overlap> overlaps(ConstSpan q) override;
+  [[nodiscard]] const std::vector<RigidSurface>& surfaces() const { return surfaces_; }
+  /// How often the list of near pairs, and the pattern, were made.
+  [[nodiscard]] long searches() const { return searches_; }
+  [[nodiscard]] long patterns() const { return patterns_; }
+
+ private:
+  using Pair = std::array<Index, 2>;  // surfaces, the lower one first (with `against`: one of the first ones)
+  /// What a touch remembers between steps.
+  struct Memory {
+    Pair pair{};
+    std::uint64_t id = 0;
+    Vec3 normal;  // of the touch, in the axes of A
+    SpringEnds ends;
+    double damping = 0;  // a of its normal force
+  };
+  struct Active {
+    Pair pair{};
+    Touch touch;
+    const Memory* memory = nullptr;
+    double damping = 0;
+  };
+
+  [[nodiscard]] bool may_touch(Index i, Index j) const;
+  [[nodiscard]] BodyMotion motion_of(Index body, ConstSpan q, ConstSpan v) const;
+  void move_to(ConstSpan q, ConstSpan v);
+  void place_shapes();
+  [[nodiscard]] std::vector<Pair> near_pairs(double margin);
+  void search();
+  /// All touches with gaps below zero, in the order of pairs. @pre move_to()
+  const std::vector<Active>& find_active();
+  [[nodiscard]] const Memory* memory_of(const Pair& pair, const Touch& touch, std::vector<char>& taken) const;
+  [[nodiscard]] double first_damping(const Pair& pair, const Touch& touch) const;
+  [[nodiscard]] Index body_of(Index surface) const { return body_index_[static_cast<std::size_t>(surface)]; }
+  [[nodiscard]] TouchForce force_of(const Active& active, TouchTangent* tangent) const;
+  void add_block(const Mat12& k, Index body_row, Index body_column, int row, int column, Span w_values) const;
+
+  ContactLaw law_;
+  std::vector<RigidSurface> surfaces_;
+  std::size_t against_;
+  double margin_;
+  std::vector<const RigidBody*> bodies_;  // each once; null: the ground
+  std::vector<Index> body_index_;         // of each surface
+  // At the state of the last move_to()
+  std::vector<BodyMotion> motion_;
+  std::vector<PlacedShape> placed_;
+  std::vector<Box> boxes_;
+  // Broad phase
+  BoxTree tree_;
+  std::vector<Index> bounded_, planes_;  // surfaces
+  std::vector<Box> widened_;             // when pairs_ was made; empty: never
+  std::vector<Pair> pairs_;
+  std::vector<Active> active_touches_;
+  std::vector<Touch> found_;
+  // Pattern: for each pair of bodies (row, column), where its six rows begin in each of its six columns of W
+  std::vector<std::array<Index, 2>> pattern_;  // pairs of bodies, sorted
+  std::map<std::array<Index, 2>, std::array<Offset, 6>> places_;
+  bool pattern_stale_ = true;
+  long searches_ = 0, patterns_ = 0;
+  // History
+  std::vector<Memory> memory_;           // sorted by pair
+  std::vector<double> last_q_, last_v_;  // accepted
+};
+
+}  // namespace espalier::dynamics::contact

@@ -1,0 +1,388 @@
+#include "dynamics/contact/solid_contact.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "dynamics/contact/narrow.hpp"
+
+namespace espalier::dynamics::contact {
+namespace {
+
+std::vector<Box> widened(std::vector<Box> boxes, double by) {
+  for (Box& box : boxes) box.widen(by);
+  return boxes;
+}
+
+bool any_left(const std::vector<Box>& wide, const std::vector<Box>& boxes) {
+  for (std::size_t k = 0; k < boxes.size(); ++k)
+    if (!wide[k].holds(boxes[k])) return true;
+  return false;
+}
+
+}  // namespace
+
+SolidContact::SolidContact(std::string name, const ContactLaw& law, FaceSurface first, RigidSurface second,
+                           double allowed)
+    : Contact(std::move(name)), law_(law), first_(std::move(first)), shape_(std::move(second)), allowed_(allowed) {
+  check_shape(shape_.shape);
+  begin();
+}
+
+SolidContact::SolidContact(std::string name, const ContactLaw& law, FaceSurface first, FaceSurface second,
+                           double allowed, double reach)
+    : Contact(std::move(name)),
+      law_(law),
+      first_(std::move(first)),
+      second_(std::move(second)),
+      allowed_(allowed),
+      reach_(reach) {
+  begin();
+}
+
+void SolidContact::begin() {
+  law_.check();
+  if (law_.restitution < 1) throw std::invalid_argument("restitution is of rigid bodies; solids have damping");
+  if (allowed_ > 0 && (law_.exponent != 1 || law_.smoothing != 0))
+    throw std::invalid_argument("a chosen penetration goes with the exponent 1 and without smoothing");
+  if (reach_ <= 0) reach_ = 0.5 * std::max(first_.mean_size(), second_ ? second_->mean_size() : 0.0);
+}
+
+// ---- Where things are
+
+void SolidContact::move_to(ConstSpan q, ConstSpan v, bool look_only) {
+  first_.move_to(q, v);
+  if (second_) {
+    second_->move_to(q, v);
+  } else if (shape_.body != nullptr) {
+    const RigidBody& body = *shape_.body;
+    shape_motion_.origin = body.position(q);
+    shape_motion_.axes = rotation_matrix(body.quaternion(q));
+    if (!shape_motion_.origin.allFinite() || !shape_motion_.axes.allFinite())
+      throw Error(StatusCode::singular, "the body '" + body.name() + "' is at a place that is no number");
+    if (!v.empty()) {
+      shape_motion_.velocity = body.velocity(v);
+      shape_motion_.omega = shape_motion_.axes * body.angular(v);
+    }
+  }
+  placed_ = {&shape_.shape, shape_motion_.to_global(shape_.point), shape_motion_.axes * shape_.axes};
+  const bool come_near = second_ && !points_stale_ && !look_only &&
+                         (any_left(widened_first_, first_.boxes()) || any_left(widened_second_, second_->boxes()));
+  if (points_stale_ || come_near) make_points();
+}
+
+void SolidContact::make_points() {
+  const std::vector<ContactPoint> old_points = std::move(points_);
+  const std::vector<Memory> old_memory = std::move(memory_);
+  points_.clear();
+  for (Index f = 0; f < static_cast<Index>(first_.faces().size()); ++f) {
+    if (second_)
+      points_of_segments(first_, f, *second_, reach_, points_);
+    else
+      points_of_face(first_, f, points_);
+  }
+  memory_.assign(points_.size(), {});
+  transfer(old_points, old_memory);
+  points_stale_ = false;
+  made_at_.assign(points_.size(), {});
+  if (!second_) return;
+  for (std::size_t k = 0; k < points_.size(); ++k)
+    made_at_[k] = project_on_face(second_->face(points_[k].opposite), place_of_point(k).x).xi;
+  widened_first_ = widened(first_.boxes(), 0.25 * reach_);
+  widened_second_ = widened(second_->boxes(), 0.25 * reach_);
+}
+
+// Each new point takes over what the nearest old one on its face knows. @pre both are ordered by faces
+void SolidContact::transfer(const std::vector<ContactPoint>& old_points, const std::vector<Memory>& old_memory) {
+  std::size_t begin = 0;
+  for (std::size_t k = 0; k < points_.size(); ++k) {
+    const FaceSpot& spot = points_[k].spot;
+    while (begin < old_points.size() && old_points[begin].spot.face < spot.face) ++begin;
+    double nearest = std::numeric_limits<double>::infinity();
+    for (std::size_t i = begin; i < old_points.size() && old_points[i].spot.face == spot.face; ++i) {
+      const auto& xi = old_points[i].spot.xi;
+      const double distance = std::hypot(xi[0] - spot.xi[0], xi[1] - spot.xi[1]);
+      if (distance < nearest) {
+        nearest = distance;
+        memory_[k] = old_memory[i];
+      }
+    }
+  }
+}
+
+FacePlace SolidContact::place_of_point(std::size_t k) const {
+  const FaceSpot& spot = points_[k].spot;
+  const SurfaceFace& face = first_.face(spot.face);
+  return face_place(face.type, face.x, spot.xi.data());
+}
+
+Vec3 SolidContact::velocity_of_point(std::size_t k, const FacePlace& at) const {
+  const SurfaceFace& face = first_.face(points_[k].spot.face);
+  Vec3 v = Vec3::Zero();
+  for (std::size_t a = 0; a < face.v.size(); ++a) v += at.value[a] * face.v[a];
+  return v;
+}
+
+// ---- What touches
+
+std::optional<SolidContact::Acting> SolidContact::act_rigid(std::size_t k, const FacePlace& at) const {
+  const Memory& memory = memory_[k];
+  thread_local std::vector<Touch> touches;
+  touches.clear();
+  touch_corner(placed_, {0, at.x, memory.layer, true}, 0, touches);
+  if (touches.empty()) return {};
+  Acting acting;
+  acting.point = k;
+  acting.touch =
+      *std::min_element(touches.begin(), touches.end(), [](const Touch& a, const Touch& b) { return a.gap < b.gap; });
+  acting.touch.at_second = true;
+  acting.gap = acting.touch.gap + memory.layer;
+  acting.direction = acting.touch.normal;
+  BodyMotion point;
+  point.origin = at.x;
+  point.velocity = velocity_of_point(k, at);
+  const TouchForce force = touch_force(law_, law_.damping, acting.touch, shape_motion_, point,
+                                       memory.touched ? &memory.ends : nullptr, nullptr);
+  acting.normal = force.normal;
+  acting.friction = force.friction;
+  acting.slip_rate = force.slip_rate;
+  acting.stretch = force.stretch;
+  return acting;
+}
+
+// The face that was opposite when the point was made, then whatever is near. Between faces of a curved surface, where a
+// point lies beyond the sides of both by a little, the nearer one goes on.
+std::optional<FaceSpot> SolidContact::spot_opposite(const ContactPoint& point, const FacePlace& at, double reach) {
+  constexpr double kOnFace = 1e-8, kBeyond = 0.02;
+  const Vec3 outwards = at.normal_area();
+  const auto project = [&](Index f, double& distance) {
+    const SurfaceFace& face = second_->face(f);
+    FaceProjection p = project_on_face(face, at.x);
+    if (p.outside > kBeyond) return p;
+    const FacePlace there = face_place(face.type, face.x, p.xi.data());
+    const Vec3 normal = there.normal_area();
+    distance = normal.normalized().dot(at.x - there.x);
+    if (normal.dot(outwards) >= 0 || distance > reach || distance < -depth_limit(face)) p.outside = 1e300;
+    return p;
+  };
+  double distance = 0;
+  FaceProjection best = project(point.opposite, distance);
+  if (best.outside <= kOnFace) return FaceSpot{point.opposite, best.xi};
+  FaceSpot found{best.outside <= kBeyond ? point.opposite : -1, best.xi};
+  double nearest = std::numeric_limits<double>::infinity();
+  Box around;
+  around.add(at.x);
+  around.widen(std::max(reach, 0.5 * second_->mean_size()));
+  const SurfaceFace& own = first_.face(point.spot.face);
+  second_->tree().query(around, [&](Index f) {
+    if (f == point.opposite || (&first_.body() == &second_->body() && second_->face(f).element == own.element)) return;
+    const FaceProjection p = project(f, distance);
+    const bool inside = p.outside <= kOnFace, had_inside = best.outside <= kOnFace;
+    if (p.outside > kBeyond) return;
+    const bool better =
+        inside ? !had_inside || std::abs(distance) < nearest || (std::abs(distance) == nearest && f < found.face)
+               : !had_inside && p.outside < best.outside;
+    if (!better) return;
+    best = p;
+    nearest = std::abs(distance);
+    found = {f, p.xi};
+  });
+  if (found.face < 0) return {};
+  return found;
+}
+
+std::optional<SolidContact::Acting> SolidContact::act_solid(std::size_t k, const FacePlace& at) {
+  const Memory& memory = memory_[k];
+  const std::optional<FaceSpot> spot = spot_opposite(points_[k], at, memory.layer);
+  if (!spot) return {};
+  const SurfaceFace &own = first_.face(points_[k].spot.face), &other = second_->face(spot->face);
+  const FaceTouch touch(at, own.count(), other, spot->xi);
+  const double penetration = memory.layer - touch.gap();
+  if (!(penetration > 0)) return {};
+  Acting acting;
+  acting.point = k;
+  acting.gap = touch.gap();
+  acting.opposite = spot;
+  const Vec3& n = acting.direction = touch.normal();
+  Vec3 relative = velocity_of_point(k, at);
+  for (std::size_t a = 0; a < other.v.size(); ++a) relative -= touch.opposite().value[a] * other.v[a];
+  acting.normal = normal_force(law_, penetration, -n.dot(relative), law_.damping);
+  if (law_.friction == 0) return acting;
+  if (memory.touched) {
+    const SurfaceFace& held = second_->face(memory.anchor.face);
+    const Vec3 between = at.x - face_place(held.type, held.x, memory.anchor.xi.data()).x;
+    acting.stretch = between - n * n.dot(between);
+  }
+  acting.slip_rate = relative - n * n.dot(relative);
+  acting.friction = friction_force(law_, acting.normal.force, acting.stretch, acting.slip_rate);
+  return acting;
+}
+
+// ---- Pattern
+
+bool SolidContact::update_pattern(ConstSpan q) {
+  move_to(q, {});
+  bool outgrown = false;
+  const auto need = [&](Index face, Index other) { outgrown = outgrown || pattern_.count({face, other}) == 0; };
+  for_acting([&](const Acting& acting, const FacePlace& /*at*/) {
+    const Index face = points_[acting.point].spot.face;
+    need(face, second_ ? acting.opposite->face : -1);
+    if (second_ && law_.friction > 0 && memory_[acting.point].touched) need(face, memory_[acting.point].anchor.face);
+  });
+  if (outgrown) {
+    const double wide = 2 * reach_;
+    const bool bounded = !second_ && !std::holds_alternative<PlaneShape>(shape_.shape);
+    const Box around = bounded ? box_around(placed_) : Box{};
+    pattern_.clear();
+    for (std::size_t f = 0; f < first_.faces().size(); ++f) {
+      Box box = first_.boxes()[f];
+      box.widen(wide);
+      const auto face = static_cast<Index>(f);
+      if (second_) {
+        second_->tree().query(box, [&](Index other) { pattern_.insert({face, other}); });
+      } else if (bounded) {
+        if (box.meets(around)) pattern_.insert({face, -1});
+      } else {
+        const Vec3 n = placed_.z(), middle = 0.5 * (box.low + box.high), half = 0.5 * (box.high - box.low);
+        if (n.dot(middle - placed_.origin) <= n.cwiseAbs().dot(half)) pattern_.insert({face, -1});
+      }
+    }
+  }
+  return outgrown || std::exchange(pattern_stale_, false);
+}
+
+void SolidContact::declare(PatternBuilder& w, PatternBuilder& /*phi_q*/) const {
+  for (const auto& [face, other] : pattern_) {
+    std::vector<Index> rows = first_.face(face).all_rows();
+    for (const Index r : other < 0 ? rigid_rows() : second_->face(other).all_rows()) rows.push_back(r);
+    w.add_block(rows, rows);
+  }
+}
+
+void SolidContact::bind(const SparsePattern& w, const SparsePattern& /*phi_q*/) {
+  w_ = &w;
+  pattern_stale_ = false;
+}
+
+// ---- Steps
+
+SolidContact::Memory SolidContact::remembered(const Acting& acting, const FacePlace& at) const {
+  Memory memory = memory_[acting.point];
+  memory.touched = true;
+  if (law_.friction == 0) return memory;
+  const Vec3 kept = kept_stretch(law_, acting.normal.force, acting.stretch);
+  if (!second_) {
+    BodyMotion point;
+    point.origin = at.x;
+    memory.ends = spring_ends(acting.touch, shape_motion_, point, kept);
+    return memory;
+  }
+  const SurfaceFace& other = second_->face(acting.opposite->face);
+  const FacePlace there = face_place(other.type, other.x, acting.opposite->xi.data());
+  Eigen::Matrix2d metric;
+  const auto& t = there.tangent;
+  metric << t[0].dot(t[0]), t[0].dot(t[1]), t[0].dot(t[1]), t[1].dot(t[1]);
+  const Eigen::Vector2d back = metric.inverse() * Eigen::Vector2d(t[0].dot(kept), t[1].dot(kept));
+  memory.anchor = {acting.opposite->face, {acting.opposite->xi[0] - back[0], acting.opposite->xi[1] - back[1]}};
+  return memory;
+}
+
+// Whether points between solids have moved on by more than a hundredth of a face since they were made.
+bool SolidContact::slid() const {
+  constexpr double kFar = 0.01;
+  for (std::size_t k = 0; k < points_.size(); ++k) {
+    const auto xi = project_on_face(second_->face(points_[k].opposite), place_of_point(k).x).xi;
+    if (std::abs(xi[0] - made_at_[k][0]) > kFar || std::abs(xi[1] - made_at_[k][1]) > kFar) return true;
+  }
+  return false;
+}
+
+void SolidContact::accept(const StateView& s) {
+  move_to(s.q, s.v);
+  std::vector<Memory> next(points_.size());
+  for (std::size_t k = 0; k < next.size(); ++k) next[k].layer = active() ? memory_[k].layer : 0;
+  for_acting([&](const Acting& acting, const FacePlace& at) { next[acting.point] = remembered(acting, at); });
+  memory_ = std::move(next);
+  if (second_ && slid()) make_points();
+}
+
+bool SolidContact::augment(const StateView& s) {
+  if (allowed_ == 0 || !active()) return false;
+  move_to(s.q, s.v);
+  double worst = 0;
+  std::vector<double> layers(points_.size(), 0.0);
+  for_acting([&](const Acting& acting, const FacePlace& /*at*/) {
+    layers[acting.point] = std::max(0.0, memory_[acting.point].layer - acting.gap);
+    const bool lifted = acting.gap > 0;
+    worst = std::max(worst, lifted ? std::min(acting.gap, memory_[acting.point].layer) : -acting.gap);
+  });
+  if (worst <= allowed_) return false;
+  for (std::size_t k = 0; k < points_.size(); ++k) memory_[k].layer = layers[k];
+  return true;
+}
+
+// ---- What can be asked
+
+Energy SolidContact::energy(const StateView& s) {
+  Energy sum;
+  move_to(s.q, s.v, true);
+  for_acting([&](const Acting& acting, const FacePlace& /*at*/) {
+    double e = acting.normal.energy;
+    if (law_.friction > 0)
+      e += 0.5 * law_.tangential_stiffness * kept_stretch(law_, acting.normal.force, acting.stretch).squaredNorm();
+    sum.potential += points_[acting.point].weight * e;
+  });
+  return sum;
+}
+
+ContactReport SolidContact::report(const StateView& s) {
+  ContactReport r;
+  move_to(s.q, s.v, true);
+  const double sign = reversed_ ? 1 : -1;
+  for_acting([&](const Acting& acting, const FacePlace& at) {
+    const double w = points_[acting.point].weight;
+    const Vec3 force = sign * w * (acting.normal.force * acting.direction + acting.friction.force);
+    r.force += force;
+    r.moment += at.x.cross(force);
+    r.normal_force += w * acting.normal.force;
+    r.friction_force += w * acting.friction.force.norm();
+    r.penetration = std::max(r.penetration, -acting.gap);
+    r.area += w;
+    r.slip_speed = std::max(r.slip_speed, acting.slip_rate.norm());
+    r.points += 1;
+    r.slipping += acting.friction.slips ? 1 : 0;
+    r.energy += w * acting.normal.energy;
+  });
+  if (r.points > 0)
+    for (const double p : node_pressures(s)) r.pressure = std::max(r.pressure, p);
+  return r;
+}
+
+std::vector<double> SolidContact::node_pressures(const StateView& s) {
+  const std::vector<Index>& nodes = first_.nodes();
+  std::vector<double> force(nodes.size(), 0.0), area(nodes.size(), 0.0);
+  move_to(s.q, s.v, true);
+  const auto place = [&](Index node) {
+    return static_cast<std::size_t>(std::lower_bound(nodes.begin(), nodes.end(), node) - nodes.begin());
+  };
+  // Squares of the shape functions: never negative, as those of mid-side nodes are not.
+  const auto spread = [&](std::size_t k, const FacePlace& at, double value, std::vector<double>& out) {
+    const SurfaceFace& face = first_.face(points_[k].spot.face);
+    for (std::size_t a = 0; a < face.names.size(); ++a)
+      out[place(face.names[a])] += points_[k].weight * at.value[a] * at.value[a] * value;
+  };
+  for (std::size_t k = 0; k < points_.size(); ++k) spread(k, place_of_point(k), 1, area);
+  for_acting([&](const Acting& acting, const FacePlace& at) { spread(acting.point, at, acting.normal.force, force); });
+  for (std::size_t i = 0; i < force.size(); ++i) force[i] = area[i] > 0 ? force[i] / area[i] : 0;
+  return force;
+}
+
+std::vector<Overlap> SolidContact::overlaps(ConstSpan q) {
+  move_to(q, {});
+  double depth = 0;
+  for_acting([&](const Acting& acting, const FacePlace& /*at*/) { depth = std::max(depth, -acting.gap); });
+  if (depth == 0) return {};
+  return {{first_.name(), second_ ? second_->name() : shape_.name, depth, first_.mean_size()}};
+}
+
+}  // namespace espalier::dynamics::contact

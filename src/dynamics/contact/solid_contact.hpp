@@ -1,0 +1,135 @@
+/// \file
+/// Contact of a solid's faces with a rigid shape, or with the faces of another solid (or others of its own).
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <set>
+
+#include "dynamics/contact/contact.hpp"
+#include "dynamics/contact/rigid_contact.hpp"
+#include "dynamics/contact/segments.hpp"
+
+namespace espalier::dynamics::contact {
+
+/// Stress between surfaces, integrated over the first one: its law takes areas without stress, so that the elastic part
+/// is the gradient of an energy, and the tangent without friction and damping symmetric.
+/// Points of integration are fixed to the material of the first surface within a step. Between solids they are made of
+/// common polygons of both surfaces (see points_of_segments()) and made anew at the end of a step in which the surfaces
+/// have slid on each other; what a point remembers goes to the nearest new one on its face.
+/// Augmented Lagrangian (Simo and Laursen, Comput. Struct. 42 (1992)): a pressure l at each point is raised, l <-
+/// max(0, l + k penetration), until no point lies deeper than allowed. In the law this is a layer of thickness l / k.
+class SolidContact final : public Contact {
+ public:
+  /// @param allowed penetration, > 0: augmented Lagrangian; the law then has exponent 1 without smoothing
+  /// @throws std::invalid_argument where law or surfaces make no sense
+  SolidContact(std::string name, const ContactLaw& law, FaceSurface first, RigidSurface second, double allowed);
+  SolidContact(std::string name, const ContactLaw& law, FaceSurface first, FaceSurface second, double allowed,
+               double reach = 0);
+
+  void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;
+  void bind(const SparsePattern& w, const SparsePattern& phi_q) override;
+  bool update_pattern(ConstSpan q) override;
+  void residual(const StateView& s, Span f) override;
+  void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
+  [[nodiscard]] Energy energy(const StateView& s) override;
+  void accept(const StateView& s) override;
+  [[nodiscard]] bool augment(const StateView& s) override;
+  void save(std::vector<double>& out) const override;
+  void restore(ConstSpan& in) override;
+
+  [[nodiscard]] ContactReport report(const StateView& s) override;
+  [[nodiscard]] std::vector<Overlap> overlaps(ConstSpan q) override;
+  /// Reports forces on the first surface instead of the second one.
+  void set_reversed(bool reversed) { reversed_ = reversed; }
+  [[nodiscard]] const FaceSurface& first() const { return first_; }
+  [[nodiscard]] std::size_t points() const { return points_.size(); }
+  /// Pressure at the nodes of the first surface: for each of first().nodes(), the mean over its share of the points.
+  [[nodiscard]] std::vector<double> node_pressures(const StateView& s);
+
+ private:
+  /// What a point remembers between steps.
+  struct Memory {
+    double layer = 0;      ///< l / k
+    bool touched = false;  ///< the rest counts
+    SpringEnds ends;       ///< a rigid shape: of the tangential spring
+    FaceSpot anchor;       ///< a solid: where the spring holds on to the second surface
+  };
+  /// A point that touches, with everything that acts there.
+  struct Acting {
+    std::size_t point = 0;
+    double gap = 0;  ///< without the layer
+    NormalForce normal;
+    FrictionForce friction;
+    Vec3 slip_rate = Vec3::Zero(), stretch = Vec3::Zero(), direction = Vec3::Zero();
+    Touch touch;                       ///< with a rigid shape
+    std::optional<FaceSpot> opposite;  ///< on a solid
+  };
+  /// Coordinates with forces and tangent of them.
+  struct Local {
+    std::vector<Index> rows;  ///< velocity coordinates, ascending in threes
+    VecX f;                   ///< their share of F
+    MatX k;                   ///< weights.q F_q + weights.v F_v; empty: not wanted
+  };
+
+  [[nodiscard]] bool rigid() const { return !second_.has_value(); }
+  void begin();
+  [[nodiscard]] Memory remembered(const Acting& acting, const FacePlace& at) const;
+  /// @param look_only  keeps the points of integration: what is asked for must not change the run
+  void move_to(ConstSpan q, ConstSpan v, bool look_only = false);
+  void make_points();
+  [[nodiscard]] std::vector<Index> rigid_rows() const;
+  [[nodiscard]] double depth_limit(const SurfaceFace& face) const { return 0.5 * face.size; }
+  [[nodiscard]] std::optional<Acting> act_rigid(std::size_t k, const FacePlace& at) const;
+  [[nodiscard]] std::optional<Acting> act_solid(std::size_t k, const FacePlace& at);
+  [[nodiscard]] std::optional<FaceSpot> spot_opposite(const ContactPoint& point, const FacePlace& at, double reach);
+  [[nodiscard]] FacePlace place_of_point(std::size_t k) const;
+  [[nodiscard]] Vec3 velocity_of_point(std::size_t k, const FacePlace& at) const;
+  /// body(acting, place) for all points that touch.
+  template <class Body>
+  void for_acting(const Body& body);
+  [[nodiscard]] Local local_rigid(const Acting& acting, const FacePlace& at, const TangentWeights* weights) const;
+  [[nodiscard]] Local local_solid(const Acting& acting, const FacePlace& at, const TangentWeights* weights) const;
+  [[nodiscard]] MatX tangent_solid(const Acting& acting, const FacePlace& at, FaceTouch& touch,
+                                   const TangentWeights& weights, int anchor_nodes) const;
+  void add_local(const Local& local, Span w_values) const;
+  [[nodiscard]] double deepest(ConstSpan q);
+  [[nodiscard]] bool slid() const;
+  void transfer(const std::vector<ContactPoint>& old_points, const std::vector<Memory>& old_memory);
+
+  ContactLaw law_;
+  FaceSurface first_;
+  std::optional<FaceSurface> second_;
+  RigidSurface shape_;
+  double allowed_ = 0, reach_ = 0;
+  BodyMotion shape_motion_;
+  PlacedShape placed_;
+  std::vector<ContactPoint> points_;
+  std::vector<Memory> memory_;
+  std::vector<std::array<double, 2>> made_at_;  // of points between solids: the place opposite when they were made
+  bool points_stale_ = true;
+  std::set<std::array<Index, 2>> pattern_;  // pairs of faces
+  const SparsePattern* w_ = nullptr;
+  bool pattern_stale_ = false;
+  bool reversed_ = false;
+  std::vector<Box> widened_first_, widened_second_;  // when the points were made
+};
+
+template <class Body>
+void SolidContact::for_acting(const Body& body) {
+  if (!active()) return;
+  const bool bounded = !second_ && !std::holds_alternative<PlaneShape>(shape_.shape);
+  const Box around = bounded ? box_around(placed_) : Box{};
+  for (std::size_t k = 0; k < points_.size(); ++k) {
+    if (bounded) {
+      Box face = first_.boxes()[static_cast<std::size_t>(points_[k].spot.face)];
+      face.widen(memory_[k].layer);
+      if (!face.meets(around)) continue;
+    }
+    const FacePlace at = place_of_point(k);
+    const std::optional<Acting> acting = second_ ? act_solid(k, at) : act_rigid(k, at);
+    if (acting) body(*acting, at);
+  }
+}
+
+}  // namespace espalier::dynamics::contact

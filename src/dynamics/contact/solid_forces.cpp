@@ -1,0 +1,161 @@
+// Forces of contact of solids, and their tangents.
+#include <algorithm>
+
+#include "dynamics/contact/solid_contact.hpp"
+
+namespace espalier::dynamics::contact {
+
+std::vector<Index> SolidContact::rigid_rows() const {
+  if (shape_.body == nullptr) return {};
+  const auto& c = shape_.body->coordinates();
+  return {c.begin(), c.end()};
+}
+
+SolidContact::Local SolidContact::local_rigid(const Acting& acting, const FacePlace& at,
+                                              const TangentWeights* weights) const {
+  const std::size_t k = acting.point;
+  const double w = points_[k].weight;
+  const SurfaceFace& face = first_.face(points_[k].spot.face);
+  BodyMotion point;
+  point.origin = at.x;
+  point.velocity = velocity_of_point(k, at);
+  TouchTangent tangent;
+  const TouchForce force = touch_force(law_, law_.damping, acting.touch, shape_motion_, point,
+                                       memory_[k].touched ? &memory_[k].ends : nullptr, weights ? &tangent : nullptr);
+  Local local;
+  local.rows = face.all_rows();
+  const auto of_face = static_cast<Eigen::Index>(local.rows.size());
+  for (const Index r : rigid_rows()) local.rows.push_back(r);
+  // [6 coordinates of the shape's body; 3 of the point] from all of them
+  MatX spread = MatX::Zero(9, static_cast<Eigen::Index>(local.rows.size()));
+  for (int a = 0; a < face.count(); ++a)
+    spread.block<3, 3>(6, 3 * a).diagonal().array() = at.value[static_cast<std::size_t>(a)];
+  if (shape_.body != nullptr) spread.block<6, 6>(0, of_face).setIdentity();
+  Eigen::Matrix<double, 9, 1> f;
+  f << force.wrench.head<3>(), shape_motion_.axes.transpose() * force.wrench.segment<3>(3), force.wrench.segment<3>(6);
+  local.f = -w * (spread.transpose() * f);
+  if (weights != nullptr) {
+    const Mat12 full = coordinate_tangent(force, tangent, weights->q, weights->v, shape_motion_, point);
+    local.k = w * (spread.transpose() * full.topLeftCorner<9, 9>() * spread);
+  }
+  return local;
+}
+
+SolidContact::Local SolidContact::local_solid(const Acting& acting, const FacePlace& at,
+                                              const TangentWeights* weights) const {
+  const std::size_t k = acting.point;
+  const SurfaceFace &own = first_.face(points_[k].spot.face), &other = second_->face(acting.opposite->face);
+  FaceTouch touch(at, own.count(), other, acting.opposite->xi);
+  Local local;
+  local.rows = own.all_rows();
+  for (const Index r : other.all_rows()) local.rows.push_back(r);
+  const bool anchored = law_.friction > 0 && memory_[k].touched;
+  if (anchored)
+    for (const Index r : second_->face(memory_[k].anchor.face).all_rows()) local.rows.push_back(r);
+  const double w = points_[k].weight;
+  local.f = VecX::Zero(static_cast<Eigen::Index>(local.rows.size()));
+  local.f.head(touch.coordinates()) = -w * touch.share(acting.normal.force * touch.normal() + acting.friction.force);
+  if (weights != nullptr)
+    local.k =
+        -w * tangent_solid(acting, at, touch, *weights, anchored ? second_->face(memory_[k].anchor.face).count() : 0);
+  return local;
+}
+
+/// Derivative of the share of the forces: weights.q by places, weights.v by velocities.
+MatX SolidContact::tangent_solid(const Acting& acting, const FacePlace& at, FaceTouch& touch,
+                                 const TangentWeights& weights, int anchor_nodes) const {
+  touch.differentiate();
+  const SurfaceFace& other = second_->face(acting.opposite->face);
+  const int nz = touch.coordinates(), all = nz + 3 * anchor_nodes;
+  const Vec3& n = touch.normal();
+  const VecX& gap_by = touch.gap_by();
+  const Mat3X slip_by = touch.slip_by(), normal_by = touch.normal_by();
+  Vec3 relative = velocity_of_point(acting.point, at);
+  std::array<Vec3, 2> rate_of_tangent = {Vec3::Zero(), Vec3::Zero()};
+  for (std::size_t a = 0; a < other.v.size(); ++a) {
+    relative -= touch.opposite().value[a] * other.v[a];
+    for (std::size_t d = 0; d < 2; ++d) rate_of_tangent[d] += touch.opposite().slope[d][a] * other.v[a];
+  }
+  Mat3X relative_by = Mat3X::Zero(3, nz);
+  touch.add_shift(rate_of_tangent, 1, relative_by);
+  const NormalForce& normal = acting.normal;
+  VecX normal_q = VecX::Zero(all), normal_v = VecX::Zero(all);
+  normal_q.head(nz) = -normal.by_penetration * gap_by -
+                      normal.by_rate * (normal_by.transpose() * relative + relative_by.transpose() * n);
+  normal_v.head(nz) = -normal.by_rate * gap_by;
+  MatX k = MatX::Zero(all, all);
+  k.topRows(nz) += gap_by * (weights.q * normal_q + weights.v * normal_v).transpose();
+  if (weights.q != 0) k.topLeftCorner(nz, nz) += weights.q * normal.force * touch.gap_by_twice();
+  if (law_.friction == 0) return k;
+
+  const FrictionForce& f = acting.friction;
+  const Mat3 in_plane = Mat3::Identity() - n * n.transpose();
+  const auto projected = [&](const Vec3& y, const Mat3X& y_by) {
+    Mat3X out = in_plane * y_by;
+    out.leftCols(nz) -= n.dot(y) * normal_by + n * (y.transpose() * normal_by);
+    return out;
+  };
+  Mat3X rate_by = Mat3X::Zero(3, all), trial = Mat3X::Zero(3, all), trial_v = Mat3X::Zero(3, all);
+  rate_by.leftCols(nz) = relative_by;
+  trial = law_.tangential_damping * projected(relative, rate_by);
+  if (anchor_nodes > 0) {
+    const FaceSpot& anchor = memory_[acting.point].anchor;
+    const SurfaceFace& held = second_->face(anchor.face);
+    const FacePlace hold = face_place(held.type, held.x, anchor.xi.data());
+    Mat3X between_by = Mat3X::Zero(3, all);
+    const int own = first_.face(points_[acting.point].spot.face).count();
+    between_by.leftCols(3 * own) = slip_by.leftCols(3 * own);
+    for (int a = 0; a < anchor_nodes; ++a)
+      between_by.block<3, 3>(0, nz + 3 * a).diagonal().array() = -hold.value[static_cast<std::size_t>(a)];
+    trial += law_.tangential_stiffness * projected(at.x - hold.x, between_by);
+  }
+  trial_v.leftCols(nz) = law_.tangential_damping * in_plane * slip_by;
+  const Mat3X force_by = f.by_trial * (weights.q * trial + weights.v * trial_v) +
+                         f.by_normal * (weights.q * normal_q + weights.v * normal_v).transpose();
+  k.topRows(nz) += slip_by.transpose() * force_by;
+  if (weights.q != 0) k.topLeftCorner(nz, nz) += weights.q * touch.share_by(f.force);
+  return k;
+}
+
+void SolidContact::residual(const StateView& s, Span f) {
+  move_to(s.q, s.v);
+  for_acting([&](const Acting& acting, const FacePlace& at) {
+    const Local local = second_ ? local_solid(acting, at, nullptr) : local_rigid(acting, at, nullptr);
+    for (std::size_t i = 0; i < local.rows.size(); ++i)
+      f[static_cast<std::size_t>(local.rows[i])] += local.f[static_cast<Eigen::Index>(i)];
+  });
+}
+
+void SolidContact::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
+  if (weights.v == 0 && weights.q == 0) return;
+  move_to(s.q, s.v);
+  // Points of one pair of faces follow each other: their tangents are summed up before they are put in their places.
+  Local sum;
+  for_acting([&](const Acting& acting, const FacePlace& at) {
+    Local local = second_ ? local_solid(acting, at, &weights) : local_rigid(acting, at, &weights);
+    if (local.rows == sum.rows) {
+      sum.k += local.k;
+      return;
+    }
+    add_local(sum, w_values);
+    sum = std::move(local);
+  });
+  add_local(sum, w_values);
+}
+
+void SolidContact::add_local(const Local& local, Span w_values) const {
+  const auto n = static_cast<Eigen::Index>(local.rows.size());
+  for (Eigen::Index c = 0; c < n; ++c) {
+    const Index column = local.rows[static_cast<std::size_t>(c)];
+    const auto begin = w_->ind.begin() + w_->ptr[static_cast<std::size_t>(column)],
+               end = w_->ind.begin() + w_->ptr[static_cast<std::size_t>(column) + 1];
+    for (Eigen::Index r = 0; r < n; r += 3) {
+      const auto it = std::lower_bound(begin, end, local.rows[static_cast<std::size_t>(r)]);
+      if (it == end || *it != local.rows[static_cast<std::size_t>(r)]) continue;  // not in the pattern yet
+      double* values = &w_values[static_cast<std::size_t>(it - w_->ind.begin())];
+      for (Eigen::Index i = 0; i < 3; ++i) values[i] += local.k(r + i, c);
+    }
+  }
+}
+
+}  // namespace espalier::dynamics::contact

@@ -1,0 +1,76 @@
+// Reduced bodies: which of a body's frames joints and forces hold on to, and what is kept of its motions.
+#include <fmt/format.h>
+
+#include "dynamics/bodies/reduced_frame.hpp"
+#include "dynamics/elements/pressure.hpp"
+#include "dynamics/model/builders.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+using FlexibleFrames = std::vector<std::unique_ptr<FlexibleFrame>>;
+
+/// Frames of joints and forces on this body; frames that are outputs alone do not count.
+FlexibleFrames interfaces_of(const BuiltBody& body, const Description& model, const FrameBuilder& frames) {
+  FlexibleFrames result;
+  const auto take = [&](const MarkerSpec& marker) {
+    const MarkerSpec& resolved = frames.resolve(marker);
+    if (resolved.body != body.spec.name) return;
+    at_place(resolved.place, [&] { result.push_back(frames.make_nodal(resolved, body)); });
+  };
+  for (const JointSpec& joint : model.joints)
+    for (const MarkerSpec& marker : joint.frames) take(marker);
+  for (const ForceSpec& force : model.forces)
+    for (const MarkerSpec& marker : force.frames) take(marker);
+  return result;
+}
+
+/// Nodal forces of unit pressures on faces of this body.
+Eigen::MatrixXd pressures_on(const BuiltBody& body, const Description& model) {
+  const auto reference = body.flexible->reference();
+  Eigen::MatrixXd loads(static_cast<Eigen::Index>(reference.size()), 0);
+  for (const ForceSpec& force : model.forces) {
+    if (force.type != ForceType::pressure || force.body != body.spec.name || !body.mesh) continue;
+    loads.conservativeResize(Eigen::NoChange, loads.cols() + 1);
+    loads.rightCols(1).setZero();
+    at_place(force.place, [&] {
+      for (const MeshFace& face : body.mesh->face_set(force.face)) {
+        const std::vector<Index> nodes = body.mesh->face_nodes(face);
+        std::vector<double> x, f(3 * nodes.size(), 0.0);
+        for (const Index node : nodes)
+          x.insert(x.end(), &reference[3 * static_cast<std::size_t>(node)],
+                   &reference[3 * static_cast<std::size_t>(node)] + 3);
+        const auto& shape = shape_of(body.mesh->type(face.element)).faces[static_cast<std::size_t>(face.face)];
+        add_pressure_force(shape.type, 1, x.data(), f.data());
+        for (std::size_t i = 0; i < f.size(); ++i)
+          loads(3 * nodes[i / 3] + static_cast<Index>(i % 3), loads.cols() - 1) += f[i];
+      }
+    });
+  }
+  return loads;
+}
+
+}  // namespace
+
+void reduce_body(std::unique_ptr<FlexibleBody> nodal, const Description& model, const FrameBuilder& frames,
+                 Mechanism& out, BuiltBody& body) {
+  if (!body.pieces.empty())
+    throw std::invalid_argument(body.pieces + "; a reduced body is one piece: make a body of each by 'element_set'");
+  auto alone = std::make_unique<NodalBody>(std::move(nodal));
+  body.flexible = &alone->body();
+  const FlexibleFrames held = interfaces_of(body, model, frames);
+  std::vector<const FlexibleFrame*> interfaces;
+  for (const auto& frame : held) interfaces.push_back(frame.get());
+  Options solver;
+  solver.device = "cpu";
+  solver.threads = out.pool.size();
+  ReducedShapes shapes = reduce(*alone, interfaces, pressures_on(body, model), *body.spec.reduction, solver);
+  auto reduced = std::make_unique<ReducedBody>(std::move(alone), std::move(shapes), body.spec.reduction->damping);
+  reduced->set_damping(body.spec.damping);
+  reduced->set_gravity(body.spec.gravity.value_or(model.gravity));
+  const Vec3 at_origin = body.spec.velocity - body.spec.angular_velocity.cross(body.spec.position);
+  reduced->set_initial_motion(body.spec.rotation, body.spec.position, at_origin, body.spec.angular_velocity);
+  body.reduced = &out.system.add(std::move(reduced));
+}
+
+}  // namespace espalier::dynamics::model

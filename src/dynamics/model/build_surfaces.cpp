@@ -1,0 +1,234 @@
+// Surfaces and contacts between them.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "dynamics/contact/rigid_contact.hpp"
+#include "dynamics/contact/solid_contact.hpp"
+#include "dynamics/model/builders.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+/// Whether a name fits a pattern in which * stands for any letters.
+bool fits_pattern(std::string_view name, std::string_view pattern) {
+  if (pattern.empty()) return name.empty();
+  if (pattern.front() != '*')
+    return !name.empty() && name.front() == pattern.front() && fits_pattern(name.substr(1), pattern.substr(1));
+  for (std::size_t k = 0; k <= name.size(); ++k)
+    if (fits_pattern(name.substr(k), pattern.substr(1))) return true;
+  return false;
+}
+
+class SurfaceBuilder {
+ public:
+  SurfaceBuilder(const Description& model, const FrameBuilder& frames, Mechanism& out)
+      : model_(model), frames_(frames), out_(out) {}
+
+  void run() {
+    for (const SurfaceSpec& s : model_.surfaces) {
+      at_place(s.place, [&] { static_cast<void>(body_of(s)); });
+      note_for_pictures(s);
+    }
+    for (const ContactSpec& spec : model_.contacts) at_place(spec.place, [&] { add(spec); });
+  }
+
+ private:
+  [[nodiscard]] std::vector<const SurfaceSpec*> chosen(const std::vector<std::string>& patterns,
+                                                       const Place& place) const {
+    std::vector<const SurfaceSpec*> found;
+    for (const std::string& pattern : patterns) {
+      bool any = false;
+      for (const SurfaceSpec& s : model_.surfaces) {
+        if (!fits_pattern(s.name, pattern)) continue;
+        any = true;
+        if (std::find(found.begin(), found.end(), &s) == found.end()) found.push_back(&s);
+      }
+      if (any) continue;
+      std::vector<std::string> names;
+      for (const SurfaceSpec& s : model_.surfaces) names.push_back(s.name);
+      fail(place, fmt::format("there is no surface '{}' in [surfaces]{}", pattern, suggestion(pattern, names)));
+    }
+    return found;
+  }
+
+  [[nodiscard]] const BuiltBody* body_of(const SurfaceSpec& s) const {
+    if (s.body == "ground") return nullptr;
+    const BuiltBody* body = out_.body(s.body);
+    if (body == nullptr) frames_.unknown_body(s.body, s.place);
+    return body;
+  }
+
+  void note_for_pictures(const SurfaceSpec& s) {
+    for (BuiltBody& body : out_.bodies)
+      if (body.spec.name == s.body && body.rigid != nullptr && !is_solid(s)) body.surfaces.push_back(rigid_surface(s));
+  }
+
+  [[nodiscard]] contact::RigidSurface rigid_surface(const SurfaceSpec& s) {
+    contact::RigidSurface surface;
+    surface.name = s.name;
+    surface.point = s.point;
+    surface.axes = s.axes;
+    at_place(s.place, [&] {
+      const BuiltBody* body = body_of(s);
+      if (body != nullptr && body->rigid == nullptr)
+        throw std::invalid_argument(fmt::format(
+            "'{}' is not rigid: shapes stand on rigid bodies and the ground; a solid has shape = \"faces\"", s.body));
+      surface.body = body == nullptr ? nullptr : body->rigid;
+      if (const auto* file = std::get_if<SurfaceFile>(&s.shape))
+        surface.shape = contact::MeshShape{triangles_of(*file)};
+      else if (const auto* sprocket = std::get_if<contact::SprocketShape>(&s.shape))
+        surface.shape =
+            contact::MeshShape{std::make_shared<const contact::TriangleSurface>(contact::sprocket_surface(*sprocket))};
+      else
+        surface.shape = std::get<contact::Shape>(s.shape);
+      contact::check_shape(surface.shape);
+    });
+    return surface;
+  }
+
+  /// Bodies that are copies of each other share one surface.
+  std::shared_ptr<const contact::TriangleSurface> triangles_of(const SurfaceFile& file) {
+    auto& known = files_[{file.path, file.scale}];
+    if (known) return known;
+    if (!std::filesystem::exists(file.path))
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("there is no file '{}'; paths are relative to the folder of the model", file.path));
+    return known = std::make_shared<const contact::TriangleSurface>(contact::read_surface(file.path, file.scale));
+  }
+
+  [[nodiscard]] contact::FaceSurface solid_surface(const SurfaceSpec& s) const {
+    std::optional<contact::FaceSurface> surface;
+    at_place(s.place, [&] {
+      const BuiltBody* body = body_of(s);
+      if (body == nullptr || !body->mesh)
+        throw std::invalid_argument(fmt::format("'{}' is no solid; shape = \"faces\" is of solids", s.body));
+      if (body->reduced != nullptr)
+        throw std::invalid_argument(
+            fmt::format("'{}' is reduced to shapes; only bodies with all their nodes touch", s.body));
+      const std::string& set = std::get<SolidFaces>(s.shape).set;
+      const std::vector<MeshFace>& faces = set.empty() ? no_faces_ : body->mesh->face_set(set);
+      if (!set.empty() && faces.empty())
+        throw std::invalid_argument(fmt::format("the face set '{}' of '{}' is empty", set, s.body));
+      surface.emplace(s.name, *body->flexible, *body->mesh, faces);
+    });
+    return std::move(*surface);
+  }
+
+  static bool is_solid(const SurfaceSpec& s) { return std::holds_alternative<SolidFaces>(s.shape); }
+
+  void add(const ContactSpec& spec) {
+    std::vector<const SurfaceSpec*> all = chosen(spec.surfaces, spec.place);
+    const std::vector<const SurfaceSpec*> second = chosen(spec.against, spec.place);
+    const std::size_t split = second.empty() ? 0 : all.size();
+    for (const SurfaceSpec* s : second) {
+      if (std::find(all.begin(), all.end(), s) != all.end())
+        throw std::invalid_argument(fmt::format("the surface '{}' stands in 'surfaces' and in 'against'", s->name));
+      all.push_back(s);
+    }
+    BuiltContact built{spec.name, {}};
+    add_rigid(spec, all, split, built);
+    for (std::size_t i = 0; i < all.size(); ++i)
+      for (std::size_t j = i + 1; j < all.size(); ++j)
+        if ((is_solid(*all[i]) || is_solid(*all[j])) && (split == 0 || (i < split && j >= split)))
+          add_solid(spec, *all[i], *all[j], built);
+    if (built.parts.empty())
+      throw std::invalid_argument("the contact has no two surfaces on different bodies that could touch");
+    for (contact::Contact* part : built.parts) part->set_active(spec.active);
+    check_overlaps(spec, built);
+    out_.surface_contacts.push_back(std::move(built));
+  }
+
+  /// All shapes on rigid bodies and the ground in one component. Where there are solids, too, they need not touch.
+  void add_rigid(const ContactSpec& spec, const std::vector<const SurfaceSpec*>& all, std::size_t split,
+                 BuiltContact& built) {
+    std::vector<contact::RigidSurface> rigid;
+    std::size_t own_split = 0, moving = 0;
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      if (is_solid(*all[k])) continue;
+      rigid.push_back(rigid_surface(*all[k]));
+      own_split += k < split ? 1 : 0;
+      moving += rigid.back().body != nullptr ? 1 : 0;
+    }
+    const bool solids = rigid.size() < all.size();
+    if (rigid.empty() || (solids && (moving == 0 || rigid.size() < 2))) return;
+    if (split > 0 && (own_split == 0 || own_split == rigid.size())) return;
+    try {
+      built.parts.push_back(&out_.system.add(
+          std::make_unique<contact::RigidContact>(spec.name, spec.law, std::move(rigid), own_split, spec.margin)));
+    } catch (const std::invalid_argument&) {
+      if (!solids) throw;
+      return;
+    }
+    if (spec.penetration > 0)
+      throw std::invalid_argument(
+          "'penetration' (augmented Lagrangian) is of solids; between rigid shapes the stiffness says how deep they "
+          "go");
+  }
+
+  /// The first surface is the one on which is integrated: of two solids, the one that is named first.
+  void add_solid(const ContactSpec& spec, const SurfaceSpec& a, const SurfaceSpec& b, BuiltContact& built) {
+    if (a.body == b.body && (!is_solid(a) || !is_solid(b))) return;
+    const std::string name = fmt::format("{}: {}, {}", spec.name, a.name, b.name);
+    if (is_solid(a) && is_solid(b)) {
+      built.parts.push_back(&out_.system.add(std::make_unique<contact::SolidContact>(
+          name, spec.law, solid_surface(a), solid_surface(b), spec.penetration, spec.margin)));
+      return;
+    }
+    const bool reversed = is_solid(b);
+    auto& part = out_.system.add(std::make_unique<contact::SolidContact>(
+        name, spec.law, solid_surface(reversed ? b : a), rigid_surface(reversed ? a : b), spec.penetration));
+    part.set_reversed(reversed);
+    built.parts.push_back(&part);
+  }
+
+  /// What overlaps deeply would fly apart; what rests overlaps a little.
+  void check_overlaps(const ContactSpec& spec, const BuiltContact& built) {
+    constexpr double kAllowed = 0.01;  // of the smaller surface
+    constexpr double kRounding = 1e-9;
+    for (contact::Contact* part : built.parts)
+      for (const contact::Overlap& o : part->overlaps(frames_.initial_configuration())) {
+        const std::string text =
+            fmt::format("the surfaces '{}' and '{}' overlap by {:.3g} at the start", o.a, o.b, o.depth);
+        if (o.depth > spec.overlap.value_or(kAllowed * o.extent))
+          throw std::invalid_argument(
+              text + "; move the bodies apart, or allow it with 'overlap' (their contact pushes them apart then)");
+        if (o.depth > kRounding * o.extent) out_.notices.push_back(fmt::format("contact '{}': {}", spec.name, text));
+      }
+  }
+
+  const std::vector<MeshFace> no_faces_;
+  const Description& model_;
+  const FrameBuilder& frames_;
+  Mechanism& out_;
+  std::map<std::pair<std::string, double>, std::shared_ptr<const contact::TriangleSurface>> files_;
+};
+
+}  // namespace
+
+void build_surface_contacts(const Description& model, const FrameBuilder& frames, Mechanism& out) {
+  SurfaceBuilder(model, frames, out).run();
+}
+
+contact::ContactReport BuiltContact::report(const StateView& s) const {
+  contact::ContactReport sum;
+  for (contact::Contact* part : parts) {
+    const contact::ContactReport r = part->report(s);
+    sum.force += r.force;
+    sum.moment += r.moment;
+    sum.normal_force += r.normal_force;
+    sum.friction_force += r.friction_force;
+    sum.penetration = std::max(sum.penetration, r.penetration);
+    sum.pressure = std::max(sum.pressure, r.pressure);
+    sum.area += r.area;
+    sum.slip_speed = std::max(sum.slip_speed, r.slip_speed);
+    sum.points += r.points;
+    sum.slipping += r.slipping;
+    sum.energy += r.energy;
+  }
+  return sum;
+}
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,130 @@
+// The sections [surfaces] and [contacts].
+#include <fmt/format.h>
+
+#include "dynamics/model/description.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+const std::vector<std::string> kShapeNames = {"plane", "sphere", "capsule", "cylinder",
+                                              "box",   "mesh",   "faces",   "sprocket"};
+
+/// Axes whose z is a direction.
+Mat3 axes_along(const Vec3& z, const Place& place) {
+  if (!(z.norm() > 0)) fail(place, "must not be zero");
+  return Eigen::Quaterniond::FromTwoVectors(Vec3::UnitZ(), z).toRotationMatrix();
+}
+
+/// `rotation`, or the direction under `key`.
+Mat3 read_surface_axes(Section& s, const std::string& key) {
+  if (!s.has(key)) return s.rotation("rotation");
+  if (s.has("rotation")) fail(s.place("rotation"), fmt::format("does not go with '{}'", key));
+  return axes_along(s.vector(key), s.place(key));
+}
+
+SurfaceSpec read_surface(const std::string& name, const Value& value, const std::string& folder) {
+  Section s(value);
+  SurfaceSpec out;
+  out.place = value.place;
+  out.name = name;
+  out.body = s.text("body");
+  const int kind = s.choice("shape", kShapeNames);
+  if (kind == 6) {
+    out.shape = SolidFaces{s.text("set", "")};
+    s.finish();
+    return out;
+  }
+  out.point = s.vector("point", Vec3::Zero());
+  if (kind == 7) {
+    contact::SprocketShape sprocket;
+    sprocket.teeth = s.integer("teeth", 6, sprocket.teeth);
+    sprocket.pitch = s.positive("pitch");
+    sprocket.roller_radius = s.positive("roller_radius");
+    sprocket.width = s.positive("width");
+    sprocket.tip = s.positive("tip", sprocket.tip);
+    out.shape = sprocket;
+    out.axes = read_surface_axes(s, "axis");
+  } else if (kind == 0) {
+    out.shape = contact::Shape(contact::PlaneShape{});
+    out.axes = read_surface_axes(s, "normal");
+  } else if (kind == 1) {
+    out.shape = contact::Shape(contact::SphereShape{s.positive("radius")});
+  } else if (kind == 2 || kind == 3) {
+    const double radius = s.positive("radius"), half = 0.5 * s.positive("length");
+    if (kind == 2)
+      out.shape = contact::Shape(contact::CapsuleShape{radius, half});
+    else
+      out.shape = contact::Shape(contact::CylinderShape{radius, half});
+    out.axes = read_surface_axes(s, "axis");
+  } else if (kind == 4) {
+    const Vec3 size = s.vector("size");
+    if (!(size.minCoeff() > 0)) fail(s.place("size"), "needs three lengths greater than 0");
+    out.shape = contact::Shape(contact::BoxShape{0.5 * size});
+    out.axes = s.rotation("rotation");
+  } else {
+    SurfaceFile file{s.text("file"), s.positive("scale", 1)};
+    if (!file.path.empty() && file.path.front() != '/' && !folder.empty()) file.path = folder + "/" + file.path;
+    out.shape = std::move(file);
+    out.axes = s.rotation("rotation");
+  }
+  s.finish();
+  return out;
+}
+
+double number_from_zero(Section& s, const std::string& key) {
+  const double value = s.number(key, 0);
+  if (value < 0) fail(s.place(key), fmt::format("must not be negative, but is {:g}", value));
+  return value;
+}
+
+contact::ContactLaw read_contact_law(Section& s) {
+  contact::ContactLaw law;
+  law.stiffness = s.positive("stiffness");
+  law.exponent = s.positive("exponent", 1);
+  if (!(law.exponent >= 1 && law.exponent <= 4)) fail(s.place("exponent"), "must lie between 1 and 4");
+  law.smoothing = number_from_zero(s, "smoothing");
+  if (law.smoothing > 0 && law.exponent != 1) fail(s.place("smoothing"), "goes with the exponent 1 only");
+  law.damping = number_from_zero(s, "damping");
+  law.restitution = s.positive("restitution", 1);
+  if (law.restitution > 1) fail(s.place("restitution"), fmt::format("must lie in (0, 1], not {:g}", law.restitution));
+  if (law.restitution < 1 && law.damping > 0) fail(s.place("damping"), "does not go with 'restitution'");
+  law.friction = number_from_zero(s, "friction");
+  if (law.friction > 0) {
+    // Mindlin: 2 (1 - nu) / (2 - nu) of the normal stiffness, 0.82 for nu = 0.3
+    constexpr double kMindlin = 0.8;
+    if (law.exponent != 1 && !s.has("tangential_stiffness"))
+      fail(s.place(), "needs 'tangential_stiffness': with this exponent it does not follow from the stiffness");
+    law.tangential_stiffness = s.positive("tangential_stiffness", kMindlin * law.stiffness);
+    law.tangential_damping = number_from_zero(s, "tangential_damping");
+  }
+  return law;
+}
+
+ContactSpec read_contact(const std::string& name, const Value& value) {
+  Section s(value);
+  ContactSpec out;
+  out.place = value.place;
+  out.name = name;
+  out.active = s.flag("active", true);
+  out.surfaces = s.texts("surfaces");
+  out.against = s.texts("against");
+  if (out.surfaces.empty()) fail(s.place("surfaces"), "needs 'surfaces', the names of at least one of [surfaces]");
+  out.law = read_contact_law(s);
+  out.margin = s.positive("margin", 0);
+  if (s.has("overlap")) out.overlap = number_from_zero(s, "overlap");
+  out.penetration = s.positive("penetration", 0);
+  s.finish();
+  return out;
+}
+
+}  // namespace
+
+void read_surfaces(Section& root, Description& model) {
+  root.named("surfaces", [&](const std::string& name, const Value& value) {
+    model.surfaces.push_back(read_surface(name, value, model.folder));
+  });
+  root.named("contacts",
+             [&](const std::string& name, const Value& value) { model.contacts.push_back(read_contact(name, value)); });
+}
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,229 @@
+// Faces of solids in contact. Truth: central differences, Newton's third law, uniform stress.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "built_model.hpp"
+#include "dynamics/contact/solid_contact.hpp"
+#include "model_common.hpp"
+
+namespace espalier::dynamics {
+namespace {
+
+using contact::ContactReport;
+using contact::SolidContact;
+
+constexpr const char* kSteel = "material = { young = 1000, poisson = 0.3, density = 1 }\n";
+
+std::string block(const std::string& name, const std::string& mesh, const std::string& more = "") {
+  return fmt::format(
+      "[bodies.{0}]\ntype = \"solid\"\nmesh = {{ part = \"block\", {1} }}\n{2}{3}\n[surfaces.{0}]\nbody = "
+      "\"{0}\"\nshape = \"faces\"\n",
+      name, mesh, kSteel, more);
+}
+
+const std::string kEnd = "[integrator]\nend = 1\n";
+const std::string kLaw =
+    "[contacts.c]\nsurfaces = [\"upper\", \"lower\"]\nstiffness = 300\nfriction = 0.4\ntangential_stiffness = 200\n"
+    "tangential_damping = 0.5\ndamping = 0.3\noverlap = 1\n";
+
+struct SolidCase {
+  const char* name;
+  std::string text;
+  friend void PrintTo(const SolidCase& c, std::ostream* out) { *out << c.name; }
+};
+
+std::vector<SolidCase> solid_cases() {
+  const std::string turned = "position = [0.07, 0.11, 0.47]\nrotation = [0.02, 0.03, 0.5]";
+  const std::string rigid =
+      "[bodies.ball]\ntype = \"rigid\"\nmass = 2\ninertia = [0.5, 0.6, 0.7]\nposition = [0.4, 0.5, {}]\nrotation = "
+      "[0.1, "
+      "0.2, 0.3]\n[surfaces.lower]\nbody = \"ball\"\n";
+  const auto on_rigid = [&](double z, const std::string& shape) {
+    return block("upper", "lx = 1, ly = 1, lz = 0.5, divisions = [2, 2, 1]") + fmt::format(fmt::runtime(rigid), z) +
+           shape + kLaw + kEnd;
+  };
+  const std::string lower = block("lower", "lx = 1, ly = 1, lz = 0.5, divisions = [2, 2, 1]");
+  const std::string lower20 = block("lower", "lx = 1, ly = 1, lz = 0.5, element = \"hex20\", divisions = [1, 1, 1]");
+  const std::string upper = block("upper", "lx = 0.8, ly = 0.7, lz = 0.4, divisions = [2, 2, 1]", turned);
+  const std::string upper20 =
+      block("upper", "lx = 0.8, ly = 0.7, lz = 0.4, element = \"hex20\", divisions = [1, 1, 1]", turned);
+  return {{"hex8 on hex8", upper + lower + kLaw + kEnd},
+          {"hex20 on hex8", upper20 + lower + kLaw + kEnd},
+          {"hex8 on hex20", upper + lower20 + kLaw + kEnd},
+          {"hex8 on sphere", on_rigid(-0.36, "shape = \"sphere\"\nradius = 0.4\n")},
+          {"hex8 on box", on_rigid(-0.26, "shape = \"box\"\nsize = [0.5, 0.5, 0.6]\n")},
+          {"hex8 on capsule", on_rigid(-0.26, "shape = \"capsule\"\nradius = 0.3\nlength = 0.5\naxis = [1, 0.1, 0]\n")},
+          {"hex8 on plane", on_rigid(0.03, "shape = \"plane\"\nrotation = [-0.1, -0.2, 0]\n")}};
+}
+
+class SolidPairs : public testing::TestWithParam<SolidCase> {};
+
+contact::Contact& contact_of(model::Mechanism& mechanism) {
+  EXPECT_EQ(mechanism.surface_contacts.front().parts.size(), 1U);
+  return *mechanism.surface_contacts.front().parts.front();
+}
+
+TEST_P(SolidPairs, TangentIsThatOfDifferences) {
+  const auto mechanism = built(GetParam().text);
+  const State before = anywhere(*mechanism, 3, 0.002), s = anywhere(*mechanism, 4, 0.004);
+  mechanism->system.update_pattern(s.q);
+  for (const bool with_history : {false, true}) {
+    if (with_history) mechanism->system.accept(before.view());
+    mechanism->system.update_pattern(s.q);
+    EXPECT_GT(contact_of(*mechanism).report(s.view()).points, 1);
+    const JacobianCheck check = check_jacobians(mechanism->system, s);
+    EXPECT_LT(check.largest(), 2e-6) << check.worst;
+  }
+}
+
+TEST_P(SolidPairs, ForcesAreEqualAndOpposite) {
+  std::string text = GetParam().text;
+  const auto mechanism = built(text);
+  mechanism->system.accept(anywhere(*mechanism, 3, 0.002).view());
+  const State s = anywhere(*mechanism, 4, 0.004);
+  std::vector<double> f(s.v.size()), without(s.v.size());
+  mechanism->system.residual(s.view(), f);
+  const ContactReport report = contact_of(*mechanism).report(s.view());
+  contact_of(*mechanism).set_active(false);
+  mechanism->system.residual(s.view(), without);
+  Vec3 force = Vec3::Zero(), moment = Vec3::Zero();
+  for (const model::BuiltBody& body : mechanism->bodies) {
+    if (body.rigid != nullptr) {
+      const auto at = static_cast<std::size_t>(body.rigid->coordinates()[0]);
+      const auto part = [&](std::size_t k) { return f[at + k] - without[at + k]; };
+      const Vec3 own(part(0), part(1), part(2));
+      force += own;
+      moment += body.rigid->position(s.q).cross(own) +
+                rotation_matrix(body.rigid->quaternion(s.q)) * Vec3(part(3), part(4), part(5));
+      continue;
+    }
+    for (Index n = 0; n < body.flexible->nodes(); ++n) {
+      const auto row = static_cast<std::size_t>(body.flexible->coordinate(n));
+      const auto place = static_cast<std::size_t>(body.flexible->configuration(n));
+      const Vec3 own(f[row] - without[row], f[row + 1] - without[row + 1], f[row + 2] - without[row + 2]);
+      force += own;
+      moment += Vec3(s.q[place], s.q[place + 1], s.q[place + 2]).cross(own);
+    }
+  }
+  const double size = report.normal_force;
+  EXPECT_GT(size, 1e-4);
+  EXPECT_LT(force.norm(), 1e-12 * size);
+  // Between solids friction acts on both sides of the gap.
+  const bool solids = mechanism->bodies[0].flexible != nullptr && mechanism->bodies[1].flexible != nullptr;
+  EXPECT_LT(moment.norm(), solids ? 1.1 * report.penetration * report.friction_force : 1e-12 * size);
+}
+
+INSTANTIATE_TEST_SUITE_P(Solids, SolidPairs, testing::ValuesIn(solid_cases()), [](const auto& instance) {
+  std::string name = instance.param.name;
+  for (char& c : name)
+    if (c == ' ') c = '_';
+  return name;
+});
+
+// ---- The contact patch test
+
+struct PatchCase {
+  const char* name;
+  std::string lower, upper;  // divisions and element
+  double poisson;
+  friend void PrintTo(const PatchCase& c, std::ostream* out) { *out << c.name; }
+};
+
+constexpr double kStart = 1e-4;  // they overlap by so much at the start, so that something holds them
+
+/// Two blocks, one on the other, on a rigid plane, under an even pressure.
+std::string patch(const PatchCase& c, double pressure, double stiffness) {
+  const auto body = [&](const char* name, const std::string& mesh, double z) {
+    return fmt::format(
+        "[bodies.{0}]\ntype = \"solid\"\nmesh = {{ part = \"block\", lx = 1, ly = 1, lz = 0.5, {1} }}\nmaterial = {{ "
+        "young "
+        "= 100, poisson = {2}, density = 1 }}\nposition = [0, 0, {3}]\n[forces.hold-{0}]\ntype = \"bushing\"\na = {{ "
+        "body = "
+        "\"ground\", point = [0.5, 0.5, {4}] }}\nb = {{ body = \"{0}\", face = \"z0\" }}\nstiffness = [1, 1, "
+        "0]\nangular_stiffness = [0, 0, 1]\n",
+        name, mesh, c.poisson, z, z);
+  };
+  return body("lower", c.lower, -kStart) + body("upper", c.upper, 0.5 - 2 * kStart) +
+         fmt::format(
+             "[surfaces.ground]\nbody = \"ground\"\nshape = \"plane\"\n[surfaces.bottom]\nbody = \"lower\"\nshape = "
+             "\"faces\"\nset = \"z0\"\n[surfaces.low]\nbody = \"lower\"\nshape = \"faces\"\nset = "
+             "\"z1\"\n[surfaces.high]\nbody "
+             "= \"upper\"\nshape = \"faces\"\nset = \"z0\"\n[contacts.floor]\nsurfaces = [\"bottom\", "
+             "\"ground\"]\nstiffness = "
+             "{0}\n[contacts.middle]\nsurfaces = [\"high\", \"low\"]\nstiffness = {0}\n[forces.load]\ntype = "
+             "\"pressure\"\nbody = \"upper\"\nface = \"z1\"\npressure = {1}\n[statics]\ntolerance = 1e-13\n",
+             stiffness, pressure);
+}
+
+class ContactPatch : public testing::TestWithParam<PatchCase> {};
+
+// St. Venant-Kirchhoff, stretches l (along z) and m: S_zz = E e, e_xx = -nu e_zz, P_zz = l S_zz = -p m^2. The pressure
+// of the law counts on areas without stress, so the gap is P_zz / k.
+TEST_P(ContactPatch, StressIsUniform) {
+  constexpr double kPressure = 5, kStiffness = 1e4, kYoung = 100;
+  const double nu = GetParam().poisson;
+  double stretch = 1, wide = 1;
+  for (int k = 0; k < 200; ++k) {
+    const double e = 0.5 * (stretch * stretch - 1);
+    wide = std::sqrt(1 - 2 * nu * e);
+    const double p = stretch * kYoung * e + kPressure * wide * wide;
+    const double slope = kYoung * (e + stretch * stretch) - 2 * nu * stretch * kPressure;
+    stretch -= p / slope;
+  }
+  const double gap = kPressure * wide * wide / kStiffness;
+  Simulation simulation;
+  ASSERT_TRUE(simulation.load_text(patch(GetParam(), kPressure, kStiffness), "patch.toml").ok());
+  const Status status = simulation.run();
+  ASSERT_TRUE(status.ok()) << status.message;
+  const SimulationFrame frame = simulation.frame();
+  const SimulationMesh& mesh = simulation.mesh();
+  std::int64_t of_lower = 0;  // points
+  for (std::size_t k = 0; k < mesh.body.size(); ++k)
+    if (mesh.body[k] == 0)
+      for (std::int64_t c = mesh.offsets[k]; c < mesh.offsets[k + 1]; ++c)
+        of_lower = std::max(of_lower, mesh.connectivity[static_cast<std::size_t>(c)] + 1);
+  double worst = 0;
+  for (std::size_t i = 0; i < frame.points.size(); i += 3) {
+    const double blocks = static_cast<std::int64_t>(i / 3) < of_lower ? 1 : 2;
+    const double x0 = frame.points[i] - frame.displacement[i], y0 = frame.points[i + 1] - frame.displacement[i + 1],
+                 z0 = frame.points[i + 2] - frame.displacement[i + 2] + blocks * kStart;
+    const double x = 0.5 + wide * (x0 - 0.5), y = 0.5 + wide * (y0 - 0.5), z = stretch * z0 - blocks * gap;
+    worst = std::max(
+        {worst, std::abs(frame.points[i] - x), std::abs(frame.points[i + 1] - y), std::abs(frame.points[i + 2] - z)});
+  }
+  EXPECT_LT(worst, 1e-10);
+  EXPECT_NEAR(simulation.value("middle.pressure"), kPressure * wide * wide, 1e-10 * kPressure);
+  EXPECT_NEAR(simulation.value("middle.area"), 1, 1e-10);
+  EXPECT_NEAR(simulation.value("middle.force.z"), -kPressure * wide * wide, 1e-9);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Blocks, ContactPatch,
+    testing::Values(PatchCase{"hex8_matching", "divisions = [2, 2, 1]", "divisions = [2, 2, 1]", 0},
+                    PatchCase{"hex8_finer_above", "divisions = [2, 3, 1]", "divisions = [5, 4, 2]", 0.3},
+                    PatchCase{"hex8_finer_below", "divisions = [5, 4, 1]", "divisions = [2, 3, 1]", 0.3},
+                    PatchCase{"hex20_on_hex8", "divisions = [3, 2, 1]", "element = \"hex20\", divisions = [2, 3, 1]",
+                              0.3},
+                    PatchCase{"hex20_on_hex20", "element = \"hex20\", divisions = [3, 2, 1]",
+                              "element = \"hex20\", divisions = [2, 3, 1]", 0.3}),
+    [](const auto& instance) { return instance.param.name; });
+
+// ---- Augmented Lagrangian
+
+TEST(ContactSolids, ChosenPenetrationIsKept) {
+  const PatchCase c{"", "divisions = [2, 2, 1]", "divisions = [3, 3, 1]", 0.3};
+  std::string text = patch(c, 5, 500);  // a hundredth of the height, without
+  const Simulation soft = simulated(text);
+  EXPECT_GT(soft.value("middle.penetration"), 5e-3);
+  const std::string key = "stiffness = 500\n[forces.load]";
+  ASSERT_NE(text.find(key), std::string::npos);
+  text.replace(text.find(key), key.size(), "stiffness = 500\npenetration = 1e-7\n[forces.load]");
+  const Simulation exact = simulated(text);
+  EXPECT_LE(exact.value("middle.penetration"), 1e-7);
+  EXPECT_NEAR(exact.value("middle.force.z"), soft.value("middle.force.z"), 1e-6 * 5);
+}
+
+}  // namespace
+}  // namespace espalier::dynamics

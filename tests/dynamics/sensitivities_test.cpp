@@ -1,0 +1,250 @@
+// Derivatives of simulations by parameters of their models: closed forms, differences of whole runs, repeated modes.
+#include "espalier/sensitivities.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "model_common.hpp"
+
+namespace espalier {
+namespace {
+
+using dynamics::simulated;
+
+SensitivityResult differentiated(const std::string& text, const std::vector<SensitivityParameter>& parameters,
+                                 const SimulationOptions& options = {}) {
+  SensitivityResult result = sensitivities_of_text(text, "model.toml", parameters, options);
+  EXPECT_TRUE(result.status.ok()) << result.status.message;
+  return result;
+}
+
+// Truth: x = x0 cos(w t), w = sqrt(k / m).
+TEST(Sensitivities, OfAnOscillatorAreClosedForms) {
+  const std::string text = R"(
+[parameters]
+k = 4
+m = 2
+x0 = 0.5
+[bodies.mass]
+type = "point"
+mass = "m"
+position = ["1 + x0", 0, 0]
+[forces.spring]
+type = "spring"
+a = { body = "ground" }
+b = { body = "mass" }
+stiffness = "k"
+rest = 1
+[output]
+quantities = ["mass.position.x", "mass.velocity.x", "energy.potential"]
+[integrator]
+end = 3
+relative = 1e-9
+absolute = 1e-10
+)";
+  const SensitivityResult r = differentiated(text, {{"parameters.k"}, {"parameters.m"}, {"parameters.x0"}});
+  const double w = std::sqrt(2.0), x0 = 0.5;
+  ASSERT_EQ(r.derivatives.size(), r.t.size() * 9);
+  for (std::size_t i = 0; i < r.t.size(); ++i) {
+    const double t = r.t[i], by_w = -x0 * t * std::sin(w * t);
+    const double* d = &r.derivatives[9 * i];
+    EXPECT_NEAR(d[0], by_w * w / 8, 2e-6) << t;
+    EXPECT_NEAR(d[1], -by_w * w / 4, 2e-6) << t;
+    EXPECT_NEAR(d[2], std::cos(w * t), 2e-6) << t;
+    EXPECT_NEAR(d[5], -w * std::sin(w * t), 4e-6) << t;
+  }
+  EXPECT_LT(r.defect, 1e-8);
+}
+
+// Two pendulums in space, a motor force, friction of a damper; with a reduced flexible arm between them.
+std::string linkage(bool flexible) {
+  return R"(
+gravity = [0, 0, -9.81]
+[parameters]
+length = 0.8
+damping = 0.3
+density = 500
+[bodies.upper]
+type = "rigid"
+mass = 1.2
+box = ["length", 0.1, 0.1]
+position = ["length/2", 0, 0]
+[bodies.lower]
+)" +
+         std::string(flexible ? R"(
+type = "solid"
+mesh = { part = "block", lx = 0.7, ly = 0.05, lz = 0.05, divisions = [6, 1, 1] }
+material = { young = 2e8, poisson = 0.3, density = "density" }
+damping = { stiffness = 2e-3 }
+reduce = { modes = 4 }
+position = ["length", -0.025, -0.025]
+)"
+                              : R"(
+type = "rigid"
+mass = "0.0018*density"
+box = [0.7, 0.05, 0.05]
+position = ["length + 0.35", 0, 0]
+)") + R"(
+[joints]
+top = { type = "universal", a = { body = "ground" }, b = { body = "upper", point = ["-length/2", 0, 0] } }
+elbow = { type = "revolute", a = { body = "upper", point = ["length/2", 0, 0], axis = [0, 1, 0] }, b = )" +
+         (flexible ? R"({ body = "lower", face = "x0", axis = [0, 1, 0] })"
+                   : R"({ body = "lower", point = [-0.35, 0, 0], axis = [0, 1, 0] })") +
+         R"( }
+[forces]
+damper = { type = "rotational-spring", a = { body = "upper", point = ["length/2", 0, 0], axis = [0, 1, 0] }, b = )" +
+         (flexible ? R"({ body = "lower", face = "x0", axis = [0, 1, 0] })"
+                   : R"({ body = "lower", point = [-0.35, 0, 0], axis = [0, 1, 0] })") +
+         R"(, stiffness = 0.5, damping = "damping" }
+push = { type = "load", a = { body = "upper" }, force = [0, 2, 0] }
+[output]
+quantities = ["upper.position.z", "lower.position.y", "top.force.z", "elbow.angle"]
+[integrator]
+end = 0.5
+relative = 1e-8
+absolute = 1e-9
+)";
+}
+
+// Truth: central differences of whole runs. Their error is that of the formula for large steps, and for small ones that
+// of the runs, which take steps of their own: it must fall and rise again.
+void expect_valley(const std::string& text, const std::string& parameter, double value, double floor) {
+  const SensitivityResult r = differentiated(text, {{parameter}});
+  const auto value_at = [&](double p) {
+    SimulationOptions options;
+    options.set = {parameter + "=" + std::to_string(p)};
+    char exact[64];
+    std::snprintf(exact, sizeof exact, "%s=%.17g", parameter.c_str(), p);
+    options.set = {exact};
+    const Simulation s = simulated(text, options);
+    std::vector<double> x;
+    for (const auto& [name, v] : s.summary().values) x.push_back(v);
+    return x;
+  };
+  std::vector<double> errors;
+  std::printf("%s:", parameter.c_str());
+  for (const double relative : {3e-1, 3e-2, 3e-3, 3e-4, 1e-6, 1e-8, 1e-10}) {
+    const double h = relative * value;
+    const std::vector<double> above = value_at(value + h), below = value_at(value - h);
+    double error = 0;
+    for (std::size_t q = 0; q < r.quantities.size(); ++q) {
+      const double own = r.derivative(r.quantities[q], parameter);
+      error = std::max(error, std::abs((above[q] - below[q]) / (2 * h) - own) / std::max(std::abs(own), 1e-3));
+    }
+    std::printf(" %.0e: %.1e ", relative, error);
+    errors.push_back(error);
+  }
+  std::printf("\n");
+  const double least = *std::min_element(errors.begin(), errors.end());
+  EXPECT_LT(least, floor) << parameter;
+  EXPECT_GT(errors.front(), 30 * least) << parameter;
+  EXPECT_GT(errors.back(), 30 * least) << parameter;
+}
+
+TEST(Sensitivities, OfMechanismsLieInTheValleyOfDifferences) {
+  expect_valley(linkage(false), "parameters.length", 0.8, 1e-5);
+  expect_valley(linkage(false), "parameters.damping", 0.3, 1e-5);
+  expect_valley(linkage(false), "bodies.upper.mass", 1.2, 1e-5);
+}
+
+TEST(Sensitivities, OfReducedBodiesLieInTheValleyOfDifferences) {
+  expect_valley(linkage(true), "parameters.density", 500, 2e-4);
+}
+
+std::string cantilever(double load) {
+  return R"(
+[bodies.beam]
+type = "beam"
+start = [0, 0, 0]
+end = [1, 0, 0]
+elements = 10
+height = 0.02
+width = 0.02
+material = { young = 2e9, poisson = 0, density = 1000 }
+[markers]
+tip = { body = "beam", node = -1 }
+[joints]
+clamp = { type = "fixed", a = { body = "ground" }, b = { body = "beam", node = 1 } }
+[forces]
+load = { type = "load", a = "tip", force = [0, )" +
+         std::to_string(load) + R"(, 0] }
+[output]
+quantities = ["tip.position.y", "clamp.moment.z"]
+)";
+}
+
+// Truth: w = F L^3 / (3 E I) for a small load; differences where it is large.
+TEST(Sensitivities, OfEquilibria) {
+  const SensitivityResult small =
+      differentiated(cantilever(1e-4) + "[statics]\n", {{"bodies.beam.material.young"}, {"forces.load.force.1"}});
+  const double w = small.value("tip.position.y");
+  EXPECT_NEAR(small.derivative("tip.position.y", "bodies.beam.material.young") * 2e9 / w, -1, 1e-5);
+  EXPECT_NEAR(small.derivative("tip.position.y", "forces.load.force.1") * 1e-4 / w, 1, 1e-5);
+  const std::string large = cantilever(20) + "[statics]\ntolerance = 1e-11\n";
+  const SensitivityResult r = differentiated(large, {{"bodies.beam.material.young"}, {"bodies.beam.height"}});
+  EXPECT_GT(r.value("tip.position.y"), 0.2);
+  for (const auto& [path, value] :
+       {std::pair{"bodies.beam.material.young", 2e9}, std::pair{"bodies.beam.height", 0.02}}) {
+    const auto tip = [&, path = path](double p) {
+      SimulationOptions options;
+      char text[100];
+      std::snprintf(text, sizeof text, "%s=%.17g", path, p);
+      options.set = {text};
+      return simulated(large, options).value("tip.position.y");
+    };
+    const double h = 1e-3 * value;
+    const double truth = (8 * (tip(value + h) - tip(value - h)) - (tip(value + 2 * h) - tip(value - 2 * h))) / (12 * h);
+    EXPECT_NEAR(r.derivative("tip.position.y", path) / truth, 1, 1e-5) << path;
+  }
+}
+
+// Truth: f ~ sqrt(E), f ~ 1 / sqrt(rho). The square section has each bending mode twice: the height stiffens one.
+TEST(Sensitivities, OfFrequenciesThatComeTwice) {
+  const std::string text = cantilever(0) + "[initial]\nmodes = 4\n[integrator]\nend = 1e-6\n";
+  const SensitivityResult r =
+      differentiated(text, {{"bodies.beam.material.young"}, {"bodies.beam.material.density"}, {"bodies.beam.height"}});
+  ASSERT_EQ(r.modes.frequencies.size(), 4U);
+  const std::vector<double>& f = r.modes.frequencies;
+  EXPECT_NEAR(f[0] / f[1], 1, 1e-7);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_NEAR(r.modes.derivatives[3 * i] * 2e9 / f[i], 0.5, 1e-6) << i;
+    EXPECT_NEAR(r.modes.derivatives[3 * i + 1] * 1000 / f[i], -0.5, 1e-6) << i;
+  }
+  for (const std::size_t i : {0U, 2U}) {  // slender: 0 and f / h, but for shear
+    EXPECT_NEAR(r.modes.derivatives[3 * i + 2] * 0.02 / f[i], 0, 5e-3) << i;
+    EXPECT_NEAR(r.modes.derivatives[3 * (i + 1) + 2] * 0.02 / f[i], 1, 5e-3) << i;
+  }
+}
+
+TEST(Sensitivities, SayWhatHasNoDerivative) {
+  const auto message = [](const std::string& text, const std::vector<SensitivityParameter>& parameters,
+                          const SimulationOptions& options = {}) {
+    const SensitivityResult r = sensitivities_of_text(text, "model.toml", parameters, options);
+    EXPECT_EQ(r.status.code, StatusCode::invalid_input) << r.status.message;
+    return r.status.message;
+  };
+  const auto expect = [&](const std::string& said, const std::string& what) {
+    EXPECT_NE(said.find(what), std::string::npos) << said;
+  };
+  const std::string text = linkage(false);
+  expect(message(text, {}), "no parameter");
+  expect(message(text, {{"parameters.lengt"}}), "parameters.lengt");
+  expect(message(text, {{"bodies.upper.type"}}), "bodies.upper.type");
+  expect(message(text, {{"bodies.upper"}}), "no number");
+  expect(message(text, {{"bodies.upper.position.3"}}), "bodies.upper.position.3");
+  expect(message(text, {{"forces.push.force.0"}}), "give a step");
+  expect(message(text, {{"parameters.length", -1}}), "greater than 0");
+  expect(message(text, {{"parameters.length", NAN}}), "greater than 0");
+  expect(message(text, {{"bodies.upper.mass", 2}}), "beside its value");
+  expect(message(text + "[events.e]\nwhen = \"elbow.angle\"\nstop = true\n", {{"parameters.length"}}), "events");
+  expect(message(dynamics::kPendulum, {{"bodies.bob.mass"}}), "no quantity");
+  SimulationOptions options;
+  options.restart = "there.restart";
+  expect(message(text, {{"parameters.length"}}, options), "restart");
+  EXPECT_FALSE(sensitivities("no such file.toml", {{"parameters.length"}}).status.ok());
+}
+
+}  // namespace
+}  // namespace espalier
