@@ -66,21 +66,21 @@ void pack_panel(std::int64_t rows, std::int64_t depth, const View<T>& x, T* pane
 
 /// C = alpha * tile + beta * C.
 template <class T, int MP>
-HWY_INLINE void combine(const Tile<T, MP, kTileColumns>& tile, T alpha, T beta, Result<T> c) {
+HWY_INLINE void combine(const Tile<T, MP, kTileColumns<T>>& tile, T alpha, T beta, Result<T> c) {
   const Tag<T> tag;
   const Vector<T> a = hn::Set(tag, alpha), b = hn::Set(tag, beta);
   HWY_UNROLL(8)
-  for (int j = 0; j < kTileColumns; ++j) {
+  for (int j = 0; j < kTileColumns<T>; ++j) {
     HWY_UNROLL(24)
-    for (int i = 0; i < Tile<T, MP, kTileColumns>::kRows; ++i) {
-      T* out = c.p + Tile<T, MP, kTileColumns>::offset(i, c.panel) + j * c.step;
+    for (int i = 0; i < Tile<T, MP, kTileColumns<T>>::kRows; ++i) {
+      T* out = c.p + Tile<T, MP, kTileColumns<T>>::offset(i, c.panel) + j * c.step;
       const Vector<T> scaled = hn::Mul(a, tile.v[j][i]);
       hn::StoreU(beta == T(0) ? scaled : hn::MulAdd(b, hn::LoadU(tag, out), scaled), tag, out);
     }
   }
 }
 
-/// A product of one row group with kTileColumns columns of op(B), whose element (l, j) stands at b[l * step + j] or,
+/// A product of one row group with kTileColumns<T> columns of op(B), whose element (l, j) stands at b[l * step + j] or,
 /// when step is 0, at b[l + j * stride].
 template <class T>
 struct Step {
@@ -95,10 +95,11 @@ struct Step {
 
 /// tile += steps [begin, end) of the sum.
 template <class T, int MP>
-HWY_INLINE void add_steps(Tile<T, MP, kTileColumns>& tile, const Step<T>& s, std::int64_t begin, std::int64_t end) {
+HWY_INLINE void add_steps(Tile<T, MP, kTileColumns<T>>& tile, const Step<T>& s, std::int64_t begin, std::int64_t end) {
   const Operand<T> a = s.a.at(0, begin);
   if (s.step != 0) {
-    tile.template multiply<true, true>(end - begin, a, s.b + begin * s.step, s.step, s.step * s.depth);
+    for (std::int64_t l = begin; l < end; ++l) hwy::Prefetch(s.b + (l + s.depth) * s.step);  // of the next columns
+    tile.template multiply<true>(end - begin, a, s.b + begin * s.step, s.step);
   } else {
     tile.template multiply_rows<true>(end - begin, a, s.b + begin, s.stride);
   }
@@ -106,7 +107,7 @@ HWY_INLINE void add_steps(Tile<T, MP, kTileColumns>& tile, const Step<T>& s, std
 
 template <class T, int MP>
 HWY_INLINE void prefetch_column(Result<T> c, int j) {
-  using Whole = Tile<T, MP, kTileColumns>;
+  using Whole = Tile<T, MP, kTileColumns<T>>;
   for (int i = 0; i < Whole::kRows; i += kVectors<T>) hwy::Prefetch(c.p + Whole::offset(i, c.panel) + j * c.step);
 }
 
@@ -114,11 +115,11 @@ HWY_INLINE void prefetch_column(Result<T> c, int j) {
 /// take the fill buffers that the operands need.
 template <class T, int MP>
 HWY_NOINLINE void group_tile(const Step<T>& s, Result<T> c) {
-  Tile<T, MP, kTileColumns> tile;
+  Tile<T, MP, kTileColumns<T>> tile;
   tile.zero();
   std::int64_t l = 0;
-  const std::int64_t part = s.depth / kTileColumns;
-  for (int j = 0; j < kTileColumns; ++j) {
+  const std::int64_t part = s.depth / kTileColumns<T>;
+  for (int j = 0; j < kTileColumns<T>; ++j) {
     prefetch_column<T, MP>(c, j);
     if (part < 16) continue;
     add_steps<T, MP>(tile, s, l, l + part);
@@ -141,7 +142,7 @@ HWY_INLINE void tile_of(int panels, const Step<T>& s, Result<T> c) {
 template <class T>
 void ragged_tile(int panels, std::int64_t rows, std::int64_t columns, Step<T> s, T* c, std::int64_t ldc) {
   constexpr std::int64_t height = kTilePanels * kPanel<T>;
-  alignas(64) T beside[height * kTileColumns];
+  alignas(64) T beside[height * kTileColumns<T>];
   const T beta = s.beta;
   s.beta = T(0);
   tile_of<T>(panels, s, Result<T>{beside, kPanel<T>, height});
@@ -182,14 +183,14 @@ void block_product(std::int64_t m, std::int64_t n, std::int64_t depth, T alpha, 
     const int panels = group_panels((m - i + p - 1) / p);
     const std::int64_t rows = std::min<std::int64_t>(panels * p, m - i);
     const Operand<T> group = row_group(panels, rows, depth, a.at(i, 0), direct_a, packed.group);
-    for (std::int64_t j = 0; j < n; j += kTileColumns) {
+    for (std::int64_t j = 0; j < n; j += kTileColumns<T>) {
       const bool stands = direct_b && j < n / p * p;
       const T* column = stands ? b.at(j, 0).p : packed.block + j / p * p * depth + j % p;
       const std::int64_t b_step = !stands ? p : b.row == 1 ? b.column : 0;
       const Step<T> step{depth, group, column, b_step, b.row, alpha, beta};
-      const std::int64_t columns = std::min<std::int64_t>(kTileColumns, n - j);
+      const std::int64_t columns = std::min<std::int64_t>(kTileColumns<T>, n - j);
       T* out = c + j * ldc + i;
-      if (rows == panels * p && columns == kTileColumns) {
+      if (rows == panels * p && columns == kTileColumns<T>) {
         tile_of<T>(panels, step, Result<T>{out, p, ldc});
       } else {
         ragged_tile<T>(panels, rows, columns, step, out, ldc);

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""espalier in Python beside PyPardiso, SciPy's SuperLU, UMFPACK and CHOLMOD, on the same matrices, as one table.
+"""espalier in Python beside PyPardiso, SciPy's SuperLU, UMFPACK and CHOLMOD, or on a GPU beside nvmath-python (cuDSS) and
+CuPy, on the same matrices, as one table.
 
     python3 -m venv venv && venv/bin/pip install './python[scipy]' pypardiso scikit-sparse scikit-umfpack
-    venv/bin/python bench/python_peers.py [--seconds 120] [--repeats 5] [--only poisson2-100,...] [--json FILE]
+    venv/bin/python bench/python_peers.py [--gpu] [--seconds 120] [--repeats 5] [--only poisson2-100,...] [--json FILE]
 
 The last two need SuiteSparse and a compiler to install; what is not there is left out. For every system the solvers take
 turns, each time in a new process: the first call (analysis, factorization and one solve, with all that starts then;
@@ -11,6 +12,10 @@ The last two are medians of three in a process, all are medians of the processes
 by one residual, |b - A x| / (|A| |x| + |b|) in the maximum norm; above 1e-10 the time is not printed. A solver that takes
 longer than --seconds is left out. PyPardiso and SuperLU factorize and analyze in one call: their `next` is that call once
 more.
+
+--gpu: matrix, right-hand side and solution are arrays of CuPy in the memory of the GPU before the clock starts; every call
+is waited for. It needs espalier-cuda, cupy, nvmath-python with cuDSS. nvmath is told that a matrix is symmetric, espalier
+finds that out; CuPy's spsolve knows no next factorization and no solve alone.
 """
 import argparse
 import json
@@ -49,7 +54,22 @@ SYSTEMS = {
 }
 
 
-class Espalier:
+class Rival:
+    def matrix(self, a):
+        """What is made of a matrix before the clock starts."""
+        return a
+
+    def vector(self, b):
+        return b
+
+    def host(self, x):
+        return x
+
+    def wait(self):
+        """Until what was begun is done."""
+
+
+class Espalier(Rival):
     def __init__(self):
         import espalier
         self.new = espalier.Solver
@@ -64,7 +84,7 @@ class Espalier:
         return self.solver.solve(b)
 
 
-class Pardiso:
+class Pardiso(Rival):
     def __init__(self):
         import pypardiso
         self.solver = pypardiso.PyPardisoSolver()
@@ -80,7 +100,7 @@ class Pardiso:
         return self.solver.solve(self.a, b)
 
 
-class SuperLU:
+class SuperLU(Rival):
     def first(self, a):
         options = {"SymmetricMode": True} if abs(a - a.T).nnz == 0 else {}
         self.lu = spla.splu(a.tocsc(), "MMD_AT_PLUS_A" if options else "COLAMD", options=options)
@@ -91,7 +111,7 @@ class SuperLU:
         return self.lu.solve(b)
 
 
-class Umfpack:
+class Umfpack(Rival):
     def __init__(self):
         import scikits.umfpack
         self.module = scikits.umfpack
@@ -109,7 +129,7 @@ class Umfpack:
         return self.context.solve(self.module.UMFPACK_A, self.a, b, autoTranspose=False)
 
 
-class Cholmod:
+class Cholmod(Rival):
     def __init__(self):
         import sksparse.cholmod
         self.module = sksparse.cholmod
@@ -127,12 +147,86 @@ class Cholmod:
         return self.factor(b)
 
 
+class OnGpu(Rival):
+    def __init__(self):
+        import cupy
+        import cupyx.scipy.sparse
+        self.cupy, self.sparse = cupy, cupyx.scipy.sparse
+
+    def matrix(self, a):
+        return self.sparse.csr_matrix(sp.csr_matrix(a))
+
+    def vector(self, b):
+        return self.cupy.asarray(b)
+
+    def host(self, x):
+        return self.cupy.asnumpy(x)
+
+    def wait(self):
+        self.cupy.cuda.Device().synchronize()
+
+
+class EspalierOnGpu(OnGpu):
+    def first(self, a):
+        import espalier
+        self.solver = espalier.Solver(a)
+
+    def next(self, a):
+        self.solver.factorize(a.data)
+
+    def solve(self, b):
+        return self.solver.solve(b)
+
+
+class Nvmath(OnGpu):
+    def __init__(self):
+        super().__init__()
+        from nvmath.sparse import advanced
+        self.module, self.solver, self.symmetric = advanced, None, False
+
+    def matrix(self, a):
+        self.symmetric = abs(a - a.T).nnz == 0
+        return super().matrix(a)
+
+    def first(self, a):
+        if self.solver is not None:
+            self.solver.free()
+        kind = self.module.DirectSolverMatrixType
+        options = self.module.DirectSolverOptions(sparse_system_type=kind.SPD if self.symmetric else kind.GENERAL)
+        self.a, self.b = a, self.cupy.zeros(a.shape[0])
+        self.solver = self.module.DirectSolver(self.a, self.b, options=options)
+        self.solver.plan()
+        self.solver.factorize()
+
+    def next(self, a):
+        self.a.data[...] = a.data
+        self.solver.factorize()
+
+    def solve(self, b):
+        self.b[...] = b
+        return self.solver.solve()
+
+
+class Cupy(OnGpu):
+    def first(self, a):
+        self.a = a
+
+    next = first
+
+    def solve(self, b):
+        import cupyx.scipy.sparse.linalg
+        return cupyx.scipy.sparse.linalg.spsolve(self.a, b)
+
+
+ON_GPU = {"espalier-gpu": EspalierOnGpu, "nvmath": Nvmath, "cupy": Cupy}
 RIVALS = {"espalier": Espalier, "pypardiso": Pardiso, "superlu": SuperLU, "umfpack": Umfpack, "cholmod": Cholmod}
 
 
-def timed(call, *args):
+def timed(rival, call, *args):
+    rival.wait()
     begin = time.perf_counter()
     answer = call(*args)
+    rival.wait()
     return time.perf_counter() - begin, answer
 
 
@@ -144,16 +238,18 @@ def child(name, rival):
     """One solver on one system, in a process of its own: seconds, or what went wrong."""
     a = SYSTEMS[name]()
     b = np.random.default_rng(0).normal(size=a.shape[0])
-    solver = RIVALS[rival]()
-    first = timed(solver.first, a)[0] + timed(solver.solve, b)[0]
-    factor = timed(solver.first, a)[0]
+    solver = {**RIVALS, **ON_GPU}[rival]()
+    matrix, vector = solver.matrix(a), solver.vector(b)
+    first = timed(solver, solver.first, matrix)[0] + timed(solver, solver.solve, vector)[0]
+    factor = timed(solver, solver.first, matrix)[0]
     again, solves, errors = [], [], []
     for k in range(3):
         scaled = (k + 2) * a
-        again.append(timed(solver.next, scaled)[0])
-        seconds, x = timed(solver.solve, b)
+        given = solver.matrix(scaled)
+        again.append(timed(solver, solver.next, given)[0])
+        seconds, x = timed(solver, solver.solve, vector)
         solves.append(seconds)
-        errors.append(error_of(scaled, x, b))
+        errors.append(error_of(scaled, solver.host(x), b))
     print(json.dumps({"first": first, "factor": factor, "next": statistics.median(again),
                       "solve": statistics.median(solves), "error": max(errors)}))
 
@@ -173,6 +269,7 @@ def run(name, rival, seconds):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--gpu", action="store_true", help="arrays on a GPU")
     parser.add_argument("--seconds", type=float, default=120)
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--only", default="")
@@ -181,13 +278,13 @@ def main():
     args = parser.parse_args()
     if args.child:
         return child(*args.child)
-    table = {}
+    table, rivals = {}, ON_GPU if args.gpu else RIVALS
     print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; milliseconds, medians of {args.repeats}\n")
     print(f"| {'system':12} | {'n':>7} | {'solver':10} | {'first':>9} | {'factor':>9} | {'next':>9} | {'solve':>8} | {'error':>7} |")
     print("|---|--:|---|--:|--:|--:|--:|--:|")
     for name in filter(None, args.only.split(",")) if args.only else SYSTEMS:
         n = SYSTEMS[name]().shape[0]
-        found = {rival: [] for rival in RIVALS}
+        found = {rival: [] for rival in rivals}
         for _ in range(args.repeats):
             for rival, runs in found.items():
                 if not runs or isinstance(runs[-1], dict):

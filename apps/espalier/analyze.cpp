@@ -27,18 +27,29 @@ struct AnalyzeCommand {
   int run() const;
 };
 
-void fill_record(const AnalyzeCommand& command, Solver& solver, RunRecord& record) {
-  Progress progress(!command.json);
-  base::ThreadPool pool(solver.options().threads > 0 ? solver.options().threads : base::available_cores());
-  progress.begin("reading");
-  const SparseMatrix matrix = command.source.load(record, pool);
-  progress.end(duration(record.read_seconds));
+using Tiers = std::vector<Solver::TierRow>;
+
+template <class AnySolver, class Matrix>
+Tiers analyze(const AnalyzeCommand& command, AnySolver solver, const Matrix& matrix, RunRecord& record,
+              Progress& progress) {
   progress.begin("analysis");
   record.analysis = solver.analyze(matrix);
   record.status = record.analysis->status;
-  if (!record.status.ok()) return;
+  if (!record.status.ok()) return {};
   progress.end(duration(record.analysis->seconds));
   if (!command.save_file.empty()) record.status = solver.save_analysis(command.save_file);
+  return solver.tiers();
+}
+
+Tiers fill_record(const AnalyzeCommand& command, const Options& options, RunRecord& record) {
+  Progress progress(!command.json);
+  base::ThreadPool pool(options.threads > 0 ? options.threads : base::available_cores());
+  progress.begin("reading");
+  const matrix::AnyMatrix any = command.source.load(record, pool);
+  progress.end(duration(record.read_seconds));
+  if (record.complex)
+    return analyze(command, ComplexSolver(options), std::get<ComplexSparseMatrix>(any), record, progress);
+  return analyze(command, Solver(options), std::get<SparseMatrix>(any), record, progress);
 }
 
 /// A dry run answers "would it fit?": with a budget on the host that is too small it ends like the factorization would.
@@ -51,19 +62,19 @@ Status check_budget(const AnalysisResult& analysis, Offset budget) {
 }
 
 int AnalyzeCommand::run() const {
-  Solver solver(flags.options());
+  const Options options = flags.options();
   check_outputs({{"the matrix", source.file()}}, {{"--save", save_file}, {"--report", report_file}});
   RunRecord record;
-  record.precision = solver.options().precision;
+  record.precision = options.precision;
+  Tiers tiers;
   try {
-    fill_record(*this, solver, record);
+    tiers = fill_record(*this, options, record);
   } catch (const Error& error) {
     record.status = error.status();
   }
-  const Offset budget = solver.options().host_memory_bytes;
+  const Offset budget = options.host_memory_bytes;
   const bool analyzed = record.analysis && record.analysis->status.ok();
   if (analyzed && dry_run && record.status.ok()) record.status = check_budget(*record.analysis, budget);
-  const auto tiers = analyzed ? solver.tiers() : std::vector<Solver::TierRow>{};
   auto report = to_json(record);
   report["tree"] = to_json(tiers);
   const std::optional<Error> unwritten = write_report(report_file, report);

@@ -37,6 +37,7 @@ void add_commands(CLI::App& app, int argc, const char* const* argv, Action& acti
 void add_solve(CLI::App& app, Action& action);
 void add_analyze(CLI::App& app, Action& action);
 void add_modes(CLI::App& app, Action& action);
+void add_condense(CLI::App& app, Action& action);
 void add_simulate(CLI::App& app, Action& action);
 void add_generate(CLI::App& app, Action& action);
 /// argc and argv: for the record of what was asked. In a build without benchmarks (absent/bench.cpp) it and
@@ -46,5 +47,6 @@ void add_report(CLI::App& app, Action& action);
 void add_fetch_matrix(CLI::App& app, Action& action);
 void add_info(CLI::App& app, Action& action);
 void add_run(CLI::App& app, Action& action);
+void add_mpi_adapter(CLI::App& app, Action& action);
 
 }  // namespace espalier::cli

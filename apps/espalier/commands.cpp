@@ -6,12 +6,14 @@ void add_commands(CLI::App& app, int argc, const char* const* argv, Action& acti
   add_solve(app, action);
   add_analyze(app, action);
   add_modes(app, action);
+  add_condense(app, action);
   add_simulate(app, action);
   add_generate(app, action);
   add_bench(app, argc, argv, action);
   add_report(app, action);
   add_fetch_matrix(app, action);
   add_run(app, action);
+  add_mpi_adapter(app, action);
   add_info(app, action);
 }
 

@@ -15,7 +15,8 @@ namespace espalier::cli {
 namespace {
 
 /// A solver needs a square matrix with at least one row, and its values.
-void check_solvable(const SparseMatrix& a, const std::string& name) {
+template <class Matrix>
+void check_solvable(const Matrix& a, const std::string& name) {
   if (a.rows != a.cols) {
     throw Error(StatusCode::invalid_input,
                 fmt::format("{}: the matrix is {} x {}; a linear system needs a square one", name, a.rows, a.cols));
@@ -40,35 +41,60 @@ void MatrixSource::add_to(CLI::App& command) {
   command.footer("Systems for --generate, for instance \"elasticity 20 20 20\":\n" + matrix::generator_usage());
 }
 
-SparseMatrix MatrixSource::load(RunRecord& record, base::ThreadPool& pool) const {
+matrix::AnyMatrix MatrixSource::load(RunRecord& record, base::ThreadPool& pool) const {
   if (file_.empty() == generator_.empty()) {
     throw Error(StatusCode::invalid_input, "give a matrix file or --generate \"SPEC\" (see --help)");
   }
   const auto start = std::chrono::steady_clock::now();
-  SparseMatrix a;
+  matrix::AnyMatrix any;
   if (file_.empty()) {
     const auto spec = matrix::parse_generator(split(generator_));
     record.input = matrix::describe(spec);
-    a = matrix::generate(spec, &pool);
+    any = matrix::generate(spec, &pool);
   } else {
     record.input = file_;
-    a = matrix::read_matrix(file_, {&pool, false});
+    any = matrix::read_any_matrix(file_, {&pool, false});
   }
   record.read_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  check_solvable(a, record.input);
-  record.rows = a.rows;
-  record.nonzeros = a.nonzeros();
-  record.storage = a.storage;
-  return a;
+  std::visit(
+      [&](const auto& a) {
+        check_solvable(a, record.input);
+        record.rows = a.rows;
+        record.nonzeros = a.nonzeros();
+        record.storage = a.storage;
+      },
+      any);
+  record.complex = std::holds_alternative<ComplexSparseMatrix>(any);
+  return any;
 }
 
-matrix::DenseVectors read_columns(const std::string& path, Index rows, base::ThreadPool& pool) {
-  auto vectors = matrix::read_vectors(path, {&pool, false});
+SparseMatrix MatrixSource::load_real(RunRecord& record, base::ThreadPool& pool) const {
+  matrix::AnyMatrix any = load(record, pool);
+  if (record.complex)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("{}: the matrix is complex; this command takes real ones", record.input));
+  return std::get<SparseMatrix>(std::move(any));
+}
+
+namespace {
+
+template <class Vectors>
+Vectors checked_columns(Vectors vectors, const std::string& path, Index rows) {
   if (vectors.rows != rows || vectors.cols < 1) {
     throw Error(StatusCode::invalid_input, fmt::format("{}: the right-hand side is {} x {}; the matrix has {} rows",
                                                        path, vectors.rows, vectors.cols, rows));
   }
   return vectors;
+}
+
+}  // namespace
+
+matrix::DenseVectors read_columns(const std::string& path, Index rows, base::ThreadPool& pool) {
+  return checked_columns(matrix::read_vectors(path, {&pool, false}), path, rows);
+}
+
+matrix::ComplexVectors read_complex_columns(const std::string& path, Index rows, base::ThreadPool& pool) {
+  return checked_columns(matrix::read_complex_vectors(path, {&pool, false}), path, rows);
 }
 
 }  // namespace espalier::cli

@@ -7,7 +7,7 @@
 
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
-#include "matrix/matrix_market.hpp"
+#include "matrix/read.hpp"
 #include "report.hpp"
 
 namespace CLI {
@@ -23,7 +23,9 @@ class MatrixSource {
   /// Reads or makes the matrix and notes its name, size and the time taken in `record`.
   /// @throws Error(invalid_input) for a file or generator text that cannot be understood, a matrix that is not square,
   /// is empty, or has no values
-  [[nodiscard]] SparseMatrix load(RunRecord& record, base::ThreadPool& pool) const;
+  [[nodiscard]] matrix::AnyMatrix load(RunRecord& record, base::ThreadPool& pool) const;
+  /// The same of a command that takes real matrices alone. @throws Error(invalid_input) for a complex one
+  [[nodiscard]] SparseMatrix load_real(RunRecord& record, base::ThreadPool& pool) const;
 
   /// The file; empty for a generator.
   [[nodiscard]] const std::string& file() const { return file_; }
@@ -36,5 +38,7 @@ class MatrixSource {
 /// Reads dense columns of `rows` values each from a Matrix Market file (array, or coordinate: absent entries are zero).
 /// @throws Error(invalid_input) naming the file and what is wrong
 matrix::DenseVectors read_columns(const std::string& path, Index rows, base::ThreadPool& pool);
+/// The same of a real or complex file.
+matrix::ComplexVectors read_complex_columns(const std::string& path, Index rows, base::ThreadPool& pool);
 
 }  // namespace espalier::cli

@@ -19,6 +19,7 @@
 #include "matrix/generators/generate.hpp"
 #include "matrix/matrix_market.hpp"
 #include "matrix/read.hpp"
+#include "quadratic_modes.hpp"
 #include "report.hpp"
 #include "solver/build_info.hpp"
 #include "solver_flags.hpp"
@@ -32,12 +33,13 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct ModesCommand {
-  std::string k_file, m_file, generator, out_file, csv_file, report_file;
+  std::string k_file, m_file, damping_file, generator, out_file, csv_file, report_file;
   ModesOptions options;
   SolverFlags flags;
   bool buckling = false, json = false, quiet = false, verbose = false, no_proof = false, trust_mass = false;
 
   int run();
+  int run_quadratic(const SparseMatrix& k, const SparseMatrix& m, base::ThreadPool& pool);
   [[nodiscard]] std::pair<SparseMatrix, SparseMatrix> matrices(base::ThreadPool& pool) const;
 };
 
@@ -144,6 +146,38 @@ void write_csv(const std::string& path, const ModesResult& r) {
   file.commit();
 }
 
+int ModesCommand::run_quadratic(const SparseMatrix& k, const SparseMatrix& m, base::ThreadPool& pool) {
+  if (buckling || !std::isinf(options.below) || !out_file.empty() || !csv_file.empty())
+    throw Error(StatusCode::invalid_input, "--damping: --buckling, --below, --out and --csv do not go with it");
+  const SparseMatrix c = matrix::read_matrix(damping_file, {&pool, false});
+  QuadraticModesOptions o;
+  o.count = options.count > 0 ? options.count : 6;
+  o.shift = options.shift;
+  o.tolerance = options.tolerance;
+  o.basis_size = options.basis_size;
+  o.seed = options.seed;
+  o.solver = options.solver;
+  QuadraticModesResult r;
+  {
+    const StopSignals signals;
+    r = find_quadratic_modes(k, c, m, o);
+  }
+  const bool stopped = r.status.code == StatusCode::cancelled;
+  const int code = stopped ? static_cast<int>(kInterrupted) : exit_code(r.status.code);
+  const Json report = quadratic_report(r, code);
+  const std::optional<Error> unwritten = write_report(report_file, report);
+  if (json)
+    print_result("{}\n", to_text(report));
+  else if (!quiet && r.count() > 0)
+    print_result("{}", quadratic_table(r));
+  if (stopped)
+    print_note("espalier: stopped\n");
+  else if (!r.status.ok())
+    print_error(r.status.message);
+  if (unwritten) throw Error(*unwritten);
+  return code;
+}
+
 int ModesCommand::run() {
   for (const char* key : {"kind", "precision", "singular"})
     if (flags.values().contains(key))
@@ -151,7 +185,8 @@ int ModesCommand::run() {
   options.solver = flags.options();
   options.prove = !no_proof;
   options.check_mass = !trust_mass;
-  check_outputs({{"K", k_file}, {"M", m_file}}, {{"--out", out_file}, {"--csv", csv_file}, {"--report", report_file}});
+  check_outputs({{"K", k_file}, {"M", m_file}, {"--damping", damping_file}},
+                {{"--out", out_file}, {"--csv", csv_file}, {"--report", report_file}});
   if (verbose) options.solver.log = [](const std::string& line) { print_note("{}\n", line); };
   options.solver.interrupted = stop_was_asked;
   Progress progress(!quiet && !json);
@@ -159,6 +194,7 @@ int ModesCommand::run() {
   base::ThreadPool pool(options.solver.threads > 0 ? options.solver.threads : base::available_cores());
   const auto [k, m] = matrices(pool);
   progress.end("");
+  if (!damping_file.empty()) return run_quadratic(k, m, pool);
   progress.begin("modes");
   ModesResult r;
   {
@@ -219,6 +255,8 @@ void add_modes(CLI::App& app, Action& action) {
   add_file(*sub, "M", command->m_file, "the mass; with --buckling Kg");
   sub->add_option("--generate", command->generator, "both matrices: \"elasticity NX NY NZ\"")->type_name("\"SPEC\"");
   add_search(*sub, *command);
+  add_file(*sub, "--damping", command->damping_file,
+           "C of (l^2 M + l C + K) x = 0: the few modes nearest to the shift (default 6), of any real matrices");
   add_file(*sub, "--out", command->out_file, "write the shapes here, Matrix Market array, one column a mode");
   add_file(*sub, "--csv", command->csv_file, "write eigenvalues, frequencies and residuals here");
   add_file(*sub, "--report", command->report_file, "write the report as JSON here");

@@ -19,6 +19,8 @@ Json matrix_json(const RunRecord& record) {
           {"rows", record.rows},
           {"nonzeros", record.nonzeros},
           {"symmetric", record.symmetric()},
+          {"complex", record.complex},
+          {"hermitian", record.hermitian()},
           {"read_seconds", record.read_seconds}};
 }
 
@@ -78,20 +80,35 @@ void add_factor_parts(Json& report, const RunRecord& record) {
     report["backward_error"] = {{"normwise", record.solve->backward_error},
                                 {"componentwise", record.solve->componentwise_error}};
   }
+  report["rank"] = report["dependent_rows"] = nullptr;
   report["inertia"] = nullptr;
   report["pivots"] = nullptr;
   report["determinant"] = nullptr;
   if (factor) {
+    if (factor->rank >= 0) report["rank"] = factor->rank;
+    report["dependent_rows"] = factor->dependent_rows;
     report["inertia"] = {
         {"positive", factor->inertia.positive}, {"negative", factor->inertia.negative}, {"zero", factor->inertia.zero}};
     report["pivots"] = {
         {"two_by_two", factor->two_by_two}, {"perturbed", factor->perturbed}, {"delayed", factor->delayed}};
-    report["determinant"] = {{"sign", factor->determinant_sign}, {"log", factor->determinant_log}};
+    const std::complex<double> phase = record.determinant_phase;
+    report["determinant"] = {{"sign", record.complex ? Json(nullptr) : Json(record.determinant_sign)},
+                             {"log", factor->determinant_log}};
+    if (record.complex) report["determinant"]["phase"] = {phase.real(), phase.imag()};
   }
   report["condition_estimate"] = record.condition_estimate ? Json(*record.condition_estimate) : Json(nullptr);
 }
 
 }  // namespace
+
+void RunRecord::note(const FactorResult& result) {
+  factor = result;
+  determinant_sign = result.determinant_sign;
+}
+void RunRecord::note(const ComplexFactorResult& result) {
+  factor = result;
+  determinant_phase = result.determinant_phase;
+}
 
 std::optional<double> RunRecord::best_refactor_seconds() const {
   if (refactor_seconds.empty()) return std::nullopt;

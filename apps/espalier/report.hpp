@@ -2,11 +2,13 @@
 /// What one run of the solver was and found, and its JSON form (docs/guide/command_line.md lists the fields).
 #pragma once
 
+#include <complex>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "espalier/complex_solver.hpp"
 #include "espalier/solver.hpp"
 
 namespace espalier::cli {
@@ -17,18 +19,24 @@ struct RunRecord {
   Index rows = 0;
   Offset nonzeros = 0;  ///< stored entries
   Storage storage = Storage::general;
+  bool complex = false;
   Precision precision = Precision::fp64;
   Status status;
   double read_seconds = 0;
   std::optional<AnalysisResult> analysis;
-  std::optional<FactorResult> factor;    ///< the last factorization
-  double first_factor_seconds = 0;       ///< of the first factorization
-  std::vector<double> refactor_seconds;  ///< of each refactorization
+  std::optional<FactorReport> factor;          ///< the last factorization
+  double determinant_sign = 0;                 ///< of a real matrix
+  std::complex<double> determinant_phase = 0;  ///< of a complex one
+  double first_factor_seconds = 0;             ///< of the first factorization
+  std::vector<double> refactor_seconds;        ///< of each refactorization
   std::optional<SolveResult> solve;
   Index columns = 1;  ///< right-hand sides
   std::optional<double> condition_estimate;
 
-  [[nodiscard]] bool symmetric() const { return storage != Storage::general; }
+  [[nodiscard]] bool symmetric() const { return storage != Storage::general && !hermitian(); }
+  [[nodiscard]] bool hermitian() const { return storage >= Storage::hermitian_lower; }
+  void note(const FactorResult& result);
+  void note(const ComplexFactorResult& result);
   /// Of the refactorizations; empty when there were none.
   [[nodiscard]] std::optional<double> best_refactor_seconds() const;
   /// Flops of the analysis over the best time of any factorization.

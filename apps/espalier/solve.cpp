@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <complex>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "checked_options.hpp"
 #include "command.hpp"
 #include "input.hpp"
+#include "launched_ranks.hpp"
 #include "solver_flags.hpp"
 #include "summary.hpp"
 #include "terminal.hpp"
@@ -22,43 +24,60 @@ struct SolveCommand {
   SolverFlags flags;
   std::string rhs_file, out_file, report_file, trace_file, analysis_file;
   int refactorizations = 0;
+  double patience = Ranks::kPatience;
   bool json = false, quiet = false, verbose = false, condition = false;
 
   int run() const;
 };
 
+/// What a run takes of each sort of numbers.
+template <class Value>
+struct Sort {
+  using Matrix = SparseMatrix;
+  using Vectors = matrix::DenseVectors;
+  static constexpr auto read = read_columns;
+  static Solver solver(const LaunchedRanks& launched, const Options& options) { return {launched.ranks(), options}; }
+};
+template <>
+struct Sort<std::complex<double>> {
+  using Matrix = ComplexSparseMatrix;
+  using Vectors = matrix::ComplexVectors;
+  static constexpr auto read = read_complex_columns;
+  static ComplexSolver solver(const LaunchedRanks&, const Options& options) { return ComplexSolver(options); }
+};
+
 /// One run: the phases in order; each returns false when the run is over.
+template <class Value>
 class SolveRun {
  public:
-  SolveRun(const SolveCommand& command, Options options)
-      : command_(command), progress_(!command.quiet && !command.json), solver_(std::move(options)) {
-    record_.precision = solver_.options().precision;
-  }
+  using Matrix = typename Sort<Value>::Matrix;
 
-  /// Never throws Error: it ends in record().status.
-  void execute() {
-    try {
-      load();
-      if (analyze() && factorize() && refactorize()) solve();
-      if (record_.status.ok() && !command_.trace_file.empty()) keep(solver_.write_trace(command_.trace_file));
-    } catch (const Error& error) {
-      record_.status = error.status();
-    } catch (const std::bad_alloc&) {
-      record_.status = {StatusCode::out_of_memory, "the machine's memory is too small for this system", -1};
-    }
-    progress_.abandon();
-  }
+  SolveRun(const SolveCommand& command, const LaunchedRanks& launched, const Options& options, Matrix matrix,
+           RunRecord& record, Progress& progress)
+      : command_(command),
+        launched_(launched),
+        progress_(progress),
+        solver_(Sort<Value>::solver(launched, options)),
+        matrix_(std::move(matrix)),
+        record_(record) {}
 
-  [[nodiscard]] const RunRecord& record() const { return record_; }
+  void execute(base::ThreadPool& pool) {
+    if (!keep(launched_.on_all([&] { return share_right_hand_sides(pool); }))) return;
+    if (analyze() && factorize() && refactorize()) solve();
+    if (record_.status.ok() && !command_.trace_file.empty()) keep(solver_.write_trace(command_.trace_file));
+  }
 
  private:
-  void load() {
-    progress_.begin("reading");
-    const int threads = solver_.options().threads;
-    base::ThreadPool pool(threads > 0 ? threads : base::available_cores());
-    matrix_ = command_.source.load(record_, pool);
-    b_ = {matrix_.rows, 1, std::vector<double>(static_cast<std::size_t>(matrix_.rows), 1.0)};
-    if (!command_.rhs_file.empty()) b_ = read_columns(command_.rhs_file, matrix_.rows, pool);
+  // Rank 0 reads for all.
+  Status share_right_hand_sides(base::ThreadPool& pool) {
+    if (launched_.first()) load(pool);
+    b_.cols = static_cast<Index>(launched_.from_first(b_.cols));
+    return {};
+  }
+
+  void load(base::ThreadPool& pool) {
+    b_ = {matrix_.rows, 1, std::vector<Value>(static_cast<std::size_t>(matrix_.rows), Value(1))};
+    if (!command_.rhs_file.empty()) b_ = Sort<Value>::read(command_.rhs_file, matrix_.rows, pool);
     record_.columns = b_.cols;
     progress_.end(duration(record_.read_seconds));
   }
@@ -79,7 +98,7 @@ class SolveRun {
 
   bool factorize() {
     progress_.begin("factorization", record_.analysis->predicted_seconds);
-    record_.factor = solver_.factorize(matrix_);
+    record_.note(solver_.factorize(matrix_));
     record_.first_factor_seconds = record_.factor->seconds;
     record_.precision = record_.factor->precision;
     record_.analysis = solver_.analysis();  // the kind may have changed from llt to ldlt
@@ -92,7 +111,7 @@ class SolveRun {
     for (int i = 1; i <= command_.refactorizations; ++i) {
       progress_.begin(fmt::format("refactorization {} of {}", i, command_.refactorizations),
                       record_.first_factor_seconds);
-      record_.factor = solver_.refactorize(matrix_.values);
+      record_.note(solver_.refactorize(matrix_.values));
       if (!keep(record_.factor->status)) return false;
       record_.refactor_seconds.push_back(record_.factor->seconds);
       progress_.end(duration(record_.factor->seconds));
@@ -102,13 +121,14 @@ class SolveRun {
 
   void solve() {
     progress_.begin("solve");
-    std::vector<double> x(b_.values.size());
+    std::vector<Value> x(b_.values.size());
     record_.solve = solver_.solve(b_.values, x, b_.cols);
     progress_.end(duration(record_.solve->seconds));
     const bool solved = keep(record_.solve->status);
     if (!solved && record_.status.code != StatusCode::accuracy_not_reached) return;
-    if (!command_.out_file.empty())
-      matrix::write_matrix_market_vectors(command_.out_file, b_.rows, b_.cols, x, "solution by espalier");
+    if (!command_.out_file.empty() && launched_.first())
+      matrix::write_matrix_market_vectors(command_.out_file, b_.rows, b_.cols, std::span<const Value>(x),
+                                          "solution by espalier");
     if (command_.condition) estimate_condition();
   }
 
@@ -119,12 +139,49 @@ class SolveRun {
   }
 
   const SolveCommand& command_;
-  Progress progress_;
-  Solver solver_;
-  SparseMatrix matrix_;
-  matrix::DenseVectors b_;
-  RunRecord record_;
+  const LaunchedRanks& launched_;
+  Progress& progress_;
+  SolverOf<Value> solver_;
+  Matrix matrix_;
+  typename Sort<Value>::Vectors b_;
+  RunRecord& record_;
 };
+
+/// Rank 0 reads for all. @returns why it cannot be solved
+Status share_matrix(const SolveCommand& command, const LaunchedRanks& launched, RunRecord& record,
+                    base::ThreadPool& pool, matrix::AnyMatrix& any) {
+  if (launched.first()) any = command.source.load(record, pool);
+  record.complex = launched.from_first(record.complex ? 1 : 0) != 0;
+  if (record.complex && launched.ranks().size() > 1)
+    return {StatusCode::invalid_input, "the matrix is complex; such systems are solved by one process", -1};
+  return {};
+}
+
+/// Never throws Error: it ends in the record's status.
+RunRecord execute(const SolveCommand& command, const LaunchedRanks& launched, const Options& options) {
+  RunRecord record;
+  Progress progress(!command.quiet && !command.json && launched.first());
+  record.precision = options.precision;
+  try {
+    progress.begin("reading");
+    base::ThreadPool pool(options.threads > 0 ? options.threads : base::available_cores());
+    matrix::AnyMatrix any;
+    record.status = launched.on_all([&] { return share_matrix(command, launched, record, pool, any); });
+    if (record.status.ok() && record.complex)
+      SolveRun<std::complex<double>>(command, launched, options, std::get<ComplexSparseMatrix>(std::move(any)), record,
+                                     progress)
+          .execute(pool);
+    else if (record.status.ok())
+      SolveRun<double>(command, launched, options, std::get<SparseMatrix>(std::move(any)), record, progress)
+          .execute(pool);
+  } catch (const Error& error) {
+    record.status = error.status();
+  } catch (const std::bad_alloc&) {
+    record.status = {StatusCode::out_of_memory, "the machine's memory is too small for this system", -1};
+  }
+  progress.abandon();
+  return record;
+}
 
 void print_outcome(const SolveCommand& command, const RunRecord& record) {
   const bool solved = record.status.ok();
@@ -147,9 +204,12 @@ int SolveCommand::run() const {
                 {{"--out", out_file}, {"--report", report_file}, {"--trace", trace_file}});
   options.record_timeline = !trace_file.empty();
   if (verbose) options.log = [](const std::string& line) { print_note("{}\n", line); };
-  SolveRun run(*this, std::move(options));
-  run.execute();
-  const RunRecord& record = run.record();
+  LaunchedRanks launched(patience);
+  if (launched.ranks().size() > 1 && !trace_file.empty())
+    throw Error(StatusCode::invalid_input, "--trace shows one process; leave it out on several ranks");
+  const RunRecord record = execute(*this, launched, options);
+  if (record.status.code == StatusCode::device_error) launched.leave_open();
+  if (!launched.first()) return exit_code(record.status.code);  // rank 0 speaks for all
   const auto report = to_json(record);
   const std::optional<Error> unwritten = write_report(report_file, report);
   if (json) {
@@ -181,6 +241,9 @@ void add_solve(CLI::App& app, Action& action) {
   sub->add_flag("--json", command->json, "print the report as JSON instead of the summary");
   sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
   sub->add_flag("-v,--verbose", command->verbose, "print the solver's log on stderr");
+  sub->add_option("--patience", command->patience, "under mpirun: seconds after which a rank that is silent is lost")
+      ->type_name("S")
+      ->check(CLI::PositiveNumber);
   command->flags.add_to(*sub);
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }

@@ -1,6 +1,9 @@
 #include "summary.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
 
 #include "base/memory.hpp"
 #include "solver/option_text.hpp"
@@ -34,6 +37,12 @@ std::string storage_name(Storage storage) {
       return "symmetric, upper triangle stored";
     case Storage::symmetric_both:
       return "symmetric, both triangles stored";
+    case Storage::hermitian_lower:
+      return "Hermitian, lower triangle stored";
+    case Storage::hermitian_upper:
+      return "Hermitian, upper triangle stored";
+    case Storage::hermitian_both:
+      return "Hermitian, both triangles stored";
   }
   return "";
 }
@@ -64,7 +73,17 @@ std::string inertia_line(const Inertia& inertia) {
                      grouped(inertia.zero));
 }
 
-std::string pivot_line(const FactorResult& factor) {
+std::string rank_line(const FactorReport& factor, Index rows) {
+  constexpr std::size_t kMost = 8;
+  std::string line = fmt::format("{} of {}", grouped(factor.rank), grouped(rows));
+  const auto& dependent = factor.dependent_rows;
+  if (dependent.empty()) return line;
+  const auto end = dependent.begin() + static_cast<std::ptrdiff_t>(std::min(kMost, dependent.size()));
+  line += fmt::format("; linear combinations of others: row {}", fmt::join(dependent.begin(), end, ", "));
+  return dependent.size() > kMost ? line + ", ..." : line;
+}
+
+std::string pivot_line(const FactorReport& factor) {
   std::string line = fmt::format("{} of 2x2, {} perturbed", grouped(factor.two_by_two), grouped(factor.perturbed));
   if (factor.delayed > 0) line += fmt::format(", {} delayed", grouped(factor.delayed));
   return line;
@@ -94,7 +113,7 @@ Table result_table(const RunRecord& record) {
   Table table("<<");
   table.add({"factor", factor_line(record)});
   if (!record.factor) return table;
-  const FactorResult& factor = *record.factor;
+  const FactorReport& factor = *record.factor;
   table.add({"memory", fmt::format("{} used at most, {} predicted", bytes(factor.peak_host_bytes),
                                    bytes(record.analysis->predicted_bytes))});
   for (const DeviceReport& device : factor.devices) {
@@ -110,7 +129,9 @@ Table result_table(const RunRecord& record) {
                       bytes(device.streamed_out_bytes), duration(device.link_seconds));
     table.add({"device", line});
   }
-  if (record.symmetric() && factor.inertia.positive >= 0) table.add({"inertia", inertia_line(factor.inertia)});
+  if (factor.rank >= 0 && factor.rank < record.rows) table.add({"rank", rank_line(factor, record.rows)});
+  if (record.storage != Storage::general && factor.inertia.positive >= 0)
+    table.add({"inertia", inertia_line(factor.inertia)});
   if (record.analysis->kind != Kind::llt) table.add({"pivots", pivot_line(factor)});
   if (record.condition_estimate) table.add({"condition", fmt::format("{:.1e} (estimate)", *record.condition_estimate)});
   if (record.solve) {
@@ -125,7 +146,8 @@ Table result_table(const RunRecord& record) {
 std::string matrix_summary(const RunRecord& record) {
   Table table("<<");
   table.add({"matrix", fmt::format("{}, {}, {}", counted(record.rows, "unknown", "unknowns"),
-                                   counted(record.nonzeros, "entry", "entries"), storage_name(record.storage))});
+                                   counted(record.nonzeros, "entry", "entries"),
+                                   (record.complex ? "complex " : "") + storage_name(record.storage))});
   if (record.analysis && record.analysis->kind != Kind::automatic) {
     table.add({"method", fmt::format("{}, {}", method_name(record.analysis->kind), solver::name_of(record.precision))});
   }

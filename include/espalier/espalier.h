@@ -57,10 +57,25 @@ typedef enum espalier_storage {
   ESPALIER_GENERAL = 0,
   ESPALIER_SYMMETRIC_LOWER = 1, /**< symmetric, entries with row >= column */
   ESPALIER_SYMMETRIC_UPPER = 2, /**< symmetric, entries with row <= column */
-  ESPALIER_SYMMETRIC_BOTH = 3   /**< symmetric, both triangles */
+  ESPALIER_SYMMETRIC_BOTH = 3,  /**< symmetric, both triangles */
+  ESPALIER_HERMITIAN_LOWER = 4, /**< complex: a_ji is the conjugate of a_ij; entries with row >= column */
+  ESPALIER_HERMITIAN_UPPER = 5, /**< likewise, entries with row <= column */
+  ESPALIER_HERMITIAN_BOTH = 6   /**< likewise, both triangles */
 } espalier_storage;
 
-typedef enum espalier_transpose { ESPALIER_NO_TRANSPOSE = 0, ESPALIER_TRANSPOSE = 1 } espalier_transpose;
+/** A x = b, A^T x = b, A^H x = b (of real matrices A^T). */
+typedef enum espalier_transpose {
+  ESPALIER_NO_TRANSPOSE = 0,
+  ESPALIER_TRANSPOSE = 1,
+  ESPALIER_CONJUGATE_TRANSPOSE = 2
+} espalier_transpose;
+
+/**
+ * What the values are. All values, right-hand sides, solutions and null vectors of a complex matrix are pairs of
+ * doubles, real and imaginary part (C99's double complex, std::complex<double>), passed as pointers to double; counts
+ * are those of the numbers, not of the doubles. Complex systems are solved on the host.
+ */
+typedef enum espalier_numbers { ESPALIER_REAL = 0, ESPALIER_COMPLEX = 1 } espalier_numbers;
 
 /**
  * A square sparse matrix in the caller's arrays, which are read during the call only. Indices within a row or column
@@ -77,6 +92,8 @@ typedef struct espalier_matrix_i32 {
   int32_t layout;          /**< espalier_layout */
   int32_t storage;         /**< espalier_storage */
   int32_t index_base;      /**< 0 or 1 */
+  int32_t reserved;        /**< 0 */
+  int64_t numbers;         /**< espalier_numbers; a struct that ends before it is real */
 } espalier_matrix_i32;
 
 /** The same with 64-bit pointers and indices. */
@@ -91,6 +108,8 @@ typedef struct espalier_matrix_i64 {
   int32_t layout;
   int32_t storage;
   int32_t index_base;
+  int32_t reserved;
+  int64_t numbers;
 } espalier_matrix_i64;
 
 /** What the analysis found out. */
@@ -112,7 +131,7 @@ typedef struct espalier_factor_info {
   size_t size;
   double seconds;
   double flops_per_second;
-  int64_t positive; /**< inertia: eigenvalues by sign; -1 for lu */
+  int64_t positive; /**< inertia: eigenvalues by sign; -1 for lu, and of complex symmetric matrices */
   int64_t negative;
   int64_t zero;
   int64_t two_by_two;      /**< 2x2 pivots */
@@ -120,8 +139,9 @@ typedef struct espalier_factor_info {
   double determinant_sign; /**< -1, 0 or 1 */
   double determinant_log;  /**< natural logarithm of |det A| */
   int64_t peak_host_bytes;
-  int64_t rank;    /**< of the matrix to rounding; -1: not known (option "singular": error or report) */
-  int64_t delayed; /**< columns whose elimination was moved to a later front */
+  int64_t rank;                /**< of the matrix to rounding; -1: not known (option "singular": error or report) */
+  int64_t delayed;             /**< columns whose elimination was moved to a later front */
+  double determinant_phase[2]; /**< of complex matrices: det A over its magnitude; of real ones sign and 0 */
 } espalier_factor_info;
 
 /** What the solve did. */
@@ -198,8 +218,8 @@ int espalier_factorize_i64(espalier_solver* solver, const espalier_matrix_i64* a
 /** New values for the analysed pattern, in the order of its indices. @param count their number, checked */
 int espalier_refactorize(espalier_solver* solver, const double* values, int64_t count, espalier_factor_info* info);
 /**
- * Solves A X = B (or A^T X = B) for `columns` right-hand sides, stored column by column, rows values each. x may be b.
- * With ESPALIER_ACCURACY_NOT_REACHED x holds the best solution that was found.
+ * Solves A X = B (or with A^T, A^H) for `columns` right-hand sides, stored column by column, rows values each. x may be
+ * b. With ESPALIER_ACCURACY_NOT_REACHED x holds the best solution that was found.
  */
 int espalier_solve(espalier_solver* solver, const double* b, double* x, int64_t columns, int transpose,
                    espalier_solve_info* info);
@@ -229,12 +249,108 @@ int espalier_set_refinement(espalier_solver* solver, int32_t steps, double requi
 int espalier_null_space(espalier_solver* solver, int64_t capacity, int64_t* rows, double* vectors, int64_t* found);
 /** Estimates the condition number of the factored matrix (1-norm; infinity norm for a general matrix given by rows). */
 int espalier_condition_estimate(espalier_solver* solver, double* estimate);
+
+/** The solver works on several ranks from its next analysis on (<espalier/mpi.h> calls this for an MPI communicator).
+ * Collective, as all calls are then that analyze, factorize or solve: all ranks make them in the same order, with the
+ * same options, and all get the same status. Matrices are given by espalier_analyze_rows, values and vectors in parts.
+ * @param functions  taken over; see espalier/ranks.h
+ * @param patience  seconds after which a rank that sends nothing, while others wait for it, counts as lost; 0: 300 */
+struct espalier_rank_functions;
+int espalier_use_ranks(espalier_solver* solver, const struct espalier_rank_functions* functions, double patience);
+
+/** Rows first_row, first_row + 1, ... of a matrix of n rows and columns, with the columns of the whole matrix. Rows
+ * that several ranks have and entries that come twice are summed, in the order of ranks. */
+typedef struct espalier_local_rows_i32 {
+  size_t size;             /**< sizeof of this struct */
+  int64_t n;               /**< of the whole matrix, the same on all ranks */
+  int64_t first_row;       /**< from index_base on */
+  int64_t rows;            /**< of this rank; may be 0 */
+  const int32_t* pointers; /**< rows + 1, from index_base on */
+  const int32_t* indices;  /**< columns, from index_base on */
+  const double* values;    /**< NULL on all ranks: a pattern */
+  int storage;             /**< espalier_storage; what all ranks together hold */
+  int index_base;          /**< 0 or 1 */
+} espalier_local_rows_i32;
+typedef struct espalier_local_rows_i64 {
+  size_t size;
+  int64_t n;
+  int64_t first_row;
+  int64_t rows;
+  const int64_t* pointers;
+  const int64_t* indices;
+  const double* values;
+  int storage;
+  int index_base;
+} espalier_local_rows_i64;
+/** After it espalier_refactorize takes this rank's values, and espalier_solve vectors of this rank's rows. Without
+ * ranks there is one part. */
+int espalier_analyze_rows_i32(espalier_solver* solver, const espalier_local_rows_i32* part,
+                              espalier_analysis_info* info);
+int espalier_analyze_rows_i64(espalier_solver* solver, const espalier_local_rows_i64* part,
+                              espalier_analysis_info* info);
+/** From the next solve on this rank gives and gets `count` rows of vectors from `first` (from 0) on: all ranks together
+ * give every row. Not collective; holds until the next analysis. */
+int espalier_set_rows(espalier_solver* solver, int64_t first, int64_t count);
 /** Saves the analysis to a file, for espalier_load_analysis of the same pattern. */
 int espalier_save_analysis(espalier_solver* solver, const char* path);
 int espalier_load_analysis_i32(espalier_solver* solver, const char* path, const espalier_matrix_i32* a,
                                espalier_analysis_info* info);
 int espalier_load_analysis_i64(espalier_solver* solver, const char* path, const espalier_matrix_i64* a,
                                espalier_analysis_info* info);
+
+/**
+ * Analyses a pattern that differs from the analysed one here and there, in a small part of the time of an analysis; see
+ * Solver::analyze_change() in solver.hpp. @param anew  1: all was ordered anew, 0: it was not; NULL: not wanted
+ */
+int espalier_analyze_change_i32(espalier_solver* solver, const espalier_matrix_i32* a, int32_t* anew,
+                                espalier_analysis_info* info);
+int espalier_analyze_change_i64(espalier_solver* solver, const espalier_matrix_i64* a, int32_t* anew,
+                                espalier_analysis_info* info);
+
+/** A matrix that is condensed onto some unknowns: S = A_ss - A_sr A_rr^-1 A_rs, see schur.hpp. Calls as for a solver.
+ */
+typedef struct espalier_schur espalier_schur;
+/** With the options, the log and the interrupt of `solver` as they are now. *schur is NULL on failure. */
+int espalier_schur_create(espalier_solver* solver, espalier_schur** schur);
+void espalier_schur_destroy(espalier_schur* schur);
+/** As espalier_last_error() and espalier_last_error_row(). */
+const char* espalier_schur_last_error(const espalier_schur* schur);
+int64_t espalier_schur_last_error_row(const espalier_schur* schur);
+/** @param unknowns  `count` indices, from the index base of `a` on, each once, in the order that S shall have */
+int espalier_schur_analyze_i32(espalier_schur* schur, const espalier_matrix_i32* a, const int64_t* unknowns,
+                               int64_t count, espalier_analysis_info* info);
+int espalier_schur_analyze_i64(espalier_schur* schur, const espalier_matrix_i64* a, const int64_t* unknowns,
+                               int64_t count, espalier_analysis_info* info);
+/** Factorizes A_rr and forms S. `values` in the order of the analysed arrays; `info` is that of A_rr. */
+int espalier_schur_factorize(espalier_schur* schur, const double* values, int64_t count, espalier_factor_info* info);
+/** S, column by column; both triangles also of a symmetric one. @param count  of values that `s` has room for, checked
+ */
+int espalier_schur_complement(espalier_schur* schur, double* s, int64_t count);
+/** g = b_s - A_sr A_rr^-1 b_r; b has as many values a column as A rows, g as many as unknowns are listed. */
+int espalier_schur_condense(espalier_schur* schur, const double* b, double* g, int64_t columns, int transpose,
+                            espalier_solve_info* info);
+/** x_r = A_rr^-1 (b_r - A_rs x_s), x_s at the listed unknowns. x may be b. */
+int espalier_schur_expand(espalier_schur* schur, const double* b, const double* xs, double* x, int64_t columns,
+                          int transpose, espalier_solve_info* info);
+/** A x = b by way of S. x may be b. */
+int espalier_schur_solve(espalier_schur* schur, const double* b, double* x, int64_t columns, int transpose,
+                         espalier_solve_info* info);
+/** Eigenvalues above, below and at zero, of A_rr and of S; -1 for lu. */
+int espalier_schur_inertia(espalier_schur* schur, int64_t rest[3], int64_t complement[3]);
+
+/**
+ * Solves `count` systems of the pattern of `a`, one on each thread, with the options of `solver`, whose analysis and
+ * factor are not touched; see batch.hpp. The status is that of the first system that failed.
+ * @param values    count times as many as `a` has: of one system after another, in the order of its arrays
+ * @param b, x      count * columns * rows; x may be b
+ * @param statuses  count; NULL: not wanted
+ */
+int espalier_solve_batch_i32(espalier_solver* solver, const espalier_matrix_i32* a, const double* values,
+                             const double* b, double* x, int64_t count, int64_t columns, int transpose,
+                             int32_t* statuses);
+int espalier_solve_batch_i64(espalier_solver* solver, const espalier_matrix_i64* a, const double* values,
+                             const double* b, double* x, int64_t count, int64_t columns, int transpose,
+                             int32_t* statuses);
 
 #ifdef __cplusplus
 }

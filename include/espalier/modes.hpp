@@ -5,6 +5,7 @@
 ///     K x = l Kg x    buckling: find_buckling_modes(); l is a load factor
 #pragma once
 
+#include <complex>
 #include <cstdint>
 #include <limits>
 #include <string>
@@ -103,5 +104,40 @@ ModesResult find_modes(const MatrixView& k, const MatrixView& m, const ModesOpti
 /// product of K, and so is `orthogonality` meant. Operator K^-1 Kg in that inner product; the count of eigenvalues in
 /// (0, e) is by how many more negative eigenvalues K - e Kg has than K (Grimes, Lewis, Simon, section 2.3).
 ModesResult find_buckling_modes(const MatrixView& k, const MatrixView& kg, const ModesOptions& options);
+
+/// Which eigenvalues of a quadratic problem are sought.
+struct QuadraticModesOptions {
+  Index count = 6;  ///< so many, of conjugate pairs one counts: those nearest to the shift
+  /// Real number next to which they are sought. NaN: a little below zero, for the slowest motions.
+  double shift = std::numeric_limits<double>::quiet_NaN();
+  double tolerance = 1e-10;  ///< of the search, relative to 1 / |l - shift|
+  Index basis_size = 0;      ///< most vectors, 2 n values each; 0: 20 count + 200
+  std::uint64_t seed = 1;    ///< of the vector that the search starts with
+  Options solver;            ///< device, threads, memory, log lines, interruption
+};
+
+struct QuadraticModesResult {
+  Status status;
+  Index n = 0;                                    ///< rows of K
+  std::vector<std::complex<double>> eigenvalues;  ///< by distance from the shift; of a pair the one above the real axis
+  std::vector<std::complex<double>> vectors;      ///< n values each, of norm 1, the largest real and positive
+  /// ||Q(l) x||_2 / ((|l|^2 ||M||_inf + |l| ||C||_inf + ||K||_inf) ||x||_2), computed anew at the end.
+  std::vector<double> residuals;
+  double shift = 0;          ///< that was taken
+  Index factorizations = 0;  ///< of Q(shift)
+  Index solved_columns = 0;  ///< right-hand sides
+  [[nodiscard]] Index count() const { return static_cast<Index>(eigenvalues.size()); }
+};
+
+/// Few eigenvalues of Q(l) x = (l^2 M + l C + K) x = 0: damping, gyroscopic terms (C or K unsymmetric), rows of
+/// constraints as above ([K G^T; G 0], with zeros in C and M). Real matrices of one size, 0-based, any storage; M may
+/// be singular. Shift and invert on the real linearization, Arnoldi's method in real arithmetic with full
+/// orthogonalization (F. Tisseur, K. Meerbergen, "The quadratic eigenvalue problem", SIAM Review 43, 2001). Unlike
+/// find_modes(), nothing proves that none was missed.
+///
+/// Status invalid_input: as find_modes(). singular: `shift` is an eigenvalue, or Q is singular everywhere.
+/// accuracy_not_reached: some were not found with this basis, or a residual is above 1e-6; what was found is there.
+QuadraticModesResult find_quadratic_modes(const MatrixView& k, const MatrixView& c, const MatrixView& m,
+                                          const QuadraticModesOptions& options);
 
 }  // namespace espalier

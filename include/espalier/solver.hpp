@@ -9,9 +9,14 @@
 #include <vector>
 
 #include "espalier/matrix.hpp"
+#include "espalier/ranks.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier {
+
+namespace solver {
+struct SolverAccess;
+}
 
 /// Receives one line of log text (no newline). May be called from the thread that called the solver only.
 using LogCallback = std::function<void(const std::string& line)>;
@@ -119,47 +124,64 @@ struct DeviceReport {
 /// What analyze() found out.
 struct AnalysisResult {
   Status status;
-  Kind kind = Kind::automatic;   ///< the kind that factorize() will use
-  double seconds = 0;            ///< whole call
-  double matching_seconds = 0;   ///< matching and scaling
-  double ordering_seconds = 0;   ///< compression, nested dissection, minimum degree
-  double plan_seconds = 0;       ///< elimination tree, supernodes and plan
-  Offset nonzeros_factor = 0;    ///< entries of L (of L + U for lu) in the fronts' pivot columns, without padding
-  double flops = 0;              ///< floating-point operations of the factorization (multiply and add count as two)
-  Index fronts = 0;              ///< number of fronts
-  Index tiers = 0;               ///< height of the assembly tree
+  Kind kind = Kind::automatic;  ///< the kind that factorize() will use
+  double seconds = 0;           ///< whole call
+  double matching_seconds = 0;  ///< matching and scaling
+  double ordering_seconds = 0;  ///< compression, nested dissection, minimum degree
+  double plan_seconds = 0;      ///< elimination tree, supernodes and plan
+  Offset nonzeros_factor = 0;   ///< entries of L (of L + U for lu) in the fronts' pivot columns, without padding
+  double flops = 0;  ///< floating-point operations of the factorization (multiply and add count as two, of complex
+                     ///< numbers as eight)
+  Index fronts = 0;  ///< number of fronts
+  Index tiers = 0;   ///< height of the assembly tree
   Index largest_front = 0;       ///< rows of the largest front
   Offset predicted_bytes = 0;    ///< peak memory of factor and work arrays that factorize() will take
   std::string device;            ///< where factorize() will work, and why, in one sentence
   double predicted_seconds = 0;  ///< time of the numeric factorization by the cost model
 };
 
-/// What factorize() or refactorize() did.
-struct FactorResult {
+/// What analyze_change() did.
+struct ChangeResult {
+  AnalysisResult analysis;   ///< that of the new pattern
+  bool full = false;         ///< all of it was ordered anew
+  std::string why;           ///< if so: the reason, in one sentence
+  Offset added_entries = 0;  ///< of the pattern as it is stored, duplicates once; 0 where they were not counted
+  Offset removed_entries = 0;
+  Index moved_unknowns = 0;  ///< that went up into separators, since new entries cross these
+  Index kept_fronts = 0;     ///< with the same pivots and rows as before
+};
+
+/// What every factorize() and refactorize() tells, whatever the numbers.
+struct FactorReport {
   Status status;
   double seconds = 0;           ///< whole call
   double flops_per_second = 0;  ///< flops of the analysis over seconds
   Inertia inertia;
-  Index two_by_two = 0;         ///< 2x2 pivots taken
-  Index perturbed = 0;          ///< pivots that were too small and were replaced, or stand for a zero
-  Index delayed = 0;            ///< columns whose elimination was moved to a later front by re-analysis
-  double determinant_sign = 0;  ///< -1, 0 or 1
-  double determinant_log = 0;   ///< natural logarithm of |det A|; NaN if more pivots were replaced than A has zeros
-  Index rank = -1;              ///< n less the singular values that are zero to the rounding of the entries
-  /// Of a singular matrix: n - rank rows (from 0, ascending) that depend on others, and as many vectors v with A v =
-  /// 0 to rounding, n values each, one after another, the largest 1 in magnitude. Fewer vectors, or none, where more
-  /// than some hundred zeros were met, or a factor gives no finite numbers.
+  Index two_by_two = 0;        ///< 2x2 pivots taken
+  Index perturbed = 0;         ///< pivots that were too small and were replaced, or stand for a zero
+  Index delayed = 0;           ///< columns whose elimination was moved to a later front by re-analysis
+  double determinant_log = 0;  ///< natural logarithm of |det A|; NaN if more pivots were replaced than A has zeros
+  Index rank = -1;             ///< n less the singular values that are zero to the rounding of the entries
+  /// Of a singular matrix: n - rank rows (from 0, ascending) that depend on others. lu: as many columns, likewise;
+  /// empty for a symmetric matrix, where they are the same.
   std::vector<Index> dependent_rows;
-  std::vector<double> null_vectors;
-  /// lu: as many columns that depend on the others, ascending, and vectors w with A^T w = 0, likewise column by column.
-  /// Empty for a symmetric matrix, where they are the same.
   std::vector<Index> dependent_columns;
-  std::vector<double> left_null_vectors;
   Precision precision = Precision::fp64;  ///< of this factor; never automatic
   Offset peak_host_bytes = 0;             ///< most bytes that this solver held on the host
   /// Where it was done, and why, in one sentence: other than the analysis said where devices could not be used.
   std::string device;
   std::vector<DeviceReport> devices;
+};
+
+/// What Solver::factorize() or refactorize() did.
+struct FactorResult : FactorReport {
+  double determinant_sign = 0;  ///< -1, 0 or 1
+  /// Of a singular matrix: n - rank vectors v with A v = 0 to rounding, n values each, one after another, the largest 1
+  /// in magnitude. Fewer vectors, or none, where more than some hundred zeros were met, or a factor gives no finite
+  /// numbers.
+  std::vector<double> null_vectors;
+  /// lu: vectors w with A^T w = 0, likewise. Empty for a symmetric matrix, where they are the same.
+  std::vector<double> left_null_vectors;
 };
 
 /// What solve() did.
@@ -187,6 +209,18 @@ class Solver {
 
   /// @throws std::invalid_argument for numbers and enumerations that no option can be
   explicit Solver(Options options = {});
+  /// A solver that all ranks share (`Solver solver(espalier::on(MPI_COMM_WORLD), options)`): each holds a part of the
+  /// factor. All ranks give the same options, except for threads, budgets, log and interruption, and make the same
+  /// calls; every call that returns a result or a status is collective and ends on all ranks with the same status. The
+  /// numbers are those of one process, to the last bit.
+  ///
+  /// analyze(MatrixView), factorize(MatrixView) and load_analysis() then take the matrix of rank 0 and look at no
+  /// other; of values, right-hand sides and solutions each rank gives and gets its part (analyze(LocalRows)).
+  ///
+  /// A rank that dies, or sends nothing for Ranks' patience, ends the call of all others with device_error, which names
+  /// it; the solver cannot be used any more then. What fails on one rank alone (memory, a wrong part of the input)
+  /// fails on all, and the solver stays usable.
+  Solver(const Ranks& ranks, Options options = {});
   ~Solver();
   Solver(Solver&&) noexcept;
   Solver& operator=(Solver&&) noexcept;
@@ -194,11 +228,34 @@ class Solver {
   /// Orders the matrix and lays out the plan. `a` must be square. Values are used (where present) for matching and
   /// scaling and for the choice of kind. A copy of pattern and values is kept.
   AnalysisResult analyze(const MatrixView& a);
+  /// Analyzes a pattern that differs from the analyzed one here and there: contacts come and go, elements are added.
+  /// Kept are the order, but for unknowns that new entries couple across a separator (they go into it), scaling and
+  /// matching, kind and devices; only fronts that the change touches are made anew. It takes a small part of
+  /// analyze(). The factor is as accurate; it has at most 1.05 times the entries and its work is at most 1.15 times
+  /// that of the last full analysis.
+  /// Does all of analyze() instead, and says why, where that would not hold, where more than a tenth of the entries
+  /// have come or gone, or the number of unknowns, the storage or a matched entry; likewise with the caller's
+  /// permutation. The solver is analyzed then, not factorized, as after analyze(); on errors (see `analysis.status`) it
+  /// is empty. @pre state() != empty
+  ChangeResult analyze_change(const MatrixView& a);
+  /// The same of a matrix of which each rank has rows, or entries: `refactorize` takes values in their order. Vectors
+  /// of right-hand sides and solutions have the rows that the rank's part has; of entries, rank 0 has all rows. Without
+  /// ranks there is one part.
+  AnalysisResult analyze(const LocalRows& part);
+  AnalysisResult analyze(const LocalEntries& part);
+  /// From the next solve on, this rank gives and gets these rows of vectors, whatever its part of the matrix: columns
+  /// of `rows.count` values. Ranges may overlap: right-hand sides are summed where several ranks have a row. Every row
+  /// must be somebody's. Not collective; holds until the next analysis.
+  /// @pre state() != empty. @throws std::invalid_argument for rows that the matrix does not have
+  void set_rows(RowRange rows);
+  /// The rows of vectors on this rank. @pre state() != empty
+  [[nodiscard]] RowRange rows() const;
   /// Factorizes `a`, whose pattern must be the analyzed one (checked). @pre state() != empty
   FactorResult factorize(const MatrixView& a);
   /// Same pattern, new values in the order of the analyzed matrix; allocates nothing. @pre state() != empty
   FactorResult refactorize(std::span<const double> values);
-  /// Solves for `columns` right-hand sides stored column by column, n values each; x may alias b.
+  /// Solves for `columns` right-hand sides stored column by column, n values each (with ranks: rows().count values);
+  /// x may alias b.
   /// @pre state() == factorized
   SolveResult solve(std::span<const double> b, std::span<double> x, Index columns = 1,
                     Transpose transpose = Transpose::no);
@@ -256,7 +313,11 @@ class Solver {
   Status write_trace(const std::string& path) const;
 
  private:
+  FactorResult factorize_on_ranks(const MatrixView& a);
+  SolveResult solve_in_parts(std::span<const double> b, std::span<double> x, Index columns, Transpose transpose);
+
   struct Impl;
+  friend struct solver::SolverAccess;
   explicit Solver(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };

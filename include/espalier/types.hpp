@@ -19,6 +19,9 @@ enum class Storage {
   symmetric_lower,  ///< symmetric, entries with row >= column only
   symmetric_upper,  ///< symmetric, entries with row <= column only
   symmetric_both,   ///< symmetric, both triangles are stored
+  hermitian_lower,  ///< complex: a_ji is the conjugate of a_ij; entries with row >= column only
+  hermitian_upper,  ///< likewise, entries with row <= column only
+  hermitian_both,   ///< likewise, both triangles are stored
 };
 
 /// The factorization. `automatic` takes llt for a symmetric matrix with a positive diagonal and falls back to ldlt
@@ -31,8 +34,8 @@ enum class Kind { automatic, llt, ldlt, lu };
 /// would have.
 enum class Precision { fp64, fp32, mixed, automatic };
 
-/// Which system is solved: A x = b or A^T x = b.
-enum class Transpose { no, yes };
+/// Which system is solved: A x = b, A^T x = b or A^H x = b (A^T of a real matrix).
+enum class Transpose { no, yes, conjugate };
 
 /// How a call ended. The numbers are stable (they are part of the C interface).
 enum class StatusCode {

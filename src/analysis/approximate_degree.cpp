@@ -14,8 +14,9 @@ auto at(Index k) { return static_cast<std::size_t>(k); }
 // The list of a variable names elements, then variables, and never gets longer; those of elements are appended.
 class QuotientGraph {
  public:
-  explicit QuotientGraph(const PartGraph& g)
+  QuotientGraph(const PartGraph& g, Index inner)
       : n_(g.n()),
+        inner_(inner),
         weight_(g.weight),
         begin_(g.ptr.begin(), g.ptr.end() - 1),
         length_(at(n_)),
@@ -35,26 +36,29 @@ class QuotientGraph {
       length_[at(v)] = static_cast<Index>(g.ptr[at(v) + 1] - g.ptr[at(v)]);
       for (Offset k = g.ptr[at(v)]; k < g.ptr[at(v) + 1]; ++k) degree_[at(v)] += weight_[at(g.adj[at(k)])];
     }
-    for (Index v = n_; v-- > 0;) insert(v);
+    for (Index v = inner_; v-- > 0;) insert(v);
   }
 
   MinimumDegreeOrder run() {
     MinimumDegreeOrder out;
-    out.order.reserve(at(n_));
+    out.order.reserve(at(inner_));
     const std::int64_t most = kMostWork * (static_cast<std::int64_t>(list_.size()) + n_);
-    while (static_cast<Index>(out.order.size()) < n_) {
+    while (static_cast<Index>(out.order.size()) < inner_) {
       if (work_ > most) return {};
       const Index pivot = take_least();
       eliminate(pivot);
       const double k = pivot_weight_, d = clique_weight_;
       out.flops += k * k * k / 3 + k * k * d + k * d * d;
+      out.largest = std::max(out.largest, pivot_weight_ + clique_weight_);
       for (Index v = pivot; v >= 0; v = next_member_[at(v)]) out.order.push_back(v);
     }
     return out;
   }
 
  private:
+  // Variables of the halo never stand among those by degree.
   void insert(Index v) {
+    if (v >= inner_) return;
     Index& first = head_[at(degree_[at(v)])];
     next_[at(v)] = first;
     before_[at(v)] = -1;
@@ -63,6 +67,7 @@ class QuotientGraph {
     least_ = std::min(least_, degree_[at(v)]);
   }
   void remove(Index v) {
+    if (v >= inner_) return;
     const Index next = next_[at(v)], before = before_[at(v)];
     if (next >= 0) before_[at(next)] = before;
     (before >= 0 ? next_[at(before)] : head_[at(degree_[at(v)])]) = next;
@@ -155,7 +160,7 @@ class QuotientGraph {
       hash += static_cast<std::uint64_t>(u);
       scratch_.push_back(u);
     }
-    if (scratch_.empty()) {  // nothing outside the clique: it can follow at once without more fill
+    if (scratch_.empty() && v < inner_) {  // nothing outside the clique: it can follow at once without more fill
       pivot_weight_ += weight_[at(v)];
       clique_weight_ -= weight_[at(v)];
       join(pivot, v);
@@ -171,6 +176,7 @@ class QuotientGraph {
 
   [[nodiscard]] bool same_lists(Index v, Index w) {
     if (length_[at(v)] != length_[at(w)] || elements_[at(v)] != elements_[at(w)]) return false;
+    if ((v < inner_) != (w < inner_)) return false;
     const auto sorted = [&](Index x, std::vector<Index>& to) {
       const auto from = list_.begin() + begin_[at(x)];
       to.assign(from, from + length_[at(x)]);
@@ -217,7 +223,7 @@ class QuotientGraph {
   // Steps through lists, for each edge and vertex. Grids take 5 to 20, systems that end as one dense front 100.
   static constexpr std::int64_t kMostWork = 300;
 
-  Index n_;
+  Index n_, inner_;
   std::int64_t work_ = 0;
   Index left_ = 0;               // weight not eliminated
   std::vector<Index> weight_;    // of variables, with those that are one with them
@@ -239,6 +245,10 @@ class QuotientGraph {
 
 }  // namespace
 
-MinimumDegreeOrder approximate_minimum_degree(const PartGraph& graph) { return QuotientGraph(graph).run(); }
+MinimumDegreeOrder approximate_minimum_degree(const PartGraph& graph) { return QuotientGraph(graph, graph.n()).run(); }
+
+MinimumDegreeOrder approximate_minimum_degree(const PartGraph& graph, Index inner) {
+  return QuotientGraph(graph, inner).run();
+}
 
 }  // namespace espalier::analysis

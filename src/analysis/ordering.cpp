@@ -76,26 +76,43 @@ std::vector<Index> postpone_multipliers(const CompressedGraph& graph, std::span<
 }
 
 // Dissection serves meshes; irregular systems, as those of optimisers are, often fill up less by minimum degree, which
-// costs little beside it. It is worth a try where multipliers or pairs say that the matrix is no mesh's, or where it is
-// small.
+// costs little beside it. It is worth a try where multipliers or pairs say that the matrix is no mesh's, where it is
+// small, or where a vertex is one unknown with few neighbours, as in a plane.
 bool tries_minimum_degree(const CompressedGraph& graph, const TreeOptions& options) {
-  constexpr Index kSmall = 3000, kMost = 300000;
+  constexpr Index kSmall = 3000, kSparse = 20000, kMost = 300000;
+  constexpr Index kFewNeighbours = 8;
+  const Index n = graph.graph.n;
   const bool irregular = !options.pair.empty() || !options.zero_diagonal.empty();
-  return graph.graph.n <= (irregular ? kMost : kSmall);
+  const bool sparse = static_cast<Offset>(graph.graph.adj.size()) <= Offset{kFewNeighbours} * n &&
+                      2 * static_cast<Offset>(graph.members.size()) <= 3 * Offset{n};
+  return n <= (irregular ? kMost : sparse ? kSparse : kSmall);
 }
 
-/// Work on the longest path from a leaf to a root: what no number of threads can shorten. A front costs something
-/// besides its flops.
-double critical_work(const AssemblyTree& tree) {
+/// A front costs something besides its flops.
+struct TreeWork {
+  double all = 0;
+  double critical = 0;  ///< on the longest path from a leaf to a root: what no number of threads can shorten
+};
+
+TreeWork work_of(const AssemblyTree& tree) {
   constexpr double kFront = 5e4;  // flops: some microseconds
+  TreeWork work;
   std::vector<double> path(at(tree.fronts()), 0);
-  double longest = 0;
   for (Index f = 0; f < tree.fronts(); ++f) {
-    path[at(f)] += kFront + front_flops(tree.pivots(f), tree.rows_below(f));
-    longest = std::max(longest, path[at(f)]);
+    const double mine = kFront + front_flops(tree.pivots(f), tree.rows_below(f));
+    work.all += mine;
+    path[at(f)] += mine;
+    work.critical = std::max(work.critical, path[at(f)]);
     if (const Index up = tree.parent[at(f)]; up >= 0) path[at(up)] = std::max(path[at(up)], path[at(f)]);
   }
-  return longest;
+  return work;
+}
+
+/// Graphs of a plane have 0.1 to 0.35 of their work on the longest path, chains more than 0.6.
+bool is_broad(const AssemblyTree& tree) {
+  constexpr double kBroad = 0.4;
+  const TreeWork work = work_of(tree);
+  return work.critical <= kBroad * work.all;
 }
 
 /// The tree of the order with fewer flops. That of dissection is the broader one, which more threads can share: the
@@ -112,12 +129,19 @@ AssemblyTree better_tree(const CompressedGraph& compressed, const TreeOptions& o
     return symbolic_tree(compressed, std::move(order), pool, of);
   };
   statistics.ordering_seconds = seconds_now() - start;
+  if (orders.dissection.empty()) {
+    AssemblyTree tree = tree_of(orders.minimum_degree, statistics);
+    if (is_broad(tree)) return tree;
+    orders.dissection = nested_dissection(compressed, pool);
+    statistics = {};
+    statistics.ordering_seconds = seconds_now() - start;
+  }
   AssemblyTree tree = tree_of(std::move(orders.dissection), statistics);
   if (orders.minimum_degree.empty() || orders.minimum_degree_flops > kClearly * statistics.flops_exact) return tree;
   TreeStatistics other;
   other.ordering_seconds = statistics.ordering_seconds;
   AssemblyTree second = tree_of(std::move(orders.minimum_degree), other);
-  if (other.flops > kClearly * statistics.flops || critical_work(second) > critical_work(tree)) return tree;
+  if (other.flops > kClearly * statistics.flops || work_of(second).critical > work_of(tree).critical) return tree;
   statistics = other;
   return second;
 }

@@ -53,10 +53,12 @@ std::vector<Index> relocate_pivots(AssemblyTree& tree, std::span<const PivotMove
     return kept_fronts;
   }
   const Moves moves(tree, list);
-  std::vector<Index> where(at(tree.n));            // old position -> new position
+  std::vector<Index> where(at(tree.n + tree.border));  // old position -> new position
+  std::iota(where.begin() + tree.n, where.end(), tree.n);
   std::vector<Index> name(at(tree.fronts()), -1);  // old front -> new front
   AssemblyTree out;
   out.n = tree.n;
+  out.border = tree.border;
   out.first.push_back(0);
   for (Index f = 0; f < tree.fronts(); ++f) {
     const auto& leaving = moves.leaving[at(f)];

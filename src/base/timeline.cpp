@@ -24,6 +24,13 @@ std::string escaped(const std::string& text) {
   return out;
 }
 
+std::string arguments(const TimelineEvent& e) {
+  if (e.number > 0) return fmt::format("\"number\":{}", e.number);
+  if (e.front < 0) return {};
+  return fmt::format("\"front\":{},\"row\":{},\"col\":{},\"flops\":{:.0f},\"bytes\":{:.0f},\"waited\":{:.3f}", e.front,
+                     e.row, e.col, e.flops, e.bytes, e.waited * 1e6);
+}
+
 }  // namespace
 
 int Timeline::add_track(std::string device, std::string name) {
@@ -65,11 +72,8 @@ void Timeline::write(const std::string& path) const {
     separator = ",\n";
     for (const auto& e : t.events) {
       text += fmt::format(
-          ",\n{{\"ph\":\"X\",\"pid\":{},\"tid\":{},\"ts\":{:.3f},\"dur\":{:.3f},\"name\":\"{}\",\"args\":{{\"front\":{}"
-          ",\"row\":{},"
-          "\"col\":{},\"flops\":{:.0f},\"bytes\":{:.0f},\"waited\":{:.3f}}}}}",
-          pid, k, (e.begin - start) * 1e6, (e.end - e.begin) * 1e6, e.kind, e.front, e.row, e.col, e.flops, e.bytes,
-          e.waited * 1e6);
+          ",\n{{\"ph\":\"X\",\"pid\":{},\"tid\":{},\"ts\":{:.3f},\"dur\":{:.3f},\"name\":\"{}\",\"args\":{{{}}}}}", pid,
+          k, (e.begin - start) * 1e6, (e.end - e.begin) * 1e6, e.kind, arguments(e));
       if (text.size() > (1U << 20)) {
         file.write(text);
         text.clear();

@@ -14,10 +14,10 @@ inline double now_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-/// One finished task.
+/// One finished task, or phase of a run.
 struct TimelineEvent {
   const char* kind = "";    ///< what was done: a string literal
-  std::int32_t front = -1;  ///< the front concerned
+  std::int32_t front = -1;  ///< the front concerned; -1: none
   std::int32_t row = 0;     ///< tile row
   std::int32_t col = 0;     ///< tile column
   double begin = 0;         ///< now_seconds() when it was taken
@@ -25,6 +25,7 @@ struct TimelineEvent {
   double flops = 0;         ///< arithmetic of the task
   double bytes = 0;         ///< bytes that it wrote
   double waited = 0;        ///< seconds between begin and end in which it waited for tasks of others
+  std::int64_t number = 0;  ///< from 1, of phases that are counted; 0: not counted
 };
 
 /// Events by track (a worker of a device, or a queue). Each track is written by one thread at a time.

@@ -4,6 +4,7 @@
 /// above asks which one it is.
 #pragma once
 
+#include <complex>
 #include <memory>
 #include <optional>
 #include <span>
@@ -28,6 +29,10 @@ namespace espalier::out_of_core {
 class Factory;
 }
 
+namespace espalier::ranks {
+class Link;
+}
+
 namespace espalier::device {
 
 /// The devices of a backend that this process can use; when there are none, why.
@@ -38,19 +43,25 @@ struct FoundDevices {
 
 /// What no plan for a backend may pass, and what follows from where its devices live.
 struct Limits {
-  int most_devices = 1;   ///< that share one plan
-  Index widest_tile = 0;  ///< that its kernels know; 0: any. A narrow one leaves pivots few partners to choose from
+  int most_devices = 1;       ///< that share one plan
+  Index widest_tile = 0;      ///< that its kernels know; 0: any. A narrow one leaves pivots few partners to choose from
+  bool keeps_border = false;  ///< in core, its executors leave contributions to a border of the plan
   /// The devices have memory of their own, so that a factorization may be too large without any budget. Else they live
   /// in the host's, and only a budget makes them small.
   bool own_memory = false;
+  bool ranks = false;    ///< executors can share a plan with those of other processes (Job::link)
+  bool complex = false;  ///< it has executors of complex numbers
 };
 
 /// What the caller of a plan wants; the backend adds the layout of fronts and tiles that its kernels need.
 struct PlanWish {
   Kind kind = Kind::llt;
   Precision precision = Precision::fp64;
+  bool complex = false;
   Index max_block_size = 0;        ///< Options::max_block_size
-  int devices = 1;                 ///< that share the plan
+  int devices = 1;                 ///< that share the plan, in this process
+  int ranks = 1;                   ///< processes that share it
+  int rank = 0;                    ///< this one
   bool unequal = false;            ///< they are not all of one kind, or not equally fast
   std::vector<double> speed = {};  ///< of the devices, relative to the fastest; empty: all are equal
   Sharing sharing = {};
@@ -71,28 +82,35 @@ struct PredictedTime {
 struct Job {
   const plan::Plan& plan;  ///< made with the backend's plan_options()
   Kind kind = Kind::llt;
+  bool hermitian = false;  ///< complex: llt and ldlt are those of a Hermitian matrix, else ldlt of a symmetric one
   PivotRule rule = {};
   base::ThreadPool& pool;
   base::MemoryBudget* budget = nullptr;   ///< counts memory of the host; null: nobody counts
   base::Timeline* timeline = nullptr;     ///< gets every task; null: nothing is recorded
   std::vector<int> devices = {0};         ///< numbers of the devices, as many as the plan is for
   std::vector<Offset> memory_bytes = {};  ///< by device; its budget, 0: what is free. Empty: all are 0
+  /// Ranks that share the plan (PlanOptions::ranks); null: this process alone. All of them make the executor.
+  ranks::Link* link = nullptr;
 };
 
-/// Values whose pivots are to find their fronts. All references outlive the call.
-struct PlacementJob {
+/// Values whose pivots are to find their fronts. All references outlive the call. Value: double or complex<double>.
+template <class Value>
+struct PlacementJobOf {
   const plan::Plan& plan;  ///< of any backend
   Kind kind = Kind::ldlt;  ///< or lu
+  bool hermitian = false;
   PivotRule rule = {};
-  std::span<const double> values;  ///< scaled, in the order of the plan's entries
+  std::span<const Value> values;  ///< scaled, in the order of the plan's entries
   base::ThreadPool& pool;
   base::MemoryBudget* budget = nullptr;
   /// Positions of failed pivots, ascending. Not empty: only the sub-trees below them are eliminated, and fronts above
   /// as long as pivots arrive there; what fails above that has yet to show. Empty: the whole tree.
   std::span<const Index> failed = {};
   /// With `failed`: contributions that need not be made again, by fronts of the plan; null: there are none.
-  const LeftContributions* left = nullptr;
+  const LeftContributions<Value>* left = nullptr;
 };
+using PlacementJob = PlacementJobOf<double>;
+using ComplexPlacementJob = PlacementJobOf<std::complex<double>>;
 
 /// Scalars of executors; a value of this type picks the overload.
 template <class T>
@@ -120,6 +138,11 @@ class Backend {
   /// @param threads  of the host
   [[nodiscard]] virtual Offset executor_bytes(const plan::Plan& plan, Kind kind, Precision precision,
                                               int threads) const = 0;
+  /// Of complex numbers: only where limits().complex says so.
+  [[nodiscard]] virtual Offset complex_executor_bytes(const plan::Plan& /*plan*/, Kind /*kind*/,
+                                                      Precision /*precision*/, int /*threads*/) const {
+    refuse_complex();
+  }
 
   /// Starts the devices, which may take a second, while the caller does something else. What fails here fails again,
   /// with its name, where an executor needs it.
@@ -132,6 +155,15 @@ class Backend {
   /// In core. @throws Error(out_of_memory) naming the bytes needed; Error(device_error) with the failing call
   [[nodiscard]] virtual std::unique_ptr<Executor<double>> make_executor(const Job& job, Scalar<double>) const = 0;
   [[nodiscard]] virtual std::unique_ptr<Executor<float>> make_executor(const Job& job, Scalar<float>) const = 0;
+  /// Of complex numbers: only where limits().complex says so. @throws Error(device_error) elsewhere
+  [[nodiscard]] virtual std::unique_ptr<Executor<std::complex<double>>> make_executor(
+      const Job& /*job*/, Scalar<std::complex<double>>) const {
+    refuse_complex();
+  }
+  [[nodiscard]] virtual std::unique_ptr<Executor<std::complex<float>>> make_executor(
+      const Job& /*job*/, Scalar<std::complex<float>>) const {
+    refuse_complex();
+  }
   /// Where pivots that are not stable in the fronts of the plan have to go, found in one elimination with delayed
   /// pivots. An empty list: none has to move, or this backend does not know; the host does. No list: the search is
   /// given up, since it takes too much work.
@@ -140,9 +172,18 @@ class Backend {
       const PlacementJob& /*job*/) const {
     return std::vector<analysis::PivotMove>{};
   }
+  [[nodiscard]] virtual std::optional<std::vector<analysis::PivotMove>> place_pivots(
+      const ComplexPlacementJob& /*job*/) const {
+    return std::vector<analysis::PivotMove>{};
+  }
 
   /// Where a device's memory holds only a part of the factorization (out_of_core/factory.hpp); null: it must hold all.
   [[nodiscard]] virtual const out_of_core::Factory* out_of_core() const { return nullptr; }
+
+ protected:
+  [[noreturn]] void refuse_complex() const {
+    throw Error(StatusCode::device_error, std::string(noun()) + ": no complex numbers there; use device cpu");
+  }
 };
 
 }  // namespace espalier::device

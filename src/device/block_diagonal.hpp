@@ -2,6 +2,7 @@
 /// The inverse of D of L D L^T, whose blocks are 1x1 and 2x2.
 #pragma once
 
+#include "base/scalar.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::device {
@@ -10,17 +11,19 @@ namespace espalier::device {
 /// @param d  rows; diagonal of D^-1
 /// @param e  rows; its subdiagonal, nonzero at the first row of a 2x2 block
 /// @param x  rows x columns, row by row
+/// @param hermitian  what stands above the diagonal is the conjugate of e
 template <class T>
-void apply_inverse_d(const T* d, const T* e, Index rows, Index columns, T* x) {
+void apply_inverse_d(const T* d, const T* e, Index rows, Index columns, T* x, bool hermitian = false) {
   for (Index k = 0; k < rows; ++k) {
     T* row = x + static_cast<Offset>(k) * columns;
     if (e[k] == T(0)) {
       for (Index c = 0; c < columns; ++c) row[c] *= d[k];
       continue;
     }
+    const T above = hermitian ? base::conjugate(e[k]) : e[k];
     for (Index c = 0; c < columns; ++c) {
       const T y0 = row[c], y1 = row[columns + c];
-      row[c] = d[k] * y0 + e[k] * y1;
+      row[c] = d[k] * y0 + above * y1;
       row[columns + c] = e[k] * y0 + d[k + 1] * y1;
     }
     ++k;

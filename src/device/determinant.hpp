@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cmath>
+#include <complex>
 #include <cstddef>
 #include <span>
 
@@ -23,6 +24,14 @@ class Determinant {
     mantissa_ *= factor;
     if (std::abs(mantissa_) > kLarge || std::abs(mantissa_) < kSmall) normalize();
   }
+  /// Of complex numbers the magnitudes are multiplied as above, and what is left of them is kept apart.
+  void multiply(std::complex<double> factor) {
+    const double magnitude = std::abs(factor);
+    multiply(magnitude);
+    if (!(magnitude > 0)) return;
+    phase_ *= factor / magnitude;
+    phase_ /= std::abs(phase_);
+  }
   /// All factors; four at once where they are of ordinary size, so that one chain of products does not wait for each.
   template <class T>
   void multiply(std::span<const T> factors) {
@@ -41,7 +50,10 @@ class Determinant {
   void multiply(const Determinant& other) {
     multiply(other.mantissa_);
     exponent_ += other.exponent_;
+    if (other.phase_ != 1.0) phase_ *= other.phase_;
   }
+  /// The product of the directions of the complex factors, beside sign(); 1 without any.
+  [[nodiscard]] std::complex<double> phase() const { return phase_; }
   [[nodiscard]] double sign() const { return mantissa_ < 0 ? -1 : mantissa_ > 0 ? 1 : 0; }
   /// Natural logarithm of the magnitude; -infinity for zero.
   [[nodiscard]] double log() const { return std::log(std::abs(mantissa_)) + static_cast<double>(exponent_) * kLog2; }
@@ -61,6 +73,7 @@ class Determinant {
 
   double mantissa_ = 1;
   long long exponent_ = 0;
+  std::complex<double> phase_ = 1;
 };
 
 }  // namespace espalier::device

@@ -8,12 +8,16 @@
 #include <vector>
 
 #include "base/memory.hpp"
+#include "base/scalar.hpp"
 #include "device/device_linear_system.hpp"
 #include "espalier/types.hpp"
 #include "plan/changed_plan.hpp"
 #include "plan/plan.hpp"
 
 namespace espalier::device {
+
+using base::RealOf;
+using base::WideOf;
 
 /// Seconds in which a device computed, by what it did.
 struct OperationTimes {
@@ -53,19 +57,21 @@ struct DeviceWork {
   OutOfCoreReport out_of_core = {};  ///< where the factor does not fit in the device's memory
 };
 
-/// What a halted factorization has left of the fronts that were made.
+/// Contributions of fronts that a factorization has left in memory. Value: double or complex<double>.
+template <class Value>
 class LeftContributions {
  public:
   virtual ~LeftContributions() = default;
-  /// Whether the front's contribution is still there.
+  /// Whether the front's contribution is still there, and of use.
   [[nodiscard]] virtual bool has(Index front) const = 0;
   /// Column-major, as many rows and columns as the front has rows below; of ldlt the lower triangle alone is written.
   /// @pre has(front)
-  virtual void copy(Index front, double* to) const = 0;
+  virtual void copy(Index front, Value* to) const = 0;
 };
 
 /// One backend's numeric factor of a matrix with the pattern of a plan. All memory is taken in the constructor;
-/// factorize() and solve() allocate nothing on the device. T = double or float.
+/// factorize() and solve() allocate nothing on the device. T: see ESPALIER_FOR_SCALARS. Of a Hermitian matrix (Job) the
+/// values are those of the entries of the lower triangle in the order of elimination.
 template <class T>
 class Executor {
  public:
@@ -76,7 +82,8 @@ class Executor {
   /// @throws Error(device_error) with the failing call; the executor stays usable
   virtual FactorOutcome factorize(std::span<const T> values) = 0;
   /// Solves in place: x holds the right-hand sides on entry and the solutions on return, n rows in elimination order,
-  /// row-major with `columns` values per row. transpose: solves with the transposed matrix.
+  /// row-major with `columns` values per row. transpose: solves with the transposed matrix (lu; a symmetric or
+  /// Hermitian one is solved with itself).
   virtual void solve(T* x, Index columns, bool transpose) = 0;
   [[nodiscard]] virtual std::string name() const = 0;
   [[nodiscard]] virtual Offset peak_bytes() const = 0;
@@ -87,7 +94,11 @@ class Executor {
   /// first they do not; backends that cannot go on never do.
   virtual void halt_at_failures(bool /*halt*/) {}
   /// @returns null where the last factorization was not halted
-  [[nodiscard]] virtual const LeftContributions* left_contributions() const { return nullptr; }
+  [[nodiscard]] virtual const LeftContributions<WideOf<T>>* left_contributions() const { return nullptr; }
+  /// What the fronts have left for a border of the plan (AssemblyTree::border): the contribution of the last root that
+  /// has rows below its pivots is there after each factorization. @returns null where the backend does not keep it
+  /// (Limits::keeps_border); no plan with a border comes there
+  [[nodiscard]] virtual const LeftContributions<WideOf<T>>* border_contribution() const { return nullptr; }
   /// An executor for a plan that change_plan() has made of this one's, with the memory of this one, which is to be
   /// destroyed then. Its next factorize() must get the same values: after a halted factorization it makes only what was
   /// not made, or is not the same any more, with the same bits as if it had made all.

@@ -2,6 +2,7 @@
 /// What a numeric factorization is told about pivots, and what it came to.
 #pragma once
 
+#include <complex>
 #include <span>
 #include <vector>
 
@@ -21,9 +22,9 @@ struct PivotRule {
 
 /// What one numeric factorization came to. Positions are those of the plan's elimination order.
 struct FactorOutcome {
-  Index not_positive = -1;      ///< llt: lowest position whose pivot was not positive (or NaN); -1: none
-  Index negative = 0;           ///< negative eigenvalues of D (ldlt), replaced pivots left out
-  Index two_by_two = 0;         ///< 2x2 pivots
+  Index not_positive = -1;  ///< llt: lowest position whose pivot was not positive (or NaN); -1: none
+  Index negative = 0;       ///< negative eigenvalues of D (ldlt of real and Hermitian ones), replaced pivots left out
+  Index two_by_two = 0;     ///< 2x2 pivots
   std::vector<Index> replaced;  ///< positions of pivots that were smaller than tiny, ascending
   /// Positions of pivots that were kept, but are below PivotRule::suspect, ascending.
   std::vector<Index> small;
@@ -32,11 +33,12 @@ struct FactorOutcome {
   /// Fronts above failed or replaced pivots, or in whose memory results of theirs are still needed, were not made:
   /// there is no factor (Executor::halt_at_failures()).
   bool halted = false;
-  double determinant_sign = 1;  ///< of the factored (scaled, permuted) matrix
-  double determinant_log = 0;   ///< natural logarithm of the magnitude
-  double busy_seconds = 0;      ///< mean over workers of the time inside tasks
-  double waiting_seconds = 0;   ///< mean over workers of the time inside tasks that wait for others
-  double seconds = 0;           ///< wall time
+  double determinant_sign = 1;                 ///< of the factored (scaled, permuted) matrix; complex: 0 for zero
+  std::complex<double> determinant_phase = 1;  ///< complex: the determinant over its magnitude
+  double determinant_log = 0;                  ///< natural logarithm of the magnitude
+  double busy_seconds = 0;                     ///< mean over workers of the time inside tasks
+  double waiting_seconds = 0;                  ///< mean over workers of the time inside tasks that wait for others
+  double seconds = 0;                          ///< wall time
 };
 
 }  // namespace espalier::device

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <limits>
+#include <utility>
 
 #include "matrix/transform.hpp"
 #include "matrix/triplets.hpp"
@@ -124,6 +125,25 @@ SparseMatrix assemble_entries(const RawEntries& raw, const ReadOptions& options,
   }
   if (raw.symmetry == Symmetry::skew) a = expand_skew(std::move(a));
   if (raw.value.size() == 0 && !options.keep_pattern) a.values.assign(a.row_ind.size(), 1.0);
+  return a;
+}
+
+// Both parts have the same pattern. Above the diagonal a Hermitian file holds conjugates of what is below.
+ComplexSparseMatrix assemble_complex_entries(RawEntries raw, const ReadOptions& options, const Source& source,
+                                             const std::function<const char*(Offset)>& locate) {
+  const bool hermitian = raw.symmetry == Symmetry::hermitian;
+  if (hermitian) {
+    raw.symmetry = Symmetry::symmetric;
+    for (Offset k = 0; k < raw.count; ++k)
+      if (raw.row[k] < raw.col[k]) raw.imaginary[k] = -raw.imaginary[k];
+  }
+  SparseMatrix real = assemble_entries(raw, options, source, locate);
+  std::swap(raw.value, raw.imaginary);
+  const SparseMatrix imaginary = assemble_entries(raw, options, source, locate);
+  ComplexSparseMatrix a{real.rows, real.cols, std::move(real.col_ptr), std::move(real.row_ind), {}, real.storage};
+  if (hermitian) a.storage = Storage::hermitian_lower;
+  a.values.reserve(real.values.size());
+  for (std::size_t q = 0; q < real.values.size(); ++q) a.values.emplace_back(real.values[q], imaginary.values[q]);
   return a;
 }
 

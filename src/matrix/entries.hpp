@@ -18,19 +18,20 @@ struct ReadOptions {
 };
 
 /// What a file declares about its entries.
-enum class Symmetry { general, symmetric, skew };
+enum class Symmetry { general, symmetric, skew, hermitian };
 
 /// The entries of a file in its own order, 0-based, checked to lie inside the matrix; repeats are kept.
 struct RawEntries {
   Index rows = 0;
   Index cols = 0;
   Symmetry symmetry = Symmetry::general;
-  Offset count = 0;            ///< entries in use at the front of the buffers
-  base::Buffer<Index> row;     ///< count or more
-  base::Buffer<Index> col;     ///< count or more
-  base::Buffer<double> value;  ///< count or more, or none for a pattern
-  bool below = false;          ///< some entry stands below the diagonal
-  bool above = false;          ///< some entry stands above the diagonal
+  Offset count = 0;                ///< entries in use at the front of the buffers
+  base::Buffer<Index> row;         ///< count or more
+  base::Buffer<Index> col;         ///< count or more
+  base::Buffer<double> value;      ///< count or more, or none for a pattern
+  base::Buffer<double> imaginary;  ///< likewise; none for real values
+  bool below = false;              ///< some entry stands below the diagonal
+  bool above = false;              ///< some entry stands above the diagonal
 };
 
 /// Assembles the matrix: general entries to Storage::general, symmetric ones to symmetric_lower, skew ones expanded to
@@ -40,6 +41,11 @@ struct RawEntries {
 /// @param locate the place of the k-th entry in source.text, for messages
 SparseMatrix assemble_entries(const RawEntries& raw, const ReadOptions& options, const Source& source,
                               const std::function<const char*(Offset k)>& locate);
+
+/// The same with both parts of the values; Hermitian entries to hermitian_lower.
+/// @pre raw has values and imaginary parts
+ComplexSparseMatrix assemble_complex_entries(RawEntries raw, const ReadOptions& options, const Source& source,
+                                             const std::function<const char*(Offset k)>& locate);
 
 /// Refuses sizes that the index types cannot hold, and so many empty columns that a file of a few bytes would make us
 /// take gigabytes: beyond 4 million, rows and columns may number at most 16 times the entries.

@@ -15,7 +15,13 @@ namespace {
 
 // The numbers of an array file with their places, exact zeros left out.
 RawEntries sparse_entries(const std::vector<double>& numbers, const MatrixMarketHeader& header) {
-  const Offset count = std::count_if(numbers.begin(), numbers.end(), [](double v) { return v != 0; });
+  const std::size_t parts = header.complex ? 2 : 1;
+  const auto is_zero = [&](Offset k) {
+    const double* value = &numbers[parts * static_cast<std::size_t>(k)];
+    return value[0] == 0 && value[parts - 1] == 0;
+  };
+  Offset count = 0;
+  for (Offset k = 0; k < header.count; ++k) count += is_zero(k) ? 0 : 1;
   RawEntries raw;
   raw.rows = header.rows;
   raw.cols = header.cols;
@@ -24,13 +30,16 @@ RawEntries sparse_entries(const std::vector<double>& numbers, const MatrixMarket
   raw.row = base::Buffer<Index>(count, nullptr);
   raw.col = base::Buffer<Index>(count, nullptr);
   raw.value = base::Buffer<double>(count, nullptr);
+  if (header.complex) raw.imaginary = base::Buffer<double>(count, nullptr);
   Offset to = 0;
   for_each_packed(header, [&](Index i, Index j, Offset k) {
-    const double v = numbers[static_cast<std::size_t>(k)];
-    if (v == 0) return;
+    if (is_zero(k)) return;
+    const double* value = &numbers[parts * static_cast<std::size_t>(k)];
     raw.row[to] = i;
     raw.col[to] = j;
-    raw.value[to++] = v;
+    raw.value[to] = value[0];
+    if (header.complex) raw.imaginary[to] = value[1];
+    ++to;
     raw.below |= i > j;
     raw.above |= i < j;
   });
@@ -52,11 +61,40 @@ SparseMatrix parse_coordinate(const Source& source, const MatrixMarketHeader& he
   return assemble_entries(raw, options, source, [&](Offset k) { return locate_coordinate_entry(source, header, k); });
 }
 
+// A Hermitian array file holds imaginary parts on its diagonal, which must be zero.
+void check_array_diagonal(const Source& source, const MatrixMarketHeader& header, const std::vector<double>& numbers) {
+  if (header.symmetry != Symmetry::hermitian) return;
+  for_each_packed(header, [&](Index i, Index j, Offset k) {
+    const double imaginary = numbers[2 * static_cast<std::size_t>(k) + 1];
+    if (i == j && imaginary != 0)
+      fail_at(source, header.data,
+              fmt::format("the diagonal of a hermitian matrix is real; entry ({}, {}) has the imaginary part {}", i + 1,
+                          j + 1, imaginary));
+  });
+}
+
+// Every entry, of any storage.
+template <class Use>
+void visit_all(const ComplexSparseMatrix& a, const Use& use) {
+  for (Index j = 0; j < a.cols; ++j)
+    for (Offset p = a.col_ptr[static_cast<std::size_t>(j)]; p < a.col_ptr[static_cast<std::size_t>(j) + 1]; ++p) {
+      const Index i = a.row_ind[static_cast<std::size_t>(p)];
+      const std::complex<double> v = a.values[static_cast<std::size_t>(p)];
+      use(i, j, v);
+      if (a.storage != Storage::general && i != j) use(j, i, a.view().hermitian() ? std::conj(v) : v);
+    }
+}
+
 }  // namespace
+
+bool is_complex_matrix_market(std::string_view text, const std::string& name) {
+  return parse_matrix_market_header({name, text}).complex;
+}
 
 SparseMatrix parse_matrix_market(std::string_view text, const std::string& name, const ReadOptions& options) {
   const Source source{name, text};
   const MatrixMarketHeader header = parse_matrix_market_header(source);
+  expect_real(header, source, "a real matrix");
   if (!header.array) return parse_coordinate(source, header, options);
   const RawEntries raw = sparse_entries(parse_array_numbers(source, header, options), header);
   return assemble_entries(raw, options, source, [&](Offset) { return header.data; });
@@ -65,6 +103,7 @@ SparseMatrix parse_matrix_market(std::string_view text, const std::string& name,
 DenseVectors parse_matrix_market_vectors(std::string_view text, const std::string& name, const ReadOptions& options) {
   const Source source{name, text};
   const MatrixMarketHeader header = parse_matrix_market_header(source);
+  expect_real(header, source, "real vectors");
   if (header.array && header.symmetry == Symmetry::general)
     return {header.rows, header.cols, parse_array_numbers(source, header, options)};
   if (header.array) {
@@ -88,6 +127,46 @@ DenseVectors parse_matrix_market_vectors(std::string_view text, const std::strin
       v.values[j * static_cast<std::size_t>(a.rows) +
                static_cast<std::size_t>(a.row_ind[static_cast<std::size_t>(p)])] =
           a.values[static_cast<std::size_t>(p)];
+  return v;
+}
+
+ComplexSparseMatrix parse_complex_matrix_market(std::string_view text, const std::string& name,
+                                                const ReadOptions& options) {
+  const Source source{name, text};
+  const MatrixMarketHeader header = parse_matrix_market_header(source);
+  if (!header.complex) {
+    SparseMatrix a = parse_matrix_market(text, name, options);
+    return {a.rows, a.cols, std::move(a.col_ptr), std::move(a.row_ind), {a.values.begin(), a.values.end()}, a.storage};
+  }
+  if (!header.array)
+    return assemble_complex_entries(parse_coordinate_entries(source, header, options), options, source,
+                                    [&](Offset k) { return locate_coordinate_entry(source, header, k); });
+  const std::vector<double> numbers = parse_array_numbers(source, header, options);
+  check_array_diagonal(source, header, numbers);
+  return assemble_complex_entries(sparse_entries(numbers, header), options, source,
+                                  [&](Offset) { return header.data; });
+}
+
+ComplexVectors parse_complex_matrix_market_vectors(std::string_view text, const std::string& name,
+                                                   const ReadOptions& options) {
+  const Source source{name, text};
+  const MatrixMarketHeader header = parse_matrix_market_header(source);
+  if (!header.complex) {
+    const DenseVectors v = parse_matrix_market_vectors(text, name, options);
+    return {v.rows, v.cols, {v.values.begin(), v.values.end()}};
+  }
+  if (header.array && header.symmetry == Symmetry::general) {
+    const std::vector<double> numbers = parse_array_numbers(source, header, options);
+    ComplexVectors v{header.rows, header.cols, {}};
+    for (std::size_t k = 0; k < numbers.size(); k += 2) v.values.emplace_back(numbers[k], numbers[k + 1]);
+    return v;
+  }
+  const ComplexSparseMatrix a = parse_complex_matrix_market(text, name, options);
+  const auto size = zero_vectors(source, a.rows, a.cols, a.nonzeros()).values.size();
+  ComplexVectors v{a.rows, a.cols, std::vector<std::complex<double>>(size)};
+  visit_all(a, [&](Index i, Index j, std::complex<double> value) {
+    v.values[static_cast<std::size_t>(j) * static_cast<std::size_t>(a.rows) + static_cast<std::size_t>(i)] = value;
+  });
   return v;
 }
 

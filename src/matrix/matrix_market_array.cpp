@@ -39,28 +39,29 @@ std::vector<double> parse_array_numbers(const Source& source, const MatrixMarket
   const char* end = source.text.data() + source.text.size();
   // Every number takes at least one character and all but the last a separator.
   const Offset most = (end - header.data + 1) / 2;
-  if (header.count > most)
+  if (header.numbers() > most)
     fail_at(source, header.sizes,
             fmt::format("the size line promises {} numbers, but only {} characters follow; the file "
                         "is truncated or its size line wrong",
-                        header.count, end - header.data));
+                        header.numbers(), end - header.data));
   auto blocks = cut_lines<ArrayBlock>(header.data, end);
   for_each(options.pool, static_cast<std::int64_t>(blocks.size()),
            [&](std::int64_t i) { parse_block(blocks[static_cast<std::size_t>(i)]); });
   for (const auto& block : blocks)
     if (block.error_at != nullptr) fail_at(source, block.error_at, block.error);
   std::vector<double> numbers;
-  numbers.reserve(static_cast<std::size_t>(header.count));
+  numbers.reserve(static_cast<std::size_t>(header.numbers()));
   for (const auto& block : blocks) {
-    if (static_cast<Offset>(numbers.size() + block.numbers.size()) > header.count)
-      fail_at(source, block.begin,
-              fmt::format("more numbers than the {} that the size line promises stand here or below", header.count));
+    if (static_cast<Offset>(numbers.size() + block.numbers.size()) > header.numbers())
+      fail_at(
+          source, block.begin,
+          fmt::format("more numbers than the {} that the size line promises stand here or below", header.numbers()));
     numbers.insert(numbers.end(), block.numbers.begin(), block.numbers.end());
   }
-  if (static_cast<Offset>(numbers.size()) < header.count)
+  if (static_cast<Offset>(numbers.size()) < header.numbers())
     fail_at(source, end,
             fmt::format("the file ends after {} of the {} numbers that its size line promises", numbers.size(),
-                        header.count));
+                        header.numbers()));
   return numbers;
 }
 

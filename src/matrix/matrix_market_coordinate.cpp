@@ -27,6 +27,7 @@ struct Entry {
   std::int64_t row = 0;
   std::int64_t col = 0;
   double value = 1;
+  double imaginary = 0;
 };
 
 // The common form of an index: up to 9 digits and a blank behind them. Leaves everything else to scan_integer.
@@ -88,13 +89,19 @@ bool parse_entry(CoordinateBlock& block, const char*& p, const MatrixMarketHeade
   if (!parse_index(block, p, entry.row, header.rows, "row")) return false;
   if (!parse_index(block, p, entry.col, header.cols, "column")) return false;
   if (!header.pattern && !parse_value(block, p, entry.value)) return false;
+  if (header.complex && !parse_value(block, p, entry.imaginary)) return false;
   p = skip_blanks(p, block.end);
   if (p < block.end && *p != '\n' && *p != '%')
     return reject(block, p,
                   fmt::format("'{}' follows the entry; one entry stands in a line{}", word_at(p, block.end),
                               header.pattern ? ", and this file declares a pattern, without values" : ""));
-  if (header.symmetry == Symmetry::skew && entry.row == entry.col && entry.value != 0)
+  if (entry.row != entry.col) return true;
+  if (header.symmetry == Symmetry::skew && (entry.value != 0 || entry.imaginary != 0))
     return reject(block, line, "the diagonal of a skew-symmetric matrix is zero");
+  if (header.symmetry == Symmetry::hermitian && entry.imaginary != 0)
+    return reject(block, line,
+                  fmt::format("the diagonal of a hermitian matrix is real; entry ({}, {}) has the imaginary part {}",
+                              entry.row, entry.col, entry.imaginary));
   return true;
 }
 
@@ -109,6 +116,7 @@ void parse_block(CoordinateBlock& block, const MatrixMarketHeader& header, RawEn
     raw.row[k] = static_cast<Index>(entry.row - 1);
     raw.col[k] = static_cast<Index>(entry.col - 1);
     if (!header.pattern) raw.value[k] = entry.value;
+    if (header.complex) raw.imaginary[k] = entry.imaginary;
     ++k;
     block.below |= entry.row > entry.col;
     block.above |= entry.row < entry.col;
@@ -138,7 +146,8 @@ void compact(const std::vector<CoordinateBlock>& blocks, RawEntries& raw) {
     if (to != block.first) {
       std::copy_n(raw.row.data() + block.first, block.count, raw.row.data() + to);
       std::copy_n(raw.col.data() + block.first, block.count, raw.col.data() + to);
-      if (raw.value.size() > 0) std::copy_n(raw.value.data() + block.first, block.count, raw.value.data() + to);
+      for (base::Buffer<double>* part : {&raw.value, &raw.imaginary})
+        if (part->size() > 0) std::copy_n(part->data() + block.first, block.count, part->data() + to);
     }
     to += block.count;
     raw.below |= block.below;
@@ -173,6 +182,7 @@ RawEntries parse_coordinate_entries(const Source& source, const MatrixMarketHead
   raw.row = base::Buffer<Index>(lines, nullptr);
   raw.col = base::Buffer<Index>(lines, nullptr);
   if (!header.pattern) raw.value = base::Buffer<double>(lines, nullptr);
+  if (header.complex) raw.imaginary = base::Buffer<double>(lines, nullptr);
   for_each(options.pool, static_cast<std::int64_t>(blocks.size()),
            [&](std::int64_t i) { parse_block(blocks[static_cast<std::size_t>(i)], header, raw); });
   for (const auto& block : blocks)

@@ -27,16 +27,18 @@ void read_banner(const Source& source, const char* begin, const char* end, Matri
   if (format != "coordinate" && format != "array")
     fail_at(source, begin, fmt::format("the format is '{}'; expected 'coordinate' or 'array'", format));
   header.array = format == "array";
-  if (field == "complex")
-    fail_at(source, begin, "complex matrices are not supported; write real and imaginary part apart");
-  if (field != "real" && field != "double" && field != "integer" && field != "unsigned-integer" && field != "pattern")
-    fail_at(source, begin, fmt::format("the field is '{}'; expected 'real', 'integer' or 'pattern'", field));
+  if (field != "real" && field != "double" && field != "integer" && field != "unsigned-integer" && field != "pattern" &&
+      field != "complex")
+    fail_at(source, begin, fmt::format("the field is '{}'; expected 'real', 'complex', 'integer' or 'pattern'", field));
   header.pattern = field == "pattern";
-  if (symmetry == "hermitian")
-    fail_at(source, begin, "hermitian matrices are not supported; a real one is called 'symmetric'");
-  if (symmetry != "general" && symmetry != "symmetric" && symmetry != "skew-symmetric")
+  header.complex = field == "complex";
+  if (symmetry == "hermitian" && !header.complex)
+    fail_at(source, begin, "only complex matrices are hermitian; a real one is called 'symmetric'");
+  if (symmetry != "general" && symmetry != "symmetric" && symmetry != "skew-symmetric" && symmetry != "hermitian")
     fail_at(source, begin,
-            fmt::format("the symmetry is '{}'; expected 'general', 'symmetric' or 'skew-symmetric'", symmetry));
+            fmt::format("the symmetry is '{}'; expected 'general', 'symmetric', 'skew-symmetric' or 'hermitian'",
+                        symmetry));
+  if (symmetry == "hermitian") header.symmetry = Symmetry::hermitian;
   if (symmetry == "symmetric") header.symmetry = Symmetry::symmetric;
   if (symmetry == "skew-symmetric") header.symmetry = Symmetry::skew;
   if (header.pattern && (header.array || header.symmetry == Symmetry::skew))
@@ -46,7 +48,7 @@ void read_banner(const Source& source, const char* begin, const char* end, Matri
 // Numbers that an array file of these sizes holds.
 std::int64_t packed_count(std::int64_t rows, std::int64_t cols, Symmetry symmetry) {
   if (symmetry == Symmetry::general) return rows * cols;
-  return symmetry == Symmetry::symmetric ? rows * (rows + 1) / 2 : rows * (rows - 1) / 2;
+  return symmetry == Symmetry::skew ? rows * (rows - 1) / 2 : rows * (rows + 1) / 2;
 }
 
 void read_sizes(const Source& source, const char* end, MatrixMarketHeader& header) {
@@ -78,6 +80,11 @@ void read_sizes(const Source& source, const char* end, MatrixMarketHeader& heade
 }
 
 }  // namespace
+
+void expect_real(const MatrixMarketHeader& header, const Source& source, const char* needed) {
+  if (header.complex)
+    fail_at(source, source.text.data(), fmt::format("the file is complex; {} is needed here", needed));
+}
 
 bool is_matrix_market(std::string_view text) { return lower_case(text.substr(0, kBanner.size())) == kBanner; }
 

@@ -7,6 +7,7 @@
 #include "base/output_file.hpp"
 #include "base/parallel.hpp"
 #include "matrix/matrix_market.hpp"
+#include "matrix/validate.hpp"
 
 namespace espalier::matrix {
 
@@ -68,8 +69,18 @@ Offset count_written(const MatrixView& a) {
   return count;
 }
 
-// Writes the entries at positions [begin, end) of the arrays.
-void format_entries(const MatrixView& a, Offset begin, Offset end, Text& text) {
+void format_value(double v, Text& text) { text.number(v, '\n'); }
+void format_value(std::complex<double> v, Text& text) {
+  text.number(v.real(), ' ');
+  text.number(v.imag(), '\n');
+}
+double mirrored(double v, bool /*hermitian*/) { return v; }
+std::complex<double> mirrored(std::complex<double> v, bool hermitian) { return hermitian ? std::conj(v) : v; }
+
+// Writes the entries at positions [begin, end) of the arrays, with these values.
+template <class Value>
+void format_entries(const MatrixView& a, std::span<const Value> values, bool hermitian, Offset begin, Offset end,
+                    Text& text) {
   constexpr std::size_t kBytesPerEntry = 40;
   text.reserve(static_cast<std::size_t>(end - begin) * kBytesPerEntry);
   auto j = static_cast<Index>(std::upper_bound(a.col_ptr.begin(), a.col_ptr.end(), begin) - a.col_ptr.begin() - 1);
@@ -79,9 +90,43 @@ void format_entries(const MatrixView& a, Offset begin, Offset end, Text& text) {
     if (!written(a.storage, i, j)) continue;
     const bool mirror = a.storage == Storage::symmetric_upper;
     text.number((mirror ? j : i) + 1, ' ');
-    text.number((mirror ? i : j) + 1, a.values.empty() ? '\n' : ' ');
-    if (!a.values.empty()) text.number(a.values[static_cast<std::size_t>(p)], '\n');
+    text.number((mirror ? i : j) + 1, values.empty() ? '\n' : ' ');
+    if (values.empty()) continue;
+    const Value v = values[static_cast<std::size_t>(p)];
+    format_value(mirror ? mirrored(v, hermitian) : v, text);
   }
+}
+
+template <class Value>
+void write_entries(const std::string& path, const MatrixView& a, std::span<const Value> values, const std::string& kind,
+                   const std::string& comment, base::ThreadPool* pool) {
+  const bool hermitian = kind.ends_with("hermitian");
+  base::OutputFile file(path);
+  file.write(banner(kind.c_str(), comment));
+  file.write(fmt::format("{} {} {}\n", a.rows, a.cols, count_written(a)));
+  const Offset blocks = (a.nonzeros() + kEntriesPerBlock - 1) / kEntriesPerBlock;
+  write_blocks(file, blocks, pool, [&](Offset i, Text& text) {
+    format_entries(a, values, hermitian, i * kEntriesPerBlock, std::min(a.nonzeros(), (i + 1) * kEntriesPerBlock),
+                   text);
+  });
+  file.commit();
+}
+
+template <class Value>
+void write_array(const std::string& path, Index rows, Index cols, std::span<const Value> values, const char* kind,
+                 const std::string& comment, base::ThreadPool* pool) {
+  const Offset count = static_cast<Offset>(rows) * cols;
+  if (static_cast<Offset>(values.size()) != count)
+    throw std::invalid_argument(
+        fmt::format("write_matrix_market_vectors: {} values for {} x {}", values.size(), rows, cols));
+  base::OutputFile file(path);
+  file.write(banner(kind, comment));
+  file.write(fmt::format("{} {}\n", rows, cols));
+  write_blocks(file, (count + kEntriesPerBlock - 1) / kEntriesPerBlock, pool, [&](Offset i, Text& text) {
+    const Offset end = std::min(count, (i + 1) * kEntriesPerBlock);
+    for (Offset k = i * kEntriesPerBlock; k < end; ++k) format_value(values[static_cast<std::size_t>(k)], text);
+  });
+  file.commit();
 }
 
 }  // namespace
@@ -91,30 +136,28 @@ void write_matrix_market(const std::string& path, const MatrixView& a, const std
   const bool pattern = a.values.empty() && a.nonzeros() > 0;
   const std::string kind =
       fmt::format("coordinate {} {}", pattern ? "pattern" : "real", a.symmetric() ? "symmetric" : "general");
-  base::OutputFile file(path);
-  file.write(banner(kind.c_str(), comment));
-  file.write(fmt::format("{} {} {}\n", a.rows, a.cols, count_written(a)));
-  const Offset blocks = (a.nonzeros() + kEntriesPerBlock - 1) / kEntriesPerBlock;
-  write_blocks(file, blocks, pool, [&](Offset i, Text& text) {
-    format_entries(a, i * kEntriesPerBlock, std::min(a.nonzeros(), (i + 1) * kEntriesPerBlock), text);
-  });
-  file.commit();
+  write_entries(path, a, a.values, kind, comment, pool);
+}
+
+void write_matrix_market(const std::string& path, const ComplexMatrixView& a, const std::string& comment,
+                         base::ThreadPool* pool) {
+  const MatrixView pattern = pattern_of(a);
+  const char* symmetry = a.hermitian() ? "hermitian" : pattern.symmetric() ? "symmetric" : "general";
+  const bool bare = a.values.empty() && a.nonzeros() > 0;
+  const std::string kind = bare ? fmt::format("coordinate pattern {}", pattern.symmetric() ? "symmetric" : "general")
+                                : fmt::format("coordinate complex {}", symmetry);
+  write_entries(path, pattern, a.values, kind, comment, pool);
 }
 
 void write_matrix_market_vectors(const std::string& path, Index rows, Index cols, std::span<const double> values,
                                  const std::string& comment, base::ThreadPool* pool) {
-  const Offset count = static_cast<Offset>(rows) * cols;
-  if (static_cast<Offset>(values.size()) != count)
-    throw std::invalid_argument(
-        fmt::format("write_matrix_market_vectors: {} values for {} x {}", values.size(), rows, cols));
-  base::OutputFile file(path);
-  file.write(banner("array real general", comment));
-  file.write(fmt::format("{} {}\n", rows, cols));
-  write_blocks(file, (count + kEntriesPerBlock - 1) / kEntriesPerBlock, pool, [&](Offset i, Text& text) {
-    const Offset end = std::min(count, (i + 1) * kEntriesPerBlock);
-    for (Offset k = i * kEntriesPerBlock; k < end; ++k) text.number(values[static_cast<std::size_t>(k)], '\n');
-  });
-  file.commit();
+  write_array(path, rows, cols, values, "array real general", comment, pool);
+}
+
+void write_matrix_market_vectors(const std::string& path, Index rows, Index cols,
+                                 std::span<const std::complex<double>> values, const std::string& comment,
+                                 base::ThreadPool* pool) {
+  write_array(path, rows, cols, values, "array complex general", comment, pool);
 }
 
 }  // namespace espalier::matrix

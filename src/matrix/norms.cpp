@@ -88,15 +88,14 @@ bool structure_is_symmetric(const MatrixView& a) {
   return true;
 }
 
-bool values_are_symmetric(const MatrixView& a) {
-  if (a.rows != a.cols) return false;
-  if (half_stored(a)) return true;
-  if (a.values.empty() && a.nonzeros() > 0) return a.symmetric();
-  SparseMatrix copy;
-  const MatrixView s = sorted(a, copy);
+namespace {
+
+// `values` stand in the pattern of s, which is sorted and unique. mirror(v): what stands on the other side of v.
+template <class Value, class Mirror>
+bool mirrored(const MatrixView& s, std::span<const Value> values, const Mirror& mirror) {
   std::vector<Offset> below(at(s.cols));
   const auto all_zero = [&](Offset from, Offset to) {
-    return std::all_of(s.values.begin() + from, s.values.begin() + to, [](double v) { return v == 0; });
+    return std::all_of(values.begin() + from, values.begin() + to, [](Value v) { return v == Value(0); });
   };
   for (Index j = 0; j < s.cols; ++j) {
     Offset p = s.col_ptr[at(j)];
@@ -107,15 +106,55 @@ bool values_are_symmetric(const MatrixView& a) {
       while (next < s.col_ptr[at(i) + 1] && s.row_ind[at(next)] < j) ++next;
       if (!all_zero(skipped, next)) return false;
       const bool present = next < s.col_ptr[at(i) + 1] && s.row_ind[at(next)] == j;
-      if (s.values[at(p)] != (present ? s.values[at(next)] : 0.0)) return false;
+      if (values[at(p)] != (present ? mirror(values[at(next)]) : Value(0))) return false;
       if (present) ++next;
     }
-    if (p < s.col_ptr[at(j) + 1] && s.row_ind[at(p)] == j) ++p;
+    if (p < s.col_ptr[at(j) + 1] && s.row_ind[at(p)] == j) {
+      const Value v = values[at(p)];
+      if (v != mirror(v) && v == v) return false;  // who looks for NaN finds it elsewhere
+      ++p;
+    }
     below[at(j)] = p;
   }
   for (Index j = 0; j < s.cols; ++j)
     if (!all_zero(below[at(j)], s.col_ptr[at(j) + 1])) return false;
   return true;
+}
+
+// Complex values of each entry once, in the order of sorted(a).
+struct MergedValues {
+  SparseMatrix real, imaginary;
+  std::vector<std::complex<double>> values;
+};
+MergedValues merge(const MatrixView& a, std::span<const std::complex<double>> values) {
+  MergedValues m;
+  for (SparseMatrix* part : {&m.real, &m.imaginary}) {
+    *part = {a.rows, a.cols, {a.col_ptr.begin(), a.col_ptr.end()}, {a.row_ind.begin(), a.row_ind.end()}, {}, a.storage};
+    for (const std::complex<double> v : values) part->values.push_back(part == &m.real ? v.real() : v.imag());
+    sum_duplicates_sorted(*part);
+  }
+  for (std::size_t q = 0; q < m.real.values.size(); ++q) m.values.emplace_back(m.real.values[q], m.imaginary.values[q]);
+  return m;
+}
+
+}  // namespace
+
+bool values_are_symmetric(const MatrixView& a) {
+  if (a.rows != a.cols) return false;
+  if (half_stored(a)) return true;
+  if (a.values.empty() && a.nonzeros() > 0) return a.symmetric();
+  SparseMatrix copy;
+  const MatrixView s = sorted(a, copy);
+  return mirrored(s, s.values, [](double v) { return v; });
+}
+
+bool values_are_symmetric(const MatrixView& a, std::span<const std::complex<double>> values, bool hermitian) {
+  if (a.rows != a.cols) return false;
+  if (half_stored(a)) return true;
+  const auto mirror = [hermitian](std::complex<double> v) { return hermitian ? std::conj(v) : v; };
+  if (is_sorted_unique(a)) return mirrored(a, values, mirror);
+  const MergedValues m = merge(a, values);
+  return mirrored<std::complex<double>>(m.real, m.values, mirror);
 }
 
 }  // namespace espalier::matrix

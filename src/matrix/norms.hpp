@@ -3,6 +3,7 @@
 /// not been summed, they are upper bounds.
 #pragma once
 
+#include <complex>
 #include <span>
 
 #include "base/thread_pool.hpp"
@@ -21,5 +22,8 @@ bool structure_is_symmetric(const MatrixView& a);
 /// Is a_ij == a_ji for all entries, bit for bit (an absent entry equals an explicit zero; duplicates are summed first)?
 /// lower and upper storage: true; both: checked. Not square, or without values: false (true for symmetric storage).
 bool values_are_symmetric(const MatrixView& a);
+/// The same of complex values in the pattern of `a`, whose own values are not read; `hermitian`: is a_ij the conjugate
+/// of a_ji, and the diagonal real?
+bool values_are_symmetric(const MatrixView& a, std::span<const std::complex<double>> values, bool hermitian);
 
 }  // namespace espalier::matrix

@@ -37,17 +37,37 @@ auto with_text(const std::string& path, ReadOptions options, const Parse& parse)
   }
 }
 
+SparseMatrix parse_real(std::string_view text, const std::string& path, const ReadOptions& options) {
+  const Source source{path, text};
+  if (text.empty()) fail(source, "the file is empty");
+  if (is_matrix_market(text)) return parse_matrix_market(text, path, options);
+  if (is_binary_matrix(text)) return parse_binary(text, path);
+  if (is_rutherford_boeing(text)) return parse_rutherford_boeing(text, path, options);
+  fail_at(source, text.data(),
+          "neither Matrix Market ('%%MatrixMarket matrix ...'), nor Rutherford-Boeing, nor Espalier's binary format");
+}
+
 }  // namespace
 
 SparseMatrix read_matrix(const std::string& path, const ReadOptions& options) {
   return with_text(path, options, [&](std::string_view text, const ReadOptions& with_pool) {
+    return parse_real(text, path, with_pool);
+  });
+}
+
+AnyMatrix read_any_matrix(const std::string& path, const ReadOptions& options) {
+  return with_text(path, options, [&](std::string_view text, const ReadOptions& with_pool) -> AnyMatrix {
+    if (is_matrix_market(text) && is_complex_matrix_market(text, path))
+      return parse_complex_matrix_market(text, path, with_pool);
+    return parse_real(text, path, with_pool);
+  });
+}
+
+ComplexVectors read_complex_vectors(const std::string& path, const ReadOptions& options) {
+  return with_text(path, options, [&](std::string_view text, const ReadOptions& with_pool) {
     const Source source{path, text};
     if (text.empty()) fail(source, "the file is empty");
-    if (is_matrix_market(text)) return parse_matrix_market(text, path, with_pool);
-    if (is_binary_matrix(text)) return parse_binary(text, path);
-    if (is_rutherford_boeing(text)) return parse_rutherford_boeing(text, path, with_pool);
-    fail_at(source, text.data(),
-            "neither Matrix Market ('%%MatrixMarket matrix ...'), nor Rutherford-Boeing, nor Espalier's binary format");
+    return parse_complex_matrix_market_vectors(text, path, with_pool);
   });
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <variant>
 
 #include "matrix/entries.hpp"
 #include "matrix/matrix_market.hpp"
@@ -15,9 +16,17 @@ namespace espalier::matrix {
 /// @throws Error(invalid_input) "path:line: what is wrong"; Error(out_of_memory)
 SparseMatrix read_matrix(const std::string& path, const ReadOptions& options = {});
 
+/// A matrix of either sort of numbers.
+using AnyMatrix = std::variant<SparseMatrix, ComplexSparseMatrix>;
+/// The same; a complex Matrix Market file gives a complex matrix.
+AnyMatrix read_any_matrix(const std::string& path, const ReadOptions& options = {});
+
 /// Reads right-hand sides or solutions, n x k: a Matrix Market array, or a Matrix Market coordinate file whose absent
 /// entries are zero; also packed by gzip.
 /// @throws Error(invalid_input) "path:line: what is wrong"; Error(out_of_memory)
 DenseVectors read_vectors(const std::string& path, const ReadOptions& options = {});
+
+/// The same of a complex file or a real one.
+ComplexVectors read_complex_vectors(const std::string& path, const ReadOptions& options = {});
 
 }  // namespace espalier::matrix

@@ -56,14 +56,17 @@ std::optional<Error> check_column(const MatrixView& a, Index j) {
 
 }  // namespace
 
-void validate(const MatrixView& a, base::ThreadPool* pool) {
-  check_shape(a);
+namespace {
+
+// Throws the error of the lowest wrong column, so that the message does not depend on the threads.
+template <class Check>
+void check_columns(Index cols, base::ThreadPool* pool, const Check& check) {
   std::mutex mutex;
-  std::int64_t first_wrong = a.cols;  // the lowest wrong column, so that the message does not depend on the threads
+  std::int64_t first_wrong = cols;
   std::optional<Error> error;
-  base::for_each_range(pool, a.cols, kColumnsPerTask, [&](std::int64_t begin, std::int64_t end) {
+  base::for_each_range(pool, cols, kColumnsPerTask, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j) {
-      auto wrong = check_column(a, static_cast<Index>(j));
+      auto wrong = check(static_cast<Index>(j));
       if (!wrong) continue;
       const std::lock_guard lock(mutex);
       if (j < first_wrong) {
@@ -74,6 +77,45 @@ void validate(const MatrixView& a, base::ThreadPool* pool) {
     }
   });
   if (error) throw Error(*error);
+}
+
+std::optional<Error> check_complex_column(const ComplexMatrixView& a, Index j) {
+  for (Offset p = a.col_ptr[static_cast<std::size_t>(j)]; p < a.col_ptr[static_cast<std::size_t>(j) + 1]; ++p) {
+    const Index i = a.row_ind[static_cast<std::size_t>(p)];
+    const std::complex<double> v = a.values[static_cast<std::size_t>(p)];
+    if (!std::isfinite(v.real()) || !std::isfinite(v.imag()))
+      return Error(StatusCode::invalid_input, fmt::format("entry ({}, {}) is {} + {}i", i, j, v.real(), v.imag()), i);
+    if (a.hermitian() && i == j && v.imag() != 0)
+      return Error(StatusCode::invalid_input,
+                   fmt::format("entry ({}, {}) is {} + {}i, but the diagonal of a Hermitian matrix is real", i, j,
+                               v.real(), v.imag()),
+                   i);
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+void validate(const MatrixView& a, base::ThreadPool* pool) {
+  check_shape(a);
+  check_columns(a.cols, pool, [&](Index j) { return check_column(a, j); });
+}
+
+MatrixView pattern_of(const ComplexMatrixView& a) {
+  Storage storage = a.storage;
+  if (a.storage == Storage::hermitian_lower) storage = Storage::symmetric_lower;
+  if (a.storage == Storage::hermitian_upper) storage = Storage::symmetric_upper;
+  if (a.storage == Storage::hermitian_both) storage = Storage::symmetric_both;
+  return {a.rows, a.cols, a.col_ptr, a.row_ind, {}, storage};
+}
+
+void validate(const ComplexMatrixView& a, base::ThreadPool* pool) {
+  validate(pattern_of(a), pool);
+  if (a.values.empty()) return;
+  if (a.values.size() != a.row_ind.size())
+    throw Error(StatusCode::invalid_input, fmt::format("the column pointers end at {}, but {} values were given",
+                                                       a.row_ind.size(), a.values.size()));
+  check_columns(a.cols, pool, [&](Index j) { return check_complex_column(a, j); });
 }
 
 }  // namespace espalier::matrix

@@ -12,5 +12,10 @@ namespace espalier::matrix {
 /// (values_are_symmetric() does). Reads every entry once.
 /// @throws Error(invalid_input) that names column and row, 0-based; Error::status().row is the row where there is one
 void validate(const MatrixView& a, base::ThreadPool* pool = nullptr);
+/// The same; both parts of a value must be finite, and the diagonal of a Hermitian matrix real.
+void validate(const ComplexMatrixView& a, base::ThreadPool* pool = nullptr);
+
+/// The pattern of a complex matrix, Hermitian storage as its symmetric counterpart.
+MatrixView pattern_of(const ComplexMatrixView& a);
 
 }  // namespace espalier::matrix

@@ -4,11 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <new>
-#include <system_error>
 
 #include "matrix/file.hpp"
 #include "solver/session.hpp"
+#include "solver/status_of.hpp"
 
 namespace espalier::modes {
 
@@ -47,21 +46,7 @@ Tall Workshop::basis(Index n, Index wanted, Index least, Offset factor_bytes) {
 }
 
 Status guarded(Workshop& shop, const std::function<void()>& body) {
-  try {
-    const base::Interruption::Call call(shop.interruption);
-    body();
-    return {};
-  } catch (const Error& e) {
-    return e.status();
-  } catch (const std::bad_alloc&) {
-    return {StatusCode::out_of_memory, "the machine refused memory; ask for fewer modes, or use a machine with more",
-            -1};
-  } catch (const std::length_error&) {
-    return {StatusCode::out_of_memory, "an array longer than the machine can address was needed", -1};
-  } catch (const std::system_error& e) {
-    if (e.code() != std::errc::resource_unavailable_try_again) throw;
-    return {StatusCode::out_of_memory, "the system refuses to start another thread; raise the limit (ulimit -u)", -1};
-  }
+  return solver::status_of(shop.interruption, "ask for fewer modes, or use a machine with more", body);
 }
 
 void check_options(const ModesOptions& o) {

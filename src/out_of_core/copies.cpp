@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "base/copy_past_cache.hpp"
+#include "base/scalar.hpp"
 
 namespace espalier::out_of_core {
 
@@ -85,7 +86,9 @@ void EntryRanges::gather(std::span<const T> values, T* to, Offset begin, Offset 
   });
 }
 
-template void EntryRanges::gather(std::span<const double>, double*, Offset, Offset, base::ThreadPool&) const;
-template void EntryRanges::gather(std::span<const float>, float*, Offset, Offset, base::ThreadPool&) const;
+#define ESPALIER_INSTANTIATE(T) \
+  template void EntryRanges::gather(std::span<const T>, T*, Offset, Offset, base::ThreadPool&) const;
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::out_of_core

@@ -332,7 +332,8 @@ void DeviceRun<T>::empty(const Arrival& a) {
   out_seconds_ += base::now_seconds() - start;
 }
 
-template class DeviceRun<double>;
-template class DeviceRun<float>;
+#define ESPALIER_INSTANTIATE(T) template class DeviceRun<T>;
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::out_of_core

@@ -199,9 +199,10 @@ std::unique_ptr<device::Executor<T>> make_out_of_core_executor(
   return std::make_unique<OutOfCoreExecutor<T>>(std::move(backends), options, budget);
 }
 
-template std::unique_ptr<device::Executor<double>> make_out_of_core_executor(
-    std::vector<std::unique_ptr<OutOfCoreBackend<double>>>, const OutOfCoreOptions&, base::MemoryBudget*);
-template std::unique_ptr<device::Executor<float>> make_out_of_core_executor(
-    std::vector<std::unique_ptr<OutOfCoreBackend<float>>>, const OutOfCoreOptions&, base::MemoryBudget*);
+#define ESPALIER_INSTANTIATE(T)                                            \
+  template std::unique_ptr<device::Executor<T>> make_out_of_core_executor( \
+      std::vector<std::unique_ptr<OutOfCoreBackend<T>>>, const OutOfCoreOptions&, base::MemoryBudget*);
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::out_of_core

@@ -18,11 +18,20 @@ class Factory {
                                                                                     device::Scalar<double>) const = 0;
   [[nodiscard]] virtual std::vector<std::unique_ptr<OutOfCoreBackend<float>>> make(const device::Job& job,
                                                                                    device::Scalar<float>) const = 0;
+  /// Only where Backend::limits().complex says so.
+  [[nodiscard]] virtual std::vector<std::unique_ptr<OutOfCoreBackend<std::complex<double>>>> make(
+      const device::Job& /*job*/, device::Scalar<std::complex<double>>) const {
+    return {};
+  }
+  [[nodiscard]] virtual std::vector<std::unique_ptr<OutOfCoreBackend<std::complex<float>>>> make(
+      const device::Job& /*job*/, device::Scalar<std::complex<float>>) const {
+    return {};
+  }
 };
 
-/// A factory by `Of`, whose template all<T>(job) serves every scalar.
+/// A factory by `Of`, whose template all<T>(job) serves every real scalar.
 template <class Of>
-class FactoryOf final : public Factory {
+class FactoryOf : public Factory {
  public:
   [[nodiscard]] std::vector<std::unique_ptr<OutOfCoreBackend<double>>> make(const device::Job& job,
                                                                             device::Scalar<double>) const override {
@@ -31,6 +40,21 @@ class FactoryOf final : public Factory {
   [[nodiscard]] std::vector<std::unique_ptr<OutOfCoreBackend<float>>> make(const device::Job& job,
                                                                            device::Scalar<float>) const override {
     return Of::template all<float>(job);
+  }
+};
+
+/// ... and every complex one.
+template <class Of>
+class FactoryOfAll final : public FactoryOf<Of> {
+ public:
+  using FactoryOf<Of>::make;
+  [[nodiscard]] std::vector<std::unique_ptr<OutOfCoreBackend<std::complex<double>>>> make(
+      const device::Job& job, device::Scalar<std::complex<double>>) const override {
+    return Of::template all<std::complex<double>>(job);
+  }
+  [[nodiscard]] std::vector<std::unique_ptr<OutOfCoreBackend<std::complex<float>>>> make(
+      const device::Job& job, device::Scalar<std::complex<float>>) const override {
+    return Of::template all<std::complex<float>>(job);
   }
 };
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "analysis/lazy_vector.hpp"
+#include "plan/kept_entries.hpp"
 
 namespace espalier::plan {
 
@@ -56,7 +57,7 @@ struct Permuted {
 class FrontEntries {
  public:
   FrontEntries(const Plan& plan, const Permuted& permuted)
-      : plan_(plan), permuted_(permuted), local_(static_cast<std::size_t>(plan.tree.n), -1) {}
+      : plan_(plan), permuted_(permuted), local_(static_cast<std::size_t>(plan.tree.n + plan.tree.border), -1) {}
 
   // Collects the columns of front f: in each, rows ascending, duplicates by source.
   void collect(Index f) {
@@ -117,22 +118,23 @@ class FrontEntries {
 };
 
 // Where each front's entries begin (fronts + 1): all entries of a front stand together. Fronts ascend like positions,
-// so an entry belongs to the lower front of its row and its column.
+// so an entry belongs to the lower front of its row and its column. The border counts as a front behind the last.
 std::vector<Offset> count_entries(const Plan& plan, const Permuted& permuted, base::ThreadPool& pool) {
   constexpr std::int64_t kColumns = 4096;  // per range
   const MatrixView& a = permuted.a;
   const auto& t = plan.tree;
-  std::vector<Index> of_position(permuted.order.size()), of_row(permuted.order.size());
+  const Index all = t.n + t.border;
+  std::vector<Index> of_position(static_cast<std::size_t>(all), plan.fronts()), of_row(of_position.size());
   pool.for_each_range(plan.fronts(), kFrontsPerRange, [&](std::int64_t b, std::int64_t e) {
     for (auto f = static_cast<Index>(b); f < e; ++f)
       std::fill(of_position.begin() + t.first[f], of_position.begin() + t.first[f + 1], f);
   });
-  pool.for_each_range(t.n, kColumns, [&](std::int64_t b, std::int64_t e) {
+  pool.for_each_range(all, kColumns, [&](std::int64_t b, std::int64_t e) {
     for (std::int64_t r = b; r < e; ++r) of_row[r] = of_position[permuted.row_position[r]];
   });
-  std::vector<Offset> begin(static_cast<std::size_t>(plan.fronts()) + 1, 0);
+  std::vector<Offset> begin(static_cast<std::size_t>(plan.fronts()) + 2, 0);
   const bool both = a.storage == Storage::symmetric_both;
-  pool.for_each_range(t.n, kColumns, [&](std::int64_t b, std::int64_t e) {
+  pool.for_each_range(all, kColumns, [&](std::int64_t b, std::int64_t e) {
     for (auto c = static_cast<Index>(b); c < e; ++c) {
       const Index mine = of_position[permuted.column_position[c]];
       Index front = mine;
@@ -152,6 +154,37 @@ std::vector<Offset> count_entries(const Plan& plan, const Permuted& permuted, ba
       add();
     }
   });
+  begin.pop_back();
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  return begin;
+}
+
+// The front before whose entries this one has, in the same tiles; -1: none.
+Index kept_front(const Plan& plan, Index f, const KeptEntries* kept) {
+  const Index old = kept == nullptr ? -1 : kept->same[f];
+  if (old < 0) return -1;
+  const FrontLayout &l = plan.layout[f], &was = kept->before.layout[old];
+  const bool same = l.pivots == was.pivots && l.rows == was.rows && l.pivot_width == was.pivot_width &&
+                    l.below_width == was.below_width && plan.whole[f] == kept->before.whole[old];
+  return same ? old : -1;
+}
+
+// The same where the entries of most fronts are known.
+std::vector<Offset> count_others(const Plan& plan, const Permuted& permuted, const KeptEntries& kept,
+                                 base::ThreadPool& pool) {
+  const Plan& was = kept.before;
+  std::vector<Offset> begin(static_cast<std::size_t>(plan.fronts()) + 1, 0);
+  pool.for_each_range(plan.fronts(), kFrontsPerRange, [&](std::int64_t b, std::int64_t e) {
+    for (auto f = static_cast<Index>(b); f < e; ++f) {
+      Offset& count = begin[f + 1];
+      if (const Index old = kept_front(plan, f, &kept); old >= 0) {
+        count = was.entry_ptr[was.first_tile[old + 1]] - was.entry_ptr[was.first_tile[old]];
+        continue;
+      }
+      for (Index k = plan.tree.first[f]; k < plan.tree.first[f + 1]; ++k)
+        permuted.visit(k, [&](Offset, Index, bool) { ++count; });
+    }
+  });
   std::partial_sum(begin.begin(), begin.end(), begin.begin());
   return begin;
 }
@@ -159,14 +192,14 @@ std::vector<Offset> count_entries(const Plan& plan, const Permuted& permuted, ba
 Permuted permute(const Plan& plan, const EntrySource& from, base::ThreadPool& pool) {
   const std::vector<Index>& row_of_col = from.row_of_col;
   constexpr std::int64_t kPositions = 1 << 15;  // per range
-  const auto n = static_cast<std::size_t>(plan.tree.n);
+  const auto n = static_cast<std::size_t>(plan.tree.n + plan.tree.border);
   Permuted p{from.a,
              from.rows,
              plan.tree.order,
              row_of_col,
              plan.options.unsymmetric,
              analysis::LazyVector<Index>(n),
-             analysis::LazyVector<Index>(row_of_col.size()),
+             analysis::LazyVector<Index>(row_of_col.empty() ? 0 : n),
              {}};
   pool.for_each_range(plan.tree.n, kPositions, [&](std::int64_t b, std::int64_t e) {
     for (auto k = static_cast<Index>(b); k < e; ++k) p.column_position[plan.tree.order[k]] = k;
@@ -175,6 +208,8 @@ Permuted permute(const Plan& plan, const EntrySource& from, base::ThreadPool& po
     pool.for_each_range(plan.tree.n, kPositions, [&](std::int64_t b, std::int64_t e) {
       for (auto c = b; c < e; ++c) p.matched_position[row_of_col[c]] = p.column_position[c];
     });
+  std::iota(p.column_position.begin() + plan.tree.n, p.column_position.end(), plan.tree.n);
+  if (!row_of_col.empty()) std::iota(p.matched_position.begin() + plan.tree.n, p.matched_position.end(), plan.tree.n);
   p.row_position = row_of_col.empty() ? p.column_position : p.matched_position;
   return p;
 }
@@ -197,11 +232,25 @@ void place_front(Plan& plan, Index f, Offset begin, FrontEntries& front, std::ve
   front.visit(f, [&](Offset tile, const EntryPlace& e) { plan.entries[at[tile]++] = e; });
 }
 
+// Copies the entries of a front that is the same as before.
+void keep_front(Plan& plan, Index f, Offset begin, const KeptEntries& kept) {
+  const Plan& was = kept.before;
+  const Index old = kept.same[f];
+  const Offset tiles = plan.layout[f].tile_count(), tile = was.first_tile[old], first = was.entry_ptr[tile];
+  const Offset end = was.entry_ptr[tile + tiles];
+  for (Offset k = 0; k < tiles; ++k) plan.entry_ptr[plan.first_tile[f] + k] = was.entry_ptr[tile + k] - first + begin;
+  for (Offset k = 0; k < end - first; ++k) {
+    const EntryPlace& e = was.entries[first + k];
+    plan.entries[begin + k] = EntryPlace(kept.now(e.source()), e.row(), e.col(), e.transposed());
+  }
+}
+
 }  // namespace
 
-void place_entries(Plan& plan, const EntrySource& from, base::ThreadPool& pool) {
+void place_entries(Plan& plan, const EntrySource& from, base::ThreadPool& pool, const KeptEntries* kept) {
   const Permuted permuted = permute(plan, from, pool);
-  const std::vector<Offset> begin = count_entries(plan, permuted, pool);
+  const std::vector<Offset> begin =
+      kept != nullptr ? count_others(plan, permuted, *kept, pool) : count_entries(plan, permuted, pool);
   plan.entry_ptr.assign(static_cast<std::size_t>(plan.tiles()) + 1, 0);
   plan.entries.resize(static_cast<std::size_t>(begin.back()));
   std::vector<Index> draw{0};  // its first front; the large fronts at the end, most of them alone, are taken first
@@ -215,7 +264,10 @@ void place_entries(Plan& plan, const EntrySource& from, base::ThreadPool& pool) 
       const std::size_t p = ++taken;
       if (p >= draw.size()) return;
       for (Index f = draw[draw.size() - p - 1]; f < draw[draw.size() - p]; ++f)
-        place_front(plan, f, begin[f], front, at);
+        if (kept_front(plan, f, kept) >= 0)
+          keep_front(plan, f, begin[f], *kept);
+        else
+          place_front(plan, f, begin[f], front, at);
     }
   });
   plan.entry_ptr.back() = static_cast<Offset>(plan.entries.size());

@@ -19,7 +19,7 @@ struct EntrySource {
 };
 
 /// @pre tree, layout, whole, first_tile
-void place_entries(Plan& plan, const EntrySource& from, base::ThreadPool& pool);
+void place_entries(Plan& plan, const EntrySource& from, base::ThreadPool& pool, const KeptEntries* kept = nullptr);
 
 /// The same where most fronts have the columns, rows and tiles of a front of another plan of this matrix, whose entries
 /// are copied.

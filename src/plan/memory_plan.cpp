@@ -216,9 +216,11 @@ class MemoryPlanner {
     }
     factor_ends_.emplace_back(plan_.first_task[f], factor_end_);
     const Index parent = plan_.tree.parent[f];
+    const Offset contribution = contribution_entries(f) * (plan_.options.unsymmetric ? 2 : 1);
     if (m_.on_stack[f] == 0 && parent >= 0)
-      take(contribution_, f, contribution_entries(f) * (plan_.options.unsymmetric ? 2 : 1), plan_.last_task[parent],
-           parent);
+      take(contribution_, f, contribution, plan_.last_task[parent], parent);
+    else if (parent < 0 && plan_.tree.border > 0)  // what is left for the border stays
+      take(contribution_, f, contribution, static_cast<Index>(all_tasks()), f);
   }
 
   void end_front(Index f, Index task) {

@@ -33,12 +33,23 @@ Costs subtree_costs(const Plan& plan) {
   return c;
 }
 
+// A forest and who shares it.
+struct Forest {
+  std::vector<Index> roots;  // fronts
+  double seconds = 0;        // predicted for all of it
+  Index devices = 1;
+
+  Forest(std::vector<Index> the_roots, const Costs& costs, Index the_devices)
+      : roots(std::move(the_roots)), devices(the_devices) {
+    for (const Index f : roots) seconds += costs.seconds[f];
+  }
+};
+
 // Roots of the sub-trees that are left when nothing above `largest` seconds is, ascending. What may become one range
 // task is not cut.
-std::vector<Index> cut_tree(const Plan& plan, const Costs& costs, double largest) {
+std::vector<Index> cut_tree(const Plan& plan, const Costs& costs, const Forest& forest, double largest) {
   std::priority_queue<std::pair<double, Index>> open;
-  for (Index f = 0; f < plan.fronts(); ++f)
-    if (plan.tree.parent[f] < 0) open.emplace(costs.seconds[f], f);
+  for (const Index f : forest.roots) open.emplace(costs.seconds[f], f);
   std::vector<Index> roots;
   while (!open.empty()) {
     const auto [seconds, f] = open.top();
@@ -126,13 +137,15 @@ double imbalance(const Plan& plan, const std::vector<SubTree>& subtrees, Index d
 // In the order of the tree where that is balanced but for what the top makes up for, else largest first. In virtual
 // time on 2, 4 and 8 H200s nothing loses by a tolerance of a tenth (64^3 on eight 53 instead of 64 ms, plate 1200 on
 // four 109 instead of 117), and a fifth brings no more.
-std::vector<SubTree> cut_and_assign(const Plan& plan, const Costs& costs, double total, Index devices) {
+std::vector<SubTree> cut_and_assign(const Plan& plan, const Costs& costs, const Forest& forest) {
+  const Index devices = forest.devices;
   constexpr double kEnough = 1.05, kEnoughInOrder = 1.1, kStep = 0.5, kMost = 2;
   std::vector<SubTree> best;
   double least = 0;
   for (double more = 0; more <= kMost; more += kStep) {
-    const double largest = total / (static_cast<double>(devices) * (1 + plan.options.additional_subtrees + more));
-    const std::vector<SubTree> cut = gather(cut_tree(plan, costs, largest), costs, kSmallPart * largest);
+    const double largest =
+        forest.seconds / (static_cast<double>(devices) * (1 + plan.options.additional_subtrees + more));
+    const std::vector<SubTree> cut = gather(cut_tree(plan, costs, forest, largest), costs, kSmallPart * largest);
     std::vector<SubTree> in_order = cut, now = cut;
     assign_in_order(plan, in_order, devices);
     if (imbalance(plan, in_order, devices) <= kEnoughInOrder) return in_order;
@@ -145,6 +158,25 @@ std::vector<SubTree> cut_and_assign(const Plan& plan, const Costs& costs, double
     if (least <= kEnough) break;
   }
   return best;
+}
+
+// For ranks first, then each rank's part for its devices: few fronts then belong to several ranks.
+std::vector<SubTree> cut_for_ranks(const Plan& plan, const Costs& costs, std::vector<Index> roots) {
+  const Index ranks = plan.options.ranks, each = plan.options.devices / ranks;
+  std::vector<SubTree> first = cut_and_assign(plan, costs, Forest(std::move(roots), costs, ranks));
+  if (each == 1) return first;
+  std::vector<SubTree> all;
+  for (Index r = 0; r < ranks; ++r) {
+    std::vector<Index> own;
+    for (const SubTree& s : first)
+      if (s.device == r) own.insert(own.end(), s.roots.begin(), s.roots.end());
+    std::sort(own.begin(), own.end());
+    for (SubTree& s : cut_and_assign(plan, costs, Forest(std::move(own), costs, each))) {
+      s.device += r * each;
+      all.push_back(std::move(s));
+    }
+  }
+  return all;
 }
 
 // Who works on a front or needs its factor: its sub-tree's device; in the top, everybody with a sub-tree below.
@@ -242,10 +274,11 @@ Ownership assign_owners(const Plan& plan) {
   a.shared_top = plan.options.shared_top;
   if (a.devices == 1) return a;
   const Costs costs = subtree_costs(plan);
-  double total = 0;
+  std::vector<Index> roots;
   for (Index f = 0; f < plan.fronts(); ++f)
-    if (plan.tree.parent[f] < 0) total += costs.seconds[f];
-  a.subtrees = cut_and_assign(plan, costs, total, a.devices);
+    if (plan.tree.parent[f] < 0) roots.push_back(f);
+  a.subtrees = plan.options.ranks > 1 ? cut_for_ranks(plan, costs, std::move(roots))
+                                      : cut_and_assign(plan, costs, Forest(std::move(roots), costs, a.devices));
   a.subtree_of.assign(static_cast<std::size_t>(plan.fronts()), -1);
   for (std::size_t s = 0; s < a.subtrees.size(); ++s)
     for (const Index f : a.subtrees[s].roots) a.subtree_of[f] = static_cast<Index>(s);

@@ -10,6 +10,7 @@
 #include "base/beside.hpp"
 #include "plan/entry_places.hpp"
 #include "plan/layout_steps.hpp"
+#include "plan/rank_parts.hpp"
 #include "plan/regions.hpp"
 #include "plan/task_list.hpp"
 
@@ -87,7 +88,8 @@ double front_seconds(const Plan& plan, Index f) {
 }
 
 Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vector<Index>& row_of_col,
-               const PlanOptions& options, base::ThreadPool& pool, const matrix::RowIndex* rows) {
+               const PlanOptions& options, base::ThreadPool& pool, const matrix::RowIndex* rows,
+               const KeptEntries* kept) {
   if (options.tiles.max_block_size > kMostTileWidth || options.tiles.whole_rows > kMostTileWidth)
     throw Error(StatusCode::invalid_input, fmt::format("max_block_size {} is above the limit of {}",
                                                        options.tiles.max_block_size, kMostTileWidth));
@@ -100,6 +102,7 @@ Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vect
   const auto list_and_place = [&plan, threads = pool.size()] {
     plan.ownership = assign_owners(plan);
     list_tasks(plan);
+    if (plan.options.ranks > 1) return;  // memory is planned when rows are related
     if (plan.options.arrays == nullptr) return plan_memory(plan);
     const ArraySizes sizes = array_sizes(plan, name_regions(plan, true));
     plan_memory(plan, &sizes, threads);
@@ -108,8 +111,9 @@ Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vect
   relate_rows(plan, pool);
   matrix::RowIndex own;
   if (rows == nullptr || rows->ptr.empty()) rows = &(own = matrix::index_rows(a, pool));
-  place_entries(plan, {a, *rows, row_of_col}, pool);
+  place_entries(plan, {a, *rows, row_of_col}, pool, kept);
   beside.get();
+  if (plan.options.ranks > 1) plan.memory = memory_of_rank(plan, plan.options.rank);
   return plan;
 }
 

@@ -81,7 +81,11 @@ struct PlanOptions {
       4 << 20;           ///< sub-trees whose contributions all fit here are taken tier by tier, others branch by branch
   Index interleave = 4;  ///< that many fronts of a tier advance together, block column by block column
   Index reuse_distance = 64;  ///< a dead region is reused only by fronts that start so many tasks later
-  Index devices = 1;          ///< devices that share the plan
+  Index devices = 1;          ///< devices that share the plan, of all ranks together
+  /// Ranks (processes that exchange messages) that the devices belong to, in equal parts, one rank after another. The
+  /// tree is cut for ranks first, then each rank's part for its devices. Memory is planned for what `rank` keeps alone.
+  Index ranks = 1;
+  Index rank = 0;
   /// Several devices: sub-trees per device beyond the first, so that what one device lacks another can give. More of
   /// them balance better, but leave more of the tree to the shared top and take more memory. By the cost model, on 2
   /// and 4 devices, the largest load is above the mean by 0, 1, 3: 11, 0.6, 0.6 % of a device's share at worst, and the
@@ -158,12 +162,16 @@ struct Plan {
   [[nodiscard]] Offset tiles() const { return first_tile.back(); }
 };
 
+struct KeptEntries;
+
 /// Lays out the plan of a matrix with the pattern of `a` (symmetric storage: either triangle or both; duplicates
 /// allowed). For lu, row_of_col[c] is the row matched to column c (empty: c itself): the plan is that of the
 /// row-permuted matrix.
 /// @param rows  index of `a`; null, or of a pattern in both triangles: made here
+/// @param kept  what is known of a plan before (plan/kept_entries.hpp); null: nothing
 Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vector<Index>& row_of_col,
-               const PlanOptions& options, base::ThreadPool& pool, const matrix::RowIndex* rows = nullptr);
+               const PlanOptions& options, base::ThreadPool& pool, const matrix::RowIndex* rows = nullptr,
+               const KeptEntries* kept = nullptr);
 
 /// The plan with its tasks listed for one device; no places in memory.
 Plan plan_for_one_device(const Plan& plan);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <complex>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -58,30 +59,35 @@ std::shared_ptr<const matrix::RowIndex> ResidualOperator::rows_of(const MatrixVi
 
 // Calls use0 and use1 in turn with (value, column) for every entry of a row of op(A), in a fixed order: two chains of
 // sums that the processor can follow side by side.
-template <class Use0, class Use1>
+template <class Value, class Use0, class Use1>
 [[gnu::always_inline]] inline void ResidualOperator::visit_row(Index row, bool transpose, Use0&& use0,
                                                                Use1&& use1) const {
   const bool general = a_.storage == Storage::general;
+  const Value* const values = reinterpret_cast<const Value*>(values_.data());
+  const bool turned = numbers_ == base::Numbers::hermitian;  // a column is the conjugate of the row
+  const auto mirrored = [&](Offset q) __attribute__((always_inline)) {
+    return turned ? base::conjugate(values[q]) : values[q];
+  };
   if (!general || transpose) {
     Offset q = a_.col_ptr[row];
     const Offset end = a_.col_ptr[row + 1];
     for (; q + 1 < end; q += 2) {
-      use0(values_[q], a_.row_ind[q]);
-      use1(values_[q + 1], a_.row_ind[q + 1]);
+      use0(mirrored(q), a_.row_ind[q]);
+      use1(mirrored(q + 1), a_.row_ind[q + 1]);
     }
-    if (q < end) use0(values_[q], a_.row_ind[q]);
+    if (q < end) use0(mirrored(q), a_.row_ind[q]);
   }
   const matrix::RowIndex& rows = *rows_;
   if (rows.ptr.empty() || (general && transpose)) return;
   Offset q = rows.ptr[row];
   const Offset end = rows.ptr[row + 1];
   for (; q + 1 < end; q += 2) {
-    __builtin_prefetch(&values_[rows.source[std::min(q + kAhead, end - 1)]]);
-    __builtin_prefetch(&values_[rows.source[std::min(q + kAhead + 1, end - 1)]]);
-    use0(values_[rows.source[q]], rows.col[q]);
-    use1(values_[rows.source[q + 1]], rows.col[q + 1]);
+    __builtin_prefetch(&values[rows.source[std::min(q + kAhead, end - 1)]]);
+    __builtin_prefetch(&values[rows.source[std::min(q + kAhead + 1, end - 1)]]);
+    use0(values[rows.source[q]], rows.col[q]);
+    use1(values[rows.source[q + 1]], rows.col[q + 1]);
   }
-  if (q < end) use0(values_[rows.source[q]], rows.col[q]);
+  if (q < end) use0(values[rows.source[q]], rows.col[q]);
 }
 
 void ResidualOperator::set_values(std::span<const double> values) {
@@ -91,21 +97,27 @@ void ResidualOperator::set_values(std::span<const double> values) {
 
 double ResidualOperator::norm(bool transpose) const {
   double& known = transpose && a_.storage == Storage::general ? norm_one_ : norm_inf_;
-  if (known >= 0) return known;
+  if (known < 0)
+    known = numbers_ == base::Numbers::real ? largest_row_sum<double>(transpose)
+                                            : largest_row_sum<std::complex<double>>(transpose);
+  return known;
+}
+
+template <class Value>
+double ResidualOperator::largest_row_sum(bool transpose) const {
   std::vector<double> range_max(static_cast<std::size_t>((a_.rows + kRowsPerRange - 1) / kRowsPerRange), 0);
   pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t b, std::int64_t e) {
     double most = 0;
     for (auto r = static_cast<Index>(b); r < e; ++r) {
       double sum0 = 0;
       double sum1 = 0;
-      visit_row(
-          r, transpose, [&](double v, Index) { sum0 += std::abs(v); }, [&](double v, Index) { sum1 += std::abs(v); });
+      visit_row<Value>(
+          r, transpose, [&](Value v, Index) { sum0 += std::abs(v); }, [&](Value v, Index) { sum1 += std::abs(v); });
       most = std::max(most, sum0 + sum1);
     }
     range_max[static_cast<std::size_t>(b / kRowsPerRange)] = most;
   });
-  known = range_max.empty() ? 0.0 : *std::max_element(range_max.begin(), range_max.end());
-  return known;
+  return range_max.empty() ? 0.0 : *std::max_element(range_max.begin(), range_max.end());
 }
 
 // What a range of rows contributes to the errors.
@@ -114,9 +126,10 @@ struct ResidualOperator::RangeErrors {
   bool finite = true;
 
   // One row: its residual, the sum of the magnitudes of its terms, and its entries of the vectors.
-  void add(double residual_i, double scale, double x_i, double b_i) {
+  template <class Value>
+  void add(Value residual_i, double scale, Value x_i, Value b_i) {
     const double magnitude = std::abs(residual_i);
-    finite = finite && std::isfinite(magnitude) && std::isfinite(x_i);
+    finite = finite && std::isfinite(magnitude) && std::isfinite(std::abs(x_i));
     residual = std::max(residual, magnitude);
     componentwise = std::max(componentwise, ratio(magnitude, scale));
     x = std::max(x, std::abs(x_i));
@@ -133,7 +146,9 @@ struct ResidualOperator::RowRange {
   bool transpose;
 };
 
-[[gnu::always_inline]] inline void ResidualOperator::residual_rows(const RowRange& rows, RangeErrors& errors) const {
+template <>
+[[gnu::always_inline]] inline void ResidualOperator::residual_rows<double>(const RowRange& rows,
+                                                                           RangeErrors& errors) const {
   const double* const x = rows.x;
   for (Index i = rows.begin; i < rows.end; ++i) {
     const double b_i = rows.b[i];
@@ -141,7 +156,7 @@ struct ResidualOperator::RowRange {
     LongSum sum1(0);
     double scale0 = std::abs(b_i);
     double scale1 = 0;
-    visit_row(
+    visit_row<double>(
         i, rows.transpose,
         [&](double v, Index c) __attribute__((always_inline)) {
           sum0.subtract_product(v, x[c]);
@@ -158,12 +173,51 @@ struct ResidualOperator::RowRange {
   }
 }
 
+namespace {
+
+// The parts of a complex sum.
+struct LongComplexSum {
+  LongSum re, im;
+  double scale;
+
+  explicit LongComplexSum(std::complex<double> start) : re(start.real()), im(start.imag()), scale(std::abs(start)) {}
+  [[gnu::always_inline]] void subtract_product(std::complex<double> a, std::complex<double> b) {
+    re.subtract_product(a.real(), b.real());
+    re.subtract_product(-a.imag(), b.imag());
+    im.subtract_product(a.real(), b.imag());
+    im.subtract_product(a.imag(), b.real());
+    // |a b|; near the overflow the library's magnitudes say whether it is one
+    const double plain = (a.real() * a.real() + a.imag() * a.imag()) * (b.real() * b.real() + b.imag() * b.imag());
+    scale += plain > 0x1p-900 && plain < 0x1p900 ? std::sqrt(plain) : std::abs(a) * std::abs(b);
+  }
+};
+
+}  // namespace
+
+template <>
+[[gnu::always_inline]] inline void ResidualOperator::residual_rows<std::complex<double>>(const RowRange& rows,
+                                                                                         RangeErrors& errors) const {
+  using Value = std::complex<double>;
+  const Value *const x = base::as_complex(rows.x), *const b = base::as_complex(rows.b);
+  for (Index i = rows.begin; i < rows.end; ++i) {
+    LongComplexSum sum(b[i]);
+    const auto subtract = [&](Value v, Index c) __attribute__((always_inline)) { sum.subtract_product(v, x[c]); };
+    visit_row<Value>(i, rows.transpose, subtract, subtract);
+    const Value value(sum.re.value(), sum.im.value());
+    errors.add(value, sum.scale, x[i], b[i]);
+    if (rows.r != nullptr) base::as_complex(rows.r)[i] = value;
+  }
+}
+
 // std::fma is a call into the C library unless the compiler may assume the instruction, so the rows are compiled once
 // more for processors that have it. Both give the same bits.
 #if defined(__x86_64__)
 __attribute__((target("avx2,fma"))) void ResidualOperator::residual_rows_fma(const RowRange& rows,
                                                                              RangeErrors& errors) const {
-  residual_rows(rows, errors);
+  if (numbers_ == base::Numbers::real)
+    residual_rows<double>(rows, errors);
+  else
+    residual_rows<std::complex<double>>(rows, errors);
 }
 #endif
 
@@ -176,7 +230,10 @@ BackwardError ResidualOperator::compute(const double* b, const double* x, double
     static const bool fma = __builtin_cpu_supports("fma") != 0 && __builtin_cpu_supports("avx2") != 0;
     if (fma) return residual_rows_fma(rows, errors);
 #endif
-    residual_rows(rows, errors);
+    if (numbers_ == base::Numbers::real)
+      residual_rows<double>(rows, errors);
+    else
+      residual_rows<std::complex<double>>(rows, errors);
   });
   return judge(ranges, transpose);
 }
@@ -204,7 +261,7 @@ void ResidualOperator::compute(std::span<ResidualColumn> columns, bool transpose
   const auto lanes = static_cast<std::size_t>(sums.lanes);
   base::Buffer<double> packed;
   while (!columns.empty()) {
-    if (lanes == 0 || columns.size() == 1) {
+    if (lanes == 0 || columns.size() == 1 || numbers_ != base::Numbers::real) {
       ResidualColumn& c = columns.front();
       c.error = compute(c.b, c.x, c.r, transpose);
       columns = columns.subspan(1);
@@ -233,7 +290,7 @@ RowEntries ResidualOperator::gather_row(Index row, bool transpose, std::vector<d
     *value++ = v;
     *col++ = c;
   };
-  visit_row(row, transpose, keep, keep);
+  visit_row<double>(row, transpose, keep, keep);
   const auto count = static_cast<std::size_t>(value - values.data());
   return {std::span<const double>(values).first(count), std::span<const Index>(cols).first(count)};
 }
@@ -273,19 +330,27 @@ void ResidualOperator::compute_pass(std::span<ResidualColumn> columns, const Row
 }
 
 void ResidualOperator::multiply(const double* x, double* y, bool transpose) const {
+  if (numbers_ == base::Numbers::real)
+    multiply_rows(x, y, transpose);
+  else
+    multiply_rows(base::as_complex(x), base::as_complex(y), transpose);
+}
+
+template <class Value>
+void ResidualOperator::multiply_rows(const Value* x, Value* y, bool transpose) const {
   pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto i = static_cast<Index>(begin); i < end; ++i) {
-      double sum0 = 0;
-      double sum1 = 0;
-      visit_row(
-          i, transpose, [&](double v, Index c) { sum0 += v * x[c]; }, [&](double v, Index c) { sum1 += v * x[c]; });
+      Value sum0 = 0;
+      Value sum1 = 0;
+      visit_row<Value>(
+          i, transpose, [&](Value v, Index c) { sum0 += v * x[c]; }, [&](Value v, Index c) { sum1 += v * x[c]; });
       y[i] = sum0 + sum1;
     }
   });
 }
 
 void ResidualOperator::combine(double a, const double* x, double b, double* y) const {
-  pool_->for_each_range(a_.rows, kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {
+  pool_->for_each_range(size(), kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {
     if (b == 0) {
       for (auto i = begin; i < end; ++i) y[i] = a * x[i];
     } else {
@@ -295,21 +360,21 @@ void ResidualOperator::combine(double a, const double* x, double b, double* y) c
 }
 
 double ResidualOperator::dot(const double* a, const double* b) const {
-  std::vector<double> sums(static_cast<std::size_t>((a_.rows + kValuesPerRange - 1) / kValuesPerRange), 0);
-  pool_->for_each_range(a_.rows, kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {
+  std::vector<double> sums(static_cast<std::size_t>((size() + kValuesPerRange - 1) / kValuesPerRange), 0);
+  pool_->for_each_range(size(), kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {
     sums[static_cast<std::size_t>(begin / kValuesPerRange)] = std::inner_product(a + begin, a + end, b + begin, 0.0);
   });
   return std::accumulate(sums.begin(), sums.end(), 0.0);
 }
 
 void ResidualOperator::copy(const double* from, double* to) const {
-  pool_->for_each_range(a_.rows, kValuesPerRange,
+  pool_->for_each_range(size(), kValuesPerRange,
                         [&](std::int64_t begin, std::int64_t end) { std::copy(from + begin, from + end, to + begin); });
 }
 
 bool ResidualOperator::add(const double* from, double* to) const {
   std::atomic<bool> finite{true};
-  pool_->for_each_range(a_.rows, kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {
+  pool_->for_each_range(size(), kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {
     bool fine = true;
     for (auto i = begin; i < end; ++i) {
       fine = fine && std::isfinite(to[i]);
@@ -321,7 +386,7 @@ bool ResidualOperator::add(const double* from, double* to) const {
 }
 
 ResidualSpace::Vectors ResidualOperator::vectors(Index, Index columns) const {
-  auto owner = std::make_shared<base::Buffer<double>>(Offset{a_.rows} * columns, nullptr);
+  auto owner = std::make_shared<base::Buffer<double>>(Offset{size()} * columns, nullptr);
   double* data = owner->data();
   return {data, std::move(owner)};
 }

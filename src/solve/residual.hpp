@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/memory.hpp"
+#include "base/scalar.hpp"
 #include "base/thread_pool.hpp"
 #include "device/residual_space.hpp"
 #include "espalier/matrix.hpp"
@@ -23,13 +24,18 @@ using device::ResidualSpace;
 
 /// Computes b - A x and b - A^T x for one pattern and changing values. Products are accumulated in twice the working
 /// precision (error-free transformations of Ogita, Rump and Oishi 2005).
+///
+/// Complex values and vectors are passed as doubles (base::Numbers); size() counts doubles, products and sums with real
+/// factors and the scalar product are those of the real space of twice the dimension, which is all that refinement and
+/// the Krylov methods ask for.
 class ResidualOperator final : public ResidualSpace {
  public:
   /// Indexes the pattern of `a` (any storage; duplicates allowed) by rows. @param a must outlive the operator
   ResidualOperator(const MatrixView& a, base::ThreadPool& pool);
   /// The same with an index that is there already (rows_of()).
-  ResidualOperator(const MatrixView& a, std::shared_ptr<const matrix::RowIndex> rows, base::ThreadPool& pool)
-      : a_(a), values_(a.values), pool_(&pool), rows_(std::move(rows)) {}
+  ResidualOperator(const MatrixView& a, std::shared_ptr<const matrix::RowIndex> rows, base::ThreadPool& pool,
+                   base::Numbers numbers = base::Numbers::real)
+      : a_(a), values_(a.values), pool_(&pool), rows_(std::move(rows)), numbers_(numbers) {}
   /// The index that operators of a pattern share; without entries where both triangles are stored: there a column is
   /// the row.
   static std::shared_ptr<const matrix::RowIndex> rows_of(const MatrixView& a, base::ThreadPool& pool);
@@ -48,7 +54,8 @@ class ResidualOperator final : public ResidualSpace {
 
   /// |op(A)|_inf; computed when first asked for after set_values(). Not safe for concurrent first calls.
   [[nodiscard]] double norm(bool transpose) const;
-  [[nodiscard]] Index size() const override { return a_.rows; }
+  /// Doubles in a vector.
+  [[nodiscard]] Index size() const override { return base::parts_of(numbers_) * a_.rows; }
   void copy(const double* from, double* to) const override;
   bool add(const double* from, double* to) const override;
   [[nodiscard]] Vectors vectors(Index slot, Index columns) const override;
@@ -59,18 +66,24 @@ class ResidualOperator final : public ResidualSpace {
  private:
   struct RangeErrors;
   struct RowRange;
-  void residual_rows(const RowRange& rows, RangeErrors& errors) const;
   void residual_rows_fma(const RowRange& rows, RangeErrors& errors) const;
   void compute_pass(std::span<ResidualColumn> columns, const RowSums& sums, double* packed, bool transpose) const;
   RowEntries gather_row(Index row, bool transpose, std::vector<double>& values, std::vector<Index>& cols) const;
   [[nodiscard]] BackwardError judge(std::span<const RangeErrors> ranges, bool transpose) const;
-  template <class Use0, class Use1>
+  template <class Value, class Use0, class Use1>
   void visit_row(Index row, bool transpose, Use0&& use0, Use1&& use1) const;
+  template <class Value>
+  void residual_rows(const RowRange& rows, RangeErrors& errors) const;
+  template <class Value>
+  void multiply_rows(const Value* x, Value* y, bool transpose) const;
+  template <class Value>
+  [[nodiscard]] double largest_row_sum(bool transpose) const;
 
   MatrixView a_;
   std::span<const double> values_;
   base::ThreadPool* pool_ = nullptr;
   std::shared_ptr<const matrix::RowIndex> rows_;
+  base::Numbers numbers_ = base::Numbers::real;
   mutable double norm_inf_ = -1;  // -1: not known yet
   mutable double norm_one_ = -1;
 };

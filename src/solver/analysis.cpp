@@ -9,15 +9,17 @@
 #include "analysis/verify.hpp"
 #include "matrix/validate.hpp"
 #include "solve/residual.hpp"
+#include "solver/analysis_draft.hpp"
 #include "solver/analysis_file.hpp"
 #include "solver/option_text.hpp"
 #include "solver/precision_choice.hpp"
 
 namespace espalier::solver {
 
-namespace {
-
-void check_matrix(const MatrixView& a, base::ThreadPool& pool) {
+// Complex values were checked where they came from.
+void check_matrix(const GivenMatrix& given, base::ThreadPool& pool) {
+  MatrixView a = given.a;
+  if (given.numbers != base::Numbers::real) a.values = {};
   if (a.rows != a.cols)
     throw Error(StatusCode::invalid_input,
                 fmt::format("the matrix is {} x {}; a linear system needs a square one", a.rows, a.cols));
@@ -25,32 +27,43 @@ void check_matrix(const MatrixView& a, base::ThreadPool& pool) {
   matrix::validate(a, &pool);
 }
 
+namespace {
+
 Offset plan_bytes(const plan::Plan& p) {
   const auto of = [](const auto& v) { return static_cast<Offset>(v.size() * sizeof(v[0])); };
   return of(p.tree.order) + of(p.tree.rows) + of(p.relative) + of(p.layout) + of(p.entry_ptr) + of(p.entries) +
          of(p.tasks) + of(p.memory.factor) * 4 + of(p.tree.parent) * 6;
 }
 
-// An analysis in the making.
-struct Draft {
-  System system;
-  Values values;
-  AnalysisResult result;
-};
-
 device::PlanWish wish_of(const System& system, const Context& context) {
   device::PlanWish wish;
   wish.kind = system.kind;
   wish.precision = context.precision();
+  wish.complex = system.numbers() != base::Numbers::real;
   wish.max_block_size = context.options.max_block_size;
   wish.sharing = context.options.sharing;
-  wish.threads = context.pool.size();
+  wish.threads = context.threads();
+  if (context.link != nullptr) {
+    wish.ranks = context.link->size();
+    wish.rank = context.link->rank();
+  }
   wish.machine = plan::machine_with(context.options.machine);
   return wish;
 }
 
+plan::Plan bordered_plan(analysis::AssemblyTree tree, const System& system, const plan::PlanOptions& options,
+                         base::ThreadPool& pool) {
+  const BorderedPattern pattern = with_border(system.prepared, *system.border);
+  plan::Plan plan = plan::make_plan(std::move(tree), pattern.a, system.prepared.row_of_col, options, pool);
+  for (plan::EntryPlace& e : plan.entries)
+    e = {pattern.source[static_cast<std::size_t>(e.source())], e.row(), e.col(), e.transposed()};
+  return plan;
+}
+
+}  // namespace
+
 Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tree, Changes changes,
-                 const Context& context) {
+                 const Context& context, const plan::KeptEntries* kept) {
   const PreparedMatrix& p = system->prepared;
   device::PlanWish wish = wish_of(*system, context);
   if (changes.free_pivots) wish.max_block_size = 0;
@@ -58,8 +71,10 @@ Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tr
   wish.unequal = changes.device.unequal;
   wish.speed = changes.device.speed;
   Analysis made;
-  made.plan = plan::make_plan(std::move(tree), p.a, p.row_of_col, changes.device.backend->plan_options(wish),
-                              context.pool, system->rows.get());
+  const plan::PlanOptions options = changes.device.backend->plan_options(wish);
+  made.plan = tree.border > 0 ? bordered_plan(std::move(tree), *system, options, context.pool)
+                              : plan::make_plan(std::move(tree), p.a, p.row_of_col, options, context.pool,
+                                                system->rows.get(), kept);
   made.system = std::move(system);
   made.device = std::move(changes.device);
   made.moved_pivots = changes.moved_pivots;
@@ -72,7 +87,7 @@ void describe(Analysis& a, const Context& context) {
   AnalysisResult& r = a.result;
   r.kind = a.kind();
   r.nonzeros_factor = a.plan.nonzeros_factor;
-  r.flops = a.plan.flops;
+  r.flops = a.flops();
   r.fronts = a.plan.fronts();
   for (Index f = 0; f < a.plan.fronts(); ++f) {
     r.tiers = std::max(r.tiers, a.plan.tier[f] + 1);
@@ -83,18 +98,26 @@ void describe(Analysis& a, const Context& context) {
   r.device = a.device.reason;
 }
 
+namespace {
+
 // Chooses devices and lays out the plan: the end of every analysis.
 Analyzed finish(Draft draft, analysis::AssemblyTree tree, double start, double ordered, Context context) {
   auto system = std::make_shared<const System>(std::move(draft.system));
-  Changes changes{choose_device(context.options, context.registry, tree, wish_of(*system, context))};
+  Changes changes{context.link != nullptr
+                      ? device_of_ranks(context.options, context.registry, context.link->size())
+                      : choose_device(context.options, context.registry, tree, wish_of(*system, context))};
   if (!changes.device.notice.empty()) context.log(changes.device.notice);
+  if (system->border && changes.device.backend->limits().keeps_border)
+    add_border(tree, *system->border, system->prepared);
   double gain = 1;
-  if (context.options.precision == Precision::automatic && !context.raised) {
+  if (context.options.precision == Precision::automatic && !context.raised && context.link == nullptr) {
     gain = gain_of_single(*changes.device.backend, tree, wish_of(*system, context), changes.device.devices());
     context.raised = gain < kLeastGain;
   }
   auto made = std::make_shared<Analysis>(lay_out(std::move(system), std::move(tree), std::move(changes), context));
   made->gain_of_single = gain;
+  made->fill_of_ordering = made->plan.nonzeros_factor;
+  made->flops_of_ordering = made->plan.flops;
   made->result = std::move(draft.result);
   made->result.plan_seconds = base::now_seconds() - ordered;
   describe(*made, context);
@@ -107,7 +130,7 @@ Analyzed finish(Draft draft, analysis::AssemblyTree tree, double start, double o
 }
 
 // A copy of the matrix, scaled and matched for `kind`; then ordered.
-Draft prepare(const MatrixView& a, Kind kind, const Context& context) {
+Draft prepare(const GivenMatrix& a, Kind kind, const Context& context) {
   Draft draft;
   draft.system.kind = kind;
   draft.system.prepared = prepare_matrix(a, kind, context.pool);
@@ -119,16 +142,17 @@ Draft prepare(const MatrixView& a, Kind kind, const Context& context) {
 
 // Zeros among the entries belong to the pattern: where the others alone cannot be matched, the pattern is analyzed, as
 // if there were no values. Optimisers fill them in later.
-Draft prepare_pattern_at_worst(const MatrixView& a, Kind kind, const Context& context) {
+Draft prepare_pattern_at_worst(const GivenMatrix& a, Kind kind, const Context& context) {
   try {
     return prepare(a, kind, context);
   } catch (const Error& e) {
-    const bool zeros = std::find(a.values.begin(), a.values.end(), 0.0) != a.values.end();
+    const std::vector<double> sizes = magnitudes(a.numbers, a.a.values);
+    const bool zeros = std::find(sizes.begin(), sizes.end(), 0.0) != sizes.end();
     if (e.status().code != StatusCode::singular || !zeros) throw;
   }
   context.log("the entries that are not zero cannot be matched: the pattern is analyzed without its values");
-  MatrixView pattern = a;
-  pattern.values = {};
+  GivenMatrix pattern = a;
+  pattern.a.values = {};
   return prepare(pattern, kind, context);
 }
 
@@ -171,26 +195,32 @@ void check_tree(const std::string& path, const System& system, const analysis::A
 }  // namespace
 
 Offset Analysis::bytes() const {
-  const Offset values = system->prepared.a.nonzeros() * static_cast<Offset>(sizeof(double));
+  const Offset values = system->prepared.a.nonzeros() * system->parts() * static_cast<Offset>(sizeof(double));
   return system->bytes() + values + plan_bytes(plan);
 }
 
 Offset predicted_host_bytes(const Analysis& a, const Context& context) {
   const Offset n = a.n(), entries = a.system->prepared.a.nonzeros();
-  const Offset value_bytes = context.single() ? sizeof(float) : sizeof(double);
-  const Offset numbers = a.device.backend->executor_bytes(a.plan, a.kind(), context.precision(), context.pool.size());
-  const Offset vectors = 4 * n * static_cast<Offset>(sizeof(double));  // of llt's smallest pivots, of the refinement
+  const Offset parts = a.system->parts();
+  const Offset value_bytes = parts * static_cast<Offset>(context.single() ? sizeof(float) : sizeof(double));
+  const device::Backend& backend = *a.device.backend;
+  const Offset numbers =
+      parts == 1 ? backend.executor_bytes(a.plan, a.kind(), context.precision(), context.pool.size())
+                 : backend.complex_executor_bytes(a.plan, a.kind(), context.precision(), context.pool.size());
+  const Offset vectors =
+      4 * parts * n * static_cast<Offset>(sizeof(double));  // of llt's smallest pivots, of the refinement
   return a.bytes() + numbers + (entries + n) * value_bytes + vectors;
 }
 
-Analyzed analyze(const MatrixView& given, const Context& context) {
+Analyzed analyze(const GivenMatrix& given, const Context& context, std::shared_ptr<const Border> border) {
   const double start = base::now_seconds();
   check_matrix(given, context.pool);
-  MatrixView a = given;
-  if (!context.options.analyze_values) a.values = {};
+  GivenMatrix a = given;
+  if (!context.options.analyze_values) a.a.values = {};
   const Kind wish = context.options.kind;
   const Kind chosen = choose_kind(a, wish, context.pool);
   Draft draft = prepare_pattern_at_worst(a, chosen, context);
+  draft.system.border = std::move(border);
   draft.system.kind_may_change = wish == Kind::automatic && chosen == Kind::llt;
   return complete(std::move(draft), start, context);
 }
@@ -198,10 +228,11 @@ Analyzed analyze(const MatrixView& given, const Context& context) {
 Analyzed analyze_for_ldlt(const Analysis& llt, std::span<const double> values, const Context& context) {
   const double start = base::now_seconds();
   const PreparedMatrix& before = llt.system->prepared;
-  MatrixView a = before.a;
-  a.values = values;
+  GivenMatrix a(before.a, before.numbers);
+  a.a.values = values;
   Draft draft = prepare(a, Kind::ldlt, context);
   PreparedMatrix& p = draft.system.prepared;
+  draft.system.border = llt.system->border;
   p.target = before.target;
   p.caller_nonzeros = before.caller_nonzeros;
   p.caller_pattern = before.caller_pattern;
@@ -209,10 +240,11 @@ Analyzed analyze_for_ldlt(const Analysis& llt, std::span<const double> values, c
   return complete(std::move(draft), start, context);
 }
 
-Analyzed load_analysis(const std::string& path, const MatrixView& a, const Context& context) {
+Analyzed load_analysis(const std::string& path, const GivenMatrix& given, const Context& context) {
   const double start = base::now_seconds();
-  check_matrix(a, context.pool);
-  SavedAnalysis saved = read_analysis(path, pattern_hash(a, context.pool));
+  check_matrix(given, context.pool);
+  GivenMatrix a = given;
+  SavedAnalysis saved = read_analysis(path, pattern_hash(a.a, context.pool));
   const Kind wish = context.options.kind;
   if (wish != Kind::automatic && wish != saved.kind)
     throw Error(StatusCode::invalid_input, fmt::format("{}: the saved analysis is for {}, but {} was asked for", path,
@@ -238,6 +270,8 @@ SharedAnalysis lay_out_again(const Analysis& before, analysis::AssemblyTree tree
                              const Context& context) {
   auto made = std::make_shared<Analysis>(lay_out(before.system, std::move(tree), std::move(changes), context));
   made->gain_of_single = before.gain_of_single;
+  made->fill_of_ordering = before.fill_of_ordering;
+  made->flops_of_ordering = before.flops_of_ordering;
   made->result = before.result;
   if (made->device.reason != before.device.reason) made->result.device = made->device.reason;
   return made;
@@ -247,7 +281,7 @@ ChangedAnalysis change_analysis(const Analysis& before, analysis::AssemblyTree t
                                 Index moved_pivots, const Context& context) {
   const PreparedMatrix& p = before.system->prepared;
   const matrix::RowIndex& rows = *before.system->rows;
-  if (rows.ptr.empty()) return {};
+  if (rows.ptr.empty() || before.plan.tree.border > 0) return {};
   auto changed =
       plan::change_plan(before.plan, std::move(tree), std::move(front_before), p.a, p.row_of_col, rows, context.pool);
   if (!changed) return {};
@@ -259,6 +293,8 @@ ChangedAnalysis change_analysis(const Analysis& before, analysis::AssemblyTree t
   made->free_pivots = before.free_pivots;
   made->fp64 = before.fp64;
   made->gain_of_single = before.gain_of_single;
+  made->fill_of_ordering = before.fill_of_ordering;
+  made->flops_of_ordering = before.flops_of_ordering;
   made->result = before.result;
   return {std::move(made), std::move(changed->before)};
 }

@@ -7,6 +7,7 @@
 
 #include "matrix/row_index.hpp"
 #include "plan/changed_plan.hpp"
+#include "solver/border.hpp"
 #include "solver/context.hpp"
 #include "solver/device_choice.hpp"
 #include "solver/prepared_matrix.hpp"
@@ -19,22 +20,32 @@ struct System {
   bool kind_may_change = false;                  ///< automatic took llt: ldlt when a pivot is not positive
   PreparedMatrix prepared;                       ///< without values
   std::shared_ptr<const matrix::RowIndex> rows;  ///< of prepared.a, see ResidualOperator::rows_of()
+  std::shared_ptr<const Border> border;          ///< null: there is none
 
   [[nodiscard]] Offset bytes() const { return prepared.bytes() + rows->bytes(); }
+  [[nodiscard]] base::Numbers numbers() const { return prepared.numbers; }
+  /// Doubles in one number.
+  [[nodiscard]] Index parts() const { return base::parts_of(prepared.numbers); }
 };
 
 struct Analysis {
   std::shared_ptr<const System> system;
   DeviceChoice device;  ///< where it will be factorized
   plan::Plan plan;
-  Index moved_pivots = 0;      ///< columns moved to later fronts since analyze()
-  bool free_pivots = false;    ///< the host's own widths of tiles, whatever the caller asked for
-  bool fp64 = false;           ///< whatever the caller asked for: see Context::raised
-  double gain_of_single = 1;   ///< Precision::automatic: see gain_of_single()
-  AnalysisResult result = {};  ///< what analyze() tells the caller
+  Index moved_pivots = 0;        ///< columns moved to later fronts since analyze()
+  bool free_pivots = false;      ///< the host's own widths of tiles, whatever the caller asked for
+  bool fp64 = false;             ///< whatever the caller asked for: see Context::raised
+  double gain_of_single = 1;     ///< Precision::automatic: see gain_of_single()
+  Offset fill_of_ordering = 0;   ///< entries of the factor, and
+  double flops_of_ordering = 0;  ///< work, when all of it was ordered the last time
+  AnalysisResult result = {};    ///< what analyze() tells the caller
 
   [[nodiscard]] Kind kind() const { return system->kind; }
   [[nodiscard]] Index n() const { return plan.tree.n; }
+  /// Doubles in a vector of n numbers.
+  [[nodiscard]] Offset doubles() const { return Offset{system->parts()} * n(); }
+  /// Of real numbers: a complex multiplication and addition are eight, not two.
+  [[nodiscard]] double flops() const { return plan.flops * (system->parts() == 1 ? 1 : 4); }
   /// With the values of one factor.
   [[nodiscard]] Offset bytes() const;
 };
@@ -48,10 +59,11 @@ struct Analyzed {
   Values values;
 };
 
+/// @param border  null: none. It is part of the plan where the backend keeps it (Limits::keeps_border)
 /// @throws Error(invalid_input) for a matrix that is not square, has no rows, or is inconsistent
-Analyzed analyze(const MatrixView& a, const Context& context);
+Analyzed analyze(const GivenMatrix& a, const Context& context, std::shared_ptr<const Border> border = nullptr);
 /// From a file of write_analysis().
-Analyzed load_analysis(const std::string& path, const MatrixView& a, const Context& context);
+Analyzed load_analysis(const std::string& path, const GivenMatrix& a, const Context& context);
 /// The same system for ldlt, with these values; the caller's values still go where they went.
 Analyzed analyze_for_ldlt(const Analysis& llt, std::span<const double> values, const Context& context);
 
@@ -61,6 +73,17 @@ struct Changes {
   Index moved_pivots = 0;  ///< in all
   bool free_pivots = false;
 };
+/// An analysis for the pattern of `a` that keeps of `before` what the change of the pattern does not touch: the order
+/// but for a few unknowns (analysis/tree_change.hpp), scaling, matching, kind and devices. See
+/// Solver::analyze_change().
+struct FollowedAnalysis {
+  Analyzed made;  ///< no analysis: `why` says why all must be ordered anew
+  std::string why;
+  Offset added = 0, removed = 0;  ///< entries
+  Index moved = 0, kept = 0;      ///< unknowns; fronts
+};
+FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& a, const Context& context);
+
 /// The same system with this tree.
 SharedAnalysis lay_out_again(const Analysis& before, analysis::AssemblyTree tree, Changes changes,
                              const Context& context);

@@ -1,11 +1,15 @@
 /// \file
 /// The C interface: calls of the C++ solver under the lock of a handle.
 #include <algorithm>
+#include <complex>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <tuple>
+#include <type_traits>
 #include <utility>
+#include <vector>
 
 #include "solver/build_info.hpp"
 #include "solver/c_handle.hpp"
@@ -23,31 +27,56 @@ using espalier::StatusCode;
 using espalier::solver::CallerStatus;
 using espalier::solver::guarded;
 using espalier::solver::hand_out;
+using espalier::solver::make_solver;
 using espalier::solver::require;
 
 namespace {
 
-espalier::Solver& make_solver(espalier_solver& s) {
+espalier::Options options_of(espalier_solver& s) {
   if (!s.environment.status.ok()) throw Error(s.environment.status);
   espalier::Options options = s.options;
   if (s.log != nullptr) {
     options.log = [log = s.log, user = s.log_user](const std::string& line) { log(line.c_str(), user); };
   }
   s.solver.reset();  // gives back the memory of the pattern before
+  s.complex_solver.reset();
   if (s.interrupt != nullptr)
     options.interrupted = [ask = s.interrupt, user = s.interrupt_user] { return ask(user) != 0; };
-  return s.solver.emplace(std::move(options));
+  return options;
 }
 
-espalier::Solver& solver_of(espalier_solver& s) {
-  require(s.solver && s.solver->state() != espalier::Solver::State::empty, "call espalier_analyze first");
-  return *s.solver;
+}  // namespace
+
+espalier::Solver& espalier::solver::make_solver(espalier_solver& s) {
+  espalier::Options options = options_of(s);
+  return s.solver.emplace(s.ranks, std::move(options));
 }
 
-espalier::Solver& factorized(espalier_solver& s) {
-  require(s.solver && s.solver->state() == espalier::Solver::State::factorized, "call espalier_factorize first");
-  return *s.solver;
+namespace {
+
+espalier::ComplexSolver& make_complex_solver(espalier_solver& s) {
+  require(s.ranks.size() == 1, "complex systems are solved by one process");
+  espalier::Options options = options_of(s);
+  return s.complex_solver.emplace(std::move(options));
 }
+
+// Calls use(solver) with the solver that there is.
+template <class Use>
+auto with_solver(espalier_solver& s, const char* missing, espalier::Solver::State least, const Use& use) {
+  if (s.complex_solver && s.complex_solver->state() >= least) return use(*s.complex_solver);
+  require(s.solver && s.solver->state() >= least, missing);
+  return use(*s.solver);
+}
+template <class Use>
+auto with_analyzed(espalier_solver& s, const Use& use) {
+  return with_solver(s, "call espalier_analyze first", espalier::Solver::State::analyzed, use);
+}
+template <class Use>
+auto with_factorized(espalier_solver& s, const Use& use) {
+  return with_solver(s, "call espalier_factorize first", espalier::Solver::State::factorized, use);
+}
+
+const char* const kOnDevice = "arrays on a device: complex systems are solved on the host";
 
 /// What the solver says of the matrix, of the matrix that the caller gave: of compressed rows it has taken the
 /// transpose. The dependent rows of a symmetric matrix are columns, too.
@@ -58,17 +87,25 @@ CallerStatus to_caller(const espalier_solver& s, const Status& status, Kind kind
   return {{status.code, espalier::solver::transposed_text(status.message), -1}, status.row};
 }
 
+const espalier::MatrixView& view_for(const espalier::Solver&, const espalier::solver::CMatrix& m) { return m.view(); }
+const espalier::ComplexMatrixView& view_for(const espalier::ComplexSolver&, const espalier::solver::CMatrix& m) {
+  return m.complex_view();
+}
+
 /// Analysis of a new pattern by `analyze(solver, view)`.
 template <class Matrix, class Analyze>
 int analyze_by(espalier_solver* solver, const Matrix* a, espalier_analysis_info* info, const Analyze& analyze) {
   return guarded(solver, [&](espalier_solver& s) {
     require(a != nullptr, "the matrix is null");
+    require(s.ranks.size() == 1, "several ranks share the solver: give the matrix by espalier_analyze_rows");
     const espalier::solver::CMatrix matrix(*a, false);
-    const auto result = analyze(make_solver(s), matrix.view());
-    s.rows = matrix.view().rows;
+    const auto result = matrix.complex() ? analyze(make_complex_solver(s), matrix.complex_view())
+                                         : analyze(make_solver(s), matrix.view());
+    s.rows = s.vector_rows = matrix.view().rows;
     s.nonzeros = matrix.view().nonzeros();
     s.transposed = matrix.transposed();
     s.by_rows = matrix.by_rows();
+    s.conjugated = matrix.complex() && matrix.by_rows() && matrix.complex_view().hermitian();
     s.null_space = {};
     hand_out(result, info);
     return to_caller(s, result.status, result.kind);
@@ -77,26 +114,49 @@ int analyze_by(espalier_solver* solver, const Matrix* a, espalier_analysis_info*
 
 template <class Matrix>
 int analyze(espalier_solver* solver, const Matrix* a, espalier_analysis_info* info) {
-  return analyze_by(solver, a, info,
-                    [](espalier::Solver& s, const espalier::MatrixView& view) { return s.analyze(view); });
+  return analyze_by(solver, a, info, [](auto& s, const auto& view) { return s.analyze(view); });
+}
+
+// The solver goes on with the options of its last analysis.
+template <class Matrix>
+int analyze_change(espalier_solver* solver, const Matrix* a, std::int32_t* anew, espalier_analysis_info* info) {
+  return guarded(solver, [&](espalier_solver& s) {
+    require(a != nullptr, "the matrix is null");
+    require(!s.complex_solver, "a complex system is analyzed anew where its pattern changes: call espalier_analyze");
+    require(s.solver && s.solver->state() != espalier::Solver::State::empty, "call espalier_analyze first");
+    espalier::Solver& cpp = *s.solver;
+    const espalier::solver::CMatrix matrix(*a, false);
+    require(!matrix.complex(), "the numbers are not those of the analysed matrix");
+    const espalier::ChangeResult result = cpp.analyze_change(matrix.view());
+    s.rows = matrix.view().rows;
+    s.nonzeros = matrix.view().nonzeros();
+    s.transposed = matrix.transposed();
+    s.by_rows = matrix.by_rows();
+    s.null_space = {};
+    hand_out(result.analysis, info);
+    if (anew != nullptr) *anew = result.full ? 1 : 0;
+    return to_caller(s, result.analysis.status, result.analysis.kind);
+  });
 }
 
 template <class Matrix>
 int load_analysis(espalier_solver* solver, const char* path, const Matrix* a, espalier_analysis_info* info) {
-  return analyze_by(solver, a, info, [&](espalier::Solver& s, const espalier::MatrixView& view) {
+  return analyze_by(solver, a, info, [&](auto& s, const auto& view) {
     require(path != nullptr, "the path is null");
     return s.load_analysis(path, view);
   });
 }
 
 // A factorization by `call`.
-template <class Call>
-CallerStatus factorize_by(espalier_solver& s, espalier_factor_info* info, Call&& call) {
+template <class AnySolver, class Call>
+CallerStatus factorize_by(espalier_solver& s, AnySolver& cpp, espalier_factor_info* info, Call&& call) {
   s.null_space = {};
-  espalier::FactorResult result = call();
+  auto result = call();
   hand_out(result, info);
-  CallerStatus status = to_caller(s, result.status, s.solver->analysis().kind);
+  CallerStatus status = to_caller(s, result.status, cpp.analysis().kind);
   s.null_space = espalier::solver::null_space_of(std::move(result), s.transposed);
+  for (std::size_t k = 1; s.conjugated && k < s.null_space.vectors.size(); k += 2)
+    s.null_space.vectors[k] = -s.null_space.vectors[k];
   return status;
 }
 
@@ -104,10 +164,13 @@ template <class Matrix>
 int factorize(espalier_solver* solver, const Matrix* a, espalier_factor_info* info) {
   return guarded(solver, [&](espalier_solver& s) {
     require(a != nullptr, "the matrix is null");
-    espalier::Solver& cpp = solver_of(s);
+    require(s.solver || s.complex_solver, "call espalier_analyze first");
+    require(s.ranks.size() == 1, "several ranks share the solver: give values by espalier_refactorize");
     const espalier::solver::CMatrix matrix(*a, true);
     require(matrix.transposed() == s.transposed, "the layout is not that of the analysed matrix");
-    return factorize_by(s, info, [&] { return cpp.factorize(matrix.view()); });
+    require(matrix.complex() == s.complex_solver.has_value(), "the numbers are not those of the analysed matrix");
+    return with_analyzed(
+        s, [&](auto& cpp) { return factorize_by(s, cpp, info, [&] { return cpp.factorize(view_for(cpp, matrix)); }); });
   });
 }
 
@@ -116,35 +179,91 @@ template <class Call>
 int refactorize(espalier_solver* solver, const double* values, std::int64_t count, espalier_factor_info* info,
                 Call&& call) {
   return guarded(solver, [&](espalier_solver& s) {
-    espalier::Solver& cpp = solver_of(s);
-    require(count == s.nonzeros, "the number of values is not that of the analysed matrix");
-    require(count == 0 || values != nullptr, "the values are null");
-    return factorize_by(s, info, [&] { return call(cpp); });
+    return with_analyzed(s, [&](auto& cpp) {
+      require(count == s.nonzeros, "the number of values is not that of the analysed matrix");
+      require(count == 0 || values != nullptr, "the values are null");
+      return factorize_by(s, cpp, info, [&] { return call(cpp); });
+    });
   });
 }
 
 /// What the caller wants solved.
 struct RightHandSides {
   const double* b;
-  const double* x;
+  double* x;
   std::int64_t columns;
   int transpose;
 };
 
+/// How a system is solved with what the solver holds: A, or A^T of a general matrix by rows, or the conjugate of a
+/// Hermitian one by rows. Where the conjugate of what it can solve is wanted, right-hand sides and solutions are
+/// turned.
+class Conjugated {
+ public:
+  Conjugated(const espalier_solver& s, const RightHandSides& wanted, std::size_t size)
+      : wanted_(wanted), size_(size), complex_(s.complex_solver.has_value()) {
+    using espalier::Transpose;
+    const int t = wanted.transpose;
+    if (!complex_) {
+      const bool flip = (t != ESPALIER_NO_TRANSPOSE) != s.transposed;
+      transpose_ = flip ? Transpose::yes : Transpose::no;
+      return;
+    }
+    if (s.transposed) {  // A is the transpose of what is held; A^H is its conjugate
+      transpose_ = t == ESPALIER_NO_TRANSPOSE ? Transpose::yes : Transpose::no;
+      turned_ = t == ESPALIER_CONJUGATE_TRANSPOSE;
+    } else if (s.conjugated) {  // A is the transpose of what is held, which is Hermitian; A^H is A
+      transpose_ = t == ESPALIER_TRANSPOSE ? Transpose::no : Transpose::yes;
+    } else {
+      transpose_ = t == ESPALIER_NO_TRANSPOSE ? Transpose::no
+                   : t == ESPALIER_TRANSPOSE  ? Transpose::yes
+                                              : Transpose::conjugate;
+    }
+    if (!turned_) return;
+    copy_.assign(wanted.b, wanted.b + 2 * size);
+    turn(copy_.data());
+  }
+  [[nodiscard]] espalier::Transpose transpose() const { return transpose_; }
+  [[nodiscard]] const double* right_hand_sides() const { return turned_ ? copy_.data() : wanted_.b; }
+  void finish() {
+    if (turned_) turn(wanted_.x);
+  }
+
+ private:
+  void turn(double* v) const {
+    for (std::size_t k = 0; k < size_; ++k) v[2 * k + 1] = -v[2 * k + 1];
+  }
+
+  const RightHandSides& wanted_;
+  std::size_t size_;
+  bool complex_, turned_ = false;
+  espalier::Transpose transpose_ = espalier::Transpose::no;
+  std::vector<double> copy_;
+};
+
+std::span<const std::complex<double>> complex_span(const double* v, std::size_t count) {
+  return {reinterpret_cast<const std::complex<double>*>(v), count};
+}
+std::span<std::complex<double>> complex_span(double* v, std::size_t count) {
+  return {reinterpret_cast<std::complex<double>*>(v), count};
+}
+
 template <class Call>
 int solve(espalier_solver* solver, const RightHandSides& wanted, espalier_solve_info* info, Call&& call) {
   return guarded(solver, [&](espalier_solver& s) {
-    const std::int64_t columns = wanted.columns;
-    const bool transposed = wanted.transpose == ESPALIER_TRANSPOSE;
-    espalier::Solver& cpp = factorized(s);
-    require(columns >= 1 && columns <= INT32_MAX, "the number of right-hand sides must lie from 1 to 2^31 - 1");
-    require(wanted.transpose == ESPALIER_NO_TRANSPOSE || transposed, "transpose must be 0 or 1");
-    const auto size = static_cast<std::size_t>(columns) * static_cast<std::size_t>(s.rows);
-    require(size == 0 || (wanted.b != nullptr && wanted.x != nullptr), "the right-hand side or the solution is null");
-    const bool flip = transposed != s.transposed;
-    const auto result = call(cpp, size, flip ? espalier::Transpose::yes : espalier::Transpose::no);
-    hand_out(result, info);
-    return result.status;
+    return with_factorized(s, [&](auto& cpp) {
+      const std::int64_t columns = wanted.columns;
+      require(columns >= 1 && columns <= INT32_MAX, "the number of right-hand sides must lie from 1 to 2^31 - 1");
+      require(wanted.transpose >= ESPALIER_NO_TRANSPOSE && wanted.transpose <= ESPALIER_CONJUGATE_TRANSPOSE,
+              "transpose must be 0, 1 or 2");
+      const auto size = static_cast<std::size_t>(columns) * static_cast<std::size_t>(s.vector_rows);
+      require(size == 0 || (wanted.b != nullptr && wanted.x != nullptr), "the right-hand side or the solution is null");
+      Conjugated conjugated(s, wanted, size);
+      const auto result = call(cpp, conjugated.right_hand_sides(), size, conjugated.transpose());
+      conjugated.finish();
+      hand_out(result, info);
+      return result.status;
+    });
   });
 }
 
@@ -181,8 +300,11 @@ int espalier_clone(espalier_solver* solver, int32_t threads, espalier_solver** c
     std::tie(other->log, other->log_user) = std::tie(s.log, s.log_user);
     std::tie(other->interrupt, other->interrupt_user) = std::tie(s.interrupt, s.interrupt_user);
     if (s.solver) other->solver.emplace(s.solver->clone(threads));
-    std::tie(other->rows, other->nonzeros, other->transposed, other->by_rows) =
-        std::tie(s.rows, s.nonzeros, s.transposed, s.by_rows);
+    other->ranks = s.ranks;
+    if (s.complex_solver) other->complex_solver.emplace(s.complex_solver->clone(threads));
+    other->conjugated = s.conjugated;
+    std::tie(other->rows, other->vector_rows, other->nonzeros, other->transposed, other->by_rows) =
+        std::tie(s.rows, s.vector_rows, s.nonzeros, s.transposed, s.by_rows);
     *clone = other.release();
     return Status{};
   });
@@ -252,22 +374,39 @@ int espalier_factorize_i64(espalier_solver* solver, const espalier_matrix_i64* a
 }
 
 int espalier_refactorize(espalier_solver* solver, const double* values, int64_t count, espalier_factor_info* info) {
-  return refactorize(solver, values, count, info, [&](espalier::Solver& cpp) {
-    return cpp.refactorize({values, static_cast<std::size_t>(count)});
-  });
+  const auto size = static_cast<std::size_t>(count);
+  struct Call {
+    const double* values;
+    std::size_t size;
+    auto operator()(espalier::Solver& cpp) const { return cpp.refactorize({values, size}); }
+    auto operator()(espalier::ComplexSolver& cpp) const { return cpp.refactorize(complex_span(values, size)); }
+  };
+  return refactorize(solver, values, count, info, Call{values, size});
 }
 
 int espalier_refactorize_device(espalier_solver* solver, const double* values, int64_t count, void* stream,
                                 espalier_factor_info* info) {
-  return refactorize(solver, values, count, info,
-                     [&](espalier::Solver& cpp) { return cpp.refactorize_device(values, count, stream); });
+  struct Call {
+    const double* values;
+    std::int64_t count;
+    void* stream;
+    auto operator()(espalier::Solver& cpp) const { return cpp.refactorize_device(values, count, stream); }
+    espalier::ComplexFactorResult operator()(espalier::ComplexSolver&) const {
+      throw Error(StatusCode::device_error, kOnDevice);
+    }
+  };
+  return refactorize(solver, values, count, info, Call{values, count, stream});
 }
 
 int espalier_solve(espalier_solver* solver, const double* b, double* x, int64_t columns, int transpose,
                    espalier_solve_info* info) {
   return solve(solver, {b, x, columns, transpose}, info,
-               [&](espalier::Solver& cpp, std::size_t size, espalier::Transpose how) {
-                 return cpp.solve({b, size}, {x, size}, static_cast<Index>(columns), how);
+               [&](auto& cpp, const double* from, std::size_t size, espalier::Transpose how) {
+                 const auto count = static_cast<Index>(columns);
+                 if constexpr (std::is_same_v<decltype(cpp), espalier::ComplexSolver&>)
+                   return cpp.solve(complex_span(from, size), complex_span(x, size), count, how);
+                 else
+                   return cpp.solve({from, size}, {x, size}, count, how);
                });
 }
 
@@ -278,6 +417,7 @@ int espalier_set_refinement(espalier_solver* solver, int32_t steps, double requi
     changed.required_backward_error = required_backward_error;
     espalier::solver::check_options(changed);
     if (s.solver) s.solver->set_refinement(steps, required_backward_error);
+    if (s.complex_solver) s.complex_solver->set_refinement(steps, required_backward_error);
     s.options = std::move(changed);
     return Status{};
   });
@@ -286,8 +426,11 @@ int espalier_set_refinement(espalier_solver* solver, int32_t steps, double requi
 int espalier_solve_device(espalier_solver* solver, const double* b, double* x, int64_t columns, int transpose,
                           void* stream, espalier_solve_info* info) {
   return solve(solver, {b, x, columns, transpose}, info,
-               [&](espalier::Solver& cpp, std::size_t, espalier::Transpose how) {
-                 return cpp.solve_device(b, x, static_cast<Index>(columns), how, stream);
+               [&](auto& cpp, const double*, std::size_t, espalier::Transpose how) -> espalier::SolveResult {
+                 if constexpr (std::is_same_v<decltype(cpp), espalier::ComplexSolver&>)
+                   throw Error(StatusCode::device_error, kOnDevice);
+                 else
+                   return cpp.solve_device(b, x, static_cast<Index>(columns), how, stream);
                });
 }
 
@@ -296,7 +439,7 @@ int espalier_null_space(espalier_solver* solver, int64_t capacity, int64_t* rows
     require(found != nullptr, "the place for the number of vectors is null");
     require(capacity >= 0, "the capacity is negative");
     const auto& known = s.null_space;
-    const auto n = static_cast<std::size_t>(s.rows);
+    const auto n = static_cast<std::size_t>(s.rows) * (s.complex_solver ? 2 : 1);
     const std::size_t count = n == 0 ? 0 : known.vectors.size() / n;
     const std::size_t given = std::min(count, static_cast<std::size_t>(capacity));
     if (rows != nullptr) std::copy_n(known.rows.begin(), std::min(given, known.rows.size()), rows);
@@ -309,7 +452,7 @@ int espalier_null_space(espalier_solver* solver, int64_t capacity, int64_t* rows
 int espalier_condition_estimate(espalier_solver* solver, double* estimate) {
   return guarded(solver, [&](espalier_solver& s) {
     require(estimate != nullptr, "the place for the estimate is null");
-    const auto result = factorized(s).condition_estimate();
+    const auto result = with_factorized(s, [](auto& cpp) { return cpp.condition_estimate(); });
     *estimate = result.estimate;
     return result.status;
   });
@@ -318,8 +461,18 @@ int espalier_condition_estimate(espalier_solver* solver, double* estimate) {
 int espalier_save_analysis(espalier_solver* solver, const char* path) {
   return guarded(solver, [&](espalier_solver& s) {
     require(path != nullptr, "the path is null");
-    return solver_of(s).save_analysis(path);
+    return with_analyzed(s, [&](auto& cpp) { return cpp.save_analysis(path); });
   });
+}
+
+int espalier_analyze_change_i32(espalier_solver* solver, const espalier_matrix_i32* a, std::int32_t* anew,
+                                espalier_analysis_info* info) {
+  return analyze_change(solver, a, anew, info);
+}
+
+int espalier_analyze_change_i64(espalier_solver* solver, const espalier_matrix_i64* a, std::int32_t* anew,
+                                espalier_analysis_info* info) {
+  return analyze_change(solver, a, anew, info);
 }
 
 int espalier_load_analysis_i32(espalier_solver* solver, const char* path, const espalier_matrix_i32* a,

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "base/forks.hpp"
+#include "espalier/complex_solver.hpp"
 #include "espalier/espalier.h"
 #include "espalier/solver.hpp"
 #include "solver/c_results.hpp"
@@ -58,10 +59,15 @@ struct espalier_solver {
   void* log_user = nullptr;
   espalier_interrupt_callback interrupt = nullptr;
   void* interrupt_user = nullptr;
-  std::optional<espalier::Solver> solver;  // made at analysis, with the options of that moment
+  espalier::Ranks ranks;  // espalier_use_ranks
+  // Made at analysis, with the options of that moment; one of them at most.
+  std::optional<espalier::Solver> solver;
+  std::optional<espalier::ComplexSolver> complex_solver;
   espalier::Index rows = 0;
+  espalier::Index vector_rows = 0;  // of right-hand sides and solutions: fewer where the matrix came in parts
   espalier::Offset nonzeros = 0;
   bool transposed = false;                 // the solver holds A^T
+  bool conjugated = false;                 // ... which of a Hermitian matrix is its conjugate: A by rows
   bool by_rows = false;                    // its columns are the caller's rows, of a symmetric matrix, too
   espalier::solver::NullSpace null_space;  // of the last factorization
   std::string error;
@@ -133,6 +139,9 @@ int guarded(espalier_solver* s, const Body& body) noexcept {
   s->owner = std::thread::id{};
   return code;
 }
+
+/// A new solver, with the options of this moment.
+Solver& make_solver(espalier_solver& s);
 
 inline void require(bool condition, const char* what) {
   if (!condition) throw std::invalid_argument(what);

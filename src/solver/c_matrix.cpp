@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <complex>
+#include <cstddef>
 #include <limits>
 #include <stdexcept>
 #include <type_traits>
@@ -29,6 +31,12 @@ Storage storage_by_columns(int32_t storage, bool by_rows) {
       return by_rows ? Storage::symmetric_lower : Storage::symmetric_upper;
     case ESPALIER_SYMMETRIC_BOTH:
       return Storage::symmetric_both;
+    case ESPALIER_HERMITIAN_LOWER:
+      return by_rows ? Storage::hermitian_upper : Storage::hermitian_lower;
+    case ESPALIER_HERMITIAN_UPPER:
+      return by_rows ? Storage::hermitian_lower : Storage::hermitian_upper;
+    case ESPALIER_HERMITIAN_BOTH:
+      return Storage::hermitian_both;
     default:
       throw std::invalid_argument("storage is none of espalier_storage");
   }
@@ -75,7 +83,11 @@ std::vector<Index> checked_indices(const Int* indices, int64_t nonzeros, int64_t
 template <class Matrix>
 CMatrix::CMatrix(const Matrix& a, bool values_needed) {
   constexpr int64_t most = std::numeric_limits<Index>::max();
-  require(a.size >= sizeof(Matrix), "the matrix's field 'size' must be sizeof of its struct");
+  require(a.size >= offsetof(Matrix, numbers), "the matrix's field 'size' must be sizeof of its struct");
+  const std::int64_t numbers = a.size >= sizeof(Matrix) ? a.numbers : std::int64_t{ESPALIER_REAL};
+  require(numbers == ESPALIER_REAL || numbers == ESPALIER_COMPLEX, "numbers is none of espalier_numbers");
+  complex_ = numbers == ESPALIER_COMPLEX;
+  require(complex_ || a.storage < ESPALIER_HERMITIAN_LOWER, "only a complex matrix is Hermitian");
   require(a.layout == ESPALIER_CSC || a.layout == ESPALIER_CSR, "layout is none of espalier_layout");
   require(a.index_base == 0 || a.index_base == 1, "index_base must be 0 or 1");
   const bool by_rows = a.layout == ESPALIER_CSR;
@@ -102,8 +114,14 @@ CMatrix::CMatrix(const Matrix& a, bool values_needed) {
     indices_ = checked_indices(a.indices, a.nonzeros, a.index_base, inner);
     view_.row_ind = indices_;
   }
-  if (a.values != nullptr) view_.values = {a.values, count};
   transposed_ = by_rows && storage == Storage::general;
+  if (!complex_) {
+    if (a.values != nullptr) view_.values = {a.values, count};
+  } else {
+    complex_view_ = {view_.rows, view_.cols, view_.col_ptr, view_.row_ind, {}, storage};
+    if (a.values != nullptr) complex_view_.values = {reinterpret_cast<const std::complex<double>*>(a.values), count};
+    view_.storage = Storage::general;  // a pattern alone
+  }
   by_rows_ = by_rows;
 }
 

@@ -19,7 +19,11 @@ class CMatrix {
   template <class Matrix>
   CMatrix(const Matrix& a, bool values_needed);
 
+  /// Of a complex matrix without values.
   [[nodiscard]] const MatrixView& view() const { return view_; }
+  [[nodiscard]] bool complex() const { return complex_; }
+  /// @pre complex()
+  [[nodiscard]] const ComplexMatrixView& complex_view() const { return complex_view_; }
   /// True when the view is A^T: a general matrix given by rows. Its values keep their order, so that nothing is
   /// moved at a refactorization; whoever solves transposes once more.
   [[nodiscard]] bool transposed() const { return transposed_; }
@@ -30,6 +34,8 @@ class CMatrix {
   std::vector<Offset> pointers_;
   std::vector<Index> indices_;
   MatrixView view_;
+  ComplexMatrixView complex_view_;
+  bool complex_ = false;
   bool transposed_ = false;
   bool by_rows_ = false;
 };

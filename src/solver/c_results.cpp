@@ -1,5 +1,6 @@
 #include "solver/c_results.hpp"
 
+#include <complex>
 #include <utility>
 
 namespace espalier::solver {
@@ -18,7 +19,9 @@ espalier_analysis_info to_c(const AnalysisResult& r) {
   return info;
 }
 
-espalier_factor_info to_c(const FactorResult& r) {
+namespace {
+
+espalier_factor_info report_to_c(const FactorReport& r) {
   espalier_factor_info info{};
   info.seconds = r.seconds;
   info.flops_per_second = r.flops_per_second;
@@ -29,9 +32,29 @@ espalier_factor_info to_c(const FactorResult& r) {
   info.perturbed = r.perturbed;
   info.rank = r.rank;
   info.delayed = r.delayed;
-  info.determinant_sign = r.determinant_sign;
   info.determinant_log = r.determinant_log;
   info.peak_host_bytes = r.peak_host_bytes;
+  return info;
+}
+
+std::vector<double> parts_of(const std::vector<std::complex<double>>& v) {
+  const double* first = reinterpret_cast<const double*>(v.data());
+  return {first, first + 2 * v.size()};
+}
+
+}  // namespace
+
+espalier_factor_info to_c(const FactorResult& r) {
+  espalier_factor_info info = report_to_c(r);
+  info.determinant_sign = info.determinant_phase[0] = r.determinant_sign;
+  return info;
+}
+
+espalier_factor_info to_c(const ComplexFactorResult& r) {
+  espalier_factor_info info = report_to_c(r);
+  info.determinant_phase[0] = r.determinant_phase.real();
+  info.determinant_phase[1] = r.determinant_phase.imag();
+  info.determinant_sign = r.determinant_phase == 0.0 ? 0 : 1;
   return info;
 }
 
@@ -39,6 +62,12 @@ NullSpace null_space_of(FactorResult r, bool transposed) {
   const bool symmetric = r.left_null_vectors.empty();
   if (transposed && !symmetric) return {std::move(r.dependent_columns), std::move(r.left_null_vectors)};
   return {std::move(r.dependent_rows), std::move(r.null_vectors)};
+}
+
+NullSpace null_space_of(ComplexFactorResult r, bool transposed) {
+  const bool symmetric = r.left_null_vectors.empty();
+  if (transposed && !symmetric) return {std::move(r.dependent_columns), parts_of(r.left_null_vectors)};
+  return {std::move(r.dependent_rows), parts_of(r.null_vectors)};
 }
 
 espalier_solve_info to_c(const SolveResult& r) {

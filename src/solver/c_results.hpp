@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "espalier/complex_solver.hpp"
 #include "espalier/espalier.h"
 #include "espalier/solver.hpp"
 
@@ -14,15 +15,17 @@ namespace espalier::solver {
 
 espalier_analysis_info to_c(const AnalysisResult& r);
 espalier_factor_info to_c(const FactorResult& r);
+espalier_factor_info to_c(const ComplexFactorResult& r);
 espalier_solve_info to_c(const SolveResult& r);
 
 /// Of the caller's matrix.
 struct NullSpace {
   std::vector<Index> rows;
-  std::vector<double> vectors;
+  std::vector<double> vectors;  ///< of complex matrices their parts
 };
 /// @param transposed  the solver holds the transpose of the caller's matrix
 NullSpace null_space_of(FactorResult result, bool transposed);
+NullSpace null_space_of(ComplexFactorResult result, bool transposed);
 
 /// Copies as much of the result as the caller's struct holds; leaves its `size` alone. @param info  null: nobody asks
 /// @throws std::invalid_argument for a struct without a size

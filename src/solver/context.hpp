@@ -9,6 +9,7 @@
 #include "base/timeline.hpp"
 #include "device/registry.hpp"
 #include "espalier/solver.hpp"
+#include "ranks/link.hpp"
 
 namespace espalier::solver {
 
@@ -18,6 +19,9 @@ struct Context {
   base::ThreadPool& pool;
   base::MemoryBudget& budget;
   base::Timeline* timeline = nullptr;
+  ranks::Link* link = nullptr;  ///< to other ranks; null: there are none
+  /// Of the host, by which plans are made: with ranks the fewest that one of them has, so that all make the same plan.
+  const int* planning_threads = nullptr;
   bool raised = false;    ///< FP32 does not do, or does not pay: a factor goes on in FP64
   bool rescaled = false;  ///< pivots vanished in the analysis's scaling alone: a factor takes one of its own
 
@@ -27,8 +31,11 @@ struct Context {
   /// Of factors; never automatic.
   [[nodiscard]] Precision precision() const {
     if (raised) return Precision::fp64;
+    // What two processes measure differs, so that they might go different ways.
+    if (link != nullptr && options.precision == Precision::automatic) return Precision::fp64;
     return options.precision == Precision::automatic ? Precision::mixed : options.precision;
   }
+  [[nodiscard]] int threads() const { return planning_threads != nullptr ? *planning_threads : pool.size(); }
   [[nodiscard]] bool rescales() const { return rescaled || options.rescale != Rescale::off; }
   /// Whether scalings are those of matchings.
   [[nodiscard]] bool matches() const {

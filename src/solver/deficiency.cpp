@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <mutex>
 #include <numeric>
 #include <utility>
@@ -16,7 +17,7 @@ constexpr Index kFirstColumns = 8;     // a substitution takes as many in the ti
 constexpr Index kMostColumns = 256;    // sought at most ...
 constexpr Offset kMostWork = 1 << 28;  // ... and rows * columns^2: a few tenths of a second
 constexpr int kInverseSteps = 3;
-constexpr std::int64_t kColumnsPerRange = 4096;
+constexpr std::int64_t kColumnsPerRange = 4096, kRowsPerRange = 1 << 15;
 
 // Numbers without pattern (the finalizer of splitmix64, Steele et al. 2014), the same in every run: of both signs, from
 // 1/2 to 1 in magnitude.
@@ -29,11 +30,17 @@ double random_number(std::uint64_t k) {
   return (k & 1) != 0 ? magnitude : -magnitude;
 }
 
-// B = R A C and its inverse as the factor knows it.
+// B = R A C and its inverse as the factor knows it. A complex matrix acts on vectors of twice as many real numbers,
+// real and imaginary parts in turn (base::Numbers): its singular values (and the eigenvalues of a Hermitian one) stand
+// twice there, and its transpose is A^H.
 class ScaledMatrix {
  public:
   explicit ScaledMatrix(const DeficiencyJob& job)
-      : job_(job), n_(job.prepared.n()), row_(job.numeric.scales().row), col_(job.numeric.scales().col) {
+      : job_(job),
+        parts_(base::parts_of(job.prepared.numbers)),
+        n_(job.prepared.n()),
+        row_(job.numeric.scales().row),
+        col_(job.numeric.scales().col) {
     if (job.kind == Kind::llt || row_.empty()) by_diagonal();
     measure();
   }
@@ -58,36 +65,56 @@ class ScaledMatrix {
     measure();
   }
 
-  [[nodiscard]] Index n() const { return n_; }
+  /// Of the real space.
+  [[nodiscard]] Index n() const { return parts_ * n_; }
+  /// Whether B is not its own transpose there.
+  [[nodiscard]] bool two_sided() const {
+    return job_.kind == Kind::lu || job_.prepared.numbers == base::Numbers::complex;
+  }
   [[nodiscard]] double norm() const { return norm_; }
   /// From B's unknowns to the caller's.
   [[nodiscard]] double unscaled(Index i, double v, bool transpose) const {
-    return v * (transpose ? row_ : col_)[static_cast<std::size_t>(i)];
+    return v * (transpose ? row_ : col_)[static_cast<std::size_t>(i / parts_)];
   }
 
   // op(B) x in extended precision.
   [[nodiscard]] Block product(const Block& x, bool transpose) const {
-    Block in = x, out(n_, x.columns);
+    Block in = x, out(n(), x.columns);
+    if (transpose) turn(in);
     scale(in, transpose ? row_ : col_, false);
-    const std::vector<double> zero(static_cast<std::size_t>(n_), 0.0);
+    const std::vector<double> zero(static_cast<std::size_t>(n()), 0.0);
     std::vector<solve::ResidualColumn> columns(static_cast<std::size_t>(x.columns));
     for (Index c = 0; c < x.columns; ++c)
       columns[static_cast<std::size_t>(c)] = {zero.data(), in.column(c), out.column(c), {}};
     job_.residual.compute(columns, transpose);
     scale(out, transpose ? col_ : row_, false);
     for (double& v : out.values) v = -v;
+    if (transpose) turn(out);
     return out;
   }
 
   // op(B)^-1 x by the factor.
   [[nodiscard]] Block inverse(Block x, bool transpose) const {
+    if (transpose) turn(x);
     scale(x, transpose ? col_ : row_, true);
     job_.numeric.solve(x.values.data(), x.values.data(), x.columns, transpose);
     scale(x, transpose ? row_ : col_, true);
+    if (transpose) turn(x);
     return x;
   }
 
  private:
+  // To the conjugate, where A^H is that of A^T between two of them.
+  void turn(Block& x) const {
+    if (job_.prepared.numbers != base::Numbers::complex) return;
+    for (std::size_t k = 1; k < x.values.size(); k += 2) x.values[k] = -x.values[k];
+  }
+  [[nodiscard]] double size_of(Offset q) const {
+    if (parts_ == 1) return job_.values[static_cast<std::size_t>(q)];
+    const auto at = static_cast<std::size_t>(2 * q);
+    return std::hypot(job_.values[at], job_.values[at + 1]);
+  }
+
   void by_diagonal() {
     row_.assign(static_cast<std::size_t>(n_), 1.0);
     const auto& a = job_.prepared.a;
@@ -95,7 +122,7 @@ class ScaledMatrix {
       job_.pool.for_each_range(n_, kColumnsPerRange, [&](std::int64_t begin, std::int64_t end) {
         for (auto c = begin; c < end; ++c)
           for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
-            if (a.row_ind[q] == c) row_[static_cast<std::size_t>(c)] = 1 / std::sqrt(job_.values[q]);
+            if (a.row_ind[q] == c) row_[static_cast<std::size_t>(c)] = 1 / std::sqrt(job_.values[parts_ * q]);
       });
     col_ = row_;
   }
@@ -108,8 +135,8 @@ class ScaledMatrix {
     for (Index c = 0; c < n_; ++c)
       for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
         const auto i = static_cast<std::size_t>(a.row_ind[q]), j = static_cast<std::size_t>(c);
-        use(i, j, std::abs(job_.values[q] * col_[j] * row_[i]));
-        if (mirrored && i != j) use(j, i, std::abs(job_.values[q] * col_[i] * row_[j]));
+        use(i, j, std::abs(size_of(q) * col_[j] * row_[i]));
+        if (mirrored && i != j) use(j, i, std::abs(size_of(q) * col_[i] * row_[j]));
       }
   }
 
@@ -125,9 +152,9 @@ class ScaledMatrix {
       for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
         double in_column = 0, in_row = 0;
         for (Offset q = a.col_ptr[k]; q < a.col_ptr[k + 1]; ++q)
-          in_column += std::abs(job_.values[q] * col_[k] * row_[a.row_ind[q]]);
+          in_column += std::abs(size_of(q) * col_[k] * row_[a.row_ind[q]]);
         for (Offset q = rows.ptr.empty() ? 0 : rows.ptr[k]; q < (rows.ptr.empty() ? 0 : rows.ptr[k + 1]); ++q)
-          in_row += std::abs(job_.values[rows.source[q]] * col_[rows.col[q]] * row_[k]);
+          in_row += std::abs(size_of(rows.source[q]) * col_[rows.col[q]] * row_[k]);
         row = std::max(row, general ? in_row : in_row + in_column);
         column = std::max(column, general ? in_column : in_row + in_column);
       }
@@ -139,16 +166,19 @@ class ScaledMatrix {
   }
 
   void scale(Block& x, const std::vector<double>& by, bool inverse) const {
-    for (Index c = 0; c < x.columns; ++c) {
-      double* v = x.column(c);
-      for (Index i = 0; i < n_; ++i) {
-        const double s = by[static_cast<std::size_t>(i)];
-        v[i] = inverse ? v[i] / s : v[i] * s;
+    job_.pool.for_each_range(n_, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
+      for (Index c = 0; c < x.columns; ++c) {
+        double* v = x.column(c);
+        for (auto i = parts_ * begin; i < parts_ * end; ++i) {
+          const double s = by[static_cast<std::size_t>(i / parts_)];
+          v[i] = inverse ? v[i] / s : v[i] * s;
+        }
       }
-    }
+    });
   }
 
   const DeficiencyJob& job_;
+  Index parts_;  // real numbers in one
   Index n_;
   std::vector<double> row_, col_;
   double norm_ = 0;
@@ -159,6 +189,7 @@ struct Directions {
   Block q{0, 0}, y{0, 0};      // orthonormal; y = op(B) q
   std::vector<double> values;  // |y_j|, ascending
   bool found = false;          // false: numbers overflowed
+  bool solved = true;          // false: the factor's last solutions solve nothing
 
   [[nodiscard]] Index below(double bound) const {
     return static_cast<Index>(std::upper_bound(values.begin(), values.end(), bound) - values.begin());
@@ -177,7 +208,7 @@ class Search {
 
   /// Whether the matrix is surely regular, by a few solutions: no singular value is near the bound of a zero (FP32:
   /// near what it can tell from one).
-  [[nodiscard]] bool surely_regular() const { return surely_above((job_.single ? kLeastForFp32 : kZero) * b_.norm()); }
+  [[nodiscard]] bool surely_regular() const { return surely_above((job_.rough ? kLeastForFp32 : kZero) * b_.norm()); }
   /// Before all below.
   void prepare() {
     b_.make_even();
@@ -187,8 +218,11 @@ class Search {
   [[nodiscard]] Directions find(Index columns, bool transpose) const {
     Directions d{start(columns), Block(0, 0), {}};
     for (int step = 0; step < kInverseSteps; ++step) {
-      if (job_.kind == Kind::lu && !iterate(d.q, !transpose)) return d;
-      if (!iterate(d.q, transpose)) return d;
+      if (b_.two_sided() && !iterate(d.q, !transpose)) return d;
+      const Block before = step + 1 == kInverseSteps ? d.q : Block(0, 0);
+      d.q = b_.inverse(std::move(d.q), transpose);
+      if (before.columns > 0) d.solved = solves(d.q, before, transpose);
+      if (!make_orthonormal(d.q)) return d;
     }
     d.found = true;
     improve(d, transpose);
@@ -201,22 +235,37 @@ class Search {
  private:
   // Whether all singular values are surely above a bound. A random vector of unit length has a part of at least
   // 1 / (kUnlucky sqrt(n)) in the direction of the smallest one, s, but for a few of a thousand; k solutions in turn
-  // let that part alone grow by s^-k.
+  // let that part alone grow by s^-k. That is said of the factor. Where s is not far above the bound (a long plate has
+  // 2.5 bounds), it may be the error of a factor whose matrix is singular (seen at 3 bounds in lu), and the matrix has
+  // to bear it out.
   [[nodiscard]] bool surely_above(double bound) const {
     constexpr double kUnlucky = 256;
-    constexpr int kMostSolutions = 4;
+    constexpr int kMostSolutions = 16;
+    constexpr double kFar = 1.0 / 256;
     Block x = start(1);
     double most = kUnlucky * std::sqrt(static_cast<double>(b_.n()));  // ... times what growth was, over s^-k
-    double length = norm_two(x.column(0), b_.n());
-    for (int k = 0; k < kMostSolutions; ++k) {
-      for (double& v : x.values) v /= length;
-      x = b_.inverse(std::move(x), job_.kind == Kind::lu && k % 2 == 1);
-      length = norm_two(x.column(0), b_.n());
-      most *= length * bound;
-      if (most < 1) return true;
-      if (!(length * bound < 1)) return false;
+    double length = norm_two(job_.pool, x.column(0), b_.n());
+    for (int k = 1; k <= kMostSolutions; ++k) {
+      const bool transpose = b_.two_sided() && k % 2 == 0;
+      divide(job_.pool, x.column(0), length, b_.n());
+      x = b_.inverse(std::move(x), transpose);
+      length = norm_two(job_.pool, x.column(0), b_.n());
+      const double growth = length * bound;
+      most *= growth;
+      if (most < 1) return growth <= kFar || returns(std::move(x), transpose);
+      if (!(most * std::pow(growth, kMostSolutions - k) < 1)) return false;  // it never gets less
     }
     return false;
+  }
+
+  // Whether op(B)^-1 op(B) x is about x: what the factor makes of a direction that the matrix takes to nothing is its
+  // own error, and does not lead back.
+  [[nodiscard]] bool returns(Block x, bool transpose) const {
+    constexpr double kAbout = 0.125;
+    normalize(job_.pool, x);
+    Block again = b_.inverse(b_.product(x, transpose), transpose);
+    for (std::size_t k = 0; k < x.values.size(); ++k) again.values[k] -= x.values[k];
+    return norm_two(job_.pool, again.column(0), b_.n()) <= kAbout * norm_two(job_.pool, x.column(0), b_.n());
   }
 
   [[nodiscard]] Block start(Index columns) const {
@@ -227,14 +276,32 @@ class Search {
 
   bool iterate(Block& x, bool transpose) const {
     x = b_.inverse(std::move(x), transpose);
-    if (!normalize(x)) return false;
-    orthonormalize(x);
+    return make_orthonormal(x);
+  }
+
+  bool make_orthonormal(Block& x) const {
+    if (!normalize(job_.pool, x)) return false;
+    orthonormalize(job_.pool, x);
+    return true;
+  }
+
+  // Whether op(B) x is about y. Two vanishing pivots, one after the other, make inverses of tiles with numbers of 1e30,
+  // whose rounding errors drown a solution of 1e15.
+  [[nodiscard]] bool solves(const Block& x, const Block& y, bool transpose) const {
+    const double about = (job_.rough ? 1e-2 : 1e-9) * b_.norm();
+    Block r = b_.product(x, transpose);
+    for (Index c = 0; c < x.columns; ++c) {
+      double* of = r.column(c);
+      const double* from = y.column(c);
+      for (Index i = 0; i < x.rows; ++i) of[i] -= from[i];
+      if (!(norm_two(job_.pool, of, x.rows) <= about * norm_two(job_.pool, x.column(c), x.rows))) return false;
+    }
     return true;
   }
 
   void inspect(Directions& d, bool transpose) const {
     d.y = b_.product(d.q, transpose);
-    d.values = rotate_apart(d.y, d.q);
+    d.values = rotate_apart(job_.pool, d.y, d.q);
   }
 
   // Newton's steps for the null directions, q -= (1 - Q Q^T) B^-1 (1 - U U^T) B q, as long as they help: the error of
@@ -242,21 +309,21 @@ class Search {
   // the null directions on the left, keeps the inverse from making much of what belongs to the zeros; further ones
   // would keep it from what it is to correct.
   void improve(Directions& d, bool transpose) const {
-    const double near = b_.norm() * (job_.single ? 1e-3 : 1e-8);
-    const int most = job_.single ? 20 : 6;
+    const double near = b_.norm() * (job_.rough ? 1e-3 : 1e-8);
+    const int most = job_.rough ? 20 : 6;
     inspect(d, transpose);
     const Index candidates = d.below(near);
     if (candidates == 0) return;
-    const Block left = job_.kind == Kind::lu ? left_of(d.q.columns, candidates, transpose) : Block(0, 0);
+    const Block left = b_.two_sided() ? left_of(d.q.columns, candidates, transpose) : Block(0, 0);
     for (int step = 0; step < most; ++step) {
       Directions next = d;
       Block part(b_.n(), candidates);
       std::copy_n(d.y.values.begin(), part.values.size(), part.values.begin());
-      project_out(left.columns > 0 ? left : first_columns(d.q, candidates), part);
+      project_out(job_.pool, left.columns > 0 ? left : first_columns(d.q, candidates), part);
       part = b_.inverse(std::move(part), transpose);
-      project_out(d.q, part);
+      project_out(job_.pool, d.q, part);
       for (std::size_t k = 0; k < part.values.size(); ++k) next.q.values[k] -= part.values[k];
-      orthonormalize(next.q);
+      orthonormalize(job_.pool, next.q);
       inspect(next, transpose);
       const auto logarithms = [&](const Directions& of) {
         return std::accumulate(of.values.begin(), of.values.begin() + candidates, 0.0,
@@ -281,9 +348,19 @@ class Search {
   double zero_ = 0;
 };
 
+// Vectors of numbers, column by column.
+template <class Value>
+struct Columns {
+  Index rows = 0, columns = 0;
+  std::vector<Value> values;
+
+  Value* column(Index c) { return values.data() + Offset{c} * rows; }
+};
+
 // One row for each null vector, by elimination with complete pivoting: without these rows (and as many columns) the
 // rest is regular.
-std::vector<Index> leading_rows(Block v) {
+template <class Value>
+std::vector<Index> leading_rows(Columns<Value> v) {
   std::vector<Index> rows;
   for (Index k = 0; k < v.columns; ++k) {
     Index column = k;
@@ -299,7 +376,7 @@ std::vector<Index> leading_rows(Block v) {
     if (!(most > 0)) break;
     std::swap_ranges(v.column(k), v.column(k) + v.rows, v.column(column));
     for (Index c = k + 1; c < v.columns; ++c) {
-      const double factor = v.column(c)[at] / v.column(k)[at];
+      const Value factor = v.column(c)[at] / v.column(k)[at];
       for (Index i = 0; i < v.rows; ++i) v.column(c)[i] -= factor * v.column(k)[i];
       v.column(c)[at] = 0;
     }
@@ -309,18 +386,65 @@ std::vector<Index> leading_rows(Block v) {
   return rows;
 }
 
-std::vector<double> callers_vectors(const ScaledMatrix& b, const Block& q, bool transpose) {
-  std::vector<double> out(q.values.size());
+// Complex vectors that span what the real ones (twice as many, in the real space) span: the longest rest of them next.
+Columns<std::complex<double>> complex_basis(const Block& q, Index columns) {
+  using Value = std::complex<double>;
+  Columns<Value> rest{q.rows / 2, q.columns, {}}, basis{q.rows / 2, columns, {}};
+  rest.values.assign(base::as_complex(q.values.data()), base::as_complex(q.values.data()) + q.values.size() / 2);
+  const auto dot = [&](const Value* x, const Value* y) {
+    Value sum = 0;
+    for (Index i = 0; i < rest.rows; ++i) sum += std::conj(x[i]) * y[i];
+    return sum;
+  };
+  for (Index k = 0; k < columns; ++k) {
+    Index next = 0;
+    double most = -1;
+    for (Index c = 0; c < rest.columns; ++c)
+      if (const double length = std::real(dot(rest.column(c), rest.column(c))); length > most) {
+        most = length;
+        next = c;
+      }
+    std::vector<Value> chosen(rest.column(next), rest.column(next) + rest.rows);
+    for (Value& v : chosen) v /= std::sqrt(most);
+    basis.values.insert(basis.values.end(), chosen.begin(), chosen.end());
+    for (Index c = 0; c < rest.columns; ++c) {
+      const Value part = dot(chosen.data(), rest.column(c));
+      for (Index i = 0; i < rest.rows; ++i) rest.column(c)[i] -= part * chosen[static_cast<std::size_t>(i)];
+    }
+  }
+  return basis;
+}
+
+Columns<double> real_basis(const Block& q) { return {q.rows, q.columns, q.values}; }
+
+// In the caller's units, the largest number 1 in magnitude.
+template <class Value>
+std::vector<double> callers_vectors(const ScaledMatrix& b, Columns<Value> q, bool transpose) {
+  constexpr Index kParts = base::ScalarTraits<Value>::is_complex ? 2 : 1;
   for (Index c = 0; c < q.columns; ++c) {
-    double* v = out.data() + Offset{c} * q.rows;
     double most = 0;
     for (Index i = 0; i < q.rows; ++i) {
-      v[i] = b.unscaled(i, q.column(c)[i], transpose);
-      most = std::max(most, std::abs(v[i]));
+      q.column(c)[i] *= b.unscaled(kParts * i, 1, transpose);
+      most = std::max(most, std::abs(q.column(c)[i]));
     }
-    for (Index i = 0; i < q.rows && most > 0; ++i) v[i] /= most;
+    for (Index i = 0; i < q.rows && most > 0; ++i) q.column(c)[i] /= most;
   }
-  return out;
+  const double* parts = reinterpret_cast<const double*>(q.values.data());
+  return {parts, parts + q.values.size() * kParts};
+}
+
+// Null vectors, and the rows or columns that they name. `left`, of lu: those of B^T (complex: of B^H), else empty.
+template <class Value>
+void describe(const ScaledMatrix& b, Columns<Value> null, Columns<Value> left, Deficiency& found) {
+  found.null_vectors = callers_vectors(b, null, false);
+  if (left.columns == 0) {
+    found.rows = leading_rows(std::move(null));
+    return;
+  }
+  for (Value& v : left.values) v = base::conjugate(v);
+  found.left_vectors = callers_vectors(b, left, true);
+  found.rows = leading_rows(std::move(left));
+  found.columns = leading_rows(std::move(null));
 }
 
 }  // namespace
@@ -329,14 +453,22 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
   Deficiency found;
   Search search(job);
   if (!job.replaced && search.surely_regular()) return found;
+  if (!job.replaced && job.surely_alone) {
+    found.smallest = 0;
+    return found;
+  }
   search.prepare();
-  const Index n = job.prepared.n();
+  const Index parts = base::parts_of(job.prepared.numbers);
+  const Index n = search.matrix().n(), suspects = parts * job.suspects;
   const auto affordable = static_cast<Index>(std::sqrt(static_cast<double>(kMostWork) / n));
   const Index most = std::min(n, std::clamp(affordable, kFirstColumns, kMostColumns));
-  Index columns = std::min(most, std::max(kFirstColumns, (job.suspects + 2 + 7) / 8 * 8));
+  const Index for_all = std::min(most, std::max(kFirstColumns, (suspects + 2 + 7) / 8 * 8));
+  // Small pivots may be many where none is a zero.
+  Index columns = job.replaced ? for_all : std::min(most, kFirstColumns);
   Directions d = search.find(columns, false);
-  while (d.found && d.below(search.zero()) == columns && columns < most) {
-    columns = std::min(most, 4 * columns);
+  while (d.found && columns < most && d.below(search.zero()) > 0 &&
+         (columns < for_all || d.below(search.zero()) == columns)) {
+    columns = columns < for_all ? for_all : std::min(most, 4 * columns);
     d = search.find(columns, false);
   }
   if (!d.found) {  // nothing can be said of a factor whose solutions overflow; zeros that it met are zeros
@@ -345,31 +477,34 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
     found.zeros = job.replaced ? job.suspects : 0;
     return found;
   }
-  found.zeros = d.below(search.zero());
+  const auto whole = [parts](Index directions) { return (directions + parts - 1) / parts; };
+  found.doubtful = !d.solved;
+  found.zeros = whole(d.below(search.zero()));
   found.smallest = d.values.front() / search.matrix().norm();
-  if (job.kind == Kind::ldlt) {
-    const std::vector<double> ritz = ritz_values(d.q, d.y);
-    const Index end = std::min(columns, job.suspects);
-    for (Index k = found.zeros; k < end; ++k) found.negative += ritz[static_cast<std::size_t>(k)] < 0 ? 1 : 0;
+  if (job.kind == Kind::ldlt && !search.matrix().two_sided()) {
+    const std::vector<double> ritz = ritz_values(job.pool, d.q, d.y);
+    const Index end = std::min(columns, suspects);
+    Index negative = 0;
+    for (Index k = parts * found.zeros; k < end; ++k) negative += ritz[static_cast<std::size_t>(k)] < 0 ? 1 : 0;
+    found.negative = whole(negative);
   }
   if (found.zeros == 0) return found;
   // As many directions on the left as on the right: one side proves what the factor's errors blur a little on the
   // other.
   constexpr double kBlurred = 16;
-  const Directions other = job.kind == Kind::lu ? search.find(columns, true) : Directions{};
+  const Directions other = search.matrix().two_sided() ? search.find(columns, true) : Directions{};
   if (other.found)
-    found.zeros = std::max(found.zeros, std::min(other.below(search.zero()), d.below(kBlurred * search.zero())));
-  const Block null = first_columns(d.q, found.zeros);
-  found.null_vectors = callers_vectors(search.matrix(), null, false);
-  if (job.kind == Kind::lu) {
-    const Block left = first_columns(other.q, found.zeros);
-    found.left_vectors = callers_vectors(search.matrix(), left, true);
-    found.rows = leading_rows(left);
-    found.columns = leading_rows(null);
-  } else {
-    found.rows = leading_rows(null);
-  }
-  if (found.zeros == columns && columns < n) {
+    found.zeros = std::max(found.zeros, whole(std::min(other.below(search.zero()), d.below(kBlurred * search.zero()))));
+  const Index taken = std::min(columns, parts * found.zeros);
+  const Block null = first_columns(d.q, taken);
+  const bool with_left = job.kind == Kind::lu;
+  const Block left = with_left ? first_columns(other.q, taken) : Block(0, 0);
+  if (parts == 1)
+    describe(search.matrix(), real_basis(null), real_basis(left), found);
+  else
+    describe(search.matrix(), complex_basis(null, found.zeros),
+             with_left ? complex_basis(left, found.zeros) : Columns<std::complex<double>>{}, found);
+  if (taken == columns && columns < n) {
     found.complete = false;
     found.zeros = std::max(found.zeros, job.suspects);
   }

@@ -34,6 +34,7 @@ struct Deficiency {
   std::vector<Index> columns;        ///< lu: likewise columns
   std::vector<double> left_vectors;  ///< lu: n * zeros, A^T w = 0
   Index negative = 0;                ///< symmetric: negative eigenvalues among the `suspects` smallest
+  bool doubtful = false;             ///< the factor has pivots with which it does not solve: there may be more zeros
   bool complete = true;              ///< false: more zeros than vectors were sought; `zeros` counts pivots
 };
 
@@ -45,9 +46,12 @@ struct DeficiencyJob {
   base::ThreadPool& pool;
   const matrix::RowIndex& rows;  ///< of prepared.a
   Kind kind;
-  bool single;         ///< the factor is FP32
+  bool rough;          ///< the factor is FP32, or no better
   bool replaced;       ///< the factor has pivots that were replaced
   Index suspects = 0;  ///< pivots that are small or were replaced
+  /// Nothing more is asked than whether a factor of FP32 is sure to tell the matrix from a singular one: `smallest` is
+  /// 0 where it is not. Not with replaced pivots.
+  bool surely_alone = false;
 };
 
 /// @pre the numeric factor solves (llt: no pivot was lost)

@@ -65,6 +65,14 @@ DeviceChoice asked_for(const DeviceText& text, const device::Registry& registry)
   return devices_of(*backend, found, std::move(numbers), std::move(reason));
 }
 
+// Complex systems on devices without complex numbers: the host takes them.
+DeviceChoice host_for_complex(const DeviceChoice& asked, const device::Registry& registry) {
+  const std::string why = fmt::format("a {} takes no complex numbers", asked.backend->noun());
+  DeviceChoice choice = whole_host(registry, "host: " + why);
+  choice.notice = why + "; the system is solved on the host";
+  return choice;
+}
+
 DeviceChoice named(const DeviceText& text, const device::Registry& registry) {
   if (text.whole_host) return whole_host(registry, "host: asked for");
   if (text.hosts) return host_devices_asked_for(registry, text.hosts->devices);
@@ -88,6 +96,10 @@ std::vector<Candidate> candidates(const device::Registry& registry, const analys
   };
   for (const device::Backend* backend : registry.backends) {
     if (backend == &registry.host()) continue;
+    if (wish.complex && !backend->limits().complex) {
+      note(fmt::format("a {} takes no complex numbers", backend->noun()));
+      continue;
+    }
     Candidate c{backend, {}, backend->predict(tree, wish)};
     if (std::isinf(c.time.on(1))) continue;
     c.found = backend->find();
@@ -202,6 +214,7 @@ DeviceChoice choose_device(const Options& options, const device::Registry& regis
                 fmt::format("device '{}' is not known; use {}", options.device, kDeviceTexts));
   const std::size_t budgets = options.device_memory_each_bytes.size();
   DeviceChoice choice = text->automatic ? automatic(registry, tree, wish, budgets) : named(*text, registry);
+  if (wish.complex && !choice.backend->limits().complex) return host_for_complex(choice, registry);
   if (budgets > 0 && choice.budgeted && !choice.ours && static_cast<int>(budgets) != choice.devices())
     throw Error(StatusCode::invalid_input,
                 fmt::format("{} budgets of device memory for {} device{}: give one for all, or one for each", budgets,
@@ -209,6 +222,19 @@ DeviceChoice choose_device(const Options& options, const device::Registry& regis
   if (choice.devices() == 1 || !choice.backend->limits().own_memory) return choice;
   const auto rates = measured(choice);
   return leave_out(std::move(choice), rates);
+}
+
+DeviceChoice device_of_ranks(const Options& options, const device::Registry& registry, int ranks) {
+  const auto text = read_device(options.device, registry);
+  if (!text)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("device '{}' is not known; use {}", options.device, kDeviceTexts));
+  if (!text->automatic && !text->whole_host)
+    throw Error(StatusCode::device_error,
+                fmt::format("device '{}' cannot be shared by {} ranks: these work on their processors; use cpu, or one "
+                            "process for all GPUs",
+                            options.device, ranks));
+  return whole_host(registry, fmt::format("the hosts of {} ranks", ranks));
 }
 
 std::optional<DeviceChoice> take_over(const DeviceChoice& failed, const std::string& why,

@@ -56,6 +56,10 @@ DeviceChoice choose_device(const Options& options, const device::Registry& regis
 std::optional<DeviceChoice> take_over(const DeviceChoice& failed, const std::string& why,
                                       const device::Registry& registry);
 
+/// Where a factorization that ranks share will work: on each rank's host.
+/// @throws Error(device_error) for devices that ranks cannot share
+DeviceChoice device_of_ranks(const Options& options, const device::Registry& registry, int ranks);
+
 /// Budget of each device in bytes; 0: what is free.
 std::vector<Offset> budgets_of(const DeviceChoice& choice, const Options& options);
 

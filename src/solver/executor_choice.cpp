@@ -87,26 +87,30 @@ std::unique_ptr<device::Executor<T>> make_executor(const Analysis& analysis, con
   const Backend& backend = *analysis.device.backend;
   Job job{analysis.plan,
           analysis.kind(),
+          analysis.system->numbers() == base::Numbers::hermitian,
           rule,
           context.pool,
           &context.budget,
           context.timeline,
           analysis.device.numbers,
-          budgets_of(analysis.device, context.options)};
+          budgets_of(analysis.device, context.options),
+          context.link};
   const auto& budgets = job.memory_bytes;
   const bool budgeted = std::any_of(budgets.begin(), budgets.end(), [](Offset b) { return b > 0; });
   try {
     return backend.make_executor(job, device::Scalar<T>());
   } catch (const Error& e) {
     if (e.status().code != StatusCode::out_of_memory) throw;
+    if (analysis.plan.tree.border > 0) throw;  // out of core, what is left for it is not kept
     if (backend.out_of_core() == nullptr || (!backend.limits().own_memory && !budgeted)) throw;
   }
   return make_out_of_core<T>(analysis, job, context);
 }
 
-template std::unique_ptr<device::Executor<double>> make_executor(const Analysis&, const device::PivotRule&,
-                                                                 const Context&);
-template std::unique_ptr<device::Executor<float>> make_executor(const Analysis&, const device::PivotRule&,
-                                                                const Context&);
+#define ESPALIER_INSTANTIATE(T)                                                                          \
+  template std::unique_ptr<device::Executor<T>> make_executor(const Analysis&, const device::PivotRule&, \
+                                                              const Context&);
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::solver

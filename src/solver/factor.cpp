@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -15,6 +16,11 @@
 namespace espalier::solver {
 
 namespace {
+
+std::uint64_t next_stamp() {
+  static std::atomic<std::uint64_t> last{0};
+  return ++last;
+}
 
 Status no_place(std::size_t replaced, bool matching) {
   return {StatusCode::accuracy_not_reached,
@@ -32,7 +38,8 @@ Factor::Factor(SharedAnalysis analysis, Values values, const Context& context)
     : context_(context),
       watch_(analysis->gain_of_single),
       analysis_(std::move(analysis)),
-      values_(*analysis_->system, std::move(values), context.pool) {
+      values_(*analysis_->system, std::move(values), context.pool),
+      border_values_(analysis_->system->border ? analysis_->system->border->entries.size() : 0) {
   context_.raised = analysis_->fp64;
 }
 
@@ -133,10 +140,15 @@ void Factor::finish(device::FactorOutcome outcome, double start) {
                           context_.budget.peak());
   if (hopeless) result_.status = no_place(outcome.replaced.size(), context_.options.matching);
   result_.precision = context_.precision();
+  if (analysis_->system->numbers() != base::Numbers::real) {
+    phase_ = outcome.determinant_phase * analysis_->system->prepared.transform_sign;
+    result_.determinant_sign = std::abs(result_.determinant_sign);
+  }
   result_.seconds = base::now_seconds() - start;
   watch_.add_factorization(result_.seconds);
-  result_.flops_per_second = analysis_->plan.flops / result_.seconds;
+  result_.flops_per_second = analysis_->flops() / result_.seconds;
   factorized_ = result_.status.ok();
+  stamp_ = next_stamp();
 }
 
 // Where the choice of devices was ours and they fail, others take over.
@@ -145,7 +157,7 @@ void Factor::make_numeric() {
   while (!numeric_) {
     try {
       charge_analysis();
-      numeric_ = solver::make_numeric(*analysis_, values_.values(), context_);
+      numeric_ = solver::make_numeric(*analysis_, values_.values(), border_values_, context_);
     } catch (const Error& e) {
       if (e.status().code == StatusCode::cancelled) throw;
       auto next = take_over(analysis_->device, e.what(), context_.registry);
@@ -185,6 +197,8 @@ void Factor::change_plan(analysis::AssemblyTree tree, Changes changes) {
   analysis_ = lay_out_again(*analysis_, std::move(tree), std::move(changes), context_);
   ++changes_;
   harmless_ = 0;
+  harmless_growth_ = 0;
+  regular_in_fp32_ = false;
 }
 
 void Factor::again(device::FactorOutcome& outcome) {
@@ -223,21 +237,52 @@ const Deficiency& Factor::judge(const device::FactorOutcome& outcome) {
   const bool looks =
       o.singular == SingularMatrix::report || o.refinement_steps > 0 || std::isfinite(o.required_backward_error);
   const auto suspects = static_cast<Index>(outcome.replaced.size() + outcome.small.size());
-  if (suspects == 0 || (!looks && outcome.replaced.empty()) || outcome.not_positive >= 0 || pivots_are_given())
+  // Rounding in FP32 may leave a zero as large as other pivots: the first factor of a plan is looked at in any case.
+  const bool first_in_fp32 = context_.single() && !regular_in_fp32_;
+  if ((suspects == 0 && !first_in_fp32) || (!looks && outcome.replaced.empty()) || outcome.not_positive >= 0 ||
+      pivots_are_given())
     return *deficiency_;
   const bool known = outcome.replaced.empty() && suspects <= harmless_ && o.singular != SingularMatrix::report;
-  if (known) return *deficiency_;
-  deficiency_ = deficiency(!outcome.replaced.empty(), suspects);
+  if (known && !first_in_fp32) return *deficiency_;
+  // A doubt is enough to go to FP64.
+  const bool surely_alone = context_.precision() == Precision::mixed;
+  deficiency_ = deficiency(!outcome.replaced.empty(), suspects, surely_alone);
+  regular_in_fp32_ = regular_in_fp32_ || (first_in_fp32 && deficiency_->zeros == 0);
   if (deficiency_->zeros == 0 && outcome.replaced.empty()) harmless_ = std::max(harmless_, suspects);
   return *deficiency_;
 }
 
-Deficiency Factor::deficiency(bool replaced, Index suspects) {
+Deficiency Factor::deficiency(bool replaced, Index suspects, bool surely_alone) {
   looked_ = true;
   values_.fetch(numeric_->device_system());
   const System& s = *analysis_->system;
-  return find_deficiency({s.prepared, values_.values(), values_.residual(), *numeric_, context_.pool, *s.rows,
-                          analysis_->kind(), context_.single(), replaced, suspects});
+  const auto find = [&](bool some_replaced, bool rough) {
+    return find_deficiency({s.prepared, values_.values(), values_.residual(), *numeric_, context_.pool, *s.rows,
+                            analysis_->kind(), rough, some_replaced, suspects, surely_alone});
+  };
+  Deficiency found = find(replaced, context_.single());
+  if (!found.doubtful || analysis_->kind() == Kind::llt || pivots_are_given()) return found;
+  Deficiency again;
+  with_larger_pivots([&] { again = find(true, true); });
+  return again.zeros > found.zeros ? again : found;
+}
+
+// Larger pivots in the place of vanishing ones make another factor for a search, as rough as one in FP32. Whoever
+// interrupts it finds no factor.
+void Factor::with_larger_pivots(const std::function<void()>& search) {
+  constexpr double kLarger = 1e-5;
+  try {
+    numeric_->set_smallest_pivot(kLarger);
+    numeric_->halt_at_failures(false);
+    (void)numeric_->factorize();
+    search();
+    set_smallest_pivot();
+    numeric_->halt_at_failures(halts_);
+    (void)numeric_->factorize();
+  } catch (...) {
+    drop();
+    throw;
+  }
 }
 
 Status Factor::second_look(const double* b, const double* x, bool transpose) {
@@ -245,20 +290,27 @@ Status Factor::second_look(const double* b, const double* x, bool transpose) {
   const double far = context_.single() ? 1e5 : 1e11;
   if (looked_ || pivots_are_given()) return {};
   const bool llt = analysis_->kind() == Kind::llt;
-  if (llt && numeric_->device_system() != nullptr) return {};  // a GPU has looked at all pivots of llt
+  if (llt && numeric_->device_system() != nullptr && !context_.single()) return {};  // a GPU has looked at all pivots
   const Scales& s = numeric_->scales();
   const Index n = analysis_->n();
   const auto& of_b = transpose ? s.col : s.row;
   const auto& of_x = transpose ? s.row : s.col;
+  const Index parts = analysis_->system->parts();
   double given = 0, found = 0;
-  for (Index i = 0; i < n; ++i) {
-    given = std::max(given, std::abs(of_b.empty() ? b[i] : b[i] * of_b[static_cast<std::size_t>(i)]));
-    found = std::max(found, std::abs(of_x.empty() ? x[i] : x[i] / of_x[static_cast<std::size_t>(i)]));
+  for (Offset i = 0; i < analysis_->doubles(); ++i) {
+    const auto row = static_cast<std::size_t>(i / parts);
+    given = std::max(given, std::abs(of_b.empty() ? b[i] : b[i] * of_b[row]));
+    found = std::max(found, std::abs(of_x.empty() ? x[i] : x[i] / of_x[row]));
   }
   if (of_x.empty()) found *= values_.residual().norm(transpose);
   if (!(found > far * given) || !std::isfinite(found)) return {};
-  Deficiency d = deficiency(false, 0);
-  if (d.zeros == 0) return {};
+  constexpr double kMore = 2;  // a matrix that became singular makes far more of it
+  if (found <= kMore * harmless_growth_ * given) return {};
+  Deficiency d = deficiency(false, 0, false);
+  if (d.zeros == 0) {
+    harmless_growth_ = found / given;
+    return {};
+  }
   result_.rank = n - d.zeros;
   result_.dependent_rows = d.rows;
   result_.null_vectors = std::move(d.null_vectors);
@@ -293,6 +345,7 @@ bool Factor::weakly_scaled(const device::FactorOutcome& outcome) const {
 void Factor::raise_precision(std::string_view why) {
   context_.log(fmt::format("{} precision: {}; going on in FP64", name_of(context_.options.precision), why));
   context_.raised = true;
+  looked_ = false;  // with the eyes of FP32
   change_plan(analysis::AssemblyTree(analysis_->plan.tree),
               {analysis_->device, analysis_->moved_pivots, analysis_->free_pivots});
   set_smallest_pivot();
@@ -336,6 +389,8 @@ void Factor::turn_to_ldlt() {
   analysis_ = std::move(made.analysis);
   ++changes_;
   harmless_ = 0;
+  harmless_growth_ = 0;
+  regular_in_fp32_ = false;
   values_ = std::move(values);
 }
 

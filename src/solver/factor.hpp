@@ -2,6 +2,10 @@
 /// The numeric part of a solver: values, their factor, and what both need. Several may stand on one analysis.
 #pragma once
 
+#include <algorithm>
+#include <complex>
+#include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -49,6 +53,8 @@ class Factor {
   Factor& operator=(const Factor&) = delete;
 
   void factorize(std::span<const double> values);
+  /// Values of the system's border, in its order, for the factorizations to come.
+  void set_border(std::span<const double> values) { std::copy(values.begin(), values.end(), border_values_.begin()); }
   void factorize_device(const double* values, Offset count, void* queue);
   /// Gives back all memory of the factor; the values stay.
   void drop();
@@ -57,11 +63,20 @@ class Factor {
 
   /// Where factorizations have moved pivots, changed the kind or the devices, no longer the one that was given.
   [[nodiscard]] const SharedAnalysis& analysis() const { return analysis_; }
+  /// A number that no other factorization has, of any factor.
+  [[nodiscard]] std::uint64_t stamp() const { return stamp_; }
   /// How often it has become another one.
   [[nodiscard]] int changes() const { return changes_; }
-  /// Of the last factorization.
+  /// Whether another factor that has just been made on the same analysis would treat the next values as this one will.
+  [[nodiscard]] bool like_new() const {
+    return changes_ == 0 && !had_zeros_ && harmless_ == 0 && harmless_growth_ == 0 && !context_.rescaled &&
+           inaccurate_.empty() && (factorized_ || !numeric_);
+  }
+  /// Of the last factorization; null vectors of complex matrices as doubles, determinant_sign 1 where it is not zero.
   [[nodiscard]] const FactorResult& result() const { return result_; }
   [[nodiscard]] FactorResult& result() { return result_; }
+  /// Of the last factorization: the determinant over its magnitude.
+  [[nodiscard]] std::complex<double> determinant_phase() const { return result_.determinant_sign * phase_; }
   /// Where factorize_device() takes values from; -1: nowhere.
   [[nodiscard]] int gpu() const;
   [[nodiscard]] bool factorized() const { return factorized_; }
@@ -98,13 +113,16 @@ class Factor {
   device::FactorOutcome settle_pivots(device::FactorOutcome outcome);
   enum class Moved { nowhere, one_up, searched };
   Moved move_pivots(const std::vector<Index>& failing, bool near);
+  [[nodiscard]] double search_seconds() const;
   [[nodiscard]] bool search_pays() const;
+  [[nodiscard]] bool search_is_short() const;
   [[nodiscard]] std::optional<std::vector<analysis::PivotMove>> place_pivots(std::span<const Index> failed);
   void choose_pivots_freely();
   void turn_to_ldlt();
   [[nodiscard]] bool factor_solves() const;
   const Deficiency& judge(const device::FactorOutcome& outcome);
-  [[nodiscard]] Deficiency deficiency(bool replaced, Index suspects);
+  [[nodiscard]] Deficiency deficiency(bool replaced, Index suspects, bool surely_alone);
+  void with_larger_pivots(const std::function<void()>& search);
   [[nodiscard]] bool pivots_are_given() const {
     return context_.options.perturbation > 0 || context_.options.zero_pivot > 0;
   }
@@ -123,11 +141,14 @@ class Factor {
   SharedAnalysis analysis_;
   int changes_ = 0;
   FactorValues values_;
+  std::vector<double> border_values_;
   Offset charged_ = 0;                    // of the analysis and the values, in the budget
   std::unique_ptr<Numeric> numeric_;      // made by the first factorization; of analysis_ and values_
   double smallest_pivot_ = 0;             // relative; a smaller pivot counts as zero
   std::optional<Deficiency> deficiency_;  // of the last numeric factorization; empty: not judged
   Index harmless_ = 0;                    // so many small pivots were no sign of singularity, in this plan
+  double harmless_growth_ = 0;            // largest entries of a solution over those of its right-hand side: likewise
+  bool regular_in_fp32_ = false;          // a factor in FP32 told the matrix from a singular one, in this plan
   bool looked_ = false;                   // at the matrix itself, whatever the pivots say
   bool matched_ = false;                  // this factorization has turned from equilibration to a matching
   bool halts_ = true;                     // factorizations end where pivots fail
@@ -135,6 +156,8 @@ class Factor {
   bool follows_ = false;                  // numeric_ goes on with what the last factorization has left
   bool gave_up_ = false;                  // no place was found for failing pivots
   FactorResult result_;
+  std::uint64_t stamp_ = 0;
+  std::complex<double> phase_ = 1;  // complex: the determinant over its magnitude and sign
   bool factorized_ = false;
 };
 

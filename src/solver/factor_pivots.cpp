@@ -36,7 +36,8 @@ device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
         complete(outcome);
         return outcome;
       case PivotPolicy::Step::move: {
-        const Moved moved = move_pivots(movable, policy.near(outcome.halted));
+        const bool near = policy.near(outcome.halted) && (outcome.halted || !search_is_short());
+        const Moved moved = move_pivots(movable, near);
         if (moved == Moved::nowhere) halts_ = false;
         again(outcome);
         if (moved == Moved::nowhere) return outcome;
@@ -72,7 +73,7 @@ bool Factor::narrow_tiles() const {
 // A solution of A x = A 1 has half of the digits.
 bool Factor::factor_solves() const {
   constexpr double kHalfOfTheDigits = 1e-8;
-  const auto n = static_cast<std::size_t>(analysis_->n());
+  const auto n = static_cast<std::size_t>(analysis_->doubles());
   const std::vector<double> ones(n, 1.0);
   std::vector<double> b(n), x(n);
   values_.residual().multiply(ones.data(), b.data(), false);
@@ -142,29 +143,40 @@ bool Factor::follow(const analysis::AssemblyTree& tree, std::vector<Index> front
   }
   ++changes_;
   harmless_ = 0;
+  harmless_growth_ = 0;
+  regular_in_fp32_ = false;
   return true;
 }
 
-// On the host, which would be slower than many rounds on the fastest devices.
-bool Factor::search_pays() const {
-  constexpr double kRounds = 20, kSeconds = 1;
+// Over the whole tree, on the host.
+double Factor::search_seconds() const {
   device::PlanWish wish;
   wish.kind = analysis_->kind();
-  wish.threads = context_.pool.size();
+  wish.complex = analysis_->system->numbers() != base::Numbers::real;
+  wish.threads = context_.threads();
   wish.machine = plan::machine_with(context_.options.machine);
-  const double search = context_.registry.host().predict(analysis_->plan.tree, wish).on(1);
-  return search <= std::max(kSeconds, kRounds * analysis_->result.predicted_seconds);
+  return context_.registry.host().predict(analysis_->plan.tree, wish).on(1);
+}
+
+// It would be slower than many rounds on the fastest devices.
+bool Factor::search_pays() const {
+  constexpr double kRounds = 20, kSeconds = 1;
+  return search_seconds() <= std::max(kSeconds, kRounds * analysis_->result.predicted_seconds);
+}
+
+// Then a plan that is laid out anew and a factorization of everything cost more than what a search near the failures
+// spares.
+bool Factor::search_is_short() const {
+  constexpr double kSeconds = 0.02;
+  return search_seconds() <= kSeconds;
 }
 
 std::optional<std::vector<analysis::PivotMove>> Factor::place_pivots(std::span<const Index> failed) {
   const std::vector<analysis::PivotMove> unknown;
   if (!search_pays()) return unknown;
-  const PreparedMatrix& p = analysis_->system->prepared;
-  if (numeric_->left_contributions() != nullptr && !numeric_->scaled_values().empty()) {
+  if (numeric_->left_something()) {
     try {
-      return context_.registry.host().place_pivots({analysis_->plan, analysis_->kind(), numeric_->pivot_rule(),
-                                                    numeric_->scaled_values(), context_.pool, &context_.budget, failed,
-                                                    failed.empty() ? nullptr : numeric_->left_contributions()});
+      return numeric_->place_pivots(context_.registry.host(), *analysis_, failed);
     } catch (const Error& error) {
       if (error.status().code != StatusCode::out_of_memory) throw;
     }
@@ -172,11 +184,8 @@ std::optional<std::vector<analysis::PivotMove>> Factor::place_pivots(std::span<c
   const Scales scales = numeric_->scales();
   numeric_.reset();  // its memory is not needed any more
   try {
-    base::Buffer<double> scaled(p.a.nonzeros(), &context_.budget);
-    const double largest = scale_values(p, scales, values_.values(), scaled.data(), context_.pool);
-    const device::PivotRule rule{context_.options.pivot_threshold, smallest_pivot_ * largest};
-    return context_.registry.host().place_pivots(
-        {analysis_->plan, analysis_->kind(), rule, scaled.span(), context_.pool, &context_.budget, failed});
+    return solver::place_pivots(*analysis_, scales, values_.values(), border_values_, smallest_pivot_, failed,
+                                context_);
   } catch (const Error& error) {
     if (error.status().code != StatusCode::out_of_memory) throw;
     return unknown;

@@ -104,7 +104,7 @@ FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, con
   const Index zeros = given ? static_cast<Index>(outcome.replaced.size()) : deficiency.zeros;
   r.rank = n - zeros;
   if (analysis.kind() == Kind::llt) r.inertia = {n - zeros, 0, zeros};
-  if (analysis.kind() == Kind::ldlt) {
+  if (analysis.kind() == Kind::ldlt && analysis.system->numbers() != base::Numbers::complex) {
     const Index negative = given ? outcome.negative : negative_eigenvalues(outcome, deficiency);
     r.inertia = {n - negative - zeros, negative, zeros};
   }

@@ -6,7 +6,7 @@
 namespace espalier::solver {
 
 FactorValues::FactorValues(const System& system, Values values, base::ThreadPool& pool)
-    : values_(std::move(values)), residual_(system.prepared.a, system.rows, pool) {
+    : values_(std::move(values)), residual_(system.prepared.a, system.rows, pool, system.numbers()) {
   residual_.set_values(values_);
 }
 

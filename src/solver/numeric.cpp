@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
+#include <type_traits>
 #include <vector>
 
+#include "analysis/border.hpp"
 #include "base/scalar.hpp"
 #include "solver/executor_choice.hpp"
 #include "solver/pivot_policy.hpp"
@@ -16,8 +19,13 @@ constexpr Index kMostColumnsAtOnce = 32;  // right-hand sides per sweep: 32 doub
 
 template <class T>
 class NumericOf final : public Numeric {
+  using Real = base::RealOf<T>;
+  using Value = base::WideOf<T>;
+  static constexpr bool kComplex = base::ScalarTraits<T>::is_complex;
+
  public:
-  NumericOf(const Analysis& analysis, std::span<const double> values, const Context& context)
+  NumericOf(const Analysis& analysis, std::span<const double> values, std::span<const double> border_values,
+            const Context& context)
       : plan_(&analysis.plan),
         prepared_(analysis.system->prepared),
         scales_{prepared_.row_scale, prepared_.col_scale, prepared_.transform_log, prepared_.wide},
@@ -25,18 +33,22 @@ class NumericOf final : public Numeric {
         matching_(context.matches()),
         given_zero_(context.options.zero_pivot),
         given_(values),
+        border_(analysis.plan.tree.border > 0 ? analysis.system->border : nullptr),
+        border_values_(border_values),
         pool_(context.pool),
         budget_(context.budget),
         rule_{context.options.pivot_threshold, 0},
         executor_(make_executor<T>(analysis, rule_, context)) {
     // A Cholesky pivot is judged by its diagonal entry.
     if (analysis.kind() == Kind::llt) diagonal_ = diagonal_places(prepared_.a, plan_->tree.order, pool_);
-    take_device_system(analysis, context);
+    position_ = positions_for(prepared_, plan_->tree.order);
+    if constexpr (!kComplex) take_device_system(analysis, context);
     if (device_ != nullptr) {
       diagonal_ = {};
       return;
     }
-    values_ = base::Buffer<T>(prepared_.a.nonzeros(), &budget_);
+    const auto of_border = static_cast<Offset>(border_ ? border_->entries.size() : 0);
+    values_ = base::Buffer<T>(prepared_.a.nonzeros() + of_border, &budget_);
     smallest_.resize(diagonal_.size());
   }
 
@@ -46,38 +58,53 @@ class NumericOf final : public Numeric {
       refuse_entry(prepared_, given_);
     }
     if (rescale_) scales_ = scales_for(prepared_, given_, matching_, pool_);
-    const double largest = scale_values(prepared_, scales_, given_, values_.data(), pool_);
+    const double largest = scale_values(prepared_, scales_, given_, values_.data(), pool_, position_);
+    if constexpr (!kComplex) {
+      if (border_)
+        border_scales_ = scale_border(*border_, scales_, border_values_, values_.data() + prepared_.a.nonzeros());
+    }
     rule_.tiny = given_zero_ > 0 ? given_zero_ : smallest_pivot_ * largest;
     rule_.largest = largest;
     rule_.suspect = suspect_pivot(base::ScalarTraits<T>::epsilon) * largest;
     for (std::size_t k = 0; k < smallest_.size(); ++k)
-      smallest_[k] = suspect_pivot(base::ScalarTraits<T>::epsilon) * values_[diagonal_[static_cast<std::size_t>(k)]];
+      smallest_[k] =
+          suspect_pivot(base::ScalarTraits<T>::epsilon) * std::real(values_[diagonal_[static_cast<std::size_t>(k)]]);
     rule_.smallest = smallest_;
     executor_->set_pivot_rule(rule_);
     return executor_->factorize(values_.span());
   }
 
   void halt_at_failures(bool halt) override { executor_->halt_at_failures(halt); }
-  [[nodiscard]] const device::LeftContributions* left_contributions() const override {
-    return executor_->left_contributions();
-  }
   bool change_analysis(const ChangedAnalysis& changed) override {
     if (device_ != nullptr || !diagonal_.empty()) return false;
     auto executor = executor_->with_changed_plan(changed.analysis->plan, changed.fronts);
     if (executor == nullptr) return false;
     executor_ = std::move(executor);
     plan_ = &changed.analysis->plan;
+    // Values of a Hermitian matrix turn with the order.
+    if (!position_.empty()) position_ = positions_for(prepared_, plan_->tree.order);
     return true;
   }
   device::FactorOutcome factorize_rest() override {
     executor_->set_pivot_rule(rule_);
+    if (!position_.empty()) (void)scale_values(prepared_, scales_, given_, values_.data(), pool_, position_);
     return executor_->factorize(values_.span());
   }
-  [[nodiscard]] std::span<const double> scaled_values() const override {
-    if constexpr (base::keeps_fp64<T>) return {values_.data(), static_cast<std::size_t>(values_.size())};
-    return {};
+  [[nodiscard]] bool left_something() const override {
+    return base::keeps_fp64<T> && device_ == nullptr && executor_->left_contributions() != nullptr;
   }
-  [[nodiscard]] const device::PivotRule& pivot_rule() const override { return rule_; }
+  [[nodiscard]] std::optional<std::vector<analysis::PivotMove>> place_pivots(
+      const device::Backend& host, const Analysis& analysis, std::span<const Index> failed) const override {
+    if constexpr (base::keeps_fp64<T>) {
+      const bool hermitian = prepared_.numbers == base::Numbers::hermitian;
+      const std::span<const Value> values(values_.data(), static_cast<std::size_t>(values_.size()));
+      return host.place_pivots(
+          device::PlacementJobOf<Value>{analysis.plan, analysis.kind(), hermitian, rule_, values, pool_, &budget_,
+                                        failed, failed.empty() ? nullptr : executor_->left_contributions()});
+    } else {
+      return std::vector<analysis::PivotMove>{};
+    }
+  }
   void scale_by_matching(bool matching) override { matching_ = matching; }
   device::DeviceLinearSystem* device_system() override { return device_.get(); }
   std::optional<device::FactorOutcome> factorize_device(const double* values) override {
@@ -88,7 +115,7 @@ class NumericOf final : public Numeric {
 
   // One by one where the budget has no room for several right-hand sides.
   void solve(const double* b, double* x, Index columns, bool transpose) override {
-    const Offset n = plan_->tree.n;
+    const Offset n = Offset{plan_->tree.n} * (kComplex ? 2 : 1);
     Index most = kMostColumnsAtOnce;
     for (Index done = 0; done < columns;) {
       const Index now = std::min(columns - done, most);
@@ -104,6 +131,22 @@ class NumericOf final : public Numeric {
     }
   }
 
+  [[nodiscard]] BorderContribution border_contribution() const override {
+    BorderContribution left;
+    const analysis::AssemblyTree& t = plan_->tree;
+    const Index root = analysis::border_root(t);
+    if (root < 0) return left;
+    for (Offset r = t.row_ptr[root]; r < t.row_ptr[root + 1]; ++r) left.rows.push_back(t.rows[r] - t.n);
+    const std::size_t rows = left.rows.size();
+    left.values.resize(rows * rows);
+    if constexpr (!kComplex) executor_->border_contribution()->copy(root, left.values.data());
+    for (std::size_t c = 0; c < rows; ++c)
+      for (std::size_t r = 0; r < rows; ++r)  // powers of two
+        left.values[c * rows + r] /= border_scales_.row[static_cast<std::size_t>(left.rows[r])] *
+                                     border_scales_.col[static_cast<std::size_t>(left.rows[c])];
+    return left;
+  }
+
   [[nodiscard]] const Scales& scales() const override { return scales_; }
   [[nodiscard]] std::string device_name() const override { return executor_->name(); }
   [[nodiscard]] Offset device_peak_bytes() const override { return executor_->peak_bytes(); }
@@ -113,7 +156,7 @@ class NumericOf final : public Numeric {
  private:
   // Devices that can keep the linear system beside the factor do when memory allows; else refinement works on the host.
   void take_device_system(const Analysis& analysis, const Context& context) {
-    if (scales_.wide || rescale_) return;  // devices scale by plain products, always the same
+    if (border_ || scales_.wide || rescale_) return;  // devices scale by plain products, always the same
     Offset left = 0;
     if (const Offset budget = budgets_of(analysis.device, context.options).front(); budget > 0)
       left = std::max<Offset>(1, budget - executor_->peak_bytes());
@@ -158,15 +201,16 @@ class NumericOf final : public Numeric {
       rhs_ = base::Buffer<T>();
       rhs_ = base::Buffer<T>(static_cast<Offset>(plan_->tree.n) * width, &budget_);
     }
-    find_units(b, columns, transpose);
-    gather(b, columns, width, transpose);
+    const Value* from = reinterpret_cast<const Value*>(b);
+    find_units(from, columns, transpose);
+    gather(from, columns, width, transpose);
     executor_->solve(rhs_.data(), width, transpose);
-    scatter(x, columns, width, transpose);
+    scatter(reinterpret_cast<Value*>(x), columns, width, transpose);
   }
 
   // FP32: a right-hand side may be far from 1 where the scaled matrix is not. It is measured in a power of two, which
   // changes no digit.
-  void find_units(const double* b, Index columns, bool transpose) {
+  void find_units(const Value* b, Index columns, bool transpose) {
     if (base::keeps_fp64<T>) return;
     unit_.assign(static_cast<std::size_t>(columns), 1);
     const Index n = plan_->tree.n;
@@ -183,15 +227,15 @@ class NumericOf final : public Numeric {
     });
   }
 
-  [[nodiscard]] T in_unit(double v, Index c) const {
-    return static_cast<T>(base::keeps_fp64<T> ? v : v / unit_[static_cast<std::size_t>(c)]);
+  [[nodiscard]] T in_unit(Value v, Index c) const {
+    return base::narrowed<T>(base::keeps_fp64<T> ? v : v / unit_[static_cast<std::size_t>(c)]);
   }
-  [[nodiscard]] double from_unit(T v, Index c) const {
-    return base::keeps_fp64<T> ? v : static_cast<double>(v) * unit_[static_cast<std::size_t>(c)];
+  [[nodiscard]] Value from_unit(T v, Index c) const {
+    return base::keeps_fp64<T> ? Value(v) : static_cast<Value>(v) * unit_[static_cast<std::size_t>(c)];
   }
 
   // Scaled right-hand sides in elimination order; columns that pad the width are zero.
-  void gather(const double* b, Index columns, Index width, bool transpose) {
+  void gather(const Value* b, Index columns, Index width, bool transpose) {
     const Index n = plan_->tree.n;
     pool_.for_each_range(n, kRows, [&](std::int64_t begin, std::int64_t end) {
       for (auto k = begin; k < end; ++k) {
@@ -205,7 +249,7 @@ class NumericOf final : public Numeric {
     });
   }
 
-  void scatter(double* x, Index columns, Index width, bool transpose) {
+  void scatter(Value* x, Index columns, Index width, bool transpose) {
     const Index n = plan_->tree.n;
     pool_.for_each_range(n, kRows, [&](std::int64_t begin, std::int64_t end) {
       for (auto k = begin; k < end; ++k) {
@@ -225,14 +269,18 @@ class NumericOf final : public Numeric {
   const PreparedMatrix& prepared_;
   Scales scales_;
   bool rescale_, matching_;
-  double given_zero_;              // Options::zero_pivot
-  std::span<const double> given_;  // the solver's values
+  double given_zero_;                     // Options::zero_pivot
+  std::span<const double> given_;         // the solver's values
+  std::shared_ptr<const Border> border_;  // null: the plan has none
+  std::span<const double> border_values_;
+  BorderScales border_scales_;
   base::ThreadPool& pool_;
   base::MemoryBudget& budget_;
   double smallest_pivot_ = 0;  // relative to the largest scaled entry
   base::Buffer<T> values_;     // scaled; only without device_
   base::Buffer<T> rhs_;
   std::vector<double> unit_;      // FP32: of the right-hand sides in work
+  std::vector<Index> position_;   // Hermitian: n, by column
   std::vector<Offset> diagonal_;  // llt, without device_: n, by position
   std::vector<double> smallest_;  // likewise: a pivot below is suspicious
   device::PivotRule rule_;
@@ -243,9 +291,36 @@ class NumericOf final : public Numeric {
 }  // namespace
 
 std::unique_ptr<Numeric> make_numeric(const Analysis& analysis, std::span<const double> values,
-                                      const Context& context) {
-  if (context.single()) return std::make_unique<NumericOf<float>>(analysis, values, context);
-  return std::make_unique<NumericOf<double>>(analysis, values, context);
+                                      std::span<const double> border_values, const Context& context) {
+  const auto make = [&](auto scalar) -> std::unique_ptr<Numeric> {
+    return std::make_unique<NumericOf<decltype(scalar)>>(analysis, values, border_values, context);
+  };
+  if (analysis.system->numbers() != base::Numbers::real)
+    return context.single() ? make(std::complex<float>()) : make(std::complex<double>());
+  return context.single() ? make(float()) : make(double());
+}
+
+std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& analysis, const Scales& scales,
+                                                             std::span<const double> values,
+                                                             std::span<const double> border_values,
+                                                             double smallest_pivot, std::span<const Index> failed,
+                                                             const Context& context) {
+  const PreparedMatrix& p = analysis.system->prepared;
+  return base::with_numbers(p.numbers, values.data(), [&](const auto* first) {
+    using Value = std::remove_cv_t<std::remove_pointer_t<decltype(first)>>;
+    base::Buffer<Value> scaled(p.a.nonzeros() + static_cast<Offset>(border_values.size()), &context.budget);
+    const double largest =
+        scale_values(p, scales, values, scaled.data(), context.pool, positions_for(p, analysis.plan.tree.order));
+    if constexpr (!base::ScalarTraits<Value>::is_complex) {
+      if (analysis.plan.tree.border > 0)
+        (void)scale_border(*analysis.system->border, scales, border_values, scaled.data() + p.a.nonzeros());
+    }
+    const device::PivotRule rule{context.options.pivot_threshold, smallest_pivot * largest};
+    const bool hermitian = p.numbers == base::Numbers::hermitian;
+    const std::span<const Value> numbers(scaled.data(), static_cast<std::size_t>(scaled.size()));
+    return context.registry.host().place_pivots(device::PlacementJobOf<Value>{
+        analysis.plan, analysis.kind(), hermitian, rule, numbers, context.pool, &context.budget, failed});
+  });
 }
 
 }  // namespace espalier::solver

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "device/executor.hpp"
 #include "solver/analysis.hpp"
@@ -12,7 +13,13 @@
 
 namespace espalier::solver {
 
-/// Hides the precision of the factor from the solver.
+/// The part of a Schur complement that eliminating the matrix leaves: -A_sr A_rr^-1 A_rs.
+struct BorderContribution {
+  std::vector<Index> rows;     ///< of the border that are coupled with the matrix, ascending
+  std::vector<double> values;  ///< rows x rows, column-major; of a symmetric matrix the lower triangle alone
+};
+
+/// Hides the numbers and the precision of the factor from the solver. Vectors are doubles (base::Numbers).
 class Numeric {
  public:
   virtual ~Numeric() = default;
@@ -21,18 +28,18 @@ class Numeric {
   virtual device::FactorOutcome factorize() = 0;
   /// See Executor::halt_at_failures().
   virtual void halt_at_failures(bool halt) = 0;
-  /// After a halted factorization; null: the last one was not.
-  [[nodiscard]] virtual const device::LeftContributions* left_contributions() const = 0;
   /// Goes on with an analysis in which pivots have moved, which takes the place of the one before. @returns false where
   /// that cannot be; nothing has changed then
   /// @throws Error(out_of_memory); likewise
   virtual bool change_analysis(const ChangedAnalysis& changed) = 0;
   /// Of the values of the last factorization, after change_analysis(): see Executor::with_changed_plan().
   virtual device::FactorOutcome factorize_rest() = 0;
-  /// As they were scaled for the last factorization; empty: they are not there in FP64.
-  [[nodiscard]] virtual std::span<const double> scaled_values() const = 0;
-  /// The rule of the last factorization. Without meaning where scaled_values() is empty.
-  [[nodiscard]] virtual const device::PivotRule& pivot_rule() const = 0;
+  /// Where pivots have to go after a halted factorization, by the values and with the contributions that it has left
+  /// (see device::PlacementJob; no list: the search is given up). @pre left_something()
+  [[nodiscard]] virtual std::optional<std::vector<analysis::PivotMove>> place_pivots(
+      const device::Backend& host, const Analysis& analysis, std::span<const Index> failed) const = 0;
+  /// Whether the last factorization was halted and its scaled values are there in FP64.
+  [[nodiscard]] virtual bool left_something() const = 0;
   /// The linear system on the device of the factor; null: it is on the host alone.
   virtual device::DeviceLinearSystem* device_system() = 0;
   /// factorize() with values in that device's memory, in the order of PreparedMatrix::a. Nothing when one is not
@@ -41,11 +48,13 @@ class Numeric {
   virtual void set_smallest_pivot(double smallest_pivot) = 0;
   /// Whether scalings of the values' own are those of matchings, from the next factorization on.
   virtual void scale_by_matching(bool matching) = 0;
-  /// Solves op(A) x = b for `columns` right-hand sides, column-major, n values each; x may alias b.
+  /// Solves op(A) x = b for `columns` right-hand sides, column-major, n numbers each; x may alias b.
   virtual void solve(const double* b, double* x, Index columns, bool transpose) = 0;
   /// Of the last factorization.
   [[nodiscard]] virtual const Scales& scales() const = 0;
   [[nodiscard]] virtual std::string device_name() const = 0;
+  /// What the last factorization has left for the border. @pre the plan has one
+  [[nodiscard]] virtual BorderContribution border_contribution() const = 0;
   /// Most bytes of factor and work arrays that the device held.
   [[nodiscard]] virtual Offset device_peak_bytes() const = 0;
   [[nodiscard]] virtual device::OutOfCoreReport out_of_core() const = 0;
@@ -54,7 +63,15 @@ class Numeric {
 };
 
 /// In the precision of the options. All arguments outlive the factor.
-/// @param values  of the factorizations to come, where the caller keeps them
-std::unique_ptr<Numeric> make_numeric(const Analysis& analysis, std::span<const double> values, const Context& context);
+/// @param values  of the factorizations to come, where the caller keeps them; likewise of the border
+std::unique_ptr<Numeric> make_numeric(const Analysis& analysis, std::span<const double> values,
+                                      std::span<const double> border_values, const Context& context);
+
+/// Where pivots have to go, by values that are scaled for it.
+std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& analysis, const Scales& scales,
+                                                             std::span<const double> values,
+                                                             std::span<const double> border_values,
+                                                             double smallest_pivot, std::span<const Index> failed,
+                                                             const Context& context);
 
 }  // namespace espalier::solver

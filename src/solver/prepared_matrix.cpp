@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <complex>
 #include <functional>
 #include <limits>
 #include <numeric>
@@ -15,6 +16,7 @@
 #include "device/determinant.hpp"
 #include "matrix/norms.hpp"
 #include "matrix/transform.hpp"
+#include "matrix/validate.hpp"
 #include "solver/analysis_file.hpp"
 
 namespace espalier::solver {
@@ -102,6 +104,9 @@ void merge_duplicates(const MatrixView& a, PreparedMatrix& p) {
 // Makes the symmetric pattern of `p` general and keeps the position that each entry came from.
 void expand(PreparedMatrix& p) {
   const StoredMatrix a = std::move(p.a);
+  const bool hermitian =
+      std::exchange(p.numbers, p.numbers == base::Numbers::hermitian ? base::Numbers::complex : p.numbers) ==
+      base::Numbers::hermitian;
   p.a = {a.rows, a.cols, {}, {}, {}, Storage::general};
   const bool both = a.storage == Storage::symmetric_both;
   auto& ptr = p.a.col_ptr;
@@ -109,19 +114,21 @@ void expand(PreparedMatrix& p) {
   const auto visit = [&](auto&& use) {
     for (Index c = 0; c < a.cols; ++c)
       for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
-        use(a.row_ind[q], c, q);
-        if (!both && a.row_ind[q] != c) use(c, a.row_ind[q], q);
+        use(a.row_ind[q], c, q, false);
+        if (!both && a.row_ind[q] != c) use(c, a.row_ind[q], q, true);
       }
   };
-  visit([&](Index, Index c, Offset) { ++ptr[c + 1]; });
+  visit([&](Index, Index c, Offset, bool) { ++ptr[c + 1]; });
   std::partial_sum(ptr.begin(), ptr.end(), ptr.begin());
   p.a.row_ind.resize(static_cast<std::size_t>(ptr.back()));
   p.source.resize(p.a.row_ind.size());
   std::vector<Offset> next(ptr.begin(), ptr.end() - 1);
-  visit([&](Index r, Index c, Offset q) {
+  if (hermitian && !both) p.turned.resize(p.a.row_ind.size());
+  visit([&](Index r, Index c, Offset q, bool mirrored) {
     const Offset at = next[c]++;
     p.a.row_ind[at] = r;
     p.source[at] = q;
+    if (!p.turned.empty()) p.turned[at] = mirrored ? 1 : 0;
   });
 }
 
@@ -167,82 +174,179 @@ Offset PreparedMatrix::bytes() const {
          bytes_of(row_scale) + bytes_of(col_scale) + bytes_of(row_of_col) + bytes_of(pair) + bytes_of(zero_diagonal);
 }
 
-Kind choose_kind(const MatrixView& a, Kind wish, base::ThreadPool& pool) {
-  if (wish == Kind::lu) return wish;
-  const bool symmetric =
-      a.symmetric() || (!a.values.empty() ? matrix::values_are_symmetric(a) : matrix::structure_is_symmetric(a));
-  if (!symmetric) {
-    if (wish == Kind::automatic) return Kind::lu;
-    throw Error(StatusCode::invalid_input,
-                fmt::format("{} was asked for, but the matrix is not symmetric; use kind lu (or auto)",
-                            wish == Kind::llt ? "llt" : "ldlt"));
-  }
-  if (wish != Kind::automatic) return wish;
-  if (a.values.empty()) return Kind::llt;
-  const std::vector<double> d = diagonal(a, pool);
-  return std::all_of(d.begin(), d.end(), [](double x) { return x > 0; }) ? Kind::llt : Kind::ldlt;
+GivenMatrix given(const ComplexMatrixView& a) {
+  GivenMatrix g(matrix::pattern_of(a), a.hermitian() ? base::Numbers::hermitian : base::Numbers::complex);
+  g.a.values = {reinterpret_cast<const double*>(a.values.data()), 2 * a.values.size()};
+  return g;
 }
 
-PreparedMatrix prepare_matrix(const MatrixView& a, Kind kind, base::ThreadPool& pool) {
+namespace {
+
+std::span<const std::complex<double>> complex_values(std::span<const double> parts) {
+  return {base::as_complex(parts.data()), parts.size() / 2};
+}
+
+// Whether the values of general storage are symmetric; notes where they are Hermitian. A real matrix in complex numbers
+// is both: symmetric, since the next frequency makes it complex, unless llt is asked for.
+bool has_symmetric_values(GivenMatrix& a, Kind wish) {
+  if (a.a.symmetric()) return true;
+  if (a.a.values.empty()) return matrix::structure_is_symmetric(a.a);
+  if (a.numbers == base::Numbers::real) return matrix::values_are_symmetric(a.a);
+  const auto values = complex_values(a.a.values);
+  if (wish != Kind::llt && matrix::values_are_symmetric(a.a, values, false)) return true;
+  if (!matrix::values_are_symmetric(a.a, values, true)) return false;
+  a.numbers = base::Numbers::hermitian;
+  return true;
+}
+
+[[noreturn]] void refuse_kind(const GivenMatrix& a, Kind wish) {
+  const char* what = a.numbers == base::Numbers::real ? "symmetric"
+                     : wish == Kind::llt              ? "Hermitian"
+                                                      : "symmetric or Hermitian";
+  throw Error(StatusCode::invalid_input,
+              fmt::format("{} was asked for, but the matrix is not {}; use kind lu (or auto)",
+                          wish == Kind::llt ? "llt" : "ldlt", what));
+}
+
+bool has_positive_diagonal(const GivenMatrix& a, base::ThreadPool& pool) {
+  if (a.numbers == base::Numbers::real) {
+    const std::vector<double> d = diagonal(a.a, pool);
+    return std::all_of(d.begin(), d.end(), [](double x) { return x > 0; });
+  }
+  MatrixView parts = a.a;
+  std::vector<double> real(a.a.values.size() / 2);
+  for (std::size_t q = 0; q < real.size(); ++q) real[q] = a.a.values[2 * q];
+  parts.values = real;
+  const std::vector<double> d = diagonal(parts, pool);
+  return std::all_of(d.begin(), d.end(), [](double x) { return x > 0; });
+}
+
+}  // namespace
+
+std::vector<double> magnitudes(base::Numbers numbers, std::span<const double> values) {
+  if (numbers == base::Numbers::real) return {values.begin(), values.end()};
+  std::vector<double> sizes(values.size() / 2);
+  for (std::size_t q = 0; q < sizes.size(); ++q) sizes[q] = std::hypot(values[2 * q], values[2 * q + 1]);
+  return sizes;
+}
+
+Kind choose_kind(GivenMatrix& a, Kind wish, base::ThreadPool& pool) {
+  if (wish == Kind::lu) return wish;
+  const bool symmetric = has_symmetric_values(a, wish);
+  if (!symmetric && wish == Kind::automatic) return Kind::lu;
+  if (!symmetric || (wish == Kind::llt && a.numbers == base::Numbers::complex)) refuse_kind(a, wish);
+  if (a.numbers == base::Numbers::complex) return Kind::ldlt;
+  if (wish != Kind::automatic) return wish;
+  if (a.a.values.empty()) return Kind::llt;
+  return has_positive_diagonal(a, pool) ? Kind::llt : Kind::ldlt;
+}
+
+Kind choose_kind(const MatrixView& a, Kind wish, base::ThreadPool& pool) {
+  GivenMatrix real(a);
+  return choose_kind(real, wish, pool);
+}
+
+PreparedMatrix prepare_matrix(const GivenMatrix& matrix, Kind kind, base::ThreadPool& pool) {
+  const MatrixView& a = matrix.a;
   PreparedMatrix p;
+  p.numbers = matrix.numbers;
   p.caller_nonzeros = a.nonzeros();
   p.a.rows = a.rows;
   p.a.cols = a.cols;
   p.a.storage = a.storage;
-  p.caller_pattern = pattern_hash(a, pool);
   const bool duplicates = has_duplicates(a, pool);
+  const bool expands = kind == Kind::lu && a.symmetric();
+  if (duplicates || expands) p.caller_pattern = pattern_hash(a, pool);
   copy_array(a.col_ptr, p.a.col_ptr, pool);
   if (!duplicates) copy_array(a.row_ind, p.a.row_ind, pool);
   if (duplicates) merge_duplicates(a, p);
-  if (kind == Kind::lu && a.symmetric()) expand(p);
+  if (expands) expand(p);
   p.symmetric_values = kind != Kind::lu && a.storage == Storage::general;
   if (p.symmetric_values) p.a.storage = Storage::symmetric_both;
-  p.a.values.resize(p.a.row_ind.size());
-  if (!a.values.empty())
+  p.a.values.resize(p.a.row_ind.size() * static_cast<std::size_t>(base::parts_of(p.numbers)));
+  if (!a.values.empty()) {
     copy_values(p, a.values, p.a.values, pool);
-  else
-    pool.for_each_range(p.a.nonzeros(), kEntries, [&](std::int64_t begin, std::int64_t end) {
-      std::fill(p.a.values.begin() + begin, p.a.values.begin() + end, 1.0);
-    });
+    return p;
+  }
+  const auto parts = static_cast<std::int64_t>(base::parts_of(p.numbers));
+  pool.for_each_range(p.a.nonzeros(), kEntries, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t q = parts * begin; q < parts * end; ++q)
+      p.a.values[static_cast<std::size_t>(q)] = q % parts == 0 ? 1.0 : 0.0;
+  });
   return p;
 }
 
-void copy_values(const PreparedMatrix& p, std::span<const double> from, Values& to, base::ThreadPool& pool) {
-  std::vector<double> sums;
+namespace {
+
+template <class Value>
+void copy_numbers(const PreparedMatrix& p, const Value* from, Value* to, base::ThreadPool& pool) {
+  std::vector<Value> sums;
   if (!p.target.empty()) {
-    sums.assign(p.source.empty() ? to.size() : static_cast<std::size_t>(p.a.nonzeros()), 0.0);
+    const Offset most = *std::max_element(p.target.begin(), p.target.end());
+    sums.assign(static_cast<std::size_t>(most) + 1, Value(0));
     for (std::size_t q = 0; q < p.target.size(); ++q) sums[static_cast<std::size_t>(p.target[q])] += from[q];
-    from = sums;
+    from = sums.data();
   }
   pool.for_each_range(p.a.nonzeros(), kEntries, [&](std::int64_t begin, std::int64_t end) {
     if (p.source.empty()) {
-      std::copy(from.begin() + begin, from.begin() + end, to.begin() + begin);
-    } else {
-      for (auto q = static_cast<std::size_t>(begin); q < static_cast<std::size_t>(end); ++q)
-        to[q] = from[static_cast<std::size_t>(p.source[q])];
+      std::copy(from + begin, from + end, to + begin);
+      return;
+    }
+    for (auto q = static_cast<std::size_t>(begin); q < static_cast<std::size_t>(end); ++q) {
+      const Value value = from[static_cast<std::size_t>(p.source[q])];
+      to[q] = !p.turned.empty() && p.turned[q] != 0 ? base::conjugate(value) : value;
     }
   });
+}
+
+template <class Value>
+std::vector<double> numbers_by_caller(const PreparedMatrix& p, const Value* values) {
+  std::vector<Value> merged(values, values + p.a.nonzeros());
+  if (!p.source.empty()) {
+    merged.assign(static_cast<std::size_t>(*std::max_element(p.source.begin(), p.source.end())) + 1, Value(0));
+    for (std::size_t q = 0; q < p.source.size(); ++q)
+      if (p.turned.empty() || p.turned[q] == 0) merged[static_cast<std::size_t>(p.source[q])] = values[q];
+  }
+  if (!p.target.empty()) {
+    std::vector<Value> all(p.target.size());
+    for (std::size_t q = 0; q < p.target.size(); ++q)
+      all[q] = std::exchange(merged[static_cast<std::size_t>(p.target[q])], Value(0));
+    merged = std::move(all);
+  }
+  const double* parts = reinterpret_cast<const double*>(merged.data());
+  return {parts, parts + merged.size() * static_cast<std::size_t>(base::parts_of(p.numbers))};
+}
+
+}  // namespace
+
+void copy_values(const PreparedMatrix& p, std::span<const double> from, Values& to, base::ThreadPool& pool) {
+  if (p.numbers == base::Numbers::real)
+    copy_numbers(p, from.data(), to.data(), pool);
+  else
+    copy_numbers(p, base::as_complex(from.data()), base::as_complex(to.data()), pool);
   if (!p.symmetric_values) return;
   MatrixView general = p.a;
   general.values = to;
   general.storage = Storage::general;
-  if (!matrix::values_are_symmetric(general))
-    throw Error(
-        StatusCode::invalid_input,
-        "the matrix was analyzed as a symmetric one, but its new values are not symmetric; call analyze() again");
+  const bool hermitian = p.numbers == base::Numbers::hermitian;
+  const bool same = p.numbers == base::Numbers::real
+                        ? matrix::values_are_symmetric(general)
+                        : matrix::values_are_symmetric(general, complex_values(general.values), hermitian);
+  if (!same)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("the matrix was analyzed as a {} one, but its new values are not {}; call analyze() again",
+                            hermitian ? "Hermitian" : "symmetric", hermitian ? "Hermitian" : "symmetric"));
 }
 
 std::vector<double> values_by_caller(const PreparedMatrix& p, std::span<const double> values) {
-  std::vector<double> merged(values.begin(), values.end());
-  if (!p.source.empty()) {
-    merged.assign(static_cast<std::size_t>(*std::max_element(p.source.begin(), p.source.end())) + 1, 0.0);
-    for (std::size_t q = 0; q < p.source.size(); ++q) merged[static_cast<std::size_t>(p.source[q])] = values[q];
-  }
-  if (p.target.empty()) return merged;
-  std::vector<double> all(p.target.size());
-  for (std::size_t q = 0; q < p.target.size(); ++q)
-    all[q] = std::exchange(merged[static_cast<std::size_t>(p.target[q])], 0.0);
-  return all;
+  return base::with_numbers(p.numbers, values.data(), [&](const auto* v) { return numbers_by_caller(p, v); });
+}
+
+std::uint64_t caller_hash(const PreparedMatrix& p, base::ThreadPool& pool) {
+  if (!p.source.empty() || !p.target.empty()) return p.caller_pattern;
+  MatrixView a = p.a;
+  if (p.symmetric_values) a.storage = Storage::general;
+  return pattern_hash(a, pool);
 }
 
 bool same_pattern(const PreparedMatrix& p, const MatrixView& a, base::ThreadPool& pool) {
@@ -252,29 +356,42 @@ bool same_pattern(const PreparedMatrix& p, const MatrixView& a, base::ThreadPool
   return equal_arrays(a.col_ptr, mine.col_ptr, pool) && equal_arrays(a.row_ind, mine.row_ind, pool);
 }
 
+namespace {
+
+// Scaling and matching ask for magnitudes alone. Of real matrices they take the values: empty.
+std::vector<double> sizes_for_scaling(base::Numbers numbers, std::span<const double> values) {
+  if (numbers == base::Numbers::real) return {};
+  return magnitudes(numbers, values);
+}
+
+}  // namespace
+
 void scale_and_match(PreparedMatrix& p, Kind kind, const Options& options, base::ThreadPool& pool) {
   if (kind == Kind::llt && options.precision == Precision::fp64 && !analysis::is_wide(p.a.values, pool)) return;
+  const std::vector<double> sizes = sizes_for_scaling(p.numbers, p.a.values);
+  MatrixView a = p.a;
+  if (!sizes.empty()) a.values = sizes;
   if (kind == Kind::ldlt && options.matching) {
-    analysis::SymmetricMatching m = analysis::symmetric_matching(p.a, pool);
+    analysis::SymmetricMatching m = analysis::symmetric_matching(a, pool);
     if (m.structural_rank < p.n())
-      refuse_unmatched(unmatched_rows(analysis::maximum_product_matching(matrix::to_general(p.a)).row_of_col), p.n());
+      refuse_unmatched(unmatched_rows(analysis::maximum_product_matching(matrix::to_general(a)).row_of_col), p.n());
     p.row_scale = m.scale;
     p.col_scale = std::move(m.scale);
     p.pair = std::move(m.pair);
   } else if (kind == Kind::lu && options.matching) {
-    analysis::Matching m = analysis::maximum_product_matching(p.a, pool);
+    analysis::Matching m = analysis::maximum_product_matching(a, pool);
     if (m.structural_rank < p.n()) refuse_unmatched(unmatched_rows(m.row_of_col), p.n());
-    p.pair = analysis::pairs_for_lu(p.a, m, pool);
+    p.pair = analysis::pairs_for_lu(a, m, pool);
     p.row_scale = std::move(m.row_scale);
     p.col_scale = std::move(m.col_scale);
     if (p.pair.empty()) p.row_of_col = std::move(m.row_of_col);
   } else {
-    analysis::Scaling s = analysis::equilibrate(p.a);
+    analysis::Scaling s = analysis::equilibrate(a);
     p.row_scale = std::move(s.row);
     p.col_scale = std::move(s.col);
   }
   if (kind == Kind::ldlt) {
-    const std::vector<double> d = diagonal(p.a, pool);
+    const std::vector<double> d = diagonal(a, pool);
     p.zero_diagonal.resize(d.size());
     std::transform(d.begin(), d.end(), p.zero_diagonal.begin(), [](double x) { return static_cast<char>(x == 0); });
   }
@@ -304,7 +421,8 @@ void note_determinant(PreparedMatrix& p) {
 
 Scales scales_for(const PreparedMatrix& p, std::span<const double> values, bool matching, base::ThreadPool& pool) {
   MatrixView a = p.a;
-  a.values = values;
+  const std::vector<double> sizes = sizes_for_scaling(p.numbers, values);
+  a.values = sizes.empty() ? values : sizes;
   Scales scales;
   if (matching && a.symmetric()) {
     scales.row = scales.col = analysis::symmetric_matching(a, pool).scale;
@@ -322,12 +440,20 @@ Scales scales_for(const PreparedMatrix& p, std::span<const double> values, bool 
 }
 
 [[noreturn]] void refuse_entry(const PreparedMatrix& p, std::span<const double> values) {
+  const auto parts = static_cast<std::size_t>(base::parts_of(p.numbers));
   for (Index c = 0; c < p.n(); ++c)
-    for (Offset q = p.a.col_ptr[c]; q < p.a.col_ptr[c + 1]; ++q)
-      if (!std::isfinite(values[static_cast<std::size_t>(q)]))
-        throw Error(StatusCode::invalid_input,
-                    fmt::format("entry ({}, {}) is {}", p.a.row_ind[q], c, values[static_cast<std::size_t>(q)]),
-                    p.a.row_ind[q]);
+    for (Offset q = p.a.col_ptr[c]; q < p.a.col_ptr[c + 1]; ++q) {
+      const double* v = &values[parts * static_cast<std::size_t>(q)];
+      const double imaginary = parts == 2 ? v[1] : 0;
+      const Index r = p.a.row_ind[q];
+      const bool diagonal = p.numbers == base::Numbers::hermitian && r == c && imaginary != 0;
+      if (std::isfinite(v[0]) && std::isfinite(imaginary) && !diagonal) continue;
+      const std::string number = parts == 2 ? fmt::format("{} + {}i", v[0], imaginary) : fmt::format("{}", v[0]);
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("entry ({}, {}) is {}{}", r, c, number,
+                              diagonal ? ", but the diagonal of a Hermitian matrix is real" : ""),
+                  r);
+    }
   throw Error(
       StatusCode::invalid_input,
       "the values are too far from those that were analyzed: scaled like these they leave the range of the factor's "
@@ -351,12 +477,45 @@ bool fits(double largest) {
   return largest == 0 || (largest < kFar && largest > 1 / kFar);
 }
 
+// What stands at (row, column) of the matrix that is eliminated: of a Hermitian one the conjugate where the order turns
+// the entry around.
+template <class T>
+T scaled_entry(const double* value, double s, double r, bool wide, bool turn) {
+  const auto product = [&](double v) { return wide ? wide_product(v, s, r) : v * s * r; };
+  if constexpr (base::ScalarTraits<T>::is_complex) {
+    using Real = base::RealOf<T>;
+    return {static_cast<Real>(product(value[0])), static_cast<Real>(product(turn ? -value[1] : value[1]))};
+  } else {
+    return static_cast<T>(product(value[0]));
+  }
+}
+template <class T>
+double size_of(T x) {
+  if constexpr (base::ScalarTraits<T>::is_complex) {
+    const auto re = static_cast<double>(std::abs(x.real())), im = static_cast<double>(std::abs(x.imag()));
+    const bool finite = std::isfinite(re) && std::isfinite(im);  // max() would lose NaN
+    return finite ? std::max(re, im) : std::numeric_limits<double>::infinity();
+  } else {
+    return std::abs(static_cast<double>(x));
+  }
+}
+
 }  // namespace
+
+std::vector<Index> positions_for(const PreparedMatrix& p, std::span<const Index> order) {
+  std::vector<Index> position;
+  if (p.numbers != base::Numbers::hermitian) return position;
+  position.resize(order.size());
+  for (std::size_t k = 0; k < order.size(); ++k) position[static_cast<std::size_t>(order[k])] = static_cast<Index>(k);
+  return position;
+}
 
 template <class T>
 double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<const double> values, T* scaled,
-                    base::ThreadPool& pool) {
+                    base::ThreadPool& pool, std::span<const Index> position) {
   constexpr std::int64_t kColumnsPerRange = 4096;
+  constexpr std::size_t kParts = base::ScalarTraits<T>::is_complex ? 2 : 1;
+  const bool hermitian = p.numbers == base::Numbers::hermitian;
   std::atomic<double> largest{0};
   std::atomic<bool> finite{true};
   pool.for_each_range(p.n(), kColumnsPerRange, [&](std::int64_t begin, std::int64_t end) {
@@ -365,12 +524,14 @@ double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<con
     for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c) {
       const double s = scales.col.empty() ? 1.0 : scales.col[c];
       for (Offset q = p.a.col_ptr[c]; q < p.a.col_ptr[c + 1]; ++q) {
-        const auto at = static_cast<std::size_t>(q);
-        const double r = scales.row.empty() ? 1.0 : scales.row[static_cast<std::size_t>(p.a.row_ind[at])];
-        scaled[at] = static_cast<T>(scales.wide ? wide_product(values[at], s, r) : values[at] * s * r);
-        const auto magnitude = std::abs(static_cast<double>(scaled[at]));
+        const auto at = static_cast<std::size_t>(q), row = static_cast<std::size_t>(p.a.row_ind[at]);
+        const double r = scales.row.empty() ? 1.0 : scales.row[row];
+        const double* value = &values[kParts * at];
+        scaled[at] = scaled_entry<T>(value, s, r, scales.wide, hermitian && position[row] < position[c]);
+        const double magnitude = size_of(scaled[at]);
         most = std::max(most, magnitude);
         fine = fine && magnitude <= std::numeric_limits<double>::max();
+        if constexpr (kParts == 2) fine = fine && !(hermitian && row == c && value[1] != 0);
       }
     }
     if (!fine) finite = false;
@@ -382,8 +543,11 @@ double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<con
   return largest;
 }
 
-template double scale_values(const PreparedMatrix&, const Scales&, std::span<const double>, double*, base::ThreadPool&);
-template double scale_values(const PreparedMatrix&, const Scales&, std::span<const double>, float*, base::ThreadPool&);
+#define ESPALIER_INSTANTIATE(T)                                                                                      \
+  template double scale_values(const PreparedMatrix&, const Scales&, std::span<const double>, T*, base::ThreadPool&, \
+                               std::span<const Index>);
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> order, base::ThreadPool& pool) {
   constexpr std::int64_t kColumns = 4096;  // per range of work

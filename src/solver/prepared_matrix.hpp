@@ -8,6 +8,7 @@
 
 #include "analysis/assembly_tree.hpp"
 #include "analysis/lazy_vector.hpp"
+#include "base/scalar.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/solver.hpp"
 
@@ -20,7 +21,7 @@ struct StoredMatrix {
   Index cols = 0;
   analysis::LazyVector<Offset> col_ptr;
   analysis::LazyVector<Index> row_ind;
-  analysis::LazyVector<double> values;
+  analysis::LazyVector<double> values;  ///< or parts of values: see base::Numbers
   Storage storage = Storage::general;
 
   [[nodiscard]] Offset nonzeros() const { return col_ptr.empty() ? 0 : col_ptr.back(); }
@@ -29,8 +30,19 @@ struct StoredMatrix {
   }
 };
 
-/// Values of the entries of PreparedMatrix::a, in their order.
+/// Values of the entries of PreparedMatrix::a, in their order; of complex ones the parts (base::Numbers).
 using Values = analysis::LazyVector<double>;
+
+/// A caller's matrix. Of complex values the view holds the parts, twice as many as its pattern asks for, and Hermitian
+/// storage is called symmetric; whether the values are Hermitian is known where the storage says so.
+struct GivenMatrix {
+  GivenMatrix(const MatrixView& the_a,  // NOLINT(google-explicit-constructor): most are real
+              base::Numbers the_numbers = base::Numbers::real)
+      : a(the_a), numbers(the_numbers) {}
+  MatrixView a;
+  base::Numbers numbers;
+};
+GivenMatrix given(const ComplexMatrixView& a);
 
 /// A copy of the caller's matrix in the form that the factorization kind needs, and the transformation to the scaled,
 /// row-permuted matrix B = R P A C that is factored: B(c', c) = r_i a_ic c_c with i = row_of_col[c'].
@@ -38,11 +50,13 @@ struct PreparedMatrix {
   /// General storage for lu, a symmetric one otherwise. An analysis has given the values away: each of its factors has
   /// its own.
   StoredMatrix a;
-  std::vector<Offset> target;     ///< entry to which each of the caller's values is added; empty: no duplicates
-  std::vector<Offset> source;     ///< lu of symmetric storage: entry before expansion of each entry of `a`; else empty
-  bool symmetric_values = false;  ///< stored in general, taken as symmetric: new values must be symmetric as well
-  Offset caller_nonzeros = 0;     ///< length of the caller's value array
-  std::uint64_t caller_pattern = 0;  ///< pattern_hash() of the caller's matrix
+  std::vector<Offset> target;  ///< entry to which each of the caller's values is added; empty: no duplicates
+  std::vector<Offset> source;  ///< lu of symmetric storage: entry before expansion of each entry of `a`; else empty
+  std::vector<char> turned;    ///< lu of Hermitian storage: entries of `a` that are conjugates of their source
+  base::Numbers numbers = base::Numbers::real;  ///< never hermitian for lu
+  bool symmetric_values = false;     ///< stored in general, taken as symmetric: new values must be symmetric as well
+  Offset caller_nonzeros = 0;        ///< length of the caller's value array
+  std::uint64_t caller_pattern = 0;  ///< pattern_hash() of the caller's matrix, where `a` does not tell: caller_hash()
   std::vector<double> row_scale;     ///< n; empty: 1
   std::vector<double> col_scale;     ///< n; empty: 1
   std::vector<Index> row_of_col;     ///< n; empty: identity
@@ -62,20 +76,26 @@ struct PreparedMatrix {
   [[nodiscard]] Offset bytes() const;
 };
 
-/// The kind for `a`: the wish, or by symmetry and diagonal when automatic.
+/// The kind for `a`: the wish, or by symmetry and diagonal when automatic. Says in `a` where general storage turns out
+/// to hold Hermitian values.
 /// @throws Error(invalid_input) when the wish contradicts the matrix (llt or ldlt of an unsymmetric one)
+Kind choose_kind(GivenMatrix& a, Kind wish, base::ThreadPool& pool);
+/// Of a real matrix.
 Kind choose_kind(const MatrixView& a, Kind wish, base::ThreadPool& pool);
 
 /// Copies the matrix for `kind`. A general matrix with symmetric values becomes symmetric_both for llt and ldlt; a
 /// symmetric one is expanded for lu. Duplicates are summed, so that errors are measured against the entries themselves.
-PreparedMatrix prepare_matrix(const MatrixView& a, Kind kind, base::ThreadPool& pool);
+PreparedMatrix prepare_matrix(const GivenMatrix& a, Kind kind, base::ThreadPool& pool);
 
-/// Takes new values from the caller's array to those of p.a. @pre from.size() == p.caller_nonzeros
+/// Takes new values from the caller's array to those of p.a. @pre from holds p.caller_nonzeros numbers
 /// @throws Error(invalid_input) when a matrix in general storage was analyzed as symmetric and its new values are not
 void copy_values(const PreparedMatrix& p, std::span<const double> from, Values& to, base::ThreadPool& pool);
 
 /// The way back: values in the caller's order that make `values` of p.a. Of duplicates the first takes all.
 std::vector<double> values_by_caller(const PreparedMatrix& p, std::span<const double> values);
+
+/// pattern_hash() of the caller's matrix.
+std::uint64_t caller_hash(const PreparedMatrix& p, base::ThreadPool& pool);
 
 /// Whether `a` has the pattern from which `p` was copied.
 bool same_pattern(const PreparedMatrix& p, const MatrixView& a, base::ThreadPool& pool);
@@ -106,9 +126,16 @@ Scales scales_for(const PreparedMatrix& p, std::span<const double> values, bool 
 /// magnitude
 /// @throws Error(invalid_input) naming an entry that is not finite, or saying that the values have gone too far from
 ///         the analyzed ones for their scaling
+/// Of a Hermitian matrix they are those of the lower triangle in the order of elimination (device::Executor).
+/// @param position  n, by column: its place in the order; read of Hermitian matrices alone
 template <class T>
 double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<const double> values, T* scaled,
-                    base::ThreadPool& pool);
+                    base::ThreadPool& pool, std::span<const Index> position = {});
+/// Place of each column in the order of elimination; empty unless the matrix is Hermitian.
+std::vector<Index> positions_for(const PreparedMatrix& p, std::span<const Index> order);
+
+/// |a_ij|, or of real matrices the values themselves.
+std::vector<double> magnitudes(base::Numbers numbers, std::span<const double> values);
 
 /// By position of the elimination: where the diagonal entry stands among the values of `a`. Empty when one is missing.
 std::vector<Offset> diagonal_places(const MatrixView& a, std::span<const Index> order, base::ThreadPool& pool);

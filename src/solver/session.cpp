@@ -1,11 +1,14 @@
 #include "solver/session.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
 #include <new>
+#include <stdexcept>
 #include <utility>
 
 #include "base/beside.hpp"
@@ -19,13 +22,13 @@ namespace {
 
 // Where the caller says nothing: what the environment says to programs with threads ("4", or "4,2" for nested ones),
 // else all cores.
-int usual_threads() {
+int usual_threads(int neighbours) {
   if (const char* text = std::getenv("OMP_NUM_THREADS")) {
     int threads = 0;
     const auto [end, error] = std::from_chars(text, text + std::strlen(text), threads);
     if (error == std::errc{} && (*end == '\0' || *end == ',') && threads >= 1) return std::min(threads, kMostThreads);
   }
-  return base::available_cores();
+  return std::max(1, base::available_cores() / neighbours);
 }
 
 base::Interruption::Clock::duration period_of(const Options& o) {
@@ -39,31 +42,41 @@ std::unique_ptr<base::Timeline> timeline_of(const Options& o) {
 
 }  // namespace
 
-int threads_of(const Options& o) {
+int threads_of(const Options& o, const ranks::Link* link) {
   check_options(o);
-  const int threads = o.threads > 0 ? o.threads : usual_threads();
+  // Ranks that may use the same cores share them.
+  const int neighbours = link != nullptr ? link->neighbours() : 1;
+  const int threads = o.threads > 0 ? o.threads : usual_threads(neighbours);
   const auto host = host_devices(o.device, threads);
   return host ? host->devices * host->threads : threads;
 }
 
-Session::Session(Options the_options, const device::Registry& registry)
-    : options(std::move(the_options)),
+Session::Session(const Ranks& the_ranks, Options the_options, const device::Registry& registry)
+    : ranks(the_ranks),
+      options(std::move(the_options)),
       interruption(options.interrupted, period_of(options)),
-      pool(threads_of(options), &interruption),
+      pool(threads_of(options, link()), &interruption),
       budget("host memory", options.host_memory_bytes),
       timeline(timeline_of(options)),
-      context{options, registry, pool, budget, timeline.get()} {}
+      planning_threads(pool.size()),
+      context{options, registry, pool, budget, timeline.get(), link(), &planning_threads} {}
 
 Session::Session(const Session& other, int threads)
-    : options(other.options),
+    : ranks(other.ranks),
+      options(other.options),
       interruption(options.interrupted, period_of(options)),
       pool(threads > 0 ? threads : other.pool.size(), &interruption),
       budget("host memory", options.host_memory_bytes),
       timeline(timeline_of(options)),
-      context{options, other.context.registry, pool, budget, timeline.get()} {
+      planning_threads(pool.size()),
+      context{options, other.context.registry, pool, budget, timeline.get(), link(), &planning_threads},
+      parts(other.parts),
+      gathered(other.gathered),
+      rows(other.rows) {
   if (!other.factor) return;
   Values values;
-  values.resize(static_cast<std::size_t>(other.current().system->prepared.a.nonzeros()));
+  const System& system = *other.current().system;
+  values.resize(static_cast<std::size_t>(system.prepared.a.nonzeros() * system.parts()));
   factor.emplace(other.factor->analysis(), std::move(values), context);
   analysis = other.analysis;
 }
@@ -88,16 +101,72 @@ void Session::note_devices() {
   if (current().device.backend->limits().own_memory) forks = base::forks();
 }
 
-void Session::analyze(const MatrixView& a) {
-  factor.reset();
-  open_devices();
-  take(solver::analyze(a, context));
+// At the beginning of an analysis.
+void Session::agree_on_threads() {
+  planning_threads = pool.size();
+  if (link() == nullptr) return;
+  for (const std::int64_t threads : link()->all_numbers(pool.size()))
+    planning_threads = std::min(planning_threads, static_cast<int>(threads));
 }
 
-void Session::load_analysis(const std::string& path, const MatrixView& a) {
+void Session::analyze(const GivenMatrix& a, std::shared_ptr<const Border> border) {
   factor.reset();
+  agree_on_threads();
+  open_devices();
+  take(solver::analyze(a, context, std::move(border)));
+}
+
+ChangeResult Session::analyze_change(const MatrixView& a) {
+  ChangeResult result;
+  FollowedAnalysis followed = follow_pattern(current(), a, context);
+  result.added_entries = followed.added;
+  result.removed_entries = followed.removed;
+  result.full = followed.made.analysis == nullptr;
+  result.why = std::move(followed.why);
+  if (result.full) {
+    context.log("the pattern is analyzed anew: " + result.why);
+    analyze(a);
+    return result;
+  }
+  result.moved_unknowns = followed.moved;
+  result.kept_fronts = followed.kept;
+  context.log(fmt::format(
+      "the analysis follows the pattern: {} entries came, {} went, {} unknowns moved into separators, "
+      "{} of {} fronts are the same",
+      followed.added, followed.removed, followed.moved, followed.kept, followed.made.analysis->plan.fronts()));
+  factor.reset();
+  take(std::move(followed.made));
+  return result;
+}
+
+void Session::load_analysis(const std::string& path, const GivenMatrix& a) {
+  factor.reset();
+  agree_on_threads();
   open_devices();
   take(solver::load_analysis(path, a, context));
+}
+
+void Session::analyze_given(const MatrixView& a) {
+  parts = link() != nullptr;
+  rows.reset();
+  if (!parts) return analyze(a);
+  const SparseMatrix whole = gathered.gather(a, link());
+  analyze(whole.view());
+}
+
+void Session::load_given(const std::string& path, const MatrixView& a) {
+  parts = link() != nullptr;
+  rows.reset();
+  if (!parts) return load_analysis(path, a);
+  const SparseMatrix whole = gathered.gather(a, link());
+  load_analysis(path, whole.view());
+}
+
+void Session::expect_whole(const char* call) const {
+  if (parts)
+    throw std::logic_error(
+        std::string("Solver::") + call +
+        ": the matrix was given in parts, which lie in the memory of hosts; use refactorize() and solve()");
 }
 
 void Session::take(Analyzed made) {
@@ -112,6 +181,26 @@ void Session::open_devices() {
   if (!named || !named->backend->limits().own_memory) return;
   forks = base::forks();
   opening = base::start_beside([backend = named->backend, numbers = named->numbers] { backend->open(numbers); });
+}
+
+std::vector<Solver::TierRow> tiers_of(const Session& s) {
+  std::vector<Solver::TierRow> rows;
+  if (!s.factor) return rows;
+  const plan::Plan& p = s.current().plan;
+  const double per_flop = s.current().flops() / p.flops;
+  rows.resize(static_cast<std::size_t>(s.analysis.tiers));
+  for (Index f = 0; f < p.fronts(); ++f) {
+    if (static_cast<std::size_t>(p.tier[f]) >= rows.size()) rows.resize(static_cast<std::size_t>(p.tier[f]) + 1);
+    Solver::TierRow& r = rows[static_cast<std::size_t>(p.tier[f])];
+    const double k = p.layout[f].pivots;
+    const double m = p.layout[f].rows;
+    r.tier = p.tier[f];
+    ++r.fronts;
+    r.largest_front = std::max(r.largest_front, p.layout[f].rows);
+    r.flops += plan::front_flops(p.layout[f].pivots, p.layout[f].rows, p.options.unsymmetric) * per_flop;
+    r.factor_entries += static_cast<Offset>(k * m - k * (k - 1) / 2) * (p.options.unsymmetric ? 2 : 1);
+  }
+  return rows;
 }
 
 }  // namespace espalier::solver

@@ -7,20 +7,25 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "solver/analysis.hpp"
 #include "solver/context.hpp"
 #include "solver/factor.hpp"
+#include "solver/gathered_matrix.hpp"
 
 namespace espalier::solver {
 
 /// Threads of a session with these options. @throws std::invalid_argument for values that options cannot have
-int threads_of(const Options& options);
+/// @param link  to other ranks; null: there are none
+int threads_of(const Options& options, const ranks::Link* link = nullptr);
 
 /// Methods throw Error; Solver turns it into a Status.
 class Session {
  public:
-  explicit Session(Options the_options, const device::Registry& registry = device::registry());
+  explicit Session(Options the_options, const device::Registry& registry = device::registry())
+      : Session(Ranks(), std::move(the_options), registry) {}
+  Session(const Ranks& ranks, Options the_options, const device::Registry& registry = device::registry());
   ~Session();
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
@@ -28,8 +33,25 @@ class Session {
   Session(const Session& other, int threads);
 
   /// Both begin with nothing and end with a factor that has no numbers yet.
-  void analyze(const MatrixView& a);
-  void load_analysis(const std::string& path, const MatrixView& a);
+  void analyze(const GivenMatrix& a, std::shared_ptr<const Border> border = nullptr);
+  void load_analysis(const std::string& path, const GivenMatrix& a);
+  /// From the analysis that is there, where little has changed. @pre factor
+  ChangeResult analyze_change(const MatrixView& a);
+  /// The same of what the caller gives: with ranks, of rank 0's matrix.
+  void analyze_given(const MatrixView& a);
+  void load_given(const std::string& path, const MatrixView& a);
+  /// The same of a part: LocalRows or LocalEntries.
+  template <class Part>
+  void analyze_part(const Part& part) {
+    parts = true;
+    rows.reset();
+    const SparseMatrix whole = gathered.gather(part, link(), pool);
+    analyze(whole.view());
+  }
+  /// @throws std::logic_error where vectors and values come in parts
+  void expect_whole(const char* call) const;
+  /// Of other ranks; null: there are none.
+  [[nodiscard]] ranks::Link* link() const { return ranks.size() > 1 ? ranks.link().get() : nullptr; }
 
   [[nodiscard]] Solver::State state() const {
     if (!factor) return Solver::State::empty;
@@ -43,21 +65,30 @@ class Session {
   /// @pre factor
   [[nodiscard]] const Analysis& current() const { return *factor->analysis(); }
 
+  Ranks ranks;
   Options options;  ///< the caller's, whatever becomes of them; Solver::set_refinement() alone changes them
   base::Interruption interruption;
   base::ThreadPool pool;
   base::MemoryBudget budget;
   std::unique_ptr<base::Timeline> timeline;
+  int planning_threads = 1;  ///< see Context
   const Context context;
   std::future<void> opening;           ///< of devices that the caller has named, beside the first analysis
   std::optional<std::uint64_t> forks;  ///< base::forks() when such a device was used; none: it was not
   std::optional<Factor> factor;        ///< none: there is no analysis
   AnalysisResult analysis;
   SolveResult solution;
+  bool parts = false;            ///< values and vectors come in parts, by `gathered`
+  GatheredMatrix gathered;       ///< of ranks, or of parts without them
+  std::optional<RowRange> rows;  ///< of vectors on this rank, where the caller has said so
 
  private:
+  void agree_on_threads();
   void open_devices();
   void take(Analyzed made);
 };
+
+/// See Solver::tiers().
+std::vector<Solver::TierRow> tiers_of(const Session& s);
 
 }  // namespace espalier::solver

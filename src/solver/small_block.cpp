@@ -1,6 +1,7 @@
 #include "solver/small_block.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <numeric>
 
@@ -10,6 +11,33 @@ namespace {
 
 constexpr int kMostSweeps = 30;
 constexpr double kOrthogonal = 1e-10;  // cosine: an error of its square in a singular value
+
+constexpr std::int64_t kRange = 1 << 15;  // rows
+
+/// use(begin, end) for ranges of rows.
+template <class Use>
+void for_rows(base::ThreadPool& pool, Index rows, Use&& use) {
+  pool.for_each_range(rows, kRange, [&](std::int64_t begin, std::int64_t end) {
+    use(static_cast<Index>(begin), static_cast<Index>(end));
+  });
+}
+
+double dot_of_range(const double* x, const double* y, Index n) {
+  constexpr Index kSums = 8;  // one sum after another would wait for itself
+  double sum[kSums] = {};
+  Index i = 0;
+  for (; i + kSums <= n; i += kSums)
+    for (Index k = 0; k < kSums; ++k) sum[k] += x[i + k] * y[i + k];
+  for (; i < n; ++i) sum[0] += x[i] * y[i];
+  return ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]));
+}
+
+// x += factor y
+void add(base::ThreadPool& pool, double* x, double factor, const double* y, Index n) {
+  for_rows(pool, n, [=](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) x[i] += factor * y[i];
+  });
+}
 
 struct Rotation {
   double c, s;
@@ -23,6 +51,7 @@ Rotation diagonalizing(double a, double b, double d) {
   return {c, c * t};
 }
 
+// A few numbers: the large blocks have been reduced to triangles.
 void rotate(double* x, double* y, Index n, Rotation r) {
   for (Index i = 0; i < n; ++i) {
     const double a = x[i], b = y[i];
@@ -32,13 +61,13 @@ void rotate(double* x, double* y, Index n, Rotation r) {
 }
 
 // @returns whether two columns were rotated
-bool sweep(Block& y, Block& q) {
+bool sweep(base::ThreadPool& pool, Block& y, Block& q) {
   bool any = false;
   for (Index i = 0; i < y.columns; ++i)
     for (Index j = i + 1; j < y.columns; ++j) {
-      const double a = norm_two(y.column(i), y.rows), d = norm_two(y.column(j), y.rows);
+      const double a = norm_two(pool, y.column(i), y.rows), d = norm_two(pool, y.column(j), y.rows);
       if (a == 0 || d == 0) continue;
-      const double cosine = dot(y.column(i), y.column(j), y.rows) / a / d;
+      const double cosine = dot(pool, y.column(i), y.column(j), y.rows) / a / d;
       if (!(std::abs(cosine) > kOrthogonal)) continue;
       const Rotation r = diagonalizing(a / d, cosine, d / a);  // of the Gram matrix over a d
       rotate(y.column(i), y.column(j), y.rows, r);
@@ -52,40 +81,42 @@ bool sweep(Block& y, Block& q) {
 struct Triangular {
   Block z, r;
 
-  explicit Triangular(const Block& y) : z(y), r(y.columns, y.columns) {
-    orthonormalize(z);
+  Triangular(base::ThreadPool& pool, const Block& y) : z(y), r(y.columns, y.columns) {
+    orthonormalize(pool, z);
     for (Index j = 0; j < y.columns; ++j)
-      for (Index i = 0; i <= j; ++i) r.column(j)[i] = dot(z.column(i), y.column(j), y.rows);
+      for (Index i = 0; i <= j; ++i) r.column(j)[i] = dot(pool, z.column(i), y.column(j), y.rows);
   }
 };
 
 // x m, m square
-Block product(const Block& x, const Block& m) {
+Block product(base::ThreadPool& pool, const Block& x, const Block& m) {
   Block out(x.rows, m.columns);
-  for (Index c = 0; c < m.columns; ++c)
-    for (Index k = 0; k < x.columns; ++k) {
-      const double factor = m.column(c)[k];
-      const double* from = x.column(k);
-      double* to = out.column(c);
-      for (Index i = 0; i < x.rows; ++i) to[i] += factor * from[i];
-    }
+  for_rows(pool, x.rows, [&](Index begin, Index end) {
+    for (Index c = 0; c < m.columns; ++c)
+      for (Index k = 0; k < x.columns; ++k) {
+        const double factor = m.column(c)[k];
+        const double* from = x.column(k);
+        double* to = out.column(c);
+        for (Index i = begin; i < end; ++i) to[i] += factor * from[i];
+      }
+  });
   return out;
 }
 
-void rotate_all(Block& y, Block& q) {
-  for (int k = 0; k < kMostSweeps && sweep(y, q); ++k) {
+void rotate_all(base::ThreadPool& pool, Block& y, Block& q) {
+  for (int k = 0; k < kMostSweeps && sweep(pool, y, q); ++k) {
   }
 }
 
 // The rotations are found on the triangle, which is as good: an error of r in a column is one of y relative to the same
 // column.
-void rotate_triangle(Block& y, Block& q) {
-  Triangular t(y);
+void rotate_triangle(base::ThreadPool& pool, Block& y, Block& q) {
+  Triangular t(pool, y);
   Block v(y.columns, y.columns);
   for (Index c = 0; c < v.columns; ++c) v.column(c)[c] = 1;
-  rotate_all(t.r, v);
-  y = product(t.z, t.r);
-  q = product(q, v);
+  rotate_all(pool, t.r, v);
+  y = product(pool, t.z, t.r);
+  q = product(pool, q, v);
 }
 
 void pick(Block& x, const std::vector<Index>& order) {
@@ -98,46 +129,57 @@ void pick(Block& x, const std::vector<Index>& order) {
 
 }  // namespace
 
-double dot(const double* x, const double* y, Index n) {
-  constexpr Index kSums = 8;  // one sum after another would wait for itself
-  double sum[kSums] = {};
-  Index i = 0;
-  for (; i + kSums <= n; i += kSums)
-    for (Index k = 0; k < kSums; ++k) sum[k] += x[i + k] * y[i + k];
-  for (; i < n; ++i) sum[0] += x[i] * y[i];
-  return ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]));
+double dot(base::ThreadPool& pool, const double* x, const double* y, Index n) {
+  if (n <= kRange) return dot_of_range(x, y, n);
+  std::vector<double> parts(static_cast<std::size_t>((n + kRange - 1) / kRange));
+  for_rows(pool, n, [&](Index begin, Index end) {
+    parts[static_cast<std::size_t>(begin / kRange)] = dot_of_range(x + begin, y + begin, end - begin);
+  });
+  return std::accumulate(parts.begin(), parts.end(), 0.0);
 }
 
-double norm_two(const double* x, Index n) { return std::sqrt(dot(x, x, n)); }
+double norm_two(base::ThreadPool& pool, const double* x, Index n) { return std::sqrt(dot(pool, x, x, n)); }
 
-bool normalize(Block& x) {
+void divide(base::ThreadPool& pool, double* x, double by, Index n) {
+  for_rows(pool, n, [=](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) x[i] /= by;
+  });
+}
+
+bool normalize(base::ThreadPool& pool, Block& x) {
   for (Index c = 0; c < x.columns; ++c) {
-    double most = 0;
-    for (Index i = 0; i < x.rows; ++i) {
-      const double v = std::abs(x.column(c)[i]);
-      if (!(v <= most)) most = v;  // NaN stays
-    }
+    double* v = x.column(c);
+    std::atomic<double> largest{0};
+    for_rows(pool, x.rows, [&](Index begin, Index end) {
+      double most = 0;
+      for (Index i = begin; i < end; ++i)
+        if (!(std::abs(v[i]) <= most)) most = std::abs(v[i]);  // NaN stays
+      double before = largest.load();
+      while (!(most <= before) && !std::isnan(before) && !largest.compare_exchange_weak(before, most)) {
+      }
+    });
+    const double most = largest;
     if (!std::isfinite(most)) return false;
     if (most == 0) continue;
     const int exponent = std::ilogb(most);
-    for (Index i = 0; i < x.rows; ++i) x.column(c)[i] = std::ldexp(x.column(c)[i], -exponent);
+    for_rows(pool, x.rows, [=](Index begin, Index end) {
+      // In two steps: 2^-exponent alone may overflow.
+      const double half = std::ldexp(1.0, -exponent / 2), rest = std::ldexp(1.0, -exponent + exponent / 2);
+      for (Index i = begin; i < end; ++i) v[i] = v[i] * half * rest;
+    });
   }
   return true;
 }
 
-void orthonormalize(Block& x) {
+void orthonormalize(base::ThreadPool& pool, Block& x) {
   constexpr int kMostPasses = 12, kPassesEach = 4;
   for (Index c = 0; c < x.columns; ++c) {
     double* v = x.column(c);
-    double before = norm_two(v, x.rows);
+    double before = norm_two(pool, v, x.rows);
     for (int pass = 1; pass <= kMostPasses; ++pass) {
-      for (Index k = 0; k < c; ++k) {
-        const double* u = x.column(k);
-        const double part = dot(u, v, x.rows);
-        for (Index i = 0; i < x.rows; ++i) v[i] -= part * u[i];
-      }
-      const double length = norm_two(v, x.rows);
-      for (Index i = 0; i < x.rows && length > 0; ++i) v[i] /= length;
+      for (Index k = 0; k < c; ++k) add(pool, v, -dot(pool, x.column(k), v, x.rows), x.column(k), x.rows);
+      const double length = norm_two(pool, v, x.rows);
+      if (length > 0) divide(pool, v, length, x.rows);
       if (length > before / 2) break;
       before = 1;
       // What is left of it are rounding errors, and even these may lie among the earlier columns.
@@ -147,22 +189,20 @@ void orthonormalize(Block& x) {
   }
 }
 
-void project_out(const Block& q, Block& x) {
+void project_out(base::ThreadPool& pool, const Block& q, Block& x) {
   for (Index c = 0; c < x.columns; ++c)
-    for (Index k = 0; k < q.columns; ++k) {
-      const double part = dot(q.column(k), x.column(c), x.rows);
-      for (Index i = 0; i < x.rows; ++i) x.column(c)[i] -= part * q.column(k)[i];
-    }
+    for (Index k = 0; k < q.columns; ++k)
+      add(pool, x.column(c), -dot(pool, q.column(k), x.column(c), x.rows), q.column(k), x.rows);
 }
 
-std::vector<double> rotate_apart(Block& y, Block& q) {
+std::vector<double> rotate_apart(base::ThreadPool& pool, Block& y, Block& q) {
   constexpr Index kLong = 4;  // rows over columns
   if (y.rows >= kLong * y.columns)
-    rotate_triangle(y, q);
+    rotate_triangle(pool, y, q);
   else
-    rotate_all(y, q);
+    rotate_all(pool, y, q);
   std::vector<double> length(static_cast<std::size_t>(y.columns));
-  for (Index c = 0; c < y.columns; ++c) length[static_cast<std::size_t>(c)] = norm_two(y.column(c), y.rows);
+  for (Index c = 0; c < y.columns; ++c) length[static_cast<std::size_t>(c)] = norm_two(pool, y.column(c), y.rows);
   std::vector<Index> order(length.size());
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
@@ -174,13 +214,13 @@ std::vector<double> rotate_apart(Block& y, Block& q) {
   return length;
 }
 
-std::vector<double> ritz_values(const Block& x, const Block& y) {
+std::vector<double> ritz_values(base::ThreadPool& pool, const Block& x, const Block& y) {
   const Index p = x.columns;
   Block s(p, p);
   for (Index i = 0; i < p; ++i)
     for (Index j = 0; j <= i; ++j)
       s.column(i)[j] = s.column(j)[i] =
-          (dot(x.column(i), y.column(j), x.rows) + dot(x.column(j), y.column(i), x.rows)) / 2;
+          (dot(pool, x.column(i), y.column(j), x.rows) + dot(pool, x.column(j), y.column(i), x.rows)) / 2;
   for (int k = 0; k < kMostSweeps; ++k)
     for (Index i = 0; i < p; ++i)
       for (Index j = i + 1; j < p; ++j) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <functional>
 #include <limits>
 #include <vector>
@@ -37,11 +38,16 @@ bool overlap(const double* a, const double* b, std::size_t count) {
 
 // What a solution that is not finite comes from: a right-hand side that is not, or numbers near the overflow. `b` may
 // be null: it lies on a device.
-Status not_finite(const double* b, Index rows, Index columns) {
-  for (Offset k = 0; b != nullptr && k < Offset{rows} * columns; ++k)
-    if (!std::isfinite(b[k]))
-      return {StatusCode::invalid_input, fmt::format("row {} of right-hand side {} is {}", k % rows, k / rows, b[k]),
-              static_cast<Index>(k % rows)};
+// @param parts  doubles in a number
+Status not_finite(const double* b, Index rows, Index columns, Index parts) {
+  for (Offset k = 0; b != nullptr && k < Offset{rows} * columns * parts; ++k)
+    if (!std::isfinite(b[k])) {
+      const Offset row = k / parts % rows;
+      return {
+          StatusCode::invalid_input,
+          fmt::format("row {} of right-hand side {} is {}{}", row, k / parts / rows, b[k], k % parts == 1 ? "i" : ""),
+          static_cast<Index>(row)};
+    }
   return {StatusCode::accuracy_not_reached,
           "the solution is not finite: it, or what is multiplied on the way, is above the largest number; scale the "
           "right-hand side or the matrix",
@@ -135,7 +141,7 @@ class Solving {
     const double limit = factor_.precision() == Precision::fp32 ? std::max(asked, 1e-5) : asked;
     if (result_.backward_error <= limit || std::isinf(limit)) return;
     if (std::isinf(result_.backward_error)) {
-      result_.status = not_finite(b, n_, columns);
+      result_.status = not_finite(b, n_, columns, factor_.analysis()->system->parts());
       return;
     }
     result_.status = {StatusCode::accuracy_not_reached,
@@ -156,7 +162,7 @@ class Solving {
 SolveResult solve(Factor& factor, const SolveJob& asked, const Context& context) {
   const double start = base::now_seconds();
   SolveJob job = asked;
-  const auto size = static_cast<std::size_t>(factor.analysis()->n()) * static_cast<std::size_t>(job.columns);
+  const auto size = static_cast<std::size_t>(factor.analysis()->doubles()) * static_cast<std::size_t>(job.columns);
   // b is needed after x has been written.
   std::vector<double> copy;
   if (overlap(job.b, job.x, size)) {
@@ -203,10 +209,26 @@ SolveResult solve_device(Factor& factor, const SolveJob& asked, void* queue, con
 
 double estimate_condition(Factor& factor) {
   const solve::ResidualOperator& residual = factor.residual();
-  const double inverse = estimate_inverse_norm(factor.analysis()->n(), [&](const double* x, double* y, bool transpose) {
+  const Index n = factor.analysis()->n();
+  const auto solve_real = [&](const double* x, double* y, bool transpose) {
     factor.numeric().solve(x, y, 1, transpose);
-  });
+  };
+  if (factor.analysis()->system->numbers() == base::Numbers::real)
+    return estimate_inverse_norm<double>(n, solve_real) * residual.norm(true);
+  const bool hermitian = factor.analysis()->system->numbers() == base::Numbers::hermitian;
+  const double inverse = estimate_inverse_norm<std::complex<double>>(
+      n, [&](const std::complex<double>* x, std::complex<double>* y, bool adjoint) {
+        std::vector<std::complex<double>> from(x, x + n);
+        const bool turned = adjoint && !hermitian;  // A^-H x is the conjugate of A^-T times that of x
+        if (turned) conjugate(reinterpret_cast<double*>(from.data()), n);
+        solve_real(reinterpret_cast<const double*>(from.data()), reinterpret_cast<double*>(y), adjoint);
+        if (turned) conjugate(reinterpret_cast<double*>(y), n);
+      });
   return inverse * residual.norm(true);
+}
+
+void conjugate(double* x, Offset count) {
+  for (Offset k = 0; k < count; ++k) x[2 * k + 1] = -x[2 * k + 1];
 }
 
 }  // namespace espalier::solver

@@ -8,7 +8,7 @@
 
 namespace espalier::solver {
 
-/// op(A) X = B for `columns` right-hand sides, n values each.
+/// op(A) X = B for `columns` right-hand sides, n numbers each (base::Numbers).
 struct SolveJob {
   const double* b = nullptr;
   double* x = nullptr;  ///< may overlap b
@@ -22,5 +22,8 @@ SolveResult solve(Factor& factor, const SolveJob& job, const Context& context);
 SolveResult solve_device(Factor& factor, const SolveJob& job, void* queue, const Context& context);
 /// 1-norm condition number, a lower bound.
 double estimate_condition(Factor& factor);
+
+/// Of complex numbers.
+void conjugate(double* x, Offset count);
 
 }  // namespace espalier::solver

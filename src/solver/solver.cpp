@@ -2,117 +2,48 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <new>
-#include <stdexcept>
-#include <system_error>
 #include <utility>
 
 #include "matrix/validate.hpp"
 #include "solver/analysis_file.hpp"
+#include "solver/on_all_ranks.hpp"
 #include "solver/option_check.hpp"
 #include "solver/session.hpp"
+#include "solver/session_calls.hpp"
 #include "solver/solution.hpp"
+#include "solver/solver_impl.hpp"
+#include "solver/status_of.hpp"
 
 namespace espalier {
 
+using solver::analysis_by;
+using solver::check_factorized;
+using solver::check_values;
+using solver::copy_of;
+using solver::factor_by;
+using solver::guarded;
+using solver::Session;
+using solver::solve_by;
+
 namespace {
 
-using solver::Session;
-
-// Runs body() and turns its failure into a value. Meanwhile the caller may interrupt.
-template <class Body>
-Status guarded(Session& s, Body&& body) {
-  try {
-    const base::Interruption::Call call(s.interruption);
-    body();
-    return {};
-  } catch (const Error& e) {
-    return e.status();
-  } catch (const std::bad_alloc&) {
-    return {StatusCode::out_of_memory, "the machine refused memory; use a smaller system or a machine with more memory",
-            -1};
-  } catch (const std::length_error&) {
-    return {StatusCode::out_of_memory, "an array longer than the machine can address was needed", -1};
-  } catch (const std::system_error& e) {
-    if (e.code() != std::errc::resource_unavailable_try_again) throw;
-    return {StatusCode::out_of_memory, "the system refuses to start another thread; raise the limit (ulimit -u)", -1};
-  }
+// What a caller gives and gets, in terms of the whole system.
+std::span<const double> whole_values(Session& s, std::span<const double> part, std::vector<double>& room) {
+  if (!s.parts) return part;
+  return room = s.gathered.gather_values(part, s.link());
 }
 
-// The caller's copy of a result; without memory for it, a bare status.
-template <class Result>
-Result copy_of(const Result& result) {
-  try {
-    return result;
-  } catch (const std::bad_alloc&) {
-    Result bare;
-    bare.status.code = StatusCode::out_of_memory;
-    bare.status.message = "out of memory";  // short enough to need none
-    return bare;
-  }
-}
-
-void check_values(const Session& s, const char* call, Offset count) {
-  if (!s.factor) throw std::logic_error(fmt::format("Solver::{}: call analyze() first", call));
-  const Offset expected = s.current().system->prepared.caller_nonzeros;
-  if (count != expected)
-    throw std::invalid_argument(
-        fmt::format("Solver::{}: {} values for a pattern of {} entries", call, count, expected));
-}
-
-void check_factorized(const Session& s, const char* call) {
-  if (s.state() != Solver::State::factorized)
-    throw std::logic_error(fmt::format("Solver::{}: there is no factorization", call));
-}
-
-// What `body` makes of s.factor; a failure takes the numbers with it.
-template <class Body>
-FactorResult factor_by(Session& s, Body&& body) {
-  const int before = s.factor->changes();
-  Status status = guarded(s, [&] {
-    s.expect_usable();
-    if (s.opening.valid()) s.opening.wait();
-    s.note_devices();
-    body(*s.factor);
-  });
-  FactorResult& result = s.factor->result();
-  if (!status.ok()) {
-    result.status = std::move(status);
-    if (!s.device_lost()) s.factor->drop();
-  }
-  if (s.factor->changes() != before) s.analysis = copy_of(s.current().result);
-  return copy_of(result);
-}
-
-template <class Body>
-SolveResult solve_by(Session& s, Body&& body) {
-  s.solution = SolveResult{};
-  Status status = guarded(s, [&] {
-    s.expect_usable();
-    s.solution = body();
-  });
-  if (!status.ok()) s.solution.status = std::move(status);
-  return copy_of(s.solution);
-}
-
-template <class Body>
-AnalysisResult analysis_by(Session& s, Body&& body) {
-  s.analysis = AnalysisResult{};
-  s.analysis.status = guarded(s, [&] {
-    s.expect_usable();
-    body();
-  });
-  if (!s.analysis.status.ok() && !s.device_lost()) s.factor.reset();
-  return copy_of(s.analysis);
+RowRange rows_of(const Session& s) {
+  if (!s.parts) return {0, s.current().n()};
+  return s.rows ? *s.rows : s.gathered.rows();
 }
 
 }  // namespace
 
-struct Solver::Impl : solver::Session {
-  using Session::Session;
-};
-
 Solver::Solver(Options options) : impl_(std::make_unique<Impl>(std::move(options))) {}
+Solver::Solver(const Ranks& ranks, Options options) : impl_(std::make_unique<Impl>(ranks, std::move(options))) {}
 Solver::Solver(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Solver::~Solver() = default;
 Solver::Solver(Solver&&) noexcept = default;
@@ -126,11 +57,48 @@ Solver Solver::clone(int threads) const {
 }
 
 AnalysisResult Solver::analyze(const MatrixView& a) {
-  return analysis_by(*impl_, [&] { impl_->analyze(a); });
+  return analysis_by(*impl_, [&] { impl_->analyze_given(a); });
+}
+
+AnalysisResult Solver::analyze(const LocalRows& part) {
+  return analysis_by(*impl_, [&] { impl_->analyze_part(part); });
+}
+
+AnalysisResult Solver::analyze(const LocalEntries& part) {
+  return analysis_by(*impl_, [&] { impl_->analyze_part(part); });
+}
+
+void Solver::set_rows(RowRange rows) {
+  if (!impl_->factor) throw std::logic_error("Solver::set_rows: call analyze() first");
+  const Index n = impl_->current().n();
+  if (rows.first < 0 || rows.count < 0 || rows.first > n || rows.count > n - rows.first)
+    throw std::invalid_argument(
+        fmt::format("Solver::set_rows: {} rows from row {} on of a matrix of {}", rows.count, rows.first, n));
+  if (!impl_->parts) throw std::logic_error("Solver::set_rows: the matrix was not given in parts");
+  impl_->rows = rows;
+}
+
+RowRange Solver::rows() const {
+  if (!impl_->factor) throw std::logic_error("Solver::rows: call analyze() first");
+  return rows_of(*impl_);
+}
+
+ChangeResult Solver::analyze_change(const MatrixView& a) {
+  if (!impl_->factor) throw std::logic_error("Solver::analyze_change: call analyze() first");
+  ChangeResult result;
+  AnalysisResult analysis = analysis_by(*impl_, [&] {
+    if (!impl_->parts) return void(result = impl_->analyze_change(a));
+    impl_->analyze_given(a);
+    result.full = true;
+    result.why = "the matrix comes in parts, or several ranks share the solver";
+  });
+  result.analysis = std::move(analysis);
+  return result;
 }
 
 FactorResult Solver::factorize(const MatrixView& a) {
   if (!impl_->factor) throw std::logic_error("Solver::factorize: call analyze() first");
+  if (impl_->link() != nullptr) return factorize_on_ranks(a);
   Status status = guarded(*impl_, [&] {
     matrix::validate(a, &impl_->pool);
     if (!solver::same_pattern(impl_->current().system->prepared, a, impl_->pool))
@@ -147,13 +115,32 @@ FactorResult Solver::factorize(const MatrixView& a) {
   return refactorize(a.values);
 }
 
+// The matrix of rank 0.
+FactorResult Solver::factorize_on_ranks(const MatrixView& a) {
+  return factor_by(*impl_, [&](solver::Factor& factor) {
+    solver::GatheredMatrix again;
+    const SparseMatrix whole = again.gather(a, impl_->link());
+    matrix::validate(whole, &impl_->pool);
+    if (!solver::same_pattern(impl_->current().system->prepared, whole, impl_->pool))
+      throw Error(StatusCode::invalid_input,
+                  "the matrix has another pattern than the one analyzed; call analyze() again");
+    if (whole.values.empty() && whole.nonzeros() > 0)
+      throw Error(StatusCode::invalid_input, "the matrix has no values; a pattern cannot be factorized");
+    factor.factorize(whole.values);
+  });
+}
+
 FactorResult Solver::refactorize(std::span<const double> values) {
-  check_values(*impl_, "refactorize", static_cast<Offset>(values.size()));
-  return factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize(values); });
+  check_values(*impl_, "Solver::refactorize", static_cast<Offset>(values.size()));
+  return factor_by(*impl_, [&](solver::Factor& factor) {
+    std::vector<double> room;
+    factor.factorize(whole_values(*impl_, values, room));
+  });
 }
 
 FactorResult Solver::refactorize_device(const double* values, Offset count, void* stream) {
-  check_values(*impl_, "refactorize_device", count);
+  impl_->expect_whole("refactorize_device");
+  check_values(*impl_, "Solver::refactorize_device", count);
   if (values == nullptr) throw std::invalid_argument("Solver::refactorize_device: the values are null");
   return factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize_device(values, count, stream); });
 }
@@ -161,23 +148,45 @@ FactorResult Solver::refactorize_device(const double* values, Offset count, void
 int Solver::gpu() const { return impl_->factor ? impl_->factor->gpu() : -1; }
 
 SolveResult Solver::solve_device(const double* b, double* x, Index columns, Transpose transpose, void* stream) {
-  check_factorized(*impl_, "solve_device");
+  check_factorized(*impl_, "Solver::solve_device");
+  impl_->expect_whole("solve_device");
   if (columns < 1 || b == nullptr || x == nullptr)
     throw std::invalid_argument("Solver::solve_device: at least one right-hand side and two arrays are needed");
-  const solver::SolveJob job{b, x, columns, transpose == Transpose::yes};
+  const solver::SolveJob job{b, x, columns, transpose != Transpose::no};
   return solve_by(*impl_, [&] { return solver::solve_device(*impl_->factor, job, stream, impl_->context); });
 }
 
 SolveResult Solver::solve(std::span<const double> b, std::span<double> x, Index columns, Transpose transpose) {
-  check_factorized(*impl_, "solve");
+  check_factorized(*impl_, "Solver::solve");
+  if (impl_->parts) return solve_in_parts(b, x, columns, transpose);
   const Index n = impl_->current().n();
   const auto size = static_cast<std::size_t>(n) * static_cast<std::size_t>(std::max<Index>(columns, 0));
   if (columns < 1 || b.size() != size || x.size() != size)
     throw std::invalid_argument(
         fmt::format("Solver::solve: {} right-hand sides of {} rows need {} values; b has {}, x has {}", columns, n,
                     size, b.size(), x.size()));
-  const solver::SolveJob job{b.data(), x.data(), columns, transpose == Transpose::yes};
+  const solver::SolveJob job{b.data(), x.data(), columns, transpose != Transpose::no};
   return solve_by(*impl_, [&] { return solver::solve(*impl_->factor, job, impl_->context); });
+}
+
+// Every rank solves the whole system with the others, and keeps its rows.
+SolveResult Solver::solve_in_parts(std::span<const double> b, std::span<double> x, Index columns, Transpose transpose) {
+  return solve_by(*impl_, [&] {
+    const RowRange rows = rows_of(*impl_);
+    if (columns < 1) throw Error(StatusCode::invalid_input, "at least one right-hand side is needed");
+    const auto need = static_cast<std::size_t>(rows.count) * static_cast<std::size_t>(columns);
+    if (b.size() < need || x.size() < need)
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("{} right-hand sides of {} rows need {} values on this rank; b has {}, x has {}", columns,
+                              rows.count, need, b.size(), x.size()));
+    std::vector<double> whole = impl_->gathered.gather_rows(b.first(need), rows, columns, impl_->link());
+    const solver::SolveJob job{whole.data(), whole.data(), columns, transpose == Transpose::yes};
+    SolveResult result = solver::solve(*impl_->factor, job, impl_->context);
+    const auto n = static_cast<std::size_t>(impl_->current().n());
+    for (std::size_t c = 0; c < static_cast<std::size_t>(columns); ++c)
+      std::copy_n(whole.data() + c * n + rows.first, rows.count, x.data() + c * static_cast<std::size_t>(rows.count));
+    return result;
+  });
 }
 
 void Solver::set_refinement(int steps, double required_backward_error) {
@@ -195,7 +204,7 @@ bool Solver::has_pattern(const MatrixView& a) const {
 }
 
 std::vector<double> Solver::values() const {
-  check_factorized(*impl_, "values");
+  check_factorized(*impl_, "Solver::values");
   return impl_->factor->values_by_caller();
 }
 
@@ -204,7 +213,7 @@ const Options& Solver::options() const { return impl_->options; }
 const AnalysisResult& Solver::analysis() const { return impl_->analysis; }
 
 ConditionResult Solver::condition_estimate() {
-  check_factorized(*impl_, "condition_estimate");
+  check_factorized(*impl_, "Solver::condition_estimate");
   ConditionResult r;
   r.status = guarded(*impl_, [&] {
     impl_->expect_usable();
@@ -213,36 +222,21 @@ ConditionResult Solver::condition_estimate() {
   return r;
 }
 
-std::vector<Solver::TierRow> Solver::tiers() const {
-  std::vector<TierRow> rows;
-  if (!impl_->factor) return rows;
-  const plan::Plan& p = impl_->current().plan;
-  rows.resize(static_cast<std::size_t>(impl_->analysis.tiers));
-  for (Index f = 0; f < p.fronts(); ++f) {
-    if (static_cast<std::size_t>(p.tier[f]) >= rows.size()) rows.resize(static_cast<std::size_t>(p.tier[f]) + 1);
-    TierRow& r = rows[static_cast<std::size_t>(p.tier[f])];
-    const double k = p.layout[f].pivots;
-    const double m = p.layout[f].rows;
-    r.tier = p.tier[f];
-    ++r.fronts;
-    r.largest_front = std::max(r.largest_front, p.layout[f].rows);
-    r.flops += plan::front_flops(p.layout[f].pivots, p.layout[f].rows, p.options.unsymmetric);
-    r.factor_entries += static_cast<Offset>(k * m - k * (k - 1) / 2) * (p.options.unsymmetric ? 2 : 1);
-  }
-  return rows;
-}
+std::vector<Solver::TierRow> Solver::tiers() const { return solver::tiers_of(*impl_); }
 
 Status Solver::save_analysis(const std::string& path) const {
   if (!impl_->factor) throw std::logic_error("Solver::save_analysis: there is no analysis");
   return guarded(*impl_, [&] {
+    if (impl_->link() != nullptr && impl_->link()->rank() != 0) return;  // rank 0 writes for all
     const solver::Analysis& a = impl_->current();
     const auto& p = a.system->prepared;
-    solver::write_analysis(path, {a.kind(), a.plan.tree, p.row_scale, p.col_scale, p.row_of_col}, p.caller_pattern);
+    solver::write_analysis(path, {a.kind(), a.plan.tree, p.row_scale, p.col_scale, p.row_of_col},
+                           solver::caller_hash(p, impl_->pool));
   });
 }
 
 AnalysisResult Solver::load_analysis(const std::string& path, const MatrixView& a) {
-  return analysis_by(*impl_, [&] { impl_->load_analysis(path, a); });
+  return analysis_by(*impl_, [&] { impl_->load_given(path, a); });
 }
 
 Status Solver::write_trace(const std::string& path) const {

@@ -55,14 +55,15 @@ double eliminate(Pattern& a, std::size_t v, const std::vector<Index>& weight) {
   return k * k * k / 3 + k * k * d + k * d * d;
 }
 
-double exact_minimum_degree_flops(const Graph& g, const std::vector<Index>& weight) {
+// Of the first `inner` vertices.
+double exact_minimum_degree_flops(const Graph& g, const std::vector<Index>& weight, std::size_t inner) {
   Pattern a = dense(g);
   std::vector<char> gone(a.size(), 0);
   double flops = 0;
-  for (std::size_t step = 0; step < a.size(); ++step) {
+  for (std::size_t step = 0; step < inner; ++step) {
     std::size_t best = a.size();
     Offset least = 0;
-    for (std::size_t v = 0; v < a.size(); ++v) {
+    for (std::size_t v = 0; v < inner; ++v) {
       if (gone[v] != 0) continue;
       Offset degree = 0;
       for (std::size_t u = 0; u < a.size(); ++u) degree += a[v][u] != 0 ? weight[u] : 0;
@@ -84,25 +85,39 @@ void expect_permutation(std::vector<Index> order, Index n) {
   EXPECT_EQ(order, all);
 }
 
-TEST(ApproximateMinimumDegree, FlopsAreThoseOfADenseEliminationAndNearTheExactRule) {
+// On 200 random graphs, of which `inner_of` says how many vertices are to be ordered: the flops are those of a dense
+// elimination, and all in all near those of the exact rule.
+template <class InnerOf>
+void expect_near_the_exact_rule(InnerOf&& inner_of) {
   double ours = 0, exact = 0;
   for (unsigned seed = 0; seed < 200; ++seed) {
     SCOPED_TRACE(::testing::Message() << "seed " << seed);
     std::mt19937 random(seed);
-    const auto n = static_cast<Index>(1 + random() % 90);
+    const auto n = static_cast<Index>(1 + random() % 90), inner = inner_of(n, random);
     const Graph g = graph_of_edges(n, random_edges(n, static_cast<Index>(n * (1 + random() % 3)), random));
     std::vector<Index> weight(static_cast<std::size_t>(n));
     for (Index& w : weight) w = seed % 2 == 0 ? 1 : static_cast<Index>(1 + random() % 3);
-    const MinimumDegreeOrder found = approximate_minimum_degree(part_of(g, weight));
-    expect_permutation(found.order, n);
+    const PartGraph part = part_of(g, weight);
+    const MinimumDegreeOrder found =
+        inner == n ? approximate_minimum_degree(part) : approximate_minimum_degree(part, inner);
+    expect_permutation(found.order, inner);
     Pattern a = dense(g);
     double flops = 0;
     for (const Index v : found.order) flops += eliminate(a, static_cast<std::size_t>(v), weight);
     EXPECT_NEAR(found.flops, flops, 1e-9 * flops);
     ours += flops;
-    exact += exact_minimum_degree_flops(g, weight);
+    exact += exact_minimum_degree_flops(g, weight, static_cast<std::size_t>(inner));
   }
   EXPECT_LT(ours, 1.1 * exact);
+}
+
+TEST(ApproximateMinimumDegree, FlopsAreThoseOfADenseEliminationAndNearTheExactRule) {
+  expect_near_the_exact_rule([](Index n, std::mt19937&) { return n; });
+}
+
+TEST(ApproximateMinimumDegree, AHaloCountsAndIsNotOrdered) {
+  expect_near_the_exact_rule(
+      [](Index n, std::mt19937& random) { return static_cast<Index>(1 + random() % static_cast<unsigned>(n)); });
 }
 
 TEST(ApproximateMinimumDegree, ClosedForms) {
@@ -136,6 +151,47 @@ TEST(ApproximateMinimumDegree, TreesAreTakenFromItWhereTheyNeedClearlyLessWork) 
     }
   }
   EXPECT_GT(better, 5);
+}
+
+// A path of `length` cliques of four, each joined to the next.
+Graph ladder(Index length) {
+  Edges edges;
+  for (Index k = 0; k + 4 < 4 * length; ++k)
+    for (Index next = k + 1; next <= k + 4; ++next) edges.emplace_back(k, next);
+  return graph_of_edges(4 * length, edges);
+}
+
+// Flops are compared with those of either order.
+TEST(ApproximateMinimumDegree, PlaneGraphsGoWithoutDissection) {
+  base::ThreadPool pool(2);
+  struct Figures {
+    double taken, dissection, minimum_degree;
+  };
+  const auto figures = [&](const Graph& g) {
+    const CompressedGraph c = compress(g, {}, pool);
+    const auto flops = [&](std::vector<Index> order) {
+      TreeStatistics of;
+      symbolic_tree(c, std::move(order), pool, of);
+      return of.flops_exact;
+    };
+    TreeStatistics taken;
+    build_tree(g, {}, pool, &taken);
+    return Figures{taken.flops_exact, flops(nested_dissection(c, pool)),
+                   flops(approximate_minimum_degree(part_of(c.graph, c.weight)).order)};
+  };
+  for (const Index side : {20, 30, 50, 70}) {
+    SCOPED_TRACE(::testing::Message() << "side " << side);
+    const Figures plane = figures(axis_grid(side, side, 1));
+    EXPECT_EQ(plane.taken, plane.minimum_degree);
+    EXPECT_LT(plane.taken, 1.1 * plane.dissection);
+  }
+  // A larger plane, bodies in space, chains.
+  for (const Graph& g : {axis_grid(150, 150, 1), axis_grid(8, 8, 8), axis_grid(14, 14, 14), ladder(300)}) {
+    SCOPED_TRACE(::testing::Message() << g.n << " vertices");
+    const Figures other = figures(g);
+    EXPECT_EQ(other.taken, other.dissection);
+    EXPECT_NE(other.dissection, other.minimum_degree);
+  }
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "espalier/types.hpp"
 
@@ -54,6 +55,21 @@ TEST(Timeline, WritesWhatWasRecorded) {
   EXPECT_EQ(device, "host \"fast\" \\ 2 threads");
   t.clear();
   EXPECT_EQ(written(t).at("traceEvents").size(), 5U);  // names of two devices and three tracks
+}
+
+TEST(Timeline, PhasesSayTheirNumberAlone) {
+  Timeline t;
+  TimelineEvent step{.kind = "step", .begin = 1, .end = 2};
+  t.record(t.add_track("host", "steps"), step);
+  step.number = 7;
+  t.record(t.add_track("host", "steps"), step);
+  std::vector<nlohmann::json> arguments;
+  const nlohmann::json j = written(t);
+  for (const auto& e : j.at("traceEvents"))
+    if (e.at("ph") == "X") arguments.push_back(e.at("args"));
+  ASSERT_EQ(arguments.size(), 2U);
+  EXPECT_TRUE(arguments[0].empty());
+  EXPECT_EQ(arguments[1], nlohmann::json({{"number", 7}}));
 }
 
 TEST(Timeline, AnUnwritableFileIsAnError) {

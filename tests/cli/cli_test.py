@@ -189,9 +189,26 @@ class UnreadableInput(Cli):
         self.refuse("%%MatrixMarket matrix coordinate real general\n")
         self.refuse(gzip.compress(text.encode())[:-12], name="bad.mtx.gz")
 
+    def test_complex(self):
+        for symmetry, entries, matrix in (("general", "4\n1 1 2 1\n2 1 0 1\n1 2 1 0\n2 2 3 0\n", ((2 + 1j, 1), (1j, 3))),
+                                          ("symmetric", "3\n1 1 2 1\n2 1 0 1\n2 2 3 0\n", ((2 + 1j, 1j), (1j, 3))),
+                                          ("hermitian", "3\n1 1 2 0\n2 1 0 1\n2 2 3 0\n", ((2, -1j), (1j, 3)))):
+            rhs = self.file("b.mtx", "%%MatrixMarket matrix array complex general\n2 1\n1 2\n3 -1\n")
+            out = self.folder / "x.mtx"
+            a = self.file("a.mtx", f"%%MatrixMarket matrix coordinate complex {symmetry}\n2 2 {entries}")
+            report = json.loads(self.expect(0, "solve", a, "--rhs", rhs, "--out", out, "--condition", "--json").stdout)
+            x = [complex(*map(float, line.split())) for line in out.read_text().splitlines() if line[0] != "%"][1:]
+            for row, b in zip(matrix, (1 + 2j, 3 - 1j)):
+                self.assertLessEqual(abs(row[0] * x[0] + row[1] * x[1] - b), 1e-14)
+            determinant = matrix[0][0] * matrix[1][1] - matrix[0][1] * matrix[1][0]
+            self.assertLessEqual(abs(complex(*report["determinant"]["phase"]) - determinant / abs(determinant)), 1e-14)
+            self.assertEqual((report["matrix"]["complex"], report["matrix"]["hermitian"]), (True, symmetry == "hermitian"))
+            self.assertEqual(report["inertia"]["positive"], 2 if symmetry == "hermitian" else -1)
+            self.expect(0, "analyze", a)
+
     def test_malformed(self):
         self.refuse("hello\n")
-        self.refuse("%%MatrixMarket matrix coordinate complex general\n1 1 1\n1 1 1 0\n")
+        self.refuse("%%MatrixMarket matrix coordinate complex hermitian\n1 1 1\n1 1 1 2\n", ":3")
         self.refuse("%%MatrixMarket matrix coordinate real general\n2 2 x\n", ":2")
         self.refuse("%%MatrixMarket matrix coordinate real general\n2 2 1\n1 1 1.0.0\n", ":3")
         self.refuse("%%MatrixMarket matrix coordinate real general\n2 2 1\n1 3 1.0\n", ":3")
@@ -374,7 +391,10 @@ class Failures(Cli):
         n = 20  # a bar that is held nowhere
         entries = [(i, i, 2.0 if 1 < i < n else 1.0) for i in range(1, n + 1)] + [(i + 1, i, -1.0) for i in range(1, n)]
         report, _ = self.solve(coordinate(n, entries, "symmetric"), code=3)
-        self.assertEqual(report["status"], "singular")
+        self.assertEqual((report["status"], report["rank"]), ("singular", n - 1))
+        pull = "%%MatrixMarket matrix array real general\n20 1\n" + "1\n" + "0\n" * (n - 2) + "-1\n"
+        report, _ = self.solve(coordinate(n, entries, "symmetric"), "--singular", "report", "--rhs", self.file("b.mtx", pull))
+        self.assertEqual((report["rank"], len(report["dependent_rows"])), (n - 1, 1))
 
     def test_zero_matrix(self):
         self.solve(coordinate(2, [(1, 1, 0.0), (2, 2, 0.0)]), code=3)

@@ -284,6 +284,16 @@ motion = "cos(1) + t - 0.5403023058681398 + 0.2"
         quiet = self.expect(0, "simulate", self.model(PENDULUM), "-q")
         self.assertEqual((quiet.stdout, quiet.stderr), ("", ""))
 
+    def test_a_trace_has_the_steps(self):
+        trace = self.folder / "trace.json"
+        report = self.report(PENDULUM, "--trace", trace)
+        names = [e["name"] for e in json.loads(trace.read_text())["traceEvents"] if e["ph"] == "X"]
+        self.assertEqual(names.count("step"), report["integrator"]["steps"])
+        self.assertEqual(names.count("forces"), report["counts"]["residuals"])
+        broken = self.run_cli("simulate", self.model(PENDULUM), "--trace", self.folder / "none" / "trace.json")
+        self.assertEqual(broken.returncode, 2)
+        self.assertIn("trace.json", broken.stderr)
+
     def test_the_example_of_the_documentation_runs(self):
         page = (ROOT / "docs" / "guide" / "simulate.md").read_text()
         example = next(block for block in re.findall(r"```toml\n(.*?)```", page, re.S) if "[integrator]" in block)

@@ -46,7 +46,7 @@ TEST(DelayingFront, EliminatesWhatIsStableAndLeavesTheSchurComplement) {
           plan::TileRule tiles;
           tiles.whole_rows = tiles.whole_pivots = 0;
           tiles.max_block_size = width;
-          DelayingFront front(kind, {0.01, 1e-15}, tiles, nullptr);
+          DelayingFront<double> front({kind}, {0.01, 1e-15}, tiles, nullptr);
           front.start(pivots, rows);
           for (Index j = 0; j < rows; ++j)
             for (Index i = kind == Kind::lu ? 0 : j; i < rows; ++i) front.add(i, j, a(i, j));
@@ -81,7 +81,7 @@ TEST(DelayingFront, EndsWhereTheEffortIsSpent) {
   const Dense a = front_with_bad_pivots(rows, pivots, 3, true, random);
   for (const double most : {1e3, 1e5, 1e9}) {
     Effort effort(most);
-    DelayingFront front(Kind::ldlt, {0.01, 1e-15}, plan::TileRule{}, nullptr, nullptr, &effort);
+    DelayingFront<double> front({Kind::ldlt}, {0.01, 1e-15}, plan::TileRule{}, nullptr, nullptr, &effort);
     front.start(pivots, rows);
     for (Index j = 0; j < rows; ++j)
       for (Index i = j; i < rows; ++i) front.add(i, j, a(i, j));

@@ -41,7 +41,7 @@ std::unique_ptr<Factored<T>> factored(const Backend& backend, const SparseMatrix
   f->plan = test::plan_for<T>(backend, a, kind, width);
   PivotRule rule;
   rule.tiny = 1e-30;
-  f->executor = backend.make_executor({f->plan, kind, rule, *f->pool, budget}, Scalar<T>());
+  f->executor = backend.make_executor({f->plan, kind, false, rule, *f->pool, budget}, Scalar<T>());
   f->values.assign(a.values.begin(), a.values.end());
   f->outcome = f->executor->factorize(f->values);
   return f;

@@ -84,7 +84,7 @@ class Going {
                                      random_options(kind, random), pool_, &rows_));
     HostOptions options;
     options.before_task = [this](Index, const plan::Task&) { ++made_; };
-    executor_ = make_host_executor<double>({plans_.back(), kind, kRule, pool_, &budget_}, options);
+    executor_ = make_host_executor<double>({plans_.back(), kind, false, kRule, pool_, &budget_}, options);
     executor_->halt_at_failures(true);
   }
 
@@ -115,9 +115,10 @@ class Going {
     failed.insert(failed.end(), outcome.replaced.begin(), outcome.replaced.end());
     std::sort(failed.begin(), failed.end());
     failed.erase(std::unique(failed.begin(), failed.end()), failed.end());
-    const LeftContributions* left = executor_->left_contributions();
+    const LeftContributions<double>* left = executor_->left_contributions();
     EXPECT_NE(left, nullptr);
-    const auto moves = place_pivots({plans_.back(), kind_, kRule, a_.values, pool_, &budget_, failed, left});
+    const auto moves =
+        place_pivots(PlacementJob{plans_.back(), kind_, false, kRule, a_.values, pool_, &budget_, failed, left});
     if (!moves || moves->empty() || plans_.size() > 8) return false;
     analysis::AssemblyTree tree = plans_.back().tree;
     std::vector<Index> before = relocate_pivots(tree, *moves);
@@ -131,7 +132,7 @@ class Going {
   }
 
   void expect_as_if_made_at_once(const FactorOutcome& outcome, const std::vector<double>& x) {
-    const auto all = make_host_executor<double>({plans_.back(), kind_, kRule, pool_, &budget_});
+    const auto all = make_host_executor<double>({plans_.back(), kind_, false, kRule, pool_, &budget_});
     const FactorOutcome expected = all->factorize(a_.values);
     EXPECT_EQ(outcome.negative, expected.negative);
     EXPECT_EQ(outcome.two_by_two, expected.two_by_two);

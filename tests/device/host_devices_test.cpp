@@ -56,7 +56,8 @@ class Machine {
     plan_ = plan::make_plan(analysis::build_tree(analysis::graph_of(a, planner), {}, planner), a, {}, options, planner);
   }
   void start(HostOptions options = {}) {
-    executor_ = device::host::make_host_executor<double>({plan_, kind_, {0.01, kTiny}, pool_}, std::move(options));
+    executor_ =
+        device::host::make_host_executor<double>({plan_, kind_, false, {0.01, kTiny}, pool_}, std::move(options));
   }
   FactorOutcome factorize() { return executor_->factorize(a_.values); }
   // The solution for a fixed right-hand side, whose bits stand for those of the whole factor.

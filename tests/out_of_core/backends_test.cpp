@@ -60,7 +60,7 @@ TEST_P(OutOfCore, GivesTheAnswerOfTheTextbook) {
     const SparseMatrix a = matrix::generate(matrix::parse_generator(words), &pool);
     const plan::Plan dense = test::plan_for<double>(textbook, a, kind), plan = test::plan_for<double>(backend, a, kind);
     const device::PivotRule rule{0.01, 1e-14};
-    const auto truth = textbook.make_executor({dense, kind, rule, pool}, device::Scalar<double>());
+    const auto truth = textbook.make_executor({dense, kind, false, rule, pool}, device::Scalar<double>());
     const device::FactorOutcome expected = truth->factorize(a.values);
 
     OutOfCoreOptions options;
@@ -69,7 +69,7 @@ TEST_P(OutOfCore, GivesTheAnswerOfTheTextbook) {
     options.devices = {{budget, 1}};
     options.slot_bytes = 64 << 10;
     options.rates = PlanningRates(plan.options.machine.out_of_core, kind);
-    const device::Job job{plan, kind, rule, pool};
+    const device::Job job{plan, kind, false, rule, pool};
     const auto executor =
         make_out_of_core_executor<double>(backend.out_of_core()->make(job, device::Scalar<double>()), options, nullptr);
     const device::FactorOutcome outcome = executor->factorize(a.values);

@@ -117,7 +117,7 @@ TEST_P(OutOfCoreDevices, TransposedAndManyRightHandSides) {
 TEST_P(OutOfCoreDevices, NoOrderOfTheQueuesDeadlocks) {
   constexpr int kDevices = 4;
   const auto layout =
-      device::host::make_host_out_of_core_backend<double>({plan_, GetParam().kind, {0.01, test::kTiny}, pool_});
+      device::host::make_host_out_of_core_backend<double>({plan_, GetParam().kind, false, {0.01, test::kTiny}, pool_});
   out_of_core::PlanningRates rates;
   rates.share_seconds = 0;
   const auto plans =

@@ -53,7 +53,7 @@ class OutOfCoreFactorization : public ::testing::TestWithParam<OutOfCoreSystem> 
     options.tiles.whole_rows = 32;
     options.range_flops = 2e4;
     plan_ = plan::make_plan(analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_), a_, {}, options, pool_);
-    auto in_core = device::host::make_host_executor<double>({plan_, GetParam().kind, {0.01, kTiny}, pool_});
+    auto in_core = device::host::make_host_executor<double>({plan_, GetParam().kind, false, {0.01, kTiny}, pool_});
     outcome_ = in_core->factorize(a_.values);
     x_ = solved(*in_core, false);
     need_ = plan_.memory.size * static_cast<Offset>(sizeof(double));
@@ -89,7 +89,7 @@ class OutOfCoreFactorization : public ::testing::TestWithParam<OutOfCoreSystem> 
     std::vector<std::unique_ptr<out_of_core::OutOfCoreBackend<double>>> backends;
     for (HostOutOfCoreOptions& o : options)
       backends.push_back(device::host::make_host_out_of_core_backend<double>(
-          {plan_, GetParam().kind, {0.01, kTiny}, pool_}, std::move(o)));
+          {plan_, GetParam().kind, false, {0.01, kTiny}, pool_}, std::move(o)));
     return out_of_core::make_out_of_core_executor<double>(std::move(backends), options_of_all, nullptr);
   }
 
@@ -155,7 +155,7 @@ class OutOfCoreFactorization : public ::testing::TestWithParam<OutOfCoreSystem> 
   // Eight right-hand sides of the transposed system, against the executor in core.
   void expect_transposed_as_in_core(device::Executor<double>& executor) {
     (void)executor.factorize(a_.values);
-    auto in_core = device::host::make_host_executor<double>({plan_, GetParam().kind, {0.01, kTiny}, pool_});
+    auto in_core = device::host::make_host_executor<double>({plan_, GetParam().kind, false, {0.01, kTiny}, pool_});
     (void)in_core->factorize(a_.values);
     const Index columns = 8;
     std::vector<double> x(static_cast<std::size_t>(a_.cols) * columns);

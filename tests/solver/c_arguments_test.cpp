@@ -108,7 +108,7 @@ TEST(CArguments, CountsOfAnySize) {
     EXPECT_EQ(espalier_refactorize(s.get(), arrays.values.data(), n, nullptr), ESPALIER_MISUSE) << n;
     EXPECT_EQ(espalier_solve(s.get(), b.data(), x.data(), n, 0, nullptr), ESPALIER_MISUSE) << n;
   }
-  for (const int transpose : {INT_MIN, -1, 2, INT_MAX})
+  for (const int transpose : {INT_MIN, -1, 3, INT_MAX})
     EXPECT_EQ(espalier_solve(s.get(), b.data(), x.data(), 1, transpose, nullptr), ESPALIER_MISUSE);
   EXPECT_EQ(espalier_solve(s.get(), b.data(), x.data(), 1, 0, nullptr), ESPALIER_OK);
   for (const double v : x) EXPECT_NEAR(v, 1, 4e-16);

@@ -167,7 +167,7 @@ TEST(EffectiveDevice, StandsInTheResultNotInTheOptions) {
   for (int round = 1; round <= 3; ++round) {
     SCOPED_TRACE(round);
     const int finds = fake.finds, asked = fake.asked;
-    session.analyze(a);
+    session.analyze(a.view());
     EXPECT_GT(fake.finds, finds) << "the devices were not looked for again";
     EXPECT_NE(session.analysis.device.find("fake"), std::string::npos) << session.analysis.device;
     session.factor->factorize(a.values);
@@ -180,7 +180,7 @@ TEST(EffectiveDevice, StandsInTheResultNotInTheOptions) {
     EXPECT_EQ(fake.asked, asked + 2) << "the same analysis does not try again";
   }
   fake.works = true;  // the others are gone
-  session.analyze(a);
+  session.analyze(a.view());
   session.factor->factorize(a.values);
   EXPECT_NE(session.factor->result().device.find("fake"), std::string::npos) << session.factor->result().device;
 }

@@ -2,6 +2,7 @@
 // solver that was never stopped.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <string>
 #include <thread>
@@ -184,9 +185,14 @@ SparseMatrix block_that_takes(std::chrono::milliseconds time) {
     SparseMatrix a = test::generated({"elasticity", std::to_string(size)});
     Solver s(options_of("cpu", 1));
     EXPECT_TRUE(s.analyze(a).status.ok());
-    const auto begin = std::chrono::steady_clock::now();
-    EXPECT_TRUE(s.factorize(a).status.ok());
-    if (std::chrono::steady_clock::now() - begin > time || size == 30) return a;
+    auto shortest = std::chrono::steady_clock::duration::max();  // others may have had the processor meanwhile
+    for (int k = 0; k < 3; ++k) {
+      const auto begin = std::chrono::steady_clock::now();
+      EXPECT_TRUE(s.factorize(a).status.ok());
+      shortest = std::min(shortest, std::chrono::steady_clock::now() - begin);
+      if (shortest < time) break;
+    }
+    if (shortest > time || size == 30) return a;
   }
 }
 

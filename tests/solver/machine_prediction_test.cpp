@@ -32,7 +32,7 @@ Case analyzed(const std::string& system, base::ThreadPool& pool) {
   const SparseMatrix a = matrix::generate(matrix::parse_generator(words), &pool);
   Case c;
   c.kind = choose_kind(a, Kind::automatic, pool);
-  PreparedMatrix prepared = prepare_matrix(a, c.kind, pool);
+  PreparedMatrix prepared = prepare_matrix(a.view(), c.kind, pool);
   scale_and_match(prepared, c.kind, Options{}, pool);
   analysis::TreeOptions options;
   options.pair = prepared.pair;

@@ -82,11 +82,11 @@ void add_entries(std::span<const plan::EntryPlace> entries, std::span<const T> v
   }
 }
 
-template void add_contribution(const plan::Plan&, Index, const double*, const Part<double>&, bool, std::vector<Run>&,
-                               ColumnRange);
-template void add_contribution(const plan::Plan&, Index, const float*, const Part<float>&, bool, std::vector<Run>&,
-                               ColumnRange);
-template void add_entries(std::span<const plan::EntryPlace>, std::span<const double>, double*, Offset, EntryPart);
-template void add_entries(std::span<const plan::EntryPlace>, std::span<const float>, float*, Offset, EntryPart);
+#define ESPALIER_INSTANTIATE(T)                                                                               \
+  template void add_contribution(const plan::Plan&, Index, const T*, const Part<T>&, bool, std::vector<Run>&, \
+                                 ColumnRange);                                                                \
+  template void add_entries(std::span<const plan::EntryPlace>, std::span<const T>, T*, Offset, EntryPart);
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::device::host

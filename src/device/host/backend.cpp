@@ -4,6 +4,7 @@
 #include "device/host/host_executor.hpp"
 #include "device/host/out_of_core/backend.hpp"
 #include "device/host/pivot_placement.hpp"
+#include "device/host/rank_executor.hpp"
 #include "out_of_core/factory.hpp"
 
 namespace espalier::device::host {
@@ -35,6 +36,9 @@ class HostBackend final : public Backend {
   [[nodiscard]] Limits limits() const override {
     Limits limits;
     limits.most_devices = kMostHostDevices;
+    limits.keeps_border = true;
+    limits.ranks = true;
+    limits.complex = true;
     return limits;
   }
 
@@ -42,13 +46,15 @@ class HostBackend final : public Backend {
   [[nodiscard]] PredictedTime predict(const analysis::AssemblyTree& tree, const PlanWish& wish) const override {
     const bool single = wish.precision != Precision::fp64;
     PredictedTime t;
-    t.fixed = plan::host_seconds(tree, wish.kind, single, wish.threads, model(wish.machine));
+    // A complex multiplication and addition are four real ones.
+    t.fixed = plan::host_seconds(tree, wish.kind, single, wish.threads, model(wish.machine)) * (wish.complex ? 4 : 1);
     return t;
   }
 
   [[nodiscard]] plan::PlanOptions plan_options(const PlanWish& wish) const override {
     plan::PlanOptions o;
-    const std::size_t value = wish.precision == Precision::fp64 ? sizeof(double) : sizeof(float);
+    const std::size_t value =
+        (wish.precision == Precision::fp64 ? sizeof(double) : sizeof(float)) * (wish.complex ? 2 : 1);
     o.tiles.panel = static_cast<Index>(64 / value);
     o.tiles.max_block_size = wish.max_block_size;
     o.machine = model(wish.machine);
@@ -60,6 +66,7 @@ class HostBackend final : public Backend {
     o.shared_top = wish.sharing.shared_top;
     o.interleave = static_cast<Index>(2 * wish.threads);
     o.reuse_distance = static_cast<Index>(16 * wish.threads);
+    if (wish.ranks > 1) share_among_ranks(o, wish);
     return o;
   }
 
@@ -68,6 +75,11 @@ class HostBackend final : public Backend {
     return precision == Precision::fp64 ? host_bytes<double>(plan, kind, threads)
                                         : host_bytes<float>(plan, kind, threads);
   }
+  [[nodiscard]] Offset complex_executor_bytes(const plan::Plan& plan, Kind kind, Precision precision,
+                                              int threads) const override {
+    return precision == Precision::fp64 ? host_bytes<std::complex<double>>(plan, kind, threads)
+                                        : host_bytes<std::complex<float>>(plan, kind, threads);
+  }
 
   [[nodiscard]] std::unique_ptr<Executor<double>> make_executor(const Job& job, Scalar<double>) const override {
     return make<double>(job);
@@ -75,22 +87,44 @@ class HostBackend final : public Backend {
   [[nodiscard]] std::unique_ptr<Executor<float>> make_executor(const Job& job, Scalar<float>) const override {
     return make<float>(job);
   }
+  [[nodiscard]] std::unique_ptr<Executor<std::complex<double>>> make_executor(
+      const Job& job, Scalar<std::complex<double>>) const override {
+    return make<std::complex<double>>(job);
+  }
+  [[nodiscard]] std::unique_ptr<Executor<std::complex<float>>> make_executor(
+      const Job& job, Scalar<std::complex<float>>) const override {
+    return make<std::complex<float>>(job);
+  }
   [[nodiscard]] std::optional<std::vector<analysis::PivotMove>> place_pivots(const PlacementJob& job) const override {
+    return host::place_pivots(job);
+  }
+  [[nodiscard]] std::optional<std::vector<analysis::PivotMove>> place_pivots(
+      const ComplexPlacementJob& job) const override {
     return host::place_pivots(job);
   }
   [[nodiscard]] const out_of_core::Factory* out_of_core() const override { return &factory_; }
 
  private:
+  // Of the tree as little as possible is shared: what is passes through messages, and each rank keeps a copy.
+  static void share_among_ranks(plan::PlanOptions& o, const PlanWish& wish) {
+    o.devices = o.ranks = wish.ranks;
+    o.rank = wish.rank;
+    o.additional_subtrees = 0;
+    o.stealing = false;
+    o.balance_columns = true;
+  }
+
   static constexpr int kMostHostDevices = 4096;  // as many as there may be threads
 
   template <class T>
   static std::unique_ptr<Executor<T>> make(const Job& job) {
+    if (job.link != nullptr) return make_rank_executor<T>(job);
     HostOptions options;
     options.device_memory_bytes = job.memory_bytes;
     return make_host_executor<T>(job, std::move(options));
   }
 
-  out_of_core::FactoryOf<HostOutOfCore> factory_;
+  out_of_core::FactoryOfAll<HostOutOfCore> factory_;
 };
 
 }  // namespace

@@ -16,19 +16,22 @@ auto at(Index k) { return static_cast<std::size_t>(k); }
 // differently there.
 constexpr double kMargin = 0.5;
 
-void grow(base::Buffer<double>& buffer, Offset size, base::MemoryBudget* budget) {
+template <class Value>
+void grow(base::Buffer<Value>& buffer, Offset size, base::MemoryBudget* budget) {
   if (buffer.size() >= size) return;
-  buffer = base::Buffer<double>();
-  buffer = base::Buffer<double>(size, budget);
+  buffer = base::Buffer<Value>();
+  buffer = base::Buffer<Value>(size, budget);
 }
 
 }  // namespace
 
-void DelayingFront::start(Index pivots, Index rows) {
+template <class Value>
+void DelayingFront<Value>::start(Index pivots, Index rows, Index border) {
   rows_ = rows;
-  ld_ = padded<double>(rows);
+  border_ = border;
+  ld_ = padded<Value>(rows);
   grow(c_, ld_ * ld_, budget_);
-  std::fill_n(c_.data(), ld_ * ld_, 0.0);
+  std::fill_n(c_.data(), ld_ * ld_, Value(0));
   done_ = failed_ = first_ = 0;
   suspect_ = -1;
   left_ = pivots;
@@ -38,11 +41,13 @@ void DelayingFront::start(Index pivots, Index rows) {
   late_.assign(at(pivots), 0);
 }
 
-Index DelayingFront::next_width() const {
+template <class Value>
+Index DelayingFront<Value>::next_width() const {
   return std::min(left_, plan::cut_front(done_ + left_, rows_, tiles_).pivot_width);
 }
 
-bool DelayingFront::eliminate() {
+template <class Value>
+bool DelayingFront<Value>::eliminate() {
   // Failures behind the first of a tile may be its debris. It is put back alone, unless another try costs much.
   constexpr Index kCheapRows = 512;
   std::size_t batch = 1;
@@ -69,11 +74,12 @@ bool DelayingFront::eliminate() {
 
 // The tile, and L in all rows below it. The front does not change.
 // @returns the failing pivots of the tile in the order in which they were eliminated
-std::vector<DelayingFront::Failure> DelayingFront::factor_tile(Index width) {
+template <class Value>
+auto DelayingFront<Value>::factor_tile(Index width) -> std::vector<Failure> {
   take_rows(width);
-  const auto& dense = kernels<double>();
+  const auto& dense = kernels<Value>(hermitian_);
   const std::span<const Index> tile(order_.data() + done_, at(width));
-  const Offset ld = padded<double>(width);
+  const Offset ld = padded<Value>(width);
   for (Index j = 0; j < width; ++j)
     for (Index i = lu_ ? 0 : j; i < width; ++i) tile_[j * ld + i] = entry(tile[at(i)], tile[at(j)]);
   const Offset below = rows_ - first_;
@@ -84,17 +90,16 @@ std::vector<DelayingFront::Failure> DelayingFront::factor_tile(Index width) {
     pack_columns(tile, false);
     dense.trmm_nt(below, width, panels_.data(), inverse_u_.data(), l_.data());
   } else {
-    double *d = d_.data(), *e = d + width;
+    Value *d = d_.data(), *e = d + width;
     dense.ldlt(width, tile_.data(), ld, rule_.tiny, perm_.data(), d, e, replaced_.data());
     dense.invert_lower(width, tile_.data(), ld, true, inverse_.data());
     for (Index k = 0; k < width; ++k) pivots[at(k)] = tile[at(perm_[at(k)])];
     pack_columns(pivots, false);
     dense.trmm_nt(below, width, panels_.data(), inverse_.data(), right_.data());
-    invert_blocks(width, d, e, d_inverse_.data(), e_inverse_.data());
+    invert_blocks(width, d, e, d_inverse_.data(), e_inverse_.data(), hermitian_);
     dense.scale_columns(below, width, right_.data(), d_inverse_.data(), e_inverse_.data(), l_.data());
   }
-  growth_.assign(at(width), 0);
-  dense.column_max(below, width, l_.data(), growth_.data());
+  measure_growth(width);
   const double limit = kMargin / rule_.threshold;
   std::vector<Failure> failures;
   for (Index k = 0; k < width; ++k)
@@ -102,15 +107,29 @@ std::vector<DelayingFront::Failure> DelayingFront::factor_tile(Index width) {
   return failures;
 }
 
+// Panels that hold rows of the border alone, or none, are left out; in a panel that holds both, row by row.
+template <class Value>
+void DelayingFront<Value>::measure_growth(Index width) {
+  constexpr Index p = kPanel<Value>;
+  growth_.assign(at(width), 0);
+  const Index judged = std::max<Index>(0, rows_ - border_ - first_), whole = border_ == 0 ? judged : judged / p * p;
+  kernels<Value>().column_max(whole, width, l_.data(), growth_.data());
+  const Value* last = l_.data() + Offset{whole} * width;
+  for (Index j = 0; j < width; ++j)
+    for (Index r = 0; r < judged - whole; ++r)
+      if (const double l = std::abs(last[j * p + r]); !(l <= growth_[at(j)])) growth_[at(j)] = l;
+}
+
 // Which rows stand below the next tile, and room for what becomes of them.
-void DelayingFront::take_rows(Index width) {
-  constexpr Index kPanelRows = kPanel<double>;
+template <class Value>
+void DelayingFront<Value>::take_rows(Index width) {
+  constexpr Index kPanelRows = kPanel<Value>;
   for (Index k = 0; k < width; ++k) waits_[at(order_[at(done_ + k)])] = 0;
   Index first = rows_;
   for (Index i = 0; i < rows_ && first == rows_; ++i)
     if (waits_[at(i)] != 0) first = i;
   first_ = first / kPanelRows * kPanelRows;
-  const Offset high = padded<double>(rows_ - first_), wide = padded<double>(width);
+  const Offset high = padded<Value>(rows_ - first_), wide = padded<Value>(width);
   for (auto* square : {&tile_, &inverse_, &inverse_u_}) grow(*square, wide * wide, budget_);
   for (auto* part : {&columns_, &panels_, &l_, &right_}) grow(*part, high * wide, budget_);
   perm_.resize(at(width));
@@ -121,34 +140,37 @@ void DelayingFront::take_rows(Index width) {
 }
 
 // The entries of columns (transposed: of rows) in the rows (columns) below the tile, as panels.
-void DelayingFront::pack_columns(std::span<const Index> columns, bool transposed) {
-  const Offset below = rows_ - first_, high = padded<double>(below);
+template <class Value>
+void DelayingFront<Value>::pack_columns(std::span<const Index> columns, bool transposed) {
+  const Offset below = rows_ - first_, high = padded<Value>(below);
   for (std::size_t k = 0; k < columns.size(); ++k) {
     const Index c = columns[k];
-    double* to = columns_.data() + static_cast<Offset>(k) * high;
+    Value* to = columns_.data() + static_cast<Offset>(k) * high;
     for (Index i = first_; i < rows_; ++i) {
-      const double value = transposed ? entry(c, i) : entry(i, c);
-      to[i - first_] = waits_[at(i)] != 0 ? value : 0;
+      const Value value = transposed ? entry(c, i) : entry(i, c);
+      to[i - first_] = waits_[at(i)] != 0 ? value : Value(0);
     }
   }
-  kernels<double>().pack(below, static_cast<std::int64_t>(columns.size()), columns_.data(), high, panels_.data());
+  kernels<Value>(hermitian_)
+      .pack(below, static_cast<std::int64_t>(columns.size()), columns_.data(), high, panels_.data());
 }
 
 // The rest of the front less L D L^T or L U.
-void DelayingFront::update(Index width) {
-  const auto& dense = kernels<double>();
+template <class Value>
+void DelayingFront<Value>::update(Index width) {
+  const auto& dense = kernels<Value>(hermitian_);
   if (lu_) {
     const std::span<const Index> tile(order_.data() + done_, at(width));
-    dense.invert_lower(width, tile_.data(), padded<double>(width), true, inverse_.data());
+    dense.invert_lower(width, tile_.data(), padded<Value>(width), true, inverse_.data());
     std::vector<Index> rows(at(width));
     for (Index k = 0; k < width; ++k) rows[at(k)] = tile[at(perm_[at(k)])];
     pack_columns(rows, true);
     dense.trmm_nt(rows_ - first_, width, panels_.data(), inverse_.data(), right_.data());
   }
   constexpr Offset kColumns = 128;
-  static_assert(kColumns % kPanel<double> == 0);
+  static_assert(kColumns % kPanel<Value> == 0);
   const auto some_columns = [&](Offset begin, Offset end) {
-    double* c = c_.data() + (first_ + begin) * ld_ + first_;
+    Value* c = c_.data() + (first_ + begin) * ld_ + first_;
     if (lu_)
       dense.gemm_nt(rows_ - first_, end - begin, width, l_.data(), right_.data() + begin * width, c, ld_);
     else
@@ -162,7 +184,8 @@ void DelayingFront::update(Index width) {
 
 // A column of lu may fail for its own sake, or for that of the row which is left over for it. The first time the column
 // goes; when the next one fails with the same row, the row does.
-std::vector<Index> DelayingFront::culprits(std::span<const Failure> failures) {
+template <class Value>
+std::vector<Index> DelayingFront<Value>::culprits(std::span<const Failure> failures) {
   std::vector<Index> found;
   for (const Failure& f : failures) {
     const Index row = order_[at(done_ + f.row)];
@@ -174,7 +197,8 @@ std::vector<Index> DelayingFront::culprits(std::span<const Failure> failures) {
 }
 
 // The failing pivots go behind all others of the front or, after their last try, leave it.
-void DelayingFront::put_back(std::span<const Index> failing, bool last_tile) {
+template <class Value>
+void DelayingFront<Value>::put_back(std::span<const Index> failing, bool last_tile) {
   const auto begin = order_.begin() + done_;
   std::vector<Index> kept, again, out;
   for (Index k = 0; k < left_; ++k) {
@@ -193,5 +217,8 @@ void DelayingFront::put_back(std::span<const Index> failing, bool last_tile) {
   left_ -= static_cast<Index>(out.size());
   failed_ += static_cast<Index>(out.size());
 }
+
+template class DelayingFront<double>;
+template class DelayingFront<std::complex<double>>;
 
 }  // namespace espalier::device::host

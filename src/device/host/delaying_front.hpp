@@ -9,7 +9,7 @@
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "device/factor_outcome.hpp"
-#include "device/host/kernels.hpp"
+#include "device/host/numeric_state.hpp"
 #include "plan/front_layout.hpp"
 
 namespace espalier::device::host {
@@ -32,17 +32,26 @@ class Effort {
 ///
 /// Rows and columns stay where they are; what moves are their numbers in order(). A tile is factored in copies of its
 /// columns (and rows), and the rest of the front hears of it when all of its pivots are good.
+/// Value: double or complex<double>.
+template <class Value>
 class DelayingFront {
  public:
   /// @param pool  shares the updates of large fronts; null: the calling thread does them alone
   /// @param effort  null: no end
-  DelayingFront(Kind kind, const PivotRule& rule, const plan::TileRule& tiles, base::MemoryBudget* budget,
+  DelayingFront(MatrixKind matrix, const PivotRule& rule, const plan::TileRule& tiles, base::MemoryBudget* budget,
                 base::ThreadPool* pool = nullptr, Effort* effort = nullptr)
-      : lu_(kind == Kind::lu), rule_(rule), tiles_(tiles), budget_(budget), pool_(pool), effort_(effort) {}
+      : lu_(matrix.kind == Kind::lu),
+        hermitian_(matrix.hermitian),
+        rule_(rule),
+        tiles_(tiles),
+        budget_(budget),
+        pool_(pool),
+        effort_(effort) {}
 
-  /// Begins a front of zeros whose first `pivots` rows and columns may be eliminated.
-  void start(Index pivots, Index rows);
-  void add(Index row, Index col, double value) { c_[col * ld_ + row] += value; }
+  /// Begins a front of zeros whose first `pivots` rows and columns may be eliminated. Its last `border` rows judge no
+  /// pivot.
+  void start(Index pivots, Index rows, Index border = 0);
+  void add(Index row, Index col, Value value) { c_[col * ld_ + row] += value; }
   /// @returns false where the effort is spent: then the front is unfinished
   bool eliminate();
 
@@ -53,7 +62,7 @@ class DelayingFront {
   /// Whether the pivot (by its place at start()) was put behind the others.
   [[nodiscard]] bool late(Index pivot) const { return late_[static_cast<std::size_t>(pivot)] != 0; }
   /// What is left, at (row, col) of the rows that were not eliminated; ldlt: row >= col.
-  [[nodiscard]] double rest(Index row, Index col) const {
+  [[nodiscard]] Value rest(Index row, Index col) const {
     return entry(order_[static_cast<std::size_t>(done_ + row)], order_[static_cast<std::size_t>(done_ + col)]);
   }
 
@@ -63,25 +72,28 @@ class DelayingFront {
     Index column, row;
   };
 
-  [[nodiscard]] double entry(Index row, Index col) const {
-    return lu_ || row >= col ? c_[col * ld_ + row] : c_[row * ld_ + col];
+  [[nodiscard]] Value entry(Index row, Index col) const {
+    if (lu_ || row >= col) return c_[col * ld_ + row];
+    const Value mirrored = c_[row * ld_ + col];
+    return hermitian_ ? base::conjugate(mirrored) : mirrored;
   }
   [[nodiscard]] Index next_width() const;
   [[nodiscard]] std::vector<Failure> factor_tile(Index width);
+  void measure_growth(Index width);
   void take_rows(Index width);
   void pack_columns(std::span<const Index> columns, bool transposed);
   void update(Index width);
   [[nodiscard]] std::vector<Index> culprits(std::span<const Failure> failures);
   void put_back(std::span<const Index> failing, bool last_tile);
 
-  bool lu_;
+  bool lu_, hermitian_;
   PivotRule rule_;
   plan::TileRule tiles_;
   base::MemoryBudget* budget_;
   base::ThreadPool* pool_;
   Effort* effort_;
-  base::Buffer<double> c_;
-  Index rows_ = 0;
+  base::Buffer<Value> c_;
+  Index rows_ = 0, border_ = 0;
   Offset ld_ = 0;
   Index done_ = 0, left_ = 0, failed_ = 0;  // eliminated; pivots to come; pivots that leave
   Index suspect_ = -1;                      // the row (by its place at start()) of the last failure
@@ -90,13 +102,14 @@ class DelayingFront {
   // Of one tile. Below it stand all rows from first_ on, a multiple of kPanel; those that are not to be changed are
   // zero.
   Index first_ = 0;
-  std::vector<char> waits_;                          // rows below the tile
-  std::vector<std::int32_t> perm_;                   // pivots
-  std::vector<char> replaced_;                       // pivots
-  base::Buffer<double> tile_, inverse_, inverse_u_;  // the diagonal tile; inverses of its factors
-  base::Buffer<double> columns_, panels_;            // of the rows below: as they are given; packed
-  base::Buffer<double> l_, right_;                   // panels: L, and L D (ldlt) or the transpose of U (lu)
-  std::vector<double> d_, d_inverse_, e_inverse_, growth_;
+  std::vector<char> waits_;                         // rows below the tile
+  std::vector<std::int32_t> perm_;                  // pivots
+  std::vector<char> replaced_;                      // pivots
+  base::Buffer<Value> tile_, inverse_, inverse_u_;  // the diagonal tile; inverses of its factors
+  base::Buffer<Value> columns_, panels_;            // of the rows below: as they are given; packed
+  base::Buffer<Value> l_, right_;                   // panels: L, and L D (ldlt) or the transpose of U (lu)
+  std::vector<Value> d_, d_inverse_, e_inverse_;
+  std::vector<double> growth_;
 };
 
 }  // namespace espalier::device::host

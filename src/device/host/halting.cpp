@@ -90,7 +90,7 @@ bool LeftInArena<T>::has(Index f) const {
 }
 
 template <class T>
-void LeftInArena<T>::copy(Index f, double* to) const {
+void LeftInArena<T>::copy(Index f, WideOf<T>* to) const {
   const plan::FrontLayout& l = s_.plan.layout[f];
   const Offset rows = l.below();
   const auto copy_part = [&](const T* from, bool upper) {
@@ -101,7 +101,7 @@ void LeftInArena<T>::copy(Index f, double* to) const {
           for (Index r = 0; r < l.below_rows(i); ++r) {
             const Offset row = Offset{i} * l.below_width + r, col = Offset{j} * l.below_width + c;
             if (row < col || (upper && row == col)) continue;
-            const auto value = static_cast<double>(tile[c * l.contribution_ld(i) + r]);
+            const auto value = static_cast<WideOf<T>>(tile[c * l.contribution_ld(i) + r]);
             (upper ? to[row * rows + col] : to[col * rows + row]) = value;
           }
       }
@@ -118,7 +118,7 @@ bool memory_is_free(const NumericState<T>& s, Index f, double* waited) {
     s.front_done.wait(m.wait_fronts[q], s.abort, waited);
     good = good && s.verdict.value(m.wait_fronts[q]) == kVerdictGood;
   }
-  return good;
+  return good || !s.keeps_what_is_left;
 }
 
 template <class T>
@@ -171,7 +171,7 @@ std::vector<char> fronts_begun(const NumericState<T>& s, const plan::Plan& chang
 template <class T>
 NumericState<T>::NumericState(const plan::Plan& changed, const plan::FrontsBefore& before, std::vector<char> keep,
                               const NumericState& from, base::MemoryBudget* budget)
-    : NumericState(changed, from.kind, from.rule, budget, 0) {
+    : NumericState(changed, {from.kind, from.hermitian}, from.rule, budget, 0) {
   begun = fronts_begun(from, changed, before);
   kept = std::move(keep);
   halting = from.halting;
@@ -208,8 +208,7 @@ void NumericState<T>::take_arena(NumericState& from) {
                                          const NumericState<T>&, base::MemoryBudget*);                             \
   template void NumericState<T>::take_arena(NumericState<T>&);                                                     \
   template class LeftInArena<T>;
-ESPALIER_INSTANTIATE(double)
-ESPALIER_INSTANTIATE(float)
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
 #undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::device::host

@@ -10,11 +10,11 @@ namespace espalier::device::host {
 
 /// The contributions of made fronts to parents that were not made.
 template <class T>
-class LeftInArena final : public LeftContributions {
+class LeftInArena final : public LeftContributions<WideOf<T>> {
  public:
   explicit LeftInArena(const NumericState<T>& state) : s_(state) {}
   [[nodiscard]] bool has(Index f) const override;
-  void copy(Index f, double* to) const override;
+  void copy(Index f, WideOf<T>* to) const override;
 
  private:
   const NumericState<T>& s_;

@@ -80,11 +80,11 @@ Offset host_bytes(const plan::Plan& plan, Kind kind, int threads) {
   return (shared + threads * own) * static_cast<Offset>(sizeof(T)) + threads * padded<T>(widest) + kept;
 }
 
-template Offset host_bytes<double>(const plan::Plan&, Kind, int);
-template Offset host_bytes<float>(const plan::Plan&, Kind, int);
-
-template struct Workspace<double>;
-template struct Workspace<float>;
+#define ESPALIER_INSTANTIATE(T)                                \
+  template Offset host_bytes<T>(const plan::Plan&, Kind, int); \
+  template struct Workspace<T>;
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 namespace {
 
@@ -108,7 +108,7 @@ class HostExecutor final : public Executor<T> {
         timeline_(job.timeline),
         queues_(plan_),
         work_(make_workspaces(job.kind)),
-        state_(plan_, job.kind, job.rule, budget_, plan::elements_with_room(plan_.memory)),
+        state_(plan_, {job.kind, job.hermitian}, job.rule, budget_, plan::elements_with_room(plan_.memory)),
         solve_(state_, pool_, budget_) {
     if (timeline_ == nullptr) return;
     for (int t = 0; t < pool_.size(); ++t) {
@@ -138,7 +138,12 @@ class HostExecutor final : public Executor<T> {
 
   void set_pivot_rule(const PivotRule& rule) override { state_.rule = rule; }
   void halt_at_failures(bool halt) override { state_.halting = halt && devices_ == 1 && state_.kind != Kind::llt; }
-  [[nodiscard]] const LeftContributions* left_contributions() const override { return halted_ ? &left_ : nullptr; }
+  [[nodiscard]] const LeftContributions<WideOf<T>>* left_contributions() const override {
+    return halted_ ? &left_ : nullptr;
+  }
+  [[nodiscard]] const LeftContributions<WideOf<T>>* border_contribution() const override {
+    return plan_.tree.border > 0 ? &left_ : nullptr;
+  }
   std::unique_ptr<Executor<T>> with_changed_plan(const plan::Plan& plan, const plan::FrontsBefore& before) override {
     const auto& limits = options_.device_memory_bytes;
     const bool limited = std::any_of(limits.begin(), limits.end(), [](Offset bytes) { return bytes > 0; });
@@ -332,7 +337,8 @@ std::unique_ptr<Executor<T>> make_host_executor(const Job& job, HostOptions opti
   return std::make_unique<HostExecutor<T>>(job, std::move(options));
 }
 
-template std::unique_ptr<Executor<double>> make_host_executor(const Job&, HostOptions);
-template std::unique_ptr<Executor<float>> make_host_executor(const Job&, HostOptions);
+#define ESPALIER_INSTANTIATE(T) template std::unique_ptr<Executor<T>> make_host_executor(const Job&, HostOptions);
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::device::host

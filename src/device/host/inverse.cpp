@@ -25,8 +25,8 @@ struct Factor {
 /// Diagonal block of L as register tiles need it.
 template <class T>
 struct Block {
-  T lower[kTileColumns][kTileColumns];  ///< lower[j][l] = L(j, l) for l < j
-  T inverse[kTileColumns];              ///< 1 / L(l, l)
+  T lower[kTileColumns<T>][kTileColumns<T>];  ///< lower[j][l] = L(j, l) for l < j
+  T inverse[kTileColumns<T>];                 ///< 1 / L(l, l)
 };
 
 template <class T>
@@ -35,41 +35,41 @@ Block<T> diagonal_block(const Factor<T>& f, std::int64_t begin, int width, bool 
   const T* d = f.p + begin * (f.row + f.column);
   for (int l = 0; l < width; ++l) {
     block.inverse[l] = unit ? T(1) : T(1) / d[l * (f.row + f.column)];
-    for (int j = l + 1; j < width; ++j) block.lower[j][l] = d[j * f.row + l * f.column];
+    if constexpr (kTileColumns < T >> 1)
+      for (int j = l + 1; j < width; ++j) block.lower[j][l] = d[j * f.row + l * f.column];
   }
   return block;
 }
 
 /// tile = the columns begin .. begin + kTileColumns of the identity in the rows of the tile, which start at `row`.
 template <class T, int MP>
-HWY_INLINE void load_identity(Tile<T, MP, kTileColumns>& tile, std::int64_t row, std::int64_t begin) {
+HWY_INLINE void load_identity(Tile<T, MP, kTileColumns<T>>& tile, std::int64_t row, std::int64_t begin) {
   const Tag<T> tag;
   HWY_UNROLL(8)
-  for (int j = 0; j < kTileColumns; ++j) {
+  for (int j = 0; j < kTileColumns<T>; ++j) {
     HWY_UNROLL(24)
-    for (int i = 0; i < Tile<T, MP, kTileColumns>::kRows; ++i) {
-      const Vector<T> rows = hn::Iota(tag, static_cast<T>(row - begin + i * kLanes<T>));
-      tile.v[j][i] = hn::IfThenElseZero(hn::Eq(rows, hn::Set(tag, static_cast<T>(j))), hn::Set(tag, T(1)));
+    for (int i = 0; i < Tile<T, MP, kTileColumns<T>>::kRows; ++i) {
+      const RealVector<T> rows = element_numbers<T>(row - begin + i * kLanes<T>);
+      const auto here = vn::Eq(rows, vn::Set(RealTag<T>(), static_cast<Real<T>>(j)));
+      tile.v[j][i] = vn::IfThenElseZero(here, vn::Set(tag, T(1)));
     }
   }
 }
 
 /// tile = tile L^-1 for the diagonal block L of `width` columns, from the last column to the first.
 template <class T, int MP>
-HWY_INLINE void solve(Tile<T, MP, kTileColumns>& tile, int width, const Block<T>& block) {
+HWY_INLINE void solve(Tile<T, MP, kTileColumns<T>>& tile, int width, const Block<T>& block) {
   const Tag<T> tag;
   HWY_UNROLL(8)
-  for (int j = kTileColumns - 1; j >= 0; --j) {
+  for (int j = kTileColumns<T> - 1; j >= 0; --j) {
     if (j >= width) continue;
-    const Vector<T> inverse = hn::Set(tag, block.inverse[j]);
+    const Vector<T> inverse = vn::Set(tag, block.inverse[j]);
     HWY_UNROLL(24)
-    for (int i = 0; i < Tile<T, MP, kTileColumns>::kRows; ++i) tile.v[j][i] = hn::Mul(tile.v[j][i], inverse);
-    HWY_UNROLL(8)
-    for (int l = 0; l < j; ++l) {
-      const Vector<T> row = hn::Set(tag, block.lower[j][l]);
-      HWY_UNROLL(24)
-      for (int i = 0; i < Tile<T, MP, kTileColumns>::kRows; ++i)
-        tile.v[l][i] = hn::NegMulAdd(tile.v[j][i], row, tile.v[l][i]);
+    for (int i = 0; i < Tile<T, MP, kTileColumns<T>>::kRows; ++i) {
+      tile.v[j][i] = vn::Mul(tile.v[j][i], inverse);
+      const Multiplicand<T> x(tile.v[j][i]);
+      HWY_UNROLL(8)
+      for (int l = 0; l < j; ++l) tile.v[l][i] = x.subtract_from(tile.v[l][i], block.lower[j][l]);
     }
   }
 }
@@ -79,7 +79,7 @@ HWY_INLINE void solve(Tile<T, MP, kTileColumns>& tile, int width, const Block<T>
 template <class T, int MP>
 HWY_NOINLINE void inverse_rows(std::int64_t n, std::int64_t row, std::int64_t begin, int width, const Factor<T>& f,
                                const Block<T>& block, T* w) {
-  Tile<T, MP, kTileColumns> tile;
+  Tile<T, MP, kTileColumns<T>> tile;
   const std::int64_t right = begin + width, depth = std::min(n, row + MP * kPanel<T>) - right;
   load_identity(tile, row, begin);
   const Result<T> result = panels_of(w, n).at(row, 0);
@@ -91,8 +91,8 @@ HWY_NOINLINE void inverse_rows(std::int64_t n, std::int64_t row, std::int64_t be
     tile.template multiply<false>(depth, a, b, f.row);
   }
   const Result<T> out = result.at(0, begin);
-  if (width == kTileColumns) {
-    solve(tile, kTileColumns, block);
+  if (width == kTileColumns<T>) {
+    solve(tile, kTileColumns<T>, block);
     tile.store(out);
   } else {
     solve(tile, width, block);
@@ -104,8 +104,8 @@ HWY_NOINLINE void inverse_rows(std::int64_t n, std::int64_t row, std::int64_t be
 template <class T>
 void invert(std::int64_t n, const Factor<T>& f, bool unit, T* w) {
   constexpr std::int64_t p = kPanel<T>;
-  for (std::int64_t begin = (n - 1) / kTileColumns * kTileColumns; begin >= 0; begin -= kTileColumns) {
-    const int width = static_cast<int>(std::min<std::int64_t>(kTileColumns, n - begin));
+  for (std::int64_t begin = (n - 1) / kTileColumns<T> * kTileColumns<T>; begin >= 0; begin -= kTileColumns<T>) {
+    const int width = static_cast<int>(std::min<std::int64_t>(kTileColumns<T>, n - begin));
     const Block<T> block = diagonal_block(f, begin, width, unit);
     for (std::int64_t i = 0; i < begin / p * p; i += p)
       std::fill(w + i * n + begin * p, w + i * n + (begin + width) * p, T(0));
@@ -135,13 +135,12 @@ void invert_upper_transposed(std::int64_t n, const T* c, std::int64_t ld, T* w) 
   if (n > 0) invert(n, Factor<T>{c, ld, 1}, false, w);
 }
 
-template <class T>
+template <class T, bool>
 void fill(Kernels<T>& table) {
   table.invert_lower = invert_lower<T>;
   table.invert_upper_transposed = invert_upper_transposed<T>;
 }
-void fill_double(Kernels<double>& table) { fill(table); }
-void fill_float(Kernels<float>& table) { fill(table); }
+ESPALIER_FILL_KERNELS
 
 }  // namespace
 }  // namespace espalier::device::host::HWY_NAMESPACE

@@ -14,15 +14,15 @@ namespace espalier::device::host {
 namespace {
 
 template <class T>
-Kernels<T> make_table() {
+Kernels<T> make_table(bool hermitian) {
   Kernels<T> table{};
-  fill_products(table);
-  fill_layout(table);
-  fill_substitution(table);
-  fill_cholesky(table);
-  fill_ldlt(table);
-  fill_lu(table);
-  fill_inverse(table);
+  fill_products(table, hermitian);
+  fill_layout(table, hermitian);
+  fill_substitution(table, hermitian);
+  fill_cholesky(table, hermitian);
+  fill_ldlt(table, hermitian);
+  fill_lu(table, hermitian);
+  fill_inverse(table, hermitian);
   return table;
 }
 
@@ -62,13 +62,15 @@ void* scratch_bytes(std::int64_t bytes) {
 }
 
 template <class T>
-const Kernels<T>& kernels() {
-  static const Kernels<T> table = make_table<T>();
-  return table;
+const Kernels<T>& kernels(bool hermitian) {
+  static const Kernels<T> table = make_table<T>(false);
+  if (!base::ScalarTraits<T>::is_complex || !hermitian) return table;
+  static const Kernels<T> table_hermitian = make_table<T>(true);
+  return table_hermitian;
 }
 
 template <class T>
-std::vector<Kernels<T>> all_kernels() {
+std::vector<Kernels<T>> all_kernels(bool hermitian) {
   std::vector<Kernels<T>> tables;
   std::int64_t left = hwy::SupportedTargets() & HWY_TARGETS;
   while (left != 0) {
@@ -76,17 +78,18 @@ std::vector<Kernels<T>> all_kernels() {
     left ^= target;
     hwy::SetSupportedTargetsForTest(target);
     hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    tables.push_back(make_table<T>());
+    tables.push_back(make_table<T>(hermitian));
   }
   hwy::SetSupportedTargetsForTest(0);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
   return tables;
 }
 
-template const Kernels<double>& kernels();
-template const Kernels<float>& kernels();
-template std::vector<Kernels<double>> all_kernels();
-template std::vector<Kernels<float>> all_kernels();
+#define ESPALIER_INSTANTIATE(T)             \
+  template const Kernels<T>& kernels(bool); \
+  template std::vector<Kernels<T>> all_kernels(bool);
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 double measure_gemm_rate(double seconds) {
   constexpr std::int64_t size = 128;  // three operands of 128 KiB

@@ -12,8 +12,11 @@
 ///    tile serves as either operand of a product without packing.
 #pragma once
 
+#include <complex>
 #include <cstdint>
 #include <vector>
+
+#include "base/scalar.hpp"
 
 namespace espalier::device::host {
 
@@ -35,8 +38,15 @@ struct PivotCounts {
 };
 
 /// The table of kernels for one instruction set. All sizes may be zero.
+///
+/// T is real or complex. Of complex numbers there are two tables. In the one for symmetric (and general) matrices a
+/// transpose is a transpose; in the one for Hermitian matrices it is the conjugate transpose, A^H, wherever A^T, B^T,
+/// L^T or W^T stands below, and D is Hermitian. potrf is that of Hermitian matrices in both. Magnitudes are |re| +
+/// |im|.
 template <class T>
 struct Kernels {
+  using Real = typename base::ScalarTraits<T>::Real;
+
   const char* target;  ///< "AVX3_SPR", "AVX2", "NEON", ...
 
   // ---- products -------------------------------------------------------------------------------------------------
@@ -55,11 +65,12 @@ struct Kernels {
   void (*pack_transposed)(std::int64_t m, std::int64_t n, const T* c, std::int64_t ld, T* panels);
   /// x(:, j) = b(:, j) * scale: multiplies the columns of an m x n panel tile by D^-1: for the column at k with a 1x1
   /// pivot x_k = d1[k] * b_k; for a 2x2 pivot at (k, k+1), marked by e[k] != 0,
-  /// x_k = d1[k] b_k + e[k] b_(k+1), x_(k+1) = e[k] b_k + d1[k+1] b_(k+1). d1, e hold the inverse of D. x may equal b.
+  /// x_k = d1[k] b_k + e[k] b_(k+1), x_(k+1) = e[k] b_k + d1[k+1] b_(k+1) (Hermitian: the conjugate of e[k] there).
+  /// d1, e hold the inverse of D. x may equal b.
   void (*scale_columns)(std::int64_t m, std::int64_t n, const T* b, const T* d1, const T* e, T* x);
   /// Largest |x| of each of the n columns of a panel tile: out[j] = max(out[j], max_i |x(i, j)|). NaN counts as
   /// infinity.
-  void (*column_max)(std::int64_t m, std::int64_t n, const T* x, T* out);
+  void (*column_max)(std::int64_t m, std::int64_t n, const T* x, Real* out);
 
   // ---- factorizations of a diagonal tile (column-major scratch, lower triangle given for the symmetric kinds) ------
   /// C = L L^T in place (lower; what stands above is undefined on return). @returns n when positive definite, else the
@@ -69,10 +80,10 @@ struct Kernels {
   /// of C holds unit L, perm[k] the row of the given C that stands at k, d and e the diagonal and subdiagonal of D
   /// (e[k] != 0 marks a 2x2 pivot at k, k+1). A pivot smaller than `tiny` in magnitude is replaced by +-tiny;
   /// replaced[k] = 1 there (else 0; array of n).
-  PivotCounts (*ldlt)(std::int64_t n, T* c, std::int64_t ld, T tiny, std::int32_t* perm, T* d, T* e, char* replaced);
+  PivotCounts (*ldlt)(std::int64_t n, T* c, std::int64_t ld, Real tiny, std::int32_t* perm, T* d, T* e, char* replaced);
   /// P C = L U with row pivoting; unit L strictly below, U on and above the diagonal; perm[k] the row of the given C
   /// that stands at k. Replacement as in ldlt.
-  PivotCounts (*getrf)(std::int64_t n, T* c, std::int64_t ld, T tiny, std::int32_t* perm, char* replaced);
+  PivotCounts (*getrf)(std::int64_t n, T* c, std::int64_t ld, Real tiny, std::int32_t* perm, char* replaced);
   /// W (n x n panels) = inverse of the lower triangle of C (unit diagonal when `unit`), zeros above the diagonal.
   void (*invert_lower)(std::int64_t n, const T* c, std::int64_t ld, bool unit, T* w);
   /// W (n x n panels) = transpose of the inverse of the upper triangle U of C (lower triangular panels).
@@ -88,11 +99,11 @@ struct Kernels {
   /// Like ldlt with pivots chosen among the first k rows: columns 0..k-1 become unit L (strictly below the diagonal,
   /// all m rows; what stands on the diagonal is undefined), the trailing lower triangle is reduced by L21 D L21^T.
   /// perm, d, e, replaced: k entries each. Only |L| inside the pivot block is bounded.
-  PivotCounts (*partial_ldlt)(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, T tiny, std::int32_t* perm, T* d,
-                              T* e, char* replaced);
+  PivotCounts (*partial_ldlt)(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, Real tiny, std::int32_t* perm,
+                              T* d, T* e, char* replaced);
   /// Like getrf with row pivots chosen among the first k rows: L in columns 0..k-1 (all m rows), U in rows 0..k-1 (all
   /// m columns), the trailing square is reduced by L21 U12. perm, replaced: k entries each.
-  PivotCounts (*partial_getrf)(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, T tiny, std::int32_t* perm,
+  PivotCounts (*partial_getrf)(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, Real tiny, std::int32_t* perm,
                                char* replaced);
 
   // ---- substitution: right-hand sides in row-major groups of `nr` columns (nr == 1, or a multiple of kPanel, ld ==
@@ -107,14 +118,15 @@ struct Kernels {
   void (*apply_lower_transposed)(std::int64_t n, std::int64_t nr, const T* w, const T* x, T* y);
 };
 
-/// The kernels for this processor, chosen once. T = double or float.
+/// The kernels for this processor, chosen once. T: see ESPALIER_FOR_SCALARS.
+/// @param hermitian  the table for Hermitian matrices; of real numbers there is one
 template <class T>
-const Kernels<T>& kernels();
+const Kernels<T>& kernels(bool hermitian = false);
 
 /// One table per instruction set that was compiled in and that this processor runs, the best first. For tests and
 /// measurements only: it changes the dispatch of the process while it runs, so no other thread may use Highway then.
 template <class T>
-std::vector<Kernels<T>> all_kernels();
+std::vector<Kernels<T>> all_kernels(bool hermitian = false);
 
 /// Best rate in flop/s of gemm_nt<double> on operands that stay in cache, on one thread, seen in about `seconds`.
 double measure_gemm_rate(double seconds);

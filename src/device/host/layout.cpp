@@ -18,8 +18,7 @@ namespace {
 /// The lanes below `rows` of x (which may be negative), zero elsewhere.
 template <class T>
 HWY_INLINE Vector<T> first_lanes(Vector<T> x, std::int64_t rows) {
-  const std::int64_t lanes = std::clamp<std::int64_t>(rows, 0, kLanes<T>);
-  return hn::IfThenElseZero(hn::FirstN(Tag<T>(), static_cast<std::size_t>(lanes)), x);
+  return vn::IfThenElseZero(first_elements<T>(std::clamp<std::int64_t>(rows, 0, kLanes<T>)), x);
 }
 
 template <class T>
@@ -30,13 +29,13 @@ void pack(std::int64_t m, std::int64_t n, const T* c, std::int64_t ld, T* panels
     if (m - i >= p) {
       for (std::int64_t j = 0; j < n; ++j) {
         HWY_UNROLL(16)
-        for (int v = 0; v < p; v += kLanes<T>) hn::StoreU(hn::LoadU(t, c + i + v + j * ld), t, panels + j * p + v);
+        for (int v = 0; v < p; v += kLanes<T>) vn::StoreU(vn::LoadU(t, c + i + v + j * ld), t, panels + j * p + v);
       }
       continue;
     }
     for (std::int64_t j = 0; j < n; ++j) {
       for (int v = 0; v < p; v += kLanes<T>)
-        hn::StoreU(first_lanes<T>(hn::LoadU(t, c + i + v + j * ld), m - i - v), t, panels + j * p + v);
+        vn::StoreU(first_lanes<T>(vn::LoadU(t, c + i + v + j * ld), m - i - v), t, panels + j * p + v);
     }
   }
 }
@@ -48,7 +47,7 @@ void unpack(std::int64_t m, std::int64_t n, const T* panels, T* c, std::int64_t 
   for (std::int64_t i = 0; i < m; i += p, panels += p * n) {
     for (std::int64_t j = 0; j < n; ++j) {
       HWY_UNROLL(16)
-      for (int v = 0; v < p; v += kLanes<T>) hn::StoreU(hn::LoadU(t, panels + j * p + v), t, c + i + v + j * ld);
+      for (int v = 0; v < p; v += kLanes<T>) vn::StoreU(vn::LoadU(t, panels + j * p + v), t, c + i + v + j * ld);
     }
   }
 }
@@ -57,7 +56,7 @@ void unpack(std::int64_t m, std::int64_t n, const T* panels, T* c, std::int64_t 
 template <class T>
 HWY_INLINE void load_transposed(const T* c, std::int64_t ld, std::int64_t rows, Vector<T>* v) {
   HWY_UNROLL(16)
-  for (int j = 0; j < kLanes<T>; ++j) v[j] = hn::LoadU(Tag<T>(), c + j * ld);
+  for (int j = 0; j < kLanes<T>; ++j) v[j] = vn::LoadU(Tag<T>(), c + j * ld);
   transpose<T>(v);
   if (rows < kLanes<T>) {
     HWY_UNROLL(16)
@@ -78,78 +77,76 @@ void pack_transposed(std::int64_t m, std::int64_t n, const T* c, std::int64_t ld
         T* out = panels + i * p + part;
         if (columns == lanes) {
           HWY_UNROLL(16)
-          for (int l = 0; l < lanes; ++l) hn::StoreU(v[l], Tag<T>(), out + l * p);
+          for (int l = 0; l < lanes; ++l) vn::StoreU(v[l], Tag<T>(), out + l * p);
         } else {
-          for (int l = 0; l < columns; ++l) hn::StoreU(v[l], Tag<T>(), out + l * p);
+          for (int l = 0; l < columns; ++l) vn::StoreU(v[l], Tag<T>(), out + l * p);
         }
       }
     }
   }
 }
 
-template <class T>
+template <class T, bool kConjugate>
 void scale_columns(std::int64_t m, std::int64_t n, const T* b, const T* d1, const T* e, T* x) {
   const Tag<T> t;
   constexpr std::int64_t p = kPanel<T>;
   for (std::int64_t i = 0; i < m; i += p, b += p * n, x += p * n) {
     for (std::int64_t j = 0; j < n; ++j) {
-      const Vector<T> d = hn::Set(t, d1[j]);
+      const Vector<T> d = vn::Set(t, d1[j]);
       if (j + 1 < n && e[j] != T(0)) {  // a 2x2 pivot
-        const Vector<T> off = hn::Set(t, e[j]), next = hn::Set(t, d1[j + 1]);
+        const Vector<T> off = vn::Set(t, e[j]), next = vn::Set(t, d1[j + 1]);
+        const Vector<T> above = vn::Set(t, conjugate<kConjugate>(e[j]));
         for (int v = 0; v < p; v += kLanes<T>) {
-          const Vector<T> b0 = hn::LoadU(t, b + j * p + v), b1 = hn::LoadU(t, b + (j + 1) * p + v);
-          hn::StoreU(hn::MulAdd(d, b0, hn::Mul(off, b1)), t, x + j * p + v);
-          hn::StoreU(hn::MulAdd(off, b0, hn::Mul(next, b1)), t, x + (j + 1) * p + v);
+          const Vector<T> b0 = vn::LoadU(t, b + j * p + v), b1 = vn::LoadU(t, b + (j + 1) * p + v);
+          vn::StoreU(vn::MulAdd(d, b0, vn::Mul(off, b1)), t, x + j * p + v);
+          vn::StoreU(vn::MulAdd(above, b0, vn::Mul(next, b1)), t, x + (j + 1) * p + v);
         }
         ++j;
       } else {
-        for (int v = 0; v < p; v += kLanes<T>) hn::StoreU(hn::Mul(d, hn::LoadU(t, b + j * p + v)), t, x + j * p + v);
+        for (int v = 0; v < p; v += kLanes<T>) vn::StoreU(vn::Mul(d, vn::LoadU(t, b + j * p + v)), t, x + j * p + v);
       }
     }
   }
 }
 
-/// Magnitudes compare as integers, in which order NaN stands above infinity and is thus never lost.
+/// NaN and infinity are never lost: they leave a NaN in the products with zero.
 template <class T>
-void column_max(std::int64_t m, std::int64_t n, const T* x, T* out) {
-  const Tag<T> t;
-  const hn::RebindToSigned<Tag<T>> ti;
+void column_max(std::int64_t m, std::int64_t n, const T* x, Real<T>* out) {
+  const RealTag<T> tag;
+  const RealVector<T> zero = vn::Zero(tag);
   constexpr std::int64_t p = kPanel<T>;
   constexpr int group = 8;
   for (std::int64_t j = 0; j < n; j += group) {
     const int columns = static_cast<int>(std::min<std::int64_t>(group, n - j));
-    hn::Vec<hn::RebindToSigned<Tag<T>>> top[group];
-    for (int l = 0; l < group; ++l) top[l] = hn::Zero(ti);
+    RealVector<T> top[group], poison[group];
+    for (int l = 0; l < group; ++l) top[l] = poison[l] = zero;
     for (std::int64_t i = 0; i < m; i += p) {
       const T* column = x + i * n + j * p;
       for (int l = 0; l < columns; ++l) {
-        for (int v = 0; v < p; v += kLanes<T>)
-          top[l] = hn::Max(top[l], hn::BitCast(ti, hn::Abs(hn::LoadU(t, column + l * p + v))));
+        for (int v = 0; v < p; v += kLanes<T>) {
+          const RealVector<T> size = magnitude_of<T>(vn::LoadU(Tag<T>(), column + l * p + v));
+          top[l] = vn::Max(top[l], size);
+          poison[l] = vn::MulAdd(size, zero, poison[l]);
+        }
       }
     }
     for (int l = 0; l < columns; ++l) {
-      alignas(64) T lanes[kLanes<T>];
-      hn::StoreU(hn::BitCast(t, top[l]), t, lanes);
-      T largest = out[j + l];
-      for (const T value : lanes) {
-        if (!(value <= largest))
-          largest = value <= std::numeric_limits<T>::max() ? value : std::numeric_limits<T>::infinity();
-      }
-      out[j + l] = largest;
+      const bool finite = vn::GetLane(vn::SumOfLanes(tag, poison[l])) == Real<T>(0);
+      const Real<T> most = vn::GetLane(vn::MaxOfLanes(tag, top[l]));
+      out[j + l] = finite ? std::max(out[j + l], most) : std::numeric_limits<Real<T>>::infinity();
     }
   }
 }
 
-template <class T>
+template <class T, bool kConjugate>
 void fill(Kernels<T>& table) {
   table.pack = pack<T>;
   table.unpack = unpack<T>;
   table.pack_transposed = pack_transposed<T>;
-  table.scale_columns = scale_columns<T>;
+  table.scale_columns = scale_columns<T, kConjugate>;
   table.column_max = column_max<T>;
 }
-void fill_double(Kernels<double>& table) { fill(table); }
-void fill_float(Kernels<float>& table) { fill(table); }
+ESPALIER_FILL_KERNELS
 
 }  // namespace
 }  // namespace espalier::device::host::HWY_NAMESPACE

@@ -25,7 +25,7 @@ struct Elimination {
   std::int64_t k;  ///< pivots
   T* c;
   std::int64_t ld;
-  T tiny;
+  Real<T> tiny;
   std::int32_t* perm;
   char* replaced;
   T* inverses;          ///< per pivot block: inverse of its unit lower triangle, P x P column-major
@@ -51,30 +51,20 @@ void exchange_rows(const Elimination<T>& f, std::int64_t begin, std::int64_t end
 template <class T>
 HWY_NOINLINE void upper_tile(std::int64_t depth, Operand<T> a, const T* b, const T* inverse, Result<T> c) {
   constexpr int p = kPanel<T>;
-  const Tag<T> tag;
-  using Whole = Tile<T, 1, kTileColumns>;
-  Whole tile;
+  Tile<T, 1, kTileColumns<T>> tile;
   tile.load(c);
   tile.template multiply_rows<false>(depth, a, b, c.step);
-  alignas(64) T x[kTileColumns * p];
+  alignas(64) T x[kTileColumns<T> * p];
   tile.store({x, p, p});
   tile.zero();
-  for (int t = 0; t < p; ++t) {
-    HWY_UNROLL(8)
-    for (int j = 0; j < kTileColumns; ++j) {
-      const Vector<T> y = hn::Set(tag, x[j * p + t]);
-      HWY_UNROLL(24)
-      for (int i = 0; i < Whole::kRows; ++i)
-        tile.v[j][i] = hn::MulAdd(hn::LoadU(tag, inverse + t * p + i * kLanes<T>), y, tile.v[j][i]);
-    }
-  }
+  tile.template multiply_rows<true>(p, {inverse, p, p}, x, p);
   tile.store(c);
 }
 
 /// MP row panels of one register tile: C -= L U.
 template <class T, int MP>
 HWY_NOINLINE void lower_tile(std::int64_t depth, Operand<T> a, const T* b, Result<T> c) {
-  Tile<T, MP, kTileColumns> tile;
+  Tile<T, MP, kTileColumns<T>> tile;
   tile.load(c);
   tile.template multiply_rows<false>(depth, a, b, c.step);
   tile.store(c);
@@ -86,7 +76,7 @@ void update_block_column(const Elimination<T>& f, std::int64_t j, std::int64_t d
   constexpr std::int64_t p = kPanel<T>;
   const Operand<T> left{f.c, p, f.ld};
   const Result<T> result = scratch_of(f.c, f.ld);
-  for (std::int64_t column = j; column < j + p; column += kTileColumns) {
+  for (std::int64_t column = j; column < j + p; column += kTileColumns<T>) {
     const T* b = f.c + column * f.ld;
     for (std::int64_t s = 0; s < done; s += p)
       upper_tile<T>(s, left.at(s, 0), b, f.inverses + s * p, result.at(s, column));
@@ -109,60 +99,62 @@ void update_block_column(const Elimination<T>& f, std::int64_t j, std::int64_t d
 /// Divides column `step` below the diagonal by its pivot and subtracts its multiples from the columns up to `end`.
 /// @returns the largest magnitude of the next column among its pivot candidates
 template <class T>
-T eliminate_column(const Elimination<T>& f, std::int64_t step, std::int64_t end, T inverse) {
+Real<T> eliminate_column(const Elimination<T>& f, std::int64_t step, std::int64_t end, T inverse) {
   constexpr std::int64_t p = kPanel<T>;
   const Tag<T> tag;
   const Range next{step + 1, f.k, -1};
-  const Vector<T> factor = hn::Set(tag, inverse), diagonal = hn::Set(tag, static_cast<T>(step));
-  Vector<T> largest = hn::Zero(tag);
+  const Vector<T> factor = vn::Set(tag, inverse);
+  const RealVector<T> diagonal = vn::Set(RealTag<T>(), static_cast<Real<T>>(step));
+  RealVector<T> largest = vn::Zero(RealTag<T>());
   T* column = f.c + step * f.ld;
   T row[kPanel<T>];
   for (std::int64_t l = step + 1; l < end; ++l) row[l - step - 1] = f.c[l * f.ld + step];
   const std::int64_t top = step / p * p;
   for (std::int64_t i = top; i < f.m; i += kLanes<T>) {
-    const Vector<T> x = hn::LoadU(tag, column + i);
-    Vector<T> l = hn::Mul(x, factor);
+    const Vector<T> x = vn::LoadU(tag, column + i);
+    Vector<T> l = vn::Mul(x, factor);
     if (i < top + p) {  // rows of U stay
-      const auto below = hn::Gt(hn::Iota(tag, static_cast<T>(i)), diagonal);
-      hn::StoreU(hn::IfThenElse(below, l, x), tag, column + i);
-      l = hn::IfThenElseZero(below, l);
+      const auto below = vn::Gt(element_numbers<T>(i), diagonal);
+      vn::StoreU(vn::IfThenElse(below, l, x), tag, column + i);
+      l = vn::IfThenElseZero(below, l);
     } else {
-      hn::StoreU(l, tag, column + i);
+      vn::StoreU(l, tag, column + i);
     }
     T* other = column + f.ld + i;
+    const Multiplicand<T> multiplied(l);
     for (std::int64_t n = 0; n < end - step - 1; ++n, other += f.ld) {
-      const Vector<T> y = hn::NegMulAdd(l, hn::Set(tag, row[n]), hn::LoadU(tag, other));
-      hn::StoreU(y, tag, other);
-      if (n == 0) largest = hn::Max(largest, magnitudes<T>(y, i, next));
+      const Vector<T> y = multiplied.subtract_from(vn::LoadU(tag, other), row[n]);
+      vn::StoreU(y, tag, other);
+      if (n == 0) largest = vn::Max(largest, magnitudes<T>(y, i, next));
     }
   }
-  return hn::GetLane(hn::MaxOfLanes(tag, largest));
+  return vn::GetLane(vn::MaxOfLanes(RealTag<T>(), largest));
 }
 
 /// Largest magnitude of column j in rows [j, k).
 template <class T>
-T column_largest(const Elimination<T>& f, std::int64_t j) {
+Real<T> column_largest(const Elimination<T>& f, std::int64_t j) {
   const Tag<T> tag;
-  Vector<T> largest = hn::Zero(tag);
+  RealVector<T> largest = vn::Zero(RealTag<T>());
   for (std::int64_t i = j / kPanel<T> * kPanel<T>; i < f.k; i += kLanes<T>)
-    largest = hn::Max(largest, magnitudes<T>(hn::LoadU(tag, f.c + j * f.ld + i), i, {j, f.k, -1}));
-  return hn::GetLane(hn::MaxOfLanes(tag, largest));
+    largest = vn::Max(largest, magnitudes<T>(vn::LoadU(tag, f.c + j * f.ld + i), i, {j, f.k, -1}));
+  return vn::GetLane(vn::MaxOfLanes(RealTag<T>(), largest));
 }
 
 /// Pivots [j, end) in the block column [j, j + P), which is up to date.
 template <class T>
 void factor_block_column(Elimination<T>& f, std::int64_t j, std::int64_t end) {
   const std::int64_t last = j + kPanel<T>;
-  T largest = column_largest(f, j);
+  Real<T> largest = column_largest(f, j);
   for (std::int64_t s = j; s < end; ++s) {
     T* column = f.c + s * f.ld;
     const std::int64_t found = find_row(column, largest, {s, f.k, -1});
     f.pivot[s] = found < 0 ? s : found;  // none when all are zero or NaN
     std::swap(f.perm[s], f.perm[f.pivot[s]]);
     exchange_rows(f, s, s + 1, j, last);
-    f.replaced[s] = std::abs(column[s]) < f.tiny || column[s] == T(0) ? 1 : 0;
+    f.replaced[s] = magnitude_of(column[s]) < f.tiny || column[s] == T(0) ? 1 : 0;
     if (f.replaced[s] != 0) {
-      column[s] = std::copysign(f.tiny, column[s]);
+      column[s] = replacement(f.tiny, column[s]);
       ++f.counts.perturbed;
     }
     largest = eliminate_column(f, s, last, column[s] == T(0) ? T(0) : T(1) / column[s]);
@@ -180,23 +172,25 @@ void invert_block(const Elimination<T>& f, std::int64_t j, std::int64_t end) {
   for (std::int64_t s = 0; s < end - j; ++s) {
     const T* column = f.c + (j + s) * f.ld + j;
     for (std::int64_t t = 0; t <= s; ++t) {
-      const Vector<T> factor = hn::Set(tag, inverse[t * p + s]);
+      const Vector<T> factor = vn::Set(tag, inverse[t * p + s]);
       for (std::int64_t i = 0; i < p; i += kLanes<T>) {  // x_t -= L(below s, s) x_t(s)
-        const auto below = hn::Gt(hn::Iota(tag, static_cast<T>(i)), hn::Set(tag, static_cast<T>(s)));
-        const Vector<T> l = hn::IfThenElseZero(below, hn::LoadU(tag, column + i));
+        const auto below = vn::Gt(element_numbers<T>(i), vn::Set(RealTag<T>(), static_cast<Real<T>>(s)));
+        const Vector<T> l = vn::IfThenElseZero(below, vn::LoadU(tag, column + i));
         T* x = inverse + t * p + i;
-        hn::StoreU(hn::NegMulAdd(l, factor, hn::LoadU(tag, x)), tag, x);
+        vn::StoreU(vn::NegMulAdd(l, factor, vn::LoadU(tag, x)), tag, x);
       }
     }
   }
 }
 
 template <class T>
-PivotCounts partial_getrf(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, T tiny, std::int32_t* perm,
+PivotCounts partial_getrf(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, Real<T> tiny, std::int32_t* perm,
                           char* replaced) {
   constexpr std::int64_t p = kPanel<T>;
   const std::int64_t rows = padded<T>(k);
-  T* memory = scratch<T>(rows * p + rows * static_cast<std::int64_t>(sizeof(std::int64_t) / sizeof(T)));
+  T* memory = scratch<T>(
+      rows * p + (rows * static_cast<std::int64_t>(sizeof(std::int64_t)) - 1) / static_cast<std::int64_t>(sizeof(T)) +
+      1);
   Elimination<T> f{m, k, c, ld, tiny, perm, replaced, memory, reinterpret_cast<std::int64_t*>(memory + rows * p)};
   for (std::int64_t j = 0; j < k; ++j) perm[j] = static_cast<std::int32_t>(j);
   for (std::int64_t j = 0; j < m; j += p) {
@@ -213,17 +207,16 @@ PivotCounts partial_getrf(std::int64_t m, std::int64_t k, T* c, std::int64_t ld,
 }
 
 template <class T>
-PivotCounts getrf(std::int64_t n, T* c, std::int64_t ld, T tiny, std::int32_t* perm, char* replaced) {
+PivotCounts getrf(std::int64_t n, T* c, std::int64_t ld, Real<T> tiny, std::int32_t* perm, char* replaced) {
   return partial_getrf(n, n, c, ld, tiny, perm, replaced);
 }
 
-template <class T>
+template <class T, bool>
 void fill(Kernels<T>& table) {
   table.getrf = getrf<T>;
   table.partial_getrf = partial_getrf<T>;
 }
-void fill_double(Kernels<double>& table) { fill(table); }
-void fill_float(Kernels<float>& table) { fill(table); }
+ESPALIER_FILL_KERNELS
 
 }  // namespace
 }  // namespace espalier::device::host::HWY_NAMESPACE

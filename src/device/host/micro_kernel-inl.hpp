@@ -11,37 +11,27 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "device/host/kernels.hpp"
+#include "device/host/vector-inl.hpp"
 #include "hwy/cache_control.h"
 #include "hwy/highway.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace espalier::device::host::HWY_NAMESPACE {
-namespace hn = hwy::HWY_NAMESPACE;
-
-template <class T>
-using Tag = hn::ScalableTag<T>;
-template <class T>
-using Vector = hn::Vec<Tag<T>>;
-
-/// Lanes of a vector and vectors of a panel (1 with 64-byte registers).
-template <class T>
-inline constexpr int kLanes = static_cast<int>(hn::MaxLanes(Tag<T>()));
-template <class T>
-inline constexpr int kVectors = kPanel<T> / kLanes<T>;
-
-/// Shape of the largest register tile: kTilePanels row panels by kTileColumns columns. 24 accumulators of 32 registers
-/// with AVX-512 (3 loads and 8 broadcasts feed 24 FMA), 8 of 16 with AVX2 and SSE4, 16 of 32 with NEON.
+/// Shape of the largest register tile: kTilePanels row panels by kRealTileColumns columns. 24 accumulators of 32
+/// registers with AVX-512 (3 loads and 8 broadcasts feed 24 FMA), 8 of 16 with AVX2 and SSE4, 16 of 32 with NEON.
 #if HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
 inline constexpr int kTilePanels = 3;
-inline constexpr int kTileColumns = 8;
+inline constexpr int kRealTileColumns = 8;
 #elif HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_NEON
 inline constexpr int kTilePanels = 1;
-inline constexpr int kTileColumns = 4;
+inline constexpr int kRealTileColumns = 4;
 #else
 inline constexpr int kTilePanels = 1;
-inline constexpr int kTileColumns = 2;
+inline constexpr int kRealTileColumns = 2;
 #endif
+/// Complex products have two accumulators each.
+template <class T>
+inline constexpr int kTileColumns = kRealTileColumns / kParts<T>;
 
 /// An operand of a product: element (i, k) at p[(i / P) * panel + k * step + i % P]. Panels of a tile with `depth`
 /// columns have panel = P * depth, step = P; column-major scratch has panel = P, step = ld.
@@ -103,21 +93,21 @@ struct Tile {
     HWY_UNROLL(8)
     for (int j = 0; j < NR; ++j) {
       HWY_UNROLL(24)
-      for (int i = 0; i < kRows; ++i) v[j][i] = hn::Zero(Tag<T>());
+      for (int i = 0; i < kRows; ++i) v[j][i] = vn::Zero(Tag<T>());
     }
   }
   HWY_INLINE void load(Result<T> c) {
     HWY_UNROLL(8)
     for (int j = 0; j < NR; ++j) {
       HWY_UNROLL(24)
-      for (int i = 0; i < kRows; ++i) v[j][i] = hn::LoadU(Tag<T>(), c.p + offset(i, c.panel) + j * c.step);
+      for (int i = 0; i < kRows; ++i) v[j][i] = vn::LoadU(Tag<T>(), c.p + offset(i, c.panel) + j * c.step);
     }
   }
   HWY_INLINE void store(Result<T> c) const {
     HWY_UNROLL(8)
     for (int j = 0; j < NR; ++j) {
       HWY_UNROLL(24)
-      for (int i = 0; i < kRows; ++i) hn::StoreU(v[j][i], Tag<T>(), c.p + offset(i, c.panel) + j * c.step);
+      for (int i = 0; i < kRows; ++i) vn::StoreU(v[j][i], Tag<T>(), c.p + offset(i, c.panel) + j * c.step);
     }
   }
   /// Stores the first `columns` columns.
@@ -126,53 +116,55 @@ struct Tile {
     for (int j = 0; j < NR; ++j) {
       if (j >= columns) break;
       HWY_UNROLL(24)
-      for (int i = 0; i < kRows; ++i) hn::StoreU(v[j][i], Tag<T>(), c.p + offset(i, c.panel) + j * c.step);
+      for (int i = 0; i < kRows; ++i) vn::StoreU(v[j][i], Tag<T>(), c.p + offset(i, c.panel) + j * c.step);
     }
   }
-  /// v -= (or, when kAdd, +=) sum over k of A(:, k) B(j, k) with B(j, k) at b[k * step + j].
-  /// With kAhead, what stands `ahead` elements after each line of B is fetched.
-  template <bool kAdd, bool kAhead = false>
-  HWY_INLINE void multiply(std::int64_t k, Operand<T> a, const T* HWY_RESTRICT b, std::int64_t step,
-                           std::int64_t ahead = 0) {
-    const Tag<T> tag;
+  /// v -= (or, when kAdd, +=) sum over k of A(:, k) B(j, k) with B(j, k), or where kConjugate its conjugate, at
+  /// b[k * step + j].
+  template <bool kAdd, bool kConjugate = false>
+  HWY_INLINE void multiply(std::int64_t k, Operand<T> a, const T* HWY_RESTRICT b, std::int64_t step) {
+    sum_products<kAdd, kConjugate>(k, a, b, step, [](int j) HWY_ATTR { return j; });
+  }
+  /// The same with B(j, k) at b[j * stride + k].
+  template <bool kAdd, bool kConjugate = false>
+  HWY_INLINE void multiply_rows(std::int64_t k, Operand<T> a, const T* HWY_RESTRICT b, std::int64_t stride) {
+    sum_products<kAdd, kConjugate>(k, a, b, 1, [stride](int j) HWY_ATTR { return j * stride; });
+  }
+
+ private:
+  template <bool kAdd, bool kConjugate, class Place>
+  HWY_INLINE void sum_products(std::int64_t k, Operand<T> a, const T* HWY_RESTRICT b, std::int64_t step,
+                               const Place& place) {
+    ProductSum<T, kConjugate> sum[NR][kRows];
+    HWY_UNROLL(8)
+    for (int j = 0; j < NR; ++j) {
+      HWY_UNROLL(24)
+      for (int i = 0; i < kRows; ++i) sum[j][i].start(v[j][i]);
+    }
     const T* HWY_RESTRICT pa = a.p;
     for (std::int64_t l = 0; l < k; ++l) {
-      if constexpr (kAhead) hwy::Prefetch(b + ahead);
       Vector<T> x[kRows];
       HWY_UNROLL(24)
-      for (int i = 0; i < kRows; ++i) x[i] = hn::LoadU(tag, pa + offset(i, a.panel));
+      for (int i = 0; i < kRows; ++i) x[i] = vn::LoadU(Tag<T>(), pa + offset(i, a.panel));
       HWY_UNROLL(8)
       for (int j = 0; j < NR; ++j) {
-        const Vector<T> y = hn::Set(tag, b[j]);
+        const Multiplier<T> y(b + place(j));
         HWY_UNROLL(24)
-        for (int i = 0; i < kRows; ++i) v[j][i] = kAdd ? hn::MulAdd(x[i], y, v[j][i]) : hn::NegMulAdd(x[i], y, v[j][i]);
+        for (int i = 0; i < kRows; ++i) sum[j][i].template take<kAdd>(x[i], y);
       }
       pa += a.step;
       b += step;
     }
-  }
-  /// The same with B(j, k) at b[j * stride + k].
-  template <bool kAdd>
-  HWY_INLINE void multiply_rows(std::int64_t k, Operand<T> a, const T* HWY_RESTRICT b, std::int64_t stride) {
-    const Tag<T> tag;
-    const T* HWY_RESTRICT pa = a.p;
-    for (std::int64_t l = 0; l < k; ++l) {
-      Vector<T> x[kRows];
+    HWY_UNROLL(8)
+    for (int j = 0; j < NR; ++j) {
       HWY_UNROLL(24)
-      for (int i = 0; i < kRows; ++i) x[i] = hn::LoadU(tag, pa + offset(i, a.panel));
-      HWY_UNROLL(8)
-      for (int j = 0; j < NR; ++j) {
-        const Vector<T> y = hn::Set(tag, b[j * stride + l]);
-        HWY_UNROLL(24)
-        for (int i = 0; i < kRows; ++i) v[j][i] = kAdd ? hn::MulAdd(x[i], y, v[j][i]) : hn::NegMulAdd(x[i], y, v[j][i]);
-      }
-      pa += a.step;
+      for (int i = 0; i < kRows; ++i) v[j][i] = sum[j][i].total();
     }
   }
 };
 
-/// C -= A B^T (kAdd false) or C = A B^T (kAdd true) for one register tile.
-template <class T, int MP, int NR, bool kAdd>
+/// C -= A B^T (kAdd false) or C = A B^T (kAdd true) for one register tile; where kConjugate, B^H. So in all below.
+template <class T, int MP, int NR, bool kAdd, bool kConjugate>
 HWY_INLINE void tile_product(std::int64_t k, Operand<T> a, const T* b, std::int64_t b_step, Result<T> c) {
   Tile<T, MP, NR> tile;
   if constexpr (kAdd) {
@@ -180,27 +172,27 @@ HWY_INLINE void tile_product(std::int64_t k, Operand<T> a, const T* b, std::int6
   } else {
     tile.load(c);
   }
-  tile.template multiply<kAdd>(k, a, b, b_step);
+  tile.template multiply<kAdd, kConjugate>(k, a, b, b_step);
   tile.store(c);
 }
 
-/// The last 1 <= columns < kTileColumns of a row group.
-template <class T, int MP, bool kAdd, int NR = kTileColumns - 1>
+/// The last 1 <= columns < kTileColumns<T> of a row group.
+template <class T, int MP, bool kAdd, bool kConjugate, int NR = kTileColumns<T> - 1>
 HWY_NOINLINE void narrow_product(std::int64_t columns, std::int64_t k, Operand<T> a, const T* b, std::int64_t b_step,
                                  Result<T> c) {
   if constexpr (NR > 0) {
-    if (columns == NR) return tile_product<T, MP, NR, kAdd>(k, a, b, b_step, c);
-    return narrow_product<T, MP, kAdd, NR - 1>(columns, k, a, b, b_step, c);
+    if (columns == NR) return tile_product<T, MP, NR, kAdd, kConjugate>(k, a, b, b_step, c);
+    return narrow_product<T, MP, kAdd, kConjugate, NR - 1>(columns, k, a, b, b_step, c);
   }
 }
 
 /// MP row panels against n columns.
-template <class T, int MP, bool kAdd>
+template <class T, int MP, bool kAdd, bool kConjugate>
 HWY_NOINLINE void group_product(std::int64_t n, std::int64_t k, Operand<T> a, Operand<T> b, Result<T> c) {
   std::int64_t j = 0;
-  for (; j + kTileColumns <= n; j += kTileColumns)
-    tile_product<T, MP, kTileColumns, kAdd>(k, a, b.element(j, 0), b.step, c.at(0, j));
-  if (j < n) narrow_product<T, MP, kAdd>(n - j, k, a, b.element(j, 0), b.step, c.at(0, j));
+  for (; j + kTileColumns<T> <= n; j += kTileColumns<T>)
+    tile_product<T, MP, kTileColumns<T>, kAdd, kConjugate>(k, a, b.element(j, 0), b.step, c.at(0, j));
+  if (j < n) narrow_product<T, MP, kAdd, kConjugate>(n - j, k, a, b.element(j, 0), b.step, c.at(0, j));
 }
 
 /// Panels of the next row group when `left` panels are left: as many as fit a register tile, without leaving a single
@@ -211,33 +203,33 @@ inline int group_panels(std::int64_t left) {
 }
 
 /// One row group of 1..kTilePanels panels against n columns: C -= A B^T or (kAdd) C = A B^T.
-template <class T, bool kAdd>
+template <class T, bool kAdd, bool kConjugate = false>
 HWY_INLINE void group_product(int panels, std::int64_t n, std::int64_t k, const Operand<T>& a, const Operand<T>& b,
                               const Result<T>& c) {
   if constexpr (kTilePanels > 2) {
-    if (panels == 3) return group_product<T, 3, kAdd>(n, k, a, b, c);
+    if (panels == 3) return group_product<T, 3, kAdd, kConjugate>(n, k, a, b, c);
   }
   if constexpr (kTilePanels > 1) {
-    if (panels == 2) return group_product<T, 2, kAdd>(n, k, a, b, c);
+    if (panels == 2) return group_product<T, 2, kAdd, kConjugate>(n, k, a, b, c);
   }
-  group_product<T, 1, kAdd>(n, k, a, b, c);
+  group_product<T, 1, kAdd, kConjugate>(n, k, a, b, c);
 }
 
 /// C(i, j) -= A B^T for j in [begin, end) and i in [j, m) at least (whole panels of rows are updated); indices count in
 /// the operands, whose row 0 is the first of a panel.
-template <class T>
+template <class T, bool kConjugate = false>
 void lower_product(std::int64_t m, std::int64_t begin, std::int64_t end, std::int64_t k, Operand<T> a, Operand<T> b,
                    Result<T> c) {
   constexpr std::int64_t p = kPanel<T>;
   for (std::int64_t i = begin / p * p; i < m;) {
     const int panels = group_panels((m - i + p - 1) / p);
     const std::int64_t stop = std::min(end, i + panels * p);
-    for (std::int64_t j = begin; j < stop; j += kTileColumns) {
-      const std::int64_t columns = std::min<std::int64_t>(kTileColumns, stop - j);
+    for (std::int64_t j = begin; j < stop; j += kTileColumns<T>) {
+      const std::int64_t columns = std::min<std::int64_t>(kTileColumns<T>, stop - j);
       const std::int64_t skip = j > i ? (j - i) / p : 0;  // panels above the diagonal
       const std::int64_t row = i + skip * p;
-      group_product<T, false>(panels - static_cast<int>(skip), columns, k, a.at(row, 0),
-                              {b.element(j, 0), b.panel, b.step}, c.at(row, j));
+      group_product<T, false, kConjugate>(panels - static_cast<int>(skip), columns, k, a.at(row, 0),
+                                          {b.element(j, 0), b.panel, b.step}, c.at(row, j));
     }
     i += panels * p;
   }

@@ -24,6 +24,12 @@ struct Run {
   Index target;  ///< row of the part at which `begin` is added
 };
 
+/// What is factored. Of real numbers `hermitian` says nothing.
+struct MatrixKind {
+  Kind kind;
+  bool hermitian = false;
+};
+
 /// What one front contributes to the outcome; summed in the order of fronts, so that the result does not depend on
 /// threads.
 struct FrontOutcome {
@@ -57,18 +63,19 @@ struct FrontWindow {
 template <class T>
 struct NumericState {
   /// @param elements  of the arena; -1: as many as the plan needs
-  NumericState(const plan::Plan& the_plan, Kind the_kind, const PivotRule& the_rule, base::MemoryBudget* budget,
+  NumericState(const plan::Plan& the_plan, MatrixKind the_matrix, const PivotRule& the_rule, base::MemoryBudget* budget,
                Offset elements = -1)
       : plan(the_plan),
-        kind(the_kind),
+        kind(the_matrix.kind),
+        hermitian(the_matrix.hermitian),
         rule(the_rule),
-        dense(kernels<T>()),
+        dense(kernels<T>(the_matrix.hermitian)),
         arena_share(elements == 0 ? 0 : the_plan.memory.size * static_cast<Offset>(sizeof(T)), budget),
         arena(elements < 0 ? the_plan.memory.size : elements, nullptr),
         places(arena.data()),
-        pivot_order(the_kind == Kind::llt ? 0 : the_plan.tree.n, budget),
-        d_inverse(the_kind == Kind::ldlt ? the_plan.tree.n : 0, budget),
-        e_inverse(the_kind == Kind::ldlt ? the_plan.tree.n : 0, budget),
+        pivot_order(the_matrix.kind == Kind::llt ? 0 : the_plan.tree.n, budget),
+        d_inverse(the_matrix.kind == Kind::ldlt ? the_plan.tree.n : 0, budget),
+        e_inverse(the_matrix.kind == Kind::ldlt ? the_plan.tree.n : 0, budget),
         column_state(static_cast<std::size_t>(the_plan.tree.n), kColumnFine),
         fronts(static_cast<std::size_t>(the_plan.fronts())),
         tile_done(the_plan.tiles()),
@@ -86,6 +93,7 @@ struct NumericState {
 
   const plan::Plan& plan;
   Kind kind;
+  bool hermitian;
   PivotRule rule;
   const Kernels<T>& dense;
   std::span<const T> values;  ///< of the current factorize() call
@@ -104,6 +112,9 @@ struct NumericState {
   Progress front_done;                               ///< by front
   std::unique_ptr<std::atomic<Index>[]> open_tiles;  ///< by front: tile tasks not yet finished
   bool halting = false;
+  /// Where halting: what failed fronts have left must stay, for a plan that goes on with it. Else only what is above
+  /// them is not made, so that what fails does not depend on memory.
+  bool keeps_what_is_left = true;
   Progress verdict;                                        ///< by front; set where halting
   std::unique_ptr<std::atomic<Index>[]> open_pivot_tiles;  ///< by front: as open_tiles, of pivot columns; where halting
   std::vector<char> begun;  ///< fronts; 1: it was made in an earlier factorization of these values
@@ -127,11 +138,14 @@ struct Workspace {
   base::Buffer<T> c2;        ///< the U^T part of a tile (lu); the column-permuted tile (ldlt)
   base::Buffer<T> panels;    ///< a tile in panels
   base::Buffer<T> stack;     ///< contributions inside a range task
-  base::Buffer<T> column;    ///< two values per column of a tile: d and e, or growth
+  base::Buffer<T> column;    ///< two values per column of a tile: d and e, or growth()
   base::Buffer<char> marks;  ///< one per column of a tile: replaced pivots
   std::vector<Run> runs;     ///< of the child being added
   double waited_seconds = 0;
   double task_seconds = 0;
+
+  /// One magnitude per column of a tile.
+  [[nodiscard]] RealOf<T>* growth() { return reinterpret_cast<RealOf<T>*>(column.data()); }
 };
 
 }  // namespace espalier::device::host

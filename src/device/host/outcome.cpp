@@ -53,6 +53,7 @@ FactorOutcome summarize(const NumericState<T>& state, const std::vector<Workspac
   }
   out.determinant_sign = determinant.sign();
   out.determinant_log = determinant.log();
+  out.determinant_phase = determinant.sign() * determinant.phase();
   for (Index p = 0; p < state.plan.tree.n; ++p) {
     const char s = state.column_state[static_cast<std::size_t>(p)];
     if ((s & kColumnReplaced) != 0) out.replaced.push_back(p);
@@ -67,9 +68,10 @@ FactorOutcome summarize(const NumericState<T>& state, const std::vector<Workspac
   return out;
 }
 
-template void reset_state(NumericState<double>&, std::span<const double>);
-template void reset_state(NumericState<float>&, std::span<const float>);
-template FactorOutcome summarize(const NumericState<double>&, const std::vector<Workspace<double>>&);
-template FactorOutcome summarize(const NumericState<float>&, const std::vector<Workspace<float>>&);
+#define ESPALIER_INSTANTIATE(T)                                    \
+  template void reset_state(NumericState<T>&, std::span<const T>); \
+  template FactorOutcome summarize(const NumericState<T>&, const std::vector<Workspace<T>>&);
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::device::host

@@ -13,17 +13,19 @@ auto at(Index k) { return static_cast<std::size_t>(k); }
 auto at(Offset k) { return static_cast<std::size_t>(k); }
 
 /// What a front leaves to its parent.
+template <class Value>
 struct Contribution {
   std::vector<Index> unknowns;  ///< positions: first the pivots that leave the front
   Index delayed = 0;            ///< that many
-  base::Buffer<double> values;  ///< column-major, square (lu) or its lower triangle
+  base::Buffer<Value> values;   ///< column-major, square (lu) or its lower triangle
 };
 
 /// What one thread works with.
+template <class Value>
 struct Worker {
-  DelayingFront front;
+  DelayingFront<Value> front;
   std::vector<Index> unknowns;  // of the front: positions
-  std::vector<Index> local;     // n; place of a position among the front's rows
+  std::vector<Index> local;     // n + border; place of a position among the front's rows
 };
 
 // A search that takes more work than so many factorizations of the plan finds no places worth having: a matrix whose
@@ -31,9 +33,13 @@ struct Worker {
 constexpr double kFactorizations = 10;
 constexpr double kLeastEffort = 1e10;
 
+template <class Value>
 class Placement {
+  using Worker = host::Worker<Value>;
+  using Contribution = host::Contribution<Value>;
+
  public:
-  explicit Placement(const PlacementJob& job)
+  explicit Placement(const PlacementJobOf<Value>& job)
       : job_(job),
         plan_(job.plan),
         lu_(job.kind == Kind::lu),
@@ -59,12 +65,12 @@ class Placement {
   void note_moves(const Worker& w, Index f);
   void leave(const Worker& w, Index f);
   [[nodiscard]] Worker make_worker(base::ThreadPool* helpers) {
-    return {{job_.kind, job_.rule, plan_.options.tiles, job_.budget, helpers, &effort_},
+    return {{MatrixKind{job_.kind, job_.hermitian}, job_.rule, plan_.options.tiles, job_.budget, helpers, &effort_},
             {},
-            std::vector<Index>(at(plan_.tree.n), -1)};
+            std::vector<Index>(at(plan_.tree.n + plan_.tree.border), -1)};
   }
 
-  const PlacementJob& job_;
+  const PlacementJobOf<Value>& job_;
   const plan::Plan& plan_;
   bool lu_;
   Effort effort_;
@@ -77,7 +83,8 @@ class Placement {
 };
 
 /// For each front the root of the sub-tree that it belongs to, -1 above: sub-trees of a small part of all flops.
-std::vector<Index> Placement::cut_tree() const {
+template <class Value>
+std::vector<Index> Placement<Value>::cut_tree() const {
   constexpr double kTasksPerThread = 8;
   const auto& parent = plan_.tree.parent;
   std::vector<double> flops(at(plan_.fronts()), 0);
@@ -96,7 +103,8 @@ std::vector<Index> Placement::cut_tree() const {
   return task;
 }
 
-std::optional<std::vector<analysis::PivotMove>> Placement::run() {
+template <class Value>
+std::optional<std::vector<analysis::PivotMove>> Placement<Value>::run() {
   task_ = cut_tree();
   first_below_.resize(at(plan_.fronts()));
   for (Index f = plan_.fronts() - 1; f >= 0; --f) first_below_[at(f)] = f;
@@ -115,7 +123,8 @@ std::optional<std::vector<analysis::PivotMove>> Placement::run() {
 }
 
 // As far as contributions are not there.
-void Placement::want_sub_tree(Index f) {
+template <class Value>
+void Placement<Value>::want_sub_tree(Index f) {
   if (job_.left == nullptr) return std::fill(wanted_.begin() + first_below_[at(f)], wanted_.begin() + f + 1, 1);
   std::vector<Index> open{f};
   while (!open.empty()) {
@@ -129,15 +138,17 @@ void Placement::want_sub_tree(Index f) {
 }
 
 // From where a factorization has left it.
-void Placement::fetch(Index child) {
+template <class Value>
+void Placement<Value>::fetch(Index child) {
   Contribution& to = left_[at(child)];
   const auto& t = plan_.tree;
   to.unknowns.assign(t.rows.begin() + t.row_ptr[child], t.rows.begin() + t.row_ptr[child + 1]);
-  to.values = base::Buffer<double>(Offset{t.rows_below(child)} * t.rows_below(child), job_.budget);
+  to.values = base::Buffer<Value>(Offset{t.rows_below(child)} * t.rows_below(child), job_.budget);
   job_.left->copy(child, to.values.data());
 }
 
-void Placement::want_failed() {
+template <class Value>
+void Placement<Value>::want_failed() {
   if (job_.failed.empty()) return std::fill(wanted_.begin(), wanted_.end(), 1);
   Index f = 0;
   for (const Index p : job_.failed) {
@@ -147,7 +158,8 @@ void Placement::want_failed() {
 }
 
 // Fronts that pivots have reached.
-bool Placement::want_reached() {
+template <class Value>
+bool Placement<Value>::want_reached() {
   bool any = false;
   for (Index f = 0; f < plan_.fronts(); ++f) {
     const Index up = plan_.tree.parent[f];
@@ -159,7 +171,8 @@ bool Placement::want_reached() {
 }
 
 // Sub-trees side by side, what is above them front by front.
-void Placement::take_wanted() {
+template <class Value>
+void Placement<Value>::take_wanted() {
   std::vector<std::vector<Index>> members(at(plan_.fronts()));
   std::vector<Index> roots, above;
   for (Index f = 0; f < plan_.fronts(); ++f) {
@@ -188,12 +201,13 @@ void Placement::take_wanted() {
     }
 }
 
-void Placement::take(Worker& w, Index f) {
+template <class Value>
+void Placement<Value>::take(Worker& w, Index f) {
   for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c)
     if (done_[at(plan_.children[c])] == 0) fetch(plan_.children[c]);
   name_rows(w, f);
   const Index arrived = static_cast<Index>(w.unknowns.size()) - plan_.layout[f].rows;
-  w.front.start(plan_.layout[f].pivots + arrived, static_cast<Index>(w.unknowns.size()));
+  w.front.start(plan_.layout[f].pivots + arrived, static_cast<Index>(w.unknowns.size()), plan_.tree.border_rows(f));
   add_entries(w, f, arrived);
   for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c) add_child(w, plan_.children[c]);
   if (!w.front.eliminate()) return;
@@ -203,7 +217,8 @@ void Placement::take(Worker& w, Index f) {
 }
 
 // Its own pivots, those of its children that could not be eliminated there, the rows below.
-void Placement::name_rows(Worker& w, Index f) const {
+template <class Value>
+void Placement<Value>::name_rows(Worker& w, Index f) const {
   const auto& t = plan_.tree;
   w.unknowns.clear();
   for (Index p = t.first[f]; p < t.first[f + 1]; ++p) w.unknowns.push_back(p);
@@ -216,7 +231,8 @@ void Placement::name_rows(Worker& w, Index f) const {
   for (std::size_t k = 0; k < w.unknowns.size(); ++k) w.local[at(w.unknowns[k])] = static_cast<Index>(k);
 }
 
-void Placement::add_entries(Worker& w, Index f, Index arrived) const {
+template <class Value>
+void Placement<Value>::add_entries(Worker& w, Index f, Index arrived) const {
   const plan::FrontLayout& l = plan_.layout[f];
   const auto place = [&](Index row) { return row < l.pivots ? row : row + arrived; };
   const auto add_tile = [&](Offset tile, Index row_begin, Index col_begin) {
@@ -224,7 +240,7 @@ void Placement::add_entries(Worker& w, Index f, Index arrived) const {
          ++k) {
       const plan::EntryPlace& e = plan_.entries[k];
       const Index row = place(row_begin + e.row()), col = place(col_begin + e.col());
-      const double value = job_.values[at(e.source())];
+      const Value value = job_.values[at(e.source())];
       w.front.add(e.transposed() ? col : row, e.transposed() ? row : col, value);
     }
   };
@@ -233,25 +249,28 @@ void Placement::add_entries(Worker& w, Index f, Index arrived) const {
     for (Index i = j; i < l.tiles; ++i) add_tile(l.tile_index(i, j), l.begin(i), l.begin(j));
 }
 
-void Placement::add_child(Worker& w, Index child) {
+template <class Value>
+void Placement<Value>::add_child(Worker& w, Index child) {
   Contribution& from = left_[at(child)];
   const auto rows = static_cast<Index>(from.unknowns.size());
   for (Index c = 0; c < rows; ++c) {
     const Index col = w.local[at(from.unknowns[at(c)])];
     for (Index r = lu_ ? 0 : c; r < rows; ++r) {
       const Index row = w.local[at(from.unknowns[at(r)])];
-      const double value = from.values[Offset{c} * rows + r];
+      const Value value = from.values[Offset{c} * rows + r];
       if (lu_)
         w.front.add(row, col, value);
       else
-        w.front.add(std::max(row, col), std::min(row, col), value);
+        w.front.add(std::max(row, col), std::min(row, col),
+                    job_.hermitian && row < col ? base::conjugate(value) : value);
     }
   }
-  from.values = base::Buffer<double>();
+  from.values = base::Buffer<Value>();
 }
 
 // What arrived and found its place here, or will find none; own pivots that went behind the others.
-void Placement::note_moves(const Worker& w, Index f) {
+template <class Value>
+void Placement<Value>::note_moves(const Worker& w, Index f) {
   const Index own = plan_.tree.pivots(f);
   Index here = w.front.eliminated();
   if (plan_.tree.parent[f] < 0) here += w.front.leaving();
@@ -262,18 +281,25 @@ void Placement::note_moves(const Worker& w, Index f) {
   }
 }
 
-void Placement::leave(const Worker& w, Index f) {
+template <class Value>
+void Placement<Value>::leave(const Worker& w, Index f) {
   Contribution& to = left_[at(f)];
   const Index done = w.front.eliminated(), rows = static_cast<Index>(w.unknowns.size()) - done;
   to.delayed = w.front.leaving();
   for (Index k = 0; k < rows; ++k) to.unknowns.push_back(w.unknowns[at(w.front.order()[at(done + k)])]);
-  to.values = base::Buffer<double>(Offset{rows} * rows, job_.budget);
+  to.values = base::Buffer<Value>(Offset{rows} * rows, job_.budget);
   for (Index c = 0; c < rows; ++c)
     for (Index r = lu_ ? 0 : c; r < rows; ++r) to.values[Offset{c} * rows + r] = w.front.rest(r, c);
 }
 
 }  // namespace
 
-std::optional<std::vector<analysis::PivotMove>> place_pivots(const PlacementJob& job) { return Placement(job).run(); }
+template <class Value>
+std::optional<std::vector<analysis::PivotMove>> place_pivots(const PlacementJobOf<Value>& job) {
+  return Placement<Value>(job).run();
+}
+
+template std::optional<std::vector<analysis::PivotMove>> place_pivots(const PlacementJob&);
+template std::optional<std::vector<analysis::PivotMove>> place_pivots(const ComplexPlacementJob&);
 
 }  // namespace espalier::device::host

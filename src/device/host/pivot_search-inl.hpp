@@ -24,26 +24,25 @@ struct Range {
   }
 };
 
-/// |x| in the lanes whose rows, from `row` on, lie in the range; zero elsewhere.
+/// |x| of the elements whose rows, from `row` on, lie in the range; zero elsewhere.
 template <class T>
-HWY_INLINE Vector<T> magnitudes(Vector<T> x, std::int64_t row, const Range& range) {
-  const Tag<T> tag;
-  const Vector<T> rows = hn::Iota(tag, static_cast<T>(row));
-  const auto inside = hn::And(hn::Ge(rows, hn::Set(tag, static_cast<T>(range.begin))),
-                              hn::Lt(rows, hn::Set(tag, static_cast<T>(range.end))));
-  const auto kept = hn::And(inside, hn::Ne(rows, hn::Set(tag, static_cast<T>(range.skip))));
-  return hn::IfThenElseZero(kept, hn::Abs(x));
+HWY_INLINE RealVector<T> magnitudes(Vector<T> x, std::int64_t row, const Range& range) {
+  const RealTag<T> tag;
+  const auto number = [&](std::int64_t k) HWY_ATTR { return vn::Set(tag, static_cast<Real<T>>(k)); };
+  const RealVector<T> rows = element_numbers<T>(row);
+  const auto inside = vn::And(vn::Ge(rows, number(range.begin)), vn::Lt(rows, number(range.end)));
+  const auto kept = vn::And(inside, vn::Ne(rows, number(range.skip)));
+  return vn::IfThenElseZero(kept, magnitude_of<T>(x));
 }
 
 /// The first row in the range with this magnitude; range.skip when there is none (NaN).
 template <class T>
-std::int64_t find_row(const T* column, T magnitude, const Range& range) {
-  const Tag<T> tag;
-  const Vector<T> value = hn::Set(tag, magnitude);
+std::int64_t find_row(const T* column, Real<T> magnitude, const Range& range) {
+  const RealVector<T> value = vn::Set(RealTag<T>(), magnitude);
   for (std::int64_t i = range.begin / kPanel<T> * kPanel<T>; i < range.end; i += kLanes<T>) {
-    const auto hits = hn::Eq(magnitudes<T>(hn::LoadU(tag, column + i), i, range), value);
-    const std::int64_t lane = hn::FindFirstTrue(tag, hits);
-    if (lane >= 0 && magnitude > T(0)) return i + lane;
+    const auto hits = vn::Eq(magnitudes<T>(vn::LoadU(Tag<T>(), column + i), i, range), value);
+    const std::int64_t part = vn::FindFirstTrue(RealTag<T>(), hits);
+    if (part >= 0 && magnitude > Real<T>(0)) return i + part / kParts<T>;
   }
   return range.skip;
 }

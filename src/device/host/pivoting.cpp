@@ -1,5 +1,6 @@
 #include "device/host/pivoting.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace espalier::device::host {
@@ -7,16 +8,37 @@ namespace espalier::device::host {
 namespace {
 
 template <class T>
-void multiply_determinant(Index n, const T* d, const T* e, Determinant& determinant) {
+void multiply_determinant(Index n, const T* d, const T* e, bool hermitian, Determinant& determinant) {
   for (Index k = 0; k < n; ++k) {
     if (k + 1 < n && e[k] != T(0)) {
-      determinant.multiply(static_cast<double>(pair_over_coupling(d[k], e[k], d[k + 1])));
-      determinant.multiply(static_cast<double>(e[k]));
+      const T coupled =
+          hermitian ? hermitian_pair_over_coupling(d[k], e[k], d[k + 1]) : pair_over_coupling(d[k], e[k], d[k + 1]);
+      determinant.multiply(static_cast<WideOf<T>>(coupled));
+      determinant.multiply(static_cast<WideOf<T>>(hermitian ? T(std::abs(e[k])) : e[k]));
       ++k;
     } else {
-      determinant.multiply(static_cast<double>(d[k]));
+      determinant.multiply(static_cast<WideOf<T>>(d[k]));
     }
   }
+}
+
+// The eigenvalues of a 2x2 pivot by their magnitudes, the larger one first; of a complex symmetric one, whose signs
+// mean nothing, their magnitudes.
+struct PairEigenvalues {
+  double larger, smaller;
+};
+template <class T>
+PairEigenvalues eigenvalues(T first, T coupling, T second, bool hermitian) {
+  if (base::ScalarTraits<T>::is_complex && !hermitian) {
+    const auto a = static_cast<WideOf<T>>(first), b = static_cast<WideOf<T>>(coupling),
+               c = static_cast<WideOf<T>>(second);
+    const WideOf<T> root = std::sqrt((a - c) * (a - c) / 4.0 + b * b), middle = (a + c) / 2.0;
+    const double larger = std::max(std::abs(middle + root), std::abs(middle - root));
+    return {larger, std::abs(a * c - b * b) / larger};
+  }
+  const double a = std::real(first), b = std::abs(coupling), c = std::real(second);
+  const double larger = (a + c) / 2 + std::copysign(std::hypot((a - c) / 2, b), a + c);
+  return {larger, (a * c - b * b) / larger};
 }
 
 // Eigenvalues of the pivots of ldlt that are kept, but small.
@@ -31,12 +53,11 @@ void mark_small(NumericState<T>& s, const PivotBlock& block, const T* d, const T
   };
   for (Index k = 0; k < n; ++k) {
     if (k + 1 < n && e[k] != T(0)) {
-      const double a = d[k], b = e[k], c = d[k + 1];
-      const double larger = (a + c) / 2 + std::copysign(std::hypot((a - c) / 2, b), a + c);
-      judge(k, larger);
-      judge(++k, (a * c - b * b) / larger);
+      const PairEigenvalues pair = eigenvalues(d[k], e[k], d[k + 1], s.hermitian);
+      judge(k, pair.larger);
+      judge(++k, pair.smaller);
     } else if (replaced[k] == 0) {
-      judge(k, static_cast<double>(d[k]));
+      judge(k, base::ScalarTraits<T>::is_complex && !s.hermitian ? std::abs(d[k]) : std::real(d[k]));
     }
   }
 }
@@ -71,14 +92,14 @@ void book_pivots(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, c
   out.negative += counts.negative;
   if (s.kind == Kind::ldlt) {
     const T *d = w.column.data(), *e = d + n;
-    invert_blocks(n, d, e, s.d_inverse.data() + at, s.e_inverse.data() + at);
-    multiply_determinant(n, d, e, out.determinant);
+    invert_blocks(n, d, e, s.d_inverse.data() + at, s.e_inverse.data() + at, s.hermitian);
+    multiply_determinant(n, d, e, s.hermitian, out.determinant);
     if (s.rule.suspect > 0) mark_small(s, block, d, e, replaced, out);
   } else {
     const bool judged = s.kind == Kind::llt && !s.rule.smallest.empty();
     for (Index k = 0; k < n; ++k) {
-      const auto d = static_cast<double>(c[k * block.ld + k]);
-      if (judged && d * d <= s.rule.smallest[static_cast<std::size_t>(at + k)])
+      const auto d = static_cast<WideOf<T>>(c[k * block.ld + k]);
+      if (judged && std::real(d) * std::real(d) <= s.rule.smallest[static_cast<std::size_t>(at + k)])
         s.column_state[at + k] |= kColumnReplaced;
       if (s.kind == Kind::lu && std::abs(d) < s.rule.suspect && replaced[k] == 0)
         s.column_state[at + k] |= kColumnSmall;
@@ -88,12 +109,13 @@ void book_pivots(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, c
     if (s.kind == Kind::lu) out.determinant.multiply(permutation_sign(s.pivot_order.data() + at, n));
   }
   if (replaced == nullptr) return;
+  const bool has_signs = s.hermitian || !base::ScalarTraits<T>::is_complex;
   for (Index k = 0; k < n; ++k) {
     if (replaced[k] == 0) continue;
     const Index row = at + s.pivot_order[at + k];
     if (s.kind == Kind::ldlt) {  // the unknown that the pivoting moved there
       s.column_state[row] |= kColumnReplaced;
-      if (w.column[k] < T(0)) --out.negative;  // its sign means nothing
+      if (has_signs && std::real(w.column[k]) < 0) --out.negative;  // its sign means nothing
     } else {  // the column stayed where it was; the row that was left over for it had better leave as well
       s.column_state[at + k] |= kColumnReplaced;
       s.column_state[row] |= kColumnFailed;
@@ -107,7 +129,7 @@ void factor_diagonal(NumericState<T>& s, Workspace<T>& w, const PivotBlock& bloc
   const Offset ld = block.ld;
   T* c = w.c.data();
   char* replaced = w.marks.data();
-  const auto tiny = static_cast<T>(s.rule.tiny);
+  const auto tiny = static_cast<RealOf<T>>(s.rule.tiny);
   PivotCounts counts;
   if (s.kind == Kind::llt) {
     const auto good = static_cast<Index>(s.dense.potrf(n, c, ld));
@@ -129,8 +151,19 @@ void factor_diagonal(NumericState<T>& s, Workspace<T>& w, const PivotBlock& bloc
 }
 
 template <class T>
-void mark_growth(NumericState<T>& s, Index at, Index n, const T* growth) {
-  const T limit = static_cast<T>(1.0 / s.rule.threshold);
+void add_growth(const NumericState<T>& s, Index rows, Index cols, const T* panels, RealOf<T>* growth) {
+  constexpr Index p = kPanel<T>;
+  const Index whole = rows / p * p;
+  s.dense.column_max(whole, cols, panels, growth);
+  const T* last = panels + Offset{whole} * cols;
+  for (Index j = 0; j < cols; ++j)
+    for (Index r = 0; r < rows - whole; ++r)
+      if (const RealOf<T> magnitude = std::abs(last[j * p + r]); !(magnitude <= growth[j])) growth[j] = magnitude;
+}
+
+template <class T>
+void mark_growth(NumericState<T>& s, Index at, Index n, const RealOf<T>* growth) {
+  const auto limit = static_cast<RealOf<T>>(1.0 / s.rule.threshold);
   for (Index k = 0; k < n; ++k)
     if (!(growth[k] <= limit)) {
       // Pivoting of lu exchanges rows, that of ldlt unknowns. Tiles of one block column are made by several workers.
@@ -139,12 +172,12 @@ void mark_growth(NumericState<T>& s, Index at, Index n, const T* growth) {
     }
 }
 
-template void book_pivots(NumericState<double>&, Workspace<double>&, const PivotBlock&, const PivotCounts&,
-                          const char*);
-template void book_pivots(NumericState<float>&, Workspace<float>&, const PivotBlock&, const PivotCounts&, const char*);
-template void factor_diagonal(NumericState<double>&, Workspace<double>&, const PivotBlock&, double*, double*);
-template void factor_diagonal(NumericState<float>&, Workspace<float>&, const PivotBlock&, float*, float*);
-template void mark_growth(NumericState<double>&, Index, Index, const double*);
-template void mark_growth(NumericState<float>&, Index, Index, const float*);
+#define ESPALIER_INSTANTIATE(T)                                                                                   \
+  template void book_pivots(NumericState<T>&, Workspace<T>&, const PivotBlock&, const PivotCounts&, const char*); \
+  template void factor_diagonal(NumericState<T>&, Workspace<T>&, const PivotBlock&, T*, T*);                      \
+  template void add_growth(const NumericState<T>&, Index, Index, const T*, RealOf<T>*);                           \
+  template void mark_growth(NumericState<T>&, Index, Index, const RealOf<T>*);
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::device::host

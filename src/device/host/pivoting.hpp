@@ -2,6 +2,9 @@
 /// Factoring a diagonal tile and keeping what later tiles and the solve need of it.
 #pragma once
 
+#include <cmath>
+#include <complex>
+
 #include "device/host/numeric_state.hpp"
 
 namespace espalier::device::host {
@@ -12,16 +15,25 @@ T pair_over_coupling(T a, T b, T c) {
   return (a / b) * c - b;
 }
 
+/// The same of [a conj(b); b c] over |b|, for real a and c.
+template <class T>
+T hermitian_pair_over_coupling(T a, T b, T c) {
+  const RealOf<T> size = std::abs(b);
+  return (std::real(a) / size) * std::real(c) - size;
+}
+
 /// D^-1 of 1x1 and 2x2 blocks: diagonal d and subdiagonal e of D (n each; e[k] != 0 marks a block at k, k + 1) to those
 /// of the inverse.
+/// @param hermitian  what stands above the diagonal is the conjugate of e
 template <class T>
-void invert_blocks(Index n, const T* d, const T* e, T* d_inverse, T* e_inverse) {
+void invert_blocks(Index n, const T* d, const T* e, T* d_inverse, T* e_inverse, bool hermitian = false) {
   for (Index k = 0; k < n; ++k) {
     if (k + 1 < n && e[k] != T(0)) {
-      const T a = d[k], b = e[k], c = d[k + 1], det_over_b = pair_over_coupling(a, b, c);
+      const T a = d[k], c = d[k + 1], b = hermitian ? T(std::abs(e[k])) : e[k];
+      const T det_over_b = hermitian ? hermitian_pair_over_coupling(a, e[k], c) : pair_over_coupling(a, b, c);
       d_inverse[k] = c / b / det_over_b;
       d_inverse[k + 1] = a / b / det_over_b;
-      e_inverse[k] = T(-1) / det_over_b;
+      e_inverse[k] = hermitian ? -e[k] / b / det_over_b : T(-1) / det_over_b;
       e_inverse[k + 1] = T(0);
       ++k;
     } else {
@@ -51,8 +63,13 @@ template <class T>
 void book_pivots(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, const PivotCounts& counts,
                  const char* replaced);
 
+/// The largest magnitudes of the columns of L in panels, over their first `rows` rows; at least what `growth` (cols)
+/// holds. Rows of the border do not count: they are no row of the matrix that is factored.
+template <class T>
+void add_growth(const NumericState<T>& s, Index rows, Index cols, const T* panels, RealOf<T>* growth);
+
 /// Marks the columns whose entries of L (max magnitude in `growth`, n values) exceed 1 / threshold.
 template <class T>
-void mark_growth(NumericState<T>& s, Index at, Index n, const T* growth);
+void mark_growth(NumericState<T>& s, Index at, Index n, const RealOf<T>* growth);
 
 }  // namespace espalier::device::host

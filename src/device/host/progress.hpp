@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <memory>
 #include <thread>
 
@@ -13,6 +14,20 @@ namespace espalier::device::host {
 
 /// Thrown out of a wait when another worker has failed; the failure itself is reported by that worker.
 struct Aborted {};
+
+/// What a thread does while it waits: of ranks, the one that calls drives their messages.
+class WhileWaiting {
+ public:
+  virtual ~WhileWaiting() = default;
+  /// Between two pieces of work.
+  virtual void look() = 0;
+  /// A wait begins; it is looked whether it has lasted too long.
+  virtual void begin_waiting() = 0;
+  virtual void expect_patience() = 0;
+
+  /// Of this thread; null: nothing.
+  static constinit inline thread_local WhileWaiting* here = nullptr;
+};
 
 /// Flags of one numbered set of events. A wait ends as soon as the event is set, or with Aborted once abort() was
 /// called. Events are waited for only by tasks that stand later in the task list than the task that sets them, so a
@@ -33,6 +48,7 @@ class Progress {
   /// @param abort   checked while waiting
   /// @param waited  the seconds waited are added there; may be null
   void wait(Offset event, const std::atomic<bool>& abort, double* waited = nullptr) const {
+    if (WhileWaiting::here != nullptr) WhileWaiting::here->look();
     if (is_set(event)) return;
     const double begin = waited != nullptr ? base::now_seconds() : 0;
     spin(event, abort);
@@ -41,6 +57,7 @@ class Progress {
 
  private:
   void spin(Offset event, const std::atomic<bool>& abort) const {
+    if (WhileWaiting::here != nullptr) return drive(event, abort, *WhileWaiting::here);
     constexpr int kSpinsBeforeYield = 10000;  // some 0.3 ms: longer than most tasks, shorter than a time slice
     for (int spins = 0; !is_set(event); ++spins) {
       if (abort.load(std::memory_order_relaxed)) throw Aborted{};
@@ -51,6 +68,20 @@ class Progress {
         __builtin_ia32_pause();
 #endif
       }
+    }
+  }
+
+  void drive(Offset event, const std::atomic<bool>& abort, WhileWaiting& meanwhile) const {
+    constexpr int kLooksBeforeYield = 100, kLooksBeforeSleep = 5000, kLooksOfPatience = 256;
+    meanwhile.begin_waiting();
+    for (int looks = 1; !is_set(event); ++looks) {
+      if (abort.load(std::memory_order_relaxed)) throw Aborted{};
+      meanwhile.look();
+      if (looks % kLooksOfPatience == 0) meanwhile.expect_patience();
+      if (looks > kLooksBeforeSleep)
+        std::this_thread::sleep_for(std::chrono::microseconds(20));
+      else if (looks > kLooksBeforeYield)
+        std::this_thread::yield();
     }
   }
 

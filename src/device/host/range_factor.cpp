@@ -42,7 +42,7 @@ class WholeFront {
   }
 
   void assemble() {
-    std::memset(w_.c.data(), 0, static_cast<std::size_t>(ld_ * m_) * sizeof(T));
+    std::memset(static_cast<void*>(w_.c.data()), 0, static_cast<std::size_t>(ld_ * m_) * sizeof(T));
     const Offset tile = plan_.first_tile[f_];
     const std::span<const plan::EntryPlace> entries(
         plan_.entries.data() + plan_.entry_ptr[tile],
@@ -51,17 +51,26 @@ class WholeFront {
     const Part<T> all{w_.c.data(), ld_, 0, m_, 0, m_};
     for (Offset c = plan_.child_ptr[f_]; c < plan_.child_ptr[f_ + 1]; ++c) {
       const Index child = plan_.children[c];
-      if (plan_.memory.on_stack[child] == 0) s_.front_done.wait(child, s_.abort, &w_.waited_seconds);
+      if (plan_.memory.on_stack[child] == 0) wait_for_contribution(child);
       add_contribution(plan_, child, contribution(child, false), all, false, w_.runs);
       if (lu_) add_contribution(plan_, child, contribution(child, true), all, true, w_.runs);
     }
+  }
+
+  // All of it: of another rank's child only its tiles are known.
+  void wait_for_contribution(Index child) {
+    const FrontLayout& l = plan_.layout[child];
+    if (plan_.whole[child] != 0) return s_.front_done.wait(child, s_.abort, &w_.waited_seconds);
+    for (Index j = l.pivot_tiles; j < l.tiles; ++j)
+      for (Index i = j; i < l.tiles; ++i)
+        s_.tile_done.wait(plan_.first_tile[child] + l.tile_index(i, j), s_.abort, &w_.waited_seconds);
   }
 
   void eliminate() {
     T* c = w_.c.data();
     const Index at = plan_.tree.first[f_];
     const PivotBlock block{f_, at, k_, ld_};
-    const auto tiny = static_cast<T>(s_.rule.tiny);
+    const auto tiny = static_cast<RealOf<T>>(s_.rule.tiny);
     char* replaced = w_.marks.data();
     if (s_.kind == Kind::llt) {
       const auto good = static_cast<Index>(s_.dense.partial_potrf(m_, k_, c, ld_));
@@ -89,13 +98,16 @@ class WholeFront {
       if (m_ > k_) s_.dense.pack_transposed(k_, m_ - k_, c + k_ * ld_, ld_, u + below);
     }
     if (s_.kind == Kind::llt || m_ == k_) return;
-    std::fill_n(w_.column.data(), k_, T(0));
-    s_.dense.column_max(m_ - k_, k_, l + below, w_.column.data());
-    mark_growth(s_, plan_.tree.first[f_], k_, w_.column.data());
+    std::fill_n(w_.growth(), k_, RealOf<T>(0));
+    if (const Index border = plan_.tree.border_rows(f_); border > 0)
+      add_growth(s_, m_ - k_ - border, k_, l + below, w_.growth());
+    else
+      s_.dense.column_max(m_ - k_, k_, l + below, w_.growth());
+    mark_growth(s_, plan_.tree.first[f_], k_, w_.growth());
   }
 
   void leave_contribution() {
-    if (plan_.tree.parent[f_] < 0 || m_ == k_) return;
+    if (m_ == k_) return;
     const Index below = m_ - k_;
     T* lower = contribution(f_, false);
     T* upper = lu_ ? contribution(f_, true) : nullptr;
@@ -139,7 +151,8 @@ void eliminate_range(NumericState<T>& state, Workspace<T>& work, const Task& tas
   }
 }
 
-template void eliminate_range(NumericState<double>&, Workspace<double>&, const Task&);
-template void eliminate_range(NumericState<float>&, Workspace<float>&, const Task&);
+#define ESPALIER_INSTANTIATE(T) template void eliminate_range(NumericState<T>&, Workspace<T>&, const Task&);
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::device::host

@@ -14,9 +14,12 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+// Complex numbers are added part by part.
 template <class T>
 void add_runs(const Run* runs, Index run_count, const Scatter<T>& t) {
-  const hn::ScalableTag<T> d;
+  using Real = typename base::ScalarTraits<T>::Real;
+  constexpr Index kParts = base::ScalarTraits<T>::is_complex ? 2 : 1;
+  const hn::ScalableTag<Real> d;
   const auto lanes = static_cast<Index>(hn::Lanes(d));
   Index first = 0;
   for (Index c = t.col_begin; c < t.col_end; ++c) {
@@ -25,9 +28,9 @@ void add_runs(const Run* runs, Index run_count, const Scatter<T>& t) {
     while (first < run_count && runs[first].end <= c) ++first;
     for (Index q = first; q < run_count; ++q) {
       const Index begin = std::max(runs[q].begin, c);
-      const T* from = column + begin;
-      T* to = target + runs[q].target + (begin - runs[q].begin);
-      Index left = runs[q].end - begin;
+      const Real* from = reinterpret_cast<const Real*>(column + begin);
+      Real* to = reinterpret_cast<Real*>(target + runs[q].target + (begin - runs[q].begin));
+      Index left = kParts * (runs[q].end - begin);
       for (; left >= lanes; left -= lanes, from += lanes, to += lanes)
         hn::StoreU(hn::Add(hn::LoadU(d, to), hn::LoadU(d, from)), d, to);
 #if HWY_TARGET <= HWY_AVX3 && HWY_ARCH_X86
@@ -44,6 +47,8 @@ void add_runs(const Run* runs, Index run_count, const Scatter<T>& t) {
 
 void add_runs_f64(const Run* runs, Index n, const Scatter<double>& t) { add_runs(runs, n, t); }
 void add_runs_f32(const Run* runs, Index n, const Scatter<float>& t) { add_runs(runs, n, t); }
+void add_runs_c64(const Run* runs, Index n, const Scatter<std::complex<double>>& t) { add_runs(runs, n, t); }
+void add_runs_c32(const Run* runs, Index n, const Scatter<std::complex<float>>& t) { add_runs(runs, n, t); }
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
@@ -55,6 +60,8 @@ namespace espalier::device::host {
 
 HWY_EXPORT(add_runs_f64);
 HWY_EXPORT(add_runs_f32);
+HWY_EXPORT(add_runs_c64);
+HWY_EXPORT(add_runs_c32);
 
 template <>
 void scatter(const Run* runs, Index run_count, const Scatter<double>& task) {
@@ -64,6 +71,16 @@ void scatter(const Run* runs, Index run_count, const Scatter<double>& task) {
 template <>
 void scatter(const Run* runs, Index run_count, const Scatter<float>& task) {
   HWY_DYNAMIC_DISPATCH(add_runs_f32)(runs, run_count, task);
+}
+
+template <>
+void scatter(const Run* runs, Index run_count, const Scatter<std::complex<double>>& task) {
+  HWY_DYNAMIC_DISPATCH(add_runs_c64)(runs, run_count, task);
+}
+
+template <>
+void scatter(const Run* runs, Index run_count, const Scatter<std::complex<float>>& task) {
+  HWY_DYNAMIC_DISPATCH(add_runs_c32)(runs, run_count, task);
 }
 
 template <class T>
@@ -76,8 +93,9 @@ void scatter_mirrored(const Run* runs, Index run_count, const Scatter<T>& t) {
   }
 }
 
-template void scatter_mirrored(const Run*, Index, const Scatter<double>&);
-template void scatter_mirrored(const Run*, Index, const Scatter<float>&);
+#define ESPALIER_INSTANTIATE(T) template void scatter_mirrored(const Run*, Index, const Scatter<T>&);
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::device::host
 #endif

@@ -18,62 +18,87 @@ template <class T, bool kAssign>
 HWY_INLINE void panel_times_vector(std::int64_t n, const T* HWY_RESTRICT a, const T* HWY_RESTRICT x, T* y) {
   const Tag<T> t;
   constexpr int vectors = kVectors<T>;
-  Vector<T> sum[4][vectors];
+  ProductSum<T, false> sum[4][vectors];
   HWY_UNROLL(4)
   for (int u = 0; u < 4; ++u) {
     HWY_UNROLL(16)
-    for (int v = 0; v < vectors; ++v) sum[u][v] = hn::Zero(t);
+    for (int v = 0; v < vectors; ++v) sum[u][v].start(vn::Zero(t));
   }
   std::int64_t k = 0;
   for (; k + 4 <= n; k += 4, a += 4 * kPanel<T>) {
     HWY_UNROLL(4)
     for (int u = 0; u < 4; ++u) {
-      const Vector<T> xk = hn::Set(t, x[k + u]);
+      const Multiplier<T> xk(x + k + u);
       HWY_UNROLL(16)
       for (int v = 0; v < vectors; ++v)
-        sum[u][v] = hn::MulAdd(hn::LoadU(t, a + u * kPanel<T> + v * kLanes<T>), xk, sum[u][v]);
+        sum[u][v].template take<true>(vn::LoadU(t, a + u * kPanel<T> + v * kLanes<T>), xk);
     }
   }
   for (; k < n; ++k, a += kPanel<T>) {
-    const Vector<T> xk = hn::Set(t, x[k]);
+    const Multiplier<T> xk(x + k);
     HWY_UNROLL(16)
-    for (int v = 0; v < vectors; ++v) sum[0][v] = hn::MulAdd(hn::LoadU(t, a + v * kLanes<T>), xk, sum[0][v]);
+    for (int v = 0; v < vectors; ++v) sum[0][v].template take<true>(vn::LoadU(t, a + v * kLanes<T>), xk);
   }
   HWY_UNROLL(16)
   for (int v = 0; v < vectors; ++v) {
-    const Vector<T> total = hn::Add(hn::Add(sum[0][v], sum[1][v]), hn::Add(sum[2][v], sum[3][v]));
+    const Vector<T> total =
+        vn::Add(vn::Add(sum[0][v].total(), sum[1][v].total()), vn::Add(sum[2][v].total(), sum[3][v].total()));
     T* out = y + v * kLanes<T>;
-    hn::StoreU(kAssign ? total : hn::Sub(hn::LoadU(t, out), total), t, out);
+    vn::StoreU(kAssign ? total : vn::Sub(vn::LoadU(t, out), total), t, out);
   }
 }
 
+/// A vector whose elements multiply those of others, its parts apart.
+template <class T>
+struct Elements {
+  RealVector<T> re;
+  HWY_INLINE explicit Elements(Vector<T> x) : re(x) {}
+};
+template <class R>
+struct Elements<std::complex<R>> {
+  using T = std::complex<R>;
+  RealVector<T> re, im;
+  HWY_INLINE explicit Elements(Vector<T> x) : re(vn::DupEven(x.v)), im(vn::DupOdd(x.v)) {}
+};
+/// A sum of products of elements, a x or conj(a) x = conj(a conj(x)).
+template <class T, bool kConjugate>
+struct ElementSum {
+  ProductSum<T, kConjugate> sum;
+  HWY_INLINE void take(Vector<T> a, const Elements<T>& x) {
+    if constexpr (kComplex<T>) {
+      sum.by_re = vn::MulAdd(a.v, x.re, sum.by_re);
+      sum.by_im = vn::MulAdd(a.v, x.im, sum.by_im);
+    } else {
+      sum.v = vn::MulAdd(a, x.re, sum.v);
+    }
+  }
+  [[nodiscard]] HWY_INLINE T total() const { return conjugate<kConjugate>(sum_of<T>(sum.total())); }
+};
+
 /// y[0..columns) -= or = A(:, those)^T x over the panels; `depth` is the distance of panels in columns.
-template <class T, bool kAssign>
+template <class T, bool kAssign, bool kConjugate>
 HWY_INLINE void columns_times_vector(std::int64_t panels, std::int64_t depth, int columns, const T* a, const T* x,
                                      T* y) {
   const Tag<T> t;
   constexpr int group = 8;
-  Vector<T> sum[group];
-  for (int j = 0; j < group; ++j) sum[j] = hn::Zero(t);
+  ElementSum<T, kConjugate> sum[group];
+  for (int j = 0; j < group; ++j) sum[j].sum.start(vn::Zero(t));
   for (std::int64_t q = 0; q < panels; ++q, a += depth * kPanel<T>, x += kPanel<T>) {
     for (int v = 0; v < kPanel<T>; v += kLanes<T>) {
-      const Vector<T> xv = hn::LoadU(t, x + v);
+      const Elements<T> xv(vn::LoadU(t, x + v));
       if (columns == group) {
         HWY_UNROLL(8)
-        for (int j = 0; j < group; ++j) sum[j] = hn::MulAdd(hn::LoadU(t, a + j * kPanel<T> + v), xv, sum[j]);
+        for (int j = 0; j < group; ++j) sum[j].take(vn::LoadU(t, a + j * kPanel<T> + v), xv);
       } else {
-        for (int j = 0; j < columns; ++j) sum[j] = hn::MulAdd(hn::LoadU(t, a + j * kPanel<T> + v), xv, sum[j]);
+        for (int j = 0; j < columns; ++j) sum[j].take(vn::LoadU(t, a + j * kPanel<T> + v), xv);
       }
     }
   }
-  for (int j = 0; j < columns; ++j) {
-    const T total = hn::GetLane(hn::SumOfLanes(t, sum[j]));
-    y[j] = kAssign ? total : y[j] - total;
-  }
+  for (int j = 0; j < columns; ++j) y[j] = kAssign ? sum[j].total() : y[j] - sum[j].total();
 }
 
 /// Y (columns x nr) -= or = A^T X for MP panels of right-hand sides and NR columns of A; a points at the first column.
-template <class T, int MP, int NR, bool kAssign>
+template <class T, int MP, int NR, bool kAssign, bool kConjugate>
 HWY_NOINLINE void transposed_tile(std::int64_t panels, std::int64_t depth, std::int64_t nr, const T* a, const T* x,
                                   T* y) {
   Tile<T, MP, NR> tile;
@@ -84,31 +109,31 @@ HWY_NOINLINE void transposed_tile(std::int64_t panels, std::int64_t depth, std::
     tile.load(result);
   }
   for (std::int64_t q = 0; q < panels; ++q, a += depth * kPanel<T>, x += kPanel<T> * nr)
-    tile.template multiply_rows<kAssign>(kPanel<T>, scratch_of(x, nr), a, kPanel<T>);
+    tile.template multiply_rows<kAssign, kConjugate>(kPanel<T>, scratch_of(x, nr), a, kPanel<T>);
   tile.store(result);
 }
 
-template <class T, int MP, bool kAssign, int NR = kTileColumns>
+template <class T, int MP, bool kAssign, bool kConjugate, int NR = kTileColumns<T>>
 HWY_INLINE void transposed_tiles(std::int64_t columns, std::int64_t panels, std::int64_t depth, std::int64_t nr,
                                  const T* a, const T* x, T* y) {
   if (columns == NR) {
-    transposed_tile<T, MP, NR, kAssign>(panels, depth, nr, a, x, y);
+    transposed_tile<T, MP, NR, kAssign, kConjugate>(panels, depth, nr, a, x, y);
   } else if constexpr (NR > 1) {
-    transposed_tiles<T, MP, kAssign, NR - 1>(columns, panels, depth, nr, a, x, y);
+    transposed_tiles<T, MP, kAssign, kConjugate, NR - 1>(columns, panels, depth, nr, a, x, y);
   }
 }
 
 /// One group of right-hand sides (1..kTilePanels panels) against `columns` columns of A.
-template <class T, bool kAssign>
+template <class T, bool kAssign, bool kConjugate>
 void transposed_group(int group, std::int64_t columns, std::int64_t panels, std::int64_t depth, std::int64_t nr,
                       const T* a, const T* x, T* y) {
   if constexpr (kTilePanels > 2) {
-    if (group == 3) return transposed_tiles<T, 3, kAssign>(columns, panels, depth, nr, a, x, y);
+    if (group == 3) return transposed_tiles<T, 3, kAssign, kConjugate>(columns, panels, depth, nr, a, x, y);
   }
   if constexpr (kTilePanels > 1) {
-    if (group == 2) return transposed_tiles<T, 2, kAssign>(columns, panels, depth, nr, a, x, y);
+    if (group == 2) return transposed_tiles<T, 2, kAssign, kConjugate>(columns, panels, depth, nr, a, x, y);
   }
-  transposed_tiles<T, 1, kAssign>(columns, panels, depth, nr, a, x, y);
+  transposed_tiles<T, 1, kAssign, kConjugate>(columns, panels, depth, nr, a, x, y);
 }
 
 template <class T>
@@ -144,45 +169,46 @@ void apply_lower(std::int64_t n, std::int64_t nr, const T* w, const T* x, T* y) 
 }
 
 /// Y (n x nr) -= or = A^T X, where only the panels from column / P on count when kLower.
-template <class T, bool kLower>
+template <class T, bool kLower, bool kConjugate>
 void apply_transposed_from(std::int64_t m, std::int64_t n, std::int64_t nr, const T* a, const T* x, T* y) {
   constexpr std::int64_t p = kPanel<T>;
   constexpr std::int64_t vector_columns = 8;
-  const std::int64_t panels = (m + p - 1) / p, width = nr == 1 ? vector_columns : kTileColumns;
+  const std::int64_t panels = (m + p - 1) / p, width = nr == 1 ? vector_columns : kTileColumns<T>;
   for (std::int64_t j = 0; j < n; j += width) {
     const std::int64_t columns = std::min(width, n - j), first = kLower ? j / p : 0;
     const T* aj = a + first * p * n + j * p;
     if (nr == 1) {
-      columns_times_vector<T, kLower>(panels - first, n, static_cast<int>(columns), aj, x + first * p, y + j);
+      columns_times_vector<T, kLower, kConjugate>(panels - first, n, static_cast<int>(columns), aj, x + first * p,
+                                                  y + j);
       continue;
     }
     for (std::int64_t r = 0; r < nr;) {
       const int group = group_panels((nr - r) / p);
-      transposed_group<T, kLower>(group, columns, panels - first, n, nr, aj, x + first * p * nr + r, y + j * nr + r);
+      transposed_group<T, kLower, kConjugate>(group, columns, panels - first, n, nr, aj, x + first * p * nr + r,
+                                              y + j * nr + r);
       r += group * p;
     }
   }
 }
 
-template <class T>
+template <class T, bool kConjugate>
 void apply_transposed(std::int64_t m, std::int64_t n, std::int64_t nr, const T* a, const T* x, T* y) {
-  apply_transposed_from<T, false>(m, n, nr, a, x, y);
+  apply_transposed_from<T, false, kConjugate>(m, n, nr, a, x, y);
 }
 
-template <class T>
+template <class T, bool kConjugate>
 void apply_lower_transposed(std::int64_t n, std::int64_t nr, const T* w, const T* x, T* y) {
-  apply_transposed_from<T, true>(n, n, nr, w, x, y);
+  apply_transposed_from<T, true, kConjugate>(n, n, nr, w, x, y);
 }
 
-template <class T>
+template <class T, bool kConjugate>
 void fill(Kernels<T>& table) {
   table.apply = apply<T>;
-  table.apply_transposed = apply_transposed<T>;
+  table.apply_transposed = apply_transposed<T, kConjugate>;
   table.apply_lower = apply_lower<T>;
-  table.apply_lower_transposed = apply_lower_transposed<T>;
+  table.apply_lower_transposed = apply_lower_transposed<T, kConjugate>;
 }
-void fill_double(Kernels<double>& table) { fill(table); }
-void fill_float(Kernels<float>& table) { fill(table); }
+ESPALIER_FILL_KERNELS
 
 }  // namespace
 }  // namespace espalier::device::host::HWY_NAMESPACE

@@ -68,9 +68,16 @@ class TileTask {
     if (j_ >= layout_.pivot_tiles) {
       if (lu_ && i_ == j_) part_diagonal_contribution();
     } else if (i_ == j_)
-      factor_diagonal(s_, w_, PivotBlock{f_, position(j_), cols_, ld_}, tile(i_, j_), lu_ ? tile2(i_, j_) : nullptr);
+      make_diagonal();
     else
       solve_with_diagonal();
+  }
+
+  // One after another, whoever makes them: what a front comes to is added up in their order.
+  void make_diagonal() {
+    const Index first = s_.window.front == f_ ? s_.window.first_column : 0;
+    if (j_ > first) s_.tile_done.wait(number(j_ - 1, j_ - 1), s_.abort, &w_.waited_seconds);
+    factor_diagonal(s_, w_, PivotBlock{f_, position(j_), cols_, ld_}, tile(i_, j_), lu_ ? tile2(i_, j_) : nullptr);
   }
 
   [[nodiscard]] Index position(Index j) const { return plan_.tree.first[f_] + layout_.begin(j); }
@@ -90,15 +97,15 @@ class TileTask {
   void take_from_place() {
     if (j_ >= layout_.pivot_tiles) return;
     const auto size = static_cast<std::size_t>(ld_ * cols_) * sizeof(T);
-    std::memcpy(c_, tile(i_, j_), size);
-    if (two_parts()) std::memcpy(c2_, tile2(i_, j_), size);
+    std::memcpy(static_cast<void*>(c_), tile(i_, j_), size);
+    if (two_parts()) std::memcpy(static_cast<void*>(c2_), tile2(i_, j_), size);
   }
 
   void gather() {
     if (s_.window.front == f_) return take_from_place();
     const auto size = static_cast<std::size_t>(ld_ * cols_) * sizeof(T);
-    std::memset(c_, 0, size);
-    if (two_parts()) std::memset(c2_, 0, size);
+    std::memset(static_cast<void*>(c_), 0, size);
+    if (two_parts()) std::memset(static_cast<void*>(c2_), 0, size);
     const Offset me = number(i_, j_);
     const std::span<const plan::EntryPlace> entries(
         plan_.entries.data() + plan_.entry_ptr[me],
@@ -110,7 +117,16 @@ class TileTask {
     for (Offset c = plan_.child_ptr[f_]; c < plan_.child_ptr[f_ + 1]; ++c) gather_child(plan_.children[c]);
   }
 
+  // Whether the child has columns in this tile: else another rank need not have sent it here.
+  [[nodiscard]] bool reaches_here(Index child) const {
+    const Index* begin = plan_.relative.data() + plan_.tree.row_ptr[child];
+    const Index* end = begin + plan_.layout[child].below();
+    const Index* first = std::lower_bound(begin, end, layout_.begin(j_));
+    return first != end && *first < layout_.begin(j_) + cols_;
+  }
+
   void gather_child(Index child) {
+    if (!reaches_here(child)) return;
     wait_for_child(child);
     const Index rb = layout_.begin(i_);
     const Index cb = layout_.begin(j_);
@@ -182,7 +198,8 @@ class TileTask {
   void pack_pivoted(const base::Buffer<T>& from, base::Buffer<T>& to) {
     const std::int32_t* perm = s_.pivot_order.data() + position(j_);
     for (Index k = 0; k < cols_; ++k)
-      std::memcpy(to.data() + k * ld_, from.data() + perm[k] * ld_, static_cast<std::size_t>(rows_) * sizeof(T));
+      std::memcpy(static_cast<void*>(to.data() + k * ld_), from.data() + perm[k] * ld_,
+                  static_cast<std::size_t>(rows_) * sizeof(T));
     s_.dense.pack(rows_, cols_, to.data(), ld_, w_.panels.data());
   }
 
@@ -206,9 +223,13 @@ class TileTask {
       pack_pivoted(w_.c2, w_.c);
       s_.dense.trmm_nt(rows_, cols_, w_.panels.data(), inverse, tile2(i_, j_));
     }
-    std::fill_n(w_.column.data(), cols_, T(0));
-    s_.dense.column_max(rows_, cols_, tile(i_, j_), w_.column.data());
-    mark_growth(s_, at, cols_, w_.column.data());
+    std::fill_n(w_.growth(), cols_, RealOf<T>(0));
+    const Index counted = std::clamp<Index>(layout_.rows - plan_.tree.border_rows(f_) - layout_.begin(i_), 0, rows_);
+    if (counted == rows_)
+      s_.dense.column_max(rows_, cols_, tile(i_, j_), w_.growth());
+    else
+      add_growth(s_, counted, cols_, tile(i_, j_), w_.growth());
+    mark_growth(s_, at, cols_, w_.growth());
   }
 
   void finish() {
@@ -235,7 +256,8 @@ void make_tile(NumericState<T>& state, Workspace<T>& work, const Task& task) {
   TileTask<T>(state, work, task).run();
 }
 
-template void make_tile(NumericState<double>&, Workspace<double>&, const Task&);
-template void make_tile(NumericState<float>&, Workspace<float>&, const Task&);
+#define ESPALIER_INSTANTIATE(T) template void make_tile(NumericState<T>&, Workspace<T>&, const Task&);
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::device::host

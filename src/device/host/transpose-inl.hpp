@@ -7,6 +7,8 @@
 #define ESPALIER_DEVICE_HOST_TRANSPOSE_INL
 #endif
 
+#include <type_traits>
+
 #include "device/host/micro_kernel-inl.hpp"
 #include "hwy/highway.h"
 
@@ -17,7 +19,7 @@ namespace espalier::device::host::HWY_NAMESPACE {
 template <class T>
 HWY_INLINE void transpose(Vector<T>*) {}
 #else
-/// Lanes of one 128-bit block.
+/// Elements of one 128-bit block.
 template <class T>
 inline constexpr int kBlock = static_cast<int>(16 / sizeof(T));
 
@@ -42,22 +44,21 @@ HWY_INLINE void transpose_in_blocks(Vector<T>* v) {
   }
 }
 
-/// v[j] lane i becomes v[i] lane j, for kLanes vectors.
-template <class T>
-HWY_INLINE void transpose(Vector<T>* v) {
+/// Exchanges the 128-bit blocks of `kElements` vectors, of `kBlockElements` elements each, as a transpose does; T is
+/// real.
+template <class T, int kElements, int kBlockElements>
+HWY_INLINE void transpose_blocks(Vector<T>* v) {
   const Tag<T> t;
-  constexpr int blocks = kLanes<T> / kBlock<T>;
-  HWY_UNROLL(16)
-  for (int i = 0; i < kLanes<T>; i += kBlock<T>) transpose_in_blocks<T>(v + i);
+  constexpr int blocks = kElements / kBlockElements;
   if constexpr (blocks == 2) {
     HWY_UNROLL(16)
-    for (int i = 0; i < kBlock<T>; ++i) {
-      const auto low = hn::ConcatLowerLower(t, v[i + kBlock<T>], v[i]);
-      v[i + kBlock<T>] = hn::ConcatUpperUpper(t, v[i + kBlock<T>], v[i]);
+    for (int i = 0; i < kBlockElements; ++i) {
+      const auto low = hn::ConcatLowerLower(t, v[i + kBlockElements], v[i]);
+      v[i + kBlockElements] = hn::ConcatUpperUpper(t, v[i + kBlockElements], v[i]);
       v[i] = low;
     }
   } else if constexpr (blocks == 4) {
-    constexpr int s = kBlock<T>;
+    constexpr int s = kBlockElements;
     HWY_UNROLL(16)
     for (int i = 0; i < s; ++i) {
       const auto a = hn::ConcatLowerLower(t, v[i + 2 * s], v[i]);      // blocks 00 01 20 21
@@ -69,6 +70,29 @@ HWY_INLINE void transpose(Vector<T>* v) {
       v[i + 2 * s] = hn::OddEvenBlocks(hn::SwapAdjacentBlocks(d), c);  // 02 12 22 32
       v[i + 3 * s] = hn::OddEvenBlocks(d, hn::SwapAdjacentBlocks(c));  // 03 13 23 33
     }
+  }
+}
+
+/// v[j] lane i becomes v[i] lane j, for kLanes vectors.
+template <class T>
+HWY_INLINE void transpose(Vector<T>* v) {
+  if constexpr (kComplex<T>) {
+    constexpr int lanes = kLanes<T>;
+    using Element = std::conditional_t<kBlock<T> == 1, Real<T>, double>;  // complex<float> moves like double
+    Vector<Element> parts[lanes];
+    HWY_UNROLL(16)
+    for (int i = 0; i < lanes; ++i) parts[i] = hn::BitCast(Tag<Element>(), v[i].v);
+    if constexpr (kBlock<T> == 2) {
+      HWY_UNROLL(16)
+      for (int i = 0; i < lanes; i += 2) transpose_in_blocks<Element>(parts + i);
+    }
+    transpose_blocks<Element, lanes, kBlock<T> >(parts);
+    HWY_UNROLL(16)
+    for (int i = 0; i < lanes; ++i) v[i].v = hn::BitCast(RealTag<T>(), parts[i]);
+  } else {
+    HWY_UNROLL(16)
+    for (int i = 0; i < kLanes<T>; i += kBlock<T>) transpose_in_blocks<T>(v + i);
+    transpose_blocks<T, kLanes<T>, kBlock<T> >(v);
   }
 }
 #endif

@@ -1,6 +1,7 @@
 #include "device/host/triangular_solve.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <numeric>
 
 #include "device/block_diagonal.hpp"
@@ -22,16 +23,19 @@ Offset padded_row(const FrontLayout& l, Index r) {
 }  // namespace
 
 template <class T>
-TriangularSolve<T>::TriangularSolve(NumericState<T>& state, base::ThreadPool& pool, base::MemoryBudget* budget)
+TriangularSolve<T>::TriangularSolve(NumericState<T>& state, base::ThreadPool& pool, base::MemoryBudget* budget,
+                                    SolveSharing<T>* sharing)
     : s_(state),
       plan_(state.plan),
       pool_(pool),
       budget_(budget),
+      sharing_(sharing),
       tile_done_(plan_.tiles()),
       front_done_(plan_.fronts()),
       open_(std::make_unique<std::atomic<Index>[]>(static_cast<std::size_t>(plan_.fronts()))) {
   list_tasks();
   place_contributions();
+  if (sharing_ != nullptr) place_others();
   prepare(1);
 }
 
@@ -53,8 +57,11 @@ void TriangularSolve<T>::list_tasks() {
       entries[f] += entries[plan_.children[c]];
     }
   }
-  const auto small = [&](Index f) { return entries[f] <= kSolveTaskEntries; };
+  const auto small = [&](Index f) {
+    return entries[f] <= kSolveTaskEntries && (sharing_ == nullptr || sharing_->is_alone(f));
+  };
   for (Index f = 0; f < fronts; ++f) {
+    if (sharing_ != nullptr && !sharing_->takes(f)) continue;
     const Index parent = plan_.tree.parent[f];
     const FrontLayout& l = plan_.layout[f];
     if (small(f)) {
@@ -95,6 +102,27 @@ void TriangularSolve<T>::place_contributions() {
     place_[task.front] = contribution_rows_;
     contribution_rows_ += plan_.layout[task.front].below();
   }
+}
+
+// What comes from children that other ranks take.
+template <class T>
+void TriangularSolve<T>::place_others() {
+  for (const SolveTask& task : forward_) {
+    if (task.tile > 0 || sharing_->is_alone(task.front)) continue;
+    for (Offset c = plan_.child_ptr[task.front]; c < plan_.child_ptr[task.front + 1]; ++c) {
+      const Index child = plan_.children[c];
+      if (sharing_->takes(child)) continue;
+      place_[child] = contribution_rows_;
+      contribution_rows_ += plan_.layout[child].below();
+    }
+  }
+}
+
+template <class T>
+void TriangularSolve<T>::take(Index front, const std::byte* rows) {
+  const auto bytes = static_cast<std::size_t>(Offset{plan_.layout[front].below()} * nr_) * sizeof(T);
+  std::memcpy(contributions_.data() + place_[front] * nr_, rows, bytes);
+  front_done_.set(front);
 }
 
 template <class T>
@@ -139,19 +167,27 @@ void TriangularSolve<T>::sweep(const std::vector<SolveTask>& tasks,
                                void (TriangularSolve::*one)(const SolveTask&, Worker&)) {
   std::atomic<std::size_t> next{0};
   s_.abort = false;
-  pool_.share([&](int t) {
+  finished_ = 0;
+  const auto take_tasks = [&](int t) {
     Worker& w = workers_[static_cast<std::size_t>(t)];
     try {
       for (std::size_t at = next++; at < tasks.size(); at = next++) {
         pool_.check();
         (this->*one)(tasks[at], w);
+        ++finished_;
       }
+      // Others may still wait for messages.
+      if (t == 0 && sharing_ != nullptr) sharing_->wait([&] { return finished_ == tasks.size() || s_.abort; });
     } catch (const Aborted&) {
     } catch (...) {  // others may wait for what this worker does not finish any more
       s_.abort = true;
       throw;
     }
-  });
+  };
+  if (sharing_ != nullptr)
+    pool_.run(take_tasks);
+  else
+    pool_.share(take_tasks);
 }
 
 template <class T>
@@ -159,8 +195,14 @@ void TriangularSolve<T>::forward(const SolveTask& task, Worker& w) {
   if (task.tile >= 0) return forward_tile(task.front, task.tile, w);
   for (Index f = task.begin; f <= task.front; ++f) {
     forward_front(f, w);
+    if (f == task.front) finish_forward(f);
     front_done_.set(f);
   }
+}
+
+template <class T>
+void TriangularSolve<T>::finish_forward(Index f) {
+  if (sharing_ != nullptr) sharing_->made(f, contributions_.data() + place_[f] * nr_, nr_);
 }
 
 template <class T>
@@ -225,7 +267,7 @@ void TriangularSolve<T>::start_backward(Index f, Index j, T* y) const {
   if (s_.kind != Kind::ldlt) return;
   const FrontLayout& l = plan_.layout[f];
   const Index at = plan_.tree.first[f] + l.begin(j);
-  apply_inverse_d(s_.d_inverse.data() + at, s_.e_inverse.data() + at, l.width(j), nr_, y);
+  apply_inverse_d(s_.d_inverse.data() + at, s_.e_inverse.data() + at, l.width(j), nr_, y, s_.hermitian);
 }
 
 // x = (diagonal block of the backward matrix)^-1 b, stored at the tile's rows of x_. `y` has room for the tile.
@@ -280,7 +322,7 @@ void TriangularSolve<T>::backward_front(Index f, Worker& w) {
   std::fill_n(t + static_cast<Offset>(l.pivots) * nr_, (rows - l.pivots) * nr_, T(0));
   std::copy_n(x, static_cast<Offset>(l.pivots) * nr_, t);
   const Index* below = plan_.tree.rows.data() + plan_.tree.row_ptr[f];
-  for (Index r = 0; r < l.below(); ++r)
+  for (Index r = 0; r < l.below() - plan_.tree.border_rows(f); ++r)
     std::copy_n(x_ + static_cast<Offset>(below[r]) * nr_, nr_, t + padded_row(l, l.pivots + r) * nr_);
   T* y = w.tile.data();
   for (Index j = l.pivot_tiles - 1; j >= 0; --j) {
@@ -320,7 +362,10 @@ void TriangularSolve<T>::forward_tile(Index f, Index i, Worker& w) {
   } else {
     std::copy_n(t, static_cast<Offset>(n) * nr_, contributions_.data() + (place_[f] + begin - l.pivots) * nr_);
   }
-  finish_tile(f, i);
+  tile_done_.set(plan_.first_tile[f] + i);
+  if (open_[f].fetch_sub(1, std::memory_order_acq_rel) != 1) return;
+  finish_forward(f);
+  front_done_.set(f);
 }
 
 // One tile column of a split front: t = z_j - sum over i > j of U(j, i) x_i; the rows below the pivots come first,
@@ -338,9 +383,10 @@ void TriangularSolve<T>::backward_tile(Index f, Index j, Worker& w) {
   const Offset below_rows = l.padded_begin(l.tiles) - l.padded_begin(l.pivot_tiles);
   if (below_rows > 0) {
     const Index* below = plan_.tree.rows.data() + plan_.tree.row_ptr[f];
-    for (Index r = 0; r < l.below(); ++r)
+    const Index known = l.below() - plan_.tree.border_rows(f);
+    for (Index r = 0; r < known; ++r)
       std::copy_n(x_ + static_cast<Offset>(below[r]) * nr_, nr_, from + static_cast<Offset>(r) * nr_);
-    std::fill_n(from + static_cast<Offset>(l.below()) * nr_, (below_rows - l.below()) * nr_, T(0));
+    std::fill_n(from + static_cast<Offset>(known) * nr_, (below_rows - known) * nr_, T(0));
     s_.dense.apply_transposed(below_rows, n, nr_, upper(f, l.pivot_tiles, j), from, t);
   }
   for (Index i = l.pivot_tiles - 1; i > j; --i) {
@@ -356,7 +402,8 @@ void TriangularSolve<T>::backward_tile(Index f, Index j, Worker& w) {
   finish_tile(f, j);
 }
 
-template class TriangularSolve<double>;
-template class TriangularSolve<float>;
+#define ESPALIER_INSTANTIATE(T) template class TriangularSolve<T>;
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::device::host

@@ -2,6 +2,8 @@
 /// Forward and backward substitution with the numeric factor, in parallel over sub-trees, fronts and tiles.
 #pragma once
 
+#include <cstddef>
+#include <functional>
 #include <vector>
 
 #include "base/thread_pool.hpp"
@@ -21,14 +23,35 @@ struct SolveTask {
   Index tile;
 };
 
+/// Of a solve that several ranks share: which fronts this one takes, and what others do not have. A rank takes its
+/// sub-trees, and all of the top above them, as others do who have sub-trees there: the same numbers everywhere.
+template <class T>
+class SolveSharing {
+ public:
+  virtual ~SolveSharing() = default;
+  [[nodiscard]] virtual bool takes(Index front) const = 0;
+  /// Whether the front belongs to a sub-tree of this rank alone.
+  [[nodiscard]] virtual bool is_alone(Index front) const = 0;
+  /// On the way up, by any thread: the contribution of a front that this rank takes is there, `rows` x `columns`.
+  virtual void made(Index front, const T* rows, Index columns) = 0;
+  /// In the thread that calls: drives messages until `done`.
+  virtual void wait(const std::function<bool()>& done) = 0;
+};
+
 /// The solve phase. Right-hand sides are row-major with `nr` values per row, nr == 1 or a multiple of kPanel<T>.
 template <class T>
 class TriangularSolve {
  public:
-  TriangularSolve(NumericState<T>& state, base::ThreadPool& pool, base::MemoryBudget* budget);
+  /// @param sharing  null: all fronts are here
+  TriangularSolve(NumericState<T>& state, base::ThreadPool& pool, base::MemoryBudget* budget,
+                  SolveSharing<T>* sharing = nullptr);
 
-  /// x (n x nr, elimination order) holds b on entry and the solution on return.
+  /// Memory for `nr` right-hand sides, where there is not enough.
+  void prepare(Index nr);
+  /// x (n x nr, elimination order) holds b on entry and the solution on return; unknowns of a border are zero.
   void run(T* x, Index nr, bool transpose);
+  /// The contribution of a front that others take: as SolveSharing::made() told it there. During a run.
+  void take(Index front, const std::byte* rows);
 
  private:
   struct Worker {
@@ -39,7 +62,6 @@ class TriangularSolve {
 
   void list_tasks();
   void place_contributions();
-  void prepare(Index nr);
   void sweep(const std::vector<SolveTask>& tasks, void (TriangularSolve::*one)(const SolveTask&, Worker&));
   void forward(const SolveTask& task, Worker& w);
   void backward(const SolveTask& task, Worker& w);
@@ -55,11 +77,14 @@ class TriangularSolve {
   [[nodiscard]] const T* lower(Index f, Index i, Index j) const;  // tile of the matrix of the forward sweep
   [[nodiscard]] const T* upper(Index f, Index i, Index j) const;  // tile whose transpose the backward sweep applies
   void finish_tile(Index f, Index tile);
+  void finish_forward(Index f);
+  void place_others();
 
   NumericState<T>& s_;
   const plan::Plan& plan_;
   base::ThreadPool& pool_;
   base::MemoryBudget* budget_;
+  SolveSharing<T>* sharing_;
   std::vector<SolveTask> forward_, backward_;
   std::vector<Index> front_tiles_;  // fronts: number of tile tasks of a split front, 1 otherwise
   Index largest_front_rows_ = 0, largest_tile_ = 0;
@@ -75,6 +100,7 @@ class TriangularSolve {
   T* x_ = nullptr;
   Index nr_ = 1;
   bool transpose_ = false;
+  std::atomic<std::size_t> finished_{0};  // tasks of this sweep
 };
 
 }  // namespace espalier::device::host

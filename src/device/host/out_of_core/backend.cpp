@@ -30,7 +30,7 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
  public:
   HostOutOfCoreBackend(const Job& job, HostOutOfCoreOptions options)
       : plan_(job.plan.ownership.devices > 1 ? plan::plan_for_one_device(job.plan) : job.plan),
-        kind_(job.kind),
+        matrix_{job.kind, job.hermitian},
         rule_(job.rule),
         own_pool_(options.threads > 0 ? std::make_unique<base::ThreadPool>(options.threads) : nullptr),
         pool_(own_pool_ != nullptr ? *own_pool_ : job.pool),
@@ -92,8 +92,8 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
     plan_.memory.wait_ptr.assign(n + 1, 0);
     for (const InCoreStep& s : plan.steps)
       plan_.memory.stack_size = std::max(plan_.memory.stack_size, s.memory.stack_size);
-    for (int t = 0; t < pool_.size(); ++t) work_.emplace_back(plan_, kind_, budget_);
-    state_.emplace(plan_, kind_, rule_, budget_);
+    for (int t = 0; t < pool_.size(); ++t) work_.emplace_back(plan_, matrix_.kind, budget_);
+    state_.emplace(plan_, matrix_, rule_, budget_);
     if (options_.device == 0) solve_.emplace(*state_, solve_pool_, budget_);
   }
 
@@ -257,7 +257,7 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
       const bool leaves = step.root_at[k][0] >= 0;
       const Offset base = m.on_stack[f] != 0 ? 0 : work;
       m.contribution[f] = leaves ? element(step.root_at[k][0]) : base + step.memory.contribution[k];
-      if (kind_ == Kind::lu)
+      if (matrix_.kind == Kind::lu)
         m.contribution2[f] = leaves ? element(step.root_at[k][1]) : base + step.memory.contribution2[k];
       m.wait_ptr[f] = static_cast<Offset>(m.wait_fronts.size());
       for (Offset q = step.memory.wait_ptr[k]; q < step.memory.wait_ptr[k + 1]; ++q)
@@ -268,7 +268,7 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
       state_->front_done.set(step.externals[k]);  // maybe by another device
       m.on_stack[step.externals[k]] = 0;
       m.contribution[step.externals[k]] = element(step.external_at[k][0]);
-      if (kind_ == Kind::lu) m.contribution2[step.externals[k]] = element(step.external_at[k][1]);
+      if (matrix_.kind == Kind::lu) m.contribution2[step.externals[k]] = element(step.external_at[k][1]);
     }
   }
 
@@ -318,7 +318,7 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
   }
 
   plan::Plan plan_;
-  Kind kind_;
+  MatrixKind matrix_;
   PivotRule rule_;
   std::unique_ptr<base::ThreadPool> own_pool_;
   base::ThreadPool& pool_;
@@ -345,9 +345,10 @@ std::unique_ptr<out_of_core::OutOfCoreBackend<T>> make_host_out_of_core_backend(
   return std::make_unique<HostOutOfCoreBackend<T>>(job, std::move(options));
 }
 
-template std::unique_ptr<out_of_core::OutOfCoreBackend<double>> make_host_out_of_core_backend(const Job&,
-                                                                                              HostOutOfCoreOptions);
-template std::unique_ptr<out_of_core::OutOfCoreBackend<float>> make_host_out_of_core_backend(const Job&,
-                                                                                             HostOutOfCoreOptions);
+#define ESPALIER_INSTANTIATE(T)                                                                        \
+  template std::unique_ptr<out_of_core::OutOfCoreBackend<T>> make_host_out_of_core_backend(const Job&, \
+                                                                                           HostOutOfCoreOptions);
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::device::host

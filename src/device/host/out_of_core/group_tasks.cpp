@@ -45,8 +45,8 @@ void begin_tile(NumericState<T>& s, Index f, Index i, Index j) {
   const TilePlace<T> t(s, f, i, j);
   const auto bytes = static_cast<std::size_t>(t.ld * t.cols) * sizeof(T);
   const bool two = t.lu && i != j;
-  std::memset(t.c, 0, bytes);
-  if (two) std::memset(t.c2, 0, bytes);
+  std::memset(static_cast<void*>(t.c), 0, bytes);
+  if (two) std::memset(static_cast<void*>(t.c2), 0, bytes);
   const Offset me = s.plan.first_tile[f] + t.layout.tile_index(i, j);
   const std::span<const plan::EntryPlace> entries(
       s.plan.entries.data() + s.plan.entry_ptr[me],
@@ -90,13 +90,11 @@ void update_tile(NumericState<T>& s, Index i, Index j, const SlabColumns<T>& sla
   }
 }
 
-template void begin_tile(NumericState<double>&, Index, Index, Index);
-template void begin_tile(NumericState<float>&, Index, Index, Index);
-template void add_child_to_tile(NumericState<double>&, Workspace<double>&, Index, Index, Index,
-                                const ChildColumns<double>&);
-template void add_child_to_tile(NumericState<float>&, Workspace<float>&, Index, Index, Index,
-                                const ChildColumns<float>&);
-template void update_tile(NumericState<double>&, Index, Index, const SlabColumns<double>&);
-template void update_tile(NumericState<float>&, Index, Index, const SlabColumns<float>&);
+#define ESPALIER_INSTANTIATE(T)                                                                                  \
+  template void begin_tile(NumericState<T>&, Index, Index, Index);                                               \
+  template void add_child_to_tile(NumericState<T>&, Workspace<T>&, Index, Index, Index, const ChildColumns<T>&); \
+  template void update_tile(NumericState<T>&, Index, Index, const SlabColumns<T>&);
+ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::device::host

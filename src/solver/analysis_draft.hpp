@@ -1,0 +1,25 @@
+/// \file
+/// Steps that all ways to an analysis share.
+#pragma once
+
+#include "solver/analysis.hpp"
+
+namespace espalier::solver {
+
+/// An analysis in the making.
+struct Draft {
+  System system;
+  Values values;
+  AnalysisResult result;
+};
+
+/// @throws Error(invalid_input) for what is no linear system
+void check_matrix(const GivenMatrix& given, base::ThreadPool& pool);
+/// The plan of a system with this tree.
+/// @param kept  see plan::make_plan()
+Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tree, Changes changes,
+                 const Context& context, const plan::KeptEntries* kept = nullptr);
+/// Fills in what the plan says. @pre `result` may hold what the plan does not
+void describe(Analysis& analysis, const Context& context);
+
+}  // namespace espalier::solver

@@ -1,0 +1,109 @@
+/// \file
+/// The C interface: solvers that several ranks share, and matrices in parts.
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "espalier/ranks.h"
+#include "solver/c_handle.hpp"
+#include "solver/c_results.hpp"
+
+namespace espalier::solver {
+
+namespace {
+
+/// A part in our own types, from 0 on.
+struct OwnRows {
+  Index n = 0, first_row = 0;
+  std::vector<Offset> pointers;
+  std::vector<Index> indices;
+  std::span<const double> values;
+  Storage storage = Storage::general;
+
+  [[nodiscard]] LocalRows view() const { return {n, first_row, pointers, indices, values, storage}; }
+};
+
+constexpr std::int64_t kMostRows = std::numeric_limits<Index>::max();
+
+// What is wrong in a part is for all ranks to hear: it becomes a part that the solver refuses.
+template <class Part>
+OwnRows own_rows(const Part& part) {
+  require(part.size >= sizeof(Part), "size is not that of the struct");
+  require(part.index_base == 0 || part.index_base == 1, "index_base must be 0 or 1");
+  require(part.storage >= ESPALIER_GENERAL && part.storage <= ESPALIER_SYMMETRIC_BOTH, "an unknown storage");
+  require(part.n >= 0 && part.n <= kMostRows && part.rows >= 0 && part.rows <= part.n, "rows out of range");
+  require(part.rows == 0 || part.pointers != nullptr, "the pointers are null");
+  OwnRows own;
+  own.n = static_cast<Index>(part.n);
+  own.storage = static_cast<Storage>(part.storage);
+  if (part.rows == 0) return own;
+  require(part.first_row >= part.index_base && part.first_row - part.index_base <= part.n - part.rows,
+          "first_row out of range");
+  own.first_row = static_cast<Index>(part.first_row - part.index_base);
+  for (std::int64_t r = 0; r <= part.rows; ++r)
+    own.pointers.push_back(static_cast<Offset>(part.pointers[r]) - part.index_base);
+  require(own.pointers.front() == 0 && own.pointers.back() >= 0, "the pointers do not begin with index_base");
+  const auto count = static_cast<std::size_t>(own.pointers.back());
+  require(count == 0 || part.indices != nullptr, "the indices are null");
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::int64_t col = static_cast<std::int64_t>(part.indices[k]) - part.index_base;
+    own.indices.push_back(col < 0 || col > kMostRows ? -1 : static_cast<Index>(col));
+  }
+  if (part.values != nullptr) own.values = {part.values, count};
+  return own;
+}
+
+template <class Part>
+int analyze_rows(espalier_solver* solver, const Part* part, espalier_analysis_info* info) {
+  return guarded(solver, [&](espalier_solver& s) {
+    require(part != nullptr, "the part is null");
+    const OwnRows own = own_rows(*part);
+    const AnalysisResult result = make_solver(s).analyze(own.view());
+    s.rows = own.n;
+    s.nonzeros = static_cast<Offset>(own.indices.size());
+    s.transposed = s.by_rows = false;
+    s.null_space = {};
+    s.vector_rows = result.status.ok() ? s.solver->rows().count : 0;
+    hand_out(result, info);
+    return result.status;
+  });
+}
+
+}  // namespace
+
+}  // namespace espalier::solver
+
+extern "C" {
+
+int espalier_use_ranks(espalier_solver* solver, const espalier_rank_functions* functions, double patience) {
+  return espalier::solver::guarded(solver, [&](espalier_solver& s) {
+    espalier::solver::require(functions != nullptr, "the table of functions is null");
+    s.solver.reset();
+    s.ranks = espalier::Ranks(*functions, patience == 0 ? espalier::Ranks::kPatience : patience);
+    return espalier::Status{};
+  });
+}
+
+int espalier_analyze_rows_i32(espalier_solver* solver, const espalier_local_rows_i32* part,
+                              espalier_analysis_info* info) {
+  return espalier::solver::analyze_rows(solver, part, info);
+}
+
+int espalier_analyze_rows_i64(espalier_solver* solver, const espalier_local_rows_i64* part,
+                              espalier_analysis_info* info) {
+  return espalier::solver::analyze_rows(solver, part, info);
+}
+
+int espalier_set_rows(espalier_solver* solver, int64_t first, int64_t count) {
+  return espalier::solver::guarded(solver, [&](espalier_solver& s) {
+    espalier::solver::require(s.solver && s.solver->state() != espalier::Solver::State::empty,
+                              "call espalier_analyze_rows first");
+    espalier::solver::require(first >= 0 && count >= 0 && first <= s.rows && count <= s.rows - first,
+                              "rows that the matrix does not have");
+    s.solver->set_rows({static_cast<espalier::Index>(first), static_cast<espalier::Index>(count)});
+    s.vector_rows = static_cast<espalier::Index>(count);
+    return espalier::Status{};
+  });
+}
+
+}  // extern "C"

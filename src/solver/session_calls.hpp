@@ -1,0 +1,94 @@
+/// \file
+/// What the calls of Solver and ComplexSolver have in common: failures as statuses, results as copies. Used by the
+/// sources of these two alone.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <new>
+#include <stdexcept>
+#include <utility>
+
+#include "solver/on_all_ranks.hpp"
+#include "solver/session.hpp"
+#include "solver/status_of.hpp"
+
+namespace espalier::solver {
+
+template <class Body>
+Status guarded(Session& s, Body&& body) {
+  const auto here = [&] {
+    return status_of(s.interruption, "use a smaller system or a machine with more memory", body);
+  };
+  if (s.link() == nullptr) return here();
+  return on_all_ranks(*s.link(), here);
+}
+
+// The caller's copy of a result; without memory for it, a bare status.
+template <class Result>
+Result copy_of(const Result& result) {
+  try {
+    return result;
+  } catch (const std::bad_alloc&) {
+    Result bare;
+    bare.status.code = StatusCode::out_of_memory;
+    bare.status.message = "out of memory";  // short enough to need none
+    return bare;
+  }
+}
+
+inline void check_values(const Session& s, const char* call, Offset count) {
+  if (!s.factor) throw std::logic_error(fmt::format("{}: call analyze() first", call));
+  if (s.parts) return;  // one rank's mistake is told to all
+  const Offset expected = s.current().system->prepared.caller_nonzeros;
+  if (count != expected)
+    throw std::invalid_argument(fmt::format("{}: {} values for a pattern of {} entries", call, count, expected));
+}
+
+inline void check_factorized(const Session& s, const char* call) {
+  if (s.state() != Solver::State::factorized)
+    throw std::logic_error(fmt::format("{}: there is no factorization", call));
+}
+
+// What `body` makes of s.factor; a failure takes the numbers with it.
+template <class Body>
+FactorResult factor_by(Session& s, Body&& body) {
+  const int before = s.factor->changes();
+  Status status = guarded(s, [&] {
+    s.expect_usable();
+    if (s.opening.valid()) s.opening.wait();
+    s.note_devices();
+    body(*s.factor);
+  });
+  FactorResult& result = s.factor->result();
+  if (!status.ok()) {
+    result.status = std::move(status);
+    if (!s.device_lost()) s.factor->drop();
+  }
+  if (s.factor->changes() != before) s.analysis = copy_of(s.current().result);
+  return copy_of(result);
+}
+
+template <class Body>
+SolveResult solve_by(Session& s, Body&& body) {
+  s.solution = SolveResult{};
+  Status status = guarded(s, [&] {
+    s.expect_usable();
+    s.solution = body();
+  });
+  if (!status.ok()) s.solution.status = std::move(status);
+  return copy_of(s.solution);
+}
+
+template <class Body>
+AnalysisResult analysis_by(Session& s, Body&& body) {
+  s.analysis = AnalysisResult{};
+  s.analysis.status = guarded(s, [&] {
+    s.expect_usable();
+    body();
+  });
+  if (!s.analysis.status.ok() && !s.device_lost()) s.factor.reset();
+  return copy_of(s.analysis);
+}
+
+}  // namespace espalier::solver
