@@ -20,10 +20,11 @@ namespace nb = nanobind;
 inline nb::tuple status_of(const Status& s) { return nb::make_tuple(static_cast<int>(s.code), s.message, s.row); }
 
 /// An array of NumPy that owns the numbers.
-inline nb::object array_of(std::vector<double> numbers, std::initializer_list<std::size_t> shape) {
-  auto* kept = new std::vector<double>(std::move(numbers));
-  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
-  return nb::cast(nb::ndarray<nb::numpy, double>(kept->data(), shape, owner));
+template <class T>
+nb::object array_of(std::vector<T> numbers, std::initializer_list<std::size_t> shape) {
+  auto* kept = new std::vector<T>(std::move(numbers));
+  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+  return nb::cast(nb::ndarray<nb::numpy, T>(kept->data(), shape, owner));
 }
 
 }  // namespace espalier::python

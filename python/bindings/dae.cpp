@@ -34,7 +34,7 @@ using Places = nb::ndarray<const Index, nb::ndim<1>, nb::c_contig, nb::device::c
 using ConstSpan = std::span<const double>;
 
 // A copy: the library's arrays are there during the call only, Python may keep what it is given.
-nb::object vector_of(ConstSpan x) { return array_of({x.begin(), x.end()}, {x.size()}); }
+nb::object vector_of(ConstSpan x) { return array_of(std::vector<double>(x.begin(), x.end()), {x.size()}); }
 
 // What a function of Python returned, to where the library wants it. _dae.py has checked types and sizes.
 void take(const nb::object& answer, std::span<double> out) {

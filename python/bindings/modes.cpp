@@ -106,6 +106,43 @@ void bind_modes(nb::module_& m) {
       },
       array("k_pointers"), array("k_indices"), array("k_values"), array("m_pointers"), array("m_indices"),
       array("m_values"), "storage"_a, "buckling"_a, "options"_a, "solver"_a, "log"_a.none());
+  m.def(
+      "find_quadratic_modes",
+      [](const Pointers& kp, const Indices& ki, const Values& kv, const Pointers& cp, const Indices& ci,
+         const Values& cv, const Pointers& mp, const Indices& mi, const Values& mv, int storage, Index count,
+         double shift, double tolerance, Index basis_size,
+         const std::vector<std::pair<std::string, std::string>>& solver) {
+        QuadraticModesOptions o;
+        solver::Environment environment = solver::read_environment();
+        if (!environment.status.ok()) throw Error(environment.status);
+        o.solver = std::move(environment.options);
+        for (const auto& [key, value] : solver) solver::set_option(o.solver, key, value);
+        o.solver.interrupted = &Host::interrupted;
+        o.solver.interrupted_every = 0.1;
+        o.count = count;
+        o.shift = shift;
+        o.tolerance = tolerance;
+        o.basis_size = basis_size;
+        const MatrixView k = view_of(kp, ki, kv, storage), c = view_of(cp, ci, cv, storage),
+                         second = view_of(mp, mi, mv, storage);
+        QuadraticModesResult r;
+        {
+          const nb::gil_scoped_release released;
+          r = find_quadratic_modes(k, c, second, o);
+        }
+        if (Host::raised) std::rethrow_exception(std::exchange(Host::raised, nullptr));
+        // Complex numbers as pairs: numpy sees them as such.
+        const auto found = static_cast<std::size_t>(r.count()), n = static_cast<std::size_t>(r.n);
+        std::vector<double> values, vectors;
+        for (const auto& l : r.eigenvalues) values.insert(values.end(), {l.real(), l.imag()});
+        for (const auto& x : r.vectors) vectors.insert(vectors.end(), {x.real(), x.imag()});
+        return nb::make_tuple(status_of(r.status), array_of(std::move(values), {found, 2}),
+                              array_of(std::move(vectors), {found, n, 2}), array_of(std::move(r.residuals), {found}),
+                              r.shift, r.solved_columns);
+      },
+      array("k_pointers"), array("k_indices"), array("k_values"), array("c_pointers"), array("c_indices"),
+      array("c_values"), array("m_pointers"), array("m_indices"), array("m_values"), "storage"_a, "count"_a, "shift"_a,
+      "tolerance"_a, "basis_size"_a, "solver"_a);
 }
 
 }  // namespace espalier::python

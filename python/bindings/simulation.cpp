@@ -27,7 +27,7 @@ class SimulationHandle {
  public:
   SimulationHandle(std::vector<std::string> set, std::string out, std::optional<double> until, std::string restart,
                    bool accept_changes, std::vector<std::string> quantities,
-                   std::vector<std::pair<std::string, std::string>> solver, std::string analyses) {
+                   std::vector<std::pair<std::string, std::string>> solver, std::string analyses, double frames) {
     SimulationOptions o;
     o.set = std::move(set);
     o.out = std::move(out);
@@ -37,6 +37,7 @@ class SimulationHandle {
     o.quantities = std::move(quantities);
     o.solver = std::move(solver);
     o.analyses = std::move(analyses);
+    o.frame_interval = frames;
     o.keep_series = true;
     o.interrupted = &Host::interrupted;
     o.interrupted_every = 0.1;
@@ -81,6 +82,20 @@ class SimulationHandle {
   std::unique_ptr<Simulation> simulation_;
   Turns turns_{"a simulation was run, stepped or restored from its own observer"};
 };
+
+// Fields in the order of the classes in _pictures.py.
+nb::tuple fields(SimulationMesh m) {
+  const std::size_t cells = m.types.size(), offsets = m.offsets.size(), points = m.connectivity.size();
+  return nb::make_tuple(array_of(std::move(m.types), {cells}), array_of(std::move(m.offsets), {offsets}),
+                        array_of(std::move(m.connectivity), {points}), array_of(std::move(m.body), {cells}), m.bodies);
+}
+
+nb::tuple fields(SimulationFrame f) {
+  const std::size_t points = f.points.size() / 3, cells = f.von_mises.size();
+  return nb::make_tuple(f.t, array_of(std::move(f.points), {points, 3}),
+                        array_of(std::move(f.displacement), {points, 3}), array_of(std::move(f.velocity), {points, 3}),
+                        array_of(std::move(f.von_mises), {cells}));
+}
 
 nb::dict fields(const SimulationSummary& s) {
   nb::dict d;
@@ -131,9 +146,9 @@ nb::dict fields(const SimulationSummary& s) {
 void bind_simulation(nb::module_& m) {
   nb::class_<SimulationHandle>(m, "Simulation")
       .def(nb::init<std::vector<std::string>, std::string, std::optional<double>, std::string, bool,
-                    std::vector<std::string>, std::vector<std::pair<std::string, std::string>>, std::string>(),
+                    std::vector<std::string>, std::vector<std::pair<std::string, std::string>>, std::string, double>(),
            "set"_a, "out"_a, "until"_a.none(), "restart"_a, "accept_changes"_a, "quantities"_a, "solver"_a,
-           "analyses"_a)
+           "analyses"_a, "frames"_a)
       .def(
           "load",
           [](SimulationHandle& s, const std::string& text, const std::string& name, bool is_path) {
@@ -196,6 +211,15 @@ void bind_simulation(nb::module_& m) {
              const std::size_t rows = series.t.size(), columns = series.names.size();
              return nb::make_tuple(series.names, array_of(std::move(series.t), {rows}),
                                    array_of(std::move(series.values), {rows, columns}));
+           })
+      .def("mesh", [](SimulationHandle& s) { return fields(s.look([](Simulation& sim) { return sim.mesh(); })); })
+      .def("frame", [](SimulationHandle& s) { return fields(s.look([](Simulation& sim) { return sim.frame(); })); })
+      .def("frames",
+           [](SimulationHandle& s) {
+             nb::list list;
+             for (SimulationFrame& f : s.look([](Simulation& sim) { return sim.frames(); }))
+               list.append(fields(std::move(f)));
+             return list;
            })
       .def("summary",
            [](SimulationHandle& s) { return fields(s.look([](Simulation& sim) { return sim.summary(); })); });

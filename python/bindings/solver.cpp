@@ -1,4 +1,5 @@
 // The solver's part of the module _core. Private: the modules of the package give it types, checks and exceptions.
+#include <nanobind/stl/complex.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
@@ -31,31 +32,33 @@ nb::tuple fields(const AnalysisResult& r) {
                         r.predicted_bytes, r.predicted_seconds, r.device);
 }
 
-nb::object vectors(const std::vector<double>& all, std::size_t count) {
-  if (count == 0 || all.empty()) return nb::none();
-  const std::size_t n = all.size() / (all.size() % count == 0 ? count : 1);
-  return array_of(all, {all.size() / n, n});
+// Vectors of n numbers; complex ones as pairs of doubles, which Python takes for what they are.
+nb::object vectors(const std::vector<double>& all, std::size_t doubles) {
+  if (all.empty() || doubles == 0) return nb::none();
+  return array_of(all, {all.size() / doubles, doubles});
 }
 
-nb::tuple fields(const FactorResult& r, bool transposed, Index n) {
+nb::tuple fields(const AnyFactor& factor, bool transposed, Index n) {
+  const FactorReport& r = factor.report;
   const bool swapped = transposed && !r.dependent_columns.empty();
   const auto& rows = swapped ? r.dependent_columns : r.dependent_rows;
   const auto& columns = swapped || r.dependent_columns.empty() ? r.dependent_rows : r.dependent_columns;
-  const auto& right = swapped ? r.left_null_vectors : r.null_vectors;
-  const auto& left = swapped || r.left_null_vectors.empty() ? r.null_vectors : r.left_null_vectors;
-  const auto count = [n](const std::vector<double>& v) { return n > 0 ? v.size() / static_cast<std::size_t>(n) : 0; };
+  const auto& right = swapped ? factor.left_null_vectors : factor.null_vectors;
+  const auto& left = swapped || factor.left_null_vectors.empty() ? factor.null_vectors : factor.left_null_vectors;
+  const std::size_t doubles = static_cast<std::size_t>(n) * (factor.complex ? 2 : 1);
+  const nb::object sign = factor.complex ? nb::cast(factor.sign) : nb::cast(factor.sign.real());
   return nb::make_tuple(r.seconds, r.flops_per_second,
-                        nb::make_tuple(r.inertia.positive, r.inertia.negative, r.inertia.zero), r.determinant_sign,
-                        r.determinant_log, r.rank, r.two_by_two, r.perturbed, r.delayed, r.peak_host_bytes, r.device,
-                        nb::cast(rows), nb::cast(columns), vectors(right, count(right)), vectors(left, count(left)));
+                        nb::make_tuple(r.inertia.positive, r.inertia.negative, r.inertia.zero), sign, r.determinant_log,
+                        r.rank, r.two_by_two, r.perturbed, r.delayed, r.peak_host_bytes, r.device, nb::cast(rows),
+                        nb::cast(columns), vectors(right, doubles), vectors(left, doubles));
 }
 
 nb::tuple fields(const SolveResult& r) {
   return nb::make_tuple(r.seconds, r.solve_seconds, r.refinement_steps, r.backward_error, r.componentwise_error);
 }
 
-Shape shape_of(const Pointers& pointers, bool by_rows, int storage) {
-  return {static_cast<Index>(pointers.size()) - 1, by_rows, static_cast<Storage>(storage)};
+Shape shape_of(const Pointers& pointers, bool by_rows, int storage, bool complex) {
+  return {static_cast<Index>(pointers.size()) - 1, by_rows, static_cast<Storage>(storage), complex};
 }
 
 // What is to be known of an array on a device; keeps it alive.
@@ -102,38 +105,51 @@ void bind_solver(nb::module_& m) {
       .def(
           "analyze",
           [](SolverHandle& s, const Pointers& p, const Indices& i, const std::optional<Values>& v, bool by_rows,
-             int storage) {
-            const AnalysisResult r = s.analyze(p, i, v, shape_of(p, by_rows, storage));
+             int storage, bool complex) {
+            const AnalysisResult r = s.analyze(p, i, v, shape_of(p, by_rows, storage, complex));
             return nb::make_tuple(status_of(r.status), fields(r));
+          },
+          array("pointers"), array("indices"), nb::arg("values").noconvert().none(), "by_rows"_a, "storage"_a,
+          "complex"_a)
+      .def(
+          "analyze_change",
+          [](SolverHandle& s, const Pointers& p, const Indices& i, const std::optional<Values>& v, bool by_rows,
+             int storage) {
+            const ChangeResult r = s.analyze_change(p, i, v, shape_of(p, by_rows, storage, false));
+            return nb::make_tuple(
+                status_of(r.analysis.status), fields(r.analysis),
+                nb::make_tuple(r.full, r.why, r.added_entries, r.removed_entries, r.moved_unknowns, r.kept_fronts));
           },
           array("pointers"), array("indices"), nb::arg("values").noconvert().none(), "by_rows"_a, "storage"_a)
       .def(
           "load_analysis",
           [](SolverHandle& s, const std::string& path, const Pointers& p, const Indices& i,
-             const std::optional<Values>& v, bool by_rows, int storage) {
-            const AnalysisResult r = s.load_analysis(path, p, i, v, shape_of(p, by_rows, storage));
+             const std::optional<Values>& v, bool by_rows, int storage, bool complex) {
+            const AnalysisResult r = s.load_analysis(path, p, i, v, shape_of(p, by_rows, storage, complex));
             return nb::make_tuple(status_of(r.status), fields(r));
           },
-          "path"_a, array("pointers"), array("indices"), nb::arg("values").noconvert().none(), "by_rows"_a, "storage"_a)
+          "path"_a, array("pointers"), array("indices"), nb::arg("values").noconvert().none(), "by_rows"_a, "storage"_a,
+          "complex"_a)
       .def(
           "factorize",
-          [](SolverHandle& s, const Pointers& p, const Indices& i, const Values& v, bool by_rows, int storage) {
-            const Shape shape = shape_of(p, by_rows, storage);
-            const FactorResult r = s.factorize(p, i, v, shape);
-            return nb::make_tuple(status_of(r.status), fields(r, s.transposed(), shape.n));
+          [](SolverHandle& s, const Pointers& p, const Indices& i, const Values& v, bool by_rows, int storage,
+             bool complex) {
+            const Shape shape = shape_of(p, by_rows, storage, complex);
+            const AnyFactor r = s.factorize(p, i, v, shape);
+            return nb::make_tuple(status_of(r.report.status), fields(r, s.transposed(), shape.n));
           },
-          array("pointers"), array("indices"), array("values"), "by_rows"_a, "storage"_a)
+          array("pointers"), array("indices"), array("values"), "by_rows"_a, "storage"_a, "complex"_a)
       .def(
           "refactorize",
           [](SolverHandle& s, const Values& v, Index n) {
-            const FactorResult r = s.refactorize(v);
-            return nb::make_tuple(status_of(r.status), fields(r, s.transposed(), n));
+            const AnyFactor r = s.refactorize(v);
+            return nb::make_tuple(status_of(r.report.status), fields(r, s.transposed(), n));
           },
           array("values"), "n"_a)
       .def(
           "solve",
           [](SolverHandle& s, const nb::ndarray<const double, nb::device::cpu>& b,
-             const nb::ndarray<double, nb::device::cpu>& x, Index columns, bool transpose) {
+             const nb::ndarray<double, nb::device::cpu>& x, Index columns, int transpose) {
             const SolveResult r = s.solve(b, x, columns, transpose);
             return nb::make_tuple(status_of(r.status), fields(r));
           },
@@ -141,8 +157,8 @@ void bind_solver(nb::module_& m) {
       .def(
           "refactorize_device",
           [](SolverHandle& s, std::uintptr_t values, Offset count, std::uintptr_t stream, Index n) {
-            const FactorResult r = s.refactorize_device(values, count, stream);
-            return nb::make_tuple(status_of(r.status), fields(r, s.transposed(), n));
+            const AnyFactor r = s.refactorize_device(values, count, stream);
+            return nb::make_tuple(status_of(r.report.status), fields(r, s.transposed(), n));
           },
           "values"_a, "count"_a, "stream"_a, "n"_a)
       .def(
@@ -163,10 +179,10 @@ void bind_solver(nb::module_& m) {
       .def("state", [](SolverHandle& s) { return static_cast<int>(s.state()); })
       .def(
           "has_pattern",
-          [](SolverHandle& s, const Pointers& p, const Indices& i, bool by_rows, int storage) {
-            return s.has_pattern(p, i, shape_of(p, by_rows, storage));
+          [](SolverHandle& s, const Pointers& p, const Indices& i, bool by_rows, int storage, bool complex) {
+            return s.has_pattern(p, i, shape_of(p, by_rows, storage, complex));
           },
-          array("pointers"), array("indices"), "by_rows"_a, "storage"_a)
+          array("pointers"), array("indices"), "by_rows"_a, "storage"_a, "complex"_a)
       .def("values",
            [](SolverHandle& s) {
              std::vector<double> values = s.values();

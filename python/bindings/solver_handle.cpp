@@ -3,6 +3,7 @@
 #include <nanobind/stl/string.h>
 
 #include <stdexcept>
+#include <type_traits>
 #include <utility>
 
 #include "solver/environment.hpp"
@@ -20,6 +21,8 @@ Storage by_columns(const Shape& shape) {
   if (!shape.by_rows) return shape.storage;
   if (shape.storage == Storage::symmetric_lower) return Storage::symmetric_upper;
   if (shape.storage == Storage::symmetric_upper) return Storage::symmetric_lower;
+  if (shape.storage == Storage::hermitian_lower) return Storage::hermitian_upper;
+  if (shape.storage == Storage::hermitian_upper) return Storage::hermitian_lower;
   return shape.storage;
 }
 
@@ -33,6 +36,29 @@ MatrixView view_of(const Pointers& pointers, const Indices& indices, const Value
   return view;
 }
 
+ComplexMatrixView complex_view_of(const Pointers& pointers, const Indices& indices, const Values* values,
+                                  const Shape& shape) {
+  const MatrixView pattern = view_of(pointers, indices, nullptr, shape);
+  ComplexMatrixView view{pattern.rows, pattern.cols, pattern.col_ptr, pattern.row_ind, {}, pattern.storage};
+  if (values != nullptr)
+    view.values = {reinterpret_cast<const std::complex<double>*>(values->data()), values->size() / 2};
+  return view;
+}
+
+// The view that a solver takes.
+MatrixView matrix_for(const Solver&, const Pointers& p, const Indices& i, const Values* v, const Shape& s) {
+  return view_of(p, i, v, s);
+}
+ComplexMatrixView matrix_for(const ComplexSolver&, const Pointers& p, const Indices& i, const Values* v,
+                             const Shape& s) {
+  return complex_view_of(p, i, v, s);
+}
+
+std::vector<double> parts_of(const std::vector<std::complex<double>>& v) {
+  const double* first = reinterpret_cast<const double*>(v.data());
+  return {first, first + 2 * v.size()};
+}
+
 // An address of GPU memory, or a stream, as Python's array interfaces give them.
 template <class T>
 T* address(std::uintptr_t number) {
@@ -40,6 +66,21 @@ T* address(std::uintptr_t number) {
 }
 
 }  // namespace
+
+AnyFactor::AnyFactor(FactorResult r)
+    : sign(r.determinant_sign),
+      null_vectors(std::move(r.null_vectors)),
+      left_null_vectors(std::move(r.left_null_vectors)) {
+  report = std::move(r);
+}
+
+AnyFactor::AnyFactor(ComplexFactorResult r)
+    : complex(true),
+      sign(r.determinant_phase),
+      null_vectors(parts_of(r.null_vectors)),
+      left_null_vectors(parts_of(r.left_null_vectors)) {
+  report = std::move(r);
+}
 
 SolverHandle::SolverHandle() {
   solver::Environment environment = solver::read_environment();
@@ -50,13 +91,14 @@ SolverHandle::SolverHandle() {
   options_.log = [host = host_](const std::string& line) { host->write(line); };
 }
 
-SolverHandle::SolverHandle(const SolverHandle& original, Solver&& clone, int threads)
+SolverHandle::SolverHandle(const SolverHandle& original, int threads)
     : options_(original.options_),
       host_(original.host_),
-      solver_(std::move(clone)),
       single_(original.single_ && threads == 0),
       transposed_(original.transposed_) {
   if (threads > 0) options_.threads = threads;
+  if (original.solver_) solver_.emplace(original.solver_->clone(threads));
+  if (original.complex_solver_) complex_solver_.emplace(original.complex_solver_->clone(threads));
 }
 
 void SolverHandle::set_option(const std::string& key, const std::string& value) {
@@ -75,65 +117,111 @@ auto SolverHandle::call(Body&& body) {
   });
 }
 
-void SolverHandle::make_solver(Offset nonzeros) {
+void SolverHandle::make_solver(Offset nonzeros, bool complex) {
   const bool single =
       options_.threads == 0 && nonzeros < kSmall && (options_.device == "auto" || options_.device == "cpu");
-  if (solver_ && single == single_) return;
+  if ((complex ? complex_solver_.has_value() : solver_.has_value()) && single == single_) return;
   Options options = options_;
   if (single) options.threads = 1;
   solver_.reset();
-  solver_.emplace(std::move(options));
+  ++generation_;
+  complex_solver_.reset();
+  if (complex)
+    complex_solver_.emplace(std::move(options));
+  else
+    solver_.emplace(std::move(options));
   single_ = single;
 }
 
 AnalysisResult SolverHandle::analyze(const Pointers& pointers, const Indices& indices,
                                      const std::optional<Values>& values, const Shape& shape) {
+  const Values* given = values ? &*values : nullptr;
+  return call([&] {
+    make_solver(static_cast<Offset>(indices.size()), shape.complex);
+    transposed_ = shape.by_rows && shape.storage == Storage::general;
+    if (shape.complex) return complex_solver_->analyze(complex_view_of(pointers, indices, given, shape));
+    return solver_->analyze(view_of(pointers, indices, given, shape));
+  });
+}
+
+ChangeResult SolverHandle::analyze_change(const Pointers& pointers, const Indices& indices,
+                                          const std::optional<Values>& values, const Shape& shape) {
   const MatrixView view = view_of(pointers, indices, values ? &*values : nullptr, shape);
   return call([&] {
-    make_solver(static_cast<Offset>(indices.size()));
+    Solver& s = analyzed();
     transposed_ = shape.by_rows && shape.storage == Storage::general;
-    return solver_->analyze(view);
+    return s.analyze_change(view);
   });
 }
 
 AnalysisResult SolverHandle::load_analysis(const std::string& path, const Pointers& pointers, const Indices& indices,
                                            const std::optional<Values>& values, const Shape& shape) {
-  const MatrixView view = view_of(pointers, indices, values ? &*values : nullptr, shape);
+  const Values* given = values ? &*values : nullptr;
   return call([&] {
-    make_solver(static_cast<Offset>(indices.size()));
+    make_solver(static_cast<Offset>(indices.size()), shape.complex);
     transposed_ = shape.by_rows && shape.storage == Storage::general;
-    return solver_->load_analysis(path, view);
+    if (shape.complex) return complex_solver_->load_analysis(path, complex_view_of(pointers, indices, given, shape));
+    return solver_->load_analysis(path, view_of(pointers, indices, given, shape));
   });
+}
+
+// Calls use(solver) with the solver that there is.
+template <class Use>
+auto SolverHandle::with_analyzed(Use&& use) {
+  if (complex_solver_ && complex_solver_->state() != Solver::State::empty) return use(*complex_solver_);
+  if (!solver_ || solver_->state() == Solver::State::empty)
+    throw std::logic_error("there is no analysis: call analyze(A) or factorize(A) first");
+  return use(*solver_);
 }
 
 Solver& SolverHandle::analyzed() {
-  if (!solver_ || solver_->state() == Solver::State::empty)
-    throw std::logic_error("there is no analysis: call analyze(A) or factorize(A) first");
-  return *solver_;
+  if (complex_solver_)
+    throw Error(StatusCode::invalid_input,
+                "the system is complex: it takes no arrays on a device, and a pattern that changes is analyzed anew");
+  return *with_analyzed([&](auto&) { return &*solver_; });
 }
 
-FactorResult SolverHandle::factorize(const Pointers& pointers, const Indices& indices, const Values& values,
-                                     const Shape& shape) {
-  const MatrixView view = view_of(pointers, indices, &values, shape);
-  return call([&] { return analyzed().factorize(view); });
-}
-
-FactorResult SolverHandle::refactorize(const Values& values) {
-  return call([&] { return analyzed().refactorize({values.data(), values.size()}); });
-}
-
-SolveResult SolverHandle::solve(const nb::ndarray<const double, nb::device::cpu>& b,
-                                const nb::ndarray<double, nb::device::cpu>& x, Index columns, bool transpose) {
+AnyFactor SolverHandle::factorize(const Pointers& pointers, const Indices& indices, const Values& values,
+                                  const Shape& shape) {
   return call([&] {
-    const bool other = transpose != transposed_;
-    return analyzed().solve({b.data(), b.size()}, {x.data(), x.size()}, columns,
-                            other ? Transpose::yes : Transpose::no);
+    return with_analyzed([&](auto& solver) -> AnyFactor {
+      return solver.factorize(matrix_for(solver, pointers, indices, &values, shape));
+    });
   });
 }
 
-FactorResult SolverHandle::refactorize_device(std::uintptr_t values, Offset count, std::uintptr_t stream) {
-  return call(
-      [&] { return analyzed().refactorize_device(address<const double>(values), count, address<void>(stream)); });
+AnyFactor SolverHandle::refactorize(const Values& values) {
+  return call([&] {
+    return with_analyzed([&](auto& solver) -> AnyFactor {
+      if constexpr (std::is_same_v<decltype(solver), ComplexSolver&>)
+        return solver.refactorize({reinterpret_cast<const std::complex<double>*>(values.data()), values.size() / 2});
+      else
+        return solver.refactorize({values.data(), values.size()});
+    });
+  });
+}
+
+SolveResult SolverHandle::solve(const nb::ndarray<const double, nb::device::cpu>& b,
+                                const nb::ndarray<double, nb::device::cpu>& x, Index columns, int transpose) {
+  return call([&] {
+    return with_analyzed([&](auto& solver) {
+      if constexpr (std::is_same_v<decltype(solver), ComplexSolver&>) {
+        return solver.solve({reinterpret_cast<const std::complex<double>*>(b.data()), b.size() / 2},
+                            {reinterpret_cast<std::complex<double>*>(x.data()), x.size() / 2}, columns,
+                            static_cast<Transpose>(transpose));
+      } else {
+        const bool other = (transpose != 0) != transposed_;
+        return solver.solve({b.data(), b.size()}, {x.data(), x.size()}, columns,
+                            other ? Transpose::yes : Transpose::no);
+      }
+    });
+  });
+}
+
+AnyFactor SolverHandle::refactorize_device(std::uintptr_t values, Offset count, std::uintptr_t stream) {
+  return call([&] {
+    return AnyFactor(analyzed().refactorize_device(address<const double>(values), count, address<void>(stream)));
+  });
 }
 
 SolveResult SolverHandle::solve_device(std::uintptr_t b, std::uintptr_t x, Index columns, bool transpose,
@@ -150,35 +238,44 @@ int SolverHandle::gpu() {
 }
 
 ConditionResult SolverHandle::condition() {
-  return call([&] { return analyzed().condition_estimate(); });
+  return call([&] { return with_analyzed([](auto& solver) { return solver.condition_estimate(); }); });
 }
 
 Status SolverHandle::save_analysis(const std::string& path) {
-  return call([&] { return analyzed().save_analysis(path); });
+  return call([&] { return with_analyzed([&](auto& solver) { return solver.save_analysis(path); }); });
 }
 
 Solver::State SolverHandle::state() {
-  return call([&] { return solver_ ? solver_->state() : Solver::State::empty; });
+  return call([&] {
+    if (complex_solver_) return complex_solver_->state();
+    return solver_ ? solver_->state() : Solver::State::empty;
+  });
 }
 
 bool SolverHandle::has_pattern(const Pointers& pointers, const Indices& indices, const Shape& shape) {
-  const MatrixView view = view_of(pointers, indices, nullptr, shape);
-  return call([&] { return analyzed().has_pattern(view); });
+  return call([&] {
+    return with_analyzed(
+        [&](auto& solver) { return solver.has_pattern(matrix_for(solver, pointers, indices, nullptr, shape)); });
+  });
 }
 
 std::vector<double> SolverHandle::values() {
-  return call([&] { return analyzed().values(); });
+  return call([&] {
+    if (complex_solver_) return parts_of(complex_solver_->values());
+    return analyzed().values();
+  });
 }
 
 std::unique_ptr<SolverHandle> SolverHandle::clone(int threads) {
   return call([&] {  // the constructor is private: no make_unique
-    return std::unique_ptr<SolverHandle>(new SolverHandle(*this, analyzed().clone(threads), threads));
+    return with_analyzed([&](auto&) { return std::unique_ptr<SolverHandle>(new SolverHandle(*this, threads)); });
   });
 }
 
 void SolverHandle::close() {
   turns_.enter([&] {  // in the child of a fork the parent's call may go on elsewhere: nothing happens then
     solver_.reset();
+    complex_solver_.reset();
     closed_ = true;
   });
 }

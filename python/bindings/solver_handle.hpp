@@ -6,12 +6,14 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include <complex>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "espalier/complex_solver.hpp"
 #include "espalier/solver.hpp"
 #include "host.hpp"
 #include "turns.hpp"
@@ -31,6 +33,19 @@ struct Shape {
   Index n = 0;
   bool by_rows = false;                ///< compressed rows
   Storage storage = Storage::general;  ///< of the matrix itself, whatever the layout
+  bool complex = false;                ///< values are pairs of doubles
+};
+
+/// A factorization of either sort of numbers; null vectors of complex matrices as their parts.
+struct AnyFactor {
+  AnyFactor() = default;
+  AnyFactor(FactorResult r);         // NOLINT(google-explicit-constructor): it is one
+  AnyFactor(ComplexFactorResult r);  // NOLINT(google-explicit-constructor)
+
+  FactorReport report;
+  bool complex = false;
+  std::complex<double> sign;  ///< of the determinant: -1, 0 or 1; complex: its phase
+  std::vector<double> null_vectors, left_null_vectors;
 };
 
 class SolverHandle {
@@ -46,14 +61,19 @@ class SolverHandle {
                          const Shape& shape);
   AnalysisResult load_analysis(const std::string& path, const Pointers& pointers, const Indices& indices,
                                const std::optional<Values>& values, const Shape& shape);
-  FactorResult factorize(const Pointers& pointers, const Indices& indices, const Values& values, const Shape& shape);
-  FactorResult refactorize(const Values& values);
-  /// @param b, x  columns * n values, column by column; may be the same array
+  /// See Solver::analyze_change(). @throws std::logic_error without an analysis
+  ChangeResult analyze_change(const Pointers& pointers, const Indices& indices, const std::optional<Values>& values,
+                              const Shape& shape);
+  AnyFactor factorize(const Pointers& pointers, const Indices& indices, const Values& values, const Shape& shape);
+  AnyFactor refactorize(const Values& values);
+  /// @param b, x  columns * n numbers, column by column; may be the same array
+  /// @param transpose  of real systems whether the caller's matrix is transposed; of complex ones a Transpose of the
+  ///                   matrix that the C++ solver holds
   SolveResult solve(const nb::ndarray<const double, nb::device::cpu>& b, const nb::ndarray<double, nb::device::cpu>& x,
-                    Index columns, bool transpose);
+                    Index columns, int transpose);
   /// The same with arrays in the memory of the GPU that holds the factor; addresses and a cudaStream_t as numbers. See
   /// Solver::refactorize_device() and solve_device().
-  FactorResult refactorize_device(std::uintptr_t values, Offset count, std::uintptr_t stream);
+  AnyFactor refactorize_device(std::uintptr_t values, Offset count, std::uintptr_t stream);
   SolveResult solve_device(std::uintptr_t b, std::uintptr_t x, Index columns, bool transpose, std::uintptr_t stream);
   /// See Solver::gpu().
   int gpu();
@@ -67,20 +87,38 @@ class SolverHandle {
   std::unique_ptr<SolverHandle> clone(int threads);
   void close();
 
+  /// Rises when the C++ solver becomes another object.
+  [[nodiscard]] std::uint64_t generation() const { return generation_; }
+  /// Runs body(solver) in turn. @throws std::logic_error where the solver is another one than at `generation`
+  template <class Body>
+  void with_solver(std::uint64_t generation, Body&& body) {
+    (void)turns_.call([&] {
+      if (closed_ || generation != generation_ || !solver_)
+        throw std::logic_error(
+            "the solver has been closed, or has begun anew with another matrix: make the changes anew");
+      body(*solver_);
+      return true;
+    });
+  }
+
   /// Whether the C++ solver holds the transpose of the caller's matrix.
   [[nodiscard]] bool transposed() const { return transposed_; }
 
  private:
-  SolverHandle(const SolverHandle& original, Solver&& clone, int threads);
+  SolverHandle(const SolverHandle& original, int threads);
 
   template <class Body>
   auto call(Body&& body);
-  void make_solver(Offset nonzeros);
+  void make_solver(Offset nonzeros, bool complex);
+  template <class Use>
+  auto with_analyzed(Use&& use);
   Solver& analyzed();
 
   Options options_;
   std::shared_ptr<Host> host_ = std::make_shared<Host>();
-  std::optional<Solver> solver_;
+  std::optional<Solver> solver_;  // one of them at most
+  std::optional<ComplexSolver> complex_solver_;
+  std::uint64_t generation_ = 0;
   bool single_ = false;      // it has one thread because its system was small
   bool transposed_ = false;  // it holds A^T
   bool closed_ = false;

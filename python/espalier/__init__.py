@@ -2,14 +2,17 @@
 
 from . import _load  # first: it chooses the extension module
 from ._version import __version__
+from ._changes import Batch, BatchSolve, ChangedSystem, SchurComplement
 from ._dae import Dae
 from ._errors import (AccuracyWarning, DeviceError, Error, InvalidInputError, NotPositiveDefiniteError,
                       OutOfMemoryError, SingularMatrixError)
-from ._modes import Modes, buckling_modes, modes
-from ._results import Analysis, Factor, Inertia, Solve
+from ._modes import Modes, QuadraticModes, buckling_modes, modes, quadratic_modes
+from ._pictures import Cells, Frame
+from ._results import Analysis, Change, Factor, Inertia, Solve
+from ._sensitivities import Derivatives, derivatives
 from ._simulation import Model, Result, Simulation, Step, sweep
 from ._solver import Solver, solve
 
-__all__ = ["AccuracyWarning", "Analysis", "Dae", "DeviceError", "Error", "Factor", "Inertia", "InvalidInputError", "Model",
-           "Modes", "NotPositiveDefiniteError", "OutOfMemoryError", "Result", "Simulation", "SingularMatrixError", "Solve", "Solver",
-           "Step", "__version__", "buckling_modes", "modes", "solve", "sweep"]
+__all__ = ["AccuracyWarning", "Analysis", "Batch", "BatchSolve", "Cells", "Change", "ChangedSystem", "Dae", "Derivatives", "DeviceError", "Error", "Factor", "Frame", "Inertia", "InvalidInputError", "Model",
+           "Modes", "QuadraticModes", "NotPositiveDefiniteError", "OutOfMemoryError", "Result", "SchurComplement", "Simulation", "SingularMatrixError", "Solve", "Solver",
+           "Step", "__version__", "buckling_modes", "derivatives", "modes", "quadratic_modes", "solve", "sweep"]

@@ -10,11 +10,34 @@ _VECTORS = {"force": "coordinates", "residual": "coordinates", "constraint": "co
 _MATRICES = {"mass": "coordinates", "tangent": "coordinates", "constraint_jacobian": "constraints"}
 
 
+_WHOLE = ("max_order", "order", "max_newton")
+
+
+def _real(x: Any, name: str) -> Any:
+    """As an array, where it is one of real numbers. name: of the function that returned it, or of what it is."""
+    import numpy as np
+
+    x = np.asarray(x)
+    if x.dtype.kind not in "fiub":
+        what = f"numbers of dtype {x.dtype}" if x.dtype.kind == "c" else "None" if x.ndim == 0 and x[()] is None else "no numbers"
+        raise TypeError(f"{name}: {what}; real numbers are wanted")
+    return x
+
+
+def _number(name: str, value: Any) -> Any:
+    """An option."""
+    if isinstance(value, (str, bytes)) or not hasattr(value, "__float__"):
+        raise TypeError(f"option {name}: {value!r} is no number")
+    if name in _WHOLE and float(value) != int(value):
+        raise ValueError(f"option {name}: {value!r} must be a whole number")
+    return float(value)
+
+
 def _vector(function: Callable[..., Any], name: str, size: int) -> Callable[..., Any]:
     import numpy as np
 
     def checked(*args: Any) -> Any:
-        x = np.ascontiguousarray(function(*args), np.float64)
+        x = np.ascontiguousarray(_real(function(*args), name), np.float64)
         if x.shape != (size,):
             raise ValueError(f"{name} returned an array of shape {x.shape}; it must be ({size},)")
         return x
@@ -27,7 +50,9 @@ def _matrix(function: Callable[..., Any], name: str, rows: int, columns: int) ->
     def checked(*args: Any) -> Any:
         x = function(*args)
         if not hasattr(x, "tocoo"):
-            x = np.asarray(x, np.float64)
+            x = _real(x, name)
+        elif x.dtype.kind not in "fiub":
+            raise TypeError(f"{name} returned a matrix of dtype {x.dtype}; it must return real numbers")
         if x.shape != (rows, columns):
             raise ValueError(f"{name} returned a matrix of shape {x.shape}; it must be ({rows}, {columns})")
         if hasattr(x, "tocoo"):
@@ -38,6 +63,15 @@ def _matrix(function: Callable[..., Any], name: str, rows: int, columns: int) ->
             values = x[row, column]
         return (np.ascontiguousarray(row, np.int32), np.ascontiguousarray(column, np.int32),
                 np.ascontiguousarray(values, np.float64))
+    return checked
+
+
+def _pair(energy: Callable[..., Any]) -> Callable[..., "tuple[float, float]"]:
+    def checked(*args: Any) -> "tuple[float, float]":
+        both = _real(energy(*args), "energy")
+        if both.shape != (2,):
+            raise ValueError("energy must return two numbers, (kinetic, potential)")
+        return float(both[0]), float(both[1])
     return checked
 
 
@@ -73,6 +107,7 @@ class Dae:
 
         if method not in ("bdf", "generalized-alpha"):
             raise ValueError(f"method {method!r} is neither bdf nor generalized-alpha")
+        self._coordinates = coordinates
         given = {"mass": mass, "force": force, "residual": residual, "tangent": tangent, "constraint": constraint,
                  "constraint_jacobian": constraint_jacobian, "constraint_rate": constraint_rate,
                  "constraint_gamma": constraint_gamma}
@@ -86,9 +121,9 @@ class Dae:
             else:
                 functions[name] = _matrix(function, name, sizes[_MATRICES[name]], coordinates)
         if energy is not None:
-            functions["energy"] = lambda *args: tuple(map(float, energy(*args)))
+            functions["energy"] = _pair(energy)
         self._core = _core.Dae(coordinates, constraints, functions,
-                               {"generalized_alpha": method != "bdf", **options},
+                               {"generalized_alpha": method != "bdf", **{k: _number(k, v) for k, v in options.items()}},
                                [(k, _text(v)) for k, v in (solver or {}).items()], list(constraint_names),
                                [(int(i), int(j)) for i, j in tangent_pattern],
                                [(int(i), int(j)) for i, j in constraint_pattern])
@@ -97,7 +132,13 @@ class Dae:
         """Begins at time t with the nearest q and v, (n,) each, that satisfy the constraints."""
         import numpy as np
 
-        self._check(self._core.start(t, np.ascontiguousarray(q, np.float64), np.ascontiguousarray(v, np.float64)))
+        given = []
+        for x, name in ((q, "q"), (v, "v")):
+            x = _real(x, name)
+            if x.shape != (self._coordinates,):
+                raise ValueError(f"{name} has shape {x.shape}; it must be ({self._coordinates},)")
+            given.append(np.ascontiguousarray(x, np.float64))
+        self._check(self._core.start(t, *given))
 
     def integrate(self, end: float, observer: "Callable[[float], Any] | None" = None) -> None:
         """Steps until exactly `end`; may be called again with a later one. observer: called with the time after every step;

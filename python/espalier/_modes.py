@@ -116,3 +116,56 @@ def buckling_modes(K: Any, Kg: Any, count: int, *, tolerance: float = 1e-10, pro
     for rows of constraints; Kg: symmetric. Arguments and exceptions as for modes(); vectors have x' K x = 1."""
     return _search(K, Kg, symmetry, True, log,
                    _options(count, None, None, tolerance, prove, True, block_size, basis_size, seed), solver)
+
+
+@dataclass(frozen=True)
+class QuadraticModes(_Table):
+    """Of (l^2 M + l C + K) x = 0: complex eigenvalues by distance from the shift, one of each conjugate pair; vectors are the
+    columns of `vectors`, (n, count), of norm 1. `residuals`: ||Q(l) x||_2 / ((|l|^2 ||M|| + |l| ||C|| + ||K||) ||x||_2)."""
+
+    eigenvalues: Any
+    vectors: Any
+    residuals: Any
+    shift: float
+    solved_columns: int
+
+    @property
+    def frequencies(self) -> Any:
+        """|Im l| / (2 pi)."""
+        return abs(self.eigenvalues.imag) / (2 * math.pi)
+
+    @property
+    def damping_ratios(self) -> Any:
+        """-Re l / |l|."""
+        return -self.eigenvalues.real / abs(self.eigenvalues)
+
+    def __len__(self) -> int:
+        return len(self.eigenvalues)
+
+
+def quadratic_modes(K: Any, C: Any, M: Any, count: int = 6, *, shift: "float | None" = None, tolerance: float = 1e-10,
+                    basis_size: int = 0, **solver: Any) -> QuadraticModes:
+    """The few eigenvalues of (l^2 M + l C + K) x = 0 nearest to a real shift (None: a little below zero, for the slowest
+    motions): damping, gyroscopic and circulatory terms, rows of constraints [K G'; G 0]. K, C, M: real, of one shape, all
+    entries stored, of scipy.sparse. Nothing proves that none was missed. Raises as modes() does; warns with AccuracyWarning
+    where some were not found."""
+    import warnings
+
+    arrays = []
+    for name, a in (("K", K), ("C", C), ("M", M)):
+        if not hasattr(a, "tocsc"):
+            raise TypeError(f"{name} is a {type(a).__name__}: give a sparse matrix of scipy.sparse")
+        pointers, indices, values, _ = _arrays(a.tocsc())
+        if values is None:
+            raise ValueError(f"{name} has no values, only a pattern")
+        arrays += [pointers, indices, values]
+    status, eigenvalues, vectors, residuals, taken, columns = _core.find_quadratic_modes(
+        *arrays, 0, int(count), math.nan if shift is None else float(shift), float(tolerance), int(basis_size),
+        [(key, _text(value)) for key, value in solver.items()])
+    found = QuadraticModes(eigenvalues[..., 0] + 1j * eigenvalues[..., 1],
+                           (vectors[..., 0] + 1j * vectors[..., 1]).T, residuals, taken, columns)
+    if status[0] == 7:
+        warnings.warn(AccuracyWarning(status[1]), stacklevel=2)
+    elif status[0] != 0:
+        raise make_error(*status)
+    return found

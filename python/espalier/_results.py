@@ -14,7 +14,7 @@ class _Table:
 
 
 class Inertia(NamedTuple):
-    """Counts of eigenvalues by sign; -1 each for kind lu."""
+    """Counts of eigenvalues by sign; -1 each for kind lu, and of complex symmetric matrices."""
 
     positive: int
     negative: int
@@ -41,13 +41,27 @@ class Analysis(_Table):
 
 
 @dataclass(frozen=True)
+class Change(_Table):
+    """Of Solver.analyze_change(). `full`: all was ordered anew, `why` says for what reason. Entries as they are stored."""
+
+    analysis: Analysis
+    full: bool
+    why: str
+    added_entries: int
+    removed_entries: int
+    moved_unknowns: int
+    kept_fronts: int
+
+
+@dataclass(frozen=True)
 class Factor(_Table):
-    """Of a factorization. `null_vectors`: (n - rank, n) float64 with A v = 0, or None for a regular matrix."""
+    """Of a factorization. `null_vectors`: (n - rank, n) float64 (complex128) with A v = 0, or None for a regular matrix;
+    `determinant_sign` of a complex matrix is the phase of the determinant."""
 
     seconds: float
     flops_per_second: float
     inertia: Inertia
-    determinant_sign: float
+    determinant_sign: "float | complex"
     determinant_log: float
     rank: int
     two_by_two: int

@@ -6,6 +6,7 @@ from typing import Any, Callable, Iterable, Mapping, NamedTuple
 
 from . import _core
 from ._errors import make_error
+from ._pictures import Cells, Frame, animation, grid, plotter
 from ._progress import Bar, wanted
 from ._toml import toml_of
 
@@ -27,6 +28,12 @@ class Step(NamedTuple):
 Observer = Callable[[Step], Any]
 
 
+def _interval(frames: float) -> float:
+    if not 0 <= frames < float("inf"):
+        raise ValueError(f"frames={frames!r}: it must be an interval of time, or 0 for every step")
+    return float(frames)
+
+
 class Model:
     """A model as a tree of keys and values, those of docs/guide/simulate.md.
 
@@ -44,7 +51,7 @@ class Model:
     def load(cls, path: "str | os.PathLike[str]") -> "Model":
         """Of a model file, which is read by every run; mesh files are looked for beside it."""
         model = cls()
-        model._path = os.fspath(path)
+        model._path = os.fsdecode(path)
         return model
 
     @classmethod
@@ -102,6 +109,19 @@ class Model:
         yourself."""
         return Simulation(self, until=until, **options).run(observer, progress=progress)
 
+    def derivatives(self, parameters: "Iterable[str] | Mapping[str, float]", **options: Any) -> Any:
+        """espalier.derivatives(model, parameters, **options): a run with the derivatives of its quantities."""
+        from ._sensitivities import derivatives
+
+        return derivatives(self, parameters, **options)
+
+    def gradient(self, quantity: str, parameters: "Iterable[str] | Mapping[str, float]",
+                 **options: Any) -> "tuple[float, Any]":
+        """A quantity at the end of a run and its gradient by parameters, (P,): what scipy.optimize.minimize takes with
+        jac=True. options: those of espalier.derivatives(), set={path: value} among them."""
+        found = self.derivatives(parameters, quantities=[quantity], **options)
+        return found.value(quantity), found.gradient(quantity)
+
     def __repr__(self) -> str:
         if self._path is not None:
             return f"<espalier.Model of {self._path}>"
@@ -111,12 +131,15 @@ class Model:
 @dataclass(frozen=True)
 class Result:
     """What a run came to. t: (steps + 1,) times, or load factors; names and values (steps + 1, len(names)): the chosen
-    quantities; summary: everything that is known of the run, by name."""
+    quantities; summary: everything that is known of the run, by name; cells and frames: pictures of the bodies, where
+    Simulation(frames=...) asked for them."""
 
     t: Any
     names: "list[str]"
     values: Any
     summary: "dict[str, Any]"
+    cells: "Cells | None" = None
+    frames: "tuple[Frame, ...]" = ()
 
     def __getitem__(self, name: str) -> Any:
         """One quantity over time, (steps + 1,), or the three columns of a vector, (steps + 1, 3)."""
@@ -142,6 +165,57 @@ class Result:
 
         return xarray.Dataset({n: ("t", self.values[:, k]) for k, n in enumerate(self.names)}, {"t": self.t})
 
+    def _frames(self) -> "tuple[Cells, list[Frame]]":
+        if self.cells is None or not self.frames:
+            raise ValueError("no pictures were kept: give frames=0.01, an interval of time, to run() or Simulation()")
+        return self.cells, list(self.frames)
+
+    def _frame(self, t: "float | None") -> "tuple[Cells, Frame]":
+        cells, frames = self._frames()
+        return cells, frames[-1] if t is None else min(frames, key=lambda f: abs(f.t - t))
+
+    def mesh(self, t: "float | None" = None) -> Any:
+        """The bodies as a pyvista.UnstructuredGrid, as they were in the kept frame nearest to t (None: the last): point
+        data displacement, velocity; cell data body (its place in cells.bodies), von_mises; field data t."""
+        return grid(*self._frame(t))
+
+    def meshes(self) -> Any:
+        """All kept frames as a pyvista.MultiBlock, a block for each, named by its time."""
+        from ._pictures import _pyvista
+
+        cells, frames = self._frames()
+        blocks = _pyvista().MultiBlock()
+        for frame in frames:
+            blocks.append(grid(cells, frame), f"t = {frame.t:.9g}")
+        return blocks
+
+    def picture(self, t: "float | None" = None, path: "str | os.PathLike[str] | None" = None, *,
+                scalars: "str | None" = "von_mises", size: "tuple[int, int]" = (800, 500), view: Any = None,
+                parallel: bool = True, **mesh: Any) -> Any:
+        """The kept frame nearest to t, drawn by PyVista without a window: an image of PIL, which notebooks show; with a
+        path (.png, .jpg, ...) it is written there, too. scalars: what is coloured ("von_mises", "velocity",
+        "displacement", "body", None). view: as Plotter.camera_position ("xy", "iso", ...). mesh: further options of
+        Plotter.add_mesh(). Raises ImportError without PyVista."""
+        cells, frame = self._frame(t)
+        scene, _ = plotter(cells, [frame], scalars, size, view, parallel, mesh)
+        try:
+            from PIL import Image
+
+            image = Image.fromarray(scene.screenshot(return_img=True))
+        finally:
+            scene.close()
+        if path is not None:
+            image.save(os.fspath(path))
+        return image
+
+    def animate(self, path: "str | os.PathLike[str] | None" = None, *, seconds: float = 3.0,
+                scalars: "str | None" = "von_mises", size: "tuple[int, int]" = (640, 400), view: Any = None,
+                parallel: bool = True, **mesh: Any) -> Any:
+        """All kept frames as an animation (.gif, .webp, .png) of that duration, with one scale of colours and one window;
+        without a path as an image that notebooks show. Options as for picture()."""
+        cells, frames = self._frames()
+        return animation(cells, frames, path, seconds, scalars, size, view, parallel, mesh)
+
     def _repr_html_(self) -> str:
         from html import escape
 
@@ -161,7 +235,8 @@ class Simulation:
     model: a Model, a dictionary, or the path of a model file. set: values to be replaced, {"parameters.size": 2}. until:
     end instead of the model's. quantities: names ("rod.position.x", "rod.position", "energy.total") of what is kept at
     every step, besides those of the model's [output]. out: folder for files. restart: a restart file to go on from.
-    analyses: a folder that keeps the orderings of Newton's matrices for other simulations of the same structure.
+    frames: pictures of the bodies are kept at such intervals of time (or of the load factor; 0: at every step), for
+    Result.mesh(), picture(), animate(). analyses: a folder that keeps the orderings of Newton's matrices for other simulations of the same structure.
     Further options are those of the solver (device, threads, ...).
 
     Calls let other Python threads run. Ctrl-C ends a run after a step, or in a long factorization, with
@@ -171,15 +246,18 @@ class Simulation:
     def __init__(self, model: "Model | Mapping[str, Any] | str | os.PathLike[str]", *,
                  set: "Mapping[str, Any] | None" = None, until: "float | None" = None, quantities: Iterable[str] = (),
                  out: "str | os.PathLike[str]" = "", restart: "str | os.PathLike[str]" = "",
-                 accept_changes: bool = False, analyses: "str | os.PathLike[str]" = "", **solver: Any) -> None:
+                 accept_changes: bool = False, analyses: "str | os.PathLike[str]" = "",
+                 frames: "float | None" = None, **solver: Any) -> None:
         from ._solver import _text
         from ._toml import _value
 
         if isinstance(quantities, str):
             quantities = [quantities]
-        self._core = _core.Simulation([f"{k}={_value(v, k)}" for k, v in (set or {}).items()], os.fspath(out), until,
-                                      os.fspath(restart), accept_changes, list(quantities),
-                                      [(k, _text(v)) for k, v in solver.items()], os.fspath(analyses))
+        self._core = _core.Simulation([f"{k}={_value(v, k)}" for k, v in (set or {}).items()], os.fsdecode(out), until,
+                                      os.fsdecode(restart), accept_changes, list(quantities),
+                                      [(k, _text(v)) for k, v in solver.items()], os.fsdecode(analyses),
+                                      -1.0 if frames is None else _interval(frames))
+        self._frames = frames is not None
         if not isinstance(model, Model):
             model = Model(model) if isinstance(model, Mapping) else Model.load(model)
         if model._path is not None:
@@ -253,12 +331,19 @@ class Simulation:
 
     def restore(self, state: bytes) -> None:
         """Goes to a state of save(), of this or another simulation of the same model; what was kept of later steps goes."""
-        self._check(self._core.restore(state))
+        self._check(self._core.restore(bytes(memoryview(state))))
 
     def result(self) -> Result:
         """What is known so far."""
         names, t, values = self._core.series()
-        return Result(t, names, values, self._core.summary())
+        if not self._frames:
+            return Result(t, names, values, self._core.summary())
+        return Result(t, names, values, self._core.summary(), Cells(*self._core.mesh()),
+                      tuple(Frame(*f) for f in self._core.frames()))
+
+    def mesh(self) -> Any:
+        """The bodies as they are now, a pyvista.UnstructuredGrid as of Result.mesh()."""
+        return grid(Cells(*self._core.mesh()), Frame(*self._core.frame()))
 
     def __repr__(self) -> str:
         return f"<espalier.Simulation at t = {self.time:g}>"
@@ -269,12 +354,25 @@ def _one(job: "tuple[Any, dict[str, Any], dict[str, Any]]") -> Result:
     return Simulation(model, set=point, **options).run(progress=False)
 
 
+def _told(point: "dict[str, Any]", call: "Callable[..., Result]", *args: Any) -> "Result":
+    """call(*args); its error says for which point of a sweep."""
+    try:
+        return call(*args)
+    except Exception as error:
+        error.point = point  # type: ignore[attr-defined]
+        if hasattr(error, "add_note"):  # Python 3.11
+            error.add_note(f"in the sweep's run with {point}")
+        raise
+
+
 def sweep(model: Any, parameters: "Mapping[str, Iterable[Any]]", *, workers: "int | None" = None,
           **options: Any) -> "list[tuple[dict[str, Any], Result]]":
     """Runs a model for all combinations of values, on several processes: [({"parameters.size": 1}, Result), ...] in the
     order of itertools.product. options: those of Simulation. The ordering of Newton's matrix is made once for each
-    structure and shared. The first run that fails raises its error."""
-    from concurrent.futures import ProcessPoolExecutor
+    structure and shared. A run that fails raises its error, with what was set as its attribute `point`; it and Ctrl-C end
+    the others. RuntimeError: a process was killed, by the system for want of memory for instance."""
+    from concurrent.futures import FIRST_EXCEPTION, ProcessPoolExecutor, wait
+    from concurrent.futures.process import BrokenProcessPool
     from itertools import product
     from multiprocessing import get_context
 
@@ -285,7 +383,22 @@ def sweep(model: Any, parameters: "Mapping[str, Iterable[Any]]", *, workers: "in
     with TemporaryDirectory(prefix="espalier-") as folder:
         jobs = [(model, {**fixed, **p}, {"threads": 1, "analyses": folder, **options}) for p in points]
         if workers == 1 or len(jobs) < 2:
-            return list(zip(points, map(_one, jobs)))
+            return [(point, _told(point, _one, job)) for point, job in zip(points, jobs)]
         workers = workers or min(len(jobs), len(os.sched_getaffinity(0)))
-        with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-            return list(zip(points, pool.map(_one, jobs)))
+        pool = ProcessPoolExecutor(workers, get_context("spawn"))
+        try:
+            futures = [pool.submit(_one, job) for job in jobs]
+            wait(futures, return_when=FIRST_EXCEPTION)
+            for point, future in zip(points, futures):  # the first in order that has failed, if one has
+                if future.done() and not future.cancelled() and future.exception() is not None:
+                    _told(point, future.result)
+            return [(point, future.result()) for point, future in zip(points, futures)]
+        except BrokenProcessPool as error:
+            raise RuntimeError("a process of the sweep was killed (is there enough memory? take fewer workers), or could not"
+                               ' start (a script that sweeps needs `if __name__ == "__main__":`)') from error
+        except BaseException:
+            for process in list((getattr(pool, "_processes", None) or {}).values()):  # they would finish their runs
+                process.terminate()
+            raise
+        finally:
+            pool.shutdown(cancel_futures=True)

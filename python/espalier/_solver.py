@@ -8,21 +8,44 @@ from typing import Any
 from . import _core, _device
 from ._errors import AccuracyWarning, Error, make_error, transposed_error
 from ._progress import UNWATCHED, Unwatched, Watch, wanted
-from ._results import Analysis, Factor, Inertia, Solve
+from ._results import Analysis, Change, Factor, Inertia, Solve
 
 _core.set_error_maker(make_error)
-_STORAGE = {"auto": 0, "general": 0, "lower": 1, "upper": 2, "symmetric": 3}
+_STORAGE = {"auto": 0, "general": 0, "lower": 1, "upper": 2, "symmetric": 3, "hermitian_lower": 4, "hermitian_upper": 5,
+            "hermitian": 6}
 
 
-def _numbers(a: Any, what: str) -> Any:
-    """`a` as float64 without a copy where it is that already."""
+def _numbers(a: Any, what: str, complex_too: bool = False) -> Any:
+    """`a` as float64, or complex128 where it is complex, without a copy where it is that already."""
     import numpy as np
 
-    a = np.asarray(a)
+    if type(a) is not np.ndarray:
+        a = _plain(a, what)
+    if complex_too and a.dtype.kind == "c" and a.dtype.itemsize <= 16:
+        return a.astype(np.complex128, copy=False)
     if a.dtype.kind not in "fiub" or a.dtype.itemsize > 8:
-        raise TypeError(f"{what} has dtype {a.dtype}; espalier computes in float64 and takes real numbers of 64 bits"
-                        " or fewer" + ("; complex systems are not supported yet" if a.dtype.kind == "c" else ""))
+        raise TypeError(f"{what}: numbers of dtype {a.dtype}; espalier computes in float64 and takes real numbers of 64 bits"
+                        " or fewer" + ("; no complex ones here" if a.dtype.kind == "c" else ", and complex ones of 128"))
     return a.astype(np.float64, copy=False)
+
+
+def _floats(a: Any) -> Any:
+    """Complex numbers as pairs of float64, for _core; None and others as they are."""
+    return a.view("float64") if a is not None and a.dtype.kind == "c" else a
+
+
+def _plain(a: Any, what: str) -> Any:
+    """As an array of NumPy's own class."""
+    import numpy as np
+
+    if isinstance(a, np.ma.MaskedArray):
+        raise TypeError(f"{what}: a masked array, and nobody knows what stands behind the mask: give its .filled(...)")
+    if hasattr(a, "toarray"):
+        raise TypeError(f"{what}: a sparse array; it must be dense: give its .toarray()")
+    given, a = a, np.asarray(a)
+    if a.dtype.kind == "O":
+        raise TypeError(f"{what}: {type(given).__name__} is no array of numbers")
+    return a
 
 
 def _indices(a: Any, what: str, most: int, dtype: str) -> Any:
@@ -36,15 +59,17 @@ def _indices(a: Any, what: str, most: int, dtype: str) -> Any:
     return np.ascontiguousarray(a.astype(dtype, copy=False))
 
 
-def _arrays(a: Any) -> "tuple[Any, Any, Any, bool]":
-    """(indptr int64, indices int32, values float64 or None, whether they are compressed rows)."""
+def _arrays(a: Any, complex_too: bool = False) -> "tuple[Any, Any, Any, bool]":
+    """(indptr int64, indices int32, values float64 (complex128) or None, whether they are compressed rows)."""
     import numpy as np
 
     if isinstance(a, tuple):
         if len(a) != 3:
             raise TypeError("a matrix as a tuple is (indptr, indices, data) of compressed rows; data may be None")
-        indptr, indices, data, by_rows = *a, True
-        n = len(indptr) - 1
+        indptr, indices, data, by_rows = np.asarray(a[0]), a[1], a[2], True
+        if indptr.ndim != 1:
+            raise TypeError(f"indptr must be a vector of integers, not {indptr.ndim}-D {indptr.dtype}")
+        n = indptr.size - 1
     else:
         if not hasattr(a, "tocsc"):
             raise TypeError(f"{type(a).__name__} is no sparse matrix: give one of scipy.sparse or (indptr, indices, data)")
@@ -58,7 +83,7 @@ def _arrays(a: Any) -> "tuple[Any, Any, Any, bool]":
     if not 0 < n < 2**31:
         raise ValueError(f"a matrix of {n} rows; there must be from 1 to 2^31 - 1")
     if data is not None:
-        data = np.ascontiguousarray(_numbers(data, "the matrix"))
+        data = np.ascontiguousarray(_numbers(data, "the matrix", complex_too))
         if data.shape != (len(indices),):
             raise ValueError(f"data of shape {data.shape} for {len(indices)} indices")
     return (_indices(indptr, "indptr", 2**62, "int64"), _indices(indices, "indices", n - 1, "int32"), data, by_rows)
@@ -90,12 +115,16 @@ class Solver:
     A: scipy.sparse matrix or array of any format, or (indptr, indices, data) of compressed rows with indices from 0;
     it is analyzed and factorized. None: analyze() or factorize() come later. Its arrays are read during calls only.
     symmetry: "auto" finds out from the values; "general"; "symmetric" (both triangles are stored, the upper one is not
-    read); "lower", "upper" (only that triangle is stored). log: a logging.Logger, by default "espalier".
+    read); "lower", "upper" (only that triangle is stored); "hermitian", "hermitian_lower", "hermitian_upper" likewise. log: a logging.Logger, by default "espalier".
     progress: "auto" shows analyses and factorizations that take longer than a second, in terminals and notebooks; True,
     False. options: those of the command line (kind, precision, device, threads, singular, ...).
 
     The values of A (then a matrix of cupyx.scipy.sparse, a sparse tensor of torch, or a triple) may lie on an NVIDIA GPU,
     as float64; `device` is then that GPU unless it is given. The pattern is analyzed on the host.
+
+    Values may be complex (complex64, complex128; computed in complex128): symmetric, Hermitian and general matrices. Complex
+    matrices that "auto" finds both symmetric and Hermitian, since they are real, are taken as symmetric. Such systems are
+    solved on the host.
 
     Calls let other Python threads run and wait for each other on one solver. Ctrl-C ends a call of the main thread within
     about a tenth of a second, with KeyboardInterrupt: an analysis, or a factor, in the making is lost; the solver is
@@ -118,7 +147,7 @@ class Solver:
         if permutation is not None:
             self._core.set_permutation(_indices(permutation, "permutation", 2**31 - 1, "int32"))
         self._core.set_log((log or logging.getLogger("espalier")).debug)
-        self._n, self._by_rows = 0, False
+        self._n, self._by_rows, self._complex = 0, False, False
         self._watched = wanted() if progress == "auto" else bool(progress)
         self.analysis: "Analysis | None" = None
         self.factor: "Factor | None" = None
@@ -137,21 +166,21 @@ class Solver:
                 and "device" not in os.environ.get("ESPALIER_OPTIONS", "")):
             self._options["device"] = f"gpu:{_device.number_of(on_gpu)}"
             self._core.set_option("device", self._options["device"])
-        return _arrays(A), on_gpu
+        return _arrays(A, True), on_gpu
 
     def _watch(self, what: str, expected: "float | None" = None) -> "Watch | Unwatched":
         return Watch(what, expected) if self._watched else UNWATCHED
 
     def save_analysis(self, path: "str | os.PathLike[str]") -> None:
         """Writes the analysis to a file; load_analysis() of the same pattern then needs no ordering."""
-        status = self._core.save_analysis(os.fspath(path))
+        status = self._core.save_analysis(os.fsdecode(path))
         if status[0]:
             raise make_error(*status)
 
     def load_analysis(self, path: "str | os.PathLike[str]", A: Any) -> Analysis:
         """Takes the analysis of A from the file of save_analysis(), in place of analyze(A). Raises InvalidInputError
         where the file is damaged or belongs to another pattern."""
-        return self._analyze(self._taken(A)[0], os.fspath(path))
+        return self._analyze(self._taken(A)[0], os.fsdecode(path))
 
     def clone(self, threads: int = 0) -> "Solver":
         """Another solver with the same options that shares the analysis and has no factor yet: for threads, load cases
@@ -161,18 +190,39 @@ class Solver:
         other.factor = other.last_solve = None
         return other
 
-    def _analyze(self, arrays: "tuple[Any, Any, Any, bool]", path: "str | None" = None) -> Analysis:
+    def _analyze(self, arrays: "tuple[Any, Any, Any, bool]", path: "str | None" = None,
+                 complex_values: "bool | None" = None) -> Analysis:
+        """complex_values: what a pattern without values is for; None: real ones."""
         self.analysis = self.factor = self._pattern = None
+        self._complex = bool(complex_values) if arrays[2] is None else arrays[2].dtype.kind == "c"
+        given = (*arrays[:2], _floats(arrays[2]), arrays[3], self._storage, self._complex)
         with self._watch(f"analyzing {len(arrays[0]) - 1} unknowns"):
             if path is None:
-                status, found = self._core.analyze(*arrays, self._storage)
+                status, found = self._core.analyze(*given)
             else:
-                status, found = self._core.load_analysis(path, *arrays, self._storage)
+                status, found = self._core.load_analysis(path, *given)
         if status[0]:
             raise _matrix_error(status, arrays[3], "")
         self._n, self._by_rows, self._pattern = len(arrays[0]) - 1, arrays[3], arrays[:2]
         self.analysis = Analysis(*found)
         return self.analysis
+
+    def analyze_change(self, A: Any) -> Change:
+        """Analyzes a pattern that differs here and there from the analyzed one, in a small part of analyze()'s time: what
+        the change does not touch stays. Where too much has changed, all is ordered anew, and `why` says so."""
+        arrays = self._taken(A)[0]
+        if self.analysis is None:
+            raise RuntimeError("there is no analysis: call analyze(A) or factorize(A) first")
+        if self._complex or (arrays[2] is not None and arrays[2].dtype.kind == "c"):
+            raise TypeError("the pattern of a complex system is analyzed anew: call analyze(A)")
+        self.analysis = self.factor = self._pattern = None
+        with self._watch(f"analyzing {len(arrays[0]) - 1} unknowns"):
+            status, found, change = self._core.analyze_change(*arrays, self._storage)
+        if status[0]:
+            raise _matrix_error(status, arrays[3], "")
+        self._n, self._by_rows, self._pattern = len(arrays[0]) - 1, arrays[3], arrays[:2]
+        self.analysis = Analysis(*found)
+        return Change(self.analysis, *change)
 
     def factorize(self, A: Any, *, stream: Any = None) -> Factor:
         """Factorizes a matrix, or new values of the analyzed one: a vector in the order of its `data` (of a format
@@ -189,6 +239,7 @@ class Solver:
             status, found = self._factorize_values(A, stream)
         if status[0]:
             raise _matrix_error(status, self._by_rows, self.analysis.kind if self.analysis else "")
+        found = [*found[:-2], *(v.view("complex128") if v is not None and self._complex else v for v in found[-2:])]
         self.factor = Factor(found[0], found[1], Inertia(*found[2]), *found[3:])
         return self.factor
 
@@ -196,26 +247,27 @@ class Solver:
         arrays, on_gpu = self._taken(A)
         if arrays[2] is None:
             raise ValueError("a pattern without values cannot be factorized")
-        known = self.analysis is not None and self._n == len(arrays[0]) - 1 and self._by_rows == arrays[3]
+        known = (self.analysis is not None and self._n == len(arrays[0]) - 1 and self._by_rows == arrays[3]
+                 and (arrays[2].dtype.kind == "c") == self._complex)
         if known and on_gpu is not None:
-            known = self._core.has_pattern(arrays[0], arrays[1], arrays[3], self._storage)
+            known = self._core.has_pattern(arrays[0], arrays[1], arrays[3], self._storage, self._complex)
         if not known:
             self._analyze(arrays)
         if on_gpu is not None:
             return self._factorize_values(on_gpu, stream)
         self.factor = None
         with self._watch(*self._factorizing()):
-            status, found = self._core.factorize(*arrays, self._storage)
+            status, found = self._core.factorize(*arrays[:2], _floats(arrays[2]), arrays[3], self._storage, self._complex)
         if known and status[0] == 2 and _finite(arrays[2]):  # another pattern, or no longer symmetric
             self._analyze(arrays)
             with self._watch(*self._factorizing()):
-                status, found = self._core.factorize(*arrays, self._storage)
+                status, found = self._core.factorize(*arrays[:2], _floats(arrays[2]), arrays[3], self._storage, self._complex)
         return status, found
 
     def _factorize_values(self, values: Any, stream: Any) -> Any:
         on_gpu = _device.on_gpu(values)
         if not on_gpu:
-            values = _numbers(values, "the values")
+            values = _numbers(values, "the values", True)
         if values.ndim == 2:
             raise ValueError(f"a dense array of shape {values.shape}: give a sparse matrix, scipy.sparse.csc_array(A)")
         if values.ndim != 1:
@@ -225,13 +277,18 @@ class Solver:
         if on_gpu:
             _device.expect_kernels(values)
             view = _device.columns(values, "the values", stream)
+        if not on_gpu and (values.dtype.kind == "c") != self._complex:
+            if self._complex:
+                values = values.astype("complex128")
+            else:
+                self._analyze((*self._pattern, values.copy(), self._by_rows))
         before, self.factor = self.factor, None
         try:
             with self._watch(*self._factorizing(before)):
                 if on_gpu:
                     return self._advised(
                         self._core.refactorize_device(view.address, view.shape[0], view.stream, self._n), values)
-                return self._core.refactorize(values if values.flags.c_contiguous else values.copy(), self._n)
+                return self._core.refactorize(_floats(values if values.flags.c_contiguous else values.copy()), self._n)
         except ValueError:  # not even begun: the number of values is wrong
             self.factor = before
             raise
@@ -241,10 +298,11 @@ class Solver:
         assert self.analysis is not None
         return "factorizing", self.analysis.predicted_seconds if before is None else before.seconds
 
-    def solve(self, b: Any, *, out: Any = None, transpose: bool = False, stream: Any = None) -> Any:
-        """x with A x = b, or A^T x = b: float64 of the shape of b, (n,) or (n, k).
+    def solve(self, b: Any, *, out: Any = None, transpose: "bool | str" = False, stream: Any = None) -> Any:
+        """x with A x = b, A^T x = b (transpose=True) or A^H x = b (transpose="H"): float64 of the shape of b, (n,) or (n, k);
+        complex128 where A or b is complex.
 
-        out: a writable float64 array of that shape, which is filled and returned; it may be b, or overlap it. Contiguous vectors and
+        out: a writable array of that dtype and shape, which is filled and returned; it may be b, or overlap it. Contiguous vectors and
         Fortran-ordered columns are read and written in place; others are copied. Warns AccuracyWarning.
 
         b may lie on the GPU that holds the factor; so does x then, an array of the same library (CuPy, torch, JAX, numba;
@@ -256,11 +314,20 @@ class Solver:
             raise RuntimeError("there is no matrix yet: call factorize(A) first")
         if type(b) is not np.ndarray and _device.on_gpu(b):
             return self._solve_on_gpu(b, out, transpose, stream)
-        b = _numbers(b, "b")
+        b = _numbers(b, "b", True)
         self._check_rows(b)
-        if out is not None and not (isinstance(out, np.ndarray) and out.dtype == np.float64 and out.shape == b.shape
+        if transpose not in (False, True, "H"):
+            raise ValueError(f"transpose is {transpose!r}; it must be False, True or 'H'")
+        dtype = np.dtype(np.complex128 if self._complex else b.dtype)
+        if out is not None and not (isinstance(out, np.ndarray) and out.dtype == dtype and out.shape == b.shape
                                     and out.dtype.isnative and out.flags.writeable):
-            raise ValueError(f"out must be a writable float64 array of shape {b.shape}")
+            raise ValueError(f"out must be a writable {dtype} array of shape {b.shape}")
+        if dtype.kind == "c":
+            x = self._solve_complex(b.astype(dtype, copy=False), transpose)
+            if out is None:
+                return x
+            out[...] = x
+            return out
         columns = 1 if b.ndim == 1 else b.shape[1]
         right = np.asfortranarray(b)
         direct = out is not None and out.flags.f_contiguous
@@ -270,6 +337,28 @@ class Solver:
         if out is not None and not direct:
             out[...] = x
         return x if out is None else out
+
+    def _solve_complex(self, b: Any, transpose: "bool | str") -> Any:
+        import numpy as np
+
+        columns = b.reshape(len(b), -1)
+        if not self._complex:  # of a real matrix both parts are right-hand sides
+            parts = np.asfortranarray(np.hstack([columns.real, columns.imag]))
+            x = np.empty_like(parts)
+            if columns.shape[1] > 0:
+                self._solved(self._core.solve(parts.T, x.T, parts.shape[1], int(bool(transpose))))
+            return (x[:, :columns.shape[1]] + 1j * x[:, columns.shape[1]:]).reshape(b.shape)
+        how = 2 if transpose == "H" else int(transpose)
+        turned = self._by_rows and self._storage == 0 and how == 2  # the solver holds A^T: A^H is its conjugate
+        if self._by_rows and self._storage == 0:
+            how = int(how == 0)
+        elif self._by_rows and self._storage >= 4:  # ... which of a Hermitian matrix is A's conjugate
+            how = int(how != 1)
+        right = np.asfortranarray(columns.conj() if turned else columns)
+        x = np.empty_like(right)
+        if columns.shape[1] > 0:
+            self._solved(self._core.solve(_floats(right.T), _floats(x.T), columns.shape[1], how))
+        return (x.conj() if turned else x).reshape(b.shape)
 
     def _check_rows(self, b: Any) -> None:
         if b.ndim not in (1, 2) or b.shape[0] != self._n:
@@ -311,8 +400,8 @@ class Solver:
         return self._factored().inertia
 
     @property
-    def slogdet(self) -> "tuple[float, float]":
-        """Sign and logarithm of |det A|, as numpy.linalg.slogdet."""
+    def slogdet(self) -> "tuple[float | complex, float]":
+        """Sign (of a complex matrix: phase) and logarithm of |det A|, as numpy.linalg.slogdet."""
         return self._factored().determinant_sign, self._factored().determinant_log
 
     def _factored(self) -> Factor:
@@ -336,7 +425,7 @@ class Solver:
         state = self._core.state()
         if state == 0:
             return _revive, (type(self), self._options)
-        if not self._core.has_pattern(self._pattern[0], self._pattern[1], self._by_rows, self._storage):
+        if not self._core.has_pattern(self._pattern[0], self._pattern[1], self._by_rows, self._storage, self._complex):
             raise ValueError("the arrays of the matrix have been changed since its analysis: call factorize(A) again"
                              " before the solver is pickled")
         from tempfile import TemporaryDirectory
@@ -346,8 +435,10 @@ class Solver:
             self.save_analysis(file)
             with open(file, "rb") as f:
                 analysis = f.read()
-        return _revive, (type(self), self._options, self._pattern, self._by_rows, analysis,
-                         self._core.values() if state == 2 else None)
+        values = self._core.values() if state == 2 else None
+        if values is not None and self._complex:
+            values = values.view("complex128")
+        return _revive, (type(self), self._options, self._pattern, self._by_rows, analysis, values, self._complex)
 
     def __repr__(self) -> str:
         return f"<espalier.Solver: {self._words()}>"
@@ -371,7 +462,7 @@ class Solver:
 
 
 def _revive(kind: "type[Solver]", options: "dict[str, Any]", pattern: Any = None, by_rows: bool = False,
-            analysis: bytes = b"", values: Any = None) -> Solver:
+            analysis: bytes = b"", values: Any = None, complex_values: bool = False) -> Solver:
     solver = kind(**options)
     if pattern is None:
         return solver
@@ -381,7 +472,7 @@ def _revive(kind: "type[Solver]", options: "dict[str, Any]", pattern: Any = None
         file = os.path.join(folder, "analysis")
         with open(file, "wb") as f:
             f.write(analysis)
-        solver._analyze((*pattern, values, by_rows), file)
+        solver._analyze((*pattern, values, by_rows), file, complex_values)
     if values is not None:
         solver.factorize(values)
     return solver

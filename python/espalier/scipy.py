@@ -2,8 +2,8 @@
 changed.
 
 What belongs to SuperLU alone (permc_spec, diag_pivot_thresh, relax, panel_size, options, use_umfpack) is accepted and
-has no effect; answers have the dtype that SciPy gives them, and are computed in float64. A matrix of complex numbers is
-left to SciPy inside patch(), and a TypeError elsewhere; right-hand sides may be complex.
+has no effect; answers have the dtype that SciPy gives them, and are computed in float64 or complex128. eigsh and eigs of
+complex matrices are left to SciPy inside patch().
 """
 
 import contextlib
@@ -36,22 +36,16 @@ class _SuperLU:
         self.nnz = self._solver.analysis.nonzeros_factor
 
     def solve(self, rhs: Any, trans: str = "N") -> Any:
-        """x with A x = rhs ("N") or A^T x = rhs ("T", "H"); rhs: (n,) or (n, k)."""
+        """x with A x = rhs ("N"), A^T x = rhs ("T") or A^H x = rhs ("H"); rhs: (n,) or (n, k)."""
         if trans not in ("N", "T", "H"):
             raise ValueError(f"trans is {trans!r}; it must be N, T or H")
         rhs = np.asarray(rhs)
-        x = _solve(self._solver, rhs, trans != "N")
+        x = self._solver.solve(rhs, transpose="H" if trans == "H" else trans == "T")
         return x.astype(_dtype(self, rhs), copy=False)
 
     @property
     def dtype(self) -> Any:
         return self._dtype
-
-
-def _solve(solver: Solver, b: Any, transpose: bool = False) -> Any:
-    if b.dtype.kind == "c":
-        return solver.solve(b.real, transpose=transpose) + 1j * solver.solve(b.imag, transpose=transpose)
-    return solver.solve(b, transpose=transpose)
 
 
 def splu(A: Any, *_: Any, **__: Any) -> _SuperLU:
@@ -75,7 +69,7 @@ def spsolve(A: Any, b: Any, permc_spec: Any = None, use_umfpack: bool = True) ->
     dtype = _dtype(A, rhs)
     try:
         with Solver(A) as solver:
-            x = _solve(solver, rhs).astype(dtype, copy=False)
+            x = solver.solve(rhs).astype(dtype, copy=False)
     except SingularMatrixError as error:
         warnings.warn(str(error), spla.MatrixRankWarning, stacklevel=2)
         x = np.full(rhs.shape, np.nan, dtype)
@@ -138,7 +132,7 @@ def patch() -> Iterator[None]:
     try:
         for ours in (spsolve, factorized, splu, eigsh, eigs):
             theirs = getattr(spla, ours.__name__)
-            chosen = _unless_complex(ours, theirs)
+            chosen = _unless_complex(ours, theirs) if ours in (eigsh, eigs) else ours
             for name, module in list(sys.modules.items()):
                 if name == __name__ or module is None:
                     continue

@@ -2,7 +2,8 @@
 
 The adjoint takes one more solve with the factor that is there: with lambda = A^-T dL/dx, dL/db = lambda and
 dL/dA[i, j] = -lambda[i] x[j] for the entries of the pattern. Backward is made of the same operator, so derivatives of
-every order come out. Tensors are those of the CPU, float64 or float32; the arithmetic is float64.
+every order come out. Tensors of the CPU are float64 or float32; those of an NVIDIA GPU (with espalier-cuda) are float64
+and are read and written where they lie. The arithmetic is float64.
 """
 
 from typing import Any
@@ -10,15 +11,26 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from . import _cache
+from . import _cache, _device
 
 clear = _cache.clear
 
 
 @torch.library.custom_op("espalier::solve", mutates_args=())
 def _solve(crow: Tensor, col: Tensor, values: Tensor, b: Tensor, transpose: bool) -> Tensor:
+    if b.device.type == "cuda":
+        return _on_gpu(crow, col, values.detach(), b.detach(), transpose)
     x = _cache.solve(crow.numpy(), col.numpy(), values.detach().numpy(), b.detach().numpy(), transpose)
     return torch.from_numpy(x).to(torch.promote_types(values.dtype, b.dtype)).contiguous()
+
+
+def _on_gpu(crow: Tensor, col: Tensor, values: Tensor, b: Tensor, transpose: bool) -> Tensor:
+    _device.expect_kernels(b)
+    crow, col = crow.cpu(), col.cpu()  # no copy where the pattern lies on the host
+    x = _cache.solve_on_gpu(_cache.key_of(crow.numpy(), col.numpy()), lambda: (crow.numpy(), col.numpy()), values,
+                            lambda: values.cpu().numpy(), lambda v: torch.equal(v, values), values.clone, b, transpose,
+                            device=f"gpu:{_device.number_of(b)}", symmetric=False)
+    return x.contiguous()
 
 
 @_solve.register_fake
@@ -38,7 +50,8 @@ def _backward(ctx: Any, grad: Tensor) -> Any:
     to_values = None
     if ctx.needs_input_grad[2]:
         count = crow[1:] - crow[:-1]
-        row = torch.repeat_interleave(torch.arange(len(count)), count)
+        row = torch.repeat_interleave(torch.arange(len(count), device=crow.device), count).to(x.device)
+        col = col.to(x.device)
         left, right = (x, adjoint) if ctx.transpose else (adjoint, x)
         product = left[row] * right[col]
         to_values = -(product if product.ndim == 1 else product.sum(1)).to(ctx.dtypes[0])
@@ -52,18 +65,22 @@ def solve(A: Any, b: Tensor, *, transpose: bool = False) -> Tensor:
     """x with A x = b, or A^T x = b, of the shape of b: (n,) or (n, k).
 
     A: a sparse tensor (CSR, or COO or CSC, which are converted), or (crow_indices, col_indices, values) of compressed
-    rows; gradients go to its values and to b. Raises the errors of espalier.Solver; TypeError for other devices and
-    dtypes."""
+    rows; gradients go to its values and to b. On a GPU the pattern may stay on the host, which saves a copy of it per
+    call, and the matrix is factorized as L U, whatever its values. Raises the errors of espalier.Solver; TypeError for
+    other devices and dtypes."""
     if isinstance(A, Tensor):
         if A.layout != torch.sparse_csr:
             A = A.to_sparse_csr()
         A = A.crow_indices(), A.col_indices(), A.values()
     crow, col, values = A
     for name, tensor in (("A", values), ("b", b)):
-        if tensor.device.type != "cpu":
-            raise TypeError(f"{name} lies on {tensor.device}; espalier.torch takes tensors of the CPU")
-        if tensor.dtype not in (torch.float64, torch.float32):
-            raise TypeError(f"{name} has dtype {tensor.dtype}; it must be float64 or float32")
+        if tensor.device.type not in ("cpu", "cuda"):
+            raise TypeError(f"{name} lies on {tensor.device}; espalier.torch takes tensors of the CPU and of NVIDIA's GPUs")
+        if tensor.dtype != torch.float64 and (tensor.dtype != torch.float32 or tensor.device.type == "cuda"):
+            raise TypeError(f"{name} has dtype {tensor.dtype}; it must be float64" +
+                            (" or float32" if tensor.device.type == "cpu" else " on a GPU"))
+    if values.device != b.device:
+        raise TypeError(f"A lies on {values.device} and b on {b.device}; they must lie on the same device")
     if b.ndim not in (1, 2) or b.shape[0] != len(crow) - 1:
         raise ValueError(f"b has shape {tuple(b.shape)}; the matrix has {len(crow) - 1} rows")
     return _solve(crow, col, values, b, transpose)

@@ -120,3 +120,66 @@ def test_a_factor_on_the_host_is_told(library):
     solver = esp.Solver(system("lu"), device="cpu")
     with pytest.raises(esp.DeviceError, match="not in the memory of a GPU"):
         solver.solve(to_gpu(np.ones(1600)))
+
+
+def test_gradients_of_torch_on_the_gpu():
+    torch = pytest.importorskip("torch")
+    if not torch.cuda.is_available():
+        pytest.skip("torch sees no GPU")
+    import espalier.torch as et
+
+    a = system("lu", 4)
+    crow, col = torch.as_tensor(a.indptr).long(), torch.as_tensor(a.indices).long()
+    values = torch.as_tensor(a.data, device="cuda").requires_grad_()
+    for shape in ((16,), (16, 3)):
+        b = torch.randn(*shape, dtype=torch.float64, device="cuda").requires_grad_()
+        for pattern in ((crow, col), (crow.cuda(), col.cuda())):
+            x = et.solve((*pattern, values), b)
+            assert x.is_cuda
+            check(a, x.detach().cpu().numpy(), b.detach().cpu().numpy())
+            assert torch.autograd.gradcheck(lambda v, r: et.solve((*pattern, v), r), (values, b))
+    changed = (2 * values).detach()
+    check(2 * a, et.solve((crow, col, changed), b.detach()).cpu().numpy(), b.detach().cpu().numpy())
+    with pytest.raises(ArithmeticError):
+        et.solve((crow, col, torch.zeros_like(changed)), b.detach())
+    et.clear()
+
+
+@pytest.fixture
+def jax_on_gpu():
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    if jax.default_backend() != "gpu":
+        pytest.skip("JAX sees no GPU")
+    return jax
+
+
+@pytest.mark.parametrize("symmetric", [False, True])
+def test_xla_on_the_gpu(jax_on_gpu, monkeypatch, symmetric):
+    jax = jax_on_gpu
+    from jax.test_util import check_grads
+
+    import espalier.jax as ej
+
+    monkeypatch.setattr(ej, "_on_host", lambda *_: 1 / 0)  # what a callback would call
+    a = system("ldlt" if symmetric else "lu", 6)
+    run = jax.jit(lambda d, r: ej.solve(a.indptr, a.indices, d, r, symmetric=symmetric))
+    for shape in ((36,), (36, 3)):
+        b = jax.numpy.asarray(np.random.default_rng(1).normal(size=shape))
+        x = run(a.data, b)
+        assert next(iter(x.devices())).platform == "gpu"
+        check(a, np.asarray(x), np.asarray(b))
+        check(2 * a, np.asarray(run(2 * a.data, b)), np.asarray(b))
+        if not symmetric:
+            check_grads(run, (jax.numpy.asarray(a.data), b), order=2, modes=["fwd", "rev"], rtol=1e-4)
+    # The pattern as an argument, and one system after another.
+    traced = jax.jit(lambda i, j, d, r: ej.solve(i, j, d, r, symmetric=symmetric))
+    check(a, np.asarray(traced(a.indptr, a.indices, a.data, b)), np.asarray(b))
+    many = jax.vmap(lambda s, r: ej.solve(a.indptr, a.indices, s * a.data, r, symmetric=symmetric))
+    scales = np.array([1.0, 2, 4])
+    right = np.random.default_rng(2).normal(size=(3, 36))
+    for scale, x, r in zip(scales, np.asarray(many(scales, right)), right):
+        check(scale * a, x, r)
+    with pytest.raises(Exception, match="SingularMatrixError"):
+        np.asarray(run(0 * a.data, b))
+    ej.clear()

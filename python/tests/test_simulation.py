@@ -108,6 +108,41 @@ def test_steps_inputs_and_saved_states():
     assert sim["cart.position.x"] == end
 
 
+@pytest.mark.parametrize("method", ["bdf", "generalized-alpha"])
+def test_slivers_of_time_do_no_harm(method):
+    """Who adds up times meets differences of rounding: t + 1e-14 after t."""
+    keys = {"integrator": {"method": method, "step": 0.01, "end": 2.0}} if method != "bdf" else {}
+    model = esp.Model({**pendulum().tree, **keys})
+    plain = esp.Simulation(model)
+    plain.step_to(1)
+    truth, steps = plain["bob.position.x"], plain.result().summary["steps"]
+    for slivers in ((1e-18,), (1e-16, 1e-14, 1e-12), (1e-9,) * 3):
+        sim = esp.Simulation(model)
+        for k, sliver in enumerate(slivers):
+            sim.step(sliver)
+            sim.step_to(0.2 * (k + 1))
+            for _ in range(3):
+                sim.step(sliver)
+        sim.step_to(1)
+        assert sim["bob.position.x"] == pytest.approx(truth, abs=2e-6)
+        assert sim.result().summary["steps"] < 1.5 * steps + 8 * len(slivers)
+        with pytest.raises(ValueError, match="too short|no time"):
+            esp.Simulation(model).step(1e-300)
+
+
+def test_states_in_any_bytes():
+    sim = esp.Simulation(cart())
+    sim.step(0.1)
+    state = sim.save()
+    for same in (bytearray(state), memoryview(state)):
+        sim.step(0.1)
+        sim.restore(same)
+        assert sim.time == pytest.approx(0.1)
+    for wrong in ("text", None, 3):
+        with pytest.raises(TypeError):
+            sim.restore(wrong)
+
+
 def test_observers_stop_raise_and_control():
     sim = esp.Simulation(cart())
     steps = []
@@ -175,6 +210,50 @@ def test_sweep():
     assert points[2][1]["hinge.force.y"] == pytest.approx(2 * points[0][1]["hinge.force.y"], rel=1e-5, abs=1e-4)
     with pytest.raises(esp.InvalidInputError, match="mas"):
         esp.sweep(pendulum(), {"bodies.bob.mas": [1, 2]}, workers=2)
+
+
+def test_sweeps_say_what_failed_and_end():
+    with pytest.raises(esp.InvalidInputError) as caught:
+        esp.sweep(pendulum(end=0.1), {"bodies.bob.mass": [1, -2, 3]}, workers=2)
+    assert caught.value.point == {"bodies.bob.mass": -2}
+    with pytest.raises(esp.InvalidInputError) as caught:
+        esp.sweep(pendulum(end=0.1), {"bodies.bob.mass": [1, -2]}, workers=1)
+    assert caught.value.point == {"bodies.bob.mass": -2}
+
+
+def workers_of_a_sweep():
+    """Processes that this one has spawned."""
+    me, found = os.getpid(), []
+    for p in Path("/proc").iterdir():
+        try:
+            if p.name.isdigit() and int((p / "stat").read_text().rpartition(")")[2].split()[1]) == me:
+                if "spawn_main" in (p / "cmdline").read_text():
+                    found.append(int(p.name))
+        except OSError:
+            pass
+    return found
+
+
+@pytest.mark.parametrize("what", ["worker killed", "ctrl-c"])
+def test_sweeps_that_are_broken_off(what):
+    def strike():
+        deadline = time.monotonic() + 20
+        while not (found := workers_of_a_sweep()) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        time.sleep(0.3)
+        if what == "ctrl-c":
+            os.kill(os.getpid(), signal.SIGINT)
+        else:
+            os.kill(found[0], signal.SIGKILL)
+
+    thread = threading.Thread(target=strike)
+    thread.start()
+    begin = time.monotonic()
+    with pytest.raises(KeyboardInterrupt if what == "ctrl-c" else RuntimeError, match=None if what == "ctrl-c" else "killed"):
+        esp.sweep(pendulum(end=1e5), {"bodies.bob.mass": [1, 2, 3]}, workers=2)
+    assert time.monotonic() - begin < 20
+    thread.join()
+    assert not workers_of_a_sweep()
 
 
 def test_analyses_are_kept_for_others(tmp_path):
@@ -307,3 +386,43 @@ class TestDae:
         sparse = esp.Dae(2, tangent_pattern=[(0, 0), (1, 1)], mass=lambda q: np.ones((2, 2)), force=f["force"])
         with pytest.raises((RuntimeError, ValueError)):
             sparse.start(0, [1, 0], [0, 0])
+
+    def test_answers_that_are_none(self):
+        f = self.functions()
+        for change, error, word in (({"force": lambda t, q, v: None}, TypeError, "force: None"),
+                                    ({"force": lambda t, q, v: np.array([1j, 0])}, TypeError, "force: numbers of dtype complex"),
+                                    ({"mass": lambda q: 1j * np.eye(2)}, TypeError, "mass: numbers of dtype complex"),
+                                    ({"constraint": lambda t, q: None}, TypeError, "constraint: None"),
+                                    ({"force": lambda t, q, v: np.array([math.nan, 0])}, esp.Error, "not a finite number"),
+                                    ({"force": lambda t: 1}, TypeError, "argument")):
+            with pytest.raises(error, match=word):
+                esp.Dae(2, 1, **{**f, **change}).start(0, [1, 0], [0, 0])
+        dae = esp.Dae(2, 1, **{**f, "energy": lambda *args: None})
+        dae.start(0, [1, 0], [0, 0])
+        with pytest.raises(TypeError, match="energy: None"):
+            dae.energy()
+        with pytest.raises(ValueError, match=r"q has shape \(1, 2\)"):
+            dae.start(0, [[1, 0]], [0, 0])
+        for options, error in (({"relative": "x"}, TypeError), ({"max_order": 1.5}, ValueError), ({"relative": None}, TypeError)):
+            with pytest.raises(error, match="option"):
+                esp.Dae(2, 1, **f, **options)
+        with pytest.raises(ValueError, match="too many"):
+            esp.Dae(2 * 10**9, mass=f["mass"], force=f["force"])
+
+    def test_what_raises_late_leaves_the_system_usable(self):
+        broken = []
+
+        def force(t, q, v):
+            if broken and t > 0.05:
+                raise ZeroDivisionError
+            return np.array([0, -20.0])
+
+        dae = esp.Dae(2, 1, **{**self.functions(), "force": force})
+        dae.start(0, [1, 0], [0, 0])
+        broken.append(True)
+        with pytest.raises(ZeroDivisionError):
+            dae.integrate(1)
+        broken.clear()
+        reached = dae.t
+        dae.integrate(1)
+        assert reached <= 0.05 and dae.t == 1 and sum(dae.energy()) == pytest.approx(0, abs=1e-2)

@@ -1,5 +1,6 @@
 import logging
 import multiprocessing
+import pickle
 import re
 import subprocess
 import sys
@@ -170,7 +171,7 @@ def test_rows_and_columns_in_errors():
 
 
 @pytest.mark.parametrize("bad, error", [
-    (np.eye(3), ValueError), (sp.eye(3, 4), ValueError), (sp.eye(3) * 1j, TypeError),
+    (np.eye(3), ValueError), (sp.eye(3, 4), ValueError), (sp.eye(3).astype(np.clongdouble), TypeError),
     (sp.csr_matrix((0, 0)), ValueError), (sp.diags([1.0, np.nan]), esp.InvalidInputError),
     (sp.csr_matrix((2, 2)), esp.SingularMatrixError), (([0, 1], [5], [1.0]), ValueError),
     (([0, 1], [-1], [1.0]), ValueError), (([0, 9], [0], [1.0]), esp.InvalidInputError),
@@ -201,6 +202,109 @@ def test_errors():
     solver.close()
     with pytest.raises(RuntimeError, match="closed"):
         solver.solve(np.ones(5))
+
+
+def complex_matrix(n, sort, seed=3):
+    rng = np.random.default_rng(seed)
+    a = sp.random_array((n, n), density=4 / n, rng=rng).toarray() * np.exp(2j * np.pi * rng.random((n, n)))
+    a = a + np.diag(rng.random(n) + 0.5j)
+    if sort == "symmetric":
+        a = a + a.T
+    if sort in ("hermitian", "definite"):
+        a = a + a.conj().T
+    if sort == "definite":
+        a = a + np.diag(abs(a).sum(1))
+    return a
+
+
+@pytest.mark.parametrize("sort", ["general", "symmetric", "hermitian", "definite"])
+@pytest.mark.parametrize("format", ["csc", "csr", "coo"])
+@pytest.mark.parametrize("dtype", ["complex128", "complex64"])
+def test_complex_systems(sort, format, dtype):
+    a = complex_matrix(60, sort).astype(dtype)
+    stored = {"general": [("auto", a)], "symmetric": [("auto", a), ("lower", np.tril(a)), ("upper", np.triu(a)), ("symmetric", a)]}.get(
+        sort, [("auto", a), ("hermitian_lower", np.tril(a)), ("hermitian_upper", np.triu(a)), ("hermitian", a)])
+    rng = np.random.default_rng(1)
+    for symmetry, part in stored:
+        solver = esp.Solver(sp.coo_array(part).asformat(format), symmetry=symmetry)
+        assert solver.analysis.kind == {"general": "lu", "definite": "llt"}.get(sort, "ldlt")
+        for b in (rng.random(60) + 1j, rng.random((60, 3)) * 1j, rng.random(60)):
+            for transpose, m in ((False, a), (True, a.T), ("H", a.conj().T)):
+                x = solver.solve(b, transpose=transpose)
+                assert x.dtype == np.complex128 and x.shape == b.shape
+                assert np.linalg.norm(m @ x - b) <= 1e-12 * np.linalg.norm(m) * np.linalg.norm(x)
+        sign, log = np.linalg.slogdet(a.astype(complex))
+        assert abs(solver.slogdet[0] - sign) < 1e-5 and abs(solver.slogdet[1] - log) < 1e-5
+        if sort in ("hermitian", "definite"):
+            w = np.linalg.eigvalsh(a)
+            assert solver.inertia == ((w > 0).sum(), (w < 0).sum(), 0)
+        other = pickle.loads(pickle.dumps(solver))
+        assert np.array_equal(other.solve(b), solver.solve(b))
+        assert solver.condition() > 1
+        out = np.empty(60, complex)
+        assert solver.solve(b, out=out) is out
+        with pytest.raises(ValueError, match="complex128"):
+            solver.solve(b, out=np.empty(60))
+
+
+def test_real_and_complex_numbers_meet():
+    a, rng = matrix(40, "lu").tocsr(), np.random.default_rng(2)
+    b = rng.random(40) + 1j * rng.random(40)
+    solver = esp.Solver(a)
+    for transpose, m in ((False, a), (True, a.T), ("H", a.T)):
+        assert np.linalg.norm(m @ solver.solve(b, transpose=transpose) - b) < 1e-9
+    solver.factorize((1 + 2j) * a.data)  # a sweep that becomes complex
+    assert np.linalg.norm((1 + 2j) * (a @ solver.solve(b)) - b) < 1e-9
+    solver.factorize(a)
+    assert solver.solve(b.real).dtype == np.float64
+    with pytest.raises(esp.InvalidInputError, match="Hermitian"):
+        esp.Solver(sp.csc_array(np.diag([1.0, 2 + 1e-3j])), symmetry="hermitian")
+    with pytest.raises(TypeError, match="complex"):
+        esp.modes(a.astype(complex), a, 2)
+    for wrong in (np.nan, 1j * np.inf):
+        with pytest.raises(esp.InvalidInputError):
+            esp.Solver(sp.csc_array(np.diag([1.0, wrong])))
+    singular = sp.csc_array(np.array([[1, 1j], [1j, -1]]))
+    with pytest.raises(esp.SingularMatrixError):
+        esp.Solver(singular)
+    v = esp.Solver(singular, singular="report").factor.null_vectors
+    assert v.shape == (1, 2) and np.linalg.norm(singular @ v[0]) < 1e-14
+
+
+def test_scipy_with_complex_matrices():
+    import espalier.scipy as es
+
+    a = sp.csc_array(complex_matrix(50, "general"))
+    b = np.random.default_rng(1).random(50)
+    lu = es.splu(a)
+    for trans, m in (("N", a), ("T", a.T), ("H", a.conj().T)):
+        assert np.linalg.norm(m @ lu.solve(b, trans) - b) < 1e-9
+    assert es.spsolve(a.astype("complex64"), b.astype("float32")).dtype == np.complex64
+    assert np.linalg.norm(a @ es.factorized(a)(b) - b) < 1e-9
+
+
+def test_arrays_that_are_none():
+    a = matrix(12, "lu").tocsr()
+    solver = esp.Solver(a)
+    for wrong, word in ((np.ma.masked_equal(np.arange(12.0), 3), "masked"), (sp.csr_array(np.ones((12, 1))), "toarray"),
+                        (None, "NoneType is no array"), ([object()] * 12, "list is no array"), (["x"] * 12, "dtype <U1")):
+        with pytest.raises(TypeError, match=word):
+            solver.solve(wrong)
+    for wrong in ({}, "matrix", 3):
+        with pytest.raises((TypeError, ValueError)):
+            esp.Solver(wrong)
+    with pytest.raises((TypeError, ValueError), match="indptr"):
+        esp.Solver((3, [0], [1.0]))
+    for wrong in (None, 3):
+        with pytest.raises(TypeError):
+            solver.save_analysis(wrong)
+
+
+def test_paths_may_be_bytes(tmp_path):
+    a = matrix(12, "lu")
+    file = bytes(tmp_path / "a.analysis")
+    esp.Solver(a).save_analysis(file)
+    assert esp.Solver().load_analysis(file, a).kind == "lu"
 
 
 @pytest.mark.parametrize("form", ["csc", "csr"])
@@ -346,7 +450,7 @@ def test_ticks_come_from_long_calls_and_may_raise():
     from espalier import _core
     from test_process import poisson
 
-    a, solver, ticks = poisson(36), esp.Solver(), []
+    a, solver, ticks = poisson(36), esp.Solver(device="cpu", threads=1), []  # slow enough on any machine
 
     def tick():
         ticks.append(time.perf_counter())
@@ -379,8 +483,11 @@ def test_import_is_light():
 
 
 def test_guide():
+    """Blocks of a page go on with the names of those before them; what needs other packages runs with the tests of docs."""
     guide = Path(__file__).parents[2] / "docs/guide/python.md"
-    blocks = re.findall(r"```python\n(.*?)```", guide.read_text(), re.S)
+    blocks = re.findall(r"(<!-- needs: .*? -->\n)?```python\n(.*?)```", guide.read_text(), re.S)
     assert blocks
-    for block in blocks:
-        exec(block, {})
+    names = {}
+    for needs, block in blocks:
+        if not needs:
+            exec(block, names)

@@ -1,0 +1,237 @@
+// Schur complements, changes around a factor, batches. Private: espalier/_changes.py gives them types, checks and
+// exceptions. Matrices come in compressed columns.
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <memory>
+#include <utility>
+
+#include "arrays.hpp"
+#include "bindings.hpp"
+#include "espalier/batch.hpp"
+#include "espalier/changed_system.hpp"
+#include "espalier/schur.hpp"
+#include "host.hpp"
+#include "solver/environment.hpp"
+#include "solver/option_text.hpp"
+#include "solver_handle.hpp"
+
+namespace espalier::python {
+
+namespace {
+
+using namespace nb::literals;
+
+using OptionTexts = std::vector<std::pair<std::string, std::string>>;
+
+MatrixView columns_of(const Pointers& pointers, const Indices& indices, const Values* values, int storage) {
+  MatrixView view;
+  view.rows = view.cols = static_cast<Index>(pointers.size()) - 1;
+  view.col_ptr = {pointers.data(), pointers.size()};
+  view.row_ind = {indices.data(), indices.size()};
+  if (values != nullptr) view.values = {values->data(), values->size()};
+  view.storage = static_cast<Storage>(storage);
+  return view;
+}
+
+std::span<const double> span_of(const Values& v) { return {v.data(), v.size()}; }
+
+Options options_of(const OptionTexts& texts, const std::shared_ptr<Host>& host) {
+  solver::Environment environment = solver::read_environment();
+  if (!environment.status.ok()) throw Error(environment.status);
+  Options o = std::move(environment.options);
+  for (const auto& [key, value] : texts) solver::set_option(o, key, value);
+  o.interrupted = &Host::interrupted;
+  o.interrupted_every = 0.1;  // the global lock may take 5 ms to come
+  o.log = [host](const std::string& line) { host->write(line); };
+  return o;
+}
+
+// Without the global lock, one call at a time; what Python raised meanwhile goes on.
+template <class Body>
+void released(Turns& turns, Body&& body) {
+  (void)turns.call([&] {
+    body();
+    return true;
+  });
+}
+
+nb::tuple inertia_of(const Inertia& i) { return nb::make_tuple(i.positive, i.negative, i.zero); }
+
+nb::tuple solved(const SolveResult& r, nb::object x) {
+  return nb::make_tuple(
+      status_of(r.status), std::move(x),
+      nb::make_tuple(r.seconds, r.solve_seconds, r.refinement_steps, r.backward_error, r.componentwise_error));
+}
+
+class SchurHandle {
+ public:
+  SchurHandle(const OptionTexts& options, nb::object log)
+      : host_(std::make_shared<Host>(Host{std::move(log)})), schur_(options_of(options, host_)) {}
+
+  nb::tuple factorize(const Pointers& p, const Indices& i, const Values& v, int storage, const Indices& unknowns,
+                      bool analyze) {
+    const MatrixView view = columns_of(p, i, &v, storage);
+    SchurResult r;
+    Status status;
+    released(turns_, [&] {
+      if (analyze) status = schur_.analyze(view, {unknowns.data(), unknowns.size()}).status;
+      if (status.ok()) r = schur_.factorize(view.values);
+      if (status.ok()) status = r.status;
+    });
+    n_ = view.cols;
+    return nb::make_tuple(status_of(status), r.seconds, r.complement_seconds, r.by_elimination,
+                          inertia_of(r.rest.inertia), r.rest.rank, nb::cast(r.rest.dependent_rows));
+  }
+  nb::object complement() {
+    const std::span<const double> s = schur_.complement();
+    const std::size_t size = unknowns();
+    return array_of(std::vector<double>(s.begin(), s.end()), {size, size});  // the transpose, by rows
+  }
+  nb::tuple condense(const Values& b, Index columns, bool transpose) {
+    std::vector<double> g(unknowns() * static_cast<std::size_t>(columns));
+    SolveResult r;
+    released(turns_, [&] { r = schur_.condense(span_of(b), g, columns, way(transpose)); });
+    return solved(r, array_of(std::move(g), {static_cast<std::size_t>(columns), unknowns()}));
+  }
+  nb::tuple expand(const Values& b, const Values& xs, Index columns, bool transpose) {
+    std::vector<double> x(b.size());
+    SolveResult r;
+    released(turns_, [&] { r = schur_.expand(span_of(b), span_of(xs), x, columns, way(transpose)); });
+    return solved(r, array_of(std::move(x), {static_cast<std::size_t>(columns), static_cast<std::size_t>(n_)}));
+  }
+  nb::tuple solve(const Values& b, Index columns, bool transpose) {
+    std::vector<double> x(b.size());
+    SolveResult r;
+    released(turns_, [&] { r = schur_.solve(span_of(b), x, columns, way(transpose)); });
+    return solved(r, array_of(std::move(x), {static_cast<std::size_t>(columns), static_cast<std::size_t>(n_)}));
+  }
+  nb::tuple inertia() {
+    SchurInertia i;
+    released(turns_, [&] { i = schur_.inertia(); });
+    return nb::make_tuple(status_of(i.status), inertia_of(i.rest), inertia_of(i.complement));
+  }
+
+ private:
+  static Transpose way(bool transpose) { return transpose ? Transpose::yes : Transpose::no; }
+  [[nodiscard]] std::size_t unknowns() const { return static_cast<std::size_t>(schur_.size()); }
+
+  std::shared_ptr<Host> host_;
+  SchurComplement schur_;
+  Index n_ = 0;
+  Turns turns_{"a solver was called from its own log handler"};
+};
+
+class BatchHandle {
+ public:
+  BatchHandle(const OptionTexts& options, nb::object log)
+      : host_(std::make_shared<Host>(Host{std::move(log)})), batch_(options_of(options, host_)) {}
+
+  nb::tuple analyze(const Pointers& p, const Indices& i, const Values& v, int storage) {
+    const MatrixView view = columns_of(p, i, &v, storage);
+    Status status;
+    released(turns_, [&] { status = batch_.analyze(view).status; });
+    n_ = view.cols;
+    return status_of(status);
+  }
+  nb::tuple solve(const Values& values, const Values& b, Index count, Index columns, bool transpose) {
+    std::vector<double> x(b.size());
+    BatchResult r;
+    released(turns_, [&] {
+      r = batch_.solve(span_of(values), span_of(b), x, count, columns, transpose ? Transpose::yes : Transpose::no);
+    });
+    nb::list statuses;
+    std::vector<double> errors;
+    std::vector<Index> negative;
+    for (const SystemResult& s : r.systems) {
+      statuses.append(status_of(s.status));
+      errors.push_back(s.backward_error);
+      negative.push_back(s.inertia.negative);
+    }
+    const std::size_t systems = errors.size();
+    return nb::make_tuple(status_of(r.status), array_of(std::move(x), {b.size()}), nb::tuple(statuses),
+                          array_of(std::move(errors), {systems}), array_of(std::move(negative), {systems}), r.seconds,
+                          r.workers);
+  }
+
+ private:
+  std::shared_ptr<Host> host_;
+  Batch batch_;
+  Index n_ = 0;
+  Turns turns_{"a batch was called from its own log handler"};
+};
+
+/// Goes through the handle of the solver, whose turn a call takes, and which may have got another solver meanwhile.
+class ChangedHandle {
+ public:
+  explicit ChangedHandle(SolverHandle& solver) : solver_(solver), generation_(solver.generation()) {
+    solver_.with_solver(generation_, [&](Solver& s) { changed_ = std::make_unique<ChangedSystem>(s); });
+  }
+  nb::tuple add(const Values& columns, Index count, const Values& rows, const Values& corner) {
+    return status([&] { return changed_->add(span_of(columns), count, span_of(rows), span_of(corner)); });
+  }
+  nb::tuple add_low_rank(const Values& u, Index rank, const Values& c, const Values& v) {
+    return status([&] { return changed_->add_low_rank(span_of(u), rank, span_of(c), span_of(v)); });
+  }
+  nb::tuple remove(const Indices& list) {
+    return status([&] { return changed_->remove({list.data(), list.size()}); });
+  }
+  nb::tuple restore(const Indices& list) {
+    return status([&] { return changed_->restore({list.data(), list.size()}); });
+  }
+  nb::tuple solve(const Values& b, Index columns) {
+    std::vector<double> x(b.size());
+    SolveResult r;
+    solver_.with_solver(generation_, [&](Solver&) { r = changed_->solve(span_of(b), x, columns); });
+    return solved(
+        r, array_of(std::move(x), {static_cast<std::size_t>(columns), b.size() / static_cast<std::size_t>(columns)}));
+  }
+  nb::tuple inertia() {
+    Inertia i;
+    solver_.with_solver(generation_, [&](Solver&) { i = changed_->inertia(); });
+    return inertia_of(i);
+  }
+  [[nodiscard]] Index size() const { return changed_->size(); }
+
+ private:
+  template <class Body>
+  nb::tuple status(Body&& body) {
+    Status s;
+    solver_.with_solver(generation_, [&](Solver&) { s = body(); });
+    return status_of(s);
+  }
+  SolverHandle& solver_;
+  std::uint64_t generation_;
+  std::unique_ptr<ChangedSystem> changed_;
+};
+
+}  // namespace
+
+void bind_changes(nb::module_& m) {
+  const auto array = [](const char* name) { return nb::arg(name).noconvert(); };
+  nb::class_<SchurHandle>(m, "SchurComplement")
+      .def(nb::init<const OptionTexts&, nb::object>(), "options"_a, "log"_a.none())
+      .def("factorize", &SchurHandle::factorize, array("pointers"), array("indices"), array("values"), "storage"_a,
+           array("unknowns"), "analyze"_a)
+      .def("complement", &SchurHandle::complement)
+      .def("condense", &SchurHandle::condense, array("b"), "columns"_a, "transpose"_a)
+      .def("expand", &SchurHandle::expand, array("b"), array("xs"), "columns"_a, "transpose"_a)
+      .def("solve", &SchurHandle::solve, array("b"), "columns"_a, "transpose"_a)
+      .def("inertia", &SchurHandle::inertia);
+  nb::class_<BatchHandle>(m, "Batch")
+      .def(nb::init<const OptionTexts&, nb::object>(), "options"_a, "log"_a.none())
+      .def("analyze", &BatchHandle::analyze, array("pointers"), array("indices"), array("values"), "storage"_a)
+      .def("solve", &BatchHandle::solve, array("values"), array("b"), "count"_a, "columns"_a, "transpose"_a);
+  nb::class_<ChangedHandle>(m, "ChangedSystem")
+      .def(nb::init<SolverHandle&>(), "solver"_a, nb::keep_alive<1, 2>())
+      .def("add", &ChangedHandle::add, array("columns"), "count"_a, array("rows"), array("corner"))
+      .def("add_low_rank", &ChangedHandle::add_low_rank, array("u"), "rank"_a, array("c"), array("v"))
+      .def("remove", &ChangedHandle::remove, array("unknowns"))
+      .def("restore", &ChangedHandle::restore, array("unknowns"))
+      .def("solve", &ChangedHandle::solve, array("b"), "columns"_a)
+      .def("inertia", &ChangedHandle::inertia)
+      .def_prop_ro("size", &ChangedHandle::size);
+}
+
+}  // namespace espalier::python

@@ -1,0 +1,65 @@
+// Derivatives of simulations. Private: espalier/_sensitivities.py gives them types and exceptions.
+#include "espalier/sensitivities.hpp"
+
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <optional>
+#include <utility>
+
+#include "arrays.hpp"
+#include "bindings.hpp"
+#include "host.hpp"
+
+namespace espalier::python {
+
+namespace {
+
+using namespace nb::literals;
+
+// Status, and the fields in the order of the dataclass in _sensitivities.py.
+nb::tuple fields(SensitivityResult r) {
+  const nb::tuple status = status_of(r.status);
+  if (!r.status.ok()) return nb::make_tuple(status, nb::none());
+  const std::size_t steps = r.t.size(), nq = r.quantities.size(), np = r.parameters.size();
+  const std::size_t modes = r.modes.frequencies.size();
+  return nb::make_tuple(status,
+                        nb::make_tuple(r.parameters, array_of(std::move(r.parameter_values), {np}), r.quantities,
+                                       array_of(std::move(r.t), {steps}), array_of(std::move(r.values), {steps, nq}),
+                                       array_of(std::move(r.derivatives), {steps, nq, np}),
+                                       array_of(std::move(r.modes.frequencies), {modes}),
+                                       array_of(std::move(r.modes.derivatives), {modes, np}), r.defect));
+}
+
+}  // namespace
+
+void bind_sensitivities(nb::module_& m) {
+  m.def(
+      "sensitivities",
+      [](const std::string& text, bool is_path, const std::vector<std::pair<std::string, double>>& parameters,
+         std::vector<std::string> set, std::optional<double> until, std::vector<std::string> quantities,
+         std::vector<std::pair<std::string, std::string>> solver) {
+        SimulationOptions o;
+        o.set = std::move(set);
+        o.until = until;
+        o.quantities = std::move(quantities);
+        o.solver = std::move(solver);
+        o.interrupted = &Host::interrupted;
+        o.interrupted_every = 0.1;
+        std::vector<SensitivityParameter> list;
+        for (const auto& [path, step] : parameters) list.push_back({path, step});
+        SensitivityResult result;
+        {
+          const nb::gil_scoped_release released;
+          result = is_path ? sensitivities(text, list, o) : sensitivities_of_text(text, "model", list, o);
+        }
+        if (Host::raised) std::rethrow_exception(std::exchange(Host::raised, nullptr));
+        return fields(std::move(result));
+      },
+      "text"_a, "is_path"_a, "parameters"_a, "set"_a, "until"_a.none(), "quantities"_a, "solver"_a);
+}
+
+}  // namespace espalier::python

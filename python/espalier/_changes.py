@@ -1,0 +1,262 @@
+"""Schur complements, rows and columns around a factor, batches."""
+
+import logging
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+from . import _core
+from ._errors import AccuracyWarning, make_error
+from ._results import Inertia, Solve, _Table
+from ._solver import _STORAGE, Solver, _arrays, _indices, _numbers, _text
+
+
+def _by_columns(A: Any, symmetry: str) -> "tuple[Any, Any, Any, int, Any]":
+    """(indptr, indices, data, storage, order) of compressed columns; order: of the caller's data, or None where it is that."""
+    import numpy as np
+
+    if symmetry not in _STORAGE:
+        raise ValueError(f"symmetry {symmetry!r} is none of {', '.join(_STORAGE)}")
+    pointers, indices, values, by_rows = _arrays(A)
+    if values is None:
+        raise ValueError("the matrix has no values, only a pattern")
+    storage = _STORAGE[symmetry]
+    if not by_rows:
+        return pointers, indices, values, storage, None
+    if storage in (1, 2, 3):  # rows of a symmetric matrix are its columns; those of a triangle are those of the other one
+        return pointers, indices, values, 3 - storage if storage < 3 else storage, None
+    n = len(pointers) - 1
+    rows = np.repeat(np.arange(n, dtype=np.int32), np.diff(pointers))
+    order = np.argsort(indices, kind="stable")
+    columns = np.zeros(n + 1, dtype=np.int64)
+    np.cumsum(np.bincount(indices, minlength=n), out=columns[1:])
+    return columns, rows[order], np.ascontiguousarray(values[order]), storage, order
+
+
+def _columns(b: Any, rows: int, what: str) -> "tuple[Any, int]":
+    """`b` of shape (rows,) or (rows, k) as one vector, column by column."""
+    import numpy as np
+
+    b = _numbers(b, what)
+    if b.ndim not in (1, 2) or b.shape[0] != rows or b.size == 0:
+        raise ValueError(f"{what} of shape {b.shape}: give ({rows},) or ({rows}, k)")
+    return np.ascontiguousarray(b.T).reshape(-1), 1 if b.ndim == 1 else b.shape[1]
+
+
+def _checked(status: "tuple[int, str, int]") -> None:
+    if status[0] == 7:
+        warnings.warn(AccuracyWarning(status[1]), stacklevel=4)
+    elif status[0] != 0:
+        raise make_error(*status)
+
+
+def _texts(options: "dict[str, Any]") -> "list[tuple[str, str]]":
+    return [(key, _text(value)) for key, value in options.items()]
+
+
+class SchurComplement:
+    """A condensed onto listed unknowns: S = A_ss - A_sr A_rr^-1 A_rs, dense, with a factor of the rest, A_rr.
+
+    A: as for Solver, on the host. unknowns: indices from 0, each once, in the order that the rows of S shall have. symmetry,
+    log, options: as for Solver; factors are FP64. A_rr must be regular, S need not.
+
+    Raises SingularMatrixError where A_rr is singular (its row is one of A's), InvalidInputError for an empty list, duplicates
+    and indices out of range.
+    """
+
+    def __init__(self, A: Any, unknowns: Any, *, symmetry: str = "auto", log: "logging.Logger | None" = None,
+                 **options: Any) -> None:
+        self._symmetry = symmetry
+        self.unknowns = _indices(unknowns, "unknowns", 2**31 - 1, "int32")
+        self._core = _core.SchurComplement(_texts(options), (log or logging.getLogger("espalier")).debug)
+        self._n, self._pattern = 0, None  # type: ignore[var-annotated]
+        self.last_solve: "Solve | None" = None
+        self.factorize(A)
+
+    def factorize(self, A: Any) -> None:
+        """New values of the same pattern; a matrix with another one is analyzed first."""
+        import numpy as np
+
+        pointers, indices, values, storage, _ = _by_columns(A, self._symmetry)
+        known = (self._pattern is not None and np.array_equal(self._pattern[0], pointers)
+                 and np.array_equal(self._pattern[1], indices))
+        status, self.seconds, self.complement_seconds, self.by_elimination, rest, self.rank, self.dependent_rows = (
+            self._core.factorize(pointers, indices, values, storage, self.unknowns, not known))
+        self._n, self._pattern = len(pointers) - 1, (pointers.copy(), indices.copy())
+        self.rest_inertia = Inertia(*rest)
+        if status[0]:
+            raise make_error(*status)
+
+    @property
+    def complement(self) -> Any:
+        """S, (size, size) float64."""
+        return self._core.complement().T
+
+    @property
+    def inertia(self) -> "tuple[Inertia, Inertia]":
+        """Of A_rr and of S; their sum is that of A."""
+        status, rest, complement = self._core.inertia()
+        _checked(status)
+        return Inertia(*rest), Inertia(*complement)
+
+    def _take(self, answer: Any, one: bool) -> Any:
+        status, x, figures = answer
+        self.last_solve = Solve(*figures)
+        _checked(status)
+        return x[0] if one else x.T
+
+    def condense(self, b: Any, *, transpose: bool = False) -> Any:
+        """g = b_s - A_sr A_rr^-1 b_r, of shape (size,) or (size, k)."""
+        flat, columns = _columns(b, self._n, "b")
+        return self._take(self._core.condense(flat, columns, transpose), getattr(b, "ndim", 1) == 1)
+
+    def expand(self, b: Any, xs: Any, *, transpose: bool = False) -> Any:
+        """x with x_r = A_rr^-1 (b_r - A_rs x_s), of the shape of b."""
+        flat, columns = _columns(b, self._n, "b")
+        of_list, same = _columns(xs, len(self.unknowns), "xs")
+        if columns != same:
+            raise ValueError(f"b has {columns} columns, xs has {same}")
+        return self._take(self._core.expand(flat, of_list, columns, transpose), getattr(b, "ndim", 1) == 1)
+
+    def solve(self, b: Any, *, transpose: bool = False) -> Any:
+        """x with A x = b, by way of S. Raises SingularMatrixError where S is singular."""
+        flat, columns = _columns(b, self._n, "b")
+        return self._take(self._core.solve(flat, columns, transpose), getattr(b, "ndim", 1) == 1)
+
+
+class ChangedSystem:
+    """Rows and columns around the factor of a Solver: constraints that come and go, unknowns that are removed, A + U C V^T.
+
+    Unknowns keep their numbers: 0 to n - 1 are those of A, added ones follow. No analysis or factorization is made anew.
+    The solver keeps its factor meanwhile; once it is factorized again, calls raise RuntimeError. A general matrix must have
+    been given by columns (A.tocsc()).
+    """
+
+    def __init__(self, solver: Solver) -> None:
+        if solver.factor is None:
+            raise RuntimeError("there is no factorization: call solver.factorize(A) first")
+        if solver._by_rows and solver._storage == 0:
+            raise ValueError("the solver has a general matrix by rows: give it A.tocsc()")
+        self._n = solver._n
+        self._core = _core.ChangedSystem(solver._core)
+        self.last_solve: "Solve | None" = None
+
+    def __len__(self) -> int:
+        """Unknowns, added and removed ones among them."""
+        return int(self._core.size)
+
+    def _block(self, a: Any, what: str) -> "tuple[Any, int]":
+        import numpy as np
+
+        if a is None:
+            return np.empty(0), 0
+        if hasattr(a, "toarray"):
+            a = a.toarray()
+        return _columns(a, self._n, what)
+
+    @staticmethod
+    def _square(a: Any, size: int, what: str) -> Any:
+        import numpy as np
+
+        if a is None:
+            return np.empty(0)
+        a = np.atleast_2d(_numbers(a, what))
+        if a.shape != (size, size):
+            raise ValueError(f"{what} of shape {a.shape}: give ({size}, {size})")
+        return np.ascontiguousarray(a.T).reshape(-1)
+
+    def add(self, columns: Any, rows: Any = None, corner: Any = None) -> None:
+        """Adds k unknowns and equations. columns: (n,) or (n, k), how the equations of A depend on them. rows: (k, n), how
+        theirs depend on the unknowns of A; None: columns.T. corner: (k, k), zeros by default."""
+        u, count = self._block(columns, "columns")
+        if rows is not None:
+            rows = rows.T if getattr(rows, "ndim", 1) == 2 else rows
+        w, same = self._block(rows, "rows")
+        if rows is not None and same != count:
+            raise ValueError(f"{count} columns, but {same} rows")
+        _checked(self._core.add(u, count, w, self._square(corner, count, "corner")))
+
+    def add_low_rank(self, U: Any, C: Any = None, V: Any = None) -> None:
+        """A + U C V^T. U, V: (n,) or (n, k); V: U by default. C: (k, k), the identity by default."""
+        u, rank = self._block(U, "U")
+        v, same = self._block(V, "V")
+        if V is not None and same != rank:
+            raise ValueError(f"U has {rank} columns, V has {same}")
+        _checked(self._core.add_low_rank(u, rank, self._square(C, rank, "C"), v))
+
+    def remove(self, unknowns: Any) -> None:
+        """Removes unknowns with the equations of the same numbers: x is 0 there."""
+        _checked(self._core.remove(_indices(unknowns, "unknowns", 2**31 - 1, "int32")))
+
+    def restore(self, unknowns: Any) -> None:
+        """Takes back what remove() did."""
+        _checked(self._core.restore(_indices(unknowns, "unknowns", 2**31 - 1, "int32")))
+
+    def solve(self, b: Any) -> Any:
+        """x of the shape of b, (len(self),) or (len(self), k). Raises SingularMatrixError where the changed matrix is
+        singular; warns AccuracyWarning."""
+        flat, columns = _columns(b, len(self), "b")
+        status, x, figures = self._core.solve(flat, columns)
+        self.last_solve = Solve(*figures)
+        _checked(status)
+        return x[0] if getattr(b, "ndim", 1) == 1 else x.T
+
+    @property
+    def inertia(self) -> Inertia:
+        """Of the changed matrix without its removed rows and columns; -1 each where a part is not symmetric."""
+        return Inertia(*self._core.inertia())
+
+
+@dataclass(frozen=True)
+class BatchSolve(_Table):
+    """Of a batch. `x`: of the shape of b, NaN in systems that failed. `errors`: by number of the system, an exception each.
+    `backward_errors`, `negative` (eigenvalues; -1 for lu): by system. `workers`: systems that were worked on at a time."""
+
+    x: Any
+    errors: "dict[int, Exception]"
+    backward_errors: Any
+    negative: Any
+    seconds: float
+    workers: int
+
+
+class Batch:
+    """Many systems of the pattern of A, one on each thread.
+
+    A: as for Solver, on the host; its values are typical of the batch. symmetry, log, options: as for Solver; threads:
+    systems at a time. Solutions have the bits of single systems, whatever the number of threads.
+    """
+
+    def __init__(self, A: Any, *, symmetry: str = "auto", log: "logging.Logger | None" = None, **options: Any) -> None:
+        self._core = _core.Batch(_texts(options), (log or logging.getLogger("espalier")).debug)
+        pointers, indices, values, storage, self._order = _by_columns(A, symmetry)
+        self._n, self._nonzeros = len(pointers) - 1, len(indices)
+        status = self._core.analyze(pointers, indices, values, storage)
+        if status[0]:
+            raise make_error(*status)
+
+    def solve(self, values: Any, b: Any, *, transpose: bool = False, check: bool = True) -> BatchSolve:
+        """values: (systems, nonzeros), each in the order of the matrix's data. b: (systems, n) or (systems, n, k).
+        check: raises the error of the first system that fails; False: all are in `errors`."""
+        import numpy as np
+
+        values, b = _numbers(values, "values"), _numbers(b, "b")
+        if values.ndim != 2 or values.shape[1] != self._nonzeros:
+            raise ValueError(f"values of shape {values.shape}: give (systems, {self._nonzeros})")
+        if b.ndim not in (2, 3) or b.shape[:2] != (len(values), self._n):
+            raise ValueError(f"b of shape {b.shape}: give ({len(values)}, {self._n}) or ({len(values)}, {self._n}, k)")
+        if self._order is not None:
+            values = values[:, self._order]
+        columns = 1 if b.ndim == 2 else b.shape[2]
+        if columns == 0:
+            raise ValueError("b has no right-hand sides")
+        flat = np.ascontiguousarray(b if b.ndim == 2 else b.transpose(0, 2, 1)).reshape(-1)
+        status, x, statuses, *rest = self._core.solve(np.ascontiguousarray(values).reshape(-1), flat, len(values), columns,
+                                                      transpose)
+        if not statuses and status[0]:
+            raise make_error(*status)
+        errors = {k: make_error(*s) for k, s in enumerate(statuses) if s[0]}
+        if errors and check:
+            raise make_error(*status)
+        shaped = x.reshape(b.shape) if b.ndim == 2 else x.reshape(len(values), columns, self._n).transpose(0, 2, 1)
+        return BatchSolve(shaped, errors, *rest)

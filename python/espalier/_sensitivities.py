@@ -1,0 +1,68 @@
+"""Derivatives of simulations by parameters of their models."""
+
+import os
+from dataclasses import dataclass
+from typing import Any, Iterable, Mapping
+
+from . import _core
+from ._errors import make_error
+
+Parameters = "Iterable[str] | Mapping[str, float]"
+
+
+@dataclass(frozen=True)
+class Derivatives:
+    """Quantities of a run and their derivatives. parameters: P paths of the model text, with their present values (P,);
+    names: Q quantities; t: (T,) start and ends of steps, of statics the last load factor alone; values (T, Q);
+    derivatives (T, Q, P); frequencies (K,) and frequency_derivatives (K, P): natural frequencies of the model at its
+    start, where it has [initial] modes = K; defect: how well the linear equations of the derivatives are solved."""
+
+    parameters: "list[str]"
+    parameter_values: Any
+    names: "list[str]"
+    t: Any
+    values: Any
+    derivatives: Any
+    frequencies: Any
+    frequency_derivatives: Any
+    defect: float
+
+    def __getitem__(self, name: str) -> Any:
+        """Derivatives of one quantity over time, (T, P)."""
+        return self.derivatives[:, self.names.index(name), :]
+
+    def value(self, name: str) -> float:
+        """Of a quantity at the end."""
+        return float(self.values[-1, self.names.index(name)])
+
+    def gradient(self, name: str) -> Any:
+        """Of a quantity at the end, (P,)."""
+        return self.derivatives[-1, self.names.index(name), :].copy()
+
+
+def derivatives(model: Any, parameters: "Iterable[str] | Mapping[str, float]", *,
+                set: "Mapping[str, Any] | None" = None, until: "float | None" = None, quantities: Iterable[str] = (),
+                **solver: Any) -> Derivatives:
+    """Runs a model (as for Simulation) and differentiates its quantities, those of `quantities` and of its [output], by
+    parameters: paths of numbers in its text ("parameters.length", "forces.spring.stiffness"), with a mapping also the
+    step to both sides at which the equations are looked at (0: 5e-6 of the value). set: values to be replaced first.
+    Motions forward through the steps of the run, statics at the equilibrium; see docs/use/sensitivities.md. Raises
+    InvalidInputError for paths that name no number, models with events, and what a Simulation raises."""
+    from ._simulation import Model
+    from ._solver import _text
+    from ._toml import _value
+
+    if isinstance(quantities, str):
+        quantities = [quantities]
+    if isinstance(parameters, str):
+        parameters = [parameters]
+    steps = dict(parameters) if isinstance(parameters, Mapping) else {p: 0.0 for p in parameters}
+    if not isinstance(model, Model):
+        model = Model(model) if isinstance(model, Mapping) else Model.load(model)
+    status, found = _core.sensitivities(
+        model._path if model._path is not None else model.text, model._path is not None,
+        [(p, float(s)) for p, s in steps.items()], [f"{k}={_value(v, k)}" for k, v in (set or {}).items()], until,
+        list(quantities), [(k, _text(v)) for k, v in solver.items()])
+    if status[0]:
+        raise make_error(*status)
+    return Derivatives(*found)

@@ -1,0 +1,144 @@
+"""espalier.SchurComplement, ChangedSystem, Batch and Solver.analyze_change against dense algebra."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import espalier as esp
+
+
+def system(n, kind, seed):
+    rng = np.random.default_rng(seed)
+    a = sp.random_array((n, n), density=4 / n, rng=rng).toarray()
+    if kind != "lu":
+        a = a + a.T
+    return a + np.diag(n * np.ones(n) if kind == "llt" else np.where(rng.random(n) < 0.5, -3.0, 3.0))
+
+
+def layouts(a, layout):
+    s = sp.csc_array(a)
+    if layout == "triple":
+        r = s.tocsr()
+        return r.indptr, r.indices, r.data
+    return s.asformat(layout)
+
+
+@pytest.mark.parametrize("layout", ["csc", "csr", "coo", "triple"])
+@pytest.mark.parametrize("kind", ["llt", "ldlt", "lu"])
+def test_schur_complement(kind, layout):
+    n = 60
+    a = system(n, kind, 3)
+    listed = np.array([7, 50, 3, 20])
+    rest = np.setdiff1d(np.arange(n), listed)
+    schur = esp.SchurComplement(layouts(a, layout), listed, kind=kind, threads=2)
+    s = a[np.ix_(listed, listed)] - a[np.ix_(listed, rest)] @ np.linalg.solve(a[np.ix_(rest, rest)], a[np.ix_(rest, listed)])
+    np.testing.assert_allclose(schur.complement, s, rtol=1e-9, atol=1e-9)
+    b = np.random.default_rng(1).random((n, 2))
+    g = schur.condense(b)
+    x = schur.expand(b, np.linalg.solve(s, g))
+    np.testing.assert_allclose(a @ x, b, atol=1e-9)
+    np.testing.assert_allclose(a @ schur.solve(b[:, 0]), b[:, 0], atol=1e-10)
+    np.testing.assert_allclose(a.T @ schur.solve(b, transpose=True), b, atol=1e-10)
+    assert schur.last_solve.backward_error < 1e-14
+    if kind != "lu":
+        of_rest, of_s = schur.inertia
+        assert of_rest.negative + of_s.negative == (np.linalg.eigvalsh(a) < 0).sum()
+    schur.factorize(layouts(2 * a, layout))
+    np.testing.assert_allclose(schur.complement, 2 * s, rtol=1e-9, atol=1e-9)
+
+
+def test_schur_complements_that_cannot_be():
+    a = sp.csc_array(system(10, "llt", 1))
+    for listed in ([], [3, 3], [10]):
+        with pytest.raises(esp.InvalidInputError):
+            esp.SchurComplement(a, listed)
+    free = sp.diags_array([[-1.0] * 4, [1, 2, 2, 2, 1], [-1.0] * 4], offsets=[-1, 0, 1]).tolil()
+    free.resize((6, 6))
+    free[5, 5] = 1
+    with pytest.raises(esp.SingularMatrixError):
+        esp.SchurComplement(free.tocsc(), [5])
+    schur = esp.SchurComplement(a, [1])
+    with pytest.raises(ValueError):
+        schur.condense(np.ones(9))
+    with pytest.raises(esp.InvalidInputError):
+        schur.solve(np.full(10, np.nan))
+
+
+@pytest.mark.parametrize("kind", ["llt", "ldlt", "lu"])
+def test_changed_system(kind):
+    n = 40
+    a = system(n, kind, 5)
+    rng = np.random.default_rng(2)
+    solver = esp.Solver(sp.csc_array(a), kind=kind, threads=2)
+    changed = esp.ChangedSystem(solver)
+    u, c, g = rng.random((n, 2)), np.array([[2.0, 0.5], [0.5, -1.0]]), rng.random((n, 3))
+    changed.add_low_rank(u, c)
+    changed.add(g)
+    changed.remove([4, n + 1])
+    assert len(changed) == n + 3
+    full = np.block([[a + u @ c @ u.T, g], [g.T, np.zeros((3, 3))]])
+    kept = np.setdiff1d(np.arange(n + 3), [4, n + 1])
+    b = rng.random(n + 3)
+    x = changed.solve(b)
+    assert x[4] == 0 and x[n + 1] == 0
+    np.testing.assert_allclose(full[np.ix_(kept, kept)] @ x[kept], b[kept], atol=1e-9)
+    assert changed.last_solve.backward_error < 1e-13
+    if kind != "lu":
+        assert changed.inertia.negative == (np.linalg.eigvalsh(full[np.ix_(kept, kept)]) < 0).sum()
+    changed.restore([4])
+    with pytest.raises(esp.InvalidInputError):
+        changed.restore([4])
+    with pytest.raises(ValueError):
+        changed.add(np.ones(n + 1))
+    solver.factorize(sp.csc_array(2 * a))
+    with pytest.raises(RuntimeError):
+        changed.solve(b)
+    solver.close()
+    with pytest.raises(RuntimeError):
+        changed.solve(b)
+
+
+@pytest.mark.parametrize("layout", ["csc", "csr"])
+@pytest.mark.parametrize("kind", ["llt", "lu"])
+def test_batch(kind, layout):
+    n, count = 30, 9
+    a = layouts(system(n, kind, 8), layout)
+    rng = np.random.default_rng(4)
+    values = a.data * (1 + 0.1 * rng.random((count, 1)) if kind == "llt" else 1 + 0.1 * rng.random((count, len(a.data))))
+    batch = esp.Batch(a, kind=kind, threads=2)
+    for shape in [(count, n), (count, n, 2)]:
+        b = rng.random(shape)
+        found = batch.solve(values, b)
+        assert found.x.shape == shape and not found.errors and found.backward_errors.max() < 1e-14
+        for k in range(count):
+            one = a.copy()
+            one.data = values[k]
+            np.testing.assert_allclose(one @ found.x[k], b[k], atol=1e-10)
+    values[3] = 0
+    b = rng.random((count, n))
+    with pytest.raises(esp.Error, match="system 3"):
+        batch.solve(values, b)
+    found = batch.solve(values, b, check=False)
+    assert list(found.errors) == [3] and np.isnan(found.x[3]).all() and not np.isnan(found.x[4]).any()
+    with pytest.raises(ValueError):
+        batch.solve(values[:, 1:], b)
+
+
+@pytest.mark.parametrize("layout", ["csc", "csr"])
+def test_analyze_change(layout):
+    rng = np.random.default_rng(6)
+    line = sp.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(20, 20))
+    a = sp.csc_array(sp.kron(line, sp.eye_array(20)) + sp.kron(sp.eye_array(20), line))
+    solver = esp.Solver(a.asformat(layout))
+    with pytest.raises(RuntimeError):
+        esp.Solver().analyze_change(a)
+    b = a.tolil()
+    for u, v in [(3, 44), (100, 142), (200, 260)]:
+        b[u, v] = b[v, u] = -0.1
+    b = b.tocsc().asformat(layout)
+    change = solver.analyze_change(b)
+    assert not change.full and change.added_entries in (3, 6) and change.kept_fronts > 0
+    solver.factorize(b)
+    right = rng.random(400)
+    np.testing.assert_allclose(b @ solver.solve(right), right, atol=1e-10)
+    assert solver.analyze_change(sp.eye_array(7, format="csc")).full
