@@ -6,8 +6,8 @@
 
 Every key is read by a call such as s.positive("young") in src/dynamics/model/read_*.cpp: type and default stand there, the
 default often as a field of a struct. This module finds those calls. A literal in these files that it cannot place is an
-error, so that a new way of reading cannot go unnoticed. The meaning is that of the tables of docs/guide/simulate.md and
-forces.md; a key of the sources without a word there is an error too.
+error, so that a new way of reading cannot go unnoticed. The meaning is that of the tables of docs/guide/simulate.md,
+forces.md and contact.md; a key of the sources without a word there is an error too.
 """
 import re
 import sys
@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 MODEL = ROOT / "src/dynamics/model"
-GUIDE = ("simulate.md", "forces.md")
+GUIDE = ("simulate.md", "forces.md", "contact.md")
 
 # Title, source, function, structs of its defaults, tables of the guide: (heading, first header cell), patterns.
 SECTIONS = (
@@ -25,6 +25,11 @@ SECTIONS = (
     ("", "read_joints.cpp", "read_joints", (), (("The text", "at the top"),)),
     ("", "read_joints.cpp", "read_forces", (), (("The text", "at the top"),)),
     ("", "read_bodies.cpp", "BodyReader", (), (("The text", "at the top"),)),
+    ("[surfaces], [contacts]", "read_surfaces.cpp", "read_surfaces", (), (("The text", "at the top"),)),
+    ("[surfaces.NAME]", "read_surfaces.cpp", "read_surface", ("SprocketShape",), (("Surfaces", "key"),)),
+    ("Axes of a surface", "read_surfaces.cpp", "read_surface_axes", (), (("Surfaces", "key"),)),
+    ("[contacts.NAME]", "read_surfaces.cpp", "read_contact", (), (("Contacts", "key"),)),
+    ("Law of a contact", "read_surfaces.cpp", "read_contact_law", (), (("Contacts", "key"),)),
     ("[inputs], [sensors], [events]", "read_events.cpp", "read_events", (), (("The text", "at the top"),)),
     ("[splines]", "read_splines.cpp", "read_splines", (), (("The text", "at the top"),)),
     ("[materials.NAME]", "read_bodies.cpp", "read_material", (), (("", "material"),)),
@@ -32,6 +37,7 @@ SECTIONS = (
     ("Rigid bodies", "read_bodies.cpp", "read_rigid", (), (("Bodies", "rigid"),)),
     ("Points", "read_bodies.cpp", "read_point", (), (("Bodies", "rigid"),)),
     ("Flexible bodies: motion and damping", "read_bodies.cpp", "read_motion", (), (("Bodies", "solid"),)),
+    ("`reduce` of a flexible body", "read_bodies.cpp", "read_reduction", (), (("Bodies", "reduce"),)),
     ("Solids", "read_bodies.cpp", "read_solid", (), (("Bodies", "solid"),)),
     ("Solids: mesh", "read_bodies.cpp", "read_mesh_source", (), (("Bodies", "solid"),)),
     ("Part block", "read_bodies.cpp", "read_block", ("BlockShape",), (("Bodies", "part"),)),
@@ -74,12 +80,12 @@ TYPES = {"number": "number", "positive": "number > 0", "integer": "whole number"
          "choice": "one of", "texts": "list of texts", "numbers": "list of numbers", "vector": "list of three numbers",
          "vectors": "list of points", "matrix": "three numbers, or a 3 x 3 matrix", "rotation": "rotation",
          "function": "function of time", "state_function": "expression", "value": "", "table": "table",
-         "named": "tables by name", "not_negative": "number >= 0", "lever": "number > 0", "read_measure": 'number, or "initial"',
-         "read_interval": "time, 0 or false", "elements": "whole number", "read_components": "three numbers or expressions",
+         "named": "tables by name", "not_negative": "number >= 0", "number_from_zero": "number >= 0", "lever": "number > 0", "read_measure": 'number, or "initial"',
+         "read_interval": "time, 0 or false", "read_surface_axes": "list of three numbers", "elements": "whole number", "read_components": "three numbers or expressions",
          "plain_values": "names and values", "read_frame": "a marker's name or a table"}
-METHODS = [t for t in TYPES if not t.startswith(("not_", "lever", "read_", "elements", "plain_"))]
+METHODS = [t for t in TYPES if not t.startswith(("not_", "number_", "lever", "read_", "elements", "plain_"))]
 HELPERS = [t for t in TYPES if t not in METHODS]
-NO_DEFAULT = {"value", "table", "named", "plain_values", "texts", "read_components", "lever", "rotation", "read_measure"}
+NO_DEFAULT = {"value", "table", "named", "plain_values", "texts", "read_components", "lever", "rotation", "read_measure", "read_surface_axes"}
 
 # Literals of these files that are no keys: reserved names, the words of an option, a guess in a message.
 OTHER_WORDS = {"ground", "energy", "constraints", "step", "time", "true", "false", "initial", "keys", "bodies"}
