@@ -181,7 +181,7 @@ BatchResult Batch::solve(std::span<const double> values, std::span<const double>
     share(m.session.pool, result.workers, count, [&](int worker, Index k) {
       const std::size_t first = at(k) * size;
       result.systems[at(k)] = solve_one(m.worker(worker), values.subspan(at(k) * nonzeros, nonzeros),
-                                        {b.data() + first, x.data() + first, columns, transpose == Transpose::yes});
+                                        {b.data() + first, x.data() + first, columns, transpose != Transpose::no});
     });
   });
   if (status.ok())
@@ -219,7 +219,7 @@ SystemResult solve_alone(const System& system, const Options& options) {
     return result;
   }
   return solve_one(session, system.a.values,
-                   {system.b.data(), system.x.data(), system.columns, system.transpose == Transpose::yes});
+                   {system.b.data(), system.x.data(), system.columns, system.transpose != Transpose::no});
 }
 
 }  // namespace

@@ -58,7 +58,7 @@ SolveResult SchurComplement::condense(std::span<const double> b, std::span<doubl
   impl_->expect_factorized("condense");
   Impl::check("condense", "b", b.size(), impl_->n(), columns);
   Impl::check("condense", "g", g.size(), size(), columns);
-  return impl_->condense({b.data(), nullptr, nullptr, g.data(), columns, transpose == Transpose::yes});
+  return impl_->condense({b.data(), nullptr, nullptr, g.data(), columns, transpose != Transpose::no});
 }
 
 SolveResult SchurComplement::expand(std::span<const double> b, std::span<const double> xs, std::span<double> x,
@@ -67,14 +67,14 @@ SolveResult SchurComplement::expand(std::span<const double> b, std::span<const d
   Impl::check("expand", "b", b.size(), impl_->n(), columns);
   Impl::check("expand", "xs", xs.size(), size(), columns);
   Impl::check("expand", "x", x.size(), impl_->n(), columns);
-  return impl_->expand({b.data(), xs.data(), x.data(), nullptr, columns, transpose == Transpose::yes});
+  return impl_->expand({b.data(), xs.data(), x.data(), nullptr, columns, transpose != Transpose::no});
 }
 
 SolveResult SchurComplement::solve(std::span<const double> b, std::span<double> x, Index columns, Transpose transpose) {
   impl_->expect_factorized("solve");
   Impl::check("solve", "b", b.size(), impl_->n(), columns);
   Impl::check("solve", "x", x.size(), impl_->n(), columns);
-  return impl_->solve({b.data(), nullptr, x.data(), nullptr, columns, transpose == Transpose::yes});
+  return impl_->solve({b.data(), nullptr, x.data(), nullptr, columns, transpose != Transpose::no});
 }
 
 SchurInertia SchurComplement::inertia() {

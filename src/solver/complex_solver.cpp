@@ -5,8 +5,6 @@
 #include <utility>
 
 #include "matrix/validate.hpp"
-#include "solver/analysis_file.hpp"
-#include "solver/option_check.hpp"
 #include "solver/session_calls.hpp"
 #include "solver/solution.hpp"
 
@@ -63,9 +61,7 @@ ComplexSolver::ComplexSolver(ComplexSolver&&) noexcept = default;
 ComplexSolver& ComplexSolver::operator=(ComplexSolver&&) noexcept = default;
 
 ComplexSolver ComplexSolver::clone(int threads) const {
-  if (threads < 0 || threads > solver::kMostThreads)
-    throw std::invalid_argument(fmt::format("ComplexSolver::clone: {} threads; give 0 (as many as this solver) to {}",
-                                            threads, solver::kMostThreads));
+  solver::check_threads("ComplexSolver::clone", threads);
   return ComplexSolver(std::make_unique<Impl>(*impl_, threads));
 }
 
@@ -77,14 +73,10 @@ AnalysisResult ComplexSolver::analyze(const ComplexMatrixView& a) {
 }
 
 ComplexFactorResult ComplexSolver::factorize(const ComplexMatrixView& a) {
-  if (!impl_->factor) throw std::logic_error("ComplexSolver::factorize: call analyze() first");
+  solver::check_analyzed(*impl_, "ComplexSolver::factorize");
   Status status = solver::guarded(*impl_, [&] {
     matrix::validate(a, &impl_->pool);
-    if (!solver::same_pattern(impl_->current().system->prepared, matrix::pattern_of(a), impl_->pool))
-      throw Error(StatusCode::invalid_input,
-                  "the matrix has another pattern than the one analyzed; call analyze() again");
-    if (a.values.empty() && a.nonzeros() > 0)
-      throw Error(StatusCode::invalid_input, "the matrix has no values; a pattern cannot be factorized");
+    solver::expect_same_system(*impl_, matrix::pattern_of(a), a.values.size());
   });
   if (!status.ok()) {
     ComplexFactorResult r;
@@ -125,16 +117,11 @@ SolveResult ComplexSolver::solve(std::span<const Value> b, std::span<Value> x, I
 }
 
 void ComplexSolver::set_refinement(int steps, double required_backward_error) {
-  Options changed = impl_->options;
-  changed.refinement_steps = steps;
-  changed.required_backward_error = required_backward_error;
-  solver::check_options(changed);
-  impl_->options.refinement_steps = steps;
-  impl_->options.required_backward_error = required_backward_error;
+  solver::set_refinement(*impl_, steps, required_backward_error);
 }
 
 bool ComplexSolver::has_pattern(const ComplexMatrixView& a) const {
-  if (!impl_->factor) throw std::logic_error("ComplexSolver::has_pattern: there is no analysis");
+  solver::check_analyzed(*impl_, "ComplexSolver::has_pattern");
   return solver::same_pattern(impl_->current().system->prepared, matrix::pattern_of(a), impl_->pool);
 }
 
@@ -148,25 +135,13 @@ const Options& ComplexSolver::options() const { return impl_->options; }
 const AnalysisResult& ComplexSolver::analysis() const { return impl_->analysis; }
 
 ConditionResult ComplexSolver::condition_estimate() {
-  solver::check_factorized(*impl_, "ComplexSolver::condition_estimate");
-  ConditionResult r;
-  r.status = solver::guarded(*impl_, [&] {
-    impl_->expect_usable();
-    r.estimate = solver::estimate_condition(*impl_->factor);
-  });
-  return r;
+  return solver::condition_of(*impl_, "ComplexSolver::condition_estimate");
 }
 
 std::vector<Solver::TierRow> ComplexSolver::tiers() const { return solver::tiers_of(*impl_); }
 
 Status ComplexSolver::save_analysis(const std::string& path) const {
-  if (!impl_->factor) throw std::logic_error("ComplexSolver::save_analysis: there is no analysis");
-  return solver::guarded(*impl_, [&] {
-    const solver::Analysis& a = impl_->current();
-    const auto& p = a.system->prepared;
-    solver::write_analysis(path, {a.kind(), a.plan.tree, p.row_scale, p.col_scale, p.row_of_col},
-                           solver::caller_hash(p, impl_->pool));
-  });
+  return solver::save_analysis(*impl_, "ComplexSolver::save_analysis", path);
 }
 
 AnalysisResult ComplexSolver::load_analysis(const std::string& path, const ComplexMatrixView& a) {
@@ -177,8 +152,7 @@ AnalysisResult ComplexSolver::load_analysis(const std::string& path, const Compl
 }
 
 Status ComplexSolver::write_trace(const std::string& path) const {
-  if (!impl_->timeline) throw std::logic_error("ComplexSolver::write_trace: Options::record_timeline was not set");
-  return solver::guarded(*impl_, [&] { impl_->timeline->write(path); });
+  return solver::write_trace(*impl_, "ComplexSolver::write_trace", path);
 }
 
 }  // namespace espalier

@@ -7,6 +7,7 @@
 
 #include <new>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "solver/on_all_ranks.hpp"
@@ -37,8 +38,12 @@ Result copy_of(const Result& result) {
   }
 }
 
-inline void check_values(const Session& s, const char* call, Offset count) {
+inline void check_analyzed(const Session& s, const char* call) {
   if (!s.factor) throw std::logic_error(fmt::format("{}: call analyze() first", call));
+}
+
+inline void check_values(const Session& s, const char* call, Offset count) {
+  check_analyzed(s, call);
   if (s.parts) return;  // one rank's mistake is told to all
   const Offset expected = s.current().system->prepared.caller_nonzeros;
   if (count != expected)
@@ -90,5 +95,18 @@ AnalysisResult analysis_by(Session& s, Body&& body) {
   if (!s.analysis.status.ok() && !s.device_lost()) s.factor.reset();
   return copy_of(s.analysis);
 }
+
+// The rest is the same for both solvers; `call` is the name that the caller knows it by.
+
+/// @throws std::invalid_argument unless a clone can have so many threads (0: as many as the original)
+void check_threads(const char* call, int threads);
+/// @throws std::invalid_argument  what the options of a solver do not allow
+void set_refinement(Session& s, int steps, double required_backward_error);
+/// `pattern` and the number of values, of a matrix that is valid, against the analysis.
+/// @throws Error(invalid_input)
+void expect_same_system(Session& s, const MatrixView& pattern, std::size_t values);
+ConditionResult condition_of(Session& s, const char* call);
+Status save_analysis(Session& s, const char* call, const std::string& path);
+Status write_trace(Session& s, const char* call, const std::string& path);
 
 }  // namespace espalier::solver

@@ -3,13 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <new>
 #include <utility>
 
 #include "matrix/validate.hpp"
-#include "solver/analysis_file.hpp"
 #include "solver/on_all_ranks.hpp"
-#include "solver/option_check.hpp"
 #include "solver/session.hpp"
 #include "solver/session_calls.hpp"
 #include "solver/solution.hpp"
@@ -50,9 +47,7 @@ Solver::Solver(Solver&&) noexcept = default;
 Solver& Solver::operator=(Solver&&) noexcept = default;
 
 Solver Solver::clone(int threads) const {
-  if (threads < 0 || threads > solver::kMostThreads)
-    throw std::invalid_argument(
-        fmt::format("Solver::clone: {} threads; give 0 (as many as this solver) to {}", threads, solver::kMostThreads));
+  solver::check_threads("Solver::clone", threads);
   return Solver(std::make_unique<Impl>(*impl_, threads));
 }
 
@@ -69,7 +64,7 @@ AnalysisResult Solver::analyze(const LocalEntries& part) {
 }
 
 void Solver::set_rows(RowRange rows) {
-  if (!impl_->factor) throw std::logic_error("Solver::set_rows: call analyze() first");
+  solver::check_analyzed(*impl_, "Solver::set_rows");
   const Index n = impl_->current().n();
   if (rows.first < 0 || rows.count < 0 || rows.first > n || rows.count > n - rows.first)
     throw std::invalid_argument(
@@ -79,12 +74,12 @@ void Solver::set_rows(RowRange rows) {
 }
 
 RowRange Solver::rows() const {
-  if (!impl_->factor) throw std::logic_error("Solver::rows: call analyze() first");
+  solver::check_analyzed(*impl_, "Solver::rows");
   return rows_of(*impl_);
 }
 
 ChangeResult Solver::analyze_change(const MatrixView& a) {
-  if (!impl_->factor) throw std::logic_error("Solver::analyze_change: call analyze() first");
+  solver::check_analyzed(*impl_, "Solver::analyze_change");
   ChangeResult result;
   AnalysisResult analysis = analysis_by(*impl_, [&] {
     if (!impl_->parts) return void(result = impl_->analyze_change(a));
@@ -97,15 +92,11 @@ ChangeResult Solver::analyze_change(const MatrixView& a) {
 }
 
 FactorResult Solver::factorize(const MatrixView& a) {
-  if (!impl_->factor) throw std::logic_error("Solver::factorize: call analyze() first");
+  solver::check_analyzed(*impl_, "Solver::factorize");
   if (impl_->link() != nullptr) return factorize_on_ranks(a);
   Status status = guarded(*impl_, [&] {
     matrix::validate(a, &impl_->pool);
-    if (!solver::same_pattern(impl_->current().system->prepared, a, impl_->pool))
-      throw Error(StatusCode::invalid_input,
-                  "the matrix has another pattern than the one analyzed; call analyze() again");
-    if (a.values.empty() && a.nonzeros() > 0)
-      throw Error(StatusCode::invalid_input, "the matrix has no values; a pattern cannot be factorized");
+    solver::expect_same_system(*impl_, a, a.values.size());
   });
   if (!status.ok()) {
     FactorResult r;
@@ -121,11 +112,7 @@ FactorResult Solver::factorize_on_ranks(const MatrixView& a) {
     solver::GatheredMatrix again;
     const SparseMatrix whole = again.gather(a, impl_->link());
     matrix::validate(whole, &impl_->pool);
-    if (!solver::same_pattern(impl_->current().system->prepared, whole, impl_->pool))
-      throw Error(StatusCode::invalid_input,
-                  "the matrix has another pattern than the one analyzed; call analyze() again");
-    if (whole.values.empty() && whole.nonzeros() > 0)
-      throw Error(StatusCode::invalid_input, "the matrix has no values; a pattern cannot be factorized");
+    solver::expect_same_system(*impl_, whole, whole.values.size());
     factor.factorize(whole.values);
   });
 }
@@ -180,7 +167,7 @@ SolveResult Solver::solve_in_parts(std::span<const double> b, std::span<double> 
                   fmt::format("{} right-hand sides of {} rows need {} values on this rank; b has {}, x has {}", columns,
                               rows.count, need, b.size(), x.size()));
     std::vector<double> whole = impl_->gathered.gather_rows(b.first(need), rows, columns, impl_->link());
-    const solver::SolveJob job{whole.data(), whole.data(), columns, transpose == Transpose::yes};
+    const solver::SolveJob job{whole.data(), whole.data(), columns, transpose != Transpose::no};
     SolveResult result = solver::solve(*impl_->factor, job, impl_->context);
     const auto n = static_cast<std::size_t>(impl_->current().n());
     for (std::size_t c = 0; c < static_cast<std::size_t>(columns); ++c)
@@ -190,16 +177,11 @@ SolveResult Solver::solve_in_parts(std::span<const double> b, std::span<double> 
 }
 
 void Solver::set_refinement(int steps, double required_backward_error) {
-  Options changed = impl_->options;
-  changed.refinement_steps = steps;
-  changed.required_backward_error = required_backward_error;
-  solver::check_options(changed);
-  impl_->options.refinement_steps = steps;
-  impl_->options.required_backward_error = required_backward_error;
+  solver::set_refinement(*impl_, steps, required_backward_error);
 }
 
 bool Solver::has_pattern(const MatrixView& a) const {
-  if (!impl_->factor) throw std::logic_error("Solver::has_pattern: there is no analysis");
+  solver::check_analyzed(*impl_, "Solver::has_pattern");
   return solver::same_pattern(impl_->current().system->prepared, a, impl_->pool);
 }
 
@@ -212,27 +194,12 @@ Solver::State Solver::state() const { return impl_->state(); }
 const Options& Solver::options() const { return impl_->options; }
 const AnalysisResult& Solver::analysis() const { return impl_->analysis; }
 
-ConditionResult Solver::condition_estimate() {
-  check_factorized(*impl_, "Solver::condition_estimate");
-  ConditionResult r;
-  r.status = guarded(*impl_, [&] {
-    impl_->expect_usable();
-    r.estimate = solver::estimate_condition(*impl_->factor);
-  });
-  return r;
-}
+ConditionResult Solver::condition_estimate() { return solver::condition_of(*impl_, "Solver::condition_estimate"); }
 
 std::vector<Solver::TierRow> Solver::tiers() const { return solver::tiers_of(*impl_); }
 
 Status Solver::save_analysis(const std::string& path) const {
-  if (!impl_->factor) throw std::logic_error("Solver::save_analysis: there is no analysis");
-  return guarded(*impl_, [&] {
-    if (impl_->link() != nullptr && impl_->link()->rank() != 0) return;  // rank 0 writes for all
-    const solver::Analysis& a = impl_->current();
-    const auto& p = a.system->prepared;
-    solver::write_analysis(path, {a.kind(), a.plan.tree, p.row_scale, p.col_scale, p.row_of_col},
-                           solver::caller_hash(p, impl_->pool));
-  });
+  return solver::save_analysis(*impl_, "Solver::save_analysis", path);
 }
 
 AnalysisResult Solver::load_analysis(const std::string& path, const MatrixView& a) {
@@ -240,8 +207,7 @@ AnalysisResult Solver::load_analysis(const std::string& path, const MatrixView& 
 }
 
 Status Solver::write_trace(const std::string& path) const {
-  if (!impl_->timeline) throw std::logic_error("Solver::write_trace: Options::record_timeline was not set");
-  return guarded(*impl_, [&] { impl_->timeline->write(path); });
+  return solver::write_trace(*impl_, "Solver::write_trace", path);
 }
 
 }  // namespace espalier

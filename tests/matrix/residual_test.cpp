@@ -33,7 +33,7 @@ std::vector<double> random_vector(std::size_t n, unsigned seed) {
 // Truth: dense products of small integers, which are exact.
 TEST(Multiply, EqualsDense) {
   for (const auto storage : kAll)
-    for (const auto transpose : {Transpose::no, Transpose::yes}) {
+    for (const auto transpose : {Transpose::no, Transpose::yes, Transpose::conjugate}) {
       const auto a = with_storage(23, storage, 9);
       const Eigen::MatrixXd d = transpose == Transpose::no ? dense(a) : Eigen::MatrixXd(dense(a).transpose());
       const Index k = 3;

@@ -52,7 +52,7 @@ SchurResult factorized(SchurComplement& schur, const SparseMatrix& a, const std:
 
 // Condensing, solving densely and expanding solve the system; solve() does so by itself.
 void expect_solves(SchurComplement& schur, const SparseMatrix& a, Index columns, Transpose transpose) {
-  const bool flip = transpose == Transpose::yes;
+  const bool flip = transpose != Transpose::no;
   const std::vector<double> b = reference::random_vector(static_cast<std::int64_t>(a.cols) * columns, 5);
   std::vector<double> g(static_cast<std::size_t>(schur.size()) * static_cast<std::size_t>(columns)), x(b.size());
   const SolveResult condensed = schur.condense(b, g, columns, transpose);
@@ -84,7 +84,7 @@ TEST_P(EveryKind, IsCondensedOntoAnyList) {
       EXPECT_TRUE(result.by_elimination || result.rest.perturbed > 0);
       expect_complement(schur, a, 1e-9);
       for (const Index columns : {1, 3}) expect_solves(schur, a, columns, Transpose::no);
-      expect_solves(schur, a, 2, Transpose::yes);
+      for (const Transpose turned : {Transpose::yes, Transpose::conjugate}) expect_solves(schur, a, 2, turned);
     }
 }
 

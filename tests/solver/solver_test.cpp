@@ -234,11 +234,11 @@ TEST(SolverSolve, ManyRightHandSidesAliasingAndTranspose) {
     ASSERT_TRUE(s.analyze(a).status.ok());
     ASSERT_TRUE(s.factorize(a).status.ok());
     for (const Index columns : {1, 2, 7, 8, 9, 33})
-      for (const bool transpose : {false, true}) {
-        SCOPED_TRACE(testing::Message() << "columns " << columns << " transpose " << transpose);
+      for (const Transpose op : {Transpose::no, Transpose::yes, Transpose::conjugate}) {
+        const bool transpose = op != Transpose::no;
+        SCOPED_TRACE(testing::Message() << "columns " << columns << " transpose " << static_cast<int>(op));
         const std::vector<double> b = reference::random_vector(130 * static_cast<std::int64_t>(columns), 14);
         std::vector<double> x(b.size()), aliased(b);
-        const Transpose op = transpose ? Transpose::yes : Transpose::no;
         EXPECT_TRUE(s.solve(b, x, columns, op).status.ok());
         EXPECT_LE(reference::backward_error(a, b, x, columns, transpose), 8 * kEps);
         EXPECT_TRUE(s.solve(aliased, aliased, columns, op).status.ok());
