@@ -12,11 +12,33 @@ check_format() {
   source_files | xargs -r "$tool" --dry-run -Werror
 }
 
+# The interpreter of the Python steps: build/python-env with the packages of the site, of its notebooks and of the tests.
+# Without PyPI there is none, and those steps say that they are left out.
+ci_python=$PWD/build/python-env/bin/python
+make_python() {
+  need_packages python site
+  python3 -m venv build/python-env &&
+    "${ci_python%/*}/pip" install -q -r docs/site/requirements.txt -c docs/site/constraints.txt nanobind pytest hypothesis \
+      >build/python-env.log 2>&1 && return 0
+  tail -3 build/python-env.log
+  echo "left out: the Python package and the site; pip could not install their packages"
+  rm -rf build/python-env
+}
+
 # Without CUDA, as on the machines that run the tests.
 # With the options of ./test, so that the tests find everything built.
 build_release() {
+  local python=()
+  [[ ! -x $ci_python ]] || python=(-DESPALIER_PYTHON=ON "-DPython_EXECUTABLE=$ci_python")
   # shellcheck disable=SC2046 # words without blanks
-  configure_and_build release -DESPALIER_TESTS=ON -DESPALIER_EVIDENCE=ON -DESPALIER_BENCH=ON $(from_scratch)
+  configure_and_build release -DESPALIER_TESTS=ON -DESPALIER_EVIDENCE=ON -DESPALIER_BENCH=ON $(from_scratch) "${python[@]}"
+}
+
+# The site with its notebooks executed, from the package of the release build.
+build_site() {
+  [[ -x $ci_python ]] || { echo "left out: no build/python-env"; return 0; }
+  "$ci_python" -c 'import site; print(site.getsitepackages()[0])' | xargs -I{} sh -c "echo '$PWD/build/release/python' >{}/espalier.pth"
+  ESPALIER_SITE_VENV=$PWD/build/python-env docs/build.sh
 }
 
 # The CUDA sources compile where nvcc is found. One architecture: that shows it.
