@@ -18,6 +18,7 @@ is waited for. It needs espalier-cuda, cupy, nvmath-python with cuDSS. nvmath is
 finds that out; CuPy's spsolve knows no next factorization and no solve alone.
 """
 import argparse
+import glob
 import json
 import os
 import statistics
@@ -178,6 +179,12 @@ class EspalierOnGpu(OnGpu):
         return self.solver.solve(b)
 
 
+def threads_of_cudss():
+    """The library by which cuDSS uses the host's threads, as its wheel brings it; None where it is not on the path."""
+    found = [f for folder in sys.path for f in glob.glob(f"{folder}/nvidia/*/lib/libcudss_mtlayer_gomp.so*")]
+    return found[0] if found else None
+
+
 class Nvmath(OnGpu):
     def __init__(self):
         super().__init__()
@@ -192,7 +199,8 @@ class Nvmath(OnGpu):
         if self.solver is not None:
             self.solver.free()
         kind = self.module.DirectSolverMatrixType
-        options = self.module.DirectSolverOptions(sparse_system_type=kind.SPD if self.symmetric else kind.GENERAL)
+        options = self.module.DirectSolverOptions(sparse_system_type=kind.SPD if self.symmetric else kind.GENERAL,
+                                                  multithreading_lib=threads_of_cudss())
         self.a, self.b = a, self.cupy.zeros(a.shape[0])
         self.solver = self.module.DirectSolver(self.a, self.b, options=options)
         self.solver.plan()

@@ -229,6 +229,18 @@ class Search {
     return d;
   }
 
+  // A matrix has as many null directions on the one side as on the other. Where the two searches disagree, or both came
+  // near only, each corrects its own with what the other has found.
+  void agree(Directions& right, Directions& left) const {
+    constexpr int kTurns = 2;
+    for (int turn = 0; turn < kTurns; ++turn) {
+      const Index candidates = std::max(right.below(near()), left.below(near()));
+      if (std::min(right.below(zero_), left.below(zero_)) == candidates) return;
+      correct(left, first_columns(right.q, candidates), true);
+      correct(right, first_columns(left.q, candidates), false);
+    }
+  }
+
   [[nodiscard]] double zero() const { return zero_; }
   [[nodiscard]] const ScaledMatrix& matrix() const { return b_; }
 
@@ -268,6 +280,9 @@ class Search {
     return norm_two(job_.pool, again.column(0), b_.n()) <= kAbout * norm_two(job_.pool, x.column(0), b_.n());
   }
 
+  // What may be a null direction that the factor's errors have blurred.
+  [[nodiscard]] double near() const { return b_.norm() * (job_.rough ? 1e-3 : 1e-8); }
+
   [[nodiscard]] Block start(Index columns) const {
     Block x(b_.n(), columns);
     for (std::size_t k = 0; k < x.values.size(); ++k) x.values[k] = random_number(k);
@@ -304,22 +319,27 @@ class Search {
     d.values = rotate_apart(job_.pool, d.y, d.q);
   }
 
-  // Newton's steps for the null directions, q -= (1 - Q Q^T) B^-1 (1 - U U^T) B q, as long as they help: the error of
-  // the factor, which inverse iteration leaves in q, shrinks in each of them by itself over the next singular value. U,
-  // the null directions on the left, keeps the inverse from making much of what belongs to the zeros; further ones
-  // would keep it from what it is to correct.
+  // Directions that may be null ones are corrected.
   void improve(Directions& d, bool transpose) const {
-    const double near = b_.norm() * (job_.rough ? 1e-3 : 1e-8);
-    const int most = job_.rough ? 20 : 6;
     inspect(d, transpose);
-    const Index candidates = d.below(near);
+    const Index candidates = d.below(near());
     if (candidates == 0) return;
-    const Block left = b_.two_sided() ? left_of(d.q.columns, candidates, transpose) : Block(0, 0);
+    correct(d, b_.two_sided() ? left_of(d.q.columns, candidates, transpose) : first_columns(d.q, candidates),
+            transpose);
+  }
+
+  // Newton's steps for null directions, q -= (1 - Q Q^T) B^-1 (1 - U U^T) B q, as long as they help: the error of the
+  // factor, which inverse iteration leaves in q, shrinks in each of them by itself over the next singular value. U, as
+  // many null directions on the other side, keeps the inverse from making much of what belongs to the zeros; further
+  // ones would keep it from what it is to correct.
+  void correct(Directions& d, const Block& other, bool transpose) const {
+    const int most = job_.rough ? 20 : 6;
+    const Index candidates = other.columns;
     for (int step = 0; step < most; ++step) {
       Directions next = d;
       Block part(b_.n(), candidates);
       std::copy_n(d.y.values.begin(), part.values.size(), part.values.begin());
-      project_out(job_.pool, left.columns > 0 ? left : first_columns(d.q, candidates), part);
+      project_out(job_.pool, other, part);
       part = b_.inverse(std::move(part), transpose);
       project_out(job_.pool, d.q, part);
       for (std::size_t k = 0; k < part.values.size(); ++k) next.q.values[k] -= part.values[k];
@@ -338,7 +358,7 @@ class Search {
   [[nodiscard]] Block left_of(Index columns, Index keep, bool transpose) const {
     Directions left{start(columns), Block(0, 0), {}};
     for (int step = 0; step < kInverseSteps; ++step)
-      if (!iterate(left.q, transpose) || !iterate(left.q, !transpose)) return {0, 0};
+      if (!iterate(left.q, transpose) || !iterate(left.q, !transpose)) return {b_.n(), 0};
     inspect(left, !transpose);
     return first_columns(left.q, keep);
   }
@@ -479,7 +499,7 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
   }
   const auto whole = [parts](Index directions) { return (directions + parts - 1) / parts; };
   found.doubtful = !d.solved;
-  found.zeros = whole(d.below(search.zero()));
+  found.zeros = std::max(job.proven, whole(d.below(search.zero())));
   found.smallest = d.values.front() / search.matrix().norm();
   if (job.kind == Kind::ldlt && !search.matrix().two_sided()) {
     const std::vector<double> ritz = ritz_values(job.pool, d.q, d.y);
@@ -489,13 +509,19 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
     found.negative = whole(negative);
   }
   if (found.zeros == 0) return found;
-  // As many directions on the left as on the right: one side proves what the factor's errors blur a little on the
-  // other.
-  constexpr double kBlurred = 16;
-  const Directions other = search.matrix().two_sided() ? search.find(columns, true) : Directions{};
-  if (other.found)
-    found.zeros = std::max(found.zeros, whole(std::min(other.below(search.zero()), d.below(kBlurred * search.zero()))));
+  Directions other;
+  if (search.matrix().two_sided()) {
+    other = search.find(columns, true);
+    if (other.found) search.agree(d, other);
+    // One side proves what the factor's errors blur on the other.
+    found.zeros = std::max(found.zeros, whole(std::max(d.below(search.zero()), other.below(search.zero()))));
+    found.doubtful = found.doubtful || !other.solved;
+  }
   const Index taken = std::min(columns, parts * found.zeros);
+  const auto last = static_cast<std::size_t>(taken - 1);
+  constexpr double kBlurred = 16;
+  found.worst = std::max(d.values[last], other.found ? other.values[last] : 0) / search.matrix().norm();
+  found.doubtful = found.doubtful || found.worst > kBlurred * kZero;
   const Block null = first_columns(d.q, taken);
   const bool with_left = job.kind == Kind::lu;
   const Block left = with_left ? first_columns(other.q, taken) : Block(0, 0);

@@ -34,6 +34,7 @@ struct Deficiency {
   std::vector<Index> columns;        ///< lu: likewise columns
   std::vector<double> left_vectors;  ///< lu: n * zeros, A^T w = 0
   Index negative = 0;                ///< symmetric: negative eigenvalues among the `suspects` smallest
+  double worst = 0;                  ///< of the null vectors, on either side: |B v| / (|B| |v|)
   bool doubtful = false;             ///< the factor has pivots with which it does not solve: there may be more zeros
   bool complete = true;              ///< false: more zeros than vectors were sought; `zeros` counts pivots
 };
@@ -49,6 +50,7 @@ struct DeficiencyJob {
   bool rough;          ///< the factor is FP32, or no better
   bool replaced;       ///< the factor has pivots that were replaced
   Index suspects = 0;  ///< pivots that are small or were replaced
+  Index proven = 0;    ///< zeros that another factor of the matrix has shown
   /// Nothing more is asked than whether a factor of FP32 is sure to tell the matrix from a singular one: `smallest` is
   /// 0 where it is not. Not with replaced pivots.
   bool surely_alone = false;

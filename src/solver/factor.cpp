@@ -256,23 +256,29 @@ Deficiency Factor::deficiency(bool replaced, Index suspects, bool surely_alone) 
   looked_ = true;
   values_.fetch(numeric_->device_system());
   const System& s = *analysis_->system;
-  const auto find = [&](bool some_replaced, bool rough) {
+  const auto find = [&](bool some_replaced, bool rough, Index proven) {
     return find_deficiency({s.prepared, values_.values(), values_.residual(), *numeric_, context_.pool, *s.rows,
-                            analysis_->kind(), rough, some_replaced, suspects, surely_alone});
+                            analysis_->kind(), rough, some_replaced, suspects, proven, surely_alone});
   };
-  Deficiency found = find(replaced, context_.single());
+  Deficiency found = find(replaced, context_.single(), 0);
   if (!found.doubtful || analysis_->kind() == Kind::llt || pivots_are_given()) return found;
-  Deficiency again;
-  with_larger_pivots([&] { again = find(true, true); });
-  return again.zeros > found.zeros ? again : found;
+  // In the order in which they serve: of 1,194 matrices with two or three zeros 2 are still in doubt after the first.
+  constexpr double kLarger[] = {1e-7, 1e-5, 1e-9};
+  for (const double pivot : kLarger) {
+    Deficiency again;
+    with_pivots_of(pivot, [&] { again = find(true, true, found.zeros); });
+    const bool settled = !again.doubtful;
+    if (again.zeros > found.zeros || settled || again.worst < found.worst) found = std::move(again);
+    if (settled) break;
+  }
+  return found;
 }
 
 // Larger pivots in the place of vanishing ones make another factor for a search, as rough as one in FP32. Whoever
 // interrupts it finds no factor.
-void Factor::with_larger_pivots(const std::function<void()>& search) {
-  constexpr double kLarger = 1e-5;
+void Factor::with_pivots_of(double size, const std::function<void()>& search) {
   try {
-    numeric_->set_smallest_pivot(kLarger);
+    numeric_->set_smallest_pivot(size);
     numeric_->halt_at_failures(false);
     (void)numeric_->factorize();
     search();

@@ -27,7 +27,7 @@ FactorResult factor(const SparseMatrix& a, const Options& o) {
   return s.factorize(a);
 }
 
-// |A v|_inf over |A|_inf |v|_inf for every null vector, by an independent residual.
+// |A v|_inf over |A|_inf |v|_inf for every null vector, by an independent residual; likewise those of A^T.
 void expect_null_vectors(const SparseMatrix& a, const FactorResult& f) {
   const auto n = static_cast<std::size_t>(a.rows);
   const Index zeros = a.rows - f.rank;
@@ -35,11 +35,18 @@ void expect_null_vectors(const SparseMatrix& a, const FactorResult& f) {
   EXPECT_EQ(static_cast<Index>(f.dependent_rows.size()), zeros);
   EXPECT_TRUE(std::is_sorted(f.dependent_rows.begin(), f.dependent_rows.end()));
   const std::vector<double> zero(n, 0.0);
-  for (std::size_t at = 0; at < f.null_vectors.size(); at += n) {
-    const std::vector<double> v(f.null_vectors.begin() + static_cast<std::ptrdiff_t>(at),
-                                f.null_vectors.begin() + static_cast<std::ptrdiff_t>(at + n));
-    EXPECT_LE(reference::backward_error(a, zero, v), 16 * kEps);
+  const auto look = [&](const std::vector<double>& all, bool transpose) {
+    for (std::size_t at = 0; at < all.size(); at += n) {
+      const std::vector<double> v(all.begin() + static_cast<std::ptrdiff_t>(at),
+                                  all.begin() + static_cast<std::ptrdiff_t>(at + n));
+      EXPECT_LE(reference::backward_error(a, zero, v, 1, transpose), 16 * kEps) << (transpose ? "left" : "right");
+    }
+  };
+  look(f.null_vectors, false);
+  if (a.storage == Storage::general) {
+    EXPECT_EQ(f.left_null_vectors.size(), f.null_vectors.size());
   }
+  look(f.left_null_vectors, true);
 }
 
 TEST(Deficiency, OfRandomStructuresInManyDisguises) {
@@ -88,7 +95,26 @@ TEST(Deficiency, AZeroBehindTheErrorsOfTheFactor) {
   }
 }
 
-// 1 as an eigenvector of nothing: in integers, so that no rounding of the entries is an excuse.
+// Several zeros in one part of the factor, which shows all of them on one side and fewer on the other. Found by
+// tests/verdict/campaign.cpp.
+TEST(Deficiency, BothSidesHaveAsManyNullVectors) {
+  constexpr Index kCombined = 16;
+  const struct {
+    Index n;
+    std::uint64_t seed;
+  } cases[] = {{74, 99212}, {78, 99432}, {30, 100073}, {49, 100496}};
+  for (const auto& [n, seed] : cases)
+    for (const int exponent : {0, -150}) {
+      const verdict::Case c = verdict::make_case(kCombined, n, seed);
+      SCOPED_TRACE(testing::Message() << "seed " << seed << " n " << n << " 2^" << exponent);
+      const SparseMatrix a = verdict::in_units(c.a, exponent);
+      const FactorResult f = factor(a, reporting());
+      ASSERT_TRUE(f.status.ok()) << f.status.message;
+      EXPECT_EQ(a.rows - f.rank, c.zeros);
+      expect_null_vectors(a, f);
+    }
+}
+
 // Two vanishing pivots, one after the other, make inverses of tiles with numbers of 1e30: what the factor solves then
 // is rounding error, and the second zero hides in it. Found by tests/verdict/campaign.cpp.
 TEST(Deficiency, ZerosThatTheFactorDrownsInItsErrors) {

@@ -225,6 +225,35 @@ Case rows(Index n, std::uint64_t seed) {
   return {"rows that are sums", a.matrix(Storage::general), zeros};
 }
 
+// A chain with further entries and zeros on the diagonal; then rows and columns of some unknowns become multiples of
+// others', so that several zeros meet in one part of the factor. Numbers of 20 bits: exactly singular.
+Case combined(Index n, std::uint64_t seed) {
+  Random random(seed);
+  const auto size = static_cast<std::size_t>(n);
+  std::vector<std::vector<double>> m(size, std::vector<double>(size, 0));
+  const auto number = [&] { return static_cast<double>(1 + random.below(1 << 20)) * (random.unit() < 0.5 ? -1 : 1); };
+  for (std::size_t i = 0; i + 1 < size; ++i) m[i + 1][i] = number();
+  for (Index k = 0; k < 3 * n; ++k) {
+    const auto i = static_cast<std::size_t>(random.below(n)), j = static_cast<std::size_t>(random.below(n));
+    m[i][j] = number();
+  }
+  for (std::size_t i = 0; i < size; ++i) m[i][i] = i % 4 == 0 ? 0 : number();
+  for (std::size_t i = 0; i + 1 < size; ++i) m[i][i + 1] = number();
+  const Index zeros = n < 12 ? 0 : random.below(4);
+  for (Index k = 0; k < zeros; ++k) {
+    const auto from = static_cast<std::size_t>(2 * k + 1), to = static_cast<std::size_t>(n - 1 - k);
+    const double factor = 1 + static_cast<double>(random.below(3));
+    for (std::size_t j = 0; j < size; ++j) m[to][j] = 0;
+    for (auto& row : m) row[to] = factor * row[from];
+    for (std::size_t j = 0; j < size; ++j) m[to][j] = factor * m[from][j];
+  }
+  Sum a(n);
+  for (Index i = 0; i < n; ++i)
+    for (Index j = 0; j < n; ++j)
+      if (const double v = m[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)]; v != 0) a.add(i, j, v);
+  return {"combined on both sides", a.matrix(Storage::general), zeros};
+}
+
 // Q D Q^T with rotations Q of neighbours and eigenvalues D: `least` beside 1.
 Case rotated(Index n, std::uint64_t seed, double least, double next, bool indefinite) {
   Random random(seed);
@@ -297,7 +326,7 @@ Case dominant(Index n, std::uint64_t seed) {
 
 }  // namespace
 
-Index structures() { return 16; }
+Index structures() { return 17; }
 
 Case make_case(Index structure, Index n, std::uint64_t seed) {
   switch (structure) {
@@ -329,6 +358,8 @@ Case make_case(Index structure, Index n, std::uint64_t seed) {
       return quasi_definite(n, seed);
     case 15:
       return beam(n, seed);
+    case 16:
+      return combined(n, seed);
     case 14:
       return basis(n % 11 == 0 ? n + 1 : n, seed);
     default:
