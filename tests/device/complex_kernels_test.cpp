@@ -27,8 +27,11 @@ double rounding() {
 Wide random_matrix(Index rows, Index cols, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> u(-1, 1);
-  return Wide::NullaryExpr(
-      rows, cols, [&] { return std::complex<double>(static_cast<float>(u(random)), static_cast<float>(u(random))); });
+  // One draw a statement: compilers may take the arguments of a call in any order.
+  return Wide::NullaryExpr(rows, cols, [&] {
+    const auto real = static_cast<float>(u(random));
+    return std::complex<double>(real, static_cast<float>(u(random)));
+  });
 }
 Wide turned(const Wide& a, bool hermitian) { return hermitian ? Wide(a.adjoint()) : Wide(a.transpose()); }
 
@@ -213,7 +216,7 @@ TYPED_TEST(ComplexKernels, PivotedLdl) {
           moved(i, j) = a(perm[static_cast<std::size_t>(i)], perm[static_cast<std::size_t>(j)]);
       EXPECT_LE((l * m * turned(l, hermitian) - moved).norm(), 40 * rounding<T>() * n * a.norm()) << n;
       EXPECT_LE(l.cwiseAbs().maxCoeff(), 5);
-      EXPECT_EQ(counts.two_by_two > 0, n > 2);
+      if (n != 2) EXPECT_EQ(counts.two_by_two > 0, n > 2);  // [0 a; a b] has a pivot of either size
       EXPECT_EQ(counts.perturbed, 0);
       if (!hermitian) continue;
       const Eigen::SelfAdjointEigenSolver<Wide> eigen(a, Eigen::EigenvaluesOnly);

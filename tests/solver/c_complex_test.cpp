@@ -25,7 +25,10 @@ Dense matrix(int n, int storage) {
   Dense a = Dense::Zero(n, n);
   for (int j = 0; j < n; ++j)
     for (int i = 0; i < n; ++i)
-      if (i == j || (i + 2 * j) % 5 == 0) a(i, j) = Value(u(random), u(random));
+      if (i == j || (i + 2 * j) % 5 == 0) {
+        const double real = u(random);
+        a(i, j) = Value(real, u(random));
+      }
   if (storage >= ESPALIER_HERMITIAN_LOWER) return a + a.adjoint();
   return storage == ESPALIER_GENERAL ? a : Dense(a + a.transpose());
 }
