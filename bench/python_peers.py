@@ -3,7 +3,7 @@
 CuPy, on the same matrices, as one table.
 
     python3 -m venv venv && venv/bin/pip install './python[scipy]' pypardiso scikit-sparse scikit-umfpack
-    venv/bin/python bench/python_peers.py [--gpu] [--seconds 120] [--repeats 5] [--only poisson2-100,...] [--json FILE]
+    venv/bin/python bench/python_peers.py [--gpu] [--seconds 120] [--repeats 5] [--only poisson2-100,...] [--rivals nvmath,...] [--json FILE]
 
 The last two need SuiteSparse and a compiler to install; what is not there is left out. For every system the solvers take
 turns, each time in a new process: the first call (analysis, factorization and one solve, with all that starts then;
@@ -14,13 +14,15 @@ longer than --seconds is left out. PyPardiso and SuperLU factorize and analyze i
 more.
 
 --gpu: matrix, right-hand side and solution are arrays of CuPy in the memory of the GPU before the clock starts; every call
-is waited for. It needs espalier-cuda, cupy, nvmath-python with cuDSS. nvmath is told that a matrix is symmetric, espalier
+is waited for. It needs espalier-cuda, cupy, nvmath-python and cuDSS (nvidia-cudss-cu13 in the same environment, or on
+LD_LIBRARY_PATH). nvmath is told that a matrix is symmetric, espalier
 finds that out; CuPy's spsolve knows no next factorization and no solve alone.
 """
 import argparse
 import glob
 import json
 import os
+import re
 import statistics
 import subprocess
 import sys
@@ -269,8 +271,9 @@ def run(name, rival, seconds):
         done = subprocess.run(command, capture_output=True, text=True, timeout=seconds)
     except subprocess.TimeoutExpired:
         return f"longer than {seconds:g} s"
-    if done.returncode != 0:
-        return (done.stderr.strip().splitlines() or ["failed"])[-1]
+    if done.returncode != 0:  # the exception, whose text may go on for lines
+        lines = done.stderr.strip().splitlines() or ["failed"]
+        return next((line for line in reversed(lines) if re.match(r"[\w.]+(Error|Exception|Exit)\b", line)), lines[-1])
     found = json.loads(done.stdout)
     return found if found["error"] <= 1e-10 else f"wrong: error {found['error']:.1e}"
 
@@ -281,12 +284,15 @@ def main():
     parser.add_argument("--seconds", type=float, default=120)
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--only", default="")
+    parser.add_argument("--rivals", default="", help="these alone, separated by commas")
     parser.add_argument("--json", default="")
     parser.add_argument("--child", nargs=2, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.child:
         return child(*args.child)
     table, rivals = {}, ON_GPU if args.gpu else RIVALS
+    if args.rivals:
+        rivals = {name: rivals[name] for name in args.rivals.split(",")}
     print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; milliseconds, medians of {args.repeats}\n")
     print(f"| {'system':12} | {'n':>7} | {'solver':10} | {'first':>9} | {'factor':>9} | {'next':>9} | {'solve':>8} | {'error':>7} |")
     print("|---|--:|---|--:|--:|--:|--:|--:|")

@@ -84,9 +84,9 @@ class TestJax:
     @pytest.fixture(autouse=True)
     def x64(self):
         jax = pytest.importorskip("jax")
-        jax.config.update("jax_platforms", "cpu")
         jax.config.update("jax_enable_x64", True)
-        yield
+        with jax.default_device(jax.devices("cpu")[0]):  # test_gpu.py has those of a GPU
+            yield
         jax.config.update("jax_enable_x64", False)
 
     @pytest.mark.parametrize("columns", [None, 1, 3])

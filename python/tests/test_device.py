@@ -248,13 +248,13 @@ class TestLibraries:
     @pytest.fixture
     def jax(self, monkeypatch, cupy):
         jax = pytest.importorskip("jax")
-        jax.config.update("jax_platforms", "cpu")
         jax.config.update("jax_enable_x64", True)
         kind = type(jax.numpy.ones(1))
         export = kind.__dlpack__
         monkeypatch.setattr(kind, "__dlpack_device__", lambda self: (2, 0))
         monkeypatch.setattr(kind, "__dlpack__", lambda self, stream=None, **_: export(self))
-        yield jax
+        with jax.default_device(jax.devices("cpu")[0]):  # also where JAX has a GPU: the false one reads the host's memory
+            yield jax
         jax.config.update("jax_enable_x64", False)
 
     def test_torch(self, torch):
