@@ -342,7 +342,8 @@ int espalier_schur_inertia(espalier_schur* schur, int64_t rest[3], int64_t compl
  * Solves `count` systems of the pattern of `a`, one on each thread, with the options of `solver`, whose analysis and
  * factor are not touched; see batch.hpp. The status is that of the first system that failed.
  * @param values    count times as many as `a` has: of one system after another, in the order of its arrays
- * @param b, x      count * columns * rows; x may be b
+ * @param b         count * columns * rows
+ * @param x         as many; may be b
  * @param statuses  count; NULL: not wanted
  */
 int espalier_solve_batch_i32(espalier_solver* solver, const espalier_matrix_i32* a, const double* values,
