@@ -94,7 +94,7 @@ def exudyn(args, at, size):
     nodes = []
     for x in at:
         node = mbs.AddNode(NodePoint(referenceCoordinates=list(x)))
-        mbs.AddObject(MassPoint(physicsMass=MASS, nodeNumber=node))
+        mbs.AddObject(MassPoint(mass=MASS, nodeNumber=node))
         marker = mbs.AddMarker(MarkerNodePosition(nodeNumber=node))
         mbs.AddLoad(Force(markerNumber=marker, loadVector=[0, 0, -MASS * GRAVITY]))
         contact.AddSphereWithMarker(marker, radius=RADIUS, contactStiffness=args.stiffness, contactDamping=damping,
@@ -129,7 +129,7 @@ def main():
     parser.add_argument("--damping", type=float, default=0.5)
     parser.add_argument("--exudyn-damping", type=float, default=20.0)
     parser.add_argument("--step", type=float, default=2e-3)
-    parser.add_argument("--margin", type=float, default=0.3, help="of the search, in radii")
+    parser.add_argument("--margin", type=float, default=0.05, help="of the search, in radii")
     parser.add_argument("--exudyn-step", type=float, default=1e-4)
     args = parser.parse_args()
     at, size = start(args.spheres)

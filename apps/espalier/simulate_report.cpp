@@ -74,6 +74,8 @@ std::string simulate_summary(const SimulationSummary& s) {
              fmt::format("{:g} to {:g}, {} ({})", s.t_begin, s.t_end, counted(s.steps, "step", "steps"), s.method)});
   table.add({"newton", fmt::format("{} iterations, {} failures, {} steps rejected", grouped(s.newton_iterations),
                                    s.newton_failures, s.error_failures)});
+  if (s.analyses > 1)
+    table.add({"analyses", fmt::format("{}, {} by following changes of the pattern", s.analyses, s.followed)});
   table.add(
       {"factorizations", fmt::format("{} ({} by step size, {} by slow Newton, {} by failures), turned {}, {} solves",
                                      grouped(s.factorizations), s.refactor_step, s.refactor_rate, s.refactor_failed,
@@ -142,6 +144,7 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
                  {"analyses", s.analyses},
                  {"factorizations", s.factorizations},
                  {"solves", s.solves},
+                 {"followed", s.followed},
                  {"turned", s.turned},
                  {"refactor_first", s.refactor_first},
                  {"refactor_step", s.refactor_step},

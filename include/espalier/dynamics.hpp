@@ -195,7 +195,8 @@ struct SimulationSummary {
   long rounded = 0;             ///< constant steps in which rounding ended Newton's iteration
   double largest_rounding = 0;  ///< its last change of accelerations and multipliers there, in units of the largest
   long residuals = 0, tangents = 0, analyses = 0, factorizations = 0, solves = 0;
-  long turned = 0;  ///< times that a factor went on serving when bodies had turned
+  long followed = 0;  ///< of the analyses: those that kept what a change of the pattern did not touch
+  long turned = 0;    ///< times that a factor went on serving when bodies had turned
   /// Why factorizations of the integrator were made.
   long refactor_first = 0, refactor_step = 0, refactor_rate = 0, refactor_failed = 0;
   std::vector<SimulationEvent> events;  ///< in their order; of very many the first 10,000

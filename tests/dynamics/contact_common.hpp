@@ -23,7 +23,9 @@ struct ShapeSystem {
   std::vector<RigidBody*> bodies;
   contact::RigidContact* contact = nullptr;
 
-  ShapeSystem(const std::vector<ShapedBody>& shaped, const contact::ContactLaw& law) {
+  /// @param point  of each shape's origin, from the centre of mass
+  ShapeSystem(const std::vector<ShapedBody>& shaped, const contact::ContactLaw& law,
+              const Vec3& point = {0.01, -0.02, 0.015}) {
     std::vector<contact::RigidSurface> surfaces;
     for (const ShapedBody& s : shaped) {
       RigidBodyData data;
@@ -33,7 +35,7 @@ struct ShapeSystem {
       data.rotation = quaternion_exp(s.turn);
       const std::string name = "body " + std::to_string(bodies.size());
       bodies.push_back(&system.add(std::make_unique<RigidBody>(name, data)));
-      surfaces.push_back({name, bodies.back(), s.shape, {0.01, -0.02, 0.015}, rotation_exp({0.1, 0.2, -0.1})});
+      surfaces.push_back({name, bodies.back(), s.shape, point, rotation_exp({0.1, 0.2, -0.1})});
     }
     contact = &system.add(std::make_unique<contact::RigidContact>("contact", law, std::move(surfaces)));
     system.finish();

@@ -301,6 +301,64 @@ TEST(ContactShapes, PatternFollowsThePairs) {
   EXPECT_LT(check_jacobians(three.system, s).largest(), 1e-6);
 }
 
+// A run that goes on from a saved state makes its patterns where the one that was not stopped does, to the same bits.
+TEST(ContactShapes, ASavedSearchGoesOn) {
+  const auto make = [] {
+    return std::make_unique<ShapeSystem>(
+        std::vector<ShapedBody>{{SphereShape{1}}, {SphereShape{1}, {5, 0, 0}}, {SphereShape{1}, {0, 6, 0}}},
+        law_of_tests());
+  };
+  constexpr int kMoves = 400;
+  const auto move = [](ShapeSystem& three, int k) {
+    State s = three.initial();
+    s.q[7] = 5 - 0.008 * k;
+    s.q[15] = 6 - 0.0101 * k;
+    three.system.update_pattern(s.q);
+    return three.system.tangent_pattern().nonzeros();
+  };
+  const auto whole = make();
+  std::vector<Offset> entries;
+  std::vector<std::vector<double>> saved(kMoves);
+  for (int k = 0; k < kMoves; ++k) {
+    entries.push_back(move(*whole, k));
+    whole->contact->save(saved[static_cast<std::size_t>(k)]);
+  }
+  EXPECT_EQ(whole->contact->patterns(), 2);
+  for (int from = 0; from < kMoves; from += 7) {
+    const auto again = make();
+    ConstSpan numbers = saved[static_cast<std::size_t>(from)];
+    again->contact->restore(numbers);
+    EXPECT_TRUE(numbers.empty());
+    for (int k = from; k < kMoves; ++k)
+      ASSERT_EQ(move(*again, k), entries[static_cast<std::size_t>(k)]) << "saved at " << from << ", now at " << k;
+  }
+}
+
+// Without friction a sphere about the centre of mass is pushed, not turned: three of its coordinates take part.
+TEST(ContactShapes, CentralSpheresCoupleTheirPlacesAlone) {
+  ContactLaw smooth = law_of_tests();
+  smooth.friction = 0;
+  const Shape sphere = SphereShape{0.5}, box = BoxShape{{0.5, 0.4, 0.6}};
+  const auto entries = [&](const Shape& first, const ContactLaw& law, const Vec3& point) {
+    ShapeSystem pair({{first}, {sphere, {0.8, 0.3, 0.1}}}, law, point);
+    int touching = 0;
+    for (unsigned seed = 1; seed <= 4; ++seed) {
+      State s = pair.anywhere(seed, 0.05);
+      pair.system.accept(pair.anywhere(seed, 0.03).view());
+      touching += static_cast<int>(pair.contact->report(s.view()).points);
+      EXPECT_LT(check_jacobians(pair.system, s).largest(), 1e-6) << "seed " << seed;
+    }
+    EXPECT_GT(touching, 2);
+    return pair.system.tangent_pattern().nonzeros();
+  };
+  const Vec3 centre = Vec3::Zero(), beside(0.01, -0.02, 0.015);
+  // Blocks of 6 x 6 on the diagonal (3 x 3 and the gyroscopic part for a central sphere), and two beside it.
+  const Offset all = entries(sphere, smooth, beside);
+  EXPECT_EQ(entries(sphere, law_of_tests(), centre), all);
+  EXPECT_EQ(all - entries(sphere, smooth, centre), 2 * 18 + 2 * 27);
+  EXPECT_EQ(all - entries(box, smooth, centre), 18 + 2 * 18);
+}
+
 // Truth: the equation of which it is the root.
 TEST(ContactShapes, DampingNumber) {
   for (const double r : {0.05, 0.1, 0.5, 0.9, 0.999}) {

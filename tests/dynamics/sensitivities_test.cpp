@@ -239,6 +239,18 @@ TEST(Sensitivities, SayWhatHasNoDerivative) {
   expect(message(text, {{"parameters.length", NAN}}), "greater than 0");
   expect(message(text, {{"bodies.upper.mass", 2}}), "beside its value");
   expect(message(text + "[events.e]\nwhen = \"elbow.angle\"\nstop = true\n", {{"parameters.length"}}), "events");
+  const auto falling = [&](const char* law) {
+    return message(
+        std::string("gravity = [0, 0, -9.81]\n[bodies.ball]\ntype = \"rigid\"\nmass = 2\ninertia = [1, 1, 1]\n"
+                    "position = [0, 0, 1]\n[surfaces.ball]\nbody = \"ball\"\nshape = \"sphere\"\nradius = 0.1\n"
+                    "[surfaces.floor]\nbody = \"ground\"\nshape = \"plane\"\n[contacts.landing]\n"
+                    "surfaces = [\"ball\", \"floor\"]\nstiffness = 1e5\n") +
+            law + "\n[integrator]\nend = 1\n[output]\nquantities = [\"ball.position\"]\n",
+        {{"bodies.ball.mass"}});
+  };
+  expect(falling("friction = 0.2"), "contacts.landing");
+  expect(falling("friction = 0.2"), "friction");
+  expect(falling("restitution = 0.7"), "restitution");
   expect(message(dynamics::kPendulum, {{"bodies.bob.mass"}}), "no quantity");
   SimulationOptions options;
   options.restart = "there.restart";

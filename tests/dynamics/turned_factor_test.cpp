@@ -123,6 +123,7 @@ TEST(TurnedFactor, SolvesAsTheFactorOfTheTurnedMatrix) {
     }
   }
   // A new factor is not turned.
+  turned.forget_analysis();
   system.factorize(turned, {});
   KktSolver truth = solver();
   system.factorize(truth, {});

@@ -18,6 +18,9 @@ double chosen_margin(const std::vector<RigidSurface>& surfaces) {
   return std::isfinite(least) ? 0.1 * least : 1.0;
 }
 
+/// Whether forces along its normals have no moment about the centre of mass.
+bool is_central(const RigidSurface& s) { return std::holds_alternative<SphereShape>(s.shape) && s.point.isZero(0); }
+
 }  // namespace
 
 RigidContact::RigidContact(std::string name, const ContactLaw& law, std::vector<RigidSurface> surfaces,
@@ -40,6 +43,9 @@ RigidContact::RigidContact(std::string name, const ContactLaw& law, std::vector<
   for (Index i = 0; i < count && !any; ++i)
     for (Index j = i + 1; j < count && !any; ++j) any = may_touch(i, j);
   if (!any) throw std::invalid_argument("the contact has no two surfaces on different bodies that could touch");
+  reach_.assign(bodies_.size(), 3);
+  for (std::size_t i = 0; i < surfaces_.size(); ++i)
+    if (law_.friction > 0 || !is_central(surfaces_[i])) reach_[slot(body_index_[i])] = 6;
   motion_.resize(bodies_.size());
   placed_.resize(surfaces_.size());
   boxes_.resize(surfaces_.size());
@@ -153,11 +159,14 @@ bool RigidContact::update_pattern(ConstSpan q) {
 }
 
 void RigidContact::declare(PatternBuilder& w, PatternBuilder& /*phi_q*/) const {
-  for (const RigidBody* body : bodies_)
-    if (body != nullptr) w.add_block(body->coordinates(), body->coordinates());
+  const auto reached = [this](Index body) {
+    return std::span(bodies_[slot(body)]->coordinates()).first(slot(reach_[slot(body)]));
+  };
+  for (std::size_t b = 0; b < bodies_.size(); ++b)
+    if (bodies_[b] != nullptr) w.add_block(reached(static_cast<Index>(b)), reached(static_cast<Index>(b)));
   for (const auto& [a, b] : pattern_) {
-    w.add_block(bodies_[slot(a)]->coordinates(), bodies_[slot(b)]->coordinates());
-    w.add_block(bodies_[slot(b)]->coordinates(), bodies_[slot(a)]->coordinates());
+    w.add_block(reached(a), reached(b));
+    w.add_block(reached(b), reached(a));
   }
 }
 
@@ -165,7 +174,7 @@ void RigidContact::bind(const SparsePattern& w, const SparsePattern& /*phi_q*/) 
   places_.clear();
   const auto note = [&](Index row, Index column) {
     std::array<Offset, 6>& starts = places_[{row, column}];
-    for (std::size_t c = 0; c < 6; ++c)
+    for (std::size_t c = 0; c < slot(reach_[slot(column)]); ++c)
       starts[c] = find_entry(w, bodies_[slot(column)]->coordinates()[c], bodies_[slot(row)]->coordinates().front());
   };
   for (std::size_t b = 0; b < bodies_.size(); ++b)
@@ -281,9 +290,10 @@ void RigidContact::add_block(const Mat12& k, Index body_row, Index body_column, 
                              Span w_values) const {
   const auto it = places_.find({body_row, body_column});
   if (it == places_.end()) return;  // not in the pattern yet: Newton does without
-  for (int c = 0; c < 6; ++c) {
+  const int rows = reach_[slot(body_row)], columns = reach_[slot(body_column)];
+  for (int c = 0; c < columns; ++c) {
     double* values = &w_values[static_cast<std::size_t>(it->second[static_cast<std::size_t>(c)])];
-    for (int r = 0; r < 6; ++r) values[r] += k(6 * row + r, 6 * column + c);
+    for (int r = 0; r < rows; ++r) values[r] += k(6 * row + r, 6 * column + c);
   }
 }
 

@@ -86,6 +86,7 @@ class RigidContact final : public Contact {
   double margin_;
   std::vector<const RigidBody*> bodies_;  // each once; null: the ground
   std::vector<Index> body_index_;         // of each surface
+  std::vector<int> reach_;  // of each body: coordinates that forces act on and depend on, the first 3 or 6
   // At the state of the last move_to()
   std::vector<BodyMotion> motion_;
   std::vector<PlacedShape> placed_;
@@ -97,7 +98,7 @@ class RigidContact final : public Contact {
   std::vector<Pair> pairs_;
   std::vector<Active> active_touches_;
   std::vector<Touch> found_;
-  // Pattern: for each pair of bodies (row, column), where its six rows begin in each of its six columns of W
+  // Pattern: for each pair of bodies (row, column), where its rows begin in each of its columns of W (3 or 6 of each)
   std::vector<std::array<Index, 2>> pattern_;  // pairs of bodies, sorted
   std::map<std::array<Index, 2>, std::array<Offset, 6>> places_;
   bool pattern_stale_ = true;

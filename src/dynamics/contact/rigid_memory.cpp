@@ -21,6 +21,14 @@ void RigidContact::save(std::vector<double>& out) const {
   out.push_back(static_cast<double>(last_v_.size()));
   out.insert(out.end(), last_q_.begin(), last_q_.end());
   out.insert(out.end(), last_v_.begin(), last_v_.end());
+  // The pairs that are near, and until when: a new search would see others, and the pattern would grow at other times.
+  out.push_back(static_cast<double>(widened_.size()));
+  for (const Box& b : widened_) {
+    put(b.low);
+    put(b.high);
+  }
+  out.push_back(static_cast<double>(pairs_.size()));
+  for (const Pair& p : pairs_) out.insert(out.end(), {static_cast<double>(p[0]), static_cast<double>(p[1])});
 }
 
 void RigidContact::restore(ConstSpan& in) {
@@ -67,7 +75,15 @@ void RigidContact::restore(ConstSpan& in) {
   const std::size_t q = whole(most), v = whole(most);
   last_q_ = numbers(q);
   last_v_ = numbers(v);
-  widened_.clear();
+  widened_.resize(whole(static_cast<double>(surfaces_.size()) + 1));
+  if (!widened_.empty() && widened_.size() != surfaces_.size()) (void)whole(0);
+  for (Box& b : widened_) {
+    b.low = vector();
+    b.high = vector();
+  }
+  pairs_.resize(whole(most));
+  for (Pair& p : pairs_)
+    for (Index& surface : p) surface = static_cast<Index>(whole(static_cast<double>(surfaces_.size())));
 }
 
 }  // namespace espalier::dynamics::contact

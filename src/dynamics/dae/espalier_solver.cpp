@@ -10,11 +10,8 @@ class EspalierSolver final : public LinearSolver {
  public:
   explicit EspalierSolver(Options options) : solver_(std::move(options)) {}
 
-  Status analyze(const MatrixView& a) override {
-    AnalysisResult result = solver_.analyze(a);
-    numbers_ = numbers_of_factor_in(result);
-    return std::move(result.status);
-  }
+  Status analyze(const MatrixView& a) override { return take(solver_.analyze(a)); }
+  Status analyze_change(const MatrixView& a) override { return take(solver_.analyze_change(a).analysis); }
   Status factorize(std::span<const double> values) override { return take(solver_.refactorize(values)); }
   [[nodiscard]] int gpu() const override { return solver_.gpu(); }
   Status factorize_device(const double* values, Offset count, void* stream) override {
@@ -27,6 +24,10 @@ class EspalierSolver final : public LinearSolver {
   }
 
  private:
+  Status take(AnalysisResult result) {
+    numbers_ = numbers_of_factor_in(result);
+    return std::move(result.status);
+  }
   Status take(const FactorResult& result) {
     sign_ = static_cast<int>(result.determinant_sign);
     // Perturbed pivots mean a singular K here: redundant constraints that nobody took out.

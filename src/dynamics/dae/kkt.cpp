@@ -31,7 +31,7 @@ void KktSolver::set_pattern(const SparsePattern& w, const SparsePattern& phi_q, 
   w_on_device_ = false;
   response_.forget();
   layout();
-  analyzed_ = false;
+  if (analyzed_ == Analyzed::yes) analyzed_ = Analyzed::other_pattern;
 }
 
 void KktSolver::set_dropped(const std::vector<char>& dropped) { dropped_ = dropped; }
@@ -165,9 +165,11 @@ void KktSolver::factorize() {
     }
   });
   fill_rest();
-  if (!analyzed_) {
-    if (const Status s = solver_->analyze(matrix()); !s.ok()) throw Error(s);
-    analyzed_ = true;
+  if (analyzed_ != Analyzed::yes) {
+    const bool follows = std::exchange(analyzed_, Analyzed::none) == Analyzed::other_pattern;
+    const Status s = follows ? solver_->analyze_change(matrix()) : solver_->analyze(matrix());
+    if (!s.ok()) throw Error(s);
+    analyzed_ = Analyzed::yes;
   }
   factor_is_new();
   if (const Status s = solver_->factorize(k_values_); !s.ok()) throw Error(s);

@@ -29,7 +29,8 @@ class KktSolver {
   /// Threads for what is done here; outlives the object; null: the calling thread.
   void set_pool(base::ThreadPool* pool) { pool_ = pool; }
 
-  /// Lays out K for the patterns and analyses it (symbolic phase). They must stay alive.
+  /// Lays out K for the patterns; the next factorize() analyzes it, after an earlier pattern by following what has
+  /// changed. They must stay alive.
   /// @param f_lambda n x m, by columns; null: zero
   void set_pattern(const SparsePattern& w, const SparsePattern& phi_q, const SparsePattern* f_lambda = nullptr);
   /// Marks dropped constraints (m entries, non-zero = dropped).
@@ -40,7 +41,7 @@ class KktSolver {
   /// The next factorize() analyses K anew, with the values it finds: an analysis takes its scaling from the first
   /// values it meets and remembers pivots that moved since.
   void forget_analysis() {
-    analyzed_ = false;
+    analyzed_ = Analyzed::none;
     response_.forget();
   }
 
@@ -56,7 +57,7 @@ class KktSolver {
   /// Where the columns of K begin, n + m + 1: what System::use_device() is told.
   [[nodiscard]] std::span<const Offset> k_ptr() const { return k_ptr_; }
   /// Whether the factor lies on a GPU that takes matrices from its own memory.
-  [[nodiscard]] int gpu() const { return analyzed_ ? solver_->gpu() : -1; }
+  [[nodiscard]] int gpu() const { return analyzed_ == Analyzed::yes ? solver_->gpu() : -1; }
   /// @param host_entries  positions in W of what the host adds
   void use_device(DeviceAssembly& device, std::vector<Offset> host_entries);
   void leave_device();
@@ -108,7 +109,8 @@ class KktSolver {
   const SparsePattern* phi_q_ = nullptr;
   const SparsePattern* f_lambda_ = nullptr;
   Index n_ = 0, m_ = 0;
-  bool analyzed_ = false;
+  enum class Analyzed { none, other_pattern, yes };
+  Analyzed analyzed_ = Analyzed::none;
   std::vector<char> dropped_;    // m
   std::vector<double> typical_;  // n, or none
   base::UntouchedVector<double> w_values_;

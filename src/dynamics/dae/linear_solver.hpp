@@ -15,6 +15,8 @@ class LinearSolver {
   virtual ~LinearSolver() = default;
   /// Symbolic phase; values of `a` may be used for scaling.
   virtual Status analyze(const MatrixView& a) = 0;
+  /// analyze() of a pattern that differs here and there from the last one, whose analysis succeeded.
+  virtual Status analyze_change(const MatrixView& a) { return analyze(a); }
   /// Numeric phase; values in the order of the analysed pattern. Status.row names a row of a singular matrix.
   virtual Status factorize(std::span<const double> values) = 0;
   /// The GPU whose memory factorize_device() takes values from; -1: none, or nothing was factorized yet.

@@ -50,6 +50,7 @@ class SymmetryCheck {
 class KeptAnalyses {
  public:
   explicit KeptAnalyses(std::string folder) : folder_(std::move(folder)) {}
+  [[nodiscard]] bool any() const { return !folder_.empty(); }
 
   AnalysisResult analyze(Solver& solver, const MatrixView& a) const {
     if (folder_.empty()) return solver.analyze(a);
@@ -89,16 +90,12 @@ class RecordedSolver final : public LinearSolver {
   RecordedSolver(Options options, const std::string& analyses, SolverRecord& record)
       : solver_(std::move(options)), kept_(analyses), record_(record) {}
 
-  Status analyze(const MatrixView& a) override {
-    MatrixView k = a;
-    // Chosen by the user, who knows that no force makes the tangent unsymmetric.
-    if (solver_.options().kind == Kind::ldlt) {
-      k.storage = Storage::symmetric_both;
-      symmetry_ = std::make_unique<SymmetryCheck>(a);
-    }
-    record_.analysis = kept_.analyze(solver_, k);
-    record_.analysis_seconds += record_.analysis.seconds;
-    return record_.analysis.status;
+  Status analyze(const MatrixView& a) override { return take(kept_.analyze(solver_, as_stored(a))); }
+  Status analyze_change(const MatrixView& a) override {
+    if (kept_.any()) return analyze(a);
+    ChangeResult change = solver_.analyze_change(as_stored(a));
+    record_.followed += change.analysis.status.ok() && !change.full ? 1 : 0;
+    return take(std::move(change.analysis));
   }
   Status factorize(std::span<const double> values) override {
     if (symmetry_) {
@@ -120,6 +117,19 @@ class RecordedSolver final : public LinearSolver {
   }
 
  private:
+  MatrixView as_stored(MatrixView a) {
+    // Chosen by the user, who knows that no force makes the tangent unsymmetric.
+    if (solver_.options().kind == Kind::ldlt) {
+      symmetry_ = std::make_unique<SymmetryCheck>(a);
+      a.storage = Storage::symmetric_both;
+    }
+    return a;
+  }
+  Status take(AnalysisResult result) {
+    record_.analysis = std::move(result);
+    record_.analysis_seconds += record_.analysis.seconds;
+    return record_.analysis.status;
+  }
   Status take(FactorResult result) {
     record_.factor = std::move(result);
     // Perturbed pivots mean a singular K here: redundant constraints that nobody took out.
@@ -150,11 +160,12 @@ class DumpingSolver final : public LinearSolver {
   }
 
   Status analyze(const MatrixView& a) override {
-    rows_ = a.rows;
-    ptr_.assign(a.col_ptr.begin(), a.col_ptr.end());
-    ind_.assign(a.row_ind.begin(), a.row_ind.end());
-    storage_ = a.storage;
+    copy_pattern(a);
     return inner_->analyze(a);
+  }
+  Status analyze_change(const MatrixView& a) override {
+    copy_pattern(a);
+    return inner_->analyze_change(a);
   }
   Status factorize(std::span<const double> values) override {
     waiting_ = record_.dumped < options_.most && count_ % options_.every == 0;
@@ -178,6 +189,12 @@ class DumpingSolver final : public LinearSolver {
   }
 
  private:
+  void copy_pattern(const MatrixView& a) {
+    rows_ = a.rows;
+    ptr_.assign(a.col_ptr.begin(), a.col_ptr.end());
+    ind_.assign(a.row_ind.begin(), a.row_ind.end());
+    storage_ = a.storage;
+  }
   void write(std::span<const double> b, Index columns) {
     const std::string stem = fmt::format("{}/newton_{:04}", options_.folder, record_.dumped + 1);
     matrix::write_matrix_market(stem + ".mtx", {rows_, rows_, ptr_, ind_, values_, storage_},

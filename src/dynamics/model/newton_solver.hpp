@@ -19,6 +19,7 @@ struct SolverRecord {
   AnalysisResult analysis;  ///< the last
   FactorResult factor;      ///< the last
   double analysis_seconds = 0;
+  long followed = 0;  ///< analyses of a changed pattern that kept what the change did not touch
   /// With kind ldlt, which takes one half of the matrix for both: largest |a_ij - a_ji| / max |a_ij| of all
   /// factorizations, and how many had enough to slow Newton down.
   double largest_asymmetry = 0;

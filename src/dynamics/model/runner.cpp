@@ -404,6 +404,7 @@ void Runner::finish() {
   summary_.residuals = e.residuals;
   summary_.tangents = e.tangents;
   summary_.analyses = e.analyses;
+  summary_.followed = record_.followed;
   summary_.factorizations = e.factorizations;
   summary_.solves = e.solves;
   summary_.turned = e.turns;
