@@ -216,7 +216,9 @@ TYPED_TEST(ComplexKernels, PivotedLdl) {
           moved(i, j) = a(perm[static_cast<std::size_t>(i)], perm[static_cast<std::size_t>(j)]);
       EXPECT_LE((l * m * turned(l, hermitian) - moved).norm(), 40 * rounding<T>() * n * a.norm()) << n;
       EXPECT_LE(l.cwiseAbs().maxCoeff(), 5);
-      if (n != 2) EXPECT_EQ(counts.two_by_two > 0, n > 2);  // [0 a; a b] has a pivot of either size
+      if (n != 2) {  // [0 a; a b] has a pivot of either size
+        EXPECT_EQ(counts.two_by_two > 0, n > 2);
+      }
       EXPECT_EQ(counts.perturbed, 0);
       if (!hermitian) continue;
       const Eigen::SelfAdjointEigenSolver<Wide> eigen(a, Eigen::EigenvaluesOnly);
