@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <limits>
 #include <mutex>
 #include <numeric>
 #include <utility>
@@ -494,6 +495,8 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
   if (!d.found) {  // nothing can be said of a factor whose solutions overflow; zeros that it met are zeros
     found.smallest = 0;
     found.complete = false;
+    found.doubtful = true;
+    found.worst = std::numeric_limits<double>::infinity();
     found.zeros = job.replaced ? job.suspects : 0;
     return found;
   }
@@ -512,7 +515,10 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
   Directions other;
   if (search.matrix().two_sided()) {
     other = search.find(columns, true);
-    if (other.found) search.agree(d, other);
+    if (other.found)
+      search.agree(d, other);
+    else
+      found.doubtful = true;
     // One side proves what the factor's errors blur on the other.
     found.zeros = std::max(found.zeros, whole(std::max(d.below(search.zero()), other.below(search.zero()))));
     found.doubtful = found.doubtful || !other.solved;
@@ -523,7 +529,8 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
   found.worst = std::max(d.values[last], other.found ? other.values[last] : 0) / search.matrix().norm();
   found.doubtful = found.doubtful || found.worst > kBlurred * kZero;
   const Block null = first_columns(d.q, taken);
-  const bool with_left = job.kind == Kind::lu;
+  const bool with_left = job.kind == Kind::lu && other.found;
+  found.complete = with_left || job.kind != Kind::lu;  // else nothing tells the rows
   const Block left = with_left ? first_columns(other.q, taken) : Block(0, 0);
   if (parts == 1)
     describe(search.matrix(), real_basis(null), real_basis(left), found);

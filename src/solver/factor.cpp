@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -262,26 +264,30 @@ Deficiency Factor::deficiency(bool replaced, Index suspects, bool surely_alone) 
   };
   Deficiency found = find(replaced, context_.single(), 0);
   if (!found.doubtful || analysis_->kind() == Kind::llt || pivots_are_given()) return found;
-  // In the order in which they serve: of 1,194 matrices with two or three zeros 2 are still in doubt after the first.
-  constexpr double kLarger[] = {1e-7, 1e-5, 1e-9};
-  for (const double pivot : kLarger) {
-    Deficiency again;
-    with_pivots_of(pivot, [&] { again = find(true, true, found.zeros); });
+  with_larger_pivots([&] {
+    Deficiency again = find(true, true, found.complete ? found.zeros : 0);
     const bool settled = !again.doubtful;
-    if (again.zeros > found.zeros || settled || again.worst < found.worst) found = std::move(again);
-    if (settled) break;
-  }
+    const bool says_more = again.zeros > found.zeros || again.worst < found.worst;
+    if (settled || (says_more && (again.complete || !found.complete))) found = std::move(again);
+    return settled;
+  });
   return found;
 }
 
-// Larger pivots in the place of vanishing ones make another factor for a search, as rough as one in FP32. Whoever
-// interrupts it finds no factor.
-void Factor::with_pivots_of(double size, const std::function<void()>& search) {
+// Larger pivots in the place of vanishing ones make other factors for a search, each as rough as one in FP32, until it
+// is content. Whoever interrupts it finds no factor.
+void Factor::with_larger_pivots(const std::function<bool()>& search) {
+  // In the order in which they serve: of 1,194 matrices with two or three zeros 2 are still in doubt after the first.
+  static constexpr std::array<double, 3> kInFp64 = {1e-7, 1e-5, 1e-9};
+  static constexpr std::array<double, 2> kInFp32 = {1e-5, 1e-3};
+  const auto sizes = context_.single() ? std::span<const double>(kInFp32) : std::span<const double>(kInFp64);
   try {
-    numeric_->set_smallest_pivot(size);
     numeric_->halt_at_failures(false);
-    (void)numeric_->factorize();
-    search();
+    for (const double size : sizes) {
+      numeric_->set_smallest_pivot(size);
+      (void)numeric_->factorize();
+      if (search()) break;
+    }
     set_smallest_pivot();
     numeric_->halt_at_failures(halts_);
     (void)numeric_->factorize();

@@ -122,7 +122,7 @@ class Factor {
   [[nodiscard]] bool factor_solves() const;
   const Deficiency& judge(const device::FactorOutcome& outcome);
   [[nodiscard]] Deficiency deficiency(bool replaced, Index suspects, bool surely_alone);
-  void with_pivots_of(double size, const std::function<void()>& search);
+  void with_larger_pivots(const std::function<bool()>& search);
   [[nodiscard]] bool pivots_are_given() const {
     return context_.options.perturbation > 0 || context_.options.zero_pivot > 0;
   }
