@@ -19,7 +19,7 @@ template <class Accumulator>
 [[gnu::always_inline]] inline void sweep_columns(const MatrixView& a, Transpose transpose, const double* x, Index begin,
                                                  Index end, Accumulator* sums) {
   const bool half = a.storage == Storage::symmetric_lower || a.storage == Storage::symmetric_upper;
-  const bool gather = half || transpose != Transpose::no;  // entry (i, j) adds a_ij x_i to sum j
+  const bool gather = half || transpose != Transpose::no;   // entry (i, j) adds a_ij x_i to sum j
   const bool scatter = half || transpose == Transpose::no;  // entry (i, j) adds a_ij x_j to sum i
   const Offset* col_ptr = a.col_ptr.data();
   const Index* row_ind = a.row_ind.data();
