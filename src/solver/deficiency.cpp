@@ -521,7 +521,13 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
       found.doubtful = true;
     // One side proves what the factor's errors blur on the other.
     found.zeros = std::max(found.zeros, whole(std::max(d.below(search.zero()), other.below(search.zero()))));
-    found.doubtful = found.doubtful || !other.solved;
+    // Singular values are those of both sides; where estimates of the first that is none of zero differ, another zero
+    // may hide between them.
+    constexpr double kAlike = 1.5;
+    const auto next = static_cast<std::size_t>(parts * found.zeros);
+    const bool alike = !other.found || next >= d.values.size() ||
+                       (d.values[next] < kAlike * other.values[next] && other.values[next] < kAlike * d.values[next]);
+    found.doubtful = found.doubtful || !other.solved || !alike;
   }
   const Index taken = std::min(columns, parts * found.zeros);
   const auto last = static_cast<std::size_t>(taken - 1);
