@@ -45,9 +45,11 @@ build_cuda() {
   local nvcc
   nvcc=$(find_nvcc)
   [[ -n $nvcc ]] || { echo "left out: no nvcc here"; return 0; }
+  # Of the benchmarks those sources that no build without CUDA compiles.
   configure_and_build cuda "-DCMAKE_CUDA_COMPILER=$nvcc" -DESPALIER_CUDA_ARCHITECTURES=90a-real -DESPALIER_TESTS=OFF \
-    -DESPALIER_BENCH=OFF -- espalier_device_cuda \
-    src/CMakeFiles/espalier_dynamics.dir/dynamics/cuda/{assembly,body,elements,matrix}.cu.o
+    -DESPALIER_BENCH=ON -- espalier_device_cuda \
+    src/CMakeFiles/espalier_dynamics.dir/dynamics/cuda/{assembly,body,elements,matrix}.cu.o \
+    bench/CMakeFiles/espalier_bench_gpu.dir/gpu/gpu_case.cpp.o bench/CMakeFiles/espalier_gpu_check.dir/gpu/check_run.cpp.o
 }
 
 # Sources of the library and the command line, those changed last first; of the CUDA backend and of the hosts those that

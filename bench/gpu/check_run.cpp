@@ -90,7 +90,7 @@ Json beside_host(const GpuCase& c, const GpuNumbers<T>& numbers, const std::vect
                  const std::vector<double>& x, base::ThreadPool& pool) {
   GpuCase h = c;
   lay_out_for_host(h, sizeof(T) == 4, pool);
-  const auto host = device::host::make_host_executor<T>({h.plan, h.kind, numbers.rule, pool});
+  const auto host = device::host::make_host_executor<T>({h.plan, h.kind, false, numbers.rule, pool});
   const auto outcome = host->factorize(numbers.values);
   std::vector<T> y = to_plan_order<T>(h, b, 1);
   host->solve(y.data(), 1, false);

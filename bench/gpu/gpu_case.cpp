@@ -23,7 +23,7 @@ GpuCase prepare_case(const std::string& name, Kind wish, base::ThreadPool& pool)
   c.a = matrix::generate(matrix::parse_generator(words_of(name)), &pool);
   c.kind = solver::choose_kind(c.a, wish, pool);
   const double start = base::now_seconds();
-  c.prepared = solver::prepare_matrix(c.a, c.kind, pool);
+  c.prepared = solver::prepare_matrix(c.a.view(), c.kind, pool);
   solver::scale_and_match(c.prepared, c.kind, Options{}, pool);
   analysis::TreeOptions options;
   options.pair = c.prepared.pair;
