@@ -157,15 +157,17 @@ void FlexibleFrame::wrench_stiffness(ConstSpan q, const Vec6& wrench, double sca
   const Fit f = fit(q);
   const Vec3 moment = f.rotation.transpose() * wrench.tail<3>();
   const Vec3 c = f.inverse_g * moment;
+  const Mat3 cross_c = cross_matrix(c);
   Eigen::Index column = 0;
   for (const FrameVertex& b : vertices_)
     for (int j = 0; j < 3; ++j, ++column) {
       const auto [phi, d_stretch] = f.derivative(b, j);
       const Vec3 dc = f.inverse_g * (-phi.cross(moment) - g_of(d_stretch) * c);
+      // phi x (c x B) + dc x B is one matrix times B.
+      const Mat3 force = scale * f.rotation * (cross_matrix(phi) * cross_c + cross_matrix(dc));
       Eigen::Index row = 0;
       for (const FrameVertex& a : vertices_) {
-        const Vec3 force = f.rotation * (phi.cross(c.cross(a.arm)) + dc.cross(a.arm));
-        result.block<3, 1>(row, column) += scale * force;
+        result.block<3, 1>(row, column).noalias() += force * a.arm;
         row += 3;
       }
     }
