@@ -5,6 +5,7 @@
 #include <mutex>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "espalier/dynamics.hpp"
@@ -157,22 +158,24 @@ TEST(SimulationOnRanks, MistakesAndStopsEndOnAll) {
   for (const Status& end : ends) EXPECT_TRUE(end.ok()) << end.message;
 }
 
-// A rank that dies in the middle: a status that names it, on rank 0 and on whoever serves still.
+// A rank that dies in the middle, told (ULFM) or in silence: a status that names it, on rank 0 and on whoever serves
+// still.
 TEST(SimulationOnRanks, ADeadRankEndsTheRun) {
-  for (const int dead : {0, 1}) {
-    SCOPED_TRACE(dead);
+  for (const auto& [dead, told] : {std::pair{0, true}, {1, true}, {1, false}}) {
+    SCOPED_TRACE("rank " + std::to_string(dead) + (told ? ", told" : ", in silence"));
     Faults faults;
     faults.dead_rank = dead;
     faults.dies_at = 60;
+    faults.deaths_are_told = told;
     std::vector<Status> ends;
-    const Motion found = run_on(3, kBar, options_of({}), faults, 0.3, &ends);
+    const Motion found = run_on(3, kBar, options_of({}), faults, told ? 60 : 2, &ends);
     EXPECT_EQ(found.status.code, StatusCode::device_error) << found.status.message;
-    int told = 0;
+    int named = 0;
     for (const Status& end : ends) {
       EXPECT_EQ(end.code, StatusCode::device_error);
-      told += end.message.find("rank " + std::to_string(dead)) != std::string::npos ? 1 : 0;
+      named += end.message.find("rank " + std::to_string(dead)) != std::string::npos ? 1 : 0;
     }
-    EXPECT_GE(told, 2);
+    EXPECT_GE(named, 2);
   }
 }
 
