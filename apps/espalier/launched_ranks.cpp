@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "ranks/link.hpp"
@@ -57,6 +58,14 @@ Function symbol(void* library, const char* name) {
 
 }  // namespace
 
+void expect_one_process(const char* command) {
+  if (const int ranks = launched_ranks(); ranks > 1)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("'{}' works in one process, and this is one of {} ranks: start it without mpirun (srun); "
+                            "'solve' and 'simulate' share their factorizations",
+                            command, ranks));
+}
+
 std::string adapter_folder() {
   const char* cache = std::getenv("XDG_CACHE_HOME");
   if (cache != nullptr && *cache != '\0') return std::string(cache) + "/espalier";
@@ -91,6 +100,12 @@ void LaunchedRanks::load(double patience) {
     }
     if (const int error = begin(&table); error != 0)
       throw Error(StatusCode::device_error, fmt::format("{}: MPI does not begin (error {})", path, error));
+    if (table.ranks == 1) {  // of another MPI than the launcher's: every process would be alone
+      table.release(table.context);
+      std::exchange(end_, nullptr)();
+      why += fmt::format("; {} is of another MPI than the launcher, it sees one rank", path);
+      continue;
+    }
     ranks_ = Ranks(table, patience);
     return;
   }

@@ -36,6 +36,9 @@ class LaunchedRanks {
   Ranks ranks_;
 };
 
+/// For commands that work in one process. @throws Error(invalid_input) where a launcher has started several
+void expect_one_process(const char* command);
+
 /// Where `espalier mpi-adapter` puts what it makes: $XDG_CACHE_HOME/espalier or ~/.cache/espalier.
 std::string adapter_folder();
 

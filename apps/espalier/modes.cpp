@@ -16,6 +16,7 @@
 #include "base/output_file.hpp"
 #include "checked_options.hpp"
 #include "command.hpp"
+#include "launched_ranks.hpp"
 #include "matrix/generators/generate.hpp"
 #include "matrix/matrix_market.hpp"
 #include "matrix/read.hpp"
@@ -179,6 +180,7 @@ int ModesCommand::run_quadratic(const SparseMatrix& k, const SparseMatrix& m, ba
 }
 
 int ModesCommand::run() {
+  expect_one_process("modes");
   for (const char* key : {"kind", "precision", "singular"})
     if (flags.values().contains(key))
       throw Error(StatusCode::invalid_input, fmt::format("--{} has no meaning here: modes choose it", key));

@@ -13,6 +13,7 @@
 #include "checked_options.hpp"
 #include "command.hpp"
 #include "espalier/dynamics.hpp"
+#include "launched_ranks.hpp"
 #include "report.hpp"
 #include "sensitivity_report.hpp"
 #include "simulate_report.hpp"
@@ -33,8 +34,11 @@ struct SimulateCommand {
   SolverFlags flags;
   bool json = false, quiet = false, verbose = false;
   std::vector<std::string> parameters;  // --derivative
+  double patience = Ranks::kPatience;
 
   int run();
+  int lead(LaunchedRanks& launched);
+  int simulate();
   [[nodiscard]] std::optional<Error> write_trace(const Simulation& simulation) const;
   int differentiate();
 };
@@ -61,7 +65,50 @@ std::optional<Error> SimulateCommand::write_trace(const Simulation& simulation) 
   return Error(status);
 }
 
+/// What the ranks beside the first do.
+int serve(LaunchedRanks& launched) {
+  const StopSignals signals;  // the launcher tells all ranks; the first one decides when it stops
+  Status status = serve_simulations(launched.ranks());
+  std::int64_t code = 0;
+  if (status.ok()) status = launched.on_all([&]() -> Status { return code = launched.from_first(0), Status{}; });
+  if (status.ok()) return static_cast<int>(code);
+  launched.leave_open();
+  return exit_code(status.code);  // rank 0 speaks for all
+}
+
+/// Runs the command on rank 0 and ends with the others, however it ends.
+int SimulateCommand::lead(LaunchedRanks& launched) {
+  const auto end = [&](int code) {
+    Status status = end_simulations(launched.ranks());
+    if (status.ok()) status = launched.on_all([&]() -> Status { return (void)launched.from_first(code), Status{}; });
+    if (!status.ok()) launched.leave_open();
+  };
+  options.ranks = launched.ranks();
+  try {
+    if (!parameters.empty())
+      throw Error(StatusCode::invalid_input, "--derivative works in one process; start it without mpirun");
+    const int code = simulate();
+    end(code);
+    return code;
+  } catch (const Error& error) {
+    end(exit_code(error.status().code));
+    throw;
+  } catch (const std::bad_alloc&) {
+    end(kMemory);
+    throw;
+  } catch (...) {
+    end(kInternalError);
+    throw;
+  }
+}
+
 int SimulateCommand::run() {
+  LaunchedRanks launched(patience);
+  if (launched.ranks().size() > 1) return launched.first() ? lead(launched) : serve(launched);
+  return parameters.empty() ? simulate() : differentiate();
+}
+
+int SimulateCommand::simulate() {
   if (until_given) options.until = until;
   static_cast<void>(flags.options());  // names a wrong value before anything is read
   const auto result = [this](const char* name) { return options.out.empty() ? "" : options.out + "/" + name; };
@@ -195,10 +242,11 @@ void add_simulate(CLI::App& app, Action& action) {
       ->type_name("PATH[:STEP]")
       ->take_all()
       ->allow_extra_args(false);
+  sub->add_option("--patience", command->patience, "under mpirun: seconds after which a rank that is silent is lost")
+      ->type_name("S")
+      ->check(CLI::PositiveNumber);
   command->flags.add_to(*sub);
-  sub->callback([command, &action] {
-    action = [command] { return command->parameters.empty() ? command->run() : command->differentiate(); };
-  });
+  sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }
 
 }  // namespace espalier::cli

@@ -20,6 +20,7 @@
 #include <utility>
 #include <vector>
 
+#include "espalier/ranks.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier {
@@ -46,6 +47,9 @@ struct SimulationOptions {
   /// Folder where analyses of Newton matrices are kept, one file for each pattern: a simulation that finds its own
   /// there orders nothing, also in other processes. Empty: none. Scalings are those of the matrix that was analyzed.
   std::string analyses;
+  /// Ranks that factorize the Newton matrices and solve together, with the bits of one process. Rank 0 alone makes
+  /// simulations; all others call serve_simulations(). Does not go with `analyses`.
+  Ranks ranks;
   /// Quantities by name, besides those of the model's [output]: chosen ones, see SimulationSummary::values.
   std::vector<std::string> quantities;
   /// Pictures of the bodies are kept in memory at such intervals of time (of the load factor), by interpolation between
@@ -281,5 +285,14 @@ class Simulation {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+/// What the ranks beside rank 0 do while that one makes simulations with SimulationOptions::ranks: they take part in
+/// every analysis, factorization and solve, until rank 0 calls end_simulations(). Both calls are collective. Between
+/// two factorizations rank 0 may take as long as Ranks' patience.
+/// @returns what keeps them from it: a rank is lost (device_error), then rank 0 hears the same
+/// @throws std::logic_error on the wrong rank
+Status serve_simulations(const Ranks& ranks);
+/// On rank 0, also after a failure. Without other ranks nothing happens.
+Status end_simulations(const Ranks& ranks);
 
 }  // namespace espalier

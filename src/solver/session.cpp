@@ -162,6 +162,14 @@ void Session::load_given(const std::string& path, const MatrixView& a) {
   load_analysis(path, whole.view());
 }
 
+ChangeResult Session::analyze_change_given(const MatrixView& a) {
+  parts = link() != nullptr;
+  rows.reset();
+  if (!parts) return analyze_change(a);
+  const SparseMatrix whole = gathered.gather(a, link());
+  return analyze_change(whole.view());
+}
+
 void Session::expect_whole(const char* call) const {
   if (parts)
     throw std::logic_error(

@@ -40,6 +40,7 @@ class Session {
   /// The same of what the caller gives: with ranks, of rank 0's matrix.
   void analyze_given(const MatrixView& a);
   void load_given(const std::string& path, const MatrixView& a);
+  ChangeResult analyze_change_given(const MatrixView& a);
   /// The same of a part: LocalRows or LocalEntries.
   template <class Part>
   void analyze_part(const Part& part) {

@@ -82,10 +82,10 @@ ChangeResult Solver::analyze_change(const MatrixView& a) {
   solver::check_analyzed(*impl_, "Solver::analyze_change");
   ChangeResult result;
   AnalysisResult analysis = analysis_by(*impl_, [&] {
-    if (!impl_->parts) return void(result = impl_->analyze_change(a));
+    if (!impl_->parts || impl_->link() != nullptr) return void(result = impl_->analyze_change_given(a));
     impl_->analyze_given(a);
     result.full = true;
-    result.why = "the matrix comes in parts, or several ranks share the solver";
+    result.why = "the matrix comes in parts";
   });
   result.analysis = std::move(analysis);
   return result;

@@ -246,5 +246,45 @@ TEST(SolverRanks, TinyMatrices) {
   expect_bits_of_one({reference::from_triples(3, {{0, 0, 1}, {1, 1, 2}, {2, 2, 3}}, Storage::symmetric_lower), o}, {5});
 }
 
+// What follows a change of the pattern follows it on all ranks: the same tree, the same bits.
+TEST(SolverRanks, ChangedPatterns) {
+  const SparseMatrix a = generated({"gyroscopic", "6", "6", "6"});
+  SparseMatrix b{a.rows, a.cols, {0}, {}, {}, a.storage};
+  int seen = 0;
+  for (Index c = 0; c < a.cols; ++c) {
+    for (Offset k = a.col_ptr[c]; k < a.col_ptr[c + 1]; ++k) {
+      if (c < 60 && a.row_ind[k] != c && ++seen % 40 == 0) continue;
+      b.row_ind.push_back(a.row_ind[k]);
+      b.values.push_back(a.values[k]);
+    }
+    b.col_ptr.push_back(static_cast<Offset>(b.row_ind.size()));
+  }
+  ASSERT_GT(seen, 40);
+  const auto life = [&](Solver& solver) {
+    EXPECT_TRUE(solver.analyze(a).status.ok());
+    EXPECT_TRUE(solver.factorize(a).status.ok());
+    const ChangeResult change = solver.analyze_change(b);
+    EXPECT_TRUE(change.analysis.status.ok()) << change.analysis.status.message;
+    EXPECT_FALSE(change.full) << change.why;
+    EXPECT_TRUE(solver.factorize(b).status.ok());
+    std::vector<double> x = random_vector(a.rows, 7);
+    EXPECT_TRUE(solver.solve(x, x).status.ok());
+    return x;
+  };
+  Options options;
+  options.device = "cpu";
+  options.threads = 1;
+  Solver alone(options);
+  const std::vector<double> truth = life(alone);
+  for (const int count : {2, 3})
+    on_threads(count, {}, [&](const Ranks& ranks) {
+      Solver solver(ranks, options);
+      const std::vector<double> x = life(solver);
+      if (ranks.rank() == 0) {
+        EXPECT_TRUE(same_bits(x, truth)) << count << " ranks";
+      }
+    });
+}
+
 }  // namespace
 }  // namespace espalier::ranks

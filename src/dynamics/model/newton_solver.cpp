@@ -87,12 +87,20 @@ class KeptAnalyses {
 /// Espalier's solver, as make_espalier_solver(), with a record.
 class RecordedSolver final : public LinearSolver {
  public:
-  RecordedSolver(Options options, const std::string& analyses, SolverRecord& record)
-      : solver_(std::move(options)), kept_(analyses), record_(record) {}
+  RecordedSolver(Options options, const std::string& analyses, SolverRecord& record,
+                 std::unique_ptr<SharedNewton> shared)
+      : shared_(std::move(shared)),
+        solver_(shared_ ? shared_->ranks() : Ranks(), std::move(options)),
+        kept_(analyses),
+        record_(record) {}
 
-  Status analyze(const MatrixView& a) override { return take(kept_.analyze(solver_, as_stored(a))); }
+  Status analyze(const MatrixView& a) override {
+    if (Status status = tell(Call::analyze); !status.ok()) return status;
+    return take(kept_.analyze(solver_, as_stored(a)));
+  }
   Status analyze_change(const MatrixView& a) override {
     if (kept_.any()) return analyze(a);
+    if (Status status = tell(Call::analyze_change); !status.ok()) return status;
     ChangeResult change = solver_.analyze_change(as_stored(a));
     record_.followed += change.analysis.status.ok() && !change.full ? 1 : 0;
     return take(std::move(change.analysis));
@@ -103,6 +111,7 @@ class RecordedSolver final : public LinearSolver {
       record_.largest_asymmetry = std::max(record_.largest_asymmetry, asymmetry);
       record_.unsymmetric += asymmetry > kAsymmetry ? 1 : 0;
     }
+    if (Status status = tell(Call::factorize); !status.ok()) return status;
     return take(solver_.refactorize(values));
   }
   // Symmetry is looked at on the host.
@@ -113,10 +122,14 @@ class RecordedSolver final : public LinearSolver {
   [[nodiscard]] int determinant_sign() const override { return static_cast<int>(record_.factor.determinant_sign); }
   [[nodiscard]] Offset numbers_of_factor() const override { return numbers_of_factor_in(record_.analysis); }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
+    if (Status status = tell(Call::solve, columns); !status.ok()) return status;
     return solver_.solve(b, x, columns).status;
   }
 
  private:
+  using Call = SharedNewton::Call;
+  // The other ranks, where there are any, join in the call that follows.
+  Status tell(Call call, Index columns = 0) const { return shared_ ? shared_->announce(call, columns) : Status{}; }
   MatrixView as_stored(MatrixView a) {
     // Chosen by the user, who knows that no force makes the tangent unsymmetric.
     if (solver_.options().kind == Kind::ldlt) {
@@ -141,6 +154,7 @@ class RecordedSolver final : public LinearSolver {
 
   /// Newton's iteration contracts by about so much when it sees one half for both. Turning bodies always make a little.
   static constexpr double kAsymmetry = 1e-3;
+  std::unique_ptr<SharedNewton> shared_;
   Solver solver_;
   KeptAnalyses kept_;
   SolverRecord& record_;
@@ -227,14 +241,15 @@ Options run_options(const std::vector<std::pair<std::string, std::string>>& by_n
 }
 
 std::unique_ptr<LinearSolver> make_run_solver(const Options& options, bool dense, const DumpOptions& dump,
-                                              const std::string& analyses, SolverRecord& record) {
+                                              const std::string& analyses, SolverRecord& record,
+                                              std::unique_ptr<SharedNewton> shared) {
   record.dense = dense;
   record.options = options;
   std::unique_ptr<LinearSolver> solver;
   if (dense) {
     solver = make_dense_solver();
   } else {
-    solver = std::make_unique<RecordedSolver>(options, analyses, record);
+    solver = std::make_unique<RecordedSolver>(options, analyses, record, std::move(shared));
   }
   if (!dump.folder.empty()) solver = std::make_unique<DumpingSolver>(std::move(solver), dump, record);
   return solver;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "dynamics/dae/linear_solver.hpp"
+#include "dynamics/model/shared_newton.hpp"
 
 namespace espalier::dynamics::model {
 
@@ -39,7 +40,9 @@ struct DumpOptions {
 /// @param dense take the dense solver, for systems of a few dozen unknowns
 /// @param analyses  folder where analyses are kept (SimulationOptions::analyses); empty: none
 /// @param record kept up to date; must outlive the solver
+/// @param shared  with other ranks, `options` being those that it has announced; null: there are none
 [[nodiscard]] std::unique_ptr<LinearSolver> make_run_solver(const Options& options, bool dense, const DumpOptions& dump,
-                                                            const std::string& analyses, SolverRecord& record);
+                                                            const std::string& analyses, SolverRecord& record,
+                                                            std::unique_ptr<SharedNewton> shared = nullptr);
 
 }  // namespace espalier::dynamics::model

@@ -91,10 +91,13 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
       throw Error(error.status().code, std::string("solver: ") + error.what());
     }
     modes_solver_ = solver;
+    const bool dense = unknowns <= kLargestDense && !chosen;
+    std::unique_ptr<SharedNewton> shared;
+    if (options_.ranks.size() > 1 && !dense) shared = std::make_unique<SharedNewton>(options_.ranks, by_name, unknowns);
     equations_ = std::make_unique<Equations>(
         mechanism_->system,
-        make_run_solver(solver, unknowns <= kLargestDense && !chosen,
-                        {options_.dump, options_.dump_every, options_.dump_count}, options_.analyses, record_),
+        make_run_solver(solver, dense, {options_.dump, options_.dump_every, options_.dump_count}, options_.analyses,
+                        record_, std::move(shared)),
         &mechanism_->pool);
     if (options_.record_timeline) trace_ = std::make_unique<PhaseTrace>();
     equations_->set_trace(trace_.get());

@@ -49,6 +49,10 @@ Simulation::Simulation(SimulationOptions options) : impl_(std::make_unique<Impl>
     throw std::invalid_argument("SimulationOptions: interrupted_every must be from 0 to 3600 seconds");
   if (!(options.frame_interval == -1 || (options.frame_interval >= 0 && std::isfinite(options.frame_interval))))
     throw std::invalid_argument("SimulationOptions: frame_interval must be -1, 0 or a positive time");
+  if (options.ranks.size() > 1 && !options.analyses.empty())
+    throw std::invalid_argument("SimulationOptions: ranks do not keep analyses in a folder; leave out one of the two");
+  if (options.ranks.rank() != 0)
+    throw std::invalid_argument("SimulationOptions: rank 0 makes simulations; the others call serve_simulations()");
   impl_->options = std::move(options);
 }
 Simulation::~Simulation() = default;
