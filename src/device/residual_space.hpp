@@ -37,6 +37,10 @@ class ResidualSpace {
   virtual bool add(const double* from, double* to) const = 0;
   /// y = op(A) x in plain double precision. May be under way on return.
   virtual void multiply(const double* x, double* y, bool transpose) const = 0;
+  /// The same for `columns` vectors, one after another; each with the bits that it has alone.
+  virtual void multiply_columns(const double* x, double* y, Index columns, bool transpose) const {
+    for (Index k = 0; k < columns; ++k) multiply(x + Offset{k} * size(), y + Offset{k} * size(), transpose);
+  }
   /// y = a x + b y; y is not read where b is zero. May be under way on return.
   virtual void combine(double a, const double* x, double b, double* y) const = 0;
   /// Sum of the products of two vectors, in an order that depends on n alone. Waits.

@@ -1,6 +1,7 @@
 #include "solve/refinement.hpp"
 
 #include <algorithm>
+#include <span>
 #include <vector>
 
 namespace espalier::solve {
@@ -81,26 +82,46 @@ class Refinement {
     for (std::size_t k = 0; k < columns.size(); ++k) columns[k]->result.error = work[k].error;
   }
 
-  // trial = correction of each column; plain refinement solves for neighbouring columns at once.
+  // trial = correction of each column; neighbours that need the same are solved for at once.
   void correct(const std::vector<Column*>& active) {
     for (std::size_t k = 0; k < active.size();) {
-      Column& c = *active[k];
-      if (c.krylov) {
-        solve_krylov(c);
-        ++k;
-        continue;
-      }
       std::size_t end = k + 1;
-      while (end < active.size() && !active[end]->krylov) ++end;
-      m_(c.residual, c.trial, static_cast<Index>(end - k));
+      while (end < active.size() && active[end]->krylov == active[k]->krylov) ++end;
+      const std::span<Column* const> group(active.data() + k, end - k);
+      if (group.front()->krylov)
+        solve_krylov(group);
+      else
+        m_(group.front()->residual, group.front()->trial, static_cast<Index>(group.size()));
       k = end;
     }
   }
 
-  void solve_krylov(Column& c) {
-    const KrylovEnd end{kKrylovReduction, options_.krylov_steps - c.result.krylov_steps};
-    c.result.krylov_steps += options_.positive_definite ? solve_cg(a_, m_, c.residual, c.trial, end)
-                                                        : solve_fgmres(a_, m_, c.residual, c.trial, transpose_, end);
+  // One by one where the memory has no room for the vectors of many.
+  void solve_krylov(std::span<Column* const> group) {
+    while (!group.empty()) {
+      const std::span<Column* const> now = group.first(std::min(group.size(), most_krylov_));
+      try {
+        solve_in_lockstep(now);
+      } catch (const Error& e) {
+        if (e.status().code != StatusCode::out_of_memory || now.size() == 1) throw;
+        most_krylov_ = 1;
+        continue;
+      }
+      group = group.subspan(now.size());
+    }
+  }
+
+  void solve_in_lockstep(std::span<Column* const> group) {
+    std::vector<KrylovColumn> columns;
+    for (const Column* c : group)
+      columns.push_back({{kKrylovReduction, options_.krylov_steps - c->result.krylov_steps}});
+    const double* r = group.front()->residual;
+    double* d = group.front()->trial;
+    if (options_.positive_definite)
+      solve_cg(a_, m_, r, d, columns);
+    else
+      solve_fgmres(a_, m_, r, d, transpose_, columns);
+    for (std::size_t k = 0; k < group.size(); ++k) group[k]->result.krylov_steps += columns[k].steps;
   }
 
   // trial += x. A correction that is not finite ends its column.
@@ -142,6 +163,7 @@ class Refinement {
   const RefinementOptions& options_;
   Index n_;
   ResidualSpace::Vectors residuals_, trials_;  // n x columns
+  std::size_t most_krylov_ = static_cast<std::size_t>(kColumnsAtOnce);
 };
 
 }  // namespace

@@ -52,12 +52,21 @@ struct KrylovEnd {
   int most_steps;
 };
 
-/// Solves A d = r, d = 0 at the start: conjugate gradients (positive definite A) or flexible GMRES (Saad 1993).
-/// @param r, d  n values each, in the memory of `a`, of which slots from kKrylovSlot on are used
-/// @returns the number of products with A
-int solve_cg(const ResidualSpace& a, const Preconditioner& m, const double* r, double* d, const KrylovEnd& end);
-int solve_fgmres(const ResidualSpace& a, const Preconditioner& m, const double* r, double* d, bool transpose,
-                 const KrylovEnd& end);
+/// One of several right-hand sides of a Krylov method.
+struct KrylovColumn {
+  KrylovEnd end;
+  int steps = 0;  ///< result: products with A
+};
+
+/// Solves A D = R, D = 0 at the start, column by column: conjugate gradients (positive definite A) or flexible GMRES
+/// (Saad 1993). Columns go in lockstep: one call of `m` and one product with A a step for all that are not done, each
+/// with scalars of its own. So a column comes to the bits that it has alone, if `m` has columns that do not depend on
+/// each other.
+/// @param r, d  n x columns, in the memory of `a`, of which slots from kKrylovSlot on are used
+void solve_cg(const ResidualSpace& a, const Preconditioner& m, const double* r, double* d,
+              std::span<KrylovColumn> columns);
+void solve_fgmres(const ResidualSpace& a, const Preconditioner& m, const double* r, double* d, bool transpose,
+                  std::span<KrylovColumn> columns);
 
 /// Refinement itself has the slots before.
 inline constexpr Index kKrylovSlot = 2;

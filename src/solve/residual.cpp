@@ -15,7 +15,8 @@ namespace {
 constexpr std::int64_t kRowsPerRange = 2048;
 constexpr std::int64_t kValuesPerRange = 16384;  // values of a vector per range of work
 constexpr std::size_t kGroups = 2;               // registers of right-hand sides in one pass over the matrix
-constexpr Offset kAhead = 16;                    // entries between asking for a scattered value and using it
+constexpr Index kProductLanes = 8;               // vectors in one pass of products
+constexpr Offset kAhead = 64;                    // entries between asking for a scattered value and using it
 
 // A sum of products in twice the working precision: TwoProduct by fused multiply-add, TwoSum of Knuth.
 class LongSum {
@@ -80,10 +81,10 @@ template <class Value, class Use0, class Use1>
   const matrix::RowIndex& rows = *rows_;
   if (rows.ptr.empty() || (general && transpose)) return;
   Offset q = rows.ptr[row];
-  const Offset end = rows.ptr[row + 1];
+  const Offset end = rows.ptr[row + 1], last = rows.source.size() - 1;
   for (; q + 1 < end; q += 2) {
-    __builtin_prefetch(&values[rows.source[std::min(q + kAhead, end - 1)]]);
-    __builtin_prefetch(&values[rows.source[std::min(q + kAhead + 1, end - 1)]]);
+    __builtin_prefetch(&values[rows.source[std::min(q + kAhead, last)]]);
+    __builtin_prefetch(&values[rows.source[std::min(q + kAhead + 1, last)]]);
     use0(values[rows.source[q]], rows.col[q]);
     use1(values[rows.source[q + 1]], rows.col[q + 1]);
   }
@@ -275,38 +276,50 @@ void ResidualOperator::compute(std::span<ResidualColumn> columns, bool transpose
   }
 }
 
-// The entries of a row of op(A), side by side.
+// The entries of a row of op(A), side by side, in the two chains of a single right-hand side: what visit_row() gives
+// use0 stands at even places, what it gives use1 at odd ones. Zeros fill the shorter chain; they change no sum.
 RowEntries ResidualOperator::gather_row(Index row, bool transpose, std::vector<double>& values,
                                         std::vector<Index>& cols) const {
-  auto most = static_cast<std::size_t>(a_.col_ptr[row + 1] - a_.col_ptr[row]);
+  auto most = static_cast<std::size_t>(a_.col_ptr[row + 1] - a_.col_ptr[row]) + 2;
   if (!rows_->ptr.empty()) most += static_cast<std::size_t>(rows_->ptr[row + 1] - rows_->ptr[row]);
   if (values.size() < most) {
     values.resize(2 * most);
     cols.resize(2 * most);
   }
-  double* value = values.data();
-  Index* col = cols.data();
-  const auto keep = [&](double v, Index c) {
-    *value++ = v;
-    *col++ = c;
+  std::size_t next[2] = {0, 1};
+  const auto keep = [&](int chain) {
+    return [&, chain ](double v, Index c) __attribute__((always_inline)) {
+      values[next[chain]] = v;
+      cols[next[chain]] = c;
+      next[chain] += 2;
+    };
   };
-  visit_row<double>(row, transpose, keep, keep);
-  const auto count = static_cast<std::size_t>(value - values.data());
+  visit_row<double>(row, transpose, keep(0), keep(1));
+  while (next[1] < next[0]) keep(1)(0, row);
+  const std::size_t count = next[1] - 1;
   return {std::span<const double>(values).first(count), std::span<const Index>(cols).first(count)};
 }
 
-// One pass over the matrix. The columns are packed in groups of sums.lanes; lanes without a column hold zeros.
+// Row-major in groups of `lanes`; lanes without a column hold zeros.
+template <class Column>
+void ResidualOperator::pack(std::size_t count, std::size_t lanes, const Column& column, double* packed) const {
+  const auto n = static_cast<std::size_t>(a_.rows);
+  pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
+    for (std::size_t first = 0; first < count; first += lanes)
+      for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
+        for (std::size_t k = 0; k < lanes; ++k)
+          packed[first * n + i * lanes + k] = first + k < count ? column(first + k)[i] : 0;
+  });
+}
+
+// One pass over the matrix. The columns are packed in groups of sums.lanes.
 void ResidualOperator::compute_pass(std::span<ResidualColumn> columns, const RowSums& sums, double* packed,
                                     bool transpose) const {
   const auto lanes = static_cast<std::size_t>(sums.lanes);
   const auto n = static_cast<std::size_t>(a_.rows);
   const std::size_t count = columns.size(), padded = (count + lanes - 1) / lanes * lanes;
-  pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
-    for (std::size_t first = 0; first < padded; first += lanes)
-      for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
-        for (std::size_t k = 0; k < lanes; ++k)
-          packed[first * n + i * lanes + k] = first + k < count ? columns[first + k].x[i] : 0;
-  });
+  pack(
+      count, lanes, [&](std::size_t k) { return columns[k].x; }, packed);
   const auto ranges_each = (n + kRowsPerRange - 1) / kRowsPerRange;
   std::vector<RangeErrors> ranges(ranges_each * count);
   pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
@@ -345,6 +358,38 @@ void ResidualOperator::multiply_rows(const Value* x, Value* y, bool transpose) c
       visit_row<Value>(
           i, transpose, [&](Value v, Index c) { sum0 += v * x[c]; }, [&](Value v, Index c) { sum1 += v * x[c]; });
       y[i] = sum0 + sum1;
+    }
+  });
+}
+
+void ResidualOperator::multiply_columns(const double* x, double* y, Index columns, bool transpose) const {
+  if (columns == 1 || numbers_ != base::Numbers::real) return ResidualSpace::multiply_columns(x, y, columns, transpose);
+  base::Buffer<double> packed(Offset{a_.rows} * kProductLanes, nullptr);
+  for (Index first = 0; first < columns; first += kProductLanes) {
+    const auto now = static_cast<std::size_t>(std::min(kProductLanes, columns - first));
+    const Offset at = Offset{first} * a_.rows;
+    multiply_pass(x + at, y + at, now, packed.data(), transpose);
+  }
+}
+
+// Each lane does what multiply_rows() does.
+void ResidualOperator::multiply_pass(const double* x, double* y, std::size_t count, double* packed,
+                                     bool transpose) const {
+  constexpr std::size_t lanes = kProductLanes;
+  const auto n = static_cast<std::size_t>(a_.rows);
+  pack(
+      count, lanes, [&](std::size_t k) { return x + k * n; }, packed);
+  pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
+    for (auto i = static_cast<Index>(begin); i < end; ++i) {
+      double sum0[lanes] = {}, sum1[lanes] = {};
+      const auto add = [&](double v, Index c, double* sum) __attribute__((always_inline)) {
+        const double* const xc = packed + static_cast<std::size_t>(c) * lanes;
+        for (std::size_t k = 0; k < lanes; ++k) sum[k] += v * xc[k];
+      };
+      visit_row<double>(
+          i, transpose, [&](double v, Index c) __attribute__((always_inline)) { add(v, c, sum0); },
+          [&](double v, Index c) __attribute__((always_inline)) { add(v, c, sum1); });
+      for (std::size_t k = 0; k < count; ++k) y[k * n + static_cast<std::size_t>(i)] = sum0[k] + sum1[k];
     }
   });
 }

@@ -45,10 +45,11 @@ class ResidualOperator final : public ResidualSpace {
 
   /// r = b - op(A) x for one right-hand side (n values each); r may be null when only the errors are wanted.
   BackwardError compute(const double* b, const double* x, double* r, bool transpose) const;
-  /// The same for several right-hand sides, two registers of them in each pass over the matrix. The sums are grouped
-  /// otherwise than for one alone, so that residuals may differ by their own rounding.
+  /// The same for several right-hand sides, two registers of them in each pass over the matrix; each has the bits that
+  /// it has alone.
   void compute(std::span<ResidualColumn> columns, bool transpose) const override;
   void multiply(const double* x, double* y, bool transpose) const override;
+  void multiply_columns(const double* x, double* y, Index columns, bool transpose) const override;
   void combine(double a, const double* x, double b, double* y) const override;
   [[nodiscard]] double dot(const double* a, const double* b) const override;
 
@@ -68,6 +69,9 @@ class ResidualOperator final : public ResidualSpace {
   struct RowRange;
   void residual_rows_fma(const RowRange& rows, RangeErrors& errors) const;
   void compute_pass(std::span<ResidualColumn> columns, const RowSums& sums, double* packed, bool transpose) const;
+  void multiply_pass(const double* x, double* y, std::size_t count, double* packed, bool transpose) const;
+  template <class Column>
+  void pack(std::size_t count, std::size_t lanes, const Column& column, double* packed) const;
   RowEntries gather_row(Index row, bool transpose, std::vector<double>& values, std::vector<Index>& cols) const;
   [[nodiscard]] BackwardError judge(std::span<const RangeErrors> ranges, bool transpose) const;
   template <class Value, class Use0, class Use1>

@@ -55,7 +55,7 @@ void sum_row(const RowEntries& row, const double* x, const double* b, double* re
   const Vector high = hn::Add(even.high, odd.high);
   const Vector z = hn::Sub(high, even.high);
   const Vector lost = hn::Add(hn::Sub(even.high, hn::Sub(high, z)), hn::Sub(odd.high, z));
-  hn::StoreU(hn::Add(high, hn::Add(lost, hn::Add(even.low, odd.low))), tag, residual);
+  hn::StoreU(hn::Add(high, hn::Add(even.low, hn::Add(lost, odd.low))), tag, residual);
   hn::StoreU(hn::Add(even.scale, odd.scale), tag, scale);
 }
 

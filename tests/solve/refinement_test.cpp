@@ -3,8 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
+#include <vector>
 
 #include "reference/reference.hpp"
 
@@ -148,20 +151,27 @@ double relative_residual(const SparseMatrix& a, const std::vector<double>& r, co
 
 const Preconditioner kIdentity60 = [](const double* x, double* y, Index columns) { std::copy_n(x, 60 * columns, y); };
 
+using Columns = std::vector<KrylovColumn>;
+
 TEST(Cg, ConvergesWithinNStepsAndStopsWhenNotPositive) {
   base::ThreadPool pool(1);
   const SparseMatrix a = reference::random_system(60, 5, Values::positive, 14);
   const ResidualOperator op(a, pool);
   const std::vector<double> r = reference::random_vector(60, 15);
   std::vector<double> d(60);
-  const int steps = solve_cg(op, kIdentity60, r.data(), d.data(), {1e-10, 120});
-  EXPECT_LE(steps, 120);
+  Columns c{{{1e-10, 120}}};
+  solve_cg(op, kIdentity60, r.data(), d.data(), c);
+  EXPECT_LE(c[0].steps, 120);
   EXPECT_LE(relative_residual(a, r, d, false), 2e-10);
   const std::vector<double> zero(60, 0.0);
-  EXPECT_EQ(solve_cg(op, kIdentity60, zero.data(), d.data(), {1e-10, 10}), 0);
+  c = {{{1e-10, 10}}};
+  solve_cg(op, kIdentity60, zero.data(), d.data(), c);
+  EXPECT_EQ(c[0].steps, 0);
   EXPECT_EQ(d, zero);
   const SparseMatrix indefinite = reference::random_system(60, 5, Values::indefinite, 16);
-  EXPECT_LE(solve_cg(ResidualOperator(indefinite, pool), kIdentity60, r.data(), d.data(), {1e-10, 500}), 500);
+  c = {{{1e-10, 500}}};
+  solve_cg(ResidualOperator(indefinite, pool), kIdentity60, r.data(), d.data(), c);
+  EXPECT_LE(c[0].steps, 500);
   for (const double e : d) EXPECT_TRUE(std::isfinite(e));
 }
 
@@ -173,13 +183,112 @@ TEST(Fgmres, ConvergesWithinItsBasis) {
     const std::vector<double> r = reference::random_vector(25, 18);
     std::vector<double> d(25);
     const Preconditioner identity = [](const double* x, double* y, Index columns) { std::copy_n(x, 25 * columns, y); };
-    const int steps = solve_fgmres(op, identity, r.data(), d.data(), transpose, {1e-12, 30});
-    EXPECT_LE(steps, 30);
+    const auto steps = [&](const std::vector<double>& from, int most) {
+      Columns c{{{1e-12, most}}};
+      solve_fgmres(op, identity, from.data(), d.data(), transpose, c);
+      return c[0].steps;
+    };
+    EXPECT_LE(steps(r, 30), 30);
     EXPECT_LE(relative_residual(a, r, d, transpose), 1e-10);  // n steps solve exactly, up to rounding
     const std::vector<double> zero(25, 0.0);
-    EXPECT_EQ(solve_fgmres(op, identity, zero.data(), d.data(), transpose, {1e-12, 30}), 0);
+    EXPECT_EQ(steps(zero, 30), 0);
     EXPECT_EQ(d, zero);
-    EXPECT_EQ(solve_fgmres(op, identity, r.data(), d.data(), transpose, {1e-12, 0}), 0);
+    EXPECT_EQ(steps(r, 0), 0);
+  }
+}
+
+// Right-hand sides that end at different steps, one of them zero: each as alone, to the bit, and no more calls of the
+// preconditioner than the longest needs.
+TEST(Lockstep, EachColumnHasTheBitsThatItHasAlone) {
+  base::ThreadPool pool(2);
+  constexpr Index n = 300;
+  constexpr std::size_t count = 11;
+  for (const Values values : {Values::positive, Values::general})
+    for (const bool transpose : {false, true}) {
+      const SparseMatrix a = reference::random_system(n, 5, values, 41);
+      const ResidualOperator op(a, pool);
+      const bool cg = values == Values::positive;
+      std::vector<double> r = reference::random_vector(n * std::int64_t{count}, 42);
+      std::fill_n(r.begin() + 4 * n, n, 0.0);
+      int calls = 0;
+      const Preconditioner m = [&](const double* x, double* y, Index columns) {
+        ++calls;
+        for (Index k = 0; k < n * columns; ++k) y[k] = x[k] * (1 + 0.2 * (k % n % 7));
+      };
+      const auto run = [&](std::size_t first, Columns& c) {
+        std::vector<double> d(n * c.size());
+        const double* from = r.data() + first * n;
+        if (cg)
+          solve_cg(op, m, from, d.data(), c);
+        else
+          solve_fgmres(op, m, from, d.data(), transpose, c);
+        return d;
+      };
+      Columns all;
+      for (std::size_t k = 0; k < count; ++k)
+        all.push_back({{std::pow(10.0, -1.0 - static_cast<double>(k * 5 % 8)), 20}});
+      all[7].end.most_steps = 0;
+      all[8].end.most_steps = 3;
+      const std::vector<double> together = run(0, all);
+      const int calls_together = std::exchange(calls, 0);
+      int most = 0, sum = 0;
+      for (std::size_t k = 0; k < count; ++k) {
+        Columns one{{all[k].end}};
+        const std::vector<double> d = run(k, one);
+        EXPECT_EQ(one[0].steps, all[k].steps) << k;
+        EXPECT_TRUE(std::equal(d.begin(), d.end(), together.begin() + static_cast<std::ptrdiff_t>(k * n))) << k;
+        most = std::max(most, one[0].steps);
+        sum += one[0].steps;
+      }
+      EXPECT_GT(sum, 3 * most) << "else columns are not many";
+      EXPECT_LE(calls_together, most + 1);
+      EXPECT_EQ(all[7].steps, 0);
+      EXPECT_EQ(all[8].steps, 3);
+    }
+}
+
+// A space in which many vectors have no place.
+class SmallSpace final : public ResidualSpace {
+ public:
+  SmallSpace(const ResidualOperator& a, Index most) : a_(a), most_(most) {}
+  [[nodiscard]] Index size() const override { return a_.size(); }
+  void compute(std::span<ResidualColumn> columns, bool transpose) const override { a_.compute(columns, transpose); }
+  void copy(const double* from, double* to) const override { a_.copy(from, to); }
+  bool add(const double* from, double* to) const override { return a_.add(from, to); }
+  void multiply(const double* x, double* y, bool transpose) const override { a_.multiply(x, y, transpose); }
+  void combine(double a, const double* x, double b, double* y) const override { a_.combine(a, x, b, y); }
+  [[nodiscard]] double dot(const double* a, const double* b) const override { return a_.dot(a, b); }
+  [[nodiscard]] Vectors vectors(Index slot, Index columns) const override {
+    if (slot >= kKrylovSlot && columns > most_) throw Error(StatusCode::out_of_memory, "no room");
+    return a_.vectors(slot, columns);
+  }
+
+ private:
+  const ResidualOperator& a_;
+  Index most_;
+};
+
+TEST(Lockstep, WithoutRoomForManyColumnsTheyGoOneByOne) {
+  base::ThreadPool pool(1);
+  for (const Values values : {Values::positive, Values::general}) {
+    const SparseMatrix a = reference::random_system(60, 5, values, 13);
+    const ResidualOperator op(a, pool);
+    const Preconditioner m = wrong_inverse(a, false, 0.9);
+    const std::vector<double> b = reference::random_vector(60 * 5, 8);
+    RefinementOptions o;
+    o.steps = 60;
+    o.krylov = true;
+    o.krylov_steps = 400;
+    o.positive_definite = values == Values::positive;
+    const auto solved = [&](const ResidualSpace& space) {
+      std::vector<double> x(b.size());
+      m(b.data(), x.data(), 5);
+      const RefinementResult r = refine(space, m, {b.data(), x.data(), 5}, o);
+      EXPECT_GT(r.krylov_steps, 0);
+      return x;
+    };
+    EXPECT_EQ(solved(SmallSpace(op, 1)), solved(op));
+    EXPECT_THROW(solved(SmallSpace(op, 0)), Error);
   }
 }
 

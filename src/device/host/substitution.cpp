@@ -75,26 +75,42 @@ struct ElementSum {
   [[nodiscard]] HWY_INLINE T total() const { return conjugate<kConjugate>(sum_of<T>(sum.total())); }
 };
 
-/// y[0..columns) -= or = A(:, those)^T x over the panels; `depth` is the distance of panels in columns.
-template <class T, bool kAssign, bool kConjugate>
-HWY_INLINE void columns_times_vector(std::int64_t panels, std::int64_t depth, int columns, const T* a, const T* x,
-                                     T* y) {
+/// Columns whose sums are kept at a time: a panel is then read in pieces of 4 KiB, which the processor fetches ahead.
+inline constexpr std::int64_t kSumColumns = 64;
+
+/// sum[0..columns) += A(:, those)^T x over `kPanels` panels, `stride` numbers apart.
+template <class T, int kPanels, bool kConjugate>
+HWY_INLINE void add_panels(std::int64_t columns, std::int64_t stride, const T* HWY_RESTRICT a, const T* x,
+                           ElementSum<T, kConjugate>* HWY_RESTRICT sum) {
   const Tag<T> t;
-  constexpr int group = 8;
-  ElementSum<T, kConjugate> sum[group];
-  for (int j = 0; j < group; ++j) sum[j].sum.start(vn::Zero(t));
-  for (std::int64_t q = 0; q < panels; ++q, a += depth * kPanel<T>, x += kPanel<T>) {
-    for (int v = 0; v < kPanel<T>; v += kLanes<T>) {
-      const Elements<T> xv(vn::LoadU(t, x + v));
-      if (columns == group) {
-        HWY_UNROLL(8)
-        for (int j = 0; j < group; ++j) sum[j].take(vn::LoadU(t, a + j * kPanel<T> + v), xv);
-      } else {
-        for (int j = 0; j < columns; ++j) sum[j].take(vn::LoadU(t, a + j * kPanel<T> + v), xv);
-      }
+  for (std::int64_t j = 0; j < columns; ++j) {
+    ElementSum<T, kConjugate> s = sum[j];
+    HWY_UNROLL(4)
+    for (int q = 0; q < kPanels; ++q) {
+      HWY_UNROLL(16)
+      for (int v = 0; v < kVectors<T>; ++v)
+        s.take(vn::LoadU(t, a + q * stride + j * kPanel<T> + v * kLanes<T>),
+               Elements<T>(vn::LoadU(t, x + q * kPanel<T> + v * kLanes<T>)));
     }
+    sum[j] = s;
   }
-  for (int j = 0; j < columns; ++j) y[j] = kAssign ? sum[j].total() : y[j] - sum[j].total();
+}
+
+/// y[0..columns) -= or = A(:, those)^T x over the panels; `depth` is the distance of panels in columns, of which there
+/// are at most kSumColumns.
+template <class T, bool kAssign, bool kConjugate>
+HWY_INLINE void columns_times_vector(std::int64_t panels, std::int64_t depth, std::int64_t columns, const T* a,
+                                     const T* x, T* y) {
+  constexpr int together = 4;  // panels
+  const Tag<T> t;
+  ElementSum<T, kConjugate> sum[kSumColumns];
+  for (std::int64_t j = 0; j < columns; ++j) sum[j].sum.start(vn::Zero(t));
+  const std::int64_t stride = depth * kPanel<T>;
+  std::int64_t q = 0;
+  for (; q + together <= panels; q += together, a += together * stride, x += together * kPanel<T>)
+    add_panels<T, together, kConjugate>(columns, stride, a, x, sum);
+  for (; q < panels; ++q, a += stride, x += kPanel<T>) add_panels<T, 1, kConjugate>(columns, stride, a, x, sum);
+  for (std::int64_t j = 0; j < columns; ++j) y[j] = kAssign ? sum[j].total() : y[j] - sum[j].total();
 }
 
 /// Y (columns x nr) -= or = A^T X for MP panels of right-hand sides and NR columns of A; a points at the first column.
@@ -172,14 +188,13 @@ void apply_lower(std::int64_t n, std::int64_t nr, const T* w, const T* x, T* y) 
 template <class T, bool kLower, bool kConjugate>
 void apply_transposed_from(std::int64_t m, std::int64_t n, std::int64_t nr, const T* a, const T* x, T* y) {
   constexpr std::int64_t p = kPanel<T>;
-  constexpr std::int64_t vector_columns = 8;
-  const std::int64_t panels = (m + p - 1) / p, width = nr == 1 ? vector_columns : kTileColumns<T>;
+  const std::int64_t panels = (m + p - 1) / p;
+  const std::int64_t width = nr > 1 ? kTileColumns<T> : kLower ? p : kSumColumns;
   for (std::int64_t j = 0; j < n; j += width) {
     const std::int64_t columns = std::min(width, n - j), first = kLower ? j / p : 0;
     const T* aj = a + first * p * n + j * p;
     if (nr == 1) {
-      columns_times_vector<T, kLower, kConjugate>(panels - first, n, static_cast<int>(columns), aj, x + first * p,
-                                                  y + j);
+      columns_times_vector<T, kLower, kConjugate>(panels - first, n, columns, aj, x + first * p, y + j);
       continue;
     }
     for (std::int64_t r = 0; r < nr;) {
