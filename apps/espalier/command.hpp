@@ -37,6 +37,7 @@ void add_commands(CLI::App& app, int argc, const char* const* argv, Action& acti
 void add_solve(CLI::App& app, Action& action);
 void add_analyze(CLI::App& app, Action& action);
 void add_modes(CLI::App& app, Action& action);
+void add_harmonic(CLI::App& app, Action& action);
 void add_condense(CLI::App& app, Action& action);
 void add_simulate(CLI::App& app, Action& action);
 void add_generate(CLI::App& app, Action& action);

@@ -6,6 +6,7 @@ void add_commands(CLI::App& app, int argc, const char* const* argv, Action& acti
   add_solve(app, action);
   add_analyze(app, action);
   add_modes(app, action);
+  add_harmonic(app, action);
   add_condense(app, action);
   add_simulate(app, action);
   add_generate(app, action);

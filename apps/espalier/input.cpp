@@ -3,8 +3,11 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <charconv>
 #include <chrono>
 #include <sstream>
+#include <string_view>
 
 #include "checked_options.hpp"
 #include "matrix/generators/generate.hpp"
@@ -95,6 +98,42 @@ matrix::DenseVectors read_columns(const std::string& path, Index rows, base::Thr
 
 matrix::ComplexVectors read_complex_columns(const std::string& path, Index rows, base::ThreadPool& pool) {
   return checked_columns(matrix::read_complex_vectors(path, {&pool, false}), path, rows);
+}
+
+namespace {
+
+Index number_in_list(std::string_view word) {
+  Index value = 0;
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (error != std::errc{} || end != word.data() + word.size())
+    throw Error(
+        StatusCode::invalid_input,
+        fmt::format("'{}' in the list of unknowns is no index: give numbers from 0, or ranges such as 10-20", word));
+  return value;
+}
+
+}  // namespace
+
+std::vector<Index> parse_unknowns(std::string text) {
+  std::replace(text.begin(), text.end(), ',', ' ');
+  std::istringstream stream(text);
+  std::vector<Index> list;
+  for (std::string word; stream >> word;) {
+    const std::size_t dash = word.find('-', 1);
+    if (dash == std::string::npos) {
+      list.push_back(number_in_list(word));
+      continue;
+    }
+    const Index first = number_in_list(std::string_view(word).substr(0, dash));
+    const Index last = number_in_list(std::string_view(word).substr(dash + 1));
+    if (last < first)
+      throw Error(StatusCode::invalid_input, fmt::format("the range {} in the list of unknowns falls", word));
+    for (Index v = first;; ++v) {
+      list.push_back(v);
+      if (v == last) break;
+    }
+  }
+  return list;
 }
 
 }  // namespace espalier::cli

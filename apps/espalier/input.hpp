@@ -41,4 +41,7 @@ matrix::DenseVectors read_columns(const std::string& path, Index rows, base::Thr
 /// The same of a real or complex file.
 matrix::ComplexVectors read_complex_columns(const std::string& path, Index rows, base::ThreadPool& pool);
 
+/// "0,5,10-20", or the same with blanks and lines between. @throws Error(invalid_input) naming the word
+std::vector<Index> parse_unknowns(std::string text);
+
 }  // namespace espalier::cli

@@ -5,6 +5,7 @@
 #include "espalier/batch.hpp"
 #include "espalier/changed_system.hpp"
 #include "espalier/complex_solver.hpp"
+#include "espalier/harmonic.hpp"
 #include "espalier/matrix.hpp"
 #include "espalier/modes.hpp"
 #include "espalier/schur.hpp"

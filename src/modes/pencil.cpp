@@ -77,6 +77,21 @@ SparseMatrix symmetric_lower(const MatrixView& a, const std::string& name, base:
   return mean_of_triangles(a, name, pool);
 }
 
+SparseMatrix general_of(const MatrixView& a, const std::string& name, base::ThreadPool& pool) {
+  if (a.rows != a.cols || a.rows == 0)
+    throw Error(StatusCode::invalid_input, fmt::format("{} is {} x {}; it must be square", name, a.rows, a.cols));
+  if (a.values.empty() && a.nonzeros() > 0)
+    throw Error(StatusCode::invalid_input, fmt::format("{} has no values, only a pattern", name));
+  try {
+    matrix::validate(a, &pool);
+  } catch (const Error& e) {
+    throw Error(e.status().code, fmt::format("{}: {}", name, e.what()), e.status().row);
+  }
+  MatrixView summed = a;
+  if (a.storage == Storage::general) summed.storage = Storage::symmetric_both;  // rows in order, duplicates summed
+  return matrix::to_general(summed, &pool);
+}
+
 SparseMatrix sum(double alpha, const SparseMatrix& a, double beta, const SparseMatrix& b) {
   SparseMatrix out;
   out.rows = out.cols = a.rows;

@@ -19,6 +19,10 @@ namespace espalier::modes {
 /// @throws Error(invalid_input)
 SparseMatrix symmetric_lower(const MatrixView& a, const std::string& name, base::ThreadPool& pool);
 
+/// Any real square matrix from outside in general storage: rows rising, duplicates summed, numbers finite.
+/// @throws Error(invalid_input)
+SparseMatrix general_of(const MatrixView& a, const std::string& name, base::ThreadPool& pool);
+
 /// alpha A + beta B of two lower triangles, on the union of their patterns.
 SparseMatrix sum(double alpha, const SparseMatrix& a, double beta, const SparseMatrix& b);
 

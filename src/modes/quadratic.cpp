@@ -7,8 +7,6 @@
 #include <numeric>
 
 #include "matrix/norms.hpp"
-#include "matrix/transform.hpp"
-#include "matrix/validate.hpp"
 #include "modes/pencil.hpp"
 #include "modes/tall.hpp"
 
@@ -22,22 +20,6 @@ constexpr double kGoodResidual = 1e-6;
 constexpr Eigen::Index kFirstLook = 12;  // vectors, to see the size of eigenvalues
 
 std::size_t slot(Offset i) { return static_cast<std::size_t>(i); }
-
-SparseMatrix checked_general(const MatrixView& a, const char* name, base::ThreadPool& pool) {
-  if (a.rows != a.cols || a.rows == 0)
-    throw Error(StatusCode::invalid_input, fmt::format("{} is {} x {}; it must be square", name, a.rows, a.cols));
-  if (a.values.empty() && a.nonzeros() > 0)
-    throw Error(StatusCode::invalid_input, fmt::format("{} has no values, only a pattern", name));
-  try {
-    matrix::validate(a, &pool);
-  } catch (const Error& e) {
-    throw Error(e.status().code, fmt::format("{}: {}", name, e.what()), e.status().row);
-  }
-  // Twice transposed: rows rise.
-  SparseMatrix general = matrix::transpose(matrix::transpose(matrix::to_general(a, &pool)));
-  general.storage = Storage::general;
-  return general;
-}
 
 SparseMatrix sum_of(double alpha, const SparseMatrix& a, double beta, const SparseMatrix& b) {
   SparseMatrix out = sum(alpha, a, beta, b);
@@ -77,9 +59,9 @@ QuadraticSearch::QuadraticSearch(const MatrixView& k, const MatrixView& c, const
     : options_(options),
       shop_(shop),
       result_(result),
-      k_(checked_general(k, "K", shop.pool)),
-      c_(checked_general(c, "C", shop.pool)),
-      m_(checked_general(m, "M", shop.pool)),
+      k_(general_of(k, "K", shop.pool)),
+      c_(general_of(c, "C", shop.pool)),
+      m_(general_of(m, "M", shop.pool)),
       k_norm_(matrix::norm_inf(k_)),
       c_norm_(matrix::norm_inf(c_)),
       m_norm_(matrix::norm_inf(m_)),

@@ -1,0 +1,70 @@
+/// \file
+/// Frequencies chosen one by one, until a rational function through the solutions says what lies between.
+#pragma once
+
+#include <Eigen/Dense>
+#include <cstdint>
+#include <vector>
+
+#include "harmonic/rational.hpp"
+#include "harmonic/resonances.hpp"
+#include "harmonic/sweep.hpp"
+
+namespace espalier::harmonic {
+
+/// Samples are solved at both ends, at equal steps, and next to each resonance that answers. Then, round by round, at
+/// the places where the functions of this and the last round differ most, and at poles that no sample is near; each
+/// new solve is compared with what the function said there. Where nothing differs by more than the tolerance, some
+/// more are held against it: in the widest gaps, at the largest difference, and at random. Only if all agree, that is
+/// the end.
+class Adaptive {
+ public:
+  /// All outlive the object. @param damped  whether there is damping at all
+  Adaptive(Sweep& sweep, const HarmonicOptions& options, HarmonicResult& result, double from, double to, bool damped);
+  /// Solves at a frequency, if there is no sample yet. @param keep  see Sweep::solve()
+  void add(double frequency, bool keep = false);
+  /// @param expected  see find_resonances()  @param excited  which of them answer, as found on the way
+  /// @throws Error(accuracy_not_reached) where `max_solves` are not enough; deliver() gives what there is
+  void run(const std::vector<Resonance>& expected, std::vector<char>& excited);
+  /// All samples, and values of the function at the frequencies asked for and around peaks, into the result.
+  void deliver(const std::vector<double>& wanted);
+
+ private:
+  struct Target {
+    double frequency = 0, difference = 0;
+  };
+  /// A pole that the response shows, as a place on the axis of frequencies.
+  struct Peak {
+    double frequency = 0, half_width = 0;
+    bool damped = true;
+  };
+  void fit();
+  void note(const std::vector<Resonance>& expected, std::vector<char>& excited);
+  [[nodiscard]] Eigen::VectorXd sizes_of(const Eigen::VectorXcd& y, const Eigen::VectorXd& floor) const;
+  [[nodiscard]] double difference_at(double frequency) const;
+  [[nodiscard]] std::vector<Peak> peaks(const Rational& r) const;
+  [[nodiscard]] double nearest_sample(double frequency) const;  ///< distance
+  /// The worst place of each interval between samples, and peaks without a sample; the worst first.
+  [[nodiscard]] std::vector<Target> doubtful() const;
+  [[nodiscard]] std::vector<double> to_check(const std::vector<Target>& all);
+  /// Solves there. @return how far the function was off, relative
+  double try_out(double frequency);
+  [[nodiscard]] double length() const { return to_ - from_; }
+
+  Sweep& sweep_;
+  const HarmonicOptions& options_;
+  HarmonicResult& result_;
+  double from_, to_;
+  bool damped_;
+  std::vector<Solved> samples_;  // rising, without those on a resonance
+  std::vector<Solved> singular_;
+  std::vector<double> at_;                // of samples_
+  Eigen::MatrixXcd values_;               // outputs x samples
+  Eigen::VectorXd floor_, sketch_floor_;  // of each output: the least size that errors are relative to
+  Eigen::MatrixXcd mixing_;               // a few random sums of outputs stand for all of them in fits,
+  Eigen::VectorXd unit_;                  // each output in units of its median at the start
+  Rational now_, before_;
+  std::uint64_t random_ = 12345;
+};
+
+}  // namespace espalier::harmonic

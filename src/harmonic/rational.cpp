@@ -1,0 +1,112 @@
+#include "harmonic/rational.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+
+namespace espalier::harmonic {
+
+using Eigen::Index;
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXcd;
+
+namespace {
+Index at(std::size_t i) { return static_cast<Index>(i); }
+}  // namespace
+
+void Rational::find_weights(const MatrixXd& size) {
+  const MatrixXcd& y = y_;
+  const Index columns = at(support_.size());
+  std::vector<char> taken(s_.size(), 0);
+  for (const std::size_t j : support_) taken[j] = 1;
+  MatrixXcd loewner((at(s_.size()) - columns) * y.rows(), columns);
+  Index row = 0;
+  for (std::size_t i = 0; i < s_.size(); ++i) {
+    if (taken[i] != 0) continue;
+    for (Index c = 0; c < y.rows(); ++c, ++row)
+      for (Index j = 0; j < columns; ++j) {
+        const std::size_t k = support_[static_cast<std::size_t>(j)];
+        loewner(row, j) = (y(c, at(i)) - y(c, at(k))) / ((s_[i] - s_[k]) * size(c, at(i)));
+      }
+  }
+  if (loewner.rows() > columns) {
+    const MatrixXcd r = Eigen::HouseholderQR<MatrixXcd>(loewner).matrixQR().topRows(columns);
+    loewner = r.triangularView<Eigen::Upper>();
+  }
+  const Eigen::JacobiSVD<MatrixXcd, Eigen::FullPivHouseholderQRPreconditioner> svd(loewner, Eigen::ComputeFullV);
+  weights_ = svd.matrixV().col(columns - 1);
+}
+
+void Rational::judge(const MatrixXd& size) {
+  error_ = 0;
+  for (std::size_t i = 0; i < s_.size(); ++i) {
+    if (std::find(support_.begin(), support_.end(), i) != support_.end()) continue;
+    const VectorXcd r = evaluate(s_[i]);
+    const double e = ((r - y_.col(at(i))).cwiseAbs().array() / size.col(at(i)).array()).maxCoeff();
+    if (!(e <= error_)) {
+      error_ = e;
+      worst_ = i;
+    }
+  }
+}
+
+void Rational::fit(const std::vector<double>& s, const MatrixXcd& y, const MatrixXd& size, double tolerance,
+                   std::vector<std::size_t> support) {
+  s_ = s;
+  y_ = y;
+  support_ = std::move(support);
+  if (support_.empty()) support_.push_back(s.size() / 2);
+  // As many unknown weights as there are equations, at most.
+  const auto c = static_cast<std::size_t>(y.rows());
+  const std::size_t most = std::max<std::size_t>(1, std::min(s.size() - 1, s.size() * c / (c + 1)));
+  while (true) {
+    find_weights(size);
+    judge(size);
+    if (error_ <= tolerance || support_.size() >= most) return;
+    support_.push_back(worst_);
+  }
+}
+
+std::vector<double> Rational::support_at() const {
+  std::vector<double> out;
+  for (const std::size_t j : support_) out.push_back(s_[j]);
+  return out;
+}
+
+VectorXcd Rational::evaluate(double s, const MatrixXcd& y) const {
+  VectorXcd above = VectorXcd::Zero(y.rows());
+  std::complex<double> below = 0;
+  for (std::size_t j = 0; j < support_.size(); ++j) {
+    const double apart = s - s_[support_[j]];
+    if (apart == 0) return y.col(at(support_[j]));
+    const std::complex<double> share = weights_[at(j)] / apart;
+    above += share * y.col(at(support_[j]));
+    below += share;
+  }
+  return above / below;
+}
+
+// sum b_j / (s - s_j) = c^T (s - S)^-1 1 has the zeros of S - 1 (c^T S) / sum b, and that one has 0 besides: s is
+// counted from a point below all samples, where no pole of interest lies.
+std::vector<std::complex<double>> Rational::poles() const {
+  std::vector<std::complex<double>> out;
+  const Index m = at(support_.size());
+  const std::complex<double> total = weights_.sum();
+  if (m < 2 || total == 0.0) return out;
+  const double length = s_.back() - s_.front(), origin = s_.front() - 2 * length;
+  MatrixXcd a(m, m);
+  for (Index j = 0; j < m; ++j) {
+    const double sj = s_[support_[static_cast<std::size_t>(j)]] - origin;
+    a.col(j).setConstant(-weights_[j] * sj / total);
+    a(j, j) += sj;
+  }
+  const Eigen::ComplexEigenSolver<MatrixXcd> eigen(a, false);
+  for (const std::complex<double>& p : eigen.eigenvalues())
+    if (std::abs(p) > length) out.push_back(p + origin);
+  return out;
+}
+
+}  // namespace espalier::harmonic
