@@ -140,7 +140,7 @@ double second_moment(HeldSystem& held, SolidContact& contact, bool line) {
     for (int i = -1; i <= 1; ++i)
       for (int j = -1; j <= 1; ++j) {
         const double xi[2] = {i * kGauss, j * kGauss}, w = (i == 0 ? 8 : 5) * (j == 0 ? 8 : 5) / 81.0;
-        const contact::FacePlace at = contact::face_place(face.type, face.reference, xi);
+        const contact::FacePlace at = contact::face_place(face, face.reference, xi);
         double p = 0;
         for (std::size_t a = 0; a < face.names.size(); ++a) {
           const auto& nodes = surface.nodes();
