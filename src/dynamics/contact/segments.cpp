@@ -145,7 +145,6 @@ void points_of_face(const FaceSurface& surface, Index face, std::vector<ContactP
 
 void points_of_segments(const FaceSurface& first, Index face, FaceSurface& second, double reach,
                         std::vector<ContactPoint>& out) {
-  constexpr double kFacing = -0.2;  // cosine between the normals
   const SurfaceFace& f = first.face(face);
   Box around = first.boxes()[static_cast<std::size_t>(face)];
   around.widen(reach);

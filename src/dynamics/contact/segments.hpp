@@ -16,6 +16,9 @@ struct ContactPoint {
                         ///< or a point of a line, which looks for what is opposite each time
 };
 
+/// Cosine between the normals of faces that look at each other, at most.
+inline constexpr double kFacing = -0.2;
+
 /// The points of a face against rigid shapes: those of a rule for pressure; of a line against anything: Lobatto's five
 /// points (degree seven, with both ends) in each division of the element.
 void points_of_face(const FaceSurface& surface, Index face, std::vector<ContactPoint>& out);

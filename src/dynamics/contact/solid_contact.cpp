@@ -45,7 +45,7 @@ std::unique_ptr<SolidContact> SolidContact::with_itself(std::string name, Contac
   if (surface.is_line()) throw std::invalid_argument("a line does not touch itself; only faces do");
   for (double* each : {&law.stiffness, &law.tangential_stiffness, &law.tangential_damping}) *each *= 0.5;
   auto contact = std::make_unique<SolidContact>(std::move(name), law, surface, surface, allowed, reach);
-  contact->side_share_ = 0.5;
+  contact->with_itself_ = true;
   return contact;
 }
 
@@ -185,7 +185,9 @@ std::optional<FaceSpot> SolidContact::spot_opposite(const ContactPoint& point, c
     }
     const Vec3 normal = there.normal_area();
     distance = normal.normalized().dot(at.x - there.x);
-    const bool same_side = !own.is_line() && normal.dot(outwards) >= 0;
+    // Within one body all faces may be looked at: those around an edge must not take what belongs to its end.
+    const double facing = one_body() ? kFacing * normal.norm() * outwards.norm() : 0;
+    const bool same_side = !own.is_line() && normal.dot(outwards) >= facing;
     if (same_side || distance > reach || distance < -face.depth) p.outside = 1e300;
     return p;
   };
@@ -375,12 +377,13 @@ ContactReport SolidContact::report(const StateView& s) {
     r.normal_force += w * acting.normal.force;
     r.friction_force += w * acting.friction.force.norm();
     r.penetration = std::max(r.penetration, -acting.gap);
-    r.area += side_share_ * w;
+    r.area += side_share() * w;
     r.slip_speed = std::max(r.slip_speed, acting.slip_rate.norm());
     r.points += 1;
     r.slipping += acting.friction.slips ? 1 : 0;
     r.energy += w * acting.normal.energy;
   });
+  if (with_itself_) r.force = r.moment = Vec3::Zero();  // each side's is the other one's
   if (r.points > 0)
     for (const double p : node_pressures(s)) r.pressure = std::max(r.pressure, p);
   return r;
@@ -401,7 +404,7 @@ std::vector<double> SolidContact::node_pressures(const StateView& s) {
   };
   for (std::size_t k = 0; k < points_.size(); ++k) spread(k, place_of_point(k), 1, area);
   for_acting([&](const Acting& acting, const FacePlace& at) { spread(acting.point, at, acting.normal.force, force); });
-  for (std::size_t i = 0; i < force.size(); ++i) force[i] = area[i] > 0 ? force[i] / (side_share_ * area[i]) : 0;
+  for (std::size_t i = 0; i < force.size(); ++i) force[i] = area[i] > 0 ? force[i] / (side_share() * area[i]) : 0;
   return force;
 }
 

@@ -86,6 +86,8 @@ class SolidContact final : public Contact {
   void move_to(ConstSpan q, ConstSpan v, bool look_only = false);
   void make_points();
   [[nodiscard]] std::vector<NodeRows> rigid_rows() const;
+  /// Of the area: both sides are integrated where a surface touches itself.
+  [[nodiscard]] double side_share() const { return with_itself_ ? 0.5 : 1; }
   [[nodiscard]] bool one_body() const { return second_ && &first_.body() == &second_->body(); }
   [[nodiscard]] std::optional<Acting> act_rigid(std::size_t k, const FacePlace& at) const;
   [[nodiscard]] std::optional<Acting> act_solid(std::size_t k, const FacePlace& at);
@@ -109,7 +111,7 @@ class SolidContact final : public Contact {
   std::optional<FaceSurface> second_;
   RigidSurface shape_;
   double allowed_ = 0, reach_ = 0;
-  double side_share_ = 1;  // of the area: 1/2 where both sides are integrated
+  bool with_itself_ = false;
   BodyMotion shape_motion_;
   PlacedShape placed_;
   std::vector<ContactPoint> points_;

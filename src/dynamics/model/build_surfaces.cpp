@@ -166,6 +166,8 @@ class SurfaceBuilder {
         throw std::invalid_argument(fmt::format("the surface '{}' stands in 'surfaces' and in 'against'", s->name));
       all.push_back(s);
     }
+    if (spec.self && std::none_of(all.begin(), all.end(), [](const SurfaceSpec* s) { return is_flexible(*s); }))
+      throw std::invalid_argument("'self' is of faces; none of the surfaces is one of shape = \"faces\"");
     BuiltContact built{spec.name, {}};
     add_rigid(spec, all, split, built);
     for (std::size_t i = 0; i < all.size(); ++i)
@@ -223,8 +225,6 @@ class SurfaceBuilder {
   }
 
   void add_self(const ContactSpec& spec, const std::vector<const SurfaceSpec*>& all, BuiltContact& built) {
-    if (std::none_of(all.begin(), all.end(), [](const SurfaceSpec* s) { return is_flexible(*s); }))
-      throw std::invalid_argument("'self' is of faces; none of the surfaces is one of shape = \"faces\"");
     for (const SurfaceSpec* s : all)
       if (is_flexible(*s))
         built.parts.push_back(&out_.system.add(
