@@ -1,5 +1,5 @@
 /// \file
-/// Faces of a solid body as a surface that touches.
+/// Faces of solids, both sides of shells, and the axes of cables and beams, as surfaces that touch.
 #pragma once
 
 #include <array>
@@ -15,22 +15,39 @@ using Vec3 = Eigen::Vector3d;
 
 inline constexpr int kMostFaceNodes = 8;
 
-/// A face with its current shape.
+/// Three velocity coordinates of a node of a face, and three of the director that carries it: x = r + lift d.
+struct NodeRows {
+  Index position = 0;
+  Index director = -1;  ///< shells alone
+  double lift = 0;      ///< half the thickness, with the sign of the side
+  [[nodiscard]] bool operator==(const NodeRows&) const = default;
+};
+
+/// A face with its current shape. Its nodes are those of a solid, points on one side of a shell, or (type line2) the
+/// positions and slopes r1, r1', r2, r2' of an element of a cable or beam, between which the axis is a cubic.
 struct SurfaceFace {
   ElementType type = ElementType::tri3;
-  std::vector<Index> places;    ///< of each node: where its position begins in the configuration
-  std::vector<Index> rows;      ///< of each node: its first velocity coordinate
-  std::vector<Index> names;     ///< of each node: its number in the body
-  std::vector<Vec3> reference;  ///< positions without stress
-  std::vector<Vec3> x, v;       ///< at the state of the last move_to()
-  double size = 0;              ///< root of its area, without stress
-  Index element = 0;            ///< that it belongs to
+  std::vector<NodeRows> rows;
+  std::vector<Index> places;           ///< of each node: where its position begins in the configuration
+  std::vector<Index> director_places;  ///< of shells: where its director begins there
+  std::vector<Index> names;            ///< of each node: see FaceSurface::nodes(); -1: it is a slope
+  std::vector<Vec3> reference;         ///< positions without stress
+  std::vector<Vec3> x, v;              ///< at the state of the last move_to()
+  double size = 0;                     ///< without stress: root of its area, length of a line
+  double radius = 0;                   ///< of the layer around a line
+  double depth = 0;                    ///< so far below it something has come through it
+  Index element = 0;                   ///< that it belongs to
   [[nodiscard]] int count() const { return static_cast<int>(places.size()); }
-  /// Velocity coordinates of all nodes, three each.
+  [[nodiscard]] bool is_line() const { return type == ElementType::line2; }
+  [[nodiscard]] bool is_triangle() const { return type == ElementType::tri3 || type == ElementType::tri6; }
+  /// All velocity coordinates that it depends on.
   [[nodiscard]] std::vector<Index> all_rows() const;
 };
 
-/// Position, tangents and second derivatives of a face at a place (xi_1, xi_2) on it.
+/// Of one body: whether they share a node or are faces of one element.
+[[nodiscard]] bool are_neighbours(const SurfaceFace& a, const SurfaceFace& b);
+
+/// Position, tangents and second derivatives of a face at a place (xi_1, xi_2) on it; of a line by xi_1 alone.
 struct FacePlace {
   std::array<double, kMostFaceNodes> value{};
   std::array<std::array<double, kMostFaceNodes>, 2> slope{};
@@ -38,22 +55,35 @@ struct FacePlace {
   std::array<Vec3, 2> tangent = {Vec3::Zero(), Vec3::Zero()};
   [[nodiscard]] Vec3 normal_area() const { return tangent[0].cross(tangent[1]); }
 };
-[[nodiscard]] FacePlace face_place(ElementType type, const std::vector<Vec3>& nodes, const double* xi);
+/// @param nodes  face.x or face.reference
+[[nodiscard]] FacePlace face_place(const SurfaceFace& face, const std::vector<Vec3>& nodes, const double* xi);
+[[nodiscard]] inline FacePlace face_place(const SurfaceFace& face, const double* xi) {
+  return face_place(face, face.x, xi);
+}
 /// x,11, x,12 and x,22.
-[[nodiscard]] std::array<Vec3, 3> face_bends(ElementType type, const std::vector<Vec3>& nodes, const double* xi);
-
-/// The point of a face, or of its continuation, on whose normal x lies.
+[[nodiscard]] std::array<Vec3, 3> face_bends(const SurfaceFace& face, const double* xi);
+/// The point of a face, or of its continuation, on whose normal x lies. Of a line: the nearest one.
 struct FaceProjection {
   std::array<double, 2> xi{};
   double outside = 1e300;  ///< how far beyond the sides of the face, in xi; 0 on it, 1e300: there is none
 };
 [[nodiscard]] FaceProjection project_on_face(const SurfaceFace& face, const Vec3& x);
 
+/// Which sides of a shell touch; the directors point to `top`.
+enum class ShellSides { both, top, bottom };
+
 class FaceSurface {
  public:
-  /// @param body in a system already @param faces empty: all outer faces of the mesh
+  /// Of a solid. @param body in a system already @param faces empty: all outer faces of the mesh
   /// @throws std::invalid_argument unless the body is a solid, or where there is no face
   FaceSurface(std::string name, const FlexibleBody& body, const Mesh& mesh, std::span<const MeshFace> faces);
+  /// Of a shell. @param quads as make_shell_body()'s
+  FaceSurface(std::string name, const FlexibleBody& body, std::span<const std::array<Index, 4>> quads, double thickness,
+              ShellSides sides);
+  /// Of a cable or beam: what lies within `radius` of its axis. @param element_length without stress @param divisions
+  /// parts of each element that have points of integration of their own
+  /// @throws std::invalid_argument unless the body is one, and radius and divisions are positive
+  FaceSurface(std::string name, const FlexibleBody& body, double element_length, double radius, int divisions);
 
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] const FlexibleBody& body() const { return *body_; }
@@ -63,11 +93,21 @@ class FaceSurface {
   [[nodiscard]] const std::vector<Box>& boxes() const { return boxes_; }
   /// Of the boxes of the last move_to(), refitted when it is asked for.
   [[nodiscard]] const BoxTree& tree();
+  /// Makes the depths of the faces at most half the distance to those faces of `other`, on the same body, that lie
+  /// behind them without stress: what is thin is not gone through.
+  void limit_depths(const FaceSurface& other);
   [[nodiscard]] double mean_size() const { return mean_size_; }
-  /// Nodes that the faces have, each once, rising.
+  [[nodiscard]] bool is_line() const { return faces_.front().is_line(); }
+  [[nodiscard]] int divisions() const { return divisions_; }
+  /// Nodes that the faces have, each once, rising: their numbers in the body, and those on the bottom of a shell behind
+  /// all of them; see body_node().
   [[nodiscard]] const std::vector<Index>& nodes() const { return nodes_; }
+  [[nodiscard]] Index body_node(Index node) const { return node % body_->nodes(); }
 
  private:
+  void add_face(SurfaceFace face);
+  void finish();
+
   std::string name_;
   const FlexibleBody* body_;
   std::vector<SurfaceFace> faces_;
@@ -76,6 +116,7 @@ class FaceSurface {
   BoxTree tree_;
   bool tree_stale_ = true;
   double mean_size_ = 0;
+  int divisions_ = 1;
 };
 
 }  // namespace espalier::dynamics::contact

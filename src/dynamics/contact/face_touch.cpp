@@ -9,9 +9,11 @@ FaceTouch::FaceTouch(const FacePlace& point, int point_nodes, const SurfaceFace&
       xi_(xi),
       first_(point_nodes),
       second_(second.count()),
-      opposite_(face_place(second.type, second.x, xi.data())),
-      normal_(opposite_.normal_area().normalized()),
-      gap_(normal_.dot(point.x - opposite_.x)) {}
+      tangents_(second.is_line() ? 1 : 2),
+      opposite_(face_place(second, xi.data())),
+      normal_(second.is_line() ? (point.x - opposite_.x).normalized() : opposite_.normal_area().normalized()),
+      distance_(normal_.dot(point.x - opposite_.x)),
+      gap_(distance_ - second.radius) {}
 
 VecX FaceTouch::share(const Vec3& force) const {
   VecX f(coordinates());
@@ -23,22 +25,27 @@ VecX FaceTouch::share(const Vec3& force) const {
 
 void FaceTouch::differentiate() {
   const auto& t = opposite_.tangent;
-  const auto bends = face_bends(face_.type, face_.x, xi_.data());
+  const auto bends = face_bends(face_, xi_.data());
   bend_ << normal_.dot(bends[0]), normal_.dot(bends[1]), normal_.dot(bends[1]), normal_.dot(bends[2]);
   Eigen::Matrix2d metric;
   metric << t[0].dot(t[0]), t[0].dot(t[1]), t[0].dot(t[1]), t[1].dot(t[1]);
-  raised_ = metric.inverse();
   gap_by_ = share(normal_);
+  if (tangents_ == 1) {
+    metric(1, 1) = 1;  // the second tangent is none: everything that it multiplies is zero
+    across_ = normal_.cross(t[0]).normalized();
+    sideways_ = share(across_);
+  }
+  raised_ = metric.inverse();
   for (std::size_t d = 0; d < 2; ++d) {
     along_[d] = share(t[d]);
     turn_[d] = VecX::Zero(coordinates());
     for (int a = 0; a < second_; ++a)
       turn_[d].segment<3>(3 * (first_ + a)) = opposite_.slope[d][static_cast<std::size_t>(a)] * normal_;
   }
-  const Eigen::Matrix2d inverse = (metric - gap_ * bend_).inverse();
+  const Eigen::Matrix2d inverse = (metric - distance_ * bend_).inverse();
   for (int d = 0; d < 2; ++d)
     place_by_[static_cast<std::size_t>(d)] =
-        inverse(d, 0) * (along_[0] + gap_ * turn_[0]) + inverse(d, 1) * (along_[1] + gap_ * turn_[1]);
+        inverse(d, 0) * (along_[0] + distance_ * turn_[0]) + inverse(d, 1) * (along_[1] + distance_ * turn_[1]);
   for (int d = 0; d < 2; ++d)
     bent_[static_cast<std::size_t>(d)] =
         turn_[static_cast<std::size_t>(d)] + bend_(d, 0) * place_by_[0] + bend_(d, 1) * place_by_[1];
@@ -46,21 +53,23 @@ void FaceTouch::differentiate() {
 
 MatX FaceTouch::gap_by_twice() const {
   MatX h = MatX::Zero(coordinates(), coordinates());
-  for (int d = 0; d < 2; ++d) {
+  for (int d = 0; d < tangents_; ++d) {
     const auto at = static_cast<std::size_t>(d);
     h.noalias() -= (raised_(d, 0) * along_[0] + raised_(d, 1) * along_[1]) * bent_[at].transpose();
     h.noalias() -= turn_[at] * place_by_[at].transpose();
   }
+  if (tangents_ == 1) h.noalias() += sideways_ * sideways_.transpose() / distance_;
   return h;
 }
 
-// n stays normal to both tangents: dn = -t^a (n . dt_a + k_ab dxi^b).
+// n stays normal to the tangents: dn = -t^a (n . dt_a + k_ab dxi^b).
 Mat3X FaceTouch::normal_by() const {
   Mat3X n = Mat3X::Zero(3, coordinates());
-  for (int d = 0; d < 2; ++d) {
+  for (int d = 0; d < tangents_; ++d) {
     const Vec3 dual = raised_(d, 0) * opposite_.tangent[0] + raised_(d, 1) * opposite_.tangent[1];
     n.noalias() -= dual * bent_[static_cast<std::size_t>(d)].transpose();
   }
+  if (tangents_ == 1) n.noalias() += across_ * sideways_.transpose() / distance_;
   return n;
 }
 

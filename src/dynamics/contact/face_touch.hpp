@@ -22,7 +22,9 @@ struct FaceSpot {
 /// g n = x - y(xi), n normal to the second face, out of it (Wriggers, Computational Contact Mechanics (2006), 6.2):
 ///   dg = n . (dx - dy),  m_ab dxi^b - g k_ab dxi^b = t_a . (dx - dy) + g n . dt_a,
 ///   d^2 g = -(t^a . (dx - dy)) (n . dt_a + k_ab dxi^b) - (n . dt_a) dxi^a
-/// with t_a = y,a, m_ab = t_a . t_b, k_ab = n . y,ab and dt_a = y,a of the displacements.
+/// with t_a = y,a, m_ab = t_a . t_b, k_ab = n . y,ab and dt_a = y,a of the displacements. Of a line as the second one
+/// the same holds with one tangent t. Its normal is free to turn about it: with g = |x - y|, less the radius, and b = n
+/// x t / |t|, dn has the part b (b . (dx - dy)) / |x - y| as well, and d^2 g the square (b . (dx - dy))^2 / |x - y|.
 class FaceTouch {
  public:
   FaceTouch(const FacePlace& point, int point_nodes, const SurfaceFace& second, const std::array<double, 2>& xi);
@@ -53,9 +55,12 @@ class FaceTouch {
   const SurfaceFace& face_;
   std::array<double, 2> xi_;
   int first_, second_;
+  int tangents_;  // of the second face: 2, of a line 1
   FacePlace opposite_;
   Vec3 normal_;
-  double gap_;
+  double distance_, gap_;          // from the face, or the axis of a line; without its radius
+  Vec3 across_ = Vec3::Zero();     // b of a line
+  VecX sideways_;                  // b . (dx - dy)
   Eigen::Matrix2d bend_, raised_;  // k_ab; inverse of m_ab
   VecX gap_by_;
   std::array<VecX, 2> along_, turn_, place_by_, bent_;  // t_a . (dx - dy), n . dt_a, dxi^a, n . dt_a + k_ab dxi^b

@@ -26,10 +26,10 @@ std::vector<TrianglePoint> rule_of_seven() {
 struct FacePlane {
   Vec3 origin, e1, e2, normal;
   explicit FacePlane(const SurfaceFace& face) {
-    const bool triangle = face.type == ElementType::tri3 || face.type == ElementType::tri6;
+    const bool triangle = face.is_triangle();
     const double third = 1.0 / 3;
     const double xi[2] = {triangle ? third : 0, triangle ? third : 0};
-    const FacePlace middle = face_place(face.type, face.x, xi);
+    const FacePlace middle = face_place(face, xi);
     origin = middle.x;
     normal = middle.normal_area().normalized();
     e1 = middle.tangent[0].normalized();
@@ -79,11 +79,11 @@ Polygon common(Polygon polygon, const Polygon& window) {
 
 /// The place on a face over a point of its plane: the projection along the plane's normal. Newton from the middle.
 bool place_over(const SurfaceFace& face, const FacePlane& plane, const Vec2& y, std::array<double, 2>& xi) {
-  const bool triangle = face.type == ElementType::tri3 || face.type == ElementType::tri6;
+  const bool triangle = face.is_triangle();
   xi = triangle ? std::array{1.0 / 3, 1.0 / 3} : std::array{0.0, 0.0};
   constexpr int kMostPasses = 20;
   for (int pass = 0; pass < kMostPasses; ++pass) {
-    const FacePlace at = face_place(face.type, face.x, xi.data());
+    const FacePlace at = face_place(face, xi.data());
     Eigen::Matrix2d k;
     k.col(0) << plane.e1.dot(at.tangent[0]), plane.e2.dot(at.tangent[0]);
     k.col(1) << plane.e1.dot(at.tangent[1]), plane.e2.dot(at.tangent[1]);
@@ -96,6 +96,14 @@ bool place_over(const SurfaceFace& face, const FacePlane& plane, const Vec2& y, 
   return true;
 }
 
+/// Whether a point of a face lies so far below another one that it is on the other side of their body.
+bool lies_behind(const SurfaceFace& face, const SurfaceFace& other, const FacePlane& plane, const Vec2& y) {
+  std::array<double, 2> on_face{}, on_other{};
+  if (!place_over(face, plane, y, on_face) || !place_over(other, plane, y, on_other)) return true;
+  const FacePlace there = face_place(other, on_other.data());
+  return there.normal_area().normalized().dot(face_place(face, on_face.data()).x - there.x) < -other.depth;
+}
+
 void add_triangle(const SurfaceFace& face, const FacePlane& plane, const std::array<Vec2, 3>& t, ContactPoint point,
                   std::vector<ContactPoint>& out) {
   static const std::vector<TrianglePoint> kRule = rule_of_seven();
@@ -105,8 +113,8 @@ void add_triangle(const SurfaceFace& face, const FacePlane& plane, const std::ar
   for (const TrianglePoint& r : kRule) {
     if (!place_over(face, plane, t[0] + r.a * ab + r.b * ac, point.spot.xi)) continue;
     // From the area on the plane to that of the face without stress, over the reference shape.
-    const FacePlace now = face_place(face.type, face.x, point.spot.xi.data());
-    const FacePlace then = face_place(face.type, face.reference, point.spot.xi.data());
+    const FacePlace now = face_place(face, point.spot.xi.data());
+    const FacePlace then = face_place(face, face.reference, point.spot.xi.data());
     const double flat = std::abs(plane.normal.dot(now.normal_area()));
     if (!(flat > 0)) continue;
     point.weight = r.weight * area * then.normal_area().norm() / flat;
@@ -118,15 +126,25 @@ void add_triangle(const SurfaceFace& face, const FacePlane& plane, const std::ar
 
 void points_of_face(const FaceSurface& surface, Index face, std::vector<ContactPoint>& out) {
   const SurfaceFace& f = surface.face(face);
+  if (f.is_line()) {
+    // Abramowitz and Stegun, table 25.6
+    static const double kInner = std::sqrt(3.0 / 7);
+    static const std::array<std::array<double, 2>, 5> kLobatto = {
+        {{-1, 0.1}, {-kInner, 49.0 / 90}, {0, 32.0 / 45}, {kInner, 49.0 / 90}, {1, 0.1}}};
+    const double parts = surface.divisions();
+    for (int k = 0; k < surface.divisions(); ++k)
+      for (const auto& [at, weight] : kLobatto)
+        out.push_back({{face, {-1 + (2 * k + 1 + at) / parts, 0}}, 0.5 * weight * f.size / parts, -1});
+    return;
+  }
   for (const QuadraturePoint& q : face_quadrature(f.type)) {
-    const double area = face_place(f.type, f.reference, q.xi.data()).normal_area().norm();
+    const double area = face_place(f, f.reference, q.xi.data()).normal_area().norm();
     out.push_back({{face, {q.xi[0], q.xi[1]}}, q.weight * area, -1});
   }
 }
 
 void points_of_segments(const FaceSurface& first, Index face, FaceSurface& second, double reach,
                         std::vector<ContactPoint>& out) {
-  constexpr double kFacing = -0.2;  // cosine between the normals
   const SurfaceFace& f = first.face(face);
   Box around = first.boxes()[static_cast<std::size_t>(face)];
   around.widen(reach);
@@ -139,7 +157,8 @@ void points_of_segments(const FaceSurface& first, Index face, FaceSurface& secon
   const double least = 1e-12 * std::abs(twice_area(window));
   for (const Index other : near) {
     const SurfaceFace& o = second.face(other);
-    if (&first.body() == &second.body() && f.element == o.element) continue;
+    const bool one_body = &first.body() == &second.body();
+    if (one_body && are_neighbours(f, o)) continue;
     const FacePlane opposite(o);
     const double cosine = plane.normal.dot(opposite.normal);
     if (cosine > kFacing) continue;
@@ -152,6 +171,7 @@ void points_of_segments(const FaceSurface& first, Index face, FaceSurface& secon
     if (segment.size() < 3 || twice_area(segment) <= least) continue;
     Vec2 middle = Vec2::Zero();
     for (const Vec2& x : segment) middle += x / static_cast<double>(segment.size());
+    if (one_body && lies_behind(f, o, plane, middle)) continue;
     for (std::size_t k = 0; k < segment.size(); ++k)
       add_triangle(f, plane, {middle, segment[k], segment[(k + 1) % segment.size()]}, {{face, {}}, 0, other}, out);
   }

@@ -11,11 +11,16 @@ namespace espalier::dynamics::contact {
 /// A point of integration on the first surface.
 struct ContactPoint {
   FaceSpot spot;
-  double weight = 0;    ///< area without stress
-  Index opposite = -1;  ///< the face of the second surface that was opposite to it when it was made; -1: a rigid shape
+  double weight = 0;    ///< area without stress; length of a line
+  Index opposite = -1;  ///< the face of the second surface that was opposite to it when it was made; -1: a rigid shape,
+                        ///< or a point of a line, which looks for what is opposite each time
 };
 
-/// The points of a face against rigid shapes: those of a rule for pressure.
+/// Cosine between the normals of faces that look at each other, at most.
+inline constexpr double kFacing = -0.2;
+
+/// The points of a face against rigid shapes: those of a rule for pressure; of a line against anything: Lobatto's five
+/// points (degree seven, with both ends) in each division of the element.
 void points_of_face(const FaceSurface& surface, Index face, std::vector<ContactPoint>& out);
 
 /// The points of a face of the first surface against those faces of the second one that look at it from within `reach`:

@@ -40,8 +40,24 @@ SolidContact::SolidContact(std::string name, const ContactLaw& law, FaceSurface 
   begin();
 }
 
+std::unique_ptr<SolidContact> SolidContact::with_itself(std::string name, ContactLaw law, const FaceSurface& surface,
+                                                        double allowed, double reach) {
+  if (surface.is_line()) throw std::invalid_argument("a line does not touch itself; only faces do");
+  for (double* each : {&law.stiffness, &law.tangential_stiffness, &law.tangential_damping}) *each *= 0.5;
+  auto contact = std::make_unique<SolidContact>(std::move(name), law, surface, surface, allowed, reach);
+  contact->with_itself_ = true;
+  return contact;
+}
+
 void SolidContact::begin() {
   law_.check();
+  if (second_ && first_.is_line() && second_->is_line()) {
+    if (one_body()) throw std::invalid_argument("a line does not touch itself, nor another one of its body");
+    if (law_.friction > 0) throw std::invalid_argument("there is no friction between two lines yet");
+  }
+  if (second_ && second_->is_line() && !first_.is_line())
+    throw std::invalid_argument("of a line and faces the line must be the first surface");
+  if (one_body()) second_->limit_depths(first_);
   if (law_.restitution < 1) throw std::invalid_argument("restitution is of rigid bodies; solids have damping");
   if (allowed_ > 0 && (law_.exponent != 1 || law_.smoothing != 0))
     throw std::invalid_argument("a chosen penetration goes with the exponent 1 and without smoothing");
@@ -66,7 +82,7 @@ void SolidContact::move_to(ConstSpan q, ConstSpan v, bool look_only) {
     }
   }
   placed_ = {&shape_.shape, shape_motion_.to_global(shape_.point), shape_motion_.axes * shape_.axes};
-  const bool come_near = second_ && !points_stale_ && !look_only &&
+  const bool come_near = second_ && !first_.is_line() && !points_stale_ && !look_only &&
                          (any_left(widened_first_, first_.boxes()) || any_left(widened_second_, second_->boxes()));
   if (points_stale_ || come_near) make_points();
 }
@@ -76,7 +92,7 @@ void SolidContact::make_points() {
   const std::vector<Memory> old_memory = std::move(memory_);
   points_.clear();
   for (Index f = 0; f < static_cast<Index>(first_.faces().size()); ++f) {
-    if (second_)
+    if (second_ && !first_.is_line())
       points_of_segments(first_, f, *second_, reach_, points_);
     else
       points_of_face(first_, f, points_);
@@ -85,7 +101,7 @@ void SolidContact::make_points() {
   transfer(old_points, old_memory);
   points_stale_ = false;
   made_at_.assign(points_.size(), {});
-  if (!second_) return;
+  if (!second_ || first_.is_line()) return;
   for (std::size_t k = 0; k < points_.size(); ++k)
     made_at_[k] = project_on_face(second_->face(points_[k].opposite), place_of_point(k).x).xi;
   widened_first_ = widened(first_.boxes(), 0.25 * reach_);
@@ -113,7 +129,7 @@ void SolidContact::transfer(const std::vector<ContactPoint>& old_points, const s
 FacePlace SolidContact::place_of_point(std::size_t k) const {
   const FaceSpot& spot = points_[k].spot;
   const SurfaceFace& face = first_.face(spot.face);
-  return face_place(face.type, face.x, spot.xi.data());
+  return face_place(face, spot.xi.data());
 }
 
 Vec3 SolidContact::velocity_of_point(std::size_t k, const FacePlace& at) const {
@@ -129,7 +145,8 @@ std::optional<SolidContact::Acting> SolidContact::act_rigid(std::size_t k, const
   const Memory& memory = memory_[k];
   thread_local std::vector<Touch> touches;
   touches.clear();
-  touch_corner(placed_, {0, at.x, memory.layer, true}, 0, touches);
+  const double radius = first_.face(points_[k].spot.face).radius;
+  touch_corner(placed_, {0, at.x, memory.layer + radius, true}, 0, touches);
   if (touches.empty()) return {};
   Acting acting;
   acting.point = k;
@@ -154,28 +171,37 @@ std::optional<SolidContact::Acting> SolidContact::act_rigid(std::size_t k, const
 // point lies beyond the sides of both by a little, the nearer one goes on.
 std::optional<FaceSpot> SolidContact::spot_opposite(const ContactPoint& point, const FacePlace& at, double reach) {
   constexpr double kOnFace = 1e-8, kBeyond = 0.02;
-  const Vec3 outwards = at.normal_area();
+  const SurfaceFace& own = first_.face(point.spot.face);
+  const Vec3 outwards = own.is_line() ? Vec3(Vec3::Zero()) : at.normal_area();
   const auto project = [&](Index f, double& distance) {
     const SurfaceFace& face = second_->face(f);
     FaceProjection p = project_on_face(face, at.x);
     if (p.outside > kBeyond) return p;
-    const FacePlace there = face_place(face.type, face.x, p.xi.data());
+    const FacePlace there = face_place(face, p.xi.data());
+    if (face.is_line()) {
+      distance = (at.x - there.x).norm() - face.radius;
+      if (distance > reach) p.outside = 1e300;
+      return p;
+    }
     const Vec3 normal = there.normal_area();
     distance = normal.normalized().dot(at.x - there.x);
-    if (normal.dot(outwards) >= 0 || distance > reach || distance < -depth_limit(face)) p.outside = 1e300;
+    // Within one body all faces may be looked at: those around an edge must not take what belongs to its end.
+    const double facing = one_body() ? kFacing * normal.norm() * outwards.norm() : 0;
+    const bool same_side = !own.is_line() && normal.dot(outwards) >= facing;
+    if (same_side || distance > reach || distance < -face.depth) p.outside = 1e300;
     return p;
   };
   double distance = 0;
-  FaceProjection best = project(point.opposite, distance);
+  FaceProjection best;
+  if (point.opposite >= 0) best = project(point.opposite, distance);
   if (best.outside <= kOnFace) return FaceSpot{point.opposite, best.xi};
   FaceSpot found{best.outside <= kBeyond ? point.opposite : -1, best.xi};
   double nearest = std::numeric_limits<double>::infinity();
   Box around;
   around.add(at.x);
-  around.widen(std::max(reach, 0.5 * second_->mean_size()));
-  const SurfaceFace& own = first_.face(point.spot.face);
+  around.widen(second_->is_line() ? reach : std::max(reach, 0.5 * second_->mean_size()));
   second_->tree().query(around, [&](Index f) {
-    if (f == point.opposite || (&first_.body() == &second_->body() && second_->face(f).element == own.element)) return;
+    if (f == point.opposite || (one_body() && are_neighbours(second_->face(f), own))) return;
     const FaceProjection p = project(f, distance);
     const bool inside = p.outside <= kOnFace, had_inside = best.outside <= kOnFace;
     if (p.outside > kBeyond) return;
@@ -193,15 +219,16 @@ std::optional<FaceSpot> SolidContact::spot_opposite(const ContactPoint& point, c
 
 std::optional<SolidContact::Acting> SolidContact::act_solid(std::size_t k, const FacePlace& at) {
   const Memory& memory = memory_[k];
-  const std::optional<FaceSpot> spot = spot_opposite(points_[k], at, memory.layer);
+  const SurfaceFace& own = first_.face(points_[k].spot.face);
+  const std::optional<FaceSpot> spot = spot_opposite(points_[k], at, memory.layer + own.radius);
   if (!spot) return {};
-  const SurfaceFace &own = first_.face(points_[k].spot.face), &other = second_->face(spot->face);
+  const SurfaceFace& other = second_->face(spot->face);
   const FaceTouch touch(at, own.count(), other, spot->xi);
-  const double penetration = memory.layer - touch.gap();
+  const double penetration = memory.layer + own.radius - touch.gap();
   if (!(penetration > 0)) return {};
   Acting acting;
   acting.point = k;
-  acting.gap = touch.gap();
+  acting.gap = touch.gap() - own.radius;
   acting.opposite = spot;
   const Vec3& n = acting.direction = touch.normal();
   Vec3 relative = velocity_of_point(k, at);
@@ -210,7 +237,7 @@ std::optional<SolidContact::Acting> SolidContact::act_solid(std::size_t k, const
   if (law_.friction == 0) return acting;
   if (memory.touched) {
     const SurfaceFace& held = second_->face(memory.anchor.face);
-    const Vec3 between = at.x - face_place(held.type, held.x, memory.anchor.xi.data()).x;
+    const Vec3 between = at.x - face_place(held, memory.anchor.xi.data()).x;
     acting.stretch = between - n * n.dot(between);
   }
   acting.slip_rate = relative - n * n.dot(relative);
@@ -254,7 +281,10 @@ bool SolidContact::update_pattern(ConstSpan q) {
 void SolidContact::declare(PatternBuilder& w, PatternBuilder& /*phi_q*/) const {
   for (const auto& [face, other] : pattern_) {
     std::vector<Index> rows = first_.face(face).all_rows();
-    for (const Index r : other < 0 ? rigid_rows() : second_->face(other).all_rows()) rows.push_back(r);
+    if (other >= 0)
+      for (const Index r : second_->face(other).all_rows()) rows.push_back(r);
+    else if (shape_.body != nullptr)
+      for (const Index r : shape_.body->coordinates()) rows.push_back(r);
     w.add_block(rows, rows);
   }
 }
@@ -278,7 +308,7 @@ SolidContact::Memory SolidContact::remembered(const Acting& acting, const FacePl
     return memory;
   }
   const SurfaceFace& other = second_->face(acting.opposite->face);
-  const FacePlace there = face_place(other.type, other.x, acting.opposite->xi.data());
+  const FacePlace there = face_place(other, acting.opposite->xi.data());
   Eigen::Matrix2d metric;
   const auto& t = there.tangent;
   metric << t[0].dot(t[0]), t[0].dot(t[1]), t[0].dot(t[1]), t[1].dot(t[1]);
@@ -303,7 +333,7 @@ void SolidContact::accept(const StateView& s) {
   for (std::size_t k = 0; k < next.size(); ++k) next[k].layer = active() ? memory_[k].layer : 0;
   for_acting([&](const Acting& acting, const FacePlace& at) { next[acting.point] = remembered(acting, at); });
   memory_ = std::move(next);
-  if (second_ && slid()) make_points();
+  if (second_ && !first_.is_line() && slid()) make_points();
 }
 
 bool SolidContact::augment(const StateView& s) {
@@ -347,12 +377,13 @@ ContactReport SolidContact::report(const StateView& s) {
     r.normal_force += w * acting.normal.force;
     r.friction_force += w * acting.friction.force.norm();
     r.penetration = std::max(r.penetration, -acting.gap);
-    r.area += w;
+    r.area += side_share() * w;
     r.slip_speed = std::max(r.slip_speed, acting.slip_rate.norm());
     r.points += 1;
     r.slipping += acting.friction.slips ? 1 : 0;
     r.energy += w * acting.normal.energy;
   });
+  if (with_itself_) r.force = r.moment = Vec3::Zero();  // each side's is the other one's
   if (r.points > 0)
     for (const double p : node_pressures(s)) r.pressure = std::max(r.pressure, p);
   return r;
@@ -369,11 +400,11 @@ std::vector<double> SolidContact::node_pressures(const StateView& s) {
   const auto spread = [&](std::size_t k, const FacePlace& at, double value, std::vector<double>& out) {
     const SurfaceFace& face = first_.face(points_[k].spot.face);
     for (std::size_t a = 0; a < face.names.size(); ++a)
-      out[place(face.names[a])] += points_[k].weight * at.value[a] * at.value[a] * value;
+      if (face.names[a] >= 0) out[place(face.names[a])] += points_[k].weight * at.value[a] * at.value[a] * value;
   };
   for (std::size_t k = 0; k < points_.size(); ++k) spread(k, place_of_point(k), 1, area);
   for_acting([&](const Acting& acting, const FacePlace& at) { spread(acting.point, at, acting.normal.force, force); });
-  for (std::size_t i = 0; i < force.size(); ++i) force[i] = area[i] > 0 ? force[i] / area[i] : 0;
+  for (std::size_t i = 0; i < force.size(); ++i) force[i] = area[i] > 0 ? force[i] / (side_share() * area[i]) : 0;
   return force;
 }
 

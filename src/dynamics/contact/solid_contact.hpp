@@ -1,5 +1,5 @@
 /// \file
-/// Contact of a solid's faces with a rigid shape, or with the faces of another solid (or others of its own).
+/// Contact of faces (of solids or shells) or lines (cables, beams) with a rigid shape, or with others of them.
 #pragma once
 
 #include <memory>
@@ -12,13 +12,13 @@
 
 namespace espalier::dynamics::contact {
 
-/// Stress between surfaces, integrated over the first one: its law takes areas without stress, so that the elastic part
-/// is the gradient of an energy, and the tangent without friction and damping symmetric.
-/// Points of integration are fixed to the material of the first surface within a step. Between solids they are made of
-/// common polygons of both surfaces (see points_of_segments()) and made anew at the end of a step in which the surfaces
-/// have slid on each other; what a point remembers goes to the nearest new one on its face.
-/// Augmented Lagrangian (Simo and Laursen, Comput. Struct. 42 (1992)): a pressure l at each point is raised, l <-
-/// max(0, l + k penetration), until no point lies deeper than allowed. In the law this is a layer of thickness l / k.
+/// Stress between surfaces (of lines: force over length), integrated over the first one: its law takes areas without
+/// stress, so that the elastic part is the gradient of an energy, and the tangent without friction and damping
+/// symmetric. Points of integration are fixed to the material of the first surface within a step. Between solids they
+/// are made of common polygons of both surfaces (see points_of_segments()) and made anew at the end of a step in which
+/// the surfaces have slid on each other; what a point remembers goes to the nearest new one on its face. Augmented
+/// Lagrangian (Simo and Laursen, Comput. Struct. 42 (1992)): a pressure l at each point is raised, l <- max(0, l + k
+/// penetration), until no point lies deeper than allowed. In the law this is a layer of thickness l / k.
 class SolidContact final : public Contact {
  public:
   /// @param allowed penetration, > 0: augmented Lagrangian; the law then has exponent 1 without smoothing
@@ -26,6 +26,13 @@ class SolidContact final : public Contact {
   SolidContact(std::string name, const ContactLaw& law, FaceSurface first, RigidSurface second, double allowed);
   SolidContact(std::string name, const ContactLaw& law, FaceSurface first, FaceSurface second, double allowed,
                double reach = 0);
+
+  /// A surface that touches itself, but for neighbouring faces. Each side is integrated against the other one with half
+  /// of the stiffness, so that neither is preferred.
+  /// @throws std::invalid_argument as the constructors; of lines
+  [[nodiscard]] static std::unique_ptr<SolidContact> with_itself(std::string name, ContactLaw law,
+                                                                 const FaceSurface& surface, double allowed,
+                                                                 double reach = 0);
 
   void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;
   void bind(const SparsePattern& w, const SparsePattern& phi_q) override;
@@ -65,11 +72,11 @@ class SolidContact final : public Contact {
     Touch touch;                       ///< with a rigid shape
     std::optional<FaceSpot> opposite;  ///< on a solid
   };
-  /// Coordinates with forces and tangent of them.
+  /// Nodes with forces and tangent of them, three coordinates each.
   struct Local {
-    std::vector<Index> rows;  ///< velocity coordinates, ascending in threes
-    VecX f;                   ///< their share of F
-    MatX k;                   ///< weights.q F_q + weights.v F_v; empty: not wanted
+    std::vector<NodeRows> rows;
+    VecX f;  ///< their share of F
+    MatX k;  ///< weights.q F_q + weights.v F_v; empty: not wanted
   };
 
   [[nodiscard]] bool rigid() const { return !second_.has_value(); }
@@ -78,8 +85,10 @@ class SolidContact final : public Contact {
   /// @param look_only  keeps the points of integration: what is asked for must not change the run
   void move_to(ConstSpan q, ConstSpan v, bool look_only = false);
   void make_points();
-  [[nodiscard]] std::vector<Index> rigid_rows() const;
-  [[nodiscard]] double depth_limit(const SurfaceFace& face) const { return 0.5 * face.size; }
+  [[nodiscard]] std::vector<NodeRows> rigid_rows() const;
+  /// Of the area: both sides are integrated where a surface touches itself.
+  [[nodiscard]] double side_share() const { return with_itself_ ? 0.5 : 1; }
+  [[nodiscard]] bool one_body() const { return second_ && &first_.body() == &second_->body(); }
   [[nodiscard]] std::optional<Acting> act_rigid(std::size_t k, const FacePlace& at) const;
   [[nodiscard]] std::optional<Acting> act_solid(std::size_t k, const FacePlace& at);
   [[nodiscard]] std::optional<FaceSpot> spot_opposite(const ContactPoint& point, const FacePlace& at, double reach);
@@ -102,6 +111,7 @@ class SolidContact final : public Contact {
   std::optional<FaceSurface> second_;
   RigidSurface shape_;
   double allowed_ = 0, reach_ = 0;
+  bool with_itself_ = false;
   BodyMotion shape_motion_;
   PlacedShape placed_;
   std::vector<ContactPoint> points_;

@@ -5,10 +5,10 @@
 
 namespace espalier::dynamics::contact {
 
-std::vector<Index> SolidContact::rigid_rows() const {
+std::vector<NodeRows> SolidContact::rigid_rows() const {
   if (shape_.body == nullptr) return {};
   const auto& c = shape_.body->coordinates();
-  return {c.begin(), c.end()};
+  return {{c[0]}, {c[3]}};
 }
 
 SolidContact::Local SolidContact::local_rigid(const Acting& acting, const FacePlace& at,
@@ -23,11 +23,11 @@ SolidContact::Local SolidContact::local_rigid(const Acting& acting, const FacePl
   const TouchForce force = touch_force(law_, law_.damping, acting.touch, shape_motion_, point,
                                        memory_[k].touched ? &memory_[k].ends : nullptr, weights ? &tangent : nullptr);
   Local local;
-  local.rows = face.all_rows();
-  const auto of_face = static_cast<Eigen::Index>(local.rows.size());
-  for (const Index r : rigid_rows()) local.rows.push_back(r);
+  local.rows = face.rows;
+  const Eigen::Index of_face = 3 * face.count();
+  for (const NodeRows& r : rigid_rows()) local.rows.push_back(r);
   // [6 coordinates of the shape's body; 3 of the point] from all of them
-  MatX spread = MatX::Zero(9, static_cast<Eigen::Index>(local.rows.size()));
+  MatX spread = MatX::Zero(9, 3 * static_cast<Eigen::Index>(local.rows.size()));
   for (int a = 0; a < face.count(); ++a)
     spread.block<3, 3>(6, 3 * a).diagonal().array() = at.value[static_cast<std::size_t>(a)];
   if (shape_.body != nullptr) spread.block<6, 6>(0, of_face).setIdentity();
@@ -47,13 +47,15 @@ SolidContact::Local SolidContact::local_solid(const Acting& acting, const FacePl
   const SurfaceFace &own = first_.face(points_[k].spot.face), &other = second_->face(acting.opposite->face);
   FaceTouch touch(at, own.count(), other, acting.opposite->xi);
   Local local;
-  local.rows = own.all_rows();
-  for (const Index r : other.all_rows()) local.rows.push_back(r);
+  const auto append = [&](const SurfaceFace& face) {
+    local.rows.insert(local.rows.end(), face.rows.begin(), face.rows.end());
+  };
+  append(own);
+  append(other);
   const bool anchored = law_.friction > 0 && memory_[k].touched;
-  if (anchored)
-    for (const Index r : second_->face(memory_[k].anchor.face).all_rows()) local.rows.push_back(r);
+  if (anchored) append(second_->face(memory_[k].anchor.face));
   const double w = points_[k].weight;
-  local.f = VecX::Zero(static_cast<Eigen::Index>(local.rows.size()));
+  local.f = VecX::Zero(3 * static_cast<Eigen::Index>(local.rows.size()));
   local.f.head(touch.coordinates()) = -w * touch.share(acting.normal.force * touch.normal() + acting.friction.force);
   if (weights != nullptr)
     local.k =
@@ -101,7 +103,7 @@ MatX SolidContact::tangent_solid(const Acting& acting, const FacePlace& at, Face
   if (anchor_nodes > 0) {
     const FaceSpot& anchor = memory_[acting.point].anchor;
     const SurfaceFace& held = second_->face(anchor.face);
-    const FacePlace hold = face_place(held.type, held.x, anchor.xi.data());
+    const FacePlace hold = face_place(held, anchor.xi.data());
     Mat3X between_by = Mat3X::Zero(3, all);
     const int own = first_.face(points_[acting.point].spot.face).count();
     between_by.leftCols(3 * own) = slip_by.leftCols(3 * own);
@@ -121,8 +123,13 @@ void SolidContact::residual(const StateView& s, Span f) {
   move_to(s.q, s.v);
   for_acting([&](const Acting& acting, const FacePlace& at) {
     const Local local = second_ ? local_solid(acting, at, nullptr) : local_rigid(acting, at, nullptr);
-    for (std::size_t i = 0; i < local.rows.size(); ++i)
-      f[static_cast<std::size_t>(local.rows[i])] += local.f[static_cast<Eigen::Index>(i)];
+    for (std::size_t n = 0; n < local.rows.size(); ++n)
+      for (std::size_t i = 0; i < 3; ++i) {
+        const NodeRows& node = local.rows[n];
+        const double part = local.f[static_cast<Eigen::Index>(3 * n + i)];
+        f[static_cast<std::size_t>(node.position) + i] += part;
+        if (node.director >= 0) f[static_cast<std::size_t>(node.director) + i] += node.lift * part;
+      }
   });
 }
 
@@ -144,18 +151,30 @@ void SolidContact::tangent(const StateView& s, const TangentWeights& weights, Sp
 }
 
 void SolidContact::add_local(const Local& local, Span w_values) const {
-  const auto n = static_cast<Eigen::Index>(local.rows.size());
-  for (Eigen::Index c = 0; c < n; ++c) {
-    const Index column = local.rows[static_cast<std::size_t>(c)];
+  // factor times three entries of a column of the tangent
+  const auto add = [&](Index column, Index first, double factor, const double* k) {
     const auto begin = w_->ind.begin() + w_->ptr[static_cast<std::size_t>(column)],
                end = w_->ind.begin() + w_->ptr[static_cast<std::size_t>(column) + 1];
-    for (Eigen::Index r = 0; r < n; r += 3) {
-      const auto it = std::lower_bound(begin, end, local.rows[static_cast<std::size_t>(r)]);
-      if (it == end || *it != local.rows[static_cast<std::size_t>(r)]) continue;  // not in the pattern yet
-      double* values = &w_values[static_cast<std::size_t>(it - w_->ind.begin())];
-      for (Eigen::Index i = 0; i < 3; ++i) values[i] += local.k(r + i, c);
+    const auto it = std::lower_bound(begin, end, first);
+    if (it == end || *it != first) return;  // not in the pattern yet
+    double* values = &w_values[static_cast<std::size_t>(it - w_->ind.begin())];
+    for (int i = 0; i < 3; ++i) values[i] += factor * k[i];
+  };
+  const auto add_rows = [&](Index column, double factor, Eigen::Index c) {
+    for (std::size_t r = 0; r < local.rows.size(); ++r) {
+      const NodeRows& node = local.rows[r];
+      const double* k = &local.k(static_cast<Eigen::Index>(3 * r), c);
+      add(column, node.position, factor, k);
+      if (node.director >= 0) add(column, node.director, factor * node.lift, k);
     }
-  }
+  };
+  for (std::size_t n = 0; n < local.rows.size(); ++n)
+    for (Index i = 0; i < 3; ++i) {
+      const NodeRows& node = local.rows[n];
+      const auto c = static_cast<Eigen::Index>(3 * n) + i;
+      add_rows(node.position + i, 1, c);
+      if (node.director >= 0) add_rows(node.director + i, node.lift, c);
+    }
 }
 
 }  // namespace espalier::dynamics::contact

@@ -124,6 +124,20 @@ std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& 
   return body;
 }
 
+}  // namespace
+
+std::vector<std::array<Index, 4>> shell_quads(const ShellSpec& s) {
+  std::vector<std::array<Index, 4>> quads;
+  for (Index j = 0; j < s.ny; ++j)
+    for (Index i = 0; i < s.nx; ++i) {
+      const Index first = j * (s.nx + 1) + i;
+      quads.push_back({first, first + 1, first + s.nx + 2, first + s.nx + 1});
+    }
+  return quads;
+}
+
+namespace {
+
 std::unique_ptr<FlexibleBody> make_shell(const BodySpec& spec, const ShellSpec& s) {
   std::vector<Point> positions, directors;
   const Vec3 director = s.x.cross(s.y).normalized();
@@ -133,13 +147,7 @@ std::unique_ptr<FlexibleBody> make_shell(const BodySpec& spec, const ShellSpec& 
           to_point(s.origin + s.x * (static_cast<double>(i) / s.nx) + s.y * (static_cast<double>(j) / s.ny)));
       directors.push_back(to_point(director));
     }
-  std::vector<std::array<Index, 4>> quads;
-  for (Index j = 0; j < s.ny; ++j)
-    for (Index i = 0; i < s.nx; ++i) {
-      const Index first = j * (s.nx + 1) + i;
-      quads.push_back({first, first + 1, first + s.nx + 2, first + s.nx + 1});
-    }
-  return make_shell_body(spec.name, positions, directors, quads, s.material, s.thickness);
+  return make_shell_body(spec.name, positions, directors, shell_quads(s), s.material, s.thickness);
 }
 
 std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, base::ThreadPool& pool, BuiltBody& out) {

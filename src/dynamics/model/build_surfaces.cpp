@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "dynamics/bodies/beam_axis.hpp"
 #include "dynamics/contact/rigid_contact.hpp"
 #include "dynamics/contact/solid_contact.hpp"
 #include "dynamics/model/builders.hpp"
@@ -63,7 +64,8 @@ class SurfaceBuilder {
 
   void note_for_pictures(const SurfaceSpec& s) {
     for (BuiltBody& body : out_.bodies)
-      if (body.spec.name == s.body && body.rigid != nullptr && !is_solid(s)) body.surfaces.push_back(rigid_surface(s));
+      if (body.spec.name == s.body && body.rigid != nullptr && !is_flexible(s))
+        body.surfaces.push_back(rigid_surface(s));
   }
 
   [[nodiscard]] contact::RigidSurface rigid_surface(const SurfaceSpec& s) {
@@ -75,7 +77,9 @@ class SurfaceBuilder {
       const BuiltBody* body = body_of(s);
       if (body != nullptr && body->rigid == nullptr)
         throw std::invalid_argument(fmt::format(
-            "'{}' is not rigid: shapes stand on rigid bodies and the ground; a solid has shape = \"faces\"", s.body));
+            "'{}' is not rigid: shapes stand on rigid bodies and the ground; a solid or shell has shape = \"faces\", a "
+            "cable or beam shape = \"line\"",
+            s.body));
       surface.body = body == nullptr ? nullptr : body->rigid;
       if (const auto* file = std::get_if<SurfaceFile>(&s.shape))
         surface.shape = contact::MeshShape{triangles_of(*file)};
@@ -99,25 +103,59 @@ class SurfaceBuilder {
     return known = std::make_shared<const contact::TriangleSurface>(contact::read_surface(file.path, file.scale));
   }
 
-  [[nodiscard]] contact::FaceSurface solid_surface(const SurfaceSpec& s) const {
+  [[nodiscard]] contact::FaceSurface flexible_surface(const SurfaceSpec& s) const {
     std::optional<contact::FaceSurface> surface;
     at_place(s.place, [&] {
       const BuiltBody* body = body_of(s);
-      if (body == nullptr || !body->mesh)
-        throw std::invalid_argument(fmt::format("'{}' is no solid; shape = \"faces\" is of solids", s.body));
-      if (body->reduced != nullptr)
+      if (body != nullptr && body->reduced != nullptr)
         throw std::invalid_argument(
             fmt::format("'{}' is reduced to shapes; only bodies with all their nodes touch", s.body));
-      const std::string& set = std::get<SolidFaces>(s.shape).set;
-      const std::vector<MeshFace>& faces = set.empty() ? no_faces_ : body->mesh->face_set(set);
-      if (!set.empty() && faces.empty())
-        throw std::invalid_argument(fmt::format("the face set '{}' of '{}' is empty", set, s.body));
-      surface.emplace(s.name, *body->flexible, *body->mesh, faces);
+      if (const auto* line = std::get_if<LineSurface>(&s.shape))
+        surface = line_surface(s, *line, body);
+      else if (body != nullptr && std::holds_alternative<ShellSpec>(body->spec.shape))
+        surface = shell_surface(s, *body);
+      else
+        surface = solid_surface(s, body);
     });
     return std::move(*surface);
   }
 
-  static bool is_solid(const SurfaceSpec& s) { return std::holds_alternative<SolidFaces>(s.shape); }
+  [[nodiscard]] contact::FaceSurface solid_surface(const SurfaceSpec& s, const BuiltBody* body) const {
+    if (body == nullptr || !body->mesh)
+      throw std::invalid_argument(fmt::format("'{}' is no solid or shell; shape = \"faces\" is of these", s.body));
+    const std::string& set = std::get<SolidFaces>(s.shape).set;
+    const std::vector<MeshFace>& faces = set.empty() ? no_faces_ : body->mesh->face_set(set);
+    if (!set.empty() && faces.empty())
+      throw std::invalid_argument(fmt::format("the face set '{}' of '{}' is empty", set, s.body));
+    return {s.name, *body->flexible, *body->mesh, faces};
+  }
+
+  [[nodiscard]] static contact::FaceSurface shell_surface(const SurfaceSpec& s, const BuiltBody& body) {
+    const auto& shell = std::get<ShellSpec>(body.spec.shape);
+    const std::string& set = std::get<SolidFaces>(s.shape).set;
+    using contact::ShellSides;
+    if (!set.empty() && set != "top" && set != "bottom")
+      throw std::invalid_argument(fmt::format(
+          "the sides of the shell '{}' are \"top\" and \"bottom\", not '{}'; without 'set' both touch", s.body, set));
+    const ShellSides sides = set.empty() ? ShellSides::both : set == "top" ? ShellSides::top : ShellSides::bottom;
+    return {s.name, *body.flexible, shell_quads(shell), shell.thickness, sides};
+  }
+
+  [[nodiscard]] static contact::FaceSurface line_surface(const SurfaceSpec& s, const LineSurface& line,
+                                                         const BuiltBody* body) {
+    if (body != nullptr) {
+      if (const auto* cable = std::get_if<CableSpec>(&body->spec.shape))
+        return {s.name, *body->flexible, (cable->end - cable->start).norm() / cable->elements, line.radius,
+                line.divisions};
+      if (const auto* beam = std::get_if<BeamSpec>(&body->spec.shape))
+        return {s.name, *body->flexible, make_beam_axis(*beam->axis, beam->y, beam->elements).element_length,
+                line.radius, line.divisions};
+    }
+    throw std::invalid_argument(fmt::format("'{}' is no cable or beam; shape = \"line\" is of these", s.body));
+  }
+
+  static bool is_line(const SurfaceSpec& s) { return std::holds_alternative<LineSurface>(s.shape); }
+  static bool is_flexible(const SurfaceSpec& s) { return std::holds_alternative<SolidFaces>(s.shape) || is_line(s); }
 
   void add(const ContactSpec& spec) {
     std::vector<const SurfaceSpec*> all = chosen(spec.surfaces, spec.place);
@@ -128,12 +166,15 @@ class SurfaceBuilder {
         throw std::invalid_argument(fmt::format("the surface '{}' stands in 'surfaces' and in 'against'", s->name));
       all.push_back(s);
     }
+    if (spec.self && std::none_of(all.begin(), all.end(), [](const SurfaceSpec* s) { return is_flexible(*s); }))
+      throw std::invalid_argument("'self' is of faces; none of the surfaces is one of shape = \"faces\"");
     BuiltContact built{spec.name, {}};
     add_rigid(spec, all, split, built);
     for (std::size_t i = 0; i < all.size(); ++i)
       for (std::size_t j = i + 1; j < all.size(); ++j)
-        if ((is_solid(*all[i]) || is_solid(*all[j])) && (split == 0 || (i < split && j >= split)))
-          add_solid(spec, *all[i], *all[j], built);
+        if ((is_flexible(*all[i]) || is_flexible(*all[j])) && (split == 0 || (i < split && j >= split)))
+          add_flexible(spec, *all[i], *all[j], built);
+    if (spec.self) add_self(spec, all, built);
     if (built.parts.empty())
       throw std::invalid_argument("the contact has no two surfaces on different bodies that could touch");
     for (contact::Contact* part : built.parts) part->set_active(spec.active);
@@ -147,7 +188,7 @@ class SurfaceBuilder {
     std::vector<contact::RigidSurface> rigid;
     std::size_t own_split = 0, moving = 0;
     for (std::size_t k = 0; k < all.size(); ++k) {
-      if (is_solid(*all[k])) continue;
+      if (is_flexible(*all[k])) continue;
       rigid.push_back(rigid_surface(*all[k]));
       own_split += k < split ? 1 : 0;
       moving += rigid.back().body != nullptr ? 1 : 0;
@@ -168,20 +209,27 @@ class SurfaceBuilder {
           "go");
   }
 
-  /// The first surface is the one on which is integrated: of two solids, the one that is named first.
-  void add_solid(const ContactSpec& spec, const SurfaceSpec& a, const SurfaceSpec& b, BuiltContact& built) {
-    if (a.body == b.body && (!is_solid(a) || !is_solid(b))) return;
+  /// The first surface is the one on which is integrated: of two flexible ones a line, or the one that is named first.
+  void add_flexible(const ContactSpec& spec, const SurfaceSpec& a, const SurfaceSpec& b, BuiltContact& built) {
+    if (a.body == b.body && (!is_flexible(a) || !is_flexible(b))) return;
     const std::string name = fmt::format("{}: {}, {}", spec.name, a.name, b.name);
-    if (is_solid(a) && is_solid(b)) {
-      built.parts.push_back(&out_.system.add(std::make_unique<contact::SolidContact>(
-          name, spec.law, solid_surface(a), solid_surface(b), spec.penetration, spec.margin)));
-      return;
-    }
-    const bool reversed = is_solid(b);
-    auto& part = out_.system.add(std::make_unique<contact::SolidContact>(
-        name, spec.law, solid_surface(reversed ? b : a), rigid_surface(reversed ? a : b), spec.penetration));
-    part.set_reversed(reversed);
-    built.parts.push_back(&part);
+    const bool both = is_flexible(a) && is_flexible(b);
+    const bool reversed = both ? is_line(b) && !is_line(a) : is_flexible(b);
+    const SurfaceSpec &first = reversed ? b : a, &second = reversed ? a : b;
+    auto part = both ? std::make_unique<contact::SolidContact>(name, spec.law, flexible_surface(first),
+                                                               flexible_surface(second), spec.penetration, spec.margin)
+                     : std::make_unique<contact::SolidContact>(name, spec.law, flexible_surface(first),
+                                                               rigid_surface(second), spec.penetration);
+    part->set_reversed(reversed);
+    built.parts.push_back(&out_.system.add(std::move(part)));
+  }
+
+  void add_self(const ContactSpec& spec, const std::vector<const SurfaceSpec*>& all, BuiltContact& built) {
+    for (const SurfaceSpec* s : all)
+      if (is_flexible(*s))
+        built.parts.push_back(&out_.system.add(
+            contact::SolidContact::with_itself(fmt::format("{}: {} with itself", spec.name, s->name), spec.law,
+                                               flexible_surface(*s), spec.penetration, spec.margin)));
   }
 
   /// What overlaps deeply would fly apart; what rests overlaps a little.

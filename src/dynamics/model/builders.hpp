@@ -27,6 +27,8 @@ void at_place(const Place& place, const Make& make) {
 
 class FrameBuilder;
 
+/// The quadrilaterals of its grid of nodes, x fastest.
+[[nodiscard]] std::vector<std::array<Index, 4>> shell_quads(const ShellSpec& shell);
 /// Makes one body and adds it to the system.
 [[nodiscard]] BuiltBody build_body(const BodySpec& spec, const Description& model, const FrameBuilder& frames,
                                    Mechanism& out);

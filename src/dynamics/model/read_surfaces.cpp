@@ -6,8 +6,8 @@
 namespace espalier::dynamics::model {
 namespace {
 
-const std::vector<std::string> kShapeNames = {"plane", "sphere", "capsule", "cylinder",
-                                              "box",   "mesh",   "faces",   "sprocket"};
+const std::vector<std::string> kShapeNames = {"plane", "sphere", "capsule",  "cylinder", "box",
+                                              "mesh",  "faces",  "sprocket", "line"};
 
 /// Axes whose z is a direction.
 Mat3 axes_along(const Vec3& z, const Place& place) {
@@ -31,6 +31,14 @@ SurfaceSpec read_surface(const std::string& name, const Value& value, const std:
   const int kind = s.choice("shape", kShapeNames);
   if (kind == 6) {
     out.shape = SolidFaces{s.text("set", "")};
+    s.finish();
+    return out;
+  }
+  if (kind == 8) {
+    LineSurface line;
+    line.radius = s.positive("radius");
+    line.divisions = s.integer("divisions", 1, line.divisions);
+    out.shape = line;
     s.finish();
     return out;
   }
@@ -108,6 +116,7 @@ ContactSpec read_contact(const std::string& name, const Value& value) {
   out.active = s.flag("active", true);
   out.surfaces = s.texts("surfaces");
   out.against = s.texts("against");
+  out.self = s.flag("self", false);
   if (out.surfaces.empty()) fail(s.place("surfaces"), "needs 'surfaces', the names of at least one of [surfaces]");
   out.law = read_contact_law(s);
   out.margin = s.positive("margin", 0);

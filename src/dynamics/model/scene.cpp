@@ -184,7 +184,7 @@ const std::vector<double>& Scene::contact_pressure(const State& s) {
       while (mechanism_.bodies[body].flexible != &solid->first().body()) ++body;
       const std::vector<double> pressures = solid->node_pressures(s.view());
       for (std::size_t k = 0; k < pressures.size(); ++k) {
-        double& own = pressure_[at(first_point_[body] + solid->first().nodes()[k])];
+        double& own = pressure_[at(first_point_[body] + solid->first().body_node(solid->first().nodes()[k]))];
         own = std::max(own, pressures[k]);
       }
     }
