@@ -83,7 +83,17 @@ std::vector<Part> parts() {
           {"rotor",
            [](const MeshSize& s) { return make_bladed_rotor({}, s); },
            -1,
-           {"bearing_left", "bearing_right", "bore", "end_left", "end_right", "blade_tips"}}};
+           {"bearing_left", "bearing_right", "bore", "end_left", "end_right", "blade_tips"}},
+          {"gear",
+           [](const MeshSize& s) {
+             GearShape small;
+             small.teeth = 12;
+             small.pressure_angle = 0.45;
+             small.bore_radius = 0.005;
+             return make_spur_gear(small, s);
+           },
+           -1,  // GearMesh.VolumeIsThatOfTheProfile
+           {"teeth", "bore", "front", "back"}}};
 }
 
 class Parts : public testing::TestWithParam<Part> {};

@@ -84,7 +84,9 @@ void SolidContact::move_to(ConstSpan q, ConstSpan v, bool look_only) {
   placed_ = {&shape_.shape, shape_motion_.to_global(shape_.point), shape_motion_.axes * shape_.axes};
   const bool come_near = second_ && !first_.is_line() && !points_stale_ && !look_only &&
                          (any_left(widened_first_, first_.boxes()) || any_left(widened_second_, second_->boxes()));
-  if (points_stale_ || come_near) make_points();
+  // Looking on after a step sees the points with which it found its balance.
+  const bool stale = points_stale_ && (!look_only || points_.empty());
+  if (stale || come_near) make_points();
 }
 
 void SolidContact::make_points() {
@@ -333,7 +335,8 @@ void SolidContact::accept(const StateView& s) {
   for (std::size_t k = 0; k < next.size(); ++k) next[k].layer = active() ? memory_[k].layer : 0;
   for_acting([&](const Acting& acting, const FacePlace& at) { next[acting.point] = remembered(acting, at); });
   memory_ = std::move(next);
-  if (second_ && !first_.is_line() && slid()) make_points();
+  // Made anew when the next step begins: see update_pattern().
+  points_stale_ = second_ && !first_.is_line() && slid();
 }
 
 bool SolidContact::augment(const StateView& s) {

@@ -15,7 +15,7 @@ namespace espalier::dynamics::contact {
 /// Stress between surfaces (of lines: force over length), integrated over the first one: its law takes areas without
 /// stress, so that the elastic part is the gradient of an energy, and the tangent without friction and damping
 /// symmetric. Points of integration are fixed to the material of the first surface within a step. Between solids they
-/// are made of common polygons of both surfaces (see points_of_segments()) and made anew at the end of a step in which
+/// are made of common polygons of both surfaces (see points_of_segments()) and made anew at the start of a step if
 /// the surfaces have slid on each other; what a point remembers goes to the nearest new one on its face. Augmented
 /// Lagrangian (Simo and Laursen, Comput. Struct. 42 (1992)): a pressure l at each point is raised, l <- max(0, l + k
 /// penetration), until no point lies deeper than allowed. In the law this is a layer of thickness l / k.

@@ -80,4 +80,23 @@ struct RotorShape {
 };
 Mesh make_bladed_rotor(const RotorShape& shape, const MeshSize& size);
 
+/// An involute spur gear about the z axis with the basic rack of ISO 53, profile A: addendum 1, dedendum 1.25 and
+/// fillet 0.38 modules, no profile shift. One tooth stands on the x axis; the middle of the width is at z = 0. Two
+/// gears of one module and pressure angle mesh at half the sum of their pitch diameters, module times teeth. Face sets:
+/// teeth (flanks, fillets, roots and tips), bore, front (+z), back (-z).
+struct GearShape {
+  int teeth = 20;
+  double module = 0.002;                       ///< pitch diameter over number of teeth
+  double pressure_angle = 0.3490658503988659;  ///< radians, 14 to 30 degrees; default 20
+  double width = 0.010;
+  double bore_radius = 0.008;
+  double backlash = 0;  ///< between two equal gears, on the pitch circle: each tooth is thinner by half of it
+};
+/// @param flank   elements along an involute
+/// @param across  a tooth
+/// @param width   along the width
+/// @throws std::invalid_argument that says what is wrong with the shape: undercut or pointed teeth, too large a bore
+Mesh make_spur_gear(const GearShape& shape, int flank, int across, int width, ElementType type = ElementType::hex8);
+Mesh make_spur_gear(const GearShape& shape, const MeshSize& size);
+
 }  // namespace espalier::dynamics

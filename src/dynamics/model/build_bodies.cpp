@@ -26,6 +26,10 @@ Mesh make_part(const MeshPart& part, base::ThreadPool& pool) {
     Mesh operator()(const CrankShape& s) const { return make_crank(s, size); }
     Mesh operator()(const GuideShape& s) const { return make_guide(s, size); }
     Mesh operator()(const RotorShape& s) const { return make_bladed_rotor(s, size); }
+    Mesh operator()(const GearMesh& g) const {
+      return g.divisions[0] > 0 ? make_spur_gear(g.shape, g.divisions[0], g.divisions[1], g.divisions[2], size.type)
+                                : make_spur_gear(g.shape, size);
+    }
   };
   return std::visit(Visitor{own}, part.shape);
 }

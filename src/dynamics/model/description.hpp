@@ -57,9 +57,14 @@ struct BlockMesh {
   BlockShape shape;
   int divisions[3] = {0, 0, 0};  ///< all 0: by the wished number of unknowns
 };
+/// A gear with given divisions.
+struct GearMesh {
+  GearShape shape;
+  int divisions[3] = {0, 0, 0};  ///< along the flank, across the tooth, along the width; all 0: by unknowns
+};
 /// A mesh from one of our meshers.
 struct MeshPart {
-  std::variant<BlockMesh, RodShape, LinkShape, CrankShape, GuideShape, RotorShape> shape;
+  std::variant<BlockMesh, RodShape, LinkShape, CrankShape, GuideShape, RotorShape, GearMesh> shape;
   MeshSize size;
 };
 

@@ -75,11 +75,16 @@ Columns of_energy(Mechanism& mechanism) {
 
 Columns of_contact(const BuiltContact& contact) {
   using contact::ContactReport;
-  const auto number = [&contact](double ContactReport::*member) {
-    return [&contact, member](const Sample& s) { return contact.report(s.state->view()).*member; };
+  const auto report = [&contact](const Sample& s) {
+    for (const auto& [known, found] : s.contacts)
+      if (known == &contact) return found;
+    return s.contacts.emplace_back(&contact, contact.report(s.state->view())).second;
   };
-  return {{{"force", [&contact](const Sample& s) { return contact.report(s.state->view()).force; }},
-           {"moment", [&contact](const Sample& s) { return contact.report(s.state->view()).moment; }}},
+  const auto number = [report](double ContactReport::*member) {
+    return [report, member](const Sample& s) { return report(s).*member; };
+  };
+  return {{{"force", [report](const Sample& s) { return report(s).force; }},
+           {"moment", [report](const Sample& s) { return report(s).moment; }}},
           {{"normal_force", number(&ContactReport::normal_force)},
            {"friction_force", number(&ContactReport::friction_force)},
            {"penetration", number(&ContactReport::penetration)},

@@ -20,6 +20,8 @@ struct Sample {
   StepReport report;  ///< of the step that ended there; levels are always filled in
   /// Of the state, once a quantity has asked for it: one evaluation serves all columns of a row.
   mutable std::optional<Energy> energy = std::nullopt;
+  /// Likewise of contacts.
+  mutable std::vector<std::pair<const BuiltContact*, contact::ContactReport>> contacts = {};
   /// In a statics run: the load factor, which then stands for the time.
   std::optional<double> load = std::nullopt;
   [[nodiscard]] double time() const { return load ? *load : state->t; }

@@ -155,7 +155,8 @@ class BodyReader {
       return file;
     }
     MeshPart part;
-    const int kind = s.choice("part", {"block", "connecting-rod", "chain-link", "crank", "guide", "bladed-rotor"});
+    const int kind =
+        s.choice("part", {"block", "connecting-rod", "chain-link", "crank", "guide", "bladed-rotor", "spur-gear"});
     part.size.unknowns = s.positive("unknowns", part.size.unknowns);
     part.size.type = s.choice("element", {"hex8", "hex20"}, 0) == 0 ? ElementType::hex8 : ElementType::hex20;
     if (kind == 0) part.shape = read_block(s);
@@ -164,6 +165,7 @@ class BodyReader {
     if (kind == 3) part.shape = read_crank(s);
     if (kind == 4) part.shape = read_guide(s);
     if (kind == 5) part.shape = read_rotor(s);
+    if (kind == 6) part.shape = read_gear(s);
     s.finish();
     return part;
   }
@@ -171,19 +173,22 @@ class BodyReader {
   static void lengths(Section& s, std::initializer_list<std::pair<const char*, double*>> list) {
     for (const auto& [key, value] : list) *value = s.positive(key, *value);
   }
+  /// `divisions`, where it stands: three numbers of elements.
+  static void read_divisions(Section& s, int (&divisions)[3], double copies = 1) {
+    if (!s.has("divisions")) return;
+    const Vec3 n = s.vector("divisions");
+    for (int i = 0; i < 3; ++i) {
+      if (!(n[i] >= 1 && n[i] <= kMostElements) || n[i] != std::floor(n[i]))
+        fail(s.place("divisions"), fmt::format("needs three whole numbers from 1 to {:g}", kMostElements));
+      divisions[i] = static_cast<int>(n[i]);
+    }
+    if (const double all = copies * n.prod(); all > kMostElements)
+      fail(s.place("divisions"), fmt::format("makes {:g} elements; at most {:g} can be", all, kMostElements));
+  }
   static BlockMesh read_block(Section& s) {
     BlockMesh b;
     lengths(s, {{"lx", &b.shape.lx}, {"ly", &b.shape.ly}, {"lz", &b.shape.lz}});
-    if (s.has("divisions")) {
-      const Vec3 n = s.vector("divisions");
-      for (int i = 0; i < 3; ++i) {
-        if (!(n[i] >= 1 && n[i] <= kMostElements) || n[i] != std::floor(n[i]))
-          fail(s.place("divisions"), fmt::format("needs three whole numbers from 1 to {:g}", kMostElements));
-        b.divisions[i] = static_cast<int>(n[i]);
-      }
-      if (n[0] * n[1] * n[2] > kMostElements)
-        fail(s.place("divisions"), fmt::format("makes {:g} elements; at most {:g} can be", n.prod(), kMostElements));
-    }
+    read_divisions(s, b.divisions);
     return b;
   }
   static RodShape read_rod(Section& s) {
@@ -242,9 +247,22 @@ class BodyReader {
     r.blade_twist = s.number("blade_twist", r.blade_twist);
     return r;
   }
+  static GearMesh read_gear(Section& s) {
+    GearMesh g;
+    g.shape.teeth = s.integer("teeth", 6, g.shape.teeth);
+    if (g.shape.teeth > kMostTeeth) fail(s.place("teeth"), fmt::format("must not be above {}", kMostTeeth));
+    lengths(s, {{"module", &g.shape.module},
+                {"pressure_angle", &g.shape.pressure_angle},
+                {"width", &g.shape.width},
+                {"bore_radius", &g.shape.bore_radius}});
+    g.shape.backlash = s.number("backlash", g.shape.backlash);
+    read_divisions(s, g.divisions, g.shape.teeth);
+    return g;
+  }
 
   /// Of one body. More have unknowns that no machine holds, and 32-bit numbers do not reach.
   static constexpr double kMostElements = 1e8;
+  static constexpr int kMostTeeth = 100000;
 
   static Index elements(Section& s, const std::string& key, int otherwise) {
     const int number = s.integer(key, 1, otherwise);
