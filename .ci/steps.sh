@@ -176,7 +176,7 @@ test_sanitized() {
 # Tests of the dynamics that take more than half a second without sanitizers; what they call, others call too.
 slow_dynamics="SimeonCrank.*:FlexibleEngine.*:DeadPoints.*:IftommA02.*:Andrews.*:BeamStatics.*:ModelMeshes.*:RealMeshes.*"
 slow_dynamics+=":All/Parts.UnknownsFollowTheWish/*:Laws/FreeFlight.*:Convergence.*:StaticsSweep.*:BeamJoints.*:BeamReference.*"
-slow_dynamics+=":StepErrors.*:StaticsTurns.*:StaticsBranches.*:ModelHold.NothingIsStrainedWhateverThePlaceOfTheJoint"
+slow_dynamics+=":StepErrors.*:StaticsTurns.*:StaticsBranches.*:ModelHold.NothingIsStrainedWhateverThePlaceOfTheJoint:ContactGears.*"
 
 # Tests of the solver that take long, or fork, which the thread sanitizer does not follow.
 slow_solver="Allocation.*:MachinePrediction.*:CraftedAnalysis.*:HostMemory.*"
