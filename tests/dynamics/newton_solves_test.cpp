@@ -4,13 +4,13 @@
 
 #include <gtest/gtest.h>
 
+#include <random>
 #include <string>
 #include <vector>
 
 #include "dynamics/dae/linear_solver.hpp"
 #include "matrix/generators/generate.hpp"
 #include "matrix/residual.hpp"
-#include "reference/reference.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -28,8 +28,10 @@ Errors errors_of(const std::vector<std::string>& words) {
   const auto solver = make_espalier_solver(options);
   EXPECT_TRUE(solver->analyze(a).ok());
   EXPECT_TRUE(solver->factorize(a.values).ok());
-  const std::vector<double> b = reference::random_vector(a.rows, 3);
-  std::vector<double> x(b.size());
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> entry(-1, 1);
+  std::vector<double> b(static_cast<std::size_t>(a.rows)), x(b.size());
+  for (double& v : b) v = entry(random);
   const auto solved = [&] {
     EXPECT_TRUE(solver->solve(b, x, 1).ok());
     return matrix::backward_errors(a, x, b, 1, Transpose::no, nullptr).normwise;

@@ -97,6 +97,46 @@ TEST(Precision, AutoKeepsItsPromiseOfAccuracy) {
   EXPECT_EQ(run(a, o).solve.status.code, StatusCode::accuracy_not_reached) << "else this test shows nothing";
 }
 
+// From a condition of 1e2 to 1e9, and singular: status, rank, inertia and backward error as those of FP64.
+TEST(Precision, NothingThatFp64SolvesIsAnsweredWorse) {
+  const std::vector<std::string> systems[] = {{"poisson", "8"},
+                                              {"elasticity", "6"},
+                                              {"elasticity", "30", "2", "2"},
+                                              {"plate", "24"},
+                                              {"gyroscopic", "6"},
+                                              {"kkt", "3", "4", "3", "3"},
+                                              {"kkt-redundant", "2", "2", "4", "3", "3"}};
+  int in_fp32 = 0;
+  for (const auto& words : systems) {
+    const SparseMatrix a = generated(words);
+    const std::vector<double> b = reference::random_vector(a.rows, 3);
+    FactorResult truth;
+    for (const Precision precision : {Precision::fp64, Precision::mixed, Precision::automatic}) {
+      SCOPED_TRACE(words[0] + " " + words[1] + ", precision " + std::to_string(static_cast<int>(precision)));
+      Options o;
+      o.device = "cpu";
+      o.threads = 1;
+      o.precision = precision;
+      o.machine = "host.single=100";
+      Solver s(o);
+      ASSERT_TRUE(s.analyze(a).status.ok());
+      const FactorResult f = s.factorize(a);
+      if (precision == Precision::fp64) truth = f;
+      EXPECT_EQ(f.status.code, truth.status.code) << f.status.message;
+      EXPECT_EQ(f.rank, truth.rank);
+      EXPECT_EQ(f.inertia.positive, truth.inertia.positive);
+      EXPECT_EQ(f.inertia.negative, truth.inertia.negative);
+      EXPECT_EQ(f.inertia.zero, truth.inertia.zero);
+      if (!f.status.ok()) continue;
+      in_fp32 += f.precision == Precision::mixed ? 1 : 0;
+      std::vector<double> x(b.size());
+      EXPECT_TRUE(s.solve(b, x).status.ok());
+      EXPECT_LE(matrix::backward_errors(a, x, b, 1, Transpose::no, nullptr).normwise, 2 * kEps);
+    }
+  }
+  EXPECT_GE(in_fp32, 4) << "else FP32 was hardly asked";
+}
+
 TEST(Precision, TwoSlowFactorsInARowEndIt) {
   SolveResult slow;
   slow.seconds = 1;
