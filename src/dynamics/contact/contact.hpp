@@ -41,6 +41,10 @@ class Contact : public Component {
   void set_active(bool active) { active_ = active; }
   [[nodiscard]] bool active() const { return active_; }
   [[nodiscard]] virtual ContactReport report(const StateView& s) = 0;
+  /// How far the surfaces are from touching: negative where they overlap or touch, at most the margin of the search
+  /// (rigid shapes), which stands for all that is not near. Faces and lines, whose gaps are not looked for, say 1 where
+  /// they are open and -1 where not.
+  [[nodiscard]] virtual double gap(const StateView& s) { return report(s).points > 0 ? -1 : 1; }
   /// All overlaps at a configuration.
   [[nodiscard]] virtual std::vector<Overlap> overlaps(ConstSpan q) = 0;
 

@@ -350,6 +350,18 @@ ContactReport RigidContact::report(const StateView& s) {
   return r;
 }
 
+double RigidContact::gap(const StateView& s) {
+  if (!active()) return margin_;
+  move_to(s.q, s.v);
+  double least = margin_;
+  for (const Pair& pair : pairs_) {
+    found_.clear();
+    find_touches(placed_[slot(pair[0])], placed_[slot(pair[1])], margin_, found_);
+    for (const Touch& touch : found_) least = std::min(least, touch.gap);
+  }
+  return least;
+}
+
 std::vector<Overlap> RigidContact::overlaps(ConstSpan q) {
   move_to(q, {});
   std::map<Pair, double> deepest;

@@ -43,6 +43,7 @@ class RigidContact final : public Contact {
   void restore(ConstSpan& in) override;
 
   [[nodiscard]] ContactReport report(const StateView& s) override;
+  [[nodiscard]] double gap(const StateView& s) override;
   [[nodiscard]] std::vector<Overlap> overlaps(ConstSpan q) override;
   [[nodiscard]] const std::vector<RigidSurface>& surfaces() const { return surfaces_; }
   /// How often the list of near pairs, and the pattern, were made.

@@ -2,12 +2,33 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
+#include <stdexcept>
 
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/functions.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
+
+/// Not negative while a contact is closed, or open. Events look at its value alone.
+class ContactCondition final : public StateFunction {
+ public:
+  ContactCondition(const BuiltContact& contact, bool opens) : parts_(contact.parts), sign_(opens ? 1 : -1) {}
+  [[nodiscard]] double value(const StateView& s) const override {
+    double least = std::numeric_limits<double>::infinity();
+    for (contact::Contact* part : parts_) least = std::min(least, part->gap(s));
+    return sign_ * least;
+  }
+
+ private:
+  void add_gradient(const StateView& /*s*/, StateGradient& /*out*/) const override {
+    throw std::logic_error("a contact's gap has no gradient");
+  }
+
+  std::vector<contact::Contact*> parts_;
+  double sign_;
+};
 
 class FunctionBuilder {
  public:
@@ -17,7 +38,7 @@ class FunctionBuilder {
     for (const ForceSpec& force : model_.forces) need_force(force);
     for (const auto& sensor : model_.sensors) need_sensor(sensor.first);
     for (const EventSpec& event : model_.events) {
-      out_.conditions.push_back(make(event.condition));
+      out_.conditions.push_back(event.condition ? make(*event.condition) : contact_condition(event));
       out_.settings.emplace_back();
       for (const auto& [input, value] : event.set) out_.settings.back().push_back(make(value));
     }
@@ -43,6 +64,10 @@ class FunctionBuilder {
    private:
     std::vector<std::string>& way_;
   };
+
+  [[nodiscard]] StateFunctionPtr contact_condition(const EventSpec& event) const {
+    return std::make_shared<ContactCondition>(*out_.surface_contact(event.contact), event.opens);
+  }
 
   StateFunctionPtr make(const Formula& formula) {
     std::vector<StateFunctionPtr> parts;

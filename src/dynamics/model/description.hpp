@@ -267,7 +267,9 @@ struct ContactSpec {
 struct EventSpec {
   Place place;
   std::string name;
-  Formula condition;                                 ///< holds where it is >= 0
+  std::optional<Formula> condition;                  ///< holds where it is >= 0; none with a contact
+  std::string contact;                               ///< closes or opens; empty: none
+  bool opens = false;                                ///< of the contact
   bool stop = false;                                 ///< the run ends
   bool once = false;                                 ///< only the first time
   std::vector<std::string> on, off;                  ///< joints and forces to be switched

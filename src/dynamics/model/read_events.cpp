@@ -57,7 +57,12 @@ EventSpec read_event(const std::string& name, const Value& value, const Descript
   EventSpec e;
   e.place = value.place;
   e.name = name;
-  e.condition = read_condition(s);
+  if (s.has("contact")) {
+    e.contact = s.text("contact");
+    e.opens = s.choice("when", {"closes", "opens"}) == 1;
+  } else {
+    e.condition = read_condition(s);
+  }
   e.stop = s.flag("stop", false);
   e.once = s.flag("once", false);
   e.on = s.texts("on");
@@ -78,8 +83,13 @@ EventSpec read_event(const std::string& name, const Value& value, const Descript
   return e;
 }
 
-/// Joints, forces and contacts that an event switches must be there.
+/// Joints, forces and contacts that an event watches or switches must be there.
 void check_switched(const EventSpec& event, const Description& model) {
+  std::vector<std::string> contacts;
+  for (const ContactSpec& contact : model.contacts) contacts.push_back(contact.name);
+  if (!event.contact.empty() && std::find(contacts.begin(), contacts.end(), event.contact) == contacts.end())
+    fail(event.place,
+         fmt::format("there is no contact '{}' in [contacts]{}", event.contact, suggestion(event.contact, contacts)));
   std::vector<std::string> names;
   for (const JointSpec& joint : model.joints) names.push_back(joint.name);
   for (const ForceSpec& force : model.forces) names.push_back(force.name);

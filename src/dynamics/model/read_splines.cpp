@@ -224,7 +224,7 @@ void bind_curves(Description& model) {
   }
   for (auto& [name, sensor] : model.sensors) bind(sensor.place, sensor.expression);
   for (EventSpec& event : model.events) {
-    bind(event.condition.place, event.condition.expression);
+    if (event.condition) bind(event.condition->place, event.condition->expression);
     for (auto& [name, value] : event.set) bind(value.place, value.expression);
   }
 }
