@@ -114,7 +114,7 @@ TEST(ContactSelf, EndsOfACMeetAsTwoSurfacesDo) {
     // Integrated on one side alone: another quadrature of the same stress, on faces that are coarse for it.
     EXPECT_NEAR(self.normal_force(), one.normal_force(), 0.03 * report.normal_force);
     const ContactReport single = one.contacts.front()->report(one.held.state());
-    EXPECT_NEAR(report.area, single.area, 0.2 * single.area);
+    EXPECT_NEAR(report.area, single.area, 0.4 * single.area);
   }
   // All of the skin: the edges of the ends find the faces around them, too.
   Closed skin(Sides::skin), self(Sides::self);
@@ -142,8 +142,9 @@ TEST(ContactSelf, TangentIsThatOfDifferences) {
   ASSERT_TRUE(self.close());
   State s(self.held.system.sizes());
   s.q = self.held.q;
+  // Nearer to the balance, kinks (a point opens or begins to slip) lie within the steps of the differences.
   for (std::size_t i = 0; i < s.q.size(); ++i) {
-    s.q[i] += 1e-4 * std::sin(static_cast<double>(3 * i + 1));
+    s.q[i] += 2e-4 * std::sin(static_cast<double>(3 * i + 1));
     s.v[i] = std::sin(static_cast<double>(5 * i + 2));
   }
   self.held.system.update_pattern(s.q);
