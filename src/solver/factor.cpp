@@ -38,7 +38,7 @@ Status no_place(std::size_t replaced, bool matching) {
 
 Factor::Factor(SharedAnalysis analysis, Values values, const Context& context)
     : context_(context),
-      watch_(analysis->gain_of_single, context.options.refinement_steps > 0),
+      watch_(analysis->gain_of_single),
       analysis_(std::move(analysis)),
       values_(*analysis_->system, std::move(values), context.pool),
       border_values_(analysis_->system->border ? analysis_->system->border->entries.size() : 0) {

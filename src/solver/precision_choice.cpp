@@ -31,7 +31,7 @@ void PrecisionWatch::add_solve(const SolveResult& solve) {
   const double pass = solve.seconds / (1 + solve.refinement_steps);
   const double substitution = std::min(solve.solve_seconds, pass);
   single_ += solve.seconds;
-  fp64_ += refines_ ? 2 * (pass + substitution) : 2 * substitution;
+  fp64_ += 2 * (pass + substitution);
   solved_ = true;
 }
 

@@ -16,11 +16,11 @@ double gain_of_single(const device::Backend& backend, const analysis::AssemblyTr
 inline constexpr double kLeastGain = 1.2;
 
 /// Adds up what factors of FP32 and the solves with them take, and what the same would take in FP64: a factorization
-/// `gain` times as long, then solves whose substitutions take twice as long, because they read twice as much: with one
-/// step of refinement, or none where nobody asks for refined solutions (Newton's methods).
+/// `gain` times as long, then solves with one step of refinement and substitutions that take twice as long, because
+/// they read twice as much.
 class PrecisionWatch {
  public:
-  PrecisionWatch(double gain, bool refines) : gain_(gain), refines_(refines) {}
+  explicit PrecisionWatch(double gain) : gain_(gain) {}
 
   void add_factorization(double seconds);
   void add_solve(const SolveResult& solve);
@@ -32,7 +32,6 @@ class PrecisionWatch {
 
  private:
   double gain_;
-  bool refines_;
   double single_ = 0, fp64_ = 0;
   bool solved_ = false;
   int losses_ = 0;  // in a row

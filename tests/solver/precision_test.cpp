@@ -142,7 +142,7 @@ TEST(Precision, TwoSlowFactorsInARowEndIt) {
   slow.seconds = 1;
   slow.solve_seconds = 0.1;
   slow.refinement_steps = 7;  // 8 passes of 0.125; in FP64 two of 0.225
-  solver::PrecisionWatch watch(2, true);
+  solver::PrecisionWatch watch(2);
   EXPECT_FALSE(watch.next_factor()) << "nothing is known";
   watch.add_factorization(1);  // 2 in FP64
   watch.add_solve(slow);
@@ -157,22 +157,6 @@ TEST(Precision, TwoSlowFactorsInARowEndIt) {
   }
   watch.add_factorization(1);
   EXPECT_FALSE(watch.next_factor()) << "a factor without solves tells nothing";
-}
-
-// Newton's methods do not refine: a solve with FP64 would be one substitution that reads twice as much.
-TEST(Precision, SolvesThatNobodyRefinesAreCountedAsSuch) {
-  SolveResult plain, checked;
-  plain.seconds = plain.solve_seconds = 0.1;  // 0.2 in FP64
-  checked.seconds = 0.3;                      // two passes of 0.15, still 0.2 in FP64
-  checked.solve_seconds = 0.1;
-  checked.refinement_steps = 1;
-  solver::PrecisionWatch watch(2, false);
-  watch.add_factorization(1);
-  watch.add_solve(checked);
-  for (int k = 0; k < 9; ++k) watch.add_solve(plain);
-  EXPECT_DOUBLE_EQ(watch.seconds(), 1 + 0.3 + 9 * 0.1);
-  EXPECT_DOUBLE_EQ(watch.seconds_in_fp64(), 2 + 10 * 0.2);
-  EXPECT_FALSE(watch.next_factor());
 }
 
 }  // namespace

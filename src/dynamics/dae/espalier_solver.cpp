@@ -2,7 +2,6 @@
 #include <limits>
 
 #include "dynamics/dae/linear_solver.hpp"
-#include "dynamics/dae/newton_solves.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -21,7 +20,7 @@ class EspalierSolver final : public LinearSolver {
   [[nodiscard]] int determinant_sign() const override { return sign_; }
   [[nodiscard]] Offset numbers_of_factor() const override { return numbers_; }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
-    return solves_.solve(solver_, b, x, columns);
+    return solver_.solve(b, x, columns).status;
   }
 
  private:
@@ -30,7 +29,6 @@ class EspalierSolver final : public LinearSolver {
     return std::move(result.status);
   }
   Status take(const FactorResult& result) {
-    solves_.take(solver_, result);
     sign_ = static_cast<int>(result.determinant_sign);
     // Perturbed pivots mean a singular K here: redundant constraints that nobody took out.
     if (result.status.ok() && result.perturbed > 0) {
@@ -39,7 +37,6 @@ class EspalierSolver final : public LinearSolver {
     return result.status;
   }
   Solver solver_;
-  NewtonSolves solves_;
   int sign_ = 0;
   Offset numbers_ = 0;
 };
@@ -64,12 +61,11 @@ Options newton_options(Index unknowns, Precision precision) {
   options.kind = Kind::lu;
   options.precision = precision;
   options.threads = unknowns < kOneThread ? 1 : 0;
-  const bool corrected = precision == Precision::fp64 || precision == Precision::automatic;
+  const bool corrected = precision == Precision::fp64;
   options.refinement_steps = corrected ? 0 : options.refinement_steps;
   if (corrected) options.required_backward_error = std::numeric_limits<double>::infinity();
-  options.pivot_threshold =
-      std::sqrt(precision == Precision::fp64 ? std::numeric_limits<double>::epsilon()
-                                             : static_cast<double>(std::numeric_limits<float>::epsilon()));
+  options.pivot_threshold = std::sqrt(corrected ? std::numeric_limits<double>::epsilon()
+                                                : static_cast<double>(std::numeric_limits<float>::epsilon()));
   return options;
 }
 

@@ -42,8 +42,6 @@ class LinearSolver {
 /// Its options for the matrix K of `unknowns` = n + m rows, whose solutions Newton's iteration corrects anyway:
 ///  - no refinement and no residuals. Chain of 400 bars (4,400 unknowns): 0.70 ms per solve with one step of
 ///    refinement, 0.34 ms without, 0.18 ms without the residual.
-///    So with Precision::automatic, too, where NewtonSolves looks at each factor of FP32; those that were asked for by
-///    name (mixed) refine to FP64.
 ///  - one thread for a tree of small fronts, up to 20,000 unknowns.
 ///  - a pivot threshold of sqrt(eps) of the factor's precision. Next to a singular position the pivots of the
 ///    directions that the constraints hardly hold are small and true. A threshold of 0.01 hands all of them up to the

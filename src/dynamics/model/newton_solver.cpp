@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <filesystem>
 
-#include "dynamics/dae/newton_solves.hpp"
 #include "matrix/matrix_market.hpp"
 #include "solver/option_text.hpp"
 
@@ -124,7 +123,7 @@ class RecordedSolver final : public LinearSolver {
   [[nodiscard]] Offset numbers_of_factor() const override { return numbers_of_factor_in(record_.analysis); }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
     if (Status status = tell(Call::solve, columns); !status.ok()) return status;
-    return solves_.solve(solver_, b, x, columns);
+    return solver_.solve(b, x, columns).status;
   }
 
  private:
@@ -145,7 +144,6 @@ class RecordedSolver final : public LinearSolver {
     return record_.analysis.status;
   }
   Status take(FactorResult result) {
-    solves_.take(solver_, result);
     record_.factor = std::move(result);
     // Perturbed pivots mean a singular K here: redundant constraints that nobody took out.
     if (record_.factor.status.ok() && record_.factor.perturbed > 0)
@@ -158,7 +156,6 @@ class RecordedSolver final : public LinearSolver {
   static constexpr double kAsymmetry = 1e-3;
   std::unique_ptr<SharedNewton> shared_;
   Solver solver_;
-  NewtonSolves solves_;
   KeptAnalyses kept_;
   SolverRecord& record_;
   std::unique_ptr<SymmetryCheck> symmetry_;
