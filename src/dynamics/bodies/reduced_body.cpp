@@ -17,54 +17,17 @@ using Eigen::VectorXd;
 Eigen::Map<const Mat3> block_of(const VectorXd& x, Eigen::Index k) { return Eigen::Map<const Mat3>(x.data() + 9 * k); }
 Mat3 spread(const Mat3& d) { return d.trace() * Mat3::Identity() - d; }
 
-/// Component i of the columns of x, which hold three numbers for every vertex.
-auto component(const MatrixXd& x, Eigen::Index i) {
-  using Stride = Eigen::Stride<Eigen::Dynamic, Eigen::Dynamic>;
-  return Eigen::Map<const MatrixXd, 0, Stride>(x.data() + i, x.rows() / 3, x.cols(), Stride(x.rows(), 3));
-}
-
-MatrixXd mass_times(const FlexibleBody& body, const MatrixXd& x) {
-  const VertexPattern& p = body.assembly().pattern();
-  MatrixXd y = MatrixXd::Zero(x.rows(), x.cols());
-  for (Eigen::Index c = 0; c < x.cols(); ++c)
-    for (Index b = 0; b < body.vertices(); ++b)
-      for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e)
-        y.col(c).segment<3>(3 * b) += body.mass()[at(e)] * x.col(c).segment<3>(3 * p.ind[at(e)]);
-  return y;
-}
-
 }  // namespace
 
-ReducedBody::ReducedBody(std::unique_ptr<NodalBody> nodal, ReducedShapes shapes, double modal_damping)
+ReducedBody::ReducedBody(std::unique_ptr<NodalBody> nodal, ReducedShapes shapes, ReducedInertia inertia,
+                         double modal_damping)
     : Component(nodal->body().name()),
       nodal_(std::move(nodal)),
       shapes_(std::move(shapes)),
+      inertia_(std::move(inertia)),
       viscous_(2 * modal_damping * shapes_.mass.cwiseProduct(shapes_.stiffness).cwiseSqrt()),
-      initial_position_(shapes_.centre) {
-  make_invariants();
-}
-
-void ReducedBody::make_invariants() {
-  const FlexibleBody& body = nodal_->body();
-  mass_ = body.mass_properties(body.reference(), {}).mass;
-  MatrixXd rest = Eigen::Map<const MatrixXd>(body.reference().data(), 3 * body.vertices(), 1);
-  for (Index v = 0; v < body.vertices(); v += body.vertices_per_node()) rest.block<3, 1>(3 * v, 0) -= shapes_.centre;
-  const MatrixXd m_rest = mass_times(body, rest), m_shapes = mass_times(body, shapes_.shapes);
-  const Eigen::Index n = modes();
-  first_.resize(9 * n);
-  pairs_.resize(9 * n, n);
-  for (int j = 0; j < 3; ++j)
-    for (int i = 0; i < 3; ++i) {
-      rest_(i, j) = component(rest, i).col(0).dot(component(m_rest, j).col(0));
-      if (n == 0) continue;
-      const VectorXd d = component(shapes_.shapes, i).transpose() * component(m_rest, j);
-      const MatrixXd u = component(shapes_.shapes, i).transpose() * component(m_shapes, j);
-      for (Eigen::Index k = 0; k < n; ++k) {
-        first_[9 * k + 3 * j + i] = d[k];
-        pairs_.row(9 * k + 3 * j + i) = u.row(k);
-      }
-    }
-}
+      length_(std::max(nodal_->body().size(), std::sqrt(inertia_.rest.trace() / inertia_.mass))),
+      initial_position_(shapes_.centre) {}
 
 void ReducedBody::set_initial_motion(const Mat3& rotation, const Vec3& translation, const Vec3& velocity,
                                      const Vec3& angular_velocity) {
@@ -112,11 +75,11 @@ void ReducedBody::nodal_motion(ConstSpan q, ConstSpan v, std::vector<double>& x,
 MassProperties ReducedBody::mass_properties(ConstSpan q, ConstSpan v) const {
   const Vec3 r = position(q);
   MassProperties result;
-  result.mass = mass_;
+  result.mass = inertia_.mass;
   Eigen::Map<Vec3>(result.centre.data()) = r;
   if (v.empty()) return result;
   const Inertia own = inertia(amplitudes(q));
-  const Vec3 p = mass_ * velocity(v);
+  const Vec3 p = inertia_.mass * velocity(v);
   Eigen::Map<Vec3>(result.momentum.data()) = p;
   Eigen::Map<Vec3>(result.angular_momentum.data()) =
       r.cross(p) + rotation_matrix(quaternion(q)) * (own.j * angular(v) + own.c * rates(v));
@@ -180,7 +143,7 @@ void ReducedBody::rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_dot)
 
 /// Lengths are measured by the size of the body, as those of its nodes would be.
 void ReducedBody::magnitude(ConstSpan, Span out) const {
-  std::fill_n(out.begin() + placement().v, sizes().velocity, nodal().size());
+  std::fill_n(out.begin() + placement().v, sizes().velocity, length_);
   std::fill_n(out.begin() + placement().v + 3, 3, 1.0);
 }
 
@@ -188,11 +151,11 @@ void ReducedBody::magnitude(ConstSpan, Span out) const {
 
 ReducedBody::Inertia ReducedBody::inertia(const VectorXd& eta) const {
   Inertia own;
-  own.d = couple(eta) + first_;
+  own.d = couple(eta) + inertia_.first;
   own.c.resize(3, modes());
-  Mat3 u = rest_;
+  Mat3 u = inertia_.rest;
   for (Eigen::Index k = 0; k < modes(); ++k) {
-    const Mat3 d = block_of(own.d, k), constant = block_of(first_, k);
+    const Mat3 d = block_of(own.d, k), constant = block_of(inertia_.first, k);
     own.c.col(k) = axial(d);
     u += eta[k] * (d + constant.transpose());
   }
@@ -206,7 +169,7 @@ void ReducedBody::residual(const StateView& s, Span f) {
   const Inertia own = inertia(eta);
   const VectorXd d_rate = couple(rate);
   Eigen::Map<Vec3>(f.data() + placement().v) +=
-      mass_ * (velocity(s.a) - load_factor() * gravity_ + damping_.mass * velocity(s.v));
+      inertia_.mass * (velocity(s.a) - load_factor() * gravity_ + damping_.mass * velocity(s.v));
   Vec3 torque =
       own.j * alpha + omega.cross(own.j * omega) + own.c * second + damping_.mass * (own.j * omega + own.c * rate);
   Eigen::Map<VectorXd> force(f.data() + placement().v + 6, modes());
@@ -257,7 +220,7 @@ void ReducedBody::fill_velocity(const StateView& s, const TangentWeights& w, Mat
 void ReducedBody::fill_position(const StateView& s, const TangentWeights& w, MatrixXd& block) const {
   const Vec3 omega = angular(s.v), driving = angular(s.a) + damping_.mass * omega;
   const VectorXd rate = rates(s.v), second = rates(s.a) + damping_.mass * rate;
-  const VectorXd d = couple(amplitudes(s.q)) + first_, d_rate = couple(rate), d_second = couple(second);
+  const VectorXd d = couple(amplitudes(s.q)) + inertia_.first, d_rate = couple(rate), d_second = couple(second);
   for (Eigen::Index l = 0; l < modes() && w.q != 0; ++l) {
     const Mat3 a = spread(block_of(d, l)), j = a + a.transpose();
     block.block<3, 1>(0, 3 + l) += w.q * (j * driving + omega.cross(j * omega) - axial(block_of(d_second, l)) +
@@ -269,11 +232,12 @@ void ReducedBody::fill_position(const StateView& s, const TangentWeights& w, Mat
   const Eigen::Index n = modes();
   for (Eigen::Index l = 0; l < n; ++l)
     block.col(3 + l).tail(n).noalias() +=
-        Eigen::Map<const Eigen::Matrix<double, 9, Eigen::Dynamic>>(pairs_.col(l).data(), 9, n).transpose() * flat;
+        Eigen::Map<const Eigen::Matrix<double, 9, Eigen::Dynamic>>(inertia_.pairs.col(l).data(), 9, n).transpose() *
+        flat;
 }
 
 void ReducedBody::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
-  for (const Offset p : mass_position_) w_values[at(p)] += (weights.a + damping_.mass * weights.v) * mass_;
+  for (const Offset p : mass_position_) w_values[at(p)] += (weights.a + damping_.mass * weights.v) * inertia_.mass;
   const Eigen::Index n = 3 + modes();
   MatrixXd block = MatrixXd::Zero(n, n);
   fill_velocity(s, weights, block);
@@ -283,14 +247,14 @@ void ReducedBody::tangent(const StateView& s, const TangentWeights& weights, Spa
 
 Energy ReducedBody::energy(const StateView& s) {
   Energy result;
-  result.potential = strain_energy(s.q) - mass_ * load_factor() * gravity_.dot(position(s.q));
+  result.potential = strain_energy(s.q) - inertia_.mass * load_factor() * gravity_.dot(position(s.q));
   if (s.v.empty()) return result;
   const Inertia own = inertia(amplitudes(s.q));
   const Vec3 omega = angular(s.v);
   const VectorXd rate = rates(s.v);
-  result.kinetic =
-      0.5 * (mass_ * velocity(s.v).squaredNorm() + omega.dot(own.j * omega) + rate.cwiseAbs2().dot(shapes_.mass)) +
-      omega.dot(own.c * rate);
+  result.kinetic = 0.5 * (inertia_.mass * velocity(s.v).squaredNorm() + omega.dot(own.j * omega) +
+                          rate.cwiseAbs2().dot(shapes_.mass)) +
+                   omega.dot(own.c * rate);
   return result;
 }
 

@@ -2,7 +2,7 @@
 /// A flexible body reduced to a few shapes, in a floating frame of reference.
 #pragma once
 
-#include "dynamics/bodies/reduction.hpp"
+#include "dynamics/bodies/reduced_inertia.hpp"
 #include "dynamics/bodies/rotation.hpp"
 
 namespace espalier::dynamics {
@@ -24,7 +24,8 @@ namespace espalier::dynamics {
 /// say all of it.
 class ReducedBody final : public Component {
  public:
-  ReducedBody(std::unique_ptr<NodalBody> nodal, ReducedShapes shapes, double modal_damping);
+  /// @param modal_damping ratio of critical damping of each shape
+  ReducedBody(std::unique_ptr<NodalBody> nodal, ReducedShapes shapes, ReducedInertia inertia, double modal_damping);
 
   // Settings; all before the first evaluation.
   void set_damping(const RayleighDamping& damping) { damping_ = damping; }
@@ -37,7 +38,7 @@ class ReducedBody final : public Component {
   [[nodiscard]] const FlexibleBody& nodal() const { return nodal_->body(); }
   [[nodiscard]] const ReducedShapes& shapes() const { return shapes_; }
   [[nodiscard]] Index modes() const { return static_cast<Index>(shapes_.mass.size()); }
-  [[nodiscard]] double mass() const { return mass_; }
+  [[nodiscard]] double mass() const { return inertia_.mass; }
   /// All velocity coordinates; valid after place().
   [[nodiscard]] std::span<const Index> coordinates() const { return coordinates_; }
 
@@ -82,20 +83,17 @@ class ReducedBody final : public Component {
     Eigen::Matrix3Xd c;         ///< c_k
     Mat3 j = Mat3::Identity();  ///< J
   };
-  void make_invariants();
   [[nodiscard]] Inertia inertia(const Eigen::VectorXd& eta) const;
   /// sum_l U_kl x_l: D_k, but for its constant part.
-  [[nodiscard]] Eigen::VectorXd couple(const Eigen::VectorXd& x) const { return pairs_ * x; }
+  [[nodiscard]] Eigen::VectorXd couple(const Eigen::VectorXd& x) const { return inertia_.pairs * x; }
   void fill_velocity(const StateView& s, const TangentWeights& w, Eigen::MatrixXd& block) const;
   void fill_position(const StateView& s, const TangentWeights& w, Eigen::MatrixXd& block) const;
 
   std::unique_ptr<NodalBody> nodal_;
   ReducedShapes shapes_;
+  ReducedInertia inertia_;
   Eigen::VectorXd viscous_;  // force per rate, of damping by ratio
-  double mass_ = 0;
-  Mat3 rest_;              // sum m_ab X_a X_b^T
-  Eigen::VectorXd first_;  // sum m_ab phi_ak X_b^T, column by column: 9 n
-  Eigen::MatrixXd pairs_;  // 9 n x n: sum m_ab phi_ak phi_bl^T in column l
+  double length_;            // by which displacements are measured
   RayleighDamping damping_;
   Vec3 gravity_ = Vec3::Zero();
   Vec3 initial_position_, initial_velocity_ = Vec3::Zero(), initial_angular_ = Vec3::Zero();

@@ -181,6 +181,10 @@ BuiltBody build_body(const BodySpec& spec, const Description& model, const Frame
     built.point = &out.system.add(std::make_unique<PointMass>(spec.name, data));
     return built;
   }
+  if (std::holds_alternative<SubstructureSpec>(spec.shape)) {
+    at_place(spec.place, [&] { build_substructure(model, out, built); });
+    return built;
+  }
   auto body = make_flexible_body(spec, out.pool, built);
   if (spec.reduction) {
     reduce_body(std::move(body), model, frames, out, built);

@@ -188,6 +188,11 @@ Index FrameBuilder::node(const MarkerSpec& m, const BuiltBody& body) const {
     }
     return best;
   }
+  if (const auto* substructure = std::get_if<SubstructureSpec>(&body.spec.shape)) {
+    const std::optional<Index> found = substructure->find(*m.node);
+    if (!found) throw std::invalid_argument(fmt::format("substructure '{}' has no node {}", m.body, *m.node));
+    return *found;
+  }
   if (!body.mesh) {
     const std::int64_t last = flexible.nodes(), k = *m.node == -1 ? last : *m.node;
     if (k < 1 || k > last)
@@ -218,7 +223,9 @@ std::unique_ptr<FlexibleFrame> FrameBuilder::make_nodal(const MarkerSpec& m, con
     return std::make_unique<FlexibleFrame>(flexible, std::move(vertices));
   }
   const Index k = node(m, body);
-  return flexible.vertices_per_node() == 4 ? make_beam_frame(flexible, k, axes) : make_node_frame(flexible, k);
+  const auto* substructure = std::get_if<SubstructureSpec>(&body.spec.shape);
+  const bool turns = substructure == nullptr || substructure->nodes[static_cast<std::size_t>(k)].components == 6;
+  return flexible.vertices_per_node() == 4 && turns ? make_beam_frame(flexible, k, axes) : make_node_frame(flexible, k);
 }
 
 std::unique_ptr<FlexibleFrame> FrameBuilder::make_face(const MarkerSpec& m, const BuiltBody& body,

@@ -65,7 +65,13 @@ void reduce_body(std::unique_ptr<FlexibleBody> nodal, const Description& model, 
   solver.device = "cpu";
   solver.threads = out.pool.size();
   ReducedShapes shapes = reduce(*alone, interfaces, pressures_on(body, model), *body.spec.reduction, solver);
-  auto reduced = std::make_unique<ReducedBody>(std::move(alone), std::move(shapes), body.spec.reduction->damping);
+  ReducedInertia inertia = inertia_of_mesh(alone->body(), shapes);
+  add_reduced(std::make_unique<ReducedBody>(std::move(alone), std::move(shapes), std::move(inertia),
+                                            body.spec.reduction->damping),
+              model, out, body);
+}
+
+void add_reduced(std::unique_ptr<ReducedBody> reduced, const Description& model, Mechanism& out, BuiltBody& body) {
   reduced->set_damping(body.spec.damping);
   reduced->set_gravity(body.spec.gravity.value_or(model.gravity));
   const Vec3 at_origin = body.spec.velocity - body.spec.angular_velocity.cross(body.spec.position);

@@ -36,6 +36,11 @@ class FrameBuilder;
 void reduce_body(std::unique_ptr<FlexibleBody> nodal, const Description& model, const FrameBuilder& frames,
                  Mechanism& out, BuiltBody& body);
 
+/// What both have in common: damping, gravity, motion at the start.
+void add_reduced(std::unique_ptr<ReducedBody> reduced, const Description& model, Mechanism& out, BuiltBody& body);
+/// A body given by matrices from files.
+void build_substructure(const Description& model, Mechanism& out, BuiltBody& body);
+
 /// Makes frames of markers.
 class FrameBuilder {
  public:

@@ -27,6 +27,7 @@
 #include "dynamics/meshers/parts.hpp"
 #include "dynamics/model/identity.hpp"
 #include "dynamics/model/section.hpp"
+#include "dynamics/substructure/substructure.hpp"
 
 namespace espalier::dynamics::model {
 
@@ -93,10 +94,28 @@ struct ShellSpec {
   double thickness = 0;
 };
 
+/// Matrices from files instead of elements.
+struct SubstructureSpec {
+  struct Matrix {
+    Place place;
+    std::string path, name;  ///< name: empty where the file has one matrix
+  };
+  Matrix mass, stiffness;
+  std::string nodes_path;                          ///< a file of GRID cards; empty: `nodes` are given
+  std::vector<SubstructureNode> nodes;             ///< in the order of the rows, where matrices have no labels
+  std::vector<std::array<std::int64_t, 2>> lines;  ///< between nodes, by label, for pictures
+  /// Number of a node by its label.
+  [[nodiscard]] std::optional<Index> find(std::int64_t label) const {
+    for (std::size_t k = 0; k < nodes.size(); ++k)
+      if (nodes[k].label == label) return static_cast<Index>(k);
+    return std::nullopt;
+  }
+};
+
 struct BodySpec {
   Place place;
   std::string name;
-  std::variant<RigidSpec, SolidSpec, CableSpec, BeamSpec, ShellSpec, PointSpec> shape;
+  std::variant<RigidSpec, SolidSpec, CableSpec, BeamSpec, ShellSpec, PointSpec, SubstructureSpec> shape;
   std::optional<Vec3> gravity;  ///< instead of the model's
   bool velocity_given = false;  ///< velocity or angular_velocity stands in the text
   // Flexible bodies; a rigid body keeps its own in RigidBodyData.
@@ -120,11 +139,12 @@ struct MarkerSpec {
   bool global = false;           ///< point and axes are given in global axes at the initial state
   Mat3 axes = Mat3::Identity();  ///< columns: axes of the frame in body axes (flexible: those of the mesh)
   // Where on a flexible body; exactly one of them.
-  std::optional<std::int64_t> node;  ///< label in the mesh; of cables, beams and shells: counted from 1, -1 the last
-  std::optional<Vec3> near;          ///< the nearest node (in mesh coordinates), or, with a face set, see radius
-  std::string face;                  ///< face set: averaged
-  std::string nodes;                 ///< node set: averaged position, no axes
-  double radius = 0;                 ///< > 0: only the faces of the set within this distance of `near`
+  std::optional<std::int64_t>
+      node;  ///< label in the mesh or substructure; of cables, beams and shells: counted from 1, -1 the last
+  std::optional<Vec3> near;  ///< the nearest node (in mesh coordinates), or, with a face set, see radius
+  std::string face;          ///< face set: averaged
+  std::string nodes;         ///< node set: averaged position, no axes
+  double radius = 0;         ///< > 0: only the faces of the set within this distance of `near`
   /// Outer faces of the mesh that lie on a cylinder: for meshes without face sets.
   struct Bore {
     Vec3 point, axis;  ///< mesh coordinates; the frame's origin is `point` unless another one is given

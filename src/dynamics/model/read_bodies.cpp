@@ -1,6 +1,7 @@
 // The section [bodies] with meshes and materials.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <initializer_list>
 #include <numbers>
@@ -10,7 +11,7 @@
 namespace espalier::dynamics::model {
 namespace {
 
-const std::vector<std::string> kTypes = {"rigid", "solid", "cable", "beam", "shell", "point"};
+const std::vector<std::string> kTypes = {"rigid", "solid", "cable", "beam", "shell", "point", "substructure"};
 
 /// The materials of the model by name, and where bodies find them.
 class BodyReader {
@@ -38,6 +39,7 @@ class BodyReader {
       if (type == 2) body.shape = read_cable(s);
       if (type == 3) body.shape = read_beam(s);
       if (type == 4) body.shape = read_shell(s);
+      if (type == 6) body.shape = read_substructure(s);
     }
     s.finish();
     model_.bodies.push_back(std::move(body));
@@ -117,12 +119,13 @@ class BodyReader {
       if (body.damping.stiffness < 0) fail(d->place("stiffness"), "must not be negative");
       d->finish();
     }
-    if (auto r = s.table("reduce")) body.reduction = read_reduction(*r);
+    if (auto r = s.table("reduce")) body.reduction = read_reduction(*r, s.text("type") == "substructure");
   }
 
-  static ReductionOptions read_reduction(Section& s) {
+  /// @param reduced the body is so already: all of it may be kept
+  static ReductionOptions read_reduction(Section& s, bool reduced) {
     ReductionOptions r;
-    if (!s.has("modes") && !s.has("frequency"))
+    if (!s.has("modes") && !s.has("frequency") && !reduced)
       fail(s.place(), "needs 'modes', how many are kept beside those of the interfaces, or 'frequency', below which");
     if (s.has("modes")) r.modes = s.integer("modes", 0, 0);
     r.frequency = s.positive("frequency", r.frequency);
@@ -146,11 +149,62 @@ class BodyReader {
     return solid;
   }
 
+  /// Relative to the folder of the model.
+  std::string beside_model(const std::string& given) const {
+    return given.empty() || given.front() == '/' || model_.folder.empty() ? given : model_.folder + "/" + given;
+  }
+
+  SubstructureSpec::Matrix read_matrix(const Section& body, std::optional<Section> s) const {
+    if (!s) fail(body.place(), "needs 'stiffness' and 'mass': { file = \"...\", name = \"...\" } each");
+    SubstructureSpec::Matrix m{s->place(), beside_model(s->text("file")), s->text("name", "")};
+    s->finish();
+    return m;
+  }
+
+  SubstructureSpec read_substructure(Section& s) const {
+    SubstructureSpec out;
+    out.stiffness = read_matrix(s, s.table("stiffness"));
+    out.mass = read_matrix(s, s.table("mass"));
+    const Value* nodes = s.value("nodes");
+    if (nodes == nullptr)
+      fail(s.place(),
+           "needs 'nodes': [{ label = 1, position = [x, y, z] }, ...] or { file = \"...\" } with GRID cards");
+    if (nodes->type == Value::Type::table) {
+      Section file(*nodes);
+      out.nodes_path = beside_model(file.text("file"));
+      file.finish();
+    } else {
+      if (nodes->type != Value::Type::array) fail(nodes->place, "must be a list of nodes or { file = \"...\" }");
+      for (const Value& value : nodes->items) out.nodes.push_back(read_node(value));
+    }
+    if (s.has("lines")) read_lines(s, out);
+    return out;
+  }
+
+  static SubstructureNode read_node(const Value& value) {
+    Section s(value);
+    SubstructureNode node;
+    if (!s.has("label")) fail(s.place(), "needs 'label', a whole number");
+    node.label = s.integer("label", 1, 1);
+    node.position = s.vector("position");
+    node.components = s.integer("components", 3, 0);
+    if (node.components != 0 && node.components != 3 && node.components != 6)
+      fail(s.place("components"), "must be 6 (displacement and rotation) or 3 (displacement alone)");
+    s.finish();
+    return node;
+  }
+  static void read_lines(Section& s, SubstructureSpec& out) {
+    const std::vector<double> labels = s.numbers("lines");
+    const auto whole = [](double x) { return std::abs(x) < 1e15 && x == std::floor(x); };
+    if (labels.size() % 2 != 0 || !std::all_of(labels.begin(), labels.end(), whole))
+      fail(s.place("lines"), "needs two labels of nodes for every line: [1, 2, 2, 3]");
+    for (std::size_t k = 0; k < labels.size(); k += 2)
+      out.lines.push_back({static_cast<std::int64_t>(labels[k]), static_cast<std::int64_t>(labels[k + 1])});
+  }
+
   std::variant<MeshFile, MeshPart> read_mesh_source(Section s) const {
     if (s.has("file")) {
-      MeshFile file{s.text("file"), s.positive("scale", 1)};
-      if (!file.path.empty() && file.path.front() != '/' && !model_.folder.empty())
-        file.path = model_.folder + "/" + file.path;
+      MeshFile file{beside_model(s.text("file")), s.positive("scale", 1)};
       s.finish();
       return file;
     }

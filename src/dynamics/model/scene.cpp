@@ -118,8 +118,12 @@ void Scene::add_line_or_plate(const BuiltBody& body) {
         const Index first = j * (shell->nx + 1) + i;
         add_cell(ElementType::quad4, std::array{first, first + 1, first + shell->nx + 2, first + shell->nx + 1});
       }
+  } else if (const auto* parts = std::get_if<SubstructureSpec>(&body.spec.shape); parts && !parts->lines.empty()) {
+    for (const auto& [a, b] : parts->lines)
+      add_cell(ElementType::line2, std::array{parts->find(a).value(), parts->find(b).value()});
   } else {
     for (Index k = 0; k + 1 < body.flexible->nodes(); ++k) add_cell(ElementType::line2, std::array{k, k + 1});
+    if (body.flexible->nodes() == 1) add_cell(ElementType::point1, std::array<Index, 1>{0});
   }
   point_count_ += body.flexible->nodes();
 }
