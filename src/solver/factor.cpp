@@ -143,7 +143,8 @@ void Factor::finish(device::FactorOutcome outcome, double start) {
   if (hopeless) result_.status = no_place(outcome.replaced.size(), context_.options.matching);
   result_.precision = context_.precision();
   if (analysis_->system->numbers() != base::Numbers::real) {
-    phase_ = outcome.determinant_phase * analysis_->system->prepared.transform_sign;
+    phase_ = analysis_->system->real_form ? phase_of_real_form(*analysis_, result_)
+                                          : outcome.determinant_phase * analysis_->system->prepared.transform_sign;
     result_.determinant_sign = std::abs(result_.determinant_sign);
   }
   result_.seconds = base::now_seconds() - start;
@@ -238,7 +239,7 @@ const Deficiency& Factor::judge(const device::FactorOutcome& outcome) {
   const Options& o = context_.options;
   const bool looks =
       o.singular == SingularMatrix::report || o.refinement_steps > 0 || std::isfinite(o.required_backward_error);
-  const auto suspects = static_cast<Index>(outcome.replaced.size() + outcome.small.size());
+  const Index suspects = analysis_->system->unknowns(outcome.replaced.size() + outcome.small.size());
   // Rounding in FP32 may leave a zero as large as other pivots: the first factor of a plan is looked at in any case.
   const bool first_in_fp32 = context_.single() && !regular_in_fp32_;
   if ((suspects == 0 && !first_in_fp32) || (!looks && outcome.replaced.empty()) || outcome.not_positive >= 0 ||
@@ -336,16 +337,16 @@ Status Factor::second_look(const double* b, const double* x, bool transpose) {
 bool Factor::needs_fp64(const device::FactorOutcome& outcome) {
   if (context_.precision() != Precision::mixed) return false;
   // A look at many small pivots takes longer than FP64.
-  constexpr std::size_t kFew = 8;
-  return outcome.not_positive >= 0 || !outcome.replaced.empty() || outcome.small.size() > kFew ||
-         judge(outcome).smallest < kLeastForFp32;
+  constexpr Index kFew = 8;
+  return outcome.not_positive >= 0 || !outcome.replaced.empty() ||
+         analysis_->system->unknowns(outcome.small.size()) > kFew || judge(outcome).smallest < kLeastForFp32;
 }
 
 // Values may have moved far from those that the analysis scaled.
 bool Factor::lost_to_scaling(const device::FactorOutcome& outcome) {
   if (outcome.replaced.empty() || pivots_are_given() || context_.rescales() || analysis_->kind() == Kind::llt)
     return false;
-  return judge(outcome).zeros < static_cast<Index>(outcome.replaced.size());
+  return judge(outcome).zeros < analysis_->system->unknowns(outcome.replaced.size());
 }
 
 bool Factor::weakly_scaled(const device::FactorOutcome& outcome) const {

@@ -75,8 +75,10 @@ class Factor {
   /// Of the last factorization; null vectors of complex matrices as doubles, determinant_sign 1 where it is not zero.
   [[nodiscard]] const FactorResult& result() const { return result_; }
   [[nodiscard]] FactorResult& result() { return result_; }
-  /// Of the last factorization: the determinant over its magnitude.
-  [[nodiscard]] std::complex<double> determinant_phase() const { return result_.determinant_sign * phase_; }
+  /// Of the last factorization: the determinant over its magnitude; NaN where a real form does not tell it.
+  [[nodiscard]] std::complex<double> determinant_phase() const {
+    return result_.determinant_sign == 0 ? 0 : result_.determinant_sign * phase_;
+  }
   /// Where factorize_device() takes values from; -1: nowhere.
   [[nodiscard]] int gpu() const;
   [[nodiscard]] bool factorized() const { return factorized_; }
@@ -163,6 +165,10 @@ class Factor {
 
 /// The status of a matrix whose rank is n - zeros. @param rows  that depend on the others
 Status singular(const std::vector<Index>& rows, Index zeros, Index n);
+
+/// det A over its magnitude of a complex matrix whose real form was factorized: known of Hermitian ones, by their
+/// inertia. The determinant of the real form is +-|det A|^2, which does not tell it: NaN.
+std::complex<double> phase_of_real_form(const Analysis& analysis, const FactorResult& result);
 
 /// What `numeric` came to, as the caller reads it. @param held_bytes  by the solver, on the host
 FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, const device::FactorOutcome& outcome,
