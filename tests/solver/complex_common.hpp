@@ -129,7 +129,8 @@ struct Form {
   const char* device;
   bool real;
 };
-inline const Form kForms[] = {{"Native", "auto", false}, {"Real", "auto", true}, {"Gpu", "gpu:0", true}};
+inline const Form kForms[] = {
+    {"Native", "auto", false}, {"Real", "auto", true}, {"Reference", "reference", true}, {"Gpu", "gpu:0", true}};
 inline void PrintTo(const Form& form, std::ostream* out) { *out << form.name; }
 inline std::string name_of_form(const testing::TestParamInfo<Form>& info) { return info.param.name; }
 
@@ -137,11 +138,10 @@ inline std::string name_of_form(const testing::TestParamInfo<Form>& info) { retu
 class InForms : public testing::TestWithParam<Form> {
  protected:
   void SetUp() override {
-    if (std::string(GetParam().device) != "auto") {
-      if (const std::string why = why_no_gpu(); !why.empty()) GTEST_SKIP() << why;
-    } else if (real()) {
-      form_.emplace();
-    }
+    const std::string device = GetParam().device;
+    const std::string why = device == "gpu:0" ? why_no_gpu() : "";
+    if (!why.empty()) GTEST_SKIP() << why;
+    if (device == "auto" && real()) form_.emplace();
   }
   [[nodiscard]] bool real() const { return GetParam().real; }
   [[nodiscard]] Options options() const {
