@@ -298,30 +298,34 @@ void Factor::with_larger_pivots(const std::function<bool()>& search) {
   }
 }
 
+Growth growth_of(std::span<const double> b, std::span<const double> x, Index parts, const Scales& scales,
+                 const solve::ResidualOperator& residual, bool transpose) {
+  const auto& of_b = transpose ? scales.col : scales.row;
+  const auto& of_x = transpose ? scales.row : scales.col;
+  Growth g;
+  for (std::size_t i = 0; i < b.size(); ++i) {
+    const std::size_t row = i / static_cast<std::size_t>(parts);
+    g.given = std::max(g.given, std::abs(of_b.empty() ? b[i] : b[i] * of_b[row]));
+    g.found = std::max(g.found, std::abs(of_x.empty() ? x[i] : x[i] / of_x[row]));
+  }
+  if (of_x.empty()) g.found *= residual.norm(transpose);
+  return g;
+}
+
 Status Factor::second_look(const double* b, const double* x, bool transpose) {
-  // A random right-hand side of a singular matrix grows by 1e15 / sqrt(n), in FP32 by 1e7 / sqrt(n) at first.
-  const double far = context_.single() ? 1e5 : 1e11;
   if (looked_ || pivots_are_given()) return {};
   const bool llt = analysis_->kind() == Kind::llt;
   if (llt && numeric_->device_system() != nullptr && !context_.single()) return {};  // a GPU has looked at all pivots
-  const Scales& s = numeric_->scales();
   const Index n = analysis_->n();
-  const auto& of_b = transpose ? s.col : s.row;
-  const auto& of_x = transpose ? s.row : s.col;
-  const Index parts = analysis_->system->parts();
-  double given = 0, found = 0;
-  for (Offset i = 0; i < analysis_->doubles(); ++i) {
-    const auto row = static_cast<std::size_t>(i / parts);
-    given = std::max(given, std::abs(of_b.empty() ? b[i] : b[i] * of_b[row]));
-    found = std::max(found, std::abs(of_x.empty() ? x[i] : x[i] / of_x[row]));
-  }
-  if (of_x.empty()) found *= values_.residual().norm(transpose);
-  if (!(found > far * given) || !std::isfinite(found)) return {};
+  const auto size = static_cast<std::size_t>(analysis_->doubles());
+  const Growth growth =
+      growth_of({b, size}, {x, size}, analysis_->system->parts(), numeric_->scales(), values_.residual(), transpose);
+  if (!growth.is_far(context_.single())) return {};
   constexpr double kMore = 2;  // a matrix that became singular makes far more of it
-  if (found <= kMore * harmless_growth_ * given) return {};
+  if (growth.found <= kMore * harmless_growth_ * growth.given) return {};
   Deficiency d = deficiency(false, 0, false);
   if (d.zeros == 0) {
-    harmless_growth_ = found / given;
+    harmless_growth_ = growth.found / growth.given;
     return {};
   }
   result_.rank = n - d.zeros;

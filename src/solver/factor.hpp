@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <complex>
 #include <cstdint>
 #include <functional>
@@ -162,6 +163,16 @@ class Factor {
   std::complex<double> phase_ = 1;  // complex: the determinant over its magnitude and sign
   bool factorized_ = false;
 };
+
+/// Largest entries of a right-hand side and of its solution in the scaled system.
+struct Growth {
+  double given = 0, found = 0;
+  /// A random right-hand side of a singular matrix grows by 1e15 / sqrt(n), in FP32 by 1e7 / sqrt(n) at first.
+  [[nodiscard]] bool is_far(bool single) const { return found > (single ? 1e5 : 1e11) * given && std::isfinite(found); }
+};
+/// @param b, x  doubles of op(A) x = b, as many; `parts` of them in a number
+Growth growth_of(std::span<const double> b, std::span<const double> x, Index parts, const Scales& scales,
+                 const solve::ResidualOperator& residual, bool transpose);
 
 /// The status of a matrix whose rank is n - zeros. @param rows  that depend on the others
 Status singular(const std::vector<Index>& rows, Index zeros, Index n);
