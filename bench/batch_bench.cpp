@@ -177,10 +177,7 @@ int run_on_device(const Problem& p, int threads, const std::string& device) {
   p.print_head(threads);
   double error = 0;
   for (const char* chunk : {"", "0"}) {
-    if (*chunk == '\0')
-      ::unsetenv("ESPALIER_BATCH_CHUNK");
-    else
-      ::setenv("ESPALIER_BATCH_CHUNK", chunk, 1);
+    if (*chunk != '\0') ::setenv("ESPALIER_BATCH_CHUNK", chunk, 1);
     Options options = p.options(threads);
     options.device = device;
     options.log = [](const std::string& line) { fmt::print("  {}\n", line); };

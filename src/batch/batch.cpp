@@ -112,6 +112,12 @@ void share(base::ThreadPool& pool, int workers, Index count, const std::function
 
 struct Batch::Impl {
   explicit Impl(Options options) : session(std::move(options)) {}
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+  // In the child of a fork() what lies on the parent's GPU is left alone, as Session does.
+  ~Impl() {
+    if (session.device_lost()) (void)chunk.release();
+  }
 
   // The host's threads, or the one device that was chosen.
   [[nodiscard]] int workers_for(Index count) const {
