@@ -164,6 +164,40 @@ TEST(BatchChunks, OptionsThatJudgeOtherwiseGoOneByOne) {
   EXPECT_NE(log_of([](Options& o) { o.host_memory_bytes = 120000; }).find("0 of 6 systems"), std::string::npos);
 }
 
+// Several devices and a factor out of core, of the chunk and of single systems alike.
+TEST(BatchChunks, SeveralDevicesAndBudgets) {
+  const SparseMatrix a = constrained_chain(300);
+  constexpr Index kCount = 12;
+  const std::vector<double> values = values_of(a, kCount, 1), b = reference::random_vector(300 * kCount, 2);
+  const auto solve = [&](const char* device, Offset bytes) {
+    Options o = options_of(Kind::ldlt, 2);
+    o.device = device;
+    o.device_memory_bytes = bytes;
+    std::string log;
+    o.log = [&](const std::string& line) { log += line; };
+    Batch batch(o);
+    EXPECT_TRUE(batch.analyze(a).status.ok());
+    std::vector<double> x(b.size());
+    const BatchResult r = batch.solve(values, b, x, kCount);
+    EXPECT_TRUE(r.status.ok()) << r.status.message;
+    EXPECT_EQ(log.find("12 of 12 systems were solved in chunks") != std::string::npos,
+              std::getenv("ESPALIER_BATCH_CHUNK") != nullptr)
+        << log;
+    return x;
+  };
+  const std::vector<double> truth = solve("cpu", 0);
+  const InChunks together(6);
+  EXPECT_EQ(solve("cpu", 0), truth);
+  EXPECT_EQ(solve("host:2", 0), truth);
+  const std::vector<double> streamed = solve("host:1", 450000);
+  for (Index k = 0; k < kCount; ++k) {
+    const auto slice = [&](const std::vector<double>& v) {
+      return std::vector<double>(v.begin() + 300 * k, v.begin() + 300 * (k + 1));
+    };
+    EXPECT_LE(reference::backward_error(system_of(a, values, k), slice(b), slice(streamed)), 8 * kEps);
+  }
+}
+
 TEST(BatchChunks, CanBeStoppedAndRefuseAWishThatIsNone) {
   const SparseMatrix a = constrained_chain(200);
   const std::vector<double> values = values_of(a, 20, 1), b = reference::random_vector(200 * 20, 2);
