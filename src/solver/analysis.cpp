@@ -113,13 +113,14 @@ bool real_form_is_wished() {
 }
 
 // Complex systems on devices without complex numbers, which take their real form: the tree is that from now on.
-void take_real_form(System& system, const DeviceChoice& device, analysis::AssemblyTree& tree, const Context& context) {
+void take_real_form(System& system, DeviceChoice& device, analysis::AssemblyTree& tree, const Context& context) {
   if (system.numbers() == base::Numbers::real) return;
   const bool needed = !device.backend->limits().complex;
   if (!needed && !real_form_is_wished()) return;
   analysis::AssemblyTree two = doubled(tree);
   system.real_form = make_real_form(system.prepared, std::move(tree), context.pool);
   tree = std::move(two);
+  device.reason += "; as a real system of twice the size";
   context.log(fmt::format("the complex system is factorized as a real one of twice the size{}",
                           needed ? fmt::format(": a {} has no complex numbers", device.backend->noun()) : ""));
 }

@@ -144,6 +144,7 @@ TEST(RealForm, AnswersAsKernelsForComplexNumbersDo) {
         }
         EXPECT_EQ(real.analysis().seconds, analyses);
         EXPECT_EQ(real.analysis().kind, native.analysis().kind);
+        EXPECT_EQ(real.analysis().device, native.analysis().device + "; as a real system of twice the size");
         // Twice the work of kernels for complex numbers.
         if (real.analysis().kind == Kind::lu) {
           EXPECT_NEAR(real.analysis().flops / native.analysis().flops, 2, 0.2);
