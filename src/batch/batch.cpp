@@ -7,6 +7,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -137,10 +138,8 @@ struct Batch::Impl {
   // Together, as long as that leaves few systems. @returns which are left, by 1
   std::vector<char> solve_in_chunks(const batch::ChunkJob& all, BatchResult& result) {
     std::vector<char> left(at(all.count), 1);
-    const Index size = batch::Chunk::serves(*analysis, session.options)
-                           ? batch::Chunk::best_size(*analysis, all.count, session.context)
-                           : 0;
-    if (size == 0) return left;
+    const Index size = size_of_chunks(all.count);
+    if (size < 2) return left;
     result.workers = std::max<int>(result.workers, size);
     std::string why;
     try {
@@ -148,7 +147,7 @@ struct Batch::Impl {
       for (Index first = 0; first < all.count && why.empty(); first += size)
         why = solve_chunk(all, first, std::min(size, all.count - first), left, result);
     } catch (const Error& e) {
-      if (e.status().code == StatusCode::cancelled || e.status().code == StatusCode::invalid_input) throw;
+      if (e.status().code == StatusCode::cancelled) throw;
       chunk.reset();
       why = e.what();
     }
@@ -156,6 +155,15 @@ struct Batch::Impl {
                                     std::count(left.begin(), left.end(), 0), all.count, size,
                                     why.empty() ? "" : ": " + why));
     return left;
+  }
+
+  Index size_of_chunks(Index count) {
+    if (!batch::Chunk::serves(*analysis, session.options)) return 0;
+    const Offset most = std::numeric_limits<Index>::max() / analysis->n();
+    if (const std::optional<Index> wish = batch::Chunk::wished_size())
+      return static_cast<Index>(std::min({Offset{*wish}, Offset{count}, most}));
+    if (!together) together = batch::Chunk::best_size(*analysis, session.context);
+    return std::min(*together, count);
   }
 
   void make_chunk(Index size) {
@@ -192,6 +200,7 @@ struct Batch::Impl {
 
   Session session;                      // analyzes
   solver::SharedAnalysis analysis;      // null: none
+  std::optional<Index> together;        // by the memory that was free before the first chunk
   std::unique_ptr<batch::Chunk> chunk;  // null: none yet
   std::vector<std::unique_ptr<Session>> sessions;
   int threads_each = 1;
@@ -206,6 +215,7 @@ AnalysisResult Batch::analyze(const MatrixView& a) {
   Impl& m = *impl_;
   m.sessions.clear();
   m.chunk.reset();
+  m.together.reset();
   m.analysis.reset();
   AnalysisResult result;
   result.status = solver::status_of(m.session.interruption, kRemedy, [&] {

@@ -8,7 +8,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <limits>
-#include <optional>
 #include <set>
 
 #include "solver/analysis_draft.hpp"
@@ -101,20 +100,6 @@ Index least_negative(const MatrixView& a) {
   return count;
 }
 
-// For tests and measurements: systems of a chunk, on any device.
-std::optional<Index> wished_size() {
-  const char* text = std::getenv("ESPALIER_BATCH_CHUNK");
-  if (text == nullptr) return std::nullopt;
-  Index size = 0;
-  const auto [end, error] = std::from_chars(text, text + std::strlen(text), size);
-  if (error != std::errc{} || *end != '\0' || size < 0)
-    throw Error(
-        StatusCode::invalid_input,
-        fmt::format("ESPALIER_BATCH_CHUNK: '{}' is not understood; give a number of systems, or 0 for one by one",
-                    text));
-  return size;
-}
-
 }  // namespace
 
 /// One system and its place in the chunk.
@@ -142,22 +127,28 @@ bool Chunk::serves(const solver::Analysis& one, const Options& options) {
 
 // As many as fill a device, and no more than half of its memory takes: a plan for more costs the host more than larger
 // chunks bring.
-Index Chunk::best_size(const solver::Analysis& one, Index count, const solver::Context& context) {
+Index Chunk::best_size(const solver::Analysis& one, const solver::Context& context) {
   constexpr Offset kUnknowns = 1 << 19;
-  const std::optional<Index> wish = wished_size();
   const device::Backend& backend = *one.device.backend;
-  if (!wish && !backend.limits().own_memory) return 0;
-  const Offset of_one = std::max<Index>(1, one.n());
-  Offset size = wish ? *wish : kUnknowns / of_one;
-  if (!wish) {
-    Offset memory = budgets_of(one.device, context.options).front();
-    if (memory == 0) memory = backend.free_bytes(one.device.numbers.front());
-    const Offset bytes = backend.executor_bytes(one.plan, one.kind(), Precision::fp64, 1) +
-                         2 * static_cast<Offset>(sizeof(double)) * (one.system->prepared.a.nonzeros() + 8 * of_one);
-    size = std::min(size, memory / 2 / std::max<Offset>(1, bytes));
-  }
-  size = std::min({size, Offset{count}, std::numeric_limits<Index>::max() / of_one});
-  return size < 2 ? 0 : static_cast<Index>(size);
+  if (!backend.limits().own_memory) return 0;
+  Offset memory = budgets_of(one.device, context.options).front();
+  if (memory == 0) memory = backend.free_bytes(one.device.numbers.front());
+  const Offset bytes = backend.executor_bytes(one.plan, one.kind(), Precision::fp64, 1) +
+                       2 * static_cast<Offset>(sizeof(double)) * (one.system->prepared.a.nonzeros() + 8 * one.n());
+  return static_cast<Index>(std::min(kUnknowns / one.n(), memory / 2 / bytes));
+}
+
+std::optional<Index> Chunk::wished_size() {
+  const char* text = std::getenv("ESPALIER_BATCH_CHUNK");
+  if (text == nullptr) return std::nullopt;
+  Index size = 0;
+  const auto [end, error] = std::from_chars(text, text + std::strlen(text), size);
+  if (error != std::errc{} || *end != '\0' || size < 0)
+    throw Error(
+        StatusCode::invalid_input,
+        fmt::format("ESPALIER_BATCH_CHUNK: '{}' is not understood; give a number of systems, or 0 for one by one",
+                    text));
+  return size;
 }
 
 Chunk::Chunk(solver::SharedAnalysis one, Index systems, const solver::Context& context)

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -30,8 +31,11 @@ class Chunk {
  public:
   /// Whether a factor with these options can be judged by blocks.
   static bool serves(const solver::Analysis& one, const Options& options);
-  /// How many systems of `count` to take at a time; 0: go one by one.
-  static Index best_size(const solver::Analysis& one, Index count, const solver::Context& context);
+  /// How many systems of any number to take at a time, by the memory that is free now; 0: go one by one.
+  static Index best_size(const solver::Analysis& one, const solver::Context& context);
+  /// The same by ESPALIER_BATCH_CHUNK, for tests and measurements on any device; nothing: it is not set.
+  /// @throws Error(invalid_input)
+  static std::optional<Index> wished_size();
 
   /// @param context  outlives this
   /// @throws Error(out_of_memory), Error(device_error)
