@@ -1,7 +1,8 @@
 // Many small systems of one pattern: Batch beside MKL PARDISO in a loop, with all threads in PARDISO, or one loop a
 // thread.
-//   espalier_bench_batch [COUNT [UNKNOWNS [THREADS [SORT]]]]     default: 1,000 KKT systems of about 500 unknowns, all
-//   cores
+//   espalier_bench_batch [COUNT [UNKNOWNS [THREADS [SORT [DEVICE]]]]]     default: 1,000 KKT systems of about 500
+//   unknowns, all cores
+//   espalier_bench_batch 10000 500 0 kkt gpu:0     ours alone on that device: in chunks, and one by one
 // SORT: kkt (saddle points, ldlt) or grid (Poisson on a square, llt). COUNT systems with values of their own and one
 // right-hand side each. PARDISO: one analysis a handle, then phase 23 and phase 33 for each system, with its own
 // refinement. Every answer is checked; the largest backward errors stand beside the times. Medians of three rounds.
@@ -132,28 +133,88 @@ class Pardiso {
   std::array<int, 64> iparm_{};
 };
 
-int run(Index count, Index unknowns, int threads, bool definite) {
-  SparseMatrix a = saddle_point(unknowns);
-  if (definite) {
-    const std::string side = std::to_string(std::max(2, static_cast<int>(std::sqrt(unknowns))));
-    a = matrix::generate(matrix::parse_generator(std::vector<std::string>{"poisson", side, side, "1"}));
+struct Problem {
+  Problem(Index the_count, Index unknowns, bool is_definite) : count(the_count), definite(is_definite) {
+    a = saddle_point(unknowns);
+    if (definite) {
+      const std::string side = std::to_string(std::max(2, static_cast<int>(std::sqrt(unknowns))));
+      a = matrix::generate(matrix::parse_generator(std::vector<std::string>{"poisson", side, side, "1"}));
+    }
+    std::mt19937_64 random(1);
+    b.resize(static_cast<std::size_t>(a.cols) * static_cast<std::size_t>(count));
+    for (Index k = 0; k < count; ++k)
+      for (const double v : a.values) values.push_back(v * (1 + static_cast<double>(random() % 1000) / 20000));
+    for (double& v : b) v = static_cast<double>(random() % 2000) / 1000 - 1;
   }
+
+  [[nodiscard]] double worst_error(const std::vector<double>& x) const {
+    double most = 0;
+    for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) {
+      const std::size_t n = static_cast<std::size_t>(a.cols) * k;
+      most = std::max(most, backward_error(a, values.data() + k * a.values.size(), b.data() + n, x.data() + n));
+    }
+    return most;
+  }
+  [[nodiscard]] Options options(int threads) const {
+    Options o;
+    o.threads = threads;
+    o.kind = definite ? Kind::llt : Kind::ldlt;
+    return o;
+  }
+  void print_head(int threads) const {
+    fmt::print("{} systems of {} unknowns, {} entries ({}), {} threads\n", count, a.cols, a.values.size(),
+               definite ? "llt" : "ldlt", threads);
+  }
+
+  SparseMatrix a;
+  Index count;
+  bool definite;
+  std::vector<double> values, b;
+};
+
+// Ours alone, in chunks and one by one.
+int run_on_device(const Problem& p, int threads, const std::string& device) {
+  p.print_head(threads);
+  double error = 0;
+  for (const char* chunk : {"", "0"}) {
+    if (*chunk != '\0') ::setenv("ESPALIER_BATCH_CHUNK", chunk, 1);
+    Options options = p.options(threads);
+    options.device = device;
+    options.log = [](const std::string& line) { fmt::print("  {}\n", line); };
+    Batch batch(options);
+    if (const AnalysisResult analysis = batch.analyze(p.a); !analysis.status.ok())
+      throw std::runtime_error(analysis.status.message);
+    std::vector<double> x(p.b.size()), times;
+    double first = 0;  // with the plan of a chunk
+    const int rounds = *chunk == '\0' ? 4 : 2;
+    for (int round = 0; round < rounds; ++round) {
+      const BatchResult result = batch.solve(p.values, p.b, x, p.count);
+      if (!result.status.ok()) throw std::runtime_error(result.status.message);
+      if (round == 0)
+        first = result.seconds;
+      else
+        times.push_back(result.seconds);
+      error = std::max(error, p.worst_error(x));
+    }
+    fmt::print("Batch on {}, {}: {:.4f} s, {:.2f} us a system (first call {:.4f} s); backward errors {:.1e}\n", device,
+               *chunk == '\0' ? "together" : "one by one", median(times), 1e6 * median(times) / p.count, first, error);
+  }
+  return error < 1e-12 ? 0 : 1;
+}
+
+int run(const Problem& problem, int threads) {
+  const SparseMatrix& a = problem.a;
+  const std::vector<double>&values = problem.values, &b = problem.b;
   const auto n = static_cast<std::size_t>(a.cols), nonzeros = a.values.size();
-  std::mt19937_64 random(1);
-  std::vector<double> values, b(n * static_cast<std::size_t>(count)), x(b.size()), y(b.size());
-  for (Index k = 0; k < count; ++k)
-    for (const double v : a.values) values.push_back(v * (1 + static_cast<double>(random() % 1000) / 20000));
-  for (double& v : b) v = static_cast<double>(random() % 2000) / 1000 - 1;
-  Options options;
-  options.threads = threads;
-  options.kind = definite ? Kind::llt : Kind::ldlt;
-  Batch batch(options);
+  const Index count = problem.count;
+  std::vector<double> x(b.size()), y(b.size());
+  Batch batch(problem.options(threads));
   if (const AnalysisResult analysis = batch.analyze(a); !analysis.status.ok())
     throw std::runtime_error(analysis.status.message);
   const Mkl mkl;
   base::ThreadPool pool(threads);
   std::vector<std::unique_ptr<Pardiso>> handles;
-  for (int t = 0; t < pool.size(); ++t) handles.push_back(std::make_unique<Pardiso>(mkl, a, definite));
+  for (int t = 0; t < pool.size(); ++t) handles.push_back(std::make_unique<Pardiso>(mkl, a, problem.definite));
   const auto system = [&](Pardiso& p, Index k) {
     const auto at = static_cast<std::size_t>(k);
     p.solve(values.data() + at * nonzeros, b.data() + at * n, y.data() + at * n);
@@ -169,16 +230,8 @@ int run(Index count, Index unknowns, int threads, bool definite) {
     const double one = seconds_of([&] {
       for (Index k = 0; k < count; ++k) system(*handles[0], k);
     });
-    const auto worst = [&](const std::vector<double>& of) {
-      double most = 0;
-      for (Index k = 0; k < count; ++k) {
-        const auto at = static_cast<std::size_t>(k);
-        most = std::max(most, backward_error(a, values.data() + at * nonzeros, b.data() + at * n, of.data() + at * n));
-      }
-      return most;
-    };
-    error = worst(x);
-    of_loop = worst(y);
+    error = problem.worst_error(x);
+    of_loop = problem.worst_error(y);
     std::atomic<Index> next{0};
     const double each = seconds_of([&] {
       pool.share([&](int t) {
@@ -186,7 +239,7 @@ int run(Index count, Index unknowns, int threads, bool definite) {
         for (Index k = next++; k < count; k = next++) system(*handles[static_cast<std::size_t>(t)], k);
       });
     });
-    of_loops = worst(y);
+    of_loops = problem.worst_error(y);
     if (round == 0) continue;
     ours.push_back(mine);
     loop.push_back(one);
@@ -196,8 +249,7 @@ int run(Index count, Index unknowns, int threads, bool definite) {
     fmt::print("{:36} {:>9.4f} s  {:>8.2f} us a system  {:>6.2f} times ours; backward errors {:.1e}\n", name, seconds,
                1e6 * seconds / count, seconds / median(ours), of);
   };
-  fmt::print("{} systems of {} unknowns, {} entries ({}), {} threads\n", count, n, nonzeros, definite ? "llt" : "ldlt",
-             pool.size());
+  problem.print_head(pool.size());
   line("Batch", median(ours), error);
   line("PARDISO in a loop, all threads", median(loop), of_loop);
   line("PARDISO, a loop on each thread", median(loops), of_loops);
@@ -208,9 +260,10 @@ int run(Index count, Index unknowns, int threads, bool definite) {
 
 int main(int argc, char** argv) {
   try {
-    const int threads = argc > 3 ? std::atoi(argv[3]) : 0;
-    return run(argc > 1 ? std::atoi(argv[1]) : 1000, argc > 2 ? std::atoi(argv[2]) : 500,
-               threads > 0 ? threads : base::available_cores(), argc > 4 && std::string(argv[4]) == "grid");
+    const int asked = argc > 3 ? std::atoi(argv[3]) : 0, threads = asked > 0 ? asked : base::available_cores();
+    const Problem problem(argc > 1 ? std::atoi(argv[1]) : 1000, argc > 2 ? std::atoi(argv[2]) : 500,
+                          argc > 4 && std::string(argv[4]) == "grid");
+    return argc > 5 ? run_on_device(problem, threads, argv[5]) : run(problem, threads);
   } catch (const std::exception& e) {
     fmt::print(stderr, "espalier_bench_batch: {}\n", e.what());
     return 1;

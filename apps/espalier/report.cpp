@@ -1,6 +1,7 @@
 #include "report.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "base/output_file.hpp"
@@ -94,7 +95,8 @@ void add_factor_parts(Json& report, const RunRecord& record) {
     const std::complex<double> phase = record.determinant_phase;
     report["determinant"] = {{"sign", record.complex ? Json(nullptr) : Json(record.determinant_sign)},
                              {"log", factor->determinant_log}};
-    if (record.complex) report["determinant"]["phase"] = {phase.real(), phase.imag()};
+    if (record.complex) report["determinant"]["phase"] = nullptr;  // of a real form it is not known
+    if (record.complex && !std::isnan(phase.real())) report["determinant"]["phase"] = {phase.real(), phase.imag()};
   }
   report["condition_estimate"] = record.condition_estimate ? Json(*record.condition_estimate) : Json(nullptr);
 }

@@ -43,7 +43,9 @@ struct Sort<std::complex<double>> {
   using Matrix = ComplexSparseMatrix;
   using Vectors = matrix::ComplexVectors;
   static constexpr auto read = read_complex_columns;
-  static ComplexSolver solver(const LaunchedRanks&, const Options& options) { return ComplexSolver(options); }
+  static ComplexSolver solver(const LaunchedRanks& launched, const Options& options) {
+    return {launched.ranks(), options};
+  }
 };
 
 /// One run: the phases in order; each returns false when the run is over.
@@ -152,8 +154,7 @@ Status share_matrix(const SolveCommand& command, const LaunchedRanks& launched, 
                     base::ThreadPool& pool, matrix::AnyMatrix& any) {
   if (launched.first()) any = command.source.load(record, pool);
   record.complex = launched.from_first(record.complex ? 1 : 0) != 0;
-  if (record.complex && launched.ranks().size() > 1)
-    return {StatusCode::invalid_input, "the matrix is complex; such systems are solved by one process", -1};
+  if (record.complex && !launched.first()) any = ComplexSparseMatrix();
   return {};
 }
 

@@ -1,5 +1,5 @@
 /// \file
-/// Batches: many small systems in one call, one on each thread.
+/// Batches: many small systems in one call, one on each thread, or many together on a GPU.
 #pragma once
 
 #include <memory>
@@ -28,17 +28,26 @@ struct BatchResult {
   Index failed = 0;                   ///< systems whose status is not ok
   std::vector<SystemResult> systems;  ///< in the caller's order; empty where nothing was begun
   double seconds = 0;                 ///< whole call
-  int workers = 0;                    ///< systems that were worked on at a time
+  int workers = 0;                    ///< most systems that were worked on at a time
 };
 
 /// Many systems of one pattern. The pattern is analyzed once; then each system is factorized and solved by one thread,
 /// next to the others. Solutions have the bits that a Solver with this analysis would give for the system alone,
 /// whatever the number of threads and the order of the batch (precision auto apart, which looks at the clock). One
 /// system that fails does not touch the others.
+///
+/// A GPU takes as many systems at a time as fill it: one block-diagonal system with the analysis repeated. Each is
+/// refined and judged for itself, on the host's threads; where a pivot fails, or a solution is not accurate, the system
+/// is solved again alone, and ends as it would have. So do all systems where together they do not tell the inertia of
+/// each: that of ldlt is known where the negative eigenvalues of all are as few as regular matrices with their
+/// diagonals can have, as those of [K B^T; B -C] with a diagonal C do. Factors are those of single systems; residuals
+/// come from the host, so that solutions may differ from those of a Solver on that GPU in the last bits. With precision
+/// fp32, mixed and auto, rescale, zero_pivot or perturbation systems go one after another.
 class Batch {
  public:
   /// Options as for Solver. `threads`: systems at a time; where there are fewer systems, each gets several threads.
-  /// With a device that is not the host systems go there one after another. Log lines come from the analysis alone.
+  /// device auto looks at one system alone: name a GPU (gpu:0) for batches of small ones. Log lines come from the
+  /// analysis, and say how many systems were solved together.
   /// @throws std::invalid_argument for numbers and enumerations that no option can be
   explicit Batch(Options options = {});
   ~Batch();

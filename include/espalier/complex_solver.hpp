@@ -18,7 +18,9 @@ namespace espalier {
 /// What ComplexSolver::factorize() or refactorize() did. A Hermitian matrix has an inertia; of other complex ones it is
 /// unknown (-1).
 struct ComplexFactorResult : FactorReport {
-  std::complex<double> determinant_phase = 0;  ///< det A over its magnitude; 0 for a singular matrix
+  /// det A over its magnitude; 0 for a singular matrix. NaN where the real form was factorized (see ComplexSolver),
+  /// whose determinant is +-|det A|^2 and does not tell it; those of Hermitian matrices are known by their inertia.
+  std::complex<double> determinant_phase = 0;
   /// Of a singular matrix: n - rank vectors v with A v = 0 to rounding, n values each, one after another, the largest
   /// part of each 1 in magnitude.
   std::vector<std::complex<double>> null_vectors;
@@ -33,9 +35,12 @@ struct ComplexFactorResult : FactorReport {
 ///    `automatic` goes by the storage; in general storage by the values: symmetric ones, then Hermitian ones, else lu.
 ///    Hermitian matrices with a positive diagonal take llt, and ldlt where a pivot is not positive.
 ///  - a matrix stays what it was analyzed as: a symmetric one does not become Hermitian with other values.
-///  - it works on the host: where options.device names a GPU, AnalysisResult::device and the log say so. device=cpu and
-///    host:N with all their options (threads, budgets, out of core) are as for real matrices.
-///  - precision fp32 and mixed factor in complex<float>.
+///  - GPUs have no kernels for complex numbers. There the real form is factorized, a real system of twice the size: one
+///    GPU or several, in core or streamed, as any real one. It takes twice the operations and twice the memory that
+///    kernels for complex numbers would, values are sent and residuals are formed by the host, and counts of fronts,
+///    entries, operations, 2x2 pivots and moved pivots are those of the real form. All else (kinds, errors, rank, rows,
+///    null vectors, inertia, condition) is that of the complex system; the phase of the determinant is not known.
+///  - precision fp32 and mixed factor in complex<float>; of real forms, in float.
 class ComplexSolver {
  public:
   using State = Solver::State;
@@ -43,6 +48,9 @@ class ComplexSolver {
 
   /// @throws std::invalid_argument for numbers and enumerations that no option can be
   explicit ComplexSolver(Options options = {});
+  /// A solver that all ranks share: see Solver. The matrix is that of rank 0, which also gives values and right-hand
+  /// sides and gets solutions; what others give is not looked at (empty spans do).
+  ComplexSolver(const Ranks& ranks, Options options = {});
   ~ComplexSolver();
   ComplexSolver(ComplexSolver&&) noexcept;
   ComplexSolver& operator=(ComplexSolver&&) noexcept;

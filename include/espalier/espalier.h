@@ -141,7 +141,8 @@ typedef struct espalier_factor_info {
   int64_t peak_host_bytes;
   int64_t rank;                /**< of the matrix to rounding; -1: not known (option "singular": error or report) */
   int64_t delayed;             /**< columns whose elimination was moved to a later front */
-  double determinant_phase[2]; /**< of complex matrices: det A over its magnitude; of real ones sign and 0 */
+  double determinant_phase[2]; /**< of complex matrices: det A over its magnitude (NaN: not known, on GPUs, but of
+                                    Hermitian ones); of real ones sign and 0 */
 } espalier_factor_info;
 
 /** What the solve did. */

@@ -56,7 +56,8 @@ class Change(_Table):
 @dataclass(frozen=True)
 class Factor(_Table):
     """Of a factorization. `null_vectors`: (n - rank, n) float64 (complex128) with A v = 0, or None for a regular matrix;
-    `determinant_sign` of a complex matrix is the phase of the determinant."""
+    `determinant_sign` of a complex matrix is the phase of the determinant; nan where it is not known (on GPUs, but for
+    Hermitian matrices)."""
 
     seconds: float
     flops_per_second: float

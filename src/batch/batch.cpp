@@ -7,10 +7,12 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
 #include "base/stopwatch.hpp"
+#include "batch/chunk.hpp"
 #include "solver/session.hpp"
 #include "solver/solution.hpp"
 #include "solver/status_of.hpp"
@@ -111,6 +113,12 @@ void share(base::ThreadPool& pool, int workers, Index count, const std::function
 
 struct Batch::Impl {
   explicit Impl(Options options) : session(std::move(options)) {}
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+  // In the child of a fork() what lies on the parent's GPU is left alone, as Session does.
+  ~Impl() {
+    if (session.device_lost()) (void)chunk.release();
+  }
 
   // The host's threads, or the one device that was chosen.
   [[nodiscard]] int workers_for(Index count) const {
@@ -127,6 +135,61 @@ struct Batch::Impl {
     return *s;
   }
 
+  // Together, as long as that leaves few systems. @returns which are left, by 1
+  std::vector<char> solve_in_chunks(const batch::ChunkJob& all, BatchResult& result) {
+    std::vector<char> left(at(all.count), 1);
+    const Index size = size_of_chunks(all.count);
+    if (size < 2) return left;
+    result.workers = std::max<int>(result.workers, size);
+    std::string why;
+    try {
+      make_chunk(size);
+      for (Index first = 0; first < all.count && why.empty(); first += size)
+        why = solve_chunk(all, first, std::min(size, all.count - first), left, result);
+    } catch (const Error& e) {
+      if (e.status().code == StatusCode::cancelled) throw;
+      chunk.reset();
+      why = e.what();
+    }
+    session.context.log(fmt::format("batch: {} of {} systems were solved in chunks of {}, the others one by one{}",
+                                    std::count(left.begin(), left.end(), 0), all.count, size,
+                                    why.empty() ? "" : ": " + why));
+    return left;
+  }
+
+  Index size_of_chunks(Index count) {
+    if (!batch::Chunk::serves(*analysis, session.options)) return 0;
+    const Offset most = std::numeric_limits<Index>::max() / analysis->n();
+    if (const std::optional<Index> wish = batch::Chunk::wished_size())
+      return static_cast<Index>(std::min({Offset{*wish}, Offset{count}, most}));
+    if (!together) together = batch::Chunk::best_size(*analysis, session.context);
+    return std::min(*together, count);
+  }
+
+  void make_chunk(Index size) {
+    if (chunk != nullptr && chunk->systems() >= size && chunk->systems() <= 2 * size) return;
+    chunk.reset();
+    session.note_devices();
+    chunk = std::make_unique<batch::Chunk>(analysis, size, session.context);
+  }
+
+  // @returns why further chunks are of no use; empty: they are
+  std::string solve_chunk(const batch::ChunkJob& all, Index first, Index count, std::vector<char>& left,
+                          BatchResult& result) {
+    const auto nonzeros = static_cast<std::size_t>(analysis->system->prepared.caller_nonzeros);
+    const std::size_t numbers = at(analysis->n()) * at(all.columns);
+    const batch::ChunkJob part{all.values.subspan(at(first) * nonzeros, at(count) * nonzeros),
+                               all.b + at(first) * numbers,
+                               all.x + at(first) * numbers,
+                               count,
+                               all.columns,
+                               all.transpose};
+    const std::vector<char> now = chunk->solve(part, std::span(result.systems).subspan(at(first), at(count)));
+    if (now.empty()) return "together they do not tell the inertia of each, or pivots fail";
+    std::copy(now.begin(), now.end(), left.begin() + first);
+    return 2 * std::count(now.begin(), now.end(), 1) > count ? "pivots fail in most of them" : "";
+  }
+
   void prepare(int workers) {
     const int threads = std::max(1, session.pool.size() / workers);
     if (static_cast<int>(sessions.size()) == workers && threads == threads_each) return;
@@ -135,8 +198,10 @@ struct Batch::Impl {
     threads_each = threads;
   }
 
-  Session session;                  // analyzes
-  solver::SharedAnalysis analysis;  // null: none
+  Session session;                      // analyzes
+  solver::SharedAnalysis analysis;      // null: none
+  std::optional<Index> together;        // by the memory that was free before the first chunk
+  std::unique_ptr<batch::Chunk> chunk;  // null: none yet
   std::vector<std::unique_ptr<Session>> sessions;
   int threads_each = 1;
 };
@@ -149,6 +214,8 @@ Batch& Batch::operator=(Batch&&) noexcept = default;
 AnalysisResult Batch::analyze(const MatrixView& a) {
   Impl& m = *impl_;
   m.sessions.clear();
+  m.chunk.reset();
+  m.together.reset();
   m.analysis.reset();
   AnalysisResult result;
   result.status = solver::status_of(m.session.interruption, kRemedy, [&] {
@@ -175,13 +242,16 @@ BatchResult Batch::solve(std::span<const double> values, std::span<const double>
   BatchResult result;
   Status status = solver::status_of(m.session.interruption, kRemedy, [&] {
     if (m.session.opening.valid()) m.session.opening.wait();
-    result.workers = m.workers_for(count);
-    m.prepare(result.workers);
+    const int workers = result.workers = m.workers_for(count);
+    m.prepare(workers);
     result.systems.resize(at(count));
-    share(m.session.pool, result.workers, count, [&](int worker, Index k) {
+    const bool transposed = transpose != Transpose::no;
+    const std::vector<char> left = m.solve_in_chunks({values, b.data(), x.data(), count, columns, transposed}, result);
+    share(m.session.pool, workers, count, [&](int worker, Index k) {
+      if (left[at(k)] == 0) return;
       const std::size_t first = at(k) * size;
       result.systems[at(k)] = solve_one(m.worker(worker), values.subspan(at(k) * nonzeros, nonzeros),
-                                        {b.data() + first, x.data() + first, columns, transpose != Transpose::no});
+                                        {b.data() + first, x.data() + first, columns, transposed});
     });
   });
   if (status.ok())

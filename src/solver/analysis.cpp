@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
+#include <string_view>
 #include <utility>
 
 #include "analysis/ordering.hpp"
@@ -39,7 +41,7 @@ device::PlanWish wish_of(const System& system, const Context& context) {
   device::PlanWish wish;
   wish.kind = system.kind;
   wish.precision = context.precision();
-  wish.complex = system.numbers() != base::Numbers::real;
+  wish.complex = system.complex_factor();
   wish.max_block_size = context.options.max_block_size;
   wish.sharing = context.options.sharing;
   wish.threads = context.threads();
@@ -64,7 +66,6 @@ plan::Plan bordered_plan(analysis::AssemblyTree tree, const System& system, cons
 
 Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tree, Changes changes,
                  const Context& context, const plan::KeptEntries* kept) {
-  const PreparedMatrix& p = system->prepared;
   device::PlanWish wish = wish_of(*system, context);
   if (changes.free_pivots) wish.max_block_size = 0;
   wish.devices = changes.device.devices();
@@ -72,9 +73,10 @@ Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tr
   wish.speed = changes.device.speed;
   Analysis made;
   const plan::PlanOptions options = changes.device.backend->plan_options(wish);
-  made.plan = tree.border > 0 ? bordered_plan(std::move(tree), *system, options, context.pool)
-                              : plan::make_plan(std::move(tree), p.a, p.row_of_col, options, context.pool,
-                                                system->rows.get(), kept);
+  made.plan = tree.border > 0
+                  ? bordered_plan(std::move(tree), *system, options, context.pool)
+                  : plan::make_plan(std::move(tree), system->factored_pattern(), system->factored_row_of_col(), options,
+                                    context.pool, &system->factored_rows(), kept);
   made.system = std::move(system);
   made.device = std::move(changes.device);
   made.moved_pivots = changes.moved_pivots;
@@ -100,13 +102,37 @@ void describe(Analysis& a, const Context& context) {
 
 namespace {
 
+// For tests and measurements: real forms on backends that have complex numbers.
+bool real_form_is_wished() {
+  const char* text = std::getenv("ESPALIER_COMPLEX_FORM");
+  const std::string_view form = text == nullptr ? "auto" : text;
+  if (form != "auto" && form != "real")
+    throw Error(StatusCode::invalid_input,
+                fmt::format("ESPALIER_COMPLEX_FORM: '{}' is not understood; give auto or real", form));
+  return form == "real";
+}
+
+// Complex systems on devices without complex numbers, which take their real form: the tree is that from now on.
+void take_real_form(System& system, DeviceChoice& device, analysis::AssemblyTree& tree, const Context& context) {
+  if (system.numbers() == base::Numbers::real) return;
+  const bool needed = !device.backend->limits().complex;
+  if (!needed && !real_form_is_wished()) return;
+  analysis::AssemblyTree two = doubled(tree);
+  system.real_form = make_real_form(system.prepared, std::move(tree), context.pool);
+  tree = std::move(two);
+  device.reason += "; as a real system of twice the size";
+  context.log(fmt::format("the complex system is factorized as a real one of twice the size{}",
+                          needed ? fmt::format(": a {} has no complex numbers", device.backend->noun()) : ""));
+}
+
 // Chooses devices and lays out the plan: the end of every analysis.
 Analyzed finish(Draft draft, analysis::AssemblyTree tree, double start, double ordered, Context context) {
-  auto system = std::make_shared<const System>(std::move(draft.system));
   Changes changes{context.link != nullptr
                       ? device_of_ranks(context.options, context.registry, context.link->size())
-                      : choose_device(context.options, context.registry, tree, wish_of(*system, context))};
+                      : choose_device(context.options, context.registry, tree, wish_of(draft.system, context))};
   if (!changes.device.notice.empty()) context.log(changes.device.notice);
+  take_real_form(draft.system, changes.device, tree, context);
+  auto system = std::make_shared<const System>(std::move(draft.system));
   if (system->border && changes.device.backend->limits().keeps_border)
     add_border(tree, *system->border, system->prepared);
   double gain = 1;
@@ -200,13 +226,15 @@ Offset Analysis::bytes() const {
 }
 
 Offset predicted_host_bytes(const Analysis& a, const Context& context) {
-  const Offset n = a.n(), entries = a.system->prepared.a.nonzeros();
-  const Offset parts = a.system->parts();
+  const Offset n = a.n(), parts = a.system->parts();
+  const Offset real_entries = a.system->real_form ? MatrixView(a.system->real_form->a).nonzeros() : 0;
+  const Offset entries = a.system->prepared.a.nonzeros() + (real_entries + 1) / 2;
   const Offset value_bytes = parts * static_cast<Offset>(context.single() ? sizeof(float) : sizeof(double));
   const device::Backend& backend = *a.device.backend;
   const Offset numbers =
-      parts == 1 ? backend.executor_bytes(a.plan, a.kind(), context.precision(), context.pool.size())
-                 : backend.complex_executor_bytes(a.plan, a.kind(), context.precision(), context.pool.size());
+      a.system->complex_factor()
+          ? backend.complex_executor_bytes(a.plan, a.kind(), context.precision(), context.pool.size())
+          : backend.executor_bytes(a.plan, a.kind(), context.precision(), context.pool.size());
   const Offset vectors =
       4 * parts * n * static_cast<Offset>(sizeof(double));  // of llt's smallest pivots, of the refinement
   return a.bytes() + numbers + (entries + n) * value_bytes + vectors;
@@ -279,11 +307,11 @@ SharedAnalysis lay_out_again(const Analysis& before, analysis::AssemblyTree tree
 
 ChangedAnalysis change_analysis(const Analysis& before, analysis::AssemblyTree tree, std::vector<Index> front_before,
                                 Index moved_pivots, const Context& context) {
-  const PreparedMatrix& p = before.system->prepared;
-  const matrix::RowIndex& rows = *before.system->rows;
+  const System& system = *before.system;
+  const matrix::RowIndex& rows = system.factored_rows();
   if (rows.ptr.empty() || before.plan.tree.border > 0) return {};
-  auto changed =
-      plan::change_plan(before.plan, std::move(tree), std::move(front_before), p.a, p.row_of_col, rows, context.pool);
+  auto changed = plan::change_plan(before.plan, std::move(tree), std::move(front_before), system.factored_pattern(),
+                                   system.factored_row_of_col(), rows, context.pool);
   if (!changed) return {};
   auto made = std::make_shared<Analysis>();
   made->system = before.system;

@@ -11,6 +11,7 @@
 #include "solver/context.hpp"
 #include "solver/device_choice.hpp"
 #include "solver/prepared_matrix.hpp"
+#include "solver/real_form.hpp"
 
 namespace espalier::solver {
 
@@ -21,11 +22,27 @@ struct System {
   PreparedMatrix prepared;                       ///< without values
   std::shared_ptr<const matrix::RowIndex> rows;  ///< of prepared.a, see ResidualOperator::rows_of()
   std::shared_ptr<const Border> border;          ///< null: there is none
+  /// Complex: the real system that plans and factors are made for; null: they are made for this one.
+  std::shared_ptr<const RealForm> real_form;
 
-  [[nodiscard]] Offset bytes() const { return prepared.bytes() + rows->bytes(); }
+  [[nodiscard]] Offset bytes() const { return prepared.bytes() + rows->bytes() + (real_form ? real_form->bytes() : 0); }
   [[nodiscard]] base::Numbers numbers() const { return prepared.numbers; }
   /// Doubles in one number.
   [[nodiscard]] Index parts() const { return base::parts_of(prepared.numbers); }
+
+  /// What plans and factors are made for.
+  [[nodiscard]] MatrixView factored_pattern() const { return real_form ? real_form->a : prepared.a; }
+  [[nodiscard]] const std::vector<Index>& factored_row_of_col() const {
+    return real_form ? real_form->row_of_col : prepared.row_of_col;
+  }
+  [[nodiscard]] const matrix::RowIndex& factored_rows() const { return real_form ? real_form->rows : *rows; }
+  [[nodiscard]] bool complex_factor() const { return numbers() != base::Numbers::real && !real_form; }
+  /// So many of this system's unknowns have these pivots of a factor.
+  [[nodiscard]] Index unknowns(std::size_t pivots) const {
+    return static_cast<Index>(real_form ? (pivots + 1) / 2 : pivots);
+  }
+  /// The unknown (column) that an unknown of plans stands for.
+  [[nodiscard]] Index unknown_of(Index col) const { return real_form ? col / 2 : col; }
 };
 
 struct Analysis {
@@ -41,11 +58,15 @@ struct Analysis {
   AnalysisResult result = {};    ///< what analyze() tells the caller
 
   [[nodiscard]] Kind kind() const { return system->kind; }
-  [[nodiscard]] Index n() const { return plan.tree.n; }
+  [[nodiscard]] Index n() const { return system->prepared.n(); }
   /// Doubles in a vector of n numbers.
   [[nodiscard]] Offset doubles() const { return Offset{system->parts()} * n(); }
   /// Of real numbers: a complex multiplication and addition are eight, not two.
-  [[nodiscard]] double flops() const { return plan.flops * (system->parts() == 1 ? 1 : 4); }
+  [[nodiscard]] double flops() const { return plan.flops * (system->complex_factor() ? 4 : 1); }
+  /// The tree of the system itself, where pivots have not moved yet (real form), or as they are.
+  [[nodiscard]] const analysis::AssemblyTree& own_tree() const {
+    return system->real_form ? system->real_form->tree : plan.tree;
+  }
   /// With the values of one factor.
   [[nodiscard]] Offset bytes() const;
 };

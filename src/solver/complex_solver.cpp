@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "matrix/validate.hpp"
@@ -52,9 +53,54 @@ Turned turned(const solver::Analysis& a, Transpose wish) {
   return {false, (wish == Transpose::yes) == hermitian};
 }
 
+// use(the matrix, or on ranks that of rank 0): valid.
+template <class Use>
+void with_whole(Session& s, const ComplexMatrixView& a, Use&& use) {
+  if (s.link() == nullptr) {
+    matrix::validate(a, &s.pool);
+    return use(a);
+  }
+  const SparseMatrix of_first =
+      s.gathered.gather({a.rows, a.cols, a.col_ptr, a.row_ind, parts_of(a.values), a.storage}, s.link());
+  const std::span<const Value> values(base::as_complex(of_first.values.data()), of_first.values.size() / 2);
+  const ComplexMatrixView whole{of_first.rows,    of_first.cols, of_first.col_ptr,
+                                of_first.row_ind, values,        of_first.storage};
+  matrix::validate(whole, &s.pool);
+  use(whole);
+}
+
+// On ranks: the numbers of rank 0, on all of them.
+std::vector<double> of_first(Session& s, std::span<const Value> mine, std::size_t count, const char* what) {
+  const bool here = s.link()->rank() == 0;
+  s.link()->expect_all([&] {
+    if (here && mine.size() != count)
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("rank 0 gives {} {}; {} are needed", mine.size(), what, count));
+  });
+  return s.link()->all_gather_of(here ? parts_of(mine) : std::span<const double>()).front();
+}
+
+// op(A) X = B for vectors of the whole system; x may be b.
+SolveResult solve_whole(Session& s, const double* b, double* x, Index columns, Transpose transpose) {
+  const Turned how = turned(s.current(), transpose);
+  const auto count = static_cast<Offset>(s.current().n()) * columns;
+  std::vector<double> copy;
+  solver::SolveJob job{b, x, columns, how.transpose};
+  if (how.conjugate) {
+    copy.assign(b, b + 2 * count);
+    solver::conjugate(copy.data(), count);
+    job.b = copy.data();
+  }
+  SolveResult result = solver::solve(*s.factor, job, s.context);
+  if (how.conjugate) solver::conjugate(job.x, count);
+  return result;
+}
+
 }  // namespace
 
 ComplexSolver::ComplexSolver(Options options) : impl_(std::make_unique<Impl>(std::move(options))) {}
+ComplexSolver::ComplexSolver(const Ranks& ranks, Options options)
+    : impl_(std::make_unique<Impl>(ranks, std::move(options))) {}
 ComplexSolver::ComplexSolver(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 ComplexSolver::~ComplexSolver() = default;
 ComplexSolver::ComplexSolver(ComplexSolver&&) noexcept = default;
@@ -67,28 +113,40 @@ ComplexSolver ComplexSolver::clone(int threads) const {
 
 AnalysisResult ComplexSolver::analyze(const ComplexMatrixView& a) {
   return solver::analysis_by(*impl_, [&] {
-    matrix::validate(a, &impl_->pool);
-    impl_->analyze(solver::given(a));
+    with_whole(*impl_, a, [&](const ComplexMatrixView& whole) { impl_->analyze(solver::given(whole)); });
   });
 }
 
 ComplexFactorResult ComplexSolver::factorize(const ComplexMatrixView& a) {
   solver::check_analyzed(*impl_, "ComplexSolver::factorize");
-  Status status = solver::guarded(*impl_, [&] {
-    matrix::validate(a, &impl_->pool);
-    solver::expect_same_system(*impl_, matrix::pattern_of(a), a.values.size());
-  });
-  if (!status.ok()) {
+  if (impl_->link() == nullptr) {
+    Status status = solver::guarded(*impl_, [&] {
+      matrix::validate(a, &impl_->pool);
+      solver::expect_same_system(*impl_, matrix::pattern_of(a), a.values.size());
+    });
+    if (status.ok()) return refactorize(a.values);
     ComplexFactorResult r;
     r.status = std::move(status);
     return r;
   }
-  return refactorize(a.values);
+  FactorResult r = solver::factor_by(*impl_, [&](solver::Factor& factor) {
+    with_whole(*impl_, a, [&](const ComplexMatrixView& whole) {
+      solver::expect_same_system(*impl_, matrix::pattern_of(whole), whole.values.size());
+      factor.factorize(parts_of(whole.values));
+    });
+  });
+  return complex_result(std::move(r), impl_->factor->determinant_phase());
 }
 
 ComplexFactorResult ComplexSolver::refactorize(std::span<const Value> values) {
-  solver::check_values(*impl_, "ComplexSolver::refactorize", static_cast<Offset>(values.size()));
-  FactorResult r = solver::factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize(parts_of(values)); });
+  solver::check_analyzed(*impl_, "ComplexSolver::refactorize");
+  const bool shared = impl_->link() != nullptr;
+  if (!shared) solver::check_values(*impl_, "ComplexSolver::refactorize", static_cast<Offset>(values.size()));
+  FactorResult r = solver::factor_by(*impl_, [&](solver::Factor& factor) {
+    if (!shared) return factor.factorize(parts_of(values));
+    const auto count = static_cast<std::size_t>(impl_->current().system->prepared.caller_nonzeros);
+    factor.factorize(of_first(*impl_, values, count, "values"));
+  });
   return complex_result(std::move(r), impl_->factor->determinant_phase());
 }
 
@@ -96,22 +154,18 @@ SolveResult ComplexSolver::solve(std::span<const Value> b, std::span<Value> x, I
   solver::check_factorized(*impl_, "ComplexSolver::solve");
   const Index n = impl_->current().n();
   const auto size = static_cast<std::size_t>(n) * static_cast<std::size_t>(std::max<Index>(columns, 0));
-  if (columns < 1 || b.size() != size || x.size() != size)
+  const bool shared = impl_->link() != nullptr;
+  if (columns < 1 || (!shared && (b.size() != size || x.size() != size)))
     throw std::invalid_argument(
         fmt::format("ComplexSolver::solve: {} right-hand sides of {} rows need {} values; b has {}, x has {}", columns,
                     n, size, b.size(), x.size()));
-  const Turned how = turned(impl_->current(), transpose);
   return solver::solve_by(*impl_, [&] {
-    std::vector<double> copy;
-    solver::SolveJob job{parts_of(b).data(), reinterpret_cast<double*>(x.data()), columns, how.transpose};
-    const auto count = static_cast<Offset>(size);
-    if (how.conjugate) {
-      copy.assign(job.b, job.b + 2 * size);
-      solver::conjugate(copy.data(), count);
-      job.b = copy.data();
-    }
-    SolveResult result = solver::solve(*impl_->factor, job, impl_->context);
-    if (how.conjugate) solver::conjugate(job.x, count);
+    if (!shared)
+      return solve_whole(*impl_, parts_of(b).data(), reinterpret_cast<double*>(x.data()), columns, transpose);
+    std::vector<double> whole = of_first(*impl_, b, size, "numbers of right-hand sides");
+    (void)of_first(*impl_, x, size, "places for solutions");
+    SolveResult result = solve_whole(*impl_, whole.data(), whole.data(), columns, transpose);
+    if (impl_->link()->rank() == 0) std::copy_n(base::as_complex(whole.data()), size, x.begin());
     return result;
   });
 }
@@ -146,8 +200,7 @@ Status ComplexSolver::save_analysis(const std::string& path) const {
 
 AnalysisResult ComplexSolver::load_analysis(const std::string& path, const ComplexMatrixView& a) {
   return solver::analysis_by(*impl_, [&] {
-    matrix::validate(a, &impl_->pool);
-    impl_->load_analysis(path, solver::given(a));
+    with_whole(*impl_, a, [&](const ComplexMatrixView& whole) { impl_->load_analysis(path, solver::given(whole)); });
   });
 }
 

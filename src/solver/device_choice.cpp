@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "solver/device_text.hpp"
+#include "solver/real_form.hpp"
 
 namespace espalier::solver {
 
@@ -65,18 +66,19 @@ DeviceChoice asked_for(const DeviceText& text, const device::Registry& registry)
   return devices_of(*backend, found, std::move(numbers), std::move(reason));
 }
 
-// Complex systems on devices without complex numbers: the host takes them.
-DeviceChoice host_for_complex(const DeviceChoice& asked, const device::Registry& registry) {
-  const std::string why = fmt::format("a {} takes no complex numbers", asked.backend->noun());
-  DeviceChoice choice = whole_host(registry, "host: " + why);
-  choice.notice = why + "; the system is solved on the host";
-  return choice;
-}
-
 DeviceChoice named(const DeviceText& text, const device::Registry& registry) {
   if (text.whole_host) return whole_host(registry, "host: asked for");
   if (text.hosts) return host_devices_asked_for(registry, text.hosts->devices);
   return asked_for(text, registry);
+}
+
+// A backend without complex numbers takes the real form.
+device::PredictedTime predicted(const device::Backend& backend, const analysis::AssemblyTree& tree,
+                                const device::PlanWish& wish) {
+  if (!wish.complex || backend.limits().complex) return backend.predict(tree, wish);
+  device::PlanWish real = wish;
+  real.complex = false;
+  return backend.predict(doubled(tree), real);
 }
 
 // What is known of a backend that could be faster than the host.
@@ -96,11 +98,7 @@ std::vector<Candidate> candidates(const device::Registry& registry, const analys
   };
   for (const device::Backend* backend : registry.backends) {
     if (backend == &registry.host()) continue;
-    if (wish.complex && !backend->limits().complex) {
-      note(fmt::format("a {} takes no complex numbers", backend->noun()));
-      continue;
-    }
-    Candidate c{backend, {}, backend->predict(tree, wish)};
+    Candidate c{backend, {}, predicted(*backend, tree, wish)};
     if (std::isinf(c.time.on(1))) continue;
     c.found = backend->find();
     if (c.found.names.empty())
@@ -214,7 +212,6 @@ DeviceChoice choose_device(const Options& options, const device::Registry& regis
                 fmt::format("device '{}' is not known; use {}", options.device, kDeviceTexts));
   const std::size_t budgets = options.device_memory_each_bytes.size();
   DeviceChoice choice = text->automatic ? automatic(registry, tree, wish, budgets) : named(*text, registry);
-  if (wish.complex && !choice.backend->limits().complex) return host_for_complex(choice, registry);
   if (budgets > 0 && choice.budgeted && !choice.ours && static_cast<int>(budgets) != choice.devices())
     throw Error(StatusCode::invalid_input,
                 fmt::format("{} budgets of device memory for {} device{}: give one for all, or one for each", budgets,

@@ -87,7 +87,7 @@ std::unique_ptr<device::Executor<T>> make_executor(const Analysis& analysis, con
   const Backend& backend = *analysis.device.backend;
   Job job{analysis.plan,
           analysis.kind(),
-          analysis.system->numbers() == base::Numbers::hermitian,
+          analysis.system->complex_factor() && analysis.system->numbers() == base::Numbers::hermitian,
           rule,
           context.pool,
           &context.budget,

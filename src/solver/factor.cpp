@@ -143,7 +143,8 @@ void Factor::finish(device::FactorOutcome outcome, double start) {
   if (hopeless) result_.status = no_place(outcome.replaced.size(), context_.options.matching);
   result_.precision = context_.precision();
   if (analysis_->system->numbers() != base::Numbers::real) {
-    phase_ = outcome.determinant_phase * analysis_->system->prepared.transform_sign;
+    phase_ = analysis_->system->real_form ? phase_of_real_form(*analysis_, result_)
+                                          : outcome.determinant_phase * analysis_->system->prepared.transform_sign;
     result_.determinant_sign = std::abs(result_.determinant_sign);
   }
   result_.seconds = base::now_seconds() - start;
@@ -238,7 +239,7 @@ const Deficiency& Factor::judge(const device::FactorOutcome& outcome) {
   const Options& o = context_.options;
   const bool looks =
       o.singular == SingularMatrix::report || o.refinement_steps > 0 || std::isfinite(o.required_backward_error);
-  const auto suspects = static_cast<Index>(outcome.replaced.size() + outcome.small.size());
+  const Index suspects = analysis_->system->unknowns(outcome.replaced.size() + outcome.small.size());
   // Rounding in FP32 may leave a zero as large as other pivots: the first factor of a plan is looked at in any case.
   const bool first_in_fp32 = context_.single() && !regular_in_fp32_;
   if ((suspects == 0 && !first_in_fp32) || (!looks && outcome.replaced.empty()) || outcome.not_positive >= 0 ||
@@ -297,30 +298,34 @@ void Factor::with_larger_pivots(const std::function<bool()>& search) {
   }
 }
 
+Growth growth_of(std::span<const double> b, std::span<const double> x, Index parts, const Scales& scales,
+                 const solve::ResidualOperator& residual, bool transpose) {
+  const auto& of_b = transpose ? scales.col : scales.row;
+  const auto& of_x = transpose ? scales.row : scales.col;
+  Growth g;
+  for (std::size_t i = 0; i < b.size(); ++i) {
+    const std::size_t row = i / static_cast<std::size_t>(parts);
+    g.given = std::max(g.given, std::abs(of_b.empty() ? b[i] : b[i] * of_b[row]));
+    g.found = std::max(g.found, std::abs(of_x.empty() ? x[i] : x[i] / of_x[row]));
+  }
+  if (of_x.empty()) g.found *= residual.norm(transpose);
+  return g;
+}
+
 Status Factor::second_look(const double* b, const double* x, bool transpose) {
-  // A random right-hand side of a singular matrix grows by 1e15 / sqrt(n), in FP32 by 1e7 / sqrt(n) at first.
-  const double far = context_.single() ? 1e5 : 1e11;
   if (looked_ || pivots_are_given()) return {};
   const bool llt = analysis_->kind() == Kind::llt;
   if (llt && numeric_->device_system() != nullptr && !context_.single()) return {};  // a GPU has looked at all pivots
-  const Scales& s = numeric_->scales();
   const Index n = analysis_->n();
-  const auto& of_b = transpose ? s.col : s.row;
-  const auto& of_x = transpose ? s.row : s.col;
-  const Index parts = analysis_->system->parts();
-  double given = 0, found = 0;
-  for (Offset i = 0; i < analysis_->doubles(); ++i) {
-    const auto row = static_cast<std::size_t>(i / parts);
-    given = std::max(given, std::abs(of_b.empty() ? b[i] : b[i] * of_b[row]));
-    found = std::max(found, std::abs(of_x.empty() ? x[i] : x[i] / of_x[row]));
-  }
-  if (of_x.empty()) found *= values_.residual().norm(transpose);
-  if (!(found > far * given) || !std::isfinite(found)) return {};
+  const auto size = static_cast<std::size_t>(analysis_->doubles());
+  const Growth growth =
+      growth_of({b, size}, {x, size}, analysis_->system->parts(), numeric_->scales(), values_.residual(), transpose);
+  if (!growth.is_far(context_.single())) return {};
   constexpr double kMore = 2;  // a matrix that became singular makes far more of it
-  if (found <= kMore * harmless_growth_ * given) return {};
+  if (growth.found <= kMore * harmless_growth_ * growth.given) return {};
   Deficiency d = deficiency(false, 0, false);
   if (d.zeros == 0) {
-    harmless_growth_ = found / given;
+    harmless_growth_ = growth.found / growth.given;
     return {};
   }
   result_.rank = n - d.zeros;
@@ -336,16 +341,16 @@ Status Factor::second_look(const double* b, const double* x, bool transpose) {
 bool Factor::needs_fp64(const device::FactorOutcome& outcome) {
   if (context_.precision() != Precision::mixed) return false;
   // A look at many small pivots takes longer than FP64.
-  constexpr std::size_t kFew = 8;
-  return outcome.not_positive >= 0 || !outcome.replaced.empty() || outcome.small.size() > kFew ||
-         judge(outcome).smallest < kLeastForFp32;
+  constexpr Index kFew = 8;
+  return outcome.not_positive >= 0 || !outcome.replaced.empty() ||
+         analysis_->system->unknowns(outcome.small.size()) > kFew || judge(outcome).smallest < kLeastForFp32;
 }
 
 // Values may have moved far from those that the analysis scaled.
 bool Factor::lost_to_scaling(const device::FactorOutcome& outcome) {
   if (outcome.replaced.empty() || pivots_are_given() || context_.rescales() || analysis_->kind() == Kind::llt)
     return false;
-  return judge(outcome).zeros < static_cast<Index>(outcome.replaced.size());
+  return judge(outcome).zeros < analysis_->system->unknowns(outcome.replaced.size());
 }
 
 bool Factor::weakly_scaled(const device::FactorOutcome& outcome) const {

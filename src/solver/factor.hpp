@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <complex>
 #include <cstdint>
 #include <functional>
@@ -75,8 +76,10 @@ class Factor {
   /// Of the last factorization; null vectors of complex matrices as doubles, determinant_sign 1 where it is not zero.
   [[nodiscard]] const FactorResult& result() const { return result_; }
   [[nodiscard]] FactorResult& result() { return result_; }
-  /// Of the last factorization: the determinant over its magnitude.
-  [[nodiscard]] std::complex<double> determinant_phase() const { return result_.determinant_sign * phase_; }
+  /// Of the last factorization: the determinant over its magnitude; NaN where a real form does not tell it.
+  [[nodiscard]] std::complex<double> determinant_phase() const {
+    return result_.determinant_sign == 0 ? 0 : result_.determinant_sign * phase_;
+  }
   /// Where factorize_device() takes values from; -1: nowhere.
   [[nodiscard]] int gpu() const;
   [[nodiscard]] bool factorized() const { return factorized_; }
@@ -161,8 +164,22 @@ class Factor {
   bool factorized_ = false;
 };
 
+/// Largest entries of a right-hand side and of its solution in the scaled system.
+struct Growth {
+  double given = 0, found = 0;
+  /// A random right-hand side of a singular matrix grows by 1e15 / sqrt(n), in FP32 by 1e7 / sqrt(n) at first.
+  [[nodiscard]] bool is_far(bool single) const { return found > (single ? 1e5 : 1e11) * given && std::isfinite(found); }
+};
+/// @param b, x  doubles of op(A) x = b, as many; `parts` of them in a number
+Growth growth_of(std::span<const double> b, std::span<const double> x, Index parts, const Scales& scales,
+                 const solve::ResidualOperator& residual, bool transpose);
+
 /// The status of a matrix whose rank is n - zeros. @param rows  that depend on the others
 Status singular(const std::vector<Index>& rows, Index zeros, Index n);
+
+/// det A over its magnitude of a complex matrix whose real form was factorized: known of Hermitian ones, by their
+/// inertia. The determinant of the real form is +-|det A|^2, which does not tell it: NaN.
+std::complex<double> phase_of_real_form(const Analysis& analysis, const FactorResult& result);
 
 /// What `numeric` came to, as the caller reads it. @param held_bytes  by the solver, on the host
 FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, const device::FactorOutcome& outcome,

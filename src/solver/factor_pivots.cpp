@@ -62,7 +62,7 @@ bool Factor::zeros_explain(device::FactorOutcome& outcome) {
   if (spoilt()) return false;
   complete(outcome);
   if (spoilt()) return false;
-  return judge(outcome).zeros >= static_cast<Index>(outcome.replaced.size());
+  return judge(outcome).zeros >= analysis_->system->unknowns(outcome.replaced.size());
 }
 
 bool Factor::narrow_tiles() const {
@@ -152,7 +152,7 @@ bool Factor::follow(const analysis::AssemblyTree& tree, std::vector<Index> front
 double Factor::search_seconds() const {
   device::PlanWish wish;
   wish.kind = analysis_->kind();
-  wish.complex = analysis_->system->numbers() != base::Numbers::real;
+  wish.complex = analysis_->system->complex_factor();
   wish.threads = context_.threads();
   wish.machine = plan::machine_with(context_.options.machine);
   return context_.registry.host().predict(analysis_->plan.tree, wish).on(1);

@@ -42,8 +42,10 @@ std::vector<DeviceReport> device_reports(const Numeric& numeric, const device::F
 std::vector<Index> rows_of(const Analysis& analysis, const std::vector<Index>& positions) {
   std::vector<Index> rows;
   for (const Index p : positions)
-    rows.push_back(analysis.system->prepared.row_of(analysis.plan.tree.order[static_cast<std::size_t>(p)]));
+    rows.push_back(analysis.system->prepared.row_of(
+        analysis.system->unknown_of(analysis.plan.tree.order[static_cast<std::size_t>(p)])));
   std::sort(rows.begin(), rows.end());
+  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
   return rows;
 }
 
@@ -56,12 +58,14 @@ Status not_positive(Index row) {
 
 // Pivots count by their signs (Sylvester), those that stand for a zero do not. Where these are not known one by one,
 // what is left of the matrix for all small ones has the inertia of B on the directions of its smallest eigenvalues
-// (Haynsworth 1968).
-Index negative_eigenvalues(const device::FactorOutcome& outcome, const Deficiency& deficiency) {
-  const auto replaced = static_cast<Index>(outcome.replaced.size()), small = static_cast<Index>(outcome.small.size());
-  if (deficiency.zeros == replaced) return outcome.negative;
+// (Haynsworth 1968). In a real form all of them stand twice. Of an odd number of pivots that vanish there, the
+// direction that is counted beside them may be negative: what is odd is one too many.
+Index negative_eigenvalues(const System& system, const device::FactorOutcome& outcome, const Deficiency& deficiency) {
+  const Index twice = system.real_form ? 2 : 1;
+  if (deficiency.zeros == system.unknowns(outcome.replaced.size())) return outcome.negative / twice;
   const Index others = outcome.negative - outcome.small_negative;
-  return deficiency.zeros >= replaced + small ? others : others + deficiency.negative;
+  const Index suspects = system.unknowns(outcome.replaced.size() + outcome.small.size());
+  return (deficiency.zeros >= suspects ? others : others + twice * deficiency.negative) / twice;
 }
 
 std::vector<Index> vanishing(const device::FactorOutcome& outcome, bool with_small) {
@@ -82,12 +86,21 @@ Status singular(const std::vector<Index>& rows, Index zeros, Index n) {
           rows.empty() ? -1 : rows.front()};
 }
 
+std::complex<double> phase_of_real_form(const Analysis& analysis, const FactorResult& result) {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  if (analysis.system->numbers() != base::Numbers::hermitian || analysis.kind() == Kind::lu)
+    return {kUnknown, kUnknown};
+  return result.inertia.negative % 2 == 0 ? 1 : -1;
+}
+
 FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, const device::FactorOutcome& outcome,
                            Deficiency deficiency, const Options& options, Offset held_bytes) {
   FactorResult r;
   const Index n = analysis.n();
   r.two_by_two = outcome.two_by_two;
-  r.perturbed = std::max(static_cast<Index>(outcome.replaced.size()), deficiency.zeros);
+  const System& system = *analysis.system;
+  const Index replaced = system.unknowns(outcome.replaced.size());
+  r.perturbed = std::max(replaced, deficiency.zeros);
   r.delayed = analysis.moved_pivots;
   r.peak_host_bytes = held_bytes;
   r.device = analysis.result.device;
@@ -96,16 +109,17 @@ FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, con
     r.status = not_positive(rows_of(analysis, {outcome.not_positive}).front());
     return r;
   }
-  const PreparedMatrix& p = analysis.system->prepared;
+  const PreparedMatrix& p = system.prepared;
   r.determinant_sign = outcome.determinant_sign * p.transform_sign;
-  r.determinant_log = outcome.determinant_log - numeric.scales().log;
+  r.determinant_log = outcome.determinant_log / (system.real_form ? 2 : 1) - numeric.scales().log;
   const bool bounded = options.perturbation > 0;  // the caller's bound says which pivots count as zero
   const bool given = bounded || options.zero_pivot > 0;
-  const Index zeros = given ? static_cast<Index>(outcome.replaced.size()) : deficiency.zeros;
+  const Index zeros = given ? replaced : deficiency.zeros;
   r.rank = n - zeros;
   if (analysis.kind() == Kind::llt) r.inertia = {n - zeros, 0, zeros};
-  if (analysis.kind() == Kind::ldlt && analysis.system->numbers() != base::Numbers::complex) {
-    const Index negative = given ? outcome.negative : negative_eigenvalues(outcome, deficiency);
+  if (analysis.kind() == Kind::ldlt && system.numbers() != base::Numbers::complex) {
+    const Index negative =
+        given ? outcome.negative / (system.real_form ? 2 : 1) : negative_eigenvalues(system, outcome, deficiency);
     r.inertia = {n - negative - zeros, negative, zeros};
   }
   if (!given && r.perturbed > zeros) {  // the factor is that of another matrix

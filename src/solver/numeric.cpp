@@ -17,10 +17,12 @@ namespace {
 
 constexpr Index kMostColumnsAtOnce = 32;  // right-hand sides per sweep: 32 doubles are four cache lines per row
 
-template <class T>
+// T: scalar of the factor. kRealForm: it is that of a complex system's real form (real_form.hpp), of whose vectors two
+// rows, a number's parts, stand for one number.
+template <class T, bool kRealForm = false>
 class NumericOf final : public Numeric {
-  using Real = base::RealOf<T>;
   using Value = base::WideOf<T>;
+  using Number = std::conditional_t<kRealForm, std::complex<double>, Value>;  // of the system's vectors
   static constexpr bool kComplex = base::ScalarTraits<T>::is_complex;
 
  public:
@@ -28,6 +30,7 @@ class NumericOf final : public Numeric {
             const Context& context)
       : plan_(&analysis.plan),
         prepared_(analysis.system->prepared),
+        real_form_(analysis.system->real_form.get()),
         scales_{prepared_.row_scale, prepared_.col_scale, prepared_.transform_log, prepared_.wide},
         rescale_(context.rescales() && analysis.kind() != Kind::llt),
         matching_(context.matches()),
@@ -40,15 +43,17 @@ class NumericOf final : public Numeric {
         rule_{context.options.pivot_threshold, 0},
         executor_(make_executor<T>(analysis, rule_, context)) {
     // A Cholesky pivot is judged by its diagonal entry.
-    if (analysis.kind() == Kind::llt) diagonal_ = diagonal_places(prepared_.a, plan_->tree.order, pool_);
-    position_ = positions_for(prepared_, plan_->tree.order);
-    if constexpr (!kComplex) take_device_system(analysis, context);
+    const MatrixView factored = analysis.system->factored_pattern();
+    if (analysis.kind() == Kind::llt) diagonal_ = diagonal_places(factored, plan_->tree.order, pool_);
+    if constexpr (!kRealForm) position_ = positions_for(prepared_, plan_->tree.order);
+    if constexpr (!kComplex && !kRealForm) take_device_system(analysis, context);
     if (device_ != nullptr) {
       diagonal_ = {};
       return;
     }
     const auto of_border = static_cast<Offset>(border_ ? border_->entries.size() : 0);
-    values_ = base::Buffer<T>(prepared_.a.nonzeros() + of_border, &budget_);
+    values_ = base::Buffer<T>(factored.nonzeros() + of_border, &budget_);
+    if constexpr (kRealForm) numbers_ = base::Buffer<std::complex<T>>(prepared_.a.nonzeros(), &budget_);
     smallest_.resize(diagonal_.size());
   }
 
@@ -58,7 +63,7 @@ class NumericOf final : public Numeric {
       refuse_entry(prepared_, given_);
     }
     if (rescale_) scales_ = scales_for(prepared_, given_, matching_, pool_);
-    const double largest = scale_values(prepared_, scales_, given_, values_.data(), pool_, position_);
+    const double largest = scale();
     if constexpr (!kComplex) {
       if (border_)
         border_scales_ = scale_border(*border_, scales_, border_values_, values_.data() + prepared_.a.nonzeros());
@@ -87,7 +92,7 @@ class NumericOf final : public Numeric {
   }
   device::FactorOutcome factorize_rest() override {
     executor_->set_pivot_rule(rule_);
-    if (!position_.empty()) (void)scale_values(prepared_, scales_, given_, values_.data(), pool_, position_);
+    if (!position_.empty()) (void)scale();
     return executor_->factorize(values_.span());
   }
   [[nodiscard]] bool left_something() const override {
@@ -96,7 +101,7 @@ class NumericOf final : public Numeric {
   [[nodiscard]] std::optional<std::vector<analysis::PivotMove>> place_pivots(
       const device::Backend& host, const Analysis& analysis, std::span<const Index> failed) const override {
     if constexpr (base::keeps_fp64<T>) {
-      const bool hermitian = prepared_.numbers == base::Numbers::hermitian;
+      const bool hermitian = kComplex && prepared_.numbers == base::Numbers::hermitian;
       const std::span<const Value> values(values_.data(), static_cast<std::size_t>(values_.size()));
       return host.place_pivots(
           device::PlacementJobOf<Value>{analysis.plan, analysis.kind(), hermitian, rule_, values, pool_, &budget_,
@@ -154,6 +159,17 @@ class NumericOf final : public Numeric {
   [[nodiscard]] std::vector<device::DeviceWork> device_work() const override { return executor_->device_work(); }
 
  private:
+  // @returns the largest magnitude
+  double scale() {
+    if constexpr (kRealForm) {
+      const double largest = scale_values(prepared_, scales_, given_, numbers_.data(), pool_);
+      real_values(*real_form_, prepared_.a, numbers_.data(), values_.data(), pool_);
+      return largest;
+    } else {
+      return scale_values(prepared_, scales_, given_, values_.data(), pool_, position_);
+    }
+  }
+
   // Devices that can keep the linear system beside the factor do when memory allows; else refinement works on the host.
   void take_device_system(const Analysis& analysis, const Context& context) {
     if (border_ || scales_.wide || rescale_) return;  // devices scale by plain products, always the same
@@ -201,19 +217,18 @@ class NumericOf final : public Numeric {
       rhs_ = base::Buffer<T>();
       rhs_ = base::Buffer<T>(static_cast<Offset>(plan_->tree.n) * width, &budget_);
     }
-    const Value* from = reinterpret_cast<const Value*>(b);
-    find_units(from, columns, transpose);
-    gather(from, columns, width, transpose);
+    find_units(reinterpret_cast<const Number*>(b), columns, transpose);
+    gather(b, columns, width, transpose);
     executor_->solve(rhs_.data(), width, transpose);
-    scatter(reinterpret_cast<Value*>(x), columns, width, transpose);
+    scatter(x, columns, width, transpose);
   }
 
   // FP32: a right-hand side may be far from 1 where the scaled matrix is not. It is measured in a power of two, which
   // changes no digit.
-  void find_units(const Value* b, Index columns, bool transpose) {
+  void find_units(const Number* b, Index columns, bool transpose) {
     if (base::keeps_fp64<T>) return;
     unit_.assign(static_cast<std::size_t>(columns), 1);
-    const Index n = plan_->tree.n;
+    const Index n = prepared_.n();
     pool_.for_each_range(columns, 1, [&](std::int64_t c, std::int64_t) {
       double most = 0;
       for (Index k = 0; k < n; ++k) {
@@ -234,30 +249,43 @@ class NumericOf final : public Numeric {
     return base::keeps_fp64<T> ? Value(v) : static_cast<Value>(v) * unit_[static_cast<std::size_t>(c)];
   }
 
-  // Scaled right-hand sides in elimination order; columns that pad the width are zero.
-  void gather(const Value* b, Index columns, Index width, bool transpose) {
-    const Index n = plan_->tree.n;
-    pool_.for_each_range(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+  // The number, or part of a number, that a column of the plan stands for.
+  struct Unknown {
+    Index number, part;
+  };
+  static Unknown unknown_of(Index col) { return kRealForm ? Unknown{col / 2, col % 2} : Unknown{col, 0}; }
+  // Where it stands in a vector, in terms of Value.
+  static Offset place(Offset number, Index part) { return kRealForm ? 2 * number + part : number; }
+
+  // Scaled right-hand sides in elimination order; columns that pad the width are zero. Those of a real form are
+  // conjugated, but for Hermitian matrices.
+  void gather(const double* from, Index columns, Index width, bool transpose) {
+    const Index n = prepared_.n();
+    const auto* b = reinterpret_cast<const Value*>(from);
+    const bool conjugated = kRealForm && !real_form_->hermitian;
+    pool_.for_each_range(plan_->tree.n, kRows, [&](std::int64_t begin, std::int64_t end) {
       for (auto k = begin; k < end; ++k) {
-        const Index col = plan_->tree.order[static_cast<std::size_t>(k)];
+        const auto [col, part] = unknown_of(plan_->tree.order[static_cast<std::size_t>(k)]);
         const Index i = transpose ? col : prepared_.row_of(col);
-        const double s = factor_of(transpose ? scales_.col : scales_.row, i);
+        const double scale = factor_of(transpose ? scales_.col : scales_.row, i);
+        const double s = conjugated && part == 1 ? -scale : scale;
         T* row = rhs_.data() + k * width;
-        for (Index c = 0; c < columns; ++c) row[c] = in_unit(s * b[static_cast<Offset>(c) * n + i], c);
+        for (Index c = 0; c < columns; ++c) row[c] = in_unit(s * b[place(static_cast<Offset>(c) * n + i, part)], c);
         std::fill(row + columns, row + width, T(0));
       }
     });
   }
 
-  void scatter(Value* x, Index columns, Index width, bool transpose) {
-    const Index n = plan_->tree.n;
-    pool_.for_each_range(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+  void scatter(double* to, Index columns, Index width, bool transpose) {
+    const Index n = prepared_.n();
+    auto* x = reinterpret_cast<Value*>(to);
+    pool_.for_each_range(plan_->tree.n, kRows, [&](std::int64_t begin, std::int64_t end) {
       for (auto k = begin; k < end; ++k) {
-        const Index col = plan_->tree.order[static_cast<std::size_t>(k)];
+        const auto [col, part] = unknown_of(plan_->tree.order[static_cast<std::size_t>(k)]);
         const Index i = transpose ? prepared_.row_of(col) : col;
         const double s = factor_of(transpose ? scales_.row : scales_.col, i);
         const T* row = rhs_.data() + k * width;
-        for (Index c = 0; c < columns; ++c) x[static_cast<Offset>(c) * n + i] = s * from_unit(row[c], c);
+        for (Index c = 0; c < columns; ++c) x[place(static_cast<Offset>(c) * n + i, part)] = s * from_unit(row[c], c);
       }
     });
   }
@@ -267,6 +295,7 @@ class NumericOf final : public Numeric {
 
   const plan::Plan* plan_;
   const PreparedMatrix& prepared_;
+  const RealForm* real_form_;  // null: there is none
   Scales scales_;
   bool rescale_, matching_;
   double given_zero_;                     // Options::zero_pivot
@@ -276,8 +305,9 @@ class NumericOf final : public Numeric {
   BorderScales border_scales_;
   base::ThreadPool& pool_;
   base::MemoryBudget& budget_;
-  double smallest_pivot_ = 0;  // relative to the largest scaled entry
-  base::Buffer<T> values_;     // scaled; only without device_
+  double smallest_pivot_ = 0;                            // relative to the largest scaled entry
+  base::Buffer<T> values_;                               // scaled; only without device_
+  base::Buffer<std::complex<base::RealOf<T>>> numbers_;  // real form: scaled
   base::Buffer<T> rhs_;
   std::vector<double> unit_;      // FP32: of the right-hand sides in work
   std::vector<Index> position_;   // Hermitian: n, by column
@@ -295,10 +325,40 @@ std::unique_ptr<Numeric> make_numeric(const Analysis& analysis, std::span<const 
   const auto make = [&](auto scalar) -> std::unique_ptr<Numeric> {
     return std::make_unique<NumericOf<decltype(scalar)>>(analysis, values, border_values, context);
   };
-  if (analysis.system->numbers() != base::Numbers::real)
+  if (analysis.system->real_form) {
+    if (context.single()) return std::make_unique<NumericOf<float, true>>(analysis, values, border_values, context);
+    return std::make_unique<NumericOf<double, true>>(analysis, values, border_values, context);
+  }
+  if (analysis.system->complex_factor())
     return context.single() ? make(std::complex<float>()) : make(std::complex<double>());
   return context.single() ? make(float()) : make(double());
 }
+
+namespace {
+
+// Of a real form.
+std::optional<std::vector<analysis::PivotMove>> place_real_pivots(const Analysis& analysis, const Scales& scales,
+                                                                  std::span<const double> values, double smallest_pivot,
+                                                                  std::span<const Index> failed,
+                                                                  const Context& context) {
+  const System& s = *analysis.system;
+  base::Buffer<std::complex<double>> numbers(s.prepared.a.nonzeros(), &context.budget);
+  base::Buffer<double> scaled(s.factored_pattern().nonzeros(), &context.budget);
+  const double largest = scale_values(s.prepared, scales, values, numbers.data(), context.pool);
+  real_values(*s.real_form, s.prepared.a, numbers.data(), scaled.data(), context.pool);
+  const device::PivotRule rule{context.options.pivot_threshold, smallest_pivot * largest};
+  return context.registry.host().place_pivots(
+      device::PlacementJob{analysis.plan,
+                           analysis.kind(),
+                           false,
+                           rule,
+                           {scaled.data(), static_cast<std::size_t>(scaled.size())},
+                           context.pool,
+                           &context.budget,
+                           failed});
+}
+
+}  // namespace
 
 std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& analysis, const Scales& scales,
                                                              std::span<const double> values,
@@ -306,6 +366,7 @@ std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& ana
                                                              double smallest_pivot, std::span<const Index> failed,
                                                              const Context& context) {
   const PreparedMatrix& p = analysis.system->prepared;
+  if (analysis.system->real_form) return place_real_pivots(analysis, scales, values, smallest_pivot, failed, context);
   return base::with_numbers(p.numbers, values.data(), [&](const auto* first) {
     using Value = std::remove_cv_t<std::remove_pointer_t<decltype(first)>>;
     base::Buffer<Value> scaled(p.a.nonzeros() + static_cast<Offset>(border_values.size()), &context.budget);

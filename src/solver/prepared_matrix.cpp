@@ -515,7 +515,7 @@ double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<con
                     base::ThreadPool& pool, std::span<const Index> position) {
   constexpr std::int64_t kColumnsPerRange = 4096;
   constexpr std::size_t kParts = base::ScalarTraits<T>::is_complex ? 2 : 1;
-  const bool hermitian = p.numbers == base::Numbers::hermitian;
+  const bool hermitian = p.numbers == base::Numbers::hermitian, turns = hermitian && !position.empty();
   std::atomic<double> largest{0};
   std::atomic<bool> finite{true};
   pool.for_each_range(p.n(), kColumnsPerRange, [&](std::int64_t begin, std::int64_t end) {
@@ -527,7 +527,7 @@ double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<con
         const auto at = static_cast<std::size_t>(q), row = static_cast<std::size_t>(p.a.row_ind[at]);
         const double r = scales.row.empty() ? 1.0 : scales.row[row];
         const double* value = &values[kParts * at];
-        scaled[at] = scaled_entry<T>(value, s, r, scales.wide, hermitian && position[row] < position[c]);
+        scaled[at] = scaled_entry<T>(value, s, r, scales.wide, turns && position[row] < position[c]);
         const double magnitude = size_of(scaled[at]);
         most = std::max(most, magnitude);
         fine = fine && magnitude <= std::numeric_limits<double>::max();

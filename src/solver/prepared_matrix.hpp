@@ -127,7 +127,8 @@ Scales scales_for(const PreparedMatrix& p, std::span<const double> values, bool 
 /// @throws Error(invalid_input) naming an entry that is not finite, or saying that the values have gone too far from
 ///         the analyzed ones for their scaling
 /// Of a Hermitian matrix they are those of the lower triangle in the order of elimination (device::Executor).
-/// @param position  n, by column: its place in the order; read of Hermitian matrices alone
+/// @param position  n, by column: its place in the order; read of Hermitian matrices alone. Empty: entries stay as
+///                  they are stored
 template <class T>
 double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<const double> values, T* scaled,
                     base::ThreadPool& pool, std::span<const Index> position = {});

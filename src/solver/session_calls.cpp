@@ -45,7 +45,7 @@ Status save_analysis(Session& s, const char* call, const std::string& path) {
     if (s.link() != nullptr && s.link()->rank() != 0) return;  // rank 0 writes for all
     const Analysis& a = s.current();
     const auto& p = a.system->prepared;
-    write_analysis(path, {a.kind(), a.plan.tree, p.row_scale, p.col_scale, p.row_of_col}, caller_hash(p, s.pool));
+    write_analysis(path, {a.kind(), a.own_tree(), p.row_scale, p.col_scale, p.row_of_col}, caller_hash(p, s.pool));
   });
 }
 

@@ -1,76 +1,11 @@
 // Truth: single systems through Solver, bit by bit; backward errors in long double.
-#include "espalier/batch.hpp"
-
-#include <gtest/gtest.h>
-
 #include <cmath>
-#include <limits>
-#include <random>
 
-#include "reference/reference.hpp"
+#include "batch/batch_common.hpp"
 
 namespace espalier::test {
 
 namespace {
-
-constexpr double kEps = std::numeric_limits<double>::epsilon();
-
-Options options_of(Kind kind, int threads) {
-  Options o;
-  o.kind = kind;
-  o.threads = threads;
-  return o;
-}
-
-// `count` systems of the pattern of `a`: its values, each changed by up to a third.
-std::vector<double> values_of(const SparseMatrix& a, Index count, std::uint64_t seed) {
-  std::mt19937_64 random(seed);
-  std::vector<double> values;
-  for (Index k = 0; k < count; ++k)
-    for (const double v : a.values) values.push_back(v * (1 + static_cast<double>(random() % 1000) / 3000));
-  return values;
-}
-
-SparseMatrix system_of(const SparseMatrix& pattern, std::span<const double> values, Index k) {
-  SparseMatrix a = pattern;
-  std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(k) * std::ssize(a.values), a.values.size(),
-              a.values.begin());
-  return a;
-}
-
-void expect_bits_of_single_systems(const SparseMatrix& a, Kind kind, Index count, Index columns, Transpose transpose) {
-  const std::vector<double> values = values_of(a, count, 5);
-  const std::size_t size = static_cast<std::size_t>(a.cols) * static_cast<std::size_t>(columns);
-  const std::vector<double> b = reference::random_vector(static_cast<std::int64_t>(size) * count, 9);
-  for (const int threads : {1, 2, 3}) {
-    Batch batch(options_of(kind, threads));
-    ASSERT_TRUE(batch.analyze(a).status.ok());
-    std::vector<double> x(b);  // in place
-    const BatchResult result = batch.solve(values, x, x, count, columns, transpose);
-    ASSERT_TRUE(result.status.ok()) << result.status.message;
-    ASSERT_EQ(result.systems.size(), static_cast<std::size_t>(count));
-    Solver analyzed(options_of(kind, 1));
-    ASSERT_TRUE(analyzed.analyze(a).status.ok());
-    for (Index k = 0; k < count; ++k) {
-      Solver single = analyzed.clone();
-      const SparseMatrix one = system_of(a, values, k);
-      const FactorResult factor = single.factorize(one);
-      ASSERT_TRUE(factor.status.ok());
-      const std::vector<double> mine(b.begin() + static_cast<std::ptrdiff_t>(size) * k,
-                                     b.begin() + static_cast<std::ptrdiff_t>(size) * (k + 1));
-      std::vector<double> expected(size);
-      (void)single.solve(mine, expected, columns, transpose);
-      const std::vector<double> got(x.begin() + static_cast<std::ptrdiff_t>(size) * k,
-                                    x.begin() + static_cast<std::ptrdiff_t>(size) * (k + 1));
-      EXPECT_EQ(got, expected) << "system " << k << ", " << threads << " threads";
-      const SystemResult& r = result.systems[static_cast<std::size_t>(k)];
-      EXPECT_EQ(r.inertia.negative, factor.inertia.negative);
-      EXPECT_EQ(r.rank, a.cols);
-      EXPECT_LE(reference::backward_error(one, mine, got, columns, transpose != Transpose::no), 8 * kEps);
-      EXPECT_LE(r.backward_error, 8 * kEps);
-    }
-  }
-}
 
 TEST(Batch, HasTheBitsOfSingleSystems) {
   for (const Index n : {1, 3, 50, 200}) {

@@ -5,6 +5,7 @@ ESPALIER_BINARY names the binary. Solutions are checked against a product with t
 
 import gzip
 import json
+import math
 import os
 import pathlib
 import pty
@@ -205,6 +206,12 @@ class UnreadableInput(Cli):
             self.assertEqual((report["matrix"]["complex"], report["matrix"]["hermitian"]), (True, symmetry == "hermitian"))
             self.assertEqual(report["inertia"]["positive"], 2 if symmetry == "hermitian" else -1)
             self.expect(0, "analyze", a)
+            # A device without complex numbers takes the real system of twice the size.
+            report = json.loads(self.expect(0, "solve", a, "--rhs", rhs, "--out", out, "--device", "reference", "--json").stdout)
+            again = [complex(*map(float, line.split())) for line in out.read_text().splitlines() if line[0] != "%"][1:]
+            self.assertLessEqual(max(abs(p - q) for p, q in zip(x, again)), 1e-14)
+            self.assertEqual(report["determinant"]["phase"], [1, 0] if symmetry == "hermitian" else None)
+            self.assertLessEqual(abs(report["determinant"]["log"] - math.log(abs(determinant))), 1e-13)
 
     def test_malformed(self):
         self.refuse("hello\n")

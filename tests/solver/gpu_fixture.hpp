@@ -4,18 +4,25 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
+
 #include "device/registry.hpp"
 #include "espalier/espalier.hpp"
 
 namespace espalier::test {
 
+/// Empty: a GPU answers.
+inline std::string why_no_gpu() {
+  const device::Backend* gpus = device::registry().find("gpu");
+  if (gpus == nullptr) return std::string(device::registry().find_left_out("gpu")->reason);
+  const device::FoundDevices found = gpus->find();
+  return found.names.empty() ? found.reason : std::string();
+}
+
 class OnGpu : public testing::Test {
  protected:
   void SetUp() override {
-    const device::Backend* gpus = device::registry().find("gpu");
-    if (gpus == nullptr) GTEST_SKIP() << device::registry().find_left_out("gpu")->reason;
-    const device::FoundDevices found = gpus->find();
-    if (found.names.empty()) GTEST_SKIP() << found.reason;
+    if (const std::string why = why_no_gpu(); !why.empty()) GTEST_SKIP() << why;
   }
 };
 

@@ -1,0 +1,370 @@
+#include "batch/chunk.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <limits>
+#include <set>
+
+#include "solver/analysis_draft.hpp"
+#include "solver/factor.hpp"
+#include "solver/pivot_policy.hpp"
+
+namespace espalier::batch {
+
+namespace {
+
+auto at(Index k) { return static_cast<std::size_t>(k); }
+auto at(Offset k) { return static_cast<std::size_t>(k); }
+
+// `copies` of the matrix along the diagonal.
+solver::StoredMatrix repeated(const MatrixView& a, Index copies) {
+  solver::StoredMatrix all;
+  all.rows = all.cols = a.cols * copies;
+  all.storage = a.storage;
+  all.col_ptr.resize(at(all.cols) + 1);
+  all.row_ind.resize(at(a.nonzeros() * copies));
+  for (Index k = 0; k < copies; ++k) {
+    for (Index c = 0; c < a.cols; ++c) all.col_ptr[at(k * a.cols + c)] = k * a.nonzeros() + a.col_ptr[at(c)];
+    for (Offset q = 0; q < a.nonzeros(); ++q) all.row_ind[at(k * a.nonzeros() + q)] = k * a.cols + a.row_ind[at(q)];
+  }
+  all.col_ptr[at(all.cols)] = a.nonzeros() * copies;
+  return all;
+}
+
+template <class T>
+std::vector<T> repeated(const std::vector<T>& one, Index copies, T step) {
+  std::vector<T> all;
+  all.reserve(one.size() * at(copies));
+  for (Index k = 0; k < copies; ++k)
+    for (const T v : one) all.push_back(v + static_cast<T>(k) * step);
+  return all;
+}
+
+analysis::AssemblyTree repeated(const analysis::AssemblyTree& one, Index copies) {
+  analysis::AssemblyTree all;
+  all.n = one.n * copies;
+  all.order = repeated(one.order, copies, one.n);
+  all.rows = repeated(one.rows, copies, one.n);
+  all.first.push_back(0);
+  all.row_ptr.push_back(0);
+  for (Index k = 0; k < copies; ++k)
+    for (Index f = 0; f < one.fronts(); ++f) {
+      all.first.push_back(k * one.n + one.first[at(f) + 1]);
+      all.row_ptr.push_back(k * one.row_ptr.back() + one.row_ptr[at(f) + 1]);
+      all.parent.push_back(one.parent[at(f)] < 0 ? -1 : k * one.fronts() + one.parent[at(f)]);
+    }
+  return all;
+}
+
+solver::SharedAnalysis repeated(const solver::Analysis& one, Index copies, const solver::Context& context) {
+  const solver::PreparedMatrix& p = one.system->prepared;
+  auto system = std::make_shared<solver::System>();
+  system->kind = one.kind();
+  solver::PreparedMatrix& all = system->prepared;
+  all.a = repeated(p.a, copies);
+  all.caller_nonzeros = all.a.nonzeros();
+  all.row_scale = repeated(p.row_scale, copies, 0.0);
+  all.col_scale = repeated(p.col_scale, copies, 0.0);
+  all.row_of_col = repeated(p.row_of_col, copies, p.n());
+  all.wide = p.wide;
+  system->rows = solve::ResidualOperator::rows_of(all.a, context.pool);
+  return std::make_shared<const solver::Analysis>(
+      solver::lay_out(std::move(system), repeated(one.plan.tree, copies), {one.device, 0, one.free_pivots}, context));
+}
+
+// Of a regular symmetric matrix at least so many eigenvalues are negative: unknowns without entries between them, whose
+// diagonal is not positive, span a space on which x^T A x <= 0, which meets that of the positive eigenvalues in 0.
+Index least_negative(const MatrixView& a) {
+  std::vector<double> diagonal(at(a.cols), 0.0);
+  for (Index c = 0; c < a.cols; ++c)
+    for (Offset q = a.col_ptr[at(c)]; q < a.col_ptr[at(c) + 1]; ++q)
+      if (a.row_ind[at(q)] == c) diagonal[at(c)] += a.values[at(q)];
+  std::vector<char> taken(at(a.cols), 0), coupled(at(a.cols), 0);
+  Index count = 0;
+  for (Index c = 0; c < a.cols; ++c) {
+    const auto first = at(a.col_ptr[at(c)]), last = at(a.col_ptr[at(c) + 1]);
+    bool free = diagonal[at(c)] <= 0 && coupled[at(c)] == 0;
+    for (std::size_t q = first; q < last && free; ++q)
+      free = a.row_ind[q] == c || a.values[q] == 0 || taken[at(a.row_ind[q])] == 0;
+    if (!free) continue;
+    taken[at(c)] = 1;
+    ++count;
+    for (std::size_t q = first; q < last; ++q)
+      if (a.row_ind[q] != c && a.values[q] != 0) coupled[at(a.row_ind[q])] = 1;
+  }
+  return count;
+}
+
+}  // namespace
+
+/// One system and its place in the chunk.
+class Chunk::Block {
+ public:
+  Block(const solver::System& system, std::span<const double> values, base::ThreadPool& the_pool)
+      : pool(the_pool), residual(system.prepared.a, system.rows, the_pool) {
+    residual.set_values(values);
+  }
+
+  base::ThreadPool& pool;
+  solve::ResidualOperator residual;
+  bool left = false;      // to the caller
+  Index negative = 0;     // ldlt: at least
+  std::vector<double> b;  // n x columns
+  std::vector<double> x;  // likewise
+  solve::RefinementResult refined;
+  std::unique_ptr<solve::Refinement> steps;
+};
+
+bool Chunk::serves(const solver::Analysis& one, const Options& options) {
+  return options.precision == Precision::fp64 && options.rescale == Rescale::off && options.perturbation == 0 &&
+         options.zero_pivot == 0 && one.system->numbers() == base::Numbers::real && one.system->border == nullptr;
+}
+
+// As many as fill a device, and no more than half of its memory takes: a plan for more costs the host more than larger
+// chunks bring.
+Index Chunk::best_size(const solver::Analysis& one, const solver::Context& context) {
+  constexpr Offset kUnknowns = 1 << 19;
+  const device::Backend& backend = *one.device.backend;
+  if (!backend.limits().own_memory) return 0;
+  Offset memory = budgets_of(one.device, context.options).front();
+  if (memory == 0) memory = backend.free_bytes(one.device.numbers.front());
+  const Offset bytes = backend.executor_bytes(one.plan, one.kind(), Precision::fp64, 1) +
+                       2 * static_cast<Offset>(sizeof(double)) * (one.system->prepared.a.nonzeros() + 8 * one.n());
+  return static_cast<Index>(std::min(kUnknowns / one.n(), memory / 2 / bytes));
+}
+
+std::optional<Index> Chunk::wished_size() {
+  const char* text = std::getenv("ESPALIER_BATCH_CHUNK");
+  if (text == nullptr) return std::nullopt;
+  Index size = 0;
+  const auto [end, error] = std::from_chars(text, text + std::strlen(text), size);
+  if (error != std::errc{} || *end != '\0' || size < 0)
+    throw Error(
+        StatusCode::invalid_input,
+        fmt::format("ESPALIER_BATCH_CHUNK: '{}' is not understood; give a number of systems, or 0 for one by one",
+                    text));
+  return size;
+}
+
+Chunk::Chunk(solver::SharedAnalysis one, Index systems, const solver::Context& context)
+    : one_(std::move(one)), context_(context), size_(systems), n_(one_->n()) {
+  const solver::PreparedMatrix& p = one_->system->prepared;
+  scales_ = {p.row_scale, p.col_scale, p.transform_log, p.wide};
+  all_ = repeated(*one_, size_, context_);
+  values_.assign(at(p.a.nonzeros() * size_), 0.0);
+  numeric_ = solver::make_numeric(*all_, values_, {}, context_);
+  numeric_->halt_at_failures(false);
+  numeric_->set_smallest_pivot(solver::zero_pivot(n_, base::ScalarTraits<double>::epsilon));
+  for (int t = 0; t < context_.pool.size(); ++t) pools_.push_back(std::make_unique<base::ThreadPool>(1));
+}
+
+Chunk::~Chunk() = default;
+
+// Always on the same thread for a block.
+template <class Body>
+void Chunk::for_blocks(Body&& body) {
+  const auto threads = static_cast<Index>(pools_.size());
+  context_.pool.run([&](int t) {
+    for (Index k = t; k < static_cast<Index>(blocks_.size()); k += threads) body(*blocks_[at(k)], k);
+  });
+}
+
+std::span<double> Chunk::values_of(Index block) {
+  const Offset nonzeros = one_->system->prepared.a.nonzeros();
+  return std::span(values_).subspan(at(block * nonzeros), at(nonzeros));
+}
+
+// Systems with values that no factorization takes are left.
+void Chunk::take_values(const ChunkJob& job) {
+  const solver::PreparedMatrix& p = one_->system->prepared;
+  blocks_.clear();
+  for (Index k = 0; k < size_; ++k)
+    blocks_.push_back(std::make_unique<Block>(*one_->system, values_of(k), *pools_[at(k) % pools_.size()]));
+  const auto caller = at(p.caller_nonzeros);
+  for_blocks([&](Block& block, Index k) {
+    block.left = true;
+    if (k >= job.count) return;
+    try {
+      solver::Values mine;
+      mine.resize(at(p.a.nonzeros()));
+      solver::copy_values(p, job.values.subspan(at(k) * caller, caller), mine, block.pool);
+      std::vector<double> scaled(mine.size());
+      (void)solver::scale_values(p, scales_, mine, scaled.data(), block.pool);
+      std::copy(mine.begin(), mine.end(), values_of(k).begin());
+      block.left = false;
+    } catch (const Error& e) {
+      if (e.status().code != StatusCode::invalid_input) throw;
+    }
+  });
+}
+
+// Places of systems that are left get the values of another one. @returns false: all are left
+bool Chunk::fill_gaps() {
+  const auto good = std::find_if(blocks_.begin(), blocks_.end(), [](const auto& b) { return !b->left; });
+  if (good == blocks_.end()) return false;
+  const auto from = values_of(static_cast<Index>(good - blocks_.begin()));
+  for_blocks([&](const Block& block, Index k) {
+    if (block.left) std::copy(from.begin(), from.end(), values_of(k).begin());
+  });
+  return true;
+}
+
+void Chunk::note_failures(const device::FactorOutcome& outcome) {
+  for (const auto* list : {&outcome.replaced, &outcome.small, &outcome.failed})
+    for (const Index position : *list) blocks_[at(position / n_)]->left = true;
+  if (outcome.not_positive >= 0) blocks_[at(outcome.not_positive / n_)]->left = true;
+}
+
+// Until no pivot of any block fails. Of positive definite systems only the lowest failure is known each time.
+// @returns whether there is a factor, with the inertia of each
+bool Chunk::factorize() {
+  constexpr int kMostRounds = 4;
+  const bool ldlt = one_->kind() == Kind::ldlt;
+  for (int round = 0; round < kMostRounds; ++round) {
+    if (!fill_gaps()) return false;
+    context_.pool.check();
+    if (device::DeviceLinearSystem* device = numeric_->device_system(); device != nullptr)
+      device->send_values(0, static_cast<Offset>(values_.size()));
+    const device::FactorOutcome outcome = numeric_->factorize();
+    note_failures(outcome);
+    const bool failed = !outcome.replaced.empty() || !outcome.small.empty() || !outcome.failed.empty();
+    if (outcome.not_positive >= 0 || (ldlt && failed)) continue;
+    return !ldlt || proves_inertia(outcome.negative);
+  }
+  return false;
+}
+
+// A device counts for all blocks. Where that is what each of them has at least, each has just that.
+bool Chunk::proves_inertia(Index negative) {
+  for_blocks([&](Block& block, Index k) {
+    MatrixView a = one_->system->prepared.a;
+    a.values = values_of(k);
+    block.negative = least_negative(a);
+  });
+  Offset least = 0;
+  for (const auto& block : blocks_) least += block->negative;
+  return least == negative;
+}
+
+void Chunk::solve_first(const ChunkJob& job) {
+  const Offset all = Offset{n_} * size_;
+  from_.assign(at(all * job.columns), 0.0);
+  to_.resize(from_.size());
+  for_blocks([&](Block& block, Index k) {
+    if (block.left) return;
+    const double* b = job.b + Offset{k} * n_ * job.columns;
+    block.b.assign(b, b + Offset{n_} * job.columns);
+    for (Index c = 0; c < job.columns; ++c)
+      std::copy_n(b + Offset{c} * n_, n_, from_.data() + c * all + Offset{k} * n_);
+  });
+  numeric_->solve(from_.data(), to_.data(), job.columns, job.transpose);
+  for_blocks([&](Block& block, Index k) {
+    if (block.left) return;
+    block.x.resize(block.b.size());
+    for (Index c = 0; c < job.columns; ++c)
+      std::copy_n(to_.data() + c * all + Offset{k} * n_, n_, block.x.data() + Offset{c} * n_);
+  });
+}
+
+// Systems are refined side by side, each until it stalls: one substitution a step for all that still have as many
+// right-hand sides in work.
+void Chunk::refine(const ChunkJob& job) {
+  refinement_.steps = context_.options.refinement_steps;
+  refinement_.target = context_.options.refinement_target;
+  refinement_.positive_definite = one_->kind() == Kind::llt;
+  constexpr Index kMost = solve::Refinement::kMostColumns;
+  for (Index first = 0; first < job.columns; first += kMost) {
+    for_blocks([&](Block& block, Index) {
+      if (block.left) return;
+      const Offset begin = Offset{first} * n_;
+      block.steps =
+          std::make_unique<solve::Refinement>(block.residual,
+                                              solve::Systems{block.b.data() + begin, block.x.data() + begin,
+                                                             std::min(kMost, job.columns - first), job.transpose},
+                                              refinement_);
+    });
+    for (;;) {
+      std::set<Index> columns;
+      for (const auto& block : blocks_)
+        if (!block->left && !block->steps->done()) columns.insert(block->steps->columns());
+      if (columns.empty()) break;
+      for (const Index now : columns) correct(now, job.transpose);
+      for_blocks([](Block& block, Index) {
+        if (!block.left && !block.steps->done()) block.steps->take_corrections();
+      });
+    }
+    for_blocks([](Block& block, Index) {
+      if (block.left) return;
+      const solve::RefinementResult r = block.steps->result();
+      block.refined.error.normwise = std::max(block.refined.error.normwise, r.error.normwise);
+      block.refined.error.componentwise = std::max(block.refined.error.componentwise, r.error.componentwise);
+      block.refined.steps = std::max(block.refined.steps, r.steps);
+    });
+  }
+}
+
+// Of blocks with so many columns in work.
+void Chunk::correct(Index columns, bool transpose) {
+  const Offset all = Offset{n_} * size_;
+  const auto takes_part = [&](const Block& block) {
+    return !block.left && !block.steps->done() && block.steps->columns() == columns;
+  };
+  from_.assign(at(all * columns), 0.0);
+  to_.resize(from_.size());
+  for_blocks([&](const Block& block, Index k) {
+    if (!takes_part(block)) return;
+    for (Index c = 0; c < columns; ++c)
+      std::copy_n(block.steps->residuals() + Offset{c} * n_, n_, from_.data() + c * all + Offset{k} * n_);
+  });
+  context_.pool.check();
+  numeric_->solve(from_.data(), to_.data(), columns, transpose);
+  for_blocks([&](const Block& block, Index k) {
+    if (!takes_part(block)) return;
+    for (Index c = 0; c < columns; ++c)
+      std::copy_n(to_.data() + c * all + Offset{k} * n_, n_, block.steps->corrections() + Offset{c} * n_);
+  });
+}
+
+// What is not accurate, or looks singular by its solution, is left.
+void Chunk::finish(const ChunkJob& job, bool refined, std::span<SystemResult> results) {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  for_blocks([&](Block& block, Index k) {
+    if (block.left) return;
+    const std::span<const double> b(block.b), x(block.x);
+    if (refined) {
+      block.left =
+          !(block.refined.error.normwise <= context_.options.required_backward_error) ||
+          solver::growth_of(b.first(at(n_)), x.first(at(n_)), 1, scales_, block.residual, job.transpose).is_far(false);
+      if (block.left) return;
+    }
+    SystemResult& r = results[at(k)];
+    r = SystemResult{};
+    r.rank = n_;
+    if (one_->kind() != Kind::lu) r.inertia = {n_ - block.negative, block.negative, 0};
+    r.refinement_steps = block.refined.steps;
+    r.backward_error = refined ? block.refined.error.normwise : kUnknown;
+    r.componentwise_error = refined ? block.refined.error.componentwise : kUnknown;
+    std::copy(x.begin(), x.end(), job.x + Offset{k} * n_ * job.columns);
+  });
+}
+
+std::vector<char> Chunk::solve(const ChunkJob& job, std::span<SystemResult> results) {
+  take_values(job);
+  if (!factorize()) return {};
+  solve_first(job);
+  const Options& o = context_.options;
+  const bool refined = o.refinement_steps > 0 || std::isfinite(o.required_backward_error);
+  if (refined) refine(job);
+  finish(job, refined, results);
+  std::vector<char> left(at(job.count));
+  for (Index k = 0; k < job.count; ++k) left[at(k)] = blocks_[at(k)]->left ? 1 : 0;
+  blocks_.clear();
+  return left;
+}
+
+}  // namespace espalier::batch

@@ -1,0 +1,81 @@
+/// \file
+/// Many systems of one pattern as one block-diagonal system: what fills a device that one of them does not.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "espalier/batch.hpp"
+#include "solve/refinement_steps.hpp"
+#include "solver/analysis.hpp"
+#include "solver/context.hpp"
+#include "solver/numeric.hpp"
+
+namespace espalier::batch {
+
+/// Up to systems() systems of a batch; arrays as for Batch::solve().
+struct ChunkJob {
+  std::span<const double> values;
+  const double* b = nullptr;
+  double* x = nullptr;  ///< may be b
+  Index count = 0, columns = 1;
+  bool transpose = false;
+};
+
+/// The analysis is that of one system, repeated: order, scaling, matching and tiles are the same in each block, and
+/// blocks meet nowhere. So a block comes to the numbers that its system comes to alone, where no pivot fails. A system
+/// of which one does is left to its caller, and so is one whose solution is not accurate.
+class Chunk {
+ public:
+  /// Whether a factor with these options can be judged by blocks.
+  static bool serves(const solver::Analysis& one, const Options& options);
+  /// How many systems of any number to take at a time, by the memory that is free now; 0: go one by one.
+  static Index best_size(const solver::Analysis& one, const solver::Context& context);
+  /// The same by ESPALIER_BATCH_CHUNK, for tests and measurements on any device; nothing: it is not set.
+  /// @throws Error(invalid_input)
+  static std::optional<Index> wished_size();
+
+  /// @param context  outlives this
+  /// @throws Error(out_of_memory), Error(device_error)
+  Chunk(solver::SharedAnalysis one, Index systems, const solver::Context& context);
+  ~Chunk();
+  Chunk(const Chunk&) = delete;
+  Chunk& operator=(const Chunk&) = delete;
+
+  [[nodiscard]] Index systems() const { return size_; }
+  /// Solves what can be solved together. @param results  of job.count systems; those of systems that are left are not
+  /// touched, nor is their x
+  /// @returns which are left, by 1; empty: all are, since there is no factor that tells the inertia of each
+  std::vector<char> solve(const ChunkJob& job, std::span<SystemResult> results);
+
+ private:
+  class Block;
+
+  template <class Body>
+  void for_blocks(Body&& body);
+  [[nodiscard]] std::span<double> values_of(Index block);
+  void take_values(const ChunkJob& job);
+  bool fill_gaps();
+  bool factorize();
+  void note_failures(const device::FactorOutcome& outcome);
+  bool proves_inertia(Index negative);
+  void solve_first(const ChunkJob& job);
+  void refine(const ChunkJob& job);
+  void correct(Index columns, bool transpose);
+  void finish(const ChunkJob& job, bool refined, std::span<SystemResult> results);
+
+  solver::SharedAnalysis one_, all_;
+  const solver::Context& context_;
+  const Index size_, n_;
+  solver::Scales scales_;  // of one
+  std::vector<double> values_;
+  std::unique_ptr<solver::Numeric> numeric_;
+  std::vector<std::unique_ptr<base::ThreadPool>> pools_;  // of one thread, for each thread
+  std::vector<std::unique_ptr<Block>> blocks_;
+  std::vector<double> from_, to_;  // vectors of the block-diagonal system
+  solve::RefinementOptions refinement_;
+};
+
+}  // namespace espalier::batch

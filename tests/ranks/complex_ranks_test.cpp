@@ -1,0 +1,148 @@
+// Complex systems on several ranks, here threads with a link between them. The truth is the solver of one process: the
+// same bits, by kernels for complex numbers and as a real system of twice the size.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <mutex>
+#include <random>
+#include <vector>
+
+#include "espalier/complex_solver.hpp"
+#include "on_threads.hpp"
+#include "reference/reference.hpp"
+
+namespace espalier::ranks {
+namespace {
+
+using Value = std::complex<double>;
+
+// The pattern and real parts of a system of the tests, with imaginary parts of their size.
+ComplexSparseMatrix complex_of(const SparseMatrix& a, Storage storage) {
+  ComplexSparseMatrix c{a.rows, a.cols, a.col_ptr, a.row_ind, {}, storage};
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> u(-0.5, 0.5);
+  const bool hermitian = storage >= Storage::hermitian_lower;
+  for (Index j = 0; j < a.cols; ++j)
+    for (auto q = static_cast<std::size_t>(a.col_ptr[j]); q < static_cast<std::size_t>(a.col_ptr[j + 1]); ++q) {
+      const double imaginary = u(random) * a.values[q];
+      c.values.emplace_back(a.values[q], hermitian && a.row_ind[q] == j ? 0 : imaginary);
+    }
+  return c;
+}
+
+struct Answer {
+  AnalysisResult analysis;
+  ComplexFactorResult factor;
+  SolveResult solve;
+  double condition = 0;
+  std::vector<Value> x;
+};
+
+Answer answer_of(ComplexSolver& solver, const ComplexSparseMatrix& a, bool first, Transpose transpose) {
+  Answer r;
+  const ComplexMatrixView mine = first ? a.view() : ComplexMatrixView();
+  r.analysis = solver.analyze(mine);
+  if (!r.analysis.status.ok()) return r;
+  r.factor = solver.factorize(mine);
+  if (!r.factor.status.ok()) return r;
+  r.factor = solver.refactorize(mine.values);
+  const std::vector<double> parts = reference::random_vector(Offset{a.rows} * 4, 5);
+  std::vector<Value> b;
+  for (std::size_t k = 0; first && k < parts.size(); k += 2) b.emplace_back(parts[k], parts[k + 1]);
+  r.x.resize(b.size());
+  r.solve = solver.solve(b, r.x, 2, transpose);
+  r.condition = solver.condition_estimate().estimate;
+  return r;
+}
+
+bool same(Value x, Value y) { return x == y || (std::isnan(x.real()) && std::isnan(y.real())); }
+
+void expect_same(const Answer& found, const Answer& truth, bool first) {
+  EXPECT_EQ(found.analysis.status.code, truth.analysis.status.code) << found.analysis.status.message;
+  EXPECT_EQ(found.factor.status.code, truth.factor.status.code) << found.factor.status.message;
+  EXPECT_EQ(found.factor.inertia.negative, truth.factor.inertia.negative);
+  EXPECT_EQ(found.factor.rank, truth.factor.rank);
+  EXPECT_EQ(found.factor.determinant_log, truth.factor.determinant_log);
+  EXPECT_TRUE(same(found.factor.determinant_phase, truth.factor.determinant_phase));
+  EXPECT_EQ(found.factor.null_vectors, truth.factor.null_vectors);
+  EXPECT_EQ(found.solve.status.code, truth.solve.status.code) << found.solve.status.message;
+  EXPECT_EQ(found.solve.backward_error, truth.solve.backward_error);
+  EXPECT_EQ(found.condition, truth.condition);
+  if (first) {
+    EXPECT_EQ(found.x, truth.x);
+  }
+}
+
+void expect_bits_of_one(const ComplexSparseMatrix& a, const Options& options, Transpose transpose = Transpose::no) {
+  Options alone = options;
+  alone.threads = 2;
+  ComplexSolver solver(alone);
+  const Answer truth = answer_of(solver, a, true, transpose);
+  for (const int count : {2, 3}) {
+    std::mutex mutex;
+    on_threads(count, {}, [&](const Ranks& ranks) {
+      Options mine = options;
+      mine.threads = 1;
+      ComplexSolver shared(ranks, mine);
+      const Answer found = answer_of(shared, a, ranks.rank() == 0, transpose);
+      const std::lock_guard lock(mutex);
+      SCOPED_TRACE(testing::Message() << "rank " << ranks.rank() << " of " << count);
+      expect_same(found, truth, ranks.rank() == 0);
+    });
+  }
+}
+
+class ComplexRanks : public testing::TestWithParam<bool> {
+ protected:
+  void SetUp() override {
+    if (GetParam()) ::setenv("ESPALIER_COMPLEX_FORM", "real", 1);
+  }
+  void TearDown() override { ::unsetenv("ESPALIER_COMPLEX_FORM"); }
+};
+
+TEST_P(ComplexRanks, HaveTheBitsOfOneProcess) {
+  using reference::Values;
+  const SparseMatrix definite = reference::random_system(900, 4, Values::positive, 1);
+  expect_bits_of_one(complex_of(definite, Storage::hermitian_lower), {});
+  expect_bits_of_one(complex_of(definite, Storage::symmetric_lower), {}, Transpose::conjugate);
+  Options ldlt;
+  ldlt.kind = Kind::ldlt;
+  expect_bits_of_one(complex_of(reference::random_system(600, 4, Values::indefinite, 2), Storage::hermitian_lower),
+                     ldlt);
+  const SparseMatrix general = reference::random_system(600, 4, Values::general, 3);
+  expect_bits_of_one(complex_of(general, Storage::general), {}, Transpose::yes);
+  expect_bits_of_one(complex_of(general, Storage::general), {}, Transpose::conjugate);
+  Options mixed;
+  mixed.precision = Precision::mixed;
+  expect_bits_of_one(complex_of(definite, Storage::symmetric_lower), mixed);
+}
+
+TEST_P(ComplexRanks, SingularSystemsAndWrongArraysEndOnAllRanks) {
+  ComplexSparseMatrix a =
+      complex_of(reference::random_system(60, 4, reference::Values::positive, 1), Storage::symmetric_lower);
+  on_threads(2, {}, [&](const Ranks& ranks) {
+    const bool first = ranks.rank() == 0;
+    ComplexSolver solver(ranks);
+    const ComplexMatrixView mine = first ? a.view() : ComplexMatrixView();
+    ASSERT_TRUE(solver.analyze(mine).status.ok());
+    ComplexMatrixView bad = mine;
+    if (first) bad.values = bad.values.first(3);
+    EXPECT_EQ(solver.factorize(bad).status.code, StatusCode::invalid_input);
+    EXPECT_EQ(solver.refactorize(bad.values).status.code, StatusCode::invalid_input);
+    ASSERT_TRUE(solver.refactorize(mine.values).status.ok());
+    std::vector<Value> b(first ? 60 : 0), x(b);
+    EXPECT_EQ(solver.solve(std::span<const Value>(b).first(first ? 7 : 0), x).status.code, StatusCode::invalid_input);
+    EXPECT_EQ(solver.solve(b, std::span<Value>(x).first(0)).status.code, StatusCode::invalid_input);
+    EXPECT_TRUE(solver.solve(b, x).status.ok());
+    std::vector<Value> zeros(first ? a.values.size() : 0);
+    const ComplexFactorResult r = solver.refactorize(zeros);
+    EXPECT_EQ(r.status.code, StatusCode::singular);
+    EXPECT_EQ(r.rank, 0);
+  });
+}
+INSTANTIATE_TEST_SUITE_P(Forms, ComplexRanks, testing::Bool(),
+                         [](const auto& form) { return form.param ? "Real" : "Native"; });
+
+}  // namespace
+}  // namespace espalier::ranks
