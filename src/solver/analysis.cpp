@@ -8,6 +8,7 @@
 #include "analysis/ordering.hpp"
 #include "analysis/verify.hpp"
 #include "matrix/validate.hpp"
+#include "plan/plan_bytes.hpp"
 #include "solve/residual.hpp"
 #include "solver/analysis_draft.hpp"
 #include "solver/analysis_file.hpp"
@@ -28,12 +29,6 @@ void check_matrix(const GivenMatrix& given, base::ThreadPool& pool) {
 }
 
 namespace {
-
-Offset plan_bytes(const plan::Plan& p) {
-  const auto of = [](const auto& v) { return static_cast<Offset>(v.size() * sizeof(v[0])); };
-  return of(p.tree.order) + of(p.tree.rows) + of(p.relative) + of(p.layout) + of(p.entry_ptr) + of(p.entries) +
-         of(p.tasks) + of(p.memory.factor) * 4 + of(p.tree.parent) * 6;
-}
 
 device::PlanWish wish_of(const System& system, const Context& context) {
   device::PlanWish wish;
@@ -196,7 +191,7 @@ void check_tree(const std::string& path, const System& system, const analysis::A
 
 Offset Analysis::bytes() const {
   const Offset values = system->prepared.a.nonzeros() * system->parts() * static_cast<Offset>(sizeof(double));
-  return system->bytes() + values + plan_bytes(plan);
+  return system->bytes() + values + plan::bytes_of(plan).all();
 }
 
 Offset predicted_host_bytes(const Analysis& a, const Context& context) {

@@ -14,6 +14,7 @@
 #include "base/scalar.hpp"
 #include "solver/option_text.hpp"
 #include "solver/pivot_policy.hpp"
+#include "solver/whole_plan.hpp"
 
 namespace espalier::solver {
 
@@ -166,7 +167,7 @@ void Factor::make_numeric() {
       if (!next) throw;
       context_.log(fmt::format("the {} cannot take the factorization: going on with {}",
                                analysis_->device.backend->noun(), next->reason));
-      change_plan(analysis::AssemblyTree(analysis_->plan.tree),
+      change_plan(whole_tree(analysis_->plan, context_.link),
                   {std::move(*next), analysis_->moved_pivots, analysis_->free_pivots});
     }
   }
@@ -358,7 +359,7 @@ void Factor::raise_precision(std::string_view why) {
   context_.log(fmt::format("{} precision: {}; going on in FP64", name_of(context_.options.precision), why));
   context_.raised = true;
   looked_ = false;  // with the eyes of FP32
-  change_plan(analysis::AssemblyTree(analysis_->plan.tree),
+  change_plan(whole_tree(analysis_->plan, context_.link),
               {analysis_->device, analysis_->moved_pivots, analysis_->free_pivots});
   set_smallest_pivot();
 }

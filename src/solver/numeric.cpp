@@ -10,6 +10,7 @@
 #include "base/scalar.hpp"
 #include "solver/executor_choice.hpp"
 #include "solver/pivot_policy.hpp"
+#include "solver/whole_plan.hpp"
 
 namespace espalier::solver {
 
@@ -306,21 +307,32 @@ std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& ana
                                                              double smallest_pivot, std::span<const Index> failed,
                                                              const Context& context) {
   const PreparedMatrix& p = analysis.system->prepared;
-  return base::with_numbers(p.numbers, values.data(), [&](const auto* first) {
+  const bool part = !analysis.plan.row_begin.empty();
+  const plan::Plan whole = part ? whole_plan(analysis, context) : plan::Plan();
+  const plan::Plan& plan = part ? whole : analysis.plan;
+  std::optional<std::vector<analysis::PivotMove>> found;
+  const auto search = [&](const auto* first) {
     using Value = std::remove_cv_t<std::remove_pointer_t<decltype(first)>>;
     base::Buffer<Value> scaled(p.a.nonzeros() + static_cast<Offset>(border_values.size()), &context.budget);
     const double largest =
-        scale_values(p, scales, values, scaled.data(), context.pool, positions_for(p, analysis.plan.tree.order));
+        scale_values(p, scales, values, scaled.data(), context.pool, positions_for(p, plan.tree.order));
     if constexpr (!base::ScalarTraits<Value>::is_complex) {
-      if (analysis.plan.tree.border > 0)
+      if (plan.tree.border > 0)
         (void)scale_border(*analysis.system->border, scales, border_values, scaled.data() + p.a.nonzeros());
     }
     const device::PivotRule rule{context.options.pivot_threshold, smallest_pivot * largest};
     const bool hermitian = p.numbers == base::Numbers::hermitian;
     const std::span<const Value> numbers(scaled.data(), static_cast<std::size_t>(scaled.size()));
-    return context.registry.host().place_pivots(device::PlacementJobOf<Value>{
-        analysis.plan, analysis.kind(), hermitian, rule, numbers, context.pool, &context.budget, failed});
-  });
+    found = context.registry.host().place_pivots(device::PlacementJobOf<Value>{
+        plan, analysis.kind(), hermitian, rule, numbers, context.pool, &context.budget, failed});
+  };
+  const auto run = [&] { base::with_numbers(p.numbers, values.data(), search); };
+  // What one rank has no memory for, none finds.
+  if (context.link != nullptr)
+    context.link->expect_all(run);
+  else
+    run();
+  return found;
 }
 
 }  // namespace espalier::solver

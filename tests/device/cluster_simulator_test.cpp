@@ -50,6 +50,36 @@ TEST_F(Clusters, NoRunBeatsItsBounds) {
   }
 }
 
+// The parts that make_plan() makes of the real matrix, in bytes. Its tree has the unknowns of a node side by side, so
+// the counts differ by little.
+TEST_F(Clusters, PlansOfRanksAreWhatIsCounted) {
+  const SparseMatrix a = matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", "16"}));
+  const analysis::AssemblyTree tree = analysis::build_tree(analysis::graph_of(a, pool_), {}, pool_);
+  for (const Index ranks : {1, 4}) {
+    plan::PlanOptions options;
+    options.devices = options.ranks = ranks;
+    options.stealing = false;
+    options.balance_columns = true;
+    options.additional_subtrees = 0;
+    const auto counted = planned_bytes(plan_of_tree(tree_, 3, options), a_, tree_, 3);
+    ASSERT_EQ(counted.size(), static_cast<std::size_t>(ranks));
+    plan::PlanBytes all, made;
+    for (options.rank = 0; options.rank < ranks; ++options.rank) {
+      const plan::PlanBytes part = plan::bytes_of(plan::make_plan(tree, a, {}, options, pool_));
+      const plan::PlanBytes& count = counted[static_cast<std::size_t>(options.rank)];
+      all = {all.tree + count.tree, all.rows + count.rows, all.tiles + count.tiles, all.entries + count.entries,
+             all.tasks + count.tasks};
+      made = {made.tree + part.tree, made.rows + part.rows, made.tiles + part.tiles, made.entries + part.entries,
+              made.tasks + part.tasks};
+    }
+    EXPECT_EQ(made.entries, all.entries);  // each once
+    EXPECT_NEAR(1.0 * made.rows, 1.0 * all.rows, 0.05 * made.rows);
+    EXPECT_NEAR(1.0 * made.tree, 1.0 * all.tree, 0.1 * made.tree);
+    EXPECT_NEAR(1.0 * made.tiles, 1.0 * all.tiles, 0.1 * made.tiles);
+    EXPECT_NEAR(1.0 * made.tasks, 1.0 * all.tasks, 0.1 * made.tasks);
+  }
+}
+
 TEST_F(Clusters, SlowNetworksHurtAndRelaysSendAsMuch) {
   const plan::Plan plan = plan_for(32, 4);
   ClusterRates rates;
