@@ -38,6 +38,7 @@ class NumericOf final : public Numeric {
         border_values_(border_values),
         pool_(context.pool),
         budget_(context.budget),
+        link_(context.link),
         rule_{context.options.pivot_threshold, 0},
         executor_(make_executor<T>(analysis, rule_, context)) {
     // A Cholesky pivot is judged by its diagonal entry.
@@ -200,7 +201,11 @@ class NumericOf final : public Numeric {
     const Index width = columns == 1 ? 1 : (columns + kGroup - 1) / kGroup * kGroup;
     if (rhs_.size() < static_cast<Offset>(plan_->tree.n) * width) {
       rhs_ = base::Buffer<T>();
-      rhs_ = base::Buffer<T>(static_cast<Offset>(plan_->tree.n) * width, &budget_);
+      const auto take = [&] { rhs_ = base::Buffer<T>(static_cast<Offset>(plan_->tree.n) * width, &budget_); };
+      if (link_ != nullptr)
+        link_->expect_all(take);  // all go on with fewer right-hand sides, or none
+      else
+        take();
     }
     const Value* from = reinterpret_cast<const Value*>(b);
     find_units(from, columns, transpose);
@@ -277,6 +282,7 @@ class NumericOf final : public Numeric {
   BorderScales border_scales_;
   base::ThreadPool& pool_;
   base::MemoryBudget& budget_;
+  ranks::Link* link_;          // null: there are no other ranks
   double smallest_pivot_ = 0;  // relative to the largest scaled entry
   base::Buffer<T> values_;     // scaled; only without device_
   base::Buffer<T> rhs_;

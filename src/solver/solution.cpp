@@ -9,6 +9,7 @@
 #include <limits>
 #include <vector>
 
+#include "solve/rank_residual.hpp"
 #include "solve/refinement.hpp"
 #include "solver/condition.hpp"
 
@@ -18,6 +19,9 @@ namespace {
 
 // Right-hand sides that are brought to a device at a time.
 constexpr Index kColumnsOnDevice = 32;
+
+// Ranks share residuals of matrices with so many entries: those of smaller ones are sooner computed than gathered.
+constexpr Offset kEntriesToShare = 1 << 15;
 
 // Waits for a device that a failure has left at work on the caller's arrays.
 class Settled {
@@ -57,7 +61,7 @@ Status not_finite(const double* b, Index rows, Index columns, Index parts) {
 class Solving {
  public:
   Solving(Factor& factor, const Context& context)
-      : factor_(factor), options_(context.options), n_(factor.analysis()->n()) {}
+      : factor_(factor), options_(context.options), link_(context.link), n_(factor.analysis()->n()) {}
 
   void on_host(const SolveJob& job) {
     const solve::ResidualOperator& residual = factor_.residual();
@@ -68,7 +72,10 @@ class Solving {
       if (first < 0) first = base::now_seconds() - began;
     };
     result_ = SolveResult{};
-    refine(residual, apply, job);
+    if (link_ != nullptr)
+      refine(solve::RankResidual(residual, *link_, residual.entries() >= kEntriesToShare), apply, job);
+    else
+      refine(residual, apply, job);
     result_.solve_seconds = first;
   }
 
@@ -153,6 +160,7 @@ class Solving {
 
   Factor& factor_;
   const Options& options_;
+  ranks::Link* link_;
   Index n_;
   SolveResult result_;
 };
