@@ -373,7 +373,7 @@ std::vector<plan::PlanBytes> planned_bytes(const plan::Plan& plan, const MatrixV
     b.tree += Offset{4} * plan.tree.n + Offset{8 + 8 + 1 + 8} * plan.fronts();
     b.rows = 8 * rows;
     b.tiles = 8 * (part.tiles() + 1);
-    b.entries = 8 * entries[at(r)];
+    b.entries = (plan.options.ranks > 1 ? 16 : 8) * entries[at(r)];
     all.push_back(b);
   }
   return all;

@@ -281,6 +281,22 @@ void place_entries(Plan& plan, const EntrySource& from, base::ThreadPool& pool, 
   plan.entry_ptr.back() = static_cast<Offset>(plan.entries.size());
 }
 
+void number_sources(Plan& plan, base::ThreadPool& pool) {
+  constexpr std::int64_t kEntries = 1 << 15;  // per range
+  plan.sources.resize(plan.entries.size());
+  const auto each = [&](const auto& use) {
+    pool.for_each_range(static_cast<std::int64_t>(plan.entries.size()), kEntries, [&](std::int64_t b, std::int64_t e) {
+      for (auto k = static_cast<std::size_t>(b); k < static_cast<std::size_t>(e); ++k) use(k, plan.entries[k]);
+    });
+  };
+  each([&](std::size_t k, const EntryPlace& e) { plan.sources[k] = e.source(); });
+  std::sort(plan.sources.begin(), plan.sources.end());
+  each([&](std::size_t, EntryPlace& e) {
+    const auto at = std::lower_bound(plan.sources.begin(), plan.sources.end(), e.source()) - plan.sources.begin();
+    e = EntryPlace(at, e.row(), e.col(), e.transposed());
+  });
+}
+
 void place_entries_as_before(Plan& plan, const Plan& before, std::span<const Index> same, const EntrySource& from,
                              base::ThreadPool& pool) {
   const Permuted permuted = permute(plan, from, pool);

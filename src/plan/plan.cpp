@@ -121,6 +121,7 @@ Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vect
   place_entries(plan, {a, *rows, row_of_col}, pool, kept);
   beside.get();
   if (!part) return plan;
+  number_sources(plan, pool);
   plan.memory = memory_of_rank(plan);
   drop_unknown_rows(plan);
   return plan;

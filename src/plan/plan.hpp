@@ -149,10 +149,13 @@ struct Plan {
   std::vector<Offset> first_tile;            ///< fronts + 1; number of the front's first tile among all tiles
   std::vector<Offset> entry_ptr;             ///< tiles + 1 (whole fronts: all entries at their first tile)
   analysis::LazyVector<EntryPlace> entries;  ///< sorted by tile, then column, then row
-  std::vector<Task> tasks;                   ///< in topological order
-  std::vector<Index> first_task;             ///< fronts; number of the front's first task
-  std::vector<Index> last_task;              ///< fronts; number of the front's last task
-  std::vector<Index> tier;                   ///< fronts; distance from the root
+  /// Several ranks: the places in the caller's array of the values that this rank assembles, ascending; EntryPlace's
+  /// source is a place in this list. Every value is in the list of one rank. Empty: it is one in the caller's array.
+  std::vector<Offset> sources;
+  std::vector<Task> tasks;        ///< in topological order
+  std::vector<Index> first_task;  ///< fronts; number of the front's first task
+  std::vector<Index> last_task;   ///< fronts; number of the front's last task
+  std::vector<Index> tier;        ///< fronts; distance from the root
   Ownership ownership;
   MemoryPlan memory;
   Offset nonzeros_factor = 0;  ///< entries of L (L + U for lu), no padding
@@ -173,6 +176,11 @@ struct Plan {
 };
 
 struct KeptEntries;
+
+/// Values that factorizations with the plan take. @param entries  of the matrix
+inline Offset values_of(const Plan& plan, Offset entries) {
+  return plan.row_begin.empty() ? entries : static_cast<Offset>(plan.sources.size());
+}
 
 /// Lays out the plan of a matrix with the pattern of `a` (symmetric storage: either triangle or both; duplicates
 /// allowed). For lu, row_of_col[c] is the row matched to column c (empty: c itself): the plan is that of the

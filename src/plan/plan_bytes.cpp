@@ -17,7 +17,7 @@ PlanBytes bytes_of(const Plan& plan) {
            of(m.factor, m.factor2, m.contribution, m.contribution2, m.on_stack, m.wait_ptr, m.wait_fronts);
   b.rows = of(t.rows, plan.relative);
   b.tiles = of(plan.entry_ptr);
-  b.entries = of(plan.entries);
+  b.entries = of(plan.entries, plan.sources);
   b.tasks = of(plan.tasks);
   return b;
 }

@@ -11,7 +11,7 @@ struct PlanBytes {
   Offset tree = 0;     ///< order, fronts: sizes, parents, owners, places in memory
   Offset rows = 0;     ///< of fronts, and their places in the parents
   Offset tiles = 0;    ///< where the entries of each begin
-  Offset entries = 0;  ///< places of entries in tiles
+  Offset entries = 0;  ///< places of entries in tiles; of several ranks, which they are
   Offset tasks = 0;
 
   [[nodiscard]] Offset all() const { return tree + rows + tiles + entries + tasks; }

@@ -1,14 +1,12 @@
 #include "solve/rank_residual.hpp"
 
+#include <algorithm>
 #include <new>
 #include <vector>
 
 namespace espalier::solve {
 
 namespace {
-
-// The first row of a rank's part.
-Index first_row(Index rows, int rank, int ranks) { return static_cast<Index>(Offset{rows} * rank / ranks); }
 
 // Where one rank alone has no room, it must not go another way than the others: that ends the call on all.
 template <class Body>
@@ -23,18 +21,26 @@ void without_choice(const Body& body) {
 
 }  // namespace
 
-RankResidual::RankResidual(const ResidualOperator& whole, ranks::Link& link, bool shared)
-    : whole_(whole),
-      link_(link),
-      rows_(whole.rows()),
-      shared_(shared),
-      part_(whole.of_rows(first_row(rows_, link.rank(), link.size()), first_row(rows_, link.rank() + 1, link.size()))) {
+OwnRows own_rows(Index rows, int rank, int ranks) {
+  const auto begin = [&](int r) { return static_cast<Index>(Offset{rows} * r / ranks); };
+  return {begin(rank), begin(rank + 1)};
 }
 
+RankResidual::RankResidual(const ResidualOperator& mine, ranks::Link& link, bool shared)
+    : mine_(mine), link_(link), shared_(shared) {}
+
 RankResidual::Range RankResidual::range_of(int rank) const {
-  const Offset parts = rows_ > 0 ? whole_.size() / rows_ : 1;  // doubles in a number
-  const Index first = first_row(rows_, rank, link_.size());
-  return {parts * first, parts * (first_row(rows_, rank + 1, link_.size()) - first)};
+  const Offset parts = mine_.rows() > 0 ? mine_.size() / mine_.rows() : 1;  // doubles in a number
+  const OwnRows rows = own_rows(mine_.rows(), rank, link_.size());
+  return {parts * rows.first, parts * (rows.end - rows.first)};
+}
+
+double RankResidual::norm(bool transpose) const {
+  double most = mine_.norm(transpose);
+  if (!shared_) return most;
+  for (const auto& of_rank : link_.all_gather_of(std::span<const double>(&most, 1)))
+    most = std::max(most, of_rank.at(0));
+  return most;
 }
 
 // The rows of the others.
@@ -54,28 +60,38 @@ void RankResidual::gather(std::span<double* const> vectors) const {
 }
 
 void RankResidual::compute(std::span<ResidualColumn> columns, bool transpose) const {
-  if (!shared_) return without_choice([&] { whole_.compute(columns, transpose); });
+  if (!shared_) return without_choice([&] { mine_.compute(columns, transpose); });
+  struct Part {
+    RowErrors errors;
+    double norm = 0;
+  };
   std::vector<RowErrors> errors(columns.size());
-  without_choice([&] { part_.compute_rows(columns, errors, transpose); });
-  const auto all = link_.all_gather_of(std::span<const RowErrors>(errors));
+  without_choice([&] { mine_.compute_rows(columns, errors, transpose); });
+  std::vector<Part> parts;
+  for (const RowErrors& e : errors) parts.push_back({e, mine_.norm(transpose)});
+  const auto all = link_.all_gather_of(std::span<const Part>(parts));
   std::vector<double*> residuals;
   for (std::size_t k = 0; k < columns.size(); ++k) {
-    for (const std::vector<RowErrors>& others : all) errors[k].add(others.at(k));
-    columns[k].error = whole_.judge(errors[k], transpose);
+    Part whole;
+    for (const std::vector<Part>& of_rank : all) {
+      whole.errors.add(of_rank.at(k).errors);
+      whole.norm = std::max(whole.norm, of_rank.at(k).norm);
+    }
+    columns[k].error = ResidualOperator::judge(whole.errors, whole.norm);
     if (columns[k].r != nullptr) residuals.push_back(columns[k].r);
   }
   if (!residuals.empty()) gather(residuals);
 }
 
 void RankResidual::multiply(const double* x, double* y, bool transpose) const {
-  if (!shared_) return whole_.multiply(x, y, transpose);
-  part_.multiply(x, y, transpose);
+  if (!shared_) return mine_.multiply(x, y, transpose);
+  mine_.multiply(x, y, transpose);
   gather(std::span<double* const>(&y, 1));
 }
 
 void RankResidual::multiply_columns(const double* x, double* y, Index columns, bool transpose) const {
-  if (!shared_) return without_choice([&] { whole_.multiply_columns(x, y, columns, transpose); });
-  without_choice([&] { part_.multiply_columns(x, y, columns, transpose); });
+  if (!shared_) return without_choice([&] { mine_.multiply_columns(x, y, columns, transpose); });
+  without_choice([&] { mine_.multiply_columns(x, y, columns, transpose); });
   std::vector<double*> products;
   for (Index k = 0; k < columns; ++k) products.push_back(y + Offset{k} * size());
   gather(products);
@@ -83,7 +99,7 @@ void RankResidual::multiply_columns(const double* x, double* y, Index columns, b
 
 ResidualSpace::Vectors RankResidual::vectors(Index slot, Index columns) const {
   Vectors made;
-  link_.expect_all([&] { made = whole_.vectors(slot, columns); });
+  link_.expect_all([&] { made = mine_.vectors(slot, columns); });
   return made;
 }
 

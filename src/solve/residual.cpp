@@ -246,7 +246,7 @@ __attribute__((target("avx2,fma"))) void ResidualOperator::residual_rows_fma(con
 #endif
 
 BackwardError ResidualOperator::compute(const double* b, const double* x, double* r, bool transpose) const {
-  return judge(compute_rows(b, x, r, transpose), transpose);
+  return judge(compute_rows(b, x, r, transpose), norm(transpose));
 }
 
 RowErrors ResidualOperator::compute_rows(const double* b, const double* x, double* r, bool transpose) const {
@@ -272,12 +272,12 @@ RowErrors ResidualOperator::total(std::span<const RowErrors> found) {
   return all;
 }
 
-BackwardError ResidualOperator::judge(const RowErrors& all, bool transpose) const {
+BackwardError ResidualOperator::judge(const RowErrors& all, double norm) {
   if (!all.finite) {
     const double infinity = std::numeric_limits<double>::infinity();
     return {infinity, infinity};
   }
-  const double scale = norm(transpose) * all.x + all.b;
+  const double scale = norm * all.x + all.b;
   if (std::isinf(scale)) return {all.componentwise, all.componentwise};  // which is never below the normwise error
   return {ratio(all.residual, scale), all.componentwise};
 }
@@ -285,7 +285,7 @@ BackwardError ResidualOperator::judge(const RowErrors& all, bool transpose) cons
 void ResidualOperator::compute(std::span<ResidualColumn> columns, bool transpose) const {
   std::vector<RowErrors> errors(columns.size());
   compute_rows(columns, errors, transpose);
-  for (std::size_t k = 0; k < columns.size(); ++k) columns[k].error = judge(errors[k], transpose);
+  for (std::size_t k = 0; k < columns.size(); ++k) columns[k].error = judge(errors[k], norm(transpose));
 }
 
 void ResidualOperator::compute_rows(std::span<const ResidualColumn> columns, std::span<RowErrors> errors,

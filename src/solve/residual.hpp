@@ -65,7 +65,8 @@ class ResidualOperator final : public ResidualSpace {
   void compute(std::span<ResidualColumn> columns, bool transpose) const override;
   /// The same in two parts: residuals of rows, and what they say of the solution. @param errors  of each column
   void compute_rows(std::span<const ResidualColumn> columns, std::span<RowErrors> errors, bool transpose) const;
-  [[nodiscard]] BackwardError judge(const RowErrors& errors, bool transpose) const;
+  /// @param norm  |op(A)|_inf of all rows
+  [[nodiscard]] static BackwardError judge(const RowErrors& errors, double norm);
   void multiply(const double* x, double* y, bool transpose) const override;
   void multiply_columns(const double* x, double* y, Index columns, bool transpose) const override;
   void combine(double a, const double* x, double b, double* y) const override;

@@ -251,7 +251,7 @@ FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given,
   if (!followed.why.empty()) return followed;
   take_over(was, p);
   const plan::SourceMap now = sources(was.a, p.a, difference.columns);
-  system->rows = follow_rows(*before.system->rows, p.a, difference, now, context.pool);
+  system->rows = follow_rows(*before.system->index_of_all(context.pool), p.a, difference, now, context.pool);
   analysis::ChangedTree tree = follow_tree(whole_tree(before.plan, context.link), *system, difference, context.pool);
   followed.moved = tree.moved;
   followed.kept = tree.kept;
@@ -259,11 +259,12 @@ FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given,
   Values values = std::exchange(p.a.values, {});
   const plan::KeptEntries kept{before.plan, tree.same, now};
   const bool whole = before.plan.row_begin.empty();  // a rank's next part has other fronts
+  const std::shared_ptr<const matrix::RowIndex> rows = share_rows(*system, context);
   Context as_before = context;
   as_before.raised = before.fp64;
   auto made = std::make_shared<Analysis>(lay_out(std::move(system), std::move(tree.tree),
                                                  {before.device, before.moved_pivots, before.free_pivots}, as_before,
-                                                 whole ? &kept : nullptr));
+                                                 rows.get(), whole ? &kept : nullptr));
   followed.why = reason_against(before, made->plan);
   if (!followed.why.empty()) return followed;
   made->gain_of_single = before.gain_of_single;

@@ -41,7 +41,7 @@ Factor::Factor(SharedAnalysis analysis, Values values, const Context& context)
     : context_(context),
       watch_(analysis->gain_of_single),
       analysis_(std::move(analysis)),
-      values_(*analysis_->system, std::move(values), context.pool),
+      values_(*analysis_->system, std::move(values), context),
       border_values_(analysis_->system->border ? analysis_->system->border->entries.size() : 0) {
   context_.raised = analysis_->fp64;
 }
@@ -54,6 +54,16 @@ void Factor::drop() {
 const solve::ResidualOperator& Factor::residual() {
   values_.fetch(numeric_->device_system());
   return values_.residual();
+}
+
+std::shared_ptr<const solve::ResidualSpace> Factor::residual_space() {
+  values_.fetch(numeric_->device_system());
+  return values_.space();
+}
+
+double Factor::norm(bool transpose) {
+  values_.fetch(numeric_->device_system());
+  return values_.norm(transpose);
 }
 
 void Factor::factorize(std::span<const double> values) {
@@ -259,9 +269,11 @@ Deficiency Factor::deficiency(bool replaced, Index suspects, bool surely_alone) 
   looked_ = true;
   values_.fetch(numeric_->device_system());
   const System& s = *analysis_->system;
+  const std::shared_ptr<const solve::ResidualSpace> space = values_.space();
+  const std::shared_ptr<const matrix::RowIndex> rows = s.index_of_all(context_.pool);
   const auto find = [&](bool some_replaced, bool rough, Index proven) {
-    return find_deficiency({s.prepared, values_.values(), values_.residual(), *numeric_, context_.pool, *s.rows,
-                            analysis_->kind(), rough, some_replaced, suspects, proven, surely_alone});
+    return find_deficiency({s.prepared, values_.values(), *space, *numeric_, context_.pool, *rows, analysis_->kind(),
+                            rough, some_replaced, suspects, proven, surely_alone});
   };
   Deficiency found = find(replaced, context_.single(), 0);
   if (!found.doubtful || analysis_->kind() == Kind::llt || pivots_are_given()) return found;
@@ -315,7 +327,7 @@ Status Factor::second_look(const double* b, const double* x, bool transpose) {
     given = std::max(given, std::abs(of_b.empty() ? b[i] : b[i] * of_b[row]));
     found = std::max(found, std::abs(of_x.empty() ? x[i] : x[i] / of_x[row]));
   }
-  if (of_x.empty()) found *= values_.residual().norm(transpose);
+  if (of_x.empty()) found *= values_.norm(transpose);
   if (!(found > far * given) || !std::isfinite(found)) return {};
   constexpr double kMore = 2;  // a matrix that became singular makes far more of it
   if (found <= kMore * harmless_growth_ * given) return {};
@@ -398,7 +410,7 @@ void Factor::turn_to_ldlt() {
   context_.log("a pivot is not positive: going on with ldlt");
   numeric_.reset();
   Analyzed made = analyze_for_ldlt(*analysis_, values_.values(), context_);
-  FactorValues values(*made.analysis->system, std::move(made.values), context_.pool);  // may be interrupted
+  FactorValues values(*made.analysis->system, std::move(made.values), context_);  // may be interrupted
   analysis_ = std::move(made.analysis);
   ++changes_;
   harmless_ = 0;

@@ -77,9 +77,12 @@ bool Factor::factor_solves() const {
   const auto n = static_cast<std::size_t>(analysis_->doubles());
   const std::vector<double> ones(n, 1.0);
   std::vector<double> b(n), x(n);
-  values_.residual().multiply(ones.data(), b.data(), false);
+  const std::shared_ptr<const solve::ResidualSpace> space = values_.space();
+  space->multiply(ones.data(), b.data(), false);
   numeric_->solve(b.data(), x.data(), 1, false);
-  return values_.residual().compute(b.data(), x.data(), nullptr, false).normwise <= kHalfOfTheDigits;
+  solve::ResidualColumn solved{b.data(), x.data(), nullptr, {}};
+  space->compute(std::span(&solved, 1), false);
+  return solved.error.normwise <= kHalfOfTheDigits;
 }
 
 // As far as they must, all at once; where finding that out takes too much time or memory, those that fail go one front

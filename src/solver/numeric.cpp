@@ -43,6 +43,7 @@ class NumericOf final : public Numeric {
         executor_(make_executor<T>(analysis, rule_, context)) {
     // A Cholesky pivot is judged by its diagonal entry.
     if (analysis.kind() == Kind::llt) diagonal_ = diagonal_places(prepared_.a, plan_->tree.order, pool_);
+    find_own_diagonal();
     position_ = positions_for(prepared_, plan_->tree.order);
     if constexpr (!kComplex) take_device_system(analysis, context);
     if (device_ != nullptr) {
@@ -50,7 +51,7 @@ class NumericOf final : public Numeric {
       return;
     }
     const auto of_border = static_cast<Offset>(border_ ? border_->entries.size() : 0);
-    values_ = base::Buffer<T>(prepared_.a.nonzeros() + of_border, &budget_);
+    values_ = base::Buffer<T>(plan::values_of(*plan_, prepared_.a.nonzeros()) + of_border, &budget_);
     smallest_.resize(diagonal_.size());
   }
 
@@ -60,7 +61,7 @@ class NumericOf final : public Numeric {
       refuse_entry(prepared_, given_);
     }
     if (rescale_) scales_ = scales_for(prepared_, given_, matching_, pool_);
-    const double largest = scale_values(prepared_, scales_, given_, values_.data(), pool_, position_);
+    const double largest = scale();
     if constexpr (!kComplex) {
       if (border_)
         border_scales_ = scale_border(*border_, scales_, border_values_, values_.data() + prepared_.a.nonzeros());
@@ -69,8 +70,8 @@ class NumericOf final : public Numeric {
     rule_.largest = largest;
     rule_.suspect = suspect_pivot(base::ScalarTraits<T>::epsilon) * largest;
     for (std::size_t k = 0; k < smallest_.size(); ++k)
-      smallest_[k] =
-          suspect_pivot(base::ScalarTraits<T>::epsilon) * std::real(values_[diagonal_[static_cast<std::size_t>(k)]]);
+      if (diagonal_[k] >= 0)
+        smallest_[k] = suspect_pivot(base::ScalarTraits<T>::epsilon) * std::real(values_[diagonal_[k]]);
     rule_.smallest = smallest_;
     executor_->set_pivot_rule(rule_);
     return executor_->factorize(values_.span());
@@ -89,7 +90,7 @@ class NumericOf final : public Numeric {
   }
   device::FactorOutcome factorize_rest() override {
     executor_->set_pivot_rule(rule_);
-    if (!position_.empty()) (void)scale_values(prepared_, scales_, given_, values_.data(), pool_, position_);
+    if (!position_.empty()) (void)scale();
     return executor_->factorize(values_.span());
   }
   [[nodiscard]] bool left_something() const override {
@@ -156,6 +157,27 @@ class NumericOf final : public Numeric {
   [[nodiscard]] std::vector<device::DeviceWork> device_work() const override { return executor_->device_work(); }
 
  private:
+  // @returns the largest magnitude. Ranks each scale the values that they assemble, which together are all.
+  double scale() {
+    if (plan_->row_begin.empty()) return scale_values(prepared_, scales_, given_, values_.data(), pool_, position_);
+    const double mine = scale_values(prepared_, scales_, given_, plan_->sources, values_.data(), pool_, position_);
+    double largest = 0;
+    for (const auto& of_rank : link_->all_gather_of(std::span<const double>(&mine, 1)))
+      largest = std::max(largest, of_rank.at(0));
+    if (!std::isfinite(largest)) refuse_entry(prepared_, given_);
+    return largest;
+  }
+
+  // Where the diagonal entries of this rank stand among its values; -1: other ranks have them.
+  void find_own_diagonal() {
+    if (plan_->row_begin.empty()) return;
+    const std::vector<Offset>& own = plan_->sources;
+    for (Offset& place : diagonal_) {
+      const auto at = std::lower_bound(own.begin(), own.end(), place);
+      place = at != own.end() && *at == place ? at - own.begin() : -1;
+    }
+  }
+
   // Devices that can keep the linear system beside the factor do when memory allows; else refinement works on the host.
   void take_device_system(const Analysis& analysis, const Context& context) {
     if (border_ || scales_.wide || rescale_) return;  // devices scale by plain products, always the same

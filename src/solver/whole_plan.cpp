@@ -34,7 +34,7 @@ plan::Plan whole_plan(const Analysis& analysis, const Context& context) {
   options.rank = 0;
   const System& system = *analysis.system;
   return plan::make_plan(whole_tree(analysis.plan, context.link), system.prepared.a, system.prepared.row_of_col,
-                         options, context.pool, system.rows.get());
+                         options, context.pool, system.all_rows());
 }
 
 }  // namespace espalier::solver

@@ -59,10 +59,18 @@ void expect_bits_of_one(const SparseMatrix& a, base::Numbers numbers, std::span<
     for (const int count : {2, 3, 7})
       on_threads(count, {}, [&](const Ranks& ranks) {
         base::ThreadPool own(1);
-        const auto whole = operator_of(own);
+        // With the index of its own rows alone.
+        const solve::OwnRows rows = solve::own_rows(a.rows, ranks.rank(), ranks.size());
+        const auto index = solve::ResidualOperator::rows_of(a, own);
+        auto mine =
+            solve::ResidualOperator(
+                a, std::make_shared<const matrix::RowIndex>(matrix::rows_of_index(*index, rows.first, rows.end)), own,
+                numbers)
+                .of_rows(rows.first, rows.end);
+        mine.set_values(values);
         Found found;
         const Status status = solver::on_all_ranks(*ranks.link(), [&] {
-          found = all_of(solve::RankResidual(whole, *ranks.link()), transpose);
+          found = all_of(solve::RankResidual(mine, *ranks.link()), transpose);
           return Status{};
         });
         EXPECT_TRUE(status.ok()) << status.message;
@@ -111,9 +119,10 @@ TEST(ResidualRanks, KrylovMethodsHaveTheBitsOfOne) {
     const std::vector<double> truth = refined(solve::ResidualOperator(a, pool));
     on_threads(3, {}, [&](const Ranks& ranks) {
       base::ThreadPool own(1);
-      const solve::ResidualOperator whole(a, own);
+      const solve::OwnRows rows = solve::own_rows(a.rows, ranks.rank(), ranks.size());
+      const solve::ResidualOperator mine = solve::ResidualOperator(a, own).of_rows(rows.first, rows.end);
       const Status status = solver::on_all_ranks(*ranks.link(), [&] {
-        const std::vector<double> x = refined(solve::RankResidual(whole, *ranks.link()));
+        const std::vector<double> x = refined(solve::RankResidual(mine, *ranks.link()));
         EXPECT_EQ(x, truth);
         return Status{};
       });
