@@ -65,11 +65,11 @@ void show_plans(const std::vector<plan::PlanBytes>& parts) {
       gib(most.tree));
 }
 
-// What ranks on processors keep: parts of factor and plan, the matrix whole.
+// What ranks on processors keep: parts of factor and plan, pattern and values whole.
 void show_ranks(int cube, const SparseMatrix& a, const analysis::AssemblyTree& tree, const Settings& s) {
   const double entries = 4.5 * static_cast<double>(a.row_ind.size()) + 1.5 * a.rows;  // lower triangle of 3 x 3 blocks
-  // Indices and values, the index by rows, scaled values.
-  const double matrix = (12 + 12 + 8) * entries + 16 * 3.0 * a.rows;
+  // Indices and values, whole on each; index by rows and scaled values.
+  const double matrix = 12 * entries + 16 * 3.0 * a.rows, shared = (12 + 8) * entries;
   for (const int ranks : s.ranks) {
     plan::PlanOptions options;
     options.devices = options.ranks = ranks;
@@ -86,8 +86,8 @@ void show_ranks(int cube, const SparseMatrix& a, const analysis::AssemblyTree& t
     }
     fmt::print(
         "{:>5}^3 {:>3} ranks: factor {:>7.3f} GiB at most ({:.3f} on average), {:.3f} of it the top; matrix {:.3f} GiB "
-        "on each\n",
-        cube, ranks, most / kGiB, mean / kGiB, top / kGiB, matrix / kGiB);
+        "on each, {:.3f} of its index and scaled values\n",
+        cube, ranks, most / kGiB, mean / kGiB, top / kGiB, matrix / kGiB, shared / ranks / kGiB);
     show_plans(planned_bytes(plan, a, tree, 3));
     std::fflush(stdout);
   }
