@@ -49,29 +49,47 @@ nlohmann::json show_run(int cube, int devices, const analysis::AssemblyTree& tre
   return row;
 }
 
-// What ranks on processors keep: the factor in parts, the rest whole.
+// The plan of the rank with the largest.
+void show_plans(const std::vector<plan::PlanBytes>& parts) {
+  double mean = 0;
+  plan::PlanBytes most;
+  for (const plan::PlanBytes& p : parts) {
+    mean += static_cast<double>(p.all()) / static_cast<double>(parts.size());
+    if (p.all() > most.all()) most = p;
+  }
+  const auto gib = [](Offset bytes) { return static_cast<double>(bytes) / kGiB; };
+  fmt::print(
+      "          plan {:.4f} GiB at most ({:.4f} on average): entries {:.4f}, rows {:.4f}, tiles {:.4f}, tasks {:.4f}, "
+      "the tree {:.4f}\n",
+      gib(most.all()), mean / kGiB, gib(most.entries), gib(most.rows), gib(most.tiles), gib(most.tasks),
+      gib(most.tree));
+}
+
+// What ranks on processors keep: parts of factor and plan, pattern and values whole.
 void show_ranks(int cube, const SparseMatrix& a, const analysis::AssemblyTree& tree, const Settings& s) {
   const double entries = 4.5 * static_cast<double>(a.row_ind.size()) + 1.5 * a.rows;  // lower triangle of 3 x 3 blocks
-  const double matrix = 12 * entries + 8 * 3.0 * a.rows;                              // indices and values
-  const double rows = 3 * static_cast<double>(tree.rows.size());
+  // Indices and values, whole on each; index by rows and scaled values.
+  const double matrix = 12 * entries + 16 * 3.0 * a.rows, shared = (12 + 8) * entries;
   for (const int ranks : s.ranks) {
     plan::PlanOptions options;
     options.devices = options.ranks = ranks;
+    options.stealing = false;
+    options.balance_columns = true;
+    options.additional_subtrees = 0;
     const plan::Plan plan = plan_of_tree(tree, 3, options);
-    double tiles = 0, most = 0, top = 0, mean = 0;
-    for (const auto& l : plan.layout) tiles += static_cast<double>(l.tile_count());
+    double most = 0, top = 0, mean = 0;
     for (const KeptFactor& k : kept_factors(plan)) {
       mean += (k.subtrees + k.top) / ranks;
       if (k.subtrees + k.top <= most) continue;
       most = k.subtrees + k.top;
       top = k.top;
     }
-    // Places of entries and of rows (two lists), tiles and their tasks.
-    const double whole = 8 * entries + 8 * rows + (8 + sizeof(plan::Task)) * tiles;
     fmt::print(
-        "{:>5}^3 {:>3} ranks: factor {:>7.3f} GiB at most ({:.3f} on average), {:.3f} of it the top; matrix {:.3f}, "
-        "plan {:.3f} GiB on each\n",
-        cube, ranks, most / kGiB, mean / kGiB, top / kGiB, matrix / kGiB, whole / kGiB);
+        "{:>5}^3 {:>3} ranks: factor {:>7.3f} GiB at most ({:.3f} on average), {:.3f} of it the top; matrix {:.3f} GiB "
+        "on each, {:.3f} of its index and scaled values\n",
+        cube, ranks, most / kGiB, mean / kGiB, top / kGiB, matrix / kGiB, shared / ranks / kGiB);
+    show_plans(planned_bytes(plan, a, tree, 3));
+    std::fflush(stdout);
   }
 }
 

@@ -10,6 +10,8 @@
 
 #include "plan/front_cost.hpp"
 #include "plan/layout_steps.hpp"
+#include "plan/rank_parts.hpp"
+#include "plan/task_list.hpp"
 
 namespace espalier::bench {
 
@@ -311,17 +313,13 @@ class Run {
 
 plan::Plan plan_of_tree(const analysis::AssemblyTree& tree, Index unknowns, const plan::PlanOptions& options) {
   plan::Plan plan;
-  plan.tree.n = tree.n;
+  plan.tree.n = unknowns * tree.n;
   plan.tree.parent = tree.parent;
+  for (const Index position : tree.first) plan.tree.first.push_back(unknowns * position);
+  for (const Offset row : tree.row_ptr) plan.tree.row_ptr.push_back(unknowns * row);
   plan.options = options;
   plan::link_children(plan);
-  for (Index f = 0; f < tree.fronts(); ++f) {
-    const Index pivots = unknowns * tree.pivots(f), rows = pivots + unknowns * tree.rows_below(f);
-    plan.layout.push_back(plan::cut_front(pivots, rows, options.tiles));
-    plan.flops += plan::front_flops(pivots, rows, options.unsymmetric);
-    const double k = pivots, m = rows;
-    plan.nonzeros_factor += static_cast<Offset>(k * m - k * (k - 1) / 2);
-  }
+  plan::cut_fronts(plan);
   plan.ownership = plan::assign_owners(plan);
   return plan;
 }
@@ -337,6 +335,48 @@ std::vector<KeptFactor> kept_factors(const plan::Plan& plan) {
       (plan.ownership.devices == 1 || plan.ownership.subtree(f) >= 0 ? kept[at(d)].subtrees : kept[at(d)].top) += bytes;
     }
   return kept;
+}
+
+namespace {
+
+// Entries of the lower triangle in the columns of each vertex, by position: with later vertices, and its own block.
+std::vector<Index> later_neighbours(const MatrixView& nodes, const analysis::AssemblyTree& tree) {
+  std::vector<Index> position(at(tree.n)), later(at(tree.n), 0);
+  for (Index k = 0; k < tree.n; ++k) position[at(tree.order[at(k)])] = k;
+  for (Index c = 0; c < tree.n; ++c)
+    for (Offset q = nodes.col_ptr[at(c)]; q < nodes.col_ptr[at(c) + 1]; ++q)
+      if (position[at(nodes.row_ind[static_cast<std::size_t>(q)])] > position[at(c)]) ++later[at(position[at(c)])];
+  return later;
+}
+
+}  // namespace
+
+std::vector<plan::PlanBytes> planned_bytes(const plan::Plan& plan, const MatrixView& nodes,
+                                           const analysis::AssemblyTree& tree, Index unknowns) {
+  const std::vector<Index> later = later_neighbours(nodes, tree);
+  std::vector<Offset> entries(at(plan.ownership.devices), 0);
+  for (Index f = 0; f < plan.fronts(); ++f)
+    for (Index c = 0; c < plan.layout[at(f)].pivots; ++c) {
+      const Index node = tree.first[at(f)] + c / unknowns;
+      entries[at(plan::maker(plan, f, plan.layout[at(f)].tile_of(c)))] +=
+          Offset{unknowns} * later[at(node)] + unknowns - c % unknowns;
+    }
+  std::vector<plan::PlanBytes> all;
+  for (Index r = 0; r < plan.ownership.devices; ++r) {
+    plan::Plan part = plan;
+    part.options.rank = r;
+    if (part.options.ranks > 1) plan::number_known(part);
+    plan::list_tasks(part);
+    const Offset rows = part.row_begin.empty() ? part.tree.row_ptr.back() : part.row_begin.back();
+    plan::PlanBytes b = plan::bytes_of(part);
+    // The order; places of factor and contribution, a mark and the waits of each front.
+    b.tree += Offset{4} * plan.tree.n + Offset{8 + 8 + 1 + 8} * plan.fronts();
+    b.rows = 8 * rows;
+    b.tiles = 8 * (part.tiles() + 1);
+    b.entries = (plan.options.ranks > 1 ? 16 : 8) * entries[at(r)];
+    all.push_back(b);
+  }
+  return all;
 }
 
 SparseMatrix brick_nodes(Index n) {

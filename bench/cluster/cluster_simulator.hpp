@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "plan/plan.hpp"
+#include "plan/plan_bytes.hpp"
 
 namespace espalier::bench {
 
@@ -42,7 +43,7 @@ struct ClusterRun {
   double factor_bytes = 0;   ///< largest of all GPUs, FP64: sub-trees, and all of the top above them
 };
 
-/// A plan without entries, tasks and places in memory: tree, layout and owners.
+/// A plan without rows, entries, tasks and places in memory: the tree's sizes, layout and owners.
 /// @param tree  of single vertices; `unknowns` of them stand for each
 plan::Plan plan_of_tree(const analysis::AssemblyTree& tree, Index unknowns, const plan::PlanOptions& options);
 
@@ -55,6 +56,12 @@ struct KeptFactor {
   double subtrees = 0, top = 0;
 };
 std::vector<KeptFactor> kept_factors(const plan::Plan& plan);
+
+/// What the plan of each rank takes: make_plan()'s part for it, by counting alone. Places in memory are those of llt.
+/// @param plan  of plan_of_tree(), with one device a rank
+/// @param nodes, tree  the graph of single vertices in both triangles, with its diagonal, and its tree
+std::vector<plan::PlanBytes> planned_bytes(const plan::Plan& plan, const MatrixView& nodes,
+                                           const analysis::AssemblyTree& tree, Index unknowns);
 
 /// The nodes of "elasticity n" (n x n x n bricks, one face held) as unknowns: what compression makes of it. Both
 /// triangles, no values.

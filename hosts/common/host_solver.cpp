@@ -53,6 +53,14 @@ int HostSolver::analyze(const espalier_matrix_i32& a) { return analyze_any(a, es
 
 int HostSolver::analyze(const espalier_matrix_i64& a) { return analyze_any(a, espalier_analyze_i64); }
 
+// Ranks agree on their threads.
+int HostSolver::analyze(const espalier_local_rows_i32& part) {
+  rows_ = part.n;
+  entries_ = part.rows > 0 ? part.pointers[part.rows] - part.index_base : 0;
+  const int status = prepare();
+  return status == ESPALIER_OK ? espalier_analyze_rows_i32(handle(), &part, &analysis_) : status;
+}
+
 int HostSolver::factorize(const double* values, std::int64_t count) {
   const int status = espalier_refactorize(handle(), values, count, &factor_);
   if (logs()) say_factorized(status);

@@ -37,6 +37,7 @@ class HostSolver {
   /// These return an espalier_status, like the calls of the C interface. Options count from the next analysis on.
   int analyze(const espalier_matrix_i32& a);
   int analyze(const espalier_matrix_i64& a);
+  int analyze(const espalier_local_rows_i32& part);
   int factorize(const double* values, std::int64_t count);
   int solve(const double* b, double* x, std::int64_t columns, int transpose);
   /// Of the solves to come: at most so many steps, 0: no residual is formed.

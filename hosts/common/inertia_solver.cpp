@@ -6,19 +6,27 @@ namespace espalier::hosts {
 
 InertiaSolver::InertiaSolver(std::string interface, std::shared_ptr<const HostPattern> pattern)
     : pattern_(std::move(pattern)), solver_(std::move(interface)) {
-  solver_.insist("kind", "ldlt");
-  solver_.insist("singular", "report");
+  prepare(solver_);
+}
+
+void InertiaSolver::prepare(HostSolver& solver) {
+  solver.insist("kind", "ldlt");
+  solver.insist("singular", "report");
   // The values of an interior-point method move over many decades. A matching for each would cost several times what
   // the factorization of a small problem does.
-  solver_.set_default("rescale", "equilibration");
-  solver_.set_default("refinement_steps", "0");
-  solver_.set_default("required_backward_error", "inf");
+  solver.set_default("rescale", "equilibration");
+  solver.set_default("refinement_steps", "0");
+  solver.set_default("required_backward_error", "inf");
+}
+
+void InertiaSolver::choose_pivots(HostSolver& solver, const PivotWish& wish) {
+  solver.set_default("pivot_threshold", fmt::format("{}", wish.threshold));
+  solver.set_default("zero_pivot", fmt::format("{}", wish.zero_pivot));
 }
 
 // With the values of the first factorization: they say which unknowns pair.
 int InertiaSolver::analyze(const double* values, const PivotWish& wish) {
-  solver_.set_default("pivot_threshold", fmt::format("{}", wish.threshold));
-  solver_.set_default("zero_pivot", fmt::format("{}", wish.zero_pivot));
+  choose_pivots(solver_, wish);
   const int status = solver_.analyze(pattern_->matrix(values));
   analyzed_ = status == ESPALIER_OK;
   wish_ = wish;

@@ -41,6 +41,10 @@ class InertiaSolver {
   /// @returns an espalier_status
   int solve(double* x, int columns, int stride);
 
+  /// The options of such factors, for solvers that others make.
+  static void prepare(HostSolver& solver);
+  static void choose_pivots(HostSolver& solver, const PivotWish& wish);
+
   /// Of the solves to come, for a host that wants it; none by default. @returns an espalier_status
   int set_refinement(int steps) { return solver_.set_refinement(steps); }
 

@@ -1,7 +1,7 @@
 /// \file
 /// A solver package of PETSc, which loads it by -dll_append and finds it under the name "espalier": LU of AIJ and BAIJ
-/// matrices, Cholesky (L D L^T, with inertia) of AIJ and SBAIJ. A matrix of several processes is gathered in the first
-/// of them, which factorizes and solves.
+/// matrices, Cholesky (L D L^T, with inertia) of AIJ and SBAIJ. The processes of a matrix share its factorization, and
+/// give and get their own rows of it and of vectors.
 #include <petsc/private/matimpl.h>
 
 #include <algorithm>
@@ -9,6 +9,7 @@
 
 #include "common/border.hpp"
 #include "common/inertia_solver.hpp"
+#include "petsc/shared_factor.hpp"
 
 namespace espalier::hosts::petsc {
 
@@ -19,13 +20,17 @@ constexpr auto kSuccess = static_cast<PetscErrorCode>(0);  // PETSC_SUCCESS from
 
 static_assert(sizeof(PetscInt) == 4 && sizeof(PetscScalar) == 8, "CMake leaves other builds of PETSc out");
 
-/// Behind a factor's Mat::data, in each process; the solvers stand in the first one alone.
+/// Behind a factor's Mat::data, in each process.
 struct Factor {
+  std::unique_ptr<SharedFactor> shared;       // of several processes; of one, one of these two:
   std::unique_ptr<HostSolver> plain;          // LU, and L L^T where the matrix is said to be positive definite
   std::unique_ptr<InertiaSolver> indefinite;  // L D L^T
   bool analyzed = false, factorized = false;
-  Vec whole = nullptr;  // a vector's entries in the first process, where there are several
-  VecScatter gather = nullptr;
+
+  [[nodiscard]] const HostSolver* solver() const {
+    if (shared != nullptr) return shared->solver();
+    return plain != nullptr ? plain.get() : indefinite != nullptr ? &indefinite->solver() : nullptr;
+  }
 };
 
 Factor& factor_of(Mat mat) { return *static_cast<Factor*>(mat->data); }
@@ -34,12 +39,6 @@ bool several(Mat mat) {
   PetscMPIInt size = 1;
   MPI_Comm_size(PetscObjectComm(reinterpret_cast<PetscObject>(mat)), &size);
   return size > 1;
-}
-
-bool first(Mat mat) {
-  PetscMPIInt rank = 0;
-  MPI_Comm_rank(PetscObjectComm(reinterpret_cast<PetscObject>(mat)), &rank);
-  return rank == 0;
 }
 
 /// Runs `body`, which returns an espalier_status.
@@ -55,32 +54,16 @@ PetscErrorCode solver_type(Mat, MatSolverType* type) {
   return kSuccess;
 }
 
-/// The whole matrix by rows, with all entries, in the first process; null in the others.
-PetscErrorCode gather_matrix(Mat a, Mat* whole) {
+/// The matrix by rows, with all entries; to be destroyed.
+PetscErrorCode by_rows(Mat a, Mat* rows) {
   PetscFunctionBegin;
-  PetscBool rows = PETSC_FALSE;
-  PetscCall(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(a), &rows, MATSEQAIJ, MATMPIAIJ, ""));
-  Mat by_rows = a;
-  if (!rows)
-    PetscCall(MatConvert(a, several(a) ? MATMPIAIJ : MATSEQAIJ, MAT_INITIAL_MATRIX, &by_rows));
+  PetscBool fits = PETSC_FALSE;
+  PetscCall(PetscObjectTypeCompareAny(reinterpret_cast<PetscObject>(a), &fits, MATSEQAIJ, MATMPIAIJ, ""));
+  *rows = a;
+  if (!fits)
+    PetscCall(MatConvert(a, several(a) ? MATMPIAIJ : MATSEQAIJ, MAT_INITIAL_MATRIX, rows));
   else
     PetscCall(PetscObjectReference(reinterpret_cast<PetscObject>(a)));
-  if (!several(a)) {
-    *whole = by_rows;
-    PetscFunctionReturn(kSuccess);
-  }
-  IS all = nullptr;
-  Mat* parts = nullptr;
-  PetscCall(ISCreateStride(PETSC_COMM_SELF, first(a) ? a->rmap->N : 0, 0, 1, &all));
-  PetscCall(MatCreateSubMatrices(by_rows, 1, &all, &all, MAT_INITIAL_MATRIX, &parts));
-  PetscCall(MatDestroy(&by_rows));
-  PetscCall(ISDestroy(&all));
-  *whole = nullptr;
-  if (first(a)) {
-    *whole = parts[0];
-    PetscCall(PetscObjectReference(reinterpret_cast<PetscObject>(*whole)));
-  }
-  PetscCall(MatDestroySubMatrices(1, &parts));
   PetscFunctionReturn(kSuccess);
 }
 
@@ -138,29 +121,35 @@ int factorize_symmetric(Factor& f, const Rows& a, bool definite) {
   return inertia.status == ESPALIER_OK && inertia.singular ? int{ESPALIER_SINGULAR} : inertia.status;
 }
 
+PetscErrorCode factorize_alone(Mat mat, Mat a, bool definite, int* status) {
+  PetscFunctionBegin;
+  Factor& f = factor_of(mat);
+  Rows rows{};
+  PetscBool done = PETSC_FALSE;
+  PetscCall(MatGetRowIJ(a, 0, PETSC_FALSE, PETSC_FALSE, &rows.n, &rows.pointers, &rows.indices, &done));
+  PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_SUP, "espalier: the matrix has no rows to read");
+  PetscCall(MatSeqAIJGetArrayRead(a, &rows.values));
+  *status = status_of([&] {
+    if (rows.n == 0) return int{ESPALIER_OK};
+    return mat->factortype == MAT_FACTOR_LU ? factorize_lu(f, rows) : factorize_symmetric(f, rows, definite);
+  });
+  PetscCall(MatSeqAIJRestoreArrayRead(a, &rows.values));
+  PetscCall(MatRestoreRowIJ(a, 0, PETSC_FALSE, PETSC_FALSE, &rows.n, &rows.pointers, &rows.indices, &done));
+  PetscFunctionReturn(kSuccess);
+}
+
 PetscErrorCode factorize(Mat mat, Mat a, const MatFactorInfo*) {
   PetscFunctionBegin;
   Factor& f = factor_of(mat);
-  Mat whole = nullptr;
-  PetscCall(gather_matrix(a, &whole));
+  const bool definite = a->spd == PETSC_BOOL3_TRUE;
+  Mat rows = nullptr;
+  PetscCall(by_rows(a, &rows));
   int status = ESPALIER_OK;
-  if (whole != nullptr) {
-    Rows rows{};
-    PetscBool done = PETSC_FALSE;
-    PetscCall(MatGetRowIJ(whole, 0, PETSC_FALSE, PETSC_FALSE, &rows.n, &rows.pointers, &rows.indices, &done));
-    PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_SUP, "espalier: the matrix has no rows to read");
-    PetscCall(MatSeqAIJGetArrayRead(whole, &rows.values));
-    const bool definite = a->spd == PETSC_BOOL3_TRUE;
-    status = status_of([&] {
-      if (rows.n == 0) return int{ESPALIER_OK};
-      return mat->factortype == MAT_FACTOR_LU ? factorize_lu(f, rows) : factorize_symmetric(f, rows, definite);
-    });
-    PetscCall(MatSeqAIJRestoreArrayRead(whole, &rows.values));
-    PetscCall(MatRestoreRowIJ(whole, 0, PETSC_FALSE, PETSC_FALSE, &rows.n, &rows.pointers, &rows.indices, &done));
-  }
-  PetscCall(MatDestroy(&whole));
-  if (several(mat))
-    PetscCallMPI(MPI_Bcast(&status, 1, MPI_INT, 0, PetscObjectComm(reinterpret_cast<PetscObject>(mat))));
+  if (f.shared != nullptr)
+    PetscCall(f.shared->factorize(rows, definite, &status));
+  else
+    PetscCall(factorize_alone(mat, rows, definite, &status));
+  PetscCall(MatDestroy(&rows));
   f.analyzed = f.factorized = status == ESPALIER_OK;
   mat->assembled = PETSC_TRUE;
   mat->factorerrortype = MAT_FACTOR_NOERROR;
@@ -184,26 +173,18 @@ PetscErrorCode solve_with(Mat mat, Vec b, Vec x, bool transposed) {
   PetscFunctionBegin;
   Factor& f = factor_of(mat);
   int status = f.factorized ? ESPALIER_OK : ESPALIER_MISUSE;
-  Vec from = b, to = x;
-  if (several(mat)) {
-    if (f.whole == nullptr) PetscCall(VecScatterCreateToZero(b, &f.gather, &f.whole));
-    PetscCall(VecScatterBegin(f.gather, b, f.whole, INSERT_VALUES, SCATTER_FORWARD));
-    PetscCall(VecScatterEnd(f.gather, b, f.whole, INSERT_VALUES, SCATTER_FORWARD));
-    from = to = f.whole;
-  }
-  if (f.factorized && first(mat)) {
+  if (f.factorized) {
     const PetscScalar* right = nullptr;
     PetscScalar* left = nullptr;
-    if (from != to) PetscCall(VecGetArrayRead(from, &right));
-    PetscCall(VecGetArray(to, &left));
-    status = status_of([&] { return solve_array(f, from == to ? left : right, left, mat->rmap->N, transposed); });
-    PetscCall(VecRestoreArray(to, &left));
-    if (from != to) PetscCall(VecRestoreArrayRead(from, &right));
-  }
-  if (several(mat)) {
-    PetscCallMPI(MPI_Bcast(&status, 1, MPI_INT, 0, PetscObjectComm(reinterpret_cast<PetscObject>(mat))));
-    PetscCall(VecScatterBegin(f.gather, f.whole, x, INSERT_VALUES, SCATTER_REVERSE));
-    PetscCall(VecScatterEnd(f.gather, f.whole, x, INSERT_VALUES, SCATTER_REVERSE));
+    if (b != x) PetscCall(VecGetArrayRead(b, &right));
+    PetscCall(VecGetArray(x, &left));
+    const PetscScalar* from = b == x ? left : right;
+    status = status_of([&] {
+      return f.shared != nullptr ? f.shared->solve(from, left, transposed)
+                                 : solve_array(f, from, left, mat->rmap->N, transposed);
+    });
+    PetscCall(VecRestoreArray(x, &left));
+    if (b != x) PetscCall(VecRestoreArrayRead(b, &right));
   }
   // A factor that failed has said so; PETSc expects a vector of what is no number.
   if (!f.factorized) {
@@ -224,16 +205,15 @@ PetscErrorCode inertia(Mat mat, PetscInt* negative, PetscInt* zero, PetscInt* po
   PetscFunctionBegin;
   const Factor& f = factor_of(mat);
   PetscInt counts[3] = {0, 0, 0};
-  if (f.indefinite != nullptr) {
-    const espalier_factor_info& found = f.indefinite->solver().factor();
+  const bool signs = f.shared != nullptr ? f.shared->indefinite() : f.indefinite != nullptr;
+  if (f.solver() != nullptr && signs) {
+    const espalier_factor_info& found = f.solver()->factor();
     counts[0] = static_cast<PetscInt>(found.negative);
     counts[1] = static_cast<PetscInt>(found.zero);
     counts[2] = static_cast<PetscInt>(found.positive);
-  } else if (f.plain != nullptr) {
+  } else if (f.solver() != nullptr) {
     counts[2] = mat->rmap->N;
   }
-  if (several(mat))
-    PetscCallMPI(MPI_Bcast(counts, 3, MPIU_INT, 0, PetscObjectComm(reinterpret_cast<PetscObject>(mat))));
   if (negative != nullptr) *negative = counts[0];
   if (zero != nullptr) *zero = counts[1];
   if (positive != nullptr) *positive = counts[2];
@@ -243,7 +223,9 @@ PetscErrorCode inertia(Mat mat, PetscInt* negative, PetscInt* zero, PetscInt* po
 /// The order is found with the values, in the numeric phase.
 PetscErrorCode begin(Mat mat) {
   PetscFunctionBegin;
-  factor_of(mat).analyzed = factor_of(mat).factorized = false;
+  Factor& f = factor_of(mat);
+  f.analyzed = f.factorized = false;
+  if (f.shared != nullptr) f.shared->forget();
   mat->ops->solve = solve;
   mat->ops->solvetranspose = solve_transposed;
   if (mat->factortype == MAT_FACTOR_LU) {
@@ -263,10 +245,7 @@ PetscErrorCode view(Mat mat, PetscViewer viewer) {
   PetscFunctionBegin;
   PetscBool text = PETSC_FALSE;
   PetscCall(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(viewer), PETSCVIEWERASCII, &text));
-  const Factor& f = factor_of(mat);
-  const HostSolver* solver = f.plain != nullptr        ? f.plain.get()
-                             : f.indefinite != nullptr ? &f.indefinite->solver()
-                                                       : nullptr;
+  const HostSolver* solver = factor_of(mat).solver();
   if (text && solver != nullptr)
     PetscCall(PetscViewerASCIIPrintf(viewer, "espalier: %lld entries in the factor, %g flops\n",
                                      static_cast<long long>(solver->analysis().nonzeros_factor),
@@ -277,20 +256,14 @@ PetscErrorCode view(Mat mat, PetscViewer viewer) {
 PetscErrorCode get_info(Mat mat, MatInfoType, MatInfo* info) {
   PetscFunctionBegin;
   PetscCall(PetscMemzero(info, sizeof *info));
-  const Factor& f = factor_of(mat);
-  const HostSolver* solver = f.plain != nullptr        ? f.plain.get()
-                             : f.indefinite != nullptr ? &f.indefinite->solver()
-                                                       : nullptr;
+  const HostSolver* solver = factor_of(mat).solver();
   if (solver != nullptr) info->nz_used = info->nz_allocated = static_cast<double>(solver->analysis().nonzeros_factor);
   PetscFunctionReturn(kSuccess);
 }
 
 PetscErrorCode destroy(Mat mat) {
   PetscFunctionBegin;
-  Factor& f = factor_of(mat);
-  PetscCall(VecScatterDestroy(&f.gather));
-  PetscCall(VecDestroy(&f.whole));
-  delete &f;
+  delete &factor_of(mat);
   mat->data = nullptr;
   PetscCall(PetscObjectComposeFunction(reinterpret_cast<PetscObject>(mat), "MatFactorGetSolverType_C", nullptr));
   PetscFunctionReturn(kSuccess);
@@ -300,6 +273,11 @@ PetscErrorCode create(Mat a, MatFactorType type, Mat* made) {
   PetscFunctionBegin;
   PetscCheck(a->rmap->N == a->cmap->N, PetscObjectComm(reinterpret_cast<PetscObject>(a)), PETSC_ERR_ARG_WRONG,
              "espalier: the matrix is not square");
+  PetscInt differ = a->rmap->n == a->cmap->n ? 0 : 1;
+  PetscCallMPI(
+      MPI_Allreduce(MPI_IN_PLACE, &differ, 1, MPIU_INT, MPI_MAX, PetscObjectComm(reinterpret_cast<PetscObject>(a))));
+  PetscCheck(differ == 0, PetscObjectComm(reinterpret_cast<PetscObject>(a)), PETSC_ERR_SUP,
+             "espalier: a process has other rows than columns; give vectors of both sides the same layout");
   Mat mat = nullptr;
   PetscCall(MatCreate(PetscObjectComm(reinterpret_cast<PetscObject>(a)), &mat));
   PetscCall(MatSetSizes(mat, a->rmap->n, a->cmap->n, a->rmap->N, a->cmap->N));
@@ -308,6 +286,10 @@ PetscErrorCode create(Mat a, MatFactorType type, Mat* made) {
   auto* data = new (std::nothrow) Factor;
   PetscCheck(data != nullptr, PETSC_COMM_SELF, PETSC_ERR_MEM, "espalier: out of memory");
   mat->data = data;
+  if (several(mat)) {
+    data->shared.reset(new (std::nothrow) SharedFactor(PetscObjectComm(reinterpret_cast<PetscObject>(mat)), type));
+    PetscCheck(data->shared != nullptr, PETSC_COMM_SELF, PETSC_ERR_MEM, "espalier: out of memory");
+  }
   mat->ops->getinfo = get_info;
   mat->ops->destroy = destroy;
   mat->ops->view = view;

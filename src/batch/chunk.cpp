@@ -337,9 +337,10 @@ void Chunk::finish(const ChunkJob& job, bool refined, std::span<SystemResult> re
     if (block.left) return;
     const std::span<const double> b(block.b), x(block.x);
     if (refined) {
-      block.left =
-          !(block.refined.error.normwise <= context_.options.required_backward_error) ||
-          solver::growth_of(b.first(at(n_)), x.first(at(n_)), 1, scales_, block.residual, job.transpose).is_far(false);
+      const double norm =
+          (job.transpose ? scales_.row : scales_.col).empty() ? block.residual.norm(job.transpose) : 1;
+      block.left = !(block.refined.error.normwise <= context_.options.required_backward_error) ||
+                   solver::growth_of(b.first(at(n_)), x.first(at(n_)), 1, scales_, norm, job.transpose).is_far(false);
       if (block.left) return;
     }
     SystemResult& r = results[at(k)];

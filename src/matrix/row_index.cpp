@@ -74,4 +74,17 @@ RowIndex index_rows(const MatrixView& a, base::ThreadPool& pool) {
   return index;
 }
 
+RowIndex rows_of_index(const RowIndex& whole, Index first, Index end) {
+  RowIndex part;
+  if (whole.ptr.empty()) return part;
+  const Offset begin = whole.ptr[static_cast<std::size_t>(first)];
+  const Offset count = whole.ptr[static_cast<std::size_t>(end)] - begin;
+  for (const Offset at : whole.ptr) part.ptr.push_back(std::clamp<Offset>(at - begin, 0, count));
+  part.col = base::Buffer<Index>(count, nullptr);
+  part.source = base::Buffer<Offset>(count, nullptr);
+  std::copy_n(whole.col.data() + begin, count, part.col.data());
+  std::copy_n(whole.source.data() + begin, count, part.source.data());
+  return part;
+}
+
 }  // namespace espalier::matrix

@@ -23,6 +23,9 @@ struct RowIndex {
   }
 };
 
+/// The rows first .. end - 1 of an index; the others are empty. Of an empty index an empty one.
+RowIndex rows_of_index(const RowIndex& whole, Index first, Index end);
+
 /// The same for any number of threads.
 RowIndex index_rows(const MatrixView& a, base::ThreadPool& pool);
 

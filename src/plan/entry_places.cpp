@@ -7,6 +7,7 @@
 
 #include "analysis/lazy_vector.hpp"
 #include "plan/kept_entries.hpp"
+#include "plan/rank_parts.hpp"
 
 namespace espalier::plan {
 
@@ -53,18 +54,24 @@ struct Permuted {
   }
 };
 
+// Whether the entries of position k, a pivot of front f, belong to this rank's part of the plan.
+bool holds_entries(const Plan& plan, Index f, Index k) {
+  return is_made_here(plan, f, plan.layout[f].tile_of(k - plan.tree.first[f]));
+}
+
 // The entries of one front at a time, sorted.
 class FrontEntries {
  public:
   FrontEntries(const Plan& plan, const Permuted& permuted)
       : plan_(plan), permuted_(permuted), local_(static_cast<std::size_t>(plan.tree.n + plan.tree.border), -1) {}
 
-  // Collects the columns of front f: in each, rows ascending, duplicates by source.
+  // Collects the columns of front f that are made here: in each, rows ascending, duplicates by source.
   void collect(Index f) {
     list_.clear();
     ptr_.assign(1, 0);
     for (Index k = plan_.tree.first[f]; k < plan_.tree.first[f + 1]; ++k) {
-      permuted_.visit(k, [&](Offset q, Index row, bool transposed) { list_.push_back({q, row, transposed}); });
+      if (holds_entries(plan_, f, k))
+        permuted_.visit(k, [&](Offset q, Index row, bool transposed) { list_.push_back({q, row, transposed}); });
       std::sort(list_.begin() + static_cast<std::ptrdiff_t>(ptr_.back()), list_.end(),
                 [](const Raw& x, const Raw& y) { return x.row != y.row ? x.row < y.row : x.source < y.source; });
       ptr_.push_back(list_.size());
@@ -169,20 +176,20 @@ Index kept_front(const Plan& plan, Index f, const KeptEntries* kept) {
   return same ? old : -1;
 }
 
-// The same where the entries of most fronts are known.
-std::vector<Offset> count_others(const Plan& plan, const Permuted& permuted, const KeptEntries& kept,
+// The same where the entries of most fronts are known, or other ranks'.
+std::vector<Offset> count_others(const Plan& plan, const Permuted& permuted, const KeptEntries* kept,
                                  base::ThreadPool& pool) {
-  const Plan& was = kept.before;
   std::vector<Offset> begin(static_cast<std::size_t>(plan.fronts()) + 1, 0);
   pool.for_each_range(plan.fronts(), kFrontsPerRange, [&](std::int64_t b, std::int64_t e) {
     for (auto f = static_cast<Index>(b); f < e; ++f) {
       Offset& count = begin[f + 1];
-      if (const Index old = kept_front(plan, f, &kept); old >= 0) {
+      if (const Index old = kept_front(plan, f, kept); old >= 0) {
+        const Plan& was = kept->before;
         count = was.entry_ptr[was.first_tile[old + 1]] - was.entry_ptr[was.first_tile[old]];
         continue;
       }
       for (Index k = plan.tree.first[f]; k < plan.tree.first[f + 1]; ++k)
-        permuted.visit(k, [&](Offset, Index, bool) { ++count; });
+        if (holds_entries(plan, f, k)) permuted.visit(k, [&](Offset, Index, bool) { ++count; });
     }
   });
   std::partial_sum(begin.begin(), begin.end(), begin.begin());
@@ -249,8 +256,9 @@ void keep_front(Plan& plan, Index f, Offset begin, const KeptEntries& kept) {
 
 void place_entries(Plan& plan, const EntrySource& from, base::ThreadPool& pool, const KeptEntries* kept) {
   const Permuted permuted = permute(plan, from, pool);
+  const bool part = plan.options.ranks > 1;
   const std::vector<Offset> begin =
-      kept != nullptr ? count_others(plan, permuted, *kept, pool) : count_entries(plan, permuted, pool);
+      kept != nullptr || part ? count_others(plan, permuted, kept, pool) : count_entries(plan, permuted, pool);
   plan.entry_ptr.assign(static_cast<std::size_t>(plan.tiles()) + 1, 0);
   plan.entries.resize(static_cast<std::size_t>(begin.back()));
   std::vector<Index> draw{0};  // its first front; the large fronts at the end, most of them alone, are taken first
@@ -266,11 +274,27 @@ void place_entries(Plan& plan, const EntrySource& from, base::ThreadPool& pool, 
       for (Index f = draw[draw.size() - p - 1]; f < draw[draw.size() - p]; ++f)
         if (kept_front(plan, f, kept) >= 0)
           keep_front(plan, f, begin[f], *kept);
-        else
+        else if (!part || knows(plan, f, plan.options.rank))
           place_front(plan, f, begin[f], front, at);
     }
   });
   plan.entry_ptr.back() = static_cast<Offset>(plan.entries.size());
+}
+
+void number_sources(Plan& plan, base::ThreadPool& pool) {
+  constexpr std::int64_t kEntries = 1 << 15;  // per range
+  plan.sources.resize(plan.entries.size());
+  const auto each = [&](const auto& use) {
+    pool.for_each_range(static_cast<std::int64_t>(plan.entries.size()), kEntries, [&](std::int64_t b, std::int64_t e) {
+      for (auto k = static_cast<std::size_t>(b); k < static_cast<std::size_t>(e); ++k) use(k, plan.entries[k]);
+    });
+  };
+  each([&](std::size_t k, const EntryPlace& e) { plan.sources[k] = e.source(); });
+  std::sort(plan.sources.begin(), plan.sources.end());
+  each([&](std::size_t, EntryPlace& e) {
+    const auto at = std::lower_bound(plan.sources.begin(), plan.sources.end(), e.source()) - plan.sources.begin();
+    e = EntryPlace(at, e.row(), e.col(), e.transposed());
+  });
 }
 
 void place_entries_as_before(Plan& plan, const Plan& before, std::span<const Index> same, const EntrySource& from,

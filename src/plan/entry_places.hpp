@@ -21,6 +21,9 @@ struct EntrySource {
 /// @pre tree, layout, whole, first_tile
 void place_entries(Plan& plan, const EntrySource& from, base::ThreadPool& pool, const KeptEntries* kept = nullptr);
 
+/// Fills plan.sources, and says in entries where in it their values stand.
+void number_sources(Plan& plan, base::ThreadPool& pool);
+
 /// The same where most fronts have the columns, rows and tiles of a front of another plan of this matrix, whose entries
 /// are copied.
 /// @param same  by front: that front of `before`, ascending; -1: the front is another one

@@ -42,20 +42,22 @@ void link_children(Plan& plan) {
 // Places of every front's rows in its parent's front: both lists ascend, so one walk suffices.
 void relate_rows(Plan& plan, base::ThreadPool& pool) {
   const auto& t = plan.tree;
-  plan.relative.resize(t.rows.size());
+  const bool part = !plan.row_begin.empty();
+  plan.relative.resize(part ? static_cast<std::size_t>(plan.row_begin.back()) : t.rows.size());
   pool.for_each_range(plan.fronts(), kFrontsPerRange, [&](std::int64_t b, std::int64_t e) {
     for (auto f = static_cast<Index>(b); f < e; ++f) {
       const Index p = t.parent[f];
-      if (p < 0) continue;
+      if (p < 0 || (part && !knows(plan, f, plan.options.rank))) continue;
       const Index pivots = t.pivots(p);
       Offset at = t.row_ptr[p];
-      for (Offset r = t.row_ptr[f]; r < t.row_ptr[f + 1]; ++r) {
+      Index* place = plan.relative.data() + plan.row_at(f);
+      for (Offset r = t.row_ptr[f]; r < t.row_ptr[f + 1]; ++r, ++place) {
         const Index row = t.rows[r];
         if (row < t.first[p + 1]) {
-          plan.relative[r] = row - t.first[p];
+          *place = row - t.first[p];
         } else {
           while (at < t.row_ptr[p + 1] && t.rows[at] < row) ++at;
-          plan.relative[r] = pivots + static_cast<Index>(at - t.row_ptr[p]);
+          *place = pivots + static_cast<Index>(at - t.row_ptr[p]);
         }
       }
     }
@@ -98,11 +100,16 @@ Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vect
   plan.options = options;
   link_children(plan);
   cut_fronts(plan);
-  // Tasks and memory are one chain of small steps that needs no entries: it goes beside them.
-  const auto list_and_place = [&plan, threads = pool.size()] {
+  const bool part = options.ranks > 1;
+  if (part) {
     plan.ownership = assign_owners(plan);
+    number_known(plan);
+  }
+  // Tasks and memory are one chain of small steps that needs no entries: it goes beside them.
+  const auto list_and_place = [&plan, part, threads = pool.size()] {
+    if (!part) plan.ownership = assign_owners(plan);
     list_tasks(plan);
-    if (plan.options.ranks > 1) return;  // memory is planned when rows are related
+    if (part) return;  // memory is planned when rows are related
     if (plan.options.arrays == nullptr) return plan_memory(plan);
     const ArraySizes sizes = array_sizes(plan, name_regions(plan, true));
     plan_memory(plan, &sizes, threads);
@@ -113,7 +120,10 @@ Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vect
   if (rows == nullptr || rows->ptr.empty()) rows = &(own = matrix::index_rows(a, pool));
   place_entries(plan, {a, *rows, row_of_col}, pool, kept);
   beside.get();
-  if (plan.options.ranks > 1) plan.memory = memory_of_rank(plan, plan.options.rank);
+  if (!part) return plan;
+  number_sources(plan, pool);
+  plan.memory = memory_of_rank(plan);
+  drop_unknown_rows(plan);
   return plan;
 }
 

@@ -83,7 +83,8 @@ struct PlanOptions {
   Index reuse_distance = 64;  ///< a dead region is reused only by fronts that start so many tasks later
   Index devices = 1;          ///< devices that share the plan, of all ranks together
   /// Ranks (processes that exchange messages) that the devices belong to, in equal parts, one rank after another. The
-  /// tree is cut for ranks first, then each rank's part for its devices. Memory is planned for what `rank` keeps alone.
+  /// tree is cut for ranks first, then each rank's part for its devices. make_plan() makes the part of `rank` alone,
+  /// and needs one device a rank.
   Index ranks = 1;
   Index rank = 0;
   /// Several devices: sub-trees per device beyond the first, so that what one device lacks another can give. More of
@@ -134,21 +135,27 @@ struct MemoryPlan {
   std::vector<Offset> device_size;
 };
 
+/// Of several ranks, each has the plan's long arrays for what it knows alone (plan/rank_parts.hpp): rows of fronts,
+/// tiles, places of entries, tasks. Of the tree, sizes, layout and owners all ranks know all.
 struct Plan {
-  analysis::AssemblyTree tree;
+  analysis::AssemblyTree tree;  ///< several ranks: tree.rows are found by row_begin, not by tree.row_ptr
   PlanOptions options;
   std::vector<FrontLayout> layout;           ///< fronts
   std::vector<char> whole;                   ///< fronts; 1: taken whole, by a range task
   std::vector<Offset> child_ptr;             ///< fronts + 1
   std::vector<Index> children;               ///< in the order in which their contributions are added
   std::vector<Index> relative;               ///< like tree.rows: the row's place (0-based row) in the parent's front
+  std::vector<Offset> row_begin;             ///< fronts + 1; into tree.rows and `relative`. Empty: tree.row_ptr
   std::vector<Offset> first_tile;            ///< fronts + 1; number of the front's first tile among all tiles
   std::vector<Offset> entry_ptr;             ///< tiles + 1 (whole fronts: all entries at their first tile)
   analysis::LazyVector<EntryPlace> entries;  ///< sorted by tile, then column, then row
-  std::vector<Task> tasks;                   ///< in topological order
-  std::vector<Index> first_task;             ///< fronts; number of the front's first task
-  std::vector<Index> last_task;              ///< fronts; number of the front's last task
-  std::vector<Index> tier;                   ///< fronts; distance from the root
+  /// Several ranks: the places in the caller's array of the values that this rank assembles, ascending; EntryPlace's
+  /// source is a place in this list. Every value is in the list of one rank. Empty: it is one in the caller's array.
+  std::vector<Offset> sources;
+  std::vector<Task> tasks;        ///< in topological order
+  std::vector<Index> first_task;  ///< fronts; number of the front's first task
+  std::vector<Index> last_task;   ///< fronts; number of the front's last task
+  std::vector<Index> tier;        ///< fronts; distance from the root
   Ownership ownership;
   MemoryPlan memory;
   Offset nonzeros_factor = 0;  ///< entries of L (L + U for lu), no padding
@@ -160,9 +167,20 @@ struct Plan {
     return layout[static_cast<std::size_t>(f)].rows <= options.tiles.narrow_rows ? FrontForm::narrow : FrontForm::wide;
   }
   [[nodiscard]] Offset tiles() const { return first_tile.back(); }
+  /// Positions of the rows below the pivots of a front, layout[f].below() of them; and their places in its parent.
+  [[nodiscard]] const Index* rows_below(Index f) const { return tree.rows.data() + row_at(f); }
+  [[nodiscard]] const Index* places_in_parent(Index f) const { return relative.data() + row_at(f); }
+  [[nodiscard]] Offset row_at(Index f) const {
+    return (row_begin.empty() ? tree.row_ptr : row_begin)[static_cast<std::size_t>(f)];
+  }
 };
 
 struct KeptEntries;
+
+/// Values that factorizations with the plan take. @param entries  of the matrix
+inline Offset values_of(const Plan& plan, Offset entries) {
+  return plan.row_begin.empty() ? entries : static_cast<Offset>(plan.sources.size());
+}
 
 /// Lays out the plan of a matrix with the pattern of `a` (symmetric storage: either triangle or both; duplicates
 /// allowed). For lu, row_of_col[c] is the row matched to column c (empty: c itself): the plan is that of the

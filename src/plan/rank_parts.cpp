@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "plan/memory_plan.hpp"
 
@@ -45,7 +46,7 @@ Plan subtrees_of(const Plan& plan, Index rank) {
 
 class RankMemory {
  public:
-  RankMemory(const Plan& plan, Index rank) : plan_(plan), rank_(rank) {}
+  explicit RankMemory(const Plan& plan) : plan_(plan), rank_(plan.options.rank) {}
 
   MemoryPlan run() {
     Plan own = subtrees_of(plan_, rank_);
@@ -93,7 +94,7 @@ class RankMemory {
   [[nodiscard]] bool works_with_contribution(Index f) const {
     const FrontLayout& l = plan_.layout[f];
     const Index parent = plan_.tree.parent[f];
-    if (parent < 0 || plan_.ownership.subtree(parent) >= 0 || l.below() == 0) return false;
+    if (parent < 0 || plan_.ownership.subtree(parent) >= 0 || l.below() == 0 || !knows(plan_, f, rank_)) return false;
     const auto is_here = [&](const std::vector<Index>& ranks) {
       return std::find(ranks.begin(), ranks.end(), rank_) != ranks.end();
     };
@@ -134,7 +135,7 @@ std::vector<Index> readers(const Plan& plan, Index front, Index column) {
   const FrontLayout& l = plan.layout[front];
   const Index first = column < 0 ? 0 : column * l.below_width;
   const Index end = column < 0 ? l.below() : first + l.below_rows(column);
-  const Index* relative = plan.relative.data() + plan.tree.row_ptr[front];
+  const Index* relative = plan.places_in_parent(front);
   Index last = -1;
   for (Index r = first; r < end; ++r) {
     const Index j = plan.layout[parent].tile_of(relative[r]);
@@ -147,6 +148,40 @@ std::vector<Index> readers(const Plan& plan, Index front, Index column) {
   return list;
 }
 
-MemoryPlan memory_of_rank(const Plan& plan, Index rank) { return RankMemory(plan, rank).run(); }
+bool knows(const Plan& plan, Index front, Index rank) {
+  if (keeps_factor(plan, front, rank)) return true;
+  const Index parent = plan.tree.parent[static_cast<std::size_t>(front)];
+  return parent >= 0 && plan.ownership.subtree(parent) < 0 && keeps_factor(plan, parent, rank);
+}
+
+Index first_keeper(const Plan& plan, Index front) {
+  Index r = 0;
+  while (!keeps_factor(plan, front, r)) ++r;
+  return r;
+}
+
+bool is_made_here(const Plan& plan, Index front, Index column) {
+  return plan.options.ranks <= 1 || maker(plan, front, column) == plan.options.rank;
+}
+
+void number_known(Plan& plan) {
+  plan.row_begin.assign(static_cast<std::size_t>(plan.fronts()) + 1, 0);
+  for (Index f = 0; f < plan.fronts(); ++f) {
+    const bool known = knows(plan, f, plan.options.rank);
+    plan.row_begin[f + 1] = plan.row_begin[f] + (known ? plan.tree.rows_below(f) : 0);
+    plan.first_tile[f + 1] = plan.first_tile[f] + (known ? plan.layout[f].tile_count() : 0);
+  }
+}
+
+void drop_unknown_rows(Plan& plan) {
+  std::vector<Index> kept(static_cast<std::size_t>(plan.row_begin.back()));
+  for (Index f = 0; f < plan.fronts(); ++f) {
+    const Offset count = plan.row_begin[f + 1] - plan.row_begin[f];
+    std::copy_n(plan.tree.rows.begin() + plan.tree.row_ptr[f], count, kept.begin() + plan.row_begin[f]);
+  }
+  plan.tree.rows = std::move(kept);
+}
+
+MemoryPlan memory_of_rank(const Plan& plan) { return RankMemory(plan).run(); }
 
 }  // namespace espalier::plan

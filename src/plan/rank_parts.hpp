@@ -1,6 +1,6 @@
 /// \file
-/// Ranks that share a plan, one device each: what each keeps, and to whom what it makes has to go. All of it follows
-/// from the plan, so that nobody asks for anything.
+/// Ranks that share a plan, one device each: what each keeps and knows, and to whom what it makes has to go. All of it
+/// follows from what every rank knows of the plan, so that nobody asks for anything.
 #pragma once
 
 #include <vector>
@@ -22,9 +22,25 @@ Index maker(const Plan& plan, Index front, Index column);
 /// a front that is taken whole from all of it (-1). Empty for a root.
 std::vector<Index> readers(const Plan& plan, Index front, Index column);
 
-/// Places of what one rank keeps or works with: its sub-trees with memory that is used again, then the top fronts whose
-/// factors it keeps and the contributions that it makes or receives for them, each with a place of its own. Places of
-/// other fronts have no meaning.
-MemoryPlan memory_of_rank(const Plan& plan, Index rank);
+/// Whether a rank has the rows and numbers the tiles of a front: it keeps the factor, or that of the parent in the top,
+/// to which the front's contribution goes, in a factorization or in a solve.
+bool knows(const Plan& plan, Index front, Index rank);
+
+/// The first rank that keeps the factor of a front: who tells others about it.
+Index first_keeper(const Plan& plan, Index front);
+
+/// Whether the plan's own rank makes column `column` of a front; with one rank, true.
+bool is_made_here(const Plan& plan, Index front, Index column);
+
+/// Numbers the rows and tiles of the fronts that the plan's rank knows: fills row_begin and first_tile. Other fronts
+/// have none. @pre tree, layout, whole, ownership
+void number_known(Plan& plan);
+/// Keeps of tree.rows what row_begin numbers.
+void drop_unknown_rows(Plan& plan);
+
+/// Places of what the plan's rank keeps or works with: its sub-trees with memory that is used again, then the top
+/// fronts whose factors it keeps and the contributions that it makes or receives for them, each with a place of its
+/// own. Places of other fronts have no meaning. @pre its tasks, and `relative`
+MemoryPlan memory_of_rank(const Plan& plan);
 
 }  // namespace espalier::plan

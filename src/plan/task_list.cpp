@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "plan/rank_parts.hpp"
 #include "plan/regions.hpp"
 
 namespace espalier::plan {
@@ -69,7 +70,9 @@ class TaskLister {
 
   void walk_together(const std::vector<SubTree*>& subtrees) {
     std::vector<Index> roots;
-    for (const SubTree* s : subtrees) roots.insert(roots.end(), s->roots.begin(), s->roots.end());
+    const bool elsewhere = plan_.options.ranks > 1 && subtrees.front()->device != plan_.options.rank;
+    for (const SubTree* s : subtrees)
+      if (!elsewhere) roots.insert(roots.end(), s->roots.begin(), s->roots.end());
     const auto first = static_cast<Index>(plan_.tasks.size());
     walk_children(roots);
     for (SubTree* s : subtrees) {
@@ -175,6 +178,7 @@ class TaskLister {
   }
 
   void emit_range(Index f) {
+    if (!is_made_here(plan_, f, 0)) return;
     std::vector<Task>& list = is_late(f) ? late_ : plan_.tasks;
     const auto at = static_cast<Index>(list.size());
     const Index begin = is_range_[f] != 0 ? subtree_begin_[f] : f;
@@ -206,6 +210,7 @@ class TaskLister {
   }
 
   void emit_tile(Index f, Index i, Index j) {
+    if (!is_made_here(plan_, f, j)) return;
     std::vector<Task>& list = is_late(f) ? late_ : plan_.tasks;
     const auto at = static_cast<Index>(list.size());
     if (plan_.first_task[f] < 0) plan_.first_task[f] = at;

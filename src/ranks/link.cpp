@@ -309,23 +309,22 @@ void Link::wait(const Handler& handler, const std::function<bool()>& done) {
   }
 }
 
-std::vector<std::vector<std::byte>> Link::all_gather(std::span<const std::byte> mine) {
-  begin_operation();
-  std::vector<std::vector<std::byte>> all(static_cast<std::size_t>(size()));
-  all[static_cast<std::size_t>(rank())].assign(mine.begin(), mine.end());
-  int missing = size() - 1;
-  std::vector<int> others;  // each begins with its neighbour, so that not all send to the same one first
-  for (int k = 1; k < size(); ++k) others.push_back((rank() + k) % size());
-  for (std::size_t at = 0; at == 0 || at < mine.size(); at += kMostPart) {
-    const auto part = mine.subspan(at, std::min(kMostPart, mine.size() - at));
+void Link::post_parts(std::span<const int> to, std::span<const std::byte> bytes) {
+  for (std::size_t at = 0; at == 0 || at < bytes.size(); at += kMostPart) {
+    const auto part = bytes.subspan(at, std::min(kMostPart, bytes.size() - at));
     Message m(part.size());
     Header h;
     h.kind = kPart;
-    h.number = static_cast<std::int64_t>(mine.size());
+    h.number = static_cast<std::int64_t>(bytes.size());
     m.set_header(h);
     Writer(m.body()).put(part.data(), part.size());
-    post(others, m);
+    post(to, m);
   }
+}
+
+// What every other rank has posted.
+void Link::take_parts(std::vector<std::vector<std::byte>>& all) {
+  int missing = size() - 1;
   const Handler take = [&](int from, const Message& m) {
     auto& to = all[static_cast<std::size_t>(from)];
     const auto bytes = static_cast<std::size_t>(m.header().number);
@@ -334,6 +333,29 @@ std::vector<std::vector<std::byte>> Link::all_gather(std::span<const std::byte> 
     if (to.size() >= bytes) --missing;
   };
   wait(take, [&] { return missing == 0; });
+}
+
+std::vector<std::vector<std::byte>> Link::all_gather(std::span<const std::byte> mine) {
+  begin_operation();
+  std::vector<std::vector<std::byte>> all(static_cast<std::size_t>(size()));
+  all[static_cast<std::size_t>(rank())].assign(mine.begin(), mine.end());
+  std::vector<int> others;  // each begins with its neighbour, so that not all send to the same one first
+  for (int k = 1; k < size(); ++k) others.push_back((rank() + k) % size());
+  post_parts(others, mine);
+  take_parts(all);
+  return all;
+}
+
+std::vector<std::vector<std::byte>> Link::all_to_all(std::span<const std::span<const std::byte>> mine) {
+  begin_operation();
+  std::vector<std::vector<std::byte>> all(static_cast<std::size_t>(size()));
+  const auto own = mine[static_cast<std::size_t>(rank())];
+  all[static_cast<std::size_t>(rank())].assign(own.begin(), own.end());
+  for (int k = 1; k < size(); ++k) {
+    const int to = (rank() + k) % size();
+    post_parts(std::span<const int>(&to, 1), mine[static_cast<std::size_t>(to)]);
+  }
+  take_parts(all);
   return all;
 }
 

@@ -76,6 +76,8 @@ class Link {
     }
     return all;
   }
+  /// What each rank has for this one, by rank. One operation. @param mine  for each rank
+  std::vector<std::vector<std::byte>> all_to_all(std::span<const std::span<const std::byte>> mine);
   /// One number of each rank.
   std::vector<std::int64_t> all_numbers(std::int64_t mine);
   /// How something that can fail on one rank alone has ended: throws on all ranks what was thrown on the first of them.
@@ -106,6 +108,8 @@ class Link {
   void deliver(const Handler& handler);
   void hand_out(int from, const Message& message, const Handler& handler);
   void hand_out_early(const Handler& handler);
+  void post_parts(std::span<const int> to, std::span<const std::byte> bytes);
+  void take_parts(std::vector<std::vector<std::byte>>& all);
   void give_sign_of_life();
   void tell_all(std::int32_t kind, const std::string& text);
   [[noreturn]] void lose(const std::string& why);

@@ -104,39 +104,62 @@ double ResidualOperator::norm(bool transpose) const {
   return known;
 }
 
+// use(k, begin, end) for range k of the rows that are computed here.
+template <class Use>
+void ResidualOperator::for_each_range(const Use& use) const {
+  pool_->for_each_range(end_row_ - first_row_, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
+    use(static_cast<std::size_t>(begin / kRowsPerRange), first_row_ + static_cast<Index>(begin),
+        first_row_ + static_cast<Index>(end));
+  });
+}
+
+std::size_t ResidualOperator::ranges() const {
+  return static_cast<std::size_t>((end_row_ - first_row_ + kRowsPerRange - 1) / kRowsPerRange);
+}
+
+ResidualOperator ResidualOperator::of_rows(Index first, Index end) const {
+  ResidualOperator part = *this;
+  part.first_row_ = first;
+  part.end_row_ = end;
+  part.norm_inf_ = part.norm_one_ = -1;
+  return part;
+}
+
 template <class Value>
 double ResidualOperator::largest_row_sum(bool transpose) const {
-  std::vector<double> range_max(static_cast<std::size_t>((a_.rows + kRowsPerRange - 1) / kRowsPerRange), 0);
-  pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t b, std::int64_t e) {
+  std::vector<double> range_max(ranges(), 0);
+  for_each_range([&](std::size_t range, Index begin, Index end) {
     double most = 0;
-    for (auto r = static_cast<Index>(b); r < e; ++r) {
+    for (Index r = begin; r < end; ++r) {
       double sum0 = 0;
       double sum1 = 0;
       visit_row<Value>(
           r, transpose, [&](Value v, Index) { sum0 += std::abs(v); }, [&](Value v, Index) { sum1 += std::abs(v); });
       most = std::max(most, sum0 + sum1);
     }
-    range_max[static_cast<std::size_t>(b / kRowsPerRange)] = most;
+    range_max[range] = most;
   });
   return range_max.empty() ? 0.0 : *std::max_element(range_max.begin(), range_max.end());
 }
 
-// What a range of rows contributes to the errors.
-struct ResidualOperator::RangeErrors {
-  double residual = 0, componentwise = 0, x = 0, b = 0;
-  bool finite = true;
+// One row: its residual, the sum of the magnitudes of its terms, and its entries of the vectors.
+template <class Value>
+void RowErrors::add(Value residual_i, double scale, Value x_i, Value b_i) {
+  const double magnitude = std::abs(residual_i);
+  finite = finite && std::isfinite(magnitude) && std::isfinite(std::abs(x_i));
+  residual = std::max(residual, magnitude);
+  componentwise = std::max(componentwise, ratio(magnitude, scale));
+  x = std::max(x, std::abs(x_i));
+  b = std::max(b, std::abs(b_i));
+}
 
-  // One row: its residual, the sum of the magnitudes of its terms, and its entries of the vectors.
-  template <class Value>
-  void add(Value residual_i, double scale, Value x_i, Value b_i) {
-    const double magnitude = std::abs(residual_i);
-    finite = finite && std::isfinite(magnitude) && std::isfinite(std::abs(x_i));
-    residual = std::max(residual, magnitude);
-    componentwise = std::max(componentwise, ratio(magnitude, scale));
-    x = std::max(x, std::abs(x_i));
-    b = std::max(b, std::abs(b_i));
-  }
-};
+void RowErrors::add(const RowErrors& other) {
+  residual = std::max(residual, other.residual);
+  componentwise = std::max(componentwise, other.componentwise);
+  x = std::max(x, other.x);
+  b = std::max(b, other.b);
+  finite = finite && other.finite;
+}
 
 // Rows [begin, end) of r = b - op(A) x; r may be null.
 struct ResidualOperator::RowRange {
@@ -149,7 +172,7 @@ struct ResidualOperator::RowRange {
 
 template <>
 [[gnu::always_inline]] inline void ResidualOperator::residual_rows<double>(const RowRange& rows,
-                                                                           RangeErrors& errors) const {
+                                                                           RowErrors& errors) const {
   const double* const x = rows.x;
   for (Index i = rows.begin; i < rows.end; ++i) {
     const double b_i = rows.b[i];
@@ -197,7 +220,7 @@ struct LongComplexSum {
 
 template <>
 [[gnu::always_inline]] inline void ResidualOperator::residual_rows<std::complex<double>>(const RowRange& rows,
-                                                                                         RangeErrors& errors) const {
+                                                                                         RowErrors& errors) const {
   using Value = std::complex<double>;
   const Value *const x = base::as_complex(rows.x), *const b = base::as_complex(rows.b);
   for (Index i = rows.begin; i < rows.end; ++i) {
@@ -214,7 +237,7 @@ template <>
 // more for processors that have it. Both give the same bits.
 #if defined(__x86_64__)
 __attribute__((target("avx2,fma"))) void ResidualOperator::residual_rows_fma(const RowRange& rows,
-                                                                             RangeErrors& errors) const {
+                                                                             RowErrors& errors) const {
   if (numbers_ == base::Numbers::real)
     residual_rows<double>(rows, errors);
   else
@@ -223,10 +246,14 @@ __attribute__((target("avx2,fma"))) void ResidualOperator::residual_rows_fma(con
 #endif
 
 BackwardError ResidualOperator::compute(const double* b, const double* x, double* r, bool transpose) const {
-  std::vector<RangeErrors> ranges(static_cast<std::size_t>((a_.rows + kRowsPerRange - 1) / kRowsPerRange));
-  pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
-    RangeErrors& errors = ranges[static_cast<std::size_t>(begin / kRowsPerRange)];
-    const RowRange rows{static_cast<Index>(begin), static_cast<Index>(end), b, x, r, transpose};
+  return judge(compute_rows(b, x, r, transpose), norm(transpose));
+}
+
+RowErrors ResidualOperator::compute_rows(const double* b, const double* x, double* r, bool transpose) const {
+  std::vector<RowErrors> found(ranges());
+  for_each_range([&](std::size_t range, Index begin, Index end) {
+    RowErrors& errors = found[range];
+    const RowRange rows{begin, end, b, x, r, transpose};
 #if defined(__x86_64__)
     static const bool fma = __builtin_cpu_supports("fma") != 0 && __builtin_cpu_supports("avx2") != 0;
     if (fma) return residual_rows_fma(rows, errors);
@@ -236,43 +263,50 @@ BackwardError ResidualOperator::compute(const double* b, const double* x, double
     else
       residual_rows<std::complex<double>>(rows, errors);
   });
-  return judge(ranges, transpose);
+  return total(found);
 }
 
-BackwardError ResidualOperator::judge(std::span<const RangeErrors> ranges, bool transpose) const {
-  RangeErrors all;
-  for (const RangeErrors& p : ranges) {
-    all.residual = std::max(all.residual, p.residual);
-    all.componentwise = std::max(all.componentwise, p.componentwise);
-    all.x = std::max(all.x, p.x);
-    all.b = std::max(all.b, p.b);
-    all.finite = all.finite && p.finite;
-  }
+RowErrors ResidualOperator::total(std::span<const RowErrors> found) {
+  RowErrors all;
+  for (const RowErrors& e : found) all.add(e);
+  return all;
+}
+
+BackwardError ResidualOperator::judge(const RowErrors& all, double norm) {
   if (!all.finite) {
     const double infinity = std::numeric_limits<double>::infinity();
     return {infinity, infinity};
   }
-  const double scale = norm(transpose) * all.x + all.b;
+  const double scale = norm * all.x + all.b;
   if (std::isinf(scale)) return {all.componentwise, all.componentwise};  // which is never below the normwise error
   return {ratio(all.residual, scale), all.componentwise};
 }
 
 void ResidualOperator::compute(std::span<ResidualColumn> columns, bool transpose) const {
+  std::vector<RowErrors> errors(columns.size());
+  compute_rows(columns, errors, transpose);
+  for (std::size_t k = 0; k < columns.size(); ++k) columns[k].error = judge(errors[k], norm(transpose));
+}
+
+void ResidualOperator::compute_rows(std::span<const ResidualColumn> columns, std::span<RowErrors> errors,
+                                    bool transpose) const {
   const RowSums& sums = row_sums();
   const auto lanes = static_cast<std::size_t>(sums.lanes);
   base::Buffer<double> packed;
   while (!columns.empty()) {
     if (lanes == 0 || columns.size() == 1 || numbers_ != base::Numbers::real) {
-      ResidualColumn& c = columns.front();
-      c.error = compute(c.b, c.x, c.r, transpose);
+      const ResidualColumn& c = columns.front();
+      errors.front() = compute_rows(c.b, c.x, c.r, transpose);
       columns = columns.subspan(1);
+      errors = errors.subspan(1);
       continue;
     }
     const std::size_t now = std::min(kGroups * lanes, columns.size());
     const auto groups = static_cast<Index>((now + lanes - 1) / lanes);
     if (packed.size() == 0) packed = base::Buffer<double>(Offset{a_.rows} * sums.lanes * groups, nullptr);
-    compute_pass(columns.first(now), sums, packed.data(), transpose);
+    compute_pass(columns.first(now), errors.first(now), sums, packed.data(), transpose);
     columns = columns.subspan(now);
+    errors = errors.subspan(now);
   }
 }
 
@@ -313,20 +347,20 @@ void ResidualOperator::pack(std::size_t count, std::size_t lanes, const Column& 
 }
 
 // One pass over the matrix. The columns are packed in groups of sums.lanes.
-void ResidualOperator::compute_pass(std::span<ResidualColumn> columns, const RowSums& sums, double* packed,
-                                    bool transpose) const {
+void ResidualOperator::compute_pass(std::span<const ResidualColumn> columns, std::span<RowErrors> errors,
+                                    const RowSums& sums, double* packed, bool transpose) const {
   const auto lanes = static_cast<std::size_t>(sums.lanes);
   const auto n = static_cast<std::size_t>(a_.rows);
   const std::size_t count = columns.size(), padded = (count + lanes - 1) / lanes * lanes;
   pack(
       count, lanes, [&](std::size_t k) { return columns[k].x; }, packed);
-  const auto ranges_each = (n + kRowsPerRange - 1) / kRowsPerRange;
-  std::vector<RangeErrors> ranges(ranges_each * count);
-  pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
+  const std::size_t each = ranges();
+  std::vector<RowErrors> found(each * count);
+  for_each_range([&](std::size_t range, Index begin, Index end) {
     std::vector<double> values, b(padded, 0), residual(padded), scale(padded);
     std::vector<Index> cols;
-    std::vector<RangeErrors> mine(count);
-    for (auto i = static_cast<Index>(begin); i < end; ++i) {
+    std::vector<RowErrors> mine(count);
+    for (Index i = begin; i < end; ++i) {
       const RowEntries row = gather_row(i, transpose, values, cols);
       for (std::size_t k = 0; k < count; ++k) b[k] = columns[k].b[i];
       for (std::size_t k = 0; k < padded; k += lanes) sums.sum(row, packed + k * n, &b[k], &residual[k], &scale[k]);
@@ -335,11 +369,9 @@ void ResidualOperator::compute_pass(std::span<ResidualColumn> columns, const Row
         if (columns[k].r != nullptr) columns[k].r[i] = residual[k];
       }
     }
-    for (std::size_t k = 0; k < count; ++k)
-      ranges[k * ranges_each + static_cast<std::size_t>(begin / kRowsPerRange)] = mine[k];
+    for (std::size_t k = 0; k < count; ++k) found[k * each + range] = mine[k];
   });
-  for (std::size_t k = 0; k < count; ++k)
-    columns[k].error = judge(std::span<const RangeErrors>(ranges).subspan(k * ranges_each, ranges_each), transpose);
+  for (std::size_t k = 0; k < count; ++k) errors[k] = total(std::span<const RowErrors>(found).subspan(k * each, each));
 }
 
 void ResidualOperator::multiply(const double* x, double* y, bool transpose) const {
@@ -351,8 +383,8 @@ void ResidualOperator::multiply(const double* x, double* y, bool transpose) cons
 
 template <class Value>
 void ResidualOperator::multiply_rows(const Value* x, Value* y, bool transpose) const {
-  pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
-    for (auto i = static_cast<Index>(begin); i < end; ++i) {
+  for_each_range([&](std::size_t, Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) {
       Value sum0 = 0;
       Value sum1 = 0;
       visit_row<Value>(
@@ -379,8 +411,8 @@ void ResidualOperator::multiply_pass(const double* x, double* y, std::size_t cou
   const auto n = static_cast<std::size_t>(a_.rows);
   pack(
       count, lanes, [&](std::size_t k) { return x + k * n; }, packed);
-  pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
-    for (auto i = static_cast<Index>(begin); i < end; ++i) {
+  for_each_range([&](std::size_t, Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) {
       double sum0[lanes] = {}, sum1[lanes] = {};
       const auto add = [&](double v, Index c, double* sum) __attribute__((always_inline)) {
         const double* const xc = packed + static_cast<std::size_t>(c) * lanes;

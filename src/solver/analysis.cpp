@@ -10,7 +10,8 @@
 #include "analysis/ordering.hpp"
 #include "analysis/verify.hpp"
 #include "matrix/validate.hpp"
-#include "solve/residual.hpp"
+#include "plan/plan_bytes.hpp"
+#include "solve/rank_residual.hpp"
 #include "solver/analysis_draft.hpp"
 #include "solver/analysis_file.hpp"
 #include "solver/option_text.hpp"
@@ -30,12 +31,6 @@ void check_matrix(const GivenMatrix& given, base::ThreadPool& pool) {
 }
 
 namespace {
-
-Offset plan_bytes(const plan::Plan& p) {
-  const auto of = [](const auto& v) { return static_cast<Offset>(v.size() * sizeof(v[0])); };
-  return of(p.tree.order) + of(p.tree.rows) + of(p.relative) + of(p.layout) + of(p.entry_ptr) + of(p.entries) +
-         of(p.tasks) + of(p.memory.factor) * 4 + of(p.tree.parent) * 6;
-}
 
 device::PlanWish wish_of(const System& system, const Context& context) {
   device::PlanWish wish;
@@ -64,8 +59,20 @@ plan::Plan bordered_plan(analysis::AssemblyTree tree, const System& system, cons
 
 }  // namespace
 
+std::shared_ptr<const matrix::RowIndex> share_rows(System& system, const Context& context) {
+  // Residuals of smaller matrices are sooner computed on each rank than gathered.
+  constexpr Offset kEntriesToShare = 1 << 15;
+  std::shared_ptr<const matrix::RowIndex> whole = system.rows;
+  const MatrixView a = system.prepared.a;
+  if (context.link == nullptr || a.nonzeros() < kEntriesToShare) return whole;
+  const solve::OwnRows mine = solve::own_rows(a.rows, context.link->rank(), context.link->size());
+  system.rows = std::make_shared<const matrix::RowIndex>(matrix::rows_of_index(*whole, mine.first, mine.end));
+  system.rows_are_shared = true;
+  return whole;
+}
+
 Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tree, Changes changes,
-                 const Context& context, const plan::KeptEntries* kept) {
+                 const Context& context, const matrix::RowIndex* rows, const plan::KeptEntries* kept) {
   device::PlanWish wish = wish_of(*system, context);
   if (changes.free_pivots) wish.max_block_size = 0;
   wish.devices = changes.device.devices();
@@ -73,10 +80,10 @@ Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tr
   wish.speed = changes.device.speed;
   Analysis made;
   const plan::PlanOptions options = changes.device.backend->plan_options(wish);
-  made.plan = tree.border > 0
-                  ? bordered_plan(std::move(tree), *system, options, context.pool)
-                  : plan::make_plan(std::move(tree), system->factored_pattern(), system->factored_row_of_col(), options,
-                                    context.pool, &system->factored_rows(), kept);
+  if (system->real_form) rows = &system->real_form->rows;
+  made.plan = tree.border > 0 ? bordered_plan(std::move(tree), *system, options, context.pool)
+                              : plan::make_plan(std::move(tree), system->factored_pattern(),
+                                                system->factored_row_of_col(), options, context.pool, rows, kept);
   made.system = std::move(system);
   made.device = std::move(changes.device);
   made.moved_pivots = changes.moved_pivots;
@@ -114,7 +121,7 @@ bool real_form_is_wished() {
 
 // Complex systems on devices without complex numbers, which take their real form: the tree is that from now on.
 void take_real_form(System& system, DeviceChoice& device, analysis::AssemblyTree& tree, const Context& context) {
-  if (system.numbers() == base::Numbers::real) return;
+  if (system.numbers() == base::Numbers::real || context.link != nullptr) return;  // ranks are on hosts
   const bool needed = !device.backend->limits().complex;
   if (!needed && !real_form_is_wished()) return;
   analysis::AssemblyTree two = doubled(tree);
@@ -127,6 +134,7 @@ void take_real_form(System& system, DeviceChoice& device, analysis::AssemblyTree
 
 // Chooses devices and lays out the plan: the end of every analysis.
 Analyzed finish(Draft draft, analysis::AssemblyTree tree, double start, double ordered, Context context) {
+  const std::shared_ptr<const matrix::RowIndex> rows = share_rows(draft.system, context);
   Changes changes{context.link != nullptr
                       ? device_of_ranks(context.options, context.registry, context.link->size())
                       : choose_device(context.options, context.registry, tree, wish_of(draft.system, context))};
@@ -140,7 +148,8 @@ Analyzed finish(Draft draft, analysis::AssemblyTree tree, double start, double o
     gain = gain_of_single(*changes.device.backend, tree, wish_of(*system, context), changes.device.devices());
     context.raised = gain < kLeastGain;
   }
-  auto made = std::make_shared<Analysis>(lay_out(std::move(system), std::move(tree), std::move(changes), context));
+  auto made =
+      std::make_shared<Analysis>(lay_out(std::move(system), std::move(tree), std::move(changes), context, rows.get()));
   made->gain_of_single = gain;
   made->fill_of_ordering = made->plan.nonzeros_factor;
   made->flops_of_ordering = made->plan.flops;
@@ -220,9 +229,13 @@ void check_tree(const std::string& path, const System& system, const analysis::A
 
 }  // namespace
 
+std::shared_ptr<const matrix::RowIndex> System::index_of_all(base::ThreadPool& pool) const {
+  return rows_are_shared ? solve::ResidualOperator::rows_of(prepared.a, pool) : rows;
+}
+
 Offset Analysis::bytes() const {
   const Offset values = system->prepared.a.nonzeros() * system->parts() * static_cast<Offset>(sizeof(double));
-  return system->bytes() + values + plan_bytes(plan);
+  return system->bytes() + values + plan::bytes_of(plan).all();
 }
 
 Offset predicted_host_bytes(const Analysis& a, const Context& context) {
@@ -237,7 +250,7 @@ Offset predicted_host_bytes(const Analysis& a, const Context& context) {
           : backend.executor_bytes(a.plan, a.kind(), context.precision(), context.pool.size());
   const Offset vectors =
       4 * parts * n * static_cast<Offset>(sizeof(double));  // of llt's smallest pivots, of the refinement
-  return a.bytes() + numbers + (entries + n) * value_bytes + vectors;
+  return a.bytes() + numbers + (plan::values_of(a.plan, entries) + n) * value_bytes + vectors;
 }
 
 Analyzed analyze(const GivenMatrix& given, const Context& context, std::shared_ptr<const Border> border) {
@@ -296,7 +309,8 @@ Analyzed load_analysis(const std::string& path, const GivenMatrix& given, const 
 
 SharedAnalysis lay_out_again(const Analysis& before, analysis::AssemblyTree tree, Changes changes,
                              const Context& context) {
-  auto made = std::make_shared<Analysis>(lay_out(before.system, std::move(tree), std::move(changes), context));
+  auto made = std::make_shared<Analysis>(
+      lay_out(before.system, std::move(tree), std::move(changes), context, before.system->all_rows()));
   made->gain_of_single = before.gain_of_single;
   made->fill_of_ordering = before.fill_of_ordering;
   made->flops_of_ordering = before.flops_of_ordering;
@@ -309,7 +323,7 @@ ChangedAnalysis change_analysis(const Analysis& before, analysis::AssemblyTree t
                                 Index moved_pivots, const Context& context) {
   const System& system = *before.system;
   const matrix::RowIndex& rows = system.factored_rows();
-  if (rows.ptr.empty() || before.plan.tree.border > 0) return {};
+  if (rows.ptr.empty() || system.rows_are_shared || before.plan.tree.border > 0) return {};
   auto changed = plan::change_plan(before.plan, std::move(tree), std::move(front_before), system.factored_pattern(),
                                    system.factored_row_of_col(), rows, context.pool);
   if (!changed) return {};

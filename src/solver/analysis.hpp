@@ -21,11 +21,16 @@ struct System {
   bool kind_may_change = false;                  ///< automatic took llt: ldlt when a pivot is not positive
   PreparedMatrix prepared;                       ///< without values
   std::shared_ptr<const matrix::RowIndex> rows;  ///< of prepared.a, see ResidualOperator::rows_of()
-  std::shared_ptr<const Border> border;          ///< null: there is none
+  bool rows_are_shared = false;  ///< by ranks: each has in `rows` what it computes residuals of (solve::own_rows())
+  std::shared_ptr<const Border> border;  ///< null: there is none
   /// Complex: the real system that plans and factors are made for; null: they are made for this one.
   std::shared_ptr<const RealForm> real_form;
 
   [[nodiscard]] Offset bytes() const { return prepared.bytes() + rows->bytes() + (real_form ? real_form->bytes() : 0); }
+  /// Of the whole matrix; null where each rank has its part.
+  [[nodiscard]] const matrix::RowIndex* all_rows() const { return rows_are_shared ? nullptr : rows.get(); }
+  /// Of the whole matrix, made where each rank has its part.
+  [[nodiscard]] std::shared_ptr<const matrix::RowIndex> index_of_all(base::ThreadPool& pool) const;
   [[nodiscard]] base::Numbers numbers() const { return prepared.numbers; }
   /// Doubles in one number.
   [[nodiscard]] Index parts() const { return base::parts_of(prepared.numbers); }

@@ -7,6 +7,7 @@
 #include "analysis/tree_change.hpp"
 #include "plan/kept_entries.hpp"
 #include "solver/analysis_draft.hpp"
+#include "solver/whole_plan.hpp"
 
 namespace espalier::solver {
 
@@ -194,8 +195,8 @@ std::shared_ptr<const matrix::RowIndex> follow_rows(const matrix::RowIndex& was,
   return made;
 }
 
-analysis::ChangedTree follow_tree(const Analysis& before, const System& system, const Difference& difference,
-                                  base::ThreadPool& pool) {
+analysis::ChangedTree follow_tree(const analysis::AssemblyTree& before, const System& system,
+                                  const Difference& difference, base::ThreadPool& pool) {
   const PreparedMatrix& p = system.prepared;
   std::vector<Index> column_of_row(p.row_of_col.size()), diagonal;
   for (std::size_t c = 0; c < p.row_of_col.size(); ++c) column_of_row[at(p.row_of_col[c])] = static_cast<Index>(c);
@@ -203,8 +204,7 @@ analysis::ChangedTree follow_tree(const Analysis& before, const System& system, 
   std::vector<Edge> removed = edges_of(difference.removed, column_of_row, diagonal);
   const MatrixView a = p.a;
   return analysis::change_tree(
-      before.plan.tree, {std::move(added), std::move(removed), std::move(diagonal), a, *system.rows, p.row_of_col},
-      pool);
+      before, {std::move(added), std::move(removed), std::move(diagonal), a, *system.rows, p.row_of_col}, pool);
 }
 
 // Why the entries that came and went are too many, or the wrong ones; empty: they are not.
@@ -251,18 +251,20 @@ FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given,
   if (!followed.why.empty()) return followed;
   take_over(was, p);
   const plan::SourceMap now = sources(was.a, p.a, difference.columns);
-  system->rows = follow_rows(*before.system->rows, p.a, difference, now, context.pool);
-  analysis::ChangedTree tree = follow_tree(before, *system, difference, context.pool);
+  system->rows = follow_rows(*before.system->index_of_all(context.pool), p.a, difference, now, context.pool);
+  analysis::ChangedTree tree = follow_tree(whole_tree(before.plan, context.link), *system, difference, context.pool);
   followed.moved = tree.moved;
   followed.kept = tree.kept;
   const double ordered = base::now_seconds();
   Values values = std::exchange(p.a.values, {});
   const plan::KeptEntries kept{before.plan, tree.same, now};
+  const bool whole = before.plan.row_begin.empty();  // a rank's next part has other fronts
+  const std::shared_ptr<const matrix::RowIndex> rows = share_rows(*system, context);
   Context as_before = context;
   as_before.raised = before.fp64;
-  auto made =
-      std::make_shared<Analysis>(lay_out(std::move(system), std::move(tree.tree),
-                                         {before.device, before.moved_pivots, before.free_pivots}, as_before, &kept));
+  auto made = std::make_shared<Analysis>(lay_out(std::move(system), std::move(tree.tree),
+                                                 {before.device, before.moved_pivots, before.free_pivots}, as_before,
+                                                 rows.get(), whole ? &kept : nullptr));
   followed.why = reason_against(before, made->plan);
   if (!followed.why.empty()) return followed;
   made->gain_of_single = before.gain_of_single;

@@ -42,7 +42,7 @@ struct Deficiency {
 struct DeficiencyJob {
   const PreparedMatrix& prepared;
   std::span<const double> values;  ///< of prepared.a
-  const solve::ResidualOperator& residual;
+  const solve::ResidualSpace& residual;
   Numeric& numeric;
   base::ThreadPool& pool;
   const matrix::RowIndex& rows;  ///< of prepared.a

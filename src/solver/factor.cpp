@@ -14,6 +14,7 @@
 #include "base/scalar.hpp"
 #include "solver/option_text.hpp"
 #include "solver/pivot_policy.hpp"
+#include "solver/whole_plan.hpp"
 
 namespace espalier::solver {
 
@@ -40,7 +41,7 @@ Factor::Factor(SharedAnalysis analysis, Values values, const Context& context)
     : context_(context),
       watch_(analysis->gain_of_single),
       analysis_(std::move(analysis)),
-      values_(*analysis_->system, std::move(values), context.pool),
+      values_(*analysis_->system, std::move(values), context),
       border_values_(analysis_->system->border ? analysis_->system->border->entries.size() : 0) {
   context_.raised = analysis_->fp64;
 }
@@ -53,6 +54,16 @@ void Factor::drop() {
 const solve::ResidualOperator& Factor::residual() {
   values_.fetch(numeric_->device_system());
   return values_.residual();
+}
+
+std::shared_ptr<const solve::ResidualSpace> Factor::residual_space() {
+  values_.fetch(numeric_->device_system());
+  return values_.space();
+}
+
+double Factor::norm(bool transpose) {
+  values_.fetch(numeric_->device_system());
+  return values_.norm(transpose);
 }
 
 void Factor::factorize(std::span<const double> values) {
@@ -167,7 +178,7 @@ void Factor::make_numeric() {
       if (!next) throw;
       context_.log(fmt::format("the {} cannot take the factorization: going on with {}",
                                analysis_->device.backend->noun(), next->reason));
-      change_plan(analysis::AssemblyTree(analysis_->plan.tree),
+      change_plan(whole_tree(analysis_->plan, context_.link),
                   {std::move(*next), analysis_->moved_pivots, analysis_->free_pivots});
     }
   }
@@ -259,9 +270,11 @@ Deficiency Factor::deficiency(bool replaced, Index suspects, bool surely_alone) 
   looked_ = true;
   values_.fetch(numeric_->device_system());
   const System& s = *analysis_->system;
+  const std::shared_ptr<const solve::ResidualSpace> space = values_.space();
+  const std::shared_ptr<const matrix::RowIndex> rows = s.index_of_all(context_.pool);
   const auto find = [&](bool some_replaced, bool rough, Index proven) {
-    return find_deficiency({s.prepared, values_.values(), values_.residual(), *numeric_, context_.pool, *s.rows,
-                            analysis_->kind(), rough, some_replaced, suspects, proven, surely_alone});
+    return find_deficiency({s.prepared, values_.values(), *space, *numeric_, context_.pool, *rows, analysis_->kind(),
+                            rough, some_replaced, suspects, proven, surely_alone});
   };
   Deficiency found = find(replaced, context_.single(), 0);
   if (!found.doubtful || analysis_->kind() == Kind::llt || pivots_are_given()) return found;
@@ -298,8 +311,8 @@ void Factor::with_larger_pivots(const std::function<bool()>& search) {
   }
 }
 
-Growth growth_of(std::span<const double> b, std::span<const double> x, Index parts, const Scales& scales,
-                 const solve::ResidualOperator& residual, bool transpose) {
+Growth growth_of(std::span<const double> b, std::span<const double> x, Index parts, const Scales& scales, double norm,
+                 bool transpose) {
   const auto& of_b = transpose ? scales.col : scales.row;
   const auto& of_x = transpose ? scales.row : scales.col;
   Growth g;
@@ -308,7 +321,7 @@ Growth growth_of(std::span<const double> b, std::span<const double> x, Index par
     g.given = std::max(g.given, std::abs(of_b.empty() ? b[i] : b[i] * of_b[row]));
     g.found = std::max(g.found, std::abs(of_x.empty() ? x[i] : x[i] / of_x[row]));
   }
-  if (of_x.empty()) g.found *= residual.norm(transpose);
+  if (of_x.empty()) g.found *= norm;
   return g;
 }
 
@@ -318,8 +331,9 @@ Status Factor::second_look(const double* b, const double* x, bool transpose) {
   if (llt && numeric_->device_system() != nullptr && !context_.single()) return {};  // a GPU has looked at all pivots
   const Index n = analysis_->n();
   const auto size = static_cast<std::size_t>(analysis_->doubles());
-  const Growth growth =
-      growth_of({b, size}, {x, size}, analysis_->system->parts(), numeric_->scales(), values_.residual(), transpose);
+  const Scales& scales = numeric_->scales();
+  const double norm = (transpose ? scales.row : scales.col).empty() ? values_.norm(transpose) : 1;
+  const Growth growth = growth_of({b, size}, {x, size}, analysis_->system->parts(), scales, norm, transpose);
   if (!growth.is_far(context_.single())) return {};
   constexpr double kMore = 2;  // a matrix that became singular makes far more of it
   if (growth.found <= kMore * harmless_growth_ * growth.given) return {};
@@ -363,7 +377,7 @@ void Factor::raise_precision(std::string_view why) {
   context_.log(fmt::format("{} precision: {}; going on in FP64", name_of(context_.options.precision), why));
   context_.raised = true;
   looked_ = false;  // with the eyes of FP32
-  change_plan(analysis::AssemblyTree(analysis_->plan.tree),
+  change_plan(whole_tree(analysis_->plan, context_.link),
               {analysis_->device, analysis_->moved_pivots, analysis_->free_pivots});
   set_smallest_pivot();
 }
@@ -402,7 +416,7 @@ void Factor::turn_to_ldlt() {
   context_.log("a pivot is not positive: going on with ldlt");
   numeric_.reset();
   Analyzed made = analyze_for_ldlt(*analysis_, values_.values(), context_);
-  FactorValues values(*made.analysis->system, std::move(made.values), context_.pool);  // may be interrupted
+  FactorValues values(*made.analysis->system, std::move(made.values), context_);  // may be interrupted
   analysis_ = std::move(made.analysis);
   ++changes_;
   harmless_ = 0;

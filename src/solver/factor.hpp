@@ -23,7 +23,7 @@ namespace espalier::solver {
 /// The last values that went into a factor, and the residuals that they make.
 class FactorValues {
  public:
-  FactorValues(const System& system, Values values, base::ThreadPool& pool);
+  FactorValues(const System& system, Values values, const Context& context);
 
   /// Takes new values of the caller; where a device holds the linear system, on to it.
   void load(const System& system, std::span<const double> from, device::DeviceLinearSystem* device,
@@ -36,9 +36,16 @@ class FactorValues {
   void fetch(device::DeviceLinearSystem* device);
 
   [[nodiscard]] std::span<const double> values() const { return values_; }
+  /// Of all rows, or of those that this rank computes.
   [[nodiscard]] const solve::ResidualOperator& residual() const { return residual_; }
+  /// Of all rows, as long as this object lives. Collective where ranks share them.
+  [[nodiscard]] std::shared_ptr<const solve::ResidualSpace> space() const;
+  /// |op(A)|_inf. Likewise.
+  [[nodiscard]] double norm(bool transpose) const;
 
  private:
+  ranks::Link* link_;  // null: there are no other ranks
+  bool shared_;        // by them
   Values values_;
   solve::ResidualOperator residual_;
   bool on_device_ = false;
@@ -99,8 +106,12 @@ class Factor {
   Status second_look(const double* b, const double* x, bool transpose);
   /// See Solver::values().
   [[nodiscard]] std::vector<double> values_by_caller();
-  /// The linear system in the host's memory.
+  /// The linear system in the host's memory, of one process.
   [[nodiscard]] const solve::ResidualOperator& residual();
+  /// The same on ranks, too. Its calls are collective there.
+  [[nodiscard]] std::shared_ptr<const solve::ResidualSpace> residual_space();
+  /// |op(A)|_inf. Collective.
+  [[nodiscard]] double norm(bool transpose);
 
  private:
   void begin();
@@ -171,8 +182,9 @@ struct Growth {
   [[nodiscard]] bool is_far(bool single) const { return found > (single ? 1e5 : 1e11) * given && std::isfinite(found); }
 };
 /// @param b, x  doubles of op(A) x = b, as many; `parts` of them in a number
-Growth growth_of(std::span<const double> b, std::span<const double> x, Index parts, const Scales& scales,
-                 const solve::ResidualOperator& residual, bool transpose);
+/// @param norm  of op(A); read where the matrix is not scaled
+Growth growth_of(std::span<const double> b, std::span<const double> x, Index parts, const Scales& scales, double norm,
+                 bool transpose);
 
 /// The status of a matrix whose rank is n - zeros. @param rows  that depend on the others
 Status singular(const std::vector<Index>& rows, Index zeros, Index n);

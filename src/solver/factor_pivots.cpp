@@ -9,6 +9,7 @@
 #include "analysis/relocation.hpp"
 #include "solver/factor.hpp"
 #include "solver/pivot_policy.hpp"
+#include "solver/whole_plan.hpp"
 
 namespace espalier::solver {
 
@@ -76,9 +77,12 @@ bool Factor::factor_solves() const {
   const auto n = static_cast<std::size_t>(analysis_->doubles());
   const std::vector<double> ones(n, 1.0);
   std::vector<double> b(n), x(n);
-  values_.residual().multiply(ones.data(), b.data(), false);
+  const std::shared_ptr<const solve::ResidualSpace> space = values_.space();
+  space->multiply(ones.data(), b.data(), false);
   numeric_->solve(b.data(), x.data(), 1, false);
-  return values_.residual().compute(b.data(), x.data(), nullptr, false).normwise <= kHalfOfTheDigits;
+  solve::ResidualColumn solved{b.data(), x.data(), nullptr, {}};
+  space->compute(std::span(&solved, 1), false);
+  return solved.error.normwise <= kHalfOfTheDigits;
 }
 
 // As far as they must, all at once; where finding that out takes too much time or memory, those that fail go one front
@@ -117,7 +121,7 @@ auto Factor::move_pivots(const std::vector<Index>& failing, bool near) -> Moved 
 }
 
 void Factor::go_on_with(std::span<const analysis::PivotMove> moves) {
-  analysis::AssemblyTree changed = analysis_->plan.tree;
+  analysis::AssemblyTree changed = whole_tree(analysis_->plan, context_.link);
   std::vector<Index> front_before = analysis::relocate_pivots(changed, moves);
   const Index all = analysis_->moved_pivots + static_cast<Index>(moves.size());
   if (!follow(changed, std::move(front_before), all))
@@ -201,7 +205,7 @@ void Factor::choose_pivots_freely() {
   const bool elsewhere = analysis_->device.backend != &context_.registry.host();
   context_.log(fmt::format("{}: going on {}with the host's widths of tiles", why, elsewhere ? "on the host " : ""));
   DeviceChoice device = elsewhere ? whole_host(context_.registry, "host: " + why) : analysis_->device;
-  change_plan(analysis::AssemblyTree(analysis_->plan.tree), {std::move(device), analysis_->moved_pivots, true});
+  change_plan(whole_tree(analysis_->plan, context_.link), {std::move(device), analysis_->moved_pivots, true});
 }
 
 }  // namespace espalier::solver

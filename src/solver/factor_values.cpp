@@ -1,13 +1,30 @@
 #include <algorithm>
 #include <utility>
 
+#include "solve/rank_residual.hpp"
 #include "solver/factor.hpp"
 
 namespace espalier::solver {
 
-FactorValues::FactorValues(const System& system, Values values, base::ThreadPool& pool)
-    : values_(std::move(values)), residual_(system.prepared.a, system.rows, pool, system.numbers()) {
+FactorValues::FactorValues(const System& system, Values values, const Context& context)
+    : link_(context.link),
+      shared_(system.rows_are_shared),
+      values_(std::move(values)),
+      residual_(system.prepared.a, system.rows, context.pool, system.numbers()) {
+  if (shared_) {
+    const solve::OwnRows mine = solve::own_rows(system.prepared.n(), link_->rank(), link_->size());
+    residual_ = residual_.of_rows(mine.first, mine.end);
+  }
   residual_.set_values(values_);
+}
+
+std::shared_ptr<const solve::ResidualSpace> FactorValues::space() const {
+  if (link_ != nullptr) return std::make_shared<const solve::RankResidual>(residual_, *link_, shared_);
+  return {std::shared_ptr<void>(), &residual_};
+}
+
+double FactorValues::norm(bool transpose) const {
+  return link_ != nullptr ? solve::RankResidual(residual_, *link_, shared_).norm(transpose) : residual_.norm(transpose);
 }
 
 void FactorValues::load(const System& system, std::span<const double> from, device::DeviceLinearSystem* device,

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstring>
 #include <utility>
 
 #include "matrix/triplets.hpp"
@@ -65,12 +66,18 @@ std::vector<Head> exchange_heads(const LocalEntries& a, ranks::Link* link) {
   return all;
 }
 
+// By rank.
+template <class T>
+std::vector<std::vector<T>> gathered(std::span<const T> mine, ranks::Link* link) {
+  if (link == nullptr) return {std::vector<T>(mine.begin(), mine.end())};
+  return link->all_gather_of(mine);
+}
+
 // Rank after rank.
 template <class T>
 std::vector<T> concatenated(std::span<const T> mine, ranks::Link* link) {
-  if (link == nullptr) return {mine.begin(), mine.end()};
   std::vector<T> all;
-  for (const auto& part : link->all_gather_of(mine)) all.insert(all.end(), part.begin(), part.end());
+  for (const auto& part : gathered(mine, link)) all.insert(all.end(), part.begin(), part.end());
   return all;
 }
 
@@ -93,7 +100,7 @@ Offset place_of(const SparseMatrix& a, Index row, Index col) {
 
 SparseMatrix GatheredMatrix::gather(const LocalEntries& part, ranks::Link* link, base::ThreadPool& pool) {
   on_all(link, [&] { check_part(part); });
-  (void)exchange_heads(part, link);
+  const std::vector<Head> heads = exchange_heads(part, link);
   std::vector<Index> row = concatenated(part.row, link), col = concatenated(part.col, link);
   const std::vector<double> values = concatenated(part.values, link);
   if (part.storage == Storage::symmetric_upper) std::swap(row, col);
@@ -107,7 +114,15 @@ SparseMatrix GatheredMatrix::gather(const LocalEntries& part, ranks::Link* link,
   part_entries_ = static_cast<Offset>(part.row.size());
   nonzeros_ = whole.nonzeros();
   rows_ = {0, link == nullptr || link->rank() == 0 ? n_ : 0};
-  note_places(whole, row, col, pool);
+  // The parts again, one after another.
+  std::vector<std::span<const Index>> rows, cols;
+  std::size_t at = 0;
+  for (const Head& head : heads) {
+    rows.emplace_back(row.data() + at, static_cast<std::size_t>(head.entries));
+    cols.emplace_back(col.data() + at, static_cast<std::size_t>(head.entries));
+    at += static_cast<std::size_t>(head.entries);
+  }
+  plan_ways(whole, rows, cols, link == nullptr ? 0 : link->rank(), pool);
   return whole;
 }
 
@@ -136,18 +151,46 @@ SparseMatrix GatheredMatrix::gather(const MatrixView& part, ranks::Link* link) {
   part_entries_ = here ? whole.nonzeros() : 0;
   nonzeros_ = whole.nonzeros();
   rows_ = {0, here ? n_ : 0};
+  count_.clear();
+  order_.clear();
   places_.clear();
   return whole;
 }
 
-void GatheredMatrix::note_places(const SparseMatrix& whole, std::span<const Index> row, std::span<const Index> col,
-                                 base::ThreadPool& pool) {
+// The first entry of a rank's slice.
+Offset GatheredMatrix::slice_begin(std::size_t rank) const {
+  const auto ranks = static_cast<Offset>(count_.size());
+  return nonzeros_ / ranks * static_cast<Offset>(rank) + std::min(nonzeros_ % ranks, static_cast<Offset>(rank));
+}
+
+void GatheredMatrix::plan_ways(const SparseMatrix& whole, std::span<const std::span<const Index>> row,
+                               std::span<const std::span<const Index>> col, int rank, base::ThreadPool& pool) {
   constexpr std::int64_t kRange = 1 << 14;
-  places_.resize(row.size());
-  pool.for_each_range(static_cast<std::int64_t>(row.size()), kRange, [&](std::int64_t begin, std::int64_t end) {
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
-      places_[k] = place_of(whole, row[k], col[k]);
-  });
+  const auto me = static_cast<std::size_t>(rank);
+  count_.assign(row.size(), 0);
+  places_.clear();
+  std::vector<Offset> places;
+  for (std::size_t r = 0; r < row.size(); ++r) {
+    places.resize(row[r].size());
+    pool.for_each_range(static_cast<std::int64_t>(places.size()), kRange, [&](std::int64_t begin, std::int64_t end) {
+      for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
+        places[k] = place_of(whole, row[r][k], col[r][k]);
+    });
+    for (const Offset place : places)
+      if (place >= slice_begin(me) && place < slice_begin(me + 1)) places_.push_back(place - slice_begin(me));
+    if (r != me) continue;
+    std::vector<std::vector<Offset>> entries(row.size());  // by slice
+    for (std::size_t k = 0; k < places.size(); ++k) {
+      std::size_t slice = 0;
+      while (places[k] >= slice_begin(slice + 1)) ++slice;
+      entries[slice].push_back(static_cast<Offset>(k));
+    }
+    order_.clear();
+    for (std::size_t slice = 0; slice < entries.size(); ++slice) {
+      count_[slice] = static_cast<Offset>(entries[slice].size());
+      order_.insert(order_.end(), entries[slice].begin(), entries[slice].end());
+    }
+  }
 }
 
 std::vector<double> GatheredMatrix::gather_values(std::span<const double> part, ranks::Link* link) const {
@@ -156,11 +199,33 @@ std::vector<double> GatheredMatrix::gather_values(std::span<const double> part, 
       throw Error(StatusCode::invalid_input,
                   fmt::format("{} values for the {} entries of this rank's part", part.size(), part_entries_));
   });
-  std::vector<double> all = concatenated(part.first(static_cast<std::size_t>(part_entries_)), link);
-  if (places_.empty()) return all;
-  std::vector<double> sums(static_cast<std::size_t>(nonzeros_), 0.0);
-  for (std::size_t k = 0; k < all.size(); ++k) sums[static_cast<std::size_t>(places_[k])] += all[k];
-  return sums;
+  part = part.first(static_cast<std::size_t>(part_entries_));
+  if (count_.empty()) return concatenated(part, link);
+  std::vector<double> sorted;
+  sorted.reserve(order_.size());
+  for (const Offset k : order_) sorted.push_back(part[static_cast<std::size_t>(k)]);
+  const auto me = static_cast<std::size_t>(link == nullptr ? 0 : link->rank());
+  std::vector<double> slice(static_cast<std::size_t>(slice_begin(me + 1) - slice_begin(me)), 0.0);
+  const Offset* place = places_.data();
+  const auto add = [&](const double* values, std::size_t count) {
+    for (std::size_t k = 0; k < count; ++k) slice[static_cast<std::size_t>(*place++)] += values[k];
+  };
+  if (link == nullptr) {
+    add(sorted.data(), sorted.size());
+    return slice;
+  }
+  std::vector<std::span<const std::byte>> to;
+  std::size_t at = 0;
+  for (const Offset count : count_) {
+    to.push_back(std::as_bytes(std::span<const double>(sorted.data() + at, static_cast<std::size_t>(count))));
+    at += static_cast<std::size_t>(count);
+  }
+  for (const auto& bytes : link->all_to_all(to)) {  // rank after rank, so that sums have one order
+    std::vector<double> values(bytes.size() / sizeof(double));
+    if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
+    add(values.data(), values.size());
+  }
+  return concatenated(std::span<const double>(slice), link);
 }
 
 std::vector<double> GatheredMatrix::gather_rows(std::span<const double> part, RowRange rows, Index columns,

@@ -12,8 +12,11 @@
 
 namespace espalier::solver {
 
-/// The parts are the same on all ranks after each call, which are collective; without a link there is one part.
-/// What is kept: 8 bytes for each entry of all ranks, to bring new values to their places.
+/// All calls are collective; without a link there is one part.
+///
+/// New values go a way that is planned once: the entries of the whole matrix are cut into slices, one a rank; each rank
+/// sends every slice's owner its values of it, the owner adds up what comes twice, and all gather the slices. What is
+/// kept: 8 bytes for each entry of the rank's part, and for each that falls into its slice.
 class GatheredMatrix {
  public:
   /// The whole matrix, of the entries that the ranks have; repeated ones are summed in the order of ranks.
@@ -36,14 +39,17 @@ class GatheredMatrix {
   [[nodiscard]] Offset part_entries() const { return part_entries_; }
 
  private:
-  void note_places(const SparseMatrix& whole, std::span<const Index> row, std::span<const Index> col,
-                   base::ThreadPool& pool);
+  void plan_ways(const SparseMatrix& whole, std::span<const std::span<const Index>> row,
+                 std::span<const std::span<const Index>> col, int rank, base::ThreadPool& pool);
+  [[nodiscard]] Offset slice_begin(std::size_t rank) const;
 
   Index n_ = 0;
   RowRange rows_;
   Offset part_entries_ = 0;
   Offset nonzeros_ = 0;         // of the whole matrix
-  std::vector<Offset> places_;  // by entry of all ranks, rank after rank; empty: the values of rank 0 as they are
+  std::vector<Offset> count_;   // for each rank: values that go to its slice. Empty: the values of rank 0 as they are
+  std::vector<Offset> order_;   // of the part's entries: slice after slice
+  std::vector<Offset> places_;  // in this rank's slice, of what comes: rank after rank
 };
 
 }  // namespace espalier::solver

@@ -10,6 +10,7 @@
 #include "base/scalar.hpp"
 #include "solver/executor_choice.hpp"
 #include "solver/pivot_policy.hpp"
+#include "solver/whole_plan.hpp"
 
 namespace espalier::solver {
 
@@ -40,11 +41,13 @@ class NumericOf final : public Numeric {
         border_values_(border_values),
         pool_(context.pool),
         budget_(context.budget),
+        link_(context.link),
         rule_{context.options.pivot_threshold, 0},
         executor_(make_executor<T>(analysis, rule_, context)) {
     // A Cholesky pivot is judged by its diagonal entry.
     const MatrixView factored = analysis.system->factored_pattern();
     if (analysis.kind() == Kind::llt) diagonal_ = diagonal_places(factored, plan_->tree.order, pool_);
+    find_own_diagonal();
     if constexpr (!kRealForm) position_ = positions_for(prepared_, plan_->tree.order);
     if constexpr (!kComplex && !kRealForm) take_device_system(analysis, context);
     if (device_ != nullptr) {
@@ -52,7 +55,7 @@ class NumericOf final : public Numeric {
       return;
     }
     const auto of_border = static_cast<Offset>(border_ ? border_->entries.size() : 0);
-    values_ = base::Buffer<T>(factored.nonzeros() + of_border, &budget_);
+    values_ = base::Buffer<T>(plan::values_of(*plan_, factored.nonzeros()) + of_border, &budget_);
     if constexpr (kRealForm) numbers_ = base::Buffer<std::complex<T>>(prepared_.a.nonzeros(), &budget_);
     smallest_.resize(diagonal_.size());
   }
@@ -72,8 +75,8 @@ class NumericOf final : public Numeric {
     rule_.largest = largest;
     rule_.suspect = suspect_pivot(base::ScalarTraits<T>::epsilon) * largest;
     for (std::size_t k = 0; k < smallest_.size(); ++k)
-      smallest_[k] =
-          suspect_pivot(base::ScalarTraits<T>::epsilon) * std::real(values_[diagonal_[static_cast<std::size_t>(k)]]);
+      if (diagonal_[k] >= 0)
+        smallest_[k] = suspect_pivot(base::ScalarTraits<T>::epsilon) * std::real(values_[diagonal_[k]]);
     rule_.smallest = smallest_;
     executor_->set_pivot_rule(rule_);
     return executor_->factorize(values_.span());
@@ -159,14 +162,31 @@ class NumericOf final : public Numeric {
   [[nodiscard]] std::vector<device::DeviceWork> device_work() const override { return executor_->device_work(); }
 
  private:
-  // @returns the largest magnitude
+  // @returns the largest magnitude. Ranks each scale the values that they assemble, which together are all; they make
+  // no real forms.
   double scale() {
     if constexpr (kRealForm) {
       const double largest = scale_values(prepared_, scales_, given_, numbers_.data(), pool_);
       real_values(*real_form_, prepared_.a, numbers_.data(), values_.data(), pool_);
       return largest;
     } else {
-      return scale_values(prepared_, scales_, given_, values_.data(), pool_, position_);
+      if (plan_->row_begin.empty()) return scale_values(prepared_, scales_, given_, values_.data(), pool_, position_);
+      const double mine = scale_values(prepared_, scales_, given_, plan_->sources, values_.data(), pool_, position_);
+      double largest = 0;
+      for (const auto& of_rank : link_->all_gather_of(std::span<const double>(&mine, 1)))
+        largest = std::max(largest, of_rank.at(0));
+      if (!std::isfinite(largest)) refuse_entry(prepared_, given_);
+      return largest;
+    }
+  }
+
+  // Where the diagonal entries of this rank stand among its values; -1: other ranks have them.
+  void find_own_diagonal() {
+    if (plan_->row_begin.empty()) return;
+    const std::vector<Offset>& own = plan_->sources;
+    for (Offset& place : diagonal_) {
+      const auto at = std::lower_bound(own.begin(), own.end(), place);
+      place = at != own.end() && *at == place ? at - own.begin() : -1;
     }
   }
 
@@ -215,7 +235,11 @@ class NumericOf final : public Numeric {
     const Index width = columns == 1 ? 1 : (columns + kGroup - 1) / kGroup * kGroup;
     if (rhs_.size() < static_cast<Offset>(plan_->tree.n) * width) {
       rhs_ = base::Buffer<T>();
-      rhs_ = base::Buffer<T>(static_cast<Offset>(plan_->tree.n) * width, &budget_);
+      const auto take = [&] { rhs_ = base::Buffer<T>(static_cast<Offset>(plan_->tree.n) * width, &budget_); };
+      if (link_ != nullptr)
+        link_->expect_all(take);  // all go on with fewer right-hand sides, or none
+      else
+        take();
     }
     find_units(reinterpret_cast<const Number*>(b), columns, transpose);
     gather(b, columns, width, transpose);
@@ -305,6 +329,7 @@ class NumericOf final : public Numeric {
   BorderScales border_scales_;
   base::ThreadPool& pool_;
   base::MemoryBudget& budget_;
+  ranks::Link* link_;                                    // null: there are no other ranks
   double smallest_pivot_ = 0;                            // relative to the largest scaled entry
   base::Buffer<T> values_;                               // scaled; only without device_
   base::Buffer<std::complex<base::RealOf<T>>> numbers_;  // real form: scaled
@@ -367,21 +392,32 @@ std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& ana
                                                              const Context& context) {
   const PreparedMatrix& p = analysis.system->prepared;
   if (analysis.system->real_form) return place_real_pivots(analysis, scales, values, smallest_pivot, failed, context);
-  return base::with_numbers(p.numbers, values.data(), [&](const auto* first) {
+  const bool part = !analysis.plan.row_begin.empty();
+  const plan::Plan whole = part ? whole_plan(analysis, context) : plan::Plan();
+  const plan::Plan& plan = part ? whole : analysis.plan;
+  std::optional<std::vector<analysis::PivotMove>> found;
+  const auto search = [&](const auto* first) {
     using Value = std::remove_cv_t<std::remove_pointer_t<decltype(first)>>;
     base::Buffer<Value> scaled(p.a.nonzeros() + static_cast<Offset>(border_values.size()), &context.budget);
     const double largest =
-        scale_values(p, scales, values, scaled.data(), context.pool, positions_for(p, analysis.plan.tree.order));
+        scale_values(p, scales, values, scaled.data(), context.pool, positions_for(p, plan.tree.order));
     if constexpr (!base::ScalarTraits<Value>::is_complex) {
-      if (analysis.plan.tree.border > 0)
+      if (plan.tree.border > 0)
         (void)scale_border(*analysis.system->border, scales, border_values, scaled.data() + p.a.nonzeros());
     }
     const device::PivotRule rule{context.options.pivot_threshold, smallest_pivot * largest};
     const bool hermitian = p.numbers == base::Numbers::hermitian;
     const std::span<const Value> numbers(scaled.data(), static_cast<std::size_t>(scaled.size()));
-    return context.registry.host().place_pivots(device::PlacementJobOf<Value>{
-        analysis.plan, analysis.kind(), hermitian, rule, numbers, context.pool, &context.budget, failed});
-  });
+    found = context.registry.host().place_pivots(device::PlacementJobOf<Value>{
+        plan, analysis.kind(), hermitian, rule, numbers, context.pool, &context.budget, failed});
+  };
+  const auto run = [&] { base::with_numbers(p.numbers, values.data(), search); };
+  // What one rank has no memory for, none finds.
+  if (context.link != nullptr)
+    context.link->expect_all(run);
+  else
+    run();
+  return found;
 }
 
 }  // namespace espalier::solver

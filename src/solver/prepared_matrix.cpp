@@ -510,42 +510,97 @@ std::vector<Index> positions_for(const PreparedMatrix& p, std::span<const Index>
   return position;
 }
 
+namespace {
+
+// Scales entries and looks at them.
+template <class T>
+class EntryScaling {
+ public:
+  EntryScaling(const PreparedMatrix& p, const Scales& scales, std::span<const double> values,
+               std::span<const Index> position)
+      : p_(p),
+        scales_(scales),
+        values_(values),
+        position_(position),
+        turns_(p.numbers == base::Numbers::hermitian && !position.empty()) {}
+
+  // Entry q, of column c.
+  T scaled(Offset q, std::size_t c) {
+    constexpr std::size_t kParts = base::ScalarTraits<T>::is_complex ? 2 : 1;
+    const bool hermitian = p_.numbers == base::Numbers::hermitian;
+    const auto at = static_cast<std::size_t>(q), row = static_cast<std::size_t>(p_.a.row_ind[at]);
+    const double s = scales_.col.empty() ? 1.0 : scales_.col[c], r = scales_.row.empty() ? 1.0 : scales_.row[row];
+    const double* value = &values_[kParts * at];
+    const T made = scaled_entry<T>(value, s, r, scales_.wide, turns_ && position_[row] < position_[c]);
+    const double magnitude = size_of(made);
+    most_ = std::max(most_, magnitude);
+    fine_ = fine_ && magnitude <= std::numeric_limits<double>::max();
+    if constexpr (kParts == 2) fine_ = fine_ && !(hermitian && row == c && value[1] != 0);
+    return made;
+  }
+  // Of what it has seen; infinite where an entry is not finite.
+  [[nodiscard]] double largest() const { return fine_ ? most_ : std::numeric_limits<double>::infinity(); }
+
+ private:
+  const PreparedMatrix& p_;
+  const Scales& scales_;
+  std::span<const double> values_;
+  std::span<const Index> position_;
+  bool turns_;
+  double most_ = 0;
+  bool fine_ = true;
+};
+
+void raise(std::atomic<double>& largest, double most) {
+  double known = largest.load();
+  while (most > known && !largest.compare_exchange_weak(known, most)) {
+  }
+}
+
+}  // namespace
+
 template <class T>
 double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<const double> values, T* scaled,
                     base::ThreadPool& pool, std::span<const Index> position) {
   constexpr std::int64_t kColumnsPerRange = 4096;
-  constexpr std::size_t kParts = base::ScalarTraits<T>::is_complex ? 2 : 1;
-  const bool hermitian = p.numbers == base::Numbers::hermitian, turns = hermitian && !position.empty();
   std::atomic<double> largest{0};
-  std::atomic<bool> finite{true};
   pool.for_each_range(p.n(), kColumnsPerRange, [&](std::int64_t begin, std::int64_t end) {
-    double most = 0;
-    bool fine = true;
-    for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c) {
-      const double s = scales.col.empty() ? 1.0 : scales.col[c];
-      for (Offset q = p.a.col_ptr[c]; q < p.a.col_ptr[c + 1]; ++q) {
-        const auto at = static_cast<std::size_t>(q), row = static_cast<std::size_t>(p.a.row_ind[at]);
-        const double r = scales.row.empty() ? 1.0 : scales.row[row];
-        const double* value = &values[kParts * at];
-        scaled[at] = scaled_entry<T>(value, s, r, scales.wide, turns && position[row] < position[c]);
-        const double magnitude = size_of(scaled[at]);
-        most = std::max(most, magnitude);
-        fine = fine && magnitude <= std::numeric_limits<double>::max();
-        if constexpr (kParts == 2) fine = fine && !(hermitian && row == c && value[1] != 0);
-      }
-    }
-    if (!fine) finite = false;
-    double known = largest.load();
-    while (most > known && !largest.compare_exchange_weak(known, most)) {
-    }
+    EntryScaling<T> entry(p, scales, values, position);
+    for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c)
+      for (Offset q = p.a.col_ptr[c]; q < p.a.col_ptr[c + 1]; ++q)
+        scaled[static_cast<std::size_t>(q)] = entry.scaled(q, c);
+    raise(largest, entry.largest());
   });
-  if (!finite || !fits<T>(largest.load())) refuse_entry(p, values);
+  if (!fits<T>(largest.load())) refuse_entry(p, values);
   return largest;
 }
 
-#define ESPALIER_INSTANTIATE(T)                                                                                      \
-  template double scale_values(const PreparedMatrix&, const Scales&, std::span<const double>, T*, base::ThreadPool&, \
-                               std::span<const Index>);
+template <class T>
+double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<const double> values,
+                    std::span<const Offset> entries, T* scaled, base::ThreadPool& pool,
+                    std::span<const Index> position) {
+  constexpr std::int64_t kEntriesPerRange = 1 << 15;
+  std::atomic<double> largest{0};
+  pool.for_each_range(
+      static_cast<std::int64_t>(entries.size()), kEntriesPerRange, [&](std::int64_t begin, std::int64_t end) {
+        EntryScaling<T> entry(p, scales, values, position);
+        const auto& ptr = p.a.col_ptr;
+        auto c = static_cast<std::size_t>(
+            std::upper_bound(ptr.begin(), ptr.end(), entries[static_cast<std::size_t>(begin)]) - ptr.begin() - 1);
+        for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+          while (ptr[c + 1] <= entries[k]) ++c;
+          scaled[k] = entry.scaled(entries[k], c);
+        }
+        raise(largest, entry.largest());
+      });
+  return fits<T>(largest.load()) ? largest.load() : std::numeric_limits<double>::infinity();
+}
+
+#define ESPALIER_INSTANTIATE(T)                                                                                        \
+  template double scale_values(const PreparedMatrix&, const Scales&, std::span<const double>, T*, base::ThreadPool&,   \
+                               std::span<const Index>);                                                                \
+  template double scale_values(const PreparedMatrix&, const Scales&, std::span<const double>, std::span<const Offset>, \
+                               T*, base::ThreadPool&, std::span<const Index>);
 ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
 #undef ESPALIER_INSTANTIATE
 

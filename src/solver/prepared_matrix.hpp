@@ -132,6 +132,11 @@ Scales scales_for(const PreparedMatrix& p, std::span<const double> values, bool 
 template <class T>
 double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<const double> values, T* scaled,
                     base::ThreadPool& pool, std::span<const Index> position = {});
+/// The same of some of the entries, ascending. @returns the largest magnitude of these; not finite where one is not
+template <class T>
+double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<const double> values,
+                    std::span<const Offset> entries, T* scaled, base::ThreadPool& pool,
+                    std::span<const Index> position);
 /// Place of each column in the order of elimination; empty unless the matrix is Hermitian.
 std::vector<Index> positions_for(const PreparedMatrix& p, std::span<const Index> order);
 

@@ -1,8 +1,11 @@
 #include "solver/session_calls.hpp"
 
+#include <utility>
+
 #include "solver/analysis_file.hpp"
 #include "solver/option_check.hpp"
 #include "solver/solution.hpp"
+#include "solver/whole_plan.hpp"
 
 namespace espalier::solver {
 
@@ -42,10 +45,12 @@ ConditionResult condition_of(Session& s, const char* call) {
 Status save_analysis(Session& s, const char* call, const std::string& path) {
   check_analyzed(s, call);
   return guarded(s, [&] {
-    if (s.link() != nullptr && s.link()->rank() != 0) return;  // rank 0 writes for all
     const Analysis& a = s.current();
+    const auto& real_form = a.system->real_form;
+    analysis::AssemblyTree tree = real_form ? real_form->tree : whole_tree(a.plan, s.link());
+    if (s.link() != nullptr && s.link()->rank() != 0) return;  // rank 0 writes for all
     const auto& p = a.system->prepared;
-    write_analysis(path, {a.kind(), a.own_tree(), p.row_scale, p.col_scale, p.row_of_col}, caller_hash(p, s.pool));
+    write_analysis(path, {a.kind(), std::move(tree), p.row_scale, p.col_scale, p.row_of_col}, caller_hash(p, s.pool));
   });
 }
 

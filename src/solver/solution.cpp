@@ -60,7 +60,7 @@ class Solving {
       : factor_(factor), options_(context.options), n_(factor.analysis()->n()) {}
 
   void on_host(const SolveJob& job) {
-    const solve::ResidualOperator& residual = factor_.residual();
+    const std::shared_ptr<const solve::ResidualSpace> residual = factor_.residual_space();
     double first = -1;
     const solve::Preconditioner apply = [&](const double* from, double* to, Index count) {
       const double began = base::now_seconds();
@@ -68,7 +68,7 @@ class Solving {
       if (first < 0) first = base::now_seconds() - began;
     };
     result_ = SolveResult{};
-    refine(residual, apply, job);
+    refine(*residual, apply, job);
     result_.solve_seconds = first;
   }
 
@@ -208,13 +208,13 @@ SolveResult solve_device(Factor& factor, const SolveJob& asked, void* queue, con
 }
 
 double estimate_condition(Factor& factor) {
-  const solve::ResidualOperator& residual = factor.residual();
+  const double norm = factor.norm(true);
   const Index n = factor.analysis()->n();
   const auto solve_real = [&](const double* x, double* y, bool transpose) {
     factor.numeric().solve(x, y, 1, transpose);
   };
   if (factor.analysis()->system->numbers() == base::Numbers::real)
-    return estimate_inverse_norm<double>(n, solve_real) * residual.norm(true);
+    return estimate_inverse_norm<double>(n, solve_real) * norm;
   const bool hermitian = factor.analysis()->system->numbers() == base::Numbers::hermitian;
   const double inverse = estimate_inverse_norm<std::complex<double>>(
       n, [&](const std::complex<double>* x, std::complex<double>* y, bool adjoint) {
@@ -224,7 +224,7 @@ double estimate_condition(Factor& factor) {
         solve_real(reinterpret_cast<const double*>(from.data()), reinterpret_cast<double*>(y), adjoint);
         if (turned) conjugate(reinterpret_cast<double*>(y), n);
       });
-  return inverse * residual.norm(true);
+  return inverse * norm;
 }
 
 void conjugate(double* x, Offset count) {

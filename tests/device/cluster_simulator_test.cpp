@@ -50,6 +50,51 @@ TEST_F(Clusters, NoRunBeatsItsBounds) {
   }
 }
 
+// Both triangles of a matrix that has one.
+SparseMatrix mirrored(const SparseMatrix& lower) {
+  std::vector<std::vector<Index>> columns(static_cast<std::size_t>(lower.cols));
+  for (Index c = 0; c < lower.cols; ++c)
+    for (auto q = static_cast<std::size_t>(lower.col_ptr[static_cast<std::size_t>(c)]);
+         q < static_cast<std::size_t>(lower.col_ptr[static_cast<std::size_t>(c) + 1]); ++q) {
+      const Index r = lower.row_ind[q];
+      columns[static_cast<std::size_t>(c)].push_back(r);
+      if (r != c) columns[static_cast<std::size_t>(r)].push_back(c);
+    }
+  SparseMatrix both{lower.rows, lower.cols, {0}, {}, {}, Storage::symmetric_both};
+  for (const auto& column : columns) {
+    both.row_ind.insert(both.row_ind.end(), column.begin(), column.end());
+    both.col_ptr.push_back(static_cast<Offset>(both.row_ind.size()));
+  }
+  return both;
+}
+
+// What is counted of a tree is what make_plan() makes of it, rank by rank.
+TEST_F(Clusters, PlansOfRanksAreWhatIsCounted) {
+  const SparseMatrix a = matrix::generate(matrix::parse_generator(std::vector<std::string>{"poisson", "14"}));
+  ASSERT_EQ(a.storage, Storage::symmetric_lower);
+  const analysis::AssemblyTree tree = analysis::build_tree(analysis::graph_of(a, pool_), {}, pool_);
+  const SparseMatrix both = mirrored(a);
+  for (const Index ranks : {1, 4}) {
+    plan::PlanOptions options;
+    options.devices = options.ranks = ranks;
+    options.stealing = false;
+    options.balance_columns = true;
+    options.additional_subtrees = 0;
+    const auto counted = planned_bytes(plan_of_tree(tree, 1, options), both, tree, 1);
+    ASSERT_EQ(counted.size(), static_cast<std::size_t>(ranks));
+    for (options.rank = 0; options.rank < ranks; ++options.rank) {
+      const plan::PlanBytes made = plan::bytes_of(plan::make_plan(tree, a, {}, options, pool_));
+      const plan::PlanBytes& count = counted[static_cast<std::size_t>(options.rank)];
+      EXPECT_EQ(made.entries, count.entries);
+      EXPECT_EQ(made.rows, count.rows);
+      EXPECT_EQ(made.tiles, count.tiles);
+      EXPECT_EQ(made.tasks, count.tasks);
+      EXPECT_NEAR(static_cast<double>(made.tree), static_cast<double>(count.tree),
+                  0.05 * static_cast<double>(made.tree));
+    }
+  }
+}
+
 TEST_F(Clusters, SlowNetworksHurtAndRelaysSendAsMuch) {
   const plan::Plan plan = plan_for(32, 4);
   ClusterRates rates;

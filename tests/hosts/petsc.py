@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """petsc4py, SLEPc and dolfinx on our package for PETSc and on their own solvers: PETSC_OPTIONS alone changes.
 
-    apt-get install python3-petsc4py python3-slepc4py python3-dolfinx
+    apt-get install petsc-dev python3-petsc4py python3-slepc4py python3-dolfinx
     /usr/bin/python3 tests/hosts/petsc.py --library build/release/hosts/libespalier_petsc.so [--quick]
 
 Each system is solved with PETSc's own default, with MUMPS, and with ours, and by two processes with ours; what is not

@@ -116,6 +116,49 @@ TEST(RankFailures, MemoryOfOneRank) {
   });
 }
 
+// One rank has room for few right-hand sides alone, or none: all take them one by one, or all say so. Never do they
+// part.
+TEST(RankFailures, RightHandSidesOfOneRank) {
+  const SparseMatrix a = matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", "5"}));
+  const Index columns = 40;
+  const std::vector<double> b = reference::random_vector(Offset{a.rows} * columns, 5);
+  const Offset vector = Offset{a.rows} * 4;  // bytes of one in FP32
+  std::vector<double> truth;
+  Offset predicted = 0;
+  int solved = 0, refused = 0;
+  for (const Offset vectors : {1000, -200, 0, 4, 20, 60}) {  // beside what is predicted; the first run predicts it
+    std::vector<StatusCode> codes(3);
+    std::vector<double> of_first;
+    Offset of_one = 0;
+    on_threads(3, {}, [&](const Ranks& ranks) {
+      Options o;
+      o.threads = 1;
+      o.precision = Precision::mixed;
+      if (ranks.rank() == 1 && predicted > 0) o.host_memory_bytes = predicted + vectors * vector;
+      Solver solver(ranks, o);
+      const AnalysisResult analysis = solver.analyze(a);
+      ASSERT_TRUE(analysis.status.ok());
+      const FactorResult factor = solver.factorize(a);
+      std::vector<double> x(b.size());
+      const Status status = factor.status.ok() ? solver.solve(b, x, columns).status : factor.status;
+      codes[static_cast<std::size_t>(ranks.rank())] = status.code;
+      if (ranks.rank() == 1) of_one = analysis.predicted_bytes;
+      if (ranks.rank() == 0) of_first = x;
+    });
+    if (predicted == 0) truth = of_first;
+    predicted = of_one;
+    if (codes[0] == StatusCode::ok) {
+      ASSERT_EQ(of_first.size(), truth.size());
+      for (std::size_t k = 0; k < truth.size(); ++k) ASSERT_NEAR(of_first[k], truth[k], 1e-9) << vectors;
+    }
+    EXPECT_EQ(codes[0], codes[1]);
+    EXPECT_EQ(codes[0], codes[2]);
+    (codes[0] == StatusCode::ok ? solved : refused) += 1;
+  }
+  EXPECT_GE(solved, 4);
+  EXPECT_GE(refused, 1);
+}
+
 TEST(RankFailures, InterruptedOnOneRank) {
   const SparseMatrix a = system_of("lu");
   on_threads(3, {}, [&](const Ranks& ranks) {

@@ -246,6 +246,46 @@ TEST(SolverRanks, TinyMatrices) {
   expect_bits_of_one({reference::from_triples(3, {{0, 0, 1}, {1, 1, 2}, {2, 2, 3}}, Storage::symmetric_lower), o}, {5});
 }
 
+// Each rank has a part of the plan; a saved analysis is whole, whoever wrote it, and serves any number of ranks.
+TEST(SolverRanks, SavedAnalyses) {
+  const SparseMatrix a = generated({"kkt", "2", "6", "4", "4"});
+  const std::string path = testing::TempDir() + "espalier_ranks_analysis";
+  const std::vector<double> b = random_vector(a.rows, 3);
+  const auto solution = [&](Solver& solver) {
+    EXPECT_TRUE(solver.factorize(a).status.ok());
+    std::vector<double> x = b;
+    EXPECT_TRUE(solver.solve(x, x).status.ok());
+    return x;
+  };
+  Options options;
+  options.device = "cpu";
+  options.threads = 1;
+  Solver alone(options);
+  ASSERT_TRUE(alone.analyze(a).status.ok());
+  const std::vector<double> truth = solution(alone);
+  on_threads(3, {}, [&](const Ranks& ranks) {
+    Solver solver(ranks, options);
+    ASSERT_TRUE(solver.analyze(a).status.ok());
+    const Status saved = solver.save_analysis(path);
+    ASSERT_TRUE(saved.ok()) << saved.message;
+    const std::vector<double> x = solution(solver);  // goes on with the part
+    if (ranks.rank() == 0) {
+      EXPECT_TRUE(same_bits(x, truth));
+    }
+  });
+  Solver loaded(options);
+  ASSERT_TRUE(loaded.load_analysis(path, a).status.ok());
+  EXPECT_TRUE(same_bits(solution(loaded), truth));
+  on_threads(2, {}, [&](const Ranks& ranks) {
+    Solver solver(ranks, options);
+    ASSERT_TRUE(solver.load_analysis(path, a).status.ok());
+    const std::vector<double> x = solution(solver);
+    if (ranks.rank() == 0) {
+      EXPECT_TRUE(same_bits(x, truth));
+    }
+  });
+}
+
 // What follows a change of the pattern follows it on all ranks: the same tree, the same bits.
 TEST(SolverRanks, ChangedPatterns) {
   const SparseMatrix a = generated({"gyroscopic", "6", "6", "6"});

@@ -26,7 +26,7 @@ void add_contribution(const plan::Plan& plan, Index child, const T* source, cons
                       std::vector<Run>& runs, ColumnRange columns) {
   const plan::FrontLayout& layout = plan.layout[child];
   const Index below = layout.below();
-  const Index* relative = plan.relative.data() + plan.tree.row_ptr[child];
+  const Index* relative = plan.places_in_parent(child);
   const auto place = [&](Index row) {
     return static_cast<Index>(std::lower_bound(relative, relative + below, row) - relative);
   };

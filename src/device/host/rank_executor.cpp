@@ -17,7 +17,7 @@ namespace espalier::device::host {
 
 namespace {
 
-// A mark of what all ranks must have come to alike.
+// A mark of what all ranks must have come to alike: the tree, who makes what, and the order in which each does it.
 std::int64_t fingerprint(const plan::Plan& plan, Kind kind) {
   std::uint64_t h = 14695981039346656037ULL;
   const auto add = [&h](std::uint64_t x) { h = (h ^ x) * 1099511628211ULL; };
@@ -28,8 +28,10 @@ std::int64_t fingerprint(const plan::Plan& plan, Kind kind) {
     add(static_cast<std::uint64_t>(l.rows));
     add(static_cast<std::uint64_t>(l.pivot_width) << 32 | static_cast<std::uint64_t>(l.below_width));
   }
-  for (const plan::Task& t : plan.tasks) add(static_cast<std::uint64_t>(plan::maker(plan, t.front, t.j)));
-  add(plan.tasks.size());
+  for (Index f = 0; f < plan.fronts(); ++f)
+    for (Index j = 0; j < plan.layout[static_cast<std::size_t>(f)].tiles; ++j)
+      add(static_cast<std::uint64_t>(plan::maker(plan, f, j)));
+  add(static_cast<std::uint64_t>(plan.options.interleave));
   return static_cast<std::int64_t>(h);
 }
 
@@ -70,7 +72,6 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
         throw Error(StatusCode::invalid_input,
                     fmt::format("{} and {} have come to different plans: give all ranks the same matrix and options",
                                 link_.name_of(0), link_.name_of(static_cast<int>(r))));
-    list_tasks();
     list_reports();
   }
 
@@ -164,25 +165,11 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
     solve_.emplace(*state_, pool_, budget_, static_cast<SolveSharing<T>*>(this));
   }
 
-  // This rank's tasks in the order of the plan.
-  void list_tasks() {
-    const plan::Ownership& a = plan_.ownership;
-    for (const plan::SubTree& s : a.subtrees)
-      if (s.device == link_.rank())
-        for (Index t = s.first_task; t < s.end_task; ++t) tasks_.push_back(t);
-    std::sort(tasks_.begin(), tasks_.end());
-    tasks_.erase(std::unique(tasks_.begin(), tasks_.end()), tasks_.end());
-    for (Index t = a.top_task; t < static_cast<Index>(plan_.tasks.size()); ++t) {
-      const plan::Task& task = plan_.tasks[static_cast<std::size_t>(t)];
-      if (plan::maker(plan_, task.front, task.j) == link_.rank()) tasks_.push_back(t);
-    }
-  }
-
   // Which rank tells the solution of which pivots: the first that keeps the front.
   void list_reports() {
     reports_.resize(static_cast<std::size_t>(link_.size()));
     for (Index f = 0; f < plan_.fronts(); ++f) {
-      auto& list = reports_[static_cast<std::size_t>(first_keeper(f))];
+      auto& list = reports_[static_cast<std::size_t>(plan::first_keeper(plan_, f))];
       const Index begin = plan_.tree.first[f], end = plan_.tree.first[f + 1];
       if (!list.empty() && list.back().second == begin)
         list.back().second = end;
@@ -191,23 +178,17 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
     }
   }
 
-  [[nodiscard]] int first_keeper(Index f) const {
-    int r = 0;
-    while (!plan::keeps_factor(plan_, f, r)) ++r;
-    return r;
-  }
-
   void take_tasks(int worker) {
     const double begin = base::now_seconds();
     Workspace<T>& w = work_[static_cast<std::size_t>(worker)];
     std::optional<Driver> driver;
     if (worker == 0) driver.emplace(link_, [this](int from, const ranks::Message& m) { traffic_->take(from, m); });
     try {
-      for (std::size_t k = next_++; k < tasks_.size(); k = next_++) {
+      for (std::size_t k = next_++; k < plan_.tasks.size(); k = next_++) {
         if (state_->abort.load(std::memory_order_relaxed)) break;
         pool_.check();
         if (driver) driver->look();
-        execute(plan_.tasks[static_cast<std::size_t>(tasks_[k])], w);
+        execute(plan_.tasks[k], w);
         ++finished_;
       }
       w.task_seconds = base::now_seconds() - begin;
@@ -221,7 +202,7 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
 
   void end_factorization(Driver& driver) {
     const auto given_up = [this] { return state_->abort.load(std::memory_order_relaxed); };
-    driver.wait([&] { return finished_ == tasks_.size() || given_up(); });
+    driver.wait([&] { return finished_ == plan_.tasks.size() || given_up(); });
     if (given_up()) return;
     traffic_->send_done();
     driver.wait([&] { return traffic_->all_done(); });
@@ -263,7 +244,7 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
   void made(Index f, const T* rows, Index columns) override {
     const Index parent = plan_.tree.parent[f];
     const Offset count = Offset{plan_.layout[f].below()} * columns;
-    if (parent < 0 || plan_.ownership.subtree(parent) >= 0 || first_keeper(f) != link_.rank()) return;
+    if (parent < 0 || plan_.ownership.subtree(parent) >= 0 || plan::first_keeper(plan_, f) != link_.rank()) return;
     std::vector<int> to;
     for (const Index r : plan::keepers(plan_, parent))
       if (!plan::keeps_factor(plan_, f, r)) to.push_back(r);
@@ -288,7 +269,6 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
   std::optional<NumericState<T>> state_;
   std::optional<RankTraffic<T>> traffic_;
   std::optional<TriangularSolve<T>> solve_;
-  std::vector<Index> tasks_;
   std::vector<std::vector<std::pair<Index, Index>>> reports_;  // by rank; positions [begin, end)
   std::atomic<std::size_t> next_{0}, finished_{0};
   Driver* driver_ = nullptr;

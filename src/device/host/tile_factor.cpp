@@ -119,7 +119,7 @@ class TileTask {
 
   // Whether the child has columns in this tile: else another rank need not have sent it here.
   [[nodiscard]] bool reaches_here(Index child) const {
-    const Index* begin = plan_.relative.data() + plan_.tree.row_ptr[child];
+    const Index* begin = plan_.places_in_parent(child);
     const Index* end = begin + plan_.layout[child].below();
     const Index* first = std::lower_bound(begin, end, layout_.begin(j_));
     return first != end && *first < layout_.begin(j_) + cols_;
@@ -150,7 +150,7 @@ class TileTask {
       return;
     }
     const FrontLayout& l = plan_.layout[child];
-    const Index* relative = plan_.relative.data() + plan_.tree.row_ptr[child];
+    const Index* relative = plan_.places_in_parent(child);
     const auto range = [&](Index begin, Index width, Index& first, Index& last) {
       const auto b = std::lower_bound(relative, relative + l.below(), begin) - relative;
       const auto e = std::lower_bound(relative, relative + l.below(), begin + width) - relative;

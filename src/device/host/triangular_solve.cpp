@@ -236,7 +236,7 @@ void TriangularSolve<T>::add_children(Index f, Index begin, Index end, T* to, co
   for (Offset q = plan_.child_ptr[f]; q < plan_.child_ptr[f + 1]; ++q) {
     const Index child = plan_.children[q];
     front_done_.wait(child, s_.abort);
-    const Index* relative = plan_.relative.data() + plan_.tree.row_ptr[child];
+    const Index* relative = plan_.places_in_parent(child);
     const Index below = plan_.layout[child].below();
     const auto first = static_cast<Index>(std::lower_bound(relative, relative + below, begin) - relative);
     const T* from = (on_stack_[child] != 0 ? w.stack.data() : contributions_.data()) + place_[child] * nr_;
@@ -321,7 +321,7 @@ void TriangularSolve<T>::backward_front(Index f, Worker& w) {
   const Offset rows = l.padded_begin(l.tiles);
   std::fill_n(t + static_cast<Offset>(l.pivots) * nr_, (rows - l.pivots) * nr_, T(0));
   std::copy_n(x, static_cast<Offset>(l.pivots) * nr_, t);
-  const Index* below = plan_.tree.rows.data() + plan_.tree.row_ptr[f];
+  const Index* below = plan_.rows_below(f);
   for (Index r = 0; r < l.below() - plan_.tree.border_rows(f); ++r)
     std::copy_n(x_ + static_cast<Offset>(below[r]) * nr_, nr_, t + padded_row(l, l.pivots + r) * nr_);
   T* y = w.tile.data();
@@ -382,7 +382,7 @@ void TriangularSolve<T>::backward_tile(Index f, Index j, Worker& w) {
   start_backward(f, j, t);
   const Offset below_rows = l.padded_begin(l.tiles) - l.padded_begin(l.pivot_tiles);
   if (below_rows > 0) {
-    const Index* below = plan_.tree.rows.data() + plan_.tree.row_ptr[f];
+    const Index* below = plan_.rows_below(f);
     const Index known = l.below() - plan_.tree.border_rows(f);
     for (Index r = 0; r < known; ++r)
       std::copy_n(x_ + static_cast<Offset>(below[r]) * nr_, nr_, from + static_cast<Offset>(r) * nr_);
