@@ -175,7 +175,7 @@ class NumericOf final : public Numeric {
       double largest = 0;
       for (const auto& of_rank : link_->all_gather_of(std::span<const double>(&mine, 1)))
         largest = std::max(largest, of_rank.at(0));
-      if (!std::isfinite(largest)) refuse_entry(prepared_, given_);
+      expect_in_range<T>(prepared_, given_, largest);
       return largest;
     }
   }

@@ -132,7 +132,11 @@ Scales scales_for(const PreparedMatrix& p, std::span<const double> values, bool 
 template <class T>
 double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<const double> values, T* scaled,
                     base::ThreadPool& pool, std::span<const Index> position = {});
-/// The same of some of the entries, ascending. @returns the largest magnitude of these; not finite where one is not
+/// @throws Error(invalid_input) where factors of T have no room for scaled values of this largest magnitude
+template <class T>
+void expect_in_range(const PreparedMatrix& p, std::span<const double> values, double largest);
+/// scale_values() of some of the entries, ascending. @returns the largest magnitude of these, which expect_in_range()
+/// has not seen; infinite where one is not finite
 template <class T>
 double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<const double> values,
                     std::span<const Offset> entries, T* scaled, base::ThreadPool& pool,

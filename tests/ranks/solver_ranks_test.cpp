@@ -237,6 +237,23 @@ TEST(SolverRanks, DenseRow) {
   expect_bits_of_one({reference::from_triples(n + 1, all, a.storage), {}});
 }
 
+// One rank's values alone are far from the range in which factors work, those of all are not.
+TEST(SolverRanks, PartsOfOtherScales) {
+  SparseMatrix a = generated({"poisson", "7"});
+  std::vector<reference::Triple> all;
+  const Index n = a.cols;
+  for (const Index block : {0, 1})
+    for (Index c = 0; c < n; ++c)
+      for (Offset k = a.col_ptr[static_cast<std::size_t>(c)]; k < a.col_ptr[static_cast<std::size_t>(c) + 1]; ++k)
+        all.push_back({a.row_ind[static_cast<std::size_t>(k)] + block * n, c + block * n,
+                       (block == 0 ? 1 : 1e-150) * a.values[static_cast<std::size_t>(k)]});
+  Options o;
+  o.kind = Kind::llt;
+  const Wanted wanted{reference::from_triples(2 * n, all, a.storage), o};
+  ASSERT_TRUE(of_one_process(wanted).factor.status.ok());
+  expect_bits_of_one(wanted, {2});
+}
+
 // Far more ranks than there is work.
 TEST(SolverRanks, TinyMatrices) {
   const Options o;
