@@ -66,4 +66,20 @@ void CarriedFrame::wrench_stiffness(ConstSpan q, const Vec6& wrench, double scal
   Eigen::Map<Eigen::MatrixXd>(k, n, n) += scale * turns.transpose() * (skew(force) * skew(arm) * turns);
 }
 
+/// As above: J^T [f; m] is that of the base with the moment m + arm x f, and f~ arm~ delta phi is one more moment.
+void CarriedFrame::tangent_columns(ConstSpan q, const TangentColumns& columns, double* out) const {
+  FrameMotion m;
+  base_->motion(q, {}, m);
+  const Mat3 arm = skew(m.rot * offset_);
+  const auto count = static_cast<Eigen::Index>(columns.count);
+  Columns c = Eigen::Map<const Columns>(columns.c, 6, count);
+  c.bottomRows<3>() += arm * c.topRows<3>();
+  Vec6 wrench = columns.wrench;
+  const Vec3 force = wrench.head<3>();
+  if (!force.isZero(0))
+    c.bottomRows<3>() += skew(force) * arm * Eigen::Map<const Columns>(columns.twists, 6, count).bottomRows<3>();
+  wrench.tail<3>() += arm * force;
+  base_->tangent_columns(q, {columns.first, columns.count, c.data(), columns.twists, wrench}, out);
+}
+
 }  // namespace espalier::dynamics

@@ -23,6 +23,7 @@ class CarriedFrame final : public Frame {
   [[nodiscard]] bool turns(std::size_t k) const override { return base_->turns(k); }
   [[nodiscard]] bool has_wrench_stiffness() const override { return true; }
   void wrench_stiffness(ConstSpan q, const Vec6& wrench, double scale, double* k) const override;
+  void tangent_columns(ConstSpan q, const TangentColumns& columns, double* out) const override;
 
  private:
   std::unique_ptr<Frame> base_;

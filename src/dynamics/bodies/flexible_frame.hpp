@@ -35,6 +35,7 @@ class FlexibleFrame final : public Frame {
   [[nodiscard]] bool turns(std::size_t k) const override { return vertices_[k / 3].arm != Vec3::Zero(); }
   [[nodiscard]] bool has_wrench_stiffness() const override { return has_rotation_; }
   void wrench_stiffness(ConstSpan q, const Vec6& wrench, double scale, double* k) const override;
+  void tangent_columns(ConstSpan q, const TangentColumns& columns, double* out) const override;
 
  private:
   /// How a fit changes when a vertex moves: turn and change of U, in the axes of the frame.
@@ -46,6 +47,9 @@ class FlexibleFrame final : public Frame {
     Mat3 rotation, stretch, inverse_g;
     /// For the motion of vertex b along global axis j.
     [[nodiscard]] Derivative derivative(const FrameVertex& b, int j) const;
+    /// Times B_a: how the force on vertex a that a moment makes changes with that motion. The moment is constant; here
+    /// it is given in the axes of the frame, with c = G^-1 moment.
+    [[nodiscard]] Mat3 change_of_force(const FrameVertex& b, int j, const Vec3& moment, const Vec3& c) const;
   };
   /// Angular velocity and sum t B^T with t = R^T v, in the axes of the frame.
   struct Turning {
