@@ -42,6 +42,15 @@ void CarriedFrame::jacobian(ConstSpan q, double* j) const {
   columns.topRows<3>() -= skew(m.rot * offset_) * columns.bottomRows<3>();
 }
 
+/// J^T [f; m] = J_base^T [f; m + arm x f]
+void CarriedFrame::project(ConstSpan q, const FrameMotion& /*motion*/, const double* c, int count, double* out) const {
+  FrameMotion m;
+  base_->motion(q, {}, m);
+  Columns at_base = Eigen::Map<const Columns>(c, 6, count);
+  at_base.bottomRows<3>() += skew(m.rot * offset_) * at_base.topRows<3>();
+  base_->project(q, m, at_base.data(), count, out);
+}
+
 /// delta(vel_base + omega x arm) = delta vel_base + delta omega x arm + omega x (delta phi x arm)
 void CarriedFrame::rate_jacobian(ConstSpan q, ConstSpan v, double* jv) const {
   FrameMotion m;

@@ -97,6 +97,15 @@ FlexibleFrame::Fit FlexibleFrame::fit(ConstSpan q) const {
   return result;
 }
 
+// Of a frame without rotation moments do nothing.
+FlexibleFrame::Fit FlexibleFrame::fit_or_none(ConstSpan q) const {
+  return has_rotation_ ? fit(q) : Fit{Mat3::Identity(), Mat3::Identity(), Mat3::Zero()};
+}
+
+Mat3 FlexibleFrame::Fit::force_of(const Vec3& moment) const {
+  return rotation * cross_matrix(inverse_g.transpose() * (rotation.transpose() * moment));
+}
+
 FlexibleFrame::Derivative FlexibleFrame::Fit::derivative(const FrameVertex& b, int j) const {
   const Vec3 turned = rotation.row(j).transpose();  // R^T e_j
   const Vec3 phi = inverse_g * b.arm.cross(turned);
@@ -138,13 +147,21 @@ void FlexibleFrame::jacobian(ConstSpan q, double* j) const {
   const auto n = static_cast<Eigen::Index>(3 * vertices_.size());
   Eigen::Map<Eigen::Matrix<double, 6, Eigen::Dynamic>> result(j, 6, n);
   result.setZero();
-  const Fit f = has_rotation_ ? fit(q) : Fit{Mat3::Identity(), Mat3::Identity(), Mat3::Zero()};
+  const Fit f = fit_or_none(q);
   const Mat3 left = f.rotation * f.inverse_g, right = f.rotation.transpose();
   Eigen::Index column = 0;
   for (const FrameVertex& vertex : vertices_) {
     result.block<3, 3>(0, column) = vertex.weight * Mat3::Identity();
     result.block<3, 3>(3, column) = left * (cross_matrix(vertex.arm) * right);
     column += 3;
+  }
+}
+
+void FlexibleFrame::project(ConstSpan q, const FrameMotion& /*motion*/, const double* c, int count, double* out) const {
+  const Fit f = fit_or_none(q);
+  for (int r = 0; r < count; ++r, c += 6) {
+    const Eigen::Map<const Vec6> wrench(c);
+    out = write_forces(vertices_, wrench.head<3>(), f.force_of(wrench.tail<3>()), out);
   }
 }
 
@@ -196,12 +213,12 @@ void FlexibleFrame::wrench_stiffness(ConstSpan q, const Vec6& wrench, double sca
 
 /// In a column the force on vertex a is w_a times a force plus one matrix times B_a: of C, and of the wrench.
 void FlexibleFrame::tangent_columns(ConstSpan q, const TangentColumns& columns, double* out) const {
-  const Fit f = has_rotation_ ? fit(q) : Fit{Mat3::Identity(), Mat3::Identity(), Mat3::Zero()};
+  const Fit f = fit_or_none(q);
   const Vec3 moment = f.rotation.transpose() * columns.wrench.tail<3>(), c = f.inverse_g * moment;
   const bool turned = has_rotation_ && !moment.isZero(0);
   for (std::size_t k = 0; k < columns.count; ++k) {
     const Eigen::Map<const Vec6> of_c(columns.c + 6 * k);
-    Mat3 by_arm = f.rotation * cross_matrix(f.inverse_g.transpose() * (f.rotation.transpose() * of_c.tail<3>()));
+    Mat3 by_arm = f.force_of(of_c.tail<3>());
     const std::size_t coordinate = columns.first + k;
     if (turned) by_arm += f.change_of_force(vertices_[coordinate / 3], static_cast<int>(coordinate % 3), moment, c);
     out = write_forces(vertices_, of_c.head<3>(), by_arm, out);

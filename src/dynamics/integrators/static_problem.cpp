@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "dynamics/dae/row_ranges.hpp"
 #include "dynamics/dae/vectors.hpp"
 
 namespace espalier::dynamics {
@@ -218,18 +219,22 @@ bool StaticProblem::balanced(const StaticPoint& x, double tolerance) const {
 StaticProblem::Rounding StaticProblem::rounding(const State& state) const {
   constexpr double kRoundingOfSums = 16 * std::numeric_limits<double>::epsilon();
   Rounding sums{std::vector<double>(n_, 0.0), std::vector<double>(m_, 0.0)};
-  const auto add = [](const SparsePattern& p, ConstSpan values, ConstSpan factors, Span to) {  // to += |A^T| factors
-    for (std::size_t line = 0; line + 1 < p.ptr.size(); ++line)
-      for (auto k = static_cast<std::size_t>(p.ptr[line]); k < static_cast<std::size_t>(p.ptr[line + 1]); ++k)
-        to[static_cast<std::size_t>(p.ind[k])] += kRoundingOfSums * std::abs(values[k] * factors[line]);
-  };
   KktSolver& kkt = equations_.kkt();
-  add(kkt.w_pattern(), kkt.w_of_factor(), size_, sums.motion);
-  add(kkt.phi_q_pattern(), kkt.phi_q_values(), state.lambda, sums.motion);
+  const SparsePattern& w = kkt.w_pattern();
+  const ConstSpan values = kkt.w_of_factor();
+  for_each_row_range(w, pool(), [&](Index column, Offset begin, Offset end) {
+    const double size = kRoundingOfSums * size_[static_cast<std::size_t>(column)];
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
+      sums.motion[static_cast<std::size_t>(w.ind[k])] += std::abs(values[k] * size);
+  });
   const SparsePattern& p = kkt.phi_q_pattern();
   for (std::size_t c = 0; c < m_; ++c)
-    for (auto k = static_cast<std::size_t>(p.ptr[c]); k < static_cast<std::size_t>(p.ptr[c + 1]); ++k)
-      sums.phi[c] += kRoundingOfSums * std::abs(kkt.phi_q_values()[k]) * size_[static_cast<std::size_t>(p.ind[k])];
+    for (auto k = static_cast<std::size_t>(p.ptr[c]); k < static_cast<std::size_t>(p.ptr[c + 1]); ++k) {
+      const double value = kRoundingOfSums * std::abs(kkt.phi_q_values()[k]);
+      const auto column = static_cast<std::size_t>(p.ind[k]);
+      sums.motion[column] += value * std::abs(state.lambda[c]);
+      sums.phi[c] += value * size_[column];
+    }
   return sums;
 }
 
