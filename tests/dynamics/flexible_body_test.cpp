@@ -4,6 +4,7 @@
 #include <cmath>
 #include <random>
 
+#include "dynamics/dae/equations.hpp"
 #include "dynamics/meshers/parts.hpp"
 #include "flexible_statics.hpp"
 #include "time_pressure.hpp"
@@ -190,6 +191,48 @@ TEST(FlexibleBody, ThreadsDoNotChangeABit) {
     EXPECT_EQ(w, tangent) << threads;
     EXPECT_EQ(m.body->times().forces, 2);
     EXPECT_GT(m.body->times().tangent_seconds, 0);
+  }
+}
+
+// Truth: the bodies one by one, each by itself.
+TEST(FlexibleBody, SystemsRunTheirTasksTogether) {
+  const Mesh small = make_block({3, 2, 1}, 3, 2, 2), large = make_crank({}, {6e3, ElementType::hex8});
+  std::vector<double> alone;
+  for (const int threads : {0, 1, 2, 3}) {
+    std::unique_ptr<base::ThreadPool> pool;
+    if (threads > 0) pool = std::make_unique<base::ThreadPool>(threads);
+    AssembledSystem system;
+    system.set_pool(pool.get());
+    std::vector<FlexibleBody*> bodies;
+    for (const Mesh* mesh : {&small, &large, &small}) {
+      bodies.push_back(&system.add(make_solid_body("body", *mesh, kSteel)));
+      bodies.back()->set_damping({0.1, 1e-5});
+      bodies.back()->set_gravity({1, -2, -10});
+    }
+    system.finish();
+    State s(system.sizes());
+    system.initial(s.q, s.v);
+    for (std::size_t i = 0; i < s.q.size(); ++i) {
+      s.q[i] += 1e-5 * std::sin(static_cast<double>(7 * i));
+      s.v[i] = std::cos(static_cast<double>(3 * i));
+      s.a[i] = std::sin(static_cast<double>(5 * i));
+    }
+    std::vector<double> f(s.v.size(), 1.0), single(f.size(), 0.0);
+    system.residual(s.view(), f);
+    for (FlexibleBody* body : bodies) body->residual(s.view(), single);
+    if (threads == 0) alone = f;
+    EXPECT_EQ(f, single) << threads;
+    EXPECT_EQ(f, alone) << threads;
+    EXPECT_TRUE(std::isfinite(f[0]) && f[0] != 0);
+    // An element of the second body inside out: its own forces are no numbers, and it says which one it is.
+    const auto node = static_cast<std::size_t>(bodies[1]->configuration(0));
+    for (std::size_t i = 0; i < 3; ++i) s.q[node + i] += 10;
+    system.residual(s.view(), f);
+    EXPECT_EQ(bodies[0]->inverted_element(), -1);
+    EXPECT_GE(bodies[1]->inverted_element(), 0);
+    EXPECT_EQ(bodies[2]->inverted_element(), -1);
+    EXPECT_TRUE(std::isnan(f[static_cast<std::size_t>(bodies[1]->coordinate(0))]));
+    EXPECT_FALSE(std::isnan(f[static_cast<std::size_t>(bodies[2]->coordinate(0))]));
   }
 }
 

@@ -64,6 +64,19 @@ TEST(PatternBuilder, VerticesEntriesAndDiagonalTogether) {
       builder.add(row, column);
       if (row >= 0 && column >= 0) truth.emplace(column, row);
     }
+    // Long lists, one with rows of the ground and with some twice; short ones.
+    for (const Index length : {100, 7, 40}) {
+      std::vector<Index> rows, columns;
+      for (Index k = 0; k < length; ++k) rows.push_back(any(generator)), columns.push_back(any(generator) / 9);
+      rows.push_back(rows.front());
+      const Offset before = builder.declared();
+      builder.add_block(rows, columns);
+      Offset pairs = 0;
+      for (const Index row : rows)
+        for (const Index column : columns)
+          if (row >= 0 && column >= 0) truth.emplace(column, row), ++pairs;
+      EXPECT_EQ(builder.declared() - before, pairs);
+    }
     EXPECT_EQ(entries_of(builder.build()), truth);
     for (const int threads : {1, 3}) {
       base::ThreadPool pool(threads);
@@ -84,6 +97,11 @@ TEST(PatternBuilder, EmptyOnesAndMistakes) {
   EXPECT_THROW(builder.add_vertex_pairs(2, pairs.ptr, pairs.ind), std::logic_error);  // beyond the last column
   builder.add_vertex_pairs(1, pairs.ptr, pairs.ind);
   EXPECT_THROW(builder.add_vertex_pairs(1, pairs.ptr, pairs.ind), std::logic_error);
+  std::vector<Index> many(50, 3);
+  many.back() = 13;  // beyond the last row
+  EXPECT_THROW(builder.add_block(many, std::vector<Index>{2}), std::logic_error);
+  many.back() = 4;
+  EXPECT_THROW(builder.add_block(many, std::vector<Index>{13}), std::logic_error);
   PatternBuilder by_rows(13, 13, false);
   EXPECT_THROW(by_rows.add_vertex_pairs(0, pairs.ptr, pairs.ind), std::logic_error);
 }

@@ -42,6 +42,15 @@ void CarriedFrame::jacobian(ConstSpan q, double* j) const {
   columns.topRows<3>() -= skew(m.rot * offset_) * columns.bottomRows<3>();
 }
 
+/// J^T [f; m] = J_base^T [f; m + arm x f]
+void CarriedFrame::project(ConstSpan q, const FrameMotion& /*motion*/, const double* c, int count, double* out) const {
+  FrameMotion m;
+  base_->motion(q, {}, m);
+  Columns at_base = Eigen::Map<const Columns>(c, 6, count);
+  at_base.bottomRows<3>() += skew(m.rot * offset_) * at_base.topRows<3>();
+  base_->project(q, m, at_base.data(), count, out);
+}
+
 /// delta(vel_base + omega x arm) = delta vel_base + delta omega x arm + omega x (delta phi x arm)
 void CarriedFrame::rate_jacobian(ConstSpan q, ConstSpan v, double* jv) const {
   FrameMotion m;
@@ -64,6 +73,22 @@ void CarriedFrame::wrench_stiffness(ConstSpan q, const Vec6& wrench, double scal
   const auto n = static_cast<Eigen::Index>(coordinates().size());
   const Eigen::Matrix<double, 3, Eigen::Dynamic> turns = jacobian_of(*base_, q).bottomRows<3>();
   Eigen::Map<Eigen::MatrixXd>(k, n, n) += scale * turns.transpose() * (skew(force) * skew(arm) * turns);
+}
+
+/// As above: J^T [f; m] is that of the base with the moment m + arm x f, and f~ arm~ delta phi is one more moment.
+void CarriedFrame::tangent_columns(ConstSpan q, const TangentColumns& columns, double* out) const {
+  FrameMotion m;
+  base_->motion(q, {}, m);
+  const Mat3 arm = skew(m.rot * offset_);
+  const auto count = static_cast<Eigen::Index>(columns.count);
+  Columns c = Eigen::Map<const Columns>(columns.c, 6, count);
+  c.bottomRows<3>() += arm * c.topRows<3>();
+  Vec6 wrench = columns.wrench;
+  const Vec3 force = wrench.head<3>();
+  if (!force.isZero(0))
+    c.bottomRows<3>() += skew(force) * arm * Eigen::Map<const Columns>(columns.twists, 6, count).bottomRows<3>();
+  wrench.tail<3>() += arm * force;
+  base_->tangent_columns(q, {columns.first, columns.count, c.data(), columns.twists, wrench}, out);
 }
 
 }  // namespace espalier::dynamics

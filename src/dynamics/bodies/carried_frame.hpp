@@ -19,10 +19,12 @@ class CarriedFrame final : public Frame {
   [[nodiscard]] std::span<const Index> coordinates() const override { return base_->coordinates(); }
   void motion(ConstSpan q, ConstSpan v, FrameMotion& out) const override;
   void jacobian(ConstSpan q, double* j) const override;
+  void project(ConstSpan q, const FrameMotion& motion, const double* c, int count, double* out) const override;
   void rate_jacobian(ConstSpan q, ConstSpan v, double* jv) const override;
   [[nodiscard]] bool turns(std::size_t k) const override { return base_->turns(k); }
   [[nodiscard]] bool has_wrench_stiffness() const override { return true; }
   void wrench_stiffness(ConstSpan q, const Vec6& wrench, double scale, double* k) const override;
+  void tangent_columns(ConstSpan q, const TangentColumns& columns, double* out) const override;
 
  private:
   std::unique_ptr<Frame> base_;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "base/parallel.hpp"
 #include "base/stopwatch.hpp"
 #include "dynamics/dae/at.hpp"
 #include "dynamics/dae/vectors.hpp"
@@ -30,11 +31,11 @@ FlexibleBody::FlexibleBody(std::string name, int vertices_per_node, std::vector<
       extent_(largest_extent()),
       assembly_(static_cast<Index>(reference_.size() / 3), std::move(groups), pool),
       mass_(assembly_.mass(reference_.data(), pool)),
-      weight_(reference_.size(), 0.0),
-      pool_(pool) {
+      weight_(reference_.size(), 0.0) {
+  set_pool(pool);
   const VertexPattern& p = assembly_.pattern();
   const auto massless = reduce_blocks<Index>(
-      pool_, at(vertices()),
+      pool, at(vertices()),
       [&](std::size_t begin, std::size_t end) {  // one after the first in the block; 0: none
         for (auto v = static_cast<Index>(begin); v < static_cast<Index>(end); ++v)
           if (!(mass_[at(p.entry(v, v))] > 0)) return v + 1;
@@ -51,10 +52,12 @@ void FlexibleBody::set_gravity(const Point& gravity) {
   gravity_ = gravity;
   const VertexPattern& p = assembly_.pattern();
   std::fill(weight_.begin(), weight_.end(), 0.0);
-  for (Index b = 0; b < assembly_.vertices(); ++b)
-    for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e)
-      if (is_position(p.ind[at(e)]))
-        for (std::size_t i = 0; i < 3; ++i) weight_[3 * at(b) + i] += mass_[at(e)] * gravity[i];
+  for_ranges_of_vertices([&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t b = begin; b < end; ++b)
+      for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1]; ++e)
+        if (is_position(p.ind[at(e)]))
+          for (std::size_t i = 0; i < 3; ++i) weight_[3 * at(b) + i] += mass_[at(e)] * gravity[i];
+  });
 }
 
 void FlexibleBody::set_initial_motion(const std::array<double, 9>& r, const Point& translation, const Point& velocity,
@@ -129,26 +132,42 @@ double FlexibleBody::largest_extent() const {
 /// Positions are measured by the size of the body, not by the distance from the origin; gradients by 1.
 void FlexibleBody::magnitude(ConstSpan, Span out) const {
   double* own = out.data() + placement().v;
-  for_each_entry(pool_, reference_.size(),
+  for_each_entry(pool(), reference_.size(),
                  [&](std::size_t i) { own[i] = is_position(static_cast<Index>(i / 3)) ? extent_ : 1.0; });
 }
 
 std::optional<BodyTurn> FlexibleBody::turn(ConstSpan from, ConstSpan to) const {
   constexpr double kLine = 1e-6;  // second singular value over the first
   const double *x = from.data() + placement().q, *y = to.data() + placement().q;
-  const auto point = [](const double* p, Index v) { return Eigen::Vector3d(p[3 * v], p[3 * v + 1], p[3 * v + 2]); };
-  Eigen::Vector3d x_mean = Eigen::Vector3d::Zero(), y_mean = x_mean;
-  for (Index v = 0; v < vertices(); v += vertices_per_node_) {
-    x_mean += point(x, v) / nodes();
-    y_mean += point(y, v) / nodes();
-  }
-  Eigen::Matrix3d positions = Eigen::Matrix3d::Zero(), gradients = positions;
-  for (Index v = 0; v < vertices(); ++v) {
-    if (is_position(v))
-      positions += (point(y, v) - y_mean) * (point(x, v) - x_mean).transpose();
+  const auto point = [](const double* p, std::size_t v) { return Eigen::Map<const Eigen::Vector3d>(p + 3 * v); };
+  struct Sums {
+    Eigen::Matrix3d first = Eigen::Matrix3d::Zero(), second = first;
+  };
+  const auto sum_over_vertices = [&](const auto& add) {
+    return reduce_blocks<Sums>(
+        pool(), at(vertices()),
+        [&](std::size_t begin, std::size_t end) {
+          Sums sums;
+          for (std::size_t v = begin; v < end; ++v) add(sums, v, is_position(static_cast<Index>(v)));
+          return sums;
+        },
+        [](Sums& all, const Sums& next) {
+          all.first += next.first;
+          all.second += next.second;
+        });
+  };
+  const Sums means = sum_over_vertices([&](Sums& s, std::size_t v, bool position) {
+    if (!position) return;
+    s.first.col(0) += point(x, v) / nodes();
+    s.first.col(1) += point(y, v) / nodes();
+  });
+  const Eigen::Vector3d x_mean = means.first.col(0), y_mean = means.first.col(1);
+  const auto [positions, gradients] = sum_over_vertices([&](Sums& s, std::size_t v, bool position) {
+    if (position)
+      s.first += (point(y, v) - y_mean) * (point(x, v) - x_mean).transpose();
     else
-      gradients += point(y, v) * point(x, v).transpose();
-  }
+      s.second += point(y, v) * point(x, v).transpose();
+  });
   // Gradients have no unit: they count as points at a tenth of the size of the body.
   const double square = positions.cwiseAbs().maxCoeff() / nodes();
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(positions + 0.01 * square * gradients,
@@ -194,10 +213,7 @@ AssemblyState FlexibleBody::state(const StateView& s) const {
 
 template <class Body>
 void FlexibleBody::for_ranges_of_vertices(const Body& body) const {
-  if (pool_ == nullptr)
-    body(0, assembly_.vertices());
-  else
-    pool_->for_each_range(assembly_.vertices(), kVerticesPerRange, body);
+  base::for_each_range(pool(), assembly_.vertices(), kVerticesPerRange, body);
 }
 
 bool FlexibleBody::fits_device() const {
@@ -227,7 +243,7 @@ BodyState FlexibleBody::own(const StateView& s) const {
 }
 
 void FlexibleBody::start_residual(const StateView& s) {
-  residual_started_ = false;  // what another component's failure has left behind is not taken
+  residual_started_ = residual_planned_ = false;  // what another component's failure has left behind is not taken
   if (device_ == nullptr) return;
   device_->start_forces(own(s));
   residual_started_ = true;
@@ -240,37 +256,54 @@ void FlexibleBody::start_tangent(const StateView& s, const TangentWeights& weigh
   tangent_started_ = true;
 }
 
-/// f += M (a + alpha v) - M g
-void FlexibleBody::add_inertia(const double* a, const double* v, double* f) const {
+/// f += M (a + alpha v) - M g of the vertices
+void FlexibleBody::add_inertia(ElementAssembly::VertexRange range, const double* a, const double* v, double* f) const {
   const VertexPattern& p = assembly_.pattern();
   const double alpha = v == nullptr ? 0.0 : damping_.mass, load = load_factor();
-  const auto body = [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t b = begin; b < end; ++b) {
-      double sum[3] = {};
-      for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1] && (a != nullptr || alpha != 0); ++e)
-        for (std::size_t i = 0; i < 3; ++i) {
-          const std::size_t from = 3 * at(p.ind[at(e)]) + i;
-          sum[i] += mass_[at(e)] * ((a == nullptr ? 0.0 : a[from]) + (alpha == 0 ? 0.0 : alpha * v[from]));
-        }
-      for (std::size_t i = 0; i < 3; ++i) f[3 * at(b) + i] += sum[i] - load * weight_[3 * at(b) + i];
-    }
-  };
-  for_ranges_of_vertices(body);
+  for (Index b = range.first; b < range.last; ++b) {
+    double sum[3] = {};
+    for (Offset e = p.ptr[at(b)]; e < p.ptr[at(b) + 1] && (a != nullptr || alpha != 0); ++e)
+      for (std::size_t i = 0; i < 3; ++i) {
+        const std::size_t from = 3 * at(p.ind[at(e)]) + i;
+        sum[i] += mass_[at(e)] * ((a == nullptr ? 0.0 : a[from]) + (alpha == 0 ? 0.0 : alpha * v[from]));
+      }
+    for (std::size_t i = 0; i < 3; ++i) f[3 * at(b) + i] += sum[i] - load * weight_[3 * at(b) + i];
+  }
+}
+
+Component::Stages FlexibleBody::plan_residual(const StateView& s) {
+  residual_planned_ = false;
+  if (residual_started_) return {};
+  planned_ = own(s);
+  assembly_.begin_forces(state(s));
+  residual_planned_ = true;
+  return {assembly_.element_tasks(), assembly_.vertex_tasks()};
+}
+
+void FlexibleBody::residual_task(int stage, std::int64_t task, Span f) {
+  if (stage == 0) return assembly_.run_element_task(task);
+  double* to = f.data() + placement().v;
+  add_inertia(assembly_.run_vertex_task(task, to), planned_.a, planned_.v, to);
 }
 
 void FlexibleBody::residual(const StateView& s, Span f) {
   const Stopwatch watch(times_.force_seconds);
   ++times_.forces;
-  double* to = f.data() + placement().v;
-  const BodyState mine = own(s);
   if (std::exchange(residual_started_, false)) {
+    double* to = f.data() + placement().v;
     inverted_ = assembly_.label(device_->finish_forces(to));
-    add_inertia(nullptr, nullptr, to);
+    for_ranges_of_vertices([&](std::int64_t begin, std::int64_t end) {
+      add_inertia({static_cast<Index>(begin), static_cast<Index>(end)}, nullptr, nullptr, to);
+    });
     return;
   }
-  double energy = 0;
-  inverted_ = assembly_.add_forces(pool_, state(s), to, energy);
-  add_inertia(mine.a, mine.v, to);
+  if (!std::exchange(residual_planned_, false)) {  // nobody has run the tasks
+    const Stages stages = plan_residual(s);
+    base::for_each(pool(), stages.first, [&](std::int64_t task) { residual_task(0, task, f); });
+    base::for_each(pool(), stages.second, [&](std::int64_t task) { residual_task(1, task, f); });
+    residual_planned_ = false;
+  }
+  inverted_ = assembly_.end_forces(nullptr);
 }
 
 void FlexibleBody::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
@@ -291,20 +324,20 @@ void FlexibleBody::tangent(const StateView& s, const TangentWeights& weights, Sp
   if (mass_weight != 0) for_ranges_of_vertices(add_mass);
   const bool rates = weights.v != 0 && damping_.stiffness != 0;
   if (weights.q == 0 && !rates) return;
-  inverted_ = assembly_.add_tangent(pool_, state(s), weights.q, weights.v, target);
+  inverted_ = assembly_.add_tangent(pool(), state(s), weights.q, weights.v, target);
 }
 
 Energy FlexibleBody::energy(const StateView& s) {
   Energy result;
   const std::size_t n = reference_.size();
   std::vector<double> scratch(n, 0.0);
-  static_cast<void>(assembly_.add_forces(pool_, state(s), scratch.data(), result.potential));
+  static_cast<void>(assembly_.add_forces(pool(), state(s), scratch.data(), result.potential));
   const double* q = s.q.data() + placement().q;
-  result.potential -= load_factor() * sum_of(pool_, n, [&](std::size_t i) { return weight_[i] * q[i]; });
+  result.potential -= load_factor() * sum_of(pool(), n, [&](std::size_t i) { return weight_[i] * q[i]; });
   if (s.v.empty()) return result;
   const double* v = s.v.data() + placement().v;
   const VertexPattern& p = assembly_.pattern();
-  const double twice = sum_of(pool_, at(vertices()), [&](std::size_t b) {
+  const double twice = sum_of(pool(), at(vertices()), [&](std::size_t b) {
     double sum = 0;
     for (Offset e = p.ptr[b]; e < p.ptr[b + 1]; ++e)
       for (std::size_t i = 0; i < 3; ++i) sum += mass_[at(e)] * v[3 * at(p.ind[at(e)]) + i] * v[3 * b + i];

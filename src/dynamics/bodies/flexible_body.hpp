@@ -26,7 +26,7 @@ struct RayleighDamping {
   double stiffness = 0;  ///< beta in s
 };
 
-/// What assembling has cost so far.
+/// What assembling has cost so far; without tasks that a system with threads has run (Component::plan_residual()).
 struct AssemblyTimes {
   double force_seconds = 0;
   double tangent_seconds = 0;
@@ -56,8 +56,6 @@ class FlexibleBody final : public Component {
   void set_damping(const RayleighDamping& damping) { damping_ = damping; }
   /// Acceleration of gravity in global axes.
   void set_gravity(const Point& gravity);
-  /// As the constructor's.
-  void set_pool(base::ThreadPool* pool) { pool_ = pool; }
   /// Initial state: the reference turned by `rotation` (row by row), moved by `translation`, with the velocities of a
   /// rigid motion: velocity of the point at the origin, angular velocity, global axes.
   void set_initial_motion(const std::array<double, 9>& rotation, const Point& translation, const Point& velocity,
@@ -90,6 +88,8 @@ class FlexibleBody final : public Component {
   void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;
   void bind(const SparsePattern& w, const SparsePattern& phi_q) override;
   void residual(const StateView& s, Span f) override;
+  Stages plan_residual(const StateView& s) override;
+  void residual_task(int stage, std::int64_t task, Span f) override;
   void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
   [[nodiscard]] Energy energy(const StateView& s) override;
   /// The rotation that brings the nodes (and, for ANCF bodies, the gradients) of one configuration nearest to those of
@@ -108,7 +108,7 @@ class FlexibleBody final : public Component {
   /// body(begin, end) over ranges of vertices, in parallel.
   template <class Body>
   void for_ranges_of_vertices(const Body& body) const;
-  void add_inertia(const double* a, const double* v, double* f) const;
+  void add_inertia(ElementAssembly::VertexRange range, const double* a, const double* v, double* f) const;
   [[nodiscard]] AssemblyState state(const StateView& s) const;
   [[nodiscard]] bool is_position(Index vertex) const { return vertex % vertices_per_node_ == 0; }
   [[nodiscard]] double largest_extent() const;
@@ -121,11 +121,12 @@ class FlexibleBody final : public Component {
   std::vector<double> weight_;  // M g, 3 per vertex
   Point gravity_{};
   RayleighDamping damping_;
-  base::ThreadPool* pool_ = nullptr;
   std::vector<Offset> column_start_;  // per velocity coordinate: start of its column in W
   std::vector<std::int32_t> shift_;   // see BlockTarget
   std::unique_ptr<DeviceBody> device_;
   bool residual_started_ = false, tangent_started_ = false;
+  BodyState planned_;  // of plan_residual()
+  bool residual_planned_ = false;
   AssemblyTimes times_;
   std::int64_t inverted_ = -1;
 };

@@ -23,6 +23,23 @@ Vec3 reference_of(const FlexibleBody& body, Index vertex) {
   return Eigen::Map<const Vec3>(body.reference().data() + 3 * vertex);
 }
 
+/// w_a force + by_arm B_a for each vertex, from `out` on. @return the end of it
+double* write_forces(const std::vector<FrameVertex>& vertices, const Vec3& force, const Mat3& by_arm, double* out) {
+  // Numbers of their own, not parts of matrices that `out` could be a part of: they stay in registers.
+  const double f0 = force[0], f1 = force[1], f2 = force[2];
+  const double m00 = by_arm(0, 0), m01 = by_arm(0, 1), m02 = by_arm(0, 2);
+  const double m10 = by_arm(1, 0), m11 = by_arm(1, 1), m12 = by_arm(1, 2);
+  const double m20 = by_arm(2, 0), m21 = by_arm(2, 1), m22 = by_arm(2, 2);
+  for (const FrameVertex& a : vertices) {
+    const double w = a.weight, x = a.arm[0], y = a.arm[1], z = a.arm[2];
+    out[0] = w * f0 + (m00 * x + m01 * y + m02 * z);
+    out[1] = w * f1 + (m10 * x + m11 * y + m12 * z);
+    out[2] = w * f2 + (m20 * x + m21 * y + m22 * z);
+    out += 3;
+  }
+  return out;
+}
+
 /// Area of one face in the reference state.
 double face_area(const FlexibleBody& body, ElementType type, const std::vector<Index>& nodes) {
   double area = 0;
@@ -80,6 +97,15 @@ FlexibleFrame::Fit FlexibleFrame::fit(ConstSpan q) const {
   return result;
 }
 
+// Of a frame without rotation moments do nothing.
+FlexibleFrame::Fit FlexibleFrame::fit_or_none(ConstSpan q) const {
+  return has_rotation_ ? fit(q) : Fit{Mat3::Identity(), Mat3::Identity(), Mat3::Zero()};
+}
+
+Mat3 FlexibleFrame::Fit::force_of(const Vec3& moment) const {
+  return rotation * cross_matrix(inverse_g.transpose() * (rotation.transpose() * moment));
+}
+
 FlexibleFrame::Derivative FlexibleFrame::Fit::derivative(const FrameVertex& b, int j) const {
   const Vec3 turned = rotation.row(j).transpose();  // R^T e_j
   const Vec3 phi = inverse_g * b.arm.cross(turned);
@@ -121,12 +147,21 @@ void FlexibleFrame::jacobian(ConstSpan q, double* j) const {
   const auto n = static_cast<Eigen::Index>(3 * vertices_.size());
   Eigen::Map<Eigen::Matrix<double, 6, Eigen::Dynamic>> result(j, 6, n);
   result.setZero();
-  const Fit f = has_rotation_ ? fit(q) : Fit{Mat3::Identity(), Mat3::Identity(), Mat3::Zero()};
+  const Fit f = fit_or_none(q);
+  const Mat3 left = f.rotation * f.inverse_g, right = f.rotation.transpose();
   Eigen::Index column = 0;
   for (const FrameVertex& vertex : vertices_) {
     result.block<3, 3>(0, column) = vertex.weight * Mat3::Identity();
-    result.block<3, 3>(3, column) = f.rotation * f.inverse_g * cross_matrix(vertex.arm) * f.rotation.transpose();
+    result.block<3, 3>(3, column) = left * (cross_matrix(vertex.arm) * right);
     column += 3;
+  }
+}
+
+void FlexibleFrame::project(ConstSpan q, const FrameMotion& /*motion*/, const double* c, int count, double* out) const {
+  const Fit f = fit_or_none(q);
+  for (int r = 0; r < count; ++r, c += 6) {
+    const Eigen::Map<const Vec6> wrench(c);
+    out = write_forces(vertices_, wrench.head<3>(), f.force_of(wrench.tail<3>()), out);
   }
 }
 
@@ -149,7 +184,14 @@ void FlexibleFrame::rate_jacobian(ConstSpan q, ConstSpan v, double* jv) const {
     }
 }
 
-/// J^T [0; m] has the vertex forces R (c x B_a), G c = R^T m; below it is differentiated for every dx_b = e_j.
+/// J^T [0; m] has the vertex forces R (c x B_a), G c = R^T m; here they are differentiated for dx_b = e_j:
+/// phi x (c x B) + dc x B is one matrix times B.
+Mat3 FlexibleFrame::Fit::change_of_force(const FrameVertex& b, int j, const Vec3& moment, const Vec3& c) const {
+  const auto [phi, d_stretch] = derivative(b, j);
+  const Vec3 dc = inverse_g * (-phi.cross(moment) - g_of(d_stretch) * c);
+  return rotation * (cross_matrix(phi) * cross_matrix(c) + cross_matrix(dc));
+}
+
 void FlexibleFrame::wrench_stiffness(ConstSpan q, const Vec6& wrench, double scale, double* k) const {
   if (!has_rotation_) return;
   const auto n = static_cast<Eigen::Index>(3 * vertices_.size());
@@ -157,20 +199,30 @@ void FlexibleFrame::wrench_stiffness(ConstSpan q, const Vec6& wrench, double sca
   const Fit f = fit(q);
   const Vec3 moment = f.rotation.transpose() * wrench.tail<3>();
   const Vec3 c = f.inverse_g * moment;
-  const Mat3 cross_c = cross_matrix(c);
   Eigen::Index column = 0;
   for (const FrameVertex& b : vertices_)
     for (int j = 0; j < 3; ++j, ++column) {
-      const auto [phi, d_stretch] = f.derivative(b, j);
-      const Vec3 dc = f.inverse_g * (-phi.cross(moment) - g_of(d_stretch) * c);
-      // phi x (c x B) + dc x B is one matrix times B.
-      const Mat3 force = scale * f.rotation * (cross_matrix(phi) * cross_c + cross_matrix(dc));
+      const Mat3 force = scale * f.change_of_force(b, j, moment, c);
       Eigen::Index row = 0;
       for (const FrameVertex& a : vertices_) {
         result.block<3, 1>(row, column).noalias() += force * a.arm;
         row += 3;
       }
     }
+}
+
+/// In a column the force on vertex a is w_a times a force plus one matrix times B_a: of C, and of the wrench.
+void FlexibleFrame::tangent_columns(ConstSpan q, const TangentColumns& columns, double* out) const {
+  const Fit f = fit_or_none(q);
+  const Vec3 moment = f.rotation.transpose() * columns.wrench.tail<3>(), c = f.inverse_g * moment;
+  const bool turned = has_rotation_ && !moment.isZero(0);
+  for (std::size_t k = 0; k < columns.count; ++k) {
+    const Eigen::Map<const Vec6> of_c(columns.c + 6 * k);
+    Mat3 by_arm = f.force_of(of_c.tail<3>());
+    const std::size_t coordinate = columns.first + k;
+    if (turned) by_arm += f.change_of_force(vertices_[coordinate / 3], static_cast<int>(coordinate % 3), moment, c);
+    out = write_forces(vertices_, of_c.head<3>(), by_arm, out);
+  }
 }
 
 std::unique_ptr<FlexibleFrame> make_node_frame(const FlexibleBody& body, Index node) {

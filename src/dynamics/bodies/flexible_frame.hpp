@@ -31,10 +31,12 @@ class FlexibleFrame final : public Frame {
   [[nodiscard]] bool has_rotation() const override { return has_rotation_; }
   void motion(ConstSpan q, ConstSpan v, FrameMotion& out) const override;
   void jacobian(ConstSpan q, double* j) const override;
+  void project(ConstSpan q, const FrameMotion& motion, const double* c, int count, double* out) const override;
   void rate_jacobian(ConstSpan q, ConstSpan v, double* jv) const override;
   [[nodiscard]] bool turns(std::size_t k) const override { return vertices_[k / 3].arm != Vec3::Zero(); }
   [[nodiscard]] bool has_wrench_stiffness() const override { return has_rotation_; }
   void wrench_stiffness(ConstSpan q, const Vec6& wrench, double scale, double* k) const override;
+  void tangent_columns(ConstSpan q, const TangentColumns& columns, double* out) const override;
 
  private:
   /// How a fit changes when a vertex moves: turn and change of U, in the axes of the frame.
@@ -44,8 +46,13 @@ class FlexibleFrame final : public Frame {
   };
   struct Fit {
     Mat3 rotation, stretch, inverse_g;
+    /// Times B_a: the force on vertex a that a moment makes, R (c x B_a) with G c = R^T moment.
+    [[nodiscard]] Mat3 force_of(const Vec3& moment) const;
     /// For the motion of vertex b along global axis j.
     [[nodiscard]] Derivative derivative(const FrameVertex& b, int j) const;
+    /// Times B_a: how force_of() a constant moment changes with that motion. The moment is given in the axes of the
+    /// frame, with c = G^-1 moment.
+    [[nodiscard]] Mat3 change_of_force(const FrameVertex& b, int j, const Vec3& moment, const Vec3& c) const;
   };
   /// Angular velocity and sum t B^T with t = R^T v, in the axes of the frame.
   struct Turning {
@@ -55,6 +62,7 @@ class FlexibleFrame final : public Frame {
   [[nodiscard]] Turning turning(const Fit& f, ConstSpan v) const;
   [[nodiscard]] Vec3 at(ConstSpan values, Index first, Index vertex) const;
   [[nodiscard]] Fit fit(ConstSpan q) const;
+  [[nodiscard]] Fit fit_or_none(ConstSpan q) const;
 
   const FlexibleBody& body_;
   std::vector<FrameVertex> vertices_;

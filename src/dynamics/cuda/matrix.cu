@@ -53,6 +53,14 @@ __global__ void scale_kernel(Columns c, const double* scale, double* values) {
   }
 }
 
+// One warp per column of W, the first of which is column `first`. @param to  the values of these columns alone
+__global__ void unscale_kernel(Columns c, Offset first, const double* scale, const double* values, double* to) {
+  const Offset j = (static_cast<Offset>(blockIdx.x) * blockDim.x + threadIdx.x) / kWarp;
+  if (j >= c.count) return;
+  for (Offset p = c.w_ptr[j] + threadIdx.x % kWarp; p < c.w_ptr[j + 1]; p += kWarp)
+    to[p - c.w_ptr[0]] = values[c.k_ptr[j] + p - c.w_ptr[j]] / scale[first + j] / scale[c.w_ind[p]];
+}
+
 }  // namespace
 
 CudaMatrix::CudaMatrix(const DeviceMatrixLayout& layout, Gpu& gpu)
@@ -69,9 +77,10 @@ CudaMatrix::CudaMatrix(const DeviceMatrixLayout& layout, Gpu& gpu)
   values_ = make_array<double>(size_, gpu_);
   sizes_ = make_array<double>(2 * columns_, gpu_);
   scale_ = make_array<double>(unknowns_, gpu_);
-  const Offset most = std::max({w_of_host_.size(), rest_.size(), unknowns_, 2 * columns_});
-  from_host_ = make_array<double>(most, gpu_);
-  stage_ = PinnedArray<double>(most);
+  // Longer than any column of W, too.
+  room_ = std::max({w_of_host_.size(), rest_.size(), unknowns_, 2 * columns_});
+  from_host_ = make_array<double>(room_, gpu_);
+  stage_ = PinnedArray<double>(room_);
 }
 
 // Through pinned memory.
@@ -132,29 +141,30 @@ const double* CudaMatrix::complete(ConstSpan scale, ConstSpan rest) {
   return values_.data();
 }
 
+// In pieces of whole columns that fit what stands ready for the other way.
 void CudaMatrix::fetch_w(Span values) const {
   const DeviceGuard guard(gpu_.number);
-  std::vector<double> k(static_cast<std::size_t>(size_)), scale(static_cast<std::size_t>(columns_));
-  std::vector<Offset> w_ptr(static_cast<std::size_t>(columns_) + 1), k_ptr(w_ptr.size());
-  std::vector<Index> w_ind(values.size());
-  const auto fetch = [&](auto& to, const auto& from) {
-    call("cudaMemcpyAsync", [&] {
-      return cudaMemcpyAsync(to.data(), from.data(), to.size() * sizeof(to[0]), cudaMemcpyDeviceToHost,
-                             gpu_.stream.get());
-    });
-  };
-  fetch(k, values_);
-  fetch(scale, scale_);
-  fetch(w_ptr, w_ptr_);
-  fetch(k_ptr, k_ptr_);
-  fetch(w_ind, w_ind_);
-  gpu_.stream.wait();
-  gpu_.for_each_range(columns_, [&](std::int64_t b, std::int64_t e) {
-    for (auto j = static_cast<std::size_t>(b); j < static_cast<std::size_t>(e); ++j)
-      for (Offset p = w_ptr[j]; p < w_ptr[j + 1]; ++p)
-        values[static_cast<std::size_t>(p)] = k[static_cast<std::size_t>(k_ptr[j] + p - w_ptr[j])] / scale[j] /
-                                              scale[static_cast<std::size_t>(w_ind[static_cast<std::size_t>(p)])];
+  std::vector<Offset> w_ptr(static_cast<std::size_t>(columns_) + 1);
+  call("cudaMemcpyAsync", [&] {
+    return cudaMemcpyAsync(w_ptr.data(), w_ptr_.data(), w_ptr.size() * sizeof(Offset), cudaMemcpyDeviceToHost,
+                           gpu_.stream.get());
   });
+  gpu_.stream.wait();
+  for (Offset j = 0; j < columns_;) {
+    const Offset begin = w_ptr[static_cast<std::size_t>(j)];
+    const Offset next = std::upper_bound(w_ptr.begin() + j, w_ptr.end(), begin + room_) - w_ptr.begin() - 1;
+    const Columns c{next - j, w_ptr_.data() + j, k_ptr_.data() + j, w_ind_.data()};
+    unscale_kernel<<<blocks_for(c.count * kWarp, kThreads), kThreads, 0, gpu_.stream.get()>>>(
+        c, j, scale_.data(), values_.data(), from_host_.data());
+    call("launch of the taking out of scales", [&] { return cudaGetLastError(); });
+    const Offset count = w_ptr[static_cast<std::size_t>(next)] - begin;
+    copy(stage_.data(), from_host_.data(), count, cudaMemcpyDeviceToHost, gpu_);
+    gpu_.stream.wait();
+    gpu_.for_each_range(count, [&](std::int64_t b, std::int64_t e) {
+      std::copy(stage_.data() + b, stage_.data() + e, values.data() + begin + b);
+    });
+    j = next;
+  }
 }
 
 }  // namespace espalier::dynamics::cuda

@@ -23,6 +23,7 @@ class CudaMatrix final : public DeviceMatrix {
   Gpu& gpu_;
   Offset columns_, size_;              // of W and K
   Offset unknowns_;                    // of K
+  Offset room_;                        // numbers of from_host_ and stage_
   DeviceArray<Offset> k_ptr_, w_ptr_;  // by columns of W
   DeviceArray<Index> w_ind_;
   DeviceArray<Offset> w_of_host_, rest_;

@@ -94,7 +94,6 @@ class Equations {
   void set_trace(PhaseTrace* trace) { trace_ = trace; }
   /// From now on a GPU that has the factor also evaluates what it can of F and W, as soon as there is a factor; see
   /// device/device_assembly.hpp. Where its memory is too small, the host goes on alone and says so in device_notice().
-  /// Not for statics, which looks at W itself.
   void allow_device();
   [[nodiscard]] bool on_device() const { return device_ != nullptr; }
   [[nodiscard]] const std::string& device_notice() const { return device_notice_; }

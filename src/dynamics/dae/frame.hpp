@@ -51,6 +51,16 @@ class Frame {
   /// Adds scale * d(J^T wrench)/dq (nd x nd, column by column) for a wrench [force; moment] held constant in global
   /// axes. Zero for frames whose J is constant.
   virtual void wrench_stiffness(ConstSpan q, const Vec6& wrench, double scale, double* k) const;
+  /// Some columns of J^T C + d(J^T wrench)/dq.
+  struct TangentColumns {
+    std::size_t first, count;  ///< columns, by the coordinates of the list
+    const double* c;           ///< these columns of C: 6 x count, column by column
+    const double* twists;      ///< these columns of J: 6 x count; read where the wrench is not zero
+    Vec6 wrench;               ///< [force; moment], held constant in global axes
+  };
+  /// Overwrites out (nd x count, column by column). The default makes J and the whole of wrench_stiffness(): for frames
+  /// of few coordinates. May be called by many threads at a time.
+  virtual void tangent_columns(ConstSpan q, const TangentColumns& columns, double* out) const;
 };
 
 /// A frame at rest in the global system.

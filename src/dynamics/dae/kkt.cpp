@@ -210,13 +210,16 @@ void KktSolver::use_device(DeviceAssembly& device, std::vector<Offset> host_entr
     const Offset w = j < n_ ? w_->ptr[at(j) + 1] - w_->ptr[at(j)] : 0;
     for (Offset k = k_ptr_[at(j)] + w; k < k_ptr_[at(j) + 1]; ++k) rest_.push_back(k);
   }
-  std::vector<Offset> in_k;
-  in_k.reserve(host_entries_.size());
-  Index j = 0;
-  for (const Offset p : host_entries_) {
-    while (p >= w_->ptr[at(j) + 1]) ++j;
-    in_k.push_back(k_ptr_[at(j)] + p - w_->ptr[at(j)]);
-  }
+  rest_values_.resize(rest_.size());
+  std::vector<Offset> in_k(host_entries_.size());
+  for_each_block(pool_, in_k.size(), [&](std::size_t begin, std::size_t end) {
+    auto next = std::upper_bound(w_->ptr.begin(), w_->ptr.end(), host_entries_[begin]);  // of the column that follows
+    for (std::size_t e = begin; e < end; ++e) {
+      while (host_entries_[e] >= *next) ++next;
+      in_k[e] = k_ptr_[at(next - 1 - w_->ptr.begin())] + host_entries_[e] - *(next - 1);
+    }
+  });
+  host_values_.resize(host_entries_.size());
   device_ = device.make_matrix({w_, k_ptr_, in_k, rest_});
 }
 
@@ -226,15 +229,13 @@ void KktSolver::leave_device() {
 }
 
 bool KktSolver::factorize_on_device() {
-  work_.clear();
-  for (const Offset p : host_entries_) work_.push_back(w_values_[at(p)]);
-  device_->add_from_host(work_);
+  for_each_entry(pool_, host_values_.size(), [&](std::size_t e) { host_values_[e] = w_values_[at(host_entries_[e])]; });
+  device_->add_from_host(host_values_);
   device_->column_sizes(diagonal_, largest_);
   compute_scaling();
   fill_rest();
-  work_.clear();
-  for (const Offset k : rest_) work_.push_back(k_values_[at(k)]);
-  const double* values = device_->complete(scale_, work_);
+  for_each_entry(pool_, rest_.size(), [&](std::size_t e) { rest_values_[e] = k_values_[at(rest_[e])]; });
+  const double* values = device_->complete(scale_, rest_values_);
   factor_is_new();
   const Status s = solver_->factorize_device(values, k_ptr_.back(), device_->stream());
   if (s.code == StatusCode::device_error && solver_->gpu() < 0) return false;

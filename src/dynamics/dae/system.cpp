@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <stdexcept>
 
 #include "base/parallel.hpp"
@@ -40,9 +41,27 @@ void PatternBuilder::add(Index row, Index col) {
 }
 
 void PatternBuilder::add_block(std::span<const Index> rows, std::span<const Index> cols) {
-  for (const Index c : cols) {
-    for (const Index r : rows) add(r, c);
+  constexpr std::size_t kLong = 32;
+  if (!by_columns_ || rows.size() < kLong) {
+    for (const Index c : cols) {
+      for (const Index r : rows) add(r, c);
+    }
+    return;
   }
+  std::vector<Index> sorted;
+  std::copy_if(rows.begin(), rows.end(), std::back_inserter(sorted), [](Index r) { return r >= 0; });
+  const auto own = static_cast<Offset>(sorted.size());
+  std::sort(sorted.begin(), sorted.end());
+  sorted.erase(std::unique(sorted.begin(), sorted.end()), sorted.end());
+  if (sorted.empty()) return;
+  if (sorted.back() >= rows_) throw std::logic_error("pattern entry outside of the matrix");
+  for (const Index c : cols) {
+    if (c < 0) continue;
+    if (c >= cols_) throw std::logic_error("pattern entry outside of the matrix");
+    block_columns_.push_back({c, static_cast<Index>(blocks_.size())});
+    declared_ += own;
+  }
+  blocks_.push_back(std::move(sorted));
 }
 
 void PatternBuilder::add_vertex_pairs(Index first, std::span<const Offset> ptr, std::span<const Index> ind) {
@@ -67,8 +86,8 @@ std::span<const Index> PatternBuilder::vertices_of(Index major) const {
                        static_cast<std::size_t>(p.ptr[vertex + 1] - p.ptr[vertex]));
 }
 
-// out := the minor indices of a major one, sorted and unique.
-void PatternBuilder::collect(Index major, std::vector<Index>& out) const {
+// out := the minor indices of a major one, sorted and unique. @param blocks  all, by their columns
+void PatternBuilder::collect(Index major, std::span<const BlockColumn> blocks, std::vector<Index>& out) const {
   const std::vector<Index>& list = lists_[static_cast<std::size_t>(major)];
   const std::span<const Index> vertices = vertices_of(major);
   out.clear();
@@ -79,6 +98,14 @@ void PatternBuilder::collect(Index major, std::vector<Index>& out) const {
         }))->first;
     for (const Index v : vertices)
       for (Index i = 0; i < 3; ++i) out.push_back(first + 3 * v + i);
+  }
+  std::vector<Index> before;
+  for (auto it = std::lower_bound(blocks.begin(), blocks.end(), BlockColumn{major, 0});
+       it != blocks.end() && it->column == major; ++it) {
+    const std::vector<Index>& rows = blocks_[static_cast<std::size_t>(it->block)];
+    before.swap(out);
+    out.clear();
+    std::set_union(before.begin(), before.end(), rows.begin(), rows.end(), std::back_inserter(out));
   }
   const auto sorted = static_cast<std::ptrdiff_t>(out.size());
   out.insert(out.end(), list.begin(), list.end());
@@ -93,11 +120,13 @@ void PatternBuilder::collect(Index major, std::vector<Index>& out) const {
 SparsePattern PatternBuilder::build(base::ThreadPool* pool) const {
   constexpr std::int64_t kLines = 1024;
   const auto lines = static_cast<std::int64_t>(lists_.size());
+  std::vector<BlockColumn> blocks(block_columns_);
+  std::sort(blocks.begin(), blocks.end());
   const auto for_lines = [&](const auto& body) {
     base::for_each_range(pool, lines, kLines, [&](std::int64_t begin, std::int64_t end) {
       std::vector<Index> line;
       for (std::int64_t k = begin; k < end; ++k) {
-        collect(static_cast<Index>(k), line);
+        collect(static_cast<Index>(k), blocks, line);
         body(static_cast<std::size_t>(k), line);
       }
     });
@@ -199,6 +228,7 @@ Energy Component::energy(const StateView& /*s*/) { return {}; }
 // ---- AssembledSystem
 
 void AssembledSystem::insert(std::unique_ptr<Component> component) {
+  if (pool_ != nullptr) component->set_pool(pool_);
   component->place({sizes_.configuration, sizes_.velocity, sizes_.constraints});
   const Sizes own = component->sizes();
   sizes_.configuration += own.configuration;
@@ -218,6 +248,11 @@ void AssembledSystem::insert(std::unique_ptr<Component> component) {
   }
   if (own.constraints > 0) owners_of_constraints_.push_back(component.get());
   components_.push_back(std::move(component));
+}
+
+void AssembledSystem::set_pool(base::ThreadPool* pool) {
+  pool_ = pool;
+  for (const auto& c : components_) c->set_pool(pool);
 }
 
 void AssembledSystem::finish() {
@@ -316,7 +351,28 @@ void evaluate(const Component& component, const Call& call) {
 void AssembledSystem::residual(const StateView& s, Span f) {
   for (const auto& c : components_) c->start_residual(s);
   fill_zero(pool_, f);
+  if (pool_ != nullptr) run_tasks(s, f);
   for (const auto& c : components_) evaluate(*c, [&] { c->residual(s, f); });
+}
+
+// What bodies with many elements do, all of them at a time: loops of their own would wake the threads up for each.
+void AssembledSystem::run_tasks(const StateView& s, Span f) {
+  constexpr std::int64_t kFew = 4;  // are done before others have woken up
+  planned_.clear();
+  std::array<std::int64_t, 2> all{};
+  for (const auto& c : components_) {
+    const Component::Stages own = c->plan_residual(s);
+    if (own.first == 0 && own.second == 0) continue;
+    all = {all[0] + own.first, all[1] + own.second};
+    planned_.push_back({c.get(), all});
+  }
+  for (const std::size_t stage : {std::size_t{0}, std::size_t{1}})
+    base::for_each(all[stage] <= kFew ? nullptr : pool_, all[stage], [&](std::int64_t task) {
+      const auto it = std::upper_bound(planned_.begin(), planned_.end(), task,
+                                       [&](std::int64_t t, const Planned& p) { return t < p.end[stage]; });
+      const std::int64_t first = it == planned_.begin() ? 0 : (it - 1)->end[stage];
+      it->component->residual_task(static_cast<int>(stage), task - first, f);
+    });
 }
 
 void AssembledSystem::constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) {
@@ -382,8 +438,10 @@ double AssembledSystem::host_share() const {
 }
 
 bool AssembledSystem::use_device(DeviceAssembly& device, std::span<const Offset> k_ptr) {
-  // Faces whose joints couple all their nodes: what they add to W goes over the link for each factorization.
-  constexpr double kMostOfHost = 0.8;  // an engine has 0.1 to 0.75, a chain of many joints 0.84 to 0.96
+  // Faces whose joints couple all their nodes: what they add to W goes over the link for each factorization, where a W
+  // of the host would go as a whole. An engine has 0.1 to 0.75, a chain of many joints 0.84 to 0.97. Beyond that the
+  // bodies have so few elements that waiting for the GPU takes longer.
+  constexpr double kMostOfHost = 0.98;
   if (host_share() > kMostOfHost) return false;
   PatternBuilder of_host(sizes_.velocity, sizes_.velocity, true);
   PatternBuilder unused(sizes_.constraints, sizes_.velocity, false);
@@ -394,15 +452,17 @@ bool AssembledSystem::use_device(DeviceAssembly& device, std::span<const Offset>
       c->declare(of_host, unused);
   }
   const SparsePattern entries = of_host.build(pool_);
-  host_entries_.clear();
-  host_entries_.reserve(entries.ind.size());
-  for (std::size_t j = 0; j + 1 < entries.ptr.size(); ++j) {
-    Offset p = w_pattern_.ptr[j];  // both columns ascend
-    for (Offset e = entries.ptr[j]; e < entries.ptr[j + 1]; ++e, ++p) {
-      while (w_pattern_.ind[static_cast<std::size_t>(p)] != entries.ind[static_cast<std::size_t>(e)]) ++p;
-      host_entries_.push_back(p);
+  host_entries_.resize(entries.ind.size());
+  constexpr std::int64_t kColumns = 256;
+  base::for_each_range(pool_, entries.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    for (auto j = static_cast<std::size_t>(begin); j < static_cast<std::size_t>(end); ++j) {
+      Offset p = w_pattern_.ptr[j];  // both columns ascend
+      for (Offset e = entries.ptr[j]; e < entries.ptr[j + 1]; ++e, ++p) {
+        while (w_pattern_.ind[static_cast<std::size_t>(p)] != entries.ind[static_cast<std::size_t>(e)]) ++p;
+        host_entries_[static_cast<std::size_t>(e)] = p;
+      }
     }
-  }
+  });
   return true;
 }
 
@@ -412,7 +472,8 @@ void AssembledSystem::leave_device() {
 
 void AssembledSystem::tangent_on_device(const StateView& s, const TangentWeights& weights, double* device_values,
                                         Span w_values) {
-  for (const Offset e : host_entries_) w_values[static_cast<std::size_t>(e)] = 0;
+  for_each_entry(pool_, host_entries_.size(),
+                 [&](std::size_t e) { w_values[static_cast<std::size_t>(host_entries_[e])] = 0; });
   for (const auto& c : components_) c->start_tangent(s, weights, device_values);
   for (const auto& c : components_) evaluate(*c, [&] { c->tangent(s, weights, w_values); });
 }
@@ -425,6 +486,19 @@ void AssembledSystem::multiplier_tangent(const StateView& s, Span values) {
 // ---- Frame
 
 void Frame::wrench_stiffness(ConstSpan /*q*/, const Vec6& /*wrench*/, double /*scale*/, double* /*k*/) const {}
+
+void Frame::tangent_columns(ConstSpan q, const TangentColumns& columns, double* out) const {
+  const auto nd = static_cast<Eigen::Index>(coordinates().size()), count = static_cast<Eigen::Index>(columns.count);
+  using Twists = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+  Twists j(6, nd);
+  jacobian(q, j.data());
+  Eigen::Map<Eigen::MatrixXd> result(out, nd, count);
+  result.noalias() = j.transpose() * Eigen::Map<const Twists>(columns.c, 6, count);
+  if (!has_wrench_stiffness() || columns.wrench.isZero(0)) return;
+  Eigen::MatrixXd stiffness = Eigen::MatrixXd::Zero(nd, nd);
+  wrench_stiffness(q, columns.wrench, 1, stiffness.data());
+  result += stiffness.middleCols(static_cast<Eigen::Index>(columns.first), count);
+}
 
 void Frame::project(ConstSpan q, const FrameMotion& /*motion*/, const double* c, int count, double* out) const {
   const std::size_t nd = coordinates().size();

@@ -63,7 +63,7 @@ class PatternBuilder {
  public:
   PatternBuilder(Index rows, Index cols, bool by_columns);
   void add(Index row, Index col);
-  /// Declares every (row, col) pair of the two lists.
+  /// Declares every (row, col) pair of the two lists; by columns, long lists are kept as they are.
   void add_block(std::span<const Index> rows, std::span<const Index> cols);
   /// Declares the whole diagonal.
   void add_diagonal() { diagonal_ = true; }
@@ -82,15 +82,22 @@ class PatternBuilder {
     std::span<const Offset> ptr;
     std::span<const Index> ind;
   };
+  /// A column and a list of blocks_ that belongs to it.
+  struct BlockColumn {
+    Index column, block;
+    friend auto operator<=>(const BlockColumn&, const BlockColumn&) = default;
+  };
   [[nodiscard]] std::span<const Index> vertices_of(Index major) const;
-  void collect(Index major, std::vector<Index>& out) const;
+  void collect(Index major, std::span<const BlockColumn> blocks, std::vector<Index>& out) const;
 
   Index rows_, cols_;
   bool by_columns_;
   bool diagonal_ = false;
   Offset declared_ = 0;
   std::vector<VertexPairs> pairs_;
-  std::vector<std::vector<Index>> lists_;  // minor indices of every major index, compacted lazily
+  std::vector<std::vector<Index>> lists_;   // minor indices of every major index, compacted lazily
+  std::vector<std::vector<Index>> blocks_;  // rows, sorted and unique
+  std::vector<BlockColumn> block_columns_;
 };
 
 struct Sizes {
@@ -192,6 +199,8 @@ class Component {
   [[nodiscard]] const std::string& name() const { return name_; }
   /// Numbers of unknowns and equations that it owns. Must not change after it was added.
   [[nodiscard]] virtual Sizes sizes() const = 0;
+  /// Threads for what it does; they outlive it; null: the calling thread. A system with threads gives it its own.
+  void set_pool(base::ThreadPool* pool) { pool_ = pool; }
   /// Called once when it is added to a system.
   virtual void place(const Placement& at) { at_ = at; }
   [[nodiscard]] const Placement& placement() const { return at_; }
@@ -221,6 +230,15 @@ class Component {
 
   /// Adds its part of F.
   virtual void residual(const StateView& s, Span f) = 0;
+  /// Numbers of tasks, some 20 microseconds each, of two stages. Tasks of a stage run at the same time, those of other
+  /// components among them.
+  struct Stages {
+    std::int64_t first = 0, second = 0;
+  };
+  /// Leaves residual() to tasks, in part or as a whole. The residual() with the same state that follows does the rest.
+  virtual Stages plan_residual(const StateView& /*s*/) { return {}; }
+  /// Task `task` of stage 0 or 1; may add to f in its own coordinates.
+  virtual void residual_task(int /*stage*/, std::int64_t /*task*/, Span /*f*/) {}
   /// Writes its own constraint rows, with all their entries of Phi_q (they still hold those of the last call).
   virtual void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out);
   /// Adds its part of W.
@@ -253,10 +271,12 @@ class Component {
 
  protected:
   [[nodiscard]] double load_factor() const { return load_factor_; }
+  [[nodiscard]] base::ThreadPool* pool() const { return pool_; }
 
  private:
   std::string name_;
   Placement at_;
+  base::ThreadPool* pool_ = nullptr;
   double load_factor_ = 1;
 };
 
@@ -273,7 +293,7 @@ class AssembledSystem final : public System {
   }
   void finish();
   /// Threads for what is done here; outlives the object; null: the calling thread.
-  void set_pool(base::ThreadPool* pool) { pool_ = pool; }
+  void set_pool(base::ThreadPool* pool);
   /// Initial configuration and velocities as the components state them (not yet consistent with the constraints).
   void initial(Span q, Span v) const;
   [[nodiscard]] const std::vector<std::unique_ptr<Component>>& components() const { return components_; }
@@ -315,7 +335,13 @@ class AssembledSystem final : public System {
   struct FlatRange {
     std::size_t q, v, n;
   };
+  /// A component with tasks, and where they end among those of all, stage by stage.
+  struct Planned {
+    Component* component;
+    std::array<std::int64_t, 2> end;
+  };
   void insert(std::unique_ptr<Component> component);
+  void run_tasks(const StateView& s, Span f);
   template <class Body>
   void for_each_flat(const Body& body) const;
 
@@ -329,6 +355,7 @@ class AssembledSystem final : public System {
   SparsePattern w_pattern_, phi_q_pattern_, f_lambda_pattern_;
   std::vector<Offset> host_entries_;
   std::vector<Offset> declared_;  // components; entries of W that each of them declared
+  std::vector<Planned> planned_;  // scratch of residual()
   std::uint64_t version_ = 0;
 };
 

@@ -20,6 +20,8 @@ std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
 /// Tangents of a batch take about so many bytes for each thread: a part of its cache.
 constexpr std::int64_t kBatchBytes = 1 << 20;
 
+constexpr Index kElements = 64, kVertices = 512;  // of a task of forces: some 20 microseconds
+
 }  // namespace
 
 ElementAssembly::ElementAssembly(Index vertices, std::vector<std::unique_ptr<ElementGroup>> groups,
@@ -35,7 +37,7 @@ void ElementAssembly::add_kind(std::unique_ptr<ElementGroup> group, Index vertic
   const int n = group->vertices_per_element(), lanes = group->width();
   if (std::int64_t{count} * n > std::numeric_limits<std::int32_t>::max())
     throw Error(StatusCode::invalid_input, fmt::format("a body of {} elements with {} nodes is too large", count, n));
-  Kind kind{std::move(group), ResultLayout(n, lanes), {}, elements_, {}, {}};
+  Kind kind{std::move(group), ResultLayout(n, lanes), {}, elements_, tasks_, force_numbers_, {}, {}};
   kind.vertex.reserve(at(count) * at(n));
   for (Index e = 0; e < count; ++e)
     for (const Index v : kind.group->vertices(e)) {
@@ -46,6 +48,8 @@ void ElementAssembly::add_kind(std::unique_ptr<ElementGroup> group, Index vertic
     }
   kind.forces = make_force_list(kind.connectivity(), vertices);
   elements_ += count;
+  tasks_ += (count + kElements - 1) / kElements;
+  force_numbers_ += std::int64_t{count + lanes - 1} / lanes * lanes * kind.layout.forces();
   kinds_.push_back(std::move(kind));
 }
 
@@ -95,6 +99,8 @@ int ElementAssembly::batches() const {
   return static_cast<int>(sum);
 }
 
+ElementAssembly::~ElementAssembly() = default;
+
 std::int64_t ElementAssembly::label(std::int64_t element) const {
   if (element < 0) return -1;
   for (const Kind& kind : kinds_)
@@ -105,7 +111,7 @@ std::int64_t ElementAssembly::label(std::int64_t element) const {
 
 /// The state for all elements, and what they are found to be.
 struct ElementAssembly::Evaluation {
-  const AssemblyState& state;
+  AssemblyState state;
   double position_weight, velocity_weight;
   double* energies;  // of all elements
   std::atomic<std::int64_t> first_bad{std::numeric_limits<std::int64_t>::max()};
@@ -169,29 +175,46 @@ struct ElementAssembly::Evaluation {
   }
 };
 
-void ElementAssembly::add_forces_of(const Kind& kind, base::ThreadPool* pool, Evaluation& evaluation, double* f) {
-  constexpr Index kElements = 64, kVertices = 512;  // of a task: some 20 microseconds
-  const Index lanes = kind.layout.lanes();
-  std::vector<double>& forces = buffer_[0];
-  const std::size_t needed = at((kind.count() + lanes - 1) / lanes * lanes) * at(kind.layout.forces());
-  if (forces.size() < needed) forces.resize(needed);
-  for_each_range(pool, kind.count(), kElements, [&](std::int64_t begin, std::int64_t end) {
-    for (auto e = static_cast<Index>(begin); e < end; e += lanes)
-      evaluation.run(kind, e, std::min(e + lanes, static_cast<Index>(end)), &forces[at(kind.layout.force(e, 0))],
-                     nullptr);
-  });
-  for_each_range(pool, vertices(), kVertices, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t v = begin; v < end; ++v)
-      sum_forces(kind.forces, kind.layout, forces.data(), static_cast<Index>(v), f + 3 * v);
-  });
-}
-
 std::int64_t ElementAssembly::add_forces(base::ThreadPool* pool, const AssemblyState& state, double* f,
                                          double& energy) {
-  Evaluation evaluation{state, 1, 0, energies_.data()};
-  for (const Kind& kind : kinds_) add_forces_of(kind, pool, evaluation, f);
-  for (const double value : energies_) energy += value;  // in order of the elements
-  return label(evaluation.first_bad);
+  begin_forces(state);
+  base::for_each(pool, element_tasks(), [&](std::int64_t task) { run_element_task(task); });
+  base::for_each(pool, vertex_tasks(), [&](std::int64_t task) { run_vertex_task(task, f); });
+  return end_forces(&energy);
+}
+
+void ElementAssembly::begin_forces(const AssemblyState& state) {
+  forces_.reset(new Evaluation{state, 1, 0, energies_.data()});
+  if (buffer_[0].size() < at(force_numbers_)) buffer_[0].resize(at(force_numbers_));
+}
+
+std::int64_t ElementAssembly::element_tasks() const { return tasks_; }
+std::int64_t ElementAssembly::vertex_tasks() const { return (vertices() + kVertices - 1) / kVertices; }
+
+void ElementAssembly::run_element_task(std::int64_t task) {
+  const Kind& kind = *(std::upper_bound(kinds_.begin(), kinds_.end(), task,
+                                        [](std::int64_t t, const Kind& k) { return t < k.first_task; }) -
+                       1);
+  const Index lanes = kind.layout.lanes();
+  double* forces = buffer_[0].data() + kind.first_force;
+  const auto begin = static_cast<Index>(task - kind.first_task) * kElements;
+  const Index end = std::min(begin + kElements, kind.count());
+  for (Index e = begin; e < end; e += lanes)
+    forces_->run(kind, e, std::min(e + lanes, end), forces + kind.layout.force(e, 0), nullptr);
+}
+
+ElementAssembly::VertexRange ElementAssembly::run_vertex_task(std::int64_t task, double* f) {
+  const Index first = static_cast<Index>(task) * kVertices, last = std::min(first + kVertices, vertices());
+  for (const Kind& kind : kinds_)
+    for (Index v = first; v < last; ++v)
+      sum_forces(kind.forces, kind.layout, buffer_[0].data() + kind.first_force, v, f + 3 * std::int64_t{v});
+  return {first, last};
+}
+
+std::int64_t ElementAssembly::end_forces(double* energy) {
+  if (energy != nullptr)
+    for (const double value : energies_) *energy += value;  // in order of the elements
+  return label(forces_->first_bad);
 }
 
 namespace {

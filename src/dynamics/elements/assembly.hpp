@@ -47,6 +47,7 @@ class ElementAssembly {
   /// @throws std::invalid_argument when an element names a vertex that the body has not; Error(invalid_input) when
   /// there are more elements than 32-bit lists can name
   ElementAssembly(Index vertices, std::vector<std::unique_ptr<ElementGroup>> groups, base::ThreadPool* pool = nullptr);
+  ~ElementAssembly();
 
   [[nodiscard]] const VertexPattern& pattern() const { return pattern_; }
   [[nodiscard]] Index vertices() const { return pattern_.columns(); }
@@ -64,6 +65,19 @@ class ElementAssembly {
   /// Adds the internal forces to f (3 per vertex) and the strain energy to `energy`. The forces of an inverted
   /// element are NaN. @return the label of the first inverted element in order of the groups, or -1
   std::int64_t add_forces(base::ThreadPool* pool, const AssemblyState& state, double* f, double& energy);
+  /// add_forces() as tasks of two stages, for who has more to do beside them. Those of a stage may run at the same
+  /// time, after all of the stage before. The arrays of the state stay until the end.
+  void begin_forces(const AssemblyState& state);
+  [[nodiscard]] std::int64_t element_tasks() const;
+  void run_element_task(std::int64_t task);
+  [[nodiscard]] std::int64_t vertex_tasks() const;
+  /// The vertices first .. last - 1 whose forces a task of the second stage adds up.
+  struct VertexRange {
+    Index first, last;
+  };
+  VertexRange run_vertex_task(std::int64_t task, double* f);
+  /// @param energy  the strain energy is added to it; null: it is not wanted @return as add_forces()
+  std::int64_t end_forces(double* energy);
   /// Adds position_weight * df/dq + velocity_weight * df/dv. @return as add_forces (its block is NaN)
   std::int64_t add_tangent(base::ThreadPool* pool, const AssemblyState& state, double position_weight,
                            double velocity_weight, const BlockTarget& target);
@@ -75,8 +89,9 @@ class ElementAssembly {
   struct Kind {
     std::unique_ptr<ElementGroup> group;
     ResultLayout layout;
-    std::vector<Index> vertex;   // of element e: [e * n .. (e + 1) * n)
-    std::int64_t first_element;  // number of its first element over all kinds
+    std::vector<Index> vertex;             // of element e: [e * n .. (e + 1) * n)
+    std::int64_t first_element;            // number of its first element over all kinds
+    std::int64_t first_task, first_force;  // of begin_forces(), in the buffer
     ForceList forces;
     std::vector<PairList> batches;
     [[nodiscard]] Connectivity connectivity() const { return {layout.vertices(), vertex}; }
@@ -86,16 +101,17 @@ class ElementAssembly {
   void add_kind(std::unique_ptr<ElementGroup> group, Index vertices);
   void build_pattern(Index vertices, base::ThreadPool* pool);
   void build_batches(Kind& kind, base::ThreadPool* pool) const;
-  void add_forces_of(const Kind& kind, base::ThreadPool* pool, Evaluation& evaluation, double* f);
   static void evaluate_tangents(const Kind& kind, Evaluation& evaluation, Index first, Index begin, Index end,
                                 double* tangents);
   void add_tangent_of(const Kind& kind, base::ThreadPool* pool, Evaluation& evaluation, const BlockTarget& target);
 
   std::vector<Kind> kinds_;
   Index elements_ = 0;
+  std::int64_t tasks_ = 0, force_numbers_ = 0;  // of begin_forces()
   VertexPattern pattern_;
-  std::vector<double> buffer_[2];  // results of elements: forces; tangents of a batch and of the one before
-  std::vector<double> energies_;   // of the elements
+  std::vector<double> buffer_[2];       // results of elements: forces; tangents of a batch and of the one before
+  std::vector<double> energies_;        // of the elements
+  std::unique_ptr<Evaluation> forces_;  // between begin_forces() and end_forces()
 };
 
 }  // namespace espalier::dynamics

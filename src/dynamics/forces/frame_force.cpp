@@ -8,12 +8,11 @@ namespace espalier::dynamics {
 FrameForce::FrameForce(std::string name, FramePtr a, FramePtr b)
     : Component(std::move(name)), frames_{std::move(a), std::move(b)} {
   if (!frames_[0] || !frames_[1]) throw std::invalid_argument("force \"" + this->name() + "\": a frame is missing");
+  blocks_ = FrameBlocks({frames_[0].get(), frames_[1].get()}, {});
 }
 
 void FrameForce::declare(PatternBuilder& w, PatternBuilder& /*phi_q*/) const {
-  for (const auto& f : frames_) {
-    for (const auto& g : frames_) w.add_block(f->coordinates(), g->coordinates());
-  }
+  blocks_.declare(w);
   inputs_.declare(all_coordinates(), w);
 }
 
@@ -24,15 +23,8 @@ std::vector<Index> FrameForce::all_coordinates() const {
 }
 
 void FrameForce::bind(const SparsePattern& w, const SparsePattern& /*phi_q*/) {
-  const std::vector<Index> all = all_coordinates();
-  w_position_.clear();
-  for (const Index c : all) {
-    for (const Index r : all) w_position_.push_back(r < 0 || c < 0 ? -1 : find_entry(w, c, r));
-  }
-  inputs_.bind(all, w);
-  jacobian_.assign(12 * all.size(), 0.0);
-  rate_jacobian_.assign(12 * all.size(), 0.0);
-  block_.assign(all.size() * all.size(), 0.0);
+  blocks_.bind(w, pool());
+  inputs_.bind(all_coordinates(), w);
 }
 
 void FrameForce::declare_multipliers(PatternBuilder& f_lambda) const {
@@ -84,35 +76,7 @@ void FrameForce::tangent(const StateView& s, const TangentWeights& weights, Span
   const Pair p = pair(s);
   Mat12 k = Mat12::Zero(), d = Mat12::Zero();
   law_derivatives(p, k, d);
-  const auto n0 = static_cast<Eigen::Index>(frames_[0]->coordinates().size());
-  const auto n1 = static_cast<Eigen::Index>(frames_[1]->coordinates().size());
-  const Eigen::Index n = n0 + n1;
-  Eigen::Map<Eigen::Matrix<double, 12, Eigen::Dynamic>> jac(jacobian_.data(), 12, n),
-      rate(rate_jacobian_.data(), 12, n);
-  jac.setZero();
-  rate.setZero();
-  Eigen::Matrix<double, 6, Eigen::Dynamic> part(6, std::max(n0, n1));
-  for (int f = 0; f < 2; ++f) {
-    const Eigen::Index nf = f == 0 ? n0 : n1, first = f == 0 ? 0 : n0;
-    if (nf == 0) continue;
-    frames_[static_cast<std::size_t>(f)]->jacobian(s.q, part.data());
-    jac.block(6 * f, first, 6, nf) = part.leftCols(nf);
-    frames_[static_cast<std::size_t>(f)]->rate_jacobian(s.q, s.v, part.data());
-    rate.block(6 * f, first, 6, nf) = part.leftCols(nf);
-  }
-  Eigen::Map<Eigen::MatrixXd> block(block_.data(), n, n);
-  block.noalias() = jac.transpose() * ((weights.q * k + weights.v * d) * jac + weights.q * (d * rate));
-  const Vec12 wrench = law(p);
-  for (int f = 0; f < 2; ++f) {
-    const Eigen::Index nf = f == 0 ? n0 : n1, first = f == 0 ? 0 : n0;
-    if (nf == 0 || !frames_[static_cast<std::size_t>(f)]->has_wrench_stiffness()) continue;
-    Eigen::MatrixXd own = Eigen::MatrixXd::Zero(nf, nf);
-    frames_[static_cast<std::size_t>(f)]->wrench_stiffness(s.q, wrench.segment<6>(6 * f), weights.q, own.data());
-    block.block(first, first, nf, nf) += own;
-  }
-  for (std::size_t e = 0; e < w_position_.size(); ++e) {
-    if (w_position_[e] >= 0) w_values[static_cast<std::size_t>(w_position_[e])] -= block_[e];
-  }
+  blocks_.add(s.q, s.v, {-weights.q * k - weights.v * d, -weights.q * d, -weights.q * law(p)}, pool(), w_values);
   for (std::size_t u = 0; u < inputs_.size(); ++u)
     inputs_.add_tangent(s, u, to_coordinates(s.q, p, law_by_input(p, u)), weights, w_values);
 }

@@ -72,8 +72,7 @@ class FrameForce : public Component {
   std::array<FramePtr, 2> frames_;
   ForceInputs inputs_;
   bool active_ = true;
-  std::vector<Offset> w_position_;
-  std::vector<double> jacobian_, rate_jacobian_, block_;
+  FrameBlocks blocks_;
 };
 
 /// Law of a spring with damper on a relative coordinate g: force s along g (positive pulls g down).

@@ -5,6 +5,9 @@
 #include <limits>
 #include <utility>
 
+#include "dynamics/dae/row_ranges.hpp"
+#include "dynamics/dae/vectors.hpp"
+
 namespace espalier::dynamics {
 
 StaticProblem::StaticProblem(Equations& equations, const State& start, double load)
@@ -21,23 +24,31 @@ StaticProblem::StaticProblem(Equations& equations, const State& start, double lo
   system.magnitude(start.q, size_);
   extent_ = max_norm(size_) > 0 ? max_norm(size_) : 1.0;
   const double far = max_norm(start.q);
-  const SparsePattern& p = system.tangent_pattern();
-  std::vector<double> values(static_cast<std::size_t>(p.nonzeros()));
-  system.tangent(start_.view(), {1, 0, 0}, values);
-  mass_.assign(n_, 1.0);
-  for (std::size_t i = 0; i < n_; ++i) {
-    const auto entry = static_cast<std::size_t>(find_entry(p, static_cast<Index>(i), static_cast<Index>(i)));
-    if (values[entry] > 0) mass_[i] = values[entry];
-    size_norm_ += mass_[i] * (size_[i] > 0 ? size_[i] * size_[i] : extent_ * extent_);
-    size_[i] = std::max(size_[i], far);
-  }
-  size_norm_ = std::sqrt(size_norm_);
+  mass_ = diagonal_of({1, 0, 0});
+  for_each_entry(pool(), n_, [&](std::size_t i) { mass_[i] = mass_[i] > 0 ? mass_[i] : 1; });
+  size_norm_ = std::sqrt(sum_of(
+      pool(), n_, [&](std::size_t i) { return mass_[i] * (size_[i] > 0 ? size_[i] * size_[i] : extent_ * extent_); }));
+  for_each_entry(pool(), n_, [&](std::size_t i) { size_[i] = std::max(size_[i], far); });
   set_typical();
   StaticPoint x = this->start();
   if (!evaluate(x)) return;  // the caller finds that too
   f0_ = x.motion;
   phi0_ = x.phi;
   reference_ = std::max(force_norm(f0_), force_norm(load_rate(x)));
+}
+
+// Of W at the start. W is made where K takes it from: it is large.
+std::vector<double> StaticProblem::diagonal_of(const TangentWeights& weights) {
+  System& system = equations_.system();
+  equations_.update_pattern();
+  const SparsePattern& p = system.tangent_pattern();
+  const Span values = equations_.kkt().w_values();
+  system.tangent(start_.view(), weights, values);
+  std::vector<double> diagonal(n_);
+  for_each_entry(pool(), n_, [&](std::size_t i) {
+    diagonal[i] = values[static_cast<std::size_t>(find_entry(p, static_cast<Index>(i), static_cast<Index>(i)))];
+  });
+  return diagonal;
 }
 
 StaticProblem::~StaticProblem() { equations_.kkt().set_typical({}); }
@@ -47,14 +58,10 @@ StaticProblem::~StaticProblem() { equations_.kkt().set_typical({}); }
 // usual ratio of stiffness to mass.
 void StaticProblem::set_typical() {
   constexpr double kSoft = 1e-6;
-  System& system = equations_.system();
-  const SparsePattern& p = system.tangent_pattern();
-  std::vector<double> values(static_cast<std::size_t>(p.nonzeros())), typical(n_, 0.0);
-  system.tangent(start_.view(), {0, 0, 1}, values);
+  std::vector<double> typical = diagonal_of({0, 0, 1});
   double largest = 0;
   for (std::size_t i = 0; i < n_; ++i) {
-    const auto entry = static_cast<std::size_t>(find_entry(p, static_cast<Index>(i), static_cast<Index>(i)));
-    typical[i] = std::abs(values[entry]) / mass_[i];
+    typical[i] = std::abs(typical[i]) / mass_[i];
     largest = std::max(largest, typical[i]);
   }
   if (!(largest > 0) || !std::isfinite(largest)) return;
@@ -81,7 +88,7 @@ bool StaticProblem::evaluate(StaticPoint& x) {
     return false;
   }
   const double rest = 1 - x.share;
-  for (std::size_t i = 0; i < n_; ++i) x.motion[i] -= rest * f0_[i];
+  for_each_entry(pool(), n_, [&](std::size_t i) { x.motion[i] -= rest * f0_[i]; });
   for (std::size_t i = 0; i < m_; ++i) x.phi[i] = equations_.phi()[i] - rest * phi0_[i];
   return std::isfinite(residual(x)) &&
          std::isfinite(max_norm(x.phi));  // a square that overflows is balanced by nothing
@@ -89,8 +96,8 @@ bool StaticProblem::evaluate(StaticPoint& x) {
 
 StaticPoint StaticProblem::moved(const StaticPoint& x, const StaticIncrement& d, double factor) const {
   StaticPoint y = x;
-  std::vector<double> dq(d.x.begin(), d.x.begin() + static_cast<std::ptrdiff_t>(n_));
-  for (double& value : dq) value *= factor;
+  std::vector<double> dq(n_);
+  for_each_entry(pool(), n_, [&](std::size_t i) { dq[i] = factor * d.x[i]; });
   equations_.system().retract(x.state.q, dq, y.state.q);
   for (std::size_t i = 0; i < m_; ++i) y.state.lambda[i] += factor * d.x[n_ + i];
   y.share += factor * d.share;
@@ -131,13 +138,15 @@ bool StaticProblem::indifferent() {
     old = z.x;
     equations_.solve(z.x);
   }
-  double stiffness = 0, terms = 0;
-  for (std::size_t i = 0; i < n_; ++i) stiffness += z.x[i] * old[i];
+  const double stiffness = sum_of(pool(), n_, [&](std::size_t i) { return z.x[i] * old[i]; });
   const SparsePattern& p = equations_.kkt().w_pattern();
-  const ConstSpan values = equations_.kkt().w_values();
-  for (std::size_t c = 0; c < n_; ++c)
+  const ConstSpan values = equations_.kkt().w_of_factor();
+  const double terms = sum_of(pool(), n_, [&](std::size_t c) {
+    double sum = 0;
     for (auto k = static_cast<std::size_t>(p.ptr[c]); k < static_cast<std::size_t>(p.ptr[c + 1]); ++k)
-      terms += std::abs(values[k] * z.x[c] * z.x[static_cast<std::size_t>(p.ind[k])]);
+      sum += std::abs(values[k] * z.x[c] * z.x[static_cast<std::size_t>(p.ind[k])]);
+    return sum;
+  });
   if (!(std::abs(stiffness) <= kRoundingOfStiffness * terms)) return false;
   const double length = norm(z);
   for (double& value : z.x) value /= length;
@@ -147,7 +156,7 @@ bool StaticProblem::indifferent() {
 
 StaticIncrement StaticProblem::correction(const StaticPoint& x) {
   StaticIncrement d{std::vector<double>(n_ + m_), 0};
-  for (std::size_t i = 0; i < n_; ++i) d.x[i] = -x.motion[i];
+  for_each_entry(pool(), n_, [&](std::size_t i) { d.x[i] = -x.motion[i]; });
   for (std::size_t i = 0; i < m_; ++i) d.x[n_ + i] = -x.phi[i];
   equations_.solve(d.x);
   return d;
@@ -162,22 +171,20 @@ std::vector<double> StaticProblem::load_rate(const StaticPoint& x) {
   system.set_load_factor(load_);
   equations_.motion(x.state.view(), rate);
   system.set_load_factor(load(x));
-  for (std::size_t i = 0; i < n_; ++i) rate[i] += f0_[i] - unloaded[i];
+  for_each_entry(pool(), n_, [&](std::size_t i) { rate[i] += f0_[i] - unloaded[i]; });
   return rate;
 }
 
 StaticIncrement StaticProblem::rate(const StaticPoint& x) {
   StaticIncrement d{load_rate(x), 1};
-  for (double& value : d.x) value = -value;
+  for_each_entry(pool(), n_, [&](std::size_t i) { d.x[i] = -d.x[i]; });
   for (const double gap : phi0_) d.x.push_back(-gap);
   equations_.solve(d.x);
   return d;
 }
 
 double StaticProblem::force_norm(ConstSpan f) const {
-  double sum = 0;
-  for (std::size_t i = 0; i < n_; ++i) sum += f[i] * f[i] / mass_[i];
-  return std::sqrt(sum);
+  return std::sqrt(sum_of(pool(), n_, [&](std::size_t i) { return f[i] * f[i] / mass_[i]; }));
 }
 
 // Reactions count as forces: a body that is pulled into its joints has no others.
@@ -188,9 +195,7 @@ double StaticProblem::reactions(const StaticPoint& x) const {
 }
 
 double StaticProblem::dot(const StaticIncrement& a, const StaticIncrement& b) const {
-  double sum = 0;
-  for (std::size_t i = 0; i < n_; ++i) sum += mass_[i] * a.x[i] * b.x[i];
-  return sum;
+  return sum_of(pool(), n_, [&](std::size_t i) { return mass_[i] * a.x[i] * b.x[i]; });
 }
 
 double StaticProblem::norm(const StaticIncrement& d) const { return std::sqrt(dot(d, d)); }
@@ -214,18 +219,22 @@ bool StaticProblem::balanced(const StaticPoint& x, double tolerance) const {
 StaticProblem::Rounding StaticProblem::rounding(const State& state) const {
   constexpr double kRoundingOfSums = 16 * std::numeric_limits<double>::epsilon();
   Rounding sums{std::vector<double>(n_, 0.0), std::vector<double>(m_, 0.0)};
-  const auto add = [](const SparsePattern& p, ConstSpan values, ConstSpan factors, Span to) {  // to += |A^T| factors
-    for (std::size_t line = 0; line + 1 < p.ptr.size(); ++line)
-      for (auto k = static_cast<std::size_t>(p.ptr[line]); k < static_cast<std::size_t>(p.ptr[line + 1]); ++k)
-        to[static_cast<std::size_t>(p.ind[k])] += kRoundingOfSums * std::abs(values[k] * factors[line]);
-  };
   KktSolver& kkt = equations_.kkt();
-  add(kkt.w_pattern(), kkt.w_values(), size_, sums.motion);
-  add(kkt.phi_q_pattern(), kkt.phi_q_values(), state.lambda, sums.motion);
+  const SparsePattern& w = kkt.w_pattern();
+  const ConstSpan values = kkt.w_of_factor();
+  for_each_row_range(w, pool(), [&](Index column, Offset begin, Offset end) {
+    const double size = kRoundingOfSums * size_[static_cast<std::size_t>(column)];
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
+      sums.motion[static_cast<std::size_t>(w.ind[k])] += std::abs(values[k] * size);
+  });
   const SparsePattern& p = kkt.phi_q_pattern();
   for (std::size_t c = 0; c < m_; ++c)
-    for (auto k = static_cast<std::size_t>(p.ptr[c]); k < static_cast<std::size_t>(p.ptr[c + 1]); ++k)
-      sums.phi[c] += kRoundingOfSums * std::abs(kkt.phi_q_values()[k]) * size_[static_cast<std::size_t>(p.ind[k])];
+    for (auto k = static_cast<std::size_t>(p.ptr[c]); k < static_cast<std::size_t>(p.ptr[c + 1]); ++k) {
+      const double value = kRoundingOfSums * std::abs(kkt.phi_q_values()[k]);
+      const auto column = static_cast<std::size_t>(p.ind[k]);
+      sums.motion[column] += value * std::abs(state.lambda[c]);
+      sums.phi[c] += value * size_[column];
+    }
   return sums;
 }
 
@@ -237,11 +246,12 @@ bool StaticProblem::may_be_rounding(const StaticPoint& x) const {
   if (visible && reference_ > force_norm(rounding(x.state).motion)) return false;
   if (stiffening_ == 0) return true;
   const SparsePattern& p = equations_.kkt().w_pattern();
+  const ConstSpan values = equations_.kkt().w_of_factor();
   double damped = 0, all = 0;
   for (std::size_t i = 0; i < n_; ++i) {
     const auto entry = static_cast<std::size_t>(find_entry(p, static_cast<Index>(i), static_cast<Index>(i)));
     damped += stiffening_ * mass_[i];
-    all += std::abs(equations_.kkt().w_values()[entry]);
+    all += std::abs(values[entry]);
   }
   return damped <= 0.5 * all;
 }

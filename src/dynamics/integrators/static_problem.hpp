@@ -92,6 +92,8 @@ class StaticProblem {
   [[nodiscard]] bool may_be_rounding(const StaticPoint& x) const;
   /// With the last K.
   [[nodiscard]] Rounding rounding(const State& state) const;
+  [[nodiscard]] base::ThreadPool* pool() const { return equations_.pool(); }
+  [[nodiscard]] std::vector<double> diagonal_of(const TangentWeights& weights);
   void set_typical();
   [[nodiscard]] std::vector<double> load_rate(const StaticPoint& x);
   [[nodiscard]] double force_norm(ConstSpan f) const;

@@ -23,12 +23,13 @@ Joint::Joint(std::string kind, std::string name, std::vector<std::unique_ptr<Fra
     if (!frame) throw std::invalid_argument(kind_ + " \"" + this->name() + "\": a frame is missing");
     frames_.push_back({std::move(frame), {}, {}, {}});
   }
+  bool couples_translation = false, couples_rotation = false;
   for (const JointRow& row : rows_) {
     turns_.emplace_back(row.terms.size());
     for (const JointRow::Term& term : row.terms) {
       counts_turns_ = counts_turns_ || (term.kind == Relative::angle && row.terms.size() > 1);
-      couples_translation_ = couples_translation_ || curves_in_translation(term.kind);
-      couples_rotation_ = couples_rotation_ || term.kind == Relative::dot || term.kind == Relative::angle;
+      couples_translation = couples_translation || curves_in_translation(term.kind);
+      couples_rotation = couples_rotation || term.kind == Relative::dot || term.kind == Relative::angle;
       const bool turns_a = term.kind != Relative::global && term.kind != Relative::distance;
       const bool turns_b = term.kind == Relative::dot || term.kind == Relative::angle;
       if ((turns_a && !frames_.at(at(term.a)).frame->has_rotation()) ||
@@ -39,68 +40,25 @@ Joint::Joint(std::string kind, std::string name, std::vector<std::unique_ptr<Fra
       }
     }
   }
+  std::vector<const Frame*> plain;
+  for (const Attached& f : frames_) plain.push_back(f.frame.get());
+  blocks_ = FrameBlocks(std::move(plain), {!couples_translation, couples_rotation});
 }
 
 std::string Joint::constraint_name(Index local_row) const {
   return kind_ + " \"" + name() + "\", " + rows_.at(static_cast<std::size_t>(local_row)).label;
 }
 
-bool Joint::coupled(std::size_t f, std::size_t k, std::size_t g, std::size_t l) const {
-  if (couples_translation_) return true;
-  const Frame &a = *frames_[f].frame, &b = *frames_[g].frame;
-  if (!a.turns(k) || !b.turns(l)) return false;
-  return couples_rotation_ || (f == g && a.has_wrench_stiffness());
-}
-
 void Joint::declare(PatternBuilder& w, PatternBuilder& phi_q) const {
-  for (std::size_t f = 0; f < frames_.size(); ++f) {
-    const auto rows_of_f = frames_[f].frame->coordinates();
-    for (Index r = 0; r < sizes().constraints; ++r) {
-      for (const Index c : rows_of_f) phi_q.add(placement().c + r, c);
-    }
-    for (std::size_t g = 0; g < frames_.size(); ++g) {
-      const auto cols = frames_[g].frame->coordinates();
-      for (std::size_t l = 0; l < cols.size(); ++l) {
-        for (std::size_t k = 0; k < rows_of_f.size(); ++k) {
-          if (coupled(f, k, g, l)) w.add(rows_of_f[k], cols[l]);
-        }
-      }
-    }
-  }
+  for (const Attached& f : frames_)
+    for (Index r = 0; r < sizes().constraints; ++r)
+      for (const Index c : f.frame->coordinates()) phi_q.add(placement().c + r, c);
+  blocks_.declare(w);
 }
-
-namespace {
-
-// Entries of one column, asked for in an order that mostly rises: the next one is near the last.
-class EntryFinder {
- public:
-  EntryFinder(const SparsePattern& pattern, Index column) : pattern_(pattern), column_(column) {}
-  [[nodiscard]] Offset find(Index row) {
-    constexpr Offset kNear = 8;
-    if (last_ >= 0) {
-      const Offset end = std::min(pattern_.ptr[at(column_ + 1)], last_ + kNear);
-      for (Offset p = last_; p < end; ++p)
-        if (pattern_.ind[static_cast<std::size_t>(p)] == row) return last_ = p;
-    }
-    return last_ = find_entry(pattern_, column_, row);
-  }
-
- private:
-  const SparsePattern& pattern_;
-  Index column_;
-  Offset last_ = -1;
-};
-
-}  // namespace
 
 void Joint::bind(const SparsePattern& w, const SparsePattern& phi_q) {
-  std::size_t widest = 0, total = 0;
-  w_position_.clear();
-  for (std::size_t f = 0; f < frames_.size(); ++f) {
-    Attached& own = frames_[f];
+  for (Attached& own : frames_) {
     const auto coordinates = own.frame->coordinates();
-    widest = std::max(widest, coordinates.size());
-    total += 6 * coordinates.size();
     own.projected.assign(rows_.size() * coordinates.size(), 0.0);
     own.position.clear();
     for (Index r = 0; r < sizes().constraints; ++r) {
@@ -108,24 +66,12 @@ void Joint::bind(const SparsePattern& w, const SparsePattern& phi_q) {
         own.position.push_back(c < 0 ? 0 : static_cast<std::size_t>(find_entry(phi_q, placement().c + r, c)));
       }
     }
-    for (std::size_t g = 0; g < frames_.size(); ++g) {
-      const auto cols = frames_[g].frame->coordinates();
-      for (std::size_t l = 0; l < cols.size(); ++l) {
-        EntryFinder column(w, cols[l]);
-        for (std::size_t k = 0; k < coordinates.size(); ++k) {
-          const bool use = coupled(f, k, g, l) && coordinates[k] >= 0 && cols[l] >= 0;
-          w_position_.push_back(use ? column.find(coordinates[k]) : -1);
-        }
-      }
-    }
   }
   phi_q_begin_ = static_cast<std::size_t>(phi_q.ptr[at(placement().c)]);
   phi_q_count_ = static_cast<std::size_t>(phi_q.ptr[at(placement().c + sizes().constraints)]) - phi_q_begin_;
   bind_rigid_pair(w);
-  jacobians_.assign(total, 0.0);
+  if (!pair_) blocks_.bind(w, pool());
   gradients_.assign(6 * frames_.size() * rows_.size(), 0.0);
-  stiffness_.assign(36 * frames_.size() * frames_.size(), 0.0);
-  block_.assign(widest * std::max<std::size_t>(widest, 6), 0.0);
 }
 
 namespace {
@@ -292,59 +238,34 @@ void Joint::tangent(const StateView& s, const TangentWeights& weights, Span w_va
   if (pair_) {
     pair_->add_stiffness(s.q, s.lambda.data() + placement().c, weights.q, w_values);
   } else {
-    general_tangent(s, weights.q, w_values);
+    evaluate_frames(s.q, {});
+    blocks_.add(s.q, {}, derivatives(s, weights.q), pool(), w_values);
   }
 }
 
-void Joint::general_tangent(const StateView& s, double weight, Span w_values) {
-  evaluate_frames(s.q, {});
-  const std::size_t count = frames_.size();
-  std::fill(stiffness_.begin(), stiffness_.end(), 0.0);
-  std::array<Vec6, 4> wrench;
-  wrench.fill(Vec6::Zero());
+// At the motion in frames_.
+FrameBlocks::Derivatives Joint::derivatives(const StateView& s, double weight) const {
+  const auto size = static_cast<Eigen::Index>(6 * frames_.size());
+  FrameBlocks::Derivatives sum;
+  sum.k.setZero(size, size);
+  sum.wrench.setZero(size);
   RelativeValue value;
   for (std::size_t r = 0; r < rows_.size(); ++r) {
-    const double lambda = s.lambda[static_cast<std::size_t>(placement().c) + r];
+    const double lambda = weight * s.lambda[static_cast<std::size_t>(placement().c) + r];
     if (lambda == 0) continue;
     for (const JointRow::Term& term : rows_[r].terms) {
       const FrameMotion &a = frames_[at(term.a)].motion, &b = frames_[at(term.b)].motion;
       evaluate(term.kind, term.i, term.j, a, b, false, value);
-      wrench[at(term.a)] += lambda * term.factor * Eigen::Map<const Vec6>(value.c.data());
-      wrench[at(term.b)] += lambda * term.factor * Eigen::Map<const Vec6>(value.c.data() + 6);
       Mat12 k = Mat12::Zero();
       add_curvature(term.kind, term.i, term.j, a, b, lambda * term.factor, k);
-      for (const auto& [p, bp] : {std::pair{at(term.a), 0}, std::pair{at(term.b), 6}}) {
-        for (const auto& [g, bg] : {std::pair{at(term.a), 0}, std::pair{at(term.b), 6}}) {
-          Eigen::Map<Eigen::Matrix<double, 6, 6>>(&stiffness_[36 * (p * count + g)]) += k.block<6, 6>(bp, bg);
-        }
+      for (const auto& [p, bp] : {std::pair{6 * term.a, 0}, std::pair{6 * term.b, 6}}) {
+        sum.wrench.segment<6>(p) += lambda * term.factor * Eigen::Map<const Vec6>(value.c.data() + bp);
+        for (const auto& [g, bg] : {std::pair{6 * term.a, 0}, std::pair{6 * term.b, 6}})
+          sum.k.block<6, 6>(p, g) += k.block<6, 6>(bp, bg);
       }
     }
   }
-  std::size_t offset = 0;
-  std::array<const double*, 4> jacobian{};
-  for (std::size_t f = 0; f < count; ++f) {
-    jacobian[f] = jacobians_.data() + offset;
-    frames_[f].frame->jacobian(s.q, jacobians_.data() + offset);
-    offset += 6 * frames_[f].frame->coordinates().size();
-  }
-  auto position = w_position_.begin();
-  using Columns = Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>;
-  for (std::size_t f = 0; f < count; ++f) {
-    const auto nf = static_cast<Eigen::Index>(frames_[f].frame->coordinates().size());
-    for (std::size_t g = 0; g < count; ++g) {
-      const auto ng = static_cast<Eigen::Index>(frames_[g].frame->coordinates().size());
-      if (nf == 0 || ng == 0) continue;
-      Eigen::Map<Eigen::MatrixXd> block(block_.data(), nf, ng);
-      block.noalias() = Columns(jacobian[f], 6, nf).transpose() *
-                        (Eigen::Map<const Eigen::Matrix<double, 6, 6>>(&stiffness_[36 * (f * count + g)]) *
-                         Columns(jacobian[g], 6, ng));
-      if (f == g) frames_[f].frame->wrench_stiffness(s.q, wrench[f], 1.0, block_.data());
-      for (Eigen::Index e = 0; e < nf * ng; ++e, ++position) {
-        if (*position >= 0)
-          w_values[static_cast<std::size_t>(*position)] += weight * block_[static_cast<std::size_t>(e)];
-      }
-    }
-  }
+  return sum;
 }
 
 void Joint::hold_here(double t, ConstSpan q) {

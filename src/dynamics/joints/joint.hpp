@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "dynamics/dae/frame_blocks.hpp"
 #include "dynamics/joints/relative.hpp"
 #include "dynamics/joints/rigid_pair.hpp"
 #include "dynamics/joints/time_function.hpp"
@@ -79,12 +80,11 @@ class Joint final : public Component {
     std::vector<double> projected;      // rows x nd: gradients by the body's coordinates
     std::vector<std::size_t> position;  // rows x nd: entries of Phi_q
   };
-  [[nodiscard]] bool coupled(std::size_t f, std::size_t k, std::size_t g, std::size_t l) const;
   void bind_rigid_pair(const SparsePattern& w);
   void evaluate_frames(ConstSpan q, ConstSpan v);
   void general_constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out);
   void rigid_constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out);
-  void general_tangent(const StateView& s, double weight, Span w_values);
+  [[nodiscard]] FrameBlocks::Derivatives derivatives(const StateView& s, double weight) const;
   struct Sum {
     double t = 0, phi = 0, curvature = 0;
   };
@@ -98,10 +98,8 @@ class Joint final : public Component {
   std::vector<std::vector<TurnCounter>> turns_;  // rows x terms: of the angles that couplings add
   bool counts_turns_ = false;                    // some row adds angles
   std::optional<TurnCounter> spin_;
-  bool couples_translation_ = false, couples_rotation_ = false;
-  std::vector<std::ptrdiff_t> w_position_;  // of all coupled pairs in the order of tangent(); -1: not declared
-  std::vector<double> gradients_;           // frames x rows x 6: of every equation by the motion of every frame
-  std::vector<double> jacobians_, stiffness_, block_;
+  FrameBlocks blocks_;                             // its part of W
+  std::vector<double> gradients_;                  // frames x rows x 6: of every equation by the motion of every frame
   std::size_t phi_q_begin_ = 0, phi_q_count_ = 0;  // its rows of Phi_q
   std::optional<RigidPair> pair_;                  // instead of all that, where rigid bodies and simple rows allow it
 };

@@ -5,6 +5,10 @@
 #include <Eigen/Dense>
 #include <cmath>
 #include <map>
+#include <optional>
+
+#include "base/untouched_vector.hpp"
+#include "dynamics/dae/row_ranges.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -101,6 +105,7 @@ class HeldRows {
       }
   }
 
+  /// Not of one row by two threads at a time.
   void add_term(Index row, Index coordinate, double value) {
     const auto c = static_cast<std::size_t>(coordinate);
     if (value == 0 || owner_[c] == nullptr) return;
@@ -158,30 +163,50 @@ Eigen::MatrixXd null_space(const Eigen::MatrixXd& rows, Eigen::Index columns) {
   return q.rightCols(columns - qr.rank());
 }
 
+/// Rows of demands, not many more than columns: as soon as there are, as many as columns that demand the same.
+class Condensed {
+ public:
+  explicit Condensed(Eigen::Index columns) : rows_(2 * columns + 6, columns) {}
+  void add(const Eigen::RowVectorXd& line) {
+    if (count_ == rows_.rows()) {
+      const Eigen::HouseholderQR<Eigen::MatrixXd> qr(rows_);
+      const Eigen::MatrixXd r = qr.matrixQR().topRows(rows_.cols()).triangularView<Eigen::Upper>();
+      count_ = rows_.cols();
+      rows_.topRows(count_) = r;
+    }
+    rows_.row(count_++) = line;
+  }
+  [[nodiscard]] auto rows() const { return rows_.topRows(count_); }
+
+ private:
+  Eigen::MatrixXd rows_;
+  Eigen::Index count_ = 0;
+};
+
 /// Motions of the bodies of one group that no row resists: six rows for every body.
 class Group {
  public:
   Group(const std::vector<const WholeBody*>& bodies,
-        const std::map<const WholeBody*, std::vector<const HeldRows::Row*>>& rows) {
+        const std::map<const WholeBody*, std::vector<const HeldRows::Row*>>& rows, base::ThreadPool& pool) {
+    std::vector<const HeldRows::Row*> all;
     for (const WholeBody* body : bodies) {
       first_[body] = columns_;
       columns_ += body->basis().cols();
+      if (const auto own = rows.find(body); own != rows.end())
+        all.insert(all.end(), own->second.begin(), own->second.end());
     }
-    Eigen::MatrixXd held(2 * columns_ + 6, columns_);
-    Eigen::Index count = 0;
-    for (const WholeBody* body : bodies) {
-      const auto own = rows.find(body);
-      if (own == rows.end()) continue;
-      for (const HeldRows::Row* row : own->second) {
-        Eigen::RowVectorXd line = Eigen::RowVectorXd::Zero(columns_);
-        for (const auto& [other, part] : row->parts)
-          line.segment(first_.at(other), other->basis().cols()) += part / row->scale * other->basis();
-        if (!(row->scale > 0) || line.cwiseAbs().maxCoeff() <= kRounding) continue;
-        if (count == held.rows()) count = condense(held);
-        held.row(count++) = line / line.norm();
-      }
-    }
-    free_ = null_space(held.topRows(count), columns_);
+    // Of a task: some milliseconds, and far more than it condenses them to.
+    const std::size_t rows_of_task = std::max<std::size_t>(4096, 512 * static_cast<std::size_t>(columns_));
+    std::vector<Condensed> parts((all.size() + rows_of_task - 1) / rows_of_task, Condensed(columns_));
+    pool.for_each(static_cast<std::int64_t>(parts.size()), [&](std::int64_t k) {
+      const std::size_t begin = static_cast<std::size_t>(k) * rows_of_task;
+      for (std::size_t i = begin; i < std::min(begin + rows_of_task, all.size()); ++i)
+        if (const auto line = line_of(*all[i])) parts[static_cast<std::size_t>(k)].add(*line);
+    });
+    Condensed held(columns_);
+    for (const Condensed& part : parts)
+      for (Eigen::Index i = 0; i < part.rows().rows(); ++i) held.add(part.rows().row(i));
+    free_ = null_space(held.rows(), columns_);
   }
 
   [[nodiscard]] bool held() const { return free_.cols() == 0; }
@@ -190,13 +215,13 @@ class Group {
   }
 
  private:
-  /// As many rows as columns that demand the same.
-  static Eigen::Index condense(Eigen::MatrixXd& rows) {
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(rows);
-    const Eigen::Index n = rows.cols();
-    const Eigen::MatrixXd r = qr.matrixQR().topRows(n).triangularView<Eigen::Upper>();
-    rows.topRows(n) = r;
-    return n;
+  /// What a row demands of the twists, of length one; nothing where that is rounding.
+  [[nodiscard]] std::optional<Eigen::RowVectorXd> line_of(const HeldRows::Row& row) const {
+    Eigen::RowVectorXd line = Eigen::RowVectorXd::Zero(columns_);
+    for (const auto& [other, part] : row.parts)
+      line.segment(first_.at(other), other->basis().cols()) += part / row.scale * other->basis();
+    if (!(row.scale > 0) || line.cwiseAbs().maxCoeff() <= kRounding) return std::nullopt;
+    return line / line.norm();
   }
 
   Eigen::Index columns_ = 0;
@@ -264,11 +289,12 @@ FreeMotions free_motions(Mechanism& mechanism, const std::vector<char>& dropped,
   const auto n = static_cast<Index>(state.v.size());
   HeldRows held(bodies, n, n + mechanism.system.sizes().constraints);
   const SparsePattern& w = mechanism.system.tangent_pattern();
-  std::vector<double> values(static_cast<std::size_t>(w.nonzeros()));
+  base::UntouchedVector<double> values(static_cast<std::size_t>(w.nonzeros()));
   mechanism.system.tangent(state.view(), {0, 0, 1}, values);
-  for (Index c = 0; c < w.cols; ++c)
-    for (Offset k = w.ptr[static_cast<std::size_t>(c)]; k < w.ptr[static_cast<std::size_t>(c) + 1]; ++k)
-      held.add_term(w.ind[static_cast<std::size_t>(k)], c, values[static_cast<std::size_t>(k)]);
+  for_each_row_range(w, &mechanism.pool, [&](Index column, Offset begin, Offset end) {
+    for (Offset k = begin; k < end; ++k)
+      held.add_term(w.ind[static_cast<std::size_t>(k)], column, values[static_cast<std::size_t>(k)]);
+  });
   const SparsePattern& g = mechanism.system.constraint_pattern();
   std::vector<double> phi_q(static_cast<std::size_t>(g.nonzeros()));
   mechanism.system.constraints(state.t, state.q, {}, {{}, {}, {}, phi_q});
@@ -284,7 +310,7 @@ FreeMotions free_motions(Mechanism& mechanism, const std::vector<char>& dropped,
       result.unseen += members.size();
       continue;
     }
-    const Group group(members, rows);
+    const Group group(members, rows, mechanism.pool);
     if (group.held()) continue;
     for (const WholeBody* body : members)
       if (std::string text = words(group.twists(*body), body->centre(), length); !text.empty())

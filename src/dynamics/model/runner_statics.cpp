@@ -21,6 +21,7 @@ StaticsWatch watch_of(const SimulationOptions& options) {
 }  // namespace
 
 void Runner::find_equilibrium(const ConsistencyOptions& consistency) {
+  equations_->allow_device();
   try {
     note_statics(static_equilibrium(*equations_, state_, model_.initial.statics_options, {}, watch_of(options_)));
     mechanism_->system.set_load_factor(1);
@@ -72,10 +73,12 @@ void Runner::run_statics(const SimulationObserver& observer) {
   };
   State state = state_;
   const StaticsOptions& options = model_.statics->options;
+  equations_->allow_device();
   try {
     const StaticsResult result = static_equilibrium(*equations_, state, options, each, watch_of(options_));
     summary_.interrupted = summary_.interrupted && result.load != options.load;
     note_statics(result);
+    if (const std::string& notice = equations_->device_notice(); !notice.empty()) summary_.notices.push_back(notice);
     guard_->check(state_, true);
     find_modes();
     files_->modes(state_, shapes_);
