@@ -83,6 +83,8 @@ LOOKS = {
                      axes=("time, s", "force in the\nhook, N"), size=(8.0, 5.6), share=0.35),
     "gears": Look(times=(0.0, 0.002), view=(65, -90), up="z", curve=("motor.moment.z",), mesh=0.12,
                   axes=("time, ms", "moment of the\nmotor, N m"), factors=(1e3, 1), size=(8.0, 4.8), share=0.4),
+    "tyre": Look(times=(0.3, 0.52), view=(8, -72), up="z", curve=("rim.position.z",), mesh=0.12,
+                 axes=("time, s", "height of the\naxle, mm"), factors=(1, 1e3), size=(8.0, 5.2), share=0.4),
     "rotor": Look(times=(0.06, 0.1028), view=(22, -42), up="y", curve=("centre.position.radius",),
                   against="unbalance.angular_velocity.z", axes=("speed, rad/s", "radius of the whirl, mm"),
                   factors=(1, 1e3), size=(8.0, 5.6), share=0.6),

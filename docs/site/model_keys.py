@@ -46,6 +46,7 @@ SECTIONS = (
     ("Part crank", "read_bodies.cpp", "read_crank", ("CrankShape",), (("Bodies", "part"),)),
     ("Part guide", "read_bodies.cpp", "read_guide", ("GuideShape",), (("Bodies", "part"),)),
     ("Part bladed-rotor", "read_bodies.cpp", "read_rotor", ("RotorShape",), (("Bodies", "part"),)),
+    ("Part tyre", "read_bodies.cpp", "read_tyre", ("TyreShape",), (("Bodies", "part"),)),
     ("Part spur-gear", "read_bodies.cpp", "read_gear", ("GearShape",), (("Bodies", "part"),)),
     ("Divisions of a part", "read_bodies.cpp", "read_divisions", (), (("Bodies", "part"),)),
     ("Cables", "read_bodies.cpp", "read_cable", (), (("Bodies", "type"),)),

@@ -310,6 +310,35 @@ motion = "cos(1) + t - 0.5403023058681398 + 0.2"
                 self.assertEqual(report["system"]["redundant"], [])
                 self.assertLess(report["constraints"]["position"], 1e-6)
 
+    def tyre(self, out, *settings):
+        pairs = ("parameters.around=24", "parameters.across=8", "output.vtu_interval=0") + settings
+        arguments = [word for pair in pairs for word in ("--set", pair)]
+        self.expect(0, "simulate", ROOT / "models" / "tyre.toml", "--out", out, "-q", *arguments)
+        return self.rows(out)
+
+    def test_a_tyre_at_rest_carries_its_load(self):
+        row = self.tyre(self.folder / "rest", "gravity=[0,0,0]", "parameters.step=1e-6", "parameters.end=1e-6")[0]
+        self.assertAlmostEqual(row["road.force.z"], -4000, delta=0.4)
+        self.assertAlmostEqual(row["tow.force.x"], 0, delta=0.4)
+        # A carcass without stiffness has the area load over inflation.
+        self.assertAlmostEqual(row["road.area"] * 1e5, 4000, delta=1200)
+
+    def test_a_tyre_rolls_over_a_kerb(self):
+        rows = self.tyre(self.folder / "roll", "parameters.run=0.3", "parameters.run_up=0.2", "parameters.wide=0.1",
+                         "parameters.step=5e-3", "parameters.end=0.4")
+        axle = [row["rim.position.z"] for row in rows]
+        self.assertGreater(max(axle), axle[0] + 0.015)  # the kerb is 0.05 high, and the tyre gives way
+        self.assertLess(max(axle), axle[0] + 0.06)
+        for row in rows:
+            self.assertLess(row["road.pressure"], 3e7 * row["road.penetration"] * 1.000001)
+        # It rolls: about the speed over the radius when it has its speed, and before the kerb.
+        before = next(row for row in rows if row["time"] > 0.15)
+        self.assertAlmostEqual(before["rim.angular_velocity.y"], before["rim.velocity.x"] / 0.36, delta=1)
+        work = sum(0.5 * (b["time"] - a["time"]) * (a["tow.force.x"] * a["rim.velocity.x"] +
+                                                    b["tow.force.x"] * b["rim.velocity.x"]) for a, b in zip(rows, rows[1:]))
+        gain = rows[-1]["energy.total"] - rows[0]["energy.total"]
+        self.assertGreater(work, gain)  # the difference is lost in rubber and on the road
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -41,7 +41,7 @@ TEST(DocsExamples, OfForcesRun) {
 TEST(DocsExamples, OfContactRun) {
   const std::string page = content_of((espalier::test::source_folder() / "docs/guide/contact.md").string());
   const std::vector<std::string> models = blocks(page, "toml");
-  EXPECT_EQ(models.size(), 1U);
+  EXPECT_EQ(models.size(), 2U);
   for (const std::string& text : models) EXPECT_GT(simulated(text).summary().steps, 10);
 }
 

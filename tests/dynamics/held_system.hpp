@@ -2,12 +2,12 @@
 /// Meshes of hexahedra and a static Newton solver for systems of solids in contact, for tests.
 #pragma once
 
-#include <Eigen/SparseCholesky>
 #include <cmath>
 #include <functional>
 #include <vector>
 
 #include "dynamics/bodies/flexible_body.hpp"
+#include "espalier/solver.hpp"
 
 namespace espalier::dynamics {
 
@@ -66,29 +66,15 @@ class HeldSystem {
   int solve() {
     for (int pass = 1; pass <= 40; ++pass) {
       system.update_pattern(q);
-      const auto n = static_cast<Eigen::Index>(held.size());
-      Eigen::VectorXd f(n);
-      system.residual(state(), {f.data(), held.size()});
-      const SparsePattern& p = system.tangent_pattern();
-      std::vector<double> w(static_cast<std::size_t>(p.nonzeros()));
-      system.tangent(state(), {0, 0, 1}, w);
-      std::vector<Eigen::Triplet<double>> entries;
-      for (Index j = 0; j < static_cast<Index>(n); ++j) {
-        if (held[static_cast<std::size_t>(j)] != 0) entries.emplace_back(j, j, 1.0), f[j] = 0;
-        for (Offset e = p.ptr[static_cast<std::size_t>(j)]; e < p.ptr[static_cast<std::size_t>(j) + 1]; ++e) {
-          const Index i = p.ind[static_cast<std::size_t>(e)];
-          if (held[static_cast<std::size_t>(i)] == 0 && held[static_cast<std::size_t>(j)] == 0)
-            entries.emplace_back(i, j, w[static_cast<std::size_t>(e)]);
-        }
-      }
-      Eigen::SparseMatrix<double> k(n, n);
-      k.setFromTriplets(entries.begin(), entries.end());
-      Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(k);
-      const Eigen::VectorXd step = solver.solve(-f);
+      const std::size_t n = held.size();
+      std::vector<double> step(n);
+      system.residual(state(), step);
+      for (std::size_t i = 0; i < n; ++i) step[i] = held[i] != 0 ? 0 : -step[i];
+      if (!solve_tangent(step)) return -1;
       double largest = 0, size = 0;
       for (std::size_t i = 0; i < q.size(); ++i) {
-        q[i] += step[static_cast<Eigen::Index>(i)];
-        largest = std::max(largest, std::abs(step[static_cast<Eigen::Index>(i)]));
+        q[i] += step[i];
+        largest = std::max(largest, std::abs(step[i]));
         size = std::max(size, std::abs(q[i]));
       }
       if (!std::isfinite(largest)) return -1;
@@ -98,7 +84,35 @@ class HeldSystem {
   }
 
  private:
+  /// The tangent's lower half, with the identity where coordinates are held.
+  bool solve_tangent(std::vector<double>& b) {
+    const SparsePattern& p = system.tangent_pattern();
+    std::vector<double> w(static_cast<std::size_t>(p.nonzeros()));
+    system.tangent(state(), {0, 0, 1}, w);
+    SparseMatrix k;
+    k.rows = k.cols = static_cast<Index>(held.size());
+    k.storage = Storage::symmetric_lower;
+    k.col_ptr = {0};
+    for (Index j = 0; j < k.cols; ++j) {
+      for (Offset e = p.ptr[static_cast<std::size_t>(j)]; e < p.ptr[static_cast<std::size_t>(j) + 1]; ++e) {
+        const Index i = p.ind[static_cast<std::size_t>(e)];
+        if (i < j) continue;
+        const bool out = held[static_cast<std::size_t>(i)] != 0 || held[static_cast<std::size_t>(j)] != 0;
+        k.row_ind.push_back(i);
+        k.values.push_back(!out ? w[static_cast<std::size_t>(e)] : i == j ? 1 : 0);
+      }
+      k.col_ptr.push_back(static_cast<Offset>(k.row_ind.size()));
+    }
+    const bool known = k.col_ptr == last_.col_ptr && k.row_ind == last_.row_ind;
+    if (!known && !solver_.analyze(k).status.ok()) return false;
+    const FactorResult factor = known ? solver_.refactorize(k.values) : solver_.factorize(k);
+    last_ = std::move(k);
+    return factor.status.ok() && solver_.solve(b, b).status.ok();
+  }
+
   std::vector<double> zero_;
+  SparseMatrix last_;
+  Solver solver_;
 };
 
 inline FlexibleBody& add_body(HeldSystem& held, const char* name, const Mesh& mesh, double young, double poisson) {

@@ -23,6 +23,8 @@ struct ContactReport {
   double points = 0;           ///< touching points
   double slipping = 0;         ///< those of them that slip
   double energy = 0;           ///< stored in normal and tangential springs
+  double impulse = 0;          ///< sum of the impulses along the normals so far (law `impulse`)
+  double impacts = 0;          ///< instants at which some acted
 };
 
 /// Two surfaces that overlap at a configuration.

@@ -15,7 +15,11 @@ void ContactLaw::check() const {
   need(exponent >= 1 && exponent <= 4, "the exponent of a contact must lie between 1 and 4");
   need(smoothing >= 0 && (smoothing == 0 || exponent == 1), "smoothing goes with the exponent 1 and is not negative");
   need(damping >= 0, "the damping of a contact must not be negative");
-  need(restitution > 0 && restitution <= 1, "the restitution of a contact must lie in (0, 1]");
+  need((impulse ? restitution >= 0 : restitution > 0) && restitution <= 1,
+       impulse ? "the restitution of a contact with impulses must lie in [0, 1]"
+               : "the restitution of a contact must lie in (0, 1]");
+  need(!impulse || damping == 0, "a contact with impulses has no damping: what rests is damped critically");
+  need(!impulse || friction == 0, "a contact with impulses has no friction");
   need(damping == 0 || restitution == 1, "a contact has damping or restitution, not both");
   need(friction >= 0, "the friction of a contact must not be negative");
   need(friction == 0 || tangential_stiffness > 0, "friction needs a tangential stiffness greater than 0");
@@ -30,6 +34,10 @@ NormalForce normal_force(const ContactLaw& law, double p, double rate, double da
   } else {
     const double power = law.stiffness * std::pow(p, law.exponent - 1);
     e = {power * p, law.exponent * power, 0, power * p * p / (law.exponent + 1)};
+  }
+  if (law.impulse) {
+    const double force = e.force + damping * rate;
+    return force > 0 ? NormalForce{force, e.slope, damping, e.energy} : NormalForce{0, 0, 0, e.energy};
   }
   const double factor = 1 + damping * rate;
   if (factor <= 0) return {0, 0, 0, e.energy};

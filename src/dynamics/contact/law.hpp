@@ -15,14 +15,17 @@ using Mat3 = Eigen::Matrix3d;
 /// which the surfaces met and X solves
 ///   (1 + r) X = ln((1 + X) / (1 - r X)),
 /// so that what meets with v parts with r v, whatever E(p) is (integrate m p' dp' / (1 + a p') = -E dp to and fro).
-/// Friction: Coulomb's, |T| <= mu N. A tangential spring k_t (with a damper c_t) holds as long as it can; beyond that
-/// its end slips (return mapping; Simo and Laursen, Comput. Struct. 42 (1992)). Slip is remembered from step to step.
+/// With `impulse` what meets is turned round at once (contact/impact.hpp), and E(p) + c p' >= 0 holds what stays
+/// closed. Friction: Coulomb's, |T| <= mu N. A tangential spring k_t (with a damper c_t) holds as long as it can;
+/// beyond that its end slips (return mapping; Simo and Laursen, Comput. Struct. 42 (1992)). Slip is remembered from
+/// step to step.
 struct ContactLaw {
   double stiffness = 0;             ///< k: force / length^e; of surfaces of solids: pressure / length^e
   double exponent = 1;              ///< e: 1, or 1.5 for spheres after Hertz; at least 1
   double smoothing = 0;             ///< length, for e = 1
   double damping = 0;               ///< a, time / length
-  double restitution = 1;           ///< r in (0, 1]; below 1 instead of a
+  double restitution = 1;           ///< r in (0, 1]; below 1 instead of a. With `impulse`: in [0, 1]
+  bool impulse = false;             ///< impacts take no time; without damping and friction
   double friction = 0;              ///< mu
   double tangential_stiffness = 0;  ///< k_t, force / length (solids: / area); needed where mu > 0
   double tangential_damping = 0;    ///< c_t, force time / length (solids: / area)
@@ -37,7 +40,7 @@ struct NormalForce {
   double by_rate = 0;
   double energy = 0;
 };
-/// @param rate of the penetration @param damping  a
+/// @param rate of the penetration @param damping  a; with `impulse` c, force time / length
 [[nodiscard]] NormalForce normal_force(const ContactLaw& law, double penetration, double rate, double damping);
 
 /// X of a restitution in (0, 1].

@@ -9,8 +9,6 @@ namespace {
 
 constexpr double kFlatEnough = 0.8;  // cosine of the angle by which a normal may turn while a spring moves on with it
 
-std::size_t slot(Index i) { return static_cast<std::size_t>(i); }
-
 /// A tenth of the least extent of any shape.
 double chosen_margin(const std::vector<RigidSurface>& surfaces) {
   double least = std::numeric_limits<double>::infinity();
@@ -209,7 +207,7 @@ const RigidContact::Memory* RigidContact::memory_of(const Pair& pair, const Touc
 
 // Of a touch that was open at the last accepted state: by the speed with which its points approached each other there.
 double RigidContact::first_damping(const Pair& pair, const Touch& touch) const {
-  if (law_.restitution >= 1) return law_.damping;
+  if (law_.impulse || law_.restitution >= 1) return law_.damping;
   if (last_q_.empty()) return 0;
   const Vec3 x = touch.second.point - touch.second.radius * touch.normal;
   const auto before = [&](Index surface) {
@@ -223,15 +221,21 @@ double RigidContact::first_damping(const Pair& pair, const Touch& touch) const {
 }
 
 const std::vector<RigidContact::Active>& RigidContact::find_active() {
+  find_touching(0);
+  if (law_.impulse) std::erase_if(active_touches_, [](const Active& a) { return a.memory == nullptr; });
+  return active_touches_;
+}
+
+const std::vector<RigidContact::Active>& RigidContact::find_touching(double reach) {
   active_touches_.clear();
   if (!active()) return active_touches_;
   std::vector<char> taken(memory_.size(), 0);
   for (const Pair& pair : pairs_) {
     const Box &a = boxes_[slot(pair[0])], &b = boxes_[slot(pair[1])];
     const bool boxed = a.low[0] <= a.high[0] && b.low[0] <= b.high[0];
-    if (boxed && !a.meets(b)) continue;
+    if (reach <= 0 && boxed && !a.meets(b)) continue;
     found_.clear();
-    find_touches(placed_[slot(pair[0])], placed_[slot(pair[1])], 0, found_);
+    find_touches(placed_[slot(pair[0])], placed_[slot(pair[1])], reach, found_);
     for (const Touch& touch : found_) active_touches_.push_back({pair, touch, nullptr, 0});
   }
   // The same features first; others take what is left.
@@ -244,8 +248,10 @@ const std::vector<RigidContact::Active>& RigidContact::find_active() {
 
 TouchForce RigidContact::force_of(const Active& active, TouchTangent* tangent) const {
   const BodyMotion &a = motion_[slot(body_of(active.pair[0]))], &b = motion_[slot(body_of(active.pair[1]))];
-  return touch_force(law_, active.damping, active.touch, a, b,
-                     active.memory != nullptr ? &active.memory->ends : nullptr, tangent);
+  Touch touch = active.touch;
+  if (active.memory != nullptr) touch.gap += active.memory->begin;
+  return touch_force(law_, active.damping, touch, a, b, active.memory != nullptr ? &active.memory->ends : nullptr,
+                     tangent);
 }
 
 void RigidContact::accept(const StateView& s) {
@@ -260,7 +266,8 @@ void RigidContact::accept(const StateView& s) {
     const TouchForce force = force_of(active, nullptr);
     const Touch& t = active.touch;
     const Vec3 kept = law_.friction > 0 ? kept_stretch(law_, force.normal.force, force.stretch) : Vec3(Vec3::Zero());
-    next.push_back({active.pair, t.id, a.axes.transpose() * t.normal, spring_ends(t, a, b, kept), active.damping});
+    next.push_back({active.pair, t.id, a.axes.transpose() * t.normal, spring_ends(t, a, b, kept), active.damping,
+                    active.memory != nullptr ? active.memory->begin : 0});
   }
   memory_ = std::move(next);
   last_q_.assign(s.q.begin(), s.q.end());
@@ -332,6 +339,8 @@ Energy RigidContact::energy(const StateView& s) {
 
 ContactReport RigidContact::report(const StateView& s) {
   ContactReport r;
+  r.impulse = impulse_;
+  r.impacts = impacts_;
   move_to(s.q, s.v);
   for (const Active& active : find_active()) {
     const TouchForce f = force_of(active, nullptr);
@@ -365,7 +374,7 @@ double RigidContact::gap(const StateView& s) {
 std::vector<Overlap> RigidContact::overlaps(ConstSpan q) {
   move_to(q, {});
   std::map<Pair, double> deepest;
-  for (const Active& active : find_active()) {
+  for (const Active& active : find_touching(0)) {
     double& depth = deepest[active.pair];
     depth = std::max(depth, -active.touch.gap);
   }

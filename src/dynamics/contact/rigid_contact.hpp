@@ -8,6 +8,7 @@
 
 #include "dynamics/bodies/rigid_body.hpp"
 #include "dynamics/contact/contact.hpp"
+#include "dynamics/contact/impact.hpp"
 #include "dynamics/contact/touch_motion.hpp"
 
 namespace espalier::dynamics::contact {
@@ -45,6 +46,18 @@ class RigidContact final : public Contact {
   [[nodiscard]] ContactReport report(const StateView& s) override;
   [[nodiscard]] double gap(const StateView& s) override;
   [[nodiscard]] std::vector<Overlap> overlaps(ConstSpan q) override;
+  // Impacts, where the law has `impulse` (rigid_impact.cpp). Touches are open, and then without any force, or resting:
+  // held by the spring of the law until they open.
+  [[nodiscard]] bool has_impulses() const { return law_.impulse; }
+  /// Not negative where an open touch is closed and does not part: something strikes. Else minus its distance from
+  /// that.
+  [[nodiscard]] double closing(const StateView& s);
+  /// How far time may go before a body could pass through another one.
+  [[nodiscard]] double safe_time(const StateView& s);
+  /// Adds all places that touch at a state, or nearly so.
+  void add_impact_points(const StateView& s, std::vector<ImpactPoint>& points);
+  /// Takes up what solve_impact() made of them. @pre no other call since add_impact_points()
+  void take_impact(std::span<const ImpactPoint> points);
   [[nodiscard]] const std::vector<RigidSurface>& surfaces() const { return surfaces_; }
   /// How often the list of near pairs, and the pattern, were made.
   [[nodiscard]] long searches() const { return searches_; }
@@ -59,6 +72,7 @@ class RigidContact final : public Contact {
     Vec3 normal;  // of the touch, in the axes of A
     SpringEnds ends;
     double damping = 0;  // a of its normal force
+    double begin = 0;    // with impulses: penetration at which the spring begins, that of the instant of the impact
   };
   struct Active {
     Pair pair{};
@@ -67,14 +81,18 @@ class RigidContact final : public Contact {
     double damping = 0;
   };
 
+  static std::size_t slot(Index i) { return static_cast<std::size_t>(i); }
   [[nodiscard]] bool may_touch(Index i, Index j) const;
   [[nodiscard]] BodyMotion motion_of(Index body, ConstSpan q, ConstSpan v) const;
   void move_to(ConstSpan q, ConstSpan v);
   void place_shapes();
   [[nodiscard]] std::vector<Pair> near_pairs(double margin);
   void search();
-  /// All touches with gaps below zero, in the order of pairs. @pre move_to()
+  /// All touches with gaps below zero that have a force, in the order of pairs. @pre move_to()
   const std::vector<Active>& find_active();
+  /// All touches with gaps below `reach`, with what they remember. @pre move_to()
+  const std::vector<Active>& find_touching(double reach);
+  [[nodiscard]] ImpactPoint impact_point(const Active& active) const;
   [[nodiscard]] const Memory* memory_of(const Pair& pair, const Touch& touch, std::vector<char>& taken) const;
   [[nodiscard]] double first_damping(const Pair& pair, const Touch& touch) const;
   [[nodiscard]] Index body_of(Index surface) const { return body_index_[static_cast<std::size_t>(surface)]; }
@@ -99,6 +117,7 @@ class RigidContact final : public Contact {
   std::vector<Pair> pairs_;
   std::vector<Active> active_touches_;
   std::vector<Touch> found_;
+  std::vector<Active> struck_;  // of the last add_impact_points()
   // Pattern: for each pair of bodies (row, column), where its rows begin in each of its columns of W (3 or 6 of each)
   std::vector<std::array<Index, 2>> pattern_;  // pairs of bodies, sorted
   std::map<std::array<Index, 2>, std::array<Offset, 6>> places_;
@@ -107,6 +126,7 @@ class RigidContact final : public Contact {
   // History
   std::vector<Memory> memory_;           // sorted by pair
   std::vector<double> last_q_, last_v_;  // accepted
+  double impulse_ = 0, impacts_ = 0;     // so far
 };
 
 }  // namespace espalier::dynamics::contact

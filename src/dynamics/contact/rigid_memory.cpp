@@ -16,6 +16,7 @@ void RigidContact::save(std::vector<double>& out) const {
     put(m.normal);
     for (const Vec3* x : {&m.ends.on_first, &m.ends.on_second, &m.ends.arm}) put(*x);
     out.insert(out.end(), m.ends.turn.data(), m.ends.turn.data() + 9);
+    if (law_.impulse) out.push_back(m.begin);
   }
   out.push_back(static_cast<double>(last_q_.size()));
   out.push_back(static_cast<double>(last_v_.size()));
@@ -29,6 +30,7 @@ void RigidContact::save(std::vector<double>& out) const {
   }
   out.push_back(static_cast<double>(pairs_.size()));
   for (const Pair& p : pairs_) out.insert(out.end(), {static_cast<double>(p[0]), static_cast<double>(p[1])});
+  if (law_.impulse) out.insert(out.end(), {impulse_, impacts_});
 }
 
 void RigidContact::restore(ConstSpan& in) {
@@ -71,6 +73,7 @@ void RigidContact::restore(ConstSpan& in) {
     m.normal = vector();
     for (Vec3* x : {&m.ends.on_first, &m.ends.on_second, &m.ends.arm}) *x = vector();
     for (int k = 0; k < 9; ++k) m.ends.turn.data()[k] = take();
+    if (law_.impulse) m.begin = take();
   }
   const std::size_t q = whole(most), v = whole(most);
   last_q_ = numbers(q);
@@ -84,6 +87,9 @@ void RigidContact::restore(ConstSpan& in) {
   pairs_.resize(whole(most));
   for (Pair& p : pairs_)
     for (Index& surface : p) surface = static_cast<Index>(whole(static_cast<double>(surfaces_.size())));
+  if (!law_.impulse) return;
+  impulse_ = take();
+  impacts_ = take();
 }
 
 }  // namespace espalier::dynamics::contact

@@ -58,6 +58,8 @@ void SolidContact::begin() {
   if (second_ && second_->is_line() && !first_.is_line())
     throw std::invalid_argument("of a line and faces the line must be the first surface");
   if (one_body()) second_->limit_depths(first_);
+  if (law_.impulse)
+    throw std::invalid_argument("law = \"impulse\" is of rigid shapes; what is flexible has the penalty");
   if (law_.restitution < 1) throw std::invalid_argument("restitution is of rigid bodies; solids have damping");
   if (allowed_ > 0 && (law_.exponent != 1 || law_.smoothing != 0))
     throw std::invalid_argument("a chosen penetration goes with the exponent 1 and without smoothing");

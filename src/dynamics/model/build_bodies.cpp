@@ -30,6 +30,10 @@ Mesh make_part(const MeshPart& part, base::ThreadPool& pool) {
       return g.divisions[0] > 0 ? make_spur_gear(g.shape, g.divisions[0], g.divisions[1], g.divisions[2], size.type)
                                 : make_spur_gear(g.shape, size);
     }
+    Mesh operator()(const TyreMesh& t) const {
+      return t.divisions[0] > 0 ? make_tyre(t.shape, t.divisions[0], t.divisions[1], t.divisions[2], size.type)
+                                : make_tyre(t.shape, size);
+    }
   };
   return std::visit(Visitor{own}, part.shape);
 }

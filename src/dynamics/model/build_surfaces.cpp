@@ -197,16 +197,25 @@ class SurfaceBuilder {
     if (rigid.empty() || (solids && (moving == 0 || rigid.size() < 2))) return;
     if (split > 0 && (own_split == 0 || own_split == rigid.size())) return;
     try {
-      built.parts.push_back(&out_.system.add(
-          std::make_unique<contact::RigidContact>(spec.name, spec.law, std::move(rigid), own_split, spec.margin)));
+      auto& part = out_.system.add(
+          std::make_unique<contact::RigidContact>(spec.name, spec.law, std::move(rigid), own_split, spec.margin));
+      built.parts.push_back(&part);
+      if (spec.law.impulse) out_.impacts.push_back(&part);
     } catch (const std::invalid_argument&) {
       if (!solids) throw;
       return;
     }
+    if (spec.law.impulse) check_impulses();
     if (spec.penetration > 0)
       throw std::invalid_argument(
           "'penetration' (augmented Lagrangian) is of solids; between rigid shapes the stiffness says how deep they "
           "go");
+  }
+
+  void check_impulses() const {
+    if (model_.statics || model_.initial.statics)
+      throw std::invalid_argument(
+          "law = \"impulse\" is of motions: at rest nothing strikes, so statics has no force; take the penalty");
   }
 
   /// The first surface is the one on which is integrated: of two flexible ones a line, or the one that is named first.
@@ -275,6 +284,8 @@ contact::ContactReport BuiltContact::report(const StateView& s) const {
     sum.points += r.points;
     sum.slipping += r.slipping;
     sum.energy += r.energy;
+    sum.impulse += r.impulse;
+    sum.impacts += r.impacts;
   }
   return sum;
 }

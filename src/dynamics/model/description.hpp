@@ -24,7 +24,7 @@
 #include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/integrators/initial.hpp"
 #include "dynamics/integrators/statics.hpp"
-#include "dynamics/meshers/parts.hpp"
+#include "dynamics/meshers/tyre.hpp"
 #include "dynamics/model/identity.hpp"
 #include "dynamics/model/section.hpp"
 #include "dynamics/substructure/substructure.hpp"
@@ -63,9 +63,14 @@ struct GearMesh {
   GearShape shape;
   int divisions[3] = {0, 0, 0};  ///< along the flank, across the tooth, along the width; all 0: by unknowns
 };
+/// A tyre with given divisions.
+struct TyreMesh {
+  TyreShape shape;
+  int divisions[3] = {0, 0, 0};  ///< around, across, through the thickness; all 0: by unknowns
+};
 /// A mesh from one of our meshers.
 struct MeshPart {
-  std::variant<BlockMesh, RodShape, LinkShape, CrankShape, GuideShape, RotorShape, GearMesh> shape;
+  std::variant<BlockMesh, RodShape, LinkShape, CrankShape, GuideShape, RotorShape, GearMesh, TyreMesh> shape;
   MeshSize size;
 };
 

@@ -47,37 +47,53 @@ StepReport EventWatch::step_again(const Memory& memory, double t, std::unique_pt
   return report;
 }
 
-double EventWatch::largest(const StateView& s, const std::vector<std::size_t>& events) const {
+double EventWatch::closing(const StateView& s) const {
   double most = -std::numeric_limits<double>::infinity();
-  for (const std::size_t k : events) most = std::max(most, mechanism_.conditions[k]->value(s));
+  for (contact::RigidContact* c : mechanism_.impacts) most = std::max(most, c->closing(s));
   return most;
 }
 
-double EventWatch::tolerance(const std::vector<std::size_t>& events, double t, double step) const {
+double EventWatch::largest(const StateView& s, const Watched& watched) const {
+  double most = watched.impact ? closing(s) : -std::numeric_limits<double>::infinity();
+  for (const std::size_t k : watched.events) most = std::max(most, mechanism_.conditions[k]->value(s));
+  return most;
+}
+
+double EventWatch::tolerance(const Watched& watched, double t, double step) const {
   double least = std::numeric_limits<double>::infinity();
-  for (const std::size_t k : events)
+  for (const std::size_t k : watched.events)
     if (model_.events[k].tolerance > 0) least = std::min(least, model_.events[k].tolerance);
   if (std::isinf(least)) least = 1e-6 * step;
+  // The depth that is left is speed times this: the energy of an impact is met to it.
+  constexpr double kImpact = 1e-9;
+  if (watched.impact) least = std::min(least, kImpact * step);
   return std::max(least, 16 * std::numeric_limits<double>::epsilon() * std::abs(t));
 }
 
 StepReport EventWatch::step(std::unique_ptr<Integrator>& integrator, double t_limit) {
   const Memory memory = remember(*integrator);
   const double begin = integrator->state().t;
+  for (contact::RigidContact* c : mechanism_.impacts) {
+    const double safe = begin + c->safe_time(integrator->state().view());
+    if (safe > begin) t_limit = std::min(t_limit, safe);
+  }
   StepReport report = integrator->step(t_limit);
-  const std::vector<std::size_t> events = happening(integrator->state().view());
-  if (events.empty()) return report;
+  const Watched watched{happening(integrator->state().view()), strikes(integrator->state().view())};
+  if (watched.events.empty() && !watched.impact) return report;
   // Illinois: the secant between a (no condition holds) and b (one does); the weight of an end that stays is halved.
   double a = begin, b = integrator->state().t;
-  double at_a = largest(memory.integrator->state().view(), events), at_b = largest(integrator->state().view(), events);
-  const double wanted = tolerance(events, b, b - a);
+  double at_a = largest(memory.integrator->state().view(), watched),
+         at_b = largest(integrator->state().view(), watched);
+  const double wanted = tolerance(watched, b, b - a);
   double end = b;
   for (int side = 0; b - a > wanted;) {
-    const double secant = at_a < 0 ? b - at_b * (b - a) / (at_b - at_a) : 0.5 * (a + b);
+    // A touch that has just bounced, or lies beside the one that strikes, is next to zero and tells no secant anything.
+    const bool worthless = watched.impact && at_a > -1e-3 * at_b;
+    const double secant = at_a < 0 && !worthless ? b - at_b * (b - a) / (at_b - at_a) : 0.5 * (a + b);
     const double t = std::clamp(std::isfinite(secant) ? secant : 0.5 * (a + b), a + 0.4 * wanted, b - 0.4 * wanted);
     report = step_again(memory, t, integrator);
     end = t;
-    const double value = largest(integrator->state().view(), events);
+    const double value = largest(integrator->state().view(), watched);
     if (value >= 0) {
       b = t, at_b = value;
       if (side == 1) at_a *= 0.5;

@@ -79,6 +79,7 @@ class Mechanism {
   std::vector<BuiltForce> forces;  ///< but for pressures
   std::vector<FacePressure*> pressures;
   std::vector<BuiltContact> surface_contacts;
+  std::vector<contact::RigidContact*> impacts;    ///< those of them with law = "impulse"
   ModelKeys keys;                                 ///< what the model is, mesh files included: for restart files
   std::map<std::string, JointContacts> contacts;  ///< by joint
   std::vector<std::pair<std::string, StateFunctionPtr>> sensors;  ///< of the model's [sensors]

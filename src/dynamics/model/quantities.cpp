@@ -93,7 +93,9 @@ Columns of_contact(const BuiltContact& contact) {
            {"slip_speed", number(&ContactReport::slip_speed)},
            {"points", number(&ContactReport::points)},
            {"slipping", number(&ContactReport::slipping)},
-           {"energy", number(&ContactReport::energy)}}};
+           {"energy", number(&ContactReport::energy)},
+           {"impulse", number(&ContactReport::impulse)},
+           {"impacts", number(&ContactReport::impacts)}}};
 }
 
 Columns of_run(const std::string& object) {

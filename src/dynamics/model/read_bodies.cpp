@@ -209,8 +209,8 @@ class BodyReader {
       return file;
     }
     MeshPart part;
-    const int kind =
-        s.choice("part", {"block", "connecting-rod", "chain-link", "crank", "guide", "bladed-rotor", "spur-gear"});
+    const int kind = s.choice(
+        "part", {"block", "connecting-rod", "chain-link", "crank", "guide", "bladed-rotor", "spur-gear", "tyre"});
     part.size.unknowns = s.positive("unknowns", part.size.unknowns);
     part.size.type = s.choice("element", {"hex8", "hex20"}, 0) == 0 ? ElementType::hex8 : ElementType::hex20;
     if (kind == 0) part.shape = read_block(s);
@@ -220,6 +220,7 @@ class BodyReader {
     if (kind == 4) part.shape = read_guide(s);
     if (kind == 5) part.shape = read_rotor(s);
     if (kind == 6) part.shape = read_gear(s);
+    if (kind == 7) part.shape = read_tyre(s);
     s.finish();
     return part;
   }
@@ -300,6 +301,18 @@ class BodyReader {
     r.blade_taper = s.number("blade_taper", r.blade_taper);
     r.blade_twist = s.number("blade_twist", r.blade_twist);
     return r;
+  }
+  static TyreMesh read_tyre(Section& s) {
+    TyreMesh t;
+    lengths(s, {{"radius", &t.shape.radius},
+                {"section_radius", &t.shape.section_radius},
+                {"thickness", &t.shape.thickness},
+                {"opening", &t.shape.opening}});
+    constexpr int kMostSectors = 1000;
+    t.shape.sectors = s.integer("sectors", 3, t.shape.sectors);
+    if (t.shape.sectors > kMostSectors) fail(s.place("sectors"), fmt::format("must not be above {}", kMostSectors));
+    read_divisions(s, t.divisions);
+    return t;
   }
   static GearMesh read_gear(Section& s) {
     GearMesh g;

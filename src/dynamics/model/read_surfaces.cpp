@@ -87,14 +87,24 @@ double number_from_zero(Section& s, const std::string& key) {
 
 contact::ContactLaw read_contact_law(Section& s) {
   contact::ContactLaw law;
+  law.impulse = s.choice("law", {"penalty", "impulse"}, 0) == 1;
   law.stiffness = s.positive("stiffness");
   law.exponent = s.positive("exponent", 1);
   if (!(law.exponent >= 1 && law.exponent <= 4)) fail(s.place("exponent"), "must lie between 1 and 4");
   law.smoothing = number_from_zero(s, "smoothing");
   if (law.smoothing > 0 && law.exponent != 1) fail(s.place("smoothing"), "goes with the exponent 1 only");
   law.damping = number_from_zero(s, "damping");
-  law.restitution = s.positive("restitution", 1);
-  if (law.restitution > 1) fail(s.place("restitution"), fmt::format("must lie in (0, 1], not {:g}", law.restitution));
+  law.restitution =
+      law.impulse && s.has("restitution") ? number_from_zero(s, "restitution") : s.positive("restitution", 1);
+  if (law.restitution > 1)
+    fail(s.place("restitution"),
+         fmt::format("must lie in {}, not {:g}", law.impulse ? "[0, 1]" : "(0, 1]", law.restitution));
+  for (const char* key : {"damping", "friction", "smoothing"})
+    if (law.impulse && s.has(key))
+      fail(s.place(key), fmt::format("does not go with law = \"impulse\"{}",
+                                     std::string_view(key) == "friction"
+                                         ? ": there are no impulses of friction yet"
+                                         : ", whose stiffness only holds what rests, critically damped"));
   if (law.restitution < 1 && law.damping > 0) fail(s.place("damping"), "does not go with 'restitution'");
   law.friction = number_from_zero(s, "friction");
   if (law.friction > 0) {

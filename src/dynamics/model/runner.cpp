@@ -77,6 +77,11 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
     for (const auto& [key, value] : by_name)
       if (key == "threads") threads = run_options({{key, value}}, 0).threads;
     mechanism_ = build(model_, threads);
+    if (!mechanism_->impacts.empty() && mechanism_->system.multiplier_pattern() != nullptr)
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("{}: law = \"impulse\" does not go with forces that depend on reactions (friction in "
+                              "joints): there are no impulses of friction yet",
+                              mechanism_->impacts.front()->name()));
     const Sizes sizes = mechanism_->system.sizes();
     // Dense LU of 60 unknowns takes as long as the bookkeeping of a sparse one; who names a device means it.
     constexpr Index kLargestDense = 60;

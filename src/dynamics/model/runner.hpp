@@ -80,6 +80,7 @@ class Runner {
   void expect_motion(const char* call) const;
   // What events do (runner_events.cpp)
   void happen();
+  void act_on_events();
   struct Change {
     bool any = false, joints = false, joints_on = false;
   };
@@ -87,6 +88,7 @@ class Runner {
   void begin_joint(const std::string& name);
   void begin_anew(const EventSpec& event, const Change& change);
   void take_up_switches();
+  void meet_impacts();                           ///< runner_impacts.cpp
   [[nodiscard]] bool reached(double end) const;  ///< that time, or the number of steps asked for
   void choose(const std::string& request, const Place& place);
   void note_steps();  ///< divided ones, those at rounding, unsymmetric matrices, as notices of the summary
@@ -107,7 +109,9 @@ class Runner {
   std::unique_ptr<RedundancyGuard> guard_;
   std::unique_ptr<Integrator> integrator_;
   std::unique_ptr<EventWatch> events_;
-  bool stopped_ = false;  // by an event
+  bool stopped_ = false;    // by an event
+  double impact_time_ = 0;  // of the last impact
+  long impacts_there_ = 0;  // hardly apart in time from each other
   std::unique_ptr<RunFiles> files_;
   std::vector<Quantity> quantities_;
   SimulationSeries series_;

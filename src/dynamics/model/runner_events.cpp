@@ -9,9 +9,14 @@
 
 namespace espalier::dynamics::model {
 
-// One thing may lead to the next at the same time; what has no end is an error.
+// One thing may lead to the next at the same time; what has no end is an error. What strikes then is an impact.
 void Runner::happen() {
   if (events_->empty()) return;
+  act_on_events();
+  if (events_->strikes(current().view())) meet_impacts();
+}
+
+void Runner::act_on_events() {
   constexpr int kMostRounds = 100;
   for (int round = 0; round < kMostRounds; ++round) {
     const std::vector<std::size_t> events = events_->happening(current().view());

@@ -56,10 +56,11 @@ class SensitivityRun {
                   fmt::format("sensitivities do not pass events yet, and the model has {}", model.events.size()));
     // What these remember from step to step is no part of the equations that are differentiated.
     for (const dynamics::model::ContactSpec& c : model.contacts)
-      if (c.law.friction > 0 || c.law.restitution < 1 || c.penetration > 0)
+      if (c.law.friction > 0 || c.law.impulse || c.law.restitution < 1 || c.penetration > 0)
         dynamics::model::fail(c.place,
                               fmt::format("sensitivities do not pass contacts with {} yet",
                                           c.law.friction > 0      ? "friction"
+                                          : c.law.impulse         ? "impulses (the penalty works)"
                                           : c.law.restitution < 1 ? "restitution (damping works)"
                                                                   : "a chosen penetration (stiffness alone works)"));
     statics_ = model.statics.has_value();
