@@ -73,7 +73,7 @@ class RigidContact final : public Contact {
   void place_shapes();
   [[nodiscard]] std::vector<Pair> near_pairs(double margin);
   void search();
-  /// All touches with gaps below zero, in the order of pairs. @pre move_to()
+  /// All touches with gaps below zero, in the order of pairs; found once for each state and memory. @pre move_to()
   const std::vector<Active>& find_active();
   [[nodiscard]] const Memory* memory_of(const Pair& pair, const Touch& touch, std::vector<char>& taken) const;
   [[nodiscard]] double first_damping(const Pair& pair, const Touch& touch) const;
@@ -98,6 +98,8 @@ class RigidContact final : public Contact {
   std::vector<Box> widened_;             // when pairs_ was made; empty: never
   std::vector<Pair> pairs_;
   std::vector<Active> active_touches_;
+  bool found_active_ = false;              // at the state that follows, with the present memory
+  std::vector<double> moved_q_, moved_v_;  // of the last move_to()
   std::vector<Touch> found_;
   // Pattern: for each pair of bodies (row, column), where its rows begin in each of its columns of W (3 or 6 of each)
   std::vector<std::array<Index, 2>> pattern_;  // pairs of bodies, sorted
