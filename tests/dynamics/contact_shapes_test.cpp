@@ -4,9 +4,11 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <random>
 
 #include "contact_common.hpp"
 #include "dynamics/contact/narrow.hpp"
+#include "dynamics/contact/sprocket.hpp"
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
@@ -205,6 +207,28 @@ TEST(ContactShapes, TreeFindsWhatPairsFind) {
       }
     }
   }
+}
+
+// Truth: all of the surface within reach, of which the first one is the nearest.
+TEST(ContactShapes, TheNearestIsTheFirstOfAll) {
+  const auto box = box_of_triangles({0.5, 0.4, 0.6});
+  const TriangleSurface sprocket = sprocket_surface({12, 0.3, 0.1, 0.2, 0.35});
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> any(-1, 1);
+  int found = 0;
+  for (const TriangleSurface* surface : {box.get(), &sprocket})
+    for (int k = 0; k < 2000; ++k) {
+      const Vec3 x(any(random), any(random), 0.5 * any(random));
+      std::vector<TriangleSurface::Near> all, nearest;
+      surface->near(x, 0.3, false, all);
+      surface->near(x, 0.3, true, nearest);
+      ASSERT_EQ(nearest.size(), std::min<std::size_t>(all.size(), 1)) << x.transpose();
+      if (all.empty()) continue;
+      ++found;
+      // Two at the same distance but for rounding are both right.
+      EXPECT_NEAR(std::abs(nearest[0].distance), std::abs(all[0].distance), 1e-14) << x.transpose();
+    }
+  EXPECT_GT(found, 1000);
 }
 
 TEST(ContactShapes, SurfacesThatAreNone) {

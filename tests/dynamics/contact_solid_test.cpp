@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 
 #include "built_model.hpp"
 #include "dynamics/contact/solid_contact.hpp"
@@ -249,6 +250,44 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& instance) { return instance.param.name; });
 
 // ---- Augmented Lagrangian
+
+// What the cheap test throws away is nowhere over the face; and a projection that begins elsewhere ends at the same
+// place. Truth: the projection from the middle.
+TEST(ContactSolids, PointsOverAFaceAreNotThrownAway) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> any(-1, 1);
+  constexpr double kBelow = 0.2, kAbove = 0.1;
+  int over = 0, thrown = 0;
+  for (const auto& [type, places] : std::vector<std::pair<ElementType, std::vector<std::array<double, 2>>>>{
+           {ElementType::tri3, {{0, 0}, {1, 0}, {0, 1}}},
+           {ElementType::quad4, {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}}},
+           {ElementType::tri6, {{0, 0}, {1, 0}, {0, 1}, {0.5, 0}, {0.5, 0.5}, {0, 0.5}}},
+           {ElementType::quad8, {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}, {0, -1}, {1, 0}, {0, 1}, {-1, 0}}}})
+    for (int k = 0; k < 2000; ++k) {
+      contact::SurfaceFace face;
+      face.type = type;
+      for (const auto& [a, b] : places) {
+        face.places.push_back(0);
+        face.x.emplace_back(a + 0.05 * any(random), b + 0.05 * any(random), 0.15 * any(random));
+      }
+      const contact::Vec3 x(2.5 * any(random), 2.5 * any(random), 0.6 * any(random));
+      const contact::FaceProjection p = project_on_face(face, x);
+      const bool kept = may_be_over(face, x, kBelow, kAbove);
+      thrown += kept ? 0 : 1;
+      if (p.outside > 0.02) continue;
+      const std::array<double, 2> near = {p.xi[0] + 0.05 * any(random), p.xi[1] + 0.05 * any(random)};
+      const contact::FaceProjection again = project_on_face(face, x, &near);
+      EXPECT_NEAR(again.xi[0], p.xi[0], 1e-11) << k;
+      EXPECT_NEAR(again.xi[1], p.xi[1], 1e-11) << k;
+      const contact::FacePlace there = face_place(face, p.xi.data());
+      const double height = there.normal_area().normalized().dot(x - there.x);
+      if (height < -kBelow || height > kAbove) continue;
+      ++over;
+      EXPECT_TRUE(kept) << static_cast<int>(type) << " " << k;
+    }
+  EXPECT_GT(over, 100);
+  EXPECT_GT(thrown, 2000);
+}
 
 TEST(ContactSolids, ChosenPenetrationIsKept) {
   const PatchCase c{"", "divisions = [2, 2, 1]", "divisions = [3, 3, 1]", 0.3};

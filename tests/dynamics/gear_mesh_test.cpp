@@ -120,6 +120,22 @@ TEST(GearMesh, GearsRollWithoutOverlap) {
     }
 }
 
+// Truth: on a circle about the axis the flank stands back along the tangent of the base circle by the relief at the
+// tip, by nothing up to half of the addendum, and in between by what the tangent's length says.
+TEST(GearMesh, TipReliefTakesFromTheTips) {
+  constexpr double kRelief = 3e-5;
+  GearShape shape = gear_of(20, 20);
+  const ToothProfile whole(shape);
+  shape.tip_relief = kRelief;
+  const ToothProfile relieved(shape);
+  const double base = whole.base_radius(), tip = whole.tip_radius(), from = whole.pitch_radius() + 0.5 * shape.module;
+  const auto tangent = [&](double r) { return std::sqrt(r * r - base * base); };
+  for (const double r : {whole.pitch_radius(), from, 0.3 * from + 0.7 * tip, tip - 1e-12}) {
+    const double share = (tangent(r) - tangent(from)) / (tangent(tip) - tangent(from));
+    EXPECT_NEAR((half_angle(whole, r) - half_angle(relieved, r)) * base, kRelief * std::max(0.0, share), 1e-11) << r;
+  }
+}
+
 // Truth: the area inside the profile, 1/2 of the integral of r^2 over the angle, from 2,000 points.
 TEST(GearMesh, VolumeIsThatOfTheProfile) {
   const GearShape shape = gear_of(24, 20);
@@ -167,6 +183,11 @@ TEST(GearMesh, ImpossibleTeethAreRefused) {
   EXPECT_NE(message_of(gear_of(17, 20)).find("undercut at this pressure angle; take 18 or more"), std::string::npos);
   EXPECT_NE(message_of(gear_of(20, 31)).find("between 14 and 30 degrees"), std::string::npos);
   EXPECT_NE(message_of(gear_of(20, 20, 3e-3)).find("pointed"), std::string::npos);
+  GearShape relieved = gear_of(20, 20);
+  relieved.tip_relief = 1e-3;
+  EXPECT_NE(message_of(relieved).find("pointed"), std::string::npos);
+  relieved.tip_relief = -1e-6;
+  EXPECT_NE(message_of(relieved).find("no negative backlash or tip relief"), std::string::npos);
   GearShape bore = gear_of(20, 20);
   bore.bore_radius = 0.016;
   EXPECT_NE(message_of(bore).find("the bore's radius must stay below"), std::string::npos);

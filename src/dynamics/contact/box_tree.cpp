@@ -1,7 +1,6 @@
 #include "dynamics/contact/box_tree.hpp"
 
 #include <algorithm>
-#include <array>
 #include <numeric>
 
 namespace espalier::dynamics::contact {
@@ -59,23 +58,6 @@ void BoxTree::refit(std::span<const Box> boxes) {
     area += node->box.half_area();
   }
   if (area > kGrown * area_) build(boxes);
-}
-
-void BoxTree::query(const Box& box, const std::function<void(Index)>& found) const {
-  if (nodes_.empty()) return;
-  std::array<Index, 128> stack{};  // the depth is at most 32
-  std::size_t top = 0;
-  stack[top++] = 0;
-  while (top > 0) {
-    const Node& node = nodes_[static_cast<std::size_t>(stack[--top])];
-    if (!node.box.meets(box)) continue;
-    if (node.leaf()) {
-      found(node.left);
-    } else {
-      stack[top++] = node.right;
-      stack[top++] = node.left;
-    }
-  }
 }
 
 }  // namespace espalier::dynamics::contact

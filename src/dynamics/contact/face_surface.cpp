@@ -83,25 +83,60 @@ FacePlace face_place(const SurfaceFace& face, const std::vector<Vec3>& nodes, co
 
 // Slopes are polynomials of degree two at most in each direction, so central differences of step 1/2 are exact.
 std::array<Vec3, 3> face_bends(const SurfaceFace& face, const double* xi) {
-  const auto tangent = [&](double d1, double d2, std::size_t d) {
+  const auto tangents = [&](double d1, double d2) {
     const double at[2] = {xi[0] + d1, xi[1] + d2};
-    return face_place(face, at).tangent[d];
+    if (face.is_line()) return face_place(face, at).tangent;
+    std::array<double, 2 * kMostFaceNodes> slopes{};
+    shape_gradients(face.type, at, slopes.data());
+    std::array<Vec3, 2> t = {Vec3::Zero(), Vec3::Zero()};
+    const std::size_t n = face.x.size();
+    for (std::size_t a = 0; a < n; ++a)
+      for (std::size_t d = 0; d < 2; ++d) t[d] += slopes[d * n + a] * face.x[a];
+    return t;
   };
   constexpr double kHalf = 0.5;
-  if (face.is_line()) return {tangent(kHalf, 0, 0) - tangent(-kHalf, 0, 0), Vec3::Zero(), Vec3::Zero()};
-  return {tangent(kHalf, 0, 0) - tangent(-kHalf, 0, 0), tangent(0, kHalf, 0) - tangent(0, -kHalf, 0),
-          tangent(0, kHalf, 1) - tangent(0, -kHalf, 1)};
+  const auto ahead = tangents(kHalf, 0), behind = tangents(-kHalf, 0);
+  if (face.is_line()) return {ahead[0] - behind[0], Vec3::Zero(), Vec3::Zero()};
+  const auto left = tangents(0, kHalf), right = tangents(0, -kHalf);
+  return {ahead[0] - behind[0], ahead[1] - behind[1], left[1] - right[1]};
 }
 
-// Newton for tangent_a . (x - x(xi)) = 0.
-FaceProjection project_on_face(const SurfaceFace& face, const Vec3& x) {
+// Spheres and slabs: around the mean of the nodes, and along the normal there. Shape functions of quadratic faces add
+// up to less than twice the largest height of a node, also a tenth beyond the sides.
+bool may_be_over(const SurfaceFace& face, const Vec3& x, double below, double above) {
+  if (face.is_line()) return true;
+  Vec3 middle = Vec3::Zero();
+  for (const Vec3& node : face.x) middle += node;
+  middle /= static_cast<double>(face.x.size());
+  double square = 0;
+  for (const Vec3& node : face.x) square = std::max(square, (node - middle).squaredNorm());
+  const Vec3 to = x - middle;
+  constexpr double kBeyond = 2;
+  const double around = kBeyond * std::sqrt(square) + std::max(below, above);
+  if (to.squaredNorm() > around * around) return false;
+  const Vec3 normal = face.is_triangle() ? Vec3((face.x[1] - face.x[0]).cross(face.x[2] - face.x[0]))
+                                         : Vec3((face.x[2] - face.x[0]).cross(face.x[3] - face.x[1]));
+  const double length = normal.norm();
+  double bulge = 0;
+  for (const Vec3& node : face.x) bulge = std::max(bulge, std::abs(normal.dot(node - middle)));
+  const double height = normal.dot(to);
+  return height <= kBeyond * bulge + above * length && height >= -kBeyond * bulge - below * length;
+}
+
+// Newton for tangent_a . (x - x(xi)) = 0; second derivatives are those of a place nearby.
+FaceProjection project_on_face(const SurfaceFace& face, const Vec3& x, const std::array<double, 2>* near) {
   constexpr int kMostPasses = 30;
-  constexpr double kClose = 1e-15, kFar = 10;
+  constexpr double kClose = 1e-15, kFar = 10, kNearby = 1e-2;
   if (face.is_line()) return project_on_line(face, x);
   FaceProjection p;
   const bool triangle = face.is_triangle();
-  if (triangle) p.xi = {1.0 / 3, 1.0 / 3};
+  if (near != nullptr)
+    p.xi = *near;
+  else if (triangle)
+    p.xi = {1.0 / 3, 1.0 / 3};
   bool converged = false;
+  double moved = 1;
+  std::array<Vec3, 3> bends = {Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};
   for (int pass = 0; pass < kMostPasses && !converged; ++pass) {
     const FacePlace at = face_place(face, p.xi.data());
     const Vec3 d = x - at.x;
@@ -111,7 +146,7 @@ FaceProjection project_on_face(const SurfaceFace& face, const Vec3& x) {
         at.tangent[1].squaredNorm();
     Eigen::Matrix2d k = metric;
     if (face.type != ElementType::tri3) {
-      const auto bends = face_bends(face, p.xi.data());
+      if (moved > kNearby) bends = face_bends(face, p.xi.data());
       k(0, 0) -= bends[0].dot(d);
       k(0, 1) -= bends[1].dot(d);
       k(1, 0) -= bends[1].dot(d);
@@ -122,7 +157,8 @@ FaceProjection project_on_face(const SurfaceFace& face, const Vec3& x) {
     p.xi[0] += step[0];
     p.xi[1] += step[1];
     if (!(std::abs(p.xi[0]) < kFar && std::abs(p.xi[1]) < kFar)) return p;
-    converged = step.cwiseAbs().maxCoeff() < kClose || (pass > 6 && step.cwiseAbs().maxCoeff() < 1e-12);
+    moved = step.cwiseAbs().maxCoeff();
+    converged = moved < kClose || (pass > 6 && moved < 1e-12);
   }
   if (!converged) return p;
   const double beyond = triangle ? std::max({-p.xi[0], -p.xi[1], p.xi[0] + p.xi[1] - 1})

@@ -67,7 +67,12 @@ struct FaceProjection {
   std::array<double, 2> xi{};
   double outside = 1e300;  ///< how far beyond the sides of the face, in xi; 0 on it, 1e300: there is none
 };
-[[nodiscard]] FaceProjection project_on_face(const SurfaceFace& face, const Vec3& x);
+/// @param near  a place to begin with, say where it was before; null: the middle
+[[nodiscard]] FaceProjection project_on_face(const SurfaceFace& face, const Vec3& x,
+                                             const std::array<double, 2>* near = nullptr);
+/// False where x is certainly not over a face, or its continuation by a tenth of it, at a height in [-below, above].
+/// Cheap beside the projection. Lines: always true.
+[[nodiscard]] bool may_be_over(const SurfaceFace& face, const Vec3& x, double below, double above);
 
 /// Which sides of a shell touch; the directors point to `top`.
 enum class ShellSides { both, top, bottom };

@@ -20,21 +20,38 @@ const T* shape_if(const PlacedShape& placed) {
 std::size_t index_of(Index i) { return static_cast<std::size_t>(i); }
 
 Vec3 rim_point(const CylinderShape& c, int k) {
-  const int step = k / 2;  // two points at each
-  const double turn = 2 * std::numbers::pi * step / kRimPoints;
-  return {c.radius * std::cos(turn), c.radius * std::sin(turn), k % 2 == 0 ? -c.half_length : c.half_length};
+  static const auto kCircle = [] {
+    std::array<std::array<double, 2>, kRimPoints> circle{};
+    for (int step = 0; step < kRimPoints; ++step) {
+      const double turn = 2 * std::numbers::pi * step / kRimPoints;
+      circle[index_of(step)] = {std::cos(turn), std::sin(turn)};
+    }
+    return circle;
+  }();
+  const auto& [x, y] = kCircle[index_of(k / 2)];  // two points at each
+  return {c.radius * x, c.radius * y, k % 2 == 0 ? -c.half_length : c.half_length};
 }
 
 Vec3 box_corner(const Vec3& half, int k) {
   return {(k & 1) != 0 ? half[0] : -half[0], (k & 2) != 0 ? half[1] : -half[1], (k & 4) != 0 ? half[2] : -half[2]};
 }
 
-Box in_own_axes(const PlacedShape& shape, const Box& within) {
-  Box own;
-  for (int k = 0; k < 8; ++k)
-    own.add(shape.to_own({(k & 1) != 0 ? within.high[0] : within.low[0], (k & 2) != 0 ? within.high[1] : within.low[1],
-                          (k & 4) != 0 ? within.high[2] : within.low[2]}));
-  return own;
+/// What lies within `reach` of `other`, in the axes of `shape`.
+Vicinity vicinity_of(const PlacedShape& shape, const PlacedShape& other, double reach) {
+  constexpr double kRounding = 1e-9;
+  Vicinity v;
+  const PlacedShape own{other.shape, shape.to_own(other.origin), shape.axes.transpose() * other.axes};
+  v.box = box_around(own);
+  v.box.widen(reach);
+  v.origin = own.origin;
+  const auto round = [&](double radius, const Vec3& axis) {
+    v.radius = (radius + reach) * (1 + kRounding);
+    v.axis = axis;
+  };
+  if (const auto* s = shape_if<SphereShape>(other)) round(s->radius, Vec3::Zero());
+  if (const auto* c = shape_if<CapsuleShape>(other)) round(c->radius, own.z());
+  if (const auto* c = shape_if<CylinderShape>(other)) round(c->radius, own.z());
+  return v;
 }
 
 /// The lowest points of the rims over a plane, or points of the rims where the cylinder stands on one of them.
@@ -97,11 +114,7 @@ void touch_edges(const EdgeLine& a, const EdgeLine& b, double reach, double dept
 /// to the other way round.
 void touch_corners(const PlacedShape& shape, const PlacedShape& other, double reach, bool flipped, bool skip_points,
                    std::vector<Touch>& out) {
-  Box within;
-  if (shape_if<PlaneShape>(shape) == nullptr) {
-    within = box_around(shape);
-    within.widen(reach);
-  }
+  const Vicinity within = shape_if<PlaneShape>(shape) == nullptr ? vicinity_of(other, shape, reach) : Vicinity{};
   for (const Corner& corner : corners_of(other, within)) {
     const std::size_t first = out.size();
     touch_corner(shape, corner, reach, out);
@@ -117,13 +130,10 @@ void touch_corners(const PlacedShape& shape, const PlacedShape& other, double re
 }
 
 void touch_all_edges(const PlacedShape& a, const PlacedShape& b, double reach, std::vector<Touch>& out) {
-  Box common_a = box_around(b), common_b = box_around(a);
-  common_a.widen(reach);
-  common_b.widen(reach);
-  const std::vector<EdgeLine> of_a = edges_of(a, common_a);
+  const std::vector<EdgeLine> of_a = edges_of(a, vicinity_of(a, b, reach));
   if (of_a.empty()) return;
   const double depth = 0.5 * std::min(least_extent(*a.shape), least_extent(*b.shape));
-  const std::vector<EdgeLine> of_b = edges_of(b, common_b);
+  const std::vector<EdgeLine> of_b = edges_of(b, vicinity_of(b, a, reach));
   for (const EdgeLine& one : of_a)
     for (const EdgeLine& other : of_b) touch_edges(one, other, reach, depth, out);
 }
@@ -171,7 +181,22 @@ void touch_plane(const PlacedShape& plane, const PlacedShape& other, double reac
 
 }  // namespace
 
-std::vector<Corner> corners_of(const PlacedShape& p, const Box& within) {
+bool Vicinity::holds(const Vec3& x) const {
+  const Vec3 w = x - origin;
+  const double along = axis.dot(w);
+  return !(w.squaredNorm() - along * along > radius * radius);
+}
+
+bool Vicinity::meets_segment(const Vec3& a, const Vec3& b) const {
+  if (axis.isZero(0)) return true;
+  constexpr double kParallelEnough = 0.99 * kParallel;
+  const Vec3 along = b - a, normal = along.cross(axis);
+  const double square = normal.squaredNorm(), distance = normal.dot(origin - a);
+  if (square < kParallelEnough * kParallelEnough * along.squaredNorm()) return false;
+  return !(distance * distance > radius * radius * square);
+}
+
+std::vector<Corner> corners_of(const PlacedShape& p, const Vicinity& within) {
   std::vector<Corner> corners;
   const auto add = [&](Index id, const Vec3& own, double radius) { corners.push_back({id, p.to_global(own), radius}); };
   if (const auto* s = shape_if<SphereShape>(p)) add(0, Vec3::Zero(), s->radius);
@@ -183,17 +208,19 @@ std::vector<Corner> corners_of(const PlacedShape& p, const Box& within) {
     for (int k = 0; k < 8; ++k) add(k, box_corner(b->half, k), 0);
   if (const auto* m = shape_if<MeshShape>(p)) {
     const auto& points = m->surface->points();
-    if (!(within.low.array() <= within.high.array()).all()) {  // everywhere
+    if (!(within.box.low.array() <= within.box.high.array()).all()) {  // everywhere
       for (std::size_t k = 0; k < points.size(); ++k) add(static_cast<Index>(k), points[k], 0);
     } else {
-      m->surface->point_tree().query(in_own_axes(p, within), [&](Index k) { add(k, points[index_of(k)], 0); });
+      m->surface->point_tree().query(within.box, [&](Index k) {
+        if (within.holds(points[index_of(k)])) add(k, points[index_of(k)], 0);
+      });
       std::sort(corners.begin(), corners.end(), [](const Corner& x, const Corner& y) { return x.id < y.id; });
     }
   }
   return corners;
 }
 
-std::vector<EdgeLine> edges_of(const PlacedShape& p, const Box& within) {
+std::vector<EdgeLine> edges_of(const PlacedShape& p, const Vicinity& within) {
   std::vector<EdgeLine> edges;
   if (const auto* c = shape_if<CapsuleShape>(p)) edges.push_back({0, p.origin, p.z(), c->half_length, c->radius});
   if (const auto* c = shape_if<CylinderShape>(p)) edges.push_back({0, p.origin, p.z(), c->half_length, c->radius});
@@ -212,7 +239,10 @@ std::vector<EdgeLine> edges_of(const PlacedShape& p, const Box& within) {
   if (const auto* m = shape_if<MeshShape>(p)) {
     const TriangleSurface& s = *m->surface;
     std::vector<Index> found;
-    s.edge_tree().query(in_own_axes(p, within), [&](Index k) { found.push_back(k); });
+    s.edge_tree().query(within.box, [&](Index k) {
+      const auto& e = s.edges()[index_of(s.ridges()[index_of(k)])];
+      if (within.meets_segment(s.points()[index_of(e.a)], s.points()[index_of(e.b)])) found.push_back(k);
+    });
     std::sort(found.begin(), found.end());
     for (const Index k : found) {
       const auto& e = s.edges()[index_of(s.ridges()[index_of(k)])];

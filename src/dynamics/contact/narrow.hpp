@@ -21,9 +21,21 @@ struct EdgeLine {
   Vec3 left = Vec3::Zero(), right = Vec3::Zero();  ///< (left x right) . along > 0; zero where the edge is round
 };
 
-/// Corners (edges) of a shape within a box in global axes; all where it has few. Cylinders: points on the rims.
-[[nodiscard]] std::vector<Corner> corners_of(const PlacedShape& shape, const Box& within);
-[[nodiscard]] std::vector<EdgeLine> edges_of(const PlacedShape& shape, const Box& within);
+/// What of a shape may touch another one, in the axes of the first: a box and, where the other one is round, the
+/// distance from its axis.
+struct Vicinity {
+  Box box;  ///< empty: everywhere
+  Vec3 origin = Vec3::Zero(), axis = Vec3::Zero();
+  double radius = std::numeric_limits<double>::infinity();  ///< around the line through the origin along the axis; a
+                                                            ///< sphere has no axis
+  [[nodiscard]] bool holds(const Vec3& x) const;
+  /// Whether a segment from a to b may reach the axis, at an angle at which edges touch.
+  [[nodiscard]] bool meets_segment(const Vec3& a, const Vec3& b) const;
+};
+
+/// Corners (edges) of a shape that its vicinity holds; all where it has few. Cylinders: points on the rims.
+[[nodiscard]] std::vector<Corner> corners_of(const PlacedShape& shape, const Vicinity& within);
+[[nodiscard]] std::vector<EdgeLine> edges_of(const PlacedShape& shape, const Vicinity& within);
 
 /// Adds what of `shape` lies next to the corner of another one, with gaps below `reach`; the corner is `second`.
 void touch_corner(const PlacedShape& shape, const Corner& corner, double reach, std::vector<Touch>& out);

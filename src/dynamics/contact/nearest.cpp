@@ -64,7 +64,10 @@ class CornerTouches {
     near.clear();
     const TriangleSurface& s = *m.surface;
     const bool sharp = corner_.alone || corner_.radius == 0;
-    s.near(own_, std::max(reach_ + corner_.radius, sharp ? s.depth() : 0), sharp, near);
+    const double within = reach_ + corner_.radius;
+    // What is outside of all of a closed surface is not below its faces.
+    if (sharp && s.closed() && !(s.tree().all().distance_squared(own_) <= within * within)) return;
+    s.near(own_, std::max(within, sharp ? s.depth() : 0), sharp, near);
     for (const TriangleSurface::Near& n : near) {
       using Kind = TriangleSurface::Near::Kind;
       if (n.kind == Kind::face && n.distance > -s.depth()) {

@@ -16,6 +16,8 @@ double chosen_margin(const std::vector<RigidSurface>& surfaces) {
   return std::isfinite(least) ? 0.1 * least : 1.0;
 }
 
+bool same(ConstSpan a, const std::vector<double>& b) { return std::equal(a.begin(), a.end(), b.begin(), b.end()); }
+
 /// Whether forces along its normals have no moment about the centre of mass.
 bool is_central(const RigidSurface& s) { return std::holds_alternative<SphereShape>(s.shape) && s.point.isZero(0); }
 
@@ -70,6 +72,9 @@ BodyMotion RigidContact::motion_of(Index body, ConstSpan q, ConstSpan v) const {
 }
 
 void RigidContact::move_to(ConstSpan q, ConstSpan v) {
+  if (!widened_.empty() && same(q, moved_q_) && same(v, moved_v_)) return;
+  found_active_ = false;
+  moved_q_.clear();  // until all is in its place
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     motion_[b] = motion_of(static_cast<Index>(b), q, v);
     if (!motion_[b].origin.allFinite() || !motion_[b].axes.allFinite())
@@ -82,6 +87,8 @@ void RigidContact::move_to(ConstSpan q, ConstSpan v) {
   moved = moved ||
           std::any_of(planes_.begin(), planes_.end(), [this](Index i) { return surfaces_[slot(i)].body != nullptr; });
   if (moved) search();
+  moved_q_.assign(q.begin(), q.end());
+  moved_v_.assign(v.begin(), v.end());
 }
 
 void RigidContact::place_shapes() {
@@ -132,7 +139,7 @@ void RigidContact::search() {
 // ---- Pattern
 
 bool RigidContact::update_pattern(ConstSpan q) {
-  move_to(q, {});
+  if (!same(q, moved_q_)) move_to(q, {});
   const auto bodies_of = [this](const Pair& pair) {
     const std::array<Index, 2> bodies = {body_of(pair[0]), body_of(pair[1])};
     return std::array{std::min(bodies[0], bodies[1]), std::max(bodies[0], bodies[1])};
@@ -221,12 +228,15 @@ double RigidContact::first_damping(const Pair& pair, const Touch& touch) const {
 }
 
 const std::vector<RigidContact::Active>& RigidContact::find_active() {
+  if (active() && found_active_) return active_touches_;
   find_touching(0);
   if (law_.impulse) std::erase_if(active_touches_, [](const Active& a) { return a.memory == nullptr; });
+  found_active_ = active();
   return active_touches_;
 }
 
 const std::vector<RigidContact::Active>& RigidContact::find_touching(double reach) {
+  found_active_ = false;
   active_touches_.clear();
   if (!active()) return active_touches_;
   std::vector<char> taken(memory_.size(), 0);
@@ -257,6 +267,7 @@ TouchForce RigidContact::force_of(const Active& active, TouchTangent* tangent) c
 void RigidContact::accept(const StateView& s) {
   if (!active()) {
     memory_.clear();
+    found_active_ = false;
     return;
   }
   move_to(s.q, s.v);
@@ -270,6 +281,7 @@ void RigidContact::accept(const StateView& s) {
                     active.memory != nullptr ? active.memory->begin : 0});
   }
   memory_ = std::move(next);
+  found_active_ = false;
   last_q_.assign(s.q.begin(), s.q.end());
   last_v_.assign(s.v.begin(), s.v.end());
 }

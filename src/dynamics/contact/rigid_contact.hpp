@@ -88,7 +88,8 @@ class RigidContact final : public Contact {
   void place_shapes();
   [[nodiscard]] std::vector<Pair> near_pairs(double margin);
   void search();
-  /// All touches with gaps below zero that have a force, in the order of pairs. @pre move_to()
+  /// All touches with gaps below zero that have a force, in the order of pairs; found once for each state and memory.
+  /// @pre move_to()
   const std::vector<Active>& find_active();
   /// All touches with gaps below `reach`, with what they remember. @pre move_to()
   const std::vector<Active>& find_touching(double reach);
@@ -116,6 +117,8 @@ class RigidContact final : public Contact {
   std::vector<Box> widened_;             // when pairs_ was made; empty: never
   std::vector<Pair> pairs_;
   std::vector<Active> active_touches_;
+  bool found_active_ = false;              // at the state that follows, with the present memory
+  std::vector<double> moved_q_, moved_v_;  // of the last move_to()
   std::vector<Touch> found_;
   std::vector<Active> struck_;  // of the last add_impact_points()
   // Pattern: for each pair of bodies (row, column), where its rows begin in each of its columns of W (3 or 6 of each)

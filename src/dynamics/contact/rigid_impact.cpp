@@ -108,6 +108,7 @@ void RigidContact::take_impact(std::span<const ImpactPoint> points) {
   }
   impacts_ += any ? 1 : 0;
   memory_ = std::move(next);
+  found_active_ = false;
   struck_.clear();
 }
 

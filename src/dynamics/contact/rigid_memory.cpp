@@ -34,6 +34,8 @@ void RigidContact::save(std::vector<double>& out) const {
 }
 
 void RigidContact::restore(ConstSpan& in) {
+  found_active_ = false;
+  moved_q_.clear();
   const auto take = [&] {
     if (in.empty()) throw Error(StatusCode::invalid_input, "the saved numbers end within the contact '" + name() + "'");
     const double x = in.front();

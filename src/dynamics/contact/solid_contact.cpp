@@ -173,13 +173,15 @@ std::optional<SolidContact::Acting> SolidContact::act_rigid(std::size_t k, const
 
 // The face that was opposite when the point was made, then whatever is near. Between faces of a curved surface, where a
 // point lies beyond the sides of both by a little, the nearer one goes on.
-std::optional<FaceSpot> SolidContact::spot_opposite(const ContactPoint& point, const FacePlace& at, double reach) {
+std::optional<FaceSpot> SolidContact::spot_opposite(std::size_t k, const FacePlace& at, double reach) {
+  const ContactPoint& point = points_[k];
   constexpr double kOnFace = 1e-8, kBeyond = 0.02;
   const SurfaceFace& own = first_.face(point.spot.face);
   const Vec3 outwards = own.is_line() ? Vec3(Vec3::Zero()) : at.normal_area();
   const auto project = [&](Index f, double& distance) {
     const SurfaceFace& face = second_->face(f);
-    FaceProjection p = project_on_face(face, at.x);
+    if (!may_be_over(face, at.x, face.depth, reach)) return FaceProjection{};
+    FaceProjection p = project_on_face(face, at.x, f == point.opposite ? &made_at_[k] : nullptr);
     if (p.outside > kBeyond) return p;
     const FacePlace there = face_place(face, p.xi.data());
     if (face.is_line()) {
@@ -224,7 +226,7 @@ std::optional<FaceSpot> SolidContact::spot_opposite(const ContactPoint& point, c
 std::optional<SolidContact::Acting> SolidContact::act_solid(std::size_t k, const FacePlace& at) {
   const Memory& memory = memory_[k];
   const SurfaceFace& own = first_.face(points_[k].spot.face);
-  const std::optional<FaceSpot> spot = spot_opposite(points_[k], at, memory.layer + own.radius);
+  const std::optional<FaceSpot> spot = spot_opposite(k, at, memory.layer + own.radius);
   if (!spot) return {};
   const SurfaceFace& other = second_->face(spot->face);
   const FaceTouch touch(at, own.count(), other, spot->xi);
@@ -325,7 +327,7 @@ SolidContact::Memory SolidContact::remembered(const Acting& acting, const FacePl
 bool SolidContact::slid() const {
   constexpr double kFar = 0.01;
   for (std::size_t k = 0; k < points_.size(); ++k) {
-    const auto xi = project_on_face(second_->face(points_[k].opposite), place_of_point(k).x).xi;
+    const auto xi = project_on_face(second_->face(points_[k].opposite), place_of_point(k).x, &made_at_[k]).xi;
     if (std::abs(xi[0] - made_at_[k][0]) > kFar || std::abs(xi[1] - made_at_[k][1]) > kFar) return true;
   }
   return false;

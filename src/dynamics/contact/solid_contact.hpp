@@ -91,7 +91,7 @@ class SolidContact final : public Contact {
   [[nodiscard]] bool one_body() const { return second_ && &first_.body() == &second_->body(); }
   [[nodiscard]] std::optional<Acting> act_rigid(std::size_t k, const FacePlace& at) const;
   [[nodiscard]] std::optional<Acting> act_solid(std::size_t k, const FacePlace& at);
-  [[nodiscard]] std::optional<FaceSpot> spot_opposite(const ContactPoint& point, const FacePlace& at, double reach);
+  [[nodiscard]] std::optional<FaceSpot> spot_opposite(std::size_t k, const FacePlace& at, double reach);
   [[nodiscard]] FacePlace place_of_point(std::size_t k) const;
   [[nodiscard]] Vec3 velocity_of_point(std::size_t k, const FacePlace& at) const;
   /// body(acting, place) for all points that touch.

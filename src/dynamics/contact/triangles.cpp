@@ -134,39 +134,74 @@ void TriangleSurface::make_trees() {
   for (std::size_t p = 0; p < points_.size(); ++p) boxes.push_back(box_of(static_cast<Index>(p)));
   point_tree_.build(boxes);
   const Vec3 extent = tree_.all().high - tree_.all().low;
+  extent_ = extent.maxCoeff();
   constexpr double kThin = 1e-3;  // of an open surface that is flat
-  depth_ = 0.25 * std::max(extent.minCoeff(), kThin * extent.maxCoeff());
+  depth_ = 0.25 * std::max(extent.minCoeff(), kThin * extent_);
+}
+
+void TriangleSurface::add_hit(const Vec3& x, Index triangle, double bound, std::vector<Hit>& hits) const {
+  const auto& corners = triangles_[place_of(triangle)];
+  const OnTriangle on = nearest_on_triangle(x, points_[place_of(corners[0])], points_[place_of(corners[1])],
+                                            points_[place_of(corners[2])]);
+  const double distance = (x - on.point).norm();
+  if (distance > bound) return;
+  using Kind = Near::Kind;
+  const Kind kind = on.where == 6 ? Kind::face : on.where < 3 ? Kind::vertex : Kind::edge;
+  const Index id = kind == Kind::face     ? triangle
+                   : kind == Kind::vertex ? corners[place_of(on.where)]
+                                          : sides_[place_of(triangle)][place_of(on.where - 3)];
+  hits.push_back({kind, id, on.point, distance});
+}
+
+// Edges and corners count where all triangles beside them have found them.
+void TriangleSurface::add_near(const Vec3& x, std::vector<Hit>& hits, std::vector<Near>& out) const {
+  using Kind = Near::Kind;
+  std::stable_sort(hits.begin(), hits.end(),
+                   [](const Hit& a, const Hit& b) { return std::pair(a.kind, a.id) < std::pair(b.kind, b.id); });
+  for (std::size_t k = 0; k < hits.size();) {
+    const Hit& hit = hits[k];
+    std::size_t end = k + 1;
+    while (end < hits.size() && hits[end].kind == hit.kind && hits[end].id == hit.id) ++end;
+    const auto times = static_cast<Index>(end - k);
+    k = end;
+    if (hit.kind == Kind::face) {
+      const double above = normal(hit.id).dot(x - points_[place_of(triangles_[place_of(hit.id)][0])]);
+      out.push_back({hit.kind, hit.id, hit.point, above});
+      continue;
+    }
+    const Index beside = hit.kind == Kind::vertex             ? fans_[place_of(hit.id)]
+                         : edges_[place_of(hit.id)].right < 0 ? 1
+                                                              : 2;
+    if (times == beside) out.push_back({hit.kind, hit.id, hits[end - 1].point, hits[end - 1].distance});
+  }
 }
 
 void TriangleSurface::near(const Vec3& x, double reach, bool only_nearest, std::vector<Near>& out) const {
-  Box around;
-  around.add(x);
-  around.widen(reach);
-  struct Seen {
-    int times = 0;
-    Vec3 point;
-  };
-  std::map<Index, Seen> edges, vertices;
+  thread_local std::vector<Hit> hits;
+  hits.clear();
   const std::size_t first = out.size();
-  tree_.query(around, [&](Index t) {
-    const auto& corners = triangles_[place_of(t)];
-    const Vec3& a = points_[place_of(corners[0])];
-    const OnTriangle on = nearest_on_triangle(x, a, points_[place_of(corners[1])], points_[place_of(corners[2])]);
-    if ((x - on.point).norm() > reach) return;
-    if (on.where == 6) {
-      out.push_back({Near::Kind::face, t, on.point, normal(t).dot(x - a)});
-    } else {
-      Seen& seen =
-          on.where < 3 ? vertices[corners[place_of(on.where)]] : edges[sides_[place_of(t)][place_of(on.where - 3)]];
-      ++seen.times;
-      seen.point = on.point;
-    }
-  });
-  for (const auto& [e, seen] : edges)
-    if (seen.times == (edges_[place_of(e)].right < 0 ? 1 : 2))
-      out.push_back({Near::Kind::edge, e, seen.point, (x - seen.point).norm()});
-  for (const auto& [v, seen] : vertices)
-    if (seen.times == fans_[place_of(v)]) out.push_back({Near::Kind::vertex, v, seen.point, (x - seen.point).norm()});
+  if (only_nearest) {
+    // Triangles that share the nearest edge or corner see it at the same distance but for rounding.
+    constexpr double kRounding = 1e-12;
+    const double slack = kRounding * (x.cwiseAbs().maxCoeff() + extent_);
+    double bound = reach;
+    tree_.nearest(x, bound, [&](Index t) {
+      const std::size_t before = hits.size();
+      add_hit(x, t, bound, hits);
+      if (hits.size() > before) bound = std::min(bound, hits.back().distance + slack);
+    });
+    if (hits.empty()) return;
+    add_near(x, hits, out);
+  }
+  // Where rounding hides the nearest one from one of its triangles, the next one counts.
+  if (out.size() == first) {
+    hits.clear();
+    Box around;
+    around.add(x);
+    around.widen(reach);
+    tree_.query(around, [&](Index t) { add_hit(x, t, reach, hits); });
+    add_near(x, hits, out);
+  }
   const auto begin = out.begin() + static_cast<std::ptrdiff_t>(first);
   std::sort(begin, out.end(), [](const Near& a, const Near& b) {
     const double da = std::abs(a.distance), db = std::abs(b.distance);

@@ -50,8 +50,17 @@ class TriangleSurface {
   void near(const Vec3& x, double reach, bool only_nearest, std::vector<Near>& out) const;
 
  private:
+  /// What a triangle has nearest to a point.
+  struct Hit {
+    Near::Kind kind;
+    Index id;
+    Vec3 point;
+    double distance;
+  };
   void find_edges();
   void make_trees();
+  void add_hit(const Vec3& x, Index triangle, double bound, std::vector<Hit>& hits) const;
+  void add_near(const Vec3& x, std::vector<Hit>& hits, std::vector<Near>& out) const;
 
   std::vector<Vec3> points_, normals_;
   std::vector<std::array<Index, 3>> triangles_;
@@ -60,7 +69,7 @@ class TriangleSurface {
   std::vector<Index> ridges_, fans_;  // fans: triangles at each vertex
   BoxTree tree_, edge_tree_, point_tree_;
   bool closed_ = false;
-  double depth_ = 0;
+  double depth_ = 0, extent_ = 0;  // extent: the largest
 };
 
 /// Reads .stl (text or binary), .obj (v and f; polygons are cut into triangles), or the outer faces of a mesh file that

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "dynamics/integrators/newton_limits.hpp"
 
@@ -51,6 +52,7 @@ void GeneralizedAlpha::start(const State& state) {
   equations_.system().accept(state.view());
   factor_c_q_ = 0;
   fresh_left_ = 0;
+  search_ = false;
   halvings_ = steps_at_length_ = 0;
   drifted_ = h_before_ = fitted_ = local_error_ = floor_ = force_floor_ = 0;
   jerk_known_ = plain_start_ = false;
@@ -123,16 +125,16 @@ void GeneralizedAlpha::begin_factor(bool renew) {
   } else if (rate_poor_ || fresh_left_ > 0) {
     factorize(counts_.refactor_rate);
   }
+  if (!renew && fresh_left_ == 0) search_ = false;
   fresh_left_ = std::max(fresh_left_ - 1, 0);
   began_fresh_ = fresh_;
 }
 
-// After a failed attempt: a new factor, and if there was one, half the step.
+// After a failed attempt: a new factor, and a search where it is chosen; if there were both, half the step.
 void GeneralizedAlpha::give_way() {
-  if (!began_fresh_) {
-    fresh_left_ = kFreshSteps;
-    return;
-  }
+  if (!began_fresh_) fresh_left_ = kFreshSteps;
+  const bool searched = !options_.search || std::exchange(search_, true);
+  if (!began_fresh_ || (!searched && failure_.ok())) return;
   if (halvings_ == kMostHalvings) {
     if (!failure_.ok()) throw Error(failure_);
     throw Error(StatusCode::accuracy_not_reached,

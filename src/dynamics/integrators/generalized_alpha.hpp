@@ -20,6 +20,9 @@ struct AlphaOptions {
   double constraint_tolerance = 1e-10;  ///< of Phi
   int max_newton = 15;
   double refactor_rate = 0.25;  ///< a slower convergence rate asks for a new factor at the next step
+  /// Where Newton has failed, its changes are halved as long as forces grow: for contact and friction, whose laws have
+  /// corners. Without corners a step in which Newton fails is too long as a rule, and shorter ones are more exact.
+  bool search = false;
 };
 
 /// Chung and Hulbert 1993, on Lie groups and for constraints as Arnold and Bruels 2007, Bruels, Cardona, Arnold 2012:
@@ -46,8 +49,8 @@ class GeneralizedAlpha final : public Integrator {
   GeneralizedAlpha(Equations& equations, const AlphaOptions& options);
 
   void start(const State& state) override;
-  /// A step in which Newton fails with a new factor is halved, again and again if need be; after some short steps the
-  /// double length is tried. IntegratorCounts::divisions counts it.
+  /// A step in which Newton fails with a new factor (and the search of the options, if chosen) is halved, again and
+  /// again if need be; after some short steps the double length is tried. IntegratorCounts::divisions counts it.
   StepReport step(double t_limit) override;
   [[nodiscard]] const State& state() const override { return state_; }
   [[nodiscard]] std::unique_ptr<Integrator> clone() const override;
@@ -84,7 +87,8 @@ class GeneralizedAlpha final : public Integrator {
   void drift(double t);  ///< to there, with the acceleration that is known
   // Newton's iteration (alpha_newton.cpp)
   Outcome solve(StepReport& report);
-  Change iterate(StepReport& report);
+  Change iterate(StepReport& report, double before);
+  double search_back(double before);
   [[nodiscard]] double scaled_norm(ConstSpan a, ConstSpan lambda) const;
   [[nodiscard]] double scaled_force(ConstSpan f) const;
   [[nodiscard]] double local_error() const;
@@ -111,6 +115,7 @@ class GeneralizedAlpha final : public Integrator {
   int halvings_ = 0;          // of the step size, at present
   int steps_at_length_ = 0;   // accepted since the last change of halvings_
   int fresh_left_ = 0;        // steps that renew the factor, see kFreshSteps
+  bool search_ = false;       // Newton failed lately: changes are searched along
   double rate_ = 0.5;
   double local_error_ = 0;  // of the step before, scaled
   double floor_ = 0;        // c_q times the change at which Newton stood still with a new factor; 0: not met
@@ -127,6 +132,7 @@ class GeneralizedAlpha final : public Integrator {
   std::vector<double> a_step_;                    // v' of the trial state, in the axes of q_n as all but the state is
   std::vector<double> a_before_, lambda_before_;  // at the beginning of the step before
   std::vector<double> delta_, weight_, f_, rhs_, work_;
+  std::vector<double> change_;                        // the last one of a and lambda, n + m, for a search
   mutable std::vector<double> second_;                // second differences, n + m
   mutable std::vector<double> minus_delta_, turned_;  // of carry()
 };

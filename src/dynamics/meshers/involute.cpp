@@ -11,9 +11,10 @@ namespace espalier::dynamics {
 
 ToothProfile::ToothProfile(const GearShape& s) : pressure_angle_(s.pressure_angle) {
   constexpr double pi = std::numbers::pi, kDegree = pi / 180;
-  if (s.teeth < 6 || !(s.module > 0) || !(s.width > 0) || !(s.bore_radius > 0) || !(s.backlash >= 0))
+  if (s.teeth < 6 || !(s.module > 0) || !(s.width > 0) || !(s.bore_radius > 0) || !(s.backlash >= 0) ||
+      !(s.tip_relief >= 0))
     throw std::invalid_argument(
-        "spur gear: need at least 6 teeth, module, width and bore above 0 and no negative backlash");
+        "spur gear: need at least 6 teeth, module, width and bore above 0 and no negative backlash or tip relief");
   if (!(s.pressure_angle >= 14 * kDegree && s.pressure_angle <= 30 * kDegree))
     throw std::invalid_argument(
         fmt::format("spur gear: the pressure angle must lie between 14 and 30 degrees (0.2443 and 0.5236 radians), not "
@@ -35,6 +36,9 @@ ToothProfile::ToothProfile(const GearShape& s) : pressure_angle_(s.pressure_angl
   corner_y_ = rounding_ - kRackDedendum * m;
   roll_begin_ = (pitch_ * sine - straight_ / sine) / base_;
   roll_end_ = std::sqrt(tip_ * tip_ - base_ * base_) / base_;
+  const double relieved = pitch_ + 0.5 * kRackAddendum * m;
+  relief_ = s.tip_relief;
+  relief_begin_ = std::sqrt(relieved * relieved - base_ * base_) / base_;
   if (roll_begin_ < 0)
     throw std::invalid_argument(
         fmt::format("spur gear: {} teeth are undercut at this pressure angle; take {} or more, or a larger angle",
@@ -45,8 +49,7 @@ ToothProfile::ToothProfile(const GearShape& s) : pressure_angle_(s.pressure_angl
   if (const double half = involute(1)[1] * tip_; !(half > 0.05 * m))
     throw std::invalid_argument(
         fmt::format("spur gear: the teeth are pointed ({:.3g} thick at the tip; at least a tenth of the module is "
-                    "needed); take less "
-                    "backlash, more teeth or a smaller pressure angle",
+                    "needed); take less backlash or tip relief, more teeth or a smaller pressure angle",
                     2 * half));
 }
 
@@ -61,13 +64,16 @@ double ToothProfile::involute_length() const {
 
 // P = t (cos a, sin a) on the line of action, t from the pitch point; the flank of the rack is there when it has moved
 // by t / cos a - x on the pitch line. A chord over the rolled angles p to p + d is base p d^2 / 8 away from the
-// involute, whose radius of curvature is base p: equal steps of p^(3/2) make that equal.
+// involute, whose radius of curvature is base p: equal steps of p^(3/2) make that equal. Tangents of the base circle
+// are normal to the flank: a turn by d / base moves it back by d.
 ToothProfile::Place ToothProfile::involute(double u) const {
   const double begin = std::pow(roll_begin_, 1.5),
                roll = std::pow(begin + u * (std::pow(roll_end_, 1.5) - begin), 2.0 / 3);
   const double t = base_ * roll - pitch_ * std::sin(pressure_angle_);
-  return turned_back(t * std::cos(pressure_angle_), t * std::sin(pressure_angle_),
-                     t / std::cos(pressure_angle_) - flank_x_);
+  Place place = turned_back(t * std::cos(pressure_angle_), t * std::sin(pressure_angle_),
+                            t / std::cos(pressure_angle_) - flank_x_);
+  place[1] -= relief_ * std::max(0.0, (roll - relief_begin_) / (roll_end_ - relief_begin_)) / base_;
+  return place;
 }
 
 // The normal at angle b of the rounding goes through the pitch point: the middle of the rounding is at y / sin b along

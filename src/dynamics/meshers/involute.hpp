@@ -47,6 +47,7 @@ class ToothProfile {
   double rounding_;               // its radius
   double roll_begin_, roll_end_;  // of the involute: distance from the base circle along its tangent, over base_
   double flank_x_;                // of the rack's flank on the pitch line
+  double relief_, relief_begin_;  // at the tip; where it begins, as roll_begin_
 };
 
 }  // namespace espalier::dynamics

@@ -91,6 +91,9 @@ struct GearShape {
   double width = 0.010;
   double bore_radius = 0.008;
   double backlash = 0;  ///< between two equal gears, on the pitch circle: each tooth is thinner by half of it
+  /// By which the flanks stand back at the tips, normal to them; it grows from half of the addendum on, in proportion
+  /// to the rolled length.
+  double tip_relief = 0;
 };
 /// @param flank   elements along an involute
 /// @param across  a tooth

@@ -323,6 +323,7 @@ class BodyReader {
                 {"width", &g.shape.width},
                 {"bore_radius", &g.shape.bore_radius}});
     g.shape.backlash = s.number("backlash", g.shape.backlash);
+    g.shape.tip_relief = s.number("tip_relief", g.shape.tip_relief);
     read_divisions(s, g.divisions, g.shape.teeth);
     return g;
   }

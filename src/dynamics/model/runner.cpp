@@ -197,7 +197,9 @@ void Runner::start_integrator() {
   if (model_.integrator.method == Method::bdf) {
     integrator_ = std::make_unique<BdfIntegrator>(*equations_, model_.integrator.bdf);
   } else {
-    integrator_ = std::make_unique<GeneralizedAlpha>(*equations_, model_.integrator.alpha);
+    AlphaOptions alpha = model_.integrator.alpha;
+    alpha.search = !model_.contacts.empty();
+    integrator_ = std::make_unique<GeneralizedAlpha>(*equations_, alpha);
   }
   integrator_->start(state_);
   equations_->allow_device();
