@@ -68,7 +68,10 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
     throw Error(StatusCode::invalid_input, "--restart: a statics run begins anew, it has no restart file");
   check_intervals(model_, options_.frame_interval);
   summary_.title = model_.title;
-  summary_.method = model_.statics ? "statics" : model_.integrator.method == Method::bdf ? "bdf" : "generalized-alpha";
+  summary_.method = model_.statics                            ? "statics"
+                    : !model_.moves                           ? "harmonic"
+                    : model_.integrator.method == Method::bdf ? "bdf"
+                                                              : "generalized-alpha";
   std::vector<std::pair<std::string, std::string>> by_name = model_.solver;
   by_name.insert(by_name.end(), options_.solver.begin(), options_.solver.end());
   {
@@ -283,6 +286,7 @@ void Runner::go() {
     files_->modes(state_, shapes_);
     begin_keeping(s, reference_);
   }
+  if (options_.restart.empty()) give_response();
   going_ = true;
   happen();
 }
