@@ -55,7 +55,7 @@ void read_loads(Section& s, HarmonicSpec& out) {
   if (given->is_table()) {
     for (const auto& [name, value] : given->entries) {
       HarmonicSpec::Load load{value.place, name, {}};
-      if (value.is_table() && value.find("amplitude") == nullptr && value.find("phase") == nullptr)
+      if (value.is_table() && !Section(value).has("amplitude") && !Section(value).has("phase"))
         for (const auto& [of, amplitude] : value.entries)
           load.parts.push_back({amplitude.place, of, read_amplitude(amplitude)});
       else
