@@ -264,7 +264,13 @@ void Runner::run(const SimulationObserver& observer) {
   guarded([&] {
     if (model_.statics) return run_statics(observer);
     stopped_ = false;
-    if (!going_) go();
+    try {
+      if (!going_) go();
+    } catch (const Error& error) {  // of the frequency response: nothing has moved
+      if (error.status().code != StatusCode::cancelled) throw;
+      summary_.interrupted = true;
+      return files_->end(sample(last_report_));
+    }
     advance(model_.integrator.end, observer);
     guard_->check(current());
     {
