@@ -118,12 +118,14 @@ void Adaptive::fit() {
     at_.push_back(s.point.frequency);
     values_.col(j) = Eigen::Map<const VectorXcd>(s.outputs.data(), outputs);
   }
-  floor_ = floors_of(values_, noise());
+  const VectorXd nothing = noise();
+  floor_ = floors_of(values_, nothing);
   // The units of the sums stay, so that functions of different rounds can be compared.
   if (unit_.size() == 0) unit_ = floor_ / kFloor;
   const MatrixXcd scaled = unit_.cwiseInverse().asDiagonal() * values_;
   const MatrixXcd sketch = mixing_.size() > 0 ? MatrixXcd(mixing_ * scaled) : scaled;
-  sketch_floor_ = floors_of(sketch, VectorXd::Zero(sketch.rows()));
+  sketch_floor_ = floors_of(
+      sketch, mixing_.size() > 0 ? VectorXd(VectorXd::Zero(sketch.rows())) : VectorXd(nothing.cwiseQuotient(unit_)));
   MatrixXd sizes(sketch.rows(), count);
   for (Index j = 0; j < count; ++j) sizes.col(j) = sizes_of(sketch.col(j), sketch_floor_);
   std::vector<std::size_t> support;

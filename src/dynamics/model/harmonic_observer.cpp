@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kObserverStep = 1e-5;  // of the extent of the model; of multipliers: of the largest
 constexpr int kNoiseSamples = 9;        // solutions by which noise is judged
-constexpr double kNoisePart = 1e-9;     // of what a quantity would be, were the motion not so regular
+constexpr double kNoisePart = 1e-7;     // of what a quantity would be, were the motion not so regular
 
 }  // namespace
 
@@ -165,10 +165,7 @@ void HarmonicObserver::measure_noise(double w, Index load, const Complex* x) {
   for (const Index row : linearised_.rows) d.lambda[static_cast<std::size_t>(row)] = sign() * force;
   const Numbers size = along(d);
   Numbers& noise = noise_[static_cast<std::size_t>(load)];
-  // The least of all samples: one of them may lie on a resonance.
-  for (std::size_t i = 0; i < size.size(); ++i)
-    if (const double now = kNoisePart * std::abs(size[i]); now > 0)
-      noise[i] = noise[i] > 0 ? std::min(noise[i], now) : now;
+  for (std::size_t i = 0; i < size.size(); ++i) noise[i] = std::max(noise[i], kNoisePart * std::abs(size[i]));
 }
 
 double HarmonicObserver::noise(Index load, Index output) const {

@@ -130,13 +130,13 @@ ModelHarmonicResult run_harmonic(const HarmonicCase& of) {
       harmonic::respond(a.stiffness, a.damping, a.mass, f, static_cast<Index>(loads.size()), options, &observer);
   out.status = out.response.status;
   if (!out.status.ok()) out.status.message = "harmonic: " + out.status.message;
-  if (!of.load && max_norm(of.state.a) > 1e-9)
+  if (!of.equilibrium && max_norm(of.state.a) > 1e-9)
     out.notices.push_back(
         fmt::format("harmonic: the model is not in equilibrium where it is linearised (accelerations up to {:g}); "
                     "statics = true in "
                     "[initial] begins in equilibrium",
                     max_norm(of.state.a)));
-  if (options.tolerance > 0 && !out.response.complete)
+  if (options.tolerance > 0 && out.status.ok() && !out.response.complete)
     out.notices.push_back("harmonic: not proven that no resonance was missed: " + out.response.completeness);
   return out;
 }

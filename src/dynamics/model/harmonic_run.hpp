@@ -17,6 +17,7 @@ struct HarmonicCase {
   const State& state;
   std::vector<Quantity> quantities;
   std::optional<double> load;  ///< load factor of a statics run
+  bool equilibrium = false;    ///< the state is one, to the tolerance of the search for it
   const Options& solver;
 };
 

@@ -18,7 +18,9 @@ void Runner::respond() {
                 [](const Quantity& q) { return q.name.starts_with("step.") || q.name.starts_with("constraints."); });
   std::optional<double> load;
   if (model_.statics) load = load_;
-  response_ = run_harmonic({spec, *mechanism_, *equations_, current(), std::move(quantities), load, modes_solver_});
+  const bool equilibrium = model_.statics.has_value() || model_.initial.statics;
+  response_ = run_harmonic(
+      {spec, *mechanism_, *equations_, current(), std::move(quantities), load, equilibrium, modes_solver_});
   const HarmonicResult& r = response_.response;
   summary_.notices.insert(summary_.notices.end(), response_.notices.begin(), response_.notices.end());
   summary_.harmonic_points = static_cast<Index>(r.points.size());
