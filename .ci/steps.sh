@@ -177,7 +177,7 @@ test_sanitized() {
 slow_dynamics="SimeonCrank.*:FlexibleEngine.*:DeadPoints.*:IftommA02.*:Andrews.*:BeamStatics.*:ModelMeshes.*:RealMeshes.*"
 slow_dynamics+=":All/Parts.UnknownsFollowTheWish/*:Laws/FreeFlight.*:Convergence.*:StaticsSweep.*:BeamJoints.*:BeamReference.*"
 slow_dynamics+=":StepErrors.*:StaticsTurns.*:StaticsBranches.*:ModelHold.NothingIsStrainedWhateverThePlaceOfTheJoint:ContactGears.*"
-slow_dynamics+=":ContactSelf.TangentIs*:ContactSelf.Ends*:ContactSelf.SymmetryStays:ContactLines.Capstan*:ContactShells.*:*shell_on_hex8*"
+slow_dynamics+=":ModelHarmonicTruth.*:ContactSelf.TangentIs*:ContactSelf.Ends*:ContactSelf.SymmetryStays:ContactLines.Capstan*:ContactShells.*:*shell_on_hex8*"
 
 # Tests of the solver that take long, or fork, which the thread sanitizer does not follow.
 slow_solver="Allocation.*:MachinePrediction.*:CraftedAnalysis.*:HostMemory.*"
@@ -188,13 +188,18 @@ with_clang() {
   export CC CXX
 }
 
+# Tests of modes that take more than a second without sanitizers.
+slow_modes="ModesClosedForms.HundredsOfModesOfAPlate:ModesClosedForms.ACubeHasEigenvaluesOfMultiplicitySix:ModesDense.AClampedSolidWithItsConsistentMass"
+slow_modes+=":ModesBehaviour.AnotherSeedAndAnotherBlockFindTheSame:ModesBehaviour.TheSameBitsForAnyNumberOfThreads"
+
 # Tests whose truth are bits that the release build has compared, on systems that sanitizers take long for.
 slow_copies="Systems/OutOfCoreFromPinnedMemory.TheSameBitsAsThroughTheRing/*:Systems/OutOfCoreSystems.AnyBudgetGivesTheAnswerInCore/1"
 
 # One build with clang for the tests and for the fuzz targets of the next step: the library is compiled once for both.
 test_asan() {
   with_clang || return 1
-  test_sanitized asan "-MachinePrediction.*:HostMemory.*:$slow_copies" test_base test_matrix test_analysis test_plan test_device test_out_of_core test_solve test_solver
+  test_sanitized asan "-MachinePrediction.*:HostMemory.*:$slow_copies:$slow_modes" test_base test_matrix test_analysis test_plan test_device test_out_of_core test_solve test_solver \
+    test_modes test_harmonic
   local solver=$?
   test_sanitized asan "-$slow_dynamics" test_dynamics && return $solver
 }
@@ -204,7 +209,7 @@ test_tsan() {
   if [[ -z ${ESPALIER_FIXED_ADDRESSES:-} ]] && setarch "$(uname -m)" -R true 2>/dev/null; then
     ESPALIER_FIXED_ADDRESSES=1 exec setarch "$(uname -m)" -R bash -c 'source scripts/bootstrap.sh; source .ci/steps.sh; test_tsan'
   fi
-  test_sanitized tsan "-$slow_solver:$forks" test_base test_analysis test_plan test_out_of_core test_solve test_solver test_ranks
+  test_sanitized tsan "-$slow_solver:$forks" test_base test_analysis test_plan test_out_of_core test_solve test_solver test_ranks test_harmonic
   local solver=$?
   test_sanitized tsan '-Convergence.*' test_dynamics_threads && return $solver
 }

@@ -8,14 +8,14 @@
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <numbers>
 
 #include "base/output_file.hpp"
 #include "checked_options.hpp"
 #include "command.hpp"
+#include "harmonic/table.hpp"
 #include "input.hpp"
 #include "matrix/read.hpp"
-#include "report.hpp"
+#include "pencil_command.hpp"
 #include "solver/build_info.hpp"
 #include "solver_flags.hpp"
 #include "stop_signals.hpp"
@@ -54,50 +54,17 @@ std::vector<Complex> HarmonicCommand::loads(Index n, base::ThreadPool& pool) con
   return f;
 }
 
-double degrees(Complex x) { return std::arg(x) * 180 / std::numbers::pi; }
-
 Index unknown_of(const HarmonicOptions& o, Index output) {
   return o.observed.empty() ? output : o.observed[static_cast<std::size_t>(output)];
 }
 
 void write_csv(const std::string& path, const HarmonicOptions& o, const HarmonicResult& r) {
+  std::vector<std::string> outputs, loads;
+  for (Index i = 0; i < r.outputs; ++i) outputs.push_back(fmt::format("{}", unknown_of(o, i)));
+  for (Index l = 0; l < r.loads; ++l) loads.push_back(fmt::format("{}", l));
   base::OutputFile file(path);
-  std::string text = "frequency,solved,backward_error,error_estimate";
-  for (Index l = 0; l < r.loads; ++l)
-    for (Index i = 0; i < r.outputs; ++i) text += fmt::format(",amplitude_{0}_{1},phase_{0}_{1}", unknown_of(o, i), l);
-  file.write(text + "\n");
-  const auto number = [](double x) { return std::isnan(x) ? std::string() : fmt::format("{}", x); };
-  for (std::size_t p = 0; p < r.points.size(); ++p) {
-    const HarmonicPoint& point = r.points[p];
-    text = fmt::format("{},{},{},{}", point.frequency, point.solved ? 1 : 0, number(point.backward_error),
-                       number(point.error_estimate));
-    for (Index l = 0; l < r.loads; ++l)
-      for (Index i = 0; i < r.outputs; ++i) {
-        const Complex x = r.response(p, l, i);
-        text += fmt::format(",{},{}", number(std::abs(x)), number(degrees(x)));
-      }
-    file.write(text + "\n");
-  }
+  harmonic::write_table(r, outputs, loads, [&](std::string_view line) { file.write(line); });
   file.commit();
-}
-
-// The highest amplitude of each load and observed unknown.
-struct Highest {
-  Index load = 0, unknown = 0;
-  double frequency = 0, amplitude = 0, phase = 0;
-};
-
-std::vector<Highest> highest_of(const HarmonicOptions& o, const HarmonicResult& r) {
-  std::vector<Highest> out;
-  for (Index l = 0; l < r.loads; ++l)
-    for (Index i = 0; i < r.outputs; ++i) {
-      Highest h{l, unknown_of(o, i), 0, -1, 0};
-      for (std::size_t p = 0; p < r.points.size(); ++p)
-        if (const Complex x = r.response(p, l, i); std::abs(x) > h.amplitude)
-          h = {l, h.unknown, r.points[p].frequency, std::abs(x), degrees(x)};
-      if (h.amplitude >= 0) out.push_back(h);
-    }
-  return out;
 }
 
 Json report_of(const HarmonicOptions& o, const HarmonicResult& r, int code) {
@@ -111,9 +78,9 @@ Json report_of(const HarmonicOptions& o, const HarmonicResult& r, int code) {
   }
   for (const HarmonicResonance& x : r.resonances)
     resonances.push_back({{"frequency", x.frequency}, {"half_width", x.half_width}, {"excited", x.excited}});
-  for (const Highest& h : highest_of(o, r))
+  for (const harmonic::Peak& h : harmonic::highest(r))
     highest.push_back({{"load", h.load},
-                       {"unknown", h.unknown},
+                       {"unknown", unknown_of(o, h.output)},
                        {"frequency", h.frequency},
                        {"amplitude", h.amplitude},
                        {"phase", h.phase}});
@@ -145,9 +112,9 @@ std::string summary_of(const HarmonicOptions& o, const HarmonicResult& r) {
   constexpr std::size_t kRows = 20;
   Table peaks(">>>>>");
   peaks.add({"load", "unknown", "frequency", "amplitude", "phase"}, Tone::quiet);
-  const std::vector<Highest> all = highest_of(o, r);
+  const std::vector<harmonic::Peak> all = harmonic::highest(r);
   for (std::size_t i = 0; i < std::min(kRows, all.size()); ++i)
-    peaks.add({fmt::format("{}", all[i].load), fmt::format("{}", all[i].unknown),
+    peaks.add({fmt::format("{}", all[i].load), fmt::format("{}", unknown_of(o, all[i].output)),
                fmt::format("{:.9g}", all[i].frequency), fmt::format("{:.6g}", all[i].amplitude),
                fmt::format("{:.2f}", all[i].phase)});
   std::string text = "  highest amplitudes (phases in degrees)\n" + peaks.text();
@@ -175,9 +142,7 @@ std::string summary_of(const HarmonicOptions& o, const HarmonicResult& r) {
 }
 
 int HarmonicCommand::run() {
-  for (const char* key : {"kind", "precision", "singular"})
-    if (flags.values().contains(key))
-      throw Error(StatusCode::invalid_input, fmt::format("--{} has no meaning here: the sweep chooses it", key));
+  refuse_chosen_flags(flags, "the sweep chooses");
   options.solver = flags.options();
   options.seek_resonances = !no_modes;
   check_outputs({{"K", k_file}, {"M", m_file}, {"--damping", damping_file}, {"--load", load_file}},
@@ -204,21 +169,12 @@ int HarmonicCommand::run() {
     progress.end(fmt::format("{} in {}", counted(static_cast<Index>(r.points.size()), "point", "points"),
                              duration(r.seconds.total)));
   progress.abandon();
-  const bool stopped = r.status.code == StatusCode::cancelled;
-  const int code = stopped ? static_cast<int>(kInterrupted) : exit_code(r.status.code);
-  const Json report = report_of(options, r, code);
-  const std::optional<Error> unwritten = write_report(report_file, report);
-  if (!csv_file.empty() && !r.points.empty()) write_csv(csv_file, options, r);
-  if (json)
-    print_result("{}\n", to_text(report));
-  else if (!quiet && !r.points.empty() && !stopped)
-    print_result("{}", summary_of(options, r));
-  if (stopped)
-    print_note("espalier: stopped\n");
-  else if (!r.status.ok())
-    print_error(r.status.message);
-  if (unwritten) throw Error(*unwritten);
-  return code;
+  const auto files = [&] {
+    if (!csv_file.empty() && !r.points.empty()) write_csv(csv_file, options, r);
+  };
+  return conclude(
+      {json, quiet, report_file}, r.status, [&](int code) { return report_of(options, r, code); }, files,
+      r.points.empty() ? "" : summary_of(options, r));
 }
 
 }  // namespace

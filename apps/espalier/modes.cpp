@@ -20,8 +20,8 @@
 #include "matrix/generators/generate.hpp"
 #include "matrix/matrix_market.hpp"
 #include "matrix/read.hpp"
+#include "pencil_command.hpp"
 #include "quadratic_modes.hpp"
-#include "report.hpp"
 #include "solver/build_info.hpp"
 #include "solver_flags.hpp"
 #include "stop_signals.hpp"
@@ -163,27 +163,14 @@ int ModesCommand::run_quadratic(const SparseMatrix& k, const SparseMatrix& m, ba
     const StopSignals signals;
     r = find_quadratic_modes(k, c, m, o);
   }
-  const bool stopped = r.status.code == StatusCode::cancelled;
-  const int code = stopped ? static_cast<int>(kInterrupted) : exit_code(r.status.code);
-  const Json report = quadratic_report(r, code);
-  const std::optional<Error> unwritten = write_report(report_file, report);
-  if (json)
-    print_result("{}\n", to_text(report));
-  else if (!quiet && r.count() > 0)
-    print_result("{}", quadratic_table(r));
-  if (stopped)
-    print_note("espalier: stopped\n");
-  else if (!r.status.ok())
-    print_error(r.status.message);
-  if (unwritten) throw Error(*unwritten);
-  return code;
+  return conclude(
+      {json, quiet, report_file}, r.status, [&](int code) { return quadratic_report(r, code); }, [] {},
+      r.count() > 0 ? quadratic_table(r) : "");
 }
 
 int ModesCommand::run() {
   expect_one_process("modes");
-  for (const char* key : {"kind", "precision", "singular"})
-    if (flags.values().contains(key))
-      throw Error(StatusCode::invalid_input, fmt::format("--{} has no meaning here: modes choose it", key));
+  refuse_chosen_flags(flags, "modes choose");
   options.solver = flags.options();
   options.prove = !no_proof;
   options.check_mass = !trust_mass;
@@ -206,23 +193,14 @@ int ModesCommand::run() {
   if (r.status.ok())
     progress.end(fmt::format("{} found in {}", counted(r.count(), "mode", "modes"), duration(r.seconds.total)));
   progress.abandon();
-  const bool stopped = r.status.code == StatusCode::cancelled;
-  const int code = stopped ? static_cast<int>(kInterrupted) : exit_code(r.status.code);
-  const Json report = report_of(*this, r, code);
-  const std::optional<Error> unwritten = write_report(report_file, report);
-  if (!csv_file.empty() && r.count() > 0) write_csv(csv_file, r);
-  if (!out_file.empty() && r.count() > 0)
-    matrix::write_matrix_market_vectors(out_file, r.n, r.count(), r.vectors, "modes by espalier");
-  if (json)
-    print_result("{}\n", to_text(report));
-  else if (!quiet && r.n > 0 && !stopped)
-    print_result("{}\n{}", table_of(r, buckling), cost_of(r));
-  if (stopped)
-    print_note("espalier: stopped\n");
-  else if (!r.status.ok())
-    print_error(r.status.message);
-  if (unwritten) throw Error(*unwritten);
-  return code;
+  const auto files = [&] {
+    if (!csv_file.empty() && r.count() > 0) write_csv(csv_file, r);
+    if (!out_file.empty() && r.count() > 0)
+      matrix::write_matrix_market_vectors(out_file, r.n, r.count(), r.vectors, "modes by espalier");
+  };
+  return conclude(
+      {json, quiet, report_file}, r.status, [&](int code) { return report_of(*this, r, code); }, files,
+      r.n > 0 ? table_of(r, buckling) + "\n" + cost_of(r) : "");
 }
 
 void add_search(CLI::App& sub, ModesCommand& command) {

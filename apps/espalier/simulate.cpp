@@ -129,6 +129,7 @@ int SimulateCommand::simulate() {
     log_of_search->search(search);
     return !stop_was_asked();
   };
+  options.interrupted = [] { return stop_was_asked(); };
   Simulation simulation(options);
   progress.begin("model");
   Status status = simulation.load(model);

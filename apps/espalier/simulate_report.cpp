@@ -70,6 +70,14 @@ std::string simulate_summary(const SimulationSummary& s) {
     table.add({"critical", fmt::format("{} at load factor {:.9g}", c.limit ? "limit point" : "bifurcation", c.load)});
   for (const SimulationMode& m : s.modes)
     table.add({"mode", fmt::format("{:.6g} Hz, damping {:.2g} %", m.frequency, 100 * m.damping_ratio)});
+  if (s.harmonic_points > 0)
+    table.add({"harmonic", fmt::format("{}, {} solved", counted(s.harmonic_points, "frequency", "frequencies"),
+                                       grouped(s.harmonic_solves))});
+  for (std::size_t k = 0; k < std::min(kMostShown, s.peaks.size()); ++k)
+    table.add({"peak", fmt::format("{}: {:.6g}, {:.2f} degrees at {:.6g} Hz ({})", s.peaks[k].quantity,
+                                   s.peaks[k].amplitude, s.peaks[k].phase, s.peaks[k].frequency, s.peaks[k].load)});
+  if (s.peaks.size() > kMostShown)
+    table.add({"peak", fmt::format("{} in all; the others are in the report", s.peaks.size())});
   table.add({s.method == "statics" ? "load" : "time",
              fmt::format("{:g} to {:g}, {} ({})", s.t_begin, s.t_end, counted(s.steps, "step", "steps"), s.method)});
   table.add({"newton", fmt::format("{} iterations, {} failures, {} steps rejected", grouped(s.newton_iterations),
@@ -126,6 +134,14 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
   for (const SimulationMode& m : s.modes)
     modes.push_back({{"frequency", m.frequency}, {"damping_ratio", m.damping_ratio}});
   j["initial"]["modes"] = modes;
+  Json peaks = Json::array();
+  for (const SimulationPeak& p : s.peaks)
+    peaks.push_back({{"load", p.load},
+                     {"quantity", p.quantity},
+                     {"frequency", p.frequency},
+                     {"amplitude", p.amplitude},
+                     {"phase", p.phase}});
+  j["harmonic"] = {{"frequencies", s.harmonic_points}, {"solves", s.harmonic_solves}, {"peaks", peaks}};
   j["time"] = {{"begin", s.t_begin}, {"end", s.t_end}};
   Json events = Json::array();
   for (const SimulationEvent& e : s.events) events.push_back({{"name", e.name}, {"t", e.t}});

@@ -79,6 +79,10 @@ SECTIONS = (
     ("[statics]", "read_model.cpp", "read_statics", (), (("Statics", "statics"),)),
     ("[statics] and initial.statics", "read_model.cpp", "read_statics_options", ("StaticsOptions",), (("Statics", "statics"),)),
     ("[initial]", "read_model.cpp", "read_initial", ("InitialSpec",), (("Start", "initial"),)),
+    ("[harmonic]", "read_harmonic.cpp", "read_harmonic", ("HarmonicOptions", "HarmonicSpec"), (("Frequency response", "harmonic"),)),
+    ("[harmonic]: frequencies", "read_harmonic.cpp", "read_range", ("HarmonicOptions",), (("Frequency response", "harmonic"),)),
+    ("[harmonic]: loads", "read_harmonic.cpp", "read_loads", (), (("Frequency response", "harmonic"),)),
+    ("[harmonic]: amplitude of a part", "read_harmonic.cpp", "read_amplitude", (), (("Frequency response", "harmonic"),)),
     ("[output]", "read_model.cpp", "read_output", (), (("Results", "output"),)),
     ("[solver]", "read_model.cpp", "read_solver", (), ()),
 )

@@ -153,6 +153,14 @@ struct SimulationMode {
   double damping_ratio = 0;  ///< of critical damping
 };
 
+/// The highest amplitude of a quantity in the frequency response, see [harmonic] of a model.
+struct SimulationPeak {
+  std::string load, quantity;
+  double frequency = 0;
+  double amplitude = 0;
+  double phase = 0;  ///< degrees, from -180 to 180
+};
+
 /// Something that happened, see [events] of a model.
 struct SimulationEvent {
   std::string name;
@@ -171,7 +179,7 @@ struct SimulationSummary {
   bool interrupted = false;  ///< the observer stopped it
   std::string stopped_by;    ///< the event that ended the run; empty: none
   std::string title;
-  std::string method;  ///< "bdf", "generalized-alpha" or "statics"
+  std::string method;  ///< "bdf", "generalized-alpha", "statics" or "harmonic"
 
   // The system
   Index bodies = 0, joints = 0, forces = 0;
@@ -191,6 +199,9 @@ struct SimulationSummary {
   bool statics_relaxed = false;  ///< found by relaxation: nothing held the unloaded system
   std::vector<SimulationCritical> critical;
   std::vector<SimulationMode> modes;
+  std::vector<SimulationPeak> peaks;  ///< of the frequency response, load after load
+  Index harmonic_points = 0;          ///< frequencies of it
+  Index harmonic_solves = 0;          ///< of these and beside them: frequencies that were solved
 
   // The run
   double t_begin = 0, t_end = 0;  ///< t_end: time reached

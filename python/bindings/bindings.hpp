@@ -10,6 +10,7 @@ void bind_solver(nanobind::module_& m);
 void bind_simulation(nanobind::module_& m);
 void bind_dae(nanobind::module_& m);
 void bind_modes(nanobind::module_& m);
+void bind_harmonic(nanobind::module_& m);
 void bind_changes(nanobind::module_& m);
 void bind_sensitivities(nanobind::module_& m);
 void bind_xla(nanobind::module_& m);

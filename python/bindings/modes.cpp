@@ -9,10 +9,7 @@
 
 #include "arrays.hpp"
 #include "bindings.hpp"
-#include "host.hpp"
-#include "solver/environment.hpp"
-#include "solver/option_text.hpp"
-#include "solver_handle.hpp"
+#include "pencil.hpp"
 
 namespace espalier::python {
 
@@ -20,26 +17,10 @@ namespace {
 
 using namespace nb::literals;
 
-// Compressed columns of a symmetric matrix, whose rows are its columns.
-MatrixView view_of(const Pointers& pointers, const Indices& indices, const Values& values, int storage) {
-  MatrixView view;
-  view.rows = view.cols = static_cast<Index>(pointers.size()) - 1;
-  view.col_ptr = {pointers.data(), pointers.size()};
-  view.row_ind = {indices.data(), indices.size()};
-  view.values = {values.data(), values.size()};
-  view.storage = static_cast<Storage>(storage);
-  return view;
-}
-
 ModesOptions options_of(const nb::dict& given, const std::vector<std::pair<std::string, std::string>>& solver,
                         Host& host) {
   ModesOptions o;
-  solver::Environment environment = solver::read_environment();
-  if (!environment.status.ok()) throw Error(environment.status);
-  o.solver = std::move(environment.options);
-  for (const auto& [key, value] : solver) solver::set_option(o.solver, key, value);
-  o.solver.interrupted = &Host::interrupted;
-  o.solver.interrupted_every = 0.1;  // the global lock may take 5 ms to come
+  o.solver = pencil_solver(solver);
   o.solver.log = [&host](const std::string& line) { host.write(line); };
   o.count = nb::cast<Index>(given["count"]);
   o.below = nb::cast<double>(given["below"]);
@@ -113,12 +94,7 @@ void bind_modes(nb::module_& m) {
          double shift, double tolerance, Index basis_size,
          const std::vector<std::pair<std::string, std::string>>& solver) {
         QuadraticModesOptions o;
-        solver::Environment environment = solver::read_environment();
-        if (!environment.status.ok()) throw Error(environment.status);
-        o.solver = std::move(environment.options);
-        for (const auto& [key, value] : solver) solver::set_option(o.solver, key, value);
-        o.solver.interrupted = &Host::interrupted;
-        o.solver.interrupted_every = 0.1;
+        o.solver = pencil_solver(solver);
         o.count = count;
         o.shift = shift;
         o.tolerance = tolerance;

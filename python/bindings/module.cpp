@@ -29,6 +29,7 @@ NB_MODULE(_core, m) {
   espalier::python::bind_simulation(m);
   espalier::python::bind_dae(m);
   espalier::python::bind_modes(m);
+  espalier::python::bind_harmonic(m);
   espalier::python::bind_changes(m);
   espalier::python::bind_sensitivities(m);
   espalier::python::bind_xla(m);

@@ -6,6 +6,7 @@ from ._changes import Batch, BatchSolve, ChangedSystem, SchurComplement
 from ._dae import Dae
 from ._errors import (AccuracyWarning, DeviceError, Error, InvalidInputError, NotPositiveDefiniteError,
                       OutOfMemoryError, SingularMatrixError)
+from ._harmonic import Harmonic, ModelHarmonic, harmonic
 from ._modes import Modes, QuadraticModes, buckling_modes, modes, quadratic_modes
 from ._pictures import Cells, Frame
 from ._results import Analysis, Change, Factor, Inertia, Solve
@@ -13,6 +14,6 @@ from ._sensitivities import Derivatives, derivatives
 from ._simulation import Model, Result, Simulation, Step, sweep
 from ._solver import Solver, solve
 
-__all__ = ["AccuracyWarning", "Analysis", "Batch", "BatchSolve", "Cells", "Change", "ChangedSystem", "Dae", "Derivatives", "DeviceError", "Error", "Factor", "Frame", "Inertia", "InvalidInputError", "Model",
+__all__ = ["AccuracyWarning", "Analysis", "Batch", "BatchSolve", "Cells", "Change", "ChangedSystem", "Dae", "Derivatives", "DeviceError", "Error", "Factor", "Frame", "Harmonic", "Inertia", "InvalidInputError", "Model", "ModelHarmonic",
            "Modes", "QuadraticModes", "NotPositiveDefiniteError", "OutOfMemoryError", "Result", "SchurComplement", "Simulation", "SingularMatrixError", "Solve", "Solver",
-           "Step", "__version__", "buckling_modes", "derivatives", "modes", "quadratic_modes", "solve", "sweep"]
+           "Step", "__version__", "buckling_modes", "derivatives", "harmonic", "modes", "quadratic_modes", "solve", "sweep"]

@@ -122,6 +122,27 @@ class Model:
         found = self.derivatives(parameters, quantities=[quantity], **options)
         return found.value(quantity), found.gradient(quantity)
 
+    def harmonic(self, *, loads: Any = None, quantities: "Iterable[str]" = (), frequencies: Any = None,
+                 between: "tuple[float, float] | None" = None, points: "int | None" = None,
+                 logarithmic: "bool | None" = None, tolerance: "float | None" = None,
+                 loss_factor: "float | None" = None, max_solves: "int | None" = None, shapes_at: Any = None,
+                 set: "Mapping[str, Any] | None" = None, out: "str | os.PathLike[str]" = "",
+                 **solver: Any) -> Any:
+        """The frequency response of the model, linearised where it starts, in its equilibrium with [initial] statics or
+        [statics]: an espalier.ModelHarmonic. What is given here stands instead of the same keys of its section
+        [harmonic], which may be absent: loads, names of forces, motors or inputs, or a dictionary of load cases,
+        {"turning": {"x": 1, "y": -1j}}, with real or complex amplitudes; quantities, names; frequencies, rising, or
+        between, (lowest, highest), with points; the rest as for espalier.harmonic(). set, out and solver: as for
+        Simulation. Nothing moves. Raises what a Simulation raises; warns with AccuracyWarning where some frequencies lie
+        on a resonance without damping (NaN), or the tolerance was not reached."""
+        from ._harmonic import model_harmonic
+
+        keys = {"loads": loads, "quantities": [quantities] if isinstance(quantities, str) else list(quantities) or None,
+                "frequencies": frequencies, "from": None if between is None else float(between[0]),
+                "to": None if between is None else float(between[1]), "points": points, "logarithmic": logarithmic,
+                "tolerance": tolerance, "loss_factor": loss_factor, "max_solves": max_solves, "shapes": shapes_at}
+        return model_harmonic(self, {k: v for k, v in keys.items() if v is not None}, set or {}, os.fsdecode(out), solver)
+
     def __repr__(self) -> str:
         if self._path is not None:
             return f"<espalier.Model of {self._path}>"

@@ -32,13 +32,14 @@ double median_of(VectorXd x) {
   return x[middle];
 }
 
-VectorXd floors_of(const MatrixXcd& y) {
+// @param noise  of each row: what is rounding alone; 0: not known
+VectorXd floors_of(const MatrixXcd& y, const VectorXd& noise) {
   VectorXd floor(y.rows());
   for (Index i = 0; i < y.rows(); ++i) floor[i] = kFloor * median_of(y.row(i).cwiseAbs().transpose());
   // An output that is zero but for rounding is not followed.
   constexpr double kNothing = 1e-10;
   const double least = std::max(kNothing * floor.maxCoeff(), 1e-290);
-  return floor.cwiseMax(least);
+  return (noise.array() > 0).select(floor.cwiseMax(noise), floor.cwiseMax(least));
 }
 
 std::uint64_t next(std::uint64_t& state) {  // Marsaglia, "Xorshift RNGs", J. Stat. Software 8, 2003
@@ -69,23 +70,39 @@ double Adaptive::nearest_sample(double frequency) const {
   return least;
 }
 
-void Adaptive::add(double frequency, bool keep) {
-  for (const std::vector<Solved>* group : {&samples_, &singular_})
-    for (const Solved& s : *group)
-      if (s.point.frequency == frequency) return;
-  if (samples_.size() + singular_.size() >= static_cast<std::size_t>(options_.max_solves))
+void Adaptive::add(const std::vector<double>& frequencies, bool keep) {
+  std::vector<double> wanted;
+  for (const double f : frequencies)
+    if (nearest_sample(f) > 0 && std::find(wanted.begin(), wanted.end(), f) == wanted.end()) wanted.push_back(f);
+  const std::size_t known = samples_.size() + singular_.size(), most = static_cast<std::size_t>(options_.max_solves);
+  const bool too_many = known + wanted.size() > most;
+  if (too_many) wanted.resize(most - known);
+  std::vector<double> beside;
+  for (Solved& s : sweep_.solve(wanted, std::vector<char>(wanted.size(), static_cast<char>(keep)))) {
+    const double frequency = s.point.frequency;
+    const bool singular = s.point.status.code == StatusCode::singular;
+    std::vector<Solved>& group = singular ? singular_ : samples_;
+    group.insert(std::upper_bound(group.begin(), group.end(), frequency,
+                                  [](double f, const Solved& other) { return f < other.point.frequency; }),
+                 std::move(s));
+    // Its neighbourhood counts: a little inside the range.
+    if (singular)
+      beside.push_back(frequency + (frequency < (from_ + to_) / 2 ? kUndampedReach : -kUndampedReach) * length());
+  }
+  if (too_many)
     throw Error(StatusCode::accuracy_not_reached,
                 fmt::format("{} frequencies were solved and the interpolation is not yet good to {:g} (its estimates "
                             "stand beside the points); allow more, ask for a larger tolerance, or for a smaller range",
                             options_.max_solves, options_.tolerance));
-  Solved s = sweep_.solve(frequency, keep);
-  std::vector<Solved>& group = s.point.status.code == StatusCode::singular ? singular_ : samples_;
-  const auto place = std::upper_bound(group.begin(), group.end(), frequency,
-                                      [](double f, const Solved& other) { return f < other.point.frequency; });
-  const bool singular = &group == &singular_;
-  group.insert(place, std::move(s));
-  // Its neighbourhood counts: a little inside the range.
-  if (singular) add(frequency + (frequency < (from_ + to_) / 2 ? kUndampedReach : -kUndampedReach) * length());
+  if (!beside.empty()) add(beside);
+}
+
+VectorXd Adaptive::noise() const {
+  const auto each = static_cast<Index>(sweep_.observed());
+  VectorXd out(static_cast<Index>(sweep_.outputs()));
+  for (Index i = 0; i < out.size(); ++i)
+    out[i] = sweep_.observer().noise(static_cast<espalier::Index>(i / each), static_cast<espalier::Index>(i % each));
+  return out;
 }
 
 VectorXd Adaptive::sizes_of(const VectorXcd& y, const VectorXd& floor) const { return y.cwiseAbs().cwiseMax(floor); }
@@ -101,12 +118,14 @@ void Adaptive::fit() {
     at_.push_back(s.point.frequency);
     values_.col(j) = Eigen::Map<const VectorXcd>(s.outputs.data(), outputs);
   }
-  floor_ = floors_of(values_);
+  const VectorXd nothing = noise();
+  floor_ = floors_of(values_, nothing);
   // The units of the sums stay, so that functions of different rounds can be compared.
   if (unit_.size() == 0) unit_ = floor_ / kFloor;
   const MatrixXcd scaled = unit_.cwiseInverse().asDiagonal() * values_;
   const MatrixXcd sketch = mixing_.size() > 0 ? MatrixXcd(mixing_ * scaled) : scaled;
-  sketch_floor_ = floors_of(sketch);
+  sketch_floor_ = floors_of(
+      sketch, mixing_.size() > 0 ? VectorXd(VectorXd::Zero(sketch.rows())) : VectorXd(nothing.cwiseQuotient(unit_)));
   MatrixXd sizes(sketch.rows(), count);
   for (Index j = 0; j < count; ++j) sizes.col(j) = sizes_of(sketch.col(j), sketch_floor_);
   std::vector<std::size_t> support;
@@ -188,19 +207,32 @@ std::vector<double> Adaptive::to_check(const std::vector<Target>& all) {
   return out;
 }
 
-double Adaptive::try_out(double frequency) {
-  if (!(frequency > from_ && frequency < to_) || nearest_sample(frequency) < kApart * length()) return 0;
-  const VectorXcd said = now_.evaluate(frequency, values_);
-  const std::size_t known = samples_.size();
-  add(frequency);
-  ++result_.checks;
-  if (samples_.size() != known + 1) return 0;
-  const auto place =
-      std::find_if(samples_.begin(), samples_.end(), [&](const Solved& s) { return s.point.frequency == frequency; });
-  if (place == samples_.end()) return 0;  // on a resonance: beside it
-  const Eigen::Map<const VectorXcd> is(place->outputs.data(), said.size());
-  const double e = ((said - is).cwiseAbs().array() / sizes_of(is, floor_).array()).maxCoeff();
-  return std::isfinite(e) ? e : INFINITY;
+std::vector<double> Adaptive::apart(const std::vector<double>& frequencies) const {
+  std::vector<double> out;
+  for (const double f : frequencies) {
+    const bool inside = f > from_ && f < to_ && nearest_sample(f) >= kApart * length();
+    if (inside && std::all_of(out.begin(), out.end(), [&](double g) { return std::abs(f - g) >= kApart * length(); }))
+      out.push_back(f);
+  }
+  return out;
+}
+
+double Adaptive::try_out(const std::vector<double>& frequencies) {
+  const std::vector<double> where = apart(frequencies);
+  std::vector<VectorXcd> said;
+  for (const double f : where) said.push_back(now_.evaluate(f, values_));
+  add(where);
+  double worst = 0;
+  for (std::size_t k = 0; k < where.size(); ++k) {
+    ++result_.checks;
+    const auto place =
+        std::find_if(samples_.begin(), samples_.end(), [&](const Solved& s) { return s.point.frequency == where[k]; });
+    if (place == samples_.end()) continue;  // on a resonance: beside it
+    const Eigen::Map<const VectorXcd> is(place->outputs.data(), said[k].size());
+    const double e = ((said[k] - is).cwiseAbs().array() / sizes_of(is, floor_).array()).maxCoeff();
+    worst = std::max(worst, std::isfinite(e) ? e : INFINITY);
+  }
+  return worst;
 }
 
 // Whether a resonance shows, by the size of its peak beside what errors are relative to; if so, samples are placed
@@ -208,6 +240,7 @@ double Adaptive::try_out(double frequency) {
 void Adaptive::note(const std::vector<Resonance>& expected, std::vector<char>& excited) {
   constexpr double kPart = 0.1;        // of the tolerance
   constexpr double kBroad = 1.0 / 20;  // of the range: seen without help
+  std::vector<double> where;
   for (std::size_t i = 0; i < expected.size(); ++i) {
     const Resonance& r = expected[i];
     const Eigen::Map<const VectorXd> peak(r.peak.data(), r.peak.size());
@@ -218,19 +251,21 @@ void Adaptive::note(const std::vector<Resonance>& expected, std::vector<char>& e
     if (!damped)
       for (const std::size_t k : {i - 1, i + 1})
         if (k < expected.size()) d = std::min(d, std::abs(expected[k].frequency - r.frequency) / 4);
-    for (const double f : {r.frequency - d, damped ? r.frequency : -1, r.frequency + d})
-      if (f > from_ && f < to_ && nearest_sample(f) > kApart * length()) add(f);
+    where.insert(where.end(), {r.frequency - d, damped ? r.frequency : -1, r.frequency + d});
   }
+  add(apart(where));
 }
 
 void Adaptive::run(const std::vector<Resonance>& expected, std::vector<char>& excited) {
+  std::vector<double> first;
   for (std::size_t i = 0; i < kFirst; ++i) {
     const double part = static_cast<double>(i) / (kFirst - 1);
-    add(i == 0                 ? from_
-        : i == kFirst - 1      ? to_
-        : options_.logarithmic ? from_ * std::pow(to_ / from_, part)
-                               : from_ + part * length());
+    first.push_back(i == 0                 ? from_
+                    : i == kFirst - 1      ? to_
+                    : options_.logarithmic ? from_ * std::pow(to_ / from_, part)
+                                           : from_ + part * length());
   }
+  add(first);
   fit();
   note(expected, excited);
   fit();
@@ -242,8 +277,7 @@ void Adaptive::run(const std::vector<Resonance>& expected, std::vector<char>& ex
       if (t.difference > options_.tolerance && where.size() < kAtATime) where.push_back(t.frequency);
     const bool last = where.empty();
     if (last) where = to_check(all);
-    double error = 0;
-    for (const double f : where) error = std::max(error, try_out(f));
+    const double error = try_out(where);
     result_.checked_error = error;
     if (options_.solver.log)
       options_.solver.log(fmt::format("harmonic: {} solves, {} support points, {} of {} places {}: error {:.1e}",

@@ -21,8 +21,8 @@ class Adaptive {
  public:
   /// All outlive the object. @param damped  whether there is damping at all
   Adaptive(Sweep& sweep, const HarmonicOptions& options, HarmonicResult& result, double from, double to, bool damped);
-  /// Solves at a frequency, if there is no sample yet. @param keep  see Sweep::solve()
-  void add(double frequency, bool keep = false);
+  /// Solves at frequencies at which there is no sample yet. @param keep  see Sweep::solve()
+  void add(const std::vector<double>& frequencies, bool keep = false);
   /// @param expected  see find_resonances()  @param excited  which of them answer, as found on the way
   /// @throws Error(accuracy_not_reached) where `max_solves` are not enough; deliver() gives what there is
   void run(const std::vector<Resonance>& expected, std::vector<char>& excited);
@@ -47,8 +47,11 @@ class Adaptive {
   /// The worst place of each interval between samples, and peaks without a sample; the worst first.
   [[nodiscard]] std::vector<Target> doubtful() const;
   [[nodiscard]] std::vector<double> to_check(const std::vector<Target>& all);
-  /// Solves there. @return how far the function was off, relative
-  double try_out(double frequency);
+  /// Solves there. @return how far the function was off, relative, at the worst of them
+  double try_out(const std::vector<double>& frequencies);
+  /// Without those outside of the range, and those next to samples or to others before them.
+  [[nodiscard]] std::vector<double> apart(const std::vector<double>& frequencies) const;
+  [[nodiscard]] Eigen::VectorXd noise() const;
   [[nodiscard]] double length() const { return to_ - from_; }
 
   Sweep& sweep_;

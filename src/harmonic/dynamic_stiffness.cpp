@@ -61,19 +61,18 @@ DynamicStiffness::DynamicStiffness(const MatrixView& k, const MatrixView& c, con
   m_ = modes::sum(0, modes::sum(1, a, 1, b), 1, d).values;
   pattern_.storage = symmetric ? Storage::symmetric_lower : Storage::general;
   damped_ = loss_factor > 0 || largest(c_) > 0;
-  z_.resize(pattern_.values.size());
 }
 
-const std::vector<Complex>& DynamicStiffness::evaluate(double w) {
-  for (std::size_t p = 0; p < z_.size(); ++p) {
+void DynamicStiffness::evaluate(double w, std::vector<Complex>& z) const {
+  z.resize(pattern_.values.size());
+  for (std::size_t p = 0; p < z.size(); ++p) {
     const double k = pattern_.values[p];
-    z_[p] = {k - w * w * m_[p], loss_factor_ * k + w * c_[p]};
+    z[p] = {k - w * w * m_[p], loss_factor_ * k + w * c_[p]};
   }
-  return z_;
 }
 
-ComplexMatrixView DynamicStiffness::view() const {
-  return {pattern_.rows, pattern_.cols, pattern_.col_ptr, pattern_.row_ind, z_, pattern_.storage};
+ComplexMatrixView DynamicStiffness::view(const std::vector<Complex>& z) const {
+  return {pattern_.rows, pattern_.cols, pattern_.col_ptr, pattern_.row_ind, z, pattern_.storage};
 }
 
 template <class Use>

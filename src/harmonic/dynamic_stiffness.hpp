@@ -23,10 +23,10 @@ class DynamicStiffness {
   [[nodiscard]] bool damped() const { return damped_; }
   [[nodiscard]] double loss_factor() const { return loss_factor_; }
 
-  /// Values at an angular frequency, which stay until the next call.
-  const std::vector<Complex>& evaluate(double w);
-  /// The matrix of the last evaluate().
-  [[nodiscard]] ComplexMatrixView view() const;
+  /// Values at an angular frequency, resized to fit.
+  void evaluate(double w, std::vector<Complex>& z) const;
+  /// The matrix with values of evaluate(), which outlive the view.
+  [[nodiscard]] ComplexMatrixView view(const std::vector<Complex>& z) const;
   /// y = (|K| + w |C| + w^2 |M|) |x| entry by entry, with the phases of x.
   void magnitudes(double w, const Complex* x, Complex* y) const;
   /// The largest row sum of |K| + w |C| + w^2 |M|.
@@ -47,7 +47,6 @@ class DynamicStiffness {
 
   SparseMatrix pattern_;  // its values are those of K
   std::vector<double> c_, m_;
-  std::vector<Complex> z_;
   double loss_factor_ = 0;
   bool damped_ = false;
 };

@@ -7,6 +7,7 @@
 
 #include "base/stopwatch.hpp"
 #include "harmonic/adaptive.hpp"
+#include "harmonic/respond.hpp"
 
 namespace espalier {
 
@@ -82,12 +83,12 @@ void check_loads(std::span<const Complex> loads, Index columns, Index n) {
 class Run {
  public:
   Run(std::span<const Complex> loads, const HarmonicOptions& options, modes::Workshop& shop, HarmonicResult& result,
-      harmonic::DynamicStiffness& z, std::vector<double> wanted)
+      const harmonic::DynamicStiffness& z, std::vector<double> wanted, harmonic::Observer& observer)
       : loads_(loads),
         options_(options),
         result_(result),
         z_(z),
-        sweep_(z, loads, result.loads, options, shop, result),
+        sweep_(z, loads, result.loads, options, shop, result, observer),
         wanted_(std::move(wanted)),
         shapes_(options.shapes_at) {
     std::sort(shapes_.begin(), shapes_.end());
@@ -97,8 +98,9 @@ class Run {
   void solve_all() {
     std::vector<double> all;
     std::set_union(wanted_.begin(), wanted_.end(), shapes_.begin(), shapes_.end(), std::back_inserter(all));
-    for (const double f : all) {
-      harmonic::Solved s = sweep_.solve(f, std::binary_search(shapes_.begin(), shapes_.end(), f));
+    std::vector<char> keep;
+    for (const double f : all) keep.push_back(static_cast<char>(std::binary_search(shapes_.begin(), shapes_.end(), f)));
+    for (harmonic::Solved& s : sweep_.solve(all, keep)) {
       result_.responses.insert(result_.responses.end(), s.outputs.begin(), s.outputs.end());
       result_.points.push_back(std::move(s.point));
     }
@@ -117,7 +119,7 @@ class Run {
         expected = find_resonances(z_, loads_, result_.loads, sweep_, from, to, options_);
       }
       excited.assign(expected.all.size(), 0);
-      for (const double f : shapes_) adaptive.add(f, true);
+      adaptive.add(shapes_, true);
       adaptive.run(expected.all, excited);
     });
     result_.complete = expected.complete && status.ok();
@@ -157,28 +159,31 @@ class Run {
   std::span<const Complex> loads_;
   const HarmonicOptions& options_;
   HarmonicResult& result_;
-  harmonic::DynamicStiffness& z_;
+  const harmonic::DynamicStiffness& z_;
   harmonic::Sweep sweep_;
   std::vector<double> wanted_, shapes_;
 };
 
 }  // namespace
 
-HarmonicResult harmonic_response(const MatrixView& k, const MatrixView& c, const MatrixView& m,
-                                 std::span<const std::complex<double>> loads, Index columns,
-                                 const HarmonicOptions& options) {
+namespace harmonic {
+
+HarmonicResult respond(const MatrixView& k, const MatrixView& c, const MatrixView& m, std::span<const Complex> loads,
+                       Index columns, const HarmonicOptions& options, Observer* observer) {
   HarmonicResult result;
   const base::Stopwatch watch(result.seconds.total);
   modes::Workshop shop(options.solver);
   result.status = modes::guarded(shop, [&] {
     std::vector<double> wanted = wanted_frequencies(options);
     check_options(options, k.rows);
-    harmonic::DynamicStiffness z(k, c, m, options.loss_factor, shop.pool);
+    const DynamicStiffness z(k, c, m, options.loss_factor, shop.pool);
     check_loads(loads, columns, z.n());
+    UnknownObserver unknowns(options.observed, z.n());
+    if (observer == nullptr) observer = &unknowns;
     result.n = z.n();
     result.loads = columns;
-    result.outputs = options.observed.empty() ? z.n() : static_cast<Index>(options.observed.size());
-    Run run(loads, options, shop, result, z, std::move(wanted));
+    result.outputs = observer->outputs();
+    Run run(loads, options, shop, result, z, std::move(wanted), *observer);
     if (options.tolerance > 0)
       run.interpolate(shop);
     else
@@ -186,6 +191,14 @@ HarmonicResult harmonic_response(const MatrixView& k, const MatrixView& c, const
     run.judge();
   });
   return result;
+}
+
+}  // namespace harmonic
+
+HarmonicResult harmonic_response(const MatrixView& k, const MatrixView& c, const MatrixView& m,
+                                 std::span<const std::complex<double>> loads, Index columns,
+                                 const HarmonicOptions& options) {
+  return harmonic::respond(k, c, m, loads, columns, options, nullptr);
 }
 
 }  // namespace espalier

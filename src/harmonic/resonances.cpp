@@ -65,9 +65,12 @@ Resonances find_resonances(const DynamicStiffness& z, std::span<const Complex> l
   const MatrixXcd k = projected(z, Part::stiffness, x) * Complex(1, z.loss_factor());
   const Damped modes = damped_modes(k, projected(z, Part::damping, x), projected(z, Part::mass, x));
   const Eigen::Map<const MatrixXcd> f(loads.data(), found.n, columns);
-  MatrixXd observed(static_cast<Eigen::Index>(sweep.observed()), x.cols());
-  for (Eigen::Index i = 0; i < observed.rows(); ++i)
-    observed.row(i) = x.row(static_cast<Eigen::Index>(sweep.unknown(static_cast<std::size_t>(i))));
+  MatrixXcd observed(static_cast<Eigen::Index>(sweep.observed()), x.cols());
+  for (Eigen::Index j = 0; j < x.cols(); ++j) {
+    const Eigen::VectorXcd mode = x.col(j).cast<Complex>();
+    sweep.observer().observe(std::sqrt(std::max(0.0, found.eigenvalues[static_cast<std::size_t>(j)])), -1, mode.data(),
+                             observed.col(j).data());
+  }
   const MatrixXcd xf = x.transpose() * f;
   for (Eigen::Index i = 0; i < modes.values.size(); ++i) {
     const Complex l = modes.values[i];

@@ -6,108 +6,26 @@
 #include <limits>
 #include <numbers>
 
-#include "base/stopwatch.hpp"
-
 namespace espalier::harmonic {
-namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-Options solver_options(const Options& from) {
-  Options o = from;
-  o.kind = Kind::automatic;
-  o.precision = Precision::fp64;
-  o.singular = SingularMatrix::error;
-  o.permutation.clear();
-  o.record_timeline = false;
-  return o;
-}
-
-double largest(std::span<const Complex> x) {
-  double most = 0;
-  for (const Complex& v : x)
-    if (const double size = std::abs(v); !(size <= most)) most = size;  // NaN, too
-  return most;
-}
-
-}  // namespace
-
-Sweep::Sweep(DynamicStiffness& z, std::span<const Complex> loads, Index columns, const HarmonicOptions& options,
-             modes::Workshop& shop, HarmonicResult& result)
-    : z_(z),
-      loads_(loads),
+Sweep::Sweep(const DynamicStiffness& z, std::span<const Complex> loads, Index columns, const HarmonicOptions& options,
+             modes::Workshop& shop, HarmonicResult& result, Observer& observer)
+    : n_(z.n()),
       columns_(columns),
-      options_(options),
-      shop_(shop),
       result_(result),
-      solver_(solver_options(options.solver)) {}
+      observer_(observer),
+      lanes_(z, loads, columns, options, shop, result) {}
 
-std::size_t Sweep::observed() const {
-  return options_.observed.empty() ? static_cast<std::size_t>(z_.n()) : options_.observed.size();
-}
-
-std::size_t Sweep::unknown(std::size_t output) const {
-  return options_.observed.empty() ? output : static_cast<std::size_t>(options_.observed[output]);
-}
-
-void Sweep::analyze(double frequency) {
-  const base::Stopwatch watch(result_.seconds.analysis);
-  const AnalysisResult r = solver_.analyze(z_.view());
-  if (r.status.code == StatusCode::singular)
-    throw Error(
-        r.status.code,
-        fmt::format("K (1 + i eta) + i w C - w^2 M is singular by its pattern at frequency {:g}, and so at every "
-                    "other one ({})",
-                    frequency, r.status.message),
-        r.status.row);
-  if (!r.status.ok()) throw Error(r.status);
-}
-
-double Sweep::rounding_of(double w, const std::vector<Complex>& x, double z_norm) {
-  constexpr double kEps = std::numeric_limits<double>::epsilon();
-  // |Z| |x| / |f| is a lower bound of the condition: where that is harmless, nothing more is looked at.
-  constexpr double kWorthALook = 1e-9;
-  const auto n = static_cast<std::size_t>(z_.n());
-  std::vector<Complex> d(n);
-  double worst = 0;
-  for (std::size_t c = 0; c < static_cast<std::size_t>(columns_); ++c) {
-    const double size = largest({x.data() + c * n, n});
-    if (!std::isfinite(size)) return size;
-    if (!(size * z_norm * kEps > kWorthALook * largest(loads_.subspan(c * n, n)))) continue;
-    z_.magnitudes(w, x.data() + c * n, d.data());
-    const Status status = solver_.solve(d, d).status;
-    ++result_.solved_columns;
-    if (!status.ok() && status.code != StatusCode::accuracy_not_reached) throw Error(status);
-    worst = std::max(worst, kEps * largest(d) / size);
-  }
-  return worst;
-}
-
-Solved Sweep::solve(double frequency, bool keep) {
+Solved Sweep::judged(double frequency, Answer answer, bool keep) {
   constexpr double kUndetermined = 1e-3;
-  shop_.interruption.check();
-  const double w = 2 * std::numbers::pi * frequency;
-  const std::vector<Complex>& values = z_.evaluate(w);
-  if (solver_.state() == ComplexSolver::State::empty) analyze(frequency);
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   Solved out;
   out.point.frequency = frequency;
-  std::vector<Complex> x(loads_.begin(), loads_.end());
-  {
-    const base::Stopwatch watch(result_.seconds.factorization);
-    out.point.status = solver_.refactorize(values).status;
-    ++result_.factorizations;
-  }
-  const base::Stopwatch watch(result_.seconds.solves);
-  double rounding = 0;
-  if (out.point.status.ok()) {
-    const SolveResult r = solver_.solve(x, x, columns_);
-    result_.solved_columns += columns_;
-    out.point.status = r.status;
-    out.point.backward_error = r.backward_error;
-    if (r.status.ok()) rounding = rounding_of(w, x, z_.norm(w));
-  }
+  out.point.status = std::move(answer.status);
+  out.point.backward_error = answer.backward_error;
   const StatusCode code = out.point.status.code;
-  if (code == StatusCode::singular || !(rounding <= kUndetermined)) {
+  const bool singular = code == StatusCode::singular || !(answer.rounding <= kUndetermined);
+  if (singular) {
     out.point.status = {StatusCode::singular,
                         fmt::format("frequency {:.17g} lies on a resonance without damping (or the system is singular "
                                     "for another reason: {}); add damping, or choose another frequency",
@@ -116,17 +34,30 @@ Solved Sweep::solve(double frequency, bool keep) {
                                                                  : "rounding of the entries alone decides the answer"),
                         out.point.status.row};
     out.point.backward_error = kNan;
-    x.assign(x.size(), {kNan, kNan});
+    answer.x.assign(answer.x.size(), {kNan, kNan});
   } else if (!out.point.status.ok() && code != StatusCode::accuracy_not_reached) {
     throw Error(out.point.status);
   }
-  const auto n = static_cast<std::size_t>(z_.n());
-  out.outputs.reserve(outputs());
-  for (std::size_t c = 0; c < static_cast<std::size_t>(columns_); ++c)
-    for (std::size_t o = 0; o < observed(); ++o) out.outputs.push_back(x[c * n + unknown(o)]);
+  out.outputs.assign(outputs(), {kNan, kNan});
+  const auto n = static_cast<std::size_t>(n_);
+  for (std::size_t c = 0; c < static_cast<std::size_t>(columns_) && !singular; ++c)
+    observer_.observe(2 * std::numbers::pi * frequency, static_cast<Index>(c), answer.x.data() + c * n,
+                      out.outputs.data() + c * observed());
   if (keep) {
     result_.shape_frequencies.push_back(frequency);
-    result_.shapes.insert(result_.shapes.end(), x.begin(), x.end());
+    result_.shapes.insert(result_.shapes.end(), answer.x.begin(), answer.x.end());
+  }
+  return out;
+}
+
+std::vector<Solved> Sweep::solve(std::span<const double> frequencies, const std::vector<char>& keep) {
+  std::vector<Solved> out;
+  const std::size_t most = at_a_time();
+  for (std::size_t begin = 0; begin < frequencies.size(); begin += most) {
+    const auto some = frequencies.subspan(begin, std::min(most, frequencies.size() - begin));
+    std::vector<Answer> answers = lanes_.solve(some);
+    for (std::size_t i = 0; i < some.size(); ++i)
+      out.push_back(judged(some[i], std::move(answers[i]), keep[begin + i] != 0));
   }
   return out;
 }

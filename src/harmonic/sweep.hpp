@@ -1,14 +1,13 @@
 /// \file
-/// The system solved at one frequency after another, on one analysis.
+/// The system solved at one frequency after another, and what is made of the solutions.
 #pragma once
 
 #include <span>
 #include <vector>
 
-#include "espalier/complex_solver.hpp"
 #include "espalier/harmonic.hpp"
-#include "harmonic/dynamic_stiffness.hpp"
-#include "modes/workshop.hpp"
+#include "harmonic/lanes.hpp"
+#include "harmonic/observer.hpp"
 
 namespace espalier::harmonic {
 
@@ -21,28 +20,26 @@ struct Solved {
 class Sweep {
  public:
   /// All outlive the object.
-  Sweep(DynamicStiffness& z, std::span<const Complex> loads, Index columns, const HarmonicOptions& options,
-        modes::Workshop& shop, HarmonicResult& result);
-  /// @param keep  whether all unknowns go into result.shapes
+  Sweep(const DynamicStiffness& z, std::span<const Complex> loads, Index columns, const HarmonicOptions& options,
+        modes::Workshop& shop, HarmonicResult& result, Observer& observer);
+  /// In the order of the frequencies. @param keep  whether all unknowns go into result.shapes, of each frequency
   /// @throws Error where memory or devices fail, the caller interrupts, or Z has no analysis
-  Solved solve(double frequency, bool keep = false);
-  /// Columns of f in the observed unknowns.
+  std::vector<Solved> solve(std::span<const double> frequencies, const std::vector<char>& keep);
+  /// Columns of f in the observed numbers.
   [[nodiscard]] std::size_t outputs() const { return static_cast<std::size_t>(columns_) * observed(); }
-  [[nodiscard]] std::size_t observed() const;
-  [[nodiscard]] std::size_t unknown(std::size_t output) const;
+  [[nodiscard]] std::size_t observed() const { return static_cast<std::size_t>(observer_.outputs()); }
+  [[nodiscard]] Observer& observer() const { return observer_; }
+  [[nodiscard]] Index columns() const { return columns_; }
+  /// See Lanes.
+  [[nodiscard]] std::size_t at_a_time() const { return lanes_.at_a_time(); }
 
  private:
-  void analyze(double frequency);
-  /// The largest relative change of a solution that rounding of the entries of Z may cause, to its order of magnitude.
-  double rounding_of(double w, const std::vector<Complex>& x, double z_norm);
+  Solved judged(double frequency, Answer answer, bool keep);
 
-  DynamicStiffness& z_;
-  std::span<const Complex> loads_;
-  Index columns_;
-  const HarmonicOptions& options_;
-  modes::Workshop& shop_;
+  Index n_, columns_;
   HarmonicResult& result_;
-  ComplexSolver solver_;
+  Observer& observer_;
+  Lanes lanes_;
 };
 
 }  // namespace espalier::harmonic

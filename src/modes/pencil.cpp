@@ -16,9 +16,14 @@ namespace {
 
 constexpr double kAsymmetry = 1e-12;
 
-// Entry by entry of two matrices with rising rows: use(row, column, a, b), zero where one has none.
-template <class Use>
-void merge(const SparseMatrix& a, const SparseMatrix& b, const Use& use) {
+// What value(row, column, a, b) makes of two matrices with rising rows, on the union of their patterns (zero where one
+// has no entry), as lower triangle. @param lower  entries above the diagonal are looked at, and left out
+template <class Value>
+SparseMatrix merged(const SparseMatrix& a, const SparseMatrix& b, bool lower, const Value& value) {
+  SparseMatrix out;
+  out.rows = out.cols = a.rows;
+  out.storage = Storage::symmetric_lower;
+  out.col_ptr.assign(1, 0);
   for (Index j = 0; j < a.cols; ++j) {
     auto p = static_cast<std::size_t>(a.col_ptr[static_cast<std::size_t>(j)]);
     auto q = static_cast<std::size_t>(b.col_ptr[static_cast<std::size_t>(j)]);
@@ -28,41 +33,35 @@ void merge(const SparseMatrix& a, const SparseMatrix& b, const Use& use) {
       const Index none = std::numeric_limits<Index>::max();
       const Index i = p < p_end ? a.row_ind[p] : none, k = q < q_end ? b.row_ind[q] : none;
       const Index row = std::min(i, k);
-      use(row, j, i == row ? a.values[p] : 0.0, k == row ? b.values[q] : 0.0);
+      const double v = value(row, j, i == row ? a.values[p] : 0.0, k == row ? b.values[q] : 0.0);
       p += i == row ? 1U : 0U;
       q += k == row ? 1U : 0U;
+      if (lower && row < j) continue;
+      out.row_ind.push_back(row);
+      out.values.push_back(v);
     }
+    out.col_ptr.push_back(static_cast<Offset>(out.row_ind.size()));
   }
+  return out;
 }
 
 SparseMatrix mean_of_triangles(MatrixView a, const std::string& name, base::ThreadPool& pool) {
   a.storage = Storage::symmetric_both;  // read as such rows are put in order and duplicates summed
   const SparseMatrix full = matrix::to_general(a, &pool);
-  const SparseMatrix turned = matrix::transpose(full);
   double largest = 0;
   for (const double v : full.values) largest = std::max(largest, std::abs(v));
-  SparseMatrix lower;
-  lower.rows = lower.cols = a.rows;
-  lower.storage = Storage::symmetric_lower;
-  lower.col_ptr.assign(static_cast<std::size_t>(a.cols) + 1, 0);
-  merge(full, turned, [&](Index i, Index j, double x, double y) {
+  return merged(full, matrix::transpose(full), true, [&](Index i, Index j, double x, double y) {
     if (std::abs(x - y) > kAsymmetry * largest)
       throw Error(StatusCode::invalid_input,
                   fmt::format("{} is not symmetric: entry ({}, {}) is {:.17g}, entry ({}, {}) is {:.17g}", name, i, j,
                               x, j, i, y),
                   i);
-    if (i < j) return;
-    lower.row_ind.push_back(i);
-    lower.values.push_back((x + y) / 2);
-    ++lower.col_ptr[static_cast<std::size_t>(j) + 1];
+    return (x + y) / 2;
   });
-  for (std::size_t j = 1; j < lower.col_ptr.size(); ++j) lower.col_ptr[j] += lower.col_ptr[j - 1];
-  return lower;
 }
 
-}  // namespace
-
-SparseMatrix symmetric_lower(const MatrixView& a, const std::string& name, base::ThreadPool& pool) {
+// A square matrix of numbers, of at least one row.
+void check_matrix(const MatrixView& a, const std::string& name, base::ThreadPool& pool) {
   if (a.rows != a.cols)
     throw Error(StatusCode::invalid_input, fmt::format("{} is {} x {}; it must be square", name, a.rows, a.cols));
   if (a.rows == 0) throw Error(StatusCode::invalid_input, fmt::format("{} is empty (0 x 0)", name));
@@ -73,37 +72,25 @@ SparseMatrix symmetric_lower(const MatrixView& a, const std::string& name, base:
   } catch (const Error& e) {
     throw Error(e.status().code, fmt::format("{}: {}", name, e.what()), e.status().row);
   }
+}
+
+}  // namespace
+
+SparseMatrix symmetric_lower(const MatrixView& a, const std::string& name, base::ThreadPool& pool) {
+  check_matrix(a, name, pool);
   if (a.storage == Storage::symmetric_lower || a.storage == Storage::symmetric_upper) return matrix::to_lower(a, &pool);
   return mean_of_triangles(a, name, pool);
 }
 
 SparseMatrix general_of(const MatrixView& a, const std::string& name, base::ThreadPool& pool) {
-  if (a.rows != a.cols || a.rows == 0)
-    throw Error(StatusCode::invalid_input, fmt::format("{} is {} x {}; it must be square", name, a.rows, a.cols));
-  if (a.values.empty() && a.nonzeros() > 0)
-    throw Error(StatusCode::invalid_input, fmt::format("{} has no values, only a pattern", name));
-  try {
-    matrix::validate(a, &pool);
-  } catch (const Error& e) {
-    throw Error(e.status().code, fmt::format("{}: {}", name, e.what()), e.status().row);
-  }
+  check_matrix(a, name, pool);
   MatrixView summed = a;
   if (a.storage == Storage::general) summed.storage = Storage::symmetric_both;  // rows in order, duplicates summed
   return matrix::to_general(summed, &pool);
 }
 
 SparseMatrix sum(double alpha, const SparseMatrix& a, double beta, const SparseMatrix& b) {
-  SparseMatrix out;
-  out.rows = out.cols = a.rows;
-  out.storage = Storage::symmetric_lower;
-  out.col_ptr.assign(static_cast<std::size_t>(a.cols) + 1, 0);
-  merge(a, b, [&](Index i, Index j, double x, double y) {
-    out.row_ind.push_back(i);
-    out.values.push_back(alpha * x + beta * y);
-    ++out.col_ptr[static_cast<std::size_t>(j) + 1];
-  });
-  for (std::size_t j = 1; j < out.col_ptr.size(); ++j) out.col_ptr[j] += out.col_ptr[j - 1];
-  return out;
+  return merged(a, b, false, [&](Index, Index, double x, double y) { return alpha * x + beta * y; });
 }
 
 std::vector<double> diagonal_of(const SparseMatrix& lower) {

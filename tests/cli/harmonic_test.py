@@ -62,6 +62,69 @@ class Harmonic(Cli):
         rows = self.rows(k, m, "--at", "0", "--from", 0.5, "--to", 1.5, "--points", 3, code=3)
         self.assertEqual([row["amplitude_0_0"] == "" for row in rows], [False, True, False])
 
+    MODEL = """
+[bodies.bob]
+type = "rigid"
+mass = 2.5
+inertia = [1, 1, 1]
+[joints.rail]
+type = "prismatic"
+a = { body = "ground", axis = [1, 0, 0] }
+b = { body = "bob", axis = [1, 0, 0] }
+[forces.spring]
+type = "bushing"
+a = { body = "ground" }
+b = { body = "bob" }
+stiffness = [400, 0, 0]
+damping = [DAMPING, 0, 0]
+[forces.shaker]
+type = "load"
+a = { body = "bob" }
+force = [1, 0, 0]
+factor = 0
+[harmonic]
+frequencies = FREQUENCIES
+loads = ["shaker"]
+quantities = ["bob.position.x"]
+shapes = [1]
+"""
+
+    def model(self, damping, frequencies):
+        return self.file("model.toml", self.MODEL.replace("DAMPING", str(damping)).replace("FREQUENCIES", str(frequencies)))
+
+    def test_a_model_is_its_closed_form(self):
+        out = self.folder / "out"
+        shown = self.expect(0, "simulate", self.model(0.7, [0.5, 1, 2, 4]), "--out", out)
+        self.assertIn("bob.position.x: ", shown.stdout)
+        with open(out / "harmonic.csv", newline="") as file:
+            rows = list(csv.DictReader(file))
+        self.assertEqual([float(row["frequency"]) for row in rows], [0.5, 1, 2, 4])
+        for row in rows:
+            w = 2 * math.pi * float(row["frequency"])
+            x = 1 / complex(400 - 2.5 * w * w, 0.7 * w)
+            self.assertAlmostEqual(float(row["amplitude_bob.position.x_shaker"]) / abs(x), 1, delta=1e-9)
+            self.assertAlmostEqual(float(row["phase_bob.position.x_shaker"]), math.degrees(cmath.phase(x)), delta=1e-6)
+        found = json.loads((out / "summary.json").read_text())
+        self.assertEqual((found["integrator"]["method"], found["harmonic"]["frequencies"]), ("harmonic", 4))
+        self.assertEqual(found["harmonic"]["peaks"][0]["frequency"], 2)
+        self.assertTrue((out / "harmonic_shaker.pvd").exists())
+
+    def test_a_model_on_a_resonance_is_exit_code_3_and_writes_the_rest(self):
+        resonance = math.sqrt(400 / 2.5) / (2 * math.pi)
+        out = self.folder / "out"
+        failed = self.expect(3, "simulate", self.model(0, [1, resonance, 4]), "--out", out)
+        self.assertIn("resonance without damping", failed.stderr)
+        with open(out / "harmonic.csv", newline="") as file:
+            cells = [row["amplitude_bob.position.x_shaker"] for row in csv.DictReader(file)]
+        self.assertEqual([cell == "" for cell in cells], [False, True, False])
+
+    def test_a_model_with_mistakes_is_exit_code_2(self):
+        for wrong in (("harmonic.loads=[\"spring\"]", "nothing drives"), ("harmonic.loads=[\"shakr\"]", "did you mean"),
+                      ("harmonic.frequencies=[-1]", "not negative"), ("harmonic.frequencies=[nan]", "finite"),
+                      ("harmonic.tolerance=7", "harmonic.tolerance")):
+            failed = self.expect(2, "simulate", self.model(1, [1, 2]), "--set", wrong[0])
+            self.assertIn(wrong[1], failed.stderr)
+
     def test_refuses_what_cannot_be(self):
         good = (self.k, self.m, "--at", "0", "--from", 0.1, "--to", 0.2)
         self.expect(0, "harmonic", *good)

@@ -130,6 +130,51 @@ TEST(Harmonic, ConstraintsByMultipliersHold) {
   }
 }
 
+// Several frequencies at the same time: the bits of one thread, of a symmetric, an unsymmetric and a bordered system,
+// at given and at chosen frequencies, and in whatever company a frequency is solved.
+TEST(Harmonic, ThreadsAndCompanyDoNotChangeTheBits) {
+  constexpr int n = 40;
+  std::mt19937 engine(11);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  Eigen::MatrixXd k = test::chain(n), c = 0.01 * k, m = Eigen::MatrixXd::Identity(n, n), g = c;
+  for (int i = 1; i < n; ++i) g(i, i - 1) = -(g(i - 1, i) = 0.1 * uniform(engine));
+  Eigen::MatrixXd bordered = k, massless = m, damped = c;
+  for (const int i : {9, 16, 26}) {  // the last masses are multipliers of constraints
+    const int row = n - 1 - i % 3;
+    bordered.row(row).setZero(), bordered.col(row).setZero();
+    bordered(row, i) = bordered(i, row) = 1;
+    bordered(row, i + 1) = bordered(i + 1, row) = -1;
+    massless.row(row).setZero(), massless.col(row).setZero();
+    damped.row(row).setZero(), damped.col(row).setZero();
+  }
+  const std::vector<Complex> f = test::flat(Eigen::MatrixXcd::Identity(n, 2));
+  struct Case {
+    const Eigen::MatrixXd &k, &c, &m;
+  };
+  for (const Case& one : {Case{k, c, m}, Case{k, g, m}, Case{bordered, damped, massless}})
+    for (const double tolerance : {0.0, 1e-4}) {
+      HarmonicOptions o = range(0.005, 0.3, 25, tolerance);
+      o.observed = {3, 15};
+      o.shapes_at = {0.1, 0.2};
+      const HarmonicResult alone = harmonic_response(sparse(one.k), sparse(one.c), sparse(one.m), f, 2, o);
+      ASSERT_TRUE(alone.status.ok()) << alone.status.message;
+      for (const int threads : {2, 5}) {
+        o.solver.threads = threads;
+        const HarmonicResult r = harmonic_response(sparse(one.k), sparse(one.c), sparse(one.m), f, 2, o);
+        EXPECT_EQ(r.factorizations, alone.factorizations);
+        EXPECT_EQ(r.responses, alone.responses) << threads;
+        EXPECT_EQ(r.shapes, alone.shapes) << threads;
+      }
+      if (tolerance > 0) continue;
+      // The analysis is that of the first frequency: the others have the same bits without the company between.
+      o.frequencies = {alone.points[0].frequency, alone.points[20].frequency};
+      o.shapes_at.clear();
+      const HarmonicResult two = harmonic_response(sparse(one.k), sparse(one.c), sparse(one.m), f, 2, o);
+      for (Index l = 0; l < 2; ++l)
+        for (Index i = 0; i < 2; ++i) EXPECT_EQ(two.response(1, l, i), alone.response(20, l, i));
+    }
+}
+
 // A frequency on an undamped resonance, as near as numbers are: that point says so, the others are right.
 TEST(Harmonic, AnUndampedResonanceIsSaid) {
   constexpr int n = 30;

@@ -8,38 +8,13 @@
 #include <cmath>
 #include <numbers>
 
+#include "dynamics/integrators/linearised.hpp"
+
 namespace espalier::dynamics {
 
 namespace {
 
 std::size_t vibration_at(Offset i) { return static_cast<std::size_t>(i); }
-
-// A matrix of the pattern of tangents, with rows of constraints below where they are wanted, general storage.
-struct VibrationMatrices {
-  SparseMatrix mass, damping, stiffness;  // n x n
-  Index n = 0;
-};
-
-VibrationMatrices vibration_matrices(Equations& equations, const State& state) {
-  System& system = equations.system();
-  const SparsePattern& p = system.tangent_pattern();
-  VibrationMatrices out;
-  out.n = p.cols;
-  const auto part = [&](const TangentWeights& weights) {
-    SparseMatrix a;
-    a.rows = p.rows;
-    a.cols = p.cols;
-    a.col_ptr = p.ptr;
-    a.row_ind = p.ind;
-    a.values.resize(vibration_at(p.nonzeros()));
-    system.tangent(state.view(), weights, a.values);
-    return a;
-  };
-  out.mass = part({1, 0, 0});
-  out.damping = part({0, 1, 0});
-  out.stiffness = part({0, 0, 1});
-  return out;
-}
 
 // The symmetric part of A as a lower triangle, bordered by rows of constraints; every entry twice, halved, which is
 // summed up by whoever reads it.
@@ -139,15 +114,12 @@ std::vector<Mode> undamped(const ModesResult& found, const Eigen::MatrixXd& x) {
 
 Vibrations small_vibrations(Equations& equations, const State& state, Index count, const Options& solver) {
   constexpr double kUnsymmetric = 1e-8;
-  const VibrationMatrices a = vibration_matrices(equations, state);
+  const TangentMatrices a = tangent_matrices(equations.system(), state);
   equations.evaluate_constraints(state.t, state.q, {});
-  std::vector<Index> rows;
-  const std::vector<char>& dropped = equations.dropped();
-  for (Index i = 0; i < equations.sizes().constraints; ++i)
-    if (dropped.empty() || dropped[vibration_at(i)] == 0) rows.push_back(i);
+  const std::vector<Index> rows = kept_constraints(equations);
   const double velocity_forces = max_norm(a.damping.values);
   const bool plain = velocity_forces == 0 && asymmetry(a.stiffness) < kUnsymmetric;
-  const Index free = a.n - static_cast<Index>(rows.size());
+  const Index n = a.mass.cols, free = n - static_cast<Index>(rows.size());
   ModesOptions options;
   options.count = std::min(plain ? count : 3 * count + 40, free);
   options.solver = solver;
@@ -158,7 +130,7 @@ Vibrations small_vibrations(Equations& equations, const State& state, Index coun
       find_modes(bordered(a.stiffness, phi, equations.phi_q(), rows), bordered(a.mass, phi, {}, rows), options);
   if (!found.status.ok()) throw Error(found.status.code, "initial.modes: " + found.status.message);
   const Eigen::Map<const Eigen::MatrixXd> all(found.vectors.data(), found.n, found.count());
-  const Eigen::MatrixXd x = all.topRows(a.n);
+  const Eigen::MatrixXd x = all.topRows(n);
   if (plain) {
     out.modes = undamped(found, x);
     if (!found.complete) out.notice = "initial.modes: " + found.completeness;
@@ -191,7 +163,7 @@ struct BorderedPencil {
 
 // K and M with the rows of constraints that stay, which are those of `dropped`.
 BorderedPencil bordered_pencil(Equations& equations, const State& state, const std::vector<char>& dropped) {
-  const VibrationMatrices a = vibration_matrices(equations, state);
+  const TangentMatrices a = tangent_matrices(equations.system(), state);
   equations.evaluate_constraints(state.t, state.q, {});
   std::vector<Index> rows;
   for (Index i = 0; i < equations.sizes().constraints; ++i)

@@ -18,6 +18,7 @@ class Builder {
   Builder(const Description& model, Mechanism& out) : model_(model), out_(out), frames_(model, out) {}
 
   void run() {
+    add_drives();
     for (const BodySpec& body : model_.bodies)
       at_place(body.place, [&] { out_.bodies.push_back(build_body(body, model_, frames_, out_)); });
     frames_.note_initial_state();
@@ -60,7 +61,25 @@ class Builder {
     return value.value;
   }
 
+  void add_drives() {
+    if (!model_.harmonic) return;
+    for (const HarmonicSpec::Load& load : model_.harmonic->loads)
+      for (const HarmonicSpec::Part& part : load.parts) {
+        const auto named = [&](const auto& spec) { return spec.name == part.of; };
+        if (std::any_of(model_.forces.begin(), model_.forces.end(), named) ||
+            std::any_of(model_.joints.begin(), model_.joints.end(), named))
+          out_.drives.emplace(part.of, std::make_shared<double>(0));
+      }
+  }
+
   TimeFunction motion(const JointSpec& j, Relative kind, int axis) {
+    TimeFunction f = motion_of_text(j, kind, axis);
+    if (const auto drive = out_.drives.find(j.name); drive != out_.drives.end())
+      f.value = [g = f.value, more = drive->second](double t) { return g(t) + *more; };
+    return f;
+  }
+
+  TimeFunction motion_of_text(const JointSpec& j, Relative kind, int axis) {
     TimeFunction f = j.function->function(j.place.text());
     if (!j.relative) return f;
     const double start = measure(kind, axis, j.frames) - j.function->value(model_.integrator.start);
@@ -123,7 +142,7 @@ class Builder {
   }
 
   /// The order of the inputs is that of build_functions(): components, then the factor.
-  static LoadLaw load_law(const ForceSpec& f) {
+  [[nodiscard]] LoadLaw load_law(const ForceSpec& f) const {
     LoadLaw law;
     law.force = f.linear;
     law.moment = f.angular;
@@ -131,7 +150,7 @@ class Builder {
     int next = 0;
     for (std::size_t k = 0; k < 6; ++k)
       if (f.components[k]) law.input[k] = next++;
-    if (f.formula) law.input[6] = next;
+    if (f.formula || out_.drives.contains(f.name)) law.input[6] = next;
     return law;
   }
 

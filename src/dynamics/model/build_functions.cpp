@@ -30,6 +30,19 @@ class ContactCondition final : public StateFunction {
   double sign_;
 };
 
+/// A function with what [harmonic] adds to it.
+class DrivenFunction final : public CompositeFunction {
+ public:
+  DrivenFunction(StateFunctionPtr function, std::shared_ptr<const double> drive)
+      : CompositeFunction({std::move(function)}), drive_(std::move(drive)) {}
+  [[nodiscard]] double value(const StateView& s) const override { return parts().front()->value(s) + *drive_; }
+
+ private:
+  void add_gradient(const StateView& s, StateGradient& out) const override { add_part(s, 0, 1, out); }
+
+  std::shared_ptr<const double> drive_;
+};
+
 class FunctionBuilder {
  public:
   FunctionBuilder(const Description& model, Mechanism& out) : model_(model), out_(out) {}
@@ -94,7 +107,14 @@ class FunctionBuilder {
     std::vector<StateFunctionPtr> inputs;
     for (const auto& component : spec.components)
       if (component) inputs.push_back(make(*component));
-    if (spec.formula) inputs.push_back(make(*spec.formula));
+    const auto drive = out_.drives.find(spec.name);
+    if (drive != out_.drives.end()) {
+      const double otherwise = spec.type == ForceType::load ? 1 : 0;
+      inputs.push_back(std::make_shared<DrivenFunction>(
+          spec.formula ? make(*spec.formula) : constant_function(otherwise), drive->second));
+    } else if (spec.formula) {
+      inputs.push_back(make(*spec.formula));
+    }
     if (FacePressure* pressure = out_.pressure(spec.name))
       pressure->set_pressure(std::move(inputs.front()));
     else

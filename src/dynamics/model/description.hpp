@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <complex>
 #include <map>
 #include <memory>
 #include <optional>
@@ -28,6 +29,7 @@
 #include "dynamics/model/identity.hpp"
 #include "dynamics/model/section.hpp"
 #include "dynamics/substructure/substructure.hpp"
+#include "espalier/harmonic.hpp"
 
 namespace espalier::dynamics::model {
 
@@ -343,6 +345,27 @@ struct OutputSpec {
   bool exact_times = false;      ///< steps end at the output times
 };
 
+/// Frequency response of the model, linearised at its start or in its equilibrium.
+struct HarmonicSpec {
+  /// amplitude cos(w t) is added to what a force is driven by (the factor of a load, the pressure, the actuator of a
+  /// spring, torque or force of a motor), to the function of a motor, or to an input.
+  struct Part {
+    Place place;
+    std::string of;  ///< name of the force or joint; of an input with or without "inputs."
+    std::complex<double> amplitude;
+  };
+  struct Load {
+    Place place;
+    std::string name;
+    std::vector<Part> parts;  ///< act at the same time
+  };
+  Place place;
+  HarmonicOptions options;              ///< frequencies, tolerance, loss factor, shapes; the rest is unused
+  std::vector<Load> loads;              ///< each a response of its own
+  std::vector<std::string> quantities;  ///< empty: those of the output
+  int phases = 8;                       ///< pictures of each shape, over a period
+};
+
 /// The whole model.
 struct Description {
   std::string file;    ///< name of the text
@@ -359,9 +382,11 @@ struct Description {
   std::vector<std::pair<std::string, double>> inputs;  ///< with their values at the start
   std::vector<std::pair<std::string, Formula>> sensors;
   std::vector<EventSpec> events;
+  bool moves = true;                   ///< false: there is neither [integrator] nor [statics]
   IntegratorSpec integrator;           ///< unused where `statics` is set
   std::optional<StaticsSpec> statics;  ///< instead of a motion
   InitialSpec initial;
+  std::optional<HarmonicSpec> harmonic;  ///< alone, without an integrator and statics, it is a run of its own
   OutputSpec output;
   std::vector<std::pair<std::string, std::string>> solver;  ///< options by name, see solver/option_text.hpp
   ModelKeys keys;                                           ///< of the text that this was read from
@@ -383,6 +408,8 @@ void read_joint_contacts(Section& joint, JointSpec& out);
 void read_splines(Section& root, Description& model);
 /// [inputs], [sensors] and [events].
 void read_events(Section& root, Description& model);
+/// [harmonic], when forces, joints and inputs are known.
+[[nodiscard]] HarmonicSpec read_harmonic(Section s, const Description& model);
 /// Gives every expression the splines that it names. @throws Error(invalid_input) for functions that nobody knows
 void bind_curves(Description& model);
 

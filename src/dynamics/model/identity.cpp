@@ -16,7 +16,7 @@ namespace espalier::dynamics::model {
 namespace {
 
 bool free_to_change(std::string_view path) {
-  constexpr std::array<std::string_view, 6> kFree = {"output",        "solver",         "title",
+  constexpr std::array<std::string_view, 7> kFree = {"output",        "solver",         "title",           "harmonic",
                                                      "initial.modes", "integrator.end", "integrator.steps"};
   return std::find(kFree.begin(), kFree.end(), path) != kFree.end() ||
          (path.starts_with("bodies.") && path.ends_with(".mesh.file")) ||

@@ -85,6 +85,7 @@ class Mechanism {
   std::vector<std::pair<std::string, StateFunctionPtr>> sensors;  ///< of the model's [sensors]
   std::vector<StateFunctionPtr> conditions;                       ///< of the model's events, in their order
   std::vector<std::vector<StateFunctionPtr>> settings;            ///< values that events set, likewise
+  std::map<std::string, std::shared_ptr<double>> drives;          ///< of [harmonic]: added to forces and motors; zero
   Controls* controls = nullptr;                                   ///< null: nothing can be set, switched or happen
   std::vector<std::string> notices;                               ///< what joints do not fit at the start
 

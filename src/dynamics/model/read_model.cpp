@@ -186,9 +186,11 @@ Description read_description(const Value& root_value, const std::string& file) {
   read_surfaces(root, model);
   read_events(root, model);
   bind_curves(model);
-  if (!root.has("integrator") && !root.has("statics"))
+  model.moves = root.has("integrator") || root.has("statics");
+  if (!model.moves && !root.has("harmonic"))
     fail({file, 0, ""},
-         "needs a section [integrator] with 'end', the time where the run ends, or [statics] for an equilibrium");
+         "needs a section [integrator] with 'end', the time where the run ends, [statics] for an equilibrium, or "
+         "[harmonic] for a frequency response");
   if (const auto s = root.table("statics")) model.statics = read_statics(*s);
   if (const auto s = root.table("integrator")) {
     if (model.statics)
@@ -198,6 +200,7 @@ Description read_description(const Value& root_value, const std::string& file) {
     read_integrator(*s, model.integrator);
   }
   if (const auto s = root.table("initial")) read_initial(*s, model.initial);
+  if (const auto s = root.table("harmonic")) model.harmonic = read_harmonic(*s, model);
   if (const auto s = root.table("output")) read_output(*s, model.output);
   if (const Value* s = root.value("solver")) read_solver(*s, model);
   root.finish();

@@ -12,7 +12,9 @@
 #include <limits>
 
 #include "base/output_file.hpp"
+#include "dynamics/model/harmonic_run.hpp"
 #include "dynamics/model/restart.hpp"
+#include "harmonic/table.hpp"
 
 namespace espalier::dynamics::model {
 
@@ -133,6 +135,47 @@ void RunFiles::modes(const State& state, const std::vector<std::vector<double>>&
   }
   pictures.finish();
   written_.push_back(path);
+}
+
+void RunFiles::harmonic(const State& state, const ModelHarmonicResult& response, int phases) {
+  if (folder_.empty()) return;
+  base::OutputFile table(folder_ + "/harmonic.csv");
+  harmonic::write_table(response.response, response.quantities, response.loads,
+                        [&](std::string_view line) { table.write(line); });
+  table.commit();
+  written_.push_back(folder_ + "/harmonic.csv");
+  const auto finite = [](const std::complex<double>& x) { return std::isfinite(x.real()) && std::isfinite(x.imag()); };
+  const auto& shapes = response.response.shapes;
+  if (shapes.empty() || !std::all_of(shapes.begin(), shapes.end(), finite)) return;
+  for (std::size_t load = 0; load < response.loads.size(); ++load) {
+    std::string name = response.loads[load];
+    std::replace(name.begin(), name.end(), '.', '_');  // of an input
+    const std::string path = fmt::format("{}/harmonic_{}.pvd", folder_, name);
+    State shown = state;
+    std::fill(shown.v.begin(), shown.v.end(), 0.0);
+    Pictures pictures(path, mechanism_, shown, std::numeric_limits<double>::quiet_NaN());
+    const std::vector<HarmonicPicture> all =
+        harmonic_pictures(response, load, phases, static_cast<Index>(state.v.size()));
+    const auto each = static_cast<std::size_t>(phases);
+    for (std::size_t first = 0; first < all.size(); first += each) {
+      // One scale for a whole period: that of its largest picture.
+      double scale = std::numeric_limits<double>::infinity();
+      shown.q = state.q;
+      for (std::size_t k = first; k < first + each; ++k) {
+        shown.v = all[k].shift;
+        if (const double way = pictures.extent_over_speed(shown); way > 0) scale = std::min(scale, 0.05 * way);
+      }
+      for (std::size_t k = first; k < first + each; ++k) {
+        std::vector<double> step = all[k].shift;
+        for (double& x : step) x *= std::isfinite(scale) ? scale : 0;
+        mechanism_.system.retract(state.q, step, shown.q);
+        shown.v = all[k].v;
+        pictures.write(shown, all[k].time);
+      }
+    }
+    pictures.finish();
+    written_.push_back(path);
+  }
 }
 
 void RunFiles::step(const Sample& s) {

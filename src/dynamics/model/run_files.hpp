@@ -12,6 +12,7 @@
 #include "dynamics/model/pictures.hpp"
 #include "dynamics/model/quantities.hpp"
 #include "dynamics/output/csv.hpp"
+#include "espalier/model_harmonic.hpp"
 
 namespace espalier::dynamics::model {
 
@@ -44,6 +45,10 @@ class RunFiles {
   /// Shapes of modes at a state (n numbers each) as modes.pvd, numbered from 1 where others have the time: the bodies
   /// displaced by 5 % of their extent, the shape itself as their velocity.
   void modes(const State& state, const std::vector<std::vector<double>>& shapes);
+  /// The response as harmonic.csv, and its shapes at a state as harmonic_LOAD.pvd, where a shape's number from 1 and
+  /// the part of its period, of which there are `phases`, stand for the time: the bodies displaced by up to 5 % of
+  /// their extent, the response's own velocities.
+  void harmonic(const State& state, const ModelHarmonicResult& response, int phases);
   void step(const Sample& s);
   void end(const Sample& s);  ///< the last; other runs may have the folder from then on
   /// Saves what can be saved when the run fails; never throws.

@@ -68,7 +68,10 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
     throw Error(StatusCode::invalid_input, "--restart: a statics run begins anew, it has no restart file");
   check_intervals(model_, options_.frame_interval);
   summary_.title = model_.title;
-  summary_.method = model_.statics ? "statics" : model_.integrator.method == Method::bdf ? "bdf" : "generalized-alpha";
+  summary_.method = model_.statics                            ? "statics"
+                    : !model_.moves                           ? "harmonic"
+                    : model_.integrator.method == Method::bdf ? "bdf"
+                                                              : "generalized-alpha";
   std::vector<std::pair<std::string, std::string>> by_name = model_.solver;
   by_name.insert(by_name.end(), options_.solver.begin(), options_.solver.end());
   {
@@ -268,7 +271,13 @@ void Runner::run(const SimulationObserver& observer) {
   guarded([&] {
     if (model_.statics) return run_statics(observer);
     stopped_ = false;
-    if (!going_) go();
+    try {
+      if (!going_) go();
+    } catch (const Error& error) {  // of the frequency response: nothing has moved
+      if (error.status().code != StatusCode::cancelled) throw;
+      summary_.interrupted = true;
+      return files_->end(sample(last_report_));
+    }
     advance(model_.integrator.end, observer);
     guard_->check(current());
     {
@@ -290,6 +299,7 @@ void Runner::go() {
     files_->modes(state_, shapes_);
     begin_keeping(s, reference_);
   }
+  if (options_.restart.empty()) give_response();
   going_ = true;
   happen();
 }

@@ -18,6 +18,7 @@
 #include "dynamics/model/quantities.hpp"
 #include "dynamics/model/run_files.hpp"
 #include "espalier/dynamics.hpp"
+#include "espalier/model_harmonic.hpp"
 
 namespace espalier::dynamics::model {
 
@@ -49,6 +50,10 @@ class Runner {
     return model_.statics ? model_.statics->options.load : model_.integrator.end;
   }
   [[nodiscard]] double value(const std::string& quantity);
+  /// The frequency response about the present state. What was found stands in response(), also where it throws.
+  /// @pre the model has a section [harmonic]
+  void respond();
+  [[nodiscard]] const ModelHarmonicResult& response() const { return response_; }
   // For those who look at the system itself.
   [[nodiscard]] Mechanism& mechanism() { return *mechanism_; }
   [[nodiscard]] Equations& equations() { return *equations_; }
@@ -67,6 +72,7 @@ class Runner {
   void run_statics(const SimulationObserver& observer);
   void note_statics(const StaticsResult& result);
   void find_modes();
+  void give_response();  ///< respond(), and its files, where the model asks for it
   void check_velocities(const State& given, const State& consistent) const;
   void start_integrator();
   /// Runs `body`; where it fails, what can be saved is, and the summary is brought up to date.
@@ -122,7 +128,8 @@ class Runner {
   State reference_;       // displacements in pictures count from it: a restarted run must find the same
   Options modes_solver_;  // of initial.modes
   std::vector<std::vector<double>> shapes_;  // of these modes
-  double load_ = 0;                          // load factor of state_ in a statics run
+  ModelHarmonicResult response_;
+  double load_ = 0;  // load factor of state_ in a statics run
   StepReport last_report_;
 };
 

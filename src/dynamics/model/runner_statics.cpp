@@ -82,6 +82,7 @@ void Runner::run_statics(const SimulationObserver& observer) {
     guard_->check(state_, true);
     find_modes();
     files_->modes(state_, shapes_);
+    give_response();
   } catch (const Error& error) {
     if (error.status().code == StatusCode::cancelled) {
       mechanism_->system.set_load_factor(load_);

@@ -52,6 +52,8 @@ class Section {
   /// A number or an expression of t and quantities.
   [[nodiscard]] Expression state_function(const std::string& key);
   [[nodiscard]] static Expression state_function(const Value& value);
+  /// A value that is a number, or an expression of parameters.
+  [[nodiscard]] static double plain_number(const Value& value) { return to_number(value); }
   /// The table under a key, or nothing.
   [[nodiscard]] const Value* value(const std::string& key);
   [[nodiscard]] std::optional<Section> table(const std::string& key);

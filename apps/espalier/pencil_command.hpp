@@ -1,0 +1,32 @@
+/// \file
+/// What the commands `modes` and `harmonic` have in common: options that are theirs to choose, and how they end.
+#pragma once
+
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "espalier/types.hpp"
+#include "solver_flags.hpp"
+
+namespace espalier::cli {
+
+/// @param who  "modes choose", for the message
+/// @throws Error(invalid_input) where --kind, --precision or --singular was given
+void refuse_chosen_flags(const SolverFlags& flags, const std::string& who);
+
+/// How results are shown.
+struct PencilOutput {
+  bool json = false, quiet = false;
+  std::string report_file;  ///< empty: none
+};
+
+/// Writes report and files, prints the report or the text, then what has failed.
+/// @param report  made for an exit code  @param files  writes what the command's options ask for
+/// @param text  for people; empty: there is nothing to show
+/// @return the exit code  @throws Error where a file cannot be written
+int conclude(const PencilOutput& output, const Status& status,
+             const std::function<nlohmann::ordered_json(int code)>& report, const std::function<void()>& files,
+             const std::string& text);
+
+}  // namespace espalier::cli

@@ -1,0 +1,195 @@
+"""Frequency responses: amplitudes and phases over a range of frequencies, of matrices and of models."""
+
+import logging
+from dataclasses import dataclass
+from typing import Any, Iterable, Mapping
+
+from . import _core
+from ._errors import AccuracyWarning, make_error
+from ._results import _Table
+from ._solver import _STORAGE, _arrays, _text
+
+_SINGULAR, _INACCURATE = 3, 7
+
+
+@dataclass(frozen=True)
+class Harmonic(_Table):
+    """The answer to loads Re(f e^{i w t}), w = 2 pi frequency. P frequencies, O observed numbers, L loads (no such axis
+    where one load was given as a vector): `frequencies` (P,) rising, those asked for and, with a tolerance, those solved
+    or placed in peaks; `response` (P, O) or (P, O, L), complex, NaN on a resonance without damping; `solved` (P,), False:
+    interpolated; `backward_errors` (P,), NaN where interpolated; `error_estimates` (P,) of interpolated ones;
+    `shape_frequencies` (S,) and `shapes` (S, n) or (S, n, L): all unknowns.
+
+    With a tolerance: `resonances`, rows of frequency, half width and 1 where a load excites it, `complete`: proven to be
+    all, `completeness` says how, or why not; `checked_error`: the largest error of the interpolation at the last solves
+    that were held back. `factorizations`: frequencies that were solved."""
+
+    frequencies: Any
+    response: Any
+    solved: Any
+    backward_errors: Any
+    error_estimates: Any
+    shape_frequencies: Any
+    shapes: Any
+    resonances: Any
+    complete: bool
+    completeness: str
+    checked_error: float
+    factorizations: int
+    seconds: "dict[str, float]"
+
+    @property
+    def amplitudes(self) -> Any:
+        """|response|."""
+        return abs(self.response)
+
+    @property
+    def phases(self) -> Any:
+        """Of the response in degrees, from -180 to 180."""
+        import numpy as np
+
+        return np.angle(self.response, deg=True)
+
+    def __len__(self) -> int:
+        return len(self.frequencies)
+
+
+@dataclass(frozen=True)
+class ModelHarmonic(Harmonic):
+    """Of a model: O `quantities` and L `loads` by name; `response` is (P, O, L). `shapes`: increments of the velocity
+    coordinates, then multipliers. `notices`: what is worth knowing."""
+
+    quantities: "list[str]"
+    loads: "list[str]"
+    notices: "list[str]"
+
+    def __getitem__(self, name: "str | tuple[str, str]") -> Any:
+        """One quantity, or (quantity, load): complex, (P,) for one load, else (P, L)."""
+        quantity, load = name if isinstance(name, tuple) else (name, None)
+        for wanted, known in ((quantity, self.quantities), (load, self.loads)):
+            if wanted is not None and wanted not in known:
+                raise KeyError(f"{wanted!r} is none of {', '.join(known)}")
+        column = self.response[:, self.quantities.index(quantity)]
+        if load is not None:
+            return column[:, self.loads.index(load)]
+        return column[:, 0] if len(self.loads) == 1 else column
+
+
+def _told(status: "tuple[int, str, int]", raw: "tuple[Any, ...]", stacklevel: int) -> None:
+    """Raises, or warns where there are some numbers."""
+    import warnings
+
+    import numpy as np
+
+    if status[0] in (_INACCURATE, _SINGULAR) and np.isfinite(raw[1]).any():
+        warnings.warn(AccuracyWarning(status[1]), stacklevel=stacklevel)
+    elif status[0] != 0:
+        raise make_error(*status)
+
+
+def _fields(raw: "tuple[Any, ...]", one: bool) -> "list[Any]":
+    """Of Harmonic, from those of _core, whose complex numbers are pairs and whose loads stand before the outputs."""
+    import numpy as np
+
+    fields = list(raw)
+    for k in (1, 6):
+        numbers = fields[k][..., 0] + 1j * fields[k][..., 1]
+        fields[k] = numbers[:, 0] if one else np.swapaxes(numbers, 1, 2)
+    fields[2] = fields[2].astype(bool)
+    return fields
+
+
+def _numbers(values: Any, what: str) -> "list[float]":
+    import numpy as np
+
+    found = np.asarray([] if values is None else values, dtype=float).reshape(-1)
+    if not np.all(np.isfinite(found)):
+        raise ValueError(f"{what}: frequencies are finite numbers")
+    return found.tolist()
+
+
+def harmonic(K: Any, M: Any, loads: Any, *, C: Any = None, frequencies: Any = None,
+             between: "tuple[float, float] | None" = None, points: int = 101, logarithmic: bool = False,
+             tolerance: float = 0.0, max_solves: int = 1000, seek_resonances: bool = True, loss_factor: float = 0.0,
+             observed: "Iterable[int] | None" = None, shapes_at: Any = None, symmetry: str = "auto",
+             log: "logging.Logger | None" = None, **solver: Any) -> Harmonic:
+    """Solves (K (1 + i loss_factor) + i w C - w^2 M) x = f for frequencies w / (2 pi), in cycles per unit of time.
+
+    K, C, M: real, of one shape, of scipy.sparse, symmetric or not; C None: no viscous damping. Rows of constraints,
+    [K G'; G 0], have no entries in C and M. symmetry: "auto" (all entries are stored), "lower", "upper" (only that
+    triangle). loads: f, real or complex, (n,) or (n, L). frequencies: rising, not negative; or between, (lowest, highest),
+    with `points` equal steps or (logarithmic) ratios. observed: unknowns from 0 whose responses are returned (None: all);
+    shapes_at: frequencies at which all are.
+
+    tolerance 0 solves at each frequency. Above it (1e-10 to 0.1), chosen frequencies are solved, at most max_solves, and a
+    rational function (AAA) gives what lies between, with about that relative error; seek_resonances finds the modes first
+    and solves next to each that answers. solver: threads, host_memory and the like, as for Solver; the host solves.
+
+    Raises InvalidInputError for matrices and numbers that cannot be, SingularMatrixError where the system is singular at
+    every frequency, OutOfMemoryError. Warns with AccuracyWarning where some frequencies lie on a resonance without damping
+    (NaN) or the tolerance was not reached. Ctrl-C ends it with KeyboardInterrupt."""
+    import numpy as np
+
+    if symmetry not in ("auto", "lower", "upper"):
+        raise ValueError(f"symmetry {symmetry!r} is none of auto, lower, upper")
+    for key in ("kind", "precision", "singular", "permutation"):
+        if key in solver:
+            raise ValueError(f"{key} has no meaning here: the sweep chooses it")
+    if (frequencies is None) == (between is None):
+        raise ValueError("give either frequencies, or between=(lowest, highest)")
+    if frequencies is not None and not _numbers(frequencies, "frequencies"):
+        raise ValueError("frequencies is empty")
+    arrays = []
+    for name, a in (("K", K), ("C", M if C is None else C), ("M", M)):
+        if not hasattr(a, "tocsc"):
+            raise TypeError(f"{name} is a {type(a).__name__}: give a sparse matrix of scipy.sparse")
+        pointers, indices, values, _ = _arrays(a.tocsc())
+        if values is None:
+            raise ValueError(f"{name} has no values, only a pattern")
+        arrays += [pointers, indices, values]
+    f = np.asarray(loads)
+    n = len(arrays[0]) - 1
+    if f.ndim not in (1, 2) or f.shape[0] != n or f.size == 0:
+        raise ValueError(f"loads of shape {f.shape}: give ({n},), or ({n}, number of loads)")
+    columns = np.asfortranarray(f, dtype=np.complex128).reshape(-1, order="F").view(np.float64)
+    low, high = (0.0, 0.0) if between is None else (float(between[0]), float(between[1]))
+    options = {"from": low, "to": high, "points": int(points), "logarithmic": bool(logarithmic),
+               "frequencies": _numbers(frequencies, "frequencies"), "tolerance": float(tolerance),
+               "max_solves": int(max_solves), "seek_resonances": bool(seek_resonances),
+               "loss_factor": float(loss_factor), "observed": [] if observed is None else [int(i) for i in observed],
+               "shapes_at": _numbers(shapes_at, "shapes_at")}
+    if observed is not None and not options["observed"]:
+        raise ValueError("observed is empty: name unknowns, or None for all")
+    status, raw = _core.harmonic(*arrays, _STORAGE[symmetry], C is not None, columns, 1 if f.ndim == 1 else f.shape[1],
+                                 options, [(key, _text(value)) for key, value in solver.items()],
+                                 (log or logging.getLogger("espalier")).debug)
+    _told(status, raw, 3)
+    return Harmonic(*_fields(raw, f.ndim == 1))
+
+
+def _amplitudes(loads: Any) -> Any:
+    """Complex amplitudes as the model text has them."""
+    import cmath
+    import math
+
+    if isinstance(loads, Mapping):
+        return {name: _amplitudes(value) for name, value in loads.items()}
+    if hasattr(loads, "dtype") and getattr(loads, "ndim", 1) == 0:
+        loads = loads.item()
+    if isinstance(loads, complex):
+        return {"amplitude": abs(loads), "phase": math.degrees(cmath.phase(loads))}
+    return [loads] if isinstance(loads, str) else loads
+
+
+def model_harmonic(model: Any, keys: "Mapping[str, Any]", set: "Mapping[str, Any]", out: str,
+                   solver: "Mapping[str, Any]") -> ModelHarmonic:
+    """See Model.harmonic()."""
+    from ._toml import _value
+
+    keys = {k: _amplitudes(v) if k == "loads" else v for k, v in keys.items()}
+    given = {**set, **{f"harmonic.{k}": v for k, v in keys.items()}}
+    status, raw, quantities, loads, notices = _core.model_harmonic(
+        model._path if model._path is not None else model.text, model._path is not None,
+        [f"{k}={_value(v, k)}" for k, v in given.items()], out, [(k, _text(v)) for k, v in solver.items()])
+    _told(status, raw, 4)
+    return ModelHarmonic(*_fields(raw, False), quantities, loads, notices)

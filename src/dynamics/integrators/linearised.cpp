@@ -1,0 +1,83 @@
+#include "dynamics/integrators/linearised.hpp"
+
+namespace espalier::dynamics {
+
+TangentMatrices tangent_matrices(System& system, const State& state) {
+  const SparsePattern& p = system.tangent_pattern();
+  const auto part = [&](const TangentWeights& weights) {
+    SparseMatrix a;
+    a.rows = p.rows;
+    a.cols = p.cols;
+    a.col_ptr = p.ptr;
+    a.row_ind = p.ind;
+    a.values.resize(static_cast<std::size_t>(p.nonzeros()));
+    system.tangent(state.view(), weights, a.values);
+    return a;
+  };
+  return {part({1, 0, 0}), part({0, 1, 0}), part({0, 0, 1})};
+}
+
+std::vector<Index> kept_constraints(const Equations& equations) {
+  const std::vector<char>& dropped = equations.dropped();
+  std::vector<Index> rows;
+  for (Index i = 0; i < equations.sizes().constraints; ++i)
+    if (dropped.empty() || dropped[static_cast<std::size_t>(i)] == 0) rows.push_back(i);
+  return rows;
+}
+
+Linearised linearise(Equations& equations, const State& state) {
+  System& system = equations.system();
+  TangentMatrices a = tangent_matrices(system, state);
+  equations.evaluate_constraints(state.t, state.q, {});
+  const SparsePattern& phi = system.constraint_pattern();
+  const ConstSpan phi_q = equations.phi_q();
+  Linearised out;
+  out.n = a.mass.cols;
+  out.rows = kept_constraints(equations);
+  const auto size = static_cast<std::size_t>(out.size()), n = static_cast<std::size_t>(out.n);
+
+  struct Entry {
+    Index row;
+    double value;
+  };
+  std::vector<std::vector<Entry>> columns(size);
+  for (std::size_t j = 0; j < n; ++j)
+    for (auto k = static_cast<std::size_t>(a.stiffness.col_ptr[j]);
+         k < static_cast<std::size_t>(a.stiffness.col_ptr[j + 1]); ++k)
+      columns[j].push_back({a.stiffness.row_ind[k], a.stiffness.values[k]});
+  for (std::size_t r = 0; r < out.rows.size(); ++r) {
+    const auto row = static_cast<std::size_t>(out.rows[r]);
+    for (auto k = static_cast<std::size_t>(phi.ptr[row]); k < static_cast<std::size_t>(phi.ptr[row + 1]); ++k) {
+      columns[static_cast<std::size_t>(phi.ind[k])].push_back({out.n + static_cast<Index>(r), phi_q[k]});
+      columns[n + r].push_back({phi.ind[k], phi_q[k]});
+    }
+  }
+  if (const SparsePattern* p = system.multiplier_pattern(); p != nullptr) {
+    std::vector<double> f_lambda(static_cast<std::size_t>(p->nonzeros()));
+    system.multiplier_tangent(state.view(), f_lambda);
+    for (std::size_t r = 0; r < out.rows.size(); ++r) {
+      const auto column = static_cast<std::size_t>(out.rows[r]);
+      for (auto k = static_cast<std::size_t>(p->ptr[column]); k < static_cast<std::size_t>(p->ptr[column + 1]); ++k)
+        columns[n + r].push_back({p->ind[k], f_lambda[k]});
+    }
+  }
+  SparseMatrix& s = out.stiffness;
+  s.rows = s.cols = out.size();
+  s.col_ptr.assign(1, 0);
+  for (const std::vector<Entry>& column : columns) {
+    for (const Entry& e : column) {
+      s.row_ind.push_back(e.row);
+      s.values.push_back(e.value);
+    }
+    s.col_ptr.push_back(static_cast<Offset>(s.row_ind.size()));
+  }
+  for (SparseMatrix* m : {&a.mass, &a.damping}) {
+    m->rows = m->cols = out.size();
+    m->col_ptr.resize(size + 1, m->col_ptr.back());
+  }
+  out.mass = std::move(a.mass);
+  out.damping = std::move(a.damping);
+  return out;
+}
+
+}  // namespace espalier::dynamics

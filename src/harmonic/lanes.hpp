@@ -1,0 +1,64 @@
+/// \file
+/// Z factorized and solved at several frequencies at the same time, on one analysis.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "espalier/harmonic.hpp"
+#include "harmonic/dynamic_stiffness.hpp"
+#include "modes/workshop.hpp"
+#include "solver/session.hpp"
+
+namespace espalier::harmonic {
+
+/// What one frequency gave.
+struct Answer {
+  Status status;
+  double backward_error = 0;
+  double rounding = 0;     ///< how far rounding of the entries of Z may move the solution, relative, to its order
+  std::vector<Complex> x;  ///< columns x n
+  Index solved_columns = 0;
+  double factor_seconds = 0, solve_seconds = 0;
+};
+
+/// Each frequency is given to a factor that treats it as one that has just been made on the shared analysis would: the
+/// answers do not depend on which frequencies came before, nor on the number of threads. The analysis is made at the
+/// first frequency of all, and is the one that this frequency's factor ended with (pivots moved, for instance).
+class Lanes {
+ public:
+  /// All outlive the object.
+  Lanes(const DynamicStiffness& z, std::span<const Complex> loads, Index columns, const HarmonicOptions& options,
+        modes::Workshop& shop, HarmonicResult& result);
+  /// In the order of the frequencies. Times and counts go into the result.
+  /// @throws Error where memory or devices fail, the caller interrupts, or Z has no analysis
+  std::vector<Answer> solve(std::span<const double> frequencies);
+  /// So many frequencies at a time keep all threads busy, and their solutions small.
+  [[nodiscard]] std::size_t at_a_time() const;
+
+ private:
+  struct Lane {
+    Lane(const Options& options, const solver::SharedAnalysis& analysis);
+    solver::Session session;
+    std::vector<Complex> z;
+  };
+  void begin(double frequency);
+  [[nodiscard]] int most_lanes() const;
+  /// The lane, made anew where its factor has gone its own way.
+  Lane& fresh(std::unique_ptr<Lane>& lane, int threads, int beside);
+  [[nodiscard]] Answer solve_one(Lane& lane, double frequency) const;
+  double rounding_of(Lane& lane, double w, const std::vector<Complex>& x, double z_norm, Answer& out) const;
+
+  const DynamicStiffness& z_;
+  std::span<const Complex> loads_;
+  Index columns_;
+  modes::Workshop& shop_;
+  HarmonicResult& result_;
+  Options options_;
+  std::unique_ptr<Lane> whole_;  // analyzes, and has all threads
+  solver::SharedAnalysis analysis_;
+  std::vector<std::unique_ptr<Lane>> lanes_;  // of one thread each
+};
+
+}  // namespace espalier::harmonic

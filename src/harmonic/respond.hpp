@@ -1,0 +1,16 @@
+/// \file
+/// harmonic_response() of anything that is linear in the solutions.
+#pragma once
+
+#include <span>
+
+#include "espalier/harmonic.hpp"
+#include "harmonic/observer.hpp"
+
+namespace espalier::harmonic {
+
+/// As harmonic_response(), whose observed unknowns the observer's numbers replace. @param observer  null: the unknowns
+HarmonicResult respond(const MatrixView& k, const MatrixView& c, const MatrixView& m, std::span<const Complex> loads,
+                       Index columns, const HarmonicOptions& options, Observer* observer);
+
+}  // namespace espalier::harmonic
