@@ -83,10 +83,12 @@ void Lanes::begin(double frequency) {
 
 // Several at a time pay where the threads have too little to do in one factor, and where memory is no matter.
 int Lanes::most_lanes() const {
-  constexpr double kMostFlops = 2e10;       // of a factorization that is done by one thread
+  // Of a factorization, for each thread. Elasticity with two threads of two cores, 30 frequencies: 2e8 to 3e9
+  // operations take 5 to 15 % less time side by side, 6e9 take 5 % more (design/harmonic.md).
+  constexpr double kMostFlops = 2e9;
   constexpr double kShareOfMachine = 0.25;  // of memory, where the caller sets no limit
   const solver::Analysis& a = *analysis_;
-  if (a.flops() > kMostFlops) return 1;
+  if (a.flops() > kMostFlops * shop_.pool.size()) return 1;
   const Offset limit = options_.host_memory_bytes;
   const double room =
       limit > 0 ? static_cast<double>(limit) : kShareOfMachine * static_cast<double>(matrix::machine_memory());
