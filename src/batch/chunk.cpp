@@ -72,9 +72,9 @@ solver::SharedAnalysis repeated(const solver::Analysis& one, Index copies, const
   all.col_scale = repeated(p.col_scale, copies, 0.0);
   all.row_of_col = repeated(p.row_of_col, copies, p.n());
   all.wide = p.wide;
-  system->rows = solve::ResidualOperator::rows_of(all.a, context.pool);
-  return std::make_shared<const solver::Analysis>(
-      solver::lay_out(std::move(system), repeated(one.plan.tree, copies), {one.device, 0, one.free_pivots}, context));
+  const auto rows = system->rows = solve::ResidualOperator::rows_of(all.a, context.pool);
+  return std::make_shared<const solver::Analysis>(solver::lay_out(
+      std::move(system), repeated(one.plan.tree, copies), {one.device, 0, one.free_pivots}, context, rows.get()));
 }
 
 // Of a regular symmetric matrix at least so many eigenvalues are negative: unknowns without entries between them, whose
@@ -337,8 +337,7 @@ void Chunk::finish(const ChunkJob& job, bool refined, std::span<SystemResult> re
     if (block.left) return;
     const std::span<const double> b(block.b), x(block.x);
     if (refined) {
-      const double norm =
-          (job.transpose ? scales_.row : scales_.col).empty() ? block.residual.norm(job.transpose) : 1;
+      const double norm = (job.transpose ? scales_.row : scales_.col).empty() ? block.residual.norm(job.transpose) : 1;
       block.left = !(block.refined.error.normwise <= context_.options.required_backward_error) ||
                    solver::growth_of(b.first(at(n_)), x.first(at(n_)), 1, scales_, norm, job.transpose).is_far(false);
       if (block.left) return;
