@@ -20,7 +20,7 @@ std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
 /// Tangents of a batch take about so many bytes for each thread: a part of its cache.
 constexpr std::int64_t kBatchBytes = 1 << 20;
 
-constexpr Index kElements = 64, kVertices = 512;  // of a task of forces: some 20 microseconds
+constexpr Index kElementsOfTask = 64, kVerticesOfTask = 512;  // of a task of forces: some 20 microseconds
 
 }  // namespace
 
@@ -48,7 +48,7 @@ void ElementAssembly::add_kind(std::unique_ptr<ElementGroup> group, Index vertic
     }
   kind.forces = make_force_list(kind.connectivity(), vertices);
   elements_ += count;
-  tasks_ += (count + kElements - 1) / kElements;
+  tasks_ += (count + kElementsOfTask - 1) / kElementsOfTask;
   force_numbers_ += std::int64_t{count + lanes - 1} / lanes * lanes * kind.layout.forces();
   kinds_.push_back(std::move(kind));
 }
@@ -189,7 +189,7 @@ void ElementAssembly::begin_forces(const AssemblyState& state) {
 }
 
 std::int64_t ElementAssembly::element_tasks() const { return tasks_; }
-std::int64_t ElementAssembly::vertex_tasks() const { return (vertices() + kVertices - 1) / kVertices; }
+std::int64_t ElementAssembly::vertex_tasks() const { return (vertices() + kVerticesOfTask - 1) / kVerticesOfTask; }
 
 void ElementAssembly::run_element_task(std::int64_t task) {
   const Kind& kind = *(std::upper_bound(kinds_.begin(), kinds_.end(), task,
@@ -197,14 +197,14 @@ void ElementAssembly::run_element_task(std::int64_t task) {
                        1);
   const Index lanes = kind.layout.lanes();
   double* forces = buffer_[0].data() + kind.first_force;
-  const auto begin = static_cast<Index>(task - kind.first_task) * kElements;
-  const Index end = std::min(begin + kElements, kind.count());
+  const auto begin = static_cast<Index>(task - kind.first_task) * kElementsOfTask;
+  const Index end = std::min(begin + kElementsOfTask, kind.count());
   for (Index e = begin; e < end; e += lanes)
     forces_->run(kind, e, std::min(e + lanes, end), forces + kind.layout.force(e, 0), nullptr);
 }
 
 ElementAssembly::VertexRange ElementAssembly::run_vertex_task(std::int64_t task, double* f) {
-  const Index first = static_cast<Index>(task) * kVertices, last = std::min(first + kVertices, vertices());
+  const Index first = static_cast<Index>(task) * kVerticesOfTask, last = std::min(first + kVerticesOfTask, vertices());
   for (const Kind& kind : kinds_)
     for (Index v = first; v < last; ++v)
       sum_forces(kind.forces, kind.layout, buffer_[0].data() + kind.first_force, v, f + 3 * std::int64_t{v});
