@@ -1,9 +1,8 @@
 // Complex systems on several ranks, here threads with a link between them. The truth is the solver of one process: the
-// same bits, by kernels for complex numbers and as a real system of twice the size.
+// same bits. Ranks are on hosts, which have kernels for complex numbers.
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <mutex>
 #include <random>
 #include <vector>
@@ -93,15 +92,7 @@ void expect_bits_of_one(const ComplexSparseMatrix& a, const Options& options, Tr
   }
 }
 
-class ComplexRanks : public testing::TestWithParam<bool> {
- protected:
-  void SetUp() override {
-    if (GetParam()) ::setenv("ESPALIER_COMPLEX_FORM", "real", 1);
-  }
-  void TearDown() override { ::unsetenv("ESPALIER_COMPLEX_FORM"); }
-};
-
-TEST_P(ComplexRanks, HaveTheBitsOfOneProcess) {
+TEST(ComplexRanks, HaveTheBitsOfOneProcess) {
   using reference::Values;
   const SparseMatrix definite = reference::random_system(900, 4, Values::positive, 1);
   expect_bits_of_one(complex_of(definite, Storage::hermitian_lower), {});
@@ -118,7 +109,7 @@ TEST_P(ComplexRanks, HaveTheBitsOfOneProcess) {
   expect_bits_of_one(complex_of(definite, Storage::symmetric_lower), mixed);
 }
 
-TEST_P(ComplexRanks, SingularSystemsAndWrongArraysEndOnAllRanks) {
+TEST(ComplexRanks, SingularSystemsAndWrongArraysEndOnAllRanks) {
   ComplexSparseMatrix a =
       complex_of(reference::random_system(60, 4, reference::Values::positive, 1), Storage::symmetric_lower);
   on_threads(2, {}, [&](const Ranks& ranks) {
@@ -141,8 +132,6 @@ TEST_P(ComplexRanks, SingularSystemsAndWrongArraysEndOnAllRanks) {
     EXPECT_EQ(r.rank, 0);
   });
 }
-INSTANTIATE_TEST_SUITE_P(Forms, ComplexRanks, testing::Bool(),
-                         [](const auto& form) { return form.param ? "Real" : "Native"; });
 
 }  // namespace
 }  // namespace espalier::ranks
