@@ -489,11 +489,11 @@ void Frame::wrench_stiffness(ConstSpan /*q*/, const Vec6& /*wrench*/, double /*s
 
 void Frame::tangent_columns(ConstSpan q, const TangentColumns& columns, double* out) const {
   const auto nd = static_cast<Eigen::Index>(coordinates().size()), count = static_cast<Eigen::Index>(columns.count);
-  using Twists = Eigen::Matrix<double, 6, Eigen::Dynamic>;
-  Twists j(6, nd);
+  using SixRows = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+  SixRows j(6, nd);
   jacobian(q, j.data());
   Eigen::Map<Eigen::MatrixXd> result(out, nd, count);
-  result.noalias() = j.transpose() * Eigen::Map<const Twists>(columns.c, 6, count);
+  result.noalias() = j.transpose() * Eigen::Map<const SixRows>(columns.c, 6, count);
   if (!has_wrench_stiffness() || columns.wrench.isZero(0)) return;
   Eigen::MatrixXd stiffness = Eigen::MatrixXd::Zero(nd, nd);
   wrench_stiffness(q, columns.wrench, 1, stiffness.data());
