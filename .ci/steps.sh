@@ -155,7 +155,7 @@ test_sanitized() {
     local begin=$SECONDS shard bad=0 jobs=() logs=()
     for ((shard = 0; shard < GTEST_TOTAL_SHARDS; ++shard)); do
       logs+=("$PWD/build/$preset/$program.$shard.log")
-      (cd "build/$preset/tests" && GTEST_SHARD_INDEX=$shard timeout 600 "./$program" --gtest_brief=1 --gtest_filter="$filter") \
+      (cd "build/$preset/tests" && GTEST_SHARD_INDEX=$shard timeout 900 "./$program" --gtest_brief=1 --gtest_filter="$filter") \
         >"${logs[shard]}" 2>&1 </dev/null &
       jobs+=($!)
     done
