@@ -9,6 +9,7 @@
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/initial.hpp"
 #include "dynamics/integrators/vibrations.hpp"
+#include "free_flight.hpp"
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
@@ -266,10 +267,6 @@ six = { type = "spring", a = { body = "block", face = "x1" }, b = { body = "grou
   }
 }
 
-struct Drift {
-  double momentum = 0, angular = 0, energy = 0, strain = 0;
-};
-
 Drift tumble(double tolerance) {
   const auto mechanism = built(R"(
 [bodies.block]
@@ -282,30 +279,7 @@ reduce = { modes = 20 }
 [integrator]
 end = 1
 )");
-  const ReducedBody& body = *mechanism->bodies[0].reduced;
-  Equations equations(mechanism->system);
-  State s(mechanism->system.sizes());
-  mechanism->system.initial(s.q, s.v);
-  make_consistent(equations, s);
-  BdfOptions options;
-  options.relative = options.absolute = tolerance;
-  BdfIntegrator bdf(equations, options);
-  bdf.start(s);
-  const MassProperties before = body.mass_properties(s.q, s.v);
-  const Energy energy = mechanism->system.energy(s.view());
-  Drift drift;
-  bdf.integrate(0.3, [&](const StepReport&) {
-    drift.strain = std::max(drift.strain, body.strain_energy(bdf.state().q) / energy.kinetic);
-    return true;
-  });
-  const MassProperties after = body.mass_properties(bdf.state().q, bdf.state().v);
-  const auto change = [](const Point& a, const Point& b) {
-    return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]) / std::hypot(a[0], a[1], a[2]);
-  };
-  drift.momentum = change(before.momentum, after.momentum);
-  drift.angular = change(before.angular_momentum, after.angular_momentum);
-  drift.energy = std::abs(mechanism->system.energy(bdf.state().view()).total() - energy.total()) / energy.total();
-  return drift;
+  return free_flight(*mechanism, tolerance, 0.3);
 }
 
 TEST(ReducedBody, KeepsMomentaAndEnergyInFreeFlight) {
