@@ -76,6 +76,7 @@ Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tr
   device::PlanWish wish = wish_of(*system, context);
   if (changes.free_pivots) wish.max_block_size = 0;
   wish.devices = changes.device.devices();
+  if (changes.device.one_a_rank) wish.ranks = 1, wish.rank = 0;  // as in one process with all of them
   wish.unequal = changes.device.unequal;
   wish.speed = changes.device.speed;
   Analysis made;
@@ -136,7 +137,7 @@ void take_real_form(System& system, DeviceChoice& device, analysis::AssemblyTree
 Analyzed finish(Draft draft, analysis::AssemblyTree tree, double start, double ordered, Context context) {
   const std::shared_ptr<const matrix::RowIndex> rows = share_rows(draft.system, context);
   Changes changes{context.link != nullptr
-                      ? device_of_ranks(context.options, context.registry, context.link->size())
+                      ? device_of_ranks(context.options, context.registry, *context.link)
                       : choose_device(context.options, context.registry, tree, wish_of(draft.system, context))};
   if (!changes.device.notice.empty()) context.log(changes.device.notice);
   take_real_form(draft.system, changes.device, tree, context);

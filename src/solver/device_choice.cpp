@@ -221,17 +221,43 @@ DeviceChoice choose_device(const Options& options, const device::Registry& regis
   return leave_out(std::move(choice), rates);
 }
 
-DeviceChoice device_of_ranks(const Options& options, const device::Registry& registry, int ranks) {
+std::optional<int> own_device(const Options& options, const device::Registry& registry, const ranks::Link& link) {
   const auto text = read_device(options.device, registry);
   if (!text)
     throw Error(StatusCode::invalid_input,
                 fmt::format("device '{}' is not known; use {}", options.device, kDeviceTexts));
-  if (!text->automatic && !text->whole_host)
+  if (text->automatic || text->whole_host) return std::nullopt;
+  const device::Backend* backend = registry.find(text->backend);
+  if (text->hosts || (backend != nullptr && !backend->limits().ranks))
     throw Error(StatusCode::device_error,
-                fmt::format("device '{}' cannot be shared by {} ranks: these work on their processors; use cpu, or one "
-                            "process for all GPUs",
-                            options.device, ranks));
-  return whole_host(registry, fmt::format("the hosts of {} ranks", ranks));
+                fmt::format("device '{}' cannot be shared by {} ranks: use cpu, or gpu:all for one GPU a rank",
+                            options.device, link.size()));
+  const std::vector<int> numbers = asked_for(*text, registry).numbers;
+  const auto& hosts = link.hosts();
+  const auto me = hosts.begin() + link.rank();
+  const auto before = static_cast<std::size_t>(std::count(hosts.begin(), me, *me));
+  return numbers[before % numbers.size()];
+}
+
+DeviceChoice device_of_ranks(const Options& options, const device::Registry& registry, ranks::Link& link) {
+  std::optional<int> mine;
+  link.expect_all([&] { mine = own_device(options, registry, link); });
+  const std::vector<std::int64_t> numbers = link.all_numbers(mine.value_or(-1));
+  for (std::size_t r = 0; r < numbers.size(); ++r)
+    if ((numbers[r] < 0) != (numbers[0] < 0))
+      throw Error(StatusCode::invalid_input, fmt::format("{} and {} name different devices: give all ranks the same",
+                                                         link.name_of(0), link.name_of(static_cast<int>(r))));
+  if (!mine) return whole_host(registry, fmt::format("the hosts of {} ranks", link.size()));
+  const device::Backend* backend = registry.find(read_device(options.device, registry)->backend);
+  if (link.size() > backend->limits().most_devices)
+    throw Error(StatusCode::invalid_input, fmt::format("at most {} ranks can share a factorization on {}s",
+                                                       backend->limits().most_devices, backend->noun()));
+  DeviceChoice choice;
+  choice.backend = backend;
+  choice.numbers.assign(numbers.begin(), numbers.end());
+  choice.one_a_rank = true;
+  choice.reason = fmt::format("{} ranks, a {} each: asked for", link.size(), backend->noun());
+  return choice;
 }
 
 std::optional<DeviceChoice> take_over(const DeviceChoice& failed, const std::string& why,

@@ -9,6 +9,7 @@
 
 #include "device/registry.hpp"
 #include "espalier/solver.hpp"
+#include "ranks/link.hpp"
 
 namespace espalier::solver {
 
@@ -22,6 +23,7 @@ struct DeviceChoice {
   std::vector<double> speed = {};            ///< of the devices, relative to the fastest; empty: all are equal
   std::vector<std::size_t> places = {};      ///< of the devices among those asked for; empty: all are there
   std::string notice = {};                   ///< which devices were left out, and why
+  bool one_a_rank = false;                   ///< numbers are by rank: each process has one of the devices
 
   [[nodiscard]] int devices() const { return static_cast<int>(numbers.size()); }
 };
@@ -56,9 +58,14 @@ DeviceChoice choose_device(const Options& options, const device::Registry& regis
 std::optional<DeviceChoice> take_over(const DeviceChoice& failed, const std::string& why,
                                       const device::Registry& registry);
 
-/// Where a factorization that ranks share will work: on each rank's host.
-/// @throws Error(device_error) for devices that ranks cannot share
-DeviceChoice device_of_ranks(const Options& options, const device::Registry& registry, int ranks);
+/// Where a factorization that ranks share will work: on each rank's host, or on a device of each rank where these were
+/// named. Of the devices named, or all that a rank sees, the ranks of a machine take one each, in turn. Collective.
+/// @throws Error on all ranks: (invalid_input) for a text that is no device; (device_error) for devices that ranks
+///         cannot share, or that one of them has not
+DeviceChoice device_of_ranks(const Options& options, const device::Registry& registry, ranks::Link& link);
+
+/// The number of the device that this rank takes of those named; nothing where it takes none.
+std::optional<int> own_device(const Options& options, const device::Registry& registry, const ranks::Link& link);
 
 /// Budget of each device in bytes; 0: what is free.
 std::vector<Offset> budgets_of(const DeviceChoice& choice, const Options& options);

@@ -101,6 +101,7 @@ std::unique_ptr<device::Executor<T>> make_executor(const Analysis& analysis, con
     return backend.make_executor(job, device::Scalar<T>());
   } catch (const Error& e) {
     if (e.status().code != StatusCode::out_of_memory) throw;
+    if (analysis.device.one_a_rank) throw;     // ranks share devices in core alone
     if (analysis.plan.tree.border > 0) throw;  // out of core, what is left for it is not kept
     if (backend.out_of_core() == nullptr || (!backend.limits().own_memory && !budgeted)) throw;
   }

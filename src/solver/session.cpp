@@ -185,8 +185,9 @@ void Session::take(Analyzed made) {
 // A driver's start and the contexts take as long as an analysis.
 void Session::open_devices() {
   if (opening.valid()) return;
-  const auto named = named_devices(options.device, context.registry);
+  auto named = named_devices(options.device, context.registry);
   if (!named || !named->backend->limits().own_memory) return;
+  if (link() != nullptr) named->numbers = {*own_device(options, context.registry, *link())};
   forks = base::forks();
   opening = base::start_beside([backend = named->backend, numbers = named->numbers] { backend->open(numbers); });
 }

@@ -2,6 +2,7 @@
 #include "device/backend.hpp"
 
 #include "device/cuda/executor/cuda_executor.hpp"
+#include "device/cuda/executor/rank_executor.hpp"
 #include "device/cuda/out_of_core/backend.hpp"
 #include "device/cuda/runtime/device_rates.hpp"
 #include "device/cuda/tables/device_plan.hpp"
@@ -37,6 +38,7 @@ class CudaBackend final : public Backend {
     limits.most_devices = kMostDevices;
     limits.widest_tile = kWideTiles;
     limits.own_memory = true;
+    limits.ranks = true;
     return limits;
   }
 
@@ -76,6 +78,7 @@ class CudaBackend final : public Backend {
  private:
   template <class T>
   static std::unique_ptr<Executor<T>> make(const Job& job) {
+    if (job.link != nullptr) return make_rank_executor<T>(job);
     CudaOptions options;
     options.device = job.devices.front();
     if (job.devices.size() > 1) options.devices = job.devices;

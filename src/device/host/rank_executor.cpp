@@ -11,29 +11,13 @@
 #include "device/host/rank_traffic.hpp"
 #include "device/host/tile_factor.hpp"
 #include "device/host/triangular_solve.hpp"
+#include "device/rank_rows.hpp"
+#include "plan/fingerprint.hpp"
 #include "plan/rank_parts.hpp"
 
 namespace espalier::device::host {
 
 namespace {
-
-// A mark of what all ranks must have come to alike: the tree, who makes what, and the order in which each does it.
-std::int64_t fingerprint(const plan::Plan& plan, Kind kind) {
-  std::uint64_t h = 14695981039346656037ULL;
-  const auto add = [&h](std::uint64_t x) { h = (h ^ x) * 1099511628211ULL; };
-  add(static_cast<std::uint64_t>(kind));
-  for (const Index v : plan.tree.order) add(static_cast<std::uint64_t>(v));
-  for (const Index v : plan.tree.first) add(static_cast<std::uint64_t>(v));
-  for (const plan::FrontLayout& l : plan.layout) {
-    add(static_cast<std::uint64_t>(l.rows));
-    add(static_cast<std::uint64_t>(l.pivot_width) << 32 | static_cast<std::uint64_t>(l.below_width));
-  }
-  for (Index f = 0; f < plan.fronts(); ++f)
-    for (Index j = 0; j < plan.layout[static_cast<std::size_t>(f)].tiles; ++j)
-      add(static_cast<std::uint64_t>(plan::maker(plan, f, j)));
-  add(static_cast<std::uint64_t>(plan.options.interleave));
-  return static_cast<std::int64_t>(h);
-}
 
 // The thread that calls drives messages wherever it waits, as long as this stands.
 class Driver final : public WhileWaiting {
@@ -64,15 +48,17 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
         pool_(job.pool),
         link_(*job.link),
         budget_(job.budget != nullptr ? job.budget : &own_budget_),
-        held_before_(budget_->held()) {
+        held_before_(budget_->held()),
+        rows_(job.plan, job.link->size()) {
     link_.expect_all([&] { take_memory(job); });
-    const auto marks = link_.all_numbers(fingerprint(plan_, job.kind));
+    const auto marks = link_.all_numbers(plan::fingerprint(plan_, static_cast<int>(job.kind),
+                                                           [&](Index f, Index j) { return plan::maker(plan_, f, j); }));
     for (std::size_t r = 0; r < marks.size(); ++r)
       if (marks[r] != marks[0])
         throw Error(StatusCode::invalid_input,
                     fmt::format("{} and {} have come to different plans: give all ranks the same matrix and options",
                                 link_.name_of(0), link_.name_of(static_cast<int>(r))));
-    list_reports();
+    rows_.own([&](Index f) { return plan::first_keeper(plan_, f); });
   }
 
   void set_pivot_rule(const PivotRule& rule) override { state_->rule = rule; }
@@ -103,7 +89,7 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
       solve_->run(x, columns, transpose);
       driver_ = nullptr;
     }
-    share_solution(x, columns);
+    rows_.share(link_, x, columns);
   }
 
   [[nodiscard]] std::string name() const override {
@@ -165,19 +151,6 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
     solve_.emplace(*state_, pool_, budget_, static_cast<SolveSharing<T>*>(this));
   }
 
-  // Which rank tells the solution of which pivots: the first that keeps the front.
-  void list_reports() {
-    reports_.resize(static_cast<std::size_t>(link_.size()));
-    for (Index f = 0; f < plan_.fronts(); ++f) {
-      auto& list = reports_[static_cast<std::size_t>(plan::first_keeper(plan_, f))];
-      const Index begin = plan_.tree.first[f], end = plan_.tree.first[f + 1];
-      if (!list.empty() && list.back().second == begin)
-        list.back().second = end;
-      else
-        list.emplace_back(begin, end);
-    }
-  }
-
   void take_tasks(int worker) {
     const double begin = base::now_seconds();
     Workspace<T>& w = work_[static_cast<std::size_t>(worker)];
@@ -216,28 +189,6 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
     traffic_->send_made(task);
   }
 
-  // Everybody gets all of it.
-  void share_solution(T* x, Index columns) {
-    const auto piece = [&](const std::pair<Index, Index>& p) {
-      return std::pair(x + Offset{p.first} * columns, static_cast<std::size_t>(Offset{p.second - p.first} * columns));
-    };
-    std::vector<T> mine;
-    for (const auto& p : reports_[static_cast<std::size_t>(link_.rank())]) {
-      const auto [from, count] = piece(p);
-      mine.insert(mine.end(), from, from + count);
-    }
-    const auto all = link_.all_gather(std::as_bytes(std::span<const T>(mine)));
-    for (int r = 0; r < link_.size(); ++r) {
-      if (r == link_.rank()) continue;
-      const auto& bytes = all[static_cast<std::size_t>(r)];
-      ranks::Reader reader(bytes.data(), bytes.size());
-      for (const auto& p : reports_[static_cast<std::size_t>(r)]) {
-        const auto [to, count] = piece(p);
-        reader.get(to, count);
-      }
-    }
-  }
-
   // SolveSharing
   [[nodiscard]] bool takes(Index f) const override { return plan::keeps_factor(plan_, f, link_.rank()); }
   [[nodiscard]] bool is_alone(Index f) const override { return plan_.ownership.subtree(f) >= 0; }
@@ -269,7 +220,7 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
   std::optional<NumericState<T>> state_;
   std::optional<RankTraffic<T>> traffic_;
   std::optional<TriangularSolve<T>> solve_;
-  std::vector<std::vector<std::pair<Index, Index>>> reports_;  // by rank; positions [begin, end)
+  RankRows rows_;  // the first that keeps a front tells its solution
   std::atomic<std::size_t> next_{0}, finished_{0};
   Driver* driver_ = nullptr;
   std::vector<DeviceWork> device_work_;  // by rank

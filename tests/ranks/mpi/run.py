@@ -2,7 +2,7 @@
 """Compiles solve.cpp with each MPI that is there and runs it on ranks of this machine: the bits of one process, and clear
 statuses where a rank stops or dies. Says what it skips.
 
-    run.py --build build/release [--ranks 2,3,4,8]
+    run.py --build build/release [--ranks 2,3,4,8] [--device gpu:all]
 """
 import argparse
 import os
@@ -43,10 +43,10 @@ def run(launcher, options, ranks, command, timeout=120, **variables):
                           env=env, check=False)
 
 
-def check(name, launcher, options, program, counts):
+def check(name, launcher, options, program, counts, device):
     bad = 0
     for ranks in counts:
-        done = run(launcher, options, ranks, [program])
+        done = run(launcher, options, ranks, [program, *([device] if device else [])])
         good = done.returncode == 0 and "the same bits" in done.stdout
         print(f"{name}, {ranks} ranks: {'the same bits' if good else 'FAILED'}", flush=True)
         if not good:
@@ -125,6 +125,7 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--build", default=os.path.join(root, "build", "release"))
     parser.add_argument("--ranks", default="2,3,4,8")
+    parser.add_argument("--device", default="", help="gpu:all: each rank has a GPU, or shares one; the build needs CUDA")
     arguments = parser.parse_args()
     counts = [int(n) for n in arguments.ranks.split(",")]
     bad = tested = 0
@@ -135,7 +136,7 @@ def main():
             continue
         with tempfile.TemporaryDirectory() as folder:
             build = os.path.abspath(arguments.build)
-            bad += check(name, launcher, options, compile_program(compiler, build, folder), counts)
+            bad += check(name, launcher, options, compile_program(compiler, build, folder), counts, arguments.device)
             bad += check_simulate(name, compiler, launcher, options, build, folder, counts)
         tested += 1
     if tested == 0:

@@ -1,6 +1,7 @@
 // For mpirun: the same bits on all ranks together as in each process alone. Compiled by tests/ranks/mpi/run.py against
 // the mpi.h of each MPI that is there.
 //   solve [stop RANK AT]    RANK stops (dies, with AT = 0) after so many systems
+//   solve gpu:all           each rank on a GPU; alone on the first that it sees
 #include <espalier/mpi.h>
 #include <unistd.h>
 
@@ -49,6 +50,8 @@ void expect(bool good, const std::string& what) {
   std::fprintf(stderr, "FAILED: %s\n", what.c_str());
 }
 
+std::string device = "cpu";
+
 void check(const espalier::Ranks& ranks, const std::vector<std::string>& words, bool one_has_none) {
   const espalier::SparseMatrix a = espalier::matrix::generate(espalier::matrix::parse_generator(words));
   const Index n = a.rows, parts = one_has_none ? ranks.size() - 1 : ranks.size(), me = ranks.rank();
@@ -56,12 +59,13 @@ void check(const espalier::Ranks& ranks, const std::vector<std::string>& words, 
   const Index first = border(me), count = border(me + 1) - first;
   espalier::Options options;
   options.threads = 1;
-  options.device = "cpu";
+  options.device = device == "cpu" ? device : "gpu:0";
   std::vector<double> b(static_cast<std::size_t>(n)), truth(b.size());
   for (Index i = 0; i < n; ++i) b[i] = 1.0 / (1 + i % 17) - 0.3;
   espalier::Solver alone(options);
   expect(alone.analyze(a).status.ok() && alone.factorize(a).status.ok() && alone.solve(b, truth).status.ok(), "alone");
 
+  options.device = device;
   espalier::Solver solver(ranks, options);
   const Rows part = rows_of(a, first, first + count);
   const auto analysis = solver.analyze(espalier::LocalRows{n, first, part.ptr, part.col, part.values, a.storage});
@@ -69,6 +73,10 @@ void check(const espalier::Ranks& ranks, const std::vector<std::string>& words, 
   const auto factor = solver.refactorize(part.values);
   expect(factor.status.ok(), factor.status.message);
   std::vector<double> x(b.begin() + first, b.begin() + first + count);
+  for (int k = 0; k < 3; ++k) {  // again, with what the run before has left
+    const auto again = solver.refactorize(part.values);
+    expect(again.status.ok(), again.status.message);
+  }
   const auto solved = solver.solve(x, x);
   expect(solved.status.ok(), solved.status.message);
   expect(count == 0 || std::memcmp(x.data(), truth.data() + first, x.size() * sizeof(double)) == 0,
@@ -81,6 +89,7 @@ int main(int argc, char** argv) {
   MPI_Init(&argc, &argv);
   int rank = 0;
   MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+  if (argc == 2) device = argv[1];
   const int stopped = argc > 3 ? std::atoi(argv[2]) : -1;
   const bool dies = argc > 3 && std::string(argv[1]) == "die";
   {

@@ -1,34 +1,16 @@
 #include "device/cuda/executor/cuda_executor.hpp"
 
-#include <atomic>
 #include <bit>
 #include <future>
 
 #include "base/beside.hpp"
 #include "device/cuda/executor/executor_on_devices.hpp"
+#include "device/cuda/executor/plan_values.hpp"
 #include "device/cuda/tables/needed_values.hpp"
 
 namespace espalier::device::cuda {
 
 namespace {
-
-Offset values_of(const plan::Plan& plan, base::ThreadPool* pool) {
-  std::atomic<Offset> values{0};
-  const auto look = [&](std::int64_t begin, std::int64_t end) {
-    Offset most = 0;
-    for (auto k = begin; k < end; ++k) most = std::max(most, plan.entries[static_cast<std::size_t>(k)].source() + 1);
-    Offset known = values.load();
-    while (most > known && !values.compare_exchange_weak(known, most)) {
-    }
-  };
-  constexpr std::int64_t kEntries = 1 << 18;  // per range of work
-  const auto count = static_cast<std::int64_t>(plan.entries.size());
-  if (pool != nullptr)
-    pool->for_each_range(count, kEntries, look);
-  else
-    look(0, count);
-  return values;
-}
 
 Offset largest_stealable(const DevicePlan& tables) {
   Offset most = 0;
@@ -89,7 +71,7 @@ ExecutorOnDevices<T>::ExecutorOnDevices(const plan::Plan& plan, Kind kind, const
     throw std::invalid_argument(fmt::format("make_cuda_executor: at most {} devices", kMostDevices));
   if (several() && !peers_) take_common();
   make_sides();
-  for (const auto& side : sides_) at(*side, [&] { side->connect(sides_); });
+  for (const auto& side : sides_) at(*side, [&] { side->connect(addresses()); });
   moved_ = transferred_elements(plan_, kind_, tables_);
   set_up_tests();
   set_pivot_rule(rule);
@@ -189,7 +171,7 @@ auto ExecutorOnDevices<T>::record_factorization(const FilledValues& values) -> F
   if (several())
     at(first(), [&] {
       graphs.judge =
-          Graph::record(first().stream().get(), [&] { first().enqueue_judge(values, sides_, owner_.data()); });
+          Graph::record(first().stream().get(), [&] { first().enqueue_judge(values, addresses(), owner_.data()); });
     });
   return graphs;
 }
@@ -199,7 +181,7 @@ void ExecutorOnDevices<T>::enqueue_factorization(Side& side, const FilledValues&
   if (!several()) {
     side.enqueue_begin(values);
     side.enqueue_factor();
-    side.enqueue_judge(values, sides_, nullptr);
+    side.enqueue_judge(values, addresses(), nullptr);
     return;
   }
   if (peers_) side.enqueue_take(first(), values);

@@ -31,7 +31,7 @@ DeviceSide<T>::DeviceSide(const SideContext& context, int self, int device, Offs
       self_(self),
       device_(device),
       budget_(limit_of(memory_bytes)),
-      uploads_(self == 0 ? context.pool : nullptr),
+      uploads_(self == context.pool_side ? context.pool : nullptr),
       counters_(2 * kCounters),
       one_(1),
       end_(1) {
@@ -77,22 +77,25 @@ void DeviceSide<T>::take_memory() {
   const auto take = [&](auto& array, Offset size) {
     array = std::remove_reference_t<decltype(array)>(size, budget_, needed_);
   };
-  if (common_.top == nullptr) take(top_, t.regions[0]);
-  take(own_, own_elements() + context_.spare);
+  const auto take_reached = [&](auto& array, Offset size) {
+    take(array, context_.exported ? whole_pages<std::remove_pointer_t<decltype(array.data())>>(size) : size);
+  };
+  if (common_.top == nullptr) take_reached(top_, t.regions[0]);
+  take_reached(own_, own_elements() + context_.spare);
   if (!t.place_space.empty() && common_.places == nullptr)
-    take(places_, t.place_space[static_cast<std::size_t>(self_)]);
-  if (common_.pivot == nullptr) take(pivot_, (context_.kind == Kind::ldlt ? 3 : 1) * n());
+    take_reached(places_, t.place_space[static_cast<std::size_t>(self_)]);
+  if (common_.pivot == nullptr) take_reached(pivot_, (context_.kind == Kind::ldlt ? 3 : 1) * n());
   pivots_ = common_.pivot != nullptr ? common_.pivot : pivot_.data();
   const Offset flags = common_.flag == nullptr ? parts() * t.flags : 0;
-  take(control_, kCounters + flags + context_.plan.fronts());
+  take_reached(control_, kCounters + flags + context_.plan.fronts());
   flag_data_ = common_.flag != nullptr ? common_.flag : control_.data() + kCounters;
   take(values_, context_.values);
-  take(base_, static_cast<Offset>(t.regions.size()));
+  take_reached(base_, static_cast<Offset>(t.regions.size()));
   take(marks_, 2 * n());
   take(limits_, static_cast<Offset>(PivotLimits<T>().size()));
   take(products_, judge_blocks(context_.plan.tree.n));
   take(ticket_, 1);
-  take(solve_control_, kCounters);  // counters are read with those of a factorization, before the first solve
+  take_reached(solve_control_, kCounters);  // counters are read with those of a factorization, before the first solve
   call("cudaMemsetAsync", [&] {
     return cudaMemsetAsync(solve_control_.data(), 0, static_cast<std::size_t>(solve_control_.bytes()), stream_.get());
   });
@@ -129,24 +132,38 @@ cudaError_t DeviceSide<T>::dispatch(Use&& use) const {
 }
 
 template <class T>
-void DeviceSide<T>::connect(const std::vector<std::unique_ptr<DeviceSide>>& sides) {
+SideAddresses<T> DeviceSide<T>::addresses() const {
+  SideAddresses<T> a;
+  a.top = common_.top != nullptr ? common_.top : top_.data();
+  a.own = own_.data();
+  a.places = places_.data();
+  a.pivots = pivots_;
+  a.vectors = vectors_.data();
+  a.base = base_.data();
+  a.control = control_.data();
+  a.flags = flag_data_;
+  a.solve_control = solve_control_.data();
+  return a;
+}
+
+template <class T>
+void DeviceSide<T>::connect(const std::vector<SideAddresses<T>>& sides) {
   const auto& t = context_.tables;
-  const auto top_of = [&](const DeviceSide& s) { return common_.top != nullptr ? common_.top : s.top_.data(); };
-  std::vector<T*> base(t.regions.size(), top_of(*this));
+  std::vector<T*> base(t.regions.size(), addresses().top);
   std::vector<Offset> own(sides.size(), 0);
   for (std::size_t r = 1; r < base.size(); ++r) {
     const auto d = static_cast<std::size_t>(t.region_device[r]);
-    base[r] = sides[d]->own_.data() + own[d];
+    base[r] = sides[d].own + own[d];
     own[d] += t.regions[r];
   }
   std::vector<T*> starts(sides.size());
   for (std::size_t d = 0; d < sides.size(); ++d) {
-    starts[d] = sides[d]->places_.data();
+    starts[d] = sides[d].places;
     if (common_.places != nullptr) starts[d] = d == 0 ? common_.places : starts[d - 1] + t.place_space[d - 1];
   }
   std::vector<T*> places;
   for (const Place& p : t.places) places.push_back(starts[static_cast<std::size_t>(p.device)] + p.offset);
-  copy_in(base_.data(), base.data(), base_.bytes());
+  copy_in(base_.data(), base.data(), bytes_of(base));
   send_places(places);
 
   FactorState<T>& s = state_;
@@ -176,11 +193,11 @@ void DeviceSide<T>::connect(const std::vector<std::unique_ptr<DeviceSide>>& side
   s.peers.same_memory = common_.flag != nullptr;
   s.peers.count = s.peers.same_memory ? 1 : static_cast<int>(sides.size());
   for (std::size_t d = 0; d < sides.size(); ++d) {
-    s.peers.top[d] = top_of(*sides[d]);
-    s.peers.control[d] = sides[d]->control_.data();
-    s.peers.flag[d] = sides[d]->flag_data_;
-    s.peers.pivot[d] = sides[d]->pivots_;
-    s.peers.base[d] = sides[d]->base_.data();
+    s.peers.top[d] = sides[d].top;
+    s.peers.control[d] = sides[d].control;
+    s.peers.flag[d] = sides[d].flags;
+    s.peers.pivot[d] = sides[d].pivots;
+    s.peers.base[d] = sides[d].base;
   }
   for (std::size_t r = static_cast<std::size_t>(t.first_stealable); r < base.size(); ++r)
     s.peers.home[r - static_cast<std::size_t>(t.first_stealable)] = base[r];
@@ -239,11 +256,11 @@ void DeviceSide<T>::enqueue_take(const DeviceSide& first, const FilledValues& va
 }
 
 template <class T>
-void DeviceSide<T>::enqueue_judge(const FilledValues& values, const std::vector<std::unique_ptr<DeviceSide>>& sides,
+void DeviceSide<T>::enqueue_judge(const FilledValues& values, const std::vector<SideAddresses<T>>& sides,
                                   const unsigned char* owner) {
   FactorJudge<T> job{};
   job.n = context_.plan.tree.n;
-  for (const auto& side : sides) job.pivots[side->self()] = side->pivots_;
+  for (std::size_t d = 0; d < sides.size(); ++d) job.pivots[d] = sides[d].pivots;
   job.pairs = context_.kind == Kind::ldlt;
   job.owner = owner;
   job.values = values_.data();
@@ -313,10 +330,10 @@ void DeviceSide<T>::enqueue_counters() {
 }
 
 template <class T>
-void DeviceSide<T>::abort() noexcept {
+void DeviceSide<T>::abort(const SideAddresses<T>& side) noexcept {
   // A copy engine brings the word: kernels that fill the device leave no room for a kernel.
-  (void)cudaMemcpyAsync(control_.data() + kAborted, one_.data(), sizeof(int), cudaMemcpyHostToDevice, urgent_.get());
-  (void)cudaMemcpyAsync(solve_control_.data() + 1, one_.data(), sizeof(int), cudaMemcpyHostToDevice, urgent_.get());
+  (void)cudaMemcpyAsync(side.control + kAborted, one_.data(), sizeof(int), cudaMemcpyDefault, urgent_.get());
+  (void)cudaMemcpyAsync(side.solve_control + 1, one_.data(), sizeof(int), cudaMemcpyDefault, urgent_.get());
   (void)cudaStreamSynchronize(urgent_.get());
 }
 

@@ -29,6 +29,20 @@ struct SolvePass {
   bool transpose;
 };
 
+/// Where a side's arrays lie, for another side that reaches them. What all sides have in common has no place here.
+template <class T>
+struct SideAddresses {
+  T* top = nullptr;      ///< region 0
+  T* own = nullptr;      ///< its other regions, in their order
+  T* places = nullptr;   ///< Place::offset counts from here
+  T* pivots = nullptr;   ///< FactorState::pivot, inverse_d and inverse_e
+  T* vectors = nullptr;  ///< of a pass of a solve: forward solution, solution, updates
+  T** base = nullptr;
+  int* control = nullptr;
+  int* flags = nullptr;
+  int* solve_control = nullptr;
+};
+
 /// What all sides of an executor have in common; outlives them.
 struct SideContext {
   const plan::Plan& plan;
@@ -38,6 +52,8 @@ struct SideContext {
   Offset spare;            ///< elements that each side takes for a sub-tree stolen from another; 0: nobody steals
   Offset values;           ///< length of the caller's value array
   base::ThreadPool* pool;  ///< its threads fill what is sent; null: the calling thread alone
+  int pool_side = 0;       ///< the side that works with them
+  bool exported = false;   ///< other processes open what sides reach of each other
 };
 
 /// Memory on the host that all devices see, for machines without access from device to device: the copies of what is
@@ -55,7 +71,7 @@ template <class T>
 class DeviceSide {
  public:
   /// Takes all memory of the factorization on GPU `device`; it is side number `self`. Sides may be made at the same
-  /// time. Only the first works with the threads of the pool.
+  /// time; one of them works with the threads of the pool.
   /// @throws Error(out_of_memory) naming the bytes needed; Error(device_error)
   DeviceSide(const SideContext& context, int self, int device, Offset memory_bytes, const CommonMemory<T>& common);
   DeviceSide(const DeviceSide&) = delete;
@@ -66,8 +82,9 @@ class DeviceSide {
   void send_lists();
   void send_tables();
   void copy_tables(const DeviceSide& from);
-  /// Tells the side where the others' memory is. @pre all sides are made
-  void connect(const std::vector<std::unique_ptr<DeviceSide>>& sides);
+  [[nodiscard]] SideAddresses<T> addresses() const;
+  /// Tells the side where all sides' memory is, by number.
+  void connect(const std::vector<SideAddresses<T>>& sides);
 
   // Everything below expects this side's device to be current.
 
@@ -87,7 +104,7 @@ class DeviceSide {
   /// The same where it is one of several that reach the first's memory; copies the values that it needs.
   void enqueue_take(const DeviceSide& first, const FilledValues& values);
   /// What stands after the kernels of all sides, on the first. owner: by position, whose pivot counts; device memory.
-  void enqueue_judge(const FilledValues& values, const std::vector<std::unique_ptr<DeviceSide>>& sides,
+  void enqueue_judge(const FilledValues& values, const std::vector<SideAddresses<T>>& sides,
                      const unsigned char* owner);
   /// What the judge found, once the stream is done.
   [[nodiscard]] const FactorEnd& factor_end() const { return *end_.data(); }
@@ -103,15 +120,16 @@ class DeviceSide {
   [[nodiscard]] bool has_room_for(Index pass) const;
   /// Buffers of one pass with so many right-hand sides. @returns whether they moved
   bool take_solve_memory(Index pass);
-  void enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>& sides, const SolvePass<T>& pass);
+  void enqueue_solve(const std::vector<SideAddresses<T>>& sides, const SolvePass<T>& pass);
   /// Copies the counters to the host, where they are valid once the stream is done.
   void enqueue_counters();
   [[nodiscard]] const int* factor_counters() const { return counters_.data(); }
   [[nodiscard]] const int* solve_counters() const { return counters_.data() + kCounters; }
   /// On the device: nonzero when the last pass of a solve was given up.
   [[nodiscard]] const int* solve_aborted() const { return solve_control_.data() + 1; }
-  /// Ends kernels that are running; takes effect although they fill the device.
-  void abort() noexcept;
+  /// Ends kernels that are running, here or on another side; takes effect although they fill the device.
+  void abort() noexcept { abort(addresses()); }
+  void abort(const SideAddresses<T>& side) noexcept;
   /// Adds marks by position; failed: 1/threshold exceeded, else PivotMark.
   void marked(bool failed, std::vector<unsigned char>& marks) const;
   /// n pivots; only those that this device made or got are defined.
@@ -144,8 +162,8 @@ class DeviceSide {
   cudaError_t dispatch(Use&& use) const;
   [[nodiscard]] int parts() const { return context_.kind == Kind::lu ? 2 : 1; }
   [[nodiscard]] Offset n() const { return context_.plan.tree.n; }
-  [[nodiscard]] T* updates(Index pass) const {
-    return common_.updates != nullptr ? common_.updates : vectors_.data() + 2 * n() * pass;
+  [[nodiscard]] T* updates(const SideAddresses<T>& side, Index pass) const {
+    return common_.updates != nullptr ? common_.updates : side.vectors + 2 * n() * pass;
   }
   /// Rows of the vectors of a pass: forward solution, solution, updates.
   [[nodiscard]] Offset solve_rows() const;

@@ -32,13 +32,13 @@ bool DeviceSide<T>::take_solve_memory(Index pass) {
   const Offset size = solve_rows() * pass;
   if (vectors_.size() >= size) return false;
   vectors_ = DeviceArray<T>();
-  vectors_ = DeviceArray<T>(size, budget_, needed_);
+  vectors_ = DeviceArray<T>(context_.exported ? whole_pages<T>(size) : size, budget_, needed_);
   return true;
 }
 
 template <class T>
 SolveClear DeviceSide<T>::solve_clear(Index pass) const {
-  return {solve_control_.data(), static_cast<int>(solve_control_.size()), reinterpret_cast<int*>(vectors_.data()),
+  return {solve_control_.data(), kCounters, reinterpret_cast<int*>(vectors_.data()),
           solve_rows() * pass * static_cast<Offset>(sizeof(T) / sizeof(int))};
 }
 
@@ -54,7 +54,7 @@ void DeviceSide<T>::enqueue_clear_solve(Index pass) {
 }
 
 template <class T>
-void DeviceSide<T>::enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>& sides, const SolvePass<T>& pass) {
+void DeviceSide<T>::enqueue_solve(const std::vector<SideAddresses<T>>& sides, const SolvePass<T>& pass) {
   const bool lu = context_.kind == Kind::lu;
   const TaskLists& l = lists();
   SolveState<T> s{};
@@ -82,15 +82,15 @@ void DeviceSide<T>::enqueue_solve(const std::vector<std::unique_ptr<DeviceSide>>
   s.pass = static_cast<int>(pass.width);
   s.first_column = static_cast<int>(pass.first_column);
   s.forward = vectors_.data();
-  s.updates = updates(pass.width);
+  s.updates = updates(addresses(), pass.width);
   s.solution = vectors_.data() + n() * pass.width;
   s.control = solve_control_.data();
   s.patience = state_.patience;
   s.devices = static_cast<int>(sides.size());
   s.self = self_;
   for (std::size_t d = 0; d < sides.size(); ++d) {
-    s.peer_updates[d] = sides[d]->updates(pass.width);
-    s.peer_control[d] = common_.updates != nullptr ? solve_control_.data() : sides[d]->solve_control_.data();
+    s.peer_updates[d] = updates(sides[d], pass.width);
+    s.peer_control[d] = common_.updates != nullptr ? solve_control_.data() : sides[d].solve_control;
   }
   call("launch of the solve kernel", [&] { return SolveKernel<T>::launch(solve_shape_, s, stream_.get()); });
 }

@@ -14,6 +14,7 @@
 #include "base/timeline.hpp"
 #include "device/cuda/executor/device_linear_system.hpp"
 #include "device/cuda/executor/device_side.hpp"
+#include "device/cuda/executor/side_outcome.hpp"
 
 namespace espalier::device::cuda {
 
@@ -104,6 +105,11 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   };
 
   [[nodiscard]] bool several() const { return devices_.size() > 1; }
+  [[nodiscard]] std::vector<SideAddresses<T>> addresses() const {
+    std::vector<SideAddresses<T>> list;
+    for (const auto& side : sides_) list.push_back(side->addresses());
+    return list;
+  }
   [[nodiscard]] Side& first() const { return *sides_.front(); }
   template <class Use>
   void at(const Side& side, Use&& use) const {
@@ -235,16 +241,15 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   [[nodiscard]] const int* counters_of(const Side& side) const {
     return several() ? side.factor_counters() : side.factor_end().counters;
   }
-  void read_counters(FactorOutcome& out, bool& stopped);
+  void read_counters(FactorOutcome& out, SideFlags& flags);
 
-  void read_marks(FactorOutcome& out);
+  void read_marks(FactorOutcome& out, const SideFlags& flags);
 
   std::vector<unsigned char> marks(bool failed);
 
   // The determinant, and the positive pivots (llt) that count as zero: on the host, from all pivots, where several
   // GPUs have them or the rule knows every pivot's own limit; else as the GPU found it.
   void judge_pivots_here(FactorOutcome& out);
-  void take_judgement(FactorOutcome& out);
 
   // ---- solve -------------------------------------------------------------------------------------------------------
 
@@ -291,9 +296,8 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   bool limits_known_ = false;
   bool factor_clean_ = false, solve_clean_ = false;  // what a run on several expects to be clear is so
   std::span<const double> smallest_;                 // PivotRule::smallest
-  bool replaced_ = false, failed_ = false;
-  std::vector<double> moved_;  // devices; elements
-  Index at_once_ = 1;          // most right-hand sides of a pass of the current solve
+  std::vector<double> moved_;                        // devices; elements
+  Index at_once_ = 1;                                // most right-hand sides of a pass of the current solve
 };
 
 }  // namespace espalier::device::cuda

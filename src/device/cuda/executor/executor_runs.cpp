@@ -5,19 +5,10 @@
 #include <span>
 
 #include "device/cuda/executor/executor_on_devices.hpp"
-#include "device/determinant.hpp"
 
 namespace espalier::device::cuda {
 
 namespace {
-
-template <class Is>
-std::vector<Index> positions(const std::vector<unsigned char>& marks, Is&& is) {
-  std::vector<Index> list;
-  for (std::size_t k = 0; k < marks.size(); ++k)
-    if (is(marks[k])) list.push_back(static_cast<Index>(k));
-  return list;
-}
 
 bool is_finite(double largest) { return largest <= std::numeric_limits<double>::max(); }
 
@@ -46,14 +37,14 @@ std::optional<FactorOutcome> ExecutorOnDevices<T>::factorize_filled(const Filled
 template <class T>
 FactorOutcome ExecutorOnDevices<T>::run(const FactorGraphs& graphs, bool filled) {
   FactorOutcome out;
-  bool stopped = false;
+  SideFlags flags;
   if (options_.timeline != nullptr)
     for (const auto& side : sides_) at(*side, [&] { side->clear_record(); });
   last_filled_ = filled;
   const double began = base::now_seconds();
   const auto read = [&] {
-    read_counters(out, stopped);
-    read_marks(out);
+    read_counters(out, flags);
+    read_marks(out, flags);
   };
   if (several()) {
     if (common_.top != nullptr) send_values();
@@ -67,10 +58,10 @@ FactorOutcome ExecutorOnDevices<T>::run(const FactorGraphs& graphs, bool filled)
   }
   if (!is_finite(first().factor_end().largest)) return out;
   if (options_.timeline != nullptr) record(began);
-  if (stopped) throw stalled("factorization");
+  if (flags.stopped) throw stalled("factorization");
   if (out.not_positive >= 0) return out;
   if (smallest_.empty() || filled)
-    take_judgement(out);
+    take_determinant(first().factor_end(), out);
   else
     judge_pivots_here(out);
   return out;
@@ -130,44 +121,21 @@ bool ExecutorOnDevices<T>::set_limits_here(const FilledValues& values) {
 }
 
 template <class T>
-void ExecutorOnDevices<T>::read_counters(FactorOutcome& out, bool& stopped) {
-  const Index n = plan_.tree.n;
+void ExecutorOnDevices<T>::read_counters(FactorOutcome& out, SideFlags& flags) {
   work_.clear();
-  replaced_ = failed_ = false;
   for (const auto& side : sides_) {
     const int* c = counters_of(*side);
-    stopped = stopped || c[kAborted] != 0;
-    if (c[kNotPositive] > 0) {
-      const Index at = n - c[kNotPositive];
-      out.not_positive = out.not_positive < 0 ? at : std::min(out.not_positive, at);
-    }
-    out.negative += c[kNegative];
-    out.two_by_two += c[kTwoByTwo];
-    replaced_ = replaced_ || c[kReplaced] > 0;
-    failed_ = failed_ || c[kFailed] > 0;
-    std::uint64_t taken = 0, waited = 0;
-    std::memcpy(&taken, c + kBusy, sizeof taken);
-    std::memcpy(&waited, c + kWaited, sizeof waited);
+    add_counters(c, plan_.tree.n, sides_.size(), out, flags);
     const auto bytes = static_cast<Offset>(moved_[static_cast<std::size_t>(side->self())] * sizeof(T));
-    const double waiting = 1e-9 * static_cast<double>(waited), busy = 1e-9 * static_cast<double>(taken) - waiting;
-    out.busy_seconds += busy / static_cast<double>(sides_.size());
-    out.waiting_seconds += waiting / static_cast<double>(sides_.size());
-    if (several()) work_.push_back({side->name(), busy, waiting, c[kStolen], side->held(), bytes});
+    if (several()) work_.push_back(work_of(c, side->name(), side->held(), bytes));
   }
 }
 
 template <class T>
-void ExecutorOnDevices<T>::read_marks(FactorOutcome& out) {
-  if (failed_) out.failed = positions(marks(true), [](unsigned char mark) { return mark != 0; });
+void ExecutorOnDevices<T>::read_marks(FactorOutcome& out, const SideFlags& flags) {
+  if (flags.failed) take_failed(marks(true), out);
   const bool judged = out.not_positive < 0 && first().factor_end().small > 0;
-  if (!replaced_ && !judged) return;
-  const std::vector<unsigned char> found = marks(false);
-  out.replaced = positions(found, [](unsigned char mark) { return (mark & kPivotReplaced) != 0; });
-  const auto small = [](unsigned char mark) { return (mark & (kPivotReplaced | kPivotSmall)) == kPivotSmall; };
-  out.small = positions(found, small);
-  out.small_negative = static_cast<Index>(std::count_if(found.begin(), found.end(), [&](unsigned char mark) {
-    return small(mark) && (mark & kPivotSmallNegative) != 0;
-  }));
+  if (flags.replaced || judged) take_marks(marks(false), out);
 }
 
 template <class T>
@@ -175,13 +143,6 @@ std::vector<unsigned char> ExecutorOnDevices<T>::marks(bool failed) {
   std::vector<unsigned char> all;
   for (const auto& side : sides_) at(*side, [&] { side->marked(failed, all); });
   return all;
-}
-
-template <class T>
-void ExecutorOnDevices<T>::take_judgement(FactorOutcome& out) {
-  const FactorEnd& end = first().factor_end();
-  out.determinant_sign = end.sign;
-  out.determinant_log = Determinant(end.mantissa, end.exponent).log();
 }
 
 template <class T>
@@ -196,12 +157,7 @@ void ExecutorOnDevices<T>::judge_pivots_here(FactorOutcome& out) {
       std::copy(from.begin() + plan_.tree.first[f], from.begin() + plan_.tree.first[f + 1],
                 pivots.begin() + plan_.tree.first[f]);
   }
-  Determinant determinant;
-  determinant.multiply(std::span<const T>(pivots));
-  for (std::size_t k = 0; k < smallest_.size(); ++k)
-    if (static_cast<double>(pivots[k]) <= smallest_[k]) out.replaced.push_back(static_cast<Index>(k));
-  out.determinant_sign = determinant.sign();
-  out.determinant_log = determinant.log();
+  judge_pivots(pivots, smallest_, out);
 }
 
 template class ExecutorOnDevices<double>;

@@ -19,7 +19,7 @@ const Graph& ExecutorOnDevices<T>::solve_graph_of(T* x, Index columns, bool tran
     for (Index c = 0; c < columns; c += at_once_) {
       const Index pass = pass_width(columns - c);
       if (c > 0 || !cleared) first().enqueue_clear_solve(pass);
-      first().enqueue_solve(sides_, {x, x, columns, c, pass, transpose});
+      first().enqueue_solve(addresses(), {x, x, columns, c, pass, transpose});
     }
   });
 }
@@ -115,7 +115,7 @@ double ExecutorOnDevices<T>::solve_on_all(T* x, Index columns, bool transpose) {
             if (c == 0 && common_.updates == nullptr)
               call("copy of right-hand sides",
                    [&] { return launch_copy(mine, static_cast<const T*>(x), count, side.stream().get()); });
-            side.enqueue_solve(sides_, {mine, result, columns, c, pass_width(columns - c), transpose});
+            side.enqueue_solve(addresses(), {mine, result, columns, c, pass_width(columns - c), transpose});
             side.enqueue_counters();
           }).launch(side.stream().get());
         },

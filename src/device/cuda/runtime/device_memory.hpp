@@ -4,6 +4,7 @@
 
 #include <cuda_runtime_api.h>
 
+#include <algorithm>
 #include <string>
 #include <utility>
 #include <vector>
@@ -93,6 +94,14 @@ class DeviceArray {
   T* data_ = nullptr;
   Offset size_ = 0;
 };
+
+/// At least `size` elements that fill pages of 2 MiB. In these memory goes to other processes, and what else lies in
+/// one goes with it.
+template <class T>
+Offset whole_pages(Offset size) {
+  constexpr auto kPage = static_cast<Offset>((2 << 20) / sizeof(T));
+  return std::max<Offset>(1, (size + kPage - 1) / kPage) * kPage;
+}
 
 /// An array in host memory that devices see, at the same address.
 template <class T>
@@ -225,6 +234,7 @@ class Graph {
     check(e, "cudaGraphInstantiate");
     return g;
   }
+  [[nodiscard]] bool recorded() const { return exec_ != nullptr; }
   void launch(cudaStream_t stream) const {
     call("cudaGraphLaunch", [&] { return cudaGraphLaunch(exec_, stream); });
   }

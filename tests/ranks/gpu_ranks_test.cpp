@@ -1,0 +1,133 @@
+// Ranks on GPUs, here threads with a GPU each; processes are tests/ranks/mpi's. The truth is one process with one GPU:
+// the same bits.
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "device/registry.hpp"
+#include "espalier/espalier.hpp"
+#include "matrix/generators/generate.hpp"
+#include "on_threads.hpp"
+#include "reference/reference.hpp"
+
+namespace espalier::ranks {
+namespace {
+
+int gpus() {
+  const device::Backend* backend = device::registry().find("gpu");
+  return backend == nullptr ? 0 : static_cast<int>(backend->find().names.size());
+}
+
+SparseMatrix generated(std::vector<std::string> words) { return matrix::generate(matrix::parse_generator(words)); }
+
+struct Answer {
+  FactorResult factor;
+  Status solve;
+  std::vector<double> x, x_again;
+};
+
+Answer answer_of(Solver& solver, const SparseMatrix& a, Index columns, Transpose transpose) {
+  Answer r;
+  const AnalysisResult analysis = solver.analyze(a);
+  r.solve = analysis.status;
+  if (!r.solve.ok()) return r;
+  r.factor = solver.factorize(a);
+  r.factor = solver.factorize(a);
+  const std::vector<double> b = reference::random_vector(Offset{a.rows} * columns, 5);
+  r.x.assign(b.size(), 0.0);
+  r.x_again.assign(static_cast<std::size_t>(a.rows), 0.0);
+  r.solve = solver.solve(b, r.x, columns, transpose).status;
+  if (r.solve.ok()) r.solve = solver.solve(std::span(b).first(r.x_again.size()), r.x_again, 1, transpose).status;
+  return r;
+}
+
+class OnGpus : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (gpus() < 2) GTEST_SKIP() << "two GPUs are needed, " << gpus() << " can be used";
+  }
+
+  static void expect_bits_of_one(const SparseMatrix& a, const Options& given, Index columns = 1,
+                                 Transpose transpose = Transpose::no) {
+    Options options = given;
+    options.device = "gpu:0";
+    Solver alone(options);
+    const Answer truth = answer_of(alone, a, columns, transpose);
+    std::mutex mutex;
+    on_threads(2, {}, [&](const Ranks& ranks) {
+      Options shared = given;
+      shared.device = "gpu:0,1";
+      Solver solver(ranks, shared);
+      const Answer found = answer_of(solver, a, columns, transpose);
+      const std::lock_guard lock(mutex);
+      EXPECT_EQ(found.factor.status.code, truth.factor.status.code) << found.factor.status.message;
+      EXPECT_EQ(found.factor.inertia.negative, truth.factor.inertia.negative);
+      EXPECT_NEAR(found.factor.determinant_log, truth.factor.determinant_log, 1e-9);  // multiplied on the host
+      EXPECT_EQ(found.solve.code, truth.solve.code) << found.solve.message;
+      if (ranks.rank() != 0) return;
+      EXPECT_EQ(found.x, truth.x);
+      EXPECT_EQ(found.x_again, truth.x_again);
+    });
+  }
+};
+
+TEST_F(OnGpus, PositiveDefinite) {
+  expect_bits_of_one(generated({"elasticity", "12", "10", "9"}), {}, 3);
+  expect_bits_of_one(generated({"poisson", "9"}), {});
+}
+
+TEST_F(OnGpus, Indefinite) {
+  expect_bits_of_one(generated({"kkt", "3", "8", "4", "4"}), {}, 40);
+  expect_bits_of_one(reference::saddle_point(300, 60, 3), {});
+}
+
+TEST_F(OnGpus, Unsymmetric) {
+  expect_bits_of_one(generated({"gyroscopic", "10", "9", "8"}), {});
+  expect_bits_of_one(generated({"gyroscopic", "10", "9", "8"}), {}, 2, Transpose::yes);
+}
+
+TEST_F(OnGpus, MixedPrecision) {
+  Options o;
+  o.precision = Precision::mixed;
+  expect_bits_of_one(generated({"elasticity", "9", "8", "7"}), o);
+}
+
+TEST_F(OnGpus, SingularMatrices) {
+  Options report;
+  report.singular = SingularMatrix::report;
+  expect_bits_of_one(generated({"kkt-redundant", "3", "2", "4", "2", "2"}), report);
+}
+
+// One device text for all, and one that ranks can share.
+TEST(GpuRanks, WrongDevicesAreRefusedOnAllRanks) {
+  const SparseMatrix a = generated({"poisson", "5"});
+  const auto codes = [&](const std::string& first, const std::string& second) {
+    std::vector<Status> found(2);
+    on_threads(2, {}, [&](const Ranks& ranks) {
+      Options options;
+      options.device = ranks.rank() == 0 ? first : second;
+      Solver solver(ranks, options);
+      Status status = solver.analyze(a).status;
+      if (status.ok()) status = solver.factorize(a).status;
+      found[static_cast<std::size_t>(ranks.rank())] = status;
+    });
+    EXPECT_EQ(found[0].message, found[1].message);
+    EXPECT_EQ(found[0].code, found[1].code);
+    return found[0];
+  };
+  EXPECT_EQ(codes("host:2", "host:2").code, StatusCode::device_error);
+  EXPECT_NE(codes("reference", "reference").message.find("cannot be shared by 2 ranks"), std::string::npos);
+  EXPECT_FALSE(codes("cpu", "reference").ok());
+  if (gpus() == 0) {
+    EXPECT_EQ(codes("gpu:all", "gpu:all").code, StatusCode::device_error);
+  } else {
+    EXPECT_NE(codes("gpu:0", "cpu").message.find("name different devices"), std::string::npos);
+    EXPECT_NE(codes("gpu:0", "gpu:0").message.find("share GPU 0"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace espalier::ranks
