@@ -74,7 +74,7 @@ void SolidContact::restore(ConstSpan& in) {
     Memory& m = memory_[k];
     points_[k].spot = spot(faces);
     points_[k].weight = take();
-    points_[k].opposite = whole(second_ ? 0 : -1, others);
+    points_[k].opposite = whole(second_ && !first_.is_line() ? 0 : -1, others);
     made_at_[k] = {take(), take()};
     m.layer = take();
     m.touched = take() != 0;
