@@ -87,6 +87,7 @@ std::vector<SolidCase> solid_cases() {
       {"hex8 on cable", upper + cable("lower", "position = [0, 0, 0.43]") + kLaw + kEnd},
       {"cable on cable",
        cable("upper", "") + cable("lower", "position = [0.4, 0.1, -0.06]\nrotation = [0, 0, 0.6]") + kLaw + kEnd},
+      {"beam on cable", beam + cable("lower", "position = [0.4, 0.1, -0.04]\nrotation = [0, 0, 0.6]") + kLaw + kEnd},
       {"cable on cable without friction", cable("upper", "") +
                                               cable("lower", "position = [0.4, 0.1, -0.06]\nrotation = [0, 0, 0.6]") +
                                               frictionless + kEnd},
