@@ -233,6 +233,38 @@ TEST(ContactLineFriction, RodOnRailsSticksOrSlides) {
   }
 }
 
+// A rope that falls on one that hangs: the bits of a run that was not interrupted.
+TEST(ContactLineFriction, RestartsKeepTheBits) {
+  const auto rope = [](const char* name, const char* axis) {
+    return fmt::format(
+        "[bodies.{0}]\ntype = \"cable\"\n{1}\nelements = 6\naxial = 1e4\nbending = 0.01\nmass_per_length = "
+        "0.2\n[surfaces.{0}]\nbody = \"{0}\"\nshape = \"line\"\nradius = 0.01\ndivisions = 8\n",
+        name, axis);
+  };
+  const std::string text =
+      "gravity = [0, 0, -9.81]\n" + rope("low", "start = [-0.5, 0, 0]\nend = [0.5, 0, 0]") +
+      rope("top", "start = [0.02, -0.3, 0.03]\nend = [0.05, 0.5, 0.03]") +
+      "[joints.left]\ntype = \"spherical\"\na = { body = \"ground\", point = [-0.5, 0, 0] }\nb = { body = "
+      "\"low\", node = 1 }\n[joints.right]\ntype = \"spherical\"\na = { body = \"ground\", point = [0.5, 0, 0] }\nb = "
+      "{ "
+      "body = \"low\", node = -1 }\n[contacts.c]\nsurfaces = [\"top\", "
+      "\"low\"]\nstiffness = 2e5\nfriction = 0.6\ndamping = 2\ntangential_damping = "
+      "20\n[integrator]\nmethod = \"generalized-alpha\"\nstep = 1e-3\nend = 0.2\n";
+  Simulation whole, rest;
+  ASSERT_TRUE(whole.load_text(text, "ropes.toml").ok());
+  ASSERT_TRUE(rest.load_text(text, "ropes.toml").ok());
+  double rubbed = 0;
+  for (double t = 0.06; rubbed == 0 && t < 0.16; t += 0.002) {
+    ASSERT_TRUE(whole.step_to(t).ok());
+    rubbed = whole.value("c.friction_force");
+  }
+  ASSERT_GT(rubbed, 0);
+  ASSERT_TRUE(rest.restore(whole.save()).ok());
+  ASSERT_TRUE(whole.step_to(0.2).ok());
+  ASSERT_TRUE(rest.step_to(0.2).ok());
+  EXPECT_EQ(whole.save(), rest.save());
+}
+
 // A rope over half of a fixed rod whose one end is drawn down: it slides, T2 = T1 exp(mu pi) (Euler and Eytelwein).
 double anchor_of_drawn_rope(int elements, double stiffness) {
   constexpr double kRope = 0.05, kWay = 2e-3;
