@@ -177,7 +177,7 @@ test_sanitized() {
 slow_dynamics="SimeonCrank.*:FlexibleEngine.*:DeadPoints.*:IftommA02.*:Andrews.*:BeamStatics.*:ModelMeshes.*:RealMeshes.*"
 slow_dynamics+=":All/Parts.UnknownsFollowTheWish/*:Laws/FreeFlight.*:Convergence.*:StaticsSweep.*:BeamJoints.*:BeamReference.*"
 slow_dynamics+=":StepErrors.*:StaticsTurns.*:StaticsBranches.*:ModelHold.NothingIsStrainedWhateverThePlaceOfTheJoint:ContactGears.*"
-slow_dynamics+=":ModelHarmonicTruth.*:ContactSelf.TangentIs*:ContactSelf.Ends*:ContactSelf.SymmetryStays:ContactLines.Capstan*:ContactShells.*:*shell_on_hex8*"
+slow_dynamics+=":ModelHarmonicTruth.*:ContactSelf.TangentIs*:ContactSelf.Ends*:ContactSelf.SymmetryStays:ContactLines.Capstan*:ContactLineFriction.*:ContactShells.*:*shell_on_hex8*"
 
 # Tests of the solver that take long, or fork, which the thread sanitizer does not follow.
 slow_solver="Allocation.*:MachinePrediction.*:CraftedAnalysis.*:HostMemory.*"

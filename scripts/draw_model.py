@@ -99,6 +99,8 @@ LOOKS = {
                       axes=("time, ms", "force in the\nclamp, lbf"), factors=(1e3, 1), size=(8.0, 4.8), share=0.45, mesh=0.1),
     "real-tyre": Look(times=(0.05, 0.2), view=(20, -35), curve=("motor.moment.x",), axes=("time, s", "moment of the\nmotor, N m"),
                       size=(8.0, 5.2), share=0.4, mesh=0.15),
+    "real-tyre-road": Look(times=(0.4, 0.74), view=(8, 18), up="z", curve=("rim.position.z",), mesh=0.12,
+                           axes=("time, s", "height of the\naxle, mm"), factors=(1, 1e3), size=(8.0, 5.2), share=0.4),
 }
 
 UNITS = {"von_mises": ("von Mises stress, MPa", 1e-6), "displacement": ("displacement, mm", 1e3),

@@ -2,7 +2,7 @@
 // whose pins run on a guide, the path of their pitch line, and whose free end is hauled. Both have the same links,
 // joints, friction, weight, motion, integrator and step. The chain on its sprocket runs twice: with analyses that
 // follow the changes of the pattern (Solver::analyze_change) and with full analyses.
-//   build/release/bench/espalier_bench_contact_chain [--links 60] [--until 0.2] [--threads 2]
+//   build/release/bench/espalier_bench_contact_chain [--links 60] [--until 0.2] [--threads 2] [--device gpu:0]
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -20,7 +20,8 @@ namespace {
 using namespace espalier;
 
 struct Arguments {
-  std::string model = "models/sprocket.toml", json;
+  std::string model = "models/sprocket.toml", json, device = "cpu";
+  std::vector<std::string> set;
   int links = 60, rounds = 1;
   double until = 0.2;
   int threads = 2;
@@ -36,6 +37,8 @@ Arguments parse(int argc, char** argv) {
   app.add_option("--threads", a.threads, "")->check(CLI::Range(1, 1024));
   app.add_option("--rounds", a.rounds, "each run so often, in turns; the fastest one counts")
       ->check(CLI::Range(1, 100));
+  app.add_option("--device", a.device, "of the solver, as of `espalier simulate`: cpu, gpu:0");
+  app.add_option("--set", a.set, "PATH=VALUE of the model, of the runs on the sprocket; may be repeated");
   app.add_option("--json", a.json, "write the figures to this file, too");
   try {
     app.parse(argc, argv);
@@ -101,7 +104,7 @@ quantities = ["weight.position.y", "weight.velocity.y", "hook.force.norm"]
 struct Run {
   std::string name;
   std::string text;
-  bool full = false;
+  bool full = false, guided = false;
   SimulationSummary summary;
   double seconds = 1e300, height = 0;
 
@@ -109,7 +112,8 @@ struct Run {
     SimulationOptions o;
     o.set = {fmt::format("parameters.weight_side={}", a.links - 18), "output.csv_interval=false"};
     o.until = a.until;
-    o.solver = {{"threads", std::to_string(a.threads)}};
+    o.solver = {{"threads", std::to_string(a.threads)}, {"device", a.device}};
+    if (!guided) o.set.insert(o.set.end(), a.set.begin(), a.set.end());
     // Kept analyses are looked up by their pattern, not followed. This folder is not there: all are made anew.
     if (full) o.analyses = "/nonexistent/espalier";
     Simulation s(o);
@@ -151,13 +155,14 @@ int main(int argc, char** argv) {
   std::vector<Run> runs(3);
   runs[0].name = "guide";
   runs[0].text = on_guide(text.str());
+  runs[0].guided = true;
   runs[1].name = "sprocket, analyses follow";
   runs[2].name = "sprocket, full analyses";
   runs[1].text = runs[2].text = text.str();
   runs[2].full = true;
   for (int round = 0; round < a.rounds; ++round)
     for (Run& r : runs) r.go(a);
-  fmt::print("{} links, to {} s, {} threads\n", a.links, a.until, a.threads);
+  fmt::print("{} links, to {} s, {} threads, {}\n", a.links, a.until, a.threads, a.device);
   fmt::print("{:<26} {:>8} {:>7} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}\n", "", "seconds", "steps", "Newton",
              "factors", "analyses", "followed", "their ms", "share %", "assembly", "solve");
   nlohmann::json records = nlohmann::json::array();

@@ -310,6 +310,35 @@ motion = "cos(1) + t - 0.5403023058681398 + 0.2"
                 self.assertEqual(report["system"]["redundant"], [])
                 self.assertLess(report["constraints"]["position"], 1e-6)
 
+    def test_gears_turn_against_their_brake(self):
+        out = self.folder / "gears"
+        pairs = ("flank=3", "across=2", "friction=0", "torque=1.2")
+        arguments = [word for pair in pairs for word in ("--set", f"parameters.{pair}")]
+        self.expect(0, "simulate", ROOT / "models" / "gears.toml", "--out", out, "-q", "--until", 1.2e-3, *arguments,
+                    "--set", "output.vtu_interval=false")
+        rows = self.rows(out)
+        base = 0.001 * 27 * math.cos(math.radians(20))
+        # At rest: torque over base radius, and torques in the ratio of the teeth. The mesh is coarse.
+        self.assertAlmostEqual(rows[0]["teeth.normal_force"] * base / 1.2, 1, delta=0.05)
+        self.assertAlmostEqual(rows[0]["motor.moment.z"] / (1.2 * 18 / 27), 1, delta=0.05)
+        # The gear follows the pinion the other way round; the teeth give way by some micrometres.
+        turned = [row["motor.angle"] - rows[0]["motor.angle"] for row in rows]
+        followed = [row["gear_bearing.angle"] - rows[0]["gear_bearing.angle"] for row in rows]
+        self.assertGreater(turned[-1], 5e-3)
+        self.assertAlmostEqual(followed[-1], -18 / 27 * turned[-1], delta=3e-5 / base)
+
+    def test_a_mesh_beyond_the_memory_is_4_before_it_is_taken(self):
+        hex20, many = 'element = "hex20", divisions = [10000, 100, 90]', "unknowns = 1e13"
+        meshes = ['part = "block", ' + hex20, 'part = "block", element = "hex20", divisions = [90000000, 1, 1]',
+                  'part = "spur-gear", teeth = 20, element = "hex20", divisions = [10000, 20, 20]', 'part = "tyre", ' + hex20]
+        meshes += [f'part = "{part}", {many}'
+                   for part in ("block", "connecting-rod", "chain-link", "crank", "guide", "bladed-rotor", "spur-gear", "tyre")]
+        for mesh in meshes:
+            with self.subTest(mesh=mesh):
+                text = re.sub("mesh = .*", f"mesh = {{ {mesh} }}", BLOCK)
+                self.expect(4, "simulate", self.model(text),
+                            says=("bodies.block", "elements with", "unknowns", "this machine has", "fewer divisions"))
+
     def tyre(self, out, *settings):
         pairs = ("parameters.around=24", "parameters.across=8", "output.vtu_interval=0") + settings
         arguments = [word for pair in pairs for word in ("--set", pair)]

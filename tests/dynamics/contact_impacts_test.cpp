@@ -259,7 +259,7 @@ TEST(ContactImpacts, MistakesAreNamed) {
     EXPECT_NE(found.find(part), std::string::npos) << part << " in: " << found;
   };
   const std::string end = integrator(1, 1e-6);
-  expect(falling(0.5) + "friction = 0.1\n" + end, "no impulses of friction yet");
+  expect(falling(0.5) + "friction = -0.1\n" + end, "must not be negative");
   expect(falling(0.5) + "damping = 1\n" + end, "does not go with law = \"impulse\"");
   expect(falling(1.5) + end, "[0, 1]");
   std::string wrong = falling(0.5) + end;

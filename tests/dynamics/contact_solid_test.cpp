@@ -85,8 +85,12 @@ std::vector<SolidCase> solid_cases() {
        beam + fmt::format(fmt::runtime(rigid), -0.26) + "shape = \"box\"\nsize = [0.5, 0.5, 0.6]\n" + kLaw + kEnd},
       {"cable on hex8", cable("upper", "position = [0, 0, 0.5]") + lower + kLaw + kEnd},
       {"hex8 on cable", upper + cable("lower", "position = [0, 0, 0.43]") + kLaw + kEnd},
-      {"cable on cable", cable("upper", "") + cable("lower", "position = [0.4, 0.1, -0.06]\nrotation = [0, 0, 0.6]") +
-                             frictionless + kEnd},
+      {"cable on cable",
+       cable("upper", "") + cable("lower", "position = [0.4, 0.1, -0.06]\nrotation = [0, 0, 0.6]") + kLaw + kEnd},
+      {"beam on cable", beam + cable("lower", "position = [0.4, 0.1, -0.04]\nrotation = [0, 0, 0.6]") + kLaw + kEnd},
+      {"cable on cable without friction", cable("upper", "") +
+                                              cable("lower", "position = [0.4, 0.1, -0.06]\nrotation = [0, 0, 0.6]") +
+                                              frictionless + kEnd},
       {"shell on sphere", shell("upper", "") + fmt::format(fmt::runtime(rigid), -0.33) +
                               "shape = \"sphere\"\nradius = 0.4\n" + kLaw + kEnd},
       {"shell on hex8", shell("upper", "position = [0, 0, 0.51]", 1) + lower + kLaw + kEnd},

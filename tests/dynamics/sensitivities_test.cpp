@@ -248,9 +248,8 @@ TEST(Sensitivities, SayWhatHasNoDerivative) {
             law + "\n[integrator]\nend = 1\n[output]\nquantities = [\"ball.position\"]\n",
         {{"bodies.ball.mass"}});
   };
-  expect(falling("friction = 0.2"), "contacts.landing");
-  expect(falling("friction = 0.2"), "friction");
-  expect(falling("restitution = 0.7"), "restitution");
+  expect(falling("law = \"impulse\""), "contacts.landing");
+  expect(falling("law = \"impulse\""), "impulses");
   expect(message(dynamics::kPendulum, {{"bodies.bob.mass"}}), "no quantity");
   SimulationOptions options;
   options.restart = "there.restart";

@@ -82,16 +82,16 @@ FacePlace face_place(const SurfaceFace& face, const std::vector<Vec3>& nodes, co
 }
 
 // Slopes are polynomials of degree two at most in each direction, so central differences of step 1/2 are exact.
-std::array<Vec3, 3> face_bends(const SurfaceFace& face, const double* xi) {
+std::array<Vec3, 3> face_bends(const SurfaceFace& face, const std::vector<Vec3>& nodes, const double* xi) {
   const auto tangents = [&](double d1, double d2) {
     const double at[2] = {xi[0] + d1, xi[1] + d2};
-    if (face.is_line()) return face_place(face, at).tangent;
+    if (face.is_line()) return face_place(face, nodes, at).tangent;
     std::array<double, 2 * kMostFaceNodes> slopes{};
     shape_gradients(face.type, at, slopes.data());
     std::array<Vec3, 2> t = {Vec3::Zero(), Vec3::Zero()};
-    const std::size_t n = face.x.size();
+    const std::size_t n = nodes.size();
     for (std::size_t a = 0; a < n; ++a)
-      for (std::size_t d = 0; d < 2; ++d) t[d] += slopes[d * n + a] * face.x[a];
+      for (std::size_t d = 0; d < 2; ++d) t[d] += slopes[d * n + a] * nodes[a];
     return t;
   };
   constexpr double kHalf = 0.5;

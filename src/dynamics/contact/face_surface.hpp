@@ -55,13 +55,16 @@ struct FacePlace {
   std::array<Vec3, 2> tangent = {Vec3::Zero(), Vec3::Zero()};
   [[nodiscard]] Vec3 normal_area() const { return tangent[0].cross(tangent[1]); }
 };
-/// @param nodes  face.x or face.reference
+/// @param nodes  face.x, face.reference or velocities
 [[nodiscard]] FacePlace face_place(const SurfaceFace& face, const std::vector<Vec3>& nodes, const double* xi);
 [[nodiscard]] inline FacePlace face_place(const SurfaceFace& face, const double* xi) {
   return face_place(face, face.x, xi);
 }
-/// x,11, x,12 and x,22.
-[[nodiscard]] std::array<Vec3, 3> face_bends(const SurfaceFace& face, const double* xi);
+/// x,11, x,12 and x,22. @param nodes  face.x, or velocities
+[[nodiscard]] std::array<Vec3, 3> face_bends(const SurfaceFace& face, const std::vector<Vec3>& nodes, const double* xi);
+[[nodiscard]] inline std::array<Vec3, 3> face_bends(const SurfaceFace& face, const double* xi) {
+  return face_bends(face, face.x, xi);
+}
 /// The point of a face, or of its continuation, on whose normal x lies. Of a line: the nearest one.
 struct FaceProjection {
   std::array<double, 2> xi{};

@@ -82,6 +82,26 @@ Mat3X FaceTouch::slip_by() const {
   return s;
 }
 
+Mat3X FaceTouch::lever_by() const {
+  Mat3X x = slip_by();
+  add_shift(opposite_.tangent, 1, x);
+  return x;
+}
+
+Mat3X FaceTouch::slope_by() const {
+  Mat3X t = Mat3X::Zero(3, coordinates());
+  for (int a = 0; a < second_; ++a)
+    t.block<3, 3>(0, 3 * (first_ + a)).diagonal().array() = opposite_.slope[0][static_cast<std::size_t>(a)];
+  return t;
+}
+
+Mat3X FaceTouch::tangent_by() const {
+  const auto bends = face_bends(face_, xi_.data());
+  Mat3X t = slope_by();
+  add_shift({bends[0], bends[1]}, -1, t);
+  return t;
+}
+
 void FaceTouch::add_shift(const std::array<Vec3, 2>& w, double factor, Mat3X& out) const {
   for (std::size_t d = 0; d < 2; ++d) out.noalias() -= factor * w[d] * place_by_[d].transpose();
 }

@@ -41,6 +41,11 @@ class FaceTouch {
   [[nodiscard]] Mat3X normal_by() const;
   /// Of dx - dy, at the place that the projection has.
   [[nodiscard]] Mat3X slip_by() const;
+  /// Of the point's distance from the place opposite, x - y(xi), which moves on.
+  [[nodiscard]] Mat3X lever_by() const;
+  /// Of y,1 at a place that stays, and at the one that moves on.
+  [[nodiscard]] Mat3X slope_by() const;
+  [[nodiscard]] Mat3X tangent_by() const;
   /// Adds -y(xi)'s derivative by xi alone, with w_a the fields of y,a (positions, velocities), to `out`.
   void add_shift(const std::array<Vec3, 2>& w, double factor, Mat3X& out) const;
   /// f = [N_1 T; -N_2 T], the coordinates' share of a force T on the point and -T opposite to it.

@@ -7,16 +7,20 @@
 #include <cmath>
 #include <numeric>
 
+#include "dynamics/contact/impact_friction.hpp"
+
 namespace espalier::dynamics::contact {
 namespace {
 
 constexpr int kMostRounds = 100;
 
-double along(const ImpactPoint& p, ConstSpan x) {
+/// @param by  gradient by the coordinates of the point
+double along(const ImpactPoint& p, const std::vector<double>& by, ConstSpan x) {
   double sum = 0;
-  for (std::size_t k = 0; k < p.gap_by.size(); ++k) sum += p.gap_by[k] * x[static_cast<std::size_t>(p.coordinates[k])];
+  for (std::size_t k = 0; k < by.size(); ++k) sum += by[k] * x[static_cast<std::size_t>(p.coordinates[k])];
   return sum;
 }
+double along(const ImpactPoint& p, ConstSpan x) { return along(p, p.gap_by, x); }
 
 class Impact {
  public:
@@ -74,22 +78,23 @@ class Impact {
 
   /// dv of a unit impulse; empty where the joints let the point move neither way.
   const std::vector<double>& column(std::size_t i) {
-    std::vector<double>& x = columns_[i].dv;
-    if (columns_[i].known) return x;
+    if (!columns_[i].known) columns_[i].dv = jump_of(points_[i], points_[i].gap_by);
     columns_[i].known = true;
+    return columns_[i].dv;
+  }
+  [[nodiscard]] std::vector<double> jump_of(const ImpactPoint& p, const std::vector<double>& by) {
     const auto n = state_.v.size();
-    x.assign(n + state_.lambda.size(), 0.0);
-    const ImpactPoint& p = points_[i];
+    std::vector<double> x(n + state_.lambda.size(), 0.0);
     double free = 0;  // 1 / m without joints
-    for (std::size_t k = 0; k < p.gap_by.size(); ++k) {
+    for (std::size_t k = 0; k < by.size(); ++k) {
       const auto at = static_cast<std::size_t>(p.coordinates[k]);
-      x[at] += p.gap_by[k];
-      free += p.gap_by[k] * p.gap_by[k] / masses_[at];
+      x[at] += by[k];
+      free += by[k] * by[k] / masses_[at];
     }
     equations_.solve(x);
     x.resize(n);
     constexpr double kHeld = 1e-10;
-    if (!(along(p, x) > kHeld * free)) x.clear();
+    if (!(along(p, by, x) > kHeld * free)) x.clear();
     return x;
   }
   [[nodiscard]] double mass(std::size_t i) { return 1 / along(points_[i], column(i)); }
@@ -112,6 +117,10 @@ class Impact {
   }
 
   void strike(const std::vector<std::size_t>& among, bool plastic) {
+    if (std::any_of(among.begin(), among.end(), [&](std::size_t i) { return points_[i].law.friction > 0; })) {
+      strike_with_friction(among, plastic);
+      return;
+    }
     std::vector<double> before(points_.size());
     for (const std::size_t i : among) before[i] = rate(i);
     const std::vector<double> v = state_.v;
@@ -121,10 +130,57 @@ class Impact {
     for (std::size_t k = 0; k < set.size(); ++k) push(set[k], factors[k] * p[static_cast<Eigen::Index>(k)]);
   }
 
+  void strike_with_friction(const std::vector<std::size_t>& among, bool plastic) {
+    std::vector<double> before(points_.size());
+    for (const std::size_t i : among) {
+      before[i] = rate(i);
+      if (column(i).empty()) fail_held(i, -before[i]);
+    }
+    const std::vector<double> factors = one_plus_restitution(among, before, plastic);
+    const auto n = static_cast<Eigen::Index>(among.size());
+    FrictionImpact in{Eigen::MatrixXd::Zero(3 * n, 3 * n), Eigen::VectorXd::Zero(3 * n), Eigen::VectorXd(n),
+                      Eigen::VectorXd(n)};
+    std::vector<std::vector<double>> jumps;
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const std::size_t at = among[static_cast<std::size_t>(i)];
+      const ImpactPoint& p = points_[at];
+      in.restitution[i] = factors[static_cast<std::size_t>(i)] - 1;
+      in.friction[i] = p.law.friction;
+      in.before[3 * i] = before[at];
+      jumps.push_back(column(at));
+      for (std::size_t k = 0; k < 2; ++k) {
+        in.before[3 * i + 1 + static_cast<Eigen::Index>(k)] = along(p, p.slip_by[k], state_.v);
+        jumps.push_back(jump_of(p, p.slip_by[k]));
+      }
+    }
+    for (Eigen::Index c = 0; c < 3 * n; ++c) {
+      const std::vector<double>& jump = jumps[static_cast<std::size_t>(c)];
+      for (Eigen::Index i = 0; i < n && !jump.empty(); ++i) {
+        const ImpactPoint& p = points_[among[static_cast<std::size_t>(i)]];
+        in.w(3 * i, c) = along(p, jump);
+        for (std::size_t k = 0; k < 2; ++k)
+          in.w(3 * i + 1 + static_cast<Eigen::Index>(k), c) = along(p, p.slip_by[k], jump);
+      }
+    }
+    const Eigen::VectorXd impulses = friction_impulses(in);
+    for (Eigen::Index c = 0; c < 3 * n; ++c) {
+      const std::vector<double>& jump = jumps[static_cast<std::size_t>(c)];
+      for (std::size_t k = 0; k < jump.size(); ++k) state_.v[k] += impulses[c] * jump[k];
+      if (c % 3 == 0) points_[among[static_cast<std::size_t>(c / 3)]].impulse += impulses[c];
+    }
+  }
+
   void push(std::size_t i, double impulse) {
     const std::vector<double>& x = columns_[i].dv;
     for (std::size_t k = 0; k < x.size(); ++k) state_.v[k] += impulse * x[k];
     points_[i].impulse += impulse;
+  }
+
+  [[noreturn]] void fail_held(std::size_t i, double speed) const {
+    throw Error(StatusCode::invalid_input,
+                fmt::format("at t = {:g} {} strike with {:g}, and their joints hold them so that no impulse can part "
+                            "them; let one of them give way",
+                            state_.t, points_[i].surfaces, speed));
   }
 
   /// The complementarity problem over some points, by the active set of Lawson and Hanson, Solving Least Squares
@@ -141,11 +197,7 @@ class Impact {
       for (const std::size_t i : among)
         if (rate(i) < least && std::find(set.begin(), set.end(), i) == set.end()) least = rate(i), fastest = i;
       if (fastest == points_.size()) break;
-      if (column(fastest).empty())
-        throw Error(StatusCode::invalid_input,
-                    fmt::format("at t = {:g} {} strike with {:g}, and their joints hold them so that no impulse can "
-                                "part them; let one of them give way",
-                                state_.t, points_[fastest].surfaces, -least));
+      if (column(fastest).empty()) fail_held(fastest, -least);
       set.push_back(fastest);
       p.conservativeResize(p.size() + 1);
       p[p.size() - 1] = 0;

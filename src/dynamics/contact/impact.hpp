@@ -2,6 +2,7 @@
 /// Impacts that take no time: velocities jump, positions stay.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "dynamics/contact/law.hpp"
@@ -21,6 +22,8 @@ struct ImpactPoint {
   /// Gradient of the gap: coordinates of v, and derivatives by them.
   std::vector<Index> coordinates;
   std::vector<double> gap_by;
+  /// With friction: of the slip of the second body along two tangents, by the same coordinates.
+  std::array<std::vector<double>, 2> slip_by;
   // What solve_impact() finds
   double impulse = 0;  ///< along the normal, not negative
   bool rests = false;  ///< it stays closed from now on
@@ -32,8 +35,9 @@ struct ImpactPoint {
 /// Impacts at one instant go in rounds (generalized reflections: Smith, Kaufman, Vouga, Tamstorf, Grinspun, ACM Trans.
 /// Graph. 31 (2012) 106). The points that approach get the impulses p after which none of them does,
 ///   0 <= p, 0 <= G (v + dv), p . G (v + dv) = 0,
-/// times 1 + restitution (of points that act on each other: the smallest), so that what met with u parts with r u. Then
-/// others may approach, and so on. A round does not raise the energy. After 100 rounds, what still approaches stops.
+/// times 1 + restitution (of points that act on each other: the smallest), so that what met with u parts with r u.
+/// Where one of them has friction: those of friction_impulses() instead. Then others may approach, and so on. A round
+/// does not raise the energy. After 100 rounds, what still approaches stops.
 ///
 /// A point that meets so slowly that it would not rise by half of what it sinks at rest has the restitution 0, and
 /// stays closed: u^2 / (2 a) < m a / (2 k), a its acceleration towards the other body, 1 / m = G K^-1 G^T, k the law's

@@ -19,7 +19,6 @@ void ContactLaw::check() const {
        impulse ? "the restitution of a contact with impulses must lie in [0, 1]"
                : "the restitution of a contact must lie in (0, 1]");
   need(!impulse || damping == 0, "a contact with impulses has no damping: what rests is damped critically");
-  need(!impulse || friction == 0, "a contact with impulses has no friction");
   need(damping == 0 || restitution == 1, "a contact has damping or restitution, not both");
   need(friction >= 0, "the friction of a contact must not be negative");
   need(friction == 0 || tangential_stiffness > 0, "friction needs a tangential stiffness greater than 0");

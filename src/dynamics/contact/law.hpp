@@ -25,7 +25,7 @@ struct ContactLaw {
   double smoothing = 0;             ///< length, for e = 1
   double damping = 0;               ///< a, time / length
   double restitution = 1;           ///< r in (0, 1]; below 1 instead of a. With `impulse`: in [0, 1]
-  bool impulse = false;             ///< impacts take no time; without damping and friction
+  bool impulse = false;             ///< impacts take no time; without damping
   double friction = 0;              ///< mu
   double tangential_stiffness = 0;  ///< k_t, force / length (solids: / area); needed where mu > 0
   double tangential_damping = 0;    ///< c_t, force time / length (solids: / area)

@@ -30,15 +30,23 @@ ImpactPoint RigidContact::impact_point(const Active& active) const {
   p.closed = active.touch.gap <= 0;
   p.held = active.memory != nullptr;
   const BodyMotion &a = motion_[slot(body_of(active.pair[0]))], &b = motion_[slot(body_of(active.pair[1]))];
-  const Vec12 by = touch_motion(active.touch, a, b).gap;
+  const TouchMotion motion = touch_motion(active.touch, a, b);
+  const Vec12& by = motion.gap;
+  const Mat3x12 slip = slip_of(motion.point, a, b);
+  const Vec3 along = motion.normal.unitOrthogonal(), across = motion.normal.cross(along);
   for (const int side : {0, 1}) {
     const RigidBody* body = bodies_[slot(body_of(active.pair[static_cast<std::size_t>(side)]))];
     if (body == nullptr) continue;
-    const Vec3 turn = (side == 0 ? a : b).axes.transpose() * by.segment<3>(6 * side + 3);
-    for (int k = 0; k < 6; ++k) {
-      p.coordinates.push_back(body->coordinates()[static_cast<std::size_t>(k)]);
-      p.gap_by.push_back(k < 3 ? by[6 * side + k] : turn[k - 3]);
-    }
+    const Mat3& axes = (side == 0 ? a : b).axes;
+    const auto append = [&](const Vec12& row, std::vector<double>& out) {
+      const Vec3 turn = axes.transpose() * row.segment<3>(6 * side + 3);
+      for (int k = 0; k < 6; ++k) out.push_back(k < 3 ? row[6 * side + k] : turn[k - 3]);
+    };
+    p.coordinates.insert(p.coordinates.end(), body->coordinates().begin(), body->coordinates().end());
+    append(by, p.gap_by);
+    if (law_.friction == 0) continue;
+    append(slip.transpose() * along, p.slip_by[0]);
+    append(slip.transpose() * across, p.slip_by[1]);
   }
   return p;
 }
@@ -103,7 +111,8 @@ void RigidContact::take_impact(std::span<const ImpactPoint> points) {
     if (active.memory == nullptr && !points[k].rests) continue;
     const bool known = active.memory != nullptr;
     next.push_back({active.pair, active.touch.id, a.axes.transpose() * active.touch.normal,
-                    spring_ends(active.touch, a, b, Vec3::Zero()), known ? active.memory->damping : points[k].damping,
+                    known ? active.memory->ends : spring_ends(active.touch, a, b, Vec3::Zero()),
+                    known ? active.memory->damping : points[k].damping,
                     known ? active.memory->begin : std::clamp(-active.touch.gap, 0.0, touching)});
   }
   impacts_ += any ? 1 : 0;

@@ -51,10 +51,8 @@ std::unique_ptr<SolidContact> SolidContact::with_itself(std::string name, Contac
 
 void SolidContact::begin() {
   law_.check();
-  if (second_ && first_.is_line() && second_->is_line()) {
-    if (one_body()) throw std::invalid_argument("a line does not touch itself, nor another one of its body");
-    if (law_.friction > 0) throw std::invalid_argument("there is no friction between two lines yet");
-  }
+  if (second_ && first_.is_line() && second_->is_line() && one_body())
+    throw std::invalid_argument("a line does not touch itself, nor another one of its body");
   if (second_ && second_->is_line() && !first_.is_line())
     throw std::invalid_argument("of a line and faces the line must be the first surface");
   if (one_body()) second_->limit_depths(first_);
@@ -134,6 +132,15 @@ FacePlace SolidContact::place_of_point(std::size_t k) const {
   const FaceSpot& spot = points_[k].spot;
   const SurfaceFace& face = first_.face(spot.face);
   return face_place(face, spot.xi.data());
+}
+
+Vec3 SolidContact::from_spring_end(std::size_t k, const FacePlace& at) const {
+  const Memory& memory = memory_[k];
+  const SurfaceFace& held = second_->face(memory.anchor.face);
+  const FacePlace hold = face_place(held, memory.anchor.xi.data());
+  Vec3 between = at.x - hold.x;
+  if (held.is_line()) between -= memory.hold.arm_at(hold.tangent[0]);
+  return between;
 }
 
 Vec3 SolidContact::velocity_of_point(std::size_t k, const FacePlace& at) const {
@@ -242,9 +249,12 @@ std::optional<SolidContact::Acting> SolidContact::act_solid(std::size_t k, const
   acting.normal = normal_force(law_, penetration, -n.dot(relative), law_.damping);
   if (law_.friction == 0) return acting;
   if (memory.touched) {
-    const SurfaceFace& held = second_->face(memory.anchor.face);
-    const Vec3 between = at.x - face_place(held, memory.anchor.xi.data()).x;
+    const Vec3 between = from_spring_end(k, at);
     acting.stretch = between - n * n.dot(between);
+  }
+  if (other.is_line()) {
+    const Vec3 rate = face_place(other, other.v, spot->xi.data()).tangent[0];
+    relative += line_turn(touch.opposite().tangent[0], rate, at.x - touch.opposite().x).gain;
   }
   acting.slip_rate = relative - n * n.dot(relative);
   acting.friction = friction_force(law_, acting.normal.force, acting.stretch, acting.slip_rate);
@@ -315,12 +325,23 @@ SolidContact::Memory SolidContact::remembered(const Acting& acting, const FacePl
   }
   const SurfaceFace& other = second_->face(acting.opposite->face);
   const FacePlace there = face_place(other, acting.opposite->xi.data());
+  if (other.is_line()) {
+    hold_on(memory, *acting.opposite, at.x - kept);
+    return memory;
+  }
   Eigen::Matrix2d metric;
   const auto& t = there.tangent;
   metric << t[0].dot(t[0]), t[0].dot(t[1]), t[0].dot(t[1]), t[1].dot(t[1]);
   const Eigen::Vector2d back = metric.inverse() * Eigen::Vector2d(t[0].dot(kept), t[1].dot(kept));
   memory.anchor = {acting.opposite->face, {acting.opposite->xi[0] - back[0], acting.opposite->xi[1] - back[1]}};
   return memory;
+}
+
+void SolidContact::hold_on(Memory& memory, const FaceSpot& line, const Vec3& end) const {
+  const FacePlace there = face_place(second_->face(line.face), line.xi.data());
+  memory.touched = true;
+  memory.anchor = line;
+  memory.hold = {end - there.x, there.tangent[0].normalized()};
 }
 
 // Whether points between solids have moved on by more than a hundredth of a face since they were made.
@@ -338,6 +359,14 @@ void SolidContact::accept(const StateView& s) {
   std::vector<Memory> next(points_.size());
   for (std::size_t k = 0; k < next.size(); ++k) next[k].layer = active() ? memory_[k].layer : 0;
   for_acting([&](const Acting& acting, const FacePlace& at) { next[acting.point] = remembered(acting, at); });
+  if (active() && law_.friction > 0 && second_ && second_->is_line()) {
+    for (std::size_t k = 0; k < next.size(); ++k) {
+      if (next[k].touched) continue;
+      const FacePlace at = place_of_point(k);
+      const double radius = first_.face(points_[k].spot.face).radius;
+      if (const auto spot = spot_opposite(k, at, next[k].layer + radius + reach_)) hold_on(next[k], *spot, at.x);
+    }
+  }
   memory_ = std::move(next);
   // Made anew when the next step begins: see update_pattern().
   points_stale_ = second_ && !first_.is_line() && slid();

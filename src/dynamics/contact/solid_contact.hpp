@@ -7,6 +7,7 @@
 #include <set>
 
 #include "dynamics/contact/contact.hpp"
+#include "dynamics/contact/line_hold.hpp"
 #include "dynamics/contact/rigid_contact.hpp"
 #include "dynamics/contact/segments.hpp"
 
@@ -58,9 +59,10 @@ class SolidContact final : public Contact {
   /// What a point remembers between steps.
   struct Memory {
     double layer = 0;      ///< l / k
-    bool touched = false;  ///< the rest counts
+    bool touched = false;  ///< the rest counts; at lines: touched, or was near
     SpringEnds ends;       ///< a rigid shape: of the tangential spring
-    FaceSpot anchor;       ///< a solid: where the spring holds on to the second surface
+    FaceSpot anchor;       ///< a solid or line: where the spring holds on to the second surface
+    LineHold hold;         ///< a line: where the spring ends beside its axis
   };
   /// A point that touches, with everything that acts there.
   struct Acting {
@@ -93,6 +95,11 @@ class SolidContact final : public Contact {
   [[nodiscard]] std::optional<Acting> act_solid(std::size_t k, const FacePlace& at);
   [[nodiscard]] std::optional<FaceSpot> spot_opposite(std::size_t k, const FacePlace& at, double reach);
   [[nodiscard]] FacePlace place_of_point(std::size_t k) const;
+  /// Lets the tangential spring end at a place beside a line: those of points near by begin without stretch, so that
+  /// what slides into the contact is rubbed at once.
+  void hold_on(Memory& memory, const FaceSpot& line, const Vec3& end) const;
+  /// From the end of the tangential spring on the second surface to the point. @pre the point has touched
+  [[nodiscard]] Vec3 from_spring_end(std::size_t k, const FacePlace& at) const;
   [[nodiscard]] Vec3 velocity_of_point(std::size_t k, const FacePlace& at) const;
   /// body(acting, place) for all points that touch.
   template <class Body>

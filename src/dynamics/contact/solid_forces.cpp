@@ -99,6 +99,15 @@ MatX SolidContact::tangent_solid(const Acting& acting, const FacePlace& at, Face
   };
   Mat3X rate_by = Mat3X::Zero(3, all), trial = Mat3X::Zero(3, all), trial_v = Mat3X::Zero(3, all);
   rate_by.leftCols(nz) = relative_by;
+  trial_v.leftCols(nz) = law_.tangential_damping * in_plane * slip_by;
+  if (other.is_line()) {
+    const Vec3 bend = face_bends(other, other.v, acting.opposite->xi.data())[0];
+    const LineTurn turn = line_turn(touch.opposite().tangent[0], rate_of_tangent[0], at.x - touch.opposite().x);
+    relative += turn.gain;
+    rate_by.leftCols(nz) += turn.by_tangent * touch.tangent_by() +
+                            turn.by_rate * bend * touch.place_by()[0].transpose() + turn.by_lever * touch.lever_by();
+    trial_v.leftCols(nz) += law_.tangential_damping * turn.by_rate * touch.slope_by();
+  }
   trial = law_.tangential_damping * projected(relative, rate_by);
   if (anchor_nodes > 0) {
     const FaceSpot& anchor = memory_[acting.point].anchor;
@@ -107,11 +116,13 @@ MatX SolidContact::tangent_solid(const Acting& acting, const FacePlace& at, Face
     Mat3X between_by = Mat3X::Zero(3, all);
     const int own = first_.face(points_[acting.point].spot.face).count();
     between_by.leftCols(3 * own) = slip_by.leftCols(3 * own);
-    for (int a = 0; a < anchor_nodes; ++a)
-      between_by.block<3, 3>(0, nz + 3 * a).diagonal().array() = -hold.value[static_cast<std::size_t>(a)];
-    trial += law_.tangential_stiffness * projected(at.x - hold.x, between_by);
+    const Mat3 arm_by = held.is_line() ? memory_[acting.point].hold.arm_by(hold.tangent[0]) : Mat3(Mat3::Zero());
+    for (int a = 0; a < anchor_nodes; ++a) {
+      const auto node = static_cast<std::size_t>(a);
+      between_by.block<3, 3>(0, nz + 3 * a) = -hold.value[node] * Mat3::Identity() - hold.slope[0][node] * arm_by;
+    }
+    trial += law_.tangential_stiffness * projected(from_spring_end(acting.point, at), between_by);
   }
-  trial_v.leftCols(nz) = law_.tangential_damping * in_plane * slip_by;
   const Mat3X force_by = f.by_trial * (weights.q * trial + weights.v * trial_v) +
                          f.by_normal * (weights.q * normal_q + weights.v * normal_v).transpose();
   k.topRows(nz) += slip_by.transpose() * force_by;

@@ -19,7 +19,7 @@ void SolidContact::save(std::vector<double>& out) const {
     out.insert(out.end(),
                {points_[k].weight, static_cast<double>(points_[k].opposite), made_at_[k][0], made_at_[k][1]});
     out.insert(out.end(), {m.layer, m.touched ? 1.0 : 0.0});
-    for (const Vec3* x : {&m.ends.on_first, &m.ends.on_second, &m.ends.arm})
+    for (const Vec3* x : {&m.ends.on_first, &m.ends.on_second, &m.ends.arm, &m.hold.arm, &m.hold.tangent})
       out.insert(out.end(), x->data(), x->data() + 3);
     out.insert(out.end(), m.ends.turn.data(), m.ends.turn.data() + 9);
     put(m.anchor);
@@ -74,11 +74,11 @@ void SolidContact::restore(ConstSpan& in) {
     Memory& m = memory_[k];
     points_[k].spot = spot(faces);
     points_[k].weight = take();
-    points_[k].opposite = whole(second_ ? 0 : -1, others);
+    points_[k].opposite = whole(second_ && !first_.is_line() ? 0 : -1, others);
     made_at_[k] = {take(), take()};
     m.layer = take();
     m.touched = take() != 0;
-    for (Vec3* x : {&m.ends.on_first, &m.ends.on_second, &m.ends.arm}) *x = vector();
+    for (Vec3* x : {&m.ends.on_first, &m.ends.on_second, &m.ends.arm, &m.hold.arm, &m.hold.tangent}) *x = vector();
     for (int i = 0; i < 9; ++i) m.ends.turn.data()[i] = take();
     m.anchor = spot(others);
   }

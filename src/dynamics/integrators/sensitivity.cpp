@@ -24,8 +24,9 @@ void add_to(std::vector<double>& x, double factor, const std::vector<double>& y)
 
 }  // namespace
 
-ForwardSensitivity::ForwardSensitivity(Equations& nominal, const std::vector<ParameterSides>& parameters)
-    : nominal_(nominal) {
+ForwardSensitivity::ForwardSensitivity(Equations& nominal, const std::vector<ParameterSides>& parameters,
+                                       bool remembers)
+    : nominal_(nominal), linear_(remembers ? parameters.front().above : &nominal) {
   for (const ParameterSides& p : parameters) {
     Side side;
     side.of = p;
@@ -128,7 +129,7 @@ void ForwardSensitivity::measure(Side& side, const SidePast past[2], Defects& ou
 
 std::vector<double> ForwardSensitivity::times_w(const std::vector<double>& x) const {
   std::vector<double> y(x.size(), 0.0);
-  KktSolver& kkt = nominal_.kkt();
+  KktSolver& kkt = linear_->kkt();
   add_transposed(kkt.w_pattern(), kkt.w_of_factor(), x, y);
   return y;
 }
@@ -137,7 +138,7 @@ void ForwardSensitivity::solve(const std::vector<double>& upper, const std::vect
                                std::vector<double>& x, std::vector<double>& multipliers) {
   std::vector<double> b = upper;
   for (const double y : lower) b.push_back(-y);
-  nominal_.solve(b);
+  linear_->solve(b);
   x.assign(b.begin(), b.begin() + static_cast<std::ptrdiff_t>(upper.size()));
   multipliers.assign(b.begin() + static_cast<std::ptrdiff_t>(upper.size()), b.end());
 }
@@ -220,8 +221,8 @@ void ForwardSensitivity::step(const State& now, int order) {
   weights_.assign(points + 1, 0.0);
   derivative_weights(now.t, times, weights_);
   hp_ = 1 / weights_[0];
-  nominal_.evaluate_constraints(now.t, now.q, now.v);
-  nominal_.factorize(now.view(), {1, hp_, hp_ * hp_});
+  linear_->evaluate_constraints(now.t, now.q, now.v);
+  linear_->factorize(now.view(), {1, hp_, hp_ * hp_});
   for (Side& side : sides_) {
     predict(side);
     const SidePast past[2] = {past_of(side, 0), past_of(side, 1)};
@@ -237,8 +238,8 @@ void ForwardSensitivity::step(const State& now, int order) {
 void ForwardSensitivity::statics(const State& now) {
   hp_ = 0;
   weights_.clear();
-  nominal_.evaluate_constraints(now.t, now.q, now.v);
-  nominal_.factorize(now.view(), {0, 0, 1});
+  linear_->evaluate_constraints(now.t, now.q, now.v);
+  linear_->factorize(now.view(), {0, 0, 1});
   const SidePast none[2];
   for (Side& side : sides_) {
     const std::size_t n = now.v.size();

@@ -31,7 +31,9 @@ struct Variation {
 class ForwardSensitivity {
  public:
   /// @param nominal  equations with a factor of their own, not the integrator's
-  ForwardSensitivity(Equations& nominal, const std::vector<ParameterSides>& parameters);
+  /// @param remembers  the system remembers what slipped in a step (friction of contacts). The nominal one knows of
+  /// this step already when step() is called, so K is that of the system above the first parameter, which does not
+  ForwardSensitivity(Equations& nominal, const std::vector<ParameterSides>& parameters, bool remembers = false);
 
   /// The beginning, and the states that the systems of each parameter begin with (below, above).
   void start(const State& nominal, const std::vector<std::array<const State*, 2>>& sides);
@@ -88,6 +90,7 @@ class ForwardSensitivity {
   [[nodiscard]] std::vector<double> times_w(const std::vector<double>& x) const;
 
   Equations& nominal_;
+  Equations* linear_;  // its K is factorized
   std::vector<Side> sides_;
   std::deque<Past> past_;
   std::vector<double> weights_;  // of the present formula; weights_[0] belongs to the new point

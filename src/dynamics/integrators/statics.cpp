@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "dynamics/integrators/relaxation.hpp"
 #include "dynamics/integrators/static_path.hpp"
@@ -53,11 +54,22 @@ class Statics {
       return relaxed(x, fmt::format("nothing holds the unloaded system ({}); ", path_.loose_end()));
     }
     const bool arrived = path_.follow();
-    const bool stuck = !arrived && !path_.stopped() && path_.steps() == 0 && path_.critical().empty();
-    if (stuck && options_.path == StaticPath::automatic) return relaxed(x, "no step of the path was possible; ");
+    std::string why_not;
+    if (arrived && lost_balance()) {
+      if (auto better = relaxed_from_path(why_not)) return *better;  // else the end of the path shows its residual
+    }
+    if (arrived || path_.stopped()) {
+      state_ = path_.point().state;
+      return result(path_.point());
+    }
+    // The path breaks off where contacts let a body go that others catch: there is no equilibrium on the way.
+    if (options_.path == StaticPath::automatic && path_.critical().empty()) {
+      if (path_.steps() == 0) return relaxed(x, "no step of the path was possible; ");
+      if (auto found = relaxed_from_path(why_not)) return *found;
+      why_not.insert(0, "; from there: ");
+    }
     state_ = path_.point().state;
-    if (!arrived && !path_.stopped()) fail_path();
-    return result(path_.point());
+    fail_path(why_not);
   }
 
  private:
@@ -120,11 +132,29 @@ class Statics {
                       "let it swing down",
                       because, r.iterations, relative(x), name));
     state_ = x.state;
-    path_.take(x,
-               {1, problem_.load(x), problem_.load(x), r.iterations, r.factorizations, r.failures, relative(x), false});
+    path_.take(x, {1, problem_.load(x), problem_.load(x) - problem_.load(path_.point()), r.iterations, r.factorizations,
+                   r.failures, relative(x), false});
     StaticsResult result = this->result(x);
     result.relaxed = true;
     return result;
+  }
+
+  /// Whether what an accepted step changes (points of contact that are made anew) has put the end out of balance.
+  [[nodiscard]] bool lost_balance() {
+    if (options_.path != StaticPath::automatic) return false;
+    StaticPoint x = path_.point();
+    return problem_.evaluate(x) && !problem_.balanced(x, kLost * options_.tolerance) && !problem_.at_rounding(x);
+  }
+
+  /// None where there is nothing to find.
+  std::optional<StaticsResult> relaxed_from_path(std::string& why_not) {
+    try {
+      return relaxed(path_.point(), "");
+    } catch (const Error& error) {
+      if (error.status().code != StatusCode::accuracy_not_reached) throw;
+      why_not = error.status().message;
+    }
+    return {};
   }
 
   [[nodiscard]] double relative(const StaticPoint& x) const {
@@ -148,14 +178,15 @@ class Statics {
                     path_.loose_end()));
   }
 
-  [[noreturn]] void fail_path() {
+  [[noreturn]] void fail_path(const std::string& more) {
     const StaticPoint& x = path_.point();
     problem_.equations().system().set_load_factor(problem_.load(x));
-    throw Error(StatusCode::accuracy_not_reached,
-                fmt::format("no static equilibrium beyond load factor {:.6g} of {:.6g} after {} steps: {} at a step of "
-                            "{:.3g}{}{}{}",
-                            problem_.load(x), options_.load, path_.steps(), text_of(path_.failure()), path_.last_try(),
-                            path_.where().empty() ? "" : ", furthest out of balance ", path_.where(), criticals()));
+    throw Error(
+        StatusCode::accuracy_not_reached,
+        fmt::format("no static equilibrium beyond load factor {:.6g} of {:.6g} after {} steps: {} at a step of "
+                    "{:.3g}{}{}{}{}",
+                    problem_.load(x), options_.load, path_.steps(), text_of(path_.failure()), path_.last_try(),
+                    path_.where().empty() ? "" : ", furthest out of balance ", path_.where(), criticals(), more));
   }
 
   [[nodiscard]] std::string criticals() const {
@@ -165,6 +196,8 @@ class Statics {
                           c.limit ? "limit point" : "bifurcation", c.load);
     return text;
   }
+
+  static constexpr double kLost = 1e3;
 
   const StaticsOptions& options_;
   State& state_;

@@ -6,6 +6,7 @@
 #include <initializer_list>
 #include <numbers>
 
+#include "dynamics/model/body_demand.hpp"
 #include "dynamics/model/description.hpp"
 
 namespace espalier::dynamics::model {
@@ -42,6 +43,7 @@ class BodyReader {
       if (type == 6) body.shape = read_substructure(s);
     }
     s.finish();
+    demand_.add(body);
     model_.bodies.push_back(std::move(body));
   }
 
@@ -411,6 +413,7 @@ class BodyReader {
 
   Description& model_;
   std::map<std::string, Material> materials_;
+  MemoryDemand demand_;
 };
 
 }  // namespace

@@ -99,12 +99,10 @@ contact::ContactLaw read_contact_law(Section& s) {
   if (law.restitution > 1)
     fail(s.place("restitution"),
          fmt::format("must lie in {}, not {:g}", law.impulse ? "[0, 1]" : "(0, 1]", law.restitution));
-  for (const char* key : {"damping", "friction", "smoothing"})
+  for (const char* key : {"damping", "smoothing"})
     if (law.impulse && s.has(key))
-      fail(s.place(key), fmt::format("does not go with law = \"impulse\"{}",
-                                     std::string_view(key) == "friction"
-                                         ? ": there are no impulses of friction yet"
-                                         : ", whose stiffness only holds what rests, critically damped"));
+      fail(s.place(key),
+           "does not go with law = \"impulse\", whose stiffness only holds what rests, critically damped");
   if (law.restitution < 1 && law.damping > 0) fail(s.place("damping"), "does not go with 'restitution'");
   law.friction = number_from_zero(s, "friction");
   if (law.friction > 0) {

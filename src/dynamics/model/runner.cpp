@@ -83,7 +83,7 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
     if (!mechanism_->impacts.empty() && mechanism_->system.multiplier_pattern() != nullptr)
       throw Error(StatusCode::invalid_input,
                   fmt::format("{}: law = \"impulse\" does not go with forces that depend on reactions (friction in "
-                              "joints): there are no impulses of friction yet",
+                              "joints), which has no impulses",
                               mechanism_->impacts.front()->name()));
     const Sizes sizes = mechanism_->system.sizes();
     // Dense LU of 60 unknowns takes as long as the bookkeeping of a sparse one; who names a device means it.

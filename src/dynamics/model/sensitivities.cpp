@@ -54,15 +54,18 @@ class SensitivityRun {
     if (!model.events.empty())
       throw Error(StatusCode::invalid_input,
                   fmt::format("sensitivities do not pass events yet, and the model has {}", model.events.size()));
-    // What these remember from step to step is no part of the equations that are differentiated.
-    for (const dynamics::model::ContactSpec& c : model.contacts)
-      if (c.law.friction > 0 || c.law.impulse || c.law.restitution < 1 || c.penetration > 0)
+    for (const dynamics::model::ContactSpec& c : model.contacts) {
+      remembers_ = remembers_ || c.law.friction > 0;
+      // The copies do not take part in what these do between Newton's passes, or in jumps of the velocities.
+      if (c.law.impulse || c.penetration > 0)
+        dynamics::model::fail(c.place, fmt::format("sensitivities do not pass contacts with {} yet",
+                                                   c.law.impulse ? "impulses (the penalty works)"
+                                                                 : "a chosen penetration (stiffness alone works)"));
+      if (c.law.friction > 0 && (model.statics || model.initial.statics))
         dynamics::model::fail(c.place,
-                              fmt::format("sensitivities do not pass contacts with {} yet",
-                                          c.law.friction > 0      ? "friction"
-                                          : c.law.impulse         ? "impulses (the penalty works)"
-                                          : c.law.restitution < 1 ? "restitution (damping works)"
-                                                                  : "a chosen penetration (stiffness alone works)"));
+                              "sensitivities of equilibria do not pass contacts with friction yet, whose forces "
+                              "depend on the way there");
+    }
     statics_ = model.statics.has_value();
     modes_ = model.initial.modes;
     rests_ = model.initial.statics;
@@ -77,7 +80,7 @@ class SensitivityRun {
     own.set_dropped(nominal_->equations().dropped());
     std::vector<ParameterSides> sides;
     for (Parameter& p : parameters_) sides.push_back({p.step, &p.side[0]->equations(), &p.side[1]->equations()});
-    ForwardSensitivity forward(own, sides);
+    ForwardSensitivity forward(own, sides, remembers_);
     choose();
     if (quantities_.empty() && modes_ == 0)
       throw Error(StatusCode::invalid_input,
@@ -225,6 +228,7 @@ class SensitivityRun {
   SimulationOptions options_;
   SensitivityResult& result_;
   bool statics_ = false, rests_ = false;
+  bool remembers_ = false;  // contacts with friction
   int modes_ = 0;
   std::unique_ptr<Runner> nominal_;
   std::deque<Parameter> parameters_;  // summaries are pointed to
