@@ -2,7 +2,8 @@
 // thread.
 //   espalier_bench_batch [COUNT [UNKNOWNS [THREADS [SORT [DEVICE]]]]]     default: 1,000 KKT systems of about 500
 //   unknowns, all cores
-//   espalier_bench_batch 10000 500 0 kkt gpu:0     ours alone on that device: in chunks, and one by one
+//   espalier_bench_batch 10000 500 0 kkt gpu:0     ours on that device, in chunks and one by one, beside cuDSS's
+//   uniform batch, without its matching and with it, and with two steps of its refinement
 // SORT: kkt (saddle points, ldlt) or grid (Poisson on a square, llt). COUNT systems with values of their own and one
 // right-hand side each. PARDISO: one analysis a handle, then phase 23 and phase 33 for each system, with its own
 // refinement. Every answer is checked; the largest backward errors stand beside the times. Medians of three rounds.
@@ -21,6 +22,7 @@
 #include <vector>
 
 #include "base/thread_pool.hpp"
+#include "batch_cudss.hpp"
 #include "espalier/batch.hpp"
 #include "matrix/generators/generate.hpp"
 #include "rivals/rival.hpp"
@@ -172,7 +174,34 @@ struct Problem {
   std::vector<double> values, b;
 };
 
-// Ours alone, in chunks and one by one.
+// cuDSS's uniform batch. Its times are lines of their own: answers are told, not judged.
+void run_cudss(const Problem& p) {
+  constexpr int kRounds = 4;
+  for (const bool matching : {false, true})
+    for (const int steps : {0, 2}) {
+      if (p.definite && (matching || steps > 0)) continue;
+      const std::string name = fmt::format("cuDSS uniform batch{}{}", matching ? ", matching" : "",
+                                           steps > 0 ? fmt::format(", {} steps of refinement", steps) : "");
+      try {
+        std::vector<double> x(p.b.size()), whole, phases;
+        bench::CudssBatch batch(p.a, p.values, p.count, {p.definite, matching, steps});
+        double error = 0;
+        for (int round = 0; round < kRounds; ++round) {
+          const bench::CudssBatchTimes times = batch.solve(p.values, p.b, x);
+          error = p.worst_error(x);
+          if (round == 0) continue;
+          whole.push_back(times.whole);
+          phases.push_back(times.phases);
+        }
+        fmt::print("{}: {:.4f} s, {:.2f} us a system (on the GPU alone {:.4f} s); backward errors {:.1e}\n", name,
+                   median(whole), 1e6 * median(whole) / p.count, median(phases), error);
+      } catch (const std::exception& e) {
+        fmt::print("{}: {}\n", name, e.what());
+      }
+    }
+}
+
+// Ours, in chunks and one by one.
 int run_on_device(const Problem& p, int threads, const std::string& device) {
   p.print_head(threads);
   double error = 0;
@@ -199,6 +228,7 @@ int run_on_device(const Problem& p, int threads, const std::string& device) {
     fmt::print("Batch on {}, {}: {:.4f} s, {:.2f} us a system (first call {:.4f} s); backward errors {:.1e}\n", device,
                *chunk == '\0' ? "together" : "one by one", median(times), 1e6 * median(times) / p.count, first, error);
   }
+  if (device.starts_with("gpu")) run_cudss(p);
   return error < 1e-12 ? 0 : 1;
 }
 

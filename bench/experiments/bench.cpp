@@ -38,7 +38,7 @@ std::vector<std::string> matrices_in(const std::string& folder) {
 
 /// Matrices of one pattern, in the order of their files.
 struct Sequence {
-  SparseMatrix first;
+  System first;
   std::vector<std::vector<double>> values;
 };
 
@@ -46,14 +46,16 @@ struct Sequence {
 Sequence longest_sequence(const std::string& folder) {
   std::vector<Sequence> all;
   for (const std::string& file : matrices_in(folder)) {
-    SparseMatrix a = make_system(file);
+    System next = make_any_system(file);
+    SparseMatrix& a = next.a;
     const auto same = std::find_if(all.begin(), all.end(), [&](const Sequence& s) {
-      return s.first.rows == a.rows && s.first.storage == a.storage && s.first.col_ptr == a.col_ptr &&
-             s.first.row_ind == a.row_ind;
+      const SparseMatrix& b = s.first.a;
+      return s.first.numbers == next.numbers && b.rows == a.rows && b.storage == a.storage && b.col_ptr == a.col_ptr &&
+             b.row_ind == a.row_ind;
     });
     if (same == all.end()) {
       std::vector<double> values = a.values;
-      all.push_back({std::move(a), {std::move(values)}});
+      all.push_back({std::move(next), {std::move(values)}});
     } else {
       same->values.push_back(std::move(a.values));
     }
@@ -67,6 +69,11 @@ std::pair<std::string, std::string> split_kind(const std::string& system, const 
   const std::size_t at = system.rfind(" as ");
   if (at == std::string::npos || fs::exists(system)) return {system, kind};
   return {system.substr(0, at), system.substr(at + 4)};
+}
+
+/// In front of a kind: "complex " or "Hermitian ".
+const char* numbers_word(const SystemView& a) {
+  return a.numbers == Numbers::real ? "" : a.numbers == Numbers::complex ? "complex " : "Hermitian ";
 }
 
 nlohmann::json settings_record(const Settings& settings) {
@@ -87,7 +94,7 @@ nlohmann::json settings_record(const Settings& settings) {
 
 struct Bench::Loaded {
   std::string words;
-  SparseMatrix a;
+  System system;
   std::vector<std::vector<double>> sequence;  ///< of a folder
   Kind kind = Kind::llt;
 };
@@ -168,15 +175,16 @@ void Bench::read(const std::string& words) {
   next->words = words;
   if (fs::is_directory(words)) {
     Sequence sequence = longest_sequence(words);
-    next->a = std::move(sequence.first);
+    next->system = std::move(sequence.first);
     next->sequence = std::move(sequence.values);
   } else {
-    next->a = make_system(words);
+    next->system = make_any_system(words);
   }
-  if (next->a.rows != next->a.cols || next->a.rows == 0 || next->a.values.empty())
+  const SparseMatrix& a = next->system.a;
+  if (a.rows != a.cols || a.rows == 0 || a.values.empty())
     throw Error(StatusCode::invalid_input, fmt::format("{}: the matrix is {} x {} with {} values; a square one with "
                                                        "values is needed",
-                                                       words, next->a.rows, next->a.cols, next->a.values.size()));
+                                                       words, a.rows, a.cols, a.values.size()));
   loaded_ = std::move(next);
 }
 
@@ -184,29 +192,34 @@ const Bench::Loaded& Bench::load(const std::string& system) {
   const auto [words, kind] = split_kind(system, settings_.kind);
   if (!loaded_ || loaded_->words != words) read(words);
   loaded_->kind = kind_named(kind);
-  if (loaded_->kind == Kind::automatic) loaded_->kind = automatic_kind(loaded_->a);
-  if (loaded_->kind != Kind::lu && !loaded_->a.symmetric())
+  if (loaded_->kind == Kind::automatic) loaded_->kind = automatic_kind(loaded_->system.view());
+  if (loaded_->kind != Kind::lu && !loaded_->system.a.symmetric())
     throw Error(StatusCode::invalid_input,
                 fmt::format("{}: kind {} needs a matrix in symmetric storage", system, kind));
+  if (loaded_->kind == Kind::llt && loaded_->system.numbers == Numbers::complex)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("{}: a complex symmetric matrix has kinds ldlt and lu; llt needs a Hermitian one", system));
   return *loaded_;
 }
 
 nlohmann::json Bench::rows_of(const std::string& system, const Loaded& loaded,
                               const std::vector<Contestant>& contestants) {
   Plan plan = settings_.plan;
+  const SystemView a = loaded.system.view();
   plan.kind = loaded.kind;
   plan.sequence = loaded.sequence;
   plan.rivals.clear();
   for (const Contestant& contestant : contestants) plan.rivals.push_back(contestant.spec);
-  print(fmt::format("{}: {} unknowns, {} entries, {}, {} threads, medians of {}\n", system, loaded.a.rows,
-                    loaded.a.nonzeros(), kind_name(plan.kind), plan.threads, plan.repetitions));
-  const std::vector<Row> rows = compare(loaded.a, plan, voice_.progress);
+  print(fmt::format("{}: {} unknowns, {} entries, {}{}, {} threads, medians of {}\n", system, a.rows, a.nonzeros(),
+                    numbers_word(a), kind_name(plan.kind), plan.threads, plan.repetitions));
+  const std::vector<Row> rows = compare(a, plan, voice_.progress);
   print(text_table(rows, plan.columns));
   nlohmann::json records = nlohmann::json::array();
   for (std::size_t k = 0; k < rows.size(); ++k) {
     nlohmann::json record = {{"system", system},
-                             {"unknowns", loaded.a.rows},
-                             {"nonzeros", loaded.a.nonzeros()},
+                             {"unknowns", a.rows},
+                             {"nonzeros", a.nonzeros()},
+                             {"numbers", a.numbers == Numbers::real ? "real" : "complex"},
                              {"kind", kind_name(loaded.kind)},
                              {"parameters", contestants[k].parameters}};
     if (!loaded.sequence.empty()) record["parameters"]["matrices"] = loaded.sequence.size();

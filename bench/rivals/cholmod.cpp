@@ -28,6 +28,7 @@ class Cholmod : public Rival {
   }
 
   [[nodiscard]] std::string name() const override { return "cholmod"; }
+  [[nodiscard]] bool has_complex() const override { return true; }
   [[nodiscard]] std::string version() const override {
     int version[3];
     cholmod_version(version);
@@ -39,7 +40,7 @@ class Cholmod : public Rival {
            "; " + blas_in_use();
   }
 
-  AnalyzeReport analyze(const MatrixView& a, Kind kind, int /*threads: set through the environment*/) override {
+  AnalyzeReport analyze(const SystemView& a, Kind kind, int /*threads: set through the environment*/) override {
     if (kind != Kind::llt)
       throw Failure(Outcome::not_offered, "CHOLMOD has no factorization with pivoting; only positive definite systems");
     drop();
@@ -53,7 +54,8 @@ class Cholmod : public Rival {
     sparse_.x = matrix_.values.data();
     sparse_.stype = -1;
     sparse_.itype = CHOLMOD_INT;
-    sparse_.xtype = CHOLMOD_REAL;
+    xtype_ = a.numbers == Numbers::real ? CHOLMOD_REAL : CHOLMOD_COMPLEX;
+    sparse_.xtype = xtype_;
     sparse_.dtype = CHOLMOD_DOUBLE;
     sparse_.sorted = sparse_.packed = 1;
     AnalyzeReport report;
@@ -63,7 +65,7 @@ class Cholmod : public Rival {
     report.flops = common_.fl;
     return report;
   }
-  FactorReport factorize(const MatrixView& a) override { return refactorize(a.values); }
+  FactorReport factorize(const SystemView& a) override { return refactorize(a.values); }
   FactorReport refactorize(std::span<const double> values) override {
     matrix_.fill(values);
     FactorReport report;
@@ -80,7 +82,7 @@ class Cholmod : public Rival {
     rhs.nzmax = rows * rhs.ncol;
     std::vector<double> copy(b.begin(), b.end());
     rhs.x = copy.data();
-    rhs.xtype = CHOLMOD_REAL;
+    rhs.xtype = xtype_;
     rhs.dtype = CHOLMOD_DOUBLE;
     SolveReport report;
     report.seconds =
@@ -121,6 +123,7 @@ class Cholmod : public Rival {
   CompressedMatrix matrix_;
   std::vector<std::int32_t> pointers_;
   cholmod_sparse sparse_{};
+  int xtype_ = CHOLMOD_REAL;
   cholmod_factor* factor_ = nullptr;
   cholmod_dense* solution_ = nullptr;
   cholmod_dense* y_ = nullptr;

@@ -16,14 +16,20 @@ struct Target {
   Index minor;
 };
 
-bool one_triangle(const MatrixView& a) {
-  return a.storage == Storage::symmetric_lower || a.storage == Storage::symmetric_upper;
+bool lower_triangle(const MatrixView& a) {
+  return a.storage == Storage::symmetric_lower || a.storage == Storage::hermitian_lower;
 }
+bool upper_triangle(const MatrixView& a) {
+  return a.storage == Storage::symmetric_upper || a.storage == Storage::hermitian_upper;
+}
+bool one_triangle(const MatrixView& a) { return lower_triangle(a) || upper_triangle(a); }
+/// The shapes with half of a symmetric matrix, whose arrays are the same.
+bool is_half(Shape shape) { return shape == Shape::lower_by_column || shape == Shape::upper_by_row; }
 
 /// Whether the view's arrays are what `shape` wants, entry by entry: ascending, no duplicates, a full diagonal. So are
 /// those of the generators, of which the largest have 2e8 entries.
 bool is_in_shape(const MatrixView& a, Shape shape) {
-  const bool lower = shape == Shape::lower_by_column && a.storage == Storage::symmetric_lower;
+  const bool lower = is_half(shape) && lower_triangle(a);
   const bool full = shape == Shape::full_by_column && !one_triangle(a);
   if (!lower && !full) return false;
   for (Index column = 0; column < a.cols; ++column) {
@@ -41,7 +47,7 @@ bool is_in_shape(const MatrixView& a, Shape shape) {
 /// diagonal.
 template <typename Visit>
 void for_each_wanted(const MatrixView& a, Shape shape, Visit&& visit) {
-  const bool lower = shape == Shape::lower_by_column, by_row = shape == Shape::full_by_row, half = one_triangle(a);
+  const bool lower = is_half(shape), by_row = shape == Shape::full_by_row, half = one_triangle(a);
   for (Index column = 0; column < a.cols; ++column) {
     for (Offset k = a.col_ptr[column]; k < a.col_ptr[column + 1]; ++k) {
       const Index row = a.row_ind[k];
@@ -58,7 +64,11 @@ void for_each_wanted(const MatrixView& a, Shape shape, Visit&& visit) {
 
 }  // namespace
 
-CompressedMatrix::CompressedMatrix(const MatrixView& a, Shape shape, int base) : size_(a.rows) {
+CompressedMatrix::CompressedMatrix(const SystemView& a, Shape shape, int base)
+    : size_(a.rows), parts_(static_cast<std::size_t>(a.parts())) {
+  // Of both triangles the lower one is taken.
+  conjugate_mirror_ = a.numbers == Numbers::hermitian;
+  conjugate_ = conjugate_mirror_ && is_half(shape) && upper_triangle(a) != (shape == Shape::upper_by_row);
   if (is_in_shape(a, shape)) {
     pointers.assign(a.col_ptr.begin(), a.col_ptr.end());
     indices.assign(a.row_ind.begin(), a.row_ind.end());
@@ -67,7 +77,7 @@ CompressedMatrix::CompressedMatrix(const MatrixView& a, Shape shape, int base) :
     convert(a, shape, base);
   }
   for (Offset& p : pointers) p += base;
-  values.resize(indices.size());
+  values.resize(parts_ * indices.size());
   if (!a.values.empty()) fill(a.values);
   reset_peak_memory();
 }
@@ -80,7 +90,7 @@ void CompressedMatrix::convert(const MatrixView& a, Shape shape, int base) {
   std::vector<Offset> next(start.begin(), start.end() - 1);
   for_each_wanted(a, shape, [&](Index major, const Target& target) { targets[next[major]++] = target; });
   slot_.assign(static_cast<std::size_t>(a.nonzeros()), -1);
-  if (shape != Shape::lower_by_column && one_triangle(a)) mirror_.assign(slot_.size(), -1);
+  if (!is_half(shape) && one_triangle(a)) mirror_.assign(slot_.size(), -1);
   indices.reserve(targets.size());
   pointers.assign(1, 0);
   const auto by_minor = [](const Target& x, const Target& y) { return x.minor < y.minor; };
@@ -100,12 +110,19 @@ void CompressedMatrix::convert(const MatrixView& a, Shape shape, int base) {
 void CompressedMatrix::fill(std::span<const double> source) {
   if (slot_.empty()) {
     std::copy(source.begin(), source.end(), values.begin());
+    for (std::size_t k = 1; conjugate_ && k < values.size(); k += 2) values[k] = -values[k];
     return;
   }
   std::fill(values.begin(), values.end(), 0.0);
+  const auto add = [&](Offset place, std::size_t k, bool conjugate) {
+    if (place < 0) return;
+    double* to = values.data() + static_cast<std::size_t>(place) * parts_;
+    to[0] += source[k * parts_];
+    if (parts_ == 2) to[1] += conjugate ? -source[2 * k + 1] : source[2 * k + 1];
+  };
   for (std::size_t k = 0; k < slot_.size(); ++k) {
-    if (slot_[k] >= 0) values[slot_[k]] += source[k];
-    if (!mirror_.empty() && mirror_[k] >= 0) values[mirror_[k]] += source[k];
+    add(slot_[k], k, conjugate_);
+    if (!mirror_.empty()) add(mirror_[k], k, conjugate_mirror_);
   }
 }
 

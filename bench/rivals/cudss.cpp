@@ -19,17 +19,10 @@ namespace {
 
 using namespace cudss;
 
-void check_cudss(int status, const char* call) {
-  constexpr std::array<const char*, 8> kNames = {"success",        "not initialized",  "allocation failed",
-                                                 "invalid value",  "not supported",    "execution failed",
-                                                 "internal error", "refinement failed"};
-  if (status == kSuccess) return;
-  const bool known = status > 0 && status < static_cast<int>(kNames.size());
-  throw Failure(status == kAllocFailed    ? Outcome::out_of_memory
-                : status == kNotSupported ? Outcome::not_offered
-                                          : Outcome::failed,
-                std::string("cuDSS ") + call + ": " + (known ? kNames[static_cast<std::size_t>(status)] : "status ") +
-                    (known ? "" : std::to_string(status)));
+int matrix_type(Numbers numbers, Kind kind) {
+  if (kind == Kind::lu) return kGeneral;
+  if (numbers == Numbers::hermitian) return kind == Kind::llt ? kHermitianDefinite : kHermitian;
+  return kind == Kind::llt ? kPositiveDefinite : kSymmetric;
 }
 
 /// The CUDA runtime with at least `wanted` devices behind it.
@@ -50,11 +43,12 @@ class Machine {
 /// Handle, configuration and one analyzed system.
 class System {
  public:
-  System(const Machine& machine, const Api& api, const Variant& variant, const MatrixView& a, Kind kind, int threads)
+  System(const Machine& machine, const Api& api, const Variant& variant, const SystemView& a, Kind kind, int threads)
       : machine_(machine),
         api_(api),
         devices_(static_cast<int>(variant.number("gpus", 1))),
-        host_(a, kind == Kind::lu ? Shape::full_by_row : Shape::lower_by_column, 0),
+        number_(a.numbers == Numbers::real ? kReal64 : kComplex64),
+        host_(a, kind == Kind::lu ? Shape::full_by_row : Shape::upper_by_row, 0),
         rows_(machine.cuda, host_.pointers.size()),
         columns_(machine.cuda, host_.indices.size()),
         values_(machine.cuda, host_.values.size()) {
@@ -65,9 +59,9 @@ class System {
     rows_.upload(host_.narrow_pointers().data());
     columns_.upload(host_.indices.data());
     values_.upload(host_.values.data());
-    const int type = kind == Kind::llt ? kPositiveDefinite : kind == Kind::ldlt ? kSymmetric : kGeneral;
+    const int type = matrix_type(a.numbers, kind);
     check_cudss(api_.create_csr(&matrix_, host_.size(), host_.size(), host_.nonzeros(), rows_.get(), nullptr,
-                                columns_.get(), values_.get(), kInteger32, kInteger32, kReal64, type,
+                                columns_.get(), values_.get(), kInteger32, kInteger32, number_, type,
                                 kind == Kind::lu ? kFull : kUpper, kBaseZero),
                 "cudssMatrixCreateCsr");
   }
@@ -111,7 +105,7 @@ class System {
   /// A dense matrix around device memory, destroyed with the returned pointer.
   auto dense(void* values, Index columns) const {
     Matrix matrix = nullptr;
-    check_cudss(api_.create_dense(&matrix, host_.size(), columns, host_.size(), values, kReal64, kColumnMajor),
+    check_cudss(api_.create_dense(&matrix, host_.size(), columns, host_.size(), values, number_, kColumnMajor),
                 "cudssMatrixCreateDn");
     return std::unique_ptr<std::remove_pointer_t<Matrix>, int (*)(Matrix)>(matrix, api_.matrix_destroy);
   }
@@ -165,7 +159,7 @@ class System {
 
   const Machine& machine_;
   const Api& api_;
-  int devices_;
+  int devices_, number_;
   CompressedMatrix host_;
   DeviceArray<std::int32_t> rows_, columns_;
   DeviceArray<double> values_;
@@ -193,6 +187,7 @@ class Cudss : public Rival {
         machine_(static_cast<int>(variant_.number("gpus", 1))) {}
 
   [[nodiscard]] std::string name() const override { return "cudss"; }
+  [[nodiscard]] bool has_complex() const override { return true; }
   [[nodiscard]] std::string version() const override {
     std::array<int, 3> version{};
     for (int k = 0; k < 3; ++k) api_.get_property(k, &version[static_cast<std::size_t>(k)]);
@@ -201,8 +196,8 @@ class Cudss : public Rival {
            "; matching by diagonal product for indefinite systems";
   }
 
-  AnalyzeReport analyze(const MatrixView& a, Kind kind, int threads) override {
-    symmetric_ = kind != Kind::lu;
+  AnalyzeReport analyze(const SystemView& a, Kind kind, int threads) override {
+    symmetric_ = kind != Kind::lu && a.numbers != Numbers::complex;
     system_.reset();
     system_ = std::make_unique<System>(machine_, api_, variant_, a, kind, threads);
     AnalyzeReport report;
@@ -212,7 +207,7 @@ class Cudss : public Rival {
     if (variant_.text("hybrid") == "min") system_->limit_to_least_memory();
     return report;
   }
-  FactorReport factorize(const MatrixView& a) override { return numbers(a.values, kFactorization, "factorization"); }
+  FactorReport factorize(const SystemView& a) override { return numbers(a.values, kFactorization, "factorization"); }
   FactorReport refactorize(std::span<const double> values) override {
     return numbers(values, kRefactorization, "refactorization");
   }
@@ -231,7 +226,7 @@ class Cudss : public Rival {
 
  private:
   double run_without_vectors(int phase, const char* name) {
-    DeviceArray<double> dummy(machine_.cuda, static_cast<std::size_t>(system_->host().size()));
+    DeviceArray<double> dummy(machine_.cuda, 2 * static_cast<std::size_t>(system_->host().size()));
     const auto b = system_->dense(dummy.get(), 1), x = system_->dense(dummy.get(), 1);
     return system_->run(phase, name, x.get(), b.get());
   }
@@ -255,7 +250,7 @@ class Cudss : public Rival {
   Variant variant_;
   Api api_;  // before the machine: a missing library is told even where no GPU is
   Machine machine_;
-  bool symmetric_ = false;
+  bool symmetric_ = false;  ///< with an inertia
   std::unique_ptr<System> system_;
 };
 

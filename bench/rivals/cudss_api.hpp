@@ -3,8 +3,10 @@
 /// build. cudss_check.cpp compares every number with NVIDIA's header where that is found.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <string>
 
 #include "rivals/cuda_runtime.hpp"
 
@@ -28,9 +30,11 @@ enum Status : int {
 };
 enum ConfigParam : int {
   kMatchingAlg = 3,
+  kRefinementLimit = 5,
   kHybridMemoryMode = 11,
   kHybridDeviceMemoryLimit = 12,
   kHostThreads = 14,
+  kUniformBatchSize = 18,
   kDeviceCount = 21,
   kDeviceIndices = 22,
   kDeterministicMode = 24,
@@ -46,12 +50,13 @@ enum DataParam : int {
   kFlops = 26,
 };
 enum Phase : int { kAnalysis = 3, kFactorization = 4, kRefactorization = 8, kSolve = 1008 };
-enum MatrixType : int { kGeneral = 0, kSymmetric = 1, kPositiveDefinite = 3 };
+enum MatrixType : int { kGeneral = 0, kSymmetric = 1, kHermitian = 2, kPositiveDefinite = 3, kHermitianDefinite = 4 };
 enum MatrixPart : int { kFull = 0, kLower = 1, kUpper = 2 };
 enum Matching : int { kNoMatching = 0, kMaxDiagProduct = 5, kMatchingAuto = 6 };
 constexpr int kBaseZero = 0;
 constexpr int kColumnMajor = 0;
 constexpr int kReal64 = 1;      ///< cudaDataType: 64-bit floating point
+constexpr int kComplex64 = 5;   ///< cudaDataType: two of them
 constexpr int kInteger32 = 10;  ///< cudaDataType: 32-bit integer
 
 /// cuDSS, loaded at run time together with the libraries that it needs.
@@ -85,5 +90,19 @@ struct Api {
   int (*matrix_destroy)(Matrix) = library.function<int (*)(Matrix)>("cudssMatrixDestroy");
   int (*get_property)(int, int*) = library.function<int (*)(int, int*)>("cudssGetProperty");
 };
+
+/// A failed call as a failure that names it.
+inline void check_cudss(int status, const char* call) {
+  constexpr std::array<const char*, 8> kNames = {"success",        "not initialized",  "allocation failed",
+                                                 "invalid value",  "not supported",    "execution failed",
+                                                 "internal error", "refinement failed"};
+  if (status == kSuccess) return;
+  const bool known = status > 0 && status < static_cast<int>(kNames.size());
+  throw Failure(status == kAllocFailed    ? Outcome::out_of_memory
+                : status == kNotSupported ? Outcome::not_offered
+                                          : Outcome::failed,
+                std::string("cuDSS ") + call + ": " + (known ? kNames[static_cast<std::size_t>(status)] : "status ") +
+                    (known ? "" : std::to_string(status)));
+}
 
 }  // namespace espalier::bench::cudss

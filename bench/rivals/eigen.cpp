@@ -33,7 +33,7 @@ class EigenRival : public Rival {
            std::to_string(EIGEN_MINOR_VERSION) + ", SimplicialLLT / SimplicialLDLT with AMD, SparseLU with COLAMD";
   }
 
-  AnalyzeReport analyze(const MatrixView& a, Kind kind, int /*threads: it has one*/) override {
+  AnalyzeReport analyze(const SystemView& a, Kind kind, int /*threads: it has one*/) override {
     matrix_ = CompressedMatrix(a, kind == Kind::lu ? Shape::full_by_column : Shape::lower_by_column, 0);
     pointers_ = matrix_.narrow_pointers();
     if (kind == Kind::llt)
@@ -47,7 +47,7 @@ class EigenRival : public Rival {
     report.seconds = timed([&] { std::visit([&](auto& solver) { solver->analyzePattern(sparse); }, solver_); });
     return report;
   }
-  FactorReport factorize(const MatrixView& a) override { return refactorize(a.values); }
+  FactorReport factorize(const SystemView& a) override { return refactorize(a.values); }
   FactorReport refactorize(std::span<const double> values) override {
     matrix_.fill(values);
     const Sparse sparse = view();

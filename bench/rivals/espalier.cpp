@@ -6,7 +6,7 @@
 #include <sstream>
 #include <vector>
 
-#include "espalier/solver.hpp"
+#include "espalier/complex_solver.hpp"
 #include "rivals/cuda_runtime.hpp"
 #include "rivals/rival.hpp"
 #include "rivals/variant.hpp"
@@ -28,6 +28,14 @@ void check(const Status& status) {
     default:
       throw Failure(Outcome::failed, status.message);
   }
+}
+
+std::span<const std::complex<double>> as_complex(std::span<const double> v) {
+  return {base::as_complex(v.data()), v.size() / 2};
+}
+std::span<std::complex<double>> as_complex(std::span<double> v) { return {base::as_complex(v.data()), v.size() / 2}; }
+ComplexMatrixView complex_view(const SystemView& a) {
+  return {a.rows, a.cols, a.col_ptr, a.row_ind, as_complex(a.values), a.storage};
 }
 
 Precision precision_named(const std::string& word) {
@@ -62,27 +70,37 @@ class EspalierRival : public Rival {
   }
 
   [[nodiscard]] std::string name() const override { return "espalier"; }
+  [[nodiscard]] bool has_complex() const override { return true; }
   [[nodiscard]] std::string version() const override {
     return "Espalier, device " + options_.device + (text_.empty() ? "" : "; " + text_);
   }
 
-  AnalyzeReport analyze(const MatrixView& a, Kind kind, int threads) override {
+  AnalyzeReport analyze(const SystemView& a, Kind kind, int threads) override {
     options_.kind = kind;
     options_.threads = threads;
-    solver_ = std::make_unique<Solver>(options_);
+    solver_.reset(), complex_.reset();
+    if (a.numbers == Numbers::real)
+      solver_ = std::make_unique<Solver>(options_);
+    else if (!variant_.has("resident"))
+      complex_ = std::make_unique<ComplexSolver>(options_);
+    else
+      throw Failure(Outcome::not_offered, "resident takes real systems only");
     AnalysisResult result;
     AnalyzeReport report;
-    report.seconds = timed([&] { result = solver_->analyze(a); });
+    report.seconds =
+        timed([&] { result = complex_ ? complex_->analyze(complex_view(a)) : solver_->analyze(MatrixView(a)); });
     check(result.status);
     report.nonzeros_factor = result.nonzeros_factor;
     report.flops = result.flops;
     report.predicted_bytes = result.predicted_bytes;
     return report;
   }
-  FactorReport factorize(const MatrixView& a) override {
-    return numbers([&] { return solver_->factorize(a); });
+  FactorReport factorize(const SystemView& a) override {
+    if (complex_) return numbers([&] { return complex_->factorize(complex_view(a)); });
+    return numbers([&] { return solver_->factorize(MatrixView(a)); });
   }
   FactorReport refactorize(std::span<const double> values) override {
+    if (complex_) return numbers([&] { return complex_->refactorize(as_complex(values)); });
     if (!variant_.has("resident")) return numbers([&] { return solver_->refactorize(values); });
     if (!values_ || values_size_ != values.size()) {
       values_ = std::make_unique<DeviceArray<double>>(*cuda_, values.size());
@@ -97,7 +115,9 @@ class EspalierRival : public Rival {
   SolveReport solve(std::span<const double> b, std::span<double> x, Index columns) override {
     SolveResult result;
     SolveReport report;
-    if (!variant_.has("resident")) {
+    if (complex_) {
+      report.seconds = timed([&] { result = complex_->solve(as_complex(b), as_complex(x), columns); });
+    } else if (!variant_.has("resident")) {
       report.seconds = timed([&] { result = solver_->solve(b, x, columns); });
     } else {
       DeviceArray<double> rhs(*cuda_, b.size()), solution(*cuda_, x.size());
@@ -135,7 +155,7 @@ class EspalierRival : public Rival {
   }
   template <typename Call>
   FactorReport numbers(Call&& call) {
-    FactorResult result;
+    decltype(call()) result;
     FactorReport report;
     report.seconds = timed([&] { result = call(); });
     check(result.status);
@@ -146,7 +166,9 @@ class EspalierRival : public Rival {
       if (device.name.compare(0, 4, "host") != 0) device_bytes += device.peak_bytes;
     if (device_bytes > 0) report.device_bytes = device_bytes;
     report.devices = std::move(result.devices);
-    if (variant_.has("trace")) check(solver_->write_trace(variant_.text("trace")));  // outside the clock
+    if (variant_.has("trace"))
+      check(complex_ ? complex_->write_trace(variant_.text("trace"))
+                     : solver_->write_trace(variant_.text("trace")));  // outside the clock
     return report;
   }
 
@@ -167,7 +189,8 @@ class EspalierRival : public Rival {
   std::unique_ptr<Cuda> cuda_;  ///< with GPUs only
   std::unique_ptr<DeviceArray<double>> values_;
   std::size_t values_size_ = 0;
-  std::unique_ptr<Solver> solver_;
+  std::unique_ptr<Solver> solver_;          ///< of a real system
+  std::unique_ptr<ComplexSolver> complex_;  ///< of a complex one
 };
 
 }  // namespace

@@ -19,13 +19,13 @@ class Faulty : public Rival {
   [[nodiscard]] std::string name() const override { return "faulty"; }
   [[nodiscard]] std::string version() const override { return "1"; }
 
-  AnalyzeReport analyze(const MatrixView& a, Kind kind, int /*threads*/) override {
+  AnalyzeReport analyze(const SystemView& a, Kind kind, int /*threads*/) override {
     if (kind == Kind::lu) throw Failure(Outcome::not_offered, "no lu");
     if (variant_.has("hang")) std::this_thread::sleep_for(std::chrono::hours(1));
     diagonal_.assign(static_cast<std::size_t>(a.rows), 0);
     return {};
   }
-  FactorReport factorize(const MatrixView& a) override {
+  FactorReport factorize(const SystemView& a) override {
     if (variant_.has("refuse")) throw Failure(Outcome::failed, "asked to refuse");
     if (variant_.has("memory")) big_.assign(std::size_t{1} << 40, 1.0);
     return refactorize(a.values);

@@ -66,10 +66,13 @@ class Host {
 
   [[nodiscard]] nlohmann::json obey(const nlohmann::json& command) {
     const std::string verb = command.at("do");
-    const MatrixView a = system_.matrix();
+    const SystemView a = system_.matrix();
     if (verb == "analyze")
-      return guarded<AnalyzeReport>(
-          [&] { return rival_->analyze(a, kind_named(command.at("kind")), command.at("threads")); });
+      return guarded<AnalyzeReport>([&] {
+        if (a.numbers != Numbers::real && !rival_->has_complex())
+          throw Failure(Outcome::not_offered, rival_->name() + " is given real systems only");
+        return rival_->analyze(a, kind_named(command.at("kind")), command.at("threads"));
+      });
     if (verb == "factorize") return guarded<FactorReport>([&] { return rival_->factorize(a); });
     if (verb == "refactorize") return guarded<FactorReport>([&] { return refactorize(a.values, command.at("warm")); });
     if (verb == "solve") return guarded<SolveReport>([&] { return solve(command.at("columns"), command.at("warm")); });
@@ -93,7 +96,8 @@ class Host {
     return report;
   }
   SolveReport solve(Index columns) {
-    const std::size_t count = static_cast<std::size_t>(system_.matrix().rows) * static_cast<std::size_t>(columns);
+    const SystemView a = system_.matrix();
+    const auto count = static_cast<std::size_t>(a.parts() * a.rows) * static_cast<std::size_t>(columns);
     auto* x = reinterpret_cast<double*>(solutions_.bytes().data());
     return rival_->solve(system_.right_hand_sides().first(count), {x, count}, columns);
   }

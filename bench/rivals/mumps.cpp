@@ -2,6 +2,7 @@
 /// MUMPS, sequential build (its threads are those of the BLAS). It stands here for comparison only.
 #include <dmumps_c.h>
 #include <metis.h>
+#include <zmumps_c.h>
 
 #include <memory>
 
@@ -17,39 +18,28 @@ constexpr int kUseCommWorld = -987654;  ///< the communicator number that MUMPS 
 /// Orderings by the numbers of ICNTL(7).
 constexpr int kPermutationGiven = 1, kMetis = 5, kAutomatic = 7;
 
-/// One MUMPS instance: job -1 in the constructor, job -2 in the destructor.
+/// One MUMPS instance of either sort of numbers.
 class Instance {
  public:
-  explicit Instance(int sym) {
-    data_.sym = sym;
-    data_.par = 1;
-    data_.comm_fortran = kUseCommWorld;
-    job(-1, "start");
-    for (int k = 1; k <= 4; ++k) icntl(k) = k == 4 ? 0 : -1;  // silent
-    icntl(28) = 1;                                            // sequential analysis
-  }
+  Instance() = default;
   Instance(const Instance&) = delete;
   Instance& operator=(const Instance&) = delete;
-  ~Instance() {
-    data_.job = -2;
-    dmumps_c(&data_);
-  }
+  virtual ~Instance() = default;
 
-  int& icntl(int fortran_index) { return data_.icntl[fortran_index - 1]; }
-  [[nodiscard]] int infog(int fortran_index) const { return data_.infog[fortran_index - 1]; }
-  [[nodiscard]] double rinfog(int fortran_index) const { return data_.rinfog[fortran_index - 1]; }
+  virtual int& icntl(int fortran_index) = 0;
+  [[nodiscard]] virtual int infog(int fortran_index) const = 0;
+  [[nodiscard]] virtual double rinfog(int fortran_index) const = 0;
+  /// Runs a job and returns INFOG(1); negative numbers are errors.
+  virtual int try_job(int number) = 0;
+  /// Values of `matrix` and indices of its columns, one for each entry; both stay in use.
+  virtual void set_matrix(CompressedMatrix& matrix, MUMPS_INT* columns) = 0;
+  virtual void set_right_hand_sides(double* b, MUMPS_INT columns) = 0;
+  virtual void set_permutation(MUMPS_INT* positions) = 0;
+
   /// Counts above 2^31 are told in millions, with a minus sign.
   [[nodiscard]] Offset count(int fortran_index) const {
     const Offset value = infog(fortran_index);
     return value < 0 ? -value * 1'000'000 : value;
-  }
-  DMUMPS_STRUC_C& operator*() { return data_; }
-
-  /// Runs a job and returns INFOG(1); negative numbers are errors.
-  int try_job(int number) {
-    data_.job = number;
-    dmumps_c(&data_);
-    return infog(1);
   }
   void job(int number, const char* phase) {
     const int error = try_job(number);
@@ -60,36 +50,80 @@ class Instance {
                   std::string("MUMPS ") + phase + ": INFOG(1)=" + std::to_string(error) +
                       ", INFOG(2)=" + std::to_string(infog(2)) + meaning);
   }
+};
+
+/// Of dmumps_c or zmumps_c: job -1 in the constructor, job -2 in the destructor.
+template <typename Data, void (*call)(Data*)>
+class InstanceOf : public Instance {
+ public:
+  explicit InstanceOf(int sym) {
+    data_.sym = sym;
+    data_.par = 1;
+    data_.comm_fortran = kUseCommWorld;
+    job(-1, "start");
+    for (int k = 1; k <= 4; ++k) data_.icntl[k - 1] = k == 4 ? 0 : -1;  // silent
+    data_.icntl[28 - 1] = 1;                                            // sequential analysis
+  }
+  ~InstanceOf() override {
+    data_.job = -2;
+    call(&data_);
+  }
+
+  int& icntl(int fortran_index) override { return data_.icntl[fortran_index - 1]; }
+  [[nodiscard]] int infog(int fortran_index) const override { return data_.infog[fortran_index - 1]; }
+  [[nodiscard]] double rinfog(int fortran_index) const override { return data_.rinfog[fortran_index - 1]; }
+  int try_job(int number) override {
+    data_.job = number;
+    call(&data_);
+    return data_.infog[0];
+  }
+  void set_matrix(CompressedMatrix& matrix, MUMPS_INT* columns) override {
+    data_.n = matrix.size();
+    data_.nnz = matrix.nonzeros();
+    data_.irn = matrix.indices.data();
+    data_.jcn = columns;
+    data_.a = reinterpret_cast<decltype(data_.a)>(matrix.values.data());
+  }
+  void set_right_hand_sides(double* b, MUMPS_INT columns) override {
+    data_.rhs = reinterpret_cast<decltype(data_.rhs)>(b);
+    data_.nrhs = columns;
+    data_.lrhs = data_.n;
+  }
+  void set_permutation(MUMPS_INT* positions) override { data_.perm_in = positions; }
 
  private:
-  DMUMPS_STRUC_C data_{};
+  Data data_{};
 };
+using RealInstance = InstanceOf<DMUMPS_STRUC_C, dmumps_c>;
+using ComplexInstance = InstanceOf<ZMUMPS_STRUC_C, zmumps_c>;
 
 class Mumps : public Rival {
  public:
   explicit Mumps(const std::string& text) : variant_(text, "metis auto ordering") {}
 
   [[nodiscard]] std::string name() const override { return "mumps"; }
+  [[nodiscard]] bool has_complex() const override { return true; }
   [[nodiscard]] std::string version() const override {
     const std::string ordering = own_metis() ? "METIS handed in as permutation"
                                              : "ICNTL(7)=" + std::to_string(variant_.number("ordering", kAutomatic));
     return std::string("MUMPS ") + MUMPS_VERSION + " sequential, " + ordering + "; " + blas_in_use();
   }
 
-  AnalyzeReport analyze(const MatrixView& a, Kind kind, int /*threads: set through the environment*/) override {
-    symmetric_ = kind != Kind::lu;
-    instance_ = std::make_unique<Instance>(kind == Kind::llt ? 1 : kind == Kind::ldlt ? 2 : 0);
+  AnalyzeReport analyze(const SystemView& a, Kind kind, int /*threads: set through the environment*/) override {
+    // MUMPS has no factorization of Hermitian matrices: they are general ones to it.
+    symmetric_ = kind != Kind::lu && a.numbers != Numbers::hermitian;
+    const int sym = !symmetric_ ? 0 : kind == Kind::llt ? 1 : 2;
+    if (a.numbers == Numbers::real)
+      instance_ = std::make_unique<RealInstance>(sym);
+    else
+      instance_ = std::make_unique<ComplexInstance>(sym);
     matrix_ = CompressedMatrix(a, symmetric_ ? Shape::lower_by_column : Shape::full_by_column, 1);
     columns_.resize(matrix_.indices.size());
     for (Index column = 0; column < matrix_.size(); ++column)
       std::fill(columns_.begin() + matrix_.pointers[column] - 1, columns_.begin() + matrix_.pointers[column + 1] - 1,
                 column + 1);
-    DMUMPS_STRUC_C& data = **instance_;
-    data.n = matrix_.size();
-    data.nnz = matrix_.nonzeros();
-    data.irn = matrix_.indices.data();
-    data.jcn = columns_.data();
-    data.a = matrix_.values.data();
+    instance_->set_matrix(matrix_, columns_.data());
+    inertia_ = symmetric_ && a.numbers == Numbers::real;
     instance_->icntl(7) = static_cast<int>(variant_.number("ordering", kAutomatic));
     AnalyzeReport report;
     report.seconds = timed([&] {
@@ -101,7 +135,7 @@ class Mumps : public Rival {
     return report;
   }
   /// Enlarges the work space until the factorization fits: the estimate of the analysis knows no delayed pivots.
-  FactorReport factorize(const MatrixView& a) override {
+  FactorReport factorize(const SystemView& a) override {
     constexpr int kWorkSpaceTooSmall[] = {-8, -9, -14, -15, -17, -20};
     matrix_.fill(a.values);
     for (int attempt = 0; attempt < 5; ++attempt) {
@@ -121,10 +155,7 @@ class Mumps : public Rival {
   }
   SolveReport solve(std::span<const double> b, std::span<double> x, Index columns) override {
     std::copy(b.begin(), b.end(), x.begin());
-    DMUMPS_STRUC_C& data = **instance_;
-    data.rhs = x.data();
-    data.nrhs = columns;
-    data.lrhs = data.n;
+    instance_->set_right_hand_sides(x.data(), columns);
     SolveReport report;
     report.seconds = timed([&] { instance_->job(3, "solve"); });
     report.refinement_steps = 0;
@@ -141,7 +172,7 @@ class Mumps : public Rival {
     report.seconds = timed(call);
     report.nonzeros_factor = instance_->count(29);
     report.flops = instance_->rinfog(3);
-    if (symmetric_) {
+    if (inertia_) {
       report.inertia.negative = instance_->infog(12);
       report.inertia.zero = instance_->infog(28);
       report.inertia.positive = matrix_.size() - report.inertia.negative - report.inertia.zero;
@@ -168,7 +199,7 @@ class Mumps : public Rival {
         METIS_OK)
       throw Failure(Outcome::failed, "METIS_NodeND failed");
     for (idx_t& position : permutation_) ++position;
-    (**instance_).perm_in = permutation_.data();
+    instance_->set_permutation(permutation_.data());
     instance_->icntl(7) = kPermutationGiven;
   }
 
@@ -177,7 +208,8 @@ class Mumps : public Rival {
   CompressedMatrix matrix_;
   std::vector<MUMPS_INT> columns_;
   std::vector<idx_t> permutation_;
-  bool symmetric_ = false;
+  bool symmetric_ = false;  ///< one triangle is given
+  bool inertia_ = false;
 };
 
 }  // namespace

@@ -29,6 +29,13 @@ using PardisoCall = void (*)(void* pt, const Int* maxfct, const Int* mnum, const
                              const Int* n, const void* a, const Int* ia, const Int* ja, Int* perm, const Int* nrhs,
                              Int* iparm, const Int* msglvl, void* b, void* x, Int* error);
 
+/// MKL's number for the sort of matrix. `structural`: of an lu, that the pattern is symmetric.
+int matrix_type(Numbers numbers, Kind kind, bool structural) {
+  if (numbers == Numbers::real) return kind == Kind::llt ? 2 : kind == Kind::ldlt ? -2 : structural ? 1 : 11;
+  if (kind == Kind::lu) return structural ? 3 : 13;
+  return numbers == Numbers::complex ? 6 : kind == Kind::llt ? 4 : -4;
+}
+
 /// What the error numbers of the manual mean.
 Failure pardiso_failure(long long error, const char* phase) {
   constexpr std::array<const char*, 12> kMeaning = {"input inconsistent",
@@ -53,12 +60,10 @@ Failure pardiso_failure(long long error, const char* phase) {
 template <typename Int>
 class System {
  public:
-  System(const Mkl& mkl, const MatrixView& a, Kind kind)
+  System(const Mkl& mkl, const SystemView& a, Kind kind, bool structural)
       : call_(mkl.interface.function<PardisoCall<Int>>(sizeof(Int) == 4 ? "pardiso" : "pardiso_64")),
-        mtype_(kind == Kind::llt    ? 2
-               : kind == Kind::ldlt ? -2
-                                    : 11),
-        matrix_(a, kind == Kind::lu ? Shape::full_by_row : Shape::lower_by_column, 1),
+        mtype_(matrix_type(a.numbers, kind, structural)),
+        matrix_(a, kind == Kind::lu ? Shape::full_by_row : Shape::upper_by_row, 1),
         n_(matrix_.size()) {
     if constexpr (sizeof(Int) == 4) {
       rows_ = matrix_.narrow_pointers();
@@ -134,11 +139,12 @@ class Pardiso : public Rival {
   }
 
  public:
-  explicit Pardiso(const std::string& text) : variant_(text, "wide") {
+  explicit Pardiso(const std::string& text) : variant_(text, "wide structural") {
     mkl_.interface.function<void (*)(int)>("MKL_Set_Dynamic")(0);
   }
 
   [[nodiscard]] std::string name() const override { return "pardiso"; }
+  [[nodiscard]] bool has_complex() const override { return true; }
   [[nodiscard]] std::string version() const override {
     std::array<char, 256> text{};
     mkl_.interface.function<void (*)(char*, int)>("MKL_Get_Version_String")(text.data(), 255);
@@ -147,14 +153,14 @@ class Pardiso : public Rival {
     return version + "; iparm(2)=3, iparm(11)=iparm(13)=1 unless positive definite";
   }
 
-  AnalyzeReport analyze(const MatrixView& a, Kind kind, int threads) override {
+  AnalyzeReport analyze(const SystemView& a, Kind kind, int threads) override {
     mkl_.interface.function<void (*)(int)>("MKL_Set_Num_Threads")(threads);
-    symmetric_ = kind == Kind::ldlt;
+    symmetric_ = kind == Kind::ldlt && a.numbers == Numbers::real;  // it counts none of Hermitian matrices
     narrow_.reset(), wide_.reset();
     const bool wide = variant_.has("wide") || a.rows >= kWideFrom;
     return wide ? analyze_with(wide_, a, kind) : analyze_with(narrow_, a, kind);
   }
-  FactorReport factorize(const MatrixView& a) override { return refactorize(a.values); }
+  FactorReport factorize(const SystemView& a) override { return refactorize(a.values); }
   FactorReport refactorize(std::span<const double> values) override {
     return with_system([&](auto& system) {
       system.matrix().fill(values);
@@ -176,8 +182,8 @@ class Pardiso : public Rival {
 
  private:
   template <typename Int>
-  AnalyzeReport analyze_with(std::unique_ptr<System<Int>>& system, const MatrixView& a, Kind kind) {
-    system = std::make_unique<System<Int>>(mkl_, a, kind);
+  AnalyzeReport analyze_with(std::unique_ptr<System<Int>>& system, const SystemView& a, Kind kind) {
+    system = std::make_unique<System<Int>>(mkl_, a, kind, variant_.has("structural"));
     AnalyzeReport report;
     report.seconds = timed([&] { system->phase(11, "analysis"); });
     report.nonzeros_factor = system->parameter(18) > 0 ? static_cast<Offset>(system->parameter(18)) : -1;
@@ -185,7 +191,7 @@ class Pardiso : public Rival {
   }
   Variant variant_;
   Mkl mkl_;
-  bool symmetric_ = false;
+  bool symmetric_ = false;  ///< with an inertia
   std::unique_ptr<System<int>> narrow_;
   std::unique_ptr<System<long long>> wide_;
 };

@@ -13,8 +13,8 @@
 #include <utility>
 #include <vector>
 
-#include "espalier/matrix.hpp"
 #include "espalier/solver.hpp"
+#include "rivals/system_view.hpp"
 
 namespace espalier::bench {
 
@@ -88,14 +88,18 @@ class Rival {
   /// Library, its version, its BLAS and every setting that differs from the library's defaults.
   [[nodiscard]] virtual std::string version() const = 0;
 
+  /// Whether there are factorizations of complex matrices; without, those are not offered and no call is made.
+  [[nodiscard]] virtual bool has_complex() const { return false; }
+
   /// Pattern of `a` (values present: matching and scaling may use them). `kind` is llt, ldlt or lu. May be called
   /// again: everything earlier is dropped.
-  virtual AnalyzeReport analyze(const MatrixView& a, Kind kind, int threads) = 0;
+  virtual AnalyzeReport analyze(const SystemView& a, Kind kind, int threads) = 0;
   /// First numbers for the analyzed pattern. @pre analyze() ended ok
-  virtual FactorReport factorize(const MatrixView& a) = 0;
+  virtual FactorReport factorize(const SystemView& a) = 0;
   /// New numbers in the order of the analyzed matrix. @pre factorize() ended ok
   virtual FactorReport refactorize(std::span<const double> values) = 0;
-  /// A x = b for `columns` right-hand sides, n values each, column by column. @pre factorize() ended ok
+  /// A x = b for `columns` right-hand sides, n values each (complex ones: 2 n doubles), column by column. @pre
+  /// factorize() ended ok
   virtual SolveReport solve(std::span<const double> b, std::span<double> x, Index columns) = 0;
 
   /// Bytes that only the benchmark needs (maps between storage formats); they are taken off the peak memory.

@@ -10,6 +10,8 @@
 #include <stdexcept>
 #include <thread>
 
+#include "rivals/real_equivalent.hpp"
+
 namespace espalier::bench {
 namespace {
 
@@ -24,8 +26,9 @@ struct Runner {
 
 class Session {
  public:
-  Session(const MatrixView& a, const Plan& plan, const Progress& progress)
+  Session(const SystemView& a, const Plan& plan, const Progress& progress)
       : plan_(plan), progress_(progress), original_(a.values), system_(a, std::max<Index>(plan.columns, 1)) {
+    if (a.numbers != Numbers::real) equivalent_ = std::make_unique<RealEquivalent>(a);
     std::mt19937_64 generator(kSeed);
     std::uniform_real_distribution<double> uniform(-1, 1);
     for (double& b : system_.right_hand_sides()) b = uniform(generator);
@@ -147,7 +150,8 @@ class Session {
     if (!report.verdict.ok()) return;
     samples.seconds.push_back(report.seconds);
     row.refinement_steps = std::max(row.refinement_steps, report.refinement_steps);
-    const std::size_t count = static_cast<std::size_t>(checked) * static_cast<std::size_t>(system_.matrix().rows);
+    const SystemView a = system_.matrix();
+    const std::size_t count = static_cast<std::size_t>(checked) * static_cast<std::size_t>(a.parts() * a.rows);
     const matrix::BackwardErrors error =
         judge(runner.child->solutions().first(count), system_.right_hand_sides().first(count), checked);
     row.checked = true;
@@ -159,9 +163,9 @@ class Session {
   }
 
   /// Large systems are judged on all cores; the threads end with it, so that none is there while a rival works.
-  matrix::BackwardErrors judge(std::span<const double> x, std::span<const double> b, Index columns) const {
+  matrix::BackwardErrors judge(std::span<const double> x, std::span<const double> b, Index columns) {
     constexpr Offset kAlone = 10'000'000;  // entries times columns: about 0.1 s on one core
-    const MatrixView a = system_.matrix();
+    const MatrixView a = equivalent_ ? equivalent_->with_values(system_.values()) : MatrixView(system_.matrix());
     if (a.nonzeros() * columns < kAlone) return matrix::backward_errors(a, x, b, columns);
     base::ThreadPool pool(plan_.threads);
     return matrix::backward_errors(a, x, b, columns, Transpose::no, &pool);
@@ -171,13 +175,16 @@ class Session {
   const Progress& progress_;
   std::span<const double> original_;
   SharedSystem system_;
+  std::unique_ptr<RealEquivalent> equivalent_;  ///< of a complex system: the form in which answers are judged
 };
 
 }  // namespace
 
-std::vector<Row> compare(const MatrixView& a, const Plan& plan, const Progress& progress) {
+std::vector<Row> compare(const SystemView& a, const Plan& plan, const Progress& progress) {
   if (plan.kind != Kind::lu && !a.symmetric())
     throw std::invalid_argument("compare: llt and ldlt need a matrix in symmetric storage");
+  if (plan.kind == Kind::llt && a.numbers == Numbers::complex)
+    throw std::invalid_argument("compare: llt of complex numbers needs a matrix in Hermitian storage");
   Session session(a, plan, progress);
   if (!plan.one_at_a_time) return session.run(plan.rivals);
   std::vector<Row> rows;

@@ -9,6 +9,7 @@
 #include "matrix/residual.hpp"
 #include "measure/document.hpp"
 #include "rivals/child.hpp"
+#include "rivals/system_view.hpp"
 
 namespace espalier::bench {
 
@@ -56,7 +57,8 @@ using Progress = std::function<void(const std::string& what)>;
 /// Runs the plan on `a`, whose values must be present. Each round takes the rivals in turn, the first one changing from
 /// round to round; values change every round by a common factor or as the plan's sequence says; right-hand sides are
 /// random (seeded) and the same for all. Never throws for what a rival does.
-/// @throws std::invalid_argument when the kind is llt or ldlt and `a` is not stored as symmetric
-std::vector<Row> compare(const MatrixView& a, const Plan& plan, const Progress& progress);
+/// @throws std::invalid_argument when the kind is llt or ldlt and `a` is not stored as symmetric or Hermitian, or llt
+/// and `a` is complex symmetric
+std::vector<Row> compare(const SystemView& a, const Plan& plan, const Progress& progress);
 
 }  // namespace espalier::bench

@@ -61,16 +61,19 @@ SharedMemory::~SharedMemory() {
 struct SharedSystem::Header {
   Index rows, cols, columns;
   Storage storage;
+  Numbers numbers;
   Offset nonzeros;
+  [[nodiscard]] std::size_t parts() const { return static_cast<std::size_t>(base::parts_of(numbers)); }
 };
 
-SharedSystem::SharedSystem(const MatrixView& a, Index columns)
+SharedSystem::SharedSystem(const SystemView& a, Index columns)
     : memory_(sizeof(Header) + sizeof(Offset) * (static_cast<std::size_t>(a.cols) + 1) +
-              sizeof(double) * (static_cast<std::size_t>(a.nonzeros()) +
-                                static_cast<std::size_t>(a.rows) * static_cast<std::size_t>(columns)) +
+              sizeof(double) * static_cast<std::size_t>(a.parts()) *
+                  (static_cast<std::size_t>(a.nonzeros()) +
+                   static_cast<std::size_t>(a.rows) * static_cast<std::size_t>(columns)) +
               sizeof(Index) * static_cast<std::size_t>(a.nonzeros())) {
-  header() = {a.rows, a.cols, columns, a.storage, a.nonzeros()};
-  const MatrixView copy = matrix();
+  header() = {a.rows, a.cols, columns, a.storage, a.numbers, a.nonzeros()};
+  const SystemView copy = matrix();
   std::copy(a.col_ptr.begin(), a.col_ptr.end(), const_cast<Offset*>(copy.col_ptr.data()));
   std::copy(a.row_ind.begin(), a.row_ind.end(), const_cast<Index*>(copy.row_ind.data()));
   std::copy(a.values.begin(), a.values.end(), values().begin());
@@ -78,23 +81,25 @@ SharedSystem::SharedSystem(const MatrixView& a, Index columns)
 
 SharedSystem::Header& SharedSystem::header() const { return *reinterpret_cast<Header*>(memory_.bytes().data()); }
 
-MatrixView SharedSystem::matrix() const {
+SystemView SharedSystem::matrix() const {
   const Header& h = header();
   const auto count = static_cast<std::size_t>(h.nonzeros);
   const auto* pointers = reinterpret_cast<const Offset*>(&h + 1);
   const auto* rows = reinterpret_cast<const Index*>(right_hand_sides().data() + right_hand_sides().size());
-  return {h.rows, h.cols, {pointers, static_cast<std::size_t>(h.cols) + 1}, {rows, count}, values(), h.storage};
+  const std::span<const Offset> columns{pointers, static_cast<std::size_t>(h.cols) + 1};
+  return {MatrixView{h.rows, h.cols, columns, {rows, count}, values(), h.storage}, h.numbers};
 }
 
 std::span<double> SharedSystem::values() const {
   Header& h = header();
   auto* pointers = reinterpret_cast<Offset*>(&h + 1);
-  return {reinterpret_cast<double*>(pointers + h.cols + 1), static_cast<std::size_t>(h.nonzeros)};
+  return {reinterpret_cast<double*>(pointers + h.cols + 1), h.parts() * static_cast<std::size_t>(h.nonzeros)};
 }
 
 std::span<double> SharedSystem::right_hand_sides() const {
   const Header& h = header();
-  return {values().data() + h.nonzeros, static_cast<std::size_t>(h.rows) * static_cast<std::size_t>(h.columns)};
+  return {values().data() + values().size(),
+          h.parts() * static_cast<std::size_t>(h.rows) * static_cast<std::size_t>(h.columns)};
 }
 
 }  // namespace espalier::bench

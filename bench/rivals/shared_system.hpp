@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <span>
 
-#include "espalier/matrix.hpp"
+#include "rivals/system_view.hpp"
 
 namespace espalier::bench {
 
@@ -37,13 +37,13 @@ class SharedMemory {
 class SharedSystem {
  public:
   /// Copies `a` and reserves `columns` right-hand sides.
-  SharedSystem(const MatrixView& a, Index columns);
+  SharedSystem(const SystemView& a, Index columns);
   explicit SharedSystem(SharedMemory memory) : memory_(std::move(memory)) {}
 
-  [[nodiscard]] MatrixView matrix() const;
-  /// nonzeros() values; those of matrix()
+  [[nodiscard]] SystemView matrix() const;
+  /// parts() * nonzeros() values; those of matrix()
   [[nodiscard]] std::span<double> values() const;
-  /// rows * columns values, column by column
+  /// parts() * rows * columns values, column by column
   [[nodiscard]] std::span<double> right_hand_sides() const;
   [[nodiscard]] int descriptor() const { return memory_.descriptor(); }
 

@@ -3,6 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "rivals/real_equivalent.hpp"
+#include "rivals/systems.hpp"
+
 namespace espalier::bench {
 namespace {
 
@@ -100,6 +105,65 @@ TEST(Samples, MedianAndLeast) {
   EXPECT_EQ((Samples{{4, 1, 2, 3}}).median(), 2.5);
   EXPECT_EQ((Samples{{4, 1, 2, 3}}).least(), 1);
   EXPECT_TRUE(std::isnan(Samples{}.median()));
+}
+
+TEST(Session, ComplexSystemsAreSolvedAndJudged) {
+  for (const char* words : {"damped elasticity 3", "hermitian elasticity 3", "hermitian kkt 2 2 2 2",
+                            "damped kkt 2 2 2 2", "damped gyroscopic 3", "damped elasticity 3 as lu"}) {
+    const std::string text = words;
+    const std::size_t as = text.find(" as ");
+    const System system = make_any_system(text.substr(0, as));
+    Plan plan = plan_for({"espalier", "pardiso", "mumps", "cholmod", "faulty"});
+    plan.repetitions = 1;
+    plan.warm = false;
+    plan.kind = as == std::string::npos ? automatic_kind(system.view()) : Kind::lu;
+    const std::vector<Row> rows = compare(system.view(), plan, [](const std::string&) {});
+    ASSERT_EQ(rows[0].verdict.outcome, Outcome::ok) << words << ": " << rows[0].verdict.message;
+    for (const Row& row : rows) {
+      if (row.verdict.ok()) {
+        EXPECT_LE(row.error.normwise, 1e-12) << words << ' ' << row.spec;
+        EXPECT_TRUE(row.checked);
+      } else {
+        EXPECT_TRUE(row.verdict.outcome == Outcome::missing || row.verdict.outcome == Outcome::not_offered)
+            << words << ' ' << row.spec << ": " << row.verdict.message;
+      }
+    }
+    EXPECT_EQ(rows.back().verdict.outcome, Outcome::not_offered) << "faulty knows real numbers only";
+    if (system.numbers != Numbers::hermitian || plan.kind != Kind::ldlt) continue;
+    // P A P^* has the inertia of A.
+    plan.rivals = {"espalier"};
+    const System real = make_any_system(text.substr(text.find(' ') + 1));
+    const Row row = compare(real.view(), plan, [](const std::string&) {}).front();
+    EXPECT_EQ(rows[0].inertia.negative, row.inertia.negative) << words;
+    EXPECT_GT(row.inertia.negative, 0) << words;
+  }
+}
+
+TEST(Session, WrongComplexAnswersAreFound) {
+  // A solution to the transposed system of a Hermitian matrix (its conjugate) is wrong by its imaginary parts only.
+  const System system = make_any_system("hermitian elasticity 2");
+  RealEquivalent equivalent(system.view());
+  const MatrixView a = equivalent.with_values(system.a.values);
+  std::vector<double> x(static_cast<std::size_t>(a.cols)), b(x.size(), 0);
+  for (std::size_t k = 0; k < x.size(); ++k) x[k] = std::cos(3.0 * static_cast<double>(k));
+  for (Index c = 0; c < a.cols; ++c)
+    for (Offset k = a.col_ptr[c]; k < a.col_ptr[c + 1]; ++k) b[a.row_ind[k]] += a.values[k] * x[c];
+  EXPECT_LE(matrix::backward_errors(a, x, b).normwise, 1e-15);
+  for (std::size_t k = 1; k < x.size(); k += 2) x[k] = -x[k];
+  EXPECT_GE(matrix::backward_errors(a, x, b).normwise, 1e-3);
+}
+
+TEST(Session, ComplexKindsAndWordsAreChecked) {
+  const System damped = make_any_system("damped elasticity 2");
+  EXPECT_EQ(automatic_kind(damped.view()), Kind::ldlt);
+  Plan plan = plan_for({"espalier"});
+  EXPECT_THROW(compare(damped.view(), plan, [](const std::string&) {}), std::invalid_argument) << "no llt";
+  EXPECT_EQ(automatic_kind(make_any_system("hermitian elasticity 2").view()), Kind::llt);
+  EXPECT_EQ(automatic_kind(make_any_system("hermitian kkt 2 2 2 2").view()), Kind::ldlt);
+  EXPECT_EQ(automatic_kind(make_any_system("damped gyroscopic 2").view()), Kind::lu);
+  for (const char* words :
+       {"damped", "hermitian", "damped damped elasticity 2", "hermitian gyroscopic 2", "hermitian x"})
+    EXPECT_THROW(make_any_system(words), Error) << words;
 }
 
 }  // namespace

@@ -20,6 +20,18 @@ struct SensitivityParameter {
   double step = 0;
 };
 
+/// How the derivatives of an equilibrium ([statics]) are found. They are the same but for what `defect` says.
+enum class SensitivityMethod {
+  /// adjoint for an equilibrium with more parameters than quantities and no modes, where the tangent stands the test
+  /// that `defect` describes; else forward.
+  automatic,
+  forward,  ///< some solves for each parameter, and two models that live as long as the run
+  /// One solve with the transposed stiffness for each quantity; of each parameter two models, one after the other, at
+  /// which the equations are looked at once. Of equilibria alone: there is no way backwards through the steps of a
+  /// motion, whose equations would have to be known by their derivatives, which is more than the tangent.
+  adjoint,
+};
+
 /// Natural frequencies of the model at its start ([initial] modes), without damping.
 struct SensitivityModes {
   std::vector<double> frequencies;  ///< per unit of time, rising
@@ -38,8 +50,10 @@ struct SensitivityResult {
   /// d quantity / d parameter: t.size() blocks of quantities.size() rows of parameters.size() numbers.
   std::vector<double> derivatives;
   SensitivityModes modes;
+  bool adjoint = false;  ///< found by SensitivityMethod::adjoint
   /// How well the linear equations of the derivatives are solved: the largest last change of an iteration over the
-  /// largest derivative.
+  /// largest derivative. Of the adjoint method: by how much the tangent and differences of the equations differ along
+  /// the answer to random forces, over the largest force; a tangent that is not exact shows there, and in derivatives.
   double defect = 0;
   SimulationSummary summary;
 
@@ -55,11 +69,14 @@ struct SensitivityResult {
 /// parameter; for each parameter the model is built and brought to its start twice more.
 ///
 /// Status invalid_input, beside what a simulation reports: a path that names no number, a parameter by which the
-/// number of unknowns or the shapes of a reduced body jump, models with events, restart files.
+/// number of unknowns or the shapes of a reduced body jump, models with events, restart files; the adjoint method for
+/// motions, or with [initial] modes.
 SensitivityResult sensitivities(const std::string& path, const std::vector<SensitivityParameter>& parameters,
-                                const SimulationOptions& options = {});
+                                const SimulationOptions& options = {},
+                                SensitivityMethod method = SensitivityMethod::automatic);
 SensitivityResult sensitivities_of_text(const std::string& text, const std::string& name,
                                         const std::vector<SensitivityParameter>& parameters,
-                                        const SimulationOptions& options = {});
+                                        const SimulationOptions& options = {},
+                                        SensitivityMethod method = SensitivityMethod::automatic);
 
 }  // namespace espalier

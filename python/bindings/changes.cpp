@@ -123,6 +123,49 @@ class SchurHandle {
   Turns turns_{"a solver was called from its own log handler"};
 };
 
+// Statuses by system, and the fields of BatchSolve.
+nb::tuple fields_of(const BatchResult& r, std::vector<double> x) {
+  nb::list statuses;
+  std::vector<double> errors;
+  std::vector<Index> negative;
+  for (const SystemResult& s : r.systems) {
+    statuses.append(status_of(s.status));
+    errors.push_back(s.backward_error);
+    negative.push_back(s.inertia.negative);
+  }
+  const std::size_t systems = errors.size(), numbers = x.size();
+  return nb::make_tuple(status_of(r.status), array_of(std::move(x), {numbers}), nb::tuple(statuses),
+                        array_of(std::move(errors), {systems}), array_of(std::move(negative), {systems}), r.seconds,
+                        r.workers);
+}
+
+// Systems of patterns of their own; b and x one system after another, column by column.
+nb::tuple solve_many(const std::vector<nb::tuple>& matrices, const Values& b, const std::vector<Index>& columns,
+                     bool transpose, const OptionTexts& texts, nb::object log) {
+  const auto host = std::make_shared<Host>(Host{std::move(log)});
+  const Options options = options_of(texts, host);
+  std::vector<double> x(b.size());
+  std::vector<Pointers> pointers;
+  std::vector<Indices> indices;
+  std::vector<Values> values;
+  std::vector<System> systems;
+  std::size_t at = 0;
+  for (std::size_t k = 0; k < matrices.size(); ++k) {
+    pointers.push_back(nb::cast<Pointers>(matrices[k][0]));
+    indices.push_back(nb::cast<Indices>(matrices[k][1]));
+    values.push_back(nb::cast<Values>(matrices[k][2]));
+    const MatrixView a = columns_of(pointers[k], indices[k], &values[k], nb::cast<int>(matrices[k][3]));
+    const std::size_t size = static_cast<std::size_t>(a.cols) * static_cast<std::size_t>(columns.at(k));
+    systems.push_back({a, span_of(b).subspan(at, size), std::span(x).subspan(at, size), columns[k],
+                       transpose ? Transpose::yes : Transpose::no});
+    at += size;
+  }
+  BatchResult r;
+  Turns turns{"solve_systems"};
+  released(turns, [&] { r = solve_systems(systems, options); });
+  return fields_of(r, std::move(x));
+}
+
 class BatchHandle {
  public:
   BatchHandle(const OptionTexts& options, nb::object log)
@@ -141,18 +184,7 @@ class BatchHandle {
     released(turns_, [&] {
       r = batch_.solve(span_of(values), span_of(b), x, count, columns, transpose ? Transpose::yes : Transpose::no);
     });
-    nb::list statuses;
-    std::vector<double> errors;
-    std::vector<Index> negative;
-    for (const SystemResult& s : r.systems) {
-      statuses.append(status_of(s.status));
-      errors.push_back(s.backward_error);
-      negative.push_back(s.inertia.negative);
-    }
-    const std::size_t systems = errors.size();
-    return nb::make_tuple(status_of(r.status), array_of(std::move(x), {b.size()}), nb::tuple(statuses),
-                          array_of(std::move(errors), {systems}), array_of(std::move(negative), {systems}), r.seconds,
-                          r.workers);
+    return fields_of(r, std::move(x));
   }
 
  private:
@@ -223,6 +255,8 @@ void bind_changes(nb::module_& m) {
       .def(nb::init<const OptionTexts&, nb::object>(), "options"_a, "log"_a.none())
       .def("analyze", &BatchHandle::analyze, array("pointers"), array("indices"), array("values"), "storage"_a)
       .def("solve", &BatchHandle::solve, array("values"), array("b"), "count"_a, "columns"_a, "transpose"_a);
+  m.def("solve_systems", &solve_many, "matrices"_a, array("b"), "columns"_a, "transpose"_a, "options"_a,
+        "log"_a.none());
   nb::class_<ChangedHandle>(m, "ChangedSystem")
       .def(nb::init<SolverHandle&>(), "solver"_a, nb::keep_alive<1, 2>())
       .def("add", &ChangedHandle::add, array("columns"), "count"_a, array("rows"), array("corner"))

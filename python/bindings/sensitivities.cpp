@@ -8,6 +8,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <optional>
+#include <stdexcept>
 #include <utility>
 
 #include "arrays.hpp"
@@ -31,7 +32,14 @@ nb::tuple fields(SensitivityResult r) {
                                        array_of(std::move(r.t), {steps}), array_of(std::move(r.values), {steps, nq}),
                                        array_of(std::move(r.derivatives), {steps, nq, np}),
                                        array_of(std::move(r.modes.frequencies), {modes}),
-                                       array_of(std::move(r.modes.derivatives), {modes, np}), r.defect));
+                                       array_of(std::move(r.modes.derivatives), {modes, np}), r.defect, r.adjoint));
+}
+
+SensitivityMethod method_named(const std::string& name) {
+  if (name == "auto") return SensitivityMethod::automatic;
+  if (name == "forward") return SensitivityMethod::forward;
+  if (name == "adjoint") return SensitivityMethod::adjoint;
+  throw std::invalid_argument("method '" + name + "': known are auto, forward, adjoint");
 }
 
 }  // namespace
@@ -41,7 +49,7 @@ void bind_sensitivities(nb::module_& m) {
       "sensitivities",
       [](const std::string& text, bool is_path, const std::vector<std::pair<std::string, double>>& parameters,
          std::vector<std::string> set, std::optional<double> until, std::vector<std::string> quantities,
-         std::vector<std::pair<std::string, std::string>> solver) {
+         std::vector<std::pair<std::string, std::string>> solver, const std::string& method) {
         SimulationOptions o;
         o.set = std::move(set);
         o.until = until;
@@ -54,12 +62,13 @@ void bind_sensitivities(nb::module_& m) {
         SensitivityResult result;
         {
           const nb::gil_scoped_release released;
-          result = is_path ? sensitivities(text, list, o) : sensitivities_of_text(text, "model", list, o);
+          result = is_path ? sensitivities(text, list, o, method_named(method))
+                           : sensitivities_of_text(text, "model", list, o, method_named(method));
         }
         if (Host::raised) std::rethrow_exception(std::exchange(Host::raised, nullptr));
         return fields(std::move(result));
       },
-      "text"_a, "is_path"_a, "parameters"_a, "set"_a, "until"_a.none(), "quantities"_a, "solver"_a);
+      "text"_a, "is_path"_a, "parameters"_a, "set"_a, "until"_a.none(), "quantities"_a, "solver"_a, "method"_a);
 }
 
 }  // namespace espalier::python

@@ -2,7 +2,7 @@
 
 from . import _load  # first: it chooses the extension module
 from ._version import __version__
-from ._changes import Batch, BatchSolve, ChangedSystem, SchurComplement
+from ._changes import Batch, BatchSolve, ChangedSystem, SchurComplement, solve_systems
 from ._dae import Dae
 from ._errors import (AccuracyWarning, DeviceError, Error, InvalidInputError, NotPositiveDefiniteError,
                       OutOfMemoryError, SingularMatrixError)
@@ -16,4 +16,5 @@ from ._solver import Solver, solve
 
 __all__ = ["AccuracyWarning", "Analysis", "Batch", "BatchSolve", "Cells", "Change", "ChangedSystem", "Dae", "Derivatives", "DeviceError", "Error", "Factor", "Frame", "Harmonic", "Inertia", "InvalidInputError", "Model", "ModelHarmonic",
            "Modes", "QuadraticModes", "NotPositiveDefiniteError", "OutOfMemoryError", "Result", "SchurComplement", "Simulation", "SingularMatrixError", "Solve", "Solver",
-           "Step", "__version__", "buckling_modes", "derivatives", "harmonic", "modes", "quadratic_modes", "solve", "sweep"]
+           "Step", "__version__", "buckling_modes", "derivatives", "harmonic", "modes", "quadratic_modes", "solve", "solve_systems",
+           "sweep"]

@@ -3,7 +3,7 @@
 import logging
 import warnings
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Iterable
 
 from . import _core
 from ._errors import AccuracyWarning, make_error
@@ -209,7 +209,7 @@ class ChangedSystem:
 
 @dataclass(frozen=True)
 class BatchSolve(_Table):
-    """Of a batch. `x`: of the shape of b, NaN in systems that failed. `errors`: by number of the system, an exception each.
+    """Of a batch. `x`: of the shape of b (of solve_systems: a list), NaN in systems that failed. `errors`: by number of the system, an exception each.
     `backward_errors`, `negative` (eigenvalues; -1 for lu): by system. `workers`: systems that were worked on at a time."""
 
     x: Any
@@ -218,6 +218,44 @@ class BatchSolve(_Table):
     negative: Any
     seconds: float
     workers: int
+
+
+def _errors_of(status: Any, statuses: Any, check: bool) -> "dict[int, Exception]":
+    if not statuses and status[0]:
+        raise make_error(*status)
+    errors = {k: make_error(*s) for k, s in enumerate(statuses) if s[0]}
+    if errors and check:
+        raise make_error(*status)
+    return errors
+
+
+def solve_systems(systems: "Iterable[tuple[Any, Any]]", *, symmetry: str = "auto", transpose: bool = False, check: bool = True,
+                  log: "logging.Logger | None" = None, **options: Any) -> BatchSolve:
+    """Many small systems of patterns of their own, one on each thread: pairs (A, b), A as for Solver on the host, b of
+    shape (n,) or (n, k). Nothing is kept. symmetry, log, options: as for Solver, the same for all; check as for
+    Batch.solve(). `x` of the result is a list, each of the shape of its b."""
+    import numpy as np
+
+    matrices, flat, columns, shapes = [], [], [], []
+    for k, pair in enumerate(systems):
+        try:
+            A, b = pair
+            matrix = _by_columns(A, symmetry)[:4]
+            vector, count = _columns(b, len(matrix[0]) - 1, "b")
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"system {k}: {error}") from None
+        matrices.append(matrix)
+        flat.append(vector)
+        columns.append(count)
+        shapes.append(np.shape(b))
+    if not matrices:
+        raise ValueError("solve_systems: no system is given")
+    status, x, statuses, *rest = _core.solve_systems(matrices, np.concatenate(flat), columns, transpose, _texts(options),
+                                                     (log or logging.getLogger("espalier")).debug)
+    errors = _errors_of(status, statuses, check)
+    parts = np.split(x, np.cumsum([len(v) for v in flat])[:-1])
+    shaped = [p if len(s) == 1 else p.reshape(s[1], s[0]).T for p, s in zip(parts, shapes)]
+    return BatchSolve(shaped, errors, *rest)
 
 
 class Batch:
@@ -253,10 +291,6 @@ class Batch:
         flat = np.ascontiguousarray(b if b.ndim == 2 else b.transpose(0, 2, 1)).reshape(-1)
         status, x, statuses, *rest = self._core.solve(np.ascontiguousarray(values).reshape(-1), flat, len(values), columns,
                                                       transpose)
-        if not statuses and status[0]:
-            raise make_error(*status)
-        errors = {k: make_error(*s) for k, s in enumerate(statuses) if s[0]}
-        if errors and check:
-            raise make_error(*status)
+        errors = _errors_of(status, statuses, check)
         shaped = x.reshape(b.shape) if b.ndim == 2 else x.reshape(len(values), columns, self._n).transpose(0, 2, 1)
         return BatchSolve(shaped, errors, *rest)

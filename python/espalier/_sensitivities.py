@@ -15,7 +15,8 @@ class Derivatives:
     """Quantities of a run and their derivatives. parameters: P paths of the model text, with their present values (P,);
     names: Q quantities; t: (T,) start and ends of steps, of statics the last load factor alone; values (T, Q);
     derivatives (T, Q, P); frequencies (K,) and frequency_derivatives (K, P): natural frequencies of the model at its
-    start, where it has [initial] modes = K; defect: how well the linear equations of the derivatives are solved."""
+    start, where it has [initial] modes = K; defect: how well the linear equations of the derivatives are solved;
+    adjoint: by the adjoint method, where defect says how exact the tangent is."""
 
     parameters: "list[str]"
     parameter_values: Any
@@ -26,6 +27,7 @@ class Derivatives:
     frequencies: Any
     frequency_derivatives: Any
     defect: float
+    adjoint: bool = False
 
     def __getitem__(self, name: str) -> Any:
         """Derivatives of one quantity over time, (T, P)."""
@@ -42,11 +44,13 @@ class Derivatives:
 
 def derivatives(model: Any, parameters: "Iterable[str] | Mapping[str, float]", *,
                 set: "Mapping[str, Any] | None" = None, until: "float | None" = None, quantities: Iterable[str] = (),
-                **solver: Any) -> Derivatives:
+                method: str = "auto", **solver: Any) -> Derivatives:
     """Runs a model (as for Simulation) and differentiates its quantities, those of `quantities` and of its [output], by
     parameters: paths of numbers in its text ("parameters.length", "forces.spring.stiffness"), with a mapping also the
     step to both sides at which the equations are looked at (0: 5e-6 of the value). set: values to be replaced first.
-    Motions forward through the steps of the run, statics at the equilibrium; see docs/use/sensitivities.md. Raises
+    Motions forward through the steps of the run, statics at the equilibrium: method "forward", or "adjoint", one
+    transposed solve for each quantity however many parameters there are, which "auto" takes where there are more of
+    these; see docs/use/sensitivities.md. Raises ValueError for other methods,
     InvalidInputError for paths that name no number, models with events, and what a Simulation raises."""
     from ._simulation import Model
     from ._solver import _text
@@ -62,7 +66,7 @@ def derivatives(model: Any, parameters: "Iterable[str] | Mapping[str, float]", *
     status, found = _core.sensitivities(
         model._path if model._path is not None else model.text, model._path is not None,
         [(p, float(s)) for p, s in steps.items()], [f"{k}={_value(v, k)}" for k, v in (set or {}).items()], until,
-        list(quantities), [(k, _text(v)) for k, v in solver.items()])
+        list(quantities), [(k, _text(v)) for k, v in solver.items()], method)
     if status[0]:
         raise make_error(*status)
     return Derivatives(*found)

@@ -124,6 +124,32 @@ def test_batch(kind, layout):
         batch.solve(values[:, 1:], b)
 
 
+def test_systems_of_patterns_of_their_own():
+    rng = np.random.default_rng(5)
+    kinds = ["llt", "ldlt", "lu"]
+    matrices = [layouts(system(n, kinds[n % 3], n), ["csc", "csr"][n % 2]) for n in range(5, 40)]
+    sides = [rng.random((len(a.indptr) - 1, 2) if k % 3 == 0 else len(a.indptr) - 1) for k, a in enumerate(matrices)]
+    found = esp.solve_systems(zip(matrices, sides), threads=2)
+    assert len(found.x) == len(matrices) and not found.errors and found.backward_errors.max() < 1e-14
+    for a, b, x in zip(matrices, sides, found.x):
+        assert x.shape == b.shape
+        np.testing.assert_allclose(a @ x, b, atol=1e-10)
+    transposed = esp.solve_systems(zip(matrices, sides), transpose=True)
+    for a, b, x in zip(matrices, sides, transposed.x):
+        np.testing.assert_allclose(a.T @ x, b, atol=1e-10)
+    bad = matrices[4].copy()
+    bad.data[:] = 0
+    pairs = list(zip(matrices, sides))
+    pairs[4] = (bad, sides[4])
+    with pytest.raises(esp.Error, match="system 4"):
+        esp.solve_systems(pairs)
+    found = esp.solve_systems(pairs, check=False)
+    assert list(found.errors) == [4] and np.isnan(found.x[4]).all() and np.isfinite(found.x[5]).all()
+    for wrong in ([], [(matrices[0], sides[1])], [matrices[0]], [(None, sides[0])]):
+        with pytest.raises(ValueError, match="system"):
+            esp.solve_systems(wrong)
+
+
 @pytest.mark.parametrize("layout", ["csc", "csr"])
 def test_analyze_change(layout):
     rng = np.random.default_rng(6)

@@ -46,3 +46,48 @@ def test_mistakes():
         oscillator().derivatives(["bodies.mass.position.1"])
     r = oscillator().derivatives({"bodies.mass.position.1": 1e-3}, quantities="mass.position.y")
     assert r.derivatives.shape[1:] == (1, 1)
+
+
+def cantilever(segments=6):
+    """A chain of beams with heights of their own, and a weight at its end."""
+    heights = {f"h{i}": 0.02 for i in range(segments)}
+    model = esp.Model(parameters=heights, statics={"tolerance": 1e-11})
+    for i in range(segments):
+        model.body(f"b{i}", "beam", start=[i / segments, 0, 0], end=[(i + 1) / segments, 0, 0], elements=2, height=f"h{i}",
+                   width=0.02, material={"young": 2e9, "poisson": 0.0, "density": 1000.0})
+        before = {"body": f"b{i - 1}", "node": -1} if i else {"body": "ground"}
+        model.joint(f"j{i}", "fixed", a=before, b={"body": f"b{i}", "node": 1})
+    model.marker("tip", body=f"b{segments - 1}", node=-1)
+    model.force("load", "load", a="tip", force=[0, -0.01, 0])
+    return model
+
+
+def test_adjoint_is_forward_and_finds_the_best_heights():
+    optimize = pytest.importorskip("scipy.optimize")
+    n = 6
+    names = [f"parameters.h{i}" for i in range(n)]
+    model = cantilever(n)
+    adjoint = model.derivatives(names, quantities="tip.position.y", method="adjoint")
+    forward = model.derivatives(names, quantities="tip.position.y", method="forward")
+    assert adjoint.adjoint and not forward.adjoint and adjoint.defect < 1e-4
+    np.testing.assert_allclose(adjoint.derivatives, forward.derivatives, rtol=1e-4)
+    assert model.derivatives(names, quantities="tip.position.y").adjoint  # more parameters than quantities
+
+    def sag(h):  # as stiff as can be with the volume of a beam of height 0.02
+        value, gradient = model.gradient("tip.position.y", names, set=dict(zip(names, h)))
+        return -1e4 * value, -1e4 * gradient
+
+    best = optimize.minimize(sag, np.full(n, 0.02), jac=True, method="SLSQP", bounds=[(0.003, 0.05)] * n,
+                             constraints={"type": "eq", "fun": lambda h: 50 * (h.mean() - 0.02),
+                                          "jac": lambda h: np.full(n, 50 / n)}, options={"ftol": 1e-10})
+    # The mean of the squared moment over segment i, over h^3, has the slope -3 m_i / h^4, alike for all: h ~ m_i^(1/4).
+    x = np.arange(n + 1) / n
+    m = ((1 - x[:-1]) ** 3 - (1 - x[1:]) ** 3) ** 0.25
+    np.testing.assert_allclose(best.x, 0.02 * m / m.mean(), rtol=5e-3)
+
+
+def test_adjoint_mistakes():
+    with pytest.raises(ValueError, match="backwards"):
+        oscillator().derivatives(["parameters.k"], quantities="mass.position.x", method="backwards")
+    with pytest.raises(esp.InvalidInputError, match="motion"):
+        oscillator().derivatives(["parameters.k"], quantities="mass.position.x", method="adjoint")

@@ -5,6 +5,9 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <complex>
+#include <cstdint>
+#include <limits>
 
 namespace espalier::harmonic {
 
@@ -15,6 +18,33 @@ using Eigen::VectorXcd;
 
 namespace {
 Index at(std::size_t i) { return static_cast<Index>(i); }
+
+constexpr Index kSvd = 32;  // weights up to which they come from a singular value decomposition
+
+// A vector v of length 1 for which |R v| is about the smallest singular value of the upper triangle R: inverse
+// iteration with R^* R, which takes operations by the square of the size, where a decomposition takes them by its cube
+// (130 resonances: most of a sweep's time). Where several singular values are rounding, any mix of their vectors does.
+VectorXcd smallest_of_triangle(MatrixXcd r) {
+  constexpr int kIterations = 8;
+  const double least = std::numeric_limits<double>::epsilon() * r.cwiseAbs().maxCoeff();
+  if (least == 0) return VectorXcd::Unit(r.cols(), r.cols() - 1);
+  for (Index j = 0; j < r.cols(); ++j)
+    if (std::abs(r(j, j)) < least) r(j, j) = least;
+  VectorXcd v(r.cols());
+  std::uint64_t random = 1;  // Knuth's linear congruential generator: no start is orthogonal to all that is sought
+  for (std::complex<double>& x : v) {
+    random = random * 6364136223846793005U + 1442695040888963407U;
+    x = {static_cast<double>(random >> 11) * 0x1p-53 - 0.5, 1};
+  }
+  for (int k = 0; k < kIterations; ++k) {
+    v.normalize();
+    r.triangularView<Eigen::Upper>().adjoint().solveInPlace(v);
+    v /= v.cwiseAbs().maxCoeff();
+    r.triangularView<Eigen::Upper>().solveInPlace(v);
+    v /= v.cwiseAbs().maxCoeff();
+  }
+  return v.normalized();
+}
 }  // namespace
 
 void Rational::find_weights(const MatrixXd& size) {
@@ -35,6 +65,10 @@ void Rational::find_weights(const MatrixXd& size) {
   if (loewner.rows() > columns) {
     const MatrixXcd r = Eigen::HouseholderQR<MatrixXcd>(loewner).matrixQR().topRows(columns);
     loewner = r.triangularView<Eigen::Upper>();
+  }
+  if (columns > kSvd) {
+    weights_ = smallest_of_triangle(std::move(loewner));
+    return;
   }
   const Eigen::JacobiSVD<MatrixXcd, Eigen::FullPivHouseholderQRPreconditioner> svd(loewner, Eigen::ComputeFullV);
   weights_ = svd.matrixV().col(columns - 1);
@@ -58,6 +92,7 @@ void Rational::fit(const std::vector<double>& s, const MatrixXcd& y, const Matri
   s_ = s;
   y_ = y;
   support_ = std::move(support);
+  poles_.reset();
   if (support_.empty()) support_.push_back(s.size() / 2);
   // As many unknown weights as there are equations, at most.
   const auto c = static_cast<std::size_t>(y.rows());
@@ -89,9 +124,14 @@ VectorXcd Rational::evaluate(double s, const MatrixXcd& y) const {
   return above / below;
 }
 
+const std::vector<std::complex<double>>& Rational::poles() const {
+  if (!poles_) poles_ = find_poles();
+  return *poles_;
+}
+
 // sum b_j / (s - s_j) = c^T (s - S)^-1 1 has the zeros of S - 1 (c^T S) / sum b, and that one has 0 besides: s is
 // counted from a point below all samples, where no pole of interest lies.
-std::vector<std::complex<double>> Rational::poles() const {
+std::vector<std::complex<double>> Rational::find_poles() const {
   std::vector<std::complex<double>> out;
   const Index m = at(support_.size());
   const std::complex<double> total = weights_.sum();

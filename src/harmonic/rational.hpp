@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 #include <complex>
+#include <optional>
 #include <vector>
 
 namespace espalier::harmonic {
@@ -22,8 +23,8 @@ class Rational {
   [[nodiscard]] Eigen::VectorXcd evaluate(double s, const Eigen::MatrixXcd& y) const;
   /// Of the components of fit().
   [[nodiscard]] Eigen::VectorXcd evaluate(double s) const { return evaluate(s, y_); }
-  /// Complex s at which the denominator vanishes.
-  [[nodiscard]] std::vector<std::complex<double>> poles() const;
+  /// Complex s at which the denominator vanishes; found at the first call after fit().
+  [[nodiscard]] const std::vector<std::complex<double>>& poles() const;
   /// Largest relative error at the samples.
   [[nodiscard]] double error() const { return error_; }
   [[nodiscard]] std::size_t worst() const { return worst_; }
@@ -34,11 +35,13 @@ class Rational {
  private:
   void find_weights(const Eigen::MatrixXd& size);
   void judge(const Eigen::MatrixXd& size);
+  [[nodiscard]] std::vector<std::complex<double>> find_poles() const;
 
   std::vector<double> s_;
   Eigen::MatrixXcd y_;
   std::vector<std::size_t> support_;
   Eigen::VectorXcd weights_;
+  mutable std::optional<std::vector<std::complex<double>>> poles_;
   double error_ = 0;
   std::size_t worst_ = 0;
 };

@@ -200,6 +200,105 @@ TEST(Sensitivities, OfEquilibria) {
   }
 }
 
+// Truths: the forward method; a closed form. The load follows the tip, so the stiffness is
+// not symmetric and its transpose is another matrix.
+TEST(Sensitivities, AdjointOfEquilibriaIsForward) {
+  std::string text = cantilever(20) + "[statics]\ntolerance = 1e-11\n";
+  text.replace(text.find("quantities = ["), 14, "quantities = [\"energy.potential\", \"tip.rotation.z\", ");
+  text.replace(text.find("type = \"load\","), 14, "type = \"load\", follower = true,");
+  const std::vector<SensitivityParameter> five = {{"bodies.beam.material.young"},
+                                                  {"bodies.beam.height"},
+                                                  {"bodies.beam.width"},
+                                                  {"forces.load.force.1"},
+                                                  {"bodies.beam.end.0"}};
+  const auto by = [&](SensitivityMethod method) {
+    SensitivityResult r = sensitivities_of_text(text, "model.toml", five, {}, method);
+    EXPECT_TRUE(r.status.ok()) << r.status.message;
+    return r;
+  };
+  const SensitivityResult forward = by(SensitivityMethod::forward), adjoint = by(SensitivityMethod::adjoint);
+  EXPECT_FALSE(forward.adjoint);
+  EXPECT_TRUE(adjoint.adjoint);
+  EXPECT_LT(adjoint.defect, 1e-5);
+  ASSERT_EQ(adjoint.derivatives.size(), forward.derivatives.size());
+  EXPECT_EQ(adjoint.values, forward.values);
+  ASSERT_EQ(adjoint.quantities.size(), 4U);
+  for (std::size_t q = 0; q < 4; ++q)
+    for (std::size_t p = 0; p < 5; ++p) {
+      const double a = adjoint.derivatives[5 * q + p], f = forward.derivatives[5 * q + p];
+      EXPECT_NEAR(a / f, 1, 2e-5) << adjoint.quantities[q] << " by " << five[p].path;
+    }
+  // More parameters than quantities: it is chosen; fewer: it is not.
+  EXPECT_TRUE(by(SensitivityMethod::automatic).adjoint);
+  EXPECT_FALSE(differentiated(text, {{"bodies.beam.height"}}).adjoint);
+  const SensitivityResult small = sensitivities_of_text(
+      cantilever(1e-4) + "[statics]\n", "model.toml", {{"bodies.beam.material.young"}}, {}, SensitivityMethod::adjoint);
+  ASSERT_TRUE(small.status.ok()) << small.status.message;
+  EXPECT_NEAR(small.derivative("tip.position.y", "bodies.beam.material.young") * 2e9 / small.value("tip.position.y"),
+              -1, 1e-5);
+}
+
+// Truth: the forward method. Rigid bodies, springs and a joint: rotations, reactions, a quantity of several bodies.
+TEST(Sensitivities, AdjointOfARigidFrameIsForward) {
+  const std::string text = R"(
+gravity = [0, -9.81, 0]
+[parameters]
+c = 300
+length = 1
+[bodies.arm]
+type = "rigid"
+mass = 2
+box = ["length", 0.1, 0.1]
+position = ["length/2", 0, 0]
+[bodies.weight]
+type = "rigid"
+mass = 1
+box = [0.2, 0.2, 0.2]
+position = ["length", -0.5, 0.1]
+[markers]
+end = { body = "arm", point = ["length/2", 0, 0] }
+[joints]
+hinge = { type = "spherical", a = { body = "ground" }, b = { body = "arm", point = ["-length/2", 0, 0] } }
+[forces]
+hold = { type = "bushing", a = { body = "ground", point = ["length/2", 0, 0] }, b = { body = "arm" }, stiffness = [0, "c", "2*c"], angular_stiffness = [20, 0, 0] }
+hang = { type = "bushing", a = "end", b = { body = "weight", point = [0, 0.5, 0] }, stiffness = ["c", "c", "c"], angular_stiffness = [5, 5, 5] }
+push = { type = "load", a = { body = "weight" }, force = [0, 0, 3] }
+[output]
+quantities = ["hinge.force.y", "weight.position", "weight.rotation.x", "energy.potential"]
+[statics]
+tolerance = 1e-11
+)";
+  const std::vector<SensitivityParameter> parameters = {
+      {"parameters.c"}, {"parameters.length"}, {"bodies.arm.mass"}, {"bodies.weight.mass"}, {"forces.push.force.2"}};
+  const SensitivityResult forward =
+      sensitivities_of_text(text, "model.toml", parameters, {}, SensitivityMethod::forward);
+  const SensitivityResult adjoint =
+      sensitivities_of_text(text, "model.toml", parameters, {}, SensitivityMethod::adjoint);
+  ASSERT_TRUE(forward.status.ok()) << forward.status.message;
+  ASSERT_TRUE(adjoint.status.ok()) << adjoint.status.message;
+  EXPECT_LT(adjoint.defect, 1e-6);
+  ASSERT_EQ(adjoint.derivatives.size(), 30U);
+  for (std::size_t i = 0; i < 30; ++i) {
+    const double scale = std::max(std::abs(forward.derivatives[i]), 1e-3 * std::abs(forward.values[i / 5]));
+    EXPECT_NEAR(adjoint.derivatives[i], forward.derivatives[i], 1e-6 * scale)
+        << adjoint.quantities[i / 5] << " by " << parameters[i % 5].path;
+  }
+}
+
+TEST(Sensitivities, AdjointSaysWhatItCannot) {
+  const auto message = [](const std::string& text, const std::vector<SensitivityParameter>& parameters) {
+    const SensitivityResult r = sensitivities_of_text(text, "model.toml", parameters, {}, SensitivityMethod::adjoint);
+    EXPECT_EQ(r.status.code, StatusCode::invalid_input) << r.status.message;
+    return r.status.message;
+  };
+  const std::vector<SensitivityParameter> young = {{"bodies.beam.material.young"}};
+  EXPECT_NE(message(linkage(false), {{"parameters.length"}}).find("motion"), std::string::npos);
+  EXPECT_NE(message(cantilever(1) + "[statics]\n[initial]\nmodes = 2\n", young).find("modes"), std::string::npos);
+  const std::string text = cantilever(1) + "[statics]\n";
+  EXPECT_NE(message(text, {{"bodies.beam.elements", 1}}).find("jumps"), std::string::npos);
+  EXPECT_NE(message(text, {{"bodies.beam.height", 1}}).find("beside its value"), std::string::npos);
+}
+
 // Truth: f ~ sqrt(E), f ~ 1 / sqrt(rho). The square section has each bending mode twice: the height stiffens one.
 TEST(Sensitivities, OfFrequenciesThatComeTwice) {
   const std::string text = cantilever(0) + "[initial]\nmodes = 4\n[integrator]\nend = 1e-6\n";

@@ -40,6 +40,38 @@ TEST(Rational, FindsARationalFunctionAndItsPoles) {
   }
 }
 
+// Truth: 60 poles, more than a singular value decomposition is made for.
+TEST(Rational, FindsManyPoles) {
+  constexpr int kPoles = 60, kSamples = 5 * kPoles;
+  std::vector<Complex> poles;
+  for (int k = 0; k < kPoles; ++k) poles.emplace_back((k + 0.5) / kPoles, 0.002 + 1e-4 * (k % 7));
+  const auto exact = [&](double s) {
+    Complex y = 1;
+    for (const Complex& p : poles) y += 0.01 / (s - p);
+    return y;
+  };
+  std::vector<double> s;
+  Eigen::MatrixXcd y(1, kSamples);
+  for (int i = 0; i < kSamples; ++i) {
+    s.push_back(i / (kSamples - 1.0));
+    y(0, i) = exact(s.back());
+  }
+  harmonic::Rational r;
+  r.fit(s, y, y.cwiseAbs(), 1e-10);
+  EXPECT_GT(r.support().size(), 32U);
+  EXPECT_LE(r.support().size(), kPoles + 4U);
+  EXPECT_LE(r.error(), 1e-10);
+  for (int i = 0; i + 1 < kSamples; ++i) {
+    const double at = (s[static_cast<std::size_t>(i)] + s[static_cast<std::size_t>(i) + 1]) / 2;
+    EXPECT_LE(std::abs(r.evaluate(at)[0] - exact(at)), 1e-7 * std::abs(exact(at))) << at;
+  }
+  for (const Complex& p : poles) {
+    double nearest = INFINITY;
+    for (const Complex& q : r.poles()) nearest = std::min(nearest, std::abs(p - q));
+    EXPECT_LE(nearest, 1e-7) << p;
+  }
+}
+
 struct Case {
   Eigen::MatrixXd k, c, m;
   Eigen::MatrixXcd f;
