@@ -164,9 +164,14 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
       if (streams != shared_streams_) solve_->share(part, &*part_);
       shared_streams_ = streams;
     }
-    solve_->run(
-        {store, &out_of_core_->factor_store, &out_of_core_->factor2_store, &pivots_.inverse_d(), &pivots_.inverse_e()},
-        x, columns, transpose);
+    try {
+      solve_->run({store, &out_of_core_->factor_store, &out_of_core_->factor2_store, &pivots_.inverse_d(),
+                   &pivots_.inverse_e()},
+                  x, columns, transpose);
+    } catch (...) {
+      abandon();  // the device's part may be under way, and reads the store
+      throw;
+    }
   }
 
   [[nodiscard]] OperationTimes times() const override { return times_; }
