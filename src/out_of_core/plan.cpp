@@ -95,7 +95,9 @@ double seconds_of(const Plans& plans) { return plans.front().predicted_seconds +
 void keep_factors(Candidates& candidates, const std::vector<OutOfCoreDevice>& devices, const PlanningRates& rates,
                   const PlanShape& shape, Plans& best) {
   Plans plans;
-  double least = rates.resident > 0 ? std::numeric_limits<double>::infinity() : seconds_of(best), share = 0;
+  // Predictions are some per cent off: what gains less is not worth smaller steps.
+  constexpr double kGain = 0.98;
+  double least = rates.resident > 0 ? std::numeric_limits<double>::infinity() : kGain * seconds_of(best), share = 0;
   const auto try_share = [&](double candidate_share) {
     candidates.forget();
     for (const double step : {1.0, 0.5})
@@ -114,7 +116,10 @@ void keep_factors(Candidates& candidates, const std::vector<OutOfCoreDevice>& de
     if (rates.resident > 0) try_share(rates.resident);
     return;
   }
-  for (const double s : {0.85, 0.7, 0.5, 0.3, 0.15}) try_share(s);
+  for (const double s : {0.85, 0.7, 0.5, 0.3, 0.15}) {
+    try_share(s);
+    if (share > s) break;  // less was worse
+  }
   if (share == 0) return;
   for (const double s : {share + 0.07, share - 0.07})
     if (s < 1) try_share(s);
