@@ -152,7 +152,7 @@ struct PlanningRates {
   int lanes = 1;         ///< queues that compute, 1 or 2 (2: a tenth slower on elasticity 64^3 on one H200)
   double step = 0;       ///< bytes of an in-core step, of the budget; 0: whichever seems best
   double group = 0;      ///< bytes of a group of block columns, likewise
-  double resident = -1;  ///< bytes of the factors that stay on the device, of the budget; negative: what seems best
+  double resident = 0;   ///< bytes of the factors that stay on the device, of the budget; negative: what seems best
   // Of a solve: bytes of the factor in a second (docs/notebook/performance.md, "Memory curve").
   double host_solve = 80e9;      ///< read by the host's threads
   double device_solve = 2.5e12;  ///< by the device, in its own memory
