@@ -28,7 +28,7 @@ struct CurveSettings {
   GpuOptions common;
   int refuse = 0, copy_threads = 0, lanes = 1;
   bool pin = false;
-  double step = 0, group = 0;
+  double step = 0, group = 0, resident = -1;
   std::string system;
   std::vector<double> mebibytes;  // of each device
   std::vector<int> devices{0}, counts{1};
@@ -48,6 +48,8 @@ void declare(CLI::App& app, CurveSettings& settings, int argc, const char* const
   app.add_option("--lanes", settings.lanes, "queues of the GPU");
   app.add_option("--step", settings.step, "share of the budget that a step of fronts may take");
   app.add_option("--group", settings.group, "likewise a group of block columns");
+  app.add_option("--resident", settings.resident,
+                 "likewise the factors that stay on the device; 0: none (default: what seems best)");
 }
 
 double mebibytes(Offset bytes) { return static_cast<double>(bytes) / (1 << 20); }
@@ -140,9 +142,12 @@ class Curve {
                static_cast<double>(plans.front().store_elements) * sizeof(T) * 1e-9, end - made, made - start);
     for (const out_of_core::OutOfCorePlan& p : plans) {
       const auto steps = std::count_if(p.steps.begin(), p.steps.end(), [](const auto& x) { return !x.fronts.empty(); });
-      fmt::print("    link {:8.1f} ms, in {:7.2f} GB, out {:7.2f} GB, {} steps, {} groups, {} operations\n",
-                 1e3 * p.link_seconds, static_cast<double>(p.bytes_in) * 1e-9, static_cast<double>(p.bytes_out) * 1e-9,
-                 steps, p.groups.size(), p.ops.size());
+      fmt::print(
+          "    link {:8.1f} ms, in {:7.2f} GB, out {:7.2f} GB, {} steps, {} groups, {} operations; {:.2f} GB of {} "
+          "fronts stay, {} fronts stream, a solve {:.1f} ms, {:.1f} MB for {} right-hand sides\n",
+          1e3 * p.link_seconds, static_cast<double>(p.bytes_in) * 1e-9, static_cast<double>(p.bytes_out) * 1e-9, steps,
+          p.groups.size(), p.ops.size(), static_cast<double>(p.resident_bytes) * 1e-9, p.resident.size(),
+          p.streamed.size(), 1e3 * p.solve_seconds, static_cast<double>(p.solve_bytes) * 1e-6, p.solve_columns);
     }
   }
 
@@ -165,6 +170,7 @@ class Curve {
     rates.lanes = settings_.lanes;
     rates.step = settings_.step;
     rates.group = settings_.group;
+    rates.resident = settings_.resident;
     return rates;
   }
 

@@ -52,6 +52,14 @@ Offset Arena::take_lowest(Offset bytes) {
   return take_passing(bytes);
 }
 
+Offset Arena::take_first(Offset bytes) {
+  bytes = round(bytes);
+  if (bytes == 0) return 0;
+  for (auto it = holes_.begin(); it != holes_.end(); ++it)
+    if (it->second >= bytes) return cut(it, it->first, bytes);
+  return -1;
+}
+
 void Arena::give_back(Offset at, Offset bytes) {
   bytes = round(bytes);
   if (bytes == 0) return;

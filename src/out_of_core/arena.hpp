@@ -25,6 +25,8 @@ class Arena {
   Offset take_passing(Offset bytes);
   Offset take_lasting(Offset bytes);
   Offset take_lowest(Offset bytes);
+  /// The lowest hole that is large enough, for what stays; what passes through goes on where it was.
+  Offset take_first(Offset bytes);
   void give_back(Offset at, Offset bytes);
   [[nodiscard]] Offset peak() const { return peak_; }  ///< highest byte in use so far
   [[nodiscard]] Offset size() const { return size_; }

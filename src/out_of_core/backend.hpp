@@ -89,8 +89,9 @@ class OutOfCoreBackend : public OutOfCoreLayout {
   /// Several devices: takes over what another backend of the same sort keeps of its pivots for solves.
   virtual void take_pivots(OutOfCoreBackend<T>& from) = 0;
 
-  /// Like Executor::solve, from the factors in the host's store.
-  virtual void solve(const T* store, T* x, Index columns, bool transpose) = 0;
+  /// Like Executor::solve, from the factors in the host's store and those that stay on the device.
+  /// @param reachable  all of the store is pinned: the device may read it itself
+  virtual void solve(const T* store, bool reachable, T* x, Index columns, bool transpose) = 0;
   [[nodiscard]] virtual std::string name() const = 0;
   /// Most bytes of device memory that were held at one time, as counted where they were taken.
   [[nodiscard]] virtual Offset peak_bytes() const = 0;

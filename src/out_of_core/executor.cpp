@@ -108,7 +108,9 @@ class OutOfCoreExecutor final : public device::Executor<T> {
   }
 
   void solve(T* x, Index columns, bool transpose) override {
-    devices_.front().backend().solve(store_.data(), x, columns, transpose);
+    // Not in part: then the sums, and so the bits, would depend on how far the pinning is.
+    const bool reachable = !plans_.front().streamed.empty() && pinned_->complete();
+    devices_.front().backend().solve(store_.data(), reachable, x, columns, transpose);
   }
   [[nodiscard]] std::string name() const override { return devices_.front().backend().name(); }
   [[nodiscard]] Offset peak_bytes() const override {

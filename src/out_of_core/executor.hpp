@@ -25,8 +25,8 @@ struct OutOfCoreOptions {
   base::Interruption* interruption = nullptr;  ///< asked between the operations of the first device; null: nobody is
 };
 
-/// Substitution runs on the host, where the factor is: it does two operations per number, so the host's memory, several
-/// times faster than the link, bounds it.
+/// Substitution runs where the factor is: it does two operations per number, so memory bounds it. The host does what is
+/// in its store, but for the part that the link brings to the device in the same time.
 /// @param backends  of one plan, and laid out alike; the first one does the solves
 /// @throws Error(out_of_memory) naming the least budget that works
 template <class T>

@@ -16,11 +16,18 @@ PinnedStore::~PinnedStore() {
 }
 
 void PinnedStore::start() {
-  if (thread_.joinable() || limit_ <= 0 || bytes_ <= 0) return;
+  if (started_ || limit_ <= 0 || bytes_ <= 0) return;
+  started_ = true;
   try {
     thread_ = std::thread([this] { pin_all(); });
   } catch (const std::system_error&) {  // no more threads: everything goes through the ring
   }
+}
+
+bool PinnedStore::complete() {
+  start();
+  if (thread_.joinable()) thread_.join();
+  return from_ == 0;
 }
 
 // A failure of the driver shows up where the devices are used; here it means the ring.

@@ -34,6 +34,8 @@ class PinnedStore {
 
   /// Starts the thread; again: nothing.
   void start();
+  /// Waits until the thread is done. @returns whether all of the store is pinned
+  bool complete();
   /// Bytes at the end of the store that are pinned by now.
   [[nodiscard]] Offset pinned_bytes() const { return bytes_ - from_.load(std::memory_order_acquire); }
   /// Whether bytes [at, at + bytes) of the store are.
@@ -52,6 +54,7 @@ class PinnedStore {
   const Calls calls_;
   std::atomic<Offset> from_;  // the store is pinned from here on
   std::atomic<bool> stop_{false};
+  bool started_ = false;
   std::thread thread_;
 };
 

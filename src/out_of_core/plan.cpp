@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <utility>
 
@@ -86,6 +87,44 @@ bool make_frugal(Candidates& candidates, const std::vector<OutOfCoreDevice>& dev
   return false;
 }
 
+// Seconds of a factorization and one solve.
+double seconds_of(const Plans& plans) { return plans.front().predicted_seconds + plans.front().solve_seconds; }
+
+// Factors that stay on the device spare the link and the host, but leave less room for steps and groups. Tries how much
+// of the budget they may take, with steps and groups that are smaller by as much, or by half of that again.
+void keep_factors(Candidates& candidates, const std::vector<OutOfCoreDevice>& devices, const PlanningRates& rates,
+                  const PlanShape& shape, Plans& best) {
+  Plans plans;
+  // Predictions are some per cent off: what gains less is not worth smaller steps.
+  constexpr double kGain = 0.98;
+  double least = rates.resident > 0 ? std::numeric_limits<double>::infinity() : kGain * seconds_of(best), share = 0;
+  const auto try_share = [&](double candidate_share) {
+    candidates.forget();
+    for (const double step : {1.0, 0.5})
+      for (const double group : {1.0, 0.5}) {
+        PlanShape candidate = shape;
+        candidate.resident = candidate_share;
+        candidate.step *= step * (1 - candidate_share);
+        candidate.group *= group * (1 - candidate_share);
+        if (!candidates.make(devices, candidate, plans) || seconds_of(plans) >= least) continue;
+        least = seconds_of(plans);
+        share = candidate_share;
+        best = std::move(plans);
+      }
+  };
+  if (rates.resident >= 0) {
+    if (rates.resident > 0) try_share(rates.resident);
+    return;
+  }
+  for (const double s : {0.85, 0.7, 0.5, 0.3, 0.15}) {
+    try_share(s);
+    if (share > s) break;  // less was worse
+  }
+  if (share == 0) return;
+  for (const double s : {share + 0.07, share - 0.07})
+    if (s < 1) try_share(s);
+}
+
 // The fastest of the shapes that need no frugality; none: empty. First the sizes of steps and groups, then, for the
 // best of them, what matters less.
 Plans fastest(Candidates& candidates, const std::vector<OutOfCoreDevice>& devices, const PlanningRates& rates) {
@@ -118,6 +157,8 @@ Plans fastest(Candidates& candidates, const std::vector<OutOfCoreDevice>& device
   for (const double chunk : {1.0 / 64, 1.0 / 16}) with([&](PlanShape& x) { x.chunk = chunk; });
   if (devices.size() > 1)
     for (const int t : {1, 4}) with([&](PlanShape& x) { x.turns = t; });
+  else
+    keep_factors(candidates, devices, rates, shape, best);
   return best;
 }
 

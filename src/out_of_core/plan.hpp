@@ -10,6 +10,10 @@
 /// Contributions stay on the device while there is room; when there is not, those go whose use is farthest (Belady
 /// 1966).
 ///
+/// One device: the factors of the units that are eliminated last stay where they were made, as many as pay; those need
+/// no place in the host's store. A solve does them on the device, and the others on the host or, sub-trees of them,
+/// through the link, side by side.
+///
 /// Several devices have a plan each, over one store in the host's memory: sub-trees stay with one device, the groups of
 /// a large front above them are dealt to the devices that have a sub-tree below it, and what one device needs of
 /// another goes through the store. All operations of all devices stand in one topological order, of which every queue
@@ -59,6 +63,9 @@ class OutOfCoreLayout {
   [[nodiscard]] virtual Offset output_bytes(Index f, Index begin, Index end) const = 0;
   /// Whether the values of A are copied to the device, in the order of the step's entries.
   [[nodiscard]] virtual bool copies_values() const = 0;
+  /// Bytes that a solve for so many right-hand sides takes in the arena, for the tables and vectors of these fronts, if
+  /// they are done on the device. @param fronts  ascending; with each all above it
+  [[nodiscard]] virtual Offset solve_bytes(const std::vector<Index>& fronts, Index columns) const = 0;
 };
 
 /// Fronts that are eliminated together. Places are bytes of the device arena.
@@ -145,6 +152,10 @@ struct PlanningRates {
   int lanes = 1;         ///< queues that compute, 1 or 2 (2: a tenth slower on elasticity 64^3 on one H200)
   double step = 0;       ///< bytes of an in-core step, of the budget; 0: whichever seems best
   double group = 0;      ///< bytes of a group of block columns, likewise
+  double resident = 0;   ///< bytes of the factors that stay on the device, of the budget; negative: what seems best
+  // Of a solve: bytes of the factor in a second (docs/notebook/performance.md, "Memory curve").
+  double host_solve = 80e9;      ///< read by the host's threads
+  double device_solve = 2.5e12;  ///< by the device, in its own memory
 };
 
 /// A device of several.
@@ -162,12 +173,21 @@ struct OutOfCorePlan {
   std::vector<Operation> ops;
   std::vector<Offset> factor_store;   ///< fronts; elements of the host's store where the first factor array begins
   std::vector<Offset> factor2_store;  ///< fronts; likewise of the second (lu; ldlt: large fronts only)
-  Offset store_elements = 0;          ///< of the host's store: factors, then contributions
-  Offset factor_elements = 0;         ///< factors of it
+  /// fronts; bytes of the arena where the factor arrays are after the factorization (the second: lu), -1: in the store,
+  /// where the others have no place. With a front, all above it are there.
+  std::vector<std::array<Offset, 2>> resident_at;
+  std::vector<Index> resident;           ///< these fronts, ascending
+  std::vector<Index> streamed;           ///< sub-trees below them that a solve reads from the store through the link
+  Offset resident_bytes = 0;             ///< of the factors of `resident`
+  Offset solve_at = 0, solve_bytes = 0;  ///< of the arena, free after a factorization: for the solve of both
+  Index solve_columns = 0;               ///< right-hand sides for which there is room
+  Offset store_elements = 0;             ///< of the host's store: factors, then contributions
+  Offset factor_elements = 0;            ///< factors of it
   Offset bytes_in = 0, bytes_out = 0;
   int lanes = 1;  ///< queues that compute
   double predicted_seconds = 0;
-  double link_seconds = 0;  ///< what the busier direction of the link needs alone
+  double link_seconds = 0;   ///< what the busier direction of the link needs alone
+  double solve_seconds = 0;  ///< predicted, for one right-hand side
 };
 
 /// No plan exists for the budgets.

@@ -4,12 +4,16 @@
 #include <limits>
 #include <utility>
 
+#include "out_of_core/solve_shares.hpp"
+
 namespace espalier::out_of_core {
 
 namespace {
 
 // While plans are made, contributions in the store count from kFar for every device; finish() puts them together.
 constexpr Offset kFar = Offset{1} << 52;
+
+constexpr Index kSolveColumns = 8;  // right-hand sides that a pass over the factor takes
 
 Index places(const OutOfCoreLayout& layout) { return layout.plan().fronts(); }
 
@@ -46,7 +50,27 @@ Program::Program(const OutOfCoreLayout& the_layout, const std::vector<Unit>& the
     else
       plans[static_cast<std::size_t>(units[u].devices.front())].steps[u] = steps[u];
   }
+  choose_residents();
   lay_out_store();
+}
+
+// Bytes of the factors of a unit, as a solve needs them.
+Offset Program::resident_bytes(std::size_t of_unit) const {
+  if (const Index f = units[of_unit].large; f >= 0)
+    return Arena::round(layout.sizes().factor[f] * element) * (plan.options.unsymmetric ? 2 : 1);
+  return Arena::round(plans.front().steps[of_unit].memory.factor_size * element);
+}
+
+// The units that are eliminated last: all above them is among them, and they take room when little else does.
+void Program::choose_residents() {
+  resident_.assign(units.size(), 0);
+  if (plans.size() > 1) return;
+  auto left = static_cast<Offset>(shape.resident * static_cast<double>(arena_bytes(0)));
+  for (std::size_t u = units.size(); u-- > 0;) {
+    left -= resident_bytes(u);
+    if (left < 0) return;
+    resident_[u] = 1;
+  }
 }
 
 // Factors first, in the order of the units; contributions come and go behind them.
@@ -54,6 +78,7 @@ void Program::lay_out_store() {
   std::vector<Offset> first(contributions.size(), -1), second(contributions.size(), -1);
   Offset at = 0;
   for (std::size_t u = 0; u < units.size(); ++u) {
+    if (resident_[u] != 0) continue;
     if (const Index f = units[u].large; f >= 0) {
       for (int k = 0; k < factor_parts; ++k, at += layout.sizes().factor[f]) (k == 0 ? first : second)[f] = at;
       continue;
@@ -72,6 +97,7 @@ void Program::lay_out_store() {
     p.factor_store = first;
     p.factor2_store = second;
     p.factor_elements = factor_elements_;
+    p.resident_at.assign(contributions.size(), {-1, -1});
   }
 }
 
@@ -171,6 +197,14 @@ Offset Program::need(Index device, Offset bytes, bool lasting) {
   const Offset at = take(device, bytes, lasting);
   if (at < 0) throw NoRoom{};
   return at;
+}
+
+Offset Program::need_first(Index device, Offset bytes) {
+  for (;;) {
+    const Offset at = state(device).arena.take_first(bytes);
+    if (at >= 0) return at;
+    if (!evict_one(device)) throw NoRoom{};
+  }
 }
 
 // Sends away what is needed last. @returns false when nothing can go
@@ -313,8 +347,50 @@ void Program::move_contributions() {
   }
 }
 
+// What stays, what streams, and room for the tables and vectors of both where the factorization needs none any more.
+void Program::plan_solve() {
+  OutOfCorePlan& p = plans.front();
+  for (Index f = 0; f < plan.fronts(); ++f)
+    if (resident_[static_cast<std::size_t>(unit_of(f))] != 0) {
+      p.resident.push_back(f);
+      p.resident_bytes += layout.sizes().factor[f] * element * (plan.options.unsymmetric ? 2 : 1);
+    }
+  if (p.resident.empty()) return;
+  // Zero-copy reads do not quite reach the rate of copies.
+  constexpr double kOfCopies = 0.85;
+  const double link = kOfCopies * rates.bytes_in;
+  p.streamed = choose_streamed(layout, p.resident, link / (link + rates.host_solve));
+  for (;; p.streamed.clear()) {
+    std::vector<Index> both(p.resident.size() + p.streamed.size());
+    std::merge(p.resident.begin(), p.resident.end(), p.streamed.begin(), p.streamed.end(), both.begin());
+    for (const Index columns : {kSolveColumns, Index{1}}) {
+      p.solve_columns = columns;
+      p.solve_bytes = layout.solve_bytes(both, columns);
+      p.solve_at = state(0).arena.take_first(p.solve_bytes);
+      if (p.solve_at >= 0) return;
+    }
+    if (p.streamed.empty()) throw NoRoom{};
+  }
+}
+
+// The host and the link side by side, then what stays; every number is read twice.
+void Program::predict_solve() {
+  OutOfCorePlan& p = plans.front();
+  const double parts = plan.options.unsymmetric ? 2 : 1;  // of which a pass reads one
+  Offset all = 0;
+  for (Index f = 0; f < plan.fronts(); ++f) all += layout.sizes().factor[f] * element;
+  Offset through_link = 0;
+  for (const Index f : p.streamed) through_link += layout.sizes().factor[f] * element;
+  const double resident = static_cast<double>(p.resident_bytes) / parts;
+  const auto streamed = static_cast<double>(through_link);
+  const double host = static_cast<double>(all) - resident - streamed;
+  p.solve_seconds = 2 * (std::max(host / rates.host_solve, streamed / rates.bytes_in) + resident / rates.device_solve);
+}
+
 std::vector<OutOfCorePlan> Program::finish() {
   move_contributions();
+  plan_solve();
+  predict_solve();
   double bytes = 0, queues = 0;
   for (const OutOfCorePlan& p : plans) bytes += static_cast<double>(p.bytes_in + p.bytes_out);
   for (const DeviceState& s : states_)

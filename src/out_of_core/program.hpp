@@ -26,6 +26,7 @@ struct PlanShape {
   bool frugal = false;  ///< contributions go to the host at once
   int lanes = 1;        ///< queues that compute
   bool around = false;  ///< see Arena
+  double resident = 0;  ///< bytes of factors that stay on the device, of its arena (one device)
 };
 
 /// Block columns of a front that lie on a device, in the host's store, or both.
@@ -66,6 +67,8 @@ class Program {
   std::vector<Segment> factors;                     ///< of the large front at hand, by rising columns
   Index unit = 0;                                   ///< at hand
 
+  /// Whether the factors of the unit at hand stay on the device.
+  [[nodiscard]] bool stays() const { return resident_[static_cast<std::size_t>(unit)] != 0; }
   [[nodiscard]] Index unit_of(Index front) const { return unit_of_[static_cast<std::size_t>(front)]; }
   [[nodiscard]] Offset contribution_bytes(Index f, Index begin, Index end) const {
     return (layout.contribution_offset(f, end) - layout.contribution_offset(f, begin)) * element;
@@ -86,6 +89,8 @@ class Program {
   Offset take(Index device, Offset bytes, bool lasting);
   /// Likewise. @throws NoRoom
   Offset need(Index device, Offset bytes, bool lasting = false);
+  /// For what stays until the end of the factorization, or of its unit. @throws NoRoom
+  Offset need_first(Index device, Offset bytes);
   void give_back(Index device, Offset at, Offset bytes) { state(device).arena.give_back(at, bytes); }
   /// The segment's place on its device is free afterwards.
   void release(Segment& s);
@@ -124,6 +129,10 @@ class Program {
   [[nodiscard]] double seconds_of(const DeviceState& s, const Operation& op, double flops, double chain) const;
   [[nodiscard]] double begin_of(Index device, const Operation& op, std::size_t queue) const;
   void wait_in_store(Index device, Operation& op, int queue, std::span<const Access> store);
+  [[nodiscard]] Offset resident_bytes(std::size_t of_unit) const;
+  void choose_residents();
+  void plan_solve();
+  void predict_solve();
   void lay_out_store();
   bool evict_one(Index device);
   void move_contributions();
@@ -131,6 +140,7 @@ class Program {
   std::vector<DeviceState> states_;
   Touches store_touches_;       // queues of all devices
   std::vector<Index> unit_of_;  // fronts
+  std::vector<char> resident_;  // units
   std::vector<Index> held_;     // fronts with contributions
   Offset factor_elements_ = 0;  // of the store
 };

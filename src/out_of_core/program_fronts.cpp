@@ -47,13 +47,34 @@ void FrontProgrammer::write() {
   const Unit& u = p_.units[static_cast<std::size_t>(p_.unit)];
   const Index f = u.large;
   p_.factors.clear();
+  if (p_.stays()) take_whole(f);
   for (const Index d : u.devices) take_chunks(d, f);
   for (Index begin = 0; begin < columns_of(f);) begin = one_group(next_device(), f, begin);
-  for (Segment& s : p_.factors) p_.release(s);
+  if (p_.stays())
+    keep_whole(f);
+  else
+    for (Segment& s : p_.factors) p_.release(s);
   p_.factors.clear();
   for (const Index d : u.devices)
     for (const Offset at : chunks_[d].at) p_.give_back(d, at, chunks_[d].bytes);
   for (Offset c = p_.plan.child_ptr[f]; c < p_.plan.child_ptr[f + 1]; ++c) p_.forget_contribution(p_.plan.children[c]);
+}
+
+// Places for all pivot columns, one array after the other, for a front whose factor stays.
+void FrontProgrammer::take_whole(Index f) {
+  const Offset bytes = p_.layout.sizes().factor[f] * p_.element;
+  for (int k = 0; k < p_.factor_parts; ++k) whole_at_[static_cast<std::size_t>(k)] = p_.need_first(0, bytes);
+}
+
+// A solve does not ask for L D.
+void FrontProgrammer::keep_whole(Index f) {
+  auto& at = p_.plans.front().resident_at[static_cast<std::size_t>(f)];
+  at[0] = whole_at_[0];
+  if (p_.factor_parts == 1) return;
+  if (p_.plan.options.unsymmetric)
+    at[1] = whole_at_[1];
+  else
+    p_.give_back(0, whole_at_[1], p_.layout.sizes().factor[f] * p_.element);
 }
 
 // Places for slabs; one block column at least.
@@ -101,7 +122,11 @@ bool FrontProgrammer::place(Index device, ColumnGroup& g, Offset tables, Offset 
   bool good = region(g.tables_at, tables, false) &&
               region(g.values_at, p_.layout.copies_values() ? g.entries * p_.element : 0, false) &&
               region(g.scratch_at, scratch, false);
-  for (int k = 0; good && k < p_.factor_parts; ++k) good = region(g.factor_at[k], factor, false);
+  for (int k = 0; good && k < p_.factor_parts; ++k)
+    if (p_.stays())
+      g.factor_at[k] = whole_at_[static_cast<std::size_t>(k)] + p_.factor_bytes(f, 0, std::min(g.begin, pivots));
+    else
+      good = region(g.factor_at[k], factor, false);
   for (int k = 0; good && k < p_.contribution_parts; ++k) good = region(g.contribution_at[k], below, true);
   return good;
 }
@@ -300,7 +325,7 @@ void FrontProgrammer::store(const Group& g, Index end) {
   const Index f = c.front;
   const bool two = p_.factor_parts == 2, shared = p_.units[static_cast<std::size_t>(p_.unit)].devices.size() > 1;
   const OutOfCorePlan& plan = p_.plans[static_cast<std::size_t>(g.device)];
-  for (Index begin = c.begin; begin < end;) {
+  for (Index begin = p_.stays() ? end : c.begin; begin < end;) {
     Index last = shared ? begin + 1 : end;
     while (last < end && p_.factor_bytes(f, begin, last + 1) * p_.factor_parts <= chunks_[g.device].bytes) ++last;
     Operation op = g.op;
@@ -327,6 +352,7 @@ void FrontProgrammer::store(const Group& g, Index end) {
   s.part_bytes = p_.factor_bytes(f, c.begin, end);
   s.next_unit = p_.unit;
   s.stored = true;
+  s.pinned = p_.stays() ? 1 : 0;
   p_.factors.push_back(s);
 }
 

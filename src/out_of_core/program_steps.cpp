@@ -57,7 +57,12 @@ void StepProgrammer::write() {
   region(s.tables_at, room.tables, false, false);
   region(s.values_at, room.values, false, false);
   region(s.scratch_at, room.scratch, false, true);
-  region(s.work_at, room.work, false, true);
+  if (p_.stays()) {
+    s.work_at = p_.need_first(device, room.work);
+    touched.push_back({s.work_at, room.work, true});
+  } else {
+    region(s.work_at, room.work, false, true);
+  }
   double flops = 0, longest = 0;
   for (std::size_t k = 0; k < s.fronts.size(); ++k) {
     const Index f = s.fronts[k];
@@ -80,6 +85,17 @@ void StepProgrammer::write() {
   finish(device, s, room, loaded);
 }
 
+// The step's factors, the first of its work array, stay where they are. @returns their bytes
+Offset StepProgrammer::keep(Index device, const InCoreStep& s) {
+  auto& places = p_.plans[static_cast<std::size_t>(device)].resident_at;
+  for (std::size_t k = 0; k < s.fronts.size(); ++k) {
+    auto& at = places[static_cast<std::size_t>(s.fronts[k])];
+    at[0] = s.work_at + s.memory.factor[k] * p_.element;
+    if (p_.plan.options.unsymmetric) at[1] = s.work_at + s.memory.factor2[k] * p_.element;
+  }
+  return Arena::round(s.memory.factor_size * p_.element);
+}
+
 void StepProgrammer::finish(Index device, InCoreStep& s, const Room& room, const std::vector<Access>& loaded) {
   Operation op;
   op.unit = p_.unit;
@@ -95,13 +111,14 @@ void StepProgrammer::finish(Index device, InCoreStep& s, const Room& room, const
   op.at[0] = s.work_at;
   op.host[0] = s.store_at;
   op.bytes = s.memory.factor_size * p_.element;
-  if (op.bytes > 0)
+  const Offset kept = p_.stays() ? keep(device, s) : 0;
+  if (kept == 0 && op.bytes > 0)
     p_.emit(device, op, std::array<Access, 1>{{{s.work_at, op.bytes, false}}},
             std::array<Access, 1>{{{s.store_at, s.memory.factor_size, true}}});
   p_.give_back(device, s.tables_at, room.tables);
   p_.give_back(device, s.values_at, room.values);
   p_.give_back(device, s.scratch_at, room.scratch);
-  p_.give_back(device, s.work_at, room.work);
+  p_.give_back(device, s.work_at + kept, Arena::round(room.work) - kept);
   for (const Access& a : loaded) p_.give_back(device, a.at, a.bytes);
   for (const Index child : s.externals) p_.forget_contribution(child);
 }

@@ -21,6 +21,7 @@ class StepProgrammer {
   };
   [[nodiscard]] bool leaves_step(Index f) const;
   std::array<Offset, 2> bring_external(Index device, Index child, std::vector<Access>& loaded);
+  Offset keep(Index device, const InCoreStep& s);
   void finish(Index device, InCoreStep& s, const Room& room, const std::vector<Access>& loaded);
   double count_chain(Index f);
 
@@ -48,6 +49,8 @@ class FrontProgrammer {
     ColumnGroup columns;
   };
 
+  void take_whole(Index f);
+  void keep_whole(Index f);
   void take_chunks(Index device, Index f);
   Offset next_chunk(Index device);
   [[nodiscard]] Index next_device() const;
@@ -71,7 +74,8 @@ class FrontProgrammer {
   void store(const Group& g, Index end);
 
   Program& p_;
-  std::vector<Chunks> chunks_;  // devices
+  std::vector<Chunks> chunks_;        // devices
+  std::array<Offset, 2> whole_at_{};  // of the factor arrays of the front at hand, where they stay
   std::vector<Extent> extents_;
 };
 

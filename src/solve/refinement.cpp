@@ -44,8 +44,8 @@ Refinement::Refinement(const ResidualSpace& a, const Systems& systems, const Ref
 }
 
 bool Refinement::worth_going_on(const Column& c) const {
-  return c.result.error.componentwise > options_.target && c.result.steps < options_.steps &&
-         (!c.krylov || c.result.krylov_steps < options_.krylov_steps);
+  return c.result.error.componentwise > options_.target && !(c.result.error.normwise <= options_.normwise_target) &&
+         c.result.steps < options_.steps && (!c.krylov || c.result.krylov_steps < options_.krylov_steps);
 }
 
 void Refinement::leave_out_done() {

@@ -20,6 +20,7 @@ struct RefinementOptions {
   bool positive_definite = false;  ///< CG instead of FGMRES
   int krylov_steps = 100;          ///< most products in the Krylov phase
   double target = 2e-16;           ///< a componentwise backward error at most this is as good as it gets
+  double normwise_target = 0;      ///< and a normwise one at most this, where a step costs more than it gains
 };
 
 struct RefinementResult {

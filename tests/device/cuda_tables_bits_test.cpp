@@ -110,6 +110,9 @@ class Layout : public out_of_core::OutOfCoreLayout {
     return tables().scratch(f, b, e).flags;
   }
   [[nodiscard]] bool copies_values() const override { return true; }
+  [[nodiscard]] Offset solve_bytes(const std::vector<Index>& fronts, Index columns) const override {
+    return device::cuda::PartTables::most_bytes(plan(), tables(), fronts, element_bytes(), columns);
+  }
 
  private:
   [[nodiscard]] const std::vector<device::cuda::Front>& fronts() const { return tables().device_plan().fronts; }

@@ -23,13 +23,16 @@ std::vector<const device::Backend*> able_backends() {
   return list;
 }
 
-// The solution for a fixed right-hand side, in the matrix' own order.
-std::vector<double> solved(device::Executor<double>& executor, const plan::Plan& plan, bool transpose) {
+// The solution for a fixed right-hand side, `columns` times (row by row), in the matrix' own order.
+std::vector<double> solved(device::Executor<double>& executor, const plan::Plan& plan, bool transpose,
+                           Index columns = 1) {
   const std::vector<double> b = reference::random_vector(plan.tree.n, 5);
-  std::vector<double> x(b.size()), out(b.size());
-  for (std::size_t k = 0; k < x.size(); ++k) x[k] = b[static_cast<std::size_t>(plan.tree.order[k])];
-  executor.solve(x.data(), 1, transpose);
-  for (std::size_t k = 0; k < x.size(); ++k) out[static_cast<std::size_t>(plan.tree.order[k])] = x[k];
+  const auto width = static_cast<std::size_t>(columns);
+  std::vector<double> x(b.size() * width), out(x.size());
+  for (std::size_t k = 0; k < x.size(); ++k) x[k] = b[static_cast<std::size_t>(plan.tree.order[k / width])];
+  executor.solve(x.data(), columns, transpose);
+  for (std::size_t k = 0; k < x.size(); ++k)
+    out[static_cast<std::size_t>(plan.tree.order[k / width]) * width + k % width] = x[k];
   return out;
 }
 
@@ -70,20 +73,33 @@ TEST_P(OutOfCore, GivesTheAnswerOfTheTextbook) {
     options.slot_bytes = 64 << 10;
     options.rates = PlanningRates(plan.options.machine.out_of_core, kind);
     const device::Job job{plan, kind, false, rule, pool};
-    const auto executor =
-        make_out_of_core_executor<double>(backend.out_of_core()->make(job, device::Scalar<double>()), options, nullptr);
-    const device::FactorOutcome outcome = executor->factorize(a.values);
-    EXPECT_LE(executor->peak_bytes(), budget);
-    EXPECT_EQ(executor->peak_bytes(), executor->out_of_core().predicted_bytes);
-    EXPECT_EQ(outcome.negative, expected.negative);
-    EXPECT_EQ(outcome.replaced, expected.replaced);
-    // The systems' condition numbers are below 1e6 (scaled or small ones).
-    const double tolerance = 1e6 * std::numeric_limits<double>::epsilon() * std::sqrt(static_cast<double>(a.cols));
-    for (const bool transpose : {false, true}) {
-      const std::vector<double> x = solved(*executor, plan, transpose);
-      EXPECT_LE(difference(x, solved(*truth, dense, transpose)), tolerance) << "transpose " << transpose;
-      (void)executor->factorize(a.values);
-      EXPECT_EQ(std::memcmp(solved(*executor, plan, transpose).data(), x.data(), x.size() * sizeof(double)), 0);
+    // With what seems best, and with factors on the device and sub-trees that stream from a pinned store.
+    for (const double resident : {-1.0, 0.3}) {
+      options.rates.resident = resident;
+      options.pinned_bytes = resident > 0 ? Offset{1} << 40 : 0;
+      const auto executor = make_out_of_core_executor<double>(
+          backend.out_of_core()->make(job, device::Scalar<double>()), options, nullptr);
+      const device::FactorOutcome outcome = executor->factorize(a.values);
+      EXPECT_LE(executor->peak_bytes(), budget);
+      EXPECT_EQ(executor->peak_bytes(), executor->out_of_core().predicted_bytes);
+      EXPECT_EQ(outcome.negative, expected.negative);
+      EXPECT_EQ(outcome.replaced, expected.replaced);
+      // The systems' condition numbers are below 1e6 (scaled or small ones).
+      const double tolerance = 1e6 * std::numeric_limits<double>::epsilon() * std::sqrt(static_cast<double>(a.cols));
+      for (const bool transpose : {false, true}) {
+        const std::vector<double> x = solved(*executor, plan, transpose);
+        EXPECT_LE(difference(x, solved(*truth, dense, transpose)), tolerance) << "transpose " << transpose;
+        (void)executor->factorize(a.values);
+        EXPECT_EQ(std::memcmp(solved(*executor, plan, transpose).data(), x.data(), x.size() * sizeof(double)), 0);
+        // The same right-hand side sixteen times.
+        constexpr Index kColumns = 16;
+        const std::vector<double> many = solved(*executor, plan, transpose, kColumns);
+        for (Index c = 0; c < kColumns; ++c) {
+          std::vector<double> column;
+          for (std::size_t k = 0; k < x.size(); ++k) column.push_back(many[k * kColumns + static_cast<std::size_t>(c)]);
+          EXPECT_LE(difference(column, x), tolerance) << "column " << c;
+        }
+      }
     }
   }
 }

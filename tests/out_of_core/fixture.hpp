@@ -86,6 +86,7 @@ class OutOfCoreFactorization : public ::testing::TestWithParam<OutOfCoreSystem> 
     options_of_all.slot_bytes = 4096;  // copies of many pieces
     options_of_all.slots = 3;
     options_of_all.rates.share_seconds = 0;
+    options_of_all.rates.resident = resident_;
     std::vector<std::unique_ptr<out_of_core::OutOfCoreBackend<double>>> backends;
     for (HostOutOfCoreOptions& o : options)
       backends.push_back(device::host::make_host_out_of_core_backend<double>(
@@ -174,6 +175,7 @@ class OutOfCoreFactorization : public ::testing::TestWithParam<OutOfCoreSystem> 
   Offset need_ = 0;          // bytes in core
   Offset floor_ = 0;         // bytes of the least budget
   Offset pinned_bytes_ = 0;  // of the store may be page-locked
+  double resident_ = -1;     // of the budget: factors that stay on the device
 };
 
 inline bool same_bits(const std::vector<double>& x, const std::vector<double>& y) {

@@ -36,11 +36,81 @@ TEST_P(OutOfCoreSystems, AnyBudgetGivesTheAnswerInCore) {
       EXPECT_GT(report.groups, 1) << "no front was too large: the budget tests little";
     }
     EXPECT_GT(report.groups + report.steps, 1);
-    EXPECT_GE(report.bytes_out, static_cast<Offset>(sizeof(double)) * plan_.nonzeros_factor);
+    EXPECT_GE(report.bytes_out + executor->peak_bytes(),
+              static_cast<Offset>(sizeof(double)) * plan_.nonzeros_factor);  // what does not go out stays
     // Again: the same bits.
     (void)executor->factorize(a_.values);
     EXPECT_TRUE(same_bits(solved(*executor, false), x));
   }
+}
+
+// What stays is all above something, and what streams are whole sub-trees below it; none of it has a place in the
+// store, or all of it.
+TEST_P(OutOfCoreSystems, ResidentFactorsAreTheTopOfTheTree) {
+  base::ThreadPool& pool = pool_;
+  const auto backend =
+      device::host::make_host_out_of_core_backend<double>({plan_, GetParam().kind, false, {0.01, test::kTiny}, pool});
+  int with_residents = 0, with_streamed = 0;
+  for (const double share : {0.1, 0.3, 0.5}) {
+    out_of_core::PlanningRates rates;
+    rates.resident = share;
+    const Offset budget = floor_ + (need_ - floor_) * 2 / 3;
+    const out_of_core::OutOfCorePlan p = out_of_core::plan_out_of_core(*backend, {{budget, 1}}, rates).front();
+    EXPECT_LE(p.arena_bytes, budget);
+    with_residents += p.resident.empty() ? 0 : 1;
+    with_streamed += p.streamed.empty() ? 0 : 1;
+    std::vector<char> where(static_cast<std::size_t>(plan_.fronts()), 'h');
+    for (const Index f : p.resident) where[f] = 'r';
+    for (const Index f : p.streamed) {
+      EXPECT_EQ(where[f], 'h') << f;
+      where[f] = 's';
+    }
+    for (Index f = 0; f < plan_.fronts(); ++f) {
+      const Index parent = plan_.tree.parent[f];
+      const char above = parent < 0 ? 'r' : where[parent];
+      EXPECT_EQ(p.resident_at[f][0] >= 0, where[f] == 'r') << f;
+      EXPECT_EQ(p.factor_store[f] < 0, where[f] == 'r') << f;
+      if (where[f] == 'r') {
+        EXPECT_EQ(above, 'r') << f;
+      }
+      if (where[f] == 's') {
+        EXPECT_TRUE(above == 'r' || above == 's') << f;
+      }
+      if (above == 's') {
+        EXPECT_EQ(where[f], 's') << f;
+      }
+    }
+  }
+  EXPECT_GT(with_residents, 0);
+  if (GetParam().words.front() == "elasticity" && GetParam().kind == Kind::llt) {
+    EXPECT_GT(with_streamed, 0);
+  }
+}
+
+// The same answers with factors in both memories, the same bits in every run, and a smaller store.
+TEST_P(OutOfCoreSystems, FactorsThatStayGiveTheAnswerInCore) {
+  resident_ = 0;
+  const Offset budget = floor_ + (need_ - floor_) * 2 / 3;
+  auto none = start(budget);
+  (void)none->factorize(a_.values);
+  int smaller = 0;
+  for (const Offset pinned : {Offset{0}, Offset{1} << 40})
+    for (const double share : {0.15, 0.3, 0.5}) {
+      SCOPED_TRACE("share " + std::to_string(share) + ", pinned " + std::to_string(pinned));
+      resident_ = share;
+      pinned_bytes_ = pinned;
+      auto executor = start(budget);
+      expect_the_same(executor->factorize(a_.values));
+      EXPECT_LE(executor->peak_bytes(), budget);
+      smaller += executor->out_of_core().store_bytes < none->out_of_core().store_bytes * 9 / 10 ? 1 : 0;
+      const std::vector<double> x = solved(*executor, false);
+      EXPECT_LE(difference(x), tolerance());
+      (void)executor->factorize(a_.values);
+      EXPECT_TRUE(same_bits(solved(*executor, false), x));
+      EXPECT_TRUE(same_bits(solved(*executor, false), x)) << "the solve changed the factor";
+      expect_transposed_as_in_core(*executor);
+    }
+  EXPECT_GT(smaller, 0) << "nothing stayed: the shares test little";
 }
 
 TEST_P(OutOfCoreSystems, DelaysDoNotChangeTheBits) {

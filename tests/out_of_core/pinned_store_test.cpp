@@ -70,6 +70,22 @@ TEST(PinnedStore, GoesFromTheEndToTheBeginningAndReleasesAll) {
   EXPECT_TRUE(machine.pinned.empty());
 }
 
+TEST(PinnedStore, CompleteWaitsAndSaysWhetherAllIsPinned) {
+  constexpr Offset kBytes = 4 * kBlock;
+  std::vector<std::byte> memory(kBytes);
+  for (const int refuse : {0, 3}) {
+    Machine machine;
+    machine.refuse = refuse;
+    PinnedStore store(memory.data(), kBytes, kBytes, kBlock, machine.calls());
+    EXPECT_EQ(store.complete(), refuse == 0);
+    EXPECT_EQ(store.complete(), refuse == 0);
+    EXPECT_EQ(machine.requests, refuse == 0 ? 4 : 3) << "asked again";
+  }
+  Machine machine;
+  PinnedStore limited(memory.data(), kBytes, kBytes - 1, kBlock, machine.calls());
+  EXPECT_FALSE(limited.complete());
+}
+
 TEST(PinnedStore, TheLimitAndARefusalEndIt) {
   constexpr Offset kBytes = 6 * kBlock;
   std::vector<std::byte> memory(kBytes);

@@ -66,6 +66,33 @@ TEST(SolverHostDevices, GiveTheBitsOfOneDevice) {
   }
 }
 
+// A pass over a factor out of core costs too much to mend roundings; who asks for it gets it.
+TEST(SolverHostDevices, OutOfCoreOnePassIsEnough) {
+  const SparseMatrix a = generated({"elasticity", "9"});
+  const std::vector<double> b = reference::random_vector(a.cols, 3);
+  std::vector<double> x(b.size());
+  Options o = on("host:2");
+  Solver in_core(o);
+  ASSERT_TRUE(in_core.analyze(a).status.ok());
+  const FactorResult all = in_core.factorize(a);
+  const SolveResult refined = in_core.solve(b, x);
+  EXPECT_GT(refined.refinement_steps, 0);
+  o.device_memory_bytes = all.devices.front().peak_bytes / 2;
+  for (const bool asked : {false, true}) {
+    if (asked) o.refinement_target = 0;
+    Solver s(o);
+    ASSERT_TRUE(s.analyze(a).status.ok());
+    ASSERT_GT(s.factorize(a).devices.front().streamed_out_bytes, 0);
+    const SolveResult r = s.solve(b, x);
+    ASSERT_TRUE(r.status.ok());
+    EXPECT_EQ(r.refinement_steps > 0, asked);
+    EXPECT_LE(r.backward_error, 1e-14);
+    if (asked) {
+      EXPECT_LE(r.componentwise_error, 2 * refined.componentwise_error);
+    }
+  }
+}
+
 TEST(SolverHostDevices, AnyBudgetSolvesAndOneBelowTheFloorIsNamed) {
   const SparseMatrix a = generated({"elasticity", "9"});
   const std::vector<double> b = reference::random_vector(a.cols, 3);

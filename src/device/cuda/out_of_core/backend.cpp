@@ -7,9 +7,11 @@
 
 #include "device/cuda/out_of_core/launches.hpp"
 #include "device/cuda/out_of_core/layout.hpp"
+#include "device/cuda/out_of_core/part_solve.hpp"
 #include "device/cuda/out_of_core/pivot_record.hpp"
 #include "device/cuda/out_of_core/resources.hpp"
 #include "device/cuda/out_of_core/store_solve.hpp"
+#include "device/cuda/runtime/device_guard.hpp"
 #include "device/cuda/runtime/device_memory.hpp"
 
 namespace espalier::device::cuda {
@@ -51,6 +53,9 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
     T* arena = reinterpret_cast<T*>(resources_.arena());
     copy_now(plan.shared_at, &arena, sizeof arena);
     set_pivot_rule(rule_);
+    if (!plan.resident.empty())
+      part_.emplace(PartContext{this->plan(), this->out_of_core_tables(), plan, kind_, resources_.arena(),
+                                resources_.stream(Queue::run), options_.patience_seconds});
   }
 
   void set_pivot_rule(const PivotRule& rule) override {
@@ -66,6 +71,7 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
     runs_.clear();
     started_ = {};
     times_ = {};
+    if (part_) part_->forget();
   }
   void enter_thread() override {
     call("cudaSetDevice", [&] { return cudaSetDevice(resources_.device()); });
@@ -149,10 +155,23 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
       take(positions_of(other.out_of_core_->groups[k], other.groups_[k]));
   }
 
-  void solve(const T* store, T* x, Index columns, bool transpose) override {
-    solve_->run(
-        {store, &out_of_core_->factor_store, &out_of_core_->factor2_store, &pivots_.inverse_d(), &pivots_.inverse_e()},
-        x, columns, transpose);
+  void solve(const T* store, bool reachable, T* x, Index columns, bool transpose) override {
+    std::optional<DeviceGuard> guard;
+    if (part_) {
+      guard.emplace(resources_.device());
+      const bool streams = reachable && !out_of_core_->streamed.empty() && resources_.reads_pinned_memory();
+      const auto& part = part_->prepare(streams ? store : nullptr, pivots_.inverse_d(), pivots_.inverse_e());
+      if (streams != shared_streams_) solve_->share(part, &*part_);
+      shared_streams_ = streams;
+    }
+    try {
+      solve_->run({store, &out_of_core_->factor_store, &out_of_core_->factor2_store, &pivots_.inverse_d(),
+                   &pivots_.inverse_e()},
+                  x, columns, transpose);
+    } catch (...) {
+      abandon();  // the device's part may be under way, and reads the store
+      throw;
+    }
   }
 
   [[nodiscard]] OperationTimes times() const override { return times_; }
@@ -211,6 +230,8 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
   Resources resources_;
   PivotRecord<T> pivots_;
   std::optional<StoreSolve<T>> solve_;
+  std::optional<PartSolve<T>> part_;    // where factors stay on the device
+  std::optional<bool> shared_streams_;  // whether solve_ leaves the streamed fronts to it, too; empty: nothing
   std::optional<Launches<T>> launches_;
   const out_of_core::OutOfCorePlan* out_of_core_ = nullptr;
   std::vector<UnitTables> steps_, groups_;

@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "device/cuda/out_of_core/unit_tables.hpp"
+#include "device/cuda/out_of_core/part_tables.hpp"
 #include "out_of_core/backend.hpp"
 
 namespace espalier::device::cuda {
@@ -56,6 +56,9 @@ class CudaOutOfCoreLayout : public out_of_core::OutOfCoreBackend<T> {
     return out_of_core_tables().scratch(f, b, e).flags;
   }
   [[nodiscard]] bool copies_values() const override { return true; }
+  [[nodiscard]] Offset solve_bytes(const std::vector<Index>& fronts, Index columns) const override {
+    return PartTables::most_bytes(plan(), out_of_core_tables(), fronts, sizeof(T), columns);
+  }
 
  protected:
   [[nodiscard]] const OutOfCoreTables& out_of_core_tables() const { return source_->tables; }

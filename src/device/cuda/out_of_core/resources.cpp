@@ -41,6 +41,13 @@ void Resources::take(Offset arena_bytes, int slots, Offset slot_bytes,
   make_events(slots_, static_cast<std::size_t>(slots), cudaEventDisableTiming);
 }
 
+bool Resources::reads_pinned_memory() const {
+  int value = 0;
+  call("cudaDeviceGetAttribute",
+       [&] { return cudaDeviceGetAttribute(&value, cudaDevAttrCanUseHostPointerForRegisteredMem, options_.device); });
+  return value != 0;
+}
+
 template <class Make>
 void Resources::allocate(const char* name, Make&& make) {
   const cudaError_t e = attempt(name, make);

@@ -38,6 +38,8 @@ class Resources {
   }
   [[nodiscard]] cudaEvent_t slot_event(int k) const { return slots_[static_cast<std::size_t>(k)]; }
   [[nodiscard]] int device() const { return options_.device; }
+  /// Whether kernels read pinned memory by the address that the host has for it.
+  [[nodiscard]] bool reads_pinned_memory() const;
 
  private:
   template <class Make>

@@ -101,34 +101,49 @@ void put_chunk(const T* sum, Index columns, T sign, T* v) {
 template <class T>
 StoreSolve<T>::StoreSolve(const plan::Plan& plan, const std::vector<Front>& fronts, Kind kind, base::ThreadPool& pool)
     : plan_(plan), fronts_(fronts), kind_(kind), pool_(pool), benches_(static_cast<std::size_t>(pool.size())) {
+  list_fronts(std::vector<char>(fronts.size(), 0));
+}
+
+template <class T>
+void StoreSolve<T>::share(const std::vector<Index>& part, Companion<T>* companion) {
+  std::vector<char> elsewhere(fronts_.size(), 0);
+  for (const Index f : part) elsewhere[f] = 1;
+  list_fronts(elsewhere);
+  companion_ = companion;
+}
+
+template <class T>
+void StoreSolve<T>::list_fronts(const std::vector<char>& elsewhere) {
   std::vector<Offset> elements;  // by tier
-  for (Index f = 0; f < plan.fronts(); ++f) {
-    const auto tier = static_cast<std::size_t>(plan.tier[f]);
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    const auto tier = static_cast<std::size_t>(plan_.tier[f]);
     elements.resize(std::max(elements.size(), tier + 1), 0);
-    elements[tier] += fronts[f].factor_size();
+    if (elsewhere[f] == 0) elements[tier] += fronts_[f].factor_size();
   }
-  small_.resize(elements.size());
-  large_.resize(elements.size());
-  for (Index f = 0; f < plan.fronts(); ++f) {
-    const auto tier = static_cast<std::size_t>(plan.tier[f]);
+  small_.assign(elements.size(), {});
+  large_.assign(elements.size(), {});
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    if (elsewhere[f] != 0) continue;
+    const auto tier = static_cast<std::size_t>(plan_.tier[f]);
     // Alone, a thread would still be busy with it when the others have done the rest of the tier.
-    const Offset share = std::max(kLargeElements, elements[tier] / (2 * pool.size()));
-    (fronts[f].factor_size() > share ? large_ : small_)[tier].push_back(f);
+    const Offset share = std::max(kLargeElements, elements[tier] / (2 * pool_.size()));
+    (fronts_[f].factor_size() > share ? large_ : small_)[tier].push_back(f);
   }
   for (auto& tier : small_)
     std::stable_sort(tier.begin(), tier.end(),
-                     [&](Index x, Index y) { return fronts[x].factor_size() > fronts[y].factor_size(); });
+                     [&](Index x, Index y) { return fronts_[x].factor_size() > fronts_[y].factor_size(); });
 }
 
 template <class T>
 void StoreSolve<T>::run(const HostFactors<T>& factors, T* x, Index columns, bool transpose) {
   up_second_ = kind_ == Kind::lu && transpose;
   down_second_ = kind_ == Kind::lu && !transpose;
-  const Index n = plan_.tree.n;
-  if (columns <= kMost) return pass(factors, x, columns);
-  std::vector<T> part(static_cast<std::size_t>(n) * kMost);
-  for (Index c = 0; c < columns; c += kMost) {
-    const Index now = std::min(kMost, columns - c);
+  transpose_ = transpose;
+  const Index n = plan_.tree.n, most = companion_ != nullptr ? std::min(kMost, companion_->most_columns()) : kMost;
+  if (columns <= most) return pass(factors, x, columns);
+  std::vector<T> part(static_cast<std::size_t>(n) * most);
+  for (Index c = 0; c < columns; c += most) {
+    const Index now = std::min(most, columns - c);
     for (Index k = 0; k < n; ++k)
       for (Index j = 0; j < now; ++j)
         part[static_cast<std::size_t>(k) * now + j] = x[static_cast<Offset>(k) * columns + c + j];
@@ -153,14 +168,17 @@ void StoreSolve<T>::pass(const HostFactors<T>& factors, T* x, Index columns) {
         up ? forward(list[k], columns, bench, false) : backward(list[k], columns, bench, false);
     });
   };
+  if (companion_ != nullptr) companion_->start(x, columns, transpose_);
   for (std::size_t t = small_.size(); t-- > 0;) {
     tier(small_[t], true);
     for (const Index f : large_[t]) forward(f, columns, benches_[0], true);
   }
+  if (companion_ != nullptr) companion_->turn(x, updates_.data(), columns);
   for (std::size_t t = 0; t < small_.size(); ++t) {
     for (const Index f : large_[t]) backward(f, columns, benches_[0], true);
     tier(small_[t], false);
   }
+  if (companion_ != nullptr) companion_->finish(x, columns);
 }
 
 // use(first panel, end) over ranges of `rows` / 8 panels.

@@ -21,12 +21,30 @@ struct HostFactors {
   const std::vector<T>* inverse_e = nullptr;
 };
 
+/// What does other fronts meanwhile: with each front all above it, or whole sub-trees below these.
+template <class T>
+class Companion {
+ public:
+  virtual ~Companion() = default;
+  /// Before the host's way up, and not to wait for. x: n rows of `columns` values: right-hand sides
+  virtual void start(const T* x, Index columns, bool transpose) = 0;
+  /// Between the host's ways: gets what its fronts leave for those above them (as many rows as all fronts have below),
+  /// and writes to x what they need on the way down.
+  virtual void turn(T* x, const T* updates, Index columns) = 0;
+  /// After the host's way down: writes the rest of its part of x.
+  virtual void finish(T* x, Index columns) = 0;
+  /// Right-hand sides that it takes at a time.
+  [[nodiscard]] virtual Index most_columns() const = 0;
+};
+
 /// Substitution, tier by tier: the fronts of a tier side by side, large ones by all threads together. The result does
 /// not depend on the number of threads.
 template <class T>
 class StoreSolve {
  public:
   StoreSolve(const plan::Plan& plan, const std::vector<Front>& fronts, Kind kind, base::ThreadPool& pool);
+  /// From now on another does some of the fronts; null: nobody. @param part  these fronts
+  void share(const std::vector<Index>& part, Companion<T>* companion);
   /// Solves in place: n rows of `columns` values in elimination order.
   void run(const HostFactors<T>& factors, T* x, Index columns, bool transpose);
 
@@ -35,6 +53,7 @@ class StoreSolve {
   struct Bench {
     std::vector<T> v, y;
   };
+  void list_fronts(const std::vector<char>& elsewhere);
   void pass(const HostFactors<T>& factors, T* x, Index columns);
   void forward(Index f, Index columns, Bench& bench, bool all_threads);
   void backward(Index f, Index columns, Bench& bench, bool all_threads);
@@ -50,7 +69,8 @@ class StoreSolve {
   std::vector<Bench> benches_;
   HostFactors<T> factors_;
   T* x_ = nullptr;
-  bool up_second_ = false, down_second_ = false;
+  Companion<T>* companion_ = nullptr;
+  bool up_second_ = false, down_second_ = false, transpose_ = false;
 };
 
 }  // namespace espalier::device::cuda

@@ -46,6 +46,7 @@ class OutOfCoreTables {
   OutOfCoreTables(const plan::Plan& plan, Kind kind, Offset element_bytes);
 
   [[nodiscard]] const DevicePlan& device_plan() const { return device_; }
+  [[nodiscard]] Offset element_bytes() const { return element_; }
   /// Narrow fronts first: the plan lists them so.
   [[nodiscard]] const std::vector<plan::Task>& order() const { return plan_.tasks; }
   [[nodiscard]] Offset share_bytes(Index f) const;

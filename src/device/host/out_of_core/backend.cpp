@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cstdint>
 #include <cstring>
 #include <optional>
 
@@ -74,6 +75,7 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
   [[nodiscard]] Offset scratch_bytes(Index, Index, Index) const override { return 0; }
   [[nodiscard]] Offset output_bytes(Index, Index, Index) const override { return 0; }
   [[nodiscard]] bool copies_values() const override { return false; }
+  [[nodiscard]] Offset solve_bytes(const std::vector<Index>&, Index) const override { return 0; }
 
   // ---- memory and copies --------------------------------------------------------------------------------------------
 
@@ -162,13 +164,17 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
     }
   }
 
-  void solve(const T* store, T* x, Index columns, bool transpose) override {
-    auto& m = plan_.memory;
-    m.factor = out_of_core_->factor_store;
-    m.factor2 = out_of_core_->factor2_store;
-    state_->places = const_cast<T*>(store);  // only read
+  void solve(const T* store, bool, T* x, Index columns, bool transpose) override {
+    // All places count from the arena, in which some factors are.
+    const auto store_at =
+        element(reinterpret_cast<std::intptr_t>(store) - reinterpret_cast<std::intptr_t>(state_->arena.data()));
+    for (Index f = 0; f < plan_.fronts(); ++f) {
+      const auto& stays_at = out_of_core_->resident_at[f];
+      const bool stays = stays_at[0] >= 0;
+      plan_.memory.factor[f] = stays ? element(stays_at[0]) : store_at + out_of_core_->factor_store[f];
+      plan_.memory.factor2[f] = stays ? element(stays_at[1]) : store_at + out_of_core_->factor2_store[f];
+    }
     solve_->run(x, columns, transpose);
-    state_->places = state_->arena.data();
   }
 
   [[nodiscard]] std::string name() const override {
