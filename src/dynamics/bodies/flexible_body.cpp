@@ -291,10 +291,7 @@ void FlexibleBody::residual(const StateView& s, Span f) {
   ++times_.forces;
   if (std::exchange(residual_started_, false)) {
     double* to = f.data() + placement().v;
-    inverted_ = assembly_.label(device_->finish_forces(to));
-    for_ranges_of_vertices([&](std::int64_t begin, std::int64_t end) {
-      add_inertia({static_cast<Index>(begin), static_cast<Index>(end)}, nullptr, nullptr, to);
-    });
+    inverted_ = assembly_.label(device_->finish_forces(load_factor(), weight_.data(), to));
     return;
   }
   if (!std::exchange(residual_planned_, false)) {  // nobody has run the tasks

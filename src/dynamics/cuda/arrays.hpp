@@ -2,11 +2,14 @@
 /// Memory of a GPU for the assembly. For this folder alone: needs the CUDA runtime.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
 #include <span>
 
 #include "base/thread_pool.hpp"
 #include "device/cuda/runtime/device_guard.hpp"
 #include "device/cuda/runtime/device_memory.hpp"
+#include "device/cuda/runtime/host_link.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::dynamics::cuda {
@@ -18,11 +21,17 @@ using device::cuda::DeviceGuard;
 using device::cuda::PinnedArray;
 
 /// The GPU that all arrays of one DeviceAssembly lie on, and the order in which its work is done.
-struct Gpu {
+class Gpu {
+ public:
+  Gpu(int gpu, DeviceBudget memory, base::ThreadPool* threads) : number(gpu), budget(memory), pool(threads) {}
+
+  static constexpr Offset kLinkBuffer = Offset{1} << 19;  // doubles that go through the link at a time: 4 MiB
+
   int number;
   DeviceBudget budget;
   device::cuda::Stream stream;
   base::ThreadPool* pool;  ///< null: the calling thread alone
+  device::cuda::HostLink link{kLinkBuffer};
 
   /// Calls body(begin, end) for parts of 0 .. count, on several threads.
   template <class Body>
@@ -32,6 +41,21 @@ struct Gpu {
       body(0, count);
     else
       pool->for_each_range(count, kNumbers, body);
+  }
+  /// Enqueues a copy to the GPU; `from` may change on return.
+  void send(std::span<const double> from, double* to) {
+    link.send(to, from.data(), static_cast<Offset>(from.size()), stream.get(), host_copy());
+  }
+  /// Copies from the GPU when the stream's work is done, and waits for it.
+  void fetch(const double* from, std::span<double> to) {
+    if (!to.empty()) link.fetch(to.data(), from, static_cast<Offset>(to.size()), stream.get(), host_copy());
+  }
+
+ private:
+  [[nodiscard]] device::HostCopy host_copy() const {
+    return [this](double* to, const double* from, Offset count) {
+      for_each_range(count, [&](std::int64_t b, std::int64_t e) { std::copy(from + b, from + e, to + b); });
+    };
   }
 };
 

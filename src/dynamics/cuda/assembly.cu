@@ -7,7 +7,7 @@ namespace {
 
 class CudaAssembly final : public DeviceAssembly {
  public:
-  CudaAssembly(int number, base::ThreadPool* pool) : gpu_{number, DeviceBudget(free_memory()), {}, pool} {}
+  CudaAssembly(int number, base::ThreadPool* pool) : gpu_(number, DeviceBudget(free_memory()), pool) {}
   std::unique_ptr<DeviceBody> make_body(const DeviceBodyTables& tables) override {
     return std::make_unique<CudaBody>(tables, gpu_);
   }

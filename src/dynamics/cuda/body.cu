@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <bit>
 #include <cub/device/device_radix_sort.cuh>
+#include <utility>
 
 #include "dynamics/cuda/body.hpp"
 
@@ -250,9 +251,18 @@ void CudaBody::spread(const double* from, double* to) {
   }
 }
 
+// The last copies have left the staging areas: others of the same GPU may still be at work.
+void CudaBody::begin() {
+  if (std::exchange(busy_, true)) gpu_.stream.wait();
+}
+
+void CudaBody::end() {
+  gpu_.stream.wait();
+  busy_ = false;
+}
+
 void CudaBody::send(const BodyState& state, bool with_velocity, bool with_acceleration) {
   const Offset n = 3 * vertices_;
-  gpu_.stream.wait();  // the last copy has left the staging area
   const double* from[3] = {state.q, with_velocity ? state.v : nullptr, with_acceleration ? state.a : nullptr};
   for (int part = 0; part < 3; ++part) {
     if (from[part] == nullptr) continue;
@@ -292,6 +302,7 @@ Offset CudaBody::inverted() const {
 
 void CudaBody::start_forces(const BodyState& state) {
   const DeviceGuard guard(gpu_.number);
+  begin();
   send(state, stiffness_damping_ != 0 || mass_damping_ != 0, true);
   evaluate(false, 1, 0);
   const double* velocity = has_velocity_ && mass_damping_ != 0 ? state_.data() + 3 * vertices_ : nullptr;
@@ -312,12 +323,12 @@ void CudaBody::start_forces(const BodyState& state) {
   copy(staged_force_.data(), force_.data(), 3 * vertices_, cudaMemcpyDeviceToHost, gpu_);
 }
 
-Offset CudaBody::finish_forces(double* f) {
+Offset CudaBody::finish_forces(double load, const double* weight, double* f) {
   const DeviceGuard guard(gpu_.number);
-  gpu_.stream.wait();
+  end();
   const double* from = staged_force_.data();
   gpu_.for_each_range(3 * vertices_, [&](std::int64_t b, std::int64_t e) {
-    for (std::int64_t k = b; k < e; ++k) f[k] += from[k];
+    for (std::int64_t k = b; k < e; ++k) f[k] += from[k] - load * weight[k];
   });
   return inverted();
 }
@@ -325,11 +336,11 @@ Offset CudaBody::finish_forces(double* f) {
 void CudaBody::start_tangent(const BodyState& state, const TangentWeights& weights, double* values) {
   const DeviceGuard guard(gpu_.number);
   const bool elastic = weights.q != 0 || (weights.v != 0 && stiffness_damping_ != 0);
+  begin();
   if (elastic) {
     send(state, stiffness_damping_ != 0, false);
     evaluate(true, weights.q, weights.v);
   } else {
-    gpu_.stream.wait();
     *staged_inverted_.data() = 0x7f7f7f7f;
   }
   const TangentJob job{entries_,
@@ -349,7 +360,7 @@ void CudaBody::start_tangent(const BodyState& state, const TangentWeights& weigh
 
 Offset CudaBody::finish_tangent() {
   const DeviceGuard guard(gpu_.number);
-  gpu_.stream.wait();
+  end();
   return inverted();
 }
 

@@ -17,7 +17,7 @@ class CudaBody final : public DeviceBody {
   CudaBody(const DeviceBodyTables& tables, Gpu& gpu);
   void bind(std::span<const Offset> column_start, std::span<const std::int32_t> shift) override;
   void start_forces(const BodyState& state) override;
-  Offset finish_forces(double* f) override;
+  Offset finish_forces(double load, const double* weight, double* f) override;
   void start_tangent(const BodyState& state, const TangentWeights& weights, double* values) override;
   Offset finish_tangent() override;
 
@@ -36,6 +36,8 @@ class CudaBody final : public DeviceBody {
     DeviceArray<std::int64_t> ptr, from;
   };
   Contributions sorted_contributions(bool of_pairs);
+  void begin();
+  void end();
   void send(const BodyState& state, bool with_velocity, bool with_acceleration);
   void evaluate(bool tangent, double position_weight, double velocity_weight);
   void spread(const double* from, double* to);
@@ -58,6 +60,7 @@ class CudaBody final : public DeviceBody {
   PinnedArray<double> staged_state_, staged_force_;
   PinnedArray<std::int32_t> staged_inverted_;
   bool has_velocity_ = false, has_acceleration_ = false;
+  bool busy_ = false;  // something was started and not finished
 };
 
 }  // namespace espalier::dynamics::cuda

@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "dynamics/cuda/matrix.hpp"
+#include "dynamics/cuda/vectors.hpp"
 
 namespace espalier::dynamics::cuda {
 
@@ -78,18 +79,8 @@ CudaMatrix::CudaMatrix(const DeviceMatrixLayout& layout, Gpu& gpu)
   sizes_ = make_array<double>(2 * columns_, gpu_);
   scale_ = make_array<double>(unknowns_, gpu_);
   // Longer than any column of W, too.
-  room_ = std::max({w_of_host_.size(), rest_.size(), unknowns_, 2 * columns_});
+  room_ = std::max({w_of_host_.size(), rest_.size(), unknowns_});
   from_host_ = make_array<double>(room_, gpu_);
-  stage_ = PinnedArray<double>(room_);
-}
-
-// Through pinned memory.
-void CudaMatrix::send(ConstSpan from, double* to) {
-  const auto count = static_cast<Offset>(from.size());
-  gpu_.stream.wait();  // the last copy has left the staging area
-  gpu_.for_each_range(
-      count, [&](std::int64_t b, std::int64_t e) { std::copy(from.data() + b, from.data() + e, stage_.data() + b); });
-  copy(to, stage_.data(), count, cudaMemcpyHostToDevice, gpu_);
 }
 
 double* CudaMatrix::clear() {
@@ -100,11 +91,11 @@ double* CudaMatrix::clear() {
   return values_.data();
 }
 
-void CudaMatrix::add_from_host(ConstSpan values) {
-  if (values.empty()) return;
+void CudaMatrix::add_from_host(const Fill& fill) {
+  const Offset count = w_of_host_.size();
+  if (count == 0) return;
   const DeviceGuard guard(gpu_.number);
-  send(values, from_host_.data());
-  const auto count = static_cast<Offset>(values.size());
+  gpu_.link.send_made(from_host_.data(), count, gpu_.stream.get(), fill);
   add_kernel<<<blocks_for(count, kThreads), kThreads, 0, gpu_.stream.get()>>>(count, w_of_host_.data(),
                                                                               from_host_.data(), values_.data());
   call("launch of the addition to W", [&] { return cudaGetLastError(); });
@@ -116,29 +107,29 @@ void CudaMatrix::column_sizes(Span diagonal, Span largest) {
   sizes_kernel<<<blocks_for(columns_ * kWarp, kThreads), kThreads, 0, gpu_.stream.get()>>>(
       c, values_.data(), sizes_.data(), sizes_.data() + columns_);
   call("launch of the sizes of columns", [&] { return cudaGetLastError(); });
-  copy(stage_.data(), sizes_.data(), 2 * columns_, cudaMemcpyDeviceToHost, gpu_);
-  gpu_.stream.wait();
-  gpu_.for_each_range(columns_, [&](std::int64_t b, std::int64_t e) {
-    std::copy(stage_.data() + b, stage_.data() + e, diagonal.data() + b);
-    std::copy(stage_.data() + columns_ + b, stage_.data() + columns_ + e, largest.data() + b);
-  });
+  gpu_.fetch(sizes_.data(), diagonal);
+  gpu_.fetch(sizes_.data() + columns_, largest);
 }
 
 const double* CudaMatrix::complete(ConstSpan scale, ConstSpan rest) {
   const DeviceGuard guard(gpu_.number);
-  send(scale, scale_.data());
+  gpu_.send(scale, scale_.data());
   const Columns c{columns_, w_ptr_.data(), k_ptr_.data(), w_ind_.data()};
   scale_kernel<<<blocks_for(columns_ * kWarp, kThreads), kThreads, 0, gpu_.stream.get()>>>(c, scale_.data(),
                                                                                            values_.data());
   call("launch of the scaling", [&] { return cudaGetLastError(); });
   if (!rest.empty()) {
-    send(rest, from_host_.data());
+    gpu_.send(rest, from_host_.data());
     const auto count = static_cast<Offset>(rest.size());
     set_kernel<<<blocks_for(count, kThreads), kThreads, 0, gpu_.stream.get()>>>(count, rest_.data(), from_host_.data(),
                                                                                 values_.data());
     call("launch of the entries of constraints", [&] { return cudaGetLastError(); });
   }
   return values_.data();
+}
+
+std::unique_ptr<DeviceVectors> CudaMatrix::make_vectors() {
+  return std::make_unique<CudaVectors>(unknowns_, scale_.data(), gpu_);
 }
 
 // In pieces of whole columns that fit what stands ready for the other way.
@@ -158,11 +149,7 @@ void CudaMatrix::fetch_w(Span values) const {
         c, j, scale_.data(), values_.data(), from_host_.data());
     call("launch of the taking out of scales", [&] { return cudaGetLastError(); });
     const Offset count = w_ptr[static_cast<std::size_t>(next)] - begin;
-    copy(stage_.data(), from_host_.data(), count, cudaMemcpyDeviceToHost, gpu_);
-    gpu_.stream.wait();
-    gpu_.for_each_range(count, [&](std::int64_t b, std::int64_t e) {
-      std::copy(stage_.data() + b, stage_.data() + e, values.data() + begin + b);
-    });
+    gpu_.fetch(from_host_.data(), values.subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(count)));
     j = next;
   }
 }

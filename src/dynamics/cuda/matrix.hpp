@@ -11,24 +11,22 @@ class CudaMatrix final : public DeviceMatrix {
  public:
   CudaMatrix(const DeviceMatrixLayout& layout, Gpu& gpu);
   double* clear() override;
-  void add_from_host(ConstSpan values) override;
+  void add_from_host(const Fill& fill) override;
   void column_sizes(Span diagonal, Span largest) override;
   const double* complete(ConstSpan scale, ConstSpan rest) override;
   void fetch_w(Span values) const override;
+  std::unique_ptr<DeviceVectors> make_vectors() override;
   [[nodiscard]] void* stream() const override { return gpu_.stream.get(); }
 
  private:
-  void send(ConstSpan from, double* to);
-
   Gpu& gpu_;
   Offset columns_, size_;              // of W and K
   Offset unknowns_;                    // of K
-  Offset room_;                        // numbers of from_host_ and stage_
+  Offset room_;                        // numbers of from_host_
   DeviceArray<Offset> k_ptr_, w_ptr_;  // by columns of W
   DeviceArray<Index> w_ind_;
   DeviceArray<Offset> w_of_host_, rest_;
   DeviceArray<double> values_, sizes_, scale_, from_host_;
-  PinnedArray<double> stage_;
 };
 
 }  // namespace espalier::dynamics::cuda

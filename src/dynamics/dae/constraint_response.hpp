@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "base/thread_pool.hpp"
+#include "base/untouched_vector.hpp"
 #include "dynamics/dae/system.hpp"
+#include "dynamics/device/device_vectors.hpp"
 
 namespace espalier::dynamics {
 
@@ -15,37 +17,48 @@ namespace espalier::dynamics {
 /// than the factor. The columns belong to one factor. They are made at once where the factor before had enough to do
 /// that they would have paid, and otherwise when this one has had. What is decided depends on counts alone, so that
 /// runs repeat to the bit.
+///
+/// A GPU that has the factor makes the columns, keeps them, and forms the products.
 class ConstraintResponse {
  public:
+  /// Solves K X = B in place for the given number of columns, each n + m.
+  using Solve = std::function<void(Span, Index)>;
+  using Columns = base::UntouchedVector<double>;
+
   /// The factor is another one. @param n, m  rows of K: motion, constraints
   /// @param dropped  m marks: constraints whose rows of K are empty; their r is zero
   /// @param entries  numbers that a solve with the factor reads; 0: not known, no columns are made
-  void start(Index n, Index m, const std::vector<char>& dropped, Offset entries);
+  /// @param device  where the factor is; outlives the use up to leave_device(); null: the host
+  void start(Index n, Index m, const std::vector<char>& dropped, Offset entries, DeviceVectors* device = nullptr);
+  /// Columns on a GPU are gone, and none are made there any more.
+  void leave_device();
   /// What factors before have had to do counts no more.
   void forget() { solved_ = before_ = 0; }
   /// Whether apply() can be used. `columns` right-hand sides [0; r] are to be solved for; makes the columns where that
   /// pays.
-  /// @param solve  solves K X = B in place for the given number of columns, each n + m
-  /// Without memory for the columns there are none.
-  [[nodiscard]] bool ready(Index columns, const std::function<void(Span, Index)>& solve);
+  /// @param solve_on_device  solves with the scaled K there; not used where start() got no device
+  /// Without memory for the columns there are none; nor where the GPU fails, which the next solve looks into.
+  [[nodiscard]] bool ready(Index columns, const Solve& solve, const DeviceVectors::Solve& solve_on_device,
+                           base::ThreadPool* pool);
   /// The columns are known: n + m numbers for each constraint that is not dropped.
-  void take(std::vector<double> columns);
+  void take(Columns columns);
   /// Gives the columns away; none where there are none. They are not known any more.
-  [[nodiscard]] std::vector<double> give();
+  [[nodiscard]] Columns give();
   /// x = K^-1 [0; r], r the last m of x. @pre ready()
   void apply(Span x, base::ThreadPool* pool) const;
   /// Columns that were made of this factor.
   [[nodiscard]] Index columns() const { return static_cast<Index>(made_ ? kept_.size() : 0); }
 
  private:
-  void make(const std::function<void(Span, Index)>& solve);
+  void make(const Solve& solve, const DeviceVectors::Solve& solve_on_device, base::ThreadPool* pool);
 
   Index n_ = 0, m_ = 0;
   std::vector<Index> kept_;  // constraints that have a column
   Offset entries_ = 0;
   Index solved_ = 0, before_ = 0;  // right-hand sides [0; r] of this factor and of the one before
-  bool made_ = false;
-  std::vector<double> columns_;    // (n + m) * kept, column by column
+  DeviceVectors* device_ = nullptr;
+  bool made_ = false, on_device_ = false;
+  Columns columns_;                // (n + m) * kept, column by column; not those on a GPU
   mutable std::vector<double> r_;  // kept
 };
 

@@ -78,9 +78,16 @@ void Equations::evaluate_constraints(double t, ConstSpan q, ConstSpan v) {
   }
 }
 
+void Equations::evaluate_gamma(double t, ConstSpan q, ConstSpan v) {
+  if (phi_.empty()) return;
+  const Phase phase("constraints", counts_.assembly_seconds, trace_);
+  ++counts_.constraints;
+  system_.constraints(t, q, v, {{}, {}, gamma_, {}});
+}
+
 void Equations::level(ConstSpan x, ConstSpan shift, Span out) const {
   if (out.empty()) return;
-  multiply_by_rows(system_.constraint_pattern(), phi_q_, x, out);
+  multiply_by_rows(system_.constraint_pattern(), phi_q_, x, out, pool_);
   for (std::size_t i = 0; i < out.size(); ++i) {
     if (!shift.empty()) out[i] -= shift[i];
     if (dropped_[i]) out[i] = 0;
@@ -119,6 +126,7 @@ void Equations::allow_device() {
 
 void Equations::try_device() {
   if (!device_allowed_ || device_ != nullptr || kkt_.gpu() < 0) return;
+  const Phase phase("tables of the GPU", counts_.analysis_seconds, trace_);
   try {
     device_ = make_device_assembly(kkt_.gpu(), pool_);
     if (device_ != nullptr && system_.use_device(*device_, kkt_.k_ptr()))

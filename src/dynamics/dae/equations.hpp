@@ -43,7 +43,7 @@ struct EquationCounts {
   long turns = 0;           ///< factors that were turned
   long solves = 0;          ///< right sides solved for
   double assembly_seconds = 0;
-  double analysis_seconds = 0;  ///< the first factorization of a pattern, which contains the analysis
+  double analysis_seconds = 0;  ///< the first factorization of a pattern with its analysis, and a GPU's tables
   double factor_seconds = 0;
   double solve_seconds = 0;
 };
@@ -68,6 +68,8 @@ class Equations {
 
   /// Fills phi(), nu(), phi_q() at (t, q), and gamma() too where v is not empty.
   void evaluate_constraints(double t, ConstSpan q, ConstSpan v);
+  /// Fills gamma() at (t, q, v) alone. @pre the others were evaluated at (t, q)
+  void evaluate_gamma(double t, ConstSpan q, ConstSpan v);
   [[nodiscard]] ConstSpan phi() const { return phi_; }
   [[nodiscard]] ConstSpan nu() const { return nu_; }
   [[nodiscard]] ConstSpan gamma() const { return gamma_; }

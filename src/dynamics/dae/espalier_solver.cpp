@@ -17,6 +17,9 @@ class EspalierSolver final : public LinearSolver {
   Status factorize_device(const double* values, Offset count, void* stream) override {
     return take(solver_.refactorize_device(values, count, stream));
   }
+  Status solve_device(double* b, Index columns, void* stream) override {
+    return solver_.solve_device(b, b, columns, Transpose::no, stream).status;
+  }
   [[nodiscard]] int determinant_sign() const override { return sign_; }
   [[nodiscard]] Offset numbers_of_factor() const override { return numbers_; }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
@@ -49,6 +52,10 @@ Offset numbers_of_factor_in(const AnalysisResult& analysis) {
 
 Status LinearSolver::factorize_device(const double*, Offset, void*) {
   return {StatusCode::device_error, "this solver takes no values from a GPU", -1};
+}
+
+Status LinearSolver::solve_device(double*, Index, void*) {
+  return {StatusCode::device_error, "this solver takes no right-hand sides from a GPU", -1};
 }
 
 std::unique_ptr<LinearSolver> make_espalier_solver(Options options) {

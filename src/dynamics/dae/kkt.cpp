@@ -27,8 +27,7 @@ void KktSolver::set_pattern(const SparsePattern& w, const SparsePattern& phi_q, 
   scale_.assign(at(n_ + m_), 1.0);
   diagonal_.assign(at(n_), 0.0);
   largest_.assign(at(n_), 0.0);
-  device_.reset();
-  w_on_device_ = false;
+  leave_device();
   response_.forget();
   layout();
   if (analyzed_ == Analyzed::yes) analyzed_ = Analyzed::other_pattern;
@@ -155,7 +154,7 @@ void KktSolver::fill_rest() {
 }
 
 void KktSolver::factorize() {
-  w_on_device_ = false;
+  w_on_device_ = scale_on_device_ = false;
   measure_columns();
   compute_scaling();
   for_columns_of_w([this](Index j) {
@@ -171,19 +170,19 @@ void KktSolver::factorize() {
     if (!s.ok()) throw Error(s);
     analyzed_ = Analyzed::yes;
   }
-  factor_is_new();
+  factor_is_new(nullptr);
   if (const Status s = solver_->factorize(k_values_); !s.ok()) throw Error(s);
 }
 
-void KktSolver::factor_is_new() {
-  response_.start(n_, m_, dropped_, solver_->numbers_of_factor());
+void KktSolver::factor_is_new(DeviceVectors* device) {
+  response_.start(n_, m_, dropped_, solver_->numbers_of_factor(), device);
   turned_.start(*phi_q_, phi_q_values_, dropped_);
 }
 
 Index KktSolver::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values) {
   constexpr Offset kSmaller = 2;  // than the factor, in numbers
   const Offset columns = 3 * turned_.constraints();
-  std::vector<double> response = response_.give();
+  ConstraintResponse::Columns response = response_.give();
   if (!turned_.active() && !response.empty()) turned_.know(std::move(response));
   turned_.drop();
   if (f_lambda_ != nullptr || kSmaller * columns * (n_ + m_) > solver_->numbers_of_factor()) return -1;
@@ -219,24 +218,30 @@ void KktSolver::use_device(DeviceAssembly& device, std::vector<Offset> host_entr
       in_k[e] = k_ptr_[at(next - 1 - w_->ptr.begin())] + host_entries_[e] - *(next - 1);
     }
   });
-  host_values_.resize(host_entries_.size());
   device_ = device.make_matrix({w_, k_ptr_, in_k, rest_});
+  vectors_ = device_->make_vectors();
 }
 
 void KktSolver::leave_device() {
   w_on_device_ = false;  // nothing is fetched: a GPU that has failed would throw here, in a destructor too
+  scale_on_device_ = false;
+  response_.leave_device();
+  vectors_.reset();
   device_.reset();
 }
 
 bool KktSolver::factorize_on_device() {
-  for_each_entry(pool_, host_values_.size(), [&](std::size_t e) { host_values_[e] = w_values_[at(host_entries_[e])]; });
-  device_->add_from_host(host_values_);
+  scale_on_device_ = false;
+  device_->add_from_host([this](Offset first, Offset count, double* to) {
+    for_each_entry(pool_, at(count), [&](std::size_t e) { to[e] = w_values_[at(host_entries_[at(first) + e])]; });
+  });
   device_->column_sizes(diagonal_, largest_);
   compute_scaling();
   fill_rest();
   for_each_entry(pool_, rest_.size(), [&](std::size_t e) { rest_values_[e] = k_values_[at(rest_[e])]; });
   const double* values = device_->complete(scale_, rest_values_);
-  factor_is_new();
+  scale_on_device_ = true;
+  factor_is_new(vectors_.get());
   const Status s = solver_->factorize_device(values, k_ptr_.back(), device_->stream());
   if (s.code == StatusCode::device_error && solver_->gpu() < 0) return false;
   if (!s.ok()) throw Error(s);
@@ -252,8 +257,9 @@ ConstSpan KktSolver::w_of_factor() {
 Index KktSolver::solve(Span b, Index columns, Index normal) {
   const std::size_t size = at(n_ + m_);
   const Index before = response_.columns();
-  const bool ready =
-      normal > 0 && response_.ready(normal, [this](Span x, Index count) { solve_with_factor(x, count); });
+  const bool ready = normal > 0 && response_.ready(
+                                       normal, [this](Span x, Index count) { solve_with_factor(x, count); },
+                                       [this](double* x, Index count) { solve_scaled_on_device(x, count); }, pool_);
   const Index solved = ready ? columns - normal : columns;
   if (solved > 0) solve_now(b.first(at(solved) * size), solved);
   for (Index c = solved; c < columns; ++c) response_.apply(b.subspan(at(c) * size, size), pool_);
@@ -266,17 +272,48 @@ void KktSolver::solve_now(Span b, Index columns) {
       b, columns, [this](Span x, Index count) { solve_with_factor(x, count); }, pool_);
 }
 
+// With what was factorized, S K S.
+void KktSolver::solve_scaled_on_device(double* columns, Index count) {
+  const Status s = solver_->solve_device(columns, count, device_->stream());
+  if (!s.ok() && s.code != StatusCode::accuracy_not_reached) throw Error(s);
+}
+
+// @return false: the factor is not there, or the GPU has failed or lacks memory; b is as it was
+bool KktSolver::solve_through_device(Span b) {
+  if (!scale_on_device_ || solver_->gpu() < 0) return false;
+  bool solved = false;
+  try {
+    vectors_->solve(b, [&](double* columns, Index count) {
+      solve_scaled_on_device(columns, count);
+      solved = true;
+    });
+  } catch (const Error& error) {
+    const StatusCode code = error.status().code;
+    if (solved || (code != StatusCode::device_error && code != StatusCode::out_of_memory)) throw;
+    scale_on_device_ = false;
+    return false;
+  }
+  return true;
+}
+
 void KktSolver::solve_with_factor(Span b, Index columns) {
+  const std::size_t size = at(n_ + m_);
+  for (std::size_t c = 0; c < at(columns); ++c)
+    for (std::size_t i = 0; i < at(m_); ++i)
+      if (dropped_[i]) b[c * size + at(n_) + i] = 0;
+  for (Index first = 0; first < columns; first += DeviceVectors::kMostColumns) {
+    const Index count = std::min(DeviceVectors::kMostColumns, columns - first);
+    if (solve_through_device(b.subspan(at(first) * size, at(count) * size))) continue;
+    return solve_on_host(b.subspan(at(first) * size), columns - first);
+  }
+}
+
+void KktSolver::solve_on_host(Span b, Index columns) {
   const std::size_t size = at(n_ + m_);
   const auto scale = [&](std::size_t column) {
     for_each_entry(pool_, size, [&](std::size_t i) { b[column * size + i] *= scale_[i]; });
   };
-  for (std::size_t c = 0; c < at(columns); ++c) {
-    scale(c);
-    for (std::size_t i = 0; i < at(m_); ++i) {
-      if (dropped_[i]) b[c * size + at(n_) + i] = 0;
-    }
-  }
+  for (std::size_t c = 0; c < at(columns); ++c) scale(c);
   const Status s = solver_->solve(b, b, columns);
   if (!s.ok() && s.code != StatusCode::accuracy_not_reached) throw Error(s);
   for (std::size_t c = 0; c < at(columns); ++c) scale(c);

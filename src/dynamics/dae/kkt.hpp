@@ -82,7 +82,7 @@ class KktSolver {
   /// @return right sides that the factor solved for; see ConstraintResponse
   Index solve(Span b, Index columns, Index normal = 0);
   /// y = Phi_q x with the Phi_q of the factor.
-  void multiply_phi_q(ConstSpan x, Span y) const { multiply_by_rows(*phi_q_, phi_q_values_, x, y); }
+  void multiply_phi_q(ConstSpan x, Span y) const { multiply_by_rows(*phi_q_, phi_q_values_, x, y, pool_); }
   /// The s_i of the factor, n + m: x_i / s_i are the unknowns of S K S.
   [[nodiscard]] ConstSpan scale() const { return scale_; }
   [[nodiscard]] const SparsePattern& w_pattern() const { return *w_; }
@@ -97,9 +97,12 @@ class KktSolver {
   void measure_columns();
   void compute_scaling();
   void fill_rest();
-  void factor_is_new();
+  void factor_is_new(DeviceVectors* device);
   void solve_now(Span b, Index columns);
+  void solve_scaled_on_device(double* columns, Index count);
+  [[nodiscard]] bool solve_through_device(Span b);
   void solve_with_factor(Span b, Index columns);
+  void solve_on_host(Span b, Index columns);
 
   std::unique_ptr<LinearSolver> solver_;
   base::ThreadPool* pool_ = nullptr;
@@ -123,10 +126,12 @@ class KktSolver {
   // Positions in K of each entry of Phi_q: in the lower left and in the upper right block; of each entry of F_lambda.
   std::vector<Offset> phi_position_, right_position_, f_lambda_position_;
   std::unique_ptr<DeviceMatrix> device_;
-  bool w_on_device_ = false;                                 // W of the factor lies there alone
-  std::vector<Offset> host_entries_;                         // positions in W
-  std::vector<Offset> rest_;                                 // positions in K outside W, ascending
-  base::UntouchedVector<double> host_values_, rest_values_;  // what stands there, on its way to the GPU
+  std::unique_ptr<DeviceVectors> vectors_;     // of device_
+  bool w_on_device_ = false;                   // W of the factor lies there alone
+  bool scale_on_device_ = false;               // the scales of the factor lie there, too
+  std::vector<Offset> host_entries_;           // positions in W
+  std::vector<Offset> rest_;                   // positions in K outside W, ascending
+  base::UntouchedVector<double> rest_values_;  // what stands there, on its way to the GPU
 };
 
 }  // namespace espalier::dynamics

@@ -23,6 +23,8 @@ class LinearSolver {
   [[nodiscard]] virtual int gpu() const { return -1; }
   /// factorize() with `count` values in that memory, when all that was enqueued on `stream` is done.
   virtual Status factorize_device(const double* values, Offset count, void* stream);
+  /// solve() in place of `columns` right sides in that memory, likewise. Waits.
+  virtual Status solve_device(double* b, Index columns, void* stream);
   /// Sign of the determinant of the matrix last factorized: -1 or 1; 0: not known.
   [[nodiscard]] virtual int determinant_sign() const { return 0; }
   /// Numbers of the factor that a solve reads; 0: few, or not known.

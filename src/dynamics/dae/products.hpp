@@ -7,8 +7,8 @@
 
 namespace espalier::dynamics {
 
-/// y = A x for A stored by rows (ptr over rows).
-void multiply_by_rows(const SparsePattern& p, ConstSpan values, ConstSpan x, Span y);
+/// y = A x for A stored by rows (ptr over rows). @param pool  null: the calling thread alone
+void multiply_by_rows(const SparsePattern& p, ConstSpan values, ConstSpan x, Span y, base::ThreadPool* pool = nullptr);
 /// y += A^T x for A stored by rows; with A stored by columns the same loop is y += A x.
 void add_transposed(const SparsePattern& p, ConstSpan values, ConstSpan x, Span y);
 /// x += the sum of factors[c] times column c; columns as long as x, one after the other. The sums do not depend on the

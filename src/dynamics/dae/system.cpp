@@ -348,11 +348,24 @@ void evaluate(const Component& component, const Call& call) {
 
 }  // namespace
 
+namespace {
+
+/// Where a GPU is at work on some, those on the host go first.
+template <class Call>
+void evaluate_all(const std::vector<std::unique_ptr<Component>>& components, bool on_device, const Call& call) {
+  for (const auto& c : components)
+    if (!on_device || !c->fits_device()) evaluate(*c, [&] { call(*c); });
+  for (const auto& c : components)
+    if (on_device && c->fits_device()) evaluate(*c, [&] { call(*c); });
+}
+
+}  // namespace
+
 void AssembledSystem::residual(const StateView& s, Span f) {
   for (const auto& c : components_) c->start_residual(s);
   fill_zero(pool_, f);
   if (pool_ != nullptr) run_tasks(s, f);
-  for (const auto& c : components_) evaluate(*c, [&] { c->residual(s, f); });
+  evaluate_all(components_, !host_entries_.empty(), [&](Component& c) { c.residual(s, f); });
 }
 
 // What bodies with many elements do, all of them at a time: loops of their own would wake the threads up for each.
@@ -375,8 +388,14 @@ void AssembledSystem::run_tasks(const StateView& s, Span f) {
     });
 }
 
+// Those of many joints at the same time: each writes rows of its own.
 void AssembledSystem::constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) {
-  for (Component* c : owners_of_constraints_) evaluate(*c, [&] { c->constraints(t, q, v, out); });
+  constexpr Offset kManyEntries = 1 << 14;  // some 100 microseconds
+  base::ThreadPool* const pool = phi_q_pattern_.nonzeros() < kManyEntries ? nullptr : pool_;
+  base::for_each(pool, static_cast<std::int64_t>(owners_of_constraints_.size()), [&](std::int64_t k) {
+    Component& c = *owners_of_constraints_[static_cast<std::size_t>(k)];
+    evaluate(c, [&] { c.constraints(t, q, v, out); });
+  });
 }
 
 Energy AssembledSystem::energy(const StateView& s) {
@@ -467,6 +486,7 @@ bool AssembledSystem::use_device(DeviceAssembly& device, std::span<const Offset>
 }
 
 void AssembledSystem::leave_device() {
+  host_entries_.clear();
   for (const auto& c : components_) c->leave_device();
 }
 
@@ -475,7 +495,7 @@ void AssembledSystem::tangent_on_device(const StateView& s, const TangentWeights
   for_each_entry(pool_, host_entries_.size(),
                  [&](std::size_t e) { w_values[static_cast<std::size_t>(host_entries_[e])] = 0; });
   for (const auto& c : components_) c->start_tangent(s, weights, device_values);
-  for (const auto& c : components_) evaluate(*c, [&] { c->tangent(s, weights, w_values); });
+  evaluate_all(components_, true, [&](Component& c) { c.tangent(s, weights, w_values); });
 }
 
 void AssembledSystem::multiplier_tangent(const StateView& s, Span values) {

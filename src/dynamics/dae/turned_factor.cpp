@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/parallel.hpp"
 #include "dynamics/dae/at.hpp"
 #include "dynamics/dae/products.hpp"
 #include "dynamics/dae/vectors.hpp"
@@ -86,7 +87,8 @@ bool TurnedFactor::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, con
   g_.resize(static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(2 * k));
   if (k == 0) return active_ = true;
   if (y_0_.empty()) {
-    std::vector<double> units(size * k, 0.0);
+    base::UntouchedVector<double> units(size * k);
+    fill_zero(pool, units);
     for (std::size_t c = 0; c < k; ++c) units[c * size + n + at(kept_[c])] = 1;
     solve(units, static_cast<Index>(k));  // may be interrupted
     y_0_ = std::move(units);
@@ -99,7 +101,9 @@ bool TurnedFactor::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, con
   solve(of_motion, static_cast<Index>(k));
   copy(pool, y_0_, of_constraints);
   core_matrix_.resize(static_cast<Eigen::Index>(2 * k), static_cast<Eigen::Index>(2 * k));
-  for (std::size_t c = 0; c < 2 * k; ++c) apply_v({g_.data() + c * size, size}, core_matrix_.data() + c * 2 * k);
+  base::for_each(pool, static_cast<std::int64_t>(2 * k), [&](std::int64_t c) {
+    apply_v({g_.data() + at(c) * size, size}, core_matrix_.data() + at(c) * 2 * k);
+  });
   core_.compute(core_matrix_ + Eigen::MatrixXd::Identity(core_matrix_.rows(), core_matrix_.cols()));
   const double rcond = core_.rcond();
   active_ = std::isfinite(rcond) && rcond > 1e-12;
@@ -123,9 +127,10 @@ void TurnedFactor::solve(Span b, Index columns, const Solve& solve, base::Thread
   }
 }
 
-std::vector<double> TurnedFactor::response(base::ThreadPool* pool) const {
+base::UntouchedVector<double> TurnedFactor::response(base::ThreadPool* pool) const {
   const std::size_t size = at(g_.rows()), k = kept_.size();
-  std::vector<double> columns = y_0_;
+  base::UntouchedVector<double> columns(y_0_.size());
+  copy(pool, y_0_, columns);
   if (k == 0) return columns;
   const Eigen::MatrixXd factors = core_.solve(core_matrix_.rightCols(static_cast<Eigen::Index>(k)));
   Eigen::Map<Eigen::MatrixXd> y(columns.data(), g_.rows(), static_cast<Eigen::Index>(k));

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "base/thread_pool.hpp"
+#include "base/untouched_vector.hpp"
 #include "dynamics/dae/system.hpp"
 
 namespace espalier::dynamics {
@@ -28,7 +29,7 @@ class TurnedFactor {
   /// K_0 has been factorized. @param phi_q  outlives the use @param dropped  m marks: constraints whose rows are empty
   void start(const SparsePattern& phi_q, ConstSpan phi_q_values, const std::vector<char>& dropped);
   /// K_0^-1 [0; I] is known.
-  void know(std::vector<double> response_of_k_0) { y_0_ = std::move(response_of_k_0); }
+  void know(base::UntouchedVector<double> response_of_k_0) { y_0_ = std::move(response_of_k_0); }
   /// Nothing is turned any more.
   void drop() { active_ = false; }
   [[nodiscard]] bool active() const { return active_; }
@@ -41,7 +42,7 @@ class TurnedFactor {
   /// x = K^-1 b in place for `columns` right-hand sides.
   void solve(Span b, Index columns, const Solve& solve, base::ThreadPool* pool) const;
   /// K^-1 [0; I], a column for each of the constraints.
-  [[nodiscard]] std::vector<double> response(base::ThreadPool* pool) const;
+  [[nodiscard]] base::UntouchedVector<double> response(base::ThreadPool* pool) const;
 
  private:
   void rotate(Span x, bool back, base::ThreadPool* pool) const;
@@ -54,8 +55,8 @@ class TurnedFactor {
   std::vector<BodyTurn> turns_;  // by their first coordinates
   SparsePattern change_;         // D by rows, of the constraints kept; E is its transpose
   std::vector<double> change_values_;
-  std::vector<double> y_0_;  // K_0^-1 [0; I]: made once for a factor
-  Eigen::MatrixXd g_;        // n + m rows, first the columns of E, then y_0
+  base::UntouchedVector<double> y_0_;  // K_0^-1 [0; I]: made once for a factor
+  Eigen::MatrixXd g_;                  // n + m rows, first the columns of E, then y_0
   Eigen::PartialPivLU<Eigen::MatrixXd> core_;
   Eigen::MatrixXd core_matrix_;  // V^T G
   bool active_ = false;

@@ -4,6 +4,7 @@
 /// of F, one comes back.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -11,6 +12,7 @@
 
 #include "base/thread_pool.hpp"
 #include "dynamics/dae/system.hpp"
+#include "dynamics/device/device_vectors.hpp"
 #include "dynamics/elements/assembly.hpp"
 #include "dynamics/elements/device_law.hpp"
 
@@ -49,9 +51,9 @@ class DeviceBody {
   virtual void bind(std::span<const Offset> column_start, std::span<const std::int32_t> shift) = 0;
   /// Internal forces and M (a + alpha v).
   virtual void start_forces(const BodyState& state) = 0;
-  /// Adds them to f, 3 per vertex. @return the first inverted element, counted over all groups, whose forces are NaN;
-  /// -1: none
-  virtual Offset finish_forces(double* f) = 0;
+  /// f += forces - load * weight, 3 per vertex. @return the first inverted element, counted over all groups, whose
+  /// forces are NaN; -1: none
+  virtual Offset finish_forces(double load, const double* weight, double* f) = 0;
   /// Writes (weights.a + alpha weights.v) M + weights.q df/dq + weights.v df/dv.
   /// @param values  in the GPU's memory, where bind() counts from
   virtual void start_tangent(const BodyState& state, const TangentWeights& weights, double* values) = 0;
@@ -73,8 +75,11 @@ class DeviceMatrix {
   virtual ~DeviceMatrix() = default;
   /// Zeros. @return W's entries, unscaled, where bodies write
   virtual double* clear() = 0;
-  /// Adds what components on the host give, in the order of DeviceMatrixLayout::w_of_host.
-  virtual void add_from_host(ConstSpan values) = 0;
+  /// Writes `count` numbers from the first on.
+  using Fill = std::function<void(Offset first, Offset count, double* to)>;
+  /// Adds what components on the host give, in the order of DeviceMatrixLayout::w_of_host. What is written goes over
+  /// the link while the next part is being written.
+  virtual void add_from_host(const Fill& fill) = 0;
   /// |W_jj| and the largest |W_ij| of each column, to the host.
   virtual void column_sizes(Span diagonal, Span largest) = 0;
   /// K: W scaled by s_i s_j, and the rest as it is given. @return all values, finished when stream() is
@@ -82,6 +87,8 @@ class DeviceMatrix {
   /// W as it was before the scaling, to the host.
   virtual void fetch_w(Span values) const = 0;
   [[nodiscard]] virtual void* stream() const = 0;
+  /// Of the scales that complete() gets.
+  virtual std::unique_ptr<DeviceVectors> make_vectors() = 0;
 };
 
 /// One GPU. Bodies and matrices must not outlive it.

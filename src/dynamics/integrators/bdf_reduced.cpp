@@ -67,7 +67,7 @@ void BdfIntegrator::iterate_reduced(StepReport& report) {
   const double hp = formula_.hp;
   System& system = equations_.system();
   project_stages();
-  equations_.evaluate_constraints(trial_.t, trial_.q, trial_.v);
+  equations_.evaluate_gamma(trial_.t, trial_.q, trial_.v);
   equations_.motion(trial_.view(), f_);
   equations_.level(trial_.a, equations_.gamma(), level_);
   const Span tangential(rhs_.data(), n + m), normal(rhs_.data() + n + m, n + m);
@@ -130,7 +130,7 @@ bool BdfIntegrator::finish_levels(StepReport& report) {
     fill_zero(pool, work_n_);
     add_normal_part(level_, work_n_);
     for_coordinates([&](std::size_t i) { trial_.v[i] += work_n_[i]; });
-    equations_.evaluate_constraints(trial_.t, trial_.q, trial_.v);
+    equations_.evaluate_gamma(trial_.t, trial_.q, trial_.v);
     equations_.level(trial_.a, equations_.gamma(), level_);
     fill_zero(pool, work_n_);
     add_normal_part(level_, work_n_);

@@ -119,6 +119,9 @@ class RecordedSolver final : public LinearSolver {
   Status factorize_device(const double* values, Offset count, void* stream) override {
     return take(solver_.refactorize_device(values, count, stream));
   }
+  Status solve_device(double* b, Index columns, void* stream) override {
+    return solver_.solve_device(b, b, columns, Transpose::no, stream).status;
+  }
   [[nodiscard]] int determinant_sign() const override { return static_cast<int>(record_.factor.determinant_sign); }
   [[nodiscard]] Offset numbers_of_factor() const override { return numbers_of_factor_in(record_.analysis); }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {

@@ -18,11 +18,16 @@ class HostLink {
 
   /// Enqueues the copy to the device; `from` may change when it returns.
   void send(double* to, const double* from, Offset count, cudaStream_t stream, const HostCopy& copy) {
+    send_made(to, count, stream, [&](Offset at, Offset now, double* stage) { copy(stage, from + at, now); });
+  }
+  /// The same of numbers that make(first, count, stage) writes into pinned memory, part by part.
+  template <class Make>
+  void send_made(double* to, Offset count, cudaStream_t stream, const Make& make) {
     open();
     for (Offset at = 0; at < count; at += buffer_size_) {
       const Offset now = std::min(buffer_size_, count - at);
       double* stage = next();
-      copy(stage, from + at, now);
+      make(at, now, stage);
       enqueue(to + at, stage, now, cudaMemcpyHostToDevice, stream);
     }
   }
