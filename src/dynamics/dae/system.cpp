@@ -393,8 +393,8 @@ void AssembledSystem::constraints(double t, ConstSpan q, ConstSpan v, const Cons
   constexpr Offset kManyEntries = 1 << 14;  // some 100 microseconds
   base::ThreadPool* const pool = phi_q_pattern_.nonzeros() < kManyEntries ? nullptr : pool_;
   base::for_each(pool, static_cast<std::int64_t>(owners_of_constraints_.size()), [&](std::int64_t k) {
-    Component& c = *owners_of_constraints_[static_cast<std::size_t>(k)];
-    evaluate(c, [&] { c.constraints(t, q, v, out); });
+    Component& constrained = *owners_of_constraints_[static_cast<std::size_t>(k)];
+    evaluate(constrained, [&] { constrained.constraints(t, q, v, out); });
   });
 }
 
