@@ -390,8 +390,8 @@ void AssembledSystem::run_tasks(const StateView& s, Span f) {
 
 // Those of many joints at the same time: each writes rows of its own.
 void AssembledSystem::constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) {
-  constexpr Offset kManyEntries = 1 << 14;  // some 100 microseconds
-  base::ThreadPool* const pool = phi_q_pattern_.nonzeros() < kManyEntries ? nullptr : pool_;
+  constexpr Offset kManyOfPhi = 1 << 14;  // some 100 microseconds
+  base::ThreadPool* const pool = phi_q_pattern_.nonzeros() < kManyOfPhi ? nullptr : pool_;
   base::for_each(pool, static_cast<std::int64_t>(owners_of_constraints_.size()), [&](std::int64_t k) {
     Component& constrained = *owners_of_constraints_[static_cast<std::size_t>(k)];
     evaluate(constrained, [&] { constrained.constraints(t, q, v, out); });
