@@ -76,8 +76,8 @@ struct Options {
   Rescale rescale = Rescale::off;
   bool matching = true;       ///< maximum product matching and scaling for ldlt and lu
   int refinement_steps = 10;  ///< most steps of iterative refinement
-  /// A componentwise backward error at which refinement ends, though it could be made smaller. Where the factor is out
-  /// of core, the default ends at a normwise one of 1e-14, too.
+  /// A componentwise backward error at which refinement ends, though it could be made smaller. Where an FP64
+  /// factor is out of core, the default ends at a normwise one of 1e-14, too.
   double refinement_target = 2e-16;
   double required_backward_error =
       1e-10;  ///< a normwise backward error above it ends in accuracy_not_reached; infinity

@@ -126,11 +126,12 @@ class Solving {
     solve::RefinementOptions refinement;
     refinement.steps = factor_.precision() == Precision::fp32 ? 0 : options_.refinement_steps;
     refinement.target = options_.refinement_target;
-    // A step reads all of a factor out of core twice more. Unless the caller has set a target of his own, what has lost
-    // nothing but roundings is good enough there.
+    // A step reads all of a factor out of core twice more. Unless the caller has set a target of his own, what an FP64
+    // factor alone gives is good enough there if it has lost nothing but roundings. An FP32 one is always refined.
     constexpr double kRoundings = 1e-14;
     const bool out_of_core = factor_.numeric().out_of_core().budget_bytes > 0;
-    if (out_of_core && options_.refinement_target == Options{}.refinement_target && refinement.steps > 0)
+    if (out_of_core && factor_.precision() == Precision::fp64 &&
+        options_.refinement_target == Options{}.refinement_target && refinement.steps > 0)
       refinement.normwise_target = kRoundings;
     refinement.krylov = factor_.precision() == Precision::mixed;
     refinement.positive_definite = factor_.analysis()->kind() == Kind::llt;

@@ -67,6 +67,28 @@ TEST(SolverHostDevices, GiveTheBitsOfOneDevice) {
 }
 
 // A pass over a factor out of core costs too much to mend roundings; who asks for it gets it.
+// Of an FP32 factor no solution counts as good enough before rounding is reached.
+TEST(SolverHostDevices, OutOfCoreMixedPrecisionReachesRounding) {
+  for (const auto& words : std::vector<std::vector<std::string>>{
+           {"elasticity", "9"}, {"plate", "40", "40"}, {"kkt", "3", "8", "4", "4"}, {"poisson", "14"}}) {
+    SCOPED_TRACE(words.front());
+    const SparseMatrix a = generated(words);
+    const std::vector<double> b = reference::random_vector(a.cols, 5);
+    std::vector<double> x(b.size());
+    Options o = on("host:2");
+    o.precision = Precision::mixed;
+    Solver in_core(o);
+    ASSERT_TRUE(in_core.analyze(a).status.ok());
+    o.device_memory_bytes = in_core.factorize(a).devices.front().peak_bytes / 2;
+    Solver s(o);
+    ASSERT_TRUE(s.analyze(a).status.ok());
+    ASSERT_GT(s.factorize(a).devices.front().streamed_out_bytes, 0);
+    const SolveResult r = s.solve(b, x);
+    ASSERT_TRUE(r.status.ok());
+    EXPECT_LE(r.backward_error, 4.5e-16);
+  }
+}
+
 TEST(SolverHostDevices, OutOfCoreOnePassIsEnough) {
   const SparseMatrix a = generated({"elasticity", "9"});
   const std::vector<double> b = reference::random_vector(a.cols, 3);
