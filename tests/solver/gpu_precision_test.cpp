@@ -57,7 +57,8 @@ TEST_F(GpuPrecision, MixedReachesRounding) {
       o.device_memory_bytes = memory;
       Solver s(o);
       ASSERT_TRUE(s.analyze(a).status.ok());
-      const Status status = s.factorize(a).status;
+      const FactorResult factor = s.factorize(a);
+      const Status& status = factor.status;
       if (memory > 0 && status.code == StatusCode::out_of_memory) continue;  // says what it needs
       ASSERT_TRUE(status.ok()) << status.message;
       const std::vector<double> b = reference::random_vector(a.rows, 5);
@@ -66,7 +67,8 @@ TEST_F(GpuPrecision, MixedReachesRounding) {
       ASSERT_TRUE(r.status.ok()) << r.status.message;
       EXPECT_LE(error_of(a, x, b), 2 * kEps);
       EXPECT_NEAR(r.backward_error, error_of(a, x, b), kEps);
-      EXPECT_GE(r.refinement_steps, 1) << "an FP32 factor alone does not reach that";
+      if (factor.precision != Precision::fp64)  // that of the plate is, for its small pivots
+        EXPECT_GE(r.refinement_steps, 1) << "an FP32 factor alone does not reach that";
       EXPECT_LE(r.refinement_steps, 30);
       ASSERT_TRUE(s.refactorize(a.values).status.ok());
       ASSERT_TRUE(s.solve(b, again).status.ok());
