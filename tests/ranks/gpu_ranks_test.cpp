@@ -65,10 +65,11 @@ class OnGpus : public testing::Test {
       const std::lock_guard lock(mutex);
       EXPECT_EQ(found.factor.status.code, truth.factor.status.code) << found.factor.status.message;
       EXPECT_EQ(found.factor.inertia.negative, truth.factor.inertia.negative);
-      if (std::isinf(truth.factor.determinant_log))  // singular
+      if (std::isinf(truth.factor.determinant_log)) {  // singular
         EXPECT_EQ(found.factor.determinant_log, truth.factor.determinant_log);
-      else  // of L L^T it is multiplied on the host
+      } else {  // of L L^T it is multiplied on the host
         EXPECT_NEAR(found.factor.determinant_log, truth.factor.determinant_log, 1e-9);
+      }
       EXPECT_EQ(found.solve.code, truth.solve.code) << found.solve.message;
       if (ranks.rank() != 0) return;
       EXPECT_EQ(found.x, truth.x);

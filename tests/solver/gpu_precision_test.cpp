@@ -67,8 +67,9 @@ TEST_F(GpuPrecision, MixedReachesRounding) {
       ASSERT_TRUE(r.status.ok()) << r.status.message;
       EXPECT_LE(error_of(a, x, b), 2 * kEps);
       EXPECT_NEAR(r.backward_error, error_of(a, x, b), kEps);
-      if (factor.precision != Precision::fp64)  // that of the plate is, for its small pivots
+      if (factor.precision != Precision::fp64) {  // that of the plate is, for its small pivots
         EXPECT_GE(r.refinement_steps, 1) << "an FP32 factor alone does not reach that";
+      }
       EXPECT_LE(r.refinement_steps, 30);
       ASSERT_TRUE(s.refactorize(a.values).status.ok());
       ASSERT_TRUE(s.solve(b, again).status.ok());
