@@ -47,6 +47,7 @@ template <class T>
 FactorOutcome ExecutorOnDevices<T>::run(const FactorGraphs& graphs, bool filled) {
   FactorOutcome out;
   bool stopped = false;
+  give_back_solve_memory();
   if (options_.timeline != nullptr)
     for (const auto& side : sides_) at(*side, [&] { side->clear_record(); });
   last_filled_ = filled;
