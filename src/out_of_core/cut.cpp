@@ -229,7 +229,8 @@ class StepBuilder {
 
 }  // namespace
 
-std::vector<InCoreStep> make_in_core_steps(const OutOfCoreLayout& layout, const std::vector<Unit>& units) {
+std::vector<InCoreStep> make_in_core_steps(const OutOfCoreLayout& layout, const std::vector<Unit>& units,
+                                           base::ThreadPool* pool) {
   std::vector<std::int32_t> unit_of(static_cast<std::size_t>(layout.plan().fronts()), -1);
   for (std::size_t u = 0; u < units.size(); ++u)
     for (const Index f : units[u].fronts) unit_of[f] = static_cast<std::int32_t>(u);
@@ -237,8 +238,9 @@ std::vector<InCoreStep> make_in_core_steps(const OutOfCoreLayout& layout, const 
   for (const plan::Task& t : layout.order())
     if (unit_of[t.front] >= 0) tasks[static_cast<std::size_t>(unit_of[t.front])].push_back(t);
   std::vector<InCoreStep> steps(units.size());
-  for (std::size_t u = 0; u < units.size(); ++u)
+  for_each_unit(units.size(), pool, [&](std::size_t u) {
     if (!units[u].fronts.empty()) steps[u] = StepBuilder(layout, units[u], std::move(tasks[u])).build();
+  });
   return steps;
 }
 

@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "base/thread_pool.hpp"
 #include "out_of_core/plan.hpp"
 #include "out_of_core/share.hpp"
 
@@ -28,6 +29,16 @@ struct TreeCut {
 std::vector<Unit> cut_into_units(const OutOfCoreLayout& layout, const TreeCut& cut);
 
 /// The in-core steps of these units (empty for large fronts): tasks, externals, places of their arrays.
-std::vector<InCoreStep> make_in_core_steps(const OutOfCoreLayout& layout, const std::vector<Unit>& units);
+/// @param pool  null: the calling thread alone
+std::vector<InCoreStep> make_in_core_steps(const OutOfCoreLayout& layout, const std::vector<Unit>& units,
+                                           base::ThreadPool* pool);
+/// Calls use(unit) for all units, by all threads.
+template <class Use>
+void for_each_unit(std::size_t units, base::ThreadPool* pool, Use&& use) {
+  if (pool != nullptr)
+    pool->for_each(static_cast<std::int64_t>(units), [&](std::int64_t u) { use(static_cast<std::size_t>(u)); });
+  else
+    for (std::size_t u = 0; u < units; ++u) use(u);
+}
 
 }  // namespace espalier::out_of_core

@@ -252,6 +252,7 @@ class ExecutorOnRanks final : public Executor<T> {
     link_.expect_all([&] {
       if (rhs_.size() >= size) return;
       solve_graphs_.clear();
+      side_->budget().give_back(rhs_.bytes());
       rhs_ = DeviceArray<T>();
       rhs_ = DeviceArray<T>(size, side_->budget(), side_->held() + size * static_cast<Offset>(sizeof(T)));
     });
