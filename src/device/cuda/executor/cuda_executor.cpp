@@ -6,6 +6,7 @@
 #include "base/beside.hpp"
 #include "device/cuda/executor/executor_on_devices.hpp"
 #include "device/cuda/executor/plan_values.hpp"
+#include "device/cuda/runtime/pinned_block.hpp"
 #include "device/cuda/tables/needed_values.hpp"
 
 namespace espalier::device::cuda {
@@ -230,6 +231,7 @@ void open_devices(const std::vector<int>& devices) noexcept {
     std::vector<std::future<void>> opened;
     for (const int device : devices) opened.push_back(base::start_beside([&open, device] { open(device); }));
     for (auto& device : opened) device.get();
+    PinnedBlock::keep_ready(2);  // for the tables of the first factorization
   } catch (const std::exception&) {  // no memory for the threads
   }
 }
