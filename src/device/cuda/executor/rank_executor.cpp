@@ -4,14 +4,17 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <tuple>
 
+#include "device/cuda/executor/device_linear_system.hpp"
 #include "device/cuda/executor/device_side.hpp"
 #include "device/cuda/executor/plan_values.hpp"
 #include "device/cuda/executor/reached_memory.hpp"
 #include "device/cuda/executor/side_outcome.hpp"
+#include "device/cuda/kernels/rank_rows.hpp"
 #include "device/rank_rows.hpp"
 #include "plan/fingerprint.hpp"
 
@@ -22,9 +25,10 @@ namespace {
 constexpr double kPatience = 30;  // seconds that a block of threads waits for another one's
 
 // As in one process, others may write here as soon as their kernels run: everything is cleared after a run, when all
-// have finished, and the next run begins when all are clear.
+// have finished, and the next run begins when all are clear. Until then nobody changes what others read: pivots, values
+// that are shared, solutions.
 template <class T>
-class ExecutorOnRanks final : public Executor<T> {
+class ExecutorOnRanks final : public CudaExecutor<T> {
  public:
   explicit ExecutorOnRanks(const Job& job)
       : plan_(job.plan),
@@ -32,6 +36,8 @@ class ExecutorOnRanks final : public Executor<T> {
         link_(*job.link),
         device_(job.devices.at(static_cast<std::size_t>(job.link->rank()))),
         reached_(*job.link, device_),
+        reached_values_(*job.link, device_),
+        reached_solutions_(*job.link, device_),
         rows_(job.plan, job.link->size()) {
     if (plan_.ownership.devices != link_.size())
       throw std::invalid_argument(
@@ -55,49 +61,116 @@ class ExecutorOnRanks final : public Executor<T> {
   FactorOutcome factorize(std::span<const T> values) override {
     const DeviceGuard guard(device_);
     side_->copy_in(side_->values(), values.data(), static_cast<Offset>(values.size_bytes()));
-    const double began = base::now_seconds();
-    run_on_all(
-        factor_clean_, [&] { side_->enqueue_clear_factor(); }, factor_graph_);
-    FactorOutcome out;
-    SideFlags flags;
-    read_counters(out, flags);
-    const FactorEnd end = judge();
-    read_marks(out, flags, end);
-    clear(factor_clean_, [&] { side_->enqueue_clear_factor(); });
-    out.seconds = base::now_seconds() - began;
-    if (flags.stopped)
-      throw Error(StatusCode::device_error,
-                  fmt::format("the factorization on {} was given up after waiting {} s for one of its own blocks",
-                              name(), kPatience));
-    if (out.not_positive >= 0) return out;
-    if (smallest_.empty())
-      take_determinant(end, out);
-    else
-      judge_pivots(all_pivots(), smallest_, out);
+    last_filled_ = false;
+    return run(factor_graph_, {});
+  }
+
+  std::optional<FactorOutcome> factorize_filled(const FilledValues& values) override {
+    const DeviceGuard guard(device_);
+    if (!(values == filled_)) {
+      filled_ = {};
+      filled_graph_ = Graph::record(side_->stream().get(), [&] {
+        side_->enqueue_take(*side_, values);
+        side_->enqueue_factor();
+        side_->enqueue_counters();
+      });
+      filled_ = values;
+    }
+    last_filled_ = true;
+    FactorOutcome out = run(filled_graph_, filled_);
+    if (!std::isfinite(side_->factor_end().largest)) return std::nullopt;
     return out;
+  }
+  double refactorize_again() override {
+    const DeviceGuard guard(device_);
+    return (last_filled_ ? run(filled_graph_, filled_) : run(factor_graph_, {})).seconds;
   }
 
   void solve(T* x, Index columns, bool transpose) override {
+    const Offset count = Offset{plan_.tree.n} * columns;
+    T* rhs = device_rhs(columns);
+    to_device(rhs, x, count);
+    solve_device(rhs, columns, transpose);
+    from_device(x, rhs, count);
+  }
+
+  double solve_device(T* x, Index columns, bool transpose) override {
     const DeviceGuard guard(device_);
-    const Offset bytes = Offset{plan_.tree.n} * columns * static_cast<Offset>(sizeof(T));
+    const double began = base::now_seconds();
     take_solve_memory(columns);
-    side_->copy_in(rhs_.data(), x, bytes);
     for (Index c = 0; c < columns; c += at_once_) {
       const Index width = at_once_ > 1 ? std::min(at_once_, slabs(columns - c)) : 1;
-      const SolvePass<T> pass{rhs_.data(), rhs_.data(), columns, c, width, transpose};
-      const Graph& graph = solve_graph(pass);
+      const Graph& graph = solve_graph({x, solutions_.data(), columns, c, width, transpose});
       const auto clearing = [&] { side_->enqueue_clear_solve(at_once_); };
       run_on_all(solve_clean_, clearing, graph);
-      if (side_->solve_counters()[1] != 0)
-        throw Error(StatusCode::device_error,
-                    fmt::format("the solve on {} was given up after waiting {} s for one of its own blocks", name(),
-                                kPatience));
+      if (side_->solve_counters()[1] != 0) throw solve_given_up();
       (void)link_.all_numbers(1);  // all have finished
       clear(solve_clean_, clearing);
     }
-    side_->copy_out(x, rhs_.data(), bytes);
-    rows_.share(link_, x, columns);
+    collect_solutions(x, columns);
+    return base::now_seconds() - began;
   }
+  void enqueue_solve(T* x, Index columns, bool transpose) override { (void)solve_device(x, columns, transpose); }
+  [[nodiscard]] SolveClear clear_before_solve(Index /*columns*/) override { return {}; }
+  [[nodiscard]] const int* solve_aborted() const override { return nullptr; }
+  [[nodiscard]] Error solve_given_up() const override { return given_up("solve"); }
+
+  // Collective where it grows, which it does on all ranks alike.
+  T* device_rhs(Index columns) override {
+    const Offset size = Offset{plan_.tree.n} * columns;
+    if (rhs_.size() < size)
+      link_.expect_all([&] {
+        const DeviceGuard guard(device_);
+        solve_graphs_.clear();
+        side_->budget().give_back(rhs_.bytes());
+        rhs_ = DeviceArray<T>();
+        rhs_ = DeviceArray<T>(size, side_->budget(), side_->held() + size * static_cast<Offset>(sizeof(T)));
+      });
+    return rhs_.data();
+  }
+  void to_device(T* to, const T* from, Offset count) override {
+    const DeviceGuard guard(device_);
+    side_->copy_in(to, from, count * static_cast<Offset>(sizeof(T)));
+  }
+  void from_device(T* to, const T* from, Offset count) override {
+    const DeviceGuard guard(device_);
+    side_->copy_out(to, from, count * static_cast<Offset>(sizeof(T)));
+  }
+
+  std::unique_ptr<DeviceLinearSystem> make_linear_system(const LinearSystemArrays& arrays,
+                                                         Offset memory_bytes) override {
+    reached_values_.close();
+    shares_values_ = false;
+    std::unique_ptr<DeviceLinearSystem> system;
+    link_.expect_all([&] { system = make_device_linear_system<T>(arrays, *this, device_, memory_bytes); });
+    return system;
+  }
+  [[nodiscard]] bool on_ranks() const override { return true; }
+  void share_values(double* given, Offset first, Offset count) override {
+    const DeviceGuard guard(device_);
+    if (!shares_values_) reached_values_.open({given});
+    shares_values_ = true;
+    side_->stream().wait();  // what this rank has sent is there
+    const std::int64_t mine[2] = {first, count};
+    const auto ranges = link_.all_gather_of(std::span<const std::int64_t>(mine));
+    for (int r = 0; r < link_.size(); ++r) {
+      const auto rank = static_cast<std::size_t>(r);
+      const Offset begin = ranges[rank].at(0), size = ranges[rank].at(1);
+      if (r == link_.rank() || size == 0) continue;
+      const auto* theirs = static_cast<const double*>(reached_values_.arrays()[rank].front());
+      call("cudaMemcpyAsync(values of another rank)", [&] {
+        return cudaMemcpyAsync(given + begin, theirs + begin, static_cast<std::size_t>(size) * sizeof(double),
+                               cudaMemcpyDefault, side_->stream().get());
+      });
+    }
+  }
+
+  [[nodiscard]] void* stream() const override { return side_->stream().get(); }
+  [[nodiscard]] T* values() const override { return side_->values(); }
+  [[nodiscard]] Offset values_size() const override { return side_->values_size(); }
+  [[nodiscard]] std::vector<std::vector<TaskTime>> task_times() const override { return {}; }
+  [[nodiscard]] const DevicePlan& device_plan() const override { return *tables_; }
+  TableUpload& uploads() override { return side_->uploads(); }
 
   [[nodiscard]] std::string name() const override {
     return fmt::format("{} ranks on GPUs, here {}", link_.size(), side_->name());
@@ -129,10 +202,10 @@ class ExecutorOnRanks final : public Executor<T> {
     side_->send_tables();
     rows_.own([&](Index f) { return std::countr_zero(tables_->fronts[static_cast<std::size_t>(f)].members); });
     moved_ = transferred_elements(plan_, kind_, *tables_);
-    if (self == 0) take_owners();
+    take_owners();
   }
 
-  // Whose pivots count, for the judge.
+  // Whose pivots count, for the judge, and whose rows of a solution.
   void take_owners() {
     std::vector<unsigned char> owner(static_cast<std::size_t>(plan_.tree.n));
     for (Index f = 0; f < plan_.fronts(); ++f)
@@ -149,6 +222,37 @@ class ExecutorOnRanks final : public Executor<T> {
       side_->enqueue_factor();
       side_->enqueue_counters();
     });
+  }
+
+  [[nodiscard]] Error given_up(const char* what) const {
+    return {
+        StatusCode::device_error,
+        fmt::format("the {} on {} was given up after waiting {} s for one of its own blocks", what, name(), kPatience)};
+  }
+
+  FactorOutcome run(const Graph& graph, const FilledValues& values) {
+    const double began = base::now_seconds();
+    const auto clearing = [&] { side_->enqueue_clear_factor(); };
+    run_on_all(factor_clean_, clearing, graph);
+    FactorOutcome out;
+    SideFlags flags;
+    read_counters(out, flags);
+    // All have finished. Each judges all pivots, and comes to the same.
+    side_->enqueue_judge(values, reached_.sides(), owner_.data());
+    side_->stream().wait();
+    const FactorEnd end = side_->factor_end();
+    const bool finite = values.largest == nullptr || std::isfinite(end.largest);
+    if (finite) read_marks(out, flags, end);
+    clear(factor_clean_, clearing);
+    out.seconds = base::now_seconds() - began;
+    if (!finite) return out;
+    if (flags.stopped) throw given_up("factorization");
+    if (out.not_positive >= 0) return out;
+    if (smallest_.empty() || values.largest != nullptr)
+      take_determinant(end, out);
+    else
+      judge_pivots(all_pivots(), smallest_, out);
+    return out;
   }
 
   template <class Clear>
@@ -202,17 +306,6 @@ class ExecutorOnRanks final : public Executor<T> {
     }
   }
 
-  // All have finished. On rank 0, which reads the others' pivots; all get what it finds.
-  FactorEnd judge() {
-    const bool here = link_.rank() == 0;
-    if (here) {
-      side_->enqueue_judge({}, reached_.sides(), owner_.data());
-      side_->stream().wait();
-    }
-    const auto all = link_.all_gather_of(std::span<const FactorEnd>(&side_->factor_end(), here ? 1 : 0));
-    return all.at(0).at(0);
-  }
-
   void read_marks(FactorOutcome& out, const SideFlags& flags, const FactorEnd& end) {
     if (flags.failed) take_failed(all_marks(true), out);
     if (flags.replaced || (out.not_positive < 0 && end.small > 0)) take_marks(all_marks(false), out);
@@ -234,7 +327,9 @@ class ExecutorOnRanks final : public Executor<T> {
   }
 
   const Graph& solve_graph(const SolvePass<T>& pass) {
-    Graph& graph = solve_graphs_[{pass.columns, pass.first_column, pass.transpose}];
+    constexpr std::size_t kMostGraphs = 64;
+    if (solve_graphs_.size() >= kMostGraphs) solve_graphs_.clear();
+    Graph& graph = solve_graphs_[{pass.rhs, pass.columns, pass.first_column, pass.transpose}];
     if (!graph.recorded())
       graph = Graph::record(side_->stream().get(), [&] {
         side_->enqueue_solve(reached_.sides(), pass);
@@ -245,17 +340,13 @@ class ExecutorOnRanks final : public Executor<T> {
 
   // As many right-hand sides in a pass as there is room for on all ranks. Vectors that move are opened anew.
   void take_solve_memory(Index columns) {
-    std::int64_t most = columns > 1 ? std::min<Index>(kManyColumns, slabs(columns)) : 1;
-    while (most > kSlab && !side_->has_room_for(static_cast<Index>(most))) most -= kSlab;
-    for (const std::int64_t of_rank : link_.all_numbers(most)) most = std::min(most, of_rank);
-    const Offset size = Offset{plan_.tree.n} * columns;
-    link_.expect_all([&] {
-      if (rhs_.size() >= size) return;
-      solve_graphs_.clear();
-      side_->budget().give_back(rhs_.bytes());
-      rhs_ = DeviceArray<T>();
-      rhs_ = DeviceArray<T>(size, side_->budget(), side_->held() + size * static_cast<Offset>(sizeof(T)));
-    });
+    take_solutions(columns);
+    std::int64_t most = 1;
+    if (columns > 1) {
+      most = std::min<Index>(kManyColumns, slabs(columns));
+      while (most > kSlab && !side_->has_room_for(static_cast<Index>(most))) most -= kSlab;
+      for (const std::int64_t of_rank : link_.all_numbers(most)) most = std::min(most, of_rank);
+    }
     if (at_once_ == most) return;
     at_once_ = static_cast<Index>(most);
     solve_clean_ = false;
@@ -269,6 +360,28 @@ class ExecutorOnRanks final : public Executor<T> {
     widest_ = at_once_;
   }
 
+  void take_solutions(Index columns) {
+    const Offset size = whole_pages<T>(Offset{plan_.tree.n} * columns);
+    if (solutions_.size() >= size) return;
+    reached_solutions_.close();
+    link_.expect_all([] {});  // nobody has them open
+    link_.expect_all([&] {
+      solve_graphs_.clear();
+      side_->budget().give_back(solutions_.bytes());
+      solutions_ = DeviceArray<T>();
+      solutions_ = DeviceArray<T>(size, side_->budget(), side_->held() + size * static_cast<Offset>(sizeof(T)));
+    });
+    reached_solutions_.open({solutions_.data()});
+  }
+
+  // Each row from the rank that speaks for its front.
+  void collect_solutions(T* x, Index columns) {
+    RankRowsJob<T> job{{}, x, owner_.data(), plan_.tree.n, columns};
+    for (std::size_t r = 0; r < reached_solutions_.arrays().size(); ++r)
+      job.from[r] = static_cast<const T*>(reached_solutions_.arrays()[r].front());
+    call("launch of the kernel that gathers solutions", [&] { return launch_gather_rows(job, side_->stream().get()); });
+  }
+
   const plan::Plan& plan_;
   Kind kind_;
   ranks::Link& link_;
@@ -276,14 +389,18 @@ class ExecutorOnRanks final : public Executor<T> {
   std::optional<DevicePlan> tables_;
   std::optional<SideContext> context_;
   std::optional<DeviceSide<T>> side_;
-  ReachedMemory<T> reached_;          // closed before what this rank has is given back
-  RankRows rows_;                     // whose front it is tells the solution
-  std::vector<std::string> names_;    // of the GPUs, by rank
-  DeviceArray<unsigned char> owner_;  // n, on rank 0: whose pivot counts
-  DeviceArray<T> rhs_;
-  Graph factor_graph_;
-  std::map<std::tuple<Index, Index, bool>, Graph> solve_graphs_;  // by columns, first column, transpose
-  std::vector<double> moved_;                                     // by rank; elements
+  ReachedMemory<T> reached_;                         // closed before what this rank has is given back
+  OpenedArrays reached_values_, reached_solutions_;  // likewise: one array of each rank
+  RankRows rows_;                                    // whose front it is tells its pivots
+  std::vector<std::string> names_;                   // of the GPUs, by rank
+  DeviceArray<unsigned char> owner_;                 // n
+  DeviceArray<T> rhs_, solutions_;                   // the second: others read it
+  Graph factor_graph_, filled_graph_;                // the second: of factorize_filled() with filled_
+  FilledValues filled_;
+  bool last_filled_ = false;                                                // the last factorization was one of these
+  bool shares_values_ = false;                                              // reached_values_ are open
+  std::map<std::tuple<const T*, Index, Index, bool>, Graph> solve_graphs_;  // by rhs, columns, first column, transpose
+  std::vector<double> moved_;                                               // by rank; elements
   std::vector<DeviceWork> work_;
   std::span<const double> smallest_;  // PivotRule::smallest
   bool factor_clean_ = false, solve_clean_ = false;
