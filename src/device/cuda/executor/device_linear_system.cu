@@ -20,7 +20,7 @@ namespace {
 constexpr Index kMostColumns = 64;               // right-hand sides of one substitution
 constexpr Index kColumnGroup = 8;                // several right-hand sides come in multiples of it
 constexpr int kGroups = 8;                       // passes of residuals before the host looks at them
-constexpr Offset kLinkBuffer = Offset{1} << 18;  // doubles that go through the link at a time: 2 MiB
+constexpr Offset kLinkBuffer = Offset{1} << 19;  // doubles that go through the link at a time: 4 MiB
 
 // Pinning takes 0.4 s per GiB; what it saves each time are 30 ms of copying into pinned buffers.
 constexpr int kPinFrom = 16;
