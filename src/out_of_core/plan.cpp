@@ -22,7 +22,7 @@ class Candidates {
  public:
   Candidates(const OutOfCoreLayout& layout, const std::vector<OutOfCoreDevice>& devices, const PlanningRates& rates,
              base::ThreadPool* pool)
-      : layout_(layout), rates_(rates), pool_(pool) {
+      : layout_(layout), rates_(rates), pool_(pool), marks_(layout) {
     std::vector<double> speed;
     for (const OutOfCoreDevice& d : devices) speed.push_back(d.speed);
     sets_ = share_fronts(layout.plan(), speed);
@@ -37,7 +37,7 @@ class Candidates {
     if (found == cuts_.end()) {
       Cut cut;
       cut.units = cut_into_units(layout_, {limits, sets_, rates_.share_seconds});
-      cut.steps = make_in_core_steps(layout_, cut.units, pool_);
+      cut.steps = make_in_core_steps(layout_, cut.units, marks_, pool_);
       found = cuts_.emplace(limits, std::move(cut)).first;
     }
     try {
@@ -72,6 +72,7 @@ class Candidates {
   const OutOfCoreLayout& layout_;
   PlanningRates rates_;
   base::ThreadPool* pool_;
+  TaskMarks marks_;
   DeviceSets sets_;
   std::map<std::vector<Offset>, Cut> cuts_;
 };
@@ -204,7 +205,10 @@ Plans plan_out_of_core(const OutOfCoreLayout& layout, const std::vector<OutOfCor
                        const PlanningRates& rates, base::ThreadPool* pool) {
   Candidates candidates(layout, devices, rates, pool);
   Plans best = fastest(candidates, devices, rates);
-  if (!best.empty() || make_frugal(candidates, devices, best)) return best;
+  if (!best.empty() || make_frugal(candidates, devices, best)) {
+    give_tasks(layout, best);
+    return best;
+  }
   const Offset least = std::min_element(devices.begin(), devices.end(), [](const auto& x, const auto& y) {
                          return x.budget_bytes < y.budget_bytes;
                        })->budget_bytes;
