@@ -10,7 +10,7 @@ namespace {
 
 // Beyond what is free of the arena, vectors of many right-hand sides may take a sixteenth of what the factorization
 // holds, and small ones this much.
-constexpr Offset kSolveShare = 16, kSolveBytes = Offset{64} << 20;
+constexpr Offset kSolveShare = 16, kSolveBytes = Offset{256} << 20;
 
 }  // namespace
 
