@@ -222,16 +222,19 @@ Availability available_devices() {
 
 void open_devices(const std::vector<int>& devices) noexcept {
   const auto open = [&](int device) noexcept {
-    if (cudaSetDevice(device) == cudaSuccess && cudaFree(nullptr) == cudaSuccess)
+    if (cudaSetDevice(device) == cudaSuccess && cudaFree(nullptr) == cudaSuccess) {
       for (const int other : devices)
         if (other != device) (void)cudaDeviceEnablePeerAccess(other, 0);
+      SolveShape shape;
+      (void)SolveKernel<double>::resident(shape);                 // loads these kernels
+      if (device == devices.front()) PinnedBlock::keep_ready(2);  // for the tables of the first factorization
+    }
     (void)cudaGetLastError();
   };
   try {
     std::vector<std::future<void>> opened;
     for (const int device : devices) opened.push_back(base::start_beside([&open, device] { open(device); }));
     for (auto& device : opened) device.get();
-    PinnedBlock::keep_ready(2);  // for the tables of the first factorization
   } catch (const std::exception&) {  // no memory for the threads
   }
 }
