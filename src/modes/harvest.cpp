@@ -89,7 +89,7 @@ void note_costs(const Pencil& pencil, const LanczosClock& clock, ModesResult& re
 void examine(const SparseMatrix& k, const SparseMatrix& m, bool inner_is_k, Workshop& shop, ModesResult& result) {
   const Index n = result.n, count = result.count();
   const double k_norm = matrix::norm_inf(k, &shop.pool), m_norm = matrix::norm_inf(m, &shop.pool);
-  const Product k_full(k), m_full(m);
+  const Product k_full(k, shop.pool), m_full(m, shop.pool);
   Tall kx(n, std::min(count, kColumns), &shop.budget), mx(n, std::min(count, kColumns), &shop.budget);
   result.residuals.assign(static_cast<std::size_t>(count), 0.0);
   for (Index c = 0; c < count; c += kColumns) {

@@ -21,12 +21,15 @@ Search::Search(SparseMatrix k, SparseMatrix m, const ModesOptions& options, Work
     : options_(options),
       shop_(shop),
       result_(result),
-      pencil_(std::move(k), std::move(m), options),
-      stiffness_(pencil_.k()),
-      mass_(pencil_.m()) {
+      pencil_(std::move(k), std::move(m), options, shop.pool),
+      stiffness_(pencil_.k(), shop.pool),
+      mass_(pencil_.m(), shop.pool),
+      mass_diagonal_(diagonal_of(pencil_.m())) {
   op_.n = pencil_.n();
   op_.inner = "M";
-  op_.diagonal = diagonal_of(pencil_.m());
+  op_.weights = [this](const double* w, Index columns) {
+    return weighted_squares(shop_.pool, pencil_.n(), mass_diagonal_.data(), w, columns);
+  };
   op_.b = [this](const double* x, double* y, Index columns) {
     const base::Stopwatch watch(result_.seconds.products);
     mass_.apply(shop_.pool, x, y, columns);
@@ -69,11 +72,11 @@ bool Search::finished() const {
 
 Index Search::known_beyond(double from) const { return harvest_.size() - harvest_.below(from); }
 
-// Modes found above the last shift are kept out of the search: they would be found again.
-Index Search::known_vectors(Tall& basis, double from) {
-  const Index first = harvest_.below(from), known = harvest_.size() - first;
-  for (Index i = 0; i < known; ++i) std::copy_n(harvest_[first + i].vector, pencil_.n(), basis.col(i));
-  return known;
+// On the GPU that has the factor, if there is one and it has room.
+std::optional<Workspace> Search::device_workspace(Index most, Index least) {
+  if (!device_asked_) on_device_ = DeviceSearch::make(pencil_, mass_, mass_diagonal_, shop_, result_);
+  device_asked_ = true;
+  return on_device_ ? on_device_->workspace(most, least, block_) : std::nullopt;
 }
 
 // The modes next to the shift that are not known yet: all below it, and to the right as many as are wanted.
@@ -95,20 +98,41 @@ void Search::explore() {
   const Index usual = options_.basis_size > 0 ? options_.basis_size : 2 * want + 12 * block_;
   const Index most = std::min<Index>(std::max(usual, want + 3 * block_), o.dimension + block_) + known;
   const Index least = std::min<Index>(want + 3 * block_, o.dimension + block_) + known;
-  Tall basis = shop_.basis(pencil_.n(), most, least, pencil_.factor_peak_bytes);
-  Tall image(pencil_.n(), block_, &shop_.budget);
-  known_vectors(basis, from);
-  Lanczos lanczos(op_, basis, known, image, shop_.pool, clock_);
+  const Index n = pencil_.n();
+  std::optional<Workspace> space = device_workspace(most, least);
+  const bool here = !space;
+  const HostBlocks blocks(shop_.pool, n);
+  Tall basis, image;  // of the host
+  if (here) {
+    basis = shop_.basis(n, most, least, pencil_.factor_peak_bytes);
+    image = Tall(n, block_, &shop_.budget);
+    space.emplace(Workspace{blocks, basis.col(0), basis.columns(), image.col(0), block_});
+  }
+  // Modes found above the last shift are kept out of the search: they would be found again.
+  for (Index i = 0, first = harvest_.below(from); i < known; ++i) {
+    const double* vector = harvest_[first + i].vector;
+    double* const to = space->basis + static_cast<std::int64_t>(n) * i;
+    if (here)
+      std::copy_n(vector, n, to);
+    else
+      on_device_->send(to, vector, 1);
+  }
+  Lanczos lanczos(here ? op_ : on_device_->op(), *space, known, shop_.pool, clock_);
   const LanczosResult found = lanczos.run(o);
   result_.restarts += found.restarts;
   result_.peak_bytes = std::max(result_.peak_bytes, pencil_.factor_peak_bytes + shop_.budget.peak());
   shop_.log(fmt::format("modes: shift {:.6g}: {} of {} below and {} of {} above it found, {} right-hand sides so far",
                         shift_, found.found.negative, left, found.found.positive, right, clock_.columns));
-  collect(found, basis, known);
+  double* const after_known = space->basis + static_cast<std::int64_t>(n) * known;
+  collect(found, [&](const Dense& s, double* to) {
+    if (!here) return on_device_->fetch(after_known, s, to);
+    combine(shop_.pool, n, after_known, s, to);
+    basis = Tall();  // its memory serves the products
+  });
 }
 
-// Those that were found, into the harvest.
-void Search::collect(const LanczosResult& found, Tall& basis, Index known) {
+// Those that were found, into the harvest. @param make  columns of the basis times a small matrix
+void Search::collect(const LanczosResult& found, const std::function<void(const Dense&, double*)>& make) {
   right_edge_ = found.next_positive > 0 ? shift_ + 1 / found.next_positive : std::numeric_limits<double>::quiet_NaN();
   // More than lie below or above the shift cannot be there: the last ones are rounding.
   const Index left = std::min(found.found.negative, std::max<Index>(0, below_shift_ - harvest_.below(shift_)));
@@ -131,8 +155,7 @@ void Search::collect(const LanczosResult& found, Tall& basis, Index known) {
     largest = std::max(largest, std::abs(theta));
   }
   Tall batch(pencil_.n(), static_cast<Index>(taken.size()), &shop_.budget);
-  combine(shop_.pool, pencil_.n(), basis.col(known), found.combination(Eigen::all, taken), batch.col(0));
-  basis = Tall();  // its memory serves the products
+  make(found.combination(Eigen::all, taken), batch.col(0));
   purify(batch, std::numeric_limits<double>::epsilon() * largest, eigenvalues);
   harvest_.add(std::move(batch), eigenvalues, bounds);
 }
