@@ -3,9 +3,12 @@
 #include <dlfcn.h>
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <map>
+#include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -58,6 +61,19 @@ Function symbol(void* library, const char* name) {
 
 }  // namespace
 
+void RankOptions::add_to(CLI::App& app) {
+  app.add_option("--patience", patience, "under mpirun: seconds after which a rank that is silent is lost")
+      ->type_name("S")
+      ->check(CLI::PositiveNumber);
+  static const std::map<std::string, Nodes> names = {{"host", Nodes::host}, {"process", Nodes::process}};
+  app.add_option(
+         "--nodes", nodes,
+         "under mpirun, on GPUs: 'host' (default): ranks of a host reach each other's GPUs; 'process': each rank "
+         "is a machine of its own")
+      ->type_name("WHAT")
+      ->transform(CLI::CheckedTransformer(names));
+}
+
 void expect_one_process(const char* command) {
   if (const int ranks = launched_ranks(); ranks > 1)
     throw Error(StatusCode::invalid_input,
@@ -73,8 +89,8 @@ std::string adapter_folder() {
   return std::string(home != nullptr ? home : ".") + "/.cache/espalier";
 }
 
-LaunchedRanks::LaunchedRanks(double patience) {
-  if (launched_ranks() > 1) load(patience);
+LaunchedRanks::LaunchedRanks(const RankOptions& options) {
+  if (launched_ranks() > 1) load(options);
 }
 
 LaunchedRanks::~LaunchedRanks() {
@@ -82,7 +98,7 @@ LaunchedRanks::~LaunchedRanks() {
   if (end_ != nullptr) end_();
 }
 
-void LaunchedRanks::load(double patience) {
+void LaunchedRanks::load(const RankOptions& options) {
   std::string why;
   for (const std::string& path : adapters()) {
     // Libraries of MPIs look for each other's symbols in the program.
@@ -106,7 +122,8 @@ void LaunchedRanks::load(double patience) {
       why += fmt::format("; {} is of another MPI than the launcher, it sees one rank", path);
       continue;
     }
-    ranks_ = Ranks(table, patience);
+    ranks_ = Ranks(table, options.patience);
+    set_nodes(ranks_, options.nodes);
     return;
   }
   throw Error(StatusCode::invalid_input,

@@ -12,6 +12,7 @@
 #include "device/cuda/executor/plan_values.hpp"
 #include "device/cuda/executor/reached_memory.hpp"
 #include "device/cuda/executor/side_outcome.hpp"
+#include "device/cuda/executor/tile_exchange.hpp"
 #include "device/rank_rows.hpp"
 #include "plan/fingerprint.hpp"
 
@@ -39,7 +40,7 @@ class ExecutorOnRanks final : public Executor<T> {
     expect_same_plan();
     const DeviceGuard guard(device_);
     link_.expect_all([&] { make_side(job); });
-    reached_.open(side_->addresses());
+    reach();
     link_.expect_all([&] { connect(); });
     for (const auto& bytes : link_.all_gather(std::as_bytes(std::span(side_->name()))))
       names_.emplace_back(reinterpret_cast<const char*>(bytes.data()), bytes.size());
@@ -57,7 +58,11 @@ class ExecutorOnRanks final : public Executor<T> {
     side_->copy_in(side_->values(), values.data(), static_cast<Offset>(values.size_bytes()));
     const double began = base::now_seconds();
     run_on_all(
-        factor_clean_, [&] { side_->enqueue_clear_factor(); }, factor_graph_);
+        factor_clean_, [&] { side_->enqueue_clear_factor(); }, factor_graph_, [&] { exchange_->begin_factor(); });
+    if (exchange_) {  // nobody reads any more what the inverses overwrite
+      inverses_graph_.launch(side_->stream().get());
+      side_->stream().wait();
+    }
     FactorOutcome out;
     SideFlags flags;
     read_counters(out, flags);
@@ -87,7 +92,7 @@ class ExecutorOnRanks final : public Executor<T> {
       const SolvePass<T> pass{rhs_.data(), rhs_.data(), columns, c, width, transpose};
       const Graph& graph = solve_graph(pass);
       const auto clearing = [&] { side_->enqueue_clear_solve(at_once_); };
-      run_on_all(solve_clean_, clearing, graph);
+      run_on_all(solve_clean_, clearing, graph, [&] { exchange_->begin_solve(width); });
       if (side_->solve_counters()[1] != 0)
         throw Error(StatusCode::device_error,
                     fmt::format("the solve on {} was given up after waiting {} s for one of its own blocks", name(),
@@ -108,7 +113,18 @@ class ExecutorOnRanks final : public Executor<T> {
  private:
   static Index slabs(Index columns) { return (columns + kSlab - 1) / kSlab * kSlab; }
 
+  // Whether each rank reaches the memory of all others: the same on all ranks.
+  [[nodiscard]] bool one_machine() const {
+    for (int r = 0; r < link_.size(); ++r)
+      if (link_.machine_of(r) != link_.machine_of(0)) return false;
+    return true;
+  }
+
   void expect_same_plan() {
+    const auto machines = link_.all_numbers(one_machine() ? 1 : 0);
+    if (std::count(machines.begin(), machines.end(), machines[0]) != link_.size())
+      throw Error(StatusCode::invalid_input,
+                  "ranks do not agree on whether each is a machine of its own: give all the same --nodes");
     const auto marks = link_.all_numbers(plan::fingerprint(
         plan_, static_cast<int>(kind_), [&](Index f, Index j) { return plan_.ownership.owner(f, j); }));
     for (std::size_t r = 0; r < marks.size(); ++r)
@@ -119,7 +135,7 @@ class ExecutorOnRanks final : public Executor<T> {
   }
 
   void make_side(const Job& job) {
-    tables_.emplace(make_device_plan(plan_, kind_, true, {}, &job.pool));
+    tables_.emplace(make_device_plan(plan_, kind_, true, {}, &job.pool, !one_machine()));
     const int self = link_.rank();
     context_.emplace(
         SideContext{plan_, kind_, *tables_, kPatience, 0, values_of(plan_, &job.pool), &job.pool, self, true});
@@ -130,6 +146,16 @@ class ExecutorOnRanks final : public Executor<T> {
     rows_.own([&](Index f) { return std::countr_zero(tables_->fronts[static_cast<std::size_t>(f)].members); });
     moved_ = transferred_elements(plan_, kind_, *tables_);
     if (self == 0) take_owners();
+    if (one_machine()) return;
+    exchange_.emplace(link_, plan_, kind_, *tables_);
+    exchange_->take_memory(side_->budget());
+  }
+
+  // Where the memory of all sides is, or its mirrors here.
+  void reach() {
+    reached_.open(side_->addresses());
+    sides_ = reached_.sides();
+    if (exchange_) exchange_->mirror(side_->addresses(), sides_);
   }
 
   // Whose pivots count, for the judge.
@@ -144,11 +170,17 @@ class ExecutorOnRanks final : public Executor<T> {
   }
 
   void connect() {
-    side_->connect(reached_.sides());
-    factor_graph_ = Graph::record(side_->stream().get(), [&] {
-      side_->enqueue_factor();
+    side_->connect(sides_);
+    const auto stream = side_->stream().get();
+    const auto finish = [&] {
+      side_->enqueue_inverses();
       side_->enqueue_counters();
+    };
+    factor_graph_ = Graph::record(stream, [&] {
+      side_->enqueue_tasks();
+      if (!exchange_) finish();
     });
+    if (exchange_) inverses_graph_ = Graph::record(stream, finish);
   }
 
   template <class Clear>
@@ -159,8 +191,9 @@ class ExecutorOnRanks final : public Executor<T> {
 
   // Launches here as the others do there, and waits for this rank's part. What fails ends the kernels here; the others
   // hear of it by the link.
-  template <class Clear>
-  void run_on_all(bool& clean, Clear&& clearing, const Graph& graph) {
+  // begin_exchange(): between machines, before the launch.
+  template <class Clear, class Begin>
+  void run_on_all(bool& clean, Clear&& clearing, const Graph& graph, Begin&& begin_exchange) {
     side_->stream().wait();  // clear of the run before
     const auto all = link_.all_numbers(clean ? 1 : 0);
     if (std::find(all.begin(), all.end(), 0) != all.end()) {  // a run has failed, and nobody's kernels run any more
@@ -170,12 +203,18 @@ class ExecutorOnRanks final : public Executor<T> {
     }
     clean = false;
     try {
+      if (exchange_) begin_exchange();
       graph.launch(side_->stream().get());
-      link_.begin_operation();
-      link_.wait([](int, const ranks::Message&) {}, [&] { return has_finished(); });
+      if (exchange_) {
+        exchange_->run([&] { return has_finished(); });
+      } else {
+        link_.begin_operation();
+        link_.wait([](int, const ranks::Message&) {}, [&] { return has_finished(); });
+      }
     } catch (...) {
       side_->abort();
       (void)cudaStreamSynchronize(side_->stream().get());
+      if (exchange_) exchange_->give_up();
       (void)cudaGetLastError();
       factor_clean_ = solve_clean_ = false;
       throw;
@@ -205,12 +244,23 @@ class ExecutorOnRanks final : public Executor<T> {
   // All have finished. On rank 0, which reads the others' pivots; all get what it finds.
   FactorEnd judge() {
     const bool here = link_.rank() == 0;
+    if (exchange_) gather_pivots();
     if (here) {
-      side_->enqueue_judge({}, reached_.sides(), owner_.data());
+      side_->enqueue_judge({}, sides_, owner_.data());
       side_->stream().wait();
     }
     const auto all = link_.all_gather_of(std::span<const FactorEnd>(&side_->factor_end(), here ? 1 : 0));
     return all.at(0).at(0);
+  }
+
+  // Of other machines, rank 0 reads from its own memory.
+  void gather_pivots() {
+    const Offset n = plan_.tree.n, parts = kind_ == Kind::ldlt ? 3 : 1;
+    std::vector<T> pivots(static_cast<std::size_t>(parts * n));
+    T* const there = side_->addresses().pivots;
+    side_->copy_out(pivots.data(), there, parts * n * static_cast<Offset>(sizeof(T)));
+    for (Offset part = 0; part < parts; ++part) rows_.share(link_, pivots.data() + part * n, 1);
+    if (link_.rank() == 0) side_->copy_in(there, pivots.data(), parts * n * static_cast<Offset>(sizeof(T)));
   }
 
   void read_marks(FactorOutcome& out, const SideFlags& flags, const FactorEnd& end) {
@@ -237,7 +287,7 @@ class ExecutorOnRanks final : public Executor<T> {
     Graph& graph = solve_graphs_[{pass.columns, pass.first_column, pass.transpose}];
     if (!graph.recorded())
       graph = Graph::record(side_->stream().get(), [&] {
-        side_->enqueue_solve(reached_.sides(), pass);
+        side_->enqueue_solve(sides_, pass);
         side_->enqueue_counters();
       });
     return graph;
@@ -264,7 +314,7 @@ class ExecutorOnRanks final : public Executor<T> {
     reached_.close();
     link_.expect_all([] {});  // nobody has the vectors open
     link_.expect_all([&] { (void)side_->take_solve_memory(at_once_); });
-    reached_.open(side_->addresses());
+    reach();
     widest_ = at_once_;
   }
 
@@ -275,12 +325,14 @@ class ExecutorOnRanks final : public Executor<T> {
   std::optional<DevicePlan> tables_;
   std::optional<SideContext> context_;
   std::optional<DeviceSide<T>> side_;
-  ReachedMemory<T> reached_;          // closed before what this rank has is given back
-  RankRows rows_;                     // whose front it is tells the solution
-  std::vector<std::string> names_;    // of the GPUs, by rank
-  DeviceArray<unsigned char> owner_;  // n, on rank 0: whose pivot counts
+  ReachedMemory<T> reached_;  // closed before what this rank has is given back
+  std::vector<SideAddresses<T>> sides_;
+  std::optional<TileExchange<T>> exchange_;  // with ranks of other machines
+  RankRows rows_;                            // whose front it is tells the solution
+  std::vector<std::string> names_;           // of the GPUs, by rank
+  DeviceArray<unsigned char> owner_;         // n, on rank 0: whose pivot counts
   DeviceArray<T> rhs_;
-  Graph factor_graph_;
+  Graph factor_graph_, inverses_graph_;  // the second: between machines, once all tiles are where they belong
   std::map<std::tuple<Index, Index, bool>, Graph> solve_graphs_;  // by columns, first column, transpose
   std::vector<double> moved_;                                     // by rank; elements
   std::vector<DeviceWork> work_;

@@ -92,13 +92,15 @@ void ReachedMemory<T>::open(const SideAddresses<T>& mine) {
     sides_.assign(all.size(), {});
     for (std::size_t r = 0; r < all.size(); ++r) {
       const int rank = static_cast<int>(r);
+      if (link_.machine_of(rank) != link_.machine_of(link_.rank())) continue;
       try {
         open_from(all[r].at(0), record, rank);
       } catch (const Error& e) {
         throw Error(
             e.status().code,
-            fmt::format("{} does not reach the memory of {}: {}; ranks share GPUs of one machine that reach each "
-                        "other's memory, else use device cpu, or one process for all GPUs",
+            fmt::format("{} does not reach the memory of {}: {}; GPUs of one machine must reach each other's "
+                        "memory: else take every process for a machine of its own (--nodes process), use device cpu, "
+                        "or one process for all GPUs",
                         link_.name_of(link_.rank()), link_.name_of(rank), e.what()));
       }
     }

@@ -13,7 +13,7 @@
 
 namespace espalier::device::cuda {
 
-/// What ranks reach of each other's memory. Ranks are processes of one machine, each with a GPU, or threads of one
+/// What ranks of a machine reach of each other's memory. Ranks are processes, each with a GPU, or threads of one
 /// process with different GPUs.
 ///
 /// The memory of a rank that has died stays mapped as long as this object lives; nobody will set its flags any more.
@@ -31,7 +31,7 @@ class ReachedMemory {
   void open(const SideAddresses<T>& mine);
   /// Ends what open() has opened, before the others give the memory back.
   void close() noexcept;
-  /// By rank.
+  /// By rank; null pointers for those of other machines (Link::machine_of).
   [[nodiscard]] const std::vector<SideAddresses<T>>& sides() const { return sides_; }
 
  private:
