@@ -98,7 +98,7 @@ std::string Link::name_of(int rank) const {
 }
 
 int Link::machine_of(int rank) const {
-  if (apart_) return rank;
+  if (machine_ranks_ > 0) return rank / machine_ranks_;
   const auto found = std::find(hosts_.begin(), hosts_.end(), hosts_[static_cast<std::size_t>(rank)]);
   return static_cast<int>(found - hosts_.begin());
 }

@@ -48,10 +48,10 @@ class Link {
   /// Ranks on this host that may use the same cores, this one included.
   [[nodiscard]] int neighbours() const { return neighbours_; }
 
-  /// Ranks of one machine have the same number. A machine is a host, unless each rank is to be one of its own.
+  /// Ranks of one machine have the same number. A machine is a host, unless set_machines() says otherwise.
   [[nodiscard]] int machine_of(int rank) const;
-  /// The same on all ranks. For trying on one machine what several do.
-  void set_apart(bool apart) { apart_ = apart; }
+  /// So many ranks after each other are a machine; 0: those of a host. The same on all ranks.
+  void set_machines(int ranks) { machine_ranks_ = ranks; }
   /// Where what comes in is put, if there is room; else it goes to the heap. Empty: no such memory any more.
   /// @param take  memory of at least so many bytes, or null
   void use_memory(std::function<std::shared_ptr<std::byte[]>(std::size_t bytes)> take) { take_ = std::move(take); }
@@ -128,7 +128,7 @@ class Link {
   double patience_;
   std::vector<std::string> hosts_;
   int neighbours_ = 1;
-  bool apart_ = false;
+  int machine_ranks_ = 0;
   std::function<std::shared_ptr<std::byte[]>(std::size_t)> take_;
   std::uint32_t call_ = 0, operation_ = 0;
   std::mutex mutex_;

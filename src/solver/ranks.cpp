@@ -14,7 +14,7 @@ int Ranks::size() const { return link_ ? link_->size() : 1; }
 std::string Ranks::name_of(int rank) const { return link_ ? link_->name_of(rank) : "rank 0"; }
 
 void set_nodes(const Ranks& ranks, Nodes nodes) {
-  if (ranks.link()) ranks.link()->set_apart(nodes == Nodes::process);
+  if (ranks.link()) ranks.link()->set_machines(nodes == Nodes::process ? 1 : 0);
 }
 
 namespace solver {

@@ -2,7 +2,7 @@
 // the mpi.h of each MPI that is there.
 //   solve [stop RANK AT]    RANK stops (dies, with AT = 0) after so many systems
 //   solve gpu:all           each rank on a GPU; alone on the first that it sees
-//   solve gpu:all process   ... and each a machine of its own; or host
+//   solve gpu:all process   ... and each a machine of its own; or host; or pairs: two ranks are one
 //   solve gpu:all process time elasticity 64    that system alone: seconds, and a number that equal solutions have
 #include <espalier/mpi.h>
 #include <unistd.h>
@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "matrix/generators/generate.hpp"
+#include "ranks/link.hpp"
 
 namespace {
 
@@ -171,6 +172,7 @@ int main(int argc, char** argv) {
       ::_exit(status.code == espalier::StatusCode::device_error ? 0 : 1);
     }
     if (words.size() > 1 && words[1] == "process") set_nodes(ranks, espalier::Nodes::process);
+    if (words.size() > 1 && words[1] == "pairs") ranks.link()->set_machines(2);
     if (words.size() > 3 && words[2] == "time") {
       time_of(ranks, {words.begin() + 3, words.end()});
     } else {

@@ -9,10 +9,10 @@
 #include <tuple>
 
 #include "device/cuda/executor/device_side.hpp"
+#include "device/cuda/executor/mirrored_memory.hpp"
 #include "device/cuda/executor/plan_values.hpp"
 #include "device/cuda/executor/reached_memory.hpp"
 #include "device/cuda/executor/side_outcome.hpp"
-#include "device/cuda/executor/tile_exchange.hpp"
 #include "device/rank_rows.hpp"
 #include "plan/fingerprint.hpp"
 
@@ -58,8 +58,9 @@ class ExecutorOnRanks final : public Executor<T> {
     side_->copy_in(side_->values(), values.data(), static_cast<Offset>(values.size_bytes()));
     const double began = base::now_seconds();
     run_on_all(
-        factor_clean_, [&] { side_->enqueue_clear_factor(); }, factor_graph_, [&] { exchange_->begin_factor(); });
-    if (exchange_) {  // nobody reads any more what the inverses overwrite
+        factor_clean_, [&] { side_->enqueue_clear_factor(); }, factor_graph_,
+        [&] { mirrored_->exchange().begin_factor(); });
+    if (mirrored_) {  // nobody reads any more what the inverses overwrite
       inverses_graph_.launch(side_->stream().get());
       side_->stream().wait();
     }
@@ -92,7 +93,7 @@ class ExecutorOnRanks final : public Executor<T> {
       const SolvePass<T> pass{rhs_.data(), rhs_.data(), columns, c, width, transpose};
       const Graph& graph = solve_graph(pass);
       const auto clearing = [&] { side_->enqueue_clear_solve(at_once_); };
-      run_on_all(solve_clean_, clearing, graph, [&] { exchange_->begin_solve(width); });
+      run_on_all(solve_clean_, clearing, graph, [&] { mirrored_->begin_solve(side_->addresses(), width); });
       if (side_->solve_counters()[1] != 0)
         throw Error(StatusCode::device_error,
                     fmt::format("the solve on {} was given up after waiting {} s for one of its own blocks", name(),
@@ -147,15 +148,14 @@ class ExecutorOnRanks final : public Executor<T> {
     moved_ = transferred_elements(plan_, kind_, *tables_);
     if (self == 0) take_owners();
     if (one_machine()) return;
-    exchange_.emplace(link_, plan_, kind_, *tables_);
-    exchange_->take_memory(side_->budget());
+    mirrored_.emplace(link_, plan_, kind_, *tables_, side_->budget());
   }
 
   // Where the memory of all sides is, or its mirrors here.
   void reach() {
     reached_.open(side_->addresses());
     sides_ = reached_.sides();
-    if (exchange_) exchange_->mirror(side_->addresses(), sides_);
+    if (mirrored_) mirrored_->connect(side_->addresses(), sides_);
   }
 
   // Whose pivots count, for the judge.
@@ -178,9 +178,9 @@ class ExecutorOnRanks final : public Executor<T> {
     };
     factor_graph_ = Graph::record(stream, [&] {
       side_->enqueue_tasks();
-      if (!exchange_) finish();
+      if (!mirrored_) finish();
     });
-    if (exchange_) inverses_graph_ = Graph::record(stream, finish);
+    if (mirrored_) inverses_graph_ = Graph::record(stream, finish);
   }
 
   template <class Clear>
@@ -203,10 +203,10 @@ class ExecutorOnRanks final : public Executor<T> {
     }
     clean = false;
     try {
-      if (exchange_) begin_exchange();
+      if (mirrored_) begin_exchange();
       graph.launch(side_->stream().get());
-      if (exchange_) {
-        exchange_->run([&] { return has_finished(); });
+      if (mirrored_) {
+        mirrored_->exchange().run([&] { return has_finished(); });
       } else {
         link_.begin_operation();
         link_.wait([](int, const ranks::Message&) {}, [&] { return has_finished(); });
@@ -214,7 +214,7 @@ class ExecutorOnRanks final : public Executor<T> {
     } catch (...) {
       side_->abort();
       (void)cudaStreamSynchronize(side_->stream().get());
-      if (exchange_) exchange_->give_up();
+      if (mirrored_) mirrored_->exchange().give_up();
       (void)cudaGetLastError();
       factor_clean_ = solve_clean_ = false;
       throw;
@@ -244,7 +244,7 @@ class ExecutorOnRanks final : public Executor<T> {
   // All have finished. On rank 0, which reads the others' pivots; all get what it finds.
   FactorEnd judge() {
     const bool here = link_.rank() == 0;
-    if (exchange_) gather_pivots();
+    if (mirrored_) gather_pivots();
     if (here) {
       side_->enqueue_judge({}, sides_, owner_.data());
       side_->stream().wait();
@@ -327,10 +327,10 @@ class ExecutorOnRanks final : public Executor<T> {
   std::optional<DeviceSide<T>> side_;
   ReachedMemory<T> reached_;  // closed before what this rank has is given back
   std::vector<SideAddresses<T>> sides_;
-  std::optional<TileExchange<T>> exchange_;  // with ranks of other machines
-  RankRows rows_;                            // whose front it is tells the solution
-  std::vector<std::string> names_;           // of the GPUs, by rank
-  DeviceArray<unsigned char> owner_;         // n, on rank 0: whose pivot counts
+  std::optional<MirroredMemory<T>> mirrored_;  // with ranks of other machines
+  RankRows rows_;                              // whose front it is tells the solution
+  std::vector<std::string> names_;             // of the GPUs, by rank
+  DeviceArray<unsigned char> owner_;           // n, on rank 0: whose pivot counts
   DeviceArray<T> rhs_;
   Graph factor_graph_, inverses_graph_;  // the second: between machines, once all tiles are where they belong
   std::map<std::tuple<Index, Index, bool>, Graph> solve_graphs_;  // by columns, first column, transpose

@@ -46,7 +46,7 @@ void ReachedMemory<T>::for_arrays(SideAddresses<T>& side, Use&& use) {
 }
 
 template <class T>
-auto ReachedMemory<T>::record_of(SideAddresses<T> side, int device) -> Record {
+auto ReachedMemory<T>::record_of(SideAddresses<T> side, int device, bool exported) -> Record {
   Record record{};
   record.process = this_process();
   record.device = device;
@@ -54,22 +54,31 @@ auto ReachedMemory<T>::record_of(SideAddresses<T> side, int device) -> Record {
   for_arrays(side, [&](auto* pointer) {
     Array& array = *next++;
     array.address = reinterpret_cast<std::uint64_t>(pointer);
-    if (pointer != nullptr) call("cudaIpcGetMemHandle", [&] { return cudaIpcGetMemHandle(&array.handle, pointer); });
+    if (pointer != nullptr && exported)
+      call("cudaIpcGetMemHandle", [&] { return cudaIpcGetMemHandle(&array.handle, pointer); });
   });
   return record;
+}
+
+template <class T>
+bool ReachedMemory<T>::is_near(int rank) const {
+  return link_.machine_of(rank) == link_.machine_of(link_.rank());
+}
+
+// Kernels that wait for each other would not both find room.
+template <class T>
+void ReachedMemory<T>::expect_own_device(const Record& record, const Record& mine, int rank) const {
+  if (rank != link_.rank() && record.process == mine.process && record.device == mine.device)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("ranks {} and {} are threads of one process and share GPU {}: give each a GPU of its own",
+                            link_.rank(), rank, mine.device));
 }
 
 template <class T>
 void ReachedMemory<T>::open_from(const Record& record, const Record& mine, int rank) {
   SideAddresses<T>& side = sides_[static_cast<std::size_t>(rank)];
   const bool here = record.process == mine.process;
-  if (here && rank != link_.rank()) {
-    if (record.device == mine.device)
-      throw Error(StatusCode::invalid_input,
-                  fmt::format("ranks {} and {} are threads of one process and share GPU {}: give each a GPU of its own",
-                              link_.rank(), rank, mine.device));
-    enable_peer_access(static_cast<int>(record.device));
-  }
+  if (here && rank != link_.rank()) enable_peer_access(static_cast<int>(record.device));
   const Array* next = record.arrays;
   for_arrays(side, [&](auto*& pointer) {
     const Array& array = *next++;
@@ -86,15 +95,17 @@ void ReachedMemory<T>::open_from(const Record& record, const Record& mine, int r
 template <class T>
 void ReachedMemory<T>::open(const SideAddresses<T>& mine) {
   Record record{};
-  link_.expect_all([&] { record = record_of(mine, device_); });
+  bool alone = true;
+  for (int r = 0; r < link_.size(); ++r) alone = alone && (r == link_.rank() || !is_near(r));
+  link_.expect_all([&] { record = record_of(mine, device_, !alone); });
   const auto all = link_.all_gather_of(std::span<const Record>(&record, 1));
   link_.expect_all([&] {
     sides_.assign(all.size(), {});
     for (std::size_t r = 0; r < all.size(); ++r) {
       const int rank = static_cast<int>(r);
-      if (link_.machine_of(rank) != link_.machine_of(link_.rank())) continue;
       try {
-        open_from(all[r].at(0), record, rank);
+        expect_own_device(all[r].at(0), record, rank);
+        if (is_near(rank)) open_from(all[r].at(0), record, rank);
       } catch (const Error& e) {
         throw Error(
             e.status().code,

@@ -49,7 +49,10 @@ class ReachedMemory {
 
   template <class Use>
   static void for_arrays(SideAddresses<T>& side, Use&& use);
-  [[nodiscard]] static Record record_of(SideAddresses<T> side, int device);
+  /// @param exported  others open the arrays
+  [[nodiscard]] static Record record_of(SideAddresses<T> side, int device, bool exported);
+  [[nodiscard]] bool is_near(int rank) const;
+  void expect_own_device(const Record& record, const Record& mine, int rank) const;
   void open_from(const Record& record, const Record& mine, int rank);
 
   ranks::Link& link_;

@@ -1,4 +1,4 @@
-#include "device/cuda/executor/tile_exchange.hpp"
+#include "device/cuda/tables/tile_exchange.hpp"
 
 #include <fmt/format.h>
 
@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cstring>
 #include <thread>
+#include <utility>
 
 namespace espalier::device::cuda {
 
@@ -25,10 +26,12 @@ std::vector<int> ranks_of(unsigned devices) {
 }  // namespace
 
 template <class T>
-TileExchange<T>::TileExchange(ranks::Link& link, const plan::Plan& plan, Kind kind, const DevicePlan& tables)
-    : link_(link), plan_(plan), kind_(kind), tables_(tables), messages_(plan, kind, tables) {
+TileExchange<T>::TileExchange(ranks::Link& link, const plan::Plan& plan, Kind kind, const DevicePlan& tables,
+                              CopyQueues& queues)
+    : link_(link), kind_(kind), tables_(tables), messages_(plan, kind, tables), queues_(queues) {
   for (int r = 0; r < link.size(); ++r)
     if (link.machine_of(r) != link.machine_of(link.rank())) apart_ |= 1u << r;
+  for (const SentTile& tile : messages_.tiles(link.rank())) flag_of_.push_back(messages_.flag(tile));
 }
 
 template <class T>
@@ -37,45 +40,14 @@ TileExchange<T>::~TileExchange() {
 }
 
 template <class T>
-void TileExchange<T>::take_memory(DeviceBudget& budget) {
-  const auto ranks = static_cast<std::size_t>(link_.size());
-  places_.resize(ranks);
-  place_starts_.assign(ranks, nullptr);
-  for (std::size_t r = 0; r < ranks; ++r) {
-    if (!is_apart(static_cast<int>(r)) || tables_.place_space[r] == 0) continue;
-    const Offset size = tables_.place_space[r];
-    places_[r] = DeviceArray<T>(size, budget, budget.held() + size * static_cast<Offset>(sizeof(T)));
-    place_starts_[r] = places_[r].data();
-  }
-  const Offset flags = (kind_ == Kind::lu ? 2 : 1) * tables_.flags;
-  flags_ = PinnedArray<int>(flags);
-  control_ = PinnedArray<int>(2 * kCounters);
-  Offset blocks = 1;
-  for (const Front& f : tables_.fronts) blocks = std::max<Offset>(blocks, f.blocks);
-  ones_ = PinnedArray<int>(blocks);
-  std::fill(flags_.data(), flags_.data() + flags, 0);
-  std::fill(control_.data(), control_.data() + control_.size(), 0);
-  std::fill(ones_.data(), ones_.data() + ones_.size(), 1);
-  const std::size_t largest = static_cast<std::size_t>(messages_.largest()) * sizeof(T);
-  slots_ = std::make_shared<PinnedSlots>(kSlots, sizeof(ranks::Header) + std::max(kSlotBytes, largest));
-  link_.use_memory([slots = slots_](std::size_t bytes) { return slots->take(bytes); });
-  for (std::size_t k = 0; k < kSlots; ++k) {
-    events_.push_back(std::make_unique<Event>());
-    free_events_.push_back(k);
-  }
+std::size_t TileExchange<T>::slot_bytes() const {
+  return sizeof(ranks::Header) + std::max(kSlotBytes, static_cast<std::size_t>(messages_.largest()) * sizeof(T));
 }
 
 template <class T>
-void TileExchange<T>::mirror(const SideAddresses<T>& mine, std::vector<SideAddresses<T>>& sides) {
-  mine_ = mine;
-  for (std::size_t r = 0; r < sides.size(); ++r) {
-    if (!is_apart(static_cast<int>(r))) continue;
-    sides[r] = mine;
-    sides[r].places = place_starts_[r];
-    sides[r].control = control_.data();
-    sides[r].flags = flags_.data();
-    sides[r].solve_control = control_.data() + kCounters;
-  }
+void TileExchange<T>::use(std::shared_ptr<MessageSlots> slots) {
+  slots_ = std::move(slots);
+  link_.use_memory([of = slots_](std::size_t bytes) { return of->take(bytes); });
 }
 
 template <class T>
@@ -83,7 +55,7 @@ void TileExchange<T>::begin(bool factor) {
   factor_ = factor;
   first_unsent_ = 0;
   unsent_ = missing_ = 0;
-  std::fill(control_.data(), control_.data() + control_.size(), 0);
+  std::atomic_ref(memory_.control[memory_.aborted_at[factor ? 1 : 0]]).store(0, std::memory_order_relaxed);
 }
 
 template <class T>
@@ -92,7 +64,7 @@ void TileExchange<T>::begin_factor() {
   const auto& tiles = messages_.tiles(link_.rank());
   sent_.assign(tiles.size(), 0);
   for (std::size_t k = 0; k < tiles.size(); ++k) {
-    flags_.data()[messages_.flag(tiles[k])] = 0;
+    memory_.mirror[flag_of_[k]] = 0;
     if ((tiles[k].receivers & apart_) == 0)
       sent_[k] = 1;
     else
@@ -144,7 +116,7 @@ void TileExchange<T>::run(const std::function<bool()>& kernels_done) {
       look_for_tiles();
     else
       look_for_updates();
-    if (done && seen(control_.data() + (factor_ ? int{kAborted} : kCounters + 1)) != 0)
+    if (done && seen(memory_.control + memory_.aborted_at[factor_ ? 1 : 0]) != 0)
       throw Error(StatusCode::device_error,
                   fmt::format("the kernels gave up waiting: {} {} were still to be sent, {} to come", unsent_,
                               factor_ ? "tiles" : "parts of vectors", missing_));
@@ -156,71 +128,48 @@ void TileExchange<T>::run(const std::function<bool()>& kernels_done) {
 
 template <class T>
 void TileExchange<T>::give_up() noexcept {
-  (void)cudaStreamSynchronize(sending_.get());
-  (void)cudaStreamSynchronize(receiving_.get());
-  (void)cudaGetLastError();
-  for (auto* list : {&in_, &out_}) {
-    for (const Copying& c : *list) free_events_.push_back(c.event);
-    list->clear();
-  }
+  queues_.finish();
+  in_.clear();
+  out_.clear();
 }
 
 // ---- copies
 // ----------------------------------------------------------------------------------------------------------
 
 template <class T>
-std::size_t TileExchange<T>::record(const Stream& stream) {
-  if (free_events_.empty()) {
-    events_.push_back(std::make_unique<Event>());
-    free_events_.push_back(events_.size() - 1);
-  }
-  const std::size_t event = free_events_.back();
-  events_[event]->record(stream.get());
-  free_events_.pop_back();
-  return event;
-}
-
-template <class T>
-bool TileExchange<T>::is_done(std::size_t event) const {
-  const auto e = cudaEventQuery(events_[event]->get());
-  if (e == cudaErrorNotReady) return false;
-  check(e, "copies between this rank's GPU and its host");
-  return true;
-}
-
-template <class T>
 T* TileExchange<T>::base_of(Piece::Array array, int maker) const {
   switch (array) {
     case Piece::Array::top:
-      return mine_.top;
+      return memory_.top;
     case Piece::Array::pivots:
-      return mine_.pivots;
+      return memory_.pivots;
     default:
-      return maker == link_.rank() ? mine_.places : place_starts_[static_cast<std::size_t>(maker)];
+      return memory_.places[static_cast<std::size_t>(maker)];
   }
 }
 
 template <class T>
-void TileExchange<T>::copy_piece(const Piece& piece, int maker, std::byte* body, bool out, const Stream& stream) const {
+void TileExchange<T>::copy_piece(Way way, const Piece& piece, int maker, std::byte* body) {
   T* const device = base_of(piece.array, maker) + piece.offset;
-  const std::size_t row = static_cast<std::size_t>(piece.width) * sizeof(T);
-  const auto rows = static_cast<std::size_t>(piece.height);
-  const std::size_t pitch = rows > 1 ? static_cast<std::size_t>(piece.pitch) * sizeof(T) : row;
-  call("cudaMemcpy2DAsync", [&] {
-    return out ? cudaMemcpy2DAsync(body, row, device, pitch, row, rows, cudaMemcpyDeviceToHost, stream.get())
-               : cudaMemcpy2DAsync(device, pitch, body, row, row, rows, cudaMemcpyHostToDevice, stream.get());
-  });
+  queues_.copy(way, {body, reinterpret_cast<std::byte*>(device), static_cast<std::size_t>(piece.pitch) * sizeof(T),
+                     static_cast<std::size_t>(piece.width) * sizeof(T), static_cast<std::size_t>(piece.height)});
 }
 
 template <class T>
-ranks::Message TileExchange<T>::new_message(std::size_t bytes, std::int32_t kind, std::int64_t first,
-                                            std::int32_t count) {
+void TileExchange<T>::copy_list(Way way, void* device, const void* host, std::size_t bytes) {
+  queues_.copy(way, {const_cast<std::byte*>(static_cast<const std::byte*>(host)), static_cast<std::byte*>(device),
+                     bytes, bytes, 1});
+}
+
+template <class T>
+ranks::Message TileExchange<T>::new_message(std::size_t bytes, std::int32_t kind, std::size_t first,
+                                            std::size_t count) {
   const std::size_t all = sizeof(ranks::Header) + bytes;
   ranks::Message message = ranks::Message::in(slots_->take(all), all);
   ranks::Header header;
   header.kind = kind;
-  header.number = first;
-  header.row = count;
+  header.number = static_cast<std::int64_t>(first);
+  header.row = static_cast<std::int32_t>(count);
   message.set_header(header);
   return message;
 }
@@ -228,21 +177,16 @@ ranks::Message TileExchange<T>::new_message(std::size_t bytes, std::int32_t kind
 // In the order in which they were begun, so that the first that is not done ends the search.
 template <class T>
 void TileExchange<T>::finish_copies() {
-  for (; !in_.empty() && is_done(in_.front().event); in_.pop_front()) free_events_.push_back(in_.front().event);
-  for (; !out_.empty() && is_done(out_.front().event); out_.pop_front()) {
+  while (!in_.empty() && queues_.is_done(in_.front().mark)) in_.pop_front();
+  for (; !out_.empty() && queues_.is_done(out_.front().mark); out_.pop_front()) {
     const Copying& copied = out_.front();
-    free_events_.push_back(copied.event);
-    if (factor_ || is_complete(copied.message))
-      post(copied);
-    else
+    if (!factor_ && !is_complete(copied.message)) {
       sent_[copied.part] = 0;  // to be looked at again
+      continue;
+    }
+    link_.post(ranks_of(copied.receivers & apart_), copied.message);
+    unsent_ -= copied.message.header().row;
   }
-}
-
-template <class T>
-void TileExchange<T>::post(const Copying& copied) {
-  link_.post(ranks_of(copied.receivers & apart_), copied.message);
-  unsent_ -= copied.message.header().row;
 }
 
 // ---- what this rank makes
@@ -252,7 +196,7 @@ void TileExchange<T>::post(const Copying& copied) {
 template <class T>
 void TileExchange<T>::look_for_tiles() {
   const auto& tiles = messages_.tiles(link_.rank());
-  const auto finished = [&](std::size_t k) { return seen(flags_.data() + messages_.flag(tiles[k])) != 0; };
+  const auto finished = [&](std::size_t k) { return seen(memory_.mirror + flag_of_[k]) != 0; };
   while (first_unsent_ < tiles.size() && sent_[first_unsent_] != 0) ++first_unsent_;
   std::size_t unfinished = 0;
   for (std::size_t k = first_unsent_; k < tiles.size() && unfinished < kWindow && has_room(); ++k) {
@@ -278,47 +222,41 @@ template <class T>
 void TileExchange<T>::send_tiles(std::size_t first, std::size_t last) {
   const auto& tiles = messages_.tiles(link_.rank());
   const auto bytes = static_cast<std::size_t>(messages_.elements(tiles[first], tiles[last])) * sizeof(T);
-  ranks::Message message =
-      new_message(bytes, kTiles, static_cast<std::int64_t>(first), static_cast<std::int32_t>(last - first + 1));
+  ranks::Message message = new_message(bytes, kTiles, first, last - first + 1);
   std::byte* body = message.body();
   messages_.for_pieces(tiles[first], tiles[last], [&](const Piece& piece) {
-    copy_piece(piece, link_.rank(), body, true, sending_);
+    copy_piece(Way::to_host, piece, link_.rank(), body);
     body += static_cast<std::size_t>(piece.elements()) * sizeof(T);
   });
-  std::fill(sent_.begin() + static_cast<std::ptrdiff_t>(first), sent_.begin() + static_cast<std::ptrdiff_t>(last) + 1,
-            1);
-  out_.push_back({record(sending_), std::move(message), tiles[first].receivers, 0});
+  for (std::size_t k = first; k <= last; ++k) sent_[k] = 1;
+  out_.push_back({queues_.mark(Way::to_host), std::move(message), tiles[first].receivers, 0});
 }
 
 // Brings the next parts to the host as they are; those that are not complete come again.
 template <class T>
 void TileExchange<T>::look_for_updates() {
-  const auto& parts = parts_[static_cast<std::size_t>(link_.rank())];
-  const T* updates = mine_.vectors + 2 * Offset{plan_.tree.n} * pass_;
-  while (first_unsent_ < parts.size() && sent_[first_unsent_] != 0 && out_.empty()) ++first_unsent_;
   if (!out_.empty()) return;
+  const auto& parts = parts_[static_cast<std::size_t>(link_.rank())];
+  while (first_unsent_ < parts.size() && sent_[first_unsent_] != 0) ++first_unsent_;
   std::size_t looked = 0;
   for (std::size_t k = first_unsent_; k < parts.size() && looked < kPartsAtOnce && has_room(); ++k) {
     if (sent_[k] != 0) continue;
     ++looked;
-    const Part& part = parts[k];
-    const auto bytes = static_cast<std::size_t>(part.count) * sizeof(T);
-    ranks::Message message = new_message(bytes, kUpdates, static_cast<std::int64_t>(k), 1);
-    call("cudaMemcpyAsync", [&] {
-      return cudaMemcpyAsync(message.body(), updates + part.first, bytes, cudaMemcpyDeviceToHost, sending_.get());
-    });
+    const auto bytes = static_cast<std::size_t>(parts[k].count) * sizeof(T);
+    ranks::Message message = new_message(bytes, kUpdates, k, 1);
+    copy_list(Way::to_host, memory_.updates + parts[k].first, message.body(), bytes);
     sent_[k] = 1;
-    out_.push_back({record(sending_), std::move(message), part.receivers, k});
+    out_.push_back({queues_.mark(Way::to_host), std::move(message), parts[k].receivers, k});
   }
 }
 
 template <class T>
 bool TileExchange<T>::is_complete(const ranks::Message& message) const {
-  T missing;
-  std::memset(&missing, 0xff, sizeof missing);
+  std::byte missing[sizeof(T)];
+  std::memset(missing, 0xff, sizeof missing);
   const std::byte* const end = message.body() + message.body_bytes();
   for (const std::byte* at = message.body(); at < end; at += sizeof(T))
-    if (std::memcmp(at, &missing, sizeof(T)) == 0) return false;
+    if (std::memcmp(at, missing, sizeof(T)) == 0) return false;
   return true;
 }
 
@@ -335,7 +273,7 @@ void TileExchange<T>::take(int from, const ranks::Message& message) {
   else
     throw Error(StatusCode::device_error, fmt::format("{} makes other calls", link_.name_of(from)));
   missing_ -= header.row;
-  in_.push_back({record(receiving_), message, 0, 0});
+  in_.push_back({queues_.mark(Way::to_device), message, 0, 0});
 }
 
 template <class T>
@@ -345,25 +283,18 @@ void TileExchange<T>::take_tiles(int from, const ranks::Message& message) {
   const std::size_t last = first + static_cast<std::size_t>(message.header().row) - 1;
   auto* body = const_cast<std::byte*>(message.body());
   messages_.for_pieces(tiles.at(first), tiles.at(last), [&](const Piece& piece) {
-    copy_piece(piece, from, body, false, receiving_);
+    copy_piece(Way::to_device, piece, from, body);
     body += static_cast<std::size_t>(piece.elements()) * sizeof(T);
   });
   messages_.for_flags(tiles[first], tiles[last], [&](std::int64_t flag, std::int64_t count) {
-    call("cudaMemcpyAsync", [&] {
-      return cudaMemcpyAsync(mine_.flags + flag, ones_.data(), static_cast<std::size_t>(count) * sizeof(int),
-                             cudaMemcpyHostToDevice, receiving_.get());
-    });
+    copy_list(Way::to_device, memory_.flags + flag, memory_.ones, static_cast<std::size_t>(count) * sizeof(int));
   });
 }
 
 template <class T>
 void TileExchange<T>::take_updates(int from, const ranks::Message& message) {
   const Part& part = parts_[static_cast<std::size_t>(from)].at(static_cast<std::size_t>(message.header().number));
-  T* updates = mine_.vectors + 2 * Offset{plan_.tree.n} * pass_;
-  call("cudaMemcpyAsync", [&] {
-    return cudaMemcpyAsync(updates + part.first, message.body(), message.body_bytes(), cudaMemcpyHostToDevice,
-                           receiving_.get());
-  });
+  copy_list(Way::to_device, memory_.updates + part.first, message.body(), message.body_bytes());
 }
 
 template class TileExchange<double>;

@@ -4,21 +4,22 @@
 
 #include <cstddef>
 #include <memory>
+#include <utility>
 #include <vector>
-
-#include "device/cuda/runtime/device_memory.hpp"
 
 namespace espalier::device::cuda {
 
-/// Slots of one size, all taken at the beginning: the runtime gives no memory while kernels run. One thread uses them.
-class PinnedSlots : public std::enable_shared_from_this<PinnedSlots> {
+/// Slots of one size, all taken at the beginning: no memory is to be had while kernels run. One thread uses them.
+class MessageSlots : public std::enable_shared_from_this<MessageSlots> {
  public:
-  /// @throws Error(out_of_memory)
-  PinnedSlots(std::size_t slots, std::size_t bytes) : bytes_(bytes), memory_(static_cast<Offset>(slots * bytes)) {
-    for (std::size_t k = slots; k-- > 0;) free_.push_back(memory_.data() + k * bytes);
+  /// @param memory  slots x bytes, kept as long as somebody holds a slot
+  MessageSlots(std::shared_ptr<std::byte[]> memory, std::size_t slots, std::size_t bytes)
+      : memory_(std::move(memory)), slots_(slots), bytes_(bytes) {
+    for (std::size_t k = slots; k-- > 0;) free_.push_back(memory_.get() + k * bytes);
   }
 
   [[nodiscard]] std::size_t bytes() const { return bytes_; }
+  [[nodiscard]] std::size_t size() const { return slots_; }
   [[nodiscard]] std::size_t left() const { return free_.size(); }
   /// A slot, until nobody holds it any more; null: none is left, or they are smaller.
   [[nodiscard]] std::shared_ptr<std::byte[]> take(std::size_t bytes) {
@@ -29,8 +30,8 @@ class PinnedSlots : public std::enable_shared_from_this<PinnedSlots> {
   }
 
  private:
-  std::size_t bytes_;
-  PinnedArray<std::byte> memory_;
+  std::shared_ptr<std::byte[]> memory_;
+  std::size_t slots_, bytes_;
   std::vector<std::byte*> free_;
 };
 
