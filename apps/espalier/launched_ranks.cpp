@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
-#include <map>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -65,13 +64,12 @@ void RankOptions::add_to(CLI::App& app) {
   app.add_option("--patience", patience, "under mpirun: seconds after which a rank that is silent is lost")
       ->type_name("S")
       ->check(CLI::PositiveNumber);
-  static const std::map<std::string, Nodes> names = {{"host", Nodes::host}, {"process", Nodes::process}};
-  app.add_option(
-         "--nodes", nodes,
-         "under mpirun, on GPUs: 'host' (default): ranks of a host reach each other's GPUs; 'process': each rank "
-         "is a machine of its own")
+  app.add_option_function<std::string>(
+         "--nodes", [this](const std::string& text) { nodes = text == "process" ? Nodes::process : Nodes::host; },
+         "under mpirun, on GPUs: ranks of a host reach each other's GPUs ('host', the default), or each rank is a "
+         "machine of its own")
       ->type_name("WHAT")
-      ->transform(CLI::CheckedTransformer(names));
+      ->check(CLI::IsMember({"host", "process"}));
 }
 
 void expect_one_process(const char* command) {
