@@ -4,6 +4,7 @@
 //   solve gpu:all           each rank on a GPU; alone on the first that it sees
 //   solve gpu:all process   ... and each a machine of its own; or host; or pairs: two ranks are one
 //   solve gpu:all process time elasticity 64    that system alone: seconds, and a number that equal solutions have
+//   solve cpu host rate     messages of 256 KiB each way between ranks 0 and 1, in bytes a second
 #include <espalier/mpi.h>
 #include <unistd.h>
 
@@ -148,6 +149,32 @@ void time_of(const espalier::Ranks& ranks, const std::vector<std::string>& words
                 words[1].c_str(), factor, call, solve, static_cast<unsigned long long>(all));
 }
 
+// What the link carries, with memory that was used before as that of an exchange between machines is.
+void rate_of(espalier::ranks::Link& link) {
+  constexpr int kMessages = 4000, kAtOnce = 64;
+  constexpr std::size_t kBytes = std::size_t{256} << 10;
+  std::vector<espalier::ranks::Message> messages;
+  for (int k = 0; k < kAtOnce; ++k) {
+    messages.emplace_back(kBytes);
+    std::memset(messages.back().body(), k, kBytes);
+  }
+  link.begin_call();
+  for (int round = 0; round < 2; ++round) {
+    link.begin_operation();
+    int posted = 0, come = 0;
+    const int other = 1 - link.rank();
+    const double begin = now();
+    link.wait([&](int, const espalier::ranks::Message&) { ++come; },
+              [&] {
+                for (; posted < kMessages && posted < come + kAtOnce; ++posted)
+                  link.post(std::span<const int>(&other, 1), messages[static_cast<std::size_t>(posted % kAtOnce)]);
+                return come == kMessages && posted == kMessages;
+              });
+    if (link.rank() == 0) std::printf("%.3g bytes a second each way\n", kMessages * kBytes / (now() - begin));
+  }
+  expect(link.end_call({}).ok(), "rate");
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -173,7 +200,9 @@ int main(int argc, char** argv) {
     }
     if (words.size() > 1 && words[1] == "process") set_nodes(ranks, espalier::Nodes::process);
     if (words.size() > 1 && words[1] == "pairs") ranks.link()->set_machines(2);
-    if (words.size() > 3 && words[2] == "time") {
+    if (words.size() == 3 && words[2] == "rate") {
+      if (ranks.size() == 2) rate_of(*ranks.link());
+    } else if (words.size() > 3 && words[2] == "time") {
       time_of(ranks, {words.begin() + 3, words.end()});
     } else {
       check(ranks, {"elasticity", "7", "5", "4"}, false);

@@ -149,6 +149,7 @@ class ExecutorOnRanks final : public Executor<T> {
     if (self == 0) take_owners();
     if (one_machine()) return;
     mirrored_.emplace(link_, plan_, kind_, *tables_, side_->budget());
+    pivots_ = PinnedArray<T>((kind_ == Kind::ldlt ? 3 : 1) * Offset{plan_.tree.n});
   }
 
   // Where the memory of all sides is, or its mirrors here.
@@ -256,11 +257,11 @@ class ExecutorOnRanks final : public Executor<T> {
   // Of other machines, rank 0 reads from its own memory.
   void gather_pivots() {
     const Offset n = plan_.tree.n, parts = kind_ == Kind::ldlt ? 3 : 1;
-    std::vector<T> pivots(static_cast<std::size_t>(parts * n));
+    const Offset bytes = parts * n * static_cast<Offset>(sizeof(T));
     T* const there = side_->addresses().pivots;
-    side_->copy_out(pivots.data(), there, parts * n * static_cast<Offset>(sizeof(T)));
-    for (Offset part = 0; part < parts; ++part) rows_.share(link_, pivots.data() + part * n, 1);
-    if (link_.rank() == 0) side_->copy_in(there, pivots.data(), parts * n * static_cast<Offset>(sizeof(T)));
+    side_->copy_out(pivots_.data(), there, bytes);
+    for (Offset part = 0; part < parts; ++part) rows_.gather(link_, pivots_.data() + part * n, 1);
+    if (link_.rank() == 0) side_->copy_in(there, pivots_.data(), bytes);
   }
 
   void read_marks(FactorOutcome& out, const SideFlags& flags, const FactorEnd& end) {
@@ -332,6 +333,7 @@ class ExecutorOnRanks final : public Executor<T> {
   std::vector<std::string> names_;             // of the GPUs, by rank
   DeviceArray<unsigned char> owner_;           // n, on rank 0: whose pivot counts
   DeviceArray<T> rhs_;
+  PinnedArray<T> pivots_;                // for gather_pivots()
   Graph factor_graph_, inverses_graph_;  // the second: between machines, once all tiles are where they belong
   std::map<std::tuple<Index, Index, bool>, Graph> solve_graphs_;  // by columns, first column, transpose
   std::vector<double> moved_;                                     // by rank; elements
