@@ -91,6 +91,8 @@ class Link {
   /// How something that can fail on one rank alone has ended: throws on all ranks what was thrown on the first of them.
   void expect_all(const std::function<void()>& body);
 
+  /// Messages that are on their way from here.
+  [[nodiscard]] std::size_t sending() const { return outgoing_.size(); }
   /// Bytes that were sent so far.
   [[nodiscard]] std::int64_t sent_bytes() const { return sent_bytes_; }
 

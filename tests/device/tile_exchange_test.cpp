@@ -137,8 +137,11 @@ class Machine {
     memory_.ones = ones_.data();
     memory_.aborted_at[1] = 1;
     exchange_->use(memory_);
-    const std::size_t bytes = exchange_->slot_bytes();
-    exchange_->use(std::make_shared<MessageSlots>(std::make_shared<std::byte[]>(slots * bytes), slots, bytes));
+    const std::size_t tiles = slots < 10 ? 1 : 4;  // that fit into one
+    const std::size_t bytes =
+        sizeof(ranks::Header) + tiles * static_cast<std::size_t>(messages_.largest()) * sizeof(double);
+    exchange_->use(
+        std::make_shared<MessageSlots>(std::make_shared_for_overwrite<std::byte[]>(slots * bytes), slots, bytes));
   }
 
   ranks::Link& link() { return link_; }

@@ -77,7 +77,8 @@ void TileExchange<T>::begin_factor() {
 template <class T>
 auto TileExchange<T>::parts_of(int rank, Index pass) const -> std::vector<Part> {
   std::vector<Part> list;
-  const auto most = std::max<std::int64_t>(1, static_cast<std::int64_t>(kSlotBytes / sizeof(T)) / pass);
+  const std::size_t bytes = slots_->bytes() - sizeof(ranks::Header);  // the same on all ranks
+  const auto most = std::max<std::int64_t>(1, static_cast<std::int64_t>(bytes / sizeof(T)) / pass);
   for (const SentUpdates& u : messages_.updates(rank))
     for (std::int64_t row = 0; row < u.below; row += most)
       list.push_back({(u.rows + row) * pass, std::min<std::int64_t>(most, u.below - row) * pass, u.receivers});
@@ -110,6 +111,7 @@ void TileExchange<T>::run(const std::function<bool()>& kernels_done) {
   link_.begin_waiting();
   for (int round = 1;; ++round) {
     link_.drive([&](int from, const ranks::Message& message) { take(from, message); });
+    if (!taken_.empty()) in_.push_back({queues_.mark(Way::to_device), std::exchange(taken_, {})});
     const bool done = kernels_done();  // asked before: what they made last shows now
     finish_copies();
     if (factor_)
@@ -129,6 +131,7 @@ void TileExchange<T>::run(const std::function<bool()>& kernels_done) {
 template <class T>
 void TileExchange<T>::give_up() noexcept {
   queues_.finish();
+  taken_.clear();
   in_.clear();
   out_.clear();
 }
@@ -179,7 +182,7 @@ template <class T>
 void TileExchange<T>::finish_copies() {
   while (!in_.empty() && queues_.is_done(in_.front().mark)) in_.pop_front();
   for (; !out_.empty() && queues_.is_done(out_.front().mark); out_.pop_front()) {
-    const Copying& copied = out_.front();
+    const Leaving& copied = out_.front();
     if (!factor_ && !is_complete(copied.message)) {
       sent_[copied.part] = 0;  // to be looked at again
       continue;
@@ -192,43 +195,49 @@ void TileExchange<T>::finish_copies() {
 // ---- what this rank makes
 // --------------------------------------------------------------------------------------------
 
+template <class T>
+bool TileExchange<T>::is_finished(std::size_t tile) const {
+  return seen(memory_.mirror + flag_of_[tile]) != 0;
+}
+
 // Tasks are taken in the order of the list, so what is unfinished of those taken is as much as blocks run.
 template <class T>
 void TileExchange<T>::look_for_tiles() {
   const auto& tiles = messages_.tiles(link_.rank());
-  const auto finished = [&](std::size_t k) { return seen(memory_.mirror + flag_of_[k]) != 0; };
   while (first_unsent_ < tiles.size() && sent_[first_unsent_] != 0) ++first_unsent_;
   std::size_t unfinished = 0;
   for (std::size_t k = first_unsent_; k < tiles.size() && unfinished < kWindow && has_room(); ++k) {
     if (sent_[k] != 0) continue;
-    if (!finished(k)) {
+    if (!is_finished(k))
       ++unfinished;
-      continue;
-    }
-    std::size_t last = k;
-    const auto fits = [&](std::size_t to) {
-      const auto bytes = static_cast<std::size_t>(messages_.elements(tiles[k], tiles[to])) * sizeof(T);
-      return sizeof(ranks::Header) + bytes <= slots_->bytes();
-    };
-    while (last + 1 < tiles.size() && sent_[last + 1] == 0 && messages_.joined(tiles[last], tiles[last + 1]) &&
-           fits(last + 1) && finished(last + 1))
-      ++last;
-    send_tiles(k, last);
-    k = last;
+    else if (tiles[k].task.work != Work::block || !is_busy())
+      send_from(k);
   }
 }
 
+// With the tiles below it that are finished, as many as a slot holds.
 template <class T>
-void TileExchange<T>::send_tiles(std::size_t first, std::size_t last) {
-  const auto& tiles = messages_.tiles(link_.rank());
-  const auto bytes = static_cast<std::size_t>(messages_.elements(tiles[first], tiles[last])) * sizeof(T);
-  ranks::Message message = new_message(bytes, kTiles, first, last - first + 1);
+void TileExchange<T>::send_from(std::size_t first) {
+  const int rank = link_.rank();
+  const auto& tiles = messages_.tiles(rank);
+  const auto bytes_to = [&](std::size_t last) {
+    return static_cast<std::size_t>(messages_.elements(tiles[first], tiles[last])) * sizeof(T);
+  };
+  std::size_t last = first, count = 1;
+  sent_[first] = 1;
+  for (std::int64_t next = messages_.below(rank, first); next >= 0; next = messages_.below(rank, last)) {
+    const auto k = static_cast<std::size_t>(next);
+    if (sent_[k] != 0 || !is_finished(k) || sizeof(ranks::Header) + bytes_to(k) > slots_->bytes()) break;
+    sent_[k] = 1;
+    last = k;
+    ++count;
+  }
+  ranks::Message message = new_message(bytes_to(last), kTiles, first, count);
   std::byte* body = message.body();
   messages_.for_pieces(tiles[first], tiles[last], [&](const Piece& piece) {
-    copy_piece(Way::to_host, piece, link_.rank(), body);
+    copy_piece(Way::to_host, piece, rank, body);
     body += static_cast<std::size_t>(piece.elements()) * sizeof(T);
   });
-  for (std::size_t k = first; k <= last; ++k) sent_[k] = 1;
   out_.push_back({queues_.mark(Way::to_host), std::move(message), tiles[first].receivers, 0});
 }
 
@@ -273,14 +282,15 @@ void TileExchange<T>::take(int from, const ranks::Message& message) {
   else
     throw Error(StatusCode::device_error, fmt::format("{} makes other calls", link_.name_of(from)));
   missing_ -= header.row;
-  in_.push_back({queues_.mark(Way::to_device), message, 0, 0});
+  taken_.push_back(message);
 }
 
 template <class T>
 void TileExchange<T>::take_tiles(int from, const ranks::Message& message) {
   const auto& tiles = messages_.tiles(from);
   const auto first = static_cast<std::size_t>(message.header().number);
-  const std::size_t last = first + static_cast<std::size_t>(message.header().row) - 1;
+  std::size_t last = first;
+  for (int k = 1; k < message.header().row; ++k) last = static_cast<std::size_t>(messages_.below(from, last));
   auto* body = const_cast<std::byte*>(message.body());
   messages_.for_pieces(tiles.at(first), tiles.at(last), [&](const Piece& piece) {
     copy_piece(Way::to_device, piece, from, body);

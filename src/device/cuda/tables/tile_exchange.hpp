@@ -62,15 +62,16 @@ struct ExchangeMemory {
 /// - the contributions that it makes have memory here, into which they are copied when they come.
 ///
 /// The calling thread looks at the flags in the order of tasks, has a copy engine bring what is finished to the host,
-/// neighbours together, and posts it. What comes from others a copy engine brings into place, and then, in the same
-/// queue, the flags, for which the running kernels wait. In a solve, updates are their own flags: an element that is
-/// there is not the pattern that memory was filled with.
+/// neighbours together, and posts it; diagonal tiles at once, others when no more than some messages are on their way,
+/// so that they are the longer the more there is to do. What comes from others a copy engine brings into place, and
+/// then, in the same queue, the flags, for which the running kernels wait. In a solve, updates are their own flags: an
+/// element that is there is not the pattern that memory was filled with.
 ///
 /// All calls by the thread that calls the solver. Nobody waits for room: what comes in always has some.
 template <class T>
 class TileExchange {
  public:
-  static constexpr std::size_t kSlots = 512, kSlotBytes = std::size_t{256} << 10;
+  static constexpr std::size_t kSlots = 256, kSlotBytes = std::size_t{1} << 20;
 
   /// All arguments outlive this object. @param tables  made as mirrored
   TileExchange(ranks::Link& link, const plan::Plan& plan, Kind kind, const DevicePlan& tables, CopyQueues& queues);
@@ -104,12 +105,17 @@ class TileExchange {
     std::int64_t count = 0;
     std::uint16_t receivers = 0;
   };
-  /// A copy under way, with the message from or into which it goes.
-  struct Copying {
+  /// A copy to the host, of which a message is made.
+  struct Leaving {
     std::uint64_t mark;
     ranks::Message message;
     std::uint16_t receivers;
     std::size_t part;  // of parts_, to be looked at for being complete
+  };
+  /// Copies to the device, of messages that came at a time.
+  struct Coming {
+    std::uint64_t mark;
+    std::vector<ranks::Message> messages;
   };
 
   [[nodiscard]] T* base_of(Piece::Array array, int maker) const;
@@ -123,14 +129,17 @@ class TileExchange {
   void take_tiles(int from, const ranks::Message& message);
   void take_updates(int from, const ranks::Message& message);
   void look_for_tiles();
-  void send_tiles(std::size_t first, std::size_t last);
+  [[nodiscard]] bool is_finished(std::size_t tile) const;
+  void send_from(std::size_t first);
   void look_for_updates();
   void finish_copies();
   [[nodiscard]] bool is_complete(const ranks::Message& message) const;
   [[nodiscard]] std::vector<Part> parts_of(int rank, Index pass) const;
+  [[nodiscard]] bool is_busy() const { return out_.size() + link_.sending() >= kAtOnce; }
   [[nodiscard]] bool nothing_missing() const { return unsent_ == 0 && missing_ == 0 && in_.empty() && out_.empty(); }
 
   static constexpr std::size_t kWindow = 1024;     // unfinished tiles that are looked at
+  static constexpr std::size_t kAtOnce = 8;        // messages that leave; meanwhile tiles gather for longer ones
   static constexpr std::size_t kPartsAtOnce = 16;  // parts of updates that are looked at
 
   ranks::Link& link_;
@@ -150,7 +159,9 @@ class TileExchange {
   std::int64_t unsent_ = 0, missing_ = 0;  // tiles or parts: not posted yet, not received yet
   std::vector<std::vector<Part>> parts_;   // by rank, of parts_pass_
   Index parts_pass_ = 0;
-  std::deque<Copying> in_, out_;
+  std::vector<ranks::Message> taken_;  // since the last mark
+  std::deque<Coming> in_;
+  std::deque<Leaving> out_;
 };
 
 }  // namespace espalier::device::cuda

@@ -2,14 +2,23 @@
 
 #include <algorithm>
 #include <bit>
+#include <unordered_map>
 
 #include "plan/rank_parts.hpp"
 
 namespace espalier::device::cuda {
 
 TileMessages::TileMessages(const plan::Plan& plan, Kind kind, const DevicePlan& tables)
-    : plan_(plan), kind_(kind), tables_(tables), tiles_(tables.lists.size()), updates_(tables.lists.size()) {
-  for (std::size_t d = 0; d < tiles_.size(); ++d) list_tiles(static_cast<int>(d));
+    : plan_(plan),
+      kind_(kind),
+      tables_(tables),
+      tiles_(tables.lists.size()),
+      below_(tables.lists.size()),
+      updates_(tables.lists.size()) {
+  for (std::size_t d = 0; d < tiles_.size(); ++d) {
+    list_tiles(static_cast<int>(d));
+    join_tiles(static_cast<int>(d));
+  }
   list_updates();
 }
 
@@ -32,6 +41,22 @@ void TileMessages::list_tiles(int device) {
     front = task.front;
     column = task.column;
     add(task, true, readers);
+  }
+}
+
+// Flags of the row blocks of a column are neighbours.
+void TileMessages::join_tiles(int device) {
+  const auto& tiles = tiles_[static_cast<std::size_t>(device)];
+  auto& below = below_[static_cast<std::size_t>(device)];
+  below.assign(tiles.size(), -1);
+  std::unordered_map<std::int64_t, std::int32_t> of_flag;
+  for (std::size_t k = 0; k < tiles.size(); ++k)
+    if (tiles[k].task.work == Work::block) of_flag.emplace(flag(tiles[k]), static_cast<std::int32_t>(k));
+  for (std::size_t k = 0; k < tiles.size(); ++k) {
+    if (tiles[k].task.work != Work::block) continue;
+    const auto found = of_flag.find(flag(tiles[k]) + 1);
+    if (found != of_flag.end() && joined(tiles[k], tiles[static_cast<std::size_t>(found->second)]))
+      below[k] = found->second;
   }
 }
 

@@ -53,7 +53,11 @@ class TileMessages {
   [[nodiscard]] std::int64_t flag(const SentTile& tile) const;
   /// Whether tile `next` lies right below `tile`, so that both are one rectangle and their flags neighbours.
   [[nodiscard]] bool joined(const SentTile& tile, const SentTile& next) const;
-  /// use(piece) for what tiles `first` to `last`, all joined, are made of. Alike on sender and receiver.
+  /// The tile that lies right below tile `k` of a device, in the device's list; -1: none.
+  [[nodiscard]] std::int64_t below(int device, std::size_t k) const {
+    return below_[static_cast<std::size_t>(device)][k];
+  }
+  /// use(piece) for what tiles `first` to `last`, each below the one before, are made of. Alike on sender and receiver.
   template <class Use>
   void for_pieces(const SentTile& first, const SentTile& last, Use&& use) const {
     for (const Piece& p : pieces(first, last)) use(p);
@@ -93,6 +97,7 @@ class TileMessages {
   void add_diagonal(const SentTile& tile, Pieces& to) const;
   void add_blocks(const SentTile& first, const SentTile& last, Pieces& to) const;
   void list_tiles(int device);
+  void join_tiles(int device);
   void list_updates();
   [[nodiscard]] std::uint16_t readers_of(const FactorTask& task) const;
 
@@ -100,6 +105,7 @@ class TileMessages {
   Kind kind_;
   const DevicePlan& tables_;
   std::vector<std::vector<SentTile>> tiles_;
+  std::vector<std::vector<std::int32_t>> below_;
   std::vector<std::vector<SentUpdates>> updates_;
   std::int64_t largest_ = 0;
 };
