@@ -60,7 +60,8 @@ void expect(bool good, const std::string& what) {
 
 std::string device = "cpu";
 
-void check(const espalier::Ranks& ranks, const std::vector<std::string>& words, bool one_has_none) {
+void check(const espalier::Ranks& ranks, const std::vector<std::string>& words, bool one_has_none,
+           espalier::Precision precision = espalier::Precision::fp64) {
   const espalier::SparseMatrix a = espalier::matrix::generate(espalier::matrix::parse_generator(words));
   const Index n = a.rows, parts = one_has_none ? ranks.size() - 1 : ranks.size(), me = ranks.rank();
   const auto border = [&](Index r) { return static_cast<Index>(Offset{n} * std::min(r, parts) / parts); };
@@ -68,6 +69,7 @@ void check(const espalier::Ranks& ranks, const std::vector<std::string>& words, 
   espalier::Options options;
   options.threads = 1;
   options.device = device == "cpu" ? device : "gpu:0";
+  options.precision = precision;
   std::vector<double> b(static_cast<std::size_t>(n)), truth(b.size());
   for (Index i = 0; i < n; ++i) b[i] = 1.0 / (1 + i % 17) - 0.3;
   espalier::Solver alone(options);
@@ -208,6 +210,7 @@ int main(int argc, char** argv) {
       check(ranks, {"elasticity", "7", "5", "4"}, false);
       check(ranks, {"kkt", "3", "4", "2", "2"}, ranks.size() > 1);
       check(ranks, {"gyroscopic", "5", "4", "4"}, false);
+      check(ranks, {"elasticity", "6", "5", "4"}, false, espalier::Precision::mixed);
     }
   }
   int all = 0;
