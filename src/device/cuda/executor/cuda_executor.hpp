@@ -105,6 +105,9 @@ class CudaExecutor : public Executor<T> {
   virtual T* device_rhs(Index columns) = 0;
   virtual void to_device(T* to, const T* from, Offset count) = 0;
   virtual void from_device(T* to, const T* from, Offset count) = 0;
+  /// See DeviceLinearSystem::on_ranks(), share_values(). @param given  the values, in memory of whole pages
+  [[nodiscard]] virtual bool on_ranks() const { return false; }
+  virtual void share_values(double* /*given*/, Offset /*first*/, Offset /*count*/) {}
 };
 
 /// Takes all device memory that the factorization needs.

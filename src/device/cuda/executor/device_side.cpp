@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "device/cuda/kernels/block_inverse.hpp"
+#include "device/cuda/tables/device_bytes.hpp"
 
 namespace espalier::device::cuda {
 
@@ -14,11 +15,6 @@ Offset limit_of(Offset memory_bytes) {
   call("cudaMemGetInfo", [&] { return cudaMemGetInfo(&free, &total); });
   const auto all = static_cast<Offset>(free);
   return memory_bytes > 0 ? std::min(memory_bytes, all) : all;
-}
-
-template <class V>
-Offset bytes_of(const V& v) {
-  return static_cast<Offset>(v.size() * sizeof(v[0]));
 }
 
 }  // namespace
@@ -40,7 +36,8 @@ DeviceSide<T>::DeviceSide(const SideContext& context, int self, int device, Offs
   name_ = p.name;
   if (context_.tables.lists.size() > 1) name_ += " #" + std::to_string(device_);
   *one_.data() = 1;
-  count_bytes();
+  needed_ =
+      bytes_of(context_.plan, context_.kind, context_.tables, self_, context_.values, sizeof(T), context_.spare).all();
   take_memory();
   take_tables();
   choose_shapes();
@@ -54,21 +51,6 @@ Offset DeviceSide<T>::own_elements() const {
   for (std::size_t r = 1; r < t.regions.size(); ++r)
     if (t.region_device[r] == self_) own += t.regions[r];
   return own;
-}
-
-template <class T>
-void DeviceSide<T>::count_bytes() {
-  const auto& t = context_.tables;
-  const auto& plan = context_.plan;
-  Offset elements = own_elements() + context_.spare + context_.values;
-  if (common_.top == nullptr) elements += t.regions[0];
-  if (!t.place_space.empty() && common_.places == nullptr) elements += t.place_space[static_cast<std::size_t>(self_)];
-  elements += 3 * n() + 2 * n() + static_cast<Offset>(plan.relative.size());
-  needed_ = elements * static_cast<Offset>(sizeof(T)) + bytes_of(t.fronts) + bytes_of(t.links) + bytes_of(t.bounds) +
-            bytes_of(t.waits) + bytes_of(t.places) + bytes_of(lists().tasks) + bytes_of(lists().up) +
-            bytes_of(lists().down) + bytes_of(lists().inverses) + bytes_of(plan.relative) + bytes_of(plan.tree.rows) +
-            bytes_of(plan.entry_ptr) + bytes_of(plan.entries) + parts() * t.flags * 4 + plan.fronts() * 4 + 2 * n() +
-            judge_blocks(plan.tree.n) * static_cast<Offset>(sizeof(PivotProduct)) + 4;
 }
 
 template <class T>
@@ -138,7 +120,7 @@ SideAddresses<T> DeviceSide<T>::addresses() const {
   a.own = own_.data();
   a.places = places_.data();
   a.pivots = pivots_;
-  a.vectors = vectors_.data();
+  a.vectors = vectors_at_;
   a.base = base_.data();
   a.control = control_.data();
   a.flags = flag_data_;
@@ -163,7 +145,7 @@ void DeviceSide<T>::connect(const std::vector<SideAddresses<T>>& sides) {
   }
   std::vector<T*> places;
   for (const Place& p : t.places) places.push_back(starts[static_cast<std::size_t>(p.device)] + p.offset);
-  copy_in(base_.data(), base.data(), bytes_of(base));
+  copy_in(base_.data(), base.data(), static_cast<Offset>(base.size() * sizeof(T*)));
   send_places(places);
 
   FactorState<T>& s = state_;

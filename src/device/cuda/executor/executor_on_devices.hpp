@@ -255,6 +255,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   // Memory for the first pass of a solve with so many right-hand sides.
   void take_solve_memory(Index columns);
+  void give_back_solve_memory();
   // A multiple of kSlab that holds so many.
   static Index slabs(Index columns) { return (columns + kSlab - 1) / kSlab * kSlab; }
   // Right-hand sides of a pass where so many are left.
@@ -283,7 +284,6 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   PinnedArray<int> common_flag_;
   CommonMemory<T> common_;
   std::vector<std::unique_ptr<Side>> sides_;
-  DeviceArray<T> rhs_;
   std::vector<DeviceArray<T>> side_rhs_;
   DeviceArray<unsigned char> owner_;     // n, on the first of several: whose pivot counts
   FactorGraphs graphs_, filled_graphs_;  // the second: of factorize_filled() with filled_

@@ -50,14 +50,21 @@ void ExecutorOnDevices<T>::enqueue_solve(T* x, Index columns, bool transpose) {
 template <class T>
 T* ExecutorOnDevices<T>::device_rhs(Index columns) {
   const Offset count = static_cast<Offset>(plan_.tree.n) * columns;
-  if (rhs_.size() < count) {
-    at(first(), [&] {
-      solve_graphs_.clear();
-      rhs_ = DeviceArray<T>();
-      rhs_ = DeviceArray<T>(count, first().budget(), first().held() + count * static_cast<Offset>(sizeof(T)));
-    });
+  at(first(), [&] {
+    if (first().take_rhs(count)) solve_graphs_.clear();
+  });
+  return first().rhs();
+}
+
+// Where many right-hand sides were solved for, their vectors would stand beside every factorization to come.
+template <class T>
+void ExecutorOnDevices<T>::give_back_solve_memory() {
+  for (const auto& side : sides_) {
+    if (!side->has_wide_solve_memory()) continue;
+    solve_graphs_.clear();
+    at_once_ = 0;  // until it is taken again
+    at(*side, [&] { side->give_back_solve_memory(); });
   }
-  return rhs_.data();
 }
 
 template <class T>

@@ -65,6 +65,9 @@ struct DevicePlan {
   std::vector<TaskLists> lists;      ///< devices
   std::int64_t flags = 0;
   std::vector<std::int64_t> regions;  ///< elements of each region
+  /// One device: elements of its region that hold factors after a factorization; what stands behind is free until the
+  /// next one begins.
+  std::int64_t kept = 0;
   /// regions; the device where it lies. Of several devices, each has a copy of region 0, the top.
   std::vector<std::int32_t> region_device;
   /// Regions from this one on are stealable sub-trees; region_device tells whose they are unless they are stolen.
