@@ -190,8 +190,9 @@ void BucklingSearch::prove() {
 
 void BucklingSearch::deliver() {
   note_costs(pencil_, clock_, result_);
-  harvest_.deliver(wanted_, pencil_.n(), result_);
-  if (result_.count() > 0) examine(pencil_.k(), pencil_.m(), true, shop_, result_);
+  harvest_.deliver(wanted_, pencil_.n(), shop_.pool, result_);
+  if (result_.count() > 0)
+    examine(pencil_.k(), pencil_.m(), Product(pencil_.k(), shop_.pool), geometric_, true, shop_, result_);
 }
 
 }  // namespace espalier::modes

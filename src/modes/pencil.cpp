@@ -152,7 +152,7 @@ void Pencil::lay_out() {
   m_values_ = sum(0, k_, 1, m_, &pool_).values;
 }
 
-Shifted Pencil::factorize(double shift) {
+void Pencil::prepare(double shift) {
   if (pattern_.rows == 0) lay_out();
   shift_ = shift;
   std::vector<double>& values = pattern_.values;
@@ -161,16 +161,19 @@ Shifted Pencil::factorize(double shift) {
       values[p] = k_values_[p] - shift * m_values_[p];
   });
   // Matching and scaling look at the values of the first shift; the kind is chosen by them.
-  if (solver_.state() == Solver::State::empty) {
-    analysis_ = solver_.analyze(pattern_);
-    analysis_seconds += analysis_.seconds;
-    if (analysis_.status.code == StatusCode::singular) {
-      ++factorizations;
-      return {analysis_.status, 0, false};
-    }
-    if (!analysis_.status.ok()) throw Error(analysis_.status);
+  if (solver_.state() != Solver::State::empty) return;
+  analysis_ = solver_.analyze(pattern_);
+  analysis_seconds += analysis_.seconds;
+}
+
+Shifted Pencil::factorize(double shift) {
+  prepare(shift);
+  if (analysis_.status.code == StatusCode::singular) {
+    ++factorizations;
+    return {analysis_.status, 0, false};
   }
-  const FactorResult r = solver_.refactorize(values);
+  if (!analysis_.status.ok()) throw Error(analysis_.status);
+  const FactorResult r = solver_.refactorize(pattern_.values);
   ++factorizations;
   factor_seconds += r.seconds;
   factor_peak_bytes = std::max(factor_peak_bytes, r.peak_host_bytes);

@@ -45,6 +45,8 @@ class Pencil {
   /// Both lower triangles of one size. @param options, pool  outlive the pencil
   Pencil(SparseMatrix k, SparseMatrix m, const ModesOptions& options, base::ThreadPool& pool);
 
+  /// The analysis, by the values of this shift. What is wrong with them factorize() says.
+  void prepare(double shift);
   /// @throws Error where memory or devices fail, or the caller interrupts
   Shifted factorize(double shift);
   /// Solves with the last factor. @throws Error

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
 
+#include "base/beside.hpp"
 #include "base/stopwatch.hpp"
 
 namespace espalier::modes {
@@ -39,10 +41,8 @@ Search::Search(SparseMatrix k, SparseMatrix m, const ModesOptions& options, Work
 }
 
 void Search::run() {
-  {
-    const base::Stopwatch watch(result_.seconds.mass);
-    report_ = look_at_mass(pencil_.k(), pencil_.m(), options_.check_mass, options_.solver);
-  }
+  measure();
+  look_at_mass_and_prepare();
   result_.finite = report_.finite;
   result_.massless = report_.massless;
   if (options_.count > report_.finite)
@@ -52,7 +52,6 @@ void Search::run() {
                             options_.count, report_.finite, pencil_.n(), report_.rank));
   wanted_ = options_.count > 0 ? options_.count : report_.finite;
   block_ = std::min(options_.block_size > 0 ? options_.block_size : Index{8}, report_.finite);
-  measure();
   if (!std::isinf(options_.below)) count_below_bound();
   if (wanted_ > 0 && !finished()) {
     choose_first();
@@ -61,6 +60,28 @@ void Search::run() {
     } while (!finished() && choose_next());
   }
   say_complete();
+}
+
+// M beside the analysis of K - s M, which does not need to know. The caller is asked for interruption, and hears, on
+// this thread alone.
+void Search::look_at_mass_and_prepare() {
+  const bool beside = shop_.pool.size() > 1;
+  Options of_mass = options_.solver;
+  if (beside) of_mass.interrupted = nullptr, of_mass.log = nullptr;
+  auto report = base::start_beside(
+      [&] {
+        const base::Stopwatch watch(result_.seconds.mass);
+        return look_at_mass(pencil_.k(), pencil_.m(), options_.check_mass, of_mass);
+      },
+      beside);
+  std::exception_ptr failure;
+  try {
+    pencil_.prepare(first_shift());
+  } catch (...) {
+    failure = std::current_exception();
+  }
+  report_ = report.get();  // what is wrong with M is said first
+  if (failure) std::rethrow_exception(failure);
 }
 
 bool Search::finished() const {
@@ -225,8 +246,8 @@ void Search::say_complete() {
 
 void Search::deliver() {
   note_costs(pencil_, clock_, result_);
-  harvest_.deliver(wanted_, pencil_.n(), result_);
-  if (result_.count() > 0) examine(pencil_.k(), pencil_.m(), false, shop_, result_);
+  harvest_.deliver(wanted_, pencil_.n(), shop_.pool, result_);
+  if (result_.count() > 0) examine(pencil_.k(), pencil_.m(), stiffness_, mass_, false, shop_, result_);
 }
 
 }  // namespace espalier::modes

@@ -27,6 +27,7 @@ class Search {
  private:
   // Shifts (search_shifts.cpp)
   void measure();
+  [[nodiscard]] double first_shift() const;
   void choose_first();
   void count_below_bound();
   bool choose_next();
@@ -34,6 +35,7 @@ class Search {
   double gap_after_wanted() const;
   Index count_at(double& s, bool movable);
   [[nodiscard]] std::optional<ModeCount> proven() const;
+  void look_at_mass_and_prepare();
   // Vectors (search.cpp)
   void explore();
   void collect(const LanczosResult& found, const std::function<void(const Dense&, double*)>& make);

@@ -276,6 +276,12 @@ void DeviceSide<T>::enqueue_judge(const FilledValues& values, const std::vector<
 
 template <class T>
 void DeviceSide<T>::enqueue_factor(bool skip_last_half) {
+  enqueue_tasks(skip_last_half);
+  if (!skip_last_half) enqueue_inverses();
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_tasks(bool first_half_only) {
   const auto launch = [&](bool wide, std::int64_t first, std::int64_t end) {
     if (first >= end) return;
     call("launch of the factorization kernel", [&] {
@@ -287,10 +293,13 @@ void DeviceSide<T>::enqueue_factor(bool skip_last_half) {
   };
   const TaskLists& l = lists();
   auto end = static_cast<std::int64_t>(l.tasks.size());
-  if (skip_last_half) end /= 2;
+  if (first_half_only) end /= 2;
   launch(false, 0, std::min(l.narrow_tasks, end));
   launch(true, l.narrow_tasks, end);
-  if (skip_last_half) return;
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_inverses() {
   call("launch of the kernel that joins inverses", [&] {
     return launch_block_inverses(state_, inverses_.data(), static_cast<int>(inverses_.size()), stream_.get());
   });

@@ -99,6 +99,9 @@ class DeviceSide {
   /// The kernels, and what they prepare for solves. skip_last_half: only the first half of the tasks, as if the device
   /// had died then (for tests).
   void enqueue_factor(bool skip_last_half = false);
+  /// The same in two steps; the second changes what the first has made.
+  void enqueue_tasks(bool first_half_only = false);
+  void enqueue_inverses();
   /// What stands before the kernels where this is the only GPU.
   void enqueue_begin(const FilledValues& values);
   /// The same where it is one of several that reach the first's memory; copies the values that it needs.

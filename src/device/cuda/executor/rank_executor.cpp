@@ -11,6 +11,7 @@
 
 #include "device/cuda/executor/device_linear_system.hpp"
 #include "device/cuda/executor/device_side.hpp"
+#include "device/cuda/executor/mirrored_memory.hpp"
 #include "device/cuda/executor/plan_values.hpp"
 #include "device/cuda/executor/reached_memory.hpp"
 #include "device/cuda/executor/side_outcome.hpp"
@@ -45,7 +46,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
     expect_same_plan();
     const DeviceGuard guard(device_);
     link_.expect_all([&] { make_side(job); });
-    reached_.open(side_->addresses());
+    reach();
     link_.expect_all([&] { connect(); });
     for (const auto& bytes : link_.all_gather(std::as_bytes(std::span(side_->name()))))
       names_.emplace_back(reinterpret_cast<const char*>(bytes.data()), bytes.size());
@@ -71,12 +72,12 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
       filled_ = {};
       filled_graph_ = Graph::record(side_->stream().get(), [&] {
         side_->enqueue_take(*side_, values);
-        side_->enqueue_factor();
-        side_->enqueue_counters();
+        enqueue_factor();
       });
       filled_ = values;
     }
     last_filled_ = true;
+    if (mirrored_ && !is_finite(values)) return std::nullopt;  // kernels would end, and so wait for no tiles
     FactorOutcome out = run(filled_graph_, filled_);
     if (!std::isfinite(side_->factor_end().largest)) return std::nullopt;
     return out;
@@ -102,7 +103,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
       const Index width = at_once_ > 1 ? std::min(at_once_, slabs(columns - c)) : 1;
       const Graph& graph = solve_graph({x, solutions_.data(), columns, c, width, transpose});
       const auto clearing = [&] { side_->enqueue_clear_solve(at_once_); };
-      run_on_all(solve_clean_, clearing, graph);
+      run_on_all(solve_clean_, clearing, graph, [&] { mirrored_->begin_solve(side_->addresses(), width); });
       if (side_->solve_counters()[1] != 0) throw solve_given_up();
       (void)link_.all_numbers(1);  // all have finished
       clear(solve_clean_, clearing);
@@ -156,13 +157,14 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
     for (int r = 0; r < link_.size(); ++r) {
       const auto rank = static_cast<std::size_t>(r);
       const Offset begin = ranges[rank].at(0), size = ranges[rank].at(1);
-      if (r == link_.rank() || size == 0) continue;
+      if (r == link_.rank() || size == 0 || reached_values_.arrays()[rank].front() == nullptr) continue;
       const auto* theirs = static_cast<const double*>(reached_values_.arrays()[rank].front());
       call("cudaMemcpyAsync(values of another rank)", [&] {
         return cudaMemcpyAsync(given + begin, theirs + begin, static_cast<std::size_t>(size) * sizeof(double),
                                cudaMemcpyDefault, side_->stream().get());
       });
     }
+    if (mirrored_) send_values(given, ranges);
   }
 
   [[nodiscard]] void* stream() const override { return side_->stream().get(); }
@@ -181,7 +183,19 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
  private:
   static Index slabs(Index columns) { return (columns + kSlab - 1) / kSlab * kSlab; }
 
+  // Whether each rank reaches the memory of all others: the same on all ranks.
+  [[nodiscard]] bool one_machine() const {
+    for (int r = 0; r < link_.size(); ++r)
+      if (link_.machine_of(r) != link_.machine_of(0)) return false;
+    return true;
+  }
+  [[nodiscard]] bool is_near(int rank) const { return link_.machine_of(rank) == link_.machine_of(link_.rank()); }
+
   void expect_same_plan() {
+    const auto machines = link_.all_numbers(one_machine() ? 1 : 0);
+    if (std::count(machines.begin(), machines.end(), machines[0]) != link_.size())
+      throw Error(StatusCode::invalid_input,
+                  "ranks do not agree on whether each is a machine of its own: give all the same --nodes");
     const auto marks = link_.all_numbers(plan::fingerprint(
         plan_, static_cast<int>(kind_), [&](Index f, Index j) { return plan_.ownership.owner(f, j); }));
     for (std::size_t r = 0; r < marks.size(); ++r)
@@ -192,7 +206,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
   }
 
   void make_side(const Job& job) {
-    tables_.emplace(make_device_plan(plan_, kind_, true, {}, &job.pool));
+    tables_.emplace(make_device_plan(plan_, kind_, true, {}, &job.pool, !one_machine()));
     const int self = link_.rank();
     context_.emplace(
         SideContext{plan_, kind_, *tables_, kPatience, 0, values_of(plan_, &job.pool), &job.pool, self, true});
@@ -203,6 +217,16 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
     rows_.own([&](Index f) { return std::countr_zero(tables_->fronts[static_cast<std::size_t>(f)].members); });
     moved_ = transferred_elements(plan_, kind_, *tables_);
     take_owners();
+    if (one_machine()) return;
+    mirrored_.emplace(link_, plan_, kind_, *tables_, side_->budget());
+    pivots_ = PinnedArray<T>((kind_ == Kind::ldlt ? 3 : 1) * Offset{plan_.tree.n});
+  }
+
+  // Where the memory of all sides is, or its mirrors here.
+  void reach() {
+    reached_.open(side_->addresses());
+    sides_ = reached_.sides();
+    if (mirrored_) mirrored_->connect(side_->addresses(), sides_);
   }
 
   // Whose pivots count, for the judge, and whose rows of a solution.
@@ -217,11 +241,20 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
   }
 
   void connect() {
-    side_->connect(reached_.sides());
-    factor_graph_ = Graph::record(side_->stream().get(), [&] {
-      side_->enqueue_factor();
-      side_->enqueue_counters();
-    });
+    side_->connect(sides_);
+    const auto stream = side_->stream().get();
+    factor_graph_ = Graph::record(stream, [&] { enqueue_factor(); });
+    if (mirrored_) inverses_graph_ = Graph::record(stream, [&] { enqueue_end(); });
+  }
+
+  // Between machines, the end waits until all tiles are where they belong: inverses overwrite them.
+  void enqueue_factor() {
+    side_->enqueue_tasks();
+    if (!mirrored_) enqueue_end();
+  }
+  void enqueue_end() {
+    side_->enqueue_inverses();
+    side_->enqueue_counters();
   }
 
   [[nodiscard]] Error given_up(const char* what) const {
@@ -233,12 +266,17 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
   FactorOutcome run(const Graph& graph, const FilledValues& values) {
     const double began = base::now_seconds();
     const auto clearing = [&] { side_->enqueue_clear_factor(); };
-    run_on_all(factor_clean_, clearing, graph);
+    run_on_all(factor_clean_, clearing, graph, [&] { mirrored_->exchange().begin_factor(); });
+    if (mirrored_) {
+      inverses_graph_.launch(side_->stream().get());
+      side_->stream().wait();
+    }
     FactorOutcome out;
     SideFlags flags;
     read_counters(out, flags);
     // All have finished. Each judges all pivots, and comes to the same.
-    side_->enqueue_judge(values, reached_.sides(), owner_.data());
+    if (mirrored_) gather_pivots();
+    side_->enqueue_judge(values, sides_, owner_.data());
     side_->stream().wait();
     const FactorEnd end = side_->factor_end();
     const bool finite = values.largest == nullptr || std::isfinite(end.largest);
@@ -263,8 +301,9 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
 
   // Launches here as the others do there, and waits for this rank's part. What fails ends the kernels here; the others
   // hear of it by the link.
-  template <class Clear>
-  void run_on_all(bool& clean, Clear&& clearing, const Graph& graph) {
+  // begin_exchange(): between machines, before the launch.
+  template <class Clear, class Begin>
+  void run_on_all(bool& clean, Clear&& clearing, const Graph& graph, Begin&& begin_exchange) {
     side_->stream().wait();  // clear of the run before
     const auto all = link_.all_numbers(clean ? 1 : 0);
     if (std::find(all.begin(), all.end(), 0) != all.end()) {  // a run has failed, and nobody's kernels run any more
@@ -274,12 +313,18 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
     }
     clean = false;
     try {
+      if (mirrored_) begin_exchange();
       graph.launch(side_->stream().get());
-      link_.begin_operation();
-      link_.wait([](int, const ranks::Message&) {}, [&] { return has_finished(); });
+      if (mirrored_) {
+        mirrored_->exchange().run([&] { return has_finished(); });
+      } else {
+        link_.begin_operation();
+        link_.wait([](int, const ranks::Message&) {}, [&] { return has_finished(); });
+      }
     } catch (...) {
       side_->abort();
       (void)cudaStreamSynchronize(side_->stream().get());
+      if (mirrored_) mirrored_->exchange().give_up();
       (void)cudaGetLastError();
       factor_clean_ = solve_clean_ = false;
       throw;
@@ -304,6 +349,38 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
       work_.push_back(work_of(counters.data(), link_.name_of(static_cast<int>(r)) + ": " + names_[r],
                               all[r].at(kCounters), static_cast<Offset>(moved_[r] * sizeof(T))));
     }
+  }
+
+  // Those of other machines are read from this GPU's memory.
+  void gather_pivots() {
+    const Offset n = plan_.tree.n, parts = kind_ == Kind::ldlt ? 3 : 1;
+    const Offset bytes = parts * n * static_cast<Offset>(sizeof(T));
+    T* const there = side_->addresses().pivots;
+    side_->copy_out(pivots_.data(), there, bytes);
+    for (Offset part = 0; part < parts; ++part) rows_.share(link_, pivots_.data() + part * n, 1);
+    side_->copy_in(there, pivots_.data(), bytes);
+  }
+
+  // Each rank's part of the values to ranks of other machines. @param ranges  first and number, by rank
+  void send_values(double* given, const std::vector<std::vector<std::int64_t>>& ranges) {
+    const auto bytes_of = [&](int rank) {
+      return ranges[static_cast<std::size_t>(rank)].at(1) * static_cast<Offset>(sizeof(double));
+    };
+    const auto place_of = [&](int rank) { return given + ranges[static_cast<std::size_t>(rank)].at(0); };
+    std::vector<std::byte> mine(static_cast<std::size_t>(bytes_of(link_.rank())));
+    side_->copy_out(mine.data(), place_of(link_.rank()), bytes_of(link_.rank()));
+    std::vector<std::span<const std::byte>> to(static_cast<std::size_t>(link_.size()));
+    for (int r = 0; r < link_.size(); ++r)
+      if (!is_near(r)) to[static_cast<std::size_t>(r)] = mine;
+    const auto all = link_.all_to_all(to);
+    for (int r = 0; r < link_.size(); ++r)
+      if (!is_near(r)) side_->copy_in(place_of(r), all[static_cast<std::size_t>(r)].data(), bytes_of(r));
+  }
+
+  [[nodiscard]] bool is_finite(const FilledValues& values) const {
+    std::vector<double> parts(static_cast<std::size_t>(values.parts));
+    side_->copy_out(parts.data(), values.largest, values.parts * static_cast<Offset>(sizeof(double)));
+    return std::all_of(parts.begin(), parts.end(), [](double part) { return std::isfinite(part); });
   }
 
   void read_marks(FactorOutcome& out, const SideFlags& flags, const FactorEnd& end) {
@@ -332,7 +409,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
     Graph& graph = solve_graphs_[{pass.rhs, pass.columns, pass.first_column, pass.transpose}];
     if (!graph.recorded())
       graph = Graph::record(side_->stream().get(), [&] {
-        side_->enqueue_solve(reached_.sides(), pass);
+        side_->enqueue_solve(sides_, pass);
         side_->enqueue_counters();
       });
     return graph;
@@ -356,7 +433,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
     reached_.close();
     link_.expect_all([] {});  // nobody has the vectors open
     link_.expect_all([&] { (void)side_->take_solve_memory(at_once_); });
-    reached_.open(side_->addresses());
+    reach();
     widest_ = at_once_;
   }
 
@@ -376,6 +453,13 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
 
   // Each row from the rank that speaks for its front.
   void collect_solutions(T* x, Index columns) {
+    if (mirrored_) {
+      std::vector<T> all(static_cast<std::size_t>(Offset{plan_.tree.n} * columns));
+      const auto bytes = static_cast<Offset>(all.size() * sizeof(T));
+      side_->copy_out(all.data(), solutions_.data(), bytes);
+      rows_.share(link_, all.data(), columns);
+      return side_->copy_in(x, all.data(), bytes);
+    }
     RankRowsJob<T> job{{}, x, owner_.data(), plan_.tree.n, columns};
     for (std::size_t r = 0; r < reached_solutions_.arrays().size(); ++r)
       job.from[r] = static_cast<const T*>(reached_solutions_.arrays()[r].front());
@@ -389,13 +473,17 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
   std::optional<DevicePlan> tables_;
   std::optional<SideContext> context_;
   std::optional<DeviceSide<T>> side_;
-  ReachedMemory<T> reached_;                         // closed before what this rank has is given back
+  ReachedMemory<T> reached_;  // closed before what this rank has is given back
+  std::vector<SideAddresses<T>> sides_;
+  std::optional<MirroredMemory<T>> mirrored_;        // with ranks of other machines
   OpenedArrays reached_values_, reached_solutions_;  // likewise: one array of each rank
   RankRows rows_;                                    // whose front it is tells its pivots
   std::vector<std::string> names_;                   // of the GPUs, by rank
   DeviceArray<unsigned char> owner_;                 // n
   DeviceArray<T> rhs_, solutions_;                   // the second: others read it
   Graph factor_graph_, filled_graph_;                // the second: of factorize_filled() with filled_
+  Graph inverses_graph_;                             // between machines: enqueue_end()
+  PinnedArray<T> pivots_;                            // likewise: for gather_pivots()
   FilledValues filled_;
   bool last_filled_ = false;                                                // the last factorization was one of these
   bool shares_values_ = false;                                              // reached_values_ are open

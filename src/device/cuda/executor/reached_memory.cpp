@@ -44,20 +44,27 @@ void for_arrays(SideAddresses<T>& side, Use&& use) {
 
 }  // namespace
 
+bool OpenedArrays::is_near(int rank) const { return link_.machine_of(rank) == link_.machine_of(link_.rank()); }
+
 auto OpenedArrays::record_of(void* array) const -> Array {
   Array record{this_process(), device_, reinterpret_cast<std::uint64_t>(array), {}};
-  if (array != nullptr) call("cudaIpcGetMemHandle", [&] { return cudaIpcGetMemHandle(&record.handle, array); });
+  int near = 0;  // ranks that open it, with this one
+  for (int r = 0; r < link_.size(); ++r) near += is_near(r) ? 1 : 0;
+  if (array != nullptr && near > 1)
+    call("cudaIpcGetMemHandle", [&] { return cudaIpcGetMemHandle(&record.handle, array); });
   return record;
 }
 
 void* OpenedArrays::open_from(const Array& theirs, int rank) {
   auto* const address = reinterpret_cast<void*>(theirs.address);
   if (rank == link_.rank() || address == nullptr) return address;
-  if (theirs.process == this_process()) {
-    if (theirs.device == device_)
-      throw Error(StatusCode::invalid_input,
-                  fmt::format("ranks {} and {} are threads of one process and share GPU {}: give each a GPU of its own",
-                              link_.rank(), rank, device_));
+  const bool here = theirs.process == this_process();
+  if (here && theirs.device == device_)  // kernels that wait for each other would not both find room
+    throw Error(StatusCode::invalid_input,
+                fmt::format("ranks {} and {} are threads of one process and share GPU {}: give each a GPU of its own",
+                            link_.rank(), rank, device_));
+  if (!is_near(rank)) return nullptr;
+  if (here) {
     enable_peer_access(static_cast<int>(theirs.device));
     return address;
   }
@@ -83,8 +90,9 @@ void OpenedArrays::open(const std::vector<void*>& mine) {
       } catch (const Error& e) {
         throw Error(
             e.status().code,
-            fmt::format("{} does not reach the memory of {}: {}; ranks share GPUs of one machine that reach each "
-                        "other's memory, else use device cpu, or one process for all GPUs",
+            fmt::format("{} does not reach the memory of {}: {}; GPUs of one machine must reach each other's "
+                        "memory: else take every process for a machine of its own (--nodes process), use device cpu, "
+                        "or one process for all GPUs",
                         link_.name_of(link_.rank()), link_.name_of(rank), e.what()));
       }
     }

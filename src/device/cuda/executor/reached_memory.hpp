@@ -13,7 +13,7 @@
 
 namespace espalier::device::cuda {
 
-/// Arrays that ranks reach of each other. Ranks are processes of one machine, each with a GPU, or threads of one
+/// Arrays that ranks of a machine reach of each other. Ranks are processes, each with a GPU, or threads of one
 /// process with different GPUs.
 ///
 /// The memory of a rank that has died stays mapped as long as this object lives.
@@ -31,7 +31,7 @@ class OpenedArrays {
   void open(const std::vector<void*>& mine);
   /// Ends what open() has opened, before the others give the memory back.
   void close() noexcept;
-  /// By rank, in the order of open().
+  /// By rank, in the order of open(); null pointers for those of other machines (Link::machine_of).
   [[nodiscard]] const std::vector<std::vector<void*>>& arrays() const { return arrays_; }
 
  private:
@@ -42,6 +42,7 @@ class OpenedArrays {
     std::uint64_t address;  // 0: there is none
     cudaIpcMemHandle_t handle;
   };
+  [[nodiscard]] bool is_near(int rank) const;
   [[nodiscard]] Array record_of(void* array) const;
   [[nodiscard]] void* open_from(const Array& theirs, int rank);
 
@@ -60,7 +61,7 @@ class ReachedMemory {
   /// See OpenedArrays.
   void open(const SideAddresses<T>& mine);
   void close() noexcept;
-  /// By rank.
+  /// By rank; of no use for those of other machines.
   [[nodiscard]] const std::vector<SideAddresses<T>>& sides() const { return sides_; }
 
  private:

@@ -81,9 +81,11 @@ struct DevicePlan {
 /// @param pool  null: on the calling thread
 /// @param peer_access  false: devices cannot reach each other's memory: sub-trees stay with their devices, and what is
 ///                     passed on from them has places, too
+/// @param mirrored  with peer_access: the same for sub-trees, but each device has its copy of the top and of what it
+///                  gathers from others (executor/tile_exchange.hpp)
 /// @throws std::invalid_argument when the plan was not made with cuda_plan_options()
 DevicePlan make_device_plan(const plan::Plan& plan, Kind kind, bool peer_access = true, const TaskOrder& shape = {},
-                            base::ThreadPool* pool = nullptr);
+                            base::ThreadPool* pool = nullptr, bool mirrored = false);
 
 /// Elements that each device stores into others (blocks of the top's factors) and fetches from others (contributions,
 /// by even shares of their readers), in one factorization in which nothing is stolen.
