@@ -81,7 +81,7 @@ nlohmann::json show_plan(const GpuCase& c, const CheckSettings& settings) {
                                    "Espalier, plan in virtual time");
   row["refactorization"] = measure::samples_record({{run.seconds}});
   row["memory"]["predicted_bytes"] = bytes;
-  row["parameters"] = {{"devices", c.devices}, {"reuse_distance", settings.tuning.reuse_distance}};
+  row["parameters"] = {{"devices", c.devices}, {"reuse_distance", c.plan.options.reuse_distance}};
   row["check"] = {{"busy", busy}};
   return row;
 }

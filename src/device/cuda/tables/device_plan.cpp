@@ -219,7 +219,7 @@ plan::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning, Index
   o.range_flops = 0;
   o.group_entries = tuning.group_entries;
   o.interleave = 1 << 20;
-  o.reuse_distance = tuning.reuse_distance;
+  o.reuse_distance = tuning.reuse_distance > 0 ? tuning.reuse_distance : (devices == 1 ? 1024 : 4096);
   o.devices = devices;
   o.machine = tuning.machine;
   o.balance_unknowns = tuning.count_balance;

@@ -20,13 +20,15 @@ struct DeviceTuning {
   /// (2,1,1), 200 x (3,2,2), 2 x (20,8,8): 0.367, 0.310, 0.798 ms with 32, 0.414, 0.321, 0.802 with 48.
   Index whole_pivots_ldlt = 32;
   Offset group_entries = Offset{1} << 30;  ///< see PlanOptions
-  Index reuse_distance = 1024;             ///< see PlanOptions; KKT 3x(40,14,14) in 0.64 GB: 4096 takes 0.74
-  double additional_subtrees = 1;          ///< see PlanOptions
-  bool stealing = false;                   ///< see PlanOptions
-  bool shared_top = true;                  ///< see PlanOptions
-  std::vector<double> device_speed;        ///< see PlanOptions
-  bool count_balance = false;              ///< sub-trees are dealt by unknowns instead of predicted time
-  Index column_group = 8;                  ///< see PlanOptions
+  /// See PlanOptions; 0: 1024 on one device (KKT 3x(40,14,14) in 0.64 GB, 0.74 with 4096), 4096 on each of several,
+  /// where 1024 costs a tenth (KKT 20 on two: 2.29 ms instead of 2.08).
+  Index reuse_distance = 0;
+  double additional_subtrees = 1;    ///< see PlanOptions
+  bool stealing = false;             ///< see PlanOptions
+  bool shared_top = true;            ///< see PlanOptions
+  std::vector<double> device_speed;  ///< see PlanOptions
+  bool count_balance = false;        ///< sub-trees are dealt by unknowns instead of predicted time
+  Index column_group = 8;            ///< see PlanOptions
   plan::MachineModel machine = plan::h200();
 };
 
