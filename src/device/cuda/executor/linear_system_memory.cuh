@@ -135,9 +135,13 @@ class LinearSystemMemory {
                              });
   }
 
-  // FP64 values that nothing scales are factored as they are; all others need a place of their own.
+  // FP64 values that nothing scales are factored as they are; all others need a place of their own, and those that
+  // other ranks read.
   void take_values_memory() {
-    if (!base::keeps_fp64<T> || scales_ || executor_.values_size() < nonzeros_) copy_ = take<double>(nonzeros_);
+    if (executor_.on_ranks())
+      copy_ = take<double>(whole_pages<double>(nonzeros_));
+    else if (!base::keeps_fp64<T> || scales_ || executor_.values_size() < nonzeros_)
+      copy_ = take<double>(nonzeros_);
     const unsigned most =
         scales_ ? resident_blocks(scale_kernel<T>, device_) : resident_blocks(take_kernel<T>, device_);
     const Offset threads = scales_ ? static_cast<Offset>(n_) * kLanes : nonzeros_;
