@@ -96,9 +96,11 @@ Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vect
   if (options.tiles.max_block_size > kMostTileWidth || options.tiles.whole_rows > kMostTileWidth)
     throw Error(StatusCode::invalid_input, fmt::format("max_block_size {} is above the limit of {}",
                                                        options.tiles.max_block_size, kMostTileWidth));
-  // A tree that follows another one has been fitted with that.
+  // A tree that follows another one has been fitted with that. Until nothing fits better: the tree of an analysis that
+  // was saved stays as it is when it is read.
   if (options.arrays != nullptr && !options.ldlt && tree.border == 0 && kept == nullptr)
-    analysis::relocate_pivots(tree, moves_that_fit(tree, options), &pool);
+    for (auto moves = moves_that_fit(tree, options); !moves.empty(); moves = moves_that_fit(tree, options))
+      analysis::relocate_pivots(tree, moves, &pool);
   Plan plan;
   plan.tree = std::move(tree);
   plan.options = options;

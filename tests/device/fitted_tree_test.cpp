@@ -67,6 +67,7 @@ TEST_P(FittedTree, TakesLessAndIsValid) {
   EXPECT_NE(after.tree.first, tree_.first);
   EXPECT_EQ(analysis::verify_tree(graph_, after.tree), "");
   EXPECT_LT(factor_elements(after), factor_elements(before));
+  EXPECT_TRUE(plan::moves_that_fit(after.tree, options_).empty()) << "a tree that is read again would change";
   EXPECT_LT(after.flops, 1.1 * before.flops * (options_.unsymmetric ? 2 : 1));
 }
 

@@ -252,6 +252,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     const Offset count = static_cast<Offset>(n_) * columns;
     if (array.size() < count) {
       const DeviceGuard guard(device_);
+      memory_.budget().give_back(array.bytes());
       array = DeviceArray<double>();
       array = DeviceArray<double>(count, memory_.budget(),
                                   memory_.budget().held() + count * static_cast<Offset>(sizeof(double)));

@@ -1,7 +1,10 @@
 #include "device/cuda/executor/device_side.hpp"
 
 #include <algorithm>
+#include <map>
+#include <mutex>
 #include <numeric>
+#include <string>
 
 #include "device/cuda/kernels/block_inverse.hpp"
 #include "device/cuda/tables/device_bytes.hpp"
@@ -15,6 +18,20 @@ Offset limit_of(Offset memory_bytes) {
   call("cudaMemGetInfo", [&] { return cudaMemGetInfo(&free, &total); });
   const auto all = static_cast<Offset>(free);
   return memory_bytes > 0 ? std::min(memory_bytes, all) : all;
+}
+
+// Asked for once: all properties together take a millisecond.
+std::string device_name(int device) {
+  static std::mutex mutex;
+  static std::map<int, std::string> names;
+  const std::lock_guard lock(mutex);
+  auto found = names.find(device);
+  if (found == names.end()) {
+    cudaDeviceProp p{};
+    call("cudaGetDeviceProperties", [&] { return cudaGetDeviceProperties(&p, device); });
+    found = names.emplace(device, p.name).first;
+  }
+  return found->second;
 }
 
 }  // namespace
@@ -31,9 +48,7 @@ DeviceSide<T>::DeviceSide(const SideContext& context, int self, int device, Offs
       counters_(2 * kCounters),
       one_(1),
       end_(1) {
-  cudaDeviceProp p{};
-  call("cudaGetDeviceProperties", [&] { return cudaGetDeviceProperties(&p, device_); });
-  name_ = p.name;
+  name_ = device_name(device_);
   if (context_.tables.lists.size() > 1) name_ += " #" + std::to_string(device_);
   *one_.data() = 1;
   needed_ =

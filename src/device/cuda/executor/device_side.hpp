@@ -126,10 +126,6 @@ class DeviceSide {
   /// A buffer for right-hand sides of the caller. @returns whether it moved
   bool take_rhs(Offset elements);
   [[nodiscard]] T* rhs() const { return rhs_at_; }
-  /// Whether buffers of wide passes take more than a small part of what the factorization holds.
-  [[nodiscard]] bool has_wide_solve_memory() const;
-  /// Frees them; they have to be taken anew.
-  void give_back_solve_memory();
   void enqueue_solve(const std::vector<SideAddresses<T>>& sides, const SolvePass<T>& pass);
   /// Copies the counters to the host, where they are valid once the stream is done.
   void enqueue_counters();

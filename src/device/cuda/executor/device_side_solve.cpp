@@ -8,11 +8,9 @@ namespace espalier::device::cuda {
 
 namespace {
 
-// Vectors of many right-hand sides may take a quarter of what the factorization holds, and small ones this much.
-constexpr Offset kSolveShare = 4, kSolveBytes = Offset{64} << 20;
-// Beyond this part of it they are given back when the next factorization begins. Taking them again costs about a
-// millisecond a gigabyte.
-constexpr Offset kKeptShare = 16;
+// Beyond what is free of the arena, vectors of many right-hand sides may take a sixteenth of what the factorization
+// holds, and small ones this much.
+constexpr Offset kSolveShare = 16, kSolveBytes = Offset{256} << 20;
 
 }  // namespace
 
@@ -36,6 +34,7 @@ template <class T>
 bool DeviceSide<T>::take_solve_memory(Index pass) {
   const Offset size = solve_rows() * pass;
   if (vectors_size_ >= size) return false;
+  budget_.give_back(vectors_.bytes());
   vectors_ = DeviceArray<T>();
   vectors_size_ = 0;
   if (size > idle_elements() - rhs_in_arena())
@@ -48,6 +47,7 @@ bool DeviceSide<T>::take_solve_memory(Index pass) {
 template <class T>
 bool DeviceSide<T>::take_rhs(Offset elements) {
   if (rhs_size_ >= elements) return false;
+  budget_.give_back(rhs_.bytes());
   rhs_ = DeviceArray<T>();
   rhs_size_ = 0;
   const Offset size = rounded(elements);  // whole lines of the cache
@@ -56,20 +56,6 @@ bool DeviceSide<T>::take_rhs(Offset elements) {
   rhs_at_ = rhs_.size() > 0 ? rhs_.data() : top_.data() + (context_.tables.regions[0] - size);
   rhs_size_ = size;
   return true;
-}
-
-template <class T>
-bool DeviceSide<T>::has_wide_solve_memory() const {
-  const Offset bytes = vectors_.bytes() + rhs_.bytes();
-  return vectors_size_ > solve_rows() && bytes > std::max(kSolveBytes, (budget_.held() - bytes) / kKeptShare);
-}
-
-template <class T>
-void DeviceSide<T>::give_back_solve_memory() {
-  stream_.wait();
-  vectors_ = DeviceArray<T>();
-  rhs_ = DeviceArray<T>();
-  vectors_size_ = rhs_size_ = 0;
 }
 
 template <class T>

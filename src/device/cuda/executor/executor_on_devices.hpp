@@ -255,7 +255,6 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   // Memory for the first pass of a solve with so many right-hand sides.
   void take_solve_memory(Index columns);
-  void give_back_solve_memory();
   // A multiple of kSlab that holds so many.
   static Index slabs(Index columns) { return (columns + kSlab - 1) / kSlab * kSlab; }
   // Right-hand sides of a pass where so many are left.

@@ -38,7 +38,6 @@ template <class T>
 FactorOutcome ExecutorOnDevices<T>::run(const FactorGraphs& graphs, bool filled) {
   FactorOutcome out;
   SideFlags flags;
-  give_back_solve_memory();
   if (options_.timeline != nullptr)
     for (const auto& side : sides_) at(*side, [&] { side->clear_record(); });
   last_filled_ = filled;

@@ -56,17 +56,6 @@ T* ExecutorOnDevices<T>::device_rhs(Index columns) {
   return first().rhs();
 }
 
-// Where many right-hand sides were solved for, their vectors would stand beside every factorization to come.
-template <class T>
-void ExecutorOnDevices<T>::give_back_solve_memory() {
-  for (const auto& side : sides_) {
-    if (!side->has_wide_solve_memory()) continue;
-    solve_graphs_.clear();
-    at_once_ = 0;  // until it is taken again
-    at(*side, [&] { side->give_back_solve_memory(); });
-  }
-}
-
 template <class T>
 void ExecutorOnDevices<T>::take_solve_memory(Index columns) {
   Index most = columns > 1 ? std::min<Index>(kManyColumns, slabs(columns)) : 1;
@@ -106,6 +95,7 @@ double ExecutorOnDevices<T>::solve_on_all(T* x, Index columns, bool transpose) {
     if (mine.size() >= count) continue;
     at(*side, [&] {
       solve_graphs_.clear();
+      side->budget().give_back(mine.bytes());
       mine = DeviceArray<T>();
       mine = DeviceArray<T>(count, side->budget(), side->held() + count * static_cast<Offset>(sizeof(T)));
     });

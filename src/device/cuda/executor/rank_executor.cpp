@@ -123,6 +123,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
       link_.expect_all([&] {
         const DeviceGuard guard(device_);
         solve_graphs_.clear();
+        side_->budget().give_back(rhs_.bytes());
         rhs_ = DeviceArray<T>();
         rhs_ = DeviceArray<T>(size, side_->budget(), side_->held() + size * static_cast<Offset>(sizeof(T)));
       });
@@ -443,6 +444,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
     link_.expect_all([] {});  // nobody has them open
     link_.expect_all([&] {
       solve_graphs_.clear();
+      side_->budget().give_back(solutions_.bytes());
       solutions_ = DeviceArray<T>();
       solutions_ = DeviceArray<T>(size, side_->budget(), side_->held() + size * static_cast<Offset>(sizeof(T)));
     });

@@ -20,7 +20,7 @@ struct DeviceTuning {
   /// (2,1,1), 200 x (3,2,2), 2 x (20,8,8): 0.367, 0.310, 0.798 ms with 32, 0.414, 0.321, 0.802 with 48.
   Index whole_pivots_ldlt = 32;
   Offset group_entries = Offset{1} << 30;  ///< see PlanOptions
-  Index reuse_distance = 4096;             ///< see PlanOptions
+  Index reuse_distance = 1024;             ///< see PlanOptions; KKT 3x(40,14,14) in 0.64 GB: 4096 takes 0.74
   double additional_subtrees = 1;          ///< see PlanOptions
   bool stealing = false;                   ///< see PlanOptions
   bool shared_top = true;                  ///< see PlanOptions

@@ -1,0 +1,14 @@
+/// \file
+/// device::TallSpace on a GPU. No CUDA header is needed.
+#pragma once
+
+#include <memory>
+
+#include "device/tall_space.hpp"
+
+namespace espalier::device::cuda {
+
+/// @throws Error(device_error), Error(out_of_memory)
+std::unique_ptr<TallSpace> make_tall_space(Index rows, int device);
+
+}  // namespace espalier::device::cuda
