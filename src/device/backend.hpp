@@ -150,8 +150,10 @@ class Backend {
   virtual void open(const std::vector<int>& /*devices*/) const noexcept {}
   /// How fast a device is, so that unequal ones get unequal parts. Asked only where several share a plan.
   [[nodiscard]] virtual DeviceRates measure(int /*device*/) const { return {1, 1, {}}; }
-  /// Tall blocks of so many rows in the memory of a device. @returns null where the backend has none
-  [[nodiscard]] virtual std::unique_ptr<TallSpace> make_tall_space(Index /*rows*/, int /*device*/) const {
+  /// Tall blocks of so many rows in the memory of a device. @param memory_bytes  budget for them; 0: what is free
+  /// @returns null where the backend has none
+  [[nodiscard]] virtual std::unique_ptr<TallSpace> make_tall_space(Index /*rows*/, int /*device*/,
+                                                                   Offset /*memory_bytes*/) const {
     return nullptr;
   }
   /// Bytes of its own memory that are free. Asked only where Limits::own_memory.

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "base/stopwatch.hpp"
 #include "device/registry.hpp"
 
@@ -20,9 +22,13 @@ std::unique_ptr<DeviceSearch> DeviceSearch::make(Pencil& pencil, const Product& 
                                                  const std::vector<double>& diagonal, Workshop& shop,
                                                  ModesResult& result) {
   if (pencil.gpu() < 0) return nullptr;
+  const Options& options = shop.options;
+  const Offset budget =
+      options.device_memory_each_bytes.empty() ? options.device_memory_bytes : options.device_memory_each_bytes.front();
+  const Offset left = budget > 0 ? std::max<Offset>(1, budget - pencil.device_bytes) : 0;
   try {
     const device::Backend* backend = device::registry().find("gpu");
-    auto space = backend != nullptr ? backend->make_tall_space(pencil.n(), pencil.gpu()) : nullptr;
+    auto space = backend != nullptr ? backend->make_tall_space(pencil.n(), pencil.gpu(), left) : nullptr;
     if (space == nullptr) return nullptr;
     std::unique_ptr<DeviceSearch> made(new DeviceSearch(std::move(space), shop));
     device::TallSpace& on_device = *made->space_;

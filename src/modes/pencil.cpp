@@ -177,6 +177,7 @@ Shifted Pencil::factorize(double shift) {
   ++factorizations;
   factor_seconds += r.seconds;
   factor_peak_bytes = std::max(factor_peak_bytes, r.peak_host_bytes);
+  device_bytes = r.devices.empty() ? 0 : r.devices.front().peak_bytes;
   if (r.status.code == StatusCode::singular) return {r.status, 0, false};
   if (!r.status.ok()) throw Error(r.status);
   if (options_.log)

@@ -64,6 +64,7 @@ class Pencil {
   Index factorizations = 0;
   double analysis_seconds = 0, factor_seconds = 0;
   Offset factor_peak_bytes = 0;
+  Offset device_bytes = 0;  ///< that the last factor held on its (first) device
 
  private:
   void lay_out();

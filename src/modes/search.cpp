@@ -119,6 +119,23 @@ void Search::explore() {
   const Index usual = options_.basis_size > 0 ? options_.basis_size : 2 * want + 12 * block_;
   const Index most = std::min<Index>(std::max(usual, want + 3 * block_), o.dimension + block_) + known;
   const Index least = std::min<Index>(want + 3 * block_, o.dimension + block_) + known;
+  const Sought sought_now{o, from, known, most, least};
+  LanczosResult found;
+  try {
+    found = search(sought_now);
+  } catch (const Error& e) {
+    if (!on_device_ || e.status().code != StatusCode::out_of_memory) throw;
+    shop_.log(fmt::format("modes: the basis goes to the host: {}", e.what()));
+    on_device_.reset();
+    found = search(sought_now);
+  }
+  shop_.log(fmt::format("modes: shift {:.6g}: {} of {} below and {} of {} above it found, {} right-hand sides so far",
+                        shift_, found.found.negative, left, found.found.positive, right, clock_.columns));
+}
+
+// With the vectors on the GPU where they have room, else on the host. What was found goes into the harvest.
+LanczosResult Search::search(const Sought& sought) {
+  const auto& [o, from, known, most, least] = sought;
   const Index n = pencil_.n();
   std::optional<Workspace> space = device_workspace(most, least);
   const bool here = !space;
@@ -142,14 +159,13 @@ void Search::explore() {
   const LanczosResult found = lanczos.run(o);
   result_.restarts += found.restarts;
   result_.peak_bytes = std::max(result_.peak_bytes, pencil_.factor_peak_bytes + shop_.budget.peak());
-  shop_.log(fmt::format("modes: shift {:.6g}: {} of {} below and {} of {} above it found, {} right-hand sides so far",
-                        shift_, found.found.negative, left, found.found.positive, right, clock_.columns));
   double* const after_known = space->basis + static_cast<std::int64_t>(n) * known;
   collect(found, [&](const Dense& s, double* to) {
     if (!here) return on_device_->fetch(after_known, s, to);
     combine(shop_.pool, n, after_known, s, to);
     basis = Tall();  // its memory serves the products
   });
+  return found;
 }
 
 // Those that were found, into the harvest. @param make  columns of the basis times a small matrix

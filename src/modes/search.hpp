@@ -37,7 +37,13 @@ class Search {
   [[nodiscard]] std::optional<ModeCount> proven() const;
   void look_at_mass_and_prepare();
   // Vectors (search.cpp)
+  struct Sought {
+    LanczosOptions options;
+    double from;               // modes known above it are kept out
+    Index known, most, least;  // so many; columns of the basis
+  };
   void explore();
+  LanczosResult search(const Sought& sought);
   void collect(const LanczosResult& found, const std::function<void(const Dense&, double*)>& make);
   void purify(Tall& batch, double rounding, std::vector<double>& eigenvalues);
   std::optional<Workspace> device_workspace(Index most, Index least);

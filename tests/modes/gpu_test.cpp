@@ -57,9 +57,48 @@ TEST_F(ModesOnGpu, SeveralShiftsKeepOutWhatIsKnown) {
   expect_modes_of_the_host(string(900), identity(900), o);
 }
 
+// Room for the factor, none for the basis.
+TEST_F(ModesOnGpu, WithoutRoomTheBasisStaysOnTheHost) {
+  const SparseMatrix k = generated({"elasticity", "8"}), m = generated({"elasticity-mass", "8"});
+  Solver solver([] {
+    Options o;
+    o.device = "gpu:0";
+    return o;
+  }());
+  ASSERT_TRUE(solver.analyze(k).status.ok());
+  const FactorResult factor = solver.factorize(k);
+  ASSERT_TRUE(factor.status.ok());
+  ModesOptions o = lowest(20);
+  o.solver.device = "cpu";
+  const ModesResult here = find_modes(k, m, o);
+  std::string log;
+  o.solver.device = "gpu:0";
+  o.solver.device_memory_bytes = factor.devices.front().peak_bytes + (Offset{6} << 20);
+  o.solver.log = [&](const std::string& line) { log += line + "\n"; };
+  const ModesResult there = find_modes(k, m, o);
+  ASSERT_TRUE(there.status.ok()) << there.status.message;
+  ASSERT_EQ(there.count(), here.count());
+  for (std::size_t i = 0; i < here.eigenvalues.size(); ++i)
+    EXPECT_NEAR(there.eigenvalues[i], here.eigenvalues[i], 1e-10 * here.eigenvalues.back()) << i << log;
+}
+
+// A multiplier holds one mass of a free row, and another mass has no mass.
+TEST_F(ModesOnGpu, MultipliersAndUnknownsWithoutMass) {
+  constexpr Index n = 400;
+  std::vector<reference::Triple> t;
+  for (Index i = 0; i < n; ++i) {
+    t.push_back({i, i, i > 0 && i + 1 < n ? 2.0 : 1.0});
+    if (i + 1 < n) t.push_back({i + 1, i, -1.0});
+  }
+  t.push_back({n, 17, 1.0});
+  std::vector<double> mass(n + 1, 1.0);
+  mass[200] = mass[n] = 0;
+  expect_modes_of_the_host(symmetric(n + 1, t), diagonal(mass), lowest(15));
+}
+
 TEST_F(ModesOnGpu, BlocksAreThoseOfTheHost) {
   constexpr Index n = 70001, p = 21, b = 11;
-  const std::unique_ptr<device::TallSpace> space = gpu()->make_tall_space(n, 0);
+  const std::unique_ptr<device::TallSpace> space = gpu()->make_tall_space(n, 0, 0);
   base::ThreadPool pool(2);
   const modes::HostBlocks here(pool, n);
   const modes::DeviceBlocks there(*space, pool);
@@ -93,7 +132,7 @@ TEST_F(ModesOnGpu, ProductsAreThoseOfTheHost) {
   const SparseMatrix a = generated({"elasticity", "7", "6", "5"});
   base::ThreadPool pool(2);
   const modes::Product product(a, pool);
-  const std::unique_ptr<device::TallSpace> space = gpu()->make_tall_space(a.rows, 0);
+  const std::unique_ptr<device::TallSpace> space = gpu()->make_tall_space(a.rows, 0, 0);
   const Index matrix = space->add_matrix(product.first(), product.column(), product.value()), columns = 11;
   const std::vector<double> x = reference::random_vector(Offset{a.rows} * columns, 3);
   std::vector<double> y(x.size()), found(x.size());

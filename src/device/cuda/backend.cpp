@@ -66,8 +66,8 @@ class CudaBackend final : public Backend {
 
   void open(const std::vector<int>& devices) const noexcept override { open_devices(devices); }
   [[nodiscard]] DeviceRates measure(int device) const override { return measured_rates(device); }
-  [[nodiscard]] std::unique_ptr<TallSpace> make_tall_space(Index rows, int device) const override {
-    return cuda::make_tall_space(rows, device);
+  [[nodiscard]] std::unique_ptr<TallSpace> make_tall_space(Index rows, int device, Offset memory_bytes) const override {
+    return cuda::make_tall_space(rows, device, memory_bytes);
   }
   [[nodiscard]] Offset free_bytes(int device) const override { return free_device_bytes(device); }
 

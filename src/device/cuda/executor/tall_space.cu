@@ -18,7 +18,8 @@ unsigned blocks_of(Offset count, Offset each) { return static_cast<unsigned>((co
 
 class TallSpaceOnGpu final : public TallSpace {
  public:
-  TallSpaceOnGpu(Index rows, int device) : n_(rows), device_(device), budget_(std::numeric_limits<Offset>::max()) {
+  TallSpaceOnGpu(Index rows, int device, Offset memory_bytes)
+      : n_(rows), device_(device), budget_(memory_bytes > 0 ? memory_bytes : std::numeric_limits<Offset>::max()) {
     const DeviceGuard guard(device_);
     stream_ = std::make_unique<Stream>();
   }
@@ -137,6 +138,7 @@ class TallSpaceOnGpu final : public TallSpace {
   double* grown(DeviceArray<double>& array, Offset size) {
     if (array.size() >= size) return array.data();
     stream_->wait();
+    budget_.give_back(array.bytes());
     array = DeviceArray<double>();
     array = DeviceArray<double>(size, budget_, budget_.held() + size * static_cast<Offset>(sizeof(double)));
     return array.data();
@@ -198,8 +200,8 @@ class TallSpaceOnGpu final : public TallSpace {
 
 }  // namespace
 
-std::unique_ptr<TallSpace> make_tall_space(Index rows, int device) {
-  return std::make_unique<TallSpaceOnGpu>(rows, device);
+std::unique_ptr<TallSpace> make_tall_space(Index rows, int device, Offset memory_bytes) {
+  return std::make_unique<TallSpaceOnGpu>(rows, device, memory_bytes);
 }
 
 }  // namespace espalier::device::cuda
