@@ -156,7 +156,7 @@ LanczosResult Search::search(const Sought& sought) {
       on_device_->send(to, vector, 1);
   }
   Lanczos lanczos(here ? op_ : on_device_->op(), *space, known, shop_.pool, clock_);
-  const LanczosResult found = lanczos.run(o);
+  LanczosResult found = lanczos.run(o);
   result_.restarts += found.restarts;
   result_.peak_bytes = std::max(result_.peak_bytes, pencil_.factor_peak_bytes + shop_.budget.peak());
   double* const after_known = space->basis + static_cast<std::int64_t>(n) * known;

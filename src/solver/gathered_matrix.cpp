@@ -260,6 +260,11 @@ std::vector<double> GatheredMatrix::gather_rows(std::span<const double> part, Ro
   } else {
     parts.emplace_back(part.begin(), part.begin() + static_cast<std::ptrdiff_t>(size(rows)));
   }
+  // One has all rows, as where rank 0 has the matrix.
+  const auto has_rows = [](const RowRange& r) { return r.count > 0; };
+  const auto owner = std::find_if(ranges.begin(), ranges.end(), has_rows);
+  if (owner != ranges.end() && owner->count == n_ && std::count_if(ranges.begin(), ranges.end(), has_rows) == 1)
+    return std::move(parts[static_cast<std::size_t>(owner - ranges.begin())]);
   std::vector<double> whole(static_cast<std::size_t>(n_) * static_cast<std::size_t>(columns), 0.0);
   std::vector<char> given(static_cast<std::size_t>(n_), 0);
   for (std::size_t r = 0; r < parts.size(); ++r) {
