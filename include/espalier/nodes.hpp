@@ -12,8 +12,9 @@ enum class Nodes {
   process  ///< each rank is a machine of its own: to try that on one host, or where GPUs do not reach each other
 };
 
-/// For all solvers that are made on these ranks from now on; `host` unless this is called. All ranks say the same: else
-/// their first factorization on GPUs ends in invalid_input.
+/// `host` unless this is called. Call it before the first solver is made on these ranks: those that are there must not
+/// be used any more. All ranks must say the same; where one host has them all, a difference ends their first
+/// factorization on GPUs in invalid_input.
 void set_nodes(const Ranks& ranks, Nodes nodes);
 
 }  // namespace espalier
