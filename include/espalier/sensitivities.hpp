@@ -2,6 +2,7 @@
 /// Derivatives of what a simulation comes to by parameters of its model.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -26,9 +27,10 @@ enum class SensitivityMethod {
   /// that `defect` describes; else forward.
   automatic,
   forward,  ///< some solves for each parameter, and two models that live as long as the run
-  /// One solve with the transposed stiffness for each quantity; of each parameter two models, one after the other, at
-  /// which the equations are looked at once. Of equilibria alone: there is no way backwards through the steps of a
-  /// motion, whose equations would have to be known by their derivatives, which is more than the tangent.
+  /// Of an equilibrium: one solve with the transposed stiffness for each quantity; of each parameter two models, one
+  /// after the other, at which the equations are looked at once. Of a motion: quantities at its end alone, by one way
+  /// back through its steps, with a factor and some solves for each quantity in each of them; of each parameter two
+  /// models, one after the other, at which the equations of all steps are looked at. Keeps all states in memory.
   adjoint,
 };
 
@@ -45,8 +47,9 @@ struct SensitivityResult {
   std::vector<std::string> parameters;   ///< paths
   std::vector<double> parameter_values;  ///< present values
   std::vector<std::string> quantities;   ///< names
-  std::vector<double> t;                 ///< start and ends of steps; statics: the last load factor alone
-  std::vector<double> values;            ///< t.size() rows of quantities
+  /// Start and ends of steps; statics: the last load factor alone; the adjoint method: the end alone.
+  std::vector<double> t;
+  std::vector<double> values;  ///< t.size() rows of quantities
   /// d quantity / d parameter: t.size() blocks of quantities.size() rows of parameters.size() numbers.
   std::vector<double> derivatives;
   SensitivityModes modes;
@@ -54,6 +57,7 @@ struct SensitivityResult {
   /// How well the linear equations of the derivatives are solved: the largest last change of an iteration over the
   /// largest derivative. Of the adjoint method: by how much the tangent and differences of the equations differ along
   /// the answer to random forces, over the largest force; a tangent that is not exact shows there, and in derivatives.
+  /// In a motion at the last step and up to eight others, with the levels of the constraints.
   double defect = 0;
   SimulationSummary summary;
 
@@ -69,8 +73,8 @@ struct SensitivityResult {
 /// parameter; for each parameter the model is built and brought to its start twice more.
 ///
 /// Status invalid_input, beside what a simulation reports: a path that names no number, a parameter by which the
-/// number of unknowns or the shapes of a reduced body jump, models with events, restart files; the adjoint method for
-/// motions, or with [initial] modes.
+/// number of unknowns or the shapes of a reduced body jump, models with events, restart files; the adjoint method with
+/// [initial] modes, and for motions with contacts that remember (friction, restitution) or of deformable bodies.
 SensitivityResult sensitivities(const std::string& path, const std::vector<SensitivityParameter>& parameters,
                                 const SimulationOptions& options = {},
                                 SensitivityMethod method = SensitivityMethod::automatic);
@@ -78,5 +82,22 @@ SensitivityResult sensitivities_of_text(const std::string& text, const std::stri
                                         const std::vector<SensitivityParameter>& parameters,
                                         const SimulationOptions& options = {},
                                         SensitivityMethod method = SensitivityMethod::automatic);
+
+/// A number J that a run comes to as a whole: an integral over time, a distance from measurements. Called once, when
+/// the run has ended, with its times (start and ends of steps; statics: the last load factor) and values: for each time
+/// a row of quantities. Writes dJ/dvalues into slopes, which are as many, and zeros before. Must not throw Error.
+using SensitivityObjective =
+    std::function<double(const std::vector<double>& t, const std::vector<double>& values, std::vector<double>& slopes)>;
+
+/// J and its gradient by the adjoint method, at the cost of one quantity however many parameters and times there are:
+/// the result has the one quantity "objective", of the end. Quantities as for sensitivities(), in that order; Status
+/// invalid_input also for slopes that are not finite, or not as many as values. Throws std::invalid_argument for an
+/// empty function.
+SensitivityResult objective_gradient(const std::string& path, const std::vector<SensitivityParameter>& parameters,
+                                     const SensitivityObjective& objective, const SimulationOptions& options = {});
+SensitivityResult objective_gradient_of_text(const std::string& text, const std::string& name,
+                                             const std::vector<SensitivityParameter>& parameters,
+                                             const SensitivityObjective& objective,
+                                             const SimulationOptions& options = {});
 
 }  // namespace espalier

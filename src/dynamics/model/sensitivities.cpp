@@ -14,6 +14,7 @@
 #include "dynamics/integrators/vibrations.hpp"
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/expand.hpp"
+#include "dynamics/model/motion_adjoint.hpp"
 #include "dynamics/model/runner.hpp"
 #include "dynamics/model/static_adjoint.hpp"
 
@@ -46,8 +47,9 @@ std::size_t position_of(const std::vector<std::string>& names, const std::string
 class SensitivityRun {
  public:
   SensitivityRun(const std::string& text, const std::string& name, const std::vector<SensitivityParameter>& parameters,
-                 const SimulationOptions& options, SensitivityMethod method, SensitivityResult& result)
-      : text_(text), name_(name), options_(options), method_(method), result_(result) {
+                 const SimulationOptions& options, SensitivityMethod method, const SensitivityObjective& objective,
+                 SensitivityResult& result)
+      : text_(text), name_(name), options_(options), method_(method), objective_(objective), result_(result) {
     if (!options.restart.empty())
       throw Error(StatusCode::invalid_input, "sensitivities begin with the model, not with a restart file");
     if (parameters.empty()) throw Error(StatusCode::invalid_input, "sensitivities: no parameter is given");
@@ -70,12 +72,11 @@ class SensitivityRun {
     statics_ = model.statics.has_value();
     modes_ = model.initial.modes;
     rests_ = model.initial.statics;
-    if (method_ == SensitivityMethod::adjoint && (!statics_ || modes_ > 0))
-      throw Error(
-          StatusCode::invalid_input,
-          fmt::format("the adjoint method finds derivatives of an equilibrium ([statics]){}: take the forward one",
-                      statics_ ? ", not of [initial] modes" : ", not of a motion"));
+    if (method_ == SensitivityMethod::adjoint && modes_ > 0)
+      throw Error(StatusCode::invalid_input,
+                  "the adjoint method finds derivatives of quantities, not of [initial] modes: take the forward one");
     nominal_ = std::make_unique<Runner>(model, options_, result.summary);
+    if (method_ == SensitivityMethod::adjoint && !statics_) refuse_memory(model);
     for (const SensitivityParameter& p : parameters) given_.push_back(ends_of(p));
     quantities_ = nominal_->chosen();
     for (const Quantity& q : quantities_) result_.quantities.push_back(q.name);
@@ -85,12 +86,13 @@ class SensitivityRun {
   }
 
   void run() {
+    if (method_ == SensitivityMethod::adjoint && !statics_) return differentiate_motion_backward();
     bool at_equilibrium = false;
     if (method_ == SensitivityMethod::adjoint ||
         (method_ == SensitivityMethod::automatic && statics_ && modes_ == 0 && given_.size() > quantities_.size())) {
       nominal_->run({});
       at_equilibrium = true;
-      if (differentiate_backward()) return;
+      if (differentiate_backward()) return take_objective();
     }
     for (const Ends& ends : given_) add(ends);
     Mechanism& mechanism = nominal_->mechanism();
@@ -136,6 +138,21 @@ class SensitivityRun {
     std::vector<Quantity> quantities[2];
   };
 
+  /// What remembers something from step to step that the state does not tell.
+  void refuse_memory(const Description& model) const {
+    for (const dynamics::model::ContactSpec& c : model.contacts) {
+      bool solid = false;
+      for (const dynamics::model::BuiltContact& built : nominal_->mechanism().surface_contacts)
+        for (const dynamics::contact::Contact* part : built.parts)
+          solid =
+              solid || (built.name == c.name && dynamic_cast<const dynamics::contact::RigidContact*>(part) == nullptr);
+      if (c.law.friction > 0 || c.law.restitution < 1 || solid)
+        dynamics::model::fail(c.place,
+                              "the adjoint method does not pass contacts with friction or restitution, or of "
+                              "deformable bodies, which remember something from step to step: take the forward one");
+    }
+  }
+
   [[nodiscard]] Value tree() const { return dynamics::model::parse_toml(text_, name_); }
   [[nodiscard]] Description describe(const std::vector<std::string>& more) const {
     Value root = tree();
@@ -175,17 +192,21 @@ class SensitivityRun {
     parameters_.emplace_back();
     Parameter& p = parameters_.back();
     p.step = ends.step();  // what the numbers beside it differ by to the last bit
+    for (int a = 0; a < 2; ++a) p.side[a] = beside_nominal(ends, a, p.summary[a]);
+  }
+
+  /// The model with the number below or above its value, brought to its start.
+  std::unique_ptr<Runner> beside_nominal(const Ends& ends, int above, SimulationSummary& summary) const {
     SimulationOptions options = options_;
     options.out.clear();
     options.dump.clear();
     options.keep_series = false;
     options.frame_interval = -1;
     options.record_timeline = false;
-    for (int a = 0; a < 2; ++a) {
-      with_end(ends, a,
-               [&](const Description& model) { p.side[a] = std::make_unique<Runner>(model, options, p.summary[a]); });
-      compare(p.side[a]->mechanism(), ends.path);
-    }
+    std::unique_ptr<Runner> side;
+    with_end(ends, above, [&](const Description& model) { side = std::make_unique<Runner>(model, options, summary); });
+    compare(side->mechanism(), ends.path);
+    return side;
   }
 
   /// What a side counts and remembers must be like the nominal model's.
@@ -276,6 +297,78 @@ class SensitivityRun {
     return true;
   }
 
+  /// The adjoint method back through the steps of the run: of each quantity at the end, or of the objective.
+  void differentiate_motion_backward() {
+    Mechanism& mechanism = nominal_->mechanism();
+    dynamics::model::MotionRecord record(mechanism);
+    std::vector<double> t, values;
+    const auto add = [&](int order) {
+      const State& state = nominal_->state();
+      record.add(state, order);
+      t.push_back(state.t);
+      for (const Quantity& q : quantities_) values.push_back(q.value(Sample{&state, {}}));
+    };
+    add(0);
+    nominal_->run([&](const SimulationStep& step) {
+      add(step.order);
+      return true;
+    });
+    const std::size_t last = record.size() - 1, nq = quantities_.size();
+    std::vector<double> slopes;
+    if (objective_) slopes = slopes_of_objective(t, values);
+    const std::size_t targets = objective_ ? 1 : nq;
+    dynamics::model::MotionAdjoint adjoint(mechanism, nominal_->equations().dropped(), record, quantities_);
+    const auto weight = [&](std::size_t target, std::size_t step, std::size_t q) {
+      return objective_ ? slopes[step * nq + q] : target == q && step == last ? 1.0 : 0.0;
+    };
+    const auto go_on = [this] {
+      if (options_.interrupted && options_.interrupted())
+        throw Error(StatusCode::cancelled, "the derivatives were interrupted on the way back");
+    };
+    adjoint.go_back(targets, weight, go_on);
+    result_.t = {t.back()};
+    if (!objective_) result_.values.assign(values.end() - static_cast<std::ptrdiff_t>(nq), values.end());
+    result_.adjoint = true;
+    result_.defect = adjoint.defect();
+    result_.derivatives.assign(targets * given_.size(), 0.0);
+    for (std::size_t p = 0; p < given_.size(); ++p) {
+      go_on();
+      std::vector<double> beside[2];
+      for (int a = 0; a < 2; ++a) {
+        SimulationSummary summary;
+        const std::unique_ptr<Runner> side = beside_nominal(given_[p], a, summary);
+        beside[a] = adjoint.look(side->mechanism(), side->state(), side->chosen());
+      }
+      for (std::size_t k = 0; k < targets; ++k)
+        result_.derivatives[k * given_.size() + p] = (beside[1][k] - beside[0][k]) / (2 * given_[p].step());
+    }
+  }
+
+  /// J, which becomes the only quantity of the result. @return dJ/dvalues
+  std::vector<double> slopes_of_objective(const std::vector<double>& t, const std::vector<double>& values) {
+    std::vector<double> slopes(values.size(), 0.0);
+    const double value = objective_(t, values, slopes);
+    if (slopes.size() != values.size())
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("the objective gave {} slopes for {} values", slopes.size(), values.size()));
+    if (!std::isfinite(value) || !std::all_of(slopes.begin(), slopes.end(), [](double x) { return std::isfinite(x); }))
+      throw Error(StatusCode::invalid_input, "the objective, or one of its slopes, is no finite number");
+    result_.quantities = {"objective"};
+    result_.values = {value};
+    return slopes;
+  }
+
+  /// Of an equilibrium: the objective instead of the quantities.
+  void take_objective() {
+    if (!objective_) return;
+    const std::vector<double> of_quantities = std::move(result_.derivatives);
+    const std::vector<double> slopes = slopes_of_objective(result_.t, std::vector<double>(result_.values));
+    const std::size_t np = given_.size();
+    result_.derivatives.assign(np, 0.0);
+    for (std::size_t q = 0; q < slopes.size(); ++q)
+      for (std::size_t p = 0; p < np; ++p) result_.derivatives[p] += slopes[q] * of_quantities[q * np + p];
+  }
+
   void differentiate_modes(Equations& own) {
     std::vector<dynamics::PencilSides> sides;
     for (Parameter& p : parameters_)
@@ -295,6 +388,7 @@ class SensitivityRun {
   const std::string& name_;
   SimulationOptions options_;
   SensitivityMethod method_;
+  const SensitivityObjective& objective_;  // empty: none
   SensitivityResult& result_;
   bool statics_ = false, rests_ = false;
   bool remembers_ = false;  // contacts with friction
@@ -317,12 +411,14 @@ double SensitivityResult::derivative(const std::string& quantity, const std::str
                      position_of(parameters, parameter)];
 }
 
-SensitivityResult sensitivities_of_text(const std::string& text, const std::string& name,
-                                        const std::vector<SensitivityParameter>& parameters,
-                                        const SimulationOptions& options, SensitivityMethod method) {
+namespace {
+
+SensitivityResult differentiated(const std::string& text, const std::string& name,
+                                 const std::vector<SensitivityParameter>& parameters, const SimulationOptions& options,
+                                 SensitivityMethod method, const SensitivityObjective& objective) {
   SensitivityResult result;
   try {
-    SensitivityRun(text, name, parameters, options, method, result).run();
+    SensitivityRun(text, name, parameters, options, method, objective, result).run();
   } catch (const Error& error) {
     result.status = error.status();
   } catch (const std::bad_alloc&) {
@@ -332,17 +428,46 @@ SensitivityResult sensitivities_of_text(const std::string& text, const std::stri
   return result;
 }
 
-SensitivityResult sensitivities(const std::string& path, const std::vector<SensitivityParameter>& parameters,
-                                const SimulationOptions& options, SensitivityMethod method) {
-  SensitivityResult result;
+/// `use` of the file's text, unless it cannot be read.
+template <class Use>
+SensitivityResult of_file(const std::string& path, const Use& use) {
   std::string text;
   try {
     text = dynamics::read_whole_file(path);
   } catch (const Error& error) {
+    SensitivityResult result;
     result.status = error.status();
     return result;
   }
-  return sensitivities_of_text(text, path, parameters, options, method);
+  return use(text);
+}
+
+}  // namespace
+
+SensitivityResult sensitivities_of_text(const std::string& text, const std::string& name,
+                                        const std::vector<SensitivityParameter>& parameters,
+                                        const SimulationOptions& options, SensitivityMethod method) {
+  return differentiated(text, name, parameters, options, method, nullptr);
+}
+
+SensitivityResult sensitivities(const std::string& path, const std::vector<SensitivityParameter>& parameters,
+                                const SimulationOptions& options, SensitivityMethod method) {
+  return of_file(
+      path, [&](const std::string& text) { return sensitivities_of_text(text, path, parameters, options, method); });
+}
+
+SensitivityResult objective_gradient_of_text(const std::string& text, const std::string& name,
+                                             const std::vector<SensitivityParameter>& parameters,
+                                             const SensitivityObjective& objective, const SimulationOptions& options) {
+  if (!objective) throw std::invalid_argument("objective_gradient: no objective is given");
+  return differentiated(text, name, parameters, options, SensitivityMethod::adjoint, objective);
+}
+
+SensitivityResult objective_gradient(const std::string& path, const std::vector<SensitivityParameter>& parameters,
+                                     const SensitivityObjective& objective, const SimulationOptions& options) {
+  return of_file(path, [&](const std::string& text) {
+    return objective_gradient_of_text(text, path, parameters, objective, options);
+  });
 }
 
 }  // namespace espalier

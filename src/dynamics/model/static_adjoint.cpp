@@ -1,7 +1,5 @@
 #include "dynamics/model/static_adjoint.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -10,26 +8,20 @@ namespace espalier::dynamics::model {
 
 namespace {
 
-constexpr double kStep = 1e-5;        // of the extent of the model, of the largest multiplier
-constexpr double kProbeStep = 1e-4;   // likewise, of moves that are to change a bit
-constexpr double kDefectStep = 3e-4;  // likewise: bent bodies resist their stretching with much of its square
-
-// By four values of a function at -2, -1, 1 and 2 steps.
-template <class Function>
-double difference(double step, const Function& f) {
-  return (8 * (f(step) - f(-step)) - (f(2 * step) - f(-2 * step))) / (12 * step);
-}
+// Of the extent of the model, of the largest multiplier: bent bodies resist their stretching with much of its square.
+constexpr double kDefectStep = 3e-4;
 
 }  // namespace
 
 StaticAdjoint::StaticAdjoint(Mechanism& mechanism, Equations& equations, const State& state,
                              const std::vector<Quantity>& quantities, double load, Options options)
-    : mechanism_(mechanism), state_(state), load_(load), dropped_(equations.dropped()), scene_(mechanism) {
+    : mechanism_(mechanism),
+      state_(state),
+      rows_(kept_constraints(equations)),
+      dropped_(equations.dropped()),
+      slopes_(mechanism, rows_, load) {
   const Linearised a = linearise(equations, state);
-  rows_ = a.rows;
   n_ = static_cast<std::size_t>(a.n);
-  const double largest = max_norm(state.lambda);
-  multiplier_step_ = largest > 0 ? largest : 1;
   options.kind = Kind::lu;  // general storage, as that of every Newton matrix
   Solver solver(std::move(options));
   const AnalysisResult analysis = solver.analyze(a.stiffness);
@@ -56,15 +48,9 @@ std::vector<double> StaticAdjoint::residual(Mechanism& mechanism) const {
   return r;
 }
 
-double StaticAdjoint::value(const Quantity& quantity, const State& state) const {
-  Sample s{&state, {}};
-  s.load = load_;
-  return quantity.value(s);
-}
-
 std::vector<double> StaticAdjoint::values(const std::vector<Quantity>& quantities) const {
   std::vector<double> out;
-  for (const Quantity& q : quantities) out.push_back(value(q, state_));
+  for (const Quantity& q : quantities) out.push_back(slopes_.value(q, state_));
   return out;
 }
 
@@ -86,64 +72,10 @@ State StaticAdjoint::moved(const std::vector<double>& step) const {
   return s;
 }
 
-State StaticAdjoint::moved(std::size_t coordinate, double way) const {
-  std::vector<double> step(n_ + rows_.size(), 0.0);
-  step[coordinate] = way;
-  return moved(step);
-}
-
-// What moves the fastest point by the extent of the model.
-double StaticAdjoint::step_along(const std::vector<double>& dq) {
-  const double largest = max_norm({dq.data(), n_});
-  if (largest == 0) return 0;
-  State s = state_;
-  s.v.assign(dq.begin(), dq.begin() + static_cast<std::ptrdiff_t>(n_));
-  if (const double way = scene_.extent_over_speed(s); way > 0 && way * largest < 1e300) return way;
-  // A single point, or what no picture shows.
-  std::vector<double> size(n_);
-  mechanism_.system.magnitude(state_.q, size);
-  const double extent = max_norm(size);
-  return (extent > 0 ? extent : 1) / largest;
-}
-
-// Coordinates first ... last - 1 are moved at random; halves that change nothing are left.
-void StaticAdjoint::find_support(const Quantity& quantity, std::size_t first, std::size_t last,
-                                 std::vector<std::size_t>& found) {
-  if (first == last) return;
-  std::mt19937_64 random(first * 1000003 + last);
-  std::uniform_real_distribution<double> amount(0.5, 1);
-  std::vector<double> step(n_ + rows_.size(), 0.0);
-  for (std::size_t i = first; i < last; ++i) step[i] = amount(random) * ((random() & 1) != 0 ? 1 : -1);
-  const double way = kProbeStep * step_along(step);
-  for (std::size_t i = first; i < last; ++i) step[i] *= i < n_ ? way : kProbeStep * multiplier_step_;
-  const std::vector<double> none(step.size(), 0.0);
-  if (value(quantity, moved(step)) == value(quantity, moved(none))) return;
-  if (last - first == 1) {
-    found.push_back(first);
-    return;
-  }
-  const std::size_t middle = first + (last - first) / 2;
-  find_support(quantity, first, middle, found);
-  find_support(quantity, middle, last, found);
-}
-
 std::vector<double> StaticAdjoint::gradient(const Quantity& quantity) {
-  std::vector<std::size_t> support;
-  find_support(quantity, 0, n_, support);
-  find_support(quantity, n_, n_ + rows_.size(), support);
-  std::vector<double> g(n_ + rows_.size(), 0.0), unit(n_, 0.0);
-  for (const std::size_t i : support) {
-    double step = kStep * multiplier_step_;
-    if (i < n_) {
-      unit[i] = 1;
-      step = kStep * step_along(unit);
-      unit[i] = 0;
-    }
-    g[i] = difference(step, [&](double way) { return value(quantity, moved(i, way)); });
-    if (!std::isfinite(g[i]))
-      throw Error(StatusCode::accuracy_not_reached,
-                  fmt::format("adjoint: the quantity {} is no number beside the equilibrium", quantity.name));
-  }
+  const StateSlopes slopes = slopes_.at(quantity, state_);
+  std::vector<double> g = slopes.q;
+  for (const Index row : rows_) g.push_back(slopes.lambda[static_cast<std::size_t>(row)]);
   return g;
 }
 
@@ -155,9 +87,10 @@ void StaticAdjoint::measure_defect(Solver& solver) {
   const SolveResult solved = solver.solve(r, z, 1);
   if (!solved.status.ok()) throw Error(solved.status.code, "adjoint: " + solved.status.message);
   // Neither bodies nor reactions are to change by more than a small part of what they are.
-  const double way = step_along(z), largest = max_norm({z.data() + n_, z.size() - n_});
+  const double way = slopes_.extent_along(state_, z), largest = max_norm({z.data() + n_, z.size() - n_});
+  const double reactions = max_norm(state_.lambda);
   double step = way > 0 ? kDefectStep * way : std::numeric_limits<double>::infinity();
-  if (largest > 0) step = std::min(step, multiplier_step_ / largest);
+  if (largest > 0) step = std::min(step, (reactions > 0 ? reactions : 1) / largest);
   if (!std::isfinite(step)) return;
   Equations equations(mechanism_.system, nullptr, &mechanism_.pool);
   equations.set_dropped(dropped_);

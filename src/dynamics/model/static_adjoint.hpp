@@ -7,17 +7,15 @@
 #include <vector>
 
 #include "dynamics/integrators/linearised.hpp"
-#include "dynamics/model/quantities.hpp"
-#include "dynamics/model/scene.hpp"
+#include "dynamics/model/quantity_slopes.hpp"
 #include "espalier/solver.hpp"
 
 namespace espalier::dynamics::model {
 
 /// At an equilibrium x = [q; lambda] the equations R(x, p) = [F + Phi_q^T lambda; Phi] are zero, so a quantity g(x, p)
 /// has the derivative dg/dp = g_p - y^T R_p with K^T y = g_x and K = R_x (R. T. Haftka, Z. Guerdal, "Elements of
-/// Structural Optimization", 1992, section 7.1). K is the tangent that statics uses; g_x is a central difference of
-/// fourth order by each coordinate that the quantity depends on, which are found by bisection: a move of all other ones
-/// changes no bit of it. R_p and g_p are central differences of two models at the same x, made by the caller.
+/// Structural Optimization", 1992, section 7.1). K is the tangent that statics uses; g_x comes from QuantitySlopes. R_p
+/// and g_p are central differences of two models at the same x, made by the caller.
 class StaticAdjoint {
  public:
   /// Factorizes K and solves for all quantities. @param mechanism, state  the equilibrium; they outlive the object
@@ -37,22 +35,16 @@ class StaticAdjoint {
   [[nodiscard]] double defect() const { return defect_; }
 
  private:
-  [[nodiscard]] State moved(std::size_t coordinate, double way) const;
   [[nodiscard]] State moved(const std::vector<double>& step) const;
-  [[nodiscard]] double value(const Quantity& quantity, const State& state) const;
-  [[nodiscard]] double step_along(const std::vector<double>& dq);
-  void find_support(const Quantity& quantity, std::size_t first, std::size_t last, std::vector<std::size_t>& found);
   [[nodiscard]] std::vector<double> gradient(const Quantity& quantity);
   void measure_defect(Solver& solver);
 
   Mechanism& mechanism_;
   const State& state_;
-  double load_;
   std::vector<Index> rows_;  // constraints that are kept
   std::vector<char> dropped_;
   std::size_t n_ = 0;
-  double multiplier_step_ = 0;
-  Scene scene_;
+  QuantitySlopes slopes_;
   std::vector<std::vector<double>> y_;  // of each quantity, n + r
   double defect_ = 0;
 };
