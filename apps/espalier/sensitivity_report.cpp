@@ -23,7 +23,10 @@ std::string sensitivity_summary(const SensitivityResult& r) {
     for (std::size_t p = 0; p < np; ++p) text += fmt::format(" {:>24.9g}", r.modes.derivatives[i * np + p]);
     text += "\n";
   }
-  return text + fmt::format("linear equations of the derivatives solved to {:.1e}\n", r.defect);
+  return text + fmt::format("{} {:.1e}\n",
+                            r.adjoint ? "adjoint method: tangents and differences of the equations agree to"
+                                      : "linear equations of the derivatives solved to",
+                            r.defect);
 }
 
 std::string sensitivity_csv(const SensitivityResult& r) {

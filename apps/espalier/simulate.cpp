@@ -34,6 +34,7 @@ struct SimulateCommand {
   SolverFlags flags;
   bool json = false, quiet = false, verbose = false;
   std::vector<std::string> parameters;  // --derivative
+  bool adjoint = false;
   RankOptions ranks;
 
   int run();
@@ -190,7 +191,8 @@ int SimulateCommand::differentiate() {
   check_outputs({{"the model", model}, {"derivatives.csv of --out", csv}}, {{"--report", report_file}});
   const StopSignals signals;
   options.interrupted = [] { return stop_was_asked(); };
-  const SensitivityResult r = sensitivities(model, parameters_of(parameters), options);
+  const SensitivityResult r = sensitivities(model, parameters_of(parameters), options,
+                                            adjoint ? SensitivityMethod::adjoint : SensitivityMethod::automatic);
   if (!r.status.ok()) {
     print_error(r.status.message);
     return exit_code(r.status.code);
@@ -237,12 +239,18 @@ void add_simulate(CLI::App& app, Action& action) {
   sub->add_flag("--json", command->json, "print the summary as JSON instead of text");
   sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
   sub->add_flag("-v,--verbose", command->verbose, "a line for every step");
-  sub->add_option("--derivative", command->parameters,
-                  "differentiate the quantities by this number of the model, for instance parameters.size, and print "
-                  "that alone; may be repeated (docs/use/sensitivities.md)")
-      ->type_name("PATH[:STEP]")
-      ->take_all()
-      ->allow_extra_args(false);
+  CLI::Option* derivative =
+      sub->add_option(
+             "--derivative", command->parameters,
+             "differentiate the quantities by this number of the model, for instance parameters.size, and print "
+             "that alone; may be repeated (docs/use/sensitivities.md)")
+          ->type_name("PATH[:STEP]")
+          ->take_all()
+          ->allow_extra_args(false);
+  sub->add_flag("--adjoint", command->adjoint,
+                "with --derivative: the adjoint method, whose time hardly grows with the number of parameters; of a "
+                "motion at its end alone")
+      ->needs(derivative);
   command->ranks.add_to(*sub);
   command->flags.add_to(*sub);
   sub->callback([command, &action] { action = [command] { return command->run(); }; });

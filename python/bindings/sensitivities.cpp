@@ -7,6 +7,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -42,6 +43,25 @@ SensitivityMethod method_named(const std::string& name) {
   throw std::invalid_argument("method '" + name + "': known are auto, forward, adjoint");
 }
 
+// objective(t, values of shape (T, Q)) -> (number, T x Q slopes in a flat array). What it raises is raised in the end.
+SensitivityObjective told(const nb::object& objective) {
+  return [&objective](const std::vector<double>& t, const std::vector<double>& values, std::vector<double>& slopes) {
+    const nb::gil_scoped_acquire gil;
+    try {
+      const std::size_t rows = t.size();
+      const nb::object answer = objective(array_of(std::vector<double>(t), {rows}),
+                                          array_of(std::vector<double>(values), {rows, values.size() / rows}));
+      const auto [value, by_values] =
+          nb::cast<std::pair<double, nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>>>(answer);
+      slopes.assign(by_values.data(), by_values.data() + by_values.size());
+      return value;
+    } catch (...) {
+      Host::raised = std::current_exception();
+      return std::numeric_limits<double>::quiet_NaN();
+    }
+  };
+}
+
 }  // namespace
 
 void bind_sensitivities(nb::module_& m) {
@@ -49,7 +69,8 @@ void bind_sensitivities(nb::module_& m) {
       "sensitivities",
       [](const std::string& text, bool is_path, const std::vector<std::pair<std::string, double>>& parameters,
          std::vector<std::string> set, std::optional<double> until, std::vector<std::string> quantities,
-         std::vector<std::pair<std::string, std::string>> solver, const std::string& method) {
+         std::vector<std::pair<std::string, std::string>> solver, const std::string& method,
+         const nb::object& objective) {
         SimulationOptions o;
         o.set = std::move(set);
         o.until = until;
@@ -62,13 +83,18 @@ void bind_sensitivities(nb::module_& m) {
         SensitivityResult result;
         {
           const nb::gil_scoped_release released;
-          result = is_path ? sensitivities(text, list, o, method_named(method))
-                           : sensitivities_of_text(text, "model", list, o, method_named(method));
+          if (!objective.is_none())
+            result = is_path ? objective_gradient(text, list, told(objective), o)
+                             : objective_gradient_of_text(text, "model", list, told(objective), o);
+          else
+            result = is_path ? sensitivities(text, list, o, method_named(method))
+                             : sensitivities_of_text(text, "model", list, o, method_named(method));
         }
         if (Host::raised) std::rethrow_exception(std::exchange(Host::raised, nullptr));
         return fields(std::move(result));
       },
-      "text"_a, "is_path"_a, "parameters"_a, "set"_a, "until"_a.none(), "quantities"_a, "solver"_a, "method"_a);
+      "text"_a, "is_path"_a, "parameters"_a, "set"_a, "until"_a.none(), "quantities"_a, "solver"_a, "method"_a,
+      "objective"_a.none());
 }
 
 }  // namespace espalier::python

@@ -2,7 +2,9 @@
 
 import os
 from dataclasses import dataclass
-from typing import Any, Iterable, Mapping
+from typing import Any, Callable, Iterable, Mapping
+
+import numpy as np
 
 from . import _core
 from ._errors import make_error
@@ -13,7 +15,8 @@ Parameters = "Iterable[str] | Mapping[str, float]"
 @dataclass(frozen=True)
 class Derivatives:
     """Quantities of a run and their derivatives. parameters: P paths of the model text, with their present values (P,);
-    names: Q quantities; t: (T,) start and ends of steps, of statics the last load factor alone; values (T, Q);
+    names: Q quantities; t: (T,) start and ends of steps, of statics the last load factor alone, of the adjoint method the
+    end alone; values (T, Q);
     derivatives (T, Q, P); frequencies (K,) and frequency_derivatives (K, P): natural frequencies of the model at its
     start, where it has [initial] modes = K; defect: how well the linear equations of the derivatives are solved;
     adjoint: by the adjoint method, where defect says how exact the tangent is."""
@@ -49,9 +52,36 @@ def derivatives(model: Any, parameters: "Iterable[str] | Mapping[str, float]", *
     parameters: paths of numbers in its text ("parameters.length", "forces.spring.stiffness"), with a mapping also the
     step to both sides at which the equations are looked at (0: 5e-6 of the value). set: values to be replaced first.
     Motions forward through the steps of the run, statics at the equilibrium: method "forward", or "adjoint", one
-    transposed solve for each quantity however many parameters there are, which "auto" takes where there are more of
-    these; see docs/use/sensitivities.md. Raises ValueError for other methods,
+    transposed solve for each quantity however many parameters there are, which "auto" takes for statics where there are
+    more of these. Of a motion "adjoint" goes back through its steps once, for the quantities at its end; see
+    docs/use/sensitivities.md. Raises ValueError for other methods,
     InvalidInputError for paths that name no number, models with events, and what a Simulation raises."""
+    return _run(model, parameters, set, until, quantities, method, None, solver)
+
+
+def objective_gradient(model: Any, objective: "Callable[[Any, Any], tuple[float, Any]]",
+                       parameters: "Iterable[str] | Mapping[str, float]", *, set: "Mapping[str, Any] | None" = None,
+                       until: "float | None" = None, quantities: Iterable[str] = (),
+                       **solver: Any) -> "tuple[float, Any]":
+    """A number that a whole run comes to, and its gradient by parameters, (P,), by the adjoint method: at the cost of one
+    quantity, however many parameters and times there are. objective(t, values) is called once, after the run, with t
+    (T,), start and ends of steps, and values (T, Q); it returns the number and its derivatives by the values, (T, Q).
+    Everything else as for derivatives(). Raises what objective raises, and ValueError for derivatives of another shape."""
+
+    def told(t: Any, values: Any) -> "tuple[float, Any]":
+        value, slopes = objective(t, values)
+        slopes = np.array(slopes, dtype=np.float64)
+        if slopes.shape != values.shape:
+            raise ValueError(f"objective: derivatives by the values have the shape {slopes.shape}, the values {values.shape}")
+        return float(value), slopes.ravel()
+
+    found = _run(model, parameters, set, until, quantities, "adjoint", told, solver)
+    return found.value("objective"), found.gradient("objective")
+
+
+def _run(model: Any, parameters: "Iterable[str] | Mapping[str, float]", set: "Mapping[str, Any] | None",
+         until: "float | None", quantities: Iterable[str], method: str, objective: Any,
+         solver: "Mapping[str, Any]") -> Derivatives:
     from ._simulation import Model
     from ._solver import _text
     from ._toml import _value
@@ -66,7 +96,7 @@ def derivatives(model: Any, parameters: "Iterable[str] | Mapping[str, float]", *
     status, found = _core.sensitivities(
         model._path if model._path is not None else model.text, model._path is not None,
         [(p, float(s)) for p, s in steps.items()], [f"{k}={_value(v, k)}" for k, v in (set or {}).items()], until,
-        list(quantities), [(k, _text(v)) for k, v in solver.items()], method)
+        list(quantities), [(k, _text(v)) for k, v in solver.items()], method, objective)
     if status[0]:
         raise make_error(*status)
     return Derivatives(*found)

@@ -115,10 +115,15 @@ class Model:
 
         return derivatives(self, parameters, **options)
 
-    def gradient(self, quantity: str, parameters: "Iterable[str] | Mapping[str, float]",
-                 **options: Any) -> "tuple[float, Any]":
+    def gradient(self, quantity: "str | Callable[[Any, Any], tuple[float, Any]]",
+                 parameters: "Iterable[str] | Mapping[str, float]", **options: Any) -> "tuple[float, Any]":
         """A quantity at the end of a run and its gradient by parameters, (P,): what scipy.optimize.minimize takes with
-        jac=True. options: those of espalier.derivatives(), set={path: value} among them."""
+        jac=True. options: those of espalier.derivatives(), set={path: value} among them. A function takes the place of
+        the quantity where the number comes from the whole run: espalier.objective_gradient(model, function, ...)."""
+        if callable(quantity):
+            from ._sensitivities import objective_gradient
+
+            return objective_gradient(self, quantity, parameters, **options)
         found = self.derivatives(parameters, quantities=[quantity], **options)
         return found.value(quantity), found.gradient(quantity)
 

@@ -89,5 +89,46 @@ def test_adjoint_is_forward_and_finds_the_best_heights():
 def test_adjoint_mistakes():
     with pytest.raises(ValueError, match="backwards"):
         oscillator().derivatives(["parameters.k"], quantities="mass.position.x", method="backwards")
-    with pytest.raises(esp.InvalidInputError, match="motion"):
-        oscillator().derivatives(["parameters.k"], quantities="mass.position.x", method="adjoint")
+
+
+def test_adjoint_of_a_motion():
+    names = ["parameters.k", "parameters.m"]
+    forward = oscillator().derivatives(names, quantities="mass.position.x")
+    adjoint = oscillator().derivatives(names, quantities="mass.position.x", method="adjoint")
+    assert adjoint.adjoint and adjoint.t.shape == (1,) and adjoint.derivatives.shape == (1, 1, 2)
+    np.testing.assert_allclose(adjoint.derivatives[-1], forward.derivatives[-1], rtol=1e-7)
+
+    def objective(t, values):
+        share = np.gradient(t)[:, None]
+        return float((share * values**2).sum()), 2 * share * values
+
+    value, gradient = oscillator().gradient(objective, names, quantities="mass.position.x")
+    truth, slopes = objective(forward.t, forward.values)
+    assert value == truth
+    np.testing.assert_allclose(gradient, np.einsum("tq,tqp->p", slopes, forward.derivatives), rtol=1e-7)
+
+
+def test_scipy_finds_the_stiffness_of_a_measured_motion():
+    optimize = pytest.importorskip("scipy.optimize")
+
+    def objective(t, values):
+        lack = values[:, 0] - (1 + 0.5 * np.cos(np.sqrt(3.0 / 2) * t))
+        return float(lack @ lack), 2 * lack[:, None]
+
+    def of(x):
+        return oscillator().gradient(objective, ["parameters.k"], quantities=["mass.position.x"], set={"parameters.k": float(x[0])})
+
+    found = optimize.minimize(of, [2.0], jac=True, method="BFGS", options={"gtol": 1e-6})
+    assert abs(found.x[0] - 3) < 1e-4
+
+
+def test_objective_mistakes():
+    model = oscillator()
+    with pytest.raises(ValueError, match="shape"):
+        model.gradient(lambda t, values: (0.0, values[:, 0]), ["parameters.k"], quantities="mass.position.x")
+    with pytest.raises(ZeroDivisionError):
+        model.gradient(lambda t, values: (1 / 0, values), ["parameters.k"], quantities="mass.position.x")
+    with pytest.raises(TypeError):
+        model.gradient(lambda t, values: 1.0, ["parameters.k"], quantities="mass.position.x")
+    with pytest.raises(esp.InvalidInputError, match="finite"):
+        model.gradient(lambda t, values: (np.nan, values), ["parameters.k"], quantities="mass.position.x")
