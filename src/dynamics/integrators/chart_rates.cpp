@@ -12,7 +12,7 @@ namespace {
 constexpr double kMove = 1e-3;  // radians; positions, in which everything is linear, by as much of their size
 }
 
-ChartRates::ChartRates(const AssembledSystem& system) : system_(system) {
+ChartRates::ChartRates(const AssembledSystem& system) {
   flat_.assign(at(system.sizes().velocity), 1);
   for (const auto& component : system.components()) {
     const std::size_t count = at(component->sizes().velocity), first = at(component->placement().v);

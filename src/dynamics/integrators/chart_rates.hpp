@@ -15,7 +15,7 @@ namespace espalier::dynamics {
 /// order.
 class ChartRates {
  public:
-  /// @param system  outlives the object
+  /// @param system  its components outlive the object
   explicit ChartRates(const AssembledSystem& system);
 
   /// @param q  the new configuration, then past ones, newest first @param weights  of the formula, as many
@@ -32,7 +32,6 @@ class ChartRates {
   void by_point(std::span<const ConstSpan> q, std::size_t j);
   void rate(std::span<const ConstSpan> q, std::size_t moved, std::vector<double>& r);
 
-  const AssembledSystem& system_;
   std::vector<Curved> curved_;
   std::vector<char> flat_;  // n
   std::vector<double> weights_;
