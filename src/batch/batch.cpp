@@ -154,7 +154,15 @@ struct Batch::Impl {
     session.context.log(fmt::format("batch: {} of {} systems were solved in chunks of {}, the others one by one{}",
                                     std::count(left.begin(), left.end(), 0), all.count, size,
                                     why.empty() ? "" : ": " + why));
+    if (chunk != nullptr) log_seconds(chunk->seconds());
     return left;
+  }
+
+  void log_seconds(const batch::Chunk::Seconds& s) const {
+    session.context.log(
+        fmt::format("batch: so far {:.4f} s for values, {:.4f} factorizations, {:.4f} substitutions, "
+                    "{:.4f} residuals and verdicts",
+                    s.values, s.factorizations, s.substitutions, s.residuals));
   }
 
   Index size_of_chunks(Index count) {

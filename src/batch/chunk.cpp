@@ -10,6 +10,7 @@
 #include <limits>
 #include <set>
 
+#include "base/timeline.hpp"
 #include "solver/analysis_draft.hpp"
 #include "solver/factor.hpp"
 #include "solver/pivot_policy.hpp"
@@ -102,15 +103,19 @@ Index least_negative(const MatrixView& a) {
 
 }  // namespace
 
-/// One system and its place in the chunk.
+/// A place in the chunk, and the system that has it.
 class Chunk::Block {
  public:
-  Block(const solver::System& system, std::span<const double> values, base::ThreadPool& the_pool)
-      : pool(the_pool), residual(system.prepared.a, system.rows, the_pool) {
-    residual.set_values(values);
+  Block(const solver::System& system, base::ThreadPool& pool) : residual(system.prepared.a, system.rows, pool) {}
+  /// The next system. @param place  where its values will stand
+  void begin(std::span<const double> place) {
+    residual.set_values(place);
+    left = true;  // until it has values
+    negative = 0;
+    refined = {};
+    steps.reset();
   }
 
-  base::ThreadPool& pool;
   solve::ResidualOperator residual;
   bool left = false;      // to the caller
   Index negative = 0;     // ldlt: at least
@@ -160,7 +165,9 @@ Chunk::Chunk(solver::SharedAnalysis one, Index systems, const solver::Context& c
   numeric_ = solver::make_numeric(*all_, values_, {}, context_);
   numeric_->halt_at_failures(false);
   numeric_->set_smallest_pivot(solver::zero_pivot(n_, base::ScalarTraits<double>::epsilon));
-  for (int t = 0; t < context_.pool.size(); ++t) pools_.push_back(std::make_unique<base::ThreadPool>(1));
+  for (int t = 0; t < context_.pool.size(); ++t) workers_.push_back(std::make_unique<Worker>());
+  for (Index k = 0; k < size_; ++k)
+    blocks_.push_back(std::make_unique<Block>(*one_->system, workers_[at(k) % workers_.size()]->pool));
 }
 
 Chunk::~Chunk() = default;
@@ -168,7 +175,7 @@ Chunk::~Chunk() = default;
 // Always on the same thread for a block.
 template <class Body>
 void Chunk::for_blocks(Body&& body) {
-  const auto threads = static_cast<Index>(pools_.size());
+  const auto threads = static_cast<Index>(workers_.size());
   context_.pool.run([&](int t) {
     for (Index k = t; k < static_cast<Index>(blocks_.size()); k += threads) body(*blocks_[at(k)], k);
   });
@@ -182,20 +189,17 @@ std::span<double> Chunk::values_of(Index block) {
 // Systems with values that no factorization takes are left.
 void Chunk::take_values(const ChunkJob& job) {
   const solver::PreparedMatrix& p = one_->system->prepared;
-  blocks_.clear();
-  for (Index k = 0; k < size_; ++k)
-    blocks_.push_back(std::make_unique<Block>(*one_->system, values_of(k), *pools_[at(k) % pools_.size()]));
   const auto caller = at(p.caller_nonzeros);
   for_blocks([&](Block& block, Index k) {
-    block.left = true;
+    block.begin(values_of(k));
     if (k >= job.count) return;
+    Worker& worker = *workers_[at(k) % workers_.size()];
     try {
-      solver::Values mine;
-      mine.resize(at(p.a.nonzeros()));
-      solver::copy_values(p, job.values.subspan(at(k) * caller, caller), mine, block.pool);
-      std::vector<double> scaled(mine.size());
-      (void)solver::scale_values(p, scales_, mine, scaled.data(), block.pool);
-      std::copy(mine.begin(), mine.end(), values_of(k).begin());
+      worker.values.resize(at(p.a.nonzeros()));
+      worker.scaled.resize(worker.values.size());
+      solver::copy_values(p, job.values.subspan(at(k) * caller, caller), worker.values, worker.pool);
+      (void)solver::scale_values(p, scales_, worker.values, worker.scaled.data(), worker.pool);
+      std::copy(worker.values.begin(), worker.values.end(), values_of(k).begin());
       block.left = false;
     } catch (const Error& e) {
       if (e.status().code != StatusCode::invalid_input) throw;
@@ -251,6 +255,13 @@ bool Chunk::proves_inertia(Index negative) {
   return least == negative;
 }
 
+// to_ = op(A)^-1 from_.
+void Chunk::substitute(Index columns, bool transpose) {
+  const double start = base::now_seconds();
+  numeric_->solve(from_.data(), to_.data(), columns, transpose);
+  seconds_.substitutions += base::now_seconds() - start;
+}
+
 void Chunk::solve_first(const ChunkJob& job) {
   const Offset all = Offset{n_} * size_;
   from_.assign(at(all * job.columns), 0.0);
@@ -262,7 +273,7 @@ void Chunk::solve_first(const ChunkJob& job) {
     for (Index c = 0; c < job.columns; ++c)
       std::copy_n(b + Offset{c} * n_, n_, from_.data() + c * all + Offset{k} * n_);
   });
-  numeric_->solve(from_.data(), to_.data(), job.columns, job.transpose);
+  substitute(job.columns, job.transpose);
   for_blocks([&](Block& block, Index k) {
     if (block.left) return;
     block.x.resize(block.b.size());
@@ -322,7 +333,7 @@ void Chunk::correct(Index columns, bool transpose) {
       std::copy_n(block.steps->residuals() + Offset{c} * n_, n_, from_.data() + c * all + Offset{k} * n_);
   });
   context_.pool.check();
-  numeric_->solve(from_.data(), to_.data(), columns, transpose);
+  substitute(columns, transpose);
   for_blocks([&](const Block& block, Index k) {
     if (!takes_part(block)) return;
     for (Index c = 0; c < columns; ++c)
@@ -354,8 +365,14 @@ void Chunk::finish(const ChunkJob& job, bool refined, std::span<SystemResult> re
 }
 
 std::vector<char> Chunk::solve(const ChunkJob& job, std::span<SystemResult> results) {
+  const double start = base::now_seconds(), substitutions = seconds_.substitutions;
   take_values(job);
-  if (!factorize()) return {};
+  const double taken = base::now_seconds();
+  seconds_.values += taken - start;
+  const bool factorized = factorize();
+  const double ready = base::now_seconds();
+  seconds_.factorizations += ready - taken;
+  if (!factorized) return {};
   solve_first(job);
   const Options& o = context_.options;
   const bool refined = o.refinement_steps > 0 || std::isfinite(o.required_backward_error);
@@ -363,7 +380,7 @@ std::vector<char> Chunk::solve(const ChunkJob& job, std::span<SystemResult> resu
   finish(job, refined, results);
   std::vector<char> left(at(job.count));
   for (Index k = 0; k < job.count; ++k) left[at(k)] = blocks_[at(k)]->left ? 1 : 0;
-  blocks_.clear();
+  seconds_.residuals += base::now_seconds() - ready - (seconds_.substitutions - substitutions);
   return left;
 }
 

@@ -45,6 +45,11 @@ class Chunk {
   Chunk& operator=(const Chunk&) = delete;
 
   [[nodiscard]] Index systems() const { return size_; }
+  /// Since construction: taking values, factorizing, substituting, and the rest (residuals and verdicts).
+  struct Seconds {
+    double values = 0, factorizations = 0, substitutions = 0, residuals = 0;
+  };
+  [[nodiscard]] const Seconds& seconds() const { return seconds_; }
   /// Solves what can be solved together. @param results  of job.count systems; those of systems that are left are not
   /// touched, nor is their x
   /// @returns which are left, by 1; empty: all are, since there is no factor that tells the inertia of each
@@ -52,6 +57,12 @@ class Chunk {
 
  private:
   class Block;
+  /// What a thread has for the block in hand.
+  struct Worker {
+    base::ThreadPool pool{1};
+    solver::Values values;
+    std::vector<double> scaled;
+  };
 
   template <class Body>
   void for_blocks(Body&& body);
@@ -61,6 +72,7 @@ class Chunk {
   bool factorize();
   void note_failures(const device::FactorOutcome& outcome);
   bool proves_inertia(Index negative);
+  void substitute(Index columns, bool transpose);
   void solve_first(const ChunkJob& job);
   void refine(const ChunkJob& job);
   void correct(Index columns, bool transpose);
@@ -72,10 +84,11 @@ class Chunk {
   solver::Scales scales_;  // of one
   std::vector<double> values_;
   std::unique_ptr<solver::Numeric> numeric_;
-  std::vector<std::unique_ptr<base::ThreadPool>> pools_;  // of one thread, for each thread
+  std::vector<std::unique_ptr<Worker>> workers_;  // of the threads
   std::vector<std::unique_ptr<Block>> blocks_;
   std::vector<double> from_, to_;  // vectors of the block-diagonal system
   solve::RefinementOptions refinement_;
+  Seconds seconds_;
 };
 
 }  // namespace espalier::batch
