@@ -88,7 +88,8 @@ void MotionAdjoint::add_quantities(std::size_t target, std::size_t step, StateSl
 void MotionAdjoint::go_back(std::size_t targets, const Weight& weight, const std::function<void()>& go_on) {
   weight_ = weight;
   const std::size_t last = record_.size() - 1;
-  StepAdjoint step(equations_, mechanism_.system, slopes_.steps(record_.state(0)), mechanism_.pool.size());
+  StepAdjoint step(equations_, mechanism_.system,
+                   slopes_.steps(record_.state(0), mechanism_.system.constraint_pattern().ind), mechanism_.pool.size());
   // Slopes by the states k, k - 1 ... that later steps have added to.
   std::deque<std::vector<StateSlopes>> open;
   factors_.assign(last + 1, {});

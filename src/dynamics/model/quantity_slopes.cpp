@@ -74,9 +74,12 @@ double QuantitySlopes::extent_along(const State& state, const std::vector<double
   return (extent > 0 ? extent : 1) / largest;
 }
 
-std::vector<double> QuantitySlopes::steps(const State& state) {
-  std::vector<double> unit(n_, 0.0), out(n_);
-  for (std::size_t i = 0; i < n_; ++i) {
+std::vector<double> QuantitySlopes::steps(const State& state, std::span<const Index> coordinates) {
+  std::vector<double> unit(n_, 0.0), out(n_, kStep);
+  std::vector<char> done(n_, 0);
+  for (const Index coordinate : coordinates) {
+    const auto i = static_cast<std::size_t>(coordinate);
+    if (std::exchange(done[i], char{1}) != 0) continue;
     unit[i] = 1;
     out[i] = kStep * extent_along(state, unit);
     unit[i] = 0;

@@ -4,6 +4,7 @@
 
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -26,8 +27,9 @@ class QuantitySlopes {
   [[nodiscard]] StateSlopes at(const Quantity& quantity, const State& state);
   /// The factor with which dq (n numbers) moves the fastest point by the extent of the model; 0 where dq is zero.
   [[nodiscard]] double extent_along(const State& state, const std::vector<double>& dq);
-  /// The move of each of the n coordinates by which differences are made.
-  [[nodiscard]] std::vector<double> steps(const State& state);
+  /// The move of each of the n coordinates by which differences are made. @param coordinates  for which it is found,
+  /// any of them more than once; the others get some number
+  [[nodiscard]] std::vector<double> steps(const State& state, std::span<const Index> coordinates);
 
  private:
   /// Numbers of the state as one list: dq, v, a, multipliers of the kept rows.
