@@ -294,6 +294,19 @@ motion = "cos(1) + t - 0.5403023058681398 + 0.2"
         self.assertEqual(broken.returncode, 2)
         self.assertIn("trace.json", broken.stderr)
 
+    def test_derivatives_of_a_motion_by_both_methods(self):
+        model = self.model(PENDULUM)
+        rows = {}
+        for name, flags in (("forward", []), ("adjoint", ["--adjoint"])):
+            out = self.folder / name
+            self.expect(0, "simulate", model, "--derivative", "parameters.length", "--out", out, "-q", *flags)
+            with open(out / "derivatives.csv", newline="") as f:
+                rows[name] = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(f)]
+        self.assertEqual(len(rows["adjoint"]), 1)
+        for key, value in rows["adjoint"][0].items():
+            self.assertAlmostEqual(value, rows["forward"][-1][key], delta=1e-6)
+        self.expect(2, "simulate", model, "--adjoint")
+
     def test_the_example_of_the_documentation_runs(self):
         page = (ROOT / "docs" / "guide" / "simulate.md").read_text()
         example = next(block for block in re.findall(r"```toml\n(.*?)```", page, re.S) if "[integrator]" in block)
