@@ -482,20 +482,77 @@ bool AssembledSystem::use_device(DeviceAssembly& device, std::span<const Offset>
       }
     }
   });
+  divide_coordinates(entries);
   return true;
+}
+
+// Where the host has a large part of the coordinates, or looks at surfaces as a whole, vectors stay with it.
+void AssembledSystem::divide_coordinates(const SparsePattern& w_of_host) {
+  constexpr Index kFewer = 8;  // coordinates of the host than of bodies
+  share_.reset();
+  DeviceShare share;
+  std::vector<char> mark(static_cast<std::size_t>(sizes_.velocity), 0);  // 1: of the host, 2: seen
+  for (const auto& c : components_) {
+    if (!c->reads_what_it_declares()) return;
+    const Sizes own = c->sizes();
+    const Placement at = c->placement();
+    if (own.velocity == 0) continue;
+    if (!c->fits_device()) {
+      share.owners.push_back(c.get());
+      std::fill_n(mark.begin() + at.v, own.velocity, char{1});
+    } else if (!share.ranges.empty() && share.ranges.back().v + share.ranges.back().count == at.v &&
+               share.ranges.back().q + share.ranges.back().count == at.q) {
+      share.ranges.back().count += own.velocity;
+    } else {
+      share.ranges.push_back({at.q, at.v, own.velocity});
+    }
+  }
+  const auto see = [&](Index coordinate) {
+    char& m = mark[static_cast<std::size_t>(coordinate)];
+    if (m == 0) m = 2;
+  };
+  for (Index j = 0; j < w_of_host.cols; ++j)
+    for (Offset p = w_of_host.ptr[static_cast<std::size_t>(j)]; p < w_of_host.ptr[static_cast<std::size_t>(j) + 1];
+         ++p) {
+      see(j);
+      see(w_of_host.ind[static_cast<std::size_t>(p)]);
+    }
+  for (const auto* pattern : {&phi_q_pattern_, &f_lambda_pattern_})
+    for (const Index coordinate : pattern->ind) see(coordinate);
+  for (std::size_t j = 0; j < mark.size(); ++j)
+    if (mark[j] == 1) share.own.push_back(static_cast<Index>(j));
+  for (const DeviceShare::Range& r : share.ranges)
+    for (Index k = 0; k < r.count; ++k)
+      if (mark[static_cast<std::size_t>(r.v + k)] == 2) {
+        share.seen.push_back(r.v + k);
+        share.seen_q.push_back(r.q + k);
+      }
+  if (kFewer * static_cast<Index>(share.own.size()) <= sizes_.velocity) share_ = std::move(share);
 }
 
 void AssembledSystem::leave_device() {
   host_entries_.clear();
+  share_.reset();
   for (const auto& c : components_) c->leave_device();
 }
 
 void AssembledSystem::tangent_on_device(const StateView& s, const TangentWeights& weights, double* device_values,
-                                        Span w_values) {
+                                        Span w_values, const StateView* there) {
   for_each_entry(pool_, host_entries_.size(),
                  [&](std::size_t e) { w_values[static_cast<std::size_t>(host_entries_[e])] = 0; });
-  for (const auto& c : components_) c->start_tangent(s, weights, device_values);
+  for (const auto& c : components_)
+    if (there == nullptr)
+      c->start_tangent(s, weights, device_values);
+    else
+      c->start_tangent_there(*there, weights, device_values);
   evaluate_all(components_, true, [&](Component& c) { c.tangent(s, weights, w_values); });
+}
+
+void AssembledSystem::residual_on_device(const StateView& s, const StateView& there, Span f, double* f_there) {
+  for (const auto& c : components_) c->start_residual_there(there, f_there);
+  for (const auto* list : {&share_->seen, &share_->own})
+    for (const Index i : *list) f[static_cast<std::size_t>(i)] = 0;
+  evaluate_all(components_, true, [&](Component& c) { c.residual(s, f); });
 }
 
 void AssembledSystem::multiplier_tangent(const StateView& s, Span values) {
