@@ -158,12 +158,12 @@ void BdfIntegrator::renew_factor(long& reason) {
   if (on_device_) {
     const StateView bodies = state_there();
     equations_.factorize(trial_.view(), weights, &bodies);
-    there().run(CopyOf{&BdfArrays::placed_q, &BdfArrays::q});
+    place_factor_there();
   } else {
     equations_.factorize(trial_.view(), weights);
+    factor_q_ = placed_q_ = trial_.q;
   }
   factor_hp_ = formula_.hp;
-  factor_q_ = placed_q_ = trial_.q;
   factor_fresh_ = true;
   rate_poor_ = false;
   rate_ = 0.5;

@@ -132,6 +132,7 @@ class BdfIntegrator final : public Integrator {
   void fetch_trial();
   void push_there(bool in_place_of_newest);
   void error_weights_there();
+  void place_factor_there();
   void predict_position();
   void move_position(BdfVector change);
   void chart_of_position();

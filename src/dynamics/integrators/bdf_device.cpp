@@ -164,6 +164,12 @@ void BdfIntegrator::error_weights_there() {
   }
 }
 
+void BdfIntegrator::place_factor_there() {
+  there().run(CopyOf{&BdfArrays::placed_q, &BdfArrays::q});
+  for (const Component* c : share().owners)
+    std::copy_n(trial_.q.begin() + c->placement().q, c->sizes().configuration, placed_q_.begin() + c->placement().q);
+}
+
 void BdfIntegrator::predict_position() {
   if (!on_device_) return equations_.system().retract(history_.q(0), theta_, trial_.q);
   there().run(PositionInChart{});
