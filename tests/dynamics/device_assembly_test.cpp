@@ -64,6 +64,10 @@ void compare(const Make& make) {
       gpu.motion(s.view(), g);
       EXPECT_LT(difference(g, f), 1e-13);
       EXPECT_LT(difference(gpu.kkt().scale(), host.kkt().scale()), 1e-12);
+      std::vector<double> sizes_of_rows(f.size(), 0.5), rows(f.size()), rows_there(rows);
+      host.kkt().sum_rows_of_w(sizes_of_rows, rows);
+      gpu.kkt().sum_rows_of_w(sizes_of_rows, rows_there);
+      EXPECT_LT(difference(rows_there, rows), 1e-9);
       EXPECT_LT(difference(gpu.kkt().w_of_factor(), host.kkt().w_of_factor()), 1e-12);
       host.solve(b);
       gpu.solve(x);

@@ -178,6 +178,12 @@ class EmulatedMatrix final : public DeviceMatrix {
       values[p] = value / scale_[j] / scale_[i];
     });
   }
+  void sum_rows(ConstSpan x, Span out) const override {
+    std::fill(out.begin(), out.end(), 0.0);
+    for_each_of_w([&](std::size_t i, std::size_t j, const double& value, std::size_t) {
+      out[i] += std::abs(value / scale_[j] / scale_[i]) * x[j];
+    });
+  }
   [[nodiscard]] void* stream() const override { return nullptr; }
   std::unique_ptr<DeviceVectors> make_vectors() override { return std::make_unique<EmulatedVectors>(scale_); }
 

@@ -8,6 +8,7 @@
 
 #include "base/parallel.hpp"
 #include "dynamics/dae/at.hpp"
+#include "dynamics/dae/row_ranges.hpp"
 #include "dynamics/dae/vectors.hpp"
 
 namespace espalier::dynamics {
@@ -256,6 +257,15 @@ bool KktSolver::factorize_on_device() {
 ConstSpan KktSolver::w_of_factor() {
   if (std::exchange(w_on_device_, false)) device_->fetch_w(w_values_);
   return w_values_;
+}
+
+void KktSolver::sum_rows_of_w(ConstSpan x, Span out) const {
+  if (w_on_device_) return device_->sum_rows(x, out);
+  fill_zero(pool_, out);
+  for_each_row_range(*w_, pool_, [&](Index column, Offset begin, Offset end) {
+    const double size = x[at(column)];
+    for (Offset k = begin; k < end; ++k) out[at(w_->ind[at(k)])] += std::abs(w_values_[at(k)] * size);
+  });
 }
 
 Index KktSolver::solve(Span b, Index columns, Index normal) {

@@ -70,6 +70,9 @@ class KktSolver {
   [[nodiscard]] bool factorize_on_device();
   /// W of the factor.
   [[nodiscard]] ConstSpan w_of_factor();
+  /// out_i = the sum of |W_ij| x_j over j, with W of the factor, where it lies; see DeviceMatrix::sum_rows().
+  /// @param x  n numbers, not negative @param out  n
+  void sum_rows_of_w(ConstSpan x, Span out) const;
   /// Sign of the determinant of the last factor, 0 where it is not known.
   [[nodiscard]] int determinant_sign() const { return solver_->determinant_sign(); }
   /// Whether turn() would look at it.
@@ -85,9 +88,7 @@ class KktSolver {
   Index solve(Span b, Index columns, Index normal = 0);
   // The same with right-hand sides and solutions in the memory of the GPU that has the factor.
   /// Whether the two that follow can be used.
-  [[nodiscard]] bool solves_there() const {
-    return scale_on_device_ && w_on_device_ && on_device() && !turned_.active();
-  }
+  [[nodiscard]] bool solves_there() const { return scale_on_device_ && on_device() && !turned_.active(); }
   /// x := K^-1 x, n + m numbers. Waits.
   void solve_there(double* x);
   /// x := K^-1 [0; r]; r, m numbers, on the host. @return as solve()

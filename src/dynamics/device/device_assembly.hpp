@@ -91,6 +91,9 @@ class DeviceMatrix {
   virtual const double* complete(ConstSpan scale, ConstSpan rest) = 0;
   /// W as it was before the scaling, to the host.
   virtual void fetch_w(Span values) const = 0;
+  /// out_i = the sum of |W_ij| x_j over j, to some digits, of W before the scaling. The same bits in every run.
+  /// @param x  not negative
+  virtual void sum_rows(ConstSpan x, Span out) const = 0;
   [[nodiscard]] virtual void* stream() const = 0;
   /// Of the scales that complete() gets.
   virtual std::unique_ptr<DeviceVectors> make_vectors() = 0;
