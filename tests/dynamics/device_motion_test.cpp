@@ -1,6 +1,8 @@
 // The vectors of BDF on a GPU, here an emulated one. Truth: the host.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "device_common.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/initial.hpp"
@@ -78,6 +80,22 @@ void expect_same(const RunResult& gpu, const RunResult& host, double tolerance) 
   EXPECT_LT(difference(gpu.end.q, host.end.q), tolerance);
   EXPECT_LT(difference(gpu.end.v, host.end.v), 1e2 * tolerance);
   EXPECT_LT(difference(gpu.end.lambda, host.end.lambda), 1e4 * tolerance);
+}
+
+TEST(DeviceMotion, RecordsKeepWhatIsNoNumber) {
+  std::vector<double> x = {3, std::nan(""), -5, 1};
+  BdfArrays arrays;
+  arrays.v = x.data();
+  const BdfMeasure what{.largest = {&BdfArrays::v}, .x = {&BdfArrays::v}, .weight = {}};
+  BdfRecord first{}, second{}, all{};
+  for (const std::size_t i : {0U, 1U}) what.add(arrays, i, first);
+  for (const std::size_t i : {2U, 3U}) what.add(arrays, i, second);
+  EXPECT_EQ(second.largest[0], 5);
+  EXPECT_EQ(second.square[0], 26);
+  for (const BdfRecord* part : {&first, &second}) BdfMeasure::join(all, *part);
+  EXPECT_TRUE(std::isnan(all.largest[0]));
+  EXPECT_TRUE(std::isnan(all.square[0]));
+  EXPECT_EQ(all.largest[1], 0);
 }
 
 // A rigid piston, joints and a motor on the host; two flexible bodies there.

@@ -32,12 +32,12 @@ __global__ void sizes_kernel(Columns c, const double* values, double* diagonal, 
   double most = 0, own = 0;
   for (Offset p = c.w_ptr[j] + threadIdx.x % kWarp; p < c.w_ptr[j + 1]; p += kWarp) {
     const double v = fabs(values[c.k_ptr[j] + p - c.w_ptr[j]]);
-    if (!(v <= most)) most = v;  // a NaN gets through
+    if (most == most && !(v <= most)) most = v;  // a NaN gets through
     if (c.w_ind[p] == j) own = v;
   }
   for (int step = kWarp / 2; step > 0; step /= 2) {
     const double other = __shfl_xor_sync(0xffffffffU, most, step);
-    if (!(other <= most)) most = other;
+    if (most == most && !(other <= most)) most = other;
     own += __shfl_xor_sync(0xffffffffU, own, step);
   }
   if (threadIdx.x % kWarp != 0) return;

@@ -170,7 +170,7 @@ struct BdfMeasure {
  private:
   static ESPALIER_ANYWHERE void see(double x, double& most) {
     const double size = x < 0 ? -x : x;
-    if (!(size <= most)) most = size;
+    if (most == most && !(size <= most)) most = size;
   }
 };
 
