@@ -231,6 +231,7 @@ void FlexibleBody::use_device(DeviceAssembly& device, std::span<const Offset> k_
   tables.reference = reference_;
   tables.pattern = &assembly_.pattern();
   tables.mass = mass_;
+  tables.weight = weight_;
   tables.mass_damping = damping_.mass;
   tables.stiffness_damping = damping_.stiffness;
   device_ = device.make_body(tables);
@@ -247,6 +248,28 @@ void FlexibleBody::start_residual(const StateView& s) {
   if (device_ == nullptr) return;
   device_->start_forces(own(s));
   residual_started_ = true;
+  forces_stay_ = false;
+}
+
+// What is there stands in the order of the velocity coordinates.
+BodyState FlexibleBody::own_there(const StateView& there) const {
+  const auto part = [&](ConstSpan x) { return x.empty() ? nullptr : x.data() + placement().v; };
+  return {part(there.q), part(there.v), part(there.a), true};
+}
+
+void FlexibleBody::start_residual_there(const StateView& there, double* f_there) {
+  residual_started_ = residual_planned_ = false;
+  if (device_ == nullptr) return;
+  device_->start_forces(own_there(there));
+  device_->put_forces(load_factor(), f_there + placement().v);
+  residual_started_ = forces_stay_ = true;
+}
+
+void FlexibleBody::start_tangent_there(const StateView& there, const TangentWeights& weights, double* device_values) {
+  tangent_started_ = false;
+  if (device_ == nullptr) return;
+  device_->start_tangent(own_there(there), weights, device_values);
+  tangent_started_ = true;
 }
 
 void FlexibleBody::start_tangent(const StateView& s, const TangentWeights& weights, double* device_values) {
@@ -291,7 +314,8 @@ void FlexibleBody::residual(const StateView& s, Span f) {
   ++times_.forces;
   if (std::exchange(residual_started_, false)) {
     double* to = f.data() + placement().v;
-    inverted_ = assembly_.label(device_->finish_forces(load_factor(), weight_.data(), to));
+    inverted_ =
+        assembly_.label(forces_stay_ ? device_->finish() : device_->finish_forces(load_factor(), weight_.data(), to));
     return;
   }
   if (!std::exchange(residual_planned_, false)) {  // nobody has run the tasks
@@ -307,7 +331,7 @@ void FlexibleBody::tangent(const StateView& s, const TangentWeights& weights, Sp
   const Stopwatch watch(times_.tangent_seconds);
   ++times_.tangents;
   if (std::exchange(tangent_started_, false)) {
-    inverted_ = assembly_.label(device_->finish_tangent());
+    inverted_ = assembly_.label(device_->finish());
     return;
   }
   const BlockTarget target{w_values.data(), column_start_.data(), shift_.data()};

@@ -102,9 +102,12 @@ class FlexibleBody final : public Component {
   [[nodiscard]] bool on_device() const { return device_ != nullptr; }
   void start_residual(const StateView& s) override;
   void start_tangent(const StateView& s, const TangentWeights& weights, double* device_values) override;
+  void start_residual_there(const StateView& there, double* f_there) override;
+  void start_tangent_there(const StateView& there, const TangentWeights& weights, double* device_values) override;
 
  private:
   [[nodiscard]] BodyState own(const StateView& s) const;
+  [[nodiscard]] BodyState own_there(const StateView& there) const;
   /// body(begin, end) over ranges of vertices, in parallel.
   template <class Body>
   void for_ranges_of_vertices(const Body& body) const;
@@ -125,7 +128,8 @@ class FlexibleBody final : public Component {
   std::vector<std::int32_t> shift_;   // see BlockTarget
   std::unique_ptr<DeviceBody> device_;
   bool residual_started_ = false, tangent_started_ = false;
-  BodyState planned_;  // of plan_residual()
+  bool forces_stay_ = false;  // of the residual that was started: on the GPU
+  BodyState planned_;         // of plan_residual()
   bool residual_planned_ = false;
   AssemblyTimes times_;
   std::int64_t inverted_ = -1;

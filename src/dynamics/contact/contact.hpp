@@ -39,6 +39,7 @@ class Contact : public Component {
  public:
   using Component::Component;
   [[nodiscard]] Sizes sizes() const override { return {}; }
+  [[nodiscard]] bool reads_what_it_declares() const override { return false; }
   /// A contact that is switched off does nothing and forgets what it remembered; it keeps its places in the tangent.
   void set_active(bool active) { active_ = active; }
   [[nodiscard]] bool active() const { return active_; }

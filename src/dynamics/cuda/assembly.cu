@@ -1,5 +1,6 @@
 #include "dynamics/cuda/body.hpp"
 #include "dynamics/cuda/matrix.hpp"
+#include "dynamics/cuda/motion.hpp"
 
 namespace espalier::dynamics::cuda {
 
@@ -13,6 +14,9 @@ class CudaAssembly final : public DeviceAssembly {
   }
   std::unique_ptr<DeviceMatrix> make_matrix(const DeviceMatrixLayout& layout) override {
     return std::make_unique<CudaMatrix>(layout, gpu_);
+  }
+  std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, int points, const DeviceShare& share) override {
+    return std::make_unique<CudaMotion>(sizes, points, share, gpu_);
   }
 
  private:

@@ -100,6 +100,11 @@ __global__ void gather_tangent_kernel(const TangentJob job) {
   for (int i = 0; i < 3; ++i) to[i] += sum[i];
 }
 
+__global__ void loaded_kernel(Offset numbers, const double* force, double load, const double* weight, double* f) {
+  const Offset k = this_thread();
+  if (k < numbers) f[k] = force[k] - load * weight[k];
+}
+
 __global__ void columns_kernel(Offset vertices, const Offset* ptr, Index* column) {
   const Offset v = this_thread();
   if (v >= vertices) return;
@@ -172,6 +177,7 @@ CudaBody::CudaBody(const DeviceBodyTables& t, Gpu& gpu)
     number += elements;
   }
   mass_ = upload(t.mass, gpu_);
+  weight_ = upload(t.weight, gpu_);
   ptr_ = upload<Offset>(t.pattern->ptr, gpu_);
   ind_ = upload<Index>(t.pattern->ind, gpu_);
   to_vertices_ = sorted_contributions(false);
@@ -266,6 +272,10 @@ void CudaBody::send(const BodyState& state, bool with_velocity, bool with_accele
   const double* from[3] = {state.q, with_velocity ? state.v : nullptr, with_acceleration ? state.a : nullptr};
   for (int part = 0; part < 3; ++part) {
     if (from[part] == nullptr) continue;
+    if (state.there) {
+      copy(state_.data() + part * n, from[part], n, cudaMemcpyDeviceToDevice, gpu_);
+      continue;
+    }
     double* stage = staged_state_.data() + part * n;
     gpu_.for_each_range(n,
                         [&](std::int64_t b, std::int64_t e) { std::copy(from[part] + b, from[part] + e, stage + b); });
@@ -320,7 +330,7 @@ void CudaBody::start_forces(const BodyState& state) {
                      force_.data()};
   gather_force_kernel<<<blocks_for(3 * vertices_, kThreads), kThreads, 0, gpu_.stream.get()>>>(job);
   call("launch of the gathering of forces", [&] { return cudaGetLastError(); });
-  copy(staged_force_.data(), force_.data(), 3 * vertices_, cudaMemcpyDeviceToHost, gpu_);
+  if (!state.there) copy(staged_force_.data(), force_.data(), 3 * vertices_, cudaMemcpyDeviceToHost, gpu_);
 }
 
 Offset CudaBody::finish_forces(double load, const double* weight, double* f) {
@@ -331,6 +341,14 @@ Offset CudaBody::finish_forces(double load, const double* weight, double* f) {
     for (std::int64_t k = b; k < e; ++k) f[k] += from[k] - load * weight[k];
   });
   return inverted();
+}
+
+void CudaBody::put_forces(double load, double* f) {
+  const DeviceGuard guard(gpu_.number);
+  const Offset numbers = 3 * vertices_;
+  loaded_kernel<<<blocks_for(numbers, kThreads), kThreads, 0, gpu_.stream.get()>>>(numbers, force_.data(), load,
+                                                                                   weight_.data(), f);
+  call("launch of the loaded forces", [&] { return cudaGetLastError(); });
 }
 
 void CudaBody::start_tangent(const BodyState& state, const TangentWeights& weights, double* values) {
@@ -358,7 +376,7 @@ void CudaBody::start_tangent(const BodyState& state, const TangentWeights& weigh
   call("launch of the gathering of tangents", [&] { return cudaGetLastError(); });
 }
 
-Offset CudaBody::finish_tangent() {
+Offset CudaBody::finish() {
   const DeviceGuard guard(gpu_.number);
   end();
   return inverted();

@@ -19,7 +19,8 @@ class CudaBody final : public DeviceBody {
   void start_forces(const BodyState& state) override;
   Offset finish_forces(double load, const double* weight, double* f) override;
   void start_tangent(const BodyState& state, const TangentWeights& weights, double* values) override;
-  Offset finish_tangent() override;
+  void put_forces(double load, double* f) override;
+  Offset finish() override;
 
  private:
   struct Group {
@@ -47,7 +48,7 @@ class CudaBody final : public DeviceBody {
   Offset vertices_, entries_, force_numbers_ = 0, tangent_numbers_ = 0;
   double mass_damping_, stiffness_damping_;
   std::vector<Group> groups_;
-  DeviceArray<double> mass_;
+  DeviceArray<double> mass_, weight_;
   DeviceArray<Offset> ptr_;          // of the vertex pattern
   DeviceArray<Index> ind_, column_;  // rows; the column of each entry
   Contributions to_vertices_, to_pairs_;

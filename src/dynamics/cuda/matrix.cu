@@ -32,12 +32,12 @@ __global__ void sizes_kernel(Columns c, const double* values, double* diagonal, 
   double most = 0, own = 0;
   for (Offset p = c.w_ptr[j] + threadIdx.x % kWarp; p < c.w_ptr[j + 1]; p += kWarp) {
     const double v = fabs(values[c.k_ptr[j] + p - c.w_ptr[j]]);
-    if (!(v <= most)) most = v;  // a NaN gets through
+    if (most == most && !(v <= most)) most = v;  // a NaN gets through
     if (c.w_ind[p] == j) own = v;
   }
   for (int step = kWarp / 2; step > 0; step /= 2) {
     const double other = __shfl_xor_sync(0xffffffffU, most, step);
-    if (!(other <= most)) most = other;
+    if (most == most && !(other <= most)) most = other;
     own += __shfl_xor_sync(0xffffffffU, own, step);
   }
   if (threadIdx.x % kWarp != 0) return;
@@ -60,6 +60,45 @@ __global__ void unscale_kernel(Columns c, Offset first, const double* scale, con
   if (j >= c.count) return;
   for (Offset p = c.w_ptr[j] + threadIdx.x % kWarp; p < c.w_ptr[j + 1]; p += kWarp)
     to[p - c.w_ptr[0]] = values[c.k_ptr[j] + p - c.w_ptr[j]] / scale[first + j] / scale[c.w_ind[p]];
+}
+
+using Bits = unsigned long long;
+
+// term(i, |W_ij| x_j) of all entries; one warp per column of W.
+template <class Term>
+__device__ void for_terms_of_rows(const Columns& c, const double* scale, const double* values, const double* x,
+                                  const Term& term) {
+  const Offset j = (static_cast<Offset>(blockIdx.x) * blockDim.x + threadIdx.x) / kWarp;
+  if (j >= c.count) return;
+  for (Offset p = c.w_ptr[j] + threadIdx.x % kWarp; p < c.w_ptr[j + 1]; p += kWarp) {
+    const Index i = c.w_ind[p];
+    term(i, fabs(values[c.k_ptr[j] + p - c.w_ptr[j]] / scale[j] / scale[i]) * x[j]);
+  }
+}
+
+// Sums whose order the hardware chooses are made of whole numbers: parts of the largest term of a row. Bits of numbers
+// without their sign rise with the numbers, a NaN above all.
+constexpr double kUnit = 1LL << 40;
+
+__global__ void largest_terms_kernel(Columns c, const double* scale, const double* values, const double* x,
+                                     Bits* largest) {
+  for_terms_of_rows(c, scale, values, x, [&](Index i, double term) {
+    atomicMax(largest + i, static_cast<Bits>(__double_as_longlong(term)));
+  });
+}
+
+__global__ void sum_terms_kernel(Columns c, const double* scale, const double* values, const double* x,
+                                 const Bits* largest, Bits* sums) {
+  for_terms_of_rows(c, scale, values, x, [&](Index i, double term) {
+    const double most = __longlong_as_double(static_cast<long long>(largest[i]));
+    if (most > 0) atomicAdd(sums + i, static_cast<Bits>(__double2ll_rn(term / most * kUnit)));
+  });
+}
+
+// @param largest  gets the sums
+__global__ void rows_kernel(Offset rows, const Bits* sums, double* largest) {
+  const Offset i = static_cast<Offset>(blockIdx.x) * blockDim.x + threadIdx.x;
+  if (i < rows) largest[i] *= static_cast<double>(sums[i]) / kUnit;
 }
 
 }  // namespace
@@ -130,6 +169,29 @@ const double* CudaMatrix::complete(ConstSpan scale, ConstSpan rest) {
 
 std::unique_ptr<DeviceVectors> CudaMatrix::make_vectors() {
   return std::make_unique<CudaVectors>(unknowns_, scale_.data(), gpu_);
+}
+
+void CudaMatrix::sum_rows(ConstSpan x, Span out) const {
+  const DeviceGuard guard(gpu_.number);
+  const cudaStream_t stream = gpu_.stream.get();
+  // The arrays of column_sizes() and of what comes from the host are free after complete().
+  double* const largest = sizes_.data();
+  const auto sums = reinterpret_cast<Bits*>(largest + columns_);
+  static_assert(sizeof(Bits) == sizeof(double));
+  call("cudaMemsetAsync",
+       [&] { return cudaMemsetAsync(largest, 0, static_cast<std::size_t>(2 * columns_) * sizeof(double), stream); });
+  gpu_.send(x, from_host_.data());
+  const Columns c{columns_, w_ptr_.data(), k_ptr_.data(), w_ind_.data()};
+  const unsigned blocks = blocks_for(columns_ * kWarp, kThreads);
+  largest_terms_kernel<<<blocks, kThreads, 0, stream>>>(c, scale_.data(), values_.data(), from_host_.data(),
+                                                        reinterpret_cast<Bits*>(largest));
+  call("launch of the largest terms of rows", [&] { return cudaGetLastError(); });
+  sum_terms_kernel<<<blocks, kThreads, 0, stream>>>(c, scale_.data(), values_.data(), from_host_.data(),
+                                                    reinterpret_cast<const Bits*>(largest), sums);
+  call("launch of the sums of rows", [&] { return cudaGetLastError(); });
+  rows_kernel<<<blocks_for(columns_, kThreads), kThreads, 0, stream>>>(columns_, sums, largest);
+  call("launch of the rows", [&] { return cudaGetLastError(); });
+  gpu_.fetch(largest, out);
 }
 
 // In pieces of whole columns that fit what stands ready for the other way.

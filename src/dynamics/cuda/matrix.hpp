@@ -15,6 +15,7 @@ class CudaMatrix final : public DeviceMatrix {
   void column_sizes(Span diagonal, Span largest) override;
   const double* complete(ConstSpan scale, ConstSpan rest) override;
   void fetch_w(Span values) const override;
+  void sum_rows(ConstSpan x, Span out) const override;
   std::unique_ptr<DeviceVectors> make_vectors() override;
   [[nodiscard]] void* stream() const override { return gpu_.stream.get(); }
 

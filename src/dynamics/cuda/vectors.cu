@@ -58,6 +58,21 @@ void CudaVectors::solve(Span b, const Solve& solve) {
   gpu_.fetch(at, b);
 }
 
+void CudaVectors::solve_there(double* b, const Solve& solve) {
+  const DeviceGuard guard(gpu_.number);
+  scale(b, 1);
+  solve(b, 1);
+  scale(b, 1);
+}
+
+void CudaVectors::put_lower(ConstSpan r, double* b) {
+  const DeviceGuard guard(gpu_.number);
+  const auto lower = static_cast<Offset>(r.size()), upper = size_ - lower;
+  call("cudaMemsetAsync(right-hand side)",
+       [&] { return cudaMemsetAsync(b, 0, static_cast<std::size_t>(upper) * sizeof(double), gpu_.stream.get()); });
+  gpu_.send(r, b + upper);
+}
+
 void CudaVectors::make_columns(std::span<const Index> rows, const Solve& solve) {
   const DeviceGuard guard(gpu_.number);
   kept_ = 0;
@@ -80,12 +95,16 @@ void CudaVectors::make_columns(std::span<const Index> rows, const Solve& solve) 
 void CudaVectors::combine_columns(ConstSpan factors, Span x) {
   const DeviceGuard guard(gpu_.number);
   double* const sum = room_for(work_, size_);
+  combine_columns_there(factors, sum);
+  gpu_.fetch(sum, x);
+}
+
+void CudaVectors::combine_columns_there(ConstSpan factors, double* x) {
+  const DeviceGuard guard(gpu_.number);
   double* const to = room_for(factors_, kept_);
   gpu_.send(factors, to);
-  combine_kernel<<<blocks_for(size_, kThreads), kThreads, 0, gpu_.stream.get()>>>(size_, kept_, columns_.data(), to,
-                                                                                  sum);
+  combine_kernel<<<blocks_for(size_, kThreads), kThreads, 0, gpu_.stream.get()>>>(size_, kept_, columns_.data(), to, x);
   call("launch of the sum of columns", [&] { return cudaGetLastError(); });
-  gpu_.fetch(sum, x);
 }
 
 void CudaVectors::fetch_columns(Span to) {

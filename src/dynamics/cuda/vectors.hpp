@@ -12,8 +12,11 @@ class CudaVectors final : public DeviceVectors {
   /// @param scale  the s_i, `size` of them, in the GPU's memory; outlives the object
   CudaVectors(Offset size, const double* scale, Gpu& gpu) : gpu_(gpu), size_(size), scale_(scale) {}
   void solve(Span b, const Solve& solve) override;
+  void solve_there(double* b, const Solve& solve) override;
+  void put_lower(ConstSpan r, double* b) override;
   void make_columns(std::span<const Index> rows, const Solve& solve) override;
   void combine_columns(ConstSpan factors, Span x) override;
+  void combine_columns_there(ConstSpan factors, double* x) override;
   void fetch_columns(Span to) override;
   [[nodiscard]] void* stream() const override { return gpu_.stream.get(); }
 

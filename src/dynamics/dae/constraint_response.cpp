@@ -97,4 +97,10 @@ void ConstraintResponse::apply(Span x, base::ThreadPool* pool) const {
   add_columns(columns_.data(), r_, x, pool);
 }
 
+void ConstraintResponse::apply_there(ConstSpan r, double* x) const {
+  r_.resize(kept_.size());
+  for (std::size_t c = 0; c < kept_.size(); ++c) r_[c] = r[at(kept_[c])];
+  device_->combine_columns_there(r_, x);
+}
+
 }  // namespace espalier::dynamics

@@ -46,6 +46,11 @@ class ConstraintResponse {
   [[nodiscard]] Columns give();
   /// x = K^-1 [0; r], r the last m of x. @pre ready()
   void apply(Span x, base::ThreadPool* pool) const;
+  /// The same for an x in the GPU's memory, n + m numbers; r: m numbers of the host. Does not wait.
+  /// @pre ready(), on_device()
+  void apply_there(ConstSpan r, double* x) const;
+  /// Whether the columns lie on the GPU.
+  [[nodiscard]] bool on_device() const { return on_device_; }
   /// Columns that were made of this factor.
   [[nodiscard]] Index columns() const { return static_cast<Index>(made_ ? kept_.size() : 0); }
 

@@ -101,6 +101,17 @@ void Equations::motion(const StateView& s, Span f) {
   if (!phi_.empty()) add_transposed(system_.constraint_pattern(), phi_q_, s.lambda, f);
 }
 
+void Equations::motion_there(const StateView& s, const StateView& there, Span f, double* f_there) {
+  const Phase phase("forces", counts_.assembly_seconds, trace_, PhaseRow::device);
+  ++counts_.residuals;
+  system_.residual_on_device(s, there, f, f_there);
+  if (!phi_.empty()) add_transposed(system_.constraint_pattern(), phi_q_, s.lambda, f);
+  const std::vector<Index>& seen = system_.device_share()->seen;
+  std::vector<double> part(seen.size());
+  for (std::size_t k = 0; k < part.size(); ++k) part[k] = f[static_cast<std::size_t>(seen[k])];
+  motion_->add(DeviceMotion::List::seen, part, f_there);
+}
+
 Levels Equations::levels(const StateView& s) {
   Levels result;
   evaluate_constraints(s.t, s.q, s.v);
@@ -119,40 +130,61 @@ void Equations::set_pool(base::ThreadPool* pool) {
   kkt_.set_pool(pool);
 }
 
-void Equations::allow_device() {
-  device_allowed_ = true;
+void Equations::allow_device(MakeDevice make) {
+  make_device_ = make;
   try_device();
 }
 
 void Equations::try_device() {
-  if (!device_allowed_ || device_ != nullptr || kkt_.gpu() < 0) return;
+  if (make_device_ == nullptr || device_ != nullptr || kkt_.gpu() < 0) return;
   const Phase phase("tables of the GPU", counts_.analysis_seconds, trace_);
   try {
-    device_ = make_device_assembly(kkt_.gpu(), pool_);
+    device_ = make_device_(kkt_.gpu(), pool_);
     if (device_ != nullptr && system_.use_device(*device_, kkt_.k_ptr()))
       return kkt_.use_device(*device_, system_.host_entries());
     device_.reset();
-    device_allowed_ = false;
+    make_device_ = nullptr;
   } catch (const Error& error) {
     if (error.status().code != StatusCode::out_of_memory) throw;
     leave_device();
-    device_allowed_ = false;
+    make_device_ = nullptr;
     device_notice_ = fmt::format("bodies are evaluated on the host: {}", error.what());
   }
 }
 
 void Equations::leave_device() {
   if (device_ == nullptr) return;
+  motion_.reset();
+  ++ticket_;
   kkt_.leave_device();
   system_.leave_device();
   device_.reset();
 }
 
-void Equations::assemble(const StateView& s, const TangentWeights& weights, bool on_device) {
+DeviceMotion* Equations::claim_motion(int points, long& ticket) {
+  if (!motion_allowed_ || device_ == nullptr || !kkt_.solves_there() || system_.device_share() == nullptr)
+    return nullptr;
+  try {
+    if (motion_ == nullptr || motion_points_ < points) {
+      motion_.reset();
+      motion_ = device_->make_motion(sizes_, points, *system_.device_share());
+      motion_points_ = points;
+    }
+  } catch (const Error& error) {
+    if (error.status().code != StatusCode::out_of_memory) throw;
+    motion_allowed_ = false;
+    device_notice_ = fmt::format("vectors of the integrator stay on the host: {}", error.what());
+    return nullptr;
+  }
+  ticket = ++ticket_;
+  return motion_.get();
+}
+
+void Equations::assemble(const StateView& s, const TangentWeights& weights, bool on_device, const StateView* there) {
   const Phase phase("tangents", counts_.assembly_seconds, trace_, row_of(on_device));
   ++counts_.tangents;
   if (on_device)
-    system_.tangent_on_device(s, weights, kkt_.clear_on_device(), kkt_.w_values());
+    system_.tangent_on_device(s, weights, kkt_.clear_on_device(), kkt_.w_values(), there);
   else
     system_.tangent(s, weights, kkt_.w_values());
   if (system_.multiplier_pattern() != nullptr) system_.multiplier_tangent(s, kkt_.f_lambda_values());
@@ -181,16 +213,21 @@ bool Equations::factorize_assembled(const StateView& s, bool on_device) {
   return true;
 }
 
-void Equations::factorize(const StateView& s, const TangentWeights& weights) {
-  system_.update_pattern(s.q);
+void Equations::factorize(const StateView& s, const TangentWeights& weights, const StateView* there) {
+  if (there == nullptr) system_.update_pattern(s.q);  // a part of q would not do; who looks at more forbids `there`
   if (update_pattern()) evaluate_constraints(s.t, s.q, s.v);  // what was evaluated has gone with the old pattern
   const bool on_device = kkt_.on_device();
-  assemble(s, weights, on_device);
+  const auto needs_all = [&](bool has_left) {
+    if (has_left && there != nullptr) throw Error(StatusCode::device_error, "the factor is not on the GPU any more");
+  };
+  needs_all(!on_device);
+  assemble(s, weights, on_device, there);
   ++counts_.factorizations;
   if (first_factorization_) ++counts_.analyses;
   if (!factorize_assembled(s, on_device)) {
     leave_device();
-    assemble(s, weights, false);
+    needs_all(true);
+    assemble(s, weights, false, nullptr);
     (void)factorize_assembled(s, false);
   }
   first_factorization_ = false;
@@ -211,6 +248,17 @@ bool Equations::turn_factor(ConstSpan q_of_factor, ConstSpan q) {
 void Equations::solve(Span b, Index columns, Index normal) {
   const Phase phase("solve", counts_.solve_seconds, trace_, row_of(kkt_.gpu() >= 0));
   counts_.solves += kkt_.solve(b, columns, normal);
+}
+
+void Equations::solve_there(double* x) {
+  const Phase phase("solve", counts_.solve_seconds, trace_, PhaseRow::device);
+  ++counts_.solves;
+  kkt_.solve_there(x);
+}
+
+void Equations::solve_normal_there(ConstSpan r, double* x) {
+  const Phase phase("solve", counts_.solve_seconds, trace_, PhaseRow::device);
+  counts_.solves += kkt_.solve_normal_there(r, x);
 }
 
 }  // namespace espalier::dynamics

@@ -78,12 +78,18 @@ class Equations {
   void level(ConstSpan x, ConstSpan shift, Span out) const;
   /// f = F + Phi_q^T lambda with the last evaluated Phi_q.
   void motion(const StateView& s, Span f);
+  /// The same on a GPU: s holds what DeviceShare says is seen there, or not the bodies', `there` the bodies' part.
+  /// @param f  n numbers of the host, of which those of DeviceShare::own are f when it returns; scratch else
+  /// @param f_there  the bodies' part, in the GPU's memory, without those that are not theirs
+  void motion_there(const StateView& s, const StateView& there, Span f, double* f_there);
   /// All four levels at a state (evaluates everything).
   [[nodiscard]] Levels levels(const StateView& s);
 
   /// Factorizes K with W = weights.a F_a + ... at the state and the last evaluated Phi_q.
   /// @throws espalier::Error that names the coordinate or constraint if K is singular.
-  void factorize(const StateView& s, const TangentWeights& weights);
+  /// @param there  see motion_there(); null: s holds all. Where the GPU has no factor any more, an Error(device_error)
+  ///   asks for all of s.
+  void factorize(const StateView& s, const TangentWeights& weights, const StateView* there = nullptr);
   /// Lets the factor stand for K at the state, to which bodies have turned from the configuration of the factor, with
   /// the last evaluated Phi_q; see TurnedFactor. @return false: it cannot, or a new factor is cheaper
   [[nodiscard]] bool turn_factor(ConstSpan q_of_factor, ConstSpan q);
@@ -96,26 +102,41 @@ class Equations {
   void set_trace(PhaseTrace* trace) { trace_ = trace; }
   /// From now on a GPU that has the factor also evaluates what it can of F and W, as soon as there is a factor; see
   /// device/device_assembly.hpp. Where its memory is too small, the host goes on alone and says so in device_notice().
-  void allow_device();
+  /// @param make  what makes it of the GPU's number
+  using MakeDevice = std::unique_ptr<DeviceAssembly> (*)(int gpu, base::ThreadPool* pool);
+  void allow_device(MakeDevice make = make_device_assembly);
   [[nodiscard]] bool on_device() const { return device_ != nullptr; }
   [[nodiscard]] const std::string& device_notice() const { return device_notice_; }
+  /// Vectors of an integrator on the GPU that has factor and bodies, for one integrator at a time.
+  /// @param points  past points that it remembers @param ticket  made the number that stands for them
+  /// @return null: they stay with the host
+  [[nodiscard]] DeviceMotion* claim_motion(int points, long& ticket);
+  /// @return null: they are another one's, or gone
+  [[nodiscard]] DeviceMotion* motion_of(long ticket) const { return ticket == ticket_ ? motion_.get() : nullptr; }
   /// Forgets factor and analysis: what comes depends on the coming matrices alone, not on those before.
   void forget_analysis();
   /// Solves with K in place; b holds `columns` pieces of n + m numbers, of which the last `normal` ones have n zeros.
   void solve(Span b, Index columns = 1, Index normal = 0);
+  /// KktSolver's of the same names.
+  void solve_there(double* x);
+  void solve_normal_there(ConstSpan r, double* x);
 
   [[nodiscard]] const EquationCounts& counts() const { return counts_; }
 
  private:
   void try_device();
   void leave_device();
-  void assemble(const StateView& s, const TangentWeights& weights, bool on_device);
+  void assemble(const StateView& s, const TangentWeights& weights, bool on_device, const StateView* there);
   [[nodiscard]] bool factorize_assembled(const StateView& s, bool on_device);
 
   System& system_;
   Sizes sizes_;
   std::unique_ptr<DeviceAssembly> device_;  // outlives what lies on it: a part of K, and of the system (leave_device())
-  bool device_allowed_ = false;
+  MakeDevice make_device_ = nullptr;        // null: not allowed
+  std::unique_ptr<DeviceMotion> motion_;    // on device_
+  int motion_points_ = 0;
+  long ticket_ = 0;  // of motion_
+  bool motion_allowed_ = true;
   base::ThreadPool* pool_ = nullptr;
   PhaseTrace* trace_ = nullptr;
   std::string device_notice_;

@@ -8,6 +8,7 @@
 
 #include "base/parallel.hpp"
 #include "dynamics/dae/at.hpp"
+#include "dynamics/dae/row_ranges.hpp"
 #include "dynamics/dae/vectors.hpp"
 
 namespace espalier::dynamics {
@@ -179,13 +180,17 @@ void KktSolver::factor_is_new(DeviceVectors* device) {
   turned_.start(*phi_q_, phi_q_values_, dropped_);
 }
 
-Index KktSolver::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values) {
+bool KktSolver::turning_may_pay() const {
   constexpr Offset kSmaller = 2;  // than the factor, in numbers
   const Offset columns = 3 * turned_.constraints();
+  return f_lambda_ == nullptr && kSmaller * columns * (n_ + m_) <= solver_->numbers_of_factor();
+}
+
+Index KktSolver::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values) {
   ConstraintResponse::Columns response = response_.give();
   if (!turned_.active() && !response.empty()) turned_.know(std::move(response));
   turned_.drop();
-  if (f_lambda_ != nullptr || kSmaller * columns * (n_ + m_) > solver_->numbers_of_factor()) return -1;
+  if (!turning_may_pay()) return -1;
   Index solved = 0;
   const auto solve = [&](Span x, Index count) {
     solve_with_factor(x, count);
@@ -254,16 +259,52 @@ ConstSpan KktSolver::w_of_factor() {
   return w_values_;
 }
 
+void KktSolver::sum_rows_of_w(ConstSpan x, Span out) const {
+  if (w_on_device_) return device_->sum_rows(x, out);
+  fill_zero(pool_, out);
+  for_each_row_range(*w_, pool_, [&](Index column, Offset begin, Offset end) {
+    const double size = x[at(column)];
+    for (Offset k = begin; k < end; ++k) out[at(w_->ind[at(k)])] += std::abs(w_values_[at(k)] * size);
+  });
+}
+
 Index KktSolver::solve(Span b, Index columns, Index normal) {
   const std::size_t size = at(n_ + m_);
   const Index before = response_.columns();
-  const bool ready = normal > 0 && response_.ready(
-                                       normal, [this](Span x, Index count) { solve_with_factor(x, count); },
-                                       [this](double* x, Index count) { solve_scaled_on_device(x, count); }, pool_);
+  const bool ready = normal > 0 && response_is_ready(normal);
   const Index solved = ready ? columns - normal : columns;
   if (solved > 0) solve_now(b.first(at(solved) * size), solved);
   for (Index c = solved; c < columns; ++c) response_.apply(b.subspan(at(c) * size, size), pool_);
   return solved + response_.columns() - before;
+}
+
+bool KktSolver::response_is_ready(Index columns) {
+  return response_.ready(
+      columns, [this](Span x, Index count) { solve_with_factor(x, count); },
+      [this](double* x, Index count) { solve_scaled_on_device(x, count); }, pool_);
+}
+
+void KktSolver::solve_there(double* x) {
+  try {
+    vectors_->solve_there(x, [this](double* columns, Index count) { solve_scaled_on_device(columns, count); });
+  } catch (const Error& error) {
+    if (error.status().code == StatusCode::device_error) scale_on_device_ = false;
+    throw;
+  }
+}
+
+Index KktSolver::solve_normal_there(ConstSpan r, double* x) {
+  std::vector<double> kept(r.begin(), r.end());
+  for (std::size_t i = 0; i < kept.size(); ++i)
+    if (dropped_[i]) kept[i] = 0;
+  const Index before = response_.columns();
+  if (response_is_ready(1) && response_.on_device()) {
+    response_.apply_there(kept, x);
+    return response_.columns() - before;
+  }
+  vectors_->put_lower(kept, x);
+  solve_there(x);
+  return 1;
 }
 
 void KktSolver::solve_now(Span b, Index columns) {

@@ -70,8 +70,13 @@ class KktSolver {
   [[nodiscard]] bool factorize_on_device();
   /// W of the factor.
   [[nodiscard]] ConstSpan w_of_factor();
+  /// out_i = the sum of |W_ij| x_j over j, with W of the factor, where it lies; see DeviceMatrix::sum_rows().
+  /// @param x  n numbers, not negative @param out  n
+  void sum_rows_of_w(ConstSpan x, Span out) const;
   /// Sign of the determinant of the last factor, 0 where it is not known.
   [[nodiscard]] int determinant_sign() const { return solver_->determinant_sign(); }
+  /// Whether turn() would look at it.
+  [[nodiscard]] bool turning_may_pay() const;
   /// From now on the factor stands for K at another state: see TurnedFactor.
   /// @param turns  since the state of the factor @param phi_q_values  there
   /// @return right sides that the factor solved for; -1: not possible, or it does not pay; nothing has changed but
@@ -81,6 +86,13 @@ class KktSolver {
   /// @param normal  that many, the last ones, have b_v = 0
   /// @return right sides that the factor solved for; see ConstraintResponse
   Index solve(Span b, Index columns, Index normal = 0);
+  // The same with right-hand sides and solutions in the memory of the GPU that has the factor.
+  /// Whether the two that follow can be used.
+  [[nodiscard]] bool solves_there() const { return scale_on_device_ && on_device() && !turned_.active(); }
+  /// x := K^-1 x, n + m numbers. Waits.
+  void solve_there(double* x);
+  /// x := K^-1 [0; r]; r, m numbers, on the host. @return as solve()
+  [[nodiscard]] Index solve_normal_there(ConstSpan r, double* x);
   /// y = Phi_q x with the Phi_q of the factor.
   void multiply_phi_q(ConstSpan x, Span y) const { multiply_by_rows(*phi_q_, phi_q_values_, x, y, pool_); }
   /// The s_i of the factor, n + m: x_i / s_i are the unknowns of S K S.
@@ -101,6 +113,7 @@ class KktSolver {
   void solve_now(Span b, Index columns);
   void solve_scaled_on_device(double* columns, Index count);
   [[nodiscard]] bool solve_through_device(Span b);
+  [[nodiscard]] bool response_is_ready(Index columns);
   void solve_with_factor(Span b, Index columns);
   void solve_on_host(Span b, Index columns);
 

@@ -445,57 +445,23 @@ void AssembledSystem::tangent(const StateView& s, const TangentWeights& weights,
   for (const auto& c : components_) evaluate(*c, [&] { c->tangent(s, weights, w_values); });
 }
 
-double AssembledSystem::host_share() const {
-  Offset host = 0;
-  bool any = false;
-  for (std::size_t k = 0; k < components_.size(); ++k)
-    if (components_[k]->fits_device())
-      any = true;
-    else
-      host += declared_[k];
-  return any ? static_cast<double>(host) / static_cast<double>(w_pattern_.nonzeros()) : 1.0;
-}
-
-bool AssembledSystem::use_device(DeviceAssembly& device, std::span<const Offset> k_ptr) {
-  // Faces whose joints couple all their nodes: what they add to W goes over the link for each factorization, where a W
-  // of the host would go as a whole. An engine has 0.1 to 0.75, a chain of many joints 0.84 to 0.97. Beyond that the
-  // bodies have so few elements that waiting for the GPU takes longer.
-  constexpr double kMostOfHost = 0.98;
-  if (host_share() > kMostOfHost) return false;
-  PatternBuilder of_host(sizes_.velocity, sizes_.velocity, true);
-  PatternBuilder unused(sizes_.constraints, sizes_.velocity, false);
-  for (const auto& c : components_) {
-    if (c->fits_device())
-      c->use_device(device, k_ptr);
-    else
-      c->declare(of_host, unused);
-  }
-  const SparsePattern entries = of_host.build(pool_);
-  host_entries_.resize(entries.ind.size());
-  constexpr std::int64_t kColumns = 256;
-  base::for_each_range(pool_, entries.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
-    for (auto j = static_cast<std::size_t>(begin); j < static_cast<std::size_t>(end); ++j) {
-      Offset p = w_pattern_.ptr[j];  // both columns ascend
-      for (Offset e = entries.ptr[j]; e < entries.ptr[j + 1]; ++e, ++p) {
-        while (w_pattern_.ind[static_cast<std::size_t>(p)] != entries.ind[static_cast<std::size_t>(e)]) ++p;
-        host_entries_[static_cast<std::size_t>(e)] = p;
-      }
-    }
-  });
-  return true;
-}
-
-void AssembledSystem::leave_device() {
-  host_entries_.clear();
-  for (const auto& c : components_) c->leave_device();
-}
-
 void AssembledSystem::tangent_on_device(const StateView& s, const TangentWeights& weights, double* device_values,
-                                        Span w_values) {
+                                        Span w_values, const StateView* there) {
   for_each_entry(pool_, host_entries_.size(),
                  [&](std::size_t e) { w_values[static_cast<std::size_t>(host_entries_[e])] = 0; });
-  for (const auto& c : components_) c->start_tangent(s, weights, device_values);
+  for (const auto& c : components_)
+    if (there == nullptr)
+      c->start_tangent(s, weights, device_values);
+    else
+      c->start_tangent_there(*there, weights, device_values);
   evaluate_all(components_, true, [&](Component& c) { c.tangent(s, weights, w_values); });
+}
+
+void AssembledSystem::residual_on_device(const StateView& s, const StateView& there, Span f, double* f_there) {
+  for (const auto& c : components_) c->start_residual_there(there, f_there);
+  for (const auto* list : {&share_->seen, &share_->own})
+    for (const Index i : *list) f[static_cast<std::size_t>(i)] = 0;
+  evaluate_all(components_, true, [&](Component& c) { c.residual(s, f); });
 }
 
 void AssembledSystem::multiplier_tangent(const StateView& s, Span values) {

@@ -33,6 +33,7 @@ namespace espalier::dynamics {
 using Span = std::span<double>;
 using ConstSpan = std::span<const double>;
 
+class Component;
 class DeviceAssembly;
 
 /// What a call of constraints() shall fill in. An empty span is not wanted (and then not computed).
@@ -113,6 +114,19 @@ struct BodyTurn {
   std::array<double, 9> rotation{1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< row by row
 };
 
+/// Which coordinates belong to bodies on a GPU, and what of them the rest of the system, on the host, has to do with.
+struct DeviceShare {
+  /// Velocity coordinates v .. v + count of bodies; their configuration has as many numbers, from q on.
+  struct Range {
+    Index q, v, count;
+  };
+  std::vector<Range> ranges;               ///< ascending, with gaps between them
+  std::vector<Index> seen;                 ///< velocity coordinates among them that others read or act on, ascending
+  std::vector<Index> seen_q;               ///< where their configuration stands
+  std::vector<Index> own;                  ///< all other velocity coordinates, ascending
+  std::vector<const Component*> owners{};  ///< whose these are
+};
+
 /// A system of equations that the integrators can integrate. All arrays are global. Implementations need not be safe
 /// for concurrent calls on one object.
 class System {
@@ -171,8 +185,16 @@ class System {
   [[nodiscard]] virtual std::vector<Offset> host_entries() const { return {}; }
   /// tangent() in two parts: those on the GPU write theirs there, the others add theirs to w_values, of which
   /// host_entries() alone are set to zero first.
+  /// @param there  the state of the bodies on the GPU, in its memory, as StateView but for a configuration in the order
+  ///   of the velocity coordinates; s then holds what DeviceShare says is seen or not theirs. Null: s holds all
   virtual void tangent_on_device(const StateView& /*s*/, const TangentWeights& /*weights*/, double* /*device_values*/,
-                                 Span /*w_values*/) {}
+                                 Span /*w_values*/, const StateView* /*there*/ = nullptr) {}
+  /// What of it can stay there from step to step; null: nothing, as integrators have to see all of it.
+  [[nodiscard]] virtual const DeviceShare* device_share() const { return nullptr; }
+  /// residual() in two parts: bodies write theirs to f_there, which like `there` lies in the GPU's memory; the others
+  /// add theirs to f, of which only what is seen, or not the bodies', is set to zero first. Waits for both.
+  virtual void residual_on_device(const StateView& /*s*/, const StateView& /*there*/, Span /*f*/, double* /*f_there*/) {
+  }
   /// Pattern of F_lambda, n x m, by columns. Null: F does not depend on lambda.
   [[nodiscard]] virtual const SparsePattern* multiplier_pattern() const { return nullptr; }
   /// F_lambda without Phi_q^T; overwrites the values. Called where multiplier_pattern() is not null.
@@ -250,6 +272,14 @@ class Component {
   virtual void leave_device() {}
   virtual void start_residual(const StateView& /*s*/) {}
   virtual void start_tangent(const StateView& /*s*/, const TangentWeights& /*weights*/, double* /*device_values*/) {}
+  /// The same where the state lies there; see System::tangent_on_device(). Forces stay there, too: the residual() that
+  /// follows only waits.
+  virtual void start_residual_there(const StateView& /*there*/, double* /*f_there*/) {}
+  virtual void start_tangent_there(const StateView& /*there*/, const TangentWeights& /*weights*/,
+                                   double* /*device_values*/) {}
+  /// Whether what it reads of bodies, but for accepted states, is what it declares: coordinates of its entries of W and
+  /// Phi_q. A search for contact reads whole surfaces.
+  [[nodiscard]] virtual bool reads_what_it_declares() const { return true; }
   /// The same three for F_lambda (rows: velocity coordinates, columns: constraints), for forces that depend on
   /// multipliers; most do not.
   virtual void declare_multipliers(PatternBuilder& /*f_lambda*/) const {}
@@ -323,8 +353,10 @@ class AssembledSystem final : public System {
   [[nodiscard]] std::vector<Offset> host_entries() const override { return host_entries_; }
   /// What components that do not fit a GPU declare of W, over the entries of W; 1 where none fits.
   [[nodiscard]] double host_share() const;
-  void tangent_on_device(const StateView& s, const TangentWeights& weights, double* device_values,
-                         Span w_values) override;
+  void tangent_on_device(const StateView& s, const TangentWeights& weights, double* device_values, Span w_values,
+                         const StateView* there = nullptr) override;
+  [[nodiscard]] const DeviceShare* device_share() const override { return share_ ? &*share_ : nullptr; }
+  void residual_on_device(const StateView& s, const StateView& there, Span f, double* f_there) override;
   [[nodiscard]] const SparsePattern* multiplier_pattern() const override {
     return f_lambda_pattern_.ind.empty() ? nullptr : &f_lambda_pattern_;
   }
@@ -342,6 +374,7 @@ class AssembledSystem final : public System {
   };
   void insert(std::unique_ptr<Component> component);
   void run_tasks(const StateView& s, Span f);
+  void divide_coordinates(const SparsePattern& w_of_host);
   template <class Body>
   void for_each_flat(const Body& body) const;
 
@@ -354,6 +387,7 @@ class AssembledSystem final : public System {
   Sizes sizes_;
   SparsePattern w_pattern_, phi_q_pattern_, f_lambda_pattern_;
   std::vector<Offset> host_entries_;
+  std::optional<DeviceShare> share_;
   std::vector<Offset> declared_;  // components; entries of W that each of them declared
   std::vector<Planned> planned_;  // scratch of residual()
   std::uint64_t version_ = 0;

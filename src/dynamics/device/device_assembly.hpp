@@ -1,7 +1,7 @@
 /// \file
 /// What of a Newton step a GPU takes over: forces and tangents of flexible bodies, and the matrix K itself, which never
-/// leaves its memory. The state stays with the integrator on the host: three vectors go to the GPU for each evaluation
-/// of F, one comes back.
+/// leaves its memory. The state lies there too where the integrator has its vectors there (device_motion.hpp);
+/// otherwise three vectors go to the GPU for each evaluation of F, and one comes back.
 #pragma once
 
 #include <functional>
@@ -12,6 +12,7 @@
 
 #include "base/thread_pool.hpp"
 #include "dynamics/dae/system.hpp"
+#include "dynamics/device/device_motion.hpp"
 #include "dynamics/device/device_vectors.hpp"
 #include "dynamics/elements/assembly.hpp"
 #include "dynamics/elements/device_law.hpp"
@@ -30,9 +31,10 @@ struct DeviceBodyTables {
   std::vector<DeviceElements> groups;
   std::span<const double> reference;  ///< 3 per vertex
   const VertexPattern* pattern = nullptr;
-  std::span<const double> mass;  ///< per entry of the pattern
-  double mass_damping = 0;       ///< alpha in 1/s
-  double stiffness_damping = 0;  ///< beta in s
+  std::span<const double> mass;    ///< per entry of the pattern
+  std::span<const double> weight;  ///< M g, 3 per vertex
+  double mass_damping = 0;         ///< alpha in 1/s
+  double stiffness_damping = 0;    ///< beta in s
 };
 
 /// A body's own coordinates at some time, 3 per vertex. v and a may be null: zero.
@@ -40,10 +42,11 @@ struct BodyState {
   const double* q = nullptr;
   const double* v = nullptr;
   const double* a = nullptr;
+  bool there = false;  ///< they lie in the memory of the body's GPU
 };
 
 /// The elements of one body in the memory of a GPU. start_*() returns at once; what it began is taken by the finish_*()
-/// of the same name.
+/// of the same name, or by put_forces() and finish().
 class DeviceBody {
  public:
   virtual ~DeviceBody() = default;
@@ -54,11 +57,13 @@ class DeviceBody {
   /// f += forces - load * weight, 3 per vertex. @return the first inverted element, counted over all groups, whose
   /// forces are NaN; -1: none
   virtual Offset finish_forces(double load, const double* weight, double* f) = 0;
+  /// f := forces - load M g in the GPU's memory. Does not wait; finish() does. @pre start_forces() with a state there
+  virtual void put_forces(double load, double* f) = 0;
   /// Writes (weights.a + alpha weights.v) M + weights.q df/dq + weights.v df/dv.
   /// @param values  in the GPU's memory, where bind() counts from
   virtual void start_tangent(const BodyState& state, const TangentWeights& weights, double* values) = 0;
-  /// @return as finish_forces()
-  virtual Offset finish_tangent() = 0;
+  /// Waits for put_forces() or start_tangent(). @return as finish_forces()
+  virtual Offset finish() = 0;
 };
 
 /// The pattern of K and what of it does not come from bodies on the GPU. Lent for the call that makes a DeviceMatrix.
@@ -86,6 +91,9 @@ class DeviceMatrix {
   virtual const double* complete(ConstSpan scale, ConstSpan rest) = 0;
   /// W as it was before the scaling, to the host.
   virtual void fetch_w(Span values) const = 0;
+  /// out_i = the sum of |W_ij| x_j over j, to some digits, of W before the scaling. The same bits in every run.
+  /// @param x  not negative
+  virtual void sum_rows(ConstSpan x, Span out) const = 0;
   [[nodiscard]] virtual void* stream() const = 0;
   /// Of the scales that complete() gets.
   virtual std::unique_ptr<DeviceVectors> make_vectors() = 0;
@@ -97,6 +105,8 @@ class DeviceAssembly {
   virtual ~DeviceAssembly() = default;
   virtual std::unique_ptr<DeviceBody> make_body(const DeviceBodyTables& tables) = 0;
   virtual std::unique_ptr<DeviceMatrix> make_matrix(const DeviceMatrixLayout& layout) = 0;
+  /// @param sizes  of the system @param points  that are remembered @param share  lent for the call
+  virtual std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, int points, const DeviceShare& share) = 0;
 };
 
 /// @param gpu  its number, from 0

@@ -11,7 +11,7 @@ namespace espalier::dynamics {
 
 /// Solves with K = S^-1 K' S^-1, where K' is what was factorized and S are the scales of DeviceMatrix::complete(). All
 /// vectors have as many numbers as K has rows; several stand one after another. One object serves one matrix, which
-/// outlives it. Every call waits.
+/// outlives it. Every call waits unless it says otherwise.
 /// @throws Error(device_error, out_of_memory); what a Solve throws goes through
 class DeviceVectors {
  public:
@@ -22,10 +22,16 @@ class DeviceVectors {
   static constexpr Index kMostColumns = 32;  ///< that a Solve gets at a time, and solve() itself
   /// b := K^-1 b for each column.
   virtual void solve(Span b, const Solve& solve) = 0;
+  /// The same of one that lies in the GPU's memory.
+  virtual void solve_there(double* b, const Solve& solve) = 0;
+  /// b := [0; r] in the GPU's memory.
+  virtual void put_lower(ConstSpan r, double* b) = 0;
   /// Keeps the columns K^-1 e_r of these rows r in the GPU's memory, instead of those that it kept before.
   virtual void make_columns(std::span<const Index> rows, const Solve& solve) = 0;
   /// x = the sum of factors[c] times column c of those kept.
   virtual void combine_columns(ConstSpan factors, Span x) = 0;
+  /// The same in the GPU's memory; does not wait.
+  virtual void combine_columns_there(ConstSpan factors, double* x) = 0;
   /// The columns kept, to the host.
   virtual void fetch_columns(Span to) = 0;
   [[nodiscard]] virtual void* stream() const = 0;

@@ -41,6 +41,7 @@ void BdfIntegrator::allocate() {
 }
 
 void BdfIntegrator::start(const State& state) {
+  on_device_ = false;
   state_ = state;
   trial_ = state;
   history_.clear();
@@ -98,6 +99,7 @@ double BdfIntegrator::first_step() const {
 void BdfIntegrator::ensure_factor(bool retry) {
   const bool step_left = factor_hp_ > 0 && std::abs(formula_.hp / factor_hp_ - 1) > options_.refactor_step;
   const bool pattern_changed = equations_.update_pattern();
+  if (on_device_ && pattern_changed) throw Error(StatusCode::device_error, "the pattern of K has changed");
   const bool none = factor_hp_ == 0 || pattern_changed;
   const double distance = none ? 0.0 : distance_from_factor();
   const bool moved = distance > reach_;
@@ -114,8 +116,15 @@ void BdfIntegrator::ensure_factor(bool retry) {
   equations_.evaluate_constraints(trial_.t, trial_.q, {});
   // Where a factor that was turned does not do, a new one is due.
   // measure_blocks() looks at the matrix of the factor itself.
-  const bool may_turn = !none && !step_left && !options_.measure_blocks;
-  if (may_turn && !(poor && (was_turned || factor_fresh_)) && turn_factor()) return;
+  const bool may_turn = !none && !step_left && !options_.measure_blocks && equations_.kkt().turning_may_pay();
+  if (may_turn && !(poor && (was_turned || factor_fresh_))) {
+    if (on_device_) {  // turned factors are the host's
+      leave_device();
+      begin_attempt(formula_.h);
+      equations_.evaluate_constraints(trial_.t, trial_.q, {});
+    }
+    if (turn_factor()) return;
+  }
   renew_factor(none        ? counts_.refactor_first
                : retry     ? counts_.refactor_failed
                : step_left ? counts_.refactor_step
@@ -124,8 +133,14 @@ void BdfIntegrator::ensure_factor(bool retry) {
 
 // In units of the tolerance of q: how far the predicted configuration lies from the one of the factor.
 double BdfIntegrator::distance_from_factor() {
-  equations_.system().local(placed_q_, trial_.q, work_n_);
-  return norm(work_n_, weight_q_);
+  if (!on_device_) {
+    equations_.system().local(placed_q_, trial_.q, work_n_);
+    return norm(work_n_, weight_q_);
+  }
+  there().run(WayFromFactor{});
+  for (const Component* c : share().owners) c->local(placed_q_, trial_.q, work_n_);
+  const BdfRecord record = measure({.largest = {}, .x = {&BdfArrays::work}, .weight = {&BdfArrays::weight_q}});
+  return std::sqrt(record.square[0] / static_cast<double>(work_n_.size()));
 }
 
 bool BdfIntegrator::turn_factor() {
@@ -139,9 +154,16 @@ bool BdfIntegrator::turn_factor() {
 
 void BdfIntegrator::renew_factor(long& reason) {
   ++reason;
-  equations_.factorize(trial_.view(), {1, formula_.hp, formula_.hp * formula_.hp});
+  const TangentWeights weights{1, formula_.hp, formula_.hp * formula_.hp};
+  if (on_device_) {
+    const StateView bodies = state_there();
+    equations_.factorize(trial_.view(), weights, &bodies);
+    place_factor_there();
+  } else {
+    equations_.factorize(trial_.view(), weights);
+    factor_q_ = placed_q_ = trial_.q;
+  }
   factor_hp_ = formula_.hp;
-  factor_q_ = placed_q_ = trial_.q;
   factor_fresh_ = true;
   rate_poor_ = false;
   rate_ = 0.5;
@@ -179,16 +201,35 @@ BdfIntegrator::Outcome BdfIntegrator::solve_augmented(StepReport& report) {
   return outcome;
 }
 
-bool BdfIntegrator::attempt(double h, bool retry, StepReport& report) {
+void BdfIntegrator::begin_attempt(double h) {
   set_formula(h, order_);
   predict();
+}
+
+// Where a GPU has lost factor or vectors, the host begins anew: it has all but the trial state.
+bool BdfIntegrator::attempt(double h, bool retry, StepReport& report) {
+  if (!on_device_) return attempt_here(h, retry, report);
+  try {
+    return attempt_here(h, retry, report);
+  } catch (const Error& error) {
+    if (!on_device_ || error.status().code != StatusCode::device_error) throw;
+  }
+  leave_device();
+  factor_hp_ = 0;
+  return attempt_here(h, retry, report);
+}
+
+bool BdfIntegrator::attempt_here(double h, bool retry, StepReport& report) {
+  begin_attempt(h);
   report.crossings = 0;
   if (projected_left_ == 0) {
     ensure_factor(retry);
+    if (may_enter_device()) enter_device();
     if (solve_augmented(report) == Outcome::converged) return true;
     ++report.newton_failures;
     if (!factor_fresh_ || options_.iteration != BdfIteration::reduced || level_.empty()) return false;
-    predict();
+    leave_device();
+    begin_attempt(h);
   }
   report.crossings = 1;
   if (solve_projected(report) == Outcome::converged) return true;
@@ -203,6 +244,7 @@ StepReport BdfIntegrator::step(double t_limit) {
   StepReport report;
   const long factorizations = equations_.counts().factorizations;
   const bool fixed = options_.fixed_step > 0;
+  if (on_device_ && equations_.motion_of(ticket_) == nullptr) leave_device();
   error_weights();
   if (options_.fixed_order > 0) order_ = std::min({options_.fixed_order, order_ + 1, std::max(1, history_.size() - 1)});
   bool retry = false;
@@ -301,6 +343,7 @@ void BdfIntegrator::accept(StepReport& report) {
   report.h = formula_.h;
   report.t = formula_.t;
   const double error = report.error;
+  const int points_before = history_.size();
   if (sliver()) {
     history_.drop_newest();
   } else if (options_.fixed_step == 0) {
@@ -313,8 +356,11 @@ void BdfIntegrator::accept(StepReport& report) {
   } else if (noisy_left_ > 0) {
     --noisy_left_;
   }
+  fetch_trial();
+  const bool replaces = history_.size() < points_before;
   std::swap(state_, trial_);
-  history_.push(state_.t, state_.q, state_.v, state_.lambda, equations_.pool());
+  history_.push(state_.t, state_.q, state_.v, state_.lambda, equations_.pool(), on_device_ ? &share() : nullptr);
+  if (on_device_) push_there(replaces);
   equations_.system().accept(state_.view());
   count(report);
   report.index = counts_.steps;

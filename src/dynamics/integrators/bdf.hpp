@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "dynamics/dae/vectors.hpp"
+#include "dynamics/device/device_motion.hpp"
 #include "dynamics/integrators/history.hpp"
 #include "dynamics/integrators/integrator.hpp"
 
@@ -58,6 +59,10 @@ struct BdfOptions {
 /// the q and v that it depends on, and z, which is normal to the constraints, does not take v and q off them again:
 /// the error of a pass is then that of W and Phi_q alone, and the derivatives of Phi_q v and gamma are not missed.
 /// Once q and v are as good as the error test asks for, what is left of the three levels is projected away without F.
+///
+/// Where the factor and flexible bodies lie on a GPU, the vectors of this iteration, the history and the error test
+/// follow them (bdf_device.cpp). The host then sees what its joints and forces look at, and the whole state once a
+/// step.
 class BdfIntegrator final : public Integrator {
  public:
   BdfIntegrator(Equations& equations, const BdfOptions& options);
@@ -71,6 +76,8 @@ class BdfIntegrator final : public Integrator {
   void save(std::vector<double>& out) override;
   void restore(ConstSpan& in) override;
   [[nodiscard]] int order() const { return order_; }
+  /// Whether the vectors lie on a GPU.
+  [[nodiscard]] bool on_device() const { return on_device_; }
   /// Max norms of all blocks of H, with the dense U of the iteration in use.
   struct Blocks {
     double motion = 0, acceleration = 0, velocity = 0, position = 0;
@@ -102,23 +109,55 @@ class BdfIntegrator final : public Integrator {
   void for_coordinates(const Body& body) const {
     for_each_entry(equations_.pool(), theta_.size(), body);
   }
-  struct Motion {
-    Span theta, v;
-  };
-  void combine_past(const Motion& from, ConstSpan weights, const Motion& to);
+  void combine_past(PastSums sums, ConstSpan weights);
+  // Vectors on a GPU (bdf_device.cpp); without it the same calls serve the host.
+  [[nodiscard]] BdfArrays arrays();
+  [[nodiscard]] DeviceMotion& there() const { return *equations_.motion_of(ticket_); }
+  [[nodiscard]] const DeviceShare& share() const { return *equations_.system().device_share(); }
+  [[nodiscard]] StateView state_there() const;
+  /// loop(arrays, i) for each velocity coordinate, where it lies.
+  template <class Loop>
+  void run(const Loop& loop) {
+    const BdfArrays here = arrays();
+    if (!on_device_) return for_coordinates([&](std::size_t i) { loop(here, i); });
+    there().run(loop);
+    for (const Index i : share().own) loop(here, static_cast<std::size_t>(i));
+  }
+  void see(std::initializer_list<BdfVector> vectors);
+  void take_right_sides(std::initializer_list<BdfVector> vectors);
+  [[nodiscard]] BdfRecord measure(const BdfMeasure& what);
+  [[nodiscard]] bool may_enter_device() const;
+  void enter_device();
+  void leave_device();
+  void fetch_trial();
+  void push_there(bool in_place_of_newest);
+  void error_weights_there();
+  void place_factor_there();
+  void predict_position();
+  void move_position(BdfVector change);
+  void chart_of_position();
+  void velocity_of_rates();
+  void residual_there();
+  void solve_there();
   Outcome solve_step(StepReport& report);
   Outcome solve_augmented(StepReport& report);
   Outcome solve_reduced(StepReport& report);
   Outcome solve_full(StepReport& report);
   [[nodiscard]] bool turn_factor();
   void project_stages();
-  void add_normal_part(ConstSpan violation, Span change);
+  void solve_normal();
+  void add_normal_part(ConstSpan violation, BdfVector change);
   void iterate_reduced(StepReport& report);
-  [[nodiscard]] double rounding_of_change() const;
+  [[nodiscard]] double rounding_of_change();
   [[nodiscard]] double allowed_change();
   [[nodiscard]] bool step_is_held() const;
   [[nodiscard]] bool rounding_ends(double change, const StepReport& report);
-  [[nodiscard]] double change_of_pass();
+  [[nodiscard]] double change_of_pass(StepReport& report);
+  /// Of a pass: the largest numbers and weighted squares.
+  struct Change {
+    double dq, dv, a, square_q, square_v;
+  };
+  [[nodiscard]] double change_of(const Change& all);
   [[nodiscard]] bool hopeless(double change, double rate, int iteration) const;
   // Near singular positions (bdf_projected.cpp)
   Outcome solve_projected(StepReport& report);
@@ -131,6 +170,8 @@ class BdfIntegrator final : public Integrator {
   [[nodiscard]] double error_estimate(int order);
   [[nodiscard]] bool first_points(double h, StepReport& report);
   [[nodiscard]] bool attempt(double h, bool retry, StepReport& report);
+  [[nodiscard]] bool attempt_here(double h, bool retry, StepReport& report);
+  void begin_attempt(double h);
   [[nodiscard]] bool attempt_anywhere(double h, bool retry, StepReport& report);
   void check_step(double h, double t_limit) const;
   [[nodiscard]] bool sliver() const;  ///< whether the step that is being accepted is one
@@ -172,9 +213,12 @@ class BdfIntegrator final : public Integrator {
   bool tiny_ = false;                        // the last change of q and v may be rounding
   double level_of_a_ = 0;                    // the last change of a over a
   double size_q_ = 0;                        // largest coordinate
+  double size_q_there_ = 0;                  // of those on a GPU
   double floor_ = 0;  // change at which the iteration stood still with a new factor, in the same units; 0: not met
   std::vector<double> theta_, theta_hat_, v_hat_, weight_q_, weight_v_;
   std::vector<double> r1_, r2_, dq_, dv_, f_, level_, work_n_, rhs_;
+  bool on_device_ = false;  // the vectors lie on a GPU; here are those that the host owns or looks at
+  long ticket_ = 0;         // for them
   Blocks blocks_;
   std::vector<double> u_;  // n x (n - m), column by column, for the reference iterations
 };

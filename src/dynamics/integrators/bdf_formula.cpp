@@ -15,19 +15,28 @@ void BdfIntegrator::set_formula(double h, int order) {
   derivative_weights(formula_.t, history_.times(order), w);
   formula_.hp = 1 / w[0];
   for (double& weight : w) weight *= -formula_.hp;
-  combine_past({}, ConstSpan(w).subspan(1, static_cast<std::size_t>(order)), {theta_hat_, v_hat_});
+  combine_past({.to_theta = &BdfArrays::theta_hat, .to_v = &BdfArrays::v_hat},
+               ConstSpan(w).subspan(1, static_cast<std::size_t>(order)));
 }
 
-// to.theta = from.theta + the sum of weights[j] theta_j over the newest points, and v likewise; from: {} is zero.
-void BdfIntegrator::combine_past(const Motion& from, ConstSpan weights, const Motion& to) {
+// The weights belong to the newest points.
+void BdfIntegrator::combine_past(PastSums sums, ConstSpan weights) {
+  std::copy(weights.begin(), weights.end(), sums.weights);
+  sums.count = static_cast<int>(weights.size());
+  if (on_device_) return run(sums);
+  // As the loop says, but point by point: vectors of a processor want that.
+  const BdfArrays here = arrays();
+  double *const theta = here.*sums.to_theta, *const v = here.*sums.to_v;
+  const double* const from_theta = sums.from_theta == nullptr ? nullptr : here.*sums.from_theta;
+  const double* const from_v = sums.from_v == nullptr ? nullptr : here.*sums.from_v;
   for_each_block(equations_.pool(), theta_.size(), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) to.theta[i] = from.theta.empty() ? 0.0 : from.theta[i];
-    for (std::size_t i = begin; i < end; ++i) to.v[i] = from.v.empty() ? 0.0 : from.v[i];
+    for (std::size_t i = begin; i < end; ++i) theta[i] = from_theta == nullptr ? 0.0 : from_theta[i];
+    for (std::size_t i = begin; i < end; ++i) v[i] = from_v == nullptr ? 0.0 : from_v[i];
     for (std::size_t j = 0; j < weights.size(); ++j) {
       const double weight = weights[j];
-      const ConstSpan theta_j = history_.theta(static_cast<int>(j)), v_j = history_.v(static_cast<int>(j));
-      for (std::size_t i = begin; i < end; ++i) to.theta[i] += weight * theta_j[i];
-      for (std::size_t i = begin; i < end; ++i) to.v[i] += weight * v_j[i];
+      const double *const theta_j = here.past_theta[j], *const v_j = here.past_v[j];
+      for (std::size_t i = begin; i < end; ++i) theta[i] += weight * theta_j[i];
+      for (std::size_t i = begin; i < end; ++i) v[i] += weight * v_j[i];
     }
   });
 }
@@ -36,7 +45,8 @@ void BdfIntegrator::predict() {
   std::array<double, kMaxBdfOrder + 2> w{};
   const int points = std::min(formula_.order + 1, history_.size());
   value_weights(formula_.t, history_.times(points), w);
-  combine_past({}, ConstSpan(w).first(static_cast<std::size_t>(points)), {theta_, trial_.v});
+  combine_past({.to_theta = &BdfArrays::theta, .to_v = &BdfArrays::v},
+               ConstSpan(w).first(static_cast<std::size_t>(points)));
   const int lambda_points = std::min(points, 3);
   value_weights(formula_.t, history_.times(lambda_points), w);
   std::fill(trial_.lambda.begin(), trial_.lambda.end(), 0.0);
@@ -45,11 +55,13 @@ void BdfIntegrator::predict() {
     for (std::size_t i = 0; i < lambda.size(); ++i) trial_.lambda[i] += w[static_cast<std::size_t>(j)] * lambda[i];
   }
   trial_.t = formula_.t;
-  for_coordinates([&](std::size_t i) { trial_.a[i] = (trial_.v[i] - v_hat_[i]) / formula_.hp; });
-  equations_.system().retract(history_.q(0), theta_, trial_.q);
+  run(FormulaAcceleration{formula_.hp});
+  predict_position();
+  see({&BdfArrays::q, &BdfArrays::v, &BdfArrays::a});
 }
 
 void BdfIntegrator::error_weights() {
+  if (on_device_) return error_weights_there();
   equations_.system().magnitude(state_.q, weight_q_);
   size_q_ = largest_of(equations_.pool(), weight_q_.size(), [&](std::size_t i) {
     const double size = weight_q_[i];
@@ -76,8 +88,15 @@ double BdfIntegrator::error_estimate(int order) {
   derivative_weights(formula_.t, history_.times(order), d);
   const double factor = 1 / (d[0] * (formula_.t - history_.time(order)));
   for (double& weight : w) weight = -weight;
-  combine_past({theta_, trial_.v}, ConstSpan(w).first(static_cast<std::size_t>(points)), {dq_, dv_});
+  combine_past({&BdfArrays::theta, &BdfArrays::v, &BdfArrays::dq, &BdfArrays::dv},
+               ConstSpan(w).first(static_cast<std::size_t>(points)));
   if (noisy_left_ > 0 || formula_is_projected_) remove_weak_parts();
+  if (on_device_) {
+    const BdfRecord record = measure(
+        {.largest = {}, .x = {&BdfArrays::dq, &BdfArrays::dv}, .weight = {&BdfArrays::weight_q, &BdfArrays::weight_v}});
+    const double square = options_.test_velocity ? std::max(record.square[0], record.square[1]) : record.square[0];
+    return factor * std::sqrt(square / static_cast<double>(dq_.size()));
+  }
   const double error = norm(dq_, weight_q_);
   return factor * (options_.test_velocity ? std::max(error, norm(dv_, weight_v_)) : error);
 }

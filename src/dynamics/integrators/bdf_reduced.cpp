@@ -9,9 +9,8 @@ namespace espalier::dynamics {
 
 // r1_ = T(theta) (theta - theta^)/h', the velocity that the formula gives.
 void BdfIntegrator::rates_of_formula() {
-  const double inverse = 1 / formula_.hp;
-  for_coordinates([&](std::size_t i) { r1_[i] = (theta_[i] - theta_hat_[i]) * inverse; });
-  equations_.system().velocity_of_rate(theta_, r1_, r1_);
+  run(FormulaRates{1 / formula_.hp});
+  velocity_of_rates();
 }
 
 // R1 = v - T(theta) (theta - theta^)/h' and R2 = a - (v - v^)/h'; theta_ must belong to s.
@@ -32,31 +31,43 @@ void BdfIntegrator::project_stages() {
   const std::size_t m = level_.size();
   const double hp = formula_.hp, inverse = 1 / hp;
   rates_of_formula();
-  for_coordinates([&](std::size_t i) {  // R1 and R2 as in stage_residuals()
-    const double r1 = trial_.v[i] - r1_[i], r2 = trial_.a[i] - (trial_.v[i] - v_hat_[i]) * inverse;
-    dq_[i] = hp * (r1 + hp * r2);
-    dv_[i] = hp * r2;
-  });
-  if (m > 0) add_normal_part(equations_.phi(), dq_);
-  equations_.system().retract(trial_.q, dq_, trial_.q);
+  run(StageChanges{hp, inverse});
+  see({&BdfArrays::dq, &BdfArrays::dv});
+  if (m > 0) add_normal_part(equations_.phi(), &BdfArrays::dq);
+  move_position(&BdfArrays::dq);
   if (m > 0) {
+    see({&BdfArrays::q});
     equations_.evaluate_constraints(trial_.t, trial_.q, {});
     equations_.level(trial_.v, equations_.nu(), level_);
-    add_normal_part(level_, dv_);
+    add_normal_part(level_, &BdfArrays::dv);
   }
-  for_coordinates([&](std::size_t i) { trial_.v[i] += dv_[i]; });
+  run(AddTo{&BdfArrays::v, &BdfArrays::dv});
+  see({&BdfArrays::q, &BdfArrays::v});
 }
 
 // change += x, K [x; .] = [0; -violation - Phi_q,K change]: what the level lacks after the change, in normal
 // directions.
-void BdfIntegrator::add_normal_part(ConstSpan violation, Span change) {
+// @pre a change on a GPU was seen
+void BdfIntegrator::add_normal_part(ConstSpan violation, BdfVector change) {
+  const BdfArrays here = arrays();
   const std::size_t n = theta_.size(), m = level_.size();
-  const Span x(rhs_.data(), n + m), lower = x.subspan(n);
-  equations_.kkt().multiply_phi_q(change, lower);
-  fill_zero(equations_.pool(), x.first(n));
+  const Span lower(here.normal + n, m);
+  equations_.kkt().multiply_phi_q(ConstSpan(here.*change, n), lower);
   for (std::size_t i = 0; i < m; ++i) lower[i] = -violation[i] - lower[i];
-  equations_.solve(x, 1, 1);
-  for_coordinates([&](std::size_t i) { change[i] += x[i]; });
+  solve_normal();
+  run(AddTo{change, &BdfArrays::normal});
+}
+
+// normal := K^-1 [0; r], where r are its last m numbers.
+void BdfIntegrator::solve_normal() {
+  const BdfArrays here = arrays();
+  const std::size_t n = theta_.size(), m = level_.size();
+  if (on_device_) {
+    equations_.solve_normal_there(ConstSpan(here.normal + n, m), there().arrays().normal);
+    return take_right_sides({&BdfArrays::normal});
+  }
+  fill_zero(equations_.pool(), Span(here.normal, n));
+  equations_.solve(Span(here.normal, n + m), 1, 1);
 }
 
 // One pass of the reduced iteration; leaves the changes of q and v in dq_ and dv_. v and q get that part of da only
@@ -64,35 +75,34 @@ void BdfIntegrator::add_normal_part(ConstSpan violation, Span change) {
 // levels.
 void BdfIntegrator::iterate_reduced(StepReport& report) {
   const std::size_t n = theta_.size(), m = level_.size();
-  const double hp = formula_.hp;
-  System& system = equations_.system();
+  const BdfArrays here = arrays();
   project_stages();
   equations_.evaluate_gamma(trial_.t, trial_.q, trial_.v);
-  equations_.motion(trial_.view(), f_);
+  if (on_device_)
+    residual_there();
+  else
+    equations_.motion(trial_.view(), f_);
   equations_.level(trial_.a, equations_.gamma(), level_);
   const Span tangential(rhs_.data(), n + m), normal(rhs_.data() + n + m, n + m);
-  report.residual = largest_of(equations_.pool(), n, [&](std::size_t i) {
-    tangential[i] = -f_[i];
-    normal[i] = 0;
-    return f_[i];
-  });
+  if (!on_device_)
+    report.residual = largest_of(equations_.pool(), n, [&](std::size_t i) {
+      RightSides{}(here, i);
+      return f_[i];
+    });
   for (std::size_t i = 0; i < m; ++i) {
     tangential[n + i] = 0;
     normal[n + i] = -level_[i];
   }
   const Index normal_columns = m > 0 ? 1 : 0;
-  equations_.solve(m > 0 ? Span(rhs_) : tangential, 1 + normal_columns, normal_columns);
-  for_coordinates([&](std::size_t i) {
-    const double da = tangential[i];
-    trial_.a[i] += da + normal[i];
-    trial_.v[i] += hp * da;
-    work_n_[i] = hp * hp * da;
-    dv_[i] += hp * da;
-    dq_[i] += work_n_[i];
-  });
+  if (on_device_)
+    solve_there();
+  else
+    equations_.solve(m > 0 ? Span(rhs_) : tangential, 1 + normal_columns, normal_columns);
+  run(PassChanges{formula_.hp});
   for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += tangential[n + i] + normal[n + i];
-  system.retract(trial_.q, work_n_, trial_.q);
-  system.local(history_.q(0), trial_.q, theta_);
+  move_position(&BdfArrays::work);
+  chart_of_position();
+  see({&BdfArrays::q, &BdfArrays::v, &BdfArrays::a});
   // The levels at the new state: the next iteration starts from them, or the step ends with them.
   equations_.evaluate_constraints(trial_.t, trial_.q, trial_.v);
 }
@@ -106,9 +116,12 @@ bool BdfIntegrator::constraints_hold(StepReport& report) {
   equations_.level(trial_.a, equations_.gamma(), level_);
   report.levels.acceleration = max_norm(level_);
   const double tolerance = options_.constraint_tolerance;
-  return report.levels.position <= tolerance &&
-         report.levels.velocity <= tolerance * std::max(1.0, max_norm(equations_.pool(), trial_.v)) &&
-         report.levels.acceleration <= tolerance * std::max(1.0, max_norm(equations_.pool(), trial_.a));
+  if (!(report.levels.position <= tolerance)) return false;
+  const BdfRecord sizes =
+      on_device_ ? measure({.largest = {&BdfArrays::v, &BdfArrays::a}, .x = {}, .weight = {}})
+                 : BdfRecord{{max_norm(equations_.pool(), trial_.v), max_norm(equations_.pool(), trial_.a)}, {}};
+  return report.levels.velocity <= tolerance * std::max(1.0, sizes.largest[0]) &&
+         report.levels.acceleration <= tolerance * std::max(1.0, sizes.largest[1]);
 }
 
 // What is left of the violations once q and v are as good as the error test asks for: projections of q, v and a along
@@ -117,26 +130,30 @@ bool BdfIntegrator::constraints_hold(StepReport& report) {
 bool BdfIntegrator::finish_levels(StepReport& report) {
   constexpr int kMostRounds = 4;
   const std::size_t n = theta_.size(), m = level_.size();
-  base::ThreadPool* const pool = equations_.pool();
+  const Span normal(arrays().normal, n + m), lower = normal.subspan(n);
+  const auto solve_for = [&](ConstSpan violation) {
+    std::transform(violation.begin(), violation.end(), lower.begin(), [](double x) { return -x; });
+    solve_normal();
+  };
   for (int round = 0; round < kMostRounds; ++round) {
     if (constraints_hold(report)) return true;
     if (report.levels.position > options_.constraint_tolerance) {
-      fill_zero(pool, work_n_);
-      add_normal_part(equations_.phi(), work_n_);
-      equations_.system().retract(trial_.q, work_n_, trial_.q);
+      solve_for(equations_.phi());
+      move_position(&BdfArrays::normal);
+      see({&BdfArrays::q});
       equations_.evaluate_constraints(trial_.t, trial_.q, {});
     }
     equations_.level(trial_.v, equations_.nu(), level_);
-    fill_zero(pool, work_n_);
-    add_normal_part(level_, work_n_);
-    for_coordinates([&](std::size_t i) { trial_.v[i] += work_n_[i]; });
+    solve_for(level_);
+    run(AddTo{&BdfArrays::v, &BdfArrays::normal});
+    see({&BdfArrays::v});
     equations_.evaluate_gamma(trial_.t, trial_.q, trial_.v);
     equations_.level(trial_.a, equations_.gamma(), level_);
-    fill_zero(pool, work_n_);
-    add_normal_part(level_, work_n_);
-    for_coordinates([&](std::size_t i) { trial_.a[i] += work_n_[i]; });
-    for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += rhs_[n + i];
-    equations_.system().local(history_.q(0), trial_.q, theta_);
+    solve_for(level_);
+    run(AddTo{&BdfArrays::a, &BdfArrays::normal});
+    see({&BdfArrays::a});
+    for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += lower[i];
+    chart_of_position();
   }
   return constraints_hold(report);
 }
@@ -148,7 +165,12 @@ bool BdfIntegrator::hopeless(double change, double rate, int iteration) const {
 
 // Rounding of v where all are as large as the largest, in units of the tolerance, but at most half of it: passes cannot
 // agree better at tolerances like 1e-13 (Andrews' mechanism: 0.1 to 0.4).
-double BdfIntegrator::rounding_of_change() const {
+double BdfIntegrator::rounding_of_change() {
+  if (on_device_) {
+    const BdfRecord record = measure({.largest = {&BdfArrays::v}, .x = {&BdfArrays::weight_v}, .weight = {}});
+    const double unit = std::numeric_limits<double>::epsilon() * record.largest[0];
+    return std::min(0.5, unit * std::sqrt(record.square[0] / static_cast<double>(weight_v_.size())));
+  }
   const double eps = std::numeric_limits<double>::epsilon() * max_norm(equations_.pool(), trial_.v);
   const double sum = sum_of(equations_.pool(), weight_v_.size(),
                             [&](std::size_t i) { return eps * eps * weight_v_[i] * weight_v_[i]; });
@@ -183,11 +205,18 @@ bool BdfIntegrator::rounding_ends(double change, const StepReport& report) {
 }
 
 // The change of q and v of a pass in units of the tolerance; sets tiny_ and level_of_a_.
-double BdfIntegrator::change_of_pass() {
+double BdfIntegrator::change_of_pass(StepReport& report) {
   struct Part {
     LargestValue dq, dv, a;
     double square_q = 0, square_v = 0;
   };
+  if (on_device_) {
+    const BdfRecord record = measure({.largest = {&BdfArrays::dq, &BdfArrays::dv, &BdfArrays::a, &BdfArrays::f},
+                                      .x = {&BdfArrays::dq, &BdfArrays::dv},
+                                      .weight = {&BdfArrays::weight_q, &BdfArrays::weight_v}});
+    report.residual = record.largest[3];
+    return change_of({record.largest[0], record.largest[1], record.largest[2], record.square[0], record.square[1]});
+  }
   const Part all = reduce_blocks<Part>(
       equations_.pool(), dq_.size(),
       [&](std::size_t begin, std::size_t end) {
@@ -210,8 +239,12 @@ double BdfIntegrator::change_of_pass() {
         sum.square_q += next.square_q;
         sum.square_v += next.square_v;
       });
-  const double dv = formula_.hp * all.dv.value(), a = formula_.hp * formula_.hp * all.a.value();
-  tiny_ = std::max(all.dq.value(), dv) <= kRounding * size_q_;
+  return change_of({all.dq.value(), all.dv.value(), all.a.value(), all.square_q, all.square_v});
+}
+
+double BdfIntegrator::change_of(const Change& all) {
+  const double dv = formula_.hp * all.dv, a = formula_.hp * formula_.hp * all.a;
+  tiny_ = std::max(all.dq, dv) <= kRounding * size_q_;
   level_of_a_ = a > 0 ? dv / a : 0;
   return dq_.empty() ? 0.0 : std::sqrt(std::max(all.square_q, all.square_v) / static_cast<double>(dq_.size()));
 }
@@ -226,7 +259,7 @@ BdfIntegrator::Outcome BdfIntegrator::solve_reduced(StepReport& report) {
   report.newton_rate = report.rounding = 0;
   for (int iteration = 1; iteration <= options_.max_newton; ++iteration) {
     iterate_reduced(report);
-    const double change = change_of_pass();
+    const double change = change_of_pass(report);
     report.newton_iterations = iteration;
     if (!std::isfinite(change)) return Outcome::diverged;
     if (iteration == 1) first = change;

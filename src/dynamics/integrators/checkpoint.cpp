@@ -68,6 +68,7 @@ void Integrator::restore_counts(ConstSpan& in) {
 
 std::unique_ptr<Integrator> BdfIntegrator::clone() const {
   auto copy = std::make_unique<BdfIntegrator>(*this);
+  copy->leave_device();
   copy->factor_hp_ = 0;
   copy->reach_ = std::numeric_limits<double>::infinity();
   if (first_) copy->first_ = std::make_shared<BdfIntegrator>(*first_);
@@ -92,6 +93,7 @@ void BdfIntegrator::save(std::vector<double>& out) {
     put(out, history_.v(j));
     put(out, history_.lambda(j));
   }
+  leave_device();
   equations_.forget_analysis();
   factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
@@ -99,6 +101,7 @@ void BdfIntegrator::save(std::vector<double>& out) {
 }
 
 void BdfIntegrator::restore(ConstSpan& in) {
+  on_device_ = false;
   restore_counts(in);
   take_state(in, state_);
   trial_ = state_;

@@ -39,7 +39,8 @@ History::History(const System& system, int depth) : system_(system), depth_(std:
   }
 }
 
-void History::push(double t, ConstSpan q, ConstSpan v, ConstSpan lambda, base::ThreadPool* pool) {
+void History::push(double t, ConstSpan q, ConstSpan v, ConstSpan lambda, base::ThreadPool* pool,
+                   const DeviceShare* share) {
   if (count_ > 0 && t <= time(0)) throw std::invalid_argument("points of the history must increase in time");
   newest_ = (newest_ + 1) % depth_;
   count_ = std::min(count_ + 1, depth_);
@@ -48,13 +49,22 @@ void History::push(double t, ConstSpan q, ConstSpan v, ConstSpan lambda, base::T
   copy(pool, q, p.q);
   copy(pool, v, p.v);
   std::copy(lambda.begin(), lambda.end(), p.lambda.begin());
+  make_charts(pool, share);
+}
+
+void History::renew_charts(base::ThreadPool* pool) { make_charts(pool, nullptr); }
+
+void History::make_charts(base::ThreadPool* pool, const DeviceShare* share) {
+  const ConstSpan newest = points_[place(0)].q;
   for (int j = 0; j < count_; ++j) {
-    Point& past = points_[static_cast<std::size_t>((newest_ + depth_ - j) % depth_)];
+    Point& past = points_[place(j)];
     times_[static_cast<std::size_t>(j)] = past.t;
-    if (j == 0) {
+    if (share != nullptr) {
+      for (const Component* c : share->owners) c->local(newest, past.q, past.theta);
+    } else if (j == 0) {
       fill_zero(pool, past.theta);
     } else {
-      system_.local(p.q, past.q, past.theta);
+      system_.local(newest, past.q, past.theta);
     }
   }
 }

@@ -30,7 +30,11 @@ class History {
 
   void clear() { count_ = 0; }
   /// Adds a point; times must increase. @param pool  threads for long vectors; null: the calling one
-  void push(double t, ConstSpan q, ConstSpan v, ConstSpan lambda, base::ThreadPool* pool = nullptr);
+  /// @param share  not null: theta(j) is made for the coordinates of the host alone, see renew_charts()
+  void push(double t, ConstSpan q, ConstSpan v, ConstSpan lambda, base::ThreadPool* pool = nullptr,
+            const DeviceShare* share = nullptr);
+  /// Makes theta(j) for all coordinates.
+  void renew_charts(base::ThreadPool* pool);
   /// Another push() will put its point in place of the newest. @pre size() > 1
   void drop_newest();
   /// Number of points held.
@@ -45,15 +49,18 @@ class History {
   [[nodiscard]] ConstSpan q(int j) const { return slot(j).q; }
   [[nodiscard]] ConstSpan v(int j) const { return slot(j).v; }
   [[nodiscard]] ConstSpan lambda(int j) const { return slot(j).lambda; }
+  [[nodiscard]] Span theta(int j) { return points_[place(j)].theta; }
+  [[nodiscard]] Span v(int j) { return points_[place(j)].v; }
 
  private:
   struct Point {
     double t = 0;
     std::vector<double> q, v, lambda, theta;
   };
-  [[nodiscard]] const Point& slot(int j) const {
-    return points_[static_cast<std::size_t>((newest_ + depth_ - j) % depth_)];
-  }
+  [[nodiscard]] std::size_t place(int j) const { return static_cast<std::size_t>((newest_ + depth_ - j) % depth_); }
+  [[nodiscard]] const Point& slot(int j) const { return points_[place(j)]; }
+
+  void make_charts(base::ThreadPool* pool, const DeviceShare* share);
 
   const System& system_;
   int depth_;

@@ -5,7 +5,6 @@
 #include <limits>
 #include <utility>
 
-#include "dynamics/dae/row_ranges.hpp"
 #include "dynamics/dae/vectors.hpp"
 
 namespace espalier::dynamics {
@@ -220,13 +219,9 @@ StaticProblem::Rounding StaticProblem::rounding(const State& state) const {
   constexpr double kRoundingOfSums = 16 * std::numeric_limits<double>::epsilon();
   Rounding sums{std::vector<double>(n_, 0.0), std::vector<double>(m_, 0.0)};
   KktSolver& kkt = equations_.kkt();
-  const SparsePattern& w = kkt.w_pattern();
-  const ConstSpan values = kkt.w_of_factor();
-  for_each_row_range(w, pool(), [&](Index column, Offset begin, Offset end) {
-    const double size = kRoundingOfSums * size_[static_cast<std::size_t>(column)];
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
-      sums.motion[static_cast<std::size_t>(w.ind[k])] += std::abs(values[k] * size);
-  });
+  std::vector<double> rounding_of_size(n_);
+  for_each_entry(pool(), n_, [&](std::size_t i) { rounding_of_size[i] = kRoundingOfSums * size_[i]; });
+  kkt.sum_rows_of_w(rounding_of_size, sums.motion);
   const SparsePattern& p = kkt.phi_q_pattern();
   for (std::size_t c = 0; c < m_; ++c)
     for (auto k = static_cast<std::size_t>(p.ptr[c]); k < static_cast<std::size_t>(p.ptr[c + 1]); ++k) {

@@ -356,6 +356,11 @@ bool Runner::reached(double end) const {
 }
 
 void Runner::note_steps() {
+  // What found no room on a GPU may have looked for it in the middle of the run.
+  std::vector<std::string>& notices = summary_.notices;
+  if (const std::string& notice = equations_->device_notice();
+      !notice.empty() && std::find(notices.begin(), notices.end(), notice) == notices.end())
+    notices.push_back(notice);
   if (record_.unsymmetric > 0)
     summary_.notices.push_back(fmt::format(
         "kind = ldlt took {} unsymmetric Newton matrices for symmetric ones (a_ij and a_ji differ by up to {:.1e} of "

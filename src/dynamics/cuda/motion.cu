@@ -1,0 +1,171 @@
+#include <algorithm>
+#include <utility>
+
+#include "dynamics/cuda/motion.hpp"
+
+namespace espalier::dynamics::cuda {
+
+namespace {
+
+constexpr int kThreads = 256;
+constexpr Offset kBlock = 8 * kThreads;  // coordinates of a record
+
+__device__ Offset this_thread() { return static_cast<Offset>(blockIdx.x) * blockDim.x + threadIdx.x; }
+
+template <class Loop>
+__global__ void loop_kernel(const BdfArrays arrays, const Loop loop, Offset first, Offset count) {
+  const Offset k = this_thread();
+  if (k < count) loop(arrays, static_cast<std::size_t>(first + k));
+}
+
+// The records of all threads of a block, joined in a fixed order, to the first thread.
+__device__ BdfRecord join_block(const BdfRecord& own) {
+  __shared__ BdfRecord all[kThreads];
+  all[threadIdx.x] = own;
+  __syncthreads();
+  for (unsigned step = kThreads / 2; step > 0; step /= 2) {
+    if (threadIdx.x < step) BdfMeasure::join(all[threadIdx.x], all[threadIdx.x + step]);
+    __syncthreads();
+  }
+  return all[0];
+}
+
+__global__ void measure_kernel(const BdfArrays arrays, const BdfMeasure what, Offset first, Offset count,
+                               BdfRecord* records) {
+  const Offset begin = static_cast<Offset>(blockIdx.x) * kBlock, end = min(begin + kBlock, count);
+  BdfRecord own{};
+  for (Offset k = begin + threadIdx.x; k < end; k += kThreads)
+    what.add(arrays, static_cast<std::size_t>(first + k), own);
+  const BdfRecord all = join_block(own);
+  if (threadIdx.x == 0) records[blockIdx.x] = all;
+}
+
+// One block.
+__global__ void join_kernel(Offset count, const BdfRecord* records, BdfRecord* to) {
+  BdfRecord own{};
+  for (Offset k = threadIdx.x; k < count; k += kThreads) BdfMeasure::join(own, records[k]);
+  const BdfRecord all = join_block(own);
+  if (threadIdx.x == 0) *to = all;
+}
+
+__global__ void look_kernel(Offset count, const Index* list, const double* from, double* to) {
+  const Offset k = this_thread();
+  if (k < count) to[k] = from[list[k]];
+}
+
+__global__ void put_kernel(Offset count, const Index* list, const double* values, bool add, double* to) {
+  const Offset k = this_thread();
+  if (k < count) to[list[k]] = add ? to[list[k]] + values[k] : values[k];
+}
+
+constexpr BdfVector kVectors[] = {&BdfArrays::q,         &BdfArrays::v,        &BdfArrays::a,    &BdfArrays::theta,
+                                  &BdfArrays::theta_hat, &BdfArrays::v_hat,    &BdfArrays::rate, &BdfArrays::weight_q,
+                                  &BdfArrays::weight_v,  &BdfArrays::placed_q, &BdfArrays::dq,   &BdfArrays::dv,
+                                  &BdfArrays::f,         &BdfArrays::work};
+
+}  // namespace
+
+CudaMotion::CudaMotion(const Sizes& sizes, int points, const DeviceShare& share, Gpu& gpu)
+    : gpu_(gpu), points_(points), ranges_(share.ranges), blocks_(0) {
+  const DeviceGuard guard(gpu_.number);
+  const Offset n = sizes.velocity, rows = n + sizes.constraints;
+  const Offset numbers = (static_cast<Offset>(std::size(kVectors)) + 3 * points) * n + 2 * rows;
+  vectors_ = make_array<double>(numbers, gpu_);
+  call("cudaMemsetAsync(vectors)", [&] {
+    return cudaMemsetAsync(vectors_.data(), 0, static_cast<std::size_t>(vectors_.bytes()), gpu_.stream.get());
+  });
+  double* next = vectors_.data();
+  for (const BdfVector vector : kVectors) arrays_.*vector = std::exchange(next, next + n);
+  for (int j = 0; j < points; ++j)
+    for (auto* past : {&arrays_.past_q, &arrays_.past_v, &arrays_.past_theta})
+      (*past)[j] = std::exchange(next, next + n);
+  arrays_.tangential = std::exchange(next, next + rows);
+  arrays_.normal = next;
+  std::vector<Index> right_side(share.own);
+  for (Offset i = n; i < rows; ++i) right_side.push_back(static_cast<Index>(i));
+  seen_ = upload<Index>(share.seen, gpu_);
+  right_side_ = upload<Index>(right_side, gpu_);
+  const Offset longest = std::max({seen_.size(), right_side_.size(), Offset{1}});
+  looked_ = make_array<double>(kMostLooks * longest, gpu_);
+  looked_at_ = PinnedArray<double>(kMostLooks * longest);
+  for (const DeviceShare::Range& r : ranges_) blocks_ += (r.count + kBlock - 1) / kBlock;
+  records_ = make_array<BdfRecord>(blocks_ + 1, gpu_);
+  record_ = PinnedArray<BdfRecord>(1);
+  gpu_.stream.wait();
+}
+
+void CudaMotion::turn_past() {
+  for (auto* past : {&arrays_.past_q, &arrays_.past_v, &arrays_.past_theta})
+    std::rotate(*past, *past + points_ - 1, *past + points_);
+}
+
+void CudaMotion::run(const BdfLoop& loop) {
+  const DeviceGuard guard(gpu_.number);
+  std::visit(
+      [&](const auto& of_kind) {
+        for (const DeviceShare::Range& r : ranges_) {
+          loop_kernel<<<blocks_for(r.count, kThreads), kThreads, 0, gpu_.stream.get()>>>(arrays_, of_kind, Offset{r.v},
+                                                                                         Offset{r.count});
+          call("launch of a loop over coordinates", [&] { return cudaGetLastError(); });
+        }
+      },
+      loop);
+}
+
+BdfRecord CudaMotion::measure(const BdfMeasure& what) {
+  const DeviceGuard guard(gpu_.number);
+  const cudaStream_t stream = gpu_.stream.get();
+  Offset block = 0;
+  for (const DeviceShare::Range& r : ranges_) {
+    const Offset own = (r.count + kBlock - 1) / kBlock;
+    measure_kernel<<<static_cast<unsigned>(own), kThreads, 0, stream>>>(arrays_, what, Offset{r.v}, Offset{r.count},
+                                                                        records_.data() + block);
+    call("launch of a measurement", [&] { return cudaGetLastError(); });
+    block += own;
+  }
+  BdfRecord* const all = records_.data() + blocks_;
+  join_kernel<<<1, kThreads, 0, stream>>>(blocks_, records_.data(), all);
+  call("launch of the joining of records", [&] { return cudaGetLastError(); });
+  call("cudaMemcpyAsync(record)",
+       [&] { return cudaMemcpyAsync(record_.data(), all, sizeof(BdfRecord), cudaMemcpyDeviceToHost, stream); });
+  gpu_.stream.wait();
+  return *record_.data();
+}
+
+void CudaMotion::send(ConstSpan from, double* to) {
+  const DeviceGuard guard(gpu_.number);
+  gpu_.send(from, to);
+}
+
+void CudaMotion::fetch(const double* from, Span to) {
+  const DeviceGuard guard(gpu_.number);
+  gpu_.fetch(from, to);
+}
+
+ConstSpan CudaMotion::look(List list, std::span<const double* const> from) {
+  const DeviceGuard guard(gpu_.number);
+  const DeviceArray<Index>& places = of(list);
+  const Offset count = places.size(), all = count * static_cast<Offset>(from.size());
+  if (count == 0) return {};
+  for (std::size_t k = 0; k < from.size(); ++k) {
+    look_kernel<<<blocks_for(count, kThreads), kThreads, 0, gpu_.stream.get()>>>(
+        count, places.data(), from[k], looked_.data() + static_cast<Offset>(k) * count);
+    call("launch of a look", [&] { return cudaGetLastError(); });
+  }
+  copy(looked_at_.data(), looked_.data(), all, cudaMemcpyDeviceToHost, gpu_);
+  gpu_.stream.wait();
+  return {looked_at_.data(), static_cast<std::size_t>(all)};
+}
+
+void CudaMotion::put(List list, ConstSpan values, double* to, bool add) {
+  if (values.empty()) return;
+  const DeviceGuard guard(gpu_.number);
+  const DeviceArray<Index>& places = of(list);
+  const Offset count = places.size();
+  gpu_.send(values, looked_.data());
+  put_kernel<<<blocks_for(count, kThreads), kThreads, 0, gpu_.stream.get()>>>(count, places.data(), looked_.data(), add,
+                                                                              to);
+  call("launch of a put", [&] { return cudaGetLastError(); });
+}
+
+}  // namespace espalier::dynamics::cuda

@@ -1,0 +1,44 @@
+/// \file
+/// Long vectors of an integrator on a GPU. For this folder alone: needs the CUDA runtime.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "dynamics/cuda/arrays.hpp"
+#include "dynamics/device/device_motion.hpp"
+
+namespace espalier::dynamics::cuda {
+
+class CudaMotion final : public DeviceMotion {
+ public:
+  CudaMotion(const Sizes& sizes, int points, const DeviceShare& share, Gpu& gpu);
+  [[nodiscard]] const BdfArrays& arrays() const override { return arrays_; }
+  void turn_past() override;
+  void run(const BdfLoop& loop) override;
+  [[nodiscard]] BdfRecord measure(const BdfMeasure& what) override;
+  void send(ConstSpan from, double* to) override;
+  void fetch(const double* from, Span to) override;
+  [[nodiscard]] ConstSpan look(List list, std::span<const double* const> from) override;
+  void set(List list, ConstSpan values, double* to) override { put(list, values, to, false); }
+  void add(List list, ConstSpan values, double* to) override { put(list, values, to, true); }
+
+ private:
+  static constexpr int kMostLooks = 4;  // vectors that look() takes at a time
+  [[nodiscard]] const DeviceArray<Index>& of(List list) const { return list == List::seen ? seen_ : right_side_; }
+  void put(List list, ConstSpan values, double* to, bool add);
+
+  Gpu& gpu_;
+  int points_;
+  std::vector<DeviceShare::Range> ranges_;
+  BdfArrays arrays_;
+  DeviceArray<double> vectors_;  // all of them
+  DeviceArray<Index> seen_, right_side_;
+  DeviceArray<double> looked_;  // numbers of a list, on their way
+  PinnedArray<double> looked_at_;
+  DeviceArray<BdfRecord> records_;  // of blocks, and the last one of all
+  PinnedArray<BdfRecord> record_;
+  Offset blocks_;
+};
+
+}  // namespace espalier::dynamics::cuda

@@ -1,0 +1,43 @@
+/// \file
+/// The long vectors of an integrator in the memory of the GPU that has the factor and the bodies.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "dynamics/dae/system.hpp"
+#include "dynamics/device/bdf_loops.hpp"
+
+namespace espalier::dynamics {
+
+/// Vectors of n numbers, one for each velocity coordinate; those that components of the host own stand in them but are
+/// used by right-hand sides alone. Work is enqueued on the stream of the bodies and of K.
+/// @throws Error(device_error)
+class DeviceMotion {
+ public:
+  virtual ~DeviceMotion() = default;
+  /// Where they lie.
+  [[nodiscard]] virtual const BdfArrays& arrays() const = 0;
+  /// The place of the oldest past point becomes that of the newest, and all others move on.
+  virtual void turn_past() = 0;
+  /// For all coordinates of bodies.
+  virtual void run(const BdfLoop& loop) = 0;
+  /// Over them. Waits.
+  [[nodiscard]] virtual BdfRecord measure(const BdfMeasure& what) = 0;
+  /// Copies of `count` numbers to and from this memory; send() lets `from` change on return, fetch() waits.
+  virtual void send(ConstSpan from, double* to) = 0;
+  virtual void fetch(const double* from, Span to) = 0;
+  /// Coordinates of DeviceShare.
+  enum class List {
+    seen,        ///< `seen`
+    right_side,  ///< `own`, and behind them the m rows of the constraints
+  };
+  /// Their numbers in each of the vectors, one vector after the other; to be read until the next call. Waits.
+  [[nodiscard]] virtual ConstSpan look(List list, std::span<const double* const> from) = 0;
+  /// to_i := or += one of `values` for each of the list.
+  virtual void set(List list, ConstSpan values, double* to) = 0;
+  virtual void add(List list, ConstSpan values, double* to) = 0;
+};
+
+}  // namespace espalier::dynamics

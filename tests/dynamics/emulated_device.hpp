@@ -1,0 +1,291 @@
+/// \file
+/// A GPU for bodies, K and the vectors of an integrator that is none: its memory is the host's, and what is written
+/// there is never read as the host's by mistake, as both have their own arrays. For tests on machines without one.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/dae/linear_solver.hpp"
+#include "dynamics/device/device_assembly.hpp"
+
+namespace espalier::dynamics::test {
+
+/// Espalier's solver on the host, which says that its memory is that of GPU 0.
+class EmulatedSolver final : public LinearSolver {
+ public:
+  explicit EmulatedSolver(Index unknowns) : solver_(make_espalier_solver(newton_options(unknowns))) {}
+  Status analyze(const MatrixView& a) override {
+    size_ = static_cast<std::size_t>(a.cols);
+    return solver_->analyze(a);
+  }
+  Status factorize(std::span<const double> values) override { return solver_->factorize(values); }
+  [[nodiscard]] int gpu() const override { return lost ? -1 : 0; }
+  Status factorize_device(const double* values, Offset count, void*) override {
+    if (left_ >= 0 && left_-- == 0) {
+      lost = true;
+      return {StatusCode::device_error, "the emulated GPU has failed", -1};
+    }
+    return solver_->factorize({values, static_cast<std::size_t>(count)});
+  }
+  Status solve_device(double* b, Index columns, void*) override {
+    const Span x(b, size_ * static_cast<std::size_t>(columns));
+    return solver_->solve(x, x, columns);
+  }
+  [[nodiscard]] Offset numbers_of_factor() const override { return solver_->numbers_of_factor(); }
+  Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
+    return solver_->solve(b, x, columns);
+  }
+  /// The GPU fails in the factorization after so many.
+  void fail_after(int factorizations) { left_ = factorizations; }
+  bool lost = false;
+
+ private:
+  std::unique_ptr<LinearSolver> solver_;
+  std::size_t size_ = 0;
+  int left_ = -1;
+};
+
+/// A body is another one of the same model, which lies in its global arrays where that on the GPU does.
+class EmulatedBody final : public DeviceBody {
+ public:
+  EmulatedBody(AssembledSystem& twin, FlexibleBody& body) : twin_(twin), body_(body) {}
+  void bind(std::span<const Offset> column_start, std::span<const std::int32_t>) override {
+    column_start_.assign(column_start.begin(), column_start.end());
+  }
+  void start_forces(const BodyState& state) override {
+    take(state);
+    f_.assign(v_.size(), 0.0);
+    body_.residual(view(), f_);
+  }
+  Offset finish_forces(double, const double*, double* f) override {
+    for (std::size_t k = 0; k < numbers(); ++k) f[k] += f_[first() + k];
+    return -1;
+  }
+  void put_forces(double, double* f) override { std::copy_n(f_.begin() + at(), numbers(), f); }
+  void start_tangent(const BodyState& state, const TangentWeights& weights, double* values) override {
+    take(state);
+    const SparsePattern& w = twin_.tangent_pattern();
+    w_.assign(static_cast<std::size_t>(w.nonzeros()), 0.0);
+    body_.tangent(view(), weights, w_);
+    for (std::size_t j = 0; j < numbers(); ++j)
+      for (Offset p = w.ptr[first() + j]; p < w.ptr[first() + j + 1]; ++p)
+        values[column_start_[j] + p - w.ptr[first() + j]] += w_[static_cast<std::size_t>(p)];
+  }
+  Offset finish() override { return -1; }
+
+ private:
+  [[nodiscard]] std::size_t numbers() const { return body_.reference().size(); }
+  [[nodiscard]] std::size_t first() const { return static_cast<std::size_t>(body_.placement().v); }
+  [[nodiscard]] std::ptrdiff_t at() const { return body_.placement().v; }
+  [[nodiscard]] StateView view() const { return {0, q_, v_, a_, {}}; }
+  void take(const BodyState& state) {
+    const Sizes sizes = twin_.sizes();
+    q_.assign(static_cast<std::size_t>(sizes.configuration), 0.0);
+    v_.assign(static_cast<std::size_t>(sizes.velocity), 0.0);
+    a_ = v_;
+    std::copy_n(state.q, numbers(), q_.begin() + body_.placement().q);
+    if (state.v != nullptr) std::copy_n(state.v, numbers(), v_.begin() + at());
+    if (state.a != nullptr) std::copy_n(state.a, numbers(), a_.begin() + at());
+  }
+
+  AssembledSystem& twin_;
+  FlexibleBody& body_;
+  std::vector<Offset> column_start_;
+  std::vector<double> q_, v_, a_, f_, w_;
+};
+
+class EmulatedVectors final : public DeviceVectors {
+ public:
+  explicit EmulatedVectors(const std::vector<double>& scale) : scale_(scale) {}
+  void solve(Span b, const Solve& solve) override { solve_columns(b.data(), b.size() / scale_.size(), solve); }
+  void solve_there(double* b, const Solve& solve) override { solve_columns(b, 1, solve); }
+  void put_lower(ConstSpan r, double* b) override {
+    std::fill_n(b, scale_.size() - r.size(), 0.0);
+    std::copy(r.begin(), r.end(), b + scale_.size() - r.size());
+  }
+  void make_columns(std::span<const Index> rows, const Solve& solve) override {
+    columns_.assign(rows.size() * scale_.size(), 0.0);
+    for (std::size_t c = 0; c < rows.size(); ++c) columns_[c * scale_.size() + static_cast<std::size_t>(rows[c])] = 1;
+    solve_columns(columns_.data(), rows.size(), solve);
+  }
+  void combine_columns(ConstSpan factors, Span x) override { combine_columns_there(factors, x.data()); }
+  void combine_columns_there(ConstSpan factors, double* x) override {
+    for (std::size_t i = 0; i < scale_.size(); ++i) {
+      x[i] = 0;
+      for (std::size_t c = 0; c < factors.size(); ++c) x[i] += factors[c] * columns_[c * scale_.size() + i];
+    }
+  }
+  void fetch_columns(Span to) override { std::copy(columns_.begin(), columns_.end(), to.begin()); }
+  [[nodiscard]] void* stream() const override { return nullptr; }
+
+ private:
+  void solve_columns(double* b, std::size_t count, const Solve& solve) {
+    const auto scale = [&] {
+      for (std::size_t k = 0; k < count * scale_.size(); ++k) b[k] *= scale_[k % scale_.size()];
+    };
+    scale();
+    for (std::size_t first = 0; first < count; first += kMostColumns)
+      solve(b + first * scale_.size(),
+            static_cast<Index>(std::min(count - first, static_cast<std::size_t>(kMostColumns))));
+    scale();
+  }
+
+  const std::vector<double>& scale_;
+  std::vector<double> columns_;
+};
+
+class EmulatedMatrix final : public DeviceMatrix {
+ public:
+  explicit EmulatedMatrix(const DeviceMatrixLayout& layout)
+      : w_(*layout.w),
+        k_ptr_(layout.k_ptr.begin(), layout.k_ptr.end()),
+        w_of_host_(layout.w_of_host.begin(), layout.w_of_host.end()),
+        rest_(layout.rest.begin(), layout.rest.end()),
+        values_(static_cast<std::size_t>(k_ptr_.back())),
+        scale_(k_ptr_.size() - 1) {}
+  double* clear() override {
+    std::fill(values_.begin(), values_.end(), 0.0);
+    return values_.data();
+  }
+  void add_from_host(const Fill& fill) override {
+    std::vector<double> part(w_of_host_.size());
+    fill(0, static_cast<Offset>(part.size()), part.data());
+    for (std::size_t e = 0; e < part.size(); ++e) values_[static_cast<std::size_t>(w_of_host_[e])] += part[e];
+  }
+  void column_sizes(Span diagonal, Span largest) override {
+    std::fill(diagonal.begin(), diagonal.end(), 0.0);
+    std::fill(largest.begin(), largest.end(), 0.0);
+    for_each_of_w([&](std::size_t i, std::size_t j, double& value, std::size_t) {
+      largest[j] = std::max(largest[j], std::abs(value));
+      if (i == j) diagonal[j] = std::abs(value);
+    });
+  }
+  const double* complete(ConstSpan scale, ConstSpan rest) override {
+    std::copy(scale.begin(), scale.end(), scale_.begin());
+    for_each_of_w(
+        [&](std::size_t i, std::size_t j, double& value, std::size_t) { value = value * scale_[i] * scale_[j]; });
+    for (std::size_t e = 0; e < rest.size(); ++e) values_[static_cast<std::size_t>(rest_[e])] = rest[e];
+    return values_.data();
+  }
+  void fetch_w(Span values) const override {
+    for_each_of_w([&](std::size_t i, std::size_t j, const double& value, std::size_t p) {
+      values[p] = value / scale_[j] / scale_[i];
+    });
+  }
+  void sum_rows(ConstSpan x, Span out) const override {
+    std::fill(out.begin(), out.end(), 0.0);
+    for_each_of_w([&](std::size_t i, std::size_t j, const double& value, std::size_t) {
+      out[i] += std::abs(value / scale_[j] / scale_[i]) * x[j];
+    });
+  }
+  [[nodiscard]] void* stream() const override { return nullptr; }
+  std::unique_ptr<DeviceVectors> make_vectors() override { return std::make_unique<EmulatedVectors>(scale_); }
+
+ private:
+  template <class Body>
+  void for_each_of_w(const Body& body) const {
+    for (std::size_t j = 0; j + 1 < w_.ptr.size(); ++j)
+      for (Offset p = w_.ptr[j]; p < w_.ptr[j + 1]; ++p)
+        body(static_cast<std::size_t>(w_.ind[static_cast<std::size_t>(p)]), j,
+             values_[static_cast<std::size_t>(k_ptr_[j] + p - w_.ptr[j])], static_cast<std::size_t>(p));
+  }
+
+  const SparsePattern& w_;
+  std::vector<Offset> k_ptr_, w_of_host_, rest_;
+  mutable std::vector<double> values_;
+  std::vector<double> scale_;
+};
+
+/// Numbers that no body owns are NaN, but for right-hand sides: who uses them shows.
+class EmulatedMotion final : public DeviceMotion {
+ public:
+  EmulatedMotion(const Sizes& sizes, int points, const DeviceShare& share) : share_(share), points_(points) {
+    const auto n = static_cast<std::size_t>(sizes.velocity), m = static_cast<std::size_t>(sizes.constraints);
+    for (const BdfVector vector :
+         {&BdfArrays::q, &BdfArrays::v, &BdfArrays::a, &BdfArrays::theta, &BdfArrays::theta_hat, &BdfArrays::v_hat,
+          &BdfArrays::rate, &BdfArrays::weight_q, &BdfArrays::weight_v, &BdfArrays::placed_q, &BdfArrays::dq,
+          &BdfArrays::dv, &BdfArrays::f, &BdfArrays::work})
+      arrays_.*vector = made(n);
+    for (int j = 0; j < points; ++j)
+      for (auto* past : {&arrays_.past_q, &arrays_.past_v, &arrays_.past_theta}) (*past)[j] = made(n);
+    arrays_.tangential = made(n + m);
+    arrays_.normal = made(n + m);
+    right_side_ = share.own;
+    for (std::size_t i = n; i < n + m; ++i) right_side_.push_back(static_cast<Index>(i));
+  }
+  [[nodiscard]] const BdfArrays& arrays() const override { return arrays_; }
+  void turn_past() override {
+    for (auto* past : {&arrays_.past_q, &arrays_.past_v, &arrays_.past_theta})
+      std::rotate(*past, *past + points_ - 1, *past + points_);
+  }
+  void run(const BdfLoop& loop) override {
+    std::visit([&](const auto& of_kind) { for_each([&](std::size_t i) { of_kind(arrays_, i); }); }, loop);
+  }
+  [[nodiscard]] BdfRecord measure(const BdfMeasure& what) override {
+    BdfRecord record{};
+    for_each([&](std::size_t i) { what.add(arrays_, i, record); });
+    return record;
+  }
+  void send(ConstSpan from, double* to) override { std::copy(from.begin(), from.end(), to); }
+  void fetch(const double* from, Span to) override { std::copy_n(from, to.size(), to.begin()); }
+  [[nodiscard]] ConstSpan look(List list, std::span<const double* const> from) override {
+    looked_.clear();
+    for (const double* x : from)
+      for (const Index i : of(list)) looked_.push_back(x[i]);
+    return looked_;
+  }
+  void set(List list, ConstSpan values, double* to) override {
+    for (std::size_t k = 0; k < values.size(); ++k) to[of(list)[k]] = values[k];
+  }
+  void add(List list, ConstSpan values, double* to) override {
+    for (std::size_t k = 0; k < values.size(); ++k) to[of(list)[k]] += values[k];
+  }
+
+ private:
+  double* made(std::size_t size) { return memory_.emplace_back(size, std::nan("")).data(); }
+  [[nodiscard]] const std::vector<Index>& of(List list) const { return list == List::seen ? share_.seen : right_side_; }
+  template <class Body>
+  void for_each(const Body& body) const {
+    for (const DeviceShare::Range& r : share_.ranges)
+      for (Index k = 0; k < r.count; ++k) body(static_cast<std::size_t>(r.v + k));
+  }
+
+  DeviceShare share_;
+  int points_;
+  BdfArrays arrays_;
+  std::vector<std::vector<double>> memory_;
+  std::vector<Index> right_side_;
+  std::vector<double> looked_;
+};
+
+/// Its bodies are those of `twin`, the same system once more.
+class EmulatedAssembly final : public DeviceAssembly {
+ public:
+  explicit EmulatedAssembly(AssembledSystem& twin) : twin_(twin) {
+    for (const auto& c : twin.components())
+      if (auto* body = dynamic_cast<FlexibleBody*>(c.get()); body != nullptr && body->fits_device())
+        bodies_.push_back(body);
+  }
+  std::unique_ptr<DeviceBody> make_body(const DeviceBodyTables&) override {
+    return std::make_unique<EmulatedBody>(twin_, *bodies_.at(next_++));
+  }
+  std::unique_ptr<DeviceMatrix> make_matrix(const DeviceMatrixLayout& layout) override {
+    return std::make_unique<EmulatedMatrix>(layout);
+  }
+  std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, int points, const DeviceShare& share) override {
+    return std::make_unique<EmulatedMotion>(sizes, points, share);
+  }
+
+ private:
+  AssembledSystem& twin_;
+  std::vector<FlexibleBody*> bodies_;
+  std::size_t next_ = 0;
+};
+
+}  // namespace espalier::dynamics::test
