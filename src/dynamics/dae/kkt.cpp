@@ -175,7 +175,7 @@ void KktSolver::factorize() {
 }
 
 void KktSolver::factor_is_new(DeviceVectors* device) {
-  response_.start(n_, m_, dropped_, solver_->numbers_of_factor(), device);
+  response_.start(n_, m_, dropped_, solver_->work().numbers, device);
   turned_.start(*phi_q_, phi_q_values_, dropped_);
 }
 
@@ -185,7 +185,7 @@ Index KktSolver::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values) {
   ConstraintResponse::Columns response = response_.give();
   if (!turned_.active() && !response.empty()) turned_.know(std::move(response));
   turned_.drop();
-  if (f_lambda_ != nullptr || kSmaller * columns * (n_ + m_) > solver_->numbers_of_factor()) return -1;
+  if (f_lambda_ != nullptr || kSmaller * columns * (n_ + m_) > solver_->work().numbers) return -1;
   Index solved = 0;
   const auto solve = [&](Span x, Index count) {
     solve_with_factor(x, count);

@@ -70,6 +70,8 @@ class KktSolver {
   [[nodiscard]] bool factorize_on_device();
   /// W of the factor.
   [[nodiscard]] ConstSpan w_of_factor();
+  /// What a factorization of K takes. @pre K was analysed
+  [[nodiscard]] FactorWork work() const { return solver_->work(); }
   /// Sign of the determinant of the last factor, 0 where it is not known.
   [[nodiscard]] int determinant_sign() const { return solver_->determinant_sign(); }
   /// From now on the factor stands for K at another state: see TurnedFactor.
