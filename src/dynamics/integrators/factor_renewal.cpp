@@ -12,7 +12,7 @@ constexpr double kFlop = 1 / 8e9, kFront = 1.5e-6, kEntryOfK = 6e-9, kEntryOfW =
 constexpr double kNumberOfFactor = 8 / 1e10, kFrontOfSolve = 1e-7, kUnknown = 6e-8;
 // On a GPU launches and transfers make passes of large systems dear: 5 to 8 of them take as long as a factor and its
 // tangent (docs/notebook/performance.md, "One H100").
-constexpr double kMost = 64, kMostOnGpu = 8;
+constexpr double kLargestCost = 64, kLargestCostOnGpu = 8;
 }  // namespace
 
 double passes_of_factor(const NewtonWork& work) {
@@ -25,7 +25,7 @@ double passes_of_factor(const NewtonWork& work) {
   const double pass =
       static_cast<double>(factor.numbers) * kNumberOfFactor + factor.fronts * kFrontOfSolve + n * kUnknown;
   const double power = pass > 0 ? std::exp2(std::round(std::log2(renewal / pass))) : 1;
-  return std::clamp(power, 1.0, work.on_gpu ? kMostOnGpu : kMost);
+  return std::clamp(power, 1.0, work.on_gpu ? kLargestCostOnGpu : kLargestCost);
 }
 
 }  // namespace espalier::dynamics
