@@ -7,6 +7,7 @@
 #include <chrono>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "alpha_arguments.hpp"
 #include "dynamics/integrators/bdf.hpp"
@@ -20,16 +21,17 @@ using namespace espalier::dynamics;
 struct Arguments : bench::AlphaArguments {
   Arguments() { tolerance = 1e-9; }
   int bars = 400;
-  double refactor_rate = 0.05;  // a factorization costs about four passes here
-  double constraints = 1e-12;   // of Phi, m
-  double bdf = 0;               // > 0: BDF with this tolerance instead
+  std::optional<double> refactor_rate;
+  double constraints = 1e-12;  // of Phi, m
+  double bdf = 0;              // > 0: BDF with this tolerance instead
 };
 
 Arguments parse(int argc, char** argv) {
   Arguments a;
   CLI::App app{"Chain of rigid bars by generalized-alpha"};
   app.add_option("--bars", a.bars, "number of bars and of revolute joints");
-  app.add_option("--refactor-rate", a.refactor_rate, "a slower convergence rate asks for a new factor");
+  app.add_option("--refactor-rate", a.refactor_rate,
+                 "a slower convergence rate asks for a new factor (without: by cost)");
   app.add_option("--constraints", a.constraints, "tolerance of the position constraints");
   app.add_option("--bdf", a.bdf, "take BDF of variable step and order with this tolerance");
   a.add_to(app);

@@ -29,7 +29,7 @@ struct Arguments {
   int threads = 1;
   double seconds = 0.3;  // at least that long per figure
   bool processor = false;
-  std::string only, json;
+  std::string only, json, dump;
 };
 
 struct Case {
@@ -91,6 +91,9 @@ class Probe {
  public:
   Probe(const Case& c, SolidLaw law, bool damped, const Arguments& arguments, base::ThreadPool* pool) {
     Mesh mesh = make_mesh(c.type, arguments.elements);
+    for (Index e = 0; e < mesh.element_count(); ++e)
+      elements_.emplace_back(mesh.element(e).begin(), mesh.element(e).end());
+    nodes_ = mesh.nodes;
     auto owned = make_solid_body("body", mesh, {law, 200, 0.3, 1}, c.options, {}, pool);
     if (damped) owned->set_damping({0, 1e-3});
     body_ = &system_.add(std::move(owned));
@@ -112,6 +115,12 @@ class Probe {
   void force() { system_.residual(state(), force_); }
   void tangent() { system_.tangent(state(), {0, velocity_weight, 1}, values_); }
   [[nodiscard]] Index elements() const { return body_->assembly().elements(); }
+
+  /// The mesh, the state, a direction, and what the last force() and tangent() made of them: for another program.
+  [[nodiscard]] nlohmann::json values() const {
+    return {{"nodes", nodes_},  {"elements", elements_},   {"positions", q_},
+            {"forces", force_}, {"direction", direction_}, {"tangent_times_direction", times_direction()}};
+  }
 
   /// Largest difference, relative to the largest entry, of K d from the difference of two forces; undamped also of
   /// f . d from that of two energies. Steps h with errors h^2 + eps / h.
@@ -168,6 +177,8 @@ class Probe {
 
   AssembledSystem system_;
   FlexibleBody* body_ = nullptr;
+  std::vector<std::vector<Index>> elements_;
+  std::vector<Point> nodes_;
   Vector q_, v_, direction_, force_, values_;
 };
 
@@ -198,6 +209,7 @@ Arguments parse(int argc, char** argv) {
                "time of the processor, of all threads: for a machine that is not idle");
   app.add_option("--only", a.only, "cases whose names begin so");
   app.add_option("--json", a.json, "file for the figures");
+  app.add_option("--dump", a.dump, "folder for the forces and tangents of the undamped cases");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -227,6 +239,7 @@ int main(int argc, char** argv) {
         const double n = probe.elements();
         const double force = fastest(a, [&] { probe.force(); }) / n;
         const double tangent = fastest(a, [&] { probe.tangent(); }) / n;
+        if (!a.dump.empty() && !damped) std::ofstream(a.dump + "/" + name + ".json") << probe.values().dump() << "\n";
         const bool good = error < kWrong;
         right = right && good;
         fmt::print("{:34}{:8}{:9.3f}{:9.3f}{:13.3e}{:13.3e}{:10.1e}{}\n", name, probe.elements(), 1e6 * force,

@@ -4,6 +4,7 @@
 #include <sched.h>
 
 #include <algorithm>
+#include <chrono>
 #include <new>
 #include <system_error>
 #include <utility>
@@ -14,8 +15,9 @@
 namespace espalier::base {
 
 namespace {
-// Spins before sleeping: about 20 microseconds, the order of a futex wake-up.
-constexpr int kSpins = 4000;
+// Spins before sleeping so long: some futex wake-ups. It is measured by the clock, because a pause takes 24 ns on one
+// processor and 50 on another.
+constexpr std::chrono::microseconds kSpin{50};
 
 void relax() {
 #if defined(__x86_64__)
@@ -23,6 +25,19 @@ void relax() {
 #else
   std::this_thread::yield();
 #endif
+}
+
+// Returns as soon as done(), and after kSpin anyway.
+template <class Done>
+void spin_until(const Done& done) {
+  constexpr int kPauses = 32;  // about a microsecond between looks at the clock
+  const auto end = std::chrono::steady_clock::now() + kSpin;
+  do {
+    for (int s = 0; s < kPauses; ++s) {
+      if (done()) return;
+      relax();
+    }
+  } while (std::chrono::steady_clock::now() < end);
 }
 
 // ThreadPool::generation_ counts the calls in its lower bits; the upper ones say in which process.
@@ -99,7 +114,7 @@ void ThreadPool::stop_and_join() {
 void ThreadPool::work(int worker) {
   std::uint64_t seen = first_generation();  // no call comes before all workers have been made
   for (;;) {
-    for (int s = 0; s < kSpins && generation_.load(std::memory_order_acquire) == seen; ++s) relax();
+    spin_until([&] { return generation_.load(std::memory_order_acquire) != seen; });
     if (generation_.load(std::memory_order_acquire) == seen) {
       std::unique_lock lock(mutex_);
       wake_.wait(lock, [&] { return generation_.load(std::memory_order_acquire) != seen; });
@@ -168,7 +183,7 @@ void ThreadPool::call(const std::function<void(int)>& body, Mode mode) {
   }
   if (count(running_.fetch_sub(1, std::memory_order_acq_rel)) > 1) {
     const auto all_left = [&] { return count(running_.load(std::memory_order_acquire)) == 0; };
-    for (int s = 0; s < kSpins && !all_left(); ++s) relax();
+    spin_until(all_left);
     std::unique_lock lock(mutex_);
     wait(interruption_, done_, lock, all_left);
   }
@@ -217,7 +232,7 @@ void Recursion::wait_for_work(std::unique_lock<std::mutex>& lock) {
   if (something()) return;
   const std::uint64_t seen = news_.load(std::memory_order_relaxed);
   lock.unlock();
-  for (int s = 0; s < kSpins && news_.load(std::memory_order_acquire) == seen; ++s) relax();
+  spin_until([&] { return news_.load(std::memory_order_acquire) != seen; });
   lock.lock();
   ++sleepers_;
   wait(interruption_, available_, lock, something);
@@ -296,7 +311,7 @@ void Recursion::run_loop(std::int64_t n, std::int64_t grain, const RangeBody& bo
   std::unique_lock lock(mutex_);
   withdraw(loop);
   lock.unlock();
-  for (int s = 0; s < kSpins && loop.helpers.load(std::memory_order_acquire) != 0; ++s) relax();
+  spin_until([&] { return loop.helpers.load(std::memory_order_acquire) == 0; });
   lock.lock();  // also where nobody helps any more: the last helper must have let go of the mutex
   wait(interruption_, left_, lock, [&] { return loop.helpers.load(std::memory_order_acquire) == 0; });
   if (loop.error) std::rethrow_exception(loop.error);

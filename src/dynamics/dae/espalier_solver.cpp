@@ -21,14 +21,14 @@ class EspalierSolver final : public LinearSolver {
     return solver_.solve_device(b, b, columns, Transpose::no, stream).status;
   }
   [[nodiscard]] int determinant_sign() const override { return sign_; }
-  [[nodiscard]] Offset numbers_of_factor() const override { return numbers_; }
+  [[nodiscard]] FactorWork work() const override { return work_; }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
     return solver_.solve(b, x, columns).status;
   }
 
  private:
   Status take(AnalysisResult result) {
-    numbers_ = numbers_of_factor_in(result);
+    work_ = work_of(result);
     return std::move(result.status);
   }
   Status take(const FactorResult& result) {
@@ -41,13 +41,14 @@ class EspalierSolver final : public LinearSolver {
   }
   Solver solver_;
   int sign_ = 0;
-  Offset numbers_ = 0;
+  FactorWork work_;
 };
 
 }  // namespace
 
-Offset numbers_of_factor_in(const AnalysisResult& analysis) {
-  return analysis.kind == Kind::lu ? analysis.nonzeros_factor : 2 * analysis.nonzeros_factor;
+FactorWork work_of(const AnalysisResult& analysis) {
+  const Offset numbers = analysis.kind == Kind::lu ? analysis.nonzeros_factor : 2 * analysis.nonzeros_factor;
+  return {analysis.flops, analysis.fronts, numbers};
 }
 
 Status LinearSolver::factorize_device(const double*, Offset, void*) {

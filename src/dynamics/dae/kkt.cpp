@@ -176,14 +176,14 @@ void KktSolver::factorize() {
 }
 
 void KktSolver::factor_is_new(DeviceVectors* device) {
-  response_.start(n_, m_, dropped_, solver_->numbers_of_factor(), device);
+  response_.start(n_, m_, dropped_, solver_->work().numbers, device);
   turned_.start(*phi_q_, phi_q_values_, dropped_);
 }
 
 bool KktSolver::turning_may_pay() const {
   constexpr Offset kSmaller = 2;  // than the factor, in numbers
   const Offset columns = 3 * turned_.constraints();
-  return f_lambda_ == nullptr && kSmaller * columns * (n_ + m_) <= solver_->numbers_of_factor();
+  return f_lambda_ == nullptr && kSmaller * columns * (n_ + m_) <= solver_->work().numbers;
 }
 
 Index KktSolver::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values) {

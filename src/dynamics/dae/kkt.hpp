@@ -73,6 +73,8 @@ class KktSolver {
   /// out_i = the sum of |W_ij| x_j over j, with W of the factor, where it lies; see DeviceMatrix::sum_rows().
   /// @param x  n numbers, not negative @param out  n
   void sum_rows_of_w(ConstSpan x, Span out) const;
+  /// What a factorization of K takes. @pre K was analysed
+  [[nodiscard]] FactorWork work() const { return solver_->work(); }
   /// Sign of the determinant of the last factor, 0 where it is not known.
   [[nodiscard]] int determinant_sign() const { return solver_->determinant_sign(); }
   /// Whether turn() would look at it.

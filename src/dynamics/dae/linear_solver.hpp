@@ -9,6 +9,13 @@
 
 namespace espalier::dynamics {
 
+/// What a factorization takes, counted by the analysis; zeros where that is not known.
+struct FactorWork {
+  double flops = 0;    ///< of a factorization
+  Index fronts = 0;    ///< dense matrices that it is made of
+  Offset numbers = 0;  ///< of the factor, which a solve reads: L and U, or L twice
+};
+
 /// A direct solver for square matrices in CSC form with a fixed pattern.
 class LinearSolver {
  public:
@@ -27,14 +34,14 @@ class LinearSolver {
   virtual Status solve_device(double* b, Index columns, void* stream);
   /// Sign of the determinant of the matrix last factorized: -1 or 1; 0: not known.
   [[nodiscard]] virtual int determinant_sign() const { return 0; }
-  /// Numbers of the factor that a solve reads; 0: few, or not known.
-  [[nodiscard]] virtual Offset numbers_of_factor() const { return 0; }
+  /// What factorize() and solve() take; of a dense solver nothing is told.
+  [[nodiscard]] virtual FactorWork work() const { return {}; }
   /// Solves for `columns` right sides, stored one after the other; x may alias b.
   virtual Status solve(std::span<const double> b, std::span<double> x, Index columns) = 0;
 };
 
-/// What a solve reads of Espalier's factor: L and U, or L twice.
-[[nodiscard]] Offset numbers_of_factor_in(const AnalysisResult& analysis);
+/// What Espalier's factorizations after this analysis take.
+[[nodiscard]] FactorWork work_of(const AnalysisResult& analysis);
 
 /// Dense LU with partial pivoting: for systems of a few dozen unknowns, where sparse bookkeeping costs more than it
 /// saves.

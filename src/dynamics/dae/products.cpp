@@ -7,7 +7,10 @@ namespace espalier::dynamics {
 
 namespace {
 constexpr Offset kManyEntries = 1 << 15;  // some 30 microseconds of one thread
-}
+// Numbers of dense columns that one thread adds up in 10 to 20 microseconds. Projections ask for such sums some ten
+// times a pass: where each wakes the other threads, these find no time to sleep (./run's engine, 18 columns of 1,677).
+constexpr std::size_t kManyNumbers = 1 << 16;
+}  // namespace
 
 void multiply_by_rows(const SparsePattern& p, ConstSpan values, ConstSpan x, Span y, base::ThreadPool* pool) {
   base::for_each(p.nonzeros() < kManyEntries ? nullptr : pool, p.rows, [&](std::int64_t i) {
@@ -29,6 +32,7 @@ void add_transposed(const SparsePattern& p, ConstSpan values, ConstSpan x, Span 
 // By rows that stay in cache while the columns pass by.
 void add_columns(const double* columns, ConstSpan factors, Span x, base::ThreadPool* pool) {
   constexpr std::int64_t kRows = 1024;
+  if (factors.size() * x.size() < kManyNumbers) pool = nullptr;
   base::for_each_range(pool, static_cast<std::int64_t>(x.size()), kRows, [&](std::int64_t begin, std::int64_t end) {
     for (std::size_t c = 0; c < factors.size(); ++c) {
       const double factor = factors[c];

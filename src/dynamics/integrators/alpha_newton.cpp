@@ -9,9 +9,9 @@ namespace espalier::dynamics {
 
 namespace {
 // Changes of the size of rounding hide what an old factor is worth. The equations of motion show it, which have less
-// rounding than the constraints: of a change they keep what the factor does wrong. Above this part the factor is
-// renewed. Otherwise the part of a that lags behind in each step the same way adds up (spatial slider crank, steps of
-// 10 microseconds: 1e-4 of q after half a second instead of 1e-7).
+// rounding than the constraints: of a change they keep what the factor does wrong. Above this part of what the step
+// began with, another pass is taken or the factor renewed. Otherwise the part of a that lags behind in each step the
+// same way adds up (spatial slider crank, steps of 10 microseconds: 1e-4 of q after half a second instead of 1e-7).
 constexpr double kTrusted = 2e-3;
 // With a search, a change after which the forces are larger than this part of what they were is halved, so often.
 // Contacts that close and open, and friction that sticks and slips, make Newton jump to and fro (models/sprocket.toml
@@ -171,7 +171,7 @@ GeneralizedAlpha::Outcome GeneralizedAlpha::end_at_rounding(const Change& change
 
 GeneralizedAlpha::Outcome GeneralizedAlpha::solve(StepReport& report) {
   Change change;
-  double previous = 0, first = 0, last = 0;
+  double previous = 0, first = 0, first_force = 0, last = 0;
   int renewed = 0;
   report.newton_rate = 0;
   report.rounding = 0;
@@ -181,20 +181,24 @@ GeneralizedAlpha::Outcome GeneralizedAlpha::solve(StepReport& report) {
     report.newton_iterations = iteration;
     report.levels.position = max_norm(equations_.phi());
     if (!std::isfinite(change.scaled)) return Outcome::diverged;
-    if (iteration == 1) first = change.scaled;
+    if (iteration == 1) {
+      first = change.scaled;
+      first_force = change.force;
+    }
+    ++passes_of_factor_;
     const bool tiny = change.q <= kRounding * size_q_;
     const double seen = previous > 0 ? change.scaled / previous : 0, forces = last > 0 ? change.force / last : 0;
     if (previous > 0) report.newton_rate = seen;
     if (iteration > 1) rate_ = std::max(0.3 * rate_, tiny ? forces : seen);
     const double rate = std::min(rate_, 0.9), left = rate / (1 - rate);
     const double own = local_error(), allowed = options_.newton_tolerance * std::max(own, kMemory * local_error_);
-    const bool trusted =
-        fresh_ || !tiny || (last > 0 && change.force <= std::max(kTrusted * last, kAboveFloor * force_floor_));
+    const double trusted_force = std::max(kTrusted * first_force, kAboveFloor * force_floor_);
+    const bool trusted = fresh_ || !tiny || (last > 0 && change.force <= trusted_force);
     const bool holds = report.levels.position <= options_.constraint_tolerance && trusted;
     if (change.scaled == 0 || (holds && left * change.scaled <= allowed && left * change.weighted <= 1)) {
       // The change hides in rounding what the forces show.
       if (tiny && seen > std::max(10 * forces, kTrusted)) return end_at_rounding(change, report);
-      rate_poor_ = rate_ > options_.refactor_rate;
+      rate_poor_ = wants_new_factor();
       if (iteration == 1) rate_ = std::min(2 * rate_, 0.5);  // one pass tells nothing of the rate
       local_error_ = std::max(own, kMemory * local_error_);
       return Outcome::converged;
@@ -204,8 +208,10 @@ GeneralizedAlpha::Outcome GeneralizedAlpha::solve(StepReport& report) {
     // Even the passes that are left will not do at this rate, but a new factor will.
     if (!fresh_ && iteration > 2 && !tiny && change.scaled * std::pow(seen, options_.max_newton - iteration) > allowed)
       return Outcome::slow;
-    const bool still = tiny && !fresh_ && last > 0 && (seen > kStill || !trusted);
-    const bool slow = fresh_ && !tiny && iteration >= renewed + 2 && seen > std::max(kSlow, options_.refactor_rate);
+    const bool still =
+        tiny && !fresh_ && last > 0 && (seen > kStill || (!trusted && change.force * forces > trusted_force));
+    const bool slow =
+        fresh_ && !tiny && iteration >= renewed + 2 && seen > std::max(kSlow, options_.refactor_rate.value_or(0));
     previous = still ? 0 : change.scaled;
     last = change.scaled;
     if (still || slow) {

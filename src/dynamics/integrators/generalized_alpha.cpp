@@ -82,6 +82,18 @@ void GeneralizedAlpha::factorize(long& reason) {
   rate_poor_ = false;
   fresh_ = true;
   rate_ = 0.5;
+  factor_life_.begin();
+  passes_of_factor_ = 0;
+  const KktSolver& k = equations_.kkt();
+  const MatrixView matrix = k.matrix();
+  factor_cost_ = passes_of_factor(
+      {k.work(), matrix.rows, k.w_pattern().nonzeros(), static_cast<Offset>(matrix.row_ind.size()), k.gpu() >= 0});
+}
+
+// After a step.
+bool GeneralizedAlpha::wants_new_factor() {
+  const bool pays = factor_life_.spent_by(passes_of_factor_, factor_cost_);
+  return options_.refactor_rate ? rate_ > *options_.refactor_rate : pays;
 }
 
 // What is left up to t_limit is taken in one step of at most 1.01 times the length, or in two equal ones: a last step
@@ -97,6 +109,7 @@ bool GeneralizedAlpha::attempt(double h, bool renew, StepReport& report) {
   coefficients(h);
   predict();
   fresh_ = began_fresh_ = false;
+  passes_of_factor_ = 0;
   failure_ = {};
   try {
     equations_.evaluate_constraints(trial_.t, trial_.q, {});

@@ -2,7 +2,10 @@
 /// The generalized-alpha method on a Lie group, index 3.
 #pragma once
 
+#include <optional>
+
 #include "dynamics/dae/vectors.hpp"
+#include "dynamics/integrators/factor_renewal.hpp"
 #include "dynamics/integrators/integrator.hpp"
 
 namespace espalier::dynamics {
@@ -19,7 +22,9 @@ struct AlphaOptions {
   double absolute = 1.0;
   double constraint_tolerance = 1e-10;  ///< of Phi
   int max_newton = 15;
-  double refactor_rate = 0.25;  ///< a slower convergence rate asks for a new factor at the next step
+  /// A slower convergence rate asks for a new factor at the next step; none: that is done where the passes which a new
+  /// one saves cost more than it (factor_renewal.hpp).
+  std::optional<double> refactor_rate;
   /// Where Newton has failed, its changes are halved as long as forces grow: for contact and friction, whose laws have
   /// corners. Without corners a step in which Newton fails is too long as a rule, and shorter ones are more exact.
   bool search = false;
@@ -77,6 +82,7 @@ class GeneralizedAlpha final : public Integrator {
   void carry(Span x) const;
   void learn_trend();
   void factorize(long& reason);
+  [[nodiscard]] bool wants_new_factor();
   [[nodiscard]] double next_length(double t_limit) const;
   bool attempt(double h, bool renew, StepReport& report);
   void begin_factor(bool renew);
@@ -117,12 +123,15 @@ class GeneralizedAlpha final : public Integrator {
   int fresh_left_ = 0;        // steps that renew the factor, see kFreshSteps
   bool search_ = false;       // Newton failed lately: changes are searched along
   double rate_ = 0.5;
-  double local_error_ = 0;  // of the step before, scaled
-  double floor_ = 0;        // c_q times the change at which Newton stood still with a new factor; 0: not met
-  double force_floor_ = 0;  // residual of the equations of motion there, scaled
-  double size_q_ = 0;       // largest coordinate
-  double drifted_ = 0;      // time since the last step of the method
-  double fitted_ = 0;       // the length of steps that v and a_old_ belong to; 0: to none yet
+  double factor_cost_ = 0;  // in passes
+  FactorLife factor_life_;
+  int passes_of_factor_ = 0;  // in this step, with the present factor
+  double local_error_ = 0;    // of the step before, scaled
+  double floor_ = 0;          // c_q times the change at which Newton stood still with a new factor; 0: not met
+  double force_floor_ = 0;    // residual of the equations of motion there, scaled
+  double size_q_ = 0;         // largest coordinate
+  double drifted_ = 0;        // time since the last step of the method
+  double fitted_ = 0;         // the length of steps that v and a_old_ belong to; 0: to none yet
   bool jerk_known_ = false;
   bool plain_start_ = false;  // the start is not fitted: no v'' was found
   std::vector<double> jerk_;  // dv'/dt at the beginning of the step

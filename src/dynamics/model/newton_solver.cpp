@@ -123,7 +123,7 @@ class RecordedSolver final : public LinearSolver {
     return solver_.solve_device(b, b, columns, Transpose::no, stream).status;
   }
   [[nodiscard]] int determinant_sign() const override { return static_cast<int>(record_.factor.determinant_sign); }
-  [[nodiscard]] Offset numbers_of_factor() const override { return numbers_of_factor_in(record_.analysis); }
+  [[nodiscard]] FactorWork work() const override { return work_of(record_.analysis); }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
     if (Status status = tell(Call::solve, columns); !status.ok()) return status;
     return solver_.solve(b, x, columns).status;
@@ -198,7 +198,7 @@ class DumpingSolver final : public LinearSolver {
     return status;
   }
   [[nodiscard]] int determinant_sign() const override { return inner_->determinant_sign(); }
-  [[nodiscard]] Offset numbers_of_factor() const override { return inner_->numbers_of_factor(); }
+  [[nodiscard]] FactorWork work() const override { return inner_->work(); }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
     if (waiting_) write(b, columns);
     waiting_ = false;

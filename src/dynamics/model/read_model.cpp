@@ -46,7 +46,7 @@ void read_alpha(Section& s, AlphaOptions& o) {
   o.absolute = s.positive("absolute", o.absolute);
   o.constraint_tolerance = s.positive("constraint_tolerance", o.constraint_tolerance);
   o.max_newton = s.integer("max_newton", 1, o.max_newton);
-  o.refactor_rate = s.positive("refactor_rate", o.refactor_rate);
+  if (s.has("refactor_rate")) o.refactor_rate = s.positive("refactor_rate");
 }
 
 void read_integrator(Section s, IntegratorSpec& out) {
