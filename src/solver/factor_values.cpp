@@ -33,7 +33,8 @@ void FactorValues::load(const System& system, std::span<const double> from, devi
   if (device != nullptr && system.prepared.keeps_order()) {
     // One range is on the link while the next one is copied: a quarter at a time, between 1 and 32 MiB; two parts of it
     // for each thread.
-    const Offset all = system.prepared.a.nonzeros(), range = std::clamp(all / 4, Offset{1} << 17, Offset{1} << 22);
+    const auto all = static_cast<Offset>(values_.size());
+    const Offset range = std::clamp(all / 4, Offset{1} << 17, Offset{1} << 22);
     const std::int64_t part = std::max<std::int64_t>(1 << 14, range / (2 * pool.size()));
     for (Offset first = 0; first < all; first += range) {
       const Offset now = std::min(range, all - first);

@@ -57,7 +57,10 @@ Status not_finite(const double* b, Index rows, Index columns, Index parts) {
 class Solving {
  public:
   Solving(Factor& factor, const Context& context)
-      : factor_(factor), options_(context.options), n_(factor.analysis()->n()) {}
+      : factor_(factor),
+        options_(context.options),
+        n_(factor.analysis()->n()),
+        doubles_(factor.analysis()->doubles()) {}
 
   void on_host(const SolveJob& job) {
     const std::shared_ptr<const solve::ResidualSpace> residual = factor_.residual_space();
@@ -77,7 +80,7 @@ class Solving {
     device::DeviceLinearSystem* device = factor_.numeric().device_system();
     if (device == nullptr) return false;
     const Settled settled(*device);
-    const Offset n = n_;
+    const Offset n = doubles_;
     try {
       for (Index first = 0; first < job.columns; first += kColumnsOnDevice) {
         const Index now = std::min(kColumnsOnDevice, job.columns - first);
@@ -161,6 +164,7 @@ class Solving {
   Factor& factor_;
   const Options& options_;
   Index n_;
+  Offset doubles_;  // of a vector
   SolveResult result_;
 };
 
