@@ -178,6 +178,8 @@ slow_dynamics="SimeonCrank.*:FlexibleEngine.*:DeadPoints.*:IftommA02.*:Andrews.*
 slow_dynamics+=":All/Parts.UnknownsFollowTheWish/*:Laws/FreeFlight.*:Convergence.*:StaticsSweep.*:BeamJoints.*:BeamReference.*"
 slow_dynamics+=":StepErrors.*:StaticsTurns.*:StaticsBranches.*:ModelHold.NothingIsStrainedWhateverThePlaceOfTheJoint:ContactGears.*"
 slow_dynamics+=":ModelHarmonicTruth.*:ContactSelf.TangentIs*:ContactSelf.Ends*:ContactSelf.SymmetryStays:ContactLines.Capstan*:ContactLineFriction.*:ContactShells.*:*shell_on_hex8*"
+slow_dynamics+=":Refinement.Elements*:Objectivity.OfAnEquilibrium:Objectivity.OfAMotionWith*:TurnedFactor.ServesMost*:Vectors.IntegratorsGive*:ContactHertz.*"
+slow_dynamics+=":StateForces.TangentsAgree*"
 
 # Tests of the solver that take long, or fork, which the thread sanitizer does not follow.
 slow_solver="Allocation.*:MachinePrediction.*:CraftedAnalysis.*:HostMemory.*"
@@ -194,11 +196,15 @@ slow_modes+=":ModesBehaviour.AnotherSeedAndAnotherBlockFindTheSame:ModesBehaviou
 
 # Tests whose truth are bits that the release build has compared, on systems that sanitizers take long for.
 slow_copies="Systems/OutOfCoreFromPinnedMemory.TheSameBitsAsThroughTheRing/*:Systems/OutOfCoreSystems.AnyBudgetGivesTheAnswerInCore/1"
+slow_copies+=":Systems/OutOfCoreSystems.FactorsThatStay*/0:Systems/OutOfCoreSystems.FactorsThatStay*/1:Systems/OutOfCoreSystems.DelaysDoNot*:HaltedExecutor.*"
+
+# Tests of the solver that sanitizers take more than 40 s for, of code that quicker ones pass through as well.
+slow_answers="Precision.Auto*:*MovingPivots.APivotGoesAsFar*:ComplexSolver.ThreadsDevices*:RealForm.SeveralDevices*:Collection.PivotsThatFail*:Deficiency.OfRandom*"
 
 # One build with clang for the tests and for the fuzz targets of the next step: the library is compiled once for both.
 test_asan() {
   with_clang || return 1
-  test_sanitized asan "-MachinePrediction.*:HostMemory.*:$slow_copies:$slow_modes" test_base test_matrix test_analysis test_plan test_device test_out_of_core test_solve test_solver \
+  test_sanitized asan "-MachinePrediction.*:HostMemory.*:$slow_copies:$slow_modes:$slow_answers" test_base test_matrix test_analysis test_plan test_device test_out_of_core test_solve test_solver \
     test_modes test_harmonic
   local solver=$?
   test_sanitized asan "-$slow_dynamics" test_dynamics && return $solver

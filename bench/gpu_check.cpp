@@ -46,6 +46,7 @@ void print_row(const Json& row) {
       row["flops"].get<double>() / ms * 1e-9, milliseconds(solve, "least"), floor_text(row["system"]),
       row["backward_error"]["normwise"].get<double>(), row["check"]["identical"].get<bool>() ? "same" : "DIFF",
       row["memory"]["device_bytes"].get<double>() * 1e-9, milliseconds(row["analysis"], "least") * 1e-3);
+  fmt::print("  reuse {}", row["parameters"]["reuse_distance"].get<int>());
   print_pivots(row);
   fmt::print("{}\n", good(row) ? "" : "   FAILED");
   for (const auto& d : row["devices"])
@@ -61,9 +62,9 @@ int show_plans(const CheckSettings& settings, base::ThreadPool& pool) {
   Json document = gpu_document("simulated", settings.common, {}, "");
   for (const Wish& wish : wishes(settings)) {
     GpuCase c = prepare_case(wish.system, wish.kind, pool);
-    for (const int devices : settings.counts) {
-      lay_out_for_gpus(c, devices, settings.tuning, pool);
-      document["rows"].push_back(show_plan(c, settings));
+    for (const CheckSettings& now : settings.variants()) {
+      lay_out_for_gpus(c, now.counts.front(), now.tuning, pool);
+      document["rows"].push_back(show_plan(c, now));
       if (!settings.common.out.empty()) measure::write_document(document, settings.common.out);
     }
   }
@@ -86,10 +87,9 @@ int check_system(const Wish& wish, const CheckSettings& settings, Json& document
   int failures = 0;
   try {
     GpuCase c = prepare_case(wish.system, wish.kind, pool);
-    for (const int devices : settings.counts) {
-      lay_out_for_gpus(c, devices, settings.tuning, pool);
-      document["rows"].push_back(settings.common.fp32 ? check_case<float>(c, settings, pool)
-                                                      : check_case<double>(c, settings, pool));
+    for (const CheckSettings& now : settings.variants()) {
+      lay_out_for_gpus(c, now.counts.front(), now.tuning, pool);
+      document["rows"].push_back(now.common.fp32 ? check_case<float>(c, now, pool) : check_case<double>(c, now, pool));
       print_row(document["rows"].back());
       failures += good(document["rows"].back()) ? 0 : 1;
     }

@@ -78,6 +78,7 @@ class Curve {
     out_of_core::OutOfCoreOptions options;
     options.devices.assign(static_cast<std::size_t>(count), {budget});
     options.rates = rates();
+    options.pool = &pool_;
     options.copy_threads =
         settings_.copy_threads > 0 ? settings_.copy_threads : std::max(1, pool_.size() / (2 * count));
     std::vector<device::cuda::CudaOutOfCoreOptions> cuda(static_cast<std::size_t>(count));
@@ -135,7 +136,8 @@ class Curve {
     const auto backend = device::cuda::make_cuda_out_of_core_backend<T>(c_.plan, c_.kind, numbers_.rule, pool_);
     const double made = base::now_seconds();
     const auto plans = out_of_core::plan_out_of_core(
-        *backend, std::vector<out_of_core::OutOfCoreDevice>(static_cast<std::size_t>(count), {budget}), rates());
+        *backend, std::vector<out_of_core::OutOfCoreDevice>(static_cast<std::size_t>(count), {budget}), rates(),
+        &pool_);
     const double end = base::now_seconds();
     fmt::print("{} x {:.1f} MiB: predicted {:.1f} ms, store {:.2f} GB, planned in {:.2f} s (tables {:.2f} s)\n", count,
                mebibytes(budget), 1e3 * plans.front().predicted_seconds,

@@ -3,9 +3,11 @@
 #include <dlfcn.h>
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -58,6 +60,18 @@ Function symbol(void* library, const char* name) {
 
 }  // namespace
 
+void RankOptions::add_to(CLI::App& app) {
+  app.add_option("--patience", patience, "under mpirun: seconds after which a rank that is silent is lost")
+      ->type_name("S")
+      ->check(CLI::PositiveNumber);
+  app.add_option_function<std::string>(
+         "--nodes", [this](const std::string& text) { nodes = text == "process" ? Nodes::process : Nodes::host; },
+         "under mpirun, on GPUs: ranks of a host reach each other's GPUs ('host', the default), or each rank is a "
+         "machine of its own")
+      ->type_name("WHAT")
+      ->check(CLI::IsMember({"host", "process"}));
+}
+
 void expect_one_process(const char* command) {
   if (const int ranks = launched_ranks(); ranks > 1)
     throw Error(StatusCode::invalid_input,
@@ -73,8 +87,8 @@ std::string adapter_folder() {
   return std::string(home != nullptr ? home : ".") + "/.cache/espalier";
 }
 
-LaunchedRanks::LaunchedRanks(double patience) {
-  if (launched_ranks() > 1) load(patience);
+LaunchedRanks::LaunchedRanks(const RankOptions& options) {
+  if (launched_ranks() > 1) load(options);
 }
 
 LaunchedRanks::~LaunchedRanks() {
@@ -82,7 +96,7 @@ LaunchedRanks::~LaunchedRanks() {
   if (end_ != nullptr) end_();
 }
 
-void LaunchedRanks::load(double patience) {
+void LaunchedRanks::load(const RankOptions& options) {
   std::string why;
   for (const std::string& path : adapters()) {
     // Libraries of MPIs look for each other's symbols in the program.
@@ -106,7 +120,8 @@ void LaunchedRanks::load(double patience) {
       why += fmt::format("; {} is of another MPI than the launcher, it sees one rank", path);
       continue;
     }
-    ranks_ = Ranks(table, patience);
+    ranks_ = Ranks(table, options.patience);
+    set_nodes(ranks_, options.nodes);
     return;
   }
   throw Error(StatusCode::invalid_input,

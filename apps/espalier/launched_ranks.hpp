@@ -5,16 +5,30 @@
 #include <functional>
 #include <string>
 
+#include "espalier/nodes.hpp"
 #include "espalier/ranks.hpp"
 
+namespace CLI {
+class App;
+}
+
 namespace espalier::cli {
+
+/// What a command that works on several ranks is told of them.
+struct RankOptions {
+  double patience = Ranks::kPatience;
+  Nodes nodes = Nodes::host;
+
+  /// Options --patience and --nodes. This object outlives `app`.
+  void add_to(CLI::App& app);
+};
 
 /// Ranks of the launcher, through an adapter (espalier_mpi_NAME.so) that is loaded: the binary itself knows no MPI. One
 /// rank, and nothing loaded, where no launcher has started several.
 class LaunchedRanks {
  public:
   /// @throws Error(invalid_input) where there are several ranks but no adapter for their MPI; Error(device_error)
-  explicit LaunchedRanks(double patience);
+  explicit LaunchedRanks(const RankOptions& options);
   /// Ends MPI, unless a rank was lost.
   ~LaunchedRanks();
   LaunchedRanks(const LaunchedRanks&) = delete;
@@ -30,7 +44,7 @@ class LaunchedRanks {
   void leave_open() { end_ = nullptr; }
 
  private:
-  void load(double patience);
+  void load(const RankOptions& options);
 
   void (*end_)() = nullptr;
   Ranks ranks_;

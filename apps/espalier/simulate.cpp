@@ -34,7 +34,7 @@ struct SimulateCommand {
   SolverFlags flags;
   bool json = false, quiet = false, verbose = false;
   std::vector<std::string> parameters;  // --derivative
-  double patience = Ranks::kPatience;
+  RankOptions ranks;
 
   int run();
   int lead(LaunchedRanks& launched);
@@ -103,7 +103,7 @@ int SimulateCommand::lead(LaunchedRanks& launched) {
 }
 
 int SimulateCommand::run() {
-  LaunchedRanks launched(patience);
+  LaunchedRanks launched(ranks);
   if (launched.ranks().size() > 1) return launched.first() ? lead(launched) : serve(launched);
   return parameters.empty() ? simulate() : differentiate();
 }
@@ -243,9 +243,7 @@ void add_simulate(CLI::App& app, Action& action) {
       ->type_name("PATH[:STEP]")
       ->take_all()
       ->allow_extra_args(false);
-  sub->add_option("--patience", command->patience, "under mpirun: seconds after which a rank that is silent is lost")
-      ->type_name("S")
-      ->check(CLI::PositiveNumber);
+  command->ranks.add_to(*sub);
   command->flags.add_to(*sub);
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }

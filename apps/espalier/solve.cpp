@@ -24,7 +24,7 @@ struct SolveCommand {
   SolverFlags flags;
   std::string rhs_file, out_file, report_file, trace_file, analysis_file;
   int refactorizations = 0;
-  double patience = Ranks::kPatience;
+  RankOptions ranks;
   bool json = false, quiet = false, verbose = false, condition = false;
 
   int run() const;
@@ -205,7 +205,7 @@ int SolveCommand::run() const {
                 {{"--out", out_file}, {"--report", report_file}, {"--trace", trace_file}});
   options.record_timeline = !trace_file.empty();
   if (verbose) options.log = [](const std::string& line) { print_note("{}\n", line); };
-  LaunchedRanks launched(patience);
+  LaunchedRanks launched(ranks);
   if (launched.ranks().size() > 1 && !trace_file.empty())
     throw Error(StatusCode::invalid_input, "--trace shows one process; leave it out on several ranks");
   const RunRecord record = execute(*this, launched, options);
@@ -242,9 +242,7 @@ void add_solve(CLI::App& app, Action& action) {
   sub->add_flag("--json", command->json, "print the report as JSON instead of the summary");
   sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
   sub->add_flag("-v,--verbose", command->verbose, "print the solver's log on stderr");
-  sub->add_option("--patience", command->patience, "under mpirun: seconds after which a rank that is silent is lost")
-      ->type_name("S")
-      ->check(CLI::PositiveNumber);
+  command->ranks.add_to(*sub);
   command->flags.add_to(*sub);
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }

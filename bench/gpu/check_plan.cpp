@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include "base/timeline.hpp"
+#include "device/cuda/tables/device_bytes.hpp"
 #include "gpu/check_run.hpp"
 #include "gpu/gpu_document.hpp"
 #include "gpu/gpu_simulator.hpp"
@@ -31,17 +32,29 @@ Shares shares_of(const GpuCase& c) {
   return s;
 }
 
-void show_lists(const GpuCase& c, const device::cuda::DevicePlan& d, const Shares& shares, double unit) {
+void show_lists(const GpuCase& c, const device::cuda::DevicePlan& d, const Shares& shares) {
   for (std::size_t x = 0; x < d.lists.size(); ++x) {
-    double gigabytes = unit * static_cast<double>(d.regions[0]);
-    for (std::size_t r = 1; r < d.regions.size(); ++r)
-      if (d.region_device[r] == static_cast<int>(x)) gigabytes += unit * static_cast<double>(d.regions[r]);
-    if (!d.place_space.empty()) gigabytes += unit * static_cast<double>(d.place_space[x]);
     const auto& l = d.lists[x];
-    fmt::print("    #{}: {} tasks ({} narrow), {} solve tasks, {:.1f} % of the work alone, {:.3f} GB\n", x,
-               l.tasks.size(), l.narrow_tasks, l.up.size() + l.down.size(), 100 * shares.alone[x] / c.plan.flops,
-               gigabytes);
+    fmt::print("    #{}: {} tasks ({} narrow), {} solve tasks, {:.1f} % of the work alone\n", x, l.tasks.size(),
+               l.narrow_tasks, l.up.size() + l.down.size(), 100 * shares.alone[x] / c.plan.flops);
   }
+}
+
+/// What the memory of each device goes to. @returns the bytes of all
+Offset show_memory(const GpuCase& c, const device::cuda::DevicePlan& d, Offset scalar) {
+  Offset all = 0;
+  for (int x = 0; x < c.devices; ++x) {
+    const auto b = device::cuda::bytes_of(c.plan, c.kind, d, x, c.prepared.a.nonzeros(), scalar);
+    const auto gigabytes = [](Offset bytes) { return 1e-9 * static_cast<double>(bytes); };
+    fmt::print(
+        "    #{}: {:.3f} GB: factor {:.3f} (without padding {:.3f}), contributions {:.3f}, values {:.3f}, their places "
+        "{:.3f}, rows {:.3f}, fronts {:.3f}, tasks {:.3f}, flags {:.3f}, vectors {:.3f}\n",
+        x, gigabytes(b.all()), gigabytes(b.factor), gigabytes(b.factor_entries), gigabytes(b.contributions),
+        gigabytes(b.values), gigabytes(b.entries), gigabytes(b.rows), gigabytes(b.fronts), gigabytes(b.tasks),
+        gigabytes(b.flags), gigabytes(b.vectors));
+    all += b.all();
+  }
+  return all;
 }
 
 }  // namespace
@@ -62,11 +75,13 @@ nlohmann::json show_plan(const GpuCase& c, const CheckSettings& settings) {
       "    simulated on H200: {:.3f} ms, {:.1f} TFLOP/s, busy {:.0f} %; model {:.3f} ms; simulation took {:.2f} s\n",
       1e3 * run.seconds, 1e-12 * c.plan.flops / run.seconds, 100 * busy,
       1e3 * plan::gpu_time(c.plan.tree, c.kind, false, plan::h200()).on(c.devices), base::now_seconds() - simulation);
-  if (settings.lists) show_lists(c, d, shares, settings.common.fp32 ? 4e-9 : 8e-9);
+  const Offset bytes = show_memory(c, d, settings.common.fp32 ? 4 : 8);
+  if (settings.lists) show_lists(c, d, shares);
   nlohmann::json row = row_of_case(c, fmt::format("simulated on {} GPU{}", c.devices, c.devices == 1 ? "" : "s"),
                                    "Espalier, plan in virtual time");
   row["refactorization"] = measure::samples_record({{run.seconds}});
-  row["parameters"] = {{"devices", c.devices}};
+  row["memory"]["predicted_bytes"] = bytes;
+  row["parameters"] = {{"devices", c.devices}, {"reuse_distance", c.plan.options.reuse_distance}};
   row["check"] = {{"busy", busy}};
   return row;
 }

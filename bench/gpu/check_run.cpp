@@ -127,6 +127,7 @@ Json row_of(const GpuCase& c, bool single, const CheckSettings& settings) {
   row["parameters"] = {{"columns", settings.columns},
                        {"devices", c.devices},
                        {"narrow_rows", settings.tuning.narrow_rows},
+                       {"reuse_distance", c.plan.options.reuse_distance},
                        {"precision", single ? "fp32" : "fp64"}};
   return row;
 }

@@ -8,6 +8,19 @@ namespace espalier::bench {
 
 Kind CheckSettings::kind() const { return kind_of(common.kind); }
 
+std::vector<CheckSettings> CheckSettings::variants() const {
+  std::vector<CheckSettings> list;
+  for (const int count : counts) {
+    list.push_back(*this);
+    list.back().counts = {count};
+    for (std::size_t k = 0; k < reuse.size(); ++k) {
+      if (k > 0) list.push_back(list.back());
+      list.back().tuning.reuse_distance = reuse[k];
+    }
+  }
+  return list;
+}
+
 const std::vector<Floor>& floors() {
   static const std::vector<Floor> all = {
       {"elasticity 40", 52, 2.2},     {"elasticity 64", 400, 9},   {"elasticity 80", 1350, 21},
@@ -55,6 +68,10 @@ void declare(CLI::App& app, CheckSettings& settings, int argc, const char* const
   app.add_option("--speeds", tuning.device_speed, "relative, by device")->delimiter(',')->allow_extra_args(false);
   app.add_flag("--no-shared-top{false}", tuning.shared_top, "the first device alone does the top");
   app.add_flag("--count-balance", tuning.count_balance, "sub-trees dealt by unknowns instead of time");
+  app.add_option("--reuse", settings.reuse, "in turn: tasks after which memory is used again")
+      ->delimiter(',')
+      ->check(CLI::PositiveNumber)
+      ->allow_extra_args(false);
   app.add_option("--column-group", tuning.column_group, "block columns of the top dealt together, at most");
   app.add_option("--narrow", tuning.narrow_rows, "fronts of at most so many rows take narrow tiles");
   app.add_option("--group", tuning.group_entries, "entries of fronts that are one task together");

@@ -17,6 +17,7 @@ struct CheckSettings {
   Index columns = 1;
   std::vector<int> devices = {0};  ///< GPUs
   std::vector<int> counts;         ///< so many of them in turn; empty: all
+  std::vector<int> reuse;          ///< reuse distances in turn; empty: that of `tuning`
   bool staging = false;
   double patience = 10;
   int fail_device = -1;
@@ -26,6 +27,8 @@ struct CheckSettings {
   std::vector<std::string> systems;
 
   [[nodiscard]] Kind kind() const;
+  /// The settings for every count of devices and every reuse distance, in turn.
+  [[nodiscard]] std::vector<CheckSettings> variants() const;
 };
 
 /// Milliseconds of a refactorization and of a solve with one right-hand side that must be reached on one H200

@@ -45,7 +45,7 @@ std::vector<PivotMove> one_front_up(const AssemblyTree& tree, std::span<const In
   return moves;
 }
 
-std::vector<Index> relocate_pivots(AssemblyTree& tree, std::span<const PivotMove> list) {
+std::vector<Index> relocate_pivots(AssemblyTree& tree, std::span<const PivotMove> list, base::ThreadPool* pool) {
   std::vector<Index> kept_fronts;
   if (list.empty()) {
     kept_fronts.resize(at(tree.fronts()));
@@ -75,22 +75,31 @@ std::vector<Index> relocate_pivots(AssemblyTree& tree, std::span<const PivotMove
     kept_fronts.push_back(f);
     out.first.push_back(static_cast<Index>(out.order.size()));
   }
+  // Columns go up alone: what is below a front's pivots stays there, and what is passed on comes to it.
   out.row_ptr.push_back(0);
   for (const Index f : kept_fronts) {
     Index parent = tree.parent[at(f)];
     while (parent >= 0 && name[at(parent)] < 0) parent = tree.parent[at(parent)];
     out.parent.push_back(parent < 0 ? -1 : name[at(parent)]);
-    const auto begin = static_cast<std::ptrdiff_t>(out.rows.size());
-    const Index last = out.first[at(name[at(f)]) + 1] - 1;
-    const auto add =
-        [&](Index p) {  // an arrived column of a child was a row of nobody; the front's own rows stay below
-          if (where[at(p)] > last) out.rows.push_back(where[at(p)]);
-        };
-    for (Offset k = tree.row_ptr[at(f)]; k < tree.row_ptr[at(f) + 1]; ++k) add(tree.rows[at(k)]);
-    for (const Index p : moves.passing[at(f)]) add(p);
-    std::sort(out.rows.begin() + begin, out.rows.end());
-    out.row_ptr.push_back(static_cast<Offset>(out.rows.size()));
+    out.row_ptr.push_back(out.row_ptr.back() + tree.rows_below(f) + static_cast<Offset>(moves.passing[at(f)].size()));
   }
+  out.rows.resize(at(out.row_ptr.back()));
+  const auto write_rows = [&](std::int64_t begin, std::int64_t end) {
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+      const Index f = kept_fronts[k];
+      const auto first = out.rows.begin() + out.row_ptr[k];
+      auto next = first;
+      for (Offset r = tree.row_ptr[at(f)]; r < tree.row_ptr[at(f) + 1]; ++r) *next++ = where[at(tree.rows[at(r)])];
+      for (const Index p : moves.passing[at(f)]) *next++ = where[at(p)];
+      if (!std::is_sorted(first, next)) std::sort(first, next);
+    }
+  };
+  constexpr std::int64_t kFronts = 256;  // per range of work
+  const auto fronts = static_cast<std::int64_t>(kept_fronts.size());
+  if (pool != nullptr)
+    pool->for_each_range(fronts, kFronts, write_rows);
+  else
+    write_rows(0, fronts);
   tree = std::move(out);
   return kept_fronts;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "analysis/assembly_tree.hpp"
+#include "base/thread_pool.hpp"
 
 namespace espalier::analysis {
 
@@ -20,8 +21,10 @@ struct PivotMove {
 /// pivots disappears: its children become children of its parent, and what they hand on stays the same. Positions are
 /// renumbered; the result is a postordered tree that is valid for the same matrix.
 /// @param moves  of distinct positions
+/// @param pool   shares the rows; null: the calling thread alone
 /// @returns by front of the new tree: which one it was before
-std::vector<Index> relocate_pivots(AssemblyTree& tree, std::span<const PivotMove> moves);
+std::vector<Index> relocate_pivots(AssemblyTree& tree, std::span<const PivotMove> moves,
+                                   base::ThreadPool* pool = nullptr);
 
 /// To the parents of their fronts; columns of a root to the end of its own pivots.
 std::vector<PivotMove> one_front_up(const AssemblyTree& tree, std::span<const Index> positions);

@@ -20,6 +20,7 @@
 #include "base/timeline.hpp"
 #include "device/device_rates.hpp"
 #include "device/executor.hpp"
+#include "device/tall_space.hpp"
 #include "espalier/solver.hpp"
 #include "plan/front_cost.hpp"
 #include "plan/machine_model.hpp"
@@ -152,6 +153,12 @@ class Backend {
   virtual void open(const std::vector<int>& /*devices*/) const noexcept {}
   /// How fast a device is, so that unequal ones get unequal parts. Asked only where several share a plan.
   [[nodiscard]] virtual DeviceRates measure(int /*device*/) const { return {1, 1, {}}; }
+  /// Tall blocks of so many rows in the memory of a device. @param memory_bytes  budget for them; 0: what is free
+  /// @returns null where the backend has none
+  [[nodiscard]] virtual std::unique_ptr<TallSpace> make_tall_space(Index /*rows*/, int /*device*/,
+                                                                   Offset /*memory_bytes*/) const {
+    return nullptr;
+  }
   /// Bytes of its own memory that are free. Asked only where Limits::own_memory.
   [[nodiscard]] virtual Offset free_bytes(int /*device*/) const { return 0; }
 

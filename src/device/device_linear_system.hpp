@@ -49,6 +49,10 @@ class DeviceLinearSystem : public ResidualSpace {
   virtual void take_values(const double* values) = 0;
   /// The same for the part [first, first + count) of LinearSystemArrays::values; all of them must be sent.
   virtual void send_values(Offset first, Offset count) = 0;
+  /// Whether ranks share the factor. Each has a copy of the system on its device then, and all calls are collective.
+  [[nodiscard]] virtual bool on_ranks() const { return false; }
+  /// On ranks: this one has sent the values [first, first + count); all get what all have sent, which are the whole.
+  virtual void share_values(Offset /*first*/, Offset /*count*/) {}
   /// Factors the values that were taken or sent last. Waits.
   /// @param smallest_pivot  smaller ones are replaced; relative to the largest scaled entry
   /// @returns nothing when an entry is not finite

@@ -43,9 +43,9 @@ BucklingSearch::BucklingSearch(SparseMatrix k, SparseMatrix kg, const ModesOptio
     : options_(options),
       shop_(shop),
       result_(result),
-      pencil_(std::move(k), std::move(kg), options),
-      stiffness_(without_constraints(pencil_.k(), pencil_.m())),
-      geometric_(pencil_.m()),
+      pencil_(std::move(k), std::move(kg), options, shop.pool),
+      stiffness_(without_constraints(pencil_.k(), pencil_.m()), shop.pool),
+      geometric_(pencil_.m(), shop.pool),
       multipliers_(constraint_rows(pencil_.k(), pencil_.m())),
       wanted_(options.count) {
   const auto counted = [this](const Product& product) {
@@ -59,7 +59,9 @@ BucklingSearch::BucklingSearch(SparseMatrix k, SparseMatrix kg, const ModesOptio
   op_.b = counted(stiffness_);
   op_.solve = [this](const double* x, double* y, Index columns) { pencil_.solve(x, y, columns); };
   op_.inner = "K";
-  op_.diagonal = diagonal_of(pencil_.k());
+  op_.weights = [this, diagonal = diagonal_of(pencil_.k())](const double* w, Index columns) {
+    return weighted_squares(shop_.pool, pencil_.n(), diagonal.data(), w, columns);
+  };
   result_.n = pencil_.n();
 }
 
@@ -120,7 +122,8 @@ void BucklingSearch::explore() {
   Tall basis = shop_.basis(n, most, least, pencil_.factor_peak_bytes);
   Tall image(n, o.block, &shop_.budget);
   for (Index i = 0; i < known; ++i) std::copy_n(harvest_[i].vector, n, basis.col(i));
-  Lanczos lanczos(op_, basis, known, image, shop_.pool, clock_);
+  const HostBlocks blocks(shop_.pool, n);
+  Lanczos lanczos(op_, {blocks, basis.col(0), basis.columns(), image.col(0), o.block}, known, shop_.pool, clock_);
   const LanczosResult found = lanczos.run(o);
   result_.restarts += found.restarts;
   exhausted_ = found.exhausted || (found.next_positive == 0 && found.found.positive < o.wanted.positive);
@@ -187,8 +190,9 @@ void BucklingSearch::prove() {
 
 void BucklingSearch::deliver() {
   note_costs(pencil_, clock_, result_);
-  harvest_.deliver(wanted_, pencil_.n(), result_);
-  if (result_.count() > 0) examine(pencil_.k(), pencil_.m(), true, shop_, result_);
+  harvest_.deliver(wanted_, pencil_.n(), shop_.pool, result_);
+  if (result_.count() > 0)
+    examine(pencil_.k(), pencil_.m(), Product(pencil_.k(), shop_.pool), geometric_, true, shop_, result_);
 }
 
 }  // namespace espalier::modes

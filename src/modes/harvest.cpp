@@ -57,22 +57,25 @@ Index Harvest::below(double at) const {
   return static_cast<Index>(end - sorted_.begin());
 }
 
-void Harvest::deliver(Index count, Index n, ModesResult& result) {
+void Harvest::deliver(Index count, Index n, base::ThreadPool& pool, ModesResult& result) {
   count = std::min(count, size());
   const auto rows = static_cast<std::size_t>(n);
   result.vectors.resize(rows * static_cast<std::size_t>(count));
   for (Index i = 0; i < count; ++i) {
-    const Found& f = (*this)[i];
-    result.eigenvalues.push_back(f.eigenvalue);
-    result.error_bounds.push_back(f.bound);
-    // The largest component is positive: shapes do not depend on where the search began.
-    const auto x = vector_of(f.vector, n);
-    Eigen::Index at = 0;
-    x.cwiseAbs().maxCoeff(&at);
-    const double sign = x[at] < 0 ? -1.0 : 1.0;
-    double* to = result.vectors.data() + rows * static_cast<std::size_t>(i);
-    for (std::size_t k = 0; k < rows; ++k) to[k] = sign * f.vector[k];
+    result.eigenvalues.push_back((*this)[i].eigenvalue);
+    result.error_bounds.push_back((*this)[i].bound);
   }
+  pool.for_each_range(count, 1, [&](std::int64_t begin, std::int64_t end) {
+    for (auto i = begin; i < end; ++i) {
+      // The largest component is positive: shapes do not depend on where the search began.
+      const auto x = vector_of((*this)[static_cast<Index>(i)].vector, n);
+      Eigen::Index at = 0;
+      x.cwiseAbs().maxCoeff(&at);
+      const double sign = x[at] < 0 ? -1.0 : 1.0;
+      double* to = result.vectors.data() + rows * static_cast<std::size_t>(i);
+      for (std::size_t k = 0; k < rows; ++k) to[k] = sign * x[static_cast<Eigen::Index>(k)];
+    }
+  });
   sorted_.clear();
   batches_.clear();
 }
@@ -86,10 +89,10 @@ void note_costs(const Pencil& pencil, const LanczosClock& clock, ModesResult& re
   result.seconds.orthogonalization = clock.orthogonalization;
 }
 
-void examine(const SparseMatrix& k, const SparseMatrix& m, bool inner_is_k, Workshop& shop, ModesResult& result) {
+void examine(const SparseMatrix& k, const SparseMatrix& m, const Product& k_full, const Product& m_full,
+             bool inner_is_k, Workshop& shop, ModesResult& result) {
   const Index n = result.n, count = result.count();
   const double k_norm = matrix::norm_inf(k, &shop.pool), m_norm = matrix::norm_inf(m, &shop.pool);
-  const Product k_full(k), m_full(m);
   Tall kx(n, std::min(count, kColumns), &shop.budget), mx(n, std::min(count, kColumns), &shop.budget);
   result.residuals.assign(static_cast<std::size_t>(count), 0.0);
   for (Index c = 0; c < count; c += kColumns) {

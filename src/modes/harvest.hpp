@@ -28,7 +28,7 @@ class Harvest {
   [[nodiscard]] const Found& operator[](Index i) const { return sorted_[static_cast<std::size_t>(i)]; }
 
   /// Moves the `count` first ones into the result: eigenvalues, vectors, bounds.
-  void deliver(Index count, Index n, ModesResult& result);
+  void deliver(Index count, Index n, base::ThreadPool& pool, ModesResult& result);
 
  private:
   std::vector<std::unique_ptr<Tall>> batches_;
@@ -41,6 +41,8 @@ void note_costs(const Pencil& pencil, const LanczosClock& clock, ModesResult& re
 /// Residuals of K x = l M x and orthogonality in the inner product of `inner` (M or K), of what stands in the result.
 /// Where one of them is too large, nothing is proven.
 /// @throws Error(accuracy_not_reached) then, after all are in the result
-void examine(const SparseMatrix& k, const SparseMatrix& m, bool inner_is_k, Workshop& shop, ModesResult& result);
+/// @param k_full, m_full  of these matrices
+void examine(const SparseMatrix& k, const SparseMatrix& m, const Product& k_full, const Product& m_full,
+             bool inner_is_k, Workshop& shop, ModesResult& result);
 
 }  // namespace espalier::modes

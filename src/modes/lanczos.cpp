@@ -33,14 +33,14 @@ struct Lanczos::Ritz {
   Index good_negative = 0, good_positive = 0;  // converged, unbroken from the end
 };
 
-Lanczos::Lanczos(const SpectralOperator& op, Tall& basis, Index known, Tall& image, base::ThreadPool& pool,
+Lanczos::Lanczos(const SpectralOperator& op, const Workspace& space, Index known, base::ThreadPool& pool,
                  LanczosClock& clock)
-    : op_(op), basis_(basis), known_(known), image_(image), pool_(pool), clock_(clock) {}
+    : op_(op), space_(space), known_(known), pool_(pool), clock_(clock) {}
 
 LanczosResult Lanczos::run(const LanczosOptions& options) {
   options_ = options;
-  options_.block = std::min({options.block, image_.columns(), std::max<Index>(1, options.dimension)});
-  capacity_ = std::min<Index>(basis_.columns() - known_ - options_.block, options_.dimension);
+  options_.block = std::min({options.block, space_.block, std::max<Index>(1, options.dimension)});
+  capacity_ = std::min<Index>(space_.columns - known_ - options_.block, options_.dimension);
   t_ = Dense::Zero(capacity_ + options_.block, capacity_ + options_.block);
   coupling_.resize(0, 0);
   j_ = 0;
@@ -71,11 +71,11 @@ Index Lanczos::new_directions(Index columns, Index width) {
   constexpr int kTimes = 2;
   for (int attempt = 0; attempt < 3; ++attempt) {
     double* w = v(columns);
-    randomize(pool_, op_.n, w, width, options_.seed + 977 * draws_++);
+    space_.blocks.randomize(w, width, options_.seed + 977 * draws_++);
     for (int k = 0; k < kTimes; ++k) {
       const auto& by = op_.a ? op_.a : op_.b;
-      by(w, image_.col(0), width);
-      op_.solve(image_.col(0), w, width);
+      by(w, space_.image, width);
+      op_.solve(space_.image, w, width);
       clock_.columns += width;
     }
     if (const Index left = orthonormalize(columns, width, nullptr, nullptr); left > 0) return left;
@@ -89,8 +89,8 @@ Index Lanczos::expand(Index width) {
   double* w = v(j_ + width);
   {
     const Stopwatch watch(clock_.solves);
-    if (op_.a) op_.a(v(j_), image_.col(0), width);
-    op_.solve(image_.col(0), w, width);
+    if (op_.a) op_.a(v(j_), space_.image, width);
+    op_.solve(space_.image, w, width);
     clock_.columns += width;
   }
   Dense h, r;
@@ -121,7 +121,7 @@ Index Lanczos::orthonormalize(Index columns, Index width, Dense* h, Dense* r) {
   const Index room = options_.dimension - columns;  // what is left beyond is rounding
   const Stopwatch watch(clock_.orthogonalization);
   double* w = v(columns);
-  double* image = image_.col(0);
+  double* image = space_.image;
   if (h != nullptr) *h = Dense::Zero(columns, width);
   Dense total = Dense::Identity(width, width);
   double size = 0;  // of the columns as they came
@@ -130,10 +130,10 @@ Index Lanczos::orthonormalize(Index columns, Index width, Dense* h, Dense* r) {
   for (int pass = 0; pass < kMostPasses && left > 0 && !settled; ++pass) {
     if (rough) op_.b(w, image, left);
     if (pass == 0) {
-      size = std::sqrt(gram(pool_, op_.n, w, left, image, left).diagonal().cwiseAbs().maxCoeff());
+      size = std::sqrt(space_.blocks.gram(w, left, image, left).diagonal().cwiseAbs().maxCoeff());
     }
-    const Dense all = gram(pool_, op_.n, basis_.col(0), known_ + columns, image, left);
-    subtract(pool_, op_.n, basis_.col(0), all, w);
+    const Dense all = space_.blocks.gram(space_.basis, known_ + columns, image, left);
+    space_.blocks.subtract(space_.basis, all, w);
     if (h != nullptr) *h += all.bottomRows(columns) * total;
     op_.b(w, image, left);
     Dense step;
@@ -156,8 +156,8 @@ Index Lanczos::orthonormalize(Index columns, Index width, Dense* h, Dense* r) {
 // not orthonormal.
 Index Lanczos::independent(double* w, double* image, Index width, const Dropping& dropping, Dense& total, Dense& r) {
   constexpr double kRaised = 1e-12, kRounding = 64 * kEps, kNegative = 1e-8;
-  const Dense g = gram(pool_, op_.n, w, width, image, width);
-  const Vector weights = weighted_squares(pool_, op_.n, op_.diagonal.data(), w, width);
+  const Dense g = space_.blocks.gram(w, width, image, width);
+  const Vector weights = op_.weights(w, width);
   Vector scale = Vector::Zero(width), unscale = Vector::Zero(width);
   for (Index k = 0; k < width; ++k) {
     if (!std::isfinite(g(k, k)) || g(k, k) < -kNegative * weights[k])
@@ -186,8 +186,8 @@ Index Lanczos::independent(double* w, double* image, Index width, const Dropping
   total = next(kept, Eigen::all);
   r = from_q(kept, Eigen::all);
   const Dense chosen = to_q(Eigen::all, kept);
-  combine(pool_, op_.n, w, chosen, w);
-  combine(pool_, op_.n, image, chosen, image);
+  space_.blocks.combine(w, chosen, w);
+  space_.blocks.combine(image, chosen, image);
   return static_cast<Index>(kept.size());
 }
 
@@ -242,8 +242,8 @@ void Lanczos::restart(const Ritz& ritz, Index width) {
   const auto p = static_cast<Index>(kept.size());
   Dense s(j_, p);
   for (Index k = 0; k < p; ++k) s.col(k) = ritz.vectors.col(kept[static_cast<std::size_t>(k)]);
-  combine(pool_, op_.n, v(0), s, v(0));
-  std::copy_n(v(j_), static_cast<std::int64_t>(op_.n) * width, v(p));  // p < j_: from the left to the left
+  space_.blocks.combine(v(0), s, v(0));
+  space_.blocks.copy(v(j_), v(p), width);  // p < j_: from the left to the left
   coupling_ = (coupling_ * s).eval();
   t_.setZero();
   for (Index k = 0; k < p; ++k) t_(k, k) = ritz.theta[kept[static_cast<std::size_t>(k)]];

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "modes/tall.hpp"
+#include "modes/blocks.hpp"
 
 namespace espalier::modes {
 
@@ -15,9 +15,19 @@ struct SpectralOperator {
   Index n = 0;
   /// y = A x and y = B x for so many columns; where A is B, `a` is empty.
   Apply a, b;
-  Apply solve;                   ///< y = F^-1 x; y may be x
-  std::string inner;             ///< the name of B, for messages
-  std::vector<double> diagonal;  ///< of B, n values
+  Apply solve;        ///< y = F^-1 x; y may be x
+  std::string inner;  ///< the name of B, for messages
+  /// sum_i B_ii w_ij^2 of so many columns.
+  std::function<Eigen::VectorXd(const double* w, Index columns)> weights;
+};
+
+/// Vectors that a search works in, n rows each, where `blocks` says.
+struct Workspace {
+  const Blocks& blocks;
+  double* basis;  ///< at least known + 3 block columns
+  Index columns;
+  double* image;  ///< a block to work with
+  Index block;    ///< its columns
 };
 
 /// How many eigenvalues theta are sought at each end of the spectrum, largest magnitude first.
@@ -49,12 +59,11 @@ struct LanczosClock {
   Offset columns = 0;
 };
 
-/// Works in `basis`, n rows, at least known + 3 block columns. Its first `known` columns are B-orthonormal and kept
-/// out; what is found is made of the columns after them. `image`: a block of columns to work with.
+/// The operator works where the vectors are. The first `known` columns of the basis are B-orthonormal and kept out;
+/// what is found is made of the columns after them.
 class Lanczos {
  public:
-  Lanczos(const SpectralOperator& op, Tall& basis, Index known, Tall& image, base::ThreadPool& pool,
-          LanczosClock& clock);
+  Lanczos(const SpectralOperator& op, const Workspace& space, Index known, base::ThreadPool& pool, LanczosClock& clock);
   /// @throws Error(invalid_input) where B is not semi-definite
   LanczosResult run(const LanczosOptions& options);
 
@@ -76,12 +85,11 @@ class Lanczos {
   bool stalled(const Ritz& ritz);
   void restart(const Ritz& ritz, Index width);
   [[nodiscard]] LanczosResult result(const Ritz& ritz, bool exhausted) const;
-  [[nodiscard]] double* v(Index j) { return basis_.col(known_ + j); }
+  [[nodiscard]] double* v(Index j) { return space_.basis + static_cast<std::int64_t>(op_.n) * (known_ + j); }
 
   const SpectralOperator& op_;
-  Tall& basis_;
+  Workspace space_;  // its image: B times the block that comes next, or a block to work with
   Index known_;
-  Tall& image_;  // B times the block that comes next, and a block to work with
   base::ThreadPool& pool_;
   LanczosClock& clock_;
   LanczosOptions options_;

@@ -18,13 +18,13 @@ constexpr double kAsymmetry = 1e-12;
 
 // What value(row, column, a, b) makes of two matrices with rising rows, on the union of their patterns (zero where one
 // has no entry), as lower triangle. @param lower  entries above the diagonal are looked at, and left out
+// @param pool  null: by one thread
 template <class Value>
-SparseMatrix merged(const SparseMatrix& a, const SparseMatrix& b, bool lower, const Value& value) {
-  SparseMatrix out;
-  out.rows = out.cols = a.rows;
-  out.storage = Storage::symmetric_lower;
-  out.col_ptr.assign(1, 0);
-  for (Index j = 0; j < a.cols; ++j) {
+SparseMatrix merged(const SparseMatrix& a, const SparseMatrix& b, bool lower, const Value& value,
+                    base::ThreadPool* pool) {
+  constexpr std::int64_t kColumns = 1024;
+  // use(row, value) for the entries of a column.
+  const auto each = [&](Index j, auto use) {
     auto p = static_cast<std::size_t>(a.col_ptr[static_cast<std::size_t>(j)]);
     auto q = static_cast<std::size_t>(b.col_ptr[static_cast<std::size_t>(j)]);
     const auto p_end = static_cast<std::size_t>(a.col_ptr[static_cast<std::size_t>(j) + 1]);
@@ -36,12 +36,32 @@ SparseMatrix merged(const SparseMatrix& a, const SparseMatrix& b, bool lower, co
       const double v = value(row, j, i == row ? a.values[p] : 0.0, k == row ? b.values[q] : 0.0);
       p += i == row ? 1U : 0U;
       q += k == row ? 1U : 0U;
-      if (lower && row < j) continue;
-      out.row_ind.push_back(row);
-      out.values.push_back(v);
+      if (!lower || row >= j) use(row, v);
     }
-    out.col_ptr.push_back(static_cast<Offset>(out.row_ind.size()));
-  }
+  };
+  const auto for_columns = [&](const auto& use) {
+    const auto range = [&](std::int64_t begin, std::int64_t end) {
+      for (auto j = begin; j < end; ++j) use(static_cast<Index>(j));
+    };
+    if (pool != nullptr)
+      pool->for_each_range(a.cols, kColumns, range);
+    else
+      range(0, a.cols);
+  };
+  SparseMatrix out;
+  out.rows = out.cols = a.rows;
+  out.storage = Storage::symmetric_lower;
+  out.col_ptr.assign(static_cast<std::size_t>(a.cols) + 1, 0);
+  for_columns([&](Index j) { each(j, [&](Index, double) { ++out.col_ptr[static_cast<std::size_t>(j) + 1]; }); });
+  for (std::size_t j = 1; j < out.col_ptr.size(); ++j) out.col_ptr[j] += out.col_ptr[j - 1];
+  out.row_ind.resize(static_cast<std::size_t>(out.col_ptr.back()));
+  out.values.resize(out.row_ind.size());
+  for_columns([&](Index j) {
+    each(j, [&, at = static_cast<std::size_t>(out.col_ptr[static_cast<std::size_t>(j)])](Index row, double v) mutable {
+      out.row_ind[at] = row;
+      out.values[at++] = v;
+    });
+  });
   return out;
 }
 
@@ -50,14 +70,17 @@ SparseMatrix mean_of_triangles(MatrixView a, const std::string& name, base::Thre
   const SparseMatrix full = matrix::to_general(a, &pool);
   double largest = 0;
   for (const double v : full.values) largest = std::max(largest, std::abs(v));
-  return merged(full, matrix::transpose(full), true, [&](Index i, Index j, double x, double y) {
-    if (std::abs(x - y) > kAsymmetry * largest)
-      throw Error(StatusCode::invalid_input,
-                  fmt::format("{} is not symmetric: entry ({}, {}) is {:.17g}, entry ({}, {}) is {:.17g}", name, i, j,
-                              x, j, i, y),
-                  i);
-    return (x + y) / 2;
-  });
+  return merged(
+      full, matrix::transpose(full), true,
+      [&](Index i, Index j, double x, double y) {
+        if (std::abs(x - y) > kAsymmetry * largest)
+          throw Error(StatusCode::invalid_input,
+                      fmt::format("{} is not symmetric: entry ({}, {}) is {:.17g}, entry ({}, {}) is {:.17g}", name, i,
+                                  j, x, j, i, y),
+                      i);
+        return (x + y) / 2;
+      },
+      nullptr);
 }
 
 // A square matrix of numbers, of at least one row.
@@ -89,8 +112,9 @@ SparseMatrix general_of(const MatrixView& a, const std::string& name, base::Thre
   return matrix::to_general(summed, &pool);
 }
 
-SparseMatrix sum(double alpha, const SparseMatrix& a, double beta, const SparseMatrix& b) {
-  return merged(a, b, false, [&](Index, Index, double x, double y) { return alpha * x + beta * y; });
+SparseMatrix sum(double alpha, const SparseMatrix& a, double beta, const SparseMatrix& b, base::ThreadPool* pool) {
+  return merged(
+      a, b, false, [&](Index, Index, double x, double y) { return alpha * x + beta * y; }, pool);
 }
 
 std::vector<double> diagonal_of(const SparseMatrix& lower) {
@@ -114,38 +138,46 @@ Options factor_options(const Options& from, Kind kind) {
   return o;
 }
 
-Pencil::Pencil(SparseMatrix k, SparseMatrix m, const ModesOptions& options)
+Pencil::Pencil(SparseMatrix k, SparseMatrix m, const ModesOptions& options, base::ThreadPool& pool)
     : k_(std::move(k)),
       m_(std::move(m)),
       options_(options.solver),
+      pool_(pool),
       solver_(factor_options(options.solver, Kind::ldlt)) {}
 
 void Pencil::lay_out() {
   const base::Stopwatch watch(analysis_seconds);
-  pattern_ = sum(1, k_, 0, m_);
+  pattern_ = sum(1, k_, 0, m_, &pool_);
   k_values_ = pattern_.values;
-  m_values_ = sum(0, k_, 1, m_).values;
+  m_values_ = sum(0, k_, 1, m_, &pool_).values;
 }
 
-Shifted Pencil::factorize(double shift) {
+void Pencil::prepare(double shift) {
   if (pattern_.rows == 0) lay_out();
   shift_ = shift;
   std::vector<double>& values = pattern_.values;
-  for (std::size_t p = 0; p < values.size(); ++p) values[p] = k_values_[p] - shift * m_values_[p];
+  pool_.for_each_range(static_cast<std::int64_t>(values.size()), 1 << 15, [&](std::int64_t begin, std::int64_t end) {
+    for (auto p = static_cast<std::size_t>(begin); p < static_cast<std::size_t>(end); ++p)
+      values[p] = k_values_[p] - shift * m_values_[p];
+  });
   // Matching and scaling look at the values of the first shift; the kind is chosen by them.
-  if (solver_.state() == Solver::State::empty) {
-    analysis_ = solver_.analyze(pattern_);
-    analysis_seconds += analysis_.seconds;
-    if (analysis_.status.code == StatusCode::singular) {
-      ++factorizations;
-      return {analysis_.status, 0, false};
-    }
-    if (!analysis_.status.ok()) throw Error(analysis_.status);
+  if (solver_.state() != Solver::State::empty) return;
+  analysis_ = solver_.analyze(pattern_);
+  analysis_seconds += analysis_.seconds;
+}
+
+Shifted Pencil::factorize(double shift) {
+  prepare(shift);
+  if (analysis_.status.code == StatusCode::singular) {
+    ++factorizations;
+    return {analysis_.status, 0, false};
   }
-  const FactorResult r = solver_.refactorize(values);
+  if (!analysis_.status.ok()) throw Error(analysis_.status);
+  const FactorResult r = solver_.refactorize(pattern_.values);
   ++factorizations;
   factor_seconds += r.seconds;
   factor_peak_bytes = std::max(factor_peak_bytes, r.peak_host_bytes);
+  device_bytes = r.devices.empty() ? 0 : r.devices.front().peak_bytes;
   if (r.status.code == StatusCode::singular) return {r.status, 0, false};
   if (!r.status.ok()) throw Error(r.status);
   if (options_.log)
@@ -162,6 +194,11 @@ Shifted Pencil::factorize(double shift) {
 void Pencil::solve(const double* b, double* x, Index columns) {
   const auto size = static_cast<std::size_t>(n()) * static_cast<std::size_t>(columns);
   const SolveResult r = solver_.solve({b, size}, {x, size}, columns);
+  if (!r.status.ok()) throw Error(r.status);
+}
+
+void Pencil::solve_device(const double* b, double* x, Index columns, void* queue) {
+  const SolveResult r = solver_.solve_device(b, x, columns, Transpose::no, queue);
   if (!r.status.ok()) throw Error(r.status);
 }
 

@@ -23,8 +23,9 @@ SparseMatrix symmetric_lower(const MatrixView& a, const std::string& name, base:
 /// @throws Error(invalid_input)
 SparseMatrix general_of(const MatrixView& a, const std::string& name, base::ThreadPool& pool);
 
-/// alpha A + beta B of two lower triangles, on the union of their patterns.
-SparseMatrix sum(double alpha, const SparseMatrix& a, double beta, const SparseMatrix& b);
+/// alpha A + beta B of two lower triangles, on the union of their patterns. @param pool  null: by one thread
+SparseMatrix sum(double alpha, const SparseMatrix& a, double beta, const SparseMatrix& b,
+                 base::ThreadPool* pool = nullptr);
 
 /// The diagonal, zero where there is no entry.
 std::vector<double> diagonal_of(const SparseMatrix& lower);
@@ -41,13 +42,19 @@ struct Shifted {
 
 class Pencil {
  public:
-  /// Both lower triangles of one size. @param options outlive the pencil
-  Pencil(SparseMatrix k, SparseMatrix m, const ModesOptions& options);
+  /// Both lower triangles of one size. @param options, pool  outlive the pencil
+  Pencil(SparseMatrix k, SparseMatrix m, const ModesOptions& options, base::ThreadPool& pool);
 
+  /// The analysis, by the values of this shift. What is wrong with them factorize() says.
+  void prepare(double shift);
   /// @throws Error where memory or devices fail, or the caller interrupts
   Shifted factorize(double shift);
   /// Solves with the last factor. @throws Error
   void solve(const double* b, double* x, Index columns);
+  /// The same in the memory of the GPU that has it, when what is enqueued on its queue (a cudaStream_t) is done.
+  void solve_device(const double* b, double* x, Index columns, void* queue);
+  /// Number of that GPU; -1: there is none.
+  [[nodiscard]] int gpu() const { return solver_.gpu(); }
 
   [[nodiscard]] const SparseMatrix& k() const { return k_; }
   [[nodiscard]] const SparseMatrix& m() const { return m_; }
@@ -57,12 +64,14 @@ class Pencil {
   Index factorizations = 0;
   double analysis_seconds = 0, factor_seconds = 0;
   Offset factor_peak_bytes = 0;
+  Offset device_bytes = 0;  ///< that the last factor held on its (first) device
 
  private:
   void lay_out();
 
   SparseMatrix k_, m_;
   const Options& options_;
+  base::ThreadPool& pool_;
   Solver solver_;
   AnalysisResult analysis_;
   SparseMatrix pattern_;

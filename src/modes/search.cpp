@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
 
+#include "base/beside.hpp"
 #include "base/stopwatch.hpp"
 
 namespace espalier::modes {
@@ -21,12 +23,15 @@ Search::Search(SparseMatrix k, SparseMatrix m, const ModesOptions& options, Work
     : options_(options),
       shop_(shop),
       result_(result),
-      pencil_(std::move(k), std::move(m), options),
-      stiffness_(pencil_.k()),
-      mass_(pencil_.m()) {
+      pencil_(std::move(k), std::move(m), options, shop.pool),
+      stiffness_(pencil_.k(), shop.pool),
+      mass_(pencil_.m(), shop.pool),
+      mass_diagonal_(diagonal_of(pencil_.m())) {
   op_.n = pencil_.n();
   op_.inner = "M";
-  op_.diagonal = diagonal_of(pencil_.m());
+  op_.weights = [this](const double* w, Index columns) {
+    return weighted_squares(shop_.pool, pencil_.n(), mass_diagonal_.data(), w, columns);
+  };
   op_.b = [this](const double* x, double* y, Index columns) {
     const base::Stopwatch watch(result_.seconds.products);
     mass_.apply(shop_.pool, x, y, columns);
@@ -36,10 +41,8 @@ Search::Search(SparseMatrix k, SparseMatrix m, const ModesOptions& options, Work
 }
 
 void Search::run() {
-  {
-    const base::Stopwatch watch(result_.seconds.mass);
-    report_ = look_at_mass(pencil_.k(), pencil_.m(), options_.check_mass, options_.solver);
-  }
+  measure();
+  look_at_mass_and_prepare();
   result_.finite = report_.finite;
   result_.massless = report_.massless;
   if (options_.count > report_.finite)
@@ -49,7 +52,6 @@ void Search::run() {
                             options_.count, report_.finite, pencil_.n(), report_.rank));
   wanted_ = options_.count > 0 ? options_.count : report_.finite;
   block_ = std::min(options_.block_size > 0 ? options_.block_size : Index{8}, report_.finite);
-  measure();
   if (!std::isinf(options_.below)) count_below_bound();
   if (wanted_ > 0 && !finished()) {
     choose_first();
@@ -58,6 +60,28 @@ void Search::run() {
     } while (!finished() && choose_next());
   }
   say_complete();
+}
+
+// M beside the analysis of K - s M, which does not need to know. The caller is asked for interruption, and hears, on
+// this thread alone.
+void Search::look_at_mass_and_prepare() {
+  const bool beside = shop_.pool.size() > 1;
+  Options of_mass = options_.solver;
+  if (beside) of_mass.interrupted = nullptr, of_mass.log = nullptr;
+  auto report = base::start_beside(
+      [&] {
+        const base::Stopwatch watch(result_.seconds.mass);
+        return look_at_mass(pencil_.k(), pencil_.m(), options_.check_mass, of_mass);
+      },
+      beside);
+  std::exception_ptr failure;
+  try {
+    pencil_.prepare(first_shift());
+  } catch (...) {
+    failure = std::current_exception();
+  }
+  report_ = report.get();  // what is wrong with M is said first
+  if (failure) std::rethrow_exception(failure);
 }
 
 bool Search::finished() const {
@@ -69,11 +93,11 @@ bool Search::finished() const {
 
 Index Search::known_beyond(double from) const { return harvest_.size() - harvest_.below(from); }
 
-// Modes found above the last shift are kept out of the search: they would be found again.
-Index Search::known_vectors(Tall& basis, double from) {
-  const Index first = harvest_.below(from), known = harvest_.size() - first;
-  for (Index i = 0; i < known; ++i) std::copy_n(harvest_[first + i].vector, pencil_.n(), basis.col(i));
-  return known;
+// On the GPU that has the factor, if there is one and it has room.
+std::optional<Workspace> Search::device_workspace(Index most, Index least) {
+  if (!device_asked_) on_device_ = DeviceSearch::make(pencil_, mass_, mass_diagonal_, shop_, result_);
+  device_asked_ = true;
+  return on_device_ ? on_device_->workspace(most, least, block_) : std::nullopt;
 }
 
 // The modes next to the shift that are not known yet: all below it, and to the right as many as are wanted.
@@ -95,20 +119,57 @@ void Search::explore() {
   const Index usual = options_.basis_size > 0 ? options_.basis_size : 2 * want + 12 * block_;
   const Index most = std::min<Index>(std::max(usual, want + 3 * block_), o.dimension + block_) + known;
   const Index least = std::min<Index>(want + 3 * block_, o.dimension + block_) + known;
-  Tall basis = shop_.basis(pencil_.n(), most, least, pencil_.factor_peak_bytes);
-  Tall image(pencil_.n(), block_, &shop_.budget);
-  known_vectors(basis, from);
-  Lanczos lanczos(op_, basis, known, image, shop_.pool, clock_);
-  const LanczosResult found = lanczos.run(o);
-  result_.restarts += found.restarts;
-  result_.peak_bytes = std::max(result_.peak_bytes, pencil_.factor_peak_bytes + shop_.budget.peak());
+  const Sought sought_now{o, from, known, most, least};
+  LanczosResult found;
+  try {
+    found = search(sought_now);
+  } catch (const Error& e) {
+    if (!on_device_ || e.status().code != StatusCode::out_of_memory) throw;
+    shop_.log(fmt::format("modes: the basis goes to the host: {}", e.what()));
+    on_device_.reset();
+    found = search(sought_now);
+  }
   shop_.log(fmt::format("modes: shift {:.6g}: {} of {} below and {} of {} above it found, {} right-hand sides so far",
                         shift_, found.found.negative, left, found.found.positive, right, clock_.columns));
-  collect(found, basis, known);
 }
 
-// Those that were found, into the harvest.
-void Search::collect(const LanczosResult& found, Tall& basis, Index known) {
+// With the vectors on the GPU where they have room, else on the host. What was found goes into the harvest.
+LanczosResult Search::search(const Sought& sought) {
+  const auto& [o, from, known, most, least] = sought;
+  const Index n = pencil_.n();
+  std::optional<Workspace> space = device_workspace(most, least);
+  const bool here = !space;
+  const HostBlocks blocks(shop_.pool, n);
+  Tall basis, image;  // of the host
+  if (here) {
+    basis = shop_.basis(n, most, least, pencil_.factor_peak_bytes);
+    image = Tall(n, block_, &shop_.budget);
+    space.emplace(Workspace{blocks, basis.col(0), basis.columns(), image.col(0), block_});
+  }
+  // Modes found above the last shift are kept out of the search: they would be found again.
+  for (Index i = 0, first = harvest_.below(from); i < known; ++i) {
+    const double* vector = harvest_[first + i].vector;
+    double* const to = space->basis + static_cast<std::int64_t>(n) * i;
+    if (here)
+      std::copy_n(vector, n, to);
+    else
+      on_device_->send(to, vector, 1);
+  }
+  Lanczos lanczos(here ? op_ : on_device_->op(), *space, known, shop_.pool, clock_);
+  LanczosResult found = lanczos.run(o);
+  result_.restarts += found.restarts;
+  result_.peak_bytes = std::max(result_.peak_bytes, pencil_.factor_peak_bytes + shop_.budget.peak());
+  double* const after_known = space->basis + static_cast<std::int64_t>(n) * known;
+  collect(found, [&](const Dense& s, double* to) {
+    if (!here) return on_device_->fetch(after_known, s, to);
+    combine(shop_.pool, n, after_known, s, to);
+    basis = Tall();  // its memory serves the products
+  });
+  return found;
+}
+
+// Those that were found, into the harvest. @param make  columns of the basis times a small matrix
+void Search::collect(const LanczosResult& found, const std::function<void(const Dense&, double*)>& make) {
   right_edge_ = found.next_positive > 0 ? shift_ + 1 / found.next_positive : std::numeric_limits<double>::quiet_NaN();
   // More than lie below or above the shift cannot be there: the last ones are rounding.
   const Index left = std::min(found.found.negative, std::max<Index>(0, below_shift_ - harvest_.below(shift_)));
@@ -131,8 +192,7 @@ void Search::collect(const LanczosResult& found, Tall& basis, Index known) {
     largest = std::max(largest, std::abs(theta));
   }
   Tall batch(pencil_.n(), static_cast<Index>(taken.size()), &shop_.budget);
-  combine(shop_.pool, pencil_.n(), basis.col(known), found.combination(Eigen::all, taken), batch.col(0));
-  basis = Tall();  // its memory serves the products
+  make(found.combination(Eigen::all, taken), batch.col(0));
   purify(batch, std::numeric_limits<double>::epsilon() * largest, eigenvalues);
   harvest_.add(std::move(batch), eigenvalues, bounds);
 }
@@ -202,8 +262,8 @@ void Search::say_complete() {
 
 void Search::deliver() {
   note_costs(pencil_, clock_, result_);
-  harvest_.deliver(wanted_, pencil_.n(), result_);
-  if (result_.count() > 0) examine(pencil_.k(), pencil_.m(), false, shop_, result_);
+  harvest_.deliver(wanted_, pencil_.n(), shop_.pool, result_);
+  if (result_.count() > 0) examine(pencil_.k(), pencil_.m(), stiffness_, mass_, false, shop_, result_);
 }
 
 }  // namespace espalier::modes

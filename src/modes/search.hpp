@@ -3,9 +3,12 @@
 /// missing.
 #pragma once
 
+#include <functional>
+#include <memory>
 #include <optional>
 #include <vector>
 
+#include "modes/device_search.hpp"
 #include "modes/harvest.hpp"
 #include "modes/lanczos.hpp"
 #include "modes/mass.hpp"
@@ -24,6 +27,7 @@ class Search {
  private:
   // Shifts (search_shifts.cpp)
   void measure();
+  [[nodiscard]] double first_shift() const;
   void choose_first();
   void count_below_bound();
   bool choose_next();
@@ -31,11 +35,18 @@ class Search {
   double gap_after_wanted() const;
   Index count_at(double& s, bool movable);
   [[nodiscard]] std::optional<ModeCount> proven() const;
+  void look_at_mass_and_prepare();
   // Vectors (search.cpp)
+  struct Sought {
+    LanczosOptions options;
+    double from;               // modes known above it are kept out
+    Index known, most, least;  // so many; columns of the basis
+  };
   void explore();
-  void collect(const LanczosResult& found, Tall& basis, Index known);
+  LanczosResult search(const Sought& sought);
+  void collect(const LanczosResult& found, const std::function<void(const Dense&, double*)>& make);
   void purify(Tall& batch, double rounding, std::vector<double>& eigenvalues);
-  Index known_vectors(Tall& basis, double from);
+  std::optional<Workspace> device_workspace(Index most, Index least);
   [[nodiscard]] Index known_beyond(double from) const;
   [[nodiscard]] bool finished() const;
   void say_complete();
@@ -45,10 +56,13 @@ class Search {
   ModesResult& result_;
   Pencil pencil_;
   Product stiffness_, mass_;
+  std::vector<double> mass_diagonal_;
   MassReport report_;
   Harvest harvest_;
   LanczosClock clock_;
-  SpectralOperator op_;
+  SpectralOperator op_;                      // on the host
+  std::unique_ptr<DeviceSearch> on_device_;  // null: there is none, or it has no room
+  bool device_asked_ = false;
   Index extra_ = 0;   // sought beyond the wanted ones, to the end of a cluster
   Index wanted_ = 0;  // modes to be found
   Index block_ = 8;

@@ -33,6 +33,12 @@ void Search::measure() {
   largest_ = *std::max_element(ratios.begin(), ratios.end());
 }
 
+// Where K - s M is factorized first: its values choose scaling and matching.
+double Search::first_shift() const {
+  if (!std::isinf(options_.below)) return options_.below;
+  return std::isnan(options_.shift) ? -unit_ : options_.shift;
+}
+
 void Search::choose_first() {
   double s = options_.shift;
   if (!std::isnan(s)) {

@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <utility>
+
+#include "plan/memory_plan.hpp"
 
 namespace espalier::out_of_core {
 
@@ -152,13 +155,24 @@ std::vector<Unit> cut_into_units(const OutOfCoreLayout& layout, const TreeCut& c
 
 namespace {
 
-// What plan_memory() needs of a plan, for some fronts of it.
+// The unit of each front, and its place there; -1: in none.
+struct Membership {
+  std::vector<std::int32_t> unit, place;
+};
+
+// The tasks of a unit that begin or end a front.
+struct UnitTasks {
+  std::vector<std::size_t> at;  // in OutOfCoreLayout::order()
+  plan::NumberedTasks numbered;
+};
+
+// What plan_memory() needs of a plan, for the fronts of unit u.
 class StepBuilder {
  public:
-  StepBuilder(const OutOfCoreLayout& layout, const Unit& unit, std::vector<plan::Task> tasks)
-      : layout_(layout), plan_(layout.plan()), fronts_(unit.fronts) {
+  StepBuilder(const OutOfCoreLayout& layout, const Unit& unit, std::int32_t u, const Membership& members,
+              const UnitTasks& tasks)
+      : layout_(layout), plan_(layout.plan()), fronts_(unit.fronts), u_(u), members_(members), tasks_(tasks) {
     s_.fronts = unit.fronts;
-    s_.tasks = std::move(tasks);
   }
 
   InCoreStep build() {
@@ -167,9 +181,9 @@ class StepBuilder {
     add_fronts();
     add_tasks();
     // Small steps shall reuse memory, too; some hundred tasks are under way at one time.
-    const auto tasks = static_cast<Index>(light_.tasks.size());
+    const Index tasks = tasks_.numbered.all;
     light_.options.reuse_distance = std::min(light_.options.reuse_distance, std::max<Index>(512, tasks / 8));
-    plan::plan_memory(light_, &sizes_);
+    plan::plan_memory(light_, sizes_, tasks_.numbered);
     s_.memory = std::move(light_.memory);
     s_.external_at.assign(s_.externals.size(), {-1, -1});
     s_.root_at.assign(fronts_.size(), {-1, -1});
@@ -177,10 +191,7 @@ class StepBuilder {
   }
 
  private:
-  [[nodiscard]] Index place(Index f) const {
-    const auto it = std::lower_bound(fronts_.begin(), fronts_.end(), f);
-    return it != fronts_.end() && *it == f ? static_cast<Index>(it - fronts_.begin()) : -1;
-  }
+  [[nodiscard]] Index place(Index f) const { return members_.unit[f] == u_ ? members_.place[f] : -1; }
 
   void add_fronts() {
     light_.child_ptr.assign(1, 0);
@@ -206,11 +217,12 @@ class StepBuilder {
   void add_tasks() {
     light_.first_task.assign(fronts_.size(), -1);
     light_.last_task.assign(fronts_.size(), -1);
-    for (const plan::Task& t : s_.tasks) {
+    for (std::size_t k = 0; k < tasks_.at.size(); ++k) {
+      const plan::Task& t = layout_.order()[tasks_.at[k]];
       plan::Task local = t;
       local.front = place(t.front);
       local.begin = t.is_range() ? place(t.begin) : -1;
-      const auto at = static_cast<Index>(light_.tasks.size());
+      const Index at = tasks_.numbered.numbers[k];
       for (Index g = t.is_range() ? local.begin : local.front; g <= local.front; ++g) {
         if (light_.first_task[g] < 0) light_.first_task[g] = at;
         light_.last_task[g] = at;
@@ -222,6 +234,9 @@ class StepBuilder {
   const OutOfCoreLayout& layout_;
   const plan::Plan& plan_;
   const std::vector<Index>& fronts_;
+  std::int32_t u_;
+  const Membership& members_;
+  const UnitTasks& tasks_;
   InCoreStep s_;
   plan::Plan light_;
   plan::ArraySizes sizes_;
@@ -229,17 +244,55 @@ class StepBuilder {
 
 }  // namespace
 
-std::vector<InCoreStep> make_in_core_steps(const OutOfCoreLayout& layout, const std::vector<Unit>& units) {
-  std::vector<std::int32_t> unit_of(static_cast<std::size_t>(layout.plan().fronts()), -1);
+TaskMarks::TaskMarks(const OutOfCoreLayout& layout) : begins_or_ends(layout.order().size(), 0) {
+  constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
+  std::vector<std::size_t> last(static_cast<std::size_t>(layout.plan().fronts()), kNone);
+  front.reserve(layout.order().size());
+  for (const plan::Task& t : layout.order()) {
+    std::size_t& its_last = last[static_cast<std::size_t>(t.front)];
+    if (its_last == kNone) begins_or_ends[front.size()] = 1;
+    its_last = front.size();
+    front.push_back(t.front);
+  }
+  for (const std::size_t task : last)
+    if (task != kNone) begins_or_ends[task] = 1;
+}
+
+std::vector<InCoreStep> make_in_core_steps(const OutOfCoreLayout& layout, const std::vector<Unit>& units,
+                                           const TaskMarks& marks, base::ThreadPool* pool) {
+  const auto n = static_cast<std::size_t>(layout.plan().fronts());
+  Membership members{std::vector<std::int32_t>(n, -1), std::vector<std::int32_t>(n, -1)};
   for (std::size_t u = 0; u < units.size(); ++u)
-    for (const Index f : units[u].fronts) unit_of[f] = static_cast<std::int32_t>(u);
-  std::vector<std::vector<plan::Task>> tasks(units.size());
-  for (const plan::Task& t : layout.order())
-    if (unit_of[t.front] >= 0) tasks[static_cast<std::size_t>(unit_of[t.front])].push_back(t);
+    for (std::size_t k = 0; k < units[u].fronts.size(); ++k) {
+      members.unit[units[u].fronts[k]] = static_cast<std::int32_t>(u);
+      members.place[units[u].fronts[k]] = static_cast<std::int32_t>(k);
+    }
+  std::vector<UnitTasks> tasks(units.size());
+  for (std::size_t k = 0; k < marks.front.size(); ++k) {
+    const std::int32_t u = members.unit[marks.front[k]];
+    if (u < 0) continue;
+    UnitTasks& its = tasks[static_cast<std::size_t>(u)];
+    if (marks.begins_or_ends[k] != 0) {
+      its.at.push_back(k);
+      its.numbered.numbers.push_back(its.numbered.all);
+    }
+    ++its.numbered.all;
+  }
   std::vector<InCoreStep> steps(units.size());
-  for (std::size_t u = 0; u < units.size(); ++u)
-    if (!units[u].fronts.empty()) steps[u] = StepBuilder(layout, units[u], std::move(tasks[u])).build();
+  for_each_unit(units.size(), pool, [&](std::size_t u) {
+    if (!units[u].fronts.empty())
+      steps[u] = StepBuilder(layout, units[u], static_cast<std::int32_t>(u), members, tasks[u]).build();
+  });
   return steps;
+}
+
+void give_tasks(const OutOfCoreLayout& layout, std::vector<OutOfCorePlan>& plans) {
+  std::vector<InCoreStep*> step_of(static_cast<std::size_t>(layout.plan().fronts()), nullptr);
+  for (OutOfCorePlan& p : plans)
+    for (InCoreStep& s : p.steps)
+      for (const Index f : s.fronts) step_of[f] = &s;
+  for (const plan::Task& t : layout.order())
+    if (InCoreStep* const s = step_of[t.front]; s != nullptr) s->tasks.push_back(t);
 }
 
 }  // namespace espalier::out_of_core

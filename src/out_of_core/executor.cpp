@@ -54,7 +54,7 @@ class OutOfCoreExecutor final : public device::Executor<T> {
       : options_(options),
         progress_(static_cast<Index>(backends.size())),
         crew_(kRoles * static_cast<int>(backends.size()), options.interruption),
-        plans_(plan_out_of_core(*backends.front(), options.devices, options.rates)) {
+        plans_(plan_out_of_core(*backends.front(), options.devices, options.rates, options.pool)) {
     if (crew_.size() < kRoles * static_cast<int>(backends.size()))
       throw Error(StatusCode::out_of_memory,
                   "the system refuses the threads that bring a factor out of core to its device; raise the limit "

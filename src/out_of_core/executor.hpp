@@ -22,6 +22,7 @@ struct OutOfCoreOptions {
   /// microseconds, about as long as asking for it.
   Offset least_direct_bytes = 128 << 10;
   PlanningRates rates;
+  base::ThreadPool* pool = nullptr;            ///< its threads plan; null: the calling one
   base::Interruption* interruption = nullptr;  ///< asked between the operations of the first device; null: nobody is
 };
 

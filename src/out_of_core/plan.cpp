@@ -20,8 +20,9 @@ using Plans = std::vector<OutOfCorePlan>;
 // The units and steps for some sizes of steps, made once each.
 class Candidates {
  public:
-  Candidates(const OutOfCoreLayout& layout, const std::vector<OutOfCoreDevice>& devices, const PlanningRates& rates)
-      : layout_(layout), rates_(rates) {
+  Candidates(const OutOfCoreLayout& layout, const std::vector<OutOfCoreDevice>& devices, const PlanningRates& rates,
+             base::ThreadPool* pool)
+      : layout_(layout), rates_(rates), pool_(pool), marks_(layout) {
     std::vector<double> speed;
     for (const OutOfCoreDevice& d : devices) speed.push_back(d.speed);
     sets_ = share_fronts(layout.plan(), speed);
@@ -36,7 +37,7 @@ class Candidates {
     if (found == cuts_.end()) {
       Cut cut;
       cut.units = cut_into_units(layout_, {limits, sets_, rates_.share_seconds});
-      cut.steps = make_in_core_steps(layout_, cut.units);
+      cut.steps = make_in_core_steps(layout_, cut.units, marks_, pool_);
       found = cuts_.emplace(limits, std::move(cut)).first;
     }
     try {
@@ -55,7 +56,7 @@ class Candidates {
   };
 
   Plans write(const Cut& cut, const std::vector<OutOfCoreDevice>& devices, const PlanShape& shape) {
-    Program program(layout_, cut.units, cut.steps, devices, shape, rates_);
+    Program program(layout_, cut.units, cut.steps, devices, shape, rates_, pool_);
     StepProgrammer steps(program);
     FrontProgrammer fronts(program);
     for (std::size_t u = 0; u < cut.units.size(); ++u) {
@@ -70,6 +71,8 @@ class Candidates {
 
   const OutOfCoreLayout& layout_;
   PlanningRates rates_;
+  base::ThreadPool* pool_;
+  TaskMarks marks_;
   DeviceSets sets_;
   std::map<std::vector<Offset>, Cut> cuts_;
 };
@@ -121,8 +124,11 @@ void keep_factors(Candidates& candidates, const std::vector<OutOfCoreDevice>& de
     if (share > s) break;  // less was worse
   }
   if (share == 0) return;
-  for (const double s : {share + 0.07, share - 0.07})
-    if (s < 1) try_share(s);
+  for (const double apart : {0.07, 0.035}) {
+    const double middle = share;
+    for (const double s : {middle + apart, middle - apart})
+      if (s < 1) try_share(s);
+  }
 }
 
 // The fastest of the shapes that need no frugality; none: empty. First the sizes of steps and groups, then, for the
@@ -196,10 +202,13 @@ PlanningRates::PlanningRates(const plan::OutOfCoreRates& r, Kind kind, bool pinn
       share_seconds(r.share) {}
 
 Plans plan_out_of_core(const OutOfCoreLayout& layout, const std::vector<OutOfCoreDevice>& devices,
-                       const PlanningRates& rates) {
-  Candidates candidates(layout, devices, rates);
+                       const PlanningRates& rates, base::ThreadPool* pool) {
+  Candidates candidates(layout, devices, rates, pool);
   Plans best = fastest(candidates, devices, rates);
-  if (!best.empty() || make_frugal(candidates, devices, best)) return best;
+  if (!best.empty() || make_frugal(candidates, devices, best)) {
+    give_tasks(layout, best);
+    return best;
+  }
   const Offset least = std::min_element(devices.begin(), devices.end(), [](const auto& x, const auto& y) {
                          return x.budget_bytes < y.budget_bytes;
                        })->budget_bytes;

@@ -152,9 +152,9 @@ struct PlanningRates {
   int lanes = 1;         ///< queues that compute, 1 or 2 (2: a tenth slower on elasticity 64^3 on one H200)
   double step = 0;       ///< bytes of an in-core step, of the budget; 0: whichever seems best
   double group = 0;      ///< bytes of a group of block columns, likewise
-  double resident = 0;   ///< bytes of the factors that stay on the device, of the budget; negative: what seems best
+  double resident = -1;  ///< bytes of the factors that stay on the device, of the budget; negative: what seems best
   // Of a solve: bytes of the factor in a second (docs/notebook/performance.md, "Memory curve").
-  double host_solve = 80e9;      ///< read by the host's threads
+  double host_solve = 55e9;      ///< read by the host's threads (16 of them: 35 to 60)
   double device_solve = 2.5e12;  ///< by the device, in its own memory
 };
 
@@ -202,9 +202,12 @@ class BudgetTooSmall : public Error {
 };
 
 /// The best plans that it finds for the budgets, one for each device; the store's places are the same in all.
+/// @param pool  its threads prepare the steps of each candidate; null: the calling thread. The plans do not depend on
+/// it
 /// @pre layout.plan() is one for a single device
 /// @throws BudgetTooSmall
 std::vector<OutOfCorePlan> plan_out_of_core(const OutOfCoreLayout& layout, const std::vector<OutOfCoreDevice>& devices,
-                                            const PlanningRates& rates = PlanningRates());
+                                            const PlanningRates& rates = PlanningRates(),
+                                            base::ThreadPool* pool = nullptr);
 
 }  // namespace espalier::out_of_core

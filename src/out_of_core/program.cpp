@@ -24,7 +24,7 @@ Program::DeviceState::DeviceState(Offset budget, double its_speed, bool around)
 
 Program::Program(const OutOfCoreLayout& the_layout, const std::vector<Unit>& the_units,
                  const std::vector<InCoreStep>& steps, const std::vector<OutOfCoreDevice>& devices,
-                 const PlanShape& the_shape, const PlanningRates& the_rates)
+                 const PlanShape& the_shape, const PlanningRates& the_rates, base::ThreadPool* pool)
     : layout(the_layout),
       plan(the_layout.plan()),
       units(the_units),
@@ -45,11 +45,11 @@ Program::Program(const OutOfCoreLayout& the_layout, const std::vector<Unit>& the
   }
   for (std::size_t u = 0; u < units.size(); ++u) {
     for (const Index f : units[u].fronts) unit_of_[f] = static_cast<Index>(u);
-    if (units[u].large >= 0)
-      unit_of_[units[u].large] = static_cast<Index>(u);
-    else
-      plans[static_cast<std::size_t>(units[u].devices.front())].steps[u] = steps[u];
+    if (units[u].large >= 0) unit_of_[units[u].large] = static_cast<Index>(u);
   }
+  for_each_unit(units.size(), pool, [&](std::size_t u) {  // copies of a hundred megabytes for each candidate
+    if (units[u].large < 0) plans[static_cast<std::size_t>(units[u].devices.front())].steps[u] = steps[u];
+  });
   choose_residents();
   lay_out_store();
 }

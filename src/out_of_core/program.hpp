@@ -53,7 +53,8 @@ struct Access {
 class Program {
  public:
   Program(const OutOfCoreLayout& layout, const std::vector<Unit>& units, const std::vector<InCoreStep>& steps,
-          const std::vector<OutOfCoreDevice>& devices, const PlanShape& shape, const PlanningRates& rates);
+          const std::vector<OutOfCoreDevice>& devices, const PlanShape& shape, const PlanningRates& rates,
+          base::ThreadPool* pool);
 
   const OutOfCoreLayout& layout;
   const plan::Plan& plan;

@@ -179,6 +179,54 @@ std::vector<SubTree> cut_for_ranks(const Plan& plan, const Costs& costs, std::ve
   return all;
 }
 
+// The sub-tree of every front, -1: the top.
+void find_subtrees(const Plan& plan, Ownership& a) {
+  a.subtree_of.assign(static_cast<std::size_t>(plan.fronts()), -1);
+  for (std::size_t s = 0; s < a.subtrees.size(); ++s)
+    for (const Index f : a.subtrees[s].roots) a.subtree_of[f] = static_cast<Index>(s);
+  for (Index f = plan.fronts() - 1; f >= 0; --f) {
+    const Index parent = plan.tree.parent[f];
+    if (parent >= 0 && a.subtree_of[parent] >= 0) a.subtree_of[f] = a.subtree_of[parent];
+  }
+}
+
+// The device that has all that stands below front f of the top; -1: several have, or nobody.
+Index device_below(const Plan& plan, const Ownership& a, Index f) {
+  Index device = -1;
+  for (Offset c = plan.child_ptr[f]; c < plan.child_ptr[f + 1]; ++c) {
+    const Index s = a.subtree(plan.children[c]);
+    const Index its = s >= 0 ? a.subtrees[static_cast<std::size_t>(s)].device : -1;
+    if (its < 0 || (device >= 0 && its != device)) return -1;
+    device = its;
+  }
+  return device;
+}
+
+// A front of the top that has sub-trees of one device alone below it goes to that device, as root of all of them: in
+// the top, every device would keep a place for its factor, and the place of its contribution would not be used again.
+void take_what_one_device_has(const Plan& plan, const Costs& costs, Ownership& a) {
+  for (Index f = 0; f < plan.fronts(); ++f) {
+    if (a.subtree(f) >= 0 || device_below(plan, a, f) < 0) continue;
+    const Offset begin = plan.child_ptr[f];
+    a.subtree_of[f] = a.subtree(plan.children[begin]);
+    for (Offset c = begin; c < plan.child_ptr[f + 1]; ++c) {
+      const Index child = plan.children[c];
+      SubTree& s = a.subtrees[static_cast<std::size_t>(a.subtree(child))];
+      s.seconds -= costs.seconds[child];
+      s.roots.erase(std::find(s.roots.begin(), s.roots.end(), child));
+    }
+    SubTree& mine = a.subtrees[static_cast<std::size_t>(a.subtree(f))];
+    mine.seconds += costs.seconds[f];
+    mine.roots.push_back(f);
+  }
+  a.subtrees.erase(
+      std::remove_if(a.subtrees.begin(), a.subtrees.end(), [](const SubTree& s) { return s.roots.empty(); }),
+      a.subtrees.end());
+  for (SubTree& s : a.subtrees) std::sort(s.roots.begin(), s.roots.end());
+  list_by_device(a.subtrees);
+  find_subtrees(plan, a);
+}
+
 // Who works on a front or needs its factor: its sub-tree's device; in the top, everybody with a sub-tree below.
 void find_members(const Plan& plan, Ownership& a) {
   const std::uint64_t one = 1;
@@ -279,13 +327,8 @@ Ownership assign_owners(const Plan& plan) {
     if (plan.tree.parent[f] < 0) roots.push_back(f);
   a.subtrees = plan.options.ranks > 1 ? cut_for_ranks(plan, costs, std::move(roots))
                                       : cut_and_assign(plan, costs, Forest(std::move(roots), costs, a.devices));
-  a.subtree_of.assign(static_cast<std::size_t>(plan.fronts()), -1);
-  for (std::size_t s = 0; s < a.subtrees.size(); ++s)
-    for (const Index f : a.subtrees[s].roots) a.subtree_of[f] = static_cast<Index>(s);
-  for (Index f = plan.fronts() - 1; f >= 0; --f) {
-    const Index parent = plan.tree.parent[f];
-    if (parent >= 0 && a.subtree_of[parent] >= 0) a.subtree_of[f] = a.subtree_of[parent];
-  }
+  find_subtrees(plan, a);
+  if (!plan.options.subtrees_apart && !a.stealing && a.shared_top) take_what_one_device_has(plan, costs, a);
   choose_stealable(plan, a);
   a.column_group = std::max<Index>(1, plan.options.column_group);
   if (a.devices <= Ownership::kMostMembers) find_members(plan, a);

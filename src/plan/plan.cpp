@@ -9,6 +9,7 @@
 #include "analysis/fronts.hpp"
 #include "base/beside.hpp"
 #include "plan/entry_places.hpp"
+#include "plan/fitted_tree.hpp"
 #include "plan/layout_steps.hpp"
 #include "plan/rank_parts.hpp"
 #include "plan/regions.hpp"
@@ -95,6 +96,11 @@ Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vect
   if (options.tiles.max_block_size > kMostTileWidth || options.tiles.whole_rows > kMostTileWidth)
     throw Error(StatusCode::invalid_input, fmt::format("max_block_size {} is above the limit of {}",
                                                        options.tiles.max_block_size, kMostTileWidth));
+  // A tree that follows another one has been fitted with that. Until nothing fits better: the tree of an analysis that
+  // was saved stays as it is when it is read.
+  if (options.arrays != nullptr && !options.ldlt && tree.border == 0 && kept == nullptr)
+    for (auto moves = moves_that_fit(tree, options); !moves.empty(); moves = moves_that_fit(tree, options))
+      analysis::relocate_pivots(tree, moves, &pool);
   Plan plan;
   plan.tree = std::move(tree);
   plan.options = options;

@@ -97,6 +97,12 @@ std::string Link::name_of(int rank) const {
   return r < hosts_.size() ? fmt::format("rank {} on host {}", rank, hosts_[r]) : fmt::format("rank {}", rank);
 }
 
+int Link::machine_of(int rank) const {
+  if (machine_ranks_ > 0) return rank / machine_ranks_;
+  const auto found = std::find(hosts_.begin(), hosts_.end(), hosts_[static_cast<std::size_t>(rank)]);
+  return static_cast<int>(found - hosts_.begin());
+}
+
 void Link::exchange_hosts() {
   begin_call();
   const std::string mine = host_name();
@@ -197,7 +203,8 @@ void Link::receive() {
     if (from < 0) return;
     if (from >= size() || bytes < sizeof(Header))
       lose("a message came that is none of ours: use a communicator of your own");
-    Incoming in{Message::of_bytes(bytes), nullptr, false};
+    std::shared_ptr<std::byte[]> memory = take_ ? take_(bytes) : nullptr;
+    Incoming in{memory != nullptr ? Message::in(std::move(memory), bytes) : Message::of_bytes(bytes), nullptr, false};
     check(table_.receive(table_.context, in.message.data(), bytes, from, &in.request));
     incoming_bytes_ += bytes;
     incoming_[static_cast<std::size_t>(from)].push_back(std::move(in));

@@ -48,6 +48,14 @@ class Link {
   /// Ranks on this host that may use the same cores, this one included.
   [[nodiscard]] int neighbours() const { return neighbours_; }
 
+  /// Ranks of one machine have the same number. A machine is a host, unless set_machines() says otherwise.
+  [[nodiscard]] int machine_of(int rank) const;
+  /// So many ranks after each other are a machine; 0: those of a host. The same on all ranks.
+  void set_machines(int ranks) { machine_ranks_ = ranks; }
+  /// Where what comes in is put, if there is room; else it goes to the heap. Empty: no such memory any more.
+  /// @param take  memory of at least so many bytes, or null
+  void use_memory(std::function<std::shared_ptr<std::byte[]>(std::size_t bytes)> take) { take_ = std::move(take); }
+
   /// Before and after what a collective call does. `own` is how it ended here; all ranks return the same: the first
   /// failure that is not another's.
   void begin_call();
@@ -83,6 +91,8 @@ class Link {
   /// How something that can fail on one rank alone has ended: throws on all ranks what was thrown on the first of them.
   void expect_all(const std::function<void()>& body);
 
+  /// Messages that are on their way from here.
+  [[nodiscard]] std::size_t sending() const { return outgoing_.size(); }
   /// Bytes that were sent so far.
   [[nodiscard]] std::int64_t sent_bytes() const { return sent_bytes_; }
 
@@ -120,6 +130,8 @@ class Link {
   double patience_;
   std::vector<std::string> hosts_;
   int neighbours_ = 1;
+  int machine_ranks_ = 0;
+  std::function<std::shared_ptr<std::byte[]>(std::size_t)> take_;
   std::uint32_t call_ = 0, operation_ = 0;
   std::mutex mutex_;
   std::vector<std::pair<int, Message>> posted_;  // guarded by mutex_

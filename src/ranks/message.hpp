@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstring>
 #include <memory>
+#include <utility>
 
 namespace espalier::ranks {
 
@@ -33,6 +34,14 @@ class Message {
     Message m;
     m.bytes_ = bytes;
     m.data_ = std::make_shared_for_overwrite<std::byte[]>(bytes);
+    return m;
+  }
+
+  /// The same in memory of the caller's, which has room for them.
+  static Message in(std::shared_ptr<std::byte[]> memory, std::size_t bytes) {
+    Message m;
+    m.bytes_ = bytes;
+    m.data_ = std::move(memory);
     return m;
   }
 

@@ -59,12 +59,12 @@ plan::Plan bordered_plan(analysis::AssemblyTree tree, const System& system, cons
 
 }  // namespace
 
-std::shared_ptr<const matrix::RowIndex> share_rows(System& system, const Context& context) {
-  // Residuals of smaller matrices are sooner computed on each rank than gathered.
+std::shared_ptr<const matrix::RowIndex> share_rows(System& system, const DeviceChoice& device, const Context& context) {
+  // Residuals of smaller matrices are sooner computed on each rank than gathered; devices of ranks compute them whole.
   constexpr Offset kEntriesToShare = 1 << 15;
   std::shared_ptr<const matrix::RowIndex> whole = system.rows;
   const MatrixView a = system.prepared.a;
-  if (context.link == nullptr || a.nonzeros() < kEntriesToShare) return whole;
+  if (context.link == nullptr || device.one_a_rank || a.nonzeros() < kEntriesToShare) return whole;
   const solve::OwnRows mine = solve::own_rows(a.rows, context.link->rank(), context.link->size());
   system.rows = std::make_shared<const matrix::RowIndex>(matrix::rows_of_index(*whole, mine.first, mine.end));
   system.rows_are_shared = true;
@@ -135,10 +135,11 @@ void take_real_form(System& system, DeviceChoice& device, analysis::AssemblyTree
 
 // Chooses devices and lays out the plan: the end of every analysis.
 Analyzed finish(Draft draft, analysis::AssemblyTree tree, double start, double ordered, Context context) {
-  const std::shared_ptr<const matrix::RowIndex> rows = share_rows(draft.system, context);
-  Changes changes{context.link != nullptr
-                      ? device_of_ranks(context.options, context.registry, *context.link)
-                      : choose_device(context.options, context.registry, tree, wish_of(draft.system, context))};
+  Changes changes{
+      context.link != nullptr
+          ? device_of_ranks(context.options, context.registry, *context.link, tree, wish_of(draft.system, context))
+          : choose_device(context.options, context.registry, tree, wish_of(draft.system, context))};
+  const std::shared_ptr<const matrix::RowIndex> rows = share_rows(draft.system, changes.device, context);
   if (!changes.device.notice.empty()) context.log(changes.device.notice);
   take_real_form(draft.system, changes.device, tree, context);
   auto system = std::make_shared<const System>(std::move(draft.system));

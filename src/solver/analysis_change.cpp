@@ -259,7 +259,7 @@ FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given,
   Values values = std::exchange(p.a.values, {});
   const plan::KeptEntries kept{before.plan, tree.same, now};
   const bool whole = before.plan.row_begin.empty();  // a rank's next part has other fronts
-  const std::shared_ptr<const matrix::RowIndex> rows = share_rows(*system, context);
+  const std::shared_ptr<const matrix::RowIndex> rows = share_rows(*system, before.device, context);
   Context as_before = context;
   as_before.raised = before.fp64;
   auto made = std::make_shared<Analysis>(lay_out(std::move(system), std::move(tree.tree),

@@ -22,7 +22,7 @@ Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tr
                  const Context& context, const matrix::RowIndex* rows, const plan::KeptEntries* kept = nullptr);
 /// Keeps of the index what this rank computes residuals of, where they are shared. @returns the index of the whole
 /// matrix, for the plan
-std::shared_ptr<const matrix::RowIndex> share_rows(System& system, const Context& context);
+std::shared_ptr<const matrix::RowIndex> share_rows(System& system, const DeviceChoice& device, const Context& context);
 /// Fills in what the plan says. @pre `result` may hold what the plan does not
 void describe(Analysis& analysis, const Context& context);
 

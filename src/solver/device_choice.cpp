@@ -135,6 +135,52 @@ DeviceChoice automatic(const device::Registry& registry, const analysis::Assembl
   return best;
 }
 
+// How many ranks of this one's machine come before it.
+std::size_t place_on_machine(const ranks::Link& link) {
+  const auto& hosts = link.hosts();
+  const auto me = hosts.begin() + link.rank();
+  return static_cast<std::size_t>(std::count(hosts.begin(), me, *me));
+}
+
+bool is_one_machine(const ranks::Link& link) {
+  const auto& hosts = link.hosts();
+  return std::all_of(hosts.begin(), hosts.end(), [&](const std::string& host) { return host == hosts.front(); });
+}
+
+DeviceChoice choice_of_ranks(const device::Backend& backend, const std::vector<std::int64_t>& numbers,
+                             std::string_view why) {
+  DeviceChoice choice;
+  choice.backend = &backend;
+  choice.numbers.assign(numbers.begin(), numbers.end());
+  choice.one_a_rank = true;
+  choice.reason = fmt::format("{} ranks, a {} each: {}", numbers.size(), backend.noun(), why);
+  return choice;
+}
+
+// A device for each rank where all are on one machine that has enough, and the machine model expects them to be faster
+// than the hosts. Rank 0 decides. Collective.
+DeviceChoice automatic_of_ranks(const device::Registry& registry, const analysis::AssemblyTree& tree,
+                                const device::PlanWish& wish, ranks::Link& link) {
+  DeviceChoice hosts = whole_host(registry, fmt::format("the hosts of {} ranks", link.size()));
+  if (!is_one_machine(link)) return hosts;
+  const double on_hosts = registry.host().predict(tree, wish).on(1) / link.size();
+  const std::size_t place = place_on_machine(link);
+  for (const device::Backend* backend : registry.backends) {  // the same on all ranks
+    const device::Limits& limits = backend->limits();
+    if (!limits.ranks || !limits.own_memory || (wish.complex && !limits.complex)) continue;
+    if (link.size() > limits.most_devices) continue;
+    const double seconds = backend->predict(tree, wish).on(link.size());
+    const bool good = place < backend->find().names.size() && (link.rank() != 0 || seconds < on_hosts);
+    const auto numbers = link.all_numbers(good ? static_cast<std::int64_t>(place) : -1);
+    if (std::find(numbers.begin(), numbers.end(), -1) != numbers.end()) continue;
+    DeviceChoice choice =
+        choice_of_ranks(*backend, numbers, fmt::format("predicted {:.2g} s, {:.2g} s on the hosts", seconds, on_hosts));
+    choice.ours = true;
+    return choice;
+  }
+  return hosts;
+}
+
 std::vector<device::DeviceRates> measured(const DeviceChoice& choice) {
   choice.backend->open(choice.numbers);
   std::vector<device::DeviceRates> rates;
@@ -233,13 +279,11 @@ std::optional<int> own_device(const Options& options, const device::Registry& re
                 fmt::format("device '{}' cannot be shared by {} ranks: use cpu, or gpu:all for one GPU a rank",
                             options.device, link.size()));
   const std::vector<int> numbers = asked_for(*text, registry).numbers;
-  const auto& hosts = link.hosts();
-  const auto me = hosts.begin() + link.rank();
-  const auto before = static_cast<std::size_t>(std::count(hosts.begin(), me, *me));
-  return numbers[before % numbers.size()];
+  return numbers[place_on_machine(link) % numbers.size()];
 }
 
-DeviceChoice device_of_ranks(const Options& options, const device::Registry& registry, ranks::Link& link) {
+DeviceChoice device_of_ranks(const Options& options, const device::Registry& registry, ranks::Link& link,
+                             const analysis::AssemblyTree& tree, const device::PlanWish& wish) {
   std::optional<int> mine;
   link.expect_all([&] { mine = own_device(options, registry, link); });
   const std::vector<std::int64_t> numbers = link.all_numbers(mine.value_or(-1));
@@ -247,24 +291,25 @@ DeviceChoice device_of_ranks(const Options& options, const device::Registry& reg
     if ((numbers[r] < 0) != (numbers[0] < 0))
       throw Error(StatusCode::invalid_input, fmt::format("{} and {} name different devices: give all ranks the same",
                                                          link.name_of(0), link.name_of(static_cast<int>(r))));
-  if (!mine) return whole_host(registry, fmt::format("the hosts of {} ranks", link.size()));
+  if (!mine) {
+    const bool automatic = read_device(options.device, registry)->automatic;
+    const auto wishes = link.all_numbers(automatic ? 1 : 0);
+    if (std::find(wishes.begin(), wishes.end(), 0) == wishes.end())
+      return automatic_of_ranks(registry, tree, wish, link);
+    return whole_host(registry, fmt::format("the hosts of {} ranks", link.size()));
+  }
   const device::Backend* backend = registry.find(read_device(options.device, registry)->backend);
   if (link.size() > backend->limits().most_devices)
     throw Error(StatusCode::invalid_input, fmt::format("at most {} ranks can share a factorization on {}s",
                                                        backend->limits().most_devices, backend->noun()));
-  DeviceChoice choice;
-  choice.backend = backend;
-  choice.numbers.assign(numbers.begin(), numbers.end());
-  choice.one_a_rank = true;
-  choice.reason = fmt::format("{} ranks, a {} each: asked for", link.size(), backend->noun());
-  return choice;
+  return choice_of_ranks(*backend, numbers, "asked for");
 }
 
 std::optional<DeviceChoice> take_over(const DeviceChoice& failed, const std::string& why,
                                       const device::Registry& registry) {
   if (!failed.ours || failed.backend == &registry.host()) return std::nullopt;
   DeviceChoice next = whole_host(registry, "the host: " + why);
-  if (failed.devices() > 1) {
+  if (failed.devices() > 1 && !failed.one_a_rank) {
     next = DeviceChoice{};
     next.backend = failed.backend;
     next.numbers = {failed.numbers.front()};

@@ -59,10 +59,12 @@ std::optional<DeviceChoice> take_over(const DeviceChoice& failed, const std::str
                                       const device::Registry& registry);
 
 /// Where a factorization that ranks share will work: on each rank's host, or on a device of each rank where these were
-/// named. Of the devices named, or all that a rank sees, the ranks of a machine take one each, in turn. Collective.
+/// named, or where the choice is ours (see `tree` and `wish` of choose_device()). Of the devices named, or all that a
+/// rank sees, the ranks of a machine take one each, in turn. Collective.
 /// @throws Error on all ranks: (invalid_input) for a text that is no device; (device_error) for devices that ranks
 ///         cannot share, or that one of them has not
-DeviceChoice device_of_ranks(const Options& options, const device::Registry& registry, ranks::Link& link);
+DeviceChoice device_of_ranks(const Options& options, const device::Registry& registry, ranks::Link& link,
+                             const analysis::AssemblyTree& tree, const device::PlanWish& wish);
 
 /// The number of the device that this rank takes of those named; nothing where it takes none.
 std::optional<int> own_device(const Options& options, const device::Registry& registry, const ranks::Link& link);

@@ -56,7 +56,9 @@ out_of_core::OutOfCoreOptions out_of_core_options(const Analysis& analysis, cons
     o.pinned_bytes = pinned_bytes(context.options.pinned_memory_bytes);
   }
   o.interruption = context.pool.interruption();
+  o.pool = &context.pool;
   o.rates = out_of_core::PlanningRates(job.plan.options.machine.out_of_core, job.kind, o.pinned_bytes > 0);
+  if (!device.backend->limits().own_memory) o.rates.device_solve = o.rates.host_solve;  // it is the host that solves
   return o;
 }
 

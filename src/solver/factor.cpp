@@ -73,6 +73,13 @@ void Factor::factorize(std::span<const double> values) {
   finish(settle_pivots(), start);
 }
 
+void Factor::factorize(const RankValues& values) {
+  const double start = base::now_seconds();
+  begin();
+  values_.load(*analysis_->system, values, numeric_->device_system(), context_.pool);
+  finish(settle_pivots(), start);
+}
+
 // New values that lie on the device of the factor stay there, unless pivots fail: what follows then works on the host's
 // copy.
 void Factor::factorize_device(const double* values, Offset count, void* queue) {
@@ -237,7 +244,11 @@ void Factor::set_smallest_pivot() {
 device::FactorOutcome Factor::settle_pivots() {
   deficiency_.reset();
   set_smallest_pivot();
-  return settle_pivots(numeric_->factorize());
+  device::FactorOutcome outcome = numeric_->factorize();
+  const bool clean =
+      outcome.not_positive < 0 && outcome.replaced.empty() && outcome.failed.empty() && outcome.small.empty();
+  if (!clean) values_.fetch(numeric_->device_system());  // what follows works on the host's copy
+  return settle_pivots(std::move(outcome));
 }
 
 // Looked at once for each factor, where its pivots give cause: once for as many small pivots as belong to this matrix,
@@ -332,7 +343,7 @@ Status Factor::second_look(const double* b, const double* x, bool transpose) {
   const Index n = analysis_->n();
   const auto size = static_cast<std::size_t>(analysis_->doubles());
   const Scales& scales = numeric_->scales();
-  const double norm = (transpose ? scales.row : scales.col).empty() ? values_.norm(transpose) : 1;
+  const double norm = (transpose ? scales.row : scales.col).empty() ? this->norm(transpose) : 1;
   const Growth growth = growth_of({b, size}, {x, size}, analysis_->system->parts(), scales, norm, transpose);
   if (!growth.is_far(context_.single())) return {};
   constexpr double kMore = 2;  // a matrix that became singular makes far more of it

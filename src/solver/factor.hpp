@@ -20,6 +20,13 @@
 
 namespace espalier::solver {
 
+/// New values on ranks, in the order of the analysed matrix.
+struct RankValues {
+  std::span<const double> own;  ///< [first, first + own.size()); those of all ranks are the whole
+  Offset first = 0;
+  std::function<std::vector<double>()> all;  ///< brings the whole to every rank; collective
+};
+
 /// The last values that went into a factor, and the residuals that they make.
 class FactorValues {
  public:
@@ -28,6 +35,9 @@ class FactorValues {
   /// Takes new values of the caller; where a device holds the linear system, on to it.
   void load(const System& system, std::span<const double> from, device::DeviceLinearSystem* device,
             base::ThreadPool& pool);
+  /// On ranks. Where their devices hold the linear system, values go from one to the other; what a rank has not given
+  /// itself is on its device alone then.
+  void load(const System& system, const RankValues& from, device::DeviceLinearSystem* device, base::ThreadPool& pool);
   /// To a device that holds the linear system, if any.
   void send(device::DeviceLinearSystem* device) const;
   /// The last values came from the memory of this device, and are there alone.
@@ -44,6 +54,9 @@ class FactorValues {
   [[nodiscard]] double norm(bool transpose) const;
 
  private:
+  void send_range(std::span<const double> from, Offset first, device::DeviceLinearSystem& device,
+                  base::ThreadPool& pool);
+
   ranks::Link* link_;  // null: there are no other ranks
   bool shared_;        // by them
   Values values_;
@@ -61,6 +74,7 @@ class Factor {
   Factor& operator=(const Factor&) = delete;
 
   void factorize(std::span<const double> values);
+  void factorize(const RankValues& values);
   /// Values of the system's border, in its order, for the factorizations to come.
   void set_border(std::span<const double> values) { std::copy(values.begin(), values.end(), border_values_.begin()); }
   void factorize_device(const double* values, Offset count, void* queue);

@@ -31,25 +31,40 @@ void FactorValues::load(const System& system, std::span<const double> from, devi
                         base::ThreadPool& pool) {
   on_device_ = false;
   if (device != nullptr && system.prepared.keeps_order()) {
-    // One range is on the link while the next one is copied: a quarter at a time, between 1 and 32 MiB; two parts of it
-    // for each thread.
-    const auto all = static_cast<Offset>(values_.size());
-    const Offset range = std::clamp(all / 4, Offset{1} << 17, Offset{1} << 22);
-    const std::int64_t part = std::max<std::int64_t>(1 << 14, range / (2 * pool.size()));
-    for (Offset first = 0; first < all; first += range) {
-      const Offset now = std::min(range, all - first);
-      const double* begin_from = from.data() + first;
-      double* begin_to = values_.data() + first;
-      pool.for_each_range(now, part, [&](std::int64_t begin, std::int64_t end) {
-        std::copy(begin_from + begin, begin_from + end, begin_to + begin);
-      });
-      device->send_values(first, now);
-    }
+    send_range(from, 0, *device, pool);
   } else {
     copy_values(system.prepared, from, values_, pool);
     send(device);
   }
   residual_.set_values(values_);
+}
+
+void FactorValues::load(const System& system, const RankValues& from, device::DeviceLinearSystem* device,
+                        base::ThreadPool& pool) {
+  if (device == nullptr || !device->on_ranks() || !system.prepared.keeps_order())
+    return load(system, from.all(), device, pool);
+  send_range(from.own, from.first, *device, pool);
+  device->share_values(from.first, static_cast<Offset>(from.own.size()));
+  on_device_ = from.own.size() < values_.size();
+  residual_.set_values(values_);
+}
+
+// One range is on the link while the next one is copied: a quarter at a time, between 1 and 32 MiB; two parts of it for
+// each thread.
+void FactorValues::send_range(std::span<const double> from, Offset first, device::DeviceLinearSystem& device,
+                              base::ThreadPool& pool) {
+  const auto all = static_cast<Offset>(from.size());
+  const Offset range = std::clamp(all / 4, Offset{1} << 17, Offset{1} << 22);
+  const std::int64_t part = std::max<std::int64_t>(1 << 14, range / (2 * pool.size()));
+  for (Offset done = 0; done < all; done += range) {
+    const Offset now = std::min(range, all - done);
+    const double* begin_from = from.data() + done;
+    double* begin_to = values_.data() + first + done;
+    pool.for_each_range(now, part, [&](std::int64_t begin, std::int64_t end) {
+      std::copy(begin_from + begin, begin_from + end, begin_to + begin);
+    });
+    device.send_values(first + done, now);
+  }
 }
 
 void FactorValues::send(device::DeviceLinearSystem* device) const {

@@ -193,14 +193,14 @@ void GatheredMatrix::plan_ways(const SparseMatrix& whole, std::span<const std::s
   }
 }
 
-std::vector<double> GatheredMatrix::gather_values(std::span<const double> part, ranks::Link* link) const {
+GatheredMatrix::Slice GatheredMatrix::own_slice(std::span<const double> part, ranks::Link* link) const {
   on_all(link, [&] {
     if (static_cast<Offset>(part.size()) != part_entries_ && part_entries_ > 0)
       throw Error(StatusCode::invalid_input,
                   fmt::format("{} values for the {} entries of this rank's part", part.size(), part_entries_));
   });
   part = part.first(static_cast<std::size_t>(part_entries_));
-  if (count_.empty()) return concatenated(part, link);
+  if (count_.empty()) return {{part.begin(), part.end()}, 0};
   std::vector<double> sorted;
   sorted.reserve(order_.size());
   for (const Offset k : order_) sorted.push_back(part[static_cast<std::size_t>(k)]);
@@ -212,7 +212,7 @@ std::vector<double> GatheredMatrix::gather_values(std::span<const double> part, 
   };
   if (link == nullptr) {
     add(sorted.data(), sorted.size());
-    return slice;
+    return {std::move(slice), 0};
   }
   std::vector<std::span<const std::byte>> to;
   std::size_t at = 0;
@@ -225,7 +225,12 @@ std::vector<double> GatheredMatrix::gather_values(std::span<const double> part, 
     if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
     add(values.data(), values.size());
   }
-  return concatenated(std::span<const double>(slice), link);
+  return {std::move(slice), slice_begin(me)};
+}
+
+std::vector<double> GatheredMatrix::gather_values(std::span<const double> part, ranks::Link* link) const {
+  Slice own = own_slice(part, link);
+  return link == nullptr ? std::move(own.values) : concatenated(std::span<const double>(own.values), link);
 }
 
 std::vector<double> GatheredMatrix::gather_rows(std::span<const double> part, RowRange rows, Index columns,
@@ -255,6 +260,11 @@ std::vector<double> GatheredMatrix::gather_rows(std::span<const double> part, Ro
   } else {
     parts.emplace_back(part.begin(), part.begin() + static_cast<std::ptrdiff_t>(size(rows)));
   }
+  // One has all rows, as where rank 0 has the matrix.
+  const auto has_rows = [](const RowRange& r) { return r.count > 0; };
+  const auto owner = std::find_if(ranges.begin(), ranges.end(), has_rows);
+  if (owner != ranges.end() && owner->count == n_ && std::count_if(ranges.begin(), ranges.end(), has_rows) == 1)
+    return std::move(parts[static_cast<std::size_t>(owner - ranges.begin())]);
   std::vector<double> whole(static_cast<std::size_t>(n_) * static_cast<std::size_t>(columns), 0.0);
   std::vector<char> given(static_cast<std::size_t>(n_), 0);
   for (std::size_t r = 0; r < parts.size(); ++r) {

@@ -26,7 +26,14 @@ class GatheredMatrix {
   /// The matrix that rank 0 has, whatever the others give.
   SparseMatrix gather(const MatrixView& part, ranks::Link* link);
 
-  /// Values of the whole matrix, from each rank's in the order of its part.
+  /// Values [first, first + values.size()) of the whole matrix.
+  struct Slice {
+    std::vector<double> values;
+    Offset first = 0;
+  };
+  /// This rank's slice of the values, from each rank's in the order of its part; together the slices are the whole.
+  [[nodiscard]] Slice own_slice(std::span<const double> part, ranks::Link* link) const;
+  /// Values of the whole matrix, likewise.
   std::vector<double> gather_values(std::span<const double> part, ranks::Link* link) const;
   /// Right-hand sides: `columns` columns of the rows that this rank has, summed where several have a row.
   /// @throws Error(invalid_input) where a row is missing

@@ -1,5 +1,6 @@
 #include "espalier/ranks.hpp"
 
+#include "espalier/nodes.hpp"
 #include "ranks/link.hpp"
 #include "solver/on_all_ranks.hpp"
 
@@ -11,6 +12,10 @@ Ranks::Ranks(const espalier_rank_functions& functions, double patience)
 int Ranks::rank() const { return link_ ? link_->rank() : 0; }
 int Ranks::size() const { return link_ ? link_->size() : 1; }
 std::string Ranks::name_of(int rank) const { return link_ ? link_->name_of(rank) : "rank 0"; }
+
+void set_nodes(const Ranks& ranks, Nodes nodes) {
+  if (ranks.link()) ranks.link()->set_machines(nodes == Nodes::process ? 1 : 0);
+}
 
 namespace solver {
 

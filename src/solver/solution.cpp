@@ -59,6 +59,7 @@ class Solving {
   Solving(Factor& factor, const Context& context)
       : factor_(factor),
         options_(context.options),
+        link_(context.link),
         n_(factor.analysis()->n()),
         doubles_(factor.analysis()->doubles()) {}
 
@@ -82,6 +83,12 @@ class Solving {
     const Settled settled(*device);
     const Offset n = doubles_;
     try {
+      take_vectors(*device, std::min(kColumnsOnDevice, job.columns));
+    } catch (const Error& e) {
+      if (e.status().code != StatusCode::out_of_memory) throw;
+      return false;
+    }
+    try {
       for (Index first = 0; first < job.columns; first += kColumnsOnDevice) {
         const Index now = std::min(kColumnsOnDevice, job.columns - first);
         double* from = device->right_hand_sides(now);
@@ -91,7 +98,8 @@ class Solving {
         device->fetch(job.x + first * n, to, now * n);
       }
     } catch (const Error& e) {
-      if (e.status().code != StatusCode::out_of_memory) throw;
+      // Other ranks are in the middle of it.
+      if (e.status().code != StatusCode::out_of_memory || link_ != nullptr) throw;
       return false;
     }
     return true;
@@ -145,6 +153,18 @@ class Solving {
     result_.componentwise_error = std::max(result_.componentwise_error, r.error.componentwise);
   }
 
+  // What one rank lacks, all do without.
+  void take_vectors(device::DeviceLinearSystem& device, Index columns) {
+    const auto take = [&] {
+      (void)device.right_hand_sides(columns);
+      (void)device.solutions(columns);
+    };
+    if (link_ != nullptr)
+      link_->expect_all(take);
+    else
+      take();
+  }
+
   // `b` may be null: it lies on a device.
   void judge(const double* b, Index columns) {
     const double asked = options_.required_backward_error;
@@ -163,6 +183,7 @@ class Solving {
 
   Factor& factor_;
   const Options& options_;
+  ranks::Link* link_;  // null: there are no other ranks
   Index n_;
   Offset doubles_;  // of a vector
   SolveResult result_;

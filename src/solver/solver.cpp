@@ -26,12 +26,6 @@ using solver::solve_by;
 
 namespace {
 
-// What a caller gives and gets, in terms of the whole system.
-std::span<const double> whole_values(Session& s, std::span<const double> part, std::vector<double>& room) {
-  if (!s.parts) return part;
-  return room = s.gathered.gather_values(part, s.link());
-}
-
 RowRange rows_of(const Session& s) {
   if (!s.parts) return {0, s.current().n()};
   return s.rows ? *s.rows : s.gathered.rows();
@@ -106,22 +100,27 @@ FactorResult Solver::factorize(const MatrixView& a) {
   return refactorize(a.values);
 }
 
-// The matrix of rank 0.
+// The matrix of rank 0, which alone looks at it.
 FactorResult Solver::factorize_on_ranks(const MatrixView& a) {
   return factor_by(*impl_, [&](solver::Factor& factor) {
-    solver::GatheredMatrix again;
-    const SparseMatrix whole = again.gather(a, impl_->link());
-    matrix::validate(whole, &impl_->pool);
-    solver::expect_same_system(*impl_, whole, whole.values.size());
-    factor.factorize(whole.values);
+    ranks::Link& link = *impl_->link();
+    std::span<const double> mine;
+    link.expect_all([&] {
+      if (link.rank() != 0) return;
+      matrix::validate(a, &impl_->pool);
+      solver::expect_same_system(*impl_, a, a.values.size());
+      mine = a.values;
+    });
+    factor.factorize({mine, 0, [&] { return std::move(link.all_gather_of(mine).front()); }});
   });
 }
 
 FactorResult Solver::refactorize(std::span<const double> values) {
   check_values(*impl_, "Solver::refactorize", static_cast<Offset>(values.size()));
   return factor_by(*impl_, [&](solver::Factor& factor) {
-    std::vector<double> room;
-    factor.factorize(whole_values(*impl_, values, room));
+    if (!impl_->parts) return factor.factorize(values);
+    const solver::GatheredMatrix::Slice own = impl_->gathered.own_slice(values, impl_->link());
+    factor.factorize({own.values, own.first, [&] { return impl_->gathered.gather_values(values, impl_->link()); }});
   });
 }
 

@@ -121,6 +121,28 @@ TEST_P(CudaDevices, EveryTaskHasOneOwner) {
   for (std::size_t f = 0; f < count.size(); ++f) EXPECT_EQ(count[f], tables_.fronts[f].tasks);
 }
 
+// All devices have room for the factor of every front of the top, and nobody reuses what it passes on: what one device
+// could do alone does not belong there.
+TEST_P(CudaDevices, TheTopBelongsToSeveral) {
+  if (GetParam().stealing || !GetParam().shared_top) return;  // sub-trees stay as they were cut
+  const plan::Ownership& a = plan_.ownership;
+  Index top = 0;
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    if (a.subtree(f) >= 0) continue;
+    ++top;
+    EXPECT_GT(std::popcount(a.members[static_cast<std::size_t>(f)]), 1) << "front " << f;
+  }
+  EXPECT_GT(top, 0);
+  std::set<Index> devices;
+  for (const plan::SubTree& s : a.subtrees) {
+    devices.insert(s.device);
+    EXPECT_FALSE(s.roots.empty());
+    EXPECT_GT(s.seconds, 0);
+    for (const Index root : s.roots) EXPECT_EQ(&a.subtrees[static_cast<std::size_t>(a.subtree(root))], &s);
+  }
+  EXPECT_EQ(static_cast<Index>(devices.size()), a.devices) << "every device has a sub-tree";
+}
+
 TEST_P(CudaDevices, FactorsAndPlacesDoNotOverlap) {
   struct Range {
     std::int64_t space, begin, end;

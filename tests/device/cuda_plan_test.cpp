@@ -9,6 +9,7 @@
 
 #include "analysis/ordering.hpp"
 #include "cuda_plan_flags.hpp"
+#include "device/cuda/tables/device_bytes.hpp"
 #include "device/cuda/tables/device_plan.hpp"
 #include "matrix/generators/generate.hpp"
 
@@ -115,6 +116,31 @@ TEST_P(CudaPlan, MemoryIsReusedOnlyAfterItsUsers) {
 }
 
 // The kernels know tiles of 32 and 64 columns: a caller's max_block_size below 64 leaves the narrow ones only.
+// What a solve finds free must hold no factor; and the bytes that are told are those of the fronts, one by one.
+TEST_P(CudaPlan, FactorsLieBeforeWhatIsFreeBetweenFactorizations) {
+  const Kind kind = GetParam().kind;
+  std::int64_t factors = 0;
+  const auto lies_before = [&](std::int64_t at, const Front& f) {
+    EXPECT_LE(at + f.factor_size(), device_.kept);
+    factors += (f.factor_size() + 15) / 16 * 16;
+  };
+  for (const Front& f : device_.fronts) {
+    lies_before(f.factor, f);
+    if (kind == Kind::lu) lies_before(f.second, f);
+  }
+  EXPECT_EQ(device_.kept, factors) << "no gaps";
+  EXPECT_LE(device_.kept, device_.regions[0]);
+
+  const auto b = device::cuda::bytes_of(plan_, kind, device_, 0, a_.nonzeros(), 8);
+  EXPECT_EQ(b.factor, 8 * factors);
+  EXPECT_EQ(b.factor + b.contributions, 8 * device_.regions[0]);
+  EXPECT_EQ(b.factor_entries, 8 * plan_.nonzeros_factor);
+  const Offset solve = 8 * (2 * Offset{a_.rows} + static_cast<Offset>(plan_.relative.size()));
+  const Offset pivots = 8 * (kind == Kind::ldlt ? 3 : 1) * Offset{a_.rows};
+  EXPECT_EQ(b.vectors, pivots + (solve <= b.contributions ? 0 : solve));
+  EXPECT_EQ(b.values, 8 * a_.nonzeros());
+}
+
 TEST_P(CudaPlan, WidestBlockIsTheCallers) {
   const auto widest = [&](Index max_block_size) {
     device::cuda::DeviceTuning tuning;

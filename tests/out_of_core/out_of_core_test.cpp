@@ -57,6 +57,9 @@ TEST_P(OutOfCoreSystems, ResidentFactorsAreTheTopOfTheTree) {
     const Offset budget = floor_ + (need_ - floor_) * 2 / 3;
     const out_of_core::OutOfCorePlan p = out_of_core::plan_out_of_core(*backend, {{budget, 1}}, rates).front();
     EXPECT_LE(p.arena_bytes, budget);
+    const auto by_all = out_of_core::plan_out_of_core(*backend, {{budget, 1}}, rates, &pool);
+    EXPECT_EQ(by_all.front().resident_at, p.resident_at) << "threads change the plan";
+    EXPECT_EQ(by_all.front().predicted_seconds, p.predicted_seconds);
     with_residents += p.resident.empty() ? 0 : 1;
     with_streamed += p.streamed.empty() ? 0 : 1;
     std::vector<char> where(static_cast<std::size_t>(plan_.fronts()), 'h');

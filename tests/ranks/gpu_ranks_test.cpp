@@ -9,6 +9,7 @@
 
 #include "device/registry.hpp"
 #include "espalier/espalier.hpp"
+#include "espalier/nodes.hpp"
 #include "matrix/generators/generate.hpp"
 #include "on_threads.hpp"
 #include "reference/reference.hpp"
@@ -51,7 +52,7 @@ class OnGpus : public testing::Test {
   }
 
   static void expect_bits_of_one(const SparseMatrix& a, const Options& given, Index columns = 1,
-                                 Transpose transpose = Transpose::no) {
+                                 Transpose transpose = Transpose::no, Nodes nodes = Nodes::host) {
     Options options = given;
     options.device = "gpu:0";
     Solver alone(options);
@@ -60,6 +61,7 @@ class OnGpus : public testing::Test {
     on_threads(2, {}, [&](const Ranks& ranks) {
       Options shared = given;
       shared.device = "gpu:0,1";
+      set_nodes(ranks, nodes);
       Solver solver(ranks, shared);
       const Answer found = answer_of(solver, a, columns, transpose);
       const std::lock_guard lock(mutex);
@@ -103,6 +105,33 @@ TEST_F(OnGpus, SingularMatrices) {
   Options report;
   report.singular = SingularMatrix::report;
   expect_bits_of_one(generated({"kkt-redundant", "3", "2", "4", "2", "2"}), report);
+}
+
+// What kernels hand on goes by messages, though the GPUs may reach each other.
+TEST_F(OnGpus, EachAMachineOfItsOwn) {
+  const auto expect_bits = [](std::vector<std::string> words, Index columns, Transpose transpose) {
+    expect_bits_of_one(generated(std::move(words)), {}, columns, transpose, Nodes::process);
+  };
+  expect_bits({"elasticity", "12", "10", "9"}, 3, Transpose::no);
+  expect_bits({"kkt", "3", "8", "4", "4"}, 40, Transpose::no);
+  expect_bits({"gyroscopic", "10", "9", "8"}, 2, Transpose::yes);
+  Options report;
+  report.singular = SingularMatrix::report;
+  expect_bits_of_one(generated({"kkt-redundant", "3", "2", "4", "2", "2"}), report, 1, Transpose::no, Nodes::process);
+}
+
+TEST_F(OnGpus, RanksThatDoNotAgreeOnMachinesAreToldSo) {
+  const SparseMatrix a = generated({"poisson", "5"});
+  on_threads(2, {}, [&](const Ranks& ranks) {
+    set_nodes(ranks, ranks.rank() == 0 ? Nodes::host : Nodes::process);
+    Options options;
+    options.device = "gpu:0,1";
+    Solver solver(ranks, options);
+    EXPECT_TRUE(solver.analyze(a).status.ok());
+    const Status status = solver.factorize(a).status;
+    EXPECT_EQ(status.code, StatusCode::invalid_input);
+    EXPECT_NE(status.message.find("--nodes"), std::string::npos) << status.message;
+  });
 }
 
 // One device text for all, and one that ranks can share.

@@ -3,6 +3,7 @@
 
 #include "device/cuda/executor/cuda_executor.hpp"
 #include "device/cuda/executor/rank_executor.hpp"
+#include "device/cuda/executor/tall_space.hpp"
 #include "device/cuda/out_of_core/backend.hpp"
 #include "device/cuda/runtime/device_rates.hpp"
 #include "device/cuda/tables/device_plan.hpp"
@@ -65,6 +66,9 @@ class CudaBackend final : public Backend {
 
   void open(const std::vector<int>& devices) const noexcept override { open_devices(devices); }
   [[nodiscard]] DeviceRates measure(int device) const override { return measured_rates(device); }
+  [[nodiscard]] std::unique_ptr<TallSpace> make_tall_space(Index rows, int device, Offset memory_bytes) const override {
+    return cuda::make_tall_space(rows, device, memory_bytes);
+  }
   [[nodiscard]] Offset free_bytes(int device) const override { return free_device_bytes(device); }
 
   [[nodiscard]] std::unique_ptr<Executor<double>> make_executor(const Job& job, Scalar<double>) const override {

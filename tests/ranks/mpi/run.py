@@ -46,12 +46,13 @@ def run(launcher, options, ranks, command, timeout=120, **variables):
 def check(name, launcher, options, program, counts, device):
     bad = 0
     for ranks in counts:
-        done = run(launcher, options, ranks, [program, *([device] if device else [])])
-        good = done.returncode == 0 and "the same bits" in done.stdout
-        print(f"{name}, {ranks} ranks: {'the same bits' if good else 'FAILED'}", flush=True)
-        if not good:
-            bad += 1
-            print(done.stdout[-2000:], done.stderr[-2000:])
+        for words in [[device], [device, "process"]] if device else [[]]:
+            done = run(launcher, options, ranks, [program, *words])
+            good = done.returncode == 0 and "the same bits" in done.stdout
+            print(f"{name}, {ranks} ranks {' '.join(words)}: {'the same bits' if good else 'FAILED'}", flush=True)
+            if not good:
+                bad += 1
+                print(done.stdout[-2000:], done.stderr[-2000:])
     done = run(launcher, options, 3, [program, "stop", "1", "0"])
     told = [line for line in done.stdout.splitlines() if "from rank 1 on host" in line]
     good = len(told) >= 2

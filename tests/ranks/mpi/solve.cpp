@@ -2,18 +2,26 @@
 // the mpi.h of each MPI that is there.
 //   solve [stop RANK AT]    RANK stops (dies, with AT = 0) after so many systems
 //   solve gpu:all           each rank on a GPU; alone on the first that it sees
+//   solve gpu:all process   ... and each a machine of its own; or host; or pairs: two ranks are one
+//   solve gpu:all process time elasticity 64    that system alone: seconds, and a number that equal solutions have
+//   solve cpu host rate     messages of 256 KiB each way between ranks 0 and 1, in bytes a second
 #include <espalier/mpi.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <chrono>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <espalier/espalier.hpp>
+#include <espalier/nodes.hpp>
 #include <string>
 #include <vector>
 
 #include "matrix/generators/generate.hpp"
+#include "ranks/link.hpp"
 
 namespace {
 
@@ -52,7 +60,8 @@ void expect(bool good, const std::string& what) {
 
 std::string device = "cpu";
 
-void check(const espalier::Ranks& ranks, const std::vector<std::string>& words, bool one_has_none) {
+void check(const espalier::Ranks& ranks, const std::vector<std::string>& words, bool one_has_none,
+           espalier::Precision precision = espalier::Precision::fp64) {
   const espalier::SparseMatrix a = espalier::matrix::generate(espalier::matrix::parse_generator(words));
   const Index n = a.rows, parts = one_has_none ? ranks.size() - 1 : ranks.size(), me = ranks.rank();
   const auto border = [&](Index r) { return static_cast<Index>(Offset{n} * std::min(r, parts) / parts); };
@@ -60,6 +69,7 @@ void check(const espalier::Ranks& ranks, const std::vector<std::string>& words, 
   espalier::Options options;
   options.threads = 1;
   options.device = device == "cpu" ? device : "gpu:0";
+  options.precision = precision;
   std::vector<double> b(static_cast<std::size_t>(n)), truth(b.size());
   for (Index i = 0; i < n; ++i) b[i] = 1.0 / (1 + i % 17) - 0.3;
   espalier::Solver alone(options);
@@ -81,6 +91,90 @@ void check(const espalier::Ranks& ranks, const std::vector<std::string>& words, 
   expect(solved.status.ok(), solved.status.message);
   expect(count == 0 || std::memcmp(x.data(), truth.data() + first, x.size() * sizeof(double)) == 0,
          words[0] + ": other bits");
+  constexpr Index kColumns = 9;
+  std::vector<double> many, many_truth(truth.size() * kColumns), part_of_many;
+  for (Index c = 0; c < kColumns; ++c) {
+    for (Index i = 0; i < n; ++i) many.push_back(b[i] + 0.1 * c);
+    part_of_many.insert(part_of_many.end(), many.end() - n + first, many.end() - n + first + count);
+  }
+  expect(alone.solve(many, many_truth, kColumns).status.ok(), "alone");
+  const auto solved_many = solver.solve(part_of_many, part_of_many, kColumns);
+  expect(solved_many.status.ok(), solved_many.status.message);
+  for (Index c = 0; c < kColumns && count > 0; ++c)
+    expect(std::memcmp(part_of_many.data() + c * count, many_truth.data() + Offset{c} * n + first,
+                       x.size() * sizeof(double)) == 0,
+           words[0] + ": other bits of many");
+}
+
+double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+void time_of(const espalier::Ranks& ranks, const std::vector<std::string>& words) {
+  const espalier::SparseMatrix a = espalier::matrix::generate(espalier::matrix::parse_generator(words));
+  const Index n = a.rows, me = ranks.rank();
+  const auto border = [&](Index r) { return static_cast<Index>(Offset{n} * r / ranks.size()); };
+  const Index first = border(me), count = border(me + 1) - first;
+  espalier::Options options;
+  options.device = device;
+  espalier::Solver solver(ranks, options);
+  const Rows part = rows_of(a, first, first + count);
+  const auto analysis = solver.analyze(espalier::LocalRows{n, first, part.ptr, part.col, part.values, a.storage});
+  expect(analysis.status.ok(), analysis.status.message);
+  if (!analysis.status.ok()) return;
+  double factor = 1e9, call = 1e9, solve = 1e9;
+  std::vector<double> x(static_cast<std::size_t>(count));
+  for (int k = 0; k < 5; ++k) {
+    const double begin = now();
+    const auto done = solver.refactorize(part.values);
+    call = std::min(call, now() - begin);
+    expect(done.status.ok(), done.status.message);
+    if (!done.status.ok()) return;
+    if (!done.devices.empty())
+      factor = std::min(factor, done.devices[0].busy_seconds / (1 - done.devices[0].idle_fraction));
+  }
+  for (int k = 0; k < 3; ++k) {
+    for (Index i = 0; i < count; ++i) x[i] = 1.0 / (1 + (first + i) % 17) - 0.3;
+    const double begin = now();
+    const auto solved = solver.solve(x, x);
+    solve = std::min(solve, now() - begin);
+    expect(solved.status.ok(), solved.status.message);
+  }
+  std::uint64_t mark = 0, all = 0;
+  for (Index i = 0; i < count; ++i) {
+    std::uint64_t bits = 0;
+    std::memcpy(&bits, &x[i], sizeof bits);
+    bits = (bits ^ (static_cast<std::uint64_t>(first + i) << 17)) * 0x9e3779b97f4a7c15u;
+    mark ^= bits ^ bits >> 29;
+  }
+  MPI_Reduce(&mark, &all, 1, MPI_UINT64_T, MPI_BXOR, 0, MPI_COMM_WORLD);
+  if (me == 0)
+    std::printf("%s %s: factorization %.6f s (call %.6f), solve %.6f s, solution %016llx\n", words[0].c_str(),
+                words[1].c_str(), factor, call, solve, static_cast<unsigned long long>(all));
+}
+
+// What the link carries, with memory that was used before as that of an exchange between machines is.
+void rate_of(espalier::ranks::Link& link) {
+  constexpr int kMessages = 4000, kAtOnce = 64;
+  constexpr std::size_t kBytes = std::size_t{256} << 10;
+  std::vector<espalier::ranks::Message> messages;
+  for (int k = 0; k < kAtOnce; ++k) {
+    messages.emplace_back(kBytes);
+    std::memset(messages.back().body(), k, kBytes);
+  }
+  link.begin_call();
+  for (int round = 0; round < 2; ++round) {
+    link.begin_operation();
+    int posted = 0, come = 0;
+    const int other = 1 - link.rank();
+    const double begin = now();
+    link.wait([&](int, const espalier::ranks::Message&) { ++come; },
+              [&] {
+                for (; posted < kMessages && posted < come + kAtOnce; ++posted)
+                  link.post(std::span<const int>(&other, 1), messages[static_cast<std::size_t>(posted % kAtOnce)]);
+                return come == kMessages && posted == kMessages;
+              });
+    if (link.rank() == 0) std::printf("%.3g bytes a second each way\n", kMessages * kBytes / (now() - begin));
+  }
+  expect(link.end_call({}).ok(), "rate");
 }
 
 }  // namespace
@@ -89,8 +183,10 @@ int main(int argc, char** argv) {
   MPI_Init(&argc, &argv);
   int rank = 0;
   MPI_Comm_rank(MPI_COMM_WORLD, &rank);
-  if (argc == 2) device = argv[1];
-  const int stopped = argc > 3 ? std::atoi(argv[2]) : -1;
+  const std::vector<std::string> words(argv + 1, argv + argc);
+  const bool named = !words.empty() && words[0] != "stop" && words[0] != "die";
+  if (named) device = words[0];
+  const int stopped = argc > 3 && !named ? std::atoi(argv[2]) : -1;
   const bool dies = argc > 3 && std::string(argv[1]) == "die";
   {
     const espalier::Ranks ranks = espalier::on(MPI_COMM_WORLD, stopped >= 0 ? 2 : 60);
@@ -104,9 +200,18 @@ int main(int argc, char** argv) {
       ::sleep(4);  // MPICH ends all when one ends so, and the others may not have said it yet
       ::_exit(status.code == espalier::StatusCode::device_error ? 0 : 1);
     }
-    check(ranks, {"elasticity", "7", "5", "4"}, false);
-    check(ranks, {"kkt", "3", "4", "2", "2"}, ranks.size() > 1);
-    check(ranks, {"gyroscopic", "5", "4", "4"}, false);
+    if (words.size() > 1 && words[1] == "process") set_nodes(ranks, espalier::Nodes::process);
+    if (words.size() > 1 && words[1] == "pairs") ranks.link()->set_machines(2);
+    if (words.size() == 3 && words[2] == "rate") {
+      if (ranks.size() == 2) rate_of(*ranks.link());
+    } else if (words.size() > 3 && words[2] == "time") {
+      time_of(ranks, {words.begin() + 3, words.end()});
+    } else {
+      check(ranks, {"elasticity", "7", "5", "4"}, false);
+      check(ranks, {"kkt", "3", "4", "2", "2"}, ranks.size() > 1);
+      check(ranks, {"gyroscopic", "5", "4", "4"}, false);
+      check(ranks, {"elasticity", "6", "5", "4"}, false, espalier::Precision::mixed);
+    }
   }
   int all = 0;
   MPI_Allreduce(&failures, &all, 1, MPI_INT, MPI_SUM, MPI_COMM_WORLD);

@@ -6,6 +6,7 @@
 #include "base/beside.hpp"
 #include "device/cuda/executor/executor_on_devices.hpp"
 #include "device/cuda/executor/plan_values.hpp"
+#include "device/cuda/runtime/pinned_block.hpp"
 #include "device/cuda/tables/needed_values.hpp"
 #include "device/cuda/tables/pairs.hpp"
 
@@ -223,9 +224,13 @@ Availability available_devices() {
 
 void open_devices(const std::vector<int>& devices) noexcept {
   const auto open = [&](int device) noexcept {
-    if (cudaSetDevice(device) == cudaSuccess && cudaFree(nullptr) == cudaSuccess)
+    if (cudaSetDevice(device) == cudaSuccess && cudaFree(nullptr) == cudaSuccess) {
       for (const int other : devices)
         if (other != device) (void)cudaDeviceEnablePeerAccess(other, 0);
+      SolveShape shape;
+      (void)SolveKernel<double>::resident(shape);                 // loads these kernels
+      if (device == devices.front()) PinnedBlock::keep_ready(2);  // for the tables of the first factorization
+    }
     (void)cudaGetLastError();
   };
   try {

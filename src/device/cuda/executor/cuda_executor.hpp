@@ -32,7 +32,8 @@ struct Availability {
 Availability available_devices();
 
 /// Makes the contexts of the GPUs and opens the paths between them, which takes 0.3 to 0.7 s a GPU where no program
-/// has done it before: all at the same time. What fails here fails again, with its name, where an executor needs it.
+/// has done it before: all at the same time; and what else a first factorization would wait for. What fails here fails
+/// again, with its name, where an executor needs it.
 void open_devices(const std::vector<int>& devices) noexcept;
 
 struct CudaOptions {
@@ -106,6 +107,9 @@ class CudaExecutor : public Executor<T> {
   virtual T* device_rhs(Index columns) = 0;
   virtual void to_device(T* to, const T* from, Offset count) = 0;
   virtual void from_device(T* to, const T* from, Offset count) = 0;
+  /// See DeviceLinearSystem::on_ranks(), share_values(). @param given  the values, in memory of whole pages
+  [[nodiscard]] virtual bool on_ranks() const { return false; }
+  virtual void share_values(double* /*given*/, Offset /*first*/, Offset /*count*/) {}
 };
 
 /// Takes all device memory that the factorization needs.

@@ -71,6 +71,12 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
       });
     sent_ = true;
   }
+  [[nodiscard]] bool on_ranks() const override { return executor_.on_ranks(); }
+  void share_values(Offset first, Offset count) override {
+    const DeviceGuard guard(device_);
+    executor_.share_values(memory_.given(), first, count);
+    sent_ = true;
+  }
   std::optional<FactorOutcome> factorize(double smallest_pivot) override {
     if (std::exchange(sent_, false)) {
       const DeviceGuard guard(device_);
@@ -250,6 +256,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     const Offset count = static_cast<Offset>(doubles_) * columns;
     if (array.size() < count) {
       const DeviceGuard guard(device_);
+      memory_.budget().give_back(array.bytes());
       array = DeviceArray<double>();
       array = DeviceArray<double>(count, memory_.budget(),
                                   memory_.budget().held() + count * static_cast<Offset>(sizeof(double)));

@@ -1,9 +1,13 @@
 #include "device/cuda/executor/device_side.hpp"
 
 #include <algorithm>
+#include <map>
+#include <mutex>
 #include <numeric>
+#include <string>
 
 #include "device/cuda/kernels/block_inverse.hpp"
+#include "device/cuda/tables/device_bytes.hpp"
 
 namespace espalier::device::cuda {
 
@@ -16,9 +20,18 @@ Offset limit_of(Offset memory_bytes) {
   return memory_bytes > 0 ? std::min(memory_bytes, all) : all;
 }
 
-template <class V>
-Offset bytes_of(const V& v) {
-  return static_cast<Offset>(v.size() * sizeof(v[0]));
+// Asked for once: all properties together take a millisecond.
+std::string device_name(int device) {
+  static std::mutex mutex;
+  static std::map<int, std::string> names;
+  const std::lock_guard lock(mutex);
+  auto found = names.find(device);
+  if (found == names.end()) {
+    cudaDeviceProp p{};
+    call("cudaGetDeviceProperties", [&] { return cudaGetDeviceProperties(&p, device); });
+    found = names.emplace(device, p.name).first;
+  }
+  return found->second;
 }
 
 }  // namespace
@@ -35,12 +48,11 @@ DeviceSide<T>::DeviceSide(const SideContext& context, int self, int device, Offs
       counters_(2 * kCounters),
       one_(1),
       end_(1) {
-  cudaDeviceProp p{};
-  call("cudaGetDeviceProperties", [&] { return cudaGetDeviceProperties(&p, device_); });
-  name_ = p.name;
+  name_ = device_name(device_);
   if (context_.tables.lists.size() > 1) name_ += " #" + std::to_string(device_);
   *one_.data() = 1;
-  count_bytes();
+  needed_ =
+      bytes_of(context_.plan, context_.kind, context_.tables, self_, context_.values, sizeof(T), context_.spare).all();
   take_memory();
   take_tables();
   choose_shapes();
@@ -54,21 +66,6 @@ Offset DeviceSide<T>::own_elements() const {
   for (std::size_t r = 1; r < t.regions.size(); ++r)
     if (t.region_device[r] == self_) own += t.regions[r];
   return own;
-}
-
-template <class T>
-void DeviceSide<T>::count_bytes() {
-  const auto& t = context_.tables;
-  const auto& plan = context_.plan;
-  Offset elements = own_elements() + context_.spare + context_.values;
-  if (common_.top == nullptr) elements += t.regions[0];
-  if (!t.place_space.empty() && common_.places == nullptr) elements += t.place_space[static_cast<std::size_t>(self_)];
-  elements += 3 * n() + 2 * n() + static_cast<Offset>(plan.relative.size());
-  needed_ = elements * static_cast<Offset>(sizeof(T)) + bytes_of(t.fronts) + bytes_of(t.links) + bytes_of(t.bounds) +
-            bytes_of(t.waits) + bytes_of(t.places) + bytes_of(lists().tasks) + bytes_of(lists().up) +
-            bytes_of(lists().down) + bytes_of(lists().inverses) + bytes_of(plan.relative) + bytes_of(plan.tree.rows) +
-            bytes_of(plan.entry_ptr) + bytes_of(plan.entries) + parts() * t.flags * 4 + plan.fronts() * 4 + 2 * n() +
-            judge_blocks(plan.tree.n) * static_cast<Offset>(sizeof(PivotProduct)) + 4;
 }
 
 template <class T>
@@ -149,7 +146,7 @@ SideAddresses<T> DeviceSide<T>::addresses() const {
   a.own = own_.data();
   a.places = places_.data();
   a.pivots = pivots_;
-  a.vectors = vectors_.data();
+  a.vectors = vectors_at_;
   a.base = base_.data();
   a.control = control_.data();
   a.flags = flag_data_;
@@ -174,7 +171,7 @@ void DeviceSide<T>::connect(const std::vector<SideAddresses<T>>& sides) {
   }
   std::vector<T*> places;
   for (const Place& p : t.places) places.push_back(starts[static_cast<std::size_t>(p.device)] + p.offset);
-  copy_in(base_.data(), base.data(), bytes_of(base));
+  copy_in(base_.data(), base.data(), static_cast<Offset>(base.size() * sizeof(T*)));
   send_places(places);
 
   FactorState<T>& s = state_;
@@ -290,6 +287,12 @@ void DeviceSide<T>::enqueue_judge(const FilledValues& values, const std::vector<
 
 template <class T>
 void DeviceSide<T>::enqueue_factor(bool skip_last_half) {
+  enqueue_tasks(skip_last_half);
+  if (!skip_last_half) enqueue_inverses();
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_tasks(bool first_half_only) {
   const auto launch = [&](bool wide, std::int64_t first, std::int64_t end) {
     if (first >= end) return;
     call("launch of the factorization kernel", [&] {
@@ -302,10 +305,13 @@ void DeviceSide<T>::enqueue_factor(bool skip_last_half) {
   };
   const TaskLists& l = lists();
   auto end = static_cast<std::int64_t>(l.tasks.size());
-  if (skip_last_half) end /= 2;
+  if (first_half_only) end /= 2;
   launch(false, 0, std::min(l.narrow_tasks, end));
   launch(true, l.narrow_tasks, end);
-  if (skip_last_half) return;
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_inverses() {
   call("launch of the kernel that joins inverses", [&] {
     return launch_block_inverses(state_, inverses_.data(), static_cast<int>(inverses_.size()), stream_.get());
   });

@@ -100,6 +100,9 @@ class DeviceSide {
   /// The kernels, and what they prepare for solves. skip_last_half: only the first half of the tasks, as if the device
   /// had died then (for tests).
   void enqueue_factor(bool skip_last_half = false);
+  /// The same in two steps; the second changes what the first has made.
+  void enqueue_tasks(bool first_half_only = false);
+  void enqueue_inverses();
   /// What stands before the kernels where this is the only GPU.
   void enqueue_begin(const FilledValues& values);
   /// The same where it is one of several that reach the first's memory; copies the values that it needs.
@@ -123,6 +126,9 @@ class DeviceSide {
   [[nodiscard]] bool has_room_for(Index pass) const;
   /// Buffers of one pass with so many right-hand sides. @returns whether they moved
   bool take_solve_memory(Index pass);
+  /// A buffer for right-hand sides of the caller. @returns whether it moved
+  bool take_rhs(Offset elements);
+  [[nodiscard]] T* rhs() const { return rhs_at_; }
   void enqueue_solve(const std::vector<SideAddresses<T>>& sides, const SolvePass<T>& pass);
   /// Copies the counters to the host, where they are valid once the stream is done.
   void enqueue_counters();
@@ -157,7 +163,6 @@ class DeviceSide {
   template <class Use>
   void for_tables(Use&& use);
   [[nodiscard]] Offset own_elements() const;
-  void count_bytes();
   void take_memory();
   void take_tables();
   void choose_shapes();
@@ -168,6 +173,13 @@ class DeviceSide {
   [[nodiscard]] T* updates(const SideAddresses<T>& side, Index pass) const {
     return common_.updates != nullptr ? common_.updates : side.vectors + 2 * n() * pass;
   }
+  /// What is free of the arena between factorizations: buffers of solves stand there if they fit, vectors of a pass at
+  /// its begin, right-hand sides at its end.
+  [[nodiscard]] Offset idle_elements() const {
+    return context_.tables.lists.size() == 1 ? context_.tables.regions[0] - context_.tables.kept : 0;
+  }
+  [[nodiscard]] Offset vectors_in_arena() const { return vectors_.size() > 0 ? 0 : vectors_size_; }
+  [[nodiscard]] Offset rhs_in_arena() const { return rhs_.size() > 0 ? 0 : rhs_size_; }
   /// Rows of the vectors of a pass: forward solution, solution, updates.
   [[nodiscard]] Offset solve_rows() const;
 
@@ -183,7 +195,10 @@ class DeviceSide {
   PinnedArray<FactorEnd> end_;
   DeviceArray<PivotProduct> products_;
   DeviceArray<int> ticket_;
-  DeviceArray<T> top_, own_, places_, values_, pivot_, limits_, vectors_;
+  DeviceArray<T> top_, own_, places_, values_, pivot_, limits_;
+  DeviceArray<T> vectors_, rhs_;  // empty where they stand in the arena
+  T *vectors_at_ = nullptr, *rhs_at_ = nullptr;
+  Offset vectors_size_ = 0, rhs_size_ = 0;
   T* pivots_ = nullptr;
   int* flag_data_ = nullptr;
   DeviceArray<unsigned char> marks_;

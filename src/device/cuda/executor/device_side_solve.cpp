@@ -2,13 +2,15 @@
 #include <algorithm>
 
 #include "device/cuda/executor/device_side.hpp"
+#include "device/cuda/tables/front_shape.hpp"
 
 namespace espalier::device::cuda {
 
 namespace {
 
-// Vectors of many right-hand sides may take a quarter of what the factorization holds, and small ones this much.
-constexpr Offset kSolveShare = 4, kSolveBytes = Offset{64} << 20;
+// Beyond what is free of the arena, vectors of many right-hand sides may take a sixteenth of what the factorization
+// holds, and small ones this much.
+constexpr Offset kSolveShare = 16, kSolveBytes = Offset{256} << 20;
 
 }  // namespace
 
@@ -19,8 +21,9 @@ Offset DeviceSide<T>::solve_rows() const {
 
 template <class T>
 bool DeviceSide<T>::has_room_for(Index pass) const {
-  const Offset bytes = solve_rows() * pass * static_cast<Offset>(sizeof(T)), more = bytes - vectors_.bytes();
-  if (more <= 0) return true;
+  const Offset size = solve_rows() * pass, bytes = size * static_cast<Offset>(sizeof(T));
+  const Offset more = bytes - vectors_.bytes();
+  if (size <= vectors_size_ || size <= idle_elements() - rhs_in_arena()) return true;
   if (bytes > std::max((budget_.held() - vectors_.bytes()) / kSolveShare, kSolveBytes)) return false;
   std::size_t free = 0, total = 0;
   call("cudaMemGetInfo", [&] { return cudaMemGetInfo(&free, &total); });
@@ -30,15 +33,34 @@ bool DeviceSide<T>::has_room_for(Index pass) const {
 template <class T>
 bool DeviceSide<T>::take_solve_memory(Index pass) {
   const Offset size = solve_rows() * pass;
-  if (vectors_.size() >= size) return false;
+  if (vectors_size_ >= size) return false;
+  budget_.give_back(vectors_.bytes());
   vectors_ = DeviceArray<T>();
-  vectors_ = DeviceArray<T>(context_.exported ? whole_pages<T>(size) : size, budget_, needed_);
+  vectors_size_ = 0;
+  if (size > idle_elements() - rhs_in_arena())
+    vectors_ = DeviceArray<T>(context_.exported ? whole_pages<T>(size) : size, budget_, needed_);
+  vectors_at_ = vectors_.size() > 0 ? vectors_.data() : top_.data() + context_.tables.kept;
+  vectors_size_ = size;
+  return true;
+}
+
+template <class T>
+bool DeviceSide<T>::take_rhs(Offset elements) {
+  if (rhs_size_ >= elements) return false;
+  budget_.give_back(rhs_.bytes());
+  rhs_ = DeviceArray<T>();
+  rhs_size_ = 0;
+  const Offset size = rounded(elements);  // whole lines of the cache
+  if (size > idle_elements() - vectors_in_arena())
+    rhs_ = DeviceArray<T>(size, budget_, budget_.held() + size * static_cast<Offset>(sizeof(T)));
+  rhs_at_ = rhs_.size() > 0 ? rhs_.data() : top_.data() + (context_.tables.regions[0] - size);
+  rhs_size_ = size;
   return true;
 }
 
 template <class T>
 SolveClear DeviceSide<T>::solve_clear(Index pass) const {
-  return {solve_control_.data(), kCounters, reinterpret_cast<int*>(vectors_.data()),
+  return {solve_control_.data(), kCounters, reinterpret_cast<int*>(vectors_at_),
           solve_rows() * pass * static_cast<Offset>(sizeof(T) / sizeof(int))};
 }
 
@@ -81,9 +103,9 @@ void DeviceSide<T>::enqueue_solve(const std::vector<SideAddresses<T>>& sides, co
   s.columns = pass.columns;
   s.pass = static_cast<int>(pass.width);
   s.first_column = static_cast<int>(pass.first_column);
-  s.forward = vectors_.data();
+  s.forward = vectors_at_;
   s.updates = updates(addresses(), pass.width);
-  s.solution = vectors_.data() + n() * pass.width;
+  s.solution = vectors_at_ + n() * pass.width;
   s.control = solve_control_.data();
   s.patience = state_.patience;
   s.devices = static_cast<int>(sides.size());

@@ -287,7 +287,6 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   PinnedArray<int> common_flag_;
   CommonMemory<T> common_;
   std::vector<std::unique_ptr<Side>> sides_;
-  DeviceArray<T> rhs_;
   std::vector<DeviceArray<T>> side_rhs_;
   DeviceArray<unsigned char> owner_;     // n, on the first of several: whose pivot counts
   FactorGraphs graphs_, filled_graphs_;  // the second: of factorize_filled() with filled_

@@ -50,14 +50,10 @@ void ExecutorOnDevices<T>::enqueue_solve(T* x, Index columns, bool transpose) {
 template <class T>
 T* ExecutorOnDevices<T>::device_rhs(Index columns) {
   const Offset count = static_cast<Offset>(plan_.tree.n) * columns;
-  if (rhs_.size() < count) {
-    at(first(), [&] {
-      solve_graphs_.clear();
-      rhs_ = DeviceArray<T>();
-      rhs_ = DeviceArray<T>(count, first().budget(), first().held() + count * static_cast<Offset>(sizeof(T)));
-    });
-  }
-  return rhs_.data();
+  at(first(), [&] {
+    if (first().take_rhs(count)) solve_graphs_.clear();
+  });
+  return first().rhs();
 }
 
 template <class T>
@@ -99,6 +95,7 @@ double ExecutorOnDevices<T>::solve_on_all(T* x, Index columns, bool transpose) {
     if (mine.size() >= count) continue;
     at(*side, [&] {
       solve_graphs_.clear();
+      side->budget().give_back(mine.bytes());
       mine = DeviceArray<T>();
       mine = DeviceArray<T>(count, side->budget(), side->held() + count * static_cast<Offset>(sizeof(T)));
     });

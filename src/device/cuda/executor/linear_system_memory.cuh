@@ -155,9 +155,12 @@ class LinearSystemMemory {
                              });
   }
 
-  // FP64 values that nothing scales are factored as they are; all others need a place of their own.
+  // FP64 values that nothing scales are factored as they are; all others need a place of their own, and those that
+  // other ranks read.
   void take_values_memory() {
-    if (!base::keeps_fp64<T> || scales_ || complex_ || executor_.values_size() < nonzeros_)
+    if (executor_.on_ranks())
+      copy_ = take<double>(whole_pages<double>(value_doubles()));
+    else if (!base::keeps_fp64<T> || scales_ || complex_ || executor_.values_size() < nonzeros_)
       copy_ = take<double>(value_doubles());
     const unsigned most = complex_  ? resident_blocks(scale_complex_kernel<T>, device_)
                           : scales_ ? resident_blocks(scale_kernel<T>, device_)

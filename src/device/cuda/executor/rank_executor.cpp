@@ -4,14 +4,18 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <tuple>
 
+#include "device/cuda/executor/device_linear_system.hpp"
 #include "device/cuda/executor/device_side.hpp"
+#include "device/cuda/executor/mirrored_memory.hpp"
 #include "device/cuda/executor/plan_values.hpp"
 #include "device/cuda/executor/reached_memory.hpp"
 #include "device/cuda/executor/side_outcome.hpp"
+#include "device/cuda/kernels/rank_rows.hpp"
 #include "device/rank_rows.hpp"
 #include "plan/fingerprint.hpp"
 
@@ -22,9 +26,10 @@ namespace {
 constexpr double kPatience = 30;  // seconds that a block of threads waits for another one's
 
 // As in one process, others may write here as soon as their kernels run: everything is cleared after a run, when all
-// have finished, and the next run begins when all are clear.
+// have finished, and the next run begins when all are clear. Until then nobody changes what others read: pivots, values
+// that are shared, solutions.
 template <class T>
-class ExecutorOnRanks final : public Executor<T> {
+class ExecutorOnRanks final : public CudaExecutor<T> {
  public:
   explicit ExecutorOnRanks(const Job& job)
       : plan_(job.plan),
@@ -32,6 +37,8 @@ class ExecutorOnRanks final : public Executor<T> {
         link_(*job.link),
         device_(job.devices.at(static_cast<std::size_t>(job.link->rank()))),
         reached_(*job.link, device_),
+        reached_values_(*job.link, device_),
+        reached_solutions_(*job.link, device_),
         rows_(job.plan, job.link->size()) {
     if (plan_.ownership.devices != link_.size())
       throw std::invalid_argument(
@@ -39,7 +46,7 @@ class ExecutorOnRanks final : public Executor<T> {
     expect_same_plan();
     const DeviceGuard guard(device_);
     link_.expect_all([&] { make_side(job); });
-    reached_.open(side_->addresses());
+    reach();
     link_.expect_all([&] { connect(); });
     for (const auto& bytes : link_.all_gather(std::as_bytes(std::span(side_->name()))))
       names_.emplace_back(reinterpret_cast<const char*>(bytes.data()), bytes.size());
@@ -55,49 +62,117 @@ class ExecutorOnRanks final : public Executor<T> {
   FactorOutcome factorize(std::span<const T> values) override {
     const DeviceGuard guard(device_);
     side_->copy_in(side_->values(), values.data(), static_cast<Offset>(values.size_bytes()));
-    const double began = base::now_seconds();
-    run_on_all(
-        factor_clean_, [&] { side_->enqueue_clear_factor(); }, factor_graph_);
-    FactorOutcome out;
-    SideFlags flags;
-    read_counters(out, flags);
-    const FactorEnd end = judge();
-    read_marks(out, flags, end);
-    clear(factor_clean_, [&] { side_->enqueue_clear_factor(); });
-    out.seconds = base::now_seconds() - began;
-    if (flags.stopped)
-      throw Error(StatusCode::device_error,
-                  fmt::format("the factorization on {} was given up after waiting {} s for one of its own blocks",
-                              name(), kPatience));
-    if (out.not_positive >= 0) return out;
-    if (smallest_.empty())
-      take_determinant(end, out);
-    else
-      judge_pivots(all_pivots(), smallest_, out);
+    last_filled_ = false;
+    return run(factor_graph_, {});
+  }
+
+  std::optional<FactorOutcome> factorize_filled(const FilledValues& values) override {
+    const DeviceGuard guard(device_);
+    if (!(values == filled_)) {
+      filled_ = {};
+      filled_graph_ = Graph::record(side_->stream().get(), [&] {
+        side_->enqueue_take(*side_, values);
+        enqueue_factor();
+      });
+      filled_ = values;
+    }
+    last_filled_ = true;
+    if (mirrored_ && !is_finite(values)) return std::nullopt;  // kernels would end, and so wait for no tiles
+    FactorOutcome out = run(filled_graph_, filled_);
+    if (!std::isfinite(side_->factor_end().largest)) return std::nullopt;
     return out;
+  }
+  double refactorize_again() override {
+    const DeviceGuard guard(device_);
+    return (last_filled_ ? run(filled_graph_, filled_) : run(factor_graph_, {})).seconds;
   }
 
   void solve(T* x, Index columns, bool transpose) override {
+    const Offset count = Offset{plan_.tree.n} * columns;
+    T* rhs = device_rhs(columns);
+    to_device(rhs, x, count);
+    solve_device(rhs, columns, transpose);
+    from_device(x, rhs, count);
+  }
+
+  double solve_device(T* x, Index columns, bool transpose) override {
     const DeviceGuard guard(device_);
-    const Offset bytes = Offset{plan_.tree.n} * columns * static_cast<Offset>(sizeof(T));
+    const double began = base::now_seconds();
     take_solve_memory(columns);
-    side_->copy_in(rhs_.data(), x, bytes);
     for (Index c = 0; c < columns; c += at_once_) {
       const Index width = at_once_ > 1 ? std::min(at_once_, slabs(columns - c)) : 1;
-      const SolvePass<T> pass{rhs_.data(), rhs_.data(), columns, c, width, transpose};
-      const Graph& graph = solve_graph(pass);
+      const Graph& graph = solve_graph({x, solutions_.data(), columns, c, width, transpose});
       const auto clearing = [&] { side_->enqueue_clear_solve(at_once_); };
-      run_on_all(solve_clean_, clearing, graph);
-      if (side_->solve_counters()[1] != 0)
-        throw Error(StatusCode::device_error,
-                    fmt::format("the solve on {} was given up after waiting {} s for one of its own blocks", name(),
-                                kPatience));
+      run_on_all(solve_clean_, clearing, graph, [&] { mirrored_->begin_solve(side_->addresses(), width); });
+      if (side_->solve_counters()[1] != 0) throw solve_given_up();
       (void)link_.all_numbers(1);  // all have finished
       clear(solve_clean_, clearing);
     }
-    side_->copy_out(x, rhs_.data(), bytes);
-    rows_.share(link_, x, columns);
+    collect_solutions(x, columns);
+    return base::now_seconds() - began;
   }
+  void enqueue_solve(T* x, Index columns, bool transpose) override { (void)solve_device(x, columns, transpose); }
+  [[nodiscard]] SolveClear clear_before_solve(Index /*columns*/) override { return {}; }
+  [[nodiscard]] const int* solve_aborted() const override { return nullptr; }
+  [[nodiscard]] Error solve_given_up() const override { return given_up("solve"); }
+
+  // Collective where it grows, which it does on all ranks alike.
+  T* device_rhs(Index columns) override {
+    const Offset size = Offset{plan_.tree.n} * columns;
+    if (rhs_.size() < size)
+      link_.expect_all([&] {
+        const DeviceGuard guard(device_);
+        solve_graphs_.clear();
+        side_->budget().give_back(rhs_.bytes());
+        rhs_ = DeviceArray<T>();
+        rhs_ = DeviceArray<T>(size, side_->budget(), side_->held() + size * static_cast<Offset>(sizeof(T)));
+      });
+    return rhs_.data();
+  }
+  void to_device(T* to, const T* from, Offset count) override {
+    const DeviceGuard guard(device_);
+    side_->copy_in(to, from, count * static_cast<Offset>(sizeof(T)));
+  }
+  void from_device(T* to, const T* from, Offset count) override {
+    const DeviceGuard guard(device_);
+    side_->copy_out(to, from, count * static_cast<Offset>(sizeof(T)));
+  }
+
+  std::unique_ptr<DeviceLinearSystem> make_linear_system(const LinearSystemArrays& arrays,
+                                                         Offset memory_bytes) override {
+    reached_values_.close();
+    shares_values_ = false;
+    std::unique_ptr<DeviceLinearSystem> system;
+    link_.expect_all([&] { system = make_device_linear_system<T>(arrays, *this, device_, memory_bytes); });
+    return system;
+  }
+  [[nodiscard]] bool on_ranks() const override { return true; }
+  void share_values(double* given, Offset first, Offset count) override {
+    const DeviceGuard guard(device_);
+    if (!shares_values_) reached_values_.open({given});
+    shares_values_ = true;
+    side_->stream().wait();  // what this rank has sent is there
+    const std::int64_t mine[2] = {first, count};
+    const auto ranges = link_.all_gather_of(std::span<const std::int64_t>(mine));
+    for (int r = 0; r < link_.size(); ++r) {
+      const auto rank = static_cast<std::size_t>(r);
+      const Offset begin = ranges[rank].at(0), size = ranges[rank].at(1);
+      if (r == link_.rank() || size == 0 || reached_values_.arrays()[rank].front() == nullptr) continue;
+      const auto* theirs = static_cast<const double*>(reached_values_.arrays()[rank].front());
+      call("cudaMemcpyAsync(values of another rank)", [&] {
+        return cudaMemcpyAsync(given + begin, theirs + begin, static_cast<std::size_t>(size) * sizeof(double),
+                               cudaMemcpyDefault, side_->stream().get());
+      });
+    }
+    if (mirrored_) send_values(given, ranges);
+  }
+
+  [[nodiscard]] void* stream() const override { return side_->stream().get(); }
+  [[nodiscard]] T* values() const override { return side_->values(); }
+  [[nodiscard]] Offset values_size() const override { return side_->values_size(); }
+  [[nodiscard]] std::vector<std::vector<TaskTime>> task_times() const override { return {}; }
+  [[nodiscard]] const DevicePlan& device_plan() const override { return *tables_; }
+  TableUpload& uploads() override { return side_->uploads(); }
 
   [[nodiscard]] std::string name() const override {
     return fmt::format("{} ranks on GPUs, here {}", link_.size(), side_->name());
@@ -108,7 +183,19 @@ class ExecutorOnRanks final : public Executor<T> {
  private:
   static Index slabs(Index columns) { return (columns + kSlab - 1) / kSlab * kSlab; }
 
+  // Whether each rank reaches the memory of all others: the same on all ranks.
+  [[nodiscard]] bool one_machine() const {
+    for (int r = 0; r < link_.size(); ++r)
+      if (link_.machine_of(r) != link_.machine_of(0)) return false;
+    return true;
+  }
+  [[nodiscard]] bool is_near(int rank) const { return link_.machine_of(rank) == link_.machine_of(link_.rank()); }
+
   void expect_same_plan() {
+    const auto machines = link_.all_numbers(one_machine() ? 1 : 0);
+    if (std::count(machines.begin(), machines.end(), machines[0]) != link_.size())
+      throw Error(StatusCode::invalid_input,
+                  "ranks do not agree on whether each is a machine of its own: give all the same --nodes");
     const auto marks = link_.all_numbers(plan::fingerprint(
         plan_, static_cast<int>(kind_), [&](Index f, Index j) { return plan_.ownership.owner(f, j); }));
     for (std::size_t r = 0; r < marks.size(); ++r)
@@ -119,7 +206,7 @@ class ExecutorOnRanks final : public Executor<T> {
   }
 
   void make_side(const Job& job) {
-    tables_.emplace(make_device_plan(plan_, kind_, true, {}, &job.pool));
+    tables_.emplace(make_device_plan(plan_, kind_, true, {}, &job.pool, !one_machine()));
     const int self = link_.rank();
     context_.emplace(
         SideContext{plan_, kind_, *tables_, kPatience, 0, values_of(plan_, &job.pool), &job.pool, self, true});
@@ -129,10 +216,20 @@ class ExecutorOnRanks final : public Executor<T> {
     side_->send_tables();
     rows_.own([&](Index f) { return std::countr_zero(tables_->fronts[static_cast<std::size_t>(f)].members); });
     moved_ = transferred_elements(plan_, kind_, *tables_);
-    if (self == 0) take_owners();
+    take_owners();
+    if (one_machine()) return;
+    mirrored_.emplace(link_, plan_, kind_, *tables_, side_->budget());
+    pivots_ = PinnedArray<T>((kind_ == Kind::ldlt ? 3 : 1) * Offset{plan_.tree.n});
   }
 
-  // Whose pivots count, for the judge.
+  // Where the memory of all sides is, or its mirrors here.
+  void reach() {
+    reached_.open(side_->addresses());
+    sides_ = reached_.sides();
+    if (mirrored_) mirrored_->connect(side_->addresses(), sides_);
+  }
+
+  // Whose pivots count, for the judge, and whose rows of a solution.
   void take_owners() {
     std::vector<unsigned char> owner(static_cast<std::size_t>(plan_.tree.n));
     for (Index f = 0; f < plan_.fronts(); ++f)
@@ -144,11 +241,56 @@ class ExecutorOnRanks final : public Executor<T> {
   }
 
   void connect() {
-    side_->connect(reached_.sides());
-    factor_graph_ = Graph::record(side_->stream().get(), [&] {
-      side_->enqueue_factor();
-      side_->enqueue_counters();
-    });
+    side_->connect(sides_);
+    const auto stream = side_->stream().get();
+    factor_graph_ = Graph::record(stream, [&] { enqueue_factor(); });
+    if (mirrored_) inverses_graph_ = Graph::record(stream, [&] { enqueue_end(); });
+  }
+
+  // Between machines, the end waits until all tiles are where they belong: inverses overwrite them.
+  void enqueue_factor() {
+    side_->enqueue_tasks();
+    if (!mirrored_) enqueue_end();
+  }
+  void enqueue_end() {
+    side_->enqueue_inverses();
+    side_->enqueue_counters();
+  }
+
+  [[nodiscard]] Error given_up(const char* what) const {
+    return {
+        StatusCode::device_error,
+        fmt::format("the {} on {} was given up after waiting {} s for one of its own blocks", what, name(), kPatience)};
+  }
+
+  FactorOutcome run(const Graph& graph, const FilledValues& values) {
+    const double began = base::now_seconds();
+    const auto clearing = [&] { side_->enqueue_clear_factor(); };
+    run_on_all(factor_clean_, clearing, graph, [&] { mirrored_->exchange().begin_factor(); });
+    if (mirrored_) {
+      inverses_graph_.launch(side_->stream().get());
+      side_->stream().wait();
+    }
+    FactorOutcome out;
+    SideFlags flags;
+    read_counters(out, flags);
+    // All have finished. Each judges all pivots, and comes to the same.
+    if (mirrored_) gather_pivots();
+    side_->enqueue_judge(values, sides_, owner_.data());
+    side_->stream().wait();
+    const FactorEnd end = side_->factor_end();
+    const bool finite = values.largest == nullptr || std::isfinite(end.largest);
+    if (finite) read_marks(out, flags, end);
+    clear(factor_clean_, clearing);
+    out.seconds = base::now_seconds() - began;
+    if (!finite) return out;
+    if (flags.stopped) throw given_up("factorization");
+    if (out.not_positive >= 0) return out;
+    if (smallest_.empty() || values.largest != nullptr)
+      take_determinant(end, out);
+    else
+      judge_pivots(all_pivots(), smallest_, out);
+    return out;
   }
 
   template <class Clear>
@@ -159,8 +301,9 @@ class ExecutorOnRanks final : public Executor<T> {
 
   // Launches here as the others do there, and waits for this rank's part. What fails ends the kernels here; the others
   // hear of it by the link.
-  template <class Clear>
-  void run_on_all(bool& clean, Clear&& clearing, const Graph& graph) {
+  // begin_exchange(): between machines, before the launch.
+  template <class Clear, class Begin>
+  void run_on_all(bool& clean, Clear&& clearing, const Graph& graph, Begin&& begin_exchange) {
     side_->stream().wait();  // clear of the run before
     const auto all = link_.all_numbers(clean ? 1 : 0);
     if (std::find(all.begin(), all.end(), 0) != all.end()) {  // a run has failed, and nobody's kernels run any more
@@ -170,12 +313,18 @@ class ExecutorOnRanks final : public Executor<T> {
     }
     clean = false;
     try {
+      if (mirrored_) begin_exchange();
       graph.launch(side_->stream().get());
-      link_.begin_operation();
-      link_.wait([](int, const ranks::Message&) {}, [&] { return has_finished(); });
+      if (mirrored_) {
+        mirrored_->exchange().run([&] { return has_finished(); });
+      } else {
+        link_.begin_operation();
+        link_.wait([](int, const ranks::Message&) {}, [&] { return has_finished(); });
+      }
     } catch (...) {
       side_->abort();
       (void)cudaStreamSynchronize(side_->stream().get());
+      if (mirrored_) mirrored_->exchange().give_up();
       (void)cudaGetLastError();
       factor_clean_ = solve_clean_ = false;
       throw;
@@ -202,15 +351,36 @@ class ExecutorOnRanks final : public Executor<T> {
     }
   }
 
-  // All have finished. On rank 0, which reads the others' pivots; all get what it finds.
-  FactorEnd judge() {
-    const bool here = link_.rank() == 0;
-    if (here) {
-      side_->enqueue_judge({}, reached_.sides(), owner_.data());
-      side_->stream().wait();
-    }
-    const auto all = link_.all_gather_of(std::span<const FactorEnd>(&side_->factor_end(), here ? 1 : 0));
-    return all.at(0).at(0);
+  // Those of other machines are read from this GPU's memory.
+  void gather_pivots() {
+    const Offset n = plan_.tree.n, parts = kind_ == Kind::ldlt ? 3 : 1;
+    const Offset bytes = parts * n * static_cast<Offset>(sizeof(T));
+    T* const there = side_->addresses().pivots;
+    side_->copy_out(pivots_.data(), there, bytes);
+    for (Offset part = 0; part < parts; ++part) rows_.share(link_, pivots_.data() + part * n, 1);
+    side_->copy_in(there, pivots_.data(), bytes);
+  }
+
+  // Each rank's part of the values to ranks of other machines. @param ranges  first and number, by rank
+  void send_values(double* given, const std::vector<std::vector<std::int64_t>>& ranges) {
+    const auto bytes_of = [&](int rank) {
+      return ranges[static_cast<std::size_t>(rank)].at(1) * static_cast<Offset>(sizeof(double));
+    };
+    const auto place_of = [&](int rank) { return given + ranges[static_cast<std::size_t>(rank)].at(0); };
+    std::vector<std::byte> mine(static_cast<std::size_t>(bytes_of(link_.rank())));
+    side_->copy_out(mine.data(), place_of(link_.rank()), bytes_of(link_.rank()));
+    std::vector<std::span<const std::byte>> to(static_cast<std::size_t>(link_.size()));
+    for (int r = 0; r < link_.size(); ++r)
+      if (!is_near(r)) to[static_cast<std::size_t>(r)] = mine;
+    const auto all = link_.all_to_all(to);
+    for (int r = 0; r < link_.size(); ++r)
+      if (!is_near(r)) side_->copy_in(place_of(r), all[static_cast<std::size_t>(r)].data(), bytes_of(r));
+  }
+
+  [[nodiscard]] bool is_finite(const FilledValues& values) const {
+    std::vector<double> parts(static_cast<std::size_t>(values.parts));
+    side_->copy_out(parts.data(), values.largest, values.parts * static_cast<Offset>(sizeof(double)));
+    return std::all_of(parts.begin(), parts.end(), [](double part) { return std::isfinite(part); });
   }
 
   void read_marks(FactorOutcome& out, const SideFlags& flags, const FactorEnd& end) {
@@ -234,10 +404,12 @@ class ExecutorOnRanks final : public Executor<T> {
   }
 
   const Graph& solve_graph(const SolvePass<T>& pass) {
-    Graph& graph = solve_graphs_[{pass.columns, pass.first_column, pass.transpose}];
+    constexpr std::size_t kMostGraphs = 64;
+    if (solve_graphs_.size() >= kMostGraphs) solve_graphs_.clear();
+    Graph& graph = solve_graphs_[{pass.rhs, pass.columns, pass.first_column, pass.transpose}];
     if (!graph.recorded())
       graph = Graph::record(side_->stream().get(), [&] {
-        side_->enqueue_solve(reached_.sides(), pass);
+        side_->enqueue_solve(sides_, pass);
         side_->enqueue_counters();
       });
     return graph;
@@ -245,16 +417,13 @@ class ExecutorOnRanks final : public Executor<T> {
 
   // As many right-hand sides in a pass as there is room for on all ranks. Vectors that move are opened anew.
   void take_solve_memory(Index columns) {
-    std::int64_t most = columns > 1 ? std::min<Index>(kManyColumns, slabs(columns)) : 1;
-    while (most > kSlab && !side_->has_room_for(static_cast<Index>(most))) most -= kSlab;
-    for (const std::int64_t of_rank : link_.all_numbers(most)) most = std::min(most, of_rank);
-    const Offset size = Offset{plan_.tree.n} * columns;
-    link_.expect_all([&] {
-      if (rhs_.size() >= size) return;
-      solve_graphs_.clear();
-      rhs_ = DeviceArray<T>();
-      rhs_ = DeviceArray<T>(size, side_->budget(), side_->held() + size * static_cast<Offset>(sizeof(T)));
-    });
+    take_solutions(columns);
+    std::int64_t most = 1;
+    if (columns > 1) {
+      most = std::min<Index>(kManyColumns, slabs(columns));
+      while (most > kSlab && !side_->has_room_for(static_cast<Index>(most))) most -= kSlab;
+      for (const std::int64_t of_rank : link_.all_numbers(most)) most = std::min(most, of_rank);
+    }
     if (at_once_ == most) return;
     at_once_ = static_cast<Index>(most);
     solve_clean_ = false;
@@ -264,8 +433,37 @@ class ExecutorOnRanks final : public Executor<T> {
     reached_.close();
     link_.expect_all([] {});  // nobody has the vectors open
     link_.expect_all([&] { (void)side_->take_solve_memory(at_once_); });
-    reached_.open(side_->addresses());
+    reach();
     widest_ = at_once_;
+  }
+
+  void take_solutions(Index columns) {
+    const Offset size = whole_pages<T>(Offset{plan_.tree.n} * columns);
+    if (solutions_.size() >= size) return;
+    reached_solutions_.close();
+    link_.expect_all([] {});  // nobody has them open
+    link_.expect_all([&] {
+      solve_graphs_.clear();
+      side_->budget().give_back(solutions_.bytes());
+      solutions_ = DeviceArray<T>();
+      solutions_ = DeviceArray<T>(size, side_->budget(), side_->held() + size * static_cast<Offset>(sizeof(T)));
+    });
+    reached_solutions_.open({solutions_.data()});
+  }
+
+  // Each row from the rank that speaks for its front.
+  void collect_solutions(T* x, Index columns) {
+    if (mirrored_) {
+      std::vector<T> all(static_cast<std::size_t>(Offset{plan_.tree.n} * columns));
+      const auto bytes = static_cast<Offset>(all.size() * sizeof(T));
+      side_->copy_out(all.data(), solutions_.data(), bytes);
+      rows_.share(link_, all.data(), columns);
+      return side_->copy_in(x, all.data(), bytes);
+    }
+    RankRowsJob<T> job{{}, x, owner_.data(), plan_.tree.n, columns};
+    for (std::size_t r = 0; r < reached_solutions_.arrays().size(); ++r)
+      job.from[r] = static_cast<const T*>(reached_solutions_.arrays()[r].front());
+    call("launch of the kernel that gathers solutions", [&] { return launch_gather_rows(job, side_->stream().get()); });
   }
 
   const plan::Plan& plan_;
@@ -275,14 +473,22 @@ class ExecutorOnRanks final : public Executor<T> {
   std::optional<DevicePlan> tables_;
   std::optional<SideContext> context_;
   std::optional<DeviceSide<T>> side_;
-  ReachedMemory<T> reached_;          // closed before what this rank has is given back
-  RankRows rows_;                     // whose front it is tells the solution
-  std::vector<std::string> names_;    // of the GPUs, by rank
-  DeviceArray<unsigned char> owner_;  // n, on rank 0: whose pivot counts
-  DeviceArray<T> rhs_;
-  Graph factor_graph_;
-  std::map<std::tuple<Index, Index, bool>, Graph> solve_graphs_;  // by columns, first column, transpose
-  std::vector<double> moved_;                                     // by rank; elements
+  ReachedMemory<T> reached_;  // closed before what this rank has is given back
+  std::vector<SideAddresses<T>> sides_;
+  std::optional<MirroredMemory<T>> mirrored_;        // with ranks of other machines
+  OpenedArrays reached_values_, reached_solutions_;  // likewise: one array of each rank
+  RankRows rows_;                                    // whose front it is tells its pivots
+  std::vector<std::string> names_;                   // of the GPUs, by rank
+  DeviceArray<unsigned char> owner_;                 // n
+  DeviceArray<T> rhs_, solutions_;                   // the second: others read it
+  Graph factor_graph_, filled_graph_;                // the second: of factorize_filled() with filled_
+  Graph inverses_graph_;                             // between machines: enqueue_end()
+  PinnedArray<T> pivots_;                            // likewise: for gather_pivots()
+  FilledValues filled_;
+  bool last_filled_ = false;                                                // the last factorization was one of these
+  bool shares_values_ = false;                                              // reached_values_ are open
+  std::map<std::tuple<const T*, Index, Index, bool>, Graph> solve_graphs_;  // by rhs, columns, first column, transpose
+  std::vector<double> moved_;                                               // by rank; elements
   std::vector<DeviceWork> work_;
   std::span<const double> smallest_;  // PivotRule::smallest
   bool factor_clean_ = false, solve_clean_ = false;

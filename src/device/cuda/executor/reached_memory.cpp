@@ -28,12 +28,9 @@ void enable_peer_access(int device) {
     check(e, "cudaDeviceEnablePeerAccess");
 }
 
-}  // namespace
-
 // use(pointer): flags lie behind the counters.
-template <class T>
-template <class Use>
-void ReachedMemory<T>::for_arrays(SideAddresses<T>& side, Use&& use) {
+template <class T, class Use>
+void for_arrays(SideAddresses<T>& side, Use&& use) {
   use(side.top);
   use(side.own);
   use(side.places);
@@ -45,71 +42,87 @@ void ReachedMemory<T>::for_arrays(SideAddresses<T>& side, Use&& use) {
   side.flags = side.control + kCounters;
 }
 
-template <class T>
-auto ReachedMemory<T>::record_of(SideAddresses<T> side, int device) -> Record {
-  Record record{};
-  record.process = this_process();
-  record.device = device;
-  Array* next = record.arrays;
-  for_arrays(side, [&](auto* pointer) {
-    Array& array = *next++;
-    array.address = reinterpret_cast<std::uint64_t>(pointer);
-    if (pointer != nullptr) call("cudaIpcGetMemHandle", [&] { return cudaIpcGetMemHandle(&array.handle, pointer); });
-  });
+}  // namespace
+
+bool OpenedArrays::is_near(int rank) const { return link_.machine_of(rank) == link_.machine_of(link_.rank()); }
+
+auto OpenedArrays::record_of(void* array) const -> Array {
+  Array record{this_process(), device_, reinterpret_cast<std::uint64_t>(array), {}};
+  int near = 0;  // ranks that open it, with this one
+  for (int r = 0; r < link_.size(); ++r) near += is_near(r) ? 1 : 0;
+  if (array != nullptr && near > 1)
+    call("cudaIpcGetMemHandle", [&] { return cudaIpcGetMemHandle(&record.handle, array); });
   return record;
 }
 
-template <class T>
-void ReachedMemory<T>::open_from(const Record& record, const Record& mine, int rank) {
-  SideAddresses<T>& side = sides_[static_cast<std::size_t>(rank)];
-  const bool here = record.process == mine.process;
-  if (here && rank != link_.rank()) {
-    if (record.device == mine.device)
-      throw Error(StatusCode::invalid_input,
-                  fmt::format("ranks {} and {} are threads of one process and share GPU {}: give each a GPU of its own",
-                              link_.rank(), rank, mine.device));
-    enable_peer_access(static_cast<int>(record.device));
+void* OpenedArrays::open_from(const Array& theirs, int rank) {
+  auto* const address = reinterpret_cast<void*>(theirs.address);
+  if (rank == link_.rank() || address == nullptr) return address;
+  const bool here = theirs.process == this_process();
+  if (here && theirs.device == device_)  // kernels that wait for each other would not both find room
+    throw Error(StatusCode::invalid_input,
+                fmt::format("ranks {} and {} are threads of one process and share GPU {}: give each a GPU of its own",
+                            link_.rank(), rank, device_));
+  if (!is_near(rank)) return nullptr;
+  if (here) {
+    enable_peer_access(static_cast<int>(theirs.device));
+    return address;
   }
-  const Array* next = record.arrays;
-  for_arrays(side, [&](auto*& pointer) {
-    const Array& array = *next++;
-    void* opened = reinterpret_cast<void*>(array.address);
-    if (!here && array.address != 0) {
-      call("cudaIpcOpenMemHandle",
-           [&] { return cudaIpcOpenMemHandle(&opened, array.handle, cudaIpcMemLazyEnablePeerAccess); });
-      opened_.push_back(opened);
-    }
-    pointer = static_cast<std::remove_reference_t<decltype(pointer)>>(opened);
-  });
+  void* opened = nullptr;
+  call("cudaIpcOpenMemHandle",
+       [&] { return cudaIpcOpenMemHandle(&opened, theirs.handle, cudaIpcMemLazyEnablePeerAccess); });
+  opened_.push_back(opened);
+  return opened;
 }
 
-template <class T>
-void ReachedMemory<T>::open(const SideAddresses<T>& mine) {
-  Record record{};
-  link_.expect_all([&] { record = record_of(mine, device_); });
-  const auto all = link_.all_gather_of(std::span<const Record>(&record, 1));
+void OpenedArrays::open(const std::vector<void*>& mine) {
+  std::vector<Array> records;
   link_.expect_all([&] {
-    sides_.assign(all.size(), {});
+    for (void* array : mine) records.push_back(record_of(array));
+  });
+  const auto all = link_.all_gather_of(std::span<const Array>(records));
+  link_.expect_all([&] {
+    arrays_.assign(all.size(), {});
     for (std::size_t r = 0; r < all.size(); ++r) {
       const int rank = static_cast<int>(r);
       try {
-        open_from(all[r].at(0), record, rank);
+        for (const Array& theirs : all[r]) arrays_[r].push_back(open_from(theirs, rank));
       } catch (const Error& e) {
         throw Error(
             e.status().code,
-            fmt::format("{} does not reach the memory of {}: {}; ranks share GPUs of one machine that reach each "
-                        "other's memory, else use device cpu, or one process for all GPUs",
+            fmt::format("{} does not reach the memory of {}: {}; GPUs of one machine must reach each other's "
+                        "memory: else take every process for a machine of its own (--nodes process), use device cpu, "
+                        "or one process for all GPUs",
                         link_.name_of(link_.rank()), link_.name_of(rank), e.what()));
       }
     }
   });
 }
 
-template <class T>
-void ReachedMemory<T>::close() noexcept {
+void OpenedArrays::close() noexcept {
   for (void* opened : opened_) (void)cudaIpcCloseMemHandle(opened);
   (void)cudaGetLastError();
   opened_.clear();
+  arrays_.clear();
+}
+
+template <class T>
+void ReachedMemory<T>::open(const SideAddresses<T>& mine) {
+  std::vector<void*> arrays;
+  SideAddresses<T> own = mine;
+  for_arrays(own, [&](auto* pointer) { arrays.push_back(pointer); });
+  opened_.open(arrays);
+  sides_.assign(opened_.arrays().size(), {});
+  for (std::size_t r = 0; r < sides_.size(); ++r) {
+    auto next = opened_.arrays()[r].begin();
+    for_arrays(sides_[r],
+               [&](auto*& pointer) { pointer = static_cast<std::remove_reference_t<decltype(pointer)>>(*next++); });
+  }
+}
+
+template <class T>
+void ReachedMemory<T>::close() noexcept {
+  opened_.close();
   sides_.clear();
 }
 

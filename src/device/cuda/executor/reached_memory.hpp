@@ -13,49 +13,60 @@
 
 namespace espalier::device::cuda {
 
-/// What ranks reach of each other's memory. Ranks are processes of one machine, each with a GPU, or threads of one
+/// Arrays that ranks of a machine reach of each other. Ranks are processes, each with a GPU, or threads of one
 /// process with different GPUs.
 ///
-/// The memory of a rank that has died stays mapped as long as this object lives; nobody will set its flags any more.
-template <class T>
-class ReachedMemory {
+/// The memory of a rank that has died stays mapped as long as this object lives.
+class OpenedArrays {
  public:
   /// @param device  of this rank
-  ReachedMemory(ranks::Link& link, int device) : link_(link), device_(device) {}
-  ReachedMemory(const ReachedMemory&) = delete;
-  ReachedMemory& operator=(const ReachedMemory&) = delete;
-  ~ReachedMemory() { close(); }
+  OpenedArrays(ranks::Link& link, int device) : link_(link), device_(device) {}
+  OpenedArrays(const OpenedArrays&) = delete;
+  OpenedArrays& operator=(const OpenedArrays&) = delete;
+  ~OpenedArrays() { close(); }
 
-  /// Collective: tells the others where this rank's side is, and opens theirs. This rank's device is current.
+  /// Collective: tells the others where this rank's arrays are, and opens theirs. This rank's device is current.
+  /// @param mine  as many on each rank; null: there is none. Each begins an allocation of whole pages (whole_pages())
   /// @throws Error(device_error) on all ranks, where a GPU does not reach another one's memory
-  void open(const SideAddresses<T>& mine);
+  void open(const std::vector<void*>& mine);
   /// Ends what open() has opened, before the others give the memory back.
   void close() noexcept;
-  /// By rank.
-  [[nodiscard]] const std::vector<SideAddresses<T>>& sides() const { return sides_; }
+  /// By rank, in the order of open(); null pointers for those of other machines (Link::machine_of).
+  [[nodiscard]] const std::vector<std::vector<void*>>& arrays() const { return arrays_; }
 
  private:
   // One array, as another process opens it.
   struct Array {
-    cudaIpcMemHandle_t handle;
-    std::uint64_t address;  // 0: there is none
-  };
-  // In the order of arrays_of().
-  struct Record {
     std::uint64_t process;  // a number that no other process has
     std::int64_t device;
-    Array arrays[8];
+    std::uint64_t address;  // 0: there is none
+    cudaIpcMemHandle_t handle;
   };
-
-  template <class Use>
-  static void for_arrays(SideAddresses<T>& side, Use&& use);
-  [[nodiscard]] static Record record_of(SideAddresses<T> side, int device);
-  void open_from(const Record& record, const Record& mine, int rank);
+  [[nodiscard]] bool is_near(int rank) const;
+  [[nodiscard]] Array record_of(void* array) const;
+  [[nodiscard]] void* open_from(const Array& theirs, int rank);
 
   ranks::Link& link_;
   int device_;
-  std::vector<SideAddresses<T>> sides_;
+  std::vector<std::vector<void*>> arrays_;
   std::vector<void*> opened_;
+};
+
+/// What ranks reach of each other's sides. After a rank has died nobody sets its flags any more.
+template <class T>
+class ReachedMemory {
+ public:
+  ReachedMemory(ranks::Link& link, int device) : opened_(link, device) {}
+
+  /// See OpenedArrays.
+  void open(const SideAddresses<T>& mine);
+  void close() noexcept;
+  /// By rank; of no use for those of other machines.
+  [[nodiscard]] const std::vector<SideAddresses<T>>& sides() const { return sides_; }
+
+ private:
+  OpenedArrays opened_;
+  std::vector<SideAddresses<T>> sides_;
 };
 
 }  // namespace espalier::device::cuda

@@ -1,10 +1,12 @@
 /// \file
 /// Products of FP32 factors as in split_products.cuh, by the four warps of a block together: the tensor cores of sm_90a
-/// read FP16 operands from shared memory themselves, while the warps split the next chunks.
+/// take the FP16 parts of A from registers and those of B from shared memory. A row of A belongs to one warp, which
+/// splits it on its way to the registers; with A in shared memory, it would be written and read back three times, and
+/// the traffic there would be half as much again.
 ///
-/// A panel of 8 rows and 16 columns of floats is split where it lies. Its 512 bytes then hold four matrices of 8 x 8
-/// numbers in FP16: the high parts of columns 0, 4, 1, 5, 2, 6, 3, 7, those of the other eight columns in the same
-/// order, and the low parts likewise. The order of columns does not matter, since it is the same in A and B.
+/// A panel of B, 8 rows and 16 columns of floats, is split where it lies. Its 512 bytes then hold four matrices of
+/// 8 x 8 numbers in FP16: the high parts of columns 0, 4, 1, 5, 2, 6, 3, 7, those of the other eight columns in the
+/// same order, and the low parts likewise. The order of columns does not matter, since it is the same in A.
 #pragma once
 
 #include "device/cuda/kernels/pipeline.cuh"
@@ -14,15 +16,15 @@ namespace espalier::device::cuda {
 
 #if ESPALIER_WARPGROUP_PRODUCTS
 
-/// Splits `Rows` rows of a chunk in place, those that hold nothing, too: branches would cost more. By all warps; a
-/// panel has one warp, of which a lane has four neighbouring numbers.
+/// Splits `Rows` rows of a chunk, in place or to another one, those that hold nothing, too: branches would cost more.
+/// By all warps; a panel has one warp, of which a lane has four neighbouring numbers.
 template <int Rows>
-__device__ __forceinline__ void split_rows(float* chunk, float scale) {
+__device__ __forceinline__ void split_rows(const float* from, float* chunk, float scale) {
   constexpr int kPanels = Rows / kPanel / (kThreads / 32);
   const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31;
   float4 x[kPanels];
 #pragma unroll
-  for (int k = 0; k < kPanels; ++k) x[k] = reinterpret_cast<const float4*>(chunk + (warp * kPanels + k) * 128)[lane];
+  for (int k = 0; k < kPanels; ++k) x[k] = reinterpret_cast<const float4*>(from + (warp * kPanels + k) * 128)[lane];
   __syncwarp();
 #pragma unroll
   for (int k = 0; k < kPanels; ++k) {
@@ -42,29 +44,34 @@ __device__ inline std::uint64_t describe(const float* rows, int part) {
   return (address & 0x3ffff) >> 4 | std::uint64_t{128 >> 4} << 16 | std::uint64_t{512 >> 4} << 32;
 }
 
+/// One part of 16 rows and 16 columns of A in a warp's registers, as the tensor cores take it.
+struct RowsOfA {
+  unsigned top[2], bottom[2];  ///< panels of rows 0 to 7 and 8 to 15
+};
+
 /// d (64 x 64 or 64 x 32, 16 rows of each warp) += A B^T, or without `add` d = A B^T; may be under way on return.
-__device__ __forceinline__ void multiply_together(float (&d)[8][4], std::uint64_t a, std::uint64_t b, int add) {
+__device__ __forceinline__ void multiply_together(float (&d)[8][4], const RowsOfA& a, std::uint64_t b, int add) {
   asm volatile(
-      "{\n.reg .pred add;\nsetp.ne.b32 add,%34,0;\n"
+      "{\n.reg .pred add;\nsetp.ne.b32 add,%37,0;\n"
       "wgmma.mma_async.sync.aligned.m64n64k16.f32.f16.f16 "
       "{%0,%1,%2,%3,%4,%5,%6,%7,%8,%9,%10,%11,%12,%13,%14,%15,%16,%17,%18,%19,%20,%21,%22,%23,%24,%25,%26,%27,%28,%29,%"
-      "30,%31},%32,%33,add,1,1,0,0;\n}"
+      "30,%31},{%32,%33,%34,%35},%36,add,1,1,0;\n}"
       : "+f"(d[0][0]), "+f"(d[0][1]), "+f"(d[0][2]), "+f"(d[0][3]), "+f"(d[1][0]), "+f"(d[1][1]), "+f"(d[1][2]),
         "+f"(d[1][3]), "+f"(d[2][0]), "+f"(d[2][1]), "+f"(d[2][2]), "+f"(d[2][3]), "+f"(d[3][0]), "+f"(d[3][1]),
         "+f"(d[3][2]), "+f"(d[3][3]), "+f"(d[4][0]), "+f"(d[4][1]), "+f"(d[4][2]), "+f"(d[4][3]), "+f"(d[5][0]),
         "+f"(d[5][1]), "+f"(d[5][2]), "+f"(d[5][3]), "+f"(d[6][0]), "+f"(d[6][1]), "+f"(d[6][2]), "+f"(d[6][3]),
         "+f"(d[7][0]), "+f"(d[7][1]), "+f"(d[7][2]), "+f"(d[7][3])
-      : "l"(a), "l"(b), "r"(add));
+      : "r"(a.top[0]), "r"(a.bottom[0]), "r"(a.top[1]), "r"(a.bottom[1]), "l"(b), "r"(add));
 }
-__device__ __forceinline__ void multiply_together(float (&d)[4][4], std::uint64_t a, std::uint64_t b, int add) {
+__device__ __forceinline__ void multiply_together(float (&d)[4][4], const RowsOfA& a, std::uint64_t b, int add) {
   asm volatile(
-      "{\n.reg .pred add;\nsetp.ne.b32 add,%18,0;\n"
+      "{\n.reg .pred add;\nsetp.ne.b32 add,%21,0;\n"
       "wgmma.mma_async.sync.aligned.m64n32k16.f32.f16.f16 "
-      "{%0,%1,%2,%3,%4,%5,%6,%7,%8,%9,%10,%11,%12,%13,%14,%15},%16,%17,add,1,1,0,0;\n}"
+      "{%0,%1,%2,%3,%4,%5,%6,%7,%8,%9,%10,%11,%12,%13,%14,%15},{%16,%17,%18,%19},%20,add,1,1,0;\n}"
       : "+f"(d[0][0]), "+f"(d[0][1]), "+f"(d[0][2]), "+f"(d[0][3]), "+f"(d[1][0]), "+f"(d[1][1]), "+f"(d[1][2]),
         "+f"(d[1][3]), "+f"(d[2][0]), "+f"(d[2][1]), "+f"(d[2][2]), "+f"(d[2][3]), "+f"(d[3][0]), "+f"(d[3][1]),
         "+f"(d[3][2]), "+f"(d[3][3])
-      : "l"(a), "l"(b), "r"(add));
+      : "r"(a.top[0]), "r"(a.bottom[0]), "r"(a.top[1]), "r"(a.bottom[1]), "l"(b), "r"(add));
 }
 
 /// What was written to shared memory and to accumulators stands there for the products that follow.
@@ -82,31 +89,49 @@ __device__ inline void wait_for_products(Accumulator<float, S>& sums) {
       for (int e = 0; e < 4; ++e) asm volatile("" : "+f"(sums[m][n][e])::"memory");
 }
 
-/// sums (+)= A B^T for a chunk whose rows have been split.
+/// This warp's rows of A in one chunk, split.
 template <class S>
-__device__ __forceinline__ void multiply_split_stage(Accumulator<float, S>& sums, const float* a, const float* b,
+struct SplitRows {
+  RowsOfA high[S::kM], low[S::kM];
+
+  __device__ __forceinline__ SplitRows(const float* a, const Corner<S>& at, float scale) {
+#pragma unroll
+    for (int m = 0; m < S::kM; ++m) {
+      const float* panel = a + (at.row + S::kRowStep * m) * kChunk;
+      const auto top = split_panel<Parts::half>(panel, at.lane, scale);
+      const auto bottom = split_panel<Parts::half>(panel + 128, at.lane, scale);
+      high[m] = {{top.high[0], top.high[1]}, {bottom.high[0], bottom.high[1]}};
+      low[m] = {{top.low[0], top.low[1]}, {bottom.low[0], bottom.low[1]}};
+    }
+  }
+};
+
+/// sums (+)= A B^T for a chunk; the rows of B have been split in shared memory.
+template <class S>
+__device__ __forceinline__ void multiply_split_stage(Accumulator<float, S>& sums, const SplitRows<S>& a, const float* b,
                                                      bool add) {
   const std::uint64_t b_high = describe(b, 0), b_low = describe(b, 1);
 #pragma unroll
   for (int m = 0; m < S::kM; ++m) {
-    const std::uint64_t a_high = describe(a + m * 64 * kChunk, 0), a_low = describe(a + m * 64 * kChunk, 1);
-    multiply_together(sums[m], a_low, b_high, add ? 1 : 0);
-    multiply_together(sums[m], a_high, b_low, 1);
-    multiply_together(sums[m], a_high, b_high, 1);
+    multiply_together(sums[m], a.low[m], b_high, add ? 1 : 0);
+    multiply_together(sums[m], a.high[m], b_low, 1);
+    multiply_together(sums[m], a.high[m], b_high, 1);
   }
 }
 
 /// acc += the sum, tile column by tile column; each is a partial sum. Where the last one is short, zeros take the place
-/// of the chunks that are missing. While this block splits a tile column, the tensor cores have another block's.
+/// of the chunks that are missing. Every warp splits its own rows of A on the way to its registers; those of B, which
+/// all need, are split in shared memory. While this block splits a tile column, the tensor cores have another block's.
 template <class S>
 __device__ __forceinline__ void sum_by_warpgroup(Accumulator<float, S>& acc, const ChunkSum<float>& sum,
                                                  ChunkLoader<float, S>& loader, Pipeline<float>& pipe,
                                                  HalfScales scales) {
   constexpr int kTogether = S::kWidth / kChunk;
   static_assert(kTogether <= kChunksPerSum);
+  const Corner<S> at;
   const int columns = (uniform(sum.chunks) + kTogether - 1) / kTogether, rounds = uniform(pipe.depth) / kTogether;
-  const bool same = uniform(sum.same) != 0;
-  constexpr int kB = S::kRows * kChunk;  // where the rows of B begin in a stage
+  constexpr int kB = S::kRows * kChunk;                // where the rows of B begin in a stage
+  const int from_b = uniform(sum.same) != 0 ? 0 : kB;  // ... and where they are found
   for (int column = 0, round = 0; column < columns; ++column) {
     if (threadIdx.x < 32) loader.issue_columns(column, column, rounds);
     __syncwarp();
@@ -117,17 +142,17 @@ __device__ __forceinline__ void sum_by_warpgroup(Accumulator<float, S>& acc, con
       stages[(kTogether - missing) * S::kStage + x] = 0;
     if (missing > 0) __syncthreads();
 #pragma unroll 2
-    for (int k = 0; k < kTogether; ++k) {
-      split_rows<S::kRows>(stages + k * S::kStage, scales.a);
-      if (!same) split_rows<S::kWidth>(stages + k * S::kStage + kB, scales.b);
-    }
+    for (int k = 0; k < kTogether; ++k)
+      split_rows<S::kWidth>(stages + k * S::kStage + from_b, stages + k * S::kStage + kB, scales.b);
     fence_copies();
     __syncthreads();
     float sums[S::kM][S::kN][4];
-    begin_products();
 #pragma unroll
-    for (int k = 0; k < kTogether; ++k)
-      multiply_split_stage<S>(sums, stages + k * S::kStage, stages + k * S::kStage + (same ? 0 : kB), k > 0);
+    for (int k = 0; k < kTogether; ++k) {
+      const SplitRows<S> a(stages + k * S::kStage, at, scales.a);
+      begin_products();
+      multiply_split_stage<S>(sums, a, stages + k * S::kStage + kB, k > 0);
+    }
     commit_products();
     wait_for_products<S>(sums);
     take_sums<Parts::half, S>(acc, sums, scales);

@@ -13,6 +13,7 @@
 #include "device/cuda/out_of_core/store_solve.hpp"
 #include "device/cuda/runtime/device_guard.hpp"
 #include "device/cuda/runtime/device_memory.hpp"
+#include "out_of_core/cut.hpp"
 
 namespace espalier::device::cuda {
 
@@ -34,7 +35,8 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
         rule_(rule),
         options_(options),
         resources_(options),
-        pivots_(kind, this->plan().tree.n) {
+        pivots_(kind, this->plan().tree.n),
+        solve_pool_(solve_pool) {
     if (solve_pool != nullptr)
       solve_.emplace(this->plan(), this->out_of_core_tables().device_plan().fronts, kind, *solve_pool);
   }
@@ -46,16 +48,14 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
     std::array<std::size_t, out_of_core::kQueues> count{};
     for (const Operation& op : plan.ops) ++count[static_cast<std::size_t>(op.queue)];
     resources_.take(plan.arena_bytes, slots, slot_bytes, count);
-    for (const InCoreStep& s : plan.steps)
-      steps_.push_back(s.fronts.empty() ? UnitTables{} : this->out_of_core_tables().build(s));
-    for (const ColumnGroup& g : plan.groups) groups_.push_back(this->out_of_core_tables().build(g));
+    build_tables(plan);
     launches_.emplace(*this, this->out_of_core_tables(), kind_, plan, resources_.arena(), options_.patience_seconds);
     T* arena = reinterpret_cast<T*>(resources_.arena());
     copy_now(plan.shared_at, &arena, sizeof arena);
     set_pivot_rule(rule_);
-    if (!plan.resident.empty())
+    if (!plan.resident.empty() && solve_pool_ != nullptr)
       part_.emplace(PartContext{this->plan(), this->out_of_core_tables(), plan, kind_, resources_.arena(),
-                                resources_.stream(Queue::run), options_.patience_seconds});
+                                resources_.stream(Queue::run), *solve_pool_, options_.patience_seconds});
   }
 
   void set_pivot_rule(const PivotRule& rule) override {
@@ -183,6 +183,19 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
   [[nodiscard]] Offset peak_bytes() const override { return resources_.arena_bytes(); }
 
  private:
+  // Tables of all units, which take more bytes than the matrix: by all threads where there are some.
+  void build_tables(const out_of_core::OutOfCorePlan& plan) {
+    const auto& tables = this->out_of_core_tables();
+    steps_.resize(plan.steps.size());
+    groups_.resize(plan.groups.size());
+    const auto build = [&](std::size_t k) {
+      if (k >= steps_.size())
+        groups_[k - steps_.size()] = tables.build(plan.groups[k - steps_.size()]);
+      else if (!plan.steps[k].fronts.empty())
+        steps_[k] = tables.build(plan.steps[k]);
+    };
+    out_of_core::for_each_unit(steps_.size() + groups_.size(), solve_pool_, build);
+  }
   [[nodiscard]] const UnitTables& unit(const Operation& op) const {
     return op.grouped ? groups_[static_cast<std::size_t>(op.unit)] : steps_[static_cast<std::size_t>(op.unit)];
   }
@@ -229,6 +242,7 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
   CudaOutOfCoreOptions options_;
   Resources resources_;
   PivotRecord<T> pivots_;
+  base::ThreadPool* solve_pool_;
   std::optional<StoreSolve<T>> solve_;
   std::optional<PartSolve<T>> part_;    // where factors stay on the device
   std::optional<bool> shared_streams_;  // whether solve_ leaves the streamed fronts to it, too; empty: nothing

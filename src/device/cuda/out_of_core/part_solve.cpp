@@ -2,40 +2,62 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <string>
 
-#include "device/cuda/runtime/device_memory.hpp"
-
 namespace espalier::device::cuda {
 
+namespace {
+
+// `rows` rows of `columns` values, into rows of `padded` values whose rest is zero, and back.
 template <class T>
-PartSolve<T>::PartSolve(const PartContext& context) : context_(context) {
+void pad_rows(const T* from, Offset rows, Index columns, Index padded, T* to) {
+  if (columns == padded) {
+    std::copy_n(from, rows * columns, to);
+    return;
+  }
+  for (Offset r = 0; r < rows; ++r, from += columns, to += padded)
+    std::fill(std::copy_n(from, columns, to), to + padded, T(0));
+}
+template <class T>
+void unpad_rows(const T* from, Offset rows, Index columns, Index padded, T* to) {
+  if (columns == padded) {
+    std::copy_n(from, rows * columns, to);
+    return;
+  }
+  for (Offset r = 0; r < rows; ++r, from += padded, to += columns) std::copy_n(from, columns, to);
+}
+
+}  // namespace
+
+template <class T>
+PartSolve<T>::PartSolve(const PartContext& context) : context_(context), uploads_(&context.pool) {
   call("launch shape of the solve kernel", [&] { return SolveKernel<T>::resident(shape_); });
+  make_tables(!context.places.streamed.empty());
+}
+
+template <class T>
+void PartSolve<T>::make_tables(bool with_store) {
+  ready_ = false;
+  tables_.emplace(context_.plan, context_.tables, context_.places, with_store);
+  with_store_ = with_store;
+  at_ = tables_->places(context_.kind, sizeof(T), most_columns());
 }
 
 template <class T>
 const std::vector<Index>& PartSolve<T>::prepare(const T* store, const std::vector<T>& inverse_d,
                                                 const std::vector<T>& inverse_e) {
-  const bool with_store = store != nullptr;
-  if (!tables_ || with_store != with_store_) {
-    ready_ = false;
-    tables_.emplace(context_.plan, context_.tables, context_.places, with_store);
-    with_store_ = with_store;
-    at_ = tables_->places(context_.kind, sizeof(T), most_columns());
-  }
+  if (const bool with_store = store != nullptr; with_store != with_store_) make_tables(with_store);
   if (!ready_) send_tables(store, inverse_d, inverse_e);
   ready_ = true;
   return tables_->part;
 }
 
-// One block of bytes; the rows of the vectors come with each solve.
+// The rows of the vectors come with each solve.
 template <class T>
 void PartSolve<T>::send_tables(const T* store, const std::vector<T>& inverse_d, const std::vector<T>& inverse_e) {
-  std::vector<std::byte> bytes(static_cast<std::size_t>(at_.vectors));
   const auto put = [&](Offset at, const auto& list) {
-    if (!list.empty()) std::memcpy(bytes.data() + at, list.data(), list.size() * sizeof(list[0]));
+    uploads_.copy(memory() + at, list.data(), static_cast<Offset>(list.size() * sizeof(list[0])), context_.stream);
   };
   put(at_.fronts, tables_->fronts);
   put(at_.up, tables_->up);
@@ -55,7 +77,6 @@ void PartSolve<T>::send_tables(const T* store, const std::vector<T>& inverse_d, 
     put(at_.inverse_d, d);
     put(at_.inverse_e, e);
   }
-  copy(memory(), bytes.data(), at_.vectors, cudaMemcpyHostToDevice);
 }
 
 template <class T>
@@ -63,7 +84,7 @@ void PartSolve<T>::copy(void* to, const void* from, Offset bytes, cudaMemcpyKind
   if (bytes == 0) return;
   call("cudaMemcpyAsync",
        [&] { return cudaMemcpyAsync(to, from, static_cast<std::size_t>(bytes), kind, context_.stream); });
-  wait();  // the memory on the host is pageable, and is used again
+  wait();  // the memory on the host is used again
 }
 
 template <class T>
@@ -117,26 +138,36 @@ void PartSolve<T>::launch(const PartTables::Tasks& tasks, bool up, bool down) {
 
 template <class T>
 template <class Use>
-void PartSolve<T>::over_pivots(bool resident, Use&& use) const {
-  for (std::size_t k = 0; k < tables_->part.size(); ++k) {
-    const Front& x = tables_->fronts[k];
-    const Index first = context_.plan.tree.first[tables_->part[k]];
-    for (Index p = 0; (x.region == 0) == resident && p < x.pivots; ++p)
-      use(static_cast<Offset>(x.position) + p, static_cast<Offset>(first) + p);
+void PartSolve<T>::over_fronts(Use&& use) const {
+  constexpr std::int64_t kFronts = 256;  // per range of work
+  context_.pool.for_each_range(
+      static_cast<std::int64_t>(tables_->part.size()), kFronts, [&](std::int64_t begin, std::int64_t end) {
+        for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+          const Front& x = tables_->fronts[k];
+          use(x, static_cast<Offset>(context_.plan.tree.first[tables_->part[k]]));
+        }
+      });
+}
+
+template <class T>
+T* PartSolve<T>::stage(Offset rows) {
+  if (staged_.size() < rows * columns_) {
+    staged_ = PinnedArray<T>();
+    staged_ = PinnedArray<T>(rows * columns_);
   }
+  return staged_.data();
 }
 
 template <class T>
 void PartSolve<T>::start(const T* x, Index columns, bool transpose) {
   transpose_ = transpose;
   columns_ = columns == 1 ? 1 : kSlab;
-  const auto size = static_cast<Offset>(sizeof(T));
-  staged_.assign(static_cast<std::size_t>(tables_->pivots) * static_cast<std::size_t>(columns_), T(0));
-  for (const bool resident : {true, false})
-    over_pivots(resident, [&](Offset to, Offset from) {
-      std::copy_n(x + from * columns, columns, staged_.data() + to * columns_);
-    });
-  copy(memory() + at_.rhs, staged_.data(), static_cast<Offset>(staged_.size()) * size, cudaMemcpyHostToDevice);
+  T* staged = stage(tables_->pivots);
+  over_fronts([&](const Front& f, Offset first) {
+    pad_rows(x + first * columns, f.pivots, columns, columns_, staged + Offset{f.position} * columns_);
+  });
+  copy(memory() + at_.rhs, staged, Offset{tables_->pivots} * columns_ * static_cast<Offset>(sizeof(T)),
+       cudaMemcpyHostToDevice);
   fill(at_.forward, 0xff, at_.control - at_.forward);
   fill(at_.control, 0, PartPlaces::kControlBytes);
   if (tables_->streamed.ups > 0) launch(tables_->streamed, true, false);
@@ -145,18 +176,17 @@ void PartSolve<T>::start(const T* x, Index columns, bool transpose) {
 template <class T>
 void PartSolve<T>::turn(T* x, const T* updates, Index columns) {
   const plan::Plan& plan = context_.plan;
-  const Offset first = tables_->child_updates * columns_;
-  staged_.assign(static_cast<std::size_t>(tables_->updates * columns_ - first), T(0));
-  T* to = staged_.data();
+  const Offset first = tables_->child_updates, rows = tables_->updates - first;
+  T* const staged = stage(rows);
+  T* to = staged;
   for (const Index f : tables_->children)
     for (Offset r = plan.tree.row_ptr[f]; r < plan.tree.row_ptr[f + 1]; ++r, to += columns_)
-      for (Index c = 0; c < columns; ++c) {
-        const T value = updates[r * columns + c];
+      for (Index c = 0; c < columns_; ++c) {
+        const T value = c < columns ? updates[r * columns + c] : T(0);
         to[c] = std::isnan(value) ? std::numeric_limits<T>::quiet_NaN() : value;  // never what says "not there yet"
       }
-  const auto size = static_cast<Offset>(sizeof(T));
-  copy(memory() + at_.updates + first * size, staged_.data(), static_cast<Offset>(staged_.size()) * size,
-       cudaMemcpyHostToDevice);
+  const auto size = columns_ * static_cast<Offset>(sizeof(T));
+  copy(memory() + at_.updates + first * size, staged, rows * size, cudaMemcpyHostToDevice);
   launch(tables_->resident, true, true);
   fetch(x, columns, true);
   if (tables_->streamed.downs > 0) launch(tables_->streamed, false, true);
@@ -170,17 +200,18 @@ void PartSolve<T>::finish(T* x, Index columns) {
 // Solutions of fronts that stay, or of the others; and whether the kernel was given up.
 template <class T>
 void PartSolve<T>::fetch(T* x, Index columns, bool resident) {
-  const auto size = static_cast<Offset>(sizeof(T));
-  staged_.resize(static_cast<std::size_t>(tables_->pivots) * static_cast<std::size_t>(columns_));
-  copy(staged_.data(), memory() + at_.rhs, static_cast<Offset>(staged_.size()) * size, cudaMemcpyDeviceToHost);
+  T* const staged = stage(tables_->pivots);
+  copy(staged, memory() + at_.rhs, Offset{tables_->pivots} * columns_ * static_cast<Offset>(sizeof(T)),
+       cudaMemcpyDeviceToHost);
   int control[2] = {};
   copy(control, memory() + at_.control, sizeof control, cudaMemcpyDeviceToHost);
   if (control[1] != 0)
     throw Error(StatusCode::device_error, "the solve on the GPU was given up after waiting " +
                                               std::to_string(context_.patience_seconds) +
                                               " s for one of its own blocks");
-  over_pivots(resident, [&](Offset from, Offset to) {
-    std::copy_n(staged_.data() + from * columns_, columns, x + to * columns);
+  over_fronts([&](const Front& f, Offset first) {
+    if ((f.region == 0) == resident)
+      unpad_rows(staged + Offset{f.position} * columns_, f.pivots, columns, columns_, x + first * columns);
   });
 }
 

@@ -8,9 +8,12 @@
 #include <optional>
 #include <vector>
 
+#include "base/thread_pool.hpp"
 #include "device/cuda/kernels/solve_kernel.cuh"
 #include "device/cuda/out_of_core/part_tables.hpp"
 #include "device/cuda/out_of_core/store_solve.hpp"
+#include "device/cuda/runtime/device_memory.hpp"
+#include "device/cuda/runtime/table_upload.hpp"
 #include "out_of_core/plan.hpp"
 
 namespace espalier::device::cuda {
@@ -23,6 +26,7 @@ struct PartContext {
   Kind kind;
   std::byte* arena;
   cudaStream_t stream;
+  base::ThreadPool& pool;  ///< its threads fill what is sent, and take what comes
   double patience_seconds;
 };
 
@@ -49,26 +53,30 @@ class PartSolve final : public Companion<T> {
   [[nodiscard]] Index most_columns() const override { return context_.places.solve_columns; }
 
  private:
+  void make_tables(bool with_store);
   void send_tables(const T* store, const std::vector<T>& inverse_d, const std::vector<T>& inverse_e);
   [[nodiscard]] std::byte* memory() const { return context_.arena + context_.places.solve_at; }
   void copy(void* to, const void* from, Offset bytes, cudaMemcpyKind kind);
   void fill(Offset at, int byte, Offset bytes);
   void launch(const PartTables::Tasks& tasks, bool up, bool down);
   void wait();
-  /// use(row in the part, row of x) for the pivots of fronts that stay, or of the others.
+  /// use(front, its first row of x) for each front of the part, by all threads.
   template <class Use>
-  void over_pivots(bool resident, Use&& use) const;
+  void over_fronts(Use&& use) const;
+  /// Pinned memory for so many rows of vectors, whatever is in it. Nothing is being copied there.
+  T* stage(Offset rows);
   void fetch(T* x, Index columns, bool resident);
 
   PartContext context_;
   SolveShape shape_;
-  std::optional<PartTables> tables_;
-  bool with_store_ = false;  // of tables_
+  std::optional<PartTables> tables_;  // made as they will be needed when the store is pinned
+  bool with_store_ = false;           // of tables_
   bool ready_ = false;
   PartPlaces at_;
   Index columns_ = 0;  // of a row of the vectors: 1, or a multiple of kSlab
   bool transpose_ = false;
-  std::vector<T> staged_;
+  TableUpload uploads_;
+  PinnedArray<T> staged_;
 };
 
 }  // namespace espalier::device::cuda

@@ -12,6 +12,7 @@
 
 #include "base/thread_pool.hpp"
 #include "device/cuda/runtime/device_memory.hpp"
+#include "device/cuda/runtime/pinned_block.hpp"
 
 namespace espalier::device::cuda {
 
@@ -53,16 +54,16 @@ class TableUpload {
   }
 
  private:
-  static constexpr Offset kBuffer = Offset{4} << 20;            // bytes; pinning takes 0.4 ms per MiB
+  static constexpr Offset kBuffer = PinnedBlock::kBytes;
   static constexpr Offset kDirect = Offset{4} << 20;            // smaller tables are not worth the buffers
   static constexpr Offset kBytesPerThread = Offset{256} << 10;  // bytes that one thread fills at a time
 
   struct Buffer {
-    Buffer() : data(kBuffer) {}
+    Buffer() = default;
     Buffer(const Buffer&) = delete;
     Buffer& operator=(const Buffer&) = delete;
     ~Buffer() { (void)cudaEventSynchronize(sent.get()); }
-    PinnedArray<std::byte> data;
+    PinnedBlock data;
     Event sent;
   };
 

@@ -20,15 +20,15 @@ constexpr std::int64_t kFrontsPerRange = 512;
 
 class Builder {
  public:
-  Builder(const Plan& plan, Kind kind, bool peer_access, const TaskOrder& shape, base::ThreadPool& pool)
-      : plan_(plan), kind_(kind), peer_access_(peer_access), shape_(shape), pool_(pool) {
+  Builder(const Plan& plan, Kind kind, bool peer_access, const TaskOrder& shape, base::ThreadPool& pool, bool mirrored)
+      : plan_(plan), kind_(kind), peer_access_(peer_access), mirrored_(mirrored), shape_(shape), pool_(pool) {
     if (plan.options.tiles.panel != kChunk || plan.options.tiles.even || plan.options.range_flops > 0)
       throw std::invalid_argument("make_device_plan: the plan was not made with cuda_plan_options()");
   }
 
   DevicePlan build() {
     d_.lists.resize(static_cast<std::size_t>(plan_.ownership.devices));
-    regions_ = plan::name_regions(plan_, peer_access_);
+    regions_ = plan::name_regions(plan_, peer_access_ && !mirrored_);
     d_.region_device = regions_.device;
     d_.first_stealable = regions_.first_stealable;
     d_.regions.assign(d_.region_device.size(), 0);
@@ -103,6 +103,7 @@ class Builder {
     const plan::MemoryPlan& m = plan_.memory;
     if (plan_.ownership.devices == 1) {
       d_.regions[0] = m.size;
+      d_.kept = m.factor_size;
       if (!m.factor.empty()) take_places(m);
     } else if (m.device_size.size() == d_.regions.size()) {
       take_places(m);
@@ -160,7 +161,7 @@ class Builder {
           end += size;
         }
       }
-      const bool apart = x.region == 0 || (!peer_access_ && x.readers != 0);
+      const bool apart = x.region == 0 || ((!peer_access_ || mirrored_) && x.readers != 0);
       if (!apart || parent < 0 || x.below == 0) continue;
       x.first_place = static_cast<std::int32_t>(d_.places.size());
       for (int part = 0; part < (is_lu() ? 2 : 1); ++part)
@@ -194,7 +195,7 @@ class Builder {
 
   const Plan& plan_;
   Kind kind_;
-  bool peer_access_;
+  bool peer_access_, mirrored_;
   TaskOrder shape_;
   base::ThreadPool& pool_;
   plan::Regions regions_;
@@ -218,7 +219,7 @@ plan::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning, Index
   o.range_flops = 0;
   o.group_entries = tuning.group_entries;
   o.interleave = 1 << 20;
-  o.reuse_distance = tuning.reuse_distance;
+  o.reuse_distance = tuning.reuse_distance > 0 ? tuning.reuse_distance : (devices == 1 ? 1024 : 4096);
   o.devices = devices;
   o.machine = tuning.machine;
   o.balance_unknowns = tuning.count_balance;
@@ -236,9 +237,9 @@ plan::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning, Index
 }
 
 DevicePlan make_device_plan(const plan::Plan& plan, Kind kind, bool peer_access, const TaskOrder& shape,
-                            base::ThreadPool* pool) {
+                            base::ThreadPool* pool, bool mirrored) {
   base::ThreadPool alone(1);
-  return Builder(plan, kind, peer_access, shape, pool != nullptr ? *pool : alone).build();
+  return Builder(plan, kind, peer_access, shape, pool != nullptr ? *pool : alone, mirrored).build();
 }
 
 std::vector<double> transferred_elements(const plan::Plan& plan, Kind kind, const DevicePlan& tables) {

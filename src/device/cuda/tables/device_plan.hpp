@@ -20,13 +20,15 @@ struct DeviceTuning {
   /// (2,1,1), 200 x (3,2,2), 2 x (20,8,8): 0.367, 0.310, 0.798 ms with 32, 0.414, 0.321, 0.802 with 48.
   Index whole_pivots_ldlt = 32;
   Offset group_entries = Offset{1} << 30;  ///< see PlanOptions
-  Index reuse_distance = 4096;             ///< see PlanOptions
-  double additional_subtrees = 1;          ///< see PlanOptions
-  bool stealing = false;                   ///< see PlanOptions
-  bool shared_top = true;                  ///< see PlanOptions
-  std::vector<double> device_speed;        ///< see PlanOptions
-  bool count_balance = false;              ///< sub-trees are dealt by unknowns instead of predicted time
-  Index column_group = 8;                  ///< see PlanOptions
+  /// See PlanOptions; 0: 1024 on one device (KKT 3x(40,14,14) in 0.64 GB, 0.74 with 4096), 4096 on each of several,
+  /// where 1024 costs a tenth (KKT 20 on two: 2.29 ms instead of 2.08).
+  Index reuse_distance = 0;
+  double additional_subtrees = 1;    ///< see PlanOptions
+  bool stealing = false;             ///< see PlanOptions
+  bool shared_top = true;            ///< see PlanOptions
+  std::vector<double> device_speed;  ///< see PlanOptions
+  bool count_balance = false;        ///< sub-trees are dealt by unknowns instead of predicted time
+  Index column_group = 8;            ///< see PlanOptions
   plan::MachineModel machine = plan::h200();
 };
 
@@ -65,6 +67,9 @@ struct DevicePlan {
   std::vector<TaskLists> lists;      ///< devices
   std::int64_t flags = 0;
   std::vector<std::int64_t> regions;  ///< elements of each region
+  /// One device: elements of its region that hold factors after a factorization; what stands behind is free until the
+  /// next one begins.
+  std::int64_t kept = 0;
   /// regions; the device where it lies. Of several devices, each has a copy of region 0, the top.
   std::vector<std::int32_t> region_device;
   /// Regions from this one on are stealable sub-trees; region_device tells whose they are unless they are stolen.
@@ -76,9 +81,11 @@ struct DevicePlan {
 /// @param pool  null: on the calling thread
 /// @param peer_access  false: devices cannot reach each other's memory: sub-trees stay with their devices, and what is
 ///                     passed on from them has places, too
+/// @param mirrored  with peer_access: the same for sub-trees, but each device has its copy of the top and of what it
+///                  gathers from others (executor/tile_exchange.hpp)
 /// @throws std::invalid_argument when the plan was not made with cuda_plan_options()
 DevicePlan make_device_plan(const plan::Plan& plan, Kind kind, bool peer_access = true, const TaskOrder& shape = {},
-                            base::ThreadPool* pool = nullptr);
+                            base::ThreadPool* pool = nullptr, bool mirrored = false);
 
 /// Elements that each device stores into others (blocks of the top's factors) and fetches from others (contributions,
 /// by even shares of their readers), in one factorization in which nothing is stolen.

@@ -1,0 +1,19 @@
+/// \file
+/// What ranks take for one machine.
+#pragma once
+
+#include "espalier/ranks.hpp"
+
+namespace espalier {
+
+/// Ranks of one machine reach the memory of each other's GPUs; between machines, what kernels make goes by messages.
+enum class Nodes {
+  host,    ///< ranks on a host are one machine
+  process  ///< each rank is a machine of its own: to try that on one host, or where GPUs do not reach each other
+};
+
+/// For all solvers that are made on these ranks from now on; `host` unless this is called. All ranks say the same: else
+/// their first factorization on GPUs ends in invalid_input.
+void set_nodes(const Ranks& ranks, Nodes nodes);
+
+}  // namespace espalier

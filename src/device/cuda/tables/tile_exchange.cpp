@@ -1,0 +1,313 @@
+#include "device/cuda/tables/tile_exchange.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <thread>
+#include <utility>
+
+namespace espalier::device::cuda {
+
+namespace {
+
+constexpr int kRoundsOfPatience = 64;
+
+int seen(int* flag) { return std::atomic_ref(*flag).load(std::memory_order_acquire); }
+
+std::vector<int> ranks_of(unsigned devices) {
+  std::vector<int> list;
+  for (int r = 0; devices != 0; ++r, devices >>= 1)
+    if ((devices & 1) != 0) list.push_back(r);
+  return list;
+}
+
+}  // namespace
+
+template <class T>
+TileExchange<T>::TileExchange(ranks::Link& link, const plan::Plan& plan, Kind kind, const DevicePlan& tables,
+                              CopyQueues& queues)
+    : link_(link), kind_(kind), tables_(tables), messages_(plan, kind, tables), queues_(queues) {
+  for (int r = 0; r < link.size(); ++r)
+    if (link.machine_of(r) != link.machine_of(link.rank())) apart_ |= 1u << r;
+  for (const SentTile& tile : messages_.tiles(link.rank())) flag_of_.push_back(messages_.flag(tile));
+}
+
+template <class T>
+TileExchange<T>::~TileExchange() {
+  link_.use_memory({});
+}
+
+template <class T>
+std::size_t TileExchange<T>::slot_bytes() const {
+  return sizeof(ranks::Header) + std::max(kSlotBytes, static_cast<std::size_t>(messages_.largest()) * sizeof(T));
+}
+
+template <class T>
+void TileExchange<T>::use(std::shared_ptr<MessageSlots> slots) {
+  slots_ = std::move(slots);
+  link_.use_memory([of = slots_](std::size_t bytes) { return of->take(bytes); });
+}
+
+template <class T>
+void TileExchange<T>::begin(bool factor) {
+  factor_ = factor;
+  first_unsent_ = 0;
+  unsent_ = missing_ = 0;
+  std::atomic_ref(memory_.control[memory_.aborted_at[factor ? 1 : 0]]).store(0, std::memory_order_relaxed);
+}
+
+template <class T>
+void TileExchange<T>::begin_factor() {
+  begin(true);
+  const auto& tiles = messages_.tiles(link_.rank());
+  sent_.assign(tiles.size(), 0);
+  for (std::size_t k = 0; k < tiles.size(); ++k) {
+    memory_.mirror[flag_of_[k]] = 0;
+    if ((tiles[k].receivers & apart_) == 0)
+      sent_[k] = 1;
+    else
+      ++unsent_;
+  }
+  for (const int r : ranks_of(apart_))
+    for (const SentTile& tile : messages_.tiles(r)) missing_ += tile.receivers >> link_.rank() & 1;
+}
+
+template <class T>
+auto TileExchange<T>::parts_of(int rank, Index pass) const -> std::vector<Part> {
+  std::vector<Part> list;
+  const std::size_t bytes = slots_->bytes() - sizeof(ranks::Header);  // the same on all ranks
+  const auto most = std::max<std::int64_t>(1, static_cast<std::int64_t>(bytes / sizeof(T)) / pass);
+  for (const SentUpdates& u : messages_.updates(rank))
+    for (std::int64_t row = 0; row < u.below; row += most)
+      list.push_back({(u.rows + row) * pass, std::min<std::int64_t>(most, u.below - row) * pass, u.receivers});
+  return list;
+}
+
+template <class T>
+void TileExchange<T>::begin_solve(Index pass) {
+  begin(false);
+  pass_ = pass;
+  if (parts_pass_ != pass) {
+    parts_.clear();
+    for (int r = 0; r < link_.size(); ++r) parts_.push_back(parts_of(r, pass));
+    parts_pass_ = pass;
+  }
+  const auto& parts = parts_[static_cast<std::size_t>(link_.rank())];
+  sent_.assign(parts.size(), 0);
+  for (std::size_t k = 0; k < parts.size(); ++k)
+    if ((parts[k].receivers & apart_) == 0)
+      sent_[k] = 1;
+    else
+      ++unsent_;
+  for (const int r : ranks_of(apart_))
+    for (const Part& part : parts_[static_cast<std::size_t>(r)]) missing_ += part.receivers >> link_.rank() & 1;
+}
+
+template <class T>
+void TileExchange<T>::run(const std::function<bool()>& kernels_done) {
+  link_.begin_operation();
+  link_.begin_waiting();
+  for (int round = 1;; ++round) {
+    link_.drive([&](int from, const ranks::Message& message) { take(from, message); });
+    if (!taken_.empty()) in_.push_back({queues_.mark(Way::to_device), std::exchange(taken_, {})});
+    const bool done = kernels_done();  // asked before: what they made last shows now
+    finish_copies();
+    if (factor_)
+      look_for_tiles();
+    else
+      look_for_updates();
+    if (done && seen(memory_.control + memory_.aborted_at[factor_ ? 1 : 0]) != 0)
+      throw Error(StatusCode::device_error,
+                  fmt::format("the kernels gave up waiting: {} {} were still to be sent, {} to come", unsent_,
+                              factor_ ? "tiles" : "parts of vectors", missing_));
+    if (done && nothing_missing()) return;
+    if (round % kRoundsOfPatience == 0) link_.expect_patience();
+    std::this_thread::yield();
+  }
+}
+
+template <class T>
+void TileExchange<T>::give_up() noexcept {
+  queues_.finish();
+  taken_.clear();
+  in_.clear();
+  out_.clear();
+}
+
+// ---- copies
+// ----------------------------------------------------------------------------------------------------------
+
+template <class T>
+T* TileExchange<T>::base_of(Piece::Array array, int maker) const {
+  switch (array) {
+    case Piece::Array::top:
+      return memory_.top;
+    case Piece::Array::pivots:
+      return memory_.pivots;
+    default:
+      return memory_.places[static_cast<std::size_t>(maker)];
+  }
+}
+
+template <class T>
+void TileExchange<T>::copy_piece(Way way, const Piece& piece, int maker, std::byte* body) {
+  T* const device = base_of(piece.array, maker) + piece.offset;
+  queues_.copy(way, {body, reinterpret_cast<std::byte*>(device), static_cast<std::size_t>(piece.pitch) * sizeof(T),
+                     static_cast<std::size_t>(piece.width) * sizeof(T), static_cast<std::size_t>(piece.height)});
+}
+
+template <class T>
+void TileExchange<T>::copy_list(Way way, void* device, const void* host, std::size_t bytes) {
+  queues_.copy(way, {const_cast<std::byte*>(static_cast<const std::byte*>(host)), static_cast<std::byte*>(device),
+                     bytes, bytes, 1});
+}
+
+template <class T>
+ranks::Message TileExchange<T>::new_message(std::size_t bytes, std::int32_t kind, std::size_t first,
+                                            std::size_t count) {
+  const std::size_t all = sizeof(ranks::Header) + bytes;
+  ranks::Message message = ranks::Message::in(slots_->take(all), all);
+  ranks::Header header;
+  header.kind = kind;
+  header.number = static_cast<std::int64_t>(first);
+  header.row = static_cast<std::int32_t>(count);
+  message.set_header(header);
+  return message;
+}
+
+// In the order in which they were begun, so that the first that is not done ends the search.
+template <class T>
+void TileExchange<T>::finish_copies() {
+  while (!in_.empty() && queues_.is_done(in_.front().mark)) in_.pop_front();
+  for (; !out_.empty() && queues_.is_done(out_.front().mark); out_.pop_front()) {
+    const Leaving& copied = out_.front();
+    if (!factor_ && !is_complete(copied.message)) {
+      sent_[copied.part] = 0;  // to be looked at again
+      continue;
+    }
+    link_.post(ranks_of(copied.receivers & apart_), copied.message);
+    unsent_ -= copied.message.header().row;
+  }
+}
+
+// ---- what this rank makes
+// --------------------------------------------------------------------------------------------
+
+template <class T>
+bool TileExchange<T>::is_finished(std::size_t tile) const {
+  return seen(memory_.mirror + flag_of_[tile]) != 0;
+}
+
+// Tasks are taken in the order of the list, so what is unfinished of those taken is as much as blocks run.
+template <class T>
+void TileExchange<T>::look_for_tiles() {
+  const auto& tiles = messages_.tiles(link_.rank());
+  while (first_unsent_ < tiles.size() && sent_[first_unsent_] != 0) ++first_unsent_;
+  std::size_t unfinished = 0;
+  for (std::size_t k = first_unsent_; k < tiles.size() && unfinished < kWindow && has_room(); ++k) {
+    if (sent_[k] != 0) continue;
+    if (!is_finished(k))
+      ++unfinished;
+    else if (tiles[k].task.work != Work::block || !is_busy())
+      send_from(k);
+  }
+}
+
+// With the tiles below it that are finished, as many as a slot holds.
+template <class T>
+void TileExchange<T>::send_from(std::size_t first) {
+  const int rank = link_.rank();
+  const auto& tiles = messages_.tiles(rank);
+  const auto bytes_to = [&](std::size_t last) {
+    return static_cast<std::size_t>(messages_.elements(tiles[first], tiles[last])) * sizeof(T);
+  };
+  std::size_t last = first, count = 1;
+  sent_[first] = 1;
+  for (std::int64_t next = messages_.below(rank, first); next >= 0; next = messages_.below(rank, last)) {
+    const auto k = static_cast<std::size_t>(next);
+    if (sent_[k] != 0 || !is_finished(k) || sizeof(ranks::Header) + bytes_to(k) > slots_->bytes()) break;
+    sent_[k] = 1;
+    last = k;
+    ++count;
+  }
+  ranks::Message message = new_message(bytes_to(last), kTiles, first, count);
+  std::byte* body = message.body();
+  messages_.for_pieces(tiles[first], tiles[last], [&](const Piece& piece) {
+    copy_piece(Way::to_host, piece, rank, body);
+    body += static_cast<std::size_t>(piece.elements()) * sizeof(T);
+  });
+  out_.push_back({queues_.mark(Way::to_host), std::move(message), tiles[first].receivers, 0});
+}
+
+// Brings the next parts to the host as they are; those that are not complete come again.
+template <class T>
+void TileExchange<T>::look_for_updates() {
+  if (!out_.empty()) return;
+  const auto& parts = parts_[static_cast<std::size_t>(link_.rank())];
+  while (first_unsent_ < parts.size() && sent_[first_unsent_] != 0) ++first_unsent_;
+  std::size_t looked = 0;
+  for (std::size_t k = first_unsent_; k < parts.size() && looked < kPartsAtOnce && has_room(); ++k) {
+    if (sent_[k] != 0) continue;
+    ++looked;
+    const auto bytes = static_cast<std::size_t>(parts[k].count) * sizeof(T);
+    ranks::Message message = new_message(bytes, kUpdates, k, 1);
+    copy_list(Way::to_host, memory_.updates + parts[k].first, message.body(), bytes);
+    sent_[k] = 1;
+    out_.push_back({queues_.mark(Way::to_host), std::move(message), parts[k].receivers, k});
+  }
+}
+
+template <class T>
+bool TileExchange<T>::is_complete(const ranks::Message& message) const {
+  std::byte missing[sizeof(T)];
+  std::memset(missing, 0xff, sizeof missing);
+  const std::byte* const end = message.body() + message.body_bytes();
+  for (const std::byte* at = message.body(); at < end; at += sizeof(T))
+    if (std::memcmp(at, missing, sizeof(T)) == 0) return false;
+  return true;
+}
+
+// ---- what others make
+// ------------------------------------------------------------------------------------------------
+
+template <class T>
+void TileExchange<T>::take(int from, const ranks::Message& message) {
+  const ranks::Header header = message.header();
+  if (header.kind == kTiles && factor_)
+    take_tiles(from, message);
+  else if (header.kind == kUpdates && !factor_)
+    take_updates(from, message);
+  else
+    throw Error(StatusCode::device_error, fmt::format("{} makes other calls", link_.name_of(from)));
+  missing_ -= header.row;
+  taken_.push_back(message);
+}
+
+template <class T>
+void TileExchange<T>::take_tiles(int from, const ranks::Message& message) {
+  const auto& tiles = messages_.tiles(from);
+  const auto first = static_cast<std::size_t>(message.header().number);
+  std::size_t last = first;
+  for (int k = 1; k < message.header().row; ++k) last = static_cast<std::size_t>(messages_.below(from, last));
+  auto* body = const_cast<std::byte*>(message.body());
+  messages_.for_pieces(tiles.at(first), tiles.at(last), [&](const Piece& piece) {
+    copy_piece(Way::to_device, piece, from, body);
+    body += static_cast<std::size_t>(piece.elements()) * sizeof(T);
+  });
+  messages_.for_flags(tiles[first], tiles[last], [&](std::int64_t flag, std::int64_t count) {
+    copy_list(Way::to_device, memory_.flags + flag, memory_.ones, static_cast<std::size_t>(count) * sizeof(int));
+  });
+}
+
+template <class T>
+void TileExchange<T>::take_updates(int from, const ranks::Message& message) {
+  const Part& part = parts_[static_cast<std::size_t>(from)].at(static_cast<std::size_t>(message.header().number));
+  copy_list(Way::to_device, memory_.updates + part.first, message.body(), message.body_bytes());
+}
+
+template class TileExchange<double>;
+template class TileExchange<float>;
+
+}  // namespace espalier::device::cuda
