@@ -2,6 +2,9 @@
 // the plan of a matrix of which every entry has become a block of 2 x 2.
 #include <gtest/gtest.h>
 
+#include <string>
+#include <vector>
+
 #include "analysis/ordering.hpp"
 #include "device/cuda/tables/device_plan.hpp"
 #include "device/cuda/tables/pairs.hpp"
@@ -46,7 +49,7 @@ TEST(CudaPairs, AnythingOutOfPlaceIsSeen) {
   EXPECT_FALSE(stands_in_pairs(p)) << "a border has no pairs";
 }
 
-// Both triangles of `a`, which has both, in blocks.
+// The lower triangle of `a` in blocks.
 SparseMatrix in_blocks(const SparseMatrix& a) {
   SparseMatrix two;
   two.rows = two.cols = 2 * a.cols;
@@ -66,7 +69,8 @@ SparseMatrix in_blocks(const SparseMatrix& a) {
 TEST(CudaPairs, APlanKeepsThoseOfItsTree) {
   base::ThreadPool pool(2);
   for (const Kind kind : {Kind::llt, Kind::ldlt, Kind::lu}) {
-    const SparseMatrix a = matrix::generate(matrix::parse_generator({"elasticity", "7"}), &pool);
+    const SparseMatrix a =
+        matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", "7"}), &pool);
     ASSERT_EQ(a.storage, Storage::symmetric_lower);
     const analysis::AssemblyTree one = analysis::build_tree(analysis::graph_of(a, pool), {}, pool);
     analysis::AssemblyTree two;
