@@ -92,6 +92,9 @@ struct Job {
   std::vector<Offset> memory_bytes = {};  ///< by device; its budget, 0: what is free. Empty: all are 0
   /// Ranks that share the plan (PlanOptions::ranks); null: this process alone. All of them make the executor.
   ranks::Link* link = nullptr;
+  /// Of a real form of a complex system (solver/real_form.hpp): 1, of a Hermitian one -1; else 0. For backends that can
+  /// make one column of a number's two from the other.
+  int pair_sign = 0;
 };
 
 /// Values whose pivots are to find their fronts. All references outlive the call. Value: double or complex<double>.

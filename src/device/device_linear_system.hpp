@@ -29,14 +29,18 @@ struct LinearSystemArrays {
   std::span<const Index> row_of_col;             ///< n; equation matched to each unknown
   std::span<const double> row_scale, col_scale;  ///< n
   std::span<const Offset> diagonal;              ///< n, by position: where the diagonal entry stands; empty: not wanted
-  double rounding = 0;             ///< a pivot of at most so many times its diagonal entry counts as zero (llt)
+  double rounding = 0;  ///< a pivot of at most so many times its diagonal entry counts as zero (llt)
+  /// Not empty: the matrix and the vectors are complex, two doubles a number; `order`, `diagonal` and the factor are
+  /// those of the real form (solver/real_form.hpp), the columns of whose pattern begin here (2n + 1).
+  std::span<const Offset> real_columns;
+  bool hermitian = false;          ///< of a complex matrix: see the blocks of its real form
   std::span<const double> values;  ///< of the host, in the pattern's order: where send_values() finds them
   HostCopy copy;                   ///< copies on the host
 };
 
 /// Pointers are memory of the device unless said otherwise; values are in the order of the pattern, vectors have n
-/// values, several stand one after another. Calls enqueue what they do in one order and return at once, unless they say
-/// that they wait.
+/// numbers, several stand one after another. Calls enqueue what they do in one order and return at once, unless they
+/// say that they wait.
 class DeviceLinearSystem : public ResidualSpace {
  public:
   /// Of the device, as its runtime counts.

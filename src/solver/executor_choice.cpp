@@ -97,6 +97,7 @@ std::unique_ptr<device::Executor<T>> make_executor(const Analysis& analysis, con
           analysis.device.numbers,
           budgets_of(analysis.device, context.options),
           context.link};
+  if (const auto& real_form = analysis.system->real_form) job.pair_sign = real_form->hermitian ? -1 : 1;
   const auto& budgets = job.memory_bytes;
   const bool budgeted = std::any_of(budgets.begin(), budgets.end(), [](Offset b) { return b > 0; });
   try {

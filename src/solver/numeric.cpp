@@ -49,7 +49,7 @@ class NumericOf final : public Numeric {
     if (analysis.kind() == Kind::llt) diagonal_ = diagonal_places(factored, plan_->tree.order, pool_);
     find_own_diagonal();
     if constexpr (!kRealForm) position_ = positions_for(prepared_, plan_->tree.order);
-    if constexpr (!kComplex && !kRealForm) take_device_system(analysis, context);
+    if constexpr (!kComplex) take_device_system(analysis, context);
     if (device_ != nullptr) {
       diagonal_ = {};
       return;
@@ -216,6 +216,10 @@ class NumericOf final : public Numeric {
     arrays.col_scale = prepared_.col_scale;
     arrays.diagonal = diagonal_;
     arrays.rounding = suspect_pivot(base::ScalarTraits<T>::epsilon);
+    if constexpr (kRealForm) {
+      arrays.real_columns = real_form_->a.col_ptr;
+      arrays.hermitian = real_form_->hermitian;
+    }
     arrays.values = given_;
     arrays.copy = [&pool = pool_](double* to, const double* from, Offset count) {
       constexpr std::int64_t kRange = 1 << 16;  // doubles

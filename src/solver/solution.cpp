@@ -57,7 +57,11 @@ Status not_finite(const double* b, Index rows, Index columns, Index parts) {
 class Solving {
  public:
   Solving(Factor& factor, const Context& context)
-      : factor_(factor), options_(context.options), link_(context.link), n_(factor.analysis()->n()) {}
+      : factor_(factor),
+        options_(context.options),
+        link_(context.link),
+        n_(factor.analysis()->n()),
+        doubles_(factor.analysis()->doubles()) {}
 
   void on_host(const SolveJob& job) {
     const std::shared_ptr<const solve::ResidualSpace> residual = factor_.residual_space();
@@ -77,7 +81,7 @@ class Solving {
     device::DeviceLinearSystem* device = factor_.numeric().device_system();
     if (device == nullptr) return false;
     const Settled settled(*device);
-    const Offset n = n_;
+    const Offset n = doubles_;
     try {
       take_vectors(*device, std::min(kColumnsOnDevice, job.columns));
     } catch (const Error& e) {
@@ -181,6 +185,7 @@ class Solving {
   const Options& options_;
   ranks::Link* link_;  // null: there are no other ranks
   Index n_;
+  Offset doubles_;  // of a vector
   SolveResult result_;
 };
 

@@ -89,6 +89,7 @@ class CudaBackend final : public Backend {
     options.memory_bytes = job.memory_bytes;
     options.timeline = job.timeline;
     options.pool = &job.pool;
+    options.pair_sign = job.pair_sign;
     return make_cuda_executor<T>(job.plan, job.kind, job.rule, options);
   }
 

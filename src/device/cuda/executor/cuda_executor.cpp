@@ -8,6 +8,7 @@
 #include "device/cuda/executor/plan_values.hpp"
 #include "device/cuda/runtime/pinned_block.hpp"
 #include "device/cuda/tables/needed_values.hpp"
+#include "device/cuda/tables/pairs.hpp"
 
 namespace espalier::device::cuda {
 
@@ -65,6 +66,7 @@ ExecutorOnDevices<T>::ExecutorOnDevices(const plan::Plan& plan, Kind kind, const
                largest_stealable(tables_),
                values_of(plan, options.pool),
                options.pool} {
+  if (base::keeps_fp64<T> && stands_in_pairs(plan)) context_.pair_sign = options.pair_sign;
   if (static_cast<Index>(devices_.size()) != plan.ownership.devices)
     throw std::invalid_argument(fmt::format("make_cuda_executor: the plan is for {} devices, not for {}",
                                             plan.ownership.devices, devices_.size()));

@@ -45,6 +45,7 @@ struct CudaOptions {
   int fail_device = -1;  ///< for tests: this one of `devices` (0-based) dies halfway in every factorization
   std::vector<Offset> memory_bytes = {};  ///< devices; budget of each, 0: what is free. Empty: what is free
   double patience_seconds = 30;           ///< a wait between blocks that lasts longer ends the run with an error
+  int pair_sign = 0;                      ///< Job::pair_sign
   base::ThreadPool* pool = nullptr;  ///< lays out the tables and sends them; outlives the executor. Null: one thread
 };
 

@@ -38,16 +38,16 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   LinearSystemOnGpu(const LinearSystemArrays& a, CudaExecutor<T>& executor, int device, Offset memory_bytes)
       : executor_(executor),
         device_(device),
-        n_(a.pattern.cols),
         rounding_(a.rounding),
         values_(a.values),
         host_copy_(a.copy),
         memory_(a, executor, device, memory_bytes),
+        doubles_(memory_.vector_doubles()),
         guard_(device),
         ends_(kGroups),
         dot_(1),
         aborted_(1),
-        link_(std::min<Offset>(kLinkBuffer, kColumnGroup * Offset{n_})) {
+        link_(std::min<Offset>(kLinkBuffer, kColumnGroup * Offset{doubles_})) {
     guard_.leave();
   }
   ~LinearSystemOnGpu() override { settle(); }
@@ -85,7 +85,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     const auto parts = static_cast<int>(memory_.largest().size());
     return executor_.factorize_filled({memory_.largest().data(), parts, smallest_pivot, memory_.diagonal(), rounding_});
   }
-  void read_values(std::span<double> to) const override { read(to.data(), memory_.given(), memory_.nonzeros()); }
+  void read_values(std::span<double> to) const override { read(to.data(), memory_.given(), memory_.value_doubles()); }
 
   void substitute(const double* b, double* x, Index columns, bool transpose) override {
     const DeviceGuard guard(device_);
@@ -97,8 +97,8 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
       const Passage p = memory_.passage(now, width, transpose);
       T* rhs = executor_.device_rhs(width);
       const SolveClear clear = executor_.clear_before_solve(width);
-      const unsigned blocks = blocks_for(static_cast<Offset>(n_) * width);
-      const Offset at = static_cast<Offset>(first) * n_;
+      const unsigned blocks = blocks_for(static_cast<Offset>(doubles_) * width);
+      const Offset at = static_cast<Offset>(first) * doubles_;
       gather_kernel<T><<<blocks, kSystemThreads, 0, stream()>>>(p, b + at, rhs, clear, memory_.clock());
       call("launch of the gather kernel", [&] { return cudaGetLastError(); });
       executor_.enqueue_solve(rhs, width, transpose);
@@ -129,15 +129,15 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   }
   double take_substitution_seconds() override { return std::exchange(substitution_seconds_, -1); }
 
-  [[nodiscard]] Index size() const override { return n_; }
-  void copy(const double* from, double* to) const override { enqueue_copy(from, to, n_); }
+  [[nodiscard]] Index size() const override { return doubles_; }
+  void copy(const double* from, double* to) const override { enqueue_copy(from, to, doubles_); }
   void copy_vectors(const double* from, double* to, Offset count) override { enqueue_copy(from, to, count); }
 
   [[nodiscard]] int number() const override { return device_; }
   bool add(const double* from, double* to) const override {
     const DeviceGuard guard(device_);
     pending_ = true;
-    add_kernel<<<blocks_for(n_), kSystemThreads, 0, stream()>>>(n_, from, to);
+    add_kernel<<<blocks_for(doubles_), kSystemThreads, 0, stream()>>>(doubles_, from, to);
     call("launch of the addition kernel", [&] { return cudaGetLastError(); });
     return true;
   }
@@ -145,26 +145,30 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   void multiply(const double* x, double* y, bool transpose) const override {
     const DeviceGuard guard(device_);
     pending_ = true;
-    multiply_kernel<<<memory_.residual_blocks(false), kSystemThreads, 0, stream()>>>(memory_.pattern(), x, y,
-                                                                                     transpose);
+    const unsigned blocks = memory_.residual_blocks(false);
+    if (memory_.complex())
+      complex_multiply_kernel<<<blocks, kSystemThreads, 0, stream()>>>(memory_.pattern(), memory_.system().hermitian, x,
+                                                                       y, transpose);
+    else
+      multiply_kernel<<<blocks, kSystemThreads, 0, stream()>>>(memory_.pattern(), x, y, transpose);
     call("launch of the multiplication kernel", [&] { return cudaGetLastError(); });
   }
   void combine(double a, const double* x, double b, double* y) const override {
     const DeviceGuard guard(device_);
     pending_ = true;
-    combine_kernel<<<blocks_for(n_), kSystemThreads, 0, stream()>>>(n_, a, x, b, y);
+    combine_kernel<<<blocks_for(doubles_), kSystemThreads, 0, stream()>>>(doubles_, a, x, b, y);
     call("launch of the combination kernel", [&] { return cudaGetLastError(); });
   }
   [[nodiscard]] double dot(const double* a, const double* b) const override {
     const DeviceGuard guard(device_);
-    const DotJob job{n_,
+    const DotJob job{doubles_,
                      a,
                      b,
                      memory_.dot_sums(),
                      reinterpret_cast<int*>(memory_.clock() + 2),
                      unreported_ ? executor_.solve_aborted() : nullptr,
                      dot_.data()};
-    dot_kernel<<<dot_blocks(n_), kSystemThreads, 0, stream()>>>(job);
+    dot_kernel<<<dot_blocks(doubles_), kSystemThreads, 0, stream()>>>(job);
     call("launch of the kernel of scalar products", [&] { return cudaGetLastError(); });
     wait();
     unreported_ = false;
@@ -249,7 +253,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   }
 
   double* grown(DeviceArray<double>& array, Index columns) const {
-    const Offset count = static_cast<Offset>(n_) * columns;
+    const Offset count = static_cast<Offset>(doubles_) * columns;
     if (array.size() < count) {
       const DeviceGuard guard(device_);
       memory_.budget().give_back(array.bytes());
@@ -263,7 +267,9 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   void enqueue_values(const double* values, double* copy) {
     const ValuesJob<T> job = memory_.values_job(values, copy);
     const auto blocks = static_cast<unsigned>(memory_.largest().size());
-    if (memory_.scales())
+    if (memory_.complex())
+      scale_complex_kernel<T><<<blocks, kSystemThreads, 0, stream()>>>(memory_.pattern(), memory_.system(), job);
+    else if (memory_.scales())
       scale_kernel<T><<<blocks, kSystemThreads, 0, stream()>>>(memory_.pattern(), job);
     else
       take_kernel<T><<<blocks, kSystemThreads, 0, stream()>>>(job);
@@ -291,7 +297,11 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     job.clock = memory_.clock();
     job.aborted = unreported_ ? executor_.solve_aborted() : nullptr;
     job.end = end;
-    if (columns.size() == 1 && memory_.short_rows()) {
+    if (memory_.complex()) {
+      const dim3 blocks(memory_.residual_blocks(false), static_cast<unsigned>(columns.size()));
+      complex_residual_kernel<<<blocks, kSystemThreads, 0, stream()>>>(memory_.pattern(), memory_.system().hermitian,
+                                                                       job);
+    } else if (columns.size() == 1 && memory_.short_rows()) {
       residual_kernel<1, 2><<<memory_.residual_blocks(false), kSystemThreads, 0, stream()>>>(memory_.pattern(), job);
     } else if (columns.size() == 1) {
       residual_kernel<1, 4><<<memory_.residual_blocks(false), kSystemThreads, 0, stream()>>>(memory_.pattern(), job);
@@ -300,8 +310,8 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
       constexpr Index kWidth = kResidualColumns * static_cast<Index>(sizeof(double) / sizeof(T));
       auto* packed = reinterpret_cast<double*>(executor_.device_rhs(kWidth));
       job.packed = packed;
-      pack_kernel<<<blocks_for(static_cast<Offset>(n_) * kResidualColumns), kSystemThreads, 0, stream()>>>(n_, job,
-                                                                                                           packed);
+      pack_kernel<<<blocks_for(static_cast<Offset>(doubles_) * kResidualColumns), kSystemThreads, 0, stream()>>>(
+          doubles_, job, packed);
       call("launch of the packing kernel", [&] { return cudaGetLastError(); });
       residual_kernel<kResidualColumns, 1>
           <<<memory_.residual_blocks(true), kSystemThreads, 0, stream()>>>(memory_.pattern(), job);
@@ -329,11 +339,11 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
 
   CudaExecutor<T>& executor_;
   int device_;
-  Index n_;
   double rounding_;
   std::span<const double> values_;  // of the host
   HostCopy host_copy_;
   mutable LinearSystemMemory<T> memory_;
+  Index doubles_;  // of a vector
   ConstructionGuard guard_;
   mutable PinnedArray<ResidualEnd> ends_;
   mutable PinnedArray<DotEnd> dot_;

@@ -118,14 +118,25 @@ void DeviceSide<T>::choose_shapes() {
 template <class T>
 template <class Use>
 cudaError_t DeviceSide<T>::dispatch(Use&& use) const {
-  switch (context_.kind) {
-    case Kind::llt:
-      return use(FactorKernel<T, Kind::llt>{});
-    case Kind::ldlt:
-      return use(FactorKernel<T, Kind::ldlt>{});
-    default:
-      return use(FactorKernel<T, Kind::lu>{});
-  }
+  const auto of_kind = [&]<bool kHalf>(std::bool_constant<kHalf>) {
+    switch (context_.kind) {
+      case Kind::llt:
+        return use(FactorKernel<T, Kind::llt, kHalf>{});
+      case Kind::ldlt:
+        return use(FactorKernel<T, Kind::ldlt, kHalf>{});
+      default:
+        return use(FactorKernel<T, Kind::lu, kHalf>{});
+    }
+  };
+  if constexpr (base::keeps_fp64<T>)
+    if (context_.pair_sign != 0) return of_kind(std::true_type());
+  return of_kind(std::false_type());
+}
+
+template <class T>
+void DeviceSide<T>::forget_pairs() {
+  context_.pair_sign = 0;
+  choose_shapes();
 }
 
 template <class T>
@@ -287,7 +298,8 @@ void DeviceSide<T>::enqueue_tasks(bool first_half_only) {
     call("launch of the factorization kernel", [&] {
       return dispatch([&](auto kernel) {
         return decltype(kernel)::launch(wide, shape_[wide ? 1 : 0], state_, static_cast<int>(first),
-                                        static_cast<int>(end), static_cast<int>(n()), stream_.get());
+                                        static_cast<int>(end), static_cast<int>(n()), stream_.get(),
+                                        context_.pair_sign);
       });
     });
   };

@@ -54,6 +54,7 @@ struct SideContext {
   base::ThreadPool* pool;  ///< its threads fill what is sent; null: the calling thread alone
   int pool_side = 0;       ///< the side that works with them
   bool exported = false;   ///< other processes open what sides reach of each other
+  int pair_sign = 0;       ///< of a plan that stands in pairs: Job::pair_sign; else 0
 };
 
 /// Memory on the host that all devices see, for machines without access from device to device: the copies of what is
@@ -111,7 +112,9 @@ class DeviceSide {
                      const unsigned char* owner);
   /// What the judge found, once the stream is done.
   [[nodiscard]] const FactorEnd& factor_end() const { return *end_.data(); }
-  /// From the next recording of enqueue_factor() on: every task is held up so long, and recorded.
+  /// From the next recording of enqueue_factor() on: kernels that know nothing of pairs.
+  void forget_pairs();
+  /// Likewise: every task is held up so long, and recorded.
   void delay_tasks(unsigned nanoseconds) { state_.delay = nanoseconds; }
   void record_tasks();
   void clear_record();

@@ -223,7 +223,11 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     for (const auto& side : sides_) at(*side, [&] { side->enqueue_clear_solve(pass); });
   }
 
-  FactorOutcome run(const FactorGraphs& graphs, bool filled);
+  // Of graphs_, or of filled_graphs_.
+  FactorOutcome run(bool filled);
+  FactorOutcome run_once(bool filled, SideFlags& flags);
+  // Where unknowns stand in pairs, a replaced pivot does not: records graphs that know nothing of pairs.
+  void forget_pairs();
 
   [[nodiscard]] std::vector<std::vector<TaskTime>> task_times() const override;
   [[nodiscard]] const DevicePlan& device_plan() const override { return tables_; }

@@ -17,7 +17,7 @@ bool is_finite(double largest) { return largest <= std::numeric_limits<double>::
 template <class T>
 FactorOutcome ExecutorOnDevices<T>::factorize(std::span<const T> values) {
   to_device(first().values(), values.data(), static_cast<Offset>(values.size()));
-  return run(graphs_, false);
+  return run(false);
 }
 
 template <class T>
@@ -29,15 +29,33 @@ std::optional<FactorOutcome> ExecutorOnDevices<T>::factorize_filled(const Filled
   }
   limits_known_ = false;  // the GPU sets its own
   if (common_.top != nullptr && !set_limits_here(values)) return std::nullopt;
-  const FactorOutcome out = run(filled_graphs_, true);
+  const FactorOutcome out = run(true);
   if (!is_finite(first().factor_end().largest)) return std::nullopt;
   return out;
 }
 
 template <class T>
-FactorOutcome ExecutorOnDevices<T>::run(const FactorGraphs& graphs, bool filled) {
-  FactorOutcome out;
+FactorOutcome ExecutorOnDevices<T>::run(bool filled) {
   SideFlags flags;
+  FactorOutcome out = run_once(filled, flags);
+  if (context_.pair_sign == 0 || !flags.replaced) return out;
+  forget_pairs();
+  flags = {};
+  return run_once(filled, flags);
+}
+
+template <class T>
+void ExecutorOnDevices<T>::forget_pairs() {
+  context_.pair_sign = 0;
+  for (const auto& side : sides_) at(*side, [&] { side->forget_pairs(); });
+  graphs_ = record_factorization({});
+  if (filled_.largest != nullptr) filled_graphs_ = record_factorization(filled_);
+}
+
+template <class T>
+FactorOutcome ExecutorOnDevices<T>::run_once(bool filled, SideFlags& flags) {
+  const FactorGraphs& graphs = filled ? filled_graphs_ : graphs_;
+  FactorOutcome out;
   if (options_.timeline != nullptr)
     for (const auto& side : sides_) at(*side, [&] { side->clear_record(); });
   last_filled_ = filled;

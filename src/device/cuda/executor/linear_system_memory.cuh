@@ -9,6 +9,7 @@
 #include "base/scalar.hpp"
 #include "device/cuda/executor/cuda_executor.hpp"
 #include "device/cuda/executor/device_side.hpp"
+#include "device/cuda/kernels/complex_system_kernels.cuh"
 #include "device/cuda/kernels/linear_system_kernels.cuh"
 #include "device/cuda/kernels/residual_kernels.cuh"
 #include "device/cuda/kernels/vector_kernels.cuh"
@@ -52,6 +53,9 @@ class LinearSystemMemory {
         n_(a.pattern.cols),
         nonzeros_(a.pattern.nonzeros()),
         general_(a.pattern.storage == Storage::general),
+        complex_(!a.real_columns.empty()),
+        system_{nullptr, a.hermitian, a.pattern.storage != Storage::symmetric_upper,
+                a.pattern.storage != Storage::symmetric_lower},
         scales_(!a.row_scale.empty() || !a.col_scale.empty()) {
     const DeviceGuard guard(device);
     constexpr Offset kMost = std::numeric_limits<std::uint32_t>::max() - 64;  // kernels look so far ahead
@@ -66,13 +70,20 @@ class LinearSystemMemory {
     upload(row_scale_, a.row_scale);
     upload(col_scale_, a.col_scale);
     upload(diagonal_, a.diagonal);
+    upload(real_columns_, a.real_columns);
+    system_.real_columns = real_columns_.data();
     take_values_memory();
     take_residual_memory();
   }
 
   [[nodiscard]] DeviceBudget& budget() { return budget_; }
   [[nodiscard]] bool scales() const { return scales_; }
-  [[nodiscard]] Offset nonzeros() const { return nonzeros_; }
+  /// Doubles of all values, of a vector.
+  [[nodiscard]] Offset value_doubles() const { return parts() * nonzeros_; }
+  [[nodiscard]] Index vector_doubles() const { return parts() * n_; }
+  /// Whether the system is complex, and its real form factorized.
+  [[nodiscard]] bool complex() const { return complex_; }
+  [[nodiscard]] const ComplexSystem& system() const { return system_; }
   // Both halves of most rows fit into a batch of two: more rows at a time then serve better than more entries.
   [[nodiscard]] bool short_rows() const { return nonzeros_ <= 2 * kLanes * Offset{n_}; }
   /// When right-hand sides were gathered, when residuals began; then a ticket.
@@ -101,7 +112,16 @@ class LinearSystemMemory {
             general_};
   }
   [[nodiscard]] Passage passage(Index columns, Index width, bool transpose) const {
-    return {order_.data(), row_of_col_.data(), row_scale_.data(), col_scale_.data(), n_, columns, width, transpose};
+    return {order_.data(),
+            row_of_col_.data(),
+            row_scale_.data(),
+            col_scale_.data(),
+            vector_doubles(),
+            columns,
+            width,
+            transpose,
+            complex_,
+            complex_ && !system_.hermitian};
   }
   [[nodiscard]] ValuesJob<T> values_job(const double* values, double* copy) const {
     return {values,
@@ -139,25 +159,30 @@ class LinearSystemMemory {
   // other ranks read.
   void take_values_memory() {
     if (executor_.on_ranks())
-      copy_ = take<double>(whole_pages<double>(nonzeros_));
-    else if (!base::keeps_fp64<T> || scales_ || executor_.values_size() < nonzeros_)
-      copy_ = take<double>(nonzeros_);
-    const unsigned most =
-        scales_ ? resident_blocks(scale_kernel<T>, device_) : resident_blocks(take_kernel<T>, device_);
-    const Offset threads = scales_ ? static_cast<Offset>(n_) * kLanes : nonzeros_;
+      copy_ = take<double>(whole_pages<double>(value_doubles()));
+    else if (!base::keeps_fp64<T> || scales_ || complex_ || executor_.values_size() < nonzeros_)
+      copy_ = take<double>(value_doubles());
+    const unsigned most = complex_  ? resident_blocks(scale_complex_kernel<T>, device_)
+                          : scales_ ? resident_blocks(scale_kernel<T>, device_)
+                                    : resident_blocks(take_kernel<T>, device_);
+    const Offset threads = scales_ || complex_ ? static_cast<Offset>(n_) * kLanes : nonzeros_;
     largest_ = take<double>(std::clamp<Offset>(blocks_for(threads), 1, most));
   }
   void take_residual_memory() {
     const unsigned rows = blocks_for(static_cast<Offset>(n_) * kLanes);
     const auto blocks = [&](auto* kernel) { return std::clamp(resident_blocks(kernel, device_), 1U, rows); };
-    residual_blocks_[0] = blocks(short_rows() ? residual_kernel<1, 2> : residual_kernel<1, 4>);
+    if (complex_)
+      residual_blocks_[0] = blocks(complex_residual_kernel);
+    else
+      residual_blocks_[0] = blocks(short_rows() ? residual_kernel<1, 2> : residual_kernel<1, 4>);
     residual_blocks_[1] = blocks(residual_kernel<kResidualColumns, 1>);
-    dot_sums_ = take<double>(dot_blocks(n_));
+    dot_sums_ = take<double>(dot_blocks(vector_doubles()));
     residual_control_ = take<unsigned long long>(kResidualNumbers + 3);
     call("cudaMemset",
          [&] { return cudaMemset(residual_control_.data(), 0, static_cast<std::size_t>(residual_control_.bytes())); });
   }
 
+  [[nodiscard]] Index parts() const { return complex_ ? 2 : 1; }
   cudaStream_t stream() const { return static_cast<cudaStream_t>(executor_.stream()); }
 
   CudaExecutor<T>& executor_;
@@ -165,8 +190,10 @@ class LinearSystemMemory {
   DeviceBudget budget_;
   Index n_;
   Offset nonzeros_;
-  bool general_, scales_;
-  DeviceArray<Offset> col_ptr_, row_ptr_, diagonal_;
+  bool general_, complex_;
+  ComplexSystem system_;
+  bool scales_;
+  DeviceArray<Offset> col_ptr_, row_ptr_, diagonal_, real_columns_;
   DeviceArray<Index> row_ind_, row_col_, order_, row_of_col_;
   DeviceArray<std::uint32_t> row_source_;
   DeviceArray<double> row_scale_, col_scale_;

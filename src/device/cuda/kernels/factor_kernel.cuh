@@ -21,8 +21,9 @@ struct LaunchShape {
   std::size_t shared_bytes = 0;
 };
 
-/// The kernel for one kind; instantiated for double and float.
-template <class T, Kind K>
+/// The kernel for one kind; instantiated for double and float. Half: of real forms of complex systems, see
+/// half_products.cuh; for double alone.
+template <class T, Kind K, bool Half = false>
 struct FactorKernel {
   /// Launch shape for the current device. wide: the variant that knows tile columns of 64.
   /// @param whole_elements  elements of shared memory that the largest whole front needs
@@ -30,8 +31,9 @@ struct FactorKernel {
 
   /// Runs tasks [first, end) of the state's list; the state's control and finished arrays must be zero before the first
   /// of the two kernels of a factorization.
+  /// @param pair_sign  Half: 1, or -1 of a Hermitian matrix
   static cudaError_t launch(bool wide, const LaunchShape& shape, const FactorState<T>& state, int first, int end, int n,
-                            cudaStream_t stream);
+                            cudaStream_t stream, int pair_sign = 0);
 };
 
 }  // namespace espalier::device::cuda

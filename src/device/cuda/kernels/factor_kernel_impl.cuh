@@ -15,17 +15,17 @@ namespace {
 
 constexpr int kMostStages = 8;
 
-template <class T, Kind K, int Width>
+template <class T, Kind K, bool Half, int Width>
 __device__ __forceinline__ void run_block(Workshop<T>& w, const Front& f, const FactorTask& task, bool any) {
   if (uniform(rows_of(f, task).rows) <= 64)
-    block_task<T, K, Shape<T, 64, Width>>(w, f, task, any);
+    block_task<T, K, Half, Shape<T, 64, Width>>(w, f, task, any);
   else
-    block_task<T, K, Shape<T, 128, Width>>(w, f, task, any);
+    block_task<T, K, Half, Shape<T, 128, Width>>(w, f, task, any);
 }
 
-template <class T, Kind K, bool Wide>
+template <class T, Kind K, bool Wide, bool Half>
 __global__ void __launch_bounds__(kThreads, Wide ? 2 : 3)
-    factor_kernel(const __grid_constant__ FactorState<T> state, int first, int end, int stages, int n) {
+    factor_kernel(const __grid_constant__ FactorState<T> state, int first, int end, int stages, int n, int pair_sign) {
   extern __shared__ __align__(128) unsigned char area[];
   __shared__ std::uint64_t barriers[kMostStages];
   __shared__ TaskFeed feed;
@@ -38,7 +38,7 @@ __global__ void __launch_bounds__(kThreads, Wide ? 2 : 3)
   }
   fence_copies();
   __syncthreads();
-  Workshop<T> w{&state, {reinterpret_cast<T*>(area), barriers, stages, 0, &feed.waited}, &feed, n};
+  Workshop<T> w{&state, {reinterpret_cast<T*>(area), barriers, stages, 0, &feed.waited}, &feed, n, T(pair_sign)};
   if (threadIdx.x < 32) {
     int id = 0;
     if (threadIdx.x == 0) id = first + atomicAdd(feed.counter, 1);
@@ -78,23 +78,23 @@ __global__ void __launch_bounds__(kThreads, Wide ? 2 : 3)
     if (front.wait_begin < front.wait_end) wait_for_memory(state, front);
     const bool any = gather<T, K>(state, front, task, w.pipe.stages, feed.waited);
     if (uniform(task.work != Work::block))
-      pivot_task<T, K, Wide>(w, front, task);
+      pivot_task<T, K, Wide, Half>(w, front, task);
     else if (Wide && uniform(front.width) == 64)
-      run_block<T, K, Wide ? 64 : 32>(w, front, task, any);
+      run_block<T, K, Half, Wide ? 64 : 32>(w, front, task, any);
     else
-      run_block<T, K, 32>(w, front, task, any);
+      run_block<T, K, Half, 32>(w, front, task, any);
   }
 }
 
-template <class T, Kind K, class Use>
+template <class T, Kind K, bool Half, class Use>
 cudaError_t dispatch(bool wide, Use&& use) {
-  return wide ? use(factor_kernel<T, K, true>) : use(factor_kernel<T, K, false>);
+  return wide ? use(factor_kernel<T, K, true, Half>) : use(factor_kernel<T, K, false, Half>);
 }
 
 }  // namespace
 
-template <class T, Kind K>
-cudaError_t FactorKernel<T, K>::shape_for(bool wide, std::size_t whole_elements, LaunchShape& shape) {
+template <class T, Kind K, bool Half>
+cudaError_t FactorKernel<T, K, Half>::shape_for(bool wide, std::size_t whole_elements, LaunchShape& shape) {
   int device = 0, multiprocessors = 0, per_multiprocessor = 0, per_block = 0;
   if (const auto e = cudaGetDevice(&device)) return e;
   if (const auto e = cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device)) return e;
@@ -116,7 +116,7 @@ cudaError_t FactorKernel<T, K>::shape_for(bool wide, std::size_t whole_elements,
   if (shape.stages < 1) shape.stages = 1;
   shape.shared_bytes = std::max(least, shape.stages * stage);
   if (shape.shared_bytes + 1024 > static_cast<std::size_t>(per_block)) return cudaErrorInvalidConfiguration;
-  return dispatch<T, K>(wide, [&](auto* kernel) {
+  return dispatch<T, K, Half>(wide, [&](auto* kernel) {
     if (const auto e = cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
                                             static_cast<int>(shape.shared_bytes)))
       return e;
@@ -127,12 +127,12 @@ cudaError_t FactorKernel<T, K>::shape_for(bool wide, std::size_t whole_elements,
   });
 }
 
-template <class T, Kind K>
-cudaError_t FactorKernel<T, K>::launch(bool wide, const LaunchShape& shape, const FactorState<T>& state, int first,
-                                       int end, int n, cudaStream_t stream) {
-  return dispatch<T, K>(wide, [&](auto* kernel) {
+template <class T, Kind K, bool Half>
+cudaError_t FactorKernel<T, K, Half>::launch(bool wide, const LaunchShape& shape, const FactorState<T>& state,
+                                             int first, int end, int n, cudaStream_t stream, int pair_sign) {
+  return dispatch<T, K, Half>(wide, [&](auto* kernel) {
     const int blocks = std::min(shape.blocks, end - first);
-    kernel<<<blocks, kThreads, shape.shared_bytes, stream>>>(state, first, end, shape.stages, n);
+    kernel<<<blocks, kThreads, shape.shared_bytes, stream>>>(state, first, end, shape.stages, n, pair_sign);
     return cudaGetLastError();
   });
 }

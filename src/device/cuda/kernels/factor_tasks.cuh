@@ -71,7 +71,7 @@ __device__ void multiply_by_inverse(Accumulator<T, S>& acc, Workshop<T>& w, cons
 }
 
 /// One row block of a tile column, in S::kRows x S::kWidth at most.
-template <class T, Kind K, class S>
+template <class T, Kind K, bool Half, class S>
 __device__ __forceinline__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& task, bool any) {
   const FactorState<T>& s = *w.state;
   const Corner<S> at;
@@ -80,14 +80,13 @@ __device__ __forceinline__ void block_task(Workshop<T>& w, const Front& f, const
   const int col = f.column_begin(j), cols = f.column_end(j) - col;
   const auto [row, rows] = rows_of(f, task);
   T acc[S::kM][S::kN][4];
-  take_gathered<T, S>(acc, w.pipe.stages, any);
   const int from_a = operand_array<K>(part, 0), from_b = operand_array<K>(part, 1);
   const int* flag_a = s.flags(K == Kind::lu ? from_a : 0) + f.flag(a, 0);
   const int* flag_b = s.flags(K == Kind::lu ? from_b : 0) + f.flag(f.block_of_column(j), 0);
   const Operand<T> left{array_of(w.base(), f, from_a), row, rows}, right{array_of(w.base(), f, from_b), col, cols};
   const int chunks = (pivot ? col : f.pivot_pad) / kChunk;
-  sum_products<T, S>(acc, ChunkSum<T>{&f, left, right, false, chunks, flag_a, flag_b, f.blocks}, w.pipe, s.control,
-                     s.patience, operand_scales<K>(s.largest(), s.growth(), part));
+  sum_tile<Half, T, S>(acc, w, ChunkSum<T>{&f, left, right, false, chunks, flag_a, flag_b, f.blocks}, any, row - col,
+                       operand_scales<K>(s.largest(), s.growth(), part));
   if (!pivot) {
     const int r0 = row - f.pivot_pad, c0 = col - f.pivot_pad;
     const std::int64_t ld = f.below_ld - c0;
@@ -157,21 +156,20 @@ __device__ void invert_pivot_block(const FactorState<T>& s, T* base, const Front
 }
 
 /// The diagonal tile of a pivot column, up to its factorization: what was gathered loses the products to its left.
-template <class T, Kind K, int Width>
+template <class T, Kind K, bool Half, int Width>
 __device__ __forceinline__ void subtract_from_diagonal(Workshop<T>& w, const Front& f, int j) {
   using S = Shape<T, Width, Width>;
   const FactorState<T>& s = *w.state;
   const Corner<S> at;
   const int col = f.column_begin(j), size = f.column_end(j) - col;
   T acc[S::kM][S::kN][4];
-  take_gathered<T, S>(acc, w.pipe.stages, true);
   const int a = f.block_of_column(j);
   const int from_a = operand_array<K>(0, 0), from_b = operand_array<K>(0, 1);
   const int* flag_a = s.flags(0) + f.flag(a, 0);
   const int* flag_b = s.flags(K == Kind::lu ? 1 : 0) + f.flag(a, 0);
   const Operand<T> left{array_of(w.base(), f, from_a), col, size}, right{array_of(w.base(), f, from_b), col, size};
   const ChunkSum<T> sum{&f, left, right, K == Kind::llt, col / kChunk, flag_a, flag_b, f.blocks};
-  sum_products<T, S>(acc, sum, w.pipe, s.control, s.patience, operand_scales<K>(s.largest(), s.growth(), 0));
+  sum_tile<Half, T, S>(acc, w, sum, true, 0, operand_scales<K>(s.largest(), s.growth(), 0));
   T* c = w.pipe.stages;
   for_each_element<S>(at, [&](int m, int n, int e, int r, int k) {
     if (r < size && k < size) c[k * S::kLd + r] = -acc[m][n][e];
@@ -180,16 +178,16 @@ __device__ __forceinline__ void subtract_from_diagonal(Workshop<T>& w, const Fro
 }
 
 /// A diagonal tile, or a whole front.
-template <class T, Kind K, bool Wide>
+template <class T, Kind K, bool Wide, bool Half>
 __device__ __forceinline__ void pivot_task(Workshop<T>& w, const Front& f, const FactorTask& task) {
   const FactorState<T>& s = *w.state;
   const bool whole = task.work == Work::whole;
   const int j = task.column, col = f.column_begin(j), size = f.column_end(j) - col;
   if (!whole) {
     if (Wide && f.width == 64)
-      subtract_from_diagonal<T, K, 64>(w, f, j);
+      subtract_from_diagonal<T, K, Half, 64>(w, f, j);
     else
-      subtract_from_diagonal<T, K, 32>(w, f, j);
+      subtract_from_diagonal<T, K, Half, 32>(w, f, j);
   }
   T* a = w.pipe.stages;
   const int lda = whole ? f.total_pad + 4 : f.width + 4, ldm = whole ? size + 4 : f.width + 4;

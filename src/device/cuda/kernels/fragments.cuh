@@ -12,6 +12,7 @@ namespace espalier::device::cuda {
 /// together as a warpgroup, 16 of every 64 rows.
 template <class T, int Rows, int Width>
 struct Shape {
+  static constexpr bool kHalf = false;  ///< see half_products.cuh
   static constexpr int kRows = Rows;
   static constexpr int kWidth = Width;
   static constexpr bool kWarpgroup = ESPALIER_WARPGROUP_PRODUCTS && sizeof(T) == 4 && Rows % 64 == 0;
@@ -46,6 +47,17 @@ struct Corner {
   }
 };
 
+/// What this lane reads of accumulator n's rows of B: their row g, or, of half of the columns, one row of pair g.
+template <class S>
+__device__ inline const double* right_panel(const double* b, const Corner<S>& at, int n) {
+  if constexpr (S::kHalf) {
+    const int g = at.lane >> 2, t = at.lane & 3;
+    return b + (at.col / 8 + 2 * n + (g >> 2)) * 128 + (2 * (g & 3) + (g & 1)) * 8 + t * 2;
+  } else {
+    return b + (at.col / 8 + n) * 128 + at.lane * 2;
+  }
+}
+
 /// acc += A B^T for one chunk of 16 columns; A (kRows x 16) and B (kWidth x 16) in panels in shared memory.
 template <class S>
 __device__ inline void multiply_chunk(Accumulator<double, S>& acc, const double* a, const double* b,
@@ -53,7 +65,7 @@ __device__ inline void multiply_chunk(Accumulator<double, S>& acc, const double*
   double right[S::kN][4];
 #pragma unroll
   for (int n = 0; n < S::kN; ++n) {
-    const double* panel = b + (at.col / 8 + n) * 128 + at.lane * 2;
+    const double* panel = right_panel<S>(b, at, n);
     const auto lo = load_pair(panel);
     const auto hi = load_pair(panel + 64);
     right[n][0] = lo.x;

@@ -83,14 +83,19 @@ struct Passage {
   const Index* row_of_col;
   const double* row_scale;
   const double* col_scale;
-  Index n, columns, width;
+  Index n, columns, width;  ///< n: positions; doubles of a vector
   bool transpose;
+  bool pairs;  ///< positions and vectors are those of the real form of a complex system; all else is the complex one
+  bool conjugate;  ///< of such a system: imaginary parts change their signs on the way in
 
-  /// The equation (on the way in) or unknown (on the way out) at position k.
+  /// The equation (on the way in) or unknown (on the way out) at position k, or that of which it is a part.
   __device__ Index place(Index k, bool out) const {
-    const Index col = order[k];
+    const Index col = pairs ? order[k] >> 1 : order[k];
     return (transpose == out && row_of_col != nullptr) ? row_of_col[col] : col;
   }
+  /// Where it stands in a vector.
+  __device__ Offset number(Index k, Index i) const { return pairs ? 2 * static_cast<Offset>(i) + (order[k] & 1) : i; }
+  __device__ double sign(Index k) const { return conjugate && (order[k] & 1) != 0 ? -1 : 1; }
   __device__ double scale(Index i, bool out) const {
     const double* s = transpose == out ? row_scale : col_scale;
     return s != nullptr ? s[i] : 1.0;
@@ -110,7 +115,9 @@ __global__ void gather_kernel(Passage p, const double* b, T* rhs, SolveClear cle
   if (at >= static_cast<Offset>(p.n) * p.width) return;
   const auto k = static_cast<Index>(at / p.width), c = static_cast<Index>(at % p.width);
   const Index i = p.place(k, false);
-  rhs[at] = c < p.columns ? static_cast<T>(p.scale(i, false) * b[static_cast<Offset>(c) * p.n + i]) : T(0);
+  rhs[at] = c < p.columns
+                ? static_cast<T>(p.sign(k) * p.scale(i, false) * b[static_cast<Offset>(c) * p.n + p.number(k, i)])
+                : T(0);
 }
 
 /// x = scaled rhs.
@@ -121,7 +128,7 @@ __global__ void scatter_kernel(Passage p, const T* rhs, double* x) {
   const auto k = static_cast<Index>(at / p.width), c = static_cast<Index>(at % p.width);
   if (c >= p.columns) return;
   const Index i = p.place(k, true);
-  x[static_cast<Offset>(c) * p.n + i] = p.scale(i, true) * static_cast<double>(rhs[at]);
+  x[static_cast<Offset>(c) * p.n + p.number(k, i)] = p.scale(i, true) * static_cast<double>(rhs[at]);
 }
 
 }  // namespace espalier::device::cuda

@@ -95,8 +95,9 @@ __device__ inline void visit_row_together(const DevicePattern& p, Index row, boo
   });
 }
 
-/// Maxima over all blocks, by column, to the host's memory. The bits of numbers that are not negative are ordered as
-/// the numbers are. Blocks look before they raise a maximum: atomic operations on one place come one after the other.
+/// Maxima over all blocks, by column, to the host's memory; a row of blocks may have columns of its own. The bits of
+/// numbers that are not negative are ordered as the numbers are. Blocks look before they raise a maximum: atomic
+/// operations on one place come one after the other.
 template <int Columns>
 __device__ inline void report_sizes(ResidualSizes& mine, const ResidualJob& job) {
   constexpr int kNumbers = Columns * ResidualSizes::kCount, kWarps = kSystemThreads / 32;
@@ -113,12 +114,12 @@ __device__ inline void report_sizes(ResidualSizes& mine, const ResidualJob& job)
   if (threadIdx.x < kNumbers) {
     double x = 0;
     for (int w = 0; w < kWarps; ++w) x = larger(x, warps[w][threadIdx.x]);
-    unsigned long long* const place = job.largest + threadIdx.x;
+    unsigned long long* const place = job.largest + blockIdx.y * kNumbers + threadIdx.x;
     const auto bits = static_cast<unsigned long long>(__double_as_longlong(x));
     if (bits > *static_cast<volatile unsigned long long*>(place)) atomicMax(place, bits);
   }
   if (!last_block(job.ticket)) return;
-  if (threadIdx.x < kNumbers)
+  if (threadIdx.x < kNumbers * gridDim.y)
     job.end->found[threadIdx.x / ResidualSizes::kCount][threadIdx.x % ResidualSizes::kCount] =
         __longlong_as_double(static_cast<long long>(atomicExch(job.largest + threadIdx.x, 0ULL)));
   if (threadIdx.x != 0) return;
@@ -126,12 +127,13 @@ __device__ inline void report_sizes(ResidualSizes& mine, const ResidualJob& job)
   job.end->aborted = job.aborted != nullptr ? *job.aborted : 0;
 }
 
-/// Calls use(value, x of its column) for this lane's share of a row of op(A). The row's entries in the columns and in
-/// the index by rows are fetched side by side, Batch of each at a time, or a row would be a chain of waits for the
-/// memory.
-template <int Batch, class Use>
-__device__ inline void visit_row_ahead(const DevicePattern& p, Index row, bool transpose, int lane, const double* x,
-                                       Use&& use) {
+/// Calls use0 or use1(value, x of its column) for this lane's share of a row of op(A): use0 for what stands in the
+/// columns, use1 for what the index by rows knows. Both are fetched side by side, Batch of each at a time, or a row
+/// would be a chain of waits for the memory.
+template <int Batch, class Value, class Use0, class Use1>
+__device__ inline void visit_row_ahead(const DevicePattern& p, Index row, bool transpose, int lane, const Value* x,
+                                       Use0&& use0, Use1&& use1) {
+  const auto* const values = reinterpret_cast<const Value*>(p.values);
   Offset at[2] = {}, end[2] = {};  // places in the columns, and in the index by rows
   if (!p.general || transpose) {
     at[0] = p.col_ptr[row] + lane;
@@ -142,13 +144,13 @@ __device__ inline void visit_row_ahead(const DevicePattern& p, Index row, bool t
     end[1] = p.row_ptr[row + 1];
   }
   for (; at[0] < end[0] || at[1] < end[1]; at[0] += Batch * kLanes, at[1] += Batch * kLanes) {
-    double value[2][Batch], other[2][Batch];
+    Value value[2][Batch], other[2][Batch];
     Index col[2][Batch];
     std::uint32_t source[Batch];
 #pragma unroll
     for (int k = 0; k < Batch; ++k) {
       const Offset a = at[0] + k * kLanes, b = at[1] + k * kLanes;
-      value[0][k] = a < end[0] ? p.values[a] : 0;
+      value[0][k] = a < end[0] ? values[a] : Value{};
       col[0][k] = a < end[0] ? p.row_ind[a] : row;
       source[k] = b < end[1] ? p.row_source[b] : 0;
       col[1][k] = b < end[1] ? p.row_col[b] : row;
@@ -157,14 +159,14 @@ __device__ inline void visit_row_ahead(const DevicePattern& p, Index row, bool t
     for (int k = 0; k < Batch; ++k) {
       other[0][k] = x[col[0][k]];
       other[1][k] = x[col[1][k]];
-      value[1][k] = p.values[source[k]];
+      value[1][k] = values[source[k]];
     }
 #pragma unroll
     for (int k = 0; k < Batch; ++k)
-      if (at[0] + k * kLanes < end[0]) use(value[0][k], other[0][k]);
+      if (at[0] + k * kLanes < end[0]) use0(value[0][k], other[0][k]);
 #pragma unroll
     for (int k = 0; k < Batch; ++k)
-      if (at[1] + k * kLanes < end[1]) use(value[1][k], other[1][k]);
+      if (at[1] + k * kLanes < end[1]) use1(value[1][k], other[1][k]);
   }
 }
 
@@ -191,7 +193,7 @@ __global__ void __launch_bounds__(kSystemThreads)
       norm += fabs(v);
     };
     if constexpr (Columns == 1) {
-      if (inside) visit_row_ahead<Batch>(p, row, job.transpose, lane, job.x[0], take);
+      if (inside) visit_row_ahead<Batch>(p, row, job.transpose, lane, job.x[0], take, take);
       sum.sum_lanes();
       scale = sum_lanes(scale);
       norm = sum_lanes(norm);
@@ -220,7 +222,8 @@ __global__ void __launch_bounds__(kSystemThreads)
     const bool inside = first + mine < p.n;
     const Index row = inside ? static_cast<Index>(first + mine) : 0;
     double sum = 0;
-    if (inside) visit_row_ahead<2>(p, row, transpose, lane, x, [&](double v, double other) { sum += v * other; });
+    const auto take = [&](double v, double other) { sum += v * other; };
+    if (inside) visit_row_ahead<2>(p, row, transpose, lane, x, take, take);
     sum = sum_lanes(sum);
     if (inside && lane == 0) y[row] = sum;
   }

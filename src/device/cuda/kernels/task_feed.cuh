@@ -28,6 +28,7 @@ struct Workshop {
   Pipeline<T> pipe;  ///< pipe.stages is the area
   TaskFeed* feed;
   int n;
+  T pair_sign = 0;  ///< see half_products.cuh; 0: the system has no pairs
 
   /// Start of the region in which the task's front lies.
   __device__ T* base() const { return static_cast<T*>(feed->base); }

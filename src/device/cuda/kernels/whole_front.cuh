@@ -3,7 +3,7 @@
 #pragma once
 
 #include "device/cuda/kernels/diagonal_lu.cuh"
-#include "device/cuda/kernels/gather.cuh"
+#include "device/cuda/kernels/half_products.cuh"
 
 namespace espalier::device::cuda {
 
