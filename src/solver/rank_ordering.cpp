@@ -1,0 +1,54 @@
+#include "solver/rank_ordering.hpp"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "ranks/first_rank.hpp"
+#include "ranks/packing.hpp"
+
+namespace espalier::solver {
+
+namespace {
+
+using analysis::AssemblyTree;
+
+template <class Tree, class Use>
+void each_part(Tree& t, Use&& use) {
+  use(t.n);
+  use(t.border);
+  use(t.order);
+  use(t.first);
+  use(t.parent);
+  use(t.row_ptr);
+  use(t.rows);
+}
+
+// Of the first rank and those that may use the same cores.
+int threads_of_all(const Context& context) {
+  return std::max(context.pool.size(),
+                  std::min(base::available_cores(), context.link->neighbours() * context.pool.size()));
+}
+
+}  // namespace
+
+AssemblyTree ordered_once(const Context& context, const std::function<AssemblyTree(base::ThreadPool& pool)>& build) {
+  if (context.link == nullptr) return build(context.pool);
+  ranks::Link& link = *context.link;
+  AssemblyTree tree;
+  ranks::by_first_rank(link, context.pool, [&] {
+    const int threads = threads_of_all(context);
+    std::optional<base::ThreadPool> more;
+    if (threads > context.pool.size()) more.emplace(threads, context.pool.interruption());
+    tree = build(more ? *more : context.pool);
+  });
+  ranks::Packer packer;
+  if (link.rank() == 0) each_part(tree, [&](const auto& part) { packer.put(part); });
+  const std::vector<std::byte> bytes = ranks::from_first_rank(link, packer.bytes());
+  if (link.rank() == 0) return tree;
+  ranks::Unpacker unpacker(bytes);
+  each_part(tree, [&](auto& part) { unpacker.get(part); });
+  return tree;
+}
+
+}  // namespace espalier::solver
