@@ -1,5 +1,6 @@
 #include "ranks/first_rank.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <exception>
 #include <future>
@@ -37,6 +38,12 @@ void by_first_rank(Link& link, base::ThreadPool& pool, const std::function<void(
   link.expect_all([&] {
     if (link.rank() == 0) work_beside(link, pool, work);
   });
+}
+
+FirstRankPool::FirstRankPool(const Link& link, base::ThreadPool& own) : own_(own) {
+  if (link.rank() != 0) return;
+  const int threads = std::min(base::available_cores(), link.neighbours() * own.size());
+  if (threads > own.size()) more_.emplace(threads, own.interruption());
 }
 
 std::vector<std::byte> from_first_rank(Link& link, std::span<const std::byte> mine) {

@@ -53,11 +53,11 @@ out_of_core::OutOfCoreOptions out_of_core_options(const DeviceChoice& device, co
     o.devices.push_back({bytes[d], device.speed.empty() ? 1 : device.speed[d]});
   o.slot_bytes = slot_bytes(*std::min_element(bytes.begin(), bytes.end()));
   if (device.backend->limits().own_memory) {
-    o.copy_threads = std::max(1, context.pool.size() / (2 * device.devices()));
+    o.copy_threads = std::max(1, job.pool.size() / (2 * device.devices()));
     o.pinned_bytes = pinned_bytes(context.options.pinned_memory_bytes);
   }
-  o.interruption = context.pool.interruption();
-  o.pool = &context.pool;
+  o.interruption = job.pool.interruption();
+  o.pool = &job.pool;
   o.rates = out_of_core::PlanningRates(job.plan.options.machine.out_of_core, job.kind, o.pinned_bytes > 0);
   if (!device.backend->limits().own_memory) o.rates.device_solve = o.rates.host_solve;  // it is the host that solves
   return o;
@@ -85,14 +85,12 @@ std::unique_ptr<device::Executor<T>> make_out_of_core(const DeviceChoice& device
 // Of ranks that have a device each, the devices of the first one's machine, once each, as the first one sees them.
 template <class T>
 std::unique_ptr<device::Executor<T>> make_out_of_core_on_first_rank(const DeviceChoice& all, const Job& job,
-                                                                    const Context& context) {
+                                                                    base::ThreadPool& pool, const Context& context) {
   const ranks::Link& link = *context.link;
   DeviceChoice seen = all;
-  Job own = job;
+  Job own{job.plan, job.kind, job.hermitian, job.rule, pool, job.budget, job.timeline, {}, {}, nullptr};
   seen.numbers.clear();
   seen.speed.clear();
-  own.memory_bytes.clear();
-  own.link = nullptr;
   const auto found = static_cast<int>(all.backend->find().names.size());
   for (int r = 0; r < link.size(); ++r) {
     const auto at = static_cast<std::size_t>(r);
@@ -138,7 +136,9 @@ std::unique_ptr<device::Executor<T>> make_executor(const Analysis& analysis, con
                           backend.noun()));
   const auto own = static_cast<std::size_t>(context.link->rank());
   job.memory_bytes = context.link->all_numbers(job.memory_bytes[own]);  // each says what its device may take
-  const auto make = [&] { return make_out_of_core_on_first_rank<T>(device, job, context); };
+  const auto make = [&](base::ThreadPool& pool) {
+    return make_out_of_core_on_first_rank<T>(device, job, pool, context);
+  };
   return make_first_rank_executor<T>(make, analysis.plan.tree.n, context);
 }
 

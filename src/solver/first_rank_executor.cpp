@@ -48,9 +48,9 @@ class FirstRankExecutor final : public device::Executor<T> {
  public:
   using Made = std::unique_ptr<device::Executor<T>>;
 
-  FirstRankExecutor(const std::function<Made()>& make, Index unknowns, const Context& context)
-      : link_(*context.link), pool_(context.pool), unknowns_(unknowns) {
-    ranks::by_first_rank(link_, pool_, [&] { own_ = make(); });
+  FirstRankExecutor(const std::function<Made(base::ThreadPool&)>& make, Index unknowns, const Context& context)
+      : link_(*context.link), pool_(context.pool), threads_(link_, pool_), unknowns_(unknowns) {
+    ranks::by_first_rank(link_, pool_, [&] { own_ = make(threads_.get()); });
     tell_report();
   }
 
@@ -110,6 +110,7 @@ class FirstRankExecutor final : public device::Executor<T> {
 
   ranks::Link& link_;
   base::ThreadPool& pool_;
+  ranks::FirstRankPool threads_;
   Index unknowns_;
   Made own_;  // the first rank's
   std::string name_;
@@ -122,13 +123,14 @@ class FirstRankExecutor final : public device::Executor<T> {
 
 template <class T>
 std::unique_ptr<device::Executor<T>> make_first_rank_executor(
-    const std::function<std::unique_ptr<device::Executor<T>>()>& make, Index unknowns, const Context& context) {
+    const std::function<std::unique_ptr<device::Executor<T>>(base::ThreadPool&)>& make, Index unknowns,
+    const Context& context) {
   return std::make_unique<FirstRankExecutor<T>>(make, unknowns, context);
 }
 
 #define ESPALIER_INSTANTIATE(T)                                           \
   template std::unique_ptr<device::Executor<T>> make_first_rank_executor( \
-      const std::function<std::unique_ptr<device::Executor<T>>()>&, Index, const Context&);
+      const std::function<std::unique_ptr<device::Executor<T>>(base::ThreadPool&)>&, Index, const Context&);
 ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
 #undef ESPALIER_INSTANTIATE
 

@@ -1,8 +1,6 @@
 #include "solver/rank_ordering.hpp"
 
-#include <algorithm>
-#include <optional>
-#include <utility>
+#include <vector>
 
 #include "ranks/first_rank.hpp"
 #include "ranks/packing.hpp"
@@ -24,12 +22,6 @@ void each_part(Tree& t, Use&& use) {
   use(t.rows);
 }
 
-// Of the first rank and those that may use the same cores.
-int threads_of_all(const Context& context) {
-  return std::max(context.pool.size(),
-                  std::min(base::available_cores(), context.link->neighbours() * context.pool.size()));
-}
-
 }  // namespace
 
 AssemblyTree ordered_once(const Context& context, const std::function<AssemblyTree(base::ThreadPool& pool)>& build) {
@@ -37,10 +29,8 @@ AssemblyTree ordered_once(const Context& context, const std::function<AssemblyTr
   ranks::Link& link = *context.link;
   AssemblyTree tree;
   ranks::by_first_rank(link, context.pool, [&] {
-    const int threads = threads_of_all(context);
-    std::optional<base::ThreadPool> more;
-    if (threads > context.pool.size()) more.emplace(threads, context.pool.interruption());
-    tree = build(more ? *more : context.pool);
+    ranks::FirstRankPool threads(link, context.pool);
+    tree = build(threads.get());
   });
   ranks::Packer packer;
   if (link.rank() == 0) each_part(tree, [&](const auto& part) { packer.put(part); });

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "device/registry.hpp"
+#include "espalier/espalier.hpp"
 #include "espalier/nodes.hpp"
 #include "matrix/generators/generate.hpp"
 #include "on_threads.hpp"
@@ -40,6 +41,9 @@ class NarrowBackend final : public device::Backend {
                                       int threads) const override {
     return host().executor_bytes(plan, kind, precision, threads);
   }
+  [[nodiscard]] device::DeviceRates measure(int device) const override {
+    return {device == 0 ? 1.0 : speed_of_others, 1, {}};
+  }
   [[nodiscard]] Offset free_bytes(int) const override { return free; }
   [[nodiscard]] std::unique_ptr<device::Executor<double>> make_executor(const device::Job&,
                                                                         device::Scalar<double>) const override {
@@ -52,6 +56,7 @@ class NarrowBackend final : public device::Backend {
   [[nodiscard]] const out_of_core::Factory* out_of_core() const override { return host().out_of_core(); }
 
   std::vector<std::string> names = {"narrow", "narrow", "narrow"};
+  double speed_of_others = 1;  // of the first one's
   Offset free = 0;
 
  private:
@@ -189,6 +194,38 @@ TEST_F(OutOfCoreRanks, BudgetsAreTheirOwn) {
   }
 }
 
+// Unequal ones get unequal parts, as in one process.
+TEST_F(OutOfCoreRanks, UnequalDevices) {
+  const SparseMatrix a = generated({"elasticity", "7", "6", "6"});
+  narrow_.names = {"narrow", "narrower"};
+  narrow_.free = bytes_of(a, {}, 0.6);
+  const Answer equal = of_one_process(a, {}, "narrow:0,1");
+  narrow_.speed_of_others = 0.3;
+  const Answer truth = of_one_process(a, {}, "narrow:0,1");
+  const auto moved = [](const Answer& r) { return r.factor.devices.at(1).streamed_out_bytes; };
+  ASSERT_LT(moved(truth), moved(equal)) << "speeds do not matter: nothing is tested";
+  for (const Answer& found : of_ranks(a, {}, 2)) {
+    expect_same(found, truth);
+    EXPECT_EQ(moved(found), moved(truth));
+  }
+  narrow_.speed_of_others = 0.1;  // one process leaves it out, ranks cannot
+  std::mutex mutex;
+  std::string log;
+  const auto logged = [&](const Ranks& ranks, Options& o) {
+    if (ranks.rank() != 1) return;
+    o.log = [&](const std::string& line) {
+      const std::lock_guard lock(mutex);
+      log += line;
+    };
+  };
+  for (const Answer& found : of_ranks(a, {}, 2, {}, logged)) {
+    EXPECT_LE(found.solve.backward_error, 1e-14);
+    EXPECT_EQ(found.factor.devices.size(), 2U);
+  }
+  EXPECT_NE(log.find("rank 1 on host"), std::string::npos) << log;
+  EXPECT_NE(log.find("10 % of the speed of the fastest"), std::string::npos) << log;
+}
+
 // Below what streaming needs: the same error on all ranks. Where the choice was ours, their hosts take over.
 TEST_F(OutOfCoreRanks, TooLittleForAnything) {
   const SparseMatrix a = generated({"elasticity", "5", "4", "4"});
@@ -219,6 +256,48 @@ TEST_F(OutOfCoreRanks, TheFirstOneSeesFewerDevices) {
   for (const Answer& found : of_ranks(a, {}, 2, {}, alone)) {
     EXPECT_LE(found.solve.backward_error, 1e-14);
     EXPECT_EQ(found.factor.devices.size(), 1U);
+  }
+}
+
+// The truth on GPUs is one process with both of them.
+TEST(OutOfCoreRanksOnGpus, HaveTheBitsOfOneProcess) {
+  const device::Backend* gpu = device::registry().find("gpu");
+  const std::size_t gpus = gpu == nullptr ? 0 : gpu->find().names.size();
+  if (gpus < 2) GTEST_SKIP() << "two GPUs are needed, " << gpus << " can be used";
+  for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{
+           {"elasticity", "20", "16", "16"}, {"kkt", "3", "12", "8", "8"}, {"gyroscopic", "14", "12", "12"}}) {
+    SCOPED_TRACE(words.front());
+    const SparseMatrix a = generated(words);
+    Options options;
+    options.device = "gpu:0,1";
+    Solver in_core(options);
+    ASSERT_TRUE(in_core.analyze(a).status.ok());
+    const FactorResult whole = in_core.factorize(a);
+    ASSERT_TRUE(whole.status.ok()) << whole.status.message;
+    options.device_memory_bytes = whole.devices.at(0).peak_bytes / 2;
+    const std::vector<double> b = reference::random_vector(a.rows, 5);
+    std::vector<double> x(b.size());
+    Solver alone(options);
+    ASSERT_TRUE(alone.analyze(a).status.ok());
+    const FactorResult truth = alone.factorize(a);
+    ASSERT_TRUE(truth.status.ok()) << truth.status.message;
+    ASSERT_GT(truth.devices.at(0).streamed_out_bytes, 0);
+    ASSERT_TRUE(alone.solve(b, x).status.ok());
+    on_threads(2, {}, [&](const Ranks& ranks) {
+      Solver solver(ranks, options);
+      ASSERT_TRUE(solver.analyze(a).status.ok());
+      const FactorResult found = solver.factorize(a);
+      ASSERT_TRUE(found.status.ok()) << found.status.message;
+      EXPECT_EQ(found.determinant_log, truth.determinant_log);
+      EXPECT_EQ(found.inertia.negative, truth.inertia.negative);
+      ASSERT_EQ(found.devices.size(), 2U);
+      EXPECT_GT(found.devices[0].streamed_out_bytes, 0);
+      std::vector<double> y(b.size());
+      EXPECT_TRUE(solver.solve(b, y).status.ok());
+      if (ranks.rank() == 0) {
+        EXPECT_TRUE(same_bits(y, x));
+      }
+    });
   }
 }
 
