@@ -259,6 +259,11 @@ int espalier_condition_estimate(espalier_solver* solver, double* estimate);
 struct espalier_rank_functions;
 int espalier_use_ranks(espalier_solver* solver, const struct espalier_rank_functions* functions, double patience);
 
+/** What ranks take for one machine: 0: those of a host, which reach the memory of each other's GPUs; 1: each rank is
+ * one of its own, and what GPUs make goes by messages. Between espalier_use_ranks and the first analysis, the same on
+ * all ranks; not collective. */
+int espalier_set_nodes(espalier_solver* solver, int each_process);
+
 /** Rows first_row, first_row + 1, ... of a matrix of n rows and columns, with the columns of the whole matrix. Rows
  * that several ranks have and entries that come twice are summed, in the order of ranks. */
 typedef struct espalier_local_rows_i32 {

@@ -7,6 +7,7 @@
 namespace espalier::python {
 
 void bind_solver(nanobind::module_& m);
+void bind_rank_solver(nanobind::module_& m);
 void bind_simulation(nanobind::module_& m);
 void bind_dae(nanobind::module_& m);
 void bind_modes(nanobind::module_& m);

@@ -26,6 +26,7 @@ NB_MODULE(_core, m) {
     }
   });
   espalier::python::bind_solver(m);
+  espalier::python::bind_rank_solver(m);
   espalier::python::bind_simulation(m);
   espalier::python::bind_dae(m);
   espalier::python::bind_modes(m);

@@ -12,6 +12,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "device/registry.hpp"
+#include "fields.hpp"
 #include "solver/build_info.hpp"
 #include "solver/option_text.hpp"
 #include "solver/transposed_text.hpp"
@@ -25,17 +26,18 @@ using namespace nb::literals;
 
 std::string text(std::string_view view) { return std::string(view); }
 
-// Fields in the order of the dataclass in _results.py.
-nb::tuple fields(const AnalysisResult& r) {
-  return nb::make_tuple(text(solver::name_of(r.kind)), r.seconds, r.matching_seconds, r.ordering_seconds,
-                        r.plan_seconds, r.nonzeros_factor, r.flops, r.fronts, r.tiers, r.largest_front,
-                        r.predicted_bytes, r.predicted_seconds, r.device);
-}
-
 // Vectors of n numbers; complex ones as pairs of doubles, which Python takes for what they are.
 nb::object vectors(const std::vector<double>& all, std::size_t doubles) {
   if (all.empty() || doubles == 0) return nb::none();
   return array_of(all, {all.size() / doubles, doubles});
+}
+
+}  // namespace
+
+nb::tuple fields(const AnalysisResult& r) {
+  return nb::make_tuple(text(solver::name_of(r.kind)), r.seconds, r.matching_seconds, r.ordering_seconds,
+                        r.plan_seconds, r.nonzeros_factor, r.flops, r.fronts, r.tiers, r.largest_front,
+                        r.predicted_bytes, r.predicted_seconds, r.device);
 }
 
 nb::tuple fields(const AnyFactor& factor, bool transposed, Index n) {
@@ -56,6 +58,8 @@ nb::tuple fields(const AnyFactor& factor, bool transposed, Index n) {
 nb::tuple fields(const SolveResult& r) {
   return nb::make_tuple(r.seconds, r.solve_seconds, r.refinement_steps, r.backward_error, r.componentwise_error);
 }
+
+namespace {
 
 Shape shape_of(const Pointers& pointers, bool by_rows, int storage, bool complex) {
   return {static_cast<Index>(pointers.size()) - 1, by_rows, static_cast<Storage>(storage), complex};

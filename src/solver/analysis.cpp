@@ -16,6 +16,7 @@
 #include "solver/analysis_file.hpp"
 #include "solver/option_text.hpp"
 #include "solver/precision_choice.hpp"
+#include "solver/rank_ordering.hpp"
 
 namespace espalier::solver {
 
@@ -201,9 +202,10 @@ analysis::AssemblyTree order(Draft& draft, const Context& context) {
   options.permutation = context.options.permutation;
   options.pair = p.pair;
   options.zero_diagonal = p.zero_diagonal;
-  analysis::TreeStatistics statistics;
-  const analysis::Graph graph = analysis::graph_of(p.a, context.pool, p.row_of_col, draft.system.rows.get());
-  analysis::AssemblyTree tree = analysis::build_tree(graph, options, context.pool, &statistics);
+  analysis::AssemblyTree tree = ordered_once(context, [&](base::ThreadPool& pool) {
+    const analysis::Graph graph = analysis::graph_of(p.a, pool, p.row_of_col, draft.system.rows.get());
+    return analysis::build_tree(graph, options, pool);
+  });
   draft.result.ordering_seconds = base::now_seconds() - start;
   return tree;
 }

@@ -4,6 +4,7 @@
 #include <limits>
 #include <vector>
 
+#include "espalier/nodes.hpp"
 #include "espalier/ranks.h"
 #include "solver/c_handle.hpp"
 #include "solver/c_results.hpp"
@@ -80,6 +81,16 @@ int espalier_use_ranks(espalier_solver* solver, const espalier_rank_functions* f
     espalier::solver::require(functions != nullptr, "the table of functions is null");
     s.solver.reset();
     s.ranks = espalier::Ranks(*functions, patience == 0 ? espalier::Ranks::kPatience : patience);
+    return espalier::Status{};
+  });
+}
+
+int espalier_set_nodes(espalier_solver* solver, int each_process) {
+  return espalier::solver::guarded(solver, [&](espalier_solver& s) {
+    espalier::solver::require(s.ranks.link() != nullptr, "call espalier_use_ranks first");
+    espalier::solver::require(!s.solver, "the ranks have a solver already: call it before the first analysis");
+    espalier::solver::require(each_process == 0 || each_process == 1, "each_process must be 0 or 1");
+    espalier::set_nodes(s.ranks, each_process == 1 ? espalier::Nodes::process : espalier::Nodes::host);
     return espalier::Status{};
   });
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <span>
 
 #include "solver/device_text.hpp"
 #include "solver/real_form.hpp"
@@ -157,6 +158,43 @@ DeviceChoice choice_of_ranks(const device::Backend& backend, const std::vector<s
   return choice;
 }
 
+constexpr double kSlow = 0.25;  // a device below this part of the fastest makes its blocks of the top too late for all
+
+// Rounded, so that equal devices get equal parts in every run.
+double rounded_speed(double flops, double best) {
+  constexpr double kSteps = 8;
+  return std::max(1.0, std::round(kSteps * flops / best)) / kSteps;
+}
+
+// How fast the devices of ranks are, where they are not all of one kind: each rank measures its own. None can be left
+// out. Collective.
+void measure_unequal(DeviceChoice& choice, ranks::Link& link) {
+  const int number = choice.numbers[static_cast<std::size_t>(link.rank())];
+  std::string mine;
+  link.expect_all([&] { mine = choice.backend->find().names.at(static_cast<std::size_t>(number)); });
+  const auto names = link.all_gather(std::as_bytes(std::span(mine)));
+  if (std::count(names.begin(), names.end(), names.front()) == link.size()) return;
+  double flops = 0;
+  link.expect_all([&] {
+    choice.backend->open({number});
+    const device::DeviceRates rates = choice.backend->measure(number);
+    if (!rates.refused.empty() || !(rates.flops > 0))
+      throw Error(StatusCode::device_error,
+                  fmt::format("its {} {} cannot be used: {}", choice.backend->noun(), number, rates.refused));
+    flops = rates.flops;
+  });
+  std::vector<double> all;
+  for (const auto& of_rank : link.all_gather_of(std::span<const double>(&flops, 1))) all.push_back(of_rank.at(0));
+  const double best = *std::max_element(all.begin(), all.end());
+  for (std::size_t r = 0; r < all.size(); ++r) {
+    choice.speed.push_back(rounded_speed(all[r], best));
+    if (all[r] < kSlow * best)
+      choice.notice += fmt::format("{}the {} of {} has {:.0f} % of the speed of the fastest: the others wait for it",
+                                   choice.notice.empty() ? "" : "; ", choice.backend->noun(),
+                                   link.name_of(static_cast<int>(r)), 100 * all[r] / best);
+  }
+}
+
 // A device for each rank where all are on one machine that has enough, and the machine model expects them to be faster
 // than the hosts. Rank 0 decides. Collective.
 DeviceChoice automatic_of_ranks(const device::Registry& registry, const analysis::AssemblyTree& tree,
@@ -176,6 +214,7 @@ DeviceChoice automatic_of_ranks(const device::Registry& registry, const analysis
     DeviceChoice choice =
         choice_of_ranks(*backend, numbers, fmt::format("predicted {:.2g} s, {:.2g} s on the hosts", seconds, on_hosts));
     choice.ours = true;
+    measure_unequal(choice, link);
     return choice;
   }
   return hosts;
@@ -206,9 +245,6 @@ int fastest_count(const device::PredictedTime& time, int most) {
 }
 
 DeviceChoice leave_out(DeviceChoice choice, const std::vector<device::DeviceRates>& rates) {
-  constexpr double kSlow =
-      0.25;  // a device below this part of the fastest makes its blocks of the top too late for all
-  constexpr double kSteps = 8;
   double best = 0, copy = 0;
   for (const auto& r : rates) {
     if (!r.refused.empty()) continue;
@@ -228,7 +264,7 @@ DeviceChoice leave_out(DeviceChoice choice, const std::vector<device::DeviceRate
     }
     kept.numbers.push_back(choice.numbers[k]);
     kept.places.push_back(k);
-    kept.speed.push_back(std::round(kSteps * speed) / kSteps);
+    kept.speed.push_back(rounded_speed(rates[k].flops, best));
   }
   kept.reason += fmt::format("; measured {:.1f} TFLOP/s and {:.1f} TB/s on the fastest", 1e-12 * best, 1e-12 * copy);
   if (kept.numbers.empty())
@@ -302,7 +338,9 @@ DeviceChoice device_of_ranks(const Options& options, const device::Registry& reg
   if (link.size() > backend->limits().most_devices)
     throw Error(StatusCode::invalid_input, fmt::format("at most {} ranks can share a factorization on {}s",
                                                        backend->limits().most_devices, backend->noun()));
-  return choice_of_ranks(*backend, numbers, "asked for");
+  DeviceChoice choice = choice_of_ranks(*backend, numbers, "asked for");
+  measure_unequal(choice, link);
+  return choice;
 }
 
 std::optional<DeviceChoice> take_over(const DeviceChoice& failed, const std::string& why,

@@ -1,5 +1,6 @@
 #include "solver/executor_choice.hpp"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -7,6 +8,7 @@
 
 #include "out_of_core/executor.hpp"
 #include "out_of_core/factory.hpp"
+#include "solver/first_rank_executor.hpp"
 
 namespace espalier::solver {
 
@@ -44,19 +46,18 @@ std::vector<Offset> device_bytes(const Backend& backend, const Job& job, Offset 
   return list;
 }
 
-out_of_core::OutOfCoreOptions out_of_core_options(const Analysis& analysis, const Job& job,
+out_of_core::OutOfCoreOptions out_of_core_options(const DeviceChoice& device, const Job& job,
                                                   const std::vector<Offset>& bytes, const Context& context) {
-  const DeviceChoice& device = analysis.device;
   out_of_core::OutOfCoreOptions o;
   for (std::size_t d = 0; d < bytes.size(); ++d)
     o.devices.push_back({bytes[d], device.speed.empty() ? 1 : device.speed[d]});
   o.slot_bytes = slot_bytes(*std::min_element(bytes.begin(), bytes.end()));
   if (device.backend->limits().own_memory) {
-    o.copy_threads = std::max(1, context.pool.size() / (2 * device.devices()));
+    o.copy_threads = std::max(1, job.pool.size() / (2 * device.devices()));
     o.pinned_bytes = pinned_bytes(context.options.pinned_memory_bytes);
   }
-  o.interruption = context.pool.interruption();
-  o.pool = &context.pool;
+  o.interruption = job.pool.interruption();
+  o.pool = &job.pool;
   o.rates = out_of_core::PlanningRates(job.plan.options.machine.out_of_core, job.kind, o.pinned_bytes > 0);
   if (!device.backend->limits().own_memory) o.rates.device_solve = o.rates.host_solve;  // it is the host that solves
   return o;
@@ -64,21 +65,44 @@ out_of_core::OutOfCoreOptions out_of_core_options(const Analysis& analysis, cons
 
 // When others take memory of a device in between, with less of it.
 template <class T>
-std::unique_ptr<device::Executor<T>> make_out_of_core(const Analysis& analysis, const Job& job,
+std::unique_ptr<device::Executor<T>> make_out_of_core(const DeviceChoice& device, const Job& job,
                                                       const Context& context) {
-  const Backend& backend = *analysis.device.backend;
+  const Backend& backend = *device.backend;
   const int attempts = backend.limits().own_memory ? 4 : 1;
-  const Offset need = analysis.plan.memory.size * static_cast<Offset>(sizeof(T));
+  const Offset need = job.plan.memory.size * static_cast<Offset>(sizeof(T));
   for (int attempt = 0;; ++attempt) {
     const std::vector<Offset> bytes = device_bytes(backend, job, need, attempt);
     try {
-      auto options = out_of_core_options(analysis, job, bytes, context);
+      auto options = out_of_core_options(device, job, bytes, context);
       return out_of_core::make_out_of_core_executor<T>(backend.out_of_core()->make(job, device::Scalar<T>()), options,
                                                        job.budget);
     } catch (const out_of_core::AllocationRefused&) {
       if (attempt + 1 == attempts) throw;
     }
   }
+}
+
+// Of ranks that have a device each, the devices of the first one's machine, once each, as the first one sees them.
+template <class T>
+std::unique_ptr<device::Executor<T>> make_out_of_core_on_first_rank(const DeviceChoice& all, const Job& job,
+                                                                    base::ThreadPool& pool, const Context& context) {
+  const ranks::Link& link = *context.link;
+  DeviceChoice seen = all;
+  Job own{job.plan, job.kind, job.hermitian, job.rule, pool, job.budget, job.timeline, {}, {}, nullptr};
+  seen.numbers.clear();
+  seen.speed.clear();
+  const auto found = static_cast<int>(all.backend->find().names.size());
+  for (int r = 0; r < link.size(); ++r) {
+    const auto at = static_cast<std::size_t>(r);
+    const int number = all.numbers[at];
+    const bool known = std::find(seen.numbers.begin(), seen.numbers.end(), number) != seen.numbers.end();
+    if (known || number >= found || link.machine_of(r) != link.machine_of(0)) continue;
+    seen.numbers.push_back(number);
+    if (!all.speed.empty()) seen.speed.push_back(all.speed[at]);
+    own.memory_bytes.push_back(job.memory_bytes[at]);
+  }
+  own.devices = seen.numbers;
+  return make_out_of_core<T>(seen, own, context);
 }
 
 }  // namespace
@@ -104,11 +128,19 @@ std::unique_ptr<device::Executor<T>> make_executor(const Analysis& analysis, con
     return backend.make_executor(job, device::Scalar<T>());
   } catch (const Error& e) {
     if (e.status().code != StatusCode::out_of_memory) throw;
-    if (analysis.device.one_a_rank) throw;     // ranks share devices in core alone
     if (analysis.plan.tree.border > 0) throw;  // out of core, what is left for it is not kept
     if (backend.out_of_core() == nullptr || (!backend.limits().own_memory && !budgeted)) throw;
   }
-  return make_out_of_core<T>(analysis, job, context);
+  const DeviceChoice& device = analysis.device;
+  if (!device.one_a_rank) return make_out_of_core<T>(device, job, context);
+  context.log(fmt::format("the {}s of the ranks lack memory: the first rank works out of core on those it sees",
+                          backend.noun()));
+  const auto own = static_cast<std::size_t>(context.link->rank());
+  job.memory_bytes = context.link->all_numbers(job.memory_bytes[own]);  // each says what its device may take
+  const auto make = [&](base::ThreadPool& pool) {
+    return make_out_of_core_on_first_rank<T>(device, job, pool, context);
+  };
+  return make_first_rank_executor<T>(make, analysis.plan.tree.n, context);
 }
 
 #define ESPALIER_INSTANTIATE(T)                                                                          \

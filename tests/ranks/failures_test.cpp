@@ -76,6 +76,67 @@ TEST(RankFailures, DeathAtAnyMessage) {
   }
 }
 
+// The same where each rank has a part of the entries and of the values, and with an analysis that is saved and loaded.
+Status life_in_parts(const Ranks& ranks, const SparseMatrix& a, const std::string& path) {
+  std::vector<Index> row, col;
+  std::vector<double> values;
+  for (Index c = 0; c < a.cols; ++c)
+    for (auto k = static_cast<std::size_t>(a.col_ptr[c]); k < static_cast<std::size_t>(a.col_ptr[c + 1]); ++k) {
+      if (static_cast<int>(k % static_cast<std::size_t>(ranks.size())) != ranks.rank()) continue;
+      row.push_back(a.row_ind[k]);
+      col.push_back(c);
+      values.push_back(a.values[k]);
+    }
+  Options o;
+  o.threads = 1;
+  Solver solver(ranks, o);
+  if (Status s = solver.analyze(LocalEntries{a.rows, row, col, values, a.storage}).status; !s.ok()) return s;
+  if (Status s = solver.save_analysis(path); !s.ok()) return s;
+  for (int k = 0; k < 2; ++k) {
+    if (Status s = solver.refactorize(values).status; !s.ok()) return s;
+    std::vector<double> x(ranks.rank() == 0 ? static_cast<std::size_t>(a.rows) : 0, 1.0);
+    if (Status s = solver.solve(x, x).status; !s.ok()) return s;
+  }
+  if (Status s = solver.load_analysis(path, a).status; !s.ok()) return s;
+  return solver.factorize(a).status;
+}
+
+TEST(RankFailures, DeathInPartsAndWithASavedAnalysis) {
+  const SparseMatrix a = system_of("lu");
+  const std::string path = testing::TempDir() + "espalier_ranks_that_die";
+  int dead = 0;
+  for (const int victim : {0, 2})
+    for (const std::int64_t at : {7, 19, 33, 50, 80, 110, 140}) {
+      SCOPED_TRACE("rank " + std::to_string(victim) + " dies at message " + std::to_string(at));
+      Faults faults;
+      faults.dead_rank = victim;
+      faults.dies_at = at;
+      faults.deaths_are_told = at % 2 == 0;
+      std::vector<Status> ends(3);
+      const ThreadRanks shared(3, faults);
+      std::vector<std::thread> threads;
+      for (int r = 0; r < 3; ++r)
+        threads.emplace_back([&, r] {
+          Status& end = ends[static_cast<std::size_t>(r)];
+          try {
+            end = life_in_parts(Ranks(shared.table(r), 0.25), a, path);
+          } catch (const Error& e) {  // in the first exchange
+            end = e.status();
+          }
+        });
+      for (std::thread& t : threads) t.join();
+      if (ends[static_cast<std::size_t>(victim)].ok()) continue;  // it lived through all of it
+      ++dead;
+      for (int r = 0; r < 3; ++r) {
+        if (r == victim) continue;
+        const Status& end = ends[static_cast<std::size_t>(r)];
+        EXPECT_EQ(end.code, StatusCode::device_error);
+        EXPECT_NE(end.message.find("rank " + std::to_string(victim)), std::string::npos) << end.message;
+      }
+    }
+  EXPECT_GE(dead, 8);
+}
+
 // After a loss every call says the same, at once.
 TEST(RankFailures, NothingWorksAfterALoss) {
   const SparseMatrix a = system_of("llt");
@@ -157,6 +218,29 @@ TEST(RankFailures, RightHandSidesOfOneRank) {
   }
   EXPECT_GE(solved, 4);
   EXPECT_GE(refused, 1);
+}
+
+// A rank that cannot read what all others can: the saved analysis of another matrix, or none.
+TEST(RankFailures, ASavedAnalysisThatOneRankLacks) {
+  const SparseMatrix a = system_of("llt");
+  const std::string path = testing::TempDir() + "espalier_ranks_analysis_of_two";
+  on_threads(3, {}, [&](const Ranks& ranks) {
+    ASSERT_TRUE(life_in_parts(ranks, a, path).ok());
+    Options o;
+    o.threads = 1;
+    Solver solver(ranks, o);
+    const Status lacks = solver.load_analysis(ranks.rank() == 2 ? path + "_not_there" : path, a).status;
+    EXPECT_EQ(lacks.code, StatusCode::invalid_input);
+    EXPECT_NE(lacks.message.find("rank 2"), std::string::npos) << lacks.message;
+    o.host_memory_bytes = ranks.rank() == 1 ? 1000 : 0;
+    Solver poor(ranks, o);
+    ASSERT_TRUE(poor.load_analysis(path, a).status.ok());
+    const Status refused = poor.factorize(a).status;
+    EXPECT_EQ(refused.code, StatusCode::out_of_memory);
+    EXPECT_NE(refused.message.find("rank 1"), std::string::npos) << refused.message;
+    ASSERT_TRUE(solver.load_analysis(path, a).status.ok());
+    EXPECT_TRUE(solver.factorize(a).status.ok());
+  });
 }
 
 TEST(RankFailures, InterruptedOnOneRank) {

@@ -263,6 +263,25 @@ TEST(SolverRanks, TinyMatrices) {
   expect_bits_of_one({reference::from_triples(3, {{0, 0, 1}, {1, 1, 2}, {2, 2, 3}}, Storage::symmetric_lower), o}, {5});
 }
 
+// One rank orders, and all have its tree: what the others would make of it is not looked at.
+TEST(SolverRanks, OneRankOrdersForAll) {
+  Wanted w{generated({"elasticity", "5", "4", "4"}), {}};
+  for (Index k = 0; k < w.a.rows; ++k) w.options.permutation.push_back(w.a.rows - 1 - k);
+  const Answer truth = of_one_process(w);
+  on_threads(3, {}, [&](const Ranks& ranks) {
+    Wanted mine = w;
+    mine.options.threads = 1;
+    if (ranks.rank() != 0) mine.options.permutation = {0};
+    Solver solver(ranks, mine.options);
+    expect_same(answer_of(solver, mine), truth, ranks.rank() == 0);
+    mine.options.permutation = ranks.rank() == 0 ? std::vector<Index>{0} : w.options.permutation;
+    Solver wrong(ranks, mine.options);
+    const Status status = wrong.analyze(mine.a).status;
+    EXPECT_EQ(status.code, StatusCode::invalid_input);
+    EXPECT_NE(status.message.find("rank 0"), std::string::npos) << status.message;
+  });
+}
+
 // Each rank has a part of the plan; a saved analysis is whole, whoever wrote it, and serves any number of ranks.
 TEST(SolverRanks, SavedAnalyses) {
   const SparseMatrix a = generated({"kkt", "2", "6", "4", "4"});
