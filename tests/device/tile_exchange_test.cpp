@@ -22,6 +22,7 @@
 #include "analysis/ordering.hpp"
 #include "cuda_plan_flags.hpp"
 #include "device/cuda/kernels/factor_parameters.hpp"
+#include "device/cuda/tables/copy_thread.hpp"
 #include "matrix/generators/generate.hpp"
 #include "ranks/thread_ranks.hpp"
 
@@ -29,6 +30,7 @@ namespace espalier {
 namespace {
 
 using device::cuda::CopyQueues;
+using device::cuda::CopyThread;
 using device::cuda::DevicePlan;
 using device::cuda::FactorTask;
 using device::cuda::Front;
@@ -42,11 +44,14 @@ using device::cuda::Work;
 
 constexpr Index kMostPass = 8;
 
-// Copies are made some looks after they were begun, and in their order.
+// Copies are made some looks after they were begun, and in their order. A rectangle without a host fails.
 class SlowQueues final : public CopyQueues {
  public:
   explicit SlowQueues(unsigned seed) : draw_(seed) {}
-  void copy(Way way, const Rectangle& what) override { queue(way).push_back({what, false, 0}); }
+  void copy(Way way, const Rectangle& what) override {
+    if (what.host == nullptr) throw Error(StatusCode::device_error, "no copy");
+    queue(way).push_back({what, false, 0});
+  }
   std::uint64_t mark(Way way) override {
     queue(way).push_back({{}, true, next_});
     return next_++;
@@ -114,10 +119,12 @@ class Machine {
       : s_(system),
         link_(functions, patience),
         queues_(static_cast<unsigned>(functions.rank) + 1),
+        thread_(queues_, [] {}),
         draw_(static_cast<unsigned>(functions.rank) + 11),
         messages_(s_.plan, s_.kind, s_.tables) {
     link_.set_machines(1);
-    exchange_.emplace(link_, s_.plan, s_.kind, s_.tables, queues_);
+    exchange_.emplace(link_, ranks::Machines::agreed(link_), s_.plan, s_.kind, s_.tables,
+                      rank() % 2 == 0 ? static_cast<CopyQueues&>(thread_) : queues_);
     const auto flags = 2 * static_cast<std::size_t>(s_.tables.flags);
     top_.resize(static_cast<std::size_t>(s_.tables.regions[0]));
     pivots_.resize(3 * static_cast<std::size_t>(s_.plan.tree.n));
@@ -184,6 +191,27 @@ class Machine {
         for (std::int64_t at = u.rows * pass; at < (u.rows + u.below) * pass; ++at)
           ASSERT_EQ(updates_[static_cast<std::size_t>(at)], number(r, at)) << "rank " << rank() << " from " << r;
       }
+    (void)link_.all_numbers(1);
+  }
+
+  // Rank 1 has nothing, the others more than a slot holds, and not whole numbers of them.
+  void share(int run) {
+    std::vector<TileExchange<double>::Range> ranges;
+    std::int64_t all = 0;
+    for (int r = 0; r < link_.size(); ++r) {
+      ranges.push_back({all, r == 1 ? 0 : 5 * exchange_->largest_part() + 8 * r + 3});
+      all += ranges.back().count;
+    }
+    std::vector<std::byte> array(static_cast<std::size_t>(all));
+    const auto number_of = [&](int r, std::int64_t at) { return static_cast<std::byte>((at * 7 + r + run) % 251); };
+    const auto& mine = ranges[static_cast<std::size_t>(rank())];
+    for (std::int64_t k = mine.first; k < mine.first + mine.count; ++k)
+      array[static_cast<std::size_t>(k)] = number_of(rank(), k);
+    exchange_->share(array.data(), ranges);
+    for (int r = 0; r < link_.size(); ++r)
+      for (std::int64_t k = ranges[static_cast<std::size_t>(r)].first, left = ranges[static_cast<std::size_t>(r)].count;
+           left > 0; ++k, --left)
+        ASSERT_EQ(array[static_cast<std::size_t>(k)], number_of(r, k)) << "rank " << rank() << " from " << r;
     (void)link_.all_numbers(1);
   }
 
@@ -260,6 +288,7 @@ class Machine {
   const System& s_;
   ranks::Link link_;
   SlowQueues queues_;
+  CopyThread thread_;
   std::mt19937 draw_;
   TileMessages messages_;
   std::optional<TileExchange<double>> exchange_;
@@ -301,8 +330,10 @@ std::vector<Status> on_machines(const System& system, const ranks::Faults& fault
 void expect_exchange(const System& system, const ranks::Faults& faults, std::size_t slots) {
   const auto ends = on_machines(system, faults, 60, slots, [](Machine& machine) {
     machine.factorize(1);
+    machine.share(1);
     machine.solve(1, 1);
     machine.solve(2, kMostPass);
+    machine.share(2);
     machine.factorize(2);
   });
   for (const Status& end : ends) EXPECT_TRUE(end.ok()) << end.message;
@@ -339,6 +370,53 @@ TEST(TileExchange, ARankThatDiesIsNamedByAllOthers) {
     EXPECT_NE(ends[static_cast<std::size_t>(survivor)].message.find("rank 1 on host"), std::string::npos)
         << ends[static_cast<std::size_t>(survivor)].message;
   }
+}
+
+// A rank dies while values go around: all others say so, and their copies have ended.
+TEST(TileExchange, ARankThatDiesBetweenValues) {
+  const System system({"elasticity", "7", "6", "6"}, Kind::llt, 3);
+  ranks::Faults faults;
+  faults.dead_rank = 0;
+  faults.dies_at = 20;
+  const auto ends = on_machines(system, faults, 0.3, 64, [](Machine& machine) {
+    for (int run = 1; run < 20; ++run) machine.share(run);
+  });
+  for (const int survivor : {1, 2}) {
+    EXPECT_EQ(ends[static_cast<std::size_t>(survivor)].code, StatusCode::device_error);
+    EXPECT_NE(ends[static_cast<std::size_t>(survivor)].message.find("rank 0 on host"), std::string::npos)
+        << ends[static_cast<std::size_t>(survivor)].message;
+  }
+}
+
+TEST(TileExchange, KernelsWaitLongerThanTheLink) {
+  EXPECT_GT(device::cuda::patience_of_kernels(0.5), 0.5);
+  EXPECT_GT(device::cuda::patience_of_kernels(300), 300);
+  EXPECT_LT(device::cuda::patience_of_kernels(1e300), 9e9);  // nanoseconds fit into 64 bits
+}
+
+// Commands in their order, marks by way, and a failure that the next look tells.
+TEST(CopyThread, CopiesInOrderAndTellsFailures) {
+  SlowQueues slow(3);
+  bool begun = false;
+  CopyThread copies(slow, [&] { begun = true; });
+  std::vector<std::byte> from(64), host(64), to(64);
+  for (int run = 1; run < 200; ++run) {
+    std::fill(from.begin(), from.end(), static_cast<std::byte>(run));
+    copies.copy(Way::to_host, {host.data(), from.data(), 64, 64, 1});
+    const std::uint64_t out = copies.mark(Way::to_host);
+    while (!copies.is_done(out)) std::this_thread::yield();
+    copies.copy(Way::to_device, {host.data(), to.data(), 16, 16, 4});
+    const std::uint64_t in = copies.mark(Way::to_device);
+    EXPECT_NE(in, out);
+    while (!copies.is_done(in)) std::this_thread::yield();
+    ASSERT_EQ(to, from);
+    if (run % 50 != 0) continue;
+    copies.copy(Way::to_host, {nullptr, nullptr, 0, 0, 0});
+    const std::uint64_t failed = copies.mark(Way::to_host);
+    EXPECT_THROW(while (!copies.is_done(failed)) std::this_thread::yield(), Error);
+    copies.finish();
+  }
+  EXPECT_TRUE(begun);
 }
 
 TEST(TileExchange, KernelsThatGiveUpEndTheCallOnAllRanks) {
