@@ -11,6 +11,7 @@
 #include <cstring>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -300,9 +301,13 @@ class Machine {
   int run_ = 0;
 };
 
+using Table = espalier_rank_functions;
+
 // body(machine) on every rank. @returns how the calls have ended, by rank
-std::vector<Status> on_machines(const System& system, const ranks::Faults& faults, double patience, std::size_t slots,
-                                const std::function<void(Machine&)>& body) {
+std::vector<Status> on_machines(
+    const System& system, const ranks::Faults& faults, double patience, std::size_t slots,
+    const std::function<void(Machine&)>& body,
+    const std::function<Table(const Table&)>& around = [](const Table& table) { return table; }) {
   const ranks::ThreadRanks shared(system.ranks, faults);
   std::vector<Status> ends(static_cast<std::size_t>(system.ranks));
   std::vector<std::thread> threads;
@@ -310,7 +315,7 @@ std::vector<Status> on_machines(const System& system, const ranks::Faults& fault
     threads.emplace_back([&, r] {
       Status& end = ends[static_cast<std::size_t>(r)];
       try {
-        Machine machine(system, shared.table(r), patience, slots);
+        Machine machine(system, around(shared.table(r)), patience, slots);
         machine.link().begin_call();
         try {
           body(machine);
@@ -326,6 +331,78 @@ std::vector<Status> on_machines(const System& system, const ranks::Faults& fault
   for (std::thread& t : threads) t.join();
   return ends;
 }
+
+// Sends of row blocks of tiles end late. most(): how many messages were open to all of `receivers` ranks, and had been
+// so for some time, when another one began.
+class LateSends {
+ public:
+  LateSends(const Table& inner, const TileMessages& messages, std::size_t receivers)
+      : inner_(inner), messages_(messages), receivers_(receivers) {}
+  [[nodiscard]] std::size_t most() const { return most_; }
+  Table table() {
+    Table t = inner_;
+    t.context = this;
+    t.send = [](void* c, const void* data, std::size_t bytes, std::int32_t to, void** request) {
+      return of(c).send(data, bytes, to, request);
+    };
+    t.test = [](void* c, void** request, std::int32_t* done) { return of(c).test(request, done); };
+    t.probe = [](void* c, std::int32_t* from, std::size_t* bytes) {
+      return of(c).inner_.probe(of(c).inner_.context, from, bytes);
+    };
+    t.receive = [](void* c, void* data, std::size_t bytes, std::int32_t from, void** request) {
+      return of(c).inner_.receive(of(c).inner_.context, data, bytes, from, request);
+    };
+    t.dead_rank = nullptr;
+    t.release = [](void* c) { of(c).inner_.release(of(c).inner_.context); };
+    return t;
+  }
+
+ private:
+  struct Open {
+    void* request = nullptr;        // of the inner table
+    const void* message = nullptr;  // null: none of those
+    int looks = 0;                  // for which it stays open
+  };
+  static constexpr int kLooks = 1500, kCopy = 500;  // what was begun before the copy for the next message
+
+  static LateSends& of(void* context) { return *static_cast<LateSends*>(context); }
+  int send(const void* data, std::size_t bytes, std::int32_t to, void** request) {
+    auto open = std::make_unique<Open>();
+    const int error = inner_.send(inner_.context, data, bytes, to, &open->request);
+    ranks::Header header;
+    std::memcpy(&header, data, sizeof header);
+    if (error == 0 && header.kind == 1 &&
+        messages_.tiles(inner_.rank).at(static_cast<std::size_t>(header.number)).task.work == Work::block) {
+      open->looks = kLooks;
+      open->message = data;
+      std::map<const void*, std::size_t> old;  // receivers by message
+      for (const auto& other : opened_)
+        if (other->message != nullptr && other->looks < kLooks - kCopy) ++old[other->message];
+      const auto whole = std::count_if(old.begin(), old.end(), [&](const auto& m) { return m.second == receivers_; });
+      most_ = std::max(most_, static_cast<std::size_t>(whole));
+    }
+    *request = open.get();
+    opened_.push_back(std::move(open));
+    return error;
+  }
+  int test(void** request, std::int32_t* done) {
+    const auto found =
+        std::find_if(opened_.begin(), opened_.end(), [&](const auto& open) { return open.get() == *request; });
+    if (found == opened_.end()) return inner_.test(inner_.context, request, done);  // a receipt
+    *done = 0;
+    if (--(*found)->looks > 0) return 0;
+    const int error = inner_.test(inner_.context, &(*found)->request, done);
+    if (*done == 0) return error;
+    opened_.erase(found);
+    *request = nullptr;
+    return error;
+  }
+
+  Table inner_;
+  const TileMessages& messages_;
+  std::size_t receivers_, most_ = 0;
+  std::vector<std::unique_ptr<Open>> opened_;
+};
 
 void expect_exchange(const System& system, const ranks::Faults& faults, std::size_t slots) {
   const auto ends = on_machines(system, faults, 60, slots, [](Machine& machine) {
@@ -351,6 +428,24 @@ TEST(TileExchange, LateMessagesInAnyOrderAndFewAtATime) {
   faults.reorder = true;
   faults.credits = 2;
   expect_exchange(System({"elasticity", "7", "6", "6"}, Kind::llt, 3), faults, 64);
+}
+
+// How many messages leave at a time does not depend on how many ranks get each.
+TEST(TileExchange, AMessageToManyRanksIsOneMessage) {
+  const System system({"elasticity", "8", "7", "7"}, Kind::llt, 5);
+  const TileMessages messages(system.plan, system.kind, system.tables);
+  std::mutex mutex;
+  std::deque<LateSends> late;
+  const auto ends = on_machines(
+      system, {}, 60, 64, [](Machine& machine) { machine.factorize(1); },
+      [&](const Table& table) {
+        const std::lock_guard lock(mutex);
+        return late.emplace_back(table, messages, 4).table();
+      });
+  std::size_t most = 0;
+  for (const LateSends& of_rank : late) most = std::max(most, of_rank.most());
+  for (const Status& end : ends) EXPECT_TRUE(end.ok()) << end.message;
+  EXPECT_GE(most, 2U);  // were it receivers, one is the most
 }
 
 TEST(TileExchange, AlmostNoRoomForMessages) {
