@@ -51,7 +51,8 @@ void CopyThread::work() noexcept {
   Work w;
   attempt(w, begin_);
   for (int idle = 0; !w.ended;) {
-    const bool moved = take_commands(w) | look_at_marks(w);
+    bool moved = take_commands(w);
+    if (look_at_marks(w)) moved = true;
     const bool waits = !w.marks[0].empty() || !w.marks[1].empty();
     idle = moved || waits ? 0 : idle + 1;
     if (idle > kIdleRounds)
