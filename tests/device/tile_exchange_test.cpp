@@ -483,6 +483,19 @@ TEST(TileExchange, ARankThatDiesBetweenValues) {
   }
 }
 
+// One rank is in another operation than the others expect: an error on all, no number in a wrong place.
+TEST(TileExchange, ARankThatMakesOtherCallsIsNamed) {
+  const System system({"elasticity", "7", "6", "6"}, Kind::llt, 3);
+  const auto ends = on_machines(system, {}, 60, 64, [](Machine& machine) {
+    if (machine.rank() == 2) (void)machine.link().all_numbers(1);  // what factorize() begins with
+    machine.rank() == 2 ? machine.share(1) : machine.factorize(1);
+  });
+  for (const Status& end : ends) {
+    EXPECT_EQ(end.code, StatusCode::device_error);
+    EXPECT_NE(end.message.find("makes other calls"), std::string::npos) << end.message;
+  }
+}
+
 TEST(TileExchange, KernelsWaitLongerThanTheLink) {
   EXPECT_GT(device::cuda::patience_of_kernels(0.5), 0.5);
   EXPECT_GT(device::cuda::patience_of_kernels(300), 300);
