@@ -12,9 +12,8 @@ enum class Nodes {
   process  ///< each rank is a machine of its own: to try that on one host, or where GPUs do not reach each other
 };
 
-/// `host` unless this is called. Call it before the first solver is made on these ranks: those that are there must not
-/// be used any more. All ranks must say the same; where one host has them all, a difference ends their first
-/// factorization on GPUs in invalid_input.
+/// `host` unless this is called. A factor on GPUs keeps the machines that there were when its solver factorized first.
+/// All ranks must say the same: a difference ends the first factorization on GPUs in invalid_input.
 void set_nodes(const Ranks& ranks, Nodes nodes);
 
 }  // namespace espalier

@@ -21,7 +21,7 @@ enum MessageKind : std::int32_t {
   kSign = -4,   // of life
 };
 
-constexpr std::size_t kMostPart = std::size_t{1} << 28;      // bytes of a message; MPI counts in int
+constexpr std::size_t kMostPart = std::size_t{1} << 22;      // bytes of a message of those that gather
 constexpr std::size_t kMostIncoming = std::size_t{1} << 29;  // bytes in receipt at a time, beyond one message
 constexpr std::size_t kTested = 8;                           // requests looked at in one round
 
@@ -190,7 +190,10 @@ void Link::finish_sent() {
     outgoing_.pop_front();
     std::int32_t done = 0;
     const int error = table_.test(table_.context, &o.request, &done);
-    if (done == 0 && error == 0) outgoing_.push_back(std::move(o));
+    if (done == 0 && error == 0)
+      outgoing_.push_back(std::move(o));
+    else
+      ++moved_;
     check(error);
   }
 }
@@ -207,6 +210,7 @@ void Link::receive() {
     Incoming in{memory != nullptr ? Message::in(std::move(memory), bytes) : Message::of_bytes(bytes), nullptr, false};
     check(table_.receive(table_.context, in.message.data(), bytes, from, &in.request));
     incoming_bytes_ += bytes;
+    ++moved_;
     incoming_[static_cast<std::size_t>(from)].push_back(std::move(in));
   }
 }
@@ -222,7 +226,9 @@ void Link::deliver(const Handler& handler) {
       std::int32_t done = 0;
       check(table_.test(table_.context, &in.request, &done));
       in.done = done != 0;
-      if (in.done) heard_[static_cast<std::size_t>(from)] = now();
+      if (!in.done) continue;
+      ++moved_;
+      heard_[static_cast<std::size_t>(from)] = now();
     }
     while (!queue.empty() && queue.front().done) {
       const Message message = std::move(queue.front().message);
@@ -302,16 +308,20 @@ void Link::expect_patience() {
                      silent));
 }
 
+// It sleeps when nothing has moved for some rounds: a long message moves in its rounds alone.
 void Link::wait(const Handler& handler, const std::function<bool()>& done) {
   constexpr int kSpins = 2000, kYields = 4000;
   begin_waiting();
-  for (int rounds = 0;; ++rounds) {
+  std::int64_t moved = moved_;
+  for (int rounds = 0, idle = 0;; ++rounds) {
     drive(handler);
     if (done()) return;
     if (rounds % 64 == 63) expect_patience();
-    if (rounds > kSpins + kYields)
+    idle = moved_ == moved ? idle + 1 : 0;
+    moved = moved_;
+    if (idle > kSpins + kYields)
       std::this_thread::sleep_for(std::chrono::microseconds(50));
-    else if (rounds > kSpins / (size() > 1 ? 100 : 1))
+    else if (idle > kSpins / (size() > 1 ? 100 : 1))
       std::this_thread::yield();
   }
 }

@@ -52,9 +52,17 @@ class Link {
   [[nodiscard]] int machine_of(int rank) const;
   /// So many ranks after each other are a machine; 0: those of a host. The same on all ranks.
   void set_machines(int ranks) { machine_ranks_ = ranks; }
-  /// Where what comes in is put, if there is room; else it goes to the heap. Empty: no such memory any more.
-  /// @param take  memory of at least so many bytes, or null
-  void use_memory(std::function<std::shared_ptr<std::byte[]>(std::size_t bytes)> take) { take_ = std::move(take); }
+  /// Where what comes in is put from now on, if there is room; else it goes to the heap. The last caller's memory
+  /// counts.
+  /// @param owner  for forget_memory(). @param take  memory of at least so many bytes, or null
+  void use_memory(const void* owner, std::function<std::shared_ptr<std::byte[]>(std::size_t bytes)> take) {
+    memory_owner_ = owner;
+    take_ = std::move(take);
+  }
+  /// Ends that, if the memory is still this owner's.
+  void forget_memory(const void* owner) {
+    if (memory_owner_ == owner) use_memory(nullptr, {});
+  }
 
   /// Before and after what a collective call does. `own` is how it ended here; all ranks return the same: the first
   /// failure that is not another's.
@@ -91,8 +99,8 @@ class Link {
   /// How something that can fail on one rank alone has ended: throws on all ranks what was thrown on the first of them.
   void expect_all(const std::function<void()>& body);
 
-  /// Messages that are on their way from here.
-  [[nodiscard]] std::size_t sending() const { return outgoing_.size(); }
+  /// Seconds.
+  [[nodiscard]] double patience() const { return patience_; }
   /// Bytes that were sent so far.
   [[nodiscard]] std::int64_t sent_bytes() const { return sent_bytes_; }
 
@@ -131,6 +139,7 @@ class Link {
   std::vector<std::string> hosts_;
   int neighbours_ = 1;
   int machine_ranks_ = 0;
+  const void* memory_owner_ = nullptr;
   std::function<std::shared_ptr<std::byte[]>(std::size_t)> take_;
   std::uint32_t call_ = 0, operation_ = 0;
   std::mutex mutex_;
@@ -145,6 +154,7 @@ class Link {
   std::string aborted_;                          // of this call
   std::string lost_;                             // for good
   std::int64_t sent_bytes_ = 0;
+  std::int64_t moved_ = 0;  // messages that were sent, seen or received
 };
 
 }  // namespace espalier::ranks

@@ -56,6 +56,8 @@ class Message {
   [[nodiscard]] std::size_t body_bytes() const { return bytes_ - sizeof(Header); }
   [[nodiscard]] std::byte* data() { return data_.get(); }
   [[nodiscard]] std::size_t bytes() const { return bytes_; }
+  /// Expires when nobody holds the bytes any more.
+  [[nodiscard]] std::weak_ptr<const std::byte[]> watch() const { return data_; }
 
  private:
   std::size_t bytes_ = 0;

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstring>
 #include <utility>
 
 #include "matrix/triplets.hpp"
@@ -215,16 +214,21 @@ GatheredMatrix::Slice GatheredMatrix::own_slice(std::span<const double> part, ra
     return {std::move(slice), 0};
   }
   std::vector<std::span<const std::byte>> to;
+  std::span<const double> own;
   std::size_t at = 0;
-  for (const Offset count : count_) {
-    to.push_back(std::as_bytes(std::span<const double>(sorted.data() + at, static_cast<std::size_t>(count))));
-    at += static_cast<std::size_t>(count);
+  for (std::size_t r = 0; r < count_.size(); ++r) {
+    const auto count = static_cast<std::size_t>(count_[r]);
+    const std::span<const double> values(sorted.data() + at, count);
+    to.push_back(std::as_bytes(r == me ? std::span<const double>() : values));
+    if (r == me) own = values;
+    at += count;
   }
-  for (const auto& bytes : link->all_to_all(to)) {  // rank after rank, so that sums have one order
-    std::vector<double> values(bytes.size() / sizeof(double));
-    if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
-    add(values.data(), values.size());
-  }
+  const auto all = link->all_to_all(to);
+  for (std::size_t r = 0; r < all.size(); ++r)  // rank after rank, so that sums have one order
+    if (r == me)
+      add(own.data(), own.size());
+    else  // a vector's memory begins where doubles may
+      add(reinterpret_cast<const double*>(all[r].data()), all[r].size() / sizeof(double));
   return {std::move(slice), slice_begin(me)};
 }
 

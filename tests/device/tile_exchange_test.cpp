@@ -11,6 +11,7 @@
 #include <cstring>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -22,6 +23,7 @@
 #include "analysis/ordering.hpp"
 #include "cuda_plan_flags.hpp"
 #include "device/cuda/kernels/factor_parameters.hpp"
+#include "device/cuda/tables/copy_thread.hpp"
 #include "matrix/generators/generate.hpp"
 #include "ranks/thread_ranks.hpp"
 
@@ -29,6 +31,7 @@ namespace espalier {
 namespace {
 
 using device::cuda::CopyQueues;
+using device::cuda::CopyThread;
 using device::cuda::DevicePlan;
 using device::cuda::FactorTask;
 using device::cuda::Front;
@@ -42,11 +45,14 @@ using device::cuda::Work;
 
 constexpr Index kMostPass = 8;
 
-// Copies are made some looks after they were begun, and in their order.
+// Copies are made some looks after they were begun, and in their order. A rectangle without a host fails.
 class SlowQueues final : public CopyQueues {
  public:
   explicit SlowQueues(unsigned seed) : draw_(seed) {}
-  void copy(Way way, const Rectangle& what) override { queue(way).push_back({what, false, 0}); }
+  void copy(Way way, const Rectangle& what) override {
+    if (what.host == nullptr) throw Error(StatusCode::device_error, "no copy");
+    queue(way).push_back({what, false, 0});
+  }
   std::uint64_t mark(Way way) override {
     queue(way).push_back({{}, true, next_});
     return next_++;
@@ -114,10 +120,12 @@ class Machine {
       : s_(system),
         link_(functions, patience),
         queues_(static_cast<unsigned>(functions.rank) + 1),
+        thread_(queues_, [] {}),
         draw_(static_cast<unsigned>(functions.rank) + 11),
         messages_(s_.plan, s_.kind, s_.tables) {
     link_.set_machines(1);
-    exchange_.emplace(link_, s_.plan, s_.kind, s_.tables, queues_);
+    exchange_.emplace(link_, ranks::Machines::agreed(link_), s_.plan, s_.kind, s_.tables,
+                      rank() % 2 == 0 ? static_cast<CopyQueues&>(thread_) : queues_);
     const auto flags = 2 * static_cast<std::size_t>(s_.tables.flags);
     top_.resize(static_cast<std::size_t>(s_.tables.regions[0]));
     pivots_.resize(3 * static_cast<std::size_t>(s_.plan.tree.n));
@@ -184,6 +192,27 @@ class Machine {
         for (std::int64_t at = u.rows * pass; at < (u.rows + u.below) * pass; ++at)
           ASSERT_EQ(updates_[static_cast<std::size_t>(at)], number(r, at)) << "rank " << rank() << " from " << r;
       }
+    (void)link_.all_numbers(1);
+  }
+
+  // Rank 1 has nothing, the others more than a slot holds, and not whole numbers of them.
+  void share(int run) {
+    std::vector<TileExchange<double>::Range> ranges;
+    std::int64_t all = 0;
+    for (int r = 0; r < link_.size(); ++r) {
+      ranges.push_back({all, r == 1 ? 0 : 5 * exchange_->largest_part() + 8 * r + 3});
+      all += ranges.back().count;
+    }
+    std::vector<std::byte> array(static_cast<std::size_t>(all));
+    const auto number_of = [&](int r, std::int64_t at) { return static_cast<std::byte>((at * 7 + r + run) % 251); };
+    const auto& mine = ranges[static_cast<std::size_t>(rank())];
+    for (std::int64_t k = mine.first; k < mine.first + mine.count; ++k)
+      array[static_cast<std::size_t>(k)] = number_of(rank(), k);
+    exchange_->share(array.data(), ranges);
+    for (int r = 0; r < link_.size(); ++r)
+      for (std::int64_t k = ranges[static_cast<std::size_t>(r)].first, left = ranges[static_cast<std::size_t>(r)].count;
+           left > 0; ++k, --left)
+        ASSERT_EQ(array[static_cast<std::size_t>(k)], number_of(r, k)) << "rank " << rank() << " from " << r;
     (void)link_.all_numbers(1);
   }
 
@@ -260,6 +289,7 @@ class Machine {
   const System& s_;
   ranks::Link link_;
   SlowQueues queues_;
+  CopyThread thread_;
   std::mt19937 draw_;
   TileMessages messages_;
   std::optional<TileExchange<double>> exchange_;
@@ -271,9 +301,13 @@ class Machine {
   int run_ = 0;
 };
 
+using Table = espalier_rank_functions;
+
 // body(machine) on every rank. @returns how the calls have ended, by rank
-std::vector<Status> on_machines(const System& system, const ranks::Faults& faults, double patience, std::size_t slots,
-                                const std::function<void(Machine&)>& body) {
+std::vector<Status> on_machines(
+    const System& system, const ranks::Faults& faults, double patience, std::size_t slots,
+    const std::function<void(Machine&)>& body,
+    const std::function<Table(const Table&)>& around = [](const Table& table) { return table; }) {
   const ranks::ThreadRanks shared(system.ranks, faults);
   std::vector<Status> ends(static_cast<std::size_t>(system.ranks));
   std::vector<std::thread> threads;
@@ -281,7 +315,7 @@ std::vector<Status> on_machines(const System& system, const ranks::Faults& fault
     threads.emplace_back([&, r] {
       Status& end = ends[static_cast<std::size_t>(r)];
       try {
-        Machine machine(system, shared.table(r), patience, slots);
+        Machine machine(system, around(shared.table(r)), patience, slots);
         machine.link().begin_call();
         try {
           body(machine);
@@ -298,11 +332,85 @@ std::vector<Status> on_machines(const System& system, const ranks::Faults& fault
   return ends;
 }
 
+// Sends of row blocks of tiles end late. most(): how many messages were open to all of `receivers` ranks, and had been
+// so for some time, when another one began.
+class LateSends {
+ public:
+  LateSends(const Table& inner, const TileMessages& messages, std::size_t receivers)
+      : inner_(inner), messages_(messages), receivers_(receivers) {}
+  [[nodiscard]] std::size_t most() const { return most_; }
+  Table table() {
+    Table t = inner_;
+    t.context = this;
+    t.send = [](void* c, const void* data, std::size_t bytes, std::int32_t to, void** request) {
+      return of(c).send(data, bytes, to, request);
+    };
+    t.test = [](void* c, void** request, std::int32_t* done) { return of(c).test(request, done); };
+    t.probe = [](void* c, std::int32_t* from, std::size_t* bytes) {
+      return of(c).inner_.probe(of(c).inner_.context, from, bytes);
+    };
+    t.receive = [](void* c, void* data, std::size_t bytes, std::int32_t from, void** request) {
+      return of(c).inner_.receive(of(c).inner_.context, data, bytes, from, request);
+    };
+    t.dead_rank = nullptr;
+    t.release = [](void* c) { of(c).inner_.release(of(c).inner_.context); };
+    return t;
+  }
+
+ private:
+  struct Open {
+    void* request = nullptr;        // of the inner table
+    const void* message = nullptr;  // null: none of those
+    int looks = 0;                  // for which it stays open
+  };
+  static constexpr int kLooks = 1500, kCopy = 500;  // what was begun before the copy for the next message
+
+  static LateSends& of(void* context) { return *static_cast<LateSends*>(context); }
+  int send(const void* data, std::size_t bytes, std::int32_t to, void** request) {
+    auto open = std::make_unique<Open>();
+    const int error = inner_.send(inner_.context, data, bytes, to, &open->request);
+    ranks::Header header;
+    std::memcpy(&header, data, sizeof header);
+    if (error == 0 && header.kind == 1 &&
+        messages_.tiles(inner_.rank).at(static_cast<std::size_t>(header.number)).task.work == Work::block) {
+      open->looks = kLooks;
+      open->message = data;
+      std::map<const void*, std::size_t> old;  // receivers by message
+      for (const auto& other : opened_)
+        if (other->message != nullptr && other->looks < kLooks - kCopy) ++old[other->message];
+      const auto whole = std::count_if(old.begin(), old.end(), [&](const auto& m) { return m.second == receivers_; });
+      most_ = std::max(most_, static_cast<std::size_t>(whole));
+    }
+    *request = open.get();
+    opened_.push_back(std::move(open));
+    return error;
+  }
+  int test(void** request, std::int32_t* done) {
+    const auto found =
+        std::find_if(opened_.begin(), opened_.end(), [&](const auto& open) { return open.get() == *request; });
+    if (found == opened_.end()) return inner_.test(inner_.context, request, done);  // a receipt
+    *done = 0;
+    if (--(*found)->looks > 0) return 0;
+    const int error = inner_.test(inner_.context, &(*found)->request, done);
+    if (*done == 0) return error;
+    opened_.erase(found);
+    *request = nullptr;
+    return error;
+  }
+
+  Table inner_;
+  const TileMessages& messages_;
+  std::size_t receivers_, most_ = 0;
+  std::vector<std::unique_ptr<Open>> opened_;
+};
+
 void expect_exchange(const System& system, const ranks::Faults& faults, std::size_t slots) {
   const auto ends = on_machines(system, faults, 60, slots, [](Machine& machine) {
     machine.factorize(1);
+    machine.share(1);
     machine.solve(1, 1);
     machine.solve(2, kMostPass);
+    machine.share(2);
     machine.factorize(2);
   });
   for (const Status& end : ends) EXPECT_TRUE(end.ok()) << end.message;
@@ -322,6 +430,24 @@ TEST(TileExchange, LateMessagesInAnyOrderAndFewAtATime) {
   expect_exchange(System({"elasticity", "7", "6", "6"}, Kind::llt, 3), faults, 64);
 }
 
+// How many messages leave at a time does not depend on how many ranks get each.
+TEST(TileExchange, AMessageToManyRanksIsOneMessage) {
+  const System system({"elasticity", "8", "7", "7"}, Kind::llt, 5);
+  const TileMessages messages(system.plan, system.kind, system.tables);
+  std::mutex mutex;
+  std::deque<LateSends> late;
+  const auto ends = on_machines(
+      system, {}, 60, 64, [](Machine& machine) { machine.factorize(1); },
+      [&](const Table& table) {
+        const std::lock_guard lock(mutex);
+        return late.emplace_back(table, messages, 4).table();
+      });
+  std::size_t most = 0;
+  for (const LateSends& of_rank : late) most = std::max(most, of_rank.most());
+  for (const Status& end : ends) EXPECT_TRUE(end.ok()) << end.message;
+  EXPECT_GE(most, 2U);  // were it receivers, one is the most
+}
+
 TEST(TileExchange, AlmostNoRoomForMessages) {
   expect_exchange(System({"gyroscopic", "7", "6", "6"}, Kind::lu, 3), {}, 4);
 }
@@ -339,6 +465,66 @@ TEST(TileExchange, ARankThatDiesIsNamedByAllOthers) {
     EXPECT_NE(ends[static_cast<std::size_t>(survivor)].message.find("rank 1 on host"), std::string::npos)
         << ends[static_cast<std::size_t>(survivor)].message;
   }
+}
+
+// A rank dies while values go around: all others say so, and their copies have ended.
+TEST(TileExchange, ARankThatDiesBetweenValues) {
+  const System system({"elasticity", "7", "6", "6"}, Kind::llt, 3);
+  ranks::Faults faults;
+  faults.dead_rank = 0;
+  faults.dies_at = 20;
+  const auto ends = on_machines(system, faults, 0.3, 64, [](Machine& machine) {
+    for (int run = 1; run < 20; ++run) machine.share(run);
+  });
+  for (const int survivor : {1, 2}) {
+    EXPECT_EQ(ends[static_cast<std::size_t>(survivor)].code, StatusCode::device_error);
+    EXPECT_NE(ends[static_cast<std::size_t>(survivor)].message.find("rank 0 on host"), std::string::npos)
+        << ends[static_cast<std::size_t>(survivor)].message;
+  }
+}
+
+// One rank is in another operation than the others expect: an error on all, no number in a wrong place.
+TEST(TileExchange, ARankThatMakesOtherCallsIsNamed) {
+  const System system({"elasticity", "7", "6", "6"}, Kind::llt, 3);
+  const auto ends = on_machines(system, {}, 60, 64, [](Machine& machine) {
+    if (machine.rank() == 2) (void)machine.link().all_numbers(1);  // what factorize() begins with
+    machine.rank() == 2 ? machine.share(1) : machine.factorize(1);
+  });
+  for (const Status& end : ends) {
+    EXPECT_EQ(end.code, StatusCode::device_error);
+    EXPECT_NE(end.message.find("makes other calls"), std::string::npos) << end.message;
+  }
+}
+
+TEST(TileExchange, KernelsWaitLongerThanTheLink) {
+  EXPECT_GT(device::cuda::patience_of_kernels(0.5), 0.5);
+  EXPECT_GT(device::cuda::patience_of_kernels(300), 300);
+  EXPECT_LT(device::cuda::patience_of_kernels(1e300), 9e9);  // nanoseconds fit into 64 bits
+}
+
+// Commands in their order, marks by way, and a failure that the next look tells.
+TEST(CopyThread, CopiesInOrderAndTellsFailures) {
+  SlowQueues slow(3);
+  bool begun = false;
+  CopyThread copies(slow, [&] { begun = true; });
+  std::vector<std::byte> from(64), host(64), to(64);
+  for (int run = 1; run < 200; ++run) {
+    std::fill(from.begin(), from.end(), static_cast<std::byte>(run));
+    copies.copy(Way::to_host, {host.data(), from.data(), 64, 64, 1});
+    const std::uint64_t out = copies.mark(Way::to_host);
+    while (!copies.is_done(out)) std::this_thread::yield();
+    copies.copy(Way::to_device, {host.data(), to.data(), 16, 16, 4});
+    const std::uint64_t in = copies.mark(Way::to_device);
+    EXPECT_NE(in, out);
+    while (!copies.is_done(in)) std::this_thread::yield();
+    ASSERT_EQ(to, from);
+    if (run % 50 != 0) continue;
+    copies.copy(Way::to_host, {nullptr, nullptr, 0, 0, 0});
+    const std::uint64_t failed = copies.mark(Way::to_host);
+    EXPECT_THROW(while (!copies.is_done(failed)) std::this_thread::yield(), Error);
+    copies.finish();
+  }
+  EXPECT_TRUE(begun);
 }
 
 TEST(TileExchange, KernelsThatGiveUpEndTheCallOnAllRanks) {

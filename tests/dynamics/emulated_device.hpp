@@ -37,7 +37,7 @@ class EmulatedSolver final : public LinearSolver {
     const Span x(b, size_ * static_cast<std::size_t>(columns));
     return solver_->solve(x, x, columns);
   }
-  [[nodiscard]] Offset numbers_of_factor() const override { return solver_->numbers_of_factor(); }
+  [[nodiscard]] FactorWork work() const override { return solver_->work(); }
   Status solve(std::span<const double> b, std::span<double> x, Index columns) override {
     return solver_->solve(b, x, columns);
   }

@@ -120,6 +120,30 @@ TEST_F(OnGpus, EachAMachineOfItsOwn) {
   expect_bits_of_one(generated({"kkt-redundant", "3", "2", "4", "2", "2"}), report, 1, Transpose::no, Nodes::process);
 }
 
+// set_nodes() is for solvers that are made later. Other values and wide passes are what takes new memory and messages.
+TEST_F(OnGpus, ASolverKeepsTheMachinesOnWhichItWasMade) {
+  const SparseMatrix a = generated({"elasticity", "7", "5", "4"});
+  SparseMatrix twice = a;
+  for (double& v : twice.values) v *= 2;
+  constexpr Index kColumns = 40;
+  const std::vector<double> b = reference::random_vector(Offset{a.rows} * kColumns, 5);
+  for (const bool host_first : {true, false})
+    on_threads(2, {}, [&](const Ranks& ranks) {
+      Options options;
+      options.device = "gpu:0,1";
+      set_nodes(ranks, host_first ? Nodes::host : Nodes::process);
+      Solver solver(ranks, options);
+      const Answer before = answer_of(solver, a, 1, Transpose::no);
+      set_nodes(ranks, host_first ? Nodes::process : Nodes::host);
+      EXPECT_TRUE(solver.factorize(twice).status.ok());
+      std::vector<double> x(b.size());
+      const Status status = solver.solve(b, x, kColumns).status;
+      EXPECT_TRUE(status.ok()) << status.message;
+      for (std::size_t i = 0; i < before.x.size(); ++i)
+        ASSERT_NEAR(2 * x[i], before.x[i], 1e-9 * std::abs(before.x[i]) + 1e-12) << i;
+    });
+}
+
 TEST_F(OnGpus, RanksThatDoNotAgreeOnMachinesAreToldSo) {
   const SparseMatrix a = generated({"poisson", "5"});
   on_threads(2, {}, [&](const Ranks& ranks) {
@@ -132,6 +156,97 @@ TEST_F(OnGpus, RanksThatDoNotAgreeOnMachinesAreToldSo) {
     EXPECT_EQ(status.code, StatusCode::invalid_input);
     EXPECT_NE(status.message.find("--nodes"), std::string::npos) << status.message;
   });
+}
+
+// Half of the rows of an upper triangle, as one rank gives them. The columns of the lower one are its rows.
+struct Half {
+  Half(const SparseMatrix& a, int rank) {
+    const Index middle = a.rows / 2, end = rank == 0 ? middle : a.rows;
+    first = rank == 0 ? 0 : middle;
+    const Offset begin = a.col_ptr[static_cast<std::size_t>(first)];
+    for (Index r = first; r <= end; ++r) row_ptr.push_back(a.col_ptr[static_cast<std::size_t>(r)] - begin);
+    col.assign(a.row_ind.begin() + begin, a.row_ind.begin() + begin + row_ptr.back());
+    values.assign(a.values.begin() + begin, a.values.begin() + begin + row_ptr.back());
+  }
+  [[nodiscard]] LocalRows rows(Index n) const { return {n, first, row_ptr, col, values, Storage::symmetric_upper}; }
+
+  Index first = 0;
+  std::vector<Offset> row_ptr;
+  std::vector<Index> col;
+  std::vector<double> values;
+};
+
+// One rank has a number that is none among its values: all say so, nobody waits, and the next values are taken.
+TEST_F(OnGpus, ValuesOfOneRankThatAreNotFinite) {
+  const SparseMatrix a = generated({"elasticity", "9", "8", "7"});
+  for (const Nodes nodes : {Nodes::host, Nodes::process}) {
+    std::vector<Status> ends(2);
+    on_threads(2, {}, [&](const Ranks& ranks) {
+      set_nodes(ranks, nodes);
+      Options options;
+      options.device = "gpu:0,1";
+      Solver solver(ranks, options);
+      const Half half(a, ranks.rank());
+      EXPECT_TRUE(solver.analyze(half.rows(a.rows)).status.ok());
+      EXPECT_TRUE(solver.refactorize(half.values).status.ok());
+      std::vector<double> bad = half.values;
+      if (ranks.rank() == 1) bad.back() = std::nan("");
+      ends[static_cast<std::size_t>(ranks.rank())] = solver.refactorize(bad).status;
+      const Status again = solver.refactorize(half.values).status;
+      EXPECT_TRUE(again.ok()) << again.message;
+    });
+    EXPECT_FALSE(ends[0].ok());
+    EXPECT_EQ(ends[0].code, ends[1].code);
+    EXPECT_EQ(ends[0].message, ends[1].message);
+  }
+}
+
+// The budget of one rank does not suffice: the same error on all, which names the rank, and a new solver works.
+TEST_F(OnGpus, MemoryOfOneRank) {
+  const SparseMatrix a = generated({"elasticity", "12", "10", "9"});
+  for (const Nodes nodes : {Nodes::host, Nodes::process})
+    on_threads(2, {}, [&](const Ranks& ranks) {
+      set_nodes(ranks, nodes);
+      const auto status_of = [&](Offset bytes) {
+        Options options;
+        options.device = "gpu:0,1";
+        if (ranks.rank() == 1) options.device_memory_bytes = bytes;
+        Solver solver(ranks, options);
+        const Status status = solver.analyze(a).status;
+        return status.ok() ? solver.factorize(a).status : status;
+      };
+      const Status poor = status_of(100000);
+      EXPECT_EQ(poor.code, StatusCode::out_of_memory) << poor.message;
+      EXPECT_NE(poor.message.find("rank 1"), std::string::npos) << poor.message;
+      EXPECT_TRUE(status_of(0).ok());
+    });
+}
+
+// Messages of a rank end in the midst of its runs: the other says which rank it was, within the patience and some
+// seconds.
+TEST_F(OnGpus, ARankThatDiesIsNamed) {
+  const SparseMatrix a = generated({"elasticity", "9", "8", "7"});
+  for (const Nodes nodes : {Nodes::host, Nodes::process})
+    for (const std::int64_t at : {60, 97, 131}) {
+      Faults faults;
+      faults.dead_rank = 1;
+      faults.dies_at = at;
+      std::vector<Status> ends(2);
+      on_threads(
+          2, faults,
+          [&](const Ranks& ranks) {
+            set_nodes(ranks, nodes);
+            Options options;
+            options.device = "gpu:0,1";
+            Solver solver(ranks, options);
+            Status& end = ends[static_cast<std::size_t>(ranks.rank())];
+            end = solver.analyze(a).status;
+            for (int run = 0; run < 60 && end.ok(); ++run) end = solver.factorize(a).status;
+          },
+          0.5);
+      EXPECT_EQ(ends[0].code, StatusCode::device_error) << ends[0].message;
+      EXPECT_NE(ends[0].message.find("rank 1 on host"), std::string::npos) << ends[0].message;
+    }
 }
 
 // One device text for all, and one that ranks can share.

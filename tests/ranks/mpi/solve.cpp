@@ -4,7 +4,7 @@
 //   solve gpu:all           each rank on a GPU; alone on the first that it sees
 //   solve gpu:all process   ... and each a machine of its own; or host; or pairs: two ranks are one
 //   solve gpu:all process time elasticity 64    that system alone: seconds, and a number that equal solutions have
-//   solve cpu host rate     messages of 256 KiB each way between ranks 0 and 1, in bytes a second
+//   solve cpu host rate [KIB]    messages of so many KiB (256) each way between ranks 0 and 1, in bytes a second
 #include <espalier/mpi.h>
 #include <unistd.h>
 
@@ -152,27 +152,32 @@ void time_of(const espalier::Ranks& ranks, const std::vector<std::string>& words
 }
 
 // What the link carries, with memory that was used before as that of an exchange between machines is.
-void rate_of(espalier::ranks::Link& link) {
-  constexpr int kMessages = 4000, kAtOnce = 64;
-  constexpr std::size_t kBytes = std::size_t{256} << 10;
-  std::vector<espalier::ranks::Message> messages;
-  for (int k = 0; k < kAtOnce; ++k) {
-    messages.emplace_back(kBytes);
-    std::memset(messages.back().body(), k, kBytes);
-  }
+void rate_of(espalier::ranks::Link& link, std::size_t bytes) {
+  constexpr std::size_t kAll = std::size_t{1} << 30, kInWork = std::size_t{16} << 20;
+  const int messages_in_all = static_cast<int>(kAll / bytes), at_once = std::max(2, static_cast<int>(kInWork / bytes));
+  constexpr int kRounds = 2;                                 // the first shows what is slow at the beginning
+  std::vector<espalier::ranks::Message> of_rounds[kRounds];  // what is on its way is not written into
+  for (auto& messages : of_rounds)
+    for (int k = 0; k < at_once; ++k) {
+      messages.emplace_back(bytes);
+      std::memset(messages.back().body(), k, bytes);
+    }
   link.begin_call();
-  for (int round = 0; round < 2; ++round) {
+  for (auto& messages : of_rounds) {
     link.begin_operation();
     int posted = 0, come = 0;
     const int other = 1 - link.rank();
     const double begin = now();
     link.wait([&](int, const espalier::ranks::Message&) { ++come; },
               [&] {
-                for (; posted < kMessages && posted < come + kAtOnce; ++posted)
-                  link.post(std::span<const int>(&other, 1), messages[static_cast<std::size_t>(posted % kAtOnce)]);
-                return come == kMessages && posted == kMessages;
+                const bool all_sent = posted == messages_in_all;  // posted before the last round, which has sent it
+                for (; posted < messages_in_all && posted < come + at_once; ++posted)
+                  link.post(std::span<const int>(&other, 1), messages[static_cast<std::size_t>(posted % at_once)]);
+                return all_sent && come == messages_in_all;
               });
-    if (link.rank() == 0) std::printf("%.3g bytes a second each way\n", kMessages * kBytes / (now() - begin));
+    if (link.rank() == 0)
+      std::printf("%zu KiB: %.3g bytes a second each way\n", bytes >> 10,
+                  static_cast<double>(bytes) * messages_in_all / (now() - begin));
   }
   expect(link.end_call({}).ok(), "rate");
 }
@@ -202,8 +207,9 @@ int main(int argc, char** argv) {
     }
     if (words.size() > 1 && words[1] == "process") set_nodes(ranks, espalier::Nodes::process);
     if (words.size() > 1 && words[1] == "pairs") ranks.link()->set_machines(2);
-    if (words.size() == 3 && words[2] == "rate") {
-      if (ranks.size() == 2) rate_of(*ranks.link());
+    if (words.size() > 2 && words[2] == "rate") {
+      if (ranks.size() == 2)
+        rate_of(*ranks.link(), std::size_t{1024} * std::stoul(words.size() > 3 ? words[3] : "256"));
     } else if (words.size() > 3 && words[2] == "time") {
       time_of(ranks, {words.begin() + 3, words.end()});
     } else {

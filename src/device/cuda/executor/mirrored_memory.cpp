@@ -49,11 +49,12 @@ void CopyStreams::finish() noexcept {
 }
 
 template <class T>
-MirroredMemory<T>::MirroredMemory(ranks::Link& link, const plan::Plan& plan, Kind kind, const DevicePlan& tables,
-                                  DeviceBudget& budget)
+MirroredMemory<T>::MirroredMemory(ranks::Link& link, const ranks::Machines& machines, const plan::Plan& plan, Kind kind,
+                                  const DevicePlan& tables, int device, DeviceBudget& budget)
     : n_(plan.tree.n),
       queues_(TileExchange<T>::kSlots),
-      exchange_(link, plan, kind, tables, queues_),
+      thread_(queues_, [device] { call("cudaSetDevice", [&] { return cudaSetDevice(device); }); }),
+      exchange_(link, machines, plan, kind, tables, thread_),
       flags_((kind == Kind::lu ? 2 : 1) * tables.flags),
       control_(2 * kCounters),
       places_(static_cast<std::size_t>(link.size())) {

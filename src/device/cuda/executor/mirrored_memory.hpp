@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "device/cuda/executor/device_side.hpp"
+#include "device/cuda/tables/copy_thread.hpp"
 #include "device/cuda/tables/tile_exchange.hpp"
 
 namespace espalier::device::cuda {
@@ -35,7 +36,8 @@ class MirroredMemory {
  public:
   /// @param tables  made as mirrored; outlives this object, as do link and plan
   /// @throws Error(out_of_memory)
-  MirroredMemory(ranks::Link& link, const plan::Plan& plan, Kind kind, const DevicePlan& tables, DeviceBudget& budget);
+  MirroredMemory(ranks::Link& link, const ranks::Machines& machines, const plan::Plan& plan, Kind kind,
+                 const DevicePlan& tables, int device, DeviceBudget& budget);
 
   /// Puts mirrors where `sides` has ranks of other machines. @param mine  this rank's
   void connect(const SideAddresses<T>& mine, std::vector<SideAddresses<T>>& sides);
@@ -46,6 +48,7 @@ class MirroredMemory {
  private:
   Offset n_;
   CopyStreams queues_;
+  CopyThread thread_;
   TileExchange<T> exchange_;
   ExchangeMemory<T> memory_;
   PinnedArray<int> flags_, control_, ones_;

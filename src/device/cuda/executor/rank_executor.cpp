@@ -23,8 +23,6 @@ namespace espalier::device::cuda {
 
 namespace {
 
-constexpr double kPatience = 30;  // seconds that a block of threads waits for another one's
-
 // As in one process, others may write here as soon as their kernels run: everything is cleared after a run, when all
 // have finished, and the next run begins when all are clear. Until then nobody changes what others read: pivots, values
 // that are shared, solutions.
@@ -36,9 +34,10 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
         kind_(job.kind),
         link_(*job.link),
         device_(job.devices.at(static_cast<std::size_t>(job.link->rank()))),
-        reached_(*job.link, device_),
-        reached_values_(*job.link, device_),
-        reached_solutions_(*job.link, device_),
+        machines_(ranks::Machines::agreed(*job.link)),
+        reached_(*job.link, machines_, device_),
+        reached_values_(*job.link, machines_, device_),
+        reached_solutions_(*job.link, machines_, device_),
         rows_(job.plan, job.link->size()) {
     if (plan_.ownership.devices != link_.size())
       throw std::invalid_argument(
@@ -152,11 +151,14 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
     if (!shares_values_) reached_values_.open({given});
     shares_values_ = true;
     side_->stream().wait();  // what this rank has sent is there
+    constexpr auto kBytes = static_cast<std::int64_t>(sizeof(double));
     const std::int64_t mine[2] = {first, count};
-    const auto ranges = link_.all_gather_of(std::span<const std::int64_t>(mine));
+    std::vector<typename TileExchange<T>::Range> ranges;
+    for (const auto& range : link_.all_gather_of(std::span<const std::int64_t>(mine)))
+      ranges.push_back({range.at(0) * kBytes, range.at(1) * kBytes});
     for (int r = 0; r < link_.size(); ++r) {
       const auto rank = static_cast<std::size_t>(r);
-      const Offset begin = ranges[rank].at(0), size = ranges[rank].at(1);
+      const Offset begin = ranges[rank].first / kBytes, size = ranges[rank].count / kBytes;
       if (r == link_.rank() || size == 0 || reached_values_.arrays()[rank].front() == nullptr) continue;
       const auto* theirs = static_cast<const double*>(reached_values_.arrays()[rank].front());
       call("cudaMemcpyAsync(values of another rank)", [&] {
@@ -164,7 +166,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
                                cudaMemcpyDefault, side_->stream().get());
       });
     }
-    if (mirrored_) send_values(given, ranges);
+    if (mirrored_) between_machines([&] { mirrored_->exchange().share(reinterpret_cast<std::byte*>(given), ranges); });
   }
 
   [[nodiscard]] void* stream() const override { return side_->stream().get(); }
@@ -183,19 +185,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
  private:
   static Index slabs(Index columns) { return (columns + kSlab - 1) / kSlab * kSlab; }
 
-  // Whether each rank reaches the memory of all others: the same on all ranks.
-  [[nodiscard]] bool one_machine() const {
-    for (int r = 0; r < link_.size(); ++r)
-      if (link_.machine_of(r) != link_.machine_of(0)) return false;
-    return true;
-  }
-  [[nodiscard]] bool is_near(int rank) const { return link_.machine_of(rank) == link_.machine_of(link_.rank()); }
-
   void expect_same_plan() {
-    const auto machines = link_.all_numbers(one_machine() ? 1 : 0);
-    if (std::count(machines.begin(), machines.end(), machines[0]) != link_.size())
-      throw Error(StatusCode::invalid_input,
-                  "ranks do not agree on whether each is a machine of its own: give all the same --nodes");
     const auto marks = link_.all_numbers(plan::fingerprint(
         plan_, static_cast<int>(kind_), [&](Index f, Index j) { return plan_.ownership.owner(f, j); }));
     for (std::size_t r = 0; r < marks.size(); ++r)
@@ -206,10 +196,10 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
   }
 
   void make_side(const Job& job) {
-    tables_.emplace(make_device_plan(plan_, kind_, true, {}, &job.pool, !one_machine()));
+    tables_.emplace(make_device_plan(plan_, kind_, true, {}, &job.pool, !machines_.is_one()));
     const int self = link_.rank();
-    context_.emplace(
-        SideContext{plan_, kind_, *tables_, kPatience, 0, values_of(plan_, &job.pool), &job.pool, self, true});
+    context_.emplace(SideContext{plan_, kind_, *tables_, patience_of_kernels(link_.patience()), 0,
+                                 values_of(plan_, &job.pool), &job.pool, self, true});
     const Offset budget = job.memory_bytes.empty() ? 0 : job.memory_bytes.at(static_cast<std::size_t>(self));
     side_.emplace(*context_, self, device_, budget, CommonMemory<T>());
     side_->send_lists();
@@ -217,8 +207,8 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
     rows_.own([&](Index f) { return std::countr_zero(tables_->fronts[static_cast<std::size_t>(f)].members); });
     moved_ = transferred_elements(plan_, kind_, *tables_);
     take_owners();
-    if (one_machine()) return;
-    mirrored_.emplace(link_, plan_, kind_, *tables_, side_->budget());
+    if (machines_.is_one()) return;
+    mirrored_.emplace(link_, machines_, plan_, kind_, *tables_, device_, side_->budget());
     pivots_ = PinnedArray<T>((kind_ == Kind::ldlt ? 3 : 1) * Offset{plan_.tree.n});
   }
 
@@ -258,9 +248,9 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
   }
 
   [[nodiscard]] Error given_up(const char* what) const {
-    return {
-        StatusCode::device_error,
-        fmt::format("the {} on {} was given up after waiting {} s for one of its own blocks", what, name(), kPatience)};
+    return {StatusCode::device_error,
+            fmt::format("the {} on {} was given up after waiting {:.3g} s for one of its own blocks", what, name(),
+                        patience_of_kernels(link_.patience()))};
   }
 
   FactorOutcome run(const Graph& graph, const FilledValues& values) {
@@ -361,20 +351,15 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
     side_->copy_in(there, pivots_.data(), bytes);
   }
 
-  // Each rank's part of the values to ranks of other machines. @param ranges  first and number, by rank
-  void send_values(double* given, const std::vector<std::vector<std::int64_t>>& ranges) {
-    const auto bytes_of = [&](int rank) {
-      return ranges[static_cast<std::size_t>(rank)].at(1) * static_cast<Offset>(sizeof(double));
-    };
-    const auto place_of = [&](int rank) { return given + ranges[static_cast<std::size_t>(rank)].at(0); };
-    std::vector<std::byte> mine(static_cast<std::size_t>(bytes_of(link_.rank())));
-    side_->copy_out(mine.data(), place_of(link_.rank()), bytes_of(link_.rank()));
-    std::vector<std::span<const std::byte>> to(static_cast<std::size_t>(link_.size()));
-    for (int r = 0; r < link_.size(); ++r)
-      if (!is_near(r)) to[static_cast<std::size_t>(r)] = mine;
-    const auto all = link_.all_to_all(to);
-    for (int r = 0; r < link_.size(); ++r)
-      if (!is_near(r)) side_->copy_in(place_of(r), all[static_cast<std::size_t>(r)].data(), bytes_of(r));
+  // What fails leaves no copy behind.
+  template <class Body>
+  void between_machines(Body&& body) {
+    try {
+      body();
+    } catch (...) {
+      mirrored_->exchange().give_up();
+      throw;
+    }
   }
 
   [[nodiscard]] bool is_finite(const FilledValues& values) const {
@@ -470,6 +455,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
   Kind kind_;
   ranks::Link& link_;
   int device_;
+  ranks::Machines machines_;  // of this executor's beginning
   std::optional<DevicePlan> tables_;
   std::optional<SideContext> context_;
   std::optional<DeviceSide<T>> side_;

@@ -44,12 +44,10 @@ void for_arrays(SideAddresses<T>& side, Use&& use) {
 
 }  // namespace
 
-bool OpenedArrays::is_near(int rank) const { return link_.machine_of(rank) == link_.machine_of(link_.rank()); }
-
 auto OpenedArrays::record_of(void* array) const -> Array {
   Array record{this_process(), device_, reinterpret_cast<std::uint64_t>(array), {}};
   int near = 0;  // ranks that open it, with this one
-  for (int r = 0; r < link_.size(); ++r) near += is_near(r) ? 1 : 0;
+  for (int r = 0; r < link_.size(); ++r) near += machines_.are_near(r, link_.rank()) ? 1 : 0;
   if (array != nullptr && near > 1)
     call("cudaIpcGetMemHandle", [&] { return cudaIpcGetMemHandle(&record.handle, array); });
   return record;
@@ -63,7 +61,7 @@ void* OpenedArrays::open_from(const Array& theirs, int rank) {
     throw Error(StatusCode::invalid_input,
                 fmt::format("ranks {} and {} are threads of one process and share GPU {}: give each a GPU of its own",
                             link_.rank(), rank, device_));
-  if (!is_near(rank)) return nullptr;
+  if (!machines_.are_near(rank, link_.rank())) return nullptr;
   if (here) {
     enable_peer_access(static_cast<int>(theirs.device));
     return address;

@@ -10,6 +10,7 @@
 
 #include "device/cuda/executor/device_side.hpp"
 #include "ranks/link.hpp"
+#include "ranks/machines.hpp"
 
 namespace espalier::device::cuda {
 
@@ -20,7 +21,8 @@ namespace espalier::device::cuda {
 class OpenedArrays {
  public:
   /// @param device  of this rank
-  OpenedArrays(ranks::Link& link, int device) : link_(link), device_(device) {}
+  OpenedArrays(ranks::Link& link, const ranks::Machines& machines, int device)
+      : link_(link), machines_(machines), device_(device) {}
   OpenedArrays(const OpenedArrays&) = delete;
   OpenedArrays& operator=(const OpenedArrays&) = delete;
   ~OpenedArrays() { close(); }
@@ -31,7 +33,7 @@ class OpenedArrays {
   void open(const std::vector<void*>& mine);
   /// Ends what open() has opened, before the others give the memory back.
   void close() noexcept;
-  /// By rank, in the order of open(); null pointers for those of other machines (Link::machine_of).
+  /// By rank, in the order of open(); null pointers for those of other machines.
   [[nodiscard]] const std::vector<std::vector<void*>>& arrays() const { return arrays_; }
 
  private:
@@ -42,11 +44,11 @@ class OpenedArrays {
     std::uint64_t address;  // 0: there is none
     cudaIpcMemHandle_t handle;
   };
-  [[nodiscard]] bool is_near(int rank) const;
   [[nodiscard]] Array record_of(void* array) const;
   [[nodiscard]] void* open_from(const Array& theirs, int rank);
 
   ranks::Link& link_;
+  ranks::Machines machines_;
   int device_;
   std::vector<std::vector<void*>> arrays_;
   std::vector<void*> opened_;
@@ -56,7 +58,7 @@ class OpenedArrays {
 template <class T>
 class ReachedMemory {
  public:
-  ReachedMemory(ranks::Link& link, int device) : opened_(link, device) {}
+  ReachedMemory(ranks::Link& link, const ranks::Machines& machines, int device) : opened_(link, machines, device) {}
 
   /// See OpenedArrays.
   void open(const SideAddresses<T>& mine);

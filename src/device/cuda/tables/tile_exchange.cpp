@@ -25,18 +25,26 @@ std::vector<int> ranks_of(unsigned devices) {
 
 }  // namespace
 
+double patience_of_kernels(double patience) {
+  constexpr double kMost = 1e9;  // the kernels count nanoseconds in 64 bits
+  return std::min(2 * patience, kMost);
+}
+
 template <class T>
-TileExchange<T>::TileExchange(ranks::Link& link, const plan::Plan& plan, Kind kind, const DevicePlan& tables,
-                              CopyQueues& queues)
-    : link_(link), kind_(kind), tables_(tables), messages_(plan, kind, tables), queues_(queues) {
-  for (int r = 0; r < link.size(); ++r)
-    if (link.machine_of(r) != link.machine_of(link.rank())) apart_ |= 1u << r;
+TileExchange<T>::TileExchange(ranks::Link& link, const ranks::Machines& machines, const plan::Plan& plan, Kind kind,
+                              const DevicePlan& tables, CopyQueues& queues)
+    : link_(link),
+      kind_(kind),
+      tables_(tables),
+      messages_(plan, kind, tables),
+      queues_(queues),
+      apart_(machines.apart_from(link.rank())) {
   for (const SentTile& tile : messages_.tiles(link.rank())) flag_of_.push_back(messages_.flag(tile));
 }
 
 template <class T>
 TileExchange<T>::~TileExchange() {
-  link_.use_memory({});
+  link_.forget_memory(this);
 }
 
 template <class T>
@@ -47,20 +55,27 @@ std::size_t TileExchange<T>::slot_bytes() const {
 template <class T>
 void TileExchange<T>::use(std::shared_ptr<MessageSlots> slots) {
   slots_ = std::move(slots);
-  link_.use_memory([of = slots_](std::size_t bytes) { return of->take(bytes); });
 }
 
 template <class T>
-void TileExchange<T>::begin(bool factor) {
-  factor_ = factor;
+void TileExchange<T>::begin(What what) {
+  what_ = what;
   first_unsent_ = 0;
   unsent_ = missing_ = 0;
-  std::atomic_ref(memory_.control[memory_.aborted_at[factor ? 1 : 0]]).store(0, std::memory_order_relaxed);
+  link_.use_memory(this, [of = slots_](std::size_t bytes) { return of->take(bytes); });
+  if (what != What::values)
+    std::atomic_ref(memory_.control[memory_.aborted_at[what == What::tiles ? 1 : 0]])
+        .store(0, std::memory_order_relaxed);
+}
+
+template <class T>
+bool TileExchange<T>::given_up() const {
+  return what_ != What::values && seen(memory_.control + memory_.aborted_at[what_ == What::tiles ? 1 : 0]) != 0;
 }
 
 template <class T>
 void TileExchange<T>::begin_factor() {
-  begin(true);
+  begin(What::tiles);
   const auto& tiles = messages_.tiles(link_.rank());
   sent_.assign(tiles.size(), 0);
   for (std::size_t k = 0; k < tiles.size(); ++k) {
@@ -77,8 +92,7 @@ void TileExchange<T>::begin_factor() {
 template <class T>
 auto TileExchange<T>::parts_of(int rank, Index pass) const -> std::vector<Part> {
   std::vector<Part> list;
-  const std::size_t bytes = slots_->bytes() - sizeof(ranks::Header);  // the same on all ranks
-  const auto most = std::max<std::int64_t>(1, static_cast<std::int64_t>(bytes / sizeof(T)) / pass);
+  const auto most = std::max<std::int64_t>(1, static_cast<std::int64_t>(body_bytes() / sizeof(T)) / pass);
   for (const SentUpdates& u : messages_.updates(rank))
     for (std::int64_t row = 0; row < u.below; row += most)
       list.push_back({(u.rows + row) * pass, std::min<std::int64_t>(most, u.below - row) * pass, u.receivers});
@@ -87,7 +101,7 @@ auto TileExchange<T>::parts_of(int rank, Index pass) const -> std::vector<Part> 
 
 template <class T>
 void TileExchange<T>::begin_solve(Index pass) {
-  begin(false);
+  begin(What::updates);
   pass_ = pass;
   if (parts_pass_ != pass) {
     parts_.clear();
@@ -112,16 +126,19 @@ void TileExchange<T>::run(const std::function<bool()>& kernels_done) {
   for (int round = 1;; ++round) {
     link_.drive([&](int from, const ranks::Message& message) { take(from, message); });
     if (!taken_.empty()) in_.push_back({queues_.mark(Way::to_device), std::exchange(taken_, {})});
-    const bool done = kernels_done();  // asked before: what they made last shows now
+    // Asked before: what they made last shows now. Not always: the runtime has one lock for this and for copies.
+    const bool done = (nothing_missing() || round % kRoundsOfKernels == 0) && kernels_done();
     finish_copies();
-    if (factor_)
+    if (what_ == What::tiles)
       look_for_tiles();
-    else
+    else if (what_ == What::updates)
       look_for_updates();
-    if (done && seen(memory_.control + memory_.aborted_at[factor_ ? 1 : 0]) != 0)
+    else
+      look_for_values();
+    if (done && given_up())
       throw Error(StatusCode::device_error,
                   fmt::format("the kernels gave up waiting: {} {} were still to be sent, {} to come", unsent_,
-                              factor_ ? "tiles" : "parts of vectors", missing_));
+                              what_ == What::tiles ? "tiles" : "parts of vectors", missing_));
     if (done && nothing_missing()) return;
     if (round % kRoundsOfPatience == 0) link_.expect_patience();
     std::this_thread::yield();
@@ -134,6 +151,19 @@ void TileExchange<T>::give_up() noexcept {
   taken_.clear();
   in_.clear();
   out_.clear();
+  sending_.clear();
+}
+
+template <class T>
+void TileExchange<T>::share(std::byte* array, std::span<const Range> ranges) {
+  begin(What::values);
+  array_ = array;
+  ranges_ = ranges;
+  const auto most = static_cast<std::int64_t>(body_bytes());
+  const auto parts = [&](int rank) { return (ranges_[static_cast<std::size_t>(rank)].count + most - 1) / most; };
+  if (apart_ != 0) unsent_ = parts(link_.rank());
+  for (const int r : ranks_of(apart_)) missing_ += parts(r);
+  run([] { return true; });
 }
 
 // ---- copies
@@ -165,12 +195,11 @@ void TileExchange<T>::copy_list(Way way, void* device, const void* host, std::si
 }
 
 template <class T>
-ranks::Message TileExchange<T>::new_message(std::size_t bytes, std::int32_t kind, std::size_t first,
-                                            std::size_t count) {
+ranks::Message TileExchange<T>::new_message(std::size_t bytes, std::size_t first, std::size_t count) {
   const std::size_t all = sizeof(ranks::Header) + bytes;
   ranks::Message message = ranks::Message::in(slots_->take(all), all);
   ranks::Header header;
-  header.kind = kind;
+  header.kind = static_cast<std::int32_t>(what_);
   header.number = static_cast<std::int64_t>(first);
   header.row = static_cast<std::int32_t>(count);
   message.set_header(header);
@@ -180,16 +209,23 @@ ranks::Message TileExchange<T>::new_message(std::size_t bytes, std::int32_t kind
 // In the order in which they were begun, so that the first that is not done ends the search.
 template <class T>
 void TileExchange<T>::finish_copies() {
+  forget_sent();
   while (!in_.empty() && queues_.is_done(in_.front().mark)) in_.pop_front();
   for (; !out_.empty() && queues_.is_done(out_.front().mark); out_.pop_front()) {
     const Leaving& copied = out_.front();
-    if (!factor_ && !is_complete(copied.message)) {
+    if (what_ == What::updates && !is_complete(copied.message)) {
       sent_[copied.part] = 0;  // to be looked at again
       continue;
     }
     link_.post(ranks_of(copied.receivers & apart_), copied.message);
+    sending_.push_back(copied.message.watch());
     unsent_ -= copied.message.header().row;
   }
+}
+
+template <class T>
+void TileExchange<T>::forget_sent() {
+  std::erase_if(sending_, [](const auto& message) { return message.expired(); });
 }
 
 // ---- what this rank makes
@@ -232,7 +268,7 @@ void TileExchange<T>::send_from(std::size_t first) {
     last = k;
     ++count;
   }
-  ranks::Message message = new_message(bytes_to(last), kTiles, first, count);
+  ranks::Message message = new_message(bytes_to(last), first, count);
   std::byte* body = message.body();
   messages_.for_pieces(tiles[first], tiles[last], [&](const Piece& piece) {
     copy_piece(Way::to_host, piece, rank, body);
@@ -252,10 +288,25 @@ void TileExchange<T>::look_for_updates() {
     if (sent_[k] != 0) continue;
     ++looked;
     const auto bytes = static_cast<std::size_t>(parts[k].count) * sizeof(T);
-    ranks::Message message = new_message(bytes, kUpdates, k, 1);
+    ranks::Message message = new_message(bytes, k, 1);
     copy_list(Way::to_host, memory_.updates + parts[k].first, message.body(), bytes);
     sent_[k] = 1;
     out_.push_back({queues_.mark(Way::to_host), std::move(message), parts[k].receivers, k});
+  }
+}
+
+// Messages count by the first byte of the array.
+template <class T>
+void TileExchange<T>::look_for_values() {
+  const Range& mine = ranges_[static_cast<std::size_t>(link_.rank())];
+  const auto all = apart_ != 0 ? static_cast<std::size_t>(mine.count) : 0;
+  for (; first_unsent_ < all && !is_busy() && has_room();) {
+    const std::size_t bytes = std::min(body_bytes(), all - first_unsent_);
+    const std::size_t at = static_cast<std::size_t>(mine.first) + first_unsent_;
+    ranks::Message message = new_message(bytes, at, 1);
+    copy_list(Way::to_host, array_ + at, message.body(), bytes);
+    out_.push_back({queues_.mark(Way::to_host), std::move(message), static_cast<std::uint16_t>(apart_), 0});
+    first_unsent_ += bytes;
   }
 }
 
@@ -275,12 +326,13 @@ bool TileExchange<T>::is_complete(const ranks::Message& message) const {
 template <class T>
 void TileExchange<T>::take(int from, const ranks::Message& message) {
   const ranks::Header header = message.header();
-  if (header.kind == kTiles && factor_)
+  if (header.kind != static_cast<std::int32_t>(what_)) throw other_calls(from);
+  if (what_ == What::tiles)
     take_tiles(from, message);
-  else if (header.kind == kUpdates && !factor_)
+  else if (what_ == What::updates)
     take_updates(from, message);
   else
-    throw Error(StatusCode::device_error, fmt::format("{} makes other calls", link_.name_of(from)));
+    take_values(from, message);
   missing_ -= header.row;
   taken_.push_back(message);
 }
@@ -305,6 +357,19 @@ template <class T>
 void TileExchange<T>::take_updates(int from, const ranks::Message& message) {
   const Part& part = parts_[static_cast<std::size_t>(from)].at(static_cast<std::size_t>(message.header().number));
   copy_list(Way::to_device, memory_.updates + part.first, message.body(), message.body_bytes());
+}
+
+template <class T>
+void TileExchange<T>::take_values(int from, const ranks::Message& message) {
+  const Range& theirs = ranges_[static_cast<std::size_t>(from)];
+  const std::int64_t at = message.header().number, bytes = static_cast<std::int64_t>(message.body_bytes());
+  if (at < theirs.first || at + bytes > theirs.first + theirs.count) throw other_calls(from);
+  copy_list(Way::to_device, array_ + at, message.body(), message.body_bytes());
+}
+
+template <class T>
+Error TileExchange<T>::other_calls(int rank) const {
+  return {StatusCode::device_error, fmt::format("{} makes other calls", link_.name_of(rank))};
 }
 
 template class TileExchange<double>;

@@ -6,39 +6,16 @@
 #include <deque>
 #include <functional>
 #include <memory>
+#include <span>
 #include <vector>
 
+#include "device/cuda/tables/copy_queues.hpp"
 #include "device/cuda/tables/message_slots.hpp"
 #include "device/cuda/tables/tile_messages.hpp"
 #include "ranks/link.hpp"
+#include "ranks/machines.hpp"
 
 namespace espalier::device::cuda {
-
-enum class Way : std::int8_t { to_host, to_device };
-
-/// Copies between a device and its host while kernels run, each way in the order in which they were begun.
-class CopyQueues {
- public:
-  /// `rows` stretches of `row_bytes` each: one after another on the host, `pitch` bytes apart on the device.
-  struct Rectangle {
-    std::byte* host;
-    std::byte* device;
-    std::size_t pitch, row_bytes, rows;
-  };
-
-  CopyQueues() = default;
-  CopyQueues(const CopyQueues&) = delete;
-  CopyQueues& operator=(const CopyQueues&) = delete;
-  virtual ~CopyQueues() = default;
-
-  virtual void copy(Way way, const Rectangle& what) = 0;
-  /// Marks what has been begun that way. @returns a number for is_done()
-  virtual std::uint64_t mark(Way way) = 0;
-  /// Whether all that was begun before the mark is there; then the number is not used again.
-  virtual bool is_done(std::uint64_t mark) = 0;
-  /// Waits until all is there. Marks are no longer valid.
-  virtual void finish() noexcept = 0;
-};
 
 /// Where an exchange reads and writes. By rank: all lie with this rank.
 template <class T>
@@ -54,6 +31,10 @@ struct ExchangeMemory {
   int aborted_at[2] = {0, 0};  ///< which of `control` says so, of a solve and of a factorization
 };
 
+/// Seconds that a block of a kernel waits for another one's, at the `patience` of a link: longer, so that a rank from
+/// which nothing comes is named by the link.
+[[nodiscard]] double patience_of_kernels(double patience);
+
 /// What kernels hand to ranks whose GPUs they do not reach. The kernels are those of GPUs that reach each other; only
 /// the addresses differ. Where another machine's memory would be, they find *mirrors*:
 ///
@@ -67,6 +48,8 @@ struct ExchangeMemory {
 /// then, in the same queue, the flags, for which the running kernels wait. In a solve, updates are their own flags: an
 /// element that is there is not the pattern that memory was filled with.
 ///
+/// Values that one rank has been given go the same way, in parts, before the kernels run.
+///
 /// All calls by the thread that calls the solver. Nobody waits for room: what comes in always has some.
 template <class T>
 class TileExchange {
@@ -74,7 +57,8 @@ class TileExchange {
   static constexpr std::size_t kSlots = 256, kSlotBytes = std::size_t{1} << 20;
 
   /// All arguments outlive this object. @param tables  made as mirrored
-  TileExchange(ranks::Link& link, const plan::Plan& plan, Kind kind, const DevicePlan& tables, CopyQueues& queues);
+  TileExchange(ranks::Link& link, const ranks::Machines& machines, const plan::Plan& plan, Kind kind,
+               const DevicePlan& tables, CopyQueues& queues);
   TileExchange(const TileExchange&) = delete;
   TileExchange& operator=(const TileExchange&) = delete;
   ~TileExchange();
@@ -83,7 +67,8 @@ class TileExchange {
   [[nodiscard]] std::uint32_t apart() const { return apart_; }
   /// Bytes that a slot must hold.
   [[nodiscard]] std::size_t slot_bytes() const;
-  /// Messages, those that come in as well, lie in these slots as long as there are any.
+  /// Messages, those that come in as well, lie in these slots as long as there are any. Each run takes the link's
+  /// receipts for them anew, as other exchanges on the link do for theirs.
   void use(std::shared_ptr<MessageSlots> slots);
   void use(const ExchangeMemory<T>& memory) { memory_ = memory; }
 
@@ -94,11 +79,21 @@ class TileExchange {
   /// @param kernels_done  asked again and again
   /// @throws Error(device_error) when kernels have given up, or as Link::drive()
   void run(const std::function<bool()>& kernels_done);
+  /// Bytes of an array that lies on all devices, whose first is `array` here.
+  struct Range {
+    std::int64_t first = 0, count = 0;
+  };
+  /// Most bytes of a message of share().
+  [[nodiscard]] std::int64_t largest_part() const { return static_cast<std::int64_t>(body_bytes()); }
+  /// Each rank's range from its device to those of all ranks on other machines. Waits until what comes is there.
+  /// @param ranges  by rank, the same on all. @throws as run()
+  void share(std::byte* array, std::span<const Range> ranges);
   /// After a failure, when the kernels have ended.
   void give_up() noexcept;
 
  private:
-  enum MessageKind : std::int32_t { kTiles = 1, kUpdates = 2 };
+  /// What a run brings, and the kind of its messages.
+  enum class What : std::int32_t { tiles = 1, updates = 2, values = 3 };
   /// A part of a vector of updates that goes as one message.
   struct Part {
     std::int64_t first = 0;  // element of the updates of a pass
@@ -119,15 +114,22 @@ class TileExchange {
   };
 
   [[nodiscard]] T* base_of(Piece::Array array, int maker) const;
-  [[nodiscard]] ranks::Message new_message(std::size_t bytes, std::int32_t kind, std::size_t first, std::size_t count);
+  [[nodiscard]] ranks::Message new_message(std::size_t bytes, std::size_t first, std::size_t count);
+  [[nodiscard]] std::size_t body_bytes() const {
+    return slots_->bytes() - sizeof(ranks::Header);
+  }                                                                                    // alike on all ranks
   [[nodiscard]] bool has_room() const { return slots_->left() > slots_->size() / 4; }  // the rest is for what comes
   void copy_piece(Way way, const Piece& piece, int maker, std::byte* body);
   void copy_list(Way way, void* device, const void* host, std::size_t bytes);
 
-  void begin(bool factor);
+  void begin(What what);
+  [[nodiscard]] bool given_up() const;
   void take(int from, const ranks::Message& message);
   void take_tiles(int from, const ranks::Message& message);
   void take_updates(int from, const ranks::Message& message);
+  void take_values(int from, const ranks::Message& message);
+  [[nodiscard]] Error other_calls(int rank) const;
+  void look_for_values();
   void look_for_tiles();
   [[nodiscard]] bool is_finished(std::size_t tile) const;
   void send_from(std::size_t first);
@@ -135,12 +137,15 @@ class TileExchange {
   void finish_copies();
   [[nodiscard]] bool is_complete(const ranks::Message& message) const;
   [[nodiscard]] std::vector<Part> parts_of(int rank, Index pass) const;
-  [[nodiscard]] bool is_busy() const { return out_.size() + link_.sending() >= kAtOnce; }
+  // A message counts once, whoever has it still to come.
+  [[nodiscard]] bool is_busy() const { return out_.size() + sending_.size() >= kAtOnce; }
+  void forget_sent();
   [[nodiscard]] bool nothing_missing() const { return unsent_ == 0 && missing_ == 0 && in_.empty() && out_.empty(); }
 
   static constexpr std::size_t kWindow = 1024;     // unfinished tiles that are looked at
   static constexpr std::size_t kAtOnce = 8;        // messages that leave; meanwhile tiles gather for longer ones
   static constexpr std::size_t kPartsAtOnce = 16;  // parts of updates that are looked at
+  static constexpr int kRoundsOfKernels = 16;      // between two questions whether kernels have ended
 
   ranks::Link& link_;
   Kind kind_;
@@ -151,7 +156,7 @@ class TileExchange {
   std::shared_ptr<MessageSlots> slots_;
   ExchangeMemory<T> memory_;
 
-  bool factor_ = false;  // the run is a factorization
+  What what_ = What::tiles;
   Index pass_ = 1;
   std::vector<std::int64_t> flag_of_;  // by tile that this rank makes
   std::vector<char> sent_;             // tiles or parts
@@ -162,6 +167,9 @@ class TileExchange {
   std::vector<ranks::Message> taken_;  // since the last mark
   std::deque<Coming> in_;
   std::deque<Leaving> out_;
+  std::vector<std::weak_ptr<const std::byte[]>> sending_;  // messages that the link has
+  std::byte* array_ = nullptr;                             // of share()
+  std::span<const Range> ranges_;
 };
 
 }  // namespace espalier::device::cuda

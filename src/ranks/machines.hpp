@@ -1,0 +1,32 @@
+/// \file
+/// Which ranks are on one machine, as it was when somebody asked.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "ranks/link.hpp"
+
+namespace espalier::ranks {
+
+/// Link::machine_of() of all ranks, taken once: who has made memory by it keeps it, whatever Link::set_machines() says
+/// later.
+class Machines {
+ public:
+  /// Collective. @throws Error(invalid_input) on all ranks where two of them have different lists
+  static Machines agreed(Link& link);
+
+  [[nodiscard]] bool are_near(int rank, int other) const { return of(rank) == of(other); }
+  /// Whether all ranks are on one machine.
+  [[nodiscard]] bool is_one() const;
+  /// Bit r: rank r is on another machine than `rank`. Of the first 32 ranks.
+  [[nodiscard]] std::uint32_t apart_from(int rank) const;
+
+ private:
+  explicit Machines(std::vector<int> machine) : machine_(std::move(machine)) {}
+  [[nodiscard]] int of(int rank) const { return machine_[static_cast<std::size_t>(rank)]; }
+
+  std::vector<int> machine_;  // by rank
+};
+
+}  // namespace espalier::ranks
