@@ -4,8 +4,6 @@ import os
 from dataclasses import dataclass
 from typing import Any, Callable, Iterable, Mapping
 
-import numpy as np
-
 from . import _core
 from ._errors import make_error
 
@@ -67,6 +65,8 @@ def objective_gradient(model: Any, objective: "Callable[[Any, Any], tuple[float,
     quantity, however many parameters and times there are. objective(t, values) is called once, after the run, with t
     (T,), start and ends of steps, and values (T, Q); it returns the number and its derivatives by the values, (T, Q).
     Everything else as for derivatives(). Raises what objective raises, and ValueError for derivatives of another shape."""
+
+    import numpy as np
 
     def told(t: Any, values: Any) -> "tuple[float, Any]":
         value, slopes = objective(t, values)
