@@ -262,7 +262,39 @@ void Chunk::substitute(Index columns, bool transpose) {
   seconds_.substitutions += base::now_seconds() - start;
 }
 
-void Chunk::solve_first(const ChunkJob& job) {
+// The same where the values are on a device, refined there as one system: all of them take as many steps as the one
+// that needs most, or until that one stalls. @returns false: there is no such device
+bool Chunk::solve_on_device(Index columns, bool transpose, bool refined) {
+  device::DeviceLinearSystem* const device = numeric_->device_system();
+  if (device == nullptr || device->on_ranks()) return false;
+  const double start = base::now_seconds();
+  constexpr Index kMost = solve::Refinement::kMostColumns;
+  const Offset all = Offset{n_} * size_;
+  const auto apply = [&](const double* from, double* to, Index count) {
+    device->substitute(from, to, count, transpose);
+  };
+  try {
+    for (Index first = 0; first < columns; first += kMost) {
+      const Index now = std::min(kMost, columns - first);
+      double *const b = device->right_hand_sides(now), *const x = device->solutions(now);
+      device->send(b, from_.data() + first * all, now * all);
+      apply(b, x, now);
+      if (refined && refinement_.steps > 0)
+        together_ = std::max(together_, solve::refine(*device, apply, {b, x, now, transpose}, refinement_).steps);
+      device->finish();
+      device->fetch(to_.data() + first * all, x, now * all);
+    }
+  } catch (const Error& e) {
+    device->settle();
+    if (e.status().code != StatusCode::out_of_memory) throw;
+    together_ = 0;
+    return false;
+  }
+  seconds_.substitutions += base::now_seconds() - start;
+  return true;
+}
+
+void Chunk::solve_first(const ChunkJob& job, bool refined) {
   const Offset all = Offset{n_} * size_;
   from_.assign(at(all * job.columns), 0.0);
   to_.resize(from_.size());
@@ -273,7 +305,12 @@ void Chunk::solve_first(const ChunkJob& job) {
     for (Index c = 0; c < job.columns; ++c)
       std::copy_n(b + Offset{c} * n_, n_, from_.data() + c * all + Offset{k} * n_);
   });
-  substitute(job.columns, job.transpose);
+  // What it has refined together to rounding is good enough for each: another step would hardly change a bit.
+  constexpr double kAtRounding = 1e-15;
+  if (solve_on_device(job.columns, job.transpose, refined))
+    refinement_.target = std::max(refinement_.target, kAtRounding);
+  else
+    substitute(job.columns, job.transpose);
   for_blocks([&](Block& block, Index k) {
     if (block.left) return;
     block.x.resize(block.b.size());
@@ -285,9 +322,6 @@ void Chunk::solve_first(const ChunkJob& job) {
 // Systems are refined side by side, each until it stalls: one substitution a step for all that still have as many
 // right-hand sides in work.
 void Chunk::refine(const ChunkJob& job) {
-  refinement_.steps = context_.options.refinement_steps;
-  refinement_.target = context_.options.refinement_target;
-  refinement_.positive_definite = one_->kind() == Kind::llt;
   constexpr Index kMost = solve::Refinement::kMostColumns;
   for (Index first = 0; first < job.columns; first += kMost) {
     for_blocks([&](Block& block, Index) {
@@ -309,12 +343,12 @@ void Chunk::refine(const ChunkJob& job) {
         if (!block.left && !block.steps->done()) block.steps->take_corrections();
       });
     }
-    for_blocks([](Block& block, Index) {
+    for_blocks([&](Block& block, Index) {
       if (block.left) return;
       const solve::RefinementResult r = block.steps->result();
       block.refined.error.normwise = std::max(block.refined.error.normwise, r.error.normwise);
       block.refined.error.componentwise = std::max(block.refined.error.componentwise, r.error.componentwise);
-      block.refined.steps = std::max(block.refined.steps, r.steps);
+      block.refined.steps = std::max(block.refined.steps, together_ + r.steps);
     });
   }
 }
@@ -373,9 +407,13 @@ std::vector<char> Chunk::solve(const ChunkJob& job, std::span<SystemResult> resu
   const double ready = base::now_seconds();
   seconds_.factorizations += ready - taken;
   if (!factorized) return {};
-  solve_first(job);
   const Options& o = context_.options;
   const bool refined = o.refinement_steps > 0 || std::isfinite(o.required_backward_error);
+  refinement_.steps = o.refinement_steps;
+  refinement_.target = o.refinement_target;
+  refinement_.positive_definite = one_->kind() == Kind::llt;
+  together_ = 0;
+  solve_first(job, refined);
   if (refined) refine(job);
   finish(job, refined, results);
   std::vector<char> left(at(job.count));
