@@ -209,15 +209,18 @@ Plans plan_out_of_core(const OutOfCoreLayout& layout, const std::vector<OutOfCor
     give_tasks(layout, best);
     return best;
   }
-  const Offset least = std::min_element(devices.begin(), devices.end(), [](const auto& x, const auto& y) {
-                         return x.budget_bytes < y.budget_bytes;
-                       })->budget_bytes;
-  const Offset needed = floor_of(candidates, layout, devices, least);
-  throw BudgetTooSmall(fmt::format("the budget of {} bytes of device memory is below what a factorization out of core "
-                                   "needs: {} bytes{}; give it "
-                                   "as much with --device-memory",
-                                   least, needed, devices.size() > 1 ? " on each device" : ""),
-                       needed);
+  const auto poorest = std::min_element(devices.begin(), devices.end(),
+                                        [](const auto& x, const auto& y) { return x.budget_bytes < y.budget_bytes; });
+  const Offset needed = floor_of(candidates, layout, devices, poorest->budget_bytes);
+  const bool several = devices.size() > 1;
+  throw BudgetTooSmall(
+      fmt::format(
+          "the budget of {} bytes of device memory{} is below what a factorization out of core "
+          "needs: {} bytes{}; give it as much with --device-memory",
+          poorest->budget_bytes,
+          several ? fmt::format(" (device {} of {}, counted from 0)", poorest - devices.begin(), devices.size()) : "",
+          needed, several ? " on each device" : ""),
+      needed);
 }
 
 }  // namespace espalier::out_of_core

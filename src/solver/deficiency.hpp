@@ -20,8 +20,8 @@
 namespace espalier::solver {
 
 /// Entries that were assembled in a few roundings leave a zero singular value at some eps; regular matrices up to a
-/// condition of 3e14, scaled, stay regular.
-inline constexpr double kZero = 16 * std::numeric_limits<double>::epsilon();
+/// condition of 6e14, scaled, stay regular.
+inline constexpr double kZero = 8 * std::numeric_limits<double>::epsilon();
 
 /// FP32 cannot tell a matrix with a smaller singular value, over |B|, from a singular one.
 inline constexpr double kLeastForFp32 = 1e-6;

@@ -1,6 +1,8 @@
 // Simulations whose Newton matrices several ranks factorize. The truth is the simulation of one process: the same bits.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <mutex>
 #include <stdexcept>
@@ -8,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "device/registry.hpp"
 #include "espalier/dynamics.hpp"
 #include "on_threads.hpp"
 
@@ -119,6 +122,29 @@ TEST(SimulationOnRanks, LateMessagesAndOtherKinds) {
   SimulationOptions o = options_of({"integrator.end=0.006"});
   o.solver.emplace_back("kind", "ldlt");
   expect_same(run_on(2, kBar, o, late), run_of(kBar, o));
+}
+
+// Ranks with a GPU each take values and right-hand sides from the host: the answers are those of the processors but for
+// rounding. GPUs of one process would take elements and vectors as well.
+TEST(SimulationOnRanks, OnGpus) {
+  const device::Backend* gpu = device::registry().find("gpu");
+  const std::size_t gpus = gpu == nullptr ? 0 : gpu->find().names.size();
+  if (gpus < 2) GTEST_SKIP() << "two GPUs are needed, " << gpus << " can be used";
+  const Motion truth = run_of(kBar, options_of({}));
+  SimulationOptions options = options_of({});
+  std::erase_if(options.solver, [](const auto& o) { return o.first == "device"; });
+  options.solver.emplace_back("device", "gpu:0,1");
+  const Motion found = run_on(2, kBar, options);
+  ASSERT_TRUE(found.status.ok()) << found.status.message;
+  EXPECT_NE(found.summary.device.find("2 ranks"), std::string::npos) << found.summary.device;
+  ASSERT_EQ(found.series.values.size(), truth.series.values.size());
+  double largest = 0, most = 0;
+  for (std::size_t k = 0; k < truth.series.values.size(); ++k) {
+    largest = std::max(largest, std::abs(truth.series.values[k]));
+    most = std::max(most, std::abs(found.series.values[k] - truth.series.values[k]));
+  }
+  EXPECT_GT(largest, 0);
+  EXPECT_LE(most, 1e-6 * largest);
 }
 
 // Small systems have a dense solver, which nobody shares.

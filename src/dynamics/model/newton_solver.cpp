@@ -114,8 +114,8 @@ class RecordedSolver final : public LinearSolver {
     if (Status status = tell(Call::factorize); !status.ok()) return status;
     return take(solver_.refactorize(values));
   }
-  // Symmetry is looked at on the host.
-  [[nodiscard]] int gpu() const override { return symmetry_ ? -1 : solver_.gpu(); }
+  // Symmetry is looked at on the host, and ranks take what lies there.
+  [[nodiscard]] int gpu() const override { return symmetry_ || shared_ ? -1 : solver_.gpu(); }
   Status factorize_device(const double* values, Offset count, void* stream) override {
     return take(solver_.refactorize_device(values, count, stream));
   }
