@@ -205,15 +205,16 @@ Block first_columns(const Block& q, Index columns) {
 
 class Search {
  public:
-  explicit Search(const DeficiencyJob& job) : job_(job), b_(job) {}
+  explicit Search(const DeficiencyJob& job)
+      : job_(job), b_(job), share_(zero_singular_value(job.kind, job.prepared.n())) {}
 
   /// Whether the matrix is surely regular, by a few solutions: no singular value is near the bound of a zero (FP32:
   /// near what it can tell from one).
-  [[nodiscard]] bool surely_regular() const { return surely_above((job_.rough ? kLeastForFp32 : kZero) * b_.norm()); }
+  [[nodiscard]] bool surely_regular() const { return surely_above((job_.rough ? kLeastForFp32 : share_) * b_.norm()); }
   /// Before all below.
   void prepare() {
     b_.make_even();
-    zero_ = kZero * b_.norm();
+    zero_ = share_ * b_.norm();
   }
 
   [[nodiscard]] Directions find(Index columns, bool transpose) const {
@@ -366,6 +367,7 @@ class Search {
 
   const DeficiencyJob& job_;
   ScaledMatrix b_;
+  double share_;  // of |B|, that stands for a zero
   double zero_ = 0;
 };
 
@@ -533,7 +535,7 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
   const auto last = static_cast<std::size_t>(taken - 1);
   constexpr double kBlurred = 16;
   found.worst = std::max(d.values[last], other.found ? other.values[last] : 0) / search.matrix().norm();
-  found.doubtful = found.doubtful || found.worst > kBlurred * kZero;
+  found.doubtful = found.doubtful || found.worst > kBlurred * zero_singular_value(job.kind, job.prepared.n());
   const Block null = first_columns(d.q, taken);
   const bool with_left = job.kind == Kind::lu && other.found;
   found.complete = with_left || job.kind != Kind::lu;  // else nothing tells the rows

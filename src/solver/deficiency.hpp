@@ -4,8 +4,9 @@
 /// The matrix is judged as it was scaled for the factorization (by its diagonal for llt), B = R A C, so that the
 /// verdict does not depend on the caller's units. Inverse iteration with the factor finds an orthonormal block Q of the
 /// smallest singular values; B Q is formed in extended precision from the caller's values, and corrected by the factor
-/// until it is as small as it gets. A direction counts as null when |B q|_2 <= kZero |B|, |B| = sqrt(|B|_1 |B|_inf),
-/// which bounds |B|_2: then a change of the entries by their own rounding makes the matrix singular exactly.
+/// until it is as small as it gets. A direction counts as null when |B q|_2 <= s |B|, |B| = sqrt(|B|_1 |B|_inf), s =
+/// zero_singular_value(), which bounds |B|_2: then a change of the entries by their own rounding makes the matrix
+/// singular exactly.
 #pragma once
 
 #include <limits>
@@ -19,9 +20,14 @@
 
 namespace espalier::solver {
 
-/// Entries that were assembled in a few roundings leave a zero singular value at some eps; regular matrices up to a
-/// condition of 6e14, scaled, stay regular.
-inline constexpr double kZero = 8 * std::numeric_limits<double>::epsilon();
+/// Entries that come of some roundings leave a zero singular value at some eps, at 14 in small dense matrices; regular
+/// ones up to a condition of 3e14, scaled, stay regular. Large positive definite matrices are assembled from elements,
+/// an entry in few roundings: their zeros were seen at 0.2 eps, while a plate of 1200 x 1200 elements has 13. There a
+/// condition may be 1e15.
+inline double zero_singular_value(Kind kind, Index n) {
+  constexpr Index kLarge = 100000;
+  return (kind == Kind::llt && n > kLarge ? 4 : 16) * std::numeric_limits<double>::epsilon();
+}
 
 /// FP32 cannot tell a matrix with a smaller singular value, over |B|, from a singular one.
 inline constexpr double kLeastForFp32 = 1e-6;
