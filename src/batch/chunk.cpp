@@ -11,7 +11,8 @@
 #include <set>
 
 #include "base/timeline.hpp"
-#include "solver/analysis_draft.hpp"
+#include "batch/least_negative.hpp"
+#include "batch/repeated_analysis.hpp"
 #include "solver/factor.hpp"
 #include "solver/pivot_policy.hpp"
 
@@ -21,85 +22,6 @@ namespace {
 
 auto at(Index k) { return static_cast<std::size_t>(k); }
 auto at(Offset k) { return static_cast<std::size_t>(k); }
-
-// `copies` of the matrix along the diagonal.
-solver::StoredMatrix repeated(const MatrixView& a, Index copies) {
-  solver::StoredMatrix all;
-  all.rows = all.cols = a.cols * copies;
-  all.storage = a.storage;
-  all.col_ptr.resize(at(all.cols) + 1);
-  all.row_ind.resize(at(a.nonzeros() * copies));
-  for (Index k = 0; k < copies; ++k) {
-    for (Index c = 0; c < a.cols; ++c) all.col_ptr[at(k * a.cols + c)] = k * a.nonzeros() + a.col_ptr[at(c)];
-    for (Offset q = 0; q < a.nonzeros(); ++q) all.row_ind[at(k * a.nonzeros() + q)] = k * a.cols + a.row_ind[at(q)];
-  }
-  all.col_ptr[at(all.cols)] = a.nonzeros() * copies;
-  return all;
-}
-
-template <class T>
-std::vector<T> repeated(const std::vector<T>& one, Index copies, T step) {
-  std::vector<T> all;
-  all.reserve(one.size() * at(copies));
-  for (Index k = 0; k < copies; ++k)
-    for (const T v : one) all.push_back(v + static_cast<T>(k) * step);
-  return all;
-}
-
-analysis::AssemblyTree repeated(const analysis::AssemblyTree& one, Index copies) {
-  analysis::AssemblyTree all;
-  all.n = one.n * copies;
-  all.order = repeated(one.order, copies, one.n);
-  all.rows = repeated(one.rows, copies, one.n);
-  all.first.push_back(0);
-  all.row_ptr.push_back(0);
-  for (Index k = 0; k < copies; ++k)
-    for (Index f = 0; f < one.fronts(); ++f) {
-      all.first.push_back(k * one.n + one.first[at(f) + 1]);
-      all.row_ptr.push_back(k * one.row_ptr.back() + one.row_ptr[at(f) + 1]);
-      all.parent.push_back(one.parent[at(f)] < 0 ? -1 : k * one.fronts() + one.parent[at(f)]);
-    }
-  return all;
-}
-
-solver::SharedAnalysis repeated(const solver::Analysis& one, Index copies, const solver::Context& context) {
-  const solver::PreparedMatrix& p = one.system->prepared;
-  auto system = std::make_shared<solver::System>();
-  system->kind = one.kind();
-  solver::PreparedMatrix& all = system->prepared;
-  all.a = repeated(p.a, copies);
-  all.caller_nonzeros = all.a.nonzeros();
-  all.row_scale = repeated(p.row_scale, copies, 0.0);
-  all.col_scale = repeated(p.col_scale, copies, 0.0);
-  all.row_of_col = repeated(p.row_of_col, copies, p.n());
-  all.wide = p.wide;
-  const auto rows = system->rows = solve::ResidualOperator::rows_of(all.a, context.pool);
-  return std::make_shared<const solver::Analysis>(solver::lay_out(
-      std::move(system), repeated(one.plan.tree, copies), {one.device, 0, one.free_pivots}, context, rows.get()));
-}
-
-// Of a regular symmetric matrix at least so many eigenvalues are negative: unknowns without entries between them, whose
-// diagonal is not positive, span a space on which x^T A x <= 0, which meets that of the positive eigenvalues in 0.
-Index least_negative(const MatrixView& a) {
-  std::vector<double> diagonal(at(a.cols), 0.0);
-  for (Index c = 0; c < a.cols; ++c)
-    for (Offset q = a.col_ptr[at(c)]; q < a.col_ptr[at(c) + 1]; ++q)
-      if (a.row_ind[at(q)] == c) diagonal[at(c)] += a.values[at(q)];
-  std::vector<char> taken(at(a.cols), 0), coupled(at(a.cols), 0);
-  Index count = 0;
-  for (Index c = 0; c < a.cols; ++c) {
-    const auto first = at(a.col_ptr[at(c)]), last = at(a.col_ptr[at(c) + 1]);
-    bool free = diagonal[at(c)] <= 0 && coupled[at(c)] == 0;
-    for (std::size_t q = first; q < last && free; ++q)
-      free = a.row_ind[q] == c || a.values[q] == 0 || taken[at(a.row_ind[q])] == 0;
-    if (!free) continue;
-    taken[at(c)] = 1;
-    ++count;
-    for (std::size_t q = first; q < last; ++q)
-      if (a.row_ind[q] != c && a.values[q] != 0) coupled[at(a.row_ind[q])] = 1;
-  }
-  return count;
-}
 
 }  // namespace
 
@@ -160,7 +82,7 @@ Chunk::Chunk(solver::SharedAnalysis one, Index systems, const solver::Context& c
     : one_(std::move(one)), context_(context), size_(systems), n_(one_->n()) {
   const solver::PreparedMatrix& p = one_->system->prepared;
   scales_ = {p.row_scale, p.col_scale, p.transform_log, p.wide};
-  all_ = repeated(*one_, size_, context_);
+  all_ = repeated_analysis(*one_, size_, context_);
   values_.assign(at(p.a.nonzeros() * size_), 0.0);
   numeric_ = solver::make_numeric(*all_, values_, {}, context_);
   numeric_->halt_at_failures(false);
