@@ -13,6 +13,7 @@
 #include "base/timeline.hpp"
 #include "batch/least_negative.hpp"
 #include "batch/repeated_analysis.hpp"
+#include "solve/part_refinement.hpp"
 #include "solver/factor.hpp"
 #include "solver/pivot_policy.hpp"
 
@@ -38,11 +39,17 @@ class Chunk::Block {
     steps.reset();
   }
 
+  /// Of some of its right-hand sides.
+  void note(const solve::RefinementResult& r) {
+    refined.error.normwise = std::max(refined.error.normwise, r.error.normwise);
+    refined.error.componentwise = std::max(refined.error.componentwise, r.error.componentwise);
+    refined.steps = std::max(refined.steps, r.steps);
+  }
+
   solve::ResidualOperator residual;
   bool left = false;      // to the caller
   Index negative = 0;     // ldlt: at least
-  std::vector<double> b;  // n x columns
-  std::vector<double> x;  // likewise
+  std::vector<double> x;  // n x columns
   solve::RefinementResult refined;
   std::unique_ptr<solve::Refinement> steps;
 };
@@ -85,6 +92,7 @@ Chunk::Chunk(solver::SharedAnalysis one, Index systems, const solver::Context& c
   all_ = repeated_analysis(*one_, size_, context_);
   values_.assign(at(p.a.nonzeros() * size_), 0.0);
   numeric_ = solver::make_numeric(*all_, values_, {}, context_);
+  if (device::DeviceLinearSystem* device = numeric_->device_system(); device != nullptr) device->expect_sendings();
   numeric_->halt_at_failures(false);
   numeric_->set_smallest_pivot(solver::zero_pivot(n_, base::ScalarTraits<double>::epsilon));
   for (int t = 0; t < context_.pool.size(); ++t) workers_.push_back(std::make_unique<Worker>());
@@ -184,59 +192,64 @@ void Chunk::substitute(Index columns, bool transpose) {
   seconds_.substitutions += base::now_seconds() - start;
 }
 
-// The same where the values are on a device, refined there as one system: all of them take as many steps as the one
-// that needs most, or until that one stalls. @returns false: there is no such device
-bool Chunk::solve_on_device(Index columns, bool transpose, bool refined) {
+// Right-hand sides to from_. A system that has none is left.
+void Chunk::take_right_hand_sides(const ChunkJob& job) {
+  const Offset all = Offset{n_} * size_;
+  from_.resize(at(all * job.columns));
+  to_.resize(from_.size());
+  for_blocks([&](Block& block, Index k) {
+    for (Index c = 0; c < job.columns && !block.left; ++c) {
+      const double* b = job.b + (Offset{k} * job.columns + c) * n_;
+      block.left = !std::all_of(b, b + n_, [](double v) { return std::isfinite(v); });
+      if (!block.left) std::copy_n(b, n_, from_.data() + c * all + Offset{k} * n_);
+    }
+    for (Index c = 0; c < job.columns && block.left; ++c) std::fill_n(from_.data() + c * all + Offset{k} * n_, n_, 0.0);
+  });
+}
+
+// Solutions and their errors to the blocks, where the values are on a device; a step of refinement there is one for all
+// systems that are in work. @returns false: there is no such device, or not enough of its memory
+bool Chunk::solve_on_device(const ChunkJob& job, bool refined) {
   device::DeviceLinearSystem* const device = numeric_->device_system();
   if (device == nullptr || device->on_ranks()) return false;
   const double start = base::now_seconds();
   constexpr Index kMost = solve::Refinement::kMostColumns;
+  // Another step would hardly change a bit.
+  constexpr double kAtRounding = 1e-15;
+  solve::RefinementOptions options = refinement_;
+  options.target = std::max(options.target, kAtRounding);
   const Offset all = Offset{n_} * size_;
   const auto apply = [&](const double* from, double* to, Index count) {
-    device->substitute(from, to, count, transpose);
+    device->substitute(from, to, count, job.transpose);
   };
   try {
-    for (Index first = 0; first < columns; first += kMost) {
-      const Index now = std::min(kMost, columns - first);
+    for (Index first = 0; first < job.columns; first += kMost) {
+      const Index now = std::min(kMost, job.columns - first);
       double *const b = device->right_hand_sides(now), *const x = device->solutions(now);
       device->send(b, from_.data() + first * all, now * all);
       apply(b, x, now);
-      if (refined && refinement_.steps > 0)
-        together_ = std::max(together_, solve::refine(*device, apply, {b, x, now, transpose}, refinement_).steps);
+      parts_.assign(at(now * size_), {});
+      if (refined) solve::refine_parts(*device, apply, {b, x, now, job.transpose}, options, parts_);
       device->finish();
       device->fetch(to_.data() + first * all, x, now * all);
+      for (std::size_t k = 0; k < parts_.size(); ++k) blocks_[k % blocks_.size()]->note(parts_[k]);
     }
   } catch (const Error& e) {
     device->settle();
     if (e.status().code != StatusCode::out_of_memory) throw;
-    together_ = 0;
+    for (const auto& block : blocks_) block->refined = {};
     return false;
   }
   seconds_.substitutions += base::now_seconds() - start;
   return true;
 }
 
-void Chunk::solve_first(const ChunkJob& job, bool refined) {
+void Chunk::take_solutions(Index columns) {
   const Offset all = Offset{n_} * size_;
-  from_.assign(at(all * job.columns), 0.0);
-  to_.resize(from_.size());
   for_blocks([&](Block& block, Index k) {
     if (block.left) return;
-    const double* b = job.b + Offset{k} * n_ * job.columns;
-    block.b.assign(b, b + Offset{n_} * job.columns);
-    for (Index c = 0; c < job.columns; ++c)
-      std::copy_n(b + Offset{c} * n_, n_, from_.data() + c * all + Offset{k} * n_);
-  });
-  // What it has refined together to rounding is good enough for each: another step would hardly change a bit.
-  constexpr double kAtRounding = 1e-15;
-  if (solve_on_device(job.columns, job.transpose, refined))
-    refinement_.target = std::max(refinement_.target, kAtRounding);
-  else
-    substitute(job.columns, job.transpose);
-  for_blocks([&](Block& block, Index k) {
-    if (block.left) return;
-    block.x.resize(block.b.size());
-    for (Index c = 0; c < job.columns; ++c)
+    block.x.resize(at(columns) * at(n_));
+    for (Index c = 0; c < columns; ++c)
       std::copy_n(to_.data() + c * all + Offset{k} * n_, n_, block.x.data() + Offset{c} * n_);
   });
 }
@@ -246,14 +259,14 @@ void Chunk::solve_first(const ChunkJob& job, bool refined) {
 void Chunk::refine(const ChunkJob& job) {
   constexpr Index kMost = solve::Refinement::kMostColumns;
   for (Index first = 0; first < job.columns; first += kMost) {
-    for_blocks([&](Block& block, Index) {
+    for_blocks([&](Block& block, Index k) {
       if (block.left) return;
       const Offset begin = Offset{first} * n_;
-      block.steps =
-          std::make_unique<solve::Refinement>(block.residual,
-                                              solve::Systems{block.b.data() + begin, block.x.data() + begin,
-                                                             std::min(kMost, job.columns - first), job.transpose},
-                                              refinement_);
+      block.steps = std::make_unique<solve::Refinement>(
+          block.residual,
+          solve::Systems{job.b + Offset{k} * n_ * job.columns + begin, block.x.data() + begin,
+                         std::min(kMost, job.columns - first), job.transpose},
+          refinement_);
     });
     for (;;) {
       std::set<Index> columns;
@@ -266,11 +279,7 @@ void Chunk::refine(const ChunkJob& job) {
       });
     }
     for_blocks([&](Block& block, Index) {
-      if (block.left) return;
-      const solve::RefinementResult r = block.steps->result();
-      block.refined.error.normwise = std::max(block.refined.error.normwise, r.error.normwise);
-      block.refined.error.componentwise = std::max(block.refined.error.componentwise, r.error.componentwise);
-      block.refined.steps = std::max(block.refined.steps, together_ + r.steps);
+      if (!block.left) block.note(block.steps->result());
     });
   }
 }
@@ -302,11 +311,11 @@ void Chunk::finish(const ChunkJob& job, bool refined, std::span<SystemResult> re
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   for_blocks([&](Block& block, Index k) {
     if (block.left) return;
-    const std::span<const double> b(block.b), x(block.x);
+    const std::span<const double> b(job.b + Offset{k} * n_ * job.columns, at(n_)), x(block.x);
     if (refined) {
       const double norm = (job.transpose ? scales_.row : scales_.col).empty() ? block.residual.norm(job.transpose) : 1;
       block.left = !(block.refined.error.normwise <= context_.options.required_backward_error) ||
-                   solver::growth_of(b.first(at(n_)), x.first(at(n_)), 1, scales_, norm, job.transpose).is_far(false);
+                   solver::growth_of(b, x.first(at(n_)), 1, scales_, norm, job.transpose).is_far(false);
       if (block.left) return;
     }
     SystemResult& r = results[at(k)];
@@ -334,9 +343,11 @@ std::vector<char> Chunk::solve(const ChunkJob& job, std::span<SystemResult> resu
   refinement_.steps = o.refinement_steps;
   refinement_.target = o.refinement_target;
   refinement_.positive_definite = one_->kind() == Kind::llt;
-  together_ = 0;
-  solve_first(job, refined);
-  if (refined) refine(job);
+  take_right_hand_sides(job);
+  const bool on_device = solve_on_device(job, refined);
+  if (!on_device) substitute(job.columns, job.transpose);
+  take_solutions(job.columns);
+  if (refined && !on_device) refine(job);
   finish(job, refined, results);
   std::vector<char> left(at(job.count));
   for (Index k = 0; k < job.count; ++k) left[at(k)] = blocks_[at(k)]->left ? 1 : 0;

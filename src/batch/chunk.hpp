@@ -73,8 +73,9 @@ class Chunk {
   void note_failures(const device::FactorOutcome& outcome);
   bool proves_inertia(Index negative);
   void substitute(Index columns, bool transpose);
-  void solve_first(const ChunkJob& job, bool refined);
-  bool solve_on_device(Index columns, bool transpose, bool refined);
+  void take_right_hand_sides(const ChunkJob& job);
+  bool solve_on_device(const ChunkJob& job, bool refined);
+  void take_solutions(Index columns);
   void refine(const ChunkJob& job);
   void correct(Index columns, bool transpose);
   void finish(const ChunkJob& job, bool refined, std::span<SystemResult> results);
@@ -87,9 +88,9 @@ class Chunk {
   std::unique_ptr<solver::Numeric> numeric_;
   std::vector<std::unique_ptr<Worker>> workers_;  // of the threads
   std::vector<std::unique_ptr<Block>> blocks_;
-  std::vector<double> from_, to_;        // vectors of the block-diagonal system
-  solve::RefinementOptions refinement_;  // of a system alone
-  int together_ = 0;                     // steps of refinement of all, before
+  std::vector<double> from_, to_;               // vectors of the block-diagonal system
+  solve::RefinementOptions refinement_;         // of a system alone
+  std::vector<solve::RefinementResult> parts_;  // columns x systems
   Seconds seconds_;
 };
 

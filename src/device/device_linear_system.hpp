@@ -41,7 +41,7 @@ struct LinearSystemArrays {
 /// Pointers are memory of the device unless said otherwise; values are in the order of the pattern, vectors have n
 /// numbers, several stand one after another. Calls enqueue what they do in one order and return at once, unless they
 /// say that they wait.
-class DeviceLinearSystem : public ResidualSpace {
+class DeviceLinearSystem : public PartSpace {
  public:
   /// Of the device, as its runtime counts.
   [[nodiscard]] virtual int number() const = 0;
@@ -51,6 +51,8 @@ class DeviceLinearSystem : public ResidualSpace {
   virtual void send_values(Offset first, Offset count) = 0;
   /// Whether ranks share the factor. Each has a copy of the system on its device then, and all calls are collective.
   [[nodiscard]] virtual bool on_ranks() const { return false; }
+  /// Readies the host's values for many sendings from now on, which is worth it from some ten on.
+  virtual void expect_sendings() = 0;
   /// On ranks: this one has sent the values [first, first + count); all get what all have sent, which are the whole.
   virtual void share_values(Offset /*first*/, Offset /*count*/) {}
   /// Factors the values that were taken or sent last. Waits.
