@@ -54,14 +54,22 @@ class Chunk::Block {
   std::unique_ptr<solve::Refinement> steps;
 };
 
+Chunk::Seconds& Chunk::Seconds::operator+=(const Seconds& other) {
+  values += other.values;
+  factorizations += other.factorizations;
+  substitutions += other.substitutions;
+  residuals += other.residuals;
+  return *this;
+}
+
 bool Chunk::serves(const solver::Analysis& one, const Options& options) {
   return options.precision == Precision::fp64 && options.rescale == Rescale::off && options.perturbation == 0 &&
          options.zero_pivot == 0 && one.system->numbers() == base::Numbers::real && one.system->border == nullptr;
 }
 
-// As many as fill a device, and no more than half of its memory takes: a plan for more costs the host more than larger
-// chunks bring.
-Index Chunk::best_size(const solver::Analysis& one, const solver::Context& context) {
+// Together as many as fill a device, and no more than half of its memory takes: a plan for more costs the host more
+// than larger chunks bring.
+Index Chunk::best_size(const solver::Analysis& one, Index chunks, const solver::Context& context) {
   constexpr Offset kUnknowns = 1 << 19;
   const device::Backend& backend = *one.device.backend;
   if (!backend.limits().own_memory) return 0;
@@ -69,7 +77,7 @@ Index Chunk::best_size(const solver::Analysis& one, const solver::Context& conte
   if (memory == 0) memory = backend.free_bytes(one.device.numbers.front());
   const Offset bytes = backend.executor_bytes(one.plan, one.kind(), Precision::fp64, 1) +
                        2 * static_cast<Offset>(sizeof(double)) * (one.system->prepared.a.nonzeros() + 8 * one.n());
-  return static_cast<Index>(std::min(kUnknowns / one.n(), memory / 2 / bytes));
+  return static_cast<Index>(std::min(kUnknowns / one.n(), memory / 2 / bytes) / chunks);
 }
 
 std::optional<Index> Chunk::wished_size() {
@@ -86,10 +94,14 @@ std::optional<Index> Chunk::wished_size() {
 }
 
 Chunk::Chunk(solver::SharedAnalysis one, Index systems, const solver::Context& context)
-    : one_(std::move(one)), context_(context), size_(systems), n_(one_->n()) {
+    : Chunk(one, repeated_analysis(*one, systems, context), systems, context) {}
+
+Chunk::Chunk(const Chunk& like, const solver::Context& context) : Chunk(like.one_, like.all_, like.size_, context) {}
+
+Chunk::Chunk(solver::SharedAnalysis one, solver::SharedAnalysis all, Index systems, const solver::Context& context)
+    : one_(std::move(one)), all_(std::move(all)), context_(context), size_(systems), n_(one_->n()) {
   const solver::PreparedMatrix& p = one_->system->prepared;
   scales_ = {p.row_scale, p.col_scale, p.transform_log, p.wide};
-  all_ = repeated_analysis(*one_, size_, context_);
   values_.assign(at(p.a.nonzeros() * size_), 0.0);
   numeric_ = solver::make_numeric(*all_, values_, {}, context_);
   if (device::DeviceLinearSystem* device = numeric_->device_system(); device != nullptr) device->expect_sendings();

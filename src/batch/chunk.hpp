@@ -31,8 +31,8 @@ class Chunk {
  public:
   /// Whether a factor with these options can be judged by blocks.
   static bool serves(const solver::Analysis& one, const Options& options);
-  /// How many systems of any number to take at a time, by the memory that is free now; 0: go one by one.
-  static Index best_size(const solver::Analysis& one, const solver::Context& context);
+  /// How many systems of any number `chunks` at a time should take, by the memory that is free now; 0: go one by one.
+  static Index best_size(const solver::Analysis& one, Index chunks, const solver::Context& context);
   /// The same by ESPALIER_BATCH_CHUNK, for tests and measurements on any device; nothing: it is not set.
   /// @throws Error(invalid_input)
   static std::optional<Index> wished_size();
@@ -40,14 +40,18 @@ class Chunk {
   /// @param context  outlives this
   /// @throws Error(out_of_memory), Error(device_error)
   Chunk(solver::SharedAnalysis one, Index systems, const solver::Context& context);
+  /// Another one like it, with the same repeated analysis.
+  Chunk(const Chunk& like, const solver::Context& context);
   ~Chunk();
   Chunk(const Chunk&) = delete;
   Chunk& operator=(const Chunk&) = delete;
 
   [[nodiscard]] Index systems() const { return size_; }
-  /// Since construction: taking values, factorizing, substituting, and the rest (residuals and verdicts).
+  /// Since construction: taking values, factorizing, substituting, and the rest (residuals and verdicts). On a device
+  /// that keeps the values, refinement is a part of substituting.
   struct Seconds {
     double values = 0, factorizations = 0, substitutions = 0, residuals = 0;
+    Seconds& operator+=(const Seconds& other);
   };
   [[nodiscard]] const Seconds& seconds() const { return seconds_; }
   /// Solves what can be solved together. @param results  of job.count systems; those of systems that are left are not
@@ -64,6 +68,7 @@ class Chunk {
     std::vector<double> scaled;
   };
 
+  Chunk(solver::SharedAnalysis one, solver::SharedAnalysis all, Index systems, const solver::Context& context);
   template <class Body>
   void for_blocks(Body&& body);
   [[nodiscard]] std::span<double> values_of(Index block);

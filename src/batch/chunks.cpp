@@ -3,11 +3,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <limits>
+#include <utility>
+
+#include "batch/workers.hpp"
 
 namespace espalier::batch {
 
 namespace {
+
+constexpr int kLanes = 2;
 
 auto at(Index k) { return static_cast<std::size_t>(k); }
 
@@ -32,12 +38,21 @@ std::string solve_part(Chunk& chunk, const ChunkJob& part, std::span<SystemResul
 
 }  // namespace
 
+struct Chunks::Lane {
+  explicit Lane(Options options) : session(std::move(options)) {}
+  solver::Session session;  // threads and memory
+  std::unique_ptr<Chunk> chunk;
+};
+
+Chunks::Chunks(solver::Session& session) : session_(session) {}
+
 Chunks::~Chunks() {
-  if (session_.device_lost()) (void)chunk_.release();
+  if (!session_.device_lost()) return;
+  for (const auto& lane : lanes_) (void)lane->chunk.release();
 }
 
 void Chunks::forget() {
-  chunk_.reset();
+  lanes_.clear();
   best_.reset();
 }
 
@@ -46,15 +61,51 @@ Index Chunks::size_for(const solver::SharedAnalysis& analysis, Index count) {
   const Offset most = std::numeric_limits<Index>::max() / analysis->n();
   if (const std::optional<Index> wish = Chunk::wished_size())
     return static_cast<Index>(std::min({Offset{*wish}, Offset{count}, most}));
-  if (!best_) best_ = Chunk::best_size(*analysis, session_.context);
+  if (!best_) best_ = Chunk::best_size(*analysis, kLanes, session_.context);
   return std::min(*best_, count);
 }
 
-void Chunks::make(const solver::SharedAnalysis& analysis, Index size) {
-  if (chunk_ != nullptr && chunk_->systems() >= size && chunk_->systems() <= 2 * size) return;
-  chunk_.reset();
+// Where there is no memory for the second lane, the first goes alone.
+void Chunks::make_lanes(const solver::SharedAnalysis& analysis, Index size, int lanes) {
+  const auto fits = [&](const Chunk& c) { return c.systems() >= size && c.systems() <= 2 * size; };
+  if (!lanes_.empty() && wanted_ >= lanes && fits(*lanes_.front()->chunk)) return;
+  lanes_.clear();
+  wanted_ = lanes;
   session_.note_devices();
-  chunk_ = std::make_unique<Chunk>(analysis, size, session_.context);
+  const int threads = std::max(1, session_.pool.size() / lanes);
+  for (int k = 0; k < lanes; ++k) try {
+      auto lane = std::make_unique<Lane>(options_of_worker(session_.options, threads, lanes));
+      lane->chunk = lanes_.empty() ? std::make_unique<Chunk>(analysis, size, lane->session.context)
+                                   : std::make_unique<Chunk>(*lanes_.front()->chunk, lane->session.context);
+      lanes_.push_back(std::move(lane));
+    } catch (const Error& e) {
+      if (k == 0 || e.status().code != StatusCode::out_of_memory) throw;
+      return;
+    }
+}
+
+// @returns why not all chunks were tried; empty: they were
+std::string Chunks::solve_in_lanes(const solver::Analysis& analysis, const ChunkJob& all,
+                                   std::span<SystemResult> results, std::span<char> left) {
+  const Index size = lanes_.front()->chunk->systems();
+  std::vector<std::string> why(lanes_.size());
+  std::atomic<bool> useful{true}, broken{false};
+  share(session_.pool, static_cast<int>(lanes_.size()), (all.count + size - 1) / size, [&](int lane, Index k) {
+    if (!useful) return;
+    const Index first = k * size, count = std::min(size, all.count - first);
+    std::string& mine = why[static_cast<std::size_t>(lane)];
+    try {
+      mine = solve_part(*lanes_[static_cast<std::size_t>(lane)]->chunk, part_of(all, analysis, first, count),
+                        results.subspan(at(first), at(count)), left.subspan(at(first), at(count)));
+    } catch (const Error& e) {
+      mine = e.what();
+      broken = true;
+    }
+    if (!mine.empty()) useful = false;
+  });
+  if (broken) lanes_.clear();
+  const auto reason = std::find_if(why.begin(), why.end(), [](const std::string& s) { return !s.empty(); });
+  return reason != why.end() ? *reason : "";
 }
 
 std::vector<char> Chunks::solve(const solver::SharedAnalysis& analysis, const ChunkJob& all,
@@ -62,33 +113,31 @@ std::vector<char> Chunks::solve(const solver::SharedAnalysis& analysis, const Ch
   std::vector<char> left(at(all.count), 1);
   const Index size = size_for(analysis, all.count);
   if (size < 2) return left;
-  workers = std::max<int>(workers, size);
   std::string why;
   try {
-    make(analysis, size);
-    for (Index first = 0; first < all.count && why.empty(); first += size) {
-      const Index count = std::min(size, all.count - first);
-      why = solve_part(*chunk_, part_of(all, *analysis, first, count), results.subspan(at(first), at(count)),
-                       std::span(left).subspan(at(first), at(count)));
-    }
+    const Index chunks = (all.count + size - 1) / size;
+    make_lanes(analysis, size, std::min({kLanes, session_.pool.size(), static_cast<int>(chunks)}));
+    workers = std::max(workers, static_cast<int>(std::min(Offset{all.count}, Offset{size} * std::ssize(lanes_))));
+    why = solve_in_lanes(*analysis, all, results, left);
   } catch (const Error& e) {
     if (e.status().code == StatusCode::cancelled) throw;
-    chunk_.reset();
+    lanes_.clear();
     why = e.what();
   }
   session_.context.log(fmt::format("batch: {} of {} systems were solved in chunks of {}, the others one by one{}",
                                    std::count(left.begin(), left.end(), 0), all.count, size,
                                    why.empty() ? "" : ": " + why));
-  if (chunk_ != nullptr) log_seconds();
+  if (!lanes_.empty()) log_seconds();
   return left;
 }
 
 void Chunks::log_seconds() const {
-  const Chunk::Seconds& s = chunk_->seconds();
+  Chunk::Seconds all;
+  for (const auto& lane : lanes_) all += lane->chunk->seconds();
   session_.context.log(
       fmt::format("batch: so far {:.4f} s for values, {:.4f} factorizations, {:.4f} substitutions, "
-                  "{:.4f} residuals and verdicts",
-                  s.values, s.factorizations, s.substitutions, s.residuals));
+                  "{:.4f} residuals and verdicts, in {} lanes",
+                  all.values, all.factorizations, all.substitutions, all.residuals, lanes_.size()));
 }
 
 }  // namespace espalier::batch

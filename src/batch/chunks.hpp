@@ -13,11 +13,12 @@
 
 namespace espalier::batch {
 
-/// Keeps its chunk for the next batch with the same analysis.
+/// Chunks go through two lanes, each with half of the threads and a factor of its own: while the device works for one,
+/// the host is busy with the other. Lanes are kept for the next batch with the same analysis.
 class Chunks {
  public:
   /// @param session  whose threads work; outlives this
-  explicit Chunks(solver::Session& session) : session_(session) {}
+  explicit Chunks(solver::Session& session);
   Chunks(const Chunks&) = delete;
   Chunks& operator=(const Chunks&) = delete;
   /// In the child of a fork() what lies on the parent's GPU is left alone, as Session does.
@@ -34,12 +35,16 @@ class Chunks {
 
  private:
   Index size_for(const solver::SharedAnalysis& analysis, Index count);
-  void make(const solver::SharedAnalysis& analysis, Index size);
+  struct Lane;
+  void make_lanes(const solver::SharedAnalysis& analysis, Index size, int lanes);
+  std::string solve_in_lanes(const solver::Analysis& analysis, const ChunkJob& all, std::span<SystemResult> results,
+                             std::span<char> left);
   void log_seconds() const;
 
   solver::Session& session_;
   std::optional<Index> best_;  // size, by the memory that was free before the first chunk
-  std::unique_ptr<Chunk> chunk_;
+  std::vector<std::unique_ptr<Lane>> lanes_;
+  int wanted_ = 0;  // lanes, when these were made
 };
 
 }  // namespace espalier::batch
