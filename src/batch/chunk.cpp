@@ -104,7 +104,6 @@ Chunk::Chunk(solver::SharedAnalysis one, solver::SharedAnalysis all, Index syste
   scales_ = {p.row_scale, p.col_scale, p.transform_log, p.wide};
   values_.assign(at(p.a.nonzeros() * size_), 0.0);
   numeric_ = solver::make_numeric(*all_, values_, {}, context_);
-  if (device::DeviceLinearSystem* device = numeric_->device_system(); device != nullptr) device->expect_sendings();
   numeric_->halt_at_failures(false);
   numeric_->set_smallest_pivot(solver::zero_pivot(n_, base::ScalarTraits<double>::epsilon));
   for (int t = 0; t < context_.pool.size(); ++t) workers_.push_back(std::make_unique<Worker>());
@@ -123,39 +122,82 @@ void Chunk::for_blocks(Body&& body) {
   });
 }
 
+double* Chunk::column_of(const Vectors& vectors, Index block, Index column) const {
+  return vectors.get() + (Offset{column} * size_ + block) * n_;
+}
+
 std::span<double> Chunk::values_of(Index block) {
   const Offset nonzeros = one_->system->prepared.a.nonzeros();
   return std::span(values_).subspan(at(block * nonzeros), at(nonzeros));
 }
 
-// Systems with values that no factorization takes are left.
-void Chunk::take_values(const ChunkJob& job) {
-  const solver::PreparedMatrix& p = one_->system->prepared;
-  const auto caller = at(p.caller_nonzeros);
+// They move only when there are more columns than ever before.
+void Chunk::take_vectors(Index columns) {
+  if (columns <= columns_) return;
+  columns_ = 0;
+  const Offset count = Offset{n_} * size_ * columns;
+  device::DeviceLinearSystem* const device = numeric_->device_system();
+  for (Vectors* v : {&from_, &to_}) {
+    v->reset();
+    *v = device != nullptr ? device->host_memory(count) : Vectors(new double[at(count)]);
+  }
+  columns_ = columns;
+}
+
+// Systems with values or right-hand sides that are none are left.
+void Chunk::take_systems(const ChunkJob& job) {
+  take_vectors(job.columns);
   for_blocks([&](Block& block, Index k) {
     block.begin(values_of(k));
-    if (k >= job.count) return;
-    Worker& worker = *workers_[at(k) % workers_.size()];
-    try {
-      worker.values.resize(at(p.a.nonzeros()));
-      worker.scaled.resize(worker.values.size());
-      solver::copy_values(p, job.values.subspan(at(k) * caller, caller), worker.values, worker.pool);
-      (void)solver::scale_values(p, scales_, worker.values, worker.scaled.data(), worker.pool);
-      std::copy(worker.values.begin(), worker.values.end(), values_of(k).begin());
-      block.left = false;
-    } catch (const Error& e) {
-      if (e.status().code != StatusCode::invalid_input) throw;
+    block.left = k >= job.count || !take_right_hand_sides(job, k) || !take_values(job, k);
+    if (!block.left && one_->kind() == Kind::ldlt) {
+      MatrixView a = one_->system->prepared.a;
+      a.values = values_of(k);
+      block.negative = least_negative(a);
     }
+    if (block.left)
+      for (Index c = 0; c < job.columns; ++c) std::fill_n(column_of(from_, k, c), n_, 0.0);
   });
+}
+
+bool Chunk::take_right_hand_sides(const ChunkJob& job, Index k) {
+  for (Index c = 0; c < job.columns; ++c) {
+    const double* b = job.b + (Offset{k} * job.columns + c) * n_;
+    if (!std::all_of(b, b + n_, [](double v) { return std::isfinite(v); })) return false;
+    std::copy_n(b, n_, column_of(from_, k, c));
+  }
+  return true;
+}
+
+bool Chunk::take_values(const ChunkJob& job, Index k) {
+  const solver::PreparedMatrix& p = one_->system->prepared;
+  const auto caller = at(p.caller_nonzeros);
+  Worker& worker = *workers_[at(k) % workers_.size()];
+  worker.values.resize(at(p.a.nonzeros()));
+  worker.scaled.resize(worker.values.size());
+  try {
+    solver::copy_values(p, job.values.subspan(at(k) * caller, caller), worker.values, worker.pool);
+    (void)solver::scale_values(p, scales_, worker.values, worker.scaled.data(), worker.pool);
+  } catch (const Error& e) {
+    if (e.status().code != StatusCode::invalid_input) throw;
+    return false;
+  }
+  std::copy(worker.values.begin(), worker.values.end(), values_of(k).begin());
+  return true;
 }
 
 // Places of systems that are left get the values of another one. @returns false: all are left
 bool Chunk::fill_gaps() {
-  const auto good = std::find_if(blocks_.begin(), blocks_.end(), [](const auto& b) { return !b->left; });
+  const auto is_left = [](const auto& block) { return block->left; };
+  if (std::none_of(blocks_.begin(), blocks_.end(), is_left)) return true;
+  const auto good = std::find_if_not(blocks_.begin(), blocks_.end(), is_left);
   if (good == blocks_.end()) return false;
   const auto from = values_of(static_cast<Index>(good - blocks_.begin()));
-  for_blocks([&](const Block& block, Index k) {
-    if (block.left) std::copy(from.begin(), from.end(), values_of(k).begin());
+  const Index negative = (*good)->negative;
+  for_blocks([&](Block& block, Index k) {
+    if (!block.left) return;
+    std::copy(from.begin(), from.end(), values_of(k).begin());
+    block.negative = negative;
   });
   return true;
 }
@@ -186,12 +228,7 @@ bool Chunk::factorize() {
 }
 
 // A device counts for all blocks. Where that is what each of them has at least, each has just that.
-bool Chunk::proves_inertia(Index negative) {
-  for_blocks([&](Block& block, Index k) {
-    MatrixView a = one_->system->prepared.a;
-    a.values = values_of(k);
-    block.negative = least_negative(a);
-  });
+bool Chunk::proves_inertia(Index negative) const {
   Offset least = 0;
   for (const auto& block : blocks_) least += block->negative;
   return least == negative;
@@ -200,27 +237,12 @@ bool Chunk::proves_inertia(Index negative) {
 // to_ = op(A)^-1 from_.
 void Chunk::substitute(Index columns, bool transpose) {
   const double start = base::now_seconds();
-  numeric_->solve(from_.data(), to_.data(), columns, transpose);
+  numeric_->solve(from_.get(), to_.get(), columns, transpose);
   seconds_.substitutions += base::now_seconds() - start;
 }
 
-// Right-hand sides to from_. A system that has none is left.
-void Chunk::take_right_hand_sides(const ChunkJob& job) {
-  const Offset all = Offset{n_} * size_;
-  from_.resize(at(all * job.columns));
-  to_.resize(from_.size());
-  for_blocks([&](Block& block, Index k) {
-    for (Index c = 0; c < job.columns && !block.left; ++c) {
-      const double* b = job.b + (Offset{k} * job.columns + c) * n_;
-      block.left = !std::all_of(b, b + n_, [](double v) { return std::isfinite(v); });
-      if (!block.left) std::copy_n(b, n_, from_.data() + c * all + Offset{k} * n_);
-    }
-    for (Index c = 0; c < job.columns && block.left; ++c) std::fill_n(from_.data() + c * all + Offset{k} * n_, n_, 0.0);
-  });
-}
-
-// Solutions and their errors to the blocks, where the values are on a device; a step of refinement there is one for all
-// systems that are in work. @returns false: there is no such device, or not enough of its memory
+// Solutions to to_ and their errors to the blocks, where the values are on a device; a step of refinement there is one
+// for all systems that are in work. @returns false: there is no such device, or not enough of its memory
 bool Chunk::solve_on_device(const ChunkJob& job, bool refined) {
   device::DeviceLinearSystem* const device = numeric_->device_system();
   if (device == nullptr || device->on_ranks()) return false;
@@ -238,12 +260,12 @@ bool Chunk::solve_on_device(const ChunkJob& job, bool refined) {
     for (Index first = 0; first < job.columns; first += kMost) {
       const Index now = std::min(kMost, job.columns - first);
       double *const b = device->right_hand_sides(now), *const x = device->solutions(now);
-      device->send(b, from_.data() + first * all, now * all);
+      device->copy_vectors(from_.get() + first * all, b, now * all);
       apply(b, x, now);
       parts_.assign(at(now * size_), {});
       if (refined) solve::refine_parts(*device, apply, {b, x, now, job.transpose}, options, parts_);
+      device->copy_vectors(x, to_.get() + first * all, now * all);
       device->finish();
-      device->fetch(to_.data() + first * all, x, now * all);
       for (std::size_t k = 0; k < parts_.size(); ++k) blocks_[k % blocks_.size()]->note(parts_[k]);
     }
   } catch (const Error& e) {
@@ -256,13 +278,18 @@ bool Chunk::solve_on_device(const ChunkJob& job, bool refined) {
   return true;
 }
 
-void Chunk::take_solutions(Index columns) {
-  const Offset all = Offset{n_} * size_;
+void Chunk::solve_on_host(const ChunkJob& job, bool refined) {
+  substitute(job.columns, job.transpose);
+  if (!refined) return;
   for_blocks([&](Block& block, Index k) {
     if (block.left) return;
-    block.x.resize(at(columns) * at(n_));
-    for (Index c = 0; c < columns; ++c)
-      std::copy_n(to_.data() + c * all + Offset{k} * n_, n_, block.x.data() + Offset{c} * n_);
+    block.x.resize(at(job.columns) * at(n_));
+    for (Index c = 0; c < job.columns; ++c) std::copy_n(column_of(to_, k, c), n_, block.x.data() + Offset{c} * n_);
+  });
+  refine(job);
+  for_blocks([&](const Block& block, Index k) {
+    for (Index c = 0; c < job.columns && !block.left; ++c)
+      std::copy_n(block.x.data() + Offset{c} * n_, n_, column_of(to_, k, c));
   });
 }
 
@@ -298,23 +325,21 @@ void Chunk::refine(const ChunkJob& job) {
 
 // Of blocks with so many columns in work.
 void Chunk::correct(Index columns, bool transpose) {
-  const Offset all = Offset{n_} * size_;
   const auto takes_part = [&](const Block& block) {
     return !block.left && !block.steps->done() && block.steps->columns() == columns;
   };
-  from_.assign(at(all * columns), 0.0);
-  to_.resize(from_.size());
+  std::fill_n(from_.get(), Offset{n_} * size_ * columns, 0.0);
   for_blocks([&](const Block& block, Index k) {
     if (!takes_part(block)) return;
     for (Index c = 0; c < columns; ++c)
-      std::copy_n(block.steps->residuals() + Offset{c} * n_, n_, from_.data() + c * all + Offset{k} * n_);
+      std::copy_n(block.steps->residuals() + Offset{c} * n_, n_, column_of(from_, k, c));
   });
   context_.pool.check();
   substitute(columns, transpose);
   for_blocks([&](const Block& block, Index k) {
     if (!takes_part(block)) return;
     for (Index c = 0; c < columns; ++c)
-      std::copy_n(to_.data() + c * all + Offset{k} * n_, n_, block.steps->corrections() + Offset{c} * n_);
+      std::copy_n(column_of(to_, k, c), n_, block.steps->corrections() + Offset{c} * n_);
   });
 }
 
@@ -323,11 +348,11 @@ void Chunk::finish(const ChunkJob& job, bool refined, std::span<SystemResult> re
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   for_blocks([&](Block& block, Index k) {
     if (block.left) return;
-    const std::span<const double> b(job.b + Offset{k} * n_ * job.columns, at(n_)), x(block.x);
+    const std::span<const double> b(job.b + Offset{k} * n_ * job.columns, at(n_)), x(column_of(to_, k, 0), at(n_));
     if (refined) {
       const double norm = (job.transpose ? scales_.row : scales_.col).empty() ? block.residual.norm(job.transpose) : 1;
       block.left = !(block.refined.error.normwise <= context_.options.required_backward_error) ||
-                   solver::growth_of(b, x.first(at(n_)), 1, scales_, norm, job.transpose).is_far(false);
+                   solver::growth_of(b, x, 1, scales_, norm, job.transpose).is_far(false);
       if (block.left) return;
     }
     SystemResult& r = results[at(k)];
@@ -337,13 +362,14 @@ void Chunk::finish(const ChunkJob& job, bool refined, std::span<SystemResult> re
     r.refinement_steps = block.refined.steps;
     r.backward_error = refined ? block.refined.error.normwise : kUnknown;
     r.componentwise_error = refined ? block.refined.error.componentwise : kUnknown;
-    std::copy(x.begin(), x.end(), job.x + Offset{k} * n_ * job.columns);
+    for (Index c = 0; c < job.columns; ++c)
+      std::copy_n(column_of(to_, k, c), n_, job.x + (Offset{k} * job.columns + c) * n_);
   });
 }
 
 std::vector<char> Chunk::solve(const ChunkJob& job, std::span<SystemResult> results) {
   const double start = base::now_seconds(), substitutions = seconds_.substitutions;
-  take_values(job);
+  take_systems(job);
   const double taken = base::now_seconds();
   seconds_.values += taken - start;
   const bool factorized = factorize();
@@ -355,11 +381,7 @@ std::vector<char> Chunk::solve(const ChunkJob& job, std::span<SystemResult> resu
   refinement_.steps = o.refinement_steps;
   refinement_.target = o.refinement_target;
   refinement_.positive_definite = one_->kind() == Kind::llt;
-  take_right_hand_sides(job);
-  const bool on_device = solve_on_device(job, refined);
-  if (!on_device) substitute(job.columns, job.transpose);
-  take_solutions(job.columns);
-  if (refined && !on_device) refine(job);
+  if (!solve_on_device(job, refined)) solve_on_host(job, refined);
   finish(job, refined, results);
   std::vector<char> left(at(job.count));
   for (Index k = 0; k < job.count; ++k) left[at(k)] = blocks_[at(k)]->left ? 1 : 0;

@@ -68,19 +68,25 @@ class Chunk {
     std::vector<double> scaled;
   };
 
+  // Of the block-diagonal system, one after another.
+  using Vectors = std::shared_ptr<double[]>;
+
   Chunk(solver::SharedAnalysis one, solver::SharedAnalysis all, Index systems, const solver::Context& context);
   template <class Body>
   void for_blocks(Body&& body);
   [[nodiscard]] std::span<double> values_of(Index block);
-  void take_values(const ChunkJob& job);
+  [[nodiscard]] double* column_of(const Vectors& vectors, Index block, Index column) const;
+  void take_vectors(Index columns);
+  void take_systems(const ChunkJob& job);
+  bool take_right_hand_sides(const ChunkJob& job, Index k);
+  bool take_values(const ChunkJob& job, Index k);
   bool fill_gaps();
   bool factorize();
   void note_failures(const device::FactorOutcome& outcome);
-  bool proves_inertia(Index negative);
+  [[nodiscard]] bool proves_inertia(Index negative) const;
   void substitute(Index columns, bool transpose);
-  void take_right_hand_sides(const ChunkJob& job);
   bool solve_on_device(const ChunkJob& job, bool refined);
-  void take_solutions(Index columns);
+  void solve_on_host(const ChunkJob& job, bool refined);
   void refine(const ChunkJob& job);
   void correct(Index columns, bool transpose);
   void finish(const ChunkJob& job, bool refined, std::span<SystemResult> results);
@@ -93,7 +99,8 @@ class Chunk {
   std::unique_ptr<solver::Numeric> numeric_;
   std::vector<std::unique_ptr<Worker>> workers_;  // of the threads
   std::vector<std::unique_ptr<Block>> blocks_;
-  std::vector<double> from_, to_;               // vectors of the block-diagonal system
+  Vectors from_, to_;
+  Index columns_ = 0;                           // that have room in them
   solve::RefinementOptions refinement_;         // of a system alone
   std::vector<solve::RefinementResult> parts_;  // columns x systems
   Seconds seconds_;

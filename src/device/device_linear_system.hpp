@@ -5,6 +5,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 
@@ -51,8 +52,6 @@ class DeviceLinearSystem : public PartSpace {
   virtual void send_values(Offset first, Offset count) = 0;
   /// Whether ranks share the factor. Each has a copy of the system on its device then, and all calls are collective.
   [[nodiscard]] virtual bool on_ranks() const { return false; }
-  /// Readies the host's values for many sendings from now on, which is worth it from some ten on.
-  virtual void expect_sendings() = 0;
   /// On ranks: this one has sent the values [first, first + count); all get what all have sent, which are the whole.
   virtual void share_values(Offset /*first*/, Offset /*count*/) {}
   /// Factors the values that were taken or sent last. Waits.
@@ -77,7 +76,10 @@ class DeviceLinearSystem : public PartSpace {
   virtual void expect_reachable(const double* array, const char* what) const = 0;
   /// Waits for what is enqueued on a queue of the device that is the caller's (a cudaStream_t); null: the default one.
   virtual void wait_for(void* queue) = 0;
+  /// Also from and to memory of the host that is the device's (host_memory()).
   virtual void copy_vectors(const double* from, double* to, Offset count) = 0;
+  /// Memory of the host that copies reach straight, for as long as somebody owns it.
+  virtual std::shared_ptr<double[]> host_memory(Offset count) = 0;
   /// From host memory, which may change on return, and to host memory (waits).
   virtual void send(double* to, const double* from, Offset count) = 0;
   virtual void fetch(double* to, const double* from, Offset count) = 0;

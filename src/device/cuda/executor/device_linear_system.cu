@@ -63,7 +63,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   }
   void send_values(Offset first, Offset count) override {
     const DeviceGuard guard(device_);
-    if (first == 0 && ++sendings_ == kPinFrom) expect_sendings();
+    if (first == 0 && ++sendings_ == kPinFrom) pin(values_);
     const double* from = values_.data() + first;
     double* to = memory_.given() + first;
     if (!pinned_values_)
@@ -74,9 +74,6 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
                                stream());
       });
     sent_ = true;
-  }
-  void expect_sendings() override {
-    if (!pinned_values_) pin(values_);
   }
   [[nodiscard]] bool on_ranks() const override { return executor_.on_ranks(); }
   void share_values(Offset first, Offset count) override {
@@ -154,6 +151,12 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   [[nodiscard]] Index size() const override { return doubles_; }
   void copy(const double* from, double* to) const override { enqueue_copy(from, to, doubles_); }
   void copy_vectors(const double* from, double* to, Offset count) override { enqueue_copy(from, to, count); }
+
+  std::shared_ptr<double[]> host_memory(Offset count) override {
+    const DeviceGuard guard(device_);
+    const auto memory = std::make_shared<PinnedArray<double>>(count);
+    return {memory, memory->data()};
+  }
 
   [[nodiscard]] int number() const override { return device_; }
   bool add(const double* from, double* to) const override {
