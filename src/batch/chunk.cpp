@@ -139,7 +139,7 @@ void Chunk::take_vectors(Index columns) {
   device::DeviceLinearSystem* const device = numeric_->device_system();
   for (Vectors* v : {&from_, &to_}) {
     v->reset();
-    *v = device != nullptr ? device->host_memory(count) : Vectors(new double[at(count)]);
+    *v = device != nullptr ? device->host_memory(count) : std::make_shared<double[]>(at(count));
   }
   columns_ = columns;
 }

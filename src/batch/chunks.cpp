@@ -136,7 +136,7 @@ void Chunks::log_seconds() const {
   for (const auto& lane : lanes_) all += lane->chunk->seconds();
   session_.context.log(
       fmt::format("batch: so far {:.4f} s for values, {:.4f} factorizations, {:.4f} substitutions, "
-                  "{:.4f} residuals and verdicts, in {} lanes",
+                  "{:.4f} residuals and verdicts; lanes: {}",
                   all.values, all.factorizations, all.substitutions, all.residuals, lanes_.size()));
 }
 
