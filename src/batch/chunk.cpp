@@ -208,12 +208,13 @@ void Chunk::note_failures(const device::FactorOutcome& outcome) {
   if (outcome.not_positive >= 0) blocks_[at(outcome.not_positive / n_)]->left = true;
 }
 
-// Until no pivot of any block fails. Of positive definite systems only the lowest failure is known each time.
+// Until no pivot of any block fails. Of positive definite systems only the lowest failure is known each time; some
+// rounds still take less time than all systems one by one.
 // @returns whether there is a factor, with the inertia of each
 bool Chunk::factorize() {
-  constexpr int kMostRounds = 4;
   const bool ldlt = one_->kind() == Kind::ldlt;
-  for (int round = 0; round < kMostRounds; ++round) {
+  const Index most_rounds = one_->kind() == Kind::llt ? std::max(4, size_ / 8) : 4;
+  for (Index round = 0; round < most_rounds; ++round) {
     if (!fill_gaps()) return false;
     context_.pool.check();
     if (device::DeviceLinearSystem* device = numeric_->device_system(); device != nullptr)

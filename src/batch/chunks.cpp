@@ -13,9 +13,13 @@ namespace espalier::batch {
 
 namespace {
 
-constexpr int kLanes = 2;
-
 auto at(Index k) { return static_cast<std::size_t>(k); }
+
+// Kernels on several GPUs wait for each other, so that those of two lanes could wait for ever.
+int most_lanes(const solver::Analysis& analysis) {
+  const solver::DeviceChoice& device = analysis.device;
+  return device.backend->limits().own_memory && device.numbers.size() > 1 ? 1 : 2;
+}
 
 ChunkJob part_of(const ChunkJob& all, const solver::Analysis& analysis, Index first, Index count) {
   const auto nonzeros = static_cast<std::size_t>(analysis.system->prepared.caller_nonzeros);
@@ -61,8 +65,13 @@ Index Chunks::size_for(const solver::SharedAnalysis& analysis, Index count) {
   const Offset most = std::numeric_limits<Index>::max() / analysis->n();
   if (const std::optional<Index> wish = Chunk::wished_size())
     return static_cast<Index>(std::min({Offset{*wish}, Offset{count}, most}));
-  if (!best_) best_ = Chunk::best_size(*analysis, kLanes, session_.context);
-  return std::min(*best_, count);
+  if (!best_) best_ = Chunk::best_size(*analysis, most_lanes(*analysis), session_.context);
+  if (*best_ < 2) return 0;
+  // Equal chunks, as many in each lane.
+  const Index lanes = most_lanes(*analysis);
+  Index chunks = (count + *best_ - 1) / *best_;
+  if (chunks > 1) chunks = (chunks + lanes - 1) / lanes * lanes;
+  return chunks > 0 ? (count + chunks - 1) / chunks : 0;
 }
 
 // Where there is no memory for the second lane, the first goes alone.
@@ -116,7 +125,7 @@ std::vector<char> Chunks::solve(const solver::SharedAnalysis& analysis, const Ch
   std::string why;
   try {
     const Index chunks = (all.count + size - 1) / size;
-    make_lanes(analysis, size, std::min({kLanes, session_.pool.size(), static_cast<int>(chunks)}));
+    make_lanes(analysis, size, std::min({most_lanes(*analysis), session_.pool.size(), static_cast<int>(chunks)}));
     workers = std::max(workers, static_cast<int>(std::min(Offset{all.count}, Offset{size} * std::ssize(lanes_))));
     why = solve_in_lanes(*analysis, all, results, left);
   } catch (const Error& e) {

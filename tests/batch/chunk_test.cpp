@@ -134,6 +134,26 @@ TEST(BatchChunks, FailuresTouchNobodyElse) {
   }
 }
 
+// Of positive definite systems a factorization names one that is none.
+TEST(BatchChunks, SomeIndefiniteSystemsLeaveTheOthersTogether) {
+  const SparseMatrix a = reference::random_system(20, 3, reference::Values::positive, 1);
+  constexpr Index kCount = 64;
+  const std::size_t nonzeros = a.values.size();
+  std::vector<double> values = values_of(a, kCount, 1);
+  for (std::size_t k = 5; k < kCount; k += 10)
+    for (std::size_t q = 0; q < nonzeros; ++q) values[k * nonzeros + q] *= -1;
+  const std::vector<double> b = reference::random_vector(20 * kCount, 2);
+  std::vector<double> x(b.size());
+  const InChunks together(kCount);
+  Options o = options_of(Kind::llt, 2);
+  std::string log;
+  o.log = [&](const std::string& line) { log += line; };
+  Batch batch(o);
+  ASSERT_TRUE(batch.analyze(a).status.ok());
+  EXPECT_EQ(batch.solve(values, b, x, kCount).failed, 6);
+  EXPECT_NE(log.find("58 of 64 systems were solved in chunks of 64"), std::string::npos) << log;
+}
+
 // Two lanes share what is more than one chunk; a chunk alone has all threads, and so has a caller's only one.
 TEST(BatchChunks, GoThroughTwoLanes) {
   const SparseMatrix a = constrained_chain(60);
