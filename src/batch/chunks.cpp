@@ -82,15 +82,18 @@ void Chunks::make_lanes(const solver::SharedAnalysis& analysis, Index size, int 
   wanted_ = lanes;
   session_.note_devices();
   const int threads = std::max(1, session_.pool.size() / lanes);
-  for (int k = 0; k < lanes; ++k) try {
-      auto lane = std::make_unique<Lane>(options_of_worker(session_.options, threads, lanes));
-      lane->chunk = lanes_.empty() ? std::make_unique<Chunk>(analysis, size, lane->session.context)
-                                   : std::make_unique<Chunk>(*lanes_.front()->chunk, lane->session.context);
-      lanes_.push_back(std::move(lane));
-    } catch (const Error& e) {
-      if (k == 0 || e.status().code != StatusCode::out_of_memory) throw;
-      return;
-    }
+  const auto add = [&] {
+    auto lane = std::make_unique<Lane>(options_of_worker(session_.options, threads, lanes));
+    lane->chunk = lanes_.empty() ? std::make_unique<Chunk>(analysis, size, lane->session.context)
+                                 : std::make_unique<Chunk>(*lanes_.front()->chunk, lane->session.context);
+    lanes_.push_back(std::move(lane));
+  };
+  add();
+  try {
+    while (static_cast<int>(lanes_.size()) < lanes) add();
+  } catch (const Error& e) {
+    if (e.status().code != StatusCode::out_of_memory) throw;
+  }
 }
 
 // @returns why not all chunks were tried; empty: they were
