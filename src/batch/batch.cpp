@@ -3,16 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <functional>
 #include <limits>
-#include <optional>
 #include <stdexcept>
 #include <utility>
 
 #include "base/stopwatch.hpp"
-#include "batch/chunk.hpp"
+#include "batch/chunks.hpp"
+#include "batch/workers.hpp"
 #include "solver/session.hpp"
 #include "solver/solution.hpp"
 #include "solver/status_of.hpp"
@@ -21,21 +19,13 @@ namespace espalier {
 
 namespace {
 
+using batch::options_of_worker;
+using batch::share;
 using solver::Session;
 
 auto at(Index k) { return static_cast<std::size_t>(k); }
 
 constexpr const char* kRemedy = "use fewer threads or a machine with more memory";
-
-// Systems of a batch must not call back from threads of ours, and share what memory there is.
-Options options_of_worker(Options o, int threads, int workers) {
-  o.threads = threads;
-  o.log = nullptr;
-  o.interrupted = nullptr;
-  o.record_timeline = false;
-  o.host_memory_bytes = o.host_memory_bytes > 0 ? std::max<Offset>(1, o.host_memory_bytes / workers) : 0;
-  return o;
-}
 
 // A session without the caller's callbacks, with a factor of its own on `analysis`.
 std::unique_ptr<Session> make_worker(const Options& options, const solver::SharedAnalysis& analysis) {
@@ -93,32 +83,10 @@ void summarize(BatchResult& result) {
                    s.row};
 }
 
-// one(worker, system) for all systems, each worker one at a time.
-void share(base::ThreadPool& pool, int workers, Index count, const std::function<void(int, Index)>& one) {
-  std::atomic<Index> next{0};
-  const auto work = [&](int worker) {
-    if (worker >= workers) return;
-    for (Index k = next++; k < count; k = next++) {
-      pool.check();
-      one(worker, k);
-    }
-  };
-  if (workers == 1)
-    work(0);
-  else
-    pool.share(work);
-}
-
 }  // namespace
 
 struct Batch::Impl {
   explicit Impl(Options options) : session(std::move(options)) {}
-  Impl(const Impl&) = delete;
-  Impl& operator=(const Impl&) = delete;
-  // In the child of a fork() what lies on the parent's GPU is left alone, as Session does.
-  ~Impl() {
-    if (session.device_lost()) (void)chunk.release();
-  }
 
   // The host's threads, or the one device that was chosen.
   [[nodiscard]] int workers_for(Index count) const {
@@ -135,69 +103,6 @@ struct Batch::Impl {
     return *s;
   }
 
-  // Together, as long as that leaves few systems. @returns which are left, by 1
-  std::vector<char> solve_in_chunks(const batch::ChunkJob& all, BatchResult& result) {
-    std::vector<char> left(at(all.count), 1);
-    const Index size = size_of_chunks(all.count);
-    if (size < 2) return left;
-    result.workers = std::max<int>(result.workers, size);
-    std::string why;
-    try {
-      make_chunk(size);
-      for (Index first = 0; first < all.count && why.empty(); first += size)
-        why = solve_chunk(all, first, std::min(size, all.count - first), left, result);
-    } catch (const Error& e) {
-      if (e.status().code == StatusCode::cancelled) throw;
-      chunk.reset();
-      why = e.what();
-    }
-    session.context.log(fmt::format("batch: {} of {} systems were solved in chunks of {}, the others one by one{}",
-                                    std::count(left.begin(), left.end(), 0), all.count, size,
-                                    why.empty() ? "" : ": " + why));
-    if (chunk != nullptr) log_seconds(chunk->seconds());
-    return left;
-  }
-
-  void log_seconds(const batch::Chunk::Seconds& s) const {
-    session.context.log(
-        fmt::format("batch: so far {:.4f} s for values, {:.4f} factorizations, {:.4f} substitutions, "
-                    "{:.4f} residuals and verdicts",
-                    s.values, s.factorizations, s.substitutions, s.residuals));
-  }
-
-  Index size_of_chunks(Index count) {
-    if (!batch::Chunk::serves(*analysis, session.options)) return 0;
-    const Offset most = std::numeric_limits<Index>::max() / analysis->n();
-    if (const std::optional<Index> wish = batch::Chunk::wished_size())
-      return static_cast<Index>(std::min({Offset{*wish}, Offset{count}, most}));
-    if (!together) together = batch::Chunk::best_size(*analysis, session.context);
-    return std::min(*together, count);
-  }
-
-  void make_chunk(Index size) {
-    if (chunk != nullptr && chunk->systems() >= size && chunk->systems() <= 2 * size) return;
-    chunk.reset();
-    session.note_devices();
-    chunk = std::make_unique<batch::Chunk>(analysis, size, session.context);
-  }
-
-  // @returns why further chunks are of no use; empty: they are
-  std::string solve_chunk(const batch::ChunkJob& all, Index first, Index count, std::vector<char>& left,
-                          BatchResult& result) {
-    const auto nonzeros = static_cast<std::size_t>(analysis->system->prepared.caller_nonzeros);
-    const std::size_t numbers = at(analysis->n()) * at(all.columns);
-    const batch::ChunkJob part{all.values.subspan(at(first) * nonzeros, at(count) * nonzeros),
-                               all.b + at(first) * numbers,
-                               all.x + at(first) * numbers,
-                               count,
-                               all.columns,
-                               all.transpose};
-    const std::vector<char> now = chunk->solve(part, std::span(result.systems).subspan(at(first), at(count)));
-    if (now.empty()) return "together they do not tell the inertia of each, or pivots fail";
-    std::copy(now.begin(), now.end(), left.begin() + first);
-    return 2 * std::count(now.begin(), now.end(), 1) > count ? "pivots fail in most of them" : "";
-  }
-
   void prepare(int workers) {
     const int threads = std::max(1, session.pool.size() / workers);
     if (static_cast<int>(sessions.size()) == workers && threads == threads_each) return;
@@ -206,10 +111,9 @@ struct Batch::Impl {
     threads_each = threads;
   }
 
-  Session session;                      // analyzes
-  solver::SharedAnalysis analysis;      // null: none
-  std::optional<Index> together;        // by the memory that was free before the first chunk
-  std::unique_ptr<batch::Chunk> chunk;  // null: none yet
+  Session session;                  // analyzes
+  solver::SharedAnalysis analysis;  // null: none
+  batch::Chunks chunks{session};
   std::vector<std::unique_ptr<Session>> sessions;
   int threads_each = 1;
 };
@@ -222,8 +126,7 @@ Batch& Batch::operator=(Batch&&) noexcept = default;
 AnalysisResult Batch::analyze(const MatrixView& a) {
   Impl& m = *impl_;
   m.sessions.clear();
-  m.chunk.reset();
-  m.together.reset();
+  m.chunks.forget();
   m.analysis.reset();
   AnalysisResult result;
   result.status = solver::status_of(m.session.interruption, kRemedy, [&] {
@@ -254,7 +157,8 @@ BatchResult Batch::solve(std::span<const double> values, std::span<const double>
     m.prepare(workers);
     result.systems.resize(at(count));
     const bool transposed = transpose != Transpose::no;
-    const std::vector<char> left = m.solve_in_chunks({values, b.data(), x.data(), count, columns, transposed}, result);
+    const std::vector<char> left = m.chunks.solve(m.analysis, {values, b.data(), x.data(), count, columns, transposed},
+                                                  result.systems, result.workers);
     share(m.session.pool, workers, count, [&](int worker, Index k) {
       if (left[at(k)] == 0) return;
       const std::size_t first = at(k) * size;

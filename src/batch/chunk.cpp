@@ -11,7 +11,9 @@
 #include <set>
 
 #include "base/timeline.hpp"
-#include "solver/analysis_draft.hpp"
+#include "batch/least_negative.hpp"
+#include "batch/repeated_analysis.hpp"
+#include "solve/part_refinement.hpp"
 #include "solver/factor.hpp"
 #include "solver/pivot_policy.hpp"
 
@@ -21,85 +23,6 @@ namespace {
 
 auto at(Index k) { return static_cast<std::size_t>(k); }
 auto at(Offset k) { return static_cast<std::size_t>(k); }
-
-// `copies` of the matrix along the diagonal.
-solver::StoredMatrix repeated(const MatrixView& a, Index copies) {
-  solver::StoredMatrix all;
-  all.rows = all.cols = a.cols * copies;
-  all.storage = a.storage;
-  all.col_ptr.resize(at(all.cols) + 1);
-  all.row_ind.resize(at(a.nonzeros() * copies));
-  for (Index k = 0; k < copies; ++k) {
-    for (Index c = 0; c < a.cols; ++c) all.col_ptr[at(k * a.cols + c)] = k * a.nonzeros() + a.col_ptr[at(c)];
-    for (Offset q = 0; q < a.nonzeros(); ++q) all.row_ind[at(k * a.nonzeros() + q)] = k * a.cols + a.row_ind[at(q)];
-  }
-  all.col_ptr[at(all.cols)] = a.nonzeros() * copies;
-  return all;
-}
-
-template <class T>
-std::vector<T> repeated(const std::vector<T>& one, Index copies, T step) {
-  std::vector<T> all;
-  all.reserve(one.size() * at(copies));
-  for (Index k = 0; k < copies; ++k)
-    for (const T v : one) all.push_back(v + static_cast<T>(k) * step);
-  return all;
-}
-
-analysis::AssemblyTree repeated(const analysis::AssemblyTree& one, Index copies) {
-  analysis::AssemblyTree all;
-  all.n = one.n * copies;
-  all.order = repeated(one.order, copies, one.n);
-  all.rows = repeated(one.rows, copies, one.n);
-  all.first.push_back(0);
-  all.row_ptr.push_back(0);
-  for (Index k = 0; k < copies; ++k)
-    for (Index f = 0; f < one.fronts(); ++f) {
-      all.first.push_back(k * one.n + one.first[at(f) + 1]);
-      all.row_ptr.push_back(k * one.row_ptr.back() + one.row_ptr[at(f) + 1]);
-      all.parent.push_back(one.parent[at(f)] < 0 ? -1 : k * one.fronts() + one.parent[at(f)]);
-    }
-  return all;
-}
-
-solver::SharedAnalysis repeated(const solver::Analysis& one, Index copies, const solver::Context& context) {
-  const solver::PreparedMatrix& p = one.system->prepared;
-  auto system = std::make_shared<solver::System>();
-  system->kind = one.kind();
-  solver::PreparedMatrix& all = system->prepared;
-  all.a = repeated(p.a, copies);
-  all.caller_nonzeros = all.a.nonzeros();
-  all.row_scale = repeated(p.row_scale, copies, 0.0);
-  all.col_scale = repeated(p.col_scale, copies, 0.0);
-  all.row_of_col = repeated(p.row_of_col, copies, p.n());
-  all.wide = p.wide;
-  const auto rows = system->rows = solve::ResidualOperator::rows_of(all.a, context.pool);
-  return std::make_shared<const solver::Analysis>(solver::lay_out(
-      std::move(system), repeated(one.plan.tree, copies), {one.device, 0, one.free_pivots}, context, rows.get()));
-}
-
-// Of a regular symmetric matrix at least so many eigenvalues are negative: unknowns without entries between them, whose
-// diagonal is not positive, span a space on which x^T A x <= 0, which meets that of the positive eigenvalues in 0.
-Index least_negative(const MatrixView& a) {
-  std::vector<double> diagonal(at(a.cols), 0.0);
-  for (Index c = 0; c < a.cols; ++c)
-    for (Offset q = a.col_ptr[at(c)]; q < a.col_ptr[at(c) + 1]; ++q)
-      if (a.row_ind[at(q)] == c) diagonal[at(c)] += a.values[at(q)];
-  std::vector<char> taken(at(a.cols), 0), coupled(at(a.cols), 0);
-  Index count = 0;
-  for (Index c = 0; c < a.cols; ++c) {
-    const auto first = at(a.col_ptr[at(c)]), last = at(a.col_ptr[at(c) + 1]);
-    bool free = diagonal[at(c)] <= 0 && coupled[at(c)] == 0;
-    for (std::size_t q = first; q < last && free; ++q)
-      free = a.row_ind[q] == c || a.values[q] == 0 || taken[at(a.row_ind[q])] == 0;
-    if (!free) continue;
-    taken[at(c)] = 1;
-    ++count;
-    for (std::size_t q = first; q < last; ++q)
-      if (a.row_ind[q] != c && a.values[q] != 0) coupled[at(a.row_ind[q])] = 1;
-  }
-  return count;
-}
 
 }  // namespace
 
@@ -116,23 +39,37 @@ class Chunk::Block {
     steps.reset();
   }
 
+  /// Of some of its right-hand sides.
+  void note(const solve::RefinementResult& r) {
+    refined.error.normwise = std::max(refined.error.normwise, r.error.normwise);
+    refined.error.componentwise = std::max(refined.error.componentwise, r.error.componentwise);
+    refined.steps = std::max(refined.steps, r.steps);
+  }
+
   solve::ResidualOperator residual;
   bool left = false;      // to the caller
   Index negative = 0;     // ldlt: at least
-  std::vector<double> b;  // n x columns
-  std::vector<double> x;  // likewise
+  std::vector<double> x;  // n x columns
   solve::RefinementResult refined;
   std::unique_ptr<solve::Refinement> steps;
 };
+
+Chunk::Seconds& Chunk::Seconds::operator+=(const Seconds& other) {
+  values += other.values;
+  factorizations += other.factorizations;
+  substitutions += other.substitutions;
+  residuals += other.residuals;
+  return *this;
+}
 
 bool Chunk::serves(const solver::Analysis& one, const Options& options) {
   return options.precision == Precision::fp64 && options.rescale == Rescale::off && options.perturbation == 0 &&
          options.zero_pivot == 0 && one.system->numbers() == base::Numbers::real && one.system->border == nullptr;
 }
 
-// As many as fill a device, and no more than half of its memory takes: a plan for more costs the host more than larger
-// chunks bring.
-Index Chunk::best_size(const solver::Analysis& one, const solver::Context& context) {
+// Together as many as fill a device, and no more than half of its memory takes: a plan for more costs the host more
+// than larger chunks bring.
+Index Chunk::best_size(const solver::Analysis& one, Index chunks, const solver::Context& context) {
   constexpr Offset kUnknowns = 1 << 19;
   const device::Backend& backend = *one.device.backend;
   if (!backend.limits().own_memory) return 0;
@@ -140,7 +77,7 @@ Index Chunk::best_size(const solver::Analysis& one, const solver::Context& conte
   if (memory == 0) memory = backend.free_bytes(one.device.numbers.front());
   const Offset bytes = backend.executor_bytes(one.plan, one.kind(), Precision::fp64, 1) +
                        2 * static_cast<Offset>(sizeof(double)) * (one.system->prepared.a.nonzeros() + 8 * one.n());
-  return static_cast<Index>(std::min(kUnknowns / one.n(), memory / 2 / bytes));
+  return static_cast<Index>(std::min(kUnknowns / one.n(), memory / 2 / bytes) / chunks);
 }
 
 std::optional<Index> Chunk::wished_size() {
@@ -157,10 +94,14 @@ std::optional<Index> Chunk::wished_size() {
 }
 
 Chunk::Chunk(solver::SharedAnalysis one, Index systems, const solver::Context& context)
-    : one_(std::move(one)), context_(context), size_(systems), n_(one_->n()) {
+    : Chunk(one, repeated_analysis(*one, systems, context), systems, context) {}
+
+Chunk::Chunk(const Chunk& like, const solver::Context& context) : Chunk(like.one_, like.all_, like.size_, context) {}
+
+Chunk::Chunk(solver::SharedAnalysis one, solver::SharedAnalysis all, Index systems, const solver::Context& context)
+    : one_(std::move(one)), all_(std::move(all)), context_(context), size_(systems), n_(one_->n()) {
   const solver::PreparedMatrix& p = one_->system->prepared;
   scales_ = {p.row_scale, p.col_scale, p.transform_log, p.wide};
-  all_ = repeated(*one_, size_, context_);
   values_.assign(at(p.a.nonzeros() * size_), 0.0);
   numeric_ = solver::make_numeric(*all_, values_, {}, context_);
   numeric_->halt_at_failures(false);
@@ -181,39 +122,82 @@ void Chunk::for_blocks(Body&& body) {
   });
 }
 
+double* Chunk::column_of(const Vectors& vectors, Index block, Index column) const {
+  return vectors.get() + (Offset{column} * size_ + block) * n_;
+}
+
 std::span<double> Chunk::values_of(Index block) {
   const Offset nonzeros = one_->system->prepared.a.nonzeros();
   return std::span(values_).subspan(at(block * nonzeros), at(nonzeros));
 }
 
-// Systems with values that no factorization takes are left.
-void Chunk::take_values(const ChunkJob& job) {
-  const solver::PreparedMatrix& p = one_->system->prepared;
-  const auto caller = at(p.caller_nonzeros);
+// They move only when there are more columns than ever before.
+void Chunk::take_vectors(Index columns) {
+  if (columns <= columns_) return;
+  columns_ = 0;
+  const Offset count = Offset{n_} * size_ * columns;
+  device::DeviceLinearSystem* const device = numeric_->device_system();
+  for (Vectors* v : {&from_, &to_}) {
+    v->reset();
+    *v = device != nullptr ? device->host_memory(count) : std::make_shared<double[]>(at(count));
+  }
+  columns_ = columns;
+}
+
+// Systems with values or right-hand sides that are none are left.
+void Chunk::take_systems(const ChunkJob& job) {
+  take_vectors(job.columns);
   for_blocks([&](Block& block, Index k) {
     block.begin(values_of(k));
-    if (k >= job.count) return;
-    Worker& worker = *workers_[at(k) % workers_.size()];
-    try {
-      worker.values.resize(at(p.a.nonzeros()));
-      worker.scaled.resize(worker.values.size());
-      solver::copy_values(p, job.values.subspan(at(k) * caller, caller), worker.values, worker.pool);
-      (void)solver::scale_values(p, scales_, worker.values, worker.scaled.data(), worker.pool);
-      std::copy(worker.values.begin(), worker.values.end(), values_of(k).begin());
-      block.left = false;
-    } catch (const Error& e) {
-      if (e.status().code != StatusCode::invalid_input) throw;
+    block.left = k >= job.count || !take_right_hand_sides(job, k) || !take_values(job, k);
+    if (!block.left && one_->kind() == Kind::ldlt) {
+      MatrixView a = one_->system->prepared.a;
+      a.values = values_of(k);
+      block.negative = least_negative(a);
     }
+    if (block.left)
+      for (Index c = 0; c < job.columns; ++c) std::fill_n(column_of(from_, k, c), n_, 0.0);
   });
+}
+
+bool Chunk::take_right_hand_sides(const ChunkJob& job, Index k) {
+  for (Index c = 0; c < job.columns; ++c) {
+    const double* b = job.b + (Offset{k} * job.columns + c) * n_;
+    if (!std::all_of(b, b + n_, [](double v) { return std::isfinite(v); })) return false;
+    std::copy_n(b, n_, column_of(from_, k, c));
+  }
+  return true;
+}
+
+bool Chunk::take_values(const ChunkJob& job, Index k) {
+  const solver::PreparedMatrix& p = one_->system->prepared;
+  const auto caller = at(p.caller_nonzeros);
+  Worker& worker = *workers_[at(k) % workers_.size()];
+  worker.values.resize(at(p.a.nonzeros()));
+  worker.scaled.resize(worker.values.size());
+  try {
+    solver::copy_values(p, job.values.subspan(at(k) * caller, caller), worker.values, worker.pool);
+    (void)solver::scale_values(p, scales_, worker.values, worker.scaled.data(), worker.pool);
+  } catch (const Error& e) {
+    if (e.status().code != StatusCode::invalid_input) throw;
+    return false;
+  }
+  std::copy(worker.values.begin(), worker.values.end(), values_of(k).begin());
+  return true;
 }
 
 // Places of systems that are left get the values of another one. @returns false: all are left
 bool Chunk::fill_gaps() {
-  const auto good = std::find_if(blocks_.begin(), blocks_.end(), [](const auto& b) { return !b->left; });
+  const auto is_left = [](const auto& block) { return block->left; };
+  if (std::none_of(blocks_.begin(), blocks_.end(), is_left)) return true;
+  const auto good = std::find_if_not(blocks_.begin(), blocks_.end(), is_left);
   if (good == blocks_.end()) return false;
   const auto from = values_of(static_cast<Index>(good - blocks_.begin()));
-  for_blocks([&](const Block& block, Index k) {
-    if (block.left) std::copy(from.begin(), from.end(), values_of(k).begin());
+  const Index negative = (*good)->negative;
+  for_blocks([&](Block& block, Index k) {
+    if (!block.left) return;
+    std::copy(from.begin(), from.end(), values_of(k).begin());
+    block.negative = negative;
   });
   return true;
 }
@@ -224,12 +208,13 @@ void Chunk::note_failures(const device::FactorOutcome& outcome) {
   if (outcome.not_positive >= 0) blocks_[at(outcome.not_positive / n_)]->left = true;
 }
 
-// Until no pivot of any block fails. Of positive definite systems only the lowest failure is known each time.
+// Until no pivot of any block fails. Of positive definite systems only the lowest failure is known each time; some
+// rounds still take less time than all systems one by one.
 // @returns whether there is a factor, with the inertia of each
 bool Chunk::factorize() {
-  constexpr int kMostRounds = 4;
   const bool ldlt = one_->kind() == Kind::ldlt;
-  for (int round = 0; round < kMostRounds; ++round) {
+  const Index most_rounds = one_->kind() == Kind::llt ? std::max(4, size_ / 8) : 4;
+  for (Index round = 0; round < most_rounds; ++round) {
     if (!fill_gaps()) return false;
     context_.pool.check();
     if (device::DeviceLinearSystem* device = numeric_->device_system(); device != nullptr)
@@ -244,12 +229,7 @@ bool Chunk::factorize() {
 }
 
 // A device counts for all blocks. Where that is what each of them has at least, each has just that.
-bool Chunk::proves_inertia(Index negative) {
-  for_blocks([&](Block& block, Index k) {
-    MatrixView a = one_->system->prepared.a;
-    a.values = values_of(k);
-    block.negative = least_negative(a);
-  });
+bool Chunk::proves_inertia(Index negative) const {
   Offset least = 0;
   for (const auto& block : blocks_) least += block->negative;
   return least == negative;
@@ -258,64 +238,59 @@ bool Chunk::proves_inertia(Index negative) {
 // to_ = op(A)^-1 from_.
 void Chunk::substitute(Index columns, bool transpose) {
   const double start = base::now_seconds();
-  numeric_->solve(from_.data(), to_.data(), columns, transpose);
+  numeric_->solve(from_.get(), to_.get(), columns, transpose);
   seconds_.substitutions += base::now_seconds() - start;
 }
 
-// The same where the values are on a device, refined there as one system: all of them take as many steps as the one
-// that needs most, or until that one stalls. @returns false: there is no such device
-bool Chunk::solve_on_device(Index columns, bool transpose, bool refined) {
+// Solutions to to_ and their errors to the blocks, where the values are on a device; a step of refinement there is one
+// for all systems that are in work. @returns false: there is no such device, or not enough of its memory
+bool Chunk::solve_on_device(const ChunkJob& job, bool refined) {
   device::DeviceLinearSystem* const device = numeric_->device_system();
   if (device == nullptr || device->on_ranks()) return false;
   const double start = base::now_seconds();
   constexpr Index kMost = solve::Refinement::kMostColumns;
+  // Another step would hardly change a bit.
+  constexpr double kAtRounding = 1e-15;
+  solve::RefinementOptions options = refinement_;
+  options.target = std::max(options.target, kAtRounding);
   const Offset all = Offset{n_} * size_;
   const auto apply = [&](const double* from, double* to, Index count) {
-    device->substitute(from, to, count, transpose);
+    device->substitute(from, to, count, job.transpose);
   };
   try {
-    for (Index first = 0; first < columns; first += kMost) {
-      const Index now = std::min(kMost, columns - first);
+    for (Index first = 0; first < job.columns; first += kMost) {
+      const Index now = std::min(kMost, job.columns - first);
       double *const b = device->right_hand_sides(now), *const x = device->solutions(now);
-      device->send(b, from_.data() + first * all, now * all);
+      device->copy_vectors(from_.get() + first * all, b, now * all);
       apply(b, x, now);
-      if (refined && refinement_.steps > 0)
-        together_ = std::max(together_, solve::refine(*device, apply, {b, x, now, transpose}, refinement_).steps);
+      parts_.assign(at(now * size_), {});
+      if (refined) solve::refine_parts(*device, apply, {b, x, now, job.transpose}, options, parts_);
+      device->copy_vectors(x, to_.get() + first * all, now * all);
       device->finish();
-      device->fetch(to_.data() + first * all, x, now * all);
+      for (std::size_t k = 0; k < parts_.size(); ++k) blocks_[k % blocks_.size()]->note(parts_[k]);
     }
   } catch (const Error& e) {
     device->settle();
     if (e.status().code != StatusCode::out_of_memory) throw;
-    together_ = 0;
+    for (const auto& block : blocks_) block->refined = {};
     return false;
   }
   seconds_.substitutions += base::now_seconds() - start;
   return true;
 }
 
-void Chunk::solve_first(const ChunkJob& job, bool refined) {
-  const Offset all = Offset{n_} * size_;
-  from_.assign(at(all * job.columns), 0.0);
-  to_.resize(from_.size());
+void Chunk::solve_on_host(const ChunkJob& job, bool refined) {
+  substitute(job.columns, job.transpose);
+  if (!refined) return;
   for_blocks([&](Block& block, Index k) {
     if (block.left) return;
-    const double* b = job.b + Offset{k} * n_ * job.columns;
-    block.b.assign(b, b + Offset{n_} * job.columns);
-    for (Index c = 0; c < job.columns; ++c)
-      std::copy_n(b + Offset{c} * n_, n_, from_.data() + c * all + Offset{k} * n_);
+    block.x.resize(at(job.columns) * at(n_));
+    for (Index c = 0; c < job.columns; ++c) std::copy_n(column_of(to_, k, c), n_, block.x.data() + Offset{c} * n_);
   });
-  // What it has refined together to rounding is good enough for each: another step would hardly change a bit.
-  constexpr double kAtRounding = 1e-15;
-  if (solve_on_device(job.columns, job.transpose, refined))
-    refinement_.target = std::max(refinement_.target, kAtRounding);
-  else
-    substitute(job.columns, job.transpose);
-  for_blocks([&](Block& block, Index k) {
-    if (block.left) return;
-    block.x.resize(block.b.size());
-    for (Index c = 0; c < job.columns; ++c)
-      std::copy_n(to_.data() + c * all + Offset{k} * n_, n_, block.x.data() + Offset{c} * n_);
+  refine(job);
+  for_blocks([&](const Block& block, Index k) {
+    for (Index c = 0; c < job.columns && !block.left; ++c)
+      std::copy_n(block.x.data() + Offset{c} * n_, n_, column_of(to_, k, c));
   });
 }
 
@@ -324,14 +299,14 @@ void Chunk::solve_first(const ChunkJob& job, bool refined) {
 void Chunk::refine(const ChunkJob& job) {
   constexpr Index kMost = solve::Refinement::kMostColumns;
   for (Index first = 0; first < job.columns; first += kMost) {
-    for_blocks([&](Block& block, Index) {
+    for_blocks([&](Block& block, Index k) {
       if (block.left) return;
       const Offset begin = Offset{first} * n_;
-      block.steps =
-          std::make_unique<solve::Refinement>(block.residual,
-                                              solve::Systems{block.b.data() + begin, block.x.data() + begin,
-                                                             std::min(kMost, job.columns - first), job.transpose},
-                                              refinement_);
+      block.steps = std::make_unique<solve::Refinement>(
+          block.residual,
+          solve::Systems{job.b + Offset{k} * n_ * job.columns + begin, block.x.data() + begin,
+                         std::min(kMost, job.columns - first), job.transpose},
+          refinement_);
     });
     for (;;) {
       std::set<Index> columns;
@@ -344,34 +319,28 @@ void Chunk::refine(const ChunkJob& job) {
       });
     }
     for_blocks([&](Block& block, Index) {
-      if (block.left) return;
-      const solve::RefinementResult r = block.steps->result();
-      block.refined.error.normwise = std::max(block.refined.error.normwise, r.error.normwise);
-      block.refined.error.componentwise = std::max(block.refined.error.componentwise, r.error.componentwise);
-      block.refined.steps = std::max(block.refined.steps, together_ + r.steps);
+      if (!block.left) block.note(block.steps->result());
     });
   }
 }
 
 // Of blocks with so many columns in work.
 void Chunk::correct(Index columns, bool transpose) {
-  const Offset all = Offset{n_} * size_;
   const auto takes_part = [&](const Block& block) {
     return !block.left && !block.steps->done() && block.steps->columns() == columns;
   };
-  from_.assign(at(all * columns), 0.0);
-  to_.resize(from_.size());
+  std::fill_n(from_.get(), Offset{n_} * size_ * columns, 0.0);
   for_blocks([&](const Block& block, Index k) {
     if (!takes_part(block)) return;
     for (Index c = 0; c < columns; ++c)
-      std::copy_n(block.steps->residuals() + Offset{c} * n_, n_, from_.data() + c * all + Offset{k} * n_);
+      std::copy_n(block.steps->residuals() + Offset{c} * n_, n_, column_of(from_, k, c));
   });
   context_.pool.check();
   substitute(columns, transpose);
   for_blocks([&](const Block& block, Index k) {
     if (!takes_part(block)) return;
     for (Index c = 0; c < columns; ++c)
-      std::copy_n(to_.data() + c * all + Offset{k} * n_, n_, block.steps->corrections() + Offset{c} * n_);
+      std::copy_n(column_of(to_, k, c), n_, block.steps->corrections() + Offset{c} * n_);
   });
 }
 
@@ -380,11 +349,11 @@ void Chunk::finish(const ChunkJob& job, bool refined, std::span<SystemResult> re
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   for_blocks([&](Block& block, Index k) {
     if (block.left) return;
-    const std::span<const double> b(block.b), x(block.x);
+    const std::span<const double> b(job.b + Offset{k} * n_ * job.columns, at(n_)), x(column_of(to_, k, 0), at(n_));
     if (refined) {
       const double norm = (job.transpose ? scales_.row : scales_.col).empty() ? block.residual.norm(job.transpose) : 1;
       block.left = !(block.refined.error.normwise <= context_.options.required_backward_error) ||
-                   solver::growth_of(b.first(at(n_)), x.first(at(n_)), 1, scales_, norm, job.transpose).is_far(false);
+                   solver::growth_of(b, x, 1, scales_, norm, job.transpose).is_far(false);
       if (block.left) return;
     }
     SystemResult& r = results[at(k)];
@@ -394,13 +363,14 @@ void Chunk::finish(const ChunkJob& job, bool refined, std::span<SystemResult> re
     r.refinement_steps = block.refined.steps;
     r.backward_error = refined ? block.refined.error.normwise : kUnknown;
     r.componentwise_error = refined ? block.refined.error.componentwise : kUnknown;
-    std::copy(x.begin(), x.end(), job.x + Offset{k} * n_ * job.columns);
+    for (Index c = 0; c < job.columns; ++c)
+      std::copy_n(column_of(to_, k, c), n_, job.x + (Offset{k} * job.columns + c) * n_);
   });
 }
 
 std::vector<char> Chunk::solve(const ChunkJob& job, std::span<SystemResult> results) {
   const double start = base::now_seconds(), substitutions = seconds_.substitutions;
-  take_values(job);
+  take_systems(job);
   const double taken = base::now_seconds();
   seconds_.values += taken - start;
   const bool factorized = factorize();
@@ -412,9 +382,7 @@ std::vector<char> Chunk::solve(const ChunkJob& job, std::span<SystemResult> resu
   refinement_.steps = o.refinement_steps;
   refinement_.target = o.refinement_target;
   refinement_.positive_definite = one_->kind() == Kind::llt;
-  together_ = 0;
-  solve_first(job, refined);
-  if (refined) refine(job);
+  if (!solve_on_device(job, refined)) solve_on_host(job, refined);
   finish(job, refined, results);
   std::vector<char> left(at(job.count));
   for (Index k = 0; k < job.count; ++k) left[at(k)] = blocks_[at(k)]->left ? 1 : 0;

@@ -31,8 +31,8 @@ class Chunk {
  public:
   /// Whether a factor with these options can be judged by blocks.
   static bool serves(const solver::Analysis& one, const Options& options);
-  /// How many systems of any number to take at a time, by the memory that is free now; 0: go one by one.
-  static Index best_size(const solver::Analysis& one, const solver::Context& context);
+  /// How many systems of any number `chunks` at a time should take, by the memory that is free now; 0: go one by one.
+  static Index best_size(const solver::Analysis& one, Index chunks, const solver::Context& context);
   /// The same by ESPALIER_BATCH_CHUNK, for tests and measurements on any device; nothing: it is not set.
   /// @throws Error(invalid_input)
   static std::optional<Index> wished_size();
@@ -40,14 +40,18 @@ class Chunk {
   /// @param context  outlives this
   /// @throws Error(out_of_memory), Error(device_error)
   Chunk(solver::SharedAnalysis one, Index systems, const solver::Context& context);
+  /// Another one like it, with the same repeated analysis.
+  Chunk(const Chunk& like, const solver::Context& context);
   ~Chunk();
   Chunk(const Chunk&) = delete;
   Chunk& operator=(const Chunk&) = delete;
 
   [[nodiscard]] Index systems() const { return size_; }
-  /// Since construction: taking values, factorizing, substituting, and the rest (residuals and verdicts).
+  /// Since construction: taking values, factorizing, substituting, and the rest (residuals and verdicts). On a device
+  /// that keeps the values, refinement is a part of substituting.
   struct Seconds {
     double values = 0, factorizations = 0, substitutions = 0, residuals = 0;
+    Seconds& operator+=(const Seconds& other);
   };
   [[nodiscard]] const Seconds& seconds() const { return seconds_; }
   /// Solves what can be solved together. @param results  of job.count systems; those of systems that are left are not
@@ -64,17 +68,25 @@ class Chunk {
     std::vector<double> scaled;
   };
 
+  // Of the block-diagonal system, one after another.
+  using Vectors = std::shared_ptr<double[]>;
+
+  Chunk(solver::SharedAnalysis one, solver::SharedAnalysis all, Index systems, const solver::Context& context);
   template <class Body>
   void for_blocks(Body&& body);
   [[nodiscard]] std::span<double> values_of(Index block);
-  void take_values(const ChunkJob& job);
+  [[nodiscard]] double* column_of(const Vectors& vectors, Index block, Index column) const;
+  void take_vectors(Index columns);
+  void take_systems(const ChunkJob& job);
+  bool take_right_hand_sides(const ChunkJob& job, Index k);
+  bool take_values(const ChunkJob& job, Index k);
   bool fill_gaps();
   bool factorize();
   void note_failures(const device::FactorOutcome& outcome);
-  bool proves_inertia(Index negative);
+  [[nodiscard]] bool proves_inertia(Index negative) const;
   void substitute(Index columns, bool transpose);
-  void solve_first(const ChunkJob& job, bool refined);
-  bool solve_on_device(Index columns, bool transpose, bool refined);
+  bool solve_on_device(const ChunkJob& job, bool refined);
+  void solve_on_host(const ChunkJob& job, bool refined);
   void refine(const ChunkJob& job);
   void correct(Index columns, bool transpose);
   void finish(const ChunkJob& job, bool refined, std::span<SystemResult> results);
@@ -87,9 +99,10 @@ class Chunk {
   std::unique_ptr<solver::Numeric> numeric_;
   std::vector<std::unique_ptr<Worker>> workers_;  // of the threads
   std::vector<std::unique_ptr<Block>> blocks_;
-  std::vector<double> from_, to_;        // vectors of the block-diagonal system
-  solve::RefinementOptions refinement_;  // of a system alone
-  int together_ = 0;                     // steps of refinement of all, before
+  Vectors from_, to_;
+  Index columns_ = 0;                           // that have room in them
+  solve::RefinementOptions refinement_;         // of a system alone
+  std::vector<solve::RefinementResult> parts_;  // columns x systems
   Seconds seconds_;
 };
 

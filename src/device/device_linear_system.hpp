@@ -5,6 +5,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 
@@ -41,7 +42,7 @@ struct LinearSystemArrays {
 /// Pointers are memory of the device unless said otherwise; values are in the order of the pattern, vectors have n
 /// numbers, several stand one after another. Calls enqueue what they do in one order and return at once, unless they
 /// say that they wait.
-class DeviceLinearSystem : public ResidualSpace {
+class DeviceLinearSystem : public PartSpace {
  public:
   /// Of the device, as its runtime counts.
   [[nodiscard]] virtual int number() const = 0;
@@ -75,7 +76,10 @@ class DeviceLinearSystem : public ResidualSpace {
   virtual void expect_reachable(const double* array, const char* what) const = 0;
   /// Waits for what is enqueued on a queue of the device that is the caller's (a cudaStream_t); null: the default one.
   virtual void wait_for(void* queue) = 0;
+  /// Also from and to memory of the host that is the device's (host_memory()).
   virtual void copy_vectors(const double* from, double* to, Offset count) = 0;
+  /// Memory of the host that copies reach straight, for as long as somebody owns it.
+  virtual std::shared_ptr<double[]> host_memory(Offset count) = 0;
   /// From host memory, which may change on return, and to host memory (waits).
   virtual void send(double* to, const double* from, Offset count) = 0;
   virtual void fetch(double* to, const double* from, Offset count) = 0;

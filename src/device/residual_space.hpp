@@ -54,4 +54,23 @@ class ResidualSpace {
   [[nodiscard]] virtual Vectors vectors(Index slot, Index columns) const = 0;
 };
 
+/// Some right-hand sides, one vector after another; r may be null when only errors are wanted.
+struct ResidualColumns {
+  const double* b = nullptr;
+  const double* x = nullptr;
+  double* r = nullptr;
+  Index columns = 1;
+};
+
+/// A space whose matrix is block-diagonal: equal parts, none of which is coupled with another one.
+class PartSpace : public ResidualSpace {
+ public:
+  /// compute() with the errors of each part. Waits.
+  /// @param errors  columns x parts: of all parts of one column after another
+  virtual void compute_parts(const ResidualColumns& columns, std::span<BackwardError> errors, bool transpose) const = 0;
+  /// to = from in the parts for which `taken` (columns x parts) has a 1. May be under way on return; `taken` is not
+  /// read any more.
+  virtual void copy_parts(const double* from, double* to, Index columns, std::span<const char> taken) const = 0;
+};
+
 }  // namespace espalier::device

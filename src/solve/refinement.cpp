@@ -22,6 +22,18 @@ constexpr double kAtRounding = 1e-15;
 
 }  // namespace
 
+bool worth_a_step(const BackwardError& error, int steps_taken, const RefinementOptions& options) {
+  return error.componentwise > options.target && !(error.normwise <= options.normwise_target) &&
+         steps_taken < options.steps;
+}
+
+StepVerdict judge_step(const BackwardError& before, const BackwardError& now) {
+  const bool falls = before.normwise > kNormwiseMatters && now.normwise <= before.normwise / 2;
+  const bool better = falls || now.componentwise < before.componentwise ||
+                      (now.componentwise == before.componentwise && now.normwise < before.normwise);
+  return {better, !falls && !(now.componentwise <= before.componentwise / 2)};
+}
+
 Refinement::Refinement(const ResidualSpace& a, const Systems& systems, const RefinementOptions& options)
     : a_(a),
       transpose_(systems.transpose),
@@ -44,8 +56,8 @@ Refinement::Refinement(const ResidualSpace& a, const Systems& systems, const Ref
 }
 
 bool Refinement::worth_going_on(const Column& c) const {
-  return c.result.error.componentwise > options_.target && !(c.result.error.normwise <= options_.normwise_target) &&
-         c.result.steps < options_.steps && (!c.krylov || c.result.krylov_steps < options_.krylov_steps);
+  return worth_a_step(c.result.error, c.result.steps, options_) &&
+         (!c.krylov || c.result.krylov_steps < options_.krylov_steps);
 }
 
 void Refinement::leave_out_done() {
@@ -129,14 +141,11 @@ void Refinement::judge() {
     Column& c = *active_[k];
     const BackwardError before = c.result.error, now = trials[k].error;
     ++c.result.steps;
-    const bool falls = before.normwise > kNormwiseMatters && now.normwise <= before.normwise / 2;
-    const bool better = falls || now.componentwise < before.componentwise ||
-                        (now.componentwise == before.componentwise && now.normwise < before.normwise);
+    const auto [better, stalled] = judge_step(before, now);
     if (better) {
       c.result.error = now;
       a_.copy(c.trial, c.x);
     }
-    const bool stalled = !falls && !(now.componentwise <= before.componentwise / 2);
     if (stalled && (c.krylov || !options_.krylov || c.result.error.componentwise <= kAtRounding)) c.done = true;
     const bool slow = now.normwise > kNormwiseMatters && !(now.normwise <= kFast * before.normwise);
     c.krylov = c.krylov || (options_.krylov && (stalled || slow));

@@ -9,6 +9,14 @@
 
 namespace espalier::solve {
 
+/// Whether a solution with these errors is worth another step.
+bool worth_a_step(const BackwardError& error, int steps_taken, const RefinementOptions& options);
+/// What a plain step has brought: nothing is gained any more where it stalls.
+struct StepVerdict {
+  bool better, stalled;
+};
+StepVerdict judge_step(const BackwardError& before, const BackwardError& now);
+
 /// What refine() does with up to kMostColumns right-hand sides of one matrix:
 ///   while (!r.done()) { solve for r.corrections() (r.columns() of them, from r.residuals()); r.take_corrections(); }
 class Refinement {

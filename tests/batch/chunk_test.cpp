@@ -92,7 +92,9 @@ void expect_failures_alone(const SparseMatrix& a, Kind kind, Index chunk) {
   at(8)[2] = std::numeric_limits<double>::quiet_NaN();
   std::for_each(at(9), at(10), [](double& v) { v *= 1e-300; });
   for (Offset q = a.col_ptr[n / 2]; q < a.col_ptr[n / 2 + 1]; ++q) at(10)[q] = 0;  // a column
-  const std::vector<double> b = reference::random_vector(static_cast<std::int64_t>(n) * kCount, 2);
+  std::vector<double> b = reference::random_vector(static_cast<std::int64_t>(n) * kCount, 2);
+  b[n + 1] = std::numeric_limits<double>::quiet_NaN();
+  b[6 * n] = std::numeric_limits<double>::infinity();
   Batch alone(options_of(kind, 2));
   ASSERT_TRUE(alone.analyze(a).status.ok());
   std::vector<double> x(b.size()), y(b);
@@ -119,7 +121,7 @@ void expect_failures_alone(const SparseMatrix& a, Kind kind, Index chunk) {
       EXPECT_EQ(now.componentwise_error, one.componentwise_error);
     }
   }
-  EXPECT_GE(truth.failed, 2);
+  EXPECT_GE(truth.failed, 4);
 }
 
 TEST(BatchChunks, FailuresTouchNobodyElse) {
@@ -130,6 +132,55 @@ TEST(BatchChunks, FailuresTouchNobodyElse) {
     expect_failures_alone(constrained_chain(60), Kind::ldlt, chunk);
     expect_failures_alone(reference::random_system(40, 3, reference::Values::general, 3), Kind::lu, chunk);
   }
+}
+
+// Of positive definite systems a factorization names one that is none.
+TEST(BatchChunks, SomeIndefiniteSystemsLeaveTheOthersTogether) {
+  const SparseMatrix a = reference::random_system(20, 3, reference::Values::positive, 1);
+  constexpr Index kCount = 64;
+  const std::size_t nonzeros = a.values.size();
+  std::vector<double> values = values_of(a, kCount, 1);
+  for (std::size_t k = 5; k < kCount; k += 10)
+    for (std::size_t q = 0; q < nonzeros; ++q) values[k * nonzeros + q] *= -1;
+  const std::vector<double> b = reference::random_vector(20 * kCount, 2);
+  std::vector<double> x(b.size());
+  const InChunks together(kCount);
+  Options o = options_of(Kind::llt, 2);
+  std::string log;
+  o.log = [&](const std::string& line) { log += line; };
+  Batch batch(o);
+  ASSERT_TRUE(batch.analyze(a).status.ok());
+  EXPECT_EQ(batch.solve(values, b, x, kCount).failed, 6);
+  EXPECT_NE(log.find("58 of 64 systems were solved in chunks of 64"), std::string::npos) << log;
+}
+
+// Two lanes share what is more than one chunk; a chunk alone has all threads, and so has a caller's only one.
+TEST(BatchChunks, GoThroughTwoLanes) {
+  const SparseMatrix a = constrained_chain(60);
+  constexpr Index kCount = 20;
+  const std::vector<double> values = values_of(a, kCount, 1), b = reference::random_vector(60 * kCount, 2);
+  std::vector<double> truth;
+  for (const int threads : {1, 2, 5})
+    for (const Index chunk : {20, 11, 3}) {
+      SCOPED_TRACE(testing::Message() << threads << " threads, chunks of " << chunk);
+      const InChunks together(chunk);
+      Options o = options_of(Kind::ldlt, threads);
+      std::string log;
+      o.log = [&](const std::string& line) { log = line; };
+      Batch batch(o);
+      ASSERT_TRUE(batch.analyze(a).status.ok());
+      for (const Index count : {kCount, Index{5}, kCount}) {  // lanes stay from call to call
+        std::vector<double> x(static_cast<std::size_t>(60 * count));
+        const std::size_t nonzeros = a.values.size() * static_cast<std::size_t>(count);
+        const BatchResult r = batch.solve(std::span(values).first(nonzeros), std::span(b).first(x.size()), x, count);
+        ASSERT_TRUE(r.status.ok()) << r.status.message;
+        if (truth.empty()) truth = x;
+        EXPECT_TRUE(std::equal(x.begin(), x.end(), truth.begin()));
+        if (count == kCount) {
+          EXPECT_NE(log.find(threads == 1 || chunk == 20 ? "lanes: 1" : "lanes: 2"), std::string::npos) << log;
+        }
+      }
+    }
 }
 
 TEST(BatchChunks, OptionsThatJudgeOtherwiseGoOneByOne) {
@@ -262,6 +313,54 @@ TEST_F(BatchOnGpu, GpuChunksSolveAndNameFailures) {
       }
     }
     EXPECT_NE(log.find("systems were solved in chunks of"), std::string::npos) << log;
+  }
+}
+
+// More right-hand sides than are refined at a time, transposed ones, and some that are not finite: those alone fail.
+TEST_F(BatchOnGpu, GpuChunksInLanesRefineEachSystemForItself) {
+  const struct {
+    SparseMatrix a;
+    Kind kind;
+    Transpose transpose;
+  } systems[] = {{constrained_chain(200), Kind::ldlt, Transpose::no},
+                 {reference::random_system(150, 4, reference::Values::general, 3), Kind::lu, Transpose::yes}};
+  constexpr Index kCount = 150, kColumns = 18;
+  const InChunks together(40);
+  for (const auto& [a, kind, transpose] : systems) {
+    SCOPED_TRACE(testing::Message() << "kind " << static_cast<int>(kind));
+    const std::size_t numbers = static_cast<std::size_t>(a.cols) * kColumns;
+    const std::vector<double> values = values_of(a, kCount, 1);
+    std::vector<double> b = reference::random_vector(static_cast<std::int64_t>(numbers) * kCount, 2);
+    b[3 * numbers + 5] = std::numeric_limits<double>::quiet_NaN();
+    b[50 * numbers - 1] = std::numeric_limits<double>::infinity();  // of system 49
+    std::vector<double> x(b.size());
+    Options o = options_of(kind, 4);
+    o.device = "gpu:0";
+    std::string log;
+    o.log = [&](const std::string& line) { log += line + "\n"; };
+    Batch batch(o);
+    ASSERT_TRUE(batch.analyze(a).status.ok());
+    const BatchResult r = batch.solve(values, b, x, kCount, kColumns, transpose);
+    EXPECT_EQ(r.failed, 2);
+    for (Index k = 0; k < kCount; ++k) {
+      const SystemResult& one = r.systems[static_cast<std::size_t>(k)];
+      if (k == 3 || k == 49) {
+        EXPECT_FALSE(one.status.ok()) << k;
+        continue;
+      }
+      ASSERT_TRUE(one.status.ok()) << k << ": " << one.status.message;
+      EXPECT_LE(one.componentwise_error, 1e-15) << k;
+      EXPECT_LE(one.refinement_steps, 3) << k;
+      const auto slice = [&](const std::vector<double>& v) {
+        const auto first = v.begin() + static_cast<std::ptrdiff_t>(numbers) * k;
+        return std::vector<double>(first, first + static_cast<std::ptrdiff_t>(numbers));
+      };
+      EXPECT_LE(
+          reference::backward_error(system_of(a, values, k), slice(b), slice(x), kColumns, transpose == Transpose::yes),
+          8 * kEps);
+    }
+    EXPECT_NE(log.find("148 of 150 systems were solved in chunks of 40"), std::string::npos) << log;
+    EXPECT_NE(log.find("lanes: 2"), std::string::npos) << log;
   }
 }
 

@@ -8,6 +8,7 @@
 #include "device/cuda/executor/device_linear_system.hpp"
 #include "device/cuda/executor/device_side.hpp"
 #include "device/cuda/executor/linear_system_memory.cuh"
+#include "device/cuda/executor/part_residuals.cuh"
 #include "device/cuda/kernels/linear_system_kernels.cuh"
 #include "device/cuda/kernels/residual_kernels.cuh"
 #include "device/cuda/runtime/device_memory.hpp"
@@ -31,6 +32,9 @@ double ratio(double above, double below) {
   if (below > 0) return above / below;
   return above == 0 ? 0 : infinity;
 }
+
+// By what ResidualSizes holds.
+BackwardError error_of(const double* f) { return {ratio(f[0], f[4] * f[2] + f[3]), f[1]}; }
 
 template <class T>
 class LinearSystemOnGpu final : public DeviceLinearSystem {
@@ -118,20 +122,41 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
                           ends_.data() + (at - first) / kEach);
       wait();
       for (std::size_t at = first; at < end; ++at) {
-        const double* f = ends_.data()[(at - first) / kEach].found[(at - first) % kEach];
-        // |r|, componentwise, |x|, |b|, |op(A)|: see residual_kernels.cuh
-        columns[at].error = {ratio(f[0], f[4] * f[2] + f[3]), f[1]};
+        columns[at].error = error_of(ends_.data()[(at - first) / kEach].found[(at - first) % kEach]);
       }
       if (first == 0 && substitution_seconds_ < 0) substitution_seconds_ = ends_.data()->substitution;
       unreported_ = false;
       if (ends_.data()->aborted != 0) throw executor_.solve_given_up();
     }
   }
+  void compute_parts(const ResidualColumns& columns, std::span<BackwardError> errors, bool transpose) const override {
+    const DeviceGuard guard(device_);
+    pending_ = true;
+    const auto parts = static_cast<Index>(errors.size()) / columns.columns;
+    parts_.enqueue(memory_.pattern(), memory_.short_rows(), columns, transpose, parts, stream());
+    wait_for_vectors();
+    const double* found = parts_.found();
+    for (BackwardError& e : errors) {
+      e = error_of(found);
+      found += ResidualSizes::kCount;
+    }
+  }
+  void copy_parts(const double* from, double* to, Index columns, std::span<const char> taken) const override {
+    const DeviceGuard guard(device_);
+    pending_ = true;
+    parts_.enqueue_copy(from, to, doubles_ / (static_cast<Index>(taken.size()) / columns), taken, stream());
+  }
   double take_substitution_seconds() override { return std::exchange(substitution_seconds_, -1); }
 
   [[nodiscard]] Index size() const override { return doubles_; }
   void copy(const double* from, double* to) const override { enqueue_copy(from, to, doubles_); }
   void copy_vectors(const double* from, double* to, Offset count) override { enqueue_copy(from, to, count); }
+
+  std::shared_ptr<double[]> host_memory(Offset count) override {
+    const DeviceGuard guard(device_);
+    const auto memory = std::make_shared<PinnedArray<double>>(count);
+    return {memory, memory->data()};
+  }
 
   [[nodiscard]] int number() const override { return device_; }
   bool add(const double* from, double* to) const override {
@@ -179,14 +204,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   void finish() override {
     if (!pending_) return;
     const DeviceGuard guard(device_);
-    const int* aborted = unreported_ ? executor_.solve_aborted() : nullptr;
-    *aborted_.data() = 0;
-    if (aborted != nullptr)
-      call("cudaMemcpyAsync(aborted)",
-           [&] { return cudaMemcpyAsync(aborted_.data(), aborted, sizeof(int), cudaMemcpyDeviceToHost, stream()); });
-    wait();
-    unreported_ = false;
-    if (*aborted_.data() != 0) throw executor_.solve_given_up();
+    wait_for_vectors();
   }
   void settle() noexcept override {
     if (pending_) (void)cudaStreamSynchronize(stream());
@@ -250,6 +268,17 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     if (!values.empty() && cudaHostRegister(p, values.size_bytes(), cudaHostRegisterDefault) == cudaSuccess)
       pinned_values_.reset(p);
     (void)cudaGetLastError();
+  }
+
+  void wait_for_vectors() const {
+    const int* aborted = unreported_ ? executor_.solve_aborted() : nullptr;
+    *aborted_.data() = 0;
+    if (aborted != nullptr)
+      call("cudaMemcpyAsync(aborted)",
+           [&] { return cudaMemcpyAsync(aborted_.data(), aborted, sizeof(int), cudaMemcpyDeviceToHost, stream()); });
+    wait();
+    unreported_ = false;
+    if (*aborted_.data() != 0) throw executor_.solve_given_up();
   }
 
   double* grown(DeviceArray<double>& array, Index columns) const {
@@ -327,10 +356,6 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     });
     call("cudaStreamSynchronize", [&] { return cudaStreamSynchronize(stream()); });
   }
-  void wait() {
-    call("cudaStreamSynchronize", [&] { return cudaStreamSynchronize(stream()); });
-    pending_ = false;
-  }
   void wait() const {
     call("cudaStreamSynchronize", [&] { return cudaStreamSynchronize(stream()); });
     pending_ = false;
@@ -347,6 +372,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   ConstructionGuard guard_;
   mutable PinnedArray<ResidualEnd> ends_;
   mutable PinnedArray<DotEnd> dot_;
+  mutable PartResiduals parts_;
   PinnedArray<int> aborted_;
   HostLink link_;
   std::unique_ptr<double, Unpin> pinned_values_;

@@ -49,6 +49,30 @@ struct ResidualSizes {
   }
 };
 
+/// What the entries of a row come to.
+struct RowSums {
+  LongSum residual;
+  double scale = 0, norm = 0;  ///< |op(A)| |x|; |op(A)| summed
+
+  __device__ void take(double v, double x) {
+    residual.subtract_product(v, x);
+    scale += fabs(v * x);
+    norm += fabs(v);
+  }
+  __device__ void sum_lanes() {
+    residual.sum_lanes();
+    scale = cuda::sum_lanes(scale);
+    norm = cuda::sum_lanes(norm);
+  }
+  /// Notes what the row says. @returns its residual
+  __device__ double finish(double b, double x, ResidualSizes& sizes) {
+    residual.add(b, 0);
+    const double r = residual.high + residual.low;
+    sizes.add(r, scale + fabs(b), x, b, norm);
+    return r;
+  }
+};
+
 /// What the host reads after a pass: pinned memory that the GPU writes.
 struct ResidualEnd {
   double found[kResidualColumns][ResidualSizes::kCount];
@@ -185,29 +209,19 @@ __global__ void __launch_bounds__(kSystemThreads)
   for (Offset first = static_cast<Offset>(blockIdx.x) * kRowsOfBlock; first < p.n; first += step) {
     const bool inside = first + mine < p.n;
     const Index row = inside ? static_cast<Index>(first + mine) : 0;
-    LongSum sum;
-    double scale = 0, norm = 0;
-    const auto take = [&](double v, double x) {
-      sum.subtract_product(v, x);
-      scale += fabs(v * x);
-      norm += fabs(v);
-    };
+    RowSums sums;
+    const auto take = [&](double v, double x) { sums.take(v, x); };
     if constexpr (Columns == 1) {
       if (inside) visit_row_ahead<Batch>(p, row, job.transpose, lane, job.x[0], take, take);
-      sum.sum_lanes();
-      scale = sum_lanes(scale);
-      norm = sum_lanes(norm);
+      sums.sum_lanes();
     } else if (inside) {
       visit_row_together(p, row, job.transpose, lane,
                          [&](double v, Index c) { take(v, job.packed[static_cast<Offset>(c) * Columns + lane]); });
     }
     if (!inside || column >= job.columns) continue;
-    const double b = job.b[column][row], x = job.x[column][row];
-    sum.add(b, 0);
-    const double residual = sum.high + sum.low;
+    const double residual = sums.finish(job.b[column][row], job.x[column][row], sizes);
     double* r = job.r[column];
     if (r != nullptr && (Columns > 1 || lane == 0)) r[row] = residual;
-    sizes.add(residual, scale + fabs(b), x, b, norm);
   }
   report_sizes<Columns>(sizes, job);
 }

@@ -1,0 +1,155 @@
+#include "batch/chunks.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <limits>
+#include <utility>
+
+#include "batch/workers.hpp"
+
+namespace espalier::batch {
+
+namespace {
+
+auto at(Index k) { return static_cast<std::size_t>(k); }
+
+// Kernels on several GPUs wait for each other, so that those of two lanes could wait for ever.
+int most_lanes(const solver::Analysis& analysis) {
+  const solver::DeviceChoice& device = analysis.device;
+  return device.backend->limits().own_memory && device.numbers.size() > 1 ? 1 : 2;
+}
+
+ChunkJob part_of(const ChunkJob& all, const solver::Analysis& analysis, Index first, Index count) {
+  const auto nonzeros = static_cast<std::size_t>(analysis.system->prepared.caller_nonzeros);
+  const std::size_t numbers = at(analysis.n()) * at(all.columns);
+  return {all.values.subspan(at(first) * nonzeros, at(count) * nonzeros),
+          all.b + at(first) * numbers,
+          all.x + at(first) * numbers,
+          count,
+          all.columns,
+          all.transpose};
+}
+
+// @returns why further chunks are of no use; empty: they are
+std::string solve_part(Chunk& chunk, const ChunkJob& part, std::span<SystemResult> results, std::span<char> left) {
+  const std::vector<char> now = chunk.solve(part, results);
+  if (now.empty()) return "together they do not tell the inertia of each, or pivots fail";
+  std::copy(now.begin(), now.end(), left.begin());
+  return 2 * std::count(now.begin(), now.end(), 1) > part.count ? "pivots fail in most of them" : "";
+}
+
+}  // namespace
+
+struct Chunks::Lane {
+  explicit Lane(Options options) : session(std::move(options)) {}
+  solver::Session session;  // threads and memory
+  std::unique_ptr<Chunk> chunk;
+};
+
+Chunks::Chunks(solver::Session& session) : session_(session) {}
+
+Chunks::~Chunks() {
+  if (!session_.device_lost()) return;
+  for (const auto& lane : lanes_) (void)lane->chunk.release();
+}
+
+void Chunks::forget() {
+  lanes_.clear();
+  best_.reset();
+}
+
+Index Chunks::size_for(const solver::SharedAnalysis& analysis, Index count) {
+  if (!Chunk::serves(*analysis, session_.options)) return 0;
+  const Offset most = std::numeric_limits<Index>::max() / analysis->n();
+  if (const std::optional<Index> wish = Chunk::wished_size())
+    return static_cast<Index>(std::min({Offset{*wish}, Offset{count}, most}));
+  if (!best_) best_ = Chunk::best_size(*analysis, most_lanes(*analysis), session_.context);
+  if (*best_ < 2) return 0;
+  // Equal chunks, as many in each lane.
+  const Index lanes = most_lanes(*analysis);
+  Index chunks = (count + *best_ - 1) / *best_;
+  if (chunks > 1) chunks = (chunks + lanes - 1) / lanes * lanes;
+  return chunks > 0 ? (count + chunks - 1) / chunks : 0;
+}
+
+// Where there is no memory for the second lane, the first goes alone.
+void Chunks::make_lanes(const solver::SharedAnalysis& analysis, Index size, int lanes) {
+  const auto fits = [&](const Chunk& c) { return c.systems() >= size && c.systems() <= 2 * size; };
+  if (!lanes_.empty() && wanted_ >= lanes && fits(*lanes_.front()->chunk)) return;
+  lanes_.clear();
+  wanted_ = lanes;
+  session_.note_devices();
+  const int threads = std::max(1, session_.pool.size() / lanes);
+  const auto add = [&] {
+    auto lane = std::make_unique<Lane>(options_of_worker(session_.options, threads, lanes));
+    lane->chunk = lanes_.empty() ? std::make_unique<Chunk>(analysis, size, lane->session.context)
+                                 : std::make_unique<Chunk>(*lanes_.front()->chunk, lane->session.context);
+    lanes_.push_back(std::move(lane));
+  };
+  add();
+  try {
+    while (static_cast<int>(lanes_.size()) < lanes) add();
+  } catch (const Error& e) {
+    if (e.status().code != StatusCode::out_of_memory) throw;
+  }
+}
+
+// @returns why not all chunks were tried; empty: they were
+std::string Chunks::solve_in_lanes(const solver::Analysis& analysis, const ChunkJob& all,
+                                   std::span<SystemResult> results, std::span<char> left) {
+  const Index size = lanes_.front()->chunk->systems();
+  std::vector<std::string> why(lanes_.size());
+  std::atomic<bool> useful{true}, broken{false};
+  share(session_.pool, static_cast<int>(lanes_.size()), (all.count + size - 1) / size, [&](int lane, Index k) {
+    if (!useful) return;
+    const Index first = k * size, count = std::min(size, all.count - first);
+    std::string& mine = why[static_cast<std::size_t>(lane)];
+    try {
+      mine = solve_part(*lanes_[static_cast<std::size_t>(lane)]->chunk, part_of(all, analysis, first, count),
+                        results.subspan(at(first), at(count)), left.subspan(at(first), at(count)));
+    } catch (const Error& e) {
+      mine = e.what();
+      broken = true;
+    }
+    if (!mine.empty()) useful = false;
+  });
+  if (broken) lanes_.clear();
+  const auto reason = std::find_if(why.begin(), why.end(), [](const std::string& s) { return !s.empty(); });
+  return reason != why.end() ? *reason : "";
+}
+
+std::vector<char> Chunks::solve(const solver::SharedAnalysis& analysis, const ChunkJob& all,
+                                std::span<SystemResult> results, int& workers) {
+  std::vector<char> left(at(all.count), 1);
+  const Index size = size_for(analysis, all.count);
+  if (size < 2) return left;
+  std::string why;
+  try {
+    const Index chunks = (all.count + size - 1) / size;
+    make_lanes(analysis, size, std::min({most_lanes(*analysis), session_.pool.size(), static_cast<int>(chunks)}));
+    workers = std::max(workers, static_cast<int>(std::min(Offset{all.count}, Offset{size} * std::ssize(lanes_))));
+    why = solve_in_lanes(*analysis, all, results, left);
+  } catch (const Error& e) {
+    if (e.status().code == StatusCode::cancelled) throw;
+    lanes_.clear();
+    why = e.what();
+  }
+  session_.context.log(fmt::format("batch: {} of {} systems were solved in chunks of {}, the others one by one{}",
+                                   std::count(left.begin(), left.end(), 0), all.count, size,
+                                   why.empty() ? "" : ": " + why));
+  if (!lanes_.empty()) log_seconds();
+  return left;
+}
+
+void Chunks::log_seconds() const {
+  Chunk::Seconds all;
+  for (const auto& lane : lanes_) all += lane->chunk->seconds();
+  session_.context.log(
+      fmt::format("batch: so far {:.4f} s for values, {:.4f} factorizations, {:.4f} substitutions, "
+                  "{:.4f} residuals and verdicts; lanes: {}",
+                  all.values, all.factorizations, all.substitutions, all.residuals, lanes_.size()));
+}
+
+}  // namespace espalier::batch
