@@ -310,13 +310,13 @@ class Solver {
   /// Saves the analysis of the current pattern; load_analysis() of the same pattern then needs no ordering.
   Status save_analysis(const std::string& path) const;
   AnalysisResult load_analysis(const std::string& path, const MatrixView& a);
+  /// The same of a matrix in parts, in place of analyze(). Rank 0 writes a file, which all ranks read.
+  AnalysisResult load_analysis(const std::string& path, const LocalRows& part);
+  AnalysisResult load_analysis(const std::string& path, const LocalEntries& part);
   /// Writes the recorded tasks as a Chrome trace that Perfetto opens (options.record_timeline must be set).
   Status write_trace(const std::string& path) const;
 
  private:
-  FactorResult factorize_on_ranks(const MatrixView& a);
-  SolveResult solve_in_parts(std::span<const double> b, std::span<double> x, Index columns, Transpose transpose);
-
   struct Impl;
   friend struct solver::SolverAccess;
   explicit Solver(std::unique_ptr<Impl> impl);
