@@ -266,6 +266,8 @@ class Solver {
   /// as for solve(). The calls wait for what is enqueued on `stream` (a cudaStream_t; null: the default stream) and
   /// return when the GPU is done. Without a factor on a GPU the status is device_error. Krylov methods (mixed
   /// precision) are left out.
+  /// With ranks on GPUs: this rank's values and rows of vectors, in the memory of its GPU; those of a rank that has
+  /// none may be null. Values that are all rank 0's go from GPU to GPU, others and vectors by way of the hosts.
   /// @pre state() != empty; state() == factorized
   /// @throws std::invalid_argument for arrays in pageable host memory
   FactorResult refactorize_device(const double* values, Offset count, void* stream = nullptr);

@@ -67,6 +67,8 @@ class GatheredMatrix {
   /// nobody's.
   [[nodiscard]] RowRange rows() const { return rows_; }
   [[nodiscard]] Offset part_entries() const { return part_entries_; }
+  /// All is rank 0's: its values are those of the whole as they are.
+  [[nodiscard]] bool is_of_first() const { return count_.empty(); }
 
  private:
   void plan_ways(const SparseMatrix& whole, std::span<const std::span<const Index>> row,

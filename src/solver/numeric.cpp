@@ -63,7 +63,9 @@ class NumericOf final : public Numeric {
   device::FactorOutcome factorize() override {
     if (device_ != nullptr) {
       if (auto outcome = device_->factorize(smallest_pivot_)) return *outcome;
-      refuse_entry(prepared_, given_);
+      std::vector<double> given(given_.size());  // some may be there alone
+      device_->read_values(given);
+      refuse_entry(prepared_, given);
     }
     if (rescale_) scales_ = scales_for(prepared_, given_, matching_, pool_);
     const double largest = scale();

@@ -24,4 +24,11 @@ FactorResult factorize_of_first(Session& s, const std::function<std::span<const 
 SolveResult solve_part(Session& s, std::span<const double> b, std::span<double> x, Index columns,
                        const std::function<SolveResult(double* x)>& whole);
 
+/// The same of real numbers with arrays in the memory of this rank's device, after what is enqueued on a queue of it
+/// (see Solver::refactorize_device()). Values that are all rank 0's go from device to device; others, and vectors, by
+/// way of the host.
+FactorResult refactorize_part_device(Session& s, const double* values, Offset count, void* queue);
+SolveResult solve_part_device(Session& s, const double* b, double* x, Index columns, void* queue,
+                              const std::function<SolveResult(double* x)>& whole);
+
 }  // namespace espalier::solver

@@ -168,13 +168,6 @@ ChangeResult Session::analyze_change_given(const MatrixView& a) {
   return analyze_change(whole.a);
 }
 
-void Session::expect_whole(const char* call) const {
-  if (parts)
-    throw std::logic_error(
-        std::string("Solver::") + call +
-        ": the matrix was given in parts, which lie in the memory of hosts; use refactorize() and solve()");
-}
-
 void Session::take(Analyzed made) {
   analysis = made.analysis->result;
   factor.emplace(std::move(made.analysis), std::move(made.values), context);

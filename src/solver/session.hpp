@@ -50,8 +50,6 @@ class Session {
   void load_part(const std::string& path, const GivenPart<Part>& part) {
     load_analysis(path, gather_part(part));
   }
-  /// @throws std::logic_error where vectors and values come in parts
-  void expect_whole(const char* call) const;
   /// Of other ranks; null: there are none.
   [[nodiscard]] ranks::Link* link() const { return ranks.size() > 1 ? ranks.link().get() : nullptr; }
 

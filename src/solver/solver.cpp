@@ -89,7 +89,7 @@ FactorResult Solver::refactorize(std::span<const double> values) {
 }
 
 FactorResult Solver::refactorize_device(const double* values, Offset count, void* stream) {
-  impl_->expect_whole("refactorize_device");
+  if (impl_->factor && impl_->parts) return solver::refactorize_part_device(*impl_, values, count, stream);
   check_values(*impl_, "Solver::refactorize_device", count);
   if (values == nullptr) throw std::invalid_argument("Solver::refactorize_device: the values are null");
   return factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize_device(values, count, stream); });
@@ -99,7 +99,10 @@ int Solver::gpu() const { return impl_->factor ? impl_->factor->gpu() : -1; }
 
 SolveResult Solver::solve_device(const double* b, double* x, Index columns, Transpose transpose, void* stream) {
   check_factorized(*impl_, "Solver::solve_device");
-  impl_->expect_whole("solve_device");
+  if (impl_->parts)
+    return solver::solve_part_device(*impl_, b, x, columns, stream, [&](double* all) {
+      return solver::solve(*impl_->factor, {all, all, columns, transpose != Transpose::no}, impl_->context);
+    });
   if (columns < 1 || b == nullptr || x == nullptr)
     throw std::invalid_argument("Solver::solve_device: at least one right-hand side and two arrays are needed");
   const solver::SolveJob job{b, x, columns, transpose != Transpose::no};

@@ -7,12 +7,18 @@
 #include <string>
 #include <vector>
 
+#include "complex_system.hpp"
 #include "device/registry.hpp"
+#include "espalier/complex_solver.hpp"
 #include "espalier/espalier.hpp"
 #include "espalier/nodes.hpp"
 #include "matrix/generators/generate.hpp"
 #include "on_threads.hpp"
 #include "reference/reference.hpp"
+
+#if ESPALIER_WITH_CUDA
+#include <cuda_runtime_api.h>
+#endif
 
 namespace espalier::ranks {
 namespace {
@@ -200,6 +206,124 @@ TEST_F(OnGpus, ValuesOfOneRankThatAreNotFinite) {
     EXPECT_EQ(ends[0].message, ends[1].message);
   }
 }
+
+// Complex systems in parts, as real ones of twice the size. Rows of the upper triangle are columns of the lower one.
+TEST_F(OnGpus, ComplexParts) {
+  const SparseMatrix real = generated({"elasticity", "9", "8", "7"});
+  const Index n = real.rows;
+  const ComplexSparseMatrix a = complex_of(real, Storage::symmetric_lower);
+  const std::vector<double> parts = reference::random_vector(2 * Offset{n}, 5);
+  const auto* numbers = reinterpret_cast<const std::complex<double>*>(parts.data());
+  const std::vector<std::complex<double>> b(numbers, numbers + n);
+  Options options;
+  options.device = "gpu:0";
+  ComplexSolver alone(options);
+  ASSERT_TRUE(alone.analyze(a).status.ok());
+  ASSERT_TRUE(alone.factorize(a).status.ok());
+  std::vector<std::complex<double>> truth(b.size());
+  ASSERT_TRUE(alone.solve(b, truth).status.ok());
+  for (const Nodes nodes : {Nodes::host, Nodes::process})
+    on_threads(2, {}, [&](const Ranks& ranks) {
+      set_nodes(ranks, nodes);
+      Options shared;
+      shared.device = "gpu:0,1";
+      ComplexSolver solver(ranks, shared);
+      const Half half(real, ranks.rank());
+      const std::span<const std::complex<double>> mine(
+          a.values.data() + real.col_ptr[static_cast<std::size_t>(half.first)], half.values.size());
+      const Status analysis =
+          solver.analyze(ComplexLocalRows{n, half.first, half.row_ptr, half.col, mine, Storage::symmetric_upper})
+              .status;
+      ASSERT_TRUE(analysis.ok()) << analysis.message;
+      for (int again = 0; again < 2; ++again) {
+        const Status factor = solver.refactorize(mine).status;
+        ASSERT_TRUE(factor.ok()) << factor.message;
+      }
+      const RowRange rows = solver.rows();
+      std::vector<std::complex<double>> x(b.begin() + rows.first, b.begin() + rows.first + rows.count);
+      const Status solve = solver.solve(x, x).status;
+      EXPECT_TRUE(solve.ok()) << solve.message;
+      for (Index i = 0; i < rows.count; ++i)
+        ASSERT_EQ(x[static_cast<std::size_t>(i)], truth[static_cast<std::size_t>(rows.first + i)]) << rows.first + i;
+    });
+}
+
+#if ESPALIER_WITH_CUDA
+
+// Doubles on a GPU.
+class OnDevice {
+ public:
+  OnDevice(int gpu, const std::vector<double>& from) : size_(from.size()) {
+    EXPECT_EQ(cudaSetDevice(gpu), cudaSuccess);
+    EXPECT_EQ(cudaMalloc(reinterpret_cast<void**>(&data_), (size_ + 1) * sizeof(double)), cudaSuccess);
+    EXPECT_EQ(cudaMemcpy(data_, from.data(), size_ * sizeof(double), cudaMemcpyHostToDevice), cudaSuccess);
+  }
+  OnDevice(const OnDevice&) = delete;
+  OnDevice& operator=(const OnDevice&) = delete;
+  ~OnDevice() { (void)cudaFree(data_); }
+  [[nodiscard]] double* data() const { return data_; }
+  [[nodiscard]] Offset size() const { return static_cast<Offset>(size_); }
+  [[nodiscard]] std::vector<double> host() const {
+    std::vector<double> to(size_);
+    EXPECT_EQ(cudaMemcpy(to.data(), data_, size_ * sizeof(double), cudaMemcpyDeviceToHost), cudaSuccess);
+    return to;
+  }
+
+ private:
+  std::size_t size_;
+  double* data_ = nullptr;
+};
+
+// Values and vectors in the memory of each rank's GPU: rows of each rank, and all on rank 0.
+TEST_F(OnGpus, ArraysOfTheirMemory) {
+  const SparseMatrix a = generated({"elasticity", "9", "8", "7"});
+  const Index n = a.rows;
+  const std::vector<double> b = reference::random_vector(n, 5);
+  Options options;
+  options.device = "gpu:0";
+  Solver alone(options);
+  ASSERT_TRUE(alone.analyze(a).status.ok());
+  ASSERT_TRUE(alone.factorize(a).status.ok());
+  std::vector<double> truth(b.size());
+  ASSERT_TRUE(alone.solve(b, truth).status.ok());
+  for (const Nodes nodes : {Nodes::host, Nodes::process})
+    for (const bool by_rows : {true, false})
+      on_threads(2, {}, [&](const Ranks& ranks) {
+        SCOPED_TRACE(testing::Message() << "rank " << ranks.rank() << (by_rows ? ", by rows" : ", all on rank 0"));
+        set_nodes(ranks, nodes);
+        Options shared;
+        shared.device = "gpu:0,1";
+        Solver solver(ranks, shared);
+        const Half half(a, ranks.rank());
+        ASSERT_TRUE((by_rows ? solver.analyze(half.rows(n)) : solver.analyze(a)).status.ok());
+        std::vector<double> mine = by_rows ? half.values : a.values;
+        if (!by_rows && ranks.rank() != 0) mine.clear();
+        const OnDevice values(ranks.rank(), mine);
+        for (int again = 0; again < 3; ++again) {
+          const Status factor = solver.refactorize_device(values.data(), values.size()).status;
+          ASSERT_TRUE(factor.ok()) << factor.message;
+        }
+        EXPECT_EQ(solver.gpu(), ranks.rank());
+        const RowRange rows = solver.rows();
+        const OnDevice right(ranks.rank(), {b.begin() + rows.first, b.begin() + rows.first + rows.count});
+        const OnDevice x(ranks.rank(), std::vector<double>(static_cast<std::size_t>(rows.count)));
+        const Status solve = solver.solve_device(right.data(), x.data()).status;
+        ASSERT_TRUE(solve.ok()) << solve.message;
+        EXPECT_EQ(x.host(), std::vector<double>(truth.begin() + rows.first, truth.begin() + rows.first + rows.count));
+        if (by_rows) return;
+        // A NaN that no host has seen is named.
+        mine.assign(mine.size(), 1.0);
+        if (!mine.empty()) mine.back() = std::nan("");
+        const OnDevice bad(ranks.rank(), mine);
+        const Status refused = solver.refactorize_device(bad.data(), bad.size()).status;
+        EXPECT_EQ(refused.code, StatusCode::invalid_input);
+        EXPECT_NE(refused.message.find("is nan"), std::string::npos) << refused.message;
+        const Status again = solver.refactorize_device(values.data(), values.size()).status;
+        EXPECT_TRUE(again.ok()) << again.message;
+      });
+}
+
+#endif
 
 // The budget of one rank does not suffice: the same error on all, which names the rank, and a new solver works.
 TEST_F(OnGpus, MemoryOfOneRank) {
