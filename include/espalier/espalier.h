@@ -253,7 +253,7 @@ int espalier_condition_estimate(espalier_solver* solver, double* estimate);
 
 /** The solver works on several ranks from its next analysis on (<espalier/mpi.h> calls this for an MPI communicator).
  * Collective, as all calls are then that analyze, factorize or solve: all ranks make them in the same order, with the
- * same options, and all get the same status; a wrong argument is ESPALIER_MISUSE where it was given, and
+ * same options, and all get the same status; an argument that cannot be is ESPALIER_MISUSE where it was given, and
  * ESPALIER_INVALID_INPUT on the others. Matrices are given by espalier_analyze_rows, values and vectors in parts.
  * @param functions  taken over; see espalier/ranks.h
  * @param patience  seconds after which a rank that sends nothing, while others wait for it, counts as lost; 0: 300 */

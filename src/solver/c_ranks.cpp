@@ -77,6 +77,7 @@ template <class Part, class Check, class Analyze>
 int analyze_by(espalier_solver* solver, const Part* part, espalier_analysis_info* info, const Check& check,
                const Analyze& analyze) {
   return guarded(solver, [&](espalier_solver& s) {
+    if (s.ranks.size() > 1) s.solver.reset(), s.complex_solver.reset();  // as on the other ranks, should it fail here
     const OwnRows own = heard_by_all(s, [&] {
       check();
       require(part != nullptr, "the part is null");

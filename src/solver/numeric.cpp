@@ -242,10 +242,16 @@ class NumericOf final : public Numeric {
     if (rhs_.size() < static_cast<Offset>(plan_->tree.n) * width) {
       rhs_ = base::Buffer<T>();
       const auto take = [&] { rhs_ = base::Buffer<T>(static_cast<Offset>(plan_->tree.n) * width, &budget_); };
-      if (link_ != nullptr)
-        link_->expect_all(take);  // all go on with fewer right-hand sides, or none
-      else
+      if (link_ == nullptr) {
         take();
+      } else {
+        try {
+          link_->expect_all(take);  // all go on with fewer right-hand sides, or none
+        } catch (...) {
+          rhs_ = base::Buffer<T>();  // or this rank alone would not take part the next time
+          throw;
+        }
+      }
     }
     find_units(reinterpret_cast<const Number*>(b), columns, transpose);
     gather(b, columns, width, transpose);

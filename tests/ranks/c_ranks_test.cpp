@@ -218,8 +218,15 @@ TEST(CRanks, WrongArgumentsOfOneRank) {
 
     ASSERT_EQ(espalier_analyze_rows_i32(solver, &rows.part, nullptr), ESPALIER_OK) << solver.error();
     const std::int64_t count = rows.entries();
-    expect_told(espalier_refactorize(solver, rows.part.values, wrong ? count - 1 : count, nullptr),
-                "the number of values");
+    for (const bool factorized : {false, true}) {
+      SCOPED_TRACE(factorized);
+      EXPECT_EQ(espalier_refactorize(solver, rows.part.values, wrong ? count - 1 : count, nullptr),
+                ESPALIER_INVALID_INPUT);
+      EXPECT_NE(solver.error().find("entries of this rank's part"), std::string::npos) << solver.error();
+      EXPECT_EQ(espalier_refactorize(solver, wrong ? nullptr : rows.part.values, count, nullptr),
+                ESPALIER_INVALID_INPUT);
+      ASSERT_EQ(espalier_refactorize(solver, rows.part.values, count, nullptr), ESPALIER_OK) << solver.error();
+    }
     ASSERT_EQ(espalier_refactorize(solver, rows.part.values, count, nullptr), ESPALIER_OK) << solver.error();
     std::vector<double> x(static_cast<std::size_t>(rows.part.rows), 1.0);
     expect_told(espalier_solve(solver, wrong ? nullptr : x.data(), x.data(), 1, ESPALIER_NO_TRANSPOSE, nullptr),
@@ -227,7 +234,8 @@ TEST(CRanks, WrongArgumentsOfOneRank) {
     double estimate = 0;
     expect_told(espalier_condition_estimate(solver, wrong ? nullptr : &estimate), "the place for the estimate is null");
     expect_told(espalier_save_analysis(solver, wrong ? nullptr : "none"), "the path is null");
-    EXPECT_EQ(espalier_solve(solver, x.data(), x.data(), 1, ESPALIER_NO_TRANSPOSE, nullptr), ESPALIER_OK);
+    EXPECT_EQ(espalier_solve(solver, x.data(), x.data(), 1, ESPALIER_NO_TRANSPOSE, nullptr), ESPALIER_OK)
+        << solver.error();
   });
 }
 
