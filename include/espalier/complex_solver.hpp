@@ -48,8 +48,7 @@ class ComplexSolver {
 
   /// @throws std::invalid_argument for numbers and enumerations that no option can be
   explicit ComplexSolver(Options options = {});
-  /// A solver that all ranks share: see Solver. The matrix is that of rank 0, which also gives values and right-hand
-  /// sides and gets solutions; what others give is not looked at (empty spans do).
+  /// A solver that all ranks share: see Solver.
   ComplexSolver(const Ranks& ranks, Options options = {});
   ~ComplexSolver();
   ComplexSolver(ComplexSolver&&) noexcept;
@@ -57,11 +56,17 @@ class ComplexSolver {
 
   /// A Hermitian matrix whose diagonal is not real is refused, with its row.
   AnalysisResult analyze(const ComplexMatrixView& a);
+  /// See Solver, for these and the two below.
+  AnalysisResult analyze(const ComplexLocalRows& part);
+  AnalysisResult analyze(const ComplexLocalEntries& part);
+  void set_rows(RowRange rows);
+  [[nodiscard]] RowRange rows() const;
   /// @pre state() != empty
   ComplexFactorResult factorize(const ComplexMatrixView& a);
   /// Same pattern, new values in the order of the analyzed matrix; allocates nothing. @pre state() != empty
   ComplexFactorResult refactorize(std::span<const Value> values);
-  /// Solves op(A) X = B for `columns` right-hand sides stored column by column, n values each; x may alias b.
+  /// Solves op(A) X = B for `columns` right-hand sides stored column by column, n values each (with ranks: rows().count
+  /// values); x may alias b.
   /// @pre state() == factorized
   SolveResult solve(std::span<const Value> b, std::span<Value> x, Index columns = 1,
                     Transpose transpose = Transpose::no);
@@ -79,6 +84,8 @@ class ComplexSolver {
   /// Files of Solver and ComplexSolver are the same where kind and pattern are.
   Status save_analysis(const std::string& path) const;
   AnalysisResult load_analysis(const std::string& path, const ComplexMatrixView& a);
+  AnalysisResult load_analysis(const std::string& path, const ComplexLocalRows& part);
+  AnalysisResult load_analysis(const std::string& path, const ComplexLocalEntries& part);
   Status write_trace(const std::string& path) const;
 
  private:

@@ -253,7 +253,8 @@ int espalier_condition_estimate(espalier_solver* solver, double* estimate);
 
 /** The solver works on several ranks from its next analysis on (<espalier/mpi.h> calls this for an MPI communicator).
  * Collective, as all calls are then that analyze, factorize or solve: all ranks make them in the same order, with the
- * same options, and all get the same status. Matrices are given by espalier_analyze_rows, values and vectors in parts.
+ * same options, and all get the same status; an argument that cannot be is ESPALIER_MISUSE where it was given, and
+ * ESPALIER_INVALID_INPUT on the others. Matrices are given by espalier_analyze_rows, values and vectors in parts.
  * @param functions  taken over; see espalier/ranks.h
  * @param patience  seconds after which a rank that sends nothing, while others wait for it, counts as lost; 0: 300 */
 struct espalier_rank_functions;
@@ -276,6 +277,7 @@ typedef struct espalier_local_rows_i32 {
   const double* values;    /**< NULL on all ranks: a pattern */
   int storage;             /**< espalier_storage; what all ranks together hold */
   int index_base;          /**< 0 or 1 */
+  int64_t numbers;         /**< espalier_numbers, the same on all ranks; a struct that ends before it is real */
 } espalier_local_rows_i32;
 typedef struct espalier_local_rows_i64 {
   size_t size;
@@ -287,9 +289,10 @@ typedef struct espalier_local_rows_i64 {
   const double* values;
   int storage;
   int index_base;
+  int64_t numbers;
 } espalier_local_rows_i64;
 /** After it espalier_refactorize takes this rank's values, and espalier_solve vectors of this rank's rows. Without
- * ranks there is one part. */
+ * ranks there is one part. Entries of one triangle that stand in the other one are taken for their mirror images. */
 int espalier_analyze_rows_i32(espalier_solver* solver, const espalier_local_rows_i32* part,
                               espalier_analysis_info* info);
 int espalier_analyze_rows_i64(espalier_solver* solver, const espalier_local_rows_i64* part,
@@ -297,7 +300,13 @@ int espalier_analyze_rows_i64(espalier_solver* solver, const espalier_local_rows
 /** From the next solve on this rank gives and gets `count` rows of vectors from `first` (from 0) on: all ranks together
  * give every row. Not collective; holds until the next analysis. */
 int espalier_set_rows(espalier_solver* solver, int64_t first, int64_t count);
-/** Saves the analysis to a file, for espalier_load_analysis of the same pattern. */
+/** In place of espalier_analyze_rows: with the analysis of this pattern from a file of espalier_save_analysis, which
+ * all ranks read. */
+int espalier_load_analysis_rows_i32(espalier_solver* solver, const char* path, const espalier_local_rows_i32* part,
+                                    espalier_analysis_info* info);
+int espalier_load_analysis_rows_i64(espalier_solver* solver, const char* path, const espalier_local_rows_i64* part,
+                                    espalier_analysis_info* info);
+/** Saves the analysis to a file, for espalier_load_analysis of the same pattern. With ranks, rank 0 writes it. */
 int espalier_save_analysis(espalier_solver* solver, const char* path);
 int espalier_load_analysis_i32(espalier_solver* solver, const char* path, const espalier_matrix_i32* a,
                                espalier_analysis_info* info);

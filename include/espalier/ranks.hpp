@@ -2,6 +2,7 @@
 /// Several processes that solve one system together, and what each of them knows of it.
 #pragma once
 
+#include <complex>
 #include <memory>
 #include <span>
 #include <string>
@@ -49,7 +50,8 @@ struct RowRange {
 
 /// What one rank has of a matrix of n rows and columns: rows first_row, first_row + 1, ... with the columns of the
 /// whole matrix, 0-based, in any order. Rows that several ranks have, and entries that come more than once, are summed
-/// in the order of ranks. A rank may have none. Owns nothing.
+/// in the order of ranks. Of one triangle, an entry of the other one is taken for its mirror image. A rank may have
+/// none. Owns nothing.
 struct LocalRows {
   Index n = 0;                         ///< of the whole matrix, the same on all ranks
   Index first_row = 0;                 ///< of this rank's rows
@@ -67,6 +69,26 @@ struct LocalEntries {
   std::span<const Index> row;
   std::span<const Index> col;
   std::span<const double> values;
+  Storage storage = Storage::general;
+};
+
+/// The same of complex matrices, whose storage may be Hermitian as well. The diagonal of a Hermitian one is real; of
+/// one triangle, an entry of the other one is taken for its mirror image, the conjugate.
+struct ComplexLocalRows {
+  Index n = 0;
+  Index first_row = 0;
+  std::span<const Offset> row_ptr;
+  std::span<const Index> col;
+  std::span<const std::complex<double>> values;
+  Storage storage = Storage::general;
+
+  [[nodiscard]] Index rows() const { return row_ptr.empty() ? 0 : static_cast<Index>(row_ptr.size() - 1); }
+};
+struct ComplexLocalEntries {
+  Index n = 0;
+  std::span<const Index> row;
+  std::span<const Index> col;
+  std::span<const std::complex<double>> values;
   Storage storage = Storage::general;
 };
 

@@ -266,6 +266,8 @@ class Solver {
   /// as for solve(). The calls wait for what is enqueued on `stream` (a cudaStream_t; null: the default stream) and
   /// return when the GPU is done. Without a factor on a GPU the status is device_error. Krylov methods (mixed
   /// precision) are left out.
+  /// With ranks on GPUs: this rank's values and rows of vectors, in the memory of its GPU; those of a rank that has
+  /// none may be null. Values that are all rank 0's go from GPU to GPU, others and vectors by way of the hosts.
   /// @pre state() != empty; state() == factorized
   /// @throws std::invalid_argument for arrays in pageable host memory
   FactorResult refactorize_device(const double* values, Offset count, void* stream = nullptr);
@@ -310,13 +312,13 @@ class Solver {
   /// Saves the analysis of the current pattern; load_analysis() of the same pattern then needs no ordering.
   Status save_analysis(const std::string& path) const;
   AnalysisResult load_analysis(const std::string& path, const MatrixView& a);
+  /// The same of a matrix in parts, in place of analyze(). Rank 0 writes a file, which all ranks read.
+  AnalysisResult load_analysis(const std::string& path, const LocalRows& part);
+  AnalysisResult load_analysis(const std::string& path, const LocalEntries& part);
   /// Writes the recorded tasks as a Chrome trace that Perfetto opens (options.record_timeline must be set).
   Status write_trace(const std::string& path) const;
 
  private:
-  FactorResult factorize_on_ranks(const MatrixView& a);
-  SolveResult solve_in_parts(std::span<const double> b, std::span<double> x, Index columns, Transpose transpose);
-
   struct Impl;
   friend struct solver::SolverAccess;
   explicit Solver(std::unique_ptr<Impl> impl);

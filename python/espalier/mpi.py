@@ -8,7 +8,7 @@ from typing import Any
 from . import _core
 from ._errors import make_error
 from ._results import Analysis, Factor, Inertia, Solve
-from ._solver import _STORAGE, _indices, _numbers, _text
+from ._solver import _STORAGE, _floats, _indices, _numbers, _text
 
 __all__ = ["Solver", "adapter"]
 
@@ -36,32 +36,36 @@ class Solver:
     """A direct solver for one sparse system at a time, of which every process of `comm` has rows (docs/guide/mpi.md).
 
     comm: an mpi4py.MPI.Intracomm; a copy of it is used. symmetry: "general"; "symmetric" (both triangles are stored, the
-    upper one is not read); "lower", "upper" (all processes together store that triangle alone). patience: seconds after
-    which a process that sends nothing, while others wait for it, counts as lost. nodes: "host", or "process" where each
-    process is to be a machine of its own (GPUs that do not reach each other). options: those of espalier.Solver (kind,
-    precision, device, threads, singular, ...), the same on all processes but for threads, budgets and log.
+    upper one is not read); "lower", "upper" (all processes together store that triangle alone); "hermitian",
+    "hermitian_lower", "hermitian_upper" likewise. patience: seconds after which a process that sends nothing, while others
+    wait for it, counts as lost. nodes: "host", or "process" where each process is to be a machine of its own (GPUs that do
+    not reach each other). options: those of espalier.Solver (kind, precision, device, threads, singular, ...), the same on
+    all processes but for threads, budgets and log.
 
-    All calls but `rows` are collective. What is wrong on one process is raised on all of them. Real numbers only. MPI is
-    called by the thread that calls the solver."""
+    Values may be complex (complex64, complex128; computed in complex128): where those of one process are, the matrix is.
+
+    All calls but `rows` are collective. What is wrong on one process is raised on all of them. MPI is called by the thread
+    that calls the solver."""
 
     def __init__(self, comm: Any, *, symmetry: str = "general", patience: float = 300.0, nodes: str = "host",
                  log: "logging.Logger | None" = None, **options: Any) -> None:
         self._comm = comm
         self._pattern: Any = None
-        self._n = 0
+        self._n, self._complex = 0, False
         self.analysis: "Analysis | None" = None
         self.factor: "Factor | None" = None
         self.last_solve: "Solve | None" = None
 
         def checked() -> str:
-            if symmetry not in ("general", "symmetric", "lower", "upper"):
-                raise ValueError(f"symmetry {symmetry!r} is none of general, symmetric, lower, upper")
+            if symmetry not in _STORAGE or symmetry == "auto":
+                raise ValueError(f"symmetry {symmetry!r} is none of {', '.join(k for k in _STORAGE if k != 'auto')}")
             if nodes not in ("host", "process"):
                 raise ValueError(f"nodes {nodes!r} is neither 'host' nor 'process'")
             return adapter()
 
         self._core = _core.RankSolver(self._on_all(checked), comm.py2f(), float(patience), nodes == "process")
         self._storage = _STORAGE[symmetry]
+        self._hermitian = symmetry.startswith("hermitian")
         self._on_all(lambda: [self._core.set_option(key, _text(value)) for key, value in options.items()])
         self._core.set_log((log or logging.getLogger("espalier")).debug)
 
@@ -105,7 +109,7 @@ class Solver:
         count = int(indptr[-1])
         indices = _indices(np.asarray(indices)[:count], "indices", n - 1, "int32")
         if data is not None:
-            data = np.ascontiguousarray(_numbers(np.asarray(data)[:count], "the matrix"))
+            data = np.ascontiguousarray(_numbers(np.asarray(data)[:count], "the matrix", True))
             if data.shape != indices.shape:
                 raise ValueError(f"data of shape {data.shape} for {len(indices)} indices")
         if first_row is not None and not 0 <= first_row <= n - (indptr.size - 1):
@@ -118,26 +122,51 @@ class Solver:
         follow each other. Rows that several have are summed; a process may have none."""
         return self._analyze(self._on_all(lambda: self._part(A, first_row, n)))
 
-    def _analyze(self, part: Any) -> Analysis:
+    def save_analysis(self, path: "str | os.PathLike[str]") -> None:
+        """Writes the analysis to a file, by process 0; load_analysis() of the same pattern then needs no ordering. It is that
+        of espalier.Solver for the same matrix in compressed columns."""
+        def checked() -> str:
+            if self.analysis is None:
+                raise RuntimeError("there is no analysis: call analyze(A) or factorize(A) first")
+            return os.fsdecode(path)
+
+        status = self._core.save_analysis(self._on_all(checked))
+        if status[0]:
+            raise make_error(*status)
+
+    def load_analysis(self, path: "str | os.PathLike[str]", A: Any, *, first_row: "int | None" = None,
+                      n: "int | None" = None) -> Analysis:
+        """Takes the analysis of A from the file of save_analysis(), which every process reads, in place of analyze(A, ...).
+        Raises InvalidInputError where the file is damaged or belongs to another pattern."""
+        part, file = self._on_all(lambda: (self._part(A, first_row, n), os.fsdecode(path)))
+        return self._analyze(part, file)
+
+    def _analyze(self, part: Any, path: "str | None" = None) -> Analysis:
         n, first_row, indptr, indices, data = part
-        counts = self._comm.allgather((len(indptr) - 1, first_row is None, n, data is None))
-        if any(c[1:] != counts[0][1:] for c in counts):
+        counts = self._comm.allgather((len(indptr) - 1, first_row is None, n, data is None, _is_complex(data)))
+        if any(c[1:4] != counts[0][1:4] for c in counts):
             raise make_error(2, "n, first_row=None and data=None must be the same on all processes", -1)
         if first_row is None:
             if sum(c[0] for c in counts) != n:
                 raise make_error(2, f"the processes have {sum(c[0] for c in counts)} rows of {n}: give first_row", -1)
             first_row = sum(c[0] for c in counts[:self._comm.Get_rank()])
         self.analysis = self.factor = self._pattern = None
-        status, found = self._core.analyze(n, first_row, indptr, indices, data, self._storage)
+        self._complex = self._hermitian or any(c[4] for c in counts)
+        status, found = self._core.analyze(n, first_row, indptr, indices, self._pairs(data), self._storage, self._complex, path)
         if status[0]:
             raise make_error(*status)
         self._n, self._pattern = n, (indptr, indices, first_row)
         self.analysis = Analysis(*found)
         return self.analysis
 
+    def _pairs(self, values: Any) -> Any:
+        """Values for _core: of complex matrices pairs of float64."""
+        return _floats(values.astype("complex128", copy=False)) if self._complex and values is not None else values
+
     def factorize(self, A: Any, *, first_row: "int | None" = None, n: "int | None" = None) -> Factor:
         """Factorizes the matrix of which A are this process's rows, as for analyze(), or new values of the analyzed
-        pattern: a vector in the order of this process's data. Another pattern is analyzed first."""
+        pattern: a vector in the order of this process's data. Another pattern, and complex values of a real one, are
+        analyzed first."""
         import numpy as np
 
         def values_of() -> "tuple[Any, Any]":
@@ -148,7 +177,7 @@ class Solver:
                 return part, part[4]
             if self._pattern is None:
                 raise RuntimeError("values of no matrix: call factorize(A) with rows of a sparse matrix first")
-            values = np.ascontiguousarray(_numbers(A, "the values"))
+            values = np.ascontiguousarray(_numbers(A, "the values", True))
             if values.shape != self._pattern[1].shape:
                 raise ValueError(f"values of shape {values.shape} for {len(self._pattern[1])} entries")
             return None, values
@@ -156,15 +185,20 @@ class Solver:
         part, values = self._on_all(values_of)
         known = part is None or (self._pattern is not None and part[0] == self._n and part[1] in (None, self._pattern[2])
                                  and np.array_equal(part[2], self._pattern[0]) and np.array_equal(part[3], self._pattern[1]))
-        kinds = self._comm.allgather((part is None, known))
+        kinds = self._comm.allgather((part is None, known, _is_complex(values)))
         if any(k[0] != kinds[0][0] for k in kinds):
             raise make_error(2, "some processes give rows, others values alone", -1)
-        if not all(k[1] for k in kinds):
+        complex_values = self._hermitian or any(k[2] for k in kinds)
+        if part is None and complex_values and not self._complex:
+            indptr, indices, first = self._pattern
+            self._analyze((self._n, first, indptr, indices, values))
+        elif part is not None and (complex_values != self._complex or not all(k[1] for k in kinds)):
             self._analyze(part)
         self.factor = None
-        status, found = self._core.refactorize(values)
+        status, found = self._core.refactorize(self._pairs(values))
         if status[0]:
             raise make_error(*status)
+        found = [*found[:-2], *(v.view("complex128") if v is not None and self._complex else v for v in found[-2:])]
         self.factor = Factor(found[0], found[1], Inertia(*found[2]), *found[3:])
         return self.factor
 
@@ -185,25 +219,41 @@ class Solver:
         """(first, count): the rows of vectors that this process gives and gets."""
         return tuple(self._core.rows())
 
-    def solve(self, b: Any, *, transpose: bool = False) -> Any:
-        """This process's rows of x with A x = b (A^T x = b): float64 of the shape of b, its rows (count,) or (count, k)."""
+    def solve(self, b: Any, *, transpose: "bool | str" = False) -> Any:
+        """This process's rows of x with A x = b, A^T x = b (transpose=True) or A^H x = b (transpose="H"), of the shape of b,
+        its rows (count,) or (count, k): float64, or complex128 where A, or b on one of the processes, is complex."""
         import numpy as np
 
         def checked() -> Any:
             if self.factor is None:
                 raise RuntimeError("there is no factorization: call factorize(A) first")
-            right = _numbers(b, "b")
+            if transpose not in (False, True, "H"):
+                raise ValueError(f"transpose is {transpose!r}; it must be False, True or 'H'")
+            right = _numbers(b, "b", True)
             if right.ndim not in (1, 2) or right.shape[0] != self.rows[1]:
                 raise ValueError(f"b has shape {tuple(right.shape)}; this process has {self.rows[1]} rows")
-            return np.asfortranarray(right)
+            return right
 
         right = self._on_all(checked)
         columns = 1 if right.ndim == 1 else right.shape[1]
-        if any(k != columns for k in self._comm.allgather(columns)):
-            raise make_error(2, "the processes give different numbers of right-hand sides", -1)
-        x = np.empty(right.shape, order="F")
+        given = self._comm.allgather((columns, transpose, _is_complex(right)))
+        if any(g[:2] != given[0][:2] for g in given):
+            raise make_error(2, "the processes give different numbers of right-hand sides, or another transpose", -1)
+        how = 2 if transpose == "H" else int(transpose)
+        if self._complex or not any(g[2] for g in given):
+            return self._solved(right.astype("complex128" if self._complex else "float64", copy=False), columns, how)
+        parts = right.reshape(len(right), columns)  # of a real matrix both parts are right-hand sides
+        x = self._solved(np.hstack([parts.real, parts.imag]), 2 * columns, how)
+        return (x[:, :columns] + 1j * x[:, columns:]).reshape(right.shape)
+
+    def _solved(self, right: Any, columns: int, how: int) -> Any:
+        """x of this process for numbers of the matrix's sort."""
+        import numpy as np
+
+        right = np.asfortranarray(right)
+        x = np.empty_like(right)
         if columns > 0:
-            status, found = self._core.solve(right.T, x.T, columns, bool(transpose))
+            status, found = self._core.solve(_floats(right.T), _floats(x.T), columns, how)
             self.last_solve = Solve(*found)
             if status[0]:
                 raise make_error(*status)
@@ -219,3 +269,7 @@ class Solver:
 
     def __exit__(self, *_: Any) -> None:
         self.close()
+
+
+def _is_complex(a: Any) -> bool:
+    return a is not None and a.dtype.kind == "c"

@@ -68,7 +68,7 @@ PROGRAM = textwrap.dedent('''
         bad = mine.data.copy()
         bad[0] = np.nan if rank == 0 else bad[0]
         wrong(lambda: solver.factorize(bad))
-        wrong(lambda: solver.analyze(mine if rank else 1j * mine), "complex" if rank == 0 else "rank 0")
+        wrong(lambda: solver.analyze(mine if rank else mine.astype("longdouble")), "dtype" if rank == 0 else "rank 0")
         wrong(lambda: solver.analyze(mine[:-1]), "give first_row")
         wrong(lambda: solver.solve(b[:, 0]), "no factorization")
         # Rows that overlap are summed; another pattern is analyzed by itself.
@@ -85,6 +85,49 @@ PROGRAM = textwrap.dedent('''
         z = solver.solve(b[begin:end])
         gathered = np.vstack(comm.allgather(z))
         assert np.allclose((whole + whole.T) @ gathered, b, rtol=1e-10, atol=1e-12)
+    # Complex numbers, of any storage. Where one process has real ones, they are complex all the same.
+    skew = sp.csr_array(whole * (1 + 0.3j) + 2j * sp.eye_array(n))
+    c = b + 1j * b[:, ::-1]
+    for symmetry, matrix, alone_kind in (
+            ("general", skew, {"kind": "lu"}), ("lower", sp.csr_array(sp.tril(skew + skew.T)), {}),
+            ("hermitian_lower", sp.csr_array(sp.tril(skew + skew.conj().T)), {}), ("hermitian", skew + skew.conj().T, {})):
+        one = espalier.Solver(sp.csc_array(matrix), symmetry=symmetry, device="cpu", threads=1, **alone_kind)
+        with espalier.mpi.Solver(comm, symmetry=symmetry, device="cpu", threads=1, patience=20, **alone_kind) as solver:
+            analysis = solver.analyze(matrix[begin:end])
+            factor = solver.factorize(matrix[begin:end])
+            assert factor.determinant_log == one.factor.determinant_log
+            assert factor.determinant_sign == one.factor.determinant_sign
+            assert factor.inertia == one.factor.inertia
+            for transpose in (False, True, "H"):
+                z = solver.solve(c[begin:end], transpose=transpose)
+                assert z.dtype == np.complex128 and np.array_equal(z, one.solve(c, transpose=transpose)[begin:end]), symmetry
+            assert np.array_equal(solver.solve(b[begin:end, 0]), one.solve(b[:, 0])[begin:end])
+            # The file of process 0, which is that of one process.
+            path = sys.argv[1] + "/analysis"
+            solver.save_analysis(path)
+            again = espalier.Solver(symmetry=symmetry, device="cpu", threads=1, **alone_kind)
+            assert again.load_analysis(path, sp.csc_array(matrix)).nonzeros_factor == analysis.nonzeros_factor
+            assert solver.load_analysis(path, matrix[begin:end]).nonzeros_factor == analysis.nonzeros_factor
+            solver.factorize(matrix[begin:end])
+            assert np.array_equal(solver.solve(c[begin:end]), one.solve(c)[begin:end])
+            wrong(lambda: solver.load_analysis(path + "_not_there" if rank == 1 else path, matrix[begin:end]), "_not_there")
+            wrong(lambda: solver.save_analysis(path), "no analysis")
+    with espalier.mpi.Solver(comm, kind="lu", device="cpu", threads=1, patience=20) as solver:
+        wrong(lambda: solver.save_analysis("nowhere"), "no analysis")
+        some = whole.astype(complex)
+        some.data[-1] += 1j  # on the last process
+        one = espalier.Solver(sp.csc_array(some), symmetry="general", kind="lu", device="cpu", threads=1)
+        mine = some[begin:end] if rank == 2 else whole[begin:end]
+        solver.factorize(mine)
+        assert np.array_equal(solver.solve(b[begin:end]), one.solve(b)[begin:end])
+        solver.factorize(whole[begin:end])  # real: analyzed anew
+        z = solver.solve(c[begin:end] if rank == 0 else b[begin:end])  # of a real matrix, complex on one process
+        first = (np.arange(n) < n // 3)[:, None]
+        assert z.dtype == np.complex128 and np.array_equal(z, alone.solve(np.where(first, c, b))[begin:end])
+        solver.factorize(mine.data)  # complex values of the pattern
+        assert np.array_equal(solver.solve(b[begin:end]), one.solve(b)[begin:end])
+        wrong(lambda: solver.solve(b[begin:end], transpose="H" if rank == 1 else False), "another transpose")
+        wrong(lambda: solver.solve(b[begin:end], transpose="C"), "'C'")
     wrong(lambda: espalier.mpi.Solver(comm, nodes="cloud"), "cloud")
     wrong(lambda: espalier.mpi.Solver(comm, kind="qr" if rank == 2 else "lu"), "qr")
     ended = comm.gather(rank)  # one process prints: mpirun mixes what several do
@@ -102,7 +145,7 @@ def test_three_processes_have_the_bits_of_one(tmp_path):
     environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1",
                        OMPI_MCA_rmaps_base_oversubscribe="1", OMPI_MCA_hwloc_base_binding_policy="none",
                        OMPI_MCA_btl_vader_single_copy_mechanism="none", OPENBLAS_NUM_THREADS="1")
-    done = subprocess.run([launcher, "-n", "3", sys.executable, str(program)], env=environment, capture_output=True, text=True,
+    done = subprocess.run([launcher, "-n", "3", sys.executable, str(program), str(tmp_path)], env=environment, capture_output=True, text=True,
                           timeout=100, check=False)
     if done.returncode == 77:
         pytest.skip("mpi4py or the adapter for its MPI is not there")

@@ -52,6 +52,8 @@ class DeviceLinearSystem : public PartSpace {
   virtual void send_values(Offset first, Offset count) = 0;
   /// Whether ranks share the factor. Each has a copy of the system on its device then, and all calls are collective.
   [[nodiscard]] virtual bool on_ranks() const { return false; }
+  /// On ranks: the same as send_values(), from an array of the device.
+  virtual void copy_values(const double* /*from*/, Offset /*first*/, Offset /*count*/) {}
   /// On ranks: this one has sent the values [first, first + count); all get what all have sent, which are the whole.
   virtual void share_values(Offset /*first*/, Offset /*count*/) {}
   /// Factors the values that were taken or sent last. Waits.

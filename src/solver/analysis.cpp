@@ -20,15 +20,16 @@
 
 namespace espalier::solver {
 
-// Complex values were checked where they came from.
 void check_matrix(const GivenMatrix& given, base::ThreadPool& pool) {
-  MatrixView a = given.a;
-  if (given.numbers != base::Numbers::real) a.values = {};
+  const MatrixView& a = given.a;
   if (a.rows != a.cols)
     throw Error(StatusCode::invalid_input,
                 fmt::format("the matrix is {} x {}; a linear system needs a square one", a.rows, a.cols));
   if (a.rows == 0) throw Error(StatusCode::invalid_input, "the matrix has no rows; there is nothing to solve");
-  matrix::validate(a, &pool);
+  if (given.numbers == base::Numbers::real)
+    matrix::validate(a, &pool);
+  else
+    matrix::validate(complex_view(given), &pool);
 }
 
 namespace {

@@ -27,8 +27,12 @@ using espalier::StatusCode;
 using espalier::solver::CallerStatus;
 using espalier::solver::guarded;
 using espalier::solver::hand_out;
+using espalier::solver::heard_by_all;
+using espalier::solver::make_complex_solver;
 using espalier::solver::make_solver;
 using espalier::solver::require;
+using espalier::solver::with_analyzed;
+using espalier::solver::with_factorized;
 
 namespace {
 
@@ -52,29 +56,12 @@ espalier::Solver& espalier::solver::make_solver(espalier_solver& s) {
   return s.solver.emplace(s.ranks, std::move(options));
 }
 
-namespace {
-
-espalier::ComplexSolver& make_complex_solver(espalier_solver& s) {
-  require(s.ranks.size() == 1, "complex systems are solved by one process");
+espalier::ComplexSolver& espalier::solver::make_complex_solver(espalier_solver& s) {
   espalier::Options options = options_of(s);
-  return s.complex_solver.emplace(std::move(options));
+  return s.complex_solver.emplace(s.ranks, std::move(options));
 }
 
-// Calls use(solver) with the solver that there is.
-template <class Use>
-auto with_solver(espalier_solver& s, const char* missing, espalier::Solver::State least, const Use& use) {
-  if (s.complex_solver && s.complex_solver->state() >= least) return use(*s.complex_solver);
-  require(s.solver && s.solver->state() >= least, missing);
-  return use(*s.solver);
-}
-template <class Use>
-auto with_analyzed(espalier_solver& s, const Use& use) {
-  return with_solver(s, "call espalier_analyze first", espalier::Solver::State::analyzed, use);
-}
-template <class Use>
-auto with_factorized(espalier_solver& s, const Use& use) {
-  return with_solver(s, "call espalier_factorize first", espalier::Solver::State::factorized, use);
-}
+namespace {
 
 const char* const kOnDevice = "arrays on a device: complex systems are solved on the host";
 
@@ -179,11 +166,13 @@ template <class Call>
 int refactorize(espalier_solver* solver, const double* values, std::int64_t count, espalier_factor_info* info,
                 Call&& call) {
   return guarded(solver, [&](espalier_solver& s) {
-    return with_analyzed(s, [&](auto& cpp) {
+    heard_by_all(s, [&] {
+      with_analyzed(s, [](auto&) {});
+      if (s.ranks.size() > 1) return;  // the solver says it, which fails on all ranks alike then
       require(count == s.nonzeros, "the number of values is not that of the analysed matrix");
       require(count == 0 || values != nullptr, "the values are null");
-      return factorize_by(s, cpp, info, [&] { return call(cpp); });
     });
+    return with_analyzed(s, [&](auto& cpp) { return factorize_by(s, cpp, info, [&] { return call(cpp); }); });
   });
 }
 
@@ -251,13 +240,16 @@ std::span<std::complex<double>> complex_span(double* v, std::size_t count) {
 template <class Call>
 int solve(espalier_solver* solver, const RightHandSides& wanted, espalier_solve_info* info, Call&& call) {
   return guarded(solver, [&](espalier_solver& s) {
-    return with_factorized(s, [&](auto& cpp) {
-      const std::int64_t columns = wanted.columns;
+    const std::int64_t columns = wanted.columns;
+    const auto size = static_cast<std::size_t>(columns) * static_cast<std::size_t>(s.vector_rows);
+    heard_by_all(s, [&] {
+      with_factorized(s, [](auto&) {});
       require(columns >= 1 && columns <= INT32_MAX, "the number of right-hand sides must lie from 1 to 2^31 - 1");
       require(wanted.transpose >= ESPALIER_NO_TRANSPOSE && wanted.transpose <= ESPALIER_CONJUGATE_TRANSPOSE,
               "transpose must be 0, 1 or 2");
-      const auto size = static_cast<std::size_t>(columns) * static_cast<std::size_t>(s.vector_rows);
       require(size == 0 || (wanted.b != nullptr && wanted.x != nullptr), "the right-hand side or the solution is null");
+    });
+    return with_factorized(s, [&](auto& cpp) {
       Conjugated conjugated(s, wanted, size);
       const auto result = call(cpp, conjugated.right_hand_sides(), size, conjugated.transpose());
       conjugated.finish();
@@ -374,7 +366,7 @@ int espalier_factorize_i64(espalier_solver* solver, const espalier_matrix_i64* a
 }
 
 int espalier_refactorize(espalier_solver* solver, const double* values, int64_t count, espalier_factor_info* info) {
-  const auto size = static_cast<std::size_t>(count);
+  const std::size_t size = values == nullptr ? 0 : static_cast<std::size_t>(count);
   struct Call {
     const double* values;
     std::size_t size;
@@ -451,7 +443,10 @@ int espalier_null_space(espalier_solver* solver, int64_t capacity, int64_t* rows
 
 int espalier_condition_estimate(espalier_solver* solver, double* estimate) {
   return guarded(solver, [&](espalier_solver& s) {
-    require(estimate != nullptr, "the place for the estimate is null");
+    heard_by_all(s, [&] {
+      require(estimate != nullptr, "the place for the estimate is null");
+      with_factorized(s, [](auto&) {});
+    });
     const auto result = with_factorized(s, [](auto& cpp) { return cpp.condition_estimate(); });
     *estimate = result.estimate;
     return result.status;
@@ -460,7 +455,10 @@ int espalier_condition_estimate(espalier_solver* solver, double* estimate) {
 
 int espalier_save_analysis(espalier_solver* solver, const char* path) {
   return guarded(solver, [&](espalier_solver& s) {
-    require(path != nullptr, "the path is null");
+    heard_by_all(s, [&] {
+      require(path != nullptr, "the path is null");
+      with_analyzed(s, [](auto&) {});
+    });
     return with_analyzed(s, [&](auto& cpp) { return cpp.save_analysis(path); });
   });
 }

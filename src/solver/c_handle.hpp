@@ -20,6 +20,7 @@
 #include "espalier/solver.hpp"
 #include "solver/c_results.hpp"
 #include "solver/environment.hpp"
+#include "solver/on_all_ranks.hpp"
 
 namespace espalier::solver {
 
@@ -142,9 +143,38 @@ int guarded(espalier_solver* s, const Body& body) noexcept {
 
 /// A new solver, with the options of this moment.
 Solver& make_solver(espalier_solver& s);
+ComplexSolver& make_complex_solver(espalier_solver& s);
 
 inline void require(bool condition, const char* what) {
   if (!condition) throw std::invalid_argument(what);
+}
+
+/// Calls use(solver) with the solver that there is.
+template <class Use>
+auto with_solver(espalier_solver& s, const char* missing, Solver::State least, const Use& use) {
+  if (s.complex_solver && s.complex_solver->state() >= least) return use(*s.complex_solver);
+  require(s.solver && s.solver->state() >= least, missing);
+  return use(*s.solver);
+}
+template <class Use>
+auto with_analyzed(espalier_solver& s, const Use& use) {
+  return with_solver(s, "call espalier_analyze first", Solver::State::analyzed, use);
+}
+template <class Use>
+auto with_factorized(espalier_solver& s, const Use& use) {
+  return with_solver(s, "call espalier_factorize first", Solver::State::factorized, use);
+}
+
+/// What comes before a collective call on this rank: the others, which make that call meanwhile, hear of what `body`
+/// throws, and end it.
+template <class Body>
+auto heard_by_all(espalier_solver& s, const Body& body) {
+  try {
+    return body();
+  } catch (const std::exception&) {
+    if (s.ranks.size() > 1) (void)on_all_ranks(*s.ranks.link(), []() -> Status { throw; });
+    throw;
+  }
 }
 
 }  // namespace espalier::solver

@@ -1,7 +1,11 @@
 /// \file
 /// The C interface: solvers that several ranks share, and matrices in parts.
+#include <complex>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "espalier/nodes.hpp"
@@ -18,25 +22,39 @@ struct OwnRows {
   Index n = 0, first_row = 0;
   std::vector<Offset> pointers;
   std::vector<Index> indices;
-  std::span<const double> values;
+  const double* values = nullptr;  // of complex numbers the parts
   Storage storage = Storage::general;
+  bool complex = false;
 
-  [[nodiscard]] LocalRows view() const { return {n, first_row, pointers, indices, values, storage}; }
+  [[nodiscard]] LocalRows view() const { return {n, first_row, pointers, indices, values_as(values), storage}; }
+  [[nodiscard]] ComplexLocalRows complex_view() const {
+    return {n, first_row, pointers, indices, values_as(reinterpret_cast<const std::complex<double>*>(values)), storage};
+  }
+
+ private:
+  template <class Value>
+  [[nodiscard]] std::span<const Value> values_as(const Value* first) const {
+    return {first, values == nullptr ? 0 : indices.size()};
+  }
 };
 
 constexpr std::int64_t kMostRows = std::numeric_limits<Index>::max();
 
-// What is wrong in a part is for all ranks to hear: it becomes a part that the solver refuses.
+// A column that the matrix does not have becomes one that the solver refuses.
 template <class Part>
 OwnRows own_rows(const Part& part) {
-  require(part.size >= sizeof(Part), "size is not that of the struct");
+  require(part.size >= offsetof(Part, numbers), "size is not that of the struct");
+  const std::int64_t numbers = part.size >= sizeof(Part) ? part.numbers : std::int64_t{ESPALIER_REAL};
+  require(numbers == ESPALIER_REAL || numbers == ESPALIER_COMPLEX, "numbers is none of espalier_numbers");
   require(part.index_base == 0 || part.index_base == 1, "index_base must be 0 or 1");
-  require(part.storage >= ESPALIER_GENERAL && part.storage <= ESPALIER_SYMMETRIC_BOTH, "an unknown storage");
+  require(part.storage >= ESPALIER_GENERAL && part.storage <= ESPALIER_HERMITIAN_BOTH, "an unknown storage");
+  require(numbers == ESPALIER_COMPLEX || part.storage < ESPALIER_HERMITIAN_LOWER, "only a complex matrix is Hermitian");
   require(part.n >= 0 && part.n <= kMostRows && part.rows >= 0 && part.rows <= part.n, "rows out of range");
   require(part.rows == 0 || part.pointers != nullptr, "the pointers are null");
   OwnRows own;
   own.n = static_cast<Index>(part.n);
   own.storage = static_cast<Storage>(part.storage);
+  own.complex = numbers == ESPALIER_COMPLEX;
   if (part.rows == 0) return own;
   require(part.first_row >= part.index_base && part.first_row - part.index_base <= part.n - part.rows,
           "first_row out of range");
@@ -50,24 +68,49 @@ OwnRows own_rows(const Part& part) {
     const std::int64_t col = static_cast<std::int64_t>(part.indices[k]) - part.index_base;
     own.indices.push_back(col < 0 || col > kMostRows ? -1 : static_cast<Index>(col));
   }
-  if (part.values != nullptr) own.values = {part.values, count};
+  own.values = part.values;
   return own;
+}
+
+// Analysis of a part by `analyze(solver, view)`, after `check()` of other arguments.
+template <class Part, class Check, class Analyze>
+int analyze_by(espalier_solver* solver, const Part* part, espalier_analysis_info* info, const Check& check,
+               const Analyze& analyze) {
+  return guarded(solver, [&](espalier_solver& s) {
+    if (s.ranks.size() > 1) s.solver.reset(), s.complex_solver.reset();  // as on the other ranks, should it fail here
+    const OwnRows own = heard_by_all(s, [&] {
+      check();
+      require(part != nullptr, "the part is null");
+      OwnRows rows = own_rows(*part);
+      if (rows.complex)
+        (void)make_complex_solver(s);
+      else
+        (void)make_solver(s);
+      return rows;
+    });
+    const AnalysisResult result =
+        own.complex ? analyze(*s.complex_solver, own.complex_view()) : analyze(*s.solver, own.view());
+    s.rows = own.n;
+    s.nonzeros = static_cast<Offset>(own.indices.size());
+    s.transposed = s.conjugated = s.by_rows = false;
+    s.null_space = {};
+    s.vector_rows = result.status.ok() ? with_analyzed(s, [](auto& cpp) { return cpp.rows().count; }) : 0;
+    hand_out(result, info);
+    return result.status;
+  });
 }
 
 template <class Part>
 int analyze_rows(espalier_solver* solver, const Part* part, espalier_analysis_info* info) {
-  return guarded(solver, [&](espalier_solver& s) {
-    require(part != nullptr, "the part is null");
-    const OwnRows own = own_rows(*part);
-    const AnalysisResult result = make_solver(s).analyze(own.view());
-    s.rows = own.n;
-    s.nonzeros = static_cast<Offset>(own.indices.size());
-    s.transposed = s.by_rows = false;
-    s.null_space = {};
-    s.vector_rows = result.status.ok() ? s.solver->rows().count : 0;
-    hand_out(result, info);
-    return result.status;
-  });
+  return analyze_by(
+      solver, part, info, [] {}, [](auto& cpp, const auto& view) { return cpp.analyze(view); });
+}
+
+template <class Part>
+int load_rows(espalier_solver* solver, const char* path, const Part* part, espalier_analysis_info* info) {
+  return analyze_by(
+      solver, part, info, [&] { require(path != nullptr, "the path is null"); },
+      [&](auto& cpp, const auto& view) { return cpp.load_analysis(path, view); });
 }
 
 }  // namespace
@@ -80,6 +123,7 @@ int espalier_use_ranks(espalier_solver* solver, const espalier_rank_functions* f
   return espalier::solver::guarded(solver, [&](espalier_solver& s) {
     espalier::solver::require(functions != nullptr, "the table of functions is null");
     s.solver.reset();
+    s.complex_solver.reset();
     s.ranks = espalier::Ranks(*functions, patience == 0 ? espalier::Ranks::kPatience : patience);
     return espalier::Status{};
   });
@@ -88,7 +132,8 @@ int espalier_use_ranks(espalier_solver* solver, const espalier_rank_functions* f
 int espalier_set_nodes(espalier_solver* solver, int each_process) {
   return espalier::solver::guarded(solver, [&](espalier_solver& s) {
     espalier::solver::require(s.ranks.link() != nullptr, "call espalier_use_ranks first");
-    espalier::solver::require(!s.solver, "the ranks have a solver already: call it before the first analysis");
+    espalier::solver::require(!s.solver && !s.complex_solver,
+                              "the ranks have a solver already: call it before the first analysis");
     espalier::solver::require(each_process == 0 || each_process == 1, "each_process must be 0 or 1");
     espalier::set_nodes(s.ranks, each_process == 1 ? espalier::Nodes::process : espalier::Nodes::host);
     return espalier::Status{};
@@ -105,13 +150,23 @@ int espalier_analyze_rows_i64(espalier_solver* solver, const espalier_local_rows
   return espalier::solver::analyze_rows(solver, part, info);
 }
 
+int espalier_load_analysis_rows_i32(espalier_solver* solver, const char* path, const espalier_local_rows_i32* part,
+                                    espalier_analysis_info* info) {
+  return espalier::solver::load_rows(solver, path, part, info);
+}
+
+int espalier_load_analysis_rows_i64(espalier_solver* solver, const char* path, const espalier_local_rows_i64* part,
+                                    espalier_analysis_info* info) {
+  return espalier::solver::load_rows(solver, path, part, info);
+}
+
 int espalier_set_rows(espalier_solver* solver, int64_t first, int64_t count) {
   return espalier::solver::guarded(solver, [&](espalier_solver& s) {
-    espalier::solver::require(s.solver && s.solver->state() != espalier::Solver::State::empty,
-                              "call espalier_analyze_rows first");
-    espalier::solver::require(first >= 0 && count >= 0 && first <= s.rows && count <= s.rows - first,
-                              "rows that the matrix does not have");
-    s.solver->set_rows({static_cast<espalier::Index>(first), static_cast<espalier::Index>(count)});
+    espalier::solver::with_analyzed(s, [&](auto& cpp) {
+      espalier::solver::require(first >= 0 && count >= 0 && first <= s.rows && count <= s.rows - first,
+                                "rows that the matrix does not have");
+      cpp.set_rows({static_cast<espalier::Index>(first), static_cast<espalier::Index>(count)});
+    });
     s.vector_rows = static_cast<espalier::Index>(count);
     return espalier::Status{};
   });

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "matrix/validate.hpp"
+#include "solver/part_calls.hpp"
 #include "solver/session_calls.hpp"
 #include "solver/solution.hpp"
 
@@ -30,9 +31,11 @@ std::vector<Value> numbers_of(const std::vector<double>& parts) {
   return {first, first + parts.size() / 2};
 }
 
+// @param phase  of the determinant, where that is not zero
 ComplexFactorResult complex_result(FactorResult from, Value phase) {
   ComplexFactorResult r;
   const std::vector<double> null = std::move(from.null_vectors), left = std::move(from.left_null_vectors);
+  if (from.determinant_sign == 0) phase = 0;
   static_cast<FactorReport&>(r) = std::move(from);
   r.determinant_phase = phase;
   r.null_vectors = numbers_of(null);
@@ -51,33 +54,6 @@ Turned turned(const solver::Analysis& a, Transpose wish) {
   if (a.kind() == Kind::lu) return {true, wish == Transpose::conjugate};
   const bool hermitian = a.system->numbers() == base::Numbers::hermitian;
   return {false, (wish == Transpose::yes) == hermitian};
-}
-
-// use(the matrix, or on ranks that of rank 0): valid.
-template <class Use>
-void with_whole(Session& s, const ComplexMatrixView& a, Use&& use) {
-  if (s.link() == nullptr) {
-    matrix::validate(a, &s.pool);
-    return use(a);
-  }
-  const SparseMatrix of_first =
-      s.gathered.gather({a.rows, a.cols, a.col_ptr, a.row_ind, parts_of(a.values), a.storage}, s.link());
-  const std::span<const Value> values(base::as_complex(of_first.values.data()), of_first.values.size() / 2);
-  const ComplexMatrixView whole{of_first.rows,    of_first.cols, of_first.col_ptr,
-                                of_first.row_ind, values,        of_first.storage};
-  matrix::validate(whole, &s.pool);
-  use(whole);
-}
-
-// On ranks: the numbers of rank 0, on all of them.
-std::vector<double> of_first(Session& s, std::span<const Value> mine, std::size_t count, const char* what) {
-  const bool here = s.link()->rank() == 0;
-  s.link()->expect_all([&] {
-    if (here && mine.size() != count)
-      throw Error(StatusCode::invalid_input,
-                  fmt::format("rank 0 gives {} {}; {} are needed", mine.size(), what, count));
-  });
-  return s.link()->all_gather_of(here ? parts_of(mine) : std::span<const double>()).front();
 }
 
 // op(A) X = B for vectors of the whole system; x may be b.
@@ -112,62 +88,61 @@ ComplexSolver ComplexSolver::clone(int threads) const {
 }
 
 AnalysisResult ComplexSolver::analyze(const ComplexMatrixView& a) {
-  return solver::analysis_by(*impl_, [&] {
-    with_whole(*impl_, a, [&](const ComplexMatrixView& whole) { impl_->analyze(solver::given(whole)); });
-  });
+  return solver::analysis_by(*impl_, [&] { impl_->analyze_given(solver::given(a)); });
+}
+
+AnalysisResult ComplexSolver::analyze(const ComplexLocalRows& part) {
+  return solver::analysis_by(*impl_, [&] { impl_->analyze_part(solver::given(part)); });
+}
+
+AnalysisResult ComplexSolver::analyze(const ComplexLocalEntries& part) {
+  return solver::analysis_by(*impl_, [&] { impl_->analyze_part(solver::given(part)); });
+}
+
+void ComplexSolver::set_rows(RowRange rows) { solver::set_rows(*impl_, "ComplexSolver::set_rows", rows); }
+
+RowRange ComplexSolver::rows() const {
+  solver::check_analyzed(*impl_, "ComplexSolver::rows");
+  return solver::rows_of(*impl_);
 }
 
 ComplexFactorResult ComplexSolver::factorize(const ComplexMatrixView& a) {
   solver::check_analyzed(*impl_, "ComplexSolver::factorize");
-  if (impl_->link() == nullptr) {
-    Status status = solver::guarded(*impl_, [&] {
-      matrix::validate(a, &impl_->pool);
-      solver::expect_same_system(*impl_, matrix::pattern_of(a), a.values.size());
-    });
-    if (status.ok()) return refactorize(a.values);
-    ComplexFactorResult r;
-    r.status = std::move(status);
-    return r;
+  const auto checked = [&] {
+    matrix::validate(a, &impl_->pool);
+    solver::expect_same_system(*impl_, matrix::pattern_of(a), a.values.size());
+    return parts_of(a.values);
+  };
+  FactorResult r;
+  if (impl_->link() != nullptr) {
+    r = solver::factorize_of_first(*impl_, checked);
+  } else if (r.status = solver::guarded(*impl_, checked); r.status.ok()) {
+    r = solver::factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize(parts_of(a.values)); });
   }
-  FactorResult r = solver::factor_by(*impl_, [&](solver::Factor& factor) {
-    with_whole(*impl_, a, [&](const ComplexMatrixView& whole) {
-      solver::expect_same_system(*impl_, matrix::pattern_of(whole), whole.values.size());
-      factor.factorize(parts_of(whole.values));
-    });
-  });
   return complex_result(std::move(r), impl_->factor->determinant_phase());
 }
 
 ComplexFactorResult ComplexSolver::refactorize(std::span<const Value> values) {
-  solver::check_analyzed(*impl_, "ComplexSolver::refactorize");
-  const bool shared = impl_->link() != nullptr;
-  if (!shared) solver::check_values(*impl_, "ComplexSolver::refactorize", static_cast<Offset>(values.size()));
-  FactorResult r = solver::factor_by(*impl_, [&](solver::Factor& factor) {
-    if (!shared) return factor.factorize(parts_of(values));
-    const auto count = static_cast<std::size_t>(impl_->current().system->prepared.caller_nonzeros);
-    factor.factorize(of_first(*impl_, values, count, "values"));
-  });
+  solver::check_values(*impl_, "ComplexSolver::refactorize", static_cast<Offset>(values.size()));
+  FactorResult r = impl_->parts
+                       ? solver::refactorize_part(*impl_, parts_of(values))
+                       : solver::factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize(parts_of(values)); });
   return complex_result(std::move(r), impl_->factor->determinant_phase());
 }
 
 SolveResult ComplexSolver::solve(std::span<const Value> b, std::span<Value> x, Index columns, Transpose transpose) {
   solver::check_factorized(*impl_, "ComplexSolver::solve");
+  auto* to = reinterpret_cast<double*>(x.data());
+  if (impl_->parts)
+    return solver::solve_part(*impl_, parts_of(b), {to, 2 * x.size()}, columns,
+                              [&](double* all) { return solve_whole(*impl_, all, all, columns, transpose); });
   const Index n = impl_->current().n();
   const auto size = static_cast<std::size_t>(n) * static_cast<std::size_t>(std::max<Index>(columns, 0));
-  const bool shared = impl_->link() != nullptr;
-  if (columns < 1 || (!shared && (b.size() != size || x.size() != size)))
+  if (columns < 1 || b.size() != size || x.size() != size)
     throw std::invalid_argument(
         fmt::format("ComplexSolver::solve: {} right-hand sides of {} rows need {} values; b has {}, x has {}", columns,
                     n, size, b.size(), x.size()));
-  return solver::solve_by(*impl_, [&] {
-    if (!shared)
-      return solve_whole(*impl_, parts_of(b).data(), reinterpret_cast<double*>(x.data()), columns, transpose);
-    std::vector<double> whole = of_first(*impl_, b, size, "numbers of right-hand sides");
-    (void)of_first(*impl_, x, size, "places for solutions");
-    SolveResult result = solve_whole(*impl_, whole.data(), whole.data(), columns, transpose);
-    if (impl_->link()->rank() == 0) std::copy_n(base::as_complex(whole.data()), size, x.begin());
-    return result;
-  });
+  return solver::solve_by(*impl_, [&] { return solve_whole(*impl_, parts_of(b).data(), to, columns, transpose); });
 }
 
 void ComplexSolver::set_refinement(int steps, double required_backward_error) {
@@ -199,9 +174,15 @@ Status ComplexSolver::save_analysis(const std::string& path) const {
 }
 
 AnalysisResult ComplexSolver::load_analysis(const std::string& path, const ComplexMatrixView& a) {
-  return solver::analysis_by(*impl_, [&] {
-    with_whole(*impl_, a, [&](const ComplexMatrixView& whole) { impl_->load_analysis(path, solver::given(whole)); });
-  });
+  return solver::analysis_by(*impl_, [&] { impl_->load_given(path, solver::given(a)); });
+}
+
+AnalysisResult ComplexSolver::load_analysis(const std::string& path, const ComplexLocalRows& part) {
+  return solver::analysis_by(*impl_, [&] { impl_->load_part(path, solver::given(part)); });
+}
+
+AnalysisResult ComplexSolver::load_analysis(const std::string& path, const ComplexLocalEntries& part) {
+  return solver::analysis_by(*impl_, [&] { impl_->load_part(path, solver::given(part)); });
 }
 
 Status ComplexSolver::write_trace(const std::string& path) const {

@@ -37,6 +37,11 @@ Status no_place(std::size_t replaced, bool matching) {
 
 }  // namespace
 
+Error not_on_device(const Numeric& numeric, const char* instead) {
+  return {StatusCode::device_error,
+          "the factor is not in the memory of a GPU (" + numeric.device_name() + "); use " + instead};
+}
+
 Factor::Factor(SharedAnalysis analysis, Values values, const Context& context)
     : context_(context),
       watch_(analysis->gain_of_single),
@@ -84,11 +89,8 @@ void Factor::factorize(const RankValues& values) {
 // copy.
 void Factor::factorize_device(const double* values, Offset count, void* queue) {
   const double start = base::now_seconds();
-  begin();
-  device::DeviceLinearSystem* device = numeric_->device_system();
-  if (device == nullptr)
-    throw Error(StatusCode::device_error,
-                "the factor is not in the memory of a GPU (" + numeric_->device_name() + "); use refactorize()");
+  device::DeviceLinearSystem* device = device_of_values();
+  if (device == nullptr) throw not_on_device(*numeric_, "refactorize()");
   device->expect_reachable(values, "Solver::refactorize_device: the values");
   device->wait_for(queue);
   if (!analysis_->system->prepared.keeps_order()) {
@@ -104,6 +106,11 @@ void Factor::factorize_device(const double* values, Offset count, void* queue) {
     return finish(llt ? with_suspects(*outcome) : *outcome, start);
   values_.fetch(device);
   finish(settle_pivots(), start);
+}
+
+device::DeviceLinearSystem* Factor::device_of_values() {
+  begin();
+  return numeric_->device_system();
 }
 
 std::vector<double> Factor::values_by_caller() {

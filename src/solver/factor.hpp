@@ -20,11 +20,12 @@
 
 namespace espalier::solver {
 
-/// New values on ranks, in the order of the analysed matrix.
+/// New values on ranks, in the order of the analysed matrix; of complex ones the parts, counted as doubles.
 struct RankValues {
   std::span<const double> own;  ///< [first, first + own.size()); those of all ranks are the whole
   Offset first = 0;
   std::function<std::vector<double>()> all;  ///< brings the whole to every rank; collective
+  bool on_device = false;                    ///< `own` lies in the memory of the factor's device
 };
 
 /// The last values that went into a factor, and the residuals that they make.
@@ -78,6 +79,9 @@ class Factor {
   /// Values of the system's border, in its order, for the factorizations to come.
   void set_border(std::span<const double> values) { std::copy(values.begin(), values.end(), border_values_.begin()); }
   void factorize_device(const double* values, Offset count, void* queue);
+  /// Whose memory the values of the next factorization may lie in; null: the host's alone. The numeric part is made,
+  /// where there is none yet.
+  [[nodiscard]] device::DeviceLinearSystem* device_of_values();
   /// Gives back all memory of the factor; the values stay.
   void drop();
   /// Leaves the memory of the factor to itself: in the child of a fork(), a device of the parent cannot be asked.
@@ -188,6 +192,9 @@ class Factor {
   std::complex<double> phase_ = 1;  // complex: the determinant over its magnitude and sign
   bool factorized_ = false;
 };
+
+/// That `numeric` has no memory of a device for arrays of the caller. @param instead  the call for those of the host
+Error not_on_device(const Numeric& numeric, const char* instead);
 
 /// Largest entries of a right-hand side and of its solution in the scaled system.
 struct Growth {

@@ -43,9 +43,13 @@ void FactorValues::load(const System& system, const RankValues& from, device::De
                         base::ThreadPool& pool) {
   if (device == nullptr || !device->on_ranks() || !system.prepared.keeps_order())
     return load(system, from.all(), device, pool);
-  send_range(from.own, from.first, *device, pool);
-  device->share_values(from.first, static_cast<Offset>(from.own.size()));
-  on_device_ = from.own.size() < values_.size();
+  const auto count = static_cast<Offset>(from.own.size());
+  if (!from.on_device)
+    send_range(from.own, from.first, *device, pool);
+  else if (count > 0)
+    device->copy_values(from.own.data(), from.first, count);
+  device->share_values(from.first, count);
+  on_device_ = from.on_device || from.own.size() < values_.size();
   residual_.set_values(values_);
 }
 

@@ -63,7 +63,9 @@ class NumericOf final : public Numeric {
   device::FactorOutcome factorize() override {
     if (device_ != nullptr) {
       if (auto outcome = device_->factorize(smallest_pivot_)) return *outcome;
-      refuse_entry(prepared_, given_);
+      std::vector<double> given(given_.size());  // some may be there alone
+      device_->read_values(given);
+      refuse_entry(prepared_, given);
     }
     if (rescale_) scales_ = scales_for(prepared_, given_, matching_, pool_);
     const double largest = scale();
@@ -240,10 +242,16 @@ class NumericOf final : public Numeric {
     if (rhs_.size() < static_cast<Offset>(plan_->tree.n) * width) {
       rhs_ = base::Buffer<T>();
       const auto take = [&] { rhs_ = base::Buffer<T>(static_cast<Offset>(plan_->tree.n) * width, &budget_); };
-      if (link_ != nullptr)
-        link_->expect_all(take);  // all go on with fewer right-hand sides, or none
-      else
+      if (link_ == nullptr) {
         take();
+      } else {
+        try {
+          link_->expect_all(take);  // all go on with fewer right-hand sides, or none
+        } catch (...) {
+          rhs_ = base::Buffer<T>();  // or this rank alone would not take part the next time
+          throw;
+        }
+      }
     }
     find_units(reinterpret_cast<const Number*>(b), columns, transpose);
     gather(b, columns, width, transpose);

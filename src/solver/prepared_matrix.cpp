@@ -186,6 +186,22 @@ std::span<const std::complex<double>> complex_values(std::span<const double> par
   return {base::as_complex(parts.data()), parts.size() / 2};
 }
 
+}  // namespace
+
+ComplexMatrixView complex_view(const GivenMatrix& given) {
+  const MatrixView& a = given.a;
+  Storage storage = a.storage;
+  if (given.numbers == base::Numbers::hermitian && storage == Storage::symmetric_lower)
+    storage = Storage::hermitian_lower;
+  if (given.numbers == base::Numbers::hermitian && storage == Storage::symmetric_upper)
+    storage = Storage::hermitian_upper;
+  if (given.numbers == base::Numbers::hermitian && storage == Storage::symmetric_both)
+    storage = Storage::hermitian_both;
+  return {a.rows, a.cols, a.col_ptr, a.row_ind, complex_values(a.values), storage};
+}
+
+namespace {
+
 // Whether the values of general storage are symmetric; notes where they are Hermitian. A real matrix in complex numbers
 // is both: symmetric, since the next frequency makes it complex, unless llt is asked for.
 bool has_symmetric_values(GivenMatrix& a, Kind wish) {

@@ -43,6 +43,8 @@ struct GivenMatrix {
   base::Numbers numbers;
 };
 GivenMatrix given(const ComplexMatrixView& a);
+/// The way back. @pre a.numbers is not real
+ComplexMatrixView complex_view(const GivenMatrix& a);
 
 /// A copy of the caller's matrix in the form that the factorization kind needs, and the transformation to the scaled,
 /// row-permuted matrix B = R P A C that is factored: B(c', c) = r_i a_ic c_c with i = row_of_col[c'].

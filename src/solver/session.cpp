@@ -146,35 +146,26 @@ void Session::load_analysis(const std::string& path, const GivenMatrix& a) {
   take(solver::load_analysis(path, a, context));
 }
 
-void Session::analyze_given(const MatrixView& a) {
+void Session::analyze_given(const GivenMatrix& a) {
   parts = link() != nullptr;
   rows.reset();
   if (!parts) return analyze(a);
-  const SparseMatrix whole = gathered.gather(a, link());
-  analyze(whole.view());
+  analyze(gathered.gather(a, link()));
 }
 
-void Session::load_given(const std::string& path, const MatrixView& a) {
+void Session::load_given(const std::string& path, const GivenMatrix& a) {
   parts = link() != nullptr;
   rows.reset();
   if (!parts) return load_analysis(path, a);
-  const SparseMatrix whole = gathered.gather(a, link());
-  load_analysis(path, whole.view());
+  load_analysis(path, gathered.gather(a, link()));
 }
 
 ChangeResult Session::analyze_change_given(const MatrixView& a) {
   parts = link() != nullptr;
   rows.reset();
   if (!parts) return analyze_change(a);
-  const SparseMatrix whole = gathered.gather(a, link());
-  return analyze_change(whole.view());
-}
-
-void Session::expect_whole(const char* call) const {
-  if (parts)
-    throw std::logic_error(
-        std::string("Solver::") + call +
-        ": the matrix was given in parts, which lie in the memory of hosts; use refactorize() and solve()");
+  const WholeMatrix whole = gathered.gather(a, link());
+  return analyze_change(whole.a);
 }
 
 void Session::take(Analyzed made) {

@@ -38,19 +38,18 @@ class Session {
   /// From the analysis that is there, where little has changed. @pre factor
   ChangeResult analyze_change(const MatrixView& a);
   /// The same of what the caller gives: with ranks, of rank 0's matrix.
-  void analyze_given(const MatrixView& a);
-  void load_given(const std::string& path, const MatrixView& a);
+  void analyze_given(const GivenMatrix& a);
+  void load_given(const std::string& path, const GivenMatrix& a);
   ChangeResult analyze_change_given(const MatrixView& a);
-  /// The same of a part: LocalRows or LocalEntries.
+  /// The same of a part.
   template <class Part>
-  void analyze_part(const Part& part) {
-    parts = true;
-    rows.reset();
-    const SparseMatrix whole = gathered.gather(part, link(), pool);
-    analyze(whole.view());
+  void analyze_part(const GivenPart<Part>& part) {
+    analyze(gather_part(part));
   }
-  /// @throws std::logic_error where vectors and values come in parts
-  void expect_whole(const char* call) const;
+  template <class Part>
+  void load_part(const std::string& path, const GivenPart<Part>& part) {
+    load_analysis(path, gather_part(part));
+  }
   /// Of other ranks; null: there are none.
   [[nodiscard]] ranks::Link* link() const { return ranks.size() > 1 ? ranks.link().get() : nullptr; }
 
@@ -84,6 +83,12 @@ class Session {
   std::optional<RowRange> rows;  ///< of vectors on this rank, where the caller has said so
 
  private:
+  template <class Part>
+  WholeMatrix gather_part(const GivenPart<Part>& part) {
+    parts = true;
+    rows.reset();
+    return gathered.gather(part, link(), pool);
+  }
   void agree_on_threads();
   void open_devices();
   void take(Analyzed made);

@@ -218,9 +218,7 @@ SolveResult solve_device(Factor& factor, const SolveJob& asked, void* queue, con
   const double start = base::now_seconds();
   SolveJob job = asked;
   device::DeviceLinearSystem* device = factor.numeric().device_system();
-  if (device == nullptr)
-    throw Error(StatusCode::device_error,
-                "the factor is not in the memory of a GPU (" + factor.numeric().device_name() + "); use solve()");
+  if (device == nullptr) throw not_on_device(factor.numeric(), "solve()");
   device->expect_reachable(job.b, "Solver::solve_device: the right-hand sides");
   device->expect_reachable(job.x, "Solver::solve_device: the solutions");
   const Settled settled(*device);

@@ -6,8 +6,7 @@
 #include <utility>
 
 #include "matrix/validate.hpp"
-#include "solver/on_all_ranks.hpp"
-#include "solver/session.hpp"
+#include "solver/part_calls.hpp"
 #include "solver/session_calls.hpp"
 #include "solver/solution.hpp"
 #include "solver/solver_impl.hpp"
@@ -20,18 +19,9 @@ using solver::check_factorized;
 using solver::check_values;
 using solver::copy_of;
 using solver::factor_by;
+using solver::GivenPart;
 using solver::guarded;
-using solver::Session;
 using solver::solve_by;
-
-namespace {
-
-RowRange rows_of(const Session& s) {
-  if (!s.parts) return {0, s.current().n()};
-  return s.rows ? *s.rows : s.gathered.rows();
-}
-
-}  // namespace
 
 Solver::Solver(Options options) : impl_(std::make_unique<Impl>(std::move(options))) {}
 Solver::Solver(const Ranks& ranks, Options options) : impl_(std::make_unique<Impl>(ranks, std::move(options))) {}
@@ -50,26 +40,18 @@ AnalysisResult Solver::analyze(const MatrixView& a) {
 }
 
 AnalysisResult Solver::analyze(const LocalRows& part) {
-  return analysis_by(*impl_, [&] { impl_->analyze_part(part); });
+  return analysis_by(*impl_, [&] { impl_->analyze_part(GivenPart<LocalRows>(part)); });
 }
 
 AnalysisResult Solver::analyze(const LocalEntries& part) {
-  return analysis_by(*impl_, [&] { impl_->analyze_part(part); });
+  return analysis_by(*impl_, [&] { impl_->analyze_part(GivenPart<LocalEntries>(part)); });
 }
 
-void Solver::set_rows(RowRange rows) {
-  solver::check_analyzed(*impl_, "Solver::set_rows");
-  const Index n = impl_->current().n();
-  if (rows.first < 0 || rows.count < 0 || rows.first > n || rows.count > n - rows.first)
-    throw std::invalid_argument(
-        fmt::format("Solver::set_rows: {} rows from row {} on of a matrix of {}", rows.count, rows.first, n));
-  if (!impl_->parts) throw std::logic_error("Solver::set_rows: the matrix was not given in parts");
-  impl_->rows = rows;
-}
+void Solver::set_rows(RowRange rows) { solver::set_rows(*impl_, "Solver::set_rows", rows); }
 
 RowRange Solver::rows() const {
   solver::check_analyzed(*impl_, "Solver::rows");
-  return rows_of(*impl_);
+  return solver::rows_of(*impl_);
 }
 
 ChangeResult Solver::analyze_change(const MatrixView& a) {
@@ -87,45 +69,27 @@ ChangeResult Solver::analyze_change(const MatrixView& a) {
 
 FactorResult Solver::factorize(const MatrixView& a) {
   solver::check_analyzed(*impl_, "Solver::factorize");
-  if (impl_->link() != nullptr) return factorize_on_ranks(a);
-  Status status = guarded(*impl_, [&] {
+  const auto checked = [&] {
     matrix::validate(a, &impl_->pool);
     solver::expect_same_system(*impl_, a, a.values.size());
-  });
-  if (!status.ok()) {
-    FactorResult r;
-    r.status = std::move(status);
-    return r;
-  }
-  return refactorize(a.values);
-}
-
-// The matrix of rank 0, which alone looks at it.
-FactorResult Solver::factorize_on_ranks(const MatrixView& a) {
-  return factor_by(*impl_, [&](solver::Factor& factor) {
-    ranks::Link& link = *impl_->link();
-    std::span<const double> mine;
-    link.expect_all([&] {
-      if (link.rank() != 0) return;
-      matrix::validate(a, &impl_->pool);
-      solver::expect_same_system(*impl_, a, a.values.size());
-      mine = a.values;
-    });
-    factor.factorize({mine, 0, [&] { return std::move(link.all_gather_of(mine).front()); }});
-  });
+    return a.values;
+  };
+  if (impl_->link() != nullptr) return solver::factorize_of_first(*impl_, checked);
+  Status status = guarded(*impl_, checked);
+  if (status.ok()) return factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize(a.values); });
+  FactorResult r;
+  r.status = std::move(status);
+  return r;
 }
 
 FactorResult Solver::refactorize(std::span<const double> values) {
   check_values(*impl_, "Solver::refactorize", static_cast<Offset>(values.size()));
-  return factor_by(*impl_, [&](solver::Factor& factor) {
-    if (!impl_->parts) return factor.factorize(values);
-    const solver::GatheredMatrix::Slice own = impl_->gathered.own_slice(values, impl_->link());
-    factor.factorize({own.values, own.first, [&] { return impl_->gathered.gather_values(values, impl_->link()); }});
-  });
+  if (impl_->parts) return solver::refactorize_part(*impl_, values);
+  return factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize(values); });
 }
 
 FactorResult Solver::refactorize_device(const double* values, Offset count, void* stream) {
-  impl_->expect_whole("refactorize_device");
+  if (impl_->factor && impl_->parts) return solver::refactorize_part_device(*impl_, values, count, stream);
   check_values(*impl_, "Solver::refactorize_device", count);
   if (values == nullptr) throw std::invalid_argument("Solver::refactorize_device: the values are null");
   return factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize_device(values, count, stream); });
@@ -135,7 +99,10 @@ int Solver::gpu() const { return impl_->factor ? impl_->factor->gpu() : -1; }
 
 SolveResult Solver::solve_device(const double* b, double* x, Index columns, Transpose transpose, void* stream) {
   check_factorized(*impl_, "Solver::solve_device");
-  impl_->expect_whole("solve_device");
+  if (impl_->parts)
+    return solver::solve_part_device(*impl_, b, x, columns, stream, [&](double* all) {
+      return solver::solve(*impl_->factor, {all, all, columns, transpose != Transpose::no}, impl_->context);
+    });
   if (columns < 1 || b == nullptr || x == nullptr)
     throw std::invalid_argument("Solver::solve_device: at least one right-hand side and two arrays are needed");
   const solver::SolveJob job{b, x, columns, transpose != Transpose::no};
@@ -144,7 +111,10 @@ SolveResult Solver::solve_device(const double* b, double* x, Index columns, Tran
 
 SolveResult Solver::solve(std::span<const double> b, std::span<double> x, Index columns, Transpose transpose) {
   check_factorized(*impl_, "Solver::solve");
-  if (impl_->parts) return solve_in_parts(b, x, columns, transpose);
+  if (impl_->parts)
+    return solver::solve_part(*impl_, b, x, columns, [&](double* all) {
+      return solver::solve(*impl_->factor, {all, all, columns, transpose != Transpose::no}, impl_->context);
+    });
   const Index n = impl_->current().n();
   const auto size = static_cast<std::size_t>(n) * static_cast<std::size_t>(std::max<Index>(columns, 0));
   if (columns < 1 || b.size() != size || x.size() != size)
@@ -153,26 +123,6 @@ SolveResult Solver::solve(std::span<const double> b, std::span<double> x, Index 
                     size, b.size(), x.size()));
   const solver::SolveJob job{b.data(), x.data(), columns, transpose != Transpose::no};
   return solve_by(*impl_, [&] { return solver::solve(*impl_->factor, job, impl_->context); });
-}
-
-// Every rank solves the whole system with the others, and keeps its rows.
-SolveResult Solver::solve_in_parts(std::span<const double> b, std::span<double> x, Index columns, Transpose transpose) {
-  return solve_by(*impl_, [&] {
-    const RowRange rows = rows_of(*impl_);
-    if (columns < 1) throw Error(StatusCode::invalid_input, "at least one right-hand side is needed");
-    const auto need = static_cast<std::size_t>(rows.count) * static_cast<std::size_t>(columns);
-    if (b.size() < need || x.size() < need)
-      throw Error(StatusCode::invalid_input,
-                  fmt::format("{} right-hand sides of {} rows need {} values on this rank; b has {}, x has {}", columns,
-                              rows.count, need, b.size(), x.size()));
-    std::vector<double> whole = impl_->gathered.gather_rows(b.first(need), rows, columns, impl_->link());
-    const solver::SolveJob job{whole.data(), whole.data(), columns, transpose != Transpose::no};
-    SolveResult result = solver::solve(*impl_->factor, job, impl_->context);
-    const auto n = static_cast<std::size_t>(impl_->current().n());
-    for (std::size_t c = 0; c < static_cast<std::size_t>(columns); ++c)
-      std::copy_n(whole.data() + c * n + rows.first, rows.count, x.data() + c * static_cast<std::size_t>(rows.count));
-    return result;
-  });
 }
 
 void Solver::set_refinement(int steps, double required_backward_error) {
@@ -203,6 +153,14 @@ Status Solver::save_analysis(const std::string& path) const {
 
 AnalysisResult Solver::load_analysis(const std::string& path, const MatrixView& a) {
   return analysis_by(*impl_, [&] { impl_->load_given(path, a); });
+}
+
+AnalysisResult Solver::load_analysis(const std::string& path, const LocalRows& part) {
+  return analysis_by(*impl_, [&] { impl_->load_part(path, GivenPart<LocalRows>(part)); });
+}
+
+AnalysisResult Solver::load_analysis(const std::string& path, const LocalEntries& part) {
+  return analysis_by(*impl_, [&] { impl_->load_part(path, GivenPart<LocalEntries>(part)); });
 }
 
 Status Solver::write_trace(const std::string& path) const {

@@ -7,12 +7,19 @@
 #include <string>
 #include <vector>
 
+#include "complex_system.hpp"
 #include "device/registry.hpp"
+#include "espalier/complex_solver.hpp"
 #include "espalier/espalier.hpp"
 #include "espalier/nodes.hpp"
 #include "matrix/generators/generate.hpp"
 #include "on_threads.hpp"
+#include "ranks/link.hpp"
 #include "reference/reference.hpp"
+
+#if ESPALIER_WITH_CUDA
+#include <cuda_runtime_api.h>
+#endif
 
 namespace espalier::ranks {
 namespace {
@@ -51,17 +58,26 @@ class OnGpus : public testing::Test {
     if (gpus() < 2) GTEST_SKIP() << "two GPUs are needed, " << gpus() << " can be used";
   }
 
+  // Which ranks are a machine: so many after each other.
+  struct Grouping {
+    int ranks = 2, of_each = 2;
+  };
   static void expect_bits_of_one(const SparseMatrix& a, const Options& given, Index columns = 1,
-                                 Transpose transpose = Transpose::no, Nodes nodes = Nodes::host) {
+                                 Transpose transpose = Transpose::no) {
+    expect_bits_of_one(a, given, columns, transpose, Grouping());
+  }
+  static void expect_bits_of_one(const SparseMatrix& a, const Options& given, Index columns, Transpose transpose,
+                                 Grouping machines) {
     Options options = given;
     options.device = "gpu:0";
     Solver alone(options);
     const Answer truth = answer_of(alone, a, columns, transpose);
     std::mutex mutex;
-    on_threads(2, {}, [&](const Ranks& ranks) {
+    on_threads(machines.ranks, {}, [&](const Ranks& ranks) {
       Options shared = given;
-      shared.device = "gpu:0,1";
-      set_nodes(ranks, nodes);
+      shared.device = machines.ranks == 2 ? "gpu:0,1" : "gpu:0,1,2,3";
+      set_nodes(ranks, machines.of_each == 1 ? Nodes::process : Nodes::host);
+      if (machines.ranks > machines.of_each && machines.of_each > 1) ranks.link()->set_machines(machines.of_each);
       Solver solver(ranks, shared);
       const Answer found = answer_of(solver, a, columns, transpose);
       const std::lock_guard lock(mutex);
@@ -77,6 +93,18 @@ class OnGpus : public testing::Test {
       EXPECT_EQ(found.x, truth.x);
       EXPECT_EQ(found.x_again, truth.x_again);
     });
+  }
+
+  static void expect_bits_on(Grouping machines) {
+    const auto expect_bits = [&](std::vector<std::string> words, Index columns, Transpose transpose) {
+      expect_bits_of_one(generated(std::move(words)), {}, columns, transpose, machines);
+    };
+    expect_bits({"elasticity", "12", "10", "9"}, 3, Transpose::no);
+    expect_bits({"kkt", "3", "8", "4", "4"}, 40, Transpose::no);
+    expect_bits({"gyroscopic", "10", "9", "8"}, 2, Transpose::yes);
+    Options report;
+    report.singular = SingularMatrix::report;
+    expect_bits_of_one(generated({"kkt-redundant", "3", "2", "4", "2", "2"}), report, 1, Transpose::no, machines);
   }
 };
 
@@ -108,16 +136,17 @@ TEST_F(OnGpus, SingularMatrices) {
 }
 
 // What kernels hand on goes by messages, though the GPUs may reach each other.
-TEST_F(OnGpus, EachAMachineOfItsOwn) {
-  const auto expect_bits = [](std::vector<std::string> words, Index columns, Transpose transpose) {
-    expect_bits_of_one(generated(std::move(words)), {}, columns, transpose, Nodes::process);
-  };
-  expect_bits({"elasticity", "12", "10", "9"}, 3, Transpose::no);
-  expect_bits({"kkt", "3", "8", "4", "4"}, 40, Transpose::no);
-  expect_bits({"gyroscopic", "10", "9", "8"}, 2, Transpose::yes);
-  Options report;
-  report.singular = SingularMatrix::report;
-  expect_bits_of_one(generated({"kkt-redundant", "3", "2", "4", "2", "2"}), report, 1, Transpose::no, Nodes::process);
+TEST_F(OnGpus, EachAMachineOfItsOwn) { expect_bits_on(Grouping{2, 1}); }
+
+// A message lands on one of two GPUs, and goes on to the other.
+TEST_F(OnGpus, TwoMachinesOfTwo) {
+  if (gpus() < 4) GTEST_SKIP() << "four GPUs are needed, " << gpus() << " can be used";
+  expect_bits_on(Grouping{4, 2});
+}
+
+TEST_F(OnGpus, AMachineOfThreeAndOneOfOne) {
+  if (gpus() < 4) GTEST_SKIP() << "four GPUs are needed, " << gpus() << " can be used";
+  expect_bits_on(Grouping{4, 3});
 }
 
 // set_nodes() is for solvers that are made later. Other values and wide passes are what takes new memory and messages.
@@ -200,6 +229,100 @@ TEST_F(OnGpus, ValuesOfOneRankThatAreNotFinite) {
     EXPECT_EQ(ends[0].message, ends[1].message);
   }
 }
+
+// Ranks factorize complex systems on their processors.
+TEST_F(OnGpus, ComplexSystemsAreTheProcessors) {
+  const ComplexSparseMatrix a = complex_of(generated({"elasticity", "4", "3", "3"}), Storage::symmetric_lower);
+  on_threads(2, {}, [&](const Ranks& ranks) {
+    Options options;
+    options.device = "gpu:0,1";
+    ComplexSolver on_gpus(ranks, options);
+    const Status refused = on_gpus.analyze(a).status;
+    EXPECT_EQ(refused.code, StatusCode::device_error);
+    EXPECT_NE(refused.message.find("use device cpu"), std::string::npos) << refused.message;
+    options.device = "auto";
+    ComplexSolver anywhere(ranks, options);
+    const Status found = anywhere.analyze(a).status;
+    EXPECT_TRUE(found.ok()) << found.message;
+  });
+}
+
+#if ESPALIER_WITH_CUDA
+
+// Doubles on a GPU.
+class OnDevice {
+ public:
+  OnDevice(int gpu, const std::vector<double>& from) : size_(from.size()) {
+    EXPECT_EQ(cudaSetDevice(gpu), cudaSuccess);
+    EXPECT_EQ(cudaMalloc(reinterpret_cast<void**>(&data_), (size_ + 1) * sizeof(double)), cudaSuccess);
+    EXPECT_EQ(cudaMemcpy(data_, from.data(), size_ * sizeof(double), cudaMemcpyHostToDevice), cudaSuccess);
+  }
+  OnDevice(const OnDevice&) = delete;
+  OnDevice& operator=(const OnDevice&) = delete;
+  ~OnDevice() { (void)cudaFree(data_); }
+  [[nodiscard]] double* data() const { return data_; }
+  [[nodiscard]] Offset size() const { return static_cast<Offset>(size_); }
+  [[nodiscard]] std::vector<double> host() const {
+    std::vector<double> to(size_);
+    EXPECT_EQ(cudaMemcpy(to.data(), data_, size_ * sizeof(double), cudaMemcpyDeviceToHost), cudaSuccess);
+    return to;
+  }
+
+ private:
+  std::size_t size_;
+  double* data_ = nullptr;
+};
+
+// Values and vectors in the memory of each rank's GPU: rows of each rank, and all on rank 0.
+TEST_F(OnGpus, ArraysOfTheirMemory) {
+  const SparseMatrix a = generated({"elasticity", "9", "8", "7"});
+  const Index n = a.rows;
+  const std::vector<double> b = reference::random_vector(n, 5);
+  Options options;
+  options.device = "gpu:0";
+  Solver alone(options);
+  ASSERT_TRUE(alone.analyze(a).status.ok());
+  ASSERT_TRUE(alone.factorize(a).status.ok());
+  std::vector<double> truth(b.size());
+  ASSERT_TRUE(alone.solve(b, truth).status.ok());
+  for (const Nodes nodes : {Nodes::host, Nodes::process})
+    for (const bool by_rows : {true, false})
+      on_threads(2, {}, [&](const Ranks& ranks) {
+        SCOPED_TRACE(testing::Message() << "rank " << ranks.rank() << (by_rows ? ", by rows" : ", all on rank 0"));
+        set_nodes(ranks, nodes);
+        Options shared;
+        shared.device = "gpu:0,1";
+        Solver solver(ranks, shared);
+        const Half half(a, ranks.rank());
+        ASSERT_TRUE((by_rows ? solver.analyze(half.rows(n)) : solver.analyze(a)).status.ok());
+        std::vector<double> mine = by_rows ? half.values : a.values;
+        if (!by_rows && ranks.rank() != 0) mine.clear();
+        const OnDevice values(ranks.rank(), mine);
+        for (int again = 0; again < 3; ++again) {
+          const Status factor = solver.refactorize_device(values.data(), values.size()).status;
+          ASSERT_TRUE(factor.ok()) << factor.message;
+        }
+        EXPECT_EQ(solver.gpu(), ranks.rank());
+        const RowRange rows = solver.rows();
+        const OnDevice right(ranks.rank(), {b.begin() + rows.first, b.begin() + rows.first + rows.count});
+        const OnDevice x(ranks.rank(), std::vector<double>(static_cast<std::size_t>(rows.count)));
+        const Status solve = solver.solve_device(right.data(), x.data()).status;
+        ASSERT_TRUE(solve.ok()) << solve.message;
+        EXPECT_EQ(x.host(), std::vector<double>(truth.begin() + rows.first, truth.begin() + rows.first + rows.count));
+        if (by_rows) return;
+        // A NaN that no host has seen is named.
+        mine.assign(mine.size(), 1.0);
+        if (!mine.empty()) mine.back() = std::nan("");
+        const OnDevice bad(ranks.rank(), mine);
+        const Status refused = solver.refactorize_device(bad.data(), bad.size()).status;
+        EXPECT_EQ(refused.code, StatusCode::invalid_input);
+        EXPECT_NE(refused.message.find("is nan"), std::string::npos) << refused.message;
+        const Status again = solver.refactorize_device(values.data(), values.size()).status;
+        EXPECT_TRUE(again.ok()) << again.message;
+      });
+}
+
+#endif
 
 // The budget of one rank does not suffice, out of core neither: the same error on all, which says whose it is, and a
 // new solver works. Of ranks that are machines of their own the first one goes on with its GPU.

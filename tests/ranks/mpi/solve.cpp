@@ -10,11 +10,13 @@
 
 #include <algorithm>
 #include <chrono>
+#include <complex>
 #include <csignal>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <espalier/complex_solver.hpp>
 #include <espalier/espalier.hpp>
 #include <espalier/nodes.hpp>
 #include <string>
@@ -104,6 +106,42 @@ void check(const espalier::Ranks& ranks, const std::vector<std::string>& words, 
     expect(std::memcmp(part_of_many.data() + c * count, many_truth.data() + Offset{c} * n + first,
                        x.size() * sizeof(double)) == 0,
            words[0] + ": other bits of many");
+}
+
+// A damped system, of which the last rank has no rows.
+void check_complex(const espalier::Ranks& ranks, const std::vector<std::string>& words) {
+  using Value = std::complex<double>;
+  const espalier::SparseMatrix a = espalier::matrix::generate(espalier::matrix::parse_generator(words));
+  const Index n = a.rows, parts = std::max(1, ranks.size() - 1), me = ranks.rank();
+  const auto border = [&](Index r) { return static_cast<Index>(Offset{n} * std::min(r, parts) / parts); };
+  const Index first = border(me), count = border(me + 1) - first;
+  const auto damped = [](const std::vector<double>& values) {
+    std::vector<Value> v;
+    for (const double x : values) v.emplace_back(x, 0.1 * x);
+    return v;
+  };
+  espalier::Options options;
+  options.threads = 1;
+  options.device = device == "cpu" ? device : "gpu:0";
+  std::vector<Value> b(static_cast<std::size_t>(n)), truth(b.size());
+  for (Index i = 0; i < n; ++i) b[i] = {1.0 / (1 + i % 17) - 0.3, 0.2 * (i % 5)};
+  const espalier::ComplexSparseMatrix whole{n, n, a.col_ptr, a.row_ind, damped(a.values), a.storage};
+  espalier::ComplexSolver alone(options);
+  expect(alone.analyze(whole).status.ok() && alone.factorize(whole).status.ok() && alone.solve(b, truth).status.ok(),
+         "complex, alone");
+  options.device = device;
+  espalier::ComplexSolver solver(ranks, options);
+  const Rows part = rows_of(a, first, first + count);
+  const std::vector<Value> values = damped(part.values);
+  const auto analysis = solver.analyze(espalier::ComplexLocalRows{n, first, part.ptr, part.col, values, a.storage});
+  expect(analysis.status.ok(), analysis.status.message);
+  const auto factor = solver.refactorize(values);
+  expect(factor.status.ok(), factor.status.message);
+  std::vector<Value> x(b.begin() + first, b.begin() + first + count);
+  const auto solved = solver.solve(x, x);
+  expect(solved.status.ok(), solved.status.message);
+  expect(count == 0 || std::memcmp(x.data(), truth.data() + first, x.size() * sizeof(Value)) == 0,
+         "complex " + words[0] + ": other bits");
 }
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
@@ -217,6 +255,8 @@ int main(int argc, char** argv) {
       check(ranks, {"kkt", "3", "4", "2", "2"}, ranks.size() > 1);
       check(ranks, {"gyroscopic", "5", "4", "4"}, false);
       check(ranks, {"elasticity", "6", "5", "4"}, false, espalier::Precision::mixed);
+      check_complex(ranks, {"elasticity", "6", "5", "4"});
+      check_complex(ranks, {"gyroscopic", "5", "4", "4"});
     }
   }
   int all = 0;

@@ -76,6 +76,14 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     sent_ = true;
   }
   [[nodiscard]] bool on_ranks() const override { return executor_.on_ranks(); }
+  void copy_values(const double* from, Offset first, Offset count) override {
+    const DeviceGuard guard(device_);
+    call("cudaMemcpyAsync(values)", [&] {
+      return cudaMemcpyAsync(memory_.given() + first, from, static_cast<std::size_t>(count) * sizeof(double),
+                             cudaMemcpyDefault, stream());
+    });
+    sent_ = true;
+  }
   void share_values(Offset first, Offset count) override {
     const DeviceGuard guard(device_);
     executor_.share_values(memory_.given(), first, count);
