@@ -12,6 +12,7 @@
 #include "espalier/nodes.hpp"
 #include "matrix/generators/generate.hpp"
 #include "on_threads.hpp"
+#include "ranks/link.hpp"
 #include "reference/reference.hpp"
 
 namespace espalier::ranks {
@@ -51,17 +52,26 @@ class OnGpus : public testing::Test {
     if (gpus() < 2) GTEST_SKIP() << "two GPUs are needed, " << gpus() << " can be used";
   }
 
+  // Which ranks are a machine: so many after each other.
+  struct Grouping {
+    int ranks = 2, of_each = 2;
+  };
   static void expect_bits_of_one(const SparseMatrix& a, const Options& given, Index columns = 1,
-                                 Transpose transpose = Transpose::no, Nodes nodes = Nodes::host) {
+                                 Transpose transpose = Transpose::no) {
+    expect_bits_of_one(a, given, columns, transpose, Grouping());
+  }
+  static void expect_bits_of_one(const SparseMatrix& a, const Options& given, Index columns, Transpose transpose,
+                                 Grouping machines) {
     Options options = given;
     options.device = "gpu:0";
     Solver alone(options);
     const Answer truth = answer_of(alone, a, columns, transpose);
     std::mutex mutex;
-    on_threads(2, {}, [&](const Ranks& ranks) {
+    on_threads(machines.ranks, {}, [&](const Ranks& ranks) {
       Options shared = given;
-      shared.device = "gpu:0,1";
-      set_nodes(ranks, nodes);
+      shared.device = machines.ranks == 2 ? "gpu:0,1" : "gpu:0,1,2,3";
+      set_nodes(ranks, machines.of_each == 1 ? Nodes::process : Nodes::host);
+      if (machines.ranks > machines.of_each && machines.of_each > 1) ranks.link()->set_machines(machines.of_each);
       Solver solver(ranks, shared);
       const Answer found = answer_of(solver, a, columns, transpose);
       const std::lock_guard lock(mutex);
@@ -77,6 +87,18 @@ class OnGpus : public testing::Test {
       EXPECT_EQ(found.x, truth.x);
       EXPECT_EQ(found.x_again, truth.x_again);
     });
+  }
+
+  static void expect_bits_on(Grouping machines) {
+    const auto expect_bits = [&](std::vector<std::string> words, Index columns, Transpose transpose) {
+      expect_bits_of_one(generated(std::move(words)), {}, columns, transpose, machines);
+    };
+    expect_bits({"elasticity", "12", "10", "9"}, 3, Transpose::no);
+    expect_bits({"kkt", "3", "8", "4", "4"}, 40, Transpose::no);
+    expect_bits({"gyroscopic", "10", "9", "8"}, 2, Transpose::yes);
+    Options report;
+    report.singular = SingularMatrix::report;
+    expect_bits_of_one(generated({"kkt-redundant", "3", "2", "4", "2", "2"}), report, 1, Transpose::no, machines);
   }
 };
 
@@ -108,16 +130,17 @@ TEST_F(OnGpus, SingularMatrices) {
 }
 
 // What kernels hand on goes by messages, though the GPUs may reach each other.
-TEST_F(OnGpus, EachAMachineOfItsOwn) {
-  const auto expect_bits = [](std::vector<std::string> words, Index columns, Transpose transpose) {
-    expect_bits_of_one(generated(std::move(words)), {}, columns, transpose, Nodes::process);
-  };
-  expect_bits({"elasticity", "12", "10", "9"}, 3, Transpose::no);
-  expect_bits({"kkt", "3", "8", "4", "4"}, 40, Transpose::no);
-  expect_bits({"gyroscopic", "10", "9", "8"}, 2, Transpose::yes);
-  Options report;
-  report.singular = SingularMatrix::report;
-  expect_bits_of_one(generated({"kkt-redundant", "3", "2", "4", "2", "2"}), report, 1, Transpose::no, Nodes::process);
+TEST_F(OnGpus, EachAMachineOfItsOwn) { expect_bits_on(Grouping{2, 1}); }
+
+// A message lands on one of two GPUs, and goes on to the other.
+TEST_F(OnGpus, TwoMachinesOfTwo) {
+  if (gpus() < 4) GTEST_SKIP() << "four GPUs are needed, " << gpus() << " can be used";
+  expect_bits_on(Grouping{4, 2});
+}
+
+TEST_F(OnGpus, AMachineOfThreeAndOneOfOne) {
+  if (gpus() < 4) GTEST_SKIP() << "four GPUs are needed, " << gpus() << " can be used";
+  expect_bits_on(Grouping{4, 3});
 }
 
 // set_nodes() is for solvers that are made later. Other values and wide passes are what takes new memory and messages.

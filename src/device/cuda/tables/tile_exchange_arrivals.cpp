@@ -53,7 +53,8 @@ template <class T>
 void TileExchange<T>::take(int from, const ranks::Message& message) {
   const ranks::Header header = message.header();
   if (header.kind == kLanded) return take_word(from, message);
-  if (header.kind != static_cast<std::int32_t>(what_)) throw other_calls(from);
+  if (header.kind != static_cast<std::int32_t>(what_) || header.row < 1 || header.row > due_.missing)
+    throw other_calls(from);
   if (what_ == What::tiles)
     take_tiles(from, message);
   else if (what_ == What::updates)
