@@ -27,14 +27,14 @@ void CopyStreams::copy(Way way, const Rectangle& what) {
 
 void CopyStreams::pass_on(const PassedOn& what) {
   if (what.row_bytes == 0 || what.rows == 0) return;
-  const auto stream = this->stream(Way::to_device).get();
+  const auto queue = stream(Way::to_device).get();
   if (what.rows == 1)
     call("cudaMemcpyAsync(to another GPU)",
-         [&] { return cudaMemcpyAsync(what.to, what.from, what.row_bytes, cudaMemcpyDefault, stream); });
+         [&] { return cudaMemcpyAsync(what.to, what.from, what.row_bytes, cudaMemcpyDefault, queue); });
   else
     call("cudaMemcpy2DAsync(to another GPU)", [&] {
       return cudaMemcpy2DAsync(what.to, what.pitch, what.from, what.pitch, what.row_bytes, what.rows, cudaMemcpyDefault,
-                               stream);
+                               queue);
     });
 }
 
