@@ -26,8 +26,15 @@ bool Machines::is_one() const {
 
 std::uint32_t Machines::apart_from(int rank) const {
   std::uint32_t bits = 0;
-  for (int r = 0; r < static_cast<int>(std::min<std::size_t>(machine_.size(), 32)); ++r)
+  for (int r = 0; r < first_ranks(); ++r)
     if (!are_near(r, rank)) bits |= 1U << r;
+  return bits;
+}
+
+std::uint32_t Machines::near_to(int rank) const {
+  std::uint32_t bits = 0;
+  for (int r = 0; r < first_ranks(); ++r)
+    if (are_near(r, rank)) bits |= 1U << r;
   return bits;
 }
 

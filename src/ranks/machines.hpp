@@ -21,9 +21,12 @@ class Machines {
   [[nodiscard]] bool is_one() const;
   /// Bit r: rank r is on another machine than `rank`. Of the first 32 ranks.
   [[nodiscard]] std::uint32_t apart_from(int rank) const;
+  /// Bit r: rank r is on the machine of `rank`, which counts as well. Of the first 32 ranks.
+  [[nodiscard]] std::uint32_t near_to(int rank) const;
 
  private:
   explicit Machines(std::vector<int> machine) : machine_(std::move(machine)) {}
+  [[nodiscard]] int first_ranks() const { return machine_.size() < 32 ? static_cast<int>(machine_.size()) : 32; }
   [[nodiscard]] int of(int rank) const { return machine_[static_cast<std::size_t>(rank)]; }
 
   std::vector<int> machine_;  // by rank

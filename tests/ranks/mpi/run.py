@@ -46,7 +46,10 @@ def run(launcher, options, ranks, command, timeout=120, **variables):
 def check(name, launcher, options, program, counts, device):
     bad = 0
     for ranks in counts:
-        for words in [[device], [device, "process"]] if device else [[]]:
+        runs = [[device], [device, "process"]] if device else [[]]
+        if device and ranks > 2:
+            runs.append([device, "pairs"])
+        for words in runs:
             done = run(launcher, options, ranks, [program, *words])
             good = done.returncode == 0 and "the same bits" in done.stdout
             print(f"{name}, {ranks} ranks {' '.join(words)}: {'the same bits' if good else 'FAILED'}", flush=True)

@@ -25,6 +25,19 @@ void CopyStreams::copy(Way way, const Rectangle& what) {
   });
 }
 
+void CopyStreams::pass_on(const PassedOn& what) {
+  if (what.row_bytes == 0 || what.rows == 0) return;
+  const auto queue = stream(Way::to_device).get();
+  if (what.rows == 1)
+    call("cudaMemcpyAsync(to another GPU)",
+         [&] { return cudaMemcpyAsync(what.to, what.from, what.row_bytes, cudaMemcpyDefault, queue); });
+  else
+    call("cudaMemcpy2DAsync(to another GPU)", [&] {
+      return cudaMemcpy2DAsync(what.to, what.pitch, what.from, what.pitch, what.row_bytes, what.rows, cudaMemcpyDefault,
+                               queue);
+    });
+}
+
 std::uint64_t CopyStreams::mark(Way way) {
   if (free_.empty()) add_event();
   const std::uint64_t mark = free_.back();
@@ -51,13 +64,14 @@ void CopyStreams::finish() noexcept {
 template <class T>
 MirroredMemory<T>::MirroredMemory(ranks::Link& link, const ranks::Machines& machines, const plan::Plan& plan, Kind kind,
                                   const DevicePlan& tables, int device, DeviceBudget& budget)
-    : n_(plan.tree.n),
+    : rank_(link.rank()),
+      n_(plan.tree.n),
       queues_(TileExchange<T>::kSlots),
       thread_(queues_, [device] { call("cudaSetDevice", [&] { return cudaSetDevice(device); }); }),
       exchange_(link, machines, plan, kind, tables, thread_),
       flags_((kind == Kind::lu ? 2 : 1) * tables.flags),
       control_(2 * kCounters),
-      places_(static_cast<std::size_t>(link.size())) {
+      reached_(link, machines, device) {
   Offset blocks = 1;
   for (const Front& f : tables.fronts) blocks = std::max<Offset>(blocks, f.blocks);
   ones_ = PinnedArray<int>(blocks);
@@ -69,12 +83,9 @@ MirroredMemory<T>::MirroredMemory(ranks::Link& link, const ranks::Machines& mach
   memory_.ones = ones_.data();
   memory_.aborted_at[0] = kCounters + 1;
   memory_.aborted_at[1] = kAborted;
-  memory_.places.assign(places_.size(), nullptr);
-  for (std::size_t r = 0; r < places_.size(); ++r) {
-    if ((exchange_.apart() >> r & 1) == 0 || tables.place_space[r] == 0) continue;
-    const Offset size = tables.place_space[r];
-    places_[r] = DeviceArray<T>(size, budget, budget.held() + size * static_cast<Offset>(sizeof(T)));
-    memory_.places[r] = places_[r].data();
+  if (exchange_.mirrored_size() > 0) {
+    const Offset size = whole_pages<T>(exchange_.mirrored_size());
+    places_ = DeviceArray<T>(size, budget, budget.held() + size * static_cast<Offset>(sizeof(T)));
   }
   const std::size_t bytes = exchange_.slot_bytes();
   auto slots = std::make_shared<PinnedArray<std::byte>>(static_cast<Offset>(TileExchange<T>::kSlots * bytes));
@@ -84,27 +95,27 @@ MirroredMemory<T>::MirroredMemory(ranks::Link& link, const ranks::Machines& mach
 }
 
 template <class T>
-void MirroredMemory<T>::connect(const SideAddresses<T>& mine, std::vector<SideAddresses<T>>& sides) {
+void MirroredMemory<T>::connect(std::vector<SideAddresses<T>>& sides) {
+  const SideAddresses<T> mine = sides[static_cast<std::size_t>(rank_)];
+  memory_.sides.assign(sides.size(), {});
   for (std::size_t r = 0; r < sides.size(); ++r) {
+    SideAddresses<T>& s = sides[r];
     if ((exchange_.apart() >> r & 1) == 0) {
-      memory_.places[r] = sides[r].places;
+      memory_.sides[r] = {s.top, s.pivots, nullptr, s.places, static_cast<T*>(reached_.arrays()[r].front()), s.flags};
       continue;
     }
-    sides[r] = mine;
-    sides[r].places = memory_.places[r];
-    sides[r].control = control_.data();
-    sides[r].flags = flags_.data();
-    sides[r].solve_control = control_.data() + kCounters;
+    s = mine;
+    s.places = places_.data() + exchange_.mirrored_at(static_cast<int>(r));
+    s.control = control_.data();
+    s.flags = flags_.data();
+    s.solve_control = control_.data() + kCounters;
   }
-  memory_.top = mine.top;
-  memory_.pivots = mine.pivots;
-  memory_.flags = mine.flags;
   exchange_.use(memory_);
 }
 
 template <class T>
-void MirroredMemory<T>::begin_solve(const SideAddresses<T>& mine, Index pass) {
-  memory_.updates = mine.vectors + 2 * n_ * pass;
+void MirroredMemory<T>::begin_solve(const std::vector<SideAddresses<T>>& sides, Index pass) {
+  for (std::size_t r = 0; r < sides.size(); ++r) memory_.sides[r].updates = sides[r].vectors + 2 * n_ * pass;
   exchange_.use(memory_);
   exchange_.begin_solve(pass);
 }

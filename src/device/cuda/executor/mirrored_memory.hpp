@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "device/cuda/executor/device_side.hpp"
+#include "device/cuda/executor/reached_memory.hpp"
 #include "device/cuda/tables/copy_thread.hpp"
 #include "device/cuda/tables/tile_exchange.hpp"
 
@@ -16,6 +17,7 @@ class CopyStreams final : public CopyQueues {
  public:
   explicit CopyStreams(std::size_t events);
   void copy(Way way, const Rectangle& what) override;
+  void pass_on(const PassedOn& what) override;
   std::uint64_t mark(Way way) override;
   bool is_done(std::uint64_t mark) override;
   void finish() noexcept override;
@@ -39,20 +41,24 @@ class MirroredMemory {
   MirroredMemory(ranks::Link& link, const ranks::Machines& machines, const plan::Plan& plan, Kind kind,
                  const DevicePlan& tables, int device, DeviceBudget& budget);
 
-  /// Puts mirrors where `sides` has ranks of other machines. @param mine  this rank's
-  void connect(const SideAddresses<T>& mine, std::vector<SideAddresses<T>>& sides);
+  /// Collective: what comes from other machines is brought into place by any rank of this one. Before connect().
+  void open() { reached_.open({places_.data()}); }
+  /// Puts mirrors where `sides` has ranks of other machines.
+  void connect(std::vector<SideAddresses<T>>& sides);
   [[nodiscard]] TileExchange<T>& exchange() { return exchange_; }
-  /// See TileExchange.
-  void begin_solve(const SideAddresses<T>& mine, Index pass);
+  /// See TileExchange. @param sides  as connect() has left them
+  void begin_solve(const std::vector<SideAddresses<T>>& sides, Index pass);
 
  private:
+  int rank_;
   Offset n_;
   CopyStreams queues_;
   CopyThread thread_;
   TileExchange<T> exchange_;
   ExchangeMemory<T> memory_;
   PinnedArray<int> flags_, control_, ones_;
-  std::vector<DeviceArray<T>> places_;  // by rank; of those of other machines
+  DeviceArray<T> places_;  // ExchangeSide::mirrored
+  OpenedArrays reached_;   // those of the others here; closed before
 };
 
 }  // namespace espalier::device::cuda

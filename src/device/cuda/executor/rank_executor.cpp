@@ -45,6 +45,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
     expect_same_plan();
     const DeviceGuard guard(device_);
     link_.expect_all([&] { make_side(job); });
+    if (mirrored_) mirrored_->open();
     reach();
     link_.expect_all([&] { connect(); });
     for (const auto& bytes : link_.all_gather(std::as_bytes(std::span(side_->name()))))
@@ -102,7 +103,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
       const Index width = at_once_ > 1 ? std::min(at_once_, slabs(columns - c)) : 1;
       const Graph& graph = solve_graph({x, solutions_.data(), columns, c, width, transpose});
       const auto clearing = [&] { side_->enqueue_clear_solve(at_once_); };
-      run_on_all(solve_clean_, clearing, graph, [&] { mirrored_->begin_solve(side_->addresses(), width); });
+      run_on_all(solve_clean_, clearing, graph, [&] { mirrored_->begin_solve(sides_, width); });
       if (side_->solve_counters()[1] != 0) throw solve_given_up();
       (void)link_.all_numbers(1);  // all have finished
       clear(solve_clean_, clearing);
@@ -166,7 +167,10 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
                                cudaMemcpyDefault, side_->stream().get());
       });
     }
-    if (mirrored_) between_machines([&] { mirrored_->exchange().share(reinterpret_cast<std::byte*>(given), ranges); });
+    if (!mirrored_) return;
+    std::vector<std::byte*> arrays;
+    for (const auto& of_rank : reached_values_.arrays()) arrays.push_back(static_cast<std::byte*>(of_rank.front()));
+    between_machines([&] { mirrored_->exchange().share(arrays, ranges); });
   }
 
   [[nodiscard]] void* stream() const override { return side_->stream().get(); }
@@ -216,7 +220,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
   void reach() {
     reached_.open(side_->addresses());
     sides_ = reached_.sides();
-    if (mirrored_) mirrored_->connect(side_->addresses(), sides_);
+    if (mirrored_) mirrored_->connect(sides_);
   }
 
   // Whose pivots count, for the judge, and whose rows of a solution.

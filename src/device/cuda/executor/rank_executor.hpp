@@ -9,9 +9,9 @@
 namespace espalier::device::cuda {
 
 /// Carries out the part of this rank's GPU (Job::devices, by rank) of a plan that is made for as many devices as there
-/// are ranks, and whole on each. Kernels, flags and bits are those of one process with all these GPUs; the memory of
-/// the others is opened by CUDA IPC, so all are GPUs of one machine. Two ranks may have the same GPU, which then takes
-/// them in turns: for tests.
+/// are ranks, and whole on each. Kernels, flags and bits are those of one process with all these GPUs. The memory of
+/// others of a machine is opened by CUDA IPC; what goes between machines goes by messages (tile_exchange.hpp). Two
+/// ranks may have the same GPU, which then takes them in turns: for tests.
 ///
 /// All calls are collective, with the same arguments on every rank. Every rank gets the same outcome, and solve() the
 /// whole solution.

@@ -14,7 +14,7 @@ CopyThread::CopyThread(CopyQueues& inner, std::function<void()> begin)
     : inner_(inner), begin_(std::move(begin)), thread_([this] { work(); }) {}
 
 CopyThread::~CopyThread() {
-  push({Command::Kind::end, Way::to_host, {}});
+  push({Command::Kind::end, Way::to_host, {}, {}});
   thread_.join();
 }
 
@@ -29,7 +29,7 @@ void CopyThread::push(const Command& command) {
 
 // Marks of a way are done in their order, so that a mark is a way and a count.
 std::uint64_t CopyThread::mark(Way way) {
-  push({Command::Kind::mark, way, {}});
+  push({Command::Kind::mark, way, {}, {}});
   return 2 * marked_[index(way)]++ + index(way);
 }
 
@@ -43,7 +43,7 @@ bool CopyThread::is_done(std::uint64_t mark) {
 
 void CopyThread::finish() noexcept {
   const std::uint64_t before = finished_.load(std::memory_order_acquire);
-  push({Command::Kind::finish, Way::to_host, {}});
+  push({Command::Kind::finish, Way::to_host, {}, {}});
   finished_.wait(before, std::memory_order_acquire);
 }
 
@@ -90,6 +90,9 @@ void CopyThread::execute(const Command& command, Work& w) {
   switch (command.kind) {
     case Command::Kind::copy:
       if (!w.failed) attempt(w, [&] { inner_.copy(command.way, command.what); });
+      break;
+    case Command::Kind::pass_on:
+      if (!w.failed) attempt(w, [&] { inner_.pass_on(command.passed); });
       break;
     case Command::Kind::mark:
       ++w.marked[index(command.way)];

@@ -23,17 +23,19 @@ class CopyThread final : public CopyQueues {
   /// @param begin  called on the thread before all else
   CopyThread(CopyQueues& inner, std::function<void()> begin);
   ~CopyThread() override;
-  void copy(Way way, const Rectangle& what) override { push({Command::Kind::copy, way, what}); }
+  void copy(Way way, const Rectangle& what) override { push({Command::Kind::copy, way, what, {}}); }
+  void pass_on(const PassedOn& what) override { push({Command::Kind::pass_on, Way::to_device, {}, what}); }
   std::uint64_t mark(Way way) override;
   bool is_done(std::uint64_t mark) override;
   void finish() noexcept override;
 
  private:
   struct Command {
-    enum class Kind : std::int8_t { copy, mark, finish, end };
+    enum class Kind : std::int8_t { copy, pass_on, mark, finish, end };
     Kind kind;
     Way way;
     Rectangle what;
+    PassedOn passed;
   };
   // What the thread alone knows.
   struct Work {

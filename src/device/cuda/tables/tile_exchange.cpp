@@ -16,13 +16,6 @@ constexpr int kRoundsOfPatience = 64;
 
 int seen(int* flag) { return std::atomic_ref(*flag).load(std::memory_order_acquire); }
 
-std::vector<int> ranks_of(unsigned devices) {
-  std::vector<int> list;
-  for (int r = 0; devices != 0; ++r, devices >>= 1)
-    if ((devices & 1) != 0) list.push_back(r);
-  return list;
-}
-
 }  // namespace
 
 double patience_of_kernels(double patience) {
@@ -38,8 +31,12 @@ TileExchange<T>::TileExchange(ranks::Link& link, const ranks::Machines& machines
       tables_(tables),
       messages_(plan, kind, tables),
       queues_(queues),
-      apart_(machines.apart_from(link.rank())) {
+      landing_(machines, link.rank()) {
   for (const SentTile& tile : messages_.tiles(link.rank())) flag_of_.push_back(messages_.flag(tile));
+  mirrored_at_.push_back(0);
+  for (std::size_t r = 0; r < tables.place_space.size(); ++r)
+    mirrored_at_.push_back(mirrored_at_.back() + ((apart() >> r & 1) != 0 ? tables.place_space[r] : 0));
+  due_tiles_ = tiles_to_come();
 }
 
 template <class T>
@@ -58,10 +55,11 @@ void TileExchange<T>::use(std::shared_ptr<MessageSlots> slots) {
 }
 
 template <class T>
-void TileExchange<T>::begin(What what) {
+void TileExchange<T>::begin(What what, const Arrivals& due) {
   what_ = what;
   first_unsent_ = 0;
-  unsent_ = missing_ = 0;
+  unsent_ = 0;
+  due_ = due;
   link_.use_memory(this, [of = slots_](std::size_t bytes) { return of->take(bytes); });
   if (what != What::values)
     std::atomic_ref(memory_.control[memory_.aborted_at[what == What::tiles ? 1 : 0]])
@@ -75,18 +73,16 @@ bool TileExchange<T>::given_up() const {
 
 template <class T>
 void TileExchange<T>::begin_factor() {
-  begin(What::tiles);
+  begin(What::tiles, due_tiles_);
   const auto& tiles = messages_.tiles(link_.rank());
   sent_.assign(tiles.size(), 0);
   for (std::size_t k = 0; k < tiles.size(); ++k) {
     memory_.mirror[flag_of_[k]] = 0;
-    if ((tiles[k].receivers & apart_) == 0)
+    if ((tiles[k].receivers & apart()) == 0)
       sent_[k] = 1;
     else
       ++unsent_;
   }
-  for (const int r : ranks_of(apart_))
-    for (const SentTile& tile : messages_.tiles(r)) missing_ += tile.receivers >> link_.rank() & 1;
 }
 
 template <class T>
@@ -101,22 +97,20 @@ auto TileExchange<T>::parts_of(int rank, Index pass) const -> std::vector<Part> 
 
 template <class T>
 void TileExchange<T>::begin_solve(Index pass) {
-  begin(What::updates);
-  pass_ = pass;
   if (parts_pass_ != pass) {
     parts_.clear();
     for (int r = 0; r < link_.size(); ++r) parts_.push_back(parts_of(r, pass));
     parts_pass_ = pass;
+    due_updates_ = updates_to_come();
   }
+  begin(What::updates, due_updates_);
   const auto& parts = parts_[static_cast<std::size_t>(link_.rank())];
   sent_.assign(parts.size(), 0);
   for (std::size_t k = 0; k < parts.size(); ++k)
-    if ((parts[k].receivers & apart_) == 0)
+    if ((parts[k].receivers & apart()) == 0)
       sent_[k] = 1;
     else
       ++unsent_;
-  for (const int r : ranks_of(apart_))
-    for (const Part& part : parts_[static_cast<std::size_t>(r)]) missing_ += part.receivers >> link_.rank() & 1;
 }
 
 template <class T>
@@ -129,6 +123,7 @@ void TileExchange<T>::run(const std::function<bool()>& kernels_done) {
     // Asked before: what they made last shows now. Not always: the runtime has one lock for this and for copies.
     const bool done = (nothing_missing() || round % kRoundsOfKernels == 0) && kernels_done();
     finish_copies();
+    tell_landed();
     if (what_ == What::tiles)
       look_for_tiles();
     else if (what_ == What::updates)
@@ -138,7 +133,7 @@ void TileExchange<T>::run(const std::function<bool()>& kernels_done) {
     if (done && given_up())
       throw Error(StatusCode::device_error,
                   fmt::format("the kernels gave up waiting: {} {} were still to be sent, {} to come", unsent_,
-                              what_ == What::tiles ? "tiles" : "parts of vectors", missing_));
+                              what_ == What::tiles ? "tiles" : "parts of vectors", due_.missing));
     if (done && nothing_missing()) return;
     if (round % kRoundsOfPatience == 0) link_.expect_patience();
     std::this_thread::yield();
@@ -155,14 +150,11 @@ void TileExchange<T>::give_up() noexcept {
 }
 
 template <class T>
-void TileExchange<T>::share(std::byte* array, std::span<const Range> ranges) {
-  begin(What::values);
-  array_ = array;
+void TileExchange<T>::share(std::span<std::byte* const> arrays, std::span<const Range> ranges) {
+  arrays_ = arrays;
   ranges_ = ranges;
-  const auto most = static_cast<std::int64_t>(body_bytes());
-  const auto parts = [&](int rank) { return (ranges_[static_cast<std::size_t>(rank)].count + most - 1) / most; };
-  if (apart_ != 0) unsent_ = parts(link_.rank());
-  for (const int r : ranks_of(apart_)) missing_ += parts(r);
+  begin(What::values, values_to_come());
+  if (apart() != 0) unsent_ = parts_of_values(link_.rank());
   run([] { return true; });
 }
 
@@ -170,20 +162,20 @@ void TileExchange<T>::share(std::byte* array, std::span<const Range> ranges) {
 // ----------------------------------------------------------------------------------------------------------
 
 template <class T>
-T* TileExchange<T>::base_of(Piece::Array array, int maker) const {
+T* TileExchange<T>::base_of(Piece::Array array, int maker, int rank) const {
   switch (array) {
     case Piece::Array::top:
-      return memory_.top;
+      return side(rank).top;
     case Piece::Array::pivots:
-      return memory_.pivots;
+      return side(rank).pivots;
     default:
-      return memory_.places[static_cast<std::size_t>(maker)];
+      return maker == rank ? side(rank).places : side(rank).mirrored + mirrored_at(maker);
   }
 }
 
 template <class T>
 void TileExchange<T>::copy_piece(Way way, const Piece& piece, int maker, std::byte* body) {
-  T* const device = base_of(piece.array, maker) + piece.offset;
+  T* const device = base_of(piece.array, maker, link_.rank()) + piece.offset;
   queues_.copy(way, {body, reinterpret_cast<std::byte*>(device), static_cast<std::size_t>(piece.pitch) * sizeof(T),
                      static_cast<std::size_t>(piece.width) * sizeof(T), static_cast<std::size_t>(piece.height)});
 }
@@ -217,7 +209,7 @@ void TileExchange<T>::finish_copies() {
       sent_[copied.part] = 0;  // to be looked at again
       continue;
     }
-    link_.post(ranks_of(copied.receivers & apart_), copied.message);
+    link_.post(landing_.elsewhere(copied.receivers, copied.key), copied.message);
     sending_.push_back(copied.message.watch());
     unsent_ -= copied.message.header().row;
   }
@@ -274,7 +266,7 @@ void TileExchange<T>::send_from(std::size_t first) {
     copy_piece(Way::to_host, piece, rank, body);
     body += static_cast<std::size_t>(piece.elements()) * sizeof(T);
   });
-  out_.push_back({queues_.mark(Way::to_host), std::move(message), tiles[first].receivers, 0});
+  out_.push_back({queues_.mark(Way::to_host), std::move(message), tiles[first].receivers, key_of(tiles[first]), 0});
 }
 
 // Brings the next parts to the host as they are; those that are not complete come again.
@@ -289,23 +281,25 @@ void TileExchange<T>::look_for_updates() {
     ++looked;
     const auto bytes = static_cast<std::size_t>(parts[k].count) * sizeof(T);
     ranks::Message message = new_message(bytes, k, 1);
-    copy_list(Way::to_host, memory_.updates + parts[k].first, message.body(), bytes);
+    copy_list(Way::to_host, side(link_.rank()).updates + parts[k].first, message.body(), bytes);
     sent_[k] = 1;
-    out_.push_back({queues_.mark(Way::to_host), std::move(message), parts[k].receivers, k});
+    out_.push_back({queues_.mark(Way::to_host), std::move(message), parts[k].receivers, k, k});
   }
 }
 
 // Messages count by the first byte of the array.
 template <class T>
 void TileExchange<T>::look_for_values() {
-  const Range& mine = ranges_[static_cast<std::size_t>(link_.rank())];
-  const auto all = apart_ != 0 ? static_cast<std::size_t>(mine.count) : 0;
+  const int rank = link_.rank();
+  const Range& mine = ranges_[static_cast<std::size_t>(rank)];
+  const auto all = apart() != 0 ? static_cast<std::size_t>(mine.count) : 0;
   for (; first_unsent_ < all && !is_busy() && has_room();) {
     const std::size_t bytes = std::min(body_bytes(), all - first_unsent_);
     const std::size_t at = static_cast<std::size_t>(mine.first) + first_unsent_;
     ranks::Message message = new_message(bytes, at, 1);
-    copy_list(Way::to_host, array_ + at, message.body(), bytes);
-    out_.push_back({queues_.mark(Way::to_host), std::move(message), static_cast<std::uint16_t>(apart_), 0});
+    copy_list(Way::to_host, arrays_[static_cast<std::size_t>(rank)] + at, message.body(), bytes);
+    out_.push_back({queues_.mark(Way::to_host), std::move(message), apart(),
+                    key_of_values(rank, static_cast<std::int64_t>(at)), 0});
     first_unsent_ += bytes;
   }
 }
@@ -318,58 +312,6 @@ bool TileExchange<T>::is_complete(const ranks::Message& message) const {
   for (const std::byte* at = message.body(); at < end; at += sizeof(T))
     if (std::memcmp(at, missing, sizeof(T)) == 0) return false;
   return true;
-}
-
-// ---- what others make
-// ------------------------------------------------------------------------------------------------
-
-template <class T>
-void TileExchange<T>::take(int from, const ranks::Message& message) {
-  const ranks::Header header = message.header();
-  if (header.kind != static_cast<std::int32_t>(what_)) throw other_calls(from);
-  if (what_ == What::tiles)
-    take_tiles(from, message);
-  else if (what_ == What::updates)
-    take_updates(from, message);
-  else
-    take_values(from, message);
-  missing_ -= header.row;
-  taken_.push_back(message);
-}
-
-template <class T>
-void TileExchange<T>::take_tiles(int from, const ranks::Message& message) {
-  const auto& tiles = messages_.tiles(from);
-  const auto first = static_cast<std::size_t>(message.header().number);
-  std::size_t last = first;
-  for (int k = 1; k < message.header().row; ++k) last = static_cast<std::size_t>(messages_.below(from, last));
-  auto* body = const_cast<std::byte*>(message.body());
-  messages_.for_pieces(tiles.at(first), tiles.at(last), [&](const Piece& piece) {
-    copy_piece(Way::to_device, piece, from, body);
-    body += static_cast<std::size_t>(piece.elements()) * sizeof(T);
-  });
-  messages_.for_flags(tiles[first], tiles[last], [&](std::int64_t flag, std::int64_t count) {
-    copy_list(Way::to_device, memory_.flags + flag, memory_.ones, static_cast<std::size_t>(count) * sizeof(int));
-  });
-}
-
-template <class T>
-void TileExchange<T>::take_updates(int from, const ranks::Message& message) {
-  const Part& part = parts_[static_cast<std::size_t>(from)].at(static_cast<std::size_t>(message.header().number));
-  copy_list(Way::to_device, memory_.updates + part.first, message.body(), message.body_bytes());
-}
-
-template <class T>
-void TileExchange<T>::take_values(int from, const ranks::Message& message) {
-  const Range& theirs = ranges_[static_cast<std::size_t>(from)];
-  const std::int64_t at = message.header().number, bytes = static_cast<std::int64_t>(message.body_bytes());
-  if (at < theirs.first || at + bytes > theirs.first + theirs.count) throw other_calls(from);
-  copy_list(Way::to_device, array_ + at, message.body(), message.body_bytes());
-}
-
-template <class T>
-Error TileExchange<T>::other_calls(int rank) const {
-  return {StatusCode::device_error, fmt::format("{} makes other calls", link_.name_of(rank))};
 }
 
 template class TileExchange<double>;
