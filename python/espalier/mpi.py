@@ -155,7 +155,7 @@ class Solver:
         status, found = self._core.analyze(n, first_row, indptr, indices, self._pairs(data), self._storage, self._complex, path)
         if status[0]:
             raise make_error(*status)
-        self._n, self._pattern = n, (indptr, indices, first_row)
+        self._n, self._pattern = n, (indptr.copy(), indices.copy(), first_row)  # the caller may sort his own in place
         self.analysis = Analysis(*found)
         return self.analysis
 
