@@ -84,6 +84,8 @@ bool Border::factorize() {
   col_ = s.cwiseAbs().colwise().maxCoeff().transpose().unaryExpr(&inverse_power_of_two);
   s = s * col_.asDiagonal();
   factor_.compute(s);
+  // Where a pivot is zero, Eigen's estimate of the condition may come out finite.
+  if (!factor_.matrixLU().allFinite() || (factor_.matrixLU().diagonal().array() == 0).any()) return false;
   const double least = 4 * static_cast<double>(k) * std::numeric_limits<double>::epsilon();
   return factor_.rcond() > least;
 }

@@ -193,6 +193,20 @@ TEST(ChangedSystem, ASingularChangeIsSaid) {
   EXPECT_EQ(changed.inertia().positive, 1);
 }
 
+// An equation that says nothing beside one that says something: the condensed rows are [x 0; 0 0].
+TEST(ChangedSystem, AnEmptyRowBesideOthersIsSingular) {
+  const SparseMatrix a = reference::random_system(20, 3, reference::Values::positive, 1);
+  Solver solver = factorized(a, Kind::llt);
+  for (const bool first : {true, false}) {
+    ChangedSystem changed(solver);
+    const std::vector<double> nothing(20, 0.0), something = reference::random_vector(20, 4);
+    ASSERT_TRUE(changed.add(first ? nothing : something, 1).ok());
+    ASSERT_TRUE(changed.add(first ? something : nothing, 1).ok());
+    std::vector<double> b(22, 1.0), x(22);
+    EXPECT_EQ(changed.solve(b, x).status.code, StatusCode::singular) << first;
+  }
+}
+
 TEST(ChangedSystem, ChangesOfNothingAndSingularCores) {
   const SparseMatrix a = reference::random_system(20, 3, reference::Values::positive, 1);
   Solver solver = factorized(a, Kind::llt);
