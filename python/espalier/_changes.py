@@ -8,7 +8,7 @@ from typing import Any, Iterable
 from . import _core
 from ._errors import AccuracyWarning, make_error
 from ._results import Inertia, Solve, _Table
-from ._solver import _STORAGE, Solver, _arrays, _indices, _numbers, _text
+from ._solver import _STORAGE, Solver, _arrays, _finite, _indices, _numbers, _text
 
 
 def _by_columns(A: Any, symmetry: str) -> "tuple[Any, Any, Any, int, Any]":
@@ -74,14 +74,17 @@ class SchurComplement:
         self.factorize(A)
 
     def factorize(self, A: Any) -> None:
-        """New values of the same pattern; a matrix with another one is analyzed first."""
+        """New values of the same pattern; a matrix with another one, or that is symmetric no more, is analyzed first."""
         import numpy as np
 
         pointers, indices, values, storage, _ = _by_columns(A, self._symmetry)
         known = (self._pattern is not None and np.array_equal(self._pattern[0], pointers)
                  and np.array_equal(self._pattern[1], indices))
-        status, self.seconds, self.complement_seconds, self.by_elimination, rest, self.rank, self.dependent_rows = (
-            self._core.factorize(pointers, indices, values, storage, self.unknowns, not known))
+        given = (pointers, indices, values, storage, self.unknowns)
+        answer = self._core.factorize(*given, not known)
+        if known and answer[0][0] == 2 and _finite(values):  # no longer symmetric
+            answer = self._core.factorize(*given, True)
+        status, self.seconds, self.complement_seconds, self.by_elimination, rest, self.rank, self.dependent_rows = answer
         self._n, self._pattern = len(pointers) - 1, (pointers.copy(), indices.copy())
         self.rest_inertia = Inertia(*rest)
         if status[0]:

@@ -47,6 +47,18 @@ def test_schur_complement(kind, layout):
     np.testing.assert_allclose(schur.complement, 2 * s, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("layout", ["csc", "csr"])
+def test_schur_complement_of_values_that_are_symmetric_no_more(layout):
+    a = system(30, "ldlt", 3)
+    schur = esp.SchurComplement(layouts(a, layout), [2, 9])
+    a[a != 0] *= 1 + 0.2 * np.random.default_rng(5).random(np.count_nonzero(a))
+    schur.factorize(layouts(a, layout))
+    b = np.arange(30.0)
+    np.testing.assert_allclose(a @ schur.solve(b), b, atol=1e-9)
+    with pytest.raises(esp.InvalidInputError, match="nan"):
+        schur.factorize(layouts(a * np.nan, layout))
+
+
 def test_schur_complements_that_cannot_be():
     a = sp.csc_array(system(10, "llt", 1))
     for listed in ([], [3, 3], [10]):
