@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "checked_options.hpp"
 #include "ranks/link.hpp"
 #include "solver/on_all_ranks.hpp"
 
@@ -63,7 +64,7 @@ Function symbol(void* library, const char* name) {
 void RankOptions::add_to(CLI::App& app) {
   app.add_option("--patience", patience, "under mpirun: seconds after which a rank that is silent is lost")
       ->type_name("S")
-      ->check(CLI::PositiveNumber);
+      ->check(positive());
   app.add_option_function<std::string>(
          "--nodes", [this](const std::string& text) { nodes = text == "process" ? Nodes::process : Nodes::host; },
          "under mpirun, on GPUs: ranks of a host reach each other's GPUs ('host', the default), or each rank is a "

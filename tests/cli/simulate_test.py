@@ -241,6 +241,7 @@ class Simulate(Cli):
         for until in (-1, 0, "nan", "inf"):
             self.expect(2, "simulate", self.model(PENDULUM), "--until", until, says="later than the start")
         self.expect(2, "simulate", self.model(PENDULUM), "--until", "soon", says=("--until", "'soon' is not a number"))
+        self.expect(2, "simulate", self.model(PENDULUM), "--patience", "soon", says=("--patience", "'soon' is not a number above 0"))
         self.expect(2, "simulate", self.folder, says="directory")
         self.expect(2, "simulate", self.model(PENDULUM), "--out", self.file("a file", "x"), says="folder")
 
