@@ -105,6 +105,16 @@ class EmulatedSystem final : public device::DeviceLinearSystem {
       }
     }
   }
+  // Batches alone ask for parts, and no batch is shared by ranks.
+  void compute_parts(const device::ResidualColumns&, std::span<device::BackwardError>, bool) const override {
+    throw std::logic_error("no parts here");
+  }
+  void copy_parts(const double*, double*, Index, std::span<const char>) const override {
+    throw std::logic_error("no parts here");
+  }
+  std::shared_ptr<double[]> host_memory(Offset count) override {
+    return std::shared_ptr<double[]>(new double[static_cast<std::size_t>(count)]);
+  }
   double take_substitution_seconds() override { return -1; }
   void finish() override {}
   void settle() noexcept override {}

@@ -287,7 +287,7 @@ TEST_P(ComplexForms, ZeroRowsAndStructuralSingularityAreNamed) {
       }
     ptr.push_back(static_cast<Offset>(rows.size()));
   }
-  const AnalysisResult structural = solver.analyze({20, 20, ptr, rows, values, Storage::general});
+  const AnalysisResult structural = solver.analyze(ComplexMatrixView{20, 20, ptr, rows, values, Storage::general});
   EXPECT_EQ(structural.status.code, StatusCode::singular);
   EXPECT_NE(structural.status.message.find("row 7"), std::string::npos) << structural.status.message;
 }
