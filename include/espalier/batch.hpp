@@ -36,14 +36,14 @@ struct BatchResult {
 /// whatever the number of threads and the order of the batch (precision auto apart, which looks at the clock). One
 /// system that fails does not touch the others.
 ///
-/// A GPU takes as many systems at a time as fill it: two block-diagonal systems with the analysis repeated, one of which
-/// the GPU works on while the host is busy with the other. Each system is refined there and judged for itself; where a
-/// pivot fails, or a solution is not accurate, the system is solved again alone, and ends as it would have. So do all
-/// systems where together they do not tell the inertia of each: that of ldlt is known where the negative eigenvalues of
-/// all are as few as regular matrices with their diagonals can have, as those of [K B^T; B -C] with a diagonal C do.
-/// Factors are those of single systems; refinement ends at a componentwise error of 1e-15, so that solutions may differ
-/// from those of a Solver on that GPU in the last bits. With precision fp32, mixed and auto, rescale, zero_pivot or
-/// perturbation systems go one after another.
+/// A GPU takes as many systems at a time as fill it: two block-diagonal systems with the analysis repeated, one of
+/// which the GPU works on while the host is busy with the other. Each system is refined there and judged for itself;
+/// where a pivot fails, or a solution is not accurate, the system is solved again alone, and ends as it would have. So
+/// do all systems where together they do not tell the inertia of each: that of ldlt is known where the negative
+/// eigenvalues of all are as few as regular matrices with their diagonals can have, as those of [K B^T; B -C] with a
+/// diagonal C do. Factors are those of single systems; refinement ends at a componentwise error of 1e-15, so that
+/// solutions may differ from those of a Solver on that GPU in the last bits. With precision fp32, mixed and auto,
+/// rescale, zero_pivot or perturbation systems go one after another.
 class Batch {
  public:
   /// Options as for Solver. `threads`: systems at a time; where there are fewer systems, each gets several threads.
