@@ -93,7 +93,7 @@ std::optional<Index> Chunk::wished_size() {
   return size;
 }
 
-Chunk::Chunk(solver::SharedAnalysis one, Index systems, const solver::Context& context)
+Chunk::Chunk(const solver::SharedAnalysis& one, Index systems, const solver::Context& context)
     : Chunk(one, repeated_analysis(*one, systems, context), systems, context) {}
 
 Chunk::Chunk(const Chunk& like, const solver::Context& context) : Chunk(like.one_, like.all_, like.size_, context) {}

@@ -39,7 +39,7 @@ class Chunk {
 
   /// @param context  outlives this
   /// @throws Error(out_of_memory), Error(device_error)
-  Chunk(solver::SharedAnalysis one, Index systems, const solver::Context& context);
+  Chunk(const solver::SharedAnalysis& one, Index systems, const solver::Context& context);
   /// Another one like it, with the same repeated analysis.
   Chunk(const Chunk& like, const solver::Context& context);
   ~Chunk();
