@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <type_traits>
 #include <utility>
 
 #include "matrix/triplets.hpp"
@@ -254,7 +255,7 @@ GatheredMatrix::Slice GatheredMatrix::own_slice(std::span<const double> part, ra
 
 template <class Value>
 GatheredMatrix::Slice GatheredMatrix::slice_of(const Value* part, ranks::Link* link) const {
-  constexpr std::size_t kParts = sizeof(Value) / sizeof(double);
+  constexpr std::size_t kParts = std::is_same_v<Value, double> ? 1 : 2;
   std::vector<Value> sorted;
   sorted.reserve(order_.size());
   for (const Offset k : order_) {
