@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 #include "bindings.hpp"
@@ -131,7 +132,7 @@ class RankSolver {
   }
   // Calls use(solver) with the solver that there is.
   template <class Use>
-  auto with_analyzed(Use&& use) {
+  std::invoke_result_t<Use&, Solver&> with_analyzed(Use&& use) {
     return complex_solver_ ? use(*complex_solver_) : use(solver());
   }
 
