@@ -26,10 +26,13 @@ bool AssembledSystem::use_device(DeviceAssembly& device, std::span<const Offset>
   PatternBuilder of_host(sizes_.velocity, sizes_.velocity, true);
   PatternBuilder unused(sizes_.constraints, sizes_.velocity, false);
   for (const auto& c : components_) {
-    if (c->fits_device())
+    if (c->fits_device()) {
       c->use_device(device, k_ptr);
-    else
-      c->declare(of_host, unused);
+      continue;
+    }
+    c->declare(of_host, unused);
+    // The diagonal stands in W without being declared: masses.
+    for (Index i = 0; i < c->sizes().velocity; ++i) of_host.add(c->placement().v + i, c->placement().v + i);
   }
   const SparsePattern entries = of_host.build(pool_);
   host_entries_.resize(entries.ind.size());
