@@ -1,6 +1,7 @@
 # espalier_module(name FOLDER folder SUBFOLDERS names... GENERATED sources... DEPENDS other modules... LIBRARIES external targets...)
 # One static library espalier_<name> per folder src/<folder> (by default src/<name>), made of all sources in that folder and
 # in the sub-folders that SUBFOLDERS names; or, with GENERATED, of these sources alone.
+# A build from nothing compiles them together, unless APART is given.
 # A module sees the headers of the modules below it as "module/header.hpp".
 function(espalier_flags target)
   target_compile_features(${target} PUBLIC cxx_std_20)
@@ -64,11 +65,33 @@ function(espalier_together target name)
     endif()
     set_source_files_properties(${ARG_SOURCES} PROPERTIES HEADER_FILE_ONLY ON)
     target_sources(${target} PRIVATE ${together})
+    if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)  # takes the included sources for headers
+      set_property(SOURCE ${together} APPEND PROPERTY COMPILE_OPTIONS -Wno-subobject-linkage)
+    endif()
+  endif()
+endfunction()
+
+# All sources of a target together, but for those with options or definitions of their own and those that say
+# SKIP_UNITY_BUILD_INCLUSION.
+# espalier_all_together(target sources...)
+function(espalier_all_together target)
+  set(plain)
+  foreach(source IN LISTS ARGN)
+    get_source_file_property(options ${source} COMPILE_OPTIONS)
+    get_source_file_property(definitions ${source} COMPILE_DEFINITIONS)
+    get_source_file_property(apart ${source} SKIP_UNITY_BUILD_INCLUSION)
+    if(NOT options AND NOT definitions AND NOT apart)
+      list(APPEND plain ${source})
+    endif()
+  endforeach()
+  list(LENGTH plain length)
+  if(length GREATER 1)
+    espalier_together(${target} sources SOURCES ${plain})
   endif()
 endfunction()
 
 function(espalier_module name)
-  cmake_parse_arguments(ARG "" "FOLDER" "SUBFOLDERS;GENERATED;DEPENDS;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "APART" "FOLDER" "SUBFOLDERS;GENERATED;DEPENDS;LIBRARIES" ${ARGN})
   if(NOT ARG_FOLDER)
     set(ARG_FOLDER ${name})
   endif()
@@ -86,6 +109,9 @@ function(espalier_module name)
     set(sources ${CMAKE_CURRENT_BINARY_DIR}/${name}_empty.cpp)
   endif()
   add_library(espalier_${name} STATIC ${sources})
+  if(NOT ARG_APART)
+    espalier_all_together(espalier_${name} ${sources})
+  endif()
   set_target_properties(espalier_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
   espalier_flags(espalier_${name})
   target_include_directories(espalier_${name} PUBLIC ${PROJECT_SOURCE_DIR}/src

@@ -8,6 +8,7 @@
 #include <span>
 #include <utility>
 
+#include "base/at.hpp"
 #include "plan/front_cost.hpp"
 #include "plan/layout_steps.hpp"
 #include "plan/rank_parts.hpp"
@@ -16,8 +17,6 @@
 namespace espalier::bench {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 // Devices with a sub-tree below a front, ascending; of a front of a sub-tree its device.
 std::vector<std::vector<Index>> members_of(const plan::Plan& plan) {

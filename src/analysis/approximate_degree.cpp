@@ -4,11 +4,11 @@
 #include <cstdint>
 #include <numeric>
 
+#include "base/at.hpp"
+
 namespace espalier::analysis {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 // A vertex is a variable until it is eliminated, then the element of its pivot: the clique of what it was joined to.
 // The list of a variable names elements, then variables, and never gets longer; those of elements are appended.

@@ -4,14 +4,11 @@
 #include <cstdlib>
 
 #include "analysis/gain_heap.hpp"
+#include "base/at.hpp"
 
 namespace espalier::analysis {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
-auto at(char k) { return static_cast<std::size_t>(k); }
 
 // Hill climbing ends after so many moves without gain; 50 and 100 cost a third more time and gained nothing.
 constexpr std::size_t kPatience = 25;

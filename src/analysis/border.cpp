@@ -4,11 +4,11 @@
 #include <utility>
 #include <vector>
 
+#include "base/at.hpp"
+
 namespace espalier::analysis {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 // Rows of the border by front, ascending.
 using Rows = std::vector<std::vector<Index>>;

@@ -8,13 +8,11 @@
 #include <utility>
 
 #include "analysis/pair_matching.hpp"
+#include "base/at.hpp"
 
 namespace espalier::analysis {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
 
 /// Vertices per range: small graphs are one range, large ones some dozen.
 Index grain_of(Index n) { return std::max<Index>(4096, (n + 63) / 64); }

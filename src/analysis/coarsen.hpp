@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "analysis/lazy_vector.hpp"
+#include "base/mix.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/types.hpp"
 
@@ -16,12 +17,7 @@ namespace espalier::analysis {
 class Random {
  public:
   explicit Random(std::uint64_t seed) : state_(seed) {}
-  std::uint64_t next() {
-    std::uint64_t z = state_ += 0x9e3779b97f4a7c15ULL;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
-    return z ^ (z >> 31);
-  }
+  std::uint64_t next() { return base::mix(state_ += 0x9e3779b97f4a7c15ULL); }
   /// 0 .. below - 1, below > 0
   Index below(Index below) { return static_cast<Index>((next() >> 32) * static_cast<std::uint64_t>(below) >> 32); }
 

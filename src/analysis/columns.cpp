@@ -4,12 +4,11 @@
 #include <numeric>
 #include <utility>
 
+#include "base/at.hpp"
+
 namespace espalier::analysis {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
 
 /// Gives every entry its place in the transpose. Every chunk of columns counts and places its entries by itself, and
 /// the chunks follow each other within a row, so the result does not depend on their number.

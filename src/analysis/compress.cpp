@@ -5,19 +5,15 @@
 #include <utility>
 
 #include "analysis/graph.hpp"
+#include "base/mix.hpp"
 
 namespace espalier::analysis {
 
 namespace {
 
-constexpr std::int64_t kVertices = 2048;  // vertices per range of a parallel loop
+constexpr std::int64_t kCompressRange = 2048;  // vertices per range of a parallel loop
 
-std::uint64_t mix(Index v) {  // the finalizer of splitmix64 (Steele, Lea, Flood 2014)
-  std::uint64_t x = (static_cast<std::uint64_t>(v) + 1) * 0x9e3779b97f4a7c15ULL;
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
-  return x ^ (x >> 31);
-}
+std::uint64_t hash_of(Index v) { return base::mix((static_cast<std::uint64_t>(v) + 1) * 0x9e3779b97f4a7c15ULL); }
 
 /// Vertices that are their own leaders, numbered in rising order; -1 for the others.
 struct Numbering {
@@ -27,19 +23,20 @@ struct Numbering {
 
 Numbering number_leaders(std::span<const Index> leader, base::ThreadPool& pool) {
   const auto n = static_cast<std::int64_t>(leader.size());
-  std::vector<Index> first(static_cast<std::size_t>((n + kVertices - 1) / kVertices) + 1, 0);  // before each range
+  std::vector<Index> first(static_cast<std::size_t>((n + kCompressRange - 1) / kCompressRange) + 1,
+                           0);  // before each range
   const auto leads = [&](std::int64_t v) { return leader[static_cast<std::size_t>(v)] == static_cast<Index>(v); };
-  pool.for_each_range(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(n, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
     Index count = 0;
     for (std::int64_t v = begin; v < end; ++v) count += leads(v) ? 1 : 0;
-    first[static_cast<std::size_t>(begin / kVertices) + 1] = count;
+    first[static_cast<std::size_t>(begin / kCompressRange) + 1] = count;
   });
   std::partial_sum(first.begin(), first.end(), first.begin());
   Numbering out;
   out.number.resize(leader.size());
   out.leaders.resize(static_cast<std::size_t>(first.back()));
-  pool.for_each_range(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
-    Index next = first[static_cast<std::size_t>(begin / kVertices)];
+  pool.for_each_range(n, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
+    Index next = first[static_cast<std::size_t>(begin / kCompressRange)];
     for (std::int64_t v = begin; v < end; ++v) {
       out.number[static_cast<std::size_t>(v)] = leads(v) ? next : -1;
       if (leads(v)) out.leaders[static_cast<std::size_t>(next++)] = static_cast<Index>(v);
@@ -61,17 +58,17 @@ void list_members(std::span<const Index> leader, const Numbering& numbering, bas
   const auto take = [](Index& counter) {
     return std::atomic_ref<Index>(counter).fetch_add(1, std::memory_order_relaxed);
   };
-  pool.for_each_range(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(n, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t v = begin; v < end; ++v) take(out.weight[group(v)]);
   });
   std::partial_sum(out.weight.begin(), out.weight.end(), out.member_ptr.begin() + 1);
   out.members.resize(leader.size());
   std::vector<Index> next(out.member_ptr.begin(), out.member_ptr.end() - 1);
-  pool.for_each_range(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(n, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t v = begin; v < end; ++v)
       out.members[static_cast<std::size_t>(take(next[group(v)]))] = static_cast<Index>(v);
   });
-  pool.for_each_range(static_cast<std::int64_t>(vertices), kVertices, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(static_cast<std::int64_t>(vertices), kCompressRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
       std::sort(out.members.begin() + out.member_ptr[k], out.members.begin() + out.member_ptr[k + 1]);
   });
@@ -81,7 +78,7 @@ void list_members(std::span<const Index> leader, const Numbering& numbering, bas
 template <class List>
 Graph build_graph(Index n, base::ThreadPool& pool, const List& list) {
   Graph g{n, std::vector<Offset>(static_cast<std::size_t>(n) + 1, 0), {}};
-  pool.for_each_range(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(n, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
     std::vector<Index> buffer;
     for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
       buffer.clear();
@@ -91,7 +88,7 @@ Graph build_graph(Index n, base::ThreadPool& pool, const List& list) {
   });
   std::partial_sum(g.ptr.begin(), g.ptr.end(), g.ptr.begin());
   g.adj.resize(static_cast<std::size_t>(g.ptr.back()));
-  pool.for_each_range(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(n, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
     std::vector<Index> buffer;
     for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
       buffer.clear();
@@ -119,15 +116,15 @@ bool same_closed_neighbourhood(const Graph& g, Index u, Index v) {  // for neigh
 std::vector<Index> find_leaders(const Graph& g, base::ThreadPool& pool) {
   const auto n = static_cast<std::size_t>(g.n);
   std::vector<std::uint64_t> hash(n);
-  pool.for_each_range(g.n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(g.n, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t v = begin; v < end; ++v) {
-      std::uint64_t sum = mix(static_cast<Index>(v));
-      for (const Index u : g.neighbours(static_cast<Index>(v))) sum += mix(u);
+      std::uint64_t sum = hash_of(static_cast<Index>(v));
+      for (const Index u : g.neighbours(static_cast<Index>(v))) sum += hash_of(u);
       hash[static_cast<std::size_t>(v)] = sum;
     }
   });
   std::vector<Index> leader(n);
-  pool.for_each_range(g.n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(g.n, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
     for (Index v = static_cast<Index>(begin); v < static_cast<Index>(end); ++v) {
       Index found = v;
       for (const Index u : g.neighbours(v)) {
@@ -151,7 +148,7 @@ void expand_members(CompressedGraph& outer, const CompressedGraph& inner, base::
   const auto each_group = [&](std::size_t v, const auto& use) {
     for (Index k = first[v]; k < first[v + 1]; ++k) use(static_cast<std::size_t>(groups[static_cast<std::size_t>(k)]));
   };
-  pool.for_each_range(vertices, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(vertices, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto v = static_cast<std::size_t>(begin); v < static_cast<std::size_t>(end); ++v) {
       outer.weight[v] = 0;
       each_group(v, [&](std::size_t w) { outer.weight[v] += inner.weight[w]; });
@@ -160,7 +157,7 @@ void expand_members(CompressedGraph& outer, const CompressedGraph& inner, base::
   outer.member_ptr.assign(outer.weight.size() + 1, 0);
   std::partial_sum(outer.weight.begin(), outer.weight.end(), outer.member_ptr.begin() + 1);
   outer.members.resize(inner.members.size());
-  pool.for_each_range(vertices, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(vertices, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto v = static_cast<std::size_t>(begin); v < static_cast<std::size_t>(end); ++v) {
       auto to = outer.members.begin() + outer.member_ptr[v];
       each_group(v, [&](std::size_t w) {

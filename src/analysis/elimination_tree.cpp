@@ -5,13 +5,13 @@
 #include <numeric>
 #include <utility>
 
+#include "base/at.hpp"
+
 namespace espalier::analysis {
 
 namespace {
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
 
-constexpr std::int64_t kVertices = 4096;  // per range of a loop
+constexpr std::int64_t kTreeRange = 4096;  // per range of a loop
 
 /// Positions begin .. end - 1.
 struct Range {
@@ -27,7 +27,7 @@ Index most_in_range(Index n) { return n / 64 + 1; }
 std::vector<Range> closed_ranges(const Graph& graph, std::span<const Index> order, std::span<const Index> position,
                                  base::ThreadPool& pool) {
   std::vector<Index> low(order.size());  // the lowest position among the neighbours and the vertex itself
-  pool.for_each_range(graph.n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(graph.n, kTreeRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto k = static_cast<Index>(begin); k < static_cast<Index>(end); ++k) {
       low[at(k)] = k;
       for (const Index u : graph.neighbours(order[at(k)])) low[at(k)] = std::min(low[at(k)], position[at(u)]);
@@ -103,7 +103,7 @@ std::vector<ColumnCounter::SubTree> ColumnCounter::cut(base::ThreadPool& pool) {
   std::iota(first_.begin(), first_.end(), 0);
   for (Index j = 0; j < n; ++j)
     if (parent_[at(j)] >= 0) first_[at(parent_[at(j)])] = std::min(first_[at(parent_[at(j)])], first_[at(j)]);
-  pool.for_each_range(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(n, kTreeRange, [&](std::int64_t begin, std::int64_t end) {
     std::iota(set_.begin() + begin, set_.begin() + end, static_cast<Index>(begin));
     for (auto j = at(begin); j < at(end); ++j)
       if (first_[j] == static_cast<Index>(j)) count_[j] = weight_[j];  // a leaf of the tree
@@ -197,7 +197,7 @@ std::vector<Index> ColumnCounter::run(base::ThreadPool& pool) {
 
 std::vector<Index> inverse(std::span<const Index> order, base::ThreadPool& pool) {
   std::vector<Index> position(order.size());
-  pool.for_each_range(static_cast<std::int64_t>(order.size()), 8 * kVertices,
+  pool.for_each_range(static_cast<std::int64_t>(order.size()), 8 * kTreeRange,
                       [&](std::int64_t begin, std::int64_t end) {
                         for (auto k = at(begin); k < at(end); ++k) position[at(order[k])] = static_cast<Index>(k);
                       });
@@ -209,7 +209,7 @@ Graph permute(const Graph& graph, std::span<const Index> order, base::ThreadPool
   Graph out{graph.n, std::vector<Offset>(order.size() + 1, 0), LazyVector<Index>(graph.adj.size())};
   for (std::size_t k = 0; k < order.size(); ++k)
     out.ptr[k + 1] = out.ptr[k] + static_cast<Offset>(graph.neighbours(order[k]).size());
-  pool.for_each_range(graph.n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(graph.n, kTreeRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
       Index* to = out.adj.data() + out.ptr[k];
       for (const Index u : graph.neighbours(order[k])) *to++ = position[at(u)];

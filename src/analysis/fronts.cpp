@@ -5,11 +5,11 @@
 #include <numeric>
 
 #include "analysis/elimination_tree.hpp"
+#include "base/at.hpp"
 
 namespace espalier::analysis {
 
 namespace {
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 double seconds_of(double width, double below, const AmalgamationCost& cost) {
   return cost.front + cost.entry * front_entries(width, below) + cost.contribution * 0.5 * below * (below + 1) +

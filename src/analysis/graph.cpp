@@ -7,12 +7,13 @@
 #include <utility>
 
 #include "analysis/columns.hpp"
+#include "base/mix.hpp"
 
 namespace espalier::analysis {
 
 namespace {
 
-constexpr std::int64_t kColumns = 2048;  // columns per range of a parallel loop
+constexpr std::int64_t kGraphRange = 2048;  // columns per range of a parallel loop
 
 Columns columns_of(const MatrixView& a) {
   Columns c;
@@ -30,7 +31,7 @@ Columns columns_of(const matrix::RowIndex& rows) {
 
 bool strictly_sorted(const Columns& c, Index n, base::ThreadPool& pool) {
   std::atomic<bool> sorted{true};
-  pool.for_each_range(n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(n, kGraphRange, [&](std::int64_t begin, std::int64_t end) {
     if (!sorted.load(std::memory_order_relaxed)) return;
     for (std::int64_t j = begin; j < end; ++j) {
       const auto rows = c[j];
@@ -41,18 +42,12 @@ bool strictly_sorted(const Columns& c, Index n, base::ThreadPool& pool) {
   return sorted;
 }
 
-std::uint64_t mix(std::uint64_t x) {  // the finalizer of splitmix64 (Steele, Lea, Flood 2014)
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
-  return x ^ (x >> 31);
-}
-
 /// True when the pattern is symmetric: the sums of hash(i, j) and of hash(j, i) over all entries agree (64 bits, so an
 /// unsymmetric pattern passes with probability 5e-20; a transpose would cost ten times as much).
 bool symmetric_pattern(const Columns& c, Index n, base::ThreadPool& pool) {
   std::atomic<std::uint64_t> total{0};
-  const auto hash = [](std::uint64_t i, std::uint64_t j) { return mix((i << 32 | j) + 0x9e3779b97f4a7c15ULL); };
-  pool.for_each_range(n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  const auto hash = [](std::uint64_t i, std::uint64_t j) { return base::mix((i << 32 | j) + 0x9e3779b97f4a7c15ULL); };
+  pool.for_each_range(n, kGraphRange, [&](std::int64_t begin, std::int64_t end) {
     std::uint64_t sum = 0;
     for (std::int64_t j = begin; j < end; ++j)
       for (const Index i : c[j]) {
@@ -69,7 +64,7 @@ Columns sort_columns(const Columns& c, Index n, std::span<const Index> name, bas
   Columns out;
   LazyVector<Index> all(c.ind.size());
   out.own_ptr.assign(static_cast<std::size_t>(n) + 1, 0);
-  pool.for_each_range(n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(n, kGraphRange, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j) {
       const auto rows = c[j];
       Index* const first = all.data() + c.ptr[static_cast<std::size_t>(j)];
@@ -82,7 +77,7 @@ Columns sort_columns(const Columns& c, Index n, std::span<const Index> name, bas
   });
   accumulate(out.own_ptr);
   out.own_ind.resize(static_cast<std::size_t>(out.own_ptr.back()));
-  pool.for_each_range(n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(n, kGraphRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto j = static_cast<std::size_t>(begin); j < static_cast<std::size_t>(end); ++j)
       std::copy_n(all.data() + c.ptr[j], out.own_ptr[j + 1] - out.own_ptr[j], out.own_ind.data() + out.own_ptr[j]);
   });
@@ -122,13 +117,13 @@ Offset join_columns(std::span<const Index> a, std::span<const Index> b, Index sk
 
 Graph merged(const Columns& a, const Columns& b, Index n, base::ThreadPool& pool) {
   Graph g{n, std::vector<Offset>(static_cast<std::size_t>(n) + 1, 0), {}};
-  pool.for_each_range(n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(n, kGraphRange, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j)
       g.ptr[static_cast<std::size_t>(j) + 1] = join_columns(a[j], b[j], static_cast<Index>(j), nullptr);
   });
   accumulate(g.ptr);
   g.adj.resize(static_cast<std::size_t>(g.ptr.back()));
-  pool.for_each_range(n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(n, kGraphRange, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j)
       join_columns(a[j], b[j], static_cast<Index>(j), g.adj.data() + g.ptr[static_cast<std::size_t>(j)]);
   });

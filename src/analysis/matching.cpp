@@ -7,14 +7,12 @@
 
 #include "analysis/columns.hpp"
 #include "analysis/product_matcher.hpp"
+#include "base/at.hpp"
 #include "matrix/row_index.hpp"
 
 namespace espalier::analysis {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
 
 /// A matching with the scaling that goes with it.
 struct Matched {

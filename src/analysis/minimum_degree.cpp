@@ -3,11 +3,11 @@
 #include <bit>
 #include <cstdint>
 
+#include "base/at.hpp"
+
 namespace espalier::analysis {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 /// Adjacency of the inner vertices as rows of bits; the weight of a row is counted by classes of equal weight.
 class BitGraph {

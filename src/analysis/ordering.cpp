@@ -11,12 +11,11 @@
 #include "analysis/elimination_tree.hpp"
 #include "analysis/fronts.hpp"
 #include "analysis/symbolic.hpp"
+#include "base/at.hpp"
 
 namespace espalier::analysis {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 double seconds_now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();

@@ -6,15 +6,14 @@
 #include <numeric>
 #include <utility>
 
+#include "base/at.hpp"
+
 namespace espalier::analysis {
 
 namespace {
 
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
-
-constexpr Index kTogether = 1 << 14;      // graphs from this size on are matched in rounds
-constexpr std::int64_t kVertices = 1024;  // per range of a loop over the vertices that choose
+constexpr Index kTogether = 1 << 14;       // graphs from this size on are matched in rounds
+constexpr std::int64_t kPairRange = 1024;  // per range of a loop over the vertices that choose
 constexpr Index kRounds = 12;  // parts into which the vertices are cut: fewer clash more, more wait more often
 
 /// Degrees above the average count as equal.
@@ -146,7 +145,7 @@ void RoundMatcher::reserve(Index v, std::uint64_t rank) {
 /// One round: all of `active` choose; those stay in it that did not get what they wanted.
 void RoundMatcher::play(std::vector<Chooser>& active) {
   const auto size = static_cast<std::int64_t>(active.size());
-  workers_.for_each_range(size, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  workers_.for_each_range(size, kPairRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto k = at(begin); k < at(end); ++k) {
       Chooser& c = active[k];
       if (mate_[at(c.vertex)] >= 0) {
@@ -159,7 +158,7 @@ void RoundMatcher::play(std::vector<Chooser>& active) {
       reserve(c.choice, c.rank);
     }
   });
-  workers_.for_each_range(size, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  workers_.for_each_range(size, kPairRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto k = at(begin); k < at(end); ++k) {
       Chooser& c = active[k];
       if (c.choice < 0) continue;

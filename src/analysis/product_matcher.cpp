@@ -6,15 +6,15 @@
 #include <limits>
 #include <utility>
 
+#include "base/at.hpp"
+
 namespace espalier::analysis {
 
 namespace {
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
 
 // r |a| c of a tight entry is 1 up to the rounding of two divisions and two products.
 constexpr double kTight = 1 - 8 * std::numeric_limits<double>::epsilon();
-constexpr std::int64_t kColumns = 2048;  // columns per range of a parallel loop
+constexpr std::int64_t kMatcherRange = 2048;  // columns per range of a parallel loop
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 }  // namespace
 
@@ -38,7 +38,7 @@ void ProductMatcher::match(Index i, Index j) {
 
 void ProductMatcher::scale_by_diagonal() {
   std::atomic<bool> complete{true};
-  pool_.for_each_range(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool_.for_each_range(a_.n, kMatcherRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j) {
       for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
         if (a_.row[at(k)] == j && a_.magnitude(k) > 0) row_scale[at(j)] = 1 / std::sqrt(a_.magnitude(k));
@@ -62,7 +62,7 @@ void ProductMatcher::scale_by_diagonal() {
 
 /// scale_j = 1 / max_i |a_ij| factor_i wherever column j has an entry
 void ProductMatcher::divide_by_column_maxima(const std::vector<double>& factor, std::vector<double>& scale) {
-  pool_.for_each_range(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool_.for_each_range(a_.n, kMatcherRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j) {
       double most = 0;
       for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
@@ -91,7 +91,7 @@ void ProductMatcher::scale_rows() {
 bool ProductMatcher::diagonal_measures() const {
   constexpr double kFar = 1e4;
   std::atomic<bool> measures{true};
-  pool_.for_each_range(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool_.for_each_range(a_.n, kMatcherRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j)
       for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
         if (!(a_.magnitude(k) * row_scale[at(a_.row[at(k)])] * row_scale[at(j)] <= kFar))
@@ -101,7 +101,7 @@ bool ProductMatcher::diagonal_measures() const {
 }
 
 void ProductMatcher::match_tight_diagonal() {
-  pool_.for_each_range(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool_.for_each_range(a_.n, kMatcherRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j)
       for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
         if (a_.row[at(k)] == j && product(k, j) >= kTight) match(j, j);
@@ -237,7 +237,7 @@ void ProductMatcher::take_logarithms() {
   log_row_.resize(at(a_.n));
   log_col_.resize(at(a_.n));
   log_.resize(a_.row.size());
-  pool_.for_each_range(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool_.for_each_range(a_.n, kMatcherRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto j = at(begin); j < at(end); ++j) {
       log_row_[j] = std::log(row_scale[j]);
       log_col_[j] = std::log(col_scale[j]);
@@ -380,7 +380,7 @@ void ProductMatcher::run() {
     raise_rows(first_factors);
   }
   rank = a_.n - static_cast<Index>(std::count(row_of_col.begin(), row_of_col.end(), -1));
-  pool_.for_each_range(a_.n, kColumns, [&](std::int64_t begin, std::int64_t end) {
+  pool_.for_each_range(a_.n, kMatcherRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto k = at(begin); k < at(end); ++k) {
       row_scale[k] = std::exp(log_row_[k]);
       col_scale[k] = std::exp(log_col_[k]);

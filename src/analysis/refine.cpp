@@ -5,17 +5,15 @@
 #include <utility>
 
 #include "analysis/gain_heap.hpp"
+#include "base/at.hpp"
 
 namespace espalier::analysis {
 
 namespace {
 
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
-
 // Hill climbing ends after so many moves without gain (METIS: 300 or 500), or, as long as the separator is hardly
 // heavier than the best one, after kLongPatience times as many: in grids of points long steps lead there.
-constexpr std::size_t kPatience = 300;
+constexpr std::size_t kMovesWithoutGain = 300;
 constexpr std::size_t kLongPatience = 3;
 constexpr double kHardlyHeavier = 1.1;
 constexpr double kImbalance = 0.1;  // see score()
@@ -120,7 +118,7 @@ bool Refiner::pass(int to) {
   const double start = score_of(s_.weight);
   double best = start;
   std::size_t best_moves = 0;
-  const std::size_t patience = std::min<std::size_t>(kPatience, 3 * separator_.size());
+  const std::size_t patience = std::min<std::size_t>(kMovesWithoutGain, 3 * separator_.size());
   Offset least =
       s_.weight[2];  // lightest separator so far; to meet it again is progress: a step in a plane runs to the rim
   std::size_t progress = 0;

@@ -5,12 +5,11 @@
 #include <utility>
 #include <vector>
 
+#include "base/at.hpp"
+
 namespace espalier::analysis {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
 
 Index front_of(const AssemblyTree& t, Index position) {
   return static_cast<Index>(std::upper_bound(t.first.begin(), t.first.end(), position) - t.first.begin()) - 1;

@@ -5,13 +5,11 @@
 #include <vector>
 
 #include "analysis/bisection.hpp"
+#include "base/at.hpp"
 
 namespace espalier::analysis {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
 
 constexpr Index kCoarsest = 120;   // vertices of the coarsest graph
 constexpr int kGrowths = 4;        // starts on the coarsest graph; 8 and 16 gained nothing on the mean of six graphs

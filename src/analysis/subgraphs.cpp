@@ -5,16 +5,15 @@
 #include <numeric>
 #include <utility>
 
+#include "base/at.hpp"
+
 namespace espalier::analysis {
 
 namespace {
 
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
+constexpr std::int64_t kSubgraphRange = 1 << 13;  // per range of a loop: small graphs are one range
 
-constexpr std::int64_t kVertices = 1 << 13;  // per range of a loop: small graphs are one range
-
-std::size_t ranges_of(std::size_t n) { return (n + at(kVertices) - 1) / at(kVertices); }
+std::size_t ranges_of(std::size_t n) { return (n + at(kSubgraphRange) - 1) / at(kSubgraphRange); }
 
 /// Trees of vertices that are known to be connected; the root is the lowest vertex. Any thread may join two.
 class Forest {
@@ -82,22 +81,22 @@ PartGraph induced(std::span<const Offset> ptr, std::span<const Index> adj, std::
     for (Offset e = ptr[at(members[k])]; e < ptr[at(members[k]) + 1]; ++e)
       if (const Index u = place[at(adj[at(e)])]; u >= 0) use(u);
   };
-  workers.for_each_range(size, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  workers.for_each_range(size, kSubgraphRange, [&](std::int64_t begin, std::int64_t end) {
     Offset count = 0, sum = 0;
     for (auto k = at(begin); k < at(end); ++k) {
       each_neighbour(k, [&](Index) { ++count; });
       out.ptr[k + 1] = count;
       sum += out.weight[k] = weight[at(members[k])];
     }
-    edges[at(begin / kVertices) + 1] = count;
-    total[at(begin / kVertices) + 1] = sum;
+    edges[at(begin / kSubgraphRange) + 1] = count;
+    total[at(begin / kSubgraphRange) + 1] = sum;
   });
   std::partial_sum(edges.begin(), edges.end(), edges.begin());
   out.total = std::accumulate(total.begin(), total.end(), Offset{0});
   out.adj.resize(at(edges.back()));
   out.edge.resize(out.adj.size());
-  workers.for_each_range(size, kVertices, [&](std::int64_t begin, std::int64_t end) {
-    const Offset first = edges[at(begin / kVertices)];
+  workers.for_each_range(size, kSubgraphRange, [&](std::int64_t begin, std::int64_t end) {
+    const Offset first = edges[at(begin / kSubgraphRange)];
     Offset next = first;
     for (auto k = at(begin); k < at(end); ++k) {
       each_neighbour(k, [&](Index u) { out.adj[at(next++)] = u; });
@@ -112,13 +111,14 @@ std::vector<Index> members_of(std::span<const char> pick, char which, std::span<
                               base::Recursion& workers) {
   const auto n = static_cast<std::int64_t>(pick.size());
   std::vector<Index> first(ranges_of(pick.size()) + 1, 0);
-  workers.for_each_range(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
-    first[at(begin / kVertices) + 1] = static_cast<Index>(std::count(pick.begin() + begin, pick.begin() + end, which));
+  workers.for_each_range(n, kSubgraphRange, [&](std::int64_t begin, std::int64_t end) {
+    first[at(begin / kSubgraphRange) + 1] =
+        static_cast<Index>(std::count(pick.begin() + begin, pick.begin() + end, which));
   });
   std::partial_sum(first.begin(), first.end(), first.begin());
   std::vector<Index> members(at(first.back()));
-  workers.for_each_range(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
-    Index k = first[at(begin / kVertices)];
+  workers.for_each_range(n, kSubgraphRange, [&](std::int64_t begin, std::int64_t end) {
+    Index k = first[at(begin / kSubgraphRange)];
     for (auto v = at(begin); v < at(end); ++v) {
       if (pick[v] != which) continue;
       members[at(k)] = static_cast<Index>(v);
@@ -135,13 +135,13 @@ Index components(const PartGraph& g, std::vector<Index>& component, base::Recurs
   const Index n = g.n();
   if (n == 0) return 0;
   Forest forest(n);
-  workers.for_each_range(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  workers.for_each_range(n, kSubgraphRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto v = static_cast<Index>(begin); v < static_cast<Index>(end); ++v)
       for (Offset e = g.ptr[at(v)]; e < std::min(g.ptr[at(v)] + kFirst, g.ptr[at(v) + 1]); ++e)
         forest.join(v, g.adj[at(e)]);
   });
   const Index largest = frequent_root(forest, n);
-  workers.for_each_range(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  workers.for_each_range(n, kSubgraphRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto v = static_cast<Index>(begin); v < static_cast<Index>(end); ++v) {
       if (forest.root(v) == forest.root(largest)) continue;
       for (Offset e = g.ptr[at(v)] + kFirst; e < g.ptr[at(v) + 1]; ++e) forest.join(v, g.adj[at(e)]);
@@ -149,7 +149,7 @@ Index components(const PartGraph& g, std::vector<Index>& component, base::Recurs
   });
   component.resize(at(n));
   std::atomic<bool> several{false};
-  workers.for_each_range(n, kVertices, [&](std::int64_t begin, std::int64_t end) {
+  workers.for_each_range(n, kSubgraphRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto v = static_cast<Index>(begin); v < static_cast<Index>(end); ++v)
       if ((component[at(v)] = forest.root(v)) != 0) several.store(true, std::memory_order_relaxed);
   });

@@ -5,14 +5,13 @@
 
 #include "analysis/elimination_tree.hpp"
 #include "analysis/fronts.hpp"
+#include "base/at.hpp"
 
 namespace espalier::analysis {
 
 namespace {
 
-auto at(Index k) { return static_cast<std::size_t>(k); }
-
-constexpr std::int64_t kVertices = 1 << 14;  // per range of a loop
+constexpr std::int64_t kSymbolicRange = 1 << 14;  // per range of a loop
 
 /// Fronts of vertices -> fronts of unknowns. @param graph vertex k goes k-th in the order that `tree` refines
 AssemblyTree expand(const CompressedGraph& compressed, std::span<const Index> order, const Graph& graph,
@@ -24,7 +23,7 @@ AssemblyTree expand(const CompressedGraph& compressed, std::span<const Index> or
   std::vector<Index> begin(order.size() + 1, 0);  // first position of each vertex in elimination order
   for (std::size_t k = 0; k < order.size(); ++k)
     begin[k + 1] = begin[k] + compressed.weight[at(order[at(tree.order[k])])];
-  pool.for_each_range(graph.n, kVertices, [&](std::int64_t from, std::int64_t to) {
+  pool.for_each_range(graph.n, kSymbolicRange, [&](std::int64_t from, std::int64_t to) {
     for (auto k = static_cast<std::size_t>(from); k < static_cast<std::size_t>(to); ++k) {
       const std::size_t v = at(order[at(tree.order[k])]);
       std::copy_n(compressed.members.begin() + compressed.member_ptr[v], compressed.weight[v],
@@ -60,10 +59,11 @@ void count(const FrontTree& tree, double& entries, double& flops) {
 
 std::vector<Index> gather(std::span<const Index> values, std::span<const Index> order, base::ThreadPool& pool) {
   std::vector<Index> out(order.size());
-  pool.for_each_range(static_cast<std::int64_t>(order.size()), kVertices, [&](std::int64_t begin, std::int64_t end) {
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
-      out[k] = values[at(order[k])];
-  });
+  pool.for_each_range(static_cast<std::int64_t>(order.size()), kSymbolicRange,
+                      [&](std::int64_t begin, std::int64_t end) {
+                        for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
+                          out[k] = values[at(order[k])];
+                      });
   return out;
 }
 

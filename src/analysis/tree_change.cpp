@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <numeric>
 
+#include "base/at.hpp"
+
 namespace espalier::analysis {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 constexpr std::int64_t kFronts = 256;  // per range of a loop
 

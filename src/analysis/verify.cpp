@@ -4,11 +4,11 @@
 
 #include <algorithm>
 
+#include "base/at.hpp"
+
 namespace espalier::analysis {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 std::string check_shape(const Graph& g, const AssemblyTree& t) {
   if (t.n != g.n || t.order.size() != at(g.n)) return fmt::format("n is {}, the graph has {}", t.n, g.n);

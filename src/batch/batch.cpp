@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/at.hpp"
 #include "base/stopwatch.hpp"
 #include "batch/chunks.hpp"
 #include "batch/workers.hpp"
@@ -22,8 +23,6 @@ namespace {
 using batch::options_of_worker;
 using batch::share;
 using solver::Session;
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 constexpr const char* kRemedy = "use fewer threads or a machine with more memory";
 

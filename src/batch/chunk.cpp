@@ -10,6 +10,7 @@
 #include <limits>
 #include <set>
 
+#include "base/at.hpp"
 #include "base/timeline.hpp"
 #include "batch/least_negative.hpp"
 #include "batch/repeated_analysis.hpp"
@@ -18,13 +19,6 @@
 #include "solver/pivot_policy.hpp"
 
 namespace espalier::batch {
-
-namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
-
-}  // namespace
 
 /// A place in the chunk, and the system that has it.
 class Chunk::Block {

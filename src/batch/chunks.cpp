@@ -7,13 +7,12 @@
 #include <limits>
 #include <utility>
 
+#include "base/at.hpp"
 #include "batch/workers.hpp"
 
 namespace espalier::batch {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 // Kernels on several GPUs wait for each other, so that those of two lanes could wait for ever.
 int most_lanes(const solver::Analysis& analysis) {

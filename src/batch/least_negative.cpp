@@ -2,14 +2,9 @@
 
 #include <vector>
 
+#include "base/at.hpp"
+
 namespace espalier::batch {
-
-namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
-
-}  // namespace
 
 // Unknowns without entries between them, whose diagonal is not positive, span a space on which x^T A x <= 0, which
 // meets that of the positive eigenvalues in 0.

@@ -3,15 +3,13 @@
 #include <utility>
 #include <vector>
 
+#include "base/at.hpp"
 #include "solve/residual.hpp"
 #include "solver/analysis_draft.hpp"
 
 namespace espalier::batch {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
 
 // `copies` of the matrix along the diagonal.
 solver::StoredMatrix repeated(const MatrixView& a, Index copies) {

@@ -9,7 +9,6 @@
 
 namespace espalier::harmonic {
 
-using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
@@ -17,7 +16,7 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr Index kSketch = 6;             // sums of outputs that stand for all in fits
+constexpr Eigen::Index kSketch = 6;      // sums of outputs that stand for all in fits
 constexpr double kFloor = 0.01;          // of a median: what errors are relative to at least
 constexpr double kUndamped = 3e-9;       // half width over frequency below which a pole counts as undamped
 constexpr double kUndampedReach = 1e-4;  // of the range: as near as one looks at such a pole
@@ -27,7 +26,7 @@ constexpr std::size_t kAtATime = 6;      // targets of a round
 constexpr std::size_t kFreshFits = 60;   // samples up to which a fit begins anew
 
 double median_of(VectorXd x) {
-  const Index middle = x.size() / 2;
+  const Eigen::Index middle = x.size() / 2;
   std::nth_element(x.data(), x.data() + middle, x.data() + x.size());
   return x[middle];
 }
@@ -35,7 +34,7 @@ double median_of(VectorXd x) {
 // @param noise  of each row: what is rounding alone; 0: not known
 VectorXd floors_of(const MatrixXcd& y, const VectorXd& noise) {
   VectorXd floor(y.rows());
-  for (Index i = 0; i < y.rows(); ++i) floor[i] = kFloor * median_of(y.row(i).cwiseAbs().transpose());
+  for (Eigen::Index i = 0; i < y.rows(); ++i) floor[i] = kFloor * median_of(y.row(i).cwiseAbs().transpose());
   // An output that is zero but for rounding is not followed.
   constexpr double kNothing = 1e-10;
   const double least = std::max(kNothing * floor.maxCoeff(), 1e-290);
@@ -56,11 +55,11 @@ double uniform(std::uint64_t& state) { return static_cast<double>(next(state) >>
 Adaptive::Adaptive(Sweep& sweep, const HarmonicOptions& options, HarmonicResult& result, double from, double to,
                    bool damped)
     : sweep_(sweep), options_(options), result_(result), from_(from), to_(to), damped_(damped) {
-  const auto outputs = static_cast<Index>(sweep.outputs());
+  const auto outputs = static_cast<Eigen::Index>(sweep.outputs());
   if (outputs <= kSketch) return;
   mixing_.resize(kSketch, outputs);
-  for (Index j = 0; j < outputs; ++j)
-    for (Index i = 0; i < kSketch; ++i) mixing_(i, j) = {2 * uniform(random_) - 1, 2 * uniform(random_) - 1};
+  for (Eigen::Index j = 0; j < outputs; ++j)
+    for (Eigen::Index i = 0; i < kSketch; ++i) mixing_(i, j) = {2 * uniform(random_) - 1, 2 * uniform(random_) - 1};
 }
 
 double Adaptive::nearest_sample(double frequency) const {
@@ -98,9 +97,9 @@ void Adaptive::add(const std::vector<double>& frequencies, bool keep) {
 }
 
 VectorXd Adaptive::noise() const {
-  const auto each = static_cast<Index>(sweep_.observed());
-  VectorXd out(static_cast<Index>(sweep_.outputs()));
-  for (Index i = 0; i < out.size(); ++i)
+  const auto each = static_cast<Eigen::Index>(sweep_.observed());
+  VectorXd out(static_cast<Eigen::Index>(sweep_.outputs()));
+  for (Eigen::Index i = 0; i < out.size(); ++i)
     out[i] = sweep_.observer().noise(static_cast<espalier::Index>(i / each), static_cast<espalier::Index>(i % each));
   return out;
 }
@@ -109,11 +108,11 @@ VectorXd Adaptive::sizes_of(const VectorXcd& y, const VectorXd& floor) const { r
 
 void Adaptive::fit() {
   const base::Stopwatch watch(result_.seconds.interpolation);
-  const auto outputs = static_cast<Index>(sweep_.outputs());
-  const auto count = static_cast<Index>(samples_.size());
+  const auto outputs = static_cast<Eigen::Index>(sweep_.outputs());
+  const auto count = static_cast<Eigen::Index>(samples_.size());
   at_.clear();
   values_.resize(outputs, count);
-  for (Index j = 0; j < count; ++j) {
+  for (Eigen::Index j = 0; j < count; ++j) {
     const Solved& s = samples_[static_cast<std::size_t>(j)];
     at_.push_back(s.point.frequency);
     values_.col(j) = Eigen::Map<const VectorXcd>(s.outputs.data(), outputs);
@@ -127,7 +126,7 @@ void Adaptive::fit() {
   sketch_floor_ = floors_of(
       sketch, mixing_.size() > 0 ? VectorXd(VectorXd::Zero(sketch.rows())) : VectorXd(nothing.cwiseQuotient(unit_)));
   MatrixXd sizes(sketch.rows(), count);
-  for (Index j = 0; j < count; ++j) sizes.col(j) = sizes_of(sketch.col(j), sketch_floor_);
+  for (Eigen::Index j = 0; j < count; ++j) sizes.col(j) = sizes_of(sketch.col(j), sketch_floor_);
   std::vector<std::size_t> support;
   if (samples_.size() > kFreshFits && !now_.empty())
     for (const double s : now_.support_at()) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/at.hpp"
 #include "matrix/transform.hpp"
 #include "modes/pencil.hpp"
 
@@ -12,8 +13,6 @@ namespace espalier::harmonic {
 namespace {
 
 constexpr double kAsymmetry = 1e-12;
-
-std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
 
 double largest(const std::vector<double>& values) {
   double most = 0;

@@ -11,15 +11,14 @@
 
 namespace espalier::harmonic {
 
-using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 
 namespace {
-Index at(std::size_t i) { return static_cast<Index>(i); }
+Eigen::Index at(std::size_t i) { return static_cast<Eigen::Index>(i); }
 
-constexpr Index kSvd = 32;  // weights up to which they come from a singular value decomposition
+constexpr Eigen::Index kSvd = 32;  // weights up to which they come from a singular value decomposition
 
 // A vector v of length 1 for which |R v| is about the smallest singular value of the upper triangle R: inverse
 // iteration with R^* R, which takes operations by the square of the size, where a decomposition takes them by its cube
@@ -28,7 +27,7 @@ VectorXcd smallest_of_triangle(MatrixXcd r) {
   constexpr int kIterations = 8;
   const double least = std::numeric_limits<double>::epsilon() * r.cwiseAbs().maxCoeff();
   if (least == 0) return VectorXcd::Unit(r.cols(), r.cols() - 1);
-  for (Index j = 0; j < r.cols(); ++j)
+  for (Eigen::Index j = 0; j < r.cols(); ++j)
     if (std::abs(r(j, j)) < least) r(j, j) = least;
   VectorXcd v(r.cols());
   std::uint64_t random = 1;  // Knuth's linear congruential generator: no start is orthogonal to all that is sought
@@ -49,15 +48,15 @@ VectorXcd smallest_of_triangle(MatrixXcd r) {
 
 void Rational::find_weights(const MatrixXd& size) {
   const MatrixXcd& y = y_;
-  const Index columns = at(support_.size());
+  const Eigen::Index columns = at(support_.size());
   std::vector<char> taken(s_.size(), 0);
   for (const std::size_t j : support_) taken[j] = 1;
   MatrixXcd loewner((at(s_.size()) - columns) * y.rows(), columns);
-  Index row = 0;
+  Eigen::Index row = 0;
   for (std::size_t i = 0; i < s_.size(); ++i) {
     if (taken[i] != 0) continue;
-    for (Index c = 0; c < y.rows(); ++c, ++row)
-      for (Index j = 0; j < columns; ++j) {
+    for (Eigen::Index c = 0; c < y.rows(); ++c, ++row)
+      for (Eigen::Index j = 0; j < columns; ++j) {
         const std::size_t k = support_[static_cast<std::size_t>(j)];
         loewner(row, j) = (y(c, at(i)) - y(c, at(k))) / ((s_[i] - s_[k]) * size(c, at(i)));
       }
@@ -133,12 +132,12 @@ const std::vector<std::complex<double>>& Rational::poles() const {
 // counted from a point below all samples, where no pole of interest lies.
 std::vector<std::complex<double>> Rational::find_poles() const {
   std::vector<std::complex<double>> out;
-  const Index m = at(support_.size());
+  const Eigen::Index m = at(support_.size());
   const std::complex<double> total = weights_.sum();
   if (m < 2 || total == 0.0) return out;
   const double length = s_.back() - s_.front(), origin = s_.front() - 2 * length;
   MatrixXcd a(m, m);
-  for (Index j = 0; j < m; ++j) {
+  for (Eigen::Index j = 0; j < m; ++j) {
     const double sj = s_[support_[static_cast<std::size_t>(j)]] - origin;
     a.col(j).setConstant(-weights_[j] * sj / total);
     a(j, j) += sj;

@@ -6,14 +6,13 @@
 #include <utility>
 #include <vector>
 
+#include "base/at.hpp"
 #include "matrix/column_sweep.hpp"
 #include "matrix/triplets.hpp"
 
 namespace espalier::matrix {
 
 namespace {
-
-std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
 
 bool half_stored(const MatrixView& a) {
   return a.storage == Storage::symmetric_lower || a.storage == Storage::symmetric_upper;

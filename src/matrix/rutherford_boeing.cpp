@@ -40,7 +40,7 @@ class Lines {
   const char* end_;
 };
 
-struct Header {
+struct RutherfordBoeingHeader {
   char value_type = 'r';  // r, i or p
   Symmetry symmetry = Symmetry::general;
   std::int64_t rows = 0, cols = 0, entries = 0;
@@ -58,7 +58,7 @@ std::int64_t header_integer(const Lines& lines, std::string_view line, std::size
   return value;
 }
 
-void read_type(const Lines& lines, std::string_view line, Header& header) {
+void read_type(const Lines& lines, std::string_view line, RutherfordBoeingHeader& header) {
   const std::string type = lower_case(line.substr(0, 3));
   const auto refuse = [&](const std::string& why) {
     fail_at(lines.source(), line.data(), fmt::format("matrix type '{}': {}", type, why));
@@ -89,8 +89,8 @@ FortranFormat read_format(const Lines& lines, std::string_view line, std::size_t
   return *format;
 }
 
-Header read_header(Lines& lines) {
-  Header header;
+RutherfordBoeingHeader read_header(Lines& lines) {
+  RutherfordBoeingHeader header;
   (void)lines.take("the title");
   const std::string_view counts = lines.take("the line counts");
   const bool harwell_boeing =
@@ -135,7 +135,7 @@ void read_section(Lines& lines, const FortranFormat& format, Offset count, const
           fmt::format("'{}' {}", word_at(skip_blanks(field.begin(), field.end()), field.end()), what));
 }
 
-std::vector<Offset> read_pointers(Lines& lines, const Header& header) {
+std::vector<Offset> read_pointers(Lines& lines, const RutherfordBoeingHeader& header) {
   std::vector<Offset> pointers;
   read_section(lines, header.pointers, header.cols + 1, "column pointers", [&](Offset k, std::string_view field) {
     std::int64_t value = 0;
@@ -154,7 +154,8 @@ std::vector<Offset> read_pointers(Lines& lines, const Header& header) {
 }
 
 // Reads indices and values into the raw entries; remembers where each section of the text begins.
-void read_entries(Lines& lines, const Header& header, const std::vector<Offset>& pointers, RawEntries& raw) {
+void read_entries(Lines& lines, const RutherfordBoeingHeader& header, const std::vector<Offset>& pointers,
+                  RawEntries& raw) {
   read_section(lines, header.indices, header.entries, "row indices", [&](Offset k, std::string_view field) {
     std::int64_t value = 0;
     if (const auto error = scan_field(field, value); error != ScanError::none) fail_field(lines, field, explain(error));
@@ -203,7 +204,7 @@ SparseMatrix parse_rutherford_boeing(std::string_view text, const std::string& n
   const Source source{name, text};
   if (text.empty()) fail(source, "the file is empty");
   Lines lines(source);
-  const Header header = read_header(lines);
+  const RutherfordBoeingHeader header = read_header(lines);
   const auto pointers = read_pointers(lines, header);
   const char* indices = lines.position();
   if (header.entries > lines.bytes_left())  // an index takes one character at least

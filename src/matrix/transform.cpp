@@ -4,13 +4,12 @@
 
 #include <stdexcept>
 
+#include "base/at.hpp"
 #include "matrix/triplets.hpp"
 
 namespace espalier::matrix {
 
 namespace {
-
-std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
 
 // Running sums of counts that stand one place to the right: counts of column j in ptr[j + 1].
 void accumulate(std::vector<Offset>& ptr) {

@@ -12,7 +12,7 @@ namespace espalier::matrix {
 
 namespace {
 
-constexpr Index kColumnsPerTask = 4096;
+constexpr Index kValidatedColumns = 4096;
 
 void check_shape(const MatrixView& a) {
   const auto refuse = [](const std::string& message) { throw Error(StatusCode::invalid_input, message); };
@@ -64,7 +64,7 @@ void check_columns(Index cols, base::ThreadPool* pool, const Check& check) {
   std::mutex mutex;
   std::int64_t first_wrong = cols;
   std::optional<Error> error;
-  base::for_each_range(pool, cols, kColumnsPerTask, [&](std::int64_t begin, std::int64_t end) {
+  base::for_each_range(pool, cols, kValidatedColumns, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j) {
       auto wrong = check(static_cast<Index>(j));
       if (!wrong) continue;

@@ -11,7 +11,7 @@ namespace espalier::modes {
 
 namespace {
 
-constexpr Index kColumns = 32;  // examined at a time
+constexpr Index kHarvestColumns = 32;  // examined at a time
 
 Eigen::Map<const Eigen::VectorXd> vector_of(const double* x, Index n) { return {x, n}; }
 
@@ -93,10 +93,10 @@ void examine(const SparseMatrix& k, const SparseMatrix& m, const Product& k_full
              bool inner_is_k, Workshop& shop, ModesResult& result) {
   const Index n = result.n, count = result.count();
   const double k_norm = matrix::norm_inf(k, &shop.pool), m_norm = matrix::norm_inf(m, &shop.pool);
-  Tall kx(n, std::min(count, kColumns), &shop.budget), mx(n, std::min(count, kColumns), &shop.budget);
+  Tall kx(n, std::min(count, kHarvestColumns), &shop.budget), mx(n, std::min(count, kHarvestColumns), &shop.budget);
   result.residuals.assign(static_cast<std::size_t>(count), 0.0);
-  for (Index c = 0; c < count; c += kColumns) {
-    const Index width = std::min(kColumns, count - c);
+  for (Index c = 0; c < count; c += kHarvestColumns) {
+    const Index width = std::min(kHarvestColumns, count - c);
     const double* x = result.vectors.data() + static_cast<std::int64_t>(n) * c;
     k_full.apply(shop.pool, x, kx.col(0), width);
     m_full.apply(shop.pool, x, mx.col(0), width);

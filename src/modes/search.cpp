@@ -15,7 +15,7 @@ namespace {
 
 // Modes sought to the right of one shift; for more another factorization is cheaper than a longer basis.
 constexpr Index kAtATime = 100;
-constexpr Index kColumns = 32;  // that are multiplied and solved for at a time in the end
+constexpr Index kSolvedColumns = 32;  // that are multiplied and solved for at a time in the end
 
 }  // namespace
 
@@ -203,9 +203,9 @@ void Search::collect(const LanczosResult& found, const std::function<void(const 
 // @param rounding  of the eigenvalues of OP
 void Search::purify(Tall& batch, double rounding, std::vector<double>& eigenvalues) {
   const Index n = pencil_.n(), count = batch.columns();
-  Tall image(n, std::min(count, kColumns), &shop_.budget);
-  for (Index c = 0; c < count; c += kColumns) {
-    const Index width = std::min(kColumns, count - c);
+  Tall image(n, std::min(count, kSolvedColumns), &shop_.budget);
+  for (Index c = 0; c < count; c += kSolvedColumns) {
+    const Index width = std::min(kSolvedColumns, count - c);
     op_.b(batch.col(c), image.col(0), width);
     const base::Stopwatch watch(clock_.solves);
     pencil_.solve(image.col(0), batch.col(c), width);
@@ -215,8 +215,8 @@ void Search::purify(Tall& batch, double rounding, std::vector<double>& eigenvalu
   orthonormalize(shop_.pool, op_.b, batch, image);
   const std::vector<double> k_diagonal = diagonal_of(pencil_.k());
   const Eigen::Map<const Eigen::VectorXd> diagonal(k_diagonal.data(), n);
-  for (Index c = 0; c < count; c += kColumns) {
-    const Index width = std::min(kColumns, count - c);
+  for (Index c = 0; c < count; c += kSolvedColumns) {
+    const Index width = std::min(kSolvedColumns, count - c);
     stiffness_.apply(shop_.pool, batch.col(c), image.col(0), width);
     for (Index j = 0; j < width; ++j) {
       const Eigen::Map<const Eigen::VectorXd> x(batch.col(c + j), n), kx(image.col(j), n);

@@ -7,7 +7,7 @@ namespace espalier::modes {
 namespace {
 
 // Rows of a range: a block of 8 columns of it stays in the first cache while the columns of the other factor go by.
-constexpr std::int64_t kRows = 1024;
+constexpr std::int64_t kTallRows = 1024;
 
 using Block = Eigen::Map<const Dense, 0, Eigen::OuterStride<>>;
 using Target = Eigen::Map<Dense, 0, Eigen::OuterStride<>>;
@@ -33,12 +33,13 @@ double random_at(std::uint64_t place) {
 template <class Part>
 Dense sum_of_ranges(base::ThreadPool& pool, Index n, Index rows, Index cols, const Part& part) {
   constexpr std::int64_t kMostSums = 16;
-  const std::int64_t ranges = (n + kRows - 1) / kRows;
+  const std::int64_t ranges = (n + kTallRows - 1) / kTallRows;
   const std::int64_t each = std::max<std::int64_t>(1, (ranges + kMostSums - 1) / kMostSums);
   std::vector<Dense> sums(static_cast<std::size_t>((ranges + each - 1) / each));
   pool.for_each_range(ranges, each, [&](std::int64_t first, std::int64_t last) {
     Dense sum = Dense::Zero(rows, cols);
-    for (std::int64_t r = first; r < last; ++r) part(r * kRows, std::min<std::int64_t>(n, (r + 1) * kRows), sum);
+    for (std::int64_t r = first; r < last; ++r)
+      part(r * kTallRows, std::min<std::int64_t>(n, (r + 1) * kTallRows), sum);
     sums[static_cast<std::size_t>(first / each)] = std::move(sum);
   });
   Dense total = Dense::Zero(rows, cols);
@@ -62,7 +63,7 @@ Eigen::VectorXd weighted_squares(base::ThreadPool& pool, Index n, const double* 
 
 void subtract(base::ThreadPool& pool, Index n, const double* v, const Dense& h, double* w) {
   if (h.size() == 0) return;
-  pool.for_each_range(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(n, kTallRows, [&](std::int64_t begin, std::int64_t end) {
     target_rows(w, n, static_cast<Index>(h.cols()), begin, end).noalias() -=
         rows_of(v, n, static_cast<Index>(h.rows()), begin, end) * h;
   });
@@ -70,7 +71,7 @@ void subtract(base::ThreadPool& pool, Index n, const double* v, const Dense& h, 
 
 void combine(base::ThreadPool& pool, Index n, const double* v, const Dense& s, double* out) {
   if (s.cols() == 0) return;
-  pool.for_each_range(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(n, kTallRows, [&](std::int64_t begin, std::int64_t end) {
     const Dense made = rows_of(v, n, static_cast<Index>(s.rows()), begin, end) * s;
     target_rows(out, n, static_cast<Index>(s.cols()), begin, end) = made;
   });
@@ -91,7 +92,7 @@ void orthonormalize(base::ThreadPool& pool, const Apply& b, Tall& v, Tall& work)
 }
 
 void randomize(base::ThreadPool& pool, Index n, double* w, Index b, std::uint64_t seed) {
-  pool.for_each_range(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(n, kTallRows, [&](std::int64_t begin, std::int64_t end) {
     for (Index j = 0; j < b; ++j)
       for (std::int64_t i = begin; i < end; ++i)
         w[static_cast<std::int64_t>(n) * j + i] =

@@ -20,7 +20,7 @@ namespace espalier::plan {
 namespace {
 
 constexpr Index kMostTileWidth = 2047;
-constexpr std::int64_t kFrontsPerRange = 256;
+constexpr std::int64_t kChildrenRange = 256;
 
 }  // namespace
 
@@ -45,7 +45,7 @@ void relate_rows(Plan& plan, base::ThreadPool& pool) {
   const auto& t = plan.tree;
   const bool part = !plan.row_begin.empty();
   plan.relative.resize(part ? static_cast<std::size_t>(plan.row_begin.back()) : t.rows.size());
-  pool.for_each_range(plan.fronts(), kFrontsPerRange, [&](std::int64_t b, std::int64_t e) {
+  pool.for_each_range(plan.fronts(), kChildrenRange, [&](std::int64_t b, std::int64_t e) {
     for (auto f = static_cast<Index>(b); f < e; ++f) {
       const Index p = t.parent[f];
       if (p < 0 || (part && !knows(plan, f, plan.options.rank))) continue;

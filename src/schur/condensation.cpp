@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "analysis/matching.hpp"
+#include "base/at.hpp"
 #include "base/stopwatch.hpp"
 #include "matrix/norms.hpp"
 #include "matrix/transform.hpp"
@@ -18,8 +19,6 @@
 namespace espalier::schur {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 base::Interruption::Clock::duration period_of(const Options& o) {
   return std::chrono::duration_cast<base::Interruption::Clock::duration>(

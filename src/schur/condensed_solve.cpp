@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "base/at.hpp"
 #include "base/stopwatch.hpp"
 #include "schur/condensation.hpp"
 #include "solve/refinement.hpp"
@@ -14,8 +15,6 @@
 namespace espalier::schur {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 // @throws Error(invalid_input) naming a row that is not finite
 void check_finite(const double* b, Index rows, Index columns, const char* what) {

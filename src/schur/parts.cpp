@@ -4,14 +4,9 @@
 
 #include <utility>
 
+#include "base/at.hpp"
+
 namespace espalier::schur {
-
-namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
-
-}  // namespace
 
 Parts::Parts(const MatrixView& a, std::span<const Index> unknowns, bool unsymmetric) : unsymmetric_(unsymmetric) {
   take_list(unknowns, a.cols);

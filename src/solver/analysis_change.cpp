@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "analysis/tree_change.hpp"
+#include "base/at.hpp"
 #include "plan/kept_entries.hpp"
 #include "solver/analysis_draft.hpp"
 #include "solver/whole_plan.hpp"
@@ -12,8 +13,6 @@
 namespace espalier::solver {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 // Beyond these, a new order is worth its time.
 constexpr double kMostChanged = 0.1;  // of all entries, added or removed

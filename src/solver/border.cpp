@@ -7,12 +7,11 @@
 #include <numeric>
 
 #include "analysis/border.hpp"
+#include "base/at.hpp"
 
 namespace espalier::solver {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 double factor_of(const std::vector<double>& scale, Index i) { return scale.empty() ? 1.0 : scale[at(i)]; }
 

@@ -8,13 +8,11 @@
 #include <stdexcept>
 #include <type_traits>
 
+#include "solver/c_handle.hpp"
+
 namespace espalier::solver {
 
 namespace {
-
-void require(bool condition, const char* what) {
-  if (!condition) throw std::invalid_argument(what);
-}
 
 [[noreturn]] void reject(const std::string& message, Index row = -1) {
   throw Error(StatusCode::invalid_input, message, row);

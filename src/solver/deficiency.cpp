@@ -8,6 +8,7 @@
 #include <numeric>
 #include <utility>
 
+#include "base/mix.hpp"
 #include "solver/small_block.hpp"
 
 namespace espalier::solver {
@@ -23,10 +24,7 @@ constexpr std::int64_t kColumnsPerRange = 4096, kRowsPerRange = 1 << 15;
 // Numbers without pattern (the finalizer of splitmix64, Steele et al. 2014), the same in every run: of both signs, from
 // 1/2 to 1 in magnitude.
 double random_number(std::uint64_t k) {
-  k += 0x9e3779b97f4a7c15U;
-  k = (k ^ (k >> 30)) * 0xbf58476d1ce4e5b9U;
-  k = (k ^ (k >> 27)) * 0x94d049bb133111ebU;
-  k ^= k >> 31;
+  k = base::mix(k + 0x9e3779b97f4a7c15U);
   const double magnitude = 0.5 + static_cast<double>(k >> 12) * 0x1p-53;
   return (k & 1) != 0 ? magnitude : -magnitude;
 }

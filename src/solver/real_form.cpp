@@ -4,6 +4,7 @@
 
 #include <limits>
 
+#include "base/at.hpp"
 #include "solve/residual.hpp"
 
 namespace espalier::solver {
@@ -11,8 +12,6 @@ namespace espalier::solver {
 namespace {
 
 constexpr std::int64_t kColumns = 4096;  // of the complex matrix, per range of work
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 // Which entries of the block of a diagonal entry are stored.
 struct Triangle {

@@ -10,15 +10,13 @@
 
 #include "analysis/pair_matching.hpp"
 #include "analysis/subgraphs.hpp"
+#include "base/at.hpp"
 #include "graphs.hpp"
 
 namespace espalier::analysis {
 namespace {
 
 using namespace testing;
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
 
 PartGraph part_graph(const Graph& g, std::mt19937& random) {
   PartGraph p;

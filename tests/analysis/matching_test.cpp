@@ -352,7 +352,7 @@ TEST(Matching, TinyEntriesSetNoScale) {
   for (const double tiny : {1e-9, 1e-20, 1e-70, 1e-160})
     for (int run = 0; run < 10; ++run)
       for (const bool symmetric : {false, true}) {
-        SCOPED_TRACE(testing::Message() << tiny << ", run " << run << (symmetric ? ", symmetric" : ""));
+        SCOPED_TRACE(::testing::Message() << tiny << ", run " << run << (symmetric ? ", symmetric" : ""));
         const Dense d = with_tiny_entries(60, tiny, symmetric, random);
         std::vector<double> row, col;
         if (symmetric) {

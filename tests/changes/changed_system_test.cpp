@@ -8,6 +8,7 @@
 #include <limits>
 #include <random>
 
+#include "base/at.hpp"
 #include "reference/reference.hpp"
 
 namespace espalier::test {
@@ -15,8 +16,6 @@ namespace espalier::test {
 namespace {
 
 constexpr double kEps = std::numeric_limits<double>::epsilon();
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 /// A dense square matrix, column-major, that is changed beside the object under test.
 struct Dense {

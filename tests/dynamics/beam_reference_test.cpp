@@ -23,7 +23,7 @@ Vec3 point_of_bend(double share) {
   return {kRadius * std::sin(a), kRadius * (1 - std::cos(a)), 0};
 }
 
-struct Cut {
+struct BendCut {
   Index pieces, elements;
 };
 struct Load {
@@ -37,7 +37,7 @@ const std::vector<Load> kBends = {
 };
 
 /// The end of the bend as a chain of beams; everything (beams, loads) turned by `turn`, and the answer turned back.
-Vec3 bent_end(const Load& load, const Cut& cut, int steps, const Mat3& turn = Mat3::Identity()) {
+Vec3 bent_end(const Load& load, const BendCut& cut, int steps, const Mat3& turn = Mat3::Identity()) {
   BeamChain chain;
   const BeamAxis cuts = make_beam_axis(bend(), {0, 1, 0}, cut.pieces);
   for (Index k = 0; k < cut.pieces; ++k) {
@@ -52,7 +52,7 @@ Vec3 bent_end(const Load& load, const Cut& cut, int steps, const Mat3& turn = Ma
   return turn.transpose() * chain.end().r;
 }
 
-double bend_error(const Load& load, const Cut& cut) {
+double bend_error(const Load& load, const BendCut& cut) {
   const double size = (load.end - point_of_bend(1)).norm();
   return (bent_end(load, cut, load.moment.norm() > 0 ? 24 : 6) - load.end).norm() / size;
 }
@@ -70,7 +70,7 @@ TEST(BeamReference, BatheAndBolourchi) {
 
 // The same in pieces, which are fixed to each other. Before, refinement made it worse (3.6, 2.5, 1.9 digits).
 TEST(BeamReference, BatheAndBolourchiInPieces) {
-  for (const Cut& cut : {Cut{2, 16}, {8, 4}, {32, 1}, {32, 2}})
+  for (const BendCut& cut : {BendCut{2, 16}, {8, 4}, {32, 1}, {32, 2}})
     EXPECT_LT(bend_error(kBends[2], cut), 1e-6) << cut.pieces << " pieces of " << cut.elements << " elements";
   EXPECT_LT(bend_error(kBends[3], {16, 4}), 1e-6);
 }

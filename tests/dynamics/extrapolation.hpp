@@ -12,25 +12,25 @@ namespace espalier::dynamics {
 template <std::size_t N, class Rate>
 [[nodiscard]] std::array<long double, N> extrapolation_step(Rate&& rate, const std::array<long double, N>& y,
                                                             long double length) {
-  using Point = std::array<long double, N>;
+  using Values = std::array<long double, N>;
   constexpr std::size_t kColumns = 6;
-  const auto sum = [](const Point& a, long double s, const Point& b) {
-    Point out;
+  const auto sum = [](const Values& a, long double s, const Values& b) {
+    Values out;
     for (std::size_t i = 0; i < N; ++i) out[i] = a[i] + s * b[i];
     return out;
   };
-  std::array<Point, kColumns> row{}, previous{};  // of the tableau
-  const Point first = rate(y);
+  std::array<Values, kColumns> row{}, previous{};  // of the tableau
+  const Values first = rate(y);
   for (std::size_t k = 0; k < kColumns; ++k) {
     const std::size_t n = 2 * (k + 1);
     const long double h = length / static_cast<long double>(n);
-    Point before = y, now = sum(y, h, first);
+    Values before = y, now = sum(y, h, first);
     for (std::size_t i = 1; i < n; ++i) {
-      const Point next = sum(before, 2 * h, rate(now));
+      const Values next = sum(before, 2 * h, rate(now));
       before = now;
       now = next;
     }
-    const Point closing = sum(before, h, rate(now));
+    const Values closing = sum(before, h, rate(now));
     for (std::size_t i = 0; i < N; ++i) row[0][i] = (now[i] + closing[i]) / 2;
     for (std::size_t j = 1; j <= k; ++j) {
       const long double ratio = static_cast<long double>(k + 1) / static_cast<long double>(k + 1 - j);

@@ -166,9 +166,9 @@ State flexible_crank_start() {
 
 std::array<double, 24> flexible_crank_truth(int steps) {
   using Real = long double;
-  using Point = std::array<Real, 14>;
+  using Values = std::array<Real, 14>;
   using Kkt = Eigen::Matrix<Real, 10, 10>;
-  const auto solve = [](const Point& y) {
+  const auto solve = [](const Values& y) {
     const Vec7<Real> q = Eigen::Map<const Vec7<Real>>(y.data()), v = Eigen::Map<const Vec7<Real>>(y.data() + 7);
     Kkt k = Kkt::Zero();
     k.topLeftCorner<7, 7>() = mass_of<Real>(q);
@@ -178,15 +178,15 @@ std::array<double, 24> flexible_crank_truth(int steps) {
     b << force_of<Real>(q, v), gamma_of<Real>(q, v);
     return Eigen::Matrix<Real, 10, 1>(k.partialPivLu().solve(b));
   };
-  const auto rate = [&](const Point& y) {
+  const auto rate = [&](const Values& y) {
     const auto x = solve(y);
-    Point out;
+    Values out;
     std::copy_n(y.begin() + 7, 7, out.begin());
     std::copy_n(x.data(), 7, out.begin() + 7);
     return out;
   };
   const State start = flexible_crank_start();
-  Point y;
+  Values y;
   std::copy(start.q.begin(), start.q.end(), y.begin());
   std::copy(start.v.begin(), start.v.end(), y.begin() + 7);
   for (int k = 0; k < steps; ++k) y = extrapolation_step(rate, y, .1L / steps);

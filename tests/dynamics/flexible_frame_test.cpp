@@ -12,7 +12,7 @@
 namespace espalier::dynamics::test {
 namespace {
 
-constexpr double kEps = 2.220446049250313e-16;
+constexpr double kUnit = 2.220446049250313e-16;
 
 const Vec3 kArm(0.3, -0.2, 0.5);
 
@@ -57,10 +57,10 @@ TEST(FlexibleFrame, FollowsRigidMotion) {
     const Vec3 own = beam ? Vec3(0.5, 0, 0) : Vec3(1, 0.5, 0.5), omega(0.3, -0.4, 0.9);
     const Vec3 at = carried ? Vec3(own + kArm) : own;
     const Mat3 turn = Eigen::AngleAxisd(carried ? 0.4 : 0, kArm.normalized()).matrix();
-    EXPECT_LT((m.r - (r * at + Vec3(1, 2, 3))).norm(), 50 * kEps);
-    EXPECT_LT((m.rot - r * turn).norm(), 50 * kEps);
-    EXPECT_LT((m.omega - omega).norm(), 100 * kEps);
-    EXPECT_LT((m.vel - (Vec3(0.5, 0.1, 0.2) + omega.cross(m.r))).norm(), 100 * kEps);
+    EXPECT_LT((m.r - (r * at + Vec3(1, 2, 3))).norm(), 50 * kUnit);
+    EXPECT_LT((m.rot - r * turn).norm(), 50 * kUnit);
+    EXPECT_LT((m.omega - omega).norm(), 100 * kUnit);
+    EXPECT_LT((m.vel - (Vec3(0.5, 0.1, 0.2) + omega.cross(m.r))).norm(), 100 * kUnit);
   }
 }
 
@@ -70,7 +70,7 @@ TEST(FlexibleFrame, DerivativesMatchFiniteDifferences) {
     Framed s(kind % 2 == 1, 0.05, kind >= 2);
     const auto coordinates = s.frame->coordinates();
     const auto n = static_cast<Eigen::Index>(coordinates.size());
-    const double h = std::cbrt(kEps), tolerance = 100 * h * h;
+    const double h = std::cbrt(kUnit), tolerance = 100 * h * h;
     Eigen::MatrixXd j(6, n), high(6, n), low(6, n);
     s.frame->jacobian(s.q, j.data());
     Vec6 wrench;
@@ -105,7 +105,7 @@ TEST(FlexibleFrame, DerivativesMatchFiniteDifferences) {
       }
       EXPECT_LT((k.col(c) - 2 * (high - low).transpose() * wrench / (2 * h)).norm(), 50 * tolerance);
     }
-    EXPECT_LT((twist.head<3>() - now.vel).norm() + (twist.tail<3>() - now.omega).norm(), 1e3 * kEps);
+    EXPECT_LT((twist.head<3>() - now.vel).norm() + (twist.tail<3>() - now.omega).norm(), 1e3 * kUnit);
     auto ahead = s.q, behind = s.q;
     for (std::size_t i = 0; i < s.q.size(); ++i) {
       ahead[i] += h * s.v[i];

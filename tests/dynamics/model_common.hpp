@@ -8,6 +8,7 @@
 #include <fstream>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "espalier/dynamics.hpp"
 #include "places.hpp"
@@ -32,6 +33,20 @@ inline Simulation simulated(const std::string& text, SimulationOptions options =
   EXPECT_TRUE(status.ok()) << status.message;
   return simulation;
 }
+
+/// A text with `what`, which it must have, replaced by `by`.
+inline std::string replaced(std::string text, const std::string& what, const std::string& by) {
+  const std::size_t at = text.find(what);
+  EXPECT_NE(at, std::string::npos) << what;
+  return text.replace(at, what.size(), by);
+}
+
+/// A wrong model, and what its error must say.
+struct Mistake {
+  const char* name;
+  std::string text;
+  std::vector<std::string> says;
+};
 
 /// A fresh folder that is removed with the object.
 class ScratchFolder {

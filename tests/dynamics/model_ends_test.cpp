@@ -18,12 +18,6 @@ bool says(const std::vector<std::string>& notices, const std::string& words) {
   return false;
 }
 
-std::string replaced(std::string text, const std::string& what, const std::string& by) {
-  const std::size_t at = text.find(what);
-  EXPECT_NE(at, std::string::npos) << what;
-  return text.replace(at, what.size(), by);
-}
-
 TEST(ModelEnds, AfterANumberOfSteps) {
   for (const char* method : {"steps = 37\n", "steps = 37\nmethod = \"generalized-alpha\"\nstep = 0.01\n"}) {
     std::string text = replaced(kPendulum, "end = 1", method);

@@ -7,12 +7,6 @@
 namespace espalier::dynamics {
 namespace {
 
-struct Mistake {
-  const char* name;
-  std::string text;
-  std::vector<std::string> says;
-};
-
 const std::string kModel = R"toml([bodies.bob]
 type = "rigid"
 mass = 2
@@ -45,7 +39,7 @@ std::string with_hinge(const std::string& keys) {
   return text.replace(text.find(end), end.size(), "\"bob\"], at = [0, 0, 0], " + keys + " }\nball");
 }
 
-std::vector<Mistake> mistakes() {
+std::vector<Mistake> force_mistakes() {
   return {
       {"unknown object",
        with_torque("\"2*bop.position.x\""),
@@ -135,7 +129,7 @@ std::vector<Mistake> mistakes() {
 }
 
 TEST(ForceMistakes, AreErrorsThatSayWhereAndWhat) {
-  for (const Mistake& m : mistakes()) {
+  for (const Mistake& m : force_mistakes()) {
     Simulation s;
     const Status status = s.load_text(m.text, "model.toml");
     EXPECT_EQ(status.code, StatusCode::invalid_input) << m.name << ": " << status.message;

@@ -9,18 +9,6 @@
 namespace espalier::dynamics {
 namespace {
 
-std::string replaced(std::string text, const std::string& what, const std::string& by) {
-  const std::size_t at = text.find(what);
-  EXPECT_NE(at, std::string::npos) << what;
-  return text.replace(at, what.size(), by);
-}
-
-struct Mistake {
-  const char* name;
-  std::string text;
-  std::vector<std::string> says;
-};
-
 std::vector<Mistake> mistakes() {
   const std::string& p = kPendulum;
   const std::string solid = p + R"([bodies.block]

@@ -104,6 +104,15 @@ TEST(MotionAdjoint, OfAMechanismIsForward) {
   expect_forward(linkage("end = 0.2\nrelative = 1e-7\nabsolute = 1e-8\n"), kOfLinkage, 1e-8);
 }
 
+// Passes backward gain in turns here: one without gain is not the end.
+TEST(MotionAdjoint, OfAPendulumAtDefaultTolerancesIsForward) {
+  const std::string kept = "relative = 1e-10\nabsolute = 1e-10\n";
+  const std::string text = dynamics::replaced(dynamics::kPendulum, kept, "") + R"([output]
+quantities = ["bob.position.x", "bob.velocity.y", "hinge.force"]
+)";
+  expect_forward(text, {{"bodies.bob.mass", 2e-4}, {"gravity.1", 1e-3}}, 1e-6);
+}
+
 TEST(MotionAdjoint, OfConstantStepsIsForward) {
   expect_forward(linkage("end = 0.06\nstep = 2e-3\norder = 2\n"), kOfLinkage, 2e-8);
   expect_forward(linkage("end = 0.1\nmethod = \"generalized-alpha\"\nspectral_radius = 0.6\nstep = 4e-3\n"), kOfLinkage,

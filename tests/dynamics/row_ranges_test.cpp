@@ -8,10 +8,10 @@
 #include <memory>
 #include <random>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics {
 namespace {
-
-std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
 
 /// Columns of up to `most` entries, every seventh empty, some rows in none.
 SparsePattern made_up(Index rows, Index cols, Index most) {

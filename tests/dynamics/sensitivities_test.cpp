@@ -355,5 +355,40 @@ TEST(Sensitivities, SayWhatHasNoDerivative) {
   EXPECT_FALSE(sensitivities("no such file.toml", {{"parameters.length"}}).status.ok());
 }
 
+// Times, tolerances and loads of the run stay what they are; a derivative by them would be a silent zero.
+TEST(Sensitivities, WhatMovesTheRunItselfIsRefused) {
+  const std::string text = R"(
+[parameters]
+k = 4
+until = 1
+[bodies.mass]
+type = "point"
+mass = 2
+position = [1.5, 0, 0]
+[forces.spring]
+type = "spring"
+a = { body = "ground" }
+b = { body = "mass" }
+stiffness = "k"
+rest = 1
+[output]
+quantities = ["mass.position.x"]
+)";
+  const std::string motion = text + "[integrator]\nend = \"until + 1\"\n";
+  const std::string rest = text + "[statics]\nload = \"until\"\n";
+  const auto expect_refused = [](const std::string& model, const std::string& parameter, const std::string& section) {
+    for (const SensitivityMethod method : {SensitivityMethod::forward, SensitivityMethod::adjoint}) {
+      const SensitivityResult r = sensitivities_of_text(model, "model.toml", {{parameter}}, {}, method);
+      EXPECT_EQ(r.status.code, StatusCode::invalid_input) << parameter;
+      EXPECT_NE(r.status.message.find(section), std::string::npos) << r.status.message;
+      EXPECT_NE(r.status.message.find("depends on " + parameter), std::string::npos) << r.status.message;
+    }
+  };
+  expect_refused(motion, "parameters.until", "integrator");
+  expect_refused(motion + "relative = 1e-5\n", "integrator.relative", "integrator");
+  expect_refused(rest, "parameters.until", "statics");
+  EXPECT_TRUE(sensitivities_of_text(motion, "model.toml", {{"parameters.k"}}).status.ok());
+}
+
 }  // namespace
 }  // namespace espalier

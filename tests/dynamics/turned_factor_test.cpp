@@ -11,14 +11,13 @@
 #include <stdexcept>
 #include <vector>
 
+#include "base/at.hpp"
 #include "dynamics/bodies/flexible_body.hpp"
 #include "dynamics/dae/kkt.hpp"
 #include "dynamics/model_common.hpp"
 
 namespace espalier::dynamics {
 namespace {
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 Eigen::Matrix3d rotation(double angle, const Eigen::Vector3d& axis) {
   return Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix();

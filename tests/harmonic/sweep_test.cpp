@@ -148,10 +148,10 @@ TEST(Harmonic, ThreadsAndCompanyDoNotChangeTheBits) {
     damped.row(row).setZero(), damped.col(row).setZero();
   }
   const std::vector<Complex> f = test::flat(Eigen::MatrixXcd::Identity(n, 2));
-  struct Case {
+  struct Setting {
     const Eigen::MatrixXd &k, &c, &m;
   };
-  for (const Case& one : {Case{k, c, m}, Case{k, g, m}, Case{bordered, damped, massless}})
+  for (const Setting& one : {Setting{k, c, m}, Setting{k, g, m}, Setting{bordered, damped, massless}})
     for (const double tolerance : {0.0, 1e-4}) {
       HarmonicOptions o = range(0.005, 0.3, 25, tolerance);
       o.observed = {3, 15};

@@ -14,7 +14,7 @@ namespace espalier::solve {
 namespace {
 
 using reference::Values;
-constexpr double kEps = std::numeric_limits<double>::epsilon();
+constexpr double kUnit = std::numeric_limits<double>::epsilon();
 
 TEST(Residual, EqualsLongDoubleForEveryStorageAndTranspose) {
   base::ThreadPool pool(2);
@@ -33,12 +33,12 @@ TEST(Residual, EqualsLongDoubleForEveryStorageAndTranspose) {
           // The truth itself carries the rounding of long double, some 30 times that of its largest terms.
           const double rounding = 30 * static_cast<double>(std::numeric_limits<long double>::epsilon());
           const double allowed = rounding * (op.norm(transpose) + 1);
-          for (std::size_t k = 0; k < r.size(); ++k) ASSERT_NEAR(r[k], truth[k], allowed + kEps * std::abs(truth[k]));
+          for (std::size_t k = 0; k < r.size(); ++k) ASSERT_NEAR(r[k], truth[k], allowed + kUnit * std::abs(truth[k]));
           EXPECT_NEAR(e.normwise, reference::backward_error(a, b, x, 1, transpose), 1e-12 + 0.7 * e.normwise);
           std::vector<double> y(b.size()), zero(b.size(), 0.0);
           op.multiply(x.data(), y.data(), transpose);
           const std::vector<double> minus = reference::residual(a, zero.data(), x.data(), transpose);
-          for (std::size_t k = 0; k < y.size(); ++k) ASSERT_NEAR(y[k], -minus[k], 100 * kEps * op.norm(transpose));
+          for (std::size_t k = 0; k < y.size(); ++k) ASSERT_NEAR(y[k], -minus[k], 100 * kUnit * op.norm(transpose));
           const BackwardError again = op.compute(b.data(), x.data(), nullptr, transpose);
           EXPECT_EQ(again.componentwise, e.componentwise);
           EXPECT_EQ(again.normwise, e.normwise);
@@ -65,7 +65,7 @@ TEST(Residual, SeveralColumnsEqualLongDoubleAndKeepApart) {
         const ResidualColumn& c = columns[k];
         const std::vector<double> truth = reference::residual(a, c.b, c.x, transpose);
         for (std::size_t i = 0; k > 1 && i < truth.size(); ++i)
-          ASSERT_NEAR(c.r[i], truth[i], rounding * (op.norm(transpose) + 1) + kEps * std::abs(truth[i]));
+          ASSERT_NEAR(c.r[i], truth[i], rounding * (op.norm(transpose) + 1) + kUnit * std::abs(truth[i]));
         std::vector<double> r_alone(n);
         const BackwardError alone = op.compute(c.b, c.x, r_alone.data(), transpose);
         EXPECT_EQ(c.error.normwise, alone.normwise);
@@ -95,11 +95,11 @@ TEST(Residual, ProductsOfSeveralColumnsHaveTheBitsOfOne) {
 TEST(Residual, SeesWhatDoublePrecisionCancels) {
   base::ThreadPool pool(1);
   // 1 - (1 + eps)(1 - eps) = eps^2
-  const SparseMatrix one = reference::from_triples(1, {{0, 0, 1 + kEps}}, Storage::general);
-  const double x = 1 - kEps, b = 1;
+  const SparseMatrix one = reference::from_triples(1, {{0, 0, 1 + kUnit}}, Storage::general);
+  const double x = 1 - kUnit, b = 1;
   double r = 0;
   (void)ResidualOperator(one, pool).compute(&b, &x, &r, false);
-  EXPECT_EQ(r, kEps * kEps);
+  EXPECT_EQ(r, kUnit * kUnit);
   // 2^60 - 2^60 + 1 in any order of the row
   for (const bool transpose : {false, true}) {
     const SparseMatrix row =

@@ -4,13 +4,12 @@
 #include <cmath>
 #include <numeric>
 
+#include "base/at.hpp"
 #include "device/host/pivoting.hpp"
 
 namespace espalier::device::host {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 // The entries of L that are allowed here, over those that the factorization allows: tiles may be cut a little
 // differently there.

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 
+#include "base/at.hpp"
+
 namespace espalier::device::host {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
 
 // Whether a front has been made, in the last factorization or in an earlier one of the same values.
 template <class T>

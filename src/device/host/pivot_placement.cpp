@@ -3,14 +3,12 @@
 #include <algorithm>
 #include <atomic>
 
+#include "base/at.hpp"
 #include "device/host/delaying_front.hpp"
 
 namespace espalier::device::host {
 
 namespace {
-
-auto at(Index k) { return static_cast<std::size_t>(k); }
-auto at(Offset k) { return static_cast<std::size_t>(k); }
 
 /// What a front leaves to its parent.
 template <class Value>

@@ -7,9 +7,9 @@
 #include <cmath>
 #include <utility>
 
+#include "base/at.hpp"
 #include "base/parallel.hpp"
 #include "base/stopwatch.hpp"
-#include "dynamics/dae/at.hpp"
 #include "dynamics/dae/vectors.hpp"
 
 namespace espalier::dynamics {

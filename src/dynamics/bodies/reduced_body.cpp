@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/at.hpp"
 #include "dynamics/bodies/axial.hpp"
-#include "dynamics/dae/at.hpp"
 
 namespace espalier::dynamics {
 namespace {

@@ -1,6 +1,6 @@
 #include "dynamics/bodies/reduced_inertia.hpp"
 
-#include "dynamics/dae/at.hpp"
+#include "base/at.hpp"
 
 namespace espalier::dynamics {
 namespace {

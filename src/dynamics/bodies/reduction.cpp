@@ -8,8 +8,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/at.hpp"
 #include "dynamics/bodies/rotation.hpp"
-#include "dynamics/dae/at.hpp"
 #include "espalier/modes.hpp"
 
 namespace espalier::dynamics {

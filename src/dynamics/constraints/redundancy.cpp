@@ -6,11 +6,11 @@
 #include <queue>
 #include <utility>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics {
 
 namespace {
-
-std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
 
 struct Entry {
   Index index;

@@ -4,7 +4,7 @@
 #include <new>
 #include <utility>
 
-#include "dynamics/dae/at.hpp"
+#include "base/at.hpp"
 #include "dynamics/dae/products.hpp"
 #include "dynamics/dae/vectors.hpp"
 

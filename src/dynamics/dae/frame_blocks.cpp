@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/at.hpp"
 #include "base/parallel.hpp"
-#include "dynamics/dae/at.hpp"
 
 namespace espalier::dynamics {
 namespace {

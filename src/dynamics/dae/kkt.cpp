@@ -6,8 +6,8 @@
 #include <new>
 #include <utility>
 
+#include "base/at.hpp"
 #include "base/parallel.hpp"
-#include "dynamics/dae/at.hpp"
 #include "dynamics/dae/row_ranges.hpp"
 #include "dynamics/dae/vectors.hpp"
 

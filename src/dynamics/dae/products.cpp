@@ -1,7 +1,7 @@
 #include "dynamics/dae/products.hpp"
 
+#include "base/at.hpp"
 #include "base/parallel.hpp"
-#include "dynamics/dae/at.hpp"
 
 namespace espalier::dynamics {
 

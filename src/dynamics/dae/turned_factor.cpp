@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/at.hpp"
 #include "base/parallel.hpp"
-#include "dynamics/dae/at.hpp"
 #include "dynamics/dae/products.hpp"
 #include "dynamics/dae/vectors.hpp"
 

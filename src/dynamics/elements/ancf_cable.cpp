@@ -10,7 +10,7 @@ namespace espalier::dynamics {
 namespace {
 
 constexpr int kVertices = 4;
-constexpr int kDofs = 3 * kVertices;
+constexpr int kCableDofs = 3 * kVertices;
 constexpr int kParts = 3;  // chord r2 - r1, slopes r1_x and r2_x: positions count by their difference alone
 
 /// Shape functions on an element of length 1 at the points of a rule, found once.
@@ -210,7 +210,7 @@ ESPALIER_INLINE bool evaluate(const CableSection& section, double length, const 
       for (int j = 0; j < 3; ++j)
         for (int a = 0; a < kVertices; ++a)
           for (int i = 0; i < 3; ++i)
-            out.tangent[(3 * b + j) * kDofs + 3 * a + i] =
+            out.tangent[(3 * b + j) * kCableDofs + 3 * a + i] =
                 kSign[a] * kSign[b] * parts.tangent[kPartOf[b]][kPartOf[a]].m[j][i];
   return true;
 }

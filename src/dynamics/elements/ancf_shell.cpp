@@ -9,7 +9,7 @@ namespace espalier::dynamics {
 namespace {
 
 constexpr int kNodes = 4;
-constexpr int kDofs = 24;
+constexpr int kShellDofs = 24;
 
 /// Nodes of the hexahedron: x_a = r_a - half d_a, x_(a+4) = r_a + half d_a.
 void to_hexahedron(const double* shell, double half, double* hex) {
@@ -35,7 +35,8 @@ void from_hexahedron(const double* hex, double half, double* shell) {
 
 bool evaluate_shell(const Material& material, double thickness, const ElementInput& in, ElementOutput& out) {
   const double half = 0.5 * thickness;
-  double reference[kDofs], position[kDofs], velocity[kDofs], force[kDofs], tangent[kDofs * kDofs];
+  double reference[kShellDofs], position[kShellDofs], velocity[kShellDofs], force[kShellDofs],
+      tangent[kShellDofs * kShellDofs];
   to_hexahedron(in.reference, half, reference);
   to_hexahedron(in.position, half, position);
   if (in.velocity != nullptr) to_hexahedron(in.velocity, half, velocity);
@@ -48,20 +49,20 @@ bool evaluate_shell(const Material& material, double thickness, const ElementInp
   out.energy = result.energy;
   from_hexahedron(force, half, out.force);
   if (out.tangent == nullptr) return true;
-  double rows[kDofs * kDofs];  // rows of the tangent in shell coordinates, columns in those of the hexahedron
-  for (int col = 0; col < kDofs; ++col) from_hexahedron(tangent + col * kDofs, half, rows + col * kDofs);
-  for (int row = 0; row < kDofs; ++row) {
-    double line[kDofs], turned[kDofs];
-    for (int col = 0; col < kDofs; ++col) line[col] = rows[col * kDofs + row];
+  double rows[kShellDofs * kShellDofs];  // rows of the tangent in shell coordinates, columns in those of the hexahedron
+  for (int col = 0; col < kShellDofs; ++col) from_hexahedron(tangent + col * kShellDofs, half, rows + col * kShellDofs);
+  for (int row = 0; row < kShellDofs; ++row) {
+    double line[kShellDofs], turned[kShellDofs];
+    for (int col = 0; col < kShellDofs; ++col) line[col] = rows[col * kShellDofs + row];
     from_hexahedron(line, half, turned);
-    for (int col = 0; col < kDofs; ++col) out.tangent[col * kDofs + row] = turned[col];
+    for (int col = 0; col < kShellDofs; ++col) out.tangent[col * kShellDofs + row] = turned[col];
   }
   return true;
 }
 
 void shell_mass(double density, double thickness, const double* reference, double* m) {
   constexpr int kVertices = 2 * kNodes;
-  double hex[kDofs], mass[kVertices * kVertices], half = 0.5 * thickness;
+  double hex[kShellDofs], mass[kVertices * kVertices], half = 0.5 * thickness;
   to_hexahedron(reference, half, hex);
   solid_mass(ElementType::hex8, density, hex, mass);
   const auto entry = [&](int a, int b) { return mass[b * kVertices + a]; };

@@ -8,14 +8,13 @@
 #include <limits>
 #include <stdexcept>
 
+#include "base/at.hpp"
 #include "base/parallel.hpp"
 
 namespace espalier::dynamics {
 namespace {
 
 using base::for_each_range;
-
-std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
 
 /// Tangents of a batch take about so many bytes for each thread: a part of its cache.
 constexpr std::int64_t kBatchBytes = 1 << 20;

@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics {
 
-namespace {
-std::size_t at(Offset i) { return static_cast<std::size_t>(i); }
-}  // namespace
+namespace {}  // namespace
 
 ForceList make_force_list(const Connectivity& c, Index vertices) {
   ForceList list;

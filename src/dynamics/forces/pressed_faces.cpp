@@ -3,7 +3,7 @@
 #include <map>
 #include <stdexcept>
 
-#include "dynamics/dae/at.hpp"
+#include "base/at.hpp"
 #include "dynamics/elements/pressure.hpp"
 
 namespace espalier::dynamics {

@@ -46,6 +46,7 @@ struct BdfOptions {
   double refactor_step = 0.3;   ///< so does a relative change of h/b0 since the factor
   BdfIteration iteration = BdfIteration::reduced;
   bool measure_blocks = false;  ///< evaluate every block of H after each step (dense; small systems)
+  bool operator==(const BdfOptions&) const = default;
 };
 
 /// The integrator. Reduced iteration (docs/design/README.md): with h' = h/b0, W = F_a + h' F_v + h'^2 F_q and
@@ -151,6 +152,7 @@ class BdfIntegrator final : public Integrator {
   [[nodiscard]] double rounding_of_change();
   [[nodiscard]] double allowed_change();
   [[nodiscard]] bool step_is_held() const;
+  [[nodiscard]] bool has_freedom() const;
   [[nodiscard]] bool rounding_ends(double change, const StepReport& report);
   [[nodiscard]] double change_of_pass(StepReport& report);
   /// Of a pass: the largest numbers and weighted squares.

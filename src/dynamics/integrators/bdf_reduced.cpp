@@ -182,6 +182,14 @@ bool BdfIntegrator::step_is_held() const {
   return options_.fixed_step > 0 || formula_.h >= (1 - 1e-9) * options_.max_step;
 }
 
+// False where as many constraints as velocities say all of the motion.
+bool BdfIntegrator::has_freedom() const {
+  const std::size_t n = theta_.size(), m = level_.size();
+  if (m < n) return true;
+  const auto& dropped = equations_.dropped();
+  return m - static_cast<std::size_t>(std::count_if(dropped.begin(), dropped.end(), [](char d) { return d != 0; })) < n;
+}
+
 // How far the iteration must go: to newton_tolerance of the tolerance, or of the formula's own error where that is
 // smaller and the step is held short. A smaller step would otherwise keep an error of q and v that adds up over more
 // steps, and one of a and lambda that grows with 1/h. Uses dq_ and dv_.
@@ -268,9 +276,10 @@ BdfIntegrator::Outcome BdfIntegrator::solve_reduced(StepReport& report) {
       rate_ = std::max(0.3 * rate_, report.newton_rate);
     }
     const double rate = std::min(rate_, 0.9);
-    // One pass tells nothing of the rate, and a step held short wants to know.
-    const bool known = iteration > 1 || !held;
-    const bool small = (known && change * rate / (1 - rate) <= allowed_change()) || change == 0;
+    // One pass tells nothing of the rate, and a step held short wants to know. Nor do changes of q and v tell of the
+    // multipliers where constraints say all of the motion: a second pass finds those that the equations ask for.
+    const bool known = iteration > 1 || !held, multipliers_known = iteration > 1 || has_freedom();
+    const bool small = multipliers_known && ((known && change * rate / (1 - rate) <= allowed_change()) || change == 0);
     const bool at_floor = !small && previous > 0 && rounding_ends(change, report);
     if ((small || at_floor) && finish_levels(report)) {
       rate_poor_ = small && report.newton_rate > options_.refactor_rate && change > 1e-9;

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "dynamics/dae/at.hpp"
+#include "base/at.hpp"
 
 namespace espalier::dynamics {
 

@@ -28,6 +28,7 @@ struct AlphaOptions {
   /// Where Newton has failed, its changes are halved as long as forces grow: for contact and friction, whose laws have
   /// corners. Without corners a step in which Newton fails is too long as a rule, and shorter ones are more exact.
   bool search = false;
+  bool operator==(const AlphaOptions&) const = default;
 };
 
 /// Chung and Hulbert 1993, on Lie groups and for constraints as Arnold and Bruels 2007, Bruels, Cardona, Arnold 2012:

@@ -3,7 +3,7 @@
 #include <array>
 #include <utility>
 
-#include "dynamics/dae/at.hpp"
+#include "base/at.hpp"
 
 namespace espalier::dynamics {
 

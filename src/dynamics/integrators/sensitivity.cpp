@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dynamics/dae/at.hpp"
+#include "base/at.hpp"
 #include "dynamics/dae/products.hpp"
 #include "dynamics/integrators/history.hpp"
 

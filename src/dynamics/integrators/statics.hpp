@@ -39,6 +39,7 @@ struct StaticsOptions {
   double largest_turnback = 100;  ///< an arc that leads to a load factor below -largest_turnback is given up
   double pseudo_time = 0;         ///< first step of the relaxation; 0: from the size and the forces of the system
   StaticPath path = StaticPath::automatic;
+  bool operator==(const StaticsOptions&) const = default;
 };
 
 /// An accepted step of the path.

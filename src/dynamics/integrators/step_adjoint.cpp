@@ -5,10 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <random>
 #include <utility>
 
-#include "dynamics/dae/at.hpp"
+#include "base/at.hpp"
 #include "dynamics/dae/linear_solver.hpp"
 #include "dynamics/dae/products.hpp"
 #include "dynamics/integrators/history.hpp"
@@ -17,8 +18,10 @@ namespace espalier::dynamics {
 namespace {
 
 constexpr int kMostBackward = 60;
+constexpr int kBackwardFirst = 4;         // passes before it may still find the size of the multipliers
 constexpr double kLastBackward = 1e-13;   // change of a pass over the largest value
-constexpr double kBackwardShrinks = 0.7;  // passes that gain less are at rounding
+constexpr double kBackwardShrinks = 0.7;  // a pass that does not come below this part of the best gains nothing ...
+constexpr int kBackwardStill = 2;         // ... and so many in a row are at rounding: passes may gain in turns
 constexpr double kBackwardLeft = 1e-7;    // what they may leave there
 
 Options backward_options(Index unknowns, int threads) {
@@ -263,12 +266,15 @@ StepMultipliers StepAdjoint::solve(const StateSlopes& slopes) {
   for (std::size_t i = 0; i < m_; ++i)
     if (!dropped(static_cast<Index>(i))) b[2 * block + n_ + i] = slopes.lambda[i];
   std::vector<double> y(b.size(), 0.0), r = b;
-  double before = 0;
+  double best = std::numeric_limits<double>::infinity();
+  int without_gain = 0;
   for (int k = 0; k < kMostBackward; ++k) {
     const std::vector<double> change = pass(r);
     for (std::size_t i = 0; i < y.size(); ++i) y[i] += change[i];
     const double whole = size_of(y), size = whole > 0 ? size_of(change) / whole : 0;
-    const bool still = size <= kLastBackward || (k >= 4 && size > kBackwardShrinks * before);
+    without_gain = k >= kBackwardFirst && size > kBackwardShrinks * best ? without_gain + 1 : 0;
+    best = std::min(best, size);
+    const bool still = size <= kLastBackward || without_gain == kBackwardStill;
     if (!std::isfinite(size) || (still && size > kBackwardLeft) || k == kMostBackward - 1)
       throw Error(StatusCode::accuracy_not_reached,
                   fmt::format("adjoint: the equations of a step of {:g} could not be solved backwards (the last change "
@@ -276,7 +282,6 @@ StepMultipliers StepAdjoint::solve(const StateSlopes& slopes) {
                               hp_ * weights_[0] * hp_, size));
     left_ = still ? std::max(left_, size) : left_;
     if (still) break;
-    before = size;
     r = times(y);
     for (std::size_t i = 0; i < r.size(); ++i) r[i] = b[i] - r[i];
   }

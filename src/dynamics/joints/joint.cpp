@@ -6,6 +6,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "base/at.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
 
 namespace espalier::dynamics {
@@ -13,7 +14,6 @@ namespace espalier::dynamics {
 namespace {
 
 constexpr double kTwoPi = 2 * std::numbers::pi;
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 

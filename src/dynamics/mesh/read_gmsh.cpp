@@ -63,18 +63,18 @@ struct GmshShape {
   int code;
   ElementType type;
 };
-constexpr GmshShape kShapes[] = {{1, ElementType::line2},    {2, ElementType::tri3},    {3, ElementType::quad4},
-                                 {4, ElementType::tet4},     {5, ElementType::hex8},    {6, ElementType::wedge6},
-                                 {7, ElementType::pyramid5}, {8, ElementType::line3},   {9, ElementType::tri6},
-                                 {11, ElementType::tet10},   {15, ElementType::point1}, {16, ElementType::quad8},
-                                 {17, ElementType::hex20},   {18, ElementType::wedge15}};
+constexpr GmshShape kGmshShapes[] = {{1, ElementType::line2},    {2, ElementType::tri3},    {3, ElementType::quad4},
+                                     {4, ElementType::tet4},     {5, ElementType::hex8},    {6, ElementType::wedge6},
+                                     {7, ElementType::pyramid5}, {8, ElementType::line3},   {9, ElementType::tri6},
+                                     {11, ElementType::tet10},   {15, ElementType::point1}, {16, ElementType::quad8},
+                                     {17, ElementType::hex20},   {18, ElementType::wedge15}};
 // Position in Gmsh's list of our node a (Gmsh manual, "Node ordering").
 constexpr int kTet10[10] = {0, 1, 2, 3, 4, 5, 6, 7, 9, 8};
 constexpr int kHex20[20] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15};
 constexpr int kWedge15[15] = {0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11};
 
 ElementType shape_from(const Source& source, std::int64_t code) {
-  for (const GmshShape& s : kShapes)
+  for (const GmshShape& s : kGmshShapes)
     if (s.code == code) return s.type;
   source.fail(
       fmt::format("element type {} of Gmsh is not read (points, lines, tri3/6, quad4/8, tet4/10, hex8/20, "

@@ -18,15 +18,15 @@ struct CardShape {
   const char* name;
   ElementType linear, quadratic;
 };
-constexpr CardShape kShapes[] = {
+constexpr CardShape kCardShapes[] = {
     {"CTETRA", ElementType::tet4, ElementType::tet10},     {"CHEXA", ElementType::hex8, ElementType::hex20},
     {"CPENTA", ElementType::wedge6, ElementType::wedge15}, {"CPYRAM", ElementType::pyramid5, ElementType::pyramid5},
     {"CTRIA3", ElementType::tri3, ElementType::tri3},      {"CTRIAR", ElementType::tri3, ElementType::tri3},
     {"CQUAD4", ElementType::quad4, ElementType::quad4},    {"CQUADR", ElementType::quad4, ElementType::quad4},
     {"CTRIA6", ElementType::tri3, ElementType::tri6},      {"CQUAD8", ElementType::quad4, ElementType::quad8}};
 // Position in the card of our node a: Nastran counts the upright edges before those of the top.
-constexpr int kHex20[20] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 16, 17, 18, 19, 12, 13, 14, 15};
-constexpr int kWedge15[15] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 13, 14, 9, 10, 11};
+constexpr int kCardHex20[20] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 16, 17, 18, 19, 12, 13, 14, 15};
+constexpr int kCardWedge15[15] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 13, 14, 9, 10, 11};
 
 Point minus(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 Point cross(const Point& a, const Point& b) {
@@ -84,7 +84,7 @@ class NastranReader {
   }
 
   static const CardShape* shape_of_card(const NastranCard& card) {
-    for (const CardShape& s : kShapes)
+    for (const CardShape& s : kCardShapes)
       if (card.name == s.name) return &s;
     return nullptr;
   }
@@ -173,8 +173,8 @@ class NastranReader {
     const auto count = static_cast<std::size_t>(shape_of(type).nodes);
     std::array<Index, kMaxElementNodes> nodes{};
     for (std::size_t a = 0; a < count; ++a) {
-      const std::size_t from = type == ElementType::hex20     ? static_cast<std::size_t>(kHex20[a])
-                               : type == ElementType::wedge15 ? static_cast<std::size_t>(kWedge15[a])
+      const std::size_t from = type == ElementType::hex20     ? static_cast<std::size_t>(kCardHex20[a])
+                               : type == ElementType::wedge15 ? static_cast<std::size_t>(kCardWedge15[a])
                                                               : a;
       if (card.field(2 + from).empty() || card.field(2 + from) == "0")
         card.fail(fmt::format("element {} has {} grid points, but number {} is empty; give all mid-side points or none",

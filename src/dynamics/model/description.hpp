@@ -316,6 +316,7 @@ struct IntegratorSpec {
   long steps = 0;             ///< accepted steps after which the run ends; 0: any number
   BdfOptions bdf;
   AlphaOptions alpha;
+  bool operator==(const IntegratorSpec&) const = default;
 };
 
 /// A run of its own without motion: equilibrium, step by step along the load factor.
@@ -323,6 +324,7 @@ struct StaticsSpec {
   Place place;
   StaticsOptions options;
   double time = 0;  ///< at which functions of time are taken
+  bool operator==(const StaticsSpec&) const = default;
 };
 
 struct InitialSpec {
@@ -333,6 +335,7 @@ struct InitialSpec {
   double position_tolerance = 1e300;
   double velocity_tolerance = 1e-3;  ///< allowed change of given velocities, relative to the largest of them
   int modes = 0;                     ///< natural frequencies to be reported
+  bool operator==(const InitialSpec&) const = default;
 };
 
 struct OutputSpec {

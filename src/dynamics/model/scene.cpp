@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/at.hpp"
 #include "dynamics/contact/outline.hpp"
 #include "dynamics/contact/solid_contact.hpp"
 #include "dynamics/elements/shape_functions.hpp"
@@ -23,8 +24,6 @@ Vec3 half_edges(const RigidSpec& rigid) {
   const double least = 0.05 * std::sqrt(sum);  // a thin plate or rod stays visible
   return 0.5 * (sum * Vec3::Ones() - i).cwiseMax(least * least).cwiseSqrt();
 }
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 

@@ -77,7 +77,11 @@ class SensitivityRun {
                   "the adjoint method finds derivatives of quantities, not of [initial] modes: take the forward one");
     nominal_ = std::make_unique<Runner>(model, options_, result.summary);
     if (method_ == SensitivityMethod::adjoint && !statics_) refuse_memory(model);
-    for (const SensitivityParameter& p : parameters) given_.push_back(ends_of(p));
+    for (const SensitivityParameter& p : parameters) {
+      given_.push_back(ends_of(p));
+      for (int above = 0; above < 2; ++above)
+        with_end(given_.back(), above, [&](const Description& side) { refuse_other_run(model, side, p.path); });
+    }
     quantities_ = nominal_->chosen();
     for (const Quantity& q : quantities_) result_.quantities.push_back(q.name);
     if (quantities_.empty() && modes_ == 0)
@@ -137,6 +141,19 @@ class SensitivityRun {
     std::unique_ptr<Runner> side[2];
     std::vector<Quantity> quantities[2];
   };
+
+  /// Derivatives are those of one run: its times, tolerances and loads do not move with a parameter.
+  static void refuse_other_run(const Description& model, const Description& side, const std::string& path) {
+    const auto refuse = [&](const dynamics::model::Place& place) {
+      dynamics::model::fail(place,
+                            fmt::format("something here depends on {}; derivatives hold times, tolerances and the "
+                                        "load factor of a run fixed, so give numbers that do not depend on it",
+                                        path));
+    };
+    if (!model.statics && !(side.integrator == model.integrator)) refuse(model.integrator.place);
+    if (!(side.statics == model.statics)) refuse(model.statics->place);
+    if (!(side.initial == model.initial)) refuse(model.initial.place);
+  }
 
   /// What remembers something from step to step that the state does not tell.
   void refuse_memory(const Description& model) const {

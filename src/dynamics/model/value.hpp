@@ -23,6 +23,7 @@ struct Place {
 
   /// "file:line: path" with the parts that are known.
   [[nodiscard]] std::string text() const;
+  bool operator==(const Place&) const = default;
 };
 
 /// @throws Error(invalid_input) "file:line: path: message"

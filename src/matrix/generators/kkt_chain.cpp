@@ -5,8 +5,8 @@ namespace espalier::matrix {
 
 namespace {
 
-constexpr double kYoung = 1.0;
-constexpr double kPoisson = 0.3;
+constexpr double kChainYoung = 1.0;
+constexpr double kChainPoisson = 0.3;
 constexpr double kMassFactor = 0.5;  // K + M/2
 
 class KktChain final : public GroupModel {
@@ -16,7 +16,7 @@ class KktChain final : public GroupModel {
         bodies_(bodies),
         body_nodes_(static_cast<Index>(grid.nodes())),
         first_joint_(bodies * body_nodes_),
-        stiffness_(hex8_stiffness(hex_box(1, 1, 1), kYoung, kPoisson)),
+        stiffness_(hex8_stiffness(hex_box(1, 1, 1), kChainYoung, kChainPoisson)),
         mass_(hex8_mass(hex_box(1, 1, 1))),
         factors_(element_factors(bodies * grid.elements(), random.seed)) {}
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/mix.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::matrix {
@@ -13,10 +14,7 @@ namespace espalier::matrix {
 /// The `counter`-th number of stream `seed`: splitmix64 (G. Steele, D. Lea, C. Flood, "Fast splittable pseudorandom
 /// number generators", OOPSLA 2014) of seed + counter.
 constexpr std::uint64_t random_bits(std::uint64_t seed, std::uint64_t counter) {
-  std::uint64_t z = seed * 0xd1342543de82ef95u + (counter + 1) * 0x9e3779b97f4a7c15u;
-  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-  z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-  return z ^ (z >> 31);
+  return base::mix(seed * 0xd1342543de82ef95u + (counter + 1) * 0x9e3779b97f4a7c15u);
 }
 
 /// Uniform in [0, 1), a multiple of 2^-53.

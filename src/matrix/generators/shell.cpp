@@ -7,8 +7,8 @@ namespace espalier::matrix {
 
 namespace {
 
-constexpr double kYoung = 1.0;
-constexpr double kPoisson = 0.3;
+constexpr double kShellYoung = 1.0;
+constexpr double kShellPoisson = 0.3;
 constexpr double kThickness = 0.3;
 constexpr double kArc = 80.0 * std::numbers::pi / 180.0;
 
@@ -29,7 +29,7 @@ HexCorners shell_corners(Index station, Index ny) {
 std::unique_ptr<GroupModel> make_shell(Index nx, Index ny, Randomness random) {
   std::vector<HexStiffness> stiffness;  // by arc position
   stiffness.reserve(static_cast<std::size_t>(ny));
-  for (Index y = 0; y < ny; ++y) stiffness.push_back(hex8_stiffness(shell_corners(y, ny), kYoung, kPoisson));
+  for (Index y = 0; y < ny; ++y) stiffness.push_back(hex8_stiffness(shell_corners(y, ny), kShellYoung, kShellPoisson));
   return make_clamped_box({nx, ny, 1}, std::move(stiffness), random);
 }
 

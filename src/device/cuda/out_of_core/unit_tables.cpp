@@ -10,8 +10,7 @@ namespace espalier::device::cuda {
 
 namespace {
 
-constexpr Offset kAligned = 256;
-Offset aligned(Offset bytes) { return (bytes + kAligned - 1) / kAligned * kAligned; }
+Offset aligned(Offset bytes) { return (bytes + 255) / 256 * 256; }
 
 }  // namespace
 
