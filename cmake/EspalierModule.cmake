@@ -65,10 +65,27 @@ function(espalier_together target name)
     endif()
     set_source_files_properties(${ARG_SOURCES} PROPERTIES HEADER_FILE_ONLY ON)
     target_sources(${target} PRIVATE ${together})
+    list(TRANSFORM ARG_SOURCES REPLACE ".*/" "" OUTPUT_VARIABLE names)
+    set_property(TARGET ${target} APPEND PROPERTY ESPALIER_TOGETHER ${names})
     if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)  # takes the included sources for headers
       set_property(SOURCE ${together} APPEND PROPERTY COMPILE_OPTIONS -Wno-subobject-linkage)
     endif()
   endif()
+endfunction()
+
+# Two targets of a folder may share sources, but what one compiles together is compiled so alone: every such source of
+# the other must be in one of its pieces, or it would be lost.
+# espalier_check_together(target)
+function(espalier_check_together target)
+  get_target_property(sources ${target} SOURCES)
+  get_target_property(together ${target} ESPALIER_TOGETHER)
+  foreach(source IN LISTS sources)
+    get_source_file_property(left_out ${source} HEADER_FILE_ONLY)
+    cmake_path(GET source FILENAME name)
+    if(left_out AND NOT name IN_LIST together)
+      message(FATAL_ERROR "${target} would not compile ${source}")
+    endif()
+  endforeach()
 endfunction()
 
 # All sources of a target together, but for those with options or definitions of their own and those that say

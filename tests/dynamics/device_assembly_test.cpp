@@ -92,6 +92,11 @@ TEST_F(DeviceAssemblyTest, ManyJointsGiveWhatTheHostGives) {
   compare([] { return test::built_from("chain.toml", {"parameters.unknowns=7000"}, 2); });
 }
 
+// No joint declares the diagonal of a rigid body that a spherical joint alone holds.
+TEST_F(DeviceAssemblyTest, MassesOfTheHostAreInW) {
+  compare([] { return built(test::kTopOnAnArm); });
+}
+
 /// The engine under its gas force, at rest. @return where it balances
 State balanced(const std::string& device, bool& on_device) {
   const auto mechanism = engine("enhanced", 2e-6);

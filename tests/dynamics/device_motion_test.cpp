@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 
+#include "built_model.hpp"
 #include "device_common.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/initial.hpp"
@@ -35,9 +37,8 @@ struct Course {
   double relative = 1e-5;
 };
 
-RunResult run_model(const std::string& name, const std::vector<std::string>& overrides, double end,
-                    const Course& course) {
-  const auto mechanism = test::built_from(name, overrides, 1), twin = test::built_from(name, overrides, 1);
+RunResult run_built(const std::function<std::unique_ptr<model::Mechanism>()>& build, double end, const Course& course) {
+  const auto mechanism = build(), twin = build();
   AssembledSystem& system = mechanism->system;
   the_twin = &twin->system;
   const Sizes sizes = system.sizes();
@@ -72,6 +73,11 @@ RunResult run_model(const std::string& name, const std::vector<std::string>& ove
   result.turns = equations.counts().turns;
   result.on_device_at_end = bdf.on_device();
   return result;
+}
+
+RunResult run_model(const std::string& name, const std::vector<std::string>& overrides, double end,
+                    const Course& course) {
+  return run_built([&] { return test::built_from(name, overrides, 1); }, end, course);
 }
 
 const std::vector<std::string> kSmallEngine = {"parameters.unknowns=1000", "parameters.run_up=0.001"};
@@ -121,6 +127,16 @@ TEST(DeviceMotion, ChainGoesAsOnTheHost) {
   const RunResult host = run_model("chain.toml", small, kEnd, {.on_device = false}),
                   gpu = run_model("chain.toml", small, kEnd, {});
   EXPECT_GT(gpu.steps_on_device, 0);
+  EXPECT_EQ(gpu.counts.steps, host.counts.steps);
+  expect_same(gpu, host, 1e-10);
+}
+
+// The mass of a rigid body stands in W though nothing declares its diagonal.
+TEST(DeviceMotion, TopOnAFlexibleArmGoesAsOnTheHost) {
+  constexpr double kEnd = 2e-4;
+  const auto build = [] { return built(test::kTopOnAnArm); };
+  const RunResult host = run_built(build, kEnd, {.on_device = false}), gpu = run_built(build, kEnd, {});
+  EXPECT_TRUE(gpu.on_device_at_end);
   EXPECT_EQ(gpu.counts.steps, host.counts.steps);
   expect_same(gpu, host, 1e-10);
 }
