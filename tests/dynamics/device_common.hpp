@@ -34,7 +34,7 @@ gravity = [0, 0, -9.81]
 type = "solid"
 material = { young = 2e9, poisson = 0.3, density = 1500 }
 damping = { stiffness = 1e-5 }
-mesh = { part = "block", size = [0.3, 0.02, 0.02], divisions = [12, 2, 2] }
+mesh = { part = "block", lx = 0.3, ly = 0.02, lz = 0.02, divisions = [12, 2, 2] }
 [bodies.top]
 type = "rigid"
 mass = 0.5
@@ -43,8 +43,8 @@ position = [0.3, 0.01, 0.05]
 velocity = [0.2, -0.8, 0]
 angular_velocity = [20, 5, 150]
 [markers]
-root = { body = "arm", set = "x0" }
-tip = { body = "arm", set = "x1" }
+root = { body = "arm", face = "x0" }
+tip = { body = "arm", face = "x1" }
 [joints]
 wall = { type = "fixed", a = { body = "ground", point = [0, 0.01, 0.01] }, b = "root" }
 pivot = { type = "spherical", a = "tip", b = { body = "top", point = [0, 0, -0.04] } }

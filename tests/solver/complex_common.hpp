@@ -130,7 +130,7 @@ struct Form {
   bool real;
 };
 inline const Form kForms[] = {
-    {"Native", "auto", false}, {"Real", "auto", true}, {"Reference", "reference", true}, {"Gpu", "gpu:0", true}};
+    {"Native", "cpu", false}, {"Real", "cpu", true}, {"Reference", "reference", true}, {"Gpu", "gpu:0", true}};
 inline void PrintTo(const Form& form, std::ostream* out) { *out << form.name; }
 inline std::string name_of_form(const testing::TestParamInfo<Form>& info) { return info.param.name; }
 
@@ -141,7 +141,7 @@ class InForms : public testing::TestWithParam<Form> {
     const std::string device = GetParam().device;
     const std::string why = device == "gpu:0" ? why_no_gpu() : "";
     if (!why.empty()) GTEST_SKIP() << why;
-    if (device == "auto" && real()) form_.emplace();
+    if (device == "cpu" && real()) form_.emplace();
   }
   [[nodiscard]] bool real() const { return GetParam().real; }
   [[nodiscard]] Options options() const {
