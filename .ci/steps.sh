@@ -215,7 +215,7 @@ test_tsan() {
   if [[ -z ${ESPALIER_FIXED_ADDRESSES:-} ]] && setarch "$(uname -m)" -R true 2>/dev/null; then
     ESPALIER_FIXED_ADDRESSES=1 exec setarch "$(uname -m)" -R bash -c 'source scripts/bootstrap.sh; source .ci/steps.sh; test_tsan'
   fi
-  test_sanitized tsan "-$slow_solver:$forks" test_base test_analysis test_plan test_out_of_core test_solve test_solver test_ranks test_harmonic
+  test_sanitized tsan "-$slow_solver:$slow_copies:$slow_answers:$forks" test_base test_analysis test_plan test_out_of_core test_solve test_solver test_ranks test_harmonic
   local solver=$?
   test_sanitized tsan '-Convergence.*' test_dynamics_threads && return $solver
 }
