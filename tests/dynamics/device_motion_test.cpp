@@ -16,9 +16,10 @@ namespace {
 using test::difference;
 
 AssembledSystem* the_twin = nullptr;
+int sends_left = -1;
 
 std::unique_ptr<DeviceAssembly> make_emulated(int, base::ThreadPool*) {
-  return std::make_unique<test::EmulatedAssembly>(*the_twin);
+  return std::make_unique<test::EmulatedAssembly>(*the_twin, &sends_left);
 }
 
 struct RunResult {
@@ -33,6 +34,7 @@ struct RunResult {
 struct Course {
   bool on_device = true;
   int fails_after = -1;  ///< factorizations there
+  int sends = -1;        ///< vectors that it can be sent before it fails
   int save_after = -1;   ///< steps: what save() writes is restored
   double relative = 1e-5;
 };
@@ -41,6 +43,7 @@ RunResult run_built(const std::function<std::unique_ptr<model::Mechanism>()>& bu
   const auto mechanism = build(), twin = build();
   AssembledSystem& system = mechanism->system;
   the_twin = &twin->system;
+  sends_left = course.sends;
   const Sizes sizes = system.sizes();
   auto owned = std::make_unique<test::EmulatedSolver>(sizes.velocity + sizes.constraints);
   owned->fail_after(course.fails_after);
@@ -161,6 +164,18 @@ TEST(DeviceMotion, TheHostTakesAStepOver) {
     const RunResult gpu = run_model("engine.toml", kSmallEngine, kEnd, {.fails_after = after});
     EXPECT_FALSE(gpu.on_device_at_end);
     EXPECT_EQ(gpu.steps_on_device > 0, after > 1);
+    expect_same(gpu, host, 1e-9);
+  }
+}
+
+// The GPU fails while the vectors enter it, or in what the same step does there then.
+TEST(DeviceMotion, TheHostGoesOnWhereTheVectorsCannotEnter) {
+  constexpr double kEnd = 1e-6;
+  const RunResult host = run_model("engine.toml", kSmallEngine, kEnd, {.on_device = false});
+  for (const int sends : {0, 3, 9, 14}) {
+    SCOPED_TRACE(sends);
+    const RunResult gpu = run_model("engine.toml", kSmallEngine, kEnd, {.sends = sends});
+    EXPECT_FALSE(gpu.on_device_at_end);
     expect_same(gpu, host, 1e-9);
   }
 }

@@ -205,7 +205,8 @@ class EmulatedMatrix final : public DeviceMatrix {
 /// Numbers that no body owns are NaN, but for right-hand sides: who uses them shows.
 class EmulatedMotion final : public DeviceMotion {
  public:
-  EmulatedMotion(const Sizes& sizes, int points, const DeviceShare& share) : share_(share), points_(points) {
+  EmulatedMotion(const Sizes& sizes, int points, const DeviceShare& share, int* sends_left)
+      : share_(share), points_(points), sends_left_(sends_left) {
     const auto n = static_cast<std::size_t>(sizes.velocity), m = static_cast<std::size_t>(sizes.constraints);
     for (const BdfVector vector :
          {&BdfArrays::q, &BdfArrays::v, &BdfArrays::a, &BdfArrays::theta, &BdfArrays::theta_hat, &BdfArrays::v_hat,
@@ -232,7 +233,11 @@ class EmulatedMotion final : public DeviceMotion {
     for_each([&](std::size_t i) { what.add(arrays_, i, record); });
     return record;
   }
-  void send(ConstSpan from, double* to) override { std::copy(from.begin(), from.end(), to); }
+  void send(ConstSpan from, double* to) override {
+    if (*sends_left_ == 0) throw Error(StatusCode::device_error, "the emulated GPU has failed");
+    if (*sends_left_ > 0) --*sends_left_;
+    std::copy(from.begin(), from.end(), to);
+  }
   void fetch(const double* from, Span to) override { std::copy_n(from, to.size(), to.begin()); }
   [[nodiscard]] ConstSpan look(List list, std::span<const double* const> from) override {
     looked_.clear();
@@ -258,6 +263,7 @@ class EmulatedMotion final : public DeviceMotion {
 
   DeviceShare share_;
   int points_;
+  int* sends_left_;
   BdfArrays arrays_;
   std::vector<std::vector<double>> memory_;
   std::vector<Index> right_side_;
@@ -267,7 +273,8 @@ class EmulatedMotion final : public DeviceMotion {
 /// Its bodies are those of `twin`, the same system once more.
 class EmulatedAssembly final : public DeviceAssembly {
  public:
-  explicit EmulatedAssembly(AssembledSystem& twin) : twin_(twin) {
+  /// @param sends_left  how many vectors the GPU may still be sent before it fails; negative: any number
+  EmulatedAssembly(AssembledSystem& twin, int* sends_left) : twin_(twin), sends_left_(sends_left) {
     for (const auto& c : twin.components())
       if (auto* body = dynamic_cast<FlexibleBody*>(c.get()); body != nullptr && body->fits_device())
         bodies_.push_back(body);
@@ -279,11 +286,12 @@ class EmulatedAssembly final : public DeviceAssembly {
     return std::make_unique<EmulatedMatrix>(layout);
   }
   std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, int points, const DeviceShare& share) override {
-    return std::make_unique<EmulatedMotion>(sizes, points, share);
+    return std::make_unique<EmulatedMotion>(sizes, points, share, sends_left_);
   }
 
  private:
   AssembledSystem& twin_;
+  int* sends_left_;
   std::vector<FlexibleBody*> bodies_;
   std::size_t next_ = 0;
 };

@@ -171,13 +171,20 @@ DeviceMotion* Equations::claim_motion(int points, long& ticket) {
       motion_points_ = points;
     }
   } catch (const Error& error) {
-    if (error.status().code != StatusCode::out_of_memory) throw;
-    motion_allowed_ = false;
-    device_notice_ = fmt::format("vectors of the integrator stay on the host: {}", error.what());
+    const StatusCode code = error.status().code;
+    if (code != StatusCode::out_of_memory && code != StatusCode::device_error) throw;
+    give_motion_up(error);
     return nullptr;
   }
   ticket = ++ticket_;
   return motion_.get();
+}
+
+void Equations::give_motion_up(const Error& error) {
+  motion_.reset();
+  ++ticket_;
+  motion_allowed_ = false;
+  device_notice_ = fmt::format("vectors of the integrator stay on the host: {}", error.what());
 }
 
 void Equations::assemble(const StateView& s, const TangentWeights& weights, bool on_device, const StateView* there) {

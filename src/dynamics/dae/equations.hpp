@@ -111,6 +111,8 @@ class Equations {
   /// @param points  past points that it remembers @param ticket  made the number that stands for them
   /// @return null: they stay with the host
   [[nodiscard]] DeviceMotion* claim_motion(int points, long& ticket);
+  /// After an error of the GPU in that memory: it is given back, and nobody gets it any more.
+  void give_motion_up(const Error& error);
   /// @return null: they are another one's, or gone
   [[nodiscard]] DeviceMotion* motion_of(long ticket) const { return ticket == ticket_ ? motion_.get() : nullptr; }
   /// Forgets factor and analysis: what comes depends on the coming matrices alone, not on those before.

@@ -208,13 +208,13 @@ void BdfIntegrator::begin_attempt(double h) {
 
 // Where a GPU has lost factor or vectors, the host begins anew: it has all but the trial state.
 bool BdfIntegrator::attempt(double h, bool retry, StepReport& report) {
-  if (!on_device_) return attempt_here(h, retry, report);
   try {
     return attempt_here(h, retry, report);
   } catch (const Error& error) {
     if (!on_device_ || error.status().code != StatusCode::device_error) throw;
+    leave_device();
+    equations_.give_motion_up(error);
   }
-  leave_device();
   factor_hp_ = 0;
   return attempt_here(h, retry, report);
 }

@@ -91,6 +91,7 @@ bool BdfIntegrator::may_enter_device() const {
 void BdfIntegrator::enter_device() {
   DeviceMotion* const motion = equations_.claim_motion(history_.depth(), ticket_);
   if (motion == nullptr) return;
+  on_device_ = true;  // from the first vector on: attempt() gets the host back where the GPU fails
   const BdfArrays here = arrays(), &s = motion->arrays();
   const std::size_t n = theta_.size();
   for (const BdfVector vector : {&BdfArrays::v, &BdfArrays::a, &BdfArrays::theta, &BdfArrays::theta_hat,
@@ -111,7 +112,6 @@ void BdfIntegrator::enter_device() {
     motion->send(history_.v(j), s.past_v[j]);
     motion->send(history_.theta(j), s.past_theta[j]);
   }
-  on_device_ = true;
 }
 
 // The trial state is lost; the attempt has to begin anew. Nothing happens on the host.
