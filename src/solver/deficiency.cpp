@@ -19,7 +19,7 @@ constexpr Index kFirstColumns = 8;     // a substitution takes as many in the ti
 constexpr Index kMostColumns = 256;    // sought at most ...
 constexpr Offset kMostWork = 1 << 28;  // ... and rows * columns^2: a few tenths of a second
 constexpr int kInverseSteps = 3;
-constexpr std::int64_t kColumnsPerRange = 4096, kRowsPerRange = 1 << 15;
+constexpr std::int64_t kFactorColumns = 4096, kRowsPerRange = 1 << 15;
 
 // Numbers without pattern (the finalizer of splitmix64, Steele et al. 2014), the same in every run: of both signs, from
 // 1/2 to 1 in magnitude.
@@ -118,7 +118,7 @@ class ScaledMatrix {
     row_.assign(static_cast<std::size_t>(n_), 1.0);
     const auto& a = job_.prepared.a;
     if (job_.kind == Kind::llt)
-      job_.pool.for_each_range(n_, kColumnsPerRange, [&](std::int64_t begin, std::int64_t end) {
+      job_.pool.for_each_range(n_, kFactorColumns, [&](std::int64_t begin, std::int64_t end) {
         for (auto c = begin; c < end; ++c)
           for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
             if (a.row_ind[q] == c) row_[static_cast<std::size_t>(c)] = 1 / std::sqrt(job_.values[parts_ * q]);
@@ -146,7 +146,7 @@ class ScaledMatrix {
     const bool general = a.storage == Storage::general;
     std::mutex mutex;
     double most_row = 0, most_column = 0;
-    job_.pool.for_each_range(n_, kColumnsPerRange, [&](std::int64_t begin, std::int64_t end) {
+    job_.pool.for_each_range(n_, kFactorColumns, [&](std::int64_t begin, std::int64_t end) {
       double row = 0, column = 0;
       for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
         double in_column = 0, in_row = 0;
