@@ -81,9 +81,8 @@ check_tidy() {
   tool=$(clang_tool clang-tidy) || { echo "clang-tidy is missing"; return 1; }
   deadline=$(($(date +%s) + ${tidy_seconds:?}))
   : >build/tidy.count
-  # clang cannot read the precompiled headers of GCC: the same commands without them.
   mkdir -p build/tidy
-  sed -E 's/-Winvalid-pch -include [^ ]*cmake_pch\.hxx//' build/release/compile_commands.json >build/tidy/compile_commands.json
+  python3 .ci/tidy_database.py build/release/compile_commands.json build/tidy/compile_commands.json || return 1
   export -f tidy_one
   tidy_files | xargs -r -P "$(nproc)" -I{} bash -c 'tidy_one "$@"' tidy "$tool" "$deadline" {}
   local checked bad
