@@ -212,8 +212,10 @@ bool BdfIntegrator::attempt(double h, bool retry, StepReport& report) {
     return attempt_here(h, retry, report);
   } catch (const Error& error) {
     if (!on_device_ || error.status().code != StatusCode::device_error) throw;
+    const bool vectors_failed =
+        equations_.motion_of(ticket_) != nullptr;  // else the factor has gone, and may come back
     leave_device();
-    equations_.give_motion_up(error);
+    if (vectors_failed) equations_.give_motion_up(error);
   }
   factor_hp_ = 0;
   return attempt_here(h, retry, report);
