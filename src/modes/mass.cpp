@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "modes/components.hpp"
 #include "modes/pencil.hpp"
 
 namespace espalier::modes {
@@ -64,19 +65,30 @@ Places places_of(const SparseMatrix& m) {
 // Null vectors of M11 in the numbering of M.
 using Columns = std::vector<std::vector<double>>;
 
+// One of each kind of component tells of all: a third of the matrix where directions do not know of each other.
+bool is_definite(const SparseMatrix& m11, const Options& options) {
+  const std::vector<char> kept = in_first_of_equal_components(m11);
+  std::vector<Index> place(kept.size(), -1);
+  Index size = 0;
+  for (std::size_t i = 0; i < kept.size(); ++i)
+    if (kept[i] != 0) place[i] = size++;
+  const SparseMatrix fewer = size < m11.rows ? part(m11, place, size) : SparseMatrix{};
+  const SparseMatrix& a = size < m11.rows ? fewer : m11;
+  Solver solver(factor_options(options, Kind::llt));
+  const AnalysisResult analysis = solver.analyze(a);
+  if (!analysis.status.ok()) throw Error(analysis.status);
+  const FactorResult factor = solver.refactorize(a.values);
+  if (factor.status.code != StatusCode::not_positive_definite && factor.status.code != StatusCode::singular &&
+      !factor.status.ok())
+    throw Error(factor.status);
+  return factor.status.ok();
+}
+
 // Of M11, by a factorization.
 void check_definite(const SparseMatrix& m, const Places& places, const Options& options, MassReport& report,
                     Columns& null) {
   const SparseMatrix m11 = part(m, places.with, places.massive);
-  {
-    Solver solver(factor_options(options, Kind::llt));
-    const AnalysisResult analysis = solver.analyze(m11);
-    if (!analysis.status.ok()) throw Error(analysis.status);
-    const FactorResult factor = solver.refactorize(m11.values);
-    if (factor.status.ok()) return;
-    if (factor.status.code != StatusCode::not_positive_definite && factor.status.code != StatusCode::singular)
-      throw Error(factor.status);
-  }
+  if (is_definite(m11, options)) return;
   Options o = factor_options(options, Kind::ldlt);
   o.singular = SingularMatrix::report;
   Solver solver(o);

@@ -387,6 +387,10 @@ quantities = ["mass.position.x"]
   expect_refused(motion, "parameters.until", "integrator");
   expect_refused(motion + "relative = 1e-5\n", "integrator.relative", "integrator");
   expect_refused(rest, "parameters.until", "statics");
+  expect_refused(motion + "[solver]\nrefinement_target = 1e-12\n", "solver.refinement_target", "solver");
+  const std::string written = dynamics::replaced(motion, "[output]\n", "[output]\ncsv_interval = \"until / 10\"\n");
+  expect_refused(written, "parameters.until", "output");
+  expect_refused(written, "output.csv_interval", "output");
   EXPECT_TRUE(sensitivities_of_text(motion, "model.toml", {{"parameters.k"}}).status.ok());
 }
 

@@ -346,6 +346,7 @@ struct OutputSpec {
   double vtu_interval = -1;      ///< 0: every step; < 0: none
   double restart_interval = -1;  ///< < 0: at the end only
   bool exact_times = false;      ///< steps end at the output times
+  bool operator==(const OutputSpec&) const = default;
 };
 
 /// Frequency response of the model, linearised at its start or in its equilibrium.

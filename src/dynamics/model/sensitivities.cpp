@@ -142,17 +142,20 @@ class SensitivityRun {
     std::vector<Quantity> quantities[2];
   };
 
-  /// Derivatives are those of one run: its times, tolerances and loads do not move with a parameter.
+  /// Derivatives are those of one run: its times, tolerances, loads, outputs and solver do not move with a parameter.
   static void refuse_other_run(const Description& model, const Description& side, const std::string& path) {
+    const std::string fixed = fmt::format(
+        "depends on {}; derivatives hold times, tolerances, outputs, the solver and the load factor of a run fixed, so "
+        "give numbers that do not depend on it",
+        path);
     const auto refuse = [&](const dynamics::model::Place& place) {
-      dynamics::model::fail(place,
-                            fmt::format("something here depends on {}; derivatives hold times, tolerances and the "
-                                        "load factor of a run fixed, so give numbers that do not depend on it",
-                                        path));
+      dynamics::model::fail(place, "something here " + fixed);
     };
     if (!model.statics && !(side.integrator == model.integrator)) refuse(model.integrator.place);
     if (!(side.statics == model.statics)) refuse(model.statics->place);
     if (!(side.initial == model.initial)) refuse(model.initial.place);
+    if (!(side.output == model.output)) refuse(model.output.place);
+    if (side.solver != model.solver) throw Error(StatusCode::invalid_input, "solver: something here " + fixed);
   }
 
   /// What remembers something from step to step that the state does not tell.
