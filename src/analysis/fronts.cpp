@@ -12,7 +12,9 @@ namespace espalier::analysis {
 namespace {
 
 double seconds_of(double width, double below, const AmalgamationCost& cost) {
-  return cost.front + cost.entry * front_entries(width, below) + cost.contribution * 0.5 * below * (below + 1) +
+  const bool whole = width + below <= cost.whole_rows && width <= cost.whole_pivots;
+  return cost.front + (whole ? 0 : cost.tiled) + cost.entry * front_entries(width, below) +
+         cost.contribution * 0.5 * below * (below + 1) +
          cost.flop * front_flops(width, below) * (1 + cost.narrow / width);
 }
 

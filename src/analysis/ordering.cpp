@@ -107,9 +107,9 @@ TreeWork work_of(const AssemblyTree& tree) {
   return work;
 }
 
-/// Graphs of a plane have 0.1 to 0.35 of their work on the longest path, chains more than 0.6.
+/// Graphs of a plane have 0.1 to 0.45 of their work on the longest path, chains more than 0.6.
 bool is_broad(const AssemblyTree& tree) {
-  constexpr double kBroad = 0.4;
+  constexpr double kBroad = 0.5;
   const TreeWork work = work_of(tree);
   return work.critical <= kBroad * work.all;
 }
