@@ -93,15 +93,15 @@ void expect_same(const RunResult& gpu, const RunResult& host, double tolerance) 
 
 TEST(DeviceMotion, RecordsKeepWhatIsNoNumber) {
   std::vector<double> x = {3, std::nan(""), -5, 1};
-  BdfArrays arrays;
+  MotionArrays arrays;
   arrays.v = x.data();
-  const BdfMeasure what{.largest = {&BdfArrays::v}, .x = {&BdfArrays::v}, .weight = {}};
-  BdfRecord first{}, second{}, all{};
+  const MotionMeasure what{.largest = {&MotionArrays::v}, .x = {&MotionArrays::v}, .weight = {}};
+  MotionRecord first{}, second{}, all{};
   for (const std::size_t i : {0U, 1U}) what.add(arrays, i, first);
   for (const std::size_t i : {2U, 3U}) what.add(arrays, i, second);
   EXPECT_EQ(second.largest[0], 5);
   EXPECT_EQ(second.square[0], 26);
-  for (const BdfRecord* part : {&first, &second}) BdfMeasure::join(all, *part);
+  for (const MotionRecord* part : {&first, &second}) MotionMeasure::join(all, *part);
   EXPECT_TRUE(std::isnan(all.largest[0]));
   EXPECT_TRUE(std::isnan(all.square[0]));
   EXPECT_EQ(all.largest[1], 0);

@@ -205,31 +205,26 @@ class EmulatedMatrix final : public DeviceMatrix {
 /// Numbers that no body owns are NaN, but for right-hand sides: who uses them shows.
 class EmulatedMotion final : public DeviceMotion {
  public:
-  EmulatedMotion(const Sizes& sizes, int points, const DeviceShare& share, int* sends_left)
-      : share_(share), points_(points), sends_left_(sends_left) {
+  EmulatedMotion(const Sizes& sizes, const MotionDemand& demand, const DeviceShare& share, int* sends_left)
+      : share_(share), points_(demand.points), sends_left_(sends_left) {
     const auto n = static_cast<std::size_t>(sizes.velocity), m = static_cast<std::size_t>(sizes.constraints);
-    for (const BdfVector vector :
-         {&BdfArrays::q, &BdfArrays::v, &BdfArrays::a, &BdfArrays::theta, &BdfArrays::theta_hat, &BdfArrays::v_hat,
-          &BdfArrays::rate, &BdfArrays::weight_q, &BdfArrays::weight_v, &BdfArrays::placed_q, &BdfArrays::dq,
-          &BdfArrays::dv, &BdfArrays::f, &BdfArrays::work})
-      arrays_.*vector = made(n);
-    for (int j = 0; j < points; ++j)
+    for (const MotionVector vector : demand.vectors) arrays_.*vector = made(n);
+    for (const MotionVector vector : demand.right_sides) arrays_.*vector = made(n + m);
+    for (int j = 0; j < points_; ++j)
       for (auto* past : {&arrays_.past_q, &arrays_.past_v, &arrays_.past_theta}) (*past)[j] = made(n);
-    arrays_.tangential = made(n + m);
-    arrays_.normal = made(n + m);
     right_side_ = share.own;
     for (std::size_t i = n; i < n + m; ++i) right_side_.push_back(static_cast<Index>(i));
   }
-  [[nodiscard]] const BdfArrays& arrays() const override { return arrays_; }
+  [[nodiscard]] const MotionArrays& arrays() const override { return arrays_; }
   void turn_past() override {
     for (auto* past : {&arrays_.past_q, &arrays_.past_v, &arrays_.past_theta})
       std::rotate(*past, *past + points_ - 1, *past + points_);
   }
-  void run(const BdfLoop& loop) override {
+  void run(const MotionLoop& loop) override {
     std::visit([&](const auto& of_kind) { for_each([&](std::size_t i) { of_kind(arrays_, i); }); }, loop);
   }
-  [[nodiscard]] BdfRecord measure(const BdfMeasure& what) override {
-    BdfRecord record{};
+  [[nodiscard]] MotionRecord measure(const MotionMeasure& what) override {
+    MotionRecord record{};
     for_each([&](std::size_t i) { what.add(arrays_, i, record); });
     return record;
   }
@@ -264,7 +259,7 @@ class EmulatedMotion final : public DeviceMotion {
   DeviceShare share_;
   int points_;
   int* sends_left_;
-  BdfArrays arrays_;
+  MotionArrays arrays_;
   std::vector<std::vector<double>> memory_;
   std::vector<Index> right_side_;
   std::vector<double> looked_;
@@ -285,8 +280,9 @@ class EmulatedAssembly final : public DeviceAssembly {
   std::unique_ptr<DeviceMatrix> make_matrix(const DeviceMatrixLayout& layout) override {
     return std::make_unique<EmulatedMatrix>(layout);
   }
-  std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, int points, const DeviceShare& share) override {
-    return std::make_unique<EmulatedMotion>(sizes, points, share, sends_left_);
+  std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, const MotionDemand& demand,
+                                            const DeviceShare& share) override {
+    return std::make_unique<EmulatedMotion>(sizes, demand, share, sends_left_);
   }
 
  private:

@@ -105,8 +105,9 @@ class DeviceAssembly {
   virtual ~DeviceAssembly() = default;
   virtual std::unique_ptr<DeviceBody> make_body(const DeviceBodyTables& tables) = 0;
   virtual std::unique_ptr<DeviceMatrix> make_matrix(const DeviceMatrixLayout& layout) = 0;
-  /// @param sizes  of the system @param points  that are remembered @param share  lent for the call
-  virtual std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, int points, const DeviceShare& share) = 0;
+  /// @param sizes  of the system @param share  lent for the call
+  virtual std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, const MotionDemand& demand,
+                                                    const DeviceShare& share) = 0;
 };
 
 /// @param gpu  its number, from 0

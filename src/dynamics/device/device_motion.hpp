@@ -2,14 +2,16 @@
 /// The long vectors of an integrator in the memory of the GPU that has the factor and the bodies.
 #pragma once
 
-#include <memory>
 #include <span>
-#include <vector>
+#include <variant>
 
 #include "dynamics/dae/system.hpp"
 #include "dynamics/device/bdf_loops.hpp"
 
 namespace espalier::dynamics {
+
+using MotionLoop = std::variant<AddTo, CopyOf, FormulaRates, StageChanges, RightSides, PassChanges, FormulaAcceleration,
+                                VelocityWeights, PastSums, PositionInChart, ChartOfPosition, WayFromFactor, NewPoint>;
 
 /// Vectors of n numbers, one for each velocity coordinate; those that components of the host own stand in them but are
 /// used by right-hand sides alone. Work is enqueued on the stream of the bodies and of K.
@@ -18,13 +20,13 @@ class DeviceMotion {
  public:
   virtual ~DeviceMotion() = default;
   /// Where they lie.
-  [[nodiscard]] virtual const BdfArrays& arrays() const = 0;
+  [[nodiscard]] virtual const MotionArrays& arrays() const = 0;
   /// The place of the oldest past point becomes that of the newest, and all others move on.
   virtual void turn_past() = 0;
   /// For all coordinates of bodies.
-  virtual void run(const BdfLoop& loop) = 0;
+  virtual void run(const MotionLoop& loop) = 0;
   /// Over them. Waits.
-  [[nodiscard]] virtual BdfRecord measure(const BdfMeasure& what) = 0;
+  [[nodiscard]] virtual MotionRecord measure(const MotionMeasure& what) = 0;
   /// Copies of `count` numbers to and from this memory; send() lets `from` change on return, fetch() waits.
   virtual void send(ConstSpan from, double* to) = 0;
   virtual void fetch(const double* from, Span to) = 0;

@@ -101,7 +101,7 @@ void BdfIntegrator::save(std::vector<double>& out) {
 }
 
 void BdfIntegrator::restore(ConstSpan& in) {
-  on_device_ = false;
+  vectors_.leave();
   restore_counts(in);
   take_state(in, state_);
   trial_ = state_;
