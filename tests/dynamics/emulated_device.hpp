@@ -205,8 +205,8 @@ class EmulatedMatrix final : public DeviceMatrix {
 /// Numbers that no body owns are NaN, but for right-hand sides: who uses them shows.
 class EmulatedMotion final : public DeviceMotion {
  public:
-  EmulatedMotion(const Sizes& sizes, const MotionDemand& demand, const DeviceShare& share, int* sends_left)
-      : share_(share), points_(demand.points), sends_left_(sends_left) {
+  EmulatedMotion(const Sizes& sizes, const MotionDemand& demand, const DeviceShare& share)
+      : share_(share), points_(demand.points) {
     const auto n = static_cast<std::size_t>(sizes.velocity), m = static_cast<std::size_t>(sizes.constraints);
     for (const MotionVector vector : demand.vectors) arrays_.*vector = made(n);
     for (const MotionVector vector : demand.right_sides) arrays_.*vector = made(n + m);
@@ -228,11 +228,7 @@ class EmulatedMotion final : public DeviceMotion {
     for_each([&](std::size_t i) { what.add(arrays_, i, record); });
     return record;
   }
-  void send(ConstSpan from, double* to) override {
-    if (*sends_left_ == 0) throw Error(StatusCode::device_error, "the emulated GPU has failed");
-    if (*sends_left_ > 0) --*sends_left_;
-    std::copy(from.begin(), from.end(), to);
-  }
+  void send(ConstSpan from, double* to) override { std::copy(from.begin(), from.end(), to); }
   void fetch(const double* from, Span to) override { std::copy_n(from, to.size(), to.begin()); }
   [[nodiscard]] ConstSpan look(List list, std::span<const double* const> from) override {
     looked_.clear();
@@ -258,7 +254,6 @@ class EmulatedMotion final : public DeviceMotion {
 
   DeviceShare share_;
   int points_;
-  int* sends_left_;
   MotionArrays arrays_;
   std::vector<std::vector<double>> memory_;
   std::vector<Index> right_side_;
@@ -268,8 +263,7 @@ class EmulatedMotion final : public DeviceMotion {
 /// Its bodies are those of `twin`, the same system once more.
 class EmulatedAssembly final : public DeviceAssembly {
  public:
-  /// @param sends_left  how many vectors the GPU may still be sent before it fails; negative: any number
-  EmulatedAssembly(AssembledSystem& twin, int* sends_left) : twin_(twin), sends_left_(sends_left) {
+  explicit EmulatedAssembly(AssembledSystem& twin) : twin_(twin) {
     for (const auto& c : twin.components())
       if (auto* body = dynamic_cast<FlexibleBody*>(c.get()); body != nullptr && body->fits_device())
         bodies_.push_back(body);
@@ -282,12 +276,11 @@ class EmulatedAssembly final : public DeviceAssembly {
   }
   std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, const MotionDemand& demand,
                                             const DeviceShare& share) override {
-    return std::make_unique<EmulatedMotion>(sizes, demand, share, sends_left_);
+    return std::make_unique<EmulatedMotion>(sizes, demand, share);
   }
 
  private:
   AssembledSystem& twin_;
-  int* sends_left_;
   std::vector<FlexibleBody*> bodies_;
   std::size_t next_ = 0;
 };
