@@ -105,6 +105,7 @@ class EmulatedVectors final : public DeviceVectors {
   explicit EmulatedVectors(const std::vector<double>& scale) : scale_(scale) {}
   void solve(Span b, const Solve& solve) override { solve_columns(b.data(), b.size() / scale_.size(), solve); }
   void solve_there(double* b, const Solve& solve) override { solve_columns(b, 1, solve); }
+  [[nodiscard]] const double* scale() const override { return scale_.data(); }
   void put_lower(ConstSpan r, double* b) override {
     std::fill_n(b, scale_.size() - r.size(), 0.0);
     std::copy(r.begin(), r.end(), b + scale_.size() - r.size());
@@ -173,6 +174,7 @@ class EmulatedMatrix final : public DeviceMatrix {
     for (std::size_t e = 0; e < rest.size(); ++e) values_[static_cast<std::size_t>(rest_[e])] = rest[e];
     return values_.data();
   }
+  void set_scale(ConstSpan scale) override { std::copy(scale.begin(), scale.end(), scale_.begin()); }
   void fetch_w(Span values) const override {
     for_each_of_w([&](std::size_t i, std::size_t j, const double& value, std::size_t p) {
       values[p] = value / scale_[j] / scale_[i];
