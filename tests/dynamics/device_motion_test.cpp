@@ -35,15 +35,15 @@ TEST(DeviceMotion, RecordsKeepWhatIsNoNumber) {
   std::vector<double> x = {3, std::nan(""), -5, 1};
   MotionArrays arrays;
   arrays.v = x.data();
-  const MotionMeasure what{.largest = {&MotionArrays::v}, .x = {&MotionArrays::v}, .weight = {}};
+  const MotionMeasure what{.largest = {&MotionArrays::v}, .sums = {{&MotionArrays::v}}};
   MotionRecord first{}, second{}, all{};
   for (const std::size_t i : {0U, 1U}) what.add(arrays, i, first);
   for (const std::size_t i : {2U, 3U}) what.add(arrays, i, second);
   EXPECT_EQ(second.largest[0], 5);
-  EXPECT_EQ(second.square[0], 26);
+  EXPECT_EQ(second.sum[0], 26);
   for (const MotionRecord* part : {&first, &second}) MotionMeasure::join(all, *part);
   EXPECT_TRUE(std::isnan(all.largest[0]));
-  EXPECT_TRUE(std::isnan(all.square[0]));
+  EXPECT_TRUE(std::isnan(all.sum[0]));
   EXPECT_EQ(all.largest[1], 0);
 }
 

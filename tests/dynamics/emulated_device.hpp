@@ -218,6 +218,7 @@ class EmulatedMotion final : public DeviceMotion {
     for (std::size_t i = n; i < n + m; ++i) right_side_.push_back(static_cast<Index>(i));
   }
   [[nodiscard]] const MotionArrays& arrays() const override { return arrays_; }
+  void use_scale(const double* scale) override { arrays_.scale = scale; }
   void turn_past() override {
     for (auto* past : {&arrays_.past_q, &arrays_.past_v, &arrays_.past_theta})
       std::rotate(*past, *past + points_ - 1, *past + points_);

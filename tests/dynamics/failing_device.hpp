@@ -19,6 +19,7 @@ class FailingMotion final : public DeviceMotion {
  public:
   FailingMotion(std::unique_ptr<DeviceMotion> motion, CallsLeft& left) : motion_(std::move(motion)), left_(left) {}
   [[nodiscard]] const MotionArrays& arrays() const override { return motion_->arrays(); }
+  void use_scale(const double* scale) override { motion_->use_scale(scale); }
   void turn_past() override { motion_->turn_past(); }
   void run(const MotionLoop& loop) override {
     take(left_.all);

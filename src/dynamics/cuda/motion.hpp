@@ -14,6 +14,7 @@ class CudaMotion final : public DeviceMotion {
  public:
   CudaMotion(const Sizes& sizes, const MotionDemand& demand, const DeviceShare& share, Gpu& gpu);
   [[nodiscard]] const MotionArrays& arrays() const override { return arrays_; }
+  void use_scale(const double* scale) override { arrays_.scale = scale; }
   void turn_past() override;
   void run(const MotionLoop& loop) override;
   [[nodiscard]] MotionRecord measure(const MotionMeasure& what) override;

@@ -6,12 +6,18 @@
 #include <variant>
 
 #include "dynamics/dae/system.hpp"
+#include "dynamics/device/alpha_loops.hpp"
 #include "dynamics/device/bdf_loops.hpp"
 
 namespace espalier::dynamics {
 
-using MotionLoop = std::variant<AddTo, CopyOf, FormulaRates, StageChanges, RightSides, PassChanges, FormulaAcceleration,
-                                VelocityWeights, PastSums, PositionInChart, ChartOfPosition, WayFromFactor, NewPoint>;
+using MotionLoop = std::variant<AddTo, CopyOf,
+                                // BDF's
+                                FormulaRates, StageChanges, RightSides, PassChanges, FormulaAcceleration,
+                                VelocityWeights, PastSums, PositionInChart, ChartOfPosition, WayFromFactor, NewPoint,
+                                // generalized-alpha's
+                                StepBases, PredictedAcceleration, StateReached, PositionReached, ForcesOfPass,
+                                ScaledChange, ChangedAcceleration, ScaledAcceleration, LastChanges, NextStep>;
 
 /// Vectors of n numbers, one for each velocity coordinate; those that components of the host own stand in them but are
 /// used by right-hand sides alone. Work is enqueued on the stream of the bodies and of K.
@@ -21,6 +27,8 @@ class DeviceMotion {
   virtual ~DeviceMotion() = default;
   /// Where they lie.
   [[nodiscard]] virtual const MotionArrays& arrays() const = 0;
+  /// The scales of K, n + m numbers in this memory, which stay where they are from one factor to the next.
+  virtual void use_scale(const double* scale) = 0;
   /// The place of the oldest past point becomes that of the newest, and all others move on.
   virtual void turn_past() = 0;
   /// For all coordinates of bodies.

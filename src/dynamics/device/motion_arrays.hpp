@@ -22,6 +22,13 @@ struct MotionArrays {
   double *tangential = nullptr, *normal = nullptr;  ///< n + m each: right-hand sides and solutions of K
   /// Past points, the newest first.
   double *past_q[kMotionPoints] = {}, *past_v[kMotionPoints] = {}, *past_theta[kMotionPoints] = {};
+  // Generalized-alpha's; see GeneralizedAlpha for the words.
+  double *q_start = nullptr, *v_start = nullptr, *a_start = nullptr;  ///< at the beginning of the step
+  double *a_before = nullptr, *a_old = nullptr, *a_from = nullptr, *v_from = nullptr;
+  double *a_base = nullptr, *v_base = nullptr, *delta_base = nullptr, *delta = nullptr, *a_step = nullptr;
+  double *weight = nullptr, *force = nullptr, *second = nullptr;
+  double* change = nullptr;       ///< n + m: right-hand side and solution of K
+  const double* scale = nullptr;  ///< n + m: KktSolver::scale()
 };
 
 /// Which of the vectors.
@@ -46,27 +53,33 @@ struct CopyOf {
 
 /// What the host learns of long vectors.
 struct MotionRecord {
-  static constexpr int kLargest = 4, kSquares = 2;
+  static constexpr int kLargest = 5, kSums = 2;
   double largest[kLargest];  ///< |x|; a NaN is larger than all
-  double square[kSquares];   ///< sums of (x w)^2
+  double sum[kSums];         ///< of (x w) (y w)
 };
 
-/// What it asks: null pointers for nothing.
+/// What it asks: null pointers for nothing, or for what they say.
 struct MotionMeasure {
+  struct Sum {
+    MotionVector x = nullptr;
+    MotionVector weight = nullptr;  ///< 1
+    MotionVector y = nullptr;       ///< x once more
+  };
   MotionVector largest[MotionRecord::kLargest] = {};
-  MotionVector x[MotionRecord::kSquares] = {}, weight[MotionRecord::kSquares] = {};  ///< no weight: 1
-  ESPALIER_ANYWHERE void add(const MotionArrays& s, std::size_t i, MotionRecord& sum) const {
+  Sum sums[MotionRecord::kSums] = {};
+  ESPALIER_ANYWHERE void add(const MotionArrays& s, std::size_t i, MotionRecord& all) const {
     for (int k = 0; k < MotionRecord::kLargest; ++k)
-      if (largest[k] != nullptr) see((s.*largest[k])[i], sum.largest[k]);
-    for (int k = 0; k < MotionRecord::kSquares; ++k) {
-      if (x[k] == nullptr) continue;
-      const double term = (s.*x[k])[i] * (weight[k] == nullptr ? 1.0 : (s.*weight[k])[i]);
-      sum.square[k] += term * term;
+      if (largest[k] != nullptr) see((s.*largest[k])[i], all.largest[k]);
+    for (int k = 0; k < MotionRecord::kSums; ++k) {
+      const Sum& of = sums[k];
+      if (of.x == nullptr) continue;
+      const double weight = of.weight == nullptr ? 1.0 : (s.*of.weight)[i], x = (s.*of.x)[i] * weight;
+      all.sum[k] += x * (of.y == nullptr ? x : (s.*of.y)[i] * weight);
     }
   }
-  static ESPALIER_ANYWHERE void join(MotionRecord& sum, const MotionRecord& next) {
-    for (int k = 0; k < MotionRecord::kLargest; ++k) see(next.largest[k], sum.largest[k]);
-    for (int k = 0; k < MotionRecord::kSquares; ++k) sum.square[k] += next.square[k];
+  static ESPALIER_ANYWHERE void join(MotionRecord& all, const MotionRecord& next) {
+    for (int k = 0; k < MotionRecord::kLargest; ++k) see(next.largest[k], all.largest[k]);
+    for (int k = 0; k < MotionRecord::kSums; ++k) all.sum[k] += next.sum[k];
   }
 
  private:

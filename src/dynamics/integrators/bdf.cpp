@@ -140,8 +140,8 @@ double BdfIntegrator::distance_from_factor() {
   }
   there().run(WayFromFactor{});
   for (const Component* c : share().owners) c->local(placed_q_, trial_.q, work_n_);
-  const MotionRecord record = measure({.largest = {}, .x = {&MotionArrays::work}, .weight = {&MotionArrays::weight_q}});
-  return std::sqrt(record.square[0] / static_cast<double>(work_n_.size()));
+  const MotionRecord record = measure({.largest = {}, .sums = {{&MotionArrays::work, &MotionArrays::weight_q}}});
+  return std::sqrt(record.sum[0] / static_cast<double>(work_n_.size()));
 }
 
 bool BdfIntegrator::turn_factor() {

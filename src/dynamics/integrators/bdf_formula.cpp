@@ -92,10 +92,10 @@ double BdfIntegrator::error_estimate(int order) {
                ConstSpan(w).first(static_cast<std::size_t>(points)));
   if (noisy_left_ > 0 || formula_is_projected_) remove_weak_parts();
   if (on_device()) {
-    const MotionRecord record = measure({.largest = {},
-                                         .x = {&MotionArrays::dq, &MotionArrays::dv},
-                                         .weight = {&MotionArrays::weight_q, &MotionArrays::weight_v}});
-    const double square = options_.test_velocity ? std::max(record.square[0], record.square[1]) : record.square[0];
+    const MotionRecord record =
+        measure({.largest = {},
+                 .sums = {{&MotionArrays::dq, &MotionArrays::weight_q}, {&MotionArrays::dv, &MotionArrays::weight_v}}});
+    const double square = options_.test_velocity ? std::max(record.sum[0], record.sum[1]) : record.sum[0];
     return factor * std::sqrt(square / static_cast<double>(dq_.size()));
   }
   const double error = norm(dq_, weight_q_);

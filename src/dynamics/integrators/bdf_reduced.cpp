@@ -118,7 +118,7 @@ bool BdfIntegrator::constraints_hold(StepReport& report) {
   const double tolerance = options_.constraint_tolerance;
   if (!(report.levels.position <= tolerance)) return false;
   const MotionRecord sizes =
-      on_device() ? measure({.largest = {&MotionArrays::v, &MotionArrays::a}, .x = {}, .weight = {}})
+      on_device() ? measure({.largest = {&MotionArrays::v, &MotionArrays::a}, .sums = {}})
                   : MotionRecord{{max_norm(equations_.pool(), trial_.v), max_norm(equations_.pool(), trial_.a)}, {}};
   return report.levels.velocity <= tolerance * std::max(1.0, sizes.largest[0]) &&
          report.levels.acceleration <= tolerance * std::max(1.0, sizes.largest[1]);
@@ -167,9 +167,9 @@ bool BdfIntegrator::hopeless(double change, double rate, int iteration) const {
 // agree better at tolerances like 1e-13 (Andrews' mechanism: 0.1 to 0.4).
 double BdfIntegrator::rounding_of_change() {
   if (on_device()) {
-    const MotionRecord record = measure({.largest = {&MotionArrays::v}, .x = {&MotionArrays::weight_v}, .weight = {}});
+    const MotionRecord record = measure({.largest = {&MotionArrays::v}, .sums = {{&MotionArrays::weight_v}}});
     const double unit = std::numeric_limits<double>::epsilon() * record.largest[0];
-    return std::min(0.5, unit * std::sqrt(record.square[0] / static_cast<double>(weight_v_.size())));
+    return std::min(0.5, unit * std::sqrt(record.sum[0] / static_cast<double>(weight_v_.size())));
   }
   const double eps = std::numeric_limits<double>::epsilon() * max_norm(equations_.pool(), trial_.v);
   const double sum = sum_of(equations_.pool(), weight_v_.size(),
@@ -221,10 +221,9 @@ double BdfIntegrator::change_of_pass(StepReport& report) {
   if (on_device()) {
     const MotionRecord record =
         measure({.largest = {&MotionArrays::dq, &MotionArrays::dv, &MotionArrays::a, &MotionArrays::f},
-                 .x = {&MotionArrays::dq, &MotionArrays::dv},
-                 .weight = {&MotionArrays::weight_q, &MotionArrays::weight_v}});
+                 .sums = {{&MotionArrays::dq, &MotionArrays::weight_q}, {&MotionArrays::dv, &MotionArrays::weight_v}}});
     report.residual = record.largest[3];
-    return change_of({record.largest[0], record.largest[1], record.largest[2], record.square[0], record.square[1]});
+    return change_of({record.largest[0], record.largest[1], record.largest[2], record.sum[0], record.sum[1]});
   }
   const Part all = reduce_blocks<Part>(
       equations_.pool(), dq_.size(),

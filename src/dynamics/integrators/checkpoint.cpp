@@ -77,6 +77,7 @@ std::unique_ptr<Integrator> BdfIntegrator::clone() const {
 
 std::unique_ptr<Integrator> GeneralizedAlpha::clone() const {
   auto copy = std::make_unique<GeneralizedAlpha>(*this);
+  copy->vectors_.leave();
   copy->factor_c_q_ = 0;
   return copy;
 }
