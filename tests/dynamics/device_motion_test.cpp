@@ -120,6 +120,12 @@ TEST(DeviceMotion, TheHostGoesOnWhereTheVectorsCannotEnter) {
   }
 }
 
+// Steps are as long as errors allow, which are looked at with a tolerance of 1e-5.
+TEST(DeviceMotion, TheHostGoesOnWhereverTheGpuFails) {
+  test::expect_to_go_on_wherever_it_fails(
+      [](const Course& course) { return run_model("engine.toml", kSmallEngine, 1e-6, course); }, Place::emulated, 1e-6);
+}
+
 // A run that is saved goes on with the bits of the one that was restored: both begin on the host again.
 TEST(DeviceMotion, GoesOnAfterARestart) {
   constexpr double kEnd = 1e-6;
@@ -140,6 +146,11 @@ TEST_F(DeviceMotionOnGpu, GoesAsOnTheHost) {
   expect_same(gpu, host, 1e-9);
   EXPECT_EQ(again.end.q, gpu.end.q);
   EXPECT_EQ(again.end.v, gpu.end.v);
+}
+
+TEST_F(DeviceMotionOnGpu, TheHostGoesOnWhereverTheGpuFails) {
+  test::expect_to_go_on_wherever_it_fails(
+      [](const Course& course) { return run_model("engine.toml", kSmallEngine, 1e-6, course); }, Place::gpu, 1e-6);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <stdexcept>
+#include <tuple>
 
 #include "dynamics/integrators/newton_limits.hpp"
 
@@ -207,20 +208,7 @@ void BdfIntegrator::begin_attempt(double h) {
   predict();
 }
 
-// Where a GPU has lost factor or vectors, the host begins anew: it has all but the trial state.
 bool BdfIntegrator::attempt(double h, bool retry, StepReport& report) {
-  try {
-    return attempt_here(h, retry, report);
-  } catch (const Error& error) {
-    if (!vectors_.may_take_up(error)) throw;
-    leave_device();
-    vectors_.give_up(error);
-  }
-  factor_hp_ = 0;
-  return attempt_here(h, retry, report);
-}
-
-bool BdfIntegrator::attempt_here(double h, bool retry, StepReport& report) {
   begin_attempt(h);
   report.crossings = 0;
   if (projected_left_ == 0) {
@@ -239,9 +227,22 @@ bool BdfIntegrator::attempt_here(double h, bool retry, StepReport& report) {
   return false;
 }
 
+// Where a GPU has lost factor or vectors, the host takes the step anew: it has all but the trial state.
 StepReport BdfIntegrator::step(double t_limit) {
   if (history_.size() == 0) throw std::logic_error("start() was not called");
   if (t_limit <= state_.t) throw std::invalid_argument("t_limit lies before the present time");
+  const std::tuple before(order_, steps_at_order_, h_);
+  try {
+    return step_here(t_limit);
+  } catch (const Error& error) {
+    if (!vectors_.may_take_up(error)) throw;
+    take_up(error);
+  }
+  std::tie(order_, steps_at_order_, h_) = before;
+  return step_here(t_limit);
+}
+
+StepReport BdfIntegrator::step_here(double t_limit) {
   StepReport report;
   const long factorizations = equations_.counts().factorizations;
   const bool fixed = options_.fixed_step > 0;
@@ -343,6 +344,7 @@ void BdfIntegrator::accept(StepReport& report) {
   report.order = formula_.order;
   report.h = formula_.h;
   report.t = formula_.t;
+  if (on_device()) vectors_.fetch_state(trial_);
   const double error = report.error;
   const int points_before = history_.size();
   if (sliver()) {

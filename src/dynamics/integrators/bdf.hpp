@@ -165,8 +165,9 @@ class BdfIntegrator final : public Integrator {
   [[nodiscard]] bool finish_levels(StepReport& report);
   [[nodiscard]] double error_estimate(int order);
   [[nodiscard]] bool first_points(double h, StepReport& report);
+  [[nodiscard]] StepReport step_here(double t_limit);
+  void take_up(const Error& error);
   [[nodiscard]] bool attempt(double h, bool retry, StepReport& report);
-  [[nodiscard]] bool attempt_here(double h, bool retry, StepReport& report);
   void begin_attempt(double h);
   [[nodiscard]] bool attempt_anywhere(double h, bool retry, StepReport& report);
   void check_step(double h, double t_limit) const;

@@ -77,10 +77,22 @@ void BdfIntegrator::leave_device() {
   error_weights();
 }
 
-// What History::push() does.
+// After an error of the GPU.
+void BdfIntegrator::take_up(const Error& error) {
+  leave_device();
+  vectors_.give_up(error);
+  factor_hp_ = 0;
+}
+
+// What History::push() does. The step is the host's already.
 void BdfIntegrator::push_there(bool in_place_of_newest) {
-  if (!in_place_of_newest) there().turn_past();
-  there().run(NewPoint{history_.size()});
+  try {
+    if (!in_place_of_newest) there().turn_past();
+    there().run(NewPoint{history_.size()});
+  } catch (const Error& error) {
+    if (!vectors_.may_take_up(error)) throw;
+    take_up(error);
+  }
 }
 
 void BdfIntegrator::error_weights_there() {
