@@ -87,9 +87,21 @@ TEST(DeviceAlpha, TheHostGoesOnWhereverTheGpuFails) {
 
 // A run that is saved goes on with the bits of the one that was restored: both begin on the host again.
 TEST(DeviceAlpha, GoesOnAfterARestart) {
-  const RunResult through = run_engine(20, {}), restored = run_engine(20, {.save_after = 6});
+  const RunResult through = run_engine(20, {}), restored = run_engine(20, {.save_after = 6}),
+                  saved = run_engine(20, {.save_after = 6, .restores = false});
   EXPECT_TRUE(restored.on_device_at_end);
   expect_same(restored, through, 1e-7);
+  EXPECT_EQ(saved.end.q, restored.end.q);
+  EXPECT_EQ(saved.end.v, restored.end.v);
+  EXPECT_EQ(saved.end.lambda, restored.end.lambda);
+}
+
+// As where an event is looked for: the vectors are the copy's from its first step on.
+TEST(DeviceAlpha, ACopyTakesThemOver) {
+  const RunResult host = run_engine(10, {.place = Place::host}), gpu = run_engine(10, {.copy_after = 4});
+  EXPECT_TRUE(gpu.on_device_at_end);
+  EXPECT_EQ(gpu.counts.steps, 10);
+  expect_same(gpu, host, 1e-9);
 }
 
 class DeviceAlphaOnGpu : public espalier::test::OnGpu {};

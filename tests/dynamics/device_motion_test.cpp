@@ -130,9 +130,22 @@ TEST(DeviceMotion, TheHostGoesOnWhereverTheGpuFails) {
 TEST(DeviceMotion, GoesOnAfterARestart) {
   constexpr double kEnd = 1e-6;
   const RunResult through = run_model("engine.toml", kSmallEngine, kEnd, {}),
-                  restored = run_model("engine.toml", kSmallEngine, kEnd, {.save_after = 6});
+                  restored = run_model("engine.toml", kSmallEngine, kEnd, {.save_after = 6}),
+                  saved = run_model("engine.toml", kSmallEngine, kEnd, {.save_after = 6, .restores = false});
   EXPECT_TRUE(restored.on_device_at_end);
   expect_same(restored, through, 1e-7);
+  EXPECT_EQ(saved.end.q, restored.end.q);
+  EXPECT_EQ(saved.end.v, restored.end.v);
+  EXPECT_EQ(saved.end.lambda, restored.end.lambda);
+}
+
+// As where an event is looked for: the vectors are the copy's from its first step on.
+TEST(DeviceMotion, ACopyTakesThemOver) {
+  constexpr double kEnd = 1e-6;
+  const RunResult host = run_model("engine.toml", kSmallEngine, kEnd, {.place = Place::host}),
+                  gpu = run_model("engine.toml", kSmallEngine, kEnd, {.copy_after = 6});
+  EXPECT_TRUE(gpu.on_device_at_end);
+  expect_same(gpu, host, 1e-6);
 }
 
 class DeviceMotionOnGpu : public espalier::test::OnGpu {};

@@ -22,7 +22,9 @@ struct Course {
   Place place = Place::emulated;
   int fails_after = -1;  ///< factorizations on the emulated GPU
   CallsLeft calls{};
-  int save_after = -1;  ///< steps: what save() writes is restored
+  int save_after = -1;   ///< steps: what save() writes is restored
+  bool restores = true;  ///< false: the run that was saved goes on
+  int copy_after = -1;   ///< steps: the next one is taken once more, from a copy, which goes on
 };
 
 struct RunResult {
@@ -73,25 +75,33 @@ RunResult run_there(const Build& build, double end, const Course& course, const 
   State s(sizes);
   system.initial(s.q, s.v);
   make_consistent(equations, s);
-  auto integrator = make(equations);
-  integrator.start(s);
+  using Type = decltype(make(equations));
+  auto integrator = std::make_unique<Type>(make(equations));
+  integrator->start(s);
   if (course.place != Place::host) equations.allow_device(course.place == Place::gpu ? make_real : make_emulated);
   RunResult result;
   int steps = 0;
-  while (integrator.state().t < end) {
-    (void)integrator.step(end);
-    if (integrator.on_device()) ++result.steps_on_device;
-    if (++steps != course.save_after) continue;
+  while (integrator->state().t < end) {
+    (void)integrator->step(end);
+    if (integrator->on_device()) ++result.steps_on_device;
+    ++steps;
+    if (steps == course.copy_after) {
+      auto copy = integrator->clone();
+      (void)integrator->step(end);
+      integrator.reset(static_cast<Type*>(copy.release()));
+    }
+    if (steps != course.save_after) continue;
     std::vector<double> saved;
-    integrator.save(saved);
+    integrator->save(saved);
+    if (!course.restores) continue;
     ConstSpan in = saved;
-    integrator.restore(in);
+    integrator->restore(in);
     EXPECT_TRUE(in.empty());
   }
-  result.end = integrator.state();
-  result.counts = integrator.counts();
+  result.end = integrator->state();
+  result.counts = integrator->counts();
   result.turns = equations.counts().turns;
-  result.on_device_at_end = integrator.on_device();
+  result.on_device_at_end = integrator->on_device();
   result.notice = equations.device_notice();
   return result;
 }
