@@ -105,6 +105,7 @@ class EmulatedVectors final : public DeviceVectors {
   explicit EmulatedVectors(const std::vector<double>& scale) : scale_(scale) {}
   void solve(Span b, const Solve& solve) override { solve_columns(b.data(), b.size() / scale_.size(), solve); }
   void solve_there(double* b, const Solve& solve) override { solve_columns(b, 1, solve); }
+  [[nodiscard]] const double* scale() const override { return scale_.data(); }
   void put_lower(ConstSpan r, double* b) override {
     std::fill_n(b, scale_.size() - r.size(), 0.0);
     std::copy(r.begin(), r.end(), b + scale_.size() - r.size());
@@ -173,6 +174,7 @@ class EmulatedMatrix final : public DeviceMatrix {
     for (std::size_t e = 0; e < rest.size(); ++e) values_[static_cast<std::size_t>(rest_[e])] = rest[e];
     return values_.data();
   }
+  void set_scale(ConstSpan scale) override { std::copy(scale.begin(), scale.end(), scale_.begin()); }
   void fetch_w(Span values) const override {
     for_each_of_w([&](std::size_t i, std::size_t j, const double& value, std::size_t p) {
       values[p] = value / scale_[j] / scale_[i];
@@ -205,39 +207,31 @@ class EmulatedMatrix final : public DeviceMatrix {
 /// Numbers that no body owns are NaN, but for right-hand sides: who uses them shows.
 class EmulatedMotion final : public DeviceMotion {
  public:
-  EmulatedMotion(const Sizes& sizes, int points, const DeviceShare& share, int* sends_left)
-      : share_(share), points_(points), sends_left_(sends_left) {
+  EmulatedMotion(const Sizes& sizes, const MotionDemand& demand, const DeviceShare& share)
+      : share_(share), points_(demand.points) {
     const auto n = static_cast<std::size_t>(sizes.velocity), m = static_cast<std::size_t>(sizes.constraints);
-    for (const BdfVector vector :
-         {&BdfArrays::q, &BdfArrays::v, &BdfArrays::a, &BdfArrays::theta, &BdfArrays::theta_hat, &BdfArrays::v_hat,
-          &BdfArrays::rate, &BdfArrays::weight_q, &BdfArrays::weight_v, &BdfArrays::placed_q, &BdfArrays::dq,
-          &BdfArrays::dv, &BdfArrays::f, &BdfArrays::work})
-      arrays_.*vector = made(n);
-    for (int j = 0; j < points; ++j)
+    for (const MotionVector vector : demand.vectors) arrays_.*vector = made(n);
+    for (const MotionVector vector : demand.right_sides) arrays_.*vector = made(n + m);
+    for (int j = 0; j < points_; ++j)
       for (auto* past : {&arrays_.past_q, &arrays_.past_v, &arrays_.past_theta}) (*past)[j] = made(n);
-    arrays_.tangential = made(n + m);
-    arrays_.normal = made(n + m);
     right_side_ = share.own;
     for (std::size_t i = n; i < n + m; ++i) right_side_.push_back(static_cast<Index>(i));
   }
-  [[nodiscard]] const BdfArrays& arrays() const override { return arrays_; }
+  [[nodiscard]] const MotionArrays& arrays() const override { return arrays_; }
+  void use_scale(const double* scale) override { arrays_.scale = scale; }
   void turn_past() override {
     for (auto* past : {&arrays_.past_q, &arrays_.past_v, &arrays_.past_theta})
       std::rotate(*past, *past + points_ - 1, *past + points_);
   }
-  void run(const BdfLoop& loop) override {
+  void run(const MotionLoop& loop) override {
     std::visit([&](const auto& of_kind) { for_each([&](std::size_t i) { of_kind(arrays_, i); }); }, loop);
   }
-  [[nodiscard]] BdfRecord measure(const BdfMeasure& what) override {
-    BdfRecord record{};
+  [[nodiscard]] MotionRecord measure(const MotionMeasure& what) override {
+    MotionRecord record{};
     for_each([&](std::size_t i) { what.add(arrays_, i, record); });
     return record;
   }
-  void send(ConstSpan from, double* to) override {
-    if (*sends_left_ == 0) throw Error(StatusCode::device_error, "the emulated GPU has failed");
-    if (*sends_left_ > 0) --*sends_left_;
-    std::copy(from.begin(), from.end(), to);
-  }
+  void send(ConstSpan from, double* to) override { std::copy(from.begin(), from.end(), to); }
   void fetch(const double* from, Span to) override { std::copy_n(from, to.size(), to.begin()); }
   [[nodiscard]] ConstSpan look(List list, std::span<const double* const> from) override {
     looked_.clear();
@@ -263,8 +257,7 @@ class EmulatedMotion final : public DeviceMotion {
 
   DeviceShare share_;
   int points_;
-  int* sends_left_;
-  BdfArrays arrays_;
+  MotionArrays arrays_;
   std::vector<std::vector<double>> memory_;
   std::vector<Index> right_side_;
   std::vector<double> looked_;
@@ -273,8 +266,7 @@ class EmulatedMotion final : public DeviceMotion {
 /// Its bodies are those of `twin`, the same system once more.
 class EmulatedAssembly final : public DeviceAssembly {
  public:
-  /// @param sends_left  how many vectors the GPU may still be sent before it fails; negative: any number
-  EmulatedAssembly(AssembledSystem& twin, int* sends_left) : twin_(twin), sends_left_(sends_left) {
+  explicit EmulatedAssembly(AssembledSystem& twin) : twin_(twin) {
     for (const auto& c : twin.components())
       if (auto* body = dynamic_cast<FlexibleBody*>(c.get()); body != nullptr && body->fits_device())
         bodies_.push_back(body);
@@ -285,13 +277,13 @@ class EmulatedAssembly final : public DeviceAssembly {
   std::unique_ptr<DeviceMatrix> make_matrix(const DeviceMatrixLayout& layout) override {
     return std::make_unique<EmulatedMatrix>(layout);
   }
-  std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, int points, const DeviceShare& share) override {
-    return std::make_unique<EmulatedMotion>(sizes, points, share, sends_left_);
+  std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, const MotionDemand& demand,
+                                            const DeviceShare& share) override {
+    return std::make_unique<EmulatedMotion>(sizes, demand, share);
   }
 
  private:
   AssembledSystem& twin_;
-  int* sends_left_;
   std::vector<FlexibleBody*> bodies_;
   std::size_t next_ = 0;
 };

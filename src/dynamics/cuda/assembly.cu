@@ -15,8 +15,9 @@ class CudaAssembly final : public DeviceAssembly {
   std::unique_ptr<DeviceMatrix> make_matrix(const DeviceMatrixLayout& layout) override {
     return std::make_unique<CudaMatrix>(layout, gpu_);
   }
-  std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, int points, const DeviceShare& share) override {
-    return std::make_unique<CudaMotion>(sizes, points, share, gpu_);
+  std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, const MotionDemand& demand,
+                                            const DeviceShare& share) override {
+    return std::make_unique<CudaMotion>(sizes, demand, share, gpu_);
   }
 
  private:

@@ -167,6 +167,11 @@ const double* CudaMatrix::complete(ConstSpan scale, ConstSpan rest) {
   return values_.data();
 }
 
+void CudaMatrix::set_scale(ConstSpan scale) {
+  const DeviceGuard guard(gpu_.number);
+  gpu_.send(scale, scale_.data());
+}
+
 std::unique_ptr<DeviceVectors> CudaMatrix::make_vectors() {
   return std::make_unique<CudaVectors>(unknowns_, scale_.data(), gpu_);
 }

@@ -14,6 +14,7 @@ class CudaMatrix final : public DeviceMatrix {
   void add_from_host(const Fill& fill) override;
   void column_sizes(Span diagonal, Span largest) override;
   const double* complete(ConstSpan scale, ConstSpan rest) override;
+  void set_scale(ConstSpan scale) override;
   void fetch_w(Span values) const override;
   void sum_rows(ConstSpan x, Span out) const override;
   std::unique_ptr<DeviceVectors> make_vectors() override;

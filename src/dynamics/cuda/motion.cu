@@ -13,38 +13,38 @@ constexpr Offset kBlock = 8 * kThreads;  // coordinates of a record
 __device__ Offset this_thread() { return static_cast<Offset>(blockIdx.x) * blockDim.x + threadIdx.x; }
 
 template <class Loop>
-__global__ void loop_kernel(const BdfArrays arrays, const Loop loop, Offset first, Offset count) {
+__global__ void loop_kernel(const MotionArrays arrays, const Loop loop, Offset first, Offset count) {
   const Offset k = this_thread();
   if (k < count) loop(arrays, static_cast<std::size_t>(first + k));
 }
 
 // The records of all threads of a block, joined in a fixed order, to the first thread.
-__device__ BdfRecord join_block(const BdfRecord& own) {
-  __shared__ BdfRecord all[kThreads];
+__device__ MotionRecord join_block(const MotionRecord& own) {
+  __shared__ MotionRecord all[kThreads];
   all[threadIdx.x] = own;
   __syncthreads();
   for (unsigned step = kThreads / 2; step > 0; step /= 2) {
-    if (threadIdx.x < step) BdfMeasure::join(all[threadIdx.x], all[threadIdx.x + step]);
+    if (threadIdx.x < step) MotionMeasure::join(all[threadIdx.x], all[threadIdx.x + step]);
     __syncthreads();
   }
   return all[0];
 }
 
-__global__ void measure_kernel(const BdfArrays arrays, const BdfMeasure what, Offset first, Offset count,
-                               BdfRecord* records) {
+__global__ void measure_kernel(const MotionArrays arrays, const MotionMeasure what, Offset first, Offset count,
+                               MotionRecord* records) {
   const Offset begin = static_cast<Offset>(blockIdx.x) * kBlock, end = min(begin + kBlock, count);
-  BdfRecord own{};
+  MotionRecord own{};
   for (Offset k = begin + threadIdx.x; k < end; k += kThreads)
     what.add(arrays, static_cast<std::size_t>(first + k), own);
-  const BdfRecord all = join_block(own);
+  const MotionRecord all = join_block(own);
   if (threadIdx.x == 0) records[blockIdx.x] = all;
 }
 
 // One block.
-__global__ void join_kernel(Offset count, const BdfRecord* records, BdfRecord* to) {
-  BdfRecord own{};
-  for (Offset k = threadIdx.x; k < count; k += kThreads) BdfMeasure::join(own, records[k]);
-  const BdfRecord all = join_block(own);
+__global__ void join_kernel(Offset count, const MotionRecord* records, MotionRecord* to) {
+  MotionRecord own{};
+  for (Offset k = threadIdx.x; k < count; k += kThreads) MotionMeasure::join(own, records[k]);
+  const MotionRecord all = join_block(own);
   if (threadIdx.x == 0) *to = all;
 }
 
@@ -58,29 +58,23 @@ __global__ void put_kernel(Offset count, const Index* list, const double* values
   if (k < count) to[list[k]] = add ? to[list[k]] + values[k] : values[k];
 }
 
-constexpr BdfVector kVectors[] = {&BdfArrays::q,         &BdfArrays::v,        &BdfArrays::a,    &BdfArrays::theta,
-                                  &BdfArrays::theta_hat, &BdfArrays::v_hat,    &BdfArrays::rate, &BdfArrays::weight_q,
-                                  &BdfArrays::weight_v,  &BdfArrays::placed_q, &BdfArrays::dq,   &BdfArrays::dv,
-                                  &BdfArrays::f,         &BdfArrays::work};
-
 }  // namespace
 
-CudaMotion::CudaMotion(const Sizes& sizes, int points, const DeviceShare& share, Gpu& gpu)
-    : gpu_(gpu), points_(points), ranges_(share.ranges), blocks_(0) {
+CudaMotion::CudaMotion(const Sizes& sizes, const MotionDemand& demand, const DeviceShare& share, Gpu& gpu)
+    : gpu_(gpu), points_(demand.points), ranges_(share.ranges), blocks_(0) {
   const DeviceGuard guard(gpu_.number);
   const Offset n = sizes.velocity, rows = n + sizes.constraints;
-  const Offset numbers = (static_cast<Offset>(std::size(kVectors)) + 3 * points) * n + 2 * rows;
+  const Offset numbers = (std::ssize(demand.vectors) + 3 * points_) * n + std::ssize(demand.right_sides) * rows;
   vectors_ = make_array<double>(numbers, gpu_);
   call("cudaMemsetAsync(vectors)", [&] {
     return cudaMemsetAsync(vectors_.data(), 0, static_cast<std::size_t>(vectors_.bytes()), gpu_.stream.get());
   });
   double* next = vectors_.data();
-  for (const BdfVector vector : kVectors) arrays_.*vector = std::exchange(next, next + n);
-  for (int j = 0; j < points; ++j)
+  for (const MotionVector vector : demand.vectors) arrays_.*vector = std::exchange(next, next + n);
+  for (int j = 0; j < points_; ++j)
     for (auto* past : {&arrays_.past_q, &arrays_.past_v, &arrays_.past_theta})
       (*past)[j] = std::exchange(next, next + n);
-  arrays_.tangential = std::exchange(next, next + rows);
-  arrays_.normal = next;
+  for (const MotionVector vector : demand.right_sides) arrays_.*vector = std::exchange(next, next + rows);
   std::vector<Index> right_side(share.own);
   for (Offset i = n; i < rows; ++i) right_side.push_back(static_cast<Index>(i));
   seen_ = upload<Index>(share.seen, gpu_);
@@ -89,8 +83,8 @@ CudaMotion::CudaMotion(const Sizes& sizes, int points, const DeviceShare& share,
   looked_ = make_array<double>(kMostLooks * longest, gpu_);
   looked_at_ = PinnedArray<double>(kMostLooks * longest);
   for (const DeviceShare::Range& r : ranges_) blocks_ += (r.count + kBlock - 1) / kBlock;
-  records_ = make_array<BdfRecord>(blocks_ + 1, gpu_);
-  record_ = PinnedArray<BdfRecord>(1);
+  records_ = make_array<MotionRecord>(blocks_ + 1, gpu_);
+  record_ = PinnedArray<MotionRecord>(1);
   gpu_.stream.wait();
 }
 
@@ -99,7 +93,7 @@ void CudaMotion::turn_past() {
     std::rotate(*past, *past + points_ - 1, *past + points_);
 }
 
-void CudaMotion::run(const BdfLoop& loop) {
+void CudaMotion::run(const MotionLoop& loop) {
   const DeviceGuard guard(gpu_.number);
   std::visit(
       [&](const auto& of_kind) {
@@ -112,7 +106,7 @@ void CudaMotion::run(const BdfLoop& loop) {
       loop);
 }
 
-BdfRecord CudaMotion::measure(const BdfMeasure& what) {
+MotionRecord CudaMotion::measure(const MotionMeasure& what) {
   const DeviceGuard guard(gpu_.number);
   const cudaStream_t stream = gpu_.stream.get();
   Offset block = 0;
@@ -123,11 +117,11 @@ BdfRecord CudaMotion::measure(const BdfMeasure& what) {
     call("launch of a measurement", [&] { return cudaGetLastError(); });
     block += own;
   }
-  BdfRecord* const all = records_.data() + blocks_;
+  MotionRecord* const all = records_.data() + blocks_;
   join_kernel<<<1, kThreads, 0, stream>>>(blocks_, records_.data(), all);
   call("launch of the joining of records", [&] { return cudaGetLastError(); });
   call("cudaMemcpyAsync(record)",
-       [&] { return cudaMemcpyAsync(record_.data(), all, sizeof(BdfRecord), cudaMemcpyDeviceToHost, stream); });
+       [&] { return cudaMemcpyAsync(record_.data(), all, sizeof(MotionRecord), cudaMemcpyDeviceToHost, stream); });
   gpu_.stream.wait();
   return *record_.data();
 }

@@ -12,11 +12,12 @@ namespace espalier::dynamics::cuda {
 
 class CudaMotion final : public DeviceMotion {
  public:
-  CudaMotion(const Sizes& sizes, int points, const DeviceShare& share, Gpu& gpu);
-  [[nodiscard]] const BdfArrays& arrays() const override { return arrays_; }
+  CudaMotion(const Sizes& sizes, const MotionDemand& demand, const DeviceShare& share, Gpu& gpu);
+  [[nodiscard]] const MotionArrays& arrays() const override { return arrays_; }
+  void use_scale(const double* scale) override { arrays_.scale = scale; }
   void turn_past() override;
-  void run(const BdfLoop& loop) override;
-  [[nodiscard]] BdfRecord measure(const BdfMeasure& what) override;
+  void run(const MotionLoop& loop) override;
+  [[nodiscard]] MotionRecord measure(const MotionMeasure& what) override;
   void send(ConstSpan from, double* to) override;
   void fetch(const double* from, Span to) override;
   [[nodiscard]] ConstSpan look(List list, std::span<const double* const> from) override;
@@ -31,13 +32,13 @@ class CudaMotion final : public DeviceMotion {
   Gpu& gpu_;
   int points_;
   std::vector<DeviceShare::Range> ranges_;
-  BdfArrays arrays_;
+  MotionArrays arrays_;
   DeviceArray<double> vectors_;  // all of them
   DeviceArray<Index> seen_, right_side_;
   DeviceArray<double> looked_;  // numbers of a list, on their way
   PinnedArray<double> looked_at_;
-  DeviceArray<BdfRecord> records_;  // of blocks, and the last one of all
-  PinnedArray<BdfRecord> record_;
+  DeviceArray<MotionRecord> records_;  // of blocks, and the last one of all
+  PinnedArray<MotionRecord> record_;
   Offset blocks_;
 };
 

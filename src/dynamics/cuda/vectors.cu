@@ -42,7 +42,7 @@ double* CudaVectors::room_for(DeviceArray<double>& array, Offset numbers) {
   return array.data();
 }
 
-void CudaVectors::scale(double* columns, Offset count) {
+void CudaVectors::scale_columns(double* columns, Offset count) {
   scale_kernel<<<blocks_for(size_ * count, kThreads), kThreads, 0, gpu_.stream.get()>>>(size_, count, scale_, columns);
   call("launch of the scaling of right-hand sides", [&] { return cudaGetLastError(); });
 }
@@ -52,17 +52,17 @@ void CudaVectors::solve(Span b, const Solve& solve) {
   const Offset count = static_cast<Offset>(b.size()) / size_;
   double* const at = room_for(work_, count * size_);
   gpu_.send(b, at);
-  scale(at, count);
+  scale_columns(at, count);
   solve(at, static_cast<Index>(count));
-  scale(at, count);
+  scale_columns(at, count);
   gpu_.fetch(at, b);
 }
 
 void CudaVectors::solve_there(double* b, const Solve& solve) {
   const DeviceGuard guard(gpu_.number);
-  scale(b, 1);
+  scale_columns(b, 1);
   solve(b, 1);
-  scale(b, 1);
+  scale_columns(b, 1);
 }
 
 void CudaVectors::put_lower(ConstSpan r, double* b) {
@@ -88,7 +88,7 @@ void CudaVectors::make_columns(std::span<const Index> rows, const Solve& solve) 
   call("launch of the unit vectors", [&] { return cudaGetLastError(); });
   for (Offset first = 0; first < count; first += kMostColumns)
     solve(columns + first * size_, static_cast<Index>(std::min<Offset>(kMostColumns, count - first)));
-  scale(columns, count);
+  scale_columns(columns, count);
   kept_ = count;
 }
 

@@ -13,6 +13,7 @@ class CudaVectors final : public DeviceVectors {
   CudaVectors(Offset size, const double* scale, Gpu& gpu) : gpu_(gpu), size_(size), scale_(scale) {}
   void solve(Span b, const Solve& solve) override;
   void solve_there(double* b, const Solve& solve) override;
+  [[nodiscard]] const double* scale() const override { return scale_; }
   void put_lower(ConstSpan r, double* b) override;
   void make_columns(std::span<const Index> rows, const Solve& solve) override;
   void combine_columns(ConstSpan factors, Span x) override;
@@ -22,7 +23,7 @@ class CudaVectors final : public DeviceVectors {
 
  private:
   double* room_for(DeviceArray<double>& array, Offset numbers);
-  void scale(double* columns, Offset count);
+  void scale_columns(double* columns, Offset count);
 
   Gpu& gpu_;
   Offset size_;

@@ -30,6 +30,8 @@ class ConstraintResponse {
   /// @param entries  numbers that a solve with the factor reads; 0: not known, no columns are made
   /// @param device  where the factor is; outlives the use up to leave_device(); null: the host
   void start(Index n, Index m, const std::vector<char>& dropped, Offset entries, DeviceVectors* device = nullptr);
+  /// The factor is there: where columns are still to be made, it makes and keeps them.
+  void use_device(DeviceVectors& device) { device_ = &device; }
   /// Columns on a GPU are gone, and none are made there any more.
   void leave_device();
   /// What factors before have had to do counts no more.

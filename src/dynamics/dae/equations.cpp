@@ -161,14 +161,16 @@ void Equations::leave_device() {
   device_.reset();
 }
 
-DeviceMotion* Equations::claim_motion(int points, long& ticket) {
+DeviceMotion* Equations::claim_motion(const MotionDemand& demand, long& ticket) {
   if (!motion_allowed_ || device_ == nullptr || !kkt_.solves_there() || system_.device_share() == nullptr)
     return nullptr;
   try {
-    if (motion_ == nullptr || motion_points_ < points) {
+    const bool serves = motion_ != nullptr && motion_demand_.vectors.data() == demand.vectors.data() &&
+                        motion_demand_.points >= demand.points;
+    if (!serves) {
       motion_.reset();
-      motion_ = device_->make_motion(sizes_, points, *system_.device_share());
-      motion_points_ = points;
+      motion_ = device_->make_motion(sizes_, demand, *system_.device_share());
+      motion_demand_ = demand;
     }
   } catch (const Error& error) {
     const StatusCode code = error.status().code;

@@ -108,9 +108,9 @@ class Equations {
   [[nodiscard]] bool on_device() const { return device_ != nullptr; }
   [[nodiscard]] const std::string& device_notice() const { return device_notice_; }
   /// Vectors of an integrator on the GPU that has factor and bodies, for one integrator at a time.
-  /// @param points  past points that it remembers @param ticket  made the number that stands for them
+  /// @param ticket  made the number that stands for them
   /// @return null: they stay with the host
-  [[nodiscard]] DeviceMotion* claim_motion(int points, long& ticket);
+  [[nodiscard]] DeviceMotion* claim_motion(const MotionDemand& demand, long& ticket);
   /// After an error of the GPU in that memory: it is given back, and nobody gets it any more.
   void give_motion_up(const Error& error);
   /// @return null: they are another one's, or gone
@@ -136,7 +136,7 @@ class Equations {
   std::unique_ptr<DeviceAssembly> device_;  // outlives what lies on it: a part of K, and of the system (leave_device())
   MakeDevice make_device_ = nullptr;        // null: not allowed
   std::unique_ptr<DeviceMotion> motion_;    // on device_
-  int motion_points_ = 0;
+  MotionDemand motion_demand_;
   long ticket_ = 0;  // of motion_
   bool motion_allowed_ = true;
   base::ThreadPool* pool_ = nullptr;

@@ -173,6 +173,20 @@ void KktSolver::factorize() {
   }
   factor_is_new(nullptr);
   if (const Status s = solver_->factorize(k_values_); !s.ok()) throw Error(s);
+  put_scale_on_device();
+}
+
+// Of a factor that is on a GPU though the host has assembled K: solutions are made there, too.
+void KktSolver::put_scale_on_device() {
+  if (!on_device()) return;
+  try {
+    device_->set_scale(scale_);
+  } catch (const Error& error) {  // what needs the GPU finds out
+    if (error.status().code != StatusCode::device_error) throw;
+    return;
+  }
+  scale_on_device_ = true;
+  response_.use_device(*vectors_);
 }
 
 void KktSolver::factor_is_new(DeviceVectors* device) {
@@ -225,6 +239,7 @@ void KktSolver::use_device(DeviceAssembly& device, std::vector<Offset> host_entr
   });
   device_ = device.make_matrix({w_, k_ptr_, in_k, rest_});
   vectors_ = device_->make_vectors();
+  put_scale_on_device();
 }
 
 void KktSolver::leave_device() {

@@ -95,6 +95,8 @@ class KktSolver {
   void solve_there(double* x);
   /// x := K^-1 [0; r]; r, m numbers, on the host. @return as solve()
   [[nodiscard]] Index solve_normal_there(ConstSpan r, double* x);
+  /// scale() in that memory, at a place that stays the same as long as the GPU has K.
+  [[nodiscard]] const double* scale_there() const { return vectors_->scale(); }
   /// y = Phi_q x with the Phi_q of the factor.
   void multiply_phi_q(ConstSpan x, Span y) const { multiply_by_rows(*phi_q_, phi_q_values_, x, y, pool_); }
   /// The s_i of the factor, n + m: x_i / s_i are the unknowns of S K S.
@@ -112,6 +114,7 @@ class KktSolver {
   void compute_scaling();
   void fill_rest();
   void factor_is_new(DeviceVectors* device);
+  void put_scale_on_device();
   void solve_now(Span b, Index columns);
   void solve_scaled_on_device(double* columns, Index count);
   [[nodiscard]] bool solve_through_device(Span b);

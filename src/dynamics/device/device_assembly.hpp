@@ -89,13 +89,15 @@ class DeviceMatrix {
   virtual void column_sizes(Span diagonal, Span largest) = 0;
   /// K: W scaled by s_i s_j, and the rest as it is given. @return all values, finished when stream() is
   virtual const double* complete(ConstSpan scale, ConstSpan rest) = 0;
+  /// The scales of a K that was assembled on the host: make_vectors() serves its factor, too.
+  virtual void set_scale(ConstSpan scale) = 0;
   /// W as it was before the scaling, to the host.
   virtual void fetch_w(Span values) const = 0;
   /// out_i = the sum of |W_ij| x_j over j, to some digits, of W before the scaling. The same bits in every run.
   /// @param x  not negative
   virtual void sum_rows(ConstSpan x, Span out) const = 0;
   [[nodiscard]] virtual void* stream() const = 0;
-  /// Of the scales that complete() gets.
+  /// Of the scales that complete() or set_scale() got last.
   virtual std::unique_ptr<DeviceVectors> make_vectors() = 0;
 };
 
@@ -105,8 +107,9 @@ class DeviceAssembly {
   virtual ~DeviceAssembly() = default;
   virtual std::unique_ptr<DeviceBody> make_body(const DeviceBodyTables& tables) = 0;
   virtual std::unique_ptr<DeviceMatrix> make_matrix(const DeviceMatrixLayout& layout) = 0;
-  /// @param sizes  of the system @param points  that are remembered @param share  lent for the call
-  virtual std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, int points, const DeviceShare& share) = 0;
+  /// @param sizes  of the system @param share  lent for the call
+  virtual std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, const MotionDemand& demand,
+                                                    const DeviceShare& share) = 0;
 };
 
 /// @param gpu  its number, from 0

@@ -9,7 +9,7 @@
 
 namespace espalier::dynamics {
 
-/// Solves with K = S^-1 K' S^-1, where K' is what was factorized and S are the scales of DeviceMatrix::complete(). All
+/// Solves with K = S^-1 K' S^-1, where K' is what was factorized and S are the scales of DeviceMatrix. All
 /// vectors have as many numbers as K has rows; several stand one after another. One object serves one matrix, which
 /// outlives it. Every call waits unless it says otherwise.
 /// @throws Error(device_error, out_of_memory); what a Solve throws goes through
@@ -24,6 +24,8 @@ class DeviceVectors {
   virtual void solve(Span b, const Solve& solve) = 0;
   /// The same of one that lies in the GPU's memory.
   virtual void solve_there(double* b, const Solve& solve) = 0;
+  /// The scales, in the GPU's memory: always at the same place.
+  [[nodiscard]] virtual const double* scale() const = 0;
   /// b := [0; r] in the GPU's memory.
   virtual void put_lower(ConstSpan r, double* b) = 0;
   /// Keeps the columns K^-1 e_r of these rows r in the GPU's memory, instead of those that it kept before.

@@ -35,11 +35,14 @@ void GeneralizedAlpha::add_offset(double h, double sign, Span out) const {
   for_coordinates([&](std::size_t i) { out[i] += sign * (c * h * h * jerk_[i] + h / 6 * (turned[i] - state_.a[i])); });
 }
 
+// Whether a step of length h asks for more than what the one before has left.
+bool GeneralizedAlpha::changes_length(double h) const { return jerk_known_ && std::abs(h - fitted_) > 1e-6 * h; }
+
 // a_from_ and v_from_ for a step of length h.
 void GeneralizedAlpha::fit(double h) {
-  copy(equations_.pool(), a_old_, a_from_);
-  copy(equations_.pool(), state_.v, v_from_);
-  if (!jerk_known_ || std::abs(h - fitted_) <= 1e-6 * h) return;
+  run(CopyOf{&MotionArrays::a_from, &MotionArrays::a_old});
+  run(CopyOf{&MotionArrays::v_from, &MotionArrays::v_start});
+  if (!changes_length(h)) return;
   const std::size_t n = a_from_.size(), m = state_.lambda.size();
   for_coordinates([&](std::size_t i) { a_from_[i] += (alpha_m_ - alpha_f_) * (h - fitted_) * jerk_[i]; });
   if (m == 0 || factor_c_q_ == 0) return;
@@ -65,6 +68,7 @@ bool GeneralizedAlpha::sliver(double t_limit) const {
 void GeneralizedAlpha::drift(double t) {
   const double h = t - state_.t;
   const std::size_t n = a_old_.size();
+  vectors_.leave();
   trial_ = state_;
   for (std::size_t i = 0; i < n; ++i) {
     delta_[i] = h * (state_.v[i] + 0.5 * h * state_.a[i]);

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/at.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/integrators/newton_limits.hpp"
 
@@ -31,30 +32,46 @@ void GeneralizedAlpha::predict() {
   for (std::size_t i = 0; i < trial_.lambda.size(); ++i) {
     trial_.lambda[i] = state_.lambda[i] + ahead * (state_.lambda[i] - lambda_before_[i]);
   }
-  for_coordinates([&](std::size_t i) { a_step_[i] = state_.a[i] + ahead * (state_.a[i] - a_before_[i]); });
+  run(PredictedAcceleration{ahead});
   reach();
+  weigh();
+}
+
+double GeneralizedAlpha::weight_of(double size) const {
+  return 1 / (options_.tolerance * (options_.relative * size + options_.absolute));
+}
+
+// The weights of changes of q, and size_q_.
+void GeneralizedAlpha::weigh() {
+  if (on_device()) return weigh_there();
   equations_.system().magnitude(state_.q, weight_);
   size_q_ = largest_of(equations_.pool(), weight_.size(), [&](std::size_t i) {
     const double size = weight_[i];
-    weight_[i] = 1 / (options_.tolerance * (options_.relative * size + options_.absolute));
+    weight_[i] = weight_of(size);
     return std::max(size, std::abs(delta_[i]));
   });
 }
 
 // The trial state that a_step_ leads to.
 void GeneralizedAlpha::reach() {
-  for_coordinates([&](std::size_t i) {
-    trial_.a[i] = a_step_[i];
-    trial_.v[i] = v_base_[i] + c_v_ * a_step_[i];
-    delta_[i] = delta_base_[i] + c_q_ * a_step_[i];
-  });
+  run(StateReached{c_v_, c_q_});
+  if (on_device()) return reach_there();
   equations_.system().retract(state_.q, delta_, trial_.q);
   carry(trial_.a);
   carry(trial_.v);
 }
 
-// From the axes of q_n to those of q_n (+) delta: exp(-delta) x = T(-delta)^-1 T(delta) x.
+// From the axes of q_n to those of q_n (+) delta: exp(-delta) x = T(-delta)^-1 T(delta) x. Those of bodies on a GPU
+// never turn.
 void GeneralizedAlpha::carry(Span x) const {
+  if (on_device()) {
+    for (const Index i : vectors_.share().own) minus_delta_[at(i)] = -delta_[at(i)];
+    for (const Component* c : vectors_.share().owners) {
+      c->velocity_of_rate(delta_, x, turned_);
+      c->rate_of_velocity(minus_delta_, turned_, x);
+    }
+    return;
+  }
   for_coordinates([&](std::size_t i) { minus_delta_[i] = -delta_[i]; });
   equations_.system().velocity_of_rate(delta_, x, turned_);
   equations_.system().rate_of_velocity(minus_delta_, turned_, x);
@@ -71,14 +88,24 @@ void GeneralizedAlpha::learn_trend() {
     const double last = weight_[i] * (state_.a[i] - a_before_[i]);
     return last * last;
   });
+  set_trend(along, square);
+}
+
+void GeneralizedAlpha::set_trend(double along, double square) {
   trend_ = square > 0 && h_before_ > 0 ? std::clamp(along * h_before_ / (square * h_), 0.0, 1.0) : 1.0;
 }
 
 double GeneralizedAlpha::scaled_norm(ConstSpan a, ConstSpan lambda) const {
   const ConstSpan scale = equations_.kkt().scale();
-  double largest = largest_of(equations_.pool(), a.size(), [&](std::size_t i) { return a[i] / scale[i]; });
+  return scaled_multipliers(lambda,
+                            largest_of(equations_.pool(), a.size(), [&](std::size_t i) { return a[i] / scale[i]; }));
+}
+
+// The larger one of `largest` and what lambda is in the scale of K.
+double GeneralizedAlpha::scaled_multipliers(ConstSpan lambda, double largest) const {
+  const ConstSpan scale = equations_.kkt().scale();
   for (std::size_t i = 0; i < lambda.size(); ++i) {
-    if (!equations_.dropped()[i]) largest = std::max(largest, std::abs(lambda[i]) / scale[a.size() + i]);
+    if (!equations_.dropped()[i]) largest = std::max(largest, std::abs(lambda[i]) / scale[delta_.size() + i]);
   }
   return largest;
 }
@@ -89,15 +116,16 @@ double GeneralizedAlpha::scaled_force(ConstSpan f) const {
 }
 
 // The least error that a method of second order makes in v' and lambda, h^2 |v'''| / 12, from their second differences;
-// 0 where there are none yet.
-double GeneralizedAlpha::local_error() const {
+// 0 where there are none yet. @param change  the last one
+double GeneralizedAlpha::local_error(const Change& change) const {
   if (h_before_ == 0) return 0;
   const std::size_t n = delta_.size(), m = trial_.lambda.size();
   const double ratio = h_ / h_before_, unequal = 2 * h_ / (h_ + h_before_);
-  for_coordinates([&](std::size_t i) { second_[i] = a_step_[i] - state_.a[i] - ratio * (state_.a[i] - a_before_[i]); });
   for (std::size_t i = 0; i < m; ++i)
     second_[n + i] = trial_.lambda[i] - state_.lambda[i] - ratio * (state_.lambda[i] - lambda_before_[i]);
   const ConstSpan second = second_;
+  if (on_device()) return unequal / 12 * scaled_multipliers(second.subspan(n), change.second);
+  for_coordinates([&](std::size_t i) { second_[i] = a_step_[i] - state_.a[i] - ratio * (state_.a[i] - a_before_[i]); });
   return unequal / 12 * scaled_norm(second.first(n), second.subspan(n));
 }
 
@@ -120,31 +148,50 @@ double GeneralizedAlpha::search_back(double before) {
 // @param before force before the last change, which is searched along; 0: it is taken whole
 GeneralizedAlpha::Change GeneralizedAlpha::iterate(StepReport& report, double before) {
   const std::size_t n = delta_.size(), m = trial_.lambda.size();
-  equations_.motion(trial_.view(), f_);
   Change change;
-  change.force = before > 0 ? search_back(before) : scaled_force(f_);
-  report.residual = largest_of(equations_.pool(), n, [&](std::size_t i) { return rhs_[i] = -f_[i]; });
+  find_forces(change, report, before);
   const ConstSpan phi = equations_.phi();
   for (std::size_t i = 0; i < m; ++i) rhs_[n + i] = -phi[i] / c_q_;
-  equations_.solve(rhs_);
-  const Span da(rhs_.data(), n), dlambda(rhs_.data() + n, m);
-  change.scaled = scaled_norm(da, dlambda);
-  // K takes the change of q at the trial state; that of delta, and so of a, is T(delta)^-1 times it.
-  equations_.system().rate_of_velocity(delta_, da, da);
-  change.q = c_q_ * max_norm(equations_.pool(), da);
-  if (search_) change_ = rhs_;
-  const double c = std::max(c_q_, h_ * c_v_);
-  const double sum = sum_of(equations_.pool(), n, [&](std::size_t i) {
-    a_step_[i] += da[i];
-    const double weighted = c * da[i] * weight_[i];
-    return weighted * weighted;
-  });
-  for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += dlambda[i];
+  if (on_device())
+    solve_there();
+  else
+    equations_.solve(rhs_);
+  take_change(change, report);
+  for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += rhs_[n + i];
   reach();
   equations_.evaluate_constraints(trial_.t, trial_.q, {});
+  return change;
+}
+
+// The upper part of the right-hand side.
+void GeneralizedAlpha::find_forces(Change& change, StepReport& report, double before) {
+  if (on_device()) return find_forces_there();
+  equations_.motion(trial_.view(), f_);
+  change.force = before > 0 ? search_back(before) : scaled_force(f_);
+  report.residual = largest_of(equations_.pool(), f_.size(), [&](std::size_t i) { return rhs_[i] = -f_[i]; });
+}
+
+// K takes the change of q at the trial state; that of delta, and so of a, is T(delta)^-1 times it.
+void GeneralizedAlpha::take_change(Change& change, StepReport& report) {
+  const std::size_t n = delta_.size();
+  const double c = std::max(c_q_, h_ * c_v_);
+  double sum = 0;  // of (c da weight)^2
+  if (on_device()) {
+    sum = c * c * take_change_there(change, report);
+  } else {
+    const Span da(rhs_.data(), n), dlambda = Span(rhs_).subspan(n);
+    change.scaled = scaled_norm(da, dlambda);
+    equations_.system().rate_of_velocity(delta_, da, da);
+    change.q = c_q_ * max_norm(equations_.pool(), da);
+    if (search_) change_ = rhs_;
+    sum = sum_of(equations_.pool(), n, [&](std::size_t i) {
+      a_step_[i] += da[i];
+      const double weighted = c * da[i] * weight_[i];
+      return weighted * weighted;
+    });
+  }
   change.weighted = n == 0 ? 0.0 : std::sqrt(sum / static_cast<double>(n));
   if (!std::isfinite(sum)) change.scaled = sum;
-  return change;
 }
 
 // True where changes that stand still have met rounding. With an old factor that is believed only at the level where it
@@ -161,11 +208,19 @@ bool GeneralizedAlpha::rounding_ends(const Change& change, double rate) {
 
 GeneralizedAlpha::Outcome GeneralizedAlpha::end_at_rounding(const Change& change, StepReport& report) {
   rate_poor_ = false;
-  const double size = scaled_norm(trial_.a, trial_.lambda);
-  const bool rests =
-      h_ * max_norm(equations_.pool(), trial_.v) <= kStandsStill * size_q_ && change.scaled > kNothing * size;
+  double size = 0, speed = 0;
+  if (on_device()) {
+    run(ScaledAcceleration{});
+    const MotionRecord record = measure({.largest = {&MotionArrays::work, &MotionArrays::v}, .sums = {}});
+    size = scaled_multipliers(trial_.lambda, record.largest[0]);
+    speed = record.largest[1];
+  } else {
+    size = scaled_norm(trial_.a, trial_.lambda);
+    speed = max_norm(equations_.pool(), trial_.v);
+  }
+  const bool rests = h_ * speed <= kStandsStill * size_q_ && change.scaled > kNothing * size;
   report.rounding = size > 0 && !rests ? change.scaled / size : 0;
-  local_error_ = local_error();
+  local_error_ = local_error(change);
   return Outcome::converged;
 }
 
@@ -191,7 +246,7 @@ GeneralizedAlpha::Outcome GeneralizedAlpha::solve(StepReport& report) {
     if (previous > 0) report.newton_rate = seen;
     if (iteration > 1) rate_ = std::max(0.3 * rate_, tiny ? forces : seen);
     const double rate = std::min(rate_, 0.9), left = rate / (1 - rate);
-    const double own = local_error(), allowed = options_.newton_tolerance * std::max(own, kMemory * local_error_);
+    const double own = local_error(change), allowed = options_.newton_tolerance * std::max(own, kMemory * local_error_);
     const double trusted_force = std::max(kTrusted * first_force, kAboveFloor * force_floor_);
     const bool trusted = fresh_ || !tiny || (last > 0 && change.force <= trusted_force);
     const bool holds = report.levels.position <= options_.constraint_tolerance && trusted;

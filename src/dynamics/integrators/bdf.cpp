@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <stdexcept>
+#include <tuple>
 
 #include "dynamics/integrators/newton_limits.hpp"
 
@@ -18,6 +19,7 @@ constexpr double kReachGrowth = 1.02;
 BdfIntegrator::BdfIntegrator(Equations& equations, const BdfOptions& options)
     : equations_(equations),
       options_(options),
+      vectors_(equations),
       history_(equations.system(), std::max(options.max_order, options.fixed_order) + 2) {
   if (options.max_order < 1 || options.max_order > kMaxBdfOrder)
     throw std::invalid_argument("max_order must be 1 to 5");
@@ -41,7 +43,7 @@ void BdfIntegrator::allocate() {
 }
 
 void BdfIntegrator::start(const State& state) {
-  on_device_ = false;
+  vectors_.leave();
   state_ = state;
   trial_ = state;
   history_.clear();
@@ -99,7 +101,7 @@ double BdfIntegrator::first_step() const {
 void BdfIntegrator::ensure_factor(bool retry) {
   const bool step_left = factor_hp_ > 0 && std::abs(formula_.hp / factor_hp_ - 1) > options_.refactor_step;
   const bool pattern_changed = equations_.update_pattern();
-  if (on_device_ && pattern_changed) throw Error(StatusCode::device_error, "the pattern of K has changed");
+  if (on_device() && pattern_changed) throw Error(StatusCode::device_error, "the pattern of K has changed");
   const bool none = factor_hp_ == 0 || pattern_changed;
   const double distance = none ? 0.0 : distance_from_factor();
   const bool moved = distance > reach_;
@@ -118,7 +120,7 @@ void BdfIntegrator::ensure_factor(bool retry) {
   // measure_blocks() looks at the matrix of the factor itself.
   const bool may_turn = !none && !step_left && !options_.measure_blocks && equations_.kkt().turning_may_pay();
   if (may_turn && !(poor && (was_turned || factor_fresh_))) {
-    if (on_device_) {  // turned factors are the host's
+    if (on_device()) {  // turned factors are the host's
       leave_device();
       begin_attempt(formula_.h);
       equations_.evaluate_constraints(trial_.t, trial_.q, {});
@@ -133,14 +135,14 @@ void BdfIntegrator::ensure_factor(bool retry) {
 
 // In units of the tolerance of q: how far the predicted configuration lies from the one of the factor.
 double BdfIntegrator::distance_from_factor() {
-  if (!on_device_) {
+  if (!on_device()) {
     equations_.system().local(placed_q_, trial_.q, work_n_);
     return norm(work_n_, weight_q_);
   }
   there().run(WayFromFactor{});
   for (const Component* c : share().owners) c->local(placed_q_, trial_.q, work_n_);
-  const BdfRecord record = measure({.largest = {}, .x = {&BdfArrays::work}, .weight = {&BdfArrays::weight_q}});
-  return std::sqrt(record.square[0] / static_cast<double>(work_n_.size()));
+  const MotionRecord record = measure({.largest = {}, .sums = {{&MotionArrays::work, &MotionArrays::weight_q}}});
+  return std::sqrt(record.sum[0] / static_cast<double>(work_n_.size()));
 }
 
 bool BdfIntegrator::turn_factor() {
@@ -155,8 +157,8 @@ bool BdfIntegrator::turn_factor() {
 void BdfIntegrator::renew_factor(long& reason) {
   ++reason;
   const TangentWeights weights{1, formula_.hp, formula_.hp * formula_.hp};
-  if (on_device_) {
-    const StateView bodies = state_there();
+  if (on_device()) {
+    const StateView bodies = vectors_.state(trial_);
     equations_.factorize(trial_.view(), weights, &bodies);
     place_factor_there();
   } else {
@@ -206,22 +208,7 @@ void BdfIntegrator::begin_attempt(double h) {
   predict();
 }
 
-// Where a GPU has lost factor or vectors, the host begins anew: it has all but the trial state.
 bool BdfIntegrator::attempt(double h, bool retry, StepReport& report) {
-  try {
-    return attempt_here(h, retry, report);
-  } catch (const Error& error) {
-    if (!on_device_ || error.status().code != StatusCode::device_error) throw;
-    const bool vectors_failed =
-        equations_.motion_of(ticket_) != nullptr;  // else the factor has gone, and may come back
-    leave_device();
-    if (vectors_failed) equations_.give_motion_up(error);
-  }
-  factor_hp_ = 0;
-  return attempt_here(h, retry, report);
-}
-
-bool BdfIntegrator::attempt_here(double h, bool retry, StepReport& report) {
   begin_attempt(h);
   report.crossings = 0;
   if (projected_left_ == 0) {
@@ -240,13 +227,26 @@ bool BdfIntegrator::attempt_here(double h, bool retry, StepReport& report) {
   return false;
 }
 
+// Where a GPU has lost factor or vectors, the host takes the step anew: it has all but the trial state.
 StepReport BdfIntegrator::step(double t_limit) {
   if (history_.size() == 0) throw std::logic_error("start() was not called");
   if (t_limit <= state_.t) throw std::invalid_argument("t_limit lies before the present time");
+  const std::tuple before(order_, steps_at_order_, h_);
+  try {
+    return step_here(t_limit);
+  } catch (const Error& error) {
+    if (!vectors_.may_take_up(error)) throw;
+    take_up(error);
+  }
+  std::tie(order_, steps_at_order_, h_) = before;
+  return step_here(t_limit);
+}
+
+StepReport BdfIntegrator::step_here(double t_limit) {
   StepReport report;
   const long factorizations = equations_.counts().factorizations;
   const bool fixed = options_.fixed_step > 0;
-  if (on_device_ && equations_.motion_of(ticket_) == nullptr) leave_device();
+  if (vectors_.lost()) leave_device();
   error_weights();
   if (options_.fixed_order > 0) order_ = std::min({options_.fixed_order, order_ + 1, std::max(1, history_.size() - 1)});
   bool retry = false;
@@ -344,6 +344,7 @@ void BdfIntegrator::accept(StepReport& report) {
   report.order = formula_.order;
   report.h = formula_.h;
   report.t = formula_.t;
+  if (on_device()) vectors_.fetch_state(trial_);
   const double error = report.error;
   const int points_before = history_.size();
   if (sliver()) {
@@ -358,11 +359,11 @@ void BdfIntegrator::accept(StepReport& report) {
   } else if (noisy_left_ > 0) {
     --noisy_left_;
   }
-  fetch_trial();
+  if (on_device()) vectors_.fetch_state(trial_);
   const bool replaces = history_.size() < points_before;
   std::swap(state_, trial_);
-  history_.push(state_.t, state_.q, state_.v, state_.lambda, equations_.pool(), on_device_ ? &share() : nullptr);
-  if (on_device_) push_there(replaces);
+  history_.push(state_.t, state_.q, state_.v, state_.lambda, equations_.pool(), on_device() ? &share() : nullptr);
+  if (on_device()) push_there(replaces);
   equations_.system().accept(state_.view());
   count(report);
   report.index = counts_.steps;

@@ -9,9 +9,9 @@
 #include <optional>
 
 #include "dynamics/dae/vectors.hpp"
-#include "dynamics/device/device_motion.hpp"
 #include "dynamics/integrators/history.hpp"
 #include "dynamics/integrators/integrator.hpp"
+#include "dynamics/integrators/shared_vectors.hpp"
 
 namespace espalier::dynamics {
 
@@ -78,7 +78,7 @@ class BdfIntegrator final : public Integrator {
   void restore(ConstSpan& in) override;
   [[nodiscard]] int order() const { return order_; }
   /// Whether the vectors lie on a GPU.
-  [[nodiscard]] bool on_device() const { return on_device_; }
+  [[nodiscard]] bool on_device() const { return vectors_.on_device(); }
   /// Max norms of all blocks of H, with the dense U of the iteration in use.
   struct Blocks {
     double motion = 0, acceleration = 0, velocity = 0, position = 0;
@@ -112,30 +112,24 @@ class BdfIntegrator final : public Integrator {
   }
   void combine_past(PastSums sums, ConstSpan weights);
   // Vectors on a GPU (bdf_device.cpp); without it the same calls serve the host.
-  [[nodiscard]] BdfArrays arrays();
-  [[nodiscard]] DeviceMotion& there() const { return *equations_.motion_of(ticket_); }
-  [[nodiscard]] const DeviceShare& share() const { return *equations_.system().device_share(); }
-  [[nodiscard]] StateView state_there() const;
+  [[nodiscard]] MotionArrays arrays();
+  [[nodiscard]] DeviceMotion& there() const { return vectors_.there(); }
+  [[nodiscard]] const DeviceShare& share() const { return vectors_.share(); }
   /// loop(arrays, i) for each velocity coordinate, where it lies.
   template <class Loop>
   void run(const Loop& loop) {
-    const BdfArrays here = arrays();
-    if (!on_device_) return for_coordinates([&](std::size_t i) { loop(here, i); });
-    there().run(loop);
-    for (const Index i : share().own) loop(here, static_cast<std::size_t>(i));
+    vectors_.run(arrays(), loop);
   }
-  void see(std::initializer_list<BdfVector> vectors);
-  void take_right_sides(std::initializer_list<BdfVector> vectors);
-  [[nodiscard]] BdfRecord measure(const BdfMeasure& what);
+  void see(std::initializer_list<MotionVector> vectors) { vectors_.see(arrays(), trial_, vectors); }
+  [[nodiscard]] MotionRecord measure(const MotionMeasure& what) { return vectors_.measure(arrays(), what); }
   [[nodiscard]] bool may_enter_device() const;
   void enter_device();
   void leave_device();
-  void fetch_trial();
   void push_there(bool in_place_of_newest);
   void error_weights_there();
   void place_factor_there();
   void predict_position();
-  void move_position(BdfVector change);
+  void move_position(MotionVector change);
   void chart_of_position();
   void velocity_of_rates();
   void residual_there();
@@ -147,7 +141,7 @@ class BdfIntegrator final : public Integrator {
   [[nodiscard]] bool turn_factor();
   void project_stages();
   void solve_normal();
-  void add_normal_part(ConstSpan violation, BdfVector change);
+  void add_normal_part(ConstSpan violation, MotionVector change);
   void iterate_reduced(StepReport& report);
   [[nodiscard]] double rounding_of_change();
   [[nodiscard]] double allowed_change();
@@ -171,8 +165,9 @@ class BdfIntegrator final : public Integrator {
   [[nodiscard]] bool finish_levels(StepReport& report);
   [[nodiscard]] double error_estimate(int order);
   [[nodiscard]] bool first_points(double h, StepReport& report);
+  [[nodiscard]] StepReport step_here(double t_limit);
+  void take_up(const Error& error);
   [[nodiscard]] bool attempt(double h, bool retry, StepReport& report);
-  [[nodiscard]] bool attempt_here(double h, bool retry, StepReport& report);
   void begin_attempt(double h);
   [[nodiscard]] bool attempt_anywhere(double h, bool retry, StepReport& report);
   void check_step(double h, double t_limit) const;
@@ -190,6 +185,7 @@ class BdfIntegrator final : public Integrator {
 
   Equations& equations_;
   BdfOptions options_;
+  SharedVectors vectors_;
   History history_;
   State state_;  // accepted
   State trial_;
@@ -219,8 +215,6 @@ class BdfIntegrator final : public Integrator {
   double floor_ = 0;  // change at which the iteration stood still with a new factor, in the same units; 0: not met
   std::vector<double> theta_, theta_hat_, v_hat_, weight_q_, weight_v_;
   std::vector<double> r1_, r2_, dq_, dv_, f_, level_, work_n_, rhs_;
-  bool on_device_ = false;  // the vectors lie on a GPU; here are those that the host owns or looks at
-  long ticket_ = 0;         // for them
   Blocks blocks_;
   std::vector<double> u_;  // n x (n - m), column by column, for the reference iterations
 };

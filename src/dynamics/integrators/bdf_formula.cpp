@@ -15,7 +15,7 @@ void BdfIntegrator::set_formula(double h, int order) {
   derivative_weights(formula_.t, history_.times(order), w);
   formula_.hp = 1 / w[0];
   for (double& weight : w) weight *= -formula_.hp;
-  combine_past({.to_theta = &BdfArrays::theta_hat, .to_v = &BdfArrays::v_hat},
+  combine_past({.to_theta = &MotionArrays::theta_hat, .to_v = &MotionArrays::v_hat},
                ConstSpan(w).subspan(1, static_cast<std::size_t>(order)));
 }
 
@@ -23,9 +23,9 @@ void BdfIntegrator::set_formula(double h, int order) {
 void BdfIntegrator::combine_past(PastSums sums, ConstSpan weights) {
   std::copy(weights.begin(), weights.end(), sums.weights);
   sums.count = static_cast<int>(weights.size());
-  if (on_device_) return run(sums);
+  if (on_device()) return run(sums);
   // As the loop says, but point by point: vectors of a processor want that.
-  const BdfArrays here = arrays();
+  const MotionArrays here = arrays();
   double *const theta = here.*sums.to_theta, *const v = here.*sums.to_v;
   const double* const from_theta = sums.from_theta == nullptr ? nullptr : here.*sums.from_theta;
   const double* const from_v = sums.from_v == nullptr ? nullptr : here.*sums.from_v;
@@ -45,7 +45,7 @@ void BdfIntegrator::predict() {
   std::array<double, kMaxBdfOrder + 2> w{};
   const int points = std::min(formula_.order + 1, history_.size());
   value_weights(formula_.t, history_.times(points), w);
-  combine_past({.to_theta = &BdfArrays::theta, .to_v = &BdfArrays::v},
+  combine_past({.to_theta = &MotionArrays::theta, .to_v = &MotionArrays::v},
                ConstSpan(w).first(static_cast<std::size_t>(points)));
   const int lambda_points = std::min(points, 3);
   value_weights(formula_.t, history_.times(lambda_points), w);
@@ -57,11 +57,11 @@ void BdfIntegrator::predict() {
   trial_.t = formula_.t;
   run(FormulaAcceleration{formula_.hp});
   predict_position();
-  see({&BdfArrays::q, &BdfArrays::v, &BdfArrays::a});
+  see({&MotionArrays::q, &MotionArrays::v, &MotionArrays::a});
 }
 
 void BdfIntegrator::error_weights() {
-  if (on_device_) return error_weights_there();
+  if (on_device()) return error_weights_there();
   equations_.system().magnitude(state_.q, weight_q_);
   size_q_ = largest_of(equations_.pool(), weight_q_.size(), [&](std::size_t i) {
     const double size = weight_q_[i];
@@ -88,13 +88,14 @@ double BdfIntegrator::error_estimate(int order) {
   derivative_weights(formula_.t, history_.times(order), d);
   const double factor = 1 / (d[0] * (formula_.t - history_.time(order)));
   for (double& weight : w) weight = -weight;
-  combine_past({&BdfArrays::theta, &BdfArrays::v, &BdfArrays::dq, &BdfArrays::dv},
+  combine_past({&MotionArrays::theta, &MotionArrays::v, &MotionArrays::dq, &MotionArrays::dv},
                ConstSpan(w).first(static_cast<std::size_t>(points)));
   if (noisy_left_ > 0 || formula_is_projected_) remove_weak_parts();
-  if (on_device_) {
-    const BdfRecord record = measure(
-        {.largest = {}, .x = {&BdfArrays::dq, &BdfArrays::dv}, .weight = {&BdfArrays::weight_q, &BdfArrays::weight_v}});
-    const double square = options_.test_velocity ? std::max(record.square[0], record.square[1]) : record.square[0];
+  if (on_device()) {
+    const MotionRecord record =
+        measure({.largest = {},
+                 .sums = {{&MotionArrays::dq, &MotionArrays::weight_q}, {&MotionArrays::dv, &MotionArrays::weight_v}}});
+    const double square = options_.test_velocity ? std::max(record.sum[0], record.sum[1]) : record.sum[0];
     return factor * std::sqrt(square / static_cast<double>(dq_.size()));
   }
   const double error = norm(dq_, weight_q_);

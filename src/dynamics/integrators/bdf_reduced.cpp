@@ -32,39 +32,39 @@ void BdfIntegrator::project_stages() {
   const double hp = formula_.hp, inverse = 1 / hp;
   rates_of_formula();
   run(StageChanges{hp, inverse});
-  see({&BdfArrays::dq, &BdfArrays::dv});
-  if (m > 0) add_normal_part(equations_.phi(), &BdfArrays::dq);
-  move_position(&BdfArrays::dq);
+  see({&MotionArrays::dq, &MotionArrays::dv});
+  if (m > 0) add_normal_part(equations_.phi(), &MotionArrays::dq);
+  move_position(&MotionArrays::dq);
   if (m > 0) {
-    see({&BdfArrays::q});
+    see({&MotionArrays::q});
     equations_.evaluate_constraints(trial_.t, trial_.q, {});
     equations_.level(trial_.v, equations_.nu(), level_);
-    add_normal_part(level_, &BdfArrays::dv);
+    add_normal_part(level_, &MotionArrays::dv);
   }
-  run(AddTo{&BdfArrays::v, &BdfArrays::dv});
-  see({&BdfArrays::q, &BdfArrays::v});
+  run(AddTo{&MotionArrays::v, &MotionArrays::dv});
+  see({&MotionArrays::q, &MotionArrays::v});
 }
 
 // change += x, K [x; .] = [0; -violation - Phi_q,K change]: what the level lacks after the change, in normal
 // directions.
 // @pre a change on a GPU was seen
-void BdfIntegrator::add_normal_part(ConstSpan violation, BdfVector change) {
-  const BdfArrays here = arrays();
+void BdfIntegrator::add_normal_part(ConstSpan violation, MotionVector change) {
+  const MotionArrays here = arrays();
   const std::size_t n = theta_.size(), m = level_.size();
   const Span lower(here.normal + n, m);
   equations_.kkt().multiply_phi_q(ConstSpan(here.*change, n), lower);
   for (std::size_t i = 0; i < m; ++i) lower[i] = -violation[i] - lower[i];
   solve_normal();
-  run(AddTo{change, &BdfArrays::normal});
+  run(AddTo{change, &MotionArrays::normal});
 }
 
 // normal := K^-1 [0; r], where r are its last m numbers.
 void BdfIntegrator::solve_normal() {
-  const BdfArrays here = arrays();
+  const MotionArrays here = arrays();
   const std::size_t n = theta_.size(), m = level_.size();
-  if (on_device_) {
+  if (on_device()) {
     equations_.solve_normal_there(ConstSpan(here.normal + n, m), there().arrays().normal);
-    return take_right_sides({&BdfArrays::normal});
+    return vectors_.take_right_sides(here, {&MotionArrays::normal});
   }
   fill_zero(equations_.pool(), Span(here.normal, n));
   equations_.solve(Span(here.normal, n + m), 1, 1);
@@ -75,16 +75,16 @@ void BdfIntegrator::solve_normal() {
 // levels.
 void BdfIntegrator::iterate_reduced(StepReport& report) {
   const std::size_t n = theta_.size(), m = level_.size();
-  const BdfArrays here = arrays();
+  const MotionArrays here = arrays();
   project_stages();
   equations_.evaluate_gamma(trial_.t, trial_.q, trial_.v);
-  if (on_device_)
+  if (on_device())
     residual_there();
   else
     equations_.motion(trial_.view(), f_);
   equations_.level(trial_.a, equations_.gamma(), level_);
   const Span tangential(rhs_.data(), n + m), normal(rhs_.data() + n + m, n + m);
-  if (!on_device_)
+  if (!on_device())
     report.residual = largest_of(equations_.pool(), n, [&](std::size_t i) {
       RightSides{}(here, i);
       return f_[i];
@@ -94,15 +94,15 @@ void BdfIntegrator::iterate_reduced(StepReport& report) {
     normal[n + i] = -level_[i];
   }
   const Index normal_columns = m > 0 ? 1 : 0;
-  if (on_device_)
+  if (on_device())
     solve_there();
   else
     equations_.solve(m > 0 ? Span(rhs_) : tangential, 1 + normal_columns, normal_columns);
   run(PassChanges{formula_.hp});
   for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += tangential[n + i] + normal[n + i];
-  move_position(&BdfArrays::work);
+  move_position(&MotionArrays::work);
   chart_of_position();
-  see({&BdfArrays::q, &BdfArrays::v, &BdfArrays::a});
+  see({&MotionArrays::q, &MotionArrays::v, &MotionArrays::a});
   // The levels at the new state: the next iteration starts from them, or the step ends with them.
   equations_.evaluate_constraints(trial_.t, trial_.q, trial_.v);
 }
@@ -117,9 +117,9 @@ bool BdfIntegrator::constraints_hold(StepReport& report) {
   report.levels.acceleration = max_norm(level_);
   const double tolerance = options_.constraint_tolerance;
   if (!(report.levels.position <= tolerance)) return false;
-  const BdfRecord sizes =
-      on_device_ ? measure({.largest = {&BdfArrays::v, &BdfArrays::a}, .x = {}, .weight = {}})
-                 : BdfRecord{{max_norm(equations_.pool(), trial_.v), max_norm(equations_.pool(), trial_.a)}, {}};
+  const MotionRecord sizes =
+      on_device() ? measure({.largest = {&MotionArrays::v, &MotionArrays::a}, .sums = {}})
+                  : MotionRecord{{max_norm(equations_.pool(), trial_.v), max_norm(equations_.pool(), trial_.a)}, {}};
   return report.levels.velocity <= tolerance * std::max(1.0, sizes.largest[0]) &&
          report.levels.acceleration <= tolerance * std::max(1.0, sizes.largest[1]);
 }
@@ -139,19 +139,19 @@ bool BdfIntegrator::finish_levels(StepReport& report) {
     if (constraints_hold(report)) return true;
     if (report.levels.position > options_.constraint_tolerance) {
       solve_for(equations_.phi());
-      move_position(&BdfArrays::normal);
-      see({&BdfArrays::q});
+      move_position(&MotionArrays::normal);
+      see({&MotionArrays::q});
       equations_.evaluate_constraints(trial_.t, trial_.q, {});
     }
     equations_.level(trial_.v, equations_.nu(), level_);
     solve_for(level_);
-    run(AddTo{&BdfArrays::v, &BdfArrays::normal});
-    see({&BdfArrays::v});
+    run(AddTo{&MotionArrays::v, &MotionArrays::normal});
+    see({&MotionArrays::v});
     equations_.evaluate_gamma(trial_.t, trial_.q, trial_.v);
     equations_.level(trial_.a, equations_.gamma(), level_);
     solve_for(level_);
-    run(AddTo{&BdfArrays::a, &BdfArrays::normal});
-    see({&BdfArrays::a});
+    run(AddTo{&MotionArrays::a, &MotionArrays::normal});
+    see({&MotionArrays::a});
     for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += lower[i];
     chart_of_position();
   }
@@ -166,10 +166,10 @@ bool BdfIntegrator::hopeless(double change, double rate, int iteration) const {
 // Rounding of v where all are as large as the largest, in units of the tolerance, but at most half of it: passes cannot
 // agree better at tolerances like 1e-13 (Andrews' mechanism: 0.1 to 0.4).
 double BdfIntegrator::rounding_of_change() {
-  if (on_device_) {
-    const BdfRecord record = measure({.largest = {&BdfArrays::v}, .x = {&BdfArrays::weight_v}, .weight = {}});
+  if (on_device()) {
+    const MotionRecord record = measure({.largest = {&MotionArrays::v}, .sums = {{&MotionArrays::weight_v}}});
     const double unit = std::numeric_limits<double>::epsilon() * record.largest[0];
-    return std::min(0.5, unit * std::sqrt(record.square[0] / static_cast<double>(weight_v_.size())));
+    return std::min(0.5, unit * std::sqrt(record.sum[0] / static_cast<double>(weight_v_.size())));
   }
   const double eps = std::numeric_limits<double>::epsilon() * max_norm(equations_.pool(), trial_.v);
   const double sum = sum_of(equations_.pool(), weight_v_.size(),
@@ -218,12 +218,12 @@ double BdfIntegrator::change_of_pass(StepReport& report) {
     LargestValue dq, dv, a;
     double square_q = 0, square_v = 0;
   };
-  if (on_device_) {
-    const BdfRecord record = measure({.largest = {&BdfArrays::dq, &BdfArrays::dv, &BdfArrays::a, &BdfArrays::f},
-                                      .x = {&BdfArrays::dq, &BdfArrays::dv},
-                                      .weight = {&BdfArrays::weight_q, &BdfArrays::weight_v}});
+  if (on_device()) {
+    const MotionRecord record =
+        measure({.largest = {&MotionArrays::dq, &MotionArrays::dv, &MotionArrays::a, &MotionArrays::f},
+                 .sums = {{&MotionArrays::dq, &MotionArrays::weight_q}, {&MotionArrays::dv, &MotionArrays::weight_v}}});
     report.residual = record.largest[3];
-    return change_of({record.largest[0], record.largest[1], record.largest[2], record.square[0], record.square[1]});
+    return change_of({record.largest[0], record.largest[1], record.largest[2], record.sum[0], record.sum[1]});
   }
   const Part all = reduce_blocks<Part>(
       equations_.pool(), dq_.size(),

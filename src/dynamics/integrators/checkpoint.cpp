@@ -77,6 +77,7 @@ std::unique_ptr<Integrator> BdfIntegrator::clone() const {
 
 std::unique_ptr<Integrator> GeneralizedAlpha::clone() const {
   auto copy = std::make_unique<GeneralizedAlpha>(*this);
+  copy->vectors_.leave();
   copy->factor_c_q_ = 0;
   return copy;
 }
@@ -101,7 +102,7 @@ void BdfIntegrator::save(std::vector<double>& out) {
 }
 
 void BdfIntegrator::restore(ConstSpan& in) {
-  on_device_ = false;
+  vectors_.leave();
   restore_counts(in);
   take_state(in, state_);
   trial_ = state_;

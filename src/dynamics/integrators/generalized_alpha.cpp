@@ -23,7 +23,7 @@ constexpr long kMostDoublings = 6;
 }  // namespace
 
 GeneralizedAlpha::GeneralizedAlpha(Equations& equations, const AlphaOptions& options)
-    : equations_(equations), options_(options) {
+    : equations_(equations), options_(options), vectors_(equations) {
   if (!(options.step > 0)) throw std::invalid_argument("the step size must be positive");
   if (options.hht_alpha <= 0) {
     if (options.hht_alpha < -1.0 / 3) throw std::invalid_argument("hht_alpha must lie in [-1/3, 0]");
@@ -40,13 +40,14 @@ GeneralizedAlpha::GeneralizedAlpha(Equations& equations, const AlphaOptions& opt
   const auto n = static_cast<std::size_t>(equations.sizes().velocity);
   const auto m = static_cast<std::size_t>(equations.sizes().constraints);
   for (auto* x : {&a_old_, &a_base_, &v_base_, &delta_base_, &delta_, &weight_, &f_, &work_, &jerk_, &a_from_, &v_from_,
-                  &a_step_, &minus_delta_, &turned_})
+                  &a_step_, &minus_delta_, &turned_, &force_})
     x->assign(n, 0.0);
   rhs_.assign(n + m, 0.0);
   second_.assign(n + m, 0.0);
 }
 
 void GeneralizedAlpha::start(const State& state) {
+  vectors_.leave();
   state_ = trial_ = state;
   a_old_ = state.a;
   equations_.system().accept(state.view());
@@ -68,16 +69,13 @@ void GeneralizedAlpha::coefficients(double h) {
   const double slope = (1 - alpha_f_) / (1 - alpha_m_);
   c_v_ = h * gamma_ * slope;
   c_q_ = h * h * beta_ * slope;
-  for_coordinates([&](std::size_t i) {
-    a_base_[i] = (alpha_f_ * state_.a[i] - alpha_m_ * a_from_[i]) / (1 - alpha_m_);
-    v_base_[i] = v_from_[i] + h * ((1 - gamma_) * a_from_[i] + gamma_ * a_base_[i]);
-    delta_base_[i] = h * v_from_[i] + h * h * ((0.5 - beta_) * a_from_[i] + beta_ * a_base_[i]);
-  });
+  run(StepBases{alpha_m_, alpha_f_, beta_, gamma_, h});
 }
 
 void GeneralizedAlpha::factorize(long& reason) {
   ++reason;
-  equations_.factorize(trial_.view(), {1, c_v_, c_q_});
+  const StateView bodies = on_device() ? vectors_.state(trial_) : StateView{};
+  equations_.factorize(trial_.view(), {1, c_v_, c_q_}, on_device() ? &bodies : nullptr);
   factor_c_q_ = c_q_;
   rate_poor_ = false;
   fresh_ = true;
@@ -104,8 +102,23 @@ double GeneralizedAlpha::next_length(double t_limit) const {
 }
 
 // Newton from the predicted state. With `renew`, or where the old factor is known to be poor, it begins with a new
-// factor. @return whether it converged
+// factor. Where a GPU has lost factor or vectors, the host begins anew: it has all but the trial state.
+// @return whether it converged
 bool GeneralizedAlpha::attempt(double h, bool renew, StepReport& report) {
+  try {
+    choose_place(h);
+    const bool converged = attempt_here(h, renew, report);
+    if (converged && on_device()) end_step_there();
+    return converged;
+  } catch (const Error& error) {
+    if (!vectors_.may_take_up(error)) throw;
+    vectors_.give_up(error);
+  }
+  factor_c_q_ = 0;
+  return attempt_here(h, renew, report);
+}
+
+bool GeneralizedAlpha::attempt_here(double h, bool renew, StepReport& report) {
   coefficients(h);
   predict();
   fresh_ = began_fresh_ = false;
@@ -197,7 +210,7 @@ StepReport GeneralizedAlpha::step(double t_limit) {
 void GeneralizedAlpha::accept() {
   const double slope = (1 - alpha_f_) / (1 - alpha_m_);
   for_coordinates([&](std::size_t i) { a_old_[i] = a_base_[i] + slope * a_step_[i]; });
-  learn_trend();
+  if (!on_device()) learn_trend();
   learn_jerk();
   copy(equations_.pool(), state_.a, a_before_);
   for (auto* x : {&a_old_, &jerk_, &a_before_}) carry(*x);

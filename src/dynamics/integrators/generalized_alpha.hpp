@@ -7,6 +7,7 @@
 #include "dynamics/dae/vectors.hpp"
 #include "dynamics/integrators/factor_renewal.hpp"
 #include "dynamics/integrators/integrator.hpp"
+#include "dynamics/integrators/shared_vectors.hpp"
 
 namespace espalier::dynamics {
 
@@ -50,6 +51,9 @@ struct AlphaOptions {
 /// methods of order 2: Dahlquist 1963); the iteration ends when it has newton_tolerance times that left
 /// (alpha_newton.cpp). Where the rounding of q, |q| eps / c_q in v', does not allow it, the iteration ends when it
 /// falls no more, and StepReport::rounding says at which level.
+///
+/// Where the factor and flexible bodies lie on a GPU, the vectors of Newton's iteration follow them (alpha_device.cpp).
+/// The host then sees what its joints and forces look at, and gets the whole state once a step.
 class GeneralizedAlpha final : public Integrator {
  public:
   GeneralizedAlpha(Equations& equations, const AlphaOptions& options);
@@ -62,6 +66,8 @@ class GeneralizedAlpha final : public Integrator {
   [[nodiscard]] std::unique_ptr<Integrator> clone() const override;
   void save(std::vector<double>& out) override;
   void restore(ConstSpan& in) override;
+  /// Whether the vectors lie on a GPU.
+  [[nodiscard]] bool on_device() const { return vectors_.on_device(); }
 
  private:
   enum class Outcome { converged, slow, diverged };
@@ -71,6 +77,7 @@ class GeneralizedAlpha final : public Integrator {
     double scaled = 0;    // largest change of v' and lambda, as KktSolver scales them
     double weighted = 0;  // of q and h v, in units of the tolerance
     double q = 0;         // largest of q
+    double second = 0;    // after it, on a GPU: largest second difference of v', in that scale
   };
   /// body(i) for each velocity coordinate, on all threads.
   template <class Body>
@@ -81,11 +88,15 @@ class GeneralizedAlpha final : public Integrator {
   void predict();
   void reach();
   void carry(Span x) const;
+  void weigh();
+  [[nodiscard]] double weight_of(double size) const;
   void learn_trend();
+  void set_trend(double along, double square);
   void factorize(long& reason);
   [[nodiscard]] bool wants_new_factor();
   [[nodiscard]] double next_length(double t_limit) const;
   bool attempt(double h, bool renew, StepReport& report);
+  bool attempt_here(double h, bool renew, StepReport& report);
   void begin_factor(bool renew);
   void give_way();
   void accept();
@@ -95,13 +106,33 @@ class GeneralizedAlpha final : public Integrator {
   // Newton's iteration (alpha_newton.cpp)
   Outcome solve(StepReport& report);
   Change iterate(StepReport& report, double before);
+  void find_forces(Change& change, StepReport& report, double before);
+  void take_change(Change& change, StepReport& report);
   double search_back(double before);
   [[nodiscard]] double scaled_norm(ConstSpan a, ConstSpan lambda) const;
+  [[nodiscard]] double scaled_multipliers(ConstSpan lambda, double largest) const;
   [[nodiscard]] double scaled_force(ConstSpan f) const;
-  [[nodiscard]] double local_error() const;
+  [[nodiscard]] double local_error(const Change& change) const;
   [[nodiscard]] bool rounding_ends(const Change& change, double rate);
   Outcome end_at_rounding(const Change& change, StepReport& report);
+  // Vectors on a GPU (alpha_device.cpp); without it the same calls serve the host.
+  [[nodiscard]] MotionArrays arrays();
+  /// loop(arrays, i) for each velocity coordinate, where it lies.
+  template <class Loop>
+  void run(const Loop& loop) {
+    vectors_.run(arrays(), loop);
+  }
+  [[nodiscard]] MotionRecord measure(const MotionMeasure& what) { return vectors_.measure(arrays(), what); }
+  void choose_place(double h);
+  void enter_device();
+  void reach_there();
+  void weigh_there();
+  void find_forces_there();
+  void solve_there();
+  [[nodiscard]] double take_change_there(Change& change, StepReport& report);
+  void end_step_there();
   // Lengths of steps that change (alpha_length.cpp)
+  [[nodiscard]] bool changes_length(double h) const;
   void fit(double h);
   void learn_jerk();
   void add_offset(double h, double sign, Span out) const;
@@ -109,6 +140,7 @@ class GeneralizedAlpha final : public Integrator {
 
   Equations& equations_;
   AlphaOptions options_;
+  SharedVectors vectors_;
   State state_, trial_;
   double alpha_m_ = 0, alpha_f_ = 0, beta_ = 0, gamma_ = 0;
   double h_ = 0;
@@ -131,6 +163,7 @@ class GeneralizedAlpha final : public Integrator {
   double floor_ = 0;          // c_q times the change at which Newton stood still with a new factor; 0: not met
   double force_floor_ = 0;    // residual of the equations of motion there, scaled
   double size_q_ = 0;         // largest coordinate
+  double size_q_there_ = 0;   // of those on a GPU
   double drifted_ = 0;        // time since the last step of the method
   double fitted_ = 0;         // the length of steps that v and a_old_ belong to; 0: to none yet
   bool jerk_known_ = false;
@@ -142,6 +175,7 @@ class GeneralizedAlpha final : public Integrator {
   std::vector<double> a_step_;                    // v' of the trial state, in the axes of q_n as all but the state is
   std::vector<double> a_before_, lambda_before_;  // at the beginning of the step before
   std::vector<double> delta_, weight_, f_, rhs_, work_;
+  std::vector<double> force_;                         // F, scaled, of the host's coordinates beside a GPU
   std::vector<double> change_;                        // the last one of a and lambda, n + m, for a search
   mutable std::vector<double> second_;                // second differences, n + m
   mutable std::vector<double> minus_delta_, turned_;  // of carry()
