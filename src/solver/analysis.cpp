@@ -112,7 +112,7 @@ void describe(Analysis& a, const Context& context) {
 
 namespace {
 
-// For tests and measurements: real forms on backends that have complex numbers.
+// For tests and measurements: real forms on backends that have complex numbers. Of ranks all wish the same.
 bool real_form_is_wished() {
   const char* text = std::getenv("ESPALIER_COMPLEX_FORM");
   const std::string_view form = text == nullptr ? "auto" : text;
@@ -124,7 +124,7 @@ bool real_form_is_wished() {
 
 // Complex systems on devices without complex numbers, which take their real form: the tree is that from now on.
 void take_real_form(System& system, DeviceChoice& device, analysis::AssemblyTree& tree, const Context& context) {
-  if (system.numbers() == base::Numbers::real || context.link != nullptr) return;  // ranks are on hosts
+  if (system.numbers() == base::Numbers::real) return;
   const bool needed = !device.backend->limits().complex;
   if (!needed && !real_form_is_wished()) return;
   analysis::AssemblyTree two = doubled(tree);
