@@ -158,6 +158,25 @@ class NumericOf final : public Numeric {
   }
 
   [[nodiscard]] const Scales& scales() const override { return scales_; }
+  [[nodiscard]] std::vector<char> negative_pivots() const override {
+    std::vector<char> negative;
+    if constexpr (!kComplex && !kRealForm) {
+      const auto n = static_cast<std::size_t>(plan_->tree.n);
+      std::vector<T> d(n), e(n);
+      if (!executor_->copy_inverse_pivots(d, e)) return negative;
+      negative.resize(n);
+      for (std::size_t k = 0; k < n; ++k) {
+        negative[k] = d[k] < T(0) ? 1 : 0;
+        if (e[k] == T(0)) continue;
+        // A block of 2 x 2: of one sign each where its determinant is negative, else both of its trace's.
+        const bool of_each = (d[k] / e[k]) * (d[k + 1] / e[k]) < T(1);
+        if (of_each) negative[k] = 1;
+        negative[k + 1] = of_each ? 0 : negative[k];
+        ++k;
+      }
+    }
+    return negative;
+  }
   [[nodiscard]] std::string device_name() const override { return executor_->name(); }
   [[nodiscard]] Offset device_peak_bytes() const override { return executor_->peak_bytes(); }
   [[nodiscard]] device::OutOfCoreReport out_of_core() const override { return executor_->out_of_core(); }
