@@ -54,7 +54,7 @@ class Chunk::Block {
   const solver::Scales scales;
   solve::ResidualOperator residual;
   bool left = false;      // to the caller
-  Index negative = 0;     // ldlt: at least
+  Index negative = 0;     // eigenvalues (ldlt)
   std::vector<double> x;  // n x columns
   solve::RefinementResult refined;
   std::unique_ptr<solve::Refinement> steps;
@@ -179,11 +179,6 @@ void Chunk::take_systems(const ChunkJob& job) {
   for_blocks([&](Block& block, Index k) {
     block.begin(values_of(block));
     block.left = k >= count || !take_right_hand_sides(job, block, k) || !take_values(job, block, k);
-    if (!block.left && all_->kind() == Kind::ldlt) {
-      MatrixView a = block.prepared().a;
-      a.values = values_of(block);
-      block.negative = least_negative(a);
-    }
     if (block.left)
       for (Index c = 0; c < job.columns; ++c) std::fill_n(column_of(from_, block, c), block.n(), 0.0);
   });
@@ -224,15 +219,11 @@ bool Chunk::fill_gaps() {
   if (good == blocks_.end()) return false;
   for_blocks([&](Block& block, Index) {
     if (!block.left) return;
-    const std::span<double> values = values_of(block);
-    if (one_ != nullptr) {
-      const auto from = values_of(**good);
+    const std::span<double> values = values_of(block), from = values_of(**good);
+    if (one_ != nullptr)
       std::copy(from.begin(), from.end(), values.begin());
-      block.negative = (*good)->negative;
-    } else {
+    else
       (void)take_easy_values(block.prepared(), values);
-      block.negative = 0;
-    }
   });
   return true;
 }
@@ -276,7 +267,12 @@ bool Chunk::take_inertia() {
 }
 
 // Elsewhere a device counts for all blocks. Where that is what each of them has at least, each has just that.
-bool Chunk::proves_inertia(Index negative) const {
+bool Chunk::proves_inertia(Index negative) {
+  for_blocks([&](Block& block, Index) {
+    MatrixView a = block.prepared().a;
+    a.values = values_of(block);
+    block.negative = least_negative(a);
+  });
   Offset least = 0;
   for (const auto& block : blocks_) least += block->negative;
   return least == negative;

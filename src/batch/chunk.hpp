@@ -96,7 +96,7 @@ class Chunk {
   bool factorize();
   void note_failures(const device::FactorOutcome& outcome);
   bool take_inertia();
-  [[nodiscard]] bool proves_inertia(Index negative) const;
+  bool proves_inertia(Index negative);
   void substitute(Index columns, bool transpose);
   bool solve_on_device(const ChunkJob& job, bool refined);
   void solve_on_host(const ChunkJob& job, bool refined);

@@ -15,6 +15,7 @@
 #include "batch/equal_patterns.hpp"
 #include "batch/joined_system.hpp"
 #include "batch/workers.hpp"
+#include "matrix/validate.hpp"
 #include "solver/device_text.hpp"
 #include "solver/status_of.hpp"
 
@@ -78,6 +79,17 @@ namespace {
 double largest_scaled(const solver::PreparedMatrix& p, const solver::Values& values, base::ThreadPool& pool) {
   std::vector<double> scaled(at(p.a.nonzeros()));
   return solver::scale_values(p, {p.row_scale, p.col_scale, p.transform_log, p.wide}, values, scaled.data(), pool);
+}
+
+// What is no valid matrix, or of another kind than was asked for, is told so when it is ordered.
+Kind kind_of(const MatrixView& a, Kind wish, base::ThreadPool& alone) {
+  if (a.rows != a.cols) return Kind::automatic;
+  try {
+    matrix::validate(a);
+    return solver::choose_kind(a, wish, alone);
+  } catch (const Error&) {
+    return Kind::automatic;
+  }
 }
 
 bool has_diagonal(const solver::PreparedMatrix& p) {
@@ -163,10 +175,19 @@ Groups::Numbers Groups::solve_equal(std::span<const System> systems, Numbers num
   return numbers;
 }
 
-// Groups of about equal size, of systems with as many right-hand sides, as many in each lane.
+// Groups of about equal size, of systems of a kind with as many right-hand sides, as many in each lane.
 std::vector<Groups::Numbers> Groups::cut(std::span<const System> systems, const Numbers& numbers) const {
-  std::map<std::pair<Index, bool>, Numbers> alike;
-  for (const Index k : numbers) alike[{systems[at(k)].columns, systems[at(k)].transpose != Transpose::no}].push_back(k);
+  std::vector<Kind> kinds(numbers.size());
+  session_.pool.for_each_range(std::ssize(numbers), 16, [&](std::int64_t begin, std::int64_t end) {
+    base::ThreadPool alone(1);
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
+      kinds[k] = kind_of(systems[at(numbers[k])].a, session_.options.kind, alone);
+  });
+  std::map<std::tuple<Kind, Storage, Index, bool>, Numbers> alike;
+  for (std::size_t k = 0; k < numbers.size(); ++k) {
+    const System& s = systems[at(numbers[k])];
+    alike[{kinds[k], s.a.storage, s.columns, s.transpose != Transpose::no}].push_back(numbers[k]);
+  }
   std::vector<Numbers> groups;
   for (const auto& [key, list] : alike) {
     Offset unknowns = 0;
