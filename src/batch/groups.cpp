@@ -26,9 +26,9 @@ namespace {
 using solver::Session;
 
 constexpr int kMostLanes = 2;
-constexpr Index kUnknowns = (1 << 19) / kMostLanes;  // of a group: in all as many as a Batch takes
+constexpr Index kUnknownsOfGroup = (1 << 19) / kMostLanes;  // of a group: in all as many as a Batch takes
 // What one thread should not be left with, and fills a good part of a device.
-constexpr Index kLarge = kUnknowns / 16;
+constexpr Index kLargeSystem = kUnknownsOfGroup / 16;
 // So many systems of one pattern are worth a plan of their own, which a Batch keeps from chunk to chunk.
 constexpr std::size_t kLeastEqual = 64;
 
@@ -50,9 +50,10 @@ ChunkSystem arrays_of(const System& s) { return {s.a.values, s.b.data(), s.x.dat
 
 // Threads that order and go on with what is left, and a session for what is done together.
 struct Groups::Lane {
-  Lane(const Options& options, int threads, int lanes) : session(options_of_worker(options, threads, 2 * lanes)) {
-    for (int t = 0; t < threads; ++t)
-      workers.push_back(std::make_unique<Session>(on_the_cores(options_of_worker(options, 1, 2 * lanes * threads))));
+  Lane(const Session& from, int threads, int lanes)
+      : session(options_of_worker(from.options, threads, 2 * lanes), from.context.registry) {
+    const Options alone = on_the_cores(options_of_worker(from.options, 1, 2 * lanes * threads));
+    for (int t = 0; t < threads; ++t) workers.push_back(std::make_unique<Session>(alone, from.context.registry));
   }
   template <class One>
   void share(std::size_t count, One&& one) {
@@ -117,7 +118,7 @@ int Groups::solve(std::span<const System> systems, std::span<SystemResult> resul
   Numbers rest, large, small;
   for (Index k = 0; k < std::ssize(systems); ++k) rest.push_back(k);
   if (!automatic_ || wished_ > 0) rest = solve_equal(systems, std::move(rest), results);
-  for (const Index k : rest) (systems[at(k)].a.cols > kLarge ? large : small).push_back(k);
+  for (const Index k : rest) (systems[at(k)].a.cols > kLargeSystem ? large : small).push_back(k);
   const std::vector<Numbers> groups = cut(systems, small);
   if (!groups.empty()) solve_in_lanes(systems, groups, results);
   // Where a device is named, each has it for itself.
@@ -139,7 +140,7 @@ void Groups::solve_in_lanes(std::span<const System> systems, const std::vector<N
   lanes_ = std::min(lanes_, static_cast<int>(groups.size()));
   std::vector<std::unique_ptr<Lane>> lanes;
   for (int l = 0; l < lanes_; ++l)
-    lanes.push_back(std::make_unique<Lane>(session_.options, std::max(1, session_.pool.size() / lanes_), lanes_));
+    lanes.push_back(std::make_unique<Lane>(session_, std::max(1, session_.pool.size() / lanes_), lanes_));
   share(session_.pool, lanes_, static_cast<Index>(groups.size()), [&](int lane, Index g) {
     solve_group(*lanes[static_cast<std::size_t>(lane)], systems, groups[at(g)], results);
   });
@@ -192,7 +193,7 @@ std::vector<Groups::Numbers> Groups::cut(std::span<const System> systems, const 
   for (const auto& [key, list] : alike) {
     Offset unknowns = 0;
     for (const Index k : list) unknowns += systems[at(k)].a.cols;
-    Offset count = (unknowns + kUnknowns - 1) / kUnknowns;
+    Offset count = (unknowns + kUnknownsOfGroup - 1) / kUnknownsOfGroup;
     if (count > 1) count = (count + lanes_ - 1) / lanes_ * lanes_;
     Offset taken = 0, size = 0;
     const auto begin = static_cast<Offset>(groups.size());

@@ -1,5 +1,7 @@
 // Systems of patterns of their own that are solved together as blocks of one, here on the host. Truth: a Solver for
 // each, bit by bit; and the same systems one by one, where they are singular, wrong or badly scaled.
+#include "batch/groups.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -7,6 +9,7 @@
 #include "batch/batch_common.hpp"
 #include "batch/easy_values.hpp"
 #include "batch/equal_patterns.hpp"
+#include "ranks/emulated_gpu.hpp"
 #include "solver/gpu_fixture.hpp"
 
 namespace espalier::test {
@@ -274,6 +277,41 @@ TEST(SystemGroups, CanBeStopped) {
   EXPECT_EQ(solve_systems(many.systems(), o).status.code, StatusCode::cancelled);
 }
 
+// With device auto, groups go where the model predicts that they are faster; where that device then has no memory for
+// any, all go on alone on the cores.
+TEST(SystemGroups, DevicesOfOurChoice) {
+  Many many = of_all_kinds(20);
+  enum class Device { works, refuses, is_slow };
+  for (const Device device : {Device::works, Device::refuses, Device::is_slow}) {
+    SCOPED_TRACE(static_cast<int>(device));
+    ranks::EmulatedGpu gpu;
+    gpu.refuses = device == Device::refuses;
+    gpu.seconds = device == Device::is_slow ? 1e9 : 0;
+    const device::Registry registry{{&device::registry().host(), &gpu}, {}};
+    Options o = options_of(Kind::automatic, 2);
+    std::string log;
+    o.log = [&](const std::string& line) { log += line; };
+    ASSERT_TRUE(batch::Groups::serve(o, registry));
+    solver::Session session(o, registry);
+    BatchResult found;
+    found.systems.resize(many.size());
+    const std::vector<System> systems = many.systems();
+    EXPECT_GE(batch::Groups(session).solve(systems, found.systems), 2);
+    if (device != Device::works) expect_answers_of_solvers(many, found, options_of(Kind::automatic, 1));
+    for (std::size_t k = 0; k < many.size(); ++k) {
+      EXPECT_TRUE(found.systems[k].status.ok()) << found.systems[k].status.message;
+      EXPECT_LE(reference::backward_error(many.matrices[k], many.b[k], many.x[k], many.kinds[k].columns,
+                                          many.kinds[k].transpose != Transpose::no),
+                8 * kEps)
+          << k;
+    }
+    EXPECT_EQ(gpu.work.sent > 0, device == Device::works);
+    EXPECT_EQ(log.find("solve_systems: 0 of") == std::string::npos, device == Device::works) << log;
+    o.device = "cpu";
+    EXPECT_FALSE(batch::Groups::serve(o, registry));
+  }
+}
+
 // A factor of them fails nowhere.
 TEST(SystemGroups, EasyValues) {
   base::ThreadPool pool(1);
@@ -307,7 +345,8 @@ TEST_F(SystemsOnGpu, GpuGroupsSolveAndNameFailures) {
     const Index n = 20 + k % 200;
     switch (k % 4) {
       case 0:
-        many.add(reference::random_system(n, 3, reference::Values::positive, seed));
+        many.add(reference::random_system(
+            n, 3, k % 8 == 0 ? reference::Values::positive : reference::Values::indefinite, seed));
         break;
       case 1:
         many.add(constrained_chain(n));
@@ -339,6 +378,10 @@ TEST_F(SystemsOnGpu, GpuGroupsSolveAndNameFailures) {
         << k;
     if (k % 4 == 1) {
       EXPECT_EQ(one.inertia.negative, many.matrices[k].cols / 6) << k;
+    } else if (k % 8 == 4) {  // indefinite: by the signs of its pivots
+      Solver host(options_of(Kind::automatic, 1));
+      ASSERT_TRUE(host.analyze(many.matrices[k]).status.ok());
+      EXPECT_EQ(one.inertia.negative, host.factorize(many.matrices[k]).inertia.negative) << k;
     }
   }
   EXPECT_NE(told.log.find("systems were solved together, in"), std::string::npos) << told.log;

@@ -251,7 +251,7 @@ class EmulatedGpu final : public device::Backend {
   }
   [[nodiscard]] const plan::MachineModel& model(const plan::Machine& machine) const override { return machine.host; }
   [[nodiscard]] device::PredictedTime predict(const analysis::AssemblyTree&, const device::PlanWish&) const override {
-    return {};
+    return {seconds, false, {}};
   }
   [[nodiscard]] plan::PlanOptions plan_options(const device::PlanWish& wish) const override {
     device::PlanWish one = wish;
@@ -275,6 +275,7 @@ class EmulatedGpu final : public device::Backend {
   }
 
   bool refuses = false;  ///< it has no memory left
+  double seconds = 0;    ///< predicted for anything
   mutable EmulatedWork work;
 
  private:
