@@ -4,6 +4,8 @@
 //   unknowns, all cores
 //   espalier_bench_batch 10000 500 0 kkt gpu:0     ours on that device, in chunks and one by one, beside cuDSS's
 //   uniform batch, without its matching and with it, and with two steps of its refinement
+//   espalier_bench_batch patterns [COUNT [LEAST [MOST [THREADS [DEVICE]]]]]     solve_systems(): 10,000 systems of 100
+//   to 2,000 unknowns, each of a pattern of its own, on the cores, on gpu:0, and where device auto has them solved
 // SORT: kkt (saddle points, ldlt) or grid (Poisson on a square, llt). COUNT systems with values of their own and one
 // right-hand side each. PARDISO: one analysis a handle, then phase 23 and phase 33 for each system, with its own
 // refinement. Every answer is checked; the largest backward errors stand beside the times. Medians of three rounds.
@@ -23,6 +25,7 @@
 
 #include "base/thread_pool.hpp"
 #include "batch_cudss.hpp"
+#include "batch_patterns.hpp"
 #include "espalier/batch.hpp"
 #include "matrix/generators/generate.hpp"
 #include "rivals/rival.hpp"
@@ -290,6 +293,15 @@ int run(const Problem& problem, int threads) {
 
 int main(int argc, char** argv) {
   try {
+    if (argc > 1 && std::string(argv[1]) == "patterns") {
+      bench::ManyPatterns wish;
+      if (argc > 2) wish.count = std::atoi(argv[2]);
+      if (argc > 3) wish.least = std::atoi(argv[3]);
+      if (argc > 4) wish.most = std::atoi(argv[4]);
+      wish.threads = argc > 5 && std::atoi(argv[5]) > 0 ? std::atoi(argv[5]) : base::available_cores();
+      if (argc > 6) wish.device = argv[6];
+      return bench::run_many_patterns(wish);
+    }
     const int asked = argc > 3 ? std::atoi(argv[3]) : 0, threads = asked > 0 ? asked : base::available_cores();
     const Problem problem(argc > 1 ? std::atoi(argv[1]) : 1000, argc > 2 ? std::atoi(argv[2]) : 500,
                           argc > 4 && std::string(argv[4]) == "grid");

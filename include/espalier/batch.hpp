@@ -38,12 +38,12 @@ struct BatchResult {
 ///
 /// A GPU takes as many systems at a time as fill it: two block-diagonal systems with the analysis repeated, one of
 /// which the GPU works on while the host is busy with the other. Each system is refined there and judged for itself;
-/// where a pivot fails, or a solution is not accurate, the system is solved again alone, and ends as it would have. So
-/// do all systems where together they do not tell the inertia of each: that of ldlt is known where the negative
-/// eigenvalues of all are as few as regular matrices with their diagonals can have, as those of [K B^T; B -C] with a
-/// diagonal C do. Factors are those of single systems; refinement ends at a componentwise error of 1e-15, so that
-/// solutions may differ from those of a Solver on that GPU in the last bits. With precision fp32, mixed and auto,
-/// rescale, zero_pivot or perturbation systems go one after another.
+/// where a pivot fails, or a solution is not accurate, the system is solved again alone, and ends as it would have.
+/// Inertia is told by the signs of each system's pivots; out of core, by the number of all negative eigenvalues, where
+/// these are as few as regular matrices with their diagonals can have (those of [K B^T; B -C] with a diagonal C), and
+/// elsewhere all are solved alone. Factors are those of single systems; refinement ends at a componentwise error of
+/// 1e-15, so that solutions may differ from those of a Solver on that GPU in the last bits. With precision fp32, mixed
+/// and auto, rescale, zero_pivot or perturbation systems go one after another.
 class Batch {
  public:
   /// Options as for Solver. `threads`: systems at a time; where there are fewer systems, each gets several threads.
@@ -84,6 +84,15 @@ struct System {
 
 /// Many small systems of any patterns: each is analyzed, factorized and solved by one thread, with the bits that a
 /// Solver of these options gives for it. Nothing is kept. Options, statuses and solutions as for Batch.
+///
+/// Where a GPU is named, or `device` is auto and the model of the machine predicts that the GPU is faster for many
+/// together, each system is ordered by a thread, and as many as fill the GPU are factorized and solved there as one
+/// block-diagonal system, each scaled, refined and judged for itself. Those that fail there go on alone on the cores,
+/// from their order, and end as they would have there. On a named GPU, 64 or more systems of one pattern (and of a kind
+/// that their values do not decide on) go through a Batch instead; what fails in it is solved once more with an
+/// analysis of its own. Groups take half of the GPU's memory, or of its budget, and are cut where that is too little;
+/// systems of more than 16,384 unknowns are solved by themselves. With the options with which a
+/// Batch solves one after another, so does this.
 BatchResult solve_systems(std::span<const System> systems, const Options& options = {});
 
 }  // namespace espalier

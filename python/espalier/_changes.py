@@ -234,8 +234,9 @@ def _errors_of(status: Any, statuses: Any, check: bool) -> "dict[int, Exception]
 
 def solve_systems(systems: "Iterable[tuple[Any, Any]]", *, symmetry: str = "auto", transpose: bool = False, check: bool = True,
                   log: "logging.Logger | None" = None, **options: Any) -> BatchSolve:
-    """Many small systems of patterns of their own, one on each thread: pairs (A, b), A as for Solver on the host, b of
-    shape (n,) or (n, k). Nothing is kept. symmetry, log, options: as for Solver, the same for all; check as for
+    """Many small systems of patterns of their own: pairs (A, b), A as for Solver on the host, b of shape (n,) or (n, k).
+    One on each thread; with device="gpu:0" (and "auto", where that is predicted to be faster) as many together as fill
+    the GPU, each with an order, a scaling and a verdict of its own, and what fails there on the cores. Nothing is kept. symmetry, log, options: as for Solver, the same for all; check as for
     Batch.solve(). `x` of the result is a list, each of the shape of its b."""
     import numpy as np
 

@@ -10,6 +10,7 @@
 
 #include "base/at.hpp"
 #include "base/stopwatch.hpp"
+#include "batch/alone.hpp"
 #include "batch/chunks.hpp"
 #include "batch/workers.hpp"
 #include "solver/session.hpp"
@@ -20,11 +21,10 @@ namespace espalier {
 
 namespace {
 
+using batch::kRemedy;
 using batch::options_of_worker;
 using batch::share;
 using solver::Session;
-
-constexpr const char* kRemedy = "use fewer threads or a machine with more memory";
 
 // A session without the caller's callbacks, with a factor of its own on `analysis`.
 std::unique_ptr<Session> make_worker(const Options& options, const solver::SharedAnalysis& analysis) {
@@ -33,53 +33,6 @@ std::unique_ptr<Session> make_worker(const Options& options, const solver::Share
   values.resize(static_cast<std::size_t>(analysis->system->prepared.a.nonzeros()));
   session->factor.emplace(analysis, std::move(values), session->context);
   return session;
-}
-
-struct Right {
-  const double* b;
-  double* x;
-  Index columns;
-  bool transpose;
-};
-
-// Factorizes and solves; what fails is a status.
-SystemResult solve_one(Session& session, std::span<const double> values, const Right& right) {
-  SystemResult result;
-  solver::Factor& factor = *session.factor;
-  Status status = solver::status_of(session.interruption, kRemedy, [&] {
-    session.note_devices();
-    factor.factorize(values);
-    const FactorResult& f = factor.result();
-    result.status = f.status;
-    result.inertia = f.inertia;
-    result.rank = f.rank;
-    result.perturbed = f.perturbed;
-    if (!f.status.ok()) return;
-    SolveResult solved = solver::solve(factor, {right.b, right.x, right.columns, right.transpose}, session.context);
-    result.refinement_steps = solved.refinement_steps;
-    result.backward_error = solved.backward_error;
-    result.componentwise_error = solved.componentwise_error;
-    result.status = std::move(solved.status);
-  });
-  if (!status.ok()) result.status = std::move(status);
-  if (!result.status.ok() && result.status.code != StatusCode::accuracy_not_reached)
-    std::fill_n(right.x, at(factor.analysis()->n()) * at(right.columns), std::numeric_limits<double>::quiet_NaN());
-  return result;
-}
-
-void summarize(BatchResult& result) {
-  Index first = -1;
-  for (std::size_t k = 0; k < result.systems.size(); ++k) {
-    if (result.systems[k].status.ok()) continue;
-    if (first < 0) first = static_cast<Index>(k);
-    ++result.failed;
-  }
-  if (first < 0) return;
-  const Status& s = result.systems[at(first)].status;
-  result.status = {s.code,
-                   fmt::format("{} of {} systems failed, first system {}: {}", result.failed, result.systems.size(),
-                               first, s.message),
-                   s.row};
 }
 
 }  // namespace
@@ -156,71 +109,18 @@ BatchResult Batch::solve(std::span<const double> values, std::span<const double>
     m.prepare(workers);
     result.systems.resize(at(count));
     const bool transposed = transpose != Transpose::no;
-    const std::vector<char> left = m.chunks.solve(m.analysis, {values, b.data(), x.data(), count, columns, transposed},
-                                                  result.systems, result.workers);
+    std::vector<batch::ChunkSystem> systems;
+    for (std::size_t k = 0; k < at(count); ++k)
+      systems.push_back({values.subspan(k * nonzeros, nonzeros), b.data() + k * size, x.data() + k * size});
+    const std::vector<char> left =
+        m.chunks.solve(m.analysis, {systems, columns, transposed}, result.systems, result.workers);
     share(m.session.pool, workers, count, [&](int worker, Index k) {
       if (left[at(k)] == 0) return;
-      const std::size_t first = at(k) * size;
-      result.systems[at(k)] = solve_one(m.worker(worker), values.subspan(at(k) * nonzeros, nonzeros),
-                                        {b.data() + first, x.data() + first, columns, transposed});
+      result.systems[at(k)] = batch::solve_one(m.worker(worker), systems[at(k)], columns, transposed);
     });
   });
   if (status.ok())
-    summarize(result);
-  else
-    result.status = std::move(status);
-  result.seconds = base::now_seconds() - start;
-  return result;
-}
-
-namespace {
-
-void check_sizes(std::span<const System> systems) {
-  for (std::size_t k = 0; k < systems.size(); ++k) {
-    const System& s = systems[k];
-    const std::size_t size = at(std::max<Index>(0, s.a.cols)) * at(std::max<Index>(0, s.columns));
-    if (s.columns < 1 || s.b.size() != size || s.x.size() != size)
-      throw std::invalid_argument(fmt::format(
-          "solve_systems: system {} has {} columns and {} right-hand sides: b and x need {} numbers, they have "
-          "{} and {}",
-          k, s.a.cols, s.columns, size, s.b.size(), s.x.size()));
-  }
-}
-
-SystemResult solve_alone(const System& system, const Options& options) {
-  SystemResult result;
-  Session session(options);
-  result.status = solver::status_of(session.interruption, kRemedy, [&] {
-    if (system.a.values.empty() && system.a.nonzeros() > 0)
-      throw Error(StatusCode::invalid_input, "the matrix has no values; a pattern cannot be factorized");
-    session.analyze(system.a);
-  });
-  if (!result.status.ok()) {
-    std::fill(system.x.begin(), system.x.end(), std::numeric_limits<double>::quiet_NaN());
-    return result;
-  }
-  return solve_one(session, system.a.values,
-                   {system.b.data(), system.x.data(), system.columns, system.transpose != Transpose::no});
-}
-
-}  // namespace
-
-BatchResult solve_systems(std::span<const System> systems, const Options& options) {
-  check_sizes(systems);
-  const double start = base::now_seconds();
-  const auto count = static_cast<Index>(systems.size());
-  Session session(options);  // threads, and the caller's wish to stop
-  BatchResult result;
-  Status status = solver::status_of(session.interruption, kRemedy, [&] {
-    result.workers = std::min<int>(session.pool.size(), std::max<Index>(1, count));
-    const Options of_worker =
-        options_of_worker(options, std::max(1, session.pool.size() / result.workers), result.workers);
-    result.systems.resize(systems.size());
-    share(session.pool, result.workers, count,
-          [&](int, Index k) { result.systems[at(k)] = solve_alone(systems[at(k)], of_worker); });
-  });
-  if (status.ok())
-    summarize(result);
+    batch::summarize(result);
   else
     result.status = std::move(status);
   result.seconds = base::now_seconds() - start;

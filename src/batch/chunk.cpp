@@ -12,6 +12,7 @@
 
 #include "base/at.hpp"
 #include "base/timeline.hpp"
+#include "batch/easy_values.hpp"
 #include "batch/least_negative.hpp"
 #include "batch/repeated_analysis.hpp"
 #include "solve/part_refinement.hpp"
@@ -23,7 +24,14 @@ namespace espalier::batch {
 /// A place in the chunk, and the system that has it.
 class Chunk::Block {
  public:
-  Block(const solver::System& system, base::ThreadPool& pool) : residual(system.prepared.a, system.rows, pool) {}
+  Block(const solver::System& of, Index first_unknown, Offset first_entry, base::ThreadPool& pool)
+      : system(of),
+        first(first_unknown),
+        entry(first_entry),
+        scales{prepared().row_scale, prepared().col_scale, prepared().transform_log, prepared().wide},
+        residual(prepared().a, system.rows, pool) {}
+  [[nodiscard]] const solver::PreparedMatrix& prepared() const { return system.prepared; }
+  [[nodiscard]] Index n() const { return prepared().n(); }
   /// The next system. @param place  where its values will stand
   void begin(std::span<const double> place) {
     residual.set_values(place);
@@ -40,9 +48,13 @@ class Chunk::Block {
     refined.steps = std::max(refined.steps, r.steps);
   }
 
+  const solver::System& system;
+  const Index first;   // of its unknowns in the chunk
+  const Offset entry;  // likewise of its values
+  const solver::Scales scales;
   solve::ResidualOperator residual;
   bool left = false;      // to the caller
-  Index negative = 0;     // ldlt: at least
+  Index negative = 0;     // eigenvalues (ldlt)
   std::vector<double> x;  // n x columns
   solve::RefinementResult refined;
   std::unique_ptr<solve::Refinement> steps;
@@ -56,9 +68,9 @@ Chunk::Seconds& Chunk::Seconds::operator+=(const Seconds& other) {
   return *this;
 }
 
-bool Chunk::serves(const solver::Analysis& one, const Options& options) {
+bool Chunk::serves(const Options& options) {
   return options.precision == Precision::fp64 && options.rescale == Rescale::off && options.perturbation == 0 &&
-         options.zero_pivot == 0 && one.system->numbers() == base::Numbers::real && one.system->border == nullptr;
+         options.zero_pivot == 0;
 }
 
 // Together as many as fill a device, and no more than half of its memory takes: a plan for more costs the host more
@@ -88,24 +100,40 @@ std::optional<Index> Chunk::wished_size() {
 }
 
 Chunk::Chunk(const solver::SharedAnalysis& one, Index systems, const solver::Context& context)
-    : Chunk(one, repeated_analysis(*one, systems, context), systems, context) {}
+    : Chunk(one, repeated_analysis(*one, systems, context),
+            std::vector<const solver::System*>(at(systems), one->system.get()), context) {}
 
-Chunk::Chunk(const Chunk& like, const solver::Context& context) : Chunk(like.one_, like.all_, like.size_, context) {}
+Chunk::Chunk(solver::SharedAnalysis joined, const std::vector<const solver::System*>& systems,
+             const solver::Context& context)
+    : Chunk(nullptr, std::move(joined), systems, context) {}
 
-Chunk::Chunk(solver::SharedAnalysis one, solver::SharedAnalysis all, Index systems, const solver::Context& context)
-    : one_(std::move(one)), all_(std::move(all)), context_(context), size_(systems), n_(one_->n()) {
-  const solver::PreparedMatrix& p = one_->system->prepared;
-  scales_ = {p.row_scale, p.col_scale, p.transform_log, p.wide};
-  values_.assign(at(p.a.nonzeros() * size_), 0.0);
+Chunk::Chunk(const Chunk& like, const solver::Context& context) : Chunk(like.one_, like.all_, like.systems_, context) {}
+
+Chunk::Chunk(solver::SharedAnalysis one, solver::SharedAnalysis all, std::vector<const solver::System*> systems,
+             const solver::Context& context)
+    : one_(std::move(one)), all_(std::move(all)), systems_(std::move(systems)), context_(context), n_(all_->n()) {
+  values_.assign(at(all_->system->prepared.a.nonzeros()), 0.0);
   numeric_ = solver::make_numeric(*all_, values_, {}, context_);
   numeric_->halt_at_failures(false);
-  numeric_->set_smallest_pivot(solver::zero_pivot(n_, base::ScalarTraits<double>::epsilon));
-  for (int t = 0; t < context_.pool.size(); ++t) workers_.push_back(std::make_unique<Worker>());
-  for (Index k = 0; k < size_; ++k)
-    blocks_.push_back(std::make_unique<Block>(*one_->system, workers_[at(k) % workers_.size()]->pool));
+  make_blocks();
+  Index largest = 0;
+  for (const auto& block : blocks_) largest = std::max(largest, block->n());
+  numeric_->set_smallest_pivot(solver::zero_pivot(largest, base::ScalarTraits<double>::epsilon));
 }
 
 Chunk::~Chunk() = default;
+
+void Chunk::make_blocks() {
+  for (int t = 0; t < context_.pool.size(); ++t) workers_.push_back(std::make_unique<Worker>());
+  Index first = 0;
+  Offset entry = 0;
+  for (const solver::System* system : systems_) {
+    base::ThreadPool& pool = workers_[blocks_.size() % workers_.size()]->pool;
+    blocks_.push_back(std::make_unique<Block>(*system, first, entry, pool));
+    first += system->prepared.n();
+    entry += system->prepared.a.nonzeros();
+  }
+}
 
 // Always on the same thread for a block.
 template <class Body>
@@ -116,20 +144,26 @@ void Chunk::for_blocks(Body&& body) {
   });
 }
 
-double* Chunk::column_of(const Vectors& vectors, Index block, Index column) const {
-  return vectors.get() + (Offset{column} * size_ + block) * n_;
+double* Chunk::column_of(const Vectors& vectors, const Block& block, Index column) const {
+  return vectors.get() + Offset{column} * n_ + block.first;
 }
 
-std::span<double> Chunk::values_of(Index block) {
-  const Offset nonzeros = one_->system->prepared.a.nonzeros();
-  return std::span(values_).subspan(at(block * nonzeros), at(nonzeros));
+std::span<double> Chunk::values_of(const Block& block) {
+  return std::span(values_).subspan(at(block.entry), at(block.prepared().a.nonzeros()));
+}
+
+// The block whose pivot is eliminated there: blocks stand in the order in the order of their numbers.
+Chunk::Block& Chunk::block_of(Index position) {
+  const auto after = std::upper_bound(blocks_.begin(), blocks_.end(), position,
+                                      [](Index p, const auto& block) { return p < block->first; });
+  return **std::prev(after);
 }
 
 // They move only when there are more columns than ever before.
 void Chunk::take_vectors(Index columns) {
   if (columns <= columns_) return;
   columns_ = 0;
-  const Offset count = Offset{n_} * size_ * columns;
+  const Offset count = Offset{n_} * columns;
   device::DeviceLinearSystem* const device = numeric_->device_system();
   for (Vectors* v : {&from_, &to_}) {
     v->reset();
@@ -141,73 +175,71 @@ void Chunk::take_vectors(Index columns) {
 // Systems with values or right-hand sides that are none are left.
 void Chunk::take_systems(const ChunkJob& job) {
   take_vectors(job.columns);
+  const auto count = static_cast<Index>(job.systems.size());
   for_blocks([&](Block& block, Index k) {
-    block.begin(values_of(k));
-    block.left = k >= job.count || !take_right_hand_sides(job, k) || !take_values(job, k);
-    if (!block.left && one_->kind() == Kind::ldlt) {
-      MatrixView a = one_->system->prepared.a;
-      a.values = values_of(k);
-      block.negative = least_negative(a);
-    }
+    block.begin(values_of(block));
+    block.left = k >= count || !take_right_hand_sides(job, block, k) || !take_values(job, block, k);
     if (block.left)
-      for (Index c = 0; c < job.columns; ++c) std::fill_n(column_of(from_, k, c), n_, 0.0);
+      for (Index c = 0; c < job.columns; ++c) std::fill_n(column_of(from_, block, c), block.n(), 0.0);
   });
 }
 
-bool Chunk::take_right_hand_sides(const ChunkJob& job, Index k) {
+bool Chunk::take_right_hand_sides(const ChunkJob& job, const Block& block, Index k) {
+  const Index n = block.n();
   for (Index c = 0; c < job.columns; ++c) {
-    const double* b = job.b + (Offset{k} * job.columns + c) * n_;
-    if (!std::all_of(b, b + n_, [](double v) { return std::isfinite(v); })) return false;
-    std::copy_n(b, n_, column_of(from_, k, c));
+    const double* b = job.systems[at(k)].b + Offset{c} * n;
+    if (!std::all_of(b, b + n, [](double v) { return std::isfinite(v); })) return false;
+    std::copy_n(b, n, column_of(from_, block, c));
   }
   return true;
 }
 
-bool Chunk::take_values(const ChunkJob& job, Index k) {
-  const solver::PreparedMatrix& p = one_->system->prepared;
-  const auto caller = at(p.caller_nonzeros);
+bool Chunk::take_values(const ChunkJob& job, const Block& block, Index k) {
+  const solver::PreparedMatrix& p = block.prepared();
   Worker& worker = *workers_[at(k) % workers_.size()];
   worker.values.resize(at(p.a.nonzeros()));
   worker.scaled.resize(worker.values.size());
   try {
-    solver::copy_values(p, job.values.subspan(at(k) * caller, caller), worker.values, worker.pool);
-    (void)solver::scale_values(p, scales_, worker.values, worker.scaled.data(), worker.pool);
+    solver::copy_values(p, job.systems[at(k)].values, worker.values, worker.pool);
+    (void)solver::scale_values(p, block.scales, worker.values, worker.scaled.data(), worker.pool);
   } catch (const Error& e) {
     if (e.status().code != StatusCode::invalid_input) throw;
     return false;
   }
-  std::copy(worker.values.begin(), worker.values.end(), values_of(k).begin());
+  std::copy(worker.values.begin(), worker.values.end(), values_of(block).begin());
   return true;
 }
 
-// Places of systems that are left get the values of another one. @returns false: all are left
+// Places of systems that are left get the values of another one of their pattern, or else easy ones, at worst zeros,
+// whose pivots are replaced. @returns false: all are left
 bool Chunk::fill_gaps() {
   const auto is_left = [](const auto& block) { return block->left; };
   if (std::none_of(blocks_.begin(), blocks_.end(), is_left)) return true;
   const auto good = std::find_if_not(blocks_.begin(), blocks_.end(), is_left);
   if (good == blocks_.end()) return false;
-  const auto from = values_of(static_cast<Index>(good - blocks_.begin()));
-  const Index negative = (*good)->negative;
-  for_blocks([&](Block& block, Index k) {
+  for_blocks([&](Block& block, Index) {
     if (!block.left) return;
-    std::copy(from.begin(), from.end(), values_of(k).begin());
-    block.negative = negative;
+    const std::span<double> values = values_of(block), from = values_of(**good);
+    if (one_ != nullptr)
+      std::copy(from.begin(), from.end(), values.begin());
+    else
+      (void)take_easy_values(block.prepared(), values);
   });
   return true;
 }
 
 void Chunk::note_failures(const device::FactorOutcome& outcome) {
   for (const auto* list : {&outcome.replaced, &outcome.small, &outcome.failed})
-    for (const Index position : *list) blocks_[at(position / n_)]->left = true;
-  if (outcome.not_positive >= 0) blocks_[at(outcome.not_positive / n_)]->left = true;
+    for (const Index position : *list) block_of(position).left = true;
+  if (outcome.not_positive >= 0) block_of(outcome.not_positive).left = true;
 }
 
 // Until no pivot of any block fails. Of positive definite systems only the lowest failure is known each time; some
 // rounds still take less time than all systems one by one.
 // @returns whether there is a factor, with the inertia of each
 bool Chunk::factorize() {
-  const bool ldlt = one_->kind() == Kind::ldlt;
-  const Index most_rounds = one_->kind() == Kind::llt ? std::max(4, size_ / 8) : 4;
+  const bool ldlt = all_->kind() == Kind::ldlt;
+  const Index most_rounds = all_->kind() == Kind::llt ? std::max(4, systems() / 8) : 4;
   for (Index round = 0; round < most_rounds; ++round) {
     if (!fill_gaps()) return false;
     context_.pool.check();
@@ -215,15 +247,32 @@ bool Chunk::factorize() {
       device->send_values(0, static_cast<Offset>(values_.size()));
     const device::FactorOutcome outcome = numeric_->factorize();
     note_failures(outcome);
+    if (outcome.not_positive >= 0) continue;
+    if (!ldlt || take_inertia()) return true;
     const bool failed = !outcome.replaced.empty() || !outcome.small.empty() || !outcome.failed.empty();
-    if (outcome.not_positive >= 0 || (ldlt && failed)) continue;
-    return !ldlt || proves_inertia(outcome.negative);
+    if (!failed) return proves_inertia(outcome.negative);
   }
   return false;
 }
 
-// A device counts for all blocks. Where that is what each of them has at least, each has just that.
-bool Chunk::proves_inertia(Index negative) const {
+// By the signs of pivots, where the device tells them. Those of a block that is left mean nothing, and nobody asks.
+bool Chunk::take_inertia() {
+  const std::vector<char> negative = numeric_->negative_pivots();
+  if (negative.empty()) return false;
+  for (const auto& block : blocks_) {
+    const auto first = negative.begin() + block->first;
+    block->negative = static_cast<Index>(std::count(first, first + block->n(), 1));
+  }
+  return true;
+}
+
+// Elsewhere a device counts for all blocks. Where that is what each of them has at least, each has just that.
+bool Chunk::proves_inertia(Index negative) {
+  for_blocks([&](Block& block, Index) {
+    MatrixView a = block.prepared().a;
+    a.values = values_of(block);
+    block.negative = least_negative(a);
+  });
   Offset least = 0;
   for (const auto& block : blocks_) least += block->negative;
   return least == negative;
@@ -237,17 +286,18 @@ void Chunk::substitute(Index columns, bool transpose) {
 }
 
 // Solutions to to_ and their errors to the blocks, where the values are on a device; a step of refinement there is one
-// for all systems that are in work. @returns false: there is no such device, or not enough of its memory
+// for all systems that are in work. @returns false: there is no such device, not enough of its memory, or the blocks
+// are not equal
 bool Chunk::solve_on_device(const ChunkJob& job, bool refined) {
   device::DeviceLinearSystem* const device = numeric_->device_system();
-  if (device == nullptr || device->on_ranks()) return false;
+  if (one_ == nullptr || device == nullptr || device->on_ranks()) return false;
   const double start = base::now_seconds();
   constexpr Index kMost = solve::Refinement::kMostColumns;
   // Another step would hardly change a bit.
   constexpr double kAtRounding = 1e-15;
   solve::RefinementOptions options = refinement_;
   options.target = std::max(options.target, kAtRounding);
-  const Offset all = Offset{n_} * size_;
+  const Offset all = n_;
   const auto apply = [&](const double* from, double* to, Index count) {
     device->substitute(from, to, count, job.transpose);
   };
@@ -257,7 +307,7 @@ bool Chunk::solve_on_device(const ChunkJob& job, bool refined) {
       double *const b = device->right_hand_sides(now), *const x = device->solutions(now);
       device->copy_vectors(from_.get() + first * all, b, now * all);
       apply(b, x, now);
-      parts_.assign(at(now * size_), {});
+      parts_.assign(at(now * systems()), {});
       if (refined) solve::refine_parts(*device, apply, {b, x, now, job.transpose}, options, parts_);
       device->copy_vectors(x, to_.get() + first * all, now * all);
       device->finish();
@@ -276,15 +326,17 @@ bool Chunk::solve_on_device(const ChunkJob& job, bool refined) {
 void Chunk::solve_on_host(const ChunkJob& job, bool refined) {
   substitute(job.columns, job.transpose);
   if (!refined) return;
-  for_blocks([&](Block& block, Index k) {
+  for_blocks([&](Block& block, Index) {
     if (block.left) return;
-    block.x.resize(at(job.columns) * at(n_));
-    for (Index c = 0; c < job.columns; ++c) std::copy_n(column_of(to_, k, c), n_, block.x.data() + Offset{c} * n_);
+    const Index n = block.n();
+    block.x.resize(at(job.columns) * at(n));
+    for (Index c = 0; c < job.columns; ++c) std::copy_n(column_of(to_, block, c), n, block.x.data() + Offset{c} * n);
   });
   refine(job);
-  for_blocks([&](const Block& block, Index k) {
+  for_blocks([&](const Block& block, Index) {
+    const Index n = block.n();
     for (Index c = 0; c < job.columns && !block.left; ++c)
-      std::copy_n(block.x.data() + Offset{c} * n_, n_, column_of(to_, k, c));
+      std::copy_n(block.x.data() + Offset{c} * n, n, column_of(to_, block, c));
   });
 }
 
@@ -295,12 +347,12 @@ void Chunk::refine(const ChunkJob& job) {
   for (Index first = 0; first < job.columns; first += kMost) {
     for_blocks([&](Block& block, Index k) {
       if (block.left) return;
-      const Offset begin = Offset{first} * n_;
-      block.steps = std::make_unique<solve::Refinement>(
-          block.residual,
-          solve::Systems{job.b + Offset{k} * n_ * job.columns + begin, block.x.data() + begin,
-                         std::min(kMost, job.columns - first), job.transpose},
-          refinement_);
+      const Offset begin = Offset{first} * block.n();
+      block.steps =
+          std::make_unique<solve::Refinement>(block.residual,
+                                              solve::Systems{job.systems[at(k)].b + begin, block.x.data() + begin,
+                                                             std::min(kMost, job.columns - first), job.transpose},
+                                              refinement_);
     });
     for (;;) {
       std::set<Index> columns;
@@ -323,18 +375,20 @@ void Chunk::correct(Index columns, bool transpose) {
   const auto takes_part = [&](const Block& block) {
     return !block.left && !block.steps->done() && block.steps->columns() == columns;
   };
-  std::fill_n(from_.get(), Offset{n_} * size_ * columns, 0.0);
-  for_blocks([&](const Block& block, Index k) {
+  std::fill_n(from_.get(), Offset{n_} * columns, 0.0);
+  for_blocks([&](const Block& block, Index) {
     if (!takes_part(block)) return;
+    const Index n = block.n();
     for (Index c = 0; c < columns; ++c)
-      std::copy_n(block.steps->residuals() + Offset{c} * n_, n_, column_of(from_, k, c));
+      std::copy_n(block.steps->residuals() + Offset{c} * n, n, column_of(from_, block, c));
   });
   context_.pool.check();
   substitute(columns, transpose);
-  for_blocks([&](const Block& block, Index k) {
+  for_blocks([&](const Block& block, Index) {
     if (!takes_part(block)) return;
+    const Index n = block.n();
     for (Index c = 0; c < columns; ++c)
-      std::copy_n(column_of(to_, k, c), n_, block.steps->corrections() + Offset{c} * n_);
+      std::copy_n(column_of(to_, block, c), n, block.steps->corrections() + Offset{c} * n);
   });
 }
 
@@ -343,22 +397,24 @@ void Chunk::finish(const ChunkJob& job, bool refined, std::span<SystemResult> re
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   for_blocks([&](Block& block, Index k) {
     if (block.left) return;
-    const std::span<const double> b(job.b + Offset{k} * n_ * job.columns, at(n_)), x(column_of(to_, k, 0), at(n_));
+    const Index n = block.n();
+    const ChunkSystem& system = job.systems[at(k)];
+    const std::span<const double> b(system.b, at(n)), x(column_of(to_, block, 0), at(n));
     if (refined) {
-      const double norm = (job.transpose ? scales_.row : scales_.col).empty() ? block.residual.norm(job.transpose) : 1;
+      const solver::Scales& scales = block.scales;
+      const double norm = (job.transpose ? scales.row : scales.col).empty() ? block.residual.norm(job.transpose) : 1;
       block.left = !(block.refined.error.normwise <= context_.options.required_backward_error) ||
-                   solver::growth_of(b, x, 1, scales_, norm, job.transpose).is_far(false);
+                   solver::growth_of(b, x, 1, scales, norm, job.transpose).is_far(false);
       if (block.left) return;
     }
     SystemResult& r = results[at(k)];
     r = SystemResult{};
-    r.rank = n_;
-    if (one_->kind() != Kind::lu) r.inertia = {n_ - block.negative, block.negative, 0};
+    r.rank = n;
+    if (all_->kind() != Kind::lu) r.inertia = {n - block.negative, block.negative, 0};
     r.refinement_steps = block.refined.steps;
     r.backward_error = refined ? block.refined.error.normwise : kUnknown;
     r.componentwise_error = refined ? block.refined.error.componentwise : kUnknown;
-    for (Index c = 0; c < job.columns; ++c)
-      std::copy_n(column_of(to_, k, c), n_, job.x + (Offset{k} * job.columns + c) * n_);
+    for (Index c = 0; c < job.columns; ++c) std::copy_n(column_of(to_, block, c), n, system.x + Offset{c} * n);
   });
 }
 
@@ -375,11 +431,11 @@ std::vector<char> Chunk::solve(const ChunkJob& job, std::span<SystemResult> resu
   const bool refined = o.refinement_steps > 0 || std::isfinite(o.required_backward_error);
   refinement_.steps = o.refinement_steps;
   refinement_.target = o.refinement_target;
-  refinement_.positive_definite = one_->kind() == Kind::llt;
+  refinement_.positive_definite = all_->kind() == Kind::llt;
   if (!solve_on_device(job, refined)) solve_on_host(job, refined);
   finish(job, refined, results);
-  std::vector<char> left(at(job.count));
-  for (Index k = 0; k < job.count; ++k) left[at(k)] = blocks_[at(k)]->left ? 1 : 0;
+  std::vector<char> left(job.systems.size());
+  for (std::size_t k = 0; k < left.size(); ++k) left[k] = blocks_[k]->left ? 1 : 0;
   seconds_.residuals += base::now_seconds() - ready - (seconds_.substitutions - substitutions);
   return left;
 }

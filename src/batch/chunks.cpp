@@ -20,23 +20,12 @@ int most_lanes(const solver::Analysis& analysis) {
   return device.backend->limits().own_memory && device.numbers.size() > 1 ? 1 : 2;
 }
 
-ChunkJob part_of(const ChunkJob& all, const solver::Analysis& analysis, Index first, Index count) {
-  const auto nonzeros = static_cast<std::size_t>(analysis.system->prepared.caller_nonzeros);
-  const std::size_t numbers = at(analysis.n()) * at(all.columns);
-  return {all.values.subspan(at(first) * nonzeros, at(count) * nonzeros),
-          all.b + at(first) * numbers,
-          all.x + at(first) * numbers,
-          count,
-          all.columns,
-          all.transpose};
-}
-
 // @returns why further chunks are of no use; empty: they are
 std::string solve_part(Chunk& chunk, const ChunkJob& part, std::span<SystemResult> results, std::span<char> left) {
   const std::vector<char> now = chunk.solve(part, results);
   if (now.empty()) return "together they do not tell the inertia of each, or pivots fail";
   std::copy(now.begin(), now.end(), left.begin());
-  return 2 * std::count(now.begin(), now.end(), 1) > part.count ? "pivots fail in most of them" : "";
+  return 2 * std::count(now.begin(), now.end(), 1) > std::ssize(part.systems) ? "pivots fail in most of them" : "";
 }
 
 }  // namespace
@@ -60,7 +49,7 @@ void Chunks::forget() {
 }
 
 Index Chunks::size_for(const solver::SharedAnalysis& analysis, Index count) {
-  if (!Chunk::serves(*analysis, session_.options)) return 0;
+  if (!Chunk::serves(session_.options)) return 0;
   const Offset most = std::numeric_limits<Index>::max() / analysis->n();
   if (const std::optional<Index> wish = Chunk::wished_size())
     return static_cast<Index>(std::min({Offset{*wish}, Offset{count}, most}));
@@ -96,17 +85,18 @@ void Chunks::make_lanes(const solver::SharedAnalysis& analysis, Index size, int 
 }
 
 // @returns why not all chunks were tried; empty: they were
-std::string Chunks::solve_in_lanes(const solver::Analysis& analysis, const ChunkJob& all,
-                                   std::span<SystemResult> results, std::span<char> left) {
+std::string Chunks::solve_in_lanes(const ChunkJob& all, std::span<SystemResult> results, std::span<char> left) {
+  const auto systems = static_cast<Index>(all.systems.size());
   const Index size = lanes_.front()->chunk->systems();
   std::vector<std::string> why(lanes_.size());
   std::atomic<bool> useful{true}, broken{false};
-  share(session_.pool, static_cast<int>(lanes_.size()), (all.count + size - 1) / size, [&](int lane, Index k) {
+  share(session_.pool, static_cast<int>(lanes_.size()), (systems + size - 1) / size, [&](int lane, Index k) {
     if (!useful) return;
-    const Index first = k * size, count = std::min(size, all.count - first);
+    const Index first = k * size, count = std::min(size, systems - first);
     std::string& mine = why[static_cast<std::size_t>(lane)];
     try {
-      mine = solve_part(*lanes_[static_cast<std::size_t>(lane)]->chunk, part_of(all, analysis, first, count),
+      mine = solve_part(*lanes_[static_cast<std::size_t>(lane)]->chunk,
+                        {all.systems.subspan(at(first), at(count)), all.columns, all.transpose},
                         results.subspan(at(first), at(count)), left.subspan(at(first), at(count)));
     } catch (const Error& e) {
       mine = e.what();
@@ -121,22 +111,23 @@ std::string Chunks::solve_in_lanes(const solver::Analysis& analysis, const Chunk
 
 std::vector<char> Chunks::solve(const solver::SharedAnalysis& analysis, const ChunkJob& all,
                                 std::span<SystemResult> results, int& workers) {
-  std::vector<char> left(at(all.count), 1);
-  const Index size = size_for(analysis, all.count);
+  const auto count = static_cast<Index>(all.systems.size());
+  std::vector<char> left(all.systems.size(), 1);
+  const Index size = size_for(analysis, count);
   if (size < 2) return left;
   std::string why;
   try {
-    const Index chunks = (all.count + size - 1) / size;
+    const Index chunks = (count + size - 1) / size;
     make_lanes(analysis, size, std::min({most_lanes(*analysis), session_.pool.size(), static_cast<int>(chunks)}));
-    workers = std::max(workers, static_cast<int>(std::min(Offset{all.count}, Offset{size} * std::ssize(lanes_))));
-    why = solve_in_lanes(*analysis, all, results, left);
+    workers = std::max(workers, static_cast<int>(std::min(Offset{count}, Offset{size} * std::ssize(lanes_))));
+    why = solve_in_lanes(all, results, left);
   } catch (const Error& e) {
     if (e.status().code == StatusCode::cancelled) throw;
     lanes_.clear();
     why = e.what();
   }
   session_.context.log(fmt::format("batch: {} of {} systems were solved in chunks of {}, the others one by one{}",
-                                   std::count(left.begin(), left.end(), 0), all.count, size,
+                                   std::count(left.begin(), left.end(), 0), count, size,
                                    why.empty() ? "" : ": " + why));
   if (!lanes_.empty()) log_seconds();
   return left;

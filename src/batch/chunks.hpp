@@ -1,5 +1,5 @@
 /// \file
-/// A batch in chunks, as many systems at a time as fill a device.
+/// A batch of one pattern in chunks, as many systems at a time as fill a device.
 #pragma once
 
 #include <memory>
@@ -37,8 +37,7 @@ class Chunks {
   Index size_for(const solver::SharedAnalysis& analysis, Index count);
   struct Lane;
   void make_lanes(const solver::SharedAnalysis& analysis, Index size, int lanes);
-  std::string solve_in_lanes(const solver::Analysis& analysis, const ChunkJob& all, std::span<SystemResult> results,
-                             std::span<char> left);
+  std::string solve_in_lanes(const ChunkJob& all, std::span<SystemResult> results, std::span<char> left);
   void log_seconds() const;
 
   solver::Session& session_;

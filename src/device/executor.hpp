@@ -85,6 +85,9 @@ class Executor {
   /// row-major with `columns` values per row. transpose: solves with the transposed matrix (lu; a symmetric or
   /// Hermitian one is solved with itself).
   virtual void solve(T* x, Index columns, bool transpose) = 0;
+  /// ldlt: the inverse of D of the last factorization, n each in elimination order: its diagonal, and what stands below
+  /// it, which is not zero at the first column of a 2 x 2 pivot. @returns false where the backend does not tell
+  virtual bool copy_inverse_pivots(std::span<T> /*d*/, std::span<T> /*e*/) const { return false; }
   [[nodiscard]] virtual std::string name() const = 0;
   [[nodiscard]] virtual Offset peak_bytes() const = 0;
   [[nodiscard]] virtual OutOfCoreReport out_of_core() const { return {}; }

@@ -112,7 +112,7 @@ void describe(Analysis& a, const Context& context) {
 
 namespace {
 
-// For tests and measurements: real forms on backends that have complex numbers.
+// For tests and measurements: real forms on backends that have complex numbers. Of ranks all wish the same.
 bool real_form_is_wished() {
   const char* text = std::getenv("ESPALIER_COMPLEX_FORM");
   const std::string_view form = text == nullptr ? "auto" : text;
@@ -124,7 +124,7 @@ bool real_form_is_wished() {
 
 // Complex systems on devices without complex numbers, which take their real form: the tree is that from now on.
 void take_real_form(System& system, DeviceChoice& device, analysis::AssemblyTree& tree, const Context& context) {
-  if (system.numbers() == base::Numbers::real || context.link != nullptr) return;  // ranks are on hosts
+  if (system.numbers() == base::Numbers::real) return;
   const bool needed = !device.backend->limits().complex;
   if (!needed && !real_form_is_wished()) return;
   analysis::AssemblyTree two = doubled(tree);
@@ -136,11 +136,9 @@ void take_real_form(System& system, DeviceChoice& device, analysis::AssemblyTree
 }
 
 // Chooses devices and lays out the plan: the end of every analysis.
-Analyzed finish(Draft draft, analysis::AssemblyTree tree, double start, double ordered, Context context) {
-  Changes changes{
-      context.link != nullptr
-          ? device_of_ranks(context.options, context.registry, *context.link, tree, wish_of(draft.system, context))
-          : choose_device(context.options, context.registry, tree, wish_of(draft.system, context))};
+Analyzed finish(Ordered given, double ordered, Context context) {
+  auto& [draft, tree, start] = given;
+  Changes changes{choose_device(given, context)};
   const std::shared_ptr<const matrix::RowIndex> rows = share_rows(draft.system, changes.device, context);
   if (!changes.device.notice.empty()) context.log(changes.device.notice);
   take_real_form(draft.system, changes.device, tree, context);
@@ -195,7 +193,7 @@ Draft prepare_pattern_at_worst(const GivenMatrix& a, Kind kind, const Context& c
   return prepare(pattern, kind, context);
 }
 
-analysis::AssemblyTree order(Draft& draft, const Context& context) {
+analysis::AssemblyTree tree_of(Draft& draft, const Context& context) {
   const double start = base::now_seconds();
   const PreparedMatrix& p = draft.system.prepared;
   draft.system.rows = solve::ResidualOperator::rows_of(p.a, context.pool);
@@ -214,10 +212,10 @@ analysis::AssemblyTree order(Draft& draft, const Context& context) {
 // What the analysis does not need any more.
 void give_values_away(Draft& draft) { draft.values = std::exchange(draft.system.prepared.a.values, {}); }
 
-Analyzed complete(Draft draft, double start, const Context& context) {
-  analysis::AssemblyTree tree = order(draft, context);
+Ordered ordered(Draft draft, double start, const Context& context) {
+  analysis::AssemblyTree tree = tree_of(draft, context);
   give_values_away(draft);
-  return finish(std::move(draft), std::move(tree), start, base::now_seconds(), context);
+  return {std::move(draft), std::move(tree), start};
 }
 
 // A tree that comes from a file may be anything.
@@ -258,7 +256,18 @@ Offset predicted_host_bytes(const Analysis& a, const Context& context) {
   return a.bytes() + numbers + (plan::values_of(a.plan, entries) + n) * value_bytes + vectors;
 }
 
-Analyzed analyze(const GivenMatrix& given, const Context& context, std::shared_ptr<const Border> border) {
+DeviceChoice choose_device(const Ordered& ordered, const Context& context) {
+  const device::PlanWish wish = wish_of(ordered.draft.system, context);
+  if (context.link != nullptr)
+    return device_of_ranks(context.options, context.registry, *context.link, ordered.tree, wish);
+  return choose_device(context.options, context.registry, ordered.tree, wish);
+}
+
+Analyzed finish(Ordered ordered, const Context& context) {
+  return finish(std::move(ordered), base::now_seconds(), context);
+}
+
+Ordered order(const GivenMatrix& given, const Context& context, std::shared_ptr<const Border> border) {
   const double start = base::now_seconds();
   check_matrix(given, context.pool);
   GivenMatrix a = given;
@@ -268,7 +277,11 @@ Analyzed analyze(const GivenMatrix& given, const Context& context, std::shared_p
   Draft draft = prepare_pattern_at_worst(a, chosen, context);
   draft.system.border = std::move(border);
   draft.system.kind_may_change = wish == Kind::automatic && chosen == Kind::llt;
-  return complete(std::move(draft), start, context);
+  return ordered(std::move(draft), start, context);
+}
+
+Analyzed analyze(const GivenMatrix& given, const Context& context, std::shared_ptr<const Border> border) {
+  return finish(order(given, context, std::move(border)), context);
 }
 
 Analyzed analyze_for_ldlt(const Analysis& llt, std::span<const double> values, const Context& context) {
@@ -283,7 +296,7 @@ Analyzed analyze_for_ldlt(const Analysis& llt, std::span<const double> values, c
   p.caller_nonzeros = before.caller_nonzeros;
   p.caller_pattern = before.caller_pattern;
   p.symmetric_values = before.symmetric_values;
-  return complete(std::move(draft), start, context);
+  return finish(ordered(std::move(draft), start, context), context);
 }
 
 Analyzed load_analysis(const std::string& path, const GivenMatrix& given, const Context& context) {
@@ -309,7 +322,7 @@ Analyzed load_analysis(const std::string& path, const GivenMatrix& given, const 
   draft.system.rows = solve::ResidualOperator::rows_of(p.a, context.pool);
   check_tree(path, draft.system, saved.tree, context);
   give_values_away(draft);
-  return finish(std::move(draft), std::move(saved.tree), start, start, context);
+  return finish({std::move(draft), std::move(saved.tree), start}, start, context);
 }
 
 SharedAnalysis lay_out_again(const Analysis& before, analysis::AssemblyTree tree, Changes changes,

@@ -13,6 +13,19 @@ struct Draft {
   AnalysisResult result;
 };
 
+/// A draft whose order of elimination is known. Only where it will be factorized is left to be chosen.
+struct Ordered {
+  Draft draft;
+  analysis::AssemblyTree tree;
+  double start = 0;
+};
+
+/// analyze() in two steps; the first does not look at devices.
+Ordered order(const GivenMatrix& a, const Context& context, std::shared_ptr<const Border> border = nullptr);
+Analyzed finish(Ordered ordered, const Context& context);
+/// Where finish() would have it factorized.
+DeviceChoice choose_device(const Ordered& ordered, const Context& context);
+
 /// @throws Error(invalid_input) for what is no linear system
 void check_matrix(const GivenMatrix& given, base::ThreadPool& pool);
 /// The plan of a system with this tree.

@@ -205,9 +205,8 @@ DeviceChoice automatic_of_ranks(const device::Registry& registry, const analysis
   const std::size_t place = place_on_machine(link);
   for (const device::Backend* backend : registry.backends) {  // the same on all ranks
     const device::Limits& limits = backend->limits();
-    if (!limits.ranks || !limits.own_memory || (wish.complex && !limits.complex)) continue;
-    if (link.size() > limits.most_devices) continue;
-    const double seconds = backend->predict(tree, wish).on(link.size());
+    if (!limits.ranks || !limits.own_memory || link.size() > limits.most_devices) continue;
+    const double seconds = predicted(*backend, tree, wish).on(link.size());
     const bool good = place < backend->find().names.size() && (link.rank() != 0 || seconds < on_hosts);
     const auto numbers = link.all_numbers(good ? static_cast<std::int64_t>(place) : -1);
     if (std::find(numbers.begin(), numbers.end(), -1) != numbers.end()) continue;

@@ -158,18 +158,40 @@ class NumericOf final : public Numeric {
   }
 
   [[nodiscard]] const Scales& scales() const override { return scales_; }
+  [[nodiscard]] std::vector<char> negative_pivots() const override {
+    std::vector<char> negative;
+    if constexpr (!kComplex && !kRealForm) {
+      const auto n = static_cast<std::size_t>(plan_->tree.n);
+      std::vector<T> d(n), e(n);
+      if (!executor_->copy_inverse_pivots(d, e)) return negative;
+      negative.resize(n);
+      for (std::size_t k = 0; k < n; ++k) {
+        negative[k] = d[k] < T(0) ? 1 : 0;
+        if (e[k] == T(0)) continue;
+        // A block of 2 x 2: of one sign each where its determinant is negative, else both of its trace's.
+        const bool of_each = (d[k] / e[k]) * (d[k + 1] / e[k]) < T(1);
+        if (of_each) negative[k] = 1;
+        negative[k + 1] = of_each ? 0 : negative[k];
+        ++k;
+      }
+    }
+    return negative;
+  }
   [[nodiscard]] std::string device_name() const override { return executor_->name(); }
   [[nodiscard]] Offset device_peak_bytes() const override { return executor_->peak_bytes(); }
   [[nodiscard]] device::OutOfCoreReport out_of_core() const override { return executor_->out_of_core(); }
   [[nodiscard]] std::vector<device::DeviceWork> device_work() const override { return executor_->device_work(); }
 
  private:
-  // @returns the largest magnitude. Ranks each scale the values that they assemble, which together are all; they make
-  // no real forms.
+  // @returns the largest magnitude. Ranks each scale the values that they assemble, which together are all; of a real
+  // form they scale the numbers that it is made of.
   double scale() {
     if constexpr (kRealForm) {
       const double largest = scale_values(prepared_, scales_, given_, numbers_.data(), pool_);
-      real_values(*real_form_, prepared_.a, numbers_.data(), values_.data(), pool_);
+      if (plan_->row_begin.empty())
+        real_values(*real_form_, prepared_.a, numbers_.data(), values_.data(), pool_);
+      else
+        real_values(*real_form_, prepared_.a, numbers_.data(), plan_->sources, values_.data(), pool_);
       return largest;
     } else {
       if (plan_->row_begin.empty()) return scale_values(prepared_, scales_, given_, values_.data(), pool_, position_);
@@ -373,10 +395,10 @@ std::unique_ptr<Numeric> make_numeric(const Analysis& analysis, std::span<const 
 
 namespace {
 
-// Of a real form.
-std::optional<std::vector<analysis::PivotMove>> place_real_pivots(const Analysis& analysis, const Scales& scales,
-                                                                  std::span<const double> values, double smallest_pivot,
-                                                                  std::span<const Index> failed,
+// Of a real form. @param plan  the whole
+std::optional<std::vector<analysis::PivotMove>> place_real_pivots(const Analysis& analysis, const plan::Plan& plan,
+                                                                  const Scales& scales, std::span<const double> values,
+                                                                  double smallest_pivot, std::span<const Index> failed,
                                                                   const Context& context) {
   const System& s = *analysis.system;
   base::Buffer<std::complex<double>> numbers(s.prepared.a.nonzeros(), &context.budget);
@@ -385,7 +407,7 @@ std::optional<std::vector<analysis::PivotMove>> place_real_pivots(const Analysis
   real_values(*s.real_form, s.prepared.a, numbers.data(), scaled.data(), context.pool);
   const device::PivotRule rule{context.options.pivot_threshold, smallest_pivot * largest};
   return context.registry.host().place_pivots(
-      device::PlacementJob{analysis.plan,
+      device::PlacementJob{plan,
                            analysis.kind(),
                            false,
                            rule,
@@ -403,7 +425,6 @@ std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& ana
                                                              double smallest_pivot, std::span<const Index> failed,
                                                              const Context& context) {
   const PreparedMatrix& p = analysis.system->prepared;
-  if (analysis.system->real_form) return place_real_pivots(analysis, scales, values, smallest_pivot, failed, context);
   const bool part = !analysis.plan.row_begin.empty();
   const plan::Plan whole = part ? whole_plan(analysis, context) : plan::Plan();
   const plan::Plan& plan = part ? whole : analysis.plan;
@@ -423,7 +444,12 @@ std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& ana
     found = context.registry.host().place_pivots(device::PlacementJobOf<Value>{
         plan, analysis.kind(), hermitian, rule, numbers, context.pool, &context.budget, failed});
   };
-  const auto run = [&] { base::with_numbers(p.numbers, values.data(), search); };
+  const auto run = [&] {
+    if (analysis.system->real_form)
+      found = place_real_pivots(analysis, plan, scales, values, smallest_pivot, failed, context);
+    else
+      base::with_numbers(p.numbers, values.data(), search);
+  };
   // What one rank has no memory for, none finds.
   if (context.link != nullptr)
     context.link->expect_all(run);

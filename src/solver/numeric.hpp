@@ -52,6 +52,9 @@ class Numeric {
   virtual void solve(const double* b, double* x, Index columns, bool transpose) = 0;
   /// Of the last factorization.
   [[nodiscard]] virtual const Scales& scales() const = 0;
+  /// ldlt of a real system: by position, whether it brings a negative eigenvalue of D, of the last factorization; a 2 x
+  /// 2 pivot has two positions. Empty: not known.
+  [[nodiscard]] virtual std::vector<char> negative_pivots() const = 0;
   [[nodiscard]] virtual std::string device_name() const = 0;
   /// What the last factorization has left for the border. @pre the plan has one
   [[nodiscard]] virtual BorderContribution border_contribution() const = 0;

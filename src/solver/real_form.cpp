@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <limits>
 
 #include "base/at.hpp"
@@ -101,22 +103,51 @@ analysis::AssemblyTree doubled(const analysis::AssemblyTree& tree) {
   return two;
 }
 
+namespace {
+
+// What stands in a block of the number v.
+template <class T>
+T value_of(const RealForm& f, std::complex<T> v, Index row, Index col) {
+  const T value = row == col ? v.real() : col == 1 ? -v.imag() : v.imag();
+  return row == 1 && !f.hermitian ? -value : value;
+}
+
+}  // namespace
+
 template <class T>
 void real_values(const RealForm& f, const MatrixView& a, const std::complex<T>* from, T* to, base::ThreadPool& pool) {
   const Triangle stored(a.storage);
-  const T sign = f.hermitian ? T(1) : T(-1);
   pool.for_each_range(a.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
     for (auto c = static_cast<Index>(begin); c < end; ++c)
       visit_blocks(a, c, f.a.col_ptr[2 * at(c)], f.a.col_ptr[2 * at(c) + 1], stored,
-                   [&](Offset q, Offset place, Index row, Index col) {
-                     const std::complex<T> v = from[q];
-                     const T value = row == col ? v.real() : col == 1 ? -v.imag() : v.imag();
-                     to[place] = row == 1 ? sign * value : value;
-                   });
+                   [&](Offset q, Offset place, Index row, Index col) { to[place] = value_of(f, from[q], row, col); });
   });
 }
 
-template void real_values(const RealForm&, const MatrixView&, const std::complex<float>*, float*, base::ThreadPool&);
-template void real_values(const RealForm&, const MatrixView&, const std::complex<double>*, double*, base::ThreadPool&);
+template <class T>
+void real_values(const RealForm& f, const MatrixView& a, const std::complex<T>* from, std::span<const Offset> entries,
+                 T* to, base::ThreadPool& pool) {
+  const Triangle stored(a.storage);
+  const auto first_from = [&](Offset place) { return std::lower_bound(entries.begin(), entries.end(), place); };
+  pool.for_each_range(a.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
+    for (auto c = static_cast<Index>(begin); c < end; ++c) {
+      const Offset first = f.a.col_ptr[2 * at(c)], second = f.a.col_ptr[2 * at(c) + 1];
+      std::array next = {first_from(first), first_from(second)};  // of each of the two columns
+      visit_blocks(a, c, first, second, stored, [&](Offset q, Offset place, Index row, Index col) {
+        auto& entry = next[at(col)];
+        if (entry == entries.end() || *entry != place) return;
+        to[entry++ - entries.begin()] = value_of(f, from[q], row, col);
+      });
+    }
+  });
+}
+
+#define ESPALIER_INSTANTIATE(T)                                                                                      \
+  template void real_values(const RealForm&, const MatrixView&, const std::complex<T>*, T*, base::ThreadPool&);      \
+  template void real_values(const RealForm&, const MatrixView&, const std::complex<T>*, std::span<const Offset>, T*, \
+                            base::ThreadPool&);
+ESPALIER_INSTANTIATE(float)
+ESPALIER_INSTANTIATE(double)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::solver

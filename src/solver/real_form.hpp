@@ -12,6 +12,7 @@
 
 #include <complex>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "analysis/assembly_tree.hpp"
@@ -42,5 +43,9 @@ analysis::AssemblyTree doubled(const analysis::AssemblyTree& tree);
 /// Values of f.a from those of the complex matrix `a`. T: float or double.
 template <class T>
 void real_values(const RealForm& f, const MatrixView& a, const std::complex<T>* from, T* to, base::ThreadPool& pool);
+/// The same of some entries of f.a, ascending.
+template <class T>
+void real_values(const RealForm& f, const MatrixView& a, const std::complex<T>* from, std::span<const Offset> entries,
+                 T* to, base::ThreadPool& pool);
 
 }  // namespace espalier::solver

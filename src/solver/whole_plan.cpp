@@ -33,8 +33,9 @@ plan::Plan whole_plan(const Analysis& analysis, const Context& context) {
   options.devices = options.ranks = 1;
   options.rank = 0;
   const System& system = *analysis.system;
-  return plan::make_plan(whole_tree(analysis.plan, context.link), system.prepared.a, system.prepared.row_of_col,
-                         options, context.pool, system.all_rows());
+  const matrix::RowIndex* rows = system.real_form ? &system.real_form->rows : system.all_rows();
+  return plan::make_plan(whole_tree(analysis.plan, context.link), system.factored_pattern(),
+                         system.factored_row_of_col(), options, context.pool, rows);
 }
 
 }  // namespace espalier::solver

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <limits>
 #include <random>
 #include <string>
@@ -36,6 +37,35 @@ inline SparseMatrix system_of(const SparseMatrix& pattern, std::span<const doubl
   SparseMatrix a = pattern;
   std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(k) * std::ssize(a.values), a.values.size(),
               a.values.begin());
+  return a;
+}
+
+/// Systems together on the host, for as long as this lives: so many in a chunk or group.
+class InChunks {
+ public:
+  explicit InChunks(Index systems) { ::setenv("ESPALIER_BATCH_CHUNK", std::to_string(systems).c_str(), 1); }
+  InChunks(const InChunks&) = delete;
+  InChunks& operator=(const InChunks&) = delete;
+  ~InChunks() { ::unsetenv("ESPALIER_BATCH_CHUNK"); }
+};
+
+/// A grid with a constraint for every fifth unknown: the zero block proves the inertia of each system.
+inline SparseMatrix constrained_chain(Index n) {
+  SparseMatrix a;
+  a.rows = a.cols = n;
+  a.storage = Storage::symmetric_lower;
+  a.col_ptr.push_back(0);
+  const Index m = n / 6, k = n - m;
+  for (Index c = 0; c < n; ++c) {
+    const auto add = [&](Index r, double v) {
+      a.row_ind.push_back(r);
+      a.values.push_back(v);
+    };
+    add(c, c < k ? 4.5 : 0.0);
+    if (c + 1 < k) add(c + 1, -1);
+    if (c < k && c % 5 < 2 && c / 5 < m) add(k + c / 5, c % 5 == 0 ? 1 : -0.5);
+    a.col_ptr.push_back(static_cast<Offset>(a.row_ind.size()));
+  }
   return a;
 }
 

@@ -1,15 +1,17 @@
 // Complex systems on several ranks, here threads with a link between them. The truth is the solver of one process: the
-// same bits. Ranks are on hosts, which have kernels for complex numbers.
+// same bits. Ranks are on hosts, which have kernels for complex numbers, and take real forms where they are told to.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <mutex>
+#include <optional>
 #include <vector>
 
 #include "complex_system.hpp"
 #include "espalier/complex_solver.hpp"
 #include "on_threads.hpp"
 #include "reference/reference.hpp"
+#include "solver/as_real_form.hpp"
 
 namespace espalier::ranks {
 namespace {
@@ -41,15 +43,13 @@ Answer answer_of(ComplexSolver& solver, const ComplexSparseMatrix& a, bool first
   return r;
 }
 
-bool same(Value x, Value y) { return x == y || (std::isnan(x.real()) && std::isnan(y.real())); }
-
 void expect_same(const Answer& found, const Answer& truth, bool first) {
   EXPECT_EQ(found.analysis.status.code, truth.analysis.status.code) << found.analysis.status.message;
   EXPECT_EQ(found.factor.status.code, truth.factor.status.code) << found.factor.status.message;
   EXPECT_EQ(found.factor.inertia.negative, truth.factor.inertia.negative);
   EXPECT_EQ(found.factor.rank, truth.factor.rank);
   EXPECT_EQ(found.factor.determinant_log, truth.factor.determinant_log);
-  EXPECT_TRUE(same(found.factor.determinant_phase, truth.factor.determinant_phase));
+  EXPECT_TRUE(same_number(found.factor.determinant_phase, truth.factor.determinant_phase));
   EXPECT_EQ(found.factor.null_vectors, truth.factor.null_vectors);
   EXPECT_EQ(found.solve.status.code, truth.solve.status.code) << found.solve.status.message;
   EXPECT_EQ(found.solve.backward_error, truth.solve.backward_error);
@@ -78,7 +78,20 @@ void expect_bits_of_one(const ComplexSparseMatrix& a, const Options& options, Tr
   }
 }
 
-TEST(ComplexRanks, HaveTheBitsOfOneProcess) {
+// The forms in which hosts factorize them; GPUs take the second alone.
+class ComplexRanks : public testing::TestWithParam<bool> {
+ protected:
+  void SetUp() override {
+    if (GetParam()) real_form_.emplace();
+  }
+
+ private:
+  std::optional<test::AsRealForm> real_form_;
+};
+INSTANTIATE_TEST_SUITE_P(Forms, ComplexRanks, testing::Bool(),
+                         [](const auto& form) { return form.param ? "Real" : "Native"; });
+
+TEST_P(ComplexRanks, HaveTheBitsOfOneProcess) {
   using reference::Values;
   const SparseMatrix definite = reference::random_system(900, 4, Values::positive, 1);
   expect_bits_of_one(complex_of(definite, Storage::hermitian_lower), {});
@@ -95,7 +108,40 @@ TEST(ComplexRanks, HaveTheBitsOfOneProcess) {
   expect_bits_of_one(complex_of(definite, Storage::symmetric_lower), mixed);
 }
 
-TEST(ComplexRanks, SingularSystemsAndWrongArraysEndOnAllRanks) {
+// Pivots that fail and move to later fronts, whose contributions other ranks have. One process finds failures in
+// another order, and may move others.
+TEST_P(ComplexRanks, MovedPivots) {
+  Options options;
+  options.kind = Kind::ldlt;
+  options.matching = false;
+  options.pivot_threshold = 0.3;
+  options.threads = 1;
+  for (const Storage storage : {Storage::symmetric_lower, Storage::hermitian_lower}) {
+    const ComplexSparseMatrix a =
+        complex_of(reference::random_system(300, 3, reference::Values::indefinite, 3), storage);
+    ComplexSolver alone(options);
+    const Answer one = answer_of(alone, a, true, Transpose::no);
+    std::optional<Answer> two;
+    for (const int count : {2, 3, 5}) {
+      std::vector<Answer> found(static_cast<std::size_t>(count));
+      on_threads(count, {}, [&](const Ranks& ranks) {
+        ComplexSolver shared(ranks, options);
+        found[static_cast<std::size_t>(ranks.rank())] = answer_of(shared, a, ranks.rank() == 0, Transpose::no);
+      });
+      if (!two) two = found.front();
+      for (std::size_t r = 0; r < found.size(); ++r) {
+        SCOPED_TRACE(testing::Message() << "rank " << r << " of " << count);
+        expect_same(found[r], *two, r == 0);
+      }
+    }
+    EXPECT_GT(two->factor.delayed, 0) << "no pivot moves: nothing is tested";
+    EXPECT_EQ(two->factor.inertia.negative, one.factor.inertia.negative);
+    EXPECT_NEAR(two->factor.determinant_log, one.factor.determinant_log, 1e-8);
+    EXPECT_LE(two->solve.backward_error, 1e-15);
+  }
+}
+
+TEST_P(ComplexRanks, SingularSystemsAndWrongArraysEndOnAllRanks) {
   ComplexSparseMatrix a =
       complex_of(reference::random_system(60, 4, reference::Values::positive, 1), Storage::symmetric_lower);
   on_threads(2, {}, [&](const Ranks& ranks) {

@@ -2,6 +2,7 @@
 /// Complex systems for the tests of ranks.
 #pragma once
 
+#include <cmath>
 #include <complex>
 #include <random>
 #include <vector>
@@ -22,6 +23,11 @@ inline ComplexSparseMatrix complex_of(const SparseMatrix& a, Storage storage) {
       c.values.emplace_back(a.values[q], hermitian && a.row_ind[q] == j ? 0 : imaginary);
     }
   return c;
+}
+
+/// What is not known (the phase of a determinant) is the same as itself.
+inline bool same_number(std::complex<double> x, std::complex<double> y) {
+  return x == y || (std::isnan(x.real()) && std::isnan(y.real()));
 }
 
 }  // namespace espalier::ranks

@@ -30,23 +30,28 @@ struct EmulatedWork {
 
 class EmulatedSystem final : public device::DeviceLinearSystem {
  public:
-  EmulatedSystem(const device::LinearSystemArrays& a, device::Executor<double>& executor, Link* link,
-                 base::ThreadPool& pool, EmulatedWork& work)
+  EmulatedSystem(const device::LinearSystemArrays& a, device::Executor<double>& executor, const device::PivotRule& rule,
+                 Link* link, base::ThreadPool& pool, EmulatedWork& work)
       : executor_(executor),
+        rule_(rule),
         link_(link),
         work_(work),
+        numbers_(a.real_columns.empty() ? base::Numbers::real
+                 : a.hermitian          ? base::Numbers::hermitian
+                                        : base::Numbers::complex),
         pattern_{a.pattern.rows,
                  a.pattern.cols,
                  {a.pattern.col_ptr.begin(), a.pattern.col_ptr.end()},
                  {a.pattern.row_ind.begin(), a.pattern.row_ind.end()},
-                 std::vector<double>(a.pattern.row_ind.size(), std::numeric_limits<double>::quiet_NaN()),
+                 std::vector<double>(parts() * a.pattern.row_ind.size(), std::numeric_limits<double>::quiet_NaN()),
                  a.pattern.storage},
+        real_columns_(a.real_columns.begin(), a.real_columns.end()),
         order_(a.order.begin(), a.order.end()),
         row_of_col_(a.row_of_col.begin(), a.row_of_col.end()),
         row_scale_(a.row_scale.begin(), a.row_scale.end()),
         col_scale_(a.col_scale.begin(), a.col_scale.end()),
         host_values_(a.values),
-        residual_(pattern_.view(), solve::ResidualOperator::rows_of(pattern_.view(), pool), pool) {}
+        residual_(pattern_.view(), solve::ResidualOperator::rows_of(pattern_.view(), pool), pool, numbers_) {}
 
   [[nodiscard]] int number() const override { return 0; }
   void take_values(const double* values) override {
@@ -73,35 +78,37 @@ class EmulatedSystem final : public device::DeviceLinearSystem {
     std::vector<double> scaled(pattern_.values);
     double largest = 0;
     for (Index c = 0; c < pattern_.cols; ++c)
-      for (auto q = static_cast<std::size_t>(pattern_.col_ptr[static_cast<std::size_t>(c)]);
-           q < static_cast<std::size_t>(pattern_.col_ptr[static_cast<std::size_t>(c) + 1]); ++q) {
-        scaled[q] *= scale(row_scale_, pattern_.row_ind[q]) * scale(col_scale_, c);
-        if (!std::isfinite(scaled[q])) return std::nullopt;
-        largest = std::max(largest, std::abs(scaled[q]));
+      for (std::size_t q = begin_of(c); q < begin_of(c + 1); ++q) {
+        double* number = scaled.data() + parts() * q;
+        for (std::size_t part = 0; part < parts(); ++part) {
+          number[part] *= scale(row_scale_, pattern_.row_ind[q]) * scale(col_scale_, c);
+          if (!std::isfinite(number[part])) return std::nullopt;
+        }
+        largest = std::max(largest, parts() == 1 ? std::abs(number[0]) : std::hypot(number[0], number[1]));
       }
-    device::PivotRule rule;
-    rule.tiny = smallest_pivot * largest;
-    rule.largest = largest;
-    executor_.set_pivot_rule(rule);
+    rule_.tiny = smallest_pivot * largest;
+    rule_.largest = largest;
+    executor_.set_pivot_rule(rule_);
     residual_.set_values(pattern_.values);
-    return executor_.factorize(scaled);
+    return executor_.factorize(parts() == 1 ? scaled : real_form_of(scaled));
   }
   void read_values(std::span<double> to) const override {
     std::copy(pattern_.values.begin(), pattern_.values.end(), to.begin());
   }
 
   void substitute(const double* b, double* x, Index columns, bool transpose) override {
-    const auto n = static_cast<std::size_t>(pattern_.cols);
+    const std::size_t n = order_.size();
     std::vector<double> rhs(n);
     for (std::size_t c = 0; c < static_cast<std::size_t>(columns); ++c) {
       for (std::size_t k = 0; k < n; ++k) {
-        const Index row = transpose ? order_[k] : row_of(order_[k]);
-        rhs[k] = scale(transpose ? col_scale_ : row_scale_, row) * b[c * n + static_cast<std::size_t>(row)];
+        const Place at = place_of(order_[k], !transpose);
+        const double value = scale(transpose ? col_scale_ : row_scale_, at.row) * b[c * n + at.number];
+        rhs[k] = at.conjugates && numbers_ == base::Numbers::complex ? -value : value;
       }
       executor_.solve(rhs.data(), 1, transpose);
       for (std::size_t k = 0; k < n; ++k) {
-        const Index row = transpose ? row_of(order_[k]) : order_[k];
-        x[c * n + static_cast<std::size_t>(row)] = scale(transpose ? row_scale_ : col_scale_, row) * rhs[k];
+        const Place at = place_of(order_[k], transpose);
+        x[c * n + at.number] = scale(transpose ? row_scale_ : col_scale_, at.row) * rhs[k];
       }
     }
   }
@@ -146,15 +153,57 @@ class EmulatedSystem final : public device::DeviceLinearSystem {
   [[nodiscard]] Index row_of(Index col) const {
     return row_of_col_.empty() ? col : row_of_col_[static_cast<std::size_t>(col)];
   }
+  [[nodiscard]] std::size_t parts() const { return static_cast<std::size_t>(base::parts_of(numbers_)); }
+  [[nodiscard]] std::size_t begin_of(Index c) const {
+    return static_cast<std::size_t>(pattern_.col_ptr[static_cast<std::size_t>(c)]);
+  }
+
+  // Where an unknown of the factor stands in vectors of the system.
+  struct Place {
+    Index row;
+    std::size_t number;
+    bool conjugates;  // an imaginary part
+  };
+  [[nodiscard]] Place place_of(Index unknown, bool matched) const {
+    const auto each = static_cast<Index>(parts());
+    const Index col = unknown / each, part = unknown % each, row = matched ? row_of(col) : col;
+    return {row, parts() * static_cast<std::size_t>(row) + static_cast<std::size_t>(part), part == 1};
+  }
+
+  // The blocks of each number, column after column; of a diagonal entry those of the triangle that is stored.
+  [[nodiscard]] std::vector<double> real_form_of(const std::vector<double>& numbers) const {
+    std::vector<double> real(static_cast<std::size_t>(real_columns_.back()));
+    const double sign = numbers_ == base::Numbers::hermitian ? 1 : -1;
+    for (Index c = 0; c < pattern_.cols; ++c) {
+      Offset next[2] = {real_columns_[2 * static_cast<std::size_t>(c)],
+                        real_columns_[2 * static_cast<std::size_t>(c) + 1]};
+      for (std::size_t q = begin_of(c); q < begin_of(c + 1); ++q) {
+        const double re = numbers[2 * q], im = numbers[2 * q + 1];
+        const double block[2][2] = {{re, -im}, {sign * im, sign * re}};
+        const bool diagonal = pattern_.row_ind[q] == c;
+        for (int row = 0; row < 2; ++row)
+          for (int col = 0; col < 2; ++col) {
+            if (diagonal && row < col && pattern_.storage == Storage::symmetric_lower) continue;
+            if (diagonal && row > col && pattern_.storage == Storage::symmetric_upper) continue;
+            real[static_cast<std::size_t>(next[col]++)] = block[row][col];
+          }
+      }
+    }
+    return real;
+  }
+
   double* grown(std::vector<double>& array, Index columns) const {
-    array.resize(std::max(array.size(), static_cast<std::size_t>(pattern_.cols) * static_cast<std::size_t>(columns)));
+    array.resize(std::max(array.size(), order_.size() * static_cast<std::size_t>(columns)));
     return array.data();
   }
 
   device::Executor<double>& executor_;
+  device::PivotRule rule_;
   Link* link_;
   EmulatedWork& work_;
-  SparseMatrix pattern_;  // with the values there
+  base::Numbers numbers_;
+  SparseMatrix pattern_;              // with the values there, of complex ones the parts
+  std::vector<Offset> real_columns_;  // complex: of the factor's columns
   std::vector<Index> order_, row_of_col_;
   std::vector<double> row_scale_, col_scale_;
   std::span<const double> host_values_;
@@ -164,7 +213,8 @@ class EmulatedSystem final : public device::DeviceLinearSystem {
 
 class EmulatedExecutor final : public device::Executor<double> {
  public:
-  EmulatedExecutor(const device::Job& job, EmulatedWork& work) : pool_(job.pool), link_(job.link), work_(work) {
+  EmulatedExecutor(const device::Job& job, EmulatedWork& work)
+      : rule_(job.rule), pool_(job.pool), link_(job.link), work_(work) {
     const device::Job own{job.plan,   job.kind,     job.hermitian, job.rule, job.pool,
                           job.budget, job.timeline, {0},           {},       nullptr};
     host_ = device::registry().host().make_executor(own, device::Scalar<double>());
@@ -176,10 +226,11 @@ class EmulatedExecutor final : public device::Executor<double> {
   [[nodiscard]] Offset peak_bytes() const override { return host_->peak_bytes(); }
   std::unique_ptr<device::DeviceLinearSystem> make_linear_system(const device::LinearSystemArrays& arrays,
                                                                  Offset) override {
-    return std::make_unique<EmulatedSystem>(arrays, *host_, link_, pool_, work_);
+    return std::make_unique<EmulatedSystem>(arrays, *host_, rule_, link_, pool_, work_);
   }
 
  private:
+  device::PivotRule rule_;
   base::ThreadPool& pool_;
   Link* link_;
   EmulatedWork& work_;
@@ -200,7 +251,7 @@ class EmulatedGpu final : public device::Backend {
   }
   [[nodiscard]] const plan::MachineModel& model(const plan::Machine& machine) const override { return machine.host; }
   [[nodiscard]] device::PredictedTime predict(const analysis::AssemblyTree&, const device::PlanWish&) const override {
-    return {};
+    return {seconds, false, {}};
   }
   [[nodiscard]] plan::PlanOptions plan_options(const device::PlanWish& wish) const override {
     device::PlanWish one = wish;
@@ -215,6 +266,7 @@ class EmulatedGpu final : public device::Backend {
   [[nodiscard]] Offset free_bytes(int) const override { return std::numeric_limits<Offset>::max(); }
   [[nodiscard]] std::unique_ptr<device::Executor<double>> make_executor(const device::Job& job,
                                                                         device::Scalar<double>) const override {
+    if (refuses) throw Error(StatusCode::out_of_memory, "others have its memory");
     return std::make_unique<EmulatedExecutor>(job, work);
   }
   [[nodiscard]] std::unique_ptr<device::Executor<float>> make_executor(const device::Job& job,
@@ -222,6 +274,8 @@ class EmulatedGpu final : public device::Backend {
     return host().make_executor(job, scalar);
   }
 
+  bool refuses = false;  ///< it has no memory left
+  double seconds = 0;    ///< predicted for anything
   mutable EmulatedWork work;
 
  private:

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <complex>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -230,21 +231,119 @@ TEST_F(OnGpus, ValuesOfOneRankThatAreNotFinite) {
   }
 }
 
-// Ranks factorize complex systems on their processors.
-TEST_F(OnGpus, ComplexSystemsAreTheProcessors) {
-  const ComplexSparseMatrix a = complex_of(generated({"elasticity", "4", "3", "3"}), Storage::symmetric_lower);
-  on_threads(2, {}, [&](const Ranks& ranks) {
-    Options options;
-    options.device = "gpu:0,1";
-    ComplexSolver on_gpus(ranks, options);
-    const Status refused = on_gpus.analyze(a).status;
-    EXPECT_EQ(refused.code, StatusCode::device_error);
-    EXPECT_NE(refused.message.find("use device cpu"), std::string::npos) << refused.message;
-    options.device = "auto";
-    ComplexSolver anywhere(ranks, options);
-    const Status found = anywhere.analyze(a).status;
-    EXPECT_TRUE(found.ok()) << found.message;
-  });
+// Complex systems, as real ones of twice the size.
+class ComplexOnGpus : public OnGpus {
+ protected:
+  using Value = std::complex<double>;
+
+  struct ComplexAnswer {
+    ComplexFactorResult factor;
+    Status solve;
+    double condition = 0;
+    std::vector<Value> x, x_again;
+  };
+
+  static ComplexAnswer complex_answer(ComplexSolver& solver, const ComplexSparseMatrix& a, Transpose transpose) {
+    constexpr Index kColumns = 10;
+    ComplexAnswer r;
+    r.solve = solver.analyze(a).status;
+    if (!r.solve.ok()) return r;
+    for (int again = 0; again < 3; ++again) r.factor = solver.factorize(a);
+    const std::vector<double> parts = reference::random_vector(2 * Offset{a.rows} * kColumns, 5);
+    std::vector<Value> b;
+    for (std::size_t k = 0; k < parts.size(); k += 2) b.emplace_back(parts[k], parts[k + 1]);
+    r.x.resize(b.size());
+    r.x_again.resize(static_cast<std::size_t>(a.rows));
+    r.solve = solver.solve(b, r.x, kColumns, transpose).status;
+    if (r.solve.ok()) r.solve = solver.solve(std::span(b).first(r.x_again.size()), r.x_again, 1, transpose).status;
+    r.condition = solver.condition_estimate().estimate;
+    return r;
+  }
+
+  static void expect_bits(const ComplexSparseMatrix& a, Grouping machines, const Options& given = {},
+                          Transpose transpose = Transpose::no) {
+    Options options = given;
+    options.device = "gpu:0";
+    ComplexSolver alone(options);
+    const ComplexAnswer truth = complex_answer(alone, a, transpose);
+    on_threads(machines.ranks, {}, [&](const Ranks& ranks) {
+      SCOPED_TRACE(testing::Message() << "rank " << ranks.rank() << " of " << machines.ranks << ", " << machines.of_each
+                                      << " a machine");
+      Options shared = given;
+      shared.device = machines.ranks == 2 ? "gpu:0,1" : "gpu:0,1,2,3";
+      set_nodes(ranks, machines.of_each == 1 ? Nodes::process : Nodes::host);
+      if (machines.ranks > machines.of_each && machines.of_each > 1) ranks.link()->set_machines(machines.of_each);
+      ComplexSolver solver(ranks, shared);
+      const ComplexAnswer found = complex_answer(solver, a, transpose);
+      EXPECT_EQ(found.factor.status.code, truth.factor.status.code) << found.factor.status.message;
+      EXPECT_EQ(found.factor.rank, truth.factor.rank);
+      EXPECT_EQ(found.factor.inertia.negative, truth.factor.inertia.negative);
+      EXPECT_TRUE(same_number(found.factor.determinant_phase, truth.factor.determinant_phase));
+      EXPECT_EQ(found.solve.code, truth.solve.code) << found.solve.message;
+      EXPECT_EQ(found.condition, truth.condition);
+      if (ranks.rank() != 0) return;
+      EXPECT_EQ(found.x, truth.x);
+      EXPECT_EQ(found.x_again, truth.x_again);
+    });
+  }
+
+  static void expect_bits_of_all_kinds(Grouping machines) {
+    const SparseMatrix definite = generated({"elasticity", "9", "8", "7"});
+    const SparseMatrix indefinite = generated({"kkt", "3", "8", "4", "4"});
+    const SparseMatrix general = generated({"gyroscopic", "8", "7", "6"});
+    expect_bits(complex_of(definite, Storage::symmetric_lower), machines);
+    expect_bits(complex_of(definite, Storage::hermitian_lower), machines, {}, Transpose::yes);
+    expect_bits(complex_of(indefinite, Storage::symmetric_lower), machines, {}, Transpose::conjugate);
+    Options ldlt;
+    ldlt.kind = Kind::ldlt;
+    expect_bits(complex_of(indefinite, Storage::hermitian_lower), machines, ldlt);
+    for (const Transpose transpose : {Transpose::no, Transpose::yes, Transpose::conjugate})
+      expect_bits(complex_of(general, Storage::general), machines, {}, transpose);
+    Options mixed;
+    mixed.precision = Precision::mixed;
+    expect_bits(complex_of(definite, Storage::symmetric_lower), machines, mixed);
+  }
+};
+
+TEST_F(ComplexOnGpus, HaveTheBitsOfOneGpu) { expect_bits_of_all_kinds(Grouping{2, 2}); }
+
+TEST_F(ComplexOnGpus, HaveTheBitsOfOneGpuOnTwoMachines) { expect_bits_of_all_kinds(Grouping{2, 1}); }
+
+TEST_F(ComplexOnGpus, HaveTheBitsOfOneGpuOnTwoMachinesOfTwo) {
+  if (gpus() < 4) GTEST_SKIP() << "four GPUs are needed, " << gpus() << " can be used";
+  expect_bits_of_all_kinds(Grouping{4, 2});
+}
+
+// A replaced pivot is no pair: all ranks go on with kernels that know of none.
+TEST_F(ComplexOnGpus, SingularMatrices) {
+  Options report;
+  report.kind = Kind::ldlt;
+  report.singular = SingularMatrix::report;
+  const SparseMatrix a = generated({"kkt-redundant", "3", "2", "4", "2", "2"});
+  for (const int of_each : {2, 1})
+    for (const Storage storage : {Storage::symmetric_lower, Storage::hermitian_lower})
+      expect_bits(complex_of(a, storage), Grouping{2, of_each}, report);
+}
+
+TEST_F(ComplexOnGpus, ANumberThatIsNone) {
+  const ComplexSparseMatrix a = complex_of(generated({"elasticity", "5", "4", "3"}), Storage::symmetric_lower);
+  for (const Nodes nodes : {Nodes::host, Nodes::process})
+    on_threads(2, {}, [&](const Ranks& ranks) {
+      set_nodes(ranks, nodes);
+      Options options;
+      options.device = "gpu:0,1";
+      ComplexSolver solver(ranks, options);
+      ASSERT_TRUE(solver.analyze(a).status.ok());
+      ASSERT_TRUE(solver.factorize(a).status.ok());
+      std::vector<Value> bad = a.values;
+      bad.back() = {1, std::nan("")};
+      if (ranks.rank() != 0) bad.clear();
+      const Status refused = solver.refactorize(bad).status;
+      EXPECT_EQ(refused.code, StatusCode::invalid_input);
+      EXPECT_NE(refused.message.find("nan"), std::string::npos) << refused.message;
+      const Status again = solver.factorize(a).status;
+      EXPECT_TRUE(again.ok()) << again.message;
+    });
 }
 
 #if ESPALIER_WITH_CUDA

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "complex_system.hpp"
 #include "device/registry.hpp"
 #include "espalier/espalier.hpp"
 #include "espalier/nodes.hpp"
@@ -76,15 +77,21 @@ struct Answer {
 
 constexpr Index kColumns = 2;
 
-Answer answer_of(solver::Session& s, const SparseMatrix& a) {
+solver::GivenMatrix given_of(const SparseMatrix& a) { return a.view(); }
+solver::GivenMatrix given_of(const ComplexSparseMatrix& a) { return solver::given(a.view()); }
+
+// Matrix: of real or complex numbers, which are passed as pairs of doubles.
+template <class Matrix>
+Answer answer_of(solver::Session& s, const Matrix& matrix) {
+  const solver::GivenMatrix a = given_of(matrix);
   Answer r;
-  r.factor.status = solver::analysis_by(s, [&] { s.analyze_given(a.view()); }).status;
+  r.factor.status = solver::analysis_by(s, [&] { s.analyze_given(a); }).status;
   if (!r.factor.status.ok()) return r;
   for (int round = 0; round < 2; ++round) {
-    r.factor = solver::factor_by(s, [&](solver::Factor& f) { f.factorize(a.values); });
+    r.factor = solver::factor_by(s, [&](solver::Factor& f) { f.factorize(a.a.values); });
     if (!r.factor.status.ok()) return r;
   }
-  const std::vector<double> b = reference::random_vector(Offset{a.rows} * kColumns, 5);
+  const std::vector<double> b = reference::random_vector(s.current().doubles() * kColumns, 5);
   r.x.resize(b.size());
   r.solve = solver::solve_by(s, [&] {
     return solver::solve(*s.factor, {b.data(), r.x.data(), kColumns, false}, s.context);
@@ -112,19 +119,23 @@ void expect_same(const Answer& found, const Answer& truth) {
 class OutOfCoreRanks : public testing::Test {
  protected:
   // What `part` of the plan's memory is.
-  Offset bytes_of(const SparseMatrix& a, const Options& options, double part) {
-    solver::Session s(options, device::registry());
-    s.analyze(a.view());
+  template <class Matrix>
+  Offset bytes_of(const Matrix& a, Options options, double part) {
+    options.device = "narrow:0";
+    solver::Session s(options, registry_);
+    s.analyze(given_of(a));
     return static_cast<Offset>(part * static_cast<double>(s.current().plan.memory.size) * sizeof(double));
   }
-  Answer of_one_process(const SparseMatrix& a, Options options, const std::string& devices) {
+  template <class Matrix>
+  Answer of_one_process(const Matrix& a, Options options, const std::string& devices) {
     options.device = devices;
     options.threads = 2;
     solver::Session s(options, registry_);
     return answer_of(s, a);
   }
   // On every rank; `more` changes its options.
-  std::vector<Answer> of_ranks(const SparseMatrix& a, const Options& given, int count, const Faults& faults = {},
+  template <class Matrix>
+  std::vector<Answer> of_ranks(const Matrix& a, const Options& given, int count, const Faults& faults = {},
                                const std::function<void(const Ranks&, Options&)>& more = {}, double patience = 60) {
     std::vector<Answer> all(static_cast<std::size_t>(count));
     on_threads(
@@ -140,7 +151,8 @@ class OutOfCoreRanks : public testing::Test {
         patience);
     return all;
   }
-  void expect_bits_of_one(const SparseMatrix& a, const Options& options = {}, double part = 0.5) {
+  template <class Matrix>
+  void expect_bits_of_one(const Matrix& a, const Options& options = {}, double part = 0.5) {
     narrow_.free = bytes_of(a, options, part);
     for (const int count : {2, 3}) {
       SCOPED_TRACE(std::to_string(count) + " ranks");
@@ -170,6 +182,13 @@ TEST_F(OutOfCoreRanks, MixedPrecisionAndSingularMatrices) {
   options.precision = Precision::fp64;
   options.singular = SingularMatrix::report;
   expect_bits_of_one(generated({"kkt-redundant", "3", "2", "4", "2", "2"}), options, 1.1);  // as little as there can be
+}
+
+TEST_F(OutOfCoreRanks, ComplexSystems) {
+  const SparseMatrix definite = generated({"elasticity", "5", "4", "4"});
+  expect_bits_of_one(complex_of(definite, Storage::symmetric_lower));
+  expect_bits_of_one(complex_of(definite, Storage::hermitian_lower));
+  expect_bits_of_one(complex_of(generated({"gyroscopic", "4", "4", "4"}), Storage::general));
 }
 
 // Each rank says what its own device may take; the sides are those of one process that gives a list.

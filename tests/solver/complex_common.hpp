@@ -7,7 +7,6 @@
 
 #include <Eigen/Dense>
 #include <complex>
-#include <cstdlib>
 #include <limits>
 #include <optional>
 #include <ostream>
@@ -15,6 +14,7 @@
 #include <string>
 
 #include "espalier/complex_solver.hpp"
+#include "solver/as_real_form.hpp"
 #include "solver/gpu_fixture.hpp"
 
 namespace espalier::test {
@@ -114,15 +114,6 @@ inline void expect_solutions(ComplexSolver& solver, const Dense& a, double limit
       EXPECT_NEAR(r.componentwise_error, componentwise, 20 * limit);
     }
 }
-
-/// Real forms on the host, which has kernels for complex numbers, for as long as this lives.
-class AsRealForm {
- public:
-  AsRealForm() { ::setenv("ESPALIER_COMPLEX_FORM", "real", 1); }
-  AsRealForm(const AsRealForm&) = delete;
-  AsRealForm& operator=(const AsRealForm&) = delete;
-  ~AsRealForm() { ::unsetenv("ESPALIER_COMPLEX_FORM"); }
-};
 
 struct Form {
   const char* name;

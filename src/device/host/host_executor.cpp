@@ -137,6 +137,12 @@ class HostExecutor final : public Executor<T> {
   }
 
   void set_pivot_rule(const PivotRule& rule) override { state_.rule = rule; }
+  bool copy_inverse_pivots(std::span<T> d, std::span<T> e) const override {
+    if (state_.kind != Kind::ldlt) return false;
+    std::copy_n(state_.d_inverse.data(), d.size(), d.begin());
+    std::copy_n(state_.e_inverse.data(), e.size(), e.begin());
+    return true;
+  }
   void halt_at_failures(bool halt) override { state_.halting = halt && devices_ == 1 && state_.kind != Kind::llt; }
   [[nodiscard]] const LeftContributions<WideOf<T>>* left_contributions() const override {
     return halted_ ? &left_ : nullptr;

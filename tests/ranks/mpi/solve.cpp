@@ -255,10 +255,8 @@ int main(int argc, char** argv) {
       check(ranks, {"kkt", "3", "4", "2", "2"}, ranks.size() > 1);
       check(ranks, {"gyroscopic", "5", "4", "4"}, false);
       check(ranks, {"elasticity", "6", "5", "4"}, false, espalier::Precision::mixed);
-      if (device == "cpu") {  // ranks factorize complex systems there
-        check_complex(ranks, {"elasticity", "6", "5", "4"});
-        check_complex(ranks, {"gyroscopic", "5", "4", "4"});
-      }
+      check_complex(ranks, {"elasticity", "6", "5", "4"});
+      check_complex(ranks, {"gyroscopic", "5", "4", "4"});
     }
   }
   int all = 0;

@@ -364,12 +364,24 @@ void DeviceSide<T>::marked(bool failed, std::vector<unsigned char>& marks) const
 }
 
 template <class T>
-void DeviceSide<T>::pivots(std::vector<T>& to) const {
+void DeviceSide<T>::read_pivots(int list, std::vector<T>& to) const {
+  const Offset first = Offset{list} * n();
   to.resize(static_cast<std::size_t>(n()));
   if (common_.pivot != nullptr)
-    std::copy(common_.pivot, common_.pivot + n(), to.begin());
+    std::copy(common_.pivot + first, common_.pivot + first + n(), to.begin());
   else
-    copy_out(to.data(), pivot_.data(), n() * static_cast<Offset>(sizeof(T)));
+    copy_out(to.data(), pivot_.data() + first, n() * static_cast<Offset>(sizeof(T)));
+}
+
+template <class T>
+void DeviceSide<T>::pivots(std::vector<T>& to) const {
+  read_pivots(0, to);
+}
+
+template <class T>
+void DeviceSide<T>::inverse_pivots(std::vector<T>& d, std::vector<T>& e) const {
+  read_pivots(1, d);
+  read_pivots(2, e);
 }
 
 template class DeviceSide<double>;

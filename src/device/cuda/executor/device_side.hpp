@@ -143,6 +143,8 @@ class DeviceSide {
   void marked(bool failed, std::vector<unsigned char>& marks) const;
   /// n pivots; only those that this device made or got are defined.
   void pivots(std::vector<T>& to) const;
+  /// Likewise of ldlt the inverse of D, n each: see Executor.
+  void inverse_pivots(std::vector<T>& d, std::vector<T>& e) const;
 
   [[nodiscard]] int self() const { return self_; }
   [[nodiscard]] int device() const { return device_; }
@@ -162,6 +164,7 @@ class DeviceSide {
   /// Calls use(array, list of the host) for the tables that all sides have; array: pointer to member.
   template <class Use>
   void for_tables(Use&& use);
+  void read_pivots(int list, std::vector<T>& to) const;  // 0: pivots, 1 and 2: of the inverse of D
   [[nodiscard]] Offset own_elements() const;
   void take_memory();
   void take_tables();

@@ -74,6 +74,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     at(first(), [&] { first().copy_out(to, from, count * static_cast<Offset>(sizeof(T))); });
   }
 
+  bool copy_inverse_pivots(std::span<T> d, std::span<T> e) const override;
   [[nodiscard]] std::string name() const override {
     if (!several()) return first().name();
     return fmt::format("{} GPUs, the first {}", sides_.size(), first().name());

@@ -164,6 +164,22 @@ std::vector<unsigned char> ExecutorOnDevices<T>::marks(bool failed) {
 }
 
 template <class T>
+bool ExecutorOnDevices<T>::copy_inverse_pivots(std::span<T> d, std::span<T> e) const {
+  if (kind_ != Kind::ldlt) return false;
+  std::vector<T> mine_d, mine_e;
+  for (const auto& side : sides_) {
+    at(*side, [&] { side->inverse_pivots(mine_d, mine_e); });
+    for (Index f = 0; f < plan_.fronts(); ++f) {
+      if (several() && std::countr_zero(tables_.fronts[f].members) != side->self()) continue;
+      const Index first = plan_.tree.first[f], count = plan_.tree.first[f + 1] - first;
+      std::copy_n(mine_d.begin() + first, count, d.begin() + first);
+      std::copy_n(mine_e.begin() + first, count, e.begin() + first);
+    }
+  }
+  return true;
+}
+
+template <class T>
 void ExecutorOnDevices<T>::judge_pivots_here(FactorOutcome& out) {
   pivots_host_.resize(sides_.size());
   for (const auto& side : sides_)

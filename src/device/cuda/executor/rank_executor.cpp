@@ -16,6 +16,7 @@
 #include "device/cuda/executor/reached_memory.hpp"
 #include "device/cuda/executor/side_outcome.hpp"
 #include "device/cuda/kernels/rank_rows.hpp"
+#include "device/cuda/tables/pairs.hpp"
 #include "device/rank_rows.hpp"
 #include "plan/fingerprint.hpp"
 
@@ -63,28 +64,25 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
     const DeviceGuard guard(device_);
     side_->copy_in(side_->values(), values.data(), static_cast<Offset>(values.size_bytes()));
     last_filled_ = false;
-    return run(factor_graph_, {});
+    return run();
   }
 
   std::optional<FactorOutcome> factorize_filled(const FilledValues& values) override {
     const DeviceGuard guard(device_);
     if (!(values == filled_)) {
       filled_ = {};
-      filled_graph_ = Graph::record(side_->stream().get(), [&] {
-        side_->enqueue_take(*side_, values);
-        enqueue_factor();
-      });
+      record_filled(values);
       filled_ = values;
     }
     last_filled_ = true;
     if (mirrored_ && !is_finite(values)) return std::nullopt;  // kernels would end, and so wait for no tiles
-    FactorOutcome out = run(filled_graph_, filled_);
+    FactorOutcome out = run();
     if (!std::isfinite(side_->factor_end().largest)) return std::nullopt;
     return out;
   }
   double refactorize_again() override {
     const DeviceGuard guard(device_);
-    return (last_filled_ ? run(filled_graph_, filled_) : run(factor_graph_, {})).seconds;
+    return run().seconds;
   }
 
   void solve(T* x, Index columns, bool transpose) override {
@@ -202,8 +200,9 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
   void make_side(const Job& job) {
     tables_.emplace(make_device_plan(plan_, kind_, true, {}, &job.pool, !machines_.is_one()));
     const int self = link_.rank();
+    pair_sign_ = base::keeps_fp64<T> && stands_in_pairs(plan_) ? job.pair_sign : 0;
     context_.emplace(SideContext{plan_, kind_, *tables_, patience_of_kernels(link_.patience()), 0,
-                                 values_of(plan_, &job.pool), &job.pool, self, true});
+                                 values_of(plan_, &job.pool), &job.pool, self, true, pair_sign_});
     const Offset budget = job.memory_bytes.empty() ? 0 : job.memory_bytes.at(static_cast<std::size_t>(self));
     side_.emplace(*context_, self, device_, budget, CommonMemory<T>());
     side_->send_lists();
@@ -236,9 +235,17 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
 
   void connect() {
     side_->connect(sides_);
-    const auto stream = side_->stream().get();
-    factor_graph_ = Graph::record(stream, [&] { enqueue_factor(); });
-    if (mirrored_) inverses_graph_ = Graph::record(stream, [&] { enqueue_end(); });
+    record_factor();
+    if (mirrored_) inverses_graph_ = Graph::record(side_->stream().get(), [&] { enqueue_end(); });
+  }
+  void record_factor() {
+    factor_graph_ = Graph::record(side_->stream().get(), [&] { enqueue_factor(); });
+  }
+  void record_filled(const FilledValues& values) {
+    filled_graph_ = Graph::record(side_->stream().get(), [&] {
+      side_->enqueue_take(*side_, values);
+      enqueue_factor();
+    });
   }
 
   // Between machines, the end waits until all tiles are where they belong: inverses overwrite them.
@@ -257,8 +264,27 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
                         patience_of_kernels(link_.patience()))};
   }
 
-  FactorOutcome run(const Graph& graph, const FilledValues& values) {
+  // As in one process: where unknowns stand in pairs, a replaced pivot does not, and all know of it.
+  FactorOutcome run() {
+    SideFlags flags;
+    FactorOutcome out = run_once(flags);
+    if (pair_sign_ == 0 || !flags.replaced) return out;
+    link_.expect_all([&] { forget_pairs(); });
+    flags = {};
+    return run_once(flags);
+  }
+
+  void forget_pairs() {
+    pair_sign_ = 0;
+    side_->forget_pairs();
+    record_factor();
+    if (filled_.largest != nullptr) record_filled(filled_);
+  }
+
+  FactorOutcome run_once(SideFlags& flags) {
     const double began = base::now_seconds();
+    const Graph& graph = last_filled_ ? filled_graph_ : factor_graph_;
+    const FilledValues values = last_filled_ ? filled_ : FilledValues{};
     const auto clearing = [&] { side_->enqueue_clear_factor(); };
     run_on_all(factor_clean_, clearing, graph, [&] { mirrored_->exchange().begin_factor(); });
     if (mirrored_) {
@@ -266,7 +292,6 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
       side_->stream().wait();
     }
     FactorOutcome out;
-    SideFlags flags;
     read_counters(out, flags);
     // All have finished. Each judges all pivots, and comes to the same.
     if (mirrored_) gather_pivots();
@@ -277,7 +302,10 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
     if (finite) read_marks(out, flags, end);
     clear(factor_clean_, clearing);
     out.seconds = base::now_seconds() - began;
-    if (!finite) return out;
+    if (!finite) {
+      flags = {};  // nothing that is known of pivots
+      return out;
+    }
     if (flags.stopped) throw given_up("factorization");
     if (out.not_positive >= 0) return out;
     if (smallest_.empty() || values.largest != nullptr)
@@ -475,6 +503,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
   Graph inverses_graph_;                             // between machines: enqueue_end()
   PinnedArray<T> pivots_;                            // likewise: for gather_pivots()
   FilledValues filled_;
+  int pair_sign_ = 0;                                                       // SideContext::pair_sign, as it is now
   bool last_filled_ = false;                                                // the last factorization was one of these
   bool shares_values_ = false;                                              // reached_values_ are open
   std::map<std::tuple<const T*, Index, Index, bool>, Graph> solve_graphs_;  // by rhs, columns, first column, transpose
