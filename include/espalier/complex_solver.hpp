@@ -37,9 +37,9 @@ struct ComplexFactorResult : FactorReport {
 ///  - a matrix stays what it was analyzed as: a symmetric one does not become Hermitian with other values.
 ///  - GPUs have no kernels for complex numbers. There the real form is factorized, a real system of twice the size: one
 ///    GPU or several, of ranks as well, in core or streamed, as any real one. It takes up to twice the operations and
-///    twice the memory that kernels for complex numbers would, and counts of fronts, entries, operations, 2x2 pivots and
-///    moved pivots are those of the real form. All else (kinds, errors, rank, rows, null vectors, inertia, condition) is
-///    that of the complex system; the phase of the determinant is not known, but of Hermitian matrices.
+///    twice the memory that kernels for complex numbers would, and counts of fronts, entries, operations, 2x2 pivots
+///    and moved pivots are those of the real form. All else (kinds, errors, rank, rows, null vectors, inertia,
+///    condition) is that of the complex system; the phase of the determinant is not known, but of Hermitian matrices.
 ///  - precision fp32 and mixed factor in complex<float>; of real forms, in float.
 class ComplexSolver {
  public:

@@ -8,57 +8,17 @@
 #include <cstdlib>
 #include <cstring>
 #include <limits>
-#include <set>
 
 #include "base/at.hpp"
 #include "base/timeline.hpp"
+#include "batch/chunk_block.hpp"
 #include "batch/easy_values.hpp"
 #include "batch/least_negative.hpp"
 #include "batch/repeated_analysis.hpp"
-#include "solve/part_refinement.hpp"
 #include "solver/factor.hpp"
 #include "solver/pivot_policy.hpp"
 
 namespace espalier::batch {
-
-/// A place in the chunk, and the system that has it.
-class Chunk::Block {
- public:
-  Block(const solver::System& of, Index first_unknown, Offset first_entry, base::ThreadPool& pool)
-      : system(of),
-        first(first_unknown),
-        entry(first_entry),
-        scales{prepared().row_scale, prepared().col_scale, prepared().transform_log, prepared().wide},
-        residual(prepared().a, system.rows, pool) {}
-  [[nodiscard]] const solver::PreparedMatrix& prepared() const { return system.prepared; }
-  [[nodiscard]] Index n() const { return prepared().n(); }
-  /// The next system. @param place  where its values will stand
-  void begin(std::span<const double> place) {
-    residual.set_values(place);
-    left = true;  // until it has values
-    negative = 0;
-    refined = {};
-    steps.reset();
-  }
-
-  /// Of some of its right-hand sides.
-  void note(const solve::RefinementResult& r) {
-    refined.error.normwise = std::max(refined.error.normwise, r.error.normwise);
-    refined.error.componentwise = std::max(refined.error.componentwise, r.error.componentwise);
-    refined.steps = std::max(refined.steps, r.steps);
-  }
-
-  const solver::System& system;
-  const Index first;   // of its unknowns in the chunk
-  const Offset entry;  // likewise of its values
-  const solver::Scales scales;
-  solve::ResidualOperator residual;
-  bool left = false;      // to the caller
-  Index negative = 0;     // eigenvalues (ldlt)
-  std::vector<double> x;  // n x columns
-  solve::RefinementResult refined;
-  std::unique_ptr<solve::Refinement> steps;
-};
 
 Chunk::Seconds& Chunk::Seconds::operator+=(const Seconds& other) {
   values += other.values;
@@ -127,21 +87,18 @@ void Chunk::make_blocks() {
   for (int t = 0; t < context_.pool.size(); ++t) workers_.push_back(std::make_unique<Worker>());
   Index first = 0;
   Offset entry = 0;
+  const solver::System* before = nullptr;
+  std::shared_ptr<const solver::Scales> scales;
   for (const solver::System* system : systems_) {
+    const solver::PreparedMatrix& p = system->prepared;
+    if (std::exchange(before, system) != system)
+      scales =
+          std::make_shared<const solver::Scales>(solver::Scales{p.row_scale, p.col_scale, p.transform_log, p.wide});
     base::ThreadPool& pool = workers_[blocks_.size() % workers_.size()]->pool;
-    blocks_.push_back(std::make_unique<Block>(*system, first, entry, pool));
-    first += system->prepared.n();
-    entry += system->prepared.a.nonzeros();
+    blocks_.push_back(std::make_unique<Block>(*system, scales, first, entry, pool));
+    first += p.n();
+    entry += p.a.nonzeros();
   }
-}
-
-// Always on the same thread for a block.
-template <class Body>
-void Chunk::for_blocks(Body&& body) {
-  const auto threads = static_cast<Index>(workers_.size());
-  context_.pool.run([&](int t) {
-    for (Index k = t; k < static_cast<Index>(blocks_.size()); k += threads) body(*blocks_[at(k)], k);
-  });
 }
 
 double* Chunk::column_of(const Vectors& vectors, const Block& block, Index column) const {
@@ -201,7 +158,7 @@ bool Chunk::take_values(const ChunkJob& job, const Block& block, Index k) {
   worker.scaled.resize(worker.values.size());
   try {
     solver::copy_values(p, job.systems[at(k)].values, worker.values, worker.pool);
-    (void)solver::scale_values(p, block.scales, worker.values, worker.scaled.data(), worker.pool);
+    (void)solver::scale_values(p, *block.scales, worker.values, worker.scaled.data(), worker.pool);
   } catch (const Error& e) {
     if (e.status().code != StatusCode::invalid_input) throw;
     return false;
@@ -278,120 +235,6 @@ bool Chunk::proves_inertia(Index negative) {
   return least == negative;
 }
 
-// to_ = op(A)^-1 from_.
-void Chunk::substitute(Index columns, bool transpose) {
-  const double start = base::now_seconds();
-  numeric_->solve(from_.get(), to_.get(), columns, transpose);
-  seconds_.substitutions += base::now_seconds() - start;
-}
-
-// Solutions to to_ and their errors to the blocks, where the values are on a device; a step of refinement there is one
-// for all systems that are in work. @returns false: there is no such device, not enough of its memory, or the blocks
-// are not equal
-bool Chunk::solve_on_device(const ChunkJob& job, bool refined) {
-  device::DeviceLinearSystem* const device = numeric_->device_system();
-  if (one_ == nullptr || device == nullptr || device->on_ranks()) return false;
-  const double start = base::now_seconds();
-  constexpr Index kMost = solve::Refinement::kMostColumns;
-  // Another step would hardly change a bit.
-  constexpr double kAtRounding = 1e-15;
-  solve::RefinementOptions options = refinement_;
-  options.target = std::max(options.target, kAtRounding);
-  const Offset all = n_;
-  const auto apply = [&](const double* from, double* to, Index count) {
-    device->substitute(from, to, count, job.transpose);
-  };
-  try {
-    for (Index first = 0; first < job.columns; first += kMost) {
-      const Index now = std::min(kMost, job.columns - first);
-      double *const b = device->right_hand_sides(now), *const x = device->solutions(now);
-      device->copy_vectors(from_.get() + first * all, b, now * all);
-      apply(b, x, now);
-      parts_.assign(at(now * systems()), {});
-      if (refined) solve::refine_parts(*device, apply, {b, x, now, job.transpose}, options, parts_);
-      device->copy_vectors(x, to_.get() + first * all, now * all);
-      device->finish();
-      for (std::size_t k = 0; k < parts_.size(); ++k) blocks_[k % blocks_.size()]->note(parts_[k]);
-    }
-  } catch (const Error& e) {
-    device->settle();
-    if (e.status().code != StatusCode::out_of_memory) throw;
-    for (const auto& block : blocks_) block->refined = {};
-    return false;
-  }
-  seconds_.substitutions += base::now_seconds() - start;
-  return true;
-}
-
-void Chunk::solve_on_host(const ChunkJob& job, bool refined) {
-  substitute(job.columns, job.transpose);
-  if (!refined) return;
-  for_blocks([&](Block& block, Index) {
-    if (block.left) return;
-    const Index n = block.n();
-    block.x.resize(at(job.columns) * at(n));
-    for (Index c = 0; c < job.columns; ++c) std::copy_n(column_of(to_, block, c), n, block.x.data() + Offset{c} * n);
-  });
-  refine(job);
-  for_blocks([&](const Block& block, Index) {
-    const Index n = block.n();
-    for (Index c = 0; c < job.columns && !block.left; ++c)
-      std::copy_n(block.x.data() + Offset{c} * n, n, column_of(to_, block, c));
-  });
-}
-
-// Systems are refined side by side, each until it stalls: one substitution a step for all that still have as many
-// right-hand sides in work.
-void Chunk::refine(const ChunkJob& job) {
-  constexpr Index kMost = solve::Refinement::kMostColumns;
-  for (Index first = 0; first < job.columns; first += kMost) {
-    for_blocks([&](Block& block, Index k) {
-      if (block.left) return;
-      const Offset begin = Offset{first} * block.n();
-      block.steps =
-          std::make_unique<solve::Refinement>(block.residual,
-                                              solve::Systems{job.systems[at(k)].b + begin, block.x.data() + begin,
-                                                             std::min(kMost, job.columns - first), job.transpose},
-                                              refinement_);
-    });
-    for (;;) {
-      std::set<Index> columns;
-      for (const auto& block : blocks_)
-        if (!block->left && !block->steps->done()) columns.insert(block->steps->columns());
-      if (columns.empty()) break;
-      for (const Index now : columns) correct(now, job.transpose);
-      for_blocks([](Block& block, Index) {
-        if (!block.left && !block.steps->done()) block.steps->take_corrections();
-      });
-    }
-    for_blocks([&](Block& block, Index) {
-      if (!block.left) block.note(block.steps->result());
-    });
-  }
-}
-
-// Of blocks with so many columns in work.
-void Chunk::correct(Index columns, bool transpose) {
-  const auto takes_part = [&](const Block& block) {
-    return !block.left && !block.steps->done() && block.steps->columns() == columns;
-  };
-  std::fill_n(from_.get(), Offset{n_} * columns, 0.0);
-  for_blocks([&](const Block& block, Index) {
-    if (!takes_part(block)) return;
-    const Index n = block.n();
-    for (Index c = 0; c < columns; ++c)
-      std::copy_n(block.steps->residuals() + Offset{c} * n, n, column_of(from_, block, c));
-  });
-  context_.pool.check();
-  substitute(columns, transpose);
-  for_blocks([&](const Block& block, Index) {
-    if (!takes_part(block)) return;
-    const Index n = block.n();
-    for (Index c = 0; c < columns; ++c)
-      std::copy_n(column_of(to_, block, c), n, block.steps->corrections() + Offset{c} * n);
-  });
-}
-
 // What is not accurate, or looks singular by its solution, is left.
 void Chunk::finish(const ChunkJob& job, bool refined, std::span<SystemResult> results) {
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
@@ -401,7 +244,7 @@ void Chunk::finish(const ChunkJob& job, bool refined, std::span<SystemResult> re
     const ChunkSystem& system = job.systems[at(k)];
     const std::span<const double> b(system.b, at(n)), x(column_of(to_, block, 0), at(n));
     if (refined) {
-      const solver::Scales& scales = block.scales;
+      const solver::Scales& scales = *block.scales;
       const double norm = (job.transpose ? scales.row : scales.col).empty() ? block.residual.norm(job.transpose) : 1;
       block.left = !(block.refined.error.normwise <= context_.options.required_backward_error) ||
                    solver::growth_of(b, x, 1, scales, norm, job.transpose).is_far(false);
