@@ -37,13 +37,6 @@ Options on_the_cores(Options o) {
   return o;
 }
 
-// A device other than the host that is there.
-bool some_device(const device::Registry& registry) {
-  return std::any_of(registry.backends.begin(), registry.backends.end(), [&](const device::Backend* backend) {
-    return backend != &registry.host() && backend->limits().own_memory && !backend->find().names.empty();
-  });
-}
-
 ChunkSystem arrays_of(const System& s) { return {s.a.values, s.b.data(), s.x.data()}; }
 
 }  // namespace
@@ -105,24 +98,22 @@ bool Groups::serve(const Options& options, const device::Registry& registry) {
   const auto named = solver::named_devices(options.device, registry);
   if (!Chunk::serves(options) || !text || (!text->automatic && !named)) return false;
   if (const auto wish = Chunk::wished_size()) return *wish > 1;
-  return text->automatic ? some_device(registry) : named->backend->limits().own_memory;
+  return named && named->backend->limits().own_memory;
 }
 
 Groups::Groups(Session& session)
-    : session_(session),
-      automatic_(solver::read_device(session.options.device, session.context.registry)->automatic),
-      wished_(Chunk::wished_size().value_or(0)),
-      lanes_(std::min(kMostLanes, session.pool.size())) {}
+    : session_(session), wished_(Chunk::wished_size().value_or(0)), lanes_(std::min(kMostLanes, session.pool.size())) {}
 
 int Groups::solve(std::span<const System> systems, std::span<SystemResult> results) {
   Numbers rest, large, small;
   for (Index k = 0; k < std::ssize(systems); ++k) rest.push_back(k);
-  if (!automatic_ || wished_ > 0) rest = solve_equal(systems, std::move(rest), results);
+  rest = solve_equal(systems, std::move(rest), results);
   for (const Index k : rest) (systems[at(k)].a.cols > kLargeSystem ? large : small).push_back(k);
   const std::vector<Numbers> groups = cut(systems, small);
   if (!groups.empty()) solve_in_lanes(systems, groups, results);
   // Where a device is named, each has it for itself.
-  solve_on_threads(session_, systems, large, automatic_ ? session_.pool.size() : 1, results);
+  const bool named = solver::named_devices(session_.options.device, session_.context.registry).has_value();
+  solve_on_threads(session_, systems, large, named ? 1 : session_.pool.size(), results);
   if (!small.empty())
     session_.context.log(
         fmt::format("solve_systems: {} of {} systems were solved together, in {} groups{}; {} lanes took "
@@ -290,10 +281,6 @@ void Groups::solve_chunk(Lane& lane, std::span<Member* const> members) {
     systems.push_back(arrays_of(*m->system));
   }
   solver::Ordered joined = joined_system(blocks, context);
-  if (automatic_ && wished_ == 0) {
-    const solver::DeviceChoice device = solver::choose_device(joined, context);
-    if (!device.backend->limits().own_memory) return note(device.reason);
-  }
   const solver::SharedAnalysis analysis = solver::finish(std::move(joined), context).analysis;
   const Index columns = members.front()->system->columns;
   if (!fits(*analysis, columns, context)) throw Error(StatusCode::out_of_memory, "they need more memory than there is");

@@ -55,7 +55,6 @@ class Groups {
   void note(const std::string& why);
 
   solver::Session& session_;
-  const bool automatic_;  // the device is ours to choose
   const Index wished_;    // systems of a group; 0: as many as fill a device
   int lanes_;
   Seconds seconds_;

@@ -277,27 +277,27 @@ TEST(SystemGroups, CanBeStopped) {
   EXPECT_EQ(solve_systems(many.systems(), o).status.code, StatusCode::cancelled);
 }
 
-// With device auto, groups go where the model predicts that they are faster; where that device then has no memory for
-// any, all go on alone on the cores.
-TEST(SystemGroups, DevicesOfOurChoice) {
+// Where the device that was named has no memory for any, all go on alone on the cores. Of our choice they stay there:
+// to order them takes longest, and that is the cores' (docs/notebook/performance.md, "Systems of many patterns").
+TEST(SystemGroups, DevicesThatWorkOrRefuse) {
   Many many = of_all_kinds(20);
-  enum class Device { works, refuses, is_slow };
-  for (const Device device : {Device::works, Device::refuses, Device::is_slow}) {
-    SCOPED_TRACE(static_cast<int>(device));
+  for (const bool refuses : {false, true}) {
+    SCOPED_TRACE(refuses);
     ranks::EmulatedGpu gpu;
-    gpu.refuses = device == Device::refuses;
-    gpu.seconds = device == Device::is_slow ? 1e9 : 0;
+    gpu.refuses = refuses;
     const device::Registry registry{{&device::registry().host(), &gpu}, {}};
     Options o = options_of(Kind::automatic, 2);
+    EXPECT_FALSE(batch::Groups::serve(o, registry));  // auto
     std::string log;
     o.log = [&](const std::string& line) { log += line; };
+    o.device = "emulated:0";
     ASSERT_TRUE(batch::Groups::serve(o, registry));
     solver::Session session(o, registry);
     BatchResult found;
     found.systems.resize(many.size());
     const std::vector<System> systems = many.systems();
     EXPECT_GE(batch::Groups(session).solve(systems, found.systems), 2);
-    if (device != Device::works) expect_answers_of_solvers(many, found, options_of(Kind::automatic, 1));
+    if (refuses) expect_answers_of_solvers(many, found, options_of(Kind::automatic, 1));
     for (std::size_t k = 0; k < many.size(); ++k) {
       EXPECT_TRUE(found.systems[k].status.ok()) << found.systems[k].status.message;
       EXPECT_LE(reference::backward_error(many.matrices[k], many.b[k], many.x[k], many.kinds[k].columns,
@@ -305,8 +305,8 @@ TEST(SystemGroups, DevicesOfOurChoice) {
                 8 * kEps)
           << k;
     }
-    EXPECT_EQ(gpu.work.sent > 0, device == Device::works);
-    EXPECT_EQ(log.find("solve_systems: 0 of") == std::string::npos, device == Device::works) << log;
+    EXPECT_EQ(gpu.work.sent > 0, !refuses);
+    EXPECT_EQ(log.find("solve_systems: 0 of") == std::string::npos, !refuses) << log;
     o.device = "cpu";
     EXPECT_FALSE(batch::Groups::serve(o, registry));
   }
