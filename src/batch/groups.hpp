@@ -55,7 +55,7 @@ class Groups {
   void note(const std::string& why);
 
   solver::Session& session_;
-  const Index wished_;    // systems of a group; 0: as many as fill a device
+  const Index wished_;  // systems of a group; 0: as many as fill a device
   int lanes_;
   Seconds seconds_;
   std::mutex several_devices_;  // their kernels wait for each other: one lane's at a time
