@@ -51,7 +51,7 @@ class ThreadRanks::Shared {
     // Behind a send that waits for credit, all others wait.
     if (blocked(me, to) || !has_credit(me, to)) {
       waiting_[{me, to}].push_back(open.get());
-      *request = open.release();
+      *request = keep(std::move(open));
       return 0;
     }
     mail(me, to).push_back(std::move(open->letter));
@@ -84,7 +84,7 @@ class ThreadRanks::Shared {
     grant(from, me);
     auto open = std::make_unique<Request>();
     open->ends = Clock::now() + (faults_.reorder ? delay() : Clock::duration{});
-    *request = open.release();
+    *request = keep(std::move(open));
     return 0;
   }
 
@@ -96,7 +96,7 @@ class ThreadRanks::Shared {
     if (open != nullptr) {
       if (open->to >= 0 && !posted(me, open)) return 0;
       if (open->to < 0 && open->ends > Clock::now()) return 0;
-      delete open;
+      requests_.erase(open);
     }
     *request = nullptr;
     *done = 1;
@@ -109,6 +109,11 @@ class ThreadRanks::Shared {
   }
 
  private:
+  Request* keep(std::unique_ptr<Request> open) {
+    Request* const kept = open.get();
+    requests_.emplace(kept, std::move(open));
+    return kept;
+  }
   [[nodiscard]] std::deque<Letter>& mail(int from, int to) {
     return mail_[static_cast<std::size_t>(from * ranks_ + to)];
   }
@@ -145,6 +150,7 @@ class ThreadRanks::Shared {
   std::mt19937_64 random_;
   std::vector<std::deque<Letter>> mail_;  // [from * ranks + to]
   std::map<std::pair<int, int>, std::deque<Request*>> waiting_;
+  std::map<Request*, std::unique_ptr<Request>> requests_;  // those of ranks that died, too
   std::int64_t sent_by_dead_ = 0;
   bool dead_ = false;
   int turn_ = 0;
