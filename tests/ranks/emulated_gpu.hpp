@@ -5,6 +5,7 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -21,11 +22,11 @@
 
 namespace espalier::ranks {
 
-/// What calls have done, of one rank.
+/// What calls have done, of one rank. Several threads may have a system on its device.
 struct EmulatedWork {
-  int sent = 0;                      ///< ranges of values from the host
-  int copied = 0;                    ///< ranges of values from the device
-  const void* waited_for = nullptr;  ///< the last queue
+  std::atomic<int> sent{0};                      ///< ranges of values from the host
+  std::atomic<int> copied{0};                    ///< ranges of values from the device
+  std::atomic<const void*> waited_for{nullptr};  ///< the last queue
 };
 
 class EmulatedSystem final : public device::DeviceLinearSystem {
