@@ -178,7 +178,7 @@ slow_dynamics+=":All/Parts.UnknownsFollowTheWish/*:Laws/FreeFlight.*:Convergence
 slow_dynamics+=":StepErrors.*:StaticsTurns.*:StaticsBranches.*:ModelHold.NothingIsStrainedWhateverThePlaceOfTheJoint:ContactGears.*"
 slow_dynamics+=":ModelHarmonicTruth.*:ContactSelf.TangentIs*:ContactSelf.Ends*:ContactSelf.SymmetryStays:ContactLines.Capstan*:ContactLineFriction.*:ContactShells.*:*shell_on_hex8*"
 slow_dynamics+=":Refinement.Elements*:Objectivity.OfAnEquilibrium:Objectivity.OfAMotionWith*:TurnedFactor.ServesMost*:Vectors.IntegratorsGive*:ContactHertz.*"
-slow_dynamics+=":StateForces.TangentsAgree*:DeviceMotion.TheHostGoesOnWherever*"
+slow_dynamics+=":StateForces.TangentsAgree*:Device*.TheHostGoesOnWherever*"
 
 # Tests of the solver that take long, or fork, which the thread sanitizer does not follow.
 slow_solver="Allocation.*:MachinePrediction.*:CraftedAnalysis.*:HostMemory.*"
