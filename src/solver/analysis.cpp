@@ -138,7 +138,10 @@ void take_real_form(System& system, DeviceChoice& device, analysis::AssemblyTree
 // Chooses devices and lays out the plan: the end of every analysis.
 Analyzed finish(Ordered given, double ordered, Context context) {
   auto& [draft, tree, start] = given;
-  Changes changes{choose_device(given, context)};
+  const device::PlanWish wish = wish_of(draft.system, context);
+  Changes changes{context.link != nullptr
+                      ? device_of_ranks(context.options, context.registry, *context.link, tree, wish)
+                      : choose_device(context.options, context.registry, tree, wish)};
   const std::shared_ptr<const matrix::RowIndex> rows = share_rows(draft.system, changes.device, context);
   if (!changes.device.notice.empty()) context.log(changes.device.notice);
   take_real_form(draft.system, changes.device, tree, context);
@@ -254,13 +257,6 @@ Offset predicted_host_bytes(const Analysis& a, const Context& context) {
   const Offset vectors =
       4 * parts * n * static_cast<Offset>(sizeof(double));  // of llt's smallest pivots, of the refinement
   return a.bytes() + numbers + (plan::values_of(a.plan, entries) + n) * value_bytes + vectors;
-}
-
-DeviceChoice choose_device(const Ordered& ordered, const Context& context) {
-  const device::PlanWish wish = wish_of(ordered.draft.system, context);
-  if (context.link != nullptr)
-    return device_of_ranks(context.options, context.registry, *context.link, ordered.tree, wish);
-  return choose_device(context.options, context.registry, ordered.tree, wish);
 }
 
 Analyzed finish(Ordered ordered, const Context& context) {

@@ -23,8 +23,6 @@ struct Ordered {
 /// analyze() in two steps; the first does not look at devices.
 Ordered order(const GivenMatrix& a, const Context& context, std::shared_ptr<const Border> border = nullptr);
 Analyzed finish(Ordered ordered, const Context& context);
-/// Where finish() would have it factorized.
-DeviceChoice choose_device(const Ordered& ordered, const Context& context);
 
 /// @throws Error(invalid_input) for what is no linear system
 void check_matrix(const GivenMatrix& given, base::ThreadPool& pool);
