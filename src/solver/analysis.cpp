@@ -136,8 +136,8 @@ void take_real_form(System& system, DeviceChoice& device, analysis::AssemblyTree
 }
 
 // Chooses devices and lays out the plan: the end of every analysis.
-Analyzed finish(Ordered given, double ordered, Context context) {
-  auto& [draft, tree, start] = given;
+Analyzed finish(Ordered&& given, double ordered, Context context) {
+  auto [draft, tree, start] = std::move(given);
   const device::PlanWish wish = wish_of(draft.system, context);
   Changes changes{context.link != nullptr
                       ? device_of_ranks(context.options, context.registry, *context.link, tree, wish)
