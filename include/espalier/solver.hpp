@@ -141,6 +141,14 @@ struct AnalysisResult {
   double predicted_seconds = 0;  ///< time of the numeric factorization by the cost model
 };
 
+/// Where a factor lies: whoever makes values on several GPUs has each make those that are eliminated there.
+struct GpuPlaces {
+  std::vector<int> gpus;  ///< as the CUDA runtime counts, Solver::gpu() first; empty: none, or no factor was made yet
+  /// n; the place in `gpus`, from 0, of the one that eliminates an unknown (a column); of those that several eliminate
+  /// together, one. Empty: all are eliminated on the first.
+  std::vector<Index> of_unknown;
+};
+
 /// What analyze_change() did.
 struct ChangeResult {
   AnalysisResult analysis;   ///< that of the new pattern
@@ -275,6 +283,8 @@ class Solver {
                            void* stream = nullptr);
   /// The GPU (as the CUDA runtime counts) whose arrays these two take; -1: none, or no factor was made yet.
   [[nodiscard]] int gpu() const;
+  /// All GPUs of this process that hold a part of the factor, and which parts.
+  [[nodiscard]] GpuPlaces gpu_places() const;
 
   /// Sets options().refinement_steps and required_backward_error for the solves to come.
   /// @throws std::invalid_argument for values that they cannot have

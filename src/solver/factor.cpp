@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "analysis/relocation.hpp"
+#include "base/at.hpp"
 #include "base/scalar.hpp"
 #include "solver/option_text.hpp"
 #include "solver/pivot_policy.hpp"
@@ -121,6 +122,19 @@ std::vector<double> Factor::values_by_caller() {
 int Factor::gpu() const {
   const device::DeviceLinearSystem* device = numeric_ ? numeric_->device_system() : nullptr;
   return device == nullptr ? -1 : device->number();
+}
+
+GpuPlaces Factor::gpu_places() const {
+  const int first = gpu();
+  if (first < 0) return {};
+  const DeviceChoice& device = analysis_->device;
+  const plan::Plan& plan = analysis_->plan;
+  if (device.one_a_rank || device.devices() == 1 || plan.ownership.devices != device.devices()) return {{first}, {}};
+  GpuPlaces places{device.numbers, std::vector<Index>(at(analysis_->n()))};
+  for (Index f = 0; f < plan.fronts(); ++f)
+    for (Index k = plan.tree.first[at(f)]; k < plan.tree.first[at(f) + 1]; ++k)
+      places.of_unknown[at(analysis_->system->unknown_of(plan.tree.order[at(k)]))] = plan.ownership.owner(f, 0);
+  return places;
 }
 
 void Factor::begin() {

@@ -107,6 +107,8 @@ class Factor {
   }
   /// Where factorize_device() takes values from; -1: nowhere.
   [[nodiscard]] int gpu() const;
+  /// See Solver::gpu_places().
+  [[nodiscard]] GpuPlaces gpu_places() const;
   [[nodiscard]] bool factorized() const { return factorized_; }
 
   /// Of this factor; never automatic.

@@ -97,6 +97,8 @@ FactorResult Solver::refactorize_device(const double* values, Offset count, void
 
 int Solver::gpu() const { return impl_->factor ? impl_->factor->gpu() : -1; }
 
+GpuPlaces Solver::gpu_places() const { return impl_->factor ? impl_->factor->gpu_places() : GpuPlaces{}; }
+
 SolveResult Solver::solve_device(const double* b, double* x, Index columns, Transpose transpose, void* stream) {
   check_factorized(*impl_, "Solver::solve_device");
   if (impl_->parts)

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "base/at.hpp"
 #include "built_model.hpp"
 #include "device_common.hpp"
 #include "dynamics/bodies/flexible_body.hpp"
@@ -247,6 +248,42 @@ TEST_F(DeviceAssemblyTest, RunsAgree) {
 }
 
 // What faces couple goes over the link: little of the engine's W, most of the chain's, which is no reason to stay.
+/// A second step of the engine's Newton iteration, with bodies on the GPUs of the factor.
+State after_a_pass(const std::string& device, int gpus) {
+  const auto mechanism = engine("enhanced", 2e-6);
+  const Sizes sizes = mechanism->system.sizes();
+  Equations equations(mechanism->system, solver_on(device, sizes.velocity + sizes.constraints));
+  equations.allow_device([](const GpuPlaces& places, base::ThreadPool* pool) {
+    auto assembly = make_device_assembly(places, pool);
+    assembly->divide_from(0);
+    return assembly;
+  });
+  State s = anywhere(*mechanism, 1, 2e-5);
+  equations.evaluate_constraints(s.t, s.q, s.v);
+  for (int pass = 0; pass < 2; ++pass) equations.factorize(s.view(), {1, 1e-4, 1e-8});
+  EXPECT_EQ(equations.kkt().gpu_places().gpus.size(), static_cast<std::size_t>(gpus));
+  std::vector<double> f(at(sizes.velocity));
+  equations.motion(s.view(), f);
+  const ConstSpan w = equations.kkt().w_of_factor();
+  s.v.assign(w.begin(), w.end());
+  s.a = f;
+  return s;
+}
+
+// As many as there are.
+TEST_F(DeviceAssemblyTest, GpusShareTheElementsWithTheSameBits) {
+  const State one = after_a_pass("gpu:0", 1);
+  for (const int gpus : {2, 4, 8}) {
+    std::string names = "gpu:0";
+    for (int d = 1; d < gpus; ++d) names += "," + std::to_string(d);
+    if (!espalier::test::has_gpus(gpus)) break;
+    SCOPED_TRACE(names);
+    const State several = after_a_pass(names, gpus);
+    EXPECT_EQ(several.a, one.a);
+    EXPECT_EQ(several.v, one.v);
+  }
+}
+
 TEST(DeviceAssemblyWithoutGpu, FacesOfTheHostDecide) {
   EXPECT_LT(engine("enhanced", 2e-6)->system.host_share(), 0.8);
   const double chain = test::built_from("chain.toml", {"parameters.unknowns=20000"}, 2)->system.host_share();

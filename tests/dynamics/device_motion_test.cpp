@@ -148,6 +148,24 @@ TEST(DeviceMotion, ACopyTakesThemOver) {
   expect_same(gpu, host, 1e-6);
 }
 
+// Several GPUs share the elements, and give the bits of one.
+void expect_the_bits_of_one(const RunResult& several, const RunResult& one) {
+  EXPECT_TRUE(several.on_device_at_end);
+  EXPECT_EQ(several.counts.newton_iterations, one.counts.newton_iterations);
+  EXPECT_EQ(several.end.q, one.end.q);
+  EXPECT_EQ(several.end.v, one.end.v);
+  EXPECT_EQ(several.end.lambda, one.end.lambda);
+}
+
+TEST(DeviceMotion, SeveralGpusGiveTheBitsOfOne) {
+  constexpr double kEnd = 1e-6;
+  const RunResult one = run_model("engine.toml", kSmallEngine, kEnd, {});
+  for (const int gpus : {2, 3, 5}) {
+    SCOPED_TRACE(gpus);
+    expect_the_bits_of_one(run_model("engine.toml", kSmallEngine, kEnd, {.gpus = gpus}), one);
+  }
+}
+
 class DeviceMotionOnGpu : public espalier::test::OnGpu {};
 
 TEST_F(DeviceMotionOnGpu, GoesAsOnTheHost) {
@@ -159,6 +177,15 @@ TEST_F(DeviceMotionOnGpu, GoesAsOnTheHost) {
   expect_same(gpu, host, 1e-9);
   EXPECT_EQ(again.end.q, gpu.end.q);
   EXPECT_EQ(again.end.v, gpu.end.v);
+}
+
+TEST_F(DeviceMotionOnGpu, PartsGiveTheBitsOfTheWhole) {
+  constexpr double kEnd = 3e-6;
+  const RunResult one = run_model("engine.toml", kSmallEngine, kEnd, {.place = Place::gpu});
+  for (const int gpus : {2, 4}) {
+    SCOPED_TRACE(gpus);
+    expect_the_bits_of_one(run_model("engine.toml", kSmallEngine, kEnd, {.place = Place::gpu, .gpus = gpus}), one);
+  }
 }
 
 TEST_F(DeviceMotionOnGpu, TheHostGoesOnWhereverTheGpuFails) {

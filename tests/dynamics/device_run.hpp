@@ -20,6 +20,7 @@ enum class Place { host, emulated, gpu };
 /// How a run is to go.
 struct Course {
   Place place = Place::emulated;
+  int gpus = 1;          ///< that share the bodies; of a real one, which stands for all
   int fails_after = -1;  ///< factorizations on the emulated GPU
   CallsLeft calls{};
   int save_after = -1;   ///< steps: what save() writes is restored
@@ -39,16 +40,22 @@ struct RunResult {
 /// What the GPU of the present run works with.
 struct PresentGpu {
   AssembledSystem* twin = nullptr;  ///< of an emulated one
+  int gpus = 1;                     ///< of a real one: see Course
+  Index unknowns = 0;
   CallsLeft left;
 };
 inline PresentGpu present_gpu;
 
-inline std::unique_ptr<DeviceAssembly> make_emulated(int, base::ThreadPool*) {
-  return std::make_unique<FailingAssembly>(std::make_unique<EmulatedAssembly>(*present_gpu.twin), present_gpu.left);
+inline std::unique_ptr<DeviceAssembly> make_emulated(const GpuPlaces& places, base::ThreadPool*) {
+  return std::make_unique<FailingAssembly>(std::make_unique<EmulatedAssembly>(*present_gpu.twin, places),
+                                           present_gpu.left);
 }
 
-inline std::unique_ptr<DeviceAssembly> make_real(int gpu, base::ThreadPool* pool) {
-  return std::make_unique<FailingAssembly>(make_device_assembly(gpu, pool), present_gpu.left);
+inline std::unique_ptr<DeviceAssembly> make_real(const GpuPlaces& places, base::ThreadPool* pool) {
+  const std::vector<int> repeated(static_cast<std::size_t>(present_gpu.gpus), places.gpus.front());
+  auto assembly = make_device_assembly(repeated.size() < 2 ? places : dealt(repeated, present_gpu.unknowns), pool);
+  if (assembly != nullptr) assembly->divide_from(0);
+  return std::make_unique<FailingAssembly>(std::move(assembly), present_gpu.left);
 }
 
 inline std::unique_ptr<LinearSolver> solver_for(const Course& course, Index unknowns) {
@@ -57,7 +64,7 @@ inline std::unique_ptr<LinearSolver> solver_for(const Course& course, Index unkn
     options.device = "gpu:0";
     return make_espalier_solver(options);
   }
-  auto solver = std::make_unique<EmulatedSolver>(unknowns);
+  auto solver = std::make_unique<EmulatedSolver>(unknowns, course.gpus);
   solver->fail_after(course.fails_after);
   return solver;
 }
@@ -69,9 +76,10 @@ template <class Make>
 RunResult run_there(const Build& build, double end, const Course& course, const Make& make) {
   const auto mechanism = build(), twin = build();
   AssembledSystem& system = mechanism->system;
-  present_gpu = {&twin->system, course.calls};
   const Sizes sizes = system.sizes();
-  Equations equations(system, solver_for(course, sizes.velocity + sizes.constraints));
+  const Index unknowns = sizes.velocity + sizes.constraints;
+  present_gpu = {&twin->system, course.gpus, unknowns, course.calls};
+  Equations equations(system, solver_for(course, unknowns));
   State s(sizes);
   system.initial(s.q, s.v);
   make_consistent(equations, s);

@@ -6,26 +6,44 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <utility>
 #include <vector>
 
+#include "base/at.hpp"
 #include "dynamics/bodies/flexible_body.hpp"
 #include "dynamics/dae/linear_solver.hpp"
 #include "dynamics/device/device_assembly.hpp"
+#include "dynamics/device/divided_body.hpp"
 
 namespace espalier::dynamics::test {
+
+/// Unknowns dealt to GPUs in pieces, so that bodies have many borders between parts.
+inline GpuPlaces dealt(std::vector<int> gpus, Index unknowns) {
+  constexpr Index kPiece = 150;
+  GpuPlaces places{std::move(gpus), {}};
+  for (Index i = 0; i < unknowns; ++i)
+    places.of_unknown.push_back((i / kPiece) % static_cast<Index>(places.gpus.size()));
+  return places;
+}
 
 /// Espalier's solver on the host, which says that its memory is that of GPU 0.
 class EmulatedSolver final : public LinearSolver {
  public:
-  explicit EmulatedSolver(Index unknowns) : solver_(make_espalier_solver(newton_options(unknowns))) {}
+  explicit EmulatedSolver(Index unknowns, int gpus = 1)
+      : solver_(make_espalier_solver(newton_options(unknowns))), gpus_(gpus), unknowns_(unknowns) {}
   Status analyze(const MatrixView& a) override {
     size_ = static_cast<std::size_t>(a.cols);
     return solver_->analyze(a);
   }
   Status factorize(std::span<const double> values) override { return solver_->factorize(values); }
   [[nodiscard]] int gpu() const override { return lost ? -1 : 0; }
+  [[nodiscard]] GpuPlaces gpu_places() const override {
+    std::vector<int> numbers(static_cast<std::size_t>(gpus_));
+    std::iota(numbers.begin(), numbers.end(), 0);
+    return dealt(numbers, unknowns_);
+  }
   Status factorize_device(const double* values, Offset count, void*) override {
     if (left_ >= 0 && left_-- == 0) {
       lost = true;
@@ -47,57 +65,124 @@ class EmulatedSolver final : public LinearSolver {
 
  private:
   std::unique_ptr<LinearSolver> solver_;
+  int gpus_;
+  Index unknowns_;
   std::size_t size_ = 0;
   int left_ = -1;
 };
 
-/// A body is another one of the same model, which lies in its global arrays where that on the GPU does.
+/// A body, or a part of it, is another body of the same model. What a part does not have is NaN: who uses it shows.
 class EmulatedBody final : public DeviceBody {
  public:
-  EmulatedBody(AssembledSystem& twin, FlexibleBody& body) : twin_(twin), body_(body) {}
-  void bind(std::span<const Offset> column_start, std::span<const std::int32_t>) override {
+  /// All of it.
+  EmulatedBody(AssembledSystem& twin, FlexibleBody& body)
+      : twin_(twin), body_(body), ptr_(body.assembly().pattern().ptr), entries_(at(ptr_.back())) {
+    vertices_.resize(at(body.vertices()));
+    std::iota(vertices_.begin(), vertices_.end(), 0);
+    std::iota(entries_.begin(), entries_.end(), 0);
+    own_ = vertices_;
+  }
+  EmulatedBody(AssembledSystem& twin, FlexibleBody& body, const BodyPart& part)
+      : twin_(twin),
+        body_(body),
+        vertices_(part.vertices),
+        own_(part.own),
+        ptr_(part.pattern.ptr),
+        entries_(part.entries) {}
+  void bind(std::span<const Offset> column_start, std::span<const std::int32_t> shift) override {
     column_start_.assign(column_start.begin(), column_start.end());
+    shift_.assign(shift.begin(), shift.end());
   }
   void start_forces(const BodyState& state) override {
     take(state);
-    f_.assign(v_.size(), 0.0);
-    body_.residual(view(), f_);
+    std::vector<double> f(v_.size());
+    body_.residual(view(), f);
+    f_.assign(3 * vertices_.size(), std::nan(""));
+    for (const Index c : own_) std::copy_n(f.begin() + body_.coordinate(vertices_[at(c)]), 3, f_.begin() + 3 * c);
   }
   Offset finish_forces(double, const double*, double* f) override {
-    for (std::size_t k = 0; k < numbers(); ++k) f[k] += f_[first() + k];
+    for (std::size_t k = 0; k < f_.size(); ++k) f[k] += f_[k];
     return -1;
   }
-  void put_forces(double, double* f) override { std::copy_n(f_.begin() + at(), numbers(), f); }
+  void put_forces(double, double* f) override { std::copy(f_.begin(), f_.end(), f); }
   void start_tangent(const BodyState& state, const TangentWeights& weights, double* values) override {
     take(state);
     const SparsePattern& w = twin_.tangent_pattern();
-    w_.assign(static_cast<std::size_t>(w.nonzeros()), 0.0);
-    body_.tangent(view(), weights, w_);
-    for (std::size_t j = 0; j < numbers(); ++j)
-      for (Offset p = w.ptr[first() + j]; p < w.ptr[first() + j + 1]; ++p)
-        values[column_start_[j] + p - w.ptr[first() + j]] += w_[static_cast<std::size_t>(p)];
+    std::vector<double> tangent(at(w.nonzeros()));
+    body_.tangent(view(), weights, tangent);
+    for (const Index c : own_)
+      for (Offset e = ptr_[at(c)]; e < ptr_[at(c) + 1]; ++e)
+        for (Offset j = 0; j < 3; ++j) {
+          const Index row = body_.coordinate(body_.assembly().pattern().ind[at(entries_[at(e)])]);
+          const auto column = at(body_.coordinate(vertices_[at(c)]) + j);
+          const auto end = w.ind.begin() + w.ptr[column + 1];
+          const auto from = std::lower_bound(w.ind.begin() + w.ptr[column], end, row) - w.ind.begin();
+          for (Offset i = 0; i < 3; ++i)
+            values[column_start_[at(3 * c + j)] + shift_[at(3 * e + j)] + i] += tangent[at(from + i)];
+        }
   }
   Offset finish() override { return -1; }
 
  private:
-  [[nodiscard]] std::size_t numbers() const { return body_.reference().size(); }
-  [[nodiscard]] std::size_t first() const { return static_cast<std::size_t>(body_.placement().v); }
-  [[nodiscard]] std::ptrdiff_t at() const { return body_.placement().v; }
   [[nodiscard]] StateView view() const { return {0, q_, v_, a_, {}}; }
   void take(const BodyState& state) {
     const Sizes sizes = twin_.sizes();
-    q_.assign(static_cast<std::size_t>(sizes.configuration), 0.0);
-    v_.assign(static_cast<std::size_t>(sizes.velocity), 0.0);
-    a_ = v_;
-    std::copy_n(state.q, numbers(), q_.begin() + body_.placement().q);
-    if (state.v != nullptr) std::copy_n(state.v, numbers(), v_.begin() + at());
-    if (state.a != nullptr) std::copy_n(state.a, numbers(), a_.begin() + at());
+    const auto taken = [&](const double* from, Index size, Index first) {
+      std::vector<double> all(at(size), from == nullptr ? 0.0 : std::nan(""));
+      for (std::size_t c = 0; c < vertices_.size() && from != nullptr; ++c)
+        std::copy_n(from + 3 * c, 3, all.begin() + first + 3 * vertices_[c]);
+      return all;
+    };
+    q_ = taken(state.q, sizes.configuration, body_.placement().q);
+    v_ = taken(state.v, sizes.velocity, body_.placement().v);
+    a_ = taken(state.a, sizes.velocity, body_.placement().v);
   }
 
   AssembledSystem& twin_;
   FlexibleBody& body_;
+  std::vector<Index> vertices_, own_;  // see BodyPart
+  std::vector<Offset> ptr_, entries_;  // likewise
   std::vector<Offset> column_start_;
-  std::vector<double> q_, v_, a_, f_, w_;
+  std::vector<std::int32_t> shift_;
+  std::vector<double> q_, v_, a_, f_;
+};
+
+class EmulatedCarrier final : public PartCarrier {
+ public:
+  explicit EmulatedCarrier(const BodyPart& part)
+      : vertices_(part.vertices), own_(part.own), forces_(3 * part.vertices.size()) {}
+  BodyState bring(const BodyState& body) override {
+    const auto brought = [&](const double* from, std::vector<double>& to) -> const double* {
+      if (from == nullptr) return nullptr;
+      to.clear();
+      for (const Index v : vertices_) to.insert(to.end(), from + 3 * v, from + 3 * v + 3);
+      return to.data();
+    };
+    return {brought(body.q, q_), brought(body.v, v_), brought(body.a, a_), true};
+  }
+  [[nodiscard]] double* forces() override { return forces_.data(); }
+  void take_forces(double* f) override {
+    for (const Index c : own_) std::copy_n(forces_.begin() + 3 * c, 3, f + 3 * vertices_[at(c)]);
+  }
+  void bind(std::span<const Offset> positions) override {
+    positions_.assign(positions.begin(), positions.end());
+    values_.resize(3 * positions.size());
+  }
+  [[nodiscard]] double* values(double* k) override {
+    if (positions_.empty()) return k;
+    std::fill(values_.begin(), values_.end(), 0.0);
+    return values_.data();
+  }
+  void take_values(double* k) override {
+    for (std::size_t p = 0; p < positions_.size(); ++p)
+      for (std::size_t i = 0; i < 3; ++i) k[at(positions_[p]) + i] += values_[3 * p + i];
+  }
+  void finish() override {}
+
+ private:
+  std::vector<Index> vertices_, own_;
+  std::vector<Offset> positions_;
+  std::vector<double> q_, v_, a_, forces_, values_;
 };
 
 class EmulatedVectors final : public DeviceVectors {
@@ -266,13 +351,20 @@ class EmulatedMotion final : public DeviceMotion {
 /// Its bodies are those of `twin`, the same system once more.
 class EmulatedAssembly final : public DeviceAssembly {
  public:
-  explicit EmulatedAssembly(AssembledSystem& twin) : twin_(twin) {
+  EmulatedAssembly(AssembledSystem& twin, GpuPlaces places) : twin_(twin), places_(std::move(places)) {
+    divide_from(0);
     for (const auto& c : twin.components())
       if (auto* body = dynamic_cast<FlexibleBody*>(c.get()); body != nullptr && body->fits_device())
         bodies_.push_back(body);
   }
-  std::unique_ptr<DeviceBody> make_body(const DeviceBodyTables&) override {
-    return std::make_unique<EmulatedBody>(twin_, *bodies_.at(next_++));
+  std::unique_ptr<DeviceBody> make_body(const DeviceBodyTables& tables) override {
+    FlexibleBody& body = *bodies_.at(next_++);
+    auto divided = make_divided_body(tables, places_, fewest_, nullptr, [&](const BodyPart& part) {
+      return PartOnGpu{std::make_unique<EmulatedBody>(twin_, body, part), std::make_unique<EmulatedCarrier>(part),
+                       part.place == 0};
+    });
+    if (divided != nullptr) return divided;
+    return std::make_unique<EmulatedBody>(twin_, body);
   }
   std::unique_ptr<DeviceMatrix> make_matrix(const DeviceMatrixLayout& layout) override {
     return std::make_unique<EmulatedMatrix>(layout);
@@ -284,6 +376,7 @@ class EmulatedAssembly final : public DeviceAssembly {
 
  private:
   AssembledSystem& twin_;
+  GpuPlaces places_;
   std::vector<FlexibleBody*> bodies_;
   std::size_t next_ = 0;
 };

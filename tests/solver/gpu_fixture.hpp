@@ -19,6 +19,11 @@ inline std::string why_no_gpu() {
   return found.names.empty() ? found.reason : std::string();
 }
 
+inline bool has_gpus(int count) {
+  const device::Backend* gpus = device::registry().find("gpu");
+  return gpus != nullptr && static_cast<int>(gpus->find().names.size()) >= count;
+}
+
 class OnGpu : public testing::Test {
  protected:
   void SetUp() override {

@@ -195,6 +195,41 @@ TEST_F(GpuSides, RefusedPeerAccessThroughTheSolverGivesTheSameAnswers) {
   }
 }
 
+// Neighbouring unknowns are eliminated together, so most have neighbours on their GPU.
+TEST_F(GpuSides, PlacesSayWhoEliminatesWhichUnknown) {
+  for (const std::vector<int>& devices : groups_) {
+    if (devices.size() > 1 && devices[1] == 0) continue;  // one GPU twice: not through the solver
+    std::string names = "gpu:";
+    for (const int d : devices) names += std::to_string(d) + (d == devices.back() ? "" : ",");
+    SCOPED_TRACE(names);
+    Options options;
+    options.device = names;
+    Solver solver(options);
+    EXPECT_TRUE(solver.analyze(a_).status.ok());
+    EXPECT_TRUE(solver.gpu_places().gpus.empty());
+    EXPECT_TRUE(solver.factorize(a_).status.ok());
+    const GpuPlaces places = solver.gpu_places();
+    EXPECT_EQ(places.gpus, devices);
+    EXPECT_EQ(places.gpus.front(), solver.gpu());
+    ASSERT_EQ(places.of_unknown.size(), static_cast<std::size_t>(a_.rows));
+    std::vector<Index> unknowns(devices.size());
+    Index apart = 0;
+    for (std::size_t i = 0; i < places.of_unknown.size(); ++i) {
+      ++unknowns.at(static_cast<std::size_t>(places.of_unknown[i]));
+      if (i > 0 && places.of_unknown[i] != places.of_unknown[i - 1]) ++apart;
+    }
+    for (const Index count : unknowns) EXPECT_GT(count, a_.rows / static_cast<Index>(4 * devices.size()));
+    EXPECT_LT(apart, a_.rows / 3);
+  }
+}
+
+TEST_F(GpuSides, OneGpuEliminatesAll) {
+  Solver solver = test::unrefined_on_gpu(a_);
+  const GpuPlaces places = solver.gpu_places();
+  EXPECT_EQ(places.gpus, std::vector<int>{0});
+  EXPECT_TRUE(places.of_unknown.empty());
+}
+
 }  // namespace
 }  // namespace espalier
 

@@ -228,6 +228,7 @@ void FlexibleBody::use_device(DeviceAssembly& device, std::span<const Offset> k_
   assembly_.for_each_group([&](const ElementGroup& group, std::span<const Index> vertices) {
     tables.groups.push_back({*group.device_law(), group.vertices_per_element(), {vertices.begin(), vertices.end()}});
   });
+  tables.first = placement().v;
   tables.reference = reference_;
   tables.pattern = &assembly_.pattern();
   tables.mass = mass_;

@@ -119,10 +119,12 @@ struct PlacesJob {
   const Index* vertices;  // in rows
   const Offset* pattern_ptr;
   const Index* pattern_ind;
+  Offset entries;  // of the pattern
   std::int64_t *place, *from;
 };
 
-// One thread per contribution: what it belongs to, and where it will stand.
+// One thread per contribution: what it belongs to, and where it will stand. Those to columns that have no entries are
+// somebody else's, and belong to what follows the last place.
 __global__ void places_kernel(const PlacesJob job) {
   const Offset k = this_thread();
   const int each = job.of_pairs ? job.nodes * job.nodes : job.nodes, numbers = 3 * job.nodes;
@@ -136,6 +138,7 @@ __global__ void places_kernel(const PlacesJob job) {
     return;
   }
   Offset low = job.pattern_ptr[vertex(b)], high = job.pattern_ptr[vertex(b) + 1];
+  if (low == high) low = job.entries;
   while (high - low > 1) {  // the entry is there
     const Offset middle = (low + high) / 2;
     (job.pattern_ind[middle] <= vertex(a) ? low : high) = middle;
@@ -216,8 +219,15 @@ CudaBody::Contributions CudaBody::sorted_contributions(bool of_pairs) {
   Offset first = 0;
   for (const Group& g : groups_) {
     const Offset now = each(g) * g.elements;
-    const PlacesJob job{g.elements,         g.nodes,     of_pairs,    of_pairs ? g.tangent_start : g.force_start,
-                        g.vertices.data(),  ptr_.data(), ind_.data(), place.data() + first,
+    const PlacesJob job{g.elements,
+                        g.nodes,
+                        of_pairs,
+                        of_pairs ? g.tangent_start : g.force_start,
+                        g.vertices.data(),
+                        ptr_.data(),
+                        ind_.data(),
+                        entries_,
+                        place.data() + first,
                         from.data() + first};
     places_kernel<<<blocks_for(now, kThreads), kThreads, 0, stream>>>(job);
     call("launch of the places", [&] { return cudaGetLastError(); });

@@ -139,7 +139,7 @@ void Equations::try_device() {
   if (make_device_ == nullptr || device_ != nullptr || kkt_.gpu() < 0) return;
   const Phase phase("tables of the GPU", counts_.analysis_seconds, trace_);
   try {
-    device_ = make_device_(kkt_.gpu(), pool_);
+    device_ = make_device_(kkt_.gpu_places(), pool_);
     if (device_ != nullptr && system_.use_device(*device_, kkt_.k_ptr()))
       return kkt_.use_device(*device_, system_.host_entries());
     device_.reset();

@@ -102,8 +102,8 @@ class Equations {
   void set_trace(PhaseTrace* trace) { trace_ = trace; }
   /// From now on a GPU that has the factor also evaluates what it can of F and W, as soon as there is a factor; see
   /// device/device_assembly.hpp. Where its memory is too small, the host goes on alone and says so in device_notice().
-  /// @param make  what makes it of the GPU's number
-  using MakeDevice = std::unique_ptr<DeviceAssembly> (*)(int gpu, base::ThreadPool* pool);
+  /// @param make  what makes it
+  using MakeDevice = std::unique_ptr<DeviceAssembly> (*)(const GpuPlaces& places, base::ThreadPool* pool);
   void allow_device(MakeDevice make = make_device_assembly);
   [[nodiscard]] bool on_device() const { return device_ != nullptr; }
   [[nodiscard]] const std::string& device_notice() const { return device_notice_; }

@@ -14,6 +14,7 @@ class EspalierSolver final : public LinearSolver {
   Status analyze_change(const MatrixView& a) override { return take(solver_.analyze_change(a).analysis); }
   Status factorize(std::span<const double> values) override { return take(solver_.refactorize(values)); }
   [[nodiscard]] int gpu() const override { return solver_.gpu(); }
+  [[nodiscard]] GpuPlaces gpu_places() const override { return solver_.gpu_places(); }
   Status factorize_device(const double* values, Offset count, void* stream) override {
     return take(solver_.refactorize_device(values, count, stream));
   }

@@ -58,6 +58,8 @@ class KktSolver {
   [[nodiscard]] std::span<const Offset> k_ptr() const { return k_ptr_; }
   /// Whether the factor lies on a GPU that takes matrices from its own memory.
   [[nodiscard]] int gpu() const { return analyzed_ == Analyzed::yes ? solver_->gpu() : -1; }
+  /// All that have a part of it. @pre gpu() >= 0
+  [[nodiscard]] GpuPlaces gpu_places() const { return solver_->gpu_places(); }
   /// @param host_entries  positions in W of what the host adds
   void use_device(DeviceAssembly& device, std::vector<Offset> host_entries);
   void leave_device();

@@ -28,6 +28,8 @@ class LinearSolver {
   virtual Status factorize(std::span<const double> values) = 0;
   /// The GPU whose memory factorize_device() takes values from; -1: none, or nothing was factorized yet.
   [[nodiscard]] virtual int gpu() const { return -1; }
+  /// All GPUs that have a part of the factor; see Solver::gpu_places().
+  [[nodiscard]] virtual GpuPlaces gpu_places() const { return gpu() < 0 ? GpuPlaces{} : GpuPlaces{{gpu()}, {}}; }
   /// factorize() with `count` values in that memory, when all that was enqueued on `stream` is done.
   virtual Status factorize_device(const double* values, Offset count, void* stream);
   /// solve() in place of `columns` right sides in that memory, likewise. Waits.

@@ -5,15 +5,17 @@ namespace espalier::dynamics {
 #ifdef ESPALIER_DYNAMICS_CUDA
 
 namespace cuda {
-std::unique_ptr<DeviceAssembly> make_device_assembly(int gpu, base::ThreadPool* pool);
+std::unique_ptr<DeviceAssembly> make_device_assembly(const GpuPlaces& places, base::ThreadPool* pool);
 }
-std::unique_ptr<DeviceAssembly> make_device_assembly(int gpu, base::ThreadPool* pool) {
-  return cuda::make_device_assembly(gpu, pool);
+std::unique_ptr<DeviceAssembly> make_device_assembly(const GpuPlaces& places, base::ThreadPool* pool) {
+  return cuda::make_device_assembly(places, pool);
 }
 
 #else
 
-std::unique_ptr<DeviceAssembly> make_device_assembly(int /*gpu*/, base::ThreadPool* /*pool*/) { return nullptr; }
+std::unique_ptr<DeviceAssembly> make_device_assembly(const GpuPlaces& /*places*/, base::ThreadPool* /*pool*/) {
+  return nullptr;
+}
 
 #endif
 

@@ -12,59 +12,11 @@
 
 #include "base/thread_pool.hpp"
 #include "dynamics/dae/system.hpp"
+#include "dynamics/device/device_body.hpp"
 #include "dynamics/device/device_motion.hpp"
 #include "dynamics/device/device_vectors.hpp"
-#include "dynamics/elements/assembly.hpp"
-#include "dynamics/elements/device_law.hpp"
 
 namespace espalier::dynamics {
-
-/// Elements of one law.
-struct DeviceElements {
-  DeviceLaw law;
-  int nodes;
-  std::vector<Index> vertices;  ///< `nodes` of each element, of the body
-};
-
-/// A flexible body as a GPU takes it. Lent for the call that makes a DeviceBody.
-struct DeviceBodyTables {
-  std::vector<DeviceElements> groups;
-  std::span<const double> reference;  ///< 3 per vertex
-  const VertexPattern* pattern = nullptr;
-  std::span<const double> mass;    ///< per entry of the pattern
-  std::span<const double> weight;  ///< M g, 3 per vertex
-  double mass_damping = 0;         ///< alpha in 1/s
-  double stiffness_damping = 0;    ///< beta in s
-};
-
-/// A body's own coordinates at some time, 3 per vertex. v and a may be null: zero.
-struct BodyState {
-  const double* q = nullptr;
-  const double* v = nullptr;
-  const double* a = nullptr;
-  bool there = false;  ///< they lie in the memory of the body's GPU
-};
-
-/// The elements of one body in the memory of a GPU. start_*() returns at once; what it began is taken by the finish_*()
-/// of the same name, or by put_forces() and finish().
-class DeviceBody {
- public:
-  virtual ~DeviceBody() = default;
-  /// Where 3 x 3 blocks go; see BlockTarget. Lent for the call.
-  virtual void bind(std::span<const Offset> column_start, std::span<const std::int32_t> shift) = 0;
-  /// Internal forces and M (a + alpha v).
-  virtual void start_forces(const BodyState& state) = 0;
-  /// f += forces - load * weight, 3 per vertex. @return the first inverted element, counted over all groups, whose
-  /// forces are NaN; -1: none
-  virtual Offset finish_forces(double load, const double* weight, double* f) = 0;
-  /// f := forces - load M g in the GPU's memory. Does not wait; finish() does. @pre start_forces() with a state there
-  virtual void put_forces(double load, double* f) = 0;
-  /// Writes (weights.a + alpha weights.v) M + weights.q df/dq + weights.v df/dv.
-  /// @param values  in the GPU's memory, where bind() counts from
-  virtual void start_tangent(const BodyState& state, const TangentWeights& weights, double* values) = 0;
-  /// Waits for put_forces() or start_tangent(). @return as finish_forces()
-  virtual Offset finish() = 0;
-};
 
 /// The pattern of K and what of it does not come from bodies on the GPU. Lent for the call that makes a DeviceMatrix.
 struct DeviceMatrixLayout {
@@ -101,21 +53,28 @@ class DeviceMatrix {
   virtual std::unique_ptr<DeviceVectors> make_vectors() = 0;
 };
 
-/// One GPU. Bodies and matrices must not outlive it.
+/// The GPUs that share a factor. The first one has K and vectors, and states come to it; bodies are divided among all
+/// (divided_body.hpp). What is made here must not outlive it.
 class DeviceAssembly {
  public:
   virtual ~DeviceAssembly() = default;
+  /// Bodies of fewer elements are not divided: waiting for other GPUs takes longer. Of bodies that are made later.
+  void divide_from(Index elements) { fewest_ = elements; }
   virtual std::unique_ptr<DeviceBody> make_body(const DeviceBodyTables& tables) = 0;
   virtual std::unique_ptr<DeviceMatrix> make_matrix(const DeviceMatrixLayout& layout) = 0;
   /// @param sizes  of the system @param share  lent for the call
   virtual std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, const MotionDemand& demand,
                                                     const DeviceShare& share) = 0;
+
+ protected:
+  static constexpr Index kFewestElements = 30000;  // some 0.1 ms of work, and of waiting
+  Index fewest_ = kFewestElements;
 };
 
-/// @param gpu  its number, from 0
+/// @param places  one GPU at least
 /// @param pool  outlives the object; null: the calling thread alone
 /// @return null: this build has none
 /// @throws Error(device_error, out_of_memory), as all of the above do
-[[nodiscard]] std::unique_ptr<DeviceAssembly> make_device_assembly(int gpu, base::ThreadPool* pool);
+[[nodiscard]] std::unique_ptr<DeviceAssembly> make_device_assembly(const GpuPlaces& places, base::ThreadPool* pool);
 
 }  // namespace espalier::dynamics

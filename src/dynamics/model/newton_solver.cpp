@@ -116,6 +116,7 @@ class RecordedSolver final : public LinearSolver {
   }
   // Symmetry is looked at on the host, and ranks take what lies there.
   [[nodiscard]] int gpu() const override { return symmetry_ || shared_ ? -1 : solver_.gpu(); }
+  [[nodiscard]] GpuPlaces gpu_places() const override { return gpu() < 0 ? GpuPlaces{} : solver_.gpu_places(); }
   Status factorize_device(const double* values, Offset count, void* stream) override {
     return take(solver_.refactorize_device(values, count, stream));
   }
