@@ -1,5 +1,5 @@
 /// \file
-/// A GPU, emulated or not, that fails in what it is asked to do with the vectors of an integrator.
+/// A GPU, emulated or not, that fails in what it is asked to do with bodies and the vectors of an integrator.
 #pragma once
 
 #include <memory>
@@ -9,10 +9,14 @@
 
 namespace espalier::dynamics::test {
 
-/// How many calls its vectors still serve before the GPU fails; negative: any number.
+/// How many calls it still serves before the GPU fails; negative: any number.
 struct CallsLeft {
-  int sends = -1;  ///< of send()
+  int sends = -1;  ///< of DeviceMotion::send()
   int all = -1;
+  static void take(int& left) {
+    if (left == 0) throw Error(StatusCode::device_error, "the GPU has failed as it was told");
+    if (left > 0) --left;
+  }
 };
 
 class FailingMotion final : public DeviceMotion {
@@ -22,42 +26,69 @@ class FailingMotion final : public DeviceMotion {
   void use_scale(const double* scale) override { motion_->use_scale(scale); }
   void turn_past() override { motion_->turn_past(); }
   void run(const MotionLoop& loop) override {
-    take(left_.all);
+    CallsLeft::take(left_.all);
     motion_->run(loop);
   }
   [[nodiscard]] MotionRecord measure(const MotionMeasure& what) override {
-    take(left_.all);
+    CallsLeft::take(left_.all);
     return motion_->measure(what);
   }
   void send(ConstSpan from, double* to) override {
-    take(left_.sends);
-    take(left_.all);
+    CallsLeft::take(left_.sends);
+    CallsLeft::take(left_.all);
     motion_->send(from, to);
   }
   void fetch(const double* from, Span to) override {
-    take(left_.all);
+    CallsLeft::take(left_.all);
     motion_->fetch(from, to);
   }
   [[nodiscard]] ConstSpan look(List list, std::span<const double* const> from) override {
-    take(left_.all);
+    CallsLeft::take(left_.all);
     return motion_->look(list, from);
   }
   void set(List list, ConstSpan values, double* to) override {
-    take(left_.all);
+    CallsLeft::take(left_.all);
     motion_->set(list, values, to);
   }
   void add(List list, ConstSpan values, double* to) override {
-    take(left_.all);
+    CallsLeft::take(left_.all);
     motion_->add(list, values, to);
   }
 
  private:
-  static void take(int& left) {
-    if (left == 0) throw Error(StatusCode::device_error, "the GPU has failed as it was told");
-    if (left > 0) --left;
+  std::unique_ptr<DeviceMotion> motion_;
+  CallsLeft& left_;
+};
+
+class FailingBody final : public DeviceBody {
+ public:
+  FailingBody(std::unique_ptr<DeviceBody> body, CallsLeft& left) : body_(std::move(body)), left_(left) {}
+  void bind(std::span<const Offset> column_start, std::span<const std::int32_t> shift) override {
+    body_->bind(column_start, shift);
+  }
+  void start_forces(const BodyState& state) override {
+    CallsLeft::take(left_.all);
+    body_->start_forces(state);
+  }
+  Offset finish_forces(double load, const double* weight, double* f) override {
+    CallsLeft::take(left_.all);
+    return body_->finish_forces(load, weight, f);
+  }
+  void put_forces(double load, double* f) override {
+    CallsLeft::take(left_.all);
+    body_->put_forces(load, f);
+  }
+  void start_tangent(const BodyState& state, const TangentWeights& weights, double* values) override {
+    CallsLeft::take(left_.all);
+    body_->start_tangent(state, weights, values);
+  }
+  Offset finish() override {
+    CallsLeft::take(left_.all);
+    return body_->finish();
   }
 
-  std::unique_ptr<DeviceMotion> motion_;
+ private:
+  std::unique_ptr<DeviceBody> body_;
   CallsLeft& left_;
 };
 
@@ -66,7 +97,7 @@ class FailingAssembly final : public DeviceAssembly {
   FailingAssembly(std::unique_ptr<DeviceAssembly> assembly, CallsLeft& left)
       : assembly_(std::move(assembly)), left_(left) {}
   std::unique_ptr<DeviceBody> make_body(const DeviceBodyTables& tables) override {
-    return assembly_->make_body(tables);
+    return std::make_unique<FailingBody>(assembly_->make_body(tables), left_);
   }
   std::unique_ptr<DeviceMatrix> make_matrix(const DeviceMatrixLayout& layout) override {
     return assembly_->make_matrix(layout);

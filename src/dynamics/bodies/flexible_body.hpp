@@ -98,7 +98,10 @@ class FlexibleBody final : public Component {
   /// Bodies of solids alone, of laws that GPUs know.
   [[nodiscard]] bool fits_device() const override;
   void use_device(DeviceAssembly& device, std::span<const Offset> k_ptr) override;
-  void leave_device() override { device_.reset(); }
+  void leave_device() override {
+    device_.reset();
+    residual_started_ = tangent_started_ = false;  // what failed
+  }
   [[nodiscard]] bool on_device() const { return device_ != nullptr; }
   void start_residual(const StateView& s) override;
   void start_tangent(const StateView& s, const TangentWeights& weights, double* device_values) override;

@@ -97,7 +97,12 @@ void Equations::level(ConstSpan x, ConstSpan shift, Span out) const {
 void Equations::motion(const StateView& s, Span f) {
   const Phase phase("forces", counts_.assembly_seconds, trace_, row_of(device_ != nullptr));
   ++counts_.residuals;
-  system_.residual(s, f);
+  try {
+    system_.residual(s, f);
+  } catch (const Error& error) {
+    if (!give_device_up(error)) throw;
+    system_.residual(s, f);
+  }
   if (!phi_.empty()) add_transposed(system_.constraint_pattern(), phi_q_, s.lambda, f);
 }
 
@@ -159,6 +164,15 @@ void Equations::leave_device() {
   kkt_.leave_device();
   system_.leave_device();
   device_.reset();
+}
+
+// After an error of the GPU that bodies or K have met, for good. @return false: it was another error
+bool Equations::give_device_up(const Error& error) {
+  if (device_ == nullptr || error.status().code != StatusCode::device_error) return false;
+  leave_device();
+  make_device_ = nullptr;
+  device_notice_ = fmt::format("bodies are evaluated on the host: {}", error.what());
+  return true;
 }
 
 DeviceMotion* Equations::claim_motion(const MotionDemand& demand, long& ticket) {
@@ -230,10 +244,16 @@ void Equations::factorize(const StateView& s, const TangentWeights& weights, con
     if (has_left && there != nullptr) throw Error(StatusCode::device_error, "the factor is not on the GPU any more");
   };
   needs_all(!on_device);
-  assemble(s, weights, on_device, there);
+  bool made = false;
+  try {
+    assemble(s, weights, on_device, there);
+    made = factorize_assembled(s, on_device);
+  } catch (const Error& error) {
+    if (!on_device || !give_device_up(error)) throw;
+  }
   ++counts_.factorizations;
   if (first_factorization_) ++counts_.analyses;
-  if (!factorize_assembled(s, on_device)) {
+  if (!made) {
     leave_device();
     needs_all(true);
     assemble(s, weights, false, nullptr);

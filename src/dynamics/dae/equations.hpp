@@ -101,7 +101,8 @@ class Equations {
   /// What comes is recorded there; outlives the object; null: nowhere.
   void set_trace(PhaseTrace* trace) { trace_ = trace; }
   /// From now on a GPU that has the factor also evaluates what it can of F and W, as soon as there is a factor; see
-  /// device/device_assembly.hpp. Where its memory is too small, the host goes on alone and says so in device_notice().
+  /// device/device_assembly.hpp. Where its memory is too small, or it fails, the host goes on alone and says so in
+  /// device_notice().
   /// @param make  what makes it
   using MakeDevice = std::unique_ptr<DeviceAssembly> (*)(const GpuPlaces& places, base::ThreadPool* pool);
   void allow_device(MakeDevice make = make_device_assembly);
@@ -128,6 +129,7 @@ class Equations {
  private:
   void try_device();
   void leave_device();
+  [[nodiscard]] bool give_device_up(const Error& error);
   void assemble(const StateView& s, const TangentWeights& weights, bool on_device, const StateView* there);
   [[nodiscard]] bool factorize_assembled(const StateView& s, bool on_device);
 
