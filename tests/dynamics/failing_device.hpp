@@ -1,5 +1,6 @@
 /// \file
-/// A GPU, emulated or not, that fails in what it is asked to do with bodies and the vectors of an integrator.
+/// A GPU, emulated or not, that fails in what it is asked to do with bodies, K, its solutions and the vectors of an
+/// integrator.
 #pragma once
 
 #include <memory>
@@ -92,6 +93,86 @@ class FailingBody final : public DeviceBody {
   CallsLeft& left_;
 };
 
+class FailingVectors final : public DeviceVectors {
+ public:
+  FailingVectors(std::unique_ptr<DeviceVectors> vectors, CallsLeft& left) : vectors_(std::move(vectors)), left_(left) {}
+  void solve(Span b, const Solve& solve) override {
+    CallsLeft::take(left_.all);
+    vectors_->solve(b, solve);
+  }
+  void solve_there(double* b, const Solve& solve) override {
+    CallsLeft::take(left_.all);
+    vectors_->solve_there(b, solve);
+  }
+  [[nodiscard]] const double* scale() const override { return vectors_->scale(); }
+  void put_lower(ConstSpan r, double* b) override {
+    CallsLeft::take(left_.all);
+    vectors_->put_lower(r, b);
+  }
+  void make_columns(std::span<const Index> rows, const Solve& solve) override {
+    CallsLeft::take(left_.all);
+    vectors_->make_columns(rows, solve);
+  }
+  void combine_columns(ConstSpan factors, Span x) override {
+    CallsLeft::take(left_.all);
+    vectors_->combine_columns(factors, x);
+  }
+  void combine_columns_there(ConstSpan factors, double* x) override {
+    CallsLeft::take(left_.all);
+    vectors_->combine_columns_there(factors, x);
+  }
+  void fetch_columns(Span to) override {
+    CallsLeft::take(left_.all);
+    vectors_->fetch_columns(to);
+  }
+  [[nodiscard]] void* stream() const override { return vectors_->stream(); }
+
+ private:
+  std::unique_ptr<DeviceVectors> vectors_;
+  CallsLeft& left_;
+};
+
+class FailingMatrix final : public DeviceMatrix {
+ public:
+  FailingMatrix(std::unique_ptr<DeviceMatrix> matrix, CallsLeft& left) : matrix_(std::move(matrix)), left_(left) {}
+  double* clear() override {
+    CallsLeft::take(left_.all);
+    return matrix_->clear();
+  }
+  void add_from_host(const Fill& fill) override {
+    CallsLeft::take(left_.all);
+    matrix_->add_from_host(fill);
+  }
+  void column_sizes(Span diagonal, Span largest) override {
+    CallsLeft::take(left_.all);
+    matrix_->column_sizes(diagonal, largest);
+  }
+  const double* complete(ConstSpan scale, ConstSpan rest) override {
+    CallsLeft::take(left_.all);
+    return matrix_->complete(scale, rest);
+  }
+  void set_scale(ConstSpan scale) override {
+    CallsLeft::take(left_.all);
+    matrix_->set_scale(scale);
+  }
+  void fetch_w(Span values) const override {
+    CallsLeft::take(left_.all);
+    matrix_->fetch_w(values);
+  }
+  void sum_rows(ConstSpan x, Span out) const override {
+    CallsLeft::take(left_.all);
+    matrix_->sum_rows(x, out);
+  }
+  [[nodiscard]] void* stream() const override { return matrix_->stream(); }
+  std::unique_ptr<DeviceVectors> make_vectors() override {
+    return std::make_unique<FailingVectors>(matrix_->make_vectors(), left_);
+  }
+
+ private:
+  std::unique_ptr<DeviceMatrix> matrix_;
+  CallsLeft& left_;
+};
+
 class FailingAssembly final : public DeviceAssembly {
  public:
   FailingAssembly(std::unique_ptr<DeviceAssembly> assembly, CallsLeft& left)
@@ -100,7 +181,7 @@ class FailingAssembly final : public DeviceAssembly {
     return std::make_unique<FailingBody>(assembly_->make_body(tables), left_);
   }
   std::unique_ptr<DeviceMatrix> make_matrix(const DeviceMatrixLayout& layout) override {
-    return assembly_->make_matrix(layout);
+    return std::make_unique<FailingMatrix>(assembly_->make_matrix(layout), left_);
   }
   std::unique_ptr<DeviceMotion> make_motion(const Sizes& sizes, const MotionDemand& demand,
                                             const DeviceShare& share) override {
