@@ -25,10 +25,10 @@ struct FrontLayout {
   Index below_width = 1;  ///< rows of every tile below but the last; a multiple of the panel when there are several
   Index pivot_tiles = 0;
   Index tiles = 0;  ///< pivot_tiles + tiles below
-  Index panel = 8;  ///< rows of a tile are padded to a multiple of it
+  Index panel = 8;  ///< rows of a tile are padded to a multiple of it; a power of two
 
   [[nodiscard]] Index below() const { return rows - pivots; }
-  [[nodiscard]] Offset padded(Offset x) const { return (x + panel - 1) / panel * panel; }
+  [[nodiscard]] Offset padded(Offset x) const { return (x + panel - 1) & -Offset{panel}; }
   /// First row of tile row i; begin(tiles) == rows.
   [[nodiscard]] Index begin(Index i) const {
     if (i < pivot_tiles) return i * pivot_width;
@@ -49,11 +49,10 @@ struct FrontLayout {
     if (i < pivot_tiles) return static_cast<Offset>(i) * pivot_width;
     const Offset pivot_end =
         pivot_tiles == 0 ? 0 : static_cast<Offset>(pivot_tiles - 1) * pivot_width + padded(width(pivot_tiles - 1));
-    if (i >= tiles) {
-      const Index last = tiles - 1;
-      return last < pivot_tiles ? pivot_end : padded_begin(last) + padded(width(last));
-    }
-    return pivot_end + static_cast<Offset>(i - pivot_tiles) * below_width;
+    if (i < tiles) return pivot_end + static_cast<Offset>(i - pivot_tiles) * below_width;
+    const Index last = tiles - 1;
+    if (last < pivot_tiles) return pivot_end;
+    return pivot_end + static_cast<Offset>(last - pivot_tiles) * below_width + padded(width(last));
   }
   /// Start of tile (i, j), j < pivot_tiles, in the factor array.
   [[nodiscard]] Offset tile_offset(Index i, Index j) const {

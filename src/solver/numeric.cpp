@@ -321,13 +321,18 @@ class NumericOf final : public Numeric {
     const Index n = prepared_.n();
     const auto* b = reinterpret_cast<const Value*>(from);
     const bool conjugated = kRealForm && !real_form_->hermitian;
+    const std::vector<double>& scales = transpose ? scales_.col : scales_.row;
     pool_.for_each_range(plan_->tree.n, kRows, [&](std::int64_t begin, std::int64_t end) {
       for (auto k = begin; k < end; ++k) {
         const auto [col, part] = unknown_of(plan_->tree.order[static_cast<std::size_t>(k)]);
         const Index i = transpose ? col : prepared_.row_of(col);
-        const double scale = factor_of(transpose ? scales_.col : scales_.row, i);
+        const double scale = factor_of(scales, i);
         const double s = conjugated && part == 1 ? -scale : scale;
         T* row = rhs_.data() + k * width;
+        if (width == 1) {
+          *row = in_unit(s * b[place(i, part)], 0);
+          continue;
+        }
         for (Index c = 0; c < columns; ++c) row[c] = in_unit(s * b[place(static_cast<Offset>(c) * n + i, part)], c);
         std::fill(row + columns, row + width, T(0));
       }
@@ -337,11 +342,12 @@ class NumericOf final : public Numeric {
   void scatter(double* to, Index columns, Index width, bool transpose) {
     const Index n = prepared_.n();
     auto* x = reinterpret_cast<Value*>(to);
+    const std::vector<double>& scales = transpose ? scales_.row : scales_.col;
     pool_.for_each_range(plan_->tree.n, kRows, [&](std::int64_t begin, std::int64_t end) {
       for (auto k = begin; k < end; ++k) {
         const auto [col, part] = unknown_of(plan_->tree.order[static_cast<std::size_t>(k)]);
         const Index i = transpose ? prepared_.row_of(col) : col;
-        const double s = factor_of(transpose ? scales_.row : scales_.col, i);
+        const double s = factor_of(scales, i);
         const T* row = rhs_.data() + k * width;
         for (Index c = 0; c < columns; ++c) x[place(static_cast<Offset>(c) * n + i, part)] = s * from_unit(row[c], c);
       }

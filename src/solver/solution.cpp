@@ -31,6 +31,11 @@ class Settled {
   device::DeviceLinearSystem& device_;
 };
 
+// Whether solutions stay as the substitution gives them.
+bool nobody_looks(const Options& options) {
+  return options.refinement_steps == 0 && std::isinf(options.required_backward_error);
+}
+
 bool overlap(const double* a, const double* b, std::size_t count) {
   const std::less<> before;
   return before(a, b + count) && before(b, a + count);
@@ -130,7 +135,7 @@ class Solving {
   // First solution and refinement where `space` is; adds to what the result says of earlier columns.
   void refine(const solve::ResidualSpace& space, const solve::Preconditioner& apply, const SolveJob& job) {
     apply(job.b, job.x, job.columns);
-    if (options_.refinement_steps == 0 && std::isinf(options_.required_backward_error)) {  // nobody asks for it
+    if (nobody_looks(options_)) {
       result_.backward_error = result_.componentwise_error = std::numeric_limits<double>::quiet_NaN();
       return;
     }
@@ -195,9 +200,11 @@ SolveResult solve(Factor& factor, const SolveJob& asked, const Context& context)
   const double start = base::now_seconds();
   SolveJob job = asked;
   const auto size = static_cast<std::size_t>(factor.analysis()->doubles()) * static_cast<std::size_t>(job.columns);
-  // b is needed after x has been written.
+  // b is needed after x has been written where somebody looks at x, takes another factor, or a device gives up.
+  const bool in_place = job.b == job.x && nobody_looks(context.options) &&
+                        context.options.precision == Precision::fp64 && factor.numeric().device_system() == nullptr;
   std::vector<double> copy;
-  if (overlap(job.b, job.x, size)) {
+  if (!in_place && overlap(job.b, job.x, size)) {
     copy.assign(job.b, job.b + size);
     job.b = copy.data();
   }

@@ -11,6 +11,7 @@
 
 #include "dynamics/bodies/point_mass.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/dae/products.hpp"
 #include "dynamics/dae/system.hpp"
 #include "dynamics/model_common.hpp"
 
@@ -102,6 +103,20 @@ TEST(Vectors, CopiesAndZeros) {
   }
 }
 
+// Truth: one column after the other.
+TEST(Vectors, ColumnsAreAddedUpInTheirOrder) {
+  constexpr std::size_t kRows = 2500;
+  base::ThreadPool pool(3);
+  for (const std::size_t count : {0, 1, 5, 6, 7, 18, 40}) {
+    const std::vector<double> columns = random_vector(count * kRows, 9), factors = random_vector(count, 10);
+    std::vector<double> x = random_vector(kRows, 11), expected(x);
+    for (std::size_t c = 0; c < count; ++c)
+      for (std::size_t i = 0; i < kRows; ++i) expected[i] += factors[c] * columns[c * kRows + i];
+    add_columns(columns.data(), factors, x, &pool);
+    EXPECT_EQ(x, expected) << count;
+  }
+}
+
 // Truth: each component's own operations, one after the other. Points form a vector space, rigid bodies do not.
 TEST(Vectors, ASystemMovesAllComponentsAsTheyMoveThemselves) {
   base::ThreadPool pool(3);
@@ -132,6 +147,14 @@ TEST(Vectors, ASystemMovesAllComponentsAsTheyMoveThemselves) {
   EXPECT_EQ(other, expected);
   system.rate_of_velocity(theta, other, other);  // in place
   for (std::size_t i = 0; i < n; ++i) EXPECT_NEAR(other[i], rate[i], 1e-14);
+  std::vector<double> opposite(theta), carried(rate), also(rate);
+  for (double& x : opposite) x = -x;
+  system.velocity_of_rate(theta, rate, expected);
+  system.rate_of_velocity(opposite, expected, expected);
+  const std::vector<Span> both = {carried, also};
+  system.carry(theta, both);
+  EXPECT_EQ(carried, also);
+  for (std::size_t i = 0; i < n; ++i) EXPECT_NEAR(carried[i], expected[i], 1e-14);
   system.retract(moved, step, moved);  // in place
   for (const Component* c : all) c->retract(expected_q, step, expected_q);
   EXPECT_EQ(moved, expected_q);
@@ -160,6 +183,33 @@ b = { body = "cable", node = 1 }
   EXPECT_GE(s.summary().velocities, kLongVector);
   EXPECT_GE(s.summary().steps, 4);
   return s.save();
+}
+
+// The steps of a model as small as this one stay with one thread unless more are asked for.
+TEST(Vectors, SmallModelsGiveTheSameBitsForAnyThreads) {
+  const auto state = [](std::vector<std::pair<std::string, std::string>> solver) {
+    SimulationOptions options;
+    options.solver = std::move(solver);
+    Simulation s = simulated(R"(gravity = [0, 0, -10]
+[bodies.block]
+type = "solid"
+mesh = { part = "block", lx = 0.3, ly = 0.1, lz = 0.1, divisions = [8, 3, 3] }
+material = { young = 2e8, poisson = 0.3, density = 1000 }
+[joints.clamp]
+type = "fixed"
+a = { body = "ground" }
+b = { body = "block", face = "x0" }
+[integrator]
+method = "bdf"
+end = 1e-3
+)",
+                             options);
+    EXPECT_GE(s.summary().steps, 4);
+    return s.save();
+  };
+  const std::string alone = state({{"threads", "1"}});
+  EXPECT_EQ(state({}), alone);
+  EXPECT_EQ(state({{"threads", "3"}}), alone);
 }
 
 TEST(Vectors, IntegratorsGiveTheSameBitsForAnyThreads) {

@@ -254,6 +254,26 @@ TEST(SolverSolve, ManyRightHandSidesAliasingAndTranspose) {
   }
 }
 
+// Then solutions take the place of the right-hand sides without a copy, more of them than a sweep takes, too.
+TEST(SolverSolve, AliasingWithoutRefinementGivesTheSameBits) {
+  Options o = two_threads();
+  o.refinement_steps = 0;
+  o.required_backward_error = std::numeric_limits<double>::infinity();
+  const SparseMatrix a = reference::random_system(130, 6, Values::general, 13);
+  Solver s(o);
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  ASSERT_TRUE(s.factorize(a).status.ok());
+  for (const Index columns : {1, 8, 70})
+    for (const Transpose op : {Transpose::no, Transpose::yes}) {
+      const std::vector<double> b = reference::random_vector(130 * static_cast<std::int64_t>(columns), 14);
+      std::vector<double> x(b.size()), aliased(b);
+      EXPECT_TRUE(s.solve(b, x, columns, op).status.ok());
+      EXPECT_TRUE(s.solve(aliased, aliased, columns, op).status.ok());
+      EXPECT_EQ(x, aliased) << columns;
+      EXPECT_LE(reference::backward_error(a, b, x, columns, op == Transpose::yes), 1e-12) << columns;
+    }
+}
+
 TEST(SolverSolve, OverlappingButNotEqualRangesAndZeroRightHandSide) {
   const SparseMatrix a = reference::random_system(50, 5, Values::positive, 15);
   Solver s(two_threads());

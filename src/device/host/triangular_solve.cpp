@@ -15,9 +15,13 @@ using plan::FrontLayout;
 // Fronts with more entries of the factor are split into tiles.
 constexpr Offset kSplitEntries = 1 << 18;
 
-// Row of the padded front at which row r of the front stands.
-Offset padded_row(const FrontLayout& l, Index r) {
-  return r < l.pivots ? r : l.padded_begin(l.pivot_tiles) + (r - l.pivots);
+// A row of `nr` numbers, of which there is one as a rule.
+template <class T>
+void copy_row(const T* from, Index nr, T* to) {
+  if (nr == 1)
+    *to = *from;
+  else
+    std::copy_n(from, nr, to);
 }
 
 }  // namespace
@@ -240,6 +244,10 @@ void TriangularSolve<T>::add_children(Index f, Index begin, Index end, T* to, co
     const Index below = plan_.layout[child].below();
     const auto first = static_cast<Index>(std::lower_bound(relative, relative + below, begin) - relative);
     const T* from = (on_stack_[child] != 0 ? w.stack.data() : contributions_.data()) + place_[child] * nr_;
+    if (nr_ == 1) {
+      for (Index r = first; r < below && relative[r] < end; ++r) to[relative[r] - begin] += from[r];
+      continue;
+    }
     for (Index r = first; r < below && relative[r] < end; ++r) {
       T* row = to + static_cast<Offset>(relative[r] - begin) * nr_;
       for (Index c = 0; c < nr_; ++c) row[c] += from[static_cast<Offset>(r) * nr_ + c];
@@ -254,8 +262,9 @@ void TriangularSolve<T>::divide_forward(Index f, Index j, const T* b, T* y, T* s
   const Index n = l.width(j);
   if (s_.kind != Kind::llt && !transpose_) {
     const std::int32_t* perm = s_.pivot_order.data() + plan_.tree.first[f] + l.begin(j);
+    const Index nr = nr_;
     for (Index k = 0; k < n; ++k)
-      std::copy_n(b + static_cast<Offset>(perm[k]) * nr_, nr_, scratch + static_cast<Offset>(k) * nr_);
+      copy_row(b + static_cast<Offset>(perm[k]) * nr, nr, scratch + static_cast<Offset>(k) * nr);
     b = scratch;
   }
   s_.dense.apply_lower(n, nr_, lower(f, j, j), b, y);
@@ -283,8 +292,8 @@ void TriangularSolve<T>::divide_backward(Index f, Index j, const T* b, T* y) con
     return;
   }
   const std::int32_t* perm = s_.pivot_order.data() + at;
-  for (Index k = 0; k < n; ++k)
-    std::copy_n(y + static_cast<Offset>(k) * nr_, nr_, x + static_cast<Offset>(perm[k]) * nr_);
+  const Index nr = nr_;
+  for (Index k = 0; k < n; ++k) copy_row(y + static_cast<Offset>(k) * nr, nr, x + static_cast<Offset>(perm[k]) * nr);
 }
 
 // A whole front at once, one block column after another: the factor is read in the order in which it is stored.
@@ -312,6 +321,17 @@ void TriangularSolve<T>::forward_front(Index f, Worker& w) {
               (on_stack_[f] != 0 ? w.stack.data() : contributions_.data()) + place_[f] * nr_);
 }
 
+// The rows of x_ below the pivots of front f. @return how many: those of a border are zero
+template <class T>
+Index TriangularSolve<T>::gather_below(Index f, T* to) const {
+  const Index* below = plan_.rows_below(f);
+  const Index known = plan_.layout[f].below() - plan_.tree.border_rows(f), nr = nr_;
+  const T* x = x_;
+  for (Index r = 0; r < known; ++r)
+    copy_row(x + static_cast<Offset>(below[r]) * nr, nr, to + static_cast<Offset>(r) * nr);
+  return known;
+}
+
 template <class T>
 void TriangularSolve<T>::backward_front(Index f, Worker& w) {
   const FrontLayout& l = plan_.layout[f];
@@ -321,9 +341,7 @@ void TriangularSolve<T>::backward_front(Index f, Worker& w) {
   const Offset rows = l.padded_begin(l.tiles);
   std::fill_n(t + static_cast<Offset>(l.pivots) * nr_, (rows - l.pivots) * nr_, T(0));
   std::copy_n(x, static_cast<Offset>(l.pivots) * nr_, t);
-  const Index* below = plan_.rows_below(f);
-  for (Index r = 0; r < l.below() - plan_.tree.border_rows(f); ++r)
-    std::copy_n(x_ + static_cast<Offset>(below[r]) * nr_, nr_, t + padded_row(l, l.pivots + r) * nr_);
+  gather_below(f, t + l.padded_begin(l.pivot_tiles) * nr_);
   T* y = w.tile.data();
   for (Index j = l.pivot_tiles - 1; j >= 0; --j) {
     const Index n = l.width(j);
@@ -382,10 +400,7 @@ void TriangularSolve<T>::backward_tile(Index f, Index j, Worker& w) {
   start_backward(f, j, t);
   const Offset below_rows = l.padded_begin(l.tiles) - l.padded_begin(l.pivot_tiles);
   if (below_rows > 0) {
-    const Index* below = plan_.rows_below(f);
-    const Index known = l.below() - plan_.tree.border_rows(f);
-    for (Index r = 0; r < known; ++r)
-      std::copy_n(x_ + static_cast<Offset>(below[r]) * nr_, nr_, from + static_cast<Offset>(r) * nr_);
+    const Index known = gather_below(f, from);
     std::fill_n(from + static_cast<Offset>(known) * nr_, (below_rows - known) * nr_, T(0));
     s_.dense.apply_transposed(below_rows, n, nr_, upper(f, l.pivot_tiles, j), from, t);
   }

@@ -73,6 +73,7 @@ class TriangularSolve {
   void add_children(Index f, Index begin, Index end, T* to, const Worker& w) const;
   void divide_forward(Index f, Index j, const T* b, T* y, T* scratch) const;
   void start_backward(Index f, Index j, T* y) const;
+  Index gather_below(Index f, T* to) const;
   void divide_backward(Index f, Index j, const T* b, T* y) const;
   [[nodiscard]] const T* lower(Index f, Index i, Index j) const;  // tile of the matrix of the forward sweep
   [[nodiscard]] const T* upper(Index f, Index i, Index j) const;  // tile whose transpose the backward sweep applies

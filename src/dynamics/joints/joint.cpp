@@ -26,6 +26,8 @@ Joint::Joint(std::string kind, std::string name, std::vector<std::unique_ptr<Fra
   bool couples_translation = false, couples_rotation = false;
   for (const JointRow& row : rows_) {
     turns_.emplace_back(row.terms.size());
+    offsets_.push_back(row.offset);
+    driven_ = driven_ || row.driven;
     for (const JointRow::Term& term : row.terms) {
       counts_turns_ = counts_turns_ || (term.kind == Relative::angle && row.terms.size() > 1);
       couples_translation = couples_translation || curves_in_translation(term.kind);
@@ -185,11 +187,11 @@ void Joint::rigid_constraints(double t, ConstSpan q, ConstSpan v, const Constrai
   pair_->evaluate(q, v,
                   {out.phi.empty() ? nullptr : &out.phi[first], rates ? &out.gamma[first] : nullptr,
                    out.phi_q_values.empty() ? nullptr : &out.phi_q_values[phi_q_begin_]});
-  for (std::size_t r = 0; r < rows_.size(); ++r) {
-    const JointRow& row = rows_[r];
-    if (!out.phi.empty()) out.phi[first + r] -= row.offset + (row.driven ? row.function.value(t) : 0.0);
-    if (!out.nu.empty()) out.nu[first + r] = row.driven ? row.function.rate(t) : 0.0;
-    if (rates) out.gamma[first + r] = (row.driven ? row.function.acceleration(t) : 0.0) - out.gamma[first + r];
+  for (std::size_t r = 0; r < offsets_.size(); ++r) {
+    const JointRow* driven = driven_ && rows_[r].driven ? &rows_[r] : nullptr;
+    if (!out.phi.empty()) out.phi[first + r] -= offsets_[r] + (driven ? driven->function.value(t) : 0.0);
+    if (!out.nu.empty()) out.nu[first + r] = driven ? driven->function.rate(t) : 0.0;
+    if (rates) out.gamma[first + r] = (driven ? driven->function.acceleration(t) : 0.0) - out.gamma[first + r];
   }
 }
 
@@ -201,7 +203,7 @@ void Joint::general_constraints(double t, ConstSpan q, ConstSpan v, const Constr
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     JointRow& row = rows_[r];
     const std::size_t global = static_cast<std::size_t>(placement().c) + r;
-    Sum sum{t, -row.offset, 0};
+    Sum sum{t, -offsets_[r], 0};
     for (std::size_t k = 0; k < row.terms.size(); ++k) {
       add_term(r, k, rates, value, sum);
       if (!gradients) continue;
@@ -215,7 +217,7 @@ void Joint::general_constraints(double t, ConstSpan q, ConstSpan v, const Constr
     }
     double phi = sum.phi;
     if (row.measure_offset) {
-      row.offset = phi;
+      offsets_[r] = phi;
       row.measure_offset = false;
       phi = 0;
     }
@@ -274,14 +276,14 @@ void Joint::hold_here(double t, ConstSpan q) {
     if (row.terms.size() > 1) {
       row.measure_offset = true;
     } else if (row.driven || row.terms.front().kind == Relative::distance) {
-      row.offset = coordinate(q, static_cast<int>(r)) - (row.driven ? row.function.value(t) : 0.0);
+      offsets_[r] = coordinate(q, static_cast<int>(r)) - (row.driven ? row.function.value(t) : 0.0);
     }
   }
 }
 
 void Joint::save(std::vector<double>& out) const {
   for (std::size_t r = 0; r < rows_.size(); ++r) {
-    out.push_back(rows_[r].offset);
+    out.push_back(offsets_[r]);
     out.push_back(rows_[r].measure_offset ? 1 : 0);
     for (const TurnCounter& turns : turns_[r]) turns.save(out);
   }
@@ -291,7 +293,7 @@ void Joint::save(std::vector<double>& out) const {
 void Joint::restore(ConstSpan& in) {
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     if (in.size() < 2) throw Error(StatusCode::invalid_input, "the restart file ends too early");
-    rows_[r].offset = in[0];
+    offsets_[r] = in[0];
     rows_[r].measure_offset = in[1] != 0;
     in = in.subspan(2);
     for (TurnCounter& turns : turns_[r]) turns.restore(in);

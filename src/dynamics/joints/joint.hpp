@@ -25,7 +25,7 @@ struct JointRow {
   };
   std::string label;  ///< for people: "rotation about y"
   std::vector<Term> terms;
-  double offset = 0;
+  double offset = 0;  ///< at the beginning; the joint keeps the present one
   TimeFunction function;
   bool driven = false;          ///< function is in use
   bool measure_offset = false;  ///< take the value at the first evaluation as the offset
@@ -95,6 +95,8 @@ class Joint final : public Component {
   std::string kind_;
   std::vector<Attached> frames_;
   std::vector<JointRow> rows_;
+  std::vector<double> offsets_;                  // of the rows, side by side: each pass asks for them
+  bool driven_ = false;                          // some row is
   std::vector<std::vector<TurnCounter>> turns_;  // rows x terms: of the angles that couplings add
   bool counts_turns_ = false;                    // some row adds angles
   std::optional<TurnCounter> spin_;

@@ -47,15 +47,12 @@ class RigidPair {
   void evaluate(ConstSpan q, ConstSpan v, const Results& out) const;
   [[nodiscard]] std::size_t width() const { return (sides_[0].v < 0 ? 0U : 6U) + (sides_[1].v < 0 ? 0U : 6U); }
 
-  /// Looks up where stiffness() adds to in W.
+  /// Looks up where add_stiffness() adds to in W.
   void bind(const SparsePattern& w);
   /// Adds scale * d(sum lambda_r gradient_r)/dq to W.
   void add_stiffness(ConstSpan q, const double* lambda, double scale, Span w_values) const;
 
  private:
-  using Mat12Array = std::array<double, 144>;
-  void local_stiffness(ConstSpan q, const double* lambda, Mat12Array& k) const;
-
   std::array<Side, 2> sides_;
   std::vector<Row> rows_;
   bool has_axes_ = false;   // some row uses axes

@@ -66,13 +66,14 @@ struct BuiltContact {
 /// A system with its names. Frames and components point into it, so it does not move.
 class Mechanism {
  public:
-  /// @param threads of the assembly; 0: all cores
+  /// @param threads  of the assembly; 0: all cores
   explicit Mechanism(int threads);
   Mechanism(const Mechanism&) = delete;
   Mechanism& operator=(const Mechanism&) = delete;
 
   AssembledSystem system;
   base::ThreadPool pool;
+  base::ThreadPool* step_pool = &pool;  ///< of the loops of a step; null: the calling thread makes them alone
   std::vector<BuiltBody> bodies;
   std::map<std::string, std::unique_ptr<Frame>> markers;  ///< named markers, for outputs
   std::vector<Joint*> joints;
@@ -99,6 +100,7 @@ class Mechanism {
 };
 
 /// Reads meshes, makes bodies, joints and forces, and finishes the system.
+/// @param threads  0: all cores, but one for the steps of small models
 /// @throws Error(invalid_input) "file:line: path: what to do"
 [[nodiscard]] std::unique_ptr<Mechanism> build(const Description& model, int threads);
 

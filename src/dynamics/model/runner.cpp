@@ -106,7 +106,7 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
         mechanism_->system,
         make_run_solver(solver, dense, {options_.dump, options_.dump_every, options_.dump_count}, options_.analyses,
                         record_, std::move(shared)),
-        &mechanism_->pool);
+        mechanism_->step_pool);
     if (options_.record_timeline) trace_ = std::make_unique<PhaseTrace>();
     equations_->set_trace(trace_.get());
     for (const std::string& request : model_.output.quantities) choose(request, model_.output.place);
