@@ -6,6 +6,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "base/output_file.hpp"
 
@@ -34,6 +35,8 @@ CLI::Option* add_file(CLI::App& command, const std::string& option, std::string&
 
 CLI::Validator positive() { return number_from(0, false, "a number above 0"); }
 CLI::Validator not_negative() { return number_from(0, true, "a number of at least 0"); }
+
+CLI::Validator finite() { return number_from(std::numeric_limits<double>::lowest(), true, "a finite number"); }
 
 CLI::Validator number() {
   return {[](std::string& text) {

@@ -18,9 +18,10 @@ namespace espalier::cli {
 CLI::Option* add_file(CLI::App& command, const std::string& option, std::string& name, const std::string& text,
                       const char* type = "FILE");
 
-/// A finite number above zero; one of at least zero; a whole number from 0 to 2^64 - 1.
+/// A finite number above zero; one of at least zero; any finite one; a whole number from 0 to 2^64 - 1.
 CLI::Validator positive();
 CLI::Validator not_negative();
+CLI::Validator finite();
 /// Any number; what it may be depends on the model.
 CLI::Validator number();
 CLI::Validator whole_number();

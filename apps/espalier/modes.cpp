@@ -211,7 +211,7 @@ void add_search(CLI::App& sub, ModesCommand& command) {
       ->check(number());
   sub.add_option("--shift", o.shift, "where the search begins (default: a little below zero)")
       ->type_name("S")
-      ->check(number());
+      ->check(finite());
   sub.add_option("--tolerance", o.tolerance, "of a mode's residual in the search (default 1e-10)")
       ->type_name("T")
       ->check(positive());

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/at.hpp"
+#include "base/stopwatch.hpp"
 #include "batch/workers.hpp"
 #include "solver/solution.hpp"
 #include "solver/status_of.hpp"
@@ -71,6 +72,9 @@ void expect_values(const MatrixView& a) {
 
 void forget_solution(std::span<double> x) { std::fill(x.begin(), x.end(), std::numeric_limits<double>::quiet_NaN()); }
 
+namespace {
+
+// Counts failures, and makes the status of all.
 void summarize(BatchResult& result) {
   Index first = -1;
   for (std::size_t k = 0; k < result.systems.size(); ++k) {
@@ -84,6 +88,19 @@ void summarize(BatchResult& result) {
                    fmt::format("{} of {} systems failed, first system {}: {}", result.failed, result.systems.size(),
                                first, s.message),
                    s.row};
+}
+
+}  // namespace
+
+BatchResult carry_out(solver::Session& session, double start, const std::function<void(BatchResult&)>& work) {
+  BatchResult result;
+  Status status = solver::status_of(session.interruption, kRemedy, [&] { work(result); });
+  if (status.ok())
+    summarize(result);
+  else
+    result.status = std::move(status);
+  result.seconds = base::now_seconds() - start;
+  return result;
 }
 
 }  // namespace espalier::batch

@@ -2,6 +2,7 @@
 /// A system by itself, and what becomes of all.
 #pragma once
 
+#include <functional>
 #include <span>
 
 #include "batch/chunk.hpp"
@@ -24,7 +25,8 @@ int solve_on_threads(solver::Session& session, std::span<const System> systems, 
 void expect_values(const MatrixView& a);
 /// x of a system that has failed.
 void forget_solution(std::span<double> x);
-/// Counts failures, and makes the status of all.
-void summarize(BatchResult& result);
+/// What `work` makes of the systems: what it throws, or else the failures that it has left there, as the status of all.
+/// @param start  of base::now_seconds()
+BatchResult carry_out(solver::Session& session, double start, const std::function<void(BatchResult&)>& work);
 
 }  // namespace espalier::batch

@@ -102,8 +102,7 @@ BatchResult Batch::solve(std::span<const double> values, std::span<const double>
         fmt::format("Batch::solve: {} systems need {} values and {} numbers in b and x; there are {}, {} and {}", count,
                     nonzeros * at(count), all, values.size(), b.size(), x.size()));
   const double start = base::now_seconds();
-  BatchResult result;
-  Status status = solver::status_of(m.session.interruption, kRemedy, [&] {
+  return batch::carry_out(m.session, start, [&](BatchResult& result) {
     if (m.session.opening.valid()) m.session.opening.wait();
     const int workers = result.workers = m.workers_for(count);
     m.prepare(workers);
@@ -119,12 +118,6 @@ BatchResult Batch::solve(std::span<const double> values, std::span<const double>
       result.systems[at(k)] = batch::solve_one(m.worker(worker), systems[at(k)], columns, transposed);
     });
   });
-  if (status.ok())
-    batch::summarize(result);
-  else
-    result.status = std::move(status);
-  result.seconds = base::now_seconds() - start;
-  return result;
 }
 
 }  // namespace espalier

@@ -11,7 +11,6 @@
 #include "batch/alone.hpp"
 #include "batch/groups.hpp"
 #include "solver/session.hpp"
-#include "solver/status_of.hpp"
 
 namespace espalier {
 
@@ -35,8 +34,7 @@ BatchResult solve_systems(std::span<const System> systems, const Options& option
   check_sizes(systems);
   const double start = base::now_seconds();
   solver::Session session(options);  // threads, and the caller's wish to stop
-  BatchResult result;
-  Status status = solver::status_of(session.interruption, batch::kRemedy, [&] {
+  return batch::carry_out(session, start, [&](BatchResult& result) {
     const bool groups = systems.size() > 1 && batch::Groups::serve(options, session.context.registry);
     result.systems.resize(systems.size());
     std::vector<Index> all(systems.size());
@@ -44,12 +42,6 @@ BatchResult solve_systems(std::span<const System> systems, const Options& option
     result.workers = groups ? batch::Groups(session).solve(systems, result.systems)
                             : batch::solve_on_threads(session, systems, all, session.pool.size(), result.systems);
   });
-  if (status.ok())
-    batch::summarize(result);
-  else
-    result.status = std::move(status);
-  result.seconds = base::now_seconds() - start;
-  return result;
 }
 
 }  // namespace espalier

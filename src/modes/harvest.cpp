@@ -104,7 +104,8 @@ void examine(const SparseMatrix& k, const SparseMatrix& m, const Product& k_full
       const auto i = static_cast<std::size_t>(c + j);
       const double l = result.eigenvalues[i];
       const double size = (k_norm + std::abs(l) * m_norm) * vector_of(x + static_cast<std::int64_t>(n) * j, n).norm();
-      result.residuals[i] = (vector_of(kx.col(j), n) - l * vector_of(mx.col(j), n)).norm() / size;
+      const double residual = (vector_of(kx.col(j), n) - l * vector_of(mx.col(j), n)).norm();
+      result.residuals[i] = residual == 0 ? 0 : residual / size;  // without stiffness both are 0
     }
     const Dense g = gram(shop.pool, n, result.vectors.data(), count, inner_is_k ? kx.col(0) : mx.col(0), width);
     for (Index j = 0; j < width; ++j)

@@ -46,6 +46,13 @@ LanczosResult Lanczos::run(const LanczosOptions& options) {
   j_ = 0;
   still_ = 0;
   Index width = begin();
+  if (width == 0) {  // in what is left beside known vectors there may be nothing more
+    if (known_ > 0) return result(Ritz{}, true);
+    throw Error(StatusCode::accuracy_not_reached,
+                fmt::format("nothing is left of a random vector in the product with {} and the solution after it: the "
+                            "matrices are too badly scaled, or the shift is too far from all eigenvalues",
+                            op_.inner));
+  }
   Index look = std::max<Index>(options_.block, options_.wanted.negative + options_.wanted.positive);
   for (;;) {
     pool_.check();

@@ -84,6 +84,7 @@ class Modes(Cli):
         self.expect(2, "modes", self.k, self.m, "--count", 1, "--kind", "lu", says="--kind has no meaning here")
         self.expect(2, "modes", self.k, self.m, "--count", 1, "--out", self.k, says="would replace the file of K")
         self.expect(3, "modes", self.m, self.m, "--count", 1, "--shift", 1, says="the shift 1 is an eigenvalue")
+        self.expect(2, "modes", self.k, self.m, "--count", 1, "--shift", "nan", says="'nan' is not a finite number")
         self.expect(4, "modes", "--generate", "elasticity 8", "--count", 40, "--host-memory", "100K", says="budget")
 
     def test_stops_at_ctrl_c(self):

@@ -124,6 +124,28 @@ TEST(ModesBehaviour, ASingularPencilIsNamed) {
       "finite"));
 }
 
+TEST(ModesBehaviour, ASearchOfWhichNothingIsLeftIsNamed) {
+  // What is multiplied with M and solved for, twice, is below the smallest number: no basis begins.
+  const SparseMatrix k = string(20);
+  EXPECT_TRUE(says(refusal(k, diagonal(std::vector<double>(20, 1e-300)), lowest(3), StatusCode::accuracy_not_reached),
+                   "nothing is left of a random vector"));
+  ModesOptions o = lowest(3);
+  o.shift = 1e300;
+  EXPECT_TRUE(says(refusal(k, identity(20), o, StatusCode::accuracy_not_reached), "the shift is too far"));
+}
+
+TEST(ModesBehaviour, MassesWithoutStiffnessMoveFreely) {
+  const SparseMatrix nothing = diagonal(std::vector<double>(20, 0.0)), m = identity(20);
+  const ModesResult r = find_modes(nothing, m, lowest(3));
+  ASSERT_TRUE(r.status.ok()) << r.status.message;
+  ASSERT_EQ(r.count(), 3);
+  EXPECT_TRUE(r.complete) << r.completeness;
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(r.eigenvalues[i], 0, 1e-12);
+    EXPECT_LE(r.residuals[i], 1e-12);
+  }
+}
+
 TEST(ModesBehaviour, TheSameBitsForAnyNumberOfThreads) {
   const SparseMatrix k = generated({"elasticity", "8"}), m = generated({"elasticity-mass", "8"});
   ModesOptions o = lowest(30);

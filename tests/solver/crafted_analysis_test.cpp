@@ -215,9 +215,9 @@ TEST(CraftedAnalysis, IsRefusedOrGivesTheRightAnswer) {
     EXPECT_FALSE(refused_or_right(path, truth)) << "the file itself";
     int refused = 0;
 #if defined(ESPALIER_SANITIZED)
-    constexpr int kCases = 300;  // a hundred times slower
+    constexpr int kCases = 200;  // a hundred times slower
 #else
-    constexpr int kCases = 1500;
+    constexpr int kCases = 500;
 #endif
     for (int k = 0; k < kCases && !::testing::Test::HasFailure(); ++k) {
       SCOPED_TRACE("values " + std::to_string(static_cast<int>(values)) + ", seed " + std::to_string(k));

@@ -236,7 +236,7 @@ GeneralizedAlpha::Outcome GeneralizedAlpha::solve(StepReport& report) {
     if (previous > 0) report.newton_rate = seen;
     if (iteration > 1) rate_ = std::max(0.3 * rate_, tiny ? forces : seen);
     const double rate = std::min(rate_, 0.9), left = rate / (1 - rate);
-    const double own = local_error(change), allowed = options_.newton_tolerance * std::max(own, kMemory * local_error_);
+    const double own = local_error(change), allowed = newton_share_ * std::max(own, kMemory * local_error_);
     const double trusted_force = std::max(kTrusted * first_force, kAboveFloor * force_floor_);
     const bool trusted = fresh_ || !tiny || (last > 0 && change.force <= trusted_force);
     const bool holds = report.levels.position <= options_.constraint_tolerance && trusted;

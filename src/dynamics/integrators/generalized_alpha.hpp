@@ -17,7 +17,7 @@ struct AlphaOptions {
   double spectral_radius = 0.8;  ///< at infinite frequency (rho): 1 no damping, 0 annihilation; order 2 for any
   double hht_alpha = 1;          ///< in [-1/3, 0]: the HHT method with this alpha instead (1: not used)
   /// Error that the end of Newton's iteration may leave in accelerations and multipliers, in units of the error that
-  /// the method itself makes in a step.
+  /// the method itself makes in a step; less where spectral_radius is above 0.9.
   double newton_tolerance = 0.01;
   double tolerance = 1e-8;  ///< and at most so much of q and h v, relative to (relative |q| + absolute)
   double relative = 1.0;    ///< weights of that: tolerance * (relative * |q_i| + absolute)
@@ -144,6 +144,7 @@ class GeneralizedAlpha final : public Integrator {
   SharedVectors vectors_;
   State state_, trial_;
   double alpha_m_ = 0, alpha_f_ = 0, beta_ = 0, gamma_ = 0;
+  double newton_share_ = 0;  // of the method's error in a step, what Newton's iteration may leave
   double h_ = 0;
   double h_before_ = 0;       // of the step before; 0: none
   double trend_ = 1;          // of the last change of a and lambda, how much the predictor takes once more
