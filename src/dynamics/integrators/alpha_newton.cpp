@@ -57,14 +57,24 @@ void GeneralizedAlpha::reach() {
   run(StateReached{c_v_, c_q_});
   if (on_device()) return reach_there();
   equations_.system().retract(state_.q, delta_, trial_.q);
-  carry({trial_.a, trial_.v});
+  carry(trial_.a);
+  carry(trial_.v);
 }
 
-// From the axes of q_n to those of q_n (+) delta. Those of bodies on a GPU never turn.
-void GeneralizedAlpha::carry(std::initializer_list<Span> vectors) const {
-  const std::span<const Span> all(vectors.begin(), vectors.size());
-  if (!on_device()) return equations_.system().carry(delta_, all);
-  for (const Component* c : vectors_.share().owners) c->carry(delta_, all);
+// From the axes of q_n to those of q_n (+) delta: exp(-delta) x = T(-delta)^-1 T(delta) x. Those of bodies on a GPU
+// never turn.
+void GeneralizedAlpha::carry(Span x) const {
+  if (on_device()) {
+    for (const Index i : vectors_.share().own) minus_delta_[at(i)] = -delta_[at(i)];
+    for (const Component* c : vectors_.share().owners) {
+      c->velocity_of_rate(delta_, x, turned_);
+      c->rate_of_velocity(minus_delta_, turned_, x);
+    }
+    return;
+  }
+  for_coordinates([&](std::size_t i) { minus_delta_[i] = -delta_[i]; });
+  equations_.system().velocity_of_rate(delta_, x, turned_);
+  equations_.system().rate_of_velocity(minus_delta_, turned_, x);
 }
 
 // The multiple of the last change that would have predicted this step best (least squares, weighted), in [0, 1]: near 1

@@ -2,7 +2,6 @@
 /// The generalized-alpha method on a Lie group, index 3.
 #pragma once
 
-#include <initializer_list>
 #include <optional>
 
 #include "dynamics/dae/vectors.hpp"
@@ -88,7 +87,7 @@ class GeneralizedAlpha final : public Integrator {
   void coefficients(double h);
   void predict();
   void reach();
-  void carry(std::initializer_list<Span> vectors) const;
+  void carry(Span x) const;
   void weigh();
   [[nodiscard]] double weight_of(double size) const;
   void learn_trend();
@@ -177,9 +176,10 @@ class GeneralizedAlpha final : public Integrator {
   std::vector<double> a_step_;                    // v' of the trial state, in the axes of q_n as all but the state is
   std::vector<double> a_before_, lambda_before_;  // at the beginning of the step before
   std::vector<double> delta_, weight_, f_, rhs_, work_;
-  std::vector<double> force_;           // F, scaled, of the host's coordinates beside a GPU
-  std::vector<double> change_;          // the last one of a and lambda, n + m, for a search
-  mutable std::vector<double> second_;  // second differences, n + m
+  std::vector<double> force_;                         // F, scaled, of the host's coordinates beside a GPU
+  std::vector<double> change_;                        // the last one of a and lambda, n + m, for a search
+  mutable std::vector<double> second_;                // second differences, n + m
+  mutable std::vector<double> minus_delta_, turned_;  // of carry()
 };
 
 }  // namespace espalier::dynamics
