@@ -82,8 +82,7 @@ void read_sizes(const Source& source, const char* end, MatrixMarketHeader& heade
 }  // namespace
 
 void expect_real(const MatrixMarketHeader& header, const Source& source, const char* needed) {
-  if (header.complex)
-    fail_at(source, source.text.data(), fmt::format("the file is complex; this needs {}", needed));
+  if (header.complex) fail_at(source, source.text.data(), fmt::format("the file is complex; this needs {}", needed));
 }
 
 bool is_matrix_market(std::string_view text) { return lower_case(text.substr(0, kBanner.size())) == kBanner; }

@@ -46,7 +46,7 @@ class FrameMotionFunction final : public VectorFunction {
   }
   Vec3 derivatives(const StateView& s, Derivatives& out) const override {
     clear(out);
-    const Vec3 y = value(s);
+    Vec3 y = value(s);
     const Columns6 j = jacobian(*frame_, s.q);
     if (what_ == Motion::position) {
       out.q = j.topRows<3>();
