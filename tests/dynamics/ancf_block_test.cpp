@@ -1,6 +1,7 @@
-// ANCF elements side by side. Truth: evaluate_shell(), a second implementation, element by element.
+// ANCF elements side by side. Truth: evaluate_shell() and evaluate_cable(), second implementations, element by element.
 #include <fmt/format.h>
 
+#include "dynamics/elements/ancf_cable_block.hpp"
 #include "dynamics/elements/ancf_shell.hpp"
 #include "dynamics/elements/ancf_shell_block.hpp"
 #include "elements_common.hpp"
@@ -48,12 +49,25 @@ Kind shell(const std::string& lanes, const ShellKernel& kernel, SolidLaw law) {
           1e-12};  // tr E - ln J cancels
 }
 
+Kind cable(const std::string& lanes, const CableKernel& kernel) {
+  const CableSection section{150, 3, 2};
+  const CableLaw block{section, 1.3};
+  return {"cable_" + lanes,
+          kernel.width,
+          [=](const BlockInput& in, const BlockOutput& out) { return kernel.evaluate(block, in, out); },
+          [=](const ElementInput& in, ElementOutput& out) { return evaluate_cable(section, 1.3, in, out); },
+          (Vector(12) << 0, 0, 0, 1, 0, 0, 1.3, 0, 0, 1, 0, 0).finished(),
+          1e-13};
+}
+
 std::vector<Kind> kinds() {
   std::vector<Kind> all;
   for (const SolidLaw law : {SolidLaw::st_venant_kirchhoff, SolidLaw::neo_hookean}) {
     all.push_back(shell("scalar", scalar_shell_kernel(), law));
     all.push_back(shell("vector", vector_shell_kernel(), law));
   }
+  all.push_back(cable("scalar", scalar_cable_kernel()));
+  all.push_back(cable("vector", vector_cable_kernel()));
   return all;
 }
 
@@ -146,8 +160,7 @@ TEST_P(AncfBlock, OneBadElementLeavesTheOthers) {
   Block b(kind);
   const BlockResult good = evaluate(kind, b, kSettings[1]);
   const std::size_t bad = b.width - 1;
-  Vector& x = b.position[bad];
-  x.setConstant(0.5);  // all vertices in one place
+  b.position[bad].setZero();
   const BlockResult r = evaluate(kind, b, kSettings[1]);
   EXPECT_EQ(r.whole, good.whole & ~(1U << bad));
   for (std::size_t k = 0; k < r.tangent.size(); ++k)

@@ -41,6 +41,9 @@ __constant__ hex8::BlockTables the_tables, the_shell_tables;
 __device__ inline const hex8::BlockTables& tables() { return the_tables; }
 __device__ inline const hex8::BlockTables& shell_tables() { return the_shell_tables; }
 
+__constant__ CableTables the_cable_tables;
+__device__ inline const CableTables& cable_tables() { return the_cable_tables; }
+
 #undef ESPALIER_ANYWHERE
 #define ESPALIER_ANYWHERE __device__
 #undef ESPALIER_APART
@@ -54,6 +57,8 @@ __device__ inline const hex8::BlockTables& shell_tables() { return the_shell_tab
 #include "dynamics/elements/hex8_strain_block-inl.hpp"
 //
 #include "dynamics/elements/ancf_shell_block-inl.hpp"
+//
+#include "dynamics/elements/ancf_cable_block-inl.hpp"
 //
 #include "dynamics/elements/solid_block-inl.hpp"
 
@@ -97,6 +102,12 @@ __global__ void __launch_bounds__(kThreads) shells_kernel(const ElementsJob job,
       job, [&](const BlockInput& in, const BlockOutput& out) { return evaluate_shell_block<Lane>(law, in, out) != 0; });
 }
 
+template <bool kTangent>
+__global__ void __launch_bounds__(kThreads) cables_kernel(const ElementsJob job, const CableLaw law) {
+  evaluate_element<kCableVertices, kTangent>(
+      job, [&](const BlockInput& in, const BlockOutput& out) { return evaluate_cable_block<Lane>(law, in, out) != 0; });
+}
+
 template <int kNodes, int kPoints, bool kTangent>
 __global__ void __launch_bounds__(kThreads) solid_kernel(const ElementsJob job, const SolidConstants law) {
   const auto& table = *reinterpret_cast<const ShapeTable<kNodes, kPoints>*>(job.table);
@@ -136,6 +147,7 @@ struct Launch {
     run(law.by_strains() ? strains_kernel<kTangent> : hexahedra_kernel<kTangent>, law);
   }
   void operator()(const ShellLaw& law) const { run(shells_kernel<kTangent>, law); }
+  void operator()(const CableLaw& law) const { run(cables_kernel<kTangent>, law); }
 
  private:
   template <class Law>
@@ -157,10 +169,12 @@ struct Upload {
   }
   DeviceArray<double> operator()(const Hex8Law&) const { return fill(the_tables, kHex8BlockTables); }
   DeviceArray<double> operator()(const ShellLaw&) const { return fill(the_shell_tables, kShellBlockTables); }
+  DeviceArray<double> operator()(const CableLaw&) const { return fill(the_cable_tables, kCableTables); }
 
  private:
-  static DeviceArray<double> fill(const hex8::BlockTables& constant, const hex8::BlockTables& tables) {
-    call("cudaMemcpyToSymbol", [&] { return cudaMemcpyToSymbol(constant, &tables, sizeof(hex8::BlockTables)); });
+  template <class Tables>
+  static DeviceArray<double> fill(const Tables& constant, const Tables& tables) {
+    call("cudaMemcpyToSymbol", [&] { return cudaMemcpyToSymbol(constant, &tables, sizeof(Tables)); });
     return {};
   }
 };

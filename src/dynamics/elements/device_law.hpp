@@ -4,6 +4,7 @@
 
 #include <variant>
 
+#include "dynamics/elements/ancf_cable_block.hpp"
 #include "dynamics/elements/ancf_shell_block.hpp"
 #include "dynamics/elements/hex8_block.hpp"
 #include "dynamics/elements/solid_block.hpp"
@@ -19,7 +20,7 @@ struct SolidElements {
 
 /// Elements of one type and law.
 struct DeviceLaw {
-  std::variant<SolidElements, Hex8Law, ShellLaw> of_kind;
+  std::variant<SolidElements, Hex8Law, ShellLaw, CableLaw> of_kind;
 };
 
 }  // namespace espalier::dynamics

@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <functional>
 #include <numeric>
 #include <stdexcept>
 
@@ -109,6 +111,11 @@ class ChainGroup : public VertexGroup<2 * kPerNode> {
 
  protected:
   [[nodiscard]] double length(Index e) const { return length_[static_cast<std::size_t>(e)]; }
+  /// That of all elements, or 0: they differ.
+  [[nodiscard]] double common_length() const {
+    const bool equal = std::adjacent_find(length_.begin(), length_.end(), std::not_equal_to<>()) == length_.end();
+    return equal && !length_.empty() ? length_.front() : 0;
+  }
 
  private:
   std::vector<double> length_;
@@ -117,14 +124,26 @@ class ChainGroup : public VertexGroup<2 * kPerNode> {
 class CableGroup final : public ChainGroup<2> {
  public:
   CableGroup(const CableSection& section, const std::vector<Index>& nodes, std::vector<double> length)
-      : ChainGroup(nodes, std::move(length)), section_(section) {}
+      : ChainGroup(nodes, std::move(length)), section_(section), kernel_(vector_cable_kernel()) {
+    cables_ = {section, common_length()};
+    law_.of_kind = cables_;
+  }
   [[nodiscard]] bool evaluate(Index e, const ElementInput& in, ElementOutput& out) const override {
     return evaluate_cable(section_, length(e), in, out);
   }
+  // Kernels know one length.
+  [[nodiscard]] int width() const override { return cables_.length > 0 ? kernel_.width : 1; }
+  [[nodiscard]] unsigned evaluate_block(const BlockInput& in, const BlockOutput& out) const override {
+    return kernel_.evaluate(cables_, in, out);
+  }
+  [[nodiscard]] const DeviceLaw* device_law() const override { return cables_.length > 0 ? &law_ : nullptr; }
   void mass(Index e, const double*, double* m) const override { cable_mass(section_, length(e), m); }
 
  private:
   CableSection section_;
+  CableKernel kernel_;
+  CableLaw cables_;
+  DeviceLaw law_;
 };
 
 class BeamGroup final : public ChainGroup<4> {
