@@ -1,4 +1,4 @@
-// Elements per second: internal force and tangent of one body, assembled, for every solid element, law and damping.
+// Elements per second: internal force and tangent of one body, assembled, for every element, law and damping.
 // Every answer is checked in the same program: the force against differences of the energy (undamped) and the tangent
 // against differences of the force, along one random direction.
 #include <fmt/format.h>
@@ -12,6 +12,7 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <random>
 
 #include "base/thread_pool.hpp"
@@ -31,25 +32,6 @@ struct Arguments {
   bool processor = false;
   std::string only, json, dump;
 };
-
-struct Case {
-  std::string name;
-  ElementType type;
-  SolidOptions options;
-};
-
-std::vector<Case> cases() {
-  std::vector<Case> all = {{"tet4", ElementType::tet4, {}},
-                           {"tet10", ElementType::tet10, {}},
-                           {"hex20", ElementType::hex20, {}},
-                           {"hex20 reduced", ElementType::hex20, {Hex8Formulation::full, true}}};
-  const std::pair<const char*, Hex8Formulation> forms[] = {{"hex8 full", Hex8Formulation::full},
-                                                           {"hex8 mean", Hex8Formulation::mean_dilatation},
-                                                           {"hex8 enhanced", Hex8Formulation::enhanced},
-                                                           {"hex8 shell", Hex8Formulation::shell}};
-  for (const auto& [name, form] : forms) all.push_back({name, ElementType::hex8, {form, false}});
-  return all;
-}
 
 /// Every hexahedron cut into six tetrahedra around its diagonal, with nodes in the middle of edges where wanted.
 Mesh tetrahedra(const Mesh& hexes, bool quadratic) {
@@ -86,15 +68,65 @@ Mesh make_mesh(ElementType type, int elements) {
   return cut ? tetrahedra(block, type == ElementType::tet10) : block;
 }
 
+using MakeBody = std::function<std::unique_ptr<FlexibleBody>(const Material& material, base::ThreadPool* pool)>;
+
+struct Case {
+  std::string name;
+  bool neo_hookean;  ///< it has this law, too
+  double edge;       ///< of an element, about
+  MakeBody make;
+};
+
+/// A cylinder of shells.
+std::unique_ptr<FlexibleBody> make_cylinder(int elements, const Material& material) {
+  const Index around = std::max(4, static_cast<Index>(std::lround(std::sqrt(elements)))), along = around;
+  std::vector<Point> positions, directors;
+  std::vector<std::array<Index, 4>> quads;
+  const auto node = [&](Index i, Index k) { return i * around + k % around; };
+  for (Index i = 0; i <= along; ++i)
+    for (Index k = 0; k < around; ++k) {
+      const double angle = 2 * std::numbers::pi * k / around;
+      directors.push_back({0, std::cos(angle), std::sin(angle)});
+      positions.push_back({static_cast<double>(i) / along, 0.2 * std::cos(angle), 0.2 * std::sin(angle)});
+      if (i < along) quads.push_back({node(i, k), node(i, k + 1), node(i + 1, k + 1), node(i + 1, k)});
+    }
+  return make_shell_body("body", positions, directors, quads, material, 0.02);
+}
+
+std::vector<Case> cases(int elements) {
+  std::vector<Case> all;
+  const auto add_solid = [&](const std::string& name, ElementType type, const SolidOptions& options) {
+    all.push_back({name, true, 1 / std::cbrt(elements), [=](const Material& material, base::ThreadPool* pool) {
+                     return make_solid_body("body", make_mesh(type, elements), material, options, {}, pool);
+                   }});
+  };
+  add_solid("tet4", ElementType::tet4, {});
+  add_solid("tet10", ElementType::tet10, {});
+  add_solid("hex20", ElementType::hex20, {});
+  add_solid("hex20 reduced", ElementType::hex20, {Hex8Formulation::full, true});
+  const std::pair<const char*, Hex8Formulation> forms[] = {{"hex8 full", Hex8Formulation::full},
+                                                           {"hex8 mean", Hex8Formulation::mean_dilatation},
+                                                           {"hex8 enhanced", Hex8Formulation::enhanced},
+                                                           {"hex8 shell", Hex8Formulation::shell}};
+  for (const auto& [name, form] : forms) add_solid(name, ElementType::hex8, {form, false});
+  all.push_back({"ANCF shell", true, 1 / std::sqrt(elements),
+                 [=](const Material& material, base::ThreadPool*) { return make_cylinder(elements, material); }});
+  const Index line = std::min(elements, 500);  // far nodes have few digits for differences
+  const Point start{0, 0, 0}, end{static_cast<double>(line), 0, 0}, side{0, 1, 0};
+  all.push_back({"ANCF cable", false, 1, [=](const Material&, base::ThreadPool*) {
+                   return make_cable_body("body", start, end, line, {150, 3, 2});
+                 }});
+  all.push_back({"ANCF beam", false, 1, [=](const Material& material, base::ThreadPool*) {
+                   return make_beam_body("body", start, end, side, line, rectangular_section(material, 0.4, 0.2));
+                 }});
+  return all;
+}
+
 /// A body in a random state near its reference, with the directions that the check uses.
 class Probe {
  public:
-  Probe(const Case& c, SolidLaw law, bool damped, const Arguments& arguments, base::ThreadPool* pool) {
-    Mesh mesh = make_mesh(c.type, arguments.elements);
-    for (Index e = 0; e < mesh.element_count(); ++e)
-      elements_.emplace_back(mesh.element(e).begin(), mesh.element(e).end());
-    nodes_ = mesh.nodes;
-    auto owned = make_solid_body("body", mesh, {law, 200, 0.3, 1}, c.options, {}, pool);
+  Probe(const Case& c, SolidLaw law, bool damped, base::ThreadPool* pool) {
+    auto owned = c.make({law, 200, 0.3, 1}, pool);
     if (damped) owned->set_damping({0, 1e-3});
     body_ = &system_.add(std::move(owned));
     system_.finish();
@@ -102,7 +134,7 @@ class Probe {
     q_.resize(n);
     v_.resize(n);
     system_.initial(q_, v_);
-    const double size = 0.05 / std::cbrt(static_cast<double>(mesh.element_count()));
+    const double size = 0.05 * c.edge;
     std::mt19937 generator(3);
     std::uniform_real_distribution<double> uniform(-size, size);
     for (double& x : q_) x += 0.3 * uniform(generator);
@@ -118,7 +150,15 @@ class Probe {
 
   /// The mesh, the state, a direction, and what the last force() and tangent() made of them: for another program.
   [[nodiscard]] nlohmann::json values() const {
-    return {{"nodes", nodes_},  {"elements", elements_},   {"positions", q_},
+    std::vector<Point> nodes;
+    const std::span<const double> x = body_->reference();
+    for (std::size_t k = 0; k < x.size(); k += 3) nodes.push_back({x[k], x[k + 1], x[k + 2]});
+    std::vector<std::vector<Index>> elements;
+    body_->assembly().for_each_group([&](const ElementGroup& group, std::span<const Index>) {
+      for (Index e = 0; e < group.count(); ++e)
+        elements.emplace_back(group.vertices(e).begin(), group.vertices(e).end());
+    });
+    return {{"nodes", nodes},   {"elements", elements},    {"positions", q_},
             {"forces", force_}, {"direction", direction_}, {"tangent_times_direction", times_direction()}};
   }
 
@@ -177,8 +217,6 @@ class Probe {
 
   AssembledSystem system_;
   FlexibleBody* body_ = nullptr;
-  std::vector<std::vector<Index>> elements_;
-  std::vector<Point> nodes_;
   Vector q_, v_, direction_, force_, values_;
 };
 
@@ -201,7 +239,7 @@ double fastest(const Arguments& a, const std::function<void()>& call) {
 
 Arguments parse(int argc, char** argv) {
   Arguments a;
-  CLI::App app{"Elements per second: internal force and tangent of solids, assembled"};
+  CLI::App app{"Elements per second: internal force and tangent, assembled"};
   app.add_option("--elements", a.elements, "elements of each body, about");
   app.add_option("--threads", a.threads, "threads of the assembly");
   app.add_option("--seconds", a.seconds, "time spent on each figure, at least");
@@ -228,13 +266,14 @@ int main(int argc, char** argv) {
   bool right = true;
   fmt::print("microseconds an element, {} thread(s)\n{:34}{:>8}{:>9}{:>9}{:>13}{:>13}{:>10}\n", a.threads, "",
              "elements", "force", "tangent", "forces/s", "tangents/s", "error");
-  for (const Case& c : cases())
+  for (const Case& c : cases(a.elements))
     for (const SolidLaw law : {SolidLaw::st_venant_kirchhoff, SolidLaw::neo_hookean})
       for (const bool damped : {false, true}) {
+        if (law == SolidLaw::neo_hookean && !c.neo_hookean) continue;
         const std::string name =
             c.name + (law == SolidLaw::neo_hookean ? ", neo-Hookean" : ", SVK") + (damped ? ", damped" : "");
         if (!name.starts_with(a.only)) continue;
-        Probe probe(c, law, damped, a, &pool);
+        Probe probe(c, law, damped, &pool);
         const double error = probe.check(damped);
         const double n = probe.elements();
         const double force = fastest(a, [&] { probe.force(); }) / n;

@@ -137,12 +137,10 @@ Mesh single_elements(ElementType type, Index count) {
 }
 
 /// The body somewhere, in motion.
-void compare_body(const Mesh& mesh, const Material& material, const SolidOptions& options, double damping) {
-  SCOPED_TRACE(testing::Message() << shape_of(mesh.type(0)).name << ", " << mesh.element_count() << " elements, law "
-                                  << static_cast<int>(material.law) << ", formulation "
-                                  << static_cast<int>(options.hex8) << ", damping " << damping);
+void compare_body(std::unique_ptr<FlexibleBody> owned, double damping) {
   AssembledSystem system;
-  FlexibleBody& body = system.add(make_solid_body("body", mesh, material, options));
+  FlexibleBody& body = system.add(std::move(owned));
+  body.fit_device_always();
   body.set_damping({100 * damping, damping});
   body.set_gravity({0, 0, -9.81});
   system.finish();
@@ -163,6 +161,13 @@ void compare_body(const Mesh& mesh, const Material& material, const SolidOptions
   EXPECT_LT(difference(on_gpu, on_host), 1e-13);
   equations.factorize(s.view(), weights);
   EXPECT_LT(difference(equations.kkt().w_of_factor(), w), 1e-13);
+}
+
+void compare_body(const Mesh& mesh, const Material& material, const SolidOptions& options, double damping) {
+  SCOPED_TRACE(testing::Message() << shape_of(mesh.type(0)).name << ", " << mesh.element_count() << " elements, law "
+                                  << static_cast<int>(material.law) << ", formulation "
+                                  << static_cast<int>(options.hex8) << ", damping " << damping);
+  compare_body(make_solid_body("body", mesh, material, options), damping);
 }
 
 TEST_F(DeviceAssemblyTest, EverySolid) {
@@ -294,6 +299,18 @@ TEST(DeviceAssemblyWithoutGpu, FacesOfTheHostDecide) {
   EXPECT_EQ(nothing_fits.host_share(), 1.0);
 }
 
+// The launches of a short chain would take longer than its elements.
+TEST(DeviceAssemblyWithoutGpu, ShortChainsStayWithTheCores) {
+  const auto chain = [](Index elements) {
+    return make_cable_body("cable", {0, 0, 0}, {1, 0, 0}, elements, {2e3, 10, 2});
+  };
+  EXPECT_FALSE(chain(499)->fits_device());
+  EXPECT_TRUE(chain(500)->fits_device());
+  const auto short_chain = chain(3);
+  short_chain->fit_device_always();
+  EXPECT_TRUE(short_chain->fits_device());
+}
+
 TEST(DeviceAssemblyWithoutGpu, TheHostGoesOn) {
   bool on_device = true;
   (void)tumbled("cpu", on_device);
@@ -301,6 +318,89 @@ TEST(DeviceAssemblyWithoutGpu, TheHostGoesOn) {
   on_device = true;
   EXPECT_GT(max_norm(balanced("cpu", on_device).lambda), 0);
   EXPECT_FALSE(on_device);
+}
+
+TEST_F(DeviceAssemblyTest, EveryHexahedron) {
+  for (const Hex8Formulation form :
+       {Hex8Formulation::full, Hex8Formulation::mean_dilatation, Hex8Formulation::enhanced, Hex8Formulation::shell})
+    for (const SolidLaw law : {SolidLaw::st_venant_kirchhoff, SolidLaw::neo_hookean})
+      for (const double damping : {0.0, 1e-3}) {
+        SolidOptions options;
+        options.hex8 = form;
+        compare_body(make_block({3, 2, 1}, 5, 3, 3, ElementType::hex8), {law, 2e5, 0.3, 1000}, options, damping);
+      }
+}
+
+/// A tenth of a cylinder, 0.1 thick.
+std::unique_ptr<FlexibleBody> curved_shell(Index along, Index around, SolidLaw law) {
+  std::vector<Point> positions, directors;
+  std::vector<std::array<Index, 4>> quads;
+  for (Index i = 0; i <= along; ++i)
+    for (Index k = 0; k <= around; ++k) {
+      const double angle = 0.6 * k / around;
+      directors.push_back({0, std::sin(angle), std::cos(angle)});
+      positions.push_back({2.0 * i / along, 5 * std::sin(angle), 5 * std::cos(angle)});
+      const Index n = i * (around + 1) + k;
+      if (i < along && k < around) quads.push_back({n, n + around + 1, n + around + 2, n + 1});
+    }
+  return make_shell_body("shell", positions, directors, quads, {law, 2e5, 0.3, 1000}, 0.1);
+}
+
+TEST_F(DeviceAssemblyTest, Shells) {
+  for (const Index across : {1, 7})
+    for (const SolidLaw law : {SolidLaw::st_venant_kirchhoff, SolidLaw::neo_hookean})
+      for (const double damping : {0.0, 1e-3}) {
+        SCOPED_TRACE(testing::Message() << across << " across, law " << static_cast<int>(law) << ", damping "
+                                        << damping);
+        compare_body(curved_shell(across, across, law), damping);
+      }
+}
+
+std::unique_ptr<FlexibleBody> straight_cable(Index elements) {
+  return make_cable_body("cable", {0, 0, 0}, {1.0 * elements, 0, 0}, elements, {2e3, 10, 2});
+}
+
+TEST_F(DeviceAssemblyTest, Cables) {
+  for (const Index elements : {1, 40})
+    for (const double damping : {0.0, 1e-3}) {
+      SCOPED_TRACE(testing::Message() << elements << " elements, damping " << damping);
+      compare_body(straight_cable(elements), damping);
+    }
+}
+
+/// A damped body that flies free for 0.02 s, with the vectors of the integrator where K is.
+State flown(std::unique_ptr<FlexibleBody> owned, const std::string& device, bool& on_device) {
+  AssembledSystem system;
+  owned->fit_device_always();
+  owned->set_damping({0, 1e-3});
+  owned->set_gravity({0, 0, -9.81});
+  owned->set_initial_motion({1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}, {1, -2, 0.5}, {1, 2, 3});
+  system.add(std::move(owned));
+  system.finish();
+  Equations equations(system, solver_on(device, system.sizes().velocity));
+  State s(system.sizes());
+  system.initial(s.q, s.v);
+  make_consistent(equations, s);
+  BdfOptions options;
+  options.relative = options.absolute = 1e-7;
+  BdfIntegrator bdf(equations, options);
+  bdf.start(s);
+  equations.allow_device();
+  bdf.integrate(0.02, [](const StepReport&) { return true; });
+  on_device = equations.on_device();
+  return bdf.state();
+}
+
+TEST_F(DeviceAssemblyTest, FlightsOfShellsAndCablesAgree) {
+  for (const bool shell : {true, false}) {
+    const auto make = [&] { return shell ? curved_shell(6, 6, SolidLaw::neo_hookean) : straight_cable(40); };
+    bool on_host = true, on_gpu = false;
+    const State host = flown(make(), "cpu", on_host), gpu = flown(make(), "gpu:0", on_gpu);
+    EXPECT_FALSE(on_host);
+    EXPECT_TRUE(on_gpu);
+    EXPECT_LT(difference(gpu.q, host.q), 1e-8);
+    EXPECT_LT(difference(gpu.v, host.v), 1e-6);
+  }
 }
 
 }  // namespace

@@ -75,6 +75,9 @@ using Build = std::function<std::unique_ptr<model::Mechanism>()>;
 template <class Make>
 RunResult run_there(const Build& build, double end, const Course& course, const Make& make) {
   const auto mechanism = build(), twin = build();
+  for (const auto* m : {mechanism.get(), twin.get()})
+    for (const auto& c : m->system.components())
+      if (auto* body = dynamic_cast<FlexibleBody*>(c.get())) body->fit_device_always();
   AssembledSystem& system = mechanism->system;
   const Sizes sizes = system.sizes();
   const Index unknowns = sizes.velocity + sizes.constraints;

@@ -217,7 +217,7 @@ void FlexibleBody::for_ranges_of_vertices(const Body& body) const {
 }
 
 bool FlexibleBody::fits_device() const {
-  bool all = true;
+  bool all = vertices_per_node_ == 1 || assembly_.elements() >= fewest_on_device_;
   assembly_.for_each_group(
       [&](const ElementGroup& group, std::span<const Index>) { all = all && group.device_law() != nullptr; });
   return all;

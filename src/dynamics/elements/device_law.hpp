@@ -1,20 +1,26 @@
 /// \file
-/// The elements whose formulas GPUs know: those of solid_block.hpp, and of hex8_block.hpp but for shells and
-/// neo-Hookean material.
+/// The elements whose formulas GPUs know: those that have kernels for lanes.
 #pragma once
 
+#include <variant>
+
+#include "dynamics/elements/ancf_cable_block.hpp"
+#include "dynamics/elements/ancf_shell_block.hpp"
 #include "dynamics/elements/hex8_block.hpp"
 #include "dynamics/elements/solid_block.hpp"
 
 namespace espalier::dynamics {
 
-/// Elements of one type and law.
-struct DeviceLaw {
+/// Of solid_block.hpp.
+struct SolidElements {
   ElementType type = ElementType::hex8;
   Rule rule = Rule::stiffness;
-  bool assumed_strain = false;  ///< by hex8_block.hpp, with `hexahedra`; else by solid_block.hpp, with `solid`
-  Hex8Law hexahedra;
-  SolidConstants solid;
+  SolidConstants law;
+};
+
+/// Elements of one type and law.
+struct DeviceLaw {
+  std::variant<SolidElements, Hex8Law, ShellLaw, CableLaw> of_kind;
 };
 
 }  // namespace espalier::dynamics

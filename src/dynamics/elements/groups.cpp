@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <functional>
 #include <numeric>
 #include <stdexcept>
 
@@ -26,12 +28,12 @@ class SolidGroup final : public ElementGroup {
     else
       hex8_ = vector_hex8_kernel();
     const bool neo_hookean = material.law == SolidLaw::neo_hookean;
-    law_ = {type,
-            rule(),
-            assumed_strain_,
-            {options.hex8, material.lambda(), material.mu(), neo_hookean},
-            {neo_hookean, material.lambda(), material.mu()}};
-    on_devices_ = !assumed_strain_ || (!neo_hookean && options.hex8 != Hex8Formulation::shell);
+    const double lambda = material.lambda(), mu = material.mu();
+    hexahedra_ = {options.hex8, lambda, mu, neo_hookean};
+    if (assumed_strain_)
+      law_.of_kind = hexahedra_;
+    else
+      law_.of_kind = SolidElements{type, rule(), {neo_hookean, lambda, mu}};
   }
   void add(std::span<const Index> nodes, std::int64_t label) {
     connectivity_.insert(connectivity_.end(), nodes.begin(), nodes.end());
@@ -49,9 +51,9 @@ class SolidGroup final : public ElementGroup {
   [[nodiscard]] int width() const override { return assumed_strain_ ? hex8_.width : solid_.width; }
   [[nodiscard]] unsigned evaluate_block(const BlockInput& in, const BlockOutput& out) const override {
     if (!assumed_strain_) return evaluate_solid_block(solid_, type_, rule(), material_, in, out);
-    return hex8_.evaluate(law_.hexahedra, in, out);
+    return hex8_.evaluate(hexahedra_, in, out);
   }
-  [[nodiscard]] const DeviceLaw* device_law() const override { return on_devices_ ? &law_ : nullptr; }
+  [[nodiscard]] const DeviceLaw* device_law() const override { return &law_; }
   void mass(Index, const double* reference, double* m) const override {
     solid_mass(type_, material_.density, reference, m);
   }
@@ -64,7 +66,8 @@ class SolidGroup final : public ElementGroup {
   Material material_;
   SolidOptions options_;
   int nodes_;
-  bool assumed_strain_ = false, on_devices_ = false;
+  bool assumed_strain_ = false;
+  Hex8Law hexahedra_;
   DeviceLaw law_;
   SolidKernels solid_;
   Hex8Kernel hex8_;
@@ -108,6 +111,11 @@ class ChainGroup : public VertexGroup<2 * kPerNode> {
 
  protected:
   [[nodiscard]] double length(Index e) const { return length_[static_cast<std::size_t>(e)]; }
+  /// That of all elements, or 0: they differ.
+  [[nodiscard]] double common_length() const {
+    const bool equal = std::adjacent_find(length_.begin(), length_.end(), std::not_equal_to<>()) == length_.end();
+    return equal && !length_.empty() ? length_.front() : 0;
+  }
 
  private:
   std::vector<double> length_;
@@ -116,14 +124,26 @@ class ChainGroup : public VertexGroup<2 * kPerNode> {
 class CableGroup final : public ChainGroup<2> {
  public:
   CableGroup(const CableSection& section, const std::vector<Index>& nodes, std::vector<double> length)
-      : ChainGroup(nodes, std::move(length)), section_(section) {}
+      : ChainGroup(nodes, std::move(length)), section_(section), kernel_(vector_cable_kernel()) {
+    cables_ = {section, common_length()};
+    law_.of_kind = cables_;
+  }
   [[nodiscard]] bool evaluate(Index e, const ElementInput& in, ElementOutput& out) const override {
     return evaluate_cable(section_, length(e), in, out);
   }
+  // Kernels know one length.
+  [[nodiscard]] int width() const override { return cables_.length > 0 ? kernel_.width : 1; }
+  [[nodiscard]] unsigned evaluate_block(const BlockInput& in, const BlockOutput& out) const override {
+    return kernel_.evaluate(cables_, in, out);
+  }
+  [[nodiscard]] const DeviceLaw* device_law() const override { return cables_.length > 0 ? &law_ : nullptr; }
   void mass(Index e, const double*, double* m) const override { cable_mass(section_, length(e), m); }
 
  private:
   CableSection section_;
+  CableKernel kernel_;
+  CableLaw cables_;
+  DeviceLaw law_;
 };
 
 class BeamGroup final : public ChainGroup<4> {
@@ -142,7 +162,7 @@ class BeamGroup final : public ChainGroup<4> {
 class ShellGroup final : public VertexGroup<8> {
  public:
   ShellGroup(const Material& material, double thickness, const std::vector<std::array<Index, 4>>& quads)
-      : material_(material), thickness_(thickness) {
+      : material_(material), thickness_(thickness), kernel_(vector_shell_kernel()) {
     check_material(material);
     if (!(thickness > 0)) throw std::invalid_argument(fmt::format("shell: thickness {} is not positive", thickness));
     for (const auto& quad : quads) {
@@ -153,10 +173,18 @@ class ShellGroup final : public VertexGroup<8> {
       }
       vertices_.push_back(vertices);
     }
+    shells_ = {{Hex8Formulation::shell, material.lambda(), material.mu(), material.law == SolidLaw::neo_hookean},
+               thickness};
+    law_.of_kind = shells_;
   }
   [[nodiscard]] bool evaluate(Index, const ElementInput& in, ElementOutput& out) const override {
     return evaluate_shell(material_, thickness_, in, out);
   }
+  [[nodiscard]] int width() const override { return kernel_.width; }
+  [[nodiscard]] unsigned evaluate_block(const BlockInput& in, const BlockOutput& out) const override {
+    return kernel_.evaluate(shells_, in, out);
+  }
+  [[nodiscard]] const DeviceLaw* device_law() const override { return &law_; }
   void mass(Index, const double* reference, double* m) const override {
     shell_mass(material_.density, thickness_, reference, m);
   }
@@ -164,6 +192,9 @@ class ShellGroup final : public VertexGroup<8> {
  private:
   Material material_;
   double thickness_;
+  ShellKernel kernel_;
+  ShellLaw shells_;
+  DeviceLaw law_;
 };
 
 std::vector<Index> all_if_empty(const Mesh& mesh, std::span<const Index> elements) {

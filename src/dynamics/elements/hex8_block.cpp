@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "dynamics/elements/ancf_shell_block.hpp"
 #include "dynamics/elements/anywhere.hpp"
 #include "dynamics/elements/hex8_kinematics.hpp"
 #include "dynamics/elements/lane_scalar.hpp"
@@ -20,6 +21,7 @@ namespace espalier::dynamics::HWY_NAMESPACE {
 namespace {
 
 inline const hex8::BlockTables& tables() { return kHex8BlockTables; }
+inline const hex8::BlockTables& shell_tables() { return kShellBlockTables; }
 
 #include "dynamics/elements/lane_vector-inl.hpp"
 //
@@ -28,10 +30,13 @@ inline const hex8::BlockTables& tables() { return kHex8BlockTables; }
 #include "dynamics/elements/hex8_block-inl.hpp"
 //
 #include "dynamics/elements/hex8_strain_block-inl.hpp"
+//
+#include "dynamics/elements/ancf_shell_block-inl.hpp"
 
 }  // namespace
 
 Hex8Kernel make_hex8_kernel() { return {Lanes::kWidth, &evaluate_hexahedra<Lanes>}; }
+ShellKernel make_shell_kernel() { return {Lanes::kWidth, &evaluate_shell_block<Lanes>}; }
 
 }  // namespace espalier::dynamics::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -42,35 +47,61 @@ namespace scalar {
 namespace {
 
 inline const hex8::BlockTables& tables() { return kHex8BlockTables; }
+inline const hex8::BlockTables& shell_tables() { return kShellBlockTables; }
 
 #include "dynamics/elements/lane_algebra-inl.hpp"
 //
 #include "dynamics/elements/hex8_block-inl.hpp"
 //
 #include "dynamics/elements/hex8_strain_block-inl.hpp"
+//
+#include "dynamics/elements/ancf_shell_block-inl.hpp"
 
 }  // namespace
 }  // namespace scalar
 
-const hex8::BlockTables kHex8BlockTables = [] {
+namespace {
+
+/// @param order  node number order[k] stands at k
+hex8::BlockTables make_tables(const int (&order)[hex8::kNodes]) {
   const hex8::Tables& all = hex8::tables();
+  const auto arrange = [&](const hex8::Gradients& from, hex8::Gradients& to) {
+    for (int d = 0; d < 3; ++d)
+      for (int k = 0; k < hex8::kNodes; ++k) to[d][k] = from[d][order[k]];
+  };
   hex8::BlockTables block;
   for (int q = 0; q < hex8::kPoints; ++q) {
-    std::copy_n(&all.points.gradient[q][0][0], 3 * hex8::kNodes, &block.gradient[q][0][0]);
+    arrange(all.points.gradient[q], block.gradient[q]);
     block.weight[q] = all.points.weight[q];
     for (int k = 0; k < hex8::kEnhancedModes; ++k)
       block.mode[q][k] = hex8::polynomial(hex8::enhanced_mode(k).polynomial, all.xi[q]);
+    for (int k = 0; k < hex8::kShellModes; ++k)
+      block.shell_mode[q][k] = hex8::polynomial(hex8::shell_mode(k).polynomial, all.xi[q]);
+    std::copy_n(all.weight[q], hex8::kTyingPoints, block.tying_weight[q]);
   }
-  std::copy_n(&all.centre[0][0], 3 * hex8::kNodes, &block.centre[0][0]);
+  for (int t = 0; t < hex8::kTyingPoints; ++t) arrange(all.tying[t], block.tying[t]);
+  arrange(all.centre, block.centre);
   return block;
-}();
+}
+
+}  // namespace
+
+const hex8::BlockTables kHex8BlockTables = make_tables({0, 1, 2, 3, 4, 5, 6, 7});
+const hex8::BlockTables kShellBlockTables = make_tables({0, 4, 1, 5, 2, 6, 3, 7});
 
 Hex8Kernel scalar_hex8_kernel() { return {1, &scalar::evaluate_hexahedra<ScalarLane>}; }
 
+ShellKernel scalar_shell_kernel() { return {1, &scalar::evaluate_shell_block<ScalarLane>}; }
+
 HWY_EXPORT(make_hex8_kernel);
+HWY_EXPORT(make_shell_kernel);
 
 Hex8Kernel vector_hex8_kernel() {
   static const Hex8Kernel kernel = HWY_DYNAMIC_DISPATCH(make_hex8_kernel)();
+  return kernel;
+}
+ShellKernel vector_shell_kernel() {
+  static const ShellKernel kernel = HWY_DYNAMIC_DISPATCH(make_shell_kernel)();
   return kernel;
 }
 

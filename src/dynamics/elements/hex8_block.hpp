@@ -4,9 +4,9 @@
 /// and for neo-Hookean ones. evaluate_hex8() is the second implementation that tests compare with.
 #pragma once
 
-#include "dynamics/elements/element.hpp"
 #include "dynamics/elements/hex8_strain.hpp"
 #include "dynamics/elements/hex8_tables.hpp"
+#include "dynamics/elements/lane_kernel.hpp"
 
 namespace espalier::dynamics {
 
@@ -15,17 +15,13 @@ struct Hex8Law {
   Hex8Formulation formulation = Hex8Formulation::full;
   double lambda = 0, mu = 0;  ///< Lame's constants
   bool neo_hookean = false;   ///< else St. Venant-Kirchhoff
+  /// Its formulas are those of hex8_strain_block-inl.hpp.
+  [[nodiscard]] bool by_strains() const { return neo_hookean || formulation == Hex8Formulation::shell; }
 };
 
-/// A kernel and its number of lanes.
-struct Hex8Kernel {
-  int width = 1;
-  /// Evaluates `width` elements. @return bit l is set where the element of lane l is whole; the others' output is
-  /// undefined
-  unsigned (*evaluate)(const Hex8Law& law, const BlockInput& in, const BlockOutput& out) = nullptr;
-};
+using Hex8Kernel = LaneKernel<Hex8Law>;
 
-/// The numbers that the kernels of hex8_block-inl.hpp read.
+/// The numbers that the kernels read.
 extern const hex8::BlockTables kHex8BlockTables;
 /// One element at a time.
 [[nodiscard]] Hex8Kernel scalar_hex8_kernel();

@@ -25,10 +25,11 @@ struct Tying {
   double xi[3];
   int component;
 };
-// Bathe and Dvorkin: xi-zeta shear at the middle of the edges eta = -1, +1; eta-zeta shear at xi = -1, +1; thickness
-// strain on the four corner lines; all on the middle surface.
-inline constexpr Tying kTying[8] = {{{0, -1, 0}, 5},  {{0, 1, 0}, 5},  {{-1, 0, 0}, 4}, {{1, 0, 0}, 4},
-                                    {{-1, -1, 0}, 2}, {{1, -1, 0}, 2}, {{1, 1, 0}, 2},  {{-1, 1, 0}, 2}};
+// All on the middle surface.
+inline constexpr Tying kTying[kTyingPoints] = {{{0, -1, 0}, tying_component(0)},  {{0, 1, 0}, tying_component(1)},
+                                               {{-1, 0, 0}, tying_component(2)},  {{1, 0, 0}, tying_component(3)},
+                                               {{-1, -1, 0}, tying_component(4)}, {{1, -1, 0}, tying_component(5)},
+                                               {{1, 1, 0}, tying_component(6)},   {{-1, 1, 0}, tying_component(7)}};
 
 /// Weight of tying point t at xi (0 for the components that are not tied).
 inline double tying_weight(int t, const double* xi) {
@@ -140,7 +141,8 @@ struct Element {
 inline constexpr Mode kEnhanced[kEnhancedModes] = {enhanced_mode(0), enhanced_mode(1), enhanced_mode(2),
                                                    enhanced_mode(3), enhanced_mode(4), enhanced_mode(5),
                                                    enhanced_mode(6), enhanced_mode(7), enhanced_mode(8)};
-inline constexpr Mode kShell[8] = {{0, 0}, {1, 1}, {3, 0}, {3, 1}, {2, 2}, {2, 3}, {2, 4}, {2, 5}};
+inline constexpr Mode kShell[kShellModes] = {shell_mode(0), shell_mode(1), shell_mode(2), shell_mode(3),
+                                             shell_mode(4), shell_mode(5), shell_mode(6), shell_mode(7)};
 
 /// M = (det J0 / det J) T0 M_cov(xi): T0 of the centre makes the modes pass the patch test (Simo and Rifai 1990).
 ESPALIER_INLINE void fill_modes(const Mode* modes, int count, const double (&t0)[6][6], double scale, const double* xi,

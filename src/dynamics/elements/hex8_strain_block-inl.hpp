@@ -2,8 +2,10 @@
 /// The formulas of hex8_strain.cpp for a lane type T: all formulations and laws, for what hex8_block-inl.hpp does not
 /// cover (shells, and laws that are not linear in the Green-Lagrange strain). Included after it, in the same places.
 ///
-/// Rows of B stay in covariant components of the strain, E_cov = J^T E J, which need no transformation; stresses and
-/// the moduli of the law are brought to them instead: with E = T E_cov, S_cov = T^T S and C_cov = T^T C T.
+/// Strains are sampled in covariant components, E_cov = J^T E J, and with E = T E_cov stresses and moduli are brought
+/// to them: S_cov = T^T S, C_cov = T^T C T. So rows of B need no transformation: that of component pr is scale (dN_p
+/// g_r + dN_r g_p), g the present covariant basis; they are made where a tangent wants them. Forces need none: f_a =
+/// sum volume dN_p S^pr g_r. Components that a shell ties have their stress at the tying points instead.
 
 template <class T>
 using StrainRows = T[6][kDofs];
@@ -13,9 +15,9 @@ template <class T>
 struct StrainPoint {
   T volume, scale;            // weight * det; det0 / det of the enhanced modes
   T t[6][6];                  // E = T E_cov
-  T strain[6], rate[6];       // Cartesian
-  StrainRows<T> b, b_rate;    // covariant
-  T stress[6], moduli[6][6];  // Cartesian, at the enhanced strain
+  Tensor<T> basis, velocity;  // the present covariant basis and its rate
+  T strain[6], rate[6];       // as the formulation assumes them, Cartesian
+  T stress[6], moduli[6][6];  // of the law that was asked last, at the enhanced strain
   T energy;
 };
 
@@ -23,60 +25,68 @@ template <class T>
 struct StrainWork {
   T reference[kDofs], displacement[kDofs], velocity[kDofs];
   StrainPoint<T> point[kQ];
+  Tensor<T> tied_basis[hex8::kTyingPoints], tied_velocity[hex8::kTyingPoints];
+  T element_volume;
   T t0[6][6];  // T at the centre
   T alpha[kModes], residual[kModes];
   BlockModes<T> modes;
 };
 
-/// Which enhanced modes a formulation has.
-struct ModeList {
-  const hex8::Mode* mode;
-  int count;
-  explicit ModeList(Hex8Formulation f)
-      : mode(f == Hex8Formulation::shell ? hex8::kShell : hex8::kEnhanced),
-        count(f == Hex8Formulation::shell      ? 8
+/// Which strains a formulation assumes; the tables of the element.
+struct Assumed {
+  const hex8::BlockTables& table;
+  bool shell, mean;
+  int modes;  // enhanced ones
+  ESPALIER_ANYWHERE Assumed(Hex8Formulation f, const hex8::BlockTables& all)
+      : table(all),
+        shell(f == Hex8Formulation::shell),
+        mean(f == Hex8Formulation::mean_dilatation),
+        modes(shell                            ? hex8::kShellModes
               : f == Hex8Formulation::enhanced ? kModes
                                                : 0) {}
-  [[nodiscard]] double value(int k, int q) const { return hex8::polynomial(mode[k].polynomial, hex8::tables().xi[q]); }
+  /// Component of mode k.
+  [[nodiscard]] ESPALIER_ANYWHERE int component(int k) const {
+    return shell ? hex8::shell_mode(k).component : hex8::enhanced_mode(k).component;
+  }
+  [[nodiscard]] ESPALIER_ANYWHERE double value(int k, int q) const {
+    return shell ? table.shell_mode[q][k] : table.mode[q][k];
+  }
+  [[nodiscard]] ESPALIER_ANYWHERE bool ties(int component) const {
+    return shell && (component == 2 || component == 4 || component == 5);
+  }
 };
 
 /// Covariant bases at a sampling point.
 template <class T>
 struct SampledBases {
-  Tensor<T> reference, displacement, current, velocity;
-  SampledBases(const hex8::Gradients& dn, const StrainWork<T>& w) {
+  Tensor<T> reference, displacement, now, velocity;
+  ESPALIER_APART SampledBases(const hex8::Gradients& dn, const StrainWork<T>& w) {
     local_gradient<T, kN>(w.reference, dn, reference);
     local_gradient<T, kN>(w.displacement, dn, displacement);
     local_gradient<T, kN>(w.velocity, dn, velocity);
     for (int i = 0; i < 3; ++i)
-      for (int d = 0; d < 3; ++d) current.x[i][d] = reference.x[i][d] + displacement.x[i][d];
+      for (int d = 0; d < 3; ++d) now.x[i][d] = reference.x[i][d] + displacement.x[i][d];
   }
 };
 
-/// Component c of the covariant strain, its rate, and their rows of B.
+/// Component c of the covariant strain and of its rate.
 template <class T>
-void sample_strain(const hex8::Gradients& dn, const SampledBases<T>& g, int c, T& strain, T& rate, T (&b)[kDofs],
-                   T (&b_rate)[kDofs]) {
+ESPALIER_ANYWHERE void sample_strain(const SampledBases<T>& g, int c, T& strain, T& rate) {
   const int p = voigt_row(c), r = voigt_column(c);
-  const double scale = p == r ? 0.5 : 1.0;
+  const T scale(p == r ? 0.5 : 1.0);
   T sum(0.0), sum_rate(0.0);
   for (int i = 0; i < 3; ++i) {
     const T up = g.displacement.x[i][p], ur = g.displacement.x[i][r];
     sum = mul_add(g.reference.x[i][p], ur, mul_add(up, g.reference.x[i][r], mul_add(up, ur, sum)));
-    sum_rate = mul_add(g.current.x[i][p], g.velocity.x[i][r], mul_add(g.velocity.x[i][p], g.current.x[i][r], sum_rate));
-    for (int a = 0; a < kN; ++a) {
-      const T np(scale * dn[p][a]), nr(scale * dn[r][a]);
-      b[3 * a + i] = mul_add(np, g.current.x[i][r], nr * g.current.x[i][p]);
-      b_rate[3 * a + i] = mul_add(np, g.velocity.x[i][r], nr * g.velocity.x[i][p]);
-    }
+    sum_rate = mul_add(g.now.x[i][p], g.velocity.x[i][r], mul_add(g.velocity.x[i][p], g.now.x[i][r], sum_rate));
   }
-  strain = T(scale) * sum;
-  rate = T(scale) * sum_rate;
+  strain = scale * sum;
+  rate = scale * sum_rate;
 }
 
 /// T with E = T E_cov in the engineering order, A = (dX/dxi)^-1, as hex8::strain_transform().
 template <class T>
-void transform_of(const Tensor<T>& a, T (&t)[6][6]) {
+ESPALIER_ANYWHERE void transform_of(const Tensor<T>& a, T (&t)[6][6]) {
   for (int m = 0; m < 6; ++m) {
     const int i = voigt_row(m), j = voigt_column(m);
     for (int n = 0; n < 6; ++n) {
@@ -89,7 +99,7 @@ void transform_of(const Tensor<T>& a, T (&t)[6][6]) {
 
 /// y = A x, or A^T x
 template <class T>
-void times(const T (&a)[6][6], const T (&x)[6], bool transposed, T (&y)[6]) {
+ESPALIER_ANYWHERE void times(const T (&a)[6][6], const T (&x)[6], bool transposed, T (&y)[6]) {
   for (int m = 0; m < 6; ++m) {
     y[m] = (transposed ? a[0][m] : a[m][0]) * x[0];
     for (int n = 1; n < 6; ++n) y[m] = mul_add(transposed ? a[n][m] : a[m][n], x[n], y[m]);
@@ -97,7 +107,7 @@ void times(const T (&a)[6][6], const T (&x)[6], bool transposed, T (&y)[6]) {
 }
 
 template <class T>
-void load_strain_state(const BlockInput& in, StrainWork<T>& w) {
+ESPALIER_APART void load_strain_state(const BlockInput& in, StrainWork<T>& w) {
   for (int k = 0; k < kDofs; ++k) {
     w.reference[k] = T::load(in.reference + k * T::kWidth);
     w.displacement[k] = T::load(in.position + k * T::kWidth) - w.reference[k];
@@ -105,126 +115,80 @@ void load_strain_state(const BlockInput& in, StrainWork<T>& w) {
   }
 }
 
-/// Covariant strains and rows of one point; those that a shell ties are interpolated.
+/// Volumetric strains -> their mean.
 template <class T>
-void fill_rows(bool shell, int q, const SampledBases<T>& g, const T (&tied)[8], const T (&tied_rate)[8],
-               const T (&tying)[8][kDofs], const T (&tying_rate)[8][kDofs], T (&strain)[6], T (&rate)[6],
-               StrainPoint<T>& p) {
-  const hex8::Tables& table = hex8::tables();
-  for (int c = 0; c < 6; ++c) {
-    if (!shell || (c != 2 && c != 4 && c != 5)) {
-      sample_strain(table.points.gradient[q], g, c, strain[c], rate[c], p.b[c], p.b_rate[c]);
-      continue;
-    }
-    strain[c] = rate[c] = T(0.0);
-    for (int d = 0; d < kDofs; ++d) p.b[c][d] = p.b_rate[c][d] = T(0.0);
-    for (int t = 0; t < 8; ++t) {
-      if (hex8::kTying[t].component != c) continue;
-      const T weight(table.weight[q][t]);
-      strain[c] = mul_add(weight, tied[t], strain[c]);
-      rate[c] = mul_add(weight, tied_rate[t], rate[c]);
-      for (int d = 0; d < kDofs; ++d) {
-        p.b[c][d] = mul_add(weight, tying[t][d], p.b[c][d]);
-        p.b_rate[c][d] = mul_add(weight, tying_rate[t][d], p.b_rate[c][d]);
-      }
-    }
-  }
-}
-
-/// Strains and rows of all points.
-template <class T>
-typename T::Mask prepare_strains(bool shell, StrainWork<T>& w) {
-  const hex8::Tables& table = hex8::tables();
-  typename T::Mask good = T::all();
-  T tied[8], tied_rate[8];
-  T tying[8][kDofs], tying_rate[8][kDofs];
-  for (int t = 0; t < 8 && shell; ++t) {
-    const SampledBases<T> g(table.tying[t], w);
-    sample_strain(table.tying[t], g, hex8::kTying[t].component, tied[t], tied_rate[t], tying[t], tying_rate[t]);
-  }
-  Tensor<T> inverse;
-  const T det0 = invert_jacobian<T, kN>(w.reference, table.centre, inverse);
-  transform_of(inverse, w.t0);
-  for (int q = 0; q < kQ; ++q) {
-    StrainPoint<T>& p = w.point[q];
-    const SampledBases<T> g(table.points.gradient[q], w);
-    const T det = invert_tensor(g.reference, inverse);
-    good = and_positive(and_positive(good, det), determinant_of(g.current));
-    p.volume = T(table.points.weight[q]) * det;
-    p.scale = det0 / det;
-    transform_of(inverse, p.t);
-    T strain[6], rate[6];
-    fill_rows(shell, q, g, tied, tied_rate, tying, tying_rate, strain, rate, p);
-    times(p.t, strain, false, p.strain);
-    times(p.t, rate, false, p.rate);
-  }
-  return good;
-}
-
-/// The trace of the strain as a row of B: sum of T_mn b_n over m < 3.
-template <class T>
-void trace_row(const StrainPoint<T>& p, const StrainRows<T>& b, T (&row)[kDofs]) {
-  T weight[6];
-  for (int n = 0; n < 6; ++n) weight[n] = p.t[0][n] + p.t[1][n] + p.t[2][n];
-  for (int d = 0; d < kDofs; ++d) {
-    row[d] = weight[0] * b[0][d];
-    for (int n = 1; n < 6; ++n) row[d] = mul_add(weight[n], b[n][d], row[d]);
-  }
-}
-
-/// Volumetric strain -> its mean: (mean - trace) / 3 is added to the normal components, whose covariant form is the
-/// metric J^T J.
-template <class T, class Rows>
-void average_rows(const Tensor<T> (&metric)[kQ], T volume, const Rows& rows, StrainWork<T>& w) {
-  T mean[kDofs], trace[kQ][kDofs];
-  for (T& value : mean) value = T(0.0);
-  for (int q = 0; q < kQ; ++q) {
-    trace_row(w.point[q], rows(w.point[q]), trace[q]);
-    for (int d = 0; d < kDofs; ++d) mean[d] = mul_add(w.point[q].volume, trace[q][d], mean[d]);
-  }
-  const T by_volume = T(1.0) / volume;
-  for (int q = 0; q < kQ; ++q) {
-    auto& b = rows(w.point[q]);
-    for (int d = 0; d < kDofs; ++d) {
-      const T shift = T(1.0 / 3) * mul_add(by_volume, mean[d], T(0.0) - trace[q][d]);
-      for (int c = 0; c < 6; ++c)
-        b[c][d] = mul_add(T(c < 3 ? 1.0 : 2.0) * metric[q].x[voigt_row(c)][voigt_column(c)], shift, b[c][d]);
-    }
-  }
-}
-
-template <class T>
-void average_dilatation(StrainWork<T>& w) {
-  Tensor<T> metric[kQ];
-  T volume(0.0), strain(0.0), rate(0.0);
-  for (int q = 0; q < kQ; ++q) {
-    const StrainPoint<T>& p = w.point[q];
-    Tensor<T> j;
-    local_gradient<T, kN>(w.reference, hex8::tables().points.gradient[q], j);
-    for (int r = 0; r < 3; ++r)
-      for (int s = 0; s < 3; ++s)
-        metric[q].x[r][s] = mul_add(j.x[0][r], j.x[0][s], mul_add(j.x[1][r], j.x[1][s], j.x[2][r] * j.x[2][s]));
-    volume = volume + p.volume;
+ESPALIER_ANYWHERE void average_dilatation(StrainWork<T>& w) {
+  T strain(0.0), rate(0.0);
+  ESPALIER_ROLLED
+  for (const StrainPoint<T>& p : w.point) {
     strain = mul_add(p.volume, p.strain[0] + p.strain[1] + p.strain[2], strain);
     rate = mul_add(p.volume, p.rate[0] + p.rate[1] + p.rate[2], rate);
   }
+  ESPALIER_ROLLED
   for (StrainPoint<T>& p : w.point) {
-    const T ds = T(1.0 / 3) * (strain / volume - (p.strain[0] + p.strain[1] + p.strain[2]));
-    const T dr = T(1.0 / 3) * (rate / volume - (p.rate[0] + p.rate[1] + p.rate[2]));
+    const T ds = T(1.0 / 3) * (strain / w.element_volume - (p.strain[0] + p.strain[1] + p.strain[2]));
+    const T dr = T(1.0 / 3) * (rate / w.element_volume - (p.rate[0] + p.rate[1] + p.rate[2]));
     for (int m = 0; m < 3; ++m) {
       p.strain[m] = p.strain[m] + ds;
       p.rate[m] = p.rate[m] + dr;
     }
   }
-  average_rows(
-      metric, volume, [](StrainPoint<T>& p) -> StrainRows<T>& { return p.b; }, w);
-  average_rows(
-      metric, volume, [](StrainPoint<T>& p) -> StrainRows<T>& { return p.b_rate; }, w);
+}
+
+/// Strains and bases of all points.
+template <class T>
+ESPALIER_APART typename T::Mask prepare_strains(const Assumed& assumed, StrainWork<T>& w) {
+  const hex8::BlockTables& table = assumed.table;
+  typename T::Mask good = T::all();
+  T tied[hex8::kTyingPoints], tied_rate[hex8::kTyingPoints];
+  ESPALIER_ROLLED
+  for (int t = 0; t < hex8::kTyingPoints && assumed.shell; ++t) {
+    const SampledBases<T> g(table.tying[t], w);
+    sample_strain(g, hex8::tying_component(t), tied[t], tied_rate[t]);
+    w.tied_basis[t] = g.now;
+    w.tied_velocity[t] = g.velocity;
+  }
+  Tensor<T> inverse;
+  const T det0 = invert_jacobian<T, kN>(w.reference, table.centre, inverse);
+  transform_of(inverse, w.t0);
+  w.element_volume = T(0.0);
+  ESPALIER_ROLLED
+  for (int q = 0; q < kQ; ++q) {
+    StrainPoint<T>& p = w.point[q];
+    const SampledBases<T> g(table.gradient[q], w);
+    const T det = invert_tensor(g.reference, inverse);
+    good = and_positive(and_positive(good, det), determinant_of(g.now));
+    p.volume = T(table.weight[q]) * det;
+    p.scale = det0 / det;
+    p.basis = g.now;
+    p.velocity = g.velocity;
+    w.element_volume = w.element_volume + p.volume;
+    transform_of(inverse, p.t);
+    T strain[6], rate[6];
+    for (int c = 0; c < 6; ++c) {
+      if (!assumed.ties(c)) {
+        sample_strain(g, c, strain[c], rate[c]);
+        continue;
+      }
+      strain[c] = rate[c] = T(0.0);
+      ESPALIER_ROLLED
+      for (int t = 0; t < hex8::kTyingPoints; ++t) {
+        if (hex8::tying_component(t) != c) continue;
+        const T weight(table.tying_weight[q][t]);
+        strain[c] = mul_add(weight, tied[t], strain[c]);
+        rate[c] = mul_add(weight, tied_rate[t], rate[c]);
+      }
+    }
+    times(p.t, strain, false, p.strain);
+    times(p.t, rate, false, p.rate);
+  }
+  if (assumed.mean) average_dilatation(w);
+  return good;
 }
 
 /// S(E), dS/dE and the energy, as StrainMaterial.
 template <class T>
-void linear_law(const Hex8Law& law, const T (&e)[6], StrainPoint<T>& p) {
+ESPALIER_ANYWHERE void linear_law(const Hex8Law& law, const T (&e)[6], StrainPoint<T>& p) {
   linear_stress(law.lambda, law.mu, e, p.stress);
   p.energy = T(0.5) * inner(p.stress, e);
   for (int m = 0; m < 6; ++m)
@@ -235,7 +199,7 @@ void linear_law(const Hex8Law& law, const T (&e)[6], StrainPoint<T>& p) {
 /// S = mu (I - C^-1) + lambda ln J C^-1, dS/dE = lambda C^-1 x C^-1 + 2 (mu - lambda ln J) I_(C^-1), I - C^-1 =
 /// C^-1 (C - I). @return where det C > 0
 template <class T>
-typename T::Mask neo_hookean_law(const Hex8Law& law, const T (&e)[6], StrainPoint<T>& p) {
+ESPALIER_APART typename T::Mask neo_hookean_law(const Hex8Law& law, const T (&e)[6], StrainPoint<T>& p) {
   Tensor<T> twice, inverse, difference;
   for (int m = 0; m < 6; ++m)
     twice.x[voigt_row(m)][voigt_column(m)] = twice.x[voigt_column(m)][voigt_row(m)] = m < 3 ? T(2.0) * e[m] : e[m];
@@ -257,20 +221,41 @@ typename T::Mask neo_hookean_law(const Hex8Law& law, const T (&e)[6], StrainPoin
   return and_positive(T::all(), T(1.0) + change);
 }
 
-/// The law at the strains enhanced by alpha; sum M^T S, and D = sum M^T C M with its factor.
+/// Adds one point's share of sum M^T C M, weight = volume * scale.
 template <class T>
-typename T::Mask respond_strains(const Hex8Law& law, bool linear, const ModeList& list, StrainWork<T>& w) {
+ESPALIER_APART void add_mode_stiffness(const Assumed& assumed, int q, T weight, const T (&t0)[6][6],
+                                       const StrainPoint<T>& p, T (&d)[kModes][kModes]) {
+  T z[6][6];  // C in the components of the modes
+  for (int c = 0; c < 6; ++c) {
+    T column[6], c0[6];
+    for (int m = 0; m < 6; ++m) column[m] = t0[m][c];
+    times(p.moduli, column, false, c0);
+    times(t0, c0, true, z[c]);
+  }
+  ESPALIER_ROLLED
+  for (int i = 0; i < assumed.modes; ++i) {
+    const T wi = T(assumed.value(i, q)) * weight * p.scale;
+    for (int j = 0; j <= i; ++j)
+      d[i][j] = mul_add(wi, T(assumed.value(j, q)) * z[assumed.component(i)][assumed.component(j)], d[i][j]);
+  }
+}
+
+/// The law at the strains enhanced by alpha; sum M^T S, and, where wanted, D = sum M^T C M with its factor.
+template <class T>
+ESPALIER_APART typename T::Mask respond_strains(const Hex8Law& law, bool linear, const Assumed& assumed, bool stiffness,
+                                                StrainWork<T>& w) {
   typename T::Mask good = T::all();
   for (T& value : w.residual) value = T(0.0);
-  for (int i = 0; i < kModes; ++i)
-    for (int j = 0; j <= i; ++j) w.modes.d[i][j] = T(i == j && i >= list.count ? 1.0 : 0.0);
+  for (int i = 0; i < kModes && stiffness; ++i)
+    for (int j = 0; j <= i; ++j) w.modes.d[i][j] = T(i == j && i >= assumed.modes ? 1.0 : 0.0);
+  ESPALIER_ROLLED
   for (int q = 0; q < kQ; ++q) {
     StrainPoint<T>& p = w.point[q];
     T combined[6], enhanced[6], strain[6];
     for (T& value : combined) value = T(0.0);
-    for (int k = 0; k < list.count; ++k) {
-      const int c = list.mode[k].component;
-      combined[c] = mul_add(T(list.value(k, q)) * p.scale, w.alpha[k], combined[c]);
+    for (int k = 0; k < assumed.modes; ++k) {
+      const int c = assumed.component(k);
+      combined[c] = mul_add(T(assumed.value(k, q)) * p.scale, w.alpha[k], combined[c]);
     }
     times(w.t0, combined, false, enhanced);
     for (int m = 0; m < 6; ++m) strain[m] = p.strain[m] + enhanced[m];
@@ -278,39 +263,33 @@ typename T::Mask respond_strains(const Hex8Law& law, bool linear, const ModeList
       linear_law(law, strain, p);
     else
       good = mask_and(good, neo_hookean_law(law, strain, p));
-    if (list.count == 0) continue;
-    T s0[6], c0[6][6], z[6][6];  // S and C in the components of the modes
+    if (assumed.modes == 0) continue;
+    T s0[6];  // S in the components of the modes
     times(w.t0, p.stress, true, s0);
-    for (int c = 0; c < 6; ++c) {
-      T column[6];
-      for (int m = 0; m < 6; ++m) column[m] = w.t0[m][c];
-      times(p.moduli, column, false, c0[c]);
-    }
-    for (int c = 0; c < 6; ++c) times(w.t0, c0[c], true, z[c]);
     const T weight = p.volume * p.scale;
-    for (int i = 0; i < list.count; ++i) {
-      const int c = list.mode[i].component;
-      const T wi = T(list.value(i, q)) * weight;
-      w.residual[i] = mul_add(wi, s0[c], w.residual[i]);
-      for (int j = 0; j <= i; ++j)
-        w.modes.d[i][j] = mul_add(wi * p.scale, T(list.value(j, q)) * z[c][list.mode[j].component], w.modes.d[i][j]);
-    }
+    for (int k = 0; k < assumed.modes; ++k)
+      w.residual[k] = mul_add(T(assumed.value(k, q)) * weight, s0[assumed.component(k)], w.residual[k]);
+    if (stiffness) add_mode_stiffness(assumed, q, weight, w.t0, p, w.modes.d);
   }
-  return factor_modes(good, w.modes);
+  return stiffness ? factor_modes(good, w.modes) : good;
 }
 
 /// Solves sum M^T S(E + M alpha) = 0, as solve_modes() of hex8_strain.cpp, each lane until it has converged itself.
+/// @param known  D and its factor are those of this law already; only where it is linear
 template <class T>
-typename T::Mask solve_alpha(const Hex8Law& law, bool linear, const ModeList& list, StrainWork<T>& w) {
+ESPALIER_APART typename T::Mask solve_alpha(const Hex8Law& law, bool linear, bool known, const Assumed& assumed,
+                                            StrainWork<T>& w) {
   constexpr int kMaxIterations = 30;
   typename T::Mask good = T::all(), done = mask_not(T::all());
   T previous(0.0);
   for (T& value : w.alpha) value = T(0.0);
+  ESPALIER_ROLLED
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    good = mask_and(good, mask_or(done, respond_strains(law, linear, list, w)));
-    if (list.count == 0) return good;
+    const bool stiffness = !known && (iteration == 0 || !linear);
+    good = mask_and(good, mask_or(done, respond_strains(law, linear, assumed, stiffness, w)));
+    if (assumed.modes == 0) return good;
     T norm(0.0);
-    for (int k = 0; k < list.count; ++k) norm = larger(norm, magnitude(w.residual[k]));
+    for (int k = 0; k < assumed.modes; ++k) norm = larger(norm, magnitude(w.residual[k]));
     if (iteration > 0) {
       if (linear) return good;
       // converged: the residual falls no longer, or is zero; what is not a number is not whole
@@ -320,27 +299,213 @@ typename T::Mask solve_alpha(const Hex8Law& law, bool linear, const ModeList& li
     T step[kModes];
     for (int k = 0; k < kModes; ++k) step[k] = w.residual[k];
     solve_modes(w.modes, step);
-    for (int k = 0; k < list.count; ++k) w.alpha[k] = select(done, w.alpha[k], w.alpha[k] - step[k]);
+    for (int k = 0; k < assumed.modes; ++k) w.alpha[k] = select(done, w.alpha[k], w.alpha[k] - step[k]);
     previous = norm;
   }
   return mask_and(good, done);
 }
 
+/// S^pr volume at the integration points, and at the tying points of shells: what works on compatible strains. For the
+/// mean dilatation the trace of the stress is averaged like the strain's.
 template <class T>
-void add_strain_force(const StrainWork<T>& w, T (&f)[kDofs]) {
-  for (const StrainPoint<T>& p : w.point) {
-    T s[6];
-    times(p.t, p.stress, true, s);
+struct WorkingStress {
+  Tensor<T> point[kQ];
+  T tied[hex8::kTyingPoints];
+};
+
+template <class T>
+ESPALIER_APART void working_stress(const Assumed& assumed, const T (&stress)[kQ][6], const StrainWork<T>& w,
+                                   WorkingStress<T>& out) {
+  for (T& value : out.tied) value = T(0.0);
+  T mean(0.0);
+  ESPALIER_ROLLED
+  for (int q = 0; q < kQ; ++q) mean = mul_add(w.point[q].volume, stress[q][0] + stress[q][1] + stress[q][2], mean);
+  mean = mean / w.element_volume;
+  ESPALIER_ROLLED
+  for (int q = 0; q < kQ; ++q) {
+    const StrainPoint<T>& p = w.point[q];
+    T s[6], covariant[6];
+    const T shift = T(1.0 / 3) * (mean - (stress[q][0] + stress[q][1] + stress[q][2]));
+    for (int m = 0; m < 6; ++m) s[m] = assumed.mean && m < 3 ? stress[q][m] + shift : stress[q][m];
+    times(p.t, s, true, covariant);
     for (int c = 0; c < 6; ++c) {
-      const T weight = p.volume * s[c];
-      for (int d = 0; d < kDofs; ++d) f[d] = mul_add(p.b[c][d], weight, f[d]);
+      covariant[c] = p.volume * covariant[c];
+      if (!assumed.ties(c)) continue;
+      ESPALIER_ROLLED
+      for (int t = 0; t < hex8::kTyingPoints; ++t)
+        if (hex8::tying_component(t) == c)
+          out.tied[t] = mul_add(T(assumed.table.tying_weight[q][t]), covariant[c], out.tied[t]);
+      covariant[c] = T(0.0);
+    }
+    tensor_of(covariant, out.point[q]);
+  }
+}
+
+/// Of component c alone.
+template <class T>
+ESPALIER_ANYWHERE Tensor<T> single_component(int c, T value) {
+  T all[6];
+  Tensor<T> s;
+  for (int m = 0; m < 6; ++m) all[m] = m == c ? value : T(0.0);
+  tensor_of(all, s);
+  return s;
+}
+
+/// f_a += dN_p S^pr g_r
+template <class T>
+ESPALIER_APART void add_stress_force(const hex8::Gradients& dn, const Tensor<T>& s, const Tensor<T>& basis,
+                                     T (&f)[kDofs]) {
+  Tensor<T> along;
+  product(basis, s, along);
+  for (int a = 0; a < kN; ++a)
+    for (int i = 0; i < 3; ++i)
+      for (int p = 0; p < 3; ++p) f[3 * a + i] = mul_add(along.x[i][p], T(dn[p][a]), f[3 * a + i]);
+}
+
+template <class T>
+ESPALIER_APART void add_strain_force(const Assumed& assumed, const WorkingStress<T>& s, const StrainWork<T>& w,
+                                     T (&f)[kDofs]) {
+  ESPALIER_ROLLED
+  for (int q = 0; q < kQ; ++q) add_stress_force(assumed.table.gradient[q], s.point[q], w.point[q].basis, f);
+  ESPALIER_ROLLED
+  for (int t = 0; t < hex8::kTyingPoints && assumed.shell; ++t)
+    add_stress_force(assumed.table.tying[t], single_component(hex8::tying_component(t), s.tied[t]), w.tied_basis[t], f);
+}
+
+/// sum[a][b] += dN_p S^pr dN_r over nodes a <= b: the second derivative of the strains.
+template <class T>
+ESPALIER_APART void add_geometric(const hex8::Gradients& dn, const Tensor<T>& s, T (&sum)[kN][kN]) {
+  ESPALIER_ROLLED
+  for (int b = 0; b < kN; ++b) {
+    T h[3];
+    for (int p = 0; p < 3; ++p)
+      h[p] = mul_add(s.x[p][0], T(dn[0][b]), mul_add(s.x[p][1], T(dn[1][b]), s.x[p][2] * T(dn[2][b])));
+    for (int a = 0; a <= b; ++a)
+      for (int p = 0; p < 3; ++p) sum[a][b] = mul_add(T(dn[p][a]), h[p], sum[a][b]);
+  }
+}
+
+template <class T>
+ESPALIER_APART void add_geometric_tangent(const Assumed& assumed, double weight, bool symmetric,
+                                          const WorkingStress<T>& s, double* tangent) {
+  T sum[kN][kN];
+  for (auto& row : sum)
+    for (T& value : row) value = T(0.0);
+  ESPALIER_ROLLED
+  for (int q = 0; q < kQ; ++q) add_geometric(assumed.table.gradient[q], s.point[q], sum);
+  ESPALIER_ROLLED
+  for (int t = 0; t < hex8::kTyingPoints && assumed.shell; ++t)
+    add_geometric(assumed.table.tying[t], single_component(hex8::tying_component(t), s.tied[t]), sum);
+  ESPALIER_ROLLED
+  for (int a = 0; a < kN; ++a)
+    for (int b = symmetric ? a : 0; b < kN; ++b)
+      for (int i = 0; i < 3; ++i) {
+        double* to = block_of<T, kN>(tangent, a, b, i, i);
+        mul_add(T(weight), a < b ? sum[a][b] : sum[b][a], T::load(to)).store(to);
+      }
+}
+
+/// The row of B of component c: scale (dN_p g_r + dN_r g_p).
+template <class T>
+ESPALIER_ANYWHERE void strain_row(const hex8::Gradients& dn, const Tensor<T>& basis, int c, T (&row)[kDofs]) {
+  const int p = voigt_row(c), r = voigt_column(c);
+  for (int a = 0; a < kN; ++a)
+    for (int i = 0; i < 3; ++i)
+      row[3 * a + i] =
+          p == r ? T(dn[p][a]) * basis.x[i][p] : mul_add(T(dn[p][a]), basis.x[i][r], T(dn[r][a]) * basis.x[i][p]);
+}
+
+/// All rows of point q, of the compatible strain but for those that a shell ties.
+template <class T>
+ESPALIER_APART void strain_rows(const Assumed& assumed, int q, const Tensor<T>& basis,
+                                const T (&tying)[hex8::kTyingPoints][kDofs], StrainRows<T>& b) {
+  for (int c = 0; c < 6; ++c) {
+    if (!assumed.ties(c)) {
+      strain_row(assumed.table.gradient[q], basis, c, b[c]);
+      continue;
+    }
+    for (T& value : b[c]) value = T(0.0);
+    ESPALIER_ROLLED
+    for (int t = 0; t < hex8::kTyingPoints; ++t) {
+      if (hex8::tying_component(t) != c) continue;
+      const T weight(assumed.table.tying_weight[q][t]);
+      for (int d = 0; d < kDofs; ++d) b[c][d] = mul_add(weight, tying[t][d], b[c][d]);
     }
   }
 }
 
+/// x g + y dg/dt
+template <class T>
+ESPALIER_ANYWHERE Tensor<T> with_rate(double x, const Tensor<T>& basis, double y, const Tensor<T>& velocity) {
+  Tensor<T> sum;
+  for (int i = 0; i < 3; ++i)
+    for (int d = 0; d < 3; ++d) sum.x[i][d] = mul_add(T(y), velocity.x[i][d], T(x) * basis.x[i][d]);
+  return sum;
+}
+
+/// Rows of B for the basis x g + y dg/dt, for the points of one element one after the other.
+template <class T>
+struct RowMaker {
+  double x, y;
+  T tying[hex8::kTyingPoints][kDofs];
+  T mean[kDofs];  // of the traces
+
+  ESPALIER_APART RowMaker(const Assumed& assumed, const StrainWork<T>& w, double by_basis, double by_rate)
+      : x(by_basis), y(by_rate) {
+    ESPALIER_ROLLED
+    for (int t = 0; t < hex8::kTyingPoints && assumed.shell; ++t)
+      strain_row(assumed.table.tying[t], with_rate(x, w.tied_basis[t], y, w.tied_velocity[t]), hex8::tying_component(t),
+                 tying[t]);
+    if (!assumed.mean) return;
+    for (T& value : mean) value = T(0.0);
+    ESPALIER_ROLLED
+    for (int q = 0; q < kQ; ++q) {
+      StrainRows<T> b;
+      T trace[kDofs];
+      compatible(assumed, q, w.point[q], b);
+      trace_row(w.point[q], b, trace);
+      const T share = w.point[q].volume / w.element_volume;
+      for (int d = 0; d < kDofs; ++d) mean[d] = mul_add(share, trace[d], mean[d]);
+    }
+  }
+
+  /// As the formulation assumes them. Volumetric strain -> its mean: (mean - trace) / 3 is added to the normal
+  /// components, whose covariant form is the metric J^T J.
+  ESPALIER_APART void make(const Assumed& assumed, int q, const StrainWork<T>& w, StrainRows<T>& b) const {
+    compatible(assumed, q, w.point[q], b);
+    if (!assumed.mean) return;
+    Tensor<T> j;
+    T metric[6], trace[kDofs];
+    local_gradient<T, kN>(w.reference, assumed.table.gradient[q], j);
+    for (int c = 0; c < 6; ++c) {
+      const int r = voigt_row(c), s = voigt_column(c);
+      metric[c] = T(c < 3 ? 1.0 / 3 : 2.0 / 3) *
+                  mul_add(j.x[0][r], j.x[0][s], mul_add(j.x[1][r], j.x[1][s], j.x[2][r] * j.x[2][s]));
+    }
+    trace_row(w.point[q], b, trace);
+    for (int c = 0; c < 6; ++c)
+      for (int d = 0; d < kDofs; ++d) b[c][d] = mul_add(metric[c], mean[d] - trace[d], b[c][d]);
+  }
+
+ private:
+  ESPALIER_ANYWHERE void compatible(const Assumed& assumed, int q, const StrainPoint<T>& p, StrainRows<T>& b) const {
+    strain_rows(assumed, q, with_rate(x, p.basis, y, p.velocity), tying, b);
+  }
+  /// The trace of the strain as a row of B: sum of T_mn b_n over m < 3.
+  ESPALIER_ANYWHERE static void trace_row(const StrainPoint<T>& p, const StrainRows<T>& b, T (&row)[kDofs]) {
+    T weight[6];
+    for (int n = 0; n < 6; ++n) weight[n] = p.t[0][n] + p.t[1][n] + p.t[2][n];
+    for (int d = 0; d < kDofs; ++d) {
+      row[d] = weight[0] * b[0][d];
+      for (int n = 1; n < 6; ++n) row[d] = mul_add(weight[n], b[n][d], row[d]);
+    }
+  }
+};
+
 /// out[c] = sum_n a[c][n] rows[n]
 template <class T>
-void multiply_rows(const T (&a)[6][6], const StrainRows<T>& rows, StrainRows<T>& out) {
+ESPALIER_APART void multiply_rows(const T (&a)[6][6], const StrainRows<T>& rows, StrainRows<T>& out) {
+  ESPALIER_ROLLED
   for (int c = 0; c < 6; ++c)
     for (int d = 0; d < kDofs; ++d) {
       out[c][d] = a[c][0] * rows[0][d];
@@ -350,34 +515,41 @@ void multiply_rows(const T (&a)[6][6], const StrainRows<T>& rows, StrainRows<T>&
 
 /// tangent += x^T y; with `first` it is written.
 template <class T>
-void add_row_products(const StrainRows<T>& x, const StrainRows<T>& y, bool symmetric, bool first, double* tangent) {
-  for (int a = 0; a < kN; ++a)
-    for (int b = symmetric ? a : 0; b < kN; ++b)
-      for (int j = 0; j < 3; ++j)
-        for (int i = 0; i < 3; ++i) {
-          double* to = block_of<T, kN>(tangent, a, b, i, j);
-          T sum = first ? T(0.0) : T::load(to);
-          for (int c = 0; c < 6; ++c) sum = mul_add(x[c][3 * a + i], y[c][3 * b + j], sum);
-          sum.store(to);
-        }
+ESPALIER_APART void add_row_products(const StrainRows<T>& x, const StrainRows<T>& y, bool symmetric, bool first,
+                                     double* tangent) {
+  ESPALIER_ROLLED
+  for (int a = 0; a < kN; ++a) ESPALIER_ROLLED
+  for (int b = symmetric ? a : 0; b < kN; ++b)
+    for (int j = 0; j < 3; ++j)
+      for (int i = 0; i < 3; ++i) {
+        double* to = block_of<T, kN>(tangent, a, b, i, j);
+        T sum = first ? T(0.0) : T::load(to);
+        for (int c = 0; c < 6; ++c) sum = mul_add(x[c][3 * a + i], y[c][3 * b + j], sum);
+        sum.store(to);
+      }
 }
 
 /// l_k += value * row of the mode's component
 template <class T>
-void add_mode_rows(const ModeList& list, int q, const StrainRows<T>& rows, T (&l)[kModes][kN][3]) {
-  for (int k = 0; k < list.count; ++k)
-    for (int d = 0; d < kDofs; ++d)
-      l[k][d / 3][d % 3] = mul_add(T(list.value(k, q)), rows[list.mode[k].component][d], l[k][d / 3][d % 3]);
+ESPALIER_APART void add_mode_rows(const Assumed& assumed, int q, const StrainRows<T>& rows, T (&l)[kModes][kN][3]) {
+  ESPALIER_ROLLED
+  for (int k = 0; k < assumed.modes; ++k) {
+    const T value(assumed.value(k, q));
+    const T(&row)[kDofs] = rows[assumed.component(k)];
+    for (int d = 0; d < kDofs; ++d) l[k][d / 3][d % 3] = mul_add(value, row[d], l[k][d / 3][d % 3]);
+  }
 }
 
 /// Adds sum B^T C Bhat - L^T D^-1 Lhat with Bhat = wb B + wr B_rate, L = sum M^T C B.
 template <class T>
-void add_material_tangent(const ModeList& list, double wb, double wr, bool symmetric, bool first, StrainWork<T>& w,
-                          double* tangent) {
+ESPALIER_APART void add_material_tangent(const Assumed& assumed, double wb, double wr, bool symmetric, bool first,
+                                         const StrainWork<T>& w, double* tangent) {
   T l[kModes][kN][3], hat[kModes][kN][3];
   for (int k = 0; k < kModes; ++k)
     for (int a = 0; a < kN; ++a)
       for (int i = 0; i < 3; ++i) l[k][a][i] = hat[k][a][i] = T(0.0);
+  const RowMaker<T> plain(assumed, w, 1, 0), weighted(assumed, w, wb, wr);
+  ESPALIER_ROLLED
   for (int q = 0; q < kQ; ++q) {
     const StrainPoint<T>& p = w.point[q];
     T ct[6][6], moduli[6][6];  // C T by columns, T^T C T
@@ -386,13 +558,16 @@ void add_material_tangent(const ModeList& list, double wb, double wr, bool symme
       for (int m = 0; m < 6; ++m) column[m] = p.volume * p.t[m][n];
       times(p.moduli, column, false, ct[n]);
     }
-    for (int n = 0; n < 6; ++n) times(p.t, ct[n], true, moduli[n]);  // symmetric
-    StrainRows<T> b_hat, rows;
-    for (int c = 0; c < 6; ++c)
-      for (int d = 0; d < kDofs; ++d) b_hat[c][d] = mul_add(T(wr), p.b_rate[c][d], T(wb) * p.b[c][d]);
-    multiply_rows(moduli, b_hat, rows);
-    add_row_products(p.b, rows, symmetric, first && q == 0, tangent);
-    if (list.count == 0) continue;
+    for (int n = 0; n < 6; ++n) {
+      times(p.t, ct[n], true, moduli[n]);  // symmetric
+      for (int m = 0; m < 6 && symmetric; ++m) moduli[n][m] = T(wb) * moduli[n][m];
+    }
+    StrainRows<T> b, b_hat, rows;
+    plain.make(assumed, q, w, b);
+    if (!symmetric) weighted.make(assumed, q, w, b_hat);
+    multiply_rows(moduli, symmetric ? b : b_hat, rows);
+    add_row_products(b, rows, symmetric, first && q == 0, tangent);
+    if (assumed.modes == 0) continue;
     T coupling[6][6];  // scale T0^T C T
     for (int c = 0; c < 6; ++c)
       for (int n = 0; n < 6; ++n) {
@@ -400,102 +575,72 @@ void add_material_tangent(const ModeList& list, double wb, double wr, bool symme
         for (int m = 1; m < 6; ++m) sum = mul_add(w.t0[m][c], ct[n][m], sum);
         coupling[c][n] = p.scale * sum;
       }
-    multiply_rows(coupling, p.b, rows);
-    add_mode_rows(list, q, rows, l);
+    multiply_rows(coupling, b, rows);
+    add_mode_rows(assumed, q, rows, l);
     if (symmetric) continue;
     multiply_rows(coupling, b_hat, rows);
-    add_mode_rows(list, q, rows, hat);
+    add_mode_rows(assumed, q, rows, hat);
   }
-  if (list.count == 0) return;
+  if (assumed.modes == 0) return;
   solve_rows(w.modes, l);
   if (!symmetric) solve_rows(w.modes, hat);
   add_products<T>(l, symmetric ? l : hat, kModes, T(symmetric ? -wb : -1.0), symmetric, tangent);
 }
 
-/// sum[a][b] += stress * second derivative of the covariant strain component between nodes a and b.
 template <class T>
-void add_geometric(const hex8::Gradients& dn, int c, T stress, T (&sum)[kN][kN]) {
-  const int p = voigt_row(c), r = voigt_column(c);
-  const double scale = p == r ? 0.5 : 1.0;
-  for (int a = 0; a < kN; ++a)
-    for (int b = 0; b < kN; ++b)
-      sum[a][b] = mul_add(T(scale * (dn[p][a] * dn[r][b] + dn[r][a] * dn[p][b])), stress, sum[a][b]);
+ESPALIER_ANYWHERE void keep_stress(bool add, const StrainWork<T>& w, T (&stress)[kQ][6]) {
+  ESPALIER_ROLLED
+  for (int q = 0; q < kQ; ++q)
+    for (int m = 0; m < 6; ++m) stress[q][m] = add ? stress[q][m] + w.point[q].stress[m] : w.point[q].stress[m];
 }
 
+/// From the state to the force, the energy and, where wanted, the tangent.
 template <class T>
-void add_geometric_tangent(Hex8Formulation formulation, double weight, bool symmetric, const StrainWork<T>& w,
-                           double* tangent) {
-  const hex8::Tables& table = hex8::tables();
-  const bool shell = formulation == Hex8Formulation::shell;
-  T sum[kN][kN], tied[8], mean(0.0), volume(0.0);
-  for (T& value : tied) value = T(0.0);
-  for (auto& row : sum)
-    for (T& value : row) value = T(0.0);
-  for (const StrainPoint<T>& p : w.point) {
-    mean = mul_add(p.volume, p.stress[0] + p.stress[1] + p.stress[2], mean);
-    volume = volume + p.volume;
-  }
-  mean = mean / volume;
-  for (int q = 0; q < kQ; ++q) {
-    const StrainPoint<T>& p = w.point[q];
-    T s[6], contravariant[6];
-    for (int m = 0; m < 6; ++m) s[m] = p.stress[m];
-    // Stress that works on the compatible strain: for the mean dilatation its trace is averaged like the strain's.
-    const T shift = T(1.0 / 3) * (mean - (s[0] + s[1] + s[2]));
-    for (int m = 0; m < 3 && formulation == Hex8Formulation::mean_dilatation; ++m) s[m] = s[m] + shift;
-    times(p.t, s, true, contravariant);
-    for (int c = 0; c < 6; ++c) {
-      const T stress = p.volume * contravariant[c];
-      const bool interpolated = shell && (c == 2 || c == 4 || c == 5);
-      if (!interpolated) add_geometric(table.points.gradient[q], c, stress, sum);
-      for (int t = 0; t < 8 && interpolated; ++t)
-        if (hex8::kTying[t].component == c) tied[t] = mul_add(T(table.weight[q][t]), stress, tied[t]);
-    }
-  }
-  for (int t = 0; t < 8 && shell; ++t) add_geometric(table.tying[t], hex8::kTying[t].component, tied[t], sum);
-  for (int a = 0; a < kN; ++a)
-    for (int b = symmetric ? a : 0; b < kN; ++b)
-      for (int i = 0; i < 3; ++i) {
-        double* to = block_of<T, kN>(tangent, a, b, i, i);
-        mul_add(T(weight), sum[a][b], T::load(to)).store(to);
-      }
-}
-
-template <class T>
-unsigned evaluate_strain_block(const Hex8Law& law, const BlockInput& in, const BlockOutput& out) {
-  StrainWork<T> w;
-  const bool damped = in.damping != 0 && in.velocity != nullptr, symmetric = !damped;
-  const ModeList list(law.formulation);
-  load_strain_state(in, w);
-  typename T::Mask good = prepare_strains(law.formulation == Hex8Formulation::shell, w);
-  if (law.formulation == Hex8Formulation::mean_dilatation) average_dilatation(w);
-  T force[kDofs], energy(0.0);
-  for (T& value : force) value = T(0.0);
-  good = mask_and(good, solve_alpha(law, !law.neo_hookean, list, w));
-  for (const StrainPoint<T>& p : w.point) energy = mul_add(p.volume, p.energy, energy);
-  energy.store(out.energy);
-  add_strain_force(w, force);
-  if (out.tangent != nullptr) {
-    add_material_tangent(list, in.position_weight, 0, symmetric, true, w, out.tangent);
-    add_geometric_tangent(law.formulation, in.position_weight, symmetric, w, out.tangent);
-  }
-  if (in.damping != 0) {  // the linear law at the strain beta dE/dt, with enhanced parameters of its own
+ESPALIER_ANYWHERE typename T::Mask evaluate_strains(const Hex8Law& law, const Assumed& assumed, const BlockInput& in,
+                                                    StrainWork<T>& w, T (&force)[kDofs], double* energy,
+                                                    double* tangent) {
+  const bool damped = in.damping != 0 && in.velocity != nullptr, symmetric = !damped, linear = !law.neo_hookean;
+  const double by_velocity = in.damping * in.velocity_weight, by_rate = damped ? in.damping * in.position_weight : 0;
+  typename T::Mask good = prepare_strains(assumed, w);
+  good = mask_and(good, solve_alpha(law, linear, false, assumed, w));
+  T sum(0.0), stress[kQ][6];
+  ESPALIER_ROLLED
+  for (const StrainPoint<T>& p : w.point) sum = mul_add(p.volume, p.energy, sum);
+  sum.store(energy);
+  keep_stress(false, w, stress);
+  // The viscous stress: the linear law at the strain beta dE/dt, with enhanced parameters of its own.
+  if (tangent != nullptr)
+    add_material_tangent(assumed, in.position_weight + (linear ? by_velocity : 0.0), linear ? by_rate : 0.0, symmetric,
+                         true, w, tangent);
+  if (damped || (in.damping != 0 && tangent != nullptr && !linear)) {
+    ESPALIER_ROLLED
     for (StrainPoint<T>& p : w.point)
       for (int m = 0; m < 6; ++m) p.strain[m] = T(damped ? in.damping : 0.0) * p.rate[m];
-    good = mask_and(good, solve_alpha(law, true, list, w));
-    add_strain_force(w, force);
-    if (out.tangent != nullptr) {
-      add_material_tangent(list, in.damping * in.velocity_weight, in.damping * in.position_weight, symmetric, false, w,
-                           out.tangent);
-      add_geometric_tangent(law.formulation, in.position_weight, symmetric, w, out.tangent);
-    }
+    good = mask_and(good, solve_alpha(law, true, linear, assumed, w));
+    keep_stress(true, w, stress);
+    if (tangent != nullptr && !linear)
+      add_material_tangent(assumed, by_velocity, by_rate, symmetric, false, w, tangent);
   }
+  WorkingStress<T> working;
+  working_stress(assumed, stress, w, working);
+  for (T& value : force) value = T(0.0);
+  add_strain_force(assumed, working, w, force);
+  if (tangent != nullptr) add_geometric_tangent(assumed, in.position_weight, symmetric, working, tangent);
+  return good;
+}
+
+template <class T>
+ESPALIER_ANYWHERE unsigned evaluate_strain_block(const Hex8Law& law, const BlockInput& in, const BlockOutput& out) {
+  StrainWork<T> w;
+  T force[kDofs];
+  load_strain_state(in, w);
+  const typename T::Mask good =
+      evaluate_strains(law, Assumed(law.formulation, tables()), in, w, force, out.energy, out.tangent);
   for (int d = 0; d < kDofs; ++d) force[d].store(out.force + d * T::kWidth);
   return T::bits(good);
 }
 
 template <class T>
 unsigned evaluate_hexahedra(const Hex8Law& law, const BlockInput& in, const BlockOutput& out) {
-  const bool special = law.neo_hookean || law.formulation == Hex8Formulation::shell;
-  return special ? evaluate_strain_block<T>(law, in, out) : evaluate_block<T>(law, in, out);
+  return law.by_strains() ? evaluate_strain_block<T>(law, in, out) : evaluate_block<T>(law, in, out);
 }

@@ -24,6 +24,18 @@ ESPALIER_ANYWHERE constexpr Mode enhanced_mode(int k) {
   return modes[k];
 }
 
+/// Those of shells.
+inline constexpr int kShellModes = 8;
+ESPALIER_ANYWHERE constexpr Mode shell_mode(int k) {
+  constexpr Mode modes[kShellModes] = {{0, 0}, {1, 1}, {3, 0}, {3, 1}, {2, 2}, {2, 3}, {2, 4}, {2, 5}};
+  return modes[k];
+}
+
+/// The component of the strain that shells sample at tying point t: Bathe and Dvorkin's xi-zeta shear at the middle of
+/// the edges eta = -1, +1; eta-zeta shear at xi = -1, +1; thickness strain on the four corner lines.
+inline constexpr int kTyingPoints = 8;
+ESPALIER_ANYWHERE constexpr int tying_component(int t) { return t < 2 ? 5 : t < 4 ? 4 : 2; }
+
 ESPALIER_ANYWHERE inline double polynomial(int which, const double* xi) {
   switch (which) {
     case 0:
@@ -46,6 +58,9 @@ struct BlockTables {
   Gradients gradient[kPoints];  ///< of the shape functions in local coordinates
   double weight[kPoints];
   double mode[kPoints][kEnhancedModes];  ///< polynomials of the enhanced modes
+  double shell_mode[kPoints][kShellModes];
+  Gradients tying[kTyingPoints];               ///< as `gradient`
+  double tying_weight[kPoints][kTyingPoints];  ///< of the component sampled there
   Gradients centre;
 };
 
