@@ -147,6 +147,14 @@ TEST(Vectors, ASystemMovesAllComponentsAsTheyMoveThemselves) {
   EXPECT_EQ(other, expected);
   system.rate_of_velocity(theta, other, other);  // in place
   for (std::size_t i = 0; i < n; ++i) EXPECT_NEAR(other[i], rate[i], 1e-14);
+  std::vector<double> opposite(theta), carried(rate), also(rate);
+  for (double& x : opposite) x = -x;
+  system.velocity_of_rate(theta, rate, expected);
+  system.rate_of_velocity(opposite, expected, expected);
+  const std::vector<Span> both = {carried, also};
+  system.carry(theta, both);
+  EXPECT_EQ(carried, also);
+  for (std::size_t i = 0; i < n; ++i) EXPECT_NEAR(carried[i], expected[i], 1e-14);
   system.retract(moved, step, moved);  // in place
   for (const Component* c : all) c->retract(expected_q, step, expected_q);
   EXPECT_EQ(moved, expected_q);

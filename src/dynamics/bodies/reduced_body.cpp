@@ -141,6 +141,11 @@ void ReducedBody::rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_dot)
   Eigen::Map<Vec3>(theta_dot.data() + placement().v + 3) = rate;
 }
 
+void ReducedBody::carry(ConstSpan theta, std::span<const Span> vectors) const {
+  const Quat turn = quaternion_exp(angular(theta));
+  for (const Span x : vectors) Eigen::Map<Vec3>(x.data() + placement().v + 3) = turned_back(turn, angular(x));
+}
+
 /// Lengths are measured by the size of the body, as those of its nodes would be.
 void ReducedBody::magnitude(ConstSpan, Span out) const {
   std::fill_n(out.begin() + placement().v, sizes().velocity, length_);

@@ -65,6 +65,7 @@ class ReducedBody final : public Component {
   void local(ConstSpan base, ConstSpan q, Span theta) const override;
   void velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const override;
   void rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_dot) const override;
+  void carry(ConstSpan theta, std::span<const Span> vectors) const override;
   void magnitude(ConstSpan q, Span out) const override;
   void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;
   void bind(const SparsePattern& w, const SparsePattern& phi_q) override;

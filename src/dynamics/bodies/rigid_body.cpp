@@ -89,6 +89,12 @@ void RigidBody::rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_dot) c
   put(theta_dot, at + 3, inverse_tangent_transposed_times(vec3(theta, at + 3), vec3(v, at + 3)));
 }
 
+void RigidBody::carry(ConstSpan theta, std::span<const Span> vectors) const {
+  const Index at = placement().v + 3;
+  const Quat turn = quaternion_exp(vec3(theta, at));
+  for (const Span x : vectors) put(x, at, turned_back(turn, vec3(x, at)));
+}
+
 void RigidBody::magnitude(ConstSpan q, Span out) const {
   put(out, placement().v, Vec3(vec3(q, placement().q).cwiseAbs()));
   put(out, placement().v + 3, Vec3(Vec3::Ones()));

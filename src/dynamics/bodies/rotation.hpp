@@ -17,6 +17,11 @@ using Quat = Eigen::Vector4d;
 }
 
 [[nodiscard]] Quat multiply(const Quat& a, const Quat& b);
+/// R^T x
+[[nodiscard]] inline Vec3 turned_back(const Quat& q, const Vec3& x) {
+  const Vec3 axis = q.tail<3>(), twice = 2 * axis.cross(x);
+  return x - q[0] * twice + axis.cross(twice);
+}
 /// Quaternion of the rotation vector x (angle |x| about x); no singular angle.
 [[nodiscard]] Quat quaternion_exp(const Vec3& x);
 /// Rotation vector of a unit quaternion, of length at most pi; +-q give the same.

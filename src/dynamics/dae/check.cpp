@@ -166,6 +166,19 @@ class Checker {
     }
   }
 
+  void check_carry(std::vector<double> x, std::vector<double> carried) {
+    std::vector<double> expected(n_);
+    system_.velocity_of_rate(x, carried, expected);
+    const Span vectors[] = {carried};
+    system_.carry(x, vectors);
+    for (double& xi : x) xi = -xi;
+    system_.rate_of_velocity(x, expected, expected);
+    for (std::size_t i = 0; i < n_; ++i) {
+      note(result_.chart, std::abs(carried[i] - expected[i]),
+           "carry of " + system_.coordinate_name(static_cast<Index>(i)));
+    }
+  }
+
   // local(q, q (+) x) = x; and d/ds [q (+) theta(s)] = T(theta) theta_dot in the tangent at the moved point.
   void chart() {
     std::vector<double> x(n_), y(n_), back(n_), rate(n_), velocity(n_), q(s_.q.size()), q_plus(q), q_minus(q);
@@ -192,6 +205,7 @@ class Checker {
       note(result_.chart, std::abs(velocity[i] - rate[i]),
            "rate_of_velocity of " + system_.coordinate_name(static_cast<Index>(i)));
     }
+    check_carry(x, rate);
   }
 
   System& system_;

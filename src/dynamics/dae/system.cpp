@@ -329,6 +329,10 @@ void AssembledSystem::rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_
   for (const Component* c : curved_) c->rate_of_velocity(theta, v, theta_dot);
 }
 
+void AssembledSystem::carry(ConstSpan theta, std::span<const Span> vectors) const {
+  for (const Component* c : curved_) c->carry(theta, vectors);
+}
+
 void AssembledSystem::magnitude(ConstSpan q, Span out) const {
   for (const Component* c : owners_of_coordinates_) c->magnitude(q, out);
 }

@@ -148,6 +148,8 @@ class System {
   virtual void velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const;
   /// Its inverse: theta_dot = T(theta)^-1 v. theta_dot may alias v.
   virtual void rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_dot) const;
+  /// Velocities in the axes of q, each as seen in those of q (+) theta: x := T(-theta)^-1 T(theta) x.
+  virtual void carry(ConstSpan /*theta*/, std::span<const Span> /*vectors*/) const {}
   /// Magnitude of each coordinate for relative tolerances: |q_i| by default, 1 for a rotation. n entries.
   virtual void magnitude(ConstSpan q, Span out) const;
 
@@ -233,12 +235,13 @@ class Component {
   virtual void initial(Span q, Span v) const;
 
   // Manifold operations on its own ranges; the defaults are those of a vector space.
-  /// Whether the first four of them are the defaults; the system then makes them itself, for many at a time.
+  /// Whether all but magnitude() are the defaults; the system then makes them itself, for many at a time.
   [[nodiscard]] virtual bool is_vector_space() const { return false; }
   virtual void retract(ConstSpan q, ConstSpan dq, Span q_out) const;
   virtual void local(ConstSpan base, ConstSpan q, Span theta) const;
   virtual void velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const;
   virtual void rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_dot) const;
+  virtual void carry(ConstSpan /*theta*/, std::span<const Span> /*vectors*/) const {}
   virtual void magnitude(ConstSpan q, Span out) const;
 
   /// Declares the entries of W (rows, columns: global velocity coordinates) and of Phi_q (rows: global constraints)
@@ -335,6 +338,7 @@ class AssembledSystem final : public System {
   void local(ConstSpan base, ConstSpan q, Span theta) const override;
   void velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const override;
   void rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_dot) const override;
+  void carry(ConstSpan theta, std::span<const Span> vectors) const override;
   void magnitude(ConstSpan q, Span out) const override;
   void residual(const StateView& s, Span f) override;
   void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) override;

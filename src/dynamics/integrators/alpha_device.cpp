@@ -60,8 +60,7 @@ void GeneralizedAlpha::enter_device() {
 void GeneralizedAlpha::reach_there() {
   vectors_.there().run(PositionReached{});
   for (const Component* c : vectors_.share().owners) c->retract(state_.q, delta_, trial_.q);
-  carry(trial_.a);
-  carry(trial_.v);
+  carry({trial_.a, trial_.v});
   vectors_.see(arrays(), trial_, {&MotionArrays::q, &MotionArrays::v, &MotionArrays::a});
 }
 

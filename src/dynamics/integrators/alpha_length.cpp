@@ -79,7 +79,7 @@ void GeneralizedAlpha::drift(double t) {
     trial_.a[i] += h * jerk_[i];
     a_old_[i] += h * jerk_[i];
   }
-  for (auto* x : {&trial_.v, &trial_.a, &a_old_, &jerk_, &a_before_}) carry(*x);
+  carry({trial_.v, trial_.a, a_old_, jerk_, a_before_});
   trial_.t = t;
   std::swap(state_, trial_);
   equations_.system().accept(state_.view());

@@ -14,6 +14,9 @@ namespace {
 // began with, another pass is taken or the factor renewed. Otherwise the part of a that lags behind in each step the
 // same way adds up (spatial slider crank, steps of 10 microseconds: 1e-4 of q after half a second instead of 1e-7).
 constexpr double kTrusted = 2e-3;
+// Rate of convergence where the step before took one pass, which does not tell it, while its factor aged (spatial
+// slider crank, 200 steps: believed 1e-5 to 1e-3 over eight steps of one pass, in truth up to 0.02).
+constexpr double kUnmeasuredRate = 0.02;
 // With a search, a change after which the forces are larger than this part of what they were is halved, so often.
 // Contacts that close and open, and friction that sticks and slips, make Newton jump to and fro (models/sprocket.toml
 // with 60 links: 1,500 steps without a division instead of 2,936 with 8 of them).
@@ -57,24 +60,14 @@ void GeneralizedAlpha::reach() {
   run(StateReached{c_v_, c_q_});
   if (on_device()) return reach_there();
   equations_.system().retract(state_.q, delta_, trial_.q);
-  carry(trial_.a);
-  carry(trial_.v);
+  carry({trial_.a, trial_.v});
 }
 
-// From the axes of q_n to those of q_n (+) delta: exp(-delta) x = T(-delta)^-1 T(delta) x. Those of bodies on a GPU
-// never turn.
-void GeneralizedAlpha::carry(Span x) const {
-  if (on_device()) {
-    for (const Index i : vectors_.share().own) minus_delta_[at(i)] = -delta_[at(i)];
-    for (const Component* c : vectors_.share().owners) {
-      c->velocity_of_rate(delta_, x, turned_);
-      c->rate_of_velocity(minus_delta_, turned_, x);
-    }
-    return;
-  }
-  for_coordinates([&](std::size_t i) { minus_delta_[i] = -delta_[i]; });
-  equations_.system().velocity_of_rate(delta_, x, turned_);
-  equations_.system().rate_of_velocity(minus_delta_, turned_, x);
+// From the axes of q_n to those of q_n (+) delta. Those of bodies on a GPU never turn.
+void GeneralizedAlpha::carry(std::initializer_list<Span> vectors) const {
+  const std::span<const Span> all(vectors.begin(), vectors.size());
+  if (!on_device()) return equations_.system().carry(delta_, all);
+  for (const Component* c : vectors_.share().owners) c->carry(delta_, all);
 }
 
 // The multiple of the last change that would have predicted this step best (least squares, weighted), in [0, 1]: near 1
@@ -244,8 +237,12 @@ GeneralizedAlpha::Outcome GeneralizedAlpha::solve(StepReport& report) {
     const bool tiny = change.q <= kRounding * size_q_;
     const double seen = previous > 0 ? change.scaled / previous : 0, forces = last > 0 ? change.force / last : 0;
     if (previous > 0) report.newton_rate = seen;
-    if (iteration > 1) rate_ = std::max(0.3 * rate_, tiny ? forces : seen);
-    const double rate = std::min(rate_, 0.9), left = rate / (1 - rate);
+    if (iteration > 1) {
+      rate_ = std::max(0.3 * rate_, tiny && seen > kStill ? forces : std::max(seen, forces));
+      rate_measured_ = true;
+    }
+    const double rate = std::min(rate_measured_ ? rate_ : std::max(rate_, kUnmeasuredRate), 0.9);
+    const double left = rate / (1 - rate);
     const double own = local_error(change), allowed = newton_share_ * std::max(own, kMemory * local_error_);
     const double trusted_force = std::max(kTrusted * first_force, kAboveFloor * force_floor_);
     const bool trusted = fresh_ || !tiny || (last > 0 && change.force <= trusted_force);
@@ -254,7 +251,10 @@ GeneralizedAlpha::Outcome GeneralizedAlpha::solve(StepReport& report) {
       // The change hides in rounding what the forces show.
       if (tiny && seen > std::max(10 * forces, kTrusted)) return end_at_rounding(change, report);
       rate_poor_ = wants_new_factor();
-      if (iteration == 1) rate_ = std::min(2 * rate_, 0.5);  // one pass tells nothing of the rate
+      if (iteration == 1) {  // one pass tells nothing of the rate
+        rate_ = std::min(2 * rate_, 0.5);
+        rate_measured_ = false;
+      }
       local_error_ = std::max(own, kMemory * local_error_);
       return Outcome::converged;
     }

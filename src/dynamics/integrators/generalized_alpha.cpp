@@ -47,7 +47,7 @@ GeneralizedAlpha::GeneralizedAlpha(Equations& equations, const AlphaOptions& opt
   const auto n = static_cast<std::size_t>(equations.sizes().velocity);
   const auto m = static_cast<std::size_t>(equations.sizes().constraints);
   for (auto* x : {&a_old_, &a_base_, &v_base_, &delta_base_, &delta_, &weight_, &f_, &work_, &jerk_, &a_from_, &v_from_,
-                  &a_step_, &minus_delta_, &turned_, &force_})
+                  &a_step_, &force_})
     x->assign(n, 0.0);
   rhs_.assign(n + m, 0.0);
   second_.assign(n + m, 0.0);
@@ -63,7 +63,7 @@ void GeneralizedAlpha::start(const State& state) {
   search_ = false;
   halvings_ = steps_at_length_ = 0;
   drifted_ = h_before_ = fitted_ = local_error_ = floor_ = force_floor_ = 0;
-  jerk_known_ = plain_start_ = false;
+  jerk_known_ = plain_start_ = rate_measured_ = false;
   trend_ = 1;
   a_before_ = state.a;
   lambda_before_ = state.lambda;
@@ -220,7 +220,7 @@ void GeneralizedAlpha::accept() {
   if (!on_device()) learn_trend();
   learn_jerk();
   copy(equations_.pool(), state_.a, a_before_);
-  for (auto* x : {&a_old_, &jerk_, &a_before_}) carry(*x);
+  carry({a_old_, jerk_, a_before_});
   lambda_before_ = state_.lambda;
   h_before_ = fitted_ = h_;
   drifted_ = 0;

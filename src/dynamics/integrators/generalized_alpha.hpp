@@ -2,6 +2,7 @@
 /// The generalized-alpha method on a Lie group, index 3.
 #pragma once
 
+#include <initializer_list>
 #include <optional>
 
 #include "dynamics/dae/vectors.hpp"
@@ -87,7 +88,7 @@ class GeneralizedAlpha final : public Integrator {
   void coefficients(double h);
   void predict();
   void reach();
-  void carry(Span x) const;
+  void carry(std::initializer_list<Span> vectors) const;
   void weigh();
   [[nodiscard]] double weight_of(double size) const;
   void learn_trend();
@@ -157,7 +158,8 @@ class GeneralizedAlpha final : public Integrator {
   int fresh_left_ = 0;        // steps that renew the factor, see kFreshSteps
   bool search_ = false;       // Newton failed lately: changes are searched along
   double rate_ = 0.5;
-  double factor_cost_ = 0;  // in passes
+  bool rate_measured_ = false;  // in this step or in the one before
+  double factor_cost_ = 0;      // in passes
   FactorLife factor_life_;
   int passes_of_factor_ = 0;  // in this step, with the present factor
   double local_error_ = 0;    // of the step before, scaled
@@ -176,10 +178,9 @@ class GeneralizedAlpha final : public Integrator {
   std::vector<double> a_step_;                    // v' of the trial state, in the axes of q_n as all but the state is
   std::vector<double> a_before_, lambda_before_;  // at the beginning of the step before
   std::vector<double> delta_, weight_, f_, rhs_, work_;
-  std::vector<double> force_;                         // F, scaled, of the host's coordinates beside a GPU
-  std::vector<double> change_;                        // the last one of a and lambda, n + m, for a search
-  mutable std::vector<double> second_;                // second differences, n + m
-  mutable std::vector<double> minus_delta_, turned_;  // of carry()
+  std::vector<double> force_;           // F, scaled, of the host's coordinates beside a GPU
+  std::vector<double> change_;          // the last one of a and lambda, n + m, for a search
+  mutable std::vector<double> second_;  // second differences, n + m
 };
 
 }  // namespace espalier::dynamics
