@@ -218,13 +218,9 @@ TEST_F(DeviceAssemblyTest, InvertedElementsAreNamed) {
   for (std::size_t i = 0; i < f.size(); ++i) EXPECT_EQ(std::isnan(f[i]), std::isnan(on_gpu[i])) << i;
 }
 
-/// A soft block that tumbles for 0.05 s. @return its state at the end
-State tumbled(const std::string& device, bool& on_device) {
+/// A body alone, up to that time, with the vectors of the integrator where K is. @return its state then
+State moved_freely(std::unique_ptr<FlexibleBody> owned, const std::string& device, double end, bool& on_device) {
   AssembledSystem system;
-  auto owned = make_solid_body("block", make_block({3, 2, 1}, 4, 3, 2, ElementType::hex8),
-                               {SolidLaw::st_venant_kirchhoff, 2e5, 0.3, 1000});
-  owned->set_initial_motion({1, 0, 0, 0, 1, 0, 0, 0, 1}, {-1.5, -1, -0.5}, {1, -2, 0.5}, {1, 2, 3});
-  owned->set_damping({0, 1e-3});
   system.add(std::move(owned));
   system.finish();
   Equations equations(system, solver_on(device, system.sizes().velocity));
@@ -236,9 +232,18 @@ State tumbled(const std::string& device, bool& on_device) {
   BdfIntegrator bdf(equations, options);
   bdf.start(s);
   equations.allow_device();
-  bdf.integrate(0.05, [](const StepReport&) { return true; });
+  bdf.integrate(end, [](const StepReport&) { return true; });
   on_device = equations.on_device();
   return bdf.state();
+}
+
+/// A soft block that tumbles for 0.05 s. @return its state at the end
+State tumbled(const std::string& device, bool& on_device) {
+  auto owned = make_solid_body("block", make_block({3, 2, 1}, 4, 3, 2, ElementType::hex8),
+                               {SolidLaw::st_venant_kirchhoff, 2e5, 0.3, 1000});
+  owned->set_initial_motion({1, 0, 0, 0, 1, 0, 0, 0, 1}, {-1.5, -1, -0.5}, {1, -2, 0.5}, {1, 2, 3});
+  owned->set_damping({0, 1e-3});
+  return moved_freely(std::move(owned), device, 0.05, on_device);
 }
 
 TEST_F(DeviceAssemblyTest, RunsAgree) {
@@ -368,27 +373,13 @@ TEST_F(DeviceAssemblyTest, Cables) {
     }
 }
 
-/// A damped body that flies free for 0.02 s, with the vectors of the integrator where K is.
+/// A damped body that flies free for 0.02 s.
 State flown(std::unique_ptr<FlexibleBody> owned, const std::string& device, bool& on_device) {
-  AssembledSystem system;
   owned->fit_device_always();
   owned->set_damping({0, 1e-3});
   owned->set_gravity({0, 0, -9.81});
   owned->set_initial_motion({1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}, {1, -2, 0.5}, {1, 2, 3});
-  system.add(std::move(owned));
-  system.finish();
-  Equations equations(system, solver_on(device, system.sizes().velocity));
-  State s(system.sizes());
-  system.initial(s.q, s.v);
-  make_consistent(equations, s);
-  BdfOptions options;
-  options.relative = options.absolute = 1e-7;
-  BdfIntegrator bdf(equations, options);
-  bdf.start(s);
-  equations.allow_device();
-  bdf.integrate(0.02, [](const StepReport&) { return true; });
-  on_device = equations.on_device();
-  return bdf.state();
+  return moved_freely(std::move(owned), device, 0.02, on_device);
 }
 
 TEST_F(DeviceAssemblyTest, FlightsOfShellsAndCablesAgree) {
