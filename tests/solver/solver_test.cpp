@@ -11,6 +11,7 @@
 #include "matrix/generators/generate.hpp"
 #include "matrix/generators/random.hpp"
 #include "matrix/transform.hpp"
+#include "solver/gpu_fixture.hpp"
 #include "solver/solver_common.hpp"
 
 namespace espalier {
@@ -313,36 +314,37 @@ TEST(SolverSolve, NotFiniteRightHandSideIsReportedNotPassedOff) {
   }
 }
 
-TEST(SolverSolve, ThreadsAndRepetitionsGiveTheSameBits) {
-  std::vector<SparseMatrix> systems;
-  for (const char* words : {"elasticity 6", "kkt 3 4 3 3", "gyroscopic 5"}) {
-    std::vector<std::string> list{""};
-    for (const char* p = words; *p != 0; ++p)
-      if (*p == ' ')
-        list.emplace_back();
-      else
-        list.back() += *p;
-    systems.push_back(matrix::generate(matrix::parse_generator(list)));
+// On one device: `auto` may take a GPU for one thread and the processor for four.
+void expect_same_bits_with_any_threads(const SparseMatrix& a, Precision precision, const std::string& device) {
+  std::vector<double> first;
+  const std::vector<double> b = reference::random_vector(3 * static_cast<std::int64_t>(a.rows), 18);
+  for (const int threads : {1, 2, 4, 2}) {
+    Options o;
+    o.device = device;
+    o.threads = threads;
+    o.precision = precision;
+    o.refinement_steps = 0;  // the factor itself
+    o.required_backward_error = 1;
+    Solver s(o);
+    ASSERT_TRUE(s.analyze(a).status.ok());
+    ASSERT_TRUE(s.factorize(a).status.ok());
+    std::vector<double> x(b.size());
+    ASSERT_TRUE(s.solve(b, x, 3).status.ok());
+    if (first.empty()) first = x;
+    EXPECT_EQ(std::memcmp(first.data(), x.data(), x.size() * sizeof(double)), 0) << threads << " threads on " << device;
   }
-  for (const SparseMatrix& a : systems)
-    for (const Precision precision : {Precision::fp64, Precision::mixed}) {
-      std::vector<double> first;
-      const std::vector<double> b = reference::random_vector(3 * static_cast<std::int64_t>(a.rows), 18);
-      for (const int threads : {1, 2, 4, 2}) {
-        Options o;
-        o.threads = threads;
-        o.precision = precision;
-        o.refinement_steps = 0;  // the factor itself
-        o.required_backward_error = 1;
-        Solver s(o);
-        ASSERT_TRUE(s.analyze(a).status.ok());
-        ASSERT_TRUE(s.factorize(a).status.ok());
-        std::vector<double> x(b.size());
-        ASSERT_TRUE(s.solve(b, x, 3).status.ok());
-        if (first.empty()) first = x;
-        EXPECT_EQ(std::memcmp(first.data(), x.data(), x.size() * sizeof(double)), 0) << threads << " threads";
-      }
-    }
+}
+
+TEST(SolverSolve, ThreadsAndRepetitionsGiveTheSameBits) {
+  std::vector<std::string> devices{"cpu"};
+  if (why_no_gpu().empty()) devices.emplace_back("gpu:0");
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"elasticity", "6"}, {"kkt", "3", "4", "3", "3"}, {"gyroscopic", "5"}}) {
+    const SparseMatrix a = matrix::generate(matrix::parse_generator(words));
+    for (const std::string& device : devices)
+      for (const Precision precision : {Precision::fp64, Precision::mixed})
+        expect_same_bits_with_any_threads(a, precision, device);
+  }
 }
 
 TEST(SolverPrecision, Fp32AndMixed) {
